@@ -19,6 +19,7 @@
 #include <sys/wait.h>
 #include <nlohmann/json.hpp>
 
+#include "base/file.h"
 #include "base/json_value.h"
 #include "base/text.h"
 #include "cameras/doctor.h"
@@ -29,6 +30,7 @@
 #include "report_data.h"
 #include "report_page.h"
 #include "rig/rig_json.h"
+#include "terminal.h"
 
 extern char** environ;
 
@@ -37,30 +39,30 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-// Runs the steps, each a separate lf-calibrate command. Stores the inputs and arguments of each step, and skips a step
-// if they and its output files are unchanged.
+// Runs the calibration steps, each as a separate lf-calibrate command. A step is skipped if its inputs, arguments and
+// output files have not changed since its last run.
 class StepRunner {
  public:
-  // `folder`: for steps.json and the output of the steps, STEP.log. Throws lf::Error if it cannot be created.
+  // `folder` receives steps.json and STEP.log, the output of each step. Throws lf::Error if it cannot be created.
   explicit StepRunner(const std::string& folder);
 
   struct Step {
-    std::string name;                    // for messages and the log
-    std::vector<std::string> arguments;  // of lf-calibrate
-    std::vector<std::string> inputs;     // input files, and folders with all their files
-    std::vector<std::string> outputs;    // output files
+    std::string name;
+    std::vector<std::string> arguments;
+    std::vector<std::string> inputs;   // input files, and folders including their files
+    std::vector<std::string> outputs;  // output files
   };
-  // Runs the step unless it is up to date, and prints its last line of output. Returns false if the step failed without
-  // writing all outputs; failure() then has the error, which is also on standard error.
+  // Runs the step unless it is up to date, and prints the last line of its output. Returns false if the step fails
+  // without writing all outputs. The error is then on standard error and in failure().
   bool run(const Step& step);
   const std::string& failure() const { return failure_; }
 
  private:
-  std::string failure_;  // error of the last failed step
+  std::string failure_;
   std::string folder_;
 };
 
-// Identifies a version of a file by its size and modification time.
+// Identifies the version of a file by its size and modification time.
 json mark_of(const fs::path& path) {
   struct stat s = {};
   if (stat(path.c_str(), &s) != 0) return nullptr;
@@ -80,7 +82,8 @@ json marks_of(const std::vector<std::string>& paths) {
   return marks;
 }
 
-// Redirects standard output to `log`; standard error stays on the terminal for progress bars. Returns the exit status.
+// Runs a command with standard output in the file `log`, and returns its exit status. Standard error stays on the
+// terminal, for progress bars.
 int run_program(const std::vector<std::string>& arguments, const std::string& log) {
   std::vector<char*> words;
   for (const std::string& argument : arguments) words.push_back(const_cast<char*>(argument.c_str()));
@@ -91,7 +94,7 @@ int run_program(const std::vector<std::string>& arguments, const std::string& lo
   pid_t child = 0;
   const int error = posix_spawn(&child, "/proc/self/exe", &actions, nullptr, words.data(), environ);
   posix_spawn_file_actions_destroy(&actions);
-  if (error != 0) throw lf::Error(std::string("lf-calibrate can't be started: ") + std::strerror(error));
+  if (error != 0) throw lf::Error(std::string("lf-calibrate cannot be started: ") + std::strerror(error));
   int status = 0;
   while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
   }
@@ -107,34 +110,29 @@ std::string last_line(const std::string& text) {
                      end - (begin == std::string::npos ? 0 : begin + 1) + 1);
 }
 
-StepRunner::StepRunner(const std::string& folder) : folder_(folder) {
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) throw lf::Error(folder + ": can't be created: " + error.message());
-}
+StepRunner::StepRunner(const std::string& folder) : folder_(folder) { lf::make_folder(folder); }
 
 bool StepRunner::run(const Step& step) {
   const std::string book = folder_ + "/steps.json", log = folder_ + "/" + step.name + ".log";
   json done = json::object();
-  // A damaged file counts as missing.
   if (fs::exists(book)) try {
       done = json::parse(lf::read_text_file(book));
     } catch (const json::exception&) {
     }
   if (!done.is_object()) done = json::object();
-  // A new build of this program invalidates the steps.
+  // All steps run again with a new build of this program.
   std::vector<std::string> inputs = step.inputs;
   inputs.push_back("/proc/self/exe");
   const json made_of = {{"arguments", step.arguments}, {"inputs", marks_of(inputs)}};
   const auto before = done.find(step.name);
   if (before != done.end() && before->is_object() && before->value("made_of", json()) == made_of &&
       before->value("outputs", json()) == marks_of(step.outputs) && before->value("said", json()).is_string()) {
-    std::printf("%-11s as before: %s\n", step.name.c_str(), before->value("said", "").c_str());
+    terminal::print("%-11s as before: %s\n", step.name.c_str(), before->value("said", "").c_str());
     return true;
   }
   std::fflush(stdout);
   done.erase(step.name);
-  // Keeps the previous outputs under another name until the new outputs exist, also if the step fails.
+  // Keeps the previous outputs under another name until the new outputs exist, or the step has failed.
   const auto aside = [](const std::string& output) { return output + ".before"; };
   for (const std::string& output : step.outputs)
     if (fs::exists(output)) fs::rename(output, aside(output));
@@ -145,19 +143,19 @@ bool StepRunner::run(const Step& step) {
   constexpr std::string_view kError = "error: ";
   if (status != 0 && said.starts_with(kError)) {
     failure_ = said.substr(kError.size());
-    // The error is already on the terminal. The line before it is the result of the step.
+    // The error is already on the terminal; the line before it is the result of the step.
     const std::string text = lf::read_text_file(log);
     said = last_line(text.substr(0, text.rfind(kError)));
   }
   const bool left_all = std::ranges::all_of(step.outputs, [](const std::string& path) { return fs::exists(path); });
-  std::printf("%-11s %s%s\n", step.name.c_str(), said.empty() ? "failed" : said.c_str(),
-              status == 0 ? ""
-              : left_all  ? " (with errors)"
-                          : "");
+  terminal::print("%-11s %s%s\n", step.name.c_str(), said.empty() ? "failed" : said.c_str(),
+                  status == 0 ? ""
+                  : left_all  ? " (with errors)"
+                              : "");
   std::fflush(stdout);
   if (!left_all) return false;
   for (const std::string& output : step.outputs) fs::remove(aside(output));
-  // A step that failed but wrote its outputs counts as done until its inputs change.
+  // If a step fails but writes its outputs, it is done until its inputs change.
   done[step.name] = {{"made_of", made_of}, {"outputs", marks_of(step.outputs)}, {"said", said}};
   lf::write_text_file(done.dump(1) + "\n", book);
   return true;
@@ -178,13 +176,13 @@ class CalibrationRun {
         folder_(fs::path(out_).replace_extension().string()),
         steps_(folder_) {
     if (fs::exists(out_) && fs::equivalent(o.rig, out_))
-      throw lf::Error(out_ + ": is the input rig: give another file as --out");
+      throw lf::Error(out_ + ": is the input rig, which must not be overwritten; give another file as --out");
     if (o.record == 0) {
       check_folder(o.lights);
       check_folder(o.boards);
     }
     if (!o.boards.empty() && o.board.empty())
-      throw lf::Error("--boards: give --board, the inner corners of the board, as 9x6");
+      throw lf::Error("--boards: requires --board, the number of inner corners of the board, such as 9x6");
   }
 
   int run() {
@@ -207,22 +205,25 @@ class CalibrationRun {
   }
 
  private:
-  // Prompts the operator and records, unless existing recordings are reused.
+  // Prompts the operator and records, unless the operator reuses existing recordings.
   void record(const std::string& folder, const char* before, const char* meanwhile,
               const lf::cameras::RecordingGuide& guide) const {
     const auto ask = [](const std::string& question) {
-      std::printf("%s ", question.c_str());
+      terminal::print("%s ", question.c_str());
       std::fflush(stdout);
       std::string answer;
       if (!std::getline(std::cin, answer))
-        throw lf::Error("--record: no answer on standard input; omit --record to use existing recordings");
+        throw lf::Error(
+            "--record: there is no answer on standard input, but recording needs an operator; omit --record to use "
+            "existing recordings");
       return answer;
     };
     if (fs::is_directory(folder) && !fs::is_empty(folder) &&
-        ask(folder + " has recordings. Enter: use them; n and Enter: record again.") != "n")
+        ask(folder + " already contains recordings. Press Enter to use them, or n and Enter to record again.") != "n")
       return;
     const std::string seconds = lf::number_text(o_.record);
-    ask(std::string(before) + ". Enter: the cameras record for " + seconds + " s. Meanwhile, " + meanwhile + ".");
+    ask(std::string(before) + ". Then press Enter: the cameras record for " + seconds + " seconds. Meanwhile, " +
+        meanwhile + ".");
     gst_init(nullptr, nullptr);
     lf::cameras::RecordingGuide guided = guide;
     if (o_.page >= 0) guided.page = o_.page;
@@ -233,15 +234,16 @@ class CalibrationRun {
       const lf::Camera& camera = rig->cameras[one.camera];
       const std::string name = lf::cameras::name_of(camera);
       if (!one.problem.empty())
-        std::printf("record      camera %s: %s: %s\n", name.c_str(), one.problem.c_str(),
-                    lf::cameras::remedy_for(camera, one.problem).c_str());
-      if (!one.note.empty()) std::printf("record      camera %s: %s\n", name.c_str(), one.note.c_str());
+        terminal::print("record      camera %s: %s: %s\n", name.c_str(), one.problem.c_str(),
+                        lf::cameras::remedy_for(camera, one.problem).c_str());
+      if (!one.note.empty()) terminal::print("record      camera %s: %s\n", name.c_str(), one.note.c_str());
     }
   }
 
   std::string file(const char* name) const { return folder_ + "/" + name; }
 
-  // Calibrates the lenses from board images. Returns a rig file with these lenses, or the input rig without boards.
+  // Calibrates the lenses from images of the board. Returns a rig file with these lenses, or the input rig if there are
+  // no images.
   std::string lenses() {
     if (o_.boards.empty()) return o_.rig;
     gst_init(nullptr, nullptr);
@@ -252,8 +254,9 @@ class CalibrationRun {
       const lf::Camera& camera = rig.cameras[i];
       const std::vector<std::string> pictures = board_images(o_.boards, camera);
       if (pictures.empty()) {
-        std::printf(
-            "boards      camera %u (%s): %s has neither %s.* nor images in %s/: the lights determine its lens\n",
+        terminal::print(
+            "boards      camera %u (%s): %s contains neither a video %s.* nor images in %s/, so the lights determine "
+            "its lens\n",
             camera.id, camera.name.c_str(), o_.boards.c_str(), camera.name.c_str(), camera.name.c_str());
         continue;
       }
@@ -297,7 +300,7 @@ class CalibrationRun {
     return file("geometry.json");
   }
 
-  // A rig without colours is still useful.
+  // A rig without colour corrections is still useful.
   std::string colour(const std::string& rig) {
     const std::string coloured = file("coloured.json");
     const bool done =
@@ -309,7 +312,7 @@ class CalibrationRun {
     return done ? coloured : rig;
   }
 
-  // Leaves an unchanged rig file untouched, so that programs that watch it do not reload it.
+  // An unchanged rig file stays untouched, so that programs that watch the file do not reload the rig.
   static void write_if_other(const lf::Rig& rig, const std::string& path, const json& text) {
     if (!fs::exists(path) || lf::read_text_file(path) != lf::rig_to_json(rig, &text)) lf::save_rig(rig, path, &text);
   }
@@ -334,10 +337,10 @@ class CalibrationRun {
     const ReportVerdict verdict = grade_calibration(data);
     const std::string page = file("report.html");
     lf::write_text_file(report_page(data, verdict, fs::path(out_).filename().string()), page);
-    std::printf("\n%s\n", verdict.headline.c_str());
-    for (const std::string& step : verdict.next) std::printf("- %s\n", step.c_str());
-    if (has_rig) std::printf("rig         %s\n", out_.c_str());
-    std::printf("report      %s\n", fs::absolute(page).string().c_str());
+    terminal::print("\n%s\n", verdict.headline.c_str());
+    for (const std::string& step : verdict.next) terminal::print("- %s\n", step.c_str());
+    if (has_rig) terminal::print("rig         %s\n", out_.c_str());
+    terminal::print("report      %s\n", fs::absolute(page).string().c_str());
     return has_rig && verdict.grade != ReportVerdict::Grade::kBad ? 0 : 1;
   }
 
@@ -351,47 +354,63 @@ class CalibrationRun {
 
 void add_all_command(cli::App& app, int& status) {
   const auto o = std::make_shared<AllArguments>();
-  cli::App* command =
-      app.add_subcommand("all",
-                         "Runs all calibration steps on recordings or live cameras: lenses, lights, geometry, colours "
-                         "and a report. Skips steps with unchanged inputs. Exit status 0: all cameras are fit for use");
-  command->add_option("RIG", o->rig, "Nominal rig file (lf-rig new); not modified")->required();
+  cli::App* command = app.add_subcommand(
+      "all",
+      "Runs all calibration steps on recordings or live cameras: lenses from board images, positions from moving "
+      "lights, colours, and a report. Steps with unchanged inputs are skipped, so the command can be repeated. The "
+      "exit status is 0 if all cameras are fit for use");
   command
-      ->add_option("--lights", o->lights, "Folder with recordings NAME.* of a light moved in the dark, for each camera")
+      ->add_option(
+          "RIG", o->rig,
+          "Rig file with the nominal positions of the cameras, such as lf-rig new writes. The file is not modified")
+      ->required();
+  command
+      ->add_option("--lights", o->lights,
+                   "Folder with a recording NAME.* of each camera, showing a light that moves through the dark")
       ->required()
       ->type_name("DIR");
-  cli::Option* record = command->add_option(
-      "--record", o->record,
-      "First make the recordings with the cameras of RIG, this many seconds each; prompts for light, board and "
-      "chart, and reports missing coverage");
+  cli::Option* record =
+      command->add_option("--record", o->record,
+                          "First record with the cameras of RIG, for this many seconds each. The command prompts for "
+                          "the light, the board and the chart, and reports image regions that they have not reached");
   record->type_name("SECONDS")->check(cli::PositiveNumber);
   command
       ->add_option("--page", o->page,
-                   "Port of a local web page with live images and prompts during recording (0: any free port)")
+                   "TCP port of a local web page that shows live images and prompts during the recording (0: the "
+                   "system selects a free port)")
       ->check(cli::Range(0, 65535))
       ->needs(record);
   cli::add_trust_option(*command, o->trusted);
-  command->add_option("--bar", o->bar, "Distance between two lights on a bar, metres; determines the scale")
+  command
+      ->add_option("--bar", o->bar,
+                   "Distance between two lights on a bar, in metres. It determines the scale of the rig")
       ->check(cli::PositiveNumber);
   cli::Option* boards =
       command
           ->add_option("--boards", o->boards,
-                       "Folder with videos NAME.* of a checkerboard, or images of it in NAME/, for some or all cameras")
+                       "Folder with images of a checkerboard for some or all cameras: either a video NAME.*, or stills "
+                       "in a subfolder NAME/. Lenses of cameras without such images are determined from the lights")
           ->type_name("DIR");
-  command->add_option("--board", o->board, "Inner corners of the board along x and y")->type_name("CxR")->needs(boards);
-  command->add_option("--charuco", o->charuco, "ArUco dictionary of a ChArUco board")
+  command
+      ->add_option("--board", o->board,
+                   "Number of inner corners of the board along x and y, for example 9x6. Inner corners are points "
+                   "where four squares meet")
+      ->type_name("CxR")
+      ->needs(boards);
+  command
+      ->add_option("--charuco", o->charuco,
+                   "ArUco dictionary of the board, if it is a ChArUco board, for example 5X5_100")
       ->type_name("5X5_100")
       ->needs(boards);
   command
-      ->add_option(
-          "--colour", o->colour,
-          "Recordings of a colour chart, or of a scene in view of all cameras: folder with NAME.*, or a rig file "
-          "with sources or images")
+      ->add_option("--colour", o->colour,
+                   "Recordings for the colour calibration. They show a colour chart, or a scene that all cameras see. "
+                   "Give a folder with NAME.* for each camera, or a rig file with sources or images")
       ->type_name("DIR|RIG");
   command
       ->add_option("--out", o->out,
-                   "Rig file to write (default: calibrated.json beside RIG); the report and intermediate files go to a "
-                   "folder of the same name without extension")
+                   "Calibrated rig file to write (default: calibrated.json in the folder of RIG). The report and "
+                   "intermediate files are written to a folder with the same name without extension")
       ->type_name("RIG");
   command->callback([o, &status] { status = CalibrationRun(*o).run(); });
 }

@@ -21,14 +21,15 @@
 #include "recordings.h"
 #include "rig/rig_json.h"
 #include "rig/source_security.h"
+#include "terminal.h"
 
 namespace {
 
 using lf::format_text;
 using nlohmann::json;
 
-constexpr guint kPatience = 10;                  // seconds without data
-constexpr size_t kMostBytes = size_t{32} << 20;  // enough for 65,535 cameras
+constexpr guint kPatience = 10;  // seconds without data until the request fails
+constexpr size_t kMostBytes = size_t{32} << 20;
 
 std::string read_body(GInputStream* stream, const std::string& address) {
   std::string body;
@@ -40,19 +41,20 @@ std::string read_body(GInputStream* stream, const std::string& address) {
     if (count == 0) return body;
     body.append(part, 0, static_cast<size_t>(count));
     if (body.size() > kMostBytes)
-      throw lf::Error(address + ": answers more than " + std::to_string(kMostBytes) + " bytes: is it lf-serve?");
+      throw lf::Error(address + ": the answer has more than " + std::to_string(kMostBytes) +
+                      " bytes; check that the address is of lf-serve");
   }
 }
 
 std::string fetch(std::string address, const std::string& token_file) {
-  // Accepts the address of the page as copied from a browser, with a view or a token in its fragment.
+  // The address may be copied from a browser, with a view or a token in its fragment.
   address = address.substr(0, address.find('#'));
   if (!address.ends_with("/")) address += '/';
   address += "monitor.json";
   g_autoptr(SoupSession) session = soup_session_new_with_options("timeout", kPatience, nullptr);
   g_autoptr(SoupMessage) message = soup_message_new("GET", address.c_str());
   if (!message) throw lf::Error(address + ": is not a valid address");
-  soup_message_add_flags(message, SOUP_MESSAGE_NO_REDIRECT);  // the token must not reach another server
+  soup_message_add_flags(message, SOUP_MESSAGE_NO_REDIRECT);  // a redirection must not send the token to another server
   if (!token_file.empty()) {
     std::string token = lf::read_secret_file(token_file);
     while (!token.empty() && std::isspace(static_cast<unsigned char>(token.back()))) token.pop_back();
@@ -61,15 +63,15 @@ std::string fetch(std::string address, const std::string& token_file) {
   }
   g_autoptr(GError) error = nullptr;
   g_autoptr(GInputStream) body = soup_session_send(session, message, nullptr, &error);
-  if (!body) throw lf::Error(address + ": " + error->message + ": is lf-serve running there?");
+  if (!body) throw lf::Error(address + ": " + error->message + "; check that lf-serve is running at this address");
   const guint status = soup_message_get_status(message);
-  if (status == SOUP_STATUS_UNAUTHORIZED) throw lf::Error(address + ": requires a token: give --token-file");
+  if (status == SOUP_STATUS_UNAUTHORIZED)
+    throw lf::Error(address + ": the server requires a token; give it with --token-file");
   if (status != SOUP_STATUS_OK)
     throw lf::Error(address + ": answers " + std::to_string(status) + " " + soup_status_get_phrase(status));
   return read_body(body, address);
 }
 
-// A camera in monitor.json; null members count as missing.
 class MonitoredCamera {
  public:
   MonitoredCamera(const lf::JsonValue& value, const json& raw) : value_(value), raw_(raw) {}
@@ -83,31 +85,32 @@ class MonitoredCamera {
   const json& raw_;
 };
 
-// Returns the problem of a camera with its remedy, and sets its state in `judged`.
+// Sets the state of a camera in `judged`, and returns a message with the problem and its remedy.
 std::string judge(const lf::Camera& camera, const std::string& fault, json& judged) {
   const std::string who = "camera " + std::to_string(camera.id) + " (" + camera.name + ")";
   if (fault == "direction") {
     judged["state"] = "moved";
     const double shift = judged["shift_px"];
     return format_text(
-        "%s looks elsewhere than in the rig: its image is off by about %.0f pixels, or %.1f degrees. Put it back, or "
-        "calibrate again",
+        "%s looks in another direction than the rig states: its image is off by about %.0f pixels, or %.1f degrees. "
+        "Put the camera back, or calibrate again",
         who.c_str(), shift, std::atan(shift / camera.lens.fx()) * 180 / M_PI);
   }
   if (fault == "colour") {
     judged["state"] = "colour";
     return format_text(
-        "%s is %.0f %% %s than other cameras: lock its exposure (lf-rig lock), or run lf-calibrate colour", who.c_str(),
-        100 * std::abs(judged["gain"].get<double>() - 1), judged["gain"] > 1 ? "brighter" : "darker");
+        "%s is %.0f %% %s than most cameras. Lock its exposure with lf-rig lock, or run lf-calibrate colour",
+        who.c_str(), 100 * std::abs(judged["gain"].get<double>() - 1), judged["gain"] > 1 ? "brighter" : "darker");
   }
   judged["state"] = "picture";
-  return who + " shows an image that other cameras do not predict: is it out of focus, dirty or covered?";
+  return who + " shows an image that its neighbours do not predict. Check whether it is out of focus, dirty or covered";
 }
 
-// Returns the result of lf-serve's camera monitor in the format of check_report(). "from" is "monitor"; cameras have
-// "id", "name", "state" (holds, moved, colour, picture or unknown), "shift_px" and "gain". `place`: address of the
-// server, or a file with its monitor.json. `token_file`: file with a bearer token; may be empty. Throws lf::Error if
-// there is no answer, or if its cameras differ from the rig's.
+// Asks the camera monitor of lf-serve and returns the result in the format of check_report(). "from" is "monitor". Each
+// camera has "id", "name", "state" (holds, moved, colour, picture or unknown), "shift_px" and "gain".
+//
+// `place` is the address of the server, or a file with its monitor.json. `token_file` has the bearer token and may be
+// empty. Throws lf::Error if there is no answer, or if the server has another rig.
 json check_monitor(const lf::Rig& rig, const std::string& place, const std::string& token_file) {
   const bool remote = place.starts_with("http://") || place.starts_with("https://");
   const json said = lf::parse_json(remote ? fetch(place, token_file) : lf::read_text_file(place), place);
@@ -119,19 +122,20 @@ json check_monitor(const lf::Rig& rig, const std::string& place, const std::stri
   const std::vector<lf::JsonValue> cameras = root.at("cameras").elements();
   if (cameras.empty())
     throw lf::Error(place +
-                    ": the monitor has not checked any camera yet: start lf-serve with --monitor 30, and view the "
-                    "light field for a minute");
+                    ": the monitor has not checked any camera yet; start lf-serve with --monitor 30, and watch the "
+                    "light field in a browser for a minute");
   if (cameras.size() != rig.cameras.size())
-    throw lf::Error(place + ": has " + std::to_string(cameras.size()) + " cameras, the rig has " +
+    throw lf::Error(place + ": has " + std::to_string(cameras.size()) + " cameras, but the rig file has " +
                     std::to_string(rig.cameras.size()));
   for (size_t i = 0; i < cameras.size(); i++) {
     const lf::Camera& camera = rig.cameras[i];
     const MonitoredCamera watched(cameras[i], said["cameras"][i]);
     const std::string name = watched.text("name");
     if (!camera.name.empty() && !name.empty() && name != camera.name)
-      throw lf::Error(place + ": its camera " + std::to_string(i) + " is " + name + ", the rig's is " + camera.name);
+      throw lf::Error(place + ": its camera " + std::to_string(i) + " is called " + name +
+                      ", but its name in the rig file is " + camera.name);
     const auto number = [&](const char* key) { return watched.number(key); };
-    // The monitor compares subsampled images.
+    // The monitor compares subsampled images, so shifts are scaled.
     const int step = (camera.width + lf::kProbeColumns - 1) / lf::kProbeColumns;
     const bool seen = std::isfinite(number("psnr"));
     known += seen;
@@ -140,7 +144,7 @@ json check_monitor(const lf::Rig& rig, const std::string& place, const std::stri
     judged["gain"] = std::isfinite(number("gain")) ? number("gain") : 1;
     if (const std::string fault = watched.text("fault"); !fault.empty()) {
       const std::string what = judge(camera, fault, judged);
-      // A colour difference does not mean that the camera moved.
+      // A camera with another colour has not moved.
       const bool moved = judged["state"] == "moved";
       if (moved) report["holds"] = false;
       report["findings"].push_back(
@@ -150,8 +154,8 @@ json check_monitor(const lf::Rig& rig, const std::string& place, const std::stri
   }
   if (known == 0)
     throw lf::Error(place +
-                    ": no camera could be predicted from its neighbours yet: the monitor cannot check corner cameras "
-                    "or arrays of two");
+                    ": no camera could be predicted from its neighbours yet. The monitor cannot check cameras at the "
+                    "corners, nor arrays of only two cameras");
   const auto turns = root.find("turns");
   report["turns"] = turns ? turns->integer(0, INT64_MAX) : 0;
   return report;
@@ -163,7 +167,7 @@ struct CheckArguments {
   int threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
 };
 
-// Returns lens priors only, because the check must not assume the cameras' poses.
+// Returns priors for the lenses only, because the check must not assume the poses that it checks.
 lf::SolveOptions with_lenses(const lf::Rig& rig, const std::string& path) {
   lf::SolveOptions options;
   options.prior = rig;
@@ -185,14 +189,16 @@ lf::SolveOptions with_lenses(const lf::Rig& rig, const std::string& path) {
   return options;
 }
 
-// Returns tracks at common instants. Estimates the camera clocks again, because a recording can start at any time.
+// Returns tracks at common instants. The clocks of the cameras are estimated again, because a recording can start at
+// any time.
 lf::Tracks tracks_of(const CheckArguments& o, const lf::Rig& rig) {
   std::optional<lf::LightDetections> sights;
   if (o.tracks.empty()) {
     gst_init(nullptr, nullptr);
     const LightRecordings recordings = detect_lights(rig, o.recordings, o.bar > 0, o.threads);
-    for (const std::string& trouble : recordings.troubles(rig)) std::printf("warning: %s\n", trouble.c_str());
-    if (recordings.useful() < 3) throw lf::Error("fewer than three cameras saw a moving light, too few for a check");
+    for (const std::string& trouble : recordings.troubles(rig)) terminal::print("warning: %s\n", trouble.c_str());
+    if (recordings.useful() < 3)
+      throw lf::Error("fewer than three cameras saw a moving light, which is too few for a check");
     sights = recordings.sights;
   } else {
     const std::string text = lf::read_text_file(o.tracks);
@@ -207,11 +213,12 @@ lf::Tracks tracks_of(const CheckArguments& o, const lf::Rig& rig) {
 json check_tracks(const CheckArguments& o, const lf::Rig& rig) {
   const lf::RigCheck check = lf::check_calibration(rig, tracks_of(o, rig));
   const std::vector<lf::Finding> findings = lf::diagnose_check(rig, check, o.bar);
-  std::printf("%-8s %-16s %8s %12s %10s\n", "camera", "name", "sights", "residual px", "moved px");
+  terminal::print("%-8s %-16s %8s %12s %10s\n", "camera", "name", "sights", "residual px", "moved px");
   for (const lf::RigCheck::Camera& camera : check.cameras)
-    std::printf("%-8u %-16s %8zu %12.3f %10.3f\n", camera.id, rig.cameras[*rig.index_of_id(camera.id)].name.c_str(),
-                camera.sights, camera.residual_px, camera.shift_px);
-  if (check.bar) std::printf("bar         %.1f mm in this rig, +-%.1f\n", 1e3 * *check.bar, 1e3 * *check.bar_spread);
+    terminal::print("%-8u %-16s %8zu %12.3f %10.3f\n", camera.id, rig.cameras[*rig.index_of_id(camera.id)].name.c_str(),
+                    camera.sights, camera.residual_px, camera.shift_px);
+  if (check.bar)
+    terminal::print("bar         %.1f mm in this rig, +-%.1f\n", 1e3 * *check.bar, 1e3 * *check.bar_spread);
   return json::parse(lf::check_report(rig, check, findings).dump());
 }
 
@@ -219,7 +226,8 @@ int check(const CheckArguments& o) {
   const lf::Rig rig = lf::load_rig(o.rig);
   const json report = o.monitor.empty() ? check_tracks(o, rig) : check_monitor(rig, o.monitor, o.token_file);
   for (const json& finding : report["findings"])
-    std::printf("%s: %s\n", finding["severity"].get<std::string>().c_str(), finding["text"].get<std::string>().c_str());
+    terminal::print("%s: %s\n", finding["severity"].get<std::string>().c_str(),
+                    finding["text"].get<std::string>().c_str());
   size_t off = 0, unknown = 0;
   for (const json& camera : report["cameras"]) {
     unknown += camera["state"] == "unknown";
@@ -228,9 +236,9 @@ int check(const CheckArguments& o) {
   const bool holds = report["holds"];
   const size_t all = report["cameras"].size();
   if (holds)
-    std::printf("%s holds: %zu of %zu cameras are where it says\n", o.rig.c_str(), all - unknown, all);
+    terminal::print("%s holds: %zu of %zu cameras are where the rig states\n", o.rig.c_str(), all - unknown, all);
   else
-    std::printf("%s does not hold: %zu of %zu cameras are off\n", o.rig.c_str(), off, all);
+    terminal::print("%s does not hold: %zu of %zu cameras are off\n", o.rig.c_str(), off, all);
   if (!o.json.empty()) lf::write_text_file(report.dump(1) + "\n", o.json);
   return holds ? 0 : 1;
 }
@@ -239,30 +247,40 @@ int check(const CheckArguments& o) {
 
 void add_check_command(cli::App& app, int& status) {
   const auto o = std::make_shared<CheckArguments>();
-  cli::App* command = app.add_subcommand(
-      "check",
-      "Checks a calibrated rig against a later recording of a moving light, or with the camera monitor of lf-serve, "
-      "and reports moved cameras. Exit status 0: the rig holds, 1: it does not, 2: error or not enough data");
-  command->add_option("RIG", o->rig, "Calibrated rig file")->required();
+  cli::App* command =
+      app.add_subcommand("check",
+                         "Checks whether a calibrated rig still holds, and reports cameras that have moved. The check "
+                         "uses a later recording of a moving light, or the camera monitor of lf-serve. The exit status "
+                         "is 0 if the rig holds, 1 if it does not, and 2 after an error or with too little data");
+  command->add_option("RIG", o->rig, "Calibrated rig file to check")->required();
   cli::App* what = command->add_option_group("source of the check");
-  what->add_option("--recordings", o->recordings, "Folder with recordings NAME.* of each camera")->type_name("DIR");
-  what->add_option("--tracks", o->tracks, "Tracks (JSON), written by track")->type_name("FILE");
+  what->add_option("--recordings", o->recordings,
+                   "Folder with a recording NAME.* of each camera, showing a light that moves through the dark")
+      ->type_name("DIR");
+  what->add_option("--tracks", o->tracks,
+                   "JSON file with the tracks of such a recording, written by lf-calibrate track")
+      ->type_name("FILE");
   cli::Option* monitor = what->add_option("--monitor", o->monitor,
-                                          "Address of an lf-serve --monitor 30 with this rig, or a saved monitor.json")
+                                          "Address of an lf-serve that shows this rig with --monitor 30, for example "
+                                          "http://127.0.0.1:8080. A saved monitor.json of this server works, too")
                              ->type_name("URL|FILE");
   what->require_option(1);
-  command->add_option("--token-file", o->token_file, "File with the bearer token of lf-serve")
+  command->add_option("--token-file", o->token_file, "File with the bearer token, if lf-serve runs with --token-file")
       ->type_name("FILE")
       ->needs(monitor);
-  command->add_option("--bar", o->bar, "Distance between two lights on a bar, metres; checks the scale")
+  command
+      ->add_option(
+          "--bar", o->bar,
+          "Distance between the two lights on a bar, in metres. If given, the scale of the rig is checked, too")
       ->check(cli::PositiveNumber)
       ->excludes(monitor);
-  command->add_option("--json", o->json, "Report to write")->type_name("FILE");
+  command->add_option("--json", o->json, "JSON file that receives the report, the input of lf-calibrate report")
+      ->type_name("FILE");
   command->callback([o, &status] {
     try {
       status = check(*o);
     } catch (const std::exception& error) {
-      std::fprintf(stderr, "lf-calibrate: %s\n", lf::redacted_location(error.what()).c_str());
+      terminal::print_error("lf-calibrate: %s\n", lf::redacted_location(error.what()).c_str());
       status = 2;
     }
   });

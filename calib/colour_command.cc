@@ -25,6 +25,7 @@
 #include "progress.h"
 #include "recordings.h"
 #include "rig/rig_json.h"
+#include "terminal.h"
 
 namespace {
 
@@ -36,10 +37,10 @@ struct ColourArguments {
   int frames = 24;
 };
 
-// Number of frames for comparing views; more frames of the same scene add little.
+// Number of frames for comparing views. More frames of the same scene add little.
 constexpr size_t kViewFrames = 3;
 
-// Returns the name of image `n` of a sequence such as left_%04d.png, or "" if the pattern is invalid.
+// Returns the name of image `n` of a sequence such as left_%04d.png, or an empty text if the pattern is invalid.
 std::string name_of_frame(const std::string& pattern, size_t n) {
   const size_t begin = pattern.find('%'), end = pattern.find('d', begin);
   if (begin == std::string::npos || end == std::string::npos || end - begin > 4) return "";
@@ -51,19 +52,19 @@ std::string name_of_frame(const std::string& pattern, size_t n) {
   return pattern.substr(0, begin) + number + pattern.substr(end + 1);
 }
 
-// A frame with its place: frames of all cameras at the same place show the same chart position.
+// A frame and its place, the position of the chart. Frames of all cameras at the same place show the same position.
 struct Frame {
   size_t place;
   lf::Image image;
 };
 
-// True for an image sequence such as left_%04d.png. An existing file may contain % in its name.
+// True for an image sequence such as left_%04d.png. If a file of this name exists, it is not a sequence.
 bool is_sequence(const std::string& source) {
   return source.find('%') != std::string::npos && !lf::is_uri(source) && !fs::exists(source);
 }
 
-// Returns the time between places in seconds: places are distributed over the longest recording. Returns 0 if durations
-// are unknown; then every frame is a place.
+// Returns the time between two places in seconds, so that all places are distributed over the longest recording.
+// Returns 0 if durations are unknown; every frame is then a place.
 double time_between_places(const lf::Rig& recorded, size_t places) {
   double longest = 0;
   for (const lf::Camera& camera : recorded.cameras)
@@ -73,8 +74,8 @@ double time_between_places(const lf::Rig& recorded, size_t places) {
   return longest / static_cast<double>(places);
 }
 
-// Returns the frames of a camera's source, or its still image: one per place, at most `most`. `trouble`: the reason if
-// the source has no frames.
+// Returns frames from a camera's source, or its still image: one frame per place, and at most `most`. If there are
+// none, `trouble` receives the reason.
 std::vector<Frame> frames_of(const lf::Rig& rig, const lf::Camera& camera, size_t most, double between,
                              std::string& trouble) {
   std::vector<Frame> frames;
@@ -104,20 +105,20 @@ std::vector<Frame> frames_of(const lf::Rig& rig, const lf::Camera& camera, size_
   for (const auto& [place, frame] : frames)
     if (frame.width() != camera.width || frame.height() != camera.height)
       throw lf::Error("camera " + std::to_string(camera.id) + ": its recording has " +
-                      lf::size_text(frame.width(), frame.height()) + " pixels, the rig says " +
+                      lf::size_text(frame.width(), frame.height()) + " pixels, but the rig file states " +
                       lf::size_text(camera.width, camera.height) +
-                      ": record with the size that the rig is calibrated for");
+                      "; record with the image size for which the rig is calibrated");
   return frames;
 }
 
 struct Recording {
-  lf::ColourSamples chart;                    // patches: 24 for each place
-  std::vector<std::vector<lf::Image>> views;  // by place, then by camera
-  size_t charts = 0;                          // number of detected charts
-  std::vector<std::string> without;           // cameras without frames, with the reason
+  lf::ColourSamples chart;
+  std::vector<std::vector<lf::Image>> views;
+  size_t charts = 0;
+  std::vector<std::string> without;
 };
 
-// Reads the cameras in parallel and searches each frame for the chart. Keeps the frames for comparing views.
+// Reads the cameras in parallel and searches each frame for the chart. Keeps frames for comparing views.
 Recording read(const lf::Rig& rig, const lf::Rig& recorded, const ColourArguments& options) {
   Recording out;
   const size_t n = rig.cameras.size();
@@ -175,17 +176,16 @@ Recording read(const lf::Rig& rig, const lf::Rig& recorded, const ColourArgument
     out.chart.patches = std::max(out.chart.patches, static_cast<uint32_t>(lengths[i] * lf::checker::kPatches));
     if (lengths[i] == 0)
       out.without.push_back("camera " + std::to_string(rig.cameras[i].id) +
-                            ": the recording has no frame of this camera" +
+                            ": the recording contains no frame of this camera" +
                             (troubles[i].empty() ? "" : ": " + troubles[i]));
   }
   if (out.without.size() == n)
     throw lf::Error((options.recording.empty() ? options.rig : options.recording) +
-                    ": no camera has a frame: give --recording a folder with NAME.* of each camera, or the rig file "
-                    "of a recording with sources or images");
+                    ": no camera has a frame; give --recording a folder with NAME.* for each camera, or a rig file "
+                    "with sources or images");
   return out;
 }
 
-// Samples the overlapping views of the first frames.
 lf::ColourSamples compare_views(const lf::Rig& rig, const Recording& recording) {
   lf::ColourSamples all;
   all.cameras = rig.cameras.size();
@@ -233,16 +233,18 @@ ordered_json report(const lf::Rig& rig, const lf::ColourSolution& solution, cons
 }
 
 void print(const lf::Rig& rig, const lf::ColourSolution& solution, const std::string& from) {
-  std::printf("%-62s %8s %8s\n", ("differences on held-out patches, of 255 (" + from + ")").c_str(), "median", "95 %");
-  std::printf("%-62s %8.2f %8.2f\n", "uncorrected", solution.before.median, solution.before.p95);
+  terminal::print("%-62s %8s %8s\n", ("differences on held-out patches, of 255 (" + from + ")").c_str(), "median",
+                  "95 %");
+  terminal::print("%-62s %8.2f %8.2f\n", "uncorrected", solution.before.median, solution.before.p95);
   for (const auto& trial : solution.trials)
-    std::printf("%-62s %8.2f %8.2f%s\n", trial.terms.name().c_str(), trial.held_out.median, trial.held_out.p95,
-                trial.terms == solution.terms ? "  <- chosen" : "");
+    terminal::print("%-62s %8.2f %8.2f%s\n", trial.terms.name().c_str(), trial.held_out.median, trial.held_out.p95,
+                    trial.terms == solution.terms ? "  <- chosen" : "");
   for (const lf::Finding& finding : solution.findings)
-    std::printf("%s: %s\n", name_of(finding.severity), finding.text.c_str());
-  std::printf("%zu of %zu cameras corrected\n",
-              static_cast<size_t>(std::ranges::count_if(solution.models, [](const auto& m) { return m.has_value(); })),
-              rig.cameras.size());
+    terminal::print("%s: %s\n", name_of(finding.severity), finding.text.c_str());
+  terminal::print(
+      "%zu of %zu cameras corrected\n",
+      static_cast<size_t>(std::ranges::count_if(solution.models, [](const auto& m) { return m.has_value(); })),
+      rig.cameras.size());
 }
 
 void measure(const ColourArguments& options) {
@@ -253,15 +255,16 @@ void measure(const ColourArguments& options) {
                            : fs::is_directory(options.recording) ? with_recordings(options.recording, rig)
                                                                  : lf::load_rig(options.recording);
   const Recording recording = read(rig, recorded, options);
-  for (const std::string& camera : recording.without) std::printf("warning: %s\n", camera.c_str());
+  for (const std::string& camera : recording.without) terminal::print("warning: %s\n", camera.c_str());
   if (options.from == "chart" && recording.charts == 0)
     throw lf::Error(
-        "no chart found in any frame: show all cameras a chart of 24 colours (ColorChecker), at least a third of the "
-        "image wide, in even light without reflections, at a dozen places; or use --from views");
-  // A few false detections do not make a chart recording.
+        "no frame shows a colour chart. Show all cameras a chart with 24 patches (ColorChecker) at a dozen places, in "
+        "even light without reflections. The chart must be at least a third of the image wide. Without a chart, use "
+        "--from views");
+  // A few detections may be false, so a chart recording needs many.
   const bool from_chart = options.from == "chart" || (options.from == "auto" && recording.charts >= rig.cameras.size());
   lf::ColourSolveOptions how;
-  how.progress = [](const std::string& step) { std::fprintf(stderr, "%s\n", step.c_str()); };
+  how.progress = [](const std::string& step) { terminal::print_error("%s\n", step.c_str()); };
   if (!from_chart) how.progress("comparing views");
   const std::string from = from_chart ? std::to_string(recording.charts) + " charts" : "overlapping views";
   const lf::ColourSolution solution =
@@ -277,26 +280,32 @@ void measure(const ColourArguments& options) {
 
 void add_colour_command(cli::App& app) {
   const auto o = std::make_shared<ColourArguments>();
-  cli::App* command =
-      app.add_subcommand("colour", "Estimates black level, gain, colour matrix, gamma and vignetting of all cameras");
-  command->add_option("RIG", o->rig, "Rig file")->required()->type_name("RIG");
+  cli::App* command = app.add_subcommand("colour",
+                                         "Estimates colour corrections that make all cameras agree: black level, gain, "
+                                         "colour matrix, gamma and vignetting of each camera");
+  command->add_option("RIG", o->rig, "Calibrated rig file of the array")->required()->type_name("RIG");
   command
       ->add_option("--recording", o->recording,
-                   "Folder with recordings or stills NAME.* of a colour chart, or a rig file with sources or images "
-                   "(default: RIG)")
+                   "Folder with a recording or a still NAME.* of each camera, or a rig file with sources or images "
+                   "(default: the sources and images of RIG)")
       ->type_name("DIR|RIG");
   command
       ->add_option("--from", o->from,
-                   "chart: a chart of 24 colours; views: the scene, with the calibrated geometry; "
-                   "auto: the chart if found, otherwise views")
+                   "Method. chart: the recordings show a colour chart with 24 patches; views: the colours of scene "
+                   "points that several cameras see are compared, which requires a calibrated geometry; auto: chart if "
+                   "a chart is found, otherwise views")
       ->capture_default_str()
       ->check(cli::IsMember({"auto", "chart", "views"}));
   command
       ->add_option("--frames", o->frames,
-                   "Maximum number of frames per recording, evenly spaced; recordings must start together")
+                   "Maximum number of frames to use per recording. They are evenly spaced over the recording. All "
+                   "recordings must start at the same time, because frames at equal times must show the same scene")
       ->capture_default_str()
       ->check(cli::Range(1, 10000));
-  command->add_option("--out", o->out, "Rig file to write; may be RIG")->required()->type_name("RIG");
-  command->add_option("--json", o->json, "Report to write")->type_name("FILE");
+  command->add_option("--out", o->out, "Rig file to write, with the colour corrections. This may be RIG")
+      ->required()
+      ->type_name("RIG");
+  command->add_option("--json", o->json, "JSON file that receives the report, the input of lf-calibrate report")
+      ->type_name("FILE");
   command->callback([o] { measure(*o); });
 }

@@ -11,10 +11,11 @@
 
 #include "command_line.h"
 #include "progress.h"
+#include "terminal.h"
 
-// The subcommands of lf-calibrate, in NAME_command.cc (track is in solve_command.cc). Each function adds a subcommand
-// with options and a callback. Callbacks throw lf::Error; `status` is the exit status of commands that can fail without
-// an exception.
+// Subcommands of lf-calibrate, each implemented in NAME_command.cc (track in solve_command.cc). Each function adds one
+// subcommand with its options and callback. A callback throws lf::Error if the command fails. Commands with results
+// other than success and failure set `status`, the exit status of the program.
 void add_all_command(cli::App& app, int& status);
 void add_check_command(cli::App& app, int& status);
 void add_colour_command(cli::App& app);
@@ -22,8 +23,8 @@ void add_intrinsics_command(cli::App& app);
 void add_solve_command(cli::App& app);
 void add_track_command(cli::App& app);
 
-// Progress of a solution, with or without estimation of clocks: a progress bar, or one line per step if standard error
-// is not a terminal. Must outlive all calls of `progress`, which the constructor sets.
+// Shows the progress of the solver as a progress bar, or as one line per step if standard error is not a terminal.
+// `progress`, which the constructor sets, refers to this object and must not be called after its destruction.
 class SolveProgress {
  public:
   SolveProgress(const std::string& what, std::function<void(const std::string& step)>& progress) : bar_(what, 100) {
@@ -35,10 +36,11 @@ class SolveProgress {
  private:
   void reach(const std::string& step) {
     if (!isatty(STDERR_FILENO)) {
-      std::fprintf(stderr, "%s\n", step.c_str());
+      terminal::print_error("%s\n", step.c_str());
       return;
     }
-    // Lights are solved twice, coarsely and finely, with up to 12 clock rounds in between.
+    // The solver runs twice, coarsely and finely, if clocks are estimated. Up to 12 rounds of clock estimation lie in
+    // between.
     if (step.starts_with("clocks")) {
       has_clocks_ = true;
       if (step.starts_with("clocks: round")) between_ = std::min(65.0, std::max(between_, 30.0) + 3);
@@ -55,5 +57,5 @@ class SolveProgress {
 
   Progress bar_;
   bool has_clocks_ = false;
-  double between_ = 0;  // percent; start of the second solution
+  double between_ = 0;
 };

@@ -20,6 +20,7 @@
 #include "image/image.h"
 #include "rig/rig_json.h"
 #include "rig/source_security.h"
+#include "terminal.h"
 
 namespace {
 
@@ -36,34 +37,37 @@ struct IntrinsicsArguments {
   const cli::Option* views_option = nullptr;
 };
 
-// A video source: GStreamer elements and the name for messages.
+// A video source: GStreamer elements, and a name for messages.
 struct Video {
   std::string elements, name;
   bool waits = false;  // true if the source can wait; otherwise frames that arrive during processing are dropped
 };
 
-// Returns the source for a GStreamer URI (file:///..., v4l2:///dev/video0, rtsp://...).
+// Returns the source for a GStreamer URI such as file:///..., v4l2:///dev/video0 or rtsp://...
 Video video_of(const std::string& uri) {
-  if (uri.find('"') != std::string::npos) throw lf::Error(uri + ": has a quotation mark");
+  if (uri.find('"') != std::string::npos)
+    throw lf::Error(uri + ": must not contain a quotation mark; write %22 instead");
   return {"uridecodebin uri=\"" + uri + "\" ! videoconvert ! videoflip video-direction=auto",
           lf::redacted_location(uri), uri.starts_with("file:")};
 }
 
-// Returns the source for a rig's camera, opened by lfcamsrc with its image size and controls.
+// Returns the source for a camera of a rig. lfcamsrc opens it with its image size and controls.
 Video video_of(const std::string& rig, uint32_t camera, bool trusted) {
-  if (rig.find('"') != std::string::npos) throw lf::Error(rig + ": has a quotation mark");
+  if (rig.find('"') != std::string::npos) throw lf::Error(rig + ": must not contain a quotation mark");
   const lf::Rig read = lf::load_rig(rig);
   const auto index = read.index_of_id(camera);
   if (!index) throw lf::Error(rig + ": has no camera " + std::to_string(camera));
   const std::string& source = read.cameras[*index].source;
   const std::string name = rig + ": camera " + std::to_string(camera);
-  if (source.empty()) throw lf::Error(name + ": has no source; give images or a video of the board");
+  if (source.empty())
+    throw lf::Error(
+        name + ": has no source in the rig file, so it cannot be opened; give images or a video of the board instead");
   const bool file = !lf::is_launch_line(read, source) && (!lf::is_uri(source) || source.starts_with("file:"));
   return {"lfcamsrc rig=\"" + rig + "\" camera=" + std::to_string(camera) + (trusted ? " trusted=true" : ""), name,
           file};
 }
 
-// Calls `use` with the frames as RGB images until it returns false or the video ends. Throws Error if there is no
+// Calls `use` for each frame, as an RGB image, until `use` returns false or the video ends. Throws Error if there is no
 // video.
 void for_each_frame(const Video& video_source, const std::function<bool(const lf::Image&)>& use) {
   const std::string pipeline = video_source.elements + " ! videoconvert ! video/x-raw,format=BGR ! appsink " +
@@ -81,7 +85,9 @@ void for_each_frame(const Video& video_source, const std::function<bool(const lf
   if (!any)
     throw lf::Error(
         video_source.name + ": no video could be read" +
-        (video_source.waits ? "" : ": is it plugged in, and not in use by another program? Run lf-rig doctor"));
+        (video_source.waits
+             ? ""
+             : "; check that the camera is plugged in and that no other program uses it, or run lf-rig doctor"));
 }
 
 lf::Checkerboard parse_board(const IntrinsicsArguments& options) {
@@ -90,7 +96,7 @@ lf::Checkerboard parse_board(const IntrinsicsArguments& options) {
   char rest = 0;
   if (std::sscanf(options.board.c_str(), "%dx%d%c", &board.columns, &board.rows, &rest) != 2 || board.columns < 3 ||
       board.rows < 3 || board.columns > 100 || board.rows > 100)
-    throw lf::Error("--board " + options.board + ": must be inner corners along x and y, such as 9x6");
+    throw lf::Error("--board " + options.board + ": must be the number of inner corners along x and y, such as 9x6");
   return board;
 }
 
@@ -115,10 +121,11 @@ void check_size(Images& found, const lf::Image& image, const std::string& name) 
   }
   if (image.width() != found.width || image.height() != found.height)
     throw lf::Error(name + ": is " + std::to_string(image.width()) + "x" + std::to_string(image.height()) +
-                    ", previous images " + std::to_string(found.width) + "x" + std::to_string(found.height));
+                    ", but the previous images are " + std::to_string(found.width) + "x" +
+                    std::to_string(found.height));
 }
 
-// Collects views from a video or a live camera. The board must stand still for a moment in each view.
+// Collects views of the board from a video or a live camera. The board must stand still for a moment in each view.
 void watch(const IntrinsicsArguments& options, const lf::Checkerboard& board, const Video& video, Images& found) {
   std::optional<lf::KeyframeSelector> chooser;
   int kept = 0, frame = 0;
@@ -129,7 +136,7 @@ void watch(const IntrinsicsArguments& options, const lf::Checkerboard& board, co
     if (view && chooser->take(*view)) {
       view->name = video.name + " frame " + std::to_string(frame);
       found.views.push_back(std::move(*view));
-      std::fprintf(stderr, "view %d of %d\n", ++kept, options.views);
+      terminal::print_error("view %d of %d\n", ++kept, options.views);
     }
     frame++;
     return kept < options.views;
@@ -141,10 +148,12 @@ Images find_boards(const IntrinsicsArguments& options, const lf::Checkerboard& b
   Images found;
   if (!options.charuco.empty()) lf::check_charuco_board({board, options.charuco, options.marker});
   if (options.images.empty() && options.rig.empty())
-    throw lf::Error("needs images or videos of the board, or --rig for a live camera");
+    throw lf::Error("nothing to calibrate: give images or videos of the board, or --rig for a live camera");
   const auto is_video = [](const std::string& path) { return path.find("://") != std::string::npos; };
   if (*options.views_option && !options.images.empty() && std::ranges::none_of(options.images, is_video))
-    throw lf::Error("--views: applies to videos only; all given images are used");
+    throw lf::Error(
+        "--views: cannot be used with image files, because all of them are used. The option limits the views from a "
+        "video or a live camera");
   if (options.images.empty()) watch(options, board, video_of(options.rig, options.camera, options.trusted), found);
   for (const std::string& path : options.images) {
     if (is_video(path)) {
@@ -164,17 +173,18 @@ Images find_boards(const IntrinsicsArguments& options, const lf::Checkerboard& b
 }
 
 void print(const IntrinsicsResult& result, const Images& images) {
-  for (const std::string& path : images.without_board) std::printf("%s: no board found\n", path.c_str());
+  for (const std::string& path : images.without_board) terminal::print("%s: no board found\n", path.c_str());
   for (const IntrinsicsResult::View& view : result.views)
-    std::printf("%s: %.3f px%s\n", view.name.c_str(), view.rms, view.used ? "" : ": bad view, left out");
-  std::printf("%-30s %8s %12s %10s %10s\n", "model", "rms px", "held out px", "parameters", "BIC");
+    terminal::print("%s: %.3f px%s\n", view.name.c_str(), view.rms,
+                    view.used ? "" : ": left out, because the view does not fit the lens");
+  terminal::print("%-30s %8s %12s %10s %10s\n", "model", "rms px", "held out px", "parameters", "BIC");
   for (const IntrinsicsResult::Model& m : result.models)
-    std::printf("%-30s %8.4f %12.4f %10zu %10.1f%s\n", m.model.name().c_str(), m.rms, m.held_out_rms, m.num_params,
-                m.bic, m.model == result.fit.model ? "  <- chosen" : "");
+    terminal::print("%-30s %8.4f %12.4f %10zu %10.1f%s\n", m.model.name().c_str(), m.rms, m.held_out_rms, m.num_params,
+                    m.bic, m.model == result.fit.model ? "  <- chosen" : "");
   for (int i = 0; i < result.fit.lens.num_params(); i++)
-    std::printf("%-4s %12.6g +- %.2g\n", result.covariance.parameters[i].c_str(), result.fit.lens.params()[i],
-                std::sqrt(result.covariance.at(i, i)));
-  for (const std::string& warning : result.warnings) std::printf("warning: %s\n", warning.c_str());
+    terminal::print("%-4s %12.6g +- %.2g\n", result.covariance.parameters[i].c_str(), result.fit.lens.params()[i],
+                    std::sqrt(result.covariance.at(i, i)));
+  for (const std::string& warning : result.warnings) terminal::print("warning: %s\n", warning.c_str());
 }
 
 ordered_json report(const IntrinsicsResult& result, const Images& images) {
@@ -200,7 +210,7 @@ ordered_json report(const IntrinsicsResult& result, const Images& images) {
           {"warnings", result.warnings}};
 }
 
-// Saves a rig with only this camera, or the rig of `--rig` with this camera's new lens.
+// Saves the rig of `--rig` with the new lens of this camera. Without `--rig`, saves a rig with only this camera.
 void save(const IntrinsicsArguments& options, const IntrinsicsResult& result, const Images& images) {
   lf::Rig rig;
   nlohmann::json original = {{"cameras", nlohmann::json::array()}};
@@ -220,8 +230,10 @@ void save(const IntrinsicsArguments& options, const IntrinsicsResult& result, co
   if (!index) throw lf::Error(options.rig + ": has no camera " + std::to_string(options.camera));
   lf::Camera& camera = rig.cameras[*index];
   if (camera.width != images.width || camera.height != images.height)
-    throw lf::Error(options.rig + ": camera " + std::to_string(options.camera) + " differs in size from the images, " +
-                    std::to_string(images.width) + "x" + std::to_string(images.height));
+    throw lf::Error(
+        options.rig + ": camera " + std::to_string(options.camera) +
+        " has another image size in the rig than the given images. Use images of the size in the rig, not of " +
+        std::to_string(images.width) + "x" + std::to_string(images.height));
   camera.lens = result.fit.lens;
   original["cameras"][*index]["covariance"] = lf::to_json(result.covariance);
   lf::rebase_paths(rig, std::filesystem::path(options.out).parent_path().string());
@@ -233,16 +245,18 @@ void calibrate(const IntrinsicsArguments& options) {
   lf::IntrinsicsOptions how;
   if (options.model != "auto") {
     how.lens = lf::lens_model_from_name(options.model);
-    if (!how.lens) throw lf::Error("--model " + options.model + ": no such lens model");
+    if (!how.lens)
+      throw lf::Error(
+          "--model " + options.model +
+          ": is not a lens model of rig files. Give SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV or auto");
   }
-  how.progress = [](const std::string& step) { std::fprintf(stderr, "%s\n", step.c_str()); };
-  how.progress("looking for the board");
+  how.progress = [](const std::string& step) { terminal::print_error("%s\n", step.c_str()); };
+  how.progress("searching for the board");
   const Images images = find_boards(options, board);
   if (images.views.empty())
-    throw lf::Error(
-        "no image shows the board of " + options.board +
-        " inner corners: is that the board (--board counts corners between squares, not squares), complete in "
-        "the image, flat and in even light?");
+    throw lf::Error("no image shows the board of " + options.board +
+                    " inner corners. Check that --board counts the corners between squares, not the squares. The board "
+                    "must be flat, in even light, and completely visible in the image");
   const IntrinsicsResult result = lf::calibrate_intrinsics(images.views, board, images.width, images.height, how);
   print(result, images);
   save(options, result, images);
@@ -253,30 +267,51 @@ void calibrate(const IntrinsicsArguments& options) {
 
 void add_intrinsics_command(cli::App& app) {
   const auto o = std::make_shared<IntrinsicsArguments>();
-  cli::App* command =
-      app.add_subcommand("intrinsics", "Calibrates one camera's lens, with covariance, from images of a checkerboard");
+  cli::App* command = app.add_subcommand(
+      "intrinsics",
+      "Calibrates the lens of one camera, with its covariance, from images of a checkerboard or a ChArUco board");
   command->add_option(
       "IMAGES", o->images,
-      "Images of the board at all distances, tilted to all sides, or URIs of videos; without them, the live camera "
-      "of --rig is used");
-  o->views_option = command->add_option("--views", o->views, "Number of views to keep per video or live camera")
+      "Images of the board, or URIs of videos. They should show the board at all distances, tilted to all sides and in "
+      "all parts of the image. Without this argument, the live camera of --rig is used");
+  o->views_option = command
+                        ->add_option("--views", o->views,
+                                     "Number of views of the board to keep from a video or a live camera. Hold the "
+                                     "board still for a moment in each position")
                         ->capture_default_str()
                         ->check(cli::Range(3, 1000));
-  command->add_option("--board", o->board, "Inner corners of the board along x and y")->required()->type_name("CxR");
-  command->add_option("--square", o->square, "Side of a square, metres (no influence on the lens)")
+  command
+      ->add_option("--board", o->board,
+                   "Number of inner corners of the board along x and y, for example 9x6. Inner corners are points "
+                   "where four squares meet")
+      ->required()
+      ->type_name("CxR");
+  command
+      ->add_option("--square", o->square,
+                   "Side length of a square of the board, in metres. It affects only reported distances, not the lens")
       ->check(cli::PositiveNumber);
-  cli::Option* charuco =
-      command->add_option("--charuco", o->charuco, "ArUco dictionary of a ChArUco board; partial views are allowed")
-          ->type_name("5X5_100");
-  command->add_option("--marker", o->marker, "Side of a marker relative to a square")
+  cli::Option* charuco = command
+                             ->add_option("--charuco", o->charuco,
+                                          "ArUco dictionary of the board, if it is a ChArUco board, for example "
+                                          "5X5_100. A ChArUco board need not be completely visible")
+                             ->type_name("5X5_100");
+  command
+      ->add_option("--marker", o->marker,
+                   "Side length of a marker of the ChArUco board, as a fraction of the side of a square")
       ->capture_default_str()
       ->check(cli::Range(0.01, 0.99))
       ->needs(charuco);
-  command->add_option("--model", o->model, "Lens model; auto: the smallest model that fits")->capture_default_str();
-  command->add_option("--rig", o->rig, "Rig file that contains the camera (default: a new rig with one camera)");
+  command
+      ->add_option(
+          "--model", o->model,
+          "Name of the lens model, as in rig files. auto: the model with the fewest parameters that fits the images")
+      ->capture_default_str();
+  command->add_option("--rig", o->rig,
+                      "Rig file that contains the camera. All other cameras are copied to --out unchanged (default: "
+                      "--out becomes a rig with this camera only)");
   cli::add_trust_option(*command, o->trusted);
-  command->add_option("--camera", o->camera, "Camera id")->capture_default_str();
-  command->add_option("--out", o->out, "Rig file to write; may be the same as --rig")->required();
-  command->add_option("--json", o->json, "Report to write");
+  command->add_option("--camera", o->camera, "Id of the camera in the rig")->capture_default_str();
+  command->add_option("--out", o->out, "Rig file to write. This may be the file of --rig")->required();
+  command->add_option("--json", o->json, "JSON file that receives the report, the input of lf-calibrate report");
   command->callback([o] { calibrate(*o); });
 }

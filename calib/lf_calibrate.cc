@@ -20,6 +20,7 @@
 #include "rig/rig_json.h"
 #include "rig/still_image_cache.h"
 #include "solver_log.h"
+#include "terminal.h"
 
 namespace {
 
@@ -35,17 +36,24 @@ void write_report(const ReportArguments& o) {
   const std::string title =
       o.title.empty() ? std::filesystem::absolute(o.files[0]).parent_path().filename().string() : o.title;
   lf::write_text_file(report_page(data, verdict, title), o.out);
-  std::printf("%s: %s\n", o.out.c_str(), verdict.headline.c_str());
-  for (const std::string& step : verdict.next) std::printf("- %s\n", step.c_str());
+  terminal::print("%s: %s\n", o.out.c_str(), verdict.headline.c_str());
+  for (const std::string& step : verdict.next) terminal::print("- %s\n", step.c_str());
 }
 
 void add_report_command(cli::App& app) {
   const auto o = std::make_shared<ReportArguments>();
   cli::App* command = app.add_subcommand(
-      "report", "Writes a report page (HTML) with a verdict for each camera, plots and recommendations");
-  command->add_option("FILE", o->files, "Reports written by track, solve, colour and check with --json")->required();
-  command->add_option("--out", o->out, "Page to write (HTML); self-contained")->capture_default_str();
-  command->add_option("--title", o->title, "Page title (default: name of the folder of the first FILE)");
+      "report",
+      "Writes a report as an HTML page, with a verdict for each camera, plots and recommendations for the next steps");
+  command
+      ->add_option("FILE", o->files,
+                   "Reports of the calibration steps: the files that track, solve, colour and check write with --json")
+      ->required();
+  command
+      ->add_option("--out", o->out,
+                   "HTML page to write. It contains all styles and figures, so this single file can be passed on")
+      ->capture_default_str();
+  command->add_option("--title", o->title, "Title of the page (default: the name of the folder of the first FILE)");
   command->callback([o] { write_report(*o); });
 }
 
@@ -61,38 +69,49 @@ void find_features(FeaturesOptions options) {
   lf::StillImageCache stills(rig);
   std::vector<lf::Image> images;
   for (lf::CameraIndex i = 0; i < rig.cameras.size(); i++) images.push_back(stills.get(i));
-  options.features.progress = [](const std::string& step) { std::fprintf(stderr, "%s\n", step.c_str()); };
+  options.features.progress = [](const std::string& step) { terminal::print_error("%s\n", step.c_str()); };
   const lf::Tracks tracks = lf::track_features(rig, images, options.features);
   lf::write_text_file(lf::tracks_to_json(tracks), options.out);
-  std::printf("%s: %zu tracks, %zu observations, %.1f cameras per track\n", options.out.c_str(), tracks.num_positions,
-              tracks.observations.size(),
-              static_cast<double>(tracks.observations.size()) / static_cast<double>(tracks.num_positions));
+  terminal::print("%s: %zu tracks, %zu observations, %.1f cameras per track\n", options.out.c_str(),
+                  tracks.num_positions, tracks.observations.size(),
+                  static_cast<double>(tracks.observations.size()) / static_cast<double>(tracks.num_positions));
 }
 
 void add_features_command(cli::App& app) {
   const auto o = std::make_shared<FeaturesOptions>();
-  cli::App* command = app.add_subcommand("features", "Tracks corners of a static scene through one image per camera");
-  command->add_option("RIG", o->rig, "Rig file with an image per camera; may be nominal")->required();
-  command->add_option("--every", o->every, "Use only rows and columns 0, N, 2N, ... of a grid")
+  cli::App* command = app.add_subcommand("features",
+                                         "Tracks corners of a static scene through one image per camera. Use this "
+                                         "instead of track if the room cannot be darkened");
+  command->add_option("RIG", o->rig, "Rig file with one still image per camera. Its camera positions may be nominal")
+      ->required();
+  command
+      ->add_option("--every", o->every, "Use only every N-th row and column of a grid, starting with row and column 0")
       ->check(cli::PositiveNumber);
-  command->add_option("--references", o->features.references, "Number of cameras that provide the corners")
+  command
+      ->add_option("--references", o->features.references,
+                   "Number of reference cameras. Corners are detected in their images, and then searched for in the "
+                   "images of all other cameras")
       ->capture_default_str()
       ->check(cli::Range(1, static_cast<int>(lf::kMaxCameras)));
-  command->add_option("--features", o->features.features, "Number of corners per reference camera")
+  command->add_option("--features", o->features.features, "Maximum number of corners per reference camera")
       ->capture_default_str()
       ->check(cli::Range(1, 1000000));
-  command->add_option("--least-cameras", o->features.least_cameras, "Minimum number of cameras per track")
+  command
+      ->add_option("--least-cameras", o->features.least_cameras,
+                   "Minimum number of cameras that must see a corner. Corners with fewer cameras are discarded")
       ->capture_default_str()
       ->check(cli::Range(2, static_cast<int>(lf::kMaxCameras)));
-  command->add_option("--out", o->out, "Tracks to write (JSON)")->required();
+  command->add_option("--out", o->out, "JSON file that receives the tracks, the input of solve")->required();
   command->callback([o] { find_features(*o); });
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  cli::App app("Calibrates the cameras of an array: lenses, positions and orientations, with uncertainties",
-               "lf-calibrate");
+  cli::App app(
+      "Calibrates the cameras of an array: their lenses, positions, orientations and colours, with uncertainties. "
+      "lf-calibrate all runs all steps; the other commands run single steps",
+      "lf-calibrate");
   app.require_subcommand(1);
   lf::capture_solver_messages();
   int status = 0;
@@ -104,17 +123,17 @@ int main(int argc, char** argv) {
   add_report_command(app);
   add_solve_command(app);
   add_track_command(app);
-  // A log file also gets the error message.
+  // If standard output is a log file, the file also receives the error.
   const int failed = cli::run_tool(
       app, argc, argv, [] {},
       [](const std::string& error) {
         struct stat out = {};
-        if (fstat(STDOUT_FILENO, &out) == 0 && S_ISREG(out.st_mode)) std::printf("error: %s\n", error.c_str());
+        if (fstat(STDOUT_FILENO, &out) == 0 && S_ISREG(out.st_mode)) terminal::print("error: %s\n", error.c_str());
       });
-  // Solver messages may explain a failure; otherwise they are not useful.
+  // Messages of the solver may explain a failure, but are useless otherwise.
   for (const std::string& message : failed ? lf::solver_messages() : std::vector<std::string>())
-    std::fprintf(stderr, "note: solver message: %s\n", message.c_str());
-  // check returns 0 or 1 for its result, so errors need another exit status.
+    terminal::print_error("note: solver message: %s\n", message.c_str());
+  // The command check uses exit status 1 for a rig that does not hold, so errors need another status.
   if (failed && *app.get_subcommand("check")) return 2;
   return failed ? failed : status;
 }

@@ -36,9 +36,9 @@ std::string beginning_of(const fs::path& path, size_t most) {
   return bytes;
 }
 
-// True if another JPEG image follows the first.
+// True if the file contains a second JPEG image after the first.
 bool has_second_jpeg(const fs::path& path) {
-  constexpr size_t kMostBytes = size_t{32} << 20;  // the first image is smaller
+  constexpr size_t kMostBytes = size_t{32} << 20;
   return beginning_of(path, kMostBytes).find("\xff\xd9\xff\xd8") != std::string::npos;
 }
 
@@ -63,7 +63,6 @@ struct RecordingFiles {
   std::vector<std::string> films, stills, others;  // paths in natural order
 };
 
-// Returns the files of `folder` for which `belongs` returns true.
 template <typename Belongs>
 RecordingFiles files_in(const std::string& folder, Belongs belongs) {
   std::vector<std::string> paths;
@@ -85,7 +84,7 @@ RecordingFiles files_of(const std::string& folder, const lf::Camera& camera) {
 void require_one(const std::vector<std::string>& paths, const lf::Camera& camera, const char* what) {
   if (paths.size() > 1)
     throw lf::Error(paths[0] + " and " + paths[1] + " are both " + what + " of camera " + camera.name +
-                    "; keep one of them in the folder");
+                    ", but each camera needs exactly one; remove the other from the folder");
 }
 
 }  // namespace
@@ -93,9 +92,12 @@ void require_one(const std::vector<std::string>& paths, const lf::Camera& camera
 std::string find_recording(const std::string& folder, const lf::Rig& rig, const lf::Camera& camera) {
   if (folder.empty()) {
     if (camera.source.empty())
-      throw lf::Error("the rig has no source for it: give --recordings, a folder with " + camera.name + ".*");
+      throw lf::Error("the camera has no source in the rig; give --recordings a folder that contains " + camera.name +
+                      ".*");
     if (lf::is_uri(camera.source) && !camera.source.starts_with("file:"))
-      throw lf::Error(lf::redacted_location(camera.source) + " is live: record it first, and give --recordings");
+      throw lf::Error(lf::redacted_location(camera.source) +
+                      " is a live camera, but this step reads recordings; record it with lf-rig record, and give "
+                      "--recordings that folder");
     return rig.resolve(camera.source);
   }
   const RecordingFiles found = files_of(folder, camera);
@@ -103,7 +105,7 @@ std::string find_recording(const std::string& folder, const lf::Rig& rig, const 
   if (!found.films.empty()) return found.films[0];
   std::string seen;
   for (const std::string& path : found.stills) seen += (seen.empty() ? "; " : ", ") + path + " is a still";
-  for (const std::string& path : found.others) seen += (seen.empty() ? "; " : ", ") + path + " is no video";
+  for (const std::string& path : found.others) seen += (seen.empty() ? "; " : ", ") + path + " is not a video";
   throw lf::Error(folder + " has no recording " + camera.name + ".*" + seen);
 }
 
@@ -115,7 +117,7 @@ lf::Rig with_recordings(const std::string& folder, lf::Rig rig) {
     require_one(found.films, camera, "films");
     if (found.films.empty()) require_one(found.stills, camera, "stills");
     camera.source = found.films.empty() ? "" : name_of(found.films[0]);
-    // A single file of unknown type is treated as a damaged video, so that its reader reports the file name.
+    // A single file of unknown type is treated as a damaged video, so that the error of its reader names the file.
     if (found.films.empty() && found.stills.empty() && found.others.size() == 1)
       camera.source = name_of(found.others[0]);
     camera.image = found.stills.size() == 1 ? name_of(found.stills[0]) : "";
@@ -133,17 +135,16 @@ std::vector<std::string> board_images(const std::string& folder, const lf::Camer
 }
 
 void check_folder(const std::string& folder) {
-  if (!folder.empty() && !fs::is_directory(folder)) throw lf::Error(folder + ": is no folder");
+  if (!folder.empty() && !fs::is_directory(folder)) throw lf::Error(folder + ": is not a folder");
 }
 
 namespace {
 
 using Element = std::unique_ptr<GstElement, decltype(&gst_object_unref)>;
 
-// Returns the error from the pipeline's bus.
 std::string reason_of(GstElement* pipeline) { return lf::bus_error(pipeline, 0, "no video could be read"); }
 
-// The default of jpegdec is fast but inaccurate: it shifts positions by hundredths of a pixel.
+// The default method of jpegdec is fast but inaccurate; it shifts positions by hundredths of a pixel.
 void decode_exactly(GstBin*, GstBin*, GstElement* element, gpointer) {
   if (g_object_class_find_property(G_OBJECT_GET_CLASS(element), "idct-method"))
     gst_util_set_object_arg(G_OBJECT(element), "idct-method", "islow");
@@ -154,7 +155,7 @@ class Pipeline {
   Pipeline(const std::string& place, VideoFormat format) : place_(place) {
     std::error_code ignored;
     if (std::filesystem::exists(place, ignored) && !std::filesystem::is_regular_file(place, ignored))
-      throw lf::Error(place + ": is not a regular file");
+      throw lf::Error(place + ": is not a regular file, so it cannot be read as a recording");
     GError* error = nullptr;
     gchar* uri = lf::is_uri(place) ? g_strdup(place.c_str()) : gst_filename_to_uri(place.c_str(), nullptr);
     GstElement* made = gst_parse_launch(
@@ -183,7 +184,7 @@ class Pipeline {
     if (pipeline_) gst_element_set_state(pipeline_.get(), GST_STATE_NULL);
   }
 
-  // Returns false at the end. An error counts as the end, because frames before it are valid.
+  // Returns false at the end. Frames before an error are valid, so an error counts as the end.
   bool next(const std::function<bool(const VideoFrame&)>& use) {
     GstSample* sample = nullptr;
     while (!sample) {
@@ -192,7 +193,7 @@ class Pipeline {
       if (gst_app_sink_is_eos(GST_APP_SINK(sink_.get()))) return ended();
       GstBus* bus = gst_element_get_bus(pipeline_.get());
       GstMessage* message = gst_bus_pop_filtered(bus, GST_MESSAGE_ERROR);
-      if (message) gst_bus_post(bus, message);  // reason_of() reads it again
+      if (message) gst_bus_post(bus, message);
       gst_object_unref(bus);
       if (message) return ended();
     }
@@ -202,7 +203,7 @@ class Pipeline {
     GstBuffer* buffer = gst_sample_get_buffer(sample);
     if (!gst_video_info_from_caps(&info, gst_sample_get_caps(sample)) ||
         !gst_video_frame_map(&frame, &info, buffer, GST_MAP_READ))
-      throw lf::Error(place_ + ": a frame can't be read");
+      throw lf::Error(place_ + ": a frame cannot be read");
     const GstClockTime time =
         gst_segment_to_stream_time(gst_sample_get_segment(sample), GST_FORMAT_TIME, GST_BUFFER_PTS(buffer));
     bool more = true;
@@ -248,7 +249,7 @@ double video_duration(const std::string& path_or_uri) {
   try {
     Pipeline pipeline(path_or_uri, VideoFormat::kGrey);
     double length = 0;
-    // The duration is known after the first frame.
+    // GStreamer knows the duration only after the first frame.
     pipeline.next([&](const VideoFrame&) {
       length = pipeline.length();
       return false;
@@ -264,7 +265,7 @@ namespace {
 struct VideoScan {
   lf::LightDetections::Camera sights;
   lf::LightDetectorStats record;
-  std::string trouble;  // why there is no recording
+  std::string trouble;
 };
 
 VideoScan watch(const std::string& folder, const lf::Rig& rig, const lf::Camera& camera,
@@ -275,9 +276,9 @@ VideoScan watch(const std::string& folder, const lf::Rig& rig, const lf::Camera&
     lf::LightDetector detector(camera.width, camera.height);
     for_each_video_frame(find_recording(folder, rig, camera), VideoFormat::kGrey, [&](const VideoFrame& picture) {
       if (picture.width != camera.width || picture.height != camera.height)
-        throw lf::Error("its frames are " + lf::size_text(picture.width, picture.height) + ", in the rig it has " +
-                        lf::size_text(camera.width, camera.height));
-      // Stamps that do not increase indicate a damaged recording.
+        throw lf::Error("its frames have " + lf::size_text(picture.width, picture.height) +
+                        " pixels, but the rig file states " + lf::size_text(camera.width, camera.height));
+      // Timestamps that do not increase indicate a damaged recording.
       auto& frames = watched.sights.frames;
       if (frames.empty() || picture.time > frames.back().time)
         frames.push_back({picture.time, detector.look(picture.samples, picture.stride)});
@@ -310,7 +311,7 @@ LightRecordings detect_lights(const lf::Rig& rig, const std::string& folder, boo
   check_folder(folder);
   std::vector<VideoScan> all(rig.cameras.size());
   constexpr int kSteps = 100;
-  Progress progress_bar("looking for lights", kSteps * rig.cameras.size());
+  Progress progress_bar("searching for lights", kSteps * rig.cameras.size());
   std::mutex mutex;
   lf::WorkerPool().run(static_cast<unsigned>(threads), rig.cameras.size(), [&](size_t i) {
     int done = 0;

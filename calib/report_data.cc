@@ -16,7 +16,8 @@ namespace {
 
 using nlohmann::json;
 
-constexpr double kNinetyFive = 2.7955;  // radius, in sigmas, of a sphere with 95 % of a 3D normal distribution
+// radius, in standard deviations, of a sphere with 95 % of a 3D normal distribution
+constexpr double kNinetyFive = 2.7955;
 
 std::optional<double> number(const json& object, const char* key) {
   return object.contains(key) && object[key].is_number() ? std::optional(object[key].get<double>()) : std::nullopt;
@@ -51,17 +52,19 @@ void ReportData::add(const json& report, const std::string& name) {
     else if (format == "lightfield-check")
       add_check(report);
     else
-      throw lf::Error(name + ": is no report of lf-calibrate: give the --json files of track, solve, colour and check");
+      throw lf::Error(name +
+                      ": is not a report of lf-calibrate; give the --json files of track, solve, colour and check");
     for (const json& finding : report.at("findings"))
       findings.push_back({finding.at("severity"), finding.at("code"), finding.at("text")});
   } catch (const json::exception& e) {
-    throw lf::Error(name + ": is damaged, or of another version: run its step again (" + e.what() + ")");
+    throw lf::Error(name + ": the report is damaged or comes from another version; run its calibration step again (" +
+                    e.what() + ")");
   }
   std::ranges::sort(cameras, {}, &Camera::id);
 }
 
 std::vector<ReportData::Finding> ReportData::findings_of(uint32_t camera) const {
-  // "camera 3: ...", "cameras 3 and 7 are ..."
+  // Finds the camera ids in texts such as "camera 3: ..." and "cameras 3 and 7 are ...".
   const std::regex named("\\bcameras? ((\\d+)( \\([^)]*\\))?(, | and )?)*\\b" + std::to_string(camera) + "\\b");
   std::vector<Finding> own;
   for (const Finding& finding : findings)
@@ -155,14 +158,14 @@ using Grade = ReportVerdict::Grade;
 
 constexpr double kMinCoverageShare = 0.5;           // share of the image
 constexpr double kLargeResidual = 2.5;              // relative to the median camera,
-constexpr double kSmall = 0.1;                      // pixels; smaller residuals are not reported
+constexpr double kSmall = 0.1;                      // pixels
 constexpr double kManyOutliers = 0.2;               // share of a camera's observations
 constexpr double kLargeEllipsoid = 3;               // relative to the median camera
 constexpr double kColourOff = 2, kColourLarge = 2;  // levels, 0..255; relative to the median camera
 constexpr size_t kMaxAdvice = 8;
 
 struct TypicalErrors {
-  double rms = 0, ellipsoid = 0, colour = 0;  // medians over all cameras
+  double rms = 0, ellipsoid = 0, colour = 0;
 };
 
 TypicalErrors typical_errors(const ReportData& data) {
@@ -185,7 +188,7 @@ class CameraGrader {
     if (!camera_.trouble.empty()) say(Grade::kBad, camera_.trouble);
     for (const ReportData::Finding& finding : data_.findings_of(camera_.id))
       if (finding.severity != "note") {
-        // Colour problems do not invalidate a calibration, but these cameras spoil rendered views.
+        // A calibration with colour problems is valid, but cameras with such problems spoil rendered views.
         const bool spoils = finding.code == "stuck-exposure" || finding.code == "black-camera";
         say(finding.severity == "error" || spoils ? Grade::kBad : Grade::kFair, finding.text);
       }
@@ -200,7 +203,7 @@ class CameraGrader {
   }
 
  private:
-  // Removes the camera's name, which the page shows beside the reason.
+  // The page shows a reason beside the camera's name, so the name is removed from the reason.
   void say(Grade grade, std::string what) {
     verdict_.grade = std::max(verdict_.grade, grade);
     const std::string name = "camera " + std::to_string(camera_.id);
@@ -216,7 +219,7 @@ class CameraGrader {
 
   void geometry(const ReportData::Camera::SolveResult& solved) {
     if (!solved.found) {
-      if (verdict_.grade != Grade::kBad) say(Grade::kBad, "is not in the rig: it could not be placed");
+      if (verdict_.grade != Grade::kBad) say(Grade::kBad, "could not be placed, so it is not in the calibrated rig");
       return;
     }
     if (solved.rms_px > kSmall && solved.rms_px > kLargeResidual * usual_.rms)
@@ -248,7 +251,7 @@ class CameraGrader {
     if (checked.state == "moved" || checked.state == "lens")
       say(Grade::kBad, format_text("its image has moved by %.1f pixels since calibration", checked.shift_px));
     else if (checked.state == "unknown" && said_.empty())
-      say(Grade::kFair, "it could not be checked");
+      say(Grade::kFair, "the check had too little data of this camera");
   }
 
   const ReportData& data_;
@@ -266,7 +269,7 @@ std::string headline_of(const ReportData& data, const ReportVerdict& verdict) {
   const auto count = [](size_t n) { return std::to_string(n) + (n == 1 ? " camera" : " cameras"); };
   if (data.check && !data.check->holds) return data.solve ? "The rig no longer holds" : "The rig does not hold";
   if (bad > 0) return count(bad) + " of " + std::to_string(all) + (bad == 1 ? " needs" : " need") + " attention";
-  if (verdict.grade == Grade::kBad) return "The calibration can't be trusted yet";
+  if (verdict.grade == Grade::kBad) return "The calibration cannot be trusted yet";
   if (fair > 0) return "Fit for use; " + count(fair) + " of " + std::to_string(all) + " could be better";
   if (verdict.grade == Grade::kFair) return "Fit for use; a better recording would reduce the uncertainty";
   if (data.check && !data.solve) return "The rig holds";
@@ -297,10 +300,9 @@ ReportVerdict grade_calibration(const ReportData& data) {
     }
   };
   add_cameras(Grade::kBad);
-  // Problems of all cameras together.
   for (const char* severity : {"error", "warning"})
     for (const ReportData::Finding& finding : data.findings) {
-      // "no-gain" means that cameras already agree.
+      // "no-gain" means that the cameras already agree.
       if (finding.severity != severity || finding.code == "no-gain" || of_cameras.contains(finding.text)) continue;
       verdict.grade = std::max(verdict.grade, finding.severity == "error" ? Grade::kBad : Grade::kFair);
       add(finding.text);

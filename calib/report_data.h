@@ -9,22 +9,22 @@
 
 #include <nlohmann/json_fwd.hpp>
 
-// Results of all calibration steps (their --json files), merged by camera.
+// The data behind a report page: results of all calibration steps, read from their --json files and merged by camera.
 struct ReportData {
   struct Finding {
-    std::string severity, code, text;  // error, warning or note
+    std::string severity, code, text;  // "error", "warning" or "note"
   };
   struct Camera {
     uint32_t id = 0;
     std::string name;
     int width = 0, height = 0;
-    std::string trouble;               // problem of the camera's recording, from `track`; "": none
-    std::vector<std::string> remarks;  // from `track`
+    std::string trouble;
+    std::vector<std::string> remarks;
     struct SolveResult {
       bool found = false;
       double observations = 0, outliers = 0, rms_px = 0;
-      std::vector<double> coverage;                       // counts, row-major
-      std::vector<std::array<double, 4>> residuals;       // x, y, dx, dy
+      std::vector<double> coverage;                       // number of observations per image cell, row-major
+      std::vector<std::array<double, 4>> residuals;       // x, y, dx, dy of each residual
       std::optional<std::array<double, 3>> position;      // metres
       std::array<std::array<double, 3>, 3> covariance{};  // square metres
       std::optional<double> offset_ms, offset_sigma_ms;
@@ -37,15 +37,14 @@ struct ReportData {
     };
     std::optional<ColourResult> coloured;
     struct CheckResult {
-      std::string state;  // holds, moved, lens, colour, picture, unknown
+      std::string state;  // "holds", "moved", "lens", "colour", "picture" or "unknown"
       double shift_px = 0;
     };
     std::optional<CheckResult> checked;
 
     std::string title() const { return name.empty() ? std::to_string(id) : std::to_string(id) + " " + name; }
-    // Returns the share of image cells that the light visited; nullopt if unknown.
     std::optional<double> covered() const;
-    // Returns the longest semi-axis of the 95 % confidence ellipsoid of the position, metres.
+    // Returns the longest semi-axis of the 95 % confidence ellipsoid of the position, in metres.
     std::optional<double> ellipsoid() const;
   };
   struct Solve {
@@ -66,7 +65,7 @@ struct ReportData {
     std::vector<Depth> projection;
     struct Mode {
       std::string text;
-      double share = 0;  // sigma relative to the limit above which a better recording is recommended
+      double share = 0;  // uncertainty relative to the limit; above 1, the report recommends a better recording
       bool soft = false;
     };
     std::vector<Mode> modes;
@@ -78,7 +77,8 @@ struct ReportData {
       bool chosen = false;
     };
     std::string from;
-    std::vector<Row> rows;  // differences between cameras: uncorrected, then for each tested set of terms
+    // colour differences between cameras: first without correction, then with each tested set of corrections
+    std::vector<Row> rows;
     Row before, after;
   };
   struct Check {
@@ -87,16 +87,15 @@ struct ReportData {
     std::optional<double> residual_px;
   };
 
-  std::vector<Camera> cameras;  // by id
+  std::vector<Camera> cameras;  // sorted by id
   std::vector<Finding> findings;
   std::optional<Solve> solve;
   std::optional<Colour> colour;
   std::optional<Check> check;
 
-  // Adds a report, parsed from the file `name`. Throws lf::Error with the file name if it is not a report of
-  // lf-calibrate, or damaged.
+  // Adds the contents of the report file `name`. Throws lf::Error that names the file if it is damaged or not a report
+  // of lf-calibrate.
   void add(const nlohmann::json& report, const std::string& name);
-  // Returns the findings that name the camera.
   std::vector<Finding> findings_of(uint32_t camera) const;
 
  private:
@@ -107,19 +106,20 @@ struct ReportData {
   void add_check(const nlohmann::json& report);
 };
 
-// Assessment of a calibration, per camera and overall, with recommendations.
+// Assessment of a calibration: a grade for each camera and for the whole calibration, with reasons and recommended next
+// steps.
 struct ReportVerdict {
   enum class Grade { kGood, kFair, kBad };
   struct Camera {
     Grade grade = Grade::kGood;
-    std::vector<std::string> reasons;  // worst first; empty for good cameras
+    std::vector<std::string> reasons;  // worst first
   };
-  Grade grade = Grade::kGood;     // of the whole calibration
-  std::string headline;           // verdict in one line
-  std::vector<Camera> cameras;    // one per camera of the data
-  std::vector<std::string> next;  // recommendations, most important first
+  Grade grade = Grade::kGood;
+  std::string headline;
+  std::vector<Camera> cameras;
+  std::vector<std::string> next;  // most important first
 };
 
 ReportVerdict grade_calibration(const ReportData& data);
 
-const char* name_of(ReportVerdict::Grade grade);  // "good", "fair", "bad"
+const char* name_of(ReportVerdict::Grade grade);

@@ -29,7 +29,7 @@ std::string line(double x0, double y0, double x1, double y1, const char* kind) {
   return format_text("<path d=\"M%.1f %.1fL%.1f %.1f\" class=\"%s\"/>", x0, y0, x1, y1, kind);
 }
 
-// Returns 1, 2 or 5 times a power of ten, for about `count` steps up to `most`.
+// Returns the distance of grid lines: 1, 2 or 5 times a power of ten, for about `count` lines up to `most`.
 double tick_step(double most, int count) {
   const double raw = most / count, power = std::pow(10, std::floor(std::log10(raw)));
   for (const double factor : {1.0, 2.0, 5.0})
@@ -37,14 +37,13 @@ double tick_step(double most, int count) {
   return 10 * power;
 }
 
-// Returns 1, 2 or 5 times a power of ten, at most `most`.
+// Returns the largest number of the form 1, 2 or 5 times a power of ten that is at most `most`.
 double round_down(double most) {
   if (!(most > 0) || !std::isfinite(most)) return 1;
   const double power = std::pow(10, std::floor(std::log10(most)));
   return (most >= 5 * power ? 5 : most >= 2 * power ? 2 : 1) * power;
 }
 
-// A vertical axis with grid lines and labels.
 struct Axis {
   double least = 0, most = 1, top = 0, bottom = 1;
   double at(double value) const { return bottom - (value - least) / (most - least) * (bottom - top); }
@@ -81,7 +80,6 @@ std::string short_number(double value) {
   if (size == 0) return "0";
   if (size >= 99.95) return format_text("%.0f", value);
   if (size < 1e-4) return format_text("%.1e", value);
-  // Like %.3g, but without exponents for small numbers.
   const int decimals = std::max(0, 2 - static_cast<int>(std::floor(std::log10(size))));
   std::string out = format_text("%.*f", decimals, value);
   if (out.find('.') != std::string::npos) {
@@ -135,13 +133,12 @@ std::string camera_chart(const CameraChart& chart) {
 }
 
 std::string array_map(const ReportData& data, const ReportVerdict& verdict, bool from_above) {
-  const size_t down = from_above ? 2 : 1;  // index into x, y, z
+  const size_t down = from_above ? 2 : 1;
   double least[2] = {1e30, 1e30}, most[2] = {-1e30, -1e30}, largest = 0;
   std::vector<std::pair<double, double>> places;
   for (const ReportData::Camera& camera : data.cameras) {
     if (!camera.solved || !camera.solved->position) continue;
     const auto& p = *camera.solved->position;
-    // Seen from above, forward is up.
     const double place[2] = {p[0], from_above ? -p[down] : p[down]};
     for (int k = 0; k < 2; k++) least[k] = std::min(least[k], place[k]), most[k] = std::max(most[k], place[k]);
     places.emplace_back(place[0], place[1]);
@@ -167,7 +164,6 @@ std::string array_map(const ReportData& data, const ReportVerdict& verdict, bool
     const auto& p = *camera.solved->position;
     const double x = (p[0] - least[0] + margin) * scale;
     const double y = ((from_above ? -p[down] : p[down]) - middle_y) * scale + (height - 30) / 2;
-    // Projection of the ellipsoid onto this plane.
     const double a = camera.solved->covariance[0][0], c = camera.solved->covariance[down][down];
     const double b = camera.solved->covariance[0][down] * (from_above ? -1 : 1);
     const double mean = (a + c) / 2, apart = std::hypot((a - c) / 2, b);
@@ -237,7 +233,7 @@ std::string residual_field(const ReportData& data, double enlarged) {
       const int column = std::clamp(static_cast<int>((x + 0.5) * kColumns / camera.width), 0, kColumns - 1);
       const int row = std::clamp(static_cast<int>((y + 0.5) * kRows / camera.height), 0, kRows - 1);
       Part& part = parts[static_cast<size_t>(row * kColumns + column)];
-      // Relative to the image width, so that cameras of different resolutions are comparable.
+      // Positions are relative to the image width, so that cameras of different resolutions are comparable.
       part.dx += dx / camera.width, part.dy += dy / camera.width, part.squares += dx * dx + dy * dy, part.count++;
     }
   }
@@ -304,7 +300,7 @@ std::string percentage_bar(double share, bool soft) {
 
 namespace {
 
-// Style sheet of report_page(): follows the system's light or dark mode, one column on phones, no backgrounds in print.
+// The style sheet of the page: light or dark like the system, a single column on phones, no backgrounds in print.
 constexpr char kReportStyle[] = R"css(
 :root { color-scheme: light dark; --bg: #fff; --fg: #1d2024; --dim: #5d6672; --line: #d9dee5; --card: #f5f7f9;
   --accent: #1a64b8; --good: #1b7f4b; --fair: #a15c00; --bad: #c0282d; --paper: #e9edf1; }
@@ -384,7 +380,7 @@ using plots::escaped;
 using plots::short_number;
 using Grade = ReportVerdict::Grade;
 
-constexpr size_t kMaxRows = 16;  // number of good cameras shown without folding
+constexpr size_t kMaxRows = 16;  // maximum number of good cameras that are shown without folding
 
 class Page {
  public:
@@ -519,7 +515,6 @@ class Page {
     }
   }
 
-  // Returns a chart with one bar or dot per camera.
   template <class Value>
   plots::CameraChart chart(const std::string& label, const std::string& unit, const Value& value) const {
     plots::CameraChart chart;

@@ -21,6 +21,7 @@
 #include "commands.h"
 #include "recordings.h"
 #include "rig/rig_json.h"
+#include "terminal.h"
 
 namespace {
 
@@ -32,9 +33,9 @@ struct TrackArguments {
   int threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
 };
 
-// Returns the report with recording problems and possible improvements:
-// {"format": "lightfield-track-report", "findings", "cameras": [{"id", "name", "pictures", "seconds", "lit",
-// "coverage", "sigma_px", "trouble", "remarks"}]}.
+// Returns the report with problems of the recordings and possible improvements:
+//    {"format": "lightfield-track-report", "findings",
+//     "cameras": [{"id", "name", "pictures", "seconds", "lit", "coverage", "sigma_px", "trouble", "remarks"}]}
 ordered_json track_report(const lf::Rig& rig, const LightRecordings& recordings) {
   ordered_json cameras = ordered_json::array(), findings = ordered_json::array();
   const std::vector<std::string> troubles = recordings.troubles(rig);
@@ -60,23 +61,24 @@ void track(const TrackArguments& options) {
   gst_init(nullptr, nullptr);
   const lf::Rig rig = lf::load_rig(options.rig);
   const LightRecordings recordings = detect_lights(rig, options.recordings, options.bar, options.threads);
-  std::printf("%-8s %-16s %8s %7s %7s %9s %9s\n", "camera", "name", "pictures", "seconds", "lit %", "coverage",
-              "sigma px");
+  terminal::print("%-8s %-16s %8s %7s %7s %9s %9s\n", "camera", "name", "pictures", "seconds", "lit %", "coverage",
+                  "sigma px");
   for (size_t i = 0; i < rig.cameras.size(); i++) {
     const auto& [record, summary, trouble] = recordings.cameras[i];
-    std::printf("%-8u %-16s %8zu %7.1f %7.1f %7.0f %% %9.3f\n", rig.cameras[i].id, rig.cameras[i].name.c_str(),
-                record.frames, summary.seconds, 100 * summary.lit, 100 * summary.coverage, summary.sigma);
+    terminal::print("%-8u %-16s %8zu %7.1f %7.1f %7.0f %% %9.3f\n", rig.cameras[i].id, rig.cameras[i].name.c_str(),
+                    record.frames, summary.seconds, 100 * summary.lit, 100 * summary.coverage, summary.sigma);
   }
   for (size_t i = 0; i < rig.cameras.size(); i++)
     for (const std::string& remark : recordings.cameras[i].summary.remarks)
-      std::printf("note: camera %u (%s): %s\n", rig.cameras[i].id, rig.cameras[i].name.c_str(), remark.c_str());
-  for (const lf::Finding& finding : recordings.findings) std::printf("note: %s\n", finding.text.c_str());
-  for (const std::string& trouble : recordings.troubles(rig)) std::printf("error: %s\n", trouble.c_str());
+      terminal::print("note: camera %u (%s): %s\n", rig.cameras[i].id, rig.cameras[i].name.c_str(), remark.c_str());
+  for (const lf::Finding& finding : recordings.findings) terminal::print("note: %s\n", finding.text.c_str());
+  for (const std::string& trouble : recordings.troubles(rig)) terminal::print("error: %s\n", trouble.c_str());
   if (!options.json.empty()) lf::write_text_file(track_report(rig, recordings).dump(1) + "\n", options.json);
   const size_t useful = recordings.useful(), all = rig.cameras.size();
-  if (useful < 2) throw lf::Error("fewer than two cameras saw a moving light: nothing is written");
+  if (useful < 2)
+    throw lf::Error("fewer than two cameras saw a moving light, so no tracks are written; see the reasons above");
   lf::write_text_file(lf::light_detections_to_json(recordings.sights), options.out);
-  std::printf("%s: %zu of %zu cameras\n", options.out.c_str(), useful, all);
+  terminal::print("%s: %zu of %zu cameras\n", options.out.c_str(), useful, all);
   if (useful < all)
     throw lf::Error(std::to_string(all - useful) + " of " + std::to_string(all) +
                     " cameras did not see the light move; " + options.out + " has only the other cameras");
@@ -87,16 +89,19 @@ void track(const TrackArguments& options) {
 void add_track_command(cli::App& app) {
   const auto o = std::make_shared<TrackArguments>();
   cli::App* command =
-      app.add_subcommand("track", "Detects a light moved in the dark, or two lights on a bar, in recordings");
-  command->add_option("RIG", o->rig, "Rig file; may be nominal")->required();
+      app.add_subcommand("track",
+                         "Detects a light that moves through the dark, or two lights on a bar, in recordings of all "
+                         "cameras. Writes tracks: the positions of each light in the images");
+  command->add_option("RIG", o->rig, "Rig file of the array. Its camera positions may be nominal")->required();
   command
       ->add_option("--recordings", o->recordings,
-                   "Folder with recordings NAME.* of each camera (default: sources of the rig)")
+                   "Folder with a recording NAME.* of each camera (default: the sources of the rig)")
       ->type_name("DIR");
-  command->add_flag("--bar", o->bar, "The recordings show two lights on a rigid bar");
-  command->add_option("--out", o->out, "Tracks to write (JSON), for solve")->required();
-  command->add_option("--json", o->json, "Report to write")->type_name("FILE");
-  command->add_option("--threads", o->threads, "Number of recordings to process in parallel")
+  command->add_flag("--bar", o->bar, "The recordings show two lights on a rigid bar, instead of a single light");
+  command->add_option("--out", o->out, "JSON file that receives the tracks, the input of solve")->required();
+  command->add_option("--json", o->json, "JSON file that receives the report, the input of lf-calibrate report")
+      ->type_name("FILE");
+  command->add_option("--threads", o->threads, "Number of recordings to process at the same time")
       ->capture_default_str()
       ->check(cli::Range(1, 256));
   command->callback([o] { track(*o); });
@@ -124,7 +129,7 @@ lf::PlacementOptions::Distance parse_distance(const std::string& text) {
   if (std::sscanf(text.c_str(), "%u,%u,%n", &d.a, &d.b, &end) != 2 || end == 0) end = static_cast<int>(text.size());
   const auto [rest, error] = std::from_chars(text.data() + end, text.data() + text.size(), d.metres);
   if (error != std::errc() || rest != text.data() + text.size() || !(d.metres > 0 && lf::is_finite(d.metres)))
-    throw lf::Error("--distance " + text + ": must be ID,ID,METRES");
+    throw lf::Error("--distance " + text + ": must be two camera ids and a distance in metres, such as 0,7,0.84");
   return d;
 }
 
@@ -138,20 +143,21 @@ json load_prior(const std::string& path, lf::SolveOptions& options) {
 
 void print_summary(const json& report) {
   for (const json& trial : report["models"])
-    std::printf("tried       %-18s BIC %9.1f  transfer %s%s\n", trial["model"].get<std::string>().c_str(),
-                trial["bic"].get<double>(),
-                trial["transfer_px"].is_null() ? "-" : (trial["transfer_px"].dump().substr(0, 6) + " px").c_str(),
-                trial["chosen"].get<bool>() ? "  chosen" : "");
-  std::printf("distortion  %s\n", report["model"].get<std::string>().c_str());
-  std::printf(
+    terminal::print("tried       %-18s BIC %9.1f  transfer %s%s\n", trial["model"].get<std::string>().c_str(),
+                    trial["bic"].get<double>(),
+                    trial["transfer_px"].is_null() ? "-" : (trial["transfer_px"].dump().substr(0, 6) + " px").c_str(),
+                    trial["chosen"].get<bool>() ? "  chosen" : "");
+  terminal::print("distortion  %s\n", report["model"].get<std::string>().c_str());
+  terminal::print(
       "residuals   mean %.3f px, median %.3f px, rms %.3f px over all; rms %.3f px without outliers (expected "
       "%.3f)\n",
       report["mean_px"].get<double>(), report["median_px"].get<double>(), report["rms_px"].get<double>(),
       report["inliers"]["rms_px"].get<double>(), report["expected_rms_px"].get<double>());
-  std::printf("outliers    %zu of %zu observations\n", report["outliers"].get<size_t>(),
-              report["observations"].get<size_t>());
+  terminal::print("outliers    %zu of %zu observations\n", report["outliers"].get<size_t>(),
+                  report["observations"].get<size_t>());
   for (const json& finding : report["findings"])
-    std::printf("%s: %s\n", finding["severity"].get<std::string>().c_str(), finding["text"].get<std::string>().c_str());
+    terminal::print("%s: %s\n", finding["severity"].get<std::string>().c_str(),
+                    finding["text"].get<std::string>().c_str());
 }
 
 void print_clocks(const lf::LightSolution& lights) {
@@ -163,8 +169,9 @@ void print_clocks(const lf::LightSolution& lights) {
     sigma = std::max(sigma, lights.clocks[i].sigma);
     reflections += lights.reflections[i];
   }
-  std::printf("clocks      offsets %+.2f to %+.2f ms, each +-%.2f ms at most\n", 1e3 * least, 1e3 * most, 1e3 * sigma);
-  if (reflections > 0) std::printf("reflections %zu detections left out\n", reflections);
+  terminal::print("clocks      offsets %+.2f to %+.2f ms, each +-%.2f ms at most\n", 1e3 * least, 1e3 * most,
+                  1e3 * sigma);
+  if (reflections > 0) terminal::print("reflections %zu detections left out\n", reflections);
 }
 
 void solve(const SolveArguments& o) {
@@ -219,7 +226,7 @@ void solve(const SolveArguments& o) {
     if (!solution.scene.cameras[i].used)
       missing += (missing.empty() ? "" : ", ") + std::to_string(tracks.cameras[i].id);
   }
-  std::printf("%s: %zu of %zu cameras\n", o.out.c_str(), found, tracks.cameras.size());
+  terminal::print("%s: %zu of %zu cameras\n", o.out.c_str(), found, tracks.cameras.size());
   if (!missing.empty())
     throw lf::Error(std::to_string(tracks.cameras.size() - found) + " of " + std::to_string(tracks.cameras.size()) +
                     " cameras are missing in " + o.out + " (" + missing + "): see the findings above");
@@ -229,39 +236,51 @@ void solve(const SolveArguments& o) {
 
 void add_solve_command(cli::App& app) {
   const auto o = std::make_shared<SolveArguments>();
-  cli::App* command =
-      app.add_subcommand("solve", "Estimates positions, orientations and lenses from tracks of a moving light");
+  cli::App* command = app.add_subcommand(
+      "solve", "Estimates the positions, orientations and lenses of all cameras from tracks of a moving light");
   command
       ->add_option("--tracks", o->tracks,
-                   "Tracks (JSON) written by track or features, or a folder of MultiCamSelfCal files")
+                   "JSON file with tracks, written by track or features. A folder with the input files of "
+                   "MultiCamSelfCal works, too")
       ->required()
       ->check(cli::ExistingPath)
       ->type_name("FILE|DIR");
-  command->add_option("--prior", o->prior, "Rig file with lenses, optional covariances, and the nominal layout")
+  command
+      ->add_option("--prior", o->prior,
+                   "Rig file with prior knowledge: the lenses, optionally with covariances, and the nominal positions "
+                   "of the cameras")
       ->type_name("RIG");
-  command->add_option("--distortion", o->distortion, "Distortion terms; auto: as many as the tracks support")
+  command
+      ->add_option("--distortion", o->distortion,
+                   "Radial distortion terms to estimate for each camera. auto: as many as the tracks support")
       ->capture_default_str()
       ->check(cli::IsMember({"auto", "none", "k1", "k1k2"}));
-  cli::Option* bar = command
-                         ->add_option("--bar", o->placement.bar_length,
-                                      "Distance between the two lights, metres; determines the scale")
-                         ->check(cli::PositiveNumber);
-  cli::Option* pitch = command
-                           ->add_option("--pitch", o->placement.pitch,
-                                        "Distance between neighbouring cameras, metres; determines the scale")
-                           ->check(cli::PositiveNumber)
-                           ->excludes(bar);
-  command->add_option("--distance", o->distance, "Distance between two cameras; determines the scale")
+  cli::Option* bar =
+      command
+          ->add_option("--bar", o->placement.bar_length,
+                       "Distance between the two lights on the bar, in metres. It determines the scale of the rig")
+          ->check(cli::PositiveNumber);
+  cli::Option* pitch =
+      command
+          ->add_option("--pitch", o->placement.pitch,
+                       "Median distance between neighbouring cameras, in metres. It determines the scale of the rig")
+          ->check(cli::PositiveNumber)
+          ->excludes(bar);
+  command
+      ->add_option("--distance", o->distance,
+                   "Ids of two cameras and the distance between them, in metres. It determines the scale of the rig; "
+                   "for example, 0,7,0.84")
       ->type_name("ID,ID,METRES")
       ->excludes(bar)
       ->excludes(pitch);
-  o->first_pixel_option =
-      command
-          ->add_option("--first-pixel", o->first_pixel,
-                       "Coordinate of the centre of the top-left pixel in MultiCamSelfCal files (1: written by Matlab)")
-          ->capture_default_str()
-          ->check(cli::IsMember({0, 1}));
-  command->add_option("--out", o->out, "Rig file to write")->required()->type_name("RIG");
-  command->add_option("--json", o->json, "Report to write")->type_name("FILE");
+  o->first_pixel_option = command
+                              ->add_option("--first-pixel", o->first_pixel,
+                                           "Coordinate of the centre of the top-left pixel in the MultiCamSelfCal "
+                                           "files. Files written by Matlab need 1")
+                              ->capture_default_str()
+                              ->check(cli::IsMember({0, 1}));
+  command->add_option("--out", o->out, "Rig file to write, with the estimated cameras")->required()->type_name("RIG");
+  command->add_option("--json", o->json, "JSON file that receives the report, the input of lf-calibrate report")
+      ->type_name("FILE");
   command->callback([o] { solve(*o); });
 }

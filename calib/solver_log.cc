@@ -45,7 +45,7 @@ void capture_solver_messages() {
     FLAGS_logtostderr = FLAGS_alsologtostderr = false;
     FLAGS_stderrthreshold = google::GLOG_FATAL;
     for (int severity = google::GLOG_INFO; severity < google::NUM_SEVERITIES; severity++)
-      google::SetLogDestination(severity, "");  // no files
+      google::SetLogDestination(severity, "");
     google::AddLogSink(&solver_log());
   });
 }

@@ -6,12 +6,11 @@
 
 namespace lf {
 
-// Redirects the messages of glog, which Ceres uses, from stderr to memory. For programs only, because glog is global to
-// the process.
+// Collects the log messages of the solver Ceres in memory instead of printing them on standard error. Ceres logs
+// through glog, which is global to the process, so only programs may call this function, not libraries.
 void capture_solver_messages();
 
-// Returns the messages so far, each text once with its count: "Linear solver failure (3 times)". At most 16 texts.
-// Thread-safe.
+// Returns at most 16 different messages with their counts, for example "Linear solver failure (3 times)". Thread-safe.
 std::vector<std::string> solver_messages();
 
 }  // namespace lf

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
-// Calibrates a camera array from the tracks of a moving light. Without arguments, simulates an array of nine cameras
-// and reports the error of the calibration.
+// Calibrates a camera array from the tracks of a moving light. Without arguments, the program simulates an array of
+// nine cameras and reports how far the calibration is off.
 //
 //   g++ -std=c++20 calibrate.cc $(pkg-config --cflags --libs lightfield-calibration) -o calibrate
 //   ./calibrate [TRACKS.json RIG.json]
@@ -20,7 +20,8 @@ using namespace lightfield;
 constexpr int kSide = 3, kWidth = 320, kHeight = 240, kPlaces = 80;
 constexpr double kPitch = 0.06, kFocal = 420;
 
-// Nominal positions on a board (0), or real positions with errors of up to `most_off` metres.
+// Returns the nominal array on a flat board (most_off = 0), or an array with position errors of up to `most_off`
+// metres.
 Rig make_array(double most_off) {
   std::mt19937 random(1);
   std::uniform_real_distribution<double> off(-most_off, most_off);
@@ -36,7 +37,7 @@ Rig make_array(double most_off) {
   return Rig(cameras, {Topology::Type::kGrid, kSide, kSide, {}});
 }
 
-// Simulates observations of a light at 0.8 to 3 m, with noise of 0.2 pixels.
+// Simulates observations of a light at distances of 0.8 to 3 m, with noise of 0.2 pixels.
 Tracks watch(const Rig& array) {
   std::mt19937 random(2);
   std::normal_distribution<double> noise(0, 0.2);
@@ -79,7 +80,8 @@ int main(int argc, char** argv) try {
               tracks.cameras.size(), found.sigma, found.outliers, found.scale_from.c_str());
   if (argc > 2) return save_rig(found.rig, argv[2]), 0;
 
-  double worst = 0;  // of distances between neighbours, which are independent of the coordinate frame
+  // Error of the distances between neighbours; these do not depend on the coordinate frame of the result.
+  double worst = 0;
   for (size_t i = 1; i < found.rig.size(); i++) {
     const auto apart = [i](const Rig& rig) {
       return distance(rig.camera(i).world_from_camera.position, rig.camera(i - 1).world_from_camera.position);

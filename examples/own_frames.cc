@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
-// Feeds an application's own frames into a light field: renders a view between four cameras that see a synthetic wall.
+// Shows how an application feeds its own frames into a light field. Four cameras see a synthetic wall, and the program
+// renders the view from a point between them.
 //
 //   g++ -std=c++20 own_frames.cc $(pkg-config --cflags --libs gstreamer-app-1.0) -o own_frames && ./own_frames
 #include <gst/app/gstappsink.h>
@@ -30,10 +31,10 @@ std::string rig() {
          "],\"topology\":{\"type\":\"grid\",\"rows\":2,\"columns\":2}}";
 }
 
-// Brightness of the wall at a position in metres; changes with time.
+// Returns the brightness of the wall at a position in metres. The pattern moves with time.
 double wall(double x, double y, int frame) { return 128 + 60 * std::sin(10 * x + 0.1 * frame) + 60 * std::cos(12 * y); }
 
-// Brightness of pixel (u, v) for a camera at (eye_x, eye_y).
+// Returns the brightness of pixel (u, v) for a camera at (eye_x, eye_y).
 double seen(double eye_x, double eye_y, int u, int v, int frame) {
   return wall(eye_x + (u - (kWidth - 1) / 2.0) / kFocal * kWall, eye_y + (v - (kHeight - 1) / 2.0) / kFocal * kWall,
               frame);
@@ -53,7 +54,7 @@ GstBuffer* draw(int camera, int frame) {
   return buffer;
 }
 
-// Returns the mean absolute error of the picture, of 255, without the border.
+// Returns the mean absolute error of the picture, on a scale of 255 and without the border.
 double error_of(GstSample* sample, int frame) {
   GstMapInfo map;
   gst_buffer_map(gst_sample_get_buffer(sample), &map, GST_MAP_READ);
@@ -73,8 +74,8 @@ int main(int argc, char** argv) {
   const std::string path = std::string(g_get_tmp_dir()) + "/own_frames_rig.json";
   if (!g_file_set_contents(path.c_str(), rig().c_str(), -1, nullptr)) return 1;
 
-  // One frame per camera and request. The view is in the middle of the cameras, with the same lens, focused on the
-  // wall.
+  // The view has the lens of the cameras, is in the middle between the cameras, and is focused on the wall. Each
+  // request needs one frame of each camera.
   const std::string fov = std::to_string(2 * std::atan(kHeight / 2.0 / kFocal) * 180 / G_PI);
   std::string line = "lfviewrequest num-buffers=" + std::to_string(kFrames) + " framerate=10/1 rig=" + path +
                      " x=0.1 y=0.1 z=0 focus-distance=2 fov=" + fov +

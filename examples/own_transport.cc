@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
-// Uses the library without GStreamer: two hosts with cameras answer a viewer's requests. Requests and answers are byte
-// strings that an application can send over any transport.
+// Uses the library without GStreamer. Two hosts with eight cameras each answer the requests of a viewer. Requests and
+// answers are byte strings that an application can send over any transport.
 //
 //   g++ -std=c++20 own_transport.cc $(pkg-config --cflags --libs lightfield) -o own_transport && ./own_transport
 #include <lightfield/lightfield.h>
@@ -29,7 +29,7 @@ lf::Rig make_rig() {
   return lf::Rig(cameras, {lf::Topology::Type::kGrid, kSide, kSide, {}});
 }
 
-// Brightness of the wall, 0 to 255, in pixel (x, y) of a camera at `eye`.
+// Returns the brightness of the wall, 0 to 255, in pixel (x, y) of a camera at `eye`.
 double wall(const lf::Vec3& eye, double x, double y) {
   const double u = eye.x + (x - (kWidth - 1) / 2.0) / kFocal * kWall;
   const double v = eye.y + (y - (kHeight - 1) / 2.0) / kFocal * kWall;
@@ -44,7 +44,7 @@ lf::Image photograph(const lf::Camera& camera) {
   return image;
 }
 
-// A host with some of the cameras. Every host knows the whole rig.
+// A host that has some of the cameras, but knows the whole rig.
 struct Host {
   Host(const lf::Rig& rig, const std::vector<uint32_t>& cameras) : node(rig, cameras) {
     for (const uint32_t camera : cameras) frames.push_back(photograph(rig.camera(camera)));
@@ -80,7 +80,7 @@ int main() try {
                 compositor.missing());
   }
 
-  double sum = 0;  // absolute error, without the border
+  double sum = 0;  // sum of the absolute differences to the wall, without the border
   int count = 0;
   for (int y = 20; y < kHeight - 20; y++)
     for (int x = 20; x < kWidth - 20; x++, count++)

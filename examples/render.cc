@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
-// Renders a view from an application's own images. Here these are binary PPM files next to the rig file, with the names
-// of its stills (cam_00_00.png: cam_00_00.ppm). These commands make such files from the stills of lf-scene:
+// Renders a view from images that the application loads itself. This example reads binary PPM files next to the rig
+// file. For example, it reads cam_00_00.ppm if the rig names the still cam_00_00.png. The following commands make such
+// files from a synthetic scene:
 //
 //   lf-scene --out scene --frames 1
 //   for still in scene/cam_*.png; do
@@ -51,7 +52,8 @@ int main(int argc, char** argv) try {
 
   lf::Renderer renderer(rig);
   const lf::View view = lf::home_view(rig, 640, 480);
-  // Every call improves the focal surface. A video would pass a new frame each time; a still is passed repeatedly.
+  // Every call improves the focal surface. A video passes a new frame each time; for a still, pass the same images
+  // repeatedly.
   lf::Image picture;
   for (int i = 0; i < 16; i++) picture = renderer.render(view, images, {.focus = lf::Focus::kAuto});
   write_ppm(picture, argv[2]);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
-// Shows a light field in an application, which receives the pictures and moves the view.
+// Shows a light field in an application. The application receives the pictures and moves the view.
 //
 //   g++ -std=c++20 view.cc $(pkg-config --cflags --libs gstreamer-app-1.0) -o view && ./view rig.json
 #include <gst/app/gstappsink.h>
@@ -11,7 +11,8 @@
 
 namespace {
 
-// Sets any of x, y, z, yaw, pitch, roll, fov, focus-distance, aperture; the next picture shows the change.
+// Moves the view to another x. The structure may hold any of x, y, z, yaw, pitch, roll, fov, focus-distance and
+// aperture. The next picture shows the change.
 void move_to(GstElement* light_field, double x) {
   gboolean done = FALSE;
   GstStructure* view = gst_structure_new("view", "x", G_TYPE_DOUBLE, x, nullptr);
@@ -20,7 +21,7 @@ void move_to(GstElement* light_field, double x) {
   if (!done) std::fprintf(stderr, "cannot move the view\n");
 }
 
-// Placeholder for the application's drawing: returns the mean brightness.
+// Returns the mean brightness. A real application would draw the picture here.
 double mean_of(GstSample* sample) {
   GstMapInfo map;
   if (!gst_buffer_map(gst_sample_get_buffer(sample), &map, GST_MAP_READ)) return 0;
@@ -86,8 +87,8 @@ int main(int argc, char** argv) {
   guint64 complete = 0, incomplete = 0;
   gst_structure_get_uint64(stats, "complete", &complete);
   gst_structure_get_uint64(stats, "incomplete", &incomplete);
-  // The element may have rendered more pictures than shown: the latest are in flight, and appsink drops pictures that
-  // come faster than they are taken.
+  // The element may have rendered more pictures than were shown, because appsink drops pictures that the application
+  // does not fetch in time.
   std::printf("%d pictures shown, %d rendered, %d of these complete\n", shown, static_cast<int>(complete + incomplete),
               static_cast<int>(complete));
   gst_structure_free(stats);

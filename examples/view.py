@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""Shows a light field in Python: receives pictures, moves the view, and reads statistics. Needs python3-gi and
-gir1.2-gst-plugins-base-1.0.
+"""Shows a light field in Python. The program receives pictures, moves the view, and reads statistics. It needs the
+packages python3-gi and gir1.2-gst-plugins-base-1.0.
 
     python3 view.py rig.json [PICTURES]
 """
@@ -11,7 +11,7 @@ import gi
 
 gi.require_version("Gst", "1.0")
 gi.require_version("GstApp", "1.0")
-from gi.repository import Gst, GstApp  # noqa: E402,F401  (GstApp: the functions of appsink)
+from gi.repository import Gst, GstApp  # noqa: E402,F401  (GstApp adds the methods of appsink)
 
 
 def main():
@@ -35,7 +35,7 @@ def main():
         data = buffer.extract_dup(0, buffer.get_size())
         print(f"picture {shown}: {len(data)} bytes, mean {sum(data[::97]) / len(data[::97]):.1f}")
         shown += 1
-        # Sets any of x, y, z, yaw, pitch, roll, fov, focus-distance, aperture, which are also properties.
+        # The structure may hold any of x, y, z, yaw, pitch, roll, fov, focus-distance and aperture.
         view = Gst.Structure.new_empty("view")
         view.set_value("x", light_field.get_property("x") + 0.002)
         if not light_field.emit("set-view", view):
@@ -46,8 +46,8 @@ def main():
         print(message.parse_error()[0].message, file=sys.stderr)
     stats = light_field.get_property("stats")
     complete, incomplete = stats.get_value("complete"), stats.get_value("incomplete")
-    # The element may have rendered more pictures than shown: the latest are in flight, and appsink drops pictures that
-    # come faster than they are taken.
+    # The element may have rendered more pictures than were shown, because appsink drops pictures that the application
+    # does not fetch in time.
     print(f"{shown} pictures shown, {complete + incomplete} rendered, {complete} of these complete")
     pipeline.set_state(Gst.State.NULL)
     return 0 if shown == pictures and not message else 1

@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# Publishes a camera path through the light field as RTP to a mountpoint of Janus' streaming plugin (pipelines/janus/),
-# where any number of browsers can watch.
+# Renders a camera path through the light field and sends it as RTP to the WebRTC server Janus, where any number of
+# browsers can watch. The folder pipelines/janus/ has a configuration of Janus' streaming plugin and a page for it.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
-# Without a build in this checkout, the installed plugin is used.
+# If this checkout has a build, the pipeline uses its plugin instead of the installed one.
 [[ ! -d $root/build/gst ]] || export GST_PLUGIN_PATH=${GST_PLUGIN_PATH:+$GST_PLUGIN_PATH:}$root/build/gst
 
 die() {
@@ -12,9 +12,9 @@ die() {
   exit 1
 }
 
-# Check the value of an option: an existing file, a port, HOST:PORT, a camera host.
+# Each need_* function checks the value of an option, and ends the script if the value is invalid.
 need_file() { [[ -f $2 ]] || die "$1 $2: no such file"; }
-need_port() { [[ $2 =~ ^[0-9]+$ ]] && (($2 > 0 && $2 < 65536)) || die "$1 $2: not a port"; }
+need_port() { [[ $2 =~ ^[0-9]+$ ]] && (($2 > 0 && $2 < 65536)) || die "$1 $2: must be a port number from 1 to 65535"; }
 need_address() {
   [[ $2 =~ ^.+:[0-9]+$ ]] || die "$1 $2: must be HOST:PORT"
   need_port "$1" "${2##*:}"
@@ -29,18 +29,22 @@ usage() {
   cat <<END
 usage: pipelines/publish-janus.sh --rig RIG.json --path VIEWS.json [OPTION...]
 
-  --rig RIG.json      rig file
-  --path VIEWS.json   camera path, played in a loop with the size and times of its views (see lf-path)
-  --node HOST:OUT:IN  camera host (lfnodesink): its port for requests and the local port, or ADDRESS:PORT, for
-                      its answers; repeat for each host (default: all cameras are on this machine)
-  --key-file FILE     key shared by the camera hosts; the mountpoint still receives plain RTP
-  --to HOST:PORT      videoport of the mountpoint (default: localhost:5004)
+  --rig RIG.json      rig file of the array
+  --path VIEWS.json   camera path, such as lf-path writes. The path is played in a loop, with the size and the times
+                      of its views
+  --node HOST:OUT:IN  host that runs cameras with an lfnodesink. Requests are sent to its port OUT. Its answers arrive
+                      at the local port IN, which may also be ADDRESS:PORT. Repeat this option for each host (default:
+                      all cameras are on this machine)
+  --key-file FILE     file with the secret that encrypts packets from and to the camera hosts. The video for Janus is
+                      not encrypted
+  --to HOST:PORT      video port of the mountpoint, the stream in Janus (default: localhost:5004)
   --codec h264|vp8    codec of the mountpoint (default: h264)
-  --bitrate KBITS     (default: 3000)
+  --bitrate KBITS     bit rate of the video, in kbit/s (default: 3000)
   --framerate N       frame rate of the cameras (default: 30)
-  --capture-delay MS  delay from capture to request, the latency of the cameras (default: 100)
-  --set 'NAME=VALUE'  a property of lfviewsrc, such as focus=plane; may be repeated
-  --print             print the pipeline up to its RTP packets instead of running it, for a WHIP client:
+  --capture-delay MS  time between the capture of a frame and a request for it, in milliseconds. It must exceed the
+                      latency of the cameras (default: 100)
+  --set 'NAME=VALUE'  property of lfviewsrc, such as focus=plane; may be repeated
+  --print             print the pipeline up to its RTP packets instead of running it. A WHIP client can use the output:
                       simple-whip-client -u URL -V "\$(pipelines/publish-janus.sh --rig ... --path ... --print)"
 END
 }
@@ -60,7 +64,7 @@ while (($#)); do
     --set) settings+=("$2") ;;
     --codec) [[ $2 == h264 || $2 == vp8 ]] || die "--codec $2: must be h264 or vp8"; codec=$2 ;;
     --bitrate | --framerate | --capture-delay)
-      [[ $2 =~ ^[0-9]+$ ]] || die "$1 $2: not a number"
+      [[ $2 =~ ^[0-9]+$ ]] || die "$1 $2: must be a whole number"
       case $1 in
         --bitrate) bitrate=$2 ;;
         --framerate) framerate=$2 ;;
@@ -70,7 +74,7 @@ while (($#)); do
   esac
   shift 2
 done
-[[ -n $rig && -n $path ]] || die "--rig and --path are needed (see --help)"
+[[ -n $rig && -n $path ]] || die "--rig and --path are required (see --help)"
 
 # One key frame per second, because new viewers must wait for the next key frame.
 case $codec in

@@ -16,15 +16,17 @@ usage() {
   cat <<END
 usage: pipelines/quickstart.sh [--out DIR] [--rig RIG.json] [--trust-rig] [--frames N] [--window]
 
-Renders a virtual camera on a smooth path with changing focus and writes view.mkv, sheet.png and report.json.
+Moves a virtual camera through a light field on a smooth path with changing focus. Writes the film view.mkv, the
+contact sheet sheet.png and the measurements report.json.
 
-  --out DIR       output folder (default: quickstart-out)
-  --rig RIG.json  rig to use instead of the built-in scene with an 8x8 array; live cameras are first recorded to
-                  DIR/film, for the duration of the path
-  --trust-rig     let the rig run any GStreamer element: such a file may write files and run programs
-  --frames N      length of the path (default: $frames)
-  --window        then open an interactive window: drag orbits, shift-drag pans, the wheel zooms, ctrl-wheel
-                  focuses; keys: arrows, w s a d q e, + -, [ ], r
+  --out DIR       folder for the output (default: quickstart-out)
+  --rig RIG.json  rig file to use instead of the built-in scene, which has an 8x8 array. Live cameras are first recorded
+                  to DIR/film, for the duration of the path
+  --trust-rig     allow the rig file to use any GStreamer element. Such a file can write files and run programs, so use
+                  this option only with rig files from people you trust
+  --frames N      length of the path in frames (default: $frames)
+  --window        open an interactive window at the end. Dragging orbits, dragging with shift pans, the wheel zooms, and
+                  the wheel with ctrl focuses. Keys: arrows, w s a d q e, + -, [ ], r
 END
 }
 
@@ -56,7 +58,7 @@ if [[ -n $rig && ! -f $rig ]]; then
   exit 1
 fi
 if $window && [[ -z ${DISPLAY:-}${WAYLAND_DISPLAY:-} ]]; then
-  echo "quickstart.sh: --window needs a display; none is set in DISPLAY or WAYLAND_DISPLAY" >&2
+  echo "quickstart.sh: --window requires a display, but neither DISPLAY nor WAYLAND_DISPLAY is set" >&2
   exit 1
 fi
 

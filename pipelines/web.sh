@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# Builds the project and serves the light field to browsers. Prints the address of the page. Options are those of
-# lf-serve.
+# Builds the project, serves a light field to browsers with lf-serve, and prints the address of the page. The script
+# passes all options to lf-serve.
 set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "command_line.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
@@ -8,18 +9,20 @@
 #include <exception>
 #include <list>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include <CLI/CLI.hpp>
 
 #include "base/file.h"
 #include "rig/source_security.h"
+#include "terminal.h"
 
 namespace cli {
 
 namespace {
 
-// Rejects "nan", which passes every range check, and "inf", which passes ranges without an upper end.
+// Rejects "nan" and "inf". CLI11's range checks let "nan" pass, because every comparison with NaN is false.
 std::string refuse_not_finite(std::string& text) {
   char* end = nullptr;
   const double value = std::strtod(text.c_str(), &end);
@@ -149,7 +152,8 @@ App* App::require_option(size_t count) {
 
 void add_trust_option(App& app, bool& trusted) {
   app.add_flag("--trust-rig", trusted,
-               "Let the rig file run any GStreamer element: such a file may write files and run programs");
+               "Allow the rig file to use any GStreamer element as a camera source. Such a file can write files and "
+               "run programs, so use this option only with rig files from people you trust");
 }
 
 void App::callback(std::function<void()> job) { parts_->app->callback(std::move(job)); }
@@ -158,13 +162,74 @@ App::operator bool() const { return parts_->app->parsed(); }
 
 namespace {
 
-// An error may quote a file. Removes secrets and terminal control characters and limits the length.
+// Prepares an error for the terminal. Removes secrets and control characters, and limits the length.
 std::string printable(const std::string& what) {
   constexpr size_t kMost = 4000;
-  std::string text = lf::without_staging(lf::redacted_location(what.substr(0, kMost)));
-  for (char& c : text)
-    if (static_cast<unsigned char>(c) < ' ' && c != '\n' && c != '\t') c = '?';
-  return text;
+  return lf::terminal_text(lf::without_staging(lf::redacted_location(what.substr(0, kMost))));
+}
+
+// Number of insertions, removals and replacements of characters that turn `a` into `b`.
+size_t edit_distance(const std::string& a, const std::string& b) {
+  std::vector<size_t> row(b.size() + 1);
+  for (size_t j = 0; j <= b.size(); j++) row[j] = j;
+  for (size_t i = 1; i <= a.size(); i++) {
+    size_t diagonal = std::exchange(row[0], i);
+    for (size_t j = 1; j <= b.size(); j++)
+      diagonal = std::exchange(row[j], std::min({row[j] + 1, row[j - 1] + 1, diagonal + (a[i - 1] != b[j - 1])}));
+  }
+  return row[b.size()];
+}
+
+bool has_options(CLI::App& command, const std::vector<std::string>& words) {
+  return std::ranges::all_of(words, [&](const std::string& word) {
+    return !word.starts_with("--") || command.get_option_no_throw(word.substr(0, word.find('='))) ||
+           std::ranges::any_of(command.get_subcommands({}), [&](CLI::App* part) {
+             return part->get_name().empty() && part->get_option_no_throw(word.substr(0, word.find('=')));
+           });
+  });
+}
+
+// Returns the likely command line: the command most similar to the first word replaces this word; otherwise the only
+// command with all given options is inserted. Returns "" if neither exists.
+std::string likely_line(const std::vector<CLI::App*>& commands, std::vector<std::string> words) {
+  constexpr size_t kMaxTypos = 2;
+  const bool has_word = !words.empty() && !words[0].starts_with("-");
+  const auto typos = [&](CLI::App* command) { return edit_distance(words[0], command->get_name()); };
+  const auto nearest = has_word ? std::ranges::min_element(commands, {}, typos) : commands.end();
+  if (nearest != commands.end() && typos(*nearest) <= kMaxTypos) {
+    words[0] = (*nearest)->get_name();
+  } else {
+    const bool has_option =
+        std::ranges::any_of(words, [](const std::string& word) { return word.starts_with("--") && word != "--"; });
+    const auto fits = [&](CLI::App* command) { return has_option && has_options(*command, words); };
+    if (std::ranges::count_if(commands, fits) != 1) return "";
+    words.insert(words.begin(), (*std::ranges::find_if(commands, fits))->get_name());
+  }
+  std::string line;
+  for (const std::string& word : words)
+    line += " " + (word.find_first_of(" \t\n'\"$&;|<>()*?") == std::string::npos ? word : "'" + word + "'");
+  return line;
+}
+
+// Explains a command line that lacks a command of `parser` or of one of its commands. Returns "" for other errors.
+std::string explain_missing_command(CLI::App& parser, int argc, char** argv) {
+  CLI::App* app = &parser;
+  std::string name = parser.get_name();
+  std::vector<std::string> words(argv + std::min(argc, 1), argv + argc);
+  while (!app->get_subcommands().empty()) {
+    app = app->get_subcommands().back();
+    name += " " + app->get_name();
+    if (!words.empty()) words.erase(words.begin());
+  }
+  if (app->get_require_subcommand_min() == 0) return "";
+  std::vector<CLI::App*> commands = app->get_subcommands({});
+  std::erase_if(commands, [](CLI::App* command) { return command->get_name().empty(); });  // groups of options
+  std::string names;
+  for (size_t i = 0; i < commands.size(); i++)
+    names += (i == 0 ? "" : i + 1 < commands.size() ? ", " : " or ") + commands[i]->get_name();
+  const std::string line = likely_line(commands, words);
+  return name + ": needs one of the commands " + names +
+         (line.empty() ? "" : "; did you mean \"" + name + line + "\"?") + " (see " + name + " --help)";
 }
 
 }  // namespace
@@ -178,10 +243,14 @@ int run_tool(App& app, int argc, char** argv, const std::function<void()>& job,
     return 0;
   } catch (const CLI::ParseError& e) {
     if (e.get_exit_code() == 0) return parser.exit(e);
-    std::fprintf(stderr, "%s: %s (see --help)\n", parser.get_name().c_str(), printable(e.what()).c_str());
+    if (const std::string missing = explain_missing_command(parser, argc, argv); !missing.empty()) {
+      terminal::print_error("%s\n", printable(missing).c_str());
+      return 1;
+    }
+    terminal::print_error("%s: %s (see --help)\n", parser.get_name().c_str(), printable(e.what()).c_str());
   } catch (const std::exception& e) {
     const std::string what = printable(e.what());
-    std::fprintf(stderr, "%s: %s\n", parser.get_name().c_str(), what.c_str());
+    terminal::print_error("%s: %s\n", parser.get_name().c_str(), what.c_str());
     if (on_error) on_error(what);
   }
   return 1;

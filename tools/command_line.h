@@ -12,8 +12,8 @@ class Option;
 class Validator;
 }  // namespace CLI
 
-// The part of CLI11 that our programs use, under its names and compiled once. CLI11 is header-only, and each file that
-// includes it compiles several seconds longer. Not thread-safe.
+// The part of the command line parser CLI11 that our programs use. CLI11 is header-only and takes several seconds to
+// compile, so only command_line.cc includes its headers. Functions have the names of CLI11. Not thread-safe.
 namespace cli {
 
 class Check {
@@ -30,19 +30,19 @@ Check IsMember(std::initializer_list<const char*> texts);
 Check IsMember(std::initializer_list<int> numbers);
 extern const Check PositiveNumber, NonNegativeNumber, ExistingPath;
 
-// An option, owned by its command. The setters return `this`.
+// An option of a command, owned by the command. All setters return `this`, so that calls can be chained.
 class Option {
  public:
   explicit Option(CLI::Option* option) : option_(option) {}
 
   Option* required();
-  Option* capture_default_str();  // --help shows the variable's current value
+  Option* capture_default_str();  // --help shows the current value of the variable as the default
   Option* type_name(const std::string& name);
   Option* check(const Check& check);
-  Option* delimiter(char between);  // separator between the values of a vector given as one word
+  Option* delimiter(char between);  // lets one argument contain several values for a vector, such as "1,2,3"
   Option* needs(const Option* other);
   Option* excludes(const Option* other);
-  explicit operator bool() const;  // true if the option is on the command line; valid after parsing
+  explicit operator bool() const;  // After parsing: true if the command line contains the option.
 
  private:
   CLI::Option* option_;
@@ -56,21 +56,22 @@ class App {
   App(const std::string& description, const std::string& name);
   ~App();
 
-  // `variable` is written during parsing and must outlive this object. Supported types are listed at the end of
-  // command_line.cc. The returned option is owned by this object.
+  // Adds an option or a positional argument. Parsing writes its value to `variable`, which must outlive this object.
+  // The end of command_line.cc lists the supported types. This object owns the returned option.
   template <class Value>
   Option* add_option(const std::string& name, Value& variable, const std::string& help = "");
   Option* add_flag(const std::string& name, bool& variable, const std::string& help = "");
   App* add_subcommand(const std::string& name, const std::string& help);
   App* add_option_group(const std::string& name);
-  App* get_subcommand(const std::string& name);  // the command must exist
-  // Rejects command lines that contain this command and an option of `other`, which this command does not use.
+  App* get_subcommand(const std::string& name);
+  // Rejects command lines that combine this subcommand with an option of `other`. Use this for options of the program
+  // itself that the subcommand ignores.
   App* excludes_options_of(const App& other);
 
   App* require_subcommand(size_t count);
   App* require_subcommand(size_t least, size_t most);
   App* require_option(size_t count);
-  // Sets a function that is called after parsing if this command is on the command line.
+  // Sets a function that runs after parsing if the command line contains this command.
   void callback(std::function<void()> job);
   explicit operator bool() const;
 
@@ -83,8 +84,9 @@ class App {
   std::unique_ptr<Parts> parts_;
 };
 
-// The main() of a tool: parses the command line into the options of `app`, then calls `job`. Prints errors as one line
-// on standard error and returns exit status 1. `on_error` also receives errors of `job`.
+// Implements main() for a tool. Parses the command line into the options of `app`, then calls `job`. An lf::Error of
+// `job` is printed as one line on standard error and passed to `on_error`. Returns the exit status, which is 1 after
+// any error.
 int run_tool(App& app, int argc, char** argv, const std::function<void()>& job,
              const std::function<void(const std::string&)>& on_error = {});
 

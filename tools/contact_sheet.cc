@@ -13,7 +13,7 @@ namespace {
 constexpr int kPanelWidth = 480, kPanelHeight = 360, kGap = 16, kTitleHeight = 30, kHeadingHeight = 52,
               kFootHeight = 36;
 constexpr int kMostTiles = 16;
-constexpr double kCapital = 21;  // height of a capital at scale 1, pixels
+constexpr double kCapital = 21;
 constexpr int kScaleGap = 8, kBarHeight = 12, kLineHeight = 18;
 constexpr double kSmall = 9;
 const cv::Scalar kPaper(24, 26, 30), kInk(235, 235, 235), kQuiet(160, 165, 170);

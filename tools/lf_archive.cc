@@ -26,6 +26,7 @@
 #include "recording/camera_file.h"
 #include "rig/rig.h"
 #include "rig/rig_json.h"
+#include "terminal.h"
 
 namespace fs = std::filesystem;
 
@@ -34,13 +35,13 @@ namespace {
 
 struct ArchivedFilm {
   uint64_t frames = 0;
-  uint64_t unreadable = 0;  // frames that no decoder can read; left out
+  uint64_t unreadable = 0;  // frames that cannot be decoded and are left out
   uint64_t bytes_before = 0, bytes_after = 0;
-  bool is_copy = false;  // not Motion JPEG, copied unchanged
-  double squares = 0;    // sum of squared luma differences between the original and the archived frames
-  uint64_t pixels = 0;   // of all compared frames; 0: not compared
+  bool is_copy = false;  // true if the film is not Motion JPEG and was copied unchanged
+  double squares = 0;    // sum of squared luma differences between both films
+  uint64_t pixels = 0;
 
-  // PSNR of luma, dB; infinite if there is no difference.
+  // Returns the PSNR of luma in dB; infinite if both films are equal.
   double psnr() const;
 };
 
@@ -48,10 +49,11 @@ double ArchivedFilm::psnr() const {
   return squares > 0 ? 10 * std::log10(255 * 255 * static_cast<double>(pixels) / squares) : INFINITY;
 }
 
-constexpr int kKeyFrames = 30;                      // key frame interval, frames: limits decoding during a seek
-constexpr guint64 kMostBytes = 8 << 20;             // waiting for the disk
-constexpr gint64 kPatience = 600 * G_USEC_PER_SEC;  // maximum time to write the rest at the end, microseconds
-// maximum rounding of times in both files together, ns; see CameraFile
+// interval of key frames, in frames; a seek decodes at most this many
+constexpr int kKeyFrames = 30;
+constexpr guint64 kMostBytes = 8 << 20;
+constexpr gint64 kPatience = 600 * G_USEC_PER_SEC;  // maximum time to write the remaining data at the end, microseconds
+// maximum rounding of times in both files together, nanoseconds; see CameraFile
 constexpr GstClockTime kTicks = 30'000;
 
 const std::string kAsImage = " ! videoconvert ! video/x-raw,format=I420,colorimetry=1:4:0:0,chroma-site=jpeg ! ";
@@ -69,7 +71,8 @@ GstClockTime time_of(GstSample* sample) {
 
 class Reading {
  public:
-  // `line` continues the pipeline after a demuxer named "demux" and must contain an appsink named "sink".
+  // Reads a film through a pipeline. `line` is a launch line that continues after a demuxer named "demux" and contains
+  // an appsink named "sink".
   Reading(const std::string& film, const std::string& line) : film_(film) {
     GError* error = nullptr;
     pipeline_.reset(gst_parse_launch(("filesrc name=file ! matroskademux name=demux " + line).c_str(), &error));
@@ -87,7 +90,6 @@ class Reading {
   ~Reading() { gst_element_set_state(pipeline_.get(), GST_STATE_NULL); }
   Reading(const Reading&) = delete;
 
-  // Returns the next sample; null at the end. Throws Error.
   Sample next() {
     for (;;) {
       Sample sample(gst_app_sink_try_pull_sample(GST_APP_SINK(sink_.get()), GST_SECOND / 5), gst_sample_unref);
@@ -97,7 +99,8 @@ class Reading {
       if (gst_app_sink_is_eos(GST_APP_SINK(sink_.get()))) return sample;
     }
   }
-  // Returns the first sample of the appsink "text" behind the queue "texts"; null if the film has no text track.
+  // Returns the first sample of the text track, from the appsink "text" behind the queue "texts". Returns null if the
+  // film has no text track.
   Sample text() {
     const Element queue(gst_bin_get_by_name(GST_BIN(pipeline_.get()), "texts"), gst_object_unref);
     GstPad* pad = gst_element_get_static_pad(queue.get(), "sink");
@@ -116,7 +119,7 @@ struct Contents {
   bool is_jpeg = false;
   size_t frames = 0;
   GstClockTime end = 0;
-  std::string begins;  // text of the text track; "": none
+  std::string begins;
 };
 
 std::string text_of(const Sample& sample) {
@@ -142,7 +145,7 @@ Contents contents_of(const std::string& film) {
     contents.end =
         std::max(contents.end, GST_BUFFER_DURATION_IS_VALID(frame) ? time + GST_BUFFER_DURATION(frame) : time);
   }
-  if (contents.frames == 0) throw Error(film + ": has no pictures");
+  if (contents.frames == 0) throw Error(film + ": contains no video frames, so there is nothing to archive");
   if (const Sample text = reading.text()) contents.begins = text_of(text);
   return contents;
 }
@@ -179,7 +182,7 @@ class Picture {
     GstVideoInfo info;
     if (!gst_video_info_from_caps(&info, gst_sample_get_caps(sample.get())) ||
         !gst_video_frame_map(&frame_, &info, gst_sample_get_buffer(sample.get()), GST_MAP_READ))
-      throw Error(film + ": a picture can't be read");
+      throw Error(film + ": a decoded frame cannot be read");
   }
   ~Picture() { gst_video_frame_unmap(&frame_); }
   Picture(const Picture&) = delete;
@@ -204,7 +207,6 @@ double squares_between(const Picture& a, const Picture& b) {
   return static_cast<double>(sum);
 }
 
-// Compares all frames. The films must have the same number of frames at the same times.
 void compare(const std::string& film, const std::string& out, ArchivedFilm& archived,
              const std::function<void(double)>& on_progress) {
   Reading before(film, kDecodedJpeg + kSink), after(out, kDecoded + kSink);
@@ -212,24 +214,26 @@ void compare(const std::string& film, const std::string& out, ArchivedFilm& arch
     const Sample a = before.next(), b = after.next();
     if (!a && !b && i == archived.frames) return;
     const std::string place = out + ": picture " + std::to_string(i);
-    if (!a || !b) throw Error(place + " is missing");
+    if (!a || !b) throw Error(place + " is missing in the archived film");
     const auto apart = static_cast<int64_t>(time_of(a.get()) - time_of(b.get()));
-    if (std::abs(apart) > static_cast<int64_t>(kTicks)) throw Error(place + " has another time");
+    if (std::abs(apart) > static_cast<int64_t>(kTicks))
+      throw Error(place + " has a different time than in the original film");
     const Picture one(a, film), other(b, out);
-    if (one.width() != other.width() || one.height() != other.height()) throw Error(place + " has another size");
+    if (one.width() != other.width() || one.height() != other.height())
+      throw Error(place + " has a different size than in the original film");
     archived.squares += squares_between(one, other);
     archived.pixels += static_cast<uint64_t>(one.width()) * static_cast<uint64_t>(one.height());
     on_progress(static_cast<double>(i + 1) / static_cast<double>(archived.frames));
   }
 }
 
-// Archives a camera's Matroska film as `out`. Motion JPEG becomes H.264 of constant quality (`quantizer` of x264: 1
-// best, 51 worst) with a key frame at least every kKeyFrames frames. Frame times, end time and the start's time of day
-// are preserved. Other formats are copied unchanged.
+// Archives a camera's Matroska film as `out`. Motion JPEG is transcoded to H.264 of constant quality (`quantizer` of
+// x264: 1 is best, 51 is worst), with a key frame every kKeyFrames frames or less. Frame times, end time and the time
+// of day of the start are preserved. Films in other formats are copied unchanged. Then decodes both films and compares
+// their frames.
 //
-// Then compares the decoded frames of both files. `on_progress` receives the progress (0 to 1) on the calling thread.
-// Requires gst_init(). Throws Error that names the file if a file can't be read or written, an element is missing, or a
-// frame in `out` is missing or has another time.
+// `on_progress` receives the progress (0 to 1) on the calling thread. Requires gst_init(). Throws Error that names the
+// file if a file cannot be read or written, an element is missing, or a frame of `out` is missing or has another time.
 ArchivedFilm archive_film(const Camera& camera, const std::string& film, const std::string& out, int quantizer,
                           const std::function<void(double)>& on_progress) {
   constexpr double kEncoding = 0.7;
@@ -244,7 +248,7 @@ ArchivedFilm archive_film(const Camera& camera, const std::string& film, const s
     archived.frames =
         encode(film, contents, quantizer, file, out, [&](double share) { on_progress(kEncoding * share); });
     archived.unreadable = contents.frames - archived.frames;
-    if (archived.frames == 0) throw Error(film + ": none of its pictures can be read");
+    if (archived.frames == 0) throw Error(film + ": none of its frames can be decoded");
     compare(film, out, archived, [&](double share) { on_progress(kEncoding + (1 - kEncoding) * share); });
   }
   archived.bytes_after = fs::file_size(out);
@@ -271,8 +275,8 @@ std::string rig_path(const std::string& recording) {
 std::string film_of(const lf::Rig& rig, const lf::Camera& camera) {
   const std::string film = rig.resolve(camera.source);
   if (!fs::is_regular_file(film))
-    throw lf::Error("camera " + std::to_string(camera.id) + ": its source is not a file" +
-                    (camera.source.empty() ? "" : " (" + film + ")") + ": only recordings can be archived");
+    throw lf::Error("camera " + std::to_string(camera.id) + ": its source is not an existing file" +
+                    (camera.source.empty() ? "" : " (" + film + ")") + "; only recordings can be archived");
   return film;
 }
 
@@ -308,33 +312,36 @@ void print(const lf::Rig& rig, const std::vector<ArchivedFilm>& films, const std
   double worst = INFINITY;
   for (size_t i = 0; i < films.size(); i++) {
     const ArchivedFilm& film = films[i];
-    std::printf("camera %s: %llu frames, %.3f -> %.3f MB, ", name_of(rig.cameras[i]).c_str(),
-                static_cast<unsigned long long>(film.frames), megabytes(film.bytes_before),
-                megabytes(film.bytes_after));
+    terminal::print("camera %s: %llu frames, %.3f -> %.3f MB, ", name_of(rig.cameras[i]).c_str(),
+                    static_cast<unsigned long long>(film.frames), megabytes(film.bytes_before),
+                    megabytes(film.bytes_after));
     if (film.is_copy)
-      std::printf("as it was\n");
+      terminal::print("copied unchanged (not Motion JPEG)\n");
     else
-      std::printf("%.2f dB\n", film.psnr());
+      terminal::print("%.2f dB\n", film.psnr());
     if (film.unreadable > 0)
-      std::printf("  %llu frames that can't be read are left out\n", static_cast<unsigned long long>(film.unreadable));
+      terminal::print("  %llu frames could not be decoded and are left out\n",
+                      static_cast<unsigned long long>(film.unreadable));
     all.bytes_before += film.bytes_before;
     all.bytes_after += film.bytes_after;
     all.squares += film.squares;
     all.pixels += film.pixels;
     if (!film.is_copy) worst = std::min(worst, film.psnr());
   }
-  std::printf("%s: %.2f MB -> %.2f MB, %.2f times smaller", out.c_str(), megabytes(all.bytes_before),
-              megabytes(all.bytes_after), static_cast<double>(all.bytes_before) / static_cast<double>(all.bytes_after));
-  if (all.pixels > 0) std::printf(", %.2f dB of luma (the worst camera %.2f)", all.psnr(), worst);
-  std::printf("\n");
+  terminal::print("%s: %.2f MB -> %.2f MB, %.2f times smaller", out.c_str(), megabytes(all.bytes_before),
+                  megabytes(all.bytes_after),
+                  static_cast<double>(all.bytes_before) / static_cast<double>(all.bytes_after));
+  if (all.pixels > 0) terminal::print(", %.2f dB of luma (the worst camera %.2f)", all.psnr(), worst);
+  terminal::print("\n");
 }
 
-// Writes the rig file last, so that an incomplete folder is not a recording.
+// The rig file is written last, so that an incomplete folder does not look like a recording.
 void run(const Options& options) {
   gst_init(nullptr, nullptr);
   const std::string path = rig_path(options.recording), out = (fs::path(options.out) / "rig.json").string();
   const lf::Rig rig = lf::load_rig(path);
-  if (fs::exists(out)) throw lf::Error(out + ": there is a recording already: name another folder, or remove it first");
+  if (fs::exists(out))
+    throw lf::Error(out + ": contains a recording already; choose another folder, or remove the recording first");
   std::vector<std::string> films;
   for (const lf::Camera& camera : rig.cameras) films.push_back(film_of(rig, camera));
   lf::AtomicFolderUpdate update(options.out);
@@ -352,15 +359,19 @@ void run(const Options& options) {
 int main(int argc, char** argv) {
   Options o;
   cli::App app(
-      "Transcodes a recording from Motion JPEG to H.264 with the same frame times. The result plays like the "
-      "recording. "
-      "Prints file sizes and the PSNR of luma.",
+      "Transcodes a recording from Motion JPEG to H.264 to save disk space. All frames keep their times, so the result "
+      "plays like the original recording. Prints the file sizes and the PSNR of luma.",
       "lf-archive");
-  app.add_option("RECORDING", o.recording, "Folder or rig file of a recording, or a rig with Matroska films as sources")
+  app.add_option("RECORDING", o.recording,
+                 "Folder or rig file of a recording. A rig file that names Matroska films as sources works, too")
       ->required()
       ->check(cli::ExistingPath);
-  app.add_option("--out", o.out, "Folder to write")->required()->type_name("FOLDER");
-  app.add_option("--quantizer", o.quantizer, "Quantizer of x264: smaller values give better quality and larger files")
+  app.add_option("--out", o.out, "Folder to write. It must not contain a recording yet")
+      ->required()
+      ->type_name("FOLDER");
+  app.add_option(
+         "--quantizer", o.quantizer,
+         "Quantizer of x264, which sets the constant quality. Smaller values give better quality and larger files")
       ->capture_default_str()
       ->check(cli::Range(1, 51));
   return cli::run_tool(app, argc, argv, [&] { run(o); });

@@ -24,6 +24,7 @@
 #include "rig/rig_json.h"
 #include "rig/still_image_cache.h"
 #include "scene/scene.h"
+#include "terminal.h"
 #include "view/navigator.h"
 #include "wire/answer_codec.h"
 
@@ -72,17 +73,18 @@ lf::View view_of(const Array& array, const Options& options) {
   int width = camera.width, height = camera.height, end = 0;
   if (!options.size.empty() &&
       (std::sscanf(options.size.c_str(), "%dx%d%n", &width, &height, &end) != 2 || options.size[end] != 0))
-    throw lf::Error("--size " + options.size + ": must be WIDTHxHEIGHT");
+    throw lf::Error("--size " + options.size + ": must be WIDTHxHEIGHT, such as 640x480");
   lf::View view = lf::make_view(lf::default_viewpoint(*array.rig, array.distance), width, height);
   lf::validate(view);
   return view;
 }
 
-// Renders one view repeatedly, from camera images in memory to the final image: a node with all cameras and a
-// compositor in one thread.
+// Renders one view repeatedly, from camera images in memory to the final picture. A node with all cameras and a
+// compositor run in one thread.
 class Link {
  public:
-  // `jpeg`: encode answers as on a network link, with this quality; otherwise 16-bit sums as within a process.
+  // If `jpeg` is true, answers are encoded with this quality, as on a network link. Otherwise they are 16-bit sums
+  // (weighted totals of the cameras' pixels), as within a process.
   Link(const Array& array, const lf::View& view, bool jpeg, int quality, lf::RendererChoice choice)
       : array_(array), choice_(choice) {
     options_.in_process = !jpeg;
@@ -103,19 +105,20 @@ class Link {
     header.cameras = lf::CameraRanges(array_.cameras);
     std::string news;
     options_.gpu = gpu_.open(choice_, news);
-    if (!news.empty()) throw lf::Error("no GPU rendering to measure: " + news);
+    if (!news.empty()) throw lf::Error("the GPU renderer cannot be measured, because it is not available: " + news);
     lf::RenderedAnswer rendered =
         renderer_.render({&plan, std::move(header)}, sources, options_, scratch_, std::move(bytes_));
     gpu_.rendered(choice_, rendered);
     bytes_ = std::move(rendered.bytes);
     const auto answer = lf::wire::parse_answer(bytes_);
     assembly_.begin(request_);
-    if (!answer || assembly_.add(*answer) != lf::Assembly::Verdict::kAdded) throw lf::Error("invalid answer");
+    if (!answer || assembly_.add(*answer) != lf::Assembly::Verdict::kAdded)
+      throw lf::Error("the renderer returned an invalid answer, which is an error of this program");
     assembly_.finish(lf::PixelFamily::kI420, false);
     picture_ = assembly_.picture().resolve();
   }
-  // Returns the minimum time of many renderings, milliseconds. The first rendering, in which a GPU compiles its
-  // shaders, is not counted.
+  // Returns the minimum time of many renderings in milliseconds. The first rendering does not count, because a GPU
+  // compiles its shaders then.
   double time(double seconds) {
     render();
     double least = std::numeric_limits<double>::infinity();
@@ -143,8 +146,8 @@ class Link {
   lf::Image picture_;
 };
 
-// Renders luma with 16-bit sums (7 fraction bits) and exact projections: within 0.1 of 255 of exact arithmetic
-// (docs/reference/error-budget.md). NaN where weight is missing.
+// Renders the luma of a view as a reference, with 16-bit sums (7 fraction bits) and exact projections. The error is at
+// most 0.1 of 255 (docs/reference/error-budget.md). Pixels with missing weight are NaN.
 std::vector<double> exact_luma(const Array& array, const lf::View& view) {
   const lf::RenderJob job(*array.rig, array.mesh, view, array.cameras);
   std::vector<lf::Source> sources;
@@ -189,9 +192,9 @@ void print_speed(const Array& array, const Options& options) {
   const lf::RendererChoice renderer = *lf::renderer_choice(options.renderer);
   const std::string by =
       renderer == lf::RendererChoice::kCpu ? std::string("one thread (") + lf::simd_target_name() + ")" : "one thread";
-  std::printf("%zu cameras, views of %dx%d, %s, from camera images in memory to the picture\n\n", array.cameras.size(),
-              plane.width, plane.height, by.c_str());
-  std::printf("%-34s %8s %8s %10s %10s %9s\n", "", "ms", "views/s", "bytes", "max error", "PSNR, dB");
+  terminal::print("%zu cameras, views of %dx%d, %s, from camera images in memory to the picture\n\n",
+                  array.cameras.size(), plane.width, plane.height, by.c_str());
+  terminal::print("%-34s %8s %8s %10s %10s %9s\n", "", "ms", "views/s", "bytes", "max error", "PSNR, dB");
   std::string drawn_by;
   for (const bool jpeg : {false, true})
     for (const bool through_surface : {false, true}) {
@@ -201,15 +204,16 @@ void print_speed(const Array& array, const Options& options) {
       const Error error = error_of(link.picture(), exact_luma(array, view));
       const std::string name = (jpeg ? "JPEG " + std::to_string(options.quality) : "16-bit sums") +
                                (through_surface ? ", focal surface" : ", one focal plane");
-      std::printf("%-34s %8.2f %8.0f %10zu %10.2f %9.2f\n", name.c_str(), ms, 1000 / ms, link.bytes(), error.max,
-                  error.psnr_db);
+      terminal::print("%-34s %8.2f %8.0f %10zu %10.2f %9.2f\n", name.c_str(), ms, 1000 / ms, link.bytes(), error.max,
+                      error.psnr_db);
       drawn_by = link.drawn_by();
     }
-  if (renderer != lf::RendererChoice::kCpu) std::printf("drawn by %s\n", drawn_by.c_str());
-  std::printf("error: luma, of 255, against unrounded sums at exact positions\n");
+  if (renderer != lf::RendererChoice::kCpu) terminal::print("drawn by %s\n", drawn_by.c_str());
+  terminal::print("error: luma, of 255, against unrounded sums at exact positions\n");
 }
 
-// Selects cameras to hold out: evenly chosen from the inner half of the array, where neighbours surround each camera.
+// Selects the cameras to hold out, evenly from the inner half of the array, where each camera has neighbours on all
+// sides.
 std::vector<lf::CameraIndex> held_out(const lf::Rig& rig, int count) {
   const lf::Vec3 middle = lf::default_viewpoint(rig).pose.position;
   std::vector<lf::CameraIndex> cameras(rig.cameras.size());
@@ -225,7 +229,7 @@ std::vector<lf::CameraIndex> held_out(const lf::Rig& rig, int count) {
 
 void print_quality(const Array& array, const Options& options) {
   const lf::Rig& rig = *array.rig;
-  std::printf(
+  terminal::print(
       "\nheld-out cameras, rendered from the other cameras: PSNR in dB, SSIM; plane at %.3g m, focal surface\n\n"
       "%-18s %15s %17s %9s\n",
       array.distance, "", "plane", "surface", "covered");
@@ -245,11 +249,11 @@ void print_quality(const Array& array, const Options& options) {
     }
     const std::string name = at.name.empty() ? "camera " + std::to_string(at.id) : at.name;
     if (std::isnan(quality[0].psnr_db) || std::isnan(quality[1].psnr_db)) {
-      std::printf("%-18s no common view with other cameras\n", name.c_str());
+      terminal::print("%-18s sees nothing that other cameras see\n", name.c_str());
       continue;
     }
-    std::printf("%-18s %8.2f %6.4f %10.2f %6.4f %9.2f\n", name.c_str(), quality[0].psnr_db, quality[0].ssim,
-                quality[1].psnr_db, quality[1].ssim, quality[1].coverage);
+    terminal::print("%-18s %8.2f %6.4f %10.2f %6.4f %9.2f\n", name.c_str(), quality[0].psnr_db, quality[0].ssim,
+                    quality[1].psnr_db, quality[1].ssim, quality[1].coverage);
     for (int i = 0; i < 2; i++) {
       mean[i].psnr_db += quality[i].psnr_db;
       mean[i].ssim += quality[i].ssim;
@@ -257,8 +261,8 @@ void print_quality(const Array& array, const Options& options) {
     judged++;
   }
   if (judged > 0)
-    std::printf("%-18s %8.2f %6.4f %10.2f %6.4f\n", "mean", mean[0].psnr_db / judged, mean[0].ssim / judged,
-                mean[1].psnr_db / judged, mean[1].ssim / judged);
+    terminal::print("%-18s %8.2f %6.4f %10.2f %6.4f\n", "mean", mean[0].psnr_db / judged, mean[0].ssim / judged,
+                    mean[1].psnr_db / judged, mean[1].ssim / judged);
 }
 
 }  // namespace
@@ -266,21 +270,35 @@ void print_quality(const Array& array, const Options& options) {
 int main(int argc, char** argv) {
   Options o;
   cli::App app(
-      "Measures an array on this machine: speed, bytes and error of its views, and the quality of held-out "
-      "cameras "
-      "rendered from the remaining cameras. Without --rig: 64 cameras in the built-in scene.",
+      "Measures how well this machine renders an array: the speed, size and rounding error of its views. Also measures "
+      "the picture quality by rendering held-out cameras from the remaining cameras. Without --rig, the array is 64 "
+      "cameras in the built-in scene.",
       "lf-bench");
-  app.add_option("--rig", o.rig, "Rig file with still images of one instant (lf-rig snapshot)");
-  app.add_option("--size", o.size, "Size of the views (default: a camera's)")->type_name("WxH");
-  app.add_option("--focus-distance", o.distance, "Metres (default: estimated)")->check(cli::PositiveNumber);
-  app.add_option("--held-out", o.held_out, "Number of held-out cameras")
+  app.add_option(
+      "--rig", o.rig,
+      "Rig file with one still image per camera, all taken at the same time, such as lf-rig snapshot writes");
+  app.add_option("--size", o.size, "Size of the rendered views, in pixels (default: the size of a camera image)")
+      ->type_name("WxH");
+  app.add_option("--focus-distance", o.distance,
+                 "Distance of the focal plane, in metres (default: estimated from the images)")
+      ->check(cli::PositiveNumber);
+  app.add_option("--held-out", o.held_out,
+                 "Number of cameras to hold out. Each of them is rendered from the remaining cameras and compared with "
+                 "its own image (0: skip this measurement)")
       ->capture_default_str()
       ->check(cli::NonNegativeNumber);
-  app.add_option("--quality", o.quality, "JPEG quality")->capture_default_str()->check(cli::Range(1, 100));
-  app.add_option("--renderer", o.renderer, "Renderer, see lffragment")
+  app.add_option("--quality", o.quality,
+                 "JPEG quality of the answers, the compressed partial views that a camera host sends over the network")
+      ->capture_default_str()
+      ->check(cli::Range(1, 100));
+  app.add_option("--renderer", o.renderer,
+                 "Renderer of the views. cpu: SIMD code on the CPU; gl: OpenGL ES on a GPU; auto: the faster one on "
+                 "this machine")
       ->capture_default_str()
       ->check(cli::IsMember({"cpu", "gl", "auto"}));
-  app.add_option("--seconds", o.seconds, "Duration of each timing")->capture_default_str()->check(cli::PositiveNumber);
+  app.add_option("--seconds", o.seconds, "Duration of each timing, in seconds. Longer timings vary less")
+      ->capture_default_str()
+      ->check(cli::PositiveNumber);
   return cli::run_tool(app, argc, argv, [&] {
     const std::unique_ptr<Array> array = load(o);
     print_speed(*array, o);

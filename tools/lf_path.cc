@@ -8,6 +8,7 @@
 #include "command_line.h"
 #include "render/focus_range.h"
 #include "rig/rig_json.h"
+#include "terminal.h"
 #include "view/navigator.h"
 #include "view/view_path.h"
 
@@ -24,7 +25,6 @@ bool stands_still(const lf::Rig& rig) {
                      [](const lf::Camera& c) { return c.source.empty() && !c.image.empty(); });
 }
 
-// Returns the focus range from the command line, otherwise from the images, otherwise from the size of the array.
 lf::FocusRange focus_of(const Options& options, const lf::Rig& rig) {
   lf::FocusRange focus{options.near, options.far};
   if (focus.near > 0 && focus.far > 0) return focus;
@@ -45,8 +45,8 @@ void run(Options& options) {
   const lf::FocusRange focus = focus_of(options, rig);
   options.tour.still = stands_still(rig);
   lf::save_views(lf::make_tour(rig, focus, options.tour), options.out);
-  std::printf("%s: %d views, focus from %.4g to %.4g m\n", options.out.c_str(), options.tour.frames, focus.near,
-              focus.far);
+  terminal::print("%s: %d views, focus from %.4g to %.4g m\n", options.out.c_str(), options.tour.frames, focus.near,
+                  focus.far);
 }
 
 }  // namespace
@@ -54,19 +54,30 @@ void run(Options& options) {
 int main(int argc, char** argv) {
   Options o;
   cli::App app(
-      "Writes a smooth camera path with changing focus through a rig. All views have time 0 if the rig has stills.",
+      "Writes a smooth camera path through a rig, for lf-render, lf-serve --path or lfviewsrc. The viewpoint stays "
+      "inside the array, and the focus distance changes along the path. If the rig has still images instead of videos, "
+      "all views have time 0.",
       "lf-path");
-  app.add_option("--rig", o.rig, "rig file")->required()->type_name("RIG.json");
-  app.add_option("--out", o.out, "file to write")->required()->type_name("VIEWS.json");
-  app.add_option("--near", o.near, "nearest focus, metres (0: from the images)")->check(cli::NonNegativeNumber);
-  app.add_option("--far", o.far, "farthest focus, metres (0: from the images)")->check(cli::NonNegativeNumber);
-  app.add_option("--frames", o.tour.frames, "number of views")->capture_default_str()->check(cli::Range(1, 1000000));
-  app.add_option("--framerate", o.tour.rate_hz, "views per second")->capture_default_str()->check(cli::PositiveNumber);
-  app.add_option("--width", o.tour.width, "width of the views, pixels (0: as the cameras)")
+  app.add_option("--rig", o.rig, "Rig file of the array")->required()->type_name("RIG.json");
+  app.add_option("--out", o.out, "Views file to write")->required()->type_name("VIEWS.json");
+  app.add_option("--near", o.near, "Minimum focus distance, in metres (0: estimated from the images)")
+      ->check(cli::NonNegativeNumber);
+  app.add_option("--far", o.far, "Maximum focus distance, in metres (0: estimated from the images)")
+      ->check(cli::NonNegativeNumber);
+  app.add_option("--frames", o.tour.frames, "Number of views along the path")
+      ->capture_default_str()
+      ->check(cli::Range(1, 1000000));
+  app.add_option("--framerate", o.tour.rate_hz,
+                 "Frame rate of the path, in views per second. It determines the times of the views")
+      ->capture_default_str()
+      ->check(cli::PositiveNumber);
+  app.add_option("--width", o.tour.width, "Width of the views, in pixels (0: the width of the cameras)")
       ->check(cli::Range(0, lf::kMaxImageSize));
-  app.add_option("--height", o.tour.height, "height of the views, pixels (0: as the cameras)")
+  app.add_option("--height", o.tour.height, "Height of the views, in pixels (0: the height of the cameras)")
       ->check(cli::Range(0, lf::kMaxImageSize));
-  app.add_option("--room", o.tour.room, "width reserved for sets of views: metres between the outermost eyes")
+  app.add_option("--room", o.tour.room,
+                 "Distance between the outermost eyes of a multi-view display, in metres. The path stays this much "
+                 "farther from the sides of the array, so that all eyes remain inside")
       ->capture_default_str()
       ->check(cli::NonNegativeNumber);
   return cli::run_tool(app, argc, argv, [&] { run(o); });

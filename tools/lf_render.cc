@@ -14,6 +14,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "base/file.h"
 #include "base/json_value.h"
 #include "base/text.h"
 #include "command_line.h"
@@ -29,20 +30,20 @@
 #include "render/focus_range.h"
 #include "rig/rig_json.h"
 #include "rig/still_image_cache.h"
+#include "terminal.h"
 #include "view/view_path.h"
 
 namespace {
 
-// Result of one view: a row of the table and an entry of the JSON file.
+// The result of one view: a row of the table, and an entry of the JSON file.
 struct QualityRow {
   std::string name;
-  std::optional<lf::Quality> quality;  // compared with ground truth; nullopt: no truth
+  std::optional<lf::Quality> quality;
   double coverage = 0;
   double cameras = 0;
   double ms = 0;
 };
 
-// Quality is averaged over the views with coverage.
 QualityRow mean_of(const std::vector<QualityRow>& rows) {
   QualityRow mean{"mean"};
   lf::Quality quality;
@@ -66,12 +67,12 @@ QualityRow mean_of(const std::vector<QualityRow>& rows) {
 }
 
 void print_row(const QualityRow& row, int name_width) {
-  std::printf("%-*s", name_width, row.name.c_str());
+  terminal::print("%-*s", name_width, row.name.c_str());
   if (row.quality)
-    std::printf("  %8.3f  %7.5f  %9d", row.quality->psnr_db, row.quality->ssim, row.quality->max_error);
+    terminal::print("  %8.3f  %7.5f  %9d", row.quality->psnr_db, row.quality->ssim, row.quality->max_error);
   else
-    std::printf("  %8s  %7s  %9s", "-", "-", "-");
-  std::printf("  %8.4f  %7.4g  %8.1f\n", row.coverage, row.cameras, row.ms);
+    terminal::print("  %8s  %7s  %9s", "-", "-", "-");
+  terminal::print("  %8.4f  %7.4g  %8.1f\n", row.coverage, row.cameras, row.ms);
 }
 
 nlohmann::ordered_json to_json(const QualityRow& row) {
@@ -94,14 +95,15 @@ void print_table(const std::vector<QualityRow>& rows) {
   size_t width = 4;
   for (const QualityRow& row : rows) width = std::max(width, row.name.size());
   const int name_width = static_cast<int>(width);
-  std::printf("%-*s  %8s  %7s  %9s  %8s  %7s  %8s\n", name_width, "view", "psnr_db", "ssim", "max_error", "coverage",
-              "cameras", "ms");
+  terminal::print("%-*s  %8s  %7s  %9s  %8s  %7s  %8s\n", name_width, "view", "psnr_db", "ssim", "max_error",
+                  "coverage", "cameras", "ms");
   for (const QualityRow& row : rows) print_row(row, name_width);
   print_row(mean_of(rows), name_width);
 }
 
-// {"views": [{"name", "psnr_db", "ssim", "max_error", "coverage", "cameras", "ms"}, ...], "mean": {...}}. JSON has no
-// infinity, so identical images (max_error 0) and views without truth have null. Throws lf::Error that names the file.
+// Writes {"views": [{"name", "psnr_db", "ssim", "max_error", "coverage", "cameras", "ms"}, ...], "mean": {...}}. JSON
+// has no infinity, so the PSNR of identical images (max_error 0) is null, as without ground truth. Throws lf::Error
+// that names the file.
 void write_json(const std::vector<QualityRow>& rows, const std::string& path) {
   nlohmann::ordered_json json;
   json["views"] = nlohmann::ordered_json::array();
@@ -114,7 +116,7 @@ void write_json(const std::vector<QualityRow>& rows, const std::string& path) {
 struct Options {
   std::string rig, views, out, truth, cameras, json;
   int every = 1;
-  double distance = 0;  // of the focal plane, metres
+  double distance = 0;  // distance of the focal plane, metres
   bool i420 = false, leave_one_out = false;
   std::string focus = "surface", resampling = "sharpened", gains = "auto", renderer = "cpu";
   double aperture = 0;  // metres
@@ -150,8 +152,8 @@ struct Rendered {
 lf::Quality quality_against(const Rendered& out, const std::string& truth_file) {
   const lf::Image truth = lf::load_image(truth_file);
   if (truth.width() != out.rgb.width() || truth.height() != out.rgb.height())
-    throw lf::Error(truth_file + ": has " + lf::size_text(truth.width(), truth.height()) + " pixels, the view has " +
-                    lf::size_text(out.rgb.width(), out.rgb.height()));
+    throw lf::Error(truth_file + ": has " + lf::size_text(truth.width(), truth.height()) +
+                    " pixels, but the view has " + lf::size_text(out.rgb.width(), out.rgb.height()));
   return lf::compare(out.rgb, truth, out.coverage);
 }
 
@@ -160,8 +162,8 @@ class Renderer {
   Renderer(const lf::Rig& rig, const Options& options)
       : rig_(rig), options_(options), images_(rig, options.i420 ? lf::PixelFamily::kI420 : lf::PixelFamily::kRgb) {}
 
-  // Finds the focal surface. Exposure gains are not compensated for --leave-one-out, which compares the cameras with
-  // each other.
+  // Adds a focal surface (the depth of each pixel) to the view, if the options select this. Exposure gains are not
+  // compensated for --leave-one-out, which compares the cameras with each other.
   lf::View focused(const lf::Mesh& mesh, const lf::View& view) {
     gains_ = {};
     if (options_.focus == "plane") return view;
@@ -177,7 +179,7 @@ class Renderer {
     reading_ = 0;
     const Clock::time_point start = Clock::now();
     Rendered out = still(name, mesh, focused(mesh, view));
-    out.row.ms = ms_since(start) - reading_;  // excludes the time to read images
+    out.row.ms = ms_since(start) - reading_;
     return out;
   }
   Rendered still(const std::string& name, const lf::Mesh& mesh, const lf::View& focused) {
@@ -208,7 +210,7 @@ class Renderer {
   std::shared_ptr<lf::gl::GlesRenderer> gpu_renderer() {
     std::string news;
     std::shared_ptr<lf::gl::GlesRenderer> gpu = gpu_.open(choice_, news);
-    if (!news.empty()) std::fprintf(stderr, "lf-render: %s\n", news.c_str());
+    if (!news.empty()) terminal::print_error("lf-render: %s\n", news.c_str());
     return gpu;
   }
   const lf::Image& read(lf::CameraIndex camera) {
@@ -231,11 +233,12 @@ class Renderer {
   lf::StillImageCache images_;
   lf::Image rgb_, matched_;
   lf::ExposureCompensation gains_;  // exposure gains of the current view; images are divided by their gain
-  double reading_ = 0;              // milliseconds spent reading images of the current view
+  double reading_ = 0;              // time to read images of the current view, milliseconds
   const lf::CameraImages image_of_ = [this](lf::CameraIndex camera) -> const lf::Image& { return read(camera); };
 };
 
-// Predicts each camera from the others, as CameraMonitor does in a running array.
+// Renders each camera from all other cameras, like the camera monitor of a running array, and compares the result with
+// the camera's image.
 class Predictor {
  public:
   Predictor(const lf::Rig& rig, const Options& options)
@@ -253,14 +256,14 @@ class Predictor {
     return out;
   }
 
-  // Returns the monitor's verdict after all cameras in service have been predicted.
+  // Returns the verdict of the camera monitor. Call this after all cameras in service have been predicted.
   lf::CameraMonitor watch() {
     lf::CameraMonitor monitor(rig_);
     const size_t most = kMostTurns * rig_.cameras.size();
     for (auto camera = monitor.next(out_); camera && monitor.turns() < most; camera = monitor.next(out_)) {
       lf::CameraSet without;
       std::ranges::set_union(out_, monitor.suspected(), std::back_inserter(without));
-      // A faulty camera also disturbs the focus of views to which it contributes.
+      // A faulty camera also disturbs the focus of other views, so the views are focused again without the camera.
       const lf::View focused = monitor.suspects().empty()
                                    ? focused_.at(*camera)
                                    : renderer_.focused(lf::build_mesh(rig_, with(without, *camera)), view_of(*camera));
@@ -303,15 +306,19 @@ class Predictor {
   std::map<lf::CameraIndex, lf::View> focused_;
 };
 
-// A badly predicted camera has a wrong calibration, colour or focus, or it sees something that no other camera sees.
+// Predicts each camera from its neighbours and reports the errors. A bad prediction means a wrong calibration, colour
+// or focus, or that the camera sees something that no other camera sees.
 void leave_one_out(const lf::Rig& rig, const Options& options) {
   Predictor predictor(rig, options);
   Progress progress("leaving out", rig.cameras.size());
   std::vector<QualityRow> rows;
+  std::vector<std::string> names;
+  for (lf::CameraIndex i = 0; i < rig.cameras.size(); i++) names.push_back(predictor.name_of(i));
+  const std::vector<std::string> files = flat_file_names(names);
   for (lf::CameraIndex i = 0; i < rig.cameras.size(); i++, progress.step()) {
     if (!predictor.is_in_service(i)) continue;
     const Rendered out = predictor.predict(i);
-    if (out.row.coverage > 0) lf::save_image(out.rgb, options.out + "/" + flat_file_name(out.row.name) + ".png");
+    if (out.row.coverage > 0) lf::save_image(out.rgb, options.out + "/" + files[i] + ".png");
     rows.push_back(out.row);
   }
   progress.finish();
@@ -319,10 +326,12 @@ void leave_one_out(const lf::Rig& rig, const Options& options) {
   const lf::CameraMonitor monitor = predictor.watch();
   for (const auto& [camera, fault] : monitor.suspects()) {
     using Fault = lf::CameraMonitor::Fault;
-    std::printf("%s stands out (%.1f dB): it %s\n", predictor.name_of(camera).c_str(), monitor.error(camera).psnr_db,
-                fault == Fault::kColour      ? "is brighter or darker than the other cameras"
-                : fault == Fault::kDirection ? "has another direction than in the rig"
-                                             : "is out of focus, dirty or covered, or sees what no other camera sees");
+    terminal::print("%s stands out (%.1f dB): it %s\n", predictor.name_of(camera).c_str(),
+                    monitor.error(camera).psnr_db,
+                    fault == Fault::kColour ? "is brighter or darker than the rest of the array"
+                    : fault == Fault::kDirection
+                        ? "has another direction than the rig file states"
+                        : "is out of focus, dirty or covered, or it sees something that no other camera sees");
   }
   if (!options.json.empty()) write_json(rows, options.json);
 }
@@ -331,10 +340,8 @@ void run(const Options& options) {
   lf::Rig rig = lf::load_rig(options.rig);
   if (options.every != 1) rig = lf::subsample_grid(rig, options.every);
   if (const std::string notice = lf::orientation_notice(rig); !notice.empty())
-    std::fprintf(stderr, "warning: %s\n", notice.c_str());
-  std::error_code error;
-  std::filesystem::create_directories(options.out, error);
-  if (error) throw lf::Error(options.out + ": can't be made: " + error.message());
+    terminal::print_error("warning: %s\n", notice.c_str());
+  lf::make_folder(options.out);
 
   lf::validate(options.blending());
   if (options.leave_one_out) return leave_one_out(rig, options);
@@ -361,53 +368,79 @@ void run(const Options& options) {
 int main(int argc, char** argv) {
   Options options;
   cli::App app("Renders stills of a light field from the images that its rig file names.", "lf-render");
-  app.add_option("--rig", options.rig, "Rig file (rig.json)")->required();
-  cli::Option* views = app.add_option("--views", options.views, "Views to render (views.json)");
+  app.add_option("--rig", options.rig, "Rig file (rig.json) with one still image per camera")->required();
+  cli::Option* views = app.add_option("--views", options.views, "Views file (views.json) with the views to render");
   cli::Option* leave_one_out =
       app.add_flag("--leave-one-out", options.leave_one_out,
-                   "Instead of views: predict every camera from the remaining cameras and report faulty cameras");
+                   "Check the cameras instead of rendering views. Each camera is rendered from the remaining cameras "
+                   "and compared with its own image, and cameras that differ unusually are reported as faulty");
   views->excludes(leave_one_out);
-  app.add_option("--out", options.out, "Folder for NAME.png of each view; created if missing")->required();
-  app.add_option("--truth", options.truth, "Folder with NAME.png to compare with")->excludes(leave_one_out);
-  app.add_option("--every", options.every, "Use rows and columns 0, N, 2N, ... of a grid");
-  app.add_option("--cameras", options.cameras, "Ids of the cameras in service, such as 0-3,7 (default: all)");
-  app.add_option("--json", options.json, "Write the table to this file as well");
-  app.add_option("--focus", options.focus, "Focus on a surface, found from the views' plane, or on that plane")
+  app.add_option("--out", options.out, "Folder that receives NAME.png for each view. It is created if necessary")
+      ->required();
+  app.add_option("--truth", options.truth,
+                 "Folder with the ground truth of each view as NAME.png. The table then contains the PSNR and the SSIM "
+                 "of each view")
+      ->excludes(leave_one_out);
+  app.add_option("--every", options.every,
+                 "Use only every N-th row and column of a grid, starting with row and column 0");
+  app.add_option("--cameras", options.cameras,
+                 "Ids of the cameras to use, for example 0-3,7. All other cameras are treated as out of service "
+                 "(default: all cameras)");
+  app.add_option("--json", options.json, "JSON file that receives the results, in addition to the printed table");
+  app.add_option("--focus", options.focus,
+                 "Focus of the views. plane: only the focal plane of each view is in focus. surface: the depth of each "
+                 "pixel is estimated, so that the whole picture is in focus")
       ->capture_default_str()
       ->check(cli::IsMember({"plane", "surface"}));
   cli::Option* focus_near =
-      app.add_option("--focus-near", options.surface.near, "Minimum distance of the surface, metres from the array")
+      app.add_option("--focus-near", options.surface.near,
+                     "Minimum distance of the surface from the array, in metres (default: estimated)")
           ->check(cli::NonNegativeNumber);
   cli::Option* focus_far =
-      app.add_option("--focus-far", options.surface.far, "Maximum distance")->check(cli::NonNegativeNumber);
-  app.add_option("--focus-distance", options.distance, "Focus distance of predictions, metres (default: estimated)")
+      app.add_option("--focus-far", options.surface.far,
+                     "Maximum distance of the surface from the array, in metres (default: estimated)")
+          ->check(cli::NonNegativeNumber);
+  app.add_option("--focus-distance", options.distance,
+                 "Distance of the focal plane for --leave-one-out, in metres (default: estimated from the images)")
       ->check(cli::PositiveNumber)
       ->needs(leave_one_out);
-  cli::Option* aperture = app.add_option("--aperture", options.aperture,
-                                         "Diameter of a synthetic aperture, metres (default: three cameras per pixel)");
+  cli::Option* aperture = app.add_option(
+      "--aperture", options.aperture,
+      "Diameter of a synthetic aperture, in metres. All cameras within the aperture contribute to a pixel, so objects "
+      "out of focus blur as behind a large lens (default: the three cameras around the line of sight contribute)");
   app.add_option("--nearest-cameras", options.nearest_cameras,
-                 "Cameras per pixel, weighted by angle, resolution and field of view (default: three, by the mesh)")
+                 "Number of cameras per pixel. The cameras with the most similar view of the point are selected, by "
+                 "angle, resolution and field of view. This suits irregular arrays (default: the three cameras around "
+                 "the line of sight)")
       ->excludes(aperture);
-  app.add_option("--resampling", options.resampling, "Image sampling, see lffragment")
+  app.add_option("--resampling", options.resampling,
+                 "Sampling of the camera images. sharpened restores most of the detail that bilinear sampling loses")
       ->capture_default_str()
       ->check(cli::IsMember({"bilinear", "sharpened"}));
   cli::Option* gains = app.add_option("--gains", options.gains,
-                                      "Exposure compensation on a surface (auto: on unless the rig has colour models)")
+                                      "Exposure compensation with --focus surface, which matches the brightness of "
+                                      "each camera to the array (auto: on unless the rig has colour models)")
                            ->capture_default_str()
                            ->check(cli::IsMember({"auto", "on", "off"}))
                            ->excludes(leave_one_out);
-  app.add_option("--renderer", options.renderer, "Renderer, see lffragment")
+  app.add_option("--renderer", options.renderer,
+                 "Renderer of the views. cpu: SIMD code on the CPU; gl: OpenGL ES on a GPU; auto: the faster one on "
+                 "this machine")
       ->capture_default_str()
       ->check(cli::IsMember({"cpu", "gl", "auto"}));
-  app.add_flag("--i420", options.i420, "Render in YCbCr 4:2:0 as video sources would");
+  app.add_flag("--i420", options.i420,
+               "Convert the images to YCbCr 4:2:0 before rendering. The results are then the same as with video "
+               "sources, which deliver this format");
   return cli::run_tool(app, argc, argv, [&] {
-    if (options.views.empty() && !options.leave_one_out) throw lf::Error("give --views or --leave-one-out");
+    if (options.views.empty() && !options.leave_one_out)
+      throw lf::Error("nothing to do: give --views or --leave-one-out");
     if (options.focus == "plane")
       for (const auto& [option, name] :
            {std::pair(focus_near, "--focus-near"), {focus_far, "--focus-far"}, {gains, "--gains"}})
-        if (*option) throw lf::Error(std::string(name) + ": only for --focus surface");
+        if (*option)
+          throw lf::Error(std::string(name) + ": has no effect with --focus plane; omit it, or use --focus surface");
     if (options.surface.far > 0 && options.surface.near >= options.surface.far)
-      throw lf::Error("--focus-near: must be nearer than --focus-far");
+      throw lf::Error("--focus-near: must be less than --focus-far");
     run(options);
   });
 }

@@ -13,6 +13,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "base/file.h"
 #include "base/json_value.h"
 #include "base/maths.h"
 #include "base/text.h"
@@ -25,6 +26,7 @@
 #include "rig/rig_json.h"
 #include "rig/still_image_cache.h"
 #include "scene/scene.h"
+#include "terminal.h"
 #include "view/view_path.h"
 
 namespace {
@@ -34,7 +36,7 @@ struct Options {
   bool scene = false;
 };
 
-// Message "lightfield-view" of lfcompositor about one picture.
+// The message "lightfield-view" that lfcompositor posts for each picture.
 struct ViewLogEntry {
   double clock = 0;  // seconds; when the message was printed
   uint32_t sequence = 0;
@@ -42,7 +44,6 @@ struct ViewLogEntry {
   uint64_t bytes = 0, trial_bytes = 0, latency_ns = 0;
 };
 
-// Returns the text of `name=(type)value` up to the next comma or semicolon.
 std::optional<std::string> field(const std::string& line, const std::string& name) {
   const size_t at = line.find(" " + name + "=(");
   if (at == std::string::npos) return std::nullopt;
@@ -50,8 +51,8 @@ std::optional<std::string> field(const std::string& line, const std::string& nam
   return line.substr(begin, line.find_first_of(",;", begin) - begin);
 }
 
-// Reads the output of `gst-launch-1.0 -m`, with a clock in front of each line (seconds, bash's $EPOCHREALTIME). Ignores
-// other lines. Throws lf::Error if the file can't be read or contains no such message.
+// Reads the "lightfield-view" messages from the output of `gst-launch-1.0 -m`, where each line begins with a time in
+// seconds (bash's $EPOCHREALTIME). Throws lf::Error if the file is unreadable or contains no such message.
 std::vector<ViewLogEntry> read_view_log(const std::string& path) {
   std::vector<ViewLogEntry> entries;
   std::istringstream text(lf::read_text_file(path));
@@ -59,7 +60,7 @@ std::vector<ViewLogEntry> read_view_log(const std::string& path) {
     if (line.find(" lightfield-view,") == std::string::npos) continue;
     const auto number = [&](const char* name) -> uint64_t {
       const std::optional<std::string> value = field(line, name);
-      if (!value) throw lf::Error(path + ": a message without " + name + ": " + line);
+      if (!value) throw lf::Error(path + ": a lightfield-view message has no field " + name + ": " + line);
       return std::strtoull(value->c_str(), nullptr, 10);
     };
     ViewLogEntry entry;
@@ -71,20 +72,26 @@ std::vector<ViewLogEntry> read_view_log(const std::string& path) {
     entry.latency_ns = number("latency-ns");
     entries.push_back(entry);
   }
-  if (entries.empty()) throw lf::Error(path + ": no lightfield-view messages: the pipeline made no pictures");
+  if (entries.empty())
+    throw lf::Error(path + ": contains no lightfield-view messages, so the pipeline has rendered no pictures");
   return entries;
 }
 
-// Reads the output of `video/x-raw,format=RGB ! filesink`: consecutive frames with rows padded to four bytes.
+// Reads raw video written by `video/x-raw,format=RGB ! filesink`: consecutive frames, with rows padded to four bytes.
 class RawFrames {
  public:
   RawFrames(const std::string& path, int width, int height)
-      : path_(path), file_(path, std::ios::binary), width_(width), height_(height), stride_((width * 3 + 3) / 4 * 4) {
+      : path_(path), width_(width), height_(height), stride_((width * 3 + 3) / 4 * 4) {
+    std::error_code error;
+    if (const auto status = std::filesystem::status(path, error);
+        std::filesystem::exists(status) && !std::filesystem::is_regular_file(status))
+      throw lf::Error(path + ": can't be read: it is not a regular file");  // opening a FIFO may wait for ever
+    file_.open(path, std::ios::binary);
     if (!file_) throw lf::Error(path + ": can't be read");
     const uint64_t bytes = std::filesystem::file_size(path), frame = static_cast<uint64_t>(stride_) * height;
     if (bytes == 0 || bytes % frame != 0)
-      throw lf::Error(path + ": size is not a multiple of RGB frames of " + std::to_string(width) + "x" +
-                      std::to_string(height));
+      throw lf::Error(path + ": must contain raw RGB frames, but its size is not a multiple of a frame of " +
+                      std::to_string(width) + "x" + std::to_string(height));
     count_ = bytes / frame;
   }
   size_t count() const { return count_; }
@@ -96,7 +103,7 @@ class RawFrames {
       file_.read(row.data(), stride_);
       std::copy_n(row.begin(), width_ * 3, image.pixel(0, y));
     }
-    if (!file_) throw lf::Error(path_ + ": can't be read to its end");
+    if (!file_) throw lf::Error(path_ + ": cannot be read to its end");
     return image;
   }
 
@@ -116,7 +123,6 @@ double focus_distance(const lf::View& view) {
   return -view.focus.plane.signed_distance(view.pose.position) / along;
 }
 
-// PSNR of a picture, dB; NaN without ground truth or coverage.
 struct Psnr {
   double surface = std::nan(""), plane = std::nan("");
 };
@@ -137,7 +143,6 @@ Psnr psnr_of(const Run& run, const lf::NamedView& view, const lf::Image& surface
   return {lf::compare(surface, truth, coverage).psnr_db, lf::compare(plane, truth, coverage).psnr_db};
 }
 
-// Returns the mean over the views with a known PSNR; nullopt: none.
 std::optional<double> mean_psnr(const std::vector<Psnr>& all, double Psnr::*of) {
   double sum = 0, judged = 0;
   for (const Psnr& psnr : all) {
@@ -174,8 +179,6 @@ std::string with_psnr(const std::string& title, double psnr_db) {
   return title + text;
 }
 
-// Shows the views with the nearest and the farthest focal plane beside the ground truth, then the cameras that
-// contribute to a view.
 lf::Image sheet_of(const Run& run, RawFrames& surface, RawFrames& plane, bool scene, const std::string& foot) {
   lf::StillImageCache files(run.rig);
   const auto image_of = [&](lf::CameraIndex i) -> const lf::Image& { return files.get(i); };
@@ -199,7 +202,6 @@ lf::Image sheet_of(const Run& run, RawFrames& surface, RawFrames& plane, bool sc
         {with_psnr("one plane at " + metres(focus_distance(view.view)), run.psnr[i].plane), plane.read(i)});
     panels.push_back({with_psnr("focal surface", run.psnr[i].surface), surface.read(i)});
   }
-  // Selects the view with the most contributing cameras.
   const size_t rich = index_of_largest(
       n, [&](size_t i) { return lf::ViewPlan(run.rig, run.mesh, run.views[i].view).contributors().size(); });
   const lf::NamedView& view = run.views[rich];
@@ -222,11 +224,11 @@ void run_report(const Options& options) {
   const lf::View& first = run.views[0].view;
   RawFrames frames(options.frames, first.width, first.height), plane(options.plane, first.width, first.height);
   if (frames.count() > run.views.size() || frames.count() != run.log.size())
-    throw lf::Error(options.frames + ": has " + std::to_string(frames.count()) + " pictures for " +
+    throw lf::Error(options.frames + ": has " + std::to_string(frames.count()) + " pictures, but there are " +
                     std::to_string(run.views.size()) + " views and " + std::to_string(run.log.size()) + " messages");
   if (plane.count() != frames.count())
-    throw lf::Error(options.plane + ": has " + std::to_string(plane.count()) + " pictures, " + options.frames + " " +
-                    std::to_string(frames.count()));
+    throw lf::Error(options.plane + ": has " + std::to_string(plane.count()) + " pictures, but " + options.frames +
+                    " has " + std::to_string(frames.count()));
   run.views.resize(frames.count());
   run.psnr.resize(frames.count());
   const double n = static_cast<double>(frames.count());
@@ -243,7 +245,8 @@ void run_report(const Options& options) {
   report["frames"] = frames.count();
   const double seconds = run.log.back().clock - run.log.front().clock;
   report["fps"] = seconds > 0 ? nlohmann::ordered_json((n - 1) / seconds) : nullptr;
-  // Uses the live run, if there is one, because it has only one request in flight.
+  // Prefers the live run for latencies. A live run has only one request in flight, so its times contain no waiting in
+  // queues.
   lf::Percentiles latency(1 << 20);
   for (const ViewLogEntry& entry : read_view_log(options.live_log.empty() ? options.log : options.live_log))
     latency.add(entry.latency_ns);
@@ -269,26 +272,42 @@ void run_report(const Options& options) {
       bytes / 1e3, trial_bytes / 1e3, psnr);
   const size_t incomplete = static_cast<size_t>(
       std::count_if(run.log.begin(), run.log.end(), [](const ViewLogEntry& entry) { return !entry.complete; }));
-  if (incomplete > 0) std::fprintf(stderr, "lf-report: %zu of %zu frames are incomplete\n", incomplete, run.log.size());
+  if (incomplete > 0)
+    terminal::print_error("lf-report: %zu of %zu pictures are incomplete\n", incomplete, run.log.size());
 
+  lf::make_folder(options.out);
   lf::save_image(sheet_of(run, frames, plane, options.scene, foot), options.out + "/sheet.png");
   lf::write_text_file(report.dump(1) + "\n", options.out + "/report.json");
-  std::printf("%s\n", report.dump(1).c_str());
+  terminal::print("%s\n", report.dump(1).c_str());
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
   Options o;
-  cli::App app("Summarizes a run of a light field pipeline in report.json and sheet.png, and prints report.json.",
-               "lf-report");
-  app.add_option("--rig", o.rig, "rig file")->required()->type_name("RIG.json");
-  app.add_option("--views", o.views, "requested views")->required()->type_name("VIEWS.json");
-  app.add_option("--frames", o.frames, "pictures, raw RGB video written by filesink")->required();
-  app.add_option("--plane", o.plane, "pictures of the same views with lfcompositor focus=plane")->required();
-  app.add_option("--log", o.log, "output of gst-launch-1.0 -m with a clock in front of each line")->required();
-  app.add_option("--live-log", o.live_log, "log of a live run, for the latency with one request in flight");
-  app.add_flag("--scene", o.scene, "compare with the ground truth of the built-in scene");
-  app.add_option("--out", o.out, "folder to write to")->required()->type_name("DIR");
+  cli::App app(
+      "Summarizes a run of a light field pipeline: picture quality, latency and bytes. Writes report.json and the "
+      "contact sheet sheet.png, and prints report.json.",
+      "lf-report");
+  app.add_option("--rig", o.rig, "Rig file that the pipeline used")->required()->type_name("RIG.json");
+  app.add_option("--views", o.views, "Views file with the views that the pipeline rendered")
+      ->required()
+      ->type_name("VIEWS.json");
+  app.add_option("--frames", o.frames, "Rendered pictures as raw RGB video, written by filesink")->required();
+  app.add_option("--plane", o.plane,
+                 "Pictures of the same views, rendered with lfcompositor focus=plane, as raw RGB video. The report "
+                 "compares these pictures with --frames")
+      ->required();
+  app.add_option(
+         "--log", o.log,
+         "Output of gst-launch-1.0 -m, where each line begins with the time of day in seconds (bash's $EPOCHREALTIME)")
+      ->required();
+  app.add_option("--live-log", o.live_log,
+                 "Output of a live run, in the format of --log. Latency is then measured in this run, because a live "
+                 "pipeline has only one request in flight");
+  app.add_flag("--scene", o.scene,
+               "Compare the pictures with the ground truth of the built-in scene. The cameras of the rig must have "
+               "filmed this scene");
+  app.add_option("--out", o.out, "Folder that receives report.json and sheet.png")->required()->type_name("DIR");
   return cli::run_tool(app, argc, argv, [&] { run_report(o); });
 }

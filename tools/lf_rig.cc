@@ -15,6 +15,7 @@
 #include "base/json_value.h"
 #include "base/text.h"
 #include "cameras/commands.h"
+#include "cameras/film_check.h"
 #include "cameras/rig_cameras.h"
 #include "command_line.h"
 #include "render/contribution_map.h"
@@ -23,7 +24,9 @@
 #include "rig/rig.h"
 #include "rig/rig_json.h"
 #include "rig/rig_report.h"
+#include "rig/source_security.h"
 #include "rig/still_image_cache.h"
+#include "terminal.h"
 
 namespace {
 
@@ -48,45 +51,52 @@ void parse_grid(const std::string& text, int& rows, int& columns) {
     const auto second = std::from_chars(first.ptr + 1, end, columns);
     if (second.ec == std::errc() && second.ptr == end && rows >= 1 && columns >= 1) return;
   }
-  throw lf::Error("--grid " + text + ": must be rows x columns, such as 8x8");
+  throw lf::Error("--grid " + text + ": must be ROWSxCOLUMNS, such as 8x8");
 }
 
 void print_notes(const std::vector<std::string>& notes) {
-  for (const std::string& note : notes) std::printf("note: %s\n", note.c_str());
+  for (const std::string& note : notes) terminal::print("note: %s\n", note.c_str());
 }
 
 void save(Rig rig, const std::string& out, const nlohmann::json* original = nullptr) {
   lf::rebase_paths(rig, std::filesystem::path(out).parent_path().string());
   lf::save_rig(rig, out, original);
-  std::printf("%s: %zu cameras\n", out.c_str(), rig.cameras.size());
+  terminal::print("%s: %zu cameras\n", out.c_str(), rig.cameras.size());
 }
 
 void assign_devices(Rig& rig) {
   gst_init(nullptr, nullptr);
   const std::vector<VideoDevice> devices = find_video_devices();
-  if (devices.empty()) throw lf::Error("--devices: GStreamer finds no camera");
+  if (devices.empty())
+    throw lf::Error(
+        "--devices: GStreamer finds no camera; check that the cameras are plugged in and that gst-device-monitor-1.0 "
+        "lists them");
   for (size_t i = 0; i < devices.size(); i++) {
     const bool used = i < rig.cameras.size();
     if (used) rig.cameras[i].source = devices[i].source;
-    std::printf("%s: %s (%s)%s\n", used ? rig.cameras[i].name.c_str() : "not used", devices[i].source.c_str(),
-                devices[i].name.c_str(), devices[i].stable ? "" : ", may name another camera after a restart");
+    terminal::print("%s: %s (%s)%s\n", used ? rig.cameras[i].name.c_str() : "not used", devices[i].source.c_str(),
+                    devices[i].name.c_str(),
+                    devices[i].stable ? "" : ", but this name may denote another camera after a restart");
   }
   if (devices.size() < rig.cameras.size())
-    std::printf("warning: %zu cameras have no device\n", rig.cameras.size() - devices.size());
+    terminal::print(
+        "warning: %zu cameras have no device, because too few cameras are connected; connect them and repeat the "
+        "command, or add their sources to the rig file\n",
+        rig.cameras.size() - devices.size());
 }
 
 Rig make_rig(Arguments& arguments) {
   lf::GridRigOptions& grid = arguments.new_rig;
   const bool around = arguments.inward || arguments.outward;
   if (arguments.radius != 0 && !arguments.arc && !arguments.ring && !around)
-    throw lf::Error("--radius: only for --arc, --ring, --inward or --outward");
+    throw lf::Error("--radius: applies only to --arc, --ring, --inward and --outward");
   if (around)
     return lf::make_cylinder_rig({arguments.rows, arguments.inward + arguments.outward, grid.pitch, arguments.radius,
                                   arguments.inward > 0, grid.fov_y_deg, grid.width, grid.height});
   if (arguments.arc)
     return lf::make_arc_rig({arguments.arc, grid.pitch, arguments.radius, grid.fov_y_deg, grid.width, grid.height});
   if (arguments.ring) {
-    if (grid.pitch != 0) throw lf::Error("--pitch: not for --ring; use --radius");
+    if (grid.pitch != 0) throw lf::Error("--pitch: does not apply to --ring; use --radius to set its size");
     return lf::make_ring_rig({arguments.ring, arguments.radius, grid.fov_y_deg, grid.width, grid.height});
   }
   grid.rows = 1;
@@ -111,16 +121,16 @@ int run_info(const Arguments& arguments) {
     shape = "grid of " + std::to_string(topology.rows) + "x" + std::to_string(topology.columns);
   else if (topology.type == lf::Topology::Type::kTriangles)
     shape = "triangles";
-  std::printf("cameras     %zu (%zu with an image, %zu with a source)\n", rig.cameras.size(), summary.images,
-              summary.sources);
-  std::printf("hash        %016llx\n", static_cast<unsigned long long>(rig.hash()));
-  std::printf("topology    %s\n", shape.c_str());
-  std::printf("mesh        %zu triangles", summary.triangles);
-  if (summary.other_faces > 0) std::printf(", %zu other faces", summary.other_faces);
-  std::printf("\nextent      %.6g x %.6g x %.6g m\n", summary.extent.x, summary.extent.y, summary.extent.z);
-  std::printf("baseline    %.6g m (farthest pair)\n", summary.baseline);
-  std::printf("neighbours  %.6g m (mean distance to the nearest)\n", summary.mean_neighbour);
-  for (const std::string& lens : summary.lenses) std::printf("lens        %s\n", lens.c_str());
+  terminal::print("cameras     %zu (%zu with an image, %zu with a source)\n", rig.cameras.size(), summary.images,
+                  summary.sources);
+  terminal::print("hash        %016llx\n", static_cast<unsigned long long>(rig.hash()));
+  terminal::print("topology    %s\n", shape.c_str());
+  terminal::print("mesh        %zu triangles", summary.triangles);
+  if (summary.other_faces > 0) terminal::print(", %zu other faces", summary.other_faces);
+  terminal::print("\nextent      %.6g x %.6g x %.6g m\n", summary.extent.x, summary.extent.y, summary.extent.z);
+  terminal::print("baseline    %.6g m (farthest pair)\n", summary.baseline);
+  terminal::print("neighbours  %.6g m (mean distance to the nearest)\n", summary.mean_neighbour);
+  for (const std::string& lens : summary.lenses) terminal::print("lens        %s\n", lens.c_str());
   return 0;
 }
 
@@ -141,13 +151,16 @@ int run_check(const Arguments& arguments) {
   lf::load_controls(arguments.rig);
   const Rig rig = lf::load_rig(arguments.rig);
   std::vector<lf::RigFinding> findings = lf::check_rig(rig);
+  for (const lf::RigFinding& finding : lf::cameras::check_films(rig)) findings.push_back(finding);
   check_home_view(rig, findings);
+  if (const std::string warning = lf::secret_warning(rig, arguments.rig); !warning.empty())
+    findings.push_back({lf::RigFinding::Severity::kWarning, warning});
   for (const lf::RigFinding& finding : findings) {
     const bool is_error = finding.severity == lf::RigFinding::Severity::kError;
     (is_error ? errors : warnings)++;
-    std::printf("%s: %s: %s\n", arguments.rig.c_str(), is_error ? "error" : "warning", finding.text.c_str());
+    terminal::print("%s: %s: %s\n", arguments.rig.c_str(), is_error ? "error" : "warning", finding.text.c_str());
   }
-  std::printf("%s: %d errors, %d warnings\n", arguments.rig.c_str(), errors, warnings);
+  terminal::print("%s: %d errors, %d warnings\n", arguments.rig.c_str(), errors, warnings);
   return errors > 0 ? 1 : 0;
 }
 
@@ -163,17 +176,19 @@ int run_subset(const Arguments& arguments) {
 int finish_import(const Arguments& arguments, const lf::RigImport& result) {
   print_notes(result.notes);
   if (std::ranges::all_of(result.rig.cameras, [](const lf::Camera& camera) { return camera.image.empty(); }))
-    std::printf("note: the rig has no images: add \"source\" (or \"image\", a still) to each camera in %s\n",
-                arguments.out.c_str());
+    terminal::print(
+        "note: the imported rig has no images; add a \"source\" (or an \"image\", a still) to each camera in %s\n",
+        arguments.out.c_str());
   if (const std::string notice = lf::orientation_notice(result.rig); !notice.empty())
-    std::printf("note: %s\n", notice.c_str());
+    terminal::print("note: %s\n", notice.c_str());
   save(result.rig, arguments.out);
   return 0;
 }
 
 int finish_export(const Arguments& arguments, const Rig& rig, const lf::RigExport& result) {
   print_notes(result.notes);
-  std::printf("%s: %zu images, maximum error %.2g px\n", arguments.other.c_str(), rig.cameras.size(), result.max_error);
+  terminal::print("%s: %zu images, maximum error %.2g px\n", arguments.other.c_str(), rig.cameras.size(),
+                  result.max_error);
   return 0;
 }
 
@@ -217,19 +232,29 @@ void add_formats(cli::App& app, Arguments& arguments) {
     format.export_->add_option(format.place, arguments.other, "File or folder to write")->required();
   }
   cli::App* colmap = import->get_subcommand("colmap");
-  colmap->add_option("--images", arguments.colmap.images, "Folder of the image files (default: DIR/images)");
+  colmap->add_option("--images", arguments.colmap.images, "Folder that contains the image files (default: DIR/images)");
   colmap->add_flag("--undistorted", arguments.colmap.undistorted,
-                   "The image files are undistorted: use pinhole lenses and the size of each file");
-  colmap->add_option("--grid", arguments.grid, "Arrange the cameras, ordered by name, as a grid")->type_name("RxC");
+                   "The image files are already undistorted. The rig then uses pinhole lenses, and takes the image "
+                   "size from each file");
+  colmap
+      ->add_option("--grid", arguments.grid,
+                   "Rows and columns of the array. The cameras are assigned to the grid in the order of their names")
+      ->type_name("RxC");
   cli::App* stanford = import->get_subcommand("stanford");
-  stanford->add_option("--f", arguments.stanford.f, "Focal length, pixels (default: 50 degrees across)")
+  stanford
+      ->add_option("--f", arguments.stanford.f,
+                   "Focal length of the cameras, in pixels (default: a horizontal field of view of 50 degrees)")
       ->check(cli::PositiveNumber);
   stanford
       ->add_option("--focus-distance", arguments.stanford.focus_distance,
-                   "Distance with zero disparity, metres; 0: infinity (default: from the pictures)")
+                   "Distance at which the images have no disparity, in metres; 0 means infinity (default: estimated "
+                   "from the images)")
       ->check(cli::NonNegativeNumber);
   for (cli::App* command : {stanford, exports->get_subcommand("stanford")})
-    command->add_option("--unit", arguments.stanford.unit, "Metres per unit in the file names")->capture_default_str();
+    command
+        ->add_option("--unit", arguments.stanford.unit,
+                     "Length of one unit of the positions in the file names, in metres")
+        ->capture_default_str();
 }
 
 bool converts() {
@@ -255,48 +280,67 @@ int run_conversion(Arguments& arguments) {
 
 int main(int argc, char** argv) {
   Arguments arguments;
-  cli::App app("Creates, describes, checks, reduces and converts rig files, and opens their cameras", "lf-rig");
+  cli::App app(
+      "Creates, describes, checks, reduces and converts rig files, which describe the cameras of an array. Other "
+      "commands open the cameras to test, arrange, lock or record them all together",
+      "lf-rig");
   app.require_subcommand(1);
 
-  cli::App* make = app.add_subcommand("new", "Creates a first, nominal rig for newly mounted cameras");
+  cli::App* make = app.add_subcommand("new",
+                                      "Creates a nominal rig file for newly mounted cameras, from the intended shape "
+                                      "of the array. lf-calibrate then measures the true positions");
   cli::App* shape = make->add_option_group("shape");
   std::vector<const cli::Option*> flat = {
-      shape->add_option("--grid", arguments.grid, "Rows x columns, row 0 at the top")->type_name("RxC")};
+      shape
+          ->add_option("--grid", arguments.grid,
+                       "Rows and columns of a rectangular grid, for example 4x8. Row 0 is at the top")
+          ->type_name("RxC")};
   const std::tuple<const char*, int&, const char*> shapes[] = {
-      {"--line", arguments.line, "Number of cameras in a row, from left to right"},
-      {"--arc", arguments.arc, "Number of cameras on an arc, from left to right, looking at its centre"},
-      {"--ring", arguments.ring, "Number of cameras on a circle, clockwise from the top, looking forward"},
-      {"--inward", arguments.inward, "Number of cameras per row around a cylinder, looking at its axis"},
-      {"--outward", arguments.outward, "Number of cameras per row around a cylinder, looking away from its axis"}};
+      {"--line", arguments.line, "Number of cameras in a straight row, from left to right"},
+      {"--arc", arguments.arc,
+       "Number of cameras on an arc, from left to right. All cameras look at the centre of the arc"},
+      {"--ring", arguments.ring, "Number of cameras on a circle, clockwise from the top. All cameras look forward"},
+      {"--inward", arguments.inward,
+       "Number of cameras in each row around a cylinder. All cameras look inwards, at the axis"},
+      {"--outward", arguments.outward,
+       "Number of cameras in each row around a cylinder. All cameras look outwards, away from the axis"}};
   for (const auto& [name, cameras, help] : shapes) {
     const cli::Option* option = shape->add_option(name, cameras, help)->check(cli::PositiveNumber);
     if (&cameras != &arguments.inward && &cameras != &arguments.outward) flat.push_back(option);
   }
   shape->require_option(1);
-  cli::Option* rows =
-      make->add_option("--rows", arguments.rows, "Rows of a cylinder, --pitch apart")->capture_default_str();
+  cli::Option* rows = make->add_option("--rows", arguments.rows,
+                                       "Number of rows of a cylinder (--inward, --outward). The rows are --pitch apart")
+                          ->capture_default_str();
   for (const cli::Option* option : flat) rows->excludes(option);
-  make->add_option("--pitch", arguments.new_rig.pitch, "Distance between neighbours, metres");
-  make->add_option("--radius", arguments.radius, "Radius of the arc, ring or cylinder, metres");
-  make->add_option("--fov", arguments.new_rig.fov_y_deg, "Vertical field of view, degrees")->required();
-  make->add_option("--width", arguments.new_rig.width, "Image width, pixels")->capture_default_str();
-  make->add_option("--height", arguments.new_rig.height, "Image height, pixels")->capture_default_str();
+  make->add_option("--pitch", arguments.new_rig.pitch, "Distance between neighbouring cameras, in metres");
+  make->add_option("--radius", arguments.radius, "Radius of the arc, ring or cylinder, in metres");
+  make->add_option("--fov", arguments.new_rig.fov_y_deg, "Vertical field of view of the cameras, in degrees")
+      ->required();
+  make->add_option("--width", arguments.new_rig.width, "Image width of the cameras, in pixels")->capture_default_str();
+  make->add_option("--height", arguments.new_rig.height, "Image height of the cameras, in pixels")
+      ->capture_default_str();
   make->add_flag("--devices", arguments.devices,
-                 "Use connected cameras as sources, in the order of their ports: v4l2, libcamera, Aravis and all other "
-                 "cameras known to GStreamer");
+                 "Use the connected cameras as sources, in the order of their ports. This finds all cameras known to "
+                 "GStreamer, for example from v4l2, libcamera and Aravis");
   make->add_option("--out", arguments.out, "Rig file to write")->required();
 
-  cli::App* info = app.add_subcommand("info", "Describes a rig");
+  cli::App* info = app.add_subcommand(
+      "info", "Describes a rig: number of cameras, shape, extent and distances of neighbouring cameras");
   info->add_option("RIG", arguments.rig, "Rig file")->required();
 
-  cli::App* check = app.add_subcommand("check", "Checks a rig file; exit status 1 if there is an error");
+  cli::App* check = app.add_subcommand(
+      "check", "Checks a rig file and prints errors and warnings. The exit status is 1 if there is an error");
   check->add_option("RIG", arguments.rig, "Rig file")->required();
 
-  cli::App* subset = app.add_subcommand("subset", "Writes a rig file with some of the cameras");
+  cli::App* subset = app.add_subcommand("subset", "Writes a rig file with some of the cameras of a rig");
   subset->add_option("RIG", arguments.rig, "Rig file")->required();
   cli::App* which = subset->add_option_group("which");
-  which->add_option("--every", arguments.every, "Rows and columns 0, N, 2N, ... of a grid")->check(cli::PositiveNumber);
-  which->add_option("--cameras", arguments.cameras, "Ids: 0-3,7");
+  which
+      ->add_option("--every", arguments.every,
+                   "Keep every N-th row and column of a grid, starting with row and column 0")
+      ->check(cli::PositiveNumber);
+  which->add_option("--cameras", arguments.cameras, "Ids of the cameras to keep, for example 0-3,7");
   which->require_option(1);
   subset->add_option("--out", arguments.out, "Rig file to write")->required();
 

@@ -29,6 +29,7 @@
 #include "rig/rig_json.h"
 #include "scene/calibration_targets.h"
 #include "scene/scene.h"
+#include "terminal.h"
 #include "view/view_path.h"
 
 namespace {
@@ -43,11 +44,14 @@ struct FaultOptions {
   void add_to(cli::App& app) {
     cli::Option* faults =
         app.add_option("--faults", seed,
-                       "Give cameras different colours: brightness +-8 %, white balance +-5 %, black level, gamma, "
-                       "crosstalk, up to 30 % of vignetting, noise; colours.json has the truth")
+                       "Seed of random colour faults, which simulate uncalibrated cameras. The faults are brightness "
+                       "by up to 8 %, white balance by up to 5 %, black level, gamma, crosstalk, up to 30 % of "
+                       "vignetting, and noise. The true values are written to colours.json")
             ->type_name("SEED")
             ->check(cli::Range(0, 1000000));
-    app.add_option("--stuck", stuck, "Ids of cameras with a stuck exposure, 1.6 times as bright")
+    app.add_option(
+           "--stuck", stuck,
+           "Ids of cameras that simulate a stuck exposure, for example 0-3,7. Their images are 1.6 times as bright")
         ->type_name("LIST")
         ->needs(faults);
   }
@@ -70,7 +74,6 @@ void write_faults(const lf::Rig& rig, const std::vector<lf::ColourFault>& faults
   if (!faults.empty()) lf::write_text_file(lf::faults_to_json(rig, faults), folder + "/colours.json");
 }
 
-// lf-scene chart: films a chart of 24 colours at several positions.
 struct ChartOptions {
   std::string rig, out;
   int places = 12, quality = 97;
@@ -103,28 +106,32 @@ void film_chart(const ChartOptions& options) {
   update.commit();
   write_faults(rig, faults, options.out);
   lf::save_rig(rig, options.out + "/rig.json");
-  std::printf("%zu cameras, a chart at %zu places: %s/rig.json\n", rig.cameras.size(), charts.size(),
-              options.out.c_str());
+  terminal::print("%zu cameras, a chart at %zu places: %s/rig.json\n", rig.cameras.size(), charts.size(),
+                  options.out.c_str());
 }
 
 cli::App* add_chart_command(cli::App& app) {
   const auto o = std::make_shared<ChartOptions>();
-  cli::App* command =
-      app.add_subcommand("chart", "Films a chart of 24 colours at several positions in front of the array");
-  command->add_option("--rig", o->rig, "Rig file")->required()->type_name("RIG.json");
-  command->add_option("--out", o->out, "Folder to write: rig.json and a recording of each camera")
+  cli::App* command = app.add_subcommand("chart",
+                                         "Films a colour chart with 24 patches at several positions in front of the "
+                                         "array, as test material for lf-calibrate colour");
+  command->add_option("--rig", o->rig, "Rig file with the cameras that film the chart")
+      ->required()
+      ->type_name("RIG.json");
+  command->add_option("--out", o->out, "Folder that receives rig.json and a film for each camera")
       ->required()
       ->type_name("DIR");
-  command->add_option("--places", o->places, "Number of chart positions, one frame each")
+  command->add_option("--places", o->places, "Number of chart positions. Each film has one frame per position")
       ->capture_default_str()
       ->check(cli::Range(1, 1000));
-  command->add_option("--quality", o->quality, "JPEG quality")->capture_default_str()->check(cli::Range(1, 100));
+  command->add_option("--quality", o->quality, "JPEG quality of the films")
+      ->capture_default_str()
+      ->check(cli::Range(1, 100));
   o->faults.add_to(*command);
   command->callback([o] { film_chart(*o); });
   return command;
 }
 
-// lf-scene lights: films a light, or a bar with two lights, that moves in the dark.
 struct LightOptions {
   std::string rig, out;
   std::vector<std::string> framerates = {"30"}, seconds = {"20"};
@@ -139,7 +146,7 @@ FrameRate parse_rate(const std::string& text) {
   const int fields = std::sscanf(text.c_str(), "%d%n/%d%n", &rate.numerator, &end, &rate.denominator, &end);
   if (fields < 1 || text[end] != 0 || rate.numerator < 1 || rate.denominator < 1 ||
       rate.numerator > 1000 * rate.denominator)
-    throw lf::Error("--framerate " + text + ": must be frames per second, as 30 or 30000/1001");
+    throw lf::Error("--framerate " + text + ": must be frames per second, such as 30 or 30000/1001");
   return rate;
 }
 
@@ -147,11 +154,11 @@ double parse_seconds(const std::string& text) {
   int end = 0;
   double value = 0;
   if (std::sscanf(text.c_str(), "%lf%n", &value, &end) != 1 || text[end] != 0 || !(value > 0 && value <= 3600))
-    throw lf::Error("--seconds " + text + ": must be positive, at most 3600");
+    throw lf::Error("--seconds " + text + ": must be a duration in seconds, more than 0 and at most 3600");
   return value;
 }
 
-// Records the film of one camera and returns the true positions of the lights in its frames.
+// Writes the film of one camera. Returns the true positions of the lights in its frames.
 json record(const LightOptions& options, const std::string& folder, const lf::LightTrajectory& path,
             const lf::Camera& camera, size_t index, const std::function<void()>& step) {
   const FrameRate rate = parse_rate(options.framerates[index % options.framerates.size()]);
@@ -163,7 +170,6 @@ json record(const LightOptions& options, const std::string& folder, const lf::Li
   json list = json::array();
   for (int64_t n = 0; n < frames; n++, step()) {
     const double stamp = static_cast<double>(n) * rate.denominator / rate.numerator;
-    // The timestamp plus the camera's offset is the true capture time.
     const double time = stamp + camera.time_offset;
     writer.add(lights.picture(time, index << 32 | static_cast<uint64_t>(n)));
     json frame = {stamp};
@@ -205,47 +211,66 @@ void film_lights(const LightOptions& options) {
   for (lf::Camera& camera : filmed.cameras) camera.source = camera.name + ".mkv", camera.image.clear();
   const std::string rig_path = (fs::path(options.out) / "rig.json").string();
   lf::save_rig(filmed, rig_path);
-  std::printf("%zu cameras, %zu frames: %s\n", rig.cameras.size(), frames, rig_path.c_str());
+  terminal::print("%zu cameras, %zu frames: %s\n", rig.cameras.size(), frames, rig_path.c_str());
 }
 
 cli::App* add_lights_command(cli::App& app) {
   const auto o = std::make_shared<LightOptions>();
-  cli::App* command = app.add_subcommand(
-      "lights",
-      "Films a light, or two on a bar, moved through the dark, as recordings for lf-calibrate track: DIR/NAME.mkv of "
-      "each camera; the truth is DIR/rig.json, with the time offsets of RIG, and DIR/lights.json");
-  command->add_option("--rig", o->rig, "film with the cameras of this rig")->required()->type_name("RIG.json");
-  command->add_option("--out", o->out, "folder to write to")->required()->type_name("DIR");
-  command->add_option("--bar", o->lights.bar, "metres between the two lights; 0: one light")
+  cli::App* command =
+      app.add_subcommand("lights",
+                         "Films a light, or a bar with two lights, that moves through the dark, as test material for "
+                         "lf-calibrate track. Writes the film DIR/NAME.mkv for each camera. The ground truth is in "
+                         "DIR/rig.json, with the time offsets of RIG, and in DIR/lights.json");
+  command->add_option("--rig", o->rig, "Rig file with the cameras that film")->required()->type_name("RIG.json");
+  command->add_option("--out", o->out, "Folder to write")->required()->type_name("DIR");
+  command->add_option("--bar", o->lights.bar, "Distance between two lights on a bar, in metres (0: one light)")
       ->capture_default_str()
       ->check(cli::NonNegativeNumber);
-  command->add_option("--framerate", o->framerates, "frames per second; several values apply to the cameras in turn")
+  command
+      ->add_option("--framerate", o->framerates,
+                   "Frames per second, for example 30 or 30000/1001. Several comma-separated values apply to the "
+                   "cameras in turn")
       ->delimiter(',')
       ->capture_default_str();
-  command->add_option("--seconds", o->seconds, "length; several values apply to the cameras in turn")
+  command
+      ->add_option("--seconds", o->seconds,
+                   "Length of the films, in seconds. Several comma-separated values apply to the cameras in turn")
       ->delimiter(',')
       ->capture_default_str();
-  command->add_option("--speed", o->lights.speed, "speed of the lights, metres per second")
+  command->add_option("--speed", o->lights.speed, "Speed of the lights, in metres per second")
       ->capture_default_str()
       ->check(cli::PositiveNumber);
-  command->add_option("--near", o->lights.near, "minimum distance from the array, metres")->capture_default_str();
-  command->add_option("--far", o->lights.far, "maximum distance from the array, metres")->capture_default_str();
-  command->add_option("--power", o->lights.power, "brightness of a light 1 m away; 1: saturated")
+  command->add_option("--near", o->lights.near, "Minimum distance of the lights from the array, in metres")
+      ->capture_default_str();
+  command->add_option("--far", o->lights.far, "Maximum distance of the lights from the array, in metres")
+      ->capture_default_str();
+  command
+      ->add_option("--power", o->lights.power,
+                   "Brightness of a light at a distance of 1 m (1: its image just saturates)")
       ->capture_default_str()
       ->check(cli::PositiveNumber);
-  command->add_option("--exposure", o->lights.exposure, "exposure time, seconds")
+  command
+      ->add_option("--exposure", o->lights.exposure,
+                   "Exposure time of each frame, in seconds. During longer exposures, the light draws longer streaks")
       ->capture_default_str()
       ->check(cli::NonNegativeNumber);
-  command->add_option("--noise", o->lights.noise, "noise of the samples, of 255")
+  command->add_option("--noise", o->lights.noise, "Standard deviation of the image noise, in levels of 255")
       ->capture_default_str()
       ->check(cli::NonNegativeNumber);
-  command->add_option("--ambient", o->lights.ambient, "ambient light as a fraction of the scene's light")
+  command
+      ->add_option("--ambient", o->lights.ambient,
+                   "Ambient light as a fraction of the normal light of the scene (0: the room is completely dark)")
       ->capture_default_str()
       ->check(cli::NonNegativeNumber);
-  command->add_option("--reflection", o->lights.reflection, "fraction of the light reflected by a window behind")
+  command
+      ->add_option(
+          "--reflection", o->lights.reflection,
+          "Fraction of the light that a window behind the light reflects. Its reflections simulate false detections")
       ->capture_default_str()
       ->check(cli::Range(0.0, 1.0));
-  command->add_option("--quality", o->quality, "JPEG quality")->capture_default_str()->check(cli::Range(1, 100));
+  command->add_option("--quality", o->quality, "JPEG quality of the films")
+      ->capture_default_str()
+      ->check(cli::Range(1, 100));
   command->add_option("--threads", o->threads)->capture_default_str()->check(cli::Range(1, 256));
   command->callback([o] { film_lights(*o); });
   return command;
@@ -262,7 +287,7 @@ lf::Rig rig_of(const Options& options) {
   if (!options.rig.empty()) return lf::load_rig(options.rig);
   int rows, columns, end = 0;
   if (std::sscanf(options.grid.c_str(), "%dx%d%n", &rows, &columns, &end) != 2 || options.grid[end] != 0)
-    throw lf::Error("--grid " + options.grid + ": must be ROWSxCOLUMNS");
+    throw lf::Error("--grid " + options.grid + ": must be ROWSxCOLUMNS, such as 8x8");
   return lf::scene_rig(rows, columns, options.width, options.height);
 }
 
@@ -278,7 +303,7 @@ FrameRate rate_of(const std::string& text) {
     value = 0;
   }
   if (!(value >= 0.001 && value <= 1000))
-    throw lf::Error("--framerate " + text + ": must be frames per second from 0.001 to 1000, as 15 or 30000/1001");
+    throw lf::Error("--framerate " + text + ": must be frames per second from 0.001 to 1000, such as 15 or 30000/1001");
   return rate;
 }
 
@@ -296,7 +321,6 @@ Job film_job(const Options& options, const std::string& folder_path, const lf::R
   const lf::Camera& camera = rig.cameras[index];
   const lf::SceneCamera lens{camera.width, camera.height, camera.lens, camera.pose};
   const auto frame = [=, &rig, &faults, offset = camera.time_offset](lf::SceneRenderer& film, int n) {
-    // The timestamp plus the camera's offset is the true capture time.
     const double time = static_cast<double>(n) * rate.denominator / rate.numerator + offset;
     return filmed(film.at(time), faults, rig, index, n);
   };
@@ -313,7 +337,6 @@ Job film_job(const Options& options, const std::string& folder_path, const lf::R
     MjpegWriter writer((folder / (name + ".mkv")).string(), lens.width, lens.height, rate, quality);
     for (int n = 0; n < frames; n++, step()) {
       const lf::Image image = frame(film, n);
-      // Also saves a still, for tools that render without a stream.
       if (n == 0) lf::save_image(image, (folder / (name + ".png")).string());
       writer.add(image);
     }
@@ -330,7 +353,7 @@ Job truth_job(const Options& options, const std::string& folder, const lf::Named
   };
 }
 
-// Removes frames of an earlier, longer film, which would look like the end of the new film.
+// Frames that remain from an earlier, longer film would look like the end of the new film, so they are removed.
 void remove_later_frames(const Options& options, const lf::Rig& rig) {
   for (const lf::Camera& camera : rig.cameras)
     for (int n = options.frames; fs::remove(fs::path(options.out) / frame_name(camera.name, n)); n++) {
@@ -366,7 +389,7 @@ void run_jobs(const std::vector<Job>& jobs, int threads, Progress& progress) {
 }
 
 void film(const Options& options) {
-  if (options.out.empty()) throw lf::Error("--out is required (see --help)");
+  if (options.out.empty()) throw lf::Error("--out is missing: give the folder to write (see --help)");
   const lf::Rig rig = rig_of(options);
   const FrameRate rate = rate_of(options.framerate);
   check_file_names(rig);
@@ -376,10 +399,11 @@ void film(const Options& options) {
   for (size_t i = 0; i < views.size(); i++)
     check_file_name(views[i].name, options.truth + ": views[" + std::to_string(i) + "].name", view_names);
 
-  // Existing files stay until the new film is complete. The rig file is written last, so that all files it names exist.
+  // Existing files are replaced only when the new film is complete. The rig file is written last, so that all files
+  // that it names exist.
   const fs::path rig_path = fs::path(options.out) / "rig.json";
   lf::AtomicFolderUpdate update(options.out);
-  if (!views.empty()) fs::create_directory(fs::path(update.staging()) / "truth");
+  if (!views.empty()) lf::make_folder(update.staging() + "/truth");
 
   std::vector<Job> jobs;
   const std::vector<lf::ColourFault> faults = options.faults.faults(rig);
@@ -399,33 +423,47 @@ void film(const Options& options) {
   }
   write_faults(rig, faults, options.out);
   lf::save_rig(filmed, rig_path.string());
-  std::printf("%zu cameras, %d frames at %s/s, %zu ground truth views: %s\n", rig.cameras.size(), options.frames,
-              options.framerate.c_str(), views.size(), rig_path.c_str());
+  terminal::print("%zu cameras, %d frames at %s/s, %zu ground truth views: %s\n", rig.cameras.size(), options.frames,
+                  options.framerate.c_str(), views.size(), rig_path.c_str());
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
   Options o;
-  cli::App app("Films the built-in scene: DIR/rig.json and a file per camera, in DIR/truth the ground truth of views.",
-               "lf-scene");
-  app.add_option("--out", o.out, "folder to write; required")->type_name("DIR");
-  cli::Option* rig = app.add_option("--rig", o.rig, "film with the cameras of this rig")->type_name("RIG.json");
-  app.add_option("--grid", o.grid, "film with the scene's own array")
+  cli::App app(
+      "Films the built-in synthetic scene with a camera array, as test material with known ground truth. Writes "
+      "DIR/rig.json and a film for each camera. The exact pictures of the views of --truth are written to DIR/truth.",
+      "lf-scene");
+  app.add_option("--out", o.out, "Folder to write (required)")->type_name("DIR");
+  cli::Option* rig = app.add_option("--rig", o.rig, "Rig file with the cameras that film")->type_name("RIG.json");
+  app.add_option("--grid", o.grid, "Rows and columns of the array of the scene, which is used without --rig")
       ->type_name("RxC")
       ->capture_default_str()
       ->excludes(rig);
-  app.add_option("--width", o.width, "image width of --grid, pixels")->capture_default_str()->excludes(rig);
-  app.add_option("--height", o.height, "image height of --grid, pixels")->capture_default_str()->excludes(rig);
+  app.add_option("--width", o.width, "Image width of the cameras of --grid, in pixels")
+      ->capture_default_str()
+      ->excludes(rig);
+  app.add_option("--height", o.height, "Image height of the cameras of --grid, in pixels")
+      ->capture_default_str()
+      ->excludes(rig);
   app.add_option("--frames", o.frames)->capture_default_str()->check(cli::Range(1, 1000000));
-  app.add_option("--framerate", o.framerate, "frames per second: 15, 29.97, 30000/1001")->capture_default_str();
-  app.add_option("--format", o.format, "mjpeg: NAME.mkv and its first frame, NAME.png; png: NAME_0000.png, ...")
+  app.add_option("--framerate", o.framerate, "Frames per second, for example 15, 29.97 or 30000/1001")
+      ->capture_default_str();
+  app.add_option("--format", o.format,
+                 "Format of the films. mjpeg: a film NAME.mkv for each camera, and its first frame as NAME.png; png: "
+                 "one file per frame, NAME_0000.png, NAME_0001.png, ...")
       ->capture_default_str()
       ->check(cli::IsMember({"mjpeg", "png"}));
-  const cli::Option* quality =
-      app.add_option("--quality", o.quality, "JPEG quality")->capture_default_str()->check(cli::Range(1, 100));
-  app.add_option("--truth", o.truth, "write the ground truth of these views at their times")->type_name("VIEWS.json");
-  app.add_option("--samples", o.samples, "N x N rays per pixel where antialiasing is needed")
+  const cli::Option* quality = app.add_option("--quality", o.quality, "JPEG quality of the films")
+                                   ->capture_default_str()
+                                   ->check(cli::Range(1, 100));
+  app.add_option("--truth", o.truth,
+                 "Views file. The exact picture of each of these views, at its time, is written to DIR/truth")
+      ->type_name("VIEWS.json");
+  app.add_option("--samples", o.samples,
+                 "Number N of rays along x and y for each pixel that needs antialiasing, so N x N rays in total. More "
+                 "rays give smoother edges")
       ->capture_default_str()
       ->check(cli::Range(1, 16));
   app.add_option("--threads", o.threads)->capture_default_str()->check(cli::Range(1, 256));
@@ -435,7 +473,8 @@ int main(int argc, char** argv) {
   for (cli::App* command : {chart, lights}) command->excludes_options_of(app);
   gst_init(nullptr, nullptr);
   return cli::run_tool(app, argc, argv, [&] {
-    if (*quality && o.format == "png") throw lf::Error("--quality: only for --format mjpeg");
+    if (*quality && o.format == "png")
+      throw lf::Error("--quality: applies only to --format mjpeg, because PNG is lossless");
     if (!*chart && !*lights) film(o);
   });
 }

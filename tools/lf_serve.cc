@@ -19,11 +19,13 @@
 #include "base/file.h"
 #include "base/text.h"
 #include "command_line.h"
+#include "rig/source_security.h"
 #include "serve/access.h"
 #include "serve/http_server.h"
 #include "serve/pipelines.h"
 #include "serve/process.h"
 #include "serve/rig_reload.h"
+#include "terminal.h"
 #include "view/view_path.h"
 
 namespace {
@@ -31,7 +33,7 @@ namespace {
 namespace fs = std::filesystem;
 using namespace lf::serve;
 
-constexpr double kSceneFocus = 2.2;  // metres; distance of the figure in the built-in scene
+constexpr double kSceneFocus = 2.2;  // distance of the figure in the built-in scene, metres
 
 struct Options {
   std::string rig, nodes, key_file, record, token_file, ice_credentials, media, resampling = "sharpened",
@@ -42,15 +44,18 @@ struct Options {
   Limits limits;
   bool watch = false;
   bool trusted = false;
-  int capture_delay_ms = -1;  // negative: depends on the cameras
+  int capture_delay_ms = -1;  // negative: the default, which depends on the cameras
 };
 
 std::pair<std::string, std::string> parse_path(const std::string& text) {
   const size_t equals = text.find('=');
-  if (equals == text.npos || equals == 0) throw lf::Error("--path " + text + ": must be NAME=FILE");
+  if (equals == text.npos || equals == 0)
+    throw lf::Error("--path " + text + ": must be NAME=FILE, such as tour=tour.json");
   const std::string file = text.substr(equals + 1);
   const lf::View view = lf::load_views(file).front().view;
-  if (view.width % 2 || view.height % 2) throw lf::Error(file + ": video needs views of even width and height");
+  if (view.width % 2 || view.height % 2)
+    throw lf::Error(
+        file + ": the width and the height of all views must be even, because the video has chroma at half resolution");
   return {text.substr(0, equals), file};
 }
 
@@ -67,41 +72,50 @@ gboolean quit(gpointer loop) {
   return G_SOURCE_CONTINUE;
 }
 
-// Returns the local address for outgoing video; "": all addresses.
+// Returns the local address that sends video; empty means all addresses.
 std::string media_address(const std::string& text) {
   if (text == "any" || text == "0.0.0.0" || text == "::") return "";
   if (text == "localhost") return "127.0.0.1";
   const std::string address = plain_address(text);
   if (address.empty() || !is_local_address(address))
-    throw lf::Error("--media-address " + text + ": must be an IP address of this machine, or any");
+    throw lf::Error("--media-address " + text +
+                    ": is not an IP address of this machine; give one of its addresses, or any");
   return address;
 }
 
 std::string token_in(const std::string& path) {
   std::string token = lf::read_secret_file(path);
   while (!token.empty() && g_ascii_isspace(token.back())) token.pop_back();
-  if (token.empty()) throw lf::Error(path + ": contains no token");
-  // Clients send the token in a header.
+  if (token.empty())
+    throw lf::Error(path +
+                    ": the file is empty, but must contain a token; create one with: openssl rand -hex 16 >FILE");
   if (!std::ranges::all_of(token, [](char c) { return c >= ' ' && c <= '~'; }))
-    throw lf::Error(path + ": a token is one line of printable ASCII: openssl rand -hex 16 >FILE");
+    throw lf::Error(path +
+                    ": the token contains a line break or another character that is not printable ASCII; create a "
+                    "token with: openssl rand -hex 16 >FILE");
   constexpr size_t kShort = 16;
   if (token.size() < kShort)
-    std::fprintf(stderr, "warning: %s: a token of %zu characters can be guessed: openssl rand -hex 16 >FILE\n",
-                 path.c_str(), token.size());
+    terminal::print_error(
+        "warning: %s: the token has only %zu characters and can be guessed; create a longer token with: "
+        "openssl rand -hex 16 >FILE\n",
+        path.c_str(), token.size());
   return token;
 }
 
 void check_options(Options& options) {
-  if (!options.nodes.empty() && options.rig.empty()) throw lf::Error("--nodes: needs --rig, the poses of the cameras");
+  if (!options.nodes.empty() && options.rig.empty())
+    throw lf::Error("--nodes: requires --rig, a rig file with the poses of the cameras on these hosts");
   if (!options.record.empty() && !options.nodes.empty())
-    throw lf::Error("--record: the hosts of --nodes record their own cameras (lfnodesink record=FOLDER)");
+    throw lf::Error(
+        "--record: cannot be used with --nodes, because each host records its own cameras; set record=FOLDER at its "
+        "lfnodesink");
   if (!options.record.empty() && options.watch)
-    throw lf::Error("--record: not with --watch, because the cameras of a recording can't change");
-  if (options.watch && options.rig.empty()) throw lf::Error("--watch: needs --rig, the file to watch");
+    throw lf::Error("--record: cannot be used with --watch, because the cameras must not change during a recording");
+  if (options.watch && options.rig.empty()) throw lf::Error("--watch: requires --rig, the file that lf-serve watches");
   if (!options.key_file.empty() && options.nodes.empty())
-    throw lf::Error("--key-file: needs --nodes, the hosts with the same key");
+    throw lf::Error("--key-file: requires --nodes, because the key only encrypts the packets to and from these hosts");
   const FocusSettings& focus = options.limits.focus_settings;
-  if (focus.far > 0 && focus.near >= focus.far) throw lf::Error("--focus-near: must be nearer than --focus-far");
+  if (focus.far > 0 && focus.near >= focus.far) throw lf::Error("--focus-near: must be less than --focus-far");
   if (!options.token_file.empty()) options.server.token = token_in(options.token_file);
   for (const std::string& path : options.paths) options.server.whep.paths.insert(parse_path(path));
   options.server.origins.insert(options.origins.begin(), options.origins.end());
@@ -113,13 +127,14 @@ void check_options(Options& options) {
   options.server.whep.media_address = media_address(options.media.empty() ? options.server.address : options.media);
 }
 
-// Creates a looping film of the built-in scene with lf-scene, in a child process. Use on the main thread only.
+// Films the built-in scene with lf-scene in a child process. The film loops. Main thread only.
 class SceneFilming {
  public:
   static std::string rig();
   static bool exists();
 
-  // Starts filming. `on_end` is called once, with an error or "". Throws Error.
+  // Starts filming. At the end, `on_end` is called once with an error, or with an empty text after success. Throws
+  // Error.
   explicit SceneFilming(std::function<void(const std::string& problem)> on_end);
   ~SceneFilming();
   SceneFilming(const SceneFilming&) = delete;
@@ -144,7 +159,7 @@ fs::path folder() { return fs::path(g_get_user_cache_dir()) / "gst-lightfield" /
 
 std::string SceneFilming::rig() { return folder() / "rig.json"; }
 
-bool SceneFilming::exists() { return fs::exists(rig()); }  // the rig file is written last
+bool SceneFilming::exists() { return fs::exists(rig()); }  // lf-scene writes the rig file last
 
 SceneFilming::SceneFilming(std::function<void(const std::string&)> on_end)
     : on_end_(std::move(on_end)), cancellable_(g_cancellable_new()), began_(g_get_monotonic_time()) {
@@ -185,7 +200,7 @@ void SceneFilming::read_line() {
         if (cancelled) return;  // `data` no longer exists
         SceneFilming* self = static_cast<SceneFilming*>(data);
         if (line) return self->parse_line(line);
-        // standard error is closed, so the process is about to exit
+        // Standard error is closed, so the process is about to exit.
         g_subprocess_wait(self->process_, nullptr, nullptr);
         const bool made =
             g_subprocess_get_if_exited(self->process_) && g_subprocess_get_exit_status(self->process_) == 0;
@@ -194,7 +209,6 @@ void SceneFilming::read_line() {
       this);
 }
 
-// Parses "filming: 40 %".
 void SceneFilming::parse_line(const std::string& line) {
   int percent = 0;
   if (std::sscanf(line.c_str(), "filming: %d %%", &percent) == 1) {
@@ -206,7 +220,7 @@ void SceneFilming::parse_line(const std::string& line) {
   read_line();
 }
 
-// lf-scene reports every ten seconds; interpolates between reports.
+// lf-scene reports only every ten seconds, so the progress between reports is extrapolated.
 double SceneFilming::progress() const {
   if (reported_at_ <= began_) return 0;
   const double speed = reported_ / static_cast<double>(reported_at_ - began_);
@@ -214,7 +228,8 @@ double SceneFilming::progress() const {
   return std::clamp(speed * static_cast<double>(g_get_monotonic_time() - began_), reported_, kNearlyDone);
 }
 
-// Serves the page at once, and the light field when the scene is filmed and the cameras run.
+// The running program. It serves the page at once, and the light field as soon as the scene has been filmed and the
+// cameras run.
 class Program {
  public:
   explicit Program(const Options& options)
@@ -227,7 +242,7 @@ class Program {
     }
     watch_.reset();
     if (open_thread_.joinable()) open_thread_.join();
-    if (sessions_) sessions_->close_all("the server ends");  // while the server can still notify viewers
+    if (sessions_) sessions_->close_all("the server ends");  // the server must still run, to notify the viewers
     server_.stop();
     sessions_.reset();
     if (timer_) g_source_remove(timer_);
@@ -237,6 +252,7 @@ class Program {
   // Runs until SIGINT or SIGTERM. Throws Error.
   void run() {
     const guint signals[] = {g_unix_signal_add(SIGINT, quit, loop_), g_unix_signal_add(SIGTERM, quit, loop_)};
+    warn_of_missing_token();
     if (options_.rig.empty())
       film();
     else
@@ -252,12 +268,22 @@ class Program {
     g_main_loop_quit(loop_);
   }
 
+  void warn_of_missing_token() const {
+    if (!options_.server.token.empty() || is_loopback(options_.server.address)) return;
+    const std::string url = server_.url();
+    terminal::print_error(
+        "warning: no token: everybody who reaches %s can watch; to require a token: openssl rand -hex 16 >token "
+        "&& chmod 600 token, then lf-serve --token-file token\n",
+        url.c_str());
+  }
+
   void film() {
     options_.rig = SceneFilming::rig();
     if (options_.limits.focus == 0) options_.limits.focus = kSceneFocus;
     if (SceneFilming::exists()) return open();
-    std::printf("filming the built-in scene (only once, stored as %s); the page waits at %s\n", options_.rig.c_str(),
-                server_.url().c_str());
+    terminal::print(
+        "filming the built-in scene (only once, stored as %s); meanwhile, the page at %s shows the progress\n",
+        options_.rig.c_str(), server_.url().c_str());
     server_.show_filming(0);
     film_ = std::make_unique<SceneFilming>([this](const std::string& problem) {
       if (!problem.empty()) return fail(problem);
@@ -275,7 +301,7 @@ class Program {
         this);
   }
 
-  // Runs in a thread, because opening cameras may take a minute.
+  // Opening cameras may take a minute, so it runs on a separate thread.
   void open() {
     open_thread_ = std::thread([this] {
       std::string problem;
@@ -301,7 +327,7 @@ class Program {
     });
   }
 
-  // Network cameras need a jitter buffer, see `latency` of lfcamsrc.
+  // Network cameras need more time because of their jitter buffer, see `latency` of lfcamsrc.
   int capture_delay() const {
     constexpr int kOfNetworkCameras = 300;  // milliseconds
     if (options_.capture_delay_ms >= 0) return options_.capture_delay_ms;
@@ -315,11 +341,13 @@ class Program {
     sessions_ = std::make_unique<Sessions>(*field_, options_.limits);
     server_.serve(*field_, *sessions_);
     if (options_.watch) watch_ = std::make_unique<RigReloader>(*field_, *sessions_);
-    std::printf("serving %s at %s\n", options_.rig.c_str(), server_.url().c_str());
+    terminal::print("serving %s at %s\n", options_.rig.c_str(), server_.url().c_str());
+    if (const std::string warning = lf::secret_warning(field_->array()->rig(), options_.rig); !warning.empty())
+      terminal::print_error("warning: %s: %s\n", options_.rig.c_str(), warning.c_str());
     if (options_.nodes.empty() && std::ranges::all_of(field_->array()->rig().cameras, [](const lf::Camera& camera) {
           return camera.image.empty() && camera.source.empty();
         }))
-      std::printf("no camera has an image or a source: the cameras film the built-in scene\n");
+      terminal::print("no camera in the rig has an image or a source, so all cameras show the built-in scene\n");
   }
 
   Options options_;
@@ -344,95 +372,145 @@ void serve(Options& options) {
 }
 
 void add_camera_options(cli::App& app, Options& o) {
-  app.add_option("--rig", o.rig, "rig file (default: the built-in scene, filmed once)")->type_name("RIG.json");
+  app.add_option("--rig", o.rig,
+                 "Rig file, which lists the cameras of the array. Without this option, lf-serve shows the built-in "
+                 "scene, which it films once and then keeps in the user's cache folder")
+      ->type_name("RIG.json");
   app.add_flag("--watch", o.watch,
-               "reload the rig file when it changes, for example after a calibration; viewers stay connected");
+               "Reload the rig file whenever it changes, for example after a calibration. Viewers stay connected");
   cli::add_trust_option(app, o.trusted);
-  app.add_option("--nodes", o.nodes, "camera hosts (lfnodesink): HOST:PORT-THERE:[ADDRESS-HERE:]PORT-HERE,...");
-  app.add_option("--key-file", o.key_file, "key shared with the hosts of --nodes, 32 or more random characters");
+  app.add_option("--nodes", o.nodes,
+                 "Comma-separated list of the hosts that run the cameras, each with an lfnodesink. Requests are sent "
+                 "to UDP port PORT-THERE of HOST, and the answers of the host arrive at PORT-HERE of this machine. "
+                 "Without this option, lf-serve opens the cameras itself");
+  app.add_option("--key-file", o.key_file,
+                 "File with the secret that encrypts the packets between this machine and the hosts of --nodes. The "
+                 "secret has 32 or more random characters and must be the same on all of these machines");
   app.add_option("--record", o.record,
-                 "record the cameras into this folder, with a rig.json that lf-serve can play later")
+                 "Folder that receives a recording of all cameras. Its rig.json can be passed to --rig to play the "
+                 "recording later")
       ->type_name("FOLDER");
 }
 
 void add_server_options(cli::App& app, Options& o) {
-  app.add_option("--listen", o.server.address, "IP address; other than loopback requires TLS or --insecure")
+  app.add_option("--listen", o.server.address,
+                 "IP address that the server listens on. Every address other than loopback needs either "
+                 "--tls-certificate and --tls-key, or --insecure")
       ->capture_default_str();
-  app.add_option("--port", o.server.port, "port; 0: any")->capture_default_str()->check(cli::Range(0, 65535));
+  app.add_option("--port", o.server.port,
+                 "TCP port of the page (0: the system selects a free port, and lf-serve prints the address)")
+      ->capture_default_str()
+      ->check(cli::Range(0, 65535));
   app.add_option("--tls-certificate", o.server.certificate)->type_name("FILE.pem");
   app.add_option("--tls-key", o.server.key)->type_name("FILE.pem");
-  app.add_flag("--insecure", o.server.insecure, "allow unencrypted HTTP on other addresses than loopback");
-  app.add_option("--token-file", o.token_file, "require the bearer token in this file from viewers")->type_name("FILE");
+  app.add_flag("--insecure", o.server.insecure,
+               "Allow unencrypted HTTP on addresses other than loopback. Use this only in a trusted network, or behind "
+               "a proxy that adds TLS");
+  app.add_option("--token-file", o.token_file,
+                 "File with the bearer token that viewers must present. Without this option, everyone who can reach "
+                 "the server can watch")
+      ->type_name("FILE");
   app.add_option("--origin", o.origins,
-                 "other sites allowed to embed the viewer: https://example.org, null (files), or *; may be repeated");
-  app.add_option("--host", o.hosts, "additional host name of this server; may be repeated")->type_name("NAME");
+                 "Origin of another site that may embed the viewer, such as https://example.org. Use null for pages "
+                 "opened from files, and * for any site; may be repeated");
+  app.add_option("--host", o.hosts,
+                 "Additional host name under which viewers reach this server. Requests with any other name in the Host "
+                 "header are refused; may be repeated")
+      ->type_name("NAME");
   app.add_option("--proxy", o.proxies,
-                 "address of a reverse proxy with trusted X-Forwarded-For and X-Forwarded-Prefix; may be repeated")
+                 "IP address of a reverse proxy in front of this server. The server believes X-Forwarded-For and "
+                 "X-Forwarded-Prefix only if they come from such a proxy; may be repeated")
       ->type_name("ADDRESS");
-  app.add_option("--media-address", o.media, "local address that sends video, or any (default: as --listen)")
+  app.add_option("--media-address", o.media,
+                 "IP address of this machine that sends the video, or any for all of its addresses. By default, the "
+                 "address of --listen sends the video")
       ->type_name("ADDRESS");
-  app.add_option(
-         "--ice-server", o.ice_servers,
-         "STUN or TURN server for viewers and lf-serve: stun:HOST:PORT, turn:HOST:PORT?transport=udp; may be repeated")
+  app.add_option("--ice-server", o.ice_servers,
+                 "STUN or TURN server for viewers that cannot reach this machine directly, for example stun:HOST:PORT "
+                 "or turn:HOST:PORT?transport=udp. lf-serve uses the server, too; may be repeated")
       ->type_name("URI");
   app.add_option("--ice-credentials", o.ice_credentials,
-                 "TURN credentials: a file with USER PASSWORD, or with the secret of the TURN server (use-auth-secret)")
+                 "File with the credentials for the TURN servers of --ice-server. The file contains either USER "
+                 "PASSWORD, or only the secret that a TURN server with use-auth-secret shares with lf-serve")
       ->type_name("FILE");
-  app.add_option("--path", o.paths, "camera path that links can play (#path=NAME), NAME=VIEWS.json; may be repeated")
+  app.add_option("--path", o.paths,
+                 "Camera path that the server plays for pages with #path=NAME in their address. VIEWS.json contains "
+                 "the views of the path; may be repeated")
       ->type_name("NAME=FILE");
 }
 
 void add_view_options(cli::App& app, Options& o) {
-  app.add_option("--viewers", o.limits.viewers, "maximum number of viewers; a stereo viewer counts twice")
+  app.add_option("--viewers", o.limits.viewers,
+                 "Maximum number of viewers at a time. A stereo viewer counts twice, because each eye needs a separate "
+                 "view. Further viewers wait in a queue")
       ->capture_default_str()
       ->check(cli::Range(1, 1000));
-  app.add_option("--address-views", o.limits.address_views, "maximum number of views per client address")
+  app.add_option("--address-views", o.limits.address_views,
+                 "Maximum number of views at a time for one client address. A stereo viewer needs 2 views")
       ->capture_default_str()
       ->check(cli::Range(1, 1000));
-  app.add_option("--framerate", o.limits.framerate, "pictures per second")
+  app.add_option("--framerate", o.limits.framerate, "Frame rate of the video for viewers, in pictures per second")
       ->capture_default_str()
       ->check(cli::Range(1, 120));
   app.add_option("--capture-delay", o.capture_delay_ms,
-                 "delay from capture to request, the latency of the cameras, milliseconds (default: 100, or "
-                 "300 with RTSP cameras)")
+                 "Time between the capture of a frame and a request for it, in milliseconds. It must exceed the "
+                 "latency of the cameras. Otherwise the requested frames have not arrived yet, and pictures become "
+                 "incomplete (default: 100, or 300 with RTSP cameras)")
       ->check(cli::Range(0, 10000));
-  app.add_option("--focus", o.limits.focus,
-                 "initial distance of the focal plane, metres (default: 4 times the size of the array)")
-      ->check(cli::PositiveNumber);
   app.add_option(
-         "--focus-mode", o.limits.focus_settings.mode,
-         "focus on the viewer's plane, or on a surface with the whole picture in focus; auto: depends on the scene")
+         "--focus", o.limits.focus,
+         "Initial distance of the focal plane from the viewer, in metres (default: 4 times the size of the array)")
+      ->check(cli::PositiveNumber);
+  app.add_option("--focus-mode", o.limits.focus_settings.mode,
+                 "Focus of the pictures. plane: one plane is in focus, at the distance that the viewer sets. surface: "
+                 "the depth of each pixel is estimated, so that the whole picture is in focus. auto: the scene decides")
       ->capture_default_str()
       ->check(cli::IsMember({"plane", "surface", "auto"}));
   app.add_option("--focus-near", o.limits.focus_settings.near,
-                 "minimum distance of the surface, metres from the array (default: depends on the scene)")
+                 "Minimum distance of the surface of --focus-mode from the array, in metres. Set this if nothing is "
+                 "closer, because a smaller depth range gives more reliable results (default: depends on the scene)")
       ->check(cli::PositiveNumber);
-  app.add_option("--focus-far", o.limits.focus_settings.far, "maximum distance")->check(cli::PositiveNumber);
+  app.add_option(
+         "--focus-far", o.limits.focus_settings.far,
+         "Maximum distance of the surface of --focus-mode from the array, in metres (default: depends on the scene)")
+      ->check(cli::PositiveNumber);
   app.add_option("--gains", o.limits.focus_settings.gains,
-                 "exposure compensation (default: on unless the rig has colour models)")
+                 "Exposure compensation, which matches the brightness of each camera to the array (default: on unless "
+                 "the rig has colour models)")
       ->check(cli::IsMember({"on", "off", "auto"}));
-  app.add_option("--resampling", o.resampling, "sampling of camera images (for --nodes: see lfcameranode)")
+  app.add_option("--resampling", o.resampling,
+                 "Sampling of the camera images. sharpened restores most of the detail that bilinear sampling loses. "
+                 "The hosts of --nodes ignore this option; set the property at their lfcameranode instead")
       ->capture_default_str()
       ->check(cli::IsMember({"bilinear", "sharpened"}));
-  app.add_option("--renderer", o.renderer, "renderer; gl: OpenGL ES; auto: the faster one (not for --nodes)")
+  app.add_option("--renderer", o.renderer,
+                 "Renderer of the views. cpu: SIMD code on the CPU; gl: OpenGL ES on a GPU; auto: the faster one on "
+                 "this machine. This option does not affect the hosts of --nodes")
       ->capture_default_str()
       ->check(cli::IsMember({"cpu", "gl", "auto"}));
   app.add_option("--monitor", o.limits.monitor,
-                 "viewer requests per camera check: each check predicts a camera, in turn, from the remaining cameras; "
-                 "the page and /metrics report faulty cameras (0: never)")
+                 "Interval between camera checks, counted in requests of a viewer. Each check predicts one camera from "
+                 "all other cameras and compares the prediction with its image. The page and /metrics then report "
+                 "cameras that have moved or become dirty (0: no checks)")
       ->capture_default_str()
       ->check(cli::Range(0, 10000));
-  app.add_option("--max-aperture", o.limits.max_aperture, "maximum aperture, metres (default: size of the array)")
+  app.add_option("--max-aperture", o.limits.max_aperture,
+                 "Maximum diameter of the synthetic aperture that viewers may request, in metres. Large apertures use "
+                 "many cameras per pixel and therefore cost more time (default: size of the array)")
       ->check(cli::PositiveNumber);
   app.add_option("--max-width", o.limits.max_width, "pixels")->capture_default_str()->check(cli::Range(64, 4096));
   app.add_option("--max-height", o.limits.max_height, "pixels")->capture_default_str()->check(cli::Range(64, 4096));
-  app.add_option("--bitrate", o.limits.bit_rate, "maximum video bit rate per viewer, bits per second")
+  app.add_option("--bitrate", o.limits.bit_rate,
+                 "Maximum bit rate of the video for each viewer, in bits per second. The server lowers the rate while "
+                 "packets are lost")
       ->capture_default_str()
       ->check(cli::Range(100000, 100000000));
-  app.add_option("--message-rate", o.limits.messages_per_second, "maximum control messages per viewer and second")
+  app.add_option("--message-rate", o.limits.messages_per_second,
+                 "Maximum number of control messages per second from each viewer. The server ignores further messages")
       ->capture_default_str()
       ->check(cli::Range(1, 10000));
-  app.add_option("--connects", o.limits.connects_per_second, "maximum connections per address and second, on average")
+  app.add_option("--connects", o.limits.connects_per_second,
+                 "Maximum average number of viewer connections per second from one address. Short bursts may be faster")
       ->capture_default_str()
       ->check(cli::Range(0.01, 1000.0));
 }

@@ -28,6 +28,7 @@
 #include "rig/rig_json.h"
 #include "rig/still_image_cache.h"
 #include "scene/scene.h"
+#include "terminal.h"
 #include "view/navigator.h"
 #include "view/view_path.h"
 
@@ -41,7 +42,6 @@ class Scene {
   lf::Mesh mesh;
   const lf::CameraImages images = [this](lf::CameraIndex camera) -> const lf::Image& { return stills_.get(camera); };
 
-  // Estimates the focus distance from the images, metres.
   double estimated_focus() const;
 
  private:
@@ -50,22 +50,21 @@ class Scene {
 
 class ViewOptions {
  public:
-  // This object must outlive `command`. `is_sweep`: only one view, focused by the command.
+  // Adds the options to a command; this object must outlive the command. If `is_sweep` is true, the command takes only
+  // one view and sets the focus itself.
   void add_to(cli::App& command, bool is_sweep = false);
 
-  // Returns the selected views without a focal surface: all views of the file if `many`, otherwise the first; the home
-  // view if there is no file. Throws lf::Error that names the option.
+  // Returns the selected views without a focal surface. These are all views of the views file if `many` is true,
+  // otherwise its first view, or the home view if there is no file. Throws lf::Error that names the option.
   std::vector<lf::NamedView> views(const Scene& scene, bool many) const;
-  // Applies the options to `from`; used if there is no views file.
+  // Returns the viewpoint `from`, modified by the options. Used if there is no views file.
   lf::Viewpoint viewpoint(const lf::Viewpoint& from) const;
   double focus_distance(const Scene& scene) const;
   double aspect(const Scene& scene) const;
-  // Finds a focal surface if the options ask for one, otherwise returns the view unchanged.
   lf::View focused(const Scene& scene, const lf::Mesh& mesh, const lf::View& view) const;
 
   std::string rig;
   bool from_file() const { return !file_.empty(); }
-  // True if an option sets the viewpoint or the size of the view.
   bool places_eye() const { return from_file() || !size_.empty() || fov_ > 0 || !move_.empty(); }
   std::pair<int, int> size(const Scene& scene) const;  // pixels
 
@@ -83,24 +82,36 @@ double Scene::estimated_focus() const {
 }
 
 void ViewOptions::add_to(cli::App& command, bool is_sweep) {
-  command.add_option("--rig", rig, "Rig file with still images (lf-rig snapshot)")->required();
-  cli::Option* file =
-      command.add_option("--views", file_,
-                         is_sweep ? "Views (views.json); the first is used"
-                                  : "Views (views.json): the first, or all if --out accepts several pictures");
-  command.add_option("--size", size_, "View size, pixels (default: a camera's)")->type_name("WxH")->excludes(file);
-  command.add_option("--fov", fov_, "Vertical field of view, degrees (default: filled by the cameras)")
+  command.add_option("--rig", rig, "Rig file with one still image per camera, such as lf-rig snapshot writes")
+      ->required();
+  cli::Option* file = command.add_option(
+      "--views", file_,
+      is_sweep ? "Views file (views.json). The first view is used"
+               : "Views file (views.json). All views are shown if --out names numbered pictures or a film, otherwise "
+                 "only the first view (default: the home view from the middle of the array)");
+  command.add_option("--size", size_, "Size of the view, in pixels (default: the size of a camera image)")
+      ->type_name("WxH")
+      ->excludes(file);
+  command.add_option("--fov", fov_, "Vertical field of view, in degrees (default: as large as the cameras can fill)")
       ->check(cli::Range(lf::kMinFovDeg, lf::kMaxFovDeg))
       ->excludes(file);
-  command.add_option("--move", move_, "Offset of the eye from the home view, metres to the right, down and forward")
+  command
+      .add_option("--move", move_,
+                  "Offset of the viewpoint from the home view in the middle of the array, in metres: to the right, "
+                  "down and forward. For example, 0.1,0,0 looks from a viewpoint 10 cm to the right")
       ->type_name("X,Y,Z")
       ->delimiter(',')
       ->excludes(file);
   if (is_sweep) return;
-  command.add_option("--focus-distance", distance_, "Distance of the focal plane, metres (default: estimated)")
+  command
+      .add_option("--focus-distance", distance_,
+                  "Distance of the focal plane from the viewpoint, in metres (default: estimated from the images)")
       ->check(cli::PositiveNumber)
       ->excludes(file);
-  command.add_option("--focus", focus_, "Focus on a surface, found from the view's plane, or on that plane")
+  command
+      .add_option("--focus", focus_,
+                  "Focus of the view. plane: only the focal plane is in focus. surface: the depth of each pixel is "
+                  "estimated, so that the whole picture is in focus")
       ->capture_default_str()
       ->check(cli::IsMember({"plane", "surface"}));
 }
@@ -110,7 +121,8 @@ std::pair<int, int> ViewOptions::size(const Scene& scene) const {
   int width = camera.width, height = camera.height, end = 0;
   if (!size_.empty() && (std::sscanf(size_.c_str(), "%dx%d%n", &width, &height, &end) != 2 || size_[end] != 0 ||
                          width < 1 || height < 1 || width > lf::kMaxImageSize || height > lf::kMaxImageSize))
-    throw lf::Error("--size " + size_ + ": must be WIDTHxHEIGHT, at most " + std::to_string(lf::kMaxImageSize));
+    throw lf::Error("--size " + size_ + ": must be WIDTHxHEIGHT, such as 640x480, with sides of at most " +
+                    std::to_string(lf::kMaxImageSize));
   return {width, height};
 }
 
@@ -124,13 +136,16 @@ double ViewOptions::focus_distance(const Scene& scene) const {
 }
 
 lf::Viewpoint ViewOptions::viewpoint(const lf::Viewpoint& from) const {
-  if (!move_.empty() && move_.size() != 3) throw lf::Error("--move: must be three numbers, such as 0.1,0,-0.5");
+  if (!move_.empty() && move_.size() != 3)
+    throw lf::Error("--move: must be three numbers in metres (right, down, forward), such as 0.1,0,-0.5");
   lf::Viewpoint at = from;
   if (fov_ > 0) at.fov_y_deg = fov_;
   if (!move_.empty()) {
     at.pose.position += at.pose.rotation() * lf::Vec3(move_[0], move_[1], move_[2]);
-    if (distance_ <= 0) at.focus_distance -= move_[2];  // keeps the same point in focus
-    if (!(at.focus_distance > 0)) throw lf::Error("--move: the eye passes the point in focus; give --focus-distance");
+    if (distance_ <= 0) at.focus_distance -= move_[2];
+    if (!(at.focus_distance > 0))
+      throw lf::Error(
+          "--move: the viewpoint moves forward past the point in focus; move it less, or give --focus-distance");
   }
   return lf::clamped(at);
 }
@@ -157,15 +172,14 @@ lf::Still picture_of(const Scene& scene, const lf::Mesh& mesh, const lf::View& f
 
 constexpr int kFilmQuality = 90;
 
-// Output of pictures: NAME.png or NAME.jpg, a single picture; a name with one %d (%03d), pictures numbered from 0;
-// NAME.mkv, a Motion JPEG film. Not thread-safe.
+// Writes pictures to a file of this name. NAME.png and NAME.jpg are a single picture, a name with one %d (such as %03d)
+// means pictures numbered from 0, and NAME.mkv is a Motion JPEG film. Not thread-safe.
 class Output {
  public:
-  // Throws lf::Error for another extension or another use of '%'.
+  // Throws lf::Error if the name has another form.
   explicit Output(const std::string& path, FrameRate rate = {});
 
   bool takes_many() const { return kind_ != Kind::kOne; }
-  // All pictures of a film must have the size of the first picture. Throws lf::Error that names the file.
   void add(const lf::Image& rgb);
   void finish();
 
@@ -184,9 +198,10 @@ struct OutputOptions {
   std::vector<const cli::Option*> framerate_options;
 
   // This object must outlive `command`.
-  void add_to(cli::App& command,
-              const char* what = "Picture (.png, .jpg), numbered pictures (NAME_%03d.png) or film (NAME.mkv)");
-  // Throws lf::Error if a frame rate is set but the output is not a film.
+  void add_to(
+      cli::App& command,
+      const char* what =
+          "File to write: one picture (NAME.png or NAME.jpg), numbered pictures (NAME_%03d.png) or a film (NAME.mkv)");
   void check() const;
   Output open() const;
 };
@@ -201,7 +216,9 @@ Output::Output(const std::string& path, FrameRate rate) : path_(path), rate_(rat
   else if (std::regex_match(path, film))
     kind_ = Kind::kFilm;
   else
-    throw lf::Error("--out " + path + ": must be NAME.png or NAME.jpg, for several pictures NAME_%03d.png or NAME.mkv");
+    throw lf::Error(
+        "--out " + path +
+        ": must be NAME.png or NAME.jpg for one picture, NAME_%03d.png for numbered pictures, or NAME.mkv for a film");
   if (kind_ == Kind::kFilm) gst_init(nullptr, nullptr);
 }
 
@@ -211,7 +228,7 @@ void Output::add(const lf::Image& rgb) {
     return film_->add(rgb);
   }
   if (kind_ == Kind::kOne) return lf::save_image(rgb, path_);
-  // The constructor checked the pattern.
+  // The constructor has checked that the pattern is harmless.
   std::string name(path_.size() + 16, 0);
   name.resize(static_cast<size_t>(std::snprintf(name.data(), name.size(), path_.c_str(), count_++)));
   lf::save_image(rgb, name);
@@ -223,15 +240,16 @@ void Output::finish() {
 
 void OutputOptions::add_to(cli::App& command, const char* what) {
   command.add_option("--out", out, what)->required()->type_name("FILE");
-  framerate_options.push_back(command.add_option("--framerate", framerate, "Frame rate of a film, pictures per second")
-                                  ->capture_default_str()
-                                  ->check(cli::Range(0.1, 1000.0)));
+  framerate_options.push_back(
+      command.add_option("--framerate", framerate, "Frame rate of a film (.mkv), in pictures per second")
+          ->capture_default_str()
+          ->check(cli::Range(0.1, 1000.0)));
 }
 
 void OutputOptions::check() const {
   const bool given = std::ranges::any_of(framerate_options, [](const cli::Option* option) { return bool(*option); });
   if (given && !out.ends_with(".mkv"))
-    throw lf::Error("--framerate: only a film (.mkv) has a frame rate; --out " + out + " is not a film");
+    throw lf::Error("--framerate: applies only to films (.mkv), but --out " + out + " is a picture");
 }
 
 Output OutputOptions::open() const {
@@ -250,7 +268,7 @@ void show_views(const OutputOptions& options, const std::vector<lf::NamedView>& 
   }
   output.finish();
   progress.finish();
-  std::printf("%s: %zu %s\n", options.out.c_str(), views.size(), views.size() == 1 ? "picture" : "pictures");
+  terminal::print("%s: %zu %s\n", options.out.c_str(), views.size(), views.size() == 1 ? "picture" : "pictures");
 }
 
 struct Options {
@@ -273,10 +291,11 @@ void show_mosaic(const Options& options) {
   Output output(options.output.out);
   output.add(camera_mosaic(scene.rig, images, options.width > 0 ? options.width : kScreen, true));
   output.finish();
-  std::printf("%s: %zu cameras\n", options.output.out.c_str(), scene.rig.cameras.size());
+  terminal::print("%s: %zu cameras\n", options.output.out.c_str(), scene.rig.cameras.size());
 }
 
-// Writes camera ids at the centres of their contributions, largest contribution first, without overlaps.
+// Writes the id of each camera at the centre of its contribution. Large contributions come first, and ids that would
+// overlap are omitted.
 void write_ids(lf::Image& map, const Scene& scene, const lf::View& view) {
   const double size = std::max(8.0, view.height / 40.0);  // pixels
   const lf::ViewPlan plan(scene.rig, scene.mesh, view);
@@ -301,11 +320,13 @@ void show_contributions(const Options& options) {
   const Scene scene(options.view.rig);
   std::vector<lf::NamedView> views;
   if (options.behind) {
-    if (options.view.from_file()) throw lf::Error("--behind: sets the viewpoint, like --views; give only one");
+    if (options.view.from_file())
+      throw lf::Error("--behind: cannot be used with --views, because both set the viewpoint");
     const auto [width, height] = options.view.size(scene);
     const lf::Viewpoint behind = options.view.viewpoint(
         lf::viewpoint_behind(scene.rig, options.view.aspect(scene), options.view.focus_distance(scene)));
     views.push_back({"behind", 0, lf::make_view(behind, width, height)});
+    views.back().view.blending.extrapolates = false;  // the picture shows the mesh
   } else {
     views = options.view.views(scene, options.output.open().takes_many());
   }
@@ -348,7 +369,8 @@ void show_coverage(const Options& options) {
 
 void show_epipolar(const Options& options) {
   const Scene scene(options.view.rig);
-  if ((options.row >= 0) == (options.column >= 0)) throw lf::Error("give --row or --column");
+  if ((options.row >= 0) == (options.column >= 0))
+    throw lf::Error("give either --row or --column, to select the cameras of the picture");
   const std::vector<lf::CameraIndex> line =
       options.row >= 0 ? lf::row_of_cameras(scene.rig, options.row) : lf::column_of_cameras(scene.rig, options.column);
   const lf::Camera& camera = scene.rig.cameras[line[line.size() / 2]];
@@ -361,7 +383,7 @@ void show_epipolar(const Options& options) {
   Output output(options.output.out);
   output.add(lf::epipolar_image(scene.rig, line, scene.images, epi));
   output.finish();
-  std::printf("%s: %zu cameras, %.4g m away\n", options.output.out.c_str(), line.size(), epi.distance);
+  terminal::print("%s: %zu cameras, %.4g m away\n", options.output.out.c_str(), line.size(), epi.distance);
 }
 
 void show_sweep(const Options& options) {
@@ -372,7 +394,7 @@ void show_sweep(const Options& options) {
   lf::FocusRange range{options.near, options.far};
   if (!(range.near > 0 && range.far > 0)) {
     const std::optional<lf::FocusRange> found = lf::estimate_focus_range(scene.rig, scene.images);
-    if (!found) throw lf::Error("can't estimate the depth range from the images: give --near and --far");
+    if (!found) throw lf::Error("the depth range cannot be estimated from the images; give --near and --far");
     if (!(range.near > 0)) range.near = range.far > 0 ? std::min(found->near, range.far) : found->near;
     if (!(range.far > 0)) range.far = std::max(found->far, range.near);
   }
@@ -380,7 +402,7 @@ void show_sweep(const Options& options) {
   const auto views = lf::make_focus_sweep(view, range, options.planes);
   show_views(options.output, views,
              [&](const lf::NamedView& named) { return picture_of(scene, scene.mesh, named.view).picture; });
-  std::printf("%d planes from %.4g to %.4g m\n", options.planes, range.near, range.far);
+  terminal::print("%d planes from %.4g to %.4g m\n", options.planes, range.near, range.far);
 }
 
 cli::App* add_command(cli::App& app, const char* name, const char* help, Options& options,
@@ -402,15 +424,15 @@ struct DifferenceOptions {
   double full = 64;
 };
 
-// Returns the expected picture: a file, the built-in scene, or the image of the held-out camera.
 lf::Image truth_of(const DifferenceOptions& options, const Scene& scene, const lf::NamedView& named, size_t number) {
   const lf::View& view = named.view;
   if (options.left_out >= 0) return scene.images(*scene.rig.index_of_id(static_cast<uint32_t>(options.left_out)));
   if (options.scene) return lf::render_scene({view.width, view.height, view.lens, view.pose}, named.time);
-  if (number > 0) throw lf::Error("--truth: needs a single view, because it is a single picture");
+  if (number > 0)
+    throw lf::Error("--truth: is a single picture and can be compared with only one view; select a single view");
   lf::Image truth = lf::load_image(options.truth);
   if (truth.width() != view.width || truth.height() != view.height)
-    throw lf::Error(options.truth + ": must have the view's size, " + std::to_string(view.width) + "x" +
+    throw lf::Error(options.truth + ": must have the same size as the view, " + std::to_string(view.width) + "x" +
                     std::to_string(view.height));
   return truth;
 }
@@ -418,13 +440,15 @@ lf::Image truth_of(const DifferenceOptions& options, const Scene& scene, const l
 void show_difference(const DifferenceOptions& options) {
   const Scene scene(options.view.rig);
   if ((options.left_out >= 0) + options.scene + !options.truth.empty() != 1)
-    throw lf::Error("give one of --truth, --scene and --held-out-camera");
+    throw lf::Error("give exactly one of --truth, --scene and --held-out-camera, to select the expected picture");
   std::vector<lf::NamedView> views;
   lf::Mesh mesh = scene.mesh;
   if (options.left_out >= 0) {
     const lf::CameraIndex camera = lf::parse_camera_list(scene.rig, std::to_string(options.left_out))[0];
     if (options.view.places_eye())
-      throw lf::Error("--held-out-camera: the camera defines the view; omit --views, --size, --fov and --move");
+      throw lf::Error(
+          "--held-out-camera: cannot be used with --views, --size, --fov or --move, because the held-out camera "
+          "defines the view");
     const lf::Camera& at = scene.rig.cameras[camera];
     lf::View view{.width = at.width, .height = at.height, .lens = at.lens, .pose = at.pose, .focus = {}};
     view.focus.plane = lf::focal_plane_at(view.pose, options.view.focus_distance(scene));
@@ -444,7 +468,7 @@ void show_difference(const DifferenceOptions& options) {
                                            lf::format_text("at most %d of 255, %.1f %% compared", quality.max_error,
                                                            100 * quality.coverage)}
                              : std::vector<std::string>{"nothing compared:", "the cameras cover no pixel"};
-    std::printf("%s: %s %s\n", named.name.c_str(), texts[0].c_str(), texts[1].c_str());
+    terminal::print("%s: %s %s\n", named.name.c_str(), texts[0].c_str(), texts[1].c_str());
     return with_colour_bar(
         lf::heat_map(off, named.view.width, named.view.height, options.full),
         {"off by 0", lf::format_text("%.4g of 255", options.full), quality.coverage < 1 ? "not compared" : "", texts});
@@ -453,13 +477,23 @@ void show_difference(const DifferenceOptions& options) {
 
 void add_difference_command(cli::App& app) {
   const auto o = std::make_shared<DifferenceOptions>();
-  cli::App* difference = app.add_subcommand("difference", "Difference between a view and the expected picture");
+  cli::App* difference = app.add_subcommand("difference",
+                                            "Shows the difference between a rendered view and the expected picture in "
+                                            "false colours, and prints PSNR and SSIM");
   o->view.add_to(*difference);
-  difference->add_option("--truth", o->truth, "Expected picture");
-  difference->add_flag("--scene", o->scene, "Compare with the built-in scene, filmed by the cameras");
-  difference->add_option("--held-out-camera", o->left_out, "Id of a camera to hold out and compare with")
+  difference->add_option("--truth", o->truth, "File with the expected picture of the view");
+  difference->add_flag("--scene", o->scene,
+                       "Use the ground truth of the built-in scene as the expected picture. The cameras of the rig "
+                       "must have filmed this scene");
+  difference
+      ->add_option("--held-out-camera", o->left_out,
+                   "Id of a camera to hold out. Its own image is the expected picture, and the remaining cameras "
+                   "render the view")
       ->check(cli::NonNegativeNumber);
-  difference->add_option("--full-scale", o->full, "Difference of 255 at the end of the scale")
+  difference
+      ->add_option(
+          "--full-scale", o->full,
+          "Difference at the end of the colour scale, in levels of 255. Lower values make small differences visible")
       ->capture_default_str()
       ->check(cli::Range(1.0, 255.0));
   o->output.add_to(*difference);
@@ -470,55 +504,86 @@ void add_difference_command(cli::App& app) {
 
 int main(int argc, char** argv) {
   Options o;
-  cli::App app("Visualizes camera images and rendered views of a rig with still images.", "lf-show");
+  cli::App app(
+      "Draws pictures that explain a rig with still images: its camera images, the contribution of each camera to a "
+      "view, and errors of rendered views.",
+      "lf-show");
   app.require_subcommand(1);
 
-  cli::App* mosaic = add_command(app, "mosaic", "All camera images, side by side, with names", o, show_mosaic);
-  mosaic->add_option("--rig", o.view.rig, "Rig file with still images")->required();
-  mosaic->add_option("--out", o.output.out, "Picture to write (.png, .jpg)")->required()->type_name("FILE");
-  mosaic->add_option("--width", o.width, "Width of the picture, pixels (default: 1920)")
+  cli::App* mosaic = add_command(
+      app, "mosaic", "Draws all camera images side by side, arranged like the array and labelled with the camera names",
+      o, show_mosaic);
+  mosaic->add_option("--rig", o.view.rig, "Rig file with one still image per camera")->required();
+  mosaic->add_option("--out", o.output.out, "Picture to write, as PNG or JPEG (.png or .jpg)")
+      ->required()
+      ->type_name("FILE");
+  mosaic->add_option("--width", o.width, "Width of the picture, in pixels (default: 1920)")
       ->check(cli::Range(1, lf::kMaxImageSize));
 
   cli::App* contributions = add_command(
-      app, "contributions", "Contribution of each camera to a view; neighbouring cameras have different colours", o,
+      app, "contributions",
+      "Colours each pixel of a view by the contributing cameras. Neighbouring cameras have different colours", o,
       show_contributions);
   o.view.add_to(*contributions);
-  contributions->add_flag("--behind", o.behind, "View from behind the array that shows all cameras");
-  contributions->add_flag("--ids", o.ids, "Write camera ids where the cameras contribute most");
+  contributions->add_flag("--behind", o.behind,
+                          "Look from behind the array, so that the contributions of all cameras are visible");
+  contributions->add_flag("--ids", o.ids,
+                          "Write the id of each camera into the region that shows most of its contribution");
   o.output.add_to(*contributions);
 
-  cli::App* coverage = add_command(app, "coverage", "Missing weight of each pixel", o, show_coverage);
+  cli::App* coverage = add_command(app, "coverage",
+                                   "Shows how much of each pixel the cameras cannot see: the total weight of cameras "
+                                   "that should contribute to the pixel, but do not see its point",
+                                   o, show_coverage);
   o.view.add_to(*coverage);
   o.output.add_to(*coverage);
 
-  cli::App* epi =
-      add_command(app, "epi", "Epipolar-plane image: a scene line seen by a row of cameras", o, show_epipolar);
-  epi->add_option("--rig", o.view.rig, "Rig file of a grid with still images")->required();
-  cli::Option* row = epi->add_option("--row", o.row, "Row of the grid, 0 at the top")->check(cli::NonNegativeNumber);
-  epi->add_option("--column", o.column, "Column of the grid, 0 at the left")
+  cli::App* epi = add_command(app, "epi",
+                              "Draws an epipolar-plane image: the images of one scene line in a row or column of "
+                              "cameras, below each other. The slope of an edge shows its depth",
+                              o, show_epipolar);
+  epi->add_option("--rig", o.view.rig, "Rig file of a camera grid with one still image per camera")->required();
+  cli::Option* row =
+      epi->add_option("--row", o.row, "Row of cameras to use; row 0 is at the top. Give either --row or --column")
+          ->check(cli::NonNegativeNumber);
+  epi->add_option("--column", o.column, "Column of cameras to use; column 0 is at the left")
       ->check(cli::NonNegativeNumber)
       ->excludes(row);
   epi->add_option("--focus-distance", o.distance,
-                  "Distance of the line, metres; points there have no disparity (default: estimated)")
+                  "Distance of the scene line from the cameras, in metres. Points at this distance have no disparity, "
+                  "so their edges are vertical in the picture (default: estimated)")
       ->check(cli::PositiveNumber);
-  epi->add_option("--across", o.across, "Offset of the line from the axes, metres: down (row) or right (column)")
+  epi->add_option("--across", o.across,
+                  "Offset of the scene line from the optical axes, in metres: downwards for a row of cameras, to the "
+                  "right for a column")
       ->capture_default_str();
-  epi->add_option("--width", o.width, "Width of the picture, pixels (default: a camera's)")
+  epi->add_option("--width", o.width, "Width of the picture, in pixels (default: the width of a camera image)")
       ->check(cli::Range(1, lf::kMaxImageSize));
-  epi->add_option("--stripe", o.stripe, "Height of each camera's stripe, pixels")
+  epi->add_option("--stripe", o.stripe, "Height of the stripe that each camera gets in the picture, in pixels")
       ->capture_default_str()
       ->check(cli::Range(1, 256));
-  epi->add_option("--out", o.output.out, "Picture to write (.png, .jpg)")->required()->type_name("FILE");
+  epi->add_option("--out", o.output.out, "Picture to write, as PNG or JPEG (.png or .jpg)")
+      ->required()
+      ->type_name("FILE");
 
-  cli::App* sweep = add_command(app, "sweep", "A view focused on successive planes, from near to far", o, show_sweep);
+  cli::App* sweep = add_command(
+      app, "sweep", "Renders one view many times, focused on successive planes from near to far", o, show_sweep);
   o.view.add_to(*sweep, true);
-  sweep->add_option("--near", o.near, "Nearest plane, metres from the eye (default: from the images)")
+  sweep
+      ->add_option("--near", o.near,
+                   "Distance of the nearest plane from the viewpoint, in metres (default: estimated from the images)")
       ->check(cli::PositiveNumber);
-  sweep->add_option("--far", o.far, "Farthest plane, metres from the eye")->check(cli::PositiveNumber);
-  sweep->add_option("--planes", o.planes, "Number of planes, evenly spaced in inverse distance")
+  sweep
+      ->add_option("--far", o.far,
+                   "Distance of the farthest plane from the viewpoint, in metres (default: estimated from the images)")
+      ->check(cli::PositiveNumber);
+  sweep
+      ->add_option("--planes", o.planes,
+                   "Number of planes. Their inverse distances are evenly spaced, so that the disparity changes by the "
+                   "same amount at each step")
       ->capture_default_str()
       ->check(cli::Range(2, 100000));
-  o.output.add_to(*sweep, "Numbered pictures (NAME_%03d.png) or a film (NAME.mkv)");
+  o.output.add_to(*sweep, "Numbered pictures (NAME_%03d.png) or a film (NAME.mkv) to write");
 
   add_difference_command(app);
   return cli::run_tool(app, argc, argv, [] {});

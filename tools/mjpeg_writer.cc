@@ -10,12 +10,13 @@
 
 namespace {
 
-// Timestamps have a resolution of 10 us, because milliseconds would lose a third of one on average. Block times are
-// 16-bit offsets from their cluster, which limits the cluster duration (ns).
+// The time code scale sets the resolution of timestamps, here 10 us. The default of 1 ms would shift timestamps by 0.3
+// ms on average. Block times are 16-bit offsets from the start of their cluster, so this scale also limits the cluster
+// duration (ns).
 constexpr char kMuxer[] =
     "matroskamux name=muxer timecodescale=10000 min-cluster-duration=300000000 max-cluster-duration=300000000";
 
-// Conventions of Image: full-range BT.601, chroma sited in the centre of four pixels.
+// Describes the colours of Image: full-range BT.601 with chroma in the centre of four pixels.
 GstVideoInfo info_of(int width, int height, FrameRate rate) {
   GstVideoInfo info;
   gst_video_info_set_format(&info, GST_VIDEO_FORMAT_I420, width, height);
@@ -77,8 +78,9 @@ void MjpegWriter::open(const std::string& coder, GstCaps* caps) {
   if (gst_element_set_state(pipeline_, GST_STATE_PLAYING) == GST_STATE_CHANGE_FAILURE) fail();
 }
 
-// A demuxer starts at the first block, whatever its timestamp. Here the first block is a subtitle with the time of day
-// at 0. Films of cameras with different first frames thus share one start.
+// Marks time 0 of the film. A demuxer shifts a film so that its first block has time 0, which would shift films of
+// cameras with different first frames differently. The first block is therefore a subtitle at time 0. Its text is the
+// time of day.
 void MjpegWriter::write_beginning() {
   GstElement *text = gst_element_factory_make("appsrc", nullptr),
              *muxer = gst_bin_get_by_name(GST_BIN(pipeline_), "muxer");
@@ -130,7 +132,7 @@ void MjpegWriter::finish() {
   GstMessage* message = gst_bus_timed_pop_filtered(bus, GST_CLOCK_TIME_NONE,
                                                    static_cast<GstMessageType>(GST_MESSAGE_EOS | GST_MESSAGE_ERROR));
   const bool whole = GST_MESSAGE_TYPE(message) == GST_MESSAGE_EOS;
-  if (!whole) gst_bus_post(bus, gst_message_ref(message));  // for fail()
+  if (!whole) gst_bus_post(bus, gst_message_ref(message));
   gst_message_unref(message);
   gst_object_unref(bus);
   if (!whole) fail();
@@ -141,6 +143,6 @@ void MjpegWriter::finish() {
 void MjpegWriter::fail() {
   // Another thread may still be posting the error.
   const std::string reason = lf::bus_error(pipeline_, GST_SECOND, "the pipeline stopped");
-  close();  // also called by the constructor
+  close();  // the destructor does not run after an error in the constructor
   throw lf::Error(path_ + ": can't be written: " + reason);
 }

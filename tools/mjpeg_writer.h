@@ -11,8 +11,8 @@
 
 namespace lf {
 
-// Returns the first error on the pipeline's bus, waiting up to `timeout`, or `otherwise` if there is none. Removes the
-// message from the bus.
+// Waits up to `timeout` for an error on the pipeline's bus, and removes it from the bus. Returns its text, or
+// `otherwise` if there is none.
 inline std::string bus_error(GstElement* pipeline, GstClockTime timeout, std::string otherwise) {
   GstBus* bus = gst_element_get_bus(pipeline);
   if (GstMessage* message = gst_bus_timed_pop_filtered(bus, timeout, GST_MESSAGE_ERROR)) {
@@ -28,31 +28,30 @@ inline std::string bus_error(GstElement* pipeline, GstClockTime timeout, std::st
 
 }  // namespace lf
 
-// Frames per second as a fraction.
 struct FrameRate {
   int numerator = 15, denominator = 1;
-  // Returns the time of frame `n`, counted from 0, nanoseconds.
   GstClockTime time(uint64_t n) const {
     return gst_util_uint64_scale(n, GST_SECOND * static_cast<guint64>(denominator), static_cast<guint64>(numerator));
   }
 };
 
-// Writes Motion JPEG into a Matroska file through GStreamer. finish() replaces the file atomically (base/file.h);
-// without finish() nothing changes. Not thread-safe. Throws lf::Error that names the file. Requires gst_init().
+// Writes a Motion JPEG film into a Matroska file, through a GStreamer pipeline. The file appears when finish()
+// succeeds. If finish() is not called, an existing file of this name stays unchanged. Requires gst_init() and is not
+// thread-safe. Throws lf::Error that names the file.
 class MjpegWriter {
  public:
-  // Encodes images. `quality`: JPEG quality, 1..100. `rate` 0/1: every frame has its own time.
+  // Creates a writer that encodes RGB images with this JPEG quality (1 to 100). A `rate` of 0/1 means that the film has
+  // no frame rate, so add() needs a time for every frame.
   MjpegWriter(const std::string& path, int width, int height, FrameRate rate, int quality);
-  // Stores frames that are already JPEG without re-encoding.
+  // Creates a writer for frames that are already JPEG. They are stored without loss by re-encoding.
   MjpegWriter(const std::string& path, int width, int height);
   ~MjpegWriter();
   MjpegWriter(const MjpegWriter&) = delete;
   MjpegWriter& operator=(const MjpegWriter&) = delete;
 
-  // Writes the next RGB frame of the writer's size, at the time given by the rate.
   void add(const lf::Image& rgb) { add(rgb, rate_.time(frames_)); }
-  // Writes a frame at `time`, nanoseconds, which must increase. Without a rate, time 0 is common to all films of a
-  // recording, even if no frame was taken then.
+  // Writes a frame at `time` (nanoseconds), which must increase from frame to frame. Films without a rate begin at time
+  // 0 even if their first frame is later, so all films of a recording share one time axis.
   void add(const lf::Image& rgb, GstClockTime time);
   void add_jpeg(GstBuffer* jpeg, GstClockTime time);  // `jpeg` is borrowed
   void finish();
@@ -62,7 +61,7 @@ class MjpegWriter {
   void write_beginning();
   void push(GstBuffer* buffer, GstClockTime time);  // takes ownership of `buffer`
   void close();
-  [[noreturn]] void fail();  // throws lf::Error with the pipeline's error
+  [[noreturn]] void fail();
 
   std::string path_;
   lf::AtomicFileWriter file_;

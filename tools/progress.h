@@ -11,8 +11,8 @@
 
 #include <unistd.h>
 
-// A progress bar on standard error. Without a terminal, prints a line with the estimated remaining time every ten
-// seconds. Not thread-safe.
+// Shows a progress bar on standard error. If that is not a terminal, prints a line with the remaining time every ten
+// seconds instead. Not thread-safe.
 class Progress {
  public:
   Progress(std::string what, size_t total) : what_(std::move(what)), total_(total), visible_(isatty(STDERR_FILENO)) {}
@@ -23,7 +23,7 @@ class Progress {
     done_++;
     if (total_ > 0) reach(static_cast<double>(done_) / static_cast<double>(total_));
   }
-  // `share`: completed fraction, 0..1; the bar never moves back. `doing`: current step.
+  // Moves the bar to the completed fraction `share` (0 to 1). The bar never moves back. `doing` names the current step.
   void reach(double share, const std::string& doing = "") {
     const int percent = std::max(shown_, static_cast<int>(100 * std::clamp(share, 0.0, 1.0)));
     if (!visible_) {
@@ -59,8 +59,8 @@ class Progress {
   std::chrono::steady_clock::time_point last_line_ = begun_;
 };
 
-// A progress bar that moves by the clock, for a job of about known duration that reports no progress. Runs until
-// destroyed. Without a terminal, prints a single line.
+// Shows a progress bar for a job that reports no progress, but has a known duration. The bar moves with the time until
+// the object is destroyed. If standard error is not a terminal, prints a single line.
 class TimedProgress {
  public:
   TimedProgress(const std::string& what, double seconds) {

@@ -1,10 +1,12 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# Installs the Debian 12 packages that gst-lightfield needs, then configures and builds it in build/. Non-interactive,
-# and silent when everything is up to date. --quickstart installs and builds only the programs and packages that
-# pipelines/quickstart.sh needs for the built-in scene. --tests also installs the packages needed to run the tests: a
-# browser, tshark, Janus, coturn, nginx, calibration images, faketime, locales, MkDocs. Given TARGETs (of ninja), builds
-# only these targets.
+# Installs the Debian 12 packages that gst-lightfield needs, then configures and builds the project in build/. The
+# script asks nothing, and prints nothing if everything is up to date.
+#
+# --quickstart  Only the packages and programs that pipelines/quickstart.sh needs for the built-in scene.
+# --tests       Also the packages that the tests need: a browser, tshark, Janus, coturn, nginx, calibration images,
+#               faketime, locales and MkDocs.
+# TARGET        A target of ninja; only the given targets are built.
 set -euo pipefail
 
 what=
@@ -23,7 +25,7 @@ packages=(
   g++ meson ninja-build pkg-config
   libgstreamer1.0-dev libgstreamer-plugins-base1.0-dev gstreamer1.0-tools
   gstreamer1.0-plugins-base gstreamer1.0-plugins-good  # videoconvert, PNG, JPEG, Matroska
-  libcli11-dev libglm-dev libhwy-dev libjpeg62-turbo-dev libpng-dev nlohmann-json3-dev zlib1g-dev
+  libcli11-dev libglm-dev libhwy-dev libjpeg62-turbo-dev libpng-dev libtiff-dev nlohmann-json3-dev zlib1g-dev
   libopencv-core-dev libopencv-imgcodecs-dev libopencv-imgproc-dev
   libegl-dev libgles-dev
   python3

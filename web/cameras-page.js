@@ -4,8 +4,8 @@
 // in turn with clicks or keys. While a moving light is recorded (lf-rig record --lights), the image regions it has
 // reached are green, and a text says where to move the light next.
 
-const kPollInterval = 200;        // milliseconds
-const kRequestTimeout = 5000;    // milliseconds
+const kPollInterval = 200;  // milliseconds
+const kRequestTimeout = 5000;  // milliseconds
 const mosaic = document.getElementById('mosaic'), told = document.getElementById('told');
 const asks = document.getElementById('asks');
 const tiles = new Map();
@@ -82,9 +82,11 @@ function show(state, picture) {
     mosaic.replaceChildren();
     tiles.clear();
     for (const camera of state.cameras) tiles.set(camera.id, tileOf(camera, state.tile));
+    mosaic.style.setProperty('--columns', state.columns);
+    mosaic.style.setProperty('--largest', `${width * 2}px`);
     // The largest size that fits all tiles, with two lines of text each, into the window below the instructions.
     const fits = `((100vh - ${state.told ? 150 : 70}px) / ${state.rows} - 46px) * ${width / height}`;
-    mosaic.style.gridTemplateColumns = `repeat(${state.columns}, minmax(0, max(64px, min(${width * 2}px, ${fits}))))`;
+    mosaic.style.setProperty('--fits', fits);
   }
   swaps = state.swaps === true;
   if (state.told && told.textContent !== state.told) told.textContent = state.told;
@@ -114,7 +116,7 @@ function showPlaces(context, came, [columns, rows], width, height) {
   });
 }
 
-// If the server requires a token, polling pauses until a token is entered.
+// If the server requires a token, polling pauses until the person enters the token.
 async function turn() {
   const latest = ++turns;
   try {

@@ -1,145 +1,154 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 
-/** Pose, field of view and focus of a virtual camera: metres and degrees; x to the right, y down, z forward. */
+/**
+ * Position, orientation, field of view and focus of a virtual camera, in metres and degrees. The axis x points to the
+ * right, y down and z forward.
+ */
 export interface LightfieldView {
   x: number;
   y: number;
   z: number;
-  /** About y, then pitch about x, then roll about z. */
+  /** Rotation about y, then pitch about x, then roll about z. */
   yaw: number;
   pitch: number;
   roll: number;
-  /** Vertical field of view. */
   fov: number;
-  /** Distance to the plane in focus, along the optical axis, metres. */
+  /** Distance from the viewpoint to the plane in focus, along the optical axis. */
   focusDistance: number;
 }
 
-/** One eye, two pictures side by side, or red-cyan glasses. */
+/** A single picture, two pictures side by side, or one picture for red-cyan glasses. */
 export type LightfieldEyes = 'one' | 'side' | 'anaglyph';
 
-/** Statistics of the server, once a second; docs/reference/web-interface.md of gst-lightfield lists all fields. */
+/**
+ * Statistics that the server sends once a second. The page docs/reference/web-interface.md of gst-lightfield describes
+ * all fields.
+ */
 export interface LightfieldStatistics {
   pictures: number;
   incomplete: number;
-  /** Fraction of the picture that the cameras cover, 0..1. */
+  /** Fraction of the picture that the cameras cover, 0 to 1. The remaining pixels are black. */
   coverage?: number;
-  /** Milliseconds from a request until its picture is composed. */
+  /** Time from a request for a picture until the picture is composed, in milliseconds. */
   pictureMs: number;
-  /** Bits per second. */
+  /** Bit rate of the video, in bits per second. */
   bitRate: number;
   frameRate: number;
   sizeDivisor: number;
-  /** Fraction of lost packets, 0..1. */
+  /** Fraction of packets that are lost on the network, 0 to 1. */
   loss: number;
   roundTripMs: number;
-  /** The latest picture: position in metres, orientation as w, x, y, z, and more (docs/reference/web-interface.md). */
+  /**
+   * The view of the latest picture: position in metres, orientation as w, x, y, z, and more
+   * (docs/reference/web-interface.md).
+   */
   picture?: { sequence: number; position: number[]; orientation: number[]; complete: boolean; [name: string]: unknown };
-  /** The server's own cameras; if no camera works, the picture is frozen. */
+  /** State of the cameras that the server itself runs. If no camera works, the picture is frozen. */
   cameras?: { count: number; working: number };
-  /** Camera hosts, if the cameras are not the server's own; `silent` contains indices from 0. */
+  /**
+   * State of the hosts that run the cameras, if the server does not run them itself. `silent` contains the indices of
+   * hosts that do not answer; the first host has index 0.
+   */
   nodes?: { count: number; silent: number[] };
   [name: string]: unknown;
 }
 
 export interface LightfieldFailure {
-  /** Message for people, as shown by the element. */
   message: string;
-  /** Error of the server or the browser. */
   cause: string;
-  /** HTTP status; missing if the server was not reached. */
+  /** HTTP status; missing if the server could not be reached. */
   status?: number;
-  /** Machine-readable reason: "token", "full", "filming", "path", "origin", "rate", ... */
+  /** Reason for programs, such as "token", "full", "filming", "path", "origin" or "rate". */
   reason?: string;
-  /** Seconds until the element tries again; Infinity: never. */
+  /** Seconds until the element tries again; Infinity if it gives up. */
   retryAfter: number;
 }
 
 export interface LightfieldViewerEventMap {
-  /** The first picture is displayed; pixels. */
+  /** The first picture of a stream is displayed, with this size in pixels. */
   'first-frame': CustomEvent<{ width: number; height: number }>;
   /**
-   * A picture of another view is displayed. `by`: author of the last movement, with the element's controls or its
-   * methods.
+   * The displayed picture shows another view. `by` tells if a person moved the view with the element's controls, or a
+   * script with its methods.
    */
   'view-change': CustomEvent<{ view: LightfieldView; by: 'person' | 'script' }>;
-  /** The focus distance of the displayed picture has changed. */
   'focus-change': CustomEvent<{ focusDistance: number }>;
   error: CustomEvent<LightfieldFailure>;
   connected: CustomEvent<null>;
   disconnected: CustomEvent<{ reason: string }>;
   statistics: CustomEvent<LightfieldStatistics>;
-  /** The server has another rig, for example after a calibration; `hash` identifies the rig. The view stays. */
+  /**
+   * The server has loaded another rig, for example after a calibration. `hash` identifies the rig. The view stays
+   * unchanged.
+   */
   rig: CustomEvent<{ hash: string }>;
 }
 
-/** `<lightfield-viewer>`: a picture of a light field with controls for its virtual camera. */
+/** The element `<lightfield-viewer>` shows pictures of a light field and lets people move its virtual camera. */
 export class LightfieldViewer extends HTMLElement {
-  /** The server's WHEP endpoint; null: the server of this script. */
+  /** URL of the server's WHEP endpoint. With null, the element uses the server that delivered this script. */
   src: string | null;
-  /** Bearer token, if the server requires one. */
   token: string | null;
-  /** URL of an image shown until the first picture. */
+  /** URL of an image that is shown until the first picture. */
   poster: string | null;
-  /** Description of the picture for screen readers. */
   alt: string | null;
   eyes: LightfieldEyes | null;
-  /** Metres between two eyes, 0 or more; null: 0.063. */
+  /** Distance between the two eyes in metres, at least 0. With null, 0.063. */
   eyeDistance: number | null;
-  /** Name of a camera path that the server plays. */
+  /** Name of a camera path that the server plays, instead of a view that the user controls. */
   path: string | null;
-  /** Enables the control bar and navigation by mouse, touch, keyboard and gamepad. */
+  /** Shows the control bar, and enables navigation by mouse, touch, keyboard and gamepad. */
   controls: boolean;
   /** Starts the stream when the element becomes visible. */
   autoplay: boolean;
-  /** Reads the view from the page's address, and writes it there when it is shared. */
+  /**
+   * Connects the view with the address of the page: the first view is read from there, and written there when the user
+   * shares it.
+   */
   shares: boolean;
-  /** Maximum width of the requested picture in pixels per eye, at least 64. */
+  /** Maximum width of the requested picture, in pixels per eye, at least 64. Smaller pictures need less bandwidth. */
   maxWidth: number | null;
-  /** STUN and TURN servers; null: from the attribute or from the server. */
+  /** STUN and TURN servers. With null, they come from the attribute or from the server. */
   iceServers: RTCIceServer[] | null;
-  /** The displayed view; null before the first picture. Setting the same value again changes nothing. */
+  /** The displayed view, or null before the first picture. Setting the same value again changes nothing. */
   get view(): LightfieldView | null;
   set view(view: Partial<LightfieldView> | string | null);
-  /** Focus distance in metres. Setting it always focuses there, even if the number is unchanged. */
+  /** Focus distance in metres. Setting a number always focuses there, even if the number is unchanged. */
   get focusDistance(): number | null;
   set focusDistance(metres: number | null);
-  /** True if a picture has been displayed. */
   readonly loaded: boolean;
   readonly connected: boolean;
   readonly paused: boolean;
-  /** The latest statistics; {} before the first. */
   readonly statistics: Partial<LightfieldStatistics>;
-  /** The stream's connection, for inspection; null: no stream. */
+  /** The connection of the stream, for inspection; null if there is no stream. */
   readonly connection: { readonly peer: RTCPeerConnection; readonly channel: RTCDataChannel } | null;
-  /** The element with the status message; hidden if there is none. */
+  /** The element with the status message, which is hidden if there is none. */
   readonly status: HTMLElement;
 
   /**
-   * Missing fields keep their values. Resolves with the displayed view when this or a later view is displayed. Rejects
-   * with TypeError or RangeError for an invalid number, with InvalidStateError while the server plays a path, and with
-   * AbortError if `src` or `path` changes before the view is displayed.
+   * Moves the virtual camera. Missing fields keep their values. The promise resolves with the displayed view when this
+   * view, or a later one, is displayed. It rejects with TypeError or RangeError if a number is invalid, with
+   * InvalidStateError while the server plays a path, and with AbortError if `src` or `path` changes before.
    */
   setView(view: Partial<LightfieldView>): Promise<LightfieldView>;
-  /** Flies to `view` and `focus`; the server's home view provides the remaining fields. */
+  /** Flies back to the start view: `view` and `focus`, with all missing fields from the server's home view. */
   goHome(): void;
-  /** Restarts the stream with the current view. */
   reconnect(): void;
   /**
-   * Copies a link to the view, if the browser allows that, and returns the link. With `share`, it becomes the page's
-   * address.
+   * Returns a link to the displayed view, and copies it to the clipboard if the browser allows that. With `share`, the
+   * link also becomes the address of the page.
    */
   share(): Promise<string>;
   /**
-   * Focuses at a position in the window, as in `event.clientX`, like a click. Returns false if there is no connection
-   * or the server plays a path.
+   * Focuses on the object at a position in the window (as in `event.clientX`), like a click. Returns false if there is
+   * no connection, or the server plays a path.
    */
   focusAt(clientX: number, clientY: number): boolean;
-  /** Returns the displayed picture. Rejects if there is none. */
+  /** Returns the displayed picture. The promise rejects if there is none. */
   toBlob(options?: { type?: string; quality?: number }): Promise<Blob>;
-  /** Starts the stream, if there is no `autoplay`. */
+  /** Starts the stream. This is only needed without `autoplay`. */
   play(): void;
-  /** Frees the seat on the server; the last picture stays. */
+  /** Ends the stream, which frees the seat on the server. The last picture stays visible. */
   pause(): void;
 
   addEventListener<K extends keyof LightfieldViewerEventMap>(type: K,
@@ -166,7 +175,7 @@ declare global {
   }
 }
 
-/** Props for JSX: properties, and listeners named like the events, such as `onview-change`. */
+/** Props for JSX: the properties, and listeners named like the events, such as `onview-change`. */
 export type LightfieldViewerProps = Partial<Pick<LightfieldViewer, 'src' | 'token' | 'poster' | 'alt' | 'eyes' | 'eyeDistance' |
   'path' | 'controls' | 'autoplay' | 'shares' | 'maxWidth' | 'iceServers' | 'focusDistance'>> & {
   view?: Partial<LightfieldView> | string | null;
@@ -174,7 +183,7 @@ export type LightfieldViewerProps = Partial<Pick<LightfieldViewer, 'src' | 'toke
   [Name in keyof LightfieldViewerEventMap as `on${Name}`]?: (event: LightfieldViewerEventMap[Name]) => void;
 };
 
-// Types for React 19 and later; ignored if React is not installed.
+// Types for React 19 and later, which have no effect if React is not installed.
 declare module 'react' {
   namespace JSX {
     interface IntrinsicElements {

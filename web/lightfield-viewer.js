@@ -7,21 +7,21 @@
 import { fromScript, numberIn, toScript, viewOf } from './src/view.js';
 import { Viewer } from './src/viewer.js';
 
-// Attributes that are reflected by properties of the same meaning.
+// Attributes that have a property of the same meaning.
 const kTexts = { src: 'src', token: 'token', poster: 'poster', alt: 'alt', eyes: 'eyes', path: 'path' };
 const kSwitches = { controls: 'controls', autoplay: 'autoplay', shares: 'share' };
 const kNumbers = { eyeDistance: 'eye-distance', maxWidth: 'max-width' };
 const kOwn = ['view', 'focusDistance', 'iceServers'];
 
-// Private: other scripts and frameworks can't access it by name.
+// A private field, so that other scripts and frameworks cannot access it by name.
 const inside = Symbol('inside');
 const isSame = (a, b) => JSON.stringify(a) === JSON.stringify(b);
 
-// There is no HTMLElement on the server (server-side rendering), where the class only provides its name.
+// There is no HTMLElement in server-side rendering, where the class only provides its name.
 export class LightfieldViewer extends (globalThis.HTMLElement ?? class {}) {
   static observedAttributes = [...Object.values(kTexts), ...Object.values(kSwitches), ...Object.values(kNumbers), 'view',
     'focus', 'ice-servers'];
-  #declared = {};  // latest values of properties; frameworks set the same value repeatedly
+  #declared = {};  // latest values of properties, because frameworks set the same value repeatedly
 
   constructor() {
     super();
@@ -52,8 +52,8 @@ export class LightfieldViewer extends (globalThis.HTMLElement ?? class {}) {
     viewer.scheduleSettle();
   }
 
-  // The displayed view; null before the first picture. Accepts the values of setView() or a text "x=0.1 yaw=3". Setting
-  // the same value again changes nothing, so that re-rendering a page does not reset the user's view.
+  // The displayed view, or null before the first picture. Accepts the values of setView(), or a text such as "x=0.1
+  // yaw=3". Setting the same value again changes nothing, so that re-rendering a page does not reset the user's view.
   get view() { return this[inside].flight.seen && toScript(this[inside].flight.seen); }
   set view(value) {
     const view = typeof value === 'string' ? viewOf(value) : fromScript(value);
@@ -62,7 +62,7 @@ export class LightfieldViewer extends (globalThis.HTMLElement ?? class {}) {
     this[inside].declared = Object.keys(view).length ? view : null;
     if (Object.keys(view).length) this[inside].flight.setView(view).catch(() => {});
   }
-  // Focus distance in metres. Setting a number always focuses there, even if it is unchanged.
+  // Focus distance in metres. Setting a number always focuses there, even if the number is unchanged.
   get focusDistance() { return this.view?.focusDistance ?? numberIn(this.getAttribute('focus')); }
   set focusDistance(value) {
     const isSame = value != null && this.getAttribute('focus') === String(value);
@@ -83,8 +83,8 @@ export class LightfieldViewer extends (globalThis.HTMLElement ?? class {}) {
   get connected() { return this[inside].stream.isOpen; }
   get paused() { return !this[inside].started; }
   get statistics() { return this[inside].statistics; }
-  // For inspection: the RTCPeerConnection `peer` and its data channel `channel`, or null; and the element with the
-  // status message, hidden if there is none.
+  // For inspection by tests and tools: the RTCPeerConnection `peer` and its data channel `channel`, each null without a
+  // connection, and the element with the status message, which is hidden if there is none.
   get connection() { return this[inside].stream.connection ?? null; }
   get status() { return this[inside].notice.box; }
 
@@ -95,7 +95,8 @@ export class LightfieldViewer extends (globalThis.HTMLElement ?? class {}) {
   play() { this[inside].play(); }
   pause() { this[inside].pause(); }
   reconnect() { this[inside].stream.again(); }
-  // Copies a link to the view, if the browser allows that, and returns the link, like the share button.
+  // Returns a link to the displayed view, and copies it to the clipboard if the browser allows that, like the share
+  // button.
   share() { return this[inside].share.share(); }
   // Some phones support full screen for videos only.
   async requestFullscreen(options) {

@@ -5,23 +5,26 @@
  * @title: lfcameranode
  * @short_description: cameras of a rig as one node that answers view requests
  *
- * lfcameranode opens some or all cameras of a rig and answers view requests with their sum. Use it on a host with
+ * lfcameranode opens some or all cameras of a rig and answers view requests. An answer contains the sum of the cameras:
+ * for each pixel of the view, the weighted total of the images of this node's cameras. Use the element on a host with
  * cameras, or with lfviewrequest and lfcompositor in one pipeline.
  *
- * The bin contains one #element-lfcamsrc per camera and one #element-lffragment. View requests arrive at `request`, and
- * `src` delivers one answer per request. Further clients, such as compositors on other hosts, request a pad
- * `request_%u`: the answers to `request_0` leave by `src_0`.
+ * The bin contains one #element-lfcamsrc per camera and one #element-lffragment. View requests arrive at the pad
+ * `request`, and the pad `src` delivers one answer per request. Each further client, such as a compositor on another
+ * host, requests another pad `request_%u`. The answers to its requests leave by the pad with the same number, for
+ * example `src_0` for `request_0`.
  *
- * If a camera fails, the node continues without it and the neighbouring cameras fill in. Live cameras are reopened
- * until they work again (`retry`); other cameras stay lost. #element-lfcamsrc posts messages about each loss, and
- * `stats` has the state, reason and retries of each camera. The node posts an error if no camera has ever worked, or if
- * all cameras are lost for good.
+ * If a camera fails, the node continues without it, and the neighbouring cameras contribute instead. The node opens a
+ * live camera again and again until it works, unless `retry` is false. Cameras that are not live stay lost.
+ * #element-lfcamsrc posts messages about each loss, and `stats` lists the state of each camera, the reason of its loss
+ * and the number of retries. The node posts an error only if no camera has ever worked, or if all cameras are lost for
+ * good.
  *
- * If `record` is set, the node records all cameras, for rendering other views later. The folder contains one Matroska
- * file per camera and a rig.json, which plays in this element with the same capture times. JPEG, H.264, H.265, VP8, VP9
- * and AV1 are stored unchanged; raw video is encoded as JPEG of quality 95. If the disk is slow or full, frames are
- * missing in the recording (`stats`), but cameras and viewers continue. After a crash, the files are playable up to the
- * crash.
+ * If `record` is set, the node records all cameras, so that other views can be rendered later. The recording is a
+ * folder with one Matroska file per camera and a rig.json. This rig.json plays in lfcameranode with the same capture
+ * times. JPEG, H.264, H.265, VP8, VP9 and AV1 are stored unchanged; raw video is encoded as JPEG of quality 95. If the
+ * disk is slow or full, frames are missing in the recording and counted in `stats`, but cameras and viewers continue.
+ * After a crash, the files can be played up to the crash.
  *
  * ## Example launch lines
  * |[
@@ -97,35 +100,48 @@ PropertyTable<CameraNodeSettings>& CameraNodeSettings::properties() {
   using S = CameraNodeSettings;
   static PropertyTable<S> table = {
       property<&S::rig>(kWhilePlaying, "rig", "Rig",
-                        "Rig file (rig.json) of the whole array. If set while running, the file is loaded again and "
-                        "used from the next request on; its cameras and sources must not change, and time offsets take "
-                        "effect at the next start"),
+                        "Path of the rig file (rig.json), which describes all cameras of the array. If the property "
+                        "is set while the element runs, the file is loaded again and used from the next request on. "
+                        "Its cameras and sources must not change then, and new time offsets take effect at the next "
+                        "start"),
       property<&S::cameras>(kWhileReady, "cameras", "Cameras",
-                            "Ids of the cameras of this node, such as \"0-15,20\" (empty: all cameras of the rig)", ""),
+                            "Ids of the cameras that this node opens, as a list of numbers and ranges. For example, "
+                            "\"0-15,20\" selects 17 cameras (empty: all cameras of the rig)",
+                            ""),
       fraction_property<&S::fps_n, &S::fps_d>(
           kWhileReady, "framerate", "Frame rate",
-          "Frame rate of each camera, in frames per second (0/1: rate of the source, or 15/1 if it has none)", 0, 1),
+          "Frame rate of each camera, in frames per second. The element drops or repeats frames of videos to get "
+          "this rate (0/1: rate of the source, or 15/1 if the source has none)",
+          0, 1),
       property<&S::is_live>(kWhileReady, "is-live", "Is live",
-                            "Frames are produced in real time by the pipeline clock, instead of on demand of a "
-                            "request"),
-      property<&S::loop>(kWhileReady, "loop", "Loop", "Videos and image sequences restart at their end"),
+                            "Real-time playback of files and stills, as if they were live cameras: the pipeline clock "
+                            "decides which frame is current. If false, the node reads each frame when a request needs "
+                            "it, so that the output is the same on every machine"),
+      property<&S::loop>(kWhileReady, "loop", "Loop", "Playback of videos and image sequences in an endless loop"),
       property<&S::node>(kWhileReady, "node", "Node",
-                         "Number of this node in its answers; each node of an array has its own", 0u, G_MAXUINT),
+                         "Number that identifies this node in its answers. Give each node of an array a different "
+                         "number, so that compositors can tell their answers apart",
+                         0u, G_MAXUINT),
       property<&S::decode>(kWhileReady, "decode", "Decode",
-                           "JPEG video is decoded completely, instead of only the regions that a request needs, and "
-                           "GPU frames are copied to system memory"),
+                           "Complete decoding of JPEG video, and download of frames in GPU memory to system memory. By "
+                           "default only the regions that a request needs are decoded, which usually takes less time"),
       property<&S::latency>(kWhileReady, "latency", "Latency",
-                            "Size of the jitter buffer of network cameras (RTSP), in nanoseconds", guint64{0},
-                            guint64{60 * GST_SECOND}),
+                            "Size of the jitter buffer of network cameras (RTSP), in nanoseconds. Packets that arrive "
+                            "later than this are lost, so increase it if pictures of a camera are damaged. Every frame "
+                            "then arrives later by the same time",
+                            guint64{0}, guint64{60 * GST_SECOND}),
       property<&S::retry>(kWhileReady, "retry", "Retry",
-                          "Failed live cameras are reopened, first after half a second, later after up to ten seconds; "
-                          "if false, and for files that are not live, a failed camera stays lost"),
+                          "Reopening of live cameras after a failure. The first attempt follows after half a second, "
+                          "and the time between later attempts grows to ten seconds. If false, a failed live camera "
+                          "stays lost. Cameras that are not live, such as files, always stay lost"),
       property<&S::record>(kWhileReady, "record", "Record",
-                           "Folder for recordings of all cameras and a rig.json for playback; must not contain a "
-                           "rig.json yet (empty: no recording)"),
+                           "Folder for a recording of all cameras. The recording consists of one file per camera and "
+                           "a rig.json that plays them back in this element. The folder must not contain a rig.json "
+                           "yet (empty: no recording)"),
       property<&S::trusted>(kWhileReady, "trusted", "Trusted",
-                            "Permission for the rig file to run any element; if false, launch descriptions may contain "
-                            "only allowed sources, converters and decoders"),
+                            "Permission for the rig file to run any GStreamer element. Set this only for rig files "
+                            "from people that you trust. If false, a launch description in the rig may contain only "
+                            "sources, converters and decoders from a fixed list"),
   };
   return table;
 }
@@ -173,7 +189,7 @@ struct _LfCameraNode {
   GstBin parent;
   GstElement* fragment;  // borrowed; null if lffragment is not installed
   Settings* settings;    // guarded by the object lock
-  Settings* opened;      // settings of the current children
+  Settings* opened;
   std::shared_ptr<const lf::Rig>* rig;
   std::vector<GstElement*>* cameras;          // borrowed; guarded by the object lock
   std::shared_ptr<lf::Recording>* recording;  // null if not recording; guarded by the object lock
@@ -195,13 +211,12 @@ static GstStaticPadTemplate more_request_template =
 static GstStaticPadTemplate more_src_template =
     GST_STATIC_PAD_TEMPLATE("src_%u", GST_PAD_SRC, GST_PAD_SOMETIMES, GST_STATIC_CAPS(LF_ANSWER_CAPS));
 
-// Null if not recording.
 static std::shared_ptr<lf::Recording> find_recording(LfCameraNode* self) {
   const lf::ObjectLock lock(self);
   return *self->recording;
 }
 
-// Node and camera outlive the streams, which call the tap.
+// The streaming threads call the tap with raw pointers, which is safe because node and camera outlive the streams.
 static void tap_camera(LfCameraNode* self, GstElement* element, guint id) {
   LfCamSrc* camera = LF_CAM_SRC(element);
   lf_cam_src_set_tap(camera, [=](GstBuffer* buffer, GstCaps* caps, GstClockTime captured) {
@@ -210,7 +225,7 @@ static void tap_camera(LfCameraNode* self, GstElement* element, guint id) {
   });
 }
 
-// Starts a recording if the property `record` is set. Call while stopped. Returns false after posting an error.
+// Call while stopped. Returns false after posting an error.
 static bool start_recording(LfCameraNode* self) {
   const std::string& folder = self->opened->record;
   if (folder.empty()) return true;
@@ -253,7 +268,7 @@ struct LostCameras {
 
 }  // namespace
 
-// Nothing if a camera works or is being opened for the first time.
+// Returns nothing while at least one camera works or is being opened for the first time.
 static std::optional<LostCameras> lost_cameras(LfCameraNode* self) {
   LostCameras losses;
   for (const lf::ElementPtr& camera : hold_camera_locks(self)) {
@@ -273,12 +288,11 @@ static bool exchange_flag(LfCameraNode* self, bool* flag, bool value) {
   return before;
 }
 
-// Thread-safe.
 static void note_found(LfCameraNode* self) { exchange_flag(self, &self->no_camera, false); }
 
 static void post_no_camera(LfCameraNode* self, const LostCameras& losses) {
   if (exchange_flag(self, &self->no_camera, true)) return;
-  // A camera may have returned before the flag was set.
+  // A camera may have returned just before the flag was set.
   if (!lost_cameras(self)) return note_found(self);
   const std::string reasons = lf::grouped_reasons(losses.reasons, "; ");
   GstStructure* structure =
@@ -288,8 +302,8 @@ static void post_no_camera(LfCameraNode* self, const LostCameras& losses) {
   GST_ELEMENT_WARNING(self, RESOURCE, NOT_FOUND, ("No camera works any more: %s", reasons.c_str()), (nullptr));
 }
 
-// Called from any thread when a camera is lost. If no camera works, posts an error, or, if cameras may be reopened, one
-// warning and element message per outage.
+// Call from any thread when a camera is lost. Posts an error if no camera works and none will be reopened. If cameras
+// may be reopened, posts one warning and one element message per outage instead.
 static void check_cameras(LfCameraNode* self) {
   const std::optional<LostCameras> losses = lost_cameras(self);
   if (!losses) return;
@@ -299,8 +313,8 @@ static void check_cameras(LfCameraNode* self) {
                     ("No camera works:\n%s", lf::grouped_reasons(losses->reasons, "\n").c_str()), (nullptr));
 }
 
-// Waits up to kStartTimeout until each camera has a first frame or is lost. has_failed() then reports an error at
-// start.
+// Waits up to kStartTimeout until each camera has a first frame or is lost, so that a failure becomes an error at
+// start, reported by has_failed().
 static void wait_for_cameras(LfCameraNode* self) {
   constexpr uint64_t kStartTimeout = 2'000'000'000;
   const auto is_opening = [](const lf::ElementPtr& camera) {
@@ -401,7 +415,6 @@ static void add_camera(LfCameraNode* self, const Settings& settings, const lf::R
                       static_cast<gint>(rig.cameras[index].id), nullptr);
 }
 
-// Returns false, without cameras, after posting an error.
 static bool open_cameras(LfCameraNode* self) {
   remove_cameras(self);
   const Settings settings = current_settings(self);
@@ -428,7 +441,7 @@ static bool open_cameras(LfCameraNode* self) {
   return false;
 }
 
-// True if the rig has the same cameras and sources as the open rig. Otherwise sets *problem.
+// Returns true if the rig has the same cameras and sources as the open rig. Otherwise sets *problem to the difference.
 static bool has_same_sources(LfCameraNode* self, const lf::Rig& rig, std::string* problem) {
   const lf::Rig& before = **self->rig;
   const auto place = [](const lf::Rig& of, const std::string& path) {
@@ -437,11 +450,11 @@ static bool has_same_sources(LfCameraNode* self, const lf::Rig& rig, std::string
   try {
     std::vector<lf::CameraIndex> own = lf::parse_camera_list(before, self->opened->cameras);
     if (lf::parse_camera_list(rig, self->opened->cameras).size() != own.size())
-      throw lf::Error("the number of cameras differs");
+      throw lf::Error("the new rig has a different number of cameras");
     for (const lf::CameraIndex index : own) {
       const lf::Camera& was = before.cameras[index];
       const auto is = rig.index_of_id(was.id);
-      if (!is) throw lf::Error("it lacks camera " + std::to_string(was.id));
+      if (!is) throw lf::Error("the new rig has no camera " + std::to_string(was.id));
       const lf::Camera& now = rig.cameras[*is];
       if (place(before, was.source) != place(rig, now.source) || place(before, was.image) != place(rig, now.image))
         throw lf::Error("camera " + std::to_string(was.id) + " has another source");
@@ -453,7 +466,7 @@ static bool has_same_sources(LfCameraNode* self, const lf::Rig& rig, std::string
   }
 }
 
-// While running, lffragment switches to the new rig and the cameras continue.
+// While running, only lffragment switches to the new rig. The cameras continue.
 static void lf_camera_node_set_rig(LfCameraNode* self, const gchar* path) {
   if (lf::is_running(GST_ELEMENT(self))) {
     const std::shared_ptr<const lf::Rig> rig = lf::reload_rig(GST_ELEMENT(self), path);
@@ -582,10 +595,10 @@ static void lf_camera_node_class_init(LfCameraNodeClass* klass) {
 
   const guint next_id = Properties::install(
       object_class,
-      "Counters of lffragment, and for each camera: state (opening, running, ended, lost or stopped), reason of the "
-      "latest loss, losses, retries, dropped frames, capture-time; while recording also the number of recorded and "
-      "unrecorded frames, and the structure recording: folder, begin (clock time of timestamp 0 for live frames), "
-      "reason for its end");
+      "Counters of lffragment, and a structure for each camera with its state (opening, running, ended, lost or "
+      "stopped), reason (of the latest loss), losses, retries, dropped frames and capture-time. During a recording, "
+      "each of these structures also has the number of recorded and unrecorded frames. The structure recording then "
+      "has folder, begin (clock time of timestamp 0 for live frames) and reason (if the recording has ended)");
   object_class->set_property = lf::callback<lf_camera_node_set_property>;
   object_class->get_property = lf::callback<lf_camera_node_get_property>;
   lf::install_proxies(object_class, next_id, LF_TYPE_FRAGMENT, {"rig", "node", "stats"});
@@ -611,8 +624,8 @@ static void lf_camera_node_init(LfCameraNode* self) {
   self->rig = new std::shared_ptr<const lf::Rig>;
   self->cameras = new std::vector<GstElement*>;
   self->recording = new std::shared_ptr<lf::Recording>;
-  // The node answers requests, so its output ends with the requests and not with an EOS event to its cameras. It must
-  // not provide the clock of the pipeline either, even if its cameras could.
+  // The output of the node ends when its requests end, so an EOS event must not reach the cameras. The node must not
+  // provide the clock of the pipeline either, even if one of its cameras could.
   gst_bin_set_suppressed_flags(
       GST_BIN(self),
       static_cast<GstElementFlags>(GST_ELEMENT_FLAG_SOURCE | GST_ELEMENT_FLAG_SINK | GST_ELEMENT_FLAG_PROVIDE_CLOCK));

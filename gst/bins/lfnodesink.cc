@@ -5,18 +5,19 @@
  * @title: lfnodesink
  * @short_description: the cameras of this machine for viewers on other hosts
  *
- * lfnodesink serves the cameras of this machine to `lfviewsrc nodes=...` on other hosts. It contains an
- * #element-lfcameranode ("node") with live cameras. View requests arrive by RTP at the port `listen`, and the node
- * sends its answers to `answers`. For several clients, both properties are lists of the same length and order. The
- * element has the properties of lfcameranode. File sources loop unless `loop=false`.
+ * lfnodesink serves the cameras of this machine to viewers on other hosts, which run `lfviewsrc nodes=...`. It contains
+ * an #element-lfcameranode ("node") with live cameras, and has the properties of that element. View requests arrive by
+ * RTP at the port in the property `listen`, and the answers are sent to the address in the property `answers`. If there
+ * are several clients, both properties are lists, with one item for each client in the same order. File sources loop
+ * unless `loop=false`.
  *
- * If `key-file` names the same file on all hosts, packets are encrypted and only holders of the key can send requests
- * and read answers (#element-lfrtpseal, #element-lfrtpgate). Without a key file, requests are accepted from the
- * addresses in `peers`. The default is the hosts of `answers` and this machine. Addresses can be forged, so the element
- * posts a warning at start. `stats` counts dropped packets.
+ * If `key-file` names the same file on all hosts, packets are encrypted, and only hosts with this file can send
+ * requests and read answers (#element-lfrtpseal, #element-lfrtpgate). Without a key file, requests are accepted from
+ * the hosts in `peers`, by default the hosts of `answers` and this machine. Sender addresses can be forged, so the
+ * element posts a warning at start. `stats` counts dropped packets.
  *
  * The bin has no pads. It provides the realtime clock of the machine, unless another element in the bin provides a
- * clock. Synchronise the clocks of all hosts (chrony, PTP).
+ * clock. Synchronise the clocks of all hosts with chrony or PTP, because requests name capture times as time of day.
  *
  * ## Example launch line
  * |[
@@ -55,25 +56,29 @@ struct Settings : lf::RtpSecurity {
   static lf::PropertyTable<Settings>& properties() {
     using S = Settings;
     static lf::PropertyTable<S> table = {
-        lf::property<&S::listen>(
-            lf::kWhileReady, "listen", "Listen",
-            "Local UDP port, ADDRESS:PORT, or multicast GROUP:PORT for view requests; comma-separated, one item per "
-            "client; required"),
+        lf::property<&S::listen>(lf::kWhileReady, "listen", "Listen",
+                                 "Comma-separated list of the addresses that receive view requests, with one item for "
+                                 "each client (viewer or compositor host). An item is a local UDP port such as 6000, "
+                                 "ADDRESS:PORT, or a multicast GROUP:PORT. This property is required"),
         lf::property<&S::answers>(lf::kWhileReady, "answers", "Answers",
-                                  "HOST:PORT that receives the answers, for each item of listen; required"),
+                                  "Comma-separated list of the addresses that the answers are sent to, each as "
+                                  "HOST:PORT. The first item is the client that uses the first item of listen, and so "
+                                  "on, so both lists have the same length. This property is required"),
         lf::inherited_property<S, &S::key_file>(
             lf::kWhileReady, "key-file", "Key file",
-            "File with the secret that all hosts share: 32 or more random characters (empty: no encryption)"),
+            "Path of the file with the secret that all hosts share, 32 or more random characters. Packets are then "
+            "encrypted, and only hosts with the same file can send requests (empty: no encryption)"),
         lf::inherited_property<S, &S::peers>(
             lf::kWhileReady, "peers", "Peers",
-            "Comma-separated names, addresses and networks (10.0.0.0/24) allowed to send requests (empty: all holders "
-            "of the key-file, or, without key-file, the hosts of answers and this machine)"),
+            "Comma-separated list of the hosts that may send requests, as names, addresses or networks such as "
+            "10.0.0.0/24. If the list is empty, key-file decides: every host with the key may send requests. If there "
+            "is no key either, only this machine and the hosts in answers may send requests"),
     };
     return table;
   }
 };
 
-// Strips of 320 x 16 pixels fill about one packet, so a lost packet costs one strip.
+// A strip of 320 x 16 pixels fills about one packet, so a lost packet costs only one strip.
 constexpr lf::ProxyDefault kNodeDefaults[] = {{"is-live", TRUE}, {"loop", TRUE}, {"strip-pixels", 5120}};
 
 struct Links {
@@ -91,7 +96,7 @@ struct _LfNodeSink {
   GstBin parent;
   Settings* settings;  // guarded by the object lock
   GstElement* node;    // borrowed; null if lfcameranode is not installed
-  GstElement* pay;     // in no bin; holds the property values for all payloaders
+  GstElement* pay;
   GstClock* realtime;
   Links* links;
 };
@@ -149,7 +154,10 @@ static bool prepare(LfNodeSink* self) {
     if (!self->node || !self->pay) throw lf::Error("elements lfcameranode and rtplfpay are not installed");
     const std::vector<lf::HostPort> from = lf::parse_host_ports(settings.listen),
                                     to = lf::parse_host_ports(settings.answers);
-    if (from.empty()) throw lf::Error("listen: not set");
+    if (from.empty())
+      throw lf::Error(
+          "listen: not set (for example, listen=6000 receives view requests at UDP port "
+          "6000)");
     if (from.size() != to.size())
       throw lf::Error("listen and answers: must have the same number of items, one per client");
     for (const lf::HostPort& place : to)
@@ -188,7 +196,7 @@ static void add_stats_of(LfNodeSink* self, const std::string& child, GstStructur
   g_autoptr(GstElement) element = gst_bin_get_by_name(GST_BIN(self), child.c_str());
   g_autoptr(GstStructure) stats = nullptr;
   if (element) g_object_get(element, "stats", &stats, nullptr);
-  if (!stats) return;  // the links are being removed
+  if (!stats) return;
   gst_structure_foreach(
       stats,
       [](GQuark field, const GValue* value, gpointer all) -> gboolean {
@@ -256,10 +264,11 @@ static void lf_node_sink_class_init(LfNodeSinkClass* klass) {
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
   object_class->dispose = lf_node_sink_dispose;
   object_class->finalize = lf_node_sink_finalize;
-  const guint first_copy = Properties::install(
-      object_class,
-      "Counters of lfcameranode, and the structure requests with one structure per client (requests0, requests1, ...): "
-      "counters of its lfrtpgate and rtplfdepay for passed and dropped packets and for refused requests, by reason");
+  const guint first_copy =
+      Properties::install(object_class,
+                          "Counters of lfcameranode, and the structure requests with one structure for each client "
+                          "(requests0, requests1, ...). It has the counters of the lfrtpgate and the rtplfdepay of "
+                          "this client: passed packets, dropped packets by reason, and requests that exceeded a limit");
   object_class->set_property = lf::callback<lf_node_sink_set_property>;
   object_class->get_property = lf::callback<lf_node_sink_get_property>;
   const guint next =

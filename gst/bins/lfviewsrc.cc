@@ -8,46 +8,53 @@
  * lfviewsrc renders a view of a camera array as video. Use it when one application needs cameras, renderer and viewer
  * in one element.
  *
- * The bin contains an #element-lfviewrequest ("view"), an #element-lfcompositor ("compositor") and the cameras. Cameras
- * of this machine are one #element-lfcameranode ("node"). If `nodes` is set, the cameras are on other hosts that run
- * #element-lfnodesink, connected by RTP. A downstream window sends mouse and key events that move the view. The bin has
- * the properties of view and compositor. Set properties of other children as for any bin
- * (`lfviewsrc node::cameras=0-15 ...`).
+ * The bin contains an #element-lfviewrequest ("view"), an #element-lfcompositor ("compositor") and the cameras. By
+ * default the cameras belong to this machine and are one #element-lfcameranode ("node"). If `nodes` is set, the cameras
+ * are on other hosts that run #element-lfnodesink, connected by RTP. A downstream window sends mouse and key events
+ * that move the view.
  *
- * Each request pad `src_%u` is another viewer of the same cameras. Its lfviewrequest and lfcompositor are called
- * "view_0" and "compositor_0" for `src_0`. A new viewer copies the settings of the bin and starts in the middle of the
+ * The bin has the properties of view and compositor. Set properties of other children as for any bin, for example
+ * `lfviewsrc node::cameras=0-15`.
+ *
+ * Each request pad `src_%u` is another viewer of the same cameras. For example, the elements of the viewer at `src_0`
+ * are called "view_0" and "compositor_0". A new viewer copies the settings of the bin and starts in the middle of the
  * array. `location`, `loop` and `num-buffers` apply to `src` only. Pads can be requested and released while the
  * pipeline runs, and a slow viewer does not delay another viewer. Pictures of unlinked pads are dropped.
  *
- * Unless set, `width`, `height` and `framerate` follow the downstream caps, also while playing. Views in `location`
- * define their size in the file. The element posts an error if downstream does not accept the size. The pixel formats
- * are the formats of the cameras; use `videoconvert` to convert. Each buffer has a meta that describes its view
- * (#element-lfcompositor).
+ * If `width`, `height` or `framerate` is not set, it follows the downstream caps, even if these change while playing.
+ * Views in `location` define their size in the file, and the element posts an error if downstream does not accept that
+ * size. The pixel format is the format of the cameras; use `videoconvert` to convert. Each buffer has a meta that
+ * describes its view (#element-lfcompositor).
  *
- * In live mode a slow sink receives the newest picture: a leaky queue behind the compositor drops the oldest. The
- * search for the focal surface continues at full speed. No queue is needed between the pads and the sinks.
+ * In live mode, a slow sink always receives the newest picture, because a leaky queue behind the compositor drops older
+ * pictures. The search for depths therefore continues at full speed, and no further queue is needed in front of the
+ * sinks.
  *
- * If `views` is set, the element renders several eyes side by side into one picture: a stereo pair, a row, or a quilt
- * (#element-lfviewrequest).
+ * If `views` is set, each picture contains several views from neighbouring viewpoints: a stereo pair, a row, or a
+ * quilt, which is a grid of views for light field displays (#element-lfviewrequest).
  *
- * Cameras are live by default. If `is-live=false`, the element renders as fast as downstream consumes, and ends after
- * the last view of `location`. File sources loop unless `node::loop=false`.
+ * Cameras are live by default. If `is-live=false`, the element renders as fast as downstream consumes, and the stream
+ * ends after the last view of `location`. File sources loop unless `node::loop=false`.
  *
- * If `record` is set, the cameras are also recorded to disk, for rendering other views later (#element-lfcameranode).
+ * If `record` is set, the cameras are also recorded to disk, so that other views can be rendered later
+ * (#element-lfcameranode).
  *
- * If `listen` is set, the views come from viewers on other hosts, as requests by RTP (`lfviewrequest ! rtplfpay !
- * lfrtpseal ! udpsink`). `src` then shows view 0, `src_0` view 1, and so on. Use `listen` on a host that composes for
- * remote viewers. If `partial` is also set, `src` delivers the sum of the cameras for the next compositor in a tree.
+ * If `listen` is set, viewers on other hosts choose the views: their requests arrive by RTP, for example from
+ * `lfviewrequest ! rtplfpay ! lfrtpseal ! udpsink`. `src` then shows view 0, `src_0` view 1, and so on. Use `listen` on
+ * a host that renders pictures for remote viewers. If `partial` is also set, `src` delivers partial answers instead of
+ * pictures: the weighted total of the cameras, as the input of another compositor.
  *
  * If `key-file` names the same file on all hosts, packets are encrypted and authenticated (#element-lfrtpseal). Without
  * a key file, answers are accepted from the addresses of `nodes` and requests from the addresses of `peers`. Anyone on
  * the network path can then read and forge packets.
  *
- * The element handles URIs of the form lf:///path/of/rig.json. A player may open any URI, so rigs with launch
- * descriptions as camera sources are refused there.
+ * The element handles URIs of the form lf:///path/of/rig.json. In a rig file, the source of a camera can be a launch
+ * description, which can run any program. A URI can come from an untrusted page, so the element refuses URIs of rig
+ * files with such sources.
  *
  * If `nodes` or `listen` is set, the bin provides the realtime clock of the machine, unless another element in the bin
- * provides a clock. Synchronise the clocks of all hosts (chrony, PTP).
+ * provides a clock. Synchronise the clocks of all hosts with chrony or PTP, because requests name capture times as time
+ * of day.
  *
  * ## Example launch lines
  * |[
@@ -128,7 +135,6 @@ struct Settings : Hosts {
   static lf::PropertyTable<Settings>& properties();
 };
 
-// Properties that are not copied to further viewers.
 constexpr std::array kOwnProperties = {"location", "loop", "num-buffers"};
 
 bool is_own(const char* name) {
@@ -144,13 +150,13 @@ struct _LfViewSrc {
   Settings* settings;
   bool by_uri;  // the rig was set by a URI and is not trusted
 
-  gint failed;  // atomic; 1: a child has posted an error since the current state change began
+  gint failed;  // atomic; 1 after a child has posted an error during the current state change
 
   GstElement *view, *compositor;  // of the viewer of pad `src`, borrowed; null if the elements are not installed
-  // `mutex` is acquired before all other locks: bins emit signals to applications when children change.
+  // Lock order: acquire `mutex` before all other locks, because bins emit signals to applications when children change.
   struct Inside {
     std::recursive_mutex mutex;
-    std::map<std::string, std::shared_ptr<Viewer>> viewers;  // key: name of the viewer's pad
+    std::map<std::string, std::shared_ptr<Viewer>> viewers;
     std::set<guint> view_ids;
     std::unique_ptr<lf::ViewerCameras> cameras;
     std::unique_ptr<lf::ViewerRequests> requests;  // null if viewers generate their own requests
@@ -172,38 +178,47 @@ lf::PropertyTable<Settings>& Settings::properties() {
   static lf::PropertyTable<S> table = {
       lf::property<&S::rig>(
           lf::kWhilePlaying, "rig", "Rig",
-          "Rig file (rig.json) of the array; required. If set while running, the file is loaded again and used from "
-          "the next request on; its cameras and sources must not change"),
+          "Path of the rig file (rig.json), which describes the cameras of the array. This property is required. If "
+          "it is set while the element runs, the file is loaded again and used from the next request on. Its cameras "
+          "and sources must not change then"),
       lf::inherited_property<S, &S::nodes>(
           lf::kWhileReady, "nodes", "Nodes",
-          "Comma-separated camera hosts running lfnodesink: HOST:REQUEST-PORT:[LOCAL-ADDRESS:]ANSWER-PORT,... The "
-          "request port is on HOST, the answer port on this machine. These cameras are always live (empty: all cameras "
-          "are on this machine)"),
+          "Comma-separated list of the hosts that run the cameras, each with an lfnodesink. An item is "
+          "HOST:REQUEST-PORT:[LOCAL-ADDRESS:]ANSWER-PORT, for example camhost0:6000:6100. Requests are sent to "
+          "REQUEST-PORT on HOST, and the answers of the host arrive at ANSWER-PORT of this machine. These cameras are "
+          "always live (empty: all cameras are on this machine)"),
       lf::inherited_property<S, &S::listen>(
           lf::kWhileReady, "listen", "Listen",
-          "Local UDP port, ADDRESS:PORT or multicast GROUP:PORT for view requests of viewers on other hosts: view 0 "
-          "goes to src, view 1 to src_0, and so on (empty: viewers are local)"),
+          "Address that receives the view requests of viewers on other hosts: a local UDP port, ADDRESS:PORT or a "
+          "multicast GROUP:PORT. The pad src then delivers the pictures of view 0, the pad src_0 delivers view 1, and "
+          "so on (empty: this element makes its own requests)"),
       lf::inherited_property<S, &S::key_file>(
           lf::kWhileReady, "key-file", "Key file",
-          "File with the shared secret for nodes and listen: 32 or more random characters (empty: no encryption)"),
+          "Path of the file with the secret that all hosts share, 32 or more random characters. If it is set, all "
+          "packets from and to the hosts of nodes and listen are encrypted (empty: no encryption)"),
       lf::inherited_property<S, &S::peers>(
           lf::kWhileReady, "peers", "Peers",
-          "Comma-separated names, addresses and networks (10.0.0.0/24) allowed to send requests to listen (empty: all "
-          "holders of the key-file, or, without key-file, the first local address that sends a request)"),
+          "Comma-separated list of the hosts that may send requests to the address in listen, as names, addresses or "
+          "networks such as 10.0.0.0/24. If the list is empty, key-file decides: every host with the key may send "
+          "requests. If there is no key either, only this machine may, from the first loopback address (such as "
+          "127.0.0.1) that a request arrives from"),
       lf::property<&S::is_live>(lf::kWhileReady, "is-live", "Is live",
-                                "Live cameras, with pictures synchronised to the clock; if false, pictures are "
-                                "rendered as fast as downstream consumes"),
+                                "Live cameras, with pictures synchronised to the clock. If false, pictures are "
+                                "rendered as fast as downstream consumes them, for example to write files"),
       lf::property<&S::record>(
           lf::kWhileReady, "record", "Record",
-          "Folder for recordings of local cameras and a rig.json for playback; must not contain a rig.json yet. For "
-          "remote cameras see lfnodesink (empty: no recording)"),
+          "Folder for a recording of the cameras of this machine. The recording consists of one file per camera and "
+          "a rig.json for playback. The folder must not contain a rig.json yet. Remote cameras are recorded on their "
+          "own host, by lfnodesink (empty: no recording)"),
       lf::property<&S::renderer>(lf::kWhilePlaying, "renderer", "Renderer",
-                                 "Renderer for the sums of local cameras, as in lfcameranode",
+                                 "Processor that renders the contribution of local cameras to each view: CPU or GPU. "
+                                 "This is the property renderer of lfcameranode",
                                  LF_TYPE_FRAGMENT_RENDERER),
       lf::property<&S::trusted>(
           lf::kWhileReady, "trusted", "Trusted",
-          "Permission for the rig file to run any element; if false, launch descriptions may contain only allowed "
-          "sources, converters and decoders"),
+          "Permission for the rig file to run any GStreamer element. Set this only for rig files from people that "
+          "you trust. If false, a launch description in the rig may contain only sources, converters and decoders "
+          "from a fixed list"),
   };
   return table;
 }
@@ -243,8 +258,8 @@ static void set_by_uri(LfViewSrc* self, bool by_uri) {
   self->by_uri = by_uri;
 }
 
-// Returns false if the running node rejects the rig, for example because its cameras differ. The viewers then keep
-// their rig.
+// Returns false if the running node rejects the rig, for example because its cameras differ. The viewers then also keep
+// their current rig.
 static bool give_rig(LfViewSrc* self, const gchar* path) {
   if (GstElement* node = find_node(self)) {
     g_object_set(node, "rig", path, nullptr);
@@ -394,8 +409,8 @@ static void install_properties(GObjectClass* klass) {
 
 constexpr guint kFirstOfReopened = 1 << 20;
 
-// Returns 0 for `src`, 1 for `src_0`, and so on. A reopened pad gets a new id, because answers to the closed viewer may
-// still arrive. The id stays if `listen` is set, because remote viewers define the ids.
+// Returns the view id of a pad: 0 for `src`, 1 for `src_0`, and so on. A reopened pad gets a new id, because answers to
+// the closed viewer may still arrive. If `listen` is set, the id stays, because remote viewers define the ids.
 static guint choose_view_id(LfViewSrc* self, const std::string& ending) {
   std::set<guint>& used = self->inside->view_ids;
   const guint id = ending.empty() ? 0 : static_cast<guint>(g_ascii_strtoull(ending.c_str() + 1, nullptr, 10)) + 1;
@@ -406,7 +421,6 @@ static guint choose_view_id(LfViewSrc* self, const std::string& ending) {
   return next;
 }
 
-// Links a viewer to the shared cameras and requests that exist. Throws Error.
 static void connect_viewer(LfViewSrc* self, Viewer& viewer) {
   auto& inside = *self->inside;
   if (inside.requests) viewer.requests = inside.requests->connect(viewer.chain);
@@ -488,13 +502,13 @@ void free_closing(gpointer data) {
 
 }  // namespace
 
-// Stops the viewer in another thread: the caller may be a streaming thread of this viewer, or an application may hold
-// its last picture.
+// Stops the viewer in another thread, because the caller may be a streaming thread of this viewer, or an application
+// that holds its last picture.
 static void lf_view_src_release_pad(GstElement* element, GstPad* pad) {
   LfViewSrc* self = LF_VIEW_SRC(element);
   const std::lock_guard lock(self->inside->mutex);
   const auto found = self->inside->viewers.find(GST_PAD_NAME(pad));
-  if (found == self->inside->viewers.end()) {  // The element is being disposed.
+  if (found == self->inside->viewers.end()) {
     gst_element_remove_pad(element, pad);
     return;
   }
@@ -540,7 +554,7 @@ static void drop_hosts(LfViewSrc* self) {
 
 static lf::RtpSecurity request_security(const Hosts& hosts) { return {hosts.key_file, hosts.peers}; }
 
-// Returns f(). Prefixes an Error with the name of the property.
+// Returns f(), with the name of the property in front of the text of any Error.
 template <typename F>
 static auto of_property(const char* name, F f) {
   try {
@@ -560,12 +574,15 @@ static std::unique_ptr<lf::ViewerRequests> requests_of(LfViewSrc* self, const Ho
   if (hosts.listen.empty()) return nullptr;
   return of_property("listen", [&] {
     const std::vector<lf::HostPort> places = lf::parse_host_ports(hosts.listen);
-    if (places.size() != 1) throw lf::Error("must be one port");
+    if (places.size() != 1)
+      throw lf::Error(
+          "must be one port, because the requests of all viewers arrive at the "
+          "same port");
     return std::make_unique<lf::ViewerRequests>(GST_BIN(self), places[0], request_security(hosts));
   });
 }
 
-// Replaces cameras and requests of all viewers. Call while nothing runs. Throws Error.
+// Replaces the cameras and requests of all viewers. Call while nothing runs. Throws Error.
 static void change_hosts(LfViewSrc* self, const Hosts& hosts) {
   auto& inside = *self->inside;
   drop_hosts(self);
@@ -586,7 +603,7 @@ static void change_hosts(LfViewSrc* self, const Hosts& hosts) {
   set_node(self);
 }
 
-// A URI can come from an untrusted page, and launch descriptions can run any program.
+// A URI can come from an untrusted page, and launch descriptions in a rig can run any program.
 static void refuse_described_sources(const lf::Rig& rig, const std::string& path) {
   for (const lf::Camera& camera : rig.cameras)
     if (lf::is_launch_description(camera.source))
@@ -608,7 +625,8 @@ static bool prepare(LfViewSrc* self) {
     if (rig.empty()) throw lf::Error("rig: not set (rig=RIG.json names the array's rig file)");
     const std::shared_ptr<const lf::Rig> read = lf::shared_rig(rig);
     if (is_by_uri(self) && hosts.nodes.empty()) refuse_described_sources(*read, rig);
-    if (hosts.any() && !is_live(self)) throw lf::Error("nodes, listen: remote hosts are live, is-live must be true");
+    if (hosts.any() && !is_live(self))
+      throw lf::Error("nodes and listen: the cameras on other hosts are live, so is-live must be true");
     if (!hosts.any() && !hosts.key_file.empty()) throw lf::Error("key-file: has no effect without nodes or listen");
     if (hosts.listen.empty() && !hosts.peers.empty()) throw lf::Error("peers: has no effect without listen");
     if (!hosts.nodes.empty() && !record_of(self).empty())
@@ -623,8 +641,8 @@ static bool prepare(LfViewSrc* self) {
   }
 }
 
-// Returns the realtime clock, because hosts exchange capture times as time of day. Null if no host is configured. The
-// caller owns the reference.
+// Returns a clock if another host is configured, because hosts exchange capture times as time of day; otherwise null.
+// The caller owns the reference.
 static GstClock* hosts_clock(LfViewSrc* self) {
   const std::lock_guard lock(self->inside->mutex);
   if (!self->inside->hosts.any()) return nullptr;
@@ -649,10 +667,10 @@ static GstStateChangeReturn lf_view_src_change_state(GstElement* element, GstSta
   if (transition == GST_STATE_CHANGE_READY_TO_PAUSED) warn_without_key(self);
   g_atomic_int_set(&self->failed, 0);
   GstStateChangeReturn result = GST_ELEMENT_CLASS(lf_view_src_parent_class)->change_state(element, transition);
-  // Fail the state change if an error arrives during it: gst-launch-1.0 hangs after an error that is posted before its
-  // main loop runs.
+  // Fails the state change if an error arrives during it, because gst-launch-1.0 hangs after an error that is posted
+  // before its main loop runs.
   if (starts && g_atomic_int_get(&self->failed)) result = GST_STATE_CHANGE_FAILURE;
-  // Pipelines cache the clock provider, and the next run may have other cameras.
+  // Makes the pipeline select its clock again, because the next run may have other cameras.
   const bool begun = transition == GST_STATE_CHANGE_READY_TO_PAUSED && result != GST_STATE_CHANGE_FAILURE;
   if (!begun && transition != GST_STATE_CHANGE_PAUSED_TO_READY) return result;
   if (GstClock* clock = hosts_clock(self)) {
@@ -718,7 +736,7 @@ static void lf_view_src_class_init(LfViewSrcClass* klass) {
 static void lf_view_src_init(LfViewSrc* self) {
   self->inside = new _LfViewSrc::Inside;
   self->settings = new Settings;
-  // Request packets leave by a sink that must not count as a sink of the pipeline.
+  // The bin contains a udpsink for requests, which must not count as a sink of the pipeline.
   gst_bin_set_suppressed_flags(GST_BIN(self), GST_ELEMENT_FLAG_SINK);
   try {
     add_main_viewer(self);

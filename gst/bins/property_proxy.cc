@@ -24,7 +24,6 @@ GParamSpec* copy_range(const GParamSpec* spec, Make make) {
               s->default_value, flags_of(spec));
 }
 
-// Null for unsupported property types.
 GParamSpec* copy_of(GParamSpec* spec) {
   const char *name = spec->name, *nick = g_param_spec_get_nick(spec), *blurb = g_param_spec_get_blurb(spec);
   const GParamFlags flags = flags_of(spec);

@@ -7,26 +7,26 @@
 #include <span>
 #include <string_view>
 
-// Bin properties that forward to a child element.
+// Proxies: properties of a bin that forward to a child element, so that the bin need not declare them again.
 namespace lf {
 
-// Default of a proxy that differs from the default of the child's class: boolean, int or uint64.
+// A default of the bin that replaces the default of the child's class.
 struct ProxyDefault {
   const char* name;
   gint64 value;
 };
 
-// Installs proxies of properties as ids first_id, first_id + 1, ... The proxies are the properties that the class
-// `child` itself declares, except `without`, plus the inherited properties in `with`. Names, blurbs, ranges and
-// defaults are copied; `defaults` overrides defaults. Returns the next free id. Proxies are not controllable: a
-// GstController syncs only the element that it is attached to.
+// Installs proxies with the ids first_id, first_id + 1, and so on, and returns the next free id. There is a proxy for
+// each property that the class `child` itself declares, except `without`, and for the inherited properties in `with`.
+// Names, blurbs, ranges and defaults are copied from the child; `defaults` replaces defaults. Proxies are not
+// controllable, because a GstController syncs only the element that it is attached to.
 guint install_proxies(GObjectClass* klass, guint first_id, GType child, std::initializer_list<std::string_view> without,
                       std::initializer_list<const char*> with = {}, std::span<const ProxyDefault> defaults = {});
 
-// Sets defaults on a new child, except defaults of type uint64.
+// Sets these defaults on a new child. Defaults of type uint64 are skipped.
 void set_defaults(GstElement* child, std::span<const ProxyDefault> defaults);
 
-// True if the property is a proxy. If `child` is given, the property must be a proxy of a property of that class.
+// Returns true if the property is a proxy (and, if `child` is given, a proxy of a property of that class).
 bool is_proxy(GParamSpec* spec, GType child = 0);
 
 // Emits `notify` on `bin` when a proxied property of `child` changes.

@@ -13,7 +13,8 @@
 namespace lf {
 namespace {
 
-// The default of Linux is 208 KiB. The sysctl net.core.rmem_max is the upper limit.
+// A large buffer absorbs all packets of an answer. The default of Linux is 208 KiB, and the sysctl net.core.rmem_max is
+// the upper limit.
 constexpr int kReceiveBuffer = 8 << 20;
 
 // An IPv6 socket also receives IPv4 packets.
@@ -29,7 +30,7 @@ bool is_group(const std::string& host) {
 
 const char* text_or_null(const std::string& text) { return text.empty() ? nullptr : text.c_str(); }
 
-// A node on the loopback address sends its answers there, so other addresses need not be open.
+// A node on the loopback address sends its answers to the loopback address, so the port need not be open elsewhere.
 HostPort place_of_answers(const NodeAddress& node) {
   std::string address = node.answer_host;
   if (address.empty() && (node.host.starts_with("127.") || node.host == "::1")) address = node.host;
@@ -86,7 +87,7 @@ void warn_without_key(GstElement* element, const RtpSecurity& security) {
 GstElement* add_receiver(ScopedElements& to, const HostPort& from, const char* encoding, const RtpSecurity& security,
                          const std::string& name) {
   GstElement* udp = to.add("udpsrc", name + "_udp");
-  // If `reuse` is set, two sockets can bind one port, but each unicast packet reaches only one of the two sockets.
+  // `reuse` lets two sockets bind one port. Each unicast packet still reaches only one of the two sockets.
   g_object_set(udp, "reuse", is_group(from.host), nullptr);
   if (!from.host.empty())
     g_object_set(udp, "address", from.host.c_str(), "auto-multicast", TRUE, nullptr);
@@ -148,7 +149,7 @@ GstMessage* with_port(GstMessage* message) {
   gst_message_parse_error(message, &error, &debug);
   gint port = 0;
   g_object_get(GST_MESSAGE_SRC(message), "port", &port, nullptr);
-  const gchar* reason = debug ? std::strrchr(debug, '\n') : nullptr;  // The reason follows the source location.
+  const gchar* reason = debug ? std::strrchr(debug, '\n') : nullptr;
   g_autoptr(GError) reported =
       g_error_new(error->domain, error->code, "UDP port %d: %s", port, reason ? reason + 1 : error->message);
   GstMessage* better = gst_message_new_error(GST_MESSAGE_SRC(message), reported, debug);

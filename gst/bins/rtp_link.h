@@ -10,10 +10,10 @@
 
 #include "base/text.h"
 
-// Requests and answers as RTP over UDP, for bins of the plugin and for lf-serve.
+// RTP connections for requests and answers, used by the bins of the plugin and by lf-serve.
 namespace lf {
 
-// Elements in a bin. The destructor stops and removes the elements. Call while nothing runs.
+// A group of elements in a bin. The destructor stops and removes them; call it while nothing runs.
 class ScopedElements {
  public:
   explicit ScopedElements(GstBin* bin) : bin_(bin) {}
@@ -21,9 +21,10 @@ class ScopedElements {
   ScopedElements(const ScopedElements&) = delete;
   ScopedElements& operator=(const ScopedElements&) = delete;
 
-  // Creates an element and adds it to the bin. Returns a borrowed pointer. Throws Error if its factory is missing.
+  // Creates an element and adds it to the bin. The returned pointer is borrowed. Throws Error if the factory is
+  // missing.
   GstElement* add(const char* factory, const std::string& name);
-  // Adds a new element and returns it, borrowed.
+  // Adds an existing element.
   GstElement* add(GstElement* element);
 
  private:
@@ -31,41 +32,43 @@ class ScopedElements {
   std::vector<GstElement*> elements_;
 };
 
-// Returns the view id of a request or answer, nothing if the buffer is too short.
+// Returns the view id in a request or answer. Nothing if the buffer is too short.
 std::optional<uint32_t> view_of(GstBuffer* unit);
 
-// Allowed senders: holders of the key in `key_file`, or, if "", hosts with an address in `peers` (lfrtpgate).
+// Defines the hosts that may send packets. If `key_file` is set, every holder of the key may. Otherwise the hosts in
+// `peers` may, as in lfrtpgate.
 struct RtpSecurity {
   std::string key_file, peers;
   bool operator==(const RtpSecurity&) const = default;
 };
 
-// Returns the settings. If neither key nor peers are set, `peers` becomes `addresses` plus this machine.
+// Returns the settings with a default for `peers`: if neither key nor peers are set, `addresses` and this machine.
 RtpSecurity rtp_security_of(const RtpSecurity& settings, const std::vector<std::string>& addresses);
 
-// Posts a warning if there is no key: sender addresses can be forged.
+// Posts a warning if there is no key, because sender addresses can be forged.
 void warn_without_key(GstElement* element, const RtpSecurity& security);
 
-// Adds a udpsrc with a large socket buffer, an lfrtpgate and an rtplfdepay, linked. Returns the rtplfdepay, borrowed.
-// `from.host` is an address of this machine, a multicast group, or "" for all IPv4 and IPv6 addresses. `encoding` is
-// the encoding-name of the RTP caps (lib/rtp/spec.md). `name` is the prefix of the element names. Throws Error.
+// Adds a receiver: a udpsrc with a large socket buffer, an lfrtpgate and an rtplfdepay, linked. Returns the rtplfdepay,
+// borrowed. `from.host` is an address of this machine, a multicast group, or "" for all addresses. `encoding` is the
+// encoding-name of the RTP caps (lib/rtp/spec.md). `name` is the prefix of the element names. Throws Error.
 GstElement* add_receiver(ScopedElements& to, const HostPort& from, const char* encoding, const RtpSecurity& security,
                          const std::string& name);
 
-// RTP connection to camera nodes on other hosts. One stream carries the requests to all hosts. Each host sends its
-// answers to a separate port. The destructor removes the elements from the bin.
+// The RTP connection from a viewer to camera nodes on other hosts. One stream carries the requests to all hosts, and
+// each host sends its answers to a separate port. The destructor removes the elements from the bin.
 class CameraHosts {
  public:
   struct Host {
     std::string name;
-    GstElement* answers;  // delivers answers at the pad "src"; borrowed
+    GstElement* answers;  // has the pad "src" with the answers; borrowed
   };
 
-  // `key_file`: shared secret. If "", packets are plain and answers are accepted from the addresses of these hosts
-  // only. Throws Error if elements are not installed or a host name cannot be resolved.
+  // `key_file` names the file with the shared secret. If it is "", packets are not encrypted, and answers are accepted
+  // only from the addresses of these hosts. Throws Error if an element is not installed or a host name cannot be
+  // resolved.
   CameraHosts(GstBin* bin, const std::vector<NodeAddress>& nodes, const std::string& key_file);
 
-  GstElement* requests() const { return requests_; }  // takes requests at the pad "sink"; borrowed
+  GstElement* requests() const { return requests_; }  // has the pad "sink" for the requests; borrowed
   const std::vector<Host>& hosts() const { return hosts_; }
 
  private:
@@ -74,12 +77,11 @@ class CameraHosts {
   std::vector<Host> hosts_;
 };
 
-// Binds the property `limits` of all rtplfdepay and lfcameranode in the bin to `element`, so that all accept the same
-// requests.
+// Binds the property `limits` of all rtplfdepay and lfcameranode in the bin to the property of `element`.
 void bind_limits(GstBin* bin, GstElement* element);
 
-// Returns the message. A udpsrc error becomes an error that names the port and the reason. Takes and returns a
-// reference.
+// Makes errors of udpsrc useful: returns an error that names the port and the reason. Returns other messages unchanged.
+// Takes and returns a reference.
 GstMessage* with_port(GstMessage* message);
 
 }  // namespace lf

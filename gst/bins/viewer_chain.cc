@@ -14,9 +14,9 @@
 #define LF_TYPE_VIEW_SPLIT (lf_view_split_get_type())
 G_DECLARE_FINAL_TYPE(LfViewSplit, lf_view_split, LF, VIEW_SPLIT, GstElement)
 
-// Routes each answer or request of a stream to the viewer of its view id. Unlike a tee, a viewer decodes only its own
-// units. Units of unknown views, and units that a viewer rejects, are dropped without an error. Used only inside bins,
-// so the type is not registered.
+// Sends each unit (answer or request) of a stream to the viewer with the view id of the unit. A tee would make every
+// viewer decode all units. Units of unknown views, and units that a viewer rejects, are dropped without an error. The
+// type is not registered, because it is used only inside bins.
 struct _LfViewSplit {
   GstElement parent;
   GstPad* sink;
@@ -31,7 +31,7 @@ static GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
 
 static std::string pad_name(guint view_id) { return "src_" + std::to_string(view_id); }
 
-// Returns the pad for the view id of a unit. Null if there is no such view or the buffer is not a unit.
+// Returns null if the view is unknown or the buffer is not a unit.
 static GstPad* pad_of(LfViewSplit* self, GstBuffer* unit) {
   const std::optional<uint32_t> view = lf::view_of(unit);
   return view ? gst_element_get_static_pad(GST_ELEMENT(self), pad_name(*view).c_str()) : nullptr;
@@ -47,7 +47,7 @@ static GstFlowReturn lf_view_split_chain(GstPad*, GstObject* parent, GstBuffer* 
   return GST_FLOW_OK;
 }
 
-// By default a pad intercepts caps events. This handler forwards them, even if one viewer rejects the caps.
+// Forwards caps events even if one viewer rejects the caps. The default handler of a pad would stop the event then.
 static gboolean lf_view_split_event(GstPad* pad, GstObject* parent, GstEvent* event) {
   if (GST_EVENT_TYPE(event) != GST_EVENT_CAPS) return gst_pad_event_default(pad, parent, event);
   gst_pad_forward(
@@ -70,7 +70,7 @@ static LfViewSplit* lf_view_split_new(const std::string& name) {
   return LF_VIEW_SPLIT(g_object_new(LF_TYPE_VIEW_SPLIT, "name", name.c_str(), nullptr));
 }
 
-// Adds a source pad for the units of a view. The element owns the pad; gst_element_release_request_pad() removes it.
+// Adds a source pad for a view. The element owns the pad; gst_element_release_request_pad() removes the pad.
 // Thread-safe.
 static GstPad* lf_view_split_add_view(LfViewSplit* self, guint view_id) {
   GstPadTemplate* templ = gst_element_class_get_pad_template(GST_ELEMENT_GET_CLASS(self), "src_%u");
@@ -112,14 +112,13 @@ constexpr int kLeaky = 2;
 constexpr guint kFewTurns = 4;
 constexpr guint kManyParts = 4096;
 constexpr guint kManyBytes = 1 << 26;
-constexpr GstClockTime kEarliest = GST_SECOND / 10;  // minimum time that a picture may wait for its display
+constexpr GstClockTime kEarliest = GST_SECOND / 10;  // a picture may wait at least this long for its display
 
 void link(GstElement* from, const char* from_pad, GstElement* to, const char* to_pad) {
   if (!gst_element_link_pads(from, from_pad, to, to_pad))
     throw Error(std::string(GST_OBJECT_NAME(from)) + " can't be linked with " + GST_OBJECT_NAME(to));
 }
 
-// Takes both references.
 void link(GstPad* src, GstPad* sink) {
   const bool linked = src && sink && gst_pad_link(src, sink) == GST_PAD_LINK_OK;
   if (src) gst_object_unref(src);
@@ -127,8 +126,8 @@ void link(GstPad* src, GstPad* sink) {
   if (!linked) throw Error("a viewer can't be linked with the cameras");
 }
 
-// Sizes a live queue to the latency of the pipeline: a picture is rendered when its answers arrive and waits for its
-// display time.
+// Makes a live queue as long as the latency of the pipeline, because pictures are rendered when their answers arrive
+// and then wait for their display time.
 GstPadProbeReturn follow_latency(GstPad* pad, GstPadProbeInfo* info, gpointer) {
   GstEvent* event = gst_pad_probe_info_get_event(info);
   if (GST_EVENT_TYPE(event) != GST_EVENT_LATENCY) return GST_PAD_PROBE_OK;
@@ -143,8 +142,8 @@ GstPadProbeReturn follow_latency(GstPad* pad, GstPadProbeInfo* info, gpointer) {
   return GST_PAD_PROBE_OK;
 }
 
-// A tee does not forward allocation pools of its branches (GStreamer 1.22). This tee has only one branch, so the query
-// goes directly to the peer of that branch.
+// Forwards allocation queries directly to the peer. A tee ignores the allocation pools of its branches (GStreamer
+// 1.22), but this tee has only one branch.
 GstPadProbeReturn ask_branch_for_memory(GstPad*, GstPadProbeInfo* info, gpointer branch) {
   GstQuery* query = GST_PAD_PROBE_INFO_QUERY(info);
   if (GST_QUERY_TYPE(query) != GST_QUERY_ALLOCATION) return GST_PAD_PROBE_OK;
@@ -157,7 +156,7 @@ GstElement* ViewerChain::add(const char* factory, const char* name) {
   GstElement* element = gst_element_factory_make(factory, (name + ending_).c_str());
   if (!element) throw Error(std::string("element ") + factory + " is not installed");
   gst_object_ref(element);
-  // The bin may be changing state; the element must not start before it is linked.
+  // Locks the state: the bin may be changing state, and the element must not start before it is linked.
   gst_element_set_locked_state(element, !follows_);
   gst_bin_add(bin_, element);
   return element;
@@ -208,7 +207,7 @@ void ViewerChain::follow_set(GstElement* view, GParamSpec*, gpointer queue) {
   make_room_in(GST_ELEMENT(queue), static_cast<guint>(set.place(0).count()));
 }
 
-// Does not allocate memory, because an exception must not leave a destructor.
+// Allocates no memory, because exceptions must not leave a destructor.
 ViewerChain::~ViewerChain() {
   for (GstElement* answers : answers_) gst_object_unref(answers);
   for (GstElement* element : {pictures_, to_src_, compositor_, to_cameras_, to_compositor_, requests_, view_})
@@ -269,7 +268,8 @@ void ViewerChain::follow_bin() {
 }
 
 void ViewerChain::take_out() {
-  // gst_bin_remove() unlinks the elements while the bin still forwards their errors, such as not-linked.
+  // Blocks messages first, because gst_bin_remove() unlinks the elements while the bin still forwards errors such as
+  // not-linked.
   for (GstElement* element : all()) gst_element_set_bus(element, nullptr);
   for (GstElement* element : all()) gst_bin_remove(bin_, element);
 }
@@ -287,7 +287,8 @@ ViewerRequests::ViewerRequests(GstBin* bin, const HostPort& from, const RtpSecur
 }
 
 std::unique_ptr<RequestedPads> ViewerRequests::connect(ViewerChain& viewer) {
-  constexpr guint kAtOnce = 16;  // the size of remote sets is unknown: room for four sets of 16 views, or one of 64
+  // enough for four sets of 16 views, or one of 64, because the size of remote sets is unknown
+  constexpr guint kAtOnce = 16;
   viewer.make_room(kAtOnce);
   auto pads = std::make_unique<RequestedPads>();
   GstPad* out = lf_view_split_add_view(LF_VIEW_SPLIT(split_), viewer.view_id());

@@ -21,13 +21,14 @@ namespace lf {
 //   [out]
 //          requests       ! queue ! compositor.request
 //
-// In live mode a slow consumer does not block the chain, because the oldest pictures are dropped behind the compositor.
-// A backlog of requests in front of the compositor would delay the feedback to the view by several pictures.
+// In live mode a slow consumer does not block the chain, because the queue behind the compositor drops the oldest
+// pictures. Requests are dropped early too, because a backlog of requests would delay the feedback to the view by
+// several pictures.
 //
-// The elements belong to the bin. `ending` is the suffix of their names, unique per viewer ("view_0"). Not thread-safe.
+// The elements belong to the bin. `ending` is the suffix of their names and must be unique per viewer ("view_0"). Not
+// thread-safe.
 class ViewerChain {
  public:
-  // Adds and links the elements. Throws Error if an element is not installed.
   ViewerChain(GstBin* bin, guint view_id, const std::string& ending);
   ~ViewerChain();
   ViewerChain(const ViewerChain&) = delete;
@@ -36,28 +37,29 @@ class ViewerChain {
   guint view_id() const { return view_id_; }
   GstElement* view() const { return view_; }              // borrowed
   GstElement* compositor() const { return compositor_; }  // borrowed
-  // Returns a reference to the output pad. Pictures are dropped while the pad is not linked.
+  // Returns the output pad, with a reference. Pictures are dropped while the pad is not linked.
   GstPad* pictures() const { return gst_element_get_static_pad(pictures_, "src_0"); }
-  // Returns a reference to the pad that sends requests to the cameras.
+  // Returns the pad that sends requests to the cameras, with a reference.
   GstPad* requests() const { return gst_element_get_static_pad(to_cameras_, "src"); }
-  // Adds an input for the answers of one more node and returns a reference to its sink pad. `drops`: drop the oldest
-  // answers when the queue is full, instead of blocking. `from`: display name of the node for warnings of lfcompositor.
+  // Adds an input for the answers of one more node, and returns its sink pad, with a reference. If `drops` is set, a
+  // full queue drops its oldest answers instead of blocking. `from` is the name of the node in warnings of
+  // lfcompositor.
   GstPad* add_answers(bool drops, const std::string& from = "");
   // Removes all inputs of add_answers(). Call while nothing runs.
   void drop_answers();
 
-  // Sizes the request queues for this many simultaneous requests. The chain itself calls this for sets of views.
+  // Makes the request queues large enough for this many simultaneous requests. Sets of views do this themselves.
   void make_room(guint requests) { make_room_in(to_cameras_, requests), make_room_in(to_compositor_, requests); }
-  // Live: late requests and pictures are dropped and do not block. Call while nothing runs.
+  // If live, late requests and pictures are dropped and do not block. Call while nothing runs.
   void set_live(bool live);
-  // Syncs the elements, downstream first, with the state of the bin, which they follow from now on. Before this call
-  // their state is locked.
+  // Starts the elements, downstream first. Their state is locked until this call and follows the bin from then on.
   void follow_bin();
 
-  // Removes the elements from the bin, which then receives none of their messages. They keep running until close().
+  // Removes the elements from the bin, so that the bin receives none of their messages. They keep running until
+  // close().
   void take_out();
-  // Stops the elements from downstream to upstream, which unblocks upstream elements. Calls `leave_cameras` between
-  // compositor and view. Do not call from a streaming thread of these elements.
+  // Stops the elements from downstream to upstream, which unblocks the elements further upstream. Calls `leave_cameras`
+  // between compositor and view. Do not call from a streaming thread of these elements.
   void close(const std::function<void()>& leave_cameras);
 
  private:
@@ -71,19 +73,17 @@ class ViewerChain {
   GstBin* bin_;
   guint view_id_;
   std::string ending_;
-  GstElement *view_, *requests_, *to_cameras_, *to_compositor_, *compositor_, *to_src_, *pictures_;  // owned references
-  std::vector<GstElement*> answers_;                                                                 // owned references
+  GstElement *view_, *requests_, *to_cameras_, *to_compositor_, *compositor_, *to_src_, *pictures_;
+  std::vector<GstElement*> answers_;
   bool follows_ = false;
 };
 
-// Receives view requests of remote viewers by RTP at one port. Each viewer of the bin then relays the requests of its
-// view id instead of generating requests. Destroy all pads of connect() first. Not thread-safe.
+// Receives the view requests of remote viewers by RTP at one port. Each viewer of the bin then relays the requests of
+// its view id instead of generating requests. Destroy all pads of connect() first. Not thread-safe.
 class ViewerRequests {
  public:
-  // Throws Error if an element is not installed.
   ViewerRequests(GstBin* bin, const HostPort& from, const RtpSecurity& security);
 
-  // Links the viewer and returns the pads of this link. Throws Error.
   std::unique_ptr<RequestedPads> connect(ViewerChain& viewer);
 
  private:
@@ -95,13 +95,10 @@ class ViewerRequests {
 class ViewerCameras {
  public:
   virtual ~ViewerCameras() = default;
-  // Links the viewer and returns the pads of this link. Throws Error.
   virtual std::unique_ptr<RequestedPads> connect(ViewerChain& viewer) = 0;
 };
 
-// Cameras of this machine: one lfcameranode, "node".
 std::unique_ptr<ViewerCameras> make_local_cameras(GstBin* bin);
-// Cameras of other hosts, connected by RTP (CameraHosts). Throws Error.
 std::unique_ptr<ViewerCameras> make_remote_cameras(GstBin* bin, const std::vector<NodeAddress>& nodes,
                                                    const std::string& key_file);
 

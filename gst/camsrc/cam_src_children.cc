@@ -22,8 +22,8 @@ namespace {
 
 bool is_decoder(GstElement* child) { return gst_element_is_locked_state(child); }
 
-// Time limit for stopping a child: rtspsrc may wait for an unresponsive server. Cameras stop one after another, so
-// after a timeout the limit is reduced for a while.
+// Time limit for stopping a child, because rtspsrc may wait for an unresponsive server. Cameras stop one after another,
+// so the limit is shorter for a while after a timeout.
 constexpr std::chrono::milliseconds kStopTimeout{2000}, kShortTimeout{200};
 constexpr std::chrono::seconds kMoment{20};
 
@@ -51,7 +51,7 @@ GstStateChangeReturn stop_child(GstBin* bin, GstElement* child, GstState state) 
     std::unique_lock lock(stop->mutex);
     if (!stop->is_late) {
       gst_object_unref(element);
-      gst_object_unref(camera);  // the caller has another reference
+      gst_object_unref(camera);
       stop->result = result;
       stop->done.notify_all();
       return;
@@ -71,8 +71,8 @@ GstStateChangeReturn stop_child(GstBin* bin, GstElement* child, GstState state) 
   return GST_STATE_CHANGE_SUCCESS;
 }
 
-// Sets all children, or only decoders, to `state`. Returns FAILURE if a child fails, else NO_PREROLL if any child
-// returns it.
+// Sets all children, or only decoders, to `state`. Returns FAILURE if a child fails, and NO_PREROLL if no child fails
+// and at least one child returns NO_PREROLL.
 GstStateChangeReturn set_states(GstBin* bin, GstState state, bool only_decoders) {
   std::vector<GstElement*> children;
   ObjectLock lock(bin);
@@ -119,8 +119,8 @@ void lock_decoder(GstBin* /*bin*/, GstElement* child) {
 GstStateChangeReturn change_camera_state(GstBin* bin, GstStateChange transition,
                                          GstStateChangeReturn (*chain_up)(GstElement*, GstStateChange)) {
   const GstState next = GST_STATE_TRANSITION_NEXT(transition);
-  // Downstream elements start first. GstBin handles its children in any order, so decoders are started last and stopped
-  // first.
+  // Downstream elements must start first, but GstBin handles its children in any order. Therefore decoders are started
+  // last and stopped first.
   const bool decoders_last = next <= GST_STATE_PAUSED && GST_STATE_TRANSITION_CURRENT(transition) < next;
   if (!decoders_last) set_states(bin, next, true);
   GstStateChangeReturn result = chain_up(GST_ELEMENT(bin), transition);
@@ -175,7 +175,7 @@ std::string place_of(const lf::CamSrcSettings& settings, const lf::Camera& camer
   return place;
 }
 
-// The callbacks hold no reference to `self`: a stream does not outlive the children of its element.
+// The callbacks need no reference to `self`, because a stream does not outlive the children of its element.
 lf::StreamListener listener_of(LfCamSrc* self, guint serial) {
   return {.on_error =
               [self, serial](GQuark domain, gint code, const std::string& text) {
@@ -210,8 +210,8 @@ lf::CameraChain build_chain(LfCamSrc* self, const lf::CameraSource& source, cons
   }
 }
 
-// The built-in scene between real pictures would be a ghost in every view. The first camera without pictures warns for
-// all cameras.
+// The built-in scene between real pictures would be a ghost in every view, so a warning is required. The first camera
+// without pictures warns for all cameras.
 void warn_of_scene(LfCamSrc* self, const lf::Rig& rig, lf::CameraIndex index, const std::string& place) {
   const auto is_blind = [](const lf::Camera& camera) { return camera.source.empty() && camera.image.empty(); };
   if (std::ranges::all_of(rig.cameras, is_blind)) return;
@@ -232,7 +232,7 @@ void add_children(LfCamSrc* self, const lf::CamSrcSettings& settings, const std:
   const bool file = source.is_file() && source.kind != Kind::kStill;
   const bool device = source.kind == Kind::kDevice || source.kind == Kind::kBin;
   const bool network = device || source.kind == Kind::kUri;
-  // For HTTP, live is detected when data arrives.
+  // Data of an HTTP stream must arrive before the element can tell if the stream is live.
   self->live = self->live || (network && !g_str_has_prefix(source.location.c_str(), "http"));
 
   const lf::Controls controls = controls_of(settings, camera);
@@ -313,7 +313,8 @@ std::unique_ptr<CamSrcFailure> failure_of(F&& what) {
   }
 }
 
-// imagefreeze resets its frame rate before it stops its thread, which may then divide by zero. Stop its thread first.
+// Stops the thread of imagefreeze first, because imagefreeze resets its frame rate before it stops the thread, which
+// may then divide by zero.
 void stop_tail(const lf::CameraChain& chain) {
   for (auto element = chain.tail.rbegin(); element != chain.tail.rend(); ++element) {
     GstPad* src = gst_element_get_static_pad(*element, "src");
@@ -349,7 +350,8 @@ void lf_cam_src_close(LfCamSrc* self) {
   delete run;
 }
 
-// A camera may be a view of another light field. A rig that contains itself would recurse without end.
+// Counts the nesting: a camera may be a view of another light field, and a rig that contains itself would recurse
+// without end.
 static void require_shallow(LfCamSrc* self) {
   constexpr int kMostInside = 1;
   int inside = 0;

@@ -31,33 +31,33 @@ struct CamSrcSettings {
   static PropertyTable<CamSrcSettings>& properties();
 };
 
-// State changes of the children of lfcamsrc. Bins with decoders reach PAUSED asynchronously. A live GstBin without
-// preroll forwards their ASYNC_START but not their ASYNC_DONE, so the pipeline would wait forever. No one needs to wait
-// for these bins, because a sink prerolls with its first frame. Therefore their state is locked and changed here, and
-// their async messages are dropped.
+// Changes the states of the children of lfcamsrc, instead of GstBin. A bin with a decoder reaches PAUSED
+// asynchronously. A live GstBin without preroll forwards ASYNC_START of such a child but not its ASYNC_DONE, so the
+// pipeline would wait forever. Nothing needs to wait for these children, because a sink prerolls with the first frame.
+// Therefore their state is locked and changed here, and their async messages are dropped.
 
-// Locks the state of a child bin. Handler for GstBinClass::element_added.
+// Handler for GstBinClass::element_added: locks the state of a new child if the child is a bin.
 void lock_decoder(GstBin* bin, GstElement* child);
 
-// Changes the states of the bin and its locked children. `chain_up` is change_state of the parent class. A locked child
-// that does not stop within two seconds is removed from the bin and stops in the background.
+// Changes the state of the bin and of its locked children. `chain_up` is change_state of the parent class. A locked
+// child that does not stop within two seconds is removed from the bin and stops in the background.
 GstStateChangeReturn change_camera_state(GstBin* bin, GstStateChange transition,
                                          GstStateChangeReturn (*chain_up)(GstElement*, GstStateChange));
 
-// Sets new children of a bin in PAUSED or PLAYING to PAUSED, downstream elements first. See change_camera_state().
+// Sets new children of a bin in PAUSED or PLAYING to PAUSED, downstream elements first. See change_camera_state() for
+// the next step.
 GstStateChangeReturn pause_new_children(GstBin* bin);
-// Sets the children of pause_new_children() from PAUSED to PLAYING.
 GstStateChangeReturn play_new_children(GstBin* bin);
 
-// Handles a state message of a locked child in GstBinClass::handle_message. Returns true if it consumed the message.
+// Call from GstBinClass::handle_message. Returns true if it consumed the message, a state message of a locked child.
 bool take_decoder_message(GstBin* bin, GstMessage* message);
 
 }  // namespace lf
 
-// The children of lfcamsrc between opening and closing. They change from READY to PAUSED at most once.
+// The children of lfcamsrc for one camera, from opening to closing. They change from READY to PAUSED at most once.
 struct CamSrcSession {
   lf::CamSrcSettings settings;
-  std::shared_ptr<const lf::Rig> rig;  // cached for the next camera with this rig
+  std::shared_ptr<const lf::Rig> rig;  // kept for the next camera with this rig
   lf::Controls controls;
   lf::CameraChain chain;
   std::shared_ptr<lf::CameraStream> stream;
@@ -71,20 +71,20 @@ struct _LfCamSrc {
   lf::CamSrcSettings* settings;  // guarded by the object lock
   lf::CameraLifecycle* service;
   std::shared_ptr<lf::LoadShedder>* shedder;
-  lf::RecordingTap* tap;  // set before start
+  lf::RecordingTap* tap;
   // Changed only with the state lock; `run`, `name` and `camera` also with the object lock.
-  CamSrcSession* run;      // null without children
-  std::atomic<bool> live;  // the camera is live, as far as known; read by any thread
+  CamSrcSession* run;
+  std::atomic<bool> live;  // the camera is live, as far as known yet; read by any thread
   GstClockTime end;        // running time of the end of the previous stream
   GstClockTime round;      // duration of one loop of the film, nanoseconds; 0: unknown
-  gint64 frames;           // number of frames of previous streams
-  guint camera;            // id of the camera opened last
+  gint64 frames;
+  guint camera;
   std::string* name;
-  gint expendable;   // atomic; 1: the loss of the camera is not an error
-  guint serial;      // atomic; incremented when the camera is opened; invalidates earlier scheduled steps
+  gint expendable;   // atomic; 1: a loss of the camera is not an error
+  guint serial;      // atomic; incremented when the camera is opened, so that steps scheduled earlier are skipped
   GstClockID timer;  // next scheduled step; guarded by the object lock
-  guint64 activity;  // frames at the last check
-  guint64 active;    // time when `activity` last changed, lf::now_ns()
+  guint64 activity;
+  guint64 active;  // time when `activity` last changed, lf::now_ns()
 };
 
 struct CamSrcFailure {
@@ -93,19 +93,20 @@ struct CamSrcFailure {
   std::string text, debug;
 };
 
-// Creates the children for the current settings, in state NULL. On failure sets `failure`. Returns false if the rig
-// cannot be loaded or lacks the camera, true for all other failures.
+// Creates the children for the current settings, in state NULL. Every failure sets `failure`. Returns false only if the
+// rig cannot be loaded or lacks the camera.
 bool lf_cam_src_open(LfCamSrc* self, std::unique_ptr<CamSrcFailure>* failure);
-// Stops the data flow between the children as required before a state change.
+// Stops the data flow between the children, as required before some state changes.
 void lf_cam_src_stop_flow(LfCamSrc* self);
 void lf_cam_src_close(LfCamSrc* self);
-// Starts the tail of the chain before the decoders. GstBin starts unlinked elements in any order, so a decoder's first
-// frame could reach an inactive pad.
+// Starts the end of the chain before the decoders. GstBin starts unlinked elements in any order, so the first frame of
+// a decoder could reach an inactive pad.
 void lf_cam_src_start_tail(const lf::CameraChain& chain);
 
-// Failure handling, in lfcamsrc.cc. True if an error means the loss of the camera.
+// Failure handling, defined in lfcamsrc.cc. Returns true if an error of this camera is a loss that the pipeline
+// survives.
 bool lf_cam_src_may_be_lost(LfCamSrc* self);
-// Posts an error, or the messages of a loss. Thread-safe.
+// Posts an error, or, if the camera may be lost, the messages of a loss. Thread-safe.
 void lf_cam_src_fail(LfCamSrc* self, const CamSrcFailure& failure);
 // For stream listeners: closes the failed camera asynchronously and schedules a retry.
 void lf_cam_src_shut_down(LfCamSrc* self, guint serial);

@@ -33,7 +33,7 @@ bool is_video(GstPad* pad) {
   return video;
 }
 
-// Returns the NTP send time of a packet. Nothing before the first sender report.
+// Nothing before the first sender report.
 std::optional<GstClockTime> ntp_time(GstBuffer* packet) {
   static GstStaticCaps ntp = GST_STATIC_CAPS("timestamp/x-ntp");
   GstCaps* reference = gst_static_caps_get(&ntp);
@@ -109,7 +109,7 @@ namespace {
 
 using Kind = CameraSource::Kind;
 
-// True if the source element of the URI has a pad with pictures, instead of bytes or packets.
+// Returns true if the source element of the URI has a pad with pictures, rather than with bytes or packets.
 bool gives_pictures(const std::string& uri) {
   GstElement* source = gst_element_make_from_uri(GST_URI_SRC, uri.c_str(), nullptr, nullptr);
   if (!source) return false;
@@ -130,8 +130,8 @@ bool gives_pictures(const std::string& uri) {
 
 constexpr char kEnd[] = "end-of-described-source";
 
-// rig/source_security.h has checked the text with a partial parser. This function checks the result of GStreamer's
-// parser.
+// Checks the elements again. rig/source_security.h has checked only the text, with a partial parser; this function
+// checks the result of GStreamer's parser.
 void require_listed_elements(GstBin* source) {
   for (const GList* item = source->children; item; item = item->next) {
     GstElementFactory* factory = gst_element_get_factory(GST_ELEMENT(item->data));
@@ -140,8 +140,8 @@ void require_listed_elements(GstBin* source) {
   }
 }
 
-// Parses a launch description into a bin with one source pad, "src", of its last element. Returns a floating reference.
-// Throws Error if the description is invalid, or if it is not `trusted` and contains an element that is not listed in
+// Parses a launch description into a bin with one source pad, "src". Returns a floating reference. Throws Error if the
+// description is invalid, or if it is not `trusted` and contains an element that is not listed in
 // rig/source_security.h. An identity is appended, because a description may end with caps or with an element with
 // sometimes pads.
 GstElement* make_described_source(const std::string& line, bool trusted) {
@@ -170,7 +170,6 @@ GstElement* make_described_source(const std::string& line, bool trusted) {
 
 // --- Links between elements, some of which have pads that appear later -----------------------------------------------
 
-// Throws MissingElement.
 GstElement* add(GstBin* bin, const char* factory, const char* name = nullptr) {
   GstElement* element = gst_element_factory_make(factory, name);
   if (!element) throw MissingElement(factory);
@@ -178,20 +177,19 @@ GstElement* add(GstBin* bin, const char* factory, const char* name = nullptr) {
   return element;
 }
 
-// Returns a pad without a reference. The pad lives as long as its element.
+// The returned pad is borrowed and lives as long as its element.
 GstPad* borrow_pad(GstElement* element, const char* name) {
   GstPad* pad = gst_element_get_static_pad(element, name);
   gst_object_unref(pad);
   return pad;
 }
 
-// Links `next` to the chain that ends in `tail`. Compatible by construction, so unchecked.
+// Appends `next` to the chain that ends in `tail`. These elements always fit, so the link is unchecked.
 GstElement* append(GstElement* tail, GstElement* next) {
   if (tail) gst_element_link_pads_full(tail, "src", next, "sink", GST_PAD_LINK_CHECK_NOTHING);
   return next;
 }
 
-// Throws MissingElement.
 GstElement* add_jpeg_decoder(GstBin* bin) {
   GstElement* decoder = add(bin, "jpegdec");
   gst_util_set_object_arg(G_OBJECT(decoder), "idct-method", "islow");  // the default loses PSNR and is not faster
@@ -199,8 +197,8 @@ GstElement* add_jpeg_decoder(GstBin* bin) {
   return decoder;
 }
 
-// Names of the identities around the converter. JPEG and GPU pictures bypass the converter. Handlers of new pads find
-// the elements by these names.
+// Names of the identities in front of and behind the converter. JPEG and GPU pictures bypass the converter, and
+// handlers of new pads find the two elements by name.
 constexpr const char* kBeforeConvert = "before-convert";
 constexpr const char* kAfterConvert = "after-convert";
 
@@ -209,7 +207,7 @@ bool may_bypass(GstElement* head) { return g_strcmp0(GST_OBJECT_NAME(head), kBef
 // Links the first identity directly to the last. Call before data flows.
 void bypass(GstElement* before) {
   GstObject* bin = gst_element_get_parent(before);
-  if (!bin) return;  // being removed
+  if (!bin) return;
   GstElement* after = gst_bin_get_by_name(GST_BIN(bin), kAfterConvert);
   GstPad* src = borrow_pad(before, "src");
   GstPad* sink = borrow_pad(after, "sink");
@@ -227,8 +225,8 @@ void bypass(GstElement* before) {
   gst_object_unref(bin);
 }
 
-// Links a new pad to the sink pad of `next`, if that is free. Unchecked, so that a picture of the wrong size reaches
-// the size check and its error.
+// Links a new pad to the sink pad of `next`, unless that is already linked. The link is unchecked, so that a picture of
+// the wrong size reaches the size check and causes its clear error.
 void link_new_pad(GstPad* pad, GstElement* next) {
   GstPad* sink = borrow_pad(next, "sink");
   if (!gst_pad_is_linked(sink)) gst_pad_link_full(pad, sink, GST_PAD_LINK_CHECK_NOTHING);
@@ -250,10 +248,10 @@ bool is_on_gpu(GstPad* pad) {
   return yes;
 }
 
-// True if downstream of the last identity accepts the pictures of the pad unchanged.
+// Returns true if downstream of the last identity accepts the pictures of the pad unchanged.
 bool takes_pictures(GstElement* before, GstPad* pad) {
   GstObject* bin = gst_element_get_parent(before);
-  if (!bin) return false;  // being removed
+  if (!bin) return false;
   GstElement* after = gst_bin_get_by_name(GST_BIN(bin), kAfterConvert);
   GstCaps* given = gst_pad_query_caps(pad, nullptr);
   GstCaps* taken = gst_pad_peer_query_caps(borrow_pad(after, "src"), given);
@@ -265,7 +263,6 @@ bool takes_pictures(GstElement* before, GstPad* pad) {
   return takes;
 }
 
-// Calls f(pad) for each source pad inside of the bin.
 template <typename F>
 void for_each_source_pad(GstBin* bin, F f) {
   const GstElementForeachPadFunc call_f = [](GstElement*, GstPad* pad, gpointer data) -> gboolean {
@@ -287,7 +284,7 @@ void for_each_source_pad(GstBin* bin, F f) {
   gst_iterator_free(elements);
 }
 
-// Demuxers send orientation tags before the first picture.
+// The tags are complete when pads exist, because demuxers send orientation tags before the first picture.
 GstVideoOrientationMethod film_orientation(GstBin* bin) {
   GstVideoOrientationMethod turn = GST_VIDEO_ORIENTATION_IDENTITY;
   for_each_source_pad(bin, [&turn](GstPad* pad) {
@@ -296,10 +293,10 @@ GstVideoOrientationMethod film_orientation(GstBin* bin) {
   return turn;
 }
 
-// Links a decoder to `head`. GPU pictures pass gldownload, rotated pictures pass videoflip.
+// Links a decoder to `head`. GPU pictures pass gldownload on the way, and rotated pictures pass videoflip.
 void link_decoded(GstElement* decoder, GstPad* pad, GstElement* head, bool on_gpu) {
   GstObject* bin = gst_element_get_parent(head);
-  if (!bin) return;  // being removed
+  if (!bin) return;
   try {
     const GstVideoOrientationMethod turn = film_orientation(GST_BIN(bin));
     std::vector<GstElement*> between;
@@ -322,8 +319,8 @@ void link_decoded(GstElement* decoder, GstPad* pad, GstElement* head, bool on_gp
   gst_object_unref(bin);
 }
 
-// Signal handlers for new pads: link the first video stream to `head`, the first element of the tail. This handler is
-// for decoders.
+// Signal handlers for new pads. They link the first video stream to `head`, the first element behind the decoders. This
+// handler is for decoders.
 void on_decoded_pad(GstElement* decoder, GstPad* pad, gpointer head_element) {
   GstElement* const head = GST_ELEMENT(head_element);
   if (gst_pad_is_linked(borrow_pad(head, "sink"))) return;
@@ -336,8 +333,8 @@ void on_decoded_pad(GstElement* decoder, GstPad* pad, gpointer head_element) {
     link_decoded(decoder, pad, head, on_gpu);
 }
 
-// For matroskademux: MJPEG is decoded by jpegdec in the demuxer's thread or stays JPEG. Other codecs use decodebin,
-// which adds queues and threads.
+// Handler for matroskademux. MJPEG stays JPEG, or jpegdec decodes it in the demuxer's thread. Other codecs use
+// decodebin, which adds queues and threads.
 void on_matroska_pad(GstElement* demuxer, GstPad* pad, gpointer head) {
   if (may_bypass(GST_ELEMENT(head)) && is_media(pad, "image/jpeg")) return on_decoded_pad(demuxer, pad, head);
   GstPad* sink = borrow_pad(GST_ELEMENT(head), "sink");
@@ -345,7 +342,7 @@ void on_matroska_pad(GstElement* demuxer, GstPad* pad, gpointer head) {
   if (is_media(pad, "video/x-raw")) return link_new_pad(pad, GST_ELEMENT(head));
 
   GstObject* bin = gst_element_get_parent(demuxer);
-  if (!bin) return;  // being removed
+  if (!bin) return;
   GstElement* decoder = nullptr;
   try {
     if (is_media(pad, "image/jpeg")) {
@@ -405,7 +402,8 @@ GstElement* add_file_reader(GstBin* bin, const std::string& path) {
 // Adds a decoder and links it to `convert` when its pads appear.
 GstElement* add_decodebin(GstBin* bin, const char* factory, GstElement* convert) {
   GstElement* decoder = add(bin, factory);
-  // Without ANY, decoders that also support interlaced or GPU output are not selected.
+  // Caps with ANY are required here, because otherwise decoders that also support interlaced or GPU output are not
+  // selected.
   GstCaps* caps = gst_caps_from_string(may_bypass(convert) ? "image/jpeg; video/x-raw(ANY)" : "video/x-raw(ANY)");
   g_object_set(decoder, "caps", caps, "expose-all-streams", FALSE, nullptr);
   gst_caps_unref(caps);
@@ -414,15 +412,14 @@ GstElement* add_decodebin(GstBin* bin, const char* factory, GstElement* convert)
   return decoder;
 }
 
-// Counts the bytes that a network camera has sent since its last picture. Demuxers buffer an incomplete picture without
-// limit.
+// Counts the bytes that an element has received since its last output, because demuxers, depayloaders and parsers
+// collect an incomplete picture without limit.
 class UnparsedBytes {
  public:
   static constexpr size_t kMost = size_t{64} << 20;
   void add(size_t bytes) { bytes_ += bytes; }
   void clear() { bytes_ = 0; }
   bool exceeds_limit() const { return bytes_ > kMost; }
-  // Returns true the first time.
   bool tell() { return !logged_.exchange(true); }
 
  private:
@@ -433,12 +430,17 @@ using UnparsedBytesPtr = std::shared_ptr<UnparsedBytes>;
 
 GstPadProbeReturn count_bytes(GstPad* pad, GstPadProbeInfo* info, gpointer data) {
   UnparsedBytes& unused = **static_cast<UnparsedBytesPtr*>(data);
-  unused.add(gst_buffer_get_size(GST_PAD_PROBE_INFO_BUFFER(info)));
+  const bool is_list = info->type & GST_PAD_PROBE_TYPE_BUFFER_LIST;
+  unused.add(is_list ? gst_buffer_list_calculate_size(GST_PAD_PROBE_INFO_BUFFER_LIST(info))
+                     : gst_buffer_get_size(GST_PAD_PROBE_INFO_BUFFER(info)));
   if (!unused.exceeds_limit()) return GST_PAD_PROBE_OK;
   GstElement* source = gst_pad_get_parent_element(pad);
   if (source && unused.tell())
     GST_ELEMENT_ERROR(source, STREAM, DEMUX,
-                      ("more than %zu MB received without a picture", UnparsedBytes::kMost >> 20), (nullptr));
+                      ("more than %zu MB received without a picture: check that the URI is a video in a supported "
+                       "format",
+                       UnparsedBytes::kMost >> 20),
+                      (nullptr));
   if (source) gst_object_unref(source);
   return GST_PAD_PROBE_DROP;
 }
@@ -449,8 +451,28 @@ GstPadProbeReturn on_picture(GstPad* /*pad*/, GstPadProbeInfo* /*info*/, gpointe
 }
 
 void add_probe(GstPad* pad, GstPadProbeCallback callback, const UnparsedBytesPtr& unused) {
-  gst_pad_add_probe(pad, GST_PAD_PROBE_TYPE_BUFFER, callback, new UnparsedBytesPtr(unused),
-                    [](gpointer data) { delete static_cast<UnparsedBytesPtr*>(data); });
+  gst_pad_add_probe(pad, GstPadProbeType(GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_BUFFER_LIST), callback,
+                    new UnparsedBytesPtr(unused), [](gpointer data) { delete static_cast<UnparsedBytesPtr*>(data); });
+}
+
+// Bounds the data that a depayloader or parser collects for one output.
+void limit_element(GstBin* /*bin*/, GstBin* /*parent*/, GstElement* element, gpointer /*unused*/) {
+  const gchar* klass = gst_element_get_metadata(element, GST_ELEMENT_METADATA_KLASS);
+  if (!klass || !(std::strstr(klass, "Depayloader") || std::strstr(klass, "Parser"))) return;
+  g_autoptr(GstPad) sink = gst_element_get_static_pad(element, "sink");
+  g_autoptr(GstPad) src = gst_element_get_static_pad(element, "src");
+  if (!sink || !src) return;
+  const auto unused = std::make_shared<UnparsedBytes>();
+  add_probe(sink, count_bytes, unused);
+  add_probe(src, on_picture, unused);
+}
+
+// Bounds depayloaders and parsers in `bin`, also elements that appear later.
+void limit_collected_data(GstBin* bin) {
+  constexpr const char* kLimited = "lightfield-limited";
+  if (g_object_get_data(G_OBJECT(bin), kLimited)) return;
+  g_object_set_data(G_OBJECT(bin), kLimited, bin);
+  g_signal_connect(bin, "deep-element-added", G_CALLBACK(lf::callback<limit_element>), nullptr);
 }
 
 struct SourceSetup {
@@ -462,14 +484,14 @@ struct SourceSetup {
 void on_source_setup(GstElement* /*decoder*/, GstElement* source, gpointer data) {
   const auto* setup = static_cast<SourceSetup*>(data);
   if (g_object_class_find_property(G_OBJECT_GET_CLASS(source), "latency"))
-    g_object_set(source, "latency", static_cast<guint>(setup->latency / GST_MSECOND), nullptr);  // milliseconds
+    g_object_set(source, "latency", static_cast<guint>(setup->latency / GST_MSECOND), nullptr);
   if (setup->sender) setup->sender->watch(source);
   g_autoptr(GstPad) pad = gst_element_get_static_pad(source, "src");
   if (setup->unused && pad) add_probe(pad, count_bytes, setup->unused);
 }
 
-// Works around GStreamer 1.22: uridecodebin does not disconnect from its decodebin, which messages on the bus can keep
-// alive. A remaining pad would be removed from a freed element.
+// Works around a bug of GStreamer 1.22: uridecodebin does not disconnect from its decodebin, which messages on the bus
+// can keep alive. A remaining pad would then be removed from a freed element.
 void forget_decodebin(gpointer data, GObject* uridecodebin) {
   auto* decodebin = static_cast<GWeakRef*>(data);
   if (GObject* alive = static_cast<GObject*>(g_weak_ref_get(decodebin))) {
@@ -488,7 +510,7 @@ void on_child_of_uridecodebin(GstBin* uridecodebin, GstElement* child, gpointer 
   g_object_weak_ref(G_OBJECT(uridecodebin), forget_decodebin, decodebin);
 }
 
-// A playlist (HLS) from the network must not open files of this machine.
+// Refuses files of this machine, which a playlist (HLS) from the network must not open.
 void refuse_file(GstBin* uridecodebin, GstBin* /*parent*/, GstElement* child, gpointer /*unused*/) {
   GstElementFactory* factory = gst_element_get_factory(child);
   if (!factory || std::strcmp(GST_OBJECT_NAME(factory), "filesrc") != 0) return;
@@ -498,7 +520,7 @@ void refuse_file(GstBin* uridecodebin, GstBin* /*parent*/, GstElement* child, gp
   GST_ELEMENT_ERROR(uridecodebin, RESOURCE, NOT_AUTHORIZED, ("its playlist names a file of this machine"), (nullptr));
 }
 
-// Returns the sender clock of RTSP sources, else null.
+// Returns the sender clock of an RTSP source. Null for other sources.
 std::shared_ptr<SenderClock> add_uri_decoder(GstBin* bin, const std::string& uri, const ChainOptions& options,
                                              GstElement* convert) {
   GstElement* decoder = add_decodebin(bin, "uridecodebin", convert);
@@ -518,8 +540,8 @@ std::shared_ptr<SenderClock> add_uri_decoder(GstBin* bin, const std::string& uri
   return sender;
 }
 
-// Returns the caps requested from a device, which otherwise chooses its largest size. JPEG comes first if it stays
-// JPEG.
+// Returns caps in the size of the rig for a device, which otherwise chooses its largest size. If JPEG video stays JPEG,
+// JPEG comes first.
 GstCaps* device_caps(const Camera& camera, const ChainOptions& options) {
   GstCaps* caps = gst_caps_from_string(options.decode ? "video/x-raw; image/jpeg; video/x-h264"
                                                       : "image/jpeg; video/x-raw; video/x-h264");
@@ -539,8 +561,8 @@ GstElement* add_device(GstBin* bin, const std::string& uri, const Camera& camera
   return device;
 }
 
-// Returns the caps requested from a launch description: raw video, also in GPU memory, and JPEG, in the size of the
-// rig. Other coded video has no size, because parsers and depayloaders may not know it.
+// Returns caps for a launch description: raw video, also in GPU memory, and JPEG, in the size of the rig. Other coded
+// video has no size, because parsers and depayloaders may not know the size.
 GstCaps* bin_caps(const Camera& camera, const ChainOptions& options) {
   GstCaps* caps = device_caps(camera, options);
   GstStructure* raw = gst_structure_copy(gst_caps_get_structure(caps, options.decode ? 0 : 1));
@@ -642,6 +664,7 @@ bool has_sound(GstBin* bin) {
 
 CameraChain build_camera_chain(GstBin* bin, const CameraSource& source, const Camera& camera,
                                const ChainOptions& options) {
+  if (source.kind == Kind::kUri || source.kind == Kind::kDevice || source.kind == Kind::kBin) limit_collected_data(bin);
   const bool own_rate = options.fps_n == 0;
   const int fps_n = own_rate ? kDefaultFps : options.fps_n;
   const int fps_d = own_rate ? 1 : options.fps_d;

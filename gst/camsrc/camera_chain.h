@@ -17,24 +17,25 @@
 
 namespace lf {
 
-// Derives capture times of a network camera from its RTCP sender reports, which relate RTP timestamps to the camera's
-// time of day. Parsers and decoders keep the timestamp of a frame but drop packet metadata. Therefore the class stores
-// the offset between time of day and running time. Thread-safe.
+// Converts the timestamps of a network camera to capture times. RTCP sender reports relate RTP timestamps to the
+// camera's time of day. Parsers and decoders drop such packet metadata but keep the timestamp of a frame. Therefore the
+// class stores the offset between time of day and running time. Thread-safe.
 class SenderClock : public std::enable_shared_from_this<SenderClock> {
  public:
-  // Limits for a plausible packet age. An unset camera clock exceeds these limits. A packet may also be older by the
-  // latency.
+  // Limits for the age of a packet, to recognise cameras that do not know the time of day. A packet may also be older
+  // by the latency.
   static constexpr GstClockTime kMostAge = 2 * GST_SECOND, kMostAhead = GST_SECOND / 10;
 
   // `latency`: jitter buffer latency, nanoseconds
   explicit SenderClock(GstClockTime latency) : latency_(latency) {}
 
-  // Watches the packets of an rtspsrc. Call before it starts. Has no effect on other elements.
+  // Watches the packets of an rtspsrc. Call before the rtspsrc starts. Has no effect on other elements.
   void watch(GstElement* source);
   // Processes a packet with running time `stamp`, sent at `sent` and received at `now` (time of day).
   void see(GstClockTime stamp, GstClockTime sent, GstClockTime now);
 
-  // Returns the time of day of a frame with this running time. Nothing before the first plausible report.
+  // Returns the time of day when the frame with this running time was captured. Nothing before the first plausible
+  // report.
   std::optional<GstClockTime> taken(GstClockTime stamp) const;
   bool is_known() const;
 
@@ -47,34 +48,34 @@ class SenderClock : public std::enable_shared_from_this<SenderClock> {
   std::optional<GstClockTimeDiff> offset_;  // time of day minus running time
 };
 
-// Calls find_camera_source() and changes kUri to kDevice where appropriate.
+// Returns the source of the camera, as find_camera_source() does, with kUri replaced by kDevice where appropriate.
 CameraSource find_playable_source(const Rig& rig, const Camera& camera);
 
 struct ChainOptions {
   int fps_n = 0, fps_d = 1;  // 0/1: rate of the source, or kDefaultFps if it has no rate
   bool live = false;         // frames are synchronised to the clock
-  bool loop = false;         // image sequences loop; the caller loops other files
+  bool loop = false;         // for image sequences only; the caller loops other files
   bool decode = true;        // false: JPEG video stays JPEG (stills are always decoded)
   bool trusted = false;      // launch descriptions may contain any element
   Controls controls = {};
-  GstClockTime latency = 200 * GST_MSECOND;  // jitter buffer of network sources
+  GstClockTime latency = 200 * GST_MSECOND;
 };
 
 inline constexpr int kDefaultFps = 15;
 
 // The elements between a camera's source and the pad of lfcamsrc. The pads are borrowed from children of the bin.
 //   source ! decoder ! (decoded) convert ! formats and size [! imagefreeze] (frames) [! videorate] [! clocksync] (out)
-// If JPEG need not be decoded, the elements between `decoded` and `frames` are bypassed for JPEG input:
+// If JPEG may stay undecoded, JPEG bypasses the elements between `decoded` and `frames`:
 //   source ! (decoded) identity [! convert ! formats and size] ! identity (frames) [! videorate] [! clocksync] (out)
 struct CameraChain {
   GstPad* decoded = nullptr;  // sink pad: decoded pictures of any size
   GstPad* frames = nullptr;   // source pad: one buffer per captured frame
-  GstPad* out = nullptr;      // source pad
+  GstPad* out = nullptr;
   std::shared_ptr<std::atomic<guint64>> damaged = std::make_shared<std::atomic<guint64>>();
   GstElement* device = nullptr;         // element with controls; null except for kDevice and kBin
   std::shared_ptr<SenderClock> sender;  // null except for RTSP cameras
-  // The elements from `decoded` to `out`. Decoders are linked later, so GstBin does not know that the tail must start
-  // first.
+  // The elements from `decoded` to `out`. They must start first, but GstBin does not know this, because decoders are
+  // linked later.
   std::vector<GstElement*> tail;
 };
 
@@ -84,16 +85,16 @@ class MissingElement : public Error {
   using Error::Error;
 };
 
-// Adds the chain of `camera` to `bin`, in state NULL. Uses one streaming thread per camera if the source type is known
-// in advance (all except kDevice, kBin, kFile, kUri and stills of unknown type). Throws MissingElement, or Error if the
-// source is unusable.
+// Adds the chain of `camera` to `bin`, in state NULL. The chain needs one streaming thread if the type of the source is
+// known in advance, which excludes kDevice, kBin, kFile, kUri and stills of unknown type. Throws MissingElement, or
+// Error if the source is unusable.
 CameraChain build_camera_chain(GstBin* bin, const CameraSource& source, const Camera& camera,
                                const ChainOptions& options);
 
 // Returns the rotation that the video requires (matrix of an MP4), from the tags on the pad.
 GstVideoOrientationMethod orientation_of(GstPad* pad);
 inline bool is_rotated(GstPad* pad) { return orientation_of(pad) != GST_VIDEO_ORIENTATION_IDENTITY; }
-// True if an element in the bin has an audio stream: video may end before the file ends.
+// Returns true if the bin has an audio stream. Its video may then end before the file ends.
 bool has_sound(GstBin* bin);
 
 }  // namespace lf

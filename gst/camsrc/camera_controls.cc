@@ -14,7 +14,7 @@
 namespace lf {
 namespace {
 
-// Element properties for a control, and for its automatic mode.
+// The element properties for a control and for its automatic mode.
 struct Properties {
   const char* name;
   const char* value;
@@ -24,9 +24,9 @@ struct Properties {
 };
 
 constexpr Properties kProperties[] = {
-    {"exposure", "exposure", 1e6, "exposure-auto", "continuous", "off"},  // aravissrc
+    {"exposure", "exposure", 1e6, "exposure-auto", "continuous", "off"},
     {"gain", "gain", 1, "gain-auto", "continuous", "off"},
-    {"exposure", "exposure-time", 1e6, "exposure-time-mode", "auto", "manual"},  // libcamerasrc
+    {"exposure", "exposure-time", 1e6, "exposure-time-mode", "auto", "manual"},
     {"exposure", "exposure-time", 1e6, "ae-enable", "true", "false"},
     {"gain", "analogue-gain", 1, "analogue-gain-mode", "auto", "manual"},
     {"gain", "analogue-gain", 1, "ae-enable", "true", "false"},
@@ -88,7 +88,7 @@ const Properties* find_properties(GstElement* element, const std::string& name) 
   return nullptr;
 }
 
-// Calls `use` for the channel with this label, ignoring case. Returns false if there is none.
+// Returns false if there is no channel with this label. Ignores case.
 bool with_channel(GstElement* element, const std::string& name,
                   const std::function<void(GstColorBalance*, GstColorBalanceChannel*)>& use) {
   if (!GST_IS_COLOR_BALANCE(element)) return false;
@@ -102,7 +102,7 @@ bool with_channel(GstElement* element, const std::string& name,
   return false;
 }
 
-// Sets a control by an element property. Returns false if the element lacks such a property.
+// Returns false if the element lacks a property for this control.
 bool apply_by_property(GstElement* element, const std::string& name, std::optional<double> value) {
   if (const Properties* p = find_properties(element, name)) {
     gst_util_set_object_arg(G_OBJECT(element), p->automatic, value ? p->off : p->on);
@@ -165,7 +165,7 @@ State read(GstElement* element, const std::string& name) {
   return state;
 }
 
-// Returns the element, or all elements in a bin. The caller owns the references.
+// Returns the element itself, or, for a bin, all elements inside. The caller owns the references.
 std::vector<GstElement*> elements_of(GstElement* source) {
   std::vector<GstElement*> all;
   if (!GST_IS_BIN(source)) return {GST_ELEMENT(gst_object_ref(source))};
@@ -229,13 +229,13 @@ GstStructure* read_control_values(GstElement* source, const Controls& wanted) {
 
 namespace {
 
-// A control and its automatic mode: V4L2 names (of new and old kernels) and ids.
+// The V4L2 names (of new and old kernels) and ids of a control and of its automatic mode.
 struct KnownControl {
   const char* name;
   uint32_t id;
   double unit;  // V4L2 steps per user unit
   std::array<const char*, 2> fields;
-  uint32_t switch_id;  // 0: none
+  uint32_t switch_id;
   std::array<const char*, 2> switch_fields;
   int manual, automatic;
 };

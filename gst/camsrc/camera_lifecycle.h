@@ -11,10 +11,11 @@
 
 namespace lf {
 
-// State and retry schedule of a camera. Times are nanoseconds of a monotonic clock. Thread-safe.
+// The state of a camera, and the schedule of attempts to reopen a lost camera. Times are nanoseconds of a monotonic
+// clock. Thread-safe.
 class CameraLifecycle {
  public:
-  // kEnded: reached the end of its source. kLost: failed.
+  // kEnded: the source has ended regularly. kLost: the camera has failed.
   enum class State { kStopped, kOpening, kRunning, kEnded, kLost };
   static constexpr uint64_t kMinRetryDelay = 500'000'000, kMaxRetryDelay = 10'000'000'000;
 
@@ -28,13 +29,13 @@ class CameraLifecycle {
 
   void start();
   void stop();
-  // Returns false if the camera was already lost. Stores the reason in both cases.
+  // Marks the camera as lost and stores the reason. Returns false if it was already lost.
   bool lose(const std::string& reason, uint64_t now);
   // Returns the delay before the next attempt: a quarter of the outage so far, within kMinRetryDelay and
-  // kMaxRetryDelay. If a camera returns for less time than the last delay, the outage continues.
+  // kMaxRetryDelay. An outage continues if the camera returned for less time than the last delay.
   uint64_t wait(uint64_t now);
-  void retry();  // begins reopening; lost until the first frame
-  // Registers the first frame. Returns true if the camera was lost.
+  void retry();  // the camera is being reopened, and stays lost until the first frame
+  // Call at the first frame. Returns true if the camera was lost.
   bool find(uint64_t now);
   void end();
 
@@ -49,40 +50,40 @@ class CameraLifecycle {
 
 const char* to_string(CameraLifecycle::State state);
 
-// Drops input frames of one live camera if the machine cannot decode all frames. When output frames have been late for
-// kMinLateTime, input is dropped until a key frame that can be on time. Lateness is relative to the camera's best and
-// to the latency that its source states, so network and device delays do not count.
+// Drops frames of a live camera before they are decoded, if the machine cannot decode all frames. Otherwise the frames
+// of all cameras would become later and later. If output frames have been late for kMinLateTime, input is dropped until
+// a key frame that can be on time. Lateness is measured against the best frame of the camera and the latency that its
+// source states, so that delays of network and device do not count.
 //
-// Cameras of the process start dropping one after another, at least kStagger apart. The remaining cameras may then keep
-// up, so that no more cameras than necessary drop frames. Thread-safe.
+// Cameras of the process start dropping one after another, at least kStagger apart. Meanwhile the other cameras may be
+// able to keep up, so that no more cameras than necessary drop frames. Thread-safe.
 class LoadShedder : public std::enable_shared_from_this<LoadShedder> {
  public:
-  // Tolerated lateness: the larger of two frame periods and this value, nanoseconds.
+  // A frame may be late by two frame periods or by this time in nanoseconds, whichever is longer.
   static constexpr GstClockTimeDiff kTolerance = 100'000'000;
-  // Minimum duration of lateness, without improvement, before frames are dropped, nanoseconds.
+  // Frames must be late for this long, without improvement, before input is dropped; nanoseconds.
   static constexpr uint64_t kMinLateTime = 500'000'000;
-  // minimum time between the start of dropping of two cameras, nanoseconds
   static constexpr uint64_t kStagger = 250'000'000;
 
   // Watches the sink pad of `element` if it is a video decoder. Call before data flows.
   void watch(GstElement* element);
 
-  // Resets the state for a new stream. `paced`: frames can arrive early, so the best lateness is 0.
+  // Call for a new stream. `paced`: frames can arrive early, so the best possible lateness is 0.
   void restart(bool paced);
 
   enum class Verdict {
     kShow,
-    kDrop,           // entered the decoder before frames were dropped
-    kStartDropping,  // dropping starts; drop this frame, too
+    kDrop,           // the frame had entered the decoder before dropping began
+    kStartDropping,  // dropping begins with this frame
   };
   // Registers an output frame. `pts`: stream time. `late`: lateness against its running time (negative: early).
   // `latency`: latency of the source. `period`: frame period (0: unknown). `now`: monotonic time. All in nanoseconds.
   Verdict see(GstClockTime pts, GstClockTimeDiff late, GstClockTime latency, GstClockTime period, uint64_t now);
 
-  // Lateness of the newest frame beyond the best case, nanoseconds; 0: on time.
+  // Lateness of the newest frame beyond the best case, in nanoseconds; 0 if on time.
   GstClockTimeDiff behind() const;
   uint64_t dropped() const { return dropped_; }
-  // Returns the stream time of the end of the newest dropped frame. GST_CLOCK_TIME_NONE if no frame was dropped since
+  // Returns the end of the newest dropped frame in stream time, or GST_CLOCK_TIME_NONE if no frame was dropped since
   // the last call.
   GstClockTime take_dropped_end();
 
@@ -93,7 +94,7 @@ class LoadShedder : public std::enable_shared_from_this<LoadShedder> {
 
   mutable std::mutex mutex_;
   GstClockTimeDiff best_ = G_MAXINT64, behind_ = 0;
-  uint64_t late_since_ = 0;  // 0: not late
+  uint64_t late_since_ = 0;
   GstClockTimeDiff late_by_ = 0;
   GstClockTime skip_until_ = GST_CLOCK_TIME_NONE;  // stream time until which input is dropped; NONE: no dropping
   // stream time until which decoded frames are dropped; NONE: no dropping

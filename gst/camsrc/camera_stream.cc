@@ -55,14 +55,14 @@ GstCaps* capture_time_reference() {
   return gst_static_caps_get(&caps);
 }
 
-// Consumes the buffer and returns `reason` upstream.
+// Drops the buffer of a probe and returns `reason` upstream.
 GstPadProbeReturn refuse(GstPadProbeInfo* info, GstFlowReturn reason) {
   gst_clear_buffer(reinterpret_cast<GstBuffer**>(&info->data));
   GST_PAD_PROBE_INFO_FLOW_RETURN(info) = reason;
   return GST_PAD_PROBE_HANDLED;
 }
 
-// Replaces an unexpected segment end with EOS. Takes and returns a reference.
+// Replaces a segment-done event that is not expected by EOS. Takes and returns a reference.
 GstEvent* as_end(GstEvent* event) {
   GstEvent* end = gst_event_new_eos();
   gst_event_set_seqnum(end, gst_event_get_seqnum(event));
@@ -70,8 +70,8 @@ GstEvent* as_end(GstEvent* event) {
   return end;
 }
 
-// Calls `method` of the stream behind the weak pointer `data`. Events from downstream may arrive while the chain is
-// being removed.
+// Calls `method` of the stream behind the weak pointer `data`. The pointer is weak because events from downstream may
+// arrive while the chain is being removed.
 template <auto method>
 GstPadProbeReturn call(GstPad* pad, GstPadProbeInfo* info, gpointer data) {
   const auto stream = static_cast<std::weak_ptr<CameraStream>*>(data)->lock();
@@ -144,7 +144,8 @@ void CameraStream::check_size(GstCaps* caps) {
   const GstStructure* structure = gst_caps_get_structure(caps, 0);
   is_jpeg_ = gst_structure_has_name(structure, "image/jpeg");
   gst_structure_get_fraction(structure, "framerate", &fps_n_, &fps_d_);
-  // Caps of containers are unreliable for JPEG (Matroska without size: 1x1). check_jpeg() parses the picture.
+  // Skips JPEG, because caps of containers are unreliable there (Matroska without size: 1x1). check_jpeg() parses the
+  // picture instead.
   if (is_jpeg_ || !gst_video_info_from_caps(&info, caps) || info.width == 0) return;
   size_is_wrong_ = info.width != options_.width || info.height != options_.height;
   if (size_is_wrong_)
@@ -152,7 +153,7 @@ void CameraStream::check_size(GstCaps* caps) {
                                       size_text(options_.width, options_.height));
 }
 
-// Checks the first intact JPEG picture, because caps may lack size and JPEG type.
+// Checks the size in the first intact JPEG picture, because the caps may lack size and JPEG type.
 void CameraStream::check_jpeg(GstBuffer* buffer) {
   const MappedBuffer bytes(buffer);
   std::string reason;
@@ -171,7 +172,8 @@ void CameraStream::check_jpeg(GstBuffer* buffer) {
 
 void CameraStream::stamp_arrivals(GstElement* multipartdemux) {
   live_ = stamps_arrival_ = true;
-  // Otherwise decodebin waits for further streams until its queue is full, which takes many seconds for small pictures.
+  // Without this, decodebin would wait for further streams until its queue is full, which takes many seconds for small
+  // pictures.
   g_object_set(multipartdemux, "single-stream", TRUE, nullptr);
   const GClosureNotify free = [](gpointer data, GClosure*) { delete static_cast<std::weak_ptr<CameraStream>*>(data); };
   g_signal_connect_data(multipartdemux, "pad-added", G_CALLBACK(+[](GstElement*, GstPad* pad, gpointer stream) {
@@ -187,7 +189,8 @@ GstPadProbeReturn CameraStream::on_arrival(GstPad* pad, GstPadProbeInfo* info) {
   return GST_PAD_PROBE_OK;
 }
 
-// Raw pictures are already rotated (camera_chain.cc). Removes the tag so that downstream does not rotate them twice.
+// Removes the orientation tag of raw pictures, which are already rotated (camera_chain.cc), so that downstream does not
+// rotate them again.
 GstPadProbeReturn CameraStream::on_tags(GstPadProbeInfo* info) {
   auto* event = static_cast<GstEvent*>(info->data);
   GstTagList* tags = nullptr;
@@ -219,7 +222,7 @@ GstPadProbeReturn CameraStream::on_decoded(GstPad* pad, GstPadProbeInfo* info) {
     else if (!GST_BUFFER_PTS_IS_VALID(GST_PAD_PROBE_INFO_BUFFER(info)))
       info->data = stamp_arrival(pad, static_cast<GstBuffer*>(info->data));
     ++pictures_;
-    return size_is_wrong_ ? refuse(info, GST_FLOW_ERROR) : GST_PAD_PROBE_OK;
+    return size_is_wrong_ || has_no_time_ ? refuse(info, GST_FLOW_ERROR) : GST_PAD_PROBE_OK;
   }
   GstEvent* event = GST_PAD_PROBE_INFO_EVENT(info);
   const bool looping = loop_seqnum_ != GST_SEQNUM_INVALID && gst_event_get_seqnum(event) == loop_seqnum_;
@@ -240,6 +243,7 @@ GstPadProbeReturn CameraStream::on_decoded(GstPad* pad, GstPadProbeInfo* info) {
       return GST_PAD_PROBE_OK;
     case GST_EVENT_SEGMENT:
       if (is_jpeg_) info->data = time_segment(event);
+      check_format(static_cast<GstEvent*>(info->data));
       if (options_.skips_late && pictures_ == 0 && round_start_ == 0) pass_rounds();
       if (round_start_ > 0) info->data = later_segment(static_cast<GstEvent*>(info->data));
       return GST_PAD_PROBE_OK;
@@ -255,11 +259,13 @@ GstPadProbeReturn CameraStream::on_decoded(GstPad* pad, GstPadProbeInfo* info) {
   }
 }
 
-// Stores the original running time of a frame, before its timestamp may be changed by a frame rate conversion.
+// Stores the original running time of a frame, because a frame rate conversion may change its timestamp.
 GstPadProbeReturn CameraStream::on_frame(GstPad* pad, GstPadProbeInfo* info) {
   if (info->type & GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM) {
     GstEvent* event = GST_PAD_PROBE_INFO_EVENT(info);
-    if (GST_EVENT_TYPE(event) == GST_EVENT_SEGMENT) gst_event_copy_segment(event, &segment_);
+    const GstSegment* segment = nullptr;
+    if (GST_EVENT_TYPE(event) == GST_EVENT_SEGMENT) gst_event_parse_segment(event, &segment);
+    if (segment && segment->format == GST_FORMAT_TIME) gst_segment_copy_into(segment, &segment_);
     return GST_PAD_PROBE_OK;
   }
   auto* buffer = static_cast<GstBuffer*>(info->data);
@@ -292,7 +298,7 @@ GstPadProbeReturn CameraStream::on_frame(GstPad* pad, GstPadProbeInfo* info) {
 bool CameraStream::is_shed(GstPad* pad, GstBuffer* buffer, GstClockTime stamp) {
   const GstClockTime now = gst_element_get_current_running_time(owner_);
   if (!GST_CLOCK_TIME_IS_VALID(now)) return false;
-  constexpr guint64 kEvery = 30;  // frames between latency queries, because the latency rarely changes
+  constexpr guint64 kEvery = 30;
   if (checked_frames_++ % kEvery == 0) latency_ = live_latency(chain_.decoded).value_or(0);
   const GstClockTime period = GST_BUFFER_DURATION_IS_VALID(buffer) ? GST_BUFFER_DURATION(buffer) : 0;
   using Verdict = LoadShedder::Verdict;
@@ -320,7 +326,7 @@ void CameraStream::note_position(GstClockTime end) {
   if (GST_CLOCK_TIME_IS_VALID(position)) position_ = position;
 }
 
-// Converts the running time of a live frame to clock time. Uses the capture time in sender reports if available.
+// Converts the running time of a live frame to clock time, from RTCP sender reports if these are available.
 GstClockTime CameraStream::clock_time(GstClockTime stamp) const {
   const std::optional<GstClockTime> taken = chain_.sender ? chain_.sender->taken(stamp) : std::nullopt;
   g_autoptr(GstClock) clock = taken ? gst_element_get_clock(owner_) : nullptr;
@@ -330,8 +336,8 @@ GstClockTime CameraStream::clock_time(GstClockTime stamp) const {
                                    GST_CLOCK_DIFF(*taken, now));
 }
 
-// Returns the true capture time for a running time (live) or a film time. A live frame that waits for PLAYING has no
-// base time yet.
+// Returns the true capture time for a running time (live) or a film time. Nothing for a live frame that waits for
+// PLAYING, because the base time is not known yet.
 GstClockTime CameraStream::capture_time(GstClockTime taken) const {
   if (live_) taken = clock_time(taken);
   const auto offset = static_cast<GstClockTimeDiff>(options_.time_offset * GST_SECOND);
@@ -371,7 +377,8 @@ void CameraStream::announce(GstPad* pad) {
 GstPadProbeReturn CameraStream::on_output_event(GstPad* pad, GstEvent* event) {
   switch (GST_EVENT_TYPE(event)) {
     case GST_EVENT_QOS:
-      // Files deliver all frames even if downstream is late: output must not depend on the speed of the machine.
+      // Removes QoS events for files, which must deliver all frames even if downstream is late. The output must not
+      // depend on the speed of the machine.
       return live_ ? GST_PAD_PROBE_OK : GST_PAD_PROBE_DROP;
     case GST_EVENT_SEGMENT:
       announced_ = eos_sent_ = false;
@@ -398,9 +405,9 @@ GstPadProbeReturn CameraStream::on_output_end(GstPad* pad) {
   return GST_PAD_PROBE_DROP;
 }
 
-// Drops frames of a reopened film until it has caught up, so that it stays synchronised with the other cameras. Late
-// frames would increase the capture delay of all viewers. If the stream is less than one second late and does not catch
-// up within another second, the machine is too slow, and frames are accepted.
+// Drops frames of a reopened film until it has caught up with the other cameras, because late frames would increase the
+// capture delay of all viewers. If the stream is less than one second late and does not catch up within another second,
+// the machine is too slow, and frames are accepted.
 bool CameraStream::is_too_late(GstBuffer* buffer) {
   constexpr GstClockTime kLate = GST_SECOND / 20, kSettleTime = GST_SECOND;
   if (!options_.skips_late || is_on_time_) return false;
@@ -422,7 +429,8 @@ GstPadProbeReturn CameraStream::on_output(GstPad* pad, GstPadProbeInfo* info) {
   }
   if (options_.num_frames >= 0 && frames_out_ >= options_.num_frames) ending_ = true;
   if (ending_) {
-    // Not every source also sends EOS downstream (the queues of decodebin do not).
+    // Ends the stream here, because not every source also sends EOS downstream. For example, the queues of decodebin do
+    // not.
     gst_pad_push_event(pad, gst_event_new_eos());
     return refuse(info, GST_FLOW_EOS);
   }
@@ -446,7 +454,7 @@ GstPadProbeReturn CameraStream::on_output(GstPad* pad, GstPadProbeInfo* info) {
 // because later pictures may depend on them.
 std::optional<GstClockTime> CameraStream::taken_at(GstSegment segment, GstClockTime stamp) const {
   if (segment.format != GST_FORMAT_TIME || !GST_CLOCK_TIME_IS_VALID(stamp)) return std::nullopt;
-  if (round_start_ > 0) segment.base = round_start_;  // matches later_segment() behind the decoder
+  if (round_start_ > 0) segment.base = round_start_;
   guint64 time = 0;
   const int sign = live_ ? gst_segment_to_running_time_full(&segment, GST_FORMAT_TIME, stamp, &time)
                          : gst_segment_to_stream_time_full(&segment, GST_FORMAT_TIME, stamp, &time);
@@ -455,7 +463,8 @@ std::optional<GstClockTime> CameraStream::taken_at(GstSegment segment, GstClockT
   return static_cast<GstClockTime>(std::max<gint64>(taken, 0));
 }
 
-// Before the first output frame, the capture time of a live picture, and whether a film has caught up, are unknown.
+// Holds pictures back until the first output frame. Before it, the capture time of a live picture and the progress of a
+// film are unknown.
 GstPadProbeReturn CameraStream::on_coded(GstPad* pad, GstPadProbeInfo* info) {
   GstBuffer* picture = GST_PAD_PROBE_INFO_BUFFER(info);
   g_autoptr(GstCaps) caps = gst_pad_get_current_caps(pad);
@@ -478,7 +487,8 @@ GstPadProbeReturn CameraStream::on_coded(GstPad* pad, GstPadProbeInfo* info) {
   return GST_PAD_PROBE_OK;
 }
 
-// jpegdec fills truncated pictures with grey without an error. Some cameras never write the end marker.
+// Drops truncated pictures, which jpegdec would fill with grey without an error. Some cameras never write the end
+// marker, so this check begins after the first picture with a marker.
 GstPadProbeReturn CameraStream::on_jpeg(GstPad*, GstPadProbeInfo* info) {
   const MappedBuffer bytes(GST_PAD_PROBE_INFO_BUFFER(info));
   const bool is_whole = jpeg_end(bytes.bytes()).has_value();
@@ -488,7 +498,7 @@ GstPadProbeReturn CameraStream::on_jpeg(GstPad*, GstPadProbeInfo* info) {
   return GST_PAD_PROBE_DROP;
 }
 
-// A file may state the duration of a coded picture; parsers replace it with their frame period.
+// The duration is taken here because a file may state it, and parsers replace it with their frame period.
 GstPadProbeReturn CameraStream::on_parsed(GstPad* pad, GstPadProbeInfo* info) {
   const GstBuffer* picture = GST_PAD_PROBE_INFO_BUFFER(info);
   g_autoptr(GstCaps) caps = gst_pad_get_current_caps(pad);
@@ -518,7 +528,7 @@ void CameraStream::record_pending() {
 // --- Film position
 // -----------------------------------------------------------------------------------------------------
 //
-// Seeks, loops, and timestamps for unstamped sources, so that capture times are film times.
+// Seeks, loops, and timestamps for sources without timestamps, so that capture times are film times.
 GstPadProbeReturn CameraStream::on_seek(GstPadProbeInfo* info) {
   GstEvent* event = GST_PAD_PROBE_INFO_EVENT(info);
   gdouble rate = 0;
@@ -534,17 +544,17 @@ GstPadProbeReturn CameraStream::on_seek(GstPadProbeInfo* info) {
   if (failed_ || stopping_) return GST_PAD_PROBE_DROP;
   sought_ = true;
   if (!options_.seek_to_loop) return GST_PAD_PROBE_OK;
-  // A position in a later loop maps to the start of the film.
+  // Maps a position in a later loop to the start of the film.
   gint64 duration = 0;
   if (gst_pad_peer_query_duration(chain_.decoded, GST_FORMAT_TIME, &duration) && start >= duration) start = 0;
   GstEvent* there = gst_event_new_seek(rate, format, flags, start_type, start, stop_type, stop);
   gst_event_set_seqnum(there, seqnum);
-  // Pushed here under seeking_, because external seeks and the loop's seek must not overlap.
+  // Pushes the seek here, with seeking_ locked, because external seeks and the loop's seek must not overlap.
   return gst_pad_push_event(chain_.decoded, there) ? GST_PAD_PROBE_DROP : GST_PAD_PROBE_OK;
 }
 
-// Seeks after a segment end need no flush. After EOS, which ends a segment that was not started by a seek, a flush is
-// required.
+// A seek after the end of a segment needs no flush. After EOS, which ends a segment that was not started by a seek, a
+// flush is required.
 void CameraStream::seek_to_start(guint32 seqnum, bool flush) {
   std::lock_guard lock(seeking_);
   if (stopping_ || loop_seqnum_ != seqnum) return;
@@ -556,8 +566,8 @@ void CameraStream::seek_to_start(guint32 seqnum, bool flush) {
     fail(GST_STREAM_ERROR_FAILED, "can't loop: the source is not seekable");
 }
 
-// A reopened looping film starts in its current loop. Decoding all loops since the first would take too long. The
-// measured loop duration keeps the film synchronised.
+// Starts a reopened looping film in its current loop, because decoding all loops since the first would take too long.
+// The measured loop duration keeps the film synchronised.
 void CameraStream::pass_rounds() {
   gint64 duration = static_cast<gint64>(round_);
   const GstClockTime now = gst_element_get_current_running_time(owner_);
@@ -566,17 +576,18 @@ void CameraStream::pass_rounds() {
   if (duration > 0) round_start_ = stream_end_ = now - now % static_cast<guint64>(duration);
 }
 
-// Returns the duration by which the film ended before its stated end; 0 if it is at most about two frames.
+// Returns the time that is missing at the end of the film, compared with its stated duration. Returns 0 for up to about
+// two frames.
 GstClockTime CameraStream::missing_at_end() const {
   gint64 duration = 0;
   if (!gst_pad_peer_query_duration(chain_.decoded, GST_FORMAT_TIME, &duration) || duration <= 0) return 0;
   const GstClockTime period = round_frames_ > 0 ? (stream_end_ - round_start_) / round_frames_ : 0;
   const auto said = static_cast<GstClockTime>(duration);
   const bool is_shorter = said > position_ + 2 * period + GST_SECOND / 50;
-  return is_shorter && !has_sound(GST_BIN(owner_)) ? said - position_ : 0;  // audio may be longer
+  return is_shorter && !has_sound(GST_BIN(owner_)) ? said - position_ : 0;
 }
 
-// Extends the last frame to the end that its file states, so that all cameras of a recording have loops of equal
+// Extends the last frame to the end that the file states, so that the loops of all cameras of a recording have the same
 // length.
 void CameraStream::finish_loop_segment() {
   segment_begin_ = GST_CLOCK_TIME_NONE;
@@ -588,14 +599,13 @@ void CameraStream::finish_loop_segment() {
   position_ = segment_end;
 }
 
-// Called at the end of the file or segment. Returns true if the film restarts.
 bool CameraStream::begin_again(bool flush) {
-  // Do not loop if no more frames are wanted or the file has none.
+  // No loop if no more frames are wanted or the file has no frames.
   if (!options_.seek_to_loop || !is_truncated_ || failed_ || round_frames_ == 0) return false;
   if (stamps_arrival_ || live_latency(chain_.decoded)) return false;
 
-  // If the film was truncated or its last frames were dropped, the rest of the loop stays empty. This keeps loops of
-  // all cameras synchronised.
+  // If the film was truncated or its last frames were dropped, the rest of the loop stays empty, so that the loops of
+  // all cameras stay synchronised.
   finish_loop_segment();
   const GstClockTime missing = missing_at_end();
   const bool dropped = options_.shedder->dropped() != std::exchange(dropped_before_, options_.shedder->dropped());
@@ -609,12 +619,12 @@ bool CameraStream::begin_again(bool flush) {
   round_frames_ = 0;
   loop_seqnum_ = gst_util_seqnum_next();
 
-  // In another thread, because a seek waits for the streaming thread.
+  // Seeks in another thread, because a seek waits for this streaming thread.
   struct Task {
     std::shared_ptr<CameraStream> stream;
     guint32 seqnum;
     bool flush;
-    GstPad* pad;  // keeps the pad alive
+    GstPad* pad;
   };
   gst_element_call_async(
       owner_,
@@ -631,7 +641,8 @@ bool CameraStream::begin_again(bool flush) {
   return true;
 }
 
-// Shifts a segment to round_start_, so that running time continues across loops. Takes and returns a reference.
+// Shifts a segment to the start of this loop (round_start_), so that running time continues. Takes and returns a
+// reference.
 GstEvent* CameraStream::later_segment(GstEvent* event) const {
   GstSegment segment;
   gst_event_copy_segment(event, &segment);
@@ -643,7 +654,8 @@ GstEvent* CameraStream::later_segment(GstEvent* event) const {
   return later;
 }
 
-// JPEG files from elements such as multifilesrc have byte segments without timestamps. Takes and returns a reference.
+// Replaces byte segments, which elements such as multifilesrc send for JPEG files, by time segments. Takes and returns
+// a reference.
 GstEvent* CameraStream::time_segment(GstEvent* event) {
   const GstSegment* segment = nullptr;
   gst_event_parse_segment(event, &segment);
@@ -657,13 +669,24 @@ GstEvent* CameraStream::time_segment(GstEvent* event) {
   return timed;
 }
 
-// Returns 0 before PLAYING, while a first frame may wait.
+// Bytes without times come from a source that decodebin takes for pictures, but that no parser or demuxer understands.
+void CameraStream::check_format(GstEvent* event) {
+  const GstSegment* segment = nullptr;
+  gst_event_parse_segment(event, &segment);
+  has_no_time_ = segment->format != GST_FORMAT_TIME;
+  if (has_no_time_)
+    fail(GST_STREAM_ERROR_FORMAT,
+         "the source has bytes without times instead of pictures: check that it is a video in a supported format, or "
+         "state a frame rate (framerate=) in the source");
+}
+
+// Returns 0 before PLAYING, when a first frame may already wait.
 GstClockTime CameraStream::running_time_now() const {
   const GstClockTime now = gst_element_get_current_running_time(owner_);
   return GST_CLOCK_TIME_IS_VALID(now) ? now : 0;
 }
 
-// Stamps an unstamped picture with its arrival time. Takes and returns a reference.
+// Stamps a picture without timestamp with its arrival time. Takes and returns a reference.
 GstBuffer* CameraStream::stamp_arrival(GstPad* pad, GstBuffer* buffer) const {
   g_autoptr(GstEvent) event = gst_pad_get_sticky_event(pad, GST_EVENT_SEGMENT, 0);
   const GstSegment* segment = nullptr;

@@ -5,10 +5,10 @@
  * @title: lfcamsrc
  * @short_description: one camera of a rig as a video source
  *
- * lfcamsrc opens the camera `camera` of a rig file. #element-lfcameranode contains one per camera; use lfcamsrc alone
- * to look at a single camera.
+ * lfcamsrc delivers the video of one camera of a rig file. #element-lfcameranode contains one lfcamsrc per camera; use
+ * lfcamsrc alone to look at a single camera.
  *
- * The element opens the first available input:
+ * The element opens the first of these inputs that the rig file has:
  *
  * 1. `source` of the camera: a video file, an image sequence (`dir/frame_%04d.jpg`, from 0 or 1), a file of
  *    concatenated JPEG images, any GStreamer URI, or a launch description
@@ -16,36 +16,37 @@
  * 2. `image` of the camera, a still;
  * 3. the built-in scene, rendered with the pose and lens of the camera.
  *
- * RGB formats and I420 are delivered as decoded; other formats are converted. A frame must have the size in the rig,
- * otherwise the element posts an error. If `decode=false`, JPEG video stays JPEG, and GPU frames stay in GPU memory if
- * downstream accepts GPU memory.
+ * RGB formats and I420 are delivered as decoded; other formats are converted. Every frame must have the size in the
+ * rig, otherwise the element posts an error. If `decode=false`, JPEG video stays JPEG, and GPU frames stay in GPU
+ * memory if downstream accepts GPU memory.
  *
- * Devices and launch descriptions must deliver the size in the rig, and `framerate` if set. Launch descriptions may
- * contain sources, converters and decoders of a fixed list. Any other element may write files or run programs and
- * requires `trusted=true`. A view of another light field (`lf:///path/of/rig.json`) requires it, too.
+ * Devices and launch descriptions must deliver the size in the rig, and `framerate` if that is set. A launch
+ * description may contain sources, converters and decoders from a fixed list. Other elements could write files or run
+ * programs, so they require `trusted=true`. A view of another light field (`lf:///path/of/rig.json`) requires it, too.
  *
- * Messages and `stats` show sources without user names and passwords.
+ * Messages and `stats` show the locations of sources without user names and passwords.
  *
- * Devices and elements are set to the camera's `controls`.
+ * If the rig lists `controls` of the camera, such as exposure time, the element sets them before it opens the device.
  *
- * The stream carries the sticky event `lightfield-camera` with the camera index and the rig hash. Each frame has a
- * #GstReferenceTimestampMeta of `timestamp/x-lightfield-capture` with its capture time. The capture time is clock time
- * for live sources and stream time otherwise, plus the time offset of the camera.
+ * The stream carries the sticky event `lightfield-camera` with the camera index and the rig hash, a checksum of the
+ * rig. Each frame has a #GstReferenceTimestampMeta of `timestamp/x-lightfield-capture` with its capture time. The
+ * capture time is clock time for live sources and stream time otherwise, plus the time offset of the camera.
  *
- * RTSP cameras report capture times in RTCP sender reports. These times are used if they are plausible, so the clock of
- * the camera must be synchronised with this machine (NTP). Until the first report, the capture time is the arrival
+ * RTSP cameras report capture times in RTCP sender reports. The element uses these times if they are plausible, so
+ * synchronise the clock of the camera with this machine (NTP). Until the first report, the capture time is the arrival
  * time. The field `capture-time` of `stats` shows the method.
  *
  * Motion JPEG over HTTP (`http://HOST/stream`, multipart/x-mixed-replace) is live, with the arrival time as capture
  * time.
  *
- * Video files are rotated as their metadata says (matrix of an MP4). EXIF orientations of images are ignored, as in
- * COLMAP, with a warning. A damaged still is an error. A damaged image of a sequence, or a truncated JPEG picture, is
- * skipped and counted (`damaged` in `stats`). A missing file in a sequence is an error.
+ * Video files are rotated as their metadata requires (matrix of an MP4). EXIF orientations of images are ignored with a
+ * warning, as in COLMAP, because the calibration applies to unrotated images. A damaged still and a missing file of a
+ * sequence are errors. A damaged image of a sequence, or a truncated JPEG picture, is skipped and counted in the field
+ * `damaged` of `stats`.
  *
- * If `retry` is set, a failed, missing or unexpectedly ended camera is not an error. The element reopens the camera.
- * The delay between attempts is a quarter of the outage so far, between half a second and ten seconds. Downstream
- * receives no frames meanwhile. A live file continues at its current position.
+ * If `retry` is set, a camera that fails, is missing or ends unexpectedly does not end the stream. Instead, the element
+ * reopens the camera. The delay between attempts is a quarter of the outage so far, between half a second and ten
+ * seconds. Downstream receives no frames meanwhile. After the outage, a live file continues at its current position.
  *
  * ## Example launch line
  * |[
@@ -97,32 +98,36 @@ lf::PropertyTable<Settings>& Settings::properties() {
       property<&S::camera>(kWhileReady, "camera", "Camera", "Id of the camera in the rig file", 0u, G_MAXUINT),
       fraction_property<&S::fps_n, &S::fps_d>(
           kWhileReady, "framerate", "Frame rate",
-          "Frame rate in frames per second (0/1: rate of the source, or 15/1 for stills, image sequences and the "
-          "built-in scene). Frames of videos are dropped or repeated to match",
+          "Frame rate, in frames per second. The element drops or repeats frames of videos to get this rate (0/1: "
+          "rate of the source, or 15/1 for stills, image sequences and the built-in scene)",
           0, 1),
       property<&S::is_live>(kWhileReady, "is-live", "Is live",
-                            "Frames are produced in real time by the pipeline clock, as from a device, instead of as "
-                            "fast as downstream consumes"),
+                            "Real-time playback of files and stills, by the pipeline clock, as if they were devices. "
+                            "If false, the speed depends only on downstream"),
       property<&S::loop>(kWhileReady, "loop", "Loop",
-                         "Videos and image sequences restart at their end, with continuous running time"),
+                         "Restart of videos and image sequences when they end. Running time continues across the "
+                         "restart"),
       property<&S::num_frames>(kWhileReady, "num-frames", "Number of frames",
-                               "Number of frames until EOS (-1: until the source ends; stills and the built-in scene "
-                               "never end)",
+                               "Length of the stream, in frames (-1: the stream ends with its source, so stills and "
+                               "the built-in scene never end)",
                                gint64{-1}, G_MAXINT64),
       property<&S::decode>(
           kWhileReady, "decode", "Decode",
-          "Raw video in system memory from all sources; if false, JPEG video and GPU frames pass unchanged, and "
-          "lffragment decodes only the regions that it needs"),
+          "Raw video in system memory as the only output. If false, JPEG video and GPU frames pass unchanged. This "
+          "saves time in front of lffragment, which decodes only the regions that it needs"),
       property<&S::latency>(kWhileReady, "latency", "Latency",
-                            "Size of the jitter buffer of network cameras (RTSP), in nanoseconds", guint64{0},
-                            guint64{60 * GST_SECOND}),
+                            "Size of the jitter buffer of network cameras (RTSP), in nanoseconds. Increase it if "
+                            "packets of the camera arrive late and its pictures are damaged",
+                            guint64{0}, guint64{60 * GST_SECOND}),
       property<&S::retry>(kWhileReady, "retry", "Retry",
-                          "A failed camera is reopened, first after half a second, later after up to ten seconds, "
-                          "instead of an error; reported by the element messages lightfield-camera-lost and "
-                          "lightfield-camera-found and a warning"),
+                          "Reopening of the camera after a failure, instead of an error. The first attempt follows "
+                          "after half a second, and later attempts wait up to ten seconds. A warning and the element "
+                          "messages lightfield-camera-lost and lightfield-camera-found report a loss and the end of "
+                          "a loss"),
       property<&S::trusted>(kWhileReady, "trusted", "Trusted",
-                            "Permission for the rig file to run any element; if false, launch descriptions may contain "
-                            "only allowed sources, converters and decoders"),
+                            "Permission for the rig file to run any GStreamer element. Set this only for rig files "
+                            "from people that you trust. If false, a launch description in the rig may contain only "
+                            "sources, converters and decoders from a fixed list"),
   };
   return table;
 }
@@ -132,7 +137,6 @@ static GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
     GST_STATIC_CAPS(GST_VIDEO_CAPS_MAKE("{ " LF_RGB_FORMATS
                                         ", I420 }") "; image/jpeg; " LF_CARD_VIDEO_CAPS("{ " LF_CAMERA_FORMATS " }")));
 
-// Returns the frame period in nanoseconds, from the caps of the source pad.
 static GstClockTime lf_cam_src_period(LfCamSrc* self) {
   GstCaps* caps = gst_pad_get_current_caps(self->src);
   int fps_n = 0, fps_d = 1;
@@ -150,9 +154,9 @@ void lf_cam_src_set_tap(LfCamSrc* self, const lf::RecordingTap& tap) { *self->ta
 
 // --- Loss and retry --------------------------------------------------------------------------------------------------
 //
-// A camera that may be lost is closed after a failure and reopened later. Both steps run in separate threads, because
-// streaming threads must not change states. Each step holds the state lock. A step is void if the element was stopped
-// or reopened after the step was scheduled.
+// A camera that may be lost is closed after a failure and reopened later. Both steps run in their own threads, because
+// streaming threads must not change states. Each step holds the state lock. A step does nothing if the element was
+// stopped or reopened after the step was scheduled.
 
 static GstStructure* lf_cam_src_structure(LfCamSrc* self, const char* name) {
   GST_OBJECT_LOCK(self);
@@ -175,7 +179,7 @@ static bool lf_cam_src_retries(LfCamSrc* self) {
 
 void lf_cam_src_set_optional(LfCamSrc* self) { g_atomic_int_set(&self->expendable, TRUE); }
 
-// Adds the current values of the camera controls. Queries the device, so do not call this per frame.
+// Adds the current values of the camera controls. This asks the device, so do not call it for every frame.
 static void lf_cam_src_add_controls(LfCamSrc* self, GstStructure* stats) {
   lf::ObjectLock lock(self);
   GstElement* device = self->run ? self->run->chain.device : nullptr;
@@ -273,7 +277,7 @@ void lf_cam_src_warn_truncated(LfCamSrc* self, GstClockTime lasted, GstClockTime
   GST_ELEMENT_WARNING(self, STREAM, DECODE,
                       ("%s: the file is truncated: it ends after %s of %s s. %s, in each loop", place.c_str(),
                        seconds(lasted).c_str(), seconds(lasted + missing).c_str(),
-                       self->live ? "The rest has no frames" : "For the rest the nearest frame is shown"),
+                       self->live ? "The rest has no frames" : "The nearest frame is shown for the rest"),
                       (nullptr));
 }
 
@@ -282,13 +286,12 @@ static void lf_cam_src_push_lost(LfCamSrc* self) {
                      gst_event_new_custom(GST_EVENT_CUSTOM_DOWNSTREAM, gst_structure_new_empty(LF_CAMERA_LOST)));
 }
 
-// True if nothing has been opened or stopped since `serial`.
 static bool lf_cam_src_is_due(LfCamSrc* self, guint serial) {
   return static_cast<guint>(g_atomic_int_get(&self->serial)) == serial && GST_STATE(self) >= GST_STATE_PAUSED &&
          GST_STATE_TARGET(self) >= GST_STATE_PAUSED;
 }
 
-// Calls `step` with the state lock in a separate thread, if the step is still due.
+// Calls `step` in a separate thread with the state lock, unless the step has become void.
 static void lf_cam_src_call_step(LfCamSrc* self, guint serial, void (*step)(LfCamSrc*)) {
   struct Call {
     guint serial;
@@ -350,8 +353,8 @@ static void lf_cam_src_close_lost(LfCamSrc* self) {
   lf_cam_src_schedule_retry(self);
 }
 
-// Waits for a state change in progress. Sends the event without the state lock, because frames of a file may be blocked
-// downstream until a request arrives.
+// Waits for a state change in progress, but sends the event without the state lock, because frames of a file may be
+// blocked downstream until a request arrives.
 void lf_cam_src_shut_down(LfCamSrc* self, guint serial) {
   if (!lf_cam_src_may_be_lost(self)) return;
   gst_element_call_async(
@@ -363,7 +366,7 @@ void lf_cam_src_shut_down(LfCamSrc* self, guint serial) {
         GST_STATE_UNLOCK(element);
         if (!is_due) return;
         lf_cam_src_push_lost(cam_src);
-        // If there is no retry, the children stay: frames in flight still arrive.
+        // Without retry the children stay, because frames in flight still arrive.
         lf::guarded(element, 0, [=] {
           if (lf_cam_src_retries(cam_src)) lf_cam_src_call_step(cam_src, GPOINTER_TO_UINT(data), lf_cam_src_close_lost);
           return 0;
@@ -372,7 +375,7 @@ void lf_cam_src_shut_down(LfCamSrc* self, guint serial) {
       GUINT_TO_POINTER(serial), nullptr);
 }
 
-// An unplugged network cable produces no error.
+// Detects an outage without an error, such as an unplugged network cable.
 static void lf_cam_src_look_for_frames(LfCamSrc* self) {
   if (!self->run || self->service->state() == State::kEnded) return;
   constexpr uint64_t kLongestGap = 5'000'000'000, kLongestStart = 20'000'000'000;
@@ -395,13 +398,13 @@ static void lf_cam_src_look_for_frames(LfCamSrc* self) {
 }
 
 static void lf_cam_src_watch(LfCamSrc* self) {
-  // Outside a node, downstream may block the camera for any time.
+  // Limited to nodes, because other downstream elements may block the camera for any time.
   if (!self->live || !self->run || !g_atomic_int_get(&self->expendable)) return;
   self->active = lf::now_ns();
   lf_cam_src_call_later(self, GST_SECOND, lf_cam_src_look_for_frames);
 }
 
-// Called when children fail to start. Reports the failure and removes the children.
+// Reports that the children failed to start, and removes the children.
 static void lf_cam_src_fail_to_start(LfCamSrc* self) {
   if (self->run->stream->first_error())
     lf_cam_src_fail(
@@ -450,8 +453,8 @@ static void lf_cam_src_cancel_timers(LfCamSrc* self) {
   gst_clock_id_unref(before);
 }
 
-// Ends the stream of a lost camera. The caller holds the state lock, so another thread sends the event, and only if
-// this run still lasts.
+// Ends the stream of a lost camera. The caller holds the state lock, so another thread sends the event, unless the
+// camera has been reopened by then.
 static void lf_cam_src_end_lost(LfCamSrc* self) {
   lf_cam_src_cancel_timers(self);
   lf_cam_src_call_step(self, static_cast<guint>(g_atomic_int_get(&self->serial)),
@@ -467,13 +470,11 @@ static gboolean on_query(GstPad* pad, GstObject* parent, GstQuery* query) {
   gst_query_parse_latency(query, &live, &min, &max);
   if (!live) return TRUE;
   min = std::max(min, lf_cam_src_period(LF_CAM_SRC(parent)));
-  // GST_CLOCK_TIME_NONE, the maximum value, means no upper bound
   gst_query_set_latency(query, live, min, std::max(min, max));
   return TRUE;
 }
 
-// Creates the children for the current settings. Returns false, without children, after posting an error. If the camera
-// may be lost, returns true without children.
+// Returns false, without children, after posting an error. If the camera may be lost, returns true without children.
 static bool open_camera(LfCamSrc* self) {
   lf_cam_src_close(self);
   self->live = false;
@@ -496,7 +497,7 @@ static bool is_stale(LfCamSrc* self) {
   return stale;
 }
 
-// Called before the children change state. Returns false after posting an error.
+// Call before the children change state. Returns false after posting an error.
 static bool prepare(LfCamSrc* self, GstStateChange transition) {
   if (transition == GST_STATE_CHANGE_NULL_TO_READY) {
     self->service->start();
@@ -542,8 +543,8 @@ static void lf_cam_src_begin(LfCamSrc* self) {
   }
 }
 
-// Returns true if a source other than a device fails before its first frame. Waits for a limited time: an error during
-// the state change must fail the change, because gst-launch-1.0 misses an error directly after it.
+// Returns true if a source other than a device fails before its first frame. Waits for a limited time, because an error
+// during the state change must fail the change. gst-launch-1.0 would miss an error directly after the change.
 static bool fails_at_start(LfCamSrc* self) {
   constexpr uint64_t kStartTimeout = 2'000'000'000;
   const lf::CameraStream& stream = *self->run->stream;
@@ -556,14 +557,14 @@ static GstStateChangeReturn lf_cam_src_change_state(GstElement* element, GstStat
   if (!prepare(self, transition)) return GST_STATE_CHANGE_FAILURE;
   GstStateChangeReturn result = change_children(self, transition);
   if (transition == GST_STATE_CHANGE_READY_TO_PAUSED) {
-    // A live child produces no frame before PLAYING, so this is early enough.
+    // This is early enough, because a live child produces no frame before PLAYING.
     if (result == GST_STATE_CHANGE_NO_PREROLL) {
       self->live = true;
       if (self->run) self->run->stream->set_live();
     }
     if (result != GST_STATE_CHANGE_FAILURE) lf_cam_src_begin(self);
     const bool may_wait = result == GST_STATE_CHANGE_SUCCESS && self->run && !lf_cam_src_may_be_lost(self);
-    // The children are stopped on the way to NULL, after the sinks, which may block their threads.
+    // Stops the children on the way to NULL, after the sinks, which may block the threads of the children.
     if (may_wait && fails_at_start(self)) result = GST_STATE_CHANGE_FAILURE;
   }
   if (transition == GST_STATE_CHANGE_PAUSED_TO_READY) self->service->stop();
@@ -603,8 +604,9 @@ static gboolean hide_secret(GQuark /*field*/, GValue* value, gpointer /*unused*/
   return TRUE;
 }
 
-// Applies redacted_location() to all texts of a message: errors, warnings, progress and structures may contain the URI
-// of the camera. Removes all fields of "http-headers". Takes `message` and returns it or a copy.
+// Removes passwords from all texts of a message, because errors, warnings, progress and structures may contain the URI
+// of the camera. Applies redacted_location() to the texts and removes all fields of "http-headers". Takes `message` and
+// returns it or a copy.
 static GstMessage* hide_secrets(GstMessage* message) {
   const GstStructure* structure = gst_message_get_structure(message);
   // souphttpsrc: contains the Base64 password and cookies
@@ -621,15 +623,24 @@ static GstMessage* hide_secrets(GstMessage* message) {
   return message;
 }
 
-// Most messages of other elements end with a period, which must not precede further text.
+// Most messages of other elements end with a period, which would look wrong in front of further text.
 static std::string without_period(std::string text) {
   while (!text.empty() && strchr(". \n", text.back())) text.pop_back();
   return text;
 }
 
+// Returns the HTTP status of an error of souphttpsrc that refuses the user, "401" or "403"; otherwise "". Servers
+// choose the words of the refusal freely, and the words are the text of the error.
+static std::string refusing_status(const GError* error, const gchar* debug) {
+  if (!debug || !g_error_matches(error, GST_RESOURCE_ERROR, GST_RESOURCE_ERROR_NOT_AUTHORIZED)) return "";
+  return strstr(debug, "(401), URL") ? "401" : strstr(debug, "(403), URL") ? "403" : "";
+}
+
 // Returns the text of a child's error with the camera and, for failed negotiation, a better reason.
 static std::string describe(const std::string& place, const std::string& wanted, const GError* error,
                             const gchar* debug) {
+  if (const std::string status = refusing_status(error, debug); !status.empty())
+    return place + ": the camera refuses access (HTTP " + status + ", " + without_period(error->message) + ")";
   if (wanted.empty() || !debug || !strstr(debug, "not-negotiated"))
     return place + ": " + without_period(error->message);
   const bool v4l2 = place.find("v4l2") != std::string::npos;
@@ -637,13 +648,13 @@ static std::string describe(const std::string& place, const std::string& wanted,
          (v4l2 ? "; v4l2-ctl --list-formats-ext lists the formats of a V4L2 device" : "");
 }
 
-// Adds the camera to errors of the children. For a camera that may be lost, other warnings of children are only logged:
-// they precede an error or are harmless.
+// Adds the name of the camera to errors of the children. If the camera may be lost, other warnings of children are only
+// logged, because they precede an error or are harmless.
 static void lf_cam_src_handle_message(GstBin* bin, GstMessage* message) {
   LfCamSrc* self = LF_CAM_SRC(bin);
   message = hide_secrets(message);
   if (lf::take_decoder_message(bin, message)) return;
-  // Buffering of HTTP files must not pause the whole array.
+  // Drops buffering messages, because buffering of an HTTP file must not pause the whole array.
   if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_BUFFERING) return gst_message_unref(message);
   lf::ObjectLock lock(self);
   const std::shared_ptr<lf::CameraStream> stream = self->run ? self->run->stream : nullptr;
@@ -699,7 +710,7 @@ static void lf_cam_src_deep_element_added(GstBin* bin, GstBin* parent, GstElemen
 }
 
 // Handles EOS from the application (gst-launch-1.0 -e). Some children ignore EOS while a file loops, so the next frame
-// ends the stream. The caller, gst_element_send_event(), holds the state lock, so no camera is being opened.
+// ends the stream. No camera is being opened, because the caller, gst_element_send_event(), holds the state lock.
 static gboolean lf_cam_src_send_event(GstElement* element, GstEvent* event) {
   LfCamSrc* self = LF_CAM_SRC(element);
   if (GST_EVENT_TYPE(event) != GST_EVENT_EOS)
@@ -740,11 +751,11 @@ static void lf_cam_src_class_init(LfCamSrcClass* klass) {
 
   lf::Properties<settings_of, stats_of>::install(
       object_class,
-      "state (stopped, opening, running, ended or lost), reason of the latest loss, losses, retries, dropped: frames "
-      "skipped because this machine is too slow, damaged: pictures that can't be decoded, capture-time: origin of "
-      "capture times (source: timestamps of the source; for RTSP sender-reports, or arrival until the first report), "
-      "controls: known controls and controls in the rig (a number, auto, or FALSE: not supported), control-values: "
-      "current values");
+      "State of the camera. state: stopped, opening, running, ended or lost; reason of the latest loss; losses; "
+      "retries. dropped: frames skipped because this machine is too slow. damaged: pictures that can't be decoded. "
+      "capture-time: origin of capture times, which is source (timestamps of the source), sender-reports (RTSP), or "
+      "arrival (RTSP until the first report). controls: known controls and controls in the rig (a number, auto, or "
+      "FALSE if the camera lacks the control). control-values: current values");
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   element_class->change_state = lf::callback<lf_cam_src_change_state>;
@@ -765,7 +776,7 @@ static void lf_cam_src_init(LfCamSrc* self) {
   self->shedder = new std::shared_ptr<lf::LoadShedder>(std::make_shared<lf::LoadShedder>());
   self->tap = new lf::RecordingTap;
   self->name = new std::string;
-  // Always a source, even without children. Never provides the clock.
+  // The element is a source even while it has no children. It never provides the clock.
   gst_bin_set_suppressed_flags(
       GST_BIN(self),
       static_cast<GstElementFlags>(GST_ELEMENT_FLAG_SOURCE | GST_ELEMENT_FLAG_SINK | GST_ELEMENT_FLAG_PROVIDE_CLOCK));

@@ -17,20 +17,21 @@ G_END_DECLS
 
 namespace lf {
 
-// Receives the data of a camera to record, see StreamListener::on_recordable.
+// Receives the data of a camera for recording; see StreamListener::on_recordable.
 using RecordingTap = std::function<void(GstBuffer* buffer, GstCaps* caps, GstClockTime captured)>;
 
 }  // namespace lf
 
-// Sets the recording tap, which streaming threads call. Call before the camera is opened.
+// Sets the function that receives the data for recording, called by streaming threads. Call before the camera is
+// opened.
 void lf_cam_src_set_tap(LfCamSrc* self, const lf::RecordingTap& tap);
-// Makes the loss of this camera a non-error, whatever `retry` says; `retry` then applies to live cameras only. For
-// lfcameranode. Thread-safe.
+// For lfcameranode: a loss of this camera is then not an error even if `retry` is false, and `retry` applies to live
+// cameras only. Thread-safe.
 void lf_cam_src_set_optional(LfCamSrc* self);
 const lf::CameraLifecycle& lf_cam_src_lifecycle(LfCamSrc* self);
-// True if frames arrive in real time and capture times are clock times. Known with the first frame.
+// Returns true if frames arrive in real time and capture times are clock times. The answer is final after the first
+// frame.
 bool lf_cam_src_is_live(LfCamSrc* self);
-// Returns the value of the property `stats` with this structure name. The caller owns the result.
+// Returns the value of the property `stats` as a structure with this name. The caller owns the result.
 GstStructure* lf_cam_src_stats(LfCamSrc* self, const char* name);
-// True if the camera is lost and will not be reopened.
 bool lf_cam_src_is_lost_for_good(LfCamSrc* self);

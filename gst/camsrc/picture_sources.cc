@@ -30,7 +30,7 @@ Bytes read_picture_file(const std::string& path) {
   return {bytes.begin(), bytes.end()};
 }
 
-// The pictures of a JPEG stream. The file is searched only as far as necessary.
+// The pictures in a file of concatenated JPEG images. The file is searched only as far as necessary.
 class JpegStream {
  public:
   explicit JpegStream(const std::string& path) : path_(path), file_(path, std::ios::binary) {}
@@ -41,7 +41,7 @@ class JpegStream {
     if (index >= begins_.size()) return std::nullopt;
     return bytes_at(begins_[index], ends_[index] - begins_[index]);
   }
-  // Number of pictures; nothing until the end of the file has been read.
+  // Nothing until the end of the file has been read.
   std::optional<guint64> count() const { return is_complete_ ? std::optional<guint64>(begins_.size()) : std::nullopt; }
 
  private:
@@ -121,7 +121,7 @@ class Pictures {
   std::optional<JpegStream> stream_;
 };
 
-// A picture that cannot be decoded. The stream continues without its frame.
+// Thrown for a picture that cannot be decoded. The stream continues without this picture.
 class BadPicture : public lf::Error {
  public:
   using Error::Error;
@@ -184,7 +184,8 @@ static gboolean lf_picture_src_query(GstBaseSrc* base, GstQuery* query) {
   return TRUE;
 }
 
-// Warns of an EXIF orientation. Only the first camera of the process warns, because an array may have hundreds.
+// Warns that the EXIF orientation is ignored. Only the first camera of the process warns, because an array may have
+// hundreds.
 static void warn_orientation(LfPictureSrc* self, std::span<const uint8_t> bytes, const std::string& name) {
   if (self->has_looked_at_exif) return;
   self->has_looked_at_exif = true;
@@ -233,7 +234,7 @@ static GstBuffer* buffer_of(const lf::Image& image, const GstVideoInfo& info) {
   return buffer;
 }
 
-// Passes JPEG on undecoded. The decoder downstream finds damage in the scan.
+// Passes JPEG on without decoding. The decoder downstream finds any damage in the compressed data.
 static GstFlowReturn make_coded(LfPictureSrc* self, const Bytes& bytes, GstBuffer** out) {
   std::string reason;
   bool unsupported = false;
@@ -245,9 +246,9 @@ static GstFlowReturn make_coded(LfPictureSrc* self, const Bytes& bytes, GstBuffe
   return GST_FLOW_OK;
 }
 
-// Sets the caps that the header of the picture states. Returns false if they are refused or the size is not the
-// camera's. The check precedes decoding, because a small file may claim a huge size. Damaged headers are reported by
-// the decoder.
+// Sets the caps that the header of the picture states. Returns false if downstream refuses them or the size is not the
+// size of the camera. This check comes before decoding, because a small file may claim a huge size. The decoder reports
+// damaged headers.
 static bool set_claimed_caps(LfPictureSrc* self, const Bytes& bytes) {
   const auto set = [self](GstVideoFormat format, int width, int height) {
     return set_caps(self, format, width, height) && width == self->options->width && height == self->options->height;
@@ -278,7 +279,7 @@ static GstFlowReturn make_raw(LfPictureSrc* self, const Bytes& bytes, GstBuffer*
   return GST_FLOW_OK;
 }
 
-// Creates a buffer with the picture of this index. Returns EOS after the last picture.
+// Returns EOS after the last picture.
 static GstFlowReturn make_picture(LfPictureSrc* self, guint64 index, GstBuffer** out) {
   std::optional<Bytes> bytes;
   try {
@@ -319,7 +320,7 @@ static GstFlowReturn make_frame(LfPictureSrc* self, GstBuffer** out) {
     try {
       const GstFlowReturn flow = make_picture(self, index, out);
       count = self->pictures->count();
-      // At the end of a JPEG stream its length becomes known.
+      // Looks again, because the length of a JPEG stream is determined only at the end.
       if (flow == GST_FLOW_EOS && self->options->loop && count && *count > 0) continue;
       if (flow != GST_FLOW_OK) return flow;
       break;
@@ -379,7 +380,7 @@ G_DECLARE_FINAL_TYPE(LfSceneSrc, lf_scene_src, LF, SCENE_SRC, GstPushSrc)
 struct _LfSceneSrc {
   GstPushSrc parent;
   lf::SceneCamera* camera;
-  double time_offset;  // seconds
+  double time_offset;
   GstVideoInfo info;
   guint64 next;
   GstClockTimeDiff wall_offset;
@@ -413,7 +414,7 @@ static gboolean lf_scene_src_do_seek(GstBaseSrc* base, GstSegment* segment) {
   return TRUE;
 }
 
-// Latency is unbounded, because late frames are skipped.
+// The maximum latency is unlimited, because late frames are skipped.
 static gboolean lf_scene_src_query(GstBaseSrc* base, GstQuery* query) {
   if (GST_QUERY_TYPE(query) != GST_QUERY_LATENCY || !gst_base_src_is_live(base))
     return GST_BASE_SRC_CLASS(lf_scene_src_parent_class)->query(base, query);
@@ -422,7 +423,8 @@ static gboolean lf_scene_src_query(GstBaseSrc* base, GstQuery* query) {
   return TRUE;
 }
 
-// Advances to the next frame that is not over. Returns the time of day of running time 0; 0 if there is no clock.
+// Advances to the next frame that has not ended yet. Returns the time of day of running time 0, or 0 if there is no
+// clock.
 static GstClockTime catch_up(LfSceneSrc* self, const lf::Schedule& schedule) {
   GstClock* clock = gst_element_get_clock(GST_ELEMENT(self));
   if (!clock) return 0;
@@ -430,7 +432,7 @@ static GstClockTime catch_up(LfSceneSrc* self, const lf::Schedule& schedule) {
   const GstClockTime now = gst_clock_get_time(clock) + offset;
   gst_object_unref(clock);
   const GstClockTime base_time = gst_element_get_base_time(GST_ELEMENT(self)) + offset;
-  if (std::exchange(self->wall_offset, offset) != offset) self->next = 0;  // the system clock was set
+  if (std::exchange(self->wall_offset, offset) != offset) self->next = 0;
   self->next = std::max<guint64>(self->next, schedule.index_at(std::max(now, base_time)) + 1);
   return base_time;
 }

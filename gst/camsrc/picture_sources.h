@@ -12,28 +12,31 @@
 namespace lf {
 
 struct PictureSourceOptions {
-  int width = 0, height = 0;  // of the camera, pixels; other sizes end the stream before decoding
+  // size of the camera, pixels; a picture of another size ends the stream before it is decoded
+  int width = 0, height = 0;
   int fps_n = 0, fps_d = 1;
   bool loop = false;  // loops, with continuous timestamps
   bool decode = true;
-  std::shared_ptr<std::atomic<guint64>> damaged = {};  // number of damaged pictures
+  std::shared_ptr<std::atomic<guint64>> damaged = {};
 };
 
-// Creates a source for a still, an image sequence or a JPEG stream. Timestamps count from 0 at the frame rate. A
-// missing or damaged picture loses only its frame, with one warning. If all pictures are bad, the source posts an
-// error. Seekable.
+// Creates a source for a still, an image sequence or a JPEG stream. It is seekable, and timestamps count from 0 at the
+// frame rate. A missing or damaged picture loses only its frame, with one warning. If all pictures are bad, the source
+// posts an error.
 GstElement* new_picture_source(const CameraSource& source, const PictureSourceOptions& options);
 
 bool is_picture_source(gpointer object);
 
-// Creates a source that renders the built-in scene as one camera: RGB frames at fps_n / fps_d > 0, without end. Part of
-// lfcamsrc, not for launch lines. Returns a floating reference.
+// Creates a source that films the built-in scene with one camera: an endless stream of RGB frames at fps_n / fps_d > 0.
+// The element is part of lfcamsrc and not for launch lines. Returns a floating reference.
 //
-// A frame shows the scene at its capture time: timestamp plus time offset of the camera. A live source stamps frames at
-// multiples of the frame period on the clock, not on running time, and scene time is clock time. Live cameras with the
-// same clock therefore capture the same instants, wherever and whenever they start. A slow live source skips frames.
-// Frames may be ready before their time: put a clocksync behind the source (the synchronisation of GstBaseSrc would
-// shift the timestamps).
+// A frame shows the scene at its capture time, which is timestamp plus time offset of the camera. A live source stamps
+// frames at multiples of the frame period on the clock, not on running time, and scene time is clock time. Therefore
+// live cameras with the same clock capture the same instants, wherever and whenever they start. A slow live source
+// skips frames.
+//
+// Frames may be ready before their time, so put a clocksync behind the source. The synchronisation of GstBaseSrc cannot
+// be used, because it would shift the timestamps.
 GstElement* new_scene_source(const Camera& camera, int fps_n, int fps_d, bool live);
 
 }  // namespace lf

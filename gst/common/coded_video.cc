@@ -4,7 +4,7 @@
 namespace lf {
 namespace {
 
-// Parameter sets stay in the stream and are also in the file header.
+// The parameter sets are in the stream and in the file header.
 constexpr CodedVideo kKinds[] = {
     {"video/x-h264", "h264parse", "video/x-h264,stream-format=avc,alignment=au"},
     {"video/x-h265", "h265parse", "video/x-h265,stream-format=hvc1,alignment=au"},

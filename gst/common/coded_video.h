@@ -5,15 +5,15 @@
 
 namespace lf {
 
-// Inter-coded video that Matroska can store.
+// A codec with inter-coded pictures that Matroska can store.
 struct CodedVideo {
-  const char* name;    // media type
-  const char* parser;  // element that converts to the form in Matroska; null: not needed
-  const char* muxed;   // caps in Matroska
+  const char* name;
+  const char* parser;  // parser that converts the stream to the form in Matroska; null if none is needed
+  const char* muxed;
 };
 
-// Returns null for other video, such as JPEG and raw video. Also null if buffers may hold partial frames or the parser
-// is not installed.
+// Returns null for other video, such as JPEG and raw video, if buffers may hold partial frames, and if the parser is
+// not installed.
 const CodedVideo* find_coded_video(const GstCaps* caps);
 
 }  // namespace lf

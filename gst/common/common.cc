@@ -12,8 +12,8 @@
 namespace lf {
 namespace {
 
-// Identifies a version of a file. The modification time alone is not sufficient, because file system clocks have a
-// granularity of some milliseconds.
+// Identifies a version of a file. The modification time alone is not sufficient, because the clocks of file systems
+// have steps of some milliseconds.
 struct FileVersion {
   ino_t inode = 0;
   off_t size = 0;

@@ -12,25 +12,26 @@
 #include "image/image.h"
 #include "rig/rig.h"
 
-// Caps are constant for the life of a stream. Requests carry the frame rate of the viewer (0/1: variable), from which
-// the compositor sets the rate of its output.
+// The caps of requests and answers are constant for the life of a stream. Requests carry the frame rate of the viewer
+// (0/1: variable), so that the compositor can set the rate of its output.
 #define LF_REQUEST_MEDIA_TYPE "application/x-lightfield-request"
 #define LF_ANSWER_MEDIA_TYPE "application/x-lightfield-answer"
 #define LF_RIG_MEDIA_TYPE "application/x-lightfield-rig"
-// `parsed`: each buffer is one unit. Byte streams (files, TCP) need lfparse first.
+// The field `parsed` means that each buffer is one unit (a request or a part of an answer). Byte streams (files, TCP)
+// lack it and need lfparse first.
 #define LF_REQUEST_CAPS LF_REQUEST_MEDIA_TYPE ", parsed = (boolean) true"
 #define LF_ANSWER_CAPS LF_ANSWER_MEDIA_TYPE ", parsed = (boolean) true"
 #define LF_RGB_FORMATS "RGB, BGR, RGBx, BGRx, xRGB, xBGR, RGBA, BGRA, ARGB, ABGR"
 
-// Video that lffragment accepts from cameras unconverted.
+// Raw video formats that lffragment accepts from cameras without conversion.
 #define LF_CAMERA_FORMATS LF_RGB_FORMATS ", I420, NV12, GRAY8"
 
-// Raw video in system memory or GPU memory. GStreamer downloads GPU memory when it is mapped.
+// Raw video in system memory or GPU memory. GStreamer downloads GPU memory when a buffer is mapped.
 #define LF_GL_MEMORY "memory:GLMemory"
 #define LF_VIDEO_CAPS(formats) \
   GST_VIDEO_CAPS_MAKE(formats) "; " GST_VIDEO_CAPS_MAKE_WITH_FEATURES(LF_GL_MEMORY, formats)
 
-// GPU video that the shaders accept. glcolorconvert converts other texture targets, which some decoders and cameras
+// GPU video that our shaders accept. glcolorconvert converts the other texture targets that some decoders and cameras
 // use.
 #define LF_CARD_VIDEO_CAPS(formats) \
   GST_VIDEO_CAPS_MAKE_WITH_FEATURES(LF_GL_MEMORY, formats) ", texture-target = (string) 2D"
@@ -38,13 +39,14 @@
 // Field (uint) with the view id of an event, query or message.
 #define LF_VIEW_ID_FIELD "lightfield-view-id"
 
-// Sticky custom downstream event of lfcamsrc that identifies the camera of a stream: "camera" (uint: index in the rig),
-// "rig-hash" (uint64), "paced" (boolean: frames are ready before their time, so none need be late).
+// Sticky custom downstream event of lfcamsrc that tells lffragment which camera the stream is from. Fields: "camera"
+// (uint: index in the rig), "rig-hash" (uint64), "paced" (boolean: frames are ready before their time, so none need be
+// late).
 #define LF_CAMERA_EVENT "lightfield-camera"
 
-// Custom downstream event of lfcamsrc: the camera has failed, and no frame follows until a new segment. Also the names
-// of lfcamsrc's element messages, with the fields "camera" (uint: id), "name" (string); the first also has "reason"
-// (string).
+// LF_CAMERA_LOST is a custom downstream event of lfcamsrc: the camera has failed, and no frame follows until a new
+// segment. LF_CAMERA_LOST and LF_CAMERA_FOUND are also element messages of lfcamsrc, with the fields "camera" (uint:
+// id) and "name" (string). The message LF_CAMERA_LOST also has "reason" (string).
 #define LF_CAMERA_LOST "lightfield-camera-lost"
 #define LF_CAMERA_FOUND "lightfield-camera-found"
 
@@ -55,38 +57,40 @@
 // Element message of lfcameranode: the recording has ended. Fields: "folder", "reason" (strings).
 #define LF_RECORDING_STOPPED "lightfield-recording-stopped"
 
-// Reference caps of a GstReferenceTimestampMeta with the capture time of a frame (timestamp plus time offset) or
-// picture: clock time for live sources, stream time otherwise.
+// Reference caps of the GstReferenceTimestampMeta with the capture time of a frame or picture. The capture time is
+// clock time for live sources and stream time otherwise. For frames it includes the time offset of the camera.
 #define LF_CAPTURE_TIME_CAPS "timestamp/x-lightfield-capture"
 
 namespace lf {
 
-// True for a seek with negative rate, which is unsupported. Refuse such seeks before flushing.
+// Returns true for a seek with a negative rate. Reverse playback is not supported, so refuse such seeks before
+// flushing.
 bool is_reverse_seek(GstEvent* event);
 
-// Returns LF_REQUEST_CAPS or LF_ANSWER_CAPS; the caller owns the caps.
+// The caller owns the caps.
 GstCaps* unit_caps(const gchar* media_type);
-// Makes the pad accept caps without the field `parsed`, which other elements may omit.
+// Makes the pad accept caps without the field `parsed`, because elements outside of this plugin may omit it.
 void accept_unit_caps(GstPad* sink);
 
-// Returns the latency of buffers on this sink pad, nanoseconds; nothing if upstream is not live.
+// Returns the latency of the buffers on this sink pad in nanoseconds, or nothing if upstream is not live.
 std::optional<GstClockTime> live_latency(GstPad* sink);
 
-// Returns the rig in `path`. Elements with the same unchanged file share one copy. Thread-safe. Throws Error.
+// Loads a rig file. Elements with the same unchanged file share one copy. Thread-safe. Throws Error.
 std::shared_ptr<const Rig> shared_rig(const std::string& path);
 
-// True in PAUSED or PLAYING. A rig set before is loaded at start; a rig set while running is loaded by reload_rig().
+// Returns true in PAUSED or PLAYING. Use this when the property `rig` is set: a running element calls reload_rig(), and
+// other elements load the rig at start.
 bool is_running(GstElement* element);
-// Calls shared_rig(), but posts a warning and returns null if the rig cannot be loaded. The caller then keeps its
-// current rig.
+// Loads the new rig for a running element. If the file cannot be loaded, posts a warning and returns null, and the
+// caller keeps its current rig.
 std::shared_ptr<const Rig> reload_rig(GstElement* element, const gchar* path);
 
-// Returns the pixel family of a raw video format. kNone if the format is neither RGB nor I420, NV12 or GRAY8.
+// Returns the pixel family (RGB or YCbCr) of a raw video format, or kNone if lffragment does not accept the format.
 PixelFamily family_of(const GstVideoInfo& info);
 RgbLayout rgb_layout(const GstVideoInfo& info);
-// Sets the colorimetry that I420 has inside the system: full-range BT.601, centred chroma.
+// Sets the colorimetry that all I420 of the plugin has: full-range BT.601 with centred chroma.
 void set_system_colorimetry(GstVideoInfo& info);
-// True for YCbCr with limited (video) range, unlike I420 inside the system.
+// Returns true for YCbCr with limited (video) range.
 bool has_limited_range(const GstVideoInfo& info);
 
 }  // namespace lf

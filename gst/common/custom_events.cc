@@ -17,12 +17,12 @@ constexpr char kContext[] = "context", kPictureCaps[] = "caps", kFeedback[] = "f
 
 using SharedFeedback = std::shared_ptr<const ViewFeedback>;
 
-// Boxed type of SharedFeedback. GLib allocates the boxes, because GStreamer copies them in C code, where exceptions are
-// not allowed.
+// The boxed type of SharedFeedback. Copies are allocated by GLib, because GStreamer copies the boxes in C code, where
+// exceptions are not allowed.
 GType feedback_type() {
   static const GType type = [] {
     constexpr char kName[] = "LfViewFeedback";
-    // A process may contain this code twice: plugin and static library.
+    // The type may exist already, because a process may contain this code twice: in the plugin and in a static library.
     if (const GType known = g_type_from_name(kName)) return known;
     return g_boxed_type_register_static(
         kName,
@@ -65,8 +65,8 @@ bool parse_capture_delay(GstEvent* event, GstClockTime* delay) {
 }
 
 bool AutoCaptureDelay::take(GstClockTime needed, GstClockTime now) {
-  constexpr GstClockTime kHeadroom = 2 * GST_MSECOND;  // margin above the needed delay
-  constexpr GstClockTime kSlack = 10 * GST_MSECOND;    // minimum decrease that justifies a new latency
+  constexpr GstClockTime kHeadroom = 2 * GST_MSECOND;
+  constexpr GstClockTime kSlack = 10 * GST_MSECOND;  // minimum decrease that justifies a new latency
   const std::lock_guard lock(mutex_);
   needed = std::min(needed, kMost);
   if (since_ == 0) since_ = now;
@@ -106,7 +106,7 @@ GstEvent* QosTracker::set_view_id(GstEvent* event, uint32_t view_id) {
 }
 
 void QosTracker::see(GstEvent* event, bool live) {
-  constexpr size_t kMaxViews = 1024;  // more views: the view that was silent longest is dropped
+  constexpr size_t kMaxViews = 1024;  // maximum; further views replace the view that was silent longest
   const std::optional<uint32_t> view_id = view_of(event);
   if (!view_id) return;
   GstQOSType type{};
@@ -119,7 +119,7 @@ void QosTracker::see(GstEvent* event, bool live) {
     views_.erase(*view_id);
     return;
   }
-  // Processing time alone causes the delay if not live. The next picture is then late by the same amount again.
+  // If not live, only processing time delays the picture, so the next picture is late by the same amount again.
   if (diff > 0 && !live && type != GST_QOS_TYPE_THROTTLE) diff *= 2;
   const bool before_zero = diff < 0 && timestamp < static_cast<GstClockTime>(-diff);
   if (views_.size() >= kMaxViews && !views_.contains(*view_id))

@@ -10,14 +10,13 @@
 namespace lf {
 namespace {
 
-// Takes the reference, which may be null.
 GlContextPtr owned(gpointer context) {
   return {static_cast<GstGLContext*>(context), [](GstGLContext* of) {
             if (of) gst_object_unref(of);
           }};
 }
 
-// All known live contexts. GStreamer can only compare two contexts.
+// All known live contexts. This list assigns groups, because GStreamer can only compare two contexts.
 class Groups {
  public:
   gl::ShareGroup of(GstGLContext* context) {
@@ -81,7 +80,7 @@ gl::Context::External share(GstGLContext* context, std::string& why) {
     return {};
   }
   using Job = std::function<void()>;
-  // The group id comes from `context`, which may be destroyed first.
+  // The group id is taken first, because `context` may be destroyed before the new context.
   share_group(context);
   const gl::ShareGroup group = share_group(ours.get());
   why.clear();
@@ -107,7 +106,7 @@ static bool is_plane(GstMemory* memory, const GstVideoInfo& info, guint plane) {
     case 3: formats[0] = GST_GL_RGB, formats[1] = GST_GL_RGB8; break;
     default: formats[0] = GST_GL_RGBA, formats[1] = GST_GL_RGBA8; break;
   }
-  // OpenGL ES cannot read back three-byte textures, so they could not be mapped.
+  // Refuses three-byte textures, because OpenGL ES cannot read them back, so they could not be mapped.
   if (bytes == 3 && gst_gl_context_get_gl_api(texture->mem.context) == GST_GL_API_GLES2) return false;
   const GstGLFormat format = gst_gl_memory_get_texture_format(texture);
   return gst_gl_memory_get_texture_target(texture) == GST_GL_TEXTURE_TARGET_2D &&

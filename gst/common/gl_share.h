@@ -11,12 +11,12 @@
 
 typedef struct _GstGLContext GstGLContext;
 
-// Adapts GStreamer's OpenGL contexts and textures to lib/. Thread-safe.
+// Connects GStreamer's OpenGL contexts and textures with the renderers in lib/. Thread-safe.
 namespace lf {
 
 using GlContextPtr = std::shared_ptr<GstGLContext>;
 
-// Weak reference to a context, which may disappear together with its window.
+// A weak reference to a context, because the context may disappear together with its window.
 class WeakGlContext {
  public:
   WeakGlContext() = default;
@@ -27,15 +27,15 @@ class WeakGlContext {
   std::shared_ptr<GWeakRef> ref_;
 };
 
-// Returns the share group of a context. A group ends with its last context.
+// Returns the share group of a context, the set of contexts that share textures. A group ends with its last context.
 gl::ShareGroup share_group(GstGLContext* context);
 
-// Creates a context that shares with `context` and does not keep it alive. On failure `call` of the result is empty and
-// `why` has the reason. Takes tens of milliseconds.
+// Creates a context that shares textures with `context` without keeping it alive. On failure, `call` of the result is
+// empty and `why` has the reason. Takes tens of milliseconds.
 gl::Context::External share(GstGLContext* context, std::string& why);
 
-// True if the buffer is a picture in textures that shaders can read plane by plane. Each texture must have one channel
-// per byte of a pixel, at least the size of the plane, and a way to download.
+// Returns true if the buffer is a picture in textures that shaders can read plane by plane. Each texture must have one
+// channel per byte of a pixel, at least the size of the plane, and a way to download.
 bool has_planes_on_gpu(GstBuffer* picture, const GstVideoInfo& info);
 gl::ShareGroup group_of_planes(GstBuffer* picture);
 

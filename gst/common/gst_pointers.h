@@ -24,14 +24,13 @@ struct UnrefPad {
 };
 using PadPtr = std::unique_ptr<GstPad, UnrefPad>;
 
-// Shared caps; null: none. share_caps() takes a reference.
 using SharedCaps = std::shared_ptr<GstCaps>;
 inline SharedCaps share_caps(GstCaps* caps) {
   return caps ? SharedCaps(caps, [](GstCaps* owned) { gst_caps_unref(owned); }) : nullptr;
 }
 
-// Releases request pads in the destructor, in the order of add(). Holds references, so it may outlive the bin of the
-// elements.
+// Releases request pads in its destructor, in the order of add(). Holds references to the elements, so it may outlive
+// their bin.
 class RequestedPads {
  public:
   RequestedPads() = default;
@@ -45,7 +44,6 @@ class RequestedPads {
   RequestedPads(const RequestedPads&) = delete;
   RequestedPads& operator=(const RequestedPads&) = delete;
 
-  // Takes the reference of the pad.
   GstPad* add(GstElement* element, GstPad* pad) {
     pads_.emplace_back(GST_ELEMENT(gst_object_ref(element)), pad);
     return pad;

@@ -28,7 +28,7 @@ lf::gl::GpuSum& sum_of(GstMemory* memory) { return **reinterpret_cast<GpuSumMemo
 
 gpointer map(GstMemory* memory, gsize, GstMapFlags) {
   try {
-    // All planes are contiguous.
+    // One pointer is sufficient, because all planes are contiguous.
     return const_cast<int16_t*>(sum_of(memory).fetch().plane[0]);
   } catch (const std::exception& error) {
     GST_WARNING("can't download a sum from the GPU: %s", error.what());

@@ -16,27 +16,28 @@
 #include "wire/request_codec.h"
 #include "wire/unit.h"
 
-// Conversion between wire units and buffers. A buffer holds exactly one unit.
+// Conversion between units of the wire format (requests and parts of answers) and GStreamer buffers. A buffer holds
+// exactly one unit.
 namespace lf {
 
-// Creates read-only memory for a sum on a GPU: the payload of a fragment of the whole view in 16 bits. The sum is
-// downloaded when the memory is mapped. The caller owns the memory.
+// Creates read-only memory for a sum on a GPU. Its contents are the payload of one 16-bit fragment of the whole view,
+// but the sum is downloaded only if the memory is mapped. The caller owns the memory.
 GstMemory* gpu_sum_memory_new(std::shared_ptr<gl::GpuSum> sum);
 
-// Returns the sum in the second memory of an answer; null if there is none.
+// Returns the GPU sum of an answer, which is in its second memory; null if there is none.
 std::shared_ptr<gl::GpuSum> gpu_sum_of(GstBuffer* answer);
 
 std::optional<ViewRequest> decode_request_buffer(GstBuffer* buffer, std::string* reason = nullptr);
 std::optional<wire::AnyRequest> decode_any_request_buffer(GstBuffer* buffer, std::string* reason = nullptr);
-// Returns the view id of an answer without decoding it. Nothing for other data.
+// Returns the view id of an answer without decoding the answer. Nothing for other data.
 std::optional<uint32_t> peek_answer_view(GstBuffer* buffer);
 bool is_consistency_buffer(GstBuffer* buffer);
 std::optional<wire::AnswerPartHeader> parse_answer_buffer_header(GstBuffer* buffer, std::string* reason = nullptr);
 
-// Maps a buffer for reading while the object lives. Holds a reference.
+// Maps a buffer for reading during the lifetime of the object. Holds a reference.
 class MappedBuffer {
  public:
-  // kHead: the bytes before a payload on a GPU, else all bytes.
+  // kHead maps only the bytes before a payload on a GPU, so that the sum need not be downloaded. kAll maps everything.
   enum class Part { kAll, kHead };
   explicit MappedBuffer(GstBuffer* buffer, Part part = Part::kAll);
   ~MappedBuffer();
@@ -50,16 +51,15 @@ class MappedBuffer {
   GstMapInfo map_{};
 };
 
-// Pool for answer bytes: the sums of a 1080p view take six megabytes. Buffers may outlive the element that created
-// them.
+// Recycles the memory of answers, because the sums of a 1080p view take six megabytes. Buffers may outlive their
+// element.
 using AnswerMemory = MemoryPool<ByteBuffer>;
 
-// Returns a new buffer that the caller owns.
 GstBuffer* encode_request_buffer(const ViewRequest& request);
 GstBuffer* wrap_bytes(std::vector<uint8_t> bytes);
 GstBuffer* wrap_bytes(ByteBuffer bytes);
-// Returns a new buffer that the caller owns. The bytes return to `memory` when it is freed. `payload`: a sum on a GPU
-// that follows the bytes; null: none.
+// Returns a new buffer that the caller owns. When it is freed, the bytes return to `memory`. `payload` is a sum on a
+// GPU that follows the bytes; null if there is none.
 GstBuffer* wrap_answer(ByteBuffer bytes, std::shared_ptr<AnswerMemory> memory,
                        std::shared_ptr<gl::GpuSum> payload = nullptr);
 

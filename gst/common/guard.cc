@@ -6,7 +6,7 @@
 namespace lf {
 namespace {
 
-// Returns the element, or the element that contains the object. The caller owns the reference. Null if there is none.
+// Returns the element that the object is or belongs to. Null if there is none. The caller owns the reference.
 GstElement* element_of(gpointer object) {
   if (!object || !GST_IS_OBJECT(object)) return nullptr;
   GstObject* owner = GST_OBJECT(gst_object_ref(object));
@@ -26,7 +26,7 @@ void post_warning(GstElement* element, const char* what) {
   GST_ELEMENT_WARNING(element, LIBRARY, FAILED, ("%s", what), (nullptr));
 }
 
-// Calls post() with a description of the current exception. Takes the reference of the element.
+// Calls post() with a description of the current exception. Takes the reference to the element.
 void describe_current_exception(GstElement* element, void (*post)(GstElement*, const char*)) {
   try {
     throw;

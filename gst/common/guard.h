@@ -6,8 +6,8 @@
 
 #include <gst/gst.h>
 
-// Converts C++ exceptions to GStreamer errors, because exceptions must not reach C code. Every callback that may throw
-// is wrapped in lf::callback<>, which posts an error and returns a failure value.
+// Converts C++ exceptions to GStreamer errors, because exceptions must not reach C code. Wrap every callback that may
+// throw in lf::callback<>, which posts an error and returns a failure value.
 namespace lf {
 
 class ObjectLock {
@@ -25,14 +25,14 @@ class ObjectLock {
   GstObject* object_;
 };
 
-// Posts the current exception as an error of an element or of a pad's parent. Call in an exception handler.
+// Posts the current exception as an error of the element, or of the element that has the pad. Call in an exception
+// handler.
 void post_current_exception(gpointer object);
 
-// Posts the current exception as a warning, at most one per second and element. Call in an exception handler. For
-// failures that lose one buffer only.
+// Posts the current exception as a warning, at most once per second and element. Use it in an exception handler, for
+// failures that lose only one buffer.
 void warn_of_current_exception(gpointer object);
 
-// Returns f(), which handles one buffer. If f() throws, posts a warning, and the stream continues.
 template <typename F>
 GstFlowReturn guard_buffer(gpointer object, F f) {
   try {
@@ -43,7 +43,6 @@ GstFlowReturn guard_buffer(gpointer object, F f) {
   }
 }
 
-// Returns f(). If f() throws, posts an error and returns `failed`.
 template <typename T, typename F>
 T guarded(gpointer object, T failed, F f) {
   try {

@@ -3,9 +3,13 @@
 
 GType lf_access_get_type(void) {
   static const GType type = lf::register_enum<lf::Access>(
-      "LfAccess", {{lf::Access::kSelf, "Cameras know their places and answer view requests", "self"},
-                   {lf::Access::kWarp, "Cameras know their lenses alone and answer warp commands", "warp"},
-                   {lf::Access::kPixels, "Cameras give pixels alone and answer pixel commands", "pixels"}});
+      "LfAccess",
+      {{lf::Access::kSelf, "Cameras that know the whole array and answer view requests", "self"},
+       {lf::Access::kWarp,
+        "Cameras that know only their lenses and answer commands to warp their image "
+        "into the view",
+        "warp"},
+       {lf::Access::kPixels, "Cameras that only deliver pixels and answer commands that name these pixels", "pixels"}});
   return type;
 }
 

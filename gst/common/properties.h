@@ -13,12 +13,11 @@
 #include "common/guard.h"
 #include "wire/command_codec.h"
 
-// Maps element properties to the fields of a plain settings struct. A table has one row per property with field, name,
-// texts and range. Initial field values are the property defaults. Settings are guarded by the object lock of the
-// element.
+// Helpers that define the GObject properties of an element as the fields of a plain struct, its settings. A
+// PropertyTable has one row for each property, with the field, the name, the texts and the range. The initial value of
+// the field is the default of the property. The object lock of the element guards its settings.
 namespace lf {
 
-// When a property may be set: before the element runs, or at any time.
 inline constexpr auto kWhileReady = GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_READY);
 inline constexpr auto kWhilePlaying =
     GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_PLAYING);
@@ -44,7 +43,6 @@ template <typename Enum>
 requires std::is_enum_v<Enum>
 void set_field(Enum& field, const GValue* value) { field = static_cast<Enum>(g_value_get_enum(value)); }
 
-// An empty string reads as null.
 inline void get_field(const std::string& field, GValue* value) {
   g_value_set_string(value, field.empty() ? nullptr : field.c_str());
 }
@@ -58,8 +56,9 @@ template <typename Enum>
 requires std::is_enum_v<Enum>
 void get_field(Enum field, GValue* value) { g_value_set_enum(value, static_cast<gint>(field)); }
 
-// `range`: minimum and maximum of a number, the GType of an enum, nothing for a boolean. For a string, "" makes an
-// unset string read as "" instead of null.
+// Makes the table row of one property. `range` depends on the type of the field: the minimum and the maximum of a
+// number, the GType of an enum, nothing for a boolean. For a string, `range` is either nothing or "". If it is "", an
+// empty string is returned as "" instead of null.
 template <auto field, typename Settings, typename Field, typename... Range>
 Property<Settings> make_property(Field Settings::*, GParamFlags flags, const char* name, const char* nick,
                                  const char* blurb, Range... range) {
@@ -89,6 +88,7 @@ Property<Settings> make_property(Field Settings::*, GParamFlags flags, const cha
               if ((settings.*field).empty()) g_value_set_static_string(value, "");
           }};
 }
+// The same as property(), for a field that the settings `S` inherit from a base struct.
 template <typename S, auto field, typename... Range>
 Property<S> inherited_property(GParamFlags flags, const char* name, const char* nick, const char* blurb,
                                Range... range) {
@@ -100,7 +100,8 @@ auto property(GParamFlags flags, const char* name, const char* nick, const char*
   return make_property<field>(field, flags, name, nick, blurb, range...);
 }
 
-// A fraction `numerator` / `denominator` with the minimum `least_n` / `least_d`.
+// Makes the table row of a property with a fraction, such as a frame rate. Two fields hold its numerator and its
+// denominator. The minimum of the fraction is `least_n` / `least_d`.
 template <auto numerator, auto denominator, typename Settings>
 Property<Settings> make_fraction(gint Settings::*, GParamFlags flags, const char* name, const char* nick,
                                  const char* blurb, gint least_n, gint least_d) {
@@ -121,13 +122,13 @@ auto fraction_property(GParamFlags flags, const char* name, const char* nick, co
   return make_fraction<numerator, denominator>(numerator, flags, name, nick, blurb, least_n, least_d);
 }
 
-// The properties of one class. Immutable after install(), and then thread-safe.
+// The properties of one class. The table does not change after install(), so it is thread-safe from then on.
 template <typename Settings>
 class PropertyTable {
  public:
   PropertyTable(std::initializer_list<Property<Settings>> rows) : rows_(rows) {}
 
-  // Installs the rows as properties first_id, first_id + 1, ... Returns the next free id.
+  // Installs the properties with the ids first_id, first_id + 1, and so on. Returns the first id that is still free.
   guint install(GObjectClass* klass, guint first_id) {
     first_id_ = first_id;
     for (const Property<Settings>& row : rows_) g_object_class_install_property(klass, first_id++, row.spec);
@@ -141,8 +142,9 @@ class PropertyTable {
   guint first_id_ = 0;
 };
 
-// Property functions of a class. settings_of returns the settings of an element. If stats_of is given, the class has
-// the property `stats`, and stats_of returns a GstStructure that the caller owns.
+// Implements set_property and get_property of a class with the table Settings::properties(). settings_of(element) must
+// return a reference to the settings of an element. If stats_of is given, the class also has the read-only property
+// `stats`. stats_of(element) then returns its current value as a new GstStructure, which the caller owns.
 template <auto settings_of, auto stats_of = nullptr>
 struct Properties;
 template <typename Settings, typename Element, Settings& (*settings_of)(Element*), auto stats_of>
@@ -164,8 +166,10 @@ struct Properties<settings_of, stats_of> {
     const ObjectLock lock(self);
     return settings_of(self);
   }
-  // `stats`: blurb of the property `stats`. Classes may replace set_property and get_property by functions that call
-  // set() and get(). Returns the next free id.
+  // Installs all properties of the class; call this from its class_init function. The text `stats` describes the
+  // property `stats`, and must be given if stats_of is given. Returns the first property id that is still free, for
+  // further properties of the class. A class with such properties replaces set_property and get_property by its own
+  // functions, which call set() and get() for all other ids.
   static guint install(GObjectClass* klass, const char* stats = nullptr) {
     klass->set_property = callback<set>;
     klass->get_property = callback<get>;
@@ -177,12 +181,13 @@ struct Properties<settings_of, stats_of> {
   }
 };
 
-// Registers an enum for properties. Call once. Each value has a description and a nick.
+// One value of an enum type: the value, its description and its nick (the name that users write).
 template <typename Enum>
 struct EnumRow {
   Enum value;
   const char *text, *name;
 };
+// Registers an enum type for properties. Call this once for each type.
 template <typename Enum>
 GType register_enum(const char* type_name, std::initializer_list<EnumRow<Enum>> rows) {
   static auto& values = *new std::vector<GEnumValue>;  // never freed: the type system keeps pointers
@@ -195,7 +200,8 @@ inline bool is_named(const GParamSpec* spec, const char* name) { return g_str_eq
 
 }  // namespace lf
 
-// Type of the property "access" of elements that send or answer requests: lf::Access.
+// Type of the property "access" of elements that send or answer requests: how much of a view the cameras compute by
+// themselves (lf::Access).
 #define LF_TYPE_ACCESS (lf_access_get_type())
 GType lf_access_get_type(void);
 

@@ -21,21 +21,23 @@ namespace {
 struct LimitRow {
   const char* name;
   double least, most;
-  // without colons and brackets, because docs/reference/elements.md is generated from the property's blurb
+  // must not contain colons and brackets, because docs/reference/elements.md is generated from the blurb
   const char *unit, *what;
 };
 
 template <typename Limits, typename Visit>
 void for_each_limit(Limits& limits, const Visit& visit) {
   visit(LimitRow{"max-pixels", 1, double{kMaxImageSize} * kMaxImageSize, "pixels",
-                 "width times height of a view; all views of a set together may have four times as many"},
+                 "width times height of a view; the views of a set, which form one picture, may together have four "
+                 "times as many"},
         limits.pixels);
   visit(LimitRow{"max-aperture", 0, Blending::kMaxAperture, "metres",
                  "synthetic aperture of a view; 0 = diameter of the array, if known"},
         limits.aperture);
-  visit(LimitRow{"max-trials", 0, kMaxHypotheses, "surfaces", "trial surfaces of one request"}, limits.trials);
+  visit(LimitRow{"max-trials", 0, kMaxHypotheses, "surfaces", "depths that one request asks the cameras to test"},
+        limits.trials);
   visit(LimitRow{"max-requests-per-second", 0, G_MAXUINT, "requests a second",
-                 "requests of one view that arrive in real time; 0 = unlimited"},
+                 "rate of the live requests of one view; 0 = unlimited"},
         limits.requests_per_second);
   visit(LimitRow{"max-views", 1, 65536, "views",
                  "concurrent views; further views are refused until another view has been silent for two seconds"},
@@ -60,8 +62,9 @@ bool set_limit(const LimitRow& row, const GValue* value, Field& field) {
 
 std::string description() {
   std::string text =
-      "Upper limits for requests, such as limits,max-pixels=4000000; requests beyond the limits are refused, and "
-      "missing limits have their defaults";
+      "Upper limits for the requests of other hosts and viewers, as a structure such as limits,max-pixels=4000000; "
+      "the element refuses requests beyond a limit and counts the refusals in stats, and limits that are not given "
+      "keep their defaults";
   const char* separator = ": ";
   const RequestLimits limits;
   for_each_limit(limits, [&](const LimitRow& row, auto) {
@@ -148,8 +151,8 @@ bool RequestGuard::admits(GstElement* element, std::span<const uint8_t> request,
   if (refusal == RequestLimiter::kNone) return true;
   if (const std::optional<uint64_t> refused = refuse(refusal, now, std::move(lock)))
     GST_ELEMENT_WARNING(element, RESOURCE, SETTINGS,
-                        ("View %u %s: its request is refused (%" G_GUINT64_FORMAT " were so far).", peek->head.view_id,
-                         refusal_text(refusal, cost, limits, extent).c_str(), *refused),
+                        ("View %u %s: its request is refused (%" G_GUINT64_FORMAT " refused so far).",
+                         peek->head.view_id, refusal_text(refusal, cost, limits, extent).c_str(), *refused),
                         (nullptr));
   return false;
 }
@@ -173,8 +176,8 @@ bool RequestGuard::admits_answer(GstElement* element, int width, int height) {
   if (pixels <= limits.pixels) return true;
   if (const std::optional<uint64_t> refused = refuse(RequestLimiter::kPixels, now_ns(), std::move(lock)))
     GST_ELEMENT_WARNING(element, RESOURCE, SETTINGS,
-                        ("An answer of %dx%d pixels is more than max-pixels (%" G_GUINT64_FORMAT
-                         "): it is refused (%" G_GUINT64_FORMAT " were so far).",
+                        ("An answer of %dx%d pixels exceeds the limit max-pixels (%" G_GUINT64_FORMAT
+                         "), so it is refused (%" G_GUINT64_FORMAT " refused so far).",
                          width, height, limits.pixels, *refused),
                         (nullptr));
   return false;

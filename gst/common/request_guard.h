@@ -14,7 +14,6 @@
 
 namespace lf {
 
-// Allows at most one event per second. Not thread-safe.
 class RateLimiter {
  public:
   bool try_acquire(uint64_t now_ns) {
@@ -28,40 +27,41 @@ class RateLimiter {
   uint64_t last_ = 0;
 };
 
-// The value of the property `limits`: a structure with the fields max-pixels (uint64), max-aperture (double),
-// max-trials, max-requests-per-second and max-views (uint). The caller owns it.
+// Returns the value of the property `limits`, owned by the caller: a structure with the fields max-pixels (uint64),
+// max-aperture (double), max-trials, max-requests-per-second and max-views (uint).
 GstStructure* limits_structure(const RequestLimits& limits);
-// Parses such a structure, or null. Numbers may have any type. Missing and wrong fields keep their defaults. For each
-// wrong or unknown field, adds a text to `problems` that begins with the field name.
+// Parses the property `limits`; `structure` may be null. Numbers may have any type. Missing and wrong fields keep their
+// defaults. Each wrong or unknown field adds a text to `problems` that begins with the field name.
 RequestLimits parse_limits(const GstStructure* structure, std::vector<std::string>& problems);
 
-// Checks requests against the property `limits` of an element. Counts refused requests, and posts a warning about them
-// at most once a second. Thread-safe.
+// Protects an element from expensive requests: refuses requests beyond the property `limits`. Counts them, and posts a
+// warning about them at most once a second. Thread-safe.
 class RequestGuard {
  public:
   static constexpr guint kLimits = 100;  // property id; other properties of the class have lower ids
   static void install(GObjectClass* klass);
-  // Sets or reads the limits; false if the id belongs to another property. Posts warnings about wrong values, at once
+  // Implement the property; false if the id belongs to another property. Warnings about wrong values are posted at once
   // if the element is running, otherwise when it starts.
   bool set(GstElement* element, guint id, const GValue* value);
   bool get(guint id, GValue* value) const;
 
-  // Returns true if the request may be served. `client` distinguishes equal view ids of different senders. `extent`:
-  // size of the array, metres; 0: unknown. `paced`: requests arrive in real time, so their rate is limited.
+  // Returns true if the request may be served. `client` distinguishes equal view ids of different senders. `extent` is
+  // the size of the array in metres; 0 if unknown. `paced` means that requests arrive in real time, so that their rate
+  // is limited.
   bool admits(GstElement* element, std::span<const uint8_t> request, double extent, bool paced, uint32_t client = 0);
   // Frees the views of a sender that has stopped.
   void forget(uint32_t client);
-  // True if an answer of this size may be accepted. Refuses answers larger than any allowed request.
+  // Returns false for an answer that is larger than any allowed request.
   bool admits_answer(GstElement* element, int width, int height);
 
   void start(GstElement* element);
   uint64_t refused() const;
-  // Adds refused, and refused-pixels, -aperture, -trials, -rate, -views, -lens.
+  // Adds the fields refused, refused-pixels, -aperture, -trials, -rate, -views and -lens.
   void add_stats(GstStructure* stats) const;
 
  private:
   void warn_of_problems(GstElement* element) const;
-  // Counts a refusal. Returns the total if the refusal should be logged. `lock`: lock of mutex_, released on return.
+  // Counts a refusal. Returns the total if a warning is due. `lock` is the lock of mutex_, released on return.
   std::optional<uint64_t> refuse(RequestLimiter::Refusal refusal, uint64_t now, std::unique_lock<std::mutex> lock);
 
   mutable std::mutex mutex_;

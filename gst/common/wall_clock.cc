@@ -25,7 +25,7 @@ GstClockTimeDiff time_of_day() {
 struct WallClock {
   std::mutex mutex;
   GstClockTimeDiff offset = 0;
-  GstClockTimeDiff unreported = 0;  // steps without a warning yet
+  GstClockTimeDiff unreported = 0;
 };
 
 GQuark quark() {
@@ -40,7 +40,7 @@ void follow(GstClock* clock, WallClock& state) {
   const GstClockTimeDiff day = time_of_day();
   const auto after = static_cast<GstClockTimeDiff>(gst_clock_get_time(clock));
   const GstClockTimeDiff offset = day - (before + (after - before) / 2), step = offset - state.offset;
-  // An interruption between the readings would look like a step.
+  // Ignores a step that may only be an interruption between the readings.
   if (std::abs(step) <= kIgnored || after - before > std::max(kSure, std::abs(step) / 4)) return;
   state.offset = offset;
   state.unreported += step;

@@ -5,17 +5,19 @@
 
 namespace lf {
 
-// Hosts exchange capture times as time of day, which chrony or PTP synchronises. A pipeline on the realtime clock would
-// stall if that clock is set back. Therefore pipelines run on a clock that starts at the time of day and never jumps.
-// Times are converted when they enter or leave the host.
+// A clock for pipelines that exchange capture times with other hosts. Hosts exchange these times as time of day, which
+// chrony or PTP synchronises. However, a pipeline that ran on the realtime clock would stall when that clock is set
+// back. Therefore this clock starts at the time of day and never jumps, and times are converted when they enter or
+// leave the host.
 //
-// Returns a new clock that the caller owns.
+// The caller owns the clock.
 GstClock* new_wall_clock();
 
-// Returns time of day minus clock time, nanoseconds. 0 until the system clock is set, and for all other clocks. Changes
-// below a millisecond are ignored.
+// Returns the offset from clock time to time of day, in nanoseconds. The offset is 0 until the system clock is set, and
+// for all other clocks. Changes below a millisecond are ignored.
 GstClockTimeDiff wall_offset(GstClock* clock);
-// Returns the offset of the element's clock; 0 without a clock. The first element that detects a step posts a warning.
+// Returns the offset of the element's clock, or 0 without a clock. The first element that notices a step of the system
+// clock posts a warning.
 GstClockTimeDiff wall_offset(GstElement* element);
 
 }  // namespace lf

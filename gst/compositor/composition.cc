@@ -12,15 +12,16 @@
 using lf::CompositorStats;
 using Taken = lf::NodeInput::UnitResult;
 
-// The control flow of lfcompositor: takes a request, adds the nodes' answers, and outputs the picture.
+// The control flow of lfcompositor: takes a request, adds the answers of the nodes, and outputs the picture.
 //
-// GstAggregator calls aggregate() when every pad has a buffer. The last part of each node's answer therefore stays on
-// its pad until the picture is done. Live pipelines should not leave all the work to the deadline, or wait for dead
-// nodes. lf_compositor_next_time() therefore reports a deadline in the past whenever there is work.
+// GstAggregator calls aggregate() when every pad has a buffer. Therefore the last part of each node's answer stays on
+// its pad until the picture is done. Without further measures, a live pipeline would leave all the work to the deadline
+// and wait for dead nodes. lf_compositor_next_time() avoids this: it reports a deadline in the past whenever there is
+// work.
 
 void lf_compositor_use_rig(LfCompositor* self, std::shared_ptr<const lf::Rig> rig) {
   auto& state = *self->state;
-  // Everything that refers to the previous rig is replaced.
+  // Replaces everything that refers to the previous rig.
   state.rig = rig;
   state.focus.set_rig(rig);
   state.assembly.set_rig(rig);
@@ -66,8 +67,9 @@ static GstClockTime deadline(LfCompositor* self) {
   return gst_element_get_base_time(GST_ELEMENT(self)) + time + latency;
 }
 
-// Queries the latency again if the next request arrived later than the latency allows. The latency has then grown, and
-// the application may ignore the latency message. A short latency would compose pictures before the answers can arrive.
+// Queries the latency again if the next request arrived later than the known latency allows. The real latency has then
+// grown, and the application may have ignored the latency message. Pictures would otherwise be composed before the
+// answers arrive.
 static void refresh_latency(LfCompositor* self) {
   auto& state = *self->state;
   const GstClockTime latency = gst_aggregator_get_latency(GST_AGGREGATOR(self)), now = clock_time(self);
@@ -84,18 +86,18 @@ static void refresh_latency(LfCompositor* self) {
   if (state.latency_asked_at != 0 && asked < state.latency_asked_at + G_USEC_PER_SEC / 10) return;
   state.latency_asked_at = asked;
   GstQuery* query = gst_query_new_latency();
-  gst_pad_query(GST_AGGREGATOR_SRC_PAD(self), query);  // the base class stores the result
+  gst_pad_query(GST_AGGREGATOR_SRC_PAD(self), query);
   gst_query_unref(query);
 }
-
-// Answers to the current request.
 
 static void refuse_rig(LfCompositor* self, const lf::wire::AnswerHeader& answer) {
   auto& state = *self->state;
   state.stats.count(CompositorStats::kRigMismatches);
   if (!std::exchange(state.warned_rig, true))
     GST_ELEMENT_WARNING(self, STREAM, FAILED,
-                        ("Node %u answers for another rig: its fragments are not composed.", answer.node),
+                        ("Node %u has another rig file than this view, so its cameras are missing in the picture. "
+                         "Use the same rig file on all hosts.",
+                         answer.node),
                         ("view %u, request %u", answer.view_id, answer.sequence));
 }
 
@@ -124,7 +126,9 @@ static void add_answer(LfCompositor* self, GstBuffer* buffer) {
       if (!state.warned_rig)
         GST_ELEMENT_WARNING(
             self, RESOURCE, SETTINGS,
-            ("Node %u sends unwarped pixels: set the property \"rig\" of this compositor.", answer->node),
+            ("Node %u sends unprocessed camera pixels (access=pixels), which only a compositor with a rig can use: "
+             "set the property \"rig\" of this compositor.",
+             answer->node),
             ("view %u, request %u", answer->view_id, answer->sequence));
       state.warned_rig = true;
       break;
@@ -139,8 +143,8 @@ static void add_answer(LfCompositor* self, GstBuffer* buffer) {
     GST_WARNING_OBJECT(self, "node %u: %u fragments are damaged", answer->node, damaged);
 }
 
-// Handles an answer to an earlier request. It is too late for its picture, but proves that the node works if it arrived
-// before the deadline and the compositor did not wait for the node.
+// Handles an answer to an earlier request, which is too late for its picture. The answer still proves that the node
+// works, if it arrived before the deadline and the compositor did not wait for the node.
 static void note_late_answer(LfCompositor* self, const lf::wire::AnswerPartHeader& answer, lf::NodeInput& node) {
   auto& state = *self->state;
   const lf::RequestHistory::Answer late = state.past.judge(answer.sequence, clock_time(self));
@@ -153,8 +157,9 @@ static void note_late_answer(LfCompositor* self, const lf::wire::AnswerPartHeade
   state.health.add_late(answer.rig_hash, seeing);
 }
 
-// Live: rejects answers that match no request. An answer far ahead, or with another capture time than its request, is
-// forged or from before a restart of the viewer. Files have no such times and wait for every answer.
+// Rejects answers that match no request, in live pipelines. An answer far ahead, or with another capture time than its
+// request, is forged or from before a restart of the viewer. Answers from files have no such times, so every answer is
+// awaited.
 static bool is_unexpected(LfCompositor* self, const lf::wire::AnswerHeader& answer, int32_t ahead) {
   if (!self->state->live) return false;
   return ahead > lf::EarlyAnswers::kMostRequests ||
@@ -176,7 +181,7 @@ static Taken take_fragments(LfCompositor* self, lf::NodeInput& node, GstBuffer* 
     state.stats.count(CompositorStats::kBadAnswers);
     return Taken::kDone;
   }
-  // Sequence numbers wrap: the sign of the difference gives the order.
+  // The sign of the difference gives the order, because sequence numbers wrap.
   const auto ahead = static_cast<int32_t>(answer->sequence - state.current->sequence);
   if (is_unexpected(self, *answer, ahead)) {
     state.stats.count(CompositorStats::kUnexpectedAnswers);
@@ -212,8 +217,6 @@ static void take_answers(LfCompositor* self, lf::NodeInput& node) {
     return lf::is_consistency_buffer(buffer) ? take_consistency(self, buffer) : take_fragments(self, node, buffer);
   });
 }
-
-// Feedback to lfviewrequest: cameras out of service and the focal surface.
 
 static bool tell(LfCompositor* self, lf::ViewFeedback feedback) {
   return gst_pad_push_event(self->request, lf::view_feedback_event(std::move(feedback)));
@@ -258,7 +261,7 @@ static void find_focus(LfCompositor* self) {
   state.focus.heard(tell(self, {.view_id = state.current->view_id, .focus = std::move(found)}));
 }
 
-// Call after composing a request: requests the next camera prediction if it is due.
+// Call after composing a request. Requests the small extra view of the next camera check if the check is due.
 static void monitor(LfCompositor* self) {
   auto& state = *self->state;
   if (state.settings.monitor_interval == 0 || !state.rig) return;
@@ -268,8 +271,8 @@ static void monitor(LfCompositor* self) {
   tell(self, {.view_id = state.current->view_id, .extra_requests = {probe->seen, probe->predicted}});
 }
 
-// True if a contributing camera had no frame of the requested time. The prediction error then says nothing about the
-// cameras.
+// Returns true if a contributing camera had no frame of the requested time. The prediction error is then no evidence
+// against the cameras.
 static bool any_is_blind(const _LfCompositor::State& state) {
   lf::CameraRanges blind = state.assembly.blind();
   blind.remove(lf::CameraRanges(state.current->out_of_service));
@@ -281,7 +284,7 @@ static void answer_sweep(LfCompositor* self) {
   auto& state = *self->state;
   state.assembly.finish(lf::PixelFamily::kRgb, false);
   state.stats.set_focus(state.focus.state(), state.focus.bytes() + state.bytes);
-  if (!state.assembly.complete()) return;  // depths that only some cameras agree on are unreliable
+  if (!state.assembly.complete()) return;  // depths are unreliable if only some cameras agree on them
   tell(self, {.view_id = state.current->view_id, .focus = state.focus.sweep(*state.current)});
 }
 
@@ -303,8 +306,6 @@ static void take_probe(LfCompositor* self) {
   lf::set_suspects(structure, "suspects", monitor.suspects());
   post(self, structure);
 }
-
-// Reports of pictures that are output or skipped.
 
 static uint64_t capture_time(LfCompositor* self) {
   const auto& state = *self->state;
@@ -338,15 +339,17 @@ static void record_skipped(LfCompositor* self, const lf::QosTracker::Late& late)
   gst_element_post_message(GST_ELEMENT(self), message);
 }
 
-// Warns if a view outside the array is black. `coverage`: negative without a rig. Does not warn while cameras are out
-// of service, because the view is then not the cause.
-static void note_unseen(LfCompositor* self, double coverage) {
+// Warns if a view is black because it is outside the array, and if a view of a stereo pair or quilt has only
+// extrapolated pixels. Does not warn while cameras are out of service, because these cameras may be the cause.
+static void note_unseen(LfCompositor* self, const std::optional<lf::MeanCoverage>& coverage) {
   auto& state = *self->state;
-  if (coverage != 0 || !state.health.out_of_service().empty() || std::exchange(state.warned_unseen, true)) return;
+  if (!coverage || !state.health.out_of_service().empty()) return;
+  const bool of_set = state.current->place.count() > 1;
+  if (coverage->seen > (of_set ? coverage->extrapolated : 0) || std::exchange(state.warned_unseen, true)) return;
   if (!state.current->out_of_service.empty()) {
     lf::ViewRequest with_all = *state.current;
     with_all.out_of_service.clear();
-    if (lf::ViewCoverage().share(*state.rig, with_all, {}, true, g_get_monotonic_time()) > 0) {
+    if (lf::ViewCoverage().share(*state.rig, with_all, {}, true, g_get_monotonic_time()).seen > 0) {
       GST_ELEMENT_WARNING(
           self, STREAM, FAILED,
           ("No camera sees anything of view %u: %zu of %zu cameras are out of service, including all cameras "
@@ -357,10 +360,10 @@ static void note_unseen(LfCompositor* self, double coverage) {
     }
   }
   const std::string across = lf::format_text("%.2f", state.extent.load());
-  if (state.current->place.count() > 1) {
+  if (of_set) {
     GST_ELEMENT_WARNING(self, STREAM, FAILED,
-                        ("No camera sees anything of some of the %d views of view %u: their eyes are outside the "
-                         "array, which is %s m wide. Reduce eye-distance or view-cone.",
+                        ("Some of the %d views of view %u are outside the array, which is %s m wide: all their pixels "
+                         "are extrapolated or black. Reduce eye-distance or view-cone.",
                          state.current->place.count(), state.current->view_id, across.c_str()),
                         (nullptr));
     return;
@@ -381,7 +384,8 @@ static lf::CameraSet cameras_without_picture(const _LfCompositor::State& state) 
   return missing;
 }
 
-static void note_view(LfCompositor* self, const lf::NodeInputs& nodes, double coverage) {
+static void note_view(LfCompositor* self, const lf::NodeInputs& nodes,
+                      const std::optional<lf::MeanCoverage>& coverage) {
   auto& state = *self->state;
   const lf::Assembly& assembly = state.assembly;
   lf::ViewMetaEntry facts{.request = *state.current,
@@ -399,19 +403,18 @@ static void note_view(LfCompositor* self, const lf::NodeInputs& nodes, double co
   state.view_meta.add(std::move(facts));
 }
 
-// `answered`: monotonic time, microseconds.
 static void record(LfCompositor* self, const lf::NodeInputs& nodes, int64_t answered, GstClockTime pts) {
   auto& state = *self->state;
   const lf::ViewRequest& request = *state.current;
   const lf::Assembly& assembly = state.assembly;
   const bool post = state.settings.post_messages;
-  // The views of a set differ, so each view of the first set is measured.
+  // Measures each view of the first set, because the views differ.
   const uint32_t set = request.sequence - static_cast<uint32_t>(request.place.turn());
   if (!state.first_set) state.first_set = set;
   const bool exact = post || (request.place.count() > 1 && set == *state.first_set);
-  const double coverage = state.rig ? state.coverage.share(*state.rig, request, state.health.out_of_service(), exact,
-                                                           g_get_monotonic_time())
-                                    : -1;
+  std::optional<lf::MeanCoverage> coverage;
+  if (state.rig)
+    coverage = state.coverage.share(*state.rig, request, state.health.out_of_service(), exact, g_get_monotonic_time());
   GstStructure* description = state.stats.record(
       {request.view_id, request.sequence, pts, assembly.fragments(), assembly.missing(), assembly.damaged(), coverage,
        state.bytes, state.focus.bytes(), assembly.skew(), answered, state.adding, g_get_monotonic_time()},
@@ -420,8 +423,6 @@ static void record(LfCompositor* self, const lf::NodeInputs& nodes, int64_t answ
   if (!state.settings.partial) note_view(self, nodes, coverage);
   if (description) gst_element_post_message(GST_ELEMENT(self), gst_message_new_element(GST_OBJECT(self), description));
 }
-
-// Finishing requests.
 
 static void warn_of_silent(LfCompositor* self, const std::vector<lf::NodeInput*>& nodes) {
   for (lf::NodeInput* node : nodes) {
@@ -459,11 +460,12 @@ static void note_silence(LfCompositor* self, const lf::NodeInputs& nodes) {
       (nullptr));
 }
 
-// Makes room for the next request. Probes do not count for the state of nodes, because pictures already do.
+// Makes room for the next request. Probes (small extra views of the camera check) do not count for the state of nodes,
+// because pictures already do.
 static void close_request(LfCompositor* self, const lf::NodeInputs& nodes, GstClockTime due) {
   auto& state = *self->state;
   note_silence(self, nodes);
-  // The views of a set show the same time, so only one counts.
+  // Counts only one view of a set, because all of them show the same time.
   const bool counts = !state.current->probe && state.current->place.leads();
   for (lf::NodeInput* node : nodes) node->close(counts);
   if (lf_compositor_is_live(self) && !state.current->probe) state.past.composed(state.current->sequence, due);
@@ -524,10 +526,11 @@ static GstFlowReturn finish_request(LfCompositor* self, const lf::NodeInputs& no
     return GST_FLOW_OK;
   }
   const bool leads = state.current->place.leads();
-  // Warm-up requests ignore the interval. Otherwise the first picture would appear before the surface is found.
+  // Warm-up requests ignore the interval, because otherwise the first picture would appear before the focal surface is
+  // found.
   const guint depth_interval = state.current->warmup ? 1 : state.settings.depth_interval;
   if (leads) state.focus.adapt_rate(state.assembly.complete(), depth_interval);
-  // The next request may wait for the focus, so update the focus before making the picture.
+  // Updates the focus before making the picture, because the next request may wait for the focus.
   if (!partial && leads && state.current->view.focus.map) find_focus(self);
   if (!partial && state.current->warmup) {
     close_request(self, nodes, due);
@@ -565,8 +568,8 @@ static GstFlowReturn finish_request(LfCompositor* self, const lf::NodeInputs& no
     note_capture_time(out, captured);
     state.view_meta.attach(out);
   }
-  // Non-live pictures are never incomplete. The output keeps no reference, so that downstream may write into the
-  // picture.
+  // Pictures that are not live are never incomplete, so the output keeps no reference, and downstream may write into
+  // the picture.
   return state.output.push(out, pts, lf_compositor_is_live(self) && !partial);
 }
 
@@ -580,17 +583,14 @@ static std::optional<lf::QosTracker::Late> is_too_late(LfCompositor* self) {
   return state.qos.late(state.current->view_id, time);
 }
 
-// Skips the current request. The nodes skip it, too, so it does not count for their state.
+// Skips the current request. The nodes also skip it, so it does not count for their state.
 static void skip_request(LfCompositor* self, const lf::QosTracker::Late& late) {
   auto& state = *self->state;
   record_skipped(self, late);
-  // The next request may be waiting for the focal surface.
   if (!state.settings.partial && state.current->place.leads() && state.current->view.focus.map) find_focus(self);
   state.past.skipped(state.current->sequence);
   drop_request(self);
 }
-
-// Selection of the current request.
 
 static void use_rig_for_health(LfCompositor* self, uint64_t hash) {
   if (self->state->health.use_rig(hash)) announce_out_of_service(self);
@@ -608,7 +608,7 @@ static void apply_new_rig(LfCompositor* self) {
   if (*rig) use_rig_for_health(self, (*rig)->hash());
 }
 
-// If the sequence number has decreased, the viewer has restarted: drops the early answers of the previous run.
+// A lower sequence number means that the viewer has restarted. Drops the early answers of the previous run.
 static void note_sequence(LfCompositor* self, uint32_t sequence) {
   if (!self->state->past.begin(sequence)) return;
   GST_INFO_OBJECT(self, "requests continue at %u: the viewer has restarted", sequence);
@@ -637,8 +637,8 @@ static bool find_request(LfCompositor* self, guint view_id) {
         state.current = std::move(request);
         state.bytes = 0;
         state.adding = 0;
-        // A request without depth hypotheses returns no photo-consistency sums, so the next hypotheses can be sent
-        // immediately.
+        // Sends the next hypotheses immediately if the request had none, because no photo-consistency sums will arrive
+        // then.
         if (!state.settings.partial && !state.current->probe && state.current->place.leads() &&
             !state.current->view.focus.map)
           find_focus(self);
@@ -686,7 +686,7 @@ static GstFlowReturn abandon_request(LfCompositor* self) {
 }
 
 // Drops all input after the output has ended. Upstream must not see an error, because errors would end all views of the
-// same tee. Returns EOS when all pads have ended; otherwise the base class would keep calling aggregate().
+// same tee. Returns EOS when all pads have ended, because otherwise the base class would keep calling aggregate().
 static GstFlowReturn drop_all(LfCompositor* self) {
   lf_compositor_forget_request(self);
   const lf::NodeInputs nodes(self->request);
@@ -730,8 +730,8 @@ GstFlowReturn lf_compositor_aggregate(GstAggregator* agg, gboolean) {
   return drop_all(self);
 }
 
-// Live only. Returns the running time (without the latency) for calling aggregate() even with empty pads. Called with
-// GstAggregator's lock held, so a latency query here would deadlock.
+// Returns the running time (without the latency) for calling aggregate() even with empty pads, in live pipelines. The
+// caller holds the lock of GstAggregator, so a latency query here would deadlock.
 GstClockTime lf_compositor_next_time(GstAggregator* agg) {
   LfCompositor* self = LF_COMPOSITOR(agg);
   GstBuffer* request = gst_aggregator_pad_peek_buffer(GST_AGGREGATOR_PAD(self->request));

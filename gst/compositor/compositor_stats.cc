@@ -47,7 +47,7 @@ void CompositorStats::reset() {
   for (uint64_t& counter : counters_) counter = 0;
   pictures_ = complete_ = fragments_ = missing_ = damaged_ = bytes_ = max_skew_ns_ = out_of_service_ = trial_bytes_ = 0;
   unseen_ = 0;
-  coverage_ = -1;
+  coverage_.reset();
   focus_ = {};
   monitor_.reset();
   monitor_bytes_ = 0;
@@ -134,7 +134,9 @@ GstStructure* CompositorStats::record(const Picture& p, bool describe) {
                         "skew-ns", G_TYPE_UINT64, p.skew_ns,                                           //
                         "latency-ns", G_TYPE_UINT64, latency, "add-ns", G_TYPE_UINT64, adding,         //
                         "composite-ns", G_TYPE_UINT64, composite, nullptr);
-  if (p.coverage >= 0) gst_structure_set(description, "coverage", G_TYPE_DOUBLE, p.coverage, nullptr);
+  if (p.coverage)
+    gst_structure_set(description, "coverage", G_TYPE_DOUBLE, p.coverage->seen, "extrapolated", G_TYPE_DOUBLE,
+                      p.coverage->extrapolated, nullptr);
   return description;
 }
 
@@ -148,7 +150,9 @@ GstStructure* CompositorStats::structure() const {
   set("complete", complete_);
   set("incomplete", pictures_ - complete_);
   set("unseen", unseen_);
-  if (coverage_ >= 0) gst_structure_set(stats, "coverage", G_TYPE_DOUBLE, coverage_, nullptr);
+  if (coverage_)
+    gst_structure_set(stats, "coverage", G_TYPE_DOUBLE, coverage_->seen, "extrapolated", G_TYPE_DOUBLE,
+                      coverage_->extrapolated, nullptr);
   set("gpu-pictures", counters_[kGpuPictures]);
   set("repeated", counters_[kRepeatedPictures]);
   set("dropped", counters_[kDroppedPictures]);

@@ -4,16 +4,18 @@
 #include <cstdint>
 #include <map>
 #include <mutex>
+#include <optional>
 
 #include <gst/gst.h>
 
 #include "base/maths.h"
 #include "focus/depth_estimator.h"
 #include "quality/camera_monitor.h"
+#include "render/contribution_map.h"
 
 namespace lf {
 
-// Counters and stage durations of lfcompositor. Thread-safe.
+// The counters and durations that lfcompositor shows in `stats`. Thread-safe.
 class CompositorStats {
  public:
   enum Counter {
@@ -37,21 +39,20 @@ class CompositorStats {
     GstClockTime pts = GST_CLOCK_TIME_NONE;
     unsigned fragments = 0, missing = 0, damaged = 0;
     // Share of the view that cameras see, 0..1; negative: unknown, no rig.
-    double coverage = -1;
-    uint64_t bytes = 0;        // size of the answers
+    std::optional<lf::MeanCoverage> coverage;
+    uint64_t bytes = 0;
     uint64_t trial_bytes = 0;  // size of the photo-consistency units
-    uint64_t skew_ns = 0;      // largest |capture time - target time|
+    uint64_t skew_ns = 0;      // largest absolute difference between capture time and requested time
     int64_t answered = 0;      // arrival of the last answer, or the deadline
-    int64_t adding = 0;        // duration of decoding and adding answers
-    int64_t done = 0;          // completion of the picture
+    int64_t adding = 0;
+    int64_t done = 0;
   };
 
   void reset();
   void count(Counter counter);
   void set_out_of_service(size_t cameras);
-  // Stores the focus state after a picture. `trial_bytes`: size of its photo-consistency units.
   void set_focus(const DepthEstimator::State& state, uint64_t trial_bytes);
-  // Adds the size of answers to the monitor's probes, which are counted separately.
+  // Adds the size of answers to the camera check, which are counted separately.
   void add_monitor_bytes(uint64_t bytes);
   void set_monitor(const CameraMonitor& monitor);
   void request_arrived(uint32_t sequence, int64_t time);
@@ -60,8 +61,8 @@ class CompositorStats {
     uint64_t pictures, skipped;
   };
   Totals totals() const;
-  // Counts the picture. Returns the structure of its element message "lightfield-view" if `describe`, otherwise null. A
-  // picture of an invisible view is not complete.
+  // Counts a picture. If `describe`, returns the structure of its element message "lightfield-view", otherwise null. A
+  // picture is not complete if no camera sees anything of the view.
   GstStructure* record(const Picture& picture, bool describe);
   // Returns the value of the `stats` property (transfer full).
   GstStructure* structure() const;
@@ -70,7 +71,7 @@ class CompositorStats {
   mutable std::mutex mutex_;
   uint64_t counters_[kNumCounters] = {};
   uint64_t unseen_ = 0;  // pictures without fragments, but without missing parts
-  double coverage_ = -1;
+  std::optional<lf::MeanCoverage> coverage_;
   uint64_t pictures_ = 0, complete_ = 0, fragments_ = 0, missing_ = 0, damaged_ = 0, bytes_ = 0, max_skew_ns_ = 0,
            out_of_service_ = 0;
   DepthEstimator::State focus_;
@@ -78,12 +79,13 @@ class CompositorStats {
   std::optional<CameraMonitor> monitor_;
   uint64_t monitor_bytes_ = 0;
   std::map<uint32_t, int64_t> arrivals_;  // arrival time by sequence number, of unanswered requests
-  // Request to last answer; last answer to picture; request to picture.
+  // The durations are from the request to the last answer, from there to the picture, and from the request to the
+  // picture.
   Percentiles answer_ns_, composite_ns_, latency_ns_;
-  Percentiles add_ns_, picture_ns_;  // parts of compositing: adding answers, and resolving the sum
+  Percentiles add_ns_, picture_ns_;
 };
 
-// Sets an array of "lightfield-suspect" structures: camera (uint: index in the rig), fault (string).
+// The field becomes an array of "lightfield-suspect" structures: camera (uint: index in the rig), fault (string).
 void set_suspects(GstStructure* structure, const char* field, const std::vector<CameraMonitor::Suspect>& suspects);
 
 }  // namespace lf

@@ -5,9 +5,10 @@
  * @title: lfcompositor
  * @short_description: combines the fragments of a view into its picture
  *
- * lfcompositor combines the answers of camera nodes (`lffragment`) into the pictures of one view. It takes the view's
- * requests on `request` and the answers of any number of nodes on `sink_%u`, and outputs one picture per request. Use
- * it when nodes and viewer are separate elements; `lfviewsrc` contains all of them.
+ * lfcompositor produces the pictures of one view. It takes the view's requests on `request`, collects the answers of
+ * any number of camera nodes (`lffragment`) on `sink_%u`, and outputs one picture per request. An answer consists of
+ * fragments: parts of the view with the contribution of one node's cameras. Use this element if nodes and viewer are
+ * separate elements; `lfviewsrc` contains all of them.
  *
  * ## Example launch line
  *
@@ -19,7 +20,7 @@
  *   lfcompositor name=c rig=rig.json ! videoconvert ! pngenc ! multifilesink location=out_%02d.png
  * ]|
  *
- * The compositor of one rack in a tree of compositors:
+ * In a large array, each rack of hosts can have a compositor that adds the answers of its nodes:
  *
  * |[
  * ... lfcompositor name=rack partial=true rig=rig.json node=7 ! tcpserversink port=5007
@@ -27,49 +28,58 @@
  *
  * ## Live pipelines and missing cameras
  *
- * A picture is finished when every node has answered. In a live pipeline it is also finished when its deadline
- * (`latency` after the request) has passed; `incomplete` selects the output if something is missing. If `rig` is set,
- * the remaining cameras compensate for missing fragments. Requests and answers of other views than `view-id` are
- * ignored, so that one `tee` can feed several compositors.
+ * A picture is finished when every node has answered. In a live pipeline, the compositor waits only until the deadline
+ * of the picture, which is `latency` after the request. The property `incomplete` selects the output if an answer is
+ * still missing then. If `rig` is set, the remaining cameras compensate for missing fragments. The compositor ignores
+ * requests and answers of views other than `view-id`, so that one `tee` can feed several compositors.
  *
- * Cameras that miss more than `max-missed` consecutive pictures are out of service. The compositor announces them
- * upstream (custom event "lightfield-feedback"), and lfviewrequest names them in later requests. All nodes then leave
- * these cameras out of the mesh, so that their neighbours close the gap. If `rig` is set, corner cameras stay in the
- * mesh as long as three cameras work, so that the covered area does not shrink. A camera returns to service after it
- * answers again. The compositor does not wait for dead nodes.
+ * A camera that misses more than `max-missed` consecutive pictures is out of service. The compositor announces this
+ * upstream with the custom event "lightfield-feedback", and lfviewrequest names the camera in later requests. All nodes
+ * then leave the camera out of the mesh (the triangles of neighbouring cameras), so that its neighbours close the gap.
+ * A camera returns to service after it answers again. The compositor also does not wait for nodes that miss too many
+ * pictures.
  *
- * If a sink reports that pictures arrive too late (QoS events), the compositor skips requests of this view that cannot
- * be in time, and the nodes answer them without pixels. A QoS message is posted for each skipped request.
+ * If `rig` is set, the cameras at the corners of the array stay in the mesh as long as three cameras work, even if they
+ * are out of service. Without them, the mesh and therefore the visible area would be smaller.
+ *
+ * If a sink reports with QoS events that pictures arrive too late, the compositor skips requests that cannot be
+ * answered in time. The nodes then send empty answers to these requests, and the compositor posts a QoS message for
+ * each of them.
  *
  * ## Focus
  *
- * If `rig` is set and `focus` is not plane, each pixel is focused separately. Requests carry depth hypotheses; nodes
- * send photo-consistency sums for each hypothesis before their answers. After each picture, the better focal surface
- * and the next hypotheses go upstream in a "lightfield-feedback" event. If no source is live, lfviewrequest waits for
- * this event, so that pictures do not depend on processing speed.
+ * If `rig` is set and `focus` is not plane, the whole picture is sharp, because each part of it has its own depth.
+ * These depths are called the focal surface. The compositor finds them by trial: requests contain depth hypotheses,
+ * which are guesses of the depths. Nodes answer each hypothesis with photo-consistency sums, which show how well the
+ * cameras agree on the guess. After each picture, the improved focal surface and the next hypotheses go upstream in a
+ * "lightfield-feedback" event. If nothing is live, lfviewrequest waits for this event before the next request, so that
+ * pictures do not depend on the speed of the machine.
  *
  * ## Sets, monitoring and trees
  *
- * The views of a set (`lfviewrequest views`) form one picture, which is output when the last view is complete. The caps
- * of a stereo pair contain GStreamer's multiview-mode. `stats` and messages count each view as a picture.
+ * A set consists of several views that form one picture, such as a stereo pair (`views` of lfviewrequest). The picture
+ * is output when the last view is complete. The caps of a stereo pair contain GStreamer's multiview-mode. `stats` and
+ * messages count each view as a picture.
  *
- * If `monitor-interval` is set, the compositor checks one camera at a time: it compares the camera with a prediction
- * from its neighbours. For this, lfviewrequest sends requests for two small extra views, which are not shown.
+ * If `monitor-interval` is set, the compositor checks the cameras one after another, to find cameras that are out of
+ * adjustment. It compares the image of a camera with a prediction from its neighbours. For this comparison,
+ * lfviewrequest sends requests for two small extra views, which are not shown.
  *
- * If `partial` is true, the output is the sum of the answers, encoded as the answer of one node. This allows trees of
- * compositors: the root receives one answer per rack.
+ * If `partial` is true, the output is not a picture but the sum of all answers, encoded like the answer of a single
+ * node. Another compositor can therefore use it as an input. In such a tree of compositors, for example, the compositor
+ * at the root receives only one answer from each rack of hosts.
  *
  * ## Output
  *
- * Pictures have the format of the cameras, RGB or YCbCr 4:2:0; use `videoconvert` for other formats. If size or frame
- * rate are not set, lfviewrequest follows the downstream caps, even if these change while playing.
+ * Pictures have the format of the cameras, RGB or YCbCr 4:2:0; use `videoconvert` for other formats. If the size or the
+ * frame rate of lfviewrequest is not set, it follows the downstream caps, even if these change while playing.
  *
- * Pictures have the time stamps and the segment of their requests. Seeks go to the requests if all pads lead to the
- * source of the requests. Navigation events (mouse, keys) and custom "lightfield-view-request" events go upstream to
- * the view's `lfviewrequest`.
+ * Pictures have the time stamps and the segment of their requests. A seek is forwarded to the requests if all pads lead
+ * to the source of the requests. Navigation events (mouse, keys) and custom "lightfield-view-request" events go
+ * upstream to the view's `lfviewrequest`.
  *
- * Each picture has a #GstReferenceTimestampMeta of `timestamp/x-lightfield-capture` with the requested capture time:
- * clock time if requests are live, otherwise stream time.
+ * Each picture has a #GstReferenceTimestampMeta of `timestamp/x-lightfield-capture` with the requested capture time.
+ * This is clock time if requests are live, otherwise stream time.
  *
  * Each picture has a #GstCustomMeta "lightfield-view" that describes its view. Elements such as `queue`, `videoconvert`
  * and encoders keep the meta. A repeated picture (`incomplete=repeat`) keeps the meta of its original view. Fields:
@@ -85,9 +95,10 @@
  *   also nearest and farthest (double, metres from the array).
  * - aperture (double, metres; 0: none), nearest-cameras (int; 0: three, by the mesh).
  * - coverage (double: share of the view that cameras can see; with `rig`).
- * - complete (boolean), fragments, missing, damaged (uint): as in the element message.
+ * - extrapolated (double: part of `coverage` that is beside the camera mesh, where the nearest cameras fill in).
+ * - complete (boolean), fragments, missing, damaged (uint): as in the element message below.
  * - missing-cameras (array of uint: indices in the rig): cameras without a contribution to the picture.
- * - missing-nodes (array of string): nodes that had not answered.
+ * - missing-nodes (array of string): nodes that had not answered when the picture was made.
  * - views (array of structures), only for sets: column, row (int: position in the picture), sequence, position,
  *   orientation, lens, coverage and completeness of each view. The fields above then describe the view next to the
  *   middle.
@@ -95,12 +106,13 @@
  * ## Element messages
  *
  * - "lightfield-view", per picture, with `post-messages`: view-id, sequence (uint), pts (uint64), complete (boolean),
- *   coverage (double: share of the view that cameras can see; with `rig`), fragments, missing, damaged (uint), bytes,
+ *   coverage and extrapolated (double: as in the meta above; with `rig`), fragments, missing, damaged (uint), bytes,
  *   trial-bytes (size of the photo-consistency units), skew-ns, latency-ns (request to picture), add-ns (decoding and
  *   adding answers) and composite-ns (uint64).
- * - "lightfield-out-of-service", when the set of these cameras changes: view-id (uint), cameras (array of uint).
- * - "lightfield-suspects", when the monitor's result changes: view-id (uint), suspects (array of structures: camera
- *   (uint), fault (string: colour, direction or picture)).
+ * - "lightfield-out-of-service", when the set of cameras out of service changes: view-id (uint), cameras (array of
+ *   uint).
+ * - "lightfield-suspects", when the camera check (`monitor-interval`) finds or clears a suspicious camera: view-id
+ *   (uint), suspects (array of structures: camera (uint), fault (string: colour, direction or picture)).
  */
 
 #include "compositor/lfcompositor.h"
@@ -135,19 +147,21 @@ GType lf_compositor_incomplete_get_type(void) {
   static const GType type = lf::register_enum<LfCompositorIncomplete>(
       "LfCompositorIncomplete",
       {{LF_COMPOSITOR_INCOMPLETE_CONCEAL,
-        "Show the available parts; with `rig`, other cameras compensate for missing weight, and the previous picture "
-        "fills empty pixels",
+        "Show the parts that have arrived. If `rig` is set, the remaining cameras compensate for the missing parts, "
+        "and the previous picture fills empty pixels",
         "conceal"},
-       {LF_COMPOSITOR_INCOMPLETE_REPEAT, "Repeat the previous picture; conceal before the first picture", "repeat"},
-       {LF_COMPOSITOR_INCOMPLETE_DROP, "No picture", "drop"}});
+       {LF_COMPOSITOR_INCOMPLETE_REPEAT, "Repeat the previous picture, or conceal if there is none", "repeat"},
+       {LF_COMPOSITOR_INCOMPLETE_DROP, "Output no picture", "drop"}});
   return type;
 }
 
 GType lf_compositor_focus_get_type(void) {
   static const GType type = lf::register_enum<lf::FocusMode>(
-      "LfCompositorFocus", {{lf::FocusMode::kPlane, "The viewer's focal plane", "plane"},
-                            {lf::FocusMode::kSurface, "A focal surface, refined with every request", "surface"},
-                            {lf::FocusMode::kAuto, "A focal surface, refined as often as the scene needs", "auto"}});
+      "LfCompositorFocus",
+      {{lf::FocusMode::kPlane, "The focal plane of the request", "plane"},
+       {lf::FocusMode::kSurface, "A depth for each pixel (a focal surface), updated with every request", "surface"},
+       {lf::FocusMode::kAuto, "A depth for each pixel (a focal surface), updated as often as the scene needs",
+        "auto"}});
   return type;
 }
 
@@ -155,9 +169,9 @@ GType lf_compositor_show_get_type(void) {
   static const GType type = lf::register_enum<lf::WeightOverlayMode>(
       "LfCompositorShow",
       {{lf::WeightOverlayMode::kNone, "The picture without an overlay", "picture"},
-       {lf::WeightOverlayMode::kContributions, "Overlay of the cameras of each pixel, as colours, and of the mesh",
-        "contributions"},
-       {lf::WeightOverlayMode::kCoverage, "Overlay of the missing weight of each pixel", "coverage"}});
+       {lf::WeightOverlayMode::kContributions,
+        "The cameras that contribute to each pixel, as colours, and the mesh of the array", "contributions"},
+       {lf::WeightOverlayMode::kCoverage, "The share of each pixel that no camera contributed", "coverage"}});
   return type;
 }
 
@@ -193,12 +207,12 @@ std::string CompositorSettings::ignored_settings() const {
   say(partial && focus == FocusMode::kSurface,
       "focus: inside a tree (partial) there is no focal surface; set focus at the root of the tree.");
   say(!partial && (node != 0 || codec != CodecChoice::kAuto),
-      "node and codec: only used by a compositor inside a tree (partial).");
-  say(monitor_interval > 0 && rig.empty(), "monitor-interval: without a rig there is no camera monitor.");
+      "node and codec: have no effect on pictures, only on partial answers (partial=true).");
+  say(monitor_interval > 0 && rig.empty(), "monitor-interval: the camera monitor needs a rig. Set the property rig.");
   say(view_depths().mode == FocusMode::kPlane && (focus_near > 0 || focus_far > 0),
-      "focus-near and focus-far: on a plane no depths are estimated.");
+      "focus-near and focus-far: have no effect, because the focus is a plane and no depths are estimated.");
   say(gains == LF_COMPOSITOR_GAINS_ON && view_depths().mode == FocusMode::kPlane,
-      "gains: exposure compensation needs a focal surface and is off on a plane.");
+      "gains: exposure compensation needs a focal surface, so it is off while the focus is a plane.");
   say(show != WeightOverlayMode::kNone && (partial || rig.empty()),
       "show: only pictures have an overlay, not partial answers, and the overlay needs a rig.");
   return text;
@@ -206,63 +220,79 @@ std::string CompositorSettings::ignored_settings() const {
 
 PropertyTable<CompositorSettings>& CompositorSettings::properties() {
   using S = CompositorSettings;
-  constexpr double kMaxFocus = 1e9;  // metres
+  constexpr double kMaxFocus = 1e9;
   static PropertyTable<S> table = {
       property<&S::view_id>(kWhileReady, "view-id", "View id",
-                            "View to compose; requests and answers of other views are ignored", 0, G_MAXUINT),
+                            "Number of the view that this element composes. Requests and answers of other views are "
+                            "ignored, so several compositors can receive the same stream",
+                            0, G_MAXUINT),
       property<&S::rig>(kWhilePlaying, "rig", "Rig",
-                        "Rig file (rig.json); optional. Needed to compensate for missing fragments, to show "
-                        "`background` outside the mesh, and to detect cameras that have never answered. A rig set "
-                        "while running is loaded immediately and used from the next request on"),
+                        "Path of the rig file (rig.json), which describes the cameras of the array. The compositor "
+                        "needs a rig to compensate for missing cameras, to notice cameras that have never answered, to "
+                        "estimate depths, and to show `background` in areas that no camera sees. If the property is "
+                        "set while the element runs, the file is used from the next request on"),
       property<&S::background>(kWhilePlaying, "background", "Background",
-                               "Colour where no camera contributes, 0xAARRGGBB (alpha is ignored)", 0, G_MAXUINT32),
+                               "Colour of pixels that no camera sees, as 0xAARRGGBB (alpha is ignored)", 0,
+                               G_MAXUINT32),
       property<&S::post_messages>(kWhilePlaying, "post-messages", "Post messages",
-                                  "Post an element message \"lightfield-view\" for every picture"),
+                                  "Post an element message \"lightfield-view\" for every picture, for example to "
+                                  "measure latency"),
       property<&S::incomplete>(kWhilePlaying, "incomplete", "Incomplete",
-                               "Output for a request with missing parts at its deadline",
+                               "Output if parts of the picture have not arrived at the deadline of its request (see "
+                               "latency). This occurs only in live pipelines, where an answer can be late or lost",
                                LF_TYPE_COMPOSITOR_INCOMPLETE),
-      property<&S::max_missed>(
-          kWhileReady, "max-missed", "Max missed",
-          "Live: number of consecutive pictures that a camera or a node may miss (0: unlimited). After more, the "
-          "camera is announced upstream as out of service, and the compositor does not wait for the node, until "
-          "answers arrive in time again",
+      property<&S::max_missed>(kWhileReady, "max-missed", "Max missed",
+                               "Maximum number of consecutive pictures that may lack a camera or a node in a live "
+                               "pipeline (0: unlimited). After more pictures without a camera, other cameras replace "
+                               "the camera. After more pictures without a node, the compositor no longer waits for "
+                               "this node. Cameras and nodes return when their answers arrive in time again",
+                               0, G_MAXUINT),
+      property<&S::partial>(
+          kWhileReady, "partial", "Partial",
+          "Output of partial answers instead of pictures. A partial answer has the weighted total of the cameras below "
+          "this compositor, and is an input of another compositor. Use this for a tree of compositors, for example "
+          "with one compositor for each rack of hosts. This needs `rig`"),
+      property<&S::node>(
+          kWhileReady, "node", "Node",
+          "Number that identifies this compositor in its partial answers. Give all nodes and compositors below one "
+          "compositor different numbers, so that it can tell their answers apart",
           0, G_MAXUINT),
-      property<&S::partial>(kWhileReady, "partial", "Partial",
-                            "Output the sum of the answers as one answer for the next compositor of a tree, instead "
-                            "of a picture; needs `rig`"),
-      property<&S::node>(kWhileReady, "node", "Node", "Node number in partial answers", 0, G_MAXUINT),
-      property<&S::codec>(kWhilePlaying, "codec", "Codec", "Encoding of pixels in partial answers",
+      property<&S::codec>(kWhilePlaying, "codec", "Codec", "Encoding of the pixels in partial answers",
                           LF_TYPE_FRAGMENT_CODEC),
       property<&S::focus>(
           kWhilePlaying, "focus", "Focus",
-          "Focus of the pictures. A focal surface is estimated from the agreement of the cameras at several depths and "
-          "sent to the view's lfviewrequest. Without `rig`, auto is plane",
+          "Choice between one focal plane for the whole picture and a separate depth for each pixel (a focal surface), "
+          "which makes the whole picture sharp. The compositor estimates these depths by comparing the cameras at "
+          "several distances, and sends them to the lfviewrequest of the view. Without `rig`, auto means plane",
           LF_TYPE_COMPOSITOR_FOCUS),
-      property<&S::focus_near>(kWhilePlaying, "focus-near", "Focus near",
-                               "Nearest distance of the focal surface, in metres from the array (0: adapts to the "
-                               "scene, starting at the nearest depth that the array resolves)",
-                               0, kMaxFocus),
-      property<&S::focus_far>(
-          kWhilePlaying, "focus-far", "Focus far",
-          "Farthest distance of the focal surface, in metres from the array (0: adapts to the scene, starting at "
-          "infinity)",
+      property<&S::focus_near>(
+          kWhilePlaying, "focus-near", "Focus near",
+          "Nearest distance in the search for the focal surface, in metres from the array. Set this if the range of "
+          "depths is known, because the search is then faster and makes fewer errors (0: adapts to the scene, starting "
+          "at the nearest distance that the array can measure)",
           0, kMaxFocus),
+      property<&S::focus_far>(kWhilePlaying, "focus-far", "Focus far",
+                              "Farthest distance in the search for the focal surface, in metres from the array. See "
+                              "focus-near (0: adapts to the scene, starting at infinity)",
+                              0, kMaxFocus),
       property<&S::monitor_interval>(
           kWhilePlaying, "monitor-interval", "Monitor interval",
-          "Number of requests per camera check (0: no checks). A check compares the next camera with its prediction "
-          "from the remaining cameras, in a small view; `stats` has the results and the suspects. Needs `rig`",
+          "Number of requests between two camera checks (0: no checks). Use this to find cameras that are out of "
+          "adjustment. A check predicts a small image of one camera from its neighbours and compares it with the real "
+          "image. `stats` lists the results and the suspicious cameras. This needs `rig`",
           0, G_MAXUINT16),
       property<&S::depth_interval>(kWhilePlaying, "depth-interval", "Depth interval",
-                                   "Minimum number of requests per update of the focal surface. Larger values save "
-                                   "time, but the surface follows the scene more slowly",
+                                   "Minimum number of requests between two updates of the focal surface. A larger "
+                                   "value saves time, but the surface follows the scene more slowly",
                                    1, G_MAXUINT16),
       property<&S::gains>(
           kWhilePlaying, "gains", "Gains",
-          "Exposure compensation between cameras, with focus surface or auto. auto: unless `rig` has colour "
-          "corrections. The property stats of lffragment has each camera's gain",
+          "Compensation for cameras that are brighter or darker than the rest of the array. It needs a focal surface, "
+          "so it is off if focus is plane. The property stats of lffragment lists the correction of each camera",
           LF_TYPE_COMPOSITOR_GAINS),
       property<&S::show>(kWhilePlaying, "show", "Show",
-                         "Overlay that visualizes the weights of the cameras. Needs `rig`", LF_TYPE_COMPOSITOR_SHOW),
+                         "Overlay on the pictures that shows how the cameras contribute. This needs `rig`",
+                         LF_TYPE_COMPOSITOR_SHOW),
   };
   return table;
 }
@@ -292,7 +322,8 @@ guint lf_compositor_view_id(LfCompositor* self) {
   return self->settings->view_id;
 }
 
-// Loads a rig set while running, for the next request. Returns false if the file cannot be loaded.
+// Loads the new rig of a running element, which is used from the next request on. Returns false if the file cannot be
+// loaded.
 static bool lf_compositor_reload_rig(LfCompositor* self, const gchar* path) {
   std::shared_ptr<const lf::Rig> rig;
   if ((path || lf_compositor_settings(self).partial) && !(rig = lf::reload_rig(GST_ELEMENT(self), path))) return false;
@@ -302,7 +333,7 @@ static bool lf_compositor_reload_rig(LfCompositor* self, const gchar* path) {
   return true;
 }
 
-// `partial` determines the output caps, so it cannot change while the element runs.
+// Refuses the change while the element runs, because `partial` determines the output caps.
 static bool lf_compositor_may_be_partial(LfCompositor* self, gboolean partial) {
   if (partial == lf_compositor_settings(self).partial) return true;
   GST_ELEMENT_WARNING(self, RESOURCE, SETTINGS,
@@ -335,15 +366,17 @@ static void lf_compositor_get_property(GObject* object, guint id, GValue* value,
 static void install_properties(GObjectClass* klass) {
   Properties::install(
       klass,
-      "Counts of pictures (complete, incomplete, unseen: no camera sees anything of the view, repeated, dropped, "
-      "failed: no memory, gpu-pictures: made on a GPU), requests skipped (too late, according to QoS events) and "
-      "refused (by exceeded limit: refused-pixels, -aperture, -trials, -rate, -views, -lens), fragments (missing, "
-      "damaged), answers (late, repeated, bad, unexpected: without a request), bytes and cameras out of service. "
-      "Coverage (share of the latest view that cameras see; with `rig`) and largest skew. Focal surface: rounds of "
-      "updates, their bytes, disagreement of the cameras (residual, 255ths) and its latest reduction (improvement), "
-      "requests per update (interval), and true if one plane is enough (flat). Monitor: turns, their bytes, PSNR, "
-      "gain and shift (pixels of the small view) of each camera's prediction, and suspects with their fault (colour, "
-      "direction, picture). Latency per stage (p50, p95, p99 over the latest 1024 pictures, nanoseconds)");
+      "Counters since the start, measurements and durations. Pictures: complete, incomplete, unseen (no camera sees "
+      "anything of the view), repeated, dropped, failed (no memory), gpu-pictures (made on a GPU). Requests: skipped "
+      "(too late, according to QoS events), and refused by the exceeded limit (refused-pixels, -aperture, -trials, "
+      "-rate, -views, -lens). Fragments: missing, damaged. Answers: late, repeated, bad, unexpected (without a "
+      "request), their bytes, and cameras out of service. coverage: share of the latest view that cameras see (with "
+      "`rig`). max-skew-ns: largest capture-time error. Focal surface: rounds of the depth search and their bytes, "
+      "disagreement of the cameras (focus-residual, in 255ths) and its latest reduction (focus-improvement), requests "
+      "per update (focus-interval), and whether one plane is enough (focus-flat). Camera monitor: number of checks "
+      "(monitor-turns) and their bytes. For each camera, it has the PSNR, gain and shift (pixels of the small view) "
+      "between the prediction and the image, and suspects have their fault (colour, direction, picture). Latency of "
+      "each stage: p50, p95 and p99 over the latest 1024 pictures, in nanoseconds");
   lf::RequestGuard::install(klass);
   klass->set_property = lf::callback<lf_compositor_set_property>;
   klass->get_property = lf::callback<lf_compositor_get_property>;
@@ -353,7 +386,7 @@ static void install_properties(GObjectClass* klass) {
   gst_type_mark_as_plugin_api(LF_TYPE_COMPOSITOR_SHOW, GstPluginAPIFlags(0));
 }
 
-// True if all inputs follow a seek of the requests. Answers from a file or socket do not.
+// Returns true if all inputs follow a seek of the requests. Inputs from files or sockets do not.
 static bool is_seekable(LfCompositor* self) {
   std::vector<GstPad*> pads;
   lf::ObjectLock lock(self);
@@ -372,8 +405,9 @@ static bool is_seekable(LfCompositor* self) {
   return all;
 }
 
-// While running, the caps are answers or video; video has only the cameras' formats, if known. Before that, the
-// template applies, because applications may set `partial` after linking the pad.
+// Returns the possible caps of the source pad. A running element outputs either answers or video. If the formats of the
+// cameras are known, video has only these formats. Before that, the template applies, because applications may set
+// `partial` after linking the pad.
 static bool lf_compositor_answer_caps_query(LfCompositor* self, GstQuery* query) {
   if (!lf::is_running(GST_ELEMENT(self))) return false;
   const lf::SharedCaps caps =
@@ -424,7 +458,7 @@ lf::SharedCaps lf_compositor_accepted_caps(LfCompositor* self) {
   return lf::share_caps(gst_pad_peer_query_caps(src, video));
 }
 
-// Holds all lfviewrequest elements during a flushing seek. The elements are sought one after the other, but must resume
+// Blocks all lfviewrequest elements during a flushing seek, because they are sought one after another but must resume
 // together. Takes the event.
 static gboolean seek(LfCompositor* self, GstEvent* event) {
   GstSeekFlags flags{};
@@ -437,7 +471,7 @@ static gboolean seek(LfCompositor* self, GstEvent* event) {
   return done;
 }
 
-// Navigation events only concern this view's requests. GstAggregator 1.22.0 would drop such events.
+// Forwards navigation events to the requests of this view only. GstAggregator 1.22.0 would drop such events.
 static gboolean lf_compositor_src_event(GstAggregator* agg, GstEvent* event) {
   LfCompositor* self = LF_COMPOSITOR(agg);
   const GstStructure* structure = gst_event_get_structure(event);
@@ -464,15 +498,15 @@ static gboolean lf_compositor_src_event(GstAggregator* agg, GstEvent* event) {
   return gst_pad_push_event(self->request, event);
 }
 
-// Events arrive in data order, so at EOS of the requests all requests have been answered. This ends the output even if
-// the nodes never send EOS; GstAggregator would wait for all pads.
+// Ends the output at EOS of the requests, even if the nodes never send EOS. All requests have been answered by then,
+// because events arrive in data order. GstAggregator would wait for all pads.
 static gboolean lf_compositor_sink_event(GstAggregator* agg, GstAggregatorPad* pad, GstEvent* event) {
   LfCompositor* self = LF_COMPOSITOR(agg);
   const bool of_requests = GST_PAD(pad) == self->request;
   const bool ended = of_requests && GST_EVENT_TYPE(event) == GST_EVENT_EOS;
   const guint32 seqnum = gst_event_get_seqnum(event);
   if (GST_EVENT_TYPE(event) == GST_EVENT_SEGMENT_DONE && !of_requests) {
-    gst_event_unref(event);  // the requests' event follows the last picture
+    gst_event_unref(event);
     return TRUE;
   }
   // The frame rate in the output caps may have changed.
@@ -483,7 +517,7 @@ static gboolean lf_compositor_sink_event(GstAggregator* agg, GstAggregatorPad* p
   } else if (GST_EVENT_TYPE(event) == GST_EVENT_FLUSH_STOP) {
     lf::NodeInput::of(pad).flushed();
   }
-  // Without this error, a file writer would produce an empty file and report success.
+  // Posts an error if there was no picture. Otherwise a file writer would produce an empty file and report success.
   const uint64_t refused = self->guard->refused();
   if (ended && refused > 0 && !self->state->output.has_begun() && !lf_compositor_is_live(self))
     GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS,
@@ -523,7 +557,7 @@ static gboolean lf_compositor_sink_query(GstAggregator* agg, GstAggregatorPad* p
   return parent_class()->sink_query(agg, pad, query);
 }
 
-// The usual cause is a missing view-id property.
+// Warns of requests for other views only; the usual cause is that view-id was not set.
 static void note_other_view(LfCompositor* self, uint32_t other) {
   if (!self->state->silence.request_of_other_view(g_get_monotonic_time())) return;
   GST_ELEMENT_WARNING(
@@ -533,8 +567,8 @@ static void note_other_view(LfCompositor* self, uint32_t other) {
       (nullptr));
 }
 
-// Drops requests of other views before they reach the pad's queue. These requests would fill the queue while this view
-// is idle, and then block the tee.
+// Drops requests of other views before they reach the pad's queue. Otherwise these requests would fill the queue while
+// this view is idle, and then block the tee.
 static GstPadProbeReturn lf_compositor_request_arrives(GstPad*, GstPadProbeInfo* info, gpointer data) {
   LfCompositor* self = LF_COMPOSITOR(data);
   if (self->state->over) return GST_PAD_PROBE_DROP;
@@ -555,8 +589,8 @@ static GstPadProbeReturn lf_compositor_request_arrives(GstPad*, GstPadProbeInfo*
   return GST_PAD_PROBE_OK;
 }
 
-// GstAggregator limits the queue of a pad by time. Answers from a file or a TCP stream have no time stamps; a duration
-// makes the limit work.
+// Sets a duration on answers from a file or a TCP stream, which have no timestamps. Without a duration, GstAggregator
+// could not limit the queue of a pad, because its limit is a time.
 static GstBuffer* give_duration(GstBuffer* answer) {
   constexpr GstClockTime kShare = 10 * GST_MSECOND;
   answer = gst_buffer_make_writable(answer);
@@ -575,7 +609,7 @@ static GstPadProbeReturn lf_compositor_answer_arrives(GstPad* pad, GstPadProbeIn
   return GST_PAD_PROBE_OK;
 }
 
-// The default implementation would name every pad sink_N and ignore the requested name.
+// Uses the requested name. The default implementation would name every pad sink_N.
 static GstAggregatorPad* lf_compositor_create_pad(GstAggregator* agg, GstPadTemplate* templ, const gchar* name,
                                                   const GstCaps*) {
   g_autofree gchar* pad_name = nullptr;
@@ -628,7 +662,6 @@ static void install_pads(LfCompositorClass* klass) {
   gst_element_class_add_static_pad_template_with_gtype(element_class, &src_template, GST_TYPE_AGGREGATOR_PAD);
 }
 
-// Makes the pictures after a restart or seek reproducible.
 static void forget_history(LfCompositor* self) {
   auto& state = *self->state;
   state.focus.clear();
@@ -659,7 +692,7 @@ static gboolean lf_compositor_start(GstAggregator* agg) {
     return FALSE;
   }
   GST_OBJECT_LOCK(self);
-  delete std::exchange(self->new_rig, nullptr);  // from the previous run
+  delete std::exchange(self->new_rig, nullptr);
   GST_OBJECT_UNLOCK(self);
   warn_ignored_settings(self);
   state.health = lf::CameraHealth(settings.max_missed);

@@ -32,7 +32,7 @@ G_BEGIN_DECLS
 #define LF_TYPE_COMPOSITOR (lf_compositor_get_type())
 G_DECLARE_FINAL_TYPE(LfCompositor, lf_compositor, LF, COMPOSITOR, GstAggregator)
 
-// Default of GstAggregator's property "latency", for live pipelines: a frame period at 15/s.
+// Default of GstAggregator's property "latency" for live pipelines: a frame period at 15 frames per second.
 #define LF_COMPOSITOR_LATENCY (60 * GST_MSECOND)
 
 #define LF_TYPE_COMPOSITOR_INCOMPLETE (lf_compositor_incomplete_get_type())
@@ -44,7 +44,7 @@ GType lf_compositor_focus_get_type(void);
 #define LF_TYPE_COMPOSITOR_SHOW (lf_compositor_show_get_type())
 GType lf_compositor_show_get_type(void);
 
-// Property "gains": exposure compensation. Also accepts boolean values.
+// Values of the property "gains" (exposure compensation), which also accepts booleans.
 typedef enum {
   LF_COMPOSITOR_GAINS_OFF = 0,
   LF_COMPOSITOR_GAINS_ON = 1,
@@ -59,11 +59,11 @@ G_END_DECLS
 
 namespace lf {
 
-// The properties of lfcompositor, without the limits of its RequestGuard.
+// The properties of lfcompositor. The property `limits` is part of its RequestGuard.
 struct CompositorSettings {
   guint view_id = 0;
   std::string rig;
-  guint background = 0xff000000;  // 0xAARRGGBB
+  guint background = 0xff000000;
   bool post_messages = false;
   LfCompositorIncomplete incomplete = LF_COMPOSITOR_INCOMPLETE_CONCEAL;
   guint max_missed = 5;  // a sixth of a second at 30 pictures per second
@@ -71,18 +71,19 @@ struct CompositorSettings {
   guint node = 0;
   CodecChoice codec = CodecChoice::kAuto;
   FocusMode focus = FocusMode::kAuto;
-  double focus_near = 0, focus_far = 0;  // metres
+  double focus_near = 0, focus_far = 0;
   guint monitor_interval = 0;
   guint depth_interval = 1;
   LfCompositorGains gains = LF_COMPOSITOR_GAINS_AUTO;
   WeightOverlayMode show = WeightOverlayMode::kNone;
 
-  // Returns the depth settings. `auto` needs a rig; a compositor inside a tree leaves focusing to the root.
+  // Returns the settings for depth estimation. `auto` needs a rig, and a compositor inside a tree leaves focusing to
+  // the root.
   DepthEstimator::Settings view_depths() const;
-  // Returns warnings about settings without effect, for the user; "": none.
+  // Returns a warning about settings that have no effect, for the user; "" if there are none.
   std::string ignored_settings() const;
 
-  // True if exposure compensation is active. `has_colour`: the rig contains colour corrections.
+  // Returns true if exposure compensation is active. `has_colour` means that the rig contains colour corrections.
   bool match_gains(bool has_colour) const {
     return gains == LF_COMPOSITOR_GAINS_ON || (gains == LF_COMPOSITOR_GAINS_AUTO && !has_colour);
   }
@@ -90,7 +91,7 @@ struct CompositorSettings {
   static PropertyTable<CompositorSettings>& properties();
 
  private:
-  // False if the near limit is not nearer than the far limit; both are then ignored.
+  // Returns false, and both limits are ignored, if the near limit is not nearer than the far limit.
   bool has_focus_range() const { return focus_far == 0 || focus_near < focus_far; }
 };
 
@@ -98,8 +99,8 @@ struct CompositorSettings {
 
 GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
 
-// Shared by lfcompositor.cc (properties, pads, events, queries) and composition.cc (takes requests and answers, outputs
-// pictures).
+// The state that lfcompositor.cc (properties, pads, events, queries) and composition.cc (requests, answers, pictures)
+// share.
 
 struct _LfCompositor {
   GstAggregator parent;
@@ -107,34 +108,33 @@ struct _LfCompositor {
 
   // Guarded by the object lock.
   lf::CompositorSettings* settings;
-  // Rig set while running, used from the next request on; null: none.
+  // New rig of a running element, used from the next request on; null if there is none.
   std::shared_ptr<const lf::Rig>* new_rig;
 
-  lf::RequestGuard* guard;  // thread-safe
+  lf::RequestGuard* guard;
 
   struct State {
     explicit State(GstAggregator* self) : output(self) {}
 
-    // Any thread.
     lf::CompositorStats stats;
     lf::QosTracker qos;
     lf::SilenceDetector silence;  // see SilenceDetector for thread safety
-    // Cached liveness; asking GstAggregator would send queries to all pads.
+    // Whether the pipeline is live. This is cached, because GstAggregator would send queries to all pads.
     std::atomic<bool> live = false;
     std::atomic<double> extent = 0;  // width of the array, metres; see array_extent()
     std::atomic<bool> request_flushed = false;
-    std::atomic<bool> over = false;  // the output has ended
+    std::atomic<bool> over = false;
 
     // Streaming thread.
     lf::CompositorSettings settings;
     std::shared_ptr<const lf::Rig> rig;
-    std::optional<lf::ViewRequest> current;  // the request at the head of the request pad
+    std::optional<lf::ViewRequest> current;  // the current request, at the head of the request pad
     lf::Assembly assembly;
-    uint64_t bytes = 0;  // bytes of the answers
-    int64_t adding = 0;  // microseconds spent on adding answers
+    uint64_t bytes = 0;
+    int64_t adding = 0;
     lf::RequestHistory past;
     lf::CameraHealth health;
-    lf::CameraRanges gone;  // non-live: cameras without a frame in the latest answers
+    lf::CameraRanges gone;  // cameras without a frame in the latest answers, if not live
     lf::CameraSet corners;  // hull of the array, see lf::mesh_exclusions()
     lf::DepthLoop focus;
     lf::ProbeScheduler turns;
@@ -145,20 +145,19 @@ struct _LfCompositor {
     bool warned_unseen = false;
     std::optional<uint32_t> first_set;  // first sequence number of the first set
     bool warned_unlinked = false;       // since the start or the latest successful push
-    int64_t latency_asked_at = 0;       // monotonic time, microseconds
+    int64_t latency_asked_at = 0;
   } * state;
 };
 
 lf::CompositorSettings lf_compositor_settings(LfCompositor* self);
 guint lf_compositor_view_id(LfCompositor* self);
 bool lf_compositor_is_live(LfCompositor* self);
-// Returns the caps that downstream accepts, restricted to raw video.
+// Returns the raw video caps that downstream accepts.
 lf::SharedCaps lf_compositor_accepted_caps(LfCompositor* self);
 
 GstFlowReturn lf_compositor_aggregate(GstAggregator* agg, gboolean timeout);
 GstClockTime lf_compositor_next_time(GstAggregator* agg);
-// May be null.
 void lf_compositor_use_rig(LfCompositor* self, std::shared_ptr<const lf::Rig> rig);
 void lf_compositor_forget_request(LfCompositor* self);
-// Sends the accepted caps upstream. Returns true if the next requests will match these caps.
+// Tells the view's lfviewrequest the accepted caps. Returns true if the next requests will match these caps.
 bool lf_compositor_announce_caps(LfCompositor* self);

@@ -12,7 +12,7 @@ GQuark node_quark() {
   return quark;
 }
 
-// Returns the sequence number; it has the same position in all units of an answer stream.
+// Reads the sequence number, which has the same position in all units of an answer stream.
 uint32_t sequence_of(GstBuffer* unit) {
   constexpr gsize kAt = 16;
   guint8 bytes[4] = {};
@@ -82,7 +82,6 @@ BufferPtr NodeInput::pop() {
   return BufferPtr(detached_ ? nullptr : gst_aggregator_pad_pop_buffer(pad_));
 }
 
-// Returns true if the answer is complete.
 bool NodeInput::take_early(uint32_t sequence, const std::function<UnitResult(GstBuffer*)>& take_unit) {
   if (early_.size() == 0) return false;
   bool whole = false;
@@ -104,7 +103,7 @@ void NodeInput::take(uint32_t sequence, bool live, const std::function<UnitResul
     head_ = HeadState::kDone;
     return;
   }
-  // The reference keeps the buffer alive if the pad is flushed or released meanwhile.
+  // Holds a reference, because the pad may be flushed or released meanwhile.
   while (const BufferPtr head = peek()) {
     GstBuffer* buffer = head.get();
     if (buffer == seen_) return;

@@ -19,7 +19,7 @@
 namespace lf {
 namespace {
 
-// Other layouts get no multiview-mode: players would show only one of their views.
+// Other layouts get no multiview-mode, because players would show only one of their views.
 void set_multiview(GstCaps* caps, ViewSetLayout layout) {
   const bool crossed = layout == ViewSetLayout::kCrossEyed;
   const auto mode = layout == ViewSetLayout::kTopBottom           ? GST_VIDEO_MULTIVIEW_MODE_TOP_BOTTOM
@@ -31,7 +31,8 @@ void set_multiview(GstCaps* caps, ViewSetLayout layout) {
                       "multiview-flags", GST_TYPE_VIDEO_MULTIVIEW_FLAGSET, flags, GST_FLAG_SET_MASK_EXACT, nullptr);
 }
 
-// Returns video caps in system memory: the cameras' full range first, then video range for elements that need it.
+// Returns video caps in system memory. Full range, which the cameras use, comes before video range, which some elements
+// need.
 GstCaps* caps_of_family(PixelFamily family) {
   constexpr char kRgb[] = "video/x-raw, format=(string){ " LF_RGB_FORMATS " }";
   constexpr char kYCbCr[] = "video/x-raw, format=(string){ I420, NV12 }, colorimetry=(string){ 1:4:0:0, bt601 }";
@@ -89,7 +90,7 @@ GstCaps* choose_output_caps(GstCaps* downstream, GstPad* request, PixelFamily fa
   gst_caps_set_simple(wanted, "width", G_TYPE_INT, width, "height", G_TYPE_INT, height, "framerate", GST_TYPE_FRACTION,
                       rate_n, rate_d, "pixel-aspect-ratio", GST_TYPE_FRACTION, 1, 1, nullptr);
   set_multiview(wanted, layout);
-  // Downstream elements that accept both kinds get system memory.
+  // Prefers system memory if downstream accepts both kinds.
   GstCaps* in_gpu = gst_caps_copy(wanted);
   put_in_gpu(in_gpu);
   gst_caps_append(wanted, in_gpu);
@@ -195,7 +196,6 @@ GlRenderTarget::~GlRenderTarget() {
   if (is_mapped_) gst_video_frame_unmap(&frame_);
 }
 
-// Inserts a fence behind all commands of the textures' own context.
 void* GlRenderTarget::insert_fence() const {
   void* fence = nullptr;
   const auto put = [](GstGLContext*, gpointer to) {
@@ -243,7 +243,7 @@ void PictureOutput::start(bool partial, GstPad* request) {
 }
 
 void PictureOutput::stop() {
-  GlContextPtr context;  // released outside the lock
+  GlContextPtr context;
   ObjectLock lock(element_);
   context_.swap(context);
   lock.unlock();
@@ -253,11 +253,11 @@ void PictureOutput::stop() {
   own_gpu_.stop();
 }
 
-// If downstream changes, the base class may negotiate between pictures. A failure is then handled at the next picture,
-// because it must end only this view and not the shared stream of requests.
+// Accepts failures here. If downstream changes, the base class may negotiate between pictures. The failure is then
+// handled at the next picture, because it must end only this view and not the shared stream of requests.
 void PictureOutput::negotiate(bool follows) {
   follows_ = follows;
-  // Without a size there is nothing to negotiate yet; the base class would log a warning (1.22).
+  // Does nothing while the size is unknown, because the base class would log a warning (1.22).
   agreed_ = width_ > 0 && GST_AGGREGATOR_CLASS(g_type_class_peek(GST_TYPE_AGGREGATOR))->negotiate(element_);
 }
 
@@ -316,7 +316,7 @@ void PictureOutput::set_context(GlContextPtr context) {
 }
 
 // Negotiates caps and memory for pictures of this kind. Returns GST_FLOW_CUSTOM_SUCCESS if this picture does not fit
-// but later requests will, and GST_FLOW_NOT_NEGOTIATED after posting an error.
+// but later ones will, and GST_FLOW_NOT_NEGOTIATED after posting an error.
 GstFlowReturn PictureOutput::negotiate_caps(PixelFamily family, int width, int height, ViewSetLayout layout) {
   family_ = family;
   if (family != PixelFamily::kNone) offered_ = family;
@@ -352,7 +352,7 @@ GstFlowReturn PictureOutput::negotiate_picture(PixelFamily family, const ViewReq
   return same && agreed_ ? GST_FLOW_OK : negotiate_caps(family, width, height, place.layout);
 }
 
-// Pointers to the region of a view in a picture: one RGB plane, or Y, Cb and Cr.
+// The region of one view in a picture, as pointers to one RGB plane, or to Y, Cb and Cr.
 struct PictureOutput::Planes {
   Planes(const GstVideoFrame& frame, const ViewRequest& request) {
     const int x = request.place.column() * request.view.width, y = request.place.row() * request.view.height;
@@ -369,7 +369,7 @@ struct PictureOutput::Planes {
   ptrdiff_t stride[3] = {};
 };
 
-// Fills pixels without weight from the previous picture, unless that was made with another rig.
+// Fills pixels that no camera contributed to from the previous picture, unless that was made with another rig.
 void PictureOutput::conceal(const Assembly& assembly, const ViewRequest& request, const Planes& picture) {
   if (assembly.fragments() > 0 && assembly.rig_hash() != last_rig_) return;
   GstVideoFrame before;
@@ -397,7 +397,7 @@ bool PictureOutput::begin_pending(const ViewRequest& request) {
 }
 
 // Draws the view on the GPU that holds its sum. The last view of a set waits for the GPU. Returns false if the view
-// must be drawn on the CPU: it is incomplete, or has an overlay.
+// must be drawn on the CPU, because it is incomplete or has an overlay.
 bool PictureOutput::draw_on_gpu(const Assembly& assembly, const ViewRequest& request, const Background& background) {
   const gl::ShareGroup group = assembly.picture().share_group();
   if (group == 0 || !assembly.complete() || (shown_ != WeightOverlayMode::kNone && rig_)) return false;
@@ -427,7 +427,7 @@ void PictureOutput::leave_gpu() {
 
 bool PictureOutput::draw_here(const Assembly& assembly, const ViewRequest& request, const Background& background) {
   GstVideoFrame frame;
-  // Keep the views that have already been drawn.
+  // Keeps the views that have already been drawn.
   const bool is_begun = std::ranges::find(pending_.drawn, true) != pending_.drawn.end();
   if (!gst_video_frame_map(&frame, &info_, pending_.buffer, is_begun ? GST_MAP_READWRITE : GST_MAP_WRITE)) return false;
   const Planes planes(frame, request);
@@ -468,7 +468,7 @@ GstBuffer* PictureOutput::make_picture(Assembly& assembly, const ViewRequest& re
   if (*flow != GST_FLOW_OK || *dropped) return nullptr;
   const bool goes_on = is_drawing(request) && pending_.drawn.size() == static_cast<size_t>(request.place.count());
   *dropped = had_begun && !goes_on;
-  // An empty view would show only the previous picture; skipping the work helps an overloaded machine.
+  // Skips an empty view, which would show only the previous picture. This helps an overloaded machine.
   if (last_picture_ && request.place.count() == 1 && assembly.is_empty()) {
     pending_.complete = pending_.on_gpu = false;
     return gst_buffer_copy(last_picture_);

@@ -31,27 +31,27 @@ typedef enum {
 namespace lf {
 
 // Chooses fixed caps for pictures of width x height pixels from `downstream`, the accepted caps. Returns null if no
-// caps fit (transfer full). `family`: of the fragments, if known. `request`: the pad with the frame rate. A layout with
-// a GStreamer multiview-mode has this mode in the caps. YCbCr has the cameras' range, or video range if downstream
-// requires it for BT.601; GstVideoConverter 1.22 would ignore the range. Uses GPU memory only if downstream accepts
-// nothing else.
+// caps fit (transfer full). `family` is the pixel family (RGB or YCbCr) of the fragments, if known; `request` is the
+// pad with the frame rate. Stereo layouts have a multiview-mode in the caps. YCbCr has the range of the cameras, or
+// video range if downstream requires it for BT.601, because GstVideoConverter 1.22 would ignore the range. GPU memory
+// is chosen only if downstream accepts nothing else.
 GstCaps* choose_output_caps(GstCaps* downstream, GstPad* request, PixelFamily family, int width, int height,
                             ViewSetLayout layout);
 
-// The reason why choose_output_caps() fails, and the remedy, for the user.
+// Explains to the user why choose_output_caps() fails, and what to do.
 struct CapsMismatch {
   bool is_of_size_or_rate = false;  // true if another size or rate would be accepted
   std::string text;
 };
 CapsMismatch explain_mismatch(const GstCaps* downstream, GstPad* request, PixelFamily family, int width, int height);
 
-// Returns video caps of this family (kNone: any family) in any memory (transfer full).
+// Returns video caps of this family (kNone: any family) in any kind of memory (transfer full).
 GstCaps* offered_caps(PixelFamily family);
 
-// True if all structures of the caps are in GPU memory.
+// Returns true if all structures of the caps are in GPU memory.
 bool is_in_gpu(const GstCaps* caps);
 
-// The textures of a picture buffer, mapped as a render target during the object's lifetime.
+// The textures of a picture buffer, as a render target during the lifetime of this object.
 class GlRenderTarget {
  public:
   // `group`: required share group of the textures.
@@ -60,12 +60,12 @@ class GlRenderTarget {
   GlRenderTarget(const GlRenderTarget&) = delete;
   GlRenderTarget& operator=(const GlRenderTarget&) = delete;
 
-  // False if sums cannot be drawn to the textures of the buffer.
+  // Returns false if sums cannot be drawn to the textures of the buffer.
   explicit operator bool() const { return is_mapped_; }
   gl::ShareGroup group() const { return group_; }
   // Starts drawing a sum at pixel (x, y). Returns false and sets `why` on failure.
   bool draw(const Accumulator& sum, const Background& background, int x, int y, std::string& why);
-  // Waits for all draw calls. Returns false and sets `why` if a result is lost.
+  // Waits for all draw calls. Returns false and sets `why` if the result of a call is lost.
   bool finish(std::string& why);
 
  private:
@@ -78,7 +78,7 @@ class GlRenderTarget {
   std::vector<std::shared_ptr<gl::GpuSum>> undrained_;  // unfinished draw calls; keeps their sums alive
 };
 
-// The output of an lfcompositor: negotiates caps and memory, makes pictures or partial answers, and keeps the previous
+// The output of an lfcompositor. Negotiates caps and memory, makes pictures or partial answers, and keeps the previous
 // picture as a replacement for incomplete pictures. Posts errors of its element. Use from the streaming thread, except
 // for is_pushing(), has_begun() and own_gpu().
 class PictureOutput {
@@ -88,21 +88,21 @@ class PictureOutput {
   PictureOutput(const PictureOutput&) = delete;
   PictureOutput& operator=(const PictureOutput&) = delete;
 
-  // `partial`: output answers instead of pictures. `request`: the pad that determines the frame rate.
+  // `partial` means answers instead of pictures. `request` is the pad that determines the frame rate.
   void start(bool partial, GstPad* request);
   void stop();
   // Forces a new segment event and drops the unfinished picture.
   void flush() { segment_ = {}, drop_pending(); }
 
-  // Implementations of the GstAggregatorClass functions. `follows`: the view's next requests will match the downstream
-  // caps.
+  // Implementations of the GstAggregatorClass functions. `follows` means that the next requests will match the
+  // downstream caps.
   void negotiate(bool follows);
   GstFlowReturn update_src_caps(GstCaps* downstream, GstCaps** caps);
   bool negotiated_src_caps(GstCaps* caps);
   bool decide_allocation(GstQuery* query);
   OwnGpu& own_gpu() { return own_gpu_; }
 
-  // Sets the overlay of the next pictures; none without a rig.
+  // Sets the overlay of the next pictures. There is none without a rig.
   void show(WeightOverlayMode what, std::shared_ptr<const Rig> rig) {
     shown_ = what;
     if (rig_ == rig) return;
@@ -110,34 +110,35 @@ class PictureOutput {
     overlay_ = {};
   }
 
-  // Returns the picture of a request and all views of its set. Returns null if there is none; *flow is GST_FLOW_OK if
-  // other views are still missing, otherwise the error. Sets *dropped to true if a picture will never be complete: a
-  // new set started too early, or the request precedes a change of the accepted size or rate.
+  // Adds a view to the picture of its set. Returns the picture of the request if all views of the set are complete,
+  // otherwise null. *flow is then GST_FLOW_OK if other views are still missing, and otherwise the error. Sets *dropped
+  // to true if a picture will never be complete, because a new set started too early, or because the accepted size or
+  // rate has changed since the request.
   GstBuffer* make_picture(Assembly& assembly, const ViewRequest& request, const Background& background,
                           GstFlowReturn* flow, bool* dropped);
-  // True if the latest picture was made on the GPU that held its sums.
+  // Returns true if the latest picture was made on the GPU that held its sums.
   bool is_on_gpu() const { return pending_.on_gpu; }
-  // True if the request's set has been started and is not complete.
+  // Returns true if the set of the request has been started and is not complete.
   bool is_drawing(const ViewRequest& request) const {
     return pending_.buffer && pending_.first == first_of_set(request);
   }
-  // Returns the sum for the request as the answer of node `node`. Returns null on failure and sets *flow.
+  // Returns the sum for the request, as the answer of node number `node`. Returns null on failure and sets *flow.
   GstBuffer* make_answer(Assembly& assembly, const ViewRequest& request, guint node, CodecChoice codec,
                          GstFlowReturn* flow);
-  // Keeps, repeats or drops an incomplete picture, according to `incomplete`. Takes the picture.
+  // Keeps, repeats or drops an incomplete picture, as the property `incomplete` says. Takes the picture.
   enum class OutputAction { kPicture, kRepeated, kDropped };
   OutputAction replace_incomplete(const Assembly& assembly, LfCompositorIncomplete incomplete, GstBuffer** picture);
 
   // Uses the segment of the requests for the output.
   void follow_segment(const GstSegment& requests);
-  // Pushes the buffer (transfer full). `pts`: position in the segment. `keep`: keep a reference as a replacement for
-  // later pictures.
+  // Pushes the buffer (transfer full) with the position `pts` in the segment. If `keep`, keeps a reference as a
+  // replacement for later pictures.
   GstFlowReturn push(GstBuffer* picture, GstClockTime pts, bool keep);
   PixelFamily family() const { return offered_; }  // kNone: not known yet. Any thread
-  bool is_pushing() const { return pushing_; }     // downstream may block meanwhile
-  bool has_refused() const { return refused_; }    // an error has been posted about caps
+  bool is_pushing() const { return pushing_; }
+  bool has_refused() const { return refused_; }
   bool has_begun() const { return negotiated_; }
-  // Returns the context of downstream's GPU memory; null: system memory. Any thread.
+  // Returns the OpenGL context of downstream's GPU memory; null for system memory. Any thread.
   GlContextPtr context() const;
 
  private:
@@ -160,19 +161,19 @@ class PictureOutput {
   GstAggregator* const element_;
   GstPad* request_ = nullptr;
   bool partial_ = false;
-  GstSegment segment_{};  // sent downstream
+  GstSegment segment_{};
   GstVideoInfo info_{};
   std::atomic<bool> negotiated_ = false;
   // Format of the next picture, and whether downstream accepts it (agreed_). Width 0: not known yet.
   PixelFamily family_ = PixelFamily::kNone;
-  std::atomic<PixelFamily> offered_ = PixelFamily::kNone;  // latest known family_
+  std::atomic<PixelFamily> offered_ = PixelFamily::kNone;
   int width_ = 0, height_ = 0;
   ViewSetLayout layout_ = ViewSetLayout::kMono;
   bool agreed_ = false;
   bool refused_ = false;
   bool follows_ = false;  // the view's next requests will match the downstream caps
-  GlContextPtr context_;  // guarded by the element's object lock
-  bool in_gpu_ = false;   // see is_in_gpu()
+  GlContextPtr context_;
+  bool in_gpu_ = false;
   OwnGpu own_gpu_;
   PicturePool pool_;
   // The unfinished picture of a set of views.
@@ -180,9 +181,9 @@ class PictureOutput {
     GstBuffer* buffer = nullptr;
     uint32_t first = 0;
     std::vector<bool> drawn;
-    bool complete = true;  // all drawn views are complete
-    bool on_gpu = true;    // all drawn views were made on a GPU
-    // The buffer's textures while views are drawn on the GPU; reset before any other access to the buffer.
+    bool complete = true;
+    bool on_gpu = true;
+    // The textures of the buffer while views are drawn on the GPU. Reset this before any other access to the buffer.
     std::unique_ptr<GlRenderTarget> textures = {};
   } pending_;
   void drop_pending() {
@@ -193,9 +194,9 @@ class PictureOutput {
   std::shared_ptr<const Rig> rig_;
   WeightOverlay overlay_;
   std::shared_ptr<AnswerMemory> memory_ = std::make_shared<AnswerMemory>();
-  bool root_is_local_ = false;         // the receiver of partial answers is in this process
-  GstBuffer* last_picture_ = nullptr;  // replacement for incomplete pictures
-  uint64_t last_rig_ = 0;              // rig hash of last_picture_; 0: unknown
+  bool root_is_local_ = false;  // the receiver of partial answers is in this process
+  GstBuffer* last_picture_ = nullptr;
+  uint64_t last_rig_ = 0;  // rig hash of last_picture_; 0: unknown
   std::atomic<bool> pushing_ = false;
 };
 

@@ -10,7 +10,7 @@
 
 namespace {
 
-// A video buffer pool that shrinks: frees returned buffers beyond a few idle ones.
+// A video buffer pool that shrinks: it keeps a few idle buffers and frees further returned buffers.
 struct LfTrimmingPool {
   GstVideoBufferPool parent;
   gint buffers, in_use;
@@ -46,7 +46,7 @@ void release(GstBufferPool* pool, GstBuffer* buffer) {
   LfTrimmingPool* self = trimming_pool(pool);
   const gint in_use = g_atomic_int_add(&self->in_use, -1) - 1;
   if (g_atomic_int_get(&self->buffers) - in_use > static_cast<gint>(lf::PicturePool::kMostIdle))
-    GST_BUFFER_FLAG_SET(buffer, GST_BUFFER_FLAG_TAG_MEMORY);  // makes the base class free the buffer
+    GST_BUFFER_FLAG_SET(buffer, GST_BUFFER_FLAG_TAG_MEMORY);
   base_class()->release_buffer(pool, buffer);
 }
 
@@ -66,8 +66,7 @@ struct Memory {
   bool has_video_meta = false;  // downstream reads plane offsets from the meta
 };
 
-// Returns the memory parameters that downstream requests. Ignores custom allocators, because they only work with their
-// own pool.
+// Ignores custom allocators of downstream, because they only work with their own pool.
 Memory memory_of(GstQuery* query) {
   Memory memory;
   gst_allocation_params_init(&memory.params);
@@ -79,7 +78,7 @@ Memory memory_of(GstQuery* query) {
   return memory;
 }
 
-// A pool may adjust the requested configuration; the adjusted configuration must be set again.
+// A pool may adjust the configuration. The adjusted configuration must then be set again.
 bool configure(GstBufferPool* pool, GstCaps* caps, guint size, guint least, guint most, const Memory& memory) {
   GstStructure* config = gst_buffer_pool_get_config(pool);
   gst_buffer_pool_config_set_params(config, caps, size, least, most);
@@ -121,12 +120,12 @@ bool OwnGpu::answer(GstQuery* query) {
   return gst_gl_handle_context_query(element_, query, display_, context_, shared_);
 }
 
-// Queries neighbours without the lock, because they may be querying this element.
+// Queries neighbours without the lock, because they may be querying this element at the same time.
 bool OwnGpu::find_context() {
   if (context_) return true;
   GstGLContext* context = nullptr;
   if (!gst_gl_query_local_gl_context(element_, GST_PAD_SRC, &context)) {
-    // Neighbours answer by calling share(). If none does, create a display.
+    // Neighbours answer by calling share(). If none does, this element creates a display.
     if (!gst_gl_ensure_element_data(element_, &display_, &shared_)) return false;
     GST_OBJECT_LOCK(display_);
     GError* error = nullptr;
@@ -172,8 +171,8 @@ bool PicturePool::decide(GstQuery* query, OwnGpu* gpu, GlContextPtr* context) {
     guint their_size = 0;
     gst_query_parse_nth_allocation_pool(query, i, &chosen, &their_size, &least, &most);
     if (!chosen) continue;
-    // Bounds unlimited pools, which would otherwise keep the memory of a burst forever. Our own pool takes over beyond
-    // the limit; it does not provide GPU memory.
+    // Limits unlimited pools, which would otherwise keep the memory of a burst forever. Our own pool takes over beyond
+    // the limit, but provides no GPU memory.
     most = !may_be_own ? 0 : most == 0 ? least + kMostIdle : most;
     chosen_size = MAX(their_size, size);
     if (!configure(chosen, caps, chosen_size, least, most, memory)) gst_clear_object(&chosen);

@@ -12,8 +12,8 @@ typedef struct _GstGLDisplay GstGLDisplay;
 
 namespace lf {
 
-// GPU memory for pictures if downstream requires GPU memory but offers no pool (for example gldownload). Uses an OpenGL
-// context shared by neighbours, or creates its own, as OpenGL sources do.
+// Provides GPU memory for pictures if downstream requires GPU memory but offers no pool (for example gldownload). Uses
+// an OpenGL context shared by neighbours, or creates its own, as OpenGL sources do.
 class OwnGpu {
  public:
   explicit OwnGpu(GstElement* element) : element_(element) {}
@@ -42,8 +42,8 @@ class OwnGpu {
   GstGLContext *shared_ = nullptr, *context_ = nullptr;
 };
 
-// Recycles the memory of pictures: for a 1080p picture, fresh pages from the system cost as much as composing. Pictures
-// may outlive the pool. Not thread-safe.
+// Recycles the memory of pictures, because fresh pages from the system would cost as much as composing a 1080p picture.
+// Pictures may outlive the pool. Not thread-safe.
 class PicturePool {
  public:
   static constexpr guint kMostIdle = 4;  // idle buffers kept for the next pictures
@@ -53,13 +53,13 @@ class PicturePool {
   PicturePool(const PicturePool&) = delete;
   PicturePool& operator=(const PicturePool&) = delete;
 
-  // Implements GstAggregatorClass::decide_allocation: selects the pool for pictures of raw video and makes it the first
-  // pool of the query. Prefers a suitable pool of downstream; otherwise uses an own pool, or a pool of `gpu` for GPU
-  // memory (see is_in_gpu()). Returns false if there is no memory. *context: the context of the pool's memory; null for
+  // Implements GstAggregatorClass::decide_allocation: selects the pool for raw video and makes it the first pool of the
+  // query. Prefers a suitable pool of downstream. Otherwise uses an own pool, or a pool of `gpu` for GPU memory (see
+  // is_in_gpu()). Returns false if there is no memory. *context becomes the OpenGL context of the memory, or null for
   // system memory.
   bool decide(GstQuery* query, OwnGpu* gpu = nullptr, GlContextPtr* context = nullptr);
-  // Returns a buffer of `chosen`, the pool selected by decide() (transfer full). Returns null if there is no memory.
-  // Never blocks, because pictures are kept for repetition: uses an own pool if `chosen` is exhausted.
+  // Returns a buffer of `chosen`, the pool that decide() selected (transfer full). Never blocks, because pictures are
+  // kept for repetition: if `chosen` is exhausted, an own pool provides the buffer. Returns null if there is no memory.
   GstBuffer* take(GstBufferPool* chosen);
   void clear();
 

@@ -15,7 +15,7 @@ gboolean set_one_field(GQuark field, const GValue* value, gpointer to) {
   return TRUE;
 }
 
-// Scaling, conversion and copies do not change the view.
+// The meta stays valid, because scaling, conversion and copies do not change the view.
 gboolean copy_view_meta(GstBuffer* to, GstCustomMeta* meta, GstBuffer*, GQuark, gpointer, gpointer) {
   if (gst_buffer_get_custom_meta(to, LF_VIEW_META)) return TRUE;
   GstCustomMeta* copy = gst_buffer_add_custom_meta(to, LF_VIEW_META);
@@ -89,7 +89,9 @@ void set_view(GstStructure* structure, const ViewMetaEntry& facts) {
   set_numbers(structure, "position", position);
   set_numbers(structure, "orientation", orientation);
   take_structure(structure, "lens", lens_of(request.view));
-  if (facts.coverage >= 0) gst_structure_set(structure, "coverage", G_TYPE_DOUBLE, facts.coverage, nullptr);
+  if (facts.coverage)
+    gst_structure_set(structure, "coverage", G_TYPE_DOUBLE, facts.coverage->seen, "extrapolated", G_TYPE_DOUBLE,
+                      facts.coverage->extrapolated, nullptr);
   set_cameras(structure, "missing-cameras", facts.missing_cameras);
   set_names(structure, "missing-nodes", facts.missing_nodes);
 }
@@ -118,7 +120,7 @@ uint32_t set_of(const ViewMetaEntry& facts) {
 }  // namespace
 
 void register_view_meta() {
-  // Without tags: elements such as videoconvert drop metas with tags that they don't know.
+  // The meta has no tags, because elements such as videoconvert drop metas with tags that they don't know.
   static const char* const no_tags[] = {nullptr};
   if (!gst_meta_get_info(LF_VIEW_META))
     gst_meta_register_custom(LF_VIEW_META, const_cast<const gchar**>(no_tags), copy_view_meta, nullptr, nullptr);

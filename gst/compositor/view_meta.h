@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "render/contribution_map.h"
 #include "rig/rig.h"
 #include "view/view_request.h"
 
@@ -20,8 +21,8 @@ void register_view_meta();
 
 struct ViewMetaEntry {
   ViewRequest request;
-  std::optional<uint64_t> capture_time;  // nanoseconds
-  double coverage = -1;                  // share of the view that cameras see; negative: unknown
+  std::optional<uint64_t> capture_time;
+  std::optional<MeanCoverage> coverage;  // nothing: unknown
   unsigned fragments = 0, missing = 0, damaged = 0;
   CameraSet missing_cameras;
   std::vector<std::string> missing_nodes;
@@ -30,12 +31,10 @@ struct ViewMetaEntry {
   bool complete() const { return fragments > 0 && missing == 0 && damaged == 0; }
 };
 
-// Collects the data of all views of one picture. Not thread-safe.
 class ViewMeta {
  public:
-  // Adds a view to the current picture, or starts the next picture.
   void add(ViewMetaEntry facts);
-  // Adds the meta to the finished picture, unless it is a repeated picture with a meta.
+  // Adds the meta to the finished picture. A repeated picture keeps the meta that it has.
   void attach(GstBuffer* picture);
   void clear() { views_.clear(); }
 

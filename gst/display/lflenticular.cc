@@ -4,13 +4,14 @@
  * @title: lflenticular
  * @short_description: converts a quilt of views to the image of a lenticular display
  *
- * lflenticular converts a quilt, as produced by lfviewsrc or lfcompositor with views=quilt or views=row, to the image
- * of a lenticular light field display. Such a display has a sheet of slanted cylindrical lenses in front of its pixels.
- * Each lens shows a different subpixel column in each viewing direction. The element samples each red, green and blue
- * subpixel from the view that is visible in its direction.
+ * lflenticular converts a quilt (one picture that contains many views in rows and columns) to the image of a lenticular
+ * light field display. lfviewsrc and lfcompositor produce quilts with views=quilt or views=row. A lenticular display
+ * has a sheet of slanted cylindrical lenses in front of its pixels. Each lens shows a different subpixel column in each
+ * viewing direction. Therefore the element takes each red, green and blue subpixel from the view that is visible in its
+ * direction.
  *
  * The image must reach the display without scaling, so the output caps must have the native resolution of the display.
- * Set `reversed` if depth appears inverted. Adjust `centre` until the middle view is visible from straight ahead. A
+ * Adjust `centre` until the middle view is visible from straight ahead, and set `reversed` if depth appears inverted. A
  * lens that covers N pixels of a row has 3 N subpixels.
  *
  * ## A display of 2560x1600 pixels with lenses 9.3 pixels wide, leaning 12 degrees to the left
@@ -41,24 +42,31 @@ struct Settings : lf::LenticularDisplay {
     using S = Settings;
     constexpr double kMostPixels = 16384, kMostSlant = 80, kMostCentre = 1e6;
     static lf::PropertyTable<S> table = {
-        lf::property<&S::columns>(lf::kWhilePlaying, "columns", "Columns", "Number of columns in the input quilt", 1,
-                                  lf::ViewSetPosition::kMaxViews),
+        lf::property<&S::columns>(
+            lf::kWhilePlaying, "columns", "Columns",
+            "Number of columns in the input quilt, the grid of views in one picture. Set it to the value of columns "
+            "of the source",
+            1, lf::ViewSetPosition::kMaxViews),
         lf::property<&S::rows>(lf::kWhilePlaying, "rows", "Rows",
-                               "Number of rows in the input quilt; view 0 is at the bottom left", 1,
+                               "Number of rows in the input quilt. View 0 is at the bottom left", 1,
                                lf::ViewSetPosition::kMaxViews),
         lf::inherited_property<S, &S::lens_pitch>(
             lf::kWhilePlaying, "lens-pitch", "Lens pitch",
-            "Horizontal lens width in display pixels: D / (p cos a) for p lenses per inch, D pixels per inch and slant "
-            "a",
+            "Width of a lens along a row of the display, in display pixels. The maker of a display usually states p "
+            "lenses per inch and D pixels per inch; the width is D / (p cos a) for lenses with a slant of a",
             0.5, kMostPixels),
         lf::inherited_property<S, &S::slant>(lf::kWhilePlaying, "slant", "Slant",
-                                             "Angle of the lenses from vertical, in degrees; positive: to the right",
+                                             "Angle between the lenses and the vertical, in degrees. Positive angles "
+                                             "lean to the right",
                                              -kMostSlant, kMostSlant),
         lf::inherited_property<S, &S::centre>(
             lf::kWhilePlaying, "centre", "Centre",
-            "Offset of a lens centre to the right of the display centre, in lens widths", -kMostCentre, kMostCentre),
+            "Distance of a lens centre to the right of the display centre, in lens widths. Adjust it until the "
+            "middle view is visible from straight ahead",
+            -kMostCentre, kMostCentre),
         lf::inherited_property<S, &S::reversed>(lf::kWhilePlaying, "reversed", "Reversed",
-                                                "Reverse the order of the views behind each lens")};
+                                                "Reverse order of the views behind each lens. Set this if near "
+                                                "objects appear far and far objects near")};
     return table;
   }
 };
@@ -98,7 +106,6 @@ static GstCaps* lf_lenticular_transform_caps(GstBaseTransform*, GstPadDirection,
   return filtered;
 }
 
-// The default output size is the size of one view.
 static GstCaps* lf_lenticular_fixate_caps(GstBaseTransform* base, GstPadDirection direction, GstCaps* caps,
                                           GstCaps* other) {
   other = gst_caps_make_writable(gst_caps_truncate(other));

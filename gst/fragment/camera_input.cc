@@ -50,8 +50,9 @@ bool CameraInput::assign() {
     return false;
   }
   if (!node_.inputs().set_camera(frames_, id)) {
-    GST_ELEMENT_ERROR(element_, RESOURCE, SETTINGS, ("Pad %s: camera %u has a pad already.", GST_PAD_NAME(pad_), id),
-                      (nullptr));
+    GST_ELEMENT_ERROR(
+        element_, RESOURCE, SETTINGS,
+        ("Pad %s: camera %u already has a pad. Give each pad a different camera.", GST_PAD_NAME(pad_), id), (nullptr));
     return false;
   }
   id_ = id;
@@ -70,7 +71,7 @@ bool CameraInput::check_size(int width, int height) {
     valid_size_ = size;
     return true;
   }
-  if (size == valid_size_) return true;  // the rig has changed since, with a warning; the node ignores these frames
+  if (size == valid_size_) return true;  // the rig has changed since, with a warning, so the node ignores these frames
   const std::string path = lf_fragment_settings(element_).rig;
   GST_ELEMENT_ERROR(element_, STREAM, FORMAT,
                     ("Pad %s: the video of camera %u has %dx%d pixels, the rig %s says %dx%d.", GST_PAD_NAME(pad_),
@@ -94,15 +95,16 @@ void CameraInput::start_stream(std::optional<GstClockTime> latency) {
   frames_->start_stream(live_);
 }
 
-// Call with the first frame of a new format: the camera is not known before, because its event follows the caps.
+// Call with the first frame of a new format, and not with the caps, because the event that names the camera follows the
+// caps.
 void CameraInput::take_format(const Format& format) {
   converter_.reset();
   format_.reset();
   if (assign() && (format.jpeg || check_size(format.info.width, format.info.height))) format_ = format;
 }
 
-// Returns clock time for live cameras, otherwise stream time, which continues over seeks. Uses the timestamp of
-// lfcamsrc if present, otherwise PTS plus the rig's time offset.
+// Returns the capture time of a frame: clock time for live cameras, otherwise stream time, which continues over seeks.
+// Uses the timestamp meta of lfcamsrc if present, otherwise PTS plus the time offset in the rig.
 uint64_t CameraInput::capture_time(GstBuffer* buffer, const GstSegment* segment) const {
   static GstStaticCaps reference_caps = GST_STATIC_CAPS(LF_CAPTURE_TIME_CAPS);
   GstCaps* reference = gst_static_caps_get(&reference_caps);
@@ -127,12 +129,12 @@ void CameraInput::note_arrival(uint64_t captured) {
   if (!clock) return;
   const GstClockTime now = gst_clock_get_time(clock);
   arrivals_.arrived(captured, now);
-  // The declared latency of the source does not count as lateness.
+  // The latency that the source declares does not count as lateness.
   const GstClockTimeDiff late = GST_CLOCK_DIFF(captured, now);
   frames_->note_arrival(std::max(late, static_cast<GstClockTimeDiff>(latency_)));
 }
 
-// Copies the frame if keeping it could exhaust the camera's buffer pool, which would stall the camera.
+// Copies the frame if keeping the frame itself could exhaust the camera's buffer pool, which would stall the camera.
 GstBuffer* CameraInput::copy_if_pool_is_low(GstBuffer* buffer) const {
   constexpr size_t kForCamera = 3;  // one being filled, one in transit, one spare
   if (!buffer->pool) return buffer;
@@ -147,7 +149,7 @@ GstBuffer* CameraInput::copy_if_pool_is_low(GstBuffer* buffer) const {
   return copy;
 }
 
-// Stores the frame in the node's family, or in its own family if none is chosen yet.
+// Stores the frame in the pixel family of the node, or in its own family if the node has not chosen one yet.
 GstFlowReturn CameraInput::take_raw(GstBuffer* buffer, uint64_t time) {
   GstMemory* const memory = gst_buffer_n_memory(buffer) > 0 ? gst_buffer_peek_memory(buffer, 0) : nullptr;
   if (memory && gst_is_gl_memory(memory)) {
@@ -181,7 +183,7 @@ GstFlowReturn CameraInput::take_jpeg(GstBuffer* buffer, uint64_t time) {
       reason = "its size differs from earlier frames";
       frame.reset();
     } else if (!jpeg_size_ && !check_size(size.first, size.second)) {
-      return GST_FLOW_ERROR;  // the size is wrong from the first frame on
+      return GST_FLOW_ERROR;
     }
   }
   if (frame) return flow_of(frames_->push({.picture = std::make_shared<JpegPicture>(std::move(frame)), .time = time}));
@@ -280,11 +282,11 @@ static gboolean lf_fragment_camera_event(GstPad* pad, GstObject* parent, GstEven
     case GST_EVENT_FLUSH_STOP: input.frames()->set_flushing(false); break;
     default: break;
   }
-  gst_event_unref(event);  // camera events end here; the answers follow the events of the requests
+  gst_event_unref(event);  // camera events end here, because the answers follow the events of the requests
   return ok;
 }
 
-// Proposes a pool with one buffer more than the node keeps by default.
+// Proposes a pool with one more buffer than the node keeps by default.
 static gboolean lf_fragment_propose_allocation(GstPad* pad, GstQuery* query) {
   GstCaps* caps = nullptr;
   gst_query_parse_allocation(query, &caps, nullptr);
@@ -358,8 +360,9 @@ uint64_t lf_fragment_needed_delay(LfFragment* self, uint64_t now) {
   return needed;
 }
 
-// Returns the seek position for frames of `time`. It is a little earlier, because a decoder may stamp the first frame
-// with the seek position. It is also before the last frame, because that frame is valid for all later times.
+// Returns the seek position for frames of `time`. The position is a little earlier, because a decoder may stamp the
+// first frame with the seek position. It is also before the last frame, because that frame is valid for all later
+// times.
 static gint64 seek_position(const lf::PadPtr& pad, uint64_t time) {
   const auto camera = input_of(pad).camera();
   const gint64 offset = camera ? static_cast<gint64>(camera->time_offset * GST_SECOND) : 0;
@@ -383,9 +386,9 @@ void lf_fragment_seek_cameras(LfFragment* self, uint64_t time, guint32 seqnum) {
                                         GST_SEEK_TYPE_SET, position, GST_SEEK_TYPE_NONE, -1);
     gst_event_set_seqnum(seek, seqnum);
     if (!gst_pad_push_event(pad.get(), seek))
-      GST_ELEMENT_WARNING(self, RESOURCE, SEEK,
-                          ("Pad %s: the camera cannot seek and keeps its position.", GST_PAD_NAME(pad.get())),
-                          (nullptr));
+      GST_ELEMENT_WARNING(
+          self, RESOURCE, SEEK,
+          ("Pad %s: the camera cannot seek, so it continues at its own position.", GST_PAD_NAME(pad.get())), (nullptr));
   }
 }
 

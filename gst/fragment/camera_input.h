@@ -18,39 +18,38 @@
 
 namespace lf {
 
-// The input of one camera pad of lffragment: determines the camera and passes its frames to the node. Posts errors of
-// its element. Use from the pad's streaming thread, unless noted otherwise.
+// The input behind one camera pad of lffragment. Determines which camera of the rig the pad belongs to, and passes the
+// frames to the node. Posts errors of its element. Use from the pad's streaming thread, unless noted otherwise.
 class CameraInput {
  public:
-  // `element`: owner of the pad. The element and the pad must outlive this object.
+  // `element` owns the pad. Element and pad must outlive this object.
   CameraInput(LfFragment* element, LfFragmentPad* pad, Node& node) : element_(element), pad_(pad), node_(node) {}
 
   // Any thread.
   const std::shared_ptr<CameraFrames>& frames() const { return frames_; }
   bool is_live() const { return live_; }
-  // Returns the needed capture delay at clock time `now`, in nanoseconds; 0: unknown.
+  // Returns the capture delay that this camera needs at clock time `now`, in nanoseconds; 0 if unknown.
   uint64_t needed_delay(uint64_t now) const { return arrivals_.needed(frames_->period(), now); }
-  // Returns null if the camera is not known yet.
+  // Null if the camera is not known yet.
   std::shared_ptr<const Camera> camera() const;
 
-  // Determines the camera: from the pad's property, the stream, or the pad's number, in this order. Posts an error and
+  // Determines the camera from the pad's property, the stream, or the pad's number, in this order. Posts an error and
   // returns false if the rig has no such camera or the camera already has a pad.
   bool assign();
-  // `camera`: index in the rig.
   void name(CameraIndex camera);
   // Call if frames are ready before their time.
   void note_paced() { frames_->note_arrival(static_cast<int64_t>(latency_)); }
   bool set_caps(GstCaps* caps);
-  // `latency`: latency of a live stream; nothing: not live.
+  // `latency` is the latency of a live stream; nothing if the stream is not live.
   void start_stream(std::optional<GstClockTime> latency);
-  // Takes a buffer (transfer full). `segment`: determines the capture time from the buffer's time stamps; may be null.
+  // Takes a frame (transfer full). `segment` converts the time stamps of the buffer to a capture time; it may be null.
   GstFlowReturn take(GstBuffer* buffer, const GstSegment* segment);
   // Forgets frames, format and camera. Call while the streaming thread is stopped.
   void reset();
 
  private:
   struct Format {
-    bool jpeg = false;  // true: frames stay compressed
+    bool jpeg = false;
     GstVideoInfo info{};
   };
   void take_format(const Format& format);
@@ -68,9 +67,9 @@ class CameraInput {
   std::atomic<int64_t> id_ = -1;  // camera id in the rig; -1: not known yet
   std::optional<guint> stream_camera_id_;
   std::atomic<bool> live_ = false;  // true if frames arrive in real time; set by the segment
-  ArrivalMonitor arrivals_;         // live streams only
+  ArrivalMonitor arrivals_;
   GstClockTime latency_ = 0;
-  std::optional<Format> next_;  // format of new caps, until the next frame arrives
+  std::optional<Format> next_;
   std::optional<Format> format_;
   std::unique_ptr<FrameConverter> converter_;
   std::optional<std::pair<int, int>> jpeg_size_;
@@ -92,15 +91,15 @@ struct _LfFragmentPad {
 };
 
 std::vector<lf::PadPtr> lf_fragment_camera_pads(LfFragment* self);
-// Sets the mode of all cameras. `before`: change only from this mode.
+// Sets the mode of all cameras. If `before` is given, cameras in other modes stay unchanged.
 void lf_fragment_set_mode(LfFragment* self, lf::CameraFrames::Mode mode,
                           std::optional<lf::CameraFrames::Mode> before = std::nullopt);
-// Seeks the non-live cameras after the requests have moved to another time, unless another client has already done so
-// for the seek `seqnum`. Does not wait for frames.
+// Seeks all cameras that are not live, because the requests have moved to another time. Does nothing if another client
+// has already done so for the seek `seqnum`. Does not wait for frames.
 void lf_fragment_seek_cameras(LfFragment* self, uint64_t time, guint32 seqnum);
-// Stores the context of the latest GPU frame; null: none.
+// Stores the OpenGL context of the latest GPU frame; null if there is none.
 void lf_fragment_note_context(LfFragment* self, GstGLContext* context);
-// Returns the capture delay in nanoseconds that all live cameras need at clock time `now`; 0: unknown.
+// Returns the capture delay that all live cameras need at clock time `now`, in nanoseconds; 0 if unknown.
 uint64_t lf_fragment_needed_delay(LfFragment* self, uint64_t now);
-// Does not add the pad to the element.
+// The caller must add the pad to the element.
 GstPad* lf_fragment_camera_pad_new(LfFragment* self, GstPadTemplate* templ, const gchar* name);

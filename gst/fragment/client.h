@@ -25,28 +25,28 @@
 
 namespace lf {
 
-// A request to answer, with the information available at its arrival.
+// A request that waits for its answer, with the information that was available at its arrival.
 struct AnswerJob {
   wire::AnyRequest request;
   GstClockTime pts, duration;
   LocalCompositor compositor;
-  double work = 0;   // planned work, see WorkEstimate
-  uint64_t due = 0;  // live: latest useful time of the answer, now_ns(); 0: none
+  double work = 0;
+  uint64_t due = 0;  // latest useful time of a live answer, as now_ns(); 0: none
 };
 
-// Requests that wait for their answers. Requests that can be batched (Node::can_batch_requests()) are taken together.
-// Thread-safe.
+// The requests of a client that wait for their answers. Requests that one GPU pass can answer
+// (Node::can_batch_requests()) are taken together. Thread-safe.
 class AnswerJobQueue {
  public:
-  // Pixel limit of a batch, because all answers are held until the batch is done.
+  // Maximum number of pixels in a batch, because all answers stay in memory until the batch is done.
   static constexpr size_t kMostPixels = 16'000'000;
 
-  // Adds a job, without a reference.
+  // Adds a job. The queue holds only a weak reference.
   void add(const std::shared_ptr<AnswerJob>& job);
-  // Forgets jobs that were released without being taken. Returns their number.
+  // Forgets jobs that their owner has released. Returns their number.
   size_t forget_dropped();
-  // Takes a job together with the waiting jobs that can be batched, or only the job if `alone`. Returns nothing if it
-  // has already been taken.
+  // Takes a job together with the waiting jobs that can be batched with it, or only the job if `alone`. Returns nothing
+  // if the job has already been taken.
   std::vector<std::shared_ptr<AnswerJob>> take_with(const std::shared_ptr<AnswerJob>& job, bool alone);
 
  private:
@@ -54,25 +54,24 @@ class AnswerJobQueue {
   std::deque<std::weak_ptr<AnswerJob>> waiting_;
 };
 
-// Answers the live requests of one client in the thread of its answer pad; views take turns.
+// Answers the live requests of one client in the thread of its answer pad. The views of the client take turns.
 class LiveAnswerQueue {
  public:
-  // `common`: owner of the state that all views share.
+  // `common` owns the state that all views share.
   LiveAnswerQueue(ParallelFor parallel, const Node::ClientState& common)
       : fair_(std::move(parallel), g_get_num_processors()), views_(common) {}
 
-  // Makes and pushes one answer, with the state of its view. Returns nothing if no answer was pushed. Called by the
-  // answer pad's thread.
+  // Makes and pushes one answer, with the state of its view, in the answer pad's thread. Returns nothing if no answer
+  // was pushed.
   using Answer = std::function<std::optional<GstFlowReturn>(Node::ClientState&, const ParallelFor&)>;
-  // Queues an answer. `work`: planned work. Sets *dropped to true if an older request of the view is dropped. `of_set`:
-  // see FairScheduler. Returns the flow result of the latest push.
+  // Queues an answer with its planned work. Sets *dropped to true if an older request of the view is dropped. For
+  // `of_set` see FairScheduler. Returns the flow result of the latest push.
   GstFlowReturn add(GstPad* src, uint32_t view_id, double work, Answer answer, bool* dropped, size_t of_set);
-  // Makes the next answer. Called in a loop by the answer pad's thread.
+  // Makes the next answer. The answer pad's thread calls this in a loop.
   void work(GstPad* src);
 
   void start();
   bool stop(GstPad* src);
-  // Waits until all queued answers have been pushed.
   void drain() { fair_.drain(); }
   void begin_flush() { fair_.clear(); }
   void end_flush();
@@ -83,15 +82,15 @@ class LiveAnswerQueue {
   std::atomic<GstFlowReturn> flow_ = GST_FLOW_OK;
 };
 
-// Tracks the time of one client's requests to detect jumps. Use from the requests' streaming thread, except for
-// is_live(). flush() and clear() may be called while that thread is stopped.
+// Follows the time of one client's requests to detect jumps, which file cameras must follow with a seek. Use from the
+// requests' streaming thread, except for is_live(). flush() and clear() may be called while that thread is stopped.
 class RequestPosition {
  public:
-  // Starts a new segment. `live`: the requests arrive in real time.
+  // Starts a new segment. `live` means that requests arrive in real time.
   void begin(bool live) { live_ = live; }
   bool is_live() const { return live_; }
-  // Call for each request. Returns true if file cameras must follow with a seek: after a flush, or if a new segment
-  // goes back in time.
+  // Call for each request. Returns true if file cameras must seek, which is after a flush, or if a new segment goes
+  // back in time.
   bool moves(const GstSegment& segment, uint64_t time) {
     const bool back = !gst_segment_is_equal(&segment, &segment_) && time < last_time_;
     const bool moved = std::exchange(flushed_, false) || back;
@@ -110,7 +109,7 @@ class RequestPosition {
   std::atomic<bool> live_ = false;
   GstSegment segment_{};
   uint64_t last_time_ = 0;
-  bool flushed_ = false;  // true if requests were flushed since the latest request
+  bool flushed_ = false;
 };
 
 // A request pad and its answer pad. Either pad may be released at any time.
@@ -126,7 +125,7 @@ class PadPair {
   }
   PadPair(const PadPair&) = delete;
   PadPair& operator=(const PadPair&) = delete;
-  // Return null after the pad was removed.
+  // Null if the pad was removed.
   PadPtr request() { return PadPtr(static_cast<GstPad*>(g_weak_ref_get(&request_))); }
   PadPtr src() { return PadPtr(static_cast<GstPad*>(g_weak_ref_get(&src_))); }
   PadPtr other(GstPad* pad) { return GST_PAD_IS_SRC(pad) ? request() : src(); }
@@ -135,12 +134,11 @@ class PadPair {
   GWeakRef request_, src_;
 };
 
-// Finds out if the answers of a pad reach a compositor in this process; queries again after downstream changes. Use
-// from the streaming thread, except for note_change().
+// Finds out whether the answers of a pad reach a compositor in this process, so that they need no compression. Asks
+// again after downstream changes. Use from the streaming thread, except for note_change().
 class CompositorLookup {
  public:
   void note_change() { is_new_ = true; }
-  // Call while the streaming thread is stopped. Returns the previous result.
   LocalCompositor forget() {
     is_new_ = true;
     return std::exchange(local_, {});
@@ -163,7 +161,7 @@ class CompositorLookup {
 
 // One client of lffragment, shared by its request pad and its answer pad.
 struct Client {
-  // `number`: unique within the element. `parallel`: runs the tasks of live answers.
+  // `number` is unique within the element. `parallel` runs the tasks of live answers.
   Client(GstPad* request, GstPad* src, uint32_t number, ParallelFor parallel)
       : pads(request, src), number(number), live_queue(std::move(parallel), kept) {}
   static Client& of(GstPad* pad) { return *static_cast<Client*>(gst_pad_get_element_private(pad)); }
@@ -172,12 +170,13 @@ struct Client {
   const uint32_t number;
   RequestPosition place;
   CompositorLookup compositor;
-  QosTracker qos;             // any thread
-  unsigned wrong_access = 0;  // requests of another access kind before the first valid request; streaming thread
+  QosTracker qos;  // any thread
+  // number of requests of another access kind before the first valid request; streaming thread
+  unsigned wrong_access = 0;
   bool any_fits = false;
   DelayReporter delay;     // streaming thread
   Node::ClientState kept;  // state of non-live requests, and state shared by all requests
-  AnswerJobQueue waiting;  // requests of live_queue
+  AnswerJobQueue waiting;
   LiveAnswerQueue live_queue;
   std::shared_ptr<AnswerMemory> memory = std::make_shared<AnswerMemory>();
   bool ended = false;  // true after EOS of the client; guarded by the element's object lock

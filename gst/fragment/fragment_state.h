@@ -19,7 +19,7 @@
 
 namespace lf {
 
-// The properties of lffragment, without the limits of its RequestGuard.
+// The properties of lffragment. The property `limits` is part of its RequestGuard.
 struct FragmentSettings {
   std::string rig;
   guint node = 0;
@@ -56,7 +56,7 @@ struct _LfFragment {
     gint64 trimmed_at = 0;  // monotonic time, microseconds
     guint next_camera_pad = 0, next_pair = 0;
     uint32_t next_requester = 0;
-    lf::WeakGlContext frames_context;  // context of the latest GPU frame
+    lf::WeakGlContext frames_context;
   } * state;
 };
 

@@ -5,13 +5,16 @@
  * @title: lffragment
  * @short_description: the random access camera: renders the contribution of its cameras to requested views
  *
- * lffragment renders the share of its cameras in each requested view. It takes the video of one or more cameras of a
- * rig on its `sink_%u` pads and view requests on `request`, and sends one answer per request on `src`. Use it with your
- * own camera elements; `lfcameranode` combines it with the cameras of a rig.
+ * lffragment turns ordinary cameras into random access cameras, which deliver only the pixels that a view needs. It
+ * takes the video of one or more cameras of a rig on its `sink_%u` pads and view requests on `request`. For each
+ * request it sends one answer on `src`. Use it with your own camera elements; `lfcameranode` combines it with the
+ * cameras of a rig.
  *
- * An answer contains the weighted sum of the cameras, for the part of the view that they contribute to. If the
- * request has depth hypotheses, their photo-consistency sums precede the answer. `lfcompositor` adds the answers of all
- * nodes. Further clients use the pads `request_%u`, each paired with a `src_%u`.
+ * An answer contains the part of the view that these cameras contribute to: for each pixel, the weighted sum of their
+ * images. `lfcompositor` adds the answers of all nodes, and so completes the picture. A request can also contain depth
+ * hypotheses, which are guesses of the depths in the scene. A message with photo-consistency sums then precedes the
+ * answer. These numbers show how well the cameras agree on each guess. Each further client requests a pad `request_%u`,
+ * and receives its answers from the pad `src_%u` with the same number.
  *
  * ## Example launch line
  *
@@ -26,27 +29,29 @@
  *
  * ## Frames and time
  *
- * JPEG video stays compressed; only the regions that a request needs are decoded. Damaged frames are dropped and
- * counted, and the previous frame replaces them.
+ * JPEG video stays compressed until a request needs it, and then only the needed regions are decoded. Damaged frames
+ * are dropped and counted, and the previous frame replaces them.
  *
  * lffragment does not wait for live cameras. It uses the frame nearest to the requested capture time, if the difference
- * is at most `max-skew`. It posts a warning when a camera is off by more than a frame time. For other cameras (files),
- * it waits for the requested frame, so that the output is reproducible on every machine. Files are read no faster than
- * the requests advance, and follow the seeks of the requests.
+ * is at most `max-skew`. A warning names each camera that is off by more than a frame time. For files and other cameras
+ * that are not live, the element waits for the requested frame, so that the output is the same on every machine. Files
+ * are read no faster than the requests advance, and follow the seeks of the requests.
  *
- * Requests that are too late to be shown, according to QoS events from lfcompositor, are answered without fragments.
+ * If QoS events from lfcompositor show that the picture of a request would be too late, the element saves the time for
+ * rendering and sends an empty answer.
  *
  * ## Cameras without a rig
  *
- * `access` is for cameras that know less than the rig (section 4.2 of the paper). They ignore view requests and answer
- * the warp or pixel commands that `lfviewrequest access=` sends after each request. lffragment then uses only their
- * lenses, or only their image sizes, from `rig`.
+ * The property `access` is for simple cameras that do not know the whole rig (section 4.2 of the paper). These cameras
+ * cannot answer view requests. Instead, they answer the commands that `lfviewrequest access=` sends after each request.
+ * A warp command gives the camera the transformation of its image into the view, and a pixel command names the image
+ * region to deliver. lffragment then uses only the lenses of its cameras, or only their image sizes, from `rig`.
  *
  * ## Element messages
  *
- * With `post-messages`, the element posts a message "lightfield-answer" per answer: view-id, sequence (uint), pts
- * (uint64), fragments (uint), bytes, and durations wait-ns (waiting for frames), decode-ns, render-ns, encode-ns
- * (uint64).
+ * With `post-messages`, the element posts a message "lightfield-answer" per answer. Its fields are view-id, sequence
+ * (uint), pts (uint64), fragments (uint), bytes, and the durations wait-ns (waiting for frames), decode-ns, render-ns
+ * and encode-ns (uint64).
  */
 
 #include "fragment/lffragment.h"
@@ -90,7 +95,7 @@ GstStaticPadTemplate more_src_template =
 
 }  // namespace
 
-// Makes the camera pads' properties available to gst-launch as `sink_0::camera=5`.
+// Makes the properties of camera pads available to gst-launch, for example `sink_0::camera=5`.
 static GObject* lf_fragment_child_by_index(GstChildProxy* proxy, guint index) {
   std::vector<PadPtr> pads = lf_fragment_camera_pads(LF_FRAGMENT(proxy));
   return index < pads.size() ? G_OBJECT(pads[index].release()) : nullptr;
@@ -117,18 +122,23 @@ GST_ELEMENT_REGISTER_DEFINE_WITH_CODE(lffragment, "lffragment", GST_RANK_NONE, L
 GType lf_fragment_codec_get_type(void) {
   static const GType type = lf::register_enum<lf::CodecChoice>(
       "LfFragmentCodec",
-      {{lf::CodecChoice::kAuto, "Uncompressed to a compositor in this process, otherwise JPEG of the requested quality",
+      {{lf::CodecChoice::kAuto,
+        "Uncompressed for a compositor in this process, otherwise JPEG of the quality that "
+        "the request names",
         "auto"},
-       {lf::CodecChoice::kRaw, "8 bits per value", "raw"},
-       {lf::CodecChoice::kRaw16, "16 bits per value; only the picture is rounded", "raw16"},
-       {lf::CodecChoice::kJpeg, "JPEG of the requested quality; raw if that is 0", "jpeg"}});
+       {lf::CodecChoice::kRaw, "Uncompressed, 8 bits per value", "raw"},
+       {lf::CodecChoice::kRaw16,
+        "Uncompressed, 16 bits per value, so that values are rounded only once, when the picture is made", "raw16"},
+       {lf::CodecChoice::kJpeg, "JPEG of the quality that the request names; uncompressed if that quality is 0",
+        "jpeg"}});
   return type;
 }
 
 GType lf_fragment_resampling_get_type(void) {
   static const GType type = lf::register_enum<lf::Resampling>(
-      "LfFragmentResampling", {{lf::Resampling::kBilinear, "Bilinear", "bilinear"},
-                               {lf::Resampling::kSharpened, "Bilinear, after sharpening the images", "sharpened"}});
+      "LfFragmentResampling",
+      {{lf::Resampling::kBilinear, "Bilinear", "bilinear"},
+       {lf::Resampling::kSharpened, "Bilinear interpolation of sharpened images", "sharpened"}});
   return type;
 }
 
@@ -136,8 +146,10 @@ GType lf_fragment_renderer_get_type(void) {
   static const GType type = lf::register_enum<lf::RendererChoice>(
       "LfFragmentRenderer",
       {{lf::RendererChoice::kCpu, "CPU, with its widest vector instructions", "cpu"},
-       {lf::RendererChoice::kGl, "OpenGL ES 3.1 without a window if there is a driver, otherwise the CPU", "gl"},
-       {lf::RendererChoice::kAuto, "The faster renderer, by the first answers; never a driver that computes on the CPU",
+       {lf::RendererChoice::kGl, "OpenGL ES 3.1 on a GPU, without a window; the CPU if there is no driver", "gl"},
+       {lf::RendererChoice::kAuto,
+        "The faster of the two, measured on the first answers; never OpenGL drivers that "
+        "compute on the CPU",
         "auto"}});
   return type;
 }
@@ -148,50 +160,68 @@ PropertyTable<FragmentSettings>& FragmentSettings::properties() {
   using S = FragmentSettings;
   static PropertyTable<S> table = {
       property<&S::rig>(kWhilePlaying, "rig", "Rig",
-                        "Rig file (rig.json) of the whole array; required. A rig set while running is loaded "
-                        "immediately and used from the next request on; cameras keep their pads by id"),
-      property<&S::node>(kWhileReady, "node", "Node", "Node number in answers", 0, G_MAXUINT),
-      property<&S::codec>(kWhilePlaying, "codec", "Codec", "Encoding of pixels in answers", LF_TYPE_FRAGMENT_CODEC),
+                        "Path of the rig file (rig.json), which describes all cameras of the array. This property is "
+                        "required. If it is set while the element runs, the file is used from the next request on, and "
+                        "each pad keeps the camera with the same id"),
+      property<&S::node>(
+          kWhileReady, "node", "Node",
+          "Number that identifies this node in its answers. Give each node of an array a different number, so that "
+          "compositors can tell their answers apart",
+          0, G_MAXUINT),
+      property<&S::codec>(kWhilePlaying, "codec", "Codec",
+                          "Encoding of the pixels in answers. Compression (JPEG) saves network bandwidth but costs "
+                          "time on both hosts, and it changes the picture slightly",
+                          LF_TYPE_FRAGMENT_CODEC),
       property<&S::threads>(kWhilePlaying, "threads", "Threads",
-                            "Maximum number of threads per answer, from the pool that all lffragments of the process "
-                            "share (0: number of processors)",
+                            "Maximum number of threads that render one answer. All lffragment elements of a process "
+                            "share the same threads (0: number of processors)",
                             0, 256),
       property<&S::max_skew>(kWhilePlaying, "max-skew", "Largest skew",
-                             "Live: maximum capture-time error of a frame, in nanoseconds (0: unlimited). A camera "
-                             "without such a frame counts as blind, and other cameras compensate",
+                             "Maximum difference between the requested and the actual capture time of a live frame, "
+                             "in nanoseconds (0: unlimited). A camera without a frame in this range does not "
+                             "contribute to the view, and other cameras replace its contribution",
                              0, G_MAXINT64),
       property<&S::strip_pixels>(kWhilePlaying, "strip-pixels", "Pixels of a strip",
-                                 "Approximate number of pixels per fragment of an 8-bit or JPEG sum (minimum: 16 "
-                                 "rows). Smaller fragments make a lost packet less visible",
+                                 "Approximate number of pixels in a fragment. A fragment is a part of the view that is "
+                                 "sent as a whole, so a lost packet costs one fragment. Smaller fragments therefore "
+                                 "make a lost packet less visible, but need more bytes. A fragment has at least 16 "
+                                 "rows. The property has no effect on answers with 16 bits per value (see codec)",
                                  1, 1 << 28),
       property<&S::post_messages>(kWhilePlaying, "post-messages", "Post messages",
-                                  "Post an element message \"lightfield-answer\" for every answer"),
-      property<&S::access>(kWhilePlaying, "access", "Access",
-                           "Kind of cameras: they answer view requests, or the commands of an lfviewrequest with the "
-                           "same setting. access=pixels needs an lfcompositor with a rig",
-                           LF_TYPE_ACCESS),
-      property<&S::resampling>(kWhilePlaying, "resampling", "Resampling",
-                               "Resampling of camera images. Sharpening compensates for the blur of bilinear sampling, "
-                               "which is the main error where the focus is right. The compositor resamples for "
-                               "access=pixels",
-                               LF_TYPE_FRAGMENT_RESAMPLING),
+                                  "Post an element message \"lightfield-answer\" for every answer, for example to "
+                                  "measure durations"),
+      property<&S::access>(
+          kWhilePlaying, "access", "Access",
+          "How much of a view the cameras compute by themselves. Use self, the default, if the cameras know the whole "
+          "rig. The two other values are for simple cameras, and need an lfviewrequest with the same setting. If warp "
+          "is set, cameras know only their own lens, and lfviewrequest sends the transformation of each image into the "
+          "view. If pixels is set, cameras only deliver the image regions that lfviewrequest names. An lfcompositor "
+          "with a rig then transforms these pixels",
+          LF_TYPE_ACCESS),
+      property<&S::resampling>(
+          kWhilePlaying, "resampling", "Resampling",
+          "Interpolation of camera images at positions between their pixels. Bilinear interpolation alone blurs the "
+          "view slightly, and sharpened restores most of the lost detail for some more time. If access is pixels, the "
+          "compositor samples the images, and this property has no effect",
+          LF_TYPE_FRAGMENT_RESAMPLING),
       property<&S::max_delay>(kWhilePlaying, "max-delay", "Largest delay",
-                              "Live: maximum time from a request's arrival to its answer, in nanoseconds (0: "
-                              "unlimited). An answer that would be later, judged by earlier answers, is skipped",
+                              "Maximum time from the arrival of a live request to its answer, in nanoseconds (0: "
+                              "unlimited). The element estimates the time from earlier answers, and skips the request "
+                              "if the limit would be exceeded. Set this if a late picture is useless to the viewers",
                               0, G_MAXINT64),
-      property<&S::renderer>(
-          kWhilePlaying, "renderer", "Renderer",
-          "Renderer of sums and depth hypotheses. The renderers' pictures differ by at most 1 of 255, in the format of "
-          "the cameras. auto: the faster renderer, measured on the first answers; never a driver that computes on the "
-          "CPU, such as Mesa's llvmpipe. The property stats has the active renderer and the reason",
-          LF_TYPE_FRAGMENT_RENDERER),
+      property<&S::renderer>(kWhilePlaying, "renderer", "Renderer",
+                             "Processor that renders the answers: CPU or GPU. The pictures of both are almost the "
+                             "same: colours in the format of the cameras differ by at most 1 of 255. The property "
+                             "stats shows which processor is in use, and why",
+                             LF_TYPE_FRAGMENT_RENDERER),
   };
   return table;
 }
 
 }  // namespace lf
 
-// Loads a rig set while running, for the next request. Returns false if the file cannot be loaded.
+// Loads the new rig of a running element, which is used from the next request on. Returns false if the file cannot be
+// loaded.
 static bool lf_fragment_reload_rig(LfFragment* self, const gchar* path) {
   const std::shared_ptr<const lf::Rig> rig = lf::reload_rig(GST_ELEMENT(self), path);
   if (!rig) return false;
@@ -241,12 +271,13 @@ static void lf_fragment_get_property(GObject* object, guint id, GValue* value, G
 static void lf_fragment_install_properties(GObjectClass* object_class) {
   Properties::install(
       object_class,
-      "Counts of requests (refused, by exceeded limit: refused-pixels, -aperture, -trials, -rate, -views, -lens), "
-      "answers (skipped: too late to be shown; drawn: by OpenGL; together: drawn together with other views of a set), "
-      "camera frames drawn from GPU memory without a download (gpu-frames), fragments, bytes, missing frames (stale: "
-      "beyond max-skew) and damaged frames. Active renderer and reason (renderer). Largest skew of a frame. Durations "
-      "of waiting for frames, decoding, rendering, encoding and the whole answer (answer-ns), in nanoseconds: latest "
-      "value, and p50, p95, p99 over the latest 1024 answers");
+      "Counters since the start, and durations in nanoseconds. Refused requests, by the exceeded limit: "
+      "refused-pixels, -aperture, -trials, -rate, -views, -lens. Answers: skipped (the picture would have been too "
+      "late), drawn (by OpenGL), together (drawn together with other views of a set), fragments, bytes. Camera frames: "
+      "gpu-frames (used in GPU memory, without a download), missing-frames, stale-frames (missing because of "
+      "max-skew), damaged-frames, and max-skew-ns (largest capture-time error). The field renderer names the processor "
+      "in use and the reason. The durations of waiting for frames, decoding, rendering, encoding and the whole answer "
+      "(answer-ns) have the latest value, and p50, p95 and p99 over the latest 1024 answers");
   lf::RequestGuard::install(object_class);
   object_class->set_property = lf::callback<lf_fragment_set_property>;
   object_class->get_property = lf::callback<lf_fragment_get_property>;
@@ -267,7 +298,7 @@ static lf::ParallelFor lf_fragment_workers(LfFragment* self) {
   };
 }
 
-// Returns the pad's segment event (transfer full) or null.
+// Returns the segment event of the pad (transfer full), or null.
 static GstEvent* segment_event(GstPad* pad, const GstSegment** segment) {
   GstEvent* event = gst_pad_get_sticky_event(pad, GST_EVENT_SEGMENT, 0);
   if (event) gst_event_parse_segment(event, segment);
@@ -282,7 +313,7 @@ static void lf_fragment_follow_requests(LfFragment* self, GstPad* pad, const lf:
     lf_fragment_seek_cameras(self, head.target_time, gst_event_get_seqnum(event));
 }
 
-// Reports the needed capture delay upstream, because viewers may leave it to the nodes.
+// Reports upstream which capture delay the cameras need, because viewers may leave the delay to the nodes.
 static void lf_fragment_send_delay(LfFragment* self, GstPad* pad) {
   Client& client = Client::of(pad);
   if (!client.place.is_live()) return;
@@ -294,7 +325,7 @@ static void lf_fragment_send_delay(LfFragment* self, GstPad* pad) {
   if (client.delay.see(needed, now)) gst_pad_push_event(pad, lf::capture_delay_event(needed));
 }
 
-// True if the picture would be too late to be shown after this much work.
+// Returns true if the picture would be too late to be shown after this much work.
 static bool lf_fragment_is_too_late(GstPad* pad, const Job& job, lf::WorkEstimate& estimate, double work) {
   if (job.due > 0 && lf::now_ns() + estimate.nanoseconds(work) > job.due) {
     estimate.skipped();
@@ -335,7 +366,7 @@ static lf::GlContextPtr frames_context(LfFragment* self) {
   return self->state->frames_context.get();
 }
 
-// Moves the renderer to the context's share group. Returns false if that is not possible, now or ever.
+// Moves the renderer to the share group of the context. Returns false if that is not possible, now or ever.
 static bool move_to(LfFragment* self, lf::RendererChoice choice, lf::gl::ShareGroup group, bool early,
                     const lf::GlContextPtr& context) {
   std::string why;
@@ -350,8 +381,8 @@ static bool move_to(LfFragment* self, lf::RendererChoice choice, lf::gl::ShareGr
   return is_there;
 }
 
-// Prefers the share group of GPU frames, so that they need not be downloaded, over the group of the compositor's
-// pictures, which saves the download of sums. Usually both groups are the same.
+// Chooses the share group of the renderer. The group of GPU frames is best, because the frames need not be downloaded.
+// The group of the compositor's pictures comes next and saves the download of sums. Usually both groups are the same.
 static void move_gpu(LfFragment* self, lf::RendererChoice choice, const lf::LocalCompositor& compositor) {
   const lf::GlContextPtr frames = frames_context(self);
   if (frames && move_to(self, choice, lf::share_group(frames.get()), true, frames)) return;
@@ -373,13 +404,14 @@ static lf::Node::Options options_of(LfFragment* self, const Settings& settings, 
   std::string news;
   render.gpu = self->state->gpu.open(settings.renderer, news);
   render.depth_gpu = self->state->gpu.open_for_depth(settings.renderer);
-  // Another client may have moved the renderer meanwhile, and images are prepared for a single renderer.
+  // Another client may have moved the renderer in between. Images are prepared for a single renderer, so both must be
+  // the same.
   if (render.gpu && render.depth_gpu != render.gpu) render.depth_gpu.reset();
   if (!news.empty()) GST_ELEMENT_WARNING(self, RESOURCE, NOT_FOUND, ("%s.", news.c_str()), (nullptr));
   return options;
 }
 
-// Pushes an answer after its photo-consistency and brightness units.
+// Pushes the photo-consistency and brightness units of an answer, and then the answer.
 static GstFlowReturn lf_fragment_send(LfFragment* self, GstPad* pad, GstPad* src, const Job& job,
                                       lf::Node::Reply reply) {
   Client& client = Client::of(pad);
@@ -425,7 +457,7 @@ static GstFlowReturn lf_fragment_answer(LfFragment* self, GstPad* pad, GstPad* s
   if (requests.empty()) return GST_FLOW_OK;
   std::vector<lf::Node::Reply> replies = node.answer(requests, kept, options, [&] { return client.memory->take(); });
   if (replies.size() > 1) node.stats().together += replies.size();
-  // All replies come from one pass, drawn or refused.
+  // One pass makes all replies, so all of them are drawn, or none.
   const auto refused = std::ranges::find_if(replies, [](const auto& reply) { return reply.answer.drawing.refused; });
   const lf::Node::Reply& judged = refused == replies.end() ? replies.front() : *refused;
   self->state->gpu.rendered(settings.renderer, judged.answer, frames_context(self) ? judged.stages.decode : 0);
@@ -439,8 +471,8 @@ static GstFlowReturn lf_fragment_answer(LfFragment* self, GstPad* pad, GstPad* s
   return flow;
 }
 
-// Answers a live request. If a GPU can draw several views per pass, the waiting requests of its set are answered in the
-// same pass.
+// Answers a live request. If a GPU can draw several views per pass, the waiting requests of the same set are answered
+// in one pass.
 static std::optional<GstFlowReturn> lf_fragment_answer_with_set(LfFragment* self, GstPad* pad, GstPad* src,
                                                                 const JobPtr& job, lf::Node::ClientState& kept,
                                                                 lf::ParallelFor parallel) {
@@ -455,7 +487,8 @@ static void lf_fragment_answer_loop(gpointer data) {
   lf::guard_buffer(src, [=] { return Client::of(src).live_queue.work(src), GST_FLOW_OK; });
 }
 
-// Each request is followed by its command. Two requests without a command mean that the viewer sends no commands.
+// Warns at the second request without a command, because viewers with the same `access` send a command after each
+// request.
 static void lf_fragment_note_wrong_access(LfFragment* self, Client& client, lf::Access access) {
   constexpr unsigned kEnough = 2;
   if (client.any_fits || ++client.wrong_access != kEnough) return;
@@ -468,7 +501,7 @@ static void lf_fragment_note_wrong_access(LfFragment* self, Client& client, lf::
       (nullptr));
 }
 
-// Checks a request before decoding it: its kind must match `access`, and it must be within the limits.
+// Checks a request before decoding: its kind must match `access`, and it must be within the limits.
 static bool lf_fragment_needs_answer(LfFragment* self, Client& client, std::span<const uint8_t> request) {
   const std::optional<lf::wire::RequestPeek> peek = lf::wire::peek_request(request);
   const lf::Access access = lf_fragment_settings(self).access;
@@ -509,7 +542,7 @@ static double lf_fragment_work(LfFragment* self, std::span<const uint8_t> bytes,
   if (const auto* const warp = std::get_if<lf::wire::WarpCommand>(&request))
     for (const lf::FacePlan& face : warp->warp.faces)
       work += static_cast<double>(face.rect.width()) * face.rect.height();
-  // Building another mesh takes about as long as this many pixels per camera.
+  // Building another mesh takes about as long as rendering this many pixels per camera.
   constexpr double kMeshCamera = 512;
   const auto* const view = std::get_if<lf::ViewRequest>(&request);
   if (view && !view->out_of_service.empty()) work += kMeshCamera * static_cast<double>(cameras);
@@ -561,7 +594,6 @@ static gboolean lf_fragment_pair_query(GstPad* pad, GstQuery* query) {
   return other && gst_pad_peer_query(other.get(), query);
 }
 
-// File cameras end with the last client.
 static void lf_fragment_finish_if_all_ended(LfFragment* self) {
   lf::ObjectLock lock(self);
   bool any = false, all = true;
@@ -600,7 +632,7 @@ static gboolean lf_fragment_request_event(GstPad* pad, GstObject* parent, GstEve
       lf_fragment_set_ended(self, client, true);
       lf_fragment_finish_if_all_ended(self);
       break;
-    // Flush downstream first, so that no incomplete answer gets through.
+    // Flushes downstream first, so that no incomplete answer gets through.
     case GST_EVENT_FLUSH_START: {
       const gboolean ok = lf_fragment_pair_event(pad, event);
       client.live_queue.begin_flush();
@@ -621,7 +653,7 @@ static gboolean lf_fragment_request_event(GstPad* pad, GstObject* parent, GstEve
   return lf_fragment_pair_event(pad, event);
 }
 
-// Events from downstream (QoS, navigation, latency) go to the client and never to the cameras, because capture is
+// Sends events from downstream (QoS, navigation, latency) to the client and never to the cameras, because capture is
 // independent of requests.
 static gboolean lf_fragment_src_event(GstPad* pad, GstObject*, GstEvent* event) {
   Client& client = Client::of(pad);
@@ -663,7 +695,7 @@ static GstIterator* lf_fragment_internal_links(GstPad* pad, GstObject*) {
   return iterator;
 }
 
-// Adds a new pair of pads to the element. Returns the request pad.
+// Adds a new pair of pads. Returns the request pad.
 static GstPad* lf_fragment_pair_new(LfFragment* self, GstPadTemplate* request_template, const gchar* request_name,
                                     GstPadTemplate* src_template, const gchar* src_name) {
   static const GQuark quark = g_quark_from_static_string("lf-fragment-pair");
@@ -758,7 +790,7 @@ static GstPad* lf_fragment_request_new_pad(GstElement* element, GstPadTemplate* 
 static void lf_fragment_release_pad(GstElement* element, GstPad* pad) {
   LfFragment* self = LF_FRAGMENT(element);
   if (LF_IS_FRAGMENT_PAD(pad)) {
-    // Frames may arrive until the streaming thread has stopped.
+    // Waits for the streaming thread, because frames may arrive until it has stopped.
     const auto& frames = LF_FRAGMENT_PAD(pad)->input->frames();
     frames->set_mode(lf::CameraFrames::Mode::kStopped);
     gst_pad_set_active(pad, FALSE);
@@ -797,7 +829,8 @@ static bool lf_fragment_start(LfFragment* self) {
   }
   lock.unlock();
   lf_fragment_set_mode(self, lf::CameraFrames::Mode::kRunning);
-  // Cameras set by the application count from the start: their weight is missing until they have a frame.
+  // Cameras that the application has set count from the start, so their contribution is missing until they have a
+  // frame.
   for (const PadPtr& pad : lf_fragment_camera_pads(self)) {
     LfFragmentPad* camera_pad = LF_FRAGMENT_PAD(pad.get());
     if (camera_pad->settings.camera < 0 || camera_pad->input->assign()) continue;
@@ -810,12 +843,12 @@ static bool lf_fragment_start(LfFragment* self) {
 static GstStateChangeReturn lf_fragment_change_state(GstElement* element, GstStateChange transition) {
   LfFragment* self = LF_FRAGMENT(element);
   if (transition == GST_STATE_CHANGE_READY_TO_PAUSED && !lf_fragment_start(self)) return GST_STATE_CHANGE_FAILURE;
-  // The parent class waits for the streaming threads while it deactivates the pads. Wake these threads first.
+  // Wakes the streaming threads first, because the parent class waits for them while it deactivates the pads.
   if (transition == GST_STATE_CHANGE_PAUSED_TO_READY) lf_fragment_set_mode(self, lf::CameraFrames::Mode::kStopped);
   const GstStateChangeReturn result = GST_ELEMENT_CLASS(lf_fragment_parent_class)->change_state(element, transition);
   if (transition != GST_STATE_CHANGE_PAUSED_TO_READY) return result;
   for (const PadPtr& pad : lf_fragment_camera_pads(self)) LF_FRAGMENT_PAD(pad.get())->input->reset();
-  // Release downstream's context. Destroying it takes time, so it happens without the lock.
+  // Releases downstream's OpenGL context without the lock, because destroying the context takes time.
   std::vector<lf::LocalCompositor> forgotten;
   self->state->gpu.leave();
   lf_fragment_note_context(self, nullptr);

@@ -16,7 +16,7 @@ namespace {
 std::shared_ptr<GstBuffer> share(GstBuffer* buffer) { return {buffer, gst_buffer_unref}; }
 
 bool has_system_colorimetry(const GstVideoInfo& info) {
-  // Full-range BT.601 without a known siting is JPEG.
+  // Full-range BT.601 without a known siting is JPEG, so its chroma is centred.
   const bool centred =
       info.chroma_site == GST_VIDEO_CHROMA_SITE_NONE || info.chroma_site == GST_VIDEO_CHROMA_SITE_UNKNOWN;
   return info.colorimetry.range == GST_VIDEO_COLOR_RANGE_0_255 &&
@@ -27,7 +27,7 @@ bool is_system_i420(const GstVideoInfo& info) {
   return GST_VIDEO_INFO_FORMAT(&info) == GST_VIDEO_FORMAT_I420 && has_system_colorimetry(info);
 }
 
-// Returns nothing if GStreamer does not know the colour matrix.
+// Nothing if GStreamer does not know the colour matrix.
 std::optional<YcbcrFormat> kind_of(const GstVideoInfo& info) {
   YcbcrFormat kind;
   if (!gst_video_color_matrix_get_Kr_Kb(info.colorimetry.matrix, &kind.kr, &kind.kb)) return std::nullopt;
@@ -67,8 +67,8 @@ void FrameConverter::add_step(const GstVideoInfo& from, GstVideoFormat format) {
   steps_.push_back({from, to, {gst_video_converter_new(&in, &out, nullptr), gst_video_converter_free}, {}});
 }
 
-// GstVideoConverter 1.22 copies I420 to I420 without converting range and siting. Its conversion by way of RGB makes
-// video levels up to 3 of 255 too dark.
+// Uses our own conversion where possible, because GstVideoConverter 1.22 copies I420 to I420 without converting range
+// and siting. The fallback, its conversion by way of RGB, makes video levels up to 3 of 255 too dark.
 void FrameConverter::add_ycbcr_step(const GstVideoInfo& from) {
   GstVideoInfo to = from;
   set_system_colorimetry(to);
@@ -80,7 +80,7 @@ void FrameConverter::add_ycbcr_step(const GstVideoInfo& from) {
   steps_.push_back({from, to, {nullptr, gst_video_converter_free}, YcbcrConversion(*kind)});
 }
 
-// GstVideoConverter would resample the chroma.
+// Rearranges the planes here, because GstVideoConverter would resample the chroma.
 void FrameConverter::add_planar_step(const GstVideoInfo& from) {
   GstVideoInfo to;
   gst_video_info_set_format(&to, GST_VIDEO_FORMAT_I420, static_cast<guint>(from.width),
@@ -207,7 +207,7 @@ std::shared_ptr<const ImageView> RawPicture::map() const {
   return mapped->ok ? std::shared_ptr<const ImageView>(mapped, &mapped->view) : nullptr;
 }
 
-// The textures of a picture. Each operation runs only once.
+// The textures of a picture. Each step runs only once, when it is needed.
 class GpuPicture::Textures : public GpuImage {
  public:
   static std::unique_ptr<Textures> make(GpuPicture& picture) {
@@ -236,8 +236,8 @@ class GpuPicture::Textures : public GpuImage {
     const GstVideoInfo& info = picture_.info_;
     GstBuffer* const buffer = picture_.buffer_.get();
     GstGLContext* const context = wait_for_gl_writer(buffer);
-    // Mapping uploads data that the CPU has written. The textures stay valid and unchanged during the lifetime of the
-    // buffer.
+    // Maps the buffer, which uploads data that the CPU has written. The textures stay valid and unchanged during the
+    // lifetime of the buffer.
     GstVideoFrame frame;
     if (!gst_video_frame_map(&frame, const_cast<GstVideoInfo*>(&info), buffer,
                              static_cast<GstMapFlags>(GST_MAP_READ | GST_MAP_GL)))
@@ -258,7 +258,7 @@ class GpuPicture::Textures : public GpuImage {
   GpuPicture& picture_;
   const gl::ShareGroup group_;
   std::array<Texture, 3> planes_ = {};
-  BufferPtr written_;  // carries only the sync point after the writes to the textures
+  BufferPtr written_;  // needed only for the sync point after the writes to the textures
   ImageView image_;
   mutable std::mutex mutex_;
   mutable std::shared_ptr<const ImageView> here_;

@@ -14,16 +14,17 @@
 
 namespace lf {
 
-// A raw video frame in the node's pixel family, or in its own family if none was chosen at its arrival.
+// A raw video frame in the pixel family of the node, or in its own family if the node had not chosen one at its
+// arrival.
 class RawPicture : public CameraPicture {
  public:
-  // `original`: the unconverted frame, for later requests of another family.
+  // `original` is the unconverted frame, for later requests of another family.
   RawPicture(std::shared_ptr<GstBuffer> buffer, const GstVideoInfo& info, std::shared_ptr<RawPicture> original = {})
       : buffer_(std::move(buffer)), info_(info), original_(std::move(original)) {}
   int width() const override { return info_.width; }
   int height() const override { return info_.height; }
   bool takes_work(PixelFamily family) const override { return family_of(info_) != family; }
-  // The pixels are bit-identical with and without an earlier conversion.
+  // Returns the image in another family. The pixels are the same, bit by bit, as without an earlier conversion.
   std::shared_ptr<const ImageView> view(PixelFamily family, const Rect& region) override;
 
  private:
@@ -34,24 +35,24 @@ class RawPicture : public CameraPicture {
   const std::shared_ptr<RawPicture> original_;
 };
 
-// Converts the frames of one stream to the node's family. RGB in any order and full-range BT.601 I420 with centred
-// chroma need no conversion. NV12 and GRAY8 are rearranged losslessly to I420. All remaining video (limited range,
-// different matrix, siting or family) is converted.
+// Converts the frames of one stream to the pixel family of the node. RGB in any order and full-range BT.601 I420 with
+// centred chroma need no conversion. NV12 and GRAY8 are rearranged to I420 without loss. All other video (limited
+// range, another matrix, siting or family) is converted.
 class FrameConverter {
  public:
   FrameConverter(const GstVideoInfo& input, PixelFamily family);
 
   PixelFamily family() const { return family_; }
-  // True if the video has the samples of this family, in any layout.
+  // Returns true if the video has the samples of this family, in any layout.
   static bool takes_samples_of(const GstVideoInfo& video, PixelFamily family);
-  // Takes ownership of `buffer`. Returns null if it cannot be mapped. `keep_original`: keep the buffer for lossless
+  // Takes the buffer. Returns null if the buffer cannot be mapped. `keep_original` keeps the buffer for a lossless
   // conversion to another family.
   std::shared_ptr<RawPicture> convert(GstBuffer* buffer, bool keep_original = false) const;
 
  private:
   struct Step {
     GstVideoInfo from, to;
-    // GStreamer's converter, or our own. Without either, the step only changes the layout.
+    // A step uses GStreamer's converter or our own. Without either, the step only changes the layout.
     std::unique_ptr<GstVideoConverter, void (*)(GstVideoConverter*)> converter;
     std::optional<YcbcrConversion> ycbcr;
   };
@@ -65,12 +66,12 @@ class FrameConverter {
   std::vector<Step> steps_;  // empty: no conversion
 };
 
-// A raw video frame in GstGLMemory textures. The renderer samples the textures directly if it shares them and the video
-// has the exact samples of a pixel family (or is NV12 with these samples). Otherwise the frame is downloaded and
-// converted like FrameConverter does.
+// A raw video frame in GstGLMemory textures. The renderer samples the textures directly if its context shares them, and
+// if the video has the exact samples of a pixel family, or is NV12 with these samples. Otherwise the frame is
+// downloaded and converted like FrameConverter does.
 class GpuPicture : public CameraPicture {
  public:
-  // Takes ownership of `buffer`, which must consist of GstGLMemory.
+  // Takes the buffer, which must consist of GstGLMemory.
   GpuPicture(GstBuffer* buffer, const GstVideoInfo& info);
   ~GpuPicture() override;
 

@@ -4,12 +4,12 @@
  * @title: lfparse
  * @short_description: splits a byte stream into light field requests or answers
  *
- * lfparse splits data from a file or a TCP connection into units, one per buffer. Use it before elements that need
- * parsed requests (`application/x-lightfield-request`) or answers (`application/x-lightfield-answer`). If the caps do
- * not name the stream type, the first unit determines the type. Invalid bytes are skipped up to the next unit and
- * counted in #lfparse:stats.
+ * lfparse splits data from a file or a TCP connection into units, which are single requests or parts of an answer. Each
+ * output buffer is one unit. Use it before elements that need parsed requests (`application/x-lightfield-request`) or
+ * answers (`application/x-lightfield-answer`). If the caps do not name the stream type, the first unit determines the
+ * type. Invalid bytes are skipped up to the next unit and counted in #lfparse:stats.
  *
- * Timestamps pass through. A request without timestamp gets the running time that it asks for, so a recorded camera
+ * Timestamps pass through. A request without a timestamp gets the running time that it asks for, so a recorded camera
  * path plays in real time.
  *
  * ## Replay recorded requests
@@ -48,7 +48,8 @@ struct Settings {
   static lf::PropertyTable<Settings>& properties() {
     static lf::PropertyTable<Settings> table = {lf::property<&Settings::max_size_bytes>(
         lf::kWhilePlaying, "max-size-bytes", "Maximum size in bytes",
-        "Maximum size of a unit, in bytes; larger units are skipped as damaged (the format limits requests to 1 MiB)",
+        "Maximum size of a unit (one request or one part of an answer), in bytes. Larger units are skipped as "
+        "damaged. Requests never have more than 1 MiB",
         guint{lf::wire::kUnitHeaderBytes}, guint{lf::wire::kMaxAnswerBytes})};
     return table;
   }
@@ -81,7 +82,6 @@ static GstStaticPadTemplate src_template =
 G_DEFINE_TYPE(LfParse, lf_parse, GST_TYPE_BASE_PARSE)
 GST_ELEMENT_REGISTER_DEFINE(lfparse, "lfparse", GST_RANK_PRIMARY, LF_TYPE_PARSE)
 
-// Takes the caps.
 static gboolean set_src_caps(LfParse* self, UnitKind kind, GstCaps* caps) {
   if (kind == UnitKind::kRequest && !gst_structure_has_field(gst_caps_get_structure(caps, 0), "framerate"))
     gst_caps_set_simple(caps, "framerate", GST_TYPE_FRACTION, 0, 1, nullptr);
@@ -154,7 +154,7 @@ static GstFlowReturn take_bytes(LfParse* self, GstBaseParseFrame* frame, gint* s
     if (unit && !draining) {
       gst_base_parse_set_min_frame_size(base, unit->size);
     } else {
-      // A unit that is incomplete at the end of the stream may have a wrong length and hide other units.
+      // Skips a unit that is incomplete at the end of the stream, because its length may be wrong and hide other units.
       const size_t count = lf::wire::distance_to_magic(bytes, !draining);
       skip(self, count);
       *skip_size = static_cast<gint>(count);
@@ -199,8 +199,8 @@ static void lf_parse_class_init(LfParseClass* klass) {
   GST_DEBUG_CATEGORY_INIT(lf_parse_debug, "lfparse", 0, "light field stream parser");
   lf::Properties<settings_of, stats_of>::install(
       G_OBJECT_CLASS(klass),
-      "Counters since the start of the stream (all uint64): units (forwarded), skipped-bytes (not part of a unit of "
-      "this stream), gaps (runs of skipped bytes)");
+      "Counters since the start of the stream, all uint64: units that were forwarded (units), bytes that do not "
+      "belong to a unit of this stream (skipped-bytes), and runs of such bytes (gaps)");
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   gst_element_class_add_static_pad_template(element_class, &sink_template);
@@ -218,7 +218,7 @@ static void lf_parse_class_init(LfParseClass* klass) {
 
 static void lf_parse_init(LfParse* self) {
   self->settings = {};
-  // Timestamps come from buffers or requests, not from byte positions.
+  // Disables timestamps by byte position. They come from buffers or requests.
   gst_base_parse_set_infer_ts(GST_BASE_PARSE(self), FALSE);
   gst_base_parse_set_pts_interpolation(GST_BASE_PARSE(self), FALSE);
   GST_PAD_SET_ACCEPT_TEMPLATE(GST_BASE_PARSE_SINK_PAD(self));
@@ -234,7 +234,7 @@ std::optional<UnitHeader> peek(GstTypeFind* find, gint64 offset) {
   return lf::wire::peek_unit({data, lf::wire::kUnitHeaderBytes});
 }
 
-// Certain if a second unit follows or the stream ends after the first unit.
+// The type is certain if a second unit follows or the stream ends after the first unit.
 void find_units(GstTypeFind* find, gpointer user_data) {
   const auto kind = static_cast<UnitKind>(GPOINTER_TO_INT(user_data));
   const std::optional<UnitHeader> first = peek(find, 0);
@@ -248,7 +248,8 @@ void find_units(GstTypeFind* find, gpointer user_data) {
 
 constexpr std::string_view kBlank = " \t\r\n";
 
-// Skips blanks. If `text` continues with `word` at `at`, advances `at` behind the word and returns true.
+// Skips blanks, then tests for `word`. If the text continues with `word`, advances `at` behind the word and returns
+// true.
 bool goes_on(std::string_view text, size_t& at, std::string_view word) {
   at = std::min(text.find_first_not_of(kBlank, at), text.size());
   if (!text.substr(at).starts_with(word)) return false;
@@ -260,7 +261,7 @@ std::string_view peek_text(GstTypeFind* find, guint most) {
   const guint64 length = gst_type_find_get_length(find);
   guint known = 0;
   if (length > 0) most = known = static_cast<guint>(MIN(length, most));
-  // If the length is unknown, a binary search finds the available size.
+  // Finds the available size by binary search if the length is unknown.
   for (guint step = length > 0 ? 0 : most; step > 0; step /= 2)
     if (known + step <= most && gst_type_find_peek(find, 0, known + step)) known += step;
   const guint8* data = known > 0 ? gst_type_find_peek(find, 0, known) : nullptr;
@@ -268,7 +269,7 @@ std::string_view peek_text(GstTypeFind* find, guint most) {
   return {reinterpret_cast<const char*>(data), known};
 }
 
-// Detects a JSON object with "format": "lightfield-rig". This key may follow after all cameras.
+// Detects a rig file: a JSON object with "format": "lightfield-rig". This key may follow after all cameras.
 void find_rig(GstTypeFind* find, gpointer) {
   constexpr guint kFew = 64, kMost = 4 << 20;
   constexpr std::string_view kKey = "\"format\"";

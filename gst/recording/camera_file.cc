@@ -15,11 +15,11 @@
 namespace lf {
 namespace {
 
-// Timestamp granularity of Matroska blocks. Block times are 16-bit offsets from the start of the cluster, so a cluster
-// must be shorter than 0.32 s.
+// Granularity of timestamps in Matroska. The times of blocks are 16-bit offsets from the start of their cluster, so a
+// cluster must be shorter than 0.32 s.
 constexpr GstClockTime kTick = 10'000;
 constexpr GstClockTime kLongestCluster = 300 * GST_MSECOND;
-// For coded video: the last frame must be in the same cluster as the previous frame, see CameraFile::end().
+// The last frame of coded video must be in the same cluster as the previous frame; see CameraFile::end().
 constexpr GstClockTime kCodedTick = 20'000, kLongestLastCluster = 650 * GST_MSECOND;
 constexpr int kJpegQuality = 95;
 
@@ -30,8 +30,8 @@ GstCaps* jpeg_caps(int width, int height) {
                              GST_TYPE_FRACTION, 0, 1, nullptr);
 }
 
-// Returns the caps of raw video without fields that may change from frame to frame. Timestamps are in the frames, and a
-// muxer accepts no other caps than the first.
+// Returns the caps of raw video without fields that may change from frame to frame, such as the frame rate, because a
+// muxer accepts only one caps. The timestamps are in the frames.
 GstCaps* picture_caps(const GstCaps* caps) {
   GstCaps* picture = gst_caps_copy(caps);
   gst_caps_set_features_simple(picture, nullptr);  // GPU frames have been downloaded
@@ -41,7 +41,7 @@ GstCaps* picture_caps(const GstCaps* caps) {
   return picture;
 }
 
-// Returns the caps of coded video that a decoder needs. Other fields, which parsers detect, may change.
+// Returns only the caps of coded video that a decoder needs. Parsers detect other fields, which may change.
 GstCaps* coded_caps(const GstCaps* caps) {
   GstCaps* coded = gst_caps_new_empty_simple(name_of(caps));
   for (const char* field : {"stream-format", "alignment", "codec_data", "width", "height", "profile", "colorimetry",
@@ -52,7 +52,6 @@ GstCaps* coded_caps(const GstCaps* caps) {
   return coded;
 }
 
-// Returns a copy of the frame in system memory; null on failure.
 GstBuffer* copy_here(GstBuffer* frame, GstCaps* caps) {
   const bool is_on_gpu = gst_buffer_n_memory(frame) > 0 && gst_is_gl_memory(gst_buffer_peek_memory(frame, 0));
   GstVideoInfo info;
@@ -96,7 +95,7 @@ CameraFile::~CameraFile() {
   close(0);
 }
 
-// Only stores the result. Called by threads of the bin, which must not block.
+// Stores the result and does nothing else, because the threads of the bin that call this must not block.
 GstBusSyncReply CameraFile::on_message(GstBus* /*bus*/, GstMessage* message, gpointer data) {
   WriterState& outcome = **static_cast<std::shared_ptr<WriterState>*>(data);
   const bool is_error = GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR;
@@ -136,8 +135,9 @@ GstElement* CameraFile::add_jpeg_encoder(GstElement* source) {
   return encoder;
 }
 
-// The muxer of GStreamer 1.22 writes pictures with a duration as key frames, and parsers may set durations. The parser
-// before a decoder marks the first picture as a key frame, because it inserts parameter sets; this parser does not.
+// Removes durations that parsers have set, because the muxer of GStreamer 1.22 writes pictures with a duration as key
+// frames. Drops pictures before the first key frame. The flags of this parser are reliable for that. The parser in
+// front of a decoder inserts parameter sets, and therefore marks the first picture as a key frame in any case.
 GstPadProbeReturn CameraFile::on_coded(GstPad* /*pad*/, GstPadProbeInfo* info, gpointer data) {
   WriterState& outcome = **static_cast<std::shared_ptr<WriterState>*>(data);
   GstBuffer* picture = gst_buffer_make_writable(GST_PAD_PROBE_INFO_BUFFER(info));
@@ -157,9 +157,9 @@ GstElement* CameraFile::add_parser(GstElement* source) {
   return form;
 }
 
-// Demuxers subtract the timestamp of the first block. This file starts with a text block at time 0, so all cameras
-// count from the start of the recording. With streamable=true the muxer writes nothing at the end that readers would
-// miss.
+// Starts the file with a text block at time 0. Demuxers subtract the timestamp of the first block, so otherwise the
+// cameras would not all count from the start of the recording. The muxer writes nothing at the end if streamable is
+// true, but readers miss nothing.
 void CameraFile::build(GstCaps* caps, const std::string& begins) {
   kind_ = name_of(caps);
   coded_ = find_coded_video(caps);
@@ -173,7 +173,7 @@ void CameraFile::build(GstCaps* caps, const std::string& begins) {
   g_object_set(sink, "location", path_.c_str(), "sync", FALSE, "async", FALSE, nullptr);
   gst_util_set_object_arg(G_OBJECT(sink), "buffer-mode", "unbuffered");
   GstElement* mux = add_element("matroskamux");
-  // Seeks look for a cluster that starts with a key frame.
+  // Starts a cluster with each key frame, because seeks look for such a cluster.
   g_object_set(mux, "streamable", TRUE, "timecodescale", static_cast<gint64>(coded_ ? kCodedTick : kTick),
                "min-cluster-duration", static_cast<gint64>(coded_ ? 0 : kLongestCluster), "max-cluster-duration",
                gint64{kLongestCluster}, nullptr);
@@ -195,7 +195,7 @@ void CameraFile::build(GstCaps* caps, const std::string& begins) {
   gst_app_src_push_buffer(GST_APP_SRC(text), text_buffer(begins));
   gst_app_src_end_of_stream(GST_APP_SRC(text));
   source_ = GST_APP_SRC(source);
-  // In another thread, because this opens a file. The sources queue data until then.
+  // Starts the bin in another thread, because this opens a file. The sources queue data until then.
   gst_element_call_async(
       bin_, [](GstElement* bin, gpointer) { gst_element_set_state(bin, GST_STATE_PLAYING); }, nullptr, nullptr);
 }
@@ -217,7 +217,7 @@ void CameraFile::push_held(GstClockTime until) {
   for (GstBuffer* frame : frames) gst_app_src_push_buffer(source_, frame);
 }
 
-// Coded pictures may be out of presentation order, except key frames.
+// Coded pictures other than key frames may be out of presentation order.
 bool CameraFile::is_no_later(GstBuffer* frame, GstClockTime time) const {
   return !held_.empty() && time <= GST_BUFFER_PTS(held_.front()) && (!coded_ || is_key(frame));
 }
@@ -242,7 +242,7 @@ CameraFile::AddResult CameraFile::add(GstBuffer* frame, GstCaps* caps, GstClockT
   const std::lock_guard lock(mutex_);
   if (ended_) return AddResult::kTaken;
   AddResult added = this->added(frame, caps, time, begins);
-  // Copy the frame, because cameras have few buffers and need to reuse them.
+  // Copies the frame, because the camera needs to reuse its few buffers.
   GstBuffer* const copy = added == AddResult::kTaken ? copy_here(frame, caps) : nullptr;
   if (added == AddResult::kTaken && !copy) added = AddResult::kBehind;
   waits_for_key_ = added != AddResult::kTaken;
@@ -281,7 +281,8 @@ void CameraFile::end(GstClockTime time) {
   const GstClockTime ends = ends_at();
   const std::lock_guard lock(mutex_);
   if (std::exchange(ended_, true) || !source_) return;
-  // The last frame has a duration and must not start a cluster, because seeks would stop there.
+  // Puts the last frame into the cluster of the previous frame. It has a duration and must not start a cluster, because
+  // seeks would stop there.
   if (coded_) g_object_set(mux_, "max-cluster-duration", gint64{kLongestLastCluster}, nullptr);
   const GstClockTime until = std::max(time, ends);
   if (coded_ && !held_.empty()) {

@@ -18,16 +18,18 @@
 
 namespace lf {
 
-// Writes the Matroska file of one camera in a recording. Timestamps are capture times relative to the start of the
-// recording. Each frame lasts until the next. JPEG and coded video (common/coded_video.h) are stored unchanged; raw
-// video is encoded as JPEG. Coded video starts with a key frame, and restarts with a key frame after a dropped frame.
-// The file has a separate bin, so its errors do not affect other elements. Thread-safe. Only close() waits for the
+// Writes the file of one camera in a recording, in Matroska format. Timestamps are capture times relative to the start
+// of the recording, and each frame lasts until the next. JPEG and coded video (common/coded_video.h) are stored
+// unchanged; raw video is encoded as JPEG. Coded video starts with a key frame, and restarts with a key frame after a
+// dropped frame.
+//
+// The file has a separate bin, so that its errors do not affect other elements. Thread-safe. Only close() waits for the
 // disk.
 class CameraFile {
  public:
   struct Counts {
-    uint64_t frames = 0;   // frames in the file
-    uint64_t dropped = 0;  // frames not in the file, for a reason in AddResult or note_dropped()
+    uint64_t frames = 0;
+    uint64_t dropped = 0;  // frames that are missing in the file, for a reason in AddResult or note_dropped()
   };
   enum class AddResult {
     kTaken,
@@ -42,24 +44,23 @@ class CameraFile {
     bool disk_is_full = false;
   };
 
-  // `most_bytes`: maximum of queued data; four frames are always accepted.
+  // `most_bytes` limits the queued data; four frames are always accepted.
   CameraFile(const Camera& camera, const std::string& path, guint64 most_bytes);
   ~CameraFile();
   CameraFile(const CameraFile&) = delete;
   CameraFile& operator=(const CameraFile&) = delete;
 
-  // Adds a frame of JPEG, raw or coded video. The caller keeps its reference. `begins`: start time of the recording, as
-  // text.
+  // Adds a frame of JPEG, raw or coded video. The caller keeps its reference. `begins` is the start time of the
+  // recording, as text.
   AddResult add(GstBuffer* frame, GstCaps* caps, GstClockTime time, const std::string& begins);
-  // True if a frame of this size would be dropped, because disk or encoder is too slow.
+  // Returns true if the queue has no room for a frame of this size, because disk or encoder is too slow.
   bool is_behind(size_t bytes) const;
   void note_dropped();
-  // Returns the estimated end of the newest frame; 0 without frames.
   GstClockTime ends_at() const;
-  // Ends the newest frame at `time`. No frame may follow.
+  // Ends the newest frame at `time`. No other frame may follow.
   void end(GstClockTime time);
-  // Call after end(). Waits for the disk until `deadline` (g_get_monotonic_time()). Pending data is then written in the
-  // background.
+  // Call after end(). Waits for the disk until `deadline` (g_get_monotonic_time()); the remaining data is written in
+  // the background.
   void close(gint64 deadline);
 
   Counts counts() const;
@@ -72,9 +73,9 @@ class CameraFile {
     std::mutex mutex;
     std::condition_variable changed;
     bool done = false;
-    std::atomic<bool> has_key = false;                     // coded video: a key frame has reached the muxer
-    std::atomic<GstClockTime> last = GST_CLOCK_TIME_NONE;  // timestamp of the last picture in presentation order
-    std::atomic<GstClockTime> end = 0;                     // end of that picture
+    std::atomic<bool> has_key = false;  // coded video: a key frame has reached the muxer
+    std::atomic<GstClockTime> last = GST_CLOCK_TIME_NONE;
+    std::atomic<GstClockTime> end = 0;
     GError* error = nullptr;
   };
   static GstBusSyncReply on_message(GstBus* bus, GstMessage* message, gpointer outcome);
@@ -94,15 +95,16 @@ class CameraFile {
   const guint64 most_bytes_;
   const std::shared_ptr<WriterState> writer_state_ = std::make_shared<WriterState>();
   mutable std::mutex mutex_;
-  GstElement* bin_ = nullptr;    // null before the first frame
+  GstElement* bin_ = nullptr;
   GstAppSrc* source_ = nullptr;  // borrowed from the bin, as is mux_
   GstElement* mux_ = nullptr;
   std::string kind_;
   const CodedVideo* coded_ = nullptr;  // null if each frame is independent
   bool waits_for_key_ = true, ended_ = false;
-  // The newest frame, which lasts until the next. For coded video also the following pictures with earlier timestamps.
+  // The newest frame, which waits for its duration until the next frame arrives. Coded video can also have later
+  // pictures with earlier timestamps.
   std::vector<GstBuffer*> held_;
-  GstClockTime period_ = 0;  // duration between the latest two frames
+  GstClockTime period_ = 0;
   Counts counts_;
 };
 

@@ -8,13 +8,14 @@
 
 #include <unistd.h>
 
+#include "base/file.h"
 #include "base/text.h"
 #include "common/common.h"
 #include "rig/rig_json.h"
 
 namespace lf {
 
-// For a camera that was absent during a clock step, frames of other cameras decide between the offsets.
+// A camera that was absent during a clock step cannot decide between the offsets, so frames of other cameras decide.
 bool CaptureTimeline::belongs_to_latest(gint64 time, const Camera& camera) const {
   if (camera.offset == offset_) return false;
   if (time < camera.newest - kSetBack) return true;
@@ -62,15 +63,9 @@ std::string time_of_day() {
 
 std::string rig_path(const std::string& folder) { return folder + "/rig.json"; }
 
-void make_folder(const std::string& folder) {
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (error) throw Error(folder + ": can't create the folder: " + error.message());
-}
-
 void require_free(const std::string& path, const std::string& folder) {
   std::error_code error;
-  // Also refuse a dangling symbolic link: the recording would be written to its target.
+  // Also refuses a dangling symbolic link, because the recording would be written to its target.
   if (std::filesystem::exists(std::filesystem::symlink_status(path, error)))
     throw Error(folder + ": contains a recording already (" + std::filesystem::path(path).filename().string() +
                 "): record into another folder, or remove it first");
@@ -95,8 +90,8 @@ Recording::Recording(GstElement* owner, const std::string& folder, const Rig& ri
 
 Recording::~Recording() { finish(); }
 
-// Includes cameras of other nodes, so that recordings of several hosts can be merged into one folder. Timestamps in the
-// files include time offsets.
+// The rig.json also has the cameras of other nodes, so that recordings of several hosts can be merged into one folder.
+// It has no time offsets, because the timestamps in the files include them.
 void Recording::save(const Rig& rig, const std::string& rig_file) const {
   Rig recorded = rig;
   std::error_code error;
@@ -104,7 +99,7 @@ void Recording::save(const Rig& rig, const std::string& rig_file) const {
   rebase_paths(recorded, error ? folder_ : whole.string());
   for (Camera& camera : recorded.cameras) {
     camera.source = file_name(camera);
-    camera.image.clear();  // shows another time, and may be outside of the folder
+    camera.image.clear();
     camera.time_offset = 0;
   }
   save_rig_like(rig_file, recorded, rig_path(folder_));
@@ -120,7 +115,7 @@ void Recording::update_rig(const Rig& rig, const std::string& rig_file) {
 }
 
 // Returns the time in the camera's file; nothing if the frame is from before the recording. Films keep their times.
-// Coded pictures from shortly before the start are kept at time 0, because later pictures depend on them.
+// Coded pictures from shortly before the start get the time 0, because later pictures depend on them.
 std::optional<GstClockTime> Recording::time_of(uint32_t camera, GstClockTime captured, bool live, bool coded) {
   std::unique_lock lock(mutex_);
   if (!timeline_) {
@@ -169,7 +164,8 @@ void Recording::tell(Track& track, GstCaps* caps, CameraFile::AddResult added) {
 void Recording::warn_behind(const Track& track) {
   if (warned_behind_.exchange(true)) return;
   GST_ELEMENT_WARNING(owner_, RESOURCE, WRITE,
-                      ("%s: the disk or this machine is too slow to record all frames: frames are missing, first of %s",
+                      ("%s: the disk or this machine is too slow to record all frames. Frames are missing in the "
+                       "recording, first of %s",
                        folder_.c_str(), track.name.c_str()),
                       ("further missing frames, also of other cameras, are counted in stats"));
 }
@@ -195,7 +191,6 @@ void Recording::report_failure(Track& track) {
                       ("unrecorded frames are counted in stats"));
 }
 
-// The files stay and are playable.
 void Recording::stop(const std::string& reason) {
   if (stopped_.exchange(true)) return;
   {

@@ -17,16 +17,16 @@
 
 namespace lf {
 
-// Maps capture times of live cameras to times in a recording. If the system clock is set back, the camera continues
-// directly after its latest frame. Other cameras get the same offset, so that all stay synchronised. Each camera
-// switches when its own frames show the step, because older frames may still be in flight. Times are nanoseconds. Not
-// thread-safe.
+// Maps the capture times of live cameras to times in a recording, so that the recording has no gap if the system clock
+// is set back. The camera then continues directly after its latest frame. Other cameras get the same offset, so that
+// all stay synchronised. Each camera switches when its own frames show the step, because older frames may still be in
+// flight. Times are nanoseconds. Not thread-safe.
 class CaptureTimeline {
  public:
-  // Smaller steps back are frames out of order, not a clock change.
+  // A smaller step back is a frame out of order and not a clock change.
   static constexpr gint64 kSetBack = GST_SECOND;
 
-  // `begin`: clock time of the start of the recording, nanoseconds.
+  // `begin` is the clock time of the start of the recording.
   explicit CaptureTimeline(GstClockTime begin) : begin_(static_cast<gint64>(begin)) {}
 
   struct Place {
@@ -38,13 +38,13 @@ class CaptureTimeline {
 
  private:
   struct Camera {
-    gint64 offset = 0;  // correction for clock steps
+    gint64 offset = 0;
     gint64 newest = 0;
     gint64 period = 0;
     std::optional<gint64> stray;  // capture time of the latest frame if it is far before `newest`
     bool is_seen = false;
   };
-  // True if the latest offset moves a frame at `time` closer to frames of other cameras.
+  // Returns true if the latest offset moves a frame at `time` closer to the frames of other cameras.
   bool belongs_to_latest(gint64 time, const Camera& camera) const;
 
   gint64 begin_;
@@ -53,16 +53,17 @@ class CaptureTimeline {
   std::map<uint32_t, Camera> cameras_;
 };
 
-// A recording: a folder with one file per camera and a rig.json that refers to these files, for playback in
-// lfcameranode. Separate files allow cameras to fail and return independently, and subsets to be copied and played.
+// A recording of several cameras: a folder with one file per camera and a rig.json, for playback in lfcameranode.
+// Cameras have separate files so that they can fail and return independently, and so that subsets can be copied and
+// played.
 //
 // If the disk is too slow, frames are dropped and counted. If a file cannot be written, only this file ends, with a
 // warning from `owner`. A full disk or an unwritable folder ends the recording with the element message
 // LF_RECORDING_STOPPED. The thread that adds the next frame reports the error. Thread-safe.
 class Recording {
  public:
-  // Creates `folder` and its rig.json, based on the rig read from `rig_file`. `owner` must outlive the recording.
-  // Throws Error if writing fails or the folder contains a recording.
+  // Creates `folder` and its rig.json, a copy of the rig in `rig_file` with other sources. `owner` must outlive the
+  // recording. Throws Error if writing fails or the folder contains a recording.
   Recording(GstElement* owner, const std::string& folder, const Rig& rig, const std::string& rig_file,
             const std::vector<CameraIndex>& cameras);
   ~Recording();
@@ -71,14 +72,14 @@ class Recording {
 
   // Replaces the rig in the folder, for example after a calibration.
   void update_rig(const Rig& rig, const std::string& rig_file);
-  // Adds a frame of the camera with this id (see CameraFile). `captured`: clock time for live cameras, else time in the
-  // film.
+  // Adds a frame of the camera with this id (see CameraFile). `captured` is clock time for live cameras, and otherwise
+  // the time in the film.
   void add(uint32_t camera, GstBuffer* frame, GstCaps* caps, GstClockTime captured, bool live);
   // Writes and closes all files. Waits at most five seconds for the disk. Later frames are ignored.
   void finish();
 
   CameraFile::Counts counts(uint32_t camera) const;
-  // Returns the folder, the clock time of the start, and the reason for an early end ("": none).
+  // Returns the folder, the clock time of the start, and the reason for an early end ("" if there is none).
   GstStructure* stats() const;
 
  private:

@@ -4,19 +4,22 @@
  * @title: lfrtpgate
  * @short_description: accepts RTP packets of allowed senders and drops all others
  *
- * lfrtpgate protects a receiver from packets of unknown senders. Place it after `udpsrc` with caps that describe the
- * packets (`encoding-name`, as at the sender).
+ * lfrtpgate protects a receiver from packets of unknown senders. It forwards only the packets of allowed senders. Place
+ * it after `udpsrc`, and set caps on `udpsrc` that describe the packets (`encoding-name`, as at the sender).
  *
- * If #lfrtpgate:key-file is set, only packets that #element-lfrtpseal has encrypted with the same secret pass,
- * decrypted, each once. Unencrypted, forged, damaged, truncated and replayed packets are dropped, as are packets more
- * than a minute old. Senders may restart at any time, and several senders may share a port. A packet passes only one
- * gate of a process unless #lfrtpgate:copies is set. Gates of other processes with the same key accept the packet, too.
+ * If #lfrtpgate:key-file is set, the element decrypts the packets that #element-lfrtpseal has encrypted with the same
+ * secret, and forwards each of them once. It drops packets that are not encrypted, and packets that are forged, damaged
+ * or truncated. It also drops replayed packets, which an attacker has recorded and sent again, and packets more than a
+ * minute old. Senders may restart at any time, and several senders may share a port.
  *
- * Without key file, packets from the addresses in #lfrtpgate:peers pass. This prevents accidents but not attacks with
- * forged addresses. If `peers` is empty, the first loopback address that sends is allowed. If both properties are set,
- * packets must match both.
+ * If a process has several lfrtpgate elements, a packet passes only one of them, unless #lfrtpgate:copies is set. Other
+ * processes with the same key accept the packet, too.
  *
- * #lfrtpgate:stats counts dropped packets by reason. The element posts a warning at most every ten seconds.
+ * Without a key file, the element forwards packets from the addresses in #lfrtpgate:peers. This prevents accidents but
+ * not attacks, because addresses can be forged. If `peers` is empty, too, only packets of this machine pass, from the
+ * first loopback address that sends a packet. If both properties are set, packets must satisfy both.
+ *
+ * #lfrtpgate:stats counts dropped packets by reason. The element posts a warning about them at most every ten seconds.
  *
  * ## Encrypted pictures
  * |[
@@ -51,17 +54,22 @@ struct Settings {
 
   static lf::PropertyTable<Settings>& properties() {
     static lf::PropertyTable<Settings> table = {
-        lf::property<&Settings::key_file>(lf::kWhileReady, "key-file", "Key file",
-                                          "File with the secret that all hosts share: 32 or more random characters "
-                                          "(empty: packets are not encrypted)"),
+        lf::property<&Settings::key_file>(
+            lf::kWhileReady, "key-file", "Key file",
+            "Path of the file with the secret that all hosts share, 32 or more random characters. If it is set, the "
+            "element decrypts packets and drops every packet that lfrtpseal has not encrypted with the same secret "
+            "(empty: packets are not encrypted)"),
         lf::property<&Settings::peers>(
             lf::kWhileReady, "peers", "Peers",
-            "Comma-separated names, addresses and networks (10.0.0.0/24) of allowed senders (empty: all holders of the "
-            "key, or, without key-file, the first loopback address that sends)"),
+            "Comma-separated list of the hosts that may send packets, as names, addresses or networks such as "
+            "10.0.0.0/24. If the list is empty, key-file decides: every host with the key may send. If there is no key "
+            "either, only this machine may send, from the first loopback address (such as 127.0.0.1) that a packet "
+            "arrives from"),
         lf::property<&Settings::copies>(
             lf::kWhileReady, "copies", "Copies",
-            "Permission for other gates of this process to receive the same packets, as in a multicast group (false: "
-            "each packet passes one gate once)"),
+            "Permission for other lfrtpgate elements of this process to receive the same packets. Set this if several "
+            "of them listen to one multicast group. By default, only the first element accepts a packet. Otherwise an "
+            "attacker could record a packet and send it again to another element"),
     };
     return table;
   }
@@ -96,19 +104,18 @@ struct _LfRtpGate {
   guint64 streams;
 
   // Set in PAUSED:
-  std::shared_ptr<const lf::rtp::RtpKey>* key;  // null without key file
+  std::shared_ptr<const lf::rtp::RtpKey>* key;
   bool copies;
   lf::Peers* peers;  // null: all holders of the key
   // Streaming thread:
   SrtpDecryptor* opener;
-  gint64 warned;  // monotonic time
+  gint64 warned;
 };
 
 G_DEFINE_FINAL_TYPE(LfRtpGate, lf_rtp_gate, GST_TYPE_ELEMENT)
 GST_ELEMENT_REGISTER_DEFINE_WITH_CODE(lfrtpgate, "lfrtpgate", GST_RANK_NONE, LF_TYPE_RTP_GATE,
                                       GST_DEBUG_CATEGORY_INIT(lf_rtp_gate_debug, "lfrtpgate", 0,
-                                                              "filter for RTP "
-                                                              "senders"))
+                                                              "filter for RTP senders"))
 
 static GstStaticPadTemplate sink_template = GST_STATIC_PAD_TEMPLATE(
     "sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS("application/x-rtp; application/x-srtp"));
@@ -127,7 +134,7 @@ static PacketResult to_packet_result(SrtpDecryptor::Result result) {
   return kForged;
 }
 
-// Takes the packet. If the result is kPassed, *passed is the packet to forward.
+// Checks and decrypts a packet. Takes the packet. If the result is kPassed, *passed is the packet to forward.
 static PacketResult classify(LfRtpGate* self, GstBuffer* packet, const std::optional<lf::Address>& sender,
                              GstBuffer** passed) {
   if (self->peers && !(sender && self->peers->admits(*sender))) {
@@ -206,7 +213,7 @@ static bool prepare(LfRtpGate* self) {
   try {
     if (!path.empty()) {
       *self->key = std::make_shared<const lf::rtp::RtpKey>(path);
-      SrtpDecryptor(*self->key, "", nullptr);  // detects a missing srtpdec
+      SrtpDecryptor(*self->key, "", nullptr);  // throws if srtpdec is missing
     }
     what = "peers";
     if (path.empty() || !peers.empty()) self->peers = new lf::Peers(peers);

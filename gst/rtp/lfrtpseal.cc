@@ -4,15 +4,18 @@
  * @title: lfrtpseal
  * @short_description: encrypts and authenticates RTP packets with a shared key
  *
- * lfrtpseal applies SRTP (`srtpenc`) with keys derived from the secret in #lfrtpseal:key-file. Give all hosts the same
- * file; #element-lfrtpgate decrypts at the receiver. Any RTP stream is supported: requests, answers, pictures. Without
- * key file packets pass unchanged.
+ * lfrtpseal encrypts and authenticates RTP packets of any kind: requests, answers or pictures. Place it in front of
+ * `udpsink`. It applies SRTP (`srtpenc`) with keys that it derives from the secret in #lfrtpseal:key-file. Give all
+ * hosts the same file. The receiver decrypts the packets with #element-lfrtpgate. Without a key file, packets pass
+ * unchanged.
  *
- * Create the file with 32 or more random characters: `openssl rand -hex 32`. Its contents never appear on command
- * lines, in logs or in properties. Each derived key is valid for one kind of stream and about one minute. Receivers can
- * therefore start at any time, and recorded packets are rejected later. The clocks of all hosts must differ by less
- * than a minute. Packets grow by 22 bytes. The element replaces SSRC and sequence numbers, so place it after elements
- * that use them, such as `rtpbin`.
+ * Create the file with `openssl rand -hex 32`; it must have 32 or more random characters. The contents never appear on
+ * command lines, in logs or in properties. Each derived key is valid for one kind of stream and for about one minute. A
+ * receiver can therefore start at any time, and it rejects packets that an attacker has recorded and sends again later.
+ * For this reason, the clocks of all hosts must differ by less than a minute.
+ *
+ * Packets grow by 22 bytes. The element replaces their SSRC and sequence numbers, so place it after elements that use
+ * these numbers, such as `rtpbin`.
  *
  * ## Encrypted pictures
  * |[
@@ -44,14 +47,15 @@ struct Settings {
   static lf::PropertyTable<Settings>& properties() {
     static lf::PropertyTable<Settings> table = {lf::property<&Settings::key_file>(
         lf::kWhileReady, "key-file", "Key file",
-        "File with the secret that all hosts share: 32 or more random characters (empty: packets pass unchanged)")};
+        "Path of the file with the secret that all hosts share, 32 or more random characters. The receiving lfrtpgate "
+        "needs the same file (empty: packets pass unchanged, without encryption)")};
     return table;
   }
 };
 
-// maximum; a later receiver could not know the rollover count of sequence numbers
+// Maximum number of packets in a stream. A later receiver could not know how often sequence numbers have wrapped.
 constexpr guint kPacketsOfStream = 1 << 16;
-constexpr guint kPacketsWithoutMarker = 1 << 12;  // maximum wait of a new minute for the end of a frame
+constexpr guint kPacketsWithoutMarker = 1 << 12;  // a new minute waits at most this long for the end of a frame
 
 struct Stream {
   lf::rtp::KeyId name;
@@ -69,7 +73,7 @@ struct _LfRtpSeal {
   GstPad *sink, *src;
   Settings* settings;  // guarded by the object lock
 
-  lf::rtp::RtpKey* key;  // set in PAUSED; null without key file
+  lf::rtp::RtpKey* key;
   // Streaming thread:
   std::string* purpose;
   Stream* stream;
@@ -79,7 +83,8 @@ struct _LfRtpSeal {
 
 G_DEFINE_FINAL_TYPE(LfRtpSeal, lf_rtp_seal, GST_TYPE_ELEMENT)
 GST_ELEMENT_REGISTER_DEFINE_WITH_CODE(lfrtpseal, "lfrtpseal", GST_RANK_NONE, LF_TYPE_RTP_SEAL,
-                                      GST_DEBUG_CATEGORY_INIT(lf_rtp_seal_debug, "lfrtpseal", 0, "RTP under a key"))
+                                      GST_DEBUG_CATEGORY_INIT(lf_rtp_seal_debug, "lfrtpseal", 0,
+                                                              "encryption of RTP packets"))
 
 static GstStaticPadTemplate sink_template =
     GST_STATIC_PAD_TEMPLATE("sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS("application/x-rtp"));
@@ -110,7 +115,7 @@ static void begin_stream(LfRtpSeal* self) {
   *self->stream = std::move(stream);
 }
 
-// Starts a new stream between frames, or within a frame if it is too long.
+// Starts a new stream between frames, or within a frame that is too long.
 static void choose_stream(LfRtpSeal* self, guint packets) {
   const Stream& stream = *self->stream;
   const bool is_old = stream.name.minute != lf::rtp::current_minute() &&
@@ -118,7 +123,7 @@ static void choose_stream(LfRtpSeal* self, guint packets) {
   if (!stream.srtpenc || is_old || stream.packets + packets > kPacketsOfStream) begin_stream(self);
 }
 
-// Takes the packet. Returns it with SSRC and sequence number of the stream; null if it is not RTP.
+// Gives the packet the SSRC and the sequence number of the stream. Takes and returns the packet; null if it is not RTP.
 static GstBuffer* number(LfRtpSeal* self, GstBuffer* packet) {
   packet = gst_buffer_make_writable(packet);
   GstRTPBuffer rtp = GST_RTP_BUFFER_INIT;
@@ -139,7 +144,10 @@ static GstFlowReturn push_numbered(LfRtpSeal* self, Packets* packets) {
   self->sealed = FALSE;
   const GstFlowReturn flow = self->stream->srtpenc->push(packets);
   if (flow == GST_FLOW_ERROR && !self->sealed)
-    GST_ELEMENT_ERROR(self, LIBRARY, FAILED, ("srtpenc rejects packets."), (nullptr));
+    GST_ELEMENT_ERROR(self, LIBRARY, FAILED,
+                      ("The element srtpenc rejects the packets, so they cannot be encrypted "
+                       "and sent."),
+                      (nullptr));
   return flow;
 }
 
@@ -154,7 +162,7 @@ static GstFlowReturn lf_rtp_seal_chain(GstPad*, GstObject* parent, GstBuffer* pa
 static GstFlowReturn lf_rtp_seal_chain_list(GstPad*, GstObject* parent, GstBufferList* packets) {
   LfRtpSeal* self = LF_RTP_SEAL(parent);
   if (!self->key) return gst_pad_push_list(self->src, packets);
-  const guint count = std::min(gst_buffer_list_length(packets), kPacketsOfStream);  // larger lists do not occur
+  const guint count = std::min(gst_buffer_list_length(packets), kPacketsOfStream);
   choose_stream(self, count);
   GstBufferList* numbered = gst_buffer_list_new_sized(count);
   for (guint i = 0; i < count; i++)
@@ -199,7 +207,7 @@ static bool read_key(LfRtpSeal* self) {
   if (path.empty()) return true;
   try {
     self->key = new lf::rtp::RtpKey(path);
-    begin_stream(self);  // detects a missing srtpenc
+    begin_stream(self);  // throws if srtpenc is missing
     *self->stream = {};
     return true;
   } catch (const lf::Error& error) {

@@ -11,7 +11,7 @@
 namespace lf {
 namespace {
 
-// Cancels an operation after a time limit, unless destroyed earlier.
+// Cancels an operation after a time limit, unless this object is destroyed earlier.
 class TimeLimit {
  public:
   TimeLimit(GCancellable* cancellable, GstClockTime limit) {

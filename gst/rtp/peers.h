@@ -11,24 +11,24 @@
 
 namespace lf {
 
-// Returns the numeric addresses of a host name or address. A name lookup takes at most kLookupSeconds, so that state
-// changes do not hang. Throws Error if the lookup fails. Thread-safe.
+// Looks up a host name, or parses an address, and returns the numeric addresses. A lookup takes at most kLookupSeconds,
+// so that state changes do not hang. Throws Error if the lookup fails. Thread-safe.
 inline constexpr int kLookupSeconds = 2;
 std::vector<std::string> addresses_of(const std::string& host);
 
-// An address without port. IPv4 addresses are mapped to IPv6, ::ffff:a.b.c.d.
+// An IP address without a port. IPv4 addresses are mapped to IPv6 (::ffff:a.b.c.d).
 using Address = std::array<uint8_t, 16>;
-// Returns nothing if the socket address is not an IP address.
+// Nothing if the socket address is not an IP address.
 std::optional<Address> address_of(GSocketAddress* socket);
 bool is_loopback(const Address& address);
 std::string to_text(const Address& address);
 
-// Allowed senders: the given addresses, or, if none are given, the first loopback address that sends.
+// The hosts that may send packets: the given hosts, or, if none are given, the first loopback address that sends.
 class Peers {
  public:
   Peers() = default;
-  // `text`: comma-separated names, addresses and networks ("viewer,10.0.0.7,[fd00::7],fd00::/64"). Looks up names.
-  // Throws Error if an item is invalid or unknown.
+  // `text` is a comma-separated list of names, addresses and networks, for example
+  // "viewer,10.0.0.7,[fd00::7],fd00::/64". Looks up the names. Throws Error if an item is invalid or unknown.
   explicit Peers(const std::string& text);
 
   bool admits(const Address& address);

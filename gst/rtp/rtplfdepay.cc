@@ -4,12 +4,14 @@
  * @title: rtplfdepay
  * @short_description: extracts light field requests or answers from RTP packets
  *
- * rtplfdepay receives the packets of #rtplfpay. It pushes each part of an answer immediately; #lfcompositor counts
- * parts to detect complete answers. Packets may be lost, duplicated or reordered, and several senders may share a port.
- * No `rtpjitterbuffer` is needed, which avoids its delay, but one (in `rtpbin`) does no harm. Repeated requests are
- * forwarded once and in order.
+ * rtplfdepay receives the packets of #rtplfpay. It forwards each part of an answer as soon as this part is complete,
+ * and #lfcompositor counts the parts to detect complete answers. Packets may be lost, duplicated or reordered, and
+ * several senders may share a port. The element therefore needs no `rtpjitterbuffer`, which would add delay, but it
+ * also works behind one, for example in `rtpbin`. A request that arrives several times is forwarded only once, and
+ * requests stay in order.
  *
- * Damaged and forged data is dropped and counted in #rtplfdepay:stats. #rtplfdepay:max-size-bytes limits memory.
+ * Invalid data, whether damaged or forged, is dropped and counted in #rtplfdepay:stats. #rtplfdepay:max-size-bytes
+ * limits the memory for messages that still lack packets.
  *
  * ## Record the answers of a node
  * |[
@@ -41,8 +43,9 @@ struct Settings {
   static lf::PropertyTable<Settings>& properties() {
     static lf::PropertyTable<Settings> table = {lf::property<&Settings::max_size_bytes>(
         lf::kWhilePlaying, "max-size-bytes", "Maximum size in bytes",
-        "Maximum total size of incomplete units, in bytes; the oldest units are dropped first", guint64{1 << 16},
-        guint64{lf::wire::kMaxAnswerBytes})};
+        "Maximum memory for messages with missing packets, in bytes. A message is a request or a part of an answer, "
+        "and usually consists of several packets. If more memory is needed, the oldest incomplete messages are dropped",
+        guint64{1 << 16}, guint64{lf::wire::kMaxAnswerBytes})};
     return table;
   }
 };
@@ -56,8 +59,8 @@ struct _LfRtpDepay {
   GstRTPBaseDepayload parent;
 
   // Streaming thread:
-  lf::rtp::Depacketizer* depacketizer;  // null before caps
-  bool warned_foreign;                  // since the start
+  lf::rtp::Depacketizer* depacketizer;
+  bool warned_foreign;
 
   lf::RequestGuard* guard;
 
@@ -76,8 +79,8 @@ static GstStaticPadTemplate src_template =
 G_DEFINE_TYPE(LfRtpDepay, lf_rtp_depay, GST_TYPE_RTP_BASE_DEPAYLOAD)
 GST_ELEMENT_REGISTER_DEFINE(rtplfdepay, "rtplfdepay", GST_RANK_SECONDARY, LF_TYPE_RTP_DEPAY)
 
-// True if a request is within the limits, or an answer is not larger than the limits allow. Views are distinguished by
-// id only, so a forger of sender ids gains no additional views.
+// Returns true if a request is within the limits, or if an answer is not larger than the limits allow. Views are
+// distinguished by id only, so that forged sender ids do not gain additional views.
 static bool lf_rtp_depay_admits(LfRtpDepay* self, lf::wire::UnitKind kind, std::span<const uint8_t> unit) {
   if (kind == lf::wire::UnitKind::kRequest) return self->guard->admits(GST_ELEMENT(self), unit, 0, true);
   const std::optional<std::pair<int, int>> size = lf::wire::peek_answer_size(unit);
@@ -126,7 +129,7 @@ static bool is_rtp(LfRtpDepay* self, GstBuffer* buffer) {
   return false;
 }
 
-// Filters before the base class, which posts a warning for each packet that is not RTP.
+// Drops packets that are not RTP here, because the base class would post a warning for each.
 static GstPadProbeReturn lf_rtp_depay_filter(GstPad*, GstPadProbeInfo* info, gpointer data) {
   LfRtpDepay* self = LF_RTP_DEPAY(data);
   if (info->type & GST_PAD_PROBE_TYPE_BUFFER)
@@ -138,12 +141,12 @@ static GstPadProbeReturn lf_rtp_depay_filter(GstPad*, GstPadProbeInfo* info, gpo
   return GST_PAD_PROBE_OK;
 }
 
-// The compositor downstream is reached over the network, so it is not in the process of the node.
+// Drops the query: the compositor downstream is reached over the network, so it is not in the process of the node.
 static GstPadProbeReturn lf_rtp_depay_query(GstPad*, GstPadProbeInfo* info, gpointer) {
   return lf::is_in_process_query(GST_PAD_PROBE_INFO_QUERY(info)) ? GST_PAD_PROBE_DROP : GST_PAD_PROBE_OK;
 }
 
-// Encrypted packets look like damage if the receiver has no key.
+// Warns if all packets are damaged, because encrypted packets look like damage if the receiver has no key.
 static void warn_of_foreign(LfRtpDepay* self, const lf::rtp::Depacketizer::Stats& stats) {
   constexpr uint64_t kMany = 20;
   const uint64_t bad = stats.bad_packets + stats.bad_chunks + stats.bad_units;
@@ -188,7 +191,7 @@ static GstBuffer* lf_rtp_depay_process(GstRTPBaseDepayload* base, GstRTPBuffer* 
   return nullptr;
 }
 
-// Ignores the gap of the base class: missing packets are detected by counting.
+// Ignores the gaps that the base class reports, because missing packets are detected by counting.
 static gboolean lf_rtp_depay_packet_lost(GstRTPBaseDepayload*, GstEvent*) { return TRUE; }
 
 static gboolean lf_rtp_depay_handle_event(GstRTPBaseDepayload* base, GstEvent* event) {
@@ -261,12 +264,13 @@ static void lf_rtp_depay_class_init(LfRtpDepayClass* klass) {
   object_class->finalize = lf_rtp_depay_finalize;
   Properties::install(
       object_class,
-      "Statistics of GstRTPBaseDepayload, and since the start (all uint64): packets (received), bytes (of payloads), "
-      "units (forwarded), chunks (packets with a part of a unit), repeated (known requests), lost (gaps in sequence "
-      "numbers, in packets); dropped: duplicates (packets), bad-rtp (not RTP), bad-packets (unknown payload), "
-      "bad-chunks (inconsistent, or of a unit that is too large), bad-units (invalid), incomplete-units (missing "
-      "chunks), superseded (requests with more than two newer requests in the same packet), refused (beyond a limit, "
-      "by limit: refused-pixels, -aperture, -trials, -rate, -views, -lens)");
+      "Statistics of GstRTPBaseDepayload, and counters since the start (all uint64). A unit is one complete message, a "
+      "chunk is a packet with a part of a unit. Received: packets, bytes (of payloads), units (forwarded), chunks, "
+      "repeated (requests that had arrived before), lost (packets, counted by gaps in sequence numbers). Dropped: "
+      "duplicates (packets), bad-rtp (not RTP), bad-packets (unknown payload), bad-chunks (inconsistent, or of a unit "
+      "that is too large), bad-units (invalid), incomplete-units (missing chunks), superseded (requests with more than "
+      "two newer requests in the same packet), refused (requests beyond a limit, by limit: refused-pixels, -aperture, "
+      "-trials, -rate, -views, -lens)");
   lf::RequestGuard::install(object_class);
   object_class->set_property = lf::callback<lf_rtp_depay_set_property>;
   object_class->get_property = lf::callback<lf_rtp_depay_get_property>;
@@ -289,8 +293,8 @@ static void lf_rtp_depay_class_init(LfRtpDepayClass* klass) {
 static void lf_rtp_depay_init(LfRtpDepay* self) {
   self->settings = {};
   self->guard = new lf::RequestGuard;
-  // max-reorder: the base class drops reordered packets; Depacketizer detects duplicates. auto-header-extension:
-  // GStreamer 1.22.0 hangs at a malformed header extension.
+  // max-reorder would make the base class drop reordered packets; Depacketizer detects duplicates instead. With
+  // auto-header-extension, GStreamer 1.22.0 hangs at a malformed header extension.
   g_object_set(self, "max-reorder", 0, "auto-header-extension", FALSE, nullptr);
   GstPad* sink = GST_RTP_BASE_DEPAYLOAD_SINKPAD(self);
   gst_pad_add_probe(sink, GstPadProbeType(GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_BUFFER_LIST),

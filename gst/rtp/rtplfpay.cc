@@ -4,21 +4,25 @@
  * @title: rtplfpay
  * @short_description: puts light field requests or answers into RTP packets
  *
- * rtplfpay sends requests or answers to another host. The receiver is #rtplfdepay.
+ * rtplfpay splits requests or answers into RTP packets, to send them to another host. The receiver is #rtplfdepay.
  *
- * Packets are never larger than #GstRTPBasePayload:mtu, without header extensions of applications and the SRTP tag. An
- * answer is split at its fragments, so a lost packet only loses its own fragments. Each request is sent with its two
- * predecessors, so one or two lost packets do no harm.
+ * Packets are never larger than #GstRTPBasePayload:mtu. This limit does not include header extensions of applications
+ * and the SRTP tag. An answer is split at the borders of its fragments (parts of the view), so a lost packet costs only
+ * the fragments that it contains. Each packet with a request also contains the two previous requests, so one or two
+ * lost packets do no harm.
  *
- * All packets of an answer are ready at once and may exceed the socket buffer of a receiver. The element therefore
- * paces packets to #rtplfpay:max-bitrate, by default one gigabit per second. Set it below the link capacity. Receivers
- * should request a large buffer (`udpsrc buffer-size=4000000`, limited by the sysctl `net.core.rmem_max`). Put a
- * `queue` before the element, so that the node can render its next answer meanwhile. (`udpsink max-bitrate=` cannot
- * replace the pacing. It counts from the timestamp of an answer, which is usually sent later, and it has no effect with
- * `sync=false`.)
+ * All packets of an answer are ready at the same time, and together they may exceed the socket buffer of the receiver.
+ * The element therefore spreads them over time, at the rate #rtplfpay:max-bitrate, by default one gigabit per second.
+ * Set this property below the capacity of the link. Receivers should request a large buffer (`udpsrc
+ * buffer-size=4000000`, limited by the sysctl `net.core.rmem_max`). Put a `queue` before the element, so that the node
+ * can render its next answer while this element sends.
  *
- * A node that sends through this element with `codec=auto` compresses its answers. Hosts exchange capture times as time
- * of day. The element provides a clock that starts at the time of day and never jumps, even if the system clock is set.
+ * The property `max-bitrate` of `udpsink` cannot replace this property. It counts from the timestamp of an answer, but
+ * an answer is usually sent later. It also has no effect with `sync=false`.
+ *
+ * A node (an element that owns cameras and answers requests) with `codec=auto` compresses its answers if they pass this
+ * element. The element also provides a clock that starts at the time of day and never jumps, even if the system clock
+ * is set. Hosts need such a clock, because they exchange capture times as time of day.
  *
  * ## Answers of a node
  * |[
@@ -45,12 +49,14 @@ GST_DEBUG_CATEGORY_STATIC(lf_rtp_pay_debug);
 namespace {
 
 struct Settings {
-  guint64 max_bitrate = 1'000'000'000;  // capacity of a switch port, where answers of several nodes meet
+  guint64 max_bitrate = 1'000'000'000;  // capacity of a switch port, where the answers of several nodes meet
 
   static lf::PropertyTable<Settings>& properties() {
     static lf::PropertyTable<Settings> table = {lf::property<&Settings::max_bitrate>(
         lf::kWhilePlaying, "max-bitrate", "Maximum bitrate",
-        "Maximum bitrate of the packets of an answer, in bits per second; set below the link capacity (0: no pacing)",
+        "Maximum sending rate for the packets of an answer, in bits per second. Set it below the capacity of the "
+        "slowest link on the way to the receiver. Otherwise packets are lost there when several nodes send at the same "
+        "time (0: no limit)",
         guint64{0}, G_MAXUINT64)};
     return table;
   }
@@ -65,7 +71,7 @@ struct _LfRtpPay {
   GstClock* day_clock;  // see lf_rtp_pay_provide_clock()
 
   // Streaming thread:
-  lf::rtp::Packetizer* packetizer;  // null before caps
+  lf::rtp::Packetizer* packetizer;
   lf::rtp::Pacer* pacer;
 
   // Guarded by the object lock:
@@ -98,7 +104,7 @@ static gboolean lf_rtp_pay_set_caps(GstRTPBasePayload* base, GstCaps* caps) {
   gint numerator = 0, denominator = 1;
   if (!request || !gst_structure_get_fraction(structure, "framerate", &numerator, &denominator) || numerator == 0)
     return gst_rtp_base_payload_set_outcaps(base, nullptr);
-  // A string, as in SDP.
+  // The value is a string, as in SDP.
   gchar* rate = g_strdup_printf("%d/%d", numerator, denominator);
   const gboolean ok = gst_rtp_base_payload_set_outcaps(base, "framerate", G_TYPE_STRING, rate, nullptr);
   g_free(rate);
@@ -108,7 +114,7 @@ static gboolean lf_rtp_pay_set_caps(GstRTPBasePayload* base, GstCaps* caps) {
 // Waits until the next packets may be sent. Returns false if the wait was interrupted.
 static bool lf_rtp_pay_wait(LfRtpPay* self, guint64 bytes, guint64 max_bitrate) {
   GstClock* clock = gst_element_get_clock(GST_ELEMENT(self));
-  if (!clock) return true;  // not playing: no pacing needed
+  if (!clock) return true;
   const GstClockTime now = gst_clock_get_time(clock), time = self->pacer->next(now);
   self->pacer->sent(time, bytes, max_bitrate);
   bool ok = true;
@@ -136,7 +142,6 @@ static void lf_rtp_pay_set_flushing(LfRtpPay* self, gboolean flushing) {
   GST_OBJECT_UNLOCK(self);
 }
 
-// Takes the packets.
 static GstFlowReturn lf_rtp_pay_push(LfRtpPay* self, GstBufferList* packets, guint64 max_bitrate) {
   const gsize bytes = gst_buffer_list_calculate_size(packets);
   const guint count = gst_buffer_list_length(packets);
@@ -161,7 +166,8 @@ static GstBuffer* lf_rtp_pay_packet(LfRtpPay* self, const lf::rtp::Payload& payl
   gst_rtp_buffer_unmap(&rtp);
   if (payload.last) GST_BUFFER_FLAG_SET(packet, GST_BUFFER_FLAG_MARKER);
   gst_buffer_copy_into(packet, unit, GST_BUFFER_COPY_TIMESTAMPS, 0, -1);
-  GST_BUFFER_OFFSET(packet) = GST_BUFFER_OFFSET_NONE;  // otherwise the base class derives RTP time from the offset
+  // without this, the base class would derive RTP time from the offset
+  GST_BUFFER_OFFSET(packet) = GST_BUFFER_OFFSET_NONE;
   return packet;
 }
 
@@ -170,7 +176,9 @@ static GstFlowReturn lf_rtp_pay_unit(LfRtpPay* self, GstBuffer* buffer) {
   const guint sources = gst_rtp_base_payload_get_source_count(base, buffer);
   const guint max_payload = gst_rtp_buffer_calc_payload_len(GST_RTP_BASE_PAYLOAD_MTU(base), 0, sources);
   if (GST_RTP_BASE_PAYLOAD_MTU(base) < lf::rtp::kMinPayloadBytes || max_payload < lf::rtp::kMinPayloadBytes) {
-    GST_ELEMENT_ERROR(self, LIBRARY, SETTINGS, ("The MTU of %u bytes is too small.", GST_RTP_BASE_PAYLOAD_MTU(base)),
+    GST_ELEMENT_ERROR(self, LIBRARY, SETTINGS,
+                      ("The MTU of %u bytes is too small: a packet has no room for data after its header.",
+                       GST_RTP_BASE_PAYLOAD_MTU(base)),
                       ("set mtu to %u or more",
                        gst_rtp_buffer_calc_packet_len(lf::rtp::kMinPayloadBytes, 0, static_cast<guint8>(sources))));
     return GST_FLOW_ERROR;
@@ -269,8 +277,8 @@ static GstStructure* stats_of(LfRtpPay* self) {
 
 using PayProperties = lf::Properties<settings_of, stats_of>;
 
-// Properties of GstRTPBasePayload for streams that can be split at any time. They have no effect on units, so they are
-// read-only here.
+// Makes properties of GstRTPBasePayload read-only that have no effect here. They are for streams that can be split at
+// any time.
 static constexpr guint kFirstTimeLimit = 100;
 
 static void lf_rtp_pay_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {

@@ -7,7 +7,6 @@
 #include "common/common.h"
 #include "wire/unit.h"
 
-// RTP encoding names, see lib/rtp/spec.md.
 #define LF_RTP_REQUEST_ENCODING "X-LIGHTFIELD-REQUEST"
 #define LF_RTP_ANSWER_ENCODING "X-LIGHTFIELD-ANSWER"
 #define LF_RTP_CAPS                                                             \
@@ -24,7 +23,7 @@ inline wire::UnitKind kind_of_units(const GstStructure* caps) {
   return gst_structure_has_name(caps, LF_REQUEST_MEDIA_TYPE) ? wire::UnitKind::kRequest : wire::UnitKind::kAnswer;
 }
 
-// Returns the `stats` of the base class, which other elements read (rtspsrc, rtpbin). The caller owns the result and
+// Returns the `stats` of the base class, which other elements read (rtspsrc, rtpbin). The caller owns the structure and
 // may add fields.
 inline GstStructure* base_stats(GObject* object, gpointer parent_class) {
   GObjectClass* base = G_OBJECT_CLASS(parent_class);

@@ -19,7 +19,7 @@ namespace {
 constexpr char kLabel[] = "gst-lightfield SRTP 1";
 constexpr char kSpace[] = " \t\r\n";
 
-// Compilers may remove a plain memset() of memory that is not read again.
+// Erases memory. Compilers may remove a plain memset() of memory that is not read again.
 void forget(void* bytes, size_t count) { explicit_bzero(bytes, count); }
 
 constexpr guint kReorder = 4096;
@@ -37,7 +37,7 @@ struct Header {
   std::array<uint8_t, kMkiBytes> mki;
 };
 
-// Returns nothing if the packet is too short for SRTP, or if version or type would make srtpdec treat it as RTCP.
+// Nothing if the packet is too short for SRTP, or if version or type would make srtpdec treat it as RTCP.
 std::optional<Header> read_header(GstBuffer* packet) {
   const gsize size = gst_buffer_get_size(packet);
   guint8 bytes[12];
@@ -85,7 +85,7 @@ SessionKey RtpKey::session(std::string_view purpose, const KeyId& name) const {
   wire::store(&fields[0], name.ssrc);
   std::copy_n(session.mki.begin(), 8, fields.begin() + 4);
   GHmac* hmac = g_hmac_new(G_CHECKSUM_SHA512, reinterpret_cast<const guchar*>(secret_.data()), secret_.size());
-  g_hmac_update(hmac, reinterpret_cast<const guchar*>(kLabel), sizeof kLabel);  // includes the terminating zero
+  g_hmac_update(hmac, reinterpret_cast<const guchar*>(kLabel), sizeof kLabel);
   g_hmac_update(hmac, reinterpret_cast<const guchar*>(purpose.data()), static_cast<gssize>(purpose.size()));
   g_hmac_update(hmac, fields.data(), fields.size());
   std::array<uint8_t, 64> made;
@@ -162,7 +162,7 @@ void StandaloneElement::close() {
 }
 
 std::shared_ptr<ReplayProtection> ReplayProtection::of(const RtpKey& key, std::string_view purpose) {
-  // The map key is derived for minute 0, which decrypts nothing.
+  // The key for minute 0 identifies the secret in this map. It decrypts nothing, because no packet is that old.
   using Id = std::array<uint8_t, kMasterKeyBytes>;
   static std::mutex mutex;
   static std::map<Id, std::shared_ptr<ReplayProtection>> all;
@@ -230,7 +230,7 @@ void SrtpDecryptor::forget_old(uint32_t minute) {
 
 SrtpDecryptor::Result SrtpDecryptor::open_known(Stream& stream, guint16 sequence, GstBuffer* packet,
                                                 GstBuffer** opened) {
-  // GStreamer 1.22.0 decrypts a copy and forwards the original if the buffer is not writable
+  // makes the buffer writable, because GStreamer 1.22.0 otherwise decrypts a copy and forwards the original
   srtpdec_.push(gst_buffer_make_writable(packet));
   *opened = std::exchange(opened_, nullptr);
   if (!*opened) return Result::kForged;
@@ -250,7 +250,8 @@ SrtpDecryptor::Result SrtpDecryptor::open(GstBuffer* packet, GstBuffer** opened)
   const KeyId name = key_id_of(header->ssrc, header->mki);
   const uint32_t now = current_minute();
   if (!is_current(name.minute, now)) {
-    // Arbitrary bytes rarely contain a current minute. The check value requires the key.
+    // An unencrypted packet has arbitrary bytes here, which are rarely a current minute. The check value requires the
+    // key, so it tells old packets of key holders from unencrypted packets.
     const bool is_sealed = key_->session(purpose_, name).mki == header->mki;
     return refuse(is_sealed ? Result::kStale : Result::kUnsealed);
   }

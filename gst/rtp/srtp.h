@@ -15,7 +15,7 @@
 
 #include <gst/gst.h>
 
-// Encrypted RTP: the shared secret, derived keys (lib/rtp/spec.md, "Under a key"), and decryption.
+// Encrypted RTP: the shared secret, the keys derived from it (lib/rtp/spec.md, "Under a key"), and decryption.
 namespace lf::rtp {
 
 inline constexpr size_t kMasterKeyBytes = 30;  // AES-128 counter mode key and salt
@@ -23,7 +23,7 @@ inline constexpr size_t kMkiBytes = 12;
 inline constexpr size_t kTagBytes = 10;  // HMAC-SHA1-80
 inline constexpr size_t kSrtpOverheadBytes = kMkiBytes + kTagBytes;
 
-// Identifies the key of one sender for about a minute. Sent in each packet.
+// Identifies the key of one sender for about a minute, in every packet.
 struct KeyId {
   uint32_t ssrc = 0;
   uint32_t minute = 0;  // minutes since 1970
@@ -31,11 +31,12 @@ struct KeyId {
 };
 struct SessionKey {
   std::array<uint8_t, kMasterKeyBytes> key{};
-  std::array<uint8_t, kMkiBytes> mki{};  // minute, nonce, and a check value that only holders of the secret can compute
+  // consists of minute, nonce, and a check value that only holders of the secret can compute
+  std::array<uint8_t, kMkiBytes> mki{};
 };
 
-// Immutable. The secret stays in this object: properties and caps of GStreamer elements appear in logs and pipeline
-// graphs.
+// The secret that all hosts share. The secret never leaves this object, because properties and caps of GStreamer
+// elements appear in logs and pipeline graphs. Immutable.
 class RtpKey {
  public:
   static constexpr size_t kMinBytes = 32, kMaxBytes = 4096;
@@ -46,27 +47,25 @@ class RtpKey {
   RtpKey(const RtpKey&) = delete;
   RtpKey& operator=(const RtpKey&) = delete;
 
-  // `purpose`: kind of stream, so that packets of one kind are not accepted as another.
+  // `purpose` is the kind of stream, so that packets of one kind are not accepted as another.
   SessionKey session(std::string_view purpose, const KeyId& name) const;
 
  private:
   std::string secret_;
 };
 
-// Minutes since 1970, by the system clock.
 uint32_t current_minute();
 KeyId key_id_of(uint32_t ssrc, std::span<const uint8_t, kMkiBytes> mki);
 
-// A GStreamer element outside of bins. Its properties and caps, which contain keys for SRTP, are therefore invisible to
-// applications, pipeline graphs and `gst-launch-1.0 -v`. Works in the thread that pushes.
+// Runs a GStreamer element outside of bins. The properties and caps of the SRTP elements contain keys, and here they
+// are invisible to applications, pipeline graphs and `gst-launch-1.0 -v`. Works in the thread that pushes.
 class StandaloneElement {
  public:
-  // Takes the buffer.
   using OnBuffer = std::function<GstFlowReturn(GstBuffer*)>;
   using OnList = std::function<GstFlowReturn(GstBufferList*)>;
 
-  // Takes and starts the floating element. `sink` is a static or request pad; `src` must then exist. `caps`
-  // describe the pushed data. Throws Error if the element does not start.
+  // Takes and starts the floating element. `sink` is a static or request pad; `src` must then exist. `caps` describe
+  // the pushed data. Throws Error if the element does not start.
   StandaloneElement(GstElement* element, const char* sink, const char* src, const char* caps, OnBuffer on_buffer,
                     OnList on_list = nullptr);
   ~StandaloneElement();
@@ -74,7 +73,6 @@ class StandaloneElement {
   StandaloneElement& operator=(const StandaloneElement&) = delete;
 
   GstElement* get() const { return element_; }  // borrowed
-  // Take the reference.
   GstFlowReturn push(GstBuffer* buffer) { return gst_pad_push(in_, buffer); }
   GstFlowReturn push(GstBufferList* list) { return gst_pad_push_list(in_, list); }
 
@@ -89,7 +87,7 @@ class StandaloneElement {
   GstPad *in_, *out_;
 };
 
-// Sequence numbers of the decrypted packets of one stream. Thread-safe.
+// The sequence numbers of the packets of one stream that have been decrypted. Thread-safe.
 class ReplayList {
  public:
   bool has(uint16_t sequence) const {
@@ -105,16 +103,15 @@ class ReplayList {
 
  private:
   mutable std::mutex mutex_;
-  std::bitset<1 << 16> numbers_;  // a stream uses each number once
+  std::bitset<1 << 16> numbers_;
 };
 
-// Decrypted packets of one key and purpose, shared by all gates of the process. Each packet passes one gate once, even
-// if a gate restarts. Thread-safe.
+// Remembers the decrypted packets of one key and purpose, for all gates of the process, so that each packet passes one
+// gate once, even if a gate restarts. Thread-safe.
 class ReplayProtection {
  public:
   static std::shared_ptr<ReplayProtection> of(const RtpKey& key, std::string_view purpose);
 
-  // `name` must have a valid MKI.
   std::shared_ptr<ReplayList> of_stream(const KeyId& name);
   void forget_old(uint32_t minute);
   bool empty() const;
@@ -130,8 +127,8 @@ inline bool is_current(uint32_t minute, uint32_t now) {
   return minute + kMaxClockSkewMinutes >= now && minute <= now + kMaxClockSkewMinutes;
 }
 
-// Decrypts packets of lfrtpseal. An invalid packet costs one HMAC, and only holders of the key can cause memory to be
-// allocated. Not thread-safe.
+// Decrypts packets of lfrtpseal. Attackers cannot exhaust the machine: an invalid packet costs one HMAC, and only
+// holders of the key can cause memory to be allocated. Not thread-safe.
 class SrtpDecryptor {
  public:
   enum class Result {
@@ -143,17 +140,17 @@ class SrtpDecryptor {
     kForged,  // wrong key or damaged
   };
 
-  // `opened`: shared with other decryptors so that each packet is decrypted once; null: not shared. Throws Error if
-  // srtpdec is not installed.
+  // Decryptors that share `opened` decrypt each packet only once (null: not shared). Throws Error if srtpdec is not
+  // installed.
   SrtpDecryptor(std::shared_ptr<const RtpKey> key, const std::string& purpose,
                 std::shared_ptr<ReplayProtection> opened);
 
-  // Takes the packet. On success `opened` is the decrypted packet.
+  // Takes the packet. On success, `opened` becomes the decrypted packet.
   Result open(GstBuffer* packet, GstBuffer** opened);
   size_t streams() const { return streams_.size(); }
 
  private:
-  // Limit for recent streams. A sender starts a stream each minute, or every 65536 packets.
+  // Maximum number of recent streams. A sender starts a stream each minute, or every 65536 packets.
   static constexpr size_t kMostStreams = 1024;
   struct Stream {
     uint32_t minute;

@@ -5,72 +5,77 @@
  * @title: lfviewrequest
  * @short_description: virtual camera of one viewer, as a stream of view requests
  *
- * lfviewrequest generates view requests. Each buffer requests one picture: pose, lens, size and focal plane of the
- * view, and its capture time. Nodes (lffragment, lfcameranode) answer the requests, and lfcompositor combines the
- * answers to a picture.
+ * lfviewrequest is the virtual camera of one viewer. Each buffer that it sends is a request for one picture: pose,
+ * lens, size and focal plane of the view, and the capture time that the picture shows. Nodes (lffragment, lfcameranode)
+ * answer the requests, and lfcompositor combines the answers to a picture.
  *
  * The view comes from one of these inputs:
  *
  * - `location`: a views.json file. The element sends one request per view with the view's timestamp, then EOS. If all
  *   views have the same time, timestamps advance by one frame per view, but each request keeps its own capture time.
- *   The file defines the sizes.
+ *   The file also defines the sizes of the views.
  * - the properties `x`, `y`, `z`, `yaw`, `pitch`, `roll`, `fov`, `focus-distance`, `aperture`: one request per frame.
  *   The properties are controllable; a GstController is synchronised to the timestamp of each request. If `rig` is set,
- *   unset properties are chosen so that the view is in the middle of the array with its orientation. If
+ *   unset properties get values that place the view in the middle of the array, with the orientation of the array. If
  *   `constrain-view` is also set, the view starts inside a triangle of cameras, with the widest field of view without
  *   black pixels.
  * - mouse and keys, as GstNavigation events from a video sink. Drag: orbit about the focus point. Shift-drag or another
  *   button: pan. Wheel: zoom at the pointer. Ctrl-wheel: focus. Arrows: orbit. w s a d q e: move forward, back, left,
  *   right, down, up. + -: zoom. [ ]: focus nearer, farther. r: return to the start. `constrain-view` limits the
  *   movement to the visible range.
- * - the custom upstream event "lightfield-view-request", with any of the properties and focus-continuous (0 or 1) as
- *   fields, or the action signal `set-view` with such a structure.
+ * - the custom upstream event "lightfield-view-request", which has any of these properties and focus-continuous (0 or
+ *   1) as fields, or the action signal `set-view` with such a structure.
  *
- * Changes apply to the next request, and the properties notify.
+ * Changes apply to the next request. When the view changes, the element sets these properties to the new values and
+ * emits `notify`.
  *
- * Unless set, `width`, `height` and `framerate` follow the caps downstream of the view's lfcompositor, if it is in this
- * process. They are negotiated before the first request and when the caps change. Otherwise the size is the size of the
- * rig's cameras, and the rate is 15/1.
+ * If `width`, `height` or `framerate` is not set, it follows the caps downstream of the view's lfcompositor, if that is
+ * in this process. The element negotiates them before the first request and when the caps change. Otherwise pictures
+ * have the size of the rig's cameras, and the rate is 15/1.
  *
- * By default each pixel is blended from three cameras of the array's mesh. If `aperture` is set, all cameras within a
- * synthetic aperture of that diameter contribute. If `nearest-cameras` is set, the cameras with the most similar
- * viewing direction contribute. This also applies to views of a file. `access=warp` always uses three cameras.
+ * By default each pixel is blended from three cameras, the corners of a triangle in the mesh of the array. If
+ * `aperture` is set, all cameras within a synthetic aperture of that diameter contribute, so that objects out of focus
+ * blur. If `nearest-cameras` is set, the cameras with the most similar viewing direction contribute. These properties
+ * also apply to views of a file. `access=warp` always uses three cameras.
  *
- * lfcompositor sends feedback with the upstream event "lightfield-feedback": the focal surface of the next request,
- * cameras that are out of service, and extra requests (`lfcompositor monitor-interval`). Cameras out of service are
- * added to the property `out-of-service` in all further requests. Extra requests follow the next request with its
- * capture time.
+ * After each picture, lfcompositor sends feedback with the upstream event "lightfield-feedback": the focal surface (the
+ * depths) for the next request, cameras that are out of service, and extra requests (`lfcompositor monitor-interval`).
+ * All further requests exclude the cameras that are out of service, in addition to the cameras in the property
+ * `out-of-service`. Extra requests follow the next request and have its capture time.
  *
- * If the sink pad is linked, the element relays the requests of other viewers instead, and adds the cameras that are
- * out of service. Use a relay on a compositor host behind a network. A live relay also adds focal surfaces from
- * lfcompositor if no viewer accepts them.
+ * If the sink pad is linked, the element is a relay. Instead of making requests, it forwards the requests of viewers
+ * and adds the list of cameras that are out of service. Use a relay on a compositor host behind a network. A live relay
+ * also adds focal surfaces from lfcompositor if no viewer accepts them.
  *
- * For cameras that cannot answer view requests (`lffragment access`), set `access`. A command for the cameras then
- * follows each request. A relay drops incoming commands, which do not know the relay's cameras out of service, and
- * generates its own commands.
+ * Some cameras are too simple to answer view requests (see `lffragment access`). Set `access` for such cameras. A
+ * command for these cameras then follows every request, with the transformations of their images or the image regions
+ * to deliver. A relay drops the commands that it receives and generates new ones, because only the relay knows which of
+ * its cameras are out of service.
  *
- * If `views` is set, the element sends a request for each eye: a stereo pair, a row, or a quilt for light field
- * displays. All eyes share capture time and focal surface, which is found for the view next to the middle and warped to
- * the other views. lfcompositor combines the views in one picture, with GStreamer's multiview-mode for pairs. Width and
- * height of a view must be even. Mouse and keys move all views together.
+ * If `views` is set, the element sends a request for each eye of a stereo pair, a row, or a quilt (a grid of views for
+ * light field displays). All eyes have the same capture time. The focal surface is found for the view next to the
+ * middle, and then transformed to the remaining viewpoints. lfcompositor combines the views in one picture, with
+ * GStreamer's multiview-mode for pairs. Width and height of a view must be even. Mouse and keys move all views
+ * together.
  *
  * Upstream events with the field "lightfield-view-id" (uint) apply to the view with that id only.
  *
- * If not live, requests are sent as fast as downstream accepts, with the stream time of their frame. If an lfcompositor
- * finds the focus, up to eight warm-up requests precede the first request and each seek. No picture is rendered from a
- * warm-up; it puts the first picture into focus. During a seek the upstream event "lightfield-hold" blocks requests, so
- * that all viewers of a funnel flush before any viewer continues.
+ * If the element is not live, it sends requests as fast as downstream accepts them, with the stream time of their
+ * frame. If an lfcompositor finds the focus, up to eight warm-up requests precede the first request and follow each
+ * seek. A warm-up produces no picture; it only measures depths, so that the first picture is in focus. During a seek
+ * the upstream event "lightfield-hold" blocks requests, so that all viewers of a funnel flush before any viewer
+ * continues.
  *
- * If live, requests are sent at the instants of the capture schedule plus `capture-delay`. The instants are multiples
- * of the frame period on the pipeline clock. Each request asks for its instant in clock time. Instants are skipped
- * while downstream blocks. The timestamp of a request is the running time of its instant, so the timestamp of a picture
- * is its capture time. The element reports `capture-delay` as latency, which keeps simultaneously captured sound
- * synchronised.
+ * If the element is live, it requests pictures for a schedule of instants, the multiples of the frame period on the
+ * pipeline clock. It sends the request for an instant after `capture-delay`, when the frames have reached the nodes,
+ * and skips instants while downstream blocks. Each request asks for its instant in clock time. The timestamp of a
+ * request is the running time of its instant, so the timestamp of a picture is its capture time. The element reports
+ * `capture-delay` as latency, which keeps sound synchronised if it was captured at the same time.
  *
- * The automatic `capture-delay` (-1) follows the upstream event "lightfield-capture-delay" of nodes in this process:
- * the time within which 99 % of the frames arrive, plus half a frame. The element posts LATENCY messages when the delay
- * changes. If `eager` is set, a change of the view is requested immediately instead of at the next instant. A relay
- * reports the latency of the relayed requests.
+ * The automatic `capture-delay` (-1) follows the nodes in this process. They send the upstream event
+ * "lightfield-capture-delay" with the time within which 99 % of the frames arrive, plus half a frame. The element posts
+ * LATENCY messages when the delay changes. If `eager` is set, a change of the view is requested immediately instead of
+ * at the next instant. A relay reports the latency of the requests that it forwards.
  *
  * ## Example launch lines
  * |[
@@ -132,8 +137,8 @@ std::shared_ptr<const lf::VisibleFraction> lf_view_request_visible_share(const l
   return std::make_shared<lf::VisibleFraction>(*rig);
 }
 
-// Loads the rig immediately if the element runs. Forgets announced cameras out of service, which belong to the old rig;
-// the compositor announces missing cameras again.
+// Loads the rig immediately if the element runs. Forgets cameras that the compositor has announced as out of service,
+// because they belong to the old rig; the compositor announces missing cameras again.
 static void set_rig(LfViewRequest* self, const lf::ViewRequestSettings& changed, std::shared_ptr<const lf::Rig> rig) {
   const uint64_t before = self->state->stream->rig_hash();
   self->state->stream->set_rig(std::move(rig), changed.out_of_service);
@@ -239,7 +244,7 @@ static bool push_upstream(LfViewRequest* self, GstEvent* event) {
   return self->state->relay.push_upstream(gst_event_ref(event));
 }
 
-// Called for every viewer behind the node's tee and funnel.
+// Called once for every viewer behind the tee and funnel of the node.
 static gboolean take_delay(LfViewRequest* self, GstEvent* event, GstClockTime delay) {
   auto& state = *self->state;
   if (state.relay.is_on()) return push_upstream(self, event);
@@ -259,7 +264,7 @@ static gboolean hold(LfViewRequest* self, GstEvent* event, bool held) {
   return TRUE;
 }
 
-// Focuses the next requests of this view. Returns false if cameras do not have self access.
+// Focuses the next requests of this view. Returns false if the cameras do not have self access.
 static bool take_focus(LfViewRequest* self, lf::DepthEstimate focus) {
   lf::ObjectLock lock(self);
   const bool can = self->state->settings.access == lf::Access::kSelf;
@@ -271,14 +276,15 @@ static bool take_focus(LfViewRequest* self, lf::DepthEstimate focus) {
   return true;
 }
 
-// Stores a focal surface in the relay, because no upstream viewer accepted it. Returns false if the relay is not live.
+// Stores a focal surface in the relay, because no upstream viewer accepted the surface. Returns false if the relay is
+// not live.
 static bool keep_focus(LfViewRequest* self, guint view_id, lf::DepthEstimate focus) {
   if (!gst_base_src_is_live(GST_BASE_SRC(self))) return false;
   self->state->relayed_focus.announce(view_id, std::move(focus));
   return true;
 }
 
-// Ignores cameras that the rig lacks: every node would refuse requests with unknown cameras.
+// Ignores cameras that the rig lacks, because every node would refuse requests that name them.
 static void announce_out_of_service(LfViewRequest* self, guint view_id, lf::CameraSet cameras) {
   lf::ObjectLock lock(self);
   const std::shared_ptr<const lf::Rig> rig = self->state->stream ? self->state->stream->rig() : nullptr;
@@ -287,8 +293,8 @@ static void announce_out_of_service(LfViewRequest* self, guint view_id, lf::Came
   self->state->out_of_service.announce(view_id, std::move(cameras));
 }
 
-// Cameras out of service apply to every view here. Other feedback goes to the source of the view's requests. A focal
-// surface without receiver is stored in the relay. Returns false if nothing was accepted.
+// Handles feedback of a compositor. Cameras out of service apply to every view here; other feedback goes to the source
+// of the view's requests. A relay stores a focal surface that no viewer accepts. Returns false if nothing was accepted.
 static gboolean take_feedback(LfViewRequest* self, GstEvent* event, const lf::ViewFeedback& feedback) {
   auto& state = *self->state;
   const bool for_all = feedback.out_of_service.has_value();
@@ -321,7 +327,7 @@ static gboolean lf_view_request_event(GstBaseSrc* base, GstEvent* event) {
   return self->state->relay.is_on() ? push_upstream(self, event) : lf_view_request_navigate(self, event);
 }
 
-// Returns the command for the cameras; null if they need none.
+// Returns the command for the cameras, or null if they need none.
 static GstBuffer* command_of(LfViewRequest* self, const lf::ViewRequest& request,
                              const std::shared_ptr<const lf::Rig>& rig) {
   try {
@@ -336,7 +342,7 @@ static GstBuffer* command_of(LfViewRequest* self, const lf::ViewRequest& request
 }
 
 // Queues the buffers that follow a request: its command, the requests `beside` for other views of its set, which get
-// their numbers here, and extra requests. `stamps`: buffer of the request.
+// their numbers here, and extra requests. The timestamps come from `stamps`, the buffer of the request.
 static void send_more(LfViewRequest* self, const lf::ViewRequest& request, const std::shared_ptr<const lf::Rig>& rig,
                       GstBuffer* stamps, std::vector<lf::ViewRequest> beside = {}) {
   auto& state = *self->state;
@@ -391,7 +397,7 @@ static gboolean relay_event(GstPad* pad, GstObject* parent, GstEvent* event) {
     default: break;
   }
   GST_LOG_OBJECT(pad, "%" GST_PTR_FORMAT, event);
-  gst_event_unref(event);  // the source pad has its own stream, segment and caps
+  gst_event_unref(event);
   return TRUE;
 }
 
@@ -428,13 +434,13 @@ static void install_relay(GstElementClass* klass) {
   gst_element_class_add_static_pad_template(klass, &sink_template);
 }
 
-// Drops a command from upstream: it may be for another mesh than the mesh here.
+// Drops a command from upstream, which may be for another mesh than the one here.
 static void drop_command(LfViewRequest* self) {
   GST_LOG_OBJECT(self, "dropped a command");
   if (!self->state->warned_commands && !self->state->stream->access())
     GST_ELEMENT_WARNING(self, STREAM, FAILED,
-                        ("Commands for cameras are dropped by this relay: set the property \"access\" of the relay "
-                         "instead of the viewer's."),
+                        ("This relay drops the commands for cameras that it receives: set the property \"access\" of "
+                         "the relay instead of the viewer's."),
                         (nullptr));
   self->state->warned_commands = true;
 }
@@ -451,13 +457,13 @@ static bool complete_request(LfViewRequest* self, lf::ViewRequest& request) {
   if (!access) return self->state->relayed_focus.apply(request) || changed;
   const lf::Blending asked = request.view.blending;
   request.view.blending = access->blending(asked);
-  // Cameras with explicit homographies cannot test depths.
+  // Cameras with other access kinds cannot test depths.
   request.trials.clear();
   request.gains = {};
   return std::exchange(request.view.focus.map, nullptr) || request.view.blending != asked || changed;
 }
 
-// Waits for the next relayed request and adds the cameras out of service.
+// Takes the next relayed request, waiting if necessary, and adds the cameras out of service.
 static GstFlowReturn relay_request(LfViewRequest* self, GstBuffer** out) {
   while (true) {
     g_autoptr(GstBuffer) buffer = nullptr;
@@ -496,7 +502,7 @@ static lf::Blending current_blending(LfViewRequest* self) {
   return access ? access->blending(asked) : asked;
 }
 
-// Returns the delay between capture time and sending of a live request: the property, or the automatic delay.
+// Returns the delay from the capture time to the sending of a live request: the property, or the automatic delay.
 static GstClockTime capture_delay_of(LfViewRequest* self) {
   lf::ObjectLock lock(self);
   const GstClockTime delay = self->state->settings.capture_delay;
@@ -515,8 +521,8 @@ static gboolean set_unlocked(GstBaseSrc* base, bool unlocked) {
 static gboolean lf_view_request_unlock(GstBaseSrc* base) { return set_unlocked(base, true); }
 static gboolean lf_view_request_unlock_stop(GstBaseSrc* base) { return set_unlocked(base, false); }
 
-// Waits for the time of the slot, or for a change of the view. *leaves: the slot with updated times. The schedule
-// counts time of day; `offset` is time of day minus clock time.
+// Waits for the time of the slot, an instant of the capture schedule, or for a change of the view. *leaves becomes the
+// slot with updated times. The schedule counts time of day; `offset` is time of day minus clock time.
 static GstFlowReturn wait_for_turn(LfViewRequest* self, GstClock* clock, GstClockTimeDiff offset,
                                    GstClockTime capture_delay, const lf::RequestSlot& slot, lf::RequestSlot* leaves) {
   const GstClockTime base_time = gst_element_get_base_time(GST_ELEMENT(self));
@@ -548,8 +554,8 @@ static GstFlowReturn wait_live(LfViewRequest* self, std::optional<lf::RequestSlo
   return *slot ? wait_for_turn(self, clock, offset, capture_delay, **slot, leaves) : GST_FLOW_EOS;
 }
 
-// Returns the requests for the other views of the set around `middle`, with capture time and focal surface of the
-// leader.
+// Returns the requests for all views of the set except `middle`, the leader, with the capture time and the focal
+// surface of the leader.
 static std::vector<lf::ViewRequest> rest_of_set(const lf::ViewRequest& leader, const lf::ViewSet& set,
                                                 const lf::View& middle) {
   std::vector<lf::ViewRequest> rest;
@@ -607,7 +613,7 @@ static GstFlowReturn make_request(LfViewRequest* self, GstBuffer** out) {
   self->state->turn.forget_change();
   lock.unlock();
 
-  // Cameras with explicit homographies cannot test depths. Their pictures use the focal plane of the viewer.
+  // Cameras with other access kinds cannot test depths, so their pictures use the focal plane of the viewer.
   if (!self->state->stream->access()) self->state->focus.apply(request);
   self->state->focus_wait.sent(request.sequence);
   *out = lf::encode_request_buffer(request);
@@ -628,7 +634,7 @@ static GstFlowReturn make_buffer(LfViewRequest* self, GstBuffer** out) {
   return flow;
 }
 
-// An exception loses the current request. Repeated exceptions end the stream.
+// An exception loses only the current request. Repeated exceptions end the stream.
 static GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out) {
   constexpr int kMostInARow = 32;
   LfViewRequest* self = LF_VIEW_REQUEST(push);
@@ -671,8 +677,24 @@ static gboolean lf_view_request_stop(GstBaseSrc* base) {
   return TRUE;
 }
 
+// GstBaseSrc posts a second error after each failed start, "some element failed to post a proper error message". It
+// would hide the reason in programs that show the last error.
+static gboolean lf_view_request_post_message(GstElement* element, GstMessage* message) {
+  if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR) {
+    g_autoptr(GError) error = nullptr;
+    gst_message_parse_error(message, &error, nullptr);
+    const bool had_error = LF_VIEW_REQUEST(element)->state->posted_error.exchange(true);
+    if (had_error && g_error_matches(error, GST_CORE_ERROR, GST_CORE_ERROR_STATE_CHANGE)) {
+      gst_message_unref(message);
+      return TRUE;
+    }
+  }
+  return GST_ELEMENT_CLASS(lf_view_request_parent_class)->post_message(element, message);
+}
+
 static gboolean lf_view_request_start(GstBaseSrc* base) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
+  self->state->posted_error = false;
   lf::ObjectLock lock(self);
   const lf::ViewRequestSettings settings = self->state->settings;
   lock.unlock();
@@ -702,7 +724,7 @@ static gboolean lf_view_request_start(GstBaseSrc* base) {
                       ("navigation-element: the pipeline has no element \"%s\" with a source pad.",
                        settings.navigation_element.c_str()),
                       (nullptr));
-    lf_view_request_stop(base);  // GstBaseSrc does not stop an element that failed to start
+    lf_view_request_stop(base);  // Stops the element, because GstBaseSrc does not stop an element that failed to start.
     return FALSE;
   }
   return TRUE;
@@ -739,7 +761,7 @@ static gboolean lf_view_request_query(GstBaseSrc* base, GstQuery* query) {
     if (!live) gst_query_set_latency(query, TRUE, 0, period);
     return TRUE;
   }
-  // The timestamp of a request is its capture time. It is sent after the capture delay, and replaced a frame later.
+  // A request is sent after the capture delay and replaced a frame later. Its timestamp is its capture time.
   const GstClockTime capture_delay = capture_delay_of(self);
   gst_query_set_latency(query, TRUE, capture_delay, capture_delay + period);
   return TRUE;
@@ -759,6 +781,7 @@ static void lf_view_request_class_init(LfViewRequestClass* klass) {
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   gst_element_class_add_static_pad_template(element_class, &src_template);
   install_relay(element_class);
+  element_class->post_message = lf::callback<lf_view_request_post_message>;
   gst_element_class_set_static_metadata(
       element_class, "Light field view request source", "Source",
       "Virtual camera of one viewer, as a stream of view requests: from a camera path (location), properties, mouse "

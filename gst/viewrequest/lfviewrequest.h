@@ -23,8 +23,8 @@ G_BEGIN_DECLS
 #define LF_TYPE_VIEW_REQUEST (lf_view_request_get_type())
 G_DECLARE_FINAL_TYPE(LfViewRequest, lf_view_request, LF, VIEW_REQUEST, GstPushSrc)
 
-// Tells the element that requests are answered in this process. Answers then are uncompressed, and requests have
-// quality 0. Thread-safe.
+// Tells the element that requests are answered in this process. Answers are then uncompressed, so requests have quality
+// 0. Thread-safe.
 void lf_view_request_set_in_process(LfViewRequest* self, gboolean in_process);
 
 GST_ELEMENT_REGISTER_DECLARE(lfviewrequest)
@@ -33,8 +33,8 @@ G_END_DECLS
 
 GST_DEBUG_CATEGORY_EXTERN(lf_view_request_debug);
 
-// State shared by lfviewrequest.cc (the element and its requests), view_control.cc (navigation) and
-// view_request_settings.cc (size and rate of pictures).
+// The state that lfviewrequest.cc (the element and its requests), view_control.cc (navigation) and
+// view_request_settings.cc (size and rate of pictures) share.
 
 struct _LfViewRequest {
   GstPushSrc parent;
@@ -51,13 +51,14 @@ struct _LfViewRequest {
     lf::RequestRelay relay;
     lf::RelayedDepths relayed_focus;
     std::atomic<bool> in_process = false;
+    std::atomic<bool> posted_error = false;  // since the last start
 
     // Guarded by the object lock:
     lf::ViewRequestSettings settings;
     lf::ViewControl control;
-    std::unique_ptr<lf::RequestStream> stream;  // null when stopped
-    lf::SharedCaps downstream;                  // video caps accepted downstream of the compositor; null: unknown
-    lf::PictureFormat form;                     // format of the next pictures; views of a file have their own sizes
+    std::unique_ptr<lf::RequestStream> stream;
+    lf::SharedCaps downstream;  // video caps accepted downstream of the compositor; null: unknown
+    lf::PictureFormat form;     // format of the next pictures, except for views of a file
     bool follows_caps = false;
     gint requests_left = -1;  // remaining requests of `num_buffers`; -1: unlimited
 
@@ -65,18 +66,18 @@ struct _LfViewRequest {
     lf::FocusWait focus_wait;
     lf::RequestOutbox outbox;
     bool warned_commands = false;
-    lf::PictureFormat agreed;  // rate of the current caps; 0: none yet
+    lf::PictureFormat agreed;
 
-    lf::NavigationTap navigation_tap;  // watches the element of navigation-element, from start to stop
+    lf::NavigationTap navigation_tap;  // watches the element of the property navigation-element, from start to stop
   } * state;
 };
 
-// lfviewrequest.cc
-// Returns the visibility limit for mouse and keys; null if there is none.
+// Defined in lfviewrequest.cc: Returns the limit that keeps mouse and keys where cameras see the scene; null if there
+// is none.
 std::shared_ptr<const lf::VisibleFraction> lf_view_request_visible_share(const lf::ViewRequestSettings& settings,
                                                                          const std::shared_ptr<const lf::Rig>& rig);
 
-// view_control.cc
+// Defined in view_control.cc:
 guint lf_view_request_view_id(LfViewRequest* self);
 void lf_view_request_install_signals(GObjectClass* klass);
 // Returns the view of the current properties. Call with the object lock held, while running.
@@ -89,14 +90,13 @@ bool lf_view_request_is_navigation(GstEvent* event);
 // Applies a navigation or lightfield-view-request event to the view. Returns false if the event has no effect.
 gboolean lf_view_request_navigate(LfViewRequest* self, GstEvent* event);
 
-// view_request_settings.cc
-// Installs the functions of GstBaseSrcClass that negotiate caps.
+// Defined in view_request_settings.cc: Installs the functions of GstBaseSrcClass that negotiate caps.
 void lf_view_request_install_format(GstBaseSrcClass* klass);
 // Updates size and rate after a change of properties, rig or caps. Call with the object lock held.
 void lf_view_request_choose_format(LfViewRequest* self);
-// Fits pictures to these caps from the next request on, as far as properties allow. Returns FALSE if they cannot fit.
+// Makes the next pictures fit these caps as far as the properties allow. Returns FALSE if they cannot fit.
 gboolean lf_view_request_follow_caps(LfViewRequest* self, lf::SharedCaps caps);
-// Resets the view to its start. `stream`: the new stream; null: the current stream. Call without the object lock.
+// Moves the view to its start. `stream` is the new stream, or null if the stream stays. Call without the object lock.
 // Throws Error, without changes, if the cameras of the rig have no mesh.
 void lf_view_request_begin_view(LfViewRequest* self, std::unique_ptr<lf::RequestStream> stream = nullptr);
 // Negotiates the rate if it has changed. Streaming thread.

@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "viewrequest/request_stream.h"
 
+#include <filesystem>
+#include <string>
+#include <system_error>
 #include <utility>
+#include <vector>
 
 #include "base/text.h"
 #include "common/common.h"
@@ -20,10 +24,21 @@ CameraSet parse_out_of_service(const Rig* rig, const std::string& list) {
   return parse_camera_list(*rig, list);
 }
 
+std::vector<NamedView> views_of_file(const std::string& location) {
+  try {
+    return load_views(location);
+  } catch (const Error& error) {
+    std::error_code ignored;
+    const bool exists = std::filesystem::exists(location, ignored);
+    throw Error("location: " + std::string(error.what()) +
+                (exists ? "" : ": location is the name of a views file, which lf-path can make"));
+  }
+}
+
 RequestSchedule schedule_of(const ViewRequestSettings& settings) {
   const Schedule frames(settings.fps_n > 0 ? settings.fps_n : kDefaultViewFps, settings.fps_d);
   if (settings.location.empty()) return RequestSchedule(frames);
-  return {frames, load_views(settings.location), settings.loop};
+  return {frames, views_of_file(settings.location), settings.loop};
 }
 
 }  // namespace
@@ -86,7 +101,7 @@ GstFlowReturn FocusWait::wait(guint view_id) {
   while (paused) {
     const Waited waited = feedback_.wait_for(*last_, kLongest);
     if (waited != Waited::kTooLong) return waited == Waited::kCame ? GST_FLOW_OK : GST_FLOW_FLUSHING;
-    // While the output is paused, keep waiting: results must not depend on the duration of the pause.
+    // Keeps waiting while the output is paused, because results must not depend on the duration of the pause.
     finds_focus(src_, view_id, &paused);
   }
   GST_WARNING_OBJECT(src_, "no focal surface for request %u within the time limit: later requests don't wait", *last_);
@@ -112,7 +127,7 @@ bool RequestRelay::is_on() const {
   return sink_ != nullptr;
 }
 
-// The caller owns the reference, because the pad may be released meanwhile.
+// The caller owns a reference, because the pad may be released meanwhile.
 GstPad* RequestRelay::hold_sink() const {
   const std::lock_guard lock(mutex_);
   return sink_ ? GST_PAD(gst_object_ref(sink_)) : nullptr;

@@ -16,7 +16,8 @@
 namespace lf {
 namespace {
 
-// Listener of a probe. Weak, because GStreamer does not wait for active probes when it removes a probe.
+// The listener of a probe. The pointer is weak, because GStreamer does not wait for active probes when it removes a
+// probe.
 struct Listener {
   Listener(GstElement* of, void (*call)(GstElement*, GstEvent*)) : navigated(call) { g_weak_ref_init(&element, of); }
   ~Listener() { g_weak_ref_clear(&element); }
@@ -101,15 +102,20 @@ const std::array<ViewField, kNumViewFields> kViewFields = {{
     {"x", "X", "Position of the eye in the rig's world, to the right, in metres", -kMaxPosition, kMaxPosition, 0},
     {"y", "Y", "Position of the eye in the rig's world, downwards, in metres", -kMaxPosition, kMaxPosition, 0},
     {"z", "Z", "Position of the eye in the rig's world, forwards, in metres", -kMaxPosition, kMaxPosition, 0},
-    {"yaw", "Yaw", "Rotation of the view to the right, in degrees; applied before pitch and roll", -360, 360, 0},
-    {"pitch", "Pitch", "Rotation of the view upwards, in degrees; applied after yaw, before roll", -360, 360, 0},
-    {"roll", "Roll", "Rotation of the view clockwise about its optical axis, in degrees; applied last", -360, 360, 0},
-    {"fov", "Field of view", "Vertical field of view, in degrees", kMinFovDeg, kMaxFovDeg, 45},
-    {"focus-distance", "Focus distance", "Distance of the focal plane along the optical axis, in metres", kMinFocus,
-     kMaxFocus, 2},
+    {"yaw", "Yaw", "Rotation of the view to the right, in degrees. It is applied before pitch and roll", -360, 360, 0},
+    {"pitch", "Pitch", "Rotation of the view upwards, in degrees. It is applied after yaw and before roll", -360, 360,
+     0},
+    {"roll", "Roll",
+     "Rotation of the view clockwise about its optical axis, in degrees. It is applied after yaw and pitch", -360, 360,
+     0},
+    {"fov", "Field of view", "Vertical field of view, in degrees. A smaller angle shows less of the scene, but larger",
+     kMinFovDeg, kMaxFovDeg, 45},
+    {"focus-distance", "Focus distance",
+     "Distance of the focal plane from the viewpoint along the optical axis, in metres", kMinFocus, kMaxFocus, 2},
     {"aperture", "Aperture",
-     "Diameter of the synthetic aperture in metres; all cameras inside contribute to a pixel, and objects out of focus "
-     "blur (0: three cameras, blended by the mesh)",
+     "Diameter of the synthetic aperture, in metres. All cameras within this diameter contribute to a pixel, so "
+     "objects out of focus blur as with a large lens (0: each pixel is blended from three cameras, and the whole scene "
+     "looks sharp if the depths are right)",
      0, Blending::kMaxAperture, 0},
 }};
 
@@ -132,7 +138,7 @@ void ViewControl::set(int field, double value) {
   navigator_.set(viewpoint_of(values_));
 }
 
-// Unknown fields are errors, because a misspelt name would otherwise be ignored silently.
+// Unknown fields are errors, because a misspelt name would otherwise have no effect without any notice.
 static bool has_unknown_field(const GstStructure* structure) {
   for (gint i = 0; i < gst_structure_n_fields(structure); i++) {
     const std::string_view name = gst_structure_nth_field_name(structure, static_cast<guint>(i));
@@ -216,7 +222,8 @@ bool ViewControl::navigate(GstEvent* event, int view_width, int view_height, int
   const auto in_view = [](double at, int side, int views) {
     return at >= 0 && at < static_cast<double>(side) * views ? std::fmod(at, side) : at;
   };
-  // Returns the pointer position relative to the view centre, in view heights. Invalid positions become the centre.
+  // Returns the pointer position relative to the centre of the view, in view heights. Invalid positions become the
+  // centre.
   const auto place = [&] {
     const Vec2 at((in_view(x + 0.5, view_width, columns) - view_width / 2.0) / view_height,
                   (in_view(y + 0.5, view_height, rows) - view_height / 2.0) / view_height);
@@ -232,7 +239,7 @@ bool ViewControl::navigate(GstEvent* event, int view_width, int view_height, int
       return true;
     case GST_NAVIGATION_EVENT_MOUSE_BUTTON_RELEASE: {
       const bool dragging = drag_.has_value();
-      constexpr double kStill = 3;  // pixels; maximum movement of a click
+      constexpr double kStill = 3;  // maximum movement of a click, in pixels
       if (dragging && !drag_->pan && glm::distance(drag_->begun, Vec2(drag_->x, drag_->y)) <= kStill)
         click_ = drag_->begun;
       drag_.reset();
@@ -286,7 +293,7 @@ void lf_view_request_set_focus_distance(LfViewRequest* self, double distance) {
 static gboolean lf_view_request_focus_at(LfViewRequest* self, gdouble x, gdouble y) {
   if (!std::isfinite(x) || !std::isfinite(y)) return FALSE;
   GST_OBJECT_LOCK(self);
-  // Cameras with explicit homographies (access) cannot test depths.
+  // Cameras with other access kinds cannot test depths.
   const bool can = self->state->stream && !self->state->stream->from_file() && !self->state->stream->access();
   const lf::View middle = can ? lf_view_request_view(self) : lf::View();
   const lf::ViewSet set = self->state->settings;

@@ -15,15 +15,15 @@
 
 namespace lf {
 
-// Receives navigation events from another branch of the pipeline, for pictures from a network source that does not
-// forward navigation events to views.
+// Receives navigation events (mouse, keys) from another branch of the pipeline. Use it for pictures from a network
+// source, which does not forward navigation events to views.
 class NavigationTap {
  public:
   ~NavigationTap() { detach(); }
 
-  // Calls `navigated` with `element` for every upstream event at a source pad of the element `name` in its pipeline, in
-  // the thread of the sender. Calls may still start or run after detach() has returned; they keep `element` alive.
-  // Returns false if there is no such element or it has no source pad.
+  // Calls `navigated` with `element` for every upstream event at a source pad of the element `name` in the same
+  // pipeline, in the thread of the sender. Calls may still start or run after detach() has returned; they keep
+  // `element` alive. Returns false if there is no such element or it has no source pad.
   bool attach(GstElement* element, const std::string& name, void (*navigated)(GstElement*, GstEvent*));
   void detach();
 
@@ -31,7 +31,7 @@ class NavigationTap {
   std::vector<std::pair<GstPad*, gulong>> probes_;
 };
 
-// A number of a view: a property of lfviewrequest and a field of set-view structures.
+// A number that is part of a view: a property of lfviewrequest, and a field of set-view structures.
 struct ViewField {
   const char *name, *nick, *blurb;
   double min, max, initial;
@@ -51,44 +51,46 @@ enum ViewFieldIndex {
 extern const std::array<ViewField, kNumViewFields> kViewFields;
 using ViewValues = std::array<double, kNumViewFields>;
 
-// Field (uint) of upstream events with the target view id. Events without this field apply to every view.
+// Field (uint) of upstream events with the id of the view that they are for. Events without this field apply to every
+// view.
 inline constexpr char kViewIdField[] = "lightfield-view-id";
-// Custom upstream event that sets the view. Fields: any of kViewFields, as numbers.
+// Custom upstream event that moves the view. Fields: any of kViewFields, as numbers.
 inline constexpr char kViewEvent[] = "lightfield-view-request";
 
 bool is_for_view(GstEvent* event, guint view_id);
 
-// Converts properties, events and signals of one view to a viewpoint. Not thread-safe.
+// Moves the viewpoint of one view by properties, events and signals. Not thread-safe.
 class ViewControl {
  public:
   ViewControl();
 
   const Viewpoint& viewpoint() const { return navigator_.viewpoint(); }
-  // Angles as set, until another input turns the view.
+  // Angles keep the values that were set until another input turns the view.
   const ViewValues& values() const { return values_; }
 
   void set(int field, double value);  // `value` must be finite
-  // Sets all numbers of a view in the structure, or none. Returns false for unknown fields, for values that are not
+  // Sets all numbers of the view in the structure, or none. Returns false for unknown fields, for values that are not
   // finite numbers, and if there are neither numbers nor focus-continuous.
   bool set_view(const GstStructure* structure);
-  // Returns the field focus-continuous; nothing if it is missing or not a finite number.
+  // Returns the field focus-continuous. Nothing if the field is missing or not a finite number.
   static std::optional<double> focus_continuous(const GstStructure* structure);
-  // Starts at `defaults`, except for numbers from set() or set_view(). "home" returns here.
+  // Moves the view to its start: `defaults`, except for numbers from set() or set_view(). Navigation to "home" returns
+  // here.
   void begin(const Viewpoint& defaults);
-  // Limits mouse and keys so that part of the array stays visible; null: no limit.
+  // Limits mouse and keys so that part of the array stays visible; null means no limit.
   void constrain_view(std::shared_ptr<const VisibleFraction> share);
   const std::shared_ptr<const VisibleFraction>& visible_share() const { return share_; }
-  // Applies a GstNavigation event for a picture of columns x rows views of this size in pixels. Returns false if the
+  // Applies a GstNavigation event for a picture with columns x rows views of this size in pixels. Returns false if the
   // event has no effect.
   bool navigate(GstEvent* event, int view_width, int view_height, int columns = 1, int rows = 1);
-  // Returns and clears the position of the last click, in pixels. A click is a press and release of the first button
-  // without a drag.
+  // Returns the position of the last click in pixels, once. A click is a press and release of the first button without
+  // a drag.
   std::optional<Vec2> take_click() { return std::exchange(click_, std::nullopt); }
 
  private:
   struct Drag {
     double x, y;
-    bool pan;  // pan whatever the modifiers are
+    bool pan;  // pans regardless of the modifiers
     Vec2 begun;
   };
 

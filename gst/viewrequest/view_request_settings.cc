@@ -39,7 +39,7 @@ StructurePtr requested_format(const PictureFormat& set, int columns, int rows) {
   return wanted;
 }
 
-// Keeps only size and rate. lfcompositor negotiates format, colorimetry and memory.
+// Keeps only size and rate, because lfcompositor negotiates format, colorimetry and memory.
 StructurePtr size_and_rate_of(const GstStructure* video) {
   StructurePtr copy = structure_ptr(gst_structure_new_empty("video/x-raw"));
   for (const char* name : {"width", "height", "framerate", "pixel-aspect-ratio"})
@@ -47,8 +47,8 @@ StructurePtr size_and_rate_of(const GstStructure* video) {
   return copy;
 }
 
-// Chooses one side of a view, as close to `target` as the structure allows for `count` views in a row. Returns 0 if
-// impossible. `is_set`: the picture has several views.
+// Chooses the width or height of a view, as close to `target` as the structure allows for `count` views in a row.
+// Returns 0 if that is impossible. `is_set` means that the picture has several views.
 int choose_side(GstStructure* form, const char* name, int target, int count, bool is_set) {
   const int step = is_set ? 2 * count : 1;
   const bool is_open = !gst_structure_has_field_typed(form, name, G_TYPE_INT);
@@ -112,7 +112,8 @@ std::optional<PictureFormat> fit_to_caps(const GstCaps* caps, const PictureForma
 
 }  // namespace lf
 
-// Size and rate of pictures come from properties, or, if unset, from the caps downstream of the view's lfcompositor.
+// Size and rate of pictures come from the properties, or, if these are not set, from the caps downstream of the view's
+// lfcompositor.
 
 using lf::PictureFormat;
 
@@ -120,7 +121,7 @@ static PictureFormat default_format(const lf::RequestStream& stream) {
   return {stream.default_width(), stream.default_height(), lf::kDefaultViewFps, 1};
 }
 
-// Views of a file define their size, but no rate.
+// Views of a file define their sizes, but no rate.
 static lf::SharedCaps without_size(const GstCaps* caps) {
   GstCaps* copy = gst_caps_copy(caps);
   for (guint i = 0; i < gst_caps_get_size(copy); i++)
@@ -158,7 +159,7 @@ void lf_view_request_begin_view(LfViewRequest* self, std::unique_ptr<lf::Request
   const lf::ViewRequestSettings settings = state.settings;
   auto share = state.control.visible_share();
   lock.unlock();
-  if (stream) share = lf_view_request_visible_share(settings, stream->rig());  // may throw, so before any change
+  if (stream) share = lf_view_request_visible_share(settings, stream->rig());
   lf::ObjectLock again(self);
   if (stream) {
     // GstBaseSrc does not stop an element after a failed initial seek.
@@ -183,7 +184,7 @@ static PictureFormat format_of(LfViewRequest* self) {
   return self->state->form;
 }
 
-// Without an answer, as from a compositor on another host, properties define size and rate.
+// Without an answer, for example because the compositor is on another host, properties define size and rate.
 static void ask_downstream(LfViewRequest* self) {
   const PictureFormat before = format_of(self);
   lf::SharedCaps caps = lf::query_picture_caps(GST_BASE_SRC_PAD(self), lf_view_request_view_id(self));
@@ -218,7 +219,7 @@ static void use_negotiated_rate(LfViewRequest* self) {
     gst_element_post_message(GST_ELEMENT(self), gst_message_new_latency(GST_OBJECT(self)));
 }
 
-// A relay receives its caps with the first request.
+// A relay does not negotiate here, because it receives its caps with the first request.
 static gboolean lf_view_request_negotiate(GstBaseSrc* base) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
   if (self->state->relay.is_on()) return TRUE;
@@ -272,13 +273,13 @@ namespace {
 using S = ViewRequestSettings;
 
 constexpr gint64 kMaxCaptureDelay = 60 * GST_SECOND;
-constexpr double kMostEyeDistance = 1e6;  // metres
+constexpr double kMostEyeDistance = 1e6;
 
 Property<S> frame_rate_property() {
   return fraction_property<&S::fps_n, &S::fps_d>(
       kWhileReady, "framerate", "Frame rate",
-      "Rate of requests and of the capture schedule, in requests per second; views of a file keep their times (0/1: "
-      "from the caps downstream of the view's lfcompositor, else 15/1)",
+      "Rate of requests and pictures, per second. Views of a file keep their own times (0/1: rate in the caps "
+      "downstream of the lfcompositor of this view, or 15/1 if they have none)",
       0, 1);
 }
 
@@ -307,82 +308,104 @@ std::string ViewRequestSettings::ignored_settings(bool live) const {
 PropertyTable<S>& ViewRequestSettings::properties() {
   static PropertyTable<S> table = {
       property<&S::location>(kWhileReady, "location", "Location",
-                             "File with the views to request (views.json); if empty, the properties define the view"),
-      property<&S::rig>(
-          kWhilePlaying, "rig", "Rig",
-          "Rig file (rig.json) of the array: requests carry its hash, and unset view properties are chosen to suit the "
-          "array. If set while running, the file is loaded again and used from the next request on"),
-      property<&S::view_id>(kWhileReady, "view-id", "View id", "Id of the view, as in its lfcompositor", 0, G_MAXUINT),
-      property<&S::width>(kWhilePlaying, "width", "Width",
-                          "Width of the view in pixels, ignored with location (0: from the caps downstream of the "
-                          "view's lfcompositor, else width of the rig's cameras, or 640 without rig)",
-                          0, kMaxImageSize),
+                             "Path of a file with the views to request (views.json), for example a camera path from "
+                             "lf-path. If empty, the properties define the view"),
+      property<&S::rig>(kWhilePlaying, "rig", "Rig",
+                        "Path of the rig file (rig.json), which describes the cameras of the array. Requests carry a "
+                        "checksum of the rig, so that nodes with another rig file notice the difference. View "
+                        "properties that are not set get values that suit the array. If the property is set while the "
+                        "element runs, the file is loaded again and used from the next request on"),
+      property<&S::view_id>(kWhileReady, "view-id", "View id",
+                            "Number of this view, which connects requests and answers. Set the same number at the "
+                            "lfcompositor of the view, and different numbers for viewers that share cameras",
+                            0, G_MAXUINT),
+      property<&S::width>(
+          kWhilePlaying, "width", "Width",
+          "Width of the view, in pixels. Views of a file have their own sizes (0: width in the caps downstream of the "
+          "lfcompositor of this view. If they have none, the width of the cameras in the rig, or 640 without a rig)",
+          0, kMaxImageSize),
       property<&S::height>(kWhilePlaying, "height", "Height",
-                           "Height of the view in pixels, ignored with location (0: from the caps downstream of the "
-                           "view's lfcompositor, else height of the rig's cameras, or 480 without rig)",
+                           "Height of the view, in pixels. Views of a file have their own sizes (0: height in the caps "
+                           "downstream of the lfcompositor of this view. If they have none, the height of the cameras "
+                           "in the rig, or 480 without a rig)",
                            0, kMaxImageSize),
       frame_rate_property(),
-      property<&S::capture_delay>(kWhileReady, "capture-delay", "Capture delay",
-                                  "Live: minimum age of the requested capture time, in nanoseconds; must be long "
-                                  "enough for frames to reach the "
-                                  "nodes, and is reported as latency (-1: as measured by the nodes of this process, "
-                                  "with LATENCY messages after "
-                                  "changes)",
-                                  gint64{-1}, kMaxCaptureDelay),
-      property<&S::navigation>(kWhilePlaying, "navigation", "Navigation",
-                               "Let GstNavigation events move the view: drag orbits, shift-drag pans, the wheel zooms, "
-                               "ctrl-wheel focuses; keys are arrows, w s a d q e, + -, [ ], r"),
+      property<&S::capture_delay>(
+          kWhileReady, "capture-delay", "Capture delay",
+          "Time between the capture of a live frame and the request for it, in nanoseconds. It must be long enough for "
+          "frames to reach the nodes; otherwise nodes answer with frames that are too old. The element reports the "
+          "delay as latency (-1: the delay that the nodes in this process measure. The element posts a LATENCY message "
+          "whenever this value changes)",
+          gint64{-1}, kMaxCaptureDelay),
+      property<&S::navigation>(
+          kWhilePlaying, "navigation", "Navigation",
+          "Movement of the view by mouse and keys (GstNavigation events). A drag orbits, a shift-drag pans, the wheel "
+          "zooms, and ctrl-wheel focuses. The keys are arrows, w s a d q e, + -, [ ] and r"),
       property<&S::constrain_view>(
           kWhilePlaying, "constrain-view", "Constrain view",
-          "Start inside the array's mesh with a field of view that the cameras cover, and limit mouse and keys without "
-          "shift so that at most a twentieth of this coverage is lost; requires rig"),
+          "Limit that keeps the view where the cameras can see. The view then starts inside the mesh of the array (the "
+          "triangles of neighbouring cameras), with a field of view that the cameras cover completely. Mouse and keys "
+          "stop before more than a twentieth of the view is lost, except for movements with shift. This requires rig"),
       property<&S::quality>(kWhilePlaying, "quality", "Quality",
-                            "JPEG quality of answers over network links (0: uncompressed)", 0, 100),
+                            "JPEG quality of answers that cross the network (0: uncompressed). A lower value needs "
+                            "less bandwidth",
+                            0, 100),
       property<&S::out_of_service>(kWhilePlaying, "out-of-service", "Out of service",
-                                   "Ids of cameras that nodes must not use, such as \"0-3,7\"; requires rig"),
-      property<&S::navigation_element>(
-          kWhileReady, "navigation-element", "Navigation element",
-          "Name of an element of this pipeline in the path of the pictures: mouse and keys "
-          "of the window then move the view even if the pictures come from another host"),
+                                   "Ids of cameras that must not contribute to the view, as a list of numbers and "
+                                   "ranges such as \"0-3,7\". Their neighbours contribute instead. This requires rig"),
+      property<&S::navigation_element>(kWhileReady, "navigation-element", "Navigation element",
+                                       "Name of an element of this pipeline that the pictures pass through, for "
+                                       "example a decoder. Set this if the pictures come from another host. Mouse and "
+                                       "key events of the window reach that element, and then still move the view"),
       property<&S::access>(kWhileReady, "access", "Access",
-                           "Capabilities of the cameras: cameras that cannot plan their own part of a view (lffragment "
-                           "access) receive a command after each request; requires rig",
+                           "How much of a view the cameras compute by themselves. Set the same value at the lffragment "
+                           "of the cameras. Cameras with self know the rig and need only the view request. If warp or "
+                           "pixels is set, this element also sends the transformations of the camera images, or the "
+                           "image regions to deliver. These two values require rig",
                            LF_TYPE_ACCESS),
       property<&S::eager>(kWhilePlaying, "eager", "Eager",
-                          "Live, without location: after a change of the view, send the next request early, a quarter "
-                          "of a frame after the previous instant, for the newest capture; the number of requests stays "
-                          "the same"),
-      inherited_property<S, &S::layout>(
-          kWhilePlaying, "views", "Views",
-          "Layout of simultaneous views from eyes in a row around the view, combined in one picture; width and height "
-          "apply to each view",
-          LF_TYPE_SET_LAYOUT),
+                          "Early requests when a live view changes, for example by the mouse. The request then asks "
+                          "for the newest frames. It is sent a quarter of a frame after the previous instant of the "
+                          "schedule, instead of at the next instant. This shortens the reaction to mouse and keys. The "
+                          "number of requests stays the same. Views of a file are not affected"),
+      inherited_property<S, &S::layout>(kWhilePlaying, "views", "Views",
+                                        "Arrangement of several views in one picture, for stereo or light field "
+                                        "displays. Their viewpoints (the eyes) lie in a horizontal row around the "
+                                        "viewpoint of this element. Width and height are the size of each view",
+                                        LF_TYPE_SET_LAYOUT),
       inherited_property<S, &S::columns>(kWhilePlaying, "columns", "Columns",
-                                         "Views side by side, with views=row and views=quilt", 1,
+                                         "Number of views side by side. It applies if views is row or quilt", 1,
                                          ViewSetPosition::kMaxViews),
-      inherited_property<S, &S::rows>(kWhilePlaying, "rows", "Rows", "Rows of views, with views=quilt", 1,
+      inherited_property<S, &S::rows>(kWhilePlaying, "rows", "Rows",
+                                      "Number of rows of views in the picture. It applies if views is quilt", 1,
                                       ViewSetPosition::kMaxViews),
       inherited_property<S, &S::eye_distance>(kWhilePlaying, "eye-distance", "Eye distance",
-                                              "Distance between neighbouring eyes, in metres", 0.0, kMostEyeDistance),
+                                              "Distance between neighbouring eyes (the viewpoints of the views), in "
+                                              "metres. The default is the distance between the eyes of a person",
+                                              0.0, kMostEyeDistance),
       inherited_property<S, &S::cone>(
           kWhilePlaying, "view-cone", "View cone",
-          "Angle between the outermost eyes, seen from the middle of the focal plane, in degrees; replaces "
-          "eye-distance (0: use eye-distance)",
+          "Angle between the outermost eyes (viewpoints), seen from the middle of the focal plane, in degrees. Set it "
+          "to the viewing cone in the data sheet of the display. It replaces eye-distance (0: use eye-distance)",
           0.0, 179.0),
       inherited_property<S, &S::converged>(
           kWhilePlaying, "converged", "Converged",
-          "Shift the views so that the focal plane has zero disparity, for screens; if false, lines of sight are "
-          "parallel, for headsets"),
+          "Shift of the views, so that the focal plane appears at the depth of the screen. Set this to false for "
+          "headsets, which need parallel lines of sight"),
       property<&S::focus_continuous>(
           kWhilePlaying, kFocusContinuous, "Focus continuous",
-          "Keep the point of the last click or focus-at (initially the middle) in focus while the scene moves: by the "
-          "focal surface of the lfcompositor, or by a sweep of depths in a small view with every eighth request"),
+          "Focus that follows a point while the scene moves: the point of the last click or of the last signal "
+          "focus-at. Initially this point is the middle of the picture. Its depth comes from the focal surface of the "
+          "lfcompositor. If there is none, every eighth request measures the depth with an additional small view"),
       property<&S::nearest_cameras>(
           kWhilePlaying, "nearest-cameras", "Nearest cameras",
-          "Without aperture: approximate number of cameras per pixel, weighted by angle, resolution and field of view, "
-          "for unstructured arrays (0: three cameras, blended by the mesh)",
+          "Approximate number of cameras that contribute to a pixel. Cameras are selected by how similar their "
+          "direction, resolution and field of view are to those of the view. Use this for irregular arrays; 4 is a "
+          "good value. It has no effect if aperture is set (0: each pixel is blended from the three cameras of a "
+          "triangle in the mesh of the array)",
           0, Blending::kMaxNearest),
-      property<&S::loop>(kWhileReady, "loop", "Loop", "Restart the file in location at its end"),
+      property<&S::loop>(kWhileReady, "loop", "Loop",
+                         "Repetition of the views in location after the last view. If false, the stream ends"),
   };
   return table;
 }
@@ -394,10 +417,11 @@ GType lf_set_layout_get_type(void) {
   static const GType type = lf::register_enum<ViewSetLayout>(
       "LfSetLayout",
       {{ViewSetLayout::kMono, "One view", "mono"},
-       {ViewSetLayout::kStereo, "Two, side by side", "stereo"},
-       {ViewSetLayout::kCrossEyed, "Two, side by side, swapped for cross-eyed viewing", "cross-eyed"},
-       {ViewSetLayout::kTopBottom, "Two, the left one on top", "top-bottom"},
-       {ViewSetLayout::kRow, "One row of \"columns\", from left to right", "row"},
-       {ViewSetLayout::kQuilt, "\"rows\" of \"columns\", from the bottom left, for light field displays", "quilt"}});
+       {ViewSetLayout::kStereo, "Two views side by side, the left eye on the left", "stereo"},
+       {ViewSetLayout::kCrossEyed, "Two views side by side, swapped for cross-eyed viewing", "cross-eyed"},
+       {ViewSetLayout::kTopBottom, "Two views, the left eye on top", "top-bottom"},
+       {ViewSetLayout::kRow, "One row of views, with \"columns\" views from left to right", "row"},
+       {ViewSetLayout::kQuilt,
+        "A grid of \"rows\" times \"columns\" views, starting at the bottom left, for light field displays", "quilt"}});
   return type;
 }

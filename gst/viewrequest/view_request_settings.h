@@ -11,20 +11,22 @@
 
 namespace lf {
 
-// Picture size of one view in pixels, and frame rate. 0: not set.
+// The size of one view in pixels, and the frame rate. 0 means not set.
 struct PictureFormat {
   int width = 0, height = 0;
   int fps_n = 0, fps_d = 1;
   bool operator==(const PictureFormat&) const = default;
 };
 
-// Returns `set`, with unset values from `defaults`.
+// Returns `set`, with values from `defaults` where `set` has none.
 PictureFormat with_defaults(const PictureFormat& set, const PictureFormat& defaults);
 
-// Returns the format for elements that accept `caps`. Numbers in `set` stay. Other numbers are as close to `defaults`
-// as the first suitable structure allows. If caps fix one side, the other side keeps the aspect ratio of `defaults`. A
-// picture of `caps` has columns x rows views; pictures of several views have even sides. Returns nothing if no
-// structure is suitable. `set` and `defaults` describe one view, and `defaults` must be complete.
+// Returns the format of views for elements that accept only `caps`. Numbers in `set` stay. Other numbers are as close
+// to `defaults` as the first suitable structure of the caps allows. If caps fix only one side, the other side keeps the
+// aspect ratio. Returns nothing if no structure is suitable.
+//
+// `set` and `defaults` describe one view, and `defaults` must be complete. A picture of `caps` has columns x rows
+// views; pictures of several views have even sides.
 std::optional<PictureFormat> fit_to_caps(const GstCaps* caps, const PictureFormat& set, const PictureFormat& defaults,
                                          int columns, int rows);
 
@@ -35,13 +37,13 @@ inline constexpr int kDefaultViewFps = 15;  // frames per second, if neither pro
 #define LF_TYPE_SET_LAYOUT (lf_set_layout_get_type())
 
 struct ViewRequestSettings : ViewSet {
-  static constexpr int kDefaultWidth = 640, kDefaultHeight = 480;  // pixels; size of views without rig
+  static constexpr int kDefaultWidth = 640, kDefaultHeight = 480;  // size of views without a rig, in pixels
 
   std::string location, rig, out_of_service, navigation_element;
   guint view_id = 0;
   gint width = 0, height = 0;  // pixels; 0: from downstream caps, else from the rig
   gint fps_n = 0, fps_d = 1;   // 0: from downstream caps, else kDefaultViewFps
-  gint64 capture_delay = -1;   // nanoseconds; -1: as the nodes require
+  gint64 capture_delay = -1;   // nanoseconds; -1: the delay that the nodes require
   bool navigation = true, constrain_view = true, loop = false, eager = false;
   guint quality = 90, nearest_cameras = 0;
   Access access = Access::kSelf;
@@ -49,7 +51,7 @@ struct ViewRequestSettings : ViewSet {
   // Replaces the property of GstBaseSrc, which would also count commands. -1: unlimited.
   gint num_buffers = -1;
 
-  // Describes settings that have no effect in combination with other settings, and why. Empty if there are none.
+  // Returns a warning about settings that have no effect in combination with other settings. Empty if there are none.
   std::string ignored_settings(bool live) const;
 
   static PropertyTable<ViewRequestSettings>& properties();

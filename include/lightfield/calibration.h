@@ -14,8 +14,9 @@
 // Ceres and OpenCV.
 namespace lightfield {
 
-// Image positions of a moving light, of two lights on a rigid bar, or of the features of a static scene. For features,
-// each position is a feature.
+// The input of a calibration: where the cameras saw a moving light, the two lights of a moving bar, or the features of
+// a static scene. All sightings with the same position number show the same point in space (or the same bar). For
+// features, each feature has its own position number.
 struct Tracks {
   struct Camera {
     uint32_t id = 0;            // unique
@@ -23,29 +24,33 @@ struct Tracks {
   };
   struct Observation {
     uint32_t camera = 0;    // index into Tracks::cameras
-    uint32_t position = 0;  // number of the position of the light or bar, from 0
-    uint32_t light = 0;     // 0, or 1 for the second light of a bar
+    uint32_t position = 0;  // number of the position, from 0
+    uint32_t light = 0;     // which light of a bar: 0 or 1; 0 without a bar
     double x = 0, y = 0;    // pixels; (0, 0) is the centre of the top-left pixel
-    double sigma = 1;       // standard deviation of x and y, relative to other observations
+    double sigma = 1;       // standard deviation of x and y; only the ratio to other observations matters
   };
   std::vector<Camera> cameras;
-  bool bar = false;     // positions have two lights at a constant distance
-  bool ordered = true;  // positions are successive frames; false for features
+  bool bar = false;     // true: each position has two lights at a constant distance
+  bool ordered = true;  // true: positions are successive frames; false: features, in no particular order
   size_t num_positions = 0;
   std::vector<Observation> observations;
 };
 
-// Reads {"format": "lightfield-tracks", ...} (docs/reference/files.md). Throws Error with the file and the place.
+// Reads a tracks file ({"format": "lightfield-tracks", ...}), which docs/reference/files.md describes. Throws Error
+// with the file name and the place in the file.
 Tracks load_tracks(const std::string& path);
 
 struct CalibrationOptions {
-  // Known lenses, with covariances if the rig file has them, and approximate poses. Cameras are matched by id.
+  // An approximate rig to start from, for example the nominal layout of the array. Lenses that carry a covariance in
+  // the rig file count as measurements. Cameras are matched by id.
   std::optional<Rig> prior = {};
-  // Number of radial distortion terms, 0 to 2; without a value: chosen from the tracks.
+  // Number of radial distortion terms, 0 to 2. Without a value, the calibration chooses the number that the tracks
+  // support.
   std::optional<int> distortion_terms = {};
-  // Sources of the scale, which images alone do not give, in metres. The first one set is used: the distance of the
-  // bar's lights, the distance of two cameras, the median distance of neighbouring cameras; otherwise the layout of the
-  // prior.
+  // Images alone do not determine the size of an array, so the scale must come from a known length, in metres. The
+  // first of these that is set is used: bar_length (the distance of the bar's two lights), distance (the distance of
+  // two cameras), pitch (the median distance of neighbouring cameras). If none is set, the layout of the prior gives
+  // the scale.
   double bar_length = 0;
   struct Distance {
     uint32_t a = 0, b = 0;  // ids of the two cameras
@@ -53,40 +58,42 @@ struct CalibrationOptions {
   };
   std::optional<Distance> distance = {};
   double pitch = 0;
-  // Called with the name of each step before it starts. An exception aborts the calibration and propagates to the
-  // caller.
+  // Called with the name of each step before the step starts, for example to show progress. An exception from this
+  // function aborts the calibration and propagates to the caller.
   std::function<void(const std::string& step)> progress = {};
 };
 
-// Covariance of the parameters of a camera, as the inverse of the information in the observations and the prior
-// (Cramer-Rao bound). Parameter names: "f" or "fx" and "fy", "cx", "cy" in pixels; "k1", "k2" as in Lens; position "x",
-// "y", "z" in metres; rotation about the world axes "rx", "ry", "rz" in radians.
+// The precision of one camera's parameters, as a covariance matrix. The matrix is the inverse of the information in the
+// observations and the prior (the Cramer-Rao bound). Possible parameters are: "f" or "fx" and "fy", "cx", "cy" in
+// pixels; "k1", "k2" as in Lens; the position "x", "y", "z" in metres; rotations about the world axes "rx", "ry", "rz"
+// in radians.
 struct Covariance {
   uint32_t camera_id = 0;
   std::vector<std::string> parameters;
-  std::vector<double> matrix;  // row by row, parameters.size() squared
+  std::vector<double> matrix;  // row by row, parameters.size() squared values
 };
 
-// A problem or remark that users must know before they trust a calibration.
+// A problem or remark that users should know before they trust a calibration.
 struct Finding {
   enum class Severity { kNote, kWarning, kError };
   Severity severity = Severity::kNote;
-  std::string code;  // for programs: "swapped-cameras"
-  std::string text;  // a sentence for users
+  std::string code;  // a stable name that programs can test, such as "swapped-cameras"
+  std::string text;  // an explanation for users
 };
 
 struct Calibration {
-  Rig rig;                              // the calibrated cameras; json() and save_rig() include the covariances
-  std::vector<Covariance> covariances;  // one for each camera of the rig, in its order
+  Rig rig;                              // the calibrated cameras; json() and save_rig() also write the covariances
+  std::vector<Covariance> covariances;  // one per camera of the rig, in the same order
   std::vector<Finding> findings;
-  double sigma = 0;        // estimated standard deviation of x and y of the inliers, pixels
-  size_t outliers = 0;     // number of observations that do not fit
-  std::string scale_from;  // "the bar's length", ...; empty if unknown: neighbours are then 1 apart
+  double sigma = 0;     // estimated standard deviation of x and y of the inlier observations, pixels
+  size_t outliers = 0;  // number of observations that contradict the result
+  // the length that determined the scale ("the bar's length", ...); empty if none: neighbours are then 1 apart
+  std::string scale_from;
 };
 
-// Computes positions, orientations and lenses of cameras from tracks and optional prior knowledge, by robust bundle
-// adjustment (Triggs, McLauchlan, Hartley, Fitzgibbon 2000). Takes seconds to minutes. The result is deterministic.
-// Throws Error if the tracks are inconsistent or insufficient. May be called from any thread.
+// Computes the positions, orientations and lenses of the cameras by robust bundle adjustment (Triggs, McLauchlan,
+// Hartley, Fitzgibbon 2000). This takes seconds to minutes. The same input always gives the same result. Throws Error
+// if the tracks are inconsistent or insufficient. May be called from any thread.
 Calibration calibrate_rig(const Tracks& tracks, const CalibrationOptions& options = {});
 
 }  // namespace lightfield

@@ -5,11 +5,12 @@
 
 namespace lightfield {
 
-// Thrown by all functions of this library for invalid input. The text is suitable for users. It names the argument, or
-// the file and the place in it ("rig.json: cameras[3].params[0]: must be a finite number").
+// The exception that all functions of this library throw for invalid input. The text is meant for users. It names the
+// argument, or the file and the place in the file, for example "rig.json: cameras[3].params[0]: must be a finite
+// number".
 //
-// An object remains usable after one of its methods has thrown. Compositor::add() takes untrusted bytes and reports bad
-// input in its result instead of throwing.
+// An object remains usable after one of its methods has thrown. Compositor::add() never throws for bad input, because
+// it takes bytes from the network; it reports the problem in its result.
 class Error : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;

@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-// Renders views of a virtual camera from the images of a camera array.
+// Renders views of a virtual camera from the images of a camera array. This header includes:
 //
-//   error.h     Error, the exception of all functions
-//   image.h     Image, ImageView: pixels
-//   rig.h       Rig, Camera, Lens, Pose: the array and its file; View: the virtual camera; Focus
-//   renderer.h  Renderer: pictures from images in this process
-//   node.h      Node: the cameras of one machine; Compositor: a viewer of remote nodes; Bytes: encoded messages
+//   error.h     Error, the exception that all functions throw
+//   image.h     Image and ImageView, which hold pixels
+//   rig.h       Rig, the description of the camera array and its file; View, the virtual camera; Focus
+//   renderer.h  Renderer, which makes pictures from images in this process
+//   node.h      Node, which serves the cameras of one machine; Compositor, which shows the cameras of remote nodes
 //
-// calibration.h calibrates arrays. It belongs to a separate library and must be included separately. Introduction:
-// docs/guides/embedding.md. Conventions and rendering rule: docs/architecture.md.
+// calibration.h, which calibrates arrays, belongs to a separate library and must be included separately. Start with
+// docs/guides/embedding.md; docs/architecture.md explains the coordinate systems and how pictures are made.
 #include <lightfield/error.h>
 #include <lightfield/image.h>
 #include <lightfield/node.h>

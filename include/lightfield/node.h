@@ -14,35 +14,37 @@
 
 namespace lightfield {
 
-// A request or one part of an answer, for any transport that delivers messages whole. The format is lib/wire/spec.md,
-// as used by the GStreamer elements.
+// An encoded message: a request, or one part of an answer. Any transport can carry these messages if it delivers each
+// message whole. The GStreamer elements use the same format (lib/wire/spec.md).
 using Bytes = std::vector<uint8_t>;
 
-// Capture time of a request for the newest frames.
+// The capture time of a request that wants the newest frames.
 constexpr uint64_t kNewest = std::numeric_limits<uint64_t>::max();
 
 struct RequestInfo {
   uint32_t view_id = 0;
   uint32_t sequence = 0;    // increases by one with each request of the viewer; wraps around
-  uint64_t time = kNewest;  // capture time of the frames, nanoseconds; kNewest: newest frames
+  uint64_t time = kNewest;  // capture time of the requested frames, nanoseconds, or kNewest
 };
 
-// Throws Error unless the bytes are exactly one request. The bytes may be untrusted.
+// Reads the header of a request, for example to find the frames of the requested time. The bytes may be untrusted.
+// Throws Error unless they are exactly one request.
 RequestInfo read_request(const Bytes& request);
 
 struct NodeOptions {
   Resampling resampling = Resampling::kSharpened;
-  unsigned threads = 0;  // maximum threads per answer; 0: number of processors
+  unsigned threads = 0;  // maximum number of threads per answer; 0: number of processors
 };
 
-// The cameras of one machine. Answers the requests of any number of viewers with the weighted sum of its cameras'
-// pixels. Every node knows the whole rig but only has the images of its cameras.
+// Serves the cameras of one machine. A node answers the requests of any number of viewers: it warps its cameras' images
+// into the requested view and returns their weighted sum, which is much smaller than the images. Every node knows the
+// whole rig, but needs images of its cameras alone.
 //
-// Thread-safe: concurrent calls are serialised, and each call uses several threads.
+// Thread-safe. Concurrent calls are serialised, and each call uses several threads.
 class Node {
  public:
-  // `cameras`: indices of the node's cameras, without duplicates, in the order of the frames below. Throws Error if the
-  // list is empty or an index is not in the rig.
+  // `cameras` lists the indices of the node's cameras without duplicates. The frames for answer() follow the same
+  // order. Throws Error if the list is empty or an index is not in the rig.
   Node(Rig rig, std::vector<uint32_t> cameras, const NodeOptions& options = {});
   ~Node();
   Node(Node&&) noexcept;
@@ -50,16 +52,16 @@ class Node {
 
   const std::vector<uint32_t>& cameras() const;
 
-  // Returns the indices of the node's cameras that this request needs, ascending. Other cameras need no decoded frame.
-  // Throws Error like answer().
+  // Returns the indices of the node's cameras that contribute to this request, in ascending order. Frames of other
+  // cameras need not be decoded. Throws Error like answer().
   std::vector<uint32_t> cameras_for(const Bytes& request) const;
 
-  // Returns the parts of an answer. Send them to the viewer's Compositor in any order.
+  // Answers a request. The result is a list of messages to send to the viewer's Compositor, in any order.
   //
-  // `frames`: one for each of cameras(), in that order, all of the same format and each of its camera's size. An empty
-  // frame means that the camera has no image, and the answer reports that. Frames are only read, and only during the
-  // call. The same request and frames give the same bytes. Throws Error if the request is invalid or was made for
-  // another rig, or if a frame does not fit.
+  // `frames` has one frame for each of cameras(), in the same order. All frames must have the same format, and each
+  // must have the size of its camera. Pass an empty frame for a camera that has no image; the answer tells the viewer.
+  // The frames are only read during the call. The same request and frames always give the same bytes. Throws Error if
+  // the request is invalid or belongs to another rig, or if a frame does not fit.
   std::vector<Bytes> answer(const Bytes& request, const std::vector<ImageView>& frames) const;
   std::vector<Bytes> answer(const Bytes& request, const std::vector<Image>& frames) const;
 
@@ -70,61 +72,67 @@ class Node {
 
 struct RequestOptions {
   Focus focus = Focus::kPlane;
-  // kAuto: range of surface distances from the array, in metres. If either value is 0, the range follows the scene.
+  // Range of the surface distances from the array that Focus::kAuto searches, in metres. If either value is 0, the
+  // range adapts to the scene.
   double nearest = 0, farthest = 0;
-  // kAuto: true to correct brightness differences between the cameras, measured on the surface. Without a value: true
-  // if the rig has no colour calibration.
+  // True if Focus::kAuto also measures and corrects brightness differences between the cameras. Without a value,
+  // brightness is matched if the rig has no colour calibration.
   std::optional<bool> match_brightness = {};
-  // Encoding of the pixels. 1 to 100: JPEG of this quality. 0: 16 bits per value, which is large; the picture is then
-  // bit-identical to the picture of a Renderer with all cameras.
+  // Encoding of the pixels in the answers. 1 to 100 is a JPEG quality. 0 sends 16 bits per value, which is large, but
+  // the picture is then bit-identical to the picture of a Renderer with all cameras.
   int quality = 90;
-  // Capture time of the frames, in nanoseconds of a clock that all nodes share; kNewest: newest frames.
+  // Capture time of the frames, in nanoseconds of a clock that all nodes share, or kNewest.
   uint64_t time = kNewest;
-  // Indices of cameras without images, in any order. Neighbouring cameras fill the gaps.
+  // Indices of cameras that have no images, in any order. Their neighbours fill the gaps.
   std::vector<uint32_t> out_of_service = {};
   Colour background = {};  // colour of pixels that no camera sees
 };
 
-// Makes the requests of one viewer and combines the answers of remote nodes into pictures.
+// Shows the cameras of remote nodes to one viewer: makes the requests, and combines the nodes' answers into pictures.
 //
 //   Compositor compositor(rig, 1);
 //   Bytes request = compositor.request(view, options);     // to every node
 //   for (const Bytes& part : received_parts) compositor.add(part);
 //   Image picture = compositor.finish();                   // after all answers, or after a timeout
 //
-// Keeps its focal surface from picture to picture. Movable. One call at a time for each compositor.
+// A compositor keeps its focal surface (the estimated depth of each pixel) from picture to picture. It may be moved.
+// Call its methods from one thread at a time.
 class Compositor {
  public:
-  // `view_id`: unique among the viewers of the same nodes.
+  // `view_id` must be unique among the viewers of the same nodes.
   Compositor(Rig rig, uint32_t view_id);
   ~Compositor();
   Compositor(Compositor&&) noexcept;
   Compositor& operator=(Compositor&&) noexcept;
 
-  // Begins the next picture and returns its request, which has everything that nodes need to know. Discards an
-  // unfinished picture. Throws Error if the view is invalid or an option is out of range.
+  // Begins the next picture and returns its request, which must be sent to every node. An unfinished picture is
+  // discarded. Throws Error if the view is invalid or an option is out of range.
   Bytes request(const View& view, const RequestOptions& options = {});
 
-  // Parts may come from an untrusted source, and may be damaged, duplicate or late.
+  // The result of add(). `problem` explains why a part was not added, for example because it is damaged, a duplicate or
+  // late.
   struct AddResult {
     bool added = false;
     std::string problem = {};
     explicit operator bool() const { return added; }
   };
-  // Adds a part of an answer to the current picture. The bytes are not used after the call.
+  // Adds a received part of an answer to the current picture. The part may come from an untrusted source. The bytes are
+  // not used after the call.
   AddResult add(const Bytes& part);
 
-  // True if the nodes of all cameras in service have answered.
+  // Returns whether the nodes of all cameras in service have answered, so that finish() need not wait any longer.
   bool is_complete() const;
 
-  // Returns the picture from all parts added so far, in the format of the answers (RGB if no camera had an image). The
-  // remaining cameras of a pixel take over the weight of missing cameras. Throws Error if no picture was begun.
+  // Returns the picture from all parts added so far, in the format of the answers (RGB if no camera had an image). If
+  // cameras are missing, the remaining cameras of each pixel take over the weight. Throws Error if request() has not
+  // been called.
   Image finish();
 
   // Number of cameras that the latest picture needed but did not get.
   unsigned missing() const;
 
-  // Discards the focal surface, for example after a scene change. A change of the focus options does the same.
+  // Discards the focal surface, for example after the scene has changed. Changing the focus options has the same
+  // effect.
   void reset_focus();
 
  private:

@@ -54,18 +54,18 @@ void check(RendererChoice renderer) {
 
 }  // namespace
 
-// The cameras of one node. Each request comes with their frames. Not thread-safe.
+// The cameras of one node. The frames come with each request. Not thread-safe.
 class LocalNode {
  public:
-  // `cameras`: indices in the order of frames. Throws Error if the list is empty, or if an index is unknown or a
-  // duplicate. `threads` 0: number of processors.
+  // `cameras` lists the indices in the order of the frames. Throws Error if the list is empty, or if an index is
+  // unknown or a duplicate. `threads` 0 means the number of processors.
   LocalNode(std::shared_ptr<const Rig> rig, uint64_t rig_hash, std::vector<CameraIndex> cameras, unsigned threads);
 
   const std::vector<CameraIndex>& cameras() const { return cameras_; }
   // Throws Error if the request was made for another rig or does not fit this rig.
   RequestPlan plan(const ViewRequest& request);
-  // Renders an answer. `frames`: one for each of cameras(). `in_process`: see RenderOptions. `memory` is reused. Throws
-  // Error like plan(), or if a frame does not fit.
+  // Renders an answer. `frames` has one frame for each of cameras(), `in_process` is as in RenderOptions, and `memory`
+  // is reused. Throws Error like plan(), or if a frame does not fit.
   RenderedAnswer answer(const ViewRequest& request, const std::vector<lightfield::ImageView>& frames,
                         lightfield::Resampling resampling, bool in_process, ByteBuffer memory = {},
                         RendererChoice renderer = RendererChoice::kCpu);
@@ -101,7 +101,7 @@ LocalNode::LocalNode(std::shared_ptr<const Rig> rig, uint64_t rig_hash, std::vec
     const std::string name = "cameras: " + std::to_string(cameras_[i]);
     if (cameras_[i] >= rig_->cameras.size())
       throw Error(name + " is not one of the rig's " + std::to_string(rig_->cameras.size()) + " cameras");
-    if (!own_.empty() && own_.back() == cameras_[i]) throw Error(name + " is named twice");
+    if (!own_.empty() && own_.back() == cameras_[i]) throw Error(name + " is listed twice");
     own_.push_back(cameras_[i]);
   }
 }
@@ -225,7 +225,7 @@ CameraSet to_camera_set(std::vector<uint32_t> cameras, size_t count) {
 
 }  // namespace
 
-// One viewer: one request at a time, and the picture from its answers. Not thread-safe.
+// A viewer with one request at a time. Makes the picture from the answers. Not thread-safe.
 class ViewComposer {
  public:
   using AddResult = lightfield::Compositor::AddResult;
@@ -233,7 +233,7 @@ class ViewComposer {
   ViewComposer(std::shared_ptr<const Rig> rig, uint64_t rig_hash, uint32_t view_id);
 
   const ViewRequest& begin(const lightfield::View& view, const lightfield::RequestOptions& options);
-  // Adds a unit of an answer. If `owner` is set, it keeps the bytes alive and they are used without a copy until
+  // Adds a message of an answer. If `owner` is set, it keeps the bytes alive, and they are used without a copy until
   // finish().
   AddResult add(std::span<const uint8_t> unit, std::shared_ptr<const void> owner = nullptr);
   bool is_complete() const;
@@ -253,7 +253,7 @@ class ViewComposer {
   std::optional<ViewRequest> current_;
   Background background_;
   Assembly assembly_;
-  // Nodes that have answered, by their cameras, and hashes of the photo-consistency units received.
+  // Cameras of the nodes that have answered, and hashes of the photo-consistency messages that were received.
   std::set<CameraRanges> answered_;
   std::set<size_t> tried_;
   ViewDepths::Answers answers_;
@@ -294,22 +294,23 @@ const ViewRequest& ViewComposer::begin(const lightfield::View& view, const light
 }
 
 ViewComposer::AddResult ViewComposer::add(std::span<const uint8_t> unit, std::shared_ptr<const void> owner) {
-  if (!current_) return {false, "no picture was begun"};
+  if (!current_) return {false, "there is no picture yet: call request() first"};
   const std::string problem = wire::is_consistency(unit) ? add_consistency(unit) : add_answer(unit, std::move(owner));
   return {problem.empty(), problem};
 }
 
-// Returns the problem, or "" if the unit was added.
+// Returns why the message was not added, or "".
 std::string ViewComposer::add_consistency(std::span<const uint8_t> unit) {
   std::string reason;
   const std::optional<wire::ConsistencyHeader> header = wire::parse_consistency_header(unit, nullptr, &reason);
   if (!header) return "damaged: " + reason;
-  if (header->view_id != view_id_ || header->sequence != current_->sequence) return "of another request";
+  if (header->view_id != view_id_ || header->sequence != current_->sequence)
+    return "the part belongs to another request";
   // Identical bytes are a duplicate: no two nodes have the same sums.
   const size_t hash = std::hash<std::string_view>()({reinterpret_cast<const char*>(unit.data()), unit.size()});
   if (tried_.contains(hash)) return "duplicate";
   const std::string problem = lf::add_consistency(unit, *header, *current_, answers_);
-  if (!problem.empty()) return "damaged, or not requested: " + problem;
+  if (!problem.empty()) return "the part is damaged or was not requested: " + problem;
   tried_.insert(hash);
   return {};
 }
@@ -320,9 +321,10 @@ std::string ViewComposer::add_answer(std::span<const uint8_t> unit, std::shared_
   if (!answer) return "damaged: " + reason;
   const unsigned damaged = assembly_.damaged();
   switch (assembly_.add(*answer, std::move(owner))) {
-    case Assembly::Verdict::kOtherRequest: return "of another request";
-    case Assembly::Verdict::kOtherRig: return "of another rig";
-    case Assembly::Verdict::kBadFragment: return "duplicate, or does not fit the view or earlier parts: partly ignored";
+    case Assembly::Verdict::kOtherRequest: return "the part belongs to another request";
+    case Assembly::Verdict::kOtherRig: return "the part was made with another rig";
+    case Assembly::Verdict::kBadFragment:
+      return "the part was partly ignored: it is a duplicate, or does not match the view or earlier parts";
     default: break;
   }
   answered_.insert(answer->cameras);
@@ -335,13 +337,13 @@ bool ViewComposer::is_complete() const {
   std::iota(all.begin(), all.end(), 0);
   CameraRanges awaited(all);
   awaited.remove(CameraRanges(current_->out_of_service));
-  // photo-consistency units per node
+  // photo-consistency messages per node
   const size_t units = static_cast<size_t>(!current_->trials.empty()) + current_->gains.ask;
   return assembly_.cameras().contains(awaited) && tried_.size() >= units * answered_.size();
 }
 
 lightfield::Image ViewComposer::finish() {
-  if (!current_) throw Error("no picture was begun");
+  if (!current_) throw Error("there is no picture yet: call request() first");
   assembly_.finish(PixelFamily::kRgb, background_ != Background{});
   missing_ = assembly_.missing();
   lightfield::Image picture = from_image(assembly_.picture().resolve(background_));
@@ -409,8 +411,8 @@ struct [[gnu::visibility("hidden")]] Renderer::State {
     request.view = lf::api::to_view(view);
     return node.plan(request).cameras();
   }
-  // Returns all cameras without an image if the view needs any of them, else none: cameras that the view does not need
-  // may have no image.
+  // Returns all cameras without an image if the view needs any of them; otherwise none, because cameras that the view
+  // does not need may lack an image.
   std::vector<uint32_t> missing(const View& view, const std::vector<ImageView>& images) {
     std::vector<uint32_t> missing;
     for (uint32_t i = 0; i < images.size(); i++)

@@ -94,7 +94,7 @@ ImageView to_image(const lightfield::ImageView& image, const Camera& camera, Cam
     if (!image.plane[c]) throw Error(name_of(camera, index) + " has no plane " + std::to_string(c));
     if (image.stride[c] < row)
       throw Error(name_of(camera, index) + " has a stride of " + std::to_string(image.stride[c]) +
-                  " bytes: its rows have " + std::to_string(row));
+                  " bytes, but its rows need " + std::to_string(row));
     out.plane[c] = image.plane[c];
     out.stride[c] = image.stride[c];
   }
@@ -106,7 +106,8 @@ PixelFamily family_of(std::span<const lightfield::ImageView> images) {
   for (const lightfield::ImageView& image : images) {
     const auto other = static_cast<PixelFamily>(image.format);
     if (family == PixelFamily::kNone) family = other;
-    if (other != PixelFamily::kNone && other != family) throw Error("images: some are RGB and some are I420");
+    if (other != PixelFamily::kNone && other != family)
+      throw Error("images: some are RGB and some are I420; all must have the same format");
   }
   return family;
 }
@@ -177,7 +178,7 @@ std::string json_of(const Rig::Data& data, const lf::Rig& rig) {
   return lf::rig_to_json(rig, &original);
 }
 
-// Serialises and parses the rig, so that rigs from values pass the same checks as rig files.
+// Writes the rig as text and parses it, so that rigs made from values pass the same checks as rig files.
 std::shared_ptr<const Rig::Data> checked(const lf::Rig& rig) {
   return data_of(lf::parse_rig(lf::rig_to_json(rig), "rig"));
 }

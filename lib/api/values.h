@@ -14,7 +14,6 @@
 #include "rig/rig.h"
 #include "view/view.h"
 
-// Content of a public rig.
 struct [[gnu::visibility("hidden")]] lightfield::Rig::Data {
   std::shared_ptr<const lf::Rig> rig;
   uint64_t hash = 0;

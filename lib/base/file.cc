@@ -47,24 +47,49 @@ std::string folder_of(const std::string& path) {
   return folder.empty() ? "." : folder;
 }
 
+bool is_foreign(const struct stat& link, const struct stat& folder) {
+  return (folder.st_mode & S_IWOTH) && link.st_uid != geteuid() && link.st_uid != folder.st_uid;
+}
+
 // Follows symbolic links to a file, which need not exist. Throws Error if there are too many links, or if a link
-// belongs to another user and its folder is world-writable. The kernel's protected_symlinks setting refuses to open
-// such links, but readlink() ignores it.
+// belongs to another user and its folder is world-writable. The kernel's protected_symlinks setting forbids opening
+// such links, but readlink() ignores this setting.
 std::string follow_links(const std::string& named) {
   constexpr int kMaxLinks = 40;
   std::string path = named;
   for (int i = 0; i < kMaxLinks; i++) {
     struct stat link, folder;
     if (lstat(path.c_str(), &link) != 0 || !S_ISLNK(link.st_mode)) return path;
-    if (stat(folder_of(path).c_str(), &folder) == 0 && (folder.st_mode & S_IWOTH) && link.st_uid != geteuid() &&
-        link.st_uid != folder.st_uid)
-      throw Error(named + ": can't be written: it is a symbolic link of another user in a world-writable folder");
+    if (stat(folder_of(path).c_str(), &folder) == 0 && is_foreign(link, folder))
+      throw Error(named + ": can't be written: " + (path == named ? "it" : path) +
+                  " is a symbolic link of another user in a world-writable folder");
     std::error_code error;
     const fs::path target = fs::read_symlink(path, error);
     if (error) return path;
     path = (fs::path(path).parent_path() / target).string();  // an absolute target replaces the folder
   }
   throw Error(named + ": can't be written: " + std::strerror(ELOOP));
+}
+
+// Applies the rule of follow_links() to each folder in the path, and to the folders in the targets of links. `links`
+// counts the links.
+void check_folder_links(const std::string& folder, int& links) {
+  constexpr int kMaxLinks = 40;
+  fs::path path;
+  for (const fs::path& part : fs::path(folder)) {
+    path /= part;
+    const std::string name = path.string();
+    if (name.ends_with('/')) continue;
+    const std::string target = follow_links(name);
+    if (target == name) continue;
+    if (++links > kMaxLinks) throw Error(folder + ": can't be written: " + std::strerror(ELOOP));
+    check_folder_links(folder_of(target), links);
+  }
+}
+
+void check_folder_links(const std::string& folder) {
+  int links = 0;
+  check_folder_links(folder, links);
 }
 
 std::string random_name(const std::string& beginning, const std::string& ending) {
@@ -74,7 +99,7 @@ std::string random_name(const std::string& beginning, const std::string& ending)
   return beginning + digits + ending;
 }
 
-// Makes a rename in the folder survive a power failure. Ignores errors, because some file systems do not support
+// Makes a rename in the folder survive a power failure. Errors are ignored, because some file systems do not support
 // fsync() on folders.
 void sync_folder(const std::string& folder) {
   const Descriptor opened(open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
@@ -93,8 +118,8 @@ void copy_owner_and_mode(int descriptor, const struct stat& old) {
 
 constexpr char kStaging[] = ".new-";
 
-// Removes staging folders of programs that ended without cleaning up: their lock is free. A new folder is unlocked for
-// an instant, so young folders are kept.
+// Removes staging folders of programs that ended without cleaning up, which have an unlocked lock. A new folder is
+// unlocked for an instant, so young folders are kept.
 void remove_old_staging(const std::string& folder) {
   constexpr time_t kYoung = 60;  // seconds
   std::error_code ignored;
@@ -124,6 +149,12 @@ int open_regular(const std::string& path, uint64_t& size) {
 bool is_exposed(const struct stat& status) {
   const mode_t group = status.st_uid == geteuid() ? S_IRWXG : S_IWGRP | S_IXGRP;
   return status.st_mode & (group | S_IRWXO);
+}
+
+std::string mode_text(const struct stat& status) {
+  char mode[8];
+  std::snprintf(mode, sizeof mode, "%o", static_cast<unsigned>(status.st_mode & 0777));
+  return mode;
 }
 
 }  // namespace
@@ -170,6 +201,8 @@ void AtomicFileWriter::fail(int error) const {
 }
 
 AtomicFileWriter::AtomicFileWriter(const std::string& path) : path_(path), target_(follow_links(path)) {
+  check_folder_links(folder_of(path));
+  check_folder_links(folder_of(target_));
   struct stat old;
   const bool exists = lstat(target_.c_str(), &old) == 0;
   if (!exists && errno != ENOENT) fail(errno);
@@ -217,6 +250,14 @@ void AtomicFileWriter::commit() {
   sync_folder(folder_of(target_));
 }
 
+bool make_folder(const std::string& folder) {
+  check_folder_links(folder);
+  std::error_code error;
+  const bool created = fs::create_directories(folder, error);
+  if (error) throw Error(folder + ": can't be made: " + error.message());
+  return created;
+}
+
 std::string without_staging(std::string text) {
   for (size_t at = 0; (at = text.find(std::string("/") + kStaging, at)) != text.npos;) {
     const size_t end = text.find('/', at + 1);
@@ -228,9 +269,7 @@ std::string without_staging(std::string text) {
 
 AtomicFolderUpdate::AtomicFolderUpdate(const std::string& folder) : folder_(folder) {
   const auto fail = [&](const std::string& reason) { throw Error(folder + ": can't be made: " + reason); };
-  std::error_code error;
-  created_ = fs::create_directories(folder, error);
-  if (error) fail(error.message());
+  created_ = make_folder(folder);
   remove_old_staging(folder);
   do {
     staging_ = random_name(folder + "/" + kStaging, "");
@@ -260,12 +299,10 @@ void AtomicFolderUpdate::commit() {
     std::vector<fs::path> files;
     for (const fs::directory_entry& entry : fs::recursive_directory_iterator(staging_)) {
       const fs::path name = entry.path().lexically_relative(staging_);
-      std::error_code error;
       if (entry.is_directory() && !entry.is_symlink())
-        fs::create_directories(fs::path(folder_) / name, error);
+        make_folder((fs::path(folder_) / name).string());
       else
         files.push_back(name);
-      if (error) fail(name, error.message());
     }
     std::ranges::sort(files);
     // Detects the most likely failure before the first file is replaced.
@@ -290,11 +327,9 @@ std::string read_secret_file(const std::string& path, size_t most) {
   struct stat status {};
   if (file < 0 || fstat(file, &status) != 0) fail_to_read(path, std::strerror(errno));
   if (!S_ISREG(status.st_mode)) fail_to_read(path, "it is not a regular file");
-  if (is_exposed(status)) {
-    char mode[8];
-    std::snprintf(mode, sizeof mode, "%o", static_cast<unsigned>(status.st_mode & 0777));
-    throw Error(path + ": other users can read or change this secret (mode " + mode + "): run chmod 600 " + path);
-  }
+  if (is_exposed(status))
+    throw Error(path + ": other users can read or change this secret (mode " + mode_text(status) + "): run chmod 600 " +
+                path);
   std::string text(most + 1, '\0');
   size_t size = 0;
   while (size < text.size()) {
@@ -310,6 +345,11 @@ std::string read_secret_file(const std::string& path, size_t most) {
   }
   text.resize(size);
   return text;
+}
+
+std::string exposed_mode(const std::string& path) {
+  struct stat status {};
+  return stat(path.c_str(), &status) == 0 && is_exposed(status) ? mode_text(status) : "";
 }
 
 void wipe(std::string& secret) {

@@ -9,17 +9,18 @@ namespace lf {
 
 inline constexpr size_t kMaxFileBytes = size_t{1} << 29;
 
-// Reads a whole regular file. Throws Error naming the file if it is missing, larger than `most_bytes`, or not a regular
-// file. FIFOs are refused because they may block, devices because they may never end.
+// Reads a whole regular file. Throws Error with the file's name if the file is missing or has more than `most_bytes`
+// bytes. Other kinds of files are refused too, because a FIFO may block and a device may never end.
 std::string read_file(const std::string& path, size_t most_bytes = kMaxFileBytes);
 
-// Atomically replaces a file: readers see the old content or the complete new content. All files of this project are
-// written by this class.
+// Replaces a file atomically, so that readers see either the old content or the complete new content. This project
+// writes all files with this class.
 //
-// The new content goes to a temporary file in the same folder; commit() renames it. The file keeps its mode and owner.
-// If `path` is a symbolic link, the link stays and its target is replaced. Another user's link in a world-writable
-// folder is an Error. A device or a FIFO is written to directly. Without commit() nothing changes. Functions throw
-// Error naming `path`. Not thread-safe.
+// The new content goes to a temporary file in the same folder, and commit() renames that file. Without commit(),
+// nothing changes. The file keeps its mode and owner. If `path` is a symbolic link, the link stays and its target is
+// replaced. A link of another user in a world-writable folder is an error, because it could redirect the output. The
+// same holds for links to folders in `path`. A device or a FIFO is written to directly. All functions throw Error with
+// `path`. Not thread-safe.
 class AtomicFileWriter {
  public:
   explicit AtomicFileWriter(const std::string& path);
@@ -28,7 +29,7 @@ class AtomicFileWriter {
   AtomicFileWriter& operator=(const AtomicFileWriter&) = delete;
 
   void write(std::string_view bytes);
-  // For libraries that write to a descriptor. Open until commit().
+  // For libraries that write to a descriptor. It is open until commit().
   int descriptor() const { return descriptor_; }
   // Returns when the new content is on disk under the final name.
   void commit();
@@ -41,12 +42,17 @@ class AtomicFileWriter {
   int descriptor_ = -1;
 };
 
-// Replaces the file `to` by the content of the regular file `from`, of any size. Throws Error naming the file.
+// Replaces the file `to` by the content of the regular file `from`, of any size. Throws Error with the file's name.
 void copy_file(const std::string& from, const std::string& to);
 
-// Updates several files of a folder. Write the files to staging(), a hidden subfolder; commit() moves them to the same
-// relative paths in the folder. Other files stay. Without commit() nothing changes. The next update removes staging
-// folders of killed programs. Throws Error naming the folder.
+// Creates an output folder and its parents, if they do not exist. Returns true if it creates the folder. Throws Error
+// if that fails, or if a folder in the path is a symbolic link of another user in a world-writable folder. This project
+// creates all output folders with this function.
+bool make_folder(const std::string& folder);
+
+// Updates several files of a folder together. Write the new files to staging(), which is a hidden subfolder. commit()
+// then moves them to the same relative paths in the folder; other files stay. Without commit(), nothing changes. If the
+// program is killed, the next update removes its staging folder. Throws Error with the folder's name.
 class AtomicFolderUpdate {
  public:
   explicit AtomicFolderUpdate(const std::string& folder);  // creates the folder if needed
@@ -63,15 +69,19 @@ class AtomicFolderUpdate {
   bool created_ = false;
 };
 
-// Returns the message with staging folders removed from its paths.
+// Removes staging folders from the paths in an error message, so that the message names the final file.
 std::string without_staging(std::string text);
 
 inline constexpr size_t kMaxSecretBytes = 65536;
 
-// Reads a token, key or password file. Throws Error naming the file if it is not a regular file, has more than `most`
-// bytes, or is readable or writable for other users. A group may read a file of another user, such as root's 0640 files
-// in /etc/ssl/private and systemd credentials.
+// Reads a file with a token, key or password. Throws Error with the file's name if it is not a regular file, has more
+// than `most` bytes, or can be read or changed by other users. A group may read a file that belongs to another user,
+// such as root's 0640 files in /etc/ssl/private and systemd credentials.
 std::string read_secret_file(const std::string& path, size_t most = kMaxSecretBytes);
+
+// Returns the mode of a file, such as "644", if other users can read or change it by the rules of read_secret_file();
+// otherwise "", also for a file that does not exist.
+std::string exposed_mode(const std::string& path);
 
 void wipe(std::string& secret);
 

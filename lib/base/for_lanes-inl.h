@@ -13,8 +13,8 @@ HWY_BEFORE_NAMESPACE();
 namespace lf::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-// Calls step(d, i) for consecutive blocks that cover 0..n. `d` is the Highway tag of the block at i: full vectors
-// first, then vectors of 16 bytes, then single values. The tail matters because rows of fragments are short.
+// Calls step(d, i) for consecutive blocks that cover 0..n. `d` is the Highway tag of the block at i: first full
+// vectors, then vectors of 16 bytes, then single values. The rest matters because rows of fragments are short.
 template <typename T, typename Step>
 HWY_INLINE void for_lanes(int n, const Step& step) {
   const hn::ScalableTag<T> d;
@@ -27,8 +27,8 @@ HWY_INLINE void for_lanes(int n, const Step& step) {
   for (; i < n; i++) step(one, i);
 }
 
-// A variant of for_lanes(): the last vector may overlap the previous vector, so step() may process a value twice. It
-// must not modify its input.
+// Does the same as for_lanes(), but the last vector may overlap the previous one, so step() may process a value twice.
+// Therefore step() must not modify its input.
 template <typename T, typename Step>
 HWY_INLINE void map_lanes(int n, const Step& step) {
   const hn::ScalableTag<T> d;

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/file.h"
+#include "base/terminal_text.h"
 #include "base/text.h"
 
 namespace lf {
@@ -19,8 +20,8 @@ constexpr size_t kMaxJsonDepth = 64;  // deeper than all our formats; limits the
 std::string join(const std::string& place, const std::string& key) { return place.empty() ? key : place + "." + key; }
 std::string join(const std::string& place, size_t index) { return place + "[" + std::to_string(index) + "]"; }
 
-// Removes the prefix "[json.exception.parse_error.101] " of nlohmann's messages and truncates the rest, which repeats
-// the offending token and may have megabytes.
+// Removes the prefix "[json.exception.parse_error.101] " of nlohmann's messages. Truncates the rest, which repeats the
+// offending token and may have megabytes.
 std::string without_tag(const std::string& what) {
   constexpr size_t kMost = 300;
   const size_t end = what.find("] ");
@@ -28,8 +29,8 @@ std::string without_tag(const std::string& what) {
   return text.size() > kMost ? text.substr(0, kMost) + "..." : text;
 }
 
-// Builds the value while the parser reads the text, and throws Error with the place where the parser stopped. Takes
-// linear time, unlike json::parse() with a callback, which visits a whole array after each element.
+// Builds the value while the parser reads the text, and throws Error with the place where the parser stopped. This
+// takes linear time, unlike json::parse() with a callback, which visits a whole array after each element.
 class JsonBuilder : public nlohmann::json_sax<json> {
  public:
   explicit JsonBuilder(const std::string& name) : name_(name) {}
@@ -60,7 +61,7 @@ class JsonBuilder : public nlohmann::json_sax<json> {
     std::string key = {};
   };
 
-  // Returns "a[2].b: ", or "" at the top level.
+  // Returns for example "a[2].b: ", or "" at the top level.
   std::string place() const {
     std::string place;
     for (size_t i = 0; i < levels_.size(); i++) {
@@ -212,7 +213,7 @@ std::string JsonValue::name() const {
   std::string name = text();
   if (name.size() > kMost)
     fail("must have at most " + std::to_string(kMost) + " bytes, has " + std::to_string(name.size()));
-  if (std::ranges::any_of(name, [](unsigned char c) { return c < ' ' || c == 0x7f; })) fail("has control characters");
+  if (has_control_characters(name)) fail("has control characters");
   return name;
 }
 

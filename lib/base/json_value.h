@@ -13,20 +13,21 @@
 
 namespace lf {
 
-// Reads a whole file. Throws Error naming the file.
+// Reads a whole file. Throws Error with the file's name.
 std::string read_text_file(const std::string& path);
-// Atomically replaces a file. Throws Error naming the file.
+// Replaces a file atomically. Throws Error with the file's name.
 void write_text_file(const std::string& text, const std::string& path);
 
-// True if the text is valid UTF-8, which JSON requires.
+// Returns true if the text is valid UTF-8, which JSON requires.
 bool is_utf8(const std::string& text);
 
-// Parses JSON; `name` is the file name in error texts. Throws Error with line and column, and with the place
-// ("cameras[3].params[0]") if a value is invalid, such as a number beyond the range of double.
+// Parses JSON. `name` is the name of the file in error messages. Throws Error with line and column. If a value is
+// invalid, such as a number beyond the range of double, the error says where ("cameras[3].params[0]").
 nlohmann::json parse_json(const std::string& text, const std::string& name);
 
-// A value in a JSON file that knows its place, so that errors read "FILE: PLACE: what". Refers to the parsed file,
-// which must outlive this object. All functions throw Error if the value has another type or is out of range.
+// A value in a JSON file that knows its path in the file, so that errors can say "FILE: PLACE: what is wrong". It
+// refers to the parsed file, which must outlive this object. All functions throw Error if the value has another type or
+// is out of range.
 class JsonValue {
  public:
   JsonValue(const nlohmann::json& root, const std::string& file) : value_(&root), file_(&file) {}
@@ -34,24 +35,24 @@ class JsonValue {
   JsonValue(const nlohmann::json&&, const std::string&) = delete;
 
   [[noreturn]] void fail(const std::string& what) const;
-  // Throws Error for a place inside this value: fail_inside("params[0]: must be positive").
+  // Throws Error for a place inside this value, for example fail_inside("params[0]: must be positive").
   [[noreturn]] void fail_inside(const std::string& place_and_what) const;
   const std::string& file() const { return *file_; }
 
-  // Return a member of an object. at() requires the member, find() does not.
+  // Return a member of an object. at() throws Error if the member is missing; find() returns nullopt.
   JsonValue at(const char* key) const;
   std::optional<JsonValue> find(const char* key) const;
-  // Return the elements of an array, which must have exactly `count` elements if given.
+  // Return the elements of an array. Throws Error unless the array has exactly `count` elements, if given.
   std::vector<JsonValue> elements() const;
   std::vector<JsonValue> elements(size_t count) const;
 
   bool flag() const;
   double number() const;  // finite
   int64_t integer(int64_t least, int64_t most) const;
-  std::string text() const;  // no NUL, which would truncate paths and properties in C functions
-  std::string name() const;  // at most 200 bytes and no control characters, for file names and messages
+  std::string text() const;  // without NUL characters, which would truncate paths and properties in C functions
+  std::string name() const;  // for file names and messages: at most 200 bytes, no control characters
   Vec3 vec3() const;
-  Quat unit_quaternion() const;  // [w, x, y, z], unit norm within kUnitTolerance; not normalised
+  Quat unit_quaternion() const;  // [w, x, y, z] with unit norm, within kUnitTolerance; not normalised
 
   // Throws Error unless the value is an object with this "format" and "version".
   void require_format(const std::string& format, int version) const;

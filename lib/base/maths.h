@@ -15,20 +15,20 @@
 
 namespace lf {
 
-// Geometry is in double precision. Weights and pixels are floats (see render/).
+// Geometry is in double precision, whereas weights and pixels are floats (see render/).
 using Vec2 = glm::dvec2;
 using Vec3 = glm::dvec3;
 using Mat3 = glm::dmat3;  // column-major: m[column][row]
 using Quat = glm::dquat;  // constructor order w, x, y, z
 
-// Maximum deviation of quaternion norms from 1, in files and on the wire.
+// Maximum deviation of a quaternion's norm from 1, in files and on the wire.
 inline constexpr double kUnitTolerance = 1e-6;
 
 inline bool is_finite(double v) { return std::isfinite(v); }
 inline bool is_finite(const Vec3& v) { return is_finite(v.x) && is_finite(v.y) && is_finite(v.z); }
 inline bool is_finite(const Quat& q) { return is_finite(q.w) && is_finite(q.x) && is_finite(q.y) && is_finite(q.z); }
 
-// Pixels [x0, x1) x [y0, y1) of a view.
+// The pixels [x0, x1) x [y0, y1) of a view.
 struct Rect {
   int x0 = 0, y0 = 0, x1 = 0, y1 = 0;
   int width() const { return x1 - x0; }
@@ -47,7 +47,7 @@ inline Rect unite(const Rect& a, const Rect& b) {
   return {std::min(a.x0, b.x0), std::min(a.y0, b.y0), std::max(a.x1, b.x1), std::max(a.y1, b.y1)};
 }
 
-// Returns the median; the upper middle value if the number of values is even. `values` must not be empty or contain
+// Returns the median, or the upper middle value if the number of values is even. `values` must not be empty or contain
 // NaN.
 template <typename T>
 T median(std::vector<T> values) {
@@ -56,7 +56,7 @@ T median(std::vector<T> values) {
   return *middle;
 }
 
-// Percentiles over the latest samples of a quantity. Not thread-safe.
+// Computes percentiles over the latest samples of a quantity. Not thread-safe.
 class Percentiles {
  public:
   Percentiles(size_t window = 1024) : window_(window) {}
@@ -72,7 +72,7 @@ class Percentiles {
     values_.clear();
     next_ = 0;
   }
-  // Returns the nearest-rank percentile, p in (0, 100]; 0 without samples.
+  // Returns the nearest-rank percentile for p in (0, 100], or 0 without samples.
   uint64_t at(double p) const {
     if (values_.empty()) return 0;
     std::vector<uint64_t> sorted = values_;

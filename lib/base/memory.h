@@ -15,8 +15,8 @@
 
 namespace lf {
 
-// Allocator for memory that is written before it is read: resize() leaves new elements uninitialised. Zeroing would be
-// one more pass over every answer (1.5 ms for the sums of a 1080p view on fresh pages).
+// An allocator for memory that is written before it is read: resize() leaves new elements uninitialised. Zeroing them
+// would cost another pass over every answer (1.5 ms for the sums of a 1080p view on fresh pages).
 template <typename T>
 struct UninitializedAllocator : std::allocator<T> {
   template <typename U>
@@ -43,8 +43,8 @@ inline void append(ByteBuffer& out, std::span<const uint8_t> bytes) {
   std::memcpy(out.data() + out.size() - bytes.size(), bytes.data(), bytes.size());
 }
 
-// Tracks the largest size needed within the last minute, two minutes at most. Times are in nanoseconds of any clock.
-// Not thread-safe.
+// Tracks the largest size that was needed recently: within the last one to two minutes. Times are in nanoseconds of any
+// clock. Not thread-safe.
 class PeakTracker {
  public:
   static constexpr uint64_t kMinute = 60'000'000'000;
@@ -70,16 +70,17 @@ class PeakTracker {
   size_t latest_ = 0, before_ = 0;  // largest sizes in the minute since began_ and in the minute before
 };
 
-// Buffers for repeated use, because allocating megabytes costs more than filling the memory. Frees buffers with more
-// than twice the size needed within the last minute. `Memory` must have size() (bytes needed), capacity() (bytes
-// allocated) and clear(), which keeps the allocation, like ByteBuffer. Thread-safe.
+// Keeps buffers for repeated use, because allocating megabytes costs more than filling the memory. Buffers with more
+// than twice the size that was needed recently are freed, so that a short peak does not keep memory for ever. `Memory`
+// must have size() (bytes needed), capacity() (bytes allocated) and clear(), which keeps the allocation, like
+// ByteBuffer. Thread-safe.
 template <typename Memory>
 class MemoryPool {
  public:
   static constexpr size_t kMaxPooled = 4;
 
-  MemoryPool() { unused_.reserve(kMaxPooled); }  // give_back() then never allocates
-  // Returns the most recently used buffer, cleared, or an empty buffer.
+  MemoryPool() { unused_.reserve(kMaxPooled); }  // so that give_back() never allocates
+  // Returns the buffer that was used last, cleared, or an empty buffer.
   Memory take() {
     const std::lock_guard lock(mutex_);
     if (unused_.empty()) return {};
@@ -88,14 +89,14 @@ class MemoryPool {
     memory.clear();
     return memory;
   }
-  // `now`: nanoseconds of any clock, the same for all calls.
+  // `now` is in nanoseconds of any clock, the same for all calls.
   void give_back(Memory memory, uint64_t now = now_ns()) {
     const std::lock_guard lock(mutex_);
     need_.see(memory.size(), now);
     if (unused_.size() < kMaxPooled) unused_.push_back(std::move(memory));
     drop_large(now);
   }
-  // Frees buffers that have become too large. Call from time to time if no buffer may be returned for long.
+  // Frees buffers that have become too large. Call this from time to time if no buffer may be returned for long.
   void trim(uint64_t now = now_ns()) {
     const std::lock_guard lock(mutex_);
     drop_large(now);
@@ -124,9 +125,9 @@ struct PoolDeleter {
 };
 using PooledBuffer = std::unique_ptr<uint8_t[], PoolDeleter>;
 
-// Returns an uninitialised buffer of at least `size` bytes. Every camera frame needs a few hundred kB for a moment;
-// fresh pages would cost more than decoding a small region. The process keeps up to kPooledBytes of unused memory.
-// Thread-safe.
+// Returns an uninitialised buffer of at least `size` bytes from a pool of the process. Every camera frame needs a few
+// hundred kB for a moment, and fresh pages would cost more than decoding a small region. The pool keeps up to
+// kPooledBytes of unused memory. Thread-safe.
 PooledBuffer take_buffer(size_t size);
 
 inline constexpr size_t kPooledBytes = size_t{256} << 20;

@@ -29,7 +29,7 @@ std::optional<int> parse_port(const std::string& text) {
   return port;
 }
 
-// Removes the port behind the last colon from `text`, or the whole text if there is no colon.
+// Removes the port after the last colon from `text`, or the whole text if there is no colon.
 std::optional<int> cut_port(std::string& text) {
   const size_t colon = text.rfind(':');
   const auto port = parse_port(text.substr(colon == text.npos ? 0 : colon + 1));
@@ -37,7 +37,7 @@ std::optional<int> cut_port(std::string& text) {
   return port;
 }
 
-// Removes and returns the text behind the last colon (outside of brackets), unless it is a port.
+// Removes and returns the text after the last colon (outside brackets), unless it is a port.
 std::string cut_address(std::string& text) {
   const size_t bracket = text.ends_with(']') ? text.rfind('[') : text.npos;
   const size_t colon = text.rfind(':', bracket);

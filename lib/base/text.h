@@ -14,17 +14,17 @@
 
 namespace lf {
 
-// Thrown by all functions that read or validate files and options. The text is suitable for users and names the file
-// and the place in it ("rig.json: cameras[3].params[0]: must be finite"). Network input never throws: the codecs in
-// wire/ return a std::optional and a reason.
+// Thrown by all functions that read or validate files and options. The text is meant for users and names the file and
+// the place of the error, for example "rig.json: cameras[3].params[0]: must be finite". Network input never throws: the
+// codecs in wire/ return a std::optional and a reason.
 using lightfield::Error;
 
-// Natural order: compares runs of digits as numbers, "cam2" before "cam10". A strict weak order; names that differ only
-// in leading zeros compare as plain text. Use for file and camera names everywhere.
+// Compares names in natural order, with runs of digits as numbers, so that "cam2" comes before "cam10". It is a strict
+// weak order; names that differ only in leading zeros compare as plain text. Use it for all file and camera names.
 bool natural_less(std::string_view a, std::string_view b);
 
 // Selects the C locale for the current thread, so that numbers have a decimal point. Applications such as
-// gst-launch-1.0 may set the user's locale, in which printf() writes a comma.
+// gst-launch-1.0 may set the user's locale, and printf() may then write a comma.
 class ScopedCLocale {
  public:
   ScopedCLocale() : before_(uselocale(plain())) {}
@@ -40,16 +40,15 @@ class ScopedCLocale {
   const locale_t before_;
 };
 
-// Returns the shortest text that parses to the same number: "0.1", "1e-09".
+// Returns the shortest text that parses to the same number, such as "0.1" or "1e-09".
 inline std::string number_text(double value) {
   char text[40];
   return {text, std::to_chars(text, text + sizeof(text), value).ptr};
 }
 
-// Returns "640x480".
 inline std::string size_text(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
 
-// printf() in the C locale.
+// Does the same as printf(), in the C locale.
 [[gnu::format(printf, 1, 2)]] inline std::string format_text(const char* format, ...) {
   const ScopedCLocale numbers;
   std::string text;
@@ -68,18 +67,19 @@ struct HostPort {
   int port = 0;      // UDP port, 1 to 65535
   bool operator==(const HostPort&) const = default;
 };
-// Parses comma-separated items "PORT" or "HOST:PORT"; an empty text has none. Throws Error naming the invalid item.
+// Parses comma-separated items "PORT" or "HOST:PORT". Returns no items for an empty text. Throws Error with the invalid
+// item.
 std::vector<HostPort> parse_host_ports(const std::string& text);
 
 struct NodeAddress {
   std::string host;
-  int request_port = 0;     // receives requests at the host
-  std::string answer_host;  // address of this machine that receives answers; empty: all addresses
-  int answer_port = 0;      // receives answers at this machine
+  int request_port = 0;     // UDP port of the host for requests
+  std::string answer_host;  // address of this machine for answers; empty: all addresses
+  int answer_port = 0;      // UDP port of this machine for answers
   bool operator==(const NodeAddress&) const = default;
 };
-// Parses "HOST:PORT-THERE:[ADDRESS-HERE:]PORT-HERE,..."; IPv6 addresses need brackets. Throws Error naming the invalid
-// item.
+// Parses comma-separated items "HOST:PORT-THERE:[ADDRESS-HERE:]PORT-HERE". IPv6 addresses need brackets. Throws Error
+// with the invalid item.
 std::vector<NodeAddress> parse_nodes(const std::string& text);
 
 }  // namespace lf

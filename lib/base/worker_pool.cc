@@ -8,8 +8,8 @@
 
 namespace lf {
 
-// The tasks of one run(). A helper that arrives late finds no task left and does not access `task`, which may no longer
-// exist.
+// The tasks of one run(). A helper that arrives late finds no task left, and does not access `task`, which may no
+// longer exist.
 class WorkerPool::Batch {
  public:
   Batch(size_t count, const std::function<void(size_t)>& task) : count_(count), task_(task) {}
@@ -87,7 +87,7 @@ void WorkerPool::run(unsigned threads, size_t count, const std::function<void(si
     try {
       while (threads_.size() + 1 < threads) threads_.emplace_back([this] { help(); });
     } catch (const std::system_error&) {
-      // Too many threads: continue with the existing threads and the caller.
+      // If no thread can be created, the existing threads and the caller do the work.
     }
     waiting_.insert(waiting_.end(), helpers, batch);
   }

@@ -12,19 +12,19 @@
 
 namespace lf {
 
-// Calls task(0) .. task(count - 1) once each, in any order and on any threads, and returns after the last task.
-// Rethrows an exception of a task in the caller, after all tasks have run.
+// Calls task(0) to task(count - 1) once each, in any order and on any threads, and returns after the last one. If a
+// task throws, the exception is rethrown in the caller after all tasks have run.
 using ParallelFor = std::function<void(size_t count, const std::function<void(size_t)>& task)>;
 
 inline void serial_for(size_t count, const std::function<void(size_t)>& task) {
   for (size_t i = 0; i < count; i++) task(i);
 }
 
-// Threads shared by all nodes of a process, so that many nodes use no more processors than available. Thread-safe.
+// A pool of threads that all nodes of a process share, so that many nodes use no more threads than there are
+// processors. Thread-safe.
 class WorkerPool {
  public:
-  // Returns the pool of this process. The first call creates the pool, and releasing the last reference destroys the
-  // pool.
+  // Returns the pool of this process. The first call creates it, and releasing the last reference destroys it.
   static std::shared_ptr<WorkerPool> shared();
 
   WorkerPool() = default;
@@ -32,8 +32,8 @@ class WorkerPool {
   WorkerPool(const WorkerPool&) = delete;
   WorkerPool& operator=(const WorkerPool&) = delete;
 
-  // A ParallelFor with at most `threads` threads, including the calling thread. Does not wait for an idle thread of the
-  // pool, only for threads that have already taken some of these tasks.
+  // Works like a ParallelFor with at most `threads` threads, including the calling thread. Waits only for threads that
+  // have already taken some of these tasks, and never for an idle thread of the pool.
   void run(unsigned threads, size_t count, const std::function<void(size_t)>& task);
 
  private:
@@ -41,8 +41,8 @@ class WorkerPool {
   void help();
 
   std::mutex mutex_;
-  std::condition_variable work_available_;      // signalled when a batch waits, or the pool ends
-  std::deque<std::shared_ptr<Batch>> waiting_;  // each batch once per missing helper
+  std::condition_variable work_available_;      // signalled when a batch waits, or when the pool ends
+  std::deque<std::shared_ptr<Batch>> waiting_;  // each batch occurs once per missing helper
   std::vector<std::thread> threads_;
   bool ended_ = false;
 };

@@ -232,7 +232,8 @@ AdjustmentSummary adjust(Reconstruction& scene, const std::vector<Observation>& 
   solver.num_threads = static_cast<int>(std::clamp(std::thread::hardware_concurrency(), 1u, 8u));
   solver.initial_trust_region_radius = options.trust;
   solver.logging_type = ceres::SILENT;
-  // Eliminates the larger group: no cost joins two blocks of the same group, so either one can be eliminated.
+  // The solver eliminates the larger of two groups. No cost joins two blocks of the same group, so either group can be
+  // eliminated.
   auto* ordering = new ceres::ParameterBlockOrdering;
   const bool cameras_first =
       blocks.cameras.size() * camera_manifold.TangentSize() > blocks.targets.size() * (scene.targets[0].v.size() / 2);
@@ -264,7 +265,7 @@ struct TargetInformation {
   std::vector<MatrixXd> crosses;
 };
 
-// Returns the inverse of L L'. A general solver would multiply all zeros of the identity matrix.
+// Returns the inverse of L L'. A general solver would also multiply all zeros of the identity matrix.
 MatrixXd inverse_of(const Eigen::LLT<MatrixXd>& llt) {
   const MatrixXd& l = llt.matrixLLT();
   const Eigen::Index n = l.rows();
@@ -388,7 +389,6 @@ class Builder {
     }
   }
 
-  // Parameters are in the order rotation, translation.
   void add_pose_priors(int metres_row) {
     const bool bars = has_bars();
     for (size_t i = 0; i < scene_.pose_priors.size(); i++) {
@@ -479,7 +479,6 @@ class Builder {
         llt.info() == Eigen::Success ? inverse_of(llt) : MatrixXd(scaled.ldlt().solve(MatrixXd::Identity(size, size)));
     inverse = scale.asDiagonal() * inverse * scale.asDiagonal();
     const MatrixXd back = overlap.inverse();
-    // P = 1 - gauge back weighted'
     const MatrixXd left = weighted.transpose() * inverse;
     inverse -= gauge * (back * left);
     const MatrixXd right = inverse * weighted;

@@ -80,8 +80,8 @@ Motion motion_of(const std::vector<LightPath>& paths, double frame_time, size_t 
   return motion;
 }
 
-// Returns the log likelihood ratio of a common motion to independent motions, if b's stamps are `lag` steps behind a's.
-// It follows from the canonical correlations; 0 if the correlations are weak.
+// Compares the hypothesis of a common motion, with b's stamps `lag` steps behind a's, with independent motions. Returns
+// the log likelihood ratio, which follows from the canonical correlations, or 0 if the correlations are weak.
 double likelihood(const Motion& a, const Motion& b, int64_t lag) {
   Matrix2d aa = Matrix2d::Zero(), bb = aa, ab = aa;
   size_t n = 0;
@@ -140,10 +140,10 @@ constexpr double kWholeFrame = 0.25;  // allowed deviation of a step from whole 
 constexpr double kChangeGain = 60;    // minimum decrease of the robust cost for a step or a drift
 constexpr double kHint = 25;          // the same, for a suspected step
 constexpr double kDriftSigmas = 6;
-constexpr size_t kLeastSide = 8;  // samples on each side of a step
+constexpr size_t kLeastSide = 8;
 
 struct ClockLine {
-  double value = 0, slope = 0;  // at `middle`
+  double value = 0, slope = 0;
   double variance = 0, slope_variance = 0;
 };
 
@@ -231,7 +231,7 @@ double refine_clock(CameraClock& clock, std::vector<ClockSample> samples, double
   if (samples.size() < kLeastSide) return 0;
   std::sort(samples.begin(), samples.end(), [](const auto& a, const auto& b) { return a.stamp < b.stamp; });
   clock.known = true;
-  // Removes the current steps and drift from the samples; they are estimated again.
+  // Removes the current steps and drift from the samples, because they are estimated again.
   const auto late = [](const std::vector<CameraClock::Step>& steps, double stamp) {
     double sum = 0;
     for (const CameraClock::Step& step : steps) sum += stamp >= step.stamp ? step.seconds : 0;

@@ -8,30 +8,33 @@
 
 namespace lf {
 
-// Relation between a camera's stamps and the true capture time, relative to the common clock of all cameras: true time
-// = stamp + offset, like `time_offset` in a rig.
+// How the stamps of a camera's frames relate to the true capture times on the common clock of all cameras: true time =
+// stamp + offset, like `time_offset` in a rig.
 struct CameraClock {
-  // Dropped frames that left no gap between the stamps.
+  // Frames that the camera dropped without leaving a gap between the stamps, so that all later stamps are too early.
   struct Step {
     double stamp = 0;    // stamp of the first frame after the dropped frames
-    double seconds = 0;  // how much later than their stamps the frames from there on are
+    double seconds = 0;  // how much later than their stamps the following frames were captured
     int frames = 0;
   };
   double offset = 0;  // seconds, before the first step
   double sigma = 0;   // standard deviation of the offset, seconds
-  double drift = 0;   // seconds per second, about `middle`
+  double drift = 0;   // seconds per second, relative to the stamp `middle`
   double middle = 0;  // a stamp, seconds
   std::vector<Step> steps;
-  bool known = false;  // true if the camera's light motion matches other cameras
+  bool known = false;  // false if the light motion in this camera does not match that in other cameras
 
   double true_time(double stamp) const;
   double stamp_of(double true_time) const;
 };
 
-// Estimates offsets to about a quarter of a frame, without geometry. If clocks are synchronised, the light velocities
-// in two cameras are approximately linear functions of each other (canonical correlation, Hotelling 1936). `paths`:
-// light paths per camera; the `num_lights` brightest at each time count. Searches `reach` seconds in both directions.
-// Offsets are relative to the camera with the most samples; returns its index.
+// Estimates clock offsets to about a quarter of a frame, without knowing the cameras' positions. It uses the fact that
+// the light velocities in two cameras are approximately linear functions of each other if their clocks are synchronised
+// (canonical correlation, Hotelling 1936).
+//
+// `paths` has the light paths of each camera. The `num_lights` brightest paths at each time count. Offsets of up to
+// `reach` seconds in both directions are tried. The result is relative to the camera with the most samples; the
+// function returns its index.
 size_t coarse_clocks(const std::vector<std::vector<LightPath>>& paths, const std::vector<double>& frame_times,
                      size_t num_lights, double reach, std::vector<CameraClock>& clocks);
 
@@ -40,14 +43,14 @@ struct ClockSample {
   double seconds = 0;  // correction of the clock's offset
   double sigma = 0;    // seconds
 };
-// Refines a clock with all samples of its camera. The fit is robust, adds steps of whole frames if the samples require
-// them, and adds a drift if it is significant. Corrections should be below a few frames. `shown`: the share of a wrong
-// offset that no other parameter of the camera can absorb; scales the reported errors. Returns the change of the
-// offset.
+// Refines a clock with all samples of its camera. The fit is robust. It adds steps of whole frames if the samples
+// require them, and a drift if that is significant. Corrections should be smaller than a few frames. `shown` is the
+// share of a wrong offset that no other parameter of the camera can absorb; the errors of the result are scaled
+// accordingly. Returns the change of the offset.
 double refine_clock(CameraClock& clock, std::vector<ClockSample> samples, double frame_time, double shown);
 
-// Returns the stamp of suspected frame drops that refine_clock() would not accept. A bundle adjustment with that step
-// estimates the number of frames. Returns nullopt if no stamp stands out.
+// Returns the stamp of a suspected frame drop, although the evidence is too weak for refine_clock(). A bundle
+// adjustment with a step at this stamp then estimates the number of frames. Returns nullopt if no stamp stands out.
 std::optional<double> suspected_step(std::vector<ClockSample> samples);
 
 }  // namespace lf

@@ -58,19 +58,19 @@ std::optional<ColourSample> sample_quad(const Image& rgb, const std::array<Vec2,
     sample.usable[static_cast<size_t>(c)] = static_cast<double>(clipped[c]) <= 0.01 * n;
     variance = std::max(variance, squares[c] / n - sample.level[c] * sample.level[c]);
   }
-  // In addition to noise: rounding of levels, and position errors between cameras.
+  // Errors in addition to noise: rounding of levels, and position errors between cameras.
   sample.sigma = std::sqrt(0.1 + variance / n + 0.001 * variance);
   return sample;
 }
 
 namespace {
 
-// Sampled share of a patch's side; patch borders are blurred, and the chart position is inexact.
+// Share of a patch's side that is sampled. Patch borders are blurred, and the position of the chart is inexact.
 constexpr double kInner = 0.5;
 
 // Returns the chart's corners in the image, clockwise in reading order from the first patch; empty if not found.
 std::vector<cv::Point2f> corners_of(const cv::Mat& bgr) {
-  // The detector misses charts in small images.
+  // The detector misses charts in small images, so these are enlarged.
   const double scale = std::max(1.0, 640.0 / std::min(bgr.cols, bgr.rows));
   cv::Mat large = bgr;
   if (scale > 1) cv::resize(bgr, large, {}, scale, scale, cv::INTER_LINEAR);
@@ -176,9 +176,9 @@ constexpr double kAgrees = 0.9;
 constexpr double kMaxDeviation = 5;  // levels; RMS difference of matching windows after brightness correction
 constexpr size_t kMinViewCameras = 3;
 constexpr size_t kReferences = 16;
-constexpr int kAcross = 16;  // windows per image row
+constexpr int kAcross = 16;
 
-// A window of luma, of zero mean and unit length.
+// A window of luma values with zero mean and unit length.
 struct Window {
   std::array<float, kPatchPixels> of;
   double texture;  // standard deviation before normalisation, levels
@@ -262,7 +262,8 @@ double correlation(const Window& a, const Window& b) {
   return std::inner_product(a.of.begin(), a.of.end(), b.of.begin(), 0.f);
 }
 
-// True if the windows match. Weak textures must correlate despite noise; strong edges also need a small difference.
+// True if the windows match. Weak textures must correlate despite noise; for strong edges, the difference must be small
+// as well.
 bool agree(const Window& a, const Window& b) {
   const double like = correlation(a, b), texture = std::max(a.texture, b.texture);
   return like >= kAgrees && texture * std::sqrt(2 * (1 - std::min(like, 1.0))) <= kMaxDeviation;
@@ -309,7 +310,8 @@ class Sampler {
       black_ = Image(PixelFamily::kRgb, rig_.cameras[i].width, rig_.cameras[i].height);
       return black_;
     });
-    if (!range) throw Error("the views overlap too little, or have too little texture, to compare colours");
+    if (!range)
+      throw Error("the views overlap too little, or have too little texture, to compare colours; use a colour chart");
     nearest_ = 0.6 * range->near;
     farthest_ = 2 * range->far;
   }

@@ -16,7 +16,7 @@
 namespace lf {
 namespace {
 
-// Parameters of a camera; all are 0 for a camera without faults.
+// The parameters of a camera. All are 0 for a camera without faults.
 enum CameraParameter {
   kExposure = 0,
   kRed = 1,
@@ -49,7 +49,7 @@ void own_from_scene(const T* p, T (&out)[3][3]) {
   }
 }
 
-// decode_gamma() and encode_gamma() for automatic differentiation.
+// Versions of decode_gamma() and encode_gamma() for automatic differentiation.
 template <typename T>
 T power_light(const T& level, const T& gamma) {
   using std::pow;
@@ -67,7 +67,7 @@ T power_level(const T& light, const T& gamma) {
   return below ? -level : level;
 }
 
-// Difference between a sample and the predicted level of its patch, by the inverse of ColourModel.
+// The difference between a sample and the level that its patch predicts, with the inverse of ColourModel.
 struct SampleCost {
   ColourSample sample;
   double r2;
@@ -102,7 +102,7 @@ constexpr int kLight = 3;
 constexpr double kSlope = 0.05;
 constexpr double kChartSigma = 1;  // levels; charts are neither fully matt nor fully flat
 
-// Difference between a patch and the chart's colour under the light of its position.
+// The difference between a patch and the chart's colour in the light at the chart's position.
 struct ChartCost {
   double u, v;  // -1 to 1 along the chart
 
@@ -201,8 +201,8 @@ ColourModel sound_model(Parameters p, const Camera& camera) {
 
 bool is_in(const std::vector<bool>& list, size_t i) { return list.empty() || list[i]; }
 
-// Elimination order. Ceres sorts a group by address, which differs between runs for blocks of several vectors and
-// changes the last digits of the result. Therefore each vector has its own group.
+// The elimination order. Ceres sorts the blocks of a group by address, which differs between runs if they are in
+// several vectors, and changes the last digits of the result. Therefore, each vector has its own group.
 enum EliminationGroup { kColourGroup, kCameraGroup, kLightGroup, kReflectanceGroup };
 
 // Adds the constraints between positions of a chart, for patches in the problem.
@@ -362,7 +362,7 @@ namespace {
 
 constexpr size_t kMinColourSamples = 12;
 constexpr size_t kFitSamples = 8000;
-// required reduction of the held-out RMS for one more term: share, levels
+// minimum reduction of the RMS on left-out patches for one more term: share, and levels
 constexpr double kMinImprovement = 0.03, kMinLevels = 0.05;
 constexpr double kStuck = 0.4;  // logarithm of light; an exposure that differs by about half or more
 
@@ -372,7 +372,7 @@ std::string name_of(const Camera& camera) {
 
 std::string number(double value, int digits) { return format_text("%.*f", digits, value); }
 
-// A fixed selection of every fourth patch, not aligned with the rows of a chart.
+// Every fourth patch is left out, in a fixed selection that is not aligned with the rows of a chart.
 bool is_held_out(uint32_t patch) { return (patch * 2654435761u >> 16) % 4 == 0; }
 
 class ColourSolver {
@@ -507,7 +507,7 @@ class ColourSolver {
     for (size_t i = 0; i < rig_.cameras.size(); i++) solution_.cameras[i].rms = rms_of(i, best_.models);
   }
 
-  // Returns the RMS difference between a camera's held-out samples and the median of other cameras.
+  // Returns the RMS difference between a camera's left-out samples and the median of all remaining cameras.
   double rms_of(size_t camera, const std::vector<ColourModel>& models) const {
     std::vector<std::array<std::vector<double>, 3>> seen(samples_.patches);
     for (const ColourSample& sample : samples_.all) {
@@ -521,7 +521,7 @@ class ColourSolver {
     for (const ColourSample& sample : samples_.all) {
       if (sample.camera != camera || !held_out_[sample.patch]) continue;
       const Vec3 level = corrected_level(rig_.cameras[camera], models[camera], sample);
-      // Clipped samples count here because they are visible in rendered views.
+      // Clipped samples count here, because clipping is visible in views.
       for (size_t c = 0; c < 3; c++)
         if (!seen[sample.patch][c].empty()) {
           const double d = level[static_cast<int>(c)] - median(seen[sample.patch][c]);
@@ -562,7 +562,7 @@ class ColourSolver {
     if (solution_.after.pairs < 50)
       find(Finding::Severity::kWarning, "few-patches",
            "only " + std::to_string(solution_.after.pairs) +
-               " comparisons were held out, so the figures are unreliable: show the chart at more places");
+               " comparisons were left for testing, so the figures are unreliable: show the chart at more places");
     if (solution_.after.p95 > 3)
       find(Finding::Severity::kWarning, "differences",
            "cameras still differ by " + number(solution_.after.p95, 1) +

@@ -13,13 +13,13 @@
 
 namespace lf {
 
-// Colour parameters that may differ between cameras, in addition to brightness.
+// The colour parameters that may differ between cameras, in addition to brightness.
 struct ColourTerms {
-  bool balance = false;  // gains of red and blue, relative to green
-  bool black = false;    // black level per channel
+  bool balance = false;  // gains of red and blue relative to green
+  bool black = false;
   bool gamma = false;
-  bool crosstalk = false;   // matrix between channels that preserves greys
-  bool vignetting = false;  // k1 and k2
+  bool crosstalk = false;  // matrix between the channels that keeps greys grey
+  bool vignetting = false;
   bool operator==(const ColourTerms&) const = default;
 
   // Returns for example "brightness, white balance and vignetting".
@@ -27,72 +27,74 @@ struct ColourTerms {
 };
 
 struct ColourFit {
-  // One model per camera; the default model for cameras without samples.
+  // One model per camera; cameras without samples have the default model.
   std::vector<ColourModel> models;
-  // Logarithm of a camera's exposure relative to the mean: 0.69 is twice the exposure.
+  // Logarithm of a camera's exposure relative to the mean. For example, 0.69 is twice the mean exposure.
   std::vector<double> log_exposure;
-  std::vector<std::array<double, 15>> parameters;  // parameters per camera, the start of another fit
+  std::vector<std::array<double, 15>> parameters;  // parameters of each camera, as a start for another fit
 };
 
 // Fits the parameters of all cameras and the colours of all patches in one least-squares problem. Residuals are the
-// differences between samples and predicted levels, over sigma, under a Cauchy loss of 2. Patches of a chart have the
-// same colours at all chart positions, up to a brightness and a linear gradient per position; this constrains
-// vignetting. Gauge: the mean of the cameras' parameters, except vignetting, is a camera without faults. Weak priors
-// fix the remaining freedom.
+// differences between samples and predicted levels in sigmas, under a Cauchy loss of 2. The patches of a chart have the
+// same colours at all positions of the chart, except for one brightness and one linear gradient per position. This
+// constrains vignetting.
 //
-// `apart`: cameras that are excluded from that mean, one value per camera; may be empty. `patches`: patches that take
-// part; empty: all. `start`: a fit with fewer terms; may be null. Models are valid (model_error()), if necessary after
-// shrinking the parameters.
+// Colours are relative, so the mean camera is defined to be without faults, except for vignetting. Weak priors fix the
+// remaining freedom. The resulting models are valid (model_error()); parameters are reduced if necessary.
+//
+// `apart` marks cameras that are left out of this mean (may be empty). `patches` marks the patches to use (empty: all).
+// `start` is a fit with fewer terms, or null.
 ColourFit fit_colours(const Rig& rig, const ColourSamples& samples, const ColourTerms& terms,
                       const std::vector<bool>& apart = {}, const std::vector<bool>& patches = {},
                       const ColourFit* start = nullptr);
 
-// Colour differences of corrected cameras at common patches, per channel and pair of cameras, in levels.
+// How much the colours of corrected cameras differ at common patches, per channel and pair of cameras, in levels.
 struct ColourDifferences {
   double median = 0, p95 = 0, rms = 0;
   size_t pairs = 0;
 };
-// Compares the patches and cameras that are true in the lists (empty: all). The RMS limits differences to 12 levels,
-// because larger differences have other causes.
+// Compares the patches and cameras that are marked (empty: all). The RMS counts larger differences as 12 levels,
+// because they have other causes than the colour response.
 ColourDifferences colour_differences(const Rig& rig, const ColourSamples& samples,
                                      const std::vector<ColourModel>& models, const std::vector<bool>& patches = {},
                                      const std::vector<bool>& cameras = {});
 
-// Returns the sample's level after correction, including vignetting.
+// Returns the level of a sample after correction, including vignetting.
 Vec3 corrected_level(const Camera& camera, const ColourModel& model, const ColourSample& sample);
 
 struct ColourSolveOptions {
   std::function<void(const std::string& step)> progress;  // called before each step; may throw to cancel
 };
 
-// Colour models of an array, with as few parameters as the samples require.
+// Colour models of an array, with only as many parameters as the samples justify.
 struct ColourSolution {
-  // One model per camera; nullopt for cameras with too few samples.
+  // One model per camera, or nullopt for cameras with too few samples.
   std::vector<std::optional<ColourModel>> models;
   ColourTerms terms;
-  // A tested set of terms, and the remaining differences on held-out patches.
+  // A set of terms that was tested, and the differences that remained on patches left out of the fit.
   struct Trial {
     ColourTerms terms;
     ColourDifferences held_out;
   };
   std::vector<Trial> trials;
-  // Differences on the held-out patches without correction, and after the fit to the other patches. Cameras with a
-  // wrong exposure are left out.
+  // Differences on the left-out patches without correction, and with the fit to all remaining patches. Cameras with a
+  // wrong exposure do not count.
   ColourDifferences before, after;
   struct Camera {
-    size_t samples = 0;     // samples with a usable channel
+    size_t samples = 0;     // number of samples with a usable channel
     double clipped = 0;     // share of the camera's samples with a clipped channel
-    double gain = 1;        // levels relative to the median camera, from brightness alone
-    double rms = 0;         // RMS difference of the corrected camera from others on held-out patches, levels
-    bool is_stuck = false;  // true if the exposure is far from the median
+    double gain = 1;        // brightness relative to the median camera, from a fit of brightness alone
+    double rms = 0;         // RMS difference of the corrected camera from others on left-out patches, in levels
+    bool is_stuck = false;  // the exposure is far from the median
   };
   std::vector<Camera> cameras;
   std::vector<Finding> findings;
 };
 
-// Selects the terms by fits without a quarter of the patches. Starting from brightness alone, each round adds the term
-// that reduces the differences on these held-out patches most, as long as it gains at least 3 % and 0.05 levels. The
-// final models are fitted to all patches. Throws Error if fewer than two cameras can be compared.
+// Fits colour models and decides which terms they need. The decision uses fits without a quarter of the patches.
+// Starting with brightness alone, each round adds the term that reduces the differences on the left-out patches most,
+// as long as it improves them by at least 3 % and 0.05 levels. The final models are fitted to all patches. Throws Error
+// if fewer than two cameras can be compared.
 ColourSolution solve_colours(const Rig& rig, const ColourSamples& samples, const ColourSolveOptions& options = {});
 
 }  // namespace lf

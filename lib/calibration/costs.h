@@ -12,9 +12,9 @@
 
 namespace lf::projection {
 
-// Projection of parameters to pixels, for the solver and for residuals.
+// Projects points to pixels, for the solver and for residuals.
 
-// v = conjugate(q) * x * q: from world axes to camera axes.
+// Rotates a vector from world axes to camera axes: v = conjugate(q) * x * q.
 inline void rotate_to_camera(const double* q, const double* x, double* v) {
   const double w = q[0], a = -q[1], b = -q[2], c = -q[3];
   const double tx = 2 * (b * x[2] - c * x[1]), ty = 2 * (c * x[0] - a * x[2]), tz = 2 * (a * x[1] - b * x[0]);
@@ -23,8 +23,8 @@ inline void rotate_to_camera(const double* q, const double* x, double* v) {
   v[2] = x[2] + w * tz + a * ty - b * tx;
 }
 
-// Projects a point in camera axes to a pixel with the lens terms of a CameraState block (model of geometry/lens.h).
-// Returns false if the point is behind the camera. `slopes`: optional derivatives.
+// Projects a point in camera axes to a pixel, with the lens terms of a CameraState block (the model of
+// geometry/lens.h). Returns false if the point is behind the camera. `slopes` receives the derivatives; it may be null.
 struct PixelJacobian {
   Eigen::Matrix<double, 2, 3> by_point;
   Eigen::Matrix<double, 2, kNumLensTerms> by_lens;
@@ -53,7 +53,7 @@ inline bool project_in_camera(const double* x, const double* lens, double aspect
   return true;
 }
 
-// Projects a world point to a pixel of a CameraState block; returns false if the point is behind the camera.
+// Projects a world point to a pixel of a CameraState block. Returns false if the point is behind the camera.
 inline bool project(const double* camera, double aspect, const double* point, double* pixel) {
   const double from_centre[3] = {point[0] - camera[4], point[1] - camera[5], point[2] - camera[6]};
   double x[3];
@@ -61,7 +61,7 @@ inline bool project(const double* camera, double aspect, const double* point, do
   return project_in_camera(x, camera + 7, aspect, pixel);
 }
 
-// The ends of a bar of unit length: light 0 at -1/2, light 1 at +1/2.
+// Position of a light on a bar of unit length: light 0 is at -1/2, light 1 at +1/2.
 inline double bar_side(unsigned light) { return light == 0 ? -0.5 : 0.5; }
 inline void bar_end(const double* bar, unsigned light, double* point) {
   for (int i = 0; i < 3; i++) point[i] = bar[i] + bar_side(light) * bar[3 + i];
@@ -70,9 +70,10 @@ inline void bar_end(const double* bar, unsigned light, double* point) {
 
 namespace lf {
 
-// The Ceres headers are slow to compile: include this file only where a problem is built.
+// The Ceres headers are slow to compile, so include this file only where a problem is built.
 
-// Tangent space of a camera: rotation about the world axes (radians), translation, then the free lens terms.
+// Defines how the solver changes a camera: a rotation about the world axes (radians), a translation, and the free lens
+// terms.
 class CameraManifold : public ceres::Manifold {
  public:
   CameraManifold(const std::array<bool, kNumLensTerms>& free, bool free_pose) : pose_(free_pose ? 6 : 0) {
@@ -123,7 +124,7 @@ class CameraManifold : public ceres::Manifold {
   int lens_[kNumLensTerms];
 };
 
-// Reprojection error of a point or of one end of a bar, in sigmas. The derivatives are analytic because adjustments
+// Reprojection error of a point or of one end of a bar, in sigmas. The derivatives are analytic, because adjustments
 // spend most of their time here.
 template <bool kBar>
 class ReprojectionCost : public ceres::SizedCostFunction<2, CameraState::kSize, kBar ? 6 : 3> {
@@ -184,8 +185,8 @@ class ReprojectionCost : public ceres::SizedCostFunction<2, CameraState::kSize, 
   double weight_;
 };
 
-// A ReprojectionCost for a moving light and an unknown clock. Each second added to the clock means that an earlier
-// image belongs to an instant, so the light is displaced by -velocity.
+// A ReprojectionCost for a moving light and an unknown clock. Each second added to the clock means that the frame shows
+// an earlier moment, so the light is displaced by -velocity.
 inline constexpr int kNumClockTerms = 3;
 template <bool kBar>
 class ClockedCost : public ceres::SizedCostFunction<2, CameraState::kSize, kBar ? 6 : 3, kNumClockTerms> {
@@ -212,7 +213,7 @@ class ClockedCost : public ceres::SizedCostFunction<2, CameraState::kSize, kBar 
   Eigen::Matrix<double, 2, kNumClockTerms> by_terms_;
 };
 
-// Weak prior of a clock's terms: fixes the common part of all clocks, and steps without observations.
+// Weak prior of the terms of a clock. It fixes the common part of all clocks, and steps without observations.
 struct ClockPriorCost {
   template <class T>
   bool operator()(const T* terms, T* error) const {
@@ -235,7 +236,7 @@ struct LensPriorCost {
   }
 };
 
-// Prior of a pose; `metres` is the number of prior-frame metres per scene unit.
+// Prior of a pose. `metres` is the number of metres of the prior's frame per unit of the scene.
 struct PosePriorCost {
   const PosePrior* prior;
   template <class T>

@@ -20,7 +20,7 @@ constexpr size_t kMinTrackDetections = 5;  // per track; its position and motion
 constexpr double kMost = 30;               // sigmas; upper limit of a residual
 constexpr double kAlike = 0.7;             // minimum explained share of a track's squared residuals
 constexpr double kSure = 25;               // minimum explained squared residuals, in squared sigmas
-// A camera with a larger share of the squared times has a pose error, not a time offset.
+// If one camera has a larger share of the squared times, its pose is wrong, not its time.
 constexpr double kAlone = 0.5;
 constexpr int kMostLeftOut = 4;
 
@@ -56,7 +56,8 @@ std::vector<MovingTrack> tracks_of(const Solution& solution, const Tracks& track
   return list;
 }
 
-// Returns the common component of the cameras' residuals, one number per camera; empty if errors are independent.
+// Returns the component that the residuals of all tracks have in common, as one number per camera; empty if the errors
+// are independent.
 Eigen::VectorXd times_of(const std::vector<MovingTrack>& tracks, size_t cameras) {
   const auto n = static_cast<Eigen::Index>(cameras);
   Eigen::MatrixXd common = Eigen::MatrixXd::Zero(n, n);
@@ -184,8 +185,8 @@ class Diagnosis {
     return static_cast<double>(bad) / static_cast<double>(std::max<size_t>(1, solution_.inliers.size()));
   }
 
-  // Returns the shift of a camera's tracks, in frames, that makes them fit, or 0. The pose is estimated again for each
-  // shift, because a pose between the neighbours could fit the same positions.
+  // Returns the shift in frames that makes a camera's tracks fit, or 0. The pose is estimated again for each shift,
+  // because a pose between the neighbours could fit the same positions.
   int frames_late(size_t i) const {
     if (!tracks_.ordered) return 0;
     int best = 0;
@@ -238,7 +239,7 @@ class Diagnosis {
         "these groups of cameras never see the light at the same time, so their relative poses are unknown: " + names);
   }
 
-  // Cameras at another camera's place in the prior rig. Each permutation cycle is one finding.
+  // Reports cameras at another camera's place in the prior rig. Each cycle of the permutation is one finding.
   void find_swaps() {
     std::map<unsigned, unsigned> at;  // occupied place, for each camera that is not at its own place
     for (size_t i = 0; i < placement_.stands_at.size(); i++)
@@ -279,7 +280,8 @@ class Diagnosis {
     }
   }
 
-  // A parameter with unchanged uncertainty is not calibrated, either in one camera or in the mean over all cameras.
+  // A parameter counts as not calibrated if its uncertainty is unchanged, in one camera or in the mean over all
+  // cameras.
   void judge_lenses() {
     static constexpr const char* kCodes[] = {"unknown-focal-length",
                                              "unknown-principal-point",
@@ -316,12 +318,12 @@ class Diagnosis {
       const std::string size = k == kF ? format_text("+-%.2g %%", after / f * 100) : format_text("+-%.2g", after);
       if (after > kNothingLearnt * before)
         add(scene().measured(k) ? Severity::kWarning : Severity::kError, kCodes[k],
-            format_text("%s, mean of all cameras: %s, not constrained by the tracks%s", kNames[k], size.c_str(),
+            format_text("%s: the tracks do not determine the mean of all cameras: %s%s", kNames[k], size.c_str(),
                         k <= kCy && !tracks_.bar ? "; use a bar with two lights" : ""));
       else if (alone > 0)
         add(Severity::kNote, kCodes[k],
-            format_text("%s: the tracks do not improve on the prior in %zu of %zu cameras", kNames[k], alone,
-                        used.size()));
+            format_text("%s: the tracks did not reduce the uncertainty of the prior in %zu of %zu cameras", kNames[k],
+                        alone, used.size()));
       const double surprise = std::sqrt(std::max(before * before - after * after, 1e-30));
       if (scene().measured(k) && std::abs(offset) > kBatchContradiction * surprise &&
           std::abs(offset) > kBatchContradiction * after)
@@ -335,7 +337,9 @@ class Diagnosis {
   void judge_poses() {
     for (const size_t i : solution_.contradicted_poses)
       add(Severity::kError, "prior-contradicted",
-          format_text("camera %u: its pose contradicts the prior rig's covariance, which was ignored", id(i)));
+          format_text(
+              "camera %u: its pose is far outside the covariance in the prior rig, so this covariance was ignored",
+              id(i)));
   }
 
   void judge_modes() {

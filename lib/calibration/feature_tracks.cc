@@ -23,7 +23,7 @@ constexpr float kSmallStep = 2e-3;  // pixels
 constexpr double kFarthest = 2;
 constexpr double kMaxWarp = 0.6;   // difference from the identity
 constexpr double kMinScale = 0.2;  // minimum scale of the area per step, so that the patch does not collapse
-// Minimum condition of the information matrix. Rejects edges, because a position along an edge is ambiguous.
+// Minimum condition of the information matrix. It rejects edges, because a position along an edge is ambiguous.
 constexpr float kMinCondition = 1e-4;
 
 }  // namespace
@@ -180,7 +180,8 @@ constexpr int kLevels = 3;             // pyramid levels below full resolution
 constexpr double kQuality = 0.01;      // minimum corner quality, relative to the best corner
 constexpr double kSpacing = 6;         // pixels between corners
 constexpr double kMaxDifference = 12;  // mean difference over a window, grey levels; larger: a different point
-// Minimum correlation of a track's patches. Lower values indicate an occlusion edge in the patch.
+// Minimum correlation of a track's patches. A lower value means that the patch contains the edge of an object in front
+// of another.
 constexpr double kCorrelation = 0.95;
 constexpr size_t kLeastForEpipolar = 20;
 constexpr size_t kMinTracks = 20;
@@ -216,8 +217,8 @@ struct FeatureTrack {
   cv::Point2f start;
   std::vector<std::pair<size_t, cv::Point2f>> seen;  // camera and position; the reference first
 
-  // Predicts the position in a camera: displacements are proportional to the distance between cameras. The prediction
-  // starts from the nearest camera in the track, which has similar model errors.
+  // Predicts the position in a camera, from the observation that displacements are proportional to the distance between
+  // cameras. Starts from the nearest camera of the track, which has similar errors.
   cv::Point2f foretell(const Rig& rig, size_t camera) const {
     const Camera& reference = rig.cameras[seen[0].first];
     const Mat3 axes = glm::transpose(reference.pose.rotation());

@@ -15,14 +15,14 @@
 
 namespace lf {
 
-// Luma of an RGB image as a cubic B-spline through its pixels (Unser, "Splines: a perfect fit for signal and image
-// processing", 1999). Bilinear interpolation blurs more between pixels than at pixels, which biases positions towards
-// pixel centres by hundredths of a pixel.
+// The luma of an RGB image as a cubic B-spline through its pixels (Unser, "Splines: a perfect fit for signal and image
+// processing", 1999). Bilinear interpolation would blur more between pixels than at pixels, which biases positions
+// towards pixel centres by hundredths of a pixel.
 class SplineImage {
  public:
   explicit SplineImage(const Image& rgb);
 
-  // True if the four pixels on each side that a sample needs are inside the image.
+  // True if all pixels that a sample at this position needs are inside the image.
   bool has(double x, double y) const { return x >= 1 && y >= 1 && x < width_ - 2 && y < height_ - 2; }
   float value(double x, double y) const;
   struct Sample {
@@ -35,9 +35,9 @@ class SplineImage {
   std::vector<float> coefficients_;
 };
 
-// The surroundings of a point in one image, for matching in other images to a few hundredths of a pixel. The match
-// estimates an affine warp (slanted surfaces, lens distortion), brightness and contrast. Without them, the match would
-// be biased in the same way in all images. Pixels near the point have more weight (Gaussian).
+// The surroundings of a point in one image. The patch can be found in other images to a few hundredths of a pixel. The
+// search also estimates an affine warp (for slanted surfaces and lens distortion), brightness and contrast; otherwise
+// the position would be biased in the same way in all images. Pixels near the point have more weight (Gaussian).
 class Patch {
  public:
   // Returns nullopt near the border of the image, or if the texture does not determine position and warp.
@@ -58,7 +58,7 @@ class Patch {
 
   Patch() = default;
   static const Values& weights();
-  // Normalises values to zero mean and unit variance; returns false if they are only noise.
+  // Normalises values to zero mean and unit variance. Returns false if they are only noise.
   static bool normalise(Values& values);
 
   Values values_;
@@ -66,22 +66,24 @@ class Patch {
 };
 
 struct FeatureOptions {
-  int references = 16;                                    // cameras, spread over the array, that provide the corners
-  int features = 400;                                     // corners per reference camera
+  // number of cameras, spread over the array, that provide corners
+  int references = 16;
+  int features = 400;
   int least_cameras = 4;                                  // minimum number of cameras in a track
-  double round_trip = 0.3;                                // maximum error of forward and backward tracking, pixels
+  double round_trip = 0.3;                                // maximum error after tracking forward and backward, pixels
   double epipolar = 1;                                    // maximum distance from the epipolar line, pixels
   std::function<void(const std::string& step)> progress;  // called before each reference; may throw to cancel
 };
 
-// Tracks corners of a static scene through the images of an array, for rooms that cannot be darkened.
+// Tracks corners of a static scene through the images of an array, as input for a calibration in rooms that cannot be
+// darkened.
 //
-// A corner is always matched with its reference image, so that errors do not accumulate from camera to camera. Cameras
-// nearer to the reference predict its position. Optical flow finds the corner, then Patch refines its position. The rig
-// provides only the spatial order of the cameras, so a nominal layout is enough. Neighbours may be about 50 pixels
-// apart in images of 320x240, and more in larger ones.
+// Each corner is matched with its reference image, so that errors do not accumulate from camera to camera. Cameras that
+// are nearer to the reference predict the position, optical flow finds the corner, and Patch refines the position. The
+// rig only provides the spatial order of the cameras, so a nominal layout is enough. In images of 320x240, a corner may
+// move by about 50 pixels between neighbours, and more in larger images.
 //
-// `images` are RGB, one per camera. The result is not `ordered`. Throws Error if there are too few tracks.
+// `images` are RGB, one per camera. The resulting tracks are not `ordered`. Throws Error if there are too few tracks.
 Tracks track_features(const Rig& rig, const std::vector<Image>& images, const FeatureOptions& options = {});
 
 }  // namespace lf

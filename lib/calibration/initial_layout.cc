@@ -24,7 +24,7 @@ double weight_of(double squared_error, double threshold) {
   return w * w;  // Geman-McClure weight; large errors have no influence
 }
 
-// y = offset + slope t, for 2D points y.
+// A line y = offset + slope t through 2D points y.
 struct DisparityLine {
   Vec2 offset{0, 0}, slope{0, 0};
   double score = 0;
@@ -102,8 +102,8 @@ class Factorisation {
   }
 
  private:
-  // Initialisation: the differences to one reference camera lie on a line per camera, and the position along the line
-  // is the disparity.
+  // Initialisation: for each camera, the differences to one reference camera lie on a line, and the position along the
+  // line is the disparity.
   bool start() {
     const auto reference =
         static_cast<uint32_t>(std::max_element(by_camera_.begin(), by_camera_.end(),
@@ -303,7 +303,8 @@ DisparityFactors factorise_disparities(const std::vector<ColumnDetection>& sight
 
 namespace {
 
-// Allows for lens errors, rolled cameras and a depth range of the cameras: 8 pixels at a focal length of 400.
+// The threshold allows for lens errors, rolled cameras and different depths of the cameras: 8 pixels at a focal length
+// of 400.
 constexpr double kFactorThreshold = 0.02;
 constexpr double kMinFit = 0.3;
 
@@ -445,8 +446,8 @@ Tracks without_bars(Tracks tracks) {
   return tracks;
 }
 
-// Triangulates, adjusts and resects further cameras, starting from poses with errors up to `reach` pixels. Returns the
-// number of placed cameras.
+// Improves a layout that starts from poses with errors of up to `reach` pixels: triangulates, adjusts, and resects
+// further cameras. Returns the number of placed cameras.
 int grow(Reconstruction& scene, const Tracks& tracks, double reach, double threshold) {
   const Tracks points = without_bars(tracks);
   scene.targets.assign(points.num_positions, {});
@@ -471,14 +472,14 @@ void forget_poses(Reconstruction& scene) {
 }
 
 struct LineOfSight {
-  Eigen::Index camera;  // row of the unknowns
+  Eigen::Index camera;
   size_t light;
   Eigen::Vector3d along;
 };
 
-// Camera and light positions for known rotations: minimises the squared angular distances between lights and rays,
-// iteratively reweighted. Lights are eliminated; the solution is the smallest eigenvector apart from translations.
-// Returns nullopt if more than the scale is undetermined.
+// Estimates camera and light positions for known rotations. Minimises the squared angular distances between lights and
+// rays, with iterative reweighting. The lights are eliminated, and the solution is the smallest eigenvector apart from
+// translations. Returns nullopt if more than the scale is undetermined.
 std::optional<Eigen::VectorXd> places_by_lines_of_sight(Eigen::Index cameras, size_t lights,
                                                         const std::vector<LineOfSight>& lines) {
   std::vector<std::vector<const LineOfSight*>> of_light(lights);
@@ -539,7 +540,7 @@ int global_layout(Reconstruction& scene, const Tracks& tracks, double threshold)
   std::vector<RelativeRotation> relative;
   for (const RelativePose& pair : pairs) relative.push_back({pair.a, pair.b, pair.a_from_b.orientation, pair.score});
   const auto rotations = average_rotations(scene.cameras.size(), relative);
-  // Rotations without a consistent pair are unknown.
+  // A rotation without a consistent pair is unknown.
   std::vector<Eigen::Index> row(scene.cameras.size(), -1);
   Eigen::Index count = 0;
   for (const RelativePose& pair : pairs) {

@@ -19,8 +19,8 @@
 namespace lf {
 namespace {
 
-// The window must not reach the next corner, which biases the result. OpenCV's usual half width of 11 pixels displaces
-// corners in one of its own images by more than a pixel. The largest possible window averages most noise.
+// The search window must not reach the next corner, which would bias the result. OpenCV's usual half width of 11 pixels
+// displaces corners in one of its own images by more than a pixel. The largest possible window averages most noise.
 constexpr double kWindowOfSpacing = 0.4;
 constexpr int kMinWindow = 2, kMaxWindow = 15;  // half widths, pixels
 
@@ -80,7 +80,7 @@ cv::Ptr<cv::aruco::Dictionary> dictionary_of(const CharucoBoard& board) {
     if (board.dictionary == name) return cv::aruco::getPredefinedDictionary(id);
   std::string names;
   for (const auto& [name, id] : kDictionaries) names += (names.empty() ? "" : ", ") + std::string(name);
-  throw Error("there is no dictionary of markers " + board.dictionary + ": " + names);
+  throw Error("there is no marker dictionary " + board.dictionary + ": " + names);
 }
 
 // Units are squares.
@@ -305,7 +305,7 @@ ZhangFit fit_zhang(const std::vector<BoardView>& views, const Checkerboard& boar
   const double num_residuals = 2 * num_points;
   result.rms = std::sqrt(sum / num_points);
   result.num_params = num_params;
-  if (num_residuals <= num_params) throw Error("too few views for " + model.name());
+  if (num_residuals <= num_params) throw Error("there are too few views for the model " + model.name());
   result.bic = num_residuals * std::log(sum / num_residuals) + num_params * std::log(num_residuals);
 
   // Scaled to a unit diagonal, because focal lengths and distortion terms differ by six orders of magnitude.
@@ -342,8 +342,8 @@ double held_out_rms(const ZhangFit& fit, const BoardView& view) {
 
 namespace {
 
-// A view is bad if its error exceeds this multiple of the median. Errors of good views differ by half (blur, distance);
-// a wrong corner or a bent board increases the error several times.
+// A view is bad if its error exceeds this multiple of the median. Errors of good views differ by half, because of blur
+// and distance. A wrong corner or a bent board increases the error several times.
 constexpr double kBadView = 3;
 constexpr size_t kMinViews = 3;
 constexpr size_t kFolds = 4;          // cross-validation holds out a quarter of the views at a time
@@ -370,7 +370,8 @@ double cross_validate(const std::vector<BoardView>& views, const Checkerboard& b
 constexpr LensModel kLenses[] = {LensModel::kSimplePinhole, LensModel::kSimpleRadial, LensModel::kRadial,
                                  LensModel::kOpenCv};
 
-// Requires both criteria: BIC guards against chance, held-out views against systematic errors that BIC takes for noise.
+// Both criteria must improve. BIC guards against chance, and left-out views guard against systematic errors that BIC
+// takes for noise.
 bool is_better(const IntrinsicsResult::Model& a, const IntrinsicsResult::Model& than) {
   return a.bic < than.bic && !(a.held_out_rms > kModelGain * than.held_out_rms);
 }
@@ -394,7 +395,8 @@ IntrinsicsResult calibrate_intrinsics(const std::vector<BoardView>& views, const
   IntrinsicsResult result;
   for (const BoardView& view : views) result.views.push_back({view.name});
 
-  // Bad views are removed first, with a flexible lens: otherwise they favour any model that adapts to their errors.
+  // Bad views are removed first, with a flexible lens. Otherwise, they would favour any model that adapts to their
+  // errors.
   step("looking for bad views");
   const ZhangModel first{LensModel::kRadial, false};
   std::vector<size_t> used(views.size());
@@ -423,8 +425,8 @@ IntrinsicsResult calibrate_intrinsics(const std::vector<BoardView>& views, const
     } catch (const Error&) {
     }
   };
-  // Selects the lens with the nominal board, then tests the free board. Testing all pairs would take several times as
-  // long.
+  // Selects the lens with the nominal board, then tests whether to estimate the board. Testing all pairs would take
+  // several times as long.
   const bool must_be_free = options.free_board.value_or(false);
   for (const LensModel lens : kLenses)
     if (!options.lens || *options.lens == lens) consider({lens, must_be_free});

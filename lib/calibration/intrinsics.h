@@ -13,10 +13,10 @@
 
 namespace lf {
 
-// A flat checkerboard. Corners are inner corners, counted row by row.
+// A flat checkerboard. Its corners are the inner corners, where four squares meet, counted row by row.
 struct Checkerboard {
-  int columns = 0, rows = 0;  // inner corners; a chess board has 7x7
-  double square = 1;          // side of a square in metres; 1 if only the lens matters
+  int columns = 0, rows = 0;  // number of inner corners; a chess board has 7x7
+  double square = 1;          // side of a square in metres, or 1 if only the lens matters
 
   size_t num_corners() const { return static_cast<size_t>(columns) * rows; }
   Vec2 corner(size_t i) const {
@@ -27,12 +27,13 @@ struct Checkerboard {
 struct BoardView {
   std::string name;           // image name for messages
   std::vector<Vec2> corners;  // pixels
-  std::vector<int> ids;       // indices of the board's corners; empty: all, in order
+  std::vector<int> ids;       // which corners of the board these are; empty: all, in order
 
   size_t id(size_t i) const { return ids.empty() ? i : static_cast<size_t>(ids[i]); }
 };
 
-// Returns the subpixel corners of the whole board in an RGB image, or nullopt if the board is missing or partly hidden.
+// Returns the corners of the board in an RGB image with subpixel accuracy, or nullopt if the board is missing or partly
+// hidden.
 std::optional<std::vector<Vec2>> find_checkerboard(const Image& image, const Checkerboard& board);
 
 // A ChArUco board, drawn as by OpenCV 4.6. Markers identify the corners, so partial views count, up to the image border
@@ -43,19 +44,20 @@ struct CharucoBoard {
   double marker = 0.5;     // side of a marker relative to a square
 };
 
-// Throws Error if the dictionary is unknown or too small for the board, or if markers fill their squares.
+// Throws Error if the dictionary is unknown or too small for the board, or if the markers fill their squares.
 void check_charuco_board(const CharucoBoard& board);
 
-// Returns the subpixel corners in an RGB image, or nullopt if there are too few or all are on one line.
+// Returns the visible corners in an RGB image with subpixel accuracy, or nullopt if there are too few or all are on one
+// line.
 std::optional<BoardView> find_charuco(const Image& image, const CharucoBoard& board);
 
-// Selects frames of a moving board: the board must stand still, to avoid motion blur and rolling-shutter distortion,
-// and its position must differ from all previous selections.
+// Selects frames of a moving board for a calibration. The board must stand still, because motion blur and rolling
+// shutters distort it, and it must be at a new position.
 class KeyframeSelector {
  public:
   explicit KeyframeSelector(int width) : width_(width) {}  // image width, pixels
 
-  // Takes the frames with a detected board in order. Returns true if the frame is selected.
+  // Call for each frame with a detected board, in order. Returns true if the frame is selected.
   bool take(const BoardView& view);
 
  private:
@@ -64,38 +66,39 @@ class KeyframeSelector {
   std::vector<BoardView> kept_;
 };
 
-// Parameters of the lens model, and whether the board's geometry is estimated.
+// The parameters that a calibration with a board estimates.
 struct ZhangModel {
   LensModel lens = LensModel::kRadial;
-  // True if corner positions are estimated too (Strobl and Hirzinger 2011), because boards are printed and mounted
-  // imprecisely. Requires views of the whole board.
+  // True if the positions of the corners on the board are estimated as well (Strobl and Hirzinger 2011), because
+  // printing and mounting are imprecise. Requires views of the whole board.
   bool free_board = false;
 
   bool operator==(const ZhangModel&) const = default;
   std::string name() const;  // "RADIAL", "RADIAL, board free"
 };
 
-// Result of a calibration from views of a board (Zhang 2000).
+// The result of a calibration from views of a board (Zhang 2000).
 struct ZhangFit {
   ZhangModel model;
   Lens lens;
-  std::vector<double> covariance;  // of lens.params(), row-major, scaled by the residual variance
+  std::vector<double> covariance;  // covariance of lens.params(), row by row, scaled by the residual variance
   std::vector<Vec3> board;         // estimated corners, in board axes
-  std::vector<double> view_rms;    // RMS reprojection error per view, pixels
-  double rms = 0;                  // RMS reprojection error over all corners, pixels
-  size_t num_params = 0;           // of lens, poses and board
+  std::vector<double> view_rms;    // RMS reprojection error of each view, pixels
+  double rms = 0;                  // RMS reprojection error of all corners, pixels
+  size_t num_params = 0;           // number of parameters of lens, poses and board
   double bic = 0;                  // Bayesian information criterion: lower is better
 };
 
-// Fits the lens, the poses and optionally the board to at least 3 views of the same size. Throws Error if the views do
-// not determine the lens.
+// Fits the lens, the poses and, depending on the model, the board to at least 3 views of the same size. Throws Error if
+// the views do not determine the lens.
 ZhangFit fit_zhang(const std::vector<BoardView>& views, const Checkerboard& board, int width, int height,
                    const ZhangModel& model);
 
-// Returns the RMS reprojection error of a held-out view in pixels, after fitting only the board's pose.
+// Returns the RMS reprojection error, in pixels, of a view that was left out of the fit. Only the pose of the board is
+// fitted to this view.
 double held_out_rms(const ZhangFit& fit, const BoardView& view);
 
-// Options of calibrate_intrinsics(), which removes bad views and selects the smallest model that the views support.
+// Options of calibrate_intrinsics(), which removes bad views and selects the smallest model that the views justify.
 struct IntrinsicsOptions {
   std::optional<LensModel> lens;                     // nullopt: selected automatically
   std::optional<bool> free_board;                    // nullopt: selected automatically
@@ -115,11 +118,11 @@ struct IntrinsicsResult {
     double bic = 0;
   };
   ZhangFit fit;
-  double held_out_rms = 0;  // RMS reprojection error of views left out of the fit (cross-validation), pixels
+  double held_out_rms = 0;  // RMS reprojection error of views that were left out of the fit (cross-validation), pixels
   CameraCovariance covariance;
   std::vector<View> views;
   std::vector<Model> models;
-  std::vector<std::string> warnings;  // undetermined parameters, and the remedy
+  std::vector<std::string> warnings;  // parameters that the views do not determine, and the remedy
 };
 
 // Throws Error if the views do not determine a lens.

@@ -34,15 +34,15 @@ constexpr double kImageSettled = 2e-3;     // pixels
 constexpr double kWholeImage = 2.2;        // sigmas that must be inside the image on all sides
 constexpr double kLean = 0.5, kLeans = 4;  // centre error per third moment; significance in sigmas
 constexpr double kWander = 3;              // largest shift from the initial centre, sigmas
-// Systematic position errors in pixels: of any image, and of a fully clipped image. The error of a partly clipped image
-// grows with a power of the clipped share, according to simulated lights.
+// Systematic position errors in pixels: of any image, and of a fully clipped image. According to simulated lights, the
+// error of a partly clipped image grows with a power of the clipped share.
 constexpr double kSystematic = 0.0015, kClipped = 0.0185, kClippedPower = 1.5;
-// Error of separated lights: share of the shift, and minimum in pixels.
+// Position error of lights that were separated: share of the shift, and minimum in pixels.
 constexpr double kParting = 0.5, kParted = 0.02;
 constexpr double kSkirts = 5;  // sigmas of an image that are excluded from the background
 constexpr int kProbes = 3;     // noise measurements per light, at dark positions
 constexpr double kTrust = 40;  // weight of the white-noise prior, in probes
-// Background step per frame: at lights (grey levels); at first and finally (in sigmas).
+// How much the background changes per frame: at lights (grey levels), at first, and finally (in sigmas).
 constexpr float kUp = 0.02f, kFirst = 0.7f, kLast = 0.05f;
 
 // Sums over a light's image under a Gaussian weight.
@@ -51,10 +51,10 @@ constexpr int kMaxMomentRadius = 80;  // pixels from the centre
 
 struct LightMoments {
   double weight = 0;
-  double clipped = 0;                    // share of `weight` from clipped pixels
-  double squares = 0;                    // variance of `weight` for noise of variance 1
-  Vector2d mean = Vector2d::Zero();      // first moment about the weight's centre
-  Matrix2d spread = Matrix2d::Zero();    // second moment about the weight's centre
+  double clipped = 0;  // share of `weight` from clipped pixels
+  double squares = 0;  // variance of `weight` for noise of variance 1
+  Vector2d mean = Vector2d::Zero();
+  Matrix2d spread = Matrix2d::Zero();
   Vector2d skew = Vector2d::Zero();      // third moment, in sigmas of the weight
   Matrix2d by_noise = Matrix2d::Zero();  // covariance of `mean` for noise of variance 1
 };
@@ -106,8 +106,8 @@ Matrix2d bounded(const Matrix2d& shape) {
 
 struct LightDetector::Blob {
   Vector2d centre, first;
-  Matrix2d shape;      // covariance of the weight
-  double flux = 0;     // sum of the image
+  Matrix2d shape;
+  double flux = 0;
   double sigma = 0;    // standard deviation of the centre for white noise, pixels
   double clipped = 0;  // clipped share of the weighted image
   int label = 0;
@@ -153,7 +153,7 @@ std::vector<LightDetection> LightDetector::look(const uint8_t* grey, ptrdiff_t s
     std::nth_element(sizes.begin(), nth, sizes.end());
     return static_cast<double>(*nth);
   };
-  // Uses only differences above the background, because differences below are often clipped at black. Compression
+  // Only uses differences above the background, because differences below are often clipped at black. Compression
   // leaves few large differences. The last limit excludes large bright objects.
   const double small = quantile(0.6915);
   const double noise = std::max(kMinNoise, std::min(std::max(quantile(0.8413), quantile(0.9772) / 2), 4 * small + 1.5));
@@ -225,16 +225,17 @@ std::vector<LightDetector::Blob> LightDetector::find_blobs(float threshold) {
   return blobs;
 }
 
-// Moves the weight until it matches the image. Returns false if it does not converge nearby, or if the light is too
-// faint.
+// Moves the weight until it matches the image of the light. Returns false if it does not converge nearby, or if the
+// light is too faint.
 bool LightDetector::refine(Blob& blob, const std::vector<Blob>& others, const uint8_t* grey, ptrdiff_t stride) {
   const double faint = std::pow(kAbove * record_.noise, 2);
   const auto sample = [&](int x, int y) -> LightSample {
-    // Limits negative values: traces of a light that is still in the background must not displace its neighbours.
+    // Limits negative values, because traces of a light that is still in the background must not displace its
+    // neighbours.
     double d = std::max(static_cast<double>(at(x, y)), -4 * record_.noise);
     for (const Blob& other : others) d -= other.light(x, y);
-    // Camera values are about the square root of light, so under a bright light the background contributes almost
-    // nothing. The derivative scales the noise accordingly.
+    // Pixel values are about the square root of light, so the background contributes almost nothing under a bright
+    // light. The derivative scales the noise accordingly.
     const double b = background_[static_cast<size_t>(y) * width_ + x], over = std::max(0.0, d);
     const double dark = b * b + faint, all = over * over + dark;
     const bool clipped = grey[y * stride + x] >= kSaturated;
@@ -305,8 +306,8 @@ void LightDetector::mark_lit(const std::vector<Blob>& blobs) {
   }
 }
 
-// Compression and camera filters make noise correlated. Measures the first moment at dark positions, relative to the
-// expectation for white noise.
+// Compression and camera filters make noise correlated. This measures the first moment at dark positions, relative to
+// the moment of white noise.
 void LightDetector::update_noise(const std::vector<Blob>& blobs) {
   const auto sample = [&](int x, int y) { return LightSample{at(x, y), 1}; };
   for (const Blob& blob : blobs)
@@ -315,7 +316,7 @@ void LightDetector::update_noise(const std::vector<Blob>& blobs) {
         random_ = random_ * 1664525 + 1013904223;
         return static_cast<int>((random_ >> 8) % static_cast<uint32_t>(range));
       };
-      // Keeps the subpixel position and the position modulo 8, because compression works on blocks.
+      // The subpixel position and the position modulo 8 stay the same, because compression works on blocks of 8 pixels.
       const Vector2d shift(8 * draw(width_ / 8), 8 * draw(height_ / 8));
       Vector2d at = blob.centre + shift;
       at = {std::fmod(at.x(), width_), std::fmod(at.y(), height_)};
@@ -407,7 +408,7 @@ std::vector<double> regularised_stamps(const LightDetections::Camera& camera) {
   for (const LightDetections::Frame& frame : camera.frames) stamps.push_back(frame.time);
   const double step = frame_time_of(camera);
   if (stamps.size() < kMinRhythmFrames || !(step > 0)) return stamps;
-  // Frame numbers, counted from frame to frame so that errors of the step do not accumulate.
+  // Frame numbers are counted from frame to frame, so that errors of the step do not accumulate.
   std::vector<double> beats{0};
   for (size_t i = 1; i < stamps.size(); i++)
     beats.push_back(beats.back() + std::max(1.0, std::round((stamps[i] - stamps[i - 1]) / step)));
@@ -547,7 +548,7 @@ std::optional<double> depth_before(const Pose& a, const Vec2& of_a, const Pose& 
 }  // namespace
 
 LightCoverage::LightCoverage(const Rig& rig, int lights) : rig_(rig), lights_(static_cast<size_t>(lights)) {
-  if (lights < 1) throw Error("lights: must be one at least");
+  if (lights < 1) throw Error("lights: must be at least 1");
   for (const lf::Camera& camera : rig.cameras) {
     cameras_.emplace_back(camera);
     for (const lf::Camera& other : rig.cameras)
@@ -646,7 +647,7 @@ std::string LightCoverage::summary() const {
   if (dark.size() == looked) return "No camera has seen a moving light yet: is it on, and in view?";
   std::string text = format_text("The light has covered %.0f %% of the images.",
                                  std::floor(100 * share / static_cast<double>(looked)));
-  if (lacking.empty() && dark.empty()) return text + " Nothing is missing, near and far.";
+  if (lacking.empty() && dark.empty()) return text + " Nothing is missing, neither near nor far.";
   std::string next = places.empty() ? "" : most(places);
   if (!depths.empty()) next += (next.empty() ? "" : ", ") + most(depths);
   if (!next.empty()) text += " Next: " + next + ".";

@@ -15,26 +15,26 @@ namespace lf {
 
 struct LightDetectorStats {
   size_t frames = 0;
-  size_t lit = 0;         // frames with a light
-  size_t busy = 0;        // frames with too many bright pixels to detect lights
-  double noise = 0;       // standard deviation of a sample, 0..255
-  double background = 0;  // mean of the background, 0..255
-  double brightest = 0;   // maximum sample of all frames, 0..255
+  size_t lit = 0;         // number of frames with a light
+  size_t busy = 0;        // number of frames with too many bright pixels to detect lights
+  double noise = 0;       // standard deviation of a pixel, 0 to 255
+  double background = 0;  // mean of the background, 0 to 255
+  double brightest = 0;   // maximum pixel of all frames, 0 to 255
 };
 
 // Detects small moving lights in a dark room, in consecutive frames of one camera. Static lights (LEDs of devices, a
-// window) become part of the background. Reflections are detected as lights; only multi-view geometry can distinguish
-// them.
+// window) become part of the background. Reflections are reported as lights, because only a comparison of several
+// cameras can tell them apart.
 //
-// The background is the running median of each pixel, so no training is needed. A light's position is the centroid
-// under an adaptive elliptical Gaussian weight (Bernstein and Jarvis 2002, for galaxies). This is as accurate as a
-// model fit for round, elongated and clipped images. Not thread-safe.
+// The background is the running median of each pixel, so no training is needed. The position of a light is its centroid
+// under an elliptical Gaussian weight that adapts to the image (Bernstein and Jarvis 2002, for galaxies). This is as
+// accurate as fitting a model, also for elongated and clipped images. Not thread-safe.
 class LightDetector {
  public:
   LightDetector(int width, int height);
 
-  // Returns the lights of the next frame, brightest first, at most kMaxDetections. The first frame initialises the
-  // background and returns nothing. `grey`: 8-bit samples; `stride`: bytes per row.
+  // Returns the lights of the next frame, brightest first, at most kMaxDetections. The first frame only initialises the
+  // background. `grey` has 8 bits per pixel and `stride` bytes per row.
   std::vector<LightDetection> look(const uint8_t* grey, ptrdiff_t stride);
   const LightDetectorStats& record() const { return record_; }
 
@@ -58,56 +58,55 @@ class LightDetector {
   LightDetectorStats record_;
 };
 
-// A light or a reflection, tracked through the frames of one camera.
+// A light or a reflection that is followed through the frames of one camera.
 struct LightPath {
   struct Point {
     double time = 0;  // camera stamp, seconds
     LightDetection sight;
   };
   std::vector<Point> points;  // in the order of time, at least two
-  double brightness = 0;      // median over the points
-  bool still = false;         // true for a static lamp, or one that was only switched on
+  double brightness = 0;
+  bool still = false;  // a static lamp, or one that was only switched on
 };
 
-// Returns all light paths of one camera, at regularised_stamps(). Single detections are left out.
+// Connects the detections of one camera to light paths, at regularised_stamps(). Single detections are left out.
 std::vector<LightPath> link_light_paths(const LightDetections::Camera& camera);
 
-// Interpolated position on a path, from the cubic through the four surrounding points.
+// A position on a path between frames, from the cubic through the four surrounding points.
 struct PathSample {
   Vec2 pixel{0, 0};
-  Vec2 velocity{0, 0};    // pixels per second
-  double sigma = 0;       // standard deviation of the position, propagated from the surrounding points, pixels
-  double brightness = 0;  // of the nearest point
+  Vec2 velocity{0, 0};  // pixels per second
+  double sigma = 0;     // standard deviation of the position, propagated from the surrounding points, pixels
+  double brightness = 0;
 };
-// Returns the position at a stamp, or nullopt outside the path and in gaps of more than kMaxMissedFrames frames.
+// Returns the position at a stamp. Returns nullopt outside the path and in gaps of more than kMaxMissedFrames frames.
 std::optional<PathSample> interpolate_path(const LightPath& path, double time, double frame_time);
 
 inline constexpr int kMaxMissedFrames = 2;
 
-// Returns the stamps fitted to a constant frame rate with missing frames, to remove jitter. Files round stamps to a
-// millisecond (a light moves half a millimetre in that time), and drivers stamp the arrival of a frame. Returns the
-// original stamps if the frame rate is not constant.
+// Removes the jitter of the stamps by fitting a constant frame rate with missing frames. Jitter has two causes. Files
+// round stamps to a millisecond (a light moves half a millimetre in that time), and drivers stamp the arrival of a
+// frame. Returns the original stamps if the frame rate is not constant.
 std::vector<double> regularised_stamps(const LightDetections::Camera& camera);
 
 // Returns the median frame interval in seconds, or 0 with fewer than two frames.
 double frame_time_of(const LightDetections::Camera& camera);
 
-// Visited cells of a 4 x 3 grid over a camera's image. Copyable.
+// Remembers which cells of a 4 x 3 grid over a camera's image a light has visited. Copyable.
 class CoverageGrid {
  public:
   static constexpr int kColumns = 4, kRows = 3;
 
-  // Image size, pixels.
   CoverageGrid(int width, int height) : width_(width), height_(height) {}
 
-  // Marks the cell at `pixel`; pixels outside the image count as the border.
+  // Marks the cell at `pixel`. A pixel outside the image counts as the nearest border cell.
   void come(const Vec2& pixel);
   bool has(int column, int row) const { return covered_[static_cast<size_t>(row * kColumns + column)]; }
   double share() const;  // visited share of the cells, 0 to 1
-  // An unvisited area, in reading order, as seen by a person who looks at the image.
+  // An area that has not been visited, named as a person sees it in the image.
   struct Gap {
     std::string name;  // "upper left", "middle right"
-    int places = 0;    // unvisited cells, 1 or 2
+    int places = 0;    // number of cells in the area, 1 or 2
   };
   std::vector<Gap> gaps() const;
 
@@ -119,45 +118,46 @@ class CoverageGrid {
 // Returns for example "upper left, lower right".
 std::string gap_names(const std::vector<CoverageGrid::Gap>& gaps);
 
-// Live coverage of an array's images by a moved light or a bar with two lights, with directions for the operator.
+// Tells the operator, during a recording, where the light or bar must still be moved so that it covers the images of
+// all cameras.
 //
-// Depths come from the nominal rig, which is accurate enough to distinguish near and far. They are triangulated from
-// two cameras' rays; a camera's own ray is interpolated between two of its frames. Not thread-safe.
+// Depths are triangulated from the rays of two cameras of the nominal rig, which is accurate enough to tell near from
+// far. A camera's own ray is interpolated between two of its frames. Not thread-safe.
 class LightCoverage {
  public:
-  // `lights`: number of moved lights; the brightest detections count. Throws Error if it is less than 1.
+  // `lights` is the number of moved lights; the brightest detections count. Throws Error if it is less than 1.
   LightCoverage(const Rig& rig, int lights);
 
-  // Adds the detections of a camera at `time` (seconds, increasing per camera). A few frames per second are enough.
-  // Cameras without frames are left out of directions.
+  // Adds the detections of a camera at `time` (seconds, increasing for each camera). A few frames per second are
+  // enough. Cameras without frames do not appear in the directions.
   void look(CameraIndex camera, double time, const std::vector<LightDetection>& sights);
 
   const CoverageGrid& places(CameraIndex camera) const { return cameras_[camera].places; }
-  // Returns the missing direction along a camera's axis: "nearer", "farther", or "" if both are covered or depths are
-  // unknown.
+  // Returns the direction along a camera's axis that the light has not covered: "nearer", "farther", or "" if both are
+  // covered or the depths are unknown.
   std::string depth_wanted(CameraIndex camera) const;
   // Returns for example "upper left, lower left, nearer", or "" if nothing is missing.
   std::string wanted(CameraIndex camera) const;
-  // Returns one line for the operator: overall coverage, the most frequent gaps, and the cameras with the largest gaps.
-  // "The light has covered 61 % of the images. Next: upper left (40 cameras), nearer (3 cameras). Camera 12 (cam_01_04)
-  // 25 %: upper left, lower left, nearer."
+  // Returns one line for the operator: the overall coverage, the most frequent gaps, and the cameras with the largest
+  // gaps. For example: "The light has covered 61 % of the images. Next: upper left (40 cameras), nearer (3 cameras).
+  // Camera 12 (cam_01_04) 25 %: upper left, lower left, nearer."
   std::string summary() const;
 
  private:
   struct Look {
     double time = 0;
-    Vec2 pixel{0, 0};  // mean position of the lights
+    Vec2 pixel{0, 0};
   };
   struct Camera {
     explicit Camera(const lf::Camera& planned) : places(planned.width, planned.height) {}
     CoverageGrid places;
     size_t looks = 0;
     bool lit = false;
-    std::optional<Look> last;    // last frame with all lights
+    std::optional<Look> last;
     std::vector<double> depths;  // metres along the camera's axis, unordered
   };
   std::string most_wanted(CameraIndex camera) const;
-  // Triangulates the interpolated light between two frames of a camera with the last frame of another camera.
+  // Triangulates the light, interpolated between two frames of a camera, with the last frame of another camera.
   void measure_depth(CameraIndex camera, const Look& before, const Look& now);
 
   Rig rig_;

@@ -103,7 +103,7 @@ LightAssociation associate_by_brightness(const Tracks& cameras, const std::vecto
     return weighted(std::move(result));
   }
   for (uint32_t i = 0; i < num_cameras; i++) {
-    // Maps the motion of the bar's centre in the reference to its motion in this camera.
+    // Maps the motion of the bar's centre in the reference camera to its motion in this camera.
     Matrix2d from = Matrix2d::Zero(), across = from;
     struct Pair {
       uint32_t position;
@@ -120,7 +120,7 @@ LightAssociation associate_by_brightness(const Tracks& cameras, const std::vecto
     }
     if (pairs.empty() || !(from.determinant() > 0)) continue;
     const Matrix2d map = across * from.inverse();
-    // Paths are long, so all instants of two pairs of paths vote together.
+    // Paths are long, so all instants with two paths in both cameras vote together.
     std::map<std::array<uint32_t, 4>, double> same;
     const auto name = [](const Pair& p) {
       return std::array{p.there[0]->path, p.there[1]->path, p.here[0]->path, p.here[1]->path};
@@ -142,7 +142,7 @@ namespace {
 struct Point {
   Vec3 at;
   std::vector<const LightCandidate*> seen;
-  double brightness = 0;  // mean of the logarithms
+  double brightness = 0;
 };
 
 class Geometry {
@@ -243,7 +243,7 @@ LightAssociation associate_by_geometry(const Tracks& cameras, const std::vector<
   for (uint32_t j = 0; j < candidates.size(); j++) {
     std::vector<Point>& now = chosen[j];
     if (now.empty()) continue;
-    // Keeps the numbers of the lights consistent between instants.
+    // Keeps the numbers of the lights the same from instant to instant.
     if (before && now.size() == 2) {
       const auto apart = [&](int a, int b) { return glm::length(now[a].at - (*before)[b].at); };
       if (apart(0, 0) + apart(1, 1) > apart(0, 1) + apart(1, 0)) std::swap(now[0], now[1]);
@@ -313,7 +313,7 @@ class LightSolver {
 
   LightSolution run() {
     result_.reach = options_.reach;
-    step("clocks: a first guess");
+    step("clocks: first estimate");
     const size_t reference = coarse_clocks(paths_, frame_times_, cameras_.bar ? 2 : 1, options_.reach, result_.clocks);
     choose_instants(reference);
     candidates_ = candidates_at(paths_, frame_times_, result_.clocks, result_.instants);
@@ -323,15 +323,15 @@ class LightSolver {
     scene_ = begun.scene;
     model_ = begun.model;
     double first_reach = kFirstLightReach;
-    // Rough initial clocks hide lens effects. If better clocks justify a larger lens model, they are refined again with
-    // that model.
+    // Rough clocks hide effects of the lens. If better clocks justify a larger lens model, the clocks are refined again
+    // with that model.
     for (int turn = 0; turn < kMaxModels; turn++) {
       double moved = 1;
       for (int round = 0; round < kMaxClockRounds && (moved > kClockSettled || first_reach > reach()); round++) {
         step("clocks: round " + std::to_string(round + 1));
         moved = read_clocks(std::max(reach(), first_reach));
-        // Decreases slowly: the fast observations of a late camera would be rejected too early, and its delay never
-        // found.
+        // The reach decreases slowly. Otherwise, the fast observations of a late camera would be rejected too early,
+        // and its delay would never be found.
         first_reach *= kNearer;
       }
       centre_clocks();
@@ -395,7 +395,8 @@ class LightSolver {
     o.max_iterations = 10;
     o.tolerance = 1e-5;
     o.sigma = std::max(0.01, robust_sigma(residual_lengths(scene_, observations)));
-    // Adjusts clocks and cameras together: in alternation, a camera's pose hides most of its clock error.
+    // Clocks and cameras must be adjusted together. In alternation, the pose of a camera would hide most of its clock
+    // error.
     ClockAdjustment clocks;
     clocks.cameras.resize(paths_.size());
     for (size_t i = 0; i < observations.size(); i++) {
@@ -407,7 +408,7 @@ class LightSolver {
     adjust(scene_, observations, Inliers(observations.size(), true), o, &clocks);
     Samples read = samples_of(now, clocks);
     left_ = robust_sigma(std::move(read.left));
-    // A pose absorbs part of a step too, so the size of a suspected step is estimated together with everything else.
+    // A pose also absorbs part of a step, so the size of a suspected step is estimated together with everything else.
     if (settled_) {
       ClockAdjustment stepped = clocks;
       bool any = false;
@@ -490,7 +491,7 @@ class LightSolver {
     return true;
   }
 
-  // The common time is a gauge freedom; the median camera keeps its time.
+  // The common time is arbitrary, so the median camera keeps its time.
   void centre_clocks() {
     std::vector<double> offsets;
     for (const CameraClock& clock : result_.clocks)
@@ -509,7 +510,7 @@ class LightSolver {
   }
 
   const LightSolveOptions& options_;
-  Tracks cameras_;  // without observations
+  Tracks cameras_;
   std::vector<double> frame_times_;
   std::vector<std::vector<LightPath>> paths_;
   std::vector<LightCandidates> candidates_;

@@ -164,7 +164,7 @@ constexpr double kWideEnough = 0.3;  // radians between rays; a larger angle doe
 
 struct PairMatches {
   size_t a, b;
-  std::vector<cv::Point2d> in_a, in_b;  // normalised
+  std::vector<cv::Point2d> in_a, in_b;
 };
 
 std::vector<PairMatches> best_overlap_pairs(const Reconstruction& scene, const Tracks& tracks) {
@@ -254,7 +254,7 @@ Quat turned_by(const Vec3& turn) {
   return angle > 0 ? glm::angleAxis(angle, turn / angle) : Quat(1, 0, 0, 0);
 }
 
-// Returns the number of consistent triplets per pair; wrong pairs are consistent only by chance.
+// Returns for each pair the number of consistent triplets. Wrong pairs are only consistent by chance.
 std::vector<int> closed_triangles(size_t num_cameras, const std::vector<RelativeRotation>& pairs) {
   std::vector<std::vector<std::optional<Quat>>> between(num_cameras, std::vector<std::optional<Quat>>(num_cameras));
   for (const RelativeRotation& pair : pairs) {

@@ -9,33 +9,33 @@
 
 namespace lf {
 
-// Return the observations of each position, or of each camera, as indices.
+// Group the observations by position or by camera, as indices into the observations.
 std::vector<std::vector<uint32_t>> observations_of_positions(const Tracks& tracks);
 std::vector<std::vector<uint32_t>> observations_of_cameras(const Tracks& tracks);
 
-// Triangulates a light from used cameras, robust to outliers. `observations` are indices into the tracks' observations,
-// all of one light. Returns nullopt if no two cameras agree within `threshold` pixels on a point in front of the
-// cameras.
+// Triangulates a light from the used cameras; outliers do no harm. `observations` are indices of observations of one
+// light. Returns nullopt if no two cameras agree within `threshold` pixels on a point in front of the cameras.
 struct TriangulatedPoint {
   Vec3 point;
-  double agreement = 0;  // soft inlier count
+  double agreement = 0;  // number of inliers; doubtful ones count partly
 };
 std::optional<TriangulatedPoint> triangulate(const std::vector<CameraState>& cameras, const Tracks& tracks,
                                              const std::vector<uint32_t>& observations, double threshold);
 
-// Triangulates each target again, and keeps the new one if it has more inliers. If both lights of a bar are found, the
-// target becomes a bar of unit length, so the scene must already have this scale.
+// Triangulates each light again, and keeps the new position if it has more inliers. If both lights of a bar are found,
+// the target becomes a bar of unit length, so the scene must already have this scale.
 void triangulate_targets(Reconstruction& scene, const Tracks& tracks, double threshold);
 
-// Pose of camera b relative to camera a from common observations; the distance is 1, because scale is unknown.
+// The pose of camera b relative to camera a, from common observations. Images do not determine the scale, so the
+// cameras are 1 apart.
 struct RelativePose {
   size_t a = 0, b = 0;
   Pose a_from_b;
-  double score = 0;  // inliers, weighted by the angle between rays
+  double score = 0;  // number of inliers, weighted by the angle between rays
 };
 
-// Returns relative poses from essential matrices, with the lenses in the scene. Selects pairs with the largest overlap,
-// so that each camera has several partners. `threshold`: pixels.
+// Returns relative poses from essential matrices, with the lenses of the scene. The pairs with the largest overlap are
+// used, so that each camera has several partners. `threshold` is in pixels.
 std::vector<RelativePose> relative_poses(const Reconstruction& scene, const Tracks& tracks, double threshold);
 
 struct RelativeRotation {
@@ -44,12 +44,12 @@ struct RelativeRotation {
   double weight = 1;
 };
 
-// Rotation averaging: returns world_from_camera for each camera of the largest connected group. It starts from a
-// spanning tree of the pairs with most consistent triplets, then applies reweighted least squares on SO(3) (Chatterjee,
-// Govindu 2013). The world is one camera's frame.
+// Estimates the orientations of cameras from relative rotations. Returns world_from_camera for each camera of the
+// largest connected group, in the frame of one of these cameras. Starts from a spanning tree of the pairs with most
+// consistent triplets, then applies reweighted least squares on SO(3) (Chatterjee, Govindu 2013).
 std::vector<std::optional<Quat>> average_rotations(size_t num_cameras, std::vector<RelativeRotation> pairs);
 
-// Returns the angle of a rotation, radians, 0 to pi.
+// Returns the angle of a rotation in radians, 0 to pi.
 double angle_of(const Quat& rotation);
 
 }  // namespace lf

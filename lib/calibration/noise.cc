@@ -64,7 +64,8 @@ double inlier_sigma(const Reconstruction& scene, const std::vector<Observation>&
   double parameters = -7;
   for (size_t j = 0; j < target_used.size(); j++)
     if (target_used[j]) parameters += scene.targets[j].kind == TargetState::Kind::kBar ? 5 : 3;
-  // A parameter with a prior counts by the share of information from observations, and initially by one half.
+  // A parameter with a prior counts by the share of its information that comes from observations, and as one half at
+  // first.
   const Uncertainty& u = uncertainty;
   const auto free = static_cast<double>(std::count(model.free.begin(), model.free.end(), true));
   int lens = 0;
@@ -170,7 +171,7 @@ constexpr int kSplits = 2;  // two splits, because only few modes are weakly con
 constexpr int kIterations = 8;
 using Eigen::VectorXd;
 
-// Returns 0 or 1 for each position. The second split shifts the borders by half a block.
+// Returns the half (0 or 1) of each position. The second split shifts the borders by half a block.
 std::vector<char> sides(const Tracks& tracks, const std::vector<std::vector<uint32_t>>& positions, int split) {
   std::vector<char> side(positions.size());
   for (size_t j = 0; j < positions.size(); j++) {

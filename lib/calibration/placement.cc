@@ -76,8 +76,8 @@ class LayoutAligner {
     return now;
   }
 
-  // Soft count of cameras at their places with the right orientation. Positions alone also fit an array seen from
-  // behind.
+  // Counts the cameras that are at their places with the right orientation; doubtful ones count partly. Positions alone
+  // would also fit an array seen from behind.
   double score(const LayoutAlignment& a) const {
     double sum = 0;
     for (size_t i = 0; i < found_.size(); i++) {
@@ -133,7 +133,7 @@ class LayoutAligner {
     return places;
   }
 
-  // Reassigns cameras that are far from their own place and clearly at another place.
+  // Moves cameras that are far from their own place and clearly at another place.
   void name_places(LayoutAlignment& a, const std::vector<size_t>& own) const {
     const std::vector<size_t> nearest = nearest_places(a.layout_from_scene, own);
     a.place = own;
@@ -141,7 +141,7 @@ class LayoutAligner {
       if (off(a.layout_from_scene, i, own[i]) > kTooFar * spacing_[own[i]] &&
           off(a.layout_from_scene, i, nearest[i]) < kAt * spacing_[nearest[i]])
         a.place[i] = nearest[i];
-    // Reverts cameras at a place that another camera already occupies.
+    // Undoes a move to a place that another camera already occupies.
     for (bool changed = true; changed;) {
       changed = false;
       std::vector<int> at(layout_.size());
@@ -237,7 +237,7 @@ class LayoutAligner {
       const Eigen::Vector3d p = eigen(found_[i].position) - from, q = eigen(layout_[a.place[i]].position) - to;
       centres += weight[i] * q * p.transpose(), squares += weight[i] * p.squaredNorm();
       const double e = turn(s, i, a.place[i]) / (kAlignmentRobust * a.turn_sigma);
-      // Each rotation moves two of three axes, so each axis counts half.
+      // Each rotation moves two of the three axes, so each axis counts half.
       looks += 0.5 / std::pow(1 + e * e, 2) * eigen(layout_[a.place[i]].rotation()) *
                eigen(found_[i].rotation()).transpose();
     }

@@ -11,11 +11,11 @@
 
 namespace lf {
 
-// A problem or a remark about a calibration, for the user.
+// A problem or remark about a calibration, for the user.
 struct Finding {
   enum class Severity { kNote, kWarning, kError };
   Severity severity;
-  std::string code;  // machine-readable name, e.g. "swapped-cameras"
+  std::string code;  // name for programs, for example "swapped-cameras"
   std::string text;
 };
 
@@ -31,35 +31,38 @@ const char* name_of(Finding::Severity severity);
 nlohmann::ordered_json calibration_report(const Solution& solution, const Tracks& tracks, const Placement& placement,
                                           const std::vector<Finding>& findings);
 
-// Returns additional members of a rig file for save_rig(), beside the rig of make_rig(): for each placed camera its
-// members in `original` (a parsed rig file, or an empty object) with the new covariance, and the provenance `program`.
+// Returns members of a rig file for save_rig(), in addition to the rig of make_rig(). Each placed camera keeps its
+// members in `original` (a parsed rig file, or an empty object) and gets the new covariance. `program` is recorded as
+// the origin.
 nlohmann::json rig_record(const Solution& solution, const Tracks& tracks, const Placement& placement,
                           nlohmann::json original, const std::string& program);
 
-// A common error of all cameras that the observations constrain only weakly.
+// An error that all cameras have in common and that the observations hardly constrain, such as a wrong overall depth.
 struct SoftMode {
   std::string code;  // depth, gaze, toe-in, bow, proportions, places, directions
   std::string text;  // description with its size
   double sigma = 0;  // standard deviation, in `unit`
   std::string unit;  // "%", "degrees", "mm"
-  double limit = 0;  // sigma, in `unit`, beyond which a better recording is recommended
+  double limit = 0;  // if sigma (in `unit`) is larger, a better recording is recommended
   bool is_soft() const { return !(sigma <= limit); }
 };
 
-// Returns the weakly constrained modes, largest ratio of sigma to limit first, in the scale of `placement`. Arrays that
-// do not look in one direction have only some of the modes.
+// Returns the weakly constrained modes, with the largest ratio of sigma to limit first, in the scale of `placement`.
+// Some modes do not exist in arrays that do not look in one direction.
 std::vector<SoftMode> soft_modes(const Solution& solution, const Placement& placement);
 
-// Predicted reprojection error of a new point that is triangulated by all other cameras: RMS over image positions, in
-// pixels, according to the solution's uncertainty.
+// Predicts how precisely the array locates points: the error of projecting a new point into a camera after all other
+// cameras have triangulated the point. RMS over image positions in pixels, according to the uncertainty of the
+// solution.
 struct ProjectionError {
-  double depth = 0;              // metres in front of the array's centre
-  double middle = 0, worst = 0;  // median over all cameras, and worst camera
+  double depth = 0;              // metres in front of the centre of the array
+  double middle = 0, worst = 0;  // of the median camera and of the worst camera
 };
-// Returns the errors at depths from half the nearest light distance to twice the farthest.
+// Returns the errors at depths from half the nearest distance of the light to twice the farthest.
 std::vector<ProjectionError> projection_errors(const Solution& solution, const Placement& placement);
 
-// Distances of the lights from the array's centre along its viewing direction, metres: 5th and 95th percentile.
+// Range of the light's distances from the centre of the array along its viewing direction, in metres: 5th and 95th
+// percentile.
 struct LightRange {
   double near = 0, far = 0;
 };

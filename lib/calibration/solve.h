@@ -10,19 +10,19 @@
 
 namespace lf {
 
-// Free distortion parameters of the cameras.
+// The distortion parameters to estimate.
 struct DistortionModel {
-  int terms = 0;            // number of radial terms; 1: k1, 2: k1 and k2
+  int terms = 0;            // number of radial terms: 0, 1 (k1) or 2 (k1 and k2)
   bool shared = false;      // radial terms are about equal in all cameras
-  bool tangential = false;  // free p1 and p2 per camera, because lens decentring is random
+  bool tangential = false;  // p1 and p2 are estimated for each camera, because lenses are decentred at random
   bool operator==(const DistortionModel&) const = default;
   std::string name() const;
 };
 
 struct ModelTrial {
   std::string model;
-  double bic = 0;  // Bayesian information criterion; lower is better
-  // RMS error of held-out observations, pixels; nullopt if the BIC rejects the model.
+  double bic = 0;
+  // RMS error of observations left out of the fit, pixels; nullopt if the BIC already rejects the model.
   std::optional<double> transfer_px;
   bool chosen = false;
 };
@@ -37,29 +37,31 @@ struct SolveOptions {
 
 struct Solution {
   Reconstruction scene;  // in the solver's scale and frame, see align()
-  Inliers inliers;       // per observation
-  double sigma = 0;      // standard deviation of the inliers in x and y, pixels
-  // Per camera, noise relative to the median camera: above 1 for noisy cameras with tracks of a light, otherwise 1.
+  Inliers inliers;
+  double sigma = 0;  // standard deviation of the inliers in x and y, pixels
+  // Noise of each camera relative to the median camera: above 1 for noisy cameras with tracks of a light, otherwise 1.
   std::vector<double> camera_noise;
-  double expected_rms = 0;  // RMS residual length expected from the median residual, pixels
+  double expected_rms = 0;  // RMS residual length that follows from the median residual, pixels
   AdjustmentOptions model;
   DistortionModel distortion;
-  std::vector<ModelTrial> trials;          // empty if nothing was selected
-  std::string start;                       // method of the first layout
-  Uncertainty uncertainty;                 // in the solver's frame and scale
-  double disagreement = 0;                 // disagreement_of_halves(); 0: not compared
+  std::vector<ModelTrial> trials;  // tested models; empty if the model was given
+  std::string start;               // method that gave the first layout
+  Uncertainty uncertainty;
+  double disagreement = 0;                 // disagreement_of_halves(), or 0 if not computed
   std::vector<size_t> contradicted_poses;  // cameras that contradict the covariance of the prior rig
 };
 
-// Estimates poses, lenses and targets from tracks, up to the gauge. Throws Error if there is no solution.
+// Estimates poses, lenses and light positions from tracks, without scale and frame (see place_solution()). Throws Error
+// if there is no solution.
 Solution solve_tracks(const Tracks& tracks, const SolveOptions& options);
 
 // Sets the free and the shared lens terms of a distortion model.
 void apply_model(const DistortionModel& model, AdjustmentOptions& options);
 
-// Fits `scene` under each distortion model, from none to two terms per camera. Selects a larger model only if both the
-// Bayesian information criterion and the error of held-out observations improve. `scene` becomes the selected fit.
-// `tracks` may be a representative sample of `num_observations`; the criterion refers to that number.
+// Decides how many distortion terms the cameras need. Fits `scene` under each distortion model, from none to two terms
+// per camera, and leaves the selected fit in `scene`. A larger model is only selected if it improves both the Bayesian
+// information criterion (BIC) and the error of observations that were left out of the fit. To save time, `tracks` may
+// be a representative sample; `num_observations` is the number before sampling, and the BIC depends on this number.
 struct ModelChoice {
   DistortionModel model;
   std::vector<ModelTrial> trials;
@@ -67,13 +69,13 @@ struct ModelChoice {
 ModelChoice choose_distortion(Reconstruction& scene, const Tracks& tracks, const AdjustmentOptions& options,
                               size_t num_observations);
 
-// Decides with the same criteria if p1 and p2 are estimated in addition to `model`. `options` and `scene` are the terms
-// and the fit of `model`.
+// Decides with the same criteria whether to estimate p1 and p2 in addition to `model`. `options` and `scene` are the
+// terms and the fit of `model`.
 bool choose_tangential(Reconstruction& scene, const Tracks& tracks, const DistortionModel& model,
                        const AdjustmentOptions& options, size_t num_observations, std::vector<ModelTrial>& trials);
 
-// Decides with the same criteria if focal lengths and principal points are equal in all cameras. Sets `options` and
-// appends to `trials`. `options` must have the lens terms of the selected distortion model.
+// Decides with the same criteria whether all cameras share their focal length and principal point. Sets `options`,
+// which must have the lens terms of the selected distortion model, and appends to `trials`.
 void choose_shared_terms(Reconstruction& scene, const Tracks& tracks, AdjustmentOptions& options,
                          std::vector<ModelTrial>& trials);
 

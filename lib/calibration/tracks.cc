@@ -40,7 +40,9 @@ void check_tracks(const Tracks& tracks, const std::string& name) {
     if (o.position >= tracks.num_positions)
       fail("observations", i, "position " + std::to_string(o.position) + " is out of range");
     if (o.light > (tracks.bar ? 1u : 0u))
-      fail("observations", i, "light " + std::to_string(o.light) + (tracks.bar ? ": must be 0 or 1" : ": not a bar"));
+      fail("observations", i,
+           "light " + std::to_string(o.light) +
+               (tracks.bar ? ": must be 0 or 1" : ": must be 0, because \"bar\" is false"));
     const Tracks::Camera& camera = tracks.cameras[o.camera];
     // Detectors may extrapolate up to half an image beyond the border; more indicates a wrong size or unit.
     const bool near = std::abs(o.pixel.x - camera.width / 2.0) <= camera.width &&
@@ -150,7 +152,7 @@ Table read_table(const fs::path& path) {
     if (row.empty()) continue;
     if (!table.empty() && row.size() != table[0].size())
       throw Error(path.string() + ": line " + std::to_string(number) + ": has " + std::to_string(row.size()) +
-                  " columns, the first has " + std::to_string(table[0].size()));
+                  " columns, but the first row has " + std::to_string(table[0].size()));
     table.push_back(std::move(row));
   }
   if (table.empty()) throw Error(path.string() + ": is empty");
@@ -200,7 +202,7 @@ MultiCamSelfCal load_multicamselfcal(const std::string& directory, double first_
       if (seen[i][j] == 0) continue;
       if (!std::isfinite(u) || !std::isfinite(v))
         throw Error((folder / "points.dat").string() + ": camera " + std::to_string(i) + ", position " +
-                    std::to_string(j) + ": not a number, but seen by IdMat.dat");
+                    std::to_string(j) + ": not a number, although IdMat.dat says that the camera sees the light");
       result.tracks.observations.push_back(
           {static_cast<uint32_t>(i), static_cast<uint32_t>(j), 0, Vec2(u - first_pixel, v - first_pixel)});
     }

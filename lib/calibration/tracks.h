@@ -11,31 +11,31 @@
 
 namespace lf {
 
-// Position of one light in one camera's image.
+// The position of a light in the image of one camera.
 struct Observation {
   uint32_t camera = 0;    // index into Tracks::cameras
-  uint32_t position = 0;  // index of the light's or bar's position, from 0
-  uint32_t light = 0;     // 0, or 1 for the second light of a bar
+  uint32_t position = 0;  // number of the light's or bar's position, from 0
+  uint32_t light = 0;     // which light of a bar: 0 or 1; 0 without a bar
   Vec2 pixel{0, 0};       // (0, 0) is the centre of the top-left pixel
-  double sigma = 1;       // standard deviation of x and y, relative to other observations
+  double sigma = 1;       // standard deviation of x and y; only the ratio to other observations matters
 };
 
-// Observations of a light, or of two on a rigid bar, at a sequence of positions. For features of a static scene, each
-// position is a feature. Copyable.
+// Observations of a light, or of two lights on a rigid bar, that moves through a sequence of positions. For features of
+// a static scene, each feature is a position. Copyable.
 struct Tracks {
   struct Camera {
-    uint32_t id = 0;            // unique
+    uint32_t id = 0;
     int width = 0, height = 0;  // pixels
   };
   std::vector<Camera> cameras;
-  bool bar = false;     // two lights per position, at a constant distance
-  bool ordered = true;  // one position per frame, in the order of time; false for features
+  bool bar = false;     // true: each position has two lights at a constant distance
+  bool ordered = true;  // true: one position per frame, in the order of time; false: features
   size_t num_positions = 0;
   std::vector<Observation> observations;
 };
 
-// Throws Error ("observations[3]: camera 9 is not one of the 4 cameras") if an index is out of range, a pixel is not
-// finite or far outside the image, or a camera id or an observation is duplicated.
+// Throws Error if an index is out of range, a pixel is not finite or far outside the image, or a camera id or an
+// observation occurs twice. Example: "observations[3]: camera 9 is not one of the 4 cameras".
 void check_tracks(const Tracks& tracks, const std::string& name);
 
 // File format of tracks:
@@ -49,43 +49,45 @@ Tracks load_tracks(const std::string& path);
 Tracks parse_tracks(const std::string& text, const std::string& name);
 std::string tracks_to_json(const Tracks& tracks);
 
-// Input files of MultiCamSelfCal (Svoboda, Martinec, Pajdla 2005) in one folder: points.dat (3 rows per camera: u, v,
-// 1; one column per position), IdMat.dat (one row per camera: visible or not), Res.dat (one row per camera: width,
-// height). Optional: *.rad (K11 ... K33, kc1 ... kc4), one per camera in the order of file names. `first_pixel`:
-// coordinate of the centre of the top-left pixel, 0, or 1 in files written by Matlab.
+// Reads the input files of MultiCamSelfCal (Svoboda, Martinec, Pajdla 2005) from one folder:
+//   points.dat  three rows per camera (u, v, 1) and one column per position
+//   IdMat.dat   one row per camera: visible or not
+//   Res.dat     one row per camera: width and height
+//   *.rad       optional; K11 ... K33 and kc1 ... kc4 of each camera, in the order of the file names
+// `first_pixel` is the coordinate of the centre of the top-left pixel: 0, or 1 in files written by Matlab.
 struct MultiCamSelfCal {
   Tracks tracks;              // cameras have ids from 0
-  std::optional<Rig> lenses;  // lenses only; all poses are equal
+  std::optional<Rig> lenses;  // only the lenses; all poses are equal
 };
 // Throws Error with the file and the row.
 MultiCamSelfCal load_multicamselfcal(const std::string& directory, double first_pixel);
 
 struct LightDetection {
   Vec2 pixel{0, 0};       // (0, 0) is the centre of the top-left pixel
-  double sigma = 0;       // standard deviation of x and y, pixels, predicted from the image noise
-  double brightness = 0;  // sum over the light's image above the background; comparable within a camera
+  double sigma = 0;       // standard deviation of x and y, predicted from the image noise, pixels
+  double brightness = 0;  // sum over the light's image above the background; only comparable within a camera
 };
 
-// Detections of a moving light, or of two on a bar, in each camera's own frames. Frames of different cameras are not
-// synchronous, and detections include reflections. Copyable.
+// Detections of a moving light, or of two lights on a bar, in the frames of each camera. The frames of different
+// cameras are not synchronous, and detections include reflections. Copyable.
 struct LightDetections {
   struct Frame {
     double time = 0;                     // camera stamp, seconds; increasing
     std::vector<LightDetection> sights;  // brightest first; may be empty
   };
   struct Camera {
-    uint32_t id = 0;            // unique
+    uint32_t id = 0;
     int width = 0, height = 0;  // pixels
     std::vector<Frame> frames;
   };
   std::vector<Camera> cameras;
-  bool bar = false;  // two lights at a constant distance
+  bool bar = false;
 };
 
-// The variant of the tracks format for detections:
+// The variant of the tracks format for detections. Each camera has "frames" with its own stamps, instead of "positions"
+// at common instants:
 // {"format": "lightfield-tracks", "version": 1, "bar": true, "cameras": [{"id": 0, "width": 320, "height": 240,
 //  "frames": [[seconds, [x, y, sigma, brightness], ...], ...]}, ...]}
-// Each camera has "frames" with its own stamps, instead of "positions" at common instants.
 //
 // Returns nullopt if `text` has positions. Throws Error with the file and the place in it.
 std::optional<LightDetections> parse_light_detections(const std::string& text, const std::string& name);

@@ -20,7 +20,6 @@ void for_rows(To* to, ptrdiff_t to_stride, const From* from, ptrdiff_t from_stri
   for (int y = 0; y < height; y++, to += to_stride, from += from_stride) row(to, from, width);
 }
 
-// Names for the overloads of add_sum_row().
 void add_sums(int16_t* to, const int16_t* from, int n) { add_sum_row(to, from, n); }
 void add_missing_sums(uint16_t* to, const uint16_t* from, int n) { add_sum_row(to, from, n); }
 

@@ -16,12 +16,14 @@
 
 namespace lf {
 
-// Adds up the fragments of a picture and divides by 1 - (sum of missing weight). Sums are as in SumPlanes and saturate.
-// Valid weights sum to 1 and never reach saturation; with invalid input, luma and RGB still do not depend on the order
-// of the fragments. Not thread-safe.
+// Combines the fragments of a picture. A fragment carries colours that the cameras' weights have already been applied
+// to. The accumulator adds all fragments and divides by the weight that has arrived, 1 - (sum of missing weight).
+//
+// Sums have the format of SumPlanes and saturate. The weights of valid fragments add up to 1, so they never saturate.
+// With invalid input, luma and RGB still do not depend on the order of the fragments. Not thread-safe.
 class Accumulator {
  public:
-  // Keeps the memory.
+  // Starts a new picture and keeps the memory.
   void reset(PixelFamily family, int width, int height);
 
   PixelFamily family() const { return family_; }
@@ -29,40 +31,40 @@ class Accumulator {
   int height() const { return height_; }
 
   bool fits(PixelFamily family, const Rect& rect) const;
-  // Returns false and adds nothing unless fits(): the family matches, and the rectangle is inside the picture and, in
-  // kI420, starts at an even pixel. The planes of a Fragment must also fill its rectangle.
+  // Adds a fragment. Returns false and adds nothing unless fits(): the family must match, and the rectangle must lie
+  // inside the picture and, in kI420, start at an even pixel. The planes of a Fragment must also fill its rectangle.
   bool add(const FragmentPlanes& fragment);
   bool add(const Fragment& fragment);
   bool add(const ConstSumPlanes& sums);
-  // Adds sums that stay valid until reset(). If they cover the whole picture and stay alone, they are not copied.
+  // Adds sums without a copy if they cover the whole picture and nothing else is added. The sums must stay valid until
+  // reset().
   bool add_borrowed(const ConstSumPlanes& sums);
-  // Adds a sum in GPU memory. It is downloaded when CPU data is added or the result is read on the CPU.
+  // Adds a sum in GPU memory. It is only downloaded if CPU data is added or the result is read on the CPU.
   bool add_borrowed(std::shared_ptr<gl::GpuSum> sum);
-  // Counts the weights of a camera that did not answer as missing. `weights`: from pixel_weights() over `rect`.
+  // Counts the weights of a camera that did not answer as missing. `weights` come from pixel_weights() over `rect`.
   bool add_missing_weights(const Rect& rect, const std::vector<float>& weights);
-  // Makes pixels without a mesh face show the background; without this call they stay black.
+  // Makes pixels outside the camera mesh show the background. Without this call they are black.
   void set_uncovered(const FaceIdMap& whole_view);
 
-  // See resolve() in resolve.h.
   void resolve(const Background& background, const RgbLayout& layout, uint8_t* const plane[3],
                const ptrdiff_t stride[3], const Levels& levels = kFullLevels) const;
   Image resolve(const Background& background = {}) const;
-  // Returns the share group for resolve_on_gpu(); 0 unless all sums are on the GPU of the group.
+  // Returns the share group for resolve_on_gpu(), or 0 unless all sums are on the GPU of one group.
   gl::ShareGroup share_group() const;
-  // True if a GPU sum was lost before it could be downloaded; all its weight then counts as missing.
+  // True if a GPU sum was lost before it could be downloaded. All its weight then counts as missing.
   bool is_gone() const;
-  // Returns the sum that determines the renderer of the picture. Requires share_group() != 0.
+  // Returns the sum that determines the renderer of the picture. Only valid if share_group() != 0.
   const gl::GpuSum& first_gpu_sum() const { return *gpu_sums_.front(); }
-  // Like resolve() above, but on the GPU of share_group(). The picture is ready after GpuSum::wait() on the result.
-  // `to`: the target textures. Returns null and sets `why` on failure.
+  // Like resolve(), but on the GPU of share_group(). `to` has the target textures. The picture is ready after
+  // GpuSum::wait() on the result. On failure, returns null and sets `why`.
   std::shared_ptr<gl::GpuSum> resolve_on_gpu(const Background& background, const Levels& levels, gl::GpuPicture to,
                                              std::string& why) const;
-  // Returns the share of each pixel's weight that is not missing, 0 to 1, accurate to 1e-4; 0 for uncovered pixels.
+  // Returns how much of each pixel's weight has arrived, 0 to 1, accurate to 1e-4. Pixels outside the mesh have 0.
   std::vector<float> coverage() const;
-  // Call after resolve(). Shows the previous picture where most weight is missing, see conceal() in resolve.h.
+  // Shows the previous picture where most of the weight is missing; see conceal() in resolve.h. Call after resolve().
   void conceal(const ImageView& before, uint8_t* const plane[3], const ptrdiff_t stride[3]) const;
 
-  // Returns the sum over the bounding rectangle of all additions; nothing if nothing was added. Valid until the next
+  // Returns the sum over the bounding rectangle of everything that was added, or nothing. Valid until the next
   // non-const call.
   std::optional<ConstSumPlanes> sums() const;
 
@@ -79,14 +81,14 @@ class Accumulator {
   int width_ = 0, height_ = 0;
   Rect touched_;
   std::optional<ConstSumPlanes> borrowed_;             // the only sums so far, in the caller's memory
-  std::vector<std::shared_ptr<gl::GpuSum>> gpu_sums_;  // alternative to borrowed_: sums in GPU memory
-  mutable std::unique_ptr<Accumulator> fetched_;       // gpu_sums_ added up on the CPU, on demand
-  // True if sum_, missing_ are in use; they are cleared on first use.
+  std::vector<std::shared_ptr<gl::GpuSum>> gpu_sums_;  // sums in GPU memory; used instead of borrowed_
+  mutable std::unique_ptr<Accumulator> fetched_;       // gpu_sums_, downloaded and added up when needed
+  // True if sum_ or missing_ are in use; both are cleared on first use.
   bool own_set_ = false, own_missing_set_ = false;
   UninitializedVector<int16_t> sum_;
   UninitializedVector<uint16_t> missing_;
   std::vector<int16_t> zeros_;
-  std::vector<uint8_t> uncovered_;  // per pixel, not 0: no mesh face; empty: unknown
+  std::vector<uint8_t> uncovered_;  // per pixel, 1 outside the mesh; empty: unknown
 };
 
 }  // namespace lf

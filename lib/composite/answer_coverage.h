@@ -14,13 +14,13 @@
 
 namespace lf {
 
-// A set of disjoint rectangles. A few are compared one by one; many are marked in a bitmap. An addition therefore costs
-// at most a 64th of adding up the pixels, for any number of rectangles. Not thread-safe.
+// A set of rectangles that do not overlap. A few rectangles are compared one by one; more are marked in a bitmap. An
+// addition therefore costs at most a 64th of adding up the pixels, however many rectangles there are. Not thread-safe.
 class DisjointRects {
  public:
   static constexpr size_t kFew = 32;
 
-  // True if a rectangle overlaps `rect`. Requires rect.x0, rect.y0 >= 0.
+  // True if any rectangle overlaps `rect`, which must not have negative coordinates.
   bool meets(const Rect& rect) const;
   // Returns false and adds nothing if `rect` overlaps another rectangle.
   bool add(const Rect& rect);
@@ -30,12 +30,12 @@ class DisjointRects {
   void mark(const Rect& rect);
 
   std::vector<Rect> rects_;
-  // Bitmap with rows of varying length; used for more than kFew rectangles.
+  // Bitmap with rows of varying length, used for more than kFew rectangles.
   std::vector<std::vector<uint64_t>> rows_;
 };
 
-// Records which cameras have contributed where in a view. A contribution must not be added twice, and a contribution
-// that never arrives is missing weight. Not thread-safe.
+// Remembers for each part of a view which cameras have contributed. This prevents adding a contribution twice, for
+// example after a packet was duplicated, and tells which weight is missing because it never arrived. Not thread-safe.
 class Coverage {
  public:
   void clear() { *this = {}; }
@@ -44,13 +44,13 @@ class Coverage {
   // the rectangle.
   bool add(CameraIndex camera, const Rect& rect);
 
-  // The sums of a set of cameras in one answer. Finds the overlapping camera sets once per answer instead of once per
-  // fragment, because an answer may have many small fragments. Nothing else may be added during its lifetime.
+  // Records the fragments of one answer, which are sums over a set of cameras. Camera sets that overlap this set are
+  // searched once per answer instead of once per fragment, because an answer may have many small fragments. Nothing
+  // else may be recorded during the lifetime of this object.
   class Sums {
    public:
-    // Keeps references to both arguments.
     Sums(Coverage& coverage, const CameraRanges& cameras);
-    // As for one camera. Also returns false for a new camera set beyond kMaxSources.
+    // Like Coverage::add(). Also returns false if the set of cameras is new and there are kMaxSources already.
     bool add(const Rect& rect);
 
    private:
@@ -61,7 +61,8 @@ class Coverage {
   };
 
   bool has(CameraIndex camera) const;
-  // Sets the received part of `weights` to 0. `weights`: the camera's weights over `rect`, row by row.
+  // Sets those weights to 0 that the camera has already contributed. `weights` are the camera's weights over `rect`,
+  // row by row.
   void subtract(CameraIndex camera, const Rect& rect, std::span<float> weights) const;
 
  private:
@@ -73,8 +74,8 @@ class Coverage {
   CameraRanges summed_;
 };
 
-// Camera images assembled from unwarped fragments. Memory: at most one image per camera of the rig; the system
-// allocates pages on first use. Not thread-safe.
+// Camera images that are assembled from unwarped fragments. Uses at most one image of memory per camera of the rig; the
+// system allocates its pages on first use. Not thread-safe.
 class CameraPixels {
  public:
   void clear() { cameras_.clear(); }
@@ -85,14 +86,14 @@ class CameraPixels {
 
   std::vector<CameraIndex> cameras() const;
   bool has(CameraIndex camera, const Rect& region) const;
-  // Returns the whole image, valid until clear(). Parts that have not arrived are readable but undefined.
+  // Returns the whole image, valid until clear(). Pixels that have not arrived are undefined, but may be read.
   ImageView image(CameraIndex camera) const { return cameras_.at(camera).image; }
 
  private:
   struct Pixels {
     ImageView image;
     PooledBuffer memory;
-    std::vector<Rect> pieces;  // disjoint
+    std::vector<Rect> pieces;
   };
   std::map<CameraIndex, Pixels> cameras_;
 };

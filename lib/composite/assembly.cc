@@ -99,9 +99,9 @@ Assembly::Verdict Assembly::add(const wire::AnswerView& answer, std::shared_ptr<
   return all_good ? Verdict::kAdded : Verdict::kBadFragment;
 }
 
-// `sums`: the cameras of a sum; null for sums without a camera list. Adding the same camera twice (duplicated packet,
-// or two nodes with one camera) would make the picture too bright. Returns false if the fragment does not fit; damaged
-// fragments return true.
+// Adds a fragment. `sums` are the cameras of a sum, or null if the sum does not list its cameras. Adding the same
+// camera twice (because of a duplicated packet, or two nodes with one camera) would make the picture too bright.
+// Returns false if the fragment does not fit; damaged fragments return true.
 bool Assembly::add_fragment(const wire::FragmentView& fragment, std::optional<Coverage::Sums>& sums,
                             const std::shared_ptr<const void>& bytes, const std::shared_ptr<gl::GpuSum>& gpu_sum) {
   std::optional<FragmentPlanes> planes;
@@ -123,7 +123,7 @@ bool Assembly::add_fragment(const wire::FragmentView& fragment, std::optional<Co
   return true;
 }
 
-// All fragments have the family of the answer, so add_pixels() does not check the family.
+// All fragments have the family of the answer, so add_pixels() need not check the family.
 bool Assembly::add_pixels(const wire::FragmentView& fragment, const FragmentPlanes& planes) {
   const CameraIndex camera = *fragment.camera;
   if (camera >= rig_->cameras.size() || coverage_.has(camera)) return false;
@@ -196,7 +196,7 @@ void Assembly::finish_partial() {
   if (!absent.empty()) add_missing(plan, absent, FaceIdMap(plan, {0, 0, request_.view.width, request_.view.height}));
 }
 
-// Renders the received pixels as the cameras' nodes would have done.
+// Renders the received pixels in the same way as nodes do.
 void Assembly::render_pixels(const ViewPlan& plan) {
   std::vector<lf::Source> sources;
   CameraSet incomplete;

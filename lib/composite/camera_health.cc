@@ -30,9 +30,9 @@ RequestHistory::Answer RequestHistory::judge(uint32_t sequence, uint64_t now) co
   if (std::ranges::find(skipped_, sequence) != skipped_.end()) return Answer::kToSkipped;
   const auto past = std::ranges::find(composed_, sequence, &Composed::sequence);
   if (past == composed_.end()) return Answer::kLate;
-  // Answers are read only when a request arrives, so the arrival time of an answer to the latest composed request is
-  // unknown. It counts as in time. Otherwise, with requests as far apart as the deadline, a node that the compositor
-  // does not wait for could never return.
+  // Answers are only read when a request arrives, so the arrival time of an answer to the latest composed request is
+  // unknown. The answer counts as in time. Otherwise, a node that the compositor does not wait for could never return
+  // if requests are as far apart as the deadline.
   const bool is_latest = sequence == composed_.back().sequence;
   return is_latest || now <= past->deadline ? Answer::kInTime : Answer::kLate;
 }

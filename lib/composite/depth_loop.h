@@ -15,47 +15,49 @@
 
 namespace lf {
 
-// Estimates the depths for the next request of a view from the nodes' answers to the current depth hypotheses. For
-// viewers that apply an estimate when they can; their requests show which estimate they carry. (ViewDepths is for
-// viewers that wait.) Not thread-safe.
+// Estimates the depth map of a view. Each request carries depth hypotheses, the nodes answer with photo-consistency
+// sums, and the loop computes the depths for the next request from these sums. Use this class if the viewer applies
+// estimates when it can; its requests tell which estimate they use. (ViewDepths is for viewers that wait for each
+// estimate.) Not thread-safe.
 class DepthLoop {
  public:
-  // Requests without a search after an estimate was not used: a second or less.
+  // Number of requests without a search after an estimate was not used; a second or less.
   static constexpr unsigned kUnheardInterval = 15;
 
-  // Keeps the rig.
+  // Clears everything except the rig.
   void clear();
-  // Sets the rig of the answering array. Null: unknown; distances then count from an arbitrary fixed plane.
+  // Sets the rig of the answering array. If it is null (unknown), distances count from an arbitrary fixed plane.
   void set_rig(std::shared_ptr<const Rig> rig);
 
-  // Starts the next request: discards the answers to the previous request.
+  // Starts the next request, and discards the answers to the previous request.
   void begin();
-  // The result of take(): the request that a photo-consistency unit belongs to, relative to the current request (> 0:
-  // later, 0: current, < 0: earlier), and an error text ("": none).
+  // The result of take(). `ahead` tells which request the sums belong to: the current one (0), a later one (> 0) or an
+  // earlier one (< 0). `problem` is an error text, or "".
   struct Taken {
     int32_t ahead = 0;
     std::string problem;
   };
   Taken take(std::span<const uint8_t> unit, const ViewRequest& request);
-  // Returns the received photo-consistency sums as units of one node, for a compositor tree; empty if none have
-  // arrived. They precede the node's answer.
+  // Returns the received photo-consistency sums as messages of one node, for a compositor inside a tree. They must be
+  // sent before the answer of this node. Empty if none have arrived.
   std::vector<ByteBuffer> units(const ViewRequest& request, uint64_t rig_hash, uint32_t node) const;
 
-  // Call before next(). `complete`: the picture was complete in time. `interval`: at most one request in `interval`
-  // carries depth hypotheses.
+  // Adapts how often requests carry depth hypotheses: at most one in `interval` requests. `complete` means that the
+  // picture was complete in time. Call before next().
   void adapt_rate(bool complete, unsigned interval);
-  // Returns the estimate for the next request; nothing if there is no update. `match_gains`: match the cameras'
-  // exposure where several cameras make the picture.
+  // Returns the estimate for the next request, or nothing if there is no update. `match_gains` also matches the
+  // cameras' exposure where several cameras make the picture.
   std::optional<DepthEstimate> next(const ViewRequest& request, const DepthEstimator::Settings& settings,
                                     bool match_gains);
-  // Tells whether a client has used the result of next(). If none does (for example if requests come from a file), the
-  // search runs only now and then.
+  // Tells whether a client has used the result of next(). If no client does, for example because requests come from a
+  // file, the search only runs now and then.
   void heard(bool heard) { unheard_ = heard ? 0 : kUnheardInterval; }
-  // Returns the in-focus depths of a sweep. `sweep`: the current request, with hypotheses independent of the view.
+  // Returns the depths in focus from a focus sweep. `sweep` is the current request; its hypotheses must not depend on
+  // the view.
   DepthEstimate sweep(const ViewRequest& sweep) const;
 
   const DepthEstimator::State& state() const { return control_.state(); }
-  uint64_t bytes() const { return bytes_; }  // since begin()
+  uint64_t bytes() const { return bytes_; }
 
  private:
   std::shared_ptr<const Rig> rig_;
@@ -65,7 +67,7 @@ class DepthLoop {
   DepthEstimator control_;
   std::optional<FocusArray> array_;
   ExposureSchedule exposure_schedule_;
-  unsigned unheard_ = 0;  // requests until the next search
+  unsigned unheard_ = 0;  // number of requests until the next search
 };
 
 }  // namespace lf

@@ -83,7 +83,6 @@ void scales_of(float* HWY_RESTRICT scale, const uint16_t* HWY_RESTRICT lost, int
   });
 }
 
-// Rounds to the nearest of 0..255, halves up.
 template <class D, class V>
 HWY_INLINE auto to_bytes(D d, V v) {
   const auto level = hn::Min(hn::Max(hn::Add(v, hn::Set(d, 0.5f)), hn::Zero(d)), hn::Set(d, 255.f));
@@ -229,7 +228,7 @@ void hide(float* __restrict scale, const uint8_t* __restrict uncovered, int n) {
   for (int i = 0; i < n; i++) scale[i] = uncovered[i] ? 0.f : scale[i];
 }
 
-// Rows are processed in parts of this many pixels: in a partly covered view, few parts need more than rounding.
+// Rows are processed in parts of this many pixels. In a partly covered view, few parts then need more than rounding.
 constexpr int kPart = 128;
 constexpr int kChromaPart = kPart / 2;
 
@@ -239,12 +238,11 @@ class Weights {
       : sum_(sum), uncovered_(uncovered), width_(sum.rect.width()) {}
 
   const uint16_t* lost(int x, int y) const { return sum_.lost ? sum_.lost + y * sum_.missing_stride + x : nullptr; }
-  // True if row y needs no scaling and no background.
   bool rounds_only(int y) const {
     return !(sum_.lost && any_set(lost(0, y), width_)) && !(uncovered_ && any_set(hidden(0, y), width_));
   }
-  // Computes the scale factors for `n` pixels of row y from x on; 0 where the background shows. Returns false if the
-  // part needs only rounding.
+  // Computes the scale factors for `n` pixels of row y from x on; 0 means that the background shows. Returns false if
+  // the part only needs rounding.
   bool scales(int x, int y, int n, float* scale) const {
     const bool some_missing = sum_.lost && any_set(lost(x, y), n), some_hidden = uncovered_ && any_set(hidden(x, y), n);
     if (!some_missing && !some_hidden) return false;
@@ -320,7 +318,6 @@ struct Planar {
   }
 };
 
-// Writes the chroma row cy and its one or two luma rows, without scaling.
 void resolve_whole(const Planar& to, int cy, int rows) {
   const int w = to.sum.rect.width(), cw = chroma_size(w);
   for (int y = 2 * cy; y < 2 * cy + rows; y++)
@@ -401,7 +398,6 @@ namespace {
 constexpr int kNone = kMissingOne / 8, kFull = kMissingOne / 4;  // thresholds of the remaining weight
 constexpr int kMixBits = 8;
 
-// Returns the share of the previous picture, 0 to 1 << kMixBits.
 int share_before(int lost) {
   const int left = kMissingOne - std::min(lost, kMissingOne);
   if (left >= kFull) return 0;

@@ -12,19 +12,20 @@
 
 namespace lf {
 
-// Renders a view of a static array directly from its images, without a stream. The picture is bit-identical to the
-// output of a pipeline.
+// Renders a view of a static array directly from its image files, without a stream. The picture is bit-identical to the
+// picture of a pipeline.
 
 struct Still {
-  Image picture;                     // family of the images; RGB if no camera contributes
-  std::vector<float> coverage;       // per pixel, 0..1: share of the weight that cameras could deliver
-  std::vector<CameraIndex> cameras;  // ascending
-  GpuStatus drawing;                 // status of the last camera
+  Image picture;                // in the family of the images, or RGB if no camera contributes
+  std::vector<float> coverage;  // per pixel, 0 to 1: share of the weight that cameras could deliver
+  std::vector<CameraIndex> cameras;
+  GpuStatus drawing;  // how the last camera was rendered
 };
 
-// Loads each contributing camera's image once. Throws Error unless all images have the same family. `mesh`: the mesh of
-// `rig`. The view must be valid. `resampling`: kSharpened sharpens images if the view shows detail that bilinear
-// sampling loses (render/camera_projection.h). `gpu`: draws the sums, see SumRenderer; null: CPU.
+// Renders a valid view. `images` is called once for each contributing camera; all images must have the same family,
+// otherwise Error is thrown. `mesh` is the mesh of `rig`. With `resampling` kSharpened, images are sharpened if the
+// view shows detail that bilinear sampling loses (render/camera_projection.h). `gpu` renders the sums (see
+// SumRenderer); null means the CPU.
 Still render_still(const Rig& rig, const Mesh& mesh, const View& view, const CameraImages& images,
                    Resampling resampling = Resampling::kBilinear, const Background& background = {},
                    gl::GlesRenderer* gpu = nullptr);

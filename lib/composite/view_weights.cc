@@ -12,30 +12,30 @@
 
 namespace lf {
 
-double ViewCoverage::share(const Rig& rig, const ViewRequest& request, const CameraSet& lost, bool exact, int64_t now) {
-  const bool known = share_ >= 0;
+MeanCoverage ViewCoverage::share(const Rig& rig, const ViewRequest& request, const CameraSet& lost, bool exact,
+                                 int64_t now) {
+  const bool known = share_.has_value();
   const bool same = known && view_ == request.view && out_of_service_ == request.out_of_service && lost_ == lost;
-  if (same || (known && !exact && now < known_at_ + kInterval)) return share_;
+  if (same || (known && !exact && now < known_at_ + kInterval)) return *share_;
   const Mesh& mesh = mesh_.get(rig, request.out_of_service);
   share_ = mean_coverage(rig, ViewPlan(rig, mesh, request.view), kColumns, kRows, lost);
   view_ = request.view;
   out_of_service_ = request.out_of_service;
   lost_ = lost;
   known_at_ = now;
-  return share_;
+  return *share_;
 }
 
 namespace {
 
 struct Colour {
-  float r = 0, g = 0, b = 0;  // 0..255
+  float r = 0, g = 0, b = 0;
 };
 
 float luma(const Colour& c) { return ycbcr_of(c.r, c.g, c.b).y; }
 
 uint8_t byte(float value) { return static_cast<uint8_t>(std::clamp(value + 0.5f, 0.f, 255.f)); }
 
-// Replaces the colour of each pixel by colour(x, y, luma before).
 template <typename F>
 void repaint(const WeightOverlay::Picture& picture, int width, int height, const F& colour) {
   const auto row = [&](int plane, int y) { return picture.plane[plane] + y * picture.stride[plane]; };
@@ -151,8 +151,8 @@ void WeightOverlay::draw(WeightOverlayMode what, const Rig& rig, const ViewReque
   repaint(picture, view.width, view.height, [&](int x, int y, float light) {
     const int32_t owner = owners.at(x, y);
     if (owner == FaceIdMap::kNone) return Colour();
-    const bool is_line =
-        !plan.blend() && ((x > 0 && owners.at(x - 1, y) != owner) || (y > 0 && owners.at(x, y - 1) != owner));
+    const bool is_line = plan.faces().front().has_corners() &&
+                         ((x > 0 && owners.at(x - 1, y) != owner) || (y > 0 && owners.at(x, y - 1) != owner));
     if (is_line) return Colour{kMapLine, kMapLine, kMapLine};
     const Node node = at(x, y);
     const float scale = map_brightness(light);

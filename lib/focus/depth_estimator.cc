@@ -34,7 +34,7 @@ constexpr double kEnoughEvidence = 0.15;
 // pixels, to cover as many of these pixels. `is_still`: the viewpoint has not moved, so a plane far from the surface
 // more likely fits by chance than because it is right.
 DepthSelection choice_of(const ViewRequest& request, std::span<const PhotoConsistency> moments, const FocusArray& array,
-                         int least_radius, bool is_still) {
+                         int least_radius, bool is_still, std::span<const uint8_t> counted) {
   std::vector<std::vector<uint8_t>> levels;
   for (const DepthHypothesis& trial : request.trials) levels.push_back(hypothesis_levels(request.view, trial));
   const FocalMap& map = *request.view.focus.map;
@@ -43,6 +43,7 @@ DepthSelection choice_of(const ViewRequest& request, std::span<const PhotoConsis
   const double larger = array.focal() > 0 ? request.view.lens.fx() / array.focal() * FocalMap::kMinStep / map.step : 1;
   DepthSelectionParams terms{
       .evidence = evidence,
+      .counted = counted,
       .radius = std::max(least_radius, static_cast<int>(std::lround(std::min(larger, kMostRadius))))};
   if (array.disparity() > 0)
     terms.levels_a_pixel = FocalMap::kLevels / (array.disparity() * (map.nearest - map.farthest));
@@ -176,11 +177,12 @@ void DepthEstimator::compare_with_plane(const DepthSelection& choice, std::span<
   const bool is_sweep = trials.size() >= kSweep;
   const std::vector<uint8_t> surface(choice.chosen.size(), 0);
   const double disagreement = is_sweep ? choice.least_energy : choice.energy[0];
-  const double of_lost =
-      std::min(kMovedLight / moved_by_blur(request.view, array.width_of(request.view)), 1 / kSmallestLost);
+  const double width = counted_.empty() ? array.width_of(request.view, request.out_of_service) : array.edge();
+  const double of_lost = std::min(kMovedLight / moved_by_blur(request.view, width), 1 / kSmallestLost);
   doubt(request, choice, moments, plane);
   const bool is_doubtful = disagreement + doubt_ * of_plane > kDoubtful * of_plane;
-  const double of_surface = disagreement + of_lost * moved_light(moments, is_sweep ? choice.chosen : surface, plane);
+  const double of_surface =
+      disagreement + of_lost * moved_light(moments, is_sweep ? choice.chosen : surface, plane, counted_);
   constexpr double kClearly = 0.3, kWorthClearly = 20;
   const bool is_clear = !is_doubtful && of_surface < kClearly * of_plane && of_plane - of_surface > kWorthClearly;
   if (is_sweep) {
@@ -189,7 +191,8 @@ void DepthEstimator::compare_with_plane(const DepthSelection& choice, std::span<
     // A single plane for all nodes does not fit by chance. One better round may be chance: a moving viewpoint passes
     // objects that appear and disappear.
     const double worth = state_.flat ? 0 : kWorthShowing;
-    const bool is_better = !is_doubtful && of_surface < kShown * of_plane && of_plane - of_surface > worth;
+    const double shown = counted_.empty() && width > array.edge() ? kShownBeside : kShown;
+    const bool is_better = !is_doubtful && of_surface < shown * of_plane && of_plane - of_surface > worth;
     if (is_better && (is_clear || was_better_)) state_.on_plane = false;
     was_better_ = is_better;
   } else if (is_doubtful || of_surface > kHidden * of_plane) {
@@ -213,8 +216,10 @@ void DepthEstimator::take(const ViewRequest& request, std::span<const PhotoConsi
   const bool is_still = request.view.pose == tried_with_;
   if (stage_ == Stage::kSearch) unanswered_--;
   tried_with_ = request.view.pose;
+  counted_ = array.inside_mesh(request.view, request.out_of_service);
+  if (static_cast<size_t>(std::ranges::count(counted_, 1)) < kFewestNodes) counted_.clear();
   DepthSelection choice =
-      choice_of(request, moments, array, stage_ == Stage::kSearch ? search_radius(map) : 1, is_still);
+      choice_of(request, moments, array, stage_ == Stage::kSearch ? search_radius(map) : 1, is_still, counted_);
   FocalMap chosen = map;
   chosen.levels = choice.levels;
   if (stage_ != Stage::kSearch || state_.on_plane)
@@ -251,7 +256,7 @@ DepthEstimator::Plan DepthEstimator::next(const ViewRequest& request, std::span<
     if (!map || moments.empty()) return plan;
     // An autofocus request: see add_focus_sweep().
     auto found = std::make_shared<FocalMap>(*map);
-    found->levels = choice_of(request, moments, array, kSearchRadius, true).levels;
+    found->levels = choice_of(request, moments, array, kSearchRadius, true, {}).levels;
     plan.view.focus.map = std::move(found);
     return plan;
   }

@@ -25,7 +25,7 @@ struct Compared {
 // Means can be compared over the same nodes only. A hypothesis that does not see most of the surface's nodes, such as a
 // near plane with widely spaced cameras, would leave too few of them. Hypotheses are admitted in descending order of
 // the nodes that they share with the surface, as long as kCompared of the surface's nodes remain.
-Compared compared_trials(const std::vector<std::vector<float>>& costs) {
+Compared compared_trials(const std::vector<std::vector<float>>& costs, std::span<const uint8_t> counted) {
   constexpr double kCompared = 0.5;
   const auto num_seen = [](const std::vector<float>& most) {
     return std::ranges::count_if(most, [](float cost) { return cost < kInfinity; });
@@ -33,8 +33,11 @@ Compared compared_trials(const std::vector<std::vector<float>>& costs) {
   const auto raise_to = [](const std::vector<float>& cost, std::vector<float>& most) {
     for (size_t i = 0; i < most.size(); i++) most[i] = std::max(most[i], cost[i]);
   };
-  Compared compared{std::vector<bool>(costs.size(), true), costs[0]};
-  const auto least = kCompared * static_cast<double>(num_seen(costs[0]));
+  std::vector<float> base = costs[0];
+  for (size_t i = 0; i < counted.size(); i++)
+    if (!counted[i]) base[i] = kInfinity;
+  Compared compared{std::vector<bool>(costs.size(), true), base};
+  const auto least = kCompared * static_cast<double>(num_seen(base));
   for (const std::vector<float>& cost : costs) raise_to(cost, compared.most);
   if (static_cast<double>(num_seen(compared.most)) >= least) return compared;  // usual case
   std::vector<std::pair<ptrdiff_t, size_t>> order;
@@ -44,9 +47,9 @@ Compared compared_trials(const std::vector<std::vector<float>>& costs) {
     raise_to(costs[t], most);
     return num_seen(most);
   };
-  for (size_t t = 1; t < costs.size(); t++) order.emplace_back(-shared_by(costs[0], t), t);
+  for (size_t t = 1; t < costs.size(); t++) order.emplace_back(-shared_by(base, t), t);
   std::ranges::sort(order);
-  compared.most = costs[0];
+  compared.most = base;
   for (const auto& [shared, t] : order) {
     compared.trial[t] = static_cast<double>(shared_by(compared.most, t)) >= least;
     if (compared.trial[t]) compared.most = most;
@@ -56,9 +59,9 @@ Compared compared_trials(const std::vector<std::vector<float>>& costs) {
 
 // Adds in the order of the nodes, for the same result on every machine. Four hypotheses at a time have independent
 // additions.
-void add_means(const std::vector<std::vector<float>>& costs, DepthSelection& choice) {
+void add_means(const std::vector<std::vector<float>>& costs, std::span<const uint8_t> counted, DepthSelection& choice) {
   const size_t nodes = costs[0].size(), last = costs.size() - 1;
-  const auto [is_compared, most] = compared_trials(costs);
+  const auto [is_compared, most] = compared_trials(costs, counted);
   const auto seen = std::ranges::count_if(most, [](float cost) { return cost < kInfinity; });
   choice.cost.assign(costs.size(), NAN);
   choice.energy.assign(costs.size(), NAN);
@@ -164,6 +167,7 @@ void agree_with_neighbours(const Round& round, DepthSelection& choice) {
 // True if the selected level of a node is reliable.
 bool is_informed(const Round& round, float least, size_t node) {
   if (round.terms.evidence[node] <= kMinEvidence) return false;
+  if (!round.terms.counted.empty() && !round.terms.counted[node]) return false;
   const bool sweep = round.costs.size() >= kSweep;
   constexpr size_t kFirstPlane = 2;
   float most = 0, sum = 0;
@@ -234,7 +238,7 @@ DepthSelection select_depths(const FocalMap& surface, std::span<const std::vecto
   }
   choice.gained = gained / static_cast<double>(seen);
   choice.changed = static_cast<double>(changed) / static_cast<double>(seen);
-  add_means(costs, choice);
+  add_means(costs, terms.counted, choice);
   return choice;
 }
 

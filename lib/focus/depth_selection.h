@@ -33,9 +33,11 @@ struct DepthSelection {
 
 struct DepthSelectionParams {
   std::span<const float> evidence;  // evidence of each node: see FocusArray
-  int radius = 1;                   // averaging radius of deviations, nodes
-  double levels_a_pixel = 8;        // levels per pixel of disparity between neighbouring cameras
-  uint32_t jumps = 0;               // bit mask of the hypotheses that are unrelated to the surface: see kJump
+  // 1: the node counts in DepthSelection::cost, energy and informed. Empty: all nodes do.
+  std::span<const uint8_t> counted = {};
+  int radius = 1;             // averaging radius of deviations, nodes
+  double levels_a_pixel = 8;  // levels per pixel of disparity between neighbouring cameras
+  uint32_t jumps = 0;         // bit mask of the hypotheses that are unrelated to the surface: see kJump
 };
 
 // Selects for each node the level of the hypothesis through which the cameras agree best: with the smallest deviation,

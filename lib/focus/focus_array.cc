@@ -85,11 +85,17 @@ std::vector<float> sparse_evidence(const RenderJob& job, double scale) {
     for (const FaceRun& run : job.runs().row(y)) {
       const FacePlan& face = job.plan().faces()[run.face];
       for (int x = std::max(run.x0, 0); x < std::min(run.x1, view.width); x++) {
+        float& at = evidence[static_cast<size_t>(y) * view.width + x];
+        if (!face.has_corners()) {
+          constexpr int kStep = WeightGrid::kStep;
+          const double of_point = job.plan().blend()->sum_of_squares((x + kStep / 2) / kStep, (y + kStep / 2) / kStep);
+          at = static_cast<float>(scale * std::sqrt(std::max(1 - of_point, 0.0)));
+          continue;
+        }
         const FaceWeights weights = face_weights(face, job.plan().rays().at(x, y));
         double squares = 0;
         for (const double w : weights.w) squares += w * w;
-        evidence[static_cast<size_t>(y) * view.width + x] =
-            static_cast<float>(scale * std::sqrt(std::max(1 - squares, 0.0)));
+        at = static_cast<float>(scale * std::sqrt(std::max(1 - squares, 0.0)));
       }
     }
   }
@@ -129,19 +135,90 @@ FocusArray::FocusArray(const Rig& rig, const Mesh* mesh) : from_(array_plane(rig
   nearest_ = median(std::move(widths)) / 4 / spacing;
 }
 
-double FocusArray::width_of(const View& view) const {
-  if (view.blending.kind != Blending::Kind::kAngle || !rig_) return edge_;
-  std::vector<double> beside;
-  for (const Camera& camera : rig_->cameras) {
-    const Vec3 apart = camera.pose.position - view.pose.position;
-    beside.push_back(glm::length(apart - glm::dot(apart, from_.normal) * from_.normal));
+// Returns the hypothesis view with one pixel for every kApart-th node, at the node's position.
+View FocusArray::sparse_view(const View& view) {
+  View sparse = hypothesis_view(view);
+  sparse.width = (view.focus.map->columns - 1) / kApart + 2;
+  sparse.height = (view.focus.map->rows - 1) / kApart + 2;
+  std::array<double, Lens::kMaxParams> params = sparse.lens.params();
+  const int focal = lens_model_num_focal(sparse.lens.model());
+  for (int i = 0; i < focal + 2; i++) params[static_cast<size_t>(i)] /= kApart;
+  sparse.lens = Lens(sparse.lens.model(), params);
+  sparse.focus.map = nullptr;
+  sparse.focus.plane = focal_plane_at(view.pose, 1);
+  return sparse;
+}
+
+const Mesh& FocusArray::mesh_without(const CameraSet& out_of_service) const {
+  return given_mesh_ ? *given_mesh_ : mesh_.get(*rig_, out_of_service);
+}
+
+double FocusArray::width_of(const View& view, const CameraSet& out_of_service) const {
+  if (view.blending.kind == Blending::Kind::kAngle && rig_) {
+    std::vector<double> beside;
+    for (const Camera& camera : rig_->cameras) {
+      const Vec3 apart = camera.pose.position - view.pose.position;
+      beside.push_back(glm::length(apart - glm::dot(apart, from_.normal) * from_.normal));
+    }
+    const auto last = beside.begin() +
+                      std::min<ptrdiff_t>(std::min(view.blending.nearest, kHypothesisCameras),
+                                          static_cast<ptrdiff_t>(beside.size())) -
+                      1;
+    std::ranges::nth_element(beside, last);
+    return std::max(edge_, 2 * *last);
   }
-  const auto last =
-      beside.begin() +
-      std::min<ptrdiff_t>(std::min(view.blending.nearest, kHypothesisCameras), static_cast<ptrdiff_t>(beside.size())) -
-      1;
-  std::ranges::nth_element(beside, last);
-  return std::max(edge_, 2 * *last);
+  return rig_ && edge_ > 0 ? width_beside_mesh(view, out_of_service) : edge_;
+}
+
+// Beside the mesh all cameras are on one side of a line of sight, so wrong depths displace objects instead of blurring
+// them. Returns the root mean square over the view.
+double FocusArray::width_beside_mesh(const View& view, const CameraSet& out_of_service) const {
+  const View sparse = sparse_view(view);
+  const ViewPlan plan(*rig_, mesh_without(out_of_service), sparse);
+  if (!plan.blend()) return edge_;
+  constexpr int kSamples = 24;  // per row and column, at most
+  // A displacement has the root mean square of a blur sqrt(12) times as wide. The cameras of a line of sight are half
+  // an edge farther away than the nearest one.
+  const double kOfDisplacement = std::sqrt(12);
+  const int step = std::max({sparse.width / kSamples, sparse.height / kSamples, 1});
+  const FaceIdMap owners(plan, {0, 0, sparse.width, sparse.height});
+  double sum = 0;
+  int count = 0;
+  for (int y = 0; y < sparse.height; y += step)
+    for (int x = 0; x < sparse.width; x += step) {
+      const int32_t owner = owners.at(x, y);
+      if (owner == FaceIdMap::kNone) continue;
+      double width = edge_;
+      if (!plan.faces()[owner].has_corners()) {
+        const Vec3 d = view.pose.rotation() * glm::normalize(Vec3(plan.rays().at(x, y), 1));
+        double least = std::numeric_limits<double>::infinity();
+        for (const Camera& camera : rig_->cameras) {
+          const Vec3 to = camera.pose.position - view.pose.position, across = to - glm::dot(to, d) * d;
+          least = std::min(least, glm::dot(across, across));
+        }
+        width += kOfDisplacement * (std::sqrt(least) + edge_ / 2);
+      }
+      sum += width * width;
+      count++;
+    }
+  return count > 0 ? std::sqrt(sum / count) : edge_;
+}
+
+std::vector<uint8_t> FocusArray::inside_mesh(const View& view, const CameraSet& out_of_service) const {
+  if (!rig_ || !view.blending.is_mesh()) return {};
+  const View sparse = sparse_view(view);
+  const ViewPlan plan(*rig_, mesh_without(out_of_service), sparse);
+  if (!plan.blend()) return {};
+  const FaceIdMap owners(plan, {0, 0, sparse.width, sparse.height});
+  const FocalMap& map = *view.focus.map;
+  std::vector<uint8_t> inside;
+  inside.reserve(map.levels.size());
+  for (int j = 0; j < map.rows; j++)
+    for (int i = 0; i < map.columns; i++) {
+      const int32_t owner = owners.at((i + kApart / 2) / kApart, (j + kApart / 2) / kApart);
+      inside.push_back(owner != FaceIdMap::kNone && plan.faces()[owner].has_corners());
+    }
+  return inside;
 }
 
 std::vector<float> FocusArray::evidence(const View& view, const CameraSet& out_of_service) const {
@@ -149,7 +226,7 @@ std::vector<float> FocusArray::evidence(const View& view, const CameraSet& out_o
   const double scale = 1 / std::sqrt(kThreeEqual);
   const FocalMap& map = *view.focus.map;
   if (!rig_) return std::vector<float>(map.levels.size(), 1);
-  const Mesh& mesh = given_mesh_ ? *given_mesh_ : mesh_.get(*rig_, out_of_service);
+  const Mesh& mesh = mesh_without(out_of_service);
   View sparse = hypothesis_view(view);
   if (!sparse.blending.is_mesh()) {
     const ViewPlan plan(*rig_, mesh, sparse);
@@ -157,15 +234,7 @@ std::vector<float> FocusArray::evidence(const View& view, const CameraSet& out_o
     return SparseEvidence{WeightGrid::kStep, plan.blend()->columns(), sparse_evidence(*plan.blend(), scale)}.spread(
         map);
   }
-  // One pixel for every kApart-th node, at the node's position.
-  sparse.width = (map.columns - 1) / kApart + 2;
-  sparse.height = (map.rows - 1) / kApart + 2;
-  std::array<double, Lens::kMaxParams> params = sparse.lens.params();
-  const int focal = lens_model_num_focal(sparse.lens.model());
-  for (int i = 0; i < focal + 2; i++) params[static_cast<size_t>(i)] /= kApart;
-  sparse.lens = Lens(sparse.lens.model(), params);
-  sparse.focus.map = nullptr;
-  sparse.focus.plane = focal_plane_at(view.pose, 1);
+  sparse = sparse_view(view);
   std::vector<CameraIndex> all(rig_->cameras.size());
   std::iota(all.begin(), all.end(), 0);
   const RenderJob job(*rig_, mesh, sparse, all);

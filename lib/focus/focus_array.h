@@ -40,11 +40,17 @@ class FocusArray {
   // otherwise the mesh edge, which is longer. 0: unknown.
   double edge() const { return edge_; }
   // Returns the width of the group of cameras that contribute to a pixel of the view, metres: one edge, or for views
-  // blended by angle twice the lateral distance from the viewpoint to the last camera used for hypotheses. 0: unknown.
-  double width_of(const View& view) const;
+  // blended by angle twice the lateral distance from the viewpoint to the last camera used for hypotheses. Lines of
+  // sight beside the mesh count for an edge plus twice their distance to the nearest camera. 0: unknown. The view must
+  // have a map.
+  double width_of(const View& view, const CameraSet& out_of_service) const;
   // Returns the median focal length of the cameras, pixels. 0: unknown.
   double focal() const { return focal_; }
   bool is_known() const { return rig_ != nullptr; }
+
+  // Returns 1 for each node of the view's map that the mesh covers, and 0 for nodes beside the mesh, which are
+  // extrapolated. Empty if there are no such nodes, or the view is not blended by the mesh.
+  std::vector<uint8_t> inside_mesh(const View& view, const CameraSet& out_of_service) const;
 
   // Returns the evidence at each node of the view's map: how clearly its sums can show a disagreement between the
   // cameras. It is the square root of 1 - sum w^2 for the weights w of the hypothesis view, divided by that root for
@@ -59,6 +65,9 @@ class FocusArray {
 
  private:
   FocusArray(const Rig& rig, const Mesh* mesh);
+  static View sparse_view(const View& view);
+  double width_beside_mesh(const View& view, const CameraSet& out_of_service) const;
+  const Mesh& mesh_without(const CameraSet& out_of_service) const;
 
   Plane from_;
   double nearest_ = 0, disparity_ = 0, spacing_ = 0, edge_ = 0, focal_ = 0;

@@ -74,7 +74,7 @@ Rect hypothesis_pixels(const ViewPlan& plan, CameraIndex camera, const Camera& r
 
 namespace {
 
-// Computes the camera's weights at the nodes of a run of row y, for a view that is not blended by the mesh.
+// Computes the camera's weights at the nodes of a run of row y of the face without corners.
 void weigh_by_grid(const WeightGrid& grid, CameraIndex camera, const FaceRun& run, int y, float* weights) {
   constexpr int kStep = WeightGrid::kStep;
   constexpr float kUnit = 1.f / WeightGrid::kOne;
@@ -86,7 +86,7 @@ void weigh_by_grid(const WeightGrid& grid, CameraIndex camera, const FaceRun& ru
   }
 }
 
-// Computes a corner's weights at the nodes of a run of row y, for a view that is blended by the mesh.
+// Computes a corner's weights at the nodes of a run of row y of a face of the mesh.
 void weigh(const ViewPlan& plan, const FaceRun& run, int y, int corner, float* weights) {
   const FacePlan& face = plan.faces()[run.face];
   if (!plan.rays().separable()) {
@@ -129,7 +129,8 @@ void HypothesisCamera::add(const RenderJob& job, CameraIndex camera, const Camer
   for (FaceRun run : job.runs().row(y, region.x0, region.x1)) {
     const int corner = corners.of_face(run.face);
     if (corner < 0) continue;
-    if (plan.blend()) {  // a single face covers the whole view
+    const bool has_corners = plan.faces()[run.face].has_corners();
+    if (!has_corners) {  // the face extends beyond the camera's region
       run.x0 = std::max(run.x0, region.x0);
       run.x1 = std::min(run.x1, region.x1);
       if (run.x0 >= run.x1) continue;
@@ -138,10 +139,10 @@ void HypothesisCamera::add(const RenderJob& job, CameraIndex camera, const Camer
     weight.resize(first + run.x1 - row.x0 + kHypothesisPadding);
     float* const weights = &weight[first];  // first element: the row's first node
     std::fill(weights + row.x1 - row.x0, weights + run.x0 - row.x0, 0.f);
-    if (plan.blend())
-      weigh_by_grid(*plan.blend(), camera, run, y, weights + run.x0 - row.x0);
-    else
+    if (has_corners)
       weigh(plan, run, y, corner, weights + run.x0 - row.x0);
+    else
+      weigh_by_grid(*plan.blend(), camera, run, y, weights + run.x0 - row.x0);
     row.x1 = run.x1;
   }
   if (row.x1 < 0) return;

@@ -168,7 +168,8 @@ float PhotoConsistency::deviation(size_t node) const {
   return std::sqrt(std::max(static_cast<float>(square[node]) / w - mean * mean, 0.f));
 }
 
-double moved_light(std::span<const PhotoConsistency> trials, std::span<const uint8_t> chosen, size_t plane) {
+double moved_light(std::span<const PhotoConsistency> trials, std::span<const uint8_t> chosen, size_t plane,
+                   std::span<const uint8_t> counted) {
   constexpr int kAllWeight = PhotoConsistency::kWeightOne * 15 / 16;
   constexpr double kLuma = static_cast<double>(PhotoConsistency::kWeightOne) / PhotoConsistency::kLumaOne;
   constexpr int kLeastNodes = 100;  // fewer nodes are dominated by objects at the border
@@ -179,6 +180,7 @@ double moved_light(std::span<const PhotoConsistency> trials, std::span<const uin
   for (int y = 0; y < through.rows; y++)
     for (int x = 0; x < through.columns; x++, i++) {
       const PhotoConsistency& surface = trials[chosen[i]];
+      if (!counted.empty() && !counted[i]) continue;
       if (surface.weight[i] < kAllWeight || through.weight[i] < kAllWeight) continue;
       const int quarter = 2 * (2 * y / through.rows) + 2 * x / through.columns;
       moved[quarter] += kLuma * (static_cast<double>(surface.luma[i]) / surface.weight[i] -

@@ -22,7 +22,7 @@ constexpr ModelInfo kModels[] = {
 
 const ModelInfo& info(LensModel model) { return kModels[static_cast<int>(model)]; }
 
-// Returns the smallest positive root of d/dr [r (1 + k1 r^2 + k2 r^4)] = 1 + 3 k1 q + 5 k2 q^2, q = r^2.
+// Returns the smallest positive root of d/dr [r (1 + k1 r^2 + k2 r^4)] = 1 + 3 k1 q + 5 k2 q^2, with q = r^2.
 double first_fold_radius(double k1, double k2) {
   constexpr double kNever = std::numeric_limits<double>::infinity();
   const double a = 5 * k2, b = 3 * k1;
@@ -32,7 +32,7 @@ double first_fold_radius(double k1, double k2) {
   // 2 / (-b + sqrt(D)) is the numerically stable form of the smaller positive root.
   const double denominator = -b + std::sqrt(discriminant);
   if (denominator > 0) return std::sqrt(2 / denominator);
-  // For k2 < 0 there is always a fold. If it is far away, rounding has cancelled the denominator.
+  // For k2 < 0, rays always fold back at some radius. If it is very large, rounding has cancelled the denominator.
   return a < 0 ? std::sqrt((b + std::sqrt(discriminant)) / (-2 * a)) : kNever;
 }
 
@@ -148,7 +148,7 @@ std::optional<Vec2> Lens::undistort(const Vec2& distorted, int* steps) const {
       radial(max_radius_) + (has_tangential ? 3 * std::hypot(p1_, p2_) * max_radius_ * max_radius_ : 0);
   if (std::isfinite(max_radius_) && target > reach + 1e-9 * (1 + target + reach)) return std::nullopt;
 
-  // Solve the radial part first: r (1 + k1 r^2 + k2 r^4) increases on [0, max_radius], so bracketed Newton always
+  // Solve the radial part first. r (1 + k1 r^2 + k2 r^4) increases on [0, max_radius], so bracketed Newton always
   // converges.
   double low = 0, high = max_radius_;
   if (std::isinf(high))
@@ -171,7 +171,8 @@ std::optional<Vec2> Lens::undistort(const Vec2& distorted, int* steps) const {
   Vec2 u = target > 0 ? distorted * (r / target) : Vec2(0, 0);
   if (!has_tangential) return u;
 
-  // Full Newton with the analytic Jacobian of distort(). Converges within a few steps wherever the lens has an inverse.
+  // Then solve the whole system by Newton's method with the analytic Jacobian of distort(). It converges within a few
+  // steps wherever the lens has an inverse.
   CycleFinder<Vec2> cycle;
   for (int left = kMaxNewtonSteps; left > 0;) {
     if (steps) ++*steps;

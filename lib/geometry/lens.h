@@ -17,23 +17,24 @@ enum class LensModel { kSimplePinhole = 0, kPinhole = 1, kSimpleRadial = 2, kRad
 
 // Maps camera coordinates to pixels. (0, 0) is the centre of the top-left pixel.
 //
-// A point (X, Y, Z) with Z > 0 has undistorted normalised coordinates (u, v) = (X/Z, Y/Z). Distortion (COLMAP's
-// models.h, OpenCV's calib3d) gives, with r^2 = u^2 + v^2,
+// A point (X, Y, Z) with Z > 0 has undistorted normalised coordinates (u, v) = (X/Z, Y/Z). With r^2 = u^2 + v^2, lens
+// distortion (COLMAP's models.h, OpenCV's calib3d) gives
 //   u' = u (1 + k1 r^2 + k2 r^4) + 2 p1 u v + p2 (r^2 + 2 u^2),  v' = v (1 + ...) + p1 (r^2 + 2 v^2) + 2 p2 u v
-// and the pixel is (fx u' + cx, fy v' + cy). Rays beyond the first radius where r (1 + k1 r^2 + k2 r^4) stops growing
-// would fold back into the image and count as outside.
+// and the pixel is (fx u' + cx, fy v' + cy). At some radius, r (1 + k1 r^2 + k2 r^4) may stop growing, so that rays
+// beyond it would fold back into the image. Rays beyond this radius count as outside.
 class Lens {
  public:
   static constexpr int kMaxParams = 8;
   static constexpr int kMaxRadialSteps = 100, kMaxNewtonSteps = 50;  // iteration limits of undistort()
 
   Lens() : Lens(LensModel::kSimplePinhole, {1, 0, 0}) {}
-  // `params`: in COLMAP's order for the model; further values are ignored. Throws Error ("params[i]: ...") if a value
-  // is not finite or a focal length is not positive.
+  // `params` are in COLMAP's order for the model; further values are ignored. Throws Error ("params[i]: ...") if a
+  // value is not finite or a focal length is not positive.
   Lens(LensModel model, const std::array<double, kMaxParams>& params);
 
   static Lens pinhole(double f, double cx, double cy);
-  // Returns a lens with f = (height/2) / tan(fov_y/2) and the principal point in the middle. `fov_y_deg`: in (0, 180).
+  // Returns a lens with f = (height/2) / tan(fov_y/2) and the principal point in the middle. `fov_y_deg` must be
+  // between 0 and 180.
   static Lens from_fov_y(double fov_y_deg, int width, int height);
 
   LensModel model() const { return model_; }
@@ -51,19 +52,19 @@ class Lens {
   double p2() const { return p2_; }
   bool has_distortion() const { return k1_ != 0 || k2_ != 0 || p1_ != 0 || p2_ != 0; }
   Lens shifted(const Vec2& pixels) const;
-  // Largest undistorted radius that the lens sees; infinity without a fold.
+  // Returns the largest undistorted radius that the lens sees, or infinity if rays never fold back.
   double max_radius() const { return max_radius_; }
 
   // Maps undistorted to distorted normalised coordinates. Returns nothing beyond max_radius().
   std::optional<Vec2> distort(const Vec2& undistorted) const;
-  // Inverse of distort(), accurate to 1e-12 focal lengths. Returns nothing if no ray falls there. Adds the number of
-  // iterations, at most kMaxRadialSteps + kMaxNewtonSteps, to *steps (may be null).
+  // Does the inverse of distort(), accurate to 1e-12 focal lengths. Returns nothing if no ray falls on this position.
+  // Adds the number of iterations to *steps, unless null. There are at most kMaxRadialSteps + kMaxNewtonSteps.
   std::optional<Vec2> undistort(const Vec2& distorted, int* steps = nullptr) const;
-  // Returns the mean cost of unproject() over an image, in iterations, measured at 64 pixels; 0 for a pinhole.
+  // Returns the mean cost of unproject() over an image in iterations, measured at 64 pixels. It is 0 for a pinhole.
   double mean_iterations(int width, int height) const;
 
-  // Maps camera coordinates to a pixel position, which may be outside of the image. Returns nothing for Z <= 0 or
-  // beyond max_radius().
+  // Maps camera coordinates to a pixel position, which may be outside the image. Returns nothing for Z <= 0 or beyond
+  // max_radius().
   std::optional<Vec2> project(const Vec3& x_camera) const;
   // Returns the undistorted normalised coordinates (u, v) of a pixel position. The line of sight is (u, v, 1).
   std::optional<Vec2> unproject(const Vec2& pixel) const;
@@ -80,9 +81,9 @@ std::string_view lens_model_name(LensModel model);
 std::optional<LensModel> lens_model_from_name(std::string_view name);
 std::optional<LensModel> lens_model_from_code(unsigned code);
 int lens_model_num_params(LensModel model);
-int lens_model_num_focal(LensModel model);  // 1: f, 2: fx fy; always the first parameters, then cx cy
+int lens_model_num_focal(LensModel model);  // 1 (f) or 2 (fx, fy); focal lengths come first, then cx, cy
 
-// Reads the members "model" and "params" of a camera or view. Throws Error with the place.
+// Reads the members "model" and "params" of a camera or view. Throws Error with the place in the file.
 Lens parse_lens(const JsonValue& object);
 void put_lens(const Lens& lens, nlohmann::ordered_json& object);
 

@@ -79,7 +79,8 @@ FocalMap FocalMap::refined(int width, int height) const {
   fine.farthest = farthest;
   fine.nearest = nearest;
   fine.levels.resize(static_cast<size_t>(fine.columns) * static_cast<size_t>(fine.rows));
-  // Integer arithmetic. A fine node is (2 i + 1 - ratio) / (2 ratio) coarse nodes from the first coarse node.
+  // Interpolates in integer arithmetic. A fine node is (2 i + 1 - ratio) / (2 ratio) coarse nodes from the first coarse
+  // node.
   const int ratio = step / fine.step, whole = 2 * ratio;
   struct Place {
     int first, second, part;  // part: in 1 / `whole`
@@ -132,7 +133,7 @@ void FocalMap::inverse_row(double x, double spacing, double y, int count, float*
   const auto inverse = [&](int i) {
     return far_end + scale * (upper[i] + part * static_cast<float>(lower[i] - upper[i]));
   };
-  // In nodes: the first position, and the distance between positions.
+  // The first position, and the distance between positions, in nodes.
   const double first = (x + 0.5) / step - 0.5, along = spacing / step;
   const auto past = [&](int node) {
     return static_cast<int>(std::clamp(std::ceil((node - first) / along), 0.0, static_cast<double>(count)));

@@ -11,7 +11,7 @@
 
 namespace lf {
 
-// a x + b y + c z + d = 0 in world coordinates; normal = (a, b, c) has unit length, d in metres.
+// The plane a x + b y + c z + d = 0 in world coordinates. The normal (a, b, c) has unit length, and d is in metres.
 struct Plane {
   Vec3 normal{0, 0, 1};
   double d = 0;
@@ -24,12 +24,13 @@ inline Plane plane_through(const Vec3& point, const Vec3& unit_normal) {
   return {unit_normal, -glm::dot(unit_normal, point)};
 }
 
-// world_from_camera. World and camera axes are right-handed: x right, y down, z forward (OpenCV, COLMAP).
+// The pose of a camera, as the transformation world_from_camera. World and camera axes are right-handed with x to the
+// right, y down and z forward, as in OpenCV and COLMAP.
 struct Pose {
   Vec3 position{0, 0, 0};        // centre of projection in the world, metres
   Quat orientation{1, 0, 0, 0};  // w, x, y, z; unit norm
 
-  // world_from_camera. A rotation even if |orientation| is not exactly 1.
+  // Returns the rotation of world_from_camera. The result is a rotation even if |orientation| is not exactly 1.
   Mat3 rotation() const { return glm::mat3_cast(glm::normalize(orientation)); }
   Vec3 forward() const { return rotation()[2]; }
   Vec3 right() const { return rotation()[0]; }
@@ -41,24 +42,25 @@ struct Pose {
   bool operator==(const Pose&) const = default;
 };
 
-// Returns the pose at `eye` looking at `target`, with the camera's y axis as close as possible to `down`. Requires that
-// eye != target and that the line of sight is not parallel to `down`.
+// Returns the pose at `eye` that looks at `target`, with the camera's y axis as close as possible to `down`. `eye` and
+// `target` must differ, and the line between them must not be parallel to `down`.
 Pose look_at(const Vec3& eye, const Vec3& target, const Vec3& down);
 
-// User-friendly orientation in degrees: right-handed rotations about the camera's axes, yaw first, R = Ry(yaw)
-// Rx(pitch) Rz(roll). With x right, y down, z forward: yaw > 0 turns right, pitch > 0 looks up, roll > 0 turns the
-// camera clockwise (seen from behind). All zero: aligned with the world axes.
+// An orientation for users, in degrees: right-handed rotations about the camera's axes, yaw first, R = Ry(yaw)
+// Rx(pitch) Rz(roll). With x right, y down and z forward, yaw > 0 turns right, pitch > 0 looks up, and roll > 0 turns
+// the camera clockwise (seen from behind). If all are zero, the camera is aligned with the world axes.
 struct EulerAngles {
   double yaw = 0, pitch = 0, roll = 0;
 };
 
-Quat quat_from_euler(const EulerAngles& degrees);  // unit norm
-// Returns yaw and roll in [-180, 180], pitch in [-90, 90]. Straight up or down, roll is 0 and yaw has both rotations.
-// quat_from_euler() of the result is the same orientation within 1e-14.
+Quat quat_from_euler(const EulerAngles& degrees);
+// Returns yaw and roll in [-180, 180] and pitch in [-90, 90]. If the camera looks straight up or down, roll is 0 and
+// yaw contains both rotations. quat_from_euler() of the result is the same orientation within 1e-14.
 EulerAngles euler_from_quat(const Quat& orientation);
 
-// A map of inverse distances over a view, with one node for every step x step pixels. Bilinear between nodes, constant
-// beyond the outer nodes. Node (i, j) is in the middle of its pixels, at ((i + 1/2) step - 1/2, (j + 1/2) step - 1/2).
+// Stores a depth for each part of a view, as a map of inverse distances. There is a node for every step x step pixels,
+// with bilinear interpolation between nodes and constant values beyond the outer nodes. Node (i, j) is in the middle of
+// its pixels, at ((i + 1/2) step - 1/2, (j + 1/2) step - 1/2).
 struct FocalMap {
   static constexpr int kMaxStep = 64;  // pixels
   static constexpr size_t kMaxNodes = size_t{1} << 20;
@@ -67,7 +69,7 @@ struct FocalMap {
   int step = kMinStep;  // pixels of the view
   int columns = 0, rows = 0;
   double farthest = 0, nearest = 0;  // inverse distances of levels 0 and 255, 1/m
-  std::vector<uint8_t> levels;       // row-major
+  std::vector<uint8_t> levels;       // row by row
 
   static constexpr double kLevels = 255;
 
@@ -78,14 +80,15 @@ struct FocalMap {
   double inverse_of(double level) const { return farthest + (nearest - farthest) * (level / kLevels); }
   // Returns the level nearest to an inverse distance, clamped to 0..255.
   uint8_t level_of(double inverse) const;
-  // Returns the map that a view of this size is rendered with: nodes kMinStep pixels apart, interpolated bilinearly and
-  // rounded to levels, bit-identical on every machine. Returns the map unchanged if its step is not a larger multiple.
+  // Returns the map that is used to render a view of this size. Its nodes are kMinStep pixels apart, interpolated
+  // bilinearly and rounded to levels, so that all machines get the same bits. If the step is not a larger multiple of
+  // kMinStep, the map is returned unchanged.
   FocalMap refined(int width, int height) const;
   double inverse_at(double x, double y) const;
   // Computes inverse distances at `count` positions of row y, from x on, `spacing` pixels apart.
   void inverse_row(double x, double spacing, double y, int count, float* out) const;
-  // Returns the range of the node levels that positions in [x0, x1] x [y0, y1] depend on. `levels`: of this map, or of
-  // another map of the same size.
+  // Returns the smallest and largest node level that positions in [x0, x1] x [y0, y1] depend on. `levels` may belong to
+  // this map or to another map of the same size.
   struct LevelRange {
     uint8_t least, largest;
   };
@@ -93,7 +96,8 @@ struct FocalMap {
   bool operator==(const FocalMap&) const = default;
 };
 
-// The surface on which a line of sight takes its colour: a plane, or a map with a distance for each pixel.
+// The surface of the scene that a view shows sharply: a plane, or a map with a distance for each pixel. A line of sight
+// takes its colour from this surface.
 struct FocalSurface {
   Plane plane;                          // chosen by the viewer; with a map, a fallback
   std::shared_ptr<const FocalMap> map;  // may be null
@@ -103,8 +107,8 @@ struct FocalSurface {
   }
 };
 
-// Throws Error ("focal_plane: ...", "focal_map: ...") if a number is not finite, a normal is not of unit length, or the
-// map does not fit a view of width x height pixels.
+// Throws Error ("focal_plane: ...", "focal_map: ...") if a number is not finite, if a normal is not of unit length, or
+// if the map does not fit a view of width x height pixels.
 void validate(const FocalSurface& surface, int width, int height);
 
 }  // namespace lf

@@ -25,7 +25,7 @@ inline constexpr D d;
 inline constexpr int kMaxLanes = 64;  // upper bound for all instruction sets
 
 HWY_INLINE V set(int value) { return hn::Set(d, static_cast<int16_t>(value)); }
-// Fixed-point product; has 15 fraction bits fewer than both factors together.
+// Fixed-point product with 15 fraction bits fewer than both factors together.
 HWY_INLINE V times(V a, V b) { return hn::MulFixedPoint15(a, b); }
 HWY_INLINE V plus(V a, V b) { return hn::SaturatedAdd(a, b); }
 
@@ -51,7 +51,7 @@ HWY_INLINE void store_pairs(const Pairs& level, uint8_t* to) {
   hn::StoreU(hn::BitCast(d8x2, hn::Or(level.even, hn::ShiftLeft<8>(level.odd))), d8x2, to);
 }
 
-// Looks up residuals; 5 fraction bits.
+// Looks up residuals with 5 fraction bits.
 HWY_INLINE Triple rest_at(const uint32_t* table, V index) {
   const hn::Repartition<int32_t, D> d32;
   const auto* const from = reinterpret_cast<const int32_t*>(table);
@@ -112,8 +112,8 @@ struct Quads {
   uint8_t *out_upper, *out_lower, *out_cb, *out_cr;
 };
 
-// Levels have 7 fraction bits, sums 5, and sums times the vignetting factor 4. In 16 bits there is room for twice 255
-// and for negative values.
+// Levels have 7 fraction bits, sums 5, and sums times the vignetting factor 4, so 16 bits have room for twice 255 and
+// for negative values.
 template <bool kHasRest>
 HWY_INLINE void quads(const Tables& t, const Quads& at, V factor) {
   const D8 d8;
@@ -164,7 +164,7 @@ HWY_INLINE void quad_row(const Tables& t, const Quads& row, const Row& factors, 
     quads<kHasRest>(t, at(n - lanes), factors.at(n - lanes));
     return;
   }
-  // Rest of a short row, or of a row that ends with half a pair.
+  // Process the rest of a short row, or of a row that ends with half a pair.
   alignas(64) uint8_t in[4][2 * kMaxLanes] = {}, out[4][2 * kMaxLanes];
   alignas(64) int16_t factor[kMaxLanes] = {};
   const int left = n - i, luma = 2 * left - (half_last ? 1 : 0);
@@ -275,7 +275,7 @@ double determinant(const std::array<double, 9>& m) {
   return m[0] * (m[4] * m[8] - m[5] * m[7]) - m[1] * (m[3] * m[8] - m[5] * m[6]) + m[2] * (m[3] * m[7] - m[4] * m[6]);
 }
 
-// Conversions between RGB and the channels of the family: Y, Cb, Cr of full-range BT.601 without the 128 offset.
+// Convert between RGB and the channels of the family: Y, Cb, Cr of full-range BT.601 without the 128 offset.
 Vec3 to_channels(PixelFamily family, const Vec3& rgb) {
   if (family == PixelFamily::kRgb) return rgb;
   const double y = 0.299 * rgb.x + 0.587 * rgb.y + 0.114 * rgb.z;
@@ -288,7 +288,7 @@ Vec3 to_rgb(PixelFamily family, const Vec3& channels) {
   return {y + 1.402 * cr, y - 0.114 * 1.772 / 0.587 * cb - 0.299 * 1.402 / 0.587 * cr, y + 1.772 * cb};
 }
 
-// Applies a model to the channels of a family. Powers are tabulated, accurate to a thousandth of a level.
+// Applies a model to the channels of a family. Powers come from a table that is accurate to a thousandth of a level.
 class Model {
  public:
   Model(const ColourModel& model, PixelFamily family) : model_(model), family_(family) {
@@ -317,7 +317,7 @@ class Model {
   // Corners of the YCbCr cube are far outside of RGB.
   static constexpr double kMostLevel = 640, kMaxRoot = 16;
 
-  // `place`: -1 to 1; the function is odd.
+  // `place` is -1 to 1; the function is odd.
   static double read(const std::vector<double>& table, double place) {
     const double at = std::min(std::abs(place), 1.0) * kSteps;
     const auto i = std::min<size_t>(static_cast<size_t>(at), kSteps - 1);
@@ -329,7 +329,8 @@ class Model {
   std::vector<double> light_, level_;
 };
 
-// Least-squares affine approximation of the model over all valid colours: a + b x + c y + d z for each channel.
+// Computes the least-squares affine approximation of the model over all valid colours: a + b x + c y + d z for each
+// channel.
 struct Affine {
   double of[3][4];
   Vec3 operator()(const Vec3& v) const {
@@ -439,11 +440,11 @@ std::optional<std::string> model_error(const ColourModel& model, double most_r2)
     if (!(std::abs(model.matrix[i]) <= M::kMaxEntry))
       return "matrix[" + std::to_string(i) + "]" + bounds(-M::kMaxEntry, M::kMaxEntry);
   if (!(determinant(model.matrix) >= 1e-4)) return "matrix: determinant must be at least 0.0001";
-  // A parabola in r^2: check its ends and its vertex.
+  // The transmission is a parabola in r^2, so its extremes are at the ends and at the vertex.
   double least = 1, most = 1;
   const auto look_at = [&](double r2) {
     const double share = vignetting_factor(model, r2);
-    // Keeps NaN.
+    // The negated comparison also catches NaN.
     if (!(share >= least)) least = share;
     if (!(share <= most)) most = share;
   };

@@ -13,21 +13,21 @@
 
 namespace lf {
 
-// Conversion between levels and light: light is (level / 255) ^ gamma, but linear below kToe, so that noise in dark
-// areas is not amplified. The functions are odd.
+// Convert between levels (0..255) and light. Light is (level / 255) ^ gamma, but linear below kToe, so that noise in
+// dark areas is not amplified. The functions are odd.
 inline constexpr double kPictureGamma = 2.2;
-inline constexpr double kToe = 30;  // levels; below, light rises linearly, as steeply as in sRGB
+inline constexpr double kToe = 30;  // in levels; below this, light rises linearly, as steeply as in sRGB
 double decode_gamma(double level, double gamma = kPictureGamma);
 double encode_gamma(double light, double gamma = kPictureGamma);
 
-// Colour calibration of a camera: maps its colours to the common colours of the array. Stored as the "colour" of a
-// camera in a rig file. The default changes nothing. With v a colour of the camera, 0..255 in each channel,
+// The colour calibration of a camera, which maps its colours to the common colours of the array. Rig files store it as
+// the "colour" of a camera. The default changes nothing. With v a colour of the camera, 0..255 in each channel,
 //
 //   light = decode_gamma(v - black, gamma)     of each channel
 //   level = encode_gamma(matrix * light) / (1 + k1 r^2 + k2 r^4) ^ (1 / kPictureGamma)
 //
-// where r is the distance to the principal point in half image diagonals. 1 + k1 r^2 + k2 r^4 is the light transmission
-// of the lens.
+// where r is the distance from the principal point in half image diagonals. 1 + k1 r^2 + k2 r^4 is the fraction of
+// light that the lens transmits there.
 struct ColourModel {
   Vec3 black{0, 0, 0};  // levels without light, of 255
   double gamma = kPictureGamma;
@@ -42,10 +42,10 @@ struct ColourModel {
   static constexpr double kMinLight = 0.25, kMaxLight = 2.5;
 };
 
-// Squared distances from the principal point, in the unit of ColourModel::vignetting.
+// Computes squared distances from the principal point, in the unit of ColourModel::vignetting.
 class VignettingField {
  public:
-  // `centre`: the principal point, pixels.
+  // `centre` is the principal point in pixels.
   VignettingField(int width, int height, const Vec2& centre);
   double square(double x, double y) const;
   double most() const { return most_; }
@@ -55,19 +55,19 @@ class VignettingField {
   double scale_, most_;
 };
 
-// Returns the fraction of light that reaches the sensor at `r2`.
+// Returns the fraction of light that reaches the sensor at the squared distance `r2`.
 double vignetting_factor(const ColourModel& model, double r2);
 
-// Corrects a camera's level (0..255) except for vignetting. The result may be outside of 0..255.
+// Corrects a camera's level (0..255) except for vignetting. The result may be outside 0..255.
 Vec3 corrected(const ColourModel& model, const Vec3& level);
 double level_factor(double vignetting_factor);
 
-// Returns the problem of a model for an image with a largest r^2 of `most_r2`, as a member and a reason ("gamma: must
-// be 0.5 to 5"); nothing if the model is valid.
+// Returns the problem of a model as a member and a reason, for example "gamma: must be 0.5 to 5", or nothing if the
+// model is valid. `most_r2` is the largest r^2 in the image.
 std::optional<std::string> model_error(const ColourModel& model, double most_r2);
 
-// The ColorChecker chart: 24 patches in six columns and four rows on black. Units as in OpenCV's mcc module, with
-// patches 2.5 wide. x right and y down, from the outer corner of the black border at the first patch.
+// The ColorChecker chart: 24 patches in six columns and four rows on black. Patches are 2.5 wide, as in OpenCV's mcc
+// module. x is to the right and y down, from the outer corner of the black border at the first patch.
 namespace checker {
 
 inline constexpr int kColumns = 6, kRows = 4, kPatches = kColumns * kRows;
@@ -87,25 +87,25 @@ inline constexpr int kSrgb[kPatches][3] = {
 
 }  // namespace checker
 
-// A ColourModel prepared for one camera's images of one family. Immutable.
+// Applies a ColourModel to images of one camera and family. Immutable.
 //
-// The model is split into an affine function, applied to each pixel, and a residual. The residual is read without
-// interpolation from a table of 32 x 32 x 32 colours, in I420 once for 2 x 2 pixels. The vignetting factor is
-// interpolated between rows. 16-bit arithmetic, bit-identical for all instruction sets. The mean error against double
-// precision is 0.3 levels, including 0.25 of rounding. 1 % of the most saturated and dark colours differ by more than 1
-// level, at most by 6.
+// For speed, the model is split into an affine function, which is applied to each pixel, and a residual. The residual
+// is read without interpolation from a table of 32 x 32 x 32 colours, in I420 once for 2 x 2 pixels. The vignetting
+// factor is interpolated between rows. All instruction sets give the same bits, in 16-bit arithmetic. The mean error
+// against double precision is 0.3 levels, including 0.25 of rounding. 1 % of the most saturated and dark colours differ
+// by more than 1 level, at most by 6.
 class ColourCorrection {
  public:
-  // `centre`: principal point, pixels. `family`: not kNone. `model`: valid.
+  // `centre` is the principal point in pixels. `family` must not be kNone, and `model` must be valid.
   ColourCorrection(const ColourModel& model, PixelFamily family, int width, int height, const Vec2& centre);
 
   bool is_identity() const { return is_identity_; }
-  // Corrects `rect` (inside the image; x0, y0 even for kI420) of an image of this family and size. The result is in
-  // `memory`, with the same size and layout; pixels outside of `rect` are not written. Valid as long as `memory` is
-  // unchanged.
+  // Corrects `rect` of an image of this family and size. `rect` must be inside the image, with even x0 and y0 for
+  // kI420. The result is in `memory`, with the same size and layout, and is valid until `memory` changes. Pixels
+  // outside `rect` are not written.
   ImageView apply(const ImageView& image, const Rect& rect, ByteBuffer& memory) const;
 
-  // Fixed-point numbers of the inner loops. Channels are R, G, B or Y, Cb, Cr without the 128 offset.
+  // Fixed-point numbers for the inner loops. The channels are R, G, B or Y, Cb, Cr without the 128 offset.
   static constexpr int kFactorRowStep = 8;  // plane rows per row of the factor table
   struct Tables {
     int16_t matrix[3][3];         // 13 fraction bits
@@ -124,7 +124,7 @@ class ColourCorrection {
   bool is_identity_ = false;
 };
 
-// Returns the whole image corrected; `centre`: principal point.
+// Returns the whole image corrected. `centre` is the principal point.
 Image corrected(const Image& image, const ColourModel& model, const Vec2& centre);
 
 }  // namespace lf

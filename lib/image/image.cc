@@ -179,7 +179,7 @@ namespace {
 
 using Colour = std::array<uint8_t, 3>;
 
-// At 0, 0.1, ..., 1; linear in between.
+// The colours at 0, 0.1, ..., 1, with linear interpolation in between.
 constexpr std::array<Colour, 11> kScale{{{0, 0, 4},
                                          {22, 11, 57},
                                          {66, 10, 104},

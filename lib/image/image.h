@@ -14,8 +14,9 @@
 
 namespace lf {
 
-// The two pixel families. kRgb: gamma-encoded 8-bit full-range RGB, interleaved. kI420: full-range BT.601 YCbCr, planes
-// of 8 bits, chroma at half resolution (rounded up), centred: chroma sample k sits at luma coordinate 2k + 0.5.
+// The two kinds of pixels. kRgb is gamma-encoded 8-bit full-range RGB, interleaved. kI420 is full-range BT.601 YCbCr in
+// planes of 8 bits, with chroma at half resolution (rounded up). Chroma is centred: sample k is at luma coordinate 2k +
+// 0.5.
 enum class PixelFamily : uint8_t { kNone = 0, kRgb = 1, kI420 = 2 };
 
 struct RgbLayout {
@@ -26,27 +27,27 @@ struct RgbLayout {
 
 class GpuImage;
 
-// Location of pixels on a GPU, and the processing that sampling expects.
+// Says where pixels are on a GPU, and how to process them before sampling.
 struct GpuPixels {
-  const GpuImage* image = nullptr;  // null: the pixels are in memory and already processed
+  const GpuImage* image = nullptr;  // null if the pixels are in memory and already processed
   float gain = 1;                   // divisor, see divide_by_gain(); 1: none
   bool sharpened = false;           // after the division, see sharpen()
   auto operator<=>(const GpuPixels&) const = default;
 };
 
-// A camera image in memory of its owner, valid as long as the owner keeps the memory.
+// A camera image in memory that belongs to someone else. It is valid as long as the owner keeps the memory.
 struct ImageView {
   PixelFamily family = PixelFamily::kNone;
-  int width = 0, height = 0;     // pixels
-  RgbLayout layout;              // kRgb
+  int width = 0, height = 0;
+  RgbLayout layout;              // for kRgb
   const uint8_t* plane[3] = {};  // kRgb: plane[0]; kI420: Y, Cb, Cr (offset 128)
   ptrdiff_t stride[3] = {};      // bytes from row to row
-  GpuPixels on_gpu;              // if set, the planes are null; fetched() returns the pixels
+  GpuPixels on_gpu;              // if set, the planes are null, and fetched() returns the pixels
 };
 
 inline int chroma_size(int luma) { return (luma + 1) / 2; }
 
-// Packed pixels owned by the image: kRgb as RGB, 3 bytes a pixel; kI420 as consecutive Y, Cb, Cr planes.
+// An image that owns its pixels, without padding: RGB with 3 bytes a pixel, or consecutive Y, Cb and Cr planes.
 class Image {
  public:
   Image() = default;
@@ -57,7 +58,7 @@ class Image {
   int height() const { return height_; }
   std::vector<uint8_t>& data() { return data_; }
   const std::vector<uint8_t>& data() const { return data_; }
-  uint8_t* pixel(int x, int y) { return &data_[(static_cast<size_t>(y) * width_ + x) * 3]; }  // kRgb only
+  uint8_t* pixel(int x, int y) { return &data_[(static_cast<size_t>(y) * width_ + x) * 3]; }  // only for kRgb
   const uint8_t* pixel(int x, int y) const { return &data_[(static_cast<size_t>(y) * width_ + x) * 3]; }
   uint8_t* plane(int i) { return data_.data() + plane_offset(i); }
   const uint8_t* plane(int i) const { return data_.data() + plane_offset(i); }
@@ -72,14 +73,15 @@ class Image {
 
 size_t packed_size(PixelFamily family, int width, int height);
 
-// Full-range BT.601 (JFIF). to_i420() averages chroma over 2x2 pixels, to_rgb() takes the nearest sample.
+// Convert in full-range BT.601 (JFIF). to_i420() averages chroma over 2x2 pixels, and to_rgb() takes the nearest
+// sample.
 Image to_i420(const Image& rgb);
 Image to_rgb(const Image& i420);
 
-// Reads PNG, JPEG and all other formats of OpenCV's imgcodecs, as 8-bit RGB. Throws Error naming the file.
+// Reads PNG, JPEG and all other formats of OpenCV's imgcodecs, as 8-bit RGB. Throws Error with the file's name.
 Image load_image(const std::string& path);
-// Writes an RGB image. The extension selects the format: .png (lossless), .jpg (quality 95). Throws Error naming the
-// file.
+// Writes an RGB image. The extension selects the format: .png (lossless) or .jpg (quality 95). Throws Error with the
+// file's name.
 void save_image(const Image& rgb, const std::string& path);
 
 enum class Resampling {
@@ -87,22 +89,23 @@ enum class Resampling {
   kSharpened,  // bilinear, on sharpened images (image/image_filters.h)
 };
 
-// An image in GPU textures, which can be sampled without a copy in memory.
+// An image in GPU textures, which shaders can sample without a copy in memory.
 class GpuImage {
  public:
   virtual ~GpuImage() = default;
 
   struct Texture {
     unsigned name;  // OpenGL name of a GL_TEXTURE_2D of at least the plane's size
-    int channel;    // kI420: channel of the plane's samples; kRgb: unused, channels are the bytes of a pixel
+    // channel of a kI420 plane's samples; unused for kRgb, because its channels are the bytes of a pixel
+    int channel;
   };
-  // `index`: 0 for kRgb; 0 to 2 for Y, Cb, Cr.
+  // `index` is 0 for kRgb, and 0 to 2 for Y, Cb, Cr.
   virtual Texture plane(int index) const = 0;
-  // Call in a context that shares the textures, before the first access. Later commands of the context see complete
-  // textures.
+  // Call this in a context that shares the textures, before the first access. Later commands of the context then see
+  // complete textures.
   virtual void wait() const = 0;
-  // Returns the image in memory, of the same family, size and layout; kNone on failure. Valid as long as this object
-  // lives. May be called from any thread, any number of times.
+  // Returns the image in memory, of the same family, size and layout, or kNone on failure. It is valid as long as this
+  // object. Any thread may call this, any number of times.
   virtual ImageView fetch() const = 0;
   virtual bool is_fetched() const = 0;
 };
@@ -111,12 +114,12 @@ struct FetchBuffers {
   ByteBuffer divided, sharpened;
 };
 
-// Returns the image in memory, with the processing of its GpuPixels applied to `part` (inside the image; x0, y0 even
-// for kI420). An image in memory is returned as is; kNone on failure. Valid as long as `memory` and the GpuImage are
-// unchanged.
+// Returns the image in memory, after the processing of its GpuPixels in `part`. `part` must be inside the image, with
+// even x0 and y0 for kI420. An image that is already in memory is returned as it is. Returns kNone on failure. The
+// result is valid until `memory` or the GpuImage changes.
 ImageView fetched(const ImageView& image, const Rect& part, FetchBuffers& memory);
 
-// Encoding of 8-bit YCbCr video (ITU-R BT.601-7, BT.709-6, BT.2020-2): Y = kr R + (1 - kr - kb) G + kb B.
+// The encoding of 8-bit YCbCr video (ITU-R BT.601-7, BT.709-6, BT.2020-2): Y = kr R + (1 - kr - kb) G + kb B.
 struct YcbcrFormat {
   double kr = 0.299, kb = 0.114;
   bool full_range = true;      // 0 to 255; false: luma 16 to 235, chroma 16 to 240
@@ -130,7 +133,8 @@ class YcbcrConversion {
  public:
   explicit YcbcrConversion(const YcbcrFormat& from);
 
-  // `in`: three planes in the source encoding. `out`: the same size, rows `stride` bytes apart, must not overlap `in`.
+  // `in` contains three planes in the source encoding. `out` has the same size, with rows `stride` bytes apart, and
+  // must not overlap `in`.
   void convert(const ImageView& in, uint8_t* const out[3], const ptrdiff_t stride[3]) const;
 
  private:
@@ -142,18 +146,19 @@ class YcbcrConversion {
   int32_t chroma_of_[2][2];        // output Cb and Cr for Cb and Cr of 1/16 level, in 1/2^16
 };
 
-// Returns the colour (R, G, B) of a value: black at 0, then violet, red, orange, and pale yellow at 1, with increasing
-// brightness, so that the scale works in grey and for colour-blind users. This is "inferno" of matplotlib (S. van der
+// Returns a colour (R, G, B) for a value: black at 0, then violet, red, orange, and pale yellow at 1. Brightness
+// increases, so that the scale works in grey and for colour-blind users. This is "inferno" of matplotlib (S. van der
 // Walt and N. Smith 2015). Values are clamped to 0..1.
 std::array<uint8_t, 3> heat_colour(double share);
 
 inline constexpr uint8_t kNoValueGrey = 96;
 
-// Opacity of the luma of the underlay where a heat map is black.
+// Opacity of the underlay's luma where a heat map is black.
 inline constexpr float kUnderlayOpacity = 0.4f;
 
-// Draws width * height values, row-major: 0 is black, `full` the end of the scale, NaN is kNoValueGrey. The luma of
-// `underlay` (RGB, same size) shines through where values are small. Throws Error if a size differs.
+// Draws a heat map of width * height values, row by row. 0 is black, `full` is the end of the scale, and NaN is
+// kNoValueGrey. The luma of `underlay` (an RGB image of the same size) shines through where values are small. Throws
+// Error if a size differs.
 Image heat_map(std::span<const float> values, int width, int height, double full, const Image* underlay = nullptr);
 
 }  // namespace lf

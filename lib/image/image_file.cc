@@ -21,6 +21,7 @@
 
 #include "base/file.h"
 #include "base/text.h"
+#include "image/coded_image_check.h"
 
 namespace lf {
 namespace {
@@ -37,7 +38,7 @@ class ScopedOpenCvSilence {
   const cv::utils::logging::LogLevel before_;
 };
 
-// As in the header; may exceed the limits.
+// The size according to the header, which may exceed the limits.
 struct HeaderSize {
   int64_t width = 0, height = 0;
 };
@@ -71,11 +72,11 @@ std::optional<HeaderSize> png_size(std::string_view bytes) {
   return pair_of(header.number(16, 4), header.number(20, 4));
 }
 
-// The first frame header (SOF) of a JPEG file, after segments with a length each.
+// Finds the first frame header (SOF) of a JPEG file, after segments with a length each.
 std::optional<HeaderSize> jpeg_size(std::string_view bytes) {
   const HeaderBytes header(bytes, true);
   for (size_t at = 2;;) {
-    while (at + 1 < bytes.size() && bytes[at] == '\xff' && bytes[at + 1] == '\xff') at++;  // fill bytes
+    while (at + 1 < bytes.size() && bytes[at] == '\xff' && bytes[at + 1] == '\xff') at++;
     const auto marker = header.number(at, 2);
     if (!marker || *marker >> 8 != 0xff) return std::nullopt;
     const uint32_t kind = *marker & 0xff;
@@ -101,7 +102,7 @@ std::optional<HeaderSize> bmp_size(std::string_view bytes) {
   return HeaderSize{size->width, std::abs(int64_t{height})};
 }
 
-// The first directory of a TIFF file: entries of 12 bytes, each a tag, a type, a count and a value.
+// Reads the first directory of a TIFF file: entries of 12 bytes, each a tag, a type, a count and a value.
 std::optional<HeaderSize> tiff_size(std::string_view bytes) {
   const HeaderBytes header(bytes, bytes[0] == 'M');
   const auto directory = header.number(4, 4);
@@ -152,7 +153,7 @@ std::optional<HeaderSize> pnm_size(std::string_view bytes) {
   return HeaderSize{*width, *height};
 }
 
-// "-Y 480 +X 640" after an empty line.
+// The size follows an empty line as "-Y 480 +X 640".
 std::optional<HeaderSize> hdr_size(std::string_view bytes) {
   size_t at = bytes.find("\n\n");
   if (at == bytes.npos) return std::nullopt;
@@ -169,13 +170,21 @@ std::optional<HeaderSize> hdr_size(std::string_view bytes) {
   return HeaderSize{sides[0], sides[1]};
 }
 
+bool is_tiff(std::string_view bytes) {
+  return bytes.starts_with(std::string_view("II*\0", 4)) || bytes.starts_with(std::string_view("MM\0*", 4));
+}
+
+bool is_webp(std::string_view bytes) {
+  return bytes.starts_with("RIFF") && bytes.size() >= 16 && bytes.substr(8, 4) == "WEBP";
+}
+
 std::optional<HeaderSize> claimed_size(std::string_view bytes) {
   const auto begins = [&](std::string_view magic) { return bytes.substr(0, magic.size()) == magic; };
   if (begins("\x89PNG\r\n\x1a\n")) return png_size(bytes);
   if (begins("\xff\xd8\xff")) return jpeg_size(bytes);
   if (begins("BM")) return bmp_size(bytes);
-  if (begins(std::string_view("II*\0", 4)) || begins(std::string_view("MM\0*", 4))) return tiff_size(bytes);
-  if (begins("RIFF") && bytes.size() >= 16 && bytes.substr(8, 4) == "WEBP") return webp_size(bytes);
+  if (is_tiff(bytes)) return tiff_size(bytes);
+  if (is_webp(bytes)) return webp_size(bytes);
   if (begins("#?RADIANCE") || begins("#?RGBE")) return hdr_size(bytes);
   if (bytes.size() > 2 && bytes[0] == 'P' && std::string_view("123456Ff").find(bytes[1]) != std::string_view::npos)
     return pnm_size(bytes);
@@ -199,6 +208,17 @@ std::string read_image_file(const std::string& path) {
   return read_file(path);
 }
 
+void fail_if_damaged(const std::string& path, const std::string& damage) {
+  if (!damage.empty()) throw Error(path + ": damaged: " + damage);
+}
+
+// Returns false if OpenCV refuses the bytes. May throw cv::Exception.
+bool decode_with_opencv(std::span<const uint8_t> bytes, cv::Mat& pixels) {
+  const cv::Mat coded(1, static_cast<int>(bytes.size()), CV_8UC1, const_cast<uint8_t*>(bytes.data()));
+  cv::imdecode(coded, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION, &pixels);
+  return !pixels.empty();
+}
+
 Image decode_image(const std::string& path, const std::string& bytes, ImageSize size) {
   // OpenCV accepts damaged PNG and JPEG files.
   const std::span coded_bytes(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size());
@@ -209,13 +229,18 @@ Image decode_image(const std::string& path, const std::string& bytes, ImageSize 
       throw Error(path + ": " + error.what());
     }
   }
+  if (is_tiff(bytes)) fail_if_damaged(path, tiff_damage(coded_bytes));
   // OpenCV decodes into the image's memory if the size matches.
   Image image(PixelFamily::kRgb, size.width, size.height);
   cv::Mat pixels(size.height, size.width, CV_8UC3, image.data().data());
-  const cv::Mat coded(1, static_cast<int>(bytes.size()), CV_8UC1, const_cast<char*>(bytes.data()));
   try {
     const ScopedOpenCvSilence quiet;
-    cv::imdecode(coded, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION, &pixels);
+    decode_with_opencv(coded_bytes, pixels);
+    if (is_webp(bytes) && !pixels.empty())
+      fail_if_damaged(path, webp_damage(coded_bytes, [](std::span<const uint8_t> part) {
+                        cv::Mat ignored;
+                        return decode_with_opencv(part, ignored);
+                      }));
   } catch (const cv::Exception& e) {
     throw Error(path + ": " + e.what());
   }

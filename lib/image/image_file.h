@@ -21,14 +21,15 @@ struct ImageSize {
 inline constexpr int kMaxImageSide = 16384;              // pixels
 inline constexpr int64_t kMaxImagePixels = 160'000'000;  // 480 MB as RGB
 
-// Reads the size of an image file from its header: PNG, JPEG, BMP, TIFF, WebP, PNM (PBM, PGM, PPM), PFM or Radiance
-// HDR. Decodes no pixel. Throws Error naming the file, also for a size above the limits.
+// Reads the size of an image file from its header, without decoding pixels. Supports PNG, JPEG, BMP, TIFF, WebP, PNM
+// (PBM, PGM, PPM), PFM and Radiance HDR. Throws Error with the file's name, also for a size above the limits.
 ImageSize load_image_size(const std::string& path);
-// Variant of load_image() that throws Error without decoding if the size is not `expected`.
+// Does the same as load_image(), but throws Error without decoding if the size is not `expected`.
 Image load_image_of_size(const std::string& path, ImageSize expected);
 
-// Functions on the bytes of PNG and JPEG files, implemented in jpeg/picture_bytes.cc. The camera source, the renderer
-// and `lf-rig check` decode all stills with these functions, so that they agree on damage.
+// The functions below work on the bytes of PNG and JPEG files; they are implemented in jpeg/picture_bytes.cc. The
+// camera source, the renderer and `lf-rig check` all use them for stills, so that they agree about which files are
+// damaged.
 enum class ImageCoding { kOther, kPng, kJpeg };
 
 ImageCoding detect_image_coding(std::span<const uint8_t> bytes);
@@ -37,28 +38,28 @@ ImageCoding detect_image_coding(std::span<const uint8_t> bytes);
 // Throws Error, without the file's name, if any part is missing or damaged. Thread-safe.
 Image decode_still(std::span<const uint8_t> bytes, PixelFamily jpeg_family);
 
-// Returns the EXIF orientation of a PNG or JPEG, 1..8; 1 (upright) if there is none.
+// Returns the EXIF orientation of a PNG or JPEG, 1 to 8. It is 1 (upright) if the file has none.
 int exif_orientation(std::span<const uint8_t> bytes);
-// Returns a message about an EXIF orientation, which this project ignores; empty for orientation 1.
+// Returns a message that this project ignores the EXIF orientation, or an empty text for orientation 1.
 std::string orientation_notice(int orientation);
 
-// Returns the end of the JPEG at the start of `bytes`: behind its EOI marker, or where another picture begins earlier.
+// Returns the end of the JPEG at the start of `bytes`: after its EOI marker, or where another picture begins before.
 // Returns nothing if the end is not in `bytes`. Reads only markers.
 std::optional<size_t> jpeg_end(std::span<const uint8_t> bytes);
-// True if a file that begins with `bytes` is a Motion JPEG stream: consecutive whole JPEG pictures of one size. A
-// second picture that belongs to a still, such as a preview or a gain map (MPF), does not count.
+// Returns true if a file that begins with `bytes` is a Motion JPEG stream, which consists of whole JPEG pictures of one
+// size. A second picture that belongs to a still, such as a preview or a gain map (MPF), does not count.
 bool is_jpeg_stream(std::span<const uint8_t> bytes);
 
-// Encodes an RGB image as JPEG, quality 1..100. Throws Error.
+// Encodes an RGB image as JPEG with quality 1 to 100. Throws Error.
 std::vector<uint8_t> encode_jpeg(const Image& rgb, int quality);
 
-// Grey samples, row by row.
+// A grey image, stored row by row.
 struct GreyImage {
-  int width = 0, height = 0;  // pixels
+  int width = 0, height = 0;
   std::vector<uint8_t> samples;
 };
 
-// Decodes the luma of a JPEG at 1 / `smaller` of its size (1, 2, 4 or 8), rounded up, without decoding the rest. Throws
+// Decodes only the luma of a JPEG, at 1 / `smaller` of its size, rounded up. `smaller` must be 1, 2, 4 or 8. Throws
 // Error.
 GreyImage decode_jpeg_luma(const std::vector<uint8_t>& bytes, int smaller);
 

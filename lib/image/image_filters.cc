@@ -14,10 +14,10 @@
 HWY_BEFORE_NAMESPACE();
 namespace lf::HWY_NAMESPACE {
 
-// Factors have 14 fraction bits and values 7. The upper 16 bits of the product have 5.
+// Factors have 14 fraction bits and values 7, so the upper 16 bits of the product have 5.
 constexpr int kValueBits = 7, kLeftBits = 5;
 
-// `zero`: the neutral value. `from` and `to` may be equal.
+// `zero` is the neutral value. `from` and `to` may be equal.
 void divide_row(const uint8_t* from, int n, int factor, int zero, uint8_t* to) {
   for_lanes<int16_t>(n, [&](auto d, int i) HWY_ATTR {
     const hn::Rebind<uint8_t, decltype(d)> d8;
@@ -29,7 +29,7 @@ void divide_row(const uint8_t* from, int n, int factor, int zero, uint8_t* to) {
   });
 }
 
-// v + (kSharpening / 4) (4 v - a - b - c - d), in 16 bits.
+// Computes v + (kSharpening / 4) (4 v - a - b - c - d), in 16 bits.
 constexpr int kFractionBits = kSharpeningBits;
 constexpr int16_t kNeighbour = kSharpeningFactor;
 
@@ -45,8 +45,8 @@ struct PlaneRows {
   uint8_t* to;
 };
 
-// Filters `n` bytes of each row from byte `first` on; all have neighbours on both sides. Goes from top to bottom, so
-// that shared rows stay in registers.
+// Filters `n` bytes of each row from byte `first` on, which must all have neighbours on both sides. Goes from top to
+// bottom, so that shared rows stay in registers.
 HWY_INLINE void inner(const PlaneRows& plane, int first, int n) {
   map_lanes<int16_t>(n, [&](auto d, int i) HWY_ATTR {
     const hn::Rebind<uint8_t, decltype(d)> d8;
@@ -59,7 +59,7 @@ HWY_INLINE void inner(const PlaneRows& plane, int first, int n) {
       const auto below = at(y + 1 < plane.height ? row + plane.stride : row);
       const auto around = hn::Add(hn::Add(at(row - plane.step), at(row + plane.step)), hn::Add(above, below));
       const auto difference = hn::Sub(hn::ShiftLeft<2>(v), around);
-      // (a b + 2^14) >> 15
+      // Computes (a b + 2^14) >> 15.
       const auto more = hn::MulFixedPoint15(difference, hn::Set(d, kNeighbour << (15 - kFractionBits)));
       hn::StoreU(hn::DemoteTo(d8, hn::Add(v, more)), d8, out);
       above = v;

@@ -18,12 +18,12 @@ struct PlaneCopy {
   int step;           // bytes from pixel to pixel
   int width, height;  // pixels of the plane
   Rect part;
-  int index;  // 0; kI420: Y, Cb, Cr
+  int index;  // 0; 0 to 2 for Y, Cb, Cr in kI420
 };
 
 // Returns a copy of `image` in `memory` (resized to fit), with the same size, layout and strides. write(plane) fills
-// the part of each plane that `rect` covers (inside the image; x0, y0 even for kI420); the rest is not written. Valid
-// as long as `memory` is unchanged.
+// the part of each plane that `rect` covers; the rest is not written. `rect` must be inside the image, with even x0 and
+// y0 for kI420. The result is valid until `memory` changes.
 template <typename Write>
 ImageView write_copy(const ImageView& image, const Rect& rect, ByteBuffer& memory, const Write& write) {
   const bool rgb = image.family == PixelFamily::kRgb;
@@ -44,30 +44,32 @@ ImageView write_copy(const ImageView& image, const Rect& rect, ByteBuffer& memor
   return out;
 }
 
-// Gains closer to 1 are not applied: they change levels by at most a quarter. Camera gains are 1/2 to 2.
+// Gains closer to 1 than this are not applied, because they change levels by at most a quarter. Camera gains are 1/2 to
+// 2.
 inline constexpr float kGainTolerance = 1.f / 512;
 
-// Divides all colours in `rect` by the exposure gain of a camera, rounded and clamped. Arguments and result as for
-// write_copy(). Divides padding between pixels, too. Bit-identical for all instruction sets.
+// Divides all colours in `rect` by the exposure gain of a camera (its brightness compared with the array), rounded and
+// clamped. Arguments and result are as for write_copy(). Padding between pixels is divided, too. All instruction sets
+// give the same bits.
 ImageView divide_by_gain(const ImageView& image, const Rect& rect, float gain, ByteBuffer& memory);
 void divide_by_gain(std::span<uint8_t> luma, float gain);
 
 // Returns the integer factor of divide_by_gain(), which shaders use as well. A value v becomes zero + ((v - zero) 2^7
 // gain_factor(gain) / 2^16 + 2^4) / 2^5, rounded down after each division, and clamped. `zero` is 0 for luma and
-// colours, 128 for chroma.
+// colours, and 128 for chroma.
 int gain_factor(float gain);
 
-// Compensates the blur of bilinear sampling: v + kSharpening (v - mean of its four neighbours), rounded and clamped,
-// for every sample of a plane. The image border is repeated. Bilinear samples of the result achieve two thirds of the
-// gain of Catmull-Rom sampling at a fraction of the cost.
+// Sharpening compensates the blur of bilinear sampling. Each sample v of a plane becomes v + kSharpening (v - mean of
+// its four neighbours), rounded and clamped. The border of the image is repeated. Bilinear samples of the result
+// achieve two thirds of the gain of Catmull-Rom sampling at a fraction of its cost.
 inline constexpr double kSharpening = 0.3;
-// Integer form, which shaders use as well: v + (kSharpeningFactor (4 v - sum of neighbours) + 2^7) / 2^8, rounded down
-// and clamped.
+// Shaders use the same integer form: v + (kSharpeningFactor (4 v - sum of neighbours) + 2^7) / 2^8, rounded down and
+// clamped.
 inline constexpr int kSharpeningBits = 8;
 inline constexpr int kSharpeningFactor = static_cast<int>(kSharpening * (1 << kSharpeningBits) / 4 + 0.5);
 
-// Sharpens `rect` of an image. Arguments and result as for write_copy(). Sharpens padding between pixels, too.
-// Bit-identical for all instruction sets.
+// Sharpens `rect` of an image. Arguments and result are as for write_copy(). Padding between pixels is sharpened, too.
+// All instruction sets give the same bits.
 ImageView sharpen(const ImageView& image, const Rect& rect, ByteBuffer& memory);
 Image sharpened(const Image& image);
 

@@ -10,7 +10,7 @@
 namespace lf::jpeg {
 namespace {
 
-// Same rule as libjpeg: no code consists of ones only.
+// As in libjpeg, no code consists of ones only.
 bool is_prefix_code(const HuffmanSpec& spec) {
   uint32_t code = 0;
   for (int i = 0; i < 16; i++) {
@@ -64,7 +64,8 @@ std::shared_ptr<const AcTable> make(const HuffmanSpec& spec, const AcTable*) {
     uint32_t bits = 0, steps = 0;
     while (bits < AcTable::kBits) {
       const Single& next = singles[i << bits & (singles.size() - 1)];
-      // Stop at codes that reach beyond the known bits; a match with the zeros shifted in would be accidental.
+      // Stop at codes that reach beyond the known bits, because they might match the zeros that were shifted in by
+      // accident.
       if (next.code_bits == 0 || bits + next.code_bits > AcTable::kBits) break;
       if (next.steps != AcTable::kEnd && steps + next.steps > 63) break;
       bits += next.code_bits + next.size;
@@ -86,7 +87,7 @@ std::shared_ptr<const AcTable> make(const HuffmanSpec& spec, const AcTable*) {
   return table;
 }
 
-// Least recently used cache of tables.
+// A least recently used cache of tables.
 template <typename Table>
 class Cache {
  public:
@@ -175,10 +176,10 @@ ScanData::ScanData(std::span<const uint8_t> scan, size_t max_segments) : scan_(s
       ff = find_ff(next + 1, end);
       continue;
     }
-    while (next != end && *next == 0xff) next++;  // fill bytes before a marker
+    while (next != end && *next == 0xff) next++;
     if (next == end || *next < 0xd0 || *next > 0xd7) break;
-    // Assume, as libjpeg does, that up to two segments may be lost, and that a larger gap means a damaged marker. The
-    // segment of the bytes before the marker is then unknown.
+    // As in libjpeg, assume that up to two segments may be lost, and that a larger gap means a damaged marker. It is
+    // then unknown which segment the bytes before the marker belong to.
     const size_t missing = (*next - 0xd0 - segments_.size()) & 7;
     if (missing > 2 || segments_.size() + 1 + missing >= max_segments) break;
     segments_.push_back({begin, missing > 0 ? begin : offset(ff)});
@@ -203,7 +204,7 @@ ScanData::Range ScanData::segment(size_t index) {
       out += size;
       in = ff == end ? end : ff + 2;
     }
-    // A reader may load bits behind the last bit. At least two bytes of a marker separate segments.
+    // A reader may load bits after the last bit. At least two bytes of a marker separate segments.
     out[0] = out[1] = 0;
     s.clean_end = static_cast<size_t>(out - bytes_.get());
   }
@@ -278,8 +279,8 @@ bool McuStream::start_next() {
   return at_.bit < end_of_data_;
 }
 
-// Whole bytes left before a restart marker indicate damage, just like missing bits. Some cameras send padding behind
-// the last MCU.
+// Whole bytes that are left before a restart marker indicate damage, just like missing bits. The last MCU is an
+// exception, because some cameras send padding there.
 bool McuStream::move_to(const Position& next) {
   if (next.bit > end_of_data_) return false;
   if (next.mcu == run_end_ && next.mcu % segment_mcus_ == 0 && next.mcu < int64_t{mcus_x_} * mcus_y_ &&

@@ -17,8 +17,9 @@
 
 namespace lf::jpeg {
 
-// Reads bits of unstuffed entropy-coded bytes, most significant bit first. Does not check for the end: the caller
-// compares position() with the end of the data. Eight bytes behind any read position must be readable.
+// Reads bits of unstuffed entropy-coded bytes, starting with the most significant bit. The reader does not check for
+// the end of the data, so the caller must compare position() with the end. Eight bytes after any read position must be
+// readable.
 class BitReader {
  public:
   BitReader(const uint8_t* bytes, uint64_t bit) : base_(bytes), next_(bytes + bit / 8) {
@@ -35,11 +36,11 @@ class BitReader {
     next_ += (63 - available_) >> 3;
     available_ |= 56;
   }
-  // Returns the next `bits` bits, 1..32.
+  // Returns the next `bits` bits, 1 to 32.
   uint32_t peek(int bits) const { return static_cast<uint32_t>(buffer_ >> (64 - bits)); }
-  // Returns all available bits, left-aligned; lower bits are undefined.
+  // Returns all available bits, left-aligned. Lower bits are undefined.
   uint64_t buffer() const { return buffer_; }
-  // `bits` must be less than 64 and available.
+  // `bits` must be less than 64, and that many bits must be available.
   void skip(unsigned bits) {
     buffer_ <<= bits;
     available_ -= bits;
@@ -54,11 +55,12 @@ class BitReader {
 };
 
 struct HuffmanSymbol {
-  uint8_t code_bits = 0;  // 0: invalid code
+  uint8_t code_bits = 0;  // 0 for an invalid code
   uint8_t symbol = 0;
 };
 
-// Finds codes of any length by comparison (T.81 annex F.2.2.3), for codes too long for a lookup table.
+// Finds codes of any length by comparison (T.81 annex F.2.2.3). It is used for codes that are too long for a lookup
+// table.
 class LongCodes {
  public:
   // `spec` must be a prefix code.
@@ -71,30 +73,31 @@ class LongCodes {
   std::array<uint8_t, 256> symbols_;
 };
 
-// Lookup table for DC codes, indexed by the next kBits bits. Entries are packed fields; 0: a longer code, or an invalid
-// code.
+// A lookup table for DC codes, indexed by the next kBits bits. Entries are packed fields. An entry of 0 means that the
+// code is longer than kBits, or invalid.
 struct DcTable {
   static constexpr int kBits = 9;
   static unsigned total_bits(uint32_t entry) { return entry & 0xff; }  // bits of the code and the difference
   static unsigned code_bits(uint32_t entry) { return entry >> 8 & 0xff; }
-  static unsigned size(uint32_t entry) { return entry >> 16; }  // bits of the difference, 0..11
+  static unsigned size(uint32_t entry) { return entry >> 16; }  // bits of the difference, 0 to 11
 
   LongCodes long_codes;
   std::array<uint32_t, 1 << kBits> entries;
 };
 
-// Lookup table for AC codes, indexed by the next kBits bits. An entry has the first symbol, and the total length of all
-// complete symbols in these bits, so that skipping a block takes only a few lookups.
+// A lookup table for AC codes, indexed by the next kBits bits. Besides the first symbol, an entry describes the chain
+// of all complete symbols in these bits, so that a block can be skipped with a few lookups.
 struct AcTable {
   static constexpr int kBits = 11;
-  // The chain of symbols: bits of codes and values; coefficients (0..63), plus kEnd if the chain ends the block.
+  // The chain: bits of its codes and values, and number of its coefficients (0 to 63). kEnd is added to the number if
+  // the chain ends the block.
   static constexpr unsigned kEnd = 128;
   static constexpr unsigned kNone = 64;  // 64 steps and no bits: an invalid code, or a longer code
   static unsigned chain_bits(uint32_t entry) { return entry & 0xff; }
   static unsigned chain_steps(uint32_t entry) { return entry >> 8 & 0xff; }
-  // The first symbol: coefficients (1..16, the last has the value), kEnd or kNone.
+  // The first symbol: number of its coefficients (1 to 16, the last one has the value), kEnd or kNone.
   static unsigned code_bits(uint32_t entry) { return entry >> 16 & 15; }
-  static unsigned size(uint32_t entry) { return entry >> 20 & 15; }  // bits of the value
+  static unsigned size(uint32_t entry) { return entry >> 20 & 15; }
   static unsigned steps(uint32_t entry) { return entry >> 24; }
 
   LongCodes long_codes;
@@ -108,20 +111,21 @@ struct AcTable {
   std::array<uint32_t, 1 << kShortBits> shorts;
 };
 
-// Returns the signed number of `size` bits (0..15) at the top of `bits`, in T.81 coding: a leading zero means negative.
+// Returns the signed number of `size` bits (0 to 15) at the top of `bits`. In T.81's coding, a leading zero means a
+// negative number.
 inline int32_t signed_value(uint64_t bits, unsigned size) {
   const auto magnitude = static_cast<int32_t>(bits >> 1 >> (63 - size));
   const auto negative = static_cast<int32_t>(~(static_cast<int64_t>(bits) >> 63));
   return magnitude + (negative & (1 - (1 << size)));
 }
 
-// Returns the table for a specification. Tables are cached, because cameras send the same tables with every frame.
-// Returns null if the specification is empty or not a prefix code. Thread-safe.
+// Return the table for a specification, or null if it is empty or not a prefix code. Tables are cached, because cameras
+// send the same tables with every frame. Thread-safe.
 std::shared_ptr<const DcTable> dc_table(const HuffmanSpec& spec);
 std::shared_ptr<const AcTable> ac_table(const HuffmanSpec& spec);
 
-// Functions that read or skip one 8x8 block of a baseline scan (T.81 annex F). Inline, so that BitReader stays in
-// registers.
+// The functions below read or skip one 8x8 block of a baseline scan (T.81 annex F). They are inline so that BitReader
+// stays in registers.
 
 // Adds the block's difference to the predictor. Returns false if the code is invalid. Reads at most 27 bits.
 inline bool read_dc(BitReader& reader, const DcTable& table, int32_t& predictor) {
@@ -154,12 +158,12 @@ inline AcSymbol find_ac(const BitReader& reader, const AcTable& table) {
   return {found.symbol == 0 ? AcTable::kEnd : run + 1, found.code_bits, size};
 }
 
-// Skips the AC coefficients of a block. Returns false if the data is damaged. Requires at most 27 bits read since the
-// last refill(). The caller must then refill().
+// Skips the AC coefficients of a block. Returns false if the data is damaged. At most 27 bits may have been read since
+// the last refill(). The caller must then call refill().
 inline bool skip_ac(BitReader& reader, const AcTable& table) {
   for (unsigned k = 1;;) {
-    // The inner loop ends at a chain that reaches the last coefficient, ends the block, or has no symbol. This is the
-    // only data-dependent jump. Two lookups of at most 26 bits are between refills.
+    // This loop ends at a chain that reaches the last coefficient, ends the block, or has no symbol. Its end is the
+    // only jump that depends on the data. There are two lookups of at most 26 bits between refills.
     uint32_t entry;
     unsigned to;
     for (;;) {
@@ -179,7 +183,7 @@ inline bool skip_ac(BitReader& reader, const AcTable& table) {
       reader.skip(AcTable::chain_bits(entry));
       return true;
     }
-    // Reads a single symbol: a long code, or a chain that continues in the next block.
+    // Read a single symbol: a long code, or a chain that continues in the next block.
     reader.refill();
     const AcSymbol symbol = find_ac(reader, table);
     if (symbol.steps == AcTable::kNone) return false;
@@ -191,9 +195,9 @@ inline bool skip_ac(BitReader& reader, const AcTable& table) {
   }
 }
 
-// Reads the AC coefficients of a block, multiplied by `quant` (zigzag order), into `block` (in kIdctOrder), which must
-// be zero. *last: zigzag index of the last coefficient; 0 if there is none. Returns false if the data is damaged.
-// Requires a refill() before the call and another one after the call.
+// Reads the AC coefficients of a block, multiplies them by `quant` (in zigzag order), and writes them to `block` (in
+// kIdctOrder), which must be zero. *last becomes the zigzag index of the last coefficient, or 0 if there is none.
+// Returns false if the data is damaged. The caller must refill() before and after the call.
 inline bool read_ac(BitReader& reader, const AcTable& table, const uint16_t* quant, int16_t* block, unsigned* last) {
   const auto store = [&](unsigned k, int32_t value) { block[kIdctOrder[k]] = static_cast<int16_t>(value * quant[k]); };
   for (unsigned k = 1;;) {
@@ -233,59 +237,59 @@ inline bool read_ac(BitReader& reader, const AcTable& table, const uint16_t* qua
   }
 }
 
-// The entropy-coded bytes of a scan, divided at restart markers. Removes stuffed zeros after FF on demand, so that a
-// reader can load eight bytes at a time. Not thread-safe.
+// The entropy-coded bytes of a scan, divided at restart markers. Stuffed zeros after FF are removed on demand, so that
+// a reader can load eight bytes at a time. Not thread-safe.
 class ScanData {
  public:
-  // larger than the longest MCU: 10 blocks of 64 coefficients, with 16-bit codes and 15-bit values
+  // more than the longest MCU: 10 blocks of 64 coefficients, with 16-bit codes and 15-bit values
   static constexpr size_t kPadding = 2560;
 
-  // `scan` begins with the first entropy-coded byte and must outlive this object. The scan ends at any marker but a
-  // restart marker, or after max_segments (> 0) segments. If the number of a restart marker shows that one or two
-  // segments are missing, these segments and the previous segment are empty. Any other wrong number ends the scan.
+  // `scan` begins with the first entropy-coded byte and must outlive this object. The scan ends after max_segments (>
+  // 0) segments, or before, at any marker but a restart marker. The number of a restart marker may show that one or two
+  // segments are missing; these segments and the previous one then become empty. Any other wrong number ends the scan.
   ScanData(std::span<const uint8_t> scan, size_t max_segments);
 
   // Returns the number of segments of the scan, at least 1.
   size_t segments() const { return segments_.size(); }
-  // Range in bytes() of a segment; empty for an invalid index.
+  // The range of a segment in bytes(). It is empty for an invalid index.
   struct Range {
     size_t begin = 0, end = 0;
   };
   Range segment(size_t index);
-  // kPadding bytes of any value are readable after each segment.
+  // After each segment, kPadding bytes of any value are readable.
   const uint8_t* bytes() const { return bytes_.get(); }
 
  private:
   struct Segment {
     size_t begin = 0, end = 0;  // range in the stuffed bytes
-    size_t clean_end = 0;       // end of the clean bytes in bytes_, which start at `begin`; 0: not made yet
+    size_t clean_end = 0;       // end of the clean bytes in bytes_, which start at `begin`; 0 until they are needed
   };
   std::span<const uint8_t> scan_;
   std::vector<Segment> segments_;
   PooledBuffer bytes_;
 };
 
-// The MCUs of a baseline scan, in any order. Seeks by restart markers and known row starts, and skips MCUs from there.
-// Not thread-safe.
+// Reads the MCUs of a baseline scan in any order. The stream starts at a restart marker or at a known start of a row,
+// and skips the MCUs from there. Not thread-safe.
 class McuStream {
  public:
   static constexpr int kMaxBlocks = 10;
-  // The dequantised coefficients of one MCU in the layout of idct(), blocks in the order of the scan.
+  // The dequantised coefficients of one MCU in the layout of idct(), with blocks in the order of the scan.
   struct Mcu {
     alignas(64) int16_t block[kMaxBlocks][64];
     unsigned last[kMaxBlocks];  // zigzag index of the last coefficient that may be nonzero
   };
 
-  // `header`: must have one_baseline_scan. `frame`: the bytes of the header; must outlive the stream. Check error()
-  // before use.
+  // `header` must have one_baseline_scan. `frame` contains the bytes of the header and must outlive the stream. Check
+  // error() before use.
   McuStream(const Header& header, std::span<const uint8_t> frame);
   McuStream(const McuStream&) = delete;
   McuStream& operator=(const McuStream&) = delete;
 
-  // Returns null, or why nothing can be read.
+  // Returns null, or the reason why nothing can be read.
   const char* error() const { return error_; }
 
-  // Seeks to MCU x of row y. Returns false if the data before is damaged.
+  // Moves to MCU x of row y. Returns false if the data before it is damaged.
   bool seek(int x, int y);
   // Read the next MCU, or skip `count` MCUs, within the row of the last seek(). Return false if the data is damaged.
   bool read(Mcu& mcu);
@@ -312,15 +316,15 @@ class McuStream {
 
   const char* error_ = nullptr;
   int mcus_x_ = 0, mcus_y_ = 0;
-  int64_t segment_mcus_ = 0;  // MCUs between restart markers
+  int64_t segment_mcus_ = 0;
   uint16_t quant_[4][64];
   std::vector<Block> blocks_;
   std::vector<std::shared_ptr<const void>> tables_;
   std::optional<ScanData> data_;
   std::vector<Position> rows_;  // start of each row of MCUs, if known
-  Position at_;                 // next MCU; at the end of a segment: its end
-  int64_t run_end_ = -1;        // MCUs before this one are in the same row and segment as at_;
-  uint64_t end_of_data_ = 0;    // end of that segment, bits; both unknown if run_end_ <= at_.mcu
+  Position at_;                 // the next MCU, or the end of a segment
+  int64_t run_end_ = -1;        // MCUs before this one are in the same row and segment as at_
+  uint64_t end_of_data_ = 0;    // end of that segment, bits; run_end_ <= at_.mcu means that both are unknown
 };
 
 }  // namespace lf::jpeg

@@ -16,8 +16,8 @@ namespace {
 
 constexpr size_t kLeastRoom = 4096;  // minimum growth of the output, bytes
 
-// Copies a row and repeats its last sample up to the padded width. The decoder discards the padding; this way it costs
-// the fewest bits.
+// Copies a row and repeats its last sample up to the padded width. The decoder discards the padding, and repeated
+// samples cost the fewest bits.
 void copy_row(uint8_t* to, const uint8_t* from, int n, int padded_n) {
   std::memcpy(to, from, n);
   std::memset(to + n, from[n - 1], padded_n - n);
@@ -81,7 +81,7 @@ class FragmentEncoder::Picture {
     return text;
   }
 
-  // No object here may have a destructor, because longjmp() skips destructors.
+  // No object in this function may have a destructor, because longjmp() skips destructors.
   bool compress(const FragmentPlanes& fragment, const CodedSize& size, int quality) {
     if (setjmp(errors_.jump)) return false;
     if (quality != quality_) jpeg_set_quality(&info_, quality, TRUE);
@@ -150,7 +150,7 @@ class FragmentEncoder::Picture {
   uint8_t header_[kPixelHeader];
   ByteBuffer* out_ = nullptr;
   bool out_of_memory_ = false;
-  int quality_ = 0;  // quality of the current tables
+  int quality_ = 0;
   ByteBuffer rows_;
 };
 
@@ -175,22 +175,22 @@ void FragmentEncoder::encode_missing(const FragmentPlanes& fragment, int quality
 
 namespace {
 
-// libjpeg has a fast path through the entropy-coded bytes that needs this many bytes behind every MCU (512 a block).
-// Most fragments are shorter, so they decode faster with zeros behind the scan.
+// libjpeg has a fast path through the entropy-coded bytes, which needs this many bytes after every MCU (512 a block).
+// Most fragments are shorter, so they decode faster if zeros follow the scan.
 constexpr size_t kRoomBehind = 6 * 512;
 
-// Misaligns RGB rows: libjpeg writes aligned rows with stores that bypass the caches. This takes up to four times as
-// long for small pictures, and the rows are read immediately.
+// This offset misaligns RGB rows on purpose. libjpeg would write aligned rows with stores that bypass the caches,
+// although the rows are read immediately. For small pictures, that takes up to four times as long.
 constexpr size_t kUnaligned = 1;
 
-// Writes the markers that are not transmitted. Baseline; component 1 has table 0, and 2x2 samples per unit if there are
-// further components, which have table 1.
+// Writes the markers that are not transmitted, for a baseline scan. Component 1 has table 0. If there are further
+// components, it has 2x2 samples per unit, and they have table 1.
 size_t write_header(uint8_t* out, const CodedSize& size, int components) {
   const uint8_t* const begin = out;
   const auto put = [&out](std::initializer_list<int> bytes) {
     for (const int byte : bytes) *out++ = static_cast<uint8_t>(byte);
   };
-  put({0xff, 0xd8});  // SOI
+  put({0xff, 0xd8});
   put({0xff, 0xc0, 0, 8 + 3 * components, 8, size.height >> 8, size.height, size.width >> 8, size.width, components});
   for (int c = 0; c < components; c++) put({c + 1, c == 0 && components > 1 ? 0x22 : 0x11, c > 0});
   put({0xff, 0xda, 0, 6 + 2 * components, components});
@@ -229,7 +229,7 @@ class Tables {
 
 }  // namespace
 
-// libjpeg's state for the pixels or the missing weight, and the planes of the latest picture.
+// The state of libjpeg for the pixels or the missing weight, and the planes of the latest picture.
 class FragmentDecoder::Picture {
  public:
   explicit Picture(bool lost) : components_(lost ? 1 : 3) {
@@ -273,7 +273,7 @@ class FragmentDecoder::Picture {
     const size_t area = static_cast<size_t>(size.width) * size.height;
     planes_.resize(rgb ? kUnaligned + 3 * area : components_ == 1 ? area : area + area / 2);
     size_ = size;
-    // A whole scan is consumed to its last byte. Stop there: the bytes behind the scan are not a header.
+    // A whole scan is consumed to its last byte. Stop there, because the bytes after it are not a header.
     const bool whole = rgb ? decompress_rgb() : decompress_planes();
     const bool used_up = source_.next_input_byte >= end;
     jpeg_abort_decompress(&info_);
@@ -291,7 +291,7 @@ class FragmentDecoder::Picture {
   ptrdiff_t stride(int c) const { return c == 0 ? size_.width : size_.width / 2; }
 
  private:
-  // No object here may have a destructor, because longjmp() skips destructors.
+  // No object in this function may have a destructor, because longjmp() skips destructors.
   bool start(bool rgb) {
     jpeg_read_header(&info_, TRUE);
     info_.dct_method = JDCT_ISLOW;

@@ -30,7 +30,8 @@ struct Standard {
   HuffmanSpec dc[2], ac[2];
 };
 
-// The default tables of libjpeg's encoder. No object here may have a destructor, because longjmp() skips destructors.
+// Returns the default tables of libjpeg's encoder. No object here may have a destructor, because longjmp() skips
+// destructors.
 Standard make_standard() {
   Errors errors;
   jpeg_compress_struct info{};
@@ -65,14 +66,14 @@ bool has_known_colours(const jpeg_decompress_struct& info) {
   }
 }
 
-// True if a libjpeg error means an unsupported kind of JPEG rather than damage.
+// Returns true if a libjpeg error means an unsupported kind of JPEG rather than damage.
 bool is_unsupported(int code) {
   return code == JERR_BAD_PRECISION || code == JERR_SOF_UNSUPPORTED || code == JERR_ARITH_NOTIMPL ||
          code == JERR_COMPONENT_COUNT || code == JERR_CONVERSION_NOTIMPL;
 }
 
-// libjpeg's header reader, reused for all frames. Resets the tables for each frame, because libjpeg would keep tables
-// of earlier frames.
+// libjpeg's header reader, reused for all frames. It resets the tables for each frame, because libjpeg would keep the
+// tables of earlier frames.
 class Reader {
  public:
   Reader() {
@@ -103,7 +104,7 @@ class Reader {
   Reader(const Reader&) = delete;
   Reader& operator=(const Reader&) = delete;
 
-  // Returns null, or the problem as a text that is valid until the next call.
+  // Returns null, or a text about the problem that is valid until the next call.
   const char* read(std::span<const uint8_t> frame, Header& h) {
     reset_tables();
     source_.next_input_byte = frame.data();
@@ -115,7 +116,7 @@ class Reader {
     return error;
   }
 
-  // True if read() refused the latest frame as unsupported; the frame may be intact.
+  // Returns true if read() refused the latest frame as unsupported. The frame may be intact.
   bool is_unsupported_kind() const { return unsupported_; }
 
  private:
@@ -197,7 +198,7 @@ bool Reader::is_one_baseline_scan(const Header& h) const {
   if (info_.progressive_mode || info_.arith_code || info_.comps_in_scan != h.components) return false;
   for (int i = 0; i < h.components; i++)
     if (info_.cur_comp_info[i] != &info_.comp_info[i]) return false;
-  // A full scan: all coefficients with all bits.
+  // A full scan contains all coefficients with all bits.
   if (info_.Ss != 0 || info_.Se != 63 || info_.Ah != 0 || info_.Al != 0) return false;
   const Component &y = h.component[0], &cb = h.component[1], &cr = h.component[2];
   if (y.h != h.h_max || y.v != h.v_max || y.h > 2 || y.v > 2) return false;
@@ -220,7 +221,7 @@ std::optional<Header> parse_header(std::span<const uint8_t> frame, std::string* 
   std::optional<Header> header(std::in_place);
   const char* error = reader.read(frame, *header);
   if (!error) {
-    // A block takes at least two bits, or one in a progressive scan of DC only.
+    // A block takes at least two bits, or one bit in a progressive scan of DC only.
     const int64_t blocks = int64_t{header->mcus_x()} * header->mcus_y() * header->blocks_per_mcu();
     const auto bits = static_cast<int64_t>(frame.size() - header->scan) * 8;
     if (bits < blocks * (header->one_baseline_scan ? 2 : 1)) error = "too few bytes for the image's size";

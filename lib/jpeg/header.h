@@ -10,27 +10,27 @@
 
 namespace lf::jpeg {
 
-// A Huffman table of a DHT segment (T.81 annex B.2.4.2). symbols[] has as many values as the sum of counts[], then
-// zeros.
+// A Huffman table of a DHT segment (T.81 annex B.2.4.2). The first values of symbols[], as many as the sum of counts[],
+// are in use; the rest are zero.
 struct HuffmanSpec {
-  std::array<uint8_t, 16> counts{};  // number of codes of 1..16 bits
+  std::array<uint8_t, 16> counts{};  // number of codes of 1 to 16 bits
   std::array<uint8_t, 256> symbols{};
   bool operator==(const HuffmanSpec&) const = default;
 };
 
-// The tables of T.81 annex K.3 for luma (0) and chroma (1), taken from libjpeg. Frames without DHT segments (Motion
-// JPEG in AVI) use these tables. Thread-safe.
+// Return the tables of T.81 annex K.3 for luma (0) and chroma (1), taken from libjpeg. Frames without DHT segments, as
+// in Motion JPEG in AVI, use these tables. Thread-safe.
 const HuffmanSpec& standard_dc(int chroma);
 const HuffmanSpec& standard_ac(int chroma);
 
 struct Component {
   uint8_t id = 0;
-  uint8_t h = 1, v = 1;               // blocks of an MCU along x and y; 1, 1 if this is the only component
-  uint8_t quant = 0, dc = 0, ac = 0;  // table indices
+  uint8_t h = 1, v = 1;  // blocks of an MCU along x and y; both 1 if this is the only component
+  uint8_t quant = 0, dc = 0, ac = 0;
 };
 
-// Maximum pixels of a frame that must be decoded as a whole. libjpeg keeps all coefficients in memory, whereas decoding
-// regions takes memory for those regions only.
+// Maximum pixels of a frame that must be decoded as a whole. libjpeg then keeps all coefficients in memory, whereas
+// decoding in regions takes memory only for these regions.
 inline constexpr int kMaxWholePixels = 1 << 26;
 
 // Everything before the entropy-coded bytes of a frame with 8 bits per sample: grey, YCbCr, RGB, CMYK or YCCK.
@@ -38,11 +38,11 @@ struct Header {
   int width = 0, height = 0;  // pixels, 1..kMaxImageSize
   int components = 0;         // 1 (grey) or 3; of four components only the first three
   Component component[3];
-  int h_max = 1, v_max = 1;    // largest h and v: an MCU covers 8 h_max x 8 v_max pixels
-  uint16_t quant[4][64] = {};  // quantisation tables, in zigzag order
-  HuffmanSpec dc[4], ac[4];    // tables missing in the file are from T.81 annex K, or empty
-  int restart_interval = 0;    // MCUs between restart markers; 0: none
-  size_t scan = 0;             // offset of the first scan's entropy-coded bytes
+  int h_max = 1, v_max = 1;  // largest h and v, so that an MCU covers 8 h_max x 8 v_max pixels
+  uint16_t quant[4][64] = {};
+  HuffmanSpec dc[4], ac[4];  // if the file lacks a table, the standard table of T.81 annex K or an empty table
+  int restart_interval = 0;  // MCUs between restart markers, or 0
+  size_t scan = 0;           // offset of the first scan's entropy-coded bytes
   // True if the frame can be decoded in regions: one baseline scan of all components, grey or YCbCr with chroma at full
   // or half resolution along each axis. Otherwise a general decoder must decode the whole frame.
   bool one_baseline_scan = false;
@@ -53,7 +53,7 @@ struct Header {
 };
 
 // Reads the marker segments up to the first scan. If they are damaged or the kind of JPEG is unsupported, returns
-// nothing and sets *reason to a text for users; *unsupported tells both cases apart. Allocates memory only for the
+// nothing and sets *reason to a text for users. *unsupported tells both cases apart. Allocates memory only for the
 // reason.
 std::optional<Header> parse_header(std::span<const uint8_t> frame, std::string* reason, bool* unsupported = nullptr);
 

@@ -11,9 +11,9 @@
 #include <hwy/foreach_target.h>  // must precede highway.h
 #include <hwy/highway.h>
 
-// Factors of one pass, with 13 fraction bits: inputs 0, 2, 4, 6 give the even half of outputs 0..3, inputs 1, 3, 5, 7
-// the odd half. Output i is even + odd, output 7 - i is even - odd. The sums equal the butterflies of jidctint.c;
-// integer sums are exact, so their order does not matter. They do not overflow for 16-bit inputs.
+// Factors of one pass, with 13 fraction bits. Inputs 0, 2, 4, 6 give the even half of outputs 0..3, and inputs 1, 3, 5,
+// 7 the odd half. Output i is even + odd, and output 7 - i is even - odd. The sums equal the butterflies of jidctint.c,
+// because integer sums are exact in any order. They do not overflow for 16-bit inputs.
 #ifndef LF_JPEG_IDCT_SUMS
 #define LF_JPEG_IDCT_SUMS
 namespace lf::jpeg {
@@ -21,9 +21,10 @@ inline constexpr int16_t kEven[4][4] = {
     {8192, 10703, 8192, 4433}, {8192, 4433, -8192, -10704}, {8192, -4433, -8192, 10704}, {8192, -10703, 8192, -4433}};
 inline constexpr int16_t kOdd[4][4] = {
     {11363, 9633, 6437, 2260}, {9633, -2259, -11362, -6436}, {6437, -11362, 2261, 9633}, {2260, -6436, 9633, -11363}};
-// Right shift of each pass: the first leaves 2 fraction bits, the second none and also removes the DCT's factor of 8.
+// Right shift of each pass. The first pass leaves 2 fraction bits. The second leaves none, and also removes the DCT's
+// factor of 8.
 inline constexpr int kShift[2] = {13 - 2, 13 + 2 + 3};
-// Rounding, and in the second pass the offset of 128.
+// Rounding and, in the second pass, the offset of 128.
 inline constexpr int32_t kBias[2] = {1 << 10, (1 << 17) + (128 << 18)};
 }  // namespace lf::jpeg
 #endif
@@ -33,7 +34,7 @@ namespace lf::jpeg::HWY_NAMESPACE {
 
 #if HWY_TARGET == HWY_SCALAR
 
-// Transforms columns; writes the result as rows.
+// Transforms columns and writes the result as rows.
 template <int kPass>
 void transform(const int16_t* in, int16_t* out) {
   for (int x = 0; x < 8; x++)
@@ -76,7 +77,7 @@ HWY_INLINE VWide multiply_add(VPairs pairs, int16_t a, int16_t b) {
   return hn::RearrangeToOddPlusEven(sum, odd);
 }
 
-// One pass over inputs 0 and 2, 1 and 3, 4 and 6, 5 and 7 of each lane. kLow: inputs 4 to 7 are zero.
+// Computes one pass over inputs 0 and 2, 1 and 3, 4 and 6, 5 and 7 of each lane. Inputs 4 to 7 are zero with kLow.
 template <int kPass, bool kLow>
 HWY_INLINE void transform(VPairs in02, VPairs in13, VPairs in46, VPairs in57, VWide (&out)[8]) {
   for (int i = 0; i < 4; i++) {

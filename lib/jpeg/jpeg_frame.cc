@@ -33,7 +33,7 @@ struct Failure : jpeg_error_mgr {
   std::longjmp(failure->jump, 1);
 }
 
-// True if the bytes that libjpeg skipped before a marker are padding, as some cameras send.
+// Returns true if the bytes that libjpeg skipped before a marker are padding, as some cameras send.
 bool skipped_padding(j_common_ptr info) {
   const jpeg_source_mgr& source = *reinterpret_cast<j_decompress_ptr>(info)->src;
   const JOCTET* const end = source.next_input_byte;
@@ -42,8 +42,8 @@ bool skipped_padding(j_common_ptr info) {
   return byte == end;
 }
 
-// libjpeg only warns of damage, and conceals it with grey or repeated content. Here the frame fails. Unknown versions
-// and skipped bytes in headers are harmless, but skipped bytes in a scan are displaced picture data.
+// libjpeg only warns of damage, and conceals it with grey or repeated content. Here, the frame fails instead. Unknown
+// versions and skipped bytes in headers are harmless, but skipped bytes in a scan are displaced picture data.
 void on_message(j_common_ptr info, int level) {
   const int code = info->err->msg_code;
   if (level >= 0 || code == JWRN_JFIF_MAJOR || code == JWRN_ADOBE_XFORM) return;
@@ -57,7 +57,8 @@ void on_progress(j_common_ptr info) {
   std::longjmp(static_cast<Failure*>(info->err)->jump, 1);
 }
 
-// Converts two rows of interleaved YCbCr at full resolution, or of grey, to a row of I420 chroma and two of luma.
+// Converts two rows of interleaved YCbCr at full resolution, or of grey, to two rows of luma and one row of I420
+// chroma.
 void store_rows(const uint8_t* const rows[2], int components, int y, Image& out) {
   const int w = out.width(), cw = chroma_size(w);
   for (int i = 0; i < 2 && y + i < out.height(); i++) {
@@ -74,7 +75,7 @@ void store_rows(const uint8_t* const rows[2], int components, int y, Image& out)
   }
 }
 
-// Converts one row of CMYK to RGB. `inverted`: as Adobe stores CMYK.
+// Converts one row of CMYK to RGB. `inverted` means CMYK as Adobe stores it.
 void cmyk_to_rgb(const uint8_t* cmyk, int width, bool inverted, uint8_t* rgb) {
   for (int x = 0; x < width; x++, cmyk += 4, rgb += 3) {
     const auto light = [&](int i) { return inverted ? cmyk[i] : 255 - cmyk[i]; };
@@ -163,11 +164,11 @@ std::optional<Image> decode_rgb(std::span<const uint8_t> frame, std::string* rea
   return run_decoder(frame, reason, out, [&](jpeg_decompress_struct& info) { read_rgb(info, out, memory); });
 }
 
-// An I420 image that is filled MCU by MCU, in uninitialised memory of the pool. Not thread-safe, except that pixels of
-// other MCUs may be read during a write().
+// Fills an I420 image MCU by MCU, in uninitialised memory of the pool. Not thread-safe, except that pixels of other
+// MCUs may be read during a write().
 class I420Writer {
  public:
-  // `header`: must have one_baseline_scan; must outlive the writer.
+  // `header` must have one_baseline_scan, and must outlive the writer.
   explicit I420Writer(const Header& header);
 
   // Returns the whole image. Its planes are padded to whole MCUs.
@@ -237,7 +238,7 @@ void I420Writer::write_averaged(const McuStream::Mcu& mcu, int block, int compon
     for (int bx = 0; bx < c.h; bx++, block++)
       idct(mcu.block[block], mcu.last[block], &full[by * 8][bx * 8], sizeof full[0]);
 
-  // The last sample counts twice at an odd edge of the image.
+  // At an odd edge of the image, the last sample counts twice.
   const int step_x = 2 * c.h / header_.h_max, step_y = 2 * c.v / header_.v_max;
   const int last_x = step_x == 2 ? header_.width - 1 - x * 8 * c.h : 16;
   const int last_y = step_y == 2 ? header_.height - 1 - y * 8 * c.v : 16;

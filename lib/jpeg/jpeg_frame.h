@@ -15,12 +15,12 @@
 
 namespace lf::jpeg {
 
-// These functions decode a whole JPEG of any kind that libjpeg reads: progressive, several scans, arithmetic coding,
-// any sampling; grey, YCbCr, RGB, CMYK or YCCK. If any part of the frame is damaged, they return nothing and set
-// *reason. Thread-safe.
+// The functions below decode a whole JPEG of any kind that libjpeg reads: progressive, several scans, arithmetic
+// coding, any sampling; grey, YCbCr, RGB, CMYK or YCCK. If any part of the frame is damaged, they return nothing and
+// set *reason. Thread-safe.
 
-// Decodes to I420. Averages chroma of more than half resolution, repeats chroma of less. Requires that parse_header()
-// accepts the frame.
+// Decodes to I420. Chroma of more than half resolution is averaged, and chroma of less is repeated. parse_header() must
+// have accepted the frame.
 std::optional<Image> decode_whole(std::span<const uint8_t> frame, std::string* reason);
 // Decodes to RGB with libjpeg's chroma interpolation.
 std::optional<Image> decode_rgb(std::span<const uint8_t> frame, std::string* reason);
@@ -34,34 +34,36 @@ class I420Writer;
 class McuStream;
 }  // namespace jpeg
 
-// A camera's compressed frame, decoded on demand: only the regions requested so far have pixels. Pixels are I420 and
-// bit-identical to libjpeg's JDCT_ISLOW. Chroma of full resolution along an axis is averaged, grey gets chroma 128, RGB
-// and CMYK are converted. Thread-safe: views may share a frame. Calls wait while another call decodes.
+// A camera's compressed frame. Only the requested regions are decoded, because a view usually needs only a part of each
+// image. Pixels are I420 and bit-identical to libjpeg's JDCT_ISLOW. Chroma of full resolution along an axis is
+// averaged, grey gets chroma 128, and RGB and CMYK are converted. Thread-safe: several views may share a frame, and
+// calls wait while another call decodes.
 //
-// A baseline frame, as from every Motion JPEG camera, is decoded in whole MCUs. The decoder must skip the preceding
-// MCUs, at a fraction of the cost of decoding, from the last restart marker or known row start. Other frames, such as
-// progressive frames, are decoded as a whole when the first region is requested.
+// A baseline frame, as from every Motion JPEG camera, is decoded in whole MCUs. The decoder starts at the last restart
+// marker or known start of a row. It skips the MCUs from there, at a fraction of the cost of decoding. Other frames,
+// such as progressive ones, are decoded as a whole when the first region is requested.
 class JpegFrame {
  public:
-  // Reads the headers and keeps `bytes` alive through `owner`. Returns null, and sets *reason to a text for users, if
-  // the headers are damaged, there are too few bytes for the image's size, or the kind of JPEG is not supported: not 8
-  // bits per sample, lossless, unknown colours, or more than kMaxImageSize pixels a side.
+  // Reads the headers, and keeps `bytes` alive through `owner`. Returns null and sets *reason to a text for users in
+  // three cases: the headers are damaged, there are too few bytes for the image's size, or the kind of JPEG is
+  // unsupported. Unsupported are other sample sizes than 8 bits, lossless coding, unknown colours, and more than
+  // kMaxImageSize pixels a side.
   static std::shared_ptr<JpegFrame> open(std::shared_ptr<const void> owner, std::span<const uint8_t> bytes,
                                          std::string* reason = nullptr);
   ~JpegFrame();
   JpegFrame(const JpegFrame&) = delete;
   JpegFrame& operator=(const JpegFrame&) = delete;
 
-  int width() const { return header_.width; }    // pixels, >= 1
-  int height() const { return header_.height; }  // pixels, >= 1
+  int width() const { return header_.width; }
+  int height() const { return header_.height; }
 
-  // Decodes the pixels of `region` inside the image. Returns false and sets *reason if the data there, or before since
-  // the last restart marker, is damaged. Some of the region may then be available, and earlier regions remain
-  // available. Damage that leaves valid codes goes unnoticed.
+  // Decodes the pixels of `region`, which must be inside the image. Returns false and sets *reason if the data there is
+  // damaged, or the data between the last restart marker and there. Some of the region may then be available, and
+  // earlier regions stay available. Damage that leaves valid codes goes unnoticed.
   bool ensure(const Rect& region, std::string* reason = nullptr);
 
-  // Returns the image. Pixels are defined in regions with a successful ensure(); the rest may be read but is undefined.
-  // Planes are null before the first ensure(), then keep their address until the frame is destroyed.
+  // Returns the image. Pixels are defined only in regions with a successful ensure(); the rest may be read, but is
+  // undefined. Planes are null before the first ensure(), and then keep their address until the frame is destroyed.
   ImageView view() const;
 
  private:
@@ -79,7 +81,7 @@ class JpegFrame {
   std::unique_ptr<jpeg::I420Writer> writer_;
   std::vector<bool> decoded_;   // one flag per MCU, row by row
   std::optional<Image> whole_;  // the whole picture, if regions cannot be decoded
-  std::string damage_;          // why decode_all() always fails
+  std::string damage_;          // the reason why decode_all() always fails
 };
 
 }  // namespace lf

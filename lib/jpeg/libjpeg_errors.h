@@ -9,12 +9,12 @@
 
 namespace lf::jpeg {
 
-// Replaces libjpeg's error handling, which ends the process.
+// Replaces libjpeg's error handling, which would end the process.
 struct Errors {
-  jpeg_error_mgr manager;  // must be first: libjpeg returns a pointer to this member
+  jpeg_error_mgr manager;  // must be first, because libjpeg returns a pointer to this member
   std::jmp_buf jump;
 
-  // Errors jump to `jump`, and so do warnings if `warnings_too`. Prints nothing.
+  // Errors jump to `jump`, and so do warnings if `warnings_too`. Nothing is printed.
   jpeg_error_mgr* install(bool warnings_too) {
     jpeg_std_error(&manager);
     manager.error_exit = fail;

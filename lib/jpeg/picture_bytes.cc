@@ -67,8 +67,8 @@ bool read_png(png_structp png, png_infop info, PngInput& input, Image& out, std:
   return true;
 }
 
-// True if a PNG has many more compressed bytes than its pixels can need. libpng would inflate everything behind the
-// last row.
+// Returns true if a PNG has many more compressed bytes than its pixels can need. Files with excess data are refused,
+// because libpng would inflate everything after the last row.
 bool has_excess_data(Bytes bytes) {
   constexpr size_t kFirstChunk = 8, kMostPerPixel = 8, kSlack = 1 << 16;  // RGBA of 16 bits
   const auto number_at = [&](size_t at) {
@@ -103,12 +103,12 @@ class JpegMarkers {
  public:
   explicit JpegMarkers(Bytes jpeg) : jpeg_(jpeg) {}
 
-  // Moves to the next marker. Returns false behind the last marker, at the end of the bytes, or if the bytes are not a
+  // Moves to the next marker. Returns false after the last marker, at the end of the bytes, or if the bytes are not a
   // JPEG.
   bool next() {
     at_ += 2 + length_;
     if (in_scan_) skip_scan();
-    while (at_ + 1 < jpeg_.size() && jpeg_[at_] == 0xff && jpeg_[at_ + 1] == 0xff) at_++;  // fill bytes
+    while (at_ + 1 < jpeg_.size() && jpeg_[at_] == 0xff && jpeg_[at_ + 1] == 0xff) at_++;
     if (at_ + 1 >= jpeg_.size() || jpeg_[at_] != 0xff) return false;
     const bool stands_alone = marker() == 0xd8 || marker() == 0xd9 || marker() == 0x01;
     if (!stands_alone && at_ + 3 >= jpeg_.size()) return false;
@@ -178,7 +178,7 @@ Bytes exif_of_jpeg(Bytes jpeg) {
   return {};
 }
 
-// True if further pictures of the file belong to the first picture (CIPA's multi-picture format).
+// Returns true if further pictures of the file belong to the first picture (CIPA's multi-picture format).
 bool is_multi_picture(Bytes jpeg) {
   for (JpegMarkers markers(jpeg); markers.next() && markers.marker() != 0xda;)
     if (markers.marker() == 0xe2 && begins_with(markers.content(), "MPF")) return true;
@@ -242,7 +242,7 @@ bool is_jpeg_stream(Bytes bytes) {
   const std::optional<size_t> end = jpeg_end(bytes);
   if (!end || is_multi_picture(bytes.first(*end))) return false;
   size_t next = *end;
-  while (next < bytes.size() && bytes[next] == 0) next++;  // padding
+  while (next < bytes.size() && bytes[next] == 0) next++;
   const Bytes rest = bytes.subspan(next);
   if (detect_image_coding(rest) != ImageCoding::kJpeg) return false;
   const auto first = jpeg::parse_header(bytes.first(*end), nullptr), second = jpeg::parse_header(rest, nullptr);

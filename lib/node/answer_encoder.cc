@@ -21,9 +21,9 @@ Coding choose_coding(CodecChoice codec, bool in_process, int quality) {
   return {wire::Codec::kRaw, 0};
 }
 
-// Over a link, an entry in the fragment table has 20 bytes, starting a scan costs some more, and 16 x 16 empty pixels
-// are 4 bytes of JPEG. A fragment within a process costs about a microsecond, but the compositor can use a single sum
-// of the whole view without a copy.
+// Over a link, an entry in the fragment table takes 20 bytes and starting a scan takes some more, whereas 16 x 16 empty
+// pixels are only 4 bytes of JPEG. Within a process, a fragment costs about a microsecond, but the compositor can use a
+// single sum of the whole view without a copy.
 size_t spare_pixels(const View& view, wire::Codec codec, bool in_process) {
   if (in_process) return static_cast<size_t>(view.width) * view.height / 4;
   return codec == wire::Codec::kJpeg ? 12 * 16 * 16 : 16;
@@ -31,7 +31,7 @@ size_t spare_pixels(const View& view, wire::Codec codec, bool in_process) {
 
 namespace {
 
-// A multiple of the renderer's bands (8 rows). Two threads never share a cache line with this height.
+// A multiple of the renderer's bands (8 rows), so that two threads never share a cache line.
 constexpr int kBandRows = 32;
 
 void encode_sums16(const wire::AnswerHeader& header, const SumRenderer& renderer, std::span<const Rect> tiles,
@@ -60,7 +60,6 @@ void encode_sums16(const wire::AnswerHeader& header, const SumRenderer& renderer
   answer.fragments = tiles.size();
 }
 
-// Encodes the bytes that precede a sum on the GPU.
 void encode_gpu_sum(const wire::AnswerHeader& header, std::shared_ptr<gl::GpuSum> sum, ByteBuffer memory,
                     RenderedAnswer& answer) {
   wire::AnswerWriter writer(header, 1, std::move(memory));
@@ -98,7 +97,7 @@ std::vector<Fragment> render_strips(const SumRenderer& renderer, std::span<const
 
 constexpr uint8_t kChromaOffset = 128;
 
-// Points `planes` at R, G, B pixels without padding; copies into `memory` if the layout differs.
+// Points `planes` at R, G, B pixels without padding. Copies the pixels into `memory` if their layout differs.
 void pack_rgb(const ImageView& image, FragmentPlanes& planes, ByteBuffer& memory) {
   const Rect& rect = planes.rect;
   const RgbLayout& layout = image.layout;

@@ -25,7 +25,8 @@ class WarpAccess : public CameraAccess {
     view.blending = blending(view.blending);
     return wire::WarpCommand{request, view_warp(rig, ViewPlan(rig, mesh, view))};
   }
-  Blending blending(const Blending&) const override { return {}; }  // always mesh blending
+  // Always mesh blending. A WeightGrid would need more than one homography per camera.
+  Blending blending(const Blending&) const override { return {.extrapolates = false}; }
 };
 
 class PixelAccess : public CameraAccess {

@@ -10,7 +10,7 @@
 namespace lf {
 namespace {
 
-// Slow; only needed if a node has cameras of both families.
+// This is slow, but only needed if a node has cameras of both families.
 std::shared_ptr<const ImageView> as_rgb(const ImageView& i420) {
   struct Converted {
     Image image;
@@ -91,8 +91,8 @@ void CameraFrames::drop_outdated() {
   while (frames_.size() > 1 && frames_[1].time <= wanted_) drop_oldest();
 }
 
-// "Newest" must not make a file play through: for files it means the current frame. The camera's thread is woken only
-// when there is room for a frame, because many views may ask for the same time.
+// "Newest" must not make a file play to its end, so it means the current frame of a file. The camera's thread is only
+// woken when there is room for a frame, because many views may ask for the same time.
 void CameraFrames::want(uint64_t time) {
   if (time != kNoTime) wanted_ = time;
   if (live_) return;
@@ -112,7 +112,7 @@ CameraFrames::PushResult CameraFrames::push(CameraFrame frame) {
 
 CameraFrames::PushResult CameraFrames::push_damaged(uint64_t time) { return push_at(time, std::nullopt); }
 
-// Keeps two frames before the earliest requested time: one of them may be the nearest, and an answer may be one frame
+// Keeps two frames before the earliest requested time. One of them may be the nearest, and an answer may be one frame
 // later than its predecessors.
 bool CameraFrames::has_too_many() const {
   if (frames_.size() <= kLiveFrames) return false;
@@ -209,12 +209,11 @@ bool CameraFrames::must_wait(uint64_t time, bool wait_for_first) const {
   return frames_.empty() || (time != kNoTime && frames_.back().time < time);
 }
 
-// True if `time` is so late that the frame after the newest frame would already be due.
 bool CameraFrames::is_beyond_last(uint64_t time) const {
   return time == kNoTime || time >= frames_.back().time + std::max<uint64_t>(last_period_, 1);
 }
 
-// Several viewers may look back by different delays. The largest counts and decays slowly.
+// Viewers may look back by different delays. The largest delay counts, and decays slowly.
 void CameraFrames::extend_history(uint64_t time) {
   const uint64_t newest = frames_.back().time;
   const uint64_t reach = time < newest ? newest - time : 0;

@@ -10,8 +10,8 @@
 
 namespace lf {
 
-// Returns how many nanoseconds the running view may continue before `view` goes first. Returns infinity if the work of
-// the waiting request is unknown, because such a request never interrupts another.
+// Returns how many nanoseconds the running view may continue before `view` goes first. The result is infinite if the
+// work of the waiting request is unknown, because such a request never interrupts another.
 double FairScheduler::ahead(const View& view, uint32_t running) const {
   if (!view.waits() || view.waiting.front().work == 0) return std::numeric_limits<double>::infinity();
   const View& other = views_.at(running);
@@ -22,7 +22,7 @@ double FairScheduler::ahead(const View& view, uint32_t running) const {
 bool FairScheduler::goes_before(const View& view, uint32_t running) const { return ahead(view, running) < 0; }
 
 // Computes when a waiting view must interrupt the running view. Call right after charging the running view. Its usage
-// grows with time, so this moment comes even without another request.
+// grows with time, so the moment comes even without another request.
 void FairScheduler::look_ahead() {
   double least = std::numeric_limits<double>::infinity();
   if (depth_ < kMaxDepth && !stopped_)
@@ -41,7 +41,7 @@ bool FairScheduler::is_urgent() const {
   return at != kNever && now_() >= at;
 }
 
-// Precondition: no request of the view is waiting.
+// The view must not have a waiting request yet.
 void FairScheduler::enqueue(View& view) {
   view.since = order_++;
   if (view.in_flight) return;

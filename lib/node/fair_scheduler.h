@@ -15,38 +15,39 @@
 
 namespace lf {
 
-// Fair queueing: shares the one rendering thread of a node among views.
+// Shares the rendering thread of a node fairly among views, so that one expensive view does not delay all views (fair
+// queueing).
 //
-// Each view has at most one request in flight. The next request is from the view with the smallest total usage after
-// its answer. A view with less usage interrupts a running answer between two parallel tasks. A view that has used
-// little time keeps a credit of at most kMaxCredit.
+// The scheduler counts the time that each view has used, and chooses the view that will have used least after its next
+// answer. A view with less usage may even interrupt an answer in progress, between two of its parallel tasks. Each view
+// has at most one request in progress. A view that has used little time cannot save up more than kMaxCredit.
 //
-// All views younger than RequestLimiter::kViewTimeout (2 s) count as one view, which starts kMaxCredit behind, and
-// share its part in the same way. Inventing view ids therefore gives a client no more time. A view is forgotten after
-// the same time without requests.
+// All views that are younger than RequestLimiter::kViewTimeout (2 s) together count as one view, which starts with a
+// usage deficit of kMaxCredit against it. A client that keeps inventing view ids therefore gains nothing. A view is
+// forgotten after the same time without requests.
 //
-// Call add() from any thread, work() from the rendering thread.
+// Call work() from the rendering thread, and add() from any thread.
 class FairScheduler {
  public:
-  // Most requests of a view that wait: two rounds of lfviewrequest with their extra requests. A view of a set has room
-  // for two more per other view of the set. The newest requests are kept.
+  // Maximum number of waiting requests of a view; the newest are kept. This is enough for two rounds of lfviewrequest
+  // with their extra requests. In a set of views, each further view of the set adds room for two more.
   static constexpr size_t kMaxQueued = 8;
   static constexpr int kMaxDepth = 8;           // nested interruptions
   static constexpr double kMaxCredit = 0.25e9;  // largest usage deficit of a view, nanoseconds of work
 
-  // `parallel`: runs the tasks of an answer in `threads` threads. `now`: monotonic clock, nanoseconds.
+  // `parallel` runs the tasks of an answer in `threads` threads. `now` returns nanoseconds of a monotonic clock.
   explicit FairScheduler(ParallelFor parallel = serial_for, size_t threads = 1, std::function<uint64_t()> now = now_ns)
       : parallel_(std::move(parallel)), threads_(threads), now_(std::move(now)) {}
 
   using Answer = std::function<void(const ParallelFor&)>;
-  // `work`: estimated duration in nanoseconds; 0: unknown, and the request never interrupts another. Drops the oldest
-  // request of the view if too many wait, and sets *dropped (may be null) to true. `of_set`: number of views in the
-  // request's set. Returns false while stopped.
+  // Adds a request. `work` is the estimated duration of the answer in nanoseconds, or 0 if unknown; the request then
+  // never interrupts another. `of_set` is the number of views in the request's set. If too many requests of the view
+  // are waiting, the oldest is dropped and *dropped (may be null) becomes true. Returns false while stopped.
   bool add(uint32_t view, uint64_t work, Answer answer, bool* dropped = nullptr, size_t of_set = 1);
-  // Waits for a request and answers it, and the requests that interrupt the answer. Returns false once stopped.
-  // Exceptions of an answer propagate; later requests are not affected.
+  // Waits for a request, and answers this request and any requests that interrupt the answer. Returns false once
+  // stopped. Exceptions of an answer propagate and do not affect later requests.
   bool work();
-  // Returns when no request waits or is in flight, or after stop().
+  // Waits until no request is waiting or in progress. Also returns after stop().
   void drain();
   // Wakes all waiting threads and drops all waiting requests.
   void stop();
@@ -64,7 +65,8 @@ class FairScheduler {
     std::deque<Waiting> waiting;
     bool in_flight = false;
     bool is_new = true;
-    // Thread time used, as virtual time, nanoseconds; for new views, since their first request.
+    // Virtual time: the rendering time that the view has used, in nanoseconds. For new views, counted since their first
+    // request.
     double used = 0;
     uint64_t began = 0, asked = 0;  // time of the first and latest request, now_()
     uint64_t since = 0;
@@ -72,14 +74,14 @@ class FairScheduler {
     double end() const { return used + waiting.front().work; }  // usage after the next answer
   };
   using Views = std::map<uint32_t, View>;
-  // The caller holds mutex_, unless noted otherwise.
+  // The caller must hold mutex_, unless noted otherwise.
   double virtual_usage(const View& view) const { return view.is_new ? new_views_usage_ : view.used; }
   double ahead(const View& view, uint32_t running) const;
   bool goes_before(const View& view, uint32_t running) const;
   void look_ahead();
   void resume(uint32_t view);
   template <typename May>
-  Views::iterator first_of(const May& may);  // best waiting view that fulfils may(view)
+  Views::iterator first_of(const May& may);  // best waiting view with may(view)
   Views::iterator first_waiting();
   void charge_running();
   void enqueue(View& view);
@@ -105,8 +107,8 @@ class FairScheduler {
   uint64_t since_ = 0;                        // time of the latest charge, now_()
 };
 
-// Returns the `of_set` argument of add() for a request. It is limited so that the waiting requests use no more memory
-// than the largest requests of a single view.
+// Returns the `of_set` argument of add() for a request. The number is limited, so that the waiting requests of a set
+// need no more memory than the largest requests of a single view.
 size_t queued_views_of_set(const ViewRequest& request);
 
 }  // namespace lf

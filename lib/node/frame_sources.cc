@@ -12,8 +12,8 @@ FrameLookup::FrameLookup(const CameraInputs::Array& array, const RequestHeader& 
   for (const auto& [camera, frames] : array.cameras) frames->advance(wanted_of(*frames));
 }
 
-// Live frames carry clock time, file frames running time. Live requests name the time of day, other requests running
-// time.
+// Live frames carry clock time, and frames of files carry running time. Live requests name the time of day, other
+// requests the running time.
 uint64_t FrameLookup::convert(uint64_t time, bool of_live_frame, bool to_request) const {
   if (time == kNoTime) return time;
   const auto offset = static_cast<uint64_t>(moment_.absolute_time ? options_.wall_offset : 0);  // modulo 2^64
@@ -78,7 +78,7 @@ void FrameSources::decode_one(size_t i, PixelFamily family, const Replace& repla
 
 void FrameSources::decode(PixelFamily family, const Replace& replace, const ParallelFor& parallel) {
   views_.resize(sources_.size());
-  std::vector<size_t> shared;  // decoded in parallel
+  std::vector<size_t> shared;
   for (size_t i = 0; i < sources_.size(); i++) {
     if (frames_[i].picture && frames_[i].picture->takes_work(family))
       shared.push_back(i);

@@ -17,31 +17,33 @@
 
 namespace lf {
 
-// Finds the frames of a node's cameras for the capture time of one or more requests. Finds each camera's frame only
-// once, so that all answers for this time use the same frames. Not thread-safe.
+// Finds the frames of a node's cameras for one capture time. Finds each camera's frame only once, so that all answers
+// for this time use the same frames. Not thread-safe.
 class FrameLookup {
  public:
   struct Options {
-    bool live = false;        // live request: does not wait
+    bool live = false;        // requests for live cameras, which never wait
     uint64_t base_time = 0;   // clock time of the pipeline's running time 0
     int64_t wall_offset = 0;  // time of day (used by live requests) minus clock time, nanoseconds
-    // Largest capture-time error of a live camera's frame, nanoseconds; 0: unlimited.
+    // Largest allowed difference between the capture time of a live frame and the requested time, in nanoseconds; 0:
+    // unlimited.
     uint64_t max_skew = 0;
-    const std::atomic<bool>* cancelled = nullptr;  // does not wait while true
+    const std::atomic<bool>* cancelled = nullptr;  // frames are not waited for while this is true
   };
-  // `moment`: the common header of the requests. All arguments must outlive the object. Tells all cameras the requested
-  // time.
+  // `moment` is the common header of the requests. Reports the requested time to all cameras. All arguments must
+  // outlive the object.
   FrameLookup(const CameraInputs::Array& array, const RequestHeader& moment, const Options& options);
 
-  // Returns the frame of one of the array's cameras; waits for it (see CameraFrames::find()). Returns nothing if the
-  // camera has no frame near the requested time, or only frames of another size than in the rig.
+  // Returns the frame of one of the array's cameras, after waiting for it if necessary (see CameraFrames::find()).
+  // Returns nothing if the camera has no frame near the requested time, or if its frames do not have the size in the
+  // rig.
   const std::optional<CameraFrame>& find(CameraIndex camera);
-  // Returns the capture-time error of a frame of this camera, and its time in the time base of the requests,
-  // nanoseconds.
+  // skew_of() returns how far a frame of this camera is from the requested time; time_of() converts the frame's time to
+  // the time base of the requests. Both in nanoseconds.
   uint64_t skew_of(CameraIndex camera, uint64_t time) const;
   uint64_t time_of(CameraIndex camera, uint64_t time) const;
 
-  // Live frames with their capture-time errors, and the number of frames beyond max_skew.
+  // The live frames with their capture-time errors, and the number of frames that exceeded max_skew.
   const std::vector<SkewMonitor::Frame>& skews() const { return skews_; }
   uint64_t stale() const { return stale_; }
 
@@ -58,26 +60,27 @@ class FrameLookup {
   uint64_t stale_ = 0;
 };
 
-// The frames for one request; decodes the needed regions.
+// The frames for one request. Only the needed regions are decoded.
 class FrameSources {
  public:
-  // `region`: returns the needed part of a camera's image. `group`: share group for images in textures; 0: no textures.
+  // `region` returns the part of a camera's image that the request needs. `group` is the share group for images in
+  // textures; 0: no textures.
   FrameSources(const Rig& rig, std::function<Rect(CameraIndex)> region, gl::ShareGroup group = 0)
       : rig_(rig), region_(std::move(region)), group_(group) {}
 
   void add(CameraIndex camera, std::optional<CameraFrame> frame);
 
-  // Returns the replacement of a damaged frame; nothing if there is none.
+  // Returns a replacement for a damaged frame, or nothing if there is none.
   using Replace = std::function<std::optional<CameraFrame>(CameraIndex camera, const CameraFrame& damaged)>;
-  // Makes images of the node's `family`; decodes only the needed regions of compressed frames. Call once, after the
-  // last add(). `replace` is called from the threads of `parallel`.
+  // Converts all frames to images of `family`, the node's pixel family. Compressed frames are only decoded where
+  // needed. Call once, after the last add(). `replace` is called from the threads of `parallel`.
   void decode(PixelFamily family, const Replace& replace, const ParallelFor& parallel);
 
-  // Sources have no image if their frame is missing or damaged.
+  // A source has no image if its frame is missing or damaged.
   const std::vector<Source>& sources() const { return sources_; }
-  // Requires that the source has an image.
+  // Source i must have an image.
   uint64_t time(size_t i) const { return frames_[i].time; }
-  // Number of images on the GPU that were not downloaded.
+  // Number of images that are on the GPU and were not downloaded.
   size_t on_gpu() const;
   PixelFamily family() const;
 

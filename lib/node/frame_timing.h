@@ -13,44 +13,44 @@
 
 namespace lf {
 
-// Detects cameras with frames off the requested capture times: by more than a frame time, and for longer than a lost
-// frame explains. Reports each change once. Not thread-safe.
+// Finds cameras with unsynchronised frames: their capture times are off the requested times by more than a frame
+// interval, and longer than a lost frame explains. Each change is reported once. Not thread-safe.
 class SkewMonitor {
  public:
-  // Consecutive requests before a camera counts as off, and before it counts as on time again.
+  // Number of consecutive requests before a camera counts as off, and before it counts as on time again.
   static constexpr int kRequests = 5;
 
-  // The frame that one camera contributed to an answer. Times in nanoseconds of the same clock.
+  // A frame that a camera contributed to an answer. All times are nanoseconds of the same clock.
   struct Frame {
     CameraIndex camera = 0;
     uint64_t taken = 0, wanted = 0;
-    uint64_t period = 0;  // frame time of the camera, nanoseconds; 0: unknown, the camera is not judged
-    uint64_t behind = 0;  // arrival delay beyond the smallest delay of this camera, nanoseconds
+    uint64_t period = 0;  // frame interval of the camera, nanoseconds; 0: unknown, and the camera is not judged
+    uint64_t behind = 0;  // how much longer the frame took to arrive than the camera's fastest frame, nanoseconds
   };
   struct Report {
-    CameraSet cameras;     // ascending; cameras that count as off since this request
-    uint64_t skew = 0;     // nanoseconds; the values below belong to the camera with the largest skew
+    CameraSet cameras;     // cameras that newly count as off, ascending
+    uint64_t skew = 0;     // nanoseconds; this and the values below describe the camera that is off most
     uint64_t period = 0;   // nanoseconds
-    bool is_late = false;  // frame is older than requested
+    bool is_late = false;  // true if its frame is older than requested
     uint64_t behind = 0;   // nanoseconds
   };
-  // Takes the frames of an answer, in ascending camera order. Returns a report if cameras newly count as off.
+  // Takes the frames of an answer in ascending camera order. Returns a report if cameras newly count as off.
   std::optional<Report> see(std::span<const Frame> frames);
 
  private:
   struct State {
     bool off = false;
-    int against = 0;  // consecutive requests that contradict `off`
+    int against = 0;
   };
   std::map<CameraIndex, State> states_;
 };
 
-// Measures the delay from capture to arrival of one camera's frames. Times in nanoseconds of the same clock.
+// Measures how long the frames of one camera take from capture to arrival. All times are nanoseconds of the same clock.
 // Thread-safe.
 class ArrivalMonitor {
  public:
-  static constexpr size_t kFrames = 128;  // latest frames that count
-  // The delay is unknown after this time without a frame, in nanoseconds.
+  static constexpr size_t kFrames = 128;
+  // After this time without a frame, in nanoseconds, the delay counts as unknown.
   static constexpr uint64_t kSilence = 2'000'000'000;
 
   void arrived(uint64_t captured, uint64_t now) {
@@ -58,8 +58,9 @@ class ArrivalMonitor {
     delays_.add(now > captured ? now - captured : 0);
     latest_ = now;
   }
-  // Returns the delay at which 99 % of requests find their nearest frame: the 99th percentile of the arrival delay plus
-  // half of `period`, the largest lateness of the nearest frame. Returns 0 if unknown.
+  // Returns the delay after the capture time that lets 99 % of requests find their nearest frame, or 0 if unknown. It
+  // is the 99th percentile of the arrival delay plus half of `period`, because the nearest frame may be that much later
+  // than the requested time.
   uint64_t needed(uint64_t period, uint64_t now) const {
     const std::lock_guard lock(mutex_);
     if (latest_ == 0 || now > latest_ + kSilence) return 0;
@@ -77,14 +78,14 @@ class ArrivalMonitor {
   uint64_t latest_ = 0;
 };
 
-// Decides when to report the needed capture delay to a client: soon if the delay grows, otherwise once per second.
-// Times in nanoseconds of the same clock. Not thread-safe.
+// Decides when to tell a client which capture delay its cameras need: within a tenth of a second if the delay grows,
+// otherwise once per second. All times are nanoseconds of the same clock. Not thread-safe.
 class DelayReporter {
  public:
   static constexpr uint64_t kSecond = 1'000'000'000;
 
   bool is_due(uint64_t now) const { return now >= checked_at_ + kSecond / 10; }
-  // Takes the needed delay; 0: unknown. Returns true if it should be sent to the client.
+  // Takes the needed delay (0: unknown). Returns true if it should be sent to the client.
   bool see(uint64_t needed, uint64_t now) {
     if (needed == 0) return false;
     checked_at_ = now;

@@ -138,7 +138,9 @@ std::vector<Node::Reply> Node::answer(std::span<const wire::AnyRequest* const> r
   if (first.rig_hash != 0 && first.rig_hash != array->rig_hash) {
     stats_.rig_mismatches += requests.size();
     if (client.warned_of != first.rig_hash)
-      warning = "a request was made for another rig than this node has, and is answered without a picture";
+      warning =
+          "a request was made for another rig than this node has, so the answer has no picture; load the same rig on "
+          "both sides";
     client.warned_of = first.rig_hash;
   } else {
     try {
@@ -170,22 +172,22 @@ bool Node::can_batch_requests(const wire::AnyRequest& a, const wire::AnyRequest&
          one->out_of_service == other->out_of_service && one->gains.use == other->gains.use;
 }
 
-// Returns true if each of `count` cameras is in one of the (ascending) sets.
+// Returns true if each of `count` cameras is in one of the sets, which are ascending.
 static bool has_all(const std::vector<CameraIndex>& own, const CameraSet& out_of_service, size_t count) {
   for (CameraIndex camera = 0; camera < count; camera++)
     if (!std::ranges::binary_search(own, camera) && !std::ranges::binary_search(out_of_service, camera)) return false;
   return true;
 }
 
-// For live sources, a compositor takes missing cameras out of service after a few frames. Results for file sources must
-// not depend on timing. A node that has the whole array therefore removes cameras without a frame from the mesh
-// immediately, and their neighbours close the gap (see mesh_exclusions()).
+// For live sources, the compositor takes missing cameras out of service after a few frames. Results for files must not
+// depend on such timing. A node that has the whole array therefore removes cameras without a frame from the mesh at
+// once, so that their neighbours close the gap (see mesh_exclusions()).
 Node::Planned Node::make_plan(const ViewRequest& view, const Array& array, ClientState& client,
                               const std::vector<CameraIndex>& own, const ParallelFor& parallel, FrameLookup& frames) {
   ViewRequest request = view;
   const CameraRanges named(view.out_of_service);
   CameraRanges gone;
-  // Cameras without a frame for the previous request probably have none now.
+  // A camera without a frame for the previous request probably has none now.
   CameraSet missing;
   std::ranges::copy_if(client.gone, std::back_inserter(missing), [&](CameraIndex camera) {
     return std::ranges::binary_search(own, camera) && !frames.find(camera);
@@ -222,8 +224,8 @@ std::vector<Node::Planned> Node::make_plans(std::span<const wire::AnyRequest* co
     return plans;
   }
   const uint64_t begun = now_ns();
-  // Distorted views and blended views plan with parallel tasks, so that other views need not wait for the end of a
-  // plan. Other plans are short: each is one task.
+  // Views with distortion or with other blending than by mesh are planned in parallel tasks, so that other views need
+  // not wait for the whole plan. Other plans are short, so each is one task.
   const bool takes_long = std::ranges::any_of(requests, [](const wire::AnyRequest* request) {
     const auto* const view = std::get_if<ViewRequest>(request);
     return !view || view->view.lens.has_distortion() || !view->view.blending.is_mesh();
@@ -279,8 +281,8 @@ void Node::decode(FrameSources& sources, const Array& array, PixelFamily family,
       parallel);
 }
 
-// Fills in the answer header for one request. Returns the largest capture-time error in nanoseconds. `absent`: live
-// cameras without a frame.
+// Fills in the answer header for one request. `absent` are live cameras without a frame. Returns the largest
+// capture-time error in nanoseconds.
 uint64_t Node::describe(const Planned& planned, const FrameSources& sources, const FrameLookup& frames,
                         const std::vector<CameraIndex>& own, const CameraSet& absent, wire::AnswerHeader& header) {
   const RequestPlan& plan = *planned.plan;
@@ -325,11 +327,12 @@ std::vector<Node::Reply> Node::render(std::span<const wire::AnyRequest* const> r
   const ParallelFor& parallel = options.render.parallel;
   const std::vector<Planned> plans = make_plans(requests, array, client, own, live, parallel, frames);
   FrameSources sources = sources_of(plans, array, options.render, frames);
-  // The compositor must know the state of all cameras before it uses them, so check cameras outside this view, too.
+  // The compositor must know the state of all cameras before it uses them, so cameras outside this view are checked as
+  // well.
   CameraSet absent;
   for (const CameraIndex camera : own)
     if ((options.live || array.cameras.at(camera)->is_live()) && !frames.find(camera)) absent.push_back(camera);
-  stats_.stale_frames += frames.stale() * requests.size();  // counted for each answer
+  stats_.stale_frames += frames.stale() * requests.size();
   const uint64_t found = now_ns();
   const PixelFamily family = inputs_.choose_family();  // includes cameras outside the view
   decode(sources, array, family, parallel);

@@ -28,44 +28,46 @@
 
 namespace lf {
 
-// Counters and stage durations of a node. Thread-safe.
+// Counters of a node, and durations of its processing steps. Thread-safe.
 struct NodeStats {
   std::atomic<uint64_t> requests{0}, bad_requests{0}, rig_mismatches{0}, answers{0}, drawn{0}, together{0},
       gpu_frames{0}, fragments{0}, bytes{0}, skipped{0}, superseded{0}, missing_frames{0}, stale_frames{0},
       damaged_frames{0};
   std::atomic<uint64_t> max_skew_ns{0};
 
-  // Durations of one answer, nanoseconds.
+  // Durations of the steps of one answer, nanoseconds.
   struct Stages {
-    uint64_t wait = 0;  // waiting for frames
+    uint64_t wait = 0;
     uint64_t decode = 0;
     uint64_t render = 0;  // includes planning
     uint64_t encode = 0;
   };
   void add(const Stages& stages);
   void set_gains(std::span<const Source> cameras, const ExposureCompensation& gains);
-  // Returns all values by name: the durations of the latest answer, and percentiles over the latest answers, in
-  // nanoseconds.
+  // Returns all values by name. Each duration appears as the latest value and as percentiles over the latest answers,
+  // in nanoseconds.
   std::vector<std::pair<std::string, uint64_t>> all() const;
   std::map<uint32_t, float> gains() const;
 
  private:
   mutable std::mutex mutex_;
   Stages latest_;
-  std::map<uint32_t, float> gains_;  // by camera id
+  std::map<uint32_t, float> gains_;
   Percentiles wait_, decode_, render_, encode_, total_;
 };
 
-// Estimates the duration of an answer from earlier answers and their planned work. Each skipped answer lowers the
-// estimate, so that one slow minute does not block all answers. Call done() and skipped() from one thread,
-// nanoseconds() from any.
+// Predicts how long an answer will take, from the planned work and the durations of earlier answers. The node uses the
+// prediction to skip requests with answers that would be too late. Each skipped request lowers the prediction.
+// Otherwise a node that was slow for a minute would skip all requests forever, because only answers correct the
+// prediction. Work is measured in pixels. Call done() and skipped() from one thread, nanoseconds() from any.
 class WorkEstimate {
  public:
-  // Fixed work of any answer (finding frames, planning, waking threads), in pixels. Without it, the durations of small
-  // answers would mislead about large answers.
+  // The work that every answer needs regardless of its size (finding frames, planning, waking threads), as a number of
+  // pixels. Without this constant, the time per pixel of small answers would be too large a prediction for large
+  // answers.
   static constexpr double kAnyAnswer = 65536;
 
-  // Returns 0 if unknown.
+  // Returns the predicted duration of an answer with `work` pixels, or 0 before the first call of done().
   uint64_t nanoseconds(double work) const { return static_cast<uint64_t>(per_work_ * work); }
   void done(double work, uint64_t took) {
     if (work <= 0) return;
@@ -80,55 +82,60 @@ class WorkEstimate {
   std::atomic<double> per_work_ = 0;
 };
 
-// Answers requests with the images of its cameras. answer() may run in several threads, one per client.
+// Answers view requests with the images of the cameras of one machine. An answer contains the weighted sum of these
+// images, and a compositor adds the answers of all nodes. Several threads may call answer() at the same time, one for
+// each client.
 class Node {
  public:
   NodeStats& stats() { return stats_; }
   CameraInputs& inputs() { return inputs_; }
-  void set_node_id(uint32_t id) { node_id_ = id; }  // call while stopped
+  void set_node_id(uint32_t id) { node_id_ = id; }  // only while stopped
 
   struct ClientState {
-    std::shared_ptr<const Rig> rig;  // the rig that the rest of the state belongs to
+    std::shared_ptr<const Rig> rig;  // the rig of all members below
     MeshCache mesh;
     SkewMonitor watch;
     RequestRenderer renderer;
     WorkEstimate estimate;
-    CameraSet gone;              // cameras without a frame for the latest request: see make_plan()
-    uint64_t warned_of = 0;      // rig hash of the latest warning
-    uint64_t warned_behind = 0;  // time of the latest warning about late frames, now_ns(); 0: none
-    // Clients may share both members below. While *cancelled is true, answers do not wait: see cancel(). `images`:
-    // reusable memory for processed images.
+    CameraSet gone;              // cameras without a frame for the latest request; see make_plan()
+    uint64_t warned_of = 0;      // hash of the rig that the client was last warned about
+    uint64_t warned_behind = 0;  // time of the latest warning about late frames, now_ns(); 0: none yet
+    // Several clients may share these two members. While *cancelled is true, answers do not wait (see cancel()).
+    // `images` is reusable memory for processed images.
     std::shared_ptr<std::atomic<bool>> cancelled = std::make_shared<std::atomic<bool>>(false);
     std::shared_ptr<KeptImages> images = std::make_shared<KeptImages>();
   };
-  // While `cancelled`, this client's answers do not wait for frames. Any thread.
+  // While `cancelled` is true, answers to this client do not wait for frames. Call this to stop a client quickly. May
+  // be called from any thread.
   void cancel(ClientState& client, bool cancelled);
   struct Options {
-    RenderOptions render;     // without colours; they come from the rig
-    bool live = false;        // live request: does not wait
+    RenderOptions render;     // without colours; these come from the rig
+    bool live = false;        // requests for live cameras, which never wait
     uint64_t base_time = 0;   // clock time of the pipeline's running time 0
     int64_t wall_offset = 0;  // time of day (used by live requests) minus clock time, nanoseconds
-    uint64_t max_skew = 0;    // largest capture-time error of a live camera's frame, nanoseconds; 0: unlimited
+    uint64_t max_skew = 0;    // largest allowed capture-time error of a live frame, nanoseconds; 0: unlimited
   };
   struct Reply {
     RenderedAnswer answer;
     NodeStats::Stages stages;
-    std::string warning;  // for the user; "": none
+    std::string warning;  // text for the user, or ""
   };
-  // Waits for the frames of the requested time (see CameraFrames::find) and renders. Never throws. A request that
-  // cannot be served (for example of another rig) gets an answer without fragments. `memory` is recycled.
+  // Waits for the frames of the requested time (see CameraFrames::find()) and renders the answer. Never throws: a
+  // request that cannot be served, for example because it was made for another rig, gets an answer without fragments.
+  // `memory` is reused for the answer.
   Reply answer(const wire::AnyRequest& request, ClientState& client, const Options& options, ByteBuffer memory);
-  // As above, for several requests that can_batch_requests(). Each answer equals the answer to the request alone.
-  // Images are prepared once, and a GPU draws as many views per pass as it can. `memory`: provides recycled memory for
-  // one answer.
+  // Answers several requests together, for example for the two eyes of a stereo pair. This is faster than separate
+  // calls, because the images are prepared only once and a GPU renders several views in one pass. The answers are the
+  // same as with separate calls. can_batch_requests() must be true for every two of the requests. The function calls
+  // `memory` once for each answer, to get a buffer that the answer may overwrite.
   using AllocateMemory = std::function<ByteBuffer()>;
   std::vector<Reply> answer(std::span<const wire::AnyRequest* const> requests, ClientState& client,
                             const Options& options, const AllocateMemory& memory);
-  // True if both requests are views of one set and one capture time and neither measures brightness (the first request
-  // of a set may).
+  // Returns true if both requests are views of the same set and have the same capture time, so that they use the same
+  // images. The first request of a set may also measure the brightness of the cameras, but later requests may not.
   static bool can_batch_requests(const wire::AnyRequest& a, const wire::AnyRequest& b);
 
-  // Returns an empty answer for a client that no longer needs the picture.
+  // Returns an empty answer, for a client that no longer needs the picture.
   Reply skip(const wire::AnyRequest& request);
 
  private:
@@ -136,7 +143,7 @@ class Node {
   wire::AnswerHeader header_of(const wire::AnyRequest& request, const Array& array) const;
   struct Planned {
     std::unique_ptr<const RequestPlan> plan;
-    CameraSet gone;   // see make_plan()
+    CameraSet gone;
     uint64_t ns = 0;  // nanoseconds
   };
   std::vector<Reply> render(std::span<const wire::AnyRequest* const> requests, const Array& array, ClientState& client,
@@ -160,19 +167,20 @@ class Node {
   uint32_t node_id_ = 0;
 };
 
-// The client states of all views of one client. A new view has no duration estimate, because other views may look where
-// there is nothing to see. Thread-safe; the answers of one view must be made in one thread.
+// The states of all views of one client. Each view has its own estimate of the duration of an answer, because a view
+// that no camera sees needs hardly any time. Thread-safe, but all answers to one view must be made in the same thread.
 class ClientStates {
  public:
-  // Views in use at once. The state remembers twice as many and forgets the least recently used.
+  // Number of views that may be in use at the same time. Twice as many states are kept, and then the least recently
+  // used state is deleted.
   static constexpr size_t kMaxViews = 64;
 
   // All views share the cancellation flag and the image memory of `common`.
   explicit ClientStates(const Node::ClientState& common) : cancelled_(common.cancelled), images_(common.images) {}
-  // Returns the state of a view. A new view starts with the exposure gains of the most recently used view. Hold the
-  // pointer while answering, because the view may be forgotten meanwhile.
+  // Returns the state of a view. A new view starts with the exposure gains of the most recently used view. Keep the
+  // pointer while answering, because another thread may delete the state of the view meanwhile.
   std::shared_ptr<Node::ClientState> of(uint32_t view_id);
-  // Returns the estimated duration of an answer with this much planned work; 0: unknown.
+  // Returns the predicted duration of an answer with this much planned work, or 0 if unknown.
   uint64_t nanoseconds(uint32_t view_id, double work) const;
   void clear();
 

@@ -45,13 +45,13 @@ bool RendererSelector::is_open(RendererChoice choice, std::string& news) {
     tried_ = drivers;
     drawer_ = open_(drivers, why_);
     if (!drawer_ && choice == RendererChoice::kGl)
-      news = "OpenGL ES 3.1 is not available, rendering on the CPU: " + why_ +
+      news = "OpenGL ES 3.1 is not available, so the CPU renders: " + why_ +
              " (check the EGL driver of the GPU and the access rights of /dev/dri/renderD*)";
   }
   if (!drawer_) return false;
   if (!drawer_->is_lost()) return choice == RendererChoice::kGl || !drawer_->is_software();
   if (!std::exchange(loss_reported_, true))
-    news = drawer_->device() + " is lost to this process, the CPU renders from now on";
+    news = drawer_->device() + " no longer responds to this process, so the CPU renders from now on";
   return false;
 }
 
@@ -61,7 +61,7 @@ std::shared_ptr<gl::GlesRenderer> RendererSelector::open(RendererChoice choice, 
   if (!is_open(choice, news)) return nullptr;
   if (backoff_.is_exhausted(now_())) {
     if (choice == RendererChoice::kGl && std::exchange(reported_refusal_, refusal_) != refusal_)
-      news = drawer_->device() + " cannot draw this view, rendering on the CPU: " + refusal_;
+      news = drawer_->device() + " cannot render this view, so the CPU does: " + refusal_;
     return nullptr;
   }
   return draws(choice) ? drawer_ : nullptr;
@@ -83,7 +83,7 @@ void RendererSelector::rendered(RendererChoice choice, const RenderedAnswer& ans
   if (drawing.refused) refusal_ = drawing.why_not;
   const bool is_left_alone = !drawing.drawn && backoff_.is_exhausted(now);
   why_not_ = drawing.why_not.empty() && is_left_alone ? refusal_ : drawing.why_not;
-  // An answer that the GPU cannot draw does not show which renderer is faster.
+  // An answer that the GPU could not render says nothing about which renderer is faster.
   if (choice != RendererChoice::kAuto || !drawing.why_not.empty()) return;
   if (is_in_race()) tuner_.add(drawing.drawn, answer.pixels, before + answer.render_ns);
 }

@@ -20,22 +20,23 @@
 namespace lf {
 
 using lightfield::RendererChoice;
-// Parses "cpu", "gl" or "auto".
+// Parses "cpu", "gl" or "auto"; returns nullopt for other names.
 std::optional<RendererChoice> renderer_choice(const std::string& name);
 
-// Finds out whether the CPU or the GPU is faster: lets them take turns at regular work until both have enough samples.
+// Finds out whether the CPU or the GPU renders faster. Both take turns on regular work until each has enough samples.
 class RendererTuner {
  public:
-  // Samples needed per renderer. The first GPU answer does not count, because it compiles shaders.
+  // Number of samples needed from each renderer. The first GPU answer does not count, because it compiles shaders.
   static constexpr int kRounds = 3;
 
   void begin_again() { *this = {}; }
   bool decided() const { return rounds_[0] >= kRounds && rounds_[1] >= kRounds; }
-  // True if the GPU should draw the next answer; alternates until decided().
+  // True if the GPU should render the next answer. The result alternates until decided().
   bool gpu_is_next() const;
-  // Adds the duration of an answer, including transfers to and from the GPU. `pixels`: pixels of the sum.
+  // Adds the duration of an answer, including transfers to and from the GPU. `drawn` means that the GPU rendered it;
+  // `pixels` is the number of pixels of the sum.
   void add(bool drawn, size_t pixels, uint64_t nanoseconds);
-  // Returns the shortest duration in nanoseconds per pixel; infinity: no sample.
+  // Returns the shortest duration in nanoseconds per pixel, or infinity if there is no sample.
   double best(bool drawn) const { return best_[drawn]; }
 
  private:
@@ -44,13 +45,13 @@ class RendererTuner {
   double best_[2] = {std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity()};
 };
 
-// Pauses attempts after repeated refusals, because an attempt takes time.
+// Pauses attempts after repeated refusals, because each attempt takes time.
 class Backoff {
  public:
   static constexpr int kMaxRefusals = 3;
-  static constexpr uint64_t kRest = 10'000'000'000;  // pause, nanoseconds
+  static constexpr uint64_t kRest = 10'000'000'000;  // duration of a pause, nanoseconds
 
-  // `now`: monotonic clock, nanoseconds.
+  // Records an attempt. `now` is nanoseconds of a monotonic clock.
   void add(bool refused, uint64_t now);
   bool is_exhausted(uint64_t now) const { return now < rests_until_; }
 
@@ -59,39 +60,43 @@ class Backoff {
   uint64_t rests_until_ = 0;
 };
 
-// The GPU renderer of a node. It is opened when there is something to draw, because that takes tens to hundreds of
-// milliseconds. After a failure to open or a lost context it is not used again. After repeated refusals it is paused.
-// Thread-safe.
+// Decides whether the GPU or the CPU renders an answer, and owns the GPU renderer. The renderer is opened when the
+// first answer needs it, because opening takes tens to hundreds of milliseconds. After a failed opening or a lost
+// context, the GPU is not used again. After repeated refusals of a task, it pauses. Thread-safe.
 class RendererSelector {
  public:
   using Open = std::function<std::unique_ptr<gl::GlesRenderer>(gl::Context::Drivers, std::string& why)>;
   using Clock = std::function<uint64_t()>;
   RendererSelector() : RendererSelector(gl::GlesRenderer::create) {}
-  explicit RendererSelector(Open open, Clock now = now_ns);  // replaces gl::GlesRenderer::create() and now_ns()
+  // for tests: replaces gl::GlesRenderer::create() and now_ns()
+  explicit RendererSelector(Open open, Clock now = now_ns);
 
-  // Returns the renderer for the next answer; null: use the CPU. Sets `news` once to a message for the user: why no GPU
-  // is available (any more), or why it does not draw. kAuto does not report missing GPUs.
+  // Returns the GPU renderer for the next answer, or null to use the CPU. Sets `news` once to a message for the user if
+  // no GPU is available (any more) or the GPU cannot render an answer. kAuto does not report a missing GPU.
   std::shared_ptr<gl::GlesRenderer> open(RendererChoice choice, std::string& news);
-  // True if the renderer draws several views in one pass, so that batching saves time.
+  // True if the renderer can render several views in one pass, so that batching saves time.
   bool can_batch(RendererChoice choice) const;
-  // Reports the duration of that answer. `before`: nanoseconds spent on getting its images, as far as this depends on
-  // the renderer.
+  // Reports the duration of the answer that open() was called for. `before` is the time in nanoseconds that getting its
+  // images took, as far as it depends on the renderer.
   void rendered(RendererChoice choice, const RenderedAnswer& answer, uint64_t before = 0);
-  // Returns the renderer for the depth hypotheses of the answer that open() was called for; null: use the CPU. kAuto
-  // decides separately for hypotheses, because hypotheses draw less per uploaded image.
+  // Returns the GPU renderer for the depth hypotheses of the answer that open() was called for, or null to use the CPU.
+  // With kAuto, hypotheses are measured separately, because they involve less rendering per uploaded image.
   std::shared_ptr<gl::GlesRenderer> open_for_depth(RendererChoice choice);
-  // Moves the renderer to a context of this share group, created by `open`, if the GPU draws answers. `early`: move
-  // even before kAuto has decided; the new context may be faster, so the measurement restarts. Tries each group only
-  // once; viewers with pictures in several groups would otherwise cause constant moves. On failure, or if the context
-  // belongs to another GPU (possibly slower), keeps the old context and sets `why`. Returns true if the renderer is in
-  // this group now.
+  // Moves the renderer to an OpenGL context in the given share group, so that a compositor in this process can use its
+  // textures directly. `open` creates the context. Returns true if the renderer is then in this group.
+  //
+  // The renderer only moves if the GPU renders answers. If `early` is true, the renderer also moves before kAuto has
+  // decided; the new context may be faster, so the measurement restarts. Each group is tried only once, because viewers
+  // in several groups would otherwise cause constant moves. If opening fails, or the context belongs to another GPU
+  // (which may be slower), the old context stays and `why` is set.
   using OpenIn = std::function<std::unique_ptr<gl::GlesRenderer>(std::string& why)>;
   bool move_to(RendererChoice choice, gl::ShareGroup group, bool early, const OpenIn& open, std::string& why);
   void tried(RendererChoice choice, const RenderedConsistency& trials);
-  // Releases a context that move_to() opened, even if it was lost. The selector opens a context again when needed.
+  // Releases a context that move_to() has opened, even if it was lost. The selector opens a new context when needed.
   void leave();
-  // Describes the active renderer and the reason: "cpu", "gl: NVIDIA ...", "auto: cpu, there is no other: device 0:
-  // computes on the CPU"; ", trials, too" if the GPU also draws depth hypotheses.
+  // Describes the active renderer and the reason for the choice, for example "cpu", "gl: NVIDIA ..." or "auto: cpu,
+  // there is no other: device 0: computes on the CPU". ", trials, too" at the end means that the GPU also computes
+  // depth hypotheses.
   std::string explain(RendererChoice choice) const;
 
  private:
@@ -104,18 +109,18 @@ class RendererSelector {
   const Clock now_;
   mutable std::mutex mutex_;
   std::shared_ptr<gl::GlesRenderer> drawer_;
-  std::set<gl::ShareGroup> groups_;            // includes failed moves
-  std::string left_;                           // device before leave()
-  std::optional<gl::Context::Drivers> tried_;  // latest attempt to open
-  std::string why_;                            // reason of the failure
+  std::set<gl::ShareGroup> groups_;  // groups that move_to() has tried, including failures
+  std::string left_;
+  std::optional<gl::Context::Drivers> tried_;  // set after the latest attempt to open a renderer
+  std::string why_;
   bool loss_reported_ = false;
   RendererTuner tuner_;
   Backoff backoff_;
   RendererTuner depth_tuner_;
   Backoff depth_backoff_;
   bool draws_consistency_ = false;
-  std::string why_not_;                     // reason why the latest answer was not drawn
-  std::string refusal_, reported_refusal_;  // latest refusal, and the refusal last reported to the user
+  std::string why_not_;                     // why the latest answer was not rendered by the GPU
+  std::string refusal_, reported_refusal_;  // latest refusal, and the refusal that was last reported to the user
 };
 
 }  // namespace lf

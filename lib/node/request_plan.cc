@@ -72,7 +72,7 @@ Rect RequestPlan::region(CameraIndex camera) const {
 bool RequestPlan::shows_detail(CameraIndex camera) const {
   switch (access_) {
     case Access::kSelf: return lf::shows_detail(sum_->plan().view(), rig_.cameras[camera]);
-    // The command does not contain the viewpoint.
+    // A command does not contain the viewpoint.
     case Access::kWarp: return !is_coarse(sum_->plan().view().lens, rig_.cameras[camera].lens);
     case Access::kPixels: break;
   }

@@ -16,46 +16,47 @@
 
 namespace lf {
 
-// The work of a node for one request, and the image regions needed from each camera. The answer is a sum over the
-// cameras or, for cameras that can only deliver pixels, unwarped pixels. Immutable.
+// Describes what a node must do for one request, and which image regions it needs from each camera. The answer is a sum
+// (the weighted total of the node's cameras) or, for cameras that can only deliver pixels, a set of unwarped image
+// regions. Immutable.
 class RequestPlan {
  public:
-  // Plans the sum of a view, with the depth hypotheses and brightness that the request asks for. `own`: indices of the
-  // node's cameras, ascending. `rig` must outlive the plan. `parallel`: used for planning. All constructors throw Error
-  // if the request does not fit the rig.
+  // Plans the sum of a view, and the depth hypotheses and brightness measurements that the request asks for. `own`
+  // lists the node's cameras in ascending order. `rig` must outlive the plan. `parallel` distributes the planning. All
+  // constructors throw Error if the request does not fit the rig.
   RequestPlan(const Rig& rig, const Mesh& mesh, const ViewRequest& request, std::span<const CameraIndex> own,
               const ParallelFor& parallel = serial_for);
-  // Plans the sum of a command. Uses only the lenses and sizes of `own` from the rig.
+  // Plans the sum of a warp command. Only the lenses and sizes of `own` are taken from the rig.
   RequestPlan(const Rig& rig, const wire::WarpCommand& command, std::span<const CameraIndex> own,
               const ParallelFor& parallel = serial_for);
-  // Plans unwarped pixels. Uses only the sizes of `own` from the rig.
+  // Plans unwarped pixels. Only the sizes of `own` are taken from the rig.
   RequestPlan(const Rig& rig, const wire::PixelCommand& command, std::span<const CameraIndex> own);
 
-  // Indices of the node's cameras that must deliver images, ascending.
+  // Indices of the node's cameras that must deliver images, in ascending order.
   const std::vector<CameraIndex>& cameras() const { return cameras_; }
   bool has(CameraIndex camera) const { return std::ranges::binary_search(cameras_, camera); }
-  // True if the answer shows pixels of this camera; false if only its brightness is measured.
+  // True if the answer shows pixels of this camera; false if only the camera's brightness is measured.
   bool draws(CameraIndex camera) const;
 
-  // Returns the needed image region of one of cameras(): for the answer; for the answer and its depth hypotheses (empty
-  // if the camera is not drawn); for everything, including brightness.
+  // Each function returns the region of a camera's image that is needed: answer_region() for the answer alone;
+  // drawn_region() for the answer and its depth hypotheses (empty if the camera is not in the picture); region() for
+  // everything, including the brightness measurement.
   Rect answer_region(CameraIndex camera) const;
   Rect drawn_region(CameraIndex camera) const;
   Rect region(CameraIndex camera) const;
-  // True if the answer shows detail that bilinear sampling loses: see shows_detail() in render/.
+  // True if the answer shows detail that bilinear sampling would lose; see shows_detail() in render/.
   bool shows_detail(CameraIndex camera) const;
 
-  // Null if the answer has unwarped pixels: answer_region() of each camera.
+  // Null if the answer consists of unwarped pixels: answer_region() of each camera.
   const RenderJob* sum() const { return sum_ ? &*sum_ : nullptr; }
-  // JPEG quality, 0 to 100.
   int quality() const { return quality_; }
-  // The levels of each depth hypothesis, and the job of their view; null without hypotheses. The photo-consistency sums
-  // precede the answer.
+  // The depth levels of each hypothesis, and the job that evaluates them (null without hypotheses). Their
+  // photo-consistency sums precede the answer.
   const std::vector<std::vector<uint8_t>>& trials() const { return hypotheses_; }
   const RenderJob* hypothesis_job() const { return hypothesis_job_ ? &*hypothesis_job_ : nullptr; }
-  // Exposure compensation of the cameras; null: none.
+  // Exposure compensation of the cameras, or null if not requested.
   const GainRequest* gains() const { return gains_.use || gains_.ask ? &gains_ : nullptr; }
-  // Measures the cameras' brightness before the answer; null: not requested.
+  // The brightness measurement to make before the answer, or null if none is requested.
   const WideLuma* wide() const { return wide_ ? &*wide_ : nullptr; }
 
  private:
@@ -64,14 +65,14 @@ class RequestPlan {
   const int quality_;
   std::vector<CameraIndex> cameras_;
   std::optional<RenderJob> sum_;
-  std::vector<Rect> pixels_;  // regions of cameras_, if there is no sum_
+  std::vector<Rect> pixels_;  // regions of cameras_; used if there is no sum_
   std::optional<RenderJob> hypothesis_job_;
   std::vector<std::vector<uint8_t>> hypotheses_;
   GainRequest gains_;
   std::optional<WideLuma> wide_;
 };
 
-// Plans a request of any kind; arguments and errors as in the constructors.
+// Plans a request of any kind. Arguments and errors are as in the constructors.
 std::unique_ptr<const RequestPlan> plan_request(const Rig& rig, MeshCache& mesh, const wire::AnyRequest& request,
                                                 std::span<const CameraIndex> own,
                                                 const ParallelFor& parallel = serial_for);

@@ -145,7 +145,7 @@ RenderedConsistency render_consistency(const RequestRenderer::Work& work, const 
   return rendered;
 }
 
-// Sharpens the images if the options ask for sharpening and a plan shows detail.
+// Sharpens the images if the options ask for it and a plan shows detail.
 std::vector<Source> resampled(Works works, const RenderOptions& options, std::vector<ByteBuffer>& memory,
                               const std::vector<Source>& images) {
   std::vector<Source> sampled = images;
@@ -169,11 +169,11 @@ std::vector<Source> resampled(Works works, const RenderOptions& options, std::ve
 
 struct Drawn {
   std::vector<Source> sources;
-  std::optional<SumRenderer> sum;  // empty: the answer has unwarped pixels, or no camera has an image yet
+  std::optional<SumRenderer> sum;  // empty if the answer has unwarped pixels, or no camera has an image yet
   uint64_t ns = 0;                 // nanoseconds
 };
 
-// `sampled`: the images for plans that show detail.
+// `sampled` are the images for plans that show detail.
 void draw(Works works, const std::vector<Source>& images, const std::vector<Source>& sampled,
           const RenderOptions& options, std::vector<Drawn>& drawn) {
   options.parallel(works.size(), [&](size_t i) {

@@ -26,44 +26,45 @@ namespace gl {
 class GlesRenderer;
 }
 
-// Processed images of one answer, indexed like the images of the answer. Each buffer has the size of the camera's
-// image.
+// Memory for the processed images of one answer, with the same indices as the images. Each buffer has the size of the
+// camera's image.
 struct ImageMemory {
   std::vector<ByteBuffer> corrected, matched, sharpened;
 
-  // Bytes of all buffers, for MemoryPool.
+  // Size of all buffers in bytes, for MemoryPool.
   size_t size() const;
   size_t capacity() const;
   void clear();
 };
 
-// One object per concurrent answer.
+// One ImageMemory is taken from the pool for each concurrent answer.
 using KeptImages = MemoryPool<ImageMemory>;
 
-// Exposure gains of a node's cameras, estimated per view, because brightness depends on the viewpoint. Not thread-safe.
+// The exposure gains of a node's cameras. They are estimated separately for each view, because brightness depends on
+// the viewpoint. Not thread-safe.
 class GainMatcher {
  public:
   static constexpr size_t kMaxViews = 64;  // the least recently used view is forgotten
 
-  // Returns the gains for a request's images, updated if the request carries the mean for the stored measurement. A new
-  // view starts with the gains of the latest view.
+  // Returns the gains for the images of a request. The gains are updated if the request carries the mean luma that
+  // belongs to the stored measurement. A new view starts with the gains of the latest view.
   const ExposureCompensation& gains_for(uint32_t view_id, const GainRequest& request);
-  // Stores the measurement of a request until its mean arrives.
+  // Stores the measurement for a request until the mean over all nodes arrives.
   void keep(uint32_t view_id, uint32_t sequence, std::vector<WideLuma::Camera> seen);
 
-  // Returns the images divided by `gains` inside `region` of each camera (empty region: unchanged). Results are stored
-  // in `memory`.
+  // Returns the images divided by `gains` inside the `region` of each camera; an image with an empty region stays
+  // unchanged. The results are stored in `memory`.
   static std::vector<Source> match(std::span<const Source> sources, const ExposureCompensation& gains,
                                    const std::function<Rect(CameraIndex)>& region, std::vector<ByteBuffer>& memory,
                                    const ParallelFor& parallel = serial_for);
   void clear();
-  // Copies the latest gains as the start value of new views.
+  // Copies the latest gains, as start values of new views.
   void copy_gains_from(const GainMatcher& other) { latest_ = other.latest_; }
 
  private:
   struct View {
     ExposureCompensation gains;
-    uint32_t sequence = 0;  // belongs to `seen`
+    uint32_t sequence = 0;
     std::vector<WideLuma::Camera> seen;
     uint64_t used = 0;
   };
@@ -76,35 +77,34 @@ class GainMatcher {
 
 struct RenderOptions {
   CodecChoice codec = CodecChoice::kAuto;
-  bool in_process = false;                // the compositor runs in this process: see choose_coding()
-  int strip_pixels = wire::kStripPixels;  // largest 8-bit fragment, pixels
+  bool in_process = false;                // the compositor runs in this process; see choose_coding()
+  int strip_pixels = wire::kStripPixels;  // size of the largest 8-bit fragment, pixels
   Resampling resampling = Resampling::kBilinear;
-  const RigColourCorrections* colours = nullptr;  // colour corrections of the plan's rig; null: none
-  std::shared_ptr<gl::GlesRenderer> gpu;          // draws sums if possible; null: CPU only
-  std::shared_ptr<gl::GlesRenderer> depth_gpu;    // computes photo-consistency sums: see add_consistency()
-  // Share group of the pictures of a compositor in this process; sums drawn in this group may stay on the GPU. 0: none.
+  const RigColourCorrections* colours = nullptr;  // colour corrections of the plan's rig, or null
+  std::shared_ptr<gl::GlesRenderer> gpu;          // renders sums if it can; null: CPU only
+  std::shared_ptr<gl::GlesRenderer> depth_gpu;    // computes photo-consistency sums; see add_consistency()
+  // Share group of a compositor in this process, or 0. Sums rendered in this group may stay on the GPU.
   gl::ShareGroup group = 0;
   ParallelFor parallel = serial_for;
 };
 
-// Renders planned requests from images of a node's cameras. Prepares the images (colour correction, exposure gains,
-// sharpening), draws the sums, and encodes the answers. Keeps the exposure gains of one client's views. Not
+// Renders planned requests from the images of a node's cameras: prepares the images (colour correction, exposure gains,
+// sharpening), renders the sums, and encodes the answers. Remembers the exposure gains of one client's views. Not
 // thread-safe.
 class RequestRenderer {
  public:
   struct Work {
     const RequestPlan* plan;
     wire::AnswerHeader header;
-    // False: no camera of the plan has an image, and the answer is empty instead of missing weight.
+    // False if no camera of the plan has an image. The answer is then empty instead of reporting missing weight.
     bool has_images = true;
   };
-  // Returns the answers to several requests that use the same images. Brightness is measured only for a single request.
-  // Each answer is independent of the remaining requests and of options.parallel. A GPU draws as many views per pass as
-  // it can.
+  // Answers several requests that use the same images. A GPU renders several views per pass. Each answer is the same as
+  // for its request alone, for any options.parallel. Brightness is only measured if there is a single request.
   //
-  // `images`: images of all cameras of the plans, ascending, of one family; an image of kNone counts as missing weight.
-  // `scratch`: storage for the prepared images. `memory`: provides recycled memory for one answer. Throws Error if an
-  // image does not have its camera's size, and as AnswerWriter does.
+  // `images` holds the images of all cameras of the plans in ascending order, in one family. An image of kNone counts
+  // as missing weight. `scratch` stores the prepared images, and `memory` returns reusable memory for one answer.
+  // Throws Error if an image does not have the size of its camera, and as AnswerWriter does.
   std::vector<RenderedAnswer> render(std::span<const Work> works, std::span<const Source> images,
                                      const RenderOptions& options, ImageMemory& scratch,
                                      const std::function<ByteBuffer()>& memory);

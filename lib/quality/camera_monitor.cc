@@ -14,13 +14,13 @@
 namespace lf {
 namespace {
 
-constexpr size_t kNearest = 8;    // the cameras around one in a grid
+constexpr size_t kNearest = 8;    // the cameras around a camera in a grid
 constexpr double kCleared = 0.7;  // a suspect with a smaller deviation is cleared
 constexpr double kSigmaPerMad = 1.4826;
 constexpr double kScatters = 3;     // minimum deviation, relative to the scatter between parts of the image
-constexpr double kAnyDistance = 1;  // metres; any plane in front of the camera shows its own image
+constexpr double kAnyDistance = 1;  // metres; in any plane in front of the camera, the camera sees its own image
 constexpr double kSameRate = 0.01;  // relative difference of periods
-// HandWaveDetector
+// Constants of HandWaveDetector.
 constexpr double kForget = 12;       // seconds
 constexpr double kMinChange = 0.08;  // relative to the full range; a hand covers most of the image
 constexpr double kStandsOut = 1.8;   // relative to the second-largest change
@@ -38,7 +38,7 @@ std::vector<CameraIndex> nearest_to(const Rig& rig, CameraIndex camera) {
   return others;
 }
 
-// Pixel x of the lens is pixel step x + first of `lens`.
+// Pixel x of the new lens is pixel step x + first of `lens`.
 Lens subsample_grid(const Lens& lens, int step, int first) {
   std::array<double, Lens::kMaxParams> params = lens.params();
   const auto focal = static_cast<size_t>(lens_model_num_focal(lens.model()));
@@ -90,7 +90,7 @@ void CameraMonitor::recheck(CameraIndex camera) {
 }
 
 CameraMonitor::Figures CameraMonitor::figures_of(const PredictionError& error) {
-  // A perfect prediction has infinite PSNR, which must remain comparable.
+  // A perfect prediction has infinite PSNR, which cannot be compared, so PSNR is limited.
   constexpr double kMaxDb = 60;  // pictures that differ only by rounding
   const double psnr = error.psnr_db > kMaxDb ? kMaxDb : error.psnr_db;
   return {psnr, error.gain, error.shift.x, error.shift.y};
@@ -213,6 +213,7 @@ CameraProbe make_probe(const Rig& rig, CameraIndex camera, const View& focused, 
             .pose = at.pose,
             .focus = {}};
   CameraProbe probe{.camera = camera, .seen = {}, .predicted = {}};
+  view.blending.extrapolates = false;  // extrapolated pixels would predict the camera less well
   view.focus.plane = focal_plane_at(view.pose, kAnyDistance);
   probe.seen.view = view;
   for (CameraIndex i = 0; i < rig.cameras.size(); i++)
@@ -249,7 +250,8 @@ std::optional<CameraProbe> ProbeScheduler::next(const Rig& rig, const ViewReques
 }
 
 bool ProbeScheduler::expects(const ViewRequest& probe) {
-  if (!asked_ || probe.view.pose != asked_->seen.view.pose) return false;  // another client's, or too late
+  // the answer belongs to another client, or is too late
+  if (!asked_ || probe.view.pose != asked_->seen.view.pose) return false;
   if (probe.view == asked_->seen.view || (probe.view == asked_->predicted.view && seen_)) return true;
   lose();
   return false;
@@ -320,8 +322,8 @@ Skew camera_skew(std::span<const FrameTimeStats> cameras) {
   const auto counts = [&](const FrameTimeStats& camera) {
     return camera.period > 0 && std::abs(camera.period / period - 1) <= kSameRate;
   };
-  // Phases are angles, so their mean is the direction of the sum of unit vectors. All phases are taken when the last
-  // camera started, so that different clocks have not drifted far.
+  // Phases are angles, so their mean is the direction of the sum of unit vectors. All phases are computed for the time
+  // when the last camera started, so that different clocks have not drifted far.
   double begin = -INFINITY;
   for (const FrameTimeStats& camera : cameras)
     if (counts(camera)) begin = std::max(begin, camera.first);

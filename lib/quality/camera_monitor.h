@@ -17,16 +17,16 @@
 
 namespace lf {
 
-// Detects faulty cameras in a running array by comparing each camera in turn with a prediction from the remaining
-// cameras. A faulty camera also spoils the predictions of its neighbours. When a camera becomes an outlier, it is
-// therefore checked again together with its neighbours. The worst camera becomes a suspect, and the remaining outliers
-// are rechecked without the suspect. Not thread-safe.
+// Detects faulty cameras in a running array. It compares each camera in turn with a prediction of its image from the
+// remaining cameras. A faulty camera also spoils the predictions of its neighbours. Therefore, when a camera becomes an
+// outlier, it is checked again together with its neighbours. The worst of them becomes a suspect, and the remaining
+// outliers are checked again without the suspect. Not thread-safe.
 class CameraMonitor {
  public:
   enum class Fault {
-    kColour,     // brighter or darker than the array
-    kDirection,  // direction differs from the rig
-    kPicture,    // no colour or direction error: out of focus or obstructed
+    kColour,     // the camera is brighter or darker than the array
+    kDirection,  // the camera looks in another direction than the rig says
+    kPicture,    // the image differs otherwise, for example because it is out of focus or obstructed
   };
   struct Suspect {
     CameraIndex camera = 0;
@@ -34,31 +34,32 @@ class CameraMonitor {
     bool operator==(const Suspect&) const = default;
   };
   // A value is an outlier if it differs from the median of all cameras by more than kDeviations robust standard
-  // deviations (1.4826 MAD), and by at least these minimums.
+  // deviations (1.4826 MAD), and by at least the following minimums.
   static constexpr double kDeviations = 4;
-  static constexpr double kDb = 3;          // decibels of PSNR
-  static constexpr double kGain = 0.03;     // relative gain
+  static constexpr double kDb = 3;  // decibels of PSNR
+  static constexpr double kGain = 0.03;
   static constexpr double kShift = 0.25;    // pixels of the probe
-  static constexpr size_t kMinCameras = 5;  // cameras with known values, needed to detect outliers
+  static constexpr size_t kMinCameras = 5;  // number of cameras with known values that is needed to detect outliers
 
   explicit CameraMonitor(const Rig& rig);
 
   // Returns the next camera to check, or nothing if no camera is in service.
   std::optional<CameraIndex> next(const CameraSet& out_of_service);
   CameraSet suspected() const;
-  // True if all cameras in service (see next()) were checked and no recheck is pending. Checks may continue.
+  // Returns true if all cameras in service (see next()) were checked and no second check is pending. Checks may
+  // continue.
   bool is_settled() const;
-  // Takes the result of a camera's check; NaN where unknown, as at the corners of an array.
+  // Takes the result of a camera's check. Unknown values are NaN, as at the corners of an array.
   void take(CameraIndex camera, const PredictionError& error);
 
-  // Returns the result of the camera's latest check; NaN where unknown.
+  // Returns the result of the camera's latest check, with NaN for unknown values.
   const PredictionError& error(CameraIndex camera) const { return cameras_[camera].error; }
   size_t cameras() const { return cameras_.size(); }
-  const std::vector<Suspect>& suspects() const { return suspects_; }  // ascending
+  const std::vector<Suspect>& suspects() const { return suspects_; }  // ascending by camera
   uint64_t turns() const { return turns_; }
 
  private:
-  // Values compared between cameras: PSNR, gain, shift in x and y.
+  // The values that are compared between cameras: PSNR, gain, shift in x and y.
   static constexpr size_t kFigures = 4;
   using Figures = std::array<double, kFigures>;
   struct FigureStats {
@@ -68,7 +69,7 @@ class CameraMonitor {
     PredictionError error;
     uint64_t taken = 0;          // number of the latest check; 0: none
     uint64_t outlier_since = 0;  // number of the check; 0: not an outlier
-    bool stale = false;          // an outlier, possibly caused by a camera that became a suspect since
+    bool stale = false;          // an outlier, possibly because of a camera that has become a suspect since
     bool out = false;
     std::vector<CameraIndex> nearest;  // cameras that may contribute to the prediction of this camera
   };
@@ -91,34 +92,35 @@ class CameraMonitor {
 
 std::string_view to_string(CameraMonitor::Fault fault);  // "colour", "direction", "picture"
 
-// A view from a camera's pose, requested twice: from the camera alone, and from all other cameras. These are ordinary
-// view requests. A camera only sends its part of a small view.
+// Two small views from a camera's pose: one from the camera alone, and one from all other cameras. The difference
+// between the views shows whether the camera is faulty. The requests are ordinary view requests, so each camera sends
+// only its part.
 struct CameraProbe {
   CameraIndex camera = 0;
   ViewRequest seen, predicted;  // view, out_of_service and probe are set
 };
 
-// Maximum columns of a probe. A probe takes every n-th pixel of the camera unfiltered, so its errors are representative
-// of the whole image.
+// Maximum columns of a probe. A probe takes every n-th pixel of the camera without filtering, so its errors are
+// representative of the whole image.
 inline constexpr int kProbeColumns = 80;
 
-// `focused`: view with the focal surface of the prediction. `without` (ascending): further cameras to exclude from the
-// prediction.
+// `focused` is the view with the focal surface that the prediction uses. `without` (ascending) are further cameras to
+// exclude from the prediction.
 CameraProbe make_probe(const Rig& rig, CameraIndex camera, const View& focused, const CameraSet& without);
 
-// Interleaves the checks of a camera monitor with the requests of a view. A check consists of two probes: the camera's
-// own image, and a prediction from the remaining cameras. Probes and answers may be lost, or belong to other clients.
-// Not thread-safe.
+// Runs the checks of a camera monitor between the requests of a view. A check consists of two probes: the camera's own
+// image, and its prediction from the remaining cameras. Probes and answers may be lost, or belong to other clients. Not
+// thread-safe.
 class ProbeScheduler {
  public:
   static constexpr unsigned kProbeTimeout = 30;  // number of requests until pending probes count as lost
 
-  // Call after each composed request. Returns the probes of a check every `interval` requests, or up to kProbeTimeout
-  // requests later while answers are pending. Starts over if the rig has changed.
+  // Call this after each composed request. Returns the probes of a check every `interval` requests, or up to
+  // kProbeTimeout requests later if answers are pending. Starts over if the rig has changed.
   std::optional<CameraProbe> next(const Rig& rig, const ViewRequest& composed, unsigned interval);
 
-  // True if the probe belongs to the current check, so that take() needs its picture. A probe out of order ends the
-  // check.
+  // Returns true if the probe belongs to the current check, so that take() needs its picture. A probe out of order ends
+  // the check.
   bool expects(const ViewRequest& probe);
   enum class TurnResult { kFirstProbe, kBothProbes, kSuspectsChanged };
   // Takes the picture of an expected probe. The second picture completes the check and may change the suspects.
@@ -137,48 +139,49 @@ class ProbeScheduler {
   std::optional<CoverageImage> seen_;
 };
 
-// Regularity of a camera's frame times, from a line fitted to the times. Seconds.
+// Describes how regular the frame times of a camera are. A line is fitted to the times, in seconds over frame numbers.
 struct FrameTimeStats {
   size_t frames = 0;
-  double period = 0;     // slope of the line, seconds per frame; 0: fewer than three frames
+  double period = 0;     // slope of the line, seconds per frame; 0 if there are fewer than three frames
   double first = 0;      // time of the first frame on the line
-  double jitter = 0;     // RMS deviation of the times from the line: accuracy of the timestamps
+  double jitter = 0;     // RMS deviation of the times from the line, which is the accuracy of the timestamps
   size_t missing = 0;    // frames of the line that did not arrive
   size_t backwards = 0;  // times not later than their predecessor; excluded from the fit
 
   double rate() const { return period > 0 ? 1 / period : 0; }
 };
 
-// `times`: in order of arrival.
+// `times` are in order of arrival.
 FrameTimeStats frame_time_stats(std::span<const double> times);
 
-// Time offsets of cameras with the same frame rate.
+// Time offsets between cameras with the same frame rate.
 struct Skew {
   std::vector<double> phase;  // seconds behind the mean phase of all cameras, at most half a period; NaN: unknown
   double spread = 0;          // seconds between the earliest and the latest camera
   double drift = 0;           // relative rate difference between the fastest and the slowest camera clock
 };
 
-// The phase of cameras with a period more than 1 % off the median is NaN.
+// Cameras with a period more than 1 % off the median get a phase of NaN.
 Skew camera_skew(std::span<const FrameTimeStats> cameras);
 
-// Finds the camera that a person covers with a hand: only the image of that camera changes. Not thread-safe.
+// Finds the camera that a person covers with a hand, to learn which camera is which. Only the image of that camera
+// changes. Not thread-safe.
 class HandWaveDetector {
  public:
   explicit HandWaveDetector(size_t cameras) : cameras_(cameras) {}
 
-  // Takes an image as the mean brightness of its parts, 0..1; the number of parts is constant. `time`: seconds, must
-  // not decrease.
+  // Takes an image of a camera, as the mean brightness (0..1) of a constant number of parts. `time` is in seconds and
+  // must not decrease.
   void see(size_t camera, std::span<const float> parts, double time);
-  // Returns the mean deviation of the newest image from the usual image over all parts, 0..1. Uniform changes, as from
-  // automatic exposure, count half.
+  // Returns how much the newest image differs from the usual image, as a mean over all parts, 0..1. Uniform changes, as
+  // from automatic exposure, count half.
   double change(size_t camera) const { return cameras_[camera].change; }
-  // Returns the camera that stands out, if any. A person who walks past changes several cameras.
+  // Returns the camera that changes far more than all others, if any. A person who walks past changes several cameras.
   std::optional<size_t> found() const;
 
  private:
   struct Camera {
-    std::vector<float> usual;  // moving average with a time constant: a hand that stays becomes usual
+    std::vector<float> usual;  // moving average with a time constant, so that a hand that stays becomes usual
     double time = 0, change = 0;
   };
   std::vector<Camera> cameras_;

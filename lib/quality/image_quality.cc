@@ -40,8 +40,8 @@ std::vector<double> luma(const Image& rgb) {
   return out;
 }
 
-// Filters a line of `n` values, `step` apart, with the Gaussian window. Truncates the window at the ends and
-// renormalises the weights. The 2-D window is separable: one pass for each direction.
+// Filters a line of `n` values, `step` apart, with the Gaussian window. At the ends, the window is truncated and its
+// weights are renormalised. The 2-D window is separable, so there is one pass for each direction.
 void blur_line(const double* in, double* out, int n, size_t step) {
   static const std::array<double, kRadius + 1> kWeight = [] {
     std::array<double, kRadius + 1> w{};
@@ -185,7 +185,7 @@ struct Fit {
   Vec2 shift{0, 0};
 };
 
-// Gauss-Newton fit of gain and shift over these pixels. Returns nothing if the system is singular or the fit diverges.
+// Fits gain and shift over these pixels by Gauss-Newton. Returns nothing if the system is singular or the fit diverges.
 std::optional<Fit> fit(const Luma& predicted, const Luma& seen, const std::vector<size_t>& pixels) {
   const auto width = static_cast<size_t>(seen.width);
   Fit fit;
@@ -217,7 +217,7 @@ std::optional<Fit> fit(const Luma& predicted, const Luma& seen, const std::vecto
   return fit;
 }
 
-// Sets the scatter: the median deviation of fits to parts of the picture from the fit to the whole.
+// Computes the scatter: the median deviation of fits to parts of the picture from the fit to the whole.
 void add_scatter(const Luma& predicted, const Luma& seen, const std::vector<float>& coverage, PredictionError* error) {
   std::vector<double> gains, shifts;
   for (int j = 0; j < kPartsDown; j++)

@@ -33,12 +33,12 @@ CameraProjection::CameraProjection(const ViewPlan& plan, CameraIndex camera, con
 namespace {
 
 constexpr int kStep = 16;  // pixels of the view between sample points
-// Sampling reaches two more pixels, chroma five, and interpolated positions of the fast renderer have an error of less
-// than one pixel.
+// Pixels beyond the sampled positions that are needed. Sampling reads two more pixels, chroma reads five, and
+// interpolated positions of the fast renderer are off by less than one pixel.
 constexpr int kReach = 6;
 
-// Calls call(x, y) for points along the border of `rect`, kStep apart, including the corners and the first point again.
-// Stops when `call` returns false.
+// Calls call(x, y) for points along the border of `rect`, at most kStep apart, with the corners and finally the first
+// point again. Stops when `call` returns false.
 template <typename Call>
 bool for_border(const Rect& rect, Call call) {
   const int right = rect.x1 - 1, bottom = rect.y1 - 1;
@@ -74,7 +74,7 @@ Rect source_region(const ViewPlan& plan, const Rect& rect, CameraIndex camera, c
   if (rect.empty()) return {};
   const CameraProjection projection(plan, camera, rig_camera);
   Vec2 low(INFINITY), high(-INFINITY);
-  double largest_step = 0;  // between neighbouring points
+  double largest_step = 0;
   bool known = true;
   // A position moves along a straight line between two distances.
   double distances[2] = {0, 0};
@@ -84,7 +84,8 @@ Rect source_region(const ViewPlan& plan, const Rect& rect, CameraIndex camera, c
     distances[1] = map->inverse_of(levels.largest);
     num_distances = levels.least == levels.largest ? 1 : 2;
   }
-  // Walks the border for each distance: homographies and lenses map the inside of `rect` to the inside of the border.
+  // Walk around the border for each distance, because homographies and lenses map the inside of `rect` to the inside of
+  // its border.
   for (int k = 0; k < num_distances && known; k++) {
     Vec2 before(NAN);
     const auto look = [&](int x, int y) {
@@ -98,9 +99,9 @@ Rect source_region(const ViewPlan& plan, const Rect& rect, CameraIndex camera, c
     };
     known = for_border(rect, look);
   }
-  // NaN and infinity must be ruled out before conversion to int.
+  // NaN and infinity must be ruled out before the conversion to int.
   if (!known || !std::isfinite(low.x + low.y + high.x + high.y)) return whole;
-  // A curved border between sample points bulges by less than a sixteenth of their distance, except for lenses with
+  // Between sample points, a curved border bulges by less than a sixteenth of their distance, except for lenses with
   // extreme distortion.
   const Vec2 margin(largest_step / 16 + kReach);
   low = glm::max(low - margin, Vec2(0));
@@ -133,7 +134,7 @@ Rect needed_pixels(const ViewPlan& plan, CameraIndex camera, const Camera& rig_c
 }
 
 bool is_pixel_for_pixel(const View& view, const Camera& camera) {
-  constexpr double kSame = 1.0 / 16;  // pixels
+  constexpr double kSame = 1.0 / 16;
   const double offset = glm::length(camera.pose.position - view.pose.position);
   const double distance = std::abs(view.focus.plane.signed_distance(view.pose.position));
   if (!(offset * camera.lens.fy() <= kSame * distance)) return false;

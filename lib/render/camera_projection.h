@@ -15,30 +15,33 @@
 
 namespace lf {
 
-// Finds the position in a camera's image that a view's line of sight samples, through the focal surface and the
-// camera's lens.
+// Finds the position in a camera's image that belongs to a pixel of the view. The pixel's line of sight d meets the
+// focal surface (the surface that is sharp), and the camera sees that point through its lens.
 //
-// A plane is (p . d) t = c in view coordinates, X_view = t d, and X_camera = R X_view + T:
-//     (p . d) X_camera = (c R + T p^T) d.
-// The sign of c makes the factor positive for t > 0: a homography.
+// If the focal surface is a plane, it is (p . d) t = c in view coordinates, with X_view = t d and X_camera = R X_view +
+// T. Then
+//     (p . d) X_camera = (c R + T p^T) d,
+// which is a homography. The sign of c is chosen so that its factor is positive for t > 0.
 //
-// A map has (p . d) t = 1/s - h at inverse distance s, with h = ViewPlan::eye_distance():
+// If the focal surface is a map, (p . d) t = 1/s - h at inverse distance s, with h = ViewPlan::eye_distance(). Then
 //     s (p . d) X_camera = ((1 - s h) R + s T p^T) d,
-// a homography for each s, linear in s.
+// which is a homography for each s, and linear in s.
 class CameraProjection {
  public:
-  // `rig_camera`: `camera` in the rig. If the plan has explicit homographies, only its lens and size are used.
+  // `rig_camera` is the description of `camera` in the rig. If the plan has explicit homographies, only the lens and
+  // size of the camera are used.
   CameraProjection(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera);
 
-  // Homography from a line of sight (u, v, 1) to camera coordinates, up to a positive factor for t > 0. With a map,
-  // camera_from_ray() is for inverse distance 0, and per_inverse() is its derivative by the inverse distance.
+  // Returns the homography from a line of sight (u, v, 1) to camera coordinates, up to a positive factor for t > 0. If
+  // there is a map, the homography is for inverse distance 0, and per_inverse() is its derivative by the inverse
+  // distance.
   const Mat3& camera_from_ray() const { return camera_from_ray_; }
   const Mat3& per_inverse() const { return per_inverse_; }
   bool has_map() const { return has_map_; }
   const Lens& lens() const { return lens_; }
 
-  // Computes the position in the image. Returns false if the sample is missing: behind the camera or outside its image.
-  // `inverse`: inverse distance of the focal map there; ignored without a map.
+  // Computes the position in the image. Returns false if the sample is missing, because the point is behind the camera
+  // or outside its image. `inverse` is the focal map's inverse distance there, and is ignored without a map.
   bool project(const Vec2& ray, double inverse, Vec2& pixel) const {
     return project_unbounded(ray, inverse, pixel) && pixel.x >= -0.5 && pixel.x <= right_ && pixel.y >= -0.5 &&
            pixel.y <= bottom_;
@@ -69,31 +72,36 @@ class CameraProjection {
   const double eye_distance_;
   const Lens lens_;
   bool distorted_;
-  double right_, bottom_;  // edges of the image's domain, pixels
+  double right_, bottom_;  // edges of the image, half a pixel beyond the outermost pixel centres
 };
 
-// Returns the pixels of a camera's image that its contribution to `rect` of the view may sample, including the margins
-// of interpolation and chroma. This is the region to decode. `rect` bounds the pixels with a weight of the camera.
-// Returns the whole image if the region is unknown, and an empty region if none of it is seen.
+// Returns the region of a camera's image that must be decoded to render the camera's contribution to `rect`. The region
+// includes the margins that interpolation and chroma need. `rect` must contain all pixels with a weight of the camera.
+// Returns the whole image if the region is unknown, and an empty region if the view shows no part of the image.
 Rect source_region(const ViewPlan& plan, const Rect& rect, CameraIndex camera, const Camera& rig_camera);
-// The same for a focal map with other levels than the view's. `levels`: smallest and largest level in `rect`.
+// Does the same for a focal map with other levels than the view's. `levels` are the smallest and largest level in
+// `rect`.
 Rect source_region(const ViewPlan& plan, const Rect& rect, CameraIndex camera, const Camera& rig_camera,
                    const FocalMap::LevelRange& levels);
 
-// Returns the pixels of a contributing camera's image that its whole part of the view needs: source_region(), extended
-// to whole chroma samples. Returns one pixel if none is seen, because the part is then missing weight.
+// Returns the region of a camera's image that its whole contribution to the view needs: source_region(), extended to
+// whole chroma samples. Returns one pixel if the view shows none of the image, because the contribution is then missing
+// weight.
 Rect needed_pixels(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera);
-// The same for the union of several focal maps with other levels than the view's. Empty if none is seen.
+// Does the same for the union of several focal maps with other levels than the view's. Returns an empty region if the
+// view shows none of the image.
 Rect needed_pixels(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera,
                    std::span<const std::vector<uint8_t>> maps);
 
-// Sharpening (image/image_filters.h) helps if a view shows the detail that bilinear sampling loses.
+// The functions below decide whether images are sharpened (image/image_filters.h). Sharpening restores detail that
+// bilinear sampling loses, so it helps only if the view shows such detail.
 
-// True if the view is so much coarser than the image that sharpened samples alias. The built-in
-// scene looks better without sharpening in views of less than 0.75 of the camera's focal length.
+// Returns true if the view is much coarser than the image, so that sharpened samples would alias. The limit is
+// empirical: below 0.75, the built-in scene looks better without sharpening.
 inline bool is_coarse(const Lens& view, const Lens& camera) { return view.fy() < 0.75 * camera.fy(); }
 
-// True if the view's pixels are the camera's pixels, seen from the camera's position. Sampling then loses nothing.
+// Returns true if the view's pixels are exactly the camera's pixels, seen from the camera's position. Sampling then
+// loses nothing.
 bool is_pixel_for_pixel(const View& view, const Camera& camera);
 
 inline bool shows_detail(const View& view, const Camera& camera) {
@@ -102,10 +110,10 @@ inline bool shows_detail(const View& view, const Camera& camera) {
 
 }  // namespace lf
 
-// Samples of camera images one by one, where SIMD is not worthwhile.
+// Samples images pixel by pixel, where SIMD is not worthwhile.
 namespace lf::plain {
 
-// Bilinear sample of one 8-bit channel. Coordinates are clamped to the outermost pixel centres.
+// Takes bilinear samples of one 8-bit channel. Coordinates are clamped to the outermost pixel centres.
 class Sampler {
  public:
   Sampler(const Vec2& position, int width, int height) : across_(position.x, width), down_(position.y, height) {}
@@ -128,7 +136,7 @@ class Sampler {
       weight = static_cast<float>(x - first);
     }
     int first, second;
-    float weight;  // of `second`
+    float weight;
   };
   Axis across_, down_;
 };

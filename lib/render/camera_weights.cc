@@ -7,14 +7,24 @@
 
 namespace lf {
 
-WeightGrid::WeightGrid(int width, int height, size_t num_cameras)
-    : width_(width), height_(height), columns_(points(width)), rows_(points(height)), rects_(num_cameras) {
+WeightGrid::WeightGrid(int width, int height, size_t num_cameras, std::vector<uint8_t> cells)
+    : width_(width),
+      height_(height),
+      columns_(points(width)),
+      rows_(points(height)),
+      cells_(std::move(cells)),
+      rects_(num_cameras) {
   first_.reserve(static_cast<size_t>(columns_) * rows_ + 1);
 }
 
 void WeightGrid::add_point(std::span<const Share> shares) {
   const auto point = static_cast<int>(first_.size() - 1);
-  const int x = point % columns_ * kStep, y = point / columns_ * kStep;
+  const int i = point % columns_, j = point / columns_;
+  Rect reach;  // cells with weights around the point
+  for (int y = std::max(j - 1, 0); y < std::min(j + 1, rows_ - 1); y++)
+    for (int x = std::max(i - 1, 0); x < std::min(i + 1, columns_ - 1); x++)
+      if (has_weights(x, y)) reach = unite(reach, {x * kStep, y * kStep, (x + 1) * kStep, (y + 1) * kStep});
+  reach = intersect(reach, {i * kStep - kStep + 1, j * kStep - kStep + 1, i * kStep + kStep, j * kStep + kStep});
   double total = 0;
   for (const Share& share : shares) total += share.weight;
   double sum = 0;
@@ -25,7 +35,6 @@ void WeightGrid::add_point(std::span<const Share> shares) {
     if (with == before) continue;
     entries_.push_back({share.camera, before, with});
     before = with;
-    const Rect reach{x - kStep + 1, y - kStep + 1, x + kStep, y + kStep};
     rects_[share.camera] = unite(rects_[share.camera], intersect(reach, {0, 0, width_, height_}));
   }
   first_.push_back(entries_.size());
@@ -52,6 +61,7 @@ WeightGrid::Entry WeightGrid::lookup(size_t point, CameraIndex camera) const {
 }
 
 bool WeightGrid::find(CameraIndex camera, int i, int j, Cell& cell) const {
+  if (!has_weights(i, j)) return false;
   const size_t point = static_cast<size_t>(j) * columns_ + i;
   const size_t at[4] = {point, point + 1, point + columns_, point + columns_ + 1};
   bool any = false;
@@ -68,26 +78,26 @@ namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
-// Requests may contain any numbers. Overflow and NaN are replaced by `largest` and sort last.
+// Requests may contain any numbers. Therefore overflow and NaN become `largest`, so that they sort last.
 double at_most(double largest, double value) { return value < largest ? value : largest; }
-constexpr double kFarthest = 1e300;  // squared metres
+constexpr double kFarthest = 1e300;
 
-// kAperture
+// Constants of kAperture.
 constexpr size_t kLeast = 4;          // minimum number of cameras with a weight
 constexpr double kLeastReach = 1.25;  // relative to the squared distance of the last of these cameras
-constexpr double kFacing = 0.25;      // cosine below which a camera fades, because its axis is nearly at a right angle
+constexpr double kFacing = 0.25;      // below this cosine a camera fades, because its axis is nearly at a right angle
 
-// kAngle
+// Constants of kAngle.
 constexpr double kLargest = 1e12;       // angle for cameras beyond the focus
 constexpr double kReach = 1 + 1. / 16;  // relative to the (k + 1)-th penalty
-// Penalty of camera pixels that are larger than the view's pixels, relative to angles, because they blur. On the
-// built-in scene, with half of the cameras at half resolution, 0.5 dB better than 1, and equal to 0.
+// Penalty, relative to angles, of camera pixels that are larger than the view's pixels, because they blur. With half of
+// the cameras at half resolution, the built-in scene gains 0.5 dB compared with a penalty of 1, and nothing compared
+// with 0.
 constexpr double kBlur = 0.1;
 constexpr double kMargin = 0.05;  // relative to an image's smaller side; a camera fades within this margin
-// weight outside the image, for an eye at the camera and for pixels that no other camera sees
+// The weight outside the image is not 0, for an eye at the camera and for pixels that no other camera sees.
 constexpr double kOutside = 1. / 1024;
 
-// Returns the line of sight of a pixel. If the lens has none there, uses a position nearer to the middle.
 Vec2 ray_at(const Lens& lens, const Vec2& pixel) {
   constexpr int kTries = 32;
   const Vec2 middle(lens.cx(), lens.cy());
@@ -97,15 +107,15 @@ Vec2 ray_at(const Lens& lens, const Vec2& pixel) {
   return {0, 0};
 }
 
-// Returns the distance to the focus along a line of sight, in units of the ray's length.
-double focus_along(const ViewPlan& plan, const Vec2& ray, const Vec2& pixel) {
+}  // namespace
+
+LineOfSight line_of_sight(const ViewPlan& plan, const Vec2& pixel) {
+  const Vec2 ray = ray_at(plan.view().lens, pixel);
   double distance = plan.focal_offset();
   if (plan.view().focus.map) distance = 1 / plan.inverse_at(pixel.x, pixel.y) - plan.eye_distance();
   const double t = distance / glm::dot(plan.focal_normal(), Vec3(ray, 1));
-  return t > 0 ? t : kInf;
+  return {ray, t > 0 ? t : kInf};
 }
-
-}  // namespace
 
 CameraWeights::CameraWeights(const Rig& rig, const Mesh& mesh, const View& view)
     : rig_(rig), blending_(view.blending), view_focal_((view.lens.fx() + view.lens.fy()) / 2) {
@@ -123,22 +133,24 @@ CameraWeights::CameraWeights(const Rig& rig, const Mesh& mesh, const View& view)
   }
 }
 
-void CameraWeights::at(const Vec2& ray, double t, std::vector<WeightGrid::Share>& shares) {
+bool CameraWeights::at(const Vec2& ray, double t, std::vector<WeightGrid::Share>& shares) {
   candidates_.clear();
   weights_.clear();
   shares.clear();
   const Vec3 line(ray, 1), d = glm::normalize(line);
-  if (cameras_.empty()) return;
+  if (cameras_.empty()) return false;
+  bool seen = false;
   if (blending_.kind == Blending::Kind::kAperture) {
     within_aperture(d);
   } else {
     double far = 1;
     for (const Seen& seen : cameras_) far = std::max(far, glm::length(seen.centre));
-    by_angle(d, line * std::min(t, 1e6 * far));
+    seen = by_angle(d, line * std::min(t, 1e6 * far));
   }
   for (size_t i = 0; i < weights_.size(); i++)
     if (weights_[i] > 0) shares.push_back({cameras_[candidates_[i].i].camera, weights_[i]});
   std::ranges::sort(shares, {}, &WeightGrid::Share::camera);
+  return seen;
 }
 
 void CameraWeights::within_aperture(const Vec3& d) {
@@ -185,7 +197,7 @@ double CameraWeights::inside(const Seen& seen, const Vec3& in_focus) const {
   return part > kOutside ? std::min(part, 1.0) : kOutside;
 }
 
-void CameraWeights::by_angle(const Vec3& d, const Vec3& in_focus) {
+bool CameraWeights::by_angle(const Vec3& d, const Vec3& in_focus) {
   by_angle_.clear();
   for (size_t i = 0; i < cameras_.size(); i++) {
     const Vec3& c = cameras_[i].centre;
@@ -207,6 +219,7 @@ void CameraWeights::by_angle(const Vec3& d, const Vec3& in_focus) {
 
   // Penalties only add to angles, so the loop can stop once the nearest cameras are known.
   double bound = kInf;  // T of the formula
+  bool seen = false;
   const auto smallest_first = [this](size_t n) {
     std::partial_sort(candidates_.begin(), candidates_.begin() + static_cast<ptrdiff_t>(n), candidates_.end());
   };
@@ -214,9 +227,10 @@ void CameraWeights::by_angle(const Vec3& d, const Vec3& in_focus) {
     if (n == sorted) sorted = past_sorted(all);
     const auto [angle, i] = by_angle_[n];
     if (angle >= bound) break;
-    const Seen& seen = cameras_[i];
-    const double part = inside(seen, in_focus);
-    const double blur = glm::length(seen.centre - in_focus) / seen.focal / view_pixel - 1;
+    const Seen& camera = cameras_[i];
+    const double part = inside(camera, in_focus);
+    seen = seen || part > kOutside;
+    const double blur = glm::length(camera.centre - in_focus) / camera.focal / view_pixel - 1;
     candidates_.push_back({(angle + unit * kBlur * (blur > 0 ? at_most(kLargest, blur) : 0)) / part, i});
     if (candidates_.size() <= k) continue;
     smallest_first(k + 1);
@@ -230,6 +244,7 @@ void CameraWeights::by_angle(const Vec3& d, const Vec3& in_focus) {
     const double over = candidate.penalty - best, part = over <= 0 ? 0 : over / (bound - best);
     weights_.push_back(part < 1 ? (1 - part) * (floor / std::max(candidate.penalty, floor)) : 0);
   }
+  return seen;
 }
 
 std::shared_ptr<const WeightGrid> make_weight_grid(const Rig& rig, const Mesh& mesh, const ViewPlan& plan,
@@ -237,7 +252,7 @@ std::shared_ptr<const WeightGrid> make_weight_grid(const Rig& rig, const Mesh& m
   const View& view = plan.view();
   auto grid = std::make_shared<WeightGrid>(view.width, view.height, rig.cameras.size());
   const CameraWeights weights(rig, mesh, view);
-  // Processing a few rows at once bounds the memory of their shares.
+  // Processing a few rows at a time limits the memory for their shares.
   constexpr int kRowsAtOnce = 16;
   std::vector<std::vector<WeightGrid::Share>> shares(static_cast<size_t>(grid->columns()) * kRowsAtOnce);
   for (int top = 0; top < grid->rows(); top += kRowsAtOnce) {
@@ -245,10 +260,9 @@ std::shared_ptr<const WeightGrid> make_weight_grid(const Rig& rig, const Mesh& m
     parallel(static_cast<size_t>(rows), [&](size_t row) {
       CameraWeights own = weights;
       for (int i = 0; i < grid->columns(); i++) {
-        const Vec2 pixel = Vec2(i, top + static_cast<int>(row)) * double{WeightGrid::kStep},
-                   ray = ray_at(view.lens, pixel);
-        own.at(ray, focus_along(plan, ray, pixel),
-               shares[row * static_cast<size_t>(grid->columns()) + static_cast<size_t>(i)]);
+        const Vec2 pixel = Vec2(i, top + static_cast<int>(row)) * double{WeightGrid::kStep};
+        const LineOfSight line = line_of_sight(plan, pixel);
+        own.at(line.ray, line.focus, shares[row * static_cast<size_t>(grid->columns()) + static_cast<size_t>(i)]);
       }
     });
     for (size_t i = 0; i < static_cast<size_t>(rows * grid->columns()); i++) grid->add_point(shares[i]);

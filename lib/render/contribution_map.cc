@@ -13,8 +13,8 @@ namespace lf {
 
 namespace {
 
-// Palette of Okabe and Ito (Color Universal Design, 2008), distinguishable by colour-blind people; white instead of
-// black.
+// The palette of Okabe and Ito (Color Universal Design, 2008), which colour-blind people can distinguish, with white
+// instead of black.
 constexpr std::array<CameraColour, 8> kPalette{{{0, 114, 178},
                                                 {230, 159, 0},
                                                 {0, 158, 115},
@@ -24,7 +24,7 @@ constexpr std::array<CameraColour, 8> kPalette{{{0, 114, 178},
                                                 {86, 180, 233},
                                                 {235, 235, 235}}};
 
-constexpr float kLineWidth = 1.2f;  // pixels
+constexpr float kLineWidth = 1.2f;
 
 // Returns how much of the pixel the face's outline covers, 0 to 1. A weight is 0 along the edge opposite its corner, so
 // the distance from that edge is weight / slope.
@@ -103,7 +103,7 @@ std::vector<CameraFootprint> camera_footprints(const Rig& rig, const ViewPlan& p
   return places;
 }
 
-double mean_coverage(const Rig& rig, const ViewPlan& plan, int columns, int rows, const CameraSet& without) {
+MeanCoverage mean_coverage(const Rig& rig, const ViewPlan& plan, int columns, int rows, const CameraSet& without) {
   const int width = plan.view().width, height = plan.view().height;
   const auto place = [](int i, int count, int size) { return (2 * i + 1) * size / (2 * count); };
   std::vector<FaceIdMap> owners;
@@ -112,7 +112,8 @@ double mean_coverage(const Rig& rig, const ViewPlan& plan, int columns, int rows
     const int y = place(j, rows, height);
     owners.emplace_back(plan, Rect{0, y, width, y + 1});
   }
-  double sum = 0;
+  const bool beside_mesh = plan.view().blending.is_mesh();
+  MeanCoverage sum;
   for (const CameraIndex camera : plan.contributors()) {
     if (std::ranges::binary_search(without, camera)) continue;
     const Rect rect = plan.camera_rect(camera);
@@ -126,11 +127,14 @@ double mean_coverage(const Rig& rig, const ViewPlan& plan, int columns, int rows
         if (x < rect.x0 || x >= rect.x1) continue;
         const float weight = corners.weight_at(plan, row, x, y);
         Vec2 pixel;
-        if (weight > 0 && projection.project(plan.rays().at(x, y), plan.inverse_at(x, y), pixel)) sum += weight;
+        if (!(weight > 0) || !projection.project(plan.rays().at(x, y), plan.inverse_at(x, y), pixel)) continue;
+        sum.seen += weight;
+        if (beside_mesh && !plan.faces()[row.at(x, y)].has_corners()) sum.extrapolated += weight;
       }
     }
   }
-  return sum / (static_cast<double>(columns) * rows);
+  const double pixels = static_cast<double>(columns) * rows;
+  return {sum.seen / pixels, sum.extrapolated / pixels};
 }
 
 std::vector<PixelShare> pixel_shares(const Rig& rig, const ViewPlan& plan, int x, int y) {
@@ -154,8 +158,8 @@ std::vector<CameraColour> camera_colours(const Mesh& mesh, size_t num_cameras) {
       for (int k = 0; k < face.corners(); k++)
         if (i != k) neighbours[face.camera[i]].push_back(face.camera[k]);
 
-  // Greedy: each camera takes the colour that the fewest of its earlier neighbours have. The search starts at a
-  // different colour for each camera, so that all colours are used.
+  // Each camera takes the colour that the fewest of its earlier neighbours have. The search starts at a different
+  // colour for each camera, so that all colours are used.
   std::vector<size_t> chosen(num_cameras);
   std::vector<CameraColour> colours(num_cameras);
   for (size_t i = 0; i < num_cameras; i++) {
@@ -201,7 +205,8 @@ Image contribution_map(const Rig& rig, const Mesh& mesh, const View& view, const
     for (int x = 0; x < view.width; x++, in += 3) {
       const int32_t owner = owners.at(x, y);
       if (owner == FaceIdMap::kNone) continue;
-      const float line = outline(plan, plan.faces()[owner], x, y);
+      const FacePlan& face = plan.faces()[owner];
+      const float line = face.has_corners() ? outline(plan, face, x, y) : 0;
       const float light = underlay ? map_brightness(luma(*underlay, x, y)) : 1.f;
       for (int c = 0; c < 3; c++) {
         const float v = in[c] * light * (1 - line) + kMapLine * line;
@@ -214,7 +219,7 @@ Image contribution_map(const Rig& rig, const Mesh& mesh, const View& view, const
 namespace {
 
 constexpr int kRows = 12, kMaxColumns = 4 * kRows;
-// Raster for the test for dark pixels, and the least weight of a bright pixel.
+// The raster for finding dark pixels, and the minimum weight of a bright pixel.
 constexpr int kFineRows = 97, kMaxFineColumns = 4 * kFineRows;
 constexpr float kBright = 0.25f;
 constexpr int kHalvings = 12;
@@ -224,6 +229,12 @@ Viewpoint far_from(const Viewpoint& viewpoint) {
   far.focus_distance = kMaxFocus;
   far.aperture = 0;
   return far;
+}
+
+// Extrapolated pixels do not count: they are less accurate.
+View inside_mesh(View view) {
+  view.blending.extrapolates = false;
+  return view;
 }
 
 // Returns the number of rows of a raster, at most `most`, for about `most_columns` columns. Fewer columns at the same
@@ -252,7 +263,7 @@ const MeshFace* nearest_face(const Rig& rig, const Mesh& mesh, const Vec3& posit
   return nearest;
 }
 
-// True if the cameras stand around something, so that their mean axis is meaningless.
+// Returns true if the cameras stand around something, so that their mean axis is meaningless.
 bool looks_all_ways(const Rig& rig) {
   constexpr double kLeastMean = 0.3;
   Vec3 sum(0);
@@ -267,17 +278,20 @@ VisibleFraction::VisibleFraction(const Rig& rig) : rig_(rig), mesh_(build_mesh(r
 double VisibleFraction::operator()(const Viewpoint& viewpoint, double aspect) const {
   const int rows = raster_rows(kRows, kMaxColumns, aspect);
   const int columns = std::max(static_cast<int>(std::lround(rows * aspect)), 1);
-  return mean_coverage(rig_, ViewPlan(rig_, mesh_, make_view(far_from(viewpoint), columns, rows)), columns, rows);
+  return mean_coverage(rig_, ViewPlan(rig_, mesh_, inside_mesh(make_view(far_from(viewpoint), columns, rows))), columns,
+                       rows)
+      .seen;
 }
 
-// Enlarges the raster by one pixel on each side of the view, so that corners between raster points are not dark.
+// Enlarge the raster by one pixel on each side of the view, so that corners between raster points are not dark.
 bool VisibleFraction::sees_all(const Viewpoint& viewpoint, double aspect, const ViewSet& set) const {
   const int rows = raster_rows(kFineRows, kMaxFineColumns, aspect);
   const int columns = std::max(static_cast<int>(std::lround((rows - 1) * aspect)) + 1, 2);
   Viewpoint v = viewpoint;
   const double edge = std::tan(v.fov_y_deg * (M_PI / 360)) * rows / (rows - 3);
   v.fov_y_deg = std::atan(edge) * (360 / M_PI);
-  const View near = make_view(clamped(v), columns, rows), far = make_view(clamped(far_from(v)), columns, rows);
+  const View near = inside_mesh(make_view(clamped(v), columns, rows)),
+             far = inside_mesh(make_view(clamped(far_from(v)), columns, rows));
   // The outermost views of a set see the least.
   const int last = set.place(0).count() - 1;
   for (const int eye : {0, last / 2, last}) {
@@ -299,7 +313,7 @@ Viewpoint VisibleFraction::home(double aspect, double focus_distance, const View
   Viewpoint v = default_viewpoint(rig_, focus_distance);
   const MeshFace* const face = nearest_face(rig_, mesh_, v.pose.position);
   if (face && looks_all_ways(rig_)) {
-    // Cameras around a scene: a camera of the face looks through it in the right direction.
+    // If the cameras stand around a scene, a camera of the face gives the right direction.
     v.pose.orientation = rig_.cameras[face->camera[0]].pose.orientation;
     v = clamped(v);
   }

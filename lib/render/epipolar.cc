@@ -14,8 +14,9 @@ namespace lf {
 namespace {
 
 struct Baseline {
-  Vec3 middle;  // midpoint between the ends
-  // unit vectors: from the first camera to the last; the mean camera axis, made perpendicular to `along`
+  Vec3 middle;
+  // Unit vectors. `along` is from the first camera to the last, and the second vector is the mean camera axis, made
+  // perpendicular to `along`.
   Vec3 along, normal;
   Vec3 across;                 // third axis
   std::vector<double> places;  // position of each camera along the line, metres from the middle

@@ -13,7 +13,7 @@ namespace lf {
 namespace {
 
 constexpr size_t kNeighbours = 4;
-constexpr int kBlock = 12, kStep = 2;  // pixels: side of a block, spacing of its samples
+constexpr int kBlock = 12, kStep = 2;  // side of a block and spacing of its samples, pixels
 constexpr int kTriedPlanes = 96;
 constexpr double kLargestDisparity = 0.25;  // relative to the image width, for the two most distant cameras
 constexpr double kLeastTexture = 8;         // mean absolute deviation of a block's luma, 0..255
@@ -24,7 +24,7 @@ constexpr size_t kLeastBlocks = 8;
 struct Grey {
   int width = 0, height = 0;
   std::vector<uint8_t> luma;
-  // Returns the nearest pixel; negative outside the image.
+  // Returns the nearest pixel, or a negative value outside the image.
   int at(const Vec2& p) const {
     const double x = std::round(p.x), y = std::round(p.y);
     if (!(x >= 0 && y >= 0 && x < width && y < height)) return -1;
@@ -54,7 +54,7 @@ std::vector<CameraIndex> neighbours(const Rig& rig, CameraIndex middle) {
 }
 
 struct Sample {
-  Vec3 ray;  // in world coordinates; 1 along the middle camera's axis
+  Vec3 ray;  // in world coordinates, with length 1 along the middle camera's axis
   int luma;
 };
 
@@ -94,7 +94,8 @@ std::optional<FocusRange> estimate_focus_range(const Rig& rig, const CameraImage
   for (int k = 1; k <= kTriedPlanes; k++)
     distances.push_back(camera.lens.fx() * baseline / (k * kLargestDisparity * camera.width / kTriedPlanes));
 
-  // Returns the mean difference to the cameras that see the point; infinity if fewer than half of the samples are seen.
+  // Returns the mean difference from the cameras that see the point. Returns infinity if fewer than half of the samples
+  // are seen.
   const auto difference = [&](const std::vector<Sample>& samples, double distance) {
     double sum = 0;
     size_t n = 0;

@@ -8,11 +8,11 @@
 
 namespace lf {
 
-// Estimates the nearest and farthest distance with something to focus on, from the middle camera and a few of its
-// neighbours. A plane sweep over textured blocks of the middle image (Collins 1996, "A space-sweep approach to true
-// multi-image matching"). The estimate is rough, for a first view of an unknown rig: a tenth of the blocks is nearer,
-// and a tenth farther. Distances are along the middle camera's axis. Returns nothing if all cameras have the same
-// position or the images have too little texture. Calls `images` for up to five cameras.
+// Estimates the nearest and farthest distance with something to focus on, for a first view of an unknown rig. The
+// method is a plane sweep over textured blocks of the middle camera's image, with a few of its neighbours (Collins
+// 1996, "A space-sweep approach to true multi-image matching"). The estimate is rough: a tenth of the blocks is nearer,
+// and a tenth is farther. Distances are along the middle camera's axis. Returns nothing if all cameras have the same
+// position or the images have too little texture. `images` is called for up to five cameras.
 std::optional<FocusRange> estimate_focus_range(const Rig& rig, const CameraImages& images);
 
 }  // namespace lf

@@ -12,18 +12,22 @@ bool meets_focal_surface(const ViewPlan& plan, const Vec2& ray) {
   return plan.focal_offset() > 0 ? along > 0 : along < 0;
 }
 
-// True if all quotients e_k / (e_0 + e_1 + e_2) are >= 0. False for NaN rays, which do not exist.
+}  // namespace
+
 bool contains(const FacePlan& face, const Vec2& ray) {
   const double e0 = FacePlan::evaluate(face.edge[0], ray), e1 = FacePlan::evaluate(face.edge[1], ray),
                e2 = FacePlan::evaluate(face.edge[2], ray), sum = e0 + e1 + e2;
   return (e0 >= 0 && e1 >= 0 && e2 >= 0 && sum > 0) || (e0 <= 0 && e1 <= 0 && e2 <= 0 && sum < 0);
 }
 
+namespace {
+
 bool may_own(const ViewPlan& plan, const FacePlan& face, const Vec2& ray) {
   return contains(face, ray) && glm::dot(face.facing, Vec3(ray, 1)) > 0 && meets_focal_surface(plan, ray);
 }
 
-// True if h . d > 0 over all of `rect` by more than rounding. The function is linear, so the corners decide.
+// Returns true if h . d > 0 over all of `rect` by more than rounding. The function is linear, so it is enough to test
+// the corners.
 bool positive_over(const Vec3& h, const Rays& rays, const Rect& rect) {
   for (const int x : {rect.x0, rect.x1 - 1})
     for (const int y : {rect.y0, rect.y1 - 1}) {
@@ -34,19 +38,19 @@ bool positive_over(const Vec3& h, const Rays& rays, const Rect& rect) {
   return true;
 }
 
-// Position x = offset + slope * v at which an edge function changes its sign along the row v.
+// Along row v, an edge function changes its sign at x = offset + slope * v.
 class EdgeCrossing {
  public:
   EdgeCrossing(const Vec3& edge, const Rays& rays) : edge_(edge), rays_(&rays) {
     const Vec2 origin = rays.at(0, 0);
-    const double step = rays.at(1, 0).x - origin.x;  // of u, per pixel
+    const double step = rays.at(1, 0).x - origin.x;
     const double scale = -1 / (edge.x * step);
     offset_ = edge.z * scale - origin.x / step;
     slope_ = edge.y * scale;
   }
 
-  // Clips many rows to sign * e >= 0: `v` of the rows, and their interval [x0, x1). Marks rows as unclear if find()
-  // would have to evaluate the edge function.
+  // Clips many rows at once to sign * e >= 0. `v` are the rows, and [x0, x1) their intervals. Rows are marked as
+  // unclear if find() must evaluate the edge function.
   void clip_rows(int sign, std::span<const double> v, int* x0, int* x1, uint8_t* unclear) const {
     if (edge_.x == 0) {
       for (size_t i = 0; i < v.size(); i++)
@@ -68,8 +72,8 @@ class EdgeCrossing {
     }
   }
 
-  // Interval ends of row y at v, on either side of the sign change. `first` and `past` differ by one if the function is
-  // 0 at a pixel. find() returns false if rounding is too large to decide.
+  // The ends of the intervals of row y at v, on either side of the sign change. `first` and `past` differ by one if the
+  // function is 0 at a pixel. find() returns false if rounding is too large to decide.
   struct Ends {
     int first = 0;  // smallest x not before the change
     int past = 0;   // one past the largest x not after the change
@@ -130,7 +134,7 @@ void clip(const EdgeCrossing::Ends& ends, int sign, Interval& interval) {
   }
 }
 
-// Tests each pixel. Calls fn(x0, x1) for the runs of a row that the face may own.
+// Tests each pixel, and calls fn(x0, x1) for the runs of a row that the face may own.
 template <class Fn>
 void scan(const ViewPlan& plan, const FacePlan& face, int y, Interval range, const Fn& fn) {
   for (int x = range.x0; x < range.x1; x++) {
@@ -150,7 +154,7 @@ struct LinearFace {
   const ViewPlan& plan;
   const FacePlan& face;
   const EdgeCrossing crossing[3];
-  const Vec3 sum;  // pixels with sum 0 are outside: all three functions are 0
+  const Vec3 sum;  // pixels with sum 0 are outside, because all three functions are 0
 };
 
 template <class Fn>
@@ -169,7 +173,7 @@ void find_in_row(const LinearFace& linear, int y, const Interval& range, const F
     found[i] = range;
     for (int k = 0; k < 3; k++) clip(ends[k], i == 0 ? 1 : -1, found[i]);
   }
-  // The sum is linear and does not change its sign within an interval, so testing both ends against 0 is enough.
+  // The sum is linear and keeps its sign within an interval, so it is enough to test both ends against 0.
   const Vec3& sum = linear.sum;
   const double u_step = rays.at(1, y).x - begin.x, row_sum = sum.y * begin.y + sum.z;
   for (const Interval& interval : found) {
@@ -237,7 +241,7 @@ std::vector<FaceRuns::Found> FaceRuns::find(const ViewPlan& plan, const Rect& ba
 FaceRuns::FaceRuns(const ViewPlan& plan, const Rect& region, const ParallelFor& parallel)
     : region_(intersect(region, {0, 0, plan.view().width, plan.view().height})) {
   if (region_.empty()) region_ = {};
-  // Small bands parallelize pixel-by-pixel scans. Otherwise the rows of a face are found together.
+  // Pixel-by-pixel scans run in parallel in small bands. Otherwise all rows of a face are found together.
   constexpr int kBandRows = 32;
   constexpr size_t kManyPixels = size_t{1} << 22;
   size_t pixels = 0;
@@ -325,10 +329,12 @@ FaceWeights face_weights(const FacePlan& face, const Vec2& ray) {
 }
 
 CameraCorners::CameraCorners(const ViewPlan& plan, CameraIndex camera)
-    : camera_(camera), corner_(plan.faces().size(), plan.blend() ? 0 : -1) {
-  for (size_t i = 0; i < corner_.size(); i++)
+    : camera_(camera), corner_(plan.faces().size(), -1) {
+  for (size_t i = 0; i < corner_.size(); i++) {
+    if (!plan.faces()[i].has_corners()) corner_[i] = 0;
     for (int8_t k = 0; k < 3; k++)
       if (plan.faces()[i].camera[k] == camera) corner_[i] = k;
+  }
 }
 
 Rect CameraCorners::owned(const FaceRuns& runs, const Rect& rect) const {

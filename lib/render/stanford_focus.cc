@@ -13,9 +13,9 @@
 namespace lf {
 namespace {
 
-constexpr double kAcross = 50;        // degrees, horizontal field of view of a common lens
+constexpr double kAcross = 50;        // horizontal field of view of a common lens, degrees
 constexpr double kSweep = 0.1;        // relative to the image width, in both directions, between neighbours
-constexpr double kStandsStill = 0.5;  // pixels, between neighbours
+constexpr double kStandsStill = 0.5;  // between neighbours, pixels
 constexpr double kDeep = 3;           // ratio of the farthest to the nearest distance
 
 double neighbour_distance(const Rig& rig) {
@@ -46,12 +46,12 @@ Rig with_lenses(Rig rig, double f, double shift) {
   return rig;
 }
 
-// Returns the focus distance; 0: distant points stand still; nothing if the images have too little texture.
+// Returns the focus distance, 0 if distant points stand still, or nothing if the images have too little texture.
 std::optional<double> focus_distance_of(const Rig& rig, double f) {
   const double baseline = neighbour_distance(rig);
   if (!std::isfinite(baseline)) return std::nullopt;
-  // A sweep covers only distances in front of the cameras. Shifting the images as if they converged nearby moves every
-  // possible distance into this range.
+  // A plane sweep only covers distances in front of the cameras. All possible distances come into this range if the
+  // images are shifted as if they converged nearby.
   const double shift = kSweep * rig.cameras[0].width / baseline;
   const Rig swept = with_lenses(rig, f, shift);
   StillImageCache images(swept);

@@ -33,7 +33,7 @@ void round_signed_levels(uint8_t* HWY_RESTRICT out, const int16_t* HWY_RESTRICT 
   });
 }
 
-// `plane`: in the byte order of a pixel; the fourth may be null.
+// `plane` is in the byte order of a pixel, and the fourth plane may be null.
 void round_interleaved(uint8_t* HWY_RESTRICT out, int pixel_stride, const int16_t* const plane[4], int n) {
   for_lanes<int16_t>(n, [&](auto d, int i) HWY_ATTR {
     const hn::Rebind<uint8_t, decltype(d)> d8;

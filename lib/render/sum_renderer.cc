@@ -19,7 +19,7 @@ struct SumRenderer::State : simd::PreparedTask {
   State(const ViewPlan& plan, const FaceRuns& runs, std::span<const Source> sources, PixelFamily family,
         Coordinates coordinates)
       : PreparedTask(plan, runs, sources, family, coordinates), sources(sources), images(task, sources) {}
-  // Downloads images, once. Required before the CPU renders.
+  // Downloads images once. Must be called before the CPU renders.
   void fetch(const ParallelFor& parallel) {
     std::call_once(fetched, [&] {
       const auto is_on_gpu = [](const simd::Slot& slot) { return slot.image.on_gpu.image != nullptr; };
@@ -55,7 +55,7 @@ void SumRenderer::draw(std::span<SumRenderer* const> renderers, gl::GlesRenderer
     const State& state = *renderer->state_;
     if (renderer->rect_.empty()) continue;
     drawn.push_back(renderer);
-    // Sums that may be added on the GPU begin at even pixels, as do cells.
+    // Sums that may be added on the GPU must begin at even pixels, like cells.
     const bool is_even = state.keep_on_gpu || state.task.plan->blend();
     const Rect rect = is_even ? chroma_aligned(renderer->rect_, state.task.plan->view()) : renderer->rect_;
     orders.push_back({&state.task, state.sources, rect, state.keep_on_gpu});
@@ -66,8 +66,8 @@ void SumRenderer::draw(std::span<SumRenderer* const> renderers, gl::GlesRenderer
     state.drawn = std::move(orders[i].drawn);
     state.gpu_sum = std::move(orders[i].stayed);
     state.drawing.drawn = orders[i].why_not.empty();
-    // A view with too many cameras per pixel does not mean that the GPU fails for other views.
-    state.drawing.refused = !state.drawing.drawn && !state.task.plan->blend();
+    // If a view has too many cameras per pixel, the GPU may still render other views.
+    state.drawing.refused = !state.drawing.drawn && state.task.plan->view().blending.is_mesh();
     state.drawing.why_not = std::move(orders[i].why_not);
   }
 }
@@ -130,9 +130,9 @@ const char* simd_target_name() { return simd::target_name(); }
 
 namespace {
 
-constexpr int kLeastGap = 16;  // pixels
+constexpr int kLeastGap = 16;
 
-// Rectangles of one row of tiles, from left to right, at least `gap` pixels apart. Nearer rectangles are merged.
+// The rectangles of one row of tiles, from left to right. Rectangles that are less than `gap` pixels apart are merged.
 class TileRow {
  public:
   explicit TileRow(int gap) : gap_(gap) {}
@@ -175,7 +175,7 @@ void add_faces(const FaceRuns& runs, const std::vector<bool>& own, int y, TileRo
   }
 }
 
-// Same as add_faces() for a view that is blended by a WeightGrid. Its cells are as high as a row of tiles.
+// Does the same as add_faces(), for a view that is blended by a WeightGrid. Its cells are as high as a row of tiles.
 static_assert(WeightGrid::kStep == kTileRows);
 void add_cells(const WeightGrid& grid, std::span<const CameraIndex> cameras, const Rect& region, int y,
                TileRow& row_of_tiles) {
@@ -206,10 +206,8 @@ std::vector<Rect> sum_tiles(const ViewPlan& plan, const FaceRuns& runs, std::spa
   std::vector<Rect> tiles;
   for (int y = region.y0 / kTileRows * kTileRows; y < region.y1; y += kTileRows) {
     TileRow row_of_tiles(gap);
-    if (plan.blend())
-      add_cells(*plan.blend(), cameras, region, y, row_of_tiles);
-    else
-      add_faces(runs, own, y, row_of_tiles);
+    add_faces(runs, own, y, row_of_tiles);
+    if (plan.blend()) add_cells(*plan.blend(), cameras, region, y, row_of_tiles);
     const std::vector<Rect>& rects = row_of_tiles.rects();
     for (size_t i = 0; i < rects.size(); i++) {
       const Rect rect = family == PixelFamily::kI420 ? chroma_aligned(rects[i], view) : rects[i];

@@ -22,43 +22,43 @@ class GpuSum;
 class GlesRenderer;
 }  // namespace gl
 
-// One camera and its current image.
 struct Source {
-  CameraIndex camera = 0;              // index in the rig of the plan
-  const Camera* rig_camera = nullptr;  // the camera in the rig
-  // Must have the camera's size. Family kNone: no image, the camera's weight is missing. The image may be in textures
-  // of the GPU that renders the sum; the CPU downloads the image when needed.
+  CameraIndex camera = 0;  // index of the camera in the plan's rig
+  const Camera* rig_camera = nullptr;
+  // The image must have the camera's size. If its family is kNone, there is no image, and the camera's weight is
+  // missing. The image may be in textures of the GPU that renders the sum; the CPU downloads it when needed.
   ImageView image;
 };
 
 // Throws Error unless the image has the camera's size.
 void check_image(const Camera& camera, const ImageView& image);
 
-// How positions in camera images are computed.
+// Selects how positions in camera images are computed.
 enum class Coordinates {
   kExact,  // projected for every pixel, in float
-  kGrid,   // projected every 16 pixels of a row, or at a focal map's nodes; interpolated where accurate to kGridError
+  // projected every 16 pixels of a row, or at the nodes of a focal map; interpolated where accurate to kGridError
+  kGrid,
 };
 inline constexpr double kGridError = 1.0 / 512;  // pixels of the camera image
 
-// The GPU's part in a sum.
+// Says whether the GPU rendered a sum.
 struct GpuStatus {
-  bool drawn = false;    // by the GPU
-  bool refused = false;  // the GPU failed to render the sum
-  std::string why_not;   // reason if not drawn by the GPU
+  bool drawn = false;
+  bool refused = false;  // the GPU tried and failed
+  std::string why_not;   // the reason, if `drawn` is false
 };
 
-// Adds up the contributions of any number of cameras to one view. Products of weight and colour are accumulated in
-// registers, in 16 bits with 7 fractional bits, so that rounding to 8 bits happens once, at the end. Uses portable SIMD
-// (Highway): SSE2, SSE4, AVX2, AVX-512 or NEON, as the processor supports.
+// Renders a sum: the weighted total of the contributions of some cameras to one view. Products of weight and colour are
+// added in registers, in 16 bits with 7 fractional bits, so that rounding to 8 bits happens only once, at the end. The
+// code uses portable SIMD (Highway): SSE2, SSE4, AVX2, AVX-512 or NEON, as the processor supports.
 //
-// Error bound against the rule in double precision, where coverage is above 0.999: 1 of 255 after rounding; see
+// The rounded result differs from the rule in double precision by at most 1 of 255 if coverage is above 0.999; see
 // docs/reference/error-budget.md.
 class SumRenderer {
  public:
-  // All arguments must outlive this object. Sources must have one family, images of their cameras' sizes (else throws
-  // Error), and no duplicate cameras. `gpu`: calls draw() for this sum alone, if not null. `keep_on_gpu`: the sum may
-  // stay on the GPU, see gpu_sum(); a shared_ptr must own the GPU's renderer.
+  // All arguments must outlive this object. Throws Error unless all sources have one family and images of their
+  // cameras' sizes; each camera may occur only once. If `gpu` is not null, the GPU renders this sum in a separate
+  // draw(). The sum may stay on the GPU if `keep_on_gpu` (see gpu_sum()). A shared_ptr must then own `gpu`.
   SumRenderer(const ViewPlan& plan, const FaceRuns& runs, std::span<const Source> sources, PixelFamily family,
               Coordinates coordinates = Coordinates::kGrid, gl::GlesRenderer* gpu = nullptr,
               const ParallelFor& parallel = serial_for, bool keep_on_gpu = false);
@@ -66,26 +66,26 @@ class SumRenderer {
   SumRenderer(const SumRenderer&) = delete;
   SumRenderer& operator=(const SumRenderer&) = delete;
 
-  // Renders the sums of several renderers on a GPU, as far as possible, in shared passes (see GlesRenderer::draw()).
-  // The renderers must have been made without a GPU. `parallel` copies the images. The CPU renders the remaining sums
-  // in render_rows().
+  // Renders the sums of several renderers on a GPU in shared passes (see GlesRenderer::draw()), as far as possible. The
+  // renderers must have been constructed without a GPU. `parallel` copies the images. render_rows() renders the
+  // remaining sums on the CPU.
   static void draw(std::span<SumRenderer* const> renderers, gl::GlesRenderer& gpu, const ParallelFor& parallel);
 
-  // Downloads images from the GPU if the CPU renders the sum. Otherwise render_rows() downloads them in one
-  // thread.
+  // Downloads images from the GPU in parallel, if the CPU renders the sum. Without this call, render_rows() downloads
+  // them in one thread.
   void fetch(const ParallelFor& parallel);
 
-  // Bounds of the sources' contributions according to the plan; whole chroma samples in kI420; may be empty.
+  // Contains the sources' contributions according to the plan, in whole chroma samples for kI420; may be empty.
   const Rect& rect() const { return rect_; }
-  // Upper bound of the number of samples: pixels times cameras.
+  // Returns an upper bound of the number of samples: pixels times cameras.
   size_t samples() const;
   const GpuStatus& drawing() const;
-  // Returns the sum of rect(), extended to whole 2x2 blocks, if it has stayed on the GPU; then do not call
+  // Returns the sum of rect(), extended to whole 2x2 blocks, if the sum stayed on the GPU. In that case, do not call
   // render_rows().
   std::shared_ptr<gl::GpuSum> gpu_sum() const;
-  // Writes rows [y0, y1) of the sum into `out`; y0 is even, and y1 is even or the end of out.rect. Pixels without a
-  // contribution become 0. out.rect must be inside the runs' region. Fills out.lost unless null. Returns true if any
-  // weight is missing. Thread-safe for different rows.
+  // Writes rows [y0, y1) of the sum into `out`. y0 must be even, and y1 must be even or the end of out.rect. Pixels
+  // without a contribution become 0. out.rect must be inside the region of the runs. Fills out.lost unless it is null.
+  // Returns true if any weight is missing. Several threads may render different rows.
   bool render_rows(int y0, int y1, const SumPlanes& out) const;
 
  private:
@@ -97,17 +97,19 @@ class SumRenderer {
 // Returns the name of the instruction set that SumRenderer uses on this machine, such as "AVX2".
 const char* simd_target_name();
 
-// Returns disjoint rectangles of the view that contain every pixel with a weight of one of `cameras` (ascending),
-// sorted by their upper edges. They are chroma-aligned in kI420. `runs` must cover the cameras' chroma-aligned
-// rectangles.
+// Divides a sum into rectangles that are worth sending. The rectangles are disjoint, contain every pixel with a weight
+// of one of `cameras` (ascending), and are sorted by their upper edges. In kI420 they are chroma-aligned. `runs` must
+// cover the cameras' chroma-aligned rectangles.
 //
-// A rectangle is merged with its neighbour if this adds at most `spare_pixels` pixels without weight: the number that
-// is cheaper to send than another rectangle. A camera's part of a view is about a hexagon. Few spare pixels give
-// rectangles of kTileRows rows, as wide as the hexagon is there; many give the bounds of the hexagon.
+// A rectangle is merged with its neighbour if this adds at most `spare_pixels` pixels without weight. Choose the number
+// of pixels that is cheaper to send than another rectangle. For example, a camera's part of a view is about a hexagon.
+// A small number gives rectangles of kTileRows rows, each as wide as the hexagon is there. A large number gives the
+// bounds of the hexagon.
 std::vector<Rect> sum_tiles(const ViewPlan& plan, const FaceRuns& runs, std::span<const CameraIndex> cameras,
                             PixelFamily family, size_t spare_pixels);
 
-// Rectangles begin and end at multiples of this number of rows, except at the top and bottom: whole MCUs of a JPEG.
+// Rectangles begin and end at multiples of this number of rows, except at the top and bottom, because a JPEG has whole
+// MCUs.
 inline constexpr int kTileRows = 16;
 
 }  // namespace lf

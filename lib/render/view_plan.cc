@@ -11,13 +11,15 @@
 #include "base/text.h"
 #include "render/camera_projection.h"
 #include "render/camera_weights.h"
+#include "render/extrapolation.h"
+#include "render/ownership.h"
 
 namespace lf {
 
 namespace {
 
-// Cache of ray tables of distorted lenses. A viewer's lens stays the same from view to view, and a node and a
-// compositor in one process share the table. Thread-safe.
+// A cache of the ray tables of distorted lenses. The lens of a viewer stays the same from view to view, and a node and
+// a compositor in one process share the table. Thread-safe.
 class RayTables {
  public:
   using Table = std::shared_ptr<const Vec2[]>;
@@ -41,7 +43,7 @@ class RayTables {
   }
 
  private:
-  static constexpr size_t kMostPixels = size_t{1} << 22;  // 64 MiB
+  static constexpr size_t kMostPixels = size_t{1} << 22;
   struct Entry {
     Lens lens;
     int width, height;
@@ -83,11 +85,11 @@ Vec2 Rays::at_centre_of_four(int x, int y) const {
 
 namespace {
 
-constexpr int kTileSize = 16;   // pixels
+constexpr int kTileSize = 16;
 constexpr int kBlockTiles = 8;  // tiles per block and direction
 // relative to a half-plane's largest value in the view: far above rounding, far below a pixel
 constexpr double kSlack = 1e-9;
-constexpr double kPixelSlack = 1e-6;  // pixels
+constexpr double kPixelSlack = 1e-6;
 
 double value(const Vec3& h, const Vec2& ray) { return h.x * ray.x + h.y * ray.y + h.z; }
 
@@ -144,8 +146,8 @@ bool RegionBounds::Tile::may_contain(std::span<const Vec3> half_planes) const {
   });
 }
 
-// Never rejects a block with a tile that may contain a pixel: rounding is monotonic, and the block has at least the
-// slack of its tiles.
+// Never rejects a block with a tile that may contain a pixel, because rounding is monotonic, and the block has at least
+// the slack of its tiles.
 bool RegionBounds::Block::may_contain(std::span<const Vec3> half_planes) const {
   const Vec2 &low = whole.low, &high = whole.high;
   const double u = std::max(std::abs(low.x), std::abs(high.x)), v = std::max(std::abs(low.y), std::abs(high.y));
@@ -191,10 +193,10 @@ Rect RegionBounds::bound_polygon(std::span<const Vec3> half_planes) const {
   }
   const double left = low.x * fx_ + cx_, top = low.y * fy_ + cy_, right = high.x * fx_ + cx_,
                bottom = high.y * fy_ + cy_;
-  // A distant principal point makes rounding larger than the slack.
+  // If the principal point is far away, rounding is larger than the slack.
   const double rounding = 8 * std::numeric_limits<double>::epsilon() * std::max(std::abs(cx_), std::abs(cy_));
   if (rounding > kPixelSlack || std::isnan(left + right) || std::isnan(top + bottom)) return {0, 0, width_, height_};
-  // Clamps before the conversion to int.
+  // Clamp before the conversion to int.
   const auto first = [](double v, int size) {
     return static_cast<int>(std::ceil(std::clamp(v, -1.0, size + 1.0) - kPixelSlack));
   };
@@ -218,7 +220,8 @@ Rect RegionBounds::bound_tiles(std::span<const Vec3> half_planes) const {
 
 namespace {
 
-// Cameras as seen by a view. Rotates only differences of world positions, so that arrays at 1e6 m keep their precision.
+// Cameras as seen by a view. Only differences of world positions are rotated, so that arrays at 1e6 m keep their
+// precision.
 class CamerasInView {
  public:
   CamerasInView(const Rig& rig, const Pose& world_from_view)
@@ -226,23 +229,23 @@ class CamerasInView {
 
   Vec3 forward(CameraIndex i) const { return view_from_world_ * rig_.cameras[i].pose.forward(); }
 
-  // Returns e_ij = d . ((C_i - E) x (C_j - E)), computed as (C_n - E) x (C_j - C_i) with n the camera nearer to the
-  // eye. The rounding error is then relative to the distance of the nearer camera. All edges that meet in a camera
-  // agree on the side of an arbitrarily close eye, and are exactly 0 at the camera. Canonical order makes e_ij = -e_ji
-  // exact.
+  // Returns e_ij = d . ((C_i - E) x (C_j - E)). It is computed as (C_n - E) x (C_j - C_i), with n the camera nearer to
+  // the eye, so that the rounding error is relative to the distance of the nearer camera. All edges that meet in a
+  // camera then agree about the side of an arbitrarily close eye, and are exactly 0 at the camera. The canonical order
+  // makes e_ij = -e_ji exact.
   Vec3 edge(CameraIndex i, CameraIndex j) const {
     if (i > j) return -edge(j, i);
     const Vec3 a = position(i) - eye_, b = position(j) - eye_;
     return normal_of_sight(glm::dot(a, a) <= glm::dot(b, b) ? a : b, position(j) - position(i), i);
   }
-  // The same for the end of a strip: a line along `extent` through camera i.
+  // Does the same for the end of a strip, which is a line along `extent` through camera i.
   Vec3 strip_edge(CameraIndex i, const Vec3& extent) const { return normal_of_sight(position(i) - eye_, extent, i); }
 
  private:
   // Returns the normal, in view coordinates, of the plane through the eye and a line through camera i. Returns 0 if the
-  // eye is on the line within the precision of positions. A normal made of rounding errors would hide half a view from
-  // an eye on the array's border, and let a triangle without area contain pixels. Zeros only enlarge faces, so they
-  // cause no cracks.
+  // eye is on the line within the precision of positions. Otherwise a normal made of rounding errors could hide half a
+  // view from an eye on the array's border, or let a triangle without area contain pixels. Zeros only enlarge faces, so
+  // they cause no cracks.
   Vec3 normal_of_sight(const Vec3& to_line, const Vec3& along, CameraIndex i) const {
     // relative to the length of a position
     constexpr double kPositionRounding = 8 * std::numeric_limits<double>::epsilon();
@@ -273,22 +276,12 @@ FacePlan plan_face(const CamerasInView& cameras, const MeshFace& face, uint32_t 
       plan.edge[2] = cameras.edge(a, b);
       break;
     case 2:
-      // Limit of a triangle with its third corner infinitely far away in both directions of `extent`.
+      // The limit of a triangle with its third corner infinitely far away in both directions of `extent`.
       plan.edge[0] = -cameras.strip_edge(b, face.extent);
       plan.edge[1] = cameras.strip_edge(a, face.extent);
       break;
-    default: plan.edge[0] = plan.facing;  // any function will do: the only corner has weight e / e = 1
+    default: plan.edge[0] = plan.facing;  // any function will do, because the only corner has weight e / e = 1
   }
-  return plan;
-}
-
-// Returns a face without corners that contains everything in front.
-FacePlan whole_view(const Vec3& in_front, const Rect& rect) {
-  FacePlan plan;
-  plan.camera.fill(MeshFace::kNone);
-  plan.edge[0] = plan.facing = in_front;
-  plan.edge[1] = plan.edge[2] = Vec3(0);
-  plan.rect = rect;
   return plan;
 }
 
@@ -303,13 +296,12 @@ ViewPlan::ViewPlan(const Rig& rig, const Mesh& mesh, const View& view, const Par
     eye_distance_ = -focal_offset_;
     focal_offset_ = 1;  // every line of sight along the normal meets the map; surfaces behind the eye count as missing
   }
-  if (focal_offset_ == 0) return;  // the eye is in the focal plane: no line of sight meets the plane at t > 0
+  if (focal_offset_ == 0) return;  // the eye is in the focal plane, so no line of sight meets the plane at t > 0
   const Vec3 in_front = focal_offset_ > 0 ? focal_normal_ : -focal_normal_;
 
+  const Rect whole{0, 0, view.width, view.height};
   if (!view.blending.is_mesh()) {
-    blend_ = make_weight_grid(rig, mesh, *this, parallel);
-    for (CameraIndex i = 0; i < camera_rects_.size(); i++) camera_rects_[i] = blend_->camera_rect(i);
-    faces_.push_back(whole_view(in_front, {0, 0, view.width, view.height}));
+    add_grid(make_weight_grid(rig, mesh, *this, parallel), whole);
     return;
   }
 
@@ -317,7 +309,7 @@ ViewPlan::ViewPlan(const Rig& rig, const Mesh& mesh, const View& view, const Par
   const RegionBounds bounds(rays_, view.lens, view.width, view.height, parallel);
   for (uint32_t i = 0; i < mesh.faces.size(); i++) {
     FacePlan face = plan_face(cameras, mesh.faces[i], i);
-    if (face.edge[0] + face.edge[1] + face.edge[2] == Vec3(0)) continue;  // no area: never contains a pixel
+    if (face.edge[0] + face.edge[1] + face.edge[2] == Vec3(0)) continue;  // no area, so it never contains a pixel
     for (const double sign : {1.0, -1.0}) {
       const Vec3 half_planes[5] = {sign * face.edge[0], sign * face.edge[1], sign * face.edge[2], face.facing,
                                    in_front};
@@ -327,6 +319,24 @@ ViewPlan::ViewPlan(const Rig& rig, const Mesh& mesh, const View& view, const Par
     bound_corners(face);
     faces_.push_back(face);
   }
+  if (!view.blending.extrapolates) return;
+  std::vector<uint8_t> cells = cells_beside_mesh(FaceRuns(*this, whole, parallel));
+  if (cells.empty()) return;
+  if (auto grid = extrapolated_weights(rig, mesh, *this, std::move(cells), parallel)) add_grid(std::move(grid), whole);
+}
+
+// Adds a face without corners for everything in front that no other face owns.
+void ViewPlan::add_grid(std::shared_ptr<const WeightGrid> grid, const Rect& rect) {
+  FacePlan face;
+  face.face = faces_.empty() ? 0 : faces_.back().face + 1;
+  face.camera.fill(MeshFace::kNone);
+  face.edge[0] = face.facing = focal_offset_ > 0 ? focal_normal_ : -focal_normal_;
+  face.edge[1] = face.edge[2] = Vec3(0);
+  face.rect = rect;
+  faces_.push_back(face);
+  blend_ = std::move(grid);
+  for (CameraIndex i = 0; i < camera_rects_.size(); i++)
+    camera_rects_[i] = unite(camera_rects_[i], blend_->camera_rect(i));
 }
 
 ViewPlan::ViewPlan(const ViewWarp& warp, size_t num_cameras, const ParallelFor& parallel)

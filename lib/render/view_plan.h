@@ -16,8 +16,8 @@
 
 namespace lf {
 
-// Lines of sight (u, v, 1) of a view's pixels: computed for pinhole lenses, tabulated for distorted lenses. u and v are
-// NaN for pixels without a ray.
+// Gives the line of sight (u, v, 1) of each pixel of a view. Lines are computed for pinhole lenses and looked up in a
+// table for distorted lenses. u and v are NaN for pixels without a ray.
 class Rays {
  public:
   // `parallel` computes the table of a distorted lens, which takes lens.mean_iterations() per pixel.
@@ -28,8 +28,8 @@ class Rays {
     if (separable()) return {(x - cx_) * inv_fx_, (y - cy_) * inv_fy_};
     return table_[static_cast<size_t>(y) * width_ + x];
   }
-  // Returns the line of sight at (x + 0.5, y + 0.5), for chroma: exact for pinhole lenses, else the mean of the four
-  // pixels, clamped to the view.
+  // Returns the line of sight at (x + 0.5, y + 0.5), where a chroma sample lies. The result is exact for pinhole
+  // lenses. Otherwise it is the mean of the four pixels, clamped to the view.
   Vec2 at_centre_of_four(int x, int y) const;
 
  private:
@@ -38,28 +38,28 @@ class Rays {
   std::shared_ptr<const Vec2[]> table_;  // row-major; null for a pinhole lens
 };
 
-// Bounds the pixels of a view with lines of sight d = (u, v, 1) that satisfy h . d >= 0 for several half-planes h.
+// Finds bounds of the pixels with lines of sight d = (u, v, 1) that satisfy h . d >= 0 for several half-planes h.
 class RegionBounds {
  public:
-  // `rays` and `lens` belong to the view; `rays` must outlive this object. `parallel` visits the pixels of a distorted
-  // view.
+  // `rays` and `lens` belong to the view, and `rays` must outlive this object. `parallel` visits the pixels of a
+  // distorted view.
   RegionBounds(const Rays& rays, const Lens& lens, int width, int height, const ParallelFor& parallel = serial_for);
 
-  // Returns the bounds: tight for pinhole lenses (the view's rectangle clipped by the half-planes), whole tiles for
-  // distorted lenses. Never misses a pixel, including rounding.
+  // Returns bounds that contain every such pixel, even after rounding. For pinhole lenses they are tight: the view's
+  // rectangle, clipped by the half-planes. For distorted lenses they consist of whole tiles.
   Rect bound(std::span<const Vec3> half_planes) const;
 
  private:
   struct Tile {
     Rect rect;
-    Vec2 low, high;  // bounds of the tile's rays; low > high: no rays
+    Vec2 low, high;  // bounds of the rays; low > high if there are no rays
     bool may_contain(std::span<const Vec3> half_planes) const;
     void add(const Tile& other);
   };
-  // A square of tiles. One test rejects all its tiles.
+  // A square of tiles. One test can reject the whole square.
   struct Block {
     Tile whole;
-    size_t first, past;  // indices of tiles_
+    size_t first, past;
     bool may_contain(std::span<const Vec3> half_planes) const;
   };
   Rect bound_polygon(std::span<const Vec3> half_planes) const;
@@ -67,61 +67,68 @@ class RegionBounds {
 
   int width_, height_;
   double fx_, fy_, cx_, cy_;
-  std::vector<Tile> tiles_;  // distorted lenses only; ordered by block
+  std::vector<Tile> tiles_;  // tiles of distorted lenses, ordered by block
   std::vector<Block> blocks_;
 };
 
 class WeightGrid;
 struct ViewWarp;
 
-// One mesh face as seen by a view. For the line of sight d = (u, v, 1) in view coordinates, the three edge functions
-// are e_k(d) = edge[k] . d (k = the corner opposite the edge). Corner k has weight e_k / (e_0 + e_1 + e_2) where all
-// three quotients are >= 0 (docs/architecture.md: w_i = e_jk / (e_ij + e_jk + e_ki)).
+// One face of the camera mesh as seen by a view. For the line of sight d = (u, v, 1) in view coordinates, the three
+// edge functions are e_k(d) = edge[k] . d, where k is the corner opposite the edge. Corner k has weight e_k / (e_0 +
+// e_1 + e_2) where all three quotients are >= 0 (docs/architecture.md: w_i = e_jk / (e_ij + e_jk + e_ki)).
+//
+// A face without corners is the area in which a WeightGrid has the weights.
 struct FacePlan {
   uint32_t face = 0;  // number of the face in the mesh
   std::array<CameraIndex, 3> camera{};
-  Vec3 edge[3];  // shared edges of neighbours are bit-identical except for the sign; 0 for unused corners
+  Vec3 edge[3];  // bit-identical in both faces of a shared edge, except for the sign; 0 for unused corners
   Vec3 facing;   // the face faces d if facing . d > 0; sum of the corners' forward axes in view coordinates
   Rect rect;     // contains every pixel that the face owns
 
+  bool has_corners() const { return camera[0] != MeshFace::kNone; }
   // Evaluates an edge function. The order of operations is fixed, so that all machines get the same bits.
   static double evaluate(const Vec3& edge, const Vec2& ray) { return edge.x * ray.x + (edge.y * ray.y + edge.z); }
   bool operator==(const FacePlan&) const = default;
 };
 
-// The geometry of one view, without any camera's pixels. Immutable; safe to share between threads. Cost: O(faces of the
-// mesh) instead of O(pixels); for views blended by a WeightGrid see make_weight_grid().
+// A plan contains everything about a view that does not depend on images: the faces that own its pixels, the camera
+// weights, and the homographies. It is computed once per view. Immutable; safe to share between threads. The cost grows
+// with the faces of the mesh and not with the pixels. For views that are blended by a WeightGrid, see
+// make_weight_grid().
 class ViewPlan {
  public:
   // `rig` and `mesh` are read only during the call. The view must be valid (see validate()). `parallel` computes the
   // rays of distorted lenses and the WeightGrid.
   ViewPlan(const Rig& rig, const Mesh& mesh, const View& view, const ParallelFor& parallel = serial_for);
-  // Rebuilds a plan, bit-identical, from the warp that a process with the rig has sent. Throws Error for camera indices
-  // beyond `num_cameras`. `warp` must be valid (see validate()). The view has neither a pose nor a focal plane.
+  // Rebuilds a plan from a warp that a process with the rig has sent. The result is bit-identical, except that the view
+  // has neither a pose nor a focal plane. `warp` must be valid (see validate()). Throws Error for camera indices beyond
+  // `num_cameras`.
   ViewPlan(const ViewWarp& warp, size_t num_cameras, const ParallelFor& parallel = serial_for);
 
   const View& view() const { return view_; }
   const Rays& rays() const { return rays_; }
-  // Faces that may own pixels of the view, ascending by number. A pixel belongs to the lowest-numbered face that
-  // contains the pixel.
+  // Returns the faces that may own pixels of the view, ascending by number. A pixel belongs to the lowest-numbered face
+  // that contains the pixel.
   const std::vector<FacePlan>& faces() const { return faces_; }
-  // Weights of cameras if the view is not blended by the mesh, else null. A plan with a WeightGrid has one face without
-  // corners, which covers everything that can be in focus.
+  // Returns the camera weights in the pixels of the last face, which then has no corners. If the view is not blended by
+  // the mesh, this face covers everything that can be in focus. Otherwise it covers the pixels beside the mesh, which
+  // are extrapolated (see render/extrapolation.h). Null if all pixels are inside the mesh.
   const WeightGrid* blend() const { return blend_.get(); }
   size_t num_cameras() const { return camera_rects_.size(); }
-  // Bounds the pixels with a weight of the camera; may be empty.
+  // Contains all pixels with a weight of the camera; may be empty.
   Rect camera_rect(CameraIndex camera) const { return camera_rects_[camera]; }
   // Returns the cameras with a non-empty camera_rect(), ascending.
   std::vector<CameraIndex> contributors() const;
 
-  // Intersection of a line of sight with the focal plane at t > 0 in view coordinates: (focal_normal . d) t =
-  // focal_offset. With a focal map: (focal_normal . d) t = 1 / inverse distance - eye_distance, and focal_offset is 1.
+  // A line of sight d meets the focal plane at t > 0 with (focal_normal . d) t = focal_offset, in view coordinates. A
+  // focal map has (focal_normal . d) t = 1 / inverse distance - eye_distance, and focal_offset is 1.
   const Vec3& focal_normal() const { return focal_normal_; }
   double focal_offset() const { return focal_offset_; }
   double eye_distance() const { return eye_distance_; }  // metres from the eye to the origin of distances
-  // Inverse distance at which (x, y) is in focus; fractional positions are allowed; 0 without a map.
+  // Returns the inverse distance at which (x, y) is in focus, or 0 without a map. Positions may be fractional.
   double inverse_at(double x, double y) const { return view_.focus.map ? view_.focus.map->inverse_at(x, y) : 0; }
-  // Homography into a camera if the plan was made from a ViewWarp, else null.
+  // Returns the homography into a camera if the plan was made from a ViewWarp, else null.
   const Mat3* explicit_homography(CameraIndex camera) const;
 
  private:
@@ -132,15 +139,17 @@ class ViewPlan {
   Vec3 focal_normal_;
   double focal_offset_ = 0, eye_distance_ = 0;
   std::shared_ptr<const WeightGrid> blend_;
-  std::vector<std::pair<CameraIndex, Mat3>> homographies_;  // ascending by camera; empty unless made from a ViewWarp
+  // ascending by camera; empty unless the plan was made from a ViewWarp
+  std::vector<std::pair<CameraIndex, Mat3>> homographies_;
   void bound_corners(const FacePlan& face);
+  void add_grid(std::shared_ptr<const WeightGrid> grid, const Rect& rect);
 };
 
 // Returns the smallest rectangle of whole 2x2 chroma blocks that contains `rect`, clipped to the view.
 Rect chroma_aligned(const Rect& rect, const View& view);
 
-// The plan of a view for cameras that do not know the rig, with the homographies into these cameras. All coordinates
-// are relative to the view's eye.
+// The plan of a view for cameras that do not know the rig, together with the homographies into these cameras. All
+// coordinates are relative to the view's eye.
 struct ViewWarp {
   int width = 0, height = 0;
   Lens lens;
@@ -149,7 +158,7 @@ struct ViewWarp {
 
   struct Projection {
     CameraIndex camera = 0;
-    Mat3 camera_from_ray{1};  // see CameraProjection
+    Mat3 camera_from_ray{1};
     bool operator==(const Projection&) const = default;
   };
   std::vector<Projection> cameras;  // ascending; exactly the corners of the faces
@@ -159,8 +168,8 @@ struct ViewWarp {
 
 ViewWarp view_warp(const Rig& rig, const ViewPlan& plan);
 
-// Throws Error naming the field that is invalid: sizes, non-finite numbers, rectangles that are empty or outside the
-// view, cameras other than the faces' corners.
+// Throws Error with the invalid field. A warp is invalid if it has bad sizes, numbers that are not finite, rectangles
+// that are empty or outside the view, or cameras other than the faces' corners.
 void validate(const ViewWarp& warp);
 
 }  // namespace lf

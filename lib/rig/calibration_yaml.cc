@@ -17,14 +17,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// --- OpenCV's FileStorage --------------------------------------------------------------------------------------------
-
 constexpr int kDistortionSizes[] = {4, 5, 8, 12, 14};  // sizes that cv::calibrateCamera writes
 constexpr int kOurTerms = 4;                           // k1 k2 p1 p2
 
 struct Matrix {
   int rows, columns;
-  std::vector<double> data;  // row by row
+  std::vector<double> data;
 };
 
 Matrix parse_matrix(const JsonValue& value) {
@@ -43,11 +41,12 @@ Matrix parse_matrix(const JsonValue& value, int rows, int columns) {
   return matrix;
 }
 
-// `place`: camera matrix; `distortion_terms`: coefficients, if present.
+// `place` is the camera matrix; `distortion_terms` are the coefficients, if there are any.
 Lens parse_opencv_lens(const JsonValue& place, const std::optional<JsonValue>& distortion_terms) {
   const std::vector<double> k = parse_matrix(place, 3, 3).data;
   if (k[1] != 0 || k[3] != 0 || k[6] != 0 || k[7] != 0 || k[8] != 1)
-    place.fail(std::string("must be [fx, 0, cx, 0, fy, cy, 0, 0, 1], a rig cannot hold skew; ") + kUndistortRemedy);
+    place.fail(std::string("must be [fx, 0, cx, 0, fy, cy, 0, 0, 1], because a rig cannot hold skew; ") +
+               kUndistortRemedy);
   std::vector<double> distortion;
   if (const auto& value = distortion_terms) {
     const Matrix terms = parse_matrix(*value);
@@ -55,12 +54,12 @@ Lens parse_opencv_lens(const JsonValue& place, const std::optional<JsonValue>& d
     const int size = static_cast<int>(distortion.size());
     if ((terms.rows != 1 && terms.columns != 1) ||
         std::find(std::begin(kDistortionSizes), std::end(kDistortionSizes), size) == std::end(kDistortionSizes))
-      value->fail("must be a row or a column of 4, 5, 8, 12 or 14 numbers");
+      value->fail("must be a row or a column of 4, 5, 8, 12 or 14 distortion coefficients");
     for (int i = kOurTerms; i < size; i++)
       if (distortion[i] != 0) {
         const std::string term = i == kOurTerms ? "k3" : "term " + std::to_string(i);
         value->fail(term +
-                    " is not 0, and a rig cannot hold this term; calibrate with k1, k2, p1, p2 alone "
+                    " is not 0, and a rig cannot hold this term; calibrate only with k1, k2, p1 and p2 "
                     "(CALIB_FIX_K3), or undistort the pictures first");
       }
   }
@@ -88,7 +87,6 @@ void parse_size(const JsonValue& value, Camera& camera) {
   value.fail("the size of the pictures is missing; add image_width and image_height (pixels)");
 }
 
-// Returns camera_from_world.
 RigidTransform parse_motion(const JsonValue& value) {
   RigidTransform motion;
   if (const auto rotation = value.find("R")) {
@@ -115,24 +113,24 @@ Camera parse_camera(const JsonValue& value, const fs::path& directory) {
 }
 
 const std::set<std::string_view> kOpenCvKeys = {
-    // Read.
+    // Keys that the importer reads.
     "cameras", "name", "camera_name", "image", "image_width", "image_height", "image_size", "imageSize",
     "camera_matrix", "distortion_coefficients", "R", "T", "rows", "cols", "data", "M1", "M2", "D1", "D2",
-    // Irrelevant for a rig.
+    // Keys without effect on a rig.
     "dt", "R1", "R2", "P1", "P2", "Q", "distortion_model", "camera_model", "calibration_time", "nframes",
     "nr_of_frames", "board_width", "board_height", "square_size", "marker_size", "aspectRatio", "flags",
     "avg_reprojection_error", "per_view_reprojection_errors", "extrinsic_parameters", "image_points", "grid_points",
     "rectification_matrix", "fisheye_model"};
 
-// Only one camera may lack R and T: it defines the world.
+// At most one camera may lack R and T. It then defines the world.
 void require_places(const std::vector<JsonValue>& cameras) {
   size_t without = 0;
   for (const JsonValue& camera : cameras) {
     if (camera.find("R") || camera.find("T") || ++without < 2) continue;
     const bool has_vectors = camera.find("rvec") || camera.find("tvec");
-    camera.fail(std::string("R (3x3) and T (3x1), which take points of the world to the camera, are missing: cameras "
-                            "would all be in one place") +
-                (has_vectors ? "; T is tvec, and cv::Rodrigues() makes R of rvec" : ""));
+    camera.fail(std::string("R (3x3) and T (3x1), which transform world points to the camera, are missing. Without "
+                            "them, all cameras would be at the same place") +
+                (has_vectors ? ". Write tvec as T, and compute R from rvec with cv::Rodrigues()" : ""));
   }
 }
 
@@ -150,7 +148,7 @@ std::vector<Camera> parse_stereo(const JsonValue& file, const fs::path& director
     for (const char* name : {"extrinsics.yml", "extrinsics.yaml"})
       if (std::error_code ignored; beside.empty() && fs::is_regular_file(directory / name, ignored))
         beside = (directory / name).string();
-    if (beside.empty()) file.fail("R and T of the second camera are missing; copy them from the file of extrinsics");
+    if (beside.empty()) file.fail("R and T of the second camera are missing; copy them from the extrinsics file");
     const nlohmann::json root = parse_yaml(read_text_file(beside), beside);
     const JsonValue extrinsics(root, beside);
     for (const char* key : {"R", "T"}) extrinsics.at(key);  // both are required
@@ -165,7 +163,10 @@ std::vector<Camera> parse_stereo(const JsonValue& file, const fs::path& director
 }
 
 RigImport parse_opencv_yaml(const std::string& text, const std::string& path) {
-  if (text.starts_with("<?xml")) throw Error(path + ": is XML; save it as .yml (cv::FileStorage goes by the ending)");
+  if (text.starts_with("<?xml"))
+    throw Error(path +
+                ": this is an XML file, but the importer reads YAML. Save it with the extension .yml, so that "
+                "cv::FileStorage writes YAML");
   const nlohmann::json root = parse_yaml(text, path);
   const JsonValue file(root, path);
   const fs::path directory = fs::path(path).parent_path();
@@ -175,7 +176,7 @@ RigImport parse_opencv_yaml(const std::string& text, const std::string& path) {
   if (const auto cameras = file.find("cameras")) {
     const std::vector<JsonValue> values = cameras->elements();
     if (values.empty() || values.size() > kMaxCameras)
-      cameras->fail("must be 1 to " + std::to_string(kMaxCameras) + " cameras");
+      cameras->fail("must be a list of 1 to " + std::to_string(kMaxCameras) + " cameras");
     for (const JsonValue& value : values) rig.cameras.push_back(parse_camera(value, directory));
     require_places(values);
   } else if (file.find("M1") || file.find("M2")) {
@@ -218,8 +219,6 @@ std::string opencv_yaml_text(const Rig& rig) {
   return file.releaseAndGetString();
 }
 
-// --- Kalibr's camchain.yaml ------------------------------------------------------------------------------------------
-
 constexpr char kTopicEnd[] = "/image_raw";
 
 std::string name_of_topic(std::string topic) {
@@ -261,7 +260,6 @@ Lens parse_kalibr_lens(const JsonValue& camera) {
   }
 }
 
-// Returns the keys "cam0", "cam1", ... by number. Numbers may have gaps.
 std::map<uint32_t, std::string> find_cameras(const nlohmann::json& root, const JsonValue& file) {
   std::map<uint32_t, std::string> cameras;
   if (!root.is_object()) return cameras;
@@ -272,14 +270,17 @@ std::map<uint32_t, std::string> find_cameras(const nlohmann::json& root, const J
     if (const auto [rest, error] = std::from_chars(key.data() + 3, end, number); error != std::errc() || rest != end)
       continue;
     const auto [other, is_new] = cameras.emplace(number, key);
-    if (!is_new) file.fail(other->second + " and " + key + " have the same number");
+    if (!is_new)
+      file.fail(other->second + " and " + key +
+                " have the same number, but every camera needs its own; rename one of them");
   }
-  if (cameras.size() > kMaxCameras) file.fail("at most " + std::to_string(kMaxCameras) + " cameras");
+  if (cameras.size() > kMaxCameras)
+    file.fail("has too many cameras; a rig has at most " + std::to_string(kMaxCameras) + " cameras");
   return cameras;
 }
 
-// Returns the camera's pose (world from camera), relative to the camera with the previous number (`before`, null if
-// missing) or to the IMU.
+// Returns the pose of the camera (world from camera), relative to the IMU or to the camera with the previous number.
+// `before` is the latter, or null if it is missing.
 RigidTransform place_of(const JsonValue& camera, const RigidTransform* before, uint32_t number, bool is_first) {
   const auto step = camera.find("T_cn_cnm1"), from_imu = camera.find("T_cam_imu"), to_imu = camera.find("T_imu_cam");
   if (step && before) return *before * parse_rigid_transform(*step).inverse();

@@ -27,8 +27,6 @@ bool exists(const std::string& path) {
   return fs::exists(path, error);
 }
 
-// --- Names -----------------------------------------------------------------------------------------------------------
-
 // Returns `text` with "%20" and the like decoded, or nullopt for an invalid escape.
 std::optional<std::string> percent_decoded(std::string_view text) {
   const auto digit = [](char c) {
@@ -50,12 +48,13 @@ std::optional<std::string> percent_decoded(std::string_view text) {
   return decoded;
 }
 
-// Explains a likely mistake in the name of a missing file. Starts with a semicolon, or is empty.
+// Returns a hint about a likely mistake in the name of a missing file. The hint starts with a semicolon, or is empty.
 std::string naming_advice(const Rig& rig, const std::string& text) {
-  if (text.starts_with("\xef\xbb\xbf")) return "; the name begins with a byte order mark: remove it";
+  if (text.starts_with("\xef\xbb\xbf"))
+    return "; the name begins with a byte order mark (three invisible bytes): remove it";
   if (std::isspace(static_cast<unsigned char>(text.front())) || std::isspace(static_cast<unsigned char>(text.back())))
     return "; the name begins or ends with white space: remove it";
-  if (text.find('\\') != std::string::npos) return "; folders are separated by /, not by back-slashes";
+  if (text.find('\\') != std::string::npos) return "; folders are separated by /, not by back-slashes: write / instead";
   const auto decoded = percent_decoded(text);
   if (decoded && *decoded != text && exists(rig.resolve(*decoded)))
     return "; \"" + *decoded + "\" exists: names of files are not percent-encoded";
@@ -68,11 +67,10 @@ std::string path_of_file_uri(const std::string& uri) {
   if (rest.starts_with("localhost/")) rest.remove_prefix(sizeof("localhost") - 1);
   const auto path = percent_decoded(rest);
   if (!path || !path->starts_with('/') || path->find('\0') != std::string::npos)
-    throw Error("source \"" + uri + "\": not a file URI with an absolute path (file:///folder/name, with % as %25)");
+    throw Error("source \"" + uri +
+                "\": not a file URI with an absolute path. Write it as file:///folder/name, with % as %25");
   return *path;
 }
-
-// --- Files -----------------------------------------------------------------------------------------------------------
 
 std::vector<uint8_t> first_bytes(std::ifstream& file, size_t count) {
   std::vector<uint8_t> bytes(count);
@@ -121,8 +119,6 @@ CameraSource source_of_file(const std::string& path, bool is_image) {
   return {.kind = matroska ? Kind::kMatroska : Kind::kFile, .location = path};
 }
 
-// --- Sequences -------------------------------------------------------------------------------------------------------
-
 // Returns the number of %d, %4d, %04d in `text`, or nullopt if it contains another printf conversion. "%%" is a literal
 // %.
 std::optional<int> count_conversions(const std::string& text) {
@@ -155,7 +151,8 @@ std::string numbered(const std::string& pattern, int number) {
   return path;
 }
 
-// Returns the pattern of a sequence as a path, with the first number; nullopt if neither number 0 nor 1 exists.
+// Returns the pattern of a sequence as a path, and its first number. Returns nullopt if neither number 0 nor number 1
+// exists.
 std::optional<CameraSource> pattern_of(const Rig& rig, const std::string& text) {
   if (is_uri(text) || count_conversions(text) != 1) return std::nullopt;
   const std::string resolved = rig.resolve(text);
@@ -166,7 +163,8 @@ std::optional<CameraSource> pattern_of(const Rig& rig, const std::string& text) 
   return std::nullopt;
 }
 
-// Counts the images up to the first missing number. Tests each name, because the folder may hold all cameras' files.
+// Counts the images up to the first missing number. Tests names one by one instead of listing the folder, because the
+// folder may hold the files of all cameras.
 int count_pictures(const CameraSource& sequence) {
   int count = 1;
   while (exists(sequence_file(sequence, count))) count++;
@@ -181,8 +179,8 @@ std::string file_behind_gap(const CameraSource& sequence) {
   return "";
 }
 
-// A sequence that starts with 1 may have lost number 0. In that case it ends with the same number as sequences of other
-// cameras that start with 0. Checks only a few cameras, so that the cost does not grow with the array.
+// A sequence that starts with 1 may have lost its number 0. It then ends with the same number as the sequences of other
+// cameras that start with 0. Compares a few cameras only, so that the cost does not grow with the array.
 void require_first_picture(const Rig& rig, const std::string& text, const CameraSource& sequence) {
   if (sequence.first == 0) return;
   constexpr int kMostOthers = 3;
@@ -205,11 +203,12 @@ void require_first_picture(const Rig& rig, const std::string& text, const Camera
 CameraSource find_sequence(const Rig& rig, const std::string& text) {
   if (count_conversions(text) != 1)
     throw Error("source \"" + text +
-                "\": no such file, and an image sequence has exactly one %d (or %04d); a plain % is "
-                "written %%");
+                "\": no such file, and not an image sequence. The name of an image sequence contains exactly one %d "
+                "(or %04d) for the number of the file; write %% for a percent sign");
   std::optional<CameraSource> source = pattern_of(rig, text);
   if (!source)
-    throw MissingFile(rig.resolve(text) + ": no such files (the first number is 0 or 1)" + naming_advice(rig, text));
+    throw MissingFile(rig.resolve(text) + ": no such files (the first file must have number 0 or 1)" +
+                      naming_advice(rig, text));
   source->count = count_pictures(*source);
   if (const std::string behind = file_behind_gap(*source); !behind.empty())
     throw MissingFile(sequence_file(*source, source->count) + ": missing, while " + behind +
@@ -217,13 +216,13 @@ CameraSource find_sequence(const Rig& rig, const std::string& text) {
   require_first_picture(rig, text, *source);
   const std::string first = sequence_file(*source, 0);
   source->codec = source_of_file(first, true).codec;
-  if (source->codec == Codec::kOther) throw Error(first + ": an image sequence must be PNG or JPEG files");
+  if (source->codec == Codec::kOther)
+    throw Error(first +
+                ": is neither PNG nor JPEG, the only formats of image sequences; convert the pictures to one of them");
   return *source;
 }
 
 }  // namespace
-
-// --- Sources ---------------------------------------------------------------------------------------------------------
 
 std::string sequence_file(const CameraSource& sequence, int index) {
   return numbered(sequence.location, sequence.first + index);
@@ -247,8 +246,6 @@ CameraSource find_camera_source(const Rig& rig, const Camera& camera) {
   if (!camera.image.empty()) return find_source(rig, camera.image, true);
   return {};
 }
-
-// --- Colours ---------------------------------------------------------------------------------------------------------
 
 RigColourCorrections::RigColourCorrections(const Rig& rig) {
   if (!rig.has_colour()) return;

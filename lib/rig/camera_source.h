@@ -21,44 +21,47 @@ class MissingFile : public Error {
 
 struct CameraSource {
   enum class Kind {
-    kScene,       // the built-in scene; no location
+    kScene,       // the built-in scene; `location` is empty
     kStill,       // a single image, shown forever
-    kSequence,    // numbered images; `location` is a printf pattern with one %d
+    kSequence,    // numbered image files; `location` is a printf pattern with one %d
     kJpegStream,  // one file of concatenated JPEG images
     kMatroska,
     kFile,
     kUri,     // `location` is a URI other than a file
-    kDevice,  // a URI with a source element that offers specific sizes and rates (v4l2:///dev/video0)
-    kBin,     // elements; `location` is a gst-launch-1.0 line with one unlinked source pad
+    kDevice,  // a URI of a capture device, which offers specific sizes and rates (v4l2:///dev/video0)
+    kBin,     // GStreamer elements; `location` is a gst-launch-1.0 line with one unlinked source pad
   };
-  enum class Codec { kOther, kPng, kJpeg };  // image format; kStill and kSequence only
+  enum class Codec { kOther, kPng, kJpeg };
 
   Kind kind = Kind::kScene;
   Codec codec = Codec::kOther;
   std::string location;      // a local path, except for kUri, kDevice and kBin
-  int first = 0, count = 0;  // kSequence: first number, number of images
+  int first = 0, count = 0;  // kSequence only: first number, and number of images
   bool is_file() const { return kind >= Kind::kStill && kind <= Kind::kFile; }
 };
 
 std::string sequence_file(const CameraSource& sequence, int index);
 
-// Resolves the camera's `source`, otherwise its `image`, otherwise the built-in scene. The player, the tools and
-// `lf-rig check` all use this function. An existing file always takes precedence over a URI, a pattern or elements with
-// the same text, and its first bytes decide its kind. Returns kUri for every URI that is not a file. Throws MissingFile
-// for a missing file or a gap in a sequence, and Error for a malformed pattern.
+// Finds out what a camera's images come from: its `source`, otherwise its `image`, otherwise the built-in scene. The
+// player, the tools and `lf-rig check` all use this function.
+//
+// If a file with the name exists, it takes precedence over a URI, a pattern or elements with the same text; its first
+// bytes tell its kind. Every URI that is not a file gives kUri. Throws MissingFile for a missing file or a gap in a
+// sequence, and Error for a malformed pattern.
 CameraSource find_camera_source(const Rig& rig, const Camera& camera);
 
-// Resolves a single `image` or `source`; `text` must not be empty.
+// The same for the value of one `image` or `source`. `text` must not be empty.
 CameraSource find_source(const Rig& rig, const std::string& text, bool is_image);
 
-// The colour corrections of a rig's cameras, created on first use. Thread-safe.
+// The colour corrections of a rig's cameras. They are computed on first use. Thread-safe.
 class RigColourCorrections {
  public:
-  // Copies the data; `rig` does not have to outlive this object.
+  // Copies the data; `rig` need not outlive this object.
   explicit RigColourCorrections(const Rig& rig);
 
   bool any() const { return !cameras_.empty(); }
-  // Returns null for a camera without correction. `family`: not kNone. Valid during the lifetime of this object.
+  // Returns the correction; null if the camera has none. `family` must not be kNone. Valid during the lifetime of this
+  // object.
   const ColourCorrection* of(CameraIndex camera, PixelFamily family) const;
 
  private:
@@ -69,7 +72,8 @@ class RigColourCorrections {
     std::once_flag made[2];
     std::unique_ptr<const ColourCorrection> correction[2];
   };
-  std::vector<std::unique_ptr<CameraEntry>> cameras_;  // null: no correction; empty if no camera has a correction
+  // null for a camera without correction; empty if no camera has one
+  std::vector<std::unique_ptr<CameraEntry>> cameras_;
 };
 
 }  // namespace lf

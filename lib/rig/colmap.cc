@@ -11,6 +11,7 @@
 #include <sstream>
 #include <string_view>
 
+#include "base/file.h"
 #include "base/json_value.h"
 #include "base/text.h"
 #include "image/image_file.h"
@@ -20,8 +21,6 @@ namespace lf {
 
 namespace fs = std::filesystem;
 
-// --- Text files ------------------------------------------------------------------------------------------------------
-
 namespace {
 
 struct ColmapModel {
@@ -30,7 +29,7 @@ struct ColmapModel {
   size_t num_focal;
 };
 
-// Models in COLMAP's models.h without an equivalent here.
+// Models of COLMAP (models.h) that have no equivalent here.
 constexpr ColmapModel kOtherModels[] = {
     {"OPENCV_FISHEYE", 8, 2},        {"FULL_OPENCV", 12, 2},   {"FOV", 5, 2},
     {"SIMPLE_RADIAL_FISHEYE", 4, 1}, {"RADIAL_FISHEYE", 5, 1}, {"THIN_PRISM_FISHEYE", 12, 2}};
@@ -80,7 +79,7 @@ class LineReader {
     double value = 0;
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
     if (error != std::errc() || end != text.data() + text.size() || !is_finite(value))
-      fail(std::string(what) + " must be a finite number, is \"" + text + "\"");
+      fail(std::string(what) + " must be a finite number, but is \"" + text + "\"");
     return value;
   }
   uint32_t integer(const char* what, uint32_t least, uint32_t most) {
@@ -89,8 +88,8 @@ class LineReader {
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
     if (error != std::errc() || end != text.data() + text.size() || !(value >= least && value <= most) ||
         std::trunc(value) != value)
-      fail(std::string(what) + " must be an integer of " + std::to_string(least) + " to " + std::to_string(most) +
-           ", is \"" + text + "\"");
+      fail(std::string(what) + " must be an integer from " + std::to_string(least) + " to " + std::to_string(most) +
+           ", but is \"" + text + "\"");
     return static_cast<uint32_t>(value);
   }
 
@@ -126,9 +125,10 @@ std::map<uint32_t, ColmapCamera> read_colmap_cameras(const std::string& path) {
       camera.num_focal = other->num_focal;
     }
     if (camera.params.size() != num_params)
-      reader.fail(camera.model + " takes " + std::to_string(num_params) + " numbers, has " +
+      reader.fail(camera.model + " takes " + std::to_string(num_params) + " numbers, but the line has " +
                   std::to_string(camera.params.size()));
-    if (!cameras.emplace(id, camera).second) reader.fail("CAMERA_ID " + std::to_string(id) + " is there twice");
+    if (!cameras.emplace(id, camera).second)
+      reader.fail("CAMERA_ID " + std::to_string(id) + " occurs twice, but every camera needs its own");
   }
   return cameras;
 }
@@ -149,16 +149,19 @@ std::vector<ColmapImage> read_colmap_images(const std::string& path, const std::
     image.t.y = reader.number("TY");
     image.t.z = reader.number("TZ");
     const double norm = glm::length(image.q);
-    if (!(norm > 0 && is_finite(norm))) reader.fail("QW, QX, QY, QZ must be a rotation");
-    // COLMAP normalises on reading as well; files with 6 digits are common. A unit quaternion stays bit-identical.
+    if (!(norm > 0 && is_finite(norm)))
+      reader.fail("QW, QX, QY, QZ are all 0 or not finite, so they are not a rotation");
+    // Files with 6 digits are common, and COLMAP also normalises when reading. A unit quaternion stays bit-identical.
     if (std::abs(norm - 1) > 1e-15) image.q /= norm;
     image.camera_id = reader.integer("CAMERA_ID", 0, UINT32_MAX);
     if (!cameras.count(image.camera_id))
-      reader.fail("CAMERA_ID " + std::to_string(image.camera_id) + " is not in cameras.txt");
+      reader.fail("CAMERA_ID " + std::to_string(image.camera_id) +
+                  " is not in cameras.txt, so the lens of this image is unknown");
     image.name = reader.rest("NAME");
-    if (!ids.insert(image.id).second) reader.fail("IMAGE_ID " + std::to_string(image.id) + " is there twice");
+    if (!ids.insert(image.id).second)
+      reader.fail("IMAGE_ID " + std::to_string(image.id) + " occurs twice, but every image needs its own");
     images.push_back(image);
-    // The POINTS2D[] line may be empty but must exist. Parsing it detects files without these lines.
+    // The POINTS2D[] line may be empty but must exist. Parsing the line detects files that lack these lines.
     if (reader.next())
       while (!reader.at_end())
         for (const char* what : {"POINTS2D[] X", "POINTS2D[] Y", "POINTS2D[] POINT3D_ID"}) reader.number(what);
@@ -188,13 +191,12 @@ std::string colmap_images_text(const std::vector<ColmapImage>& images) {
   return text;
 }
 
-// --- Image files -----------------------------------------------------------------------------------------------------
-
 namespace {
 
 constexpr size_t kLongestPath = 4096;
 
-// Calls `use` with each proper suffix of `text` that starts a word: "1.jpg" of "cam 1.jpg", but not of "11.jpg".
+// Calls `use` with each proper suffix of `text` that starts a word. For example, "1.jpg" is such a suffix of "cam
+// 1.jpg", but not of "11.jpg".
 template <typename Use>
 void for_each_ending(const std::string& text, Use use) {
   for (size_t i = 1; i < text.size(); i++)
@@ -230,14 +232,14 @@ std::string ImageSearch::find(const std::string& name) const {
   if (const auto longer = suffixes_.find(wanted); longer != suffixes_.end())
     for (const std::string& file : {longer->second.first, longer->second.second})
       if (!file.empty()) found.insert(file);
-  if (found.empty()) throw Error(directory_ + ": no image file for \"" + name + "\"");
+  if (found.empty())
+    throw Error(directory_ + ": no image file for \"" + name +
+                "\"; check that this folder has the images of the model");
   if (found.size() > 1)
     throw Error(directory_ + ": more than one image file for \"" + name + "\": " + *found.begin() + ", " +
                 *std::next(found.begin()));
   return path(*found.begin());
 }
-
-// --- Rigs ------------------------------------------------------------------------------------------------------------
 
 namespace {
 
@@ -253,7 +255,7 @@ Lens lens_of(const ColmapCamera& camera) {
   if (!model)
     throw Error(
         "a rig cannot hold its " + camera.model +
-        " lens; run colmap image_undistorter, and import the model that it writes (its sparse folder, as text)");
+        " lens; run colmap image_undistorter, convert the model in its folder sparse to text, and import that model");
   std::array<double, Lens::kMaxParams> params{};
   std::copy_n(camera.params.begin(), lens_model_num_params(*model), params.begin());
   params[camera.num_focal] -= kColmapPixelCentre;
@@ -297,10 +299,12 @@ void require_text_model(const std::string& directory) {
                 " --output_path TEXT --output_type TXT, and import TEXT");
   for (const char* model : {"sparse/0", "sparse", "0"})
     if (fs::exists(path_in(directory, model) + "/cameras.txt", ignored))
-      throw Error(directory + ": cameras.txt can't be read, the model is in " + path_in(directory, model));
+      throw Error(directory +
+                  ": cameras.txt can't be read in this folder. Import the folder inside it: the model is in " +
+                  path_in(directory, model));
   throw Error(path_in(directory, "cameras.txt") +
-              ": can't be read. A folder of pictures alone has no positions: run COLMAP on it, and import the text "
-              "model that colmap model_converter --output_type TXT writes");
+              ": can't be read. A folder of pictures alone has no positions. Estimate them with COLMAP, convert the "
+              "model with colmap model_converter --output_type TXT, and import the result");
 }
 
 // Throws Error if most cells of a grid are not side by side, otherwise adds a note for the few exceptions.
@@ -310,7 +314,7 @@ void check_grid(const Rig& rig, const std::string& path, std::vector<std::string
   if (!fault) return;
   const std::string text = path + ": in the order of their names, " + fault->text;
   if (fault->folded * kMaxFolded > fault->triangles)
-    throw Error(text + "; name the files row by row, give the right --grid, or leave it out");
+    throw Error(text + "; rename the files so that the names are in order row by row, or correct or omit --grid");
   notes.push_back(text);
 }
 
@@ -321,8 +325,10 @@ RigImport import_colmap(const std::string& directory, const ColmapImportOptions&
   require_text_model(directory);
   const auto cameras = read_colmap_cameras(cameras_path);
   std::vector<ColmapImage> images = read_colmap_images(images_path, cameras);
-  if (images.empty()) throw Error(images_path + ": no images");
-  if (images.size() > kMaxCameras) throw Error(images_path + ": at most " + std::to_string(kMaxCameras) + " images");
+  if (images.empty()) throw Error(images_path + ": no images, but a rig needs at least one");
+  if (images.size() > kMaxCameras)
+    throw Error(images_path + ": contains too many images; a rig has at most " + std::to_string(kMaxCameras) +
+                " cameras");
 
   RigImport result;
   Topology& topology = result.rig.topology;
@@ -339,8 +345,9 @@ RigImport import_colmap(const std::string& directory, const ColmapImportOptions&
   if (folder.empty() && fs::is_directory(path_in(directory, "images"), ignored)) folder = path_in(directory, "images");
   if (folder.empty()) {
     if (options.undistorted)
-      throw Error(directory + ": undistorted images have sizes of their own: their folder must be given");
-    result.notes.push_back("no folder of image files was given: their sizes were not checked");
+      throw Error(directory +
+                  ": undistorted images have other sizes than cameras.txt states, so give their folder (--images)");
+    result.notes.push_back("no folder of image files was given, so the image sizes were not checked");
   }
   const std::optional<ImageSearch> search = folder.empty() ? std::nullopt : std::optional<ImageSearch>(folder);
 
@@ -362,7 +369,9 @@ RigImport import_colmap(const std::string& directory, const ColmapImportOptions&
     if (search) {
       camera.image = search->find(image.name);
       const auto [other, is_new] = name_of_file.emplace(camera.image, image.name);
-      if (!is_new) throw Error(camera.image + ": stands for \"" + other->second + "\" and \"" + image.name + "\"");
+      if (!is_new)
+        throw Error(camera.image + ": is the only file for two images, \"" + other->second + "\" and \"" + image.name +
+                    "\"; give each a file");
       const std::string file = fs::path(camera.image).lexically_relative(folder).generic_string();
       if (file != image.name && num_renamed++ == 0) renamed = file + " for \"" + image.name + "\"";
       const ImageSize size = load_image_size(camera.image);
@@ -370,11 +379,12 @@ RigImport import_colmap(const std::string& directory, const ColmapImportOptions&
       camera.height = size.height;
       const bool is_copy = is_scaled_copy(size, from);
       if (is_copy || (!options.undistorted && (camera.width != from.width || camera.height != from.height)))
-        throw Error(camera.image + ": is " + size_text(camera.width, camera.height) + ", its camera " +
-                    std::to_string(image.camera_id) + " in cameras.txt " + size_text(from.width, from.height) +
-                    (is_copy ? "; a scaled copy has another focal length: use the pictures that COLMAP saw, or the "
-                               "model that image_undistorter writes beside its pictures"
-                             : "; is it an undistorted image (lf-rig import colmap --undistorted)?"));
+        throw Error(camera.image + ": is " + size_text(camera.width, camera.height) +
+                    ", but cameras.txt gives its camera " + std::to_string(image.camera_id) + " the size " +
+                    size_text(from.width, from.height) +
+                    (is_copy ? ". A scaled copy has another focal length, so use the pictures that COLMAP has "
+                               "processed, or the model that image_undistorter writes beside its pictures"
+                             : "; if it is an undistorted image, use lf-rig import colmap --undistorted"));
       camera.image = fs::proximate(camera.image).string();
     }
     try {
@@ -401,11 +411,11 @@ RigExport export_colmap(const Rig& rig, const std::string& directory) {
   std::map<std::string, uint32_t> id_of_name;
   for (const Camera& camera : rig.cameras) {
     const auto fail = [&](const std::string& what) { throw_camera_error(camera, what); };
-    if (camera.id > kMaxColmapId) fail("COLMAP has no ids beyond " + std::to_string(kMaxColmapId));
+    if (camera.id > kMaxColmapId) fail("COLMAP does not accept ids above " + std::to_string(kMaxColmapId));
     const std::string name = camera.image.empty() ? camera.name : camera.image;
-    if (name.empty()) fail("COLMAP wants a name");
+    if (name.empty()) fail("the camera has no name, but COLMAP requires one; add a name to the rig file");
     if (name.find_first_of(" \t\r\n") != std::string::npos)
-      fail("COLMAP reads the name \"" + name + "\" up to its first space only");
+      fail("COLMAP reads the name \"" + name + "\" up to its first space only; use a name without spaces");
     const auto [same, is_new] = id_of_name.emplace(name, camera.id);
     if (!is_new) fail("the name \"" + name + "\" is also used by camera " + std::to_string(same->second));
 
@@ -423,9 +433,7 @@ RigExport export_colmap(const Rig& rig, const std::string& directory) {
     images.push_back({camera.id, camera.id, q, -(glm::mat3_cast(q) * camera.pose.position), name});
   }
 
-  std::error_code error;
-  fs::create_directories(directory, error);
-  if (error) throw Error(directory + ": can't be made: " + error.message());
+  make_folder(directory);
   write_text_file(colmap_cameras_text(cameras), path_in(directory, "cameras.txt"));
   write_text_file(colmap_images_text(images), path_in(directory, "images.txt"));
   write_text_file("# 3D point list: empty\n", path_in(directory, "points3D.txt"));

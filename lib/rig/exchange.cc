@@ -47,13 +47,16 @@ class Builder : public YAML::EventHandler {
   void OnDocumentStart(const YAML::Mark&) override {}
   void OnDocumentEnd() override {}
   void OnNull(const YAML::Mark& mark, YAML::anchor_t) override { put(mark, nullptr); }
-  void OnAlias(const YAML::Mark& mark, YAML::anchor_t) override { fail(mark, "aliases are not read"); }
+  void OnAlias(const YAML::Mark& mark, YAML::anchor_t) override {
+    fail(mark, "YAML aliases (*name) are not supported; repeat the value instead of the alias");
+  }
   void OnScalar(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t, const std::string& value) override {
-    if (!is_utf8(value)) fail(mark, "no text in UTF-8");
+    if (!is_utf8(value)) fail(mark, "the text is not UTF-8");
     if (is_key()) {
       levels_.back().key = value;
       levels_.back().has_key = true;
-      if (levels_.back().value->contains(value)) fail(mark, "\"" + value + "\" is there twice");
+      if (levels_.back().value->contains(value))
+        fail(mark, "\"" + value + "\" occurs twice; remove one of the two entries");
     } else {
       put(mark, tag == "!" ? json(value) : scalar(value));  // "!": in quotes
     }
@@ -80,14 +83,14 @@ class Builder : public YAML::EventHandler {
   bool is_key() const { return !levels_.empty() && levels_.back().value->is_object() && !levels_.back().has_key; }
   json* put(const YAML::Mark& mark, json value) {
     if (levels_.empty()) return &(root = std::move(value));
-    if (is_key()) fail(mark, "a key must be a word");
+    if (is_key()) fail(mark, "a key must be a plain word, not a list or a map");
     Level& level = levels_.back();
     level.has_key = false;
     if (level.value->is_array()) return &level.value->emplace_back(std::move(value));
     return &((*level.value)[level.key] = std::move(value));
   }
   void open(const YAML::Mark& mark, json value) {
-    if (levels_.size() >= kMaxYamlDepth) fail(mark, "nested too deeply");
+    if (levels_.size() >= kMaxYamlDepth) fail(mark, "the lists and maps are nested too deeply");
     levels_.push_back({put(mark, std::move(value))});
   }
 
@@ -194,8 +197,6 @@ RigExport export_text(const Rig& rig, const std::string& path, std::string (*tex
   return result;
 }
 
-// --- Lenses and poses in OpenCV's terms ------------------------------------------------------------------------------
-
 namespace {
 
 constexpr double kRotationTolerance = 1e-3;  // on an element of R^T R; angles are then accurate to half of this
@@ -272,8 +273,6 @@ std::string rigid_transform_text(const RigidTransform& motion) {
   }
   return text + "[0.0, 0.0, 0.0, 1.0]]";
 }
-
-// --- Keys of other programs ------------------------------------------------------------------------------------------
 
 const char kUndistortRemedy[] =
     "undistort the pictures to a pinhole first (colmap image_undistorter, cv2.undistort, cv2.fisheye.undistortImage, "
@@ -417,8 +416,8 @@ class KeyChecker {
       if (value.is_string() && !is_neutral(value) &&
           std::find(std::begin(kPinholes), std::end(kPinholes), lower_case(value.get<std::string>())) ==
               std::end(kPinholes))
-        fail("a rig cannot hold the lens model " + short_dump(value) + ", only pinholes with k1, k2, p1, p2; " +
-             kUndistortRemedy);
+        fail("a rig cannot hold the lens model " + short_dump(value) +
+             ", only pinhole lenses with the distortion terms k1, k2, p1 and p2; " + kUndistortRemedy);
       return;
     }
     const std::string name = lower_case(key);

@@ -20,26 +20,27 @@
 // Imports and exports rigs in the formats of other programs: Kalibr, NeRF, the Stanford archive, COLMAP, OpenCV.
 namespace lf {
 
-// Converts the first document of a YAML text to JSON, so that JsonValue can read it and report places. Numeric plain
-// scalars become numbers; tags are dropped. Throws Error with the line for aliases, non-scalar keys and duplicate keys.
-// `name` is the file name in messages.
+// Converts the first document of a YAML text to JSON, so that JsonValue can read it and report places. Plain scalars
+// that are numeric become numbers, and tags are dropped. Throws Error with the line for aliases, non-scalar keys and
+// duplicate keys. `name` is the file name in messages.
 nlohmann::json parse_yaml(const std::string& text, const std::string& name);
 
-// Returns a number that every YAML reader parses as a number: "400.0", "1.0e-09" (PyYAML reads "1e-09" as a string).
+// Returns a number as text that every YAML reader parses as a number, for example "400.0" or "1.0e-09". (PyYAML reads
+// "1e-09" as a string.)
 std::string yaml_number(double value);
 
-// The result of an import. Keys that change the meaning of other keys (fisheye lenses, skew, rolling shutters) are read
-// or cause an Error, see check_foreign_keys().
+// The result of an import. Keys that change the meaning of other keys (fisheye lenses, skew, rolling shutters) are
+// either supported or cause an Error; see check_foreign_keys().
 struct RigImport {
-  Rig rig;                         // directory is "": image paths are relative to the current folder
-  std::vector<std::string> notes;  // assumptions, ignored content and the chosen topology
+  Rig rig;                         // directory is "", so image paths start from the current folder
+  std::vector<std::string> notes;  // assumptions, ignored content, and the chosen topology
 };
 
-// Returns `import` with the topology that suits its cameras, see fit_topology().
+// Returns `import` with a topology that suits its cameras; see fit_topology().
 RigImport with_topology(RigImport import);
 
 struct RigExport {
-  double max_error = 0;            // pixels; reprojection error of the written cameras against the rig
+  double max_error = 0;            // largest reprojection error of the written cameras against the rig, pixels
   std::vector<std::string> notes;  // sentences about content that the format cannot hold
 };
 
@@ -47,17 +48,18 @@ struct FormatSupport {
   bool images = true, names = true, ids = true, time_offsets = false;
 };
 
-// Compares `rig` with `written`, the rig as read back. Measures the error at the rig's own extent and at infinity.
+// Compares `rig` with `written`, which is the rig as read back from the exported file. The error is measured at a
+// distance equal to the rig's extent and at infinity.
 RigExport describe_export(const Rig& rig, const Rig& written, const FormatSupport& capacity);
-// Writes a single-file text format that has no ids and keeps images outside the file. `text_of` produces the text,
-// `parse` reads it back; its `path` is for messages.
+// Exports to a text format of one file that has no ids and no images. `text_of` returns the text, and `parse` reads it
+// back; its `path` is only for messages.
 RigExport export_text(const Rig& rig, const std::string& path, std::string (*text_of)(const Rig&),
                       RigImport (*parse)(const std::string& text, const std::string& path));
 
-// Throws Error "Camera ID: what", for lenses and names that a format cannot hold.
+// Throws Error "Camera ID: what", for a lens or a name that a format cannot hold.
 [[noreturn]] void throw_camera_error(const Camera& camera, const std::string& what);
 
-// Returns the maximum difference in pixels between two descriptions of the same cameras. Projects 9 x 9 points of each
+// Returns the largest difference in pixels between two descriptions of the same cameras. Projects 9 x 9 points of each
 // image of `a`, at `distance` metres along the axis and at infinity, into `b`. Returns infinity if the numbers of
 // cameras differ or a camera of `b` does not see a point.
 double max_reprojection_error(const Rig& a, const Rig& b, double distance);
@@ -98,14 +100,14 @@ struct StanfordOptions {
   double unit = 1e-3;         // metres
 };
 
-// Imports all matching files in `directory`, row by row; a grid if no position is empty. The optical axis at the middle
-// of the array passes through the middle of the images. Throws Error with the file or the option.
+// Imports all matching files in `directory`, row by row. The result is a grid if no position is empty. The optical axis
+// in the middle of the array passes through the middle of the images. Throws Error with the file or the option.
 RigImport import_stanford(const std::string& directory, const StanfordOptions& options);
 
-// Copies the images with archive names into `directory`, which is created if missing. The rig must be a grid of cameras
-// in one plane, looking perpendicular to the plane, with one focal length and no distortion. Principal points must be
-// shifted for one focus distance. The whole rig may be rotated. Otherwise throws Error with the difference in pixels.
-// The notes contain the import options that restore the rig.
+// Copies the images into `directory`, which is created if missing, under the archive's file names. The rig must be a
+// grid of cameras in one plane, which look perpendicular to the plane and have one focal length and no distortion.
+// Their principal points must be shifted for one focus distance. The whole rig may be rotated. Otherwise throws Error
+// with the difference in pixels. The notes contain the import options that restore the rig.
 RigExport export_stanford(const Rig& rig, const std::string& directory, double unit = StanfordOptions().unit);
 
 // COLMAP's text models (https://colmap.github.io/format.html): cameras.txt and images.txt; points3D.txt is not needed.
@@ -113,25 +115,25 @@ RigExport export_stanford(const Rig& rig, const std::string& directory, double u
 // All functions throw Error with file and line, or with the camera.
 
 struct ColmapImportOptions {
-  // Folder of the image files. "": the model's folder `images` if it exists. Otherwise files are not read, and
-  // Camera::image is NAME if it has an image extension.
+  // Folder of the image files. If "", the model's folder `images` is used if it exists; otherwise, no files are read,
+  // and Camera::image is NAME if NAME has an image extension.
   std::string images;
-  // The image files are undistorted (COLMAP's image_undistorter): PINHOLE with the focal length of cameras.txt and the
-  // size of each file; the principal point keeps its offset from the image centre. If false, a file size that differs
-  // from its camera's size is an error.
+  // True if the image files are undistorted (COLMAP's image_undistorter). The lens is then PINHOLE with the focal
+  // length of cameras.txt and the size of the file; the principal point keeps its offset from the image centre. If
+  // false, it is an error if a file and its camera differ in size.
   bool undistorted = false;
-  // Grid of the cameras in natural order of their names (see natural_less()). Throws Error if the cells are not side by
-  // side in space. 0: cameras in the order of images.txt and a topology by fit_topology().
+  // Size of a grid that the cameras form in natural order of their names (see natural_less()). Error is thrown if the
+  // cells are not side by side in space. 0 keeps the order of images.txt, with a topology by fit_topology().
   int rows = 0, columns = 0;
 };
 
-// Makes a camera for each image: id = IMAGE_ID, name = NAME without its extension. If no image file has this name, uses
-// the only file with a matching suffix, in either direction ("20.23.45.jpg" for "2021-05-19 20.23.45.jpg"). Rejects
-// lens models without an exact equivalent, unless `undistorted`.
+// Makes a camera for each image: id = IMAGE_ID, name = NAME without its extension. If no image file has exactly this
+// name, the only file with a matching suffix is used, in either direction ("20.23.45.jpg" for "2021-05-19
+// 20.23.45.jpg"). Lens models without an exact equivalent are rejected, unless `undistorted`.
 RigImport import_colmap(const std::string& directory, const ColmapImportOptions& options = {});
 
-// Writes cameras.txt, images.txt and an empty points3D.txt (required by COLMAP) into `directory`, which is created if
-// missing. NAME is Camera::image, or the camera's name without an image. Numbers round-trip exactly.
+// Writes cameras.txt, images.txt and an empty points3D.txt (which COLMAP requires) into `directory`, which is created
+// if missing. NAME is Camera::image, or the camera's name if there is no image. Numbers keep their full precision.
 RigExport export_colmap(const Rig& rig, const std::string& directory);
 
 // The text files of a COLMAP model, with unconverted numbers in COLMAP's conventions. See import_colmap() for a rig.
@@ -152,11 +154,11 @@ struct ColmapImage {
 
 // Returns the cameras of cameras.txt by CAMERA_ID. Throws Error with file and line.
 std::map<uint32_t, ColmapCamera> read_colmap_cameras(const std::string& path);
-// Returns the images of images.txt in file order. Checks the syntax of 2D points and drops them. Throws Error with file
-// and line.
+// Returns the images of images.txt in the order of the file. The 2D points are checked for syntax and dropped. Throws
+// Error with file and line.
 std::vector<ColmapImage> read_colmap_images(const std::string& path, const std::map<uint32_t, ColmapCamera>& cameras);
 
-// Numbers round-trip exactly.
+// Numbers keep their full precision.
 std::string colmap_cameras_text(const std::map<uint32_t, ColmapCamera>& cameras);
 std::string colmap_images_text(const std::vector<ColmapImage>& images);
 
@@ -165,9 +167,9 @@ class ImageSearch {
   // Throws Error if `directory` is not a folder.
   explicit ImageSearch(const std::string& directory);
 
-  // Returns the path of the file `name`, which may include folders. Otherwise returns the only file with a matching
-  // suffix: its name ends with `name`, or `name` ends with its name, at the start of a word. Throws Error if no file or
-  // several files match.
+  // Returns the path of the file `name`, which may include folders. If there is none, returns the only file with a
+  // matching suffix: its name ends with `name`, or `name` ends with its name, at the start of a word. Throws Error if
+  // no file or several files match.
   std::string find(const std::string& name) const;
   size_t size() const { return files_.size(); }
 
@@ -204,11 +206,10 @@ RigExport export_opencv_yaml(const Rig& rig, const std::string& path);
 
 // Lenses and poses in the conventions that OpenCV, Kalibr and NeRF files share.
 
-// fx, fy, cx, cy.
 using PinholeParams = std::array<double, 4>;
 
-// Returns the lens with `distortion` k1, k2, p1, p2 (missing terms are 0), as the simplest model that holds the terms.
-// (0, 0) is the centre of the top-left pixel. Throws Error.
+// Returns a lens with the distortion terms k1, k2, p1, p2 (missing terms are 0), in the simplest model that holds these
+// terms. The centre of the top-left pixel is (0, 0). Throws Error.
 Lens lens_from_opencv(const PinholeParams& pinhole, const std::vector<double>& distortion);
 
 // A rigid transform: x -> rotation x + translation.
@@ -225,26 +226,27 @@ RigidTransform camera_from_world(const Pose& pose);
 Pose pose_of_camera_from_world(const RigidTransform& motion);
 Pose pose_of_world_from_camera(const RigidTransform& motion);
 
-// Returns the rotation nearest to `matrix`. Calls value.fail() if the difference exceeds rounding to 4 digits.
+// Returns the rotation nearest to `matrix`. Calls value.fail() if the difference is larger than rounding to 4 digits
+// explains.
 Mat3 nearest_rotation(const Mat3& matrix, const JsonValue& value);
-// Parses [[r, r, r, t], ...]: 3 rows, or 4 with 0 0 0 1.
+// Parses [[r, r, r, t], ...] with 3 rows, or with 4 rows if the last is 0 0 0 1.
 RigidTransform parse_rigid_transform(const JsonValue& rows);
-// Returns the transform as text that is valid JSON and YAML, with a fourth row.
+// Returns the transform with its fourth row, as text that is valid JSON and YAML.
 std::string rigid_transform_text(const RigidTransform& motion);
 
 // Checks the keys of all objects in another program's file.
 //
 // Some keys change the meaning of other keys: they select a fisheye or panoramic lens, skew, a rolling shutter or other
-// axes. No importer supports these keys. A non-neutral value (other than false, 0, null, "", "none") throws Error with
-// file, place, key and a remedy. Keys with a lens model other than a pinhole with radial and tangential distortion
-// throw as well.
+// axes, which no importer supports. If such a key has a value other than false, 0, null, "" or "none", Error is thrown
+// with file, place, key and a remedy. The same applies to keys with another lens model than a pinhole with radial and
+// tangential distortion.
 //
 // Returns a note with the harmless keys that are not in `known`, or nothing. `known` lists the keys that the importer
-// reads and keys without effect on a rig. `path` is the file name in messages.
+// reads and the keys that have no effect on a rig. `path` is the file name in messages.
 std::vector<std::string> check_foreign_keys(const nlohmann::json& root, const std::string& path,
                                             const std::set<std::string_view>& known);
 
-// Ends messages about a lens that a rig cannot hold, with a remedy.
+// The remedy at the end of messages about a lens that a rig cannot hold.
 extern const char kUndistortRemedy[];
 
 }  // namespace lf

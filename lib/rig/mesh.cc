@@ -19,7 +19,7 @@ std::vector<Triangle> grid_triangles(const Rig& rig) {
   const auto& [type, rows, columns, listed] = rig.topology;
   if (rows < 1 || columns < 1 || static_cast<uint64_t>(rows) * columns != rig.cameras.size()) {
     throw Error("topology: a grid of " + std::to_string(rows) + " rows x " + std::to_string(columns) +
-                " columns does not fit " + std::to_string(rig.cameras.size()) + " cameras");
+                " columns does not match the rig, which has " + std::to_string(rig.cameras.size()) + " cameras");
   }
   std::vector<Triangle> faces;
   const CameraIndex width = columns;
@@ -38,8 +38,8 @@ std::vector<Triangle> listed_triangles(const Rig& rig) {
   for (size_t i = 0; i < faces.size(); ++i) {
     for (int k = 0; k < 3; ++k) {
       if (faces[i][k] < rig.cameras.size()) continue;
-      throw Error("topology.triangles[" + std::to_string(i) + "][" + std::to_string(k) + "]: there is no camera " +
-                  std::to_string(faces[i][k]));
+      throw Error("topology.triangles[" + std::to_string(i) + "][" + std::to_string(k) +
+                  "]: there is no camera with the index " + std::to_string(faces[i][k]));
     }
   }
   return faces;
@@ -84,7 +84,7 @@ Mesh build_mesh(const Rig& rig, const CameraSet& out_of_service) {
     if (!is_out[i]) in_service.push_back(i);
     positions.push_back(rig.cameras[i].pose.position);
   }
-  // Computed from all cameras, so that coordinates do not change when a camera fails.
+  // Axes come from all cameras, so that coordinates do not change when a camera fails.
   const CameraCentres centres = normalised_centres(positions);
   const PlaneAxes plane = plane_of_cameras(rig, centres);
 
@@ -232,8 +232,8 @@ std::optional<CameraAxes> looks_of(const Rig& rig) {
   return looks;
 }
 
-// True if all corners look through the triangle to the same side. `side` 0: either side; otherwise the side relative to
-// `outwards`.
+// True if the viewing directions of all corners cross the triangle to the same side. `side` 0 allows either side;
+// otherwise it selects the side relative to `outwards`.
 bool look_through(const CameraAxes& looks, const Triangle& t, int side, const Vec3& outwards) {
   Vec3 normal = relative_normal(looks.at[t[0]], looks.at[t[1]], looks.at[t[2]]);
   const double height = glm::length(normal);
@@ -249,7 +249,7 @@ bool look_through(const CameraAxes& looks, const Triangle& t, int side, const Ve
   return (side >= 0 && least >= kMinCosine) || (side <= 0 && most <= -kMinCosine);
 }
 
-// How well a triangulation suits the viewing directions, 0..1.
+// How well a triangulation suits the viewing directions, 0 to 1.
 struct Fit {
   double triangles = 1;  // share of triangles with cameras that look through them, without slivers
   double cameras = 0;    // share of cameras at a corner of such a triangle
@@ -279,7 +279,7 @@ std::vector<Triangle> triangles_of(const Mesh& mesh) {
   return triangles;
 }
 
-// True for a row, or an arc of less than half a circle, of cameras that look across the row.
+// True for cameras in a row, or on an arc of less than half a circle, that look across the row.
 bool is_row(const CameraAxes& looks) {
   const Vec3 line = principal_axes(looks.at).x;
   Vec3 forward(0);
@@ -408,7 +408,7 @@ std::vector<std::string> fit_topology(Rig& rig) {
   if (flat.empty()) return {};
   if (is_row(*looks)) {
     rig.topology = {Topology::Type::kTriangles, 0, 0, {}};
-    return {"the cameras form a row: views blend along it (topology: no triangles)"};
+    return {"the cameras form a row, so the topology has no triangles and views blend along the row"};
   }
   const double share = fit_of(*looks, flat).both();
   if (share >= kSuits) return {};
@@ -422,7 +422,7 @@ std::vector<std::string> fit_topology(Rig& rig) {
   }
   if (share >= 0.5) return {};
   return {
-      "no mesh suits the viewing directions, most cameras look along its faces: views between cameras stay "
+      "no mesh suits the viewing directions: most cameras look along its faces, so views between cameras stay "
       "black. An inward-looking ring needs two rows. For a ring with one row, use lf-rig subset to keep an arc of "
       "less than half a circle"};
 }
@@ -433,7 +433,7 @@ std::optional<GridFault> find_grid_fault(const Rig& rig) {
   const std::optional<CameraAxes> looks = looks_of(rig);
   if (!looks) return std::nullopt;
   const std::vector<Triangle> triangles = triangles_of(build_mesh(rig));
-  // The side of each triangle that the cameras look to: 1, -1, or 0 for a flat triangle.
+  // For each triangle, the side that its cameras look to: 1 or -1, or 0 for a flat triangle.
   std::vector<int> sides;
   int balance = 0;
   for (const Triangle& t : triangles) {
@@ -453,8 +453,8 @@ std::optional<GridFault> find_grid_fault(const Rig& rig) {
       return text.empty() ? "camera " + std::to_string(rig.cameras[camera].id) : text;
     };
     const Triangle& t = triangles[i];
-    fault.text =
-        name(t[0]) + ", " + name(t[1]) + ", " + name(t[2]) + (sides[i] == 0 ? " are collinear" : " are turned over");
+    fault.text = name(t[0]) + ", " + name(t[1]) + ", " + name(t[2]) +
+                 (sides[i] == 0 ? " are collinear" : " are in reverse order");
   }
   if (fault.folded == 0 && triangles.size() > 0) return std::nullopt;
   if (triangles.empty()) {

@@ -13,9 +13,9 @@
 
 namespace lf {
 
-// A face of the camera mesh: a triangle of three cameras. If the cameras form no triangle, faces are *strips* or a
-// *point*. A strip has two neighbouring cameras of a line and extends infinitely along `extent`, so its weights vary
-// only along the line. A point is a single camera with weight 1 for every line of sight.
+// A face of the camera mesh, usually a triangle of three cameras. If the cameras form no triangle, the faces are
+// *strips* or a *point*. A strip lies between two neighbouring cameras of a line and extends infinitely along `extent`,
+// so its weights only vary along the line. A point is a single camera, which has weight 1 for every line of sight.
 struct MeshFace {
   static constexpr CameraIndex kNone = UINT32_MAX;
   std::array<CameraIndex, 3> camera{kNone, kNone, kNone};  // unused corners are at the end
@@ -23,39 +23,44 @@ struct MeshFace {
   int corners() const { return camera[2] != kNone ? 3 : camera[1] != kNone ? 2 : 1; }
 };
 
-// The triangulation of the array on which blending weights are defined. A face's number is its index in `faces`.
+// The triangulation of the array. A line of sight crosses one face, and the corners of this face share the weight of
+// the pixel. A face is numbered by its index in `faces`.
 struct Mesh {
   std::vector<MeshFace> faces;
 };
 
-// Builds the mesh. The result depends only on the arguments and is the same on every machine: centres are quantised to
-// integer plane coordinates, predicates are exact, and the lowest index breaks ties.
+// Builds the mesh. The result depends only on the arguments and is the same on every machine, because centres are
+// quantised to integers, predicates are exact, and the lowest index breaks ties.
+//
+// Depending on the topology, the triangles are:
 //  - grid: each cell with corners a, a+1 / a+C, a+C+1 is split into (a, a+1, a+C) and (a+1, a+C+1, a+C), cell by cell.
 //  - triangles: as listed.
-//  - delaunay: the cameras in service, projected onto the best-fit plane of all cameras. Cocircular cameras become
-//    a fan from the lowest index. Of coincident cameras, only the lowest index is used. Triangles start at their
-//    lowest index, turn from the plane's x (right) to its y (down), and are sorted.
-//  - holes (grid, triangles): cameras out of service are removed in ascending order. Each hole is filled by clipping
-//    ears in its local plane (at the border: along the chain of neighbours), see remove_camera(). Remaining faces keep
-//    their order; new faces follow in the order of filling.
-//  - if no triangle with area is left: strips or a point, see make_strips(). No faces without cameras.
-// Triangles without area (collinear or duplicate cameras) stay in the mesh; almost no line of sight meets such a
-// triangle. Thread-safe. Takes a few milliseconds for 1024 cameras. Throws Error for an index in `out_of_service` or
-// the topology that is not in the rig, a grid of the wrong size, and a non-finite position.
+//  - delaunay: a triangulation of the cameras in service, projected onto the best-fit plane of all cameras. Cocircular
+//    cameras become a fan from the lowest index. If cameras coincide, only the lowest index is used. Triangles start at
+//    their lowest index, turn from the plane's x (right) to its y (down), and are sorted.
+//
+// In a grid or a list of triangles, each camera out of service leaves a hole. Cameras are removed in ascending order,
+// and each hole is filled by clipping ears in its local plane (at the border: along the chain of neighbours); see
+// remove_camera(). Remaining faces keep their order, and new faces follow in the order of filling. If no triangle with
+// area is left, the faces are strips or a point (see make_strips()), or none without cameras.
+//
+// Triangles without area (collinear or coincident cameras) stay in the mesh; almost no line of sight meets such a
+// triangle. Thread-safe. Takes a few milliseconds for 1024 cameras. Throws Error for a camera in `out_of_service` or
+// the topology that is not in the rig, a grid of the wrong size, or a non-finite position.
 Mesh build_mesh(const Rig& rig, const CameraSet& out_of_service = {});
 
-// Returns the outermost cameras: the corners of the convex hull of all centres in their best-fit plane, the ends of a
-// line, or a single camera. Ascending; among coincident cameras the lowest index. Throws Error for a non-finite
-// position.
+// Returns the outermost cameras in ascending order: the corners of the convex hull of all centres in their best-fit
+// plane, the ends of a line, or a single camera. If cameras coincide, the lowest index is used. Throws Error for a
+// non-finite position.
 CameraSet hull_cameras(const Rig& rig);
 
-// Returns the cameras of `lost` (ascending) to leave out of the mesh, so that their neighbours close the gaps. Hull
-// corners (see hull_cameras()) stay in the mesh although they contribute nothing: other cameras fill in for the missing
-// weight, and the border of the array does not move to a viewer in the middle when half of the array is lost. With
-// fewer than three working cameras, returns all of `lost`, because strips and points have no border.
+// Returns those cameras of `lost` (ascending) that should leave the mesh, so that their neighbours close the gaps.
+// Corners of the hull (see hull_cameras()) stay in the mesh even without images, and other cameras take over their
+// weight. Otherwise, the border of the array would move to a viewer in the middle when half of the array is lost. With
+// fewer than three working cameras, all of `lost` is returned, because strips and points have no border.
 CameraSet mesh_exclusions(const CameraSet& lost, const CameraSet& corners, size_t num_cameras);
 
-// Caches the mesh of a rig for the most recent out-of-service set, because sets change rarely. Not thread-safe.
+// Keeps the mesh of a rig for the latest out-of-service set, because these sets rarely change. Not thread-safe.
 class MeshCache {
  public:
   const Mesh& get(const Rig& rig, const CameraSet& out_of_service);
@@ -66,34 +71,36 @@ class MeshCache {
   std::optional<Mesh> mesh_;
 };
 
-// Returns the faces of cameras that form no triangle: strips of neighbours along the best-fit line, starting at the end
-// with the lower index. Among cameras at the same position on the line (to a quantum), only the lowest index is used. A
-// single position makes a point; no cameras make no faces. `in_service`: ascending. The extent is perpendicular to the
-// line and to the cameras' mean forward axis. If line and mean forward axis are parallel, the extent is as close as
-// possible to the cameras' mean down axis.
+// Returns the faces of cameras that form no triangle: strips between neighbours along the best-fit line, starting at
+// the end with the lower index. If cameras are at the same position on the line (to a quantum), only the lowest index
+// is used. A single position makes a point; no cameras make no faces.
+//
+// `in_service` is ascending. The extent of the strips is perpendicular to the line and to the mean forward axis of the
+// cameras. If both are parallel, the extent is as close as possible to the mean down axis.
 std::vector<MeshFace> make_strips(const Rig& rig, std::span<const CameraIndex> in_service,
                                   const CameraCentres& centres);
 
-// Checks that a mesh suits the viewing directions of its cameras. A line of sight is blended between the cameras of the
-// face that it crosses, so a face stays black if its cameras look along the face instead of through the face.
+// Checks whether a mesh suits the viewing directions of its cameras. A line of sight is blended between the cameras of
+// the face that it crosses. If these cameras look along the face instead of through it, the face stays black.
 
-// Returns the share of triangles, 0..1, with cameras that look through them, ignoring slivers. Returns 1 for a mesh
-// without triangles: strips and points suit every direction.
+// Returns the share of triangles, 0 to 1, with cameras that look through the triangle. Slivers (very thin triangles)
+// are ignored. Returns 1 for a mesh without triangles, because strips and points suit every direction.
 double share_facing_cameras(const Rig& rig, const Mesh& mesh);
 
 // Replaces a Delaunay topology that does not suit the cameras, and returns notes about the change:
-// - a row or an arc that is flatter than a tenth of the camera distance: no triangles, so the mesh is strips;
-// - cameras around a centre, looking at the centre or away from it: the Delaunay triangulation on a sphere around the
-//   centre, without faces that their cameras do not look through (the open ends of a cylinder, the bottom of a dome).
+// - A row or an arc that is flatter than a tenth of the camera distance gets no triangles, so the mesh is strips.
+// - Cameras around a centre, which look at the centre or away from it, get the Delaunay triangulation on a sphere
+//   around the centre. Faces that their cameras do not look through are left out (the open ends of a cylinder, the
+//   bottom of a dome).
 // Any other rig stays unchanged, with a note if at least half of its cameras do not look through its faces.
 std::vector<std::string> fit_topology(Rig& rig);
 
-// A grid with cells that are not side by side in space, for example because its cameras are in the wrong order.
+// Tells that the cells of a grid are not side by side in space, for example because the cameras are in the wrong order.
 struct GridFault {
   size_t folded = 0, triangles = 0;  // number of flat or reversed triangles, and of all triangles
-  std::string text;                  // sentence that names the first folded triangle
+  std::string text;
 };
-// Returns nullopt for a good grid, for a grid with a single row or column, and for other topologies.
+// Returns nullopt if the grid is good, if it has a single row or column, or for other topologies.
 std::optional<GridFault> find_grid_fault(const Rig& rig);
 
 }  // namespace lf

@@ -46,7 +46,7 @@ std::vector<double> distortion_of(const Frame& frame) {
     std::vector<double> k;
     for (const JsonValue& value : params->elements(6)) k.push_back(value.number());
     if (k[2] != 0 || k[3] != 0)
-      params->fail(std::string("k3 and k4 must be 0, a rig cannot hold these terms; ") + kUndistortRemedy);
+      params->fail(std::string("k3 and k4 must be 0, because a rig cannot hold these terms; ") + kUndistortRemedy);
     return {k[0], k[1], k[4], k[5]};
   }
   return {frame.number("k1", 0), frame.number("k2", 0), frame.number("p1", 0), frame.number("p2", 0)};
@@ -113,7 +113,7 @@ Camera parse_camera(const JsonValue& value, const JsonValue& file, const fs::pat
     camera.width = static_cast<int>(width->integer(1, kMaxImageSize));
     camera.height = static_cast<int>(height->integer(1, kMaxImageSize));
   } else {
-    if (camera.image.empty()) value.fail("has neither w and h nor a file_path");
+    if (camera.image.empty()) value.fail("has neither w and h nor a file_path, so the image size is unknown");
     const ImageSize size = load_image_size(camera.image);
     camera.width = size.width;
     camera.height = size.height;
@@ -125,7 +125,7 @@ Camera parse_camera(const JsonValue& value, const JsonValue& file, const fs::pat
   return camera;
 }
 
-// Frames with different times are a film from one moving camera, or several instants of an array.
+// Frames with different times come from one moving camera, or show several instants of an array.
 class SingleTimeCheck {
  public:
   void add(const JsonValue& frame) {
@@ -133,8 +133,8 @@ class SingleTimeCheck {
     if (!time) return;
     if (!first_) first_ = time->number();
     if (time->number() != *first_)
-      time->fail("is " + number_text(time->number()) + ", an earlier frame has " + number_text(*first_) +
-                 ": a rig is one instant. Keep only the frames of one time");
+      time->fail("is " + number_text(time->number()) + ", but an earlier frame has " + number_text(*first_) +
+                 ". A rig describes one instant, so keep only the frames of one time");
   }
 
  private:
@@ -192,7 +192,8 @@ RigImport parse_nerf(const std::string& text, const std::string& path) {
   const JsonValue frames = file.at("frames");
   const std::vector<JsonValue> values = frames.elements();
   if (values.empty()) frames.fail("must not be empty");
-  if (values.size() > kMaxCameras) frames.fail("at most " + std::to_string(kMaxCameras) + " cameras");
+  if (values.size() > kMaxCameras)
+    frames.fail("has too many frames; a rig has at most " + std::to_string(kMaxCameras) + " cameras");
   result.notes = check_foreign_keys(root, path, kNerfKeys);
   const AppliedTransform applied(file, result.notes);
   SingleTimeCheck instant;

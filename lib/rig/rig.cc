@@ -120,7 +120,7 @@ bool is_uri(const std::string& path) {
                                                              path[n] == '-' || path[n] == '.'))))
     n++;
   if (n < 2) return false;
-  // A colon alone is common in file names: "cam-12:30:05.mkv".
+  // Two characters are not enough, because a colon alone is common in file names: "cam-12:30:05.mkv".
   const std::string_view scheme = std::string_view(path).substr(0, n), rest = std::string_view(path).substr(n);
   return rest.starts_with("://") || (scheme == "file" && rest.starts_with(":/")) ||
          ((scheme == "data" || scheme == "testbin") && rest.starts_with(":"));
@@ -156,9 +156,11 @@ Rig rig_subset(const Rig& rig, const std::vector<CameraIndex>& indices) {
   std::vector<bool> taken(rig.cameras.size());
   for (const CameraIndex index : indices) {
     if (index >= rig.cameras.size())
-      throw Error("camera index " + std::to_string(index) + ": the rig has " + std::to_string(rig.cameras.size()) +
-                  " cameras");
-    if (taken[index]) throw Error("camera index " + std::to_string(index) + ": named twice");
+      throw Error("camera index " + std::to_string(index) + ": does not exist, because the rig has only " +
+                  std::to_string(rig.cameras.size()) + " cameras");
+    if (taken[index])
+      throw Error("camera index " + std::to_string(index) +
+                  ": listed twice, but a rig can contain each camera only once");
     taken[index] = true;
     sub.cameras.push_back(rig.cameras[index]);
   }
@@ -173,8 +175,9 @@ Rig rig_subset(const Rig& rig, const std::vector<CameraIndex>& indices) {
 }
 
 Rig subsample_grid(const Rig& rig, int n) {
-  if (rig.topology.type != Topology::Type::kGrid) throw Error("every: the rig's topology is not a grid");
-  if (n < 1) throw Error("every: must be at least 1, is " + std::to_string(n));
+  if (rig.topology.type != Topology::Type::kGrid)
+    throw Error("every: the rig's topology is not a grid, so there are no rows and columns to select");
+  if (n < 1) throw Error("every: must be at least 1, but is " + std::to_string(n));
   std::vector<CameraIndex> indices;
   for (int64_t row = 0; row < rig.topology.rows; row += n)
     for (int64_t column = 0; column < rig.topology.columns; column += n)
@@ -200,7 +203,7 @@ std::vector<CameraIndex> parse_camera_list(const Rig& rig, const std::string& li
     const auto number = [&] {
       uint32_t id = 0;
       const auto [next, error] = std::from_chars(at, stop, id);
-      if (error != std::errc()) fail("must be a camera id or a range of them like 0-3");
+      if (error != std::errc()) fail("must be a camera id such as 7, or a range such as 0-3");
       at = next;
       return id;
     };
@@ -210,8 +213,8 @@ std::vector<CameraIndex> parse_camera_list(const Rig& rig, const std::string& li
       at++;
       last = number();
     }
-    if (at != stop) fail("must be a camera id or a range of them like 0-3");
-    if (last < first) fail("the range runs backwards");
+    if (at != stop) fail("must be a camera id such as 7, or a range such as 0-3");
+    if (last < first) fail("the end of the range is below its start; write the smaller id first");
     for (uint64_t id = first; id <= last; id++) {
       const auto found = index_of.find(static_cast<uint32_t>(id));
       if (found == index_of.end()) fail("the rig has no camera with id " + std::to_string(id));
@@ -349,7 +352,7 @@ double largest_distance(const Rig& rig) {
   return largest;
 }
 
-// Searches in both directions along the widest axis while the distance along the axis is below the nearest distance
+// Searches in both directions along the widest axis, until the distance along this axis exceeds the nearest distance
 // found.
 double mean_nearest_distance(const Rig& rig) {
   if (rig.cameras.size() < 2) return 0;
@@ -372,12 +375,12 @@ double mean_nearest_distance(const Rig& rig) {
 Rig make_grid_rig(const GridRigOptions& options) {
   const auto require_range = [](const char* what, int value, int most) {
     if (value < 1 || value > most)
-      throw Error(std::string(what) + ": must be 1 to " + std::to_string(most) + ", is " + std::to_string(value));
+      throw Error(std::string(what) + ": must be 1 to " + std::to_string(most) + ", but is " + std::to_string(value));
   };
   require_range("rows", options.rows, kMaxCameras);
   require_range("columns", options.columns, kMaxCameras);
   if (static_cast<int64_t>(options.rows) * options.columns > kMaxCameras)
-    throw Error("rows x columns: at most " + std::to_string(kMaxCameras) + " cameras");
+    throw Error("rows x columns: a rig has at most " + std::to_string(kMaxCameras) + " cameras");
   require_range("width", options.width, kMaxImageSize);
   require_range("height", options.height, kMaxImageSize);
   require_length("pitch", options.pitch);
@@ -409,7 +412,8 @@ Rig make_arc_rig(const ArcRigOptions& options) {
   const double step = 2 * std::asin(std::min(1.0, options.pitch / (2 * options.radius)));
   if (step * (options.cameras - 1) >= std::numbers::pi || options.pitch > 2 * options.radius)
     throw Error("radius: " + std::to_string(options.cameras) +
-                " cameras at this pitch go around half the circle or more; make several rigs of them");
+                " cameras at this pitch go around half the circle or more, which is too much for an arc; increase the "
+                "radius, or make several rigs");
   return row_of(options.cameras, options.fov_y_deg, options.width, options.height, [&](int i) {
     const double angle = step * (i - (options.cameras - 1) / 2.0);
     Pose pose;
@@ -421,7 +425,7 @@ Rig make_arc_rig(const ArcRigOptions& options) {
 
 Rig make_ring_rig(const RingRigOptions& options) {
   require_length("radius", options.radius);
-  if (options.cameras < 3) throw Error("ring: at least 3 cameras, has " + std::to_string(options.cameras));
+  if (options.cameras < 3) throw Error("ring: needs at least 3 cameras, but has " + std::to_string(options.cameras));
   Rig rig = row_of(options.cameras, options.fov_y_deg, options.width, options.height, [&](int i) {
     const double angle = 2 * std::numbers::pi * i / options.cameras;
     Pose pose;
@@ -435,8 +439,9 @@ Rig make_ring_rig(const RingRigOptions& options) {
 Rig make_cylinder_rig(const CylinderRigOptions& options) {
   require_length("pitch", options.pitch);
   require_length("radius", options.radius);
-  if (options.rows < 2) throw Error("rows: around a cylinder at least 2, has " + std::to_string(options.rows));
-  if (options.columns < 3) throw Error("columns: around a cylinder at least 3, has " + std::to_string(options.columns));
+  if (options.rows < 2) throw Error("rows: a cylinder needs at least 2, but has " + std::to_string(options.rows));
+  if (options.columns < 3)
+    throw Error("columns: a cylinder needs at least 3, but has " + std::to_string(options.columns));
   Rig rig =
       make_grid_rig({options.rows, options.columns, options.pitch, options.fov_y_deg, options.width, options.height});
   const double side = options.inward ? -1 : 1;

@@ -70,15 +70,15 @@ Topology parse_topology(const JsonValue& value, size_t num_cameras) {
     topology.columns = static_cast<int>(value.at("columns").integer(1, kMaxCameras));
     if (static_cast<uint64_t>(topology.rows) * topology.columns != num_cameras)
       value.fail(std::to_string(topology.rows) + " rows x " + std::to_string(topology.columns) +
-                 " columns do not make the rig's " + std::to_string(num_cameras) + " cameras");
+                 " columns do not match the rig, which has " + std::to_string(num_cameras) + " cameras");
   } else if (type == "triangles") {
     topology.type = Topology::Type::kTriangles;
     const std::vector<JsonValue> triangles = value.at("triangles").elements();
     // A surface through n points has fewer than 2 n triangles (Euler).
     if (triangles.size() > 2 * num_cameras)
       value.at("triangles")
-          .fail("at most " + std::to_string(2 * num_cameras) + " for " + std::to_string(num_cameras) +
-                " cameras, has " + std::to_string(triangles.size()));
+          .fail("at most " + std::to_string(2 * num_cameras) + " triangles are possible for " +
+                std::to_string(num_cameras) + " cameras, but the list has " + std::to_string(triangles.size()));
     for (const JsonValue& triangle : triangles) {
       std::array<CameraIndex, 3> corners;
       const std::vector<JsonValue> values = triangle.elements(3);
@@ -91,7 +91,7 @@ Topology parse_topology(const JsonValue& value, size_t num_cameras) {
   } else if (type == "delaunay") {
     topology.type = Topology::Type::kDelaunay;
   } else {
-    value.at("type").fail("must be \"grid\", \"triangles\" or \"delaunay\", is \"" + type + "\"");
+    value.at("type").fail("must be \"grid\", \"triangles\" or \"delaunay\", but is \"" + type + "\"");
   }
   return topology;
 }
@@ -104,7 +104,8 @@ Rig rig_from_json(const json& root, const std::string& name) {
   const std::vector<JsonValue> values = cameras.elements();
   if (values.empty()) cameras.fail("a rig needs at least one camera");
   if (values.size() > kMaxCameras)
-    cameras.fail("at most " + std::to_string(kMaxCameras) + " cameras, has " + std::to_string(values.size()));
+    cameras.fail("a rig has at most " + std::to_string(kMaxCameras) + " cameras, but this file has " +
+                 std::to_string(values.size()));
   std::unordered_map<uint32_t, size_t> index_of_id;
   for (const JsonValue& value : values) {
     Camera camera = parse_camera(value);
@@ -186,10 +187,9 @@ Rig parse_rig(const std::string& text, const std::string& name, const std::strin
 void save_rig(const Rig& rig, const std::string& path, const json* original) {
   AtomicFileWriter file(path);
   // An existing file keeps its mode. A new file with a password is readable by its owner only.
-  const bool has_secret = std::ranges::any_of(
-      rig.cameras, [](const Camera& camera) { return redacted_location(camera.source) != camera.source; });
   std::error_code ignored;
-  if (has_secret && !std::filesystem::exists(path, ignored)) fchmod(file.descriptor(), 0600);
+  if (std::ranges::any_of(rig.cameras, has_secret) && !std::filesystem::exists(path, ignored))
+    fchmod(file.descriptor(), 0600);
   file.write(rig_to_json(rig, original));
   file.commit();
 }
@@ -247,7 +247,7 @@ std::map<uint32_t, Controls> parse_controls(const json& rig, const std::string& 
     if (!camera.is_object() || !camera.contains("controls") || !camera.contains("id")) continue;
     const std::string place = name + ": cameras[" + std::to_string(i) + "].controls";
     const json& controls = camera["controls"];
-    if (!controls.is_object()) throw Error(place + ": must be an object");
+    if (!controls.is_object()) throw Error(place + ": must be an object with the values of the controls");
     const auto id = static_cast<uint32_t>(JsonValue(camera, name).at("id").integer(0, UINT32_MAX));
     for (const auto& [key, value] : controls.items()) all[id][key] = parse_control(value, place + "." + key);
   }

@@ -60,7 +60,6 @@ std::vector<std::string> lens_lines(const Rig& rig) {
   return lines;
 }
 
-// Returns the height over the longest side.
 double flatness(const Rig& rig, const MeshFace& face) {
   const auto position = [&](int i) { return rig.cameras[face.camera[i]].pose.position; };
   const Vec3 a = position(1) - position(0), b = position(2) - position(0);
@@ -68,8 +67,8 @@ double flatness(const Rig& rig, const MeshFace& face) {
   return longest > 0 ? glm::length(glm::cross(a / longest, b / longest)) : 0;
 }
 
-// Reports coincident cameras, each once with the first camera at that position. Compares neighbours along the widest
-// axis.
+// Reports coincident cameras. Each is reported once, together with the first camera at that position. Compares
+// neighbours along the widest axis.
 void find_duplicates(const Rig& rig, std::vector<RigFinding>& findings) {
   const double tolerance = kSamePlace * largest_distance(rig);
   const int axis = widest_axis(rig);
@@ -100,7 +99,7 @@ void check_time_offsets(const Rig& rig, std::vector<RigFinding>& findings) {
            "].time_offset: " + number_text(camera->time_offset) + " s";
   };
   findings.push_back({Severity::kWarning, text(most) + ", " + text(least) +
-                                              ": all films must have frames of the same time; the unit is seconds"});
+                                              ": the recordings must overlap in time; is the value in seconds?"});
 }
 
 void check_mesh(const Rig& rig, std::vector<RigFinding>& findings) {
@@ -122,11 +121,12 @@ void check_mesh(const Rig& rig, std::vector<RigFinding>& findings) {
   if (triangles == 0)
     findings.push_back({Severity::kWarning, "topology: the mesh of " + std::to_string(rig.cameras.size()) +
                                                 (rig.cameras.size() == 1 ? " camera" : " cameras") +
-                                                " has no triangle: views blend along a line only"});
+                                                " has no triangle, so views only blend along a line"});
   if (slivers > 0)
-    findings.push_back({Severity::kWarning, "topology: " + std::to_string(slivers) + " of " +
-                                                std::to_string(triangles) +
-                                                " triangles are slivers, the worst between cameras " + worst_text});
+    findings.push_back({Severity::kWarning,
+                        "topology: " + std::to_string(slivers) + " of " + std::to_string(triangles) +
+                            " triangles are very thin, which makes weights unsteady; the thinnest is between cameras " +
+                            worst_text});
   if (const double share = share_facing_cameras(rig, mesh); slivers < triangles && share < kMinShare)
     findings.push_back(
         {Severity::kWarning,

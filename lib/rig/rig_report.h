@@ -8,26 +8,26 @@
 
 namespace lf {
 
-// Summary of a rig for display. Lengths in metres.
+// A summary of a rig for display. Lengths are in metres.
 struct RigSummary {
-  Vec3 extent{0, 0, 0};                   // size of the axis-aligned box around the cameras
+  Vec3 extent{0, 0, 0};                   // size of the box around the cameras, along the world axes
   double baseline = 0;                    // distance between the two cameras that are farthest apart
-  double mean_neighbour = 0;              // mean distance to the nearest other camera; 0: one camera
-  size_t triangles = 0, other_faces = 0;  // faces of the mesh; other_faces: strips and points
+  double mean_neighbour = 0;              // mean distance to the nearest other camera; 0 for one camera
+  size_t triangles = 0, other_faces = 0;  // faces of the mesh: triangles, and other faces (strips and points)
   size_t images = 0, sources = 0;
-  std::vector<std::string> lenses;  // "RADIAL, f 386.7 px, 64 cameras of 320x240": one line for each model
+  std::vector<std::string> lenses;  // one line per lens model, such as "RADIAL, f 386.7 px, 64 cameras of 320x240"
 };
 RigSummary summarize(const Rig& rig);
 
 struct RigFinding {
   enum class Severity { kWarning, kError };
   Severity severity;
-  std::string text;  // starts with the place: "cameras[3].image: ..."
+  std::string text;  // starts with the place, for example "cameras[3].image: ..."
 };
-// Returns the problems of a rig that loads. Reads every image. Errors: an image that is missing, unreadable or of the
-// wrong size; a missing source file. Warnings: a mesh without triangles, cameras without image and source, duplicate
-// names, coincident cameras, slivers in the mesh, a mesh that most cameras look along, a grid with cells that are not
-// side by side.
+// Returns the problems of a rig that could be loaded. All images are read. Errors are images that are missing,
+// unreadable or of the wrong size, and missing source files. Warnings are a mesh without triangles, cameras without
+// image and source, duplicate names, coincident cameras, very thin triangles, a mesh that most cameras look along, and
+// a grid with cells that are not side by side.
 std::vector<RigFinding> check_rig(const Rig& rig);
 
 }  // namespace lf

@@ -15,11 +15,10 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "base/file.h"
 #include "base/text.h"
 
 namespace lf {
-
-// --- Descriptions of elements ----------------------------------------------------------------------------------------
 
 namespace {
 
@@ -132,7 +131,7 @@ class DescriptionReader {
     }
   }
   bool take_value() {
-    at_++;  // the equals sign
+    at_++;
     skip_spaces();
     if (at_ == text_.size()) return false;
     if (const char quote = text_[at_]; quote == '"' || quote == '\'') {
@@ -189,8 +188,6 @@ bool is_trusted_element(const std::string& name) {
   return std::ranges::find(kTrustedElements, name) != kTrustedElements.end();
 }
 
-// --- Trust -----------------------------------------------------------------------------------------------------------
-
 namespace {
 
 // Debian creates a group for each user, with the user's name and no other members.
@@ -210,9 +207,10 @@ void require_own_file(const std::string& path) {
   const bool others_write =
       (status.st_mode & S_IWOTH) || ((status.st_mode & S_IWGRP) && !is_private_group(status.st_uid, status.st_gid));
   if ((status.st_uid == geteuid() || status.st_uid == 0) && !others_write) return;
-  throw Error(path +
-              " is written by others, and a source that describes elements may run any program: only rig files "
-              "of your own may have one (make it yours with chown and chmod go-w, or copy it)");
+  throw Error(
+      path +
+      " can be written by other users. They could make its sources run programs under your name, so a rig file with "
+      "sources made of elements must belong to you: run chown and chmod go-w on it, or use a copy of your own");
 }
 
 }  // namespace
@@ -239,8 +237,6 @@ void require_trust(const Rig& rig, const std::string& path, bool trusted) {
   }
 }
 
-// --- Secrets ---------------------------------------------------------------------------------------------------------
-
 namespace {
 
 constexpr std::string_view kHidden = "***";
@@ -248,7 +244,6 @@ constexpr std::string_view kEndOfUri = " \t\r\n\"'<>`";
 
 bool is_name_character(char c) { return std::isalnum(static_cast<unsigned char>(c)) || c == '-' || c == '_'; }
 
-// True if values with this name must be hidden.
 bool is_secret_name(std::string_view name) {
   std::string lower(name);
   std::ranges::transform(lower, lower.begin(), [](unsigned char c) { return std::tolower(c); });
@@ -357,6 +352,20 @@ std::string redacted_location(const std::string& source) {
     }
   }
   return shown;
+}
+
+bool has_secret(const Camera& camera) {
+  return redacted_location(camera.source) != camera.source || redacted_location(camera.image) != camera.image;
+}
+
+std::string secret_warning(const Rig& rig, const std::string& path) {
+  const auto camera = std::ranges::find_if(rig.cameras, has_secret);
+  if (camera == rig.cameras.end()) return "";
+  const std::string mode = exposed_mode(path);
+  if (mode.empty()) return "";
+  return "cameras[" + std::to_string(camera - rig.cameras.begin()) +
+         "]: its source contains a password or key, and other users can read or change this file (mode " + mode +
+         "): run chmod 600 " + path;
 }
 
 }  // namespace lf

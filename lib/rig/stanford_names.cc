@@ -46,16 +46,23 @@ std::map<Place, NamedImage> read_names(const std::string& directory, std::vector
     };
     const Place place(static_cast<int>(number(1)), static_cast<int>(number(2)));
     const auto [other, is_new] = images.emplace(place, NamedImage{it->path().string(), {number(4), number(3)}});
-    if (!is_new) throw Error(it->path().string() + ": is in the same place as " + other->second.path);
+    if (!is_new)
+      throw Error(it->path().string() +
+                  ": remove or rename this file, because its name has the same row and column as " +
+                  other->second.path);
   }
   if (error) throw Error(directory + ": can't be read: " + error.message());
   if (images.empty())
     throw Error(directory +
-                ": no image is called as in out_00_01_-381.9_-776.8.png, which says where its camera stood. Pictures "
-                "with other names need positions from elsewhere: run COLMAP on them, and lf-rig import colmap");
-  if (images.size() > kMaxCameras) throw Error(directory + ": at most " + std::to_string(kMaxCameras) + " images");
+                ": no file name has the form out_00_01_-381.9_-776.8.png, which contains the row, the column and the "
+                "position (y, x) of the camera. For pictures with other names, estimate the positions with COLMAP, "
+                "and import its result with lf-rig import colmap");
+  if (images.size() > kMaxCameras)
+    throw Error(directory + ": contains too many images; a rig has at most " + std::to_string(kMaxCameras) +
+                " cameras");
   if (left_out > 0)
-    notes.push_back(std::to_string(left_out) + " files in " + directory + " have other names and were left out");
+    notes.push_back(std::to_string(left_out) + " files in " + directory +
+                    " have names of another form and were left out");
   return images;
 }
 
@@ -87,7 +94,8 @@ std::string fixed_text(double value) {
 }  // namespace
 
 RigImport import_stanford(const std::string& directory, const StanfordOptions& options) {
-  if (!(options.f > 0)) throw Error("f: give the focal length in pixels, because the file names do not contain it");
+  if (!(options.f > 0))
+    throw Error("f: give the focal length in pixels (option --f), because the file names do not contain it");
   if (!(options.unit > 0)) throw Error("unit: must be positive");
   if (!(options.focus_distance >= 0)) throw Error("focus distance: must not be negative");
   RigImport result;
@@ -110,7 +118,7 @@ RigImport import_stanford(const std::string& directory, const StanfordOptions& o
   if (static_cast<size_t>(last.first + 1) * (last.second + 1) == rig.cameras.size())
     rig.topology = {Topology::Type::kGrid, last.first + 1, last.second + 1, {}};
   else
-    result.notes.push_back("the images do not fill a grid: their triangulation is Delaunay's");
+    result.notes.push_back("the images do not fill a grid, so the topology is Delaunay");
   if (options.focus_distance == 0)
     result.notes.push_back("the focus distance is 0: images are taken for unshifted ones");
   return result;
@@ -118,7 +126,8 @@ RigImport import_stanford(const std::string& directory, const StanfordOptions& o
 
 RigExport export_stanford(const Rig& rig, const std::string& directory, double unit) {
   if (!(unit > 0)) throw Error("unit: must be positive");
-  if (rig.topology.type != Topology::Type::kGrid) throw Error("the archive's names want a grid of cameras");
+  if (rig.topology.type != Topology::Type::kGrid)
+    throw Error("the topology of the rig must be a grid, because the file names of the archive contain row and column");
 
   // In the coordinates of the first camera.
   Rig turned = rig;
@@ -127,7 +136,8 @@ RigExport export_stanford(const Rig& rig, const std::string& directory, double u
   std::vector<Vec2> positions, shifts;
   Vec2 mean_position(0, 0), mean_shift(0, 0);
   for (Camera& camera : turned.cameras) {
-    if (camera.image.empty()) throw_camera_error(camera, "has no image to be copied");
+    if (camera.image.empty())
+      throw_camera_error(camera, "has no image to be copied; lf-rig snapshot takes one still of each camera");
     const Vec3 position = turn * camera.pose.position;
     camera.pose = {position - Vec3(0, 0, depth), glm::normalize(glm::quat_cast(turn * camera.pose.rotation()))};
     positions.push_back(Vec2(position) / unit);
@@ -151,14 +161,12 @@ RigExport export_stanford(const Rig& rig, const std::string& directory, double u
   RigExport result = describe_export(turned, written, {.names = false, .ids = false});
   if (!(result.max_error <= kMaxExportError))
     throw Error(
-        "names can't hold this rig: they mean a flat array of equal pinholes that look the same way, which differs "
-        "by " +
-        number_text(result.max_error) + " px");
+        "names can't hold this rig: they describe a flat array of equal pinhole cameras with the same direction, "
+        "which differs from this rig by " +
+        number_text(result.max_error) + " px. Use another format, such as lf-rig export colmap");
   std::erase(result.notes, "the topology of the rig is not kept");
 
-  std::error_code error;
-  fs::create_directories(directory, error);
-  if (error) throw Error(directory + ": can't be made: " + error.message());
+  make_folder(directory);
   for (size_t i = 0; i < positions.size(); i++) {
     const fs::path from = rig.resolve(rig.cameras[i].image);
     const fs::path to = fs::path(directory) / ("out_" + place_text(static_cast<int>(i), rig.topology.columns) + "_" +

@@ -55,7 +55,7 @@ const Image& StillImageCache::get(CameraIndex camera) {
   const Camera& rig_camera = rig_.cameras[camera];
   const std::string name = rig_camera.label() + ": ";
   if (rig_camera.image.empty())
-    throw Error(name + "the rig has no image of this camera (lf-rig snapshot takes one of each camera)");
+    throw Error(name + "the rig has no image of this camera; lf-rig snapshot takes one still of each camera");
   const std::string path = rig_.resolve(rig_camera.image);
   Image image;
   try {

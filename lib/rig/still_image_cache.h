@@ -12,30 +12,28 @@
 
 namespace lf {
 
-// Returns a camera's image; the reference is valid until the next call. May throw Error.
+// Returns the image of a camera. The reference is valid until the next call. May throw Error.
 using CameraImages = std::function<const Image&(CameraIndex)>;
 
-// True if every camera has a still image.
 bool has_images(const Rig& rig);
 
-// Returns a notice about the images of a rig that have an EXIF orientation, which the library ignores; empty if no
-// image has one. Names the first such image and counts the rest. Reads the first 64 KiB of each image; skips unreadable
-// files.
+// Returns a notice if images of a rig have an EXIF orientation, which the library ignores; otherwise "". The notice
+// names the first of these images and counts the rest. Reads the first 64 KiB of each image and skips unreadable files.
 std::string orientation_notice(const Rig& rig);
 
-// Loads the `image` files of a rig's cameras on first use, applies their `colour` correction, and caches the result.
-// Not thread-safe.
+// Loads the image files of a rig's cameras on first use, applies their colour correction, and keeps the results in a
+// cache. Not thread-safe.
 class StillImageCache {
  public:
-  static constexpr size_t kDefaultCacheBytes = size_t{1} << 30;  // bytes
+  static constexpr size_t kDefaultCacheBytes = size_t{1} << 30;
 
-  // `rig` must outlive this object. `family`: pixel family of the result of get(). `room`: cache size in bytes; at
-  // least one image is kept.
+  // `rig` must outlive this object. `family` is the pixel family of the images, and `room` is the size of the cache in
+  // bytes; at least one image is kept.
   explicit StillImageCache(const Rig& rig, PixelFamily family = PixelFamily::kRgb, size_t room = kDefaultCacheBytes)
       : rig_(rig), family_(family), room_(room) {}
 
-  // Returns an image that is valid until the next call. Throws Error with camera and file if the rig has no image for
-  // the camera, or the file is missing, unreadable or of the wrong size.
+  // Returns an image that is valid until the next call. Throws Error with the camera and the file if the rig has no
+  // image for the camera, or if the file is missing, unreadable or of the wrong size.
   const Image& get(CameraIndex camera);
 
  private:
@@ -46,7 +44,7 @@ class StillImageCache {
   const Rig& rig_;
   PixelFamily family_;
   size_t room_, used_ = 0;
-  std::list<CacheEntry> cache_;  // most recently used first
+  std::list<CacheEntry> cache_;
   std::unordered_map<CameraIndex, std::list<CacheEntry>::iterator> place_;
 };
 

@@ -13,8 +13,6 @@
 
 namespace lf {
 
-// --- Plane coordinates -----------------------------------------------------------------------------------------------
-
 namespace {
 
 double largest_component(const Vec3& v) { return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)}); }
@@ -137,8 +135,6 @@ bool are_collinear(const Vec3& a, const Vec3& b, const Vec3& c, double tolerance
   const double longest2 = std::max({length2(ab), length2(ac), length2(bc)});
   return length2(glm::cross(ab, ac)) <= tolerance * tolerance * longest2;
 }
-
-// --- Delaunay triangulation ------------------------------------------------------------------------------------------
 
 namespace {
 
@@ -307,8 +303,6 @@ class Triangulation {
 
 std::vector<Triangle> delaunay(std::span<const IntPoint> points) { return Triangulation(points).triangles(); }
 
-// --- The link of a camera --------------------------------------------------------------------------------------------
-
 namespace {
 
 struct Edge {
@@ -381,8 +375,6 @@ std::vector<LinkPart> camera_link(std::span<const Triangle> star, CameraIndex ca
   return walker.parts();
 }
 
-// --- Ear clipping ----------------------------------------------------------------------------------------------------
-
 namespace {
 
 class EarClipper {
@@ -412,8 +404,8 @@ class EarClipper {
     bool is_end = false;  // end of a chain, never a tip
     bool clipped = false;
     bool possible = false;  // possible tip: left turn, clear of the surrounding mesh
-    int contained = 0;      // outline vertices inside the triangle
-    int in_circle = 0;      // outline vertices inside its circumcircle
+    int contained = 0;
+    int in_circle = 0;  // outline vertices inside its circumcircle
   };
 
   IntPoint at(int i) const { return outline_.at[i]; }
@@ -483,8 +475,6 @@ class EarClipper {
 std::vector<Triangle> clip_ears(const Outline& outline, std::span<const MeshEdge> around) {
   return EarClipper(outline, around).clip_all();
 }
-
-// --- Holes of cameras ------------------------------------------------------------------------------------------------
 
 namespace {
 

@@ -65,7 +65,6 @@ struct CameraCentres {
 // `positions` in metres. Throws Error ("cameras[i].position: ...") if a position is not finite.
 CameraCentres normalised_centres(std::span<const Vec3> positions);
 
-// Orthonormal, right-handed axes of a plane.
 struct PlaneAxes {
   Vec3 x{1, 0, 0}, y{0, 1, 0}, normal{0, 0, 1};
 };

@@ -115,7 +115,7 @@ Depacketizer::Stats Depacketizer::stats() const {
   return stats;
 }
 
-// A restarted viewer repeats sequence numbers with later target times.
+// A restarted viewer may repeat sequence numbers, but with later target times.
 bool Depacketizer::is_repeated(Source& source, const RequestHeader& head) {
   const std::optional<Source::Request>& last = source.requests[head.view_id];
   if (!last) return false;

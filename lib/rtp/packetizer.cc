@@ -140,7 +140,7 @@ void Packetizer::send(Bytes unit, size_t max_payload, bool last, const Emit& emi
     emit(units_payload({unit}, last));
     return;
   }
-  // Equal chunk sizes avoid a small last chunk.
+  // Chunks of equal size avoid a small last chunk.
   const size_t most = max_payload - kChunkHeaderBytes;
   const size_t count = (unit.size() + most - 1) / most, size = (unit.size() + count - 1) / count;
   const uint16_t number = next_unit_++;
@@ -193,7 +193,7 @@ void Packetizer::send_answer(Bytes unit, const wire::AnswerView& answer, size_t 
 bool Packetizer::packetize(std::span<const uint8_t> unit, size_t max_payload, const Emit& emit, std::string* reason) {
   const std::optional<wire::UnitHeader> header = wire::peek_unit(unit);
   if (!header || header->kind != kind_ || header->size != unit.size()) {
-    if (reason) *reason = "not exactly one unit of this stream";
+    if (reason) *reason = "the bytes must be exactly one unit of this stream";
     return false;
   }
   if (header->version != wire::kVersion) {

@@ -18,13 +18,13 @@
 namespace lf {
 namespace {
 
-constexpr double kOptics = 0.8;   // pixels; sigma of the blur of a lens
+constexpr double kOptics = 0.8;   // sigma of the blur of a lens, pixels
 constexpr double kReach = 5;      // drawn radius of a light's image, in sigmas
-constexpr double kLateral = 0.7;  // part of the field of view that the middle of the bar reaches
+constexpr double kLateral = 0.7;  // fraction of the field of view that the middle of the bar reaches
 constexpr double kWindow = 1.3;   // depth of the window, relative to the farthest position of the lights
 constexpr size_t kNoises = 1 << 16;
 
-// Tabulated, because drawing normal numbers would dominate the run time.
+// A table of random numbers, because drawing normal numbers would dominate the run time.
 const std::vector<float>& noises() {
   static const std::vector<float> table = [] {
     std::mt19937 random(7);
@@ -49,7 +49,7 @@ Pose middle_of(const Rig& rig) {
   for (const Camera& camera : rig.cameras)
     position += camera.pose.position, forward += camera.pose.forward(), down += camera.pose.down();
   const auto n = static_cast<double>(rig.cameras.size());
-  // Cameras that look at each other have no mean direction; camera 0 replaces it.
+  // Cameras that look at each other have no mean direction, so camera 0 is used.
   if (glm::length(forward) < 0.3 * n) forward = rig.cameras[0].pose.forward();
   forward = glm::normalize(forward);
   down -= glm::dot(down, forward) * forward;
@@ -89,7 +89,7 @@ LightTrajectory::LightTrajectory(const Rig& rig, const MovingLightOptions& optio
   rate_ = options.speed / std::sqrt(sum / (2 * kSteps));
 }
 
-// Covers the whole volume without repeating a path.
+// The path covers the whole volume without repeating.
 Vec3 LightTrajectory::middle(double phase) const {
   const double t = (1 + std::sin(0.618 * phase + 0.5)) / 2;
   const double z = 1 / (t / options_.near + (1 - t) / options_.far);
@@ -278,12 +278,12 @@ std::vector<ChartPose> colour_chart_poses(const Rig& rig, int count) {
       rig.cameras, {}, [&](const Camera& camera) { return glm::length(camera.pose.position - middle); });
   double extent = 0;
   for (const Camera& camera : rig.cameras) extent = std::max(extent, glm::length(camera.pose.position - middle));
-  // Far enough to be visible to all cameras.
+  // This is far enough to be visible to all cameras.
   const double distance = std::max(0.8, 4 * extent);
   const Mat3 rotation = nearest.pose.rotation();
   std::vector<ChartPose> poses;
   for (int i = 0; i < count; i++) {
-    // Positions that cover the image evenly for any `count` (Roberts's sequence of the plastic number).
+    // These positions cover the image evenly for any `count` (Roberts's sequence of the plastic number).
     const double u = std::fmod(0.5 + 0.7548776662466927 * i, 1.0), v = std::fmod(0.5 + 0.5698402909980532 * i, 1.0);
     const double width = nearest.width, height = nearest.height;
     const Vec2 pixel((0.5 + 0.62 * (u - 0.5)) * width, (0.5 + 0.62 * (v - 0.5)) * height);
@@ -304,7 +304,7 @@ Image render_chart(const SceneCamera& camera, const ChartPose& chart) {
   constexpr int kSamples = 3;  // samples per pixel along each axis
   const Board board(chart);
   const Mat3 rotation = camera.pose.rotation();
-  // A grey wall 1 m behind the chart.
+  // There is a grey wall 1 m behind the chart.
   const double wall = chart.world_from_chart.position.z + 1.0;
   Image out(PixelFamily::kRgb, camera.width, camera.height);
   for (int y = 0; y < camera.height; y++)

@@ -40,7 +40,7 @@ void add_globe(double time, Objects& o) {
   o.cylinders.push_back({centre.x, centre.z, 0.078f, 0.265f, kFloor, Texture::kPlinth});
 }
 
-// Hangs from the ceiling above (x, z) and swings twice per period.
+// The string hangs from the ceiling above (x, z), and swings twice per period.
 void add_pendulum(double time, float x, float z, float length, double phase, Objects& o) {
   const size_t spheres = o.spheres.size(), capsules = o.capsules.size();
   const double a = 0.055 * std::sin(kTurn * (2 * time / kScenePeriod + phase));
@@ -132,8 +132,8 @@ Objects objects_at(double time) {
   return o;
 }
 
-// A wooden mannequin about 1 m tall that walks along an ellipse with a balloon in its left hand. Feet are fixed to the
-// floor while they carry weight. Knees and elbows follow from hip and foot, shoulder and hand.
+// A wooden mannequin about 1 m tall, which walks along an ellipse with a balloon in its left hand. Feet do not move on
+// the floor while they carry weight. The positions of knees and elbows follow from hip and foot, shoulder and hand.
 
 namespace {
 
@@ -156,8 +156,8 @@ V3 middle_joint(const V3& from, const V3& to, float first, float second, const V
   return from + along * u + off * glm::normalize(bend - glm::dot(bend, u) * u);
 }
 
-// Computes the foot relative to the hip, along the way (`f`) and above the floor, for half a step length `reach`. The
-// foot carries for half of the cycle, moving back as fast as the body moves forward, then swings forward.
+// Computes the foot relative to the hip, along the way (`f`) and above the floor, for half a step length `reach`. For
+// half of the cycle, the foot carries weight and moves back as fast as the body moves forward. Then it swings forward.
 void foot_path(double cycle, float reach, float& f, float& height) {
   const double p = cycle - std::floor(cycle);
   if (p < 0.5) {
@@ -301,7 +301,7 @@ V3 bricks(const Texel& t) {
   return mix(c, linear(148, 168, 170), joint);
 }
 
-// A landscape: hills before an evening sky. u, v in 0..1 inside the frame.
+// Paints a landscape: hills before an evening sky. u and v are 0..1 inside the frame.
 V3 picture(const Texel& t) {
   V3 c = mix(linear(88, 120, 178), linear(250, 188, 120), ramp(0.05f, 0.7f, t.v));
   const float dx = (t.u - 0.68f) * 1.35f, dy = t.v - 0.42f, r = std::sqrt(dx * dx + dy * dy), w = std::max(t.wv, 1e-4f);
@@ -359,8 +359,8 @@ Material chart_paint(const Texel& t) {
     float x = t.u - 0.2f, y = t.v + 0.15f;
     const float r = std::max(std::sqrt(x * x + y * y), 1e-6f);
     x /= r, y /= r;
-    multiply_angle(x, y, 3);  // 8 spokes
-    // The wave's slope across an edge is 8 / r; its average over w saturates beyond that.
+    multiply_angle(x, y, 3);
+    // The wave's slope across an edge is 8 / r. Its average over w saturates beyond that.
     const float edge = std::clamp(0.5f + x * r / (8 * w), 0.0f, 1.0f);
     const float fade = ramp(0.5f, 1.5f, r / (8 * w) * 3);
     c = mix(c, blue, inside(r, w, -1, 0.13f) * (0.5f + (edge - 0.5f) * fade));
@@ -409,7 +409,7 @@ V3 globe_colour(const V3& n, float w) {
   const V3 ground = mix(linear(108, 148, 92), linear(182, 164, 108), 0.5f + 0.25f * detail);
   V3 c = mix(linear(66, 112, 160), ground, ramp(0.12f, 0.12f + std::max(0.12f, 6 * w), land));
   c = mix(c, linear(214, 220, 222), ramp(0.86f, 0.90f + 2 * w, std::abs(n.y)));
-  // Parallels, and meridians that fade where they meet.
+  // Draws parallels, and meridians that fade where they meet.
   const float r = std::sqrt(n.x * n.x + n.z * n.z);
   float x = n.x / std::max(r, 1e-6f), z = n.z / std::max(r, 1e-6f);
   multiply_angle(x, z, 3);
@@ -468,7 +468,7 @@ Material pillar_paint(const Cylinder& p, const Surface& s) {
   const bool on_top = s.normal.y < -0.5f;
   switch (p.texture) {
     case Texture::kColumn: {
-      multiply_angle(x, z, 4);  // 16 flutes
+      multiply_angle(x, z, 4);
       const float flute = x * filtered_amplitude(std::min(1.0f, 16 * w / (6.28f * p.radius)));
       return {
           linear(216, 208, 190) * (0.86f + 0.16f * flute) * (1 + 0.06f * grain_of({3 * z, 2 * s.point.y, w, 2 * w})),

@@ -11,11 +11,11 @@
 
 namespace lf::scene {
 
-// The objects of the scene at one instant. World axes (x right, y down, z forward), metres. Float is accurate enough
-// for a room of a few metres (1e-6 m).
+// The objects of the built-in scene at one instant, in world axes (x right, y down, z forward) and metres. Float is
+// accurate enough for a room of a few metres (1e-6 m).
 using V3 = glm::vec3;
 
-// The room contains everything, so that no ray leaves to infinity. Its floor is at kFloor = kRoomMax.y.
+// The room contains everything, so that every ray hits something. Its floor is at kFloor = kRoomMax.y.
 inline constexpr V3 kRoomMin{-2.7f, -1.75f, -2.5f}, kRoomMax{2.7f, 0.6f, 5.0f};
 inline constexpr float kFloor = 0.6f;
 
@@ -60,15 +60,15 @@ struct Cylinder {
   Texture texture;
 };
 
-// A box turned about the vertical: its x axis points along (cosine, 0, sine) in the world.
+// A box that is turned about the vertical, so that its x axis points along (cosine, 0, sine) in the world.
 struct Box {
   V3 centre, half;
-  float radius;  // bounding sphere
+  float radius;
   float cosine, sine;
   Texture texture;
 };
 
-// Spheres and capsules [first, last) inside one bounding sphere.
+// The spheres and capsules [first, last) inside one bounding sphere. Rays that miss this sphere skip the group.
 struct Group {
   V3 centre;
   float radius;
@@ -90,11 +90,11 @@ Objects objects_at(double time);
 
 void add_figure(double time, Objects& objects);
 
-// Periodic patterns averaged over a filter width `w`, the width of a pixel in units of the coordinate. Averaging in
-// closed form avoids aliasing of fine texture at one ray per pixel. Does not use libm, so that every machine renders
-// the same scene.
+// The functions below are periodic patterns, averaged over a filter width `w`, which is the width of a pixel in units
+// of the coordinate. The averages are computed in closed form, so that fine textures do not alias at one ray per pixel.
+// libm is not used, so that every machine renders the same scene.
 
-// Nearest integer, for |x| < 2^22.
+// Returns the nearest integer, for |x| < 2^22.
 inline float nearest(float x) {
   constexpr float kShift = 12582912.0f;  // 1.5 * 2^23: sums near it have no fraction bits left
   return (x + kShift) - kShift;
@@ -105,30 +105,30 @@ inline float floor_of(float x) {
   return n > x ? n - 1 : n;
 }
 
-// 0 below `low`, 1 above `high`, smooth between.
+// Rises smoothly from 0 below `low` to 1 above `high`.
 inline float ramp(float low, float high, float x) {
   const float t = std::clamp((x - low) / (high - low), 0.0f, 1.0f);
   return t * t * (3 - 2 * t);
 }
 
-// cos(2 pi x), error < 2e-4.
+// Returns cos(2 pi x) with an error below 2e-4.
 inline float cos_turns(float x) {
-  const float s = 6.2831853f * (0.25f - std::abs(x - nearest(x)));  // cos(2 pi a) = sin(pi / 2 - 2 pi a)
+  const float s = 6.2831853f * (0.25f - std::abs(x - nearest(x)));
   const float q = s * s;
   return s * (1 + q * (-1.0f / 6 + q * (1.0f / 120 + q * (-1.0f / 5040))));
 }
 
-// Returns the amplitude of a sine after averaging over `w` periods: sin(pi w) / (pi w), 0 from the first zero on.
+// Returns the amplitude of a sine after averaging over `w` periods: sin(pi w) / (pi w), and 0 from the first zero on.
 inline float filtered_amplitude(float w) {
   if (w >= 1) return 0;
   const float q = w * w;
   return std::max(0.0f, 1 + q * (-1.6449341f + q * (0.8117424f + q * (-0.1907518f + q * 0.0238f))));
 }
 
-// Cosine of period 1.
+// Returns a cosine of period 1.
 inline float wave(float x, float w) { return cos_turns(x) * filtered_amplitude(w); }
 
-// Returns the part of the interval of width `w` around x that lies in {fraction(x) < duty}.
+// Returns the fraction of the interval of width `w` around x that lies in {fraction(x) < duty}.
 inline float stripes(float x, float w, float duty) {
   w = std::max(w, 1e-4f);
   const auto integral = [duty](float v) {
@@ -138,15 +138,17 @@ inline float stripes(float x, float w, float duty) {
   return (integral(x + w / 2) - integral(x - w / 2)) / w;
 }
 
-// Returns the part of the rectangle of wu x wv around (u, v) that lies on the fields of a chequerboard of side 1 that
-// contain (0.5, 0.5).
+// Returns the fraction of the rectangle of wu x wv around (u, v) that lies on one colour of a chequerboard of side 1:
+// the colour of the field that contains (0.5, 0.5).
 inline float checker(float u, float wu, float v, float wv) {
-  // +-1 square waves of period 2; their product is the chequerboard and their averages multiply.
+  // a and b are square waves between -1 and 1 of period 2. Their product is the chequerboard, and their averages
+  // multiply.
   const float a = 2 * stripes(u / 2, wu / 2, 0.5f) - 1, b = 2 * stripes(v / 2, wv / 2, 0.5f) - 1;
   return 0.5f + 0.5f * a * b;
 }
 
-// Irregular texture in -1..1: waves of unrelated directions, the coarsest of about 1 period per unit.
+// Returns an irregular texture in -1..1: the sum of waves of unrelated directions, the coarsest of about 1 period per
+// unit.
 inline float noise_texture(float u, float wu, float v, float wv) {
   return 0.30f * wave(0.9f * u + 0.4f * v, 0.9f * wu + 0.4f * wv) +
          0.25f * wave(1.7f * v - 0.8f * u + 0.3f, 1.7f * wv + 0.8f * wu) +
@@ -161,13 +163,13 @@ inline float hash_unit(int a, int b) {
   return static_cast<float>(h & 0xFFFF) / 65535.0f;
 }
 
-// A point on an object and its pixel footprint: the parallelogram of `dx`, `dy`, tangent to the surface, world axes,
-// metres. Textures are not filtered if the footprint is zero.
+// A point on an object with the footprint of its pixel. The footprint is a parallelogram of `dx` and `dy`, tangent to
+// the surface, in world axes and metres. If it is zero, textures are not filtered.
 struct Surface {
   V3 point, normal, dx, dy;
 };
 
-// Reflection of light at a surface point. Linear light, 0..1.
+// How a surface point reflects light, in linear light from 0 to 1.
 struct Material {
   V3 albedo;
   float gloss = 0;  // strength of the highlight
@@ -175,8 +177,8 @@ struct Material {
 
 enum class Kind : uint8_t { kNothing, kRoom, kSphere, kCapsule, kCylinder, kBox };
 
-// Returns the material of a surface point. `index`: number of the object among those of its kind; for kRoom the face:
-// -x, +x, -y, +y (floor), -z, +z (back wall).
+// Returns the material of a surface point. `index` is the number of the object among the objects of this kind. For
+// kRoom it is the face: -x, +x, -y, +y (floor), -z, +z (back wall).
 Material texture(const Objects& objects, Kind kind, uint32_t index, const Surface& surface);
 
 }  // namespace lf::scene

@@ -26,7 +26,8 @@ class CameraRays {
  public:
   explicit CameraRays(const SceneCamera& camera) : camera_(camera), rotation_(camera.pose.rotation()) {}
 
-  // Traces the ray through a pixel position. `spacing`: pixels between samples. Black outside of the lens.
+  // Traces the ray through a pixel position. `spacing` is the number of pixels between samples. The result is black
+  // outside the lens.
   scene::TraceResult trace(const scene::Objects& objects, double x, double y, double spacing,
                            scene::ShadowCache& shadows) const {
     const std::optional<Vec2> u = camera_.lens.unproject({x, y});
@@ -64,7 +65,7 @@ class CameraRays {
   Mat3 rotation_;
 };
 
-// One ray through the middle of each pixel.
+// The draft takes one ray through the middle of each pixel.
 struct FirstPass {
   int width, height;
   std::vector<V3> colour;  // encoded
@@ -126,7 +127,7 @@ struct SceneRenderer::State {
   int picture = 0;  // number of the latest; 0: none
   scene::Objects objects;
   FirstPass draft;
-  // Hit points of the draft's rays and of the means' rays. Empty if there is only one picture.
+  // Hit points of the draft's rays and of the means' rays. They are empty if there is only one picture.
   std::vector<scene::HitPoint> draft_sights, mean_sights;
   std::vector<Mean> means;
 };
@@ -181,7 +182,7 @@ Image SceneRenderer::State::at(double time, bool everywhere) {
 
 SceneRenderer::SceneRenderer(const SceneCamera& camera, int samples)
     : state_(std::make_unique<State>(camera, samples)) {
-  constexpr int kMostSamples = 4;  // a side; with more samples the hit points would take too much memory
+  constexpr int kMostSamples = 4;  // a side; with more samples, the hit points would take too much memory
   const size_t pixels = state_->draft.colour.size();
   state_->draft_sights.resize(pixels);
   if (samples < 2 || samples > kMostSamples) return;

@@ -80,8 +80,8 @@ SceneChange scene_change(const Objects& before, const Objects& after) {
   return movement;
 }
 
-// Intersections with spheres, capsules, cylinders and boxes in closed form (as collected by I. Quilez,
-// iquilezles.org/articles/intersectors).
+// The functions below intersect rays with spheres, capsules, cylinders and boxes in closed form (as collected by I.
+// Quilez, iquilezles.org/articles/intersectors).
 namespace {
 
 using glm::dot;
@@ -91,7 +91,7 @@ constexpr V3 kLight{-1.3f, -1.5f, 0.4f};
 constexpr float kLightRadius = 0.22f;
 constexpr float kPenumbra = 0.004f;  // half the width of a shadow's edge at its object, metres
 
-// Uses the nearest approach, because cancellation in the textbook discriminant is as large as a thin string.
+// Uses the nearest approach, because the cancellation in the textbook discriminant is as large as a thin string.
 float enter_sphere(const V3& from_centre, const V3& d, float radius) {
   const float b = dot(from_centre, d);
   const V3 nearest = from_centre - b * d;
@@ -190,15 +190,15 @@ void hit_groups(const Objects& o, const Ray& ray, Hit& hit) {
   }
 }
 
-// Returns the fraction of light that passes an object at distance `along`; `gap` is the distance from the object's
-// surface to the line of sight (negative: inside).
+// Returns the fraction of light that passes an object at distance `along`. `gap` is the distance from the object's
+// surface to the line of sight, negative inside.
 float pass(float gap, float along, float spread) {
   const float width = along * spread + kPenumbra;
   return gap >= width ? 1 : gap <= -width ? 0 : ramp(-1, 1, gap / width);
 }
 
-// The nearest approach of a line of sight, from a point along `d` for `distance`, to an object: the gap to its surface,
-// and the position along the line.
+// The nearest approach of a line of sight to an object: the gap to its surface, and the position along the line. The
+// line starts at a point and runs along `d` for `distance`.
 struct Approach {
   float gap, along;
 };
@@ -242,7 +242,7 @@ bool may_shade(const V3& centre, float radius, const V3& point, const V3& d, flo
   return dot(r, r) - s * s < reach * reach;
 }
 
-// True if a cylinder may shade the point, tested in the horizontal plane.
+// Returns true if a cylinder may shade the point. The test is in the horizontal plane.
 bool may_shade(const Cylinder& p, const V3& point, const V3& d, float distance, float spread) {
   const float x = p.x - point.x, z = p.z - point.z, level = d.x * d.x + d.z * d.z, along = x * d.x + z * d.z;
   const float reach = p.radius + distance * spread + kPenumbra, squared = x * x + z * z;
@@ -325,7 +325,7 @@ float light_visibility(const Objects& o, const V3& point, const V3& d, float dis
 
 namespace {
 
-// A line from a point to a light. `spread`: radius of the light per metre of distance.
+// A line from a point to a light. `spread` is the radius of the light per metre of distance.
 struct ShadowRay {
   V3 direction;
   float distance, spread;
@@ -353,7 +353,7 @@ bool has_changed(const SceneChange& m, const HitPoint& sight) {
   return false;
 }
 
-// True if a moved object may shade the line, including the penumbras of light_visibility().
+// Returns true if a moved object may shade the line, including the penumbras of light_visibility().
 bool is_in_way(const SceneChange& m, const V3& point, const ShadowRay& light) {
   const auto ball_is = [&](const Sphere& b) {
     return may_shade(b.centre, b.radius, point, light.direction, light.distance, light.spread);
@@ -393,7 +393,8 @@ TraceResult trace(const Objects& o, const Ray& ray, ShadowCache& shadows) {
   Surface s;
   s.point = ray.origin + hit.t * ray.direction;
   s.normal = hit.normal;
-  // The footprint: neighbouring rays meet the tangent plane. It is limited to 20 times the footprint of a facing plane.
+  // The footprint is where neighbouring rays meet the tangent plane. It is limited to 20 times the footprint of a
+  // facing plane.
   const float facing = std::min(dot(hit.normal, ray.direction), -0.05f);
   s.dx = hit.t * (ray.dx - ray.direction * (dot(hit.normal, ray.dx) / facing));
   s.dy = hit.t * (ray.dy - ray.direction * (dot(hit.normal, ray.dy) / facing));
@@ -405,7 +406,8 @@ TraceResult trace(const Objects& o, const Ray& ray, ShadowCache& shadows) {
   const float cosine = dot(hit.normal, l);
   float key = 0;
   if (cosine > 0) key = cosine * seen(0, key_light) * (3.3f / (1.9f + distance * distance * 0.16f));
-  // The room's ambient light: from above and from the side of the cameras, weaker where walls and floor meet.
+  // The room's ambient light comes from above and from the side of the cameras, and is weaker where walls and floor
+  // meet.
   float ambient = 0.30f - 0.10f * hit.normal.y - 0.07f * hit.normal.z;
   const V3 to_wall = glm::min(s.point - kRoomMin, kRoomMax - s.point);
   const float second = to_wall.x + to_wall.y + to_wall.z - std::min({to_wall.x, to_wall.y, to_wall.z}) -

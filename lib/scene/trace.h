@@ -10,7 +10,7 @@ namespace lf::scene {
 struct SceneChange {
   std::vector<bool> spheres, capsules, cylinders, boxes;
 
-  // Bounds of the changed objects at both instants: each object is inside of one ball or rod, and everything is inside
+  // Contains the changed objects at both instants. Each object is inside one ball or rod, and everything is inside
   // `around`.
   struct Part {
     Sphere around;
@@ -34,12 +34,13 @@ struct Hit {
   V3 normal{0, 0, 0};  // towards the ray's side, unit length
 };
 
-// Returns the nearest surface in front of the ray's origin; kNothing only for rays from outside that miss the room.
+// Returns the nearest surface in front of the ray's origin. The result is kNothing only for rays from outside that miss
+// the room.
 Hit intersect_scene(const Objects& objects, const Ray& ray);
 
 // Returns the fraction 0..1 of a round light that `point` sees. The light is along the unit vector `direction` at
-// `distance`; its radius is `spread` per metre of distance. The object (kind, index) casts no shadow on itself.
-// Approximate: penumbras are computed at the nearest approach to each object.
+// `distance`, and its radius is `spread` per metre of distance. The object (kind, index) casts no shadow on itself. The
+// result is approximate, because penumbras are computed at the nearest approach to each object.
 float light_visibility(const Objects& objects, const V3& point, const V3& direction, float distance, float spread,
                        Kind kind, uint32_t index);
 
@@ -56,8 +57,8 @@ struct TraceResult {
   HitPoint sight;
 };
 
-// Shadows of the objects met so far within one pixel. Shadows are most of the work and soft, so all samples of a pixel
-// on one object share the result of the first sample.
+// Remembers the shadows within one pixel. Shadows are most of the work and soft, so all samples of a pixel on one
+// object share the result of the first sample.
 class ShadowCache {
  public:
   // Returns the fraction of `light` (number 0 or 1) that `object` sees in this pixel. Calls `find` on first use.
@@ -80,11 +81,11 @@ class ShadowCache {
   int count_ = 0;
 };
 
-// `shadows`: of this ray's pixel.
+// `shadows` must belong to the pixel of this ray.
 TraceResult trace(const Objects& objects, const Ray& ray, ShadowCache& shadows);
 
-// True if the ray from `origin` that hit `sight` before the movement sees the same light after the movement.
-// Conservative: may return false for an unchanged ray.
+// Returns true if the ray from `origin` that hit `sight` before the movement sees the same light afterwards. May return
+// false for an unchanged ray, which only costs time.
 bool is_unchanged(const SceneChange& movement, const V3& origin, const HitPoint& sight);
 
 }  // namespace lf::scene

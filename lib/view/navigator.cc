@@ -21,8 +21,8 @@ Vec3 centre_of(const Rig& rig) {
   return sum / static_cast<double>(rig.cameras.size());
 }
 
-// Averages axes instead of quaternions, which have an ambiguous sign. A ring of cameras in all directions has no mean:
-// uses its middle camera.
+// Averages axes instead of quaternions, which have an ambiguous sign. If the axes cancel out, as in a ring of cameras
+// that look in all directions, the middle camera is used.
 Quat mean_orientation(const Rig& rig) {
   Vec3 forward(0), down(0);
   for (const Camera& camera : rig.cameras) {
@@ -35,7 +35,7 @@ Quat mean_orientation(const Rig& rig) {
   return look_at(Vec3(0), forward, down).orientation;
 }
 
-// Returns the largest share in 0..1 with fits(share); 0 if there is none.
+// Returns the largest share in 0..1 with fits(share), or 0.
 template <typename Fits>
 double largest_share(Fits fits) {
   if (fits(1)) return 1;
@@ -127,8 +127,8 @@ Viewpoint Navigator::turned_towards_home(const Viewpoint& viewpoint, double shar
   return v;
 }
 
-// Rotates the view about its pivot by `share` of the rotation that takes its optical axis through home's position.
-// Keeps the horizon.
+// Rotates the view about its pivot by a share of the rotation that would bring its optical axis onto home's position.
+// The horizon stays level.
 Viewpoint Navigator::moved_towards_home(const Viewpoint& viewpoint, double share) const {
   Viewpoint v = viewpoint;
   const Vec3 centre = pivot_point(v), forward = v.pose.forward();
@@ -140,7 +140,7 @@ Viewpoint Navigator::moved_towards_home(const Viewpoint& viewpoint, double share
   return v;
 }
 
-// `move(share)` returns the viewpoint after a share of the movement.
+// `move(share)` must return the viewpoint after a share of the movement.
 template <typename Move>
 void Navigator::go(Move move) {
   const Viewpoint target = clamped(move(1));
@@ -175,7 +175,6 @@ void Navigator::orbit(double dx, double dy) {
 }
 
 void Navigator::pan(double dx, double dy) {
-  // Metres at the pivot per view height.
   const double scale = 2 * now_.focus_distance * std::tan(now_.fov_y_deg * (M_PI / 180) / 2);
   go([&](double share) {
     Viewpoint v = now_;

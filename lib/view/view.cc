@@ -55,8 +55,6 @@ void validate(const Blending& blending) {
                          : "blending: this kind has no number of cameras");
 }
 
-// --- Sets of views ---------------------------------------------------------------------------------------------------
-
 namespace {
 
 // Returns the distance of the focal plane along the view's axis, in metres; 0 if the plane is not in front.
@@ -152,15 +150,13 @@ View ViewSet::view(const View& middle, const ViewSetPosition& place) const {
   return view;
 }
 
-// --- Displays with lenses --------------------------------------------------------------------------------------------
-
 namespace {
 
 constexpr int kBand = 16;
 
 double tangent(const LenticularDisplay& display) { return std::tan(display.slant * std::numbers::pi / 180); }
 
-// The two samples of a view around a position along one side of the display, and the weight of the second in 1/256.
+// The two samples of a view next to a position along one side of the display, and the weight of the second in 1/256.
 struct Interpolation {
   int first, second;
   int part;
@@ -176,7 +172,7 @@ std::vector<Interpolation> stretch(int samples, int pixels) {
   return out;
 }
 
-// Positions in lenses are in 1/2^32, so that overflow wraps from one lens to the next.
+// Positions within lenses are in 1/2^32, so that integer overflow wraps from one lens to the next.
 uint64_t in_lenses(double lenses) { return static_cast<uint64_t>(std::llround(std::ldexp(lenses, 32))); }
 
 }  // namespace
@@ -201,7 +197,7 @@ void interleave_views(const LenticularDisplay& display, const Quilt& quilt, int 
   const RgbLayout& layout = picture.layout;
   const int channels[3] = {layout.r, layout.g, layout.b};
   const auto views = static_cast<uint64_t>(quilt.count());
-  // The top left sample of each view, in their order across a lens.
+  // The offsets of the top left sample of each view, in the order of the views across a lens.
   std::vector<const uint8_t*> corners;
   for (int k = 0; k < quilt.count(); k++) {
     const int view = display.reversed ? k : quilt.count() - 1 - k;

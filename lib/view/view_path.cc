@@ -18,8 +18,6 @@
 
 namespace lf {
 
-// --- views.json ------------------------------------------------------------------------------------------------------
-
 namespace {
 
 using nlohmann::ordered_json;
@@ -130,8 +128,6 @@ std::string views_to_json(const std::vector<NamedView>& views) {
   return text + " ]\n}\n";
 }
 
-// --- Playback --------------------------------------------------------------------------------------------------------
-
 namespace {
 
 uint64_t nanoseconds(double seconds) { return static_cast<uint64_t>(std::llround(seconds * 1e9)); }
@@ -197,8 +193,8 @@ std::optional<RequestSlot> RequestSchedule::next_live(uint64_t now, uint64_t bas
     slot->target_time = schedule_.instant(schedule_.index_at(base_time + slot->pts));
     return slot;
   }
-  // The newest instant that is old enough, but none twice and none before the stream begins. A timestamp in the future
-  // belongs to another base time.
+  // Requests the newest capture that is old enough, but no capture twice and none before the stream begins. A timestamp
+  // in the future belongs to another base time.
   const uint64_t farthest = now - std::min(now, base_time) + schedule_.instant(2);
   const uint64_t earliest = base_time + (last_pts_ && *last_pts_ <= farthest ? *last_pts_ + 1 : 0);
   const uint64_t k = std::max(schedule_.index_at(now - std::min(now, capture_delay)), schedule_.first_from(earliest));
@@ -231,8 +227,6 @@ void RequestSchedule::advance(const RequestSlot& slot) {
   last_pts_ = slot.pts;
   index_++;
 }
-
-// --- Paths -----------------------------------------------------------------------------------------------------------
 
 namespace {
 
@@ -295,7 +289,7 @@ ViewPath::ViewPath(std::vector<NamedView> keys) : keys_(std::move(keys)) {
     if (view.width != before.width || view.height != before.height)
       throw Error(place + "width, height: must match the first view");
     if (view.lens.model() != before.lens.model()) throw Error(place + "model: must match the first view");
-    // q and -q are the same orientation, and a plane and its negative the same plane: take the nearer sign.
+    // q and -q are the same orientation, and a plane and its negative are the same plane, so take the nearer sign.
     if (glm::dot(view.pose.orientation, before.pose.orientation) < 0) view.pose.orientation = -view.pose.orientation;
   }
   for (size_t i = 1; i < keys_.size() && !planes_face_; i++) {
@@ -360,11 +354,12 @@ std::vector<NamedView> make_focus_sweep(const View& view, const FocusRange& rang
 
 namespace {
 
-// Part of a camera's field of view. The rest keeps image borders invisible if the eye is between cameras.
+// Share of a camera's field of view that tour views use. The rest hides the image borders if the eye is between
+// cameras.
 constexpr double kFieldOfView = 0.85;
 
-// A key of the tour. x, y: in halves of the array's extent. z: in units of the distance where the view, from the
-// middle, just spans the array. focus: from near (0) to far (1), logarithmic. |x| + |z| <= 1 keeps all lines of sight
+// A key of the tour. x and y are in halves of the array's extent. z is in units of the distance where a view from the
+// middle just spans the array. focus is from near (0) to far (1), logarithmic. |x| + |z| <= 1 keeps all lines of sight
 // inside the array.
 struct Key {
   double x, y, z, focus;
@@ -385,7 +380,7 @@ std::vector<NamedView> make_tour(const Rig& rig, const FocusRange& focus, const 
   const Camera& middle = rig.cameras[middle_camera(rig)];
   const int width = options.width > 0 ? options.width : middle.width;
   const int height = options.height > 0 ? options.height : middle.height;
-  // The view is no wider than the camera in either direction, in tangents of half the angle.
+  // Makes the view no wider than the camera in either direction; in tangents of half the angle.
   const double half_y = kFieldOfView * std::min(middle.height / 2.0 / middle.lens.fy(),
                                                 middle.width / 2.0 / middle.lens.fx() * height / width);
   const double half_x = half_y * width / height;
@@ -396,12 +391,12 @@ std::vector<NamedView> make_tour(const Rig& rig, const FocusRange& focus, const 
     extent_x = std::max(extent_x, std::abs(glm::dot(from_middle, home.pose.right())));
     extent_y = std::max(extent_y, std::abs(glm::dot(from_middle, home.pose.down())));
   }
-  // Cameras on a line cover all of the perpendicular direction.
+  // Cameras on a line cover the whole perpendicular direction.
   const double tiny = 1e-3 * std::max(extent_x, extent_y);
   double reach = std::numeric_limits<double>::infinity();
   if (extent_x > tiny) reach = std::min(reach, extent_x / half_x);
   if (extent_y > tiny) reach = std::min(reach, extent_y / half_y);
-  if (!std::isfinite(reach)) reach = 0;  // a single camera
+  if (!std::isfinite(reach)) reach = 0;
 
   if (!(options.room >= 0)) throw Error("room: must not be negative");
   const double aside = extent_x > tiny ? std::min(options.room / 2 / extent_x, 1.0) : 0;
@@ -412,7 +407,7 @@ std::vector<NamedView> make_tour(const Rig& rig, const FocusRange& focus, const 
   for (int i = 0; i < (options.frames > 1 ? kNumKeys : 1); i++) {
     const Key& key = kKeys[i];
     Viewpoint v = home;
-    // At most half-way to the focal plane, however large the array is.
+    // Moves at most half-way to the focal plane, however large the array is.
     const double forward = std::min(part * key.z * reach, focus.near / 2);
     v.pose.position += part * key.x * extent_x * home.pose.right() + part * key.y * extent_y * home.pose.down() +
                        forward * home.pose.forward();

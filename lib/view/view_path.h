@@ -18,33 +18,35 @@ struct NamedView {
   View view;
 };
 
-// Read views.json ("format": "lightfield-views", "version": 1), a camera path. Throw Error with file and place if the
-// file is invalid, has no views, or a time decreases.
+// Read a views file ("format": "lightfield-views", "version": 1), which holds a camera path. Both throw Error with the
+// file name and the place if the file is invalid or has no views, or if a time decreases.
 std::vector<NamedView> load_views(const std::string& path);
 std::vector<NamedView> parse_views(const std::string& text, const std::string& name);
-// Writes model + params and focal_plane, so that saving a loaded path is lossless.
+// Writes views with model, params and focal_plane, so that no information of a loaded path is lost.
 void save_views(const std::vector<NamedView>& views, const std::string& path);
 std::string views_to_json(const std::vector<NamedView>& views);
 
-// A views file as a stream: presentation time and requested capture time of each view, in nanoseconds of running time.
+// Plays a views file: assigns each view a presentation time and the capture time to request. All times are nanoseconds
+// of running time.
 //
-// A path has views with different times and is presented at these times. If all views have the same time, the file is a
-// list: one view per period, each with the capture time from the file. When looped, a path restarts one last interval
-// after its end (a list after one period), and times continue to increase. Thread-safe, except set_schedule().
+// If the views have different times, the file is a path, and each view is presented at its time. If all views have the
+// same time, the file is a list: the views follow each other at the frame rate, and all show the capture time from the
+// file. When looped, a path restarts one interval after its end (the interval before its last view), a list after one
+// period; times continue to increase. Thread-safe, except for set_schedule().
 class ViewPlayback {
  public:
   struct Item {
-    const View* view;  // owned by the ViewPlayback
+    const View* view;
     uint64_t time, duration, target_time;
   };
 
-  // Requires at least one view and non-decreasing times in [0, 1e9] s, as load_views() returns.
+  // Requires at least one view and non-decreasing times within 0 to 1e9 s, as load_views() guarantees.
   ViewPlayback(std::vector<NamedView> views, const Schedule& schedule, bool loop);
 
-  // Returns the n-th view; nothing after the end.
+  // Returns the n-th view, or nothing after the end.
   std::optional<Item> item(uint64_t n) const;
   bool has_times() const { return has_times_; }
-  // Changes the period of a list, and with it the times of all views.
+  // Changes the frame rate of a list, and with it the times of all its views.
   void set_schedule(const Schedule& schedule) { schedule_ = schedule; }
   uint64_t duration() const;                       // nanoseconds of one pass through the file
   uint64_t first_at(uint64_t running_time) const;  // smallest n of the first pass with item(n).time >= running_time
@@ -55,14 +57,15 @@ class ViewPlayback {
   bool loop_, has_times_;
 };
 
-// A request: timestamp (running time), duration and capture time, nanoseconds. `view` is null unless it is from a file.
+// A request that is due: its timestamp (running time), duration and capture time, in nanoseconds. `view` is null unless
+// the view comes from a file.
 struct RequestSlot {
   uint64_t pts, duration;
   uint64_t target_time;
   const View* view = nullptr;
 };
 
-// Schedule of the requests of a viewer. Times in nanoseconds. Not thread-safe.
+// Decides when a viewer sends requests, and chooses their capture times. All times are nanoseconds. Not thread-safe.
 class RequestSchedule {
  public:
   explicit RequestSchedule(const Schedule& schedule) : schedule_(schedule) {}
@@ -70,22 +73,25 @@ class RequestSchedule {
       : schedule_(schedule), playback_(std::in_place, std::move(views), schedule, loop), loop_(loop) {}
 
   bool from_file() const { return playback_.has_value(); }
-  std::optional<uint64_t> end() const;  // running time of the end; nothing: endless
+  std::optional<uint64_t> end() const;  // running time of the end; nothing if there is no end
 
-  void seek(uint64_t running_time);  // continues with the request of this running time; not for live schedules
-  // Returns the next request; nothing after the end.
+  void seek(uint64_t running_time);  // continues with the request at this running time; not for live schedules
+  // Returns the next request, or nothing after the end.
   std::optional<RequestSlot> next() const;
-  // Returns the next request of a live stream at clock time `now`. Its timestamp is the running time of its capture. It
-  // must be sent `capture_delay` later, at clock time base_time + pts + capture_delay.
+  // Returns the next request of a live stream at clock time `now`. Its timestamp is the running time of the capture,
+  // but the frames need time to reach the nodes. The request must therefore be sent `capture_delay` later, at clock
+  // time base_time + pts + capture_delay.
   std::optional<RequestSlot> next_live(uint64_t now, uint64_t base_time, uint64_t capture_delay) const;
-  // Returns the request of a next_live() slot for sending early, at clock time `now`, with the newest capture that is
-  // old enough. That capture was requested before, so the timestamp is the latest time with an old enough capture.
+  // Returns a request to send at clock time `now`, before the slot from next_live() is due, for example because the
+  // user has moved the view. The request shows the newest capture that is at least `capture_delay` old. That capture
+  // has been requested before, so the timestamp is the latest time with a capture of this age.
   RequestSlot early_request(const RequestSlot& slot, uint64_t now, uint64_t base_time, uint64_t capture_delay) const;
-  // Changes the frame rate from the next request on. Returns false and changes nothing if a list of views without times
-  // has begun, because its timestamps are derived from view numbers.
+  // Changes the frame rate from the next request on. Returns false and changes nothing if a list of views has already
+  // begun, because the timestamps of a list are computed from the view numbers.
   bool set_rate(const Schedule& schedule);
   void advance(const RequestSlot& slot);
-  // turn() is the number of the next slot. pass() skips that slot without a request, if it is still the next slot.
+  // turn() is the number of the next slot. pass(turn) skips this slot without a request, unless the schedule has moved
+  // on already.
   uint64_t turn() const { return index_; }
   void pass(uint64_t turn) { index_ += index_ == turn; }
 
@@ -97,23 +103,24 @@ class RequestSchedule {
   std::optional<uint64_t> last_pts_;
 };
 
-// A smooth camera path through key views. Between keys, it follows cubic Hermite curves with velocity (next - previous)
-// / (difference of their times) at each key (Catmull-Rom with times), so velocity is continuous. Orientations follow
-// the same curve through sign-aligned quaternions, normalised. If all focal planes face their views, the logarithm of
-// the focus distance is interpolated and the plane keeps facing the view; otherwise the plane coefficients [a, b, c, d]
-// are interpolated. Lens parameters are interpolated like positions. Immutable; thread-safe.
+// A smooth camera path through key views. Positions, lens parameters and orientations follow cubic Hermite curves
+// (Catmull-Rom with times): the velocity at a key is (next - previous) / (difference of their times), so it is
+// continuous. Orientations are interpolated as quaternions, which are first aligned in sign and finally normalised. If
+// all focal planes are perpendicular to their optical axes, the logarithm of the focus distance is interpolated and the
+// plane stays perpendicular. Otherwise, the coefficients [a, b, c, d] of the plane are interpolated. Immutable and
+// thread-safe.
 class ViewPath {
  public:
-  // Requires at least one key, strictly increasing times, and one size and lens model for all keys. Throws Error naming
-  // the key.
+  // Requires at least one key, strictly increasing times, and the same size and lens model for all keys. Otherwise
+  // throws Error with the name of the key.
   explicit ViewPath(std::vector<NamedView> keys);
 
   double begin() const { return keys_.front().time; }  // seconds
   double end() const { return keys_.back().time; }
-  // Returns the view at a time in seconds: the first key before begin(), the last key after end().
+  // Returns the view at a time in seconds. Before begin(), this is the first key; after end(), the last key.
   View at(double time) const;
-  // Returns views at begin(), begin() + 1/rate, ... up to and including end() (to a thousandth of a period), named
-  // "view_000000", ...
+  // Returns views at begin(), begin() + 1/rate, ... up to and including end() (to a thousandth of a period). Their
+  // names are "view_000000", "view_000001", ...
   std::vector<NamedView> sample(double rate_hz) const;
 
  private:
@@ -121,29 +128,30 @@ class ViewPath {
   bool planes_face_ = true;
 };
 
-// Focus distances, metres from the middle of the array along its mean axis; 0 < near <= far.
+// A range of focus distances, in metres from the middle of the array along its mean axis. 0 < near <= far.
 struct FocusRange {
   double near = 0, far = 0;
 };
 
 struct TourOptions {
-  int width = 0, height = 0;  // pixels; 0: size of the middle camera
+  int width = 0, height = 0;  // pixels; 0: image size of the middle camera
   int frames = 1;             // at least 1
-  double rate_hz = 15;        // views per second
-  bool still = false;         // all views at time 0, for a static scene
-  double room = 0;            // metres between the outermost eyes of view sets that will follow the path
+  double rate_hz = 15;
+  bool still = false;  // all views have time 0, because the scene is static
+  double room = 0;     // width of the row of eyes that will follow the path, in metres, for view sets
 };
 
-// Returns the view focused on `planes` planes that face the view, from the nearest to the farthest. Distances from the
-// eye are uniform in inverse distance, so that the shift of objects out of focus changes by equal steps. Views are
-// named "view_000000", ... and have time 0. A single plane is the nearest. Throws Error if the range is invalid or
-// planes < 1.
+// Returns copies of the view that are focused on `planes` planes, from the nearest to the farthest. The inverse
+// distances of the planes are uniform, so the shift of out-of-focus objects changes by equal steps. The views are named
+// "view_000000", ... and have time 0. A single plane is at the nearest distance. Throws Error if the range is invalid
+// or planes < 1.
 std::vector<NamedView> make_focus_sweep(const View& view, const FocusRange& range, int planes);
 
-// Returns a smooth closed path that demonstrates an array: from its middle to both sides, forward and back, as far as
-// the array covers the whole view. The focus moves from near at the start to far at half-way, and back. Views look
-// along the mean camera axis and are slightly narrower than a camera. TourOptions::room reduces the movement, so that
-// all eyes of a set of views are covered. Requires at least one camera; throws Error if an option is out of range.
+// Returns a closed path that demonstrates an array. It moves from the middle to both sides, forward and back, as far as
+// the cameras cover the whole view. The focus moves from near to far and back. All views look along the mean camera
+// axis and are slightly narrower than a camera. If view sets will follow the path, TourOptions::room shortens the
+// movement so that the outer eyes are covered as well. Requires at least one camera; throws Error if an option is out
+// of range.
 std::vector<NamedView> make_tour(const Rig& rig, const FocusRange& focus, const TourOptions& options);
 
 }  // namespace lf

@@ -80,8 +80,8 @@ std::string metres(double value) { return format_text("%.4g m", value); }
 double estimated_work(const RequestCost& cost, size_t cameras) {
   // Aperture blending uses many cameras per pixel. A depth hypothesis is evaluated once per 4 x 4 or more pixels.
   constexpr double kByAperture = 16, kHypothesis = 1.0 / 16;
-  // A lens iteration costs about as much as two pixels; finding the face of a pixel in a distorted view costs two more.
-  // Without mesh blending, each point of a grid of 16 x 16 pixels visits all cameras.
+  // A lens iteration costs about as much as two pixels, and finding the face of a pixel in a distorted view costs two
+  // more. Other blending than by mesh visits all cameras for each point of a grid of 16 x 16 pixels.
   constexpr double kLensStep = 2, kCameraOfPoint = 4.0 / (16 * 16);
   // Each request visits the cameras and faces of the array once.
   constexpr double kCamera = 16;
@@ -131,15 +131,15 @@ std::string refusal_text(RequestLimiter::Refusal refusal, const RequestCost& cos
              (limits.aperture > 0 ? ", more than the " + metres(limits.aperture) + " of max-aperture"
                                   : ", wider than the array, which has " + metres(extent) + " (max-aperture)");
     case RequestLimiter::kHypotheses:
-      return "asks for " + std::to_string(cost.trials) + " trials, more than the " + std::to_string(limits.trials) +
-             " of max-trials";
+      return "asks for " + std::to_string(cost.trials) + " trials (depth hypotheses), more than the " +
+             std::to_string(limits.trials) + " of max-trials";
     case RequestLimiter::kRate:
-      return "exceeds " + std::to_string(limits.requests_per_second) + " times a second (max-requests-per-second)";
+      return "exceeds " + std::to_string(limits.requests_per_second) + " requests per second (max-requests-per-second)";
     case RequestLimiter::kViews:
       return "exceeds " + std::to_string(limits.views) + " views at the same time (max-views)";
     case RequestLimiter::kLens:
       return "has a lens with a distortion that takes " + format_text("%.0f", cost.lens_steps) +
-             " steps a pixel to undo, at " + size_text(cost.width, cost.height) +
+             " steps per pixel to correct, at " + size_text(cost.width, cost.height) +
              " pixels more than max-pixels allows: ask for a smaller view or a lens with less distortion";
     case RequestLimiter::kNumRefusals:
     case RequestLimiter::kNone: break;

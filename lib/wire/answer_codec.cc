@@ -37,7 +37,7 @@ void check_header(const AnswerHeader& answer, size_t fragments) {
   };
   ranges("cameras", answer.cameras);
   ranges("blind", answer.blind);
-  if (!answer.cameras.contains(answer.blind)) throw Error("blind: cameras outside of the answer's");
+  if (!answer.cameras.contains(answer.blind)) throw Error("blind: must be a subset of the answer's cameras");
 }
 
 void check_part(const AnswerPart& part) {
@@ -46,7 +46,7 @@ void check_part(const AnswerPart& part) {
   if (part.first > part.total || part.count > part.total - part.first)
     throw Error("total: " + std::to_string(part.total) + " fragments, but this part has " + std::to_string(part.count) +
                 " from number " + std::to_string(part.first) + " on");
-  if (part.count == 0 && part.total > 0) throw Error("fragments: a part without any");
+  if (part.count == 0 && part.total > 0) throw Error("fragments: a part must have at least one fragment");
 }
 
 void check_fragment(const AnswerHeader& answer, const FragmentHeader& fragment) {
@@ -61,7 +61,7 @@ void check_fragment(const AnswerHeader& answer, const FragmentHeader& fragment) 
     throw Error(std::string("rectangle: is not inside ") + (fragment.camera ? "any image" : "the view"));
   if (fragment.camera && fragment.has_missing) throw Error("flags: pixels of a camera have no missing weight");
   if (fragment.camera && fragment.codec == Codec::kRaw16)
-    throw Error("codec: 16 bits are for sums, not for pixels of a camera");
+    throw Error("codec: 16-bit values are only for sums, not for pixels of a camera");
   if (answer.family == PixelFamily::kI420 && (rect.x0 % 2 != 0 || rect.y0 % 2 != 0))
     throw Error("rectangle: x and y must be even in YCbCr");
   if (fragment.codec > Codec::kRaw16)
@@ -99,7 +99,7 @@ CameraRanges read_ranges(Reader& in, const char* name, size_t count) {
     const uint16_t first = in.get<uint16_t>(), last = in.get<uint16_t>();
     if (!out.append({first, last}))
       throw Error(std::string(name) + "[" + std::to_string(i) + "]: " + std::to_string(first) + " to " +
-                  std::to_string(last) + " is no range beyond the one before");
+                  std::to_string(last) + " is not a range after the previous range");
   }
   return out;
 }
@@ -143,7 +143,7 @@ ParsedHeader read_head(std::span<const uint8_t> bytes) {
   return head;
 }
 
-// Reads a table entry; takes its payload from the front of `payloads`, which starts at `offset` in the unit.
+// Reads a table entry and takes its payload from the front of `payloads`, which starts at `offset` in the unit.
 FragmentView read_fragment(const AnswerHeader& answer, Reader& table, Reader& payloads, size_t offset) {
   FragmentView fragment;
   const uint16_t camera = table.get<uint16_t>();
@@ -163,7 +163,7 @@ FragmentView read_fragment(const AnswerHeader& answer, Reader& table, Reader& pa
   if (plane != 0) throw Error("plane: " + std::to_string(plane) + " is not supported");
   if (flags & ~(kWeighted | kMissingPlane)) throw Error("flags: unknown bits");
   if (fragment.camera.has_value() == static_cast<bool>(flags & kWeighted))
-    throw Error("flags: a sum is weighted, and pixels of a camera are not");
+    throw Error("flags: sums must be marked as weighted, and pixels of a camera must not");
   if (fragment.codec != Codec::kJpeg && length != raw_size(fragment))
     throw Error("length: must be " + std::to_string(raw_size(fragment)) + " bytes, is " + std::to_string(length));
   if (length > payloads.left())
@@ -176,7 +176,7 @@ FragmentView read_fragment(const AnswerHeader& answer, Reader& table, Reader& pa
 
 void check_scans(const FragmentView& fragment) {
   const std::optional<Scans> scans = split_scans(fragment.payload, fragment.has_missing);
-  if (!scans) throw Error("length: of the first scan is beyond the payload");
+  if (!scans) throw Error("length: the first scan is longer than the payload");
   const auto long_enough = [](size_t least, std::span<const uint8_t> scan) {
     if (scan.size() < least)
       throw Error("length: a scan of this size has at least " + std::to_string(least) + " bytes, not " +
@@ -261,7 +261,7 @@ void AnswerWriter::end_payload(const FragmentHeader& fragment, size_t begin) {
   const size_t length = bytes_.size() - begin;
   in_fragment(fragments_, [&] {
     if (fragment.codec == Codec::kJpeg ? length == 0 : length != raw_size(fragment))
-      throw Error("length: " + std::to_string(length) + " bytes are no payload of this fragment");
+      throw Error("length: " + std::to_string(length) + " bytes do not match the fragment's size and codec");
   });
   put_entry(fragment, length);
   added_.emplace_back(fragment, begin);
@@ -301,7 +301,7 @@ SumPlanes AnswerWriter::add_sums(const FragmentHeader& fragment) {
 void AnswerWriter::put_entry(const FragmentHeader& fragment, size_t length) {
   BufferWriter out(bytes_.data() + table_ + fragments_ * kFragmentBytes);
   out.put(static_cast<uint16_t>(fragment.camera.value_or(kSumOnWire)));
-  out.put(uint16_t{0});  // plane
+  out.put(uint16_t{0});
   out.put(static_cast<uint16_t>(fragment.rect.x0));
   out.put(static_cast<uint16_t>(fragment.rect.y0));
   out.put(static_cast<uint16_t>(fragment.rect.width()));

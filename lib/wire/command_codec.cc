@@ -39,7 +39,7 @@ Rect get_rect(Reader& in) {
 void check(const WarpCommand& command) {
   check_request_head(command);
   validate(command.warp);
-  size_t rows = 0;  // drives the memory for finding pixel owners
+  size_t rows = 0;  // the memory for finding pixel owners grows with the rows
   for (const FacePlan& face : command.warp.faces) rows += static_cast<size_t>(face.rect.height());
   if (rows > kMaxTriangleRows)
     throw Error("triangles: have " + std::to_string(rows) + " rows together, at most " +

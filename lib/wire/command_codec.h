@@ -14,20 +14,22 @@
 
 namespace lf {
 
-// How a camera takes part in a view, by its knowledge of the rig: the three random access cameras of the paper.
+// Says how much of its contribution to a view a camera computes by itself. The three levels are the three kinds of
+// random access camera in the paper.
 enum class Access {
-  kSelf,    // knows its own pose and its neighbours' poses, and plans from the view request
-  kWarp,    // knows only its lens, and receives triangles and matrices
-  kPixels,  // knows nothing, and is asked for unprocessed pixels of its image
+  kSelf,    // knows its pose and its neighbours' poses, and plans from the view request
+  kWarp,    // knows only its lens, and receives triangles and matrices from the client
+  kPixels,  // delivers unprocessed pixels of its image; the client renders the view
 };
 
 }  // namespace lf
 
 namespace lf::wire {
 
-// Requests with explicit homographies or pixel regions (section 4.2 of the paper), for cameras that cannot plan from a
-// ViewRequest. A command serves all cameras that contribute to the view; each camera takes its own part. Like a view
-// request, a command is self-contained.
+// Commands are requests for cameras that cannot plan their contribution from a ViewRequest, because they do not know
+// the rig. A WarpCommand contains explicit homographies, a PixelCommand contains regions of pixels (section 4.2 of the
+// paper). One command serves all cameras that contribute to the view, and each camera takes its own part. A command is
+// self-contained, like a view request.
 
 struct WarpCommand : RequestHeader {
   ViewWarp warp;
@@ -37,15 +39,15 @@ struct WarpCommand : RequestHeader {
 struct PixelCommand : RequestHeader {
   struct Region {
     CameraIndex camera = 0;
-    Rect rect;  // part of the camera's image, not empty; x0, y0 even
+    Rect rect;  // part of the camera's image; not empty, x0 and y0 are even
     bool operator==(const Region&) const = default;
   };
   int view_width = 0, view_height = 0;
-  std::vector<Region> regions;  // in ascending camera order
+  std::vector<Region> regions;  // ascending by camera
   bool operator==(const PixelCommand&) const = default;
 };
 
-// A request of any kind, in the order of Access.
+// Holds a request of any kind, in the order of Access.
 using AnyRequest = std::variant<ViewRequest, WarpCommand, PixelCommand>;
 
 inline const RequestHeader& head_of(const AnyRequest& request) {
@@ -59,18 +61,18 @@ inline std::pair<int, int> view_size(const AnyRequest& request) {
   return {pixels.view_width, pixels.view_height};
 }
 
-// Commands as units of application/x-lightfield-request, see spec.md. Stateless; all lengths and values are checked
-// before use.
+// The functions below convert commands to and from units of type application/x-lightfield-request; see spec.md. They
+// check all lengths and values before use.
 
-// Return the bytes of a command. Throw Error with the invalid field if the result could not be decoded.
+// Throw Error with the invalid field if the result could not be decoded.
 std::vector<uint8_t> encode_command(const WarpCommand& command);
 std::vector<uint8_t> encode_command(const PixelCommand& command);
-// Return nullopt unless `bytes` is exactly one valid command of that kind; `reason` (may be null) then receives the
-// reason.
+// Return nullopt unless `bytes` is exactly one valid command of that kind. `reason`, unless null, then receives an
+// explanation.
 std::optional<WarpCommand> decode_warp_command(std::span<const uint8_t> bytes, std::string* reason = nullptr);
 std::optional<PixelCommand> decode_pixel_command(std::span<const uint8_t> bytes, std::string* reason = nullptr);
 
-// Returns the kind of cameras that a request unit of this type is for, or nullopt for unknown types.
+// Returns the access of the cameras that a request unit of this type is for, or nullopt for an unknown type.
 std::optional<Access> access_of_type(uint8_t type);
 std::vector<uint8_t> encode_any_request(const AnyRequest& request);
 std::optional<AnyRequest> decode_any_request(std::span<const uint8_t> bytes, std::string* reason = nullptr);

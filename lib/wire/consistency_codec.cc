@@ -13,8 +13,8 @@
 namespace lf::wire {
 namespace {
 
-// Compact form of PhotoConsistency for a single camera: the weight, and for each hypothesis a luma or "not visible".
-// The sums follow from these values. See spec.md.
+// The sums of a single camera follow from few values: the weight and, for each hypothesis, a luma or "not visible".
+// This is their compact form; see spec.md.
 size_t packed_bytes(size_t nodes, size_t trials) { return nodes * (4 + trials); }
 
 struct SeenByOne {
@@ -63,7 +63,7 @@ int predicted(const std::vector<uint8_t>& luma, size_t i, size_t width) {
   return left + above - between;
 }
 
-// Returns the linear extrapolation of the two weights on the left.
+// Predicts a weight by linear extrapolation of the two weights on the left.
 uint16_t bend(const std::vector<uint16_t>& weight, size_t i, size_t width) {
   const size_t x = i % width;
   return static_cast<uint16_t>((x > 0 ? 2 * weight[i - 1] : 0) - (x > 1 ? weight[i - 2] : 0));
@@ -91,7 +91,7 @@ std::optional<std::vector<uint8_t>> pack_one_camera(std::span<const PhotoConsist
   return pack(*seen, static_cast<size_t>(rect.width()));
 }
 
-// `packed`: packed_bytes() for all nodes of `trials`, which must be zero. Throws Error for impossible values.
+// `packed` contains packed_bytes() for all nodes of `trials`, which must be zero. Throws Error for impossible values.
 void unpack_one_camera(std::span<const uint8_t> packed, std::span<PhotoConsistency> trials) {
   const auto width = static_cast<size_t>(trials[0].columns), nodes = trials[0].weight.size();
   SeenByOne seen{std::vector<uint16_t>(nodes), std::vector<uint16_t>(nodes),
@@ -99,8 +99,8 @@ void unpack_one_camera(std::span<const uint8_t> packed, std::span<PhotoConsisten
   for (size_t i = 0; i < nodes; i++) {
     seen.weight[i] = static_cast<uint16_t>(bend(seen.weight, i, width) + (packed[i] << 8 | packed[nodes + i]));
     seen.blind[i] = static_cast<uint16_t>(packed[2 * nodes + i] << 8 | packed[3 * nodes + i]);
-    if (seen.weight[i] > PhotoConsistency::kWeightOne) throw Error("weight: more than 1");
-    if (seen.blind[i] >> trials.size() != 0) throw Error("trials: more than there are");
+    if (seen.weight[i] > PhotoConsistency::kWeightOne) throw Error("weight: must be at most 1");
+    if (seen.blind[i] >> trials.size() != 0) throw Error("trials: a node uses an unknown hypothesis");
     for (size_t t = 0; t < trials.size(); t++) {
       std::vector<uint8_t>& luma = seen.luma[t];
       luma[i] = static_cast<uint8_t>(packed[(4 + t) * nodes + i] + predicted(luma, i, width));
@@ -114,7 +114,7 @@ void unpack_one_camera(std::span<const uint8_t> packed, std::span<PhotoConsisten
 
 constexpr size_t kHeaderBytes = kUnitHeaderBytes + 4 + 4 + 8 + 4 + 2 + 2 + 2 + 8;
 constexpr uint16_t kOfGains = 1, kOfOneCamera = 2;  // unit flags
-constexpr uint8_t kHasWeight = 1;                   // flag of a hypothesis; without it every node has the full weight
+constexpr uint8_t kHasWeight = 1;                   // flag of a hypothesis; without it, every node has the full weight
 
 Rect seen_nodes(std::span<const PhotoConsistency> trials) {
   Rect rect;
@@ -206,7 +206,7 @@ ConsistencyUnit read_consistency(std::span<const uint8_t> bytes, const Consisten
   ConsistencyUnit unit;
   bool of_one;
   Reader in = read_header(bytes, unit, unit.shape, of_one);
-  if (unit.shape != expected) throw Error("moments: the trials differ from the request's");
+  if (unit.shape != expected) throw Error("moments: the number of nodes and hypotheses must be as in the request");
   const auto [columns, rows, trials] = unit.shape;
   const int x = in.get<uint16_t>(), y = in.get<uint16_t>(), w = in.get<uint16_t>(), h = in.get<uint16_t>();
   unit.rect = {x, y, x + w, y + h};
@@ -257,7 +257,7 @@ ByteBuffer encode_consistency(const ConsistencyHeader& header, std::span<const P
   std::vector<bool> whole;
   for (const PhotoConsistency& moments : trials) {
     if (moments.columns != trials[0].columns || moments.rows != trials[0].rows)
-      throw Error("trials: of different sizes");
+      throw Error("trials: all depth hypotheses must have the same number of nodes");
     whole.push_back(is_whole(moments, rect));
     size += 1 + 2 * nodes * (whole.back() ? 2 : 3);
   }

@@ -14,18 +14,19 @@
 
 namespace lf::wire {
 
-// The photo-consistency sums of a node's cameras for the depth hypotheses of a request: a unit of the answer stream
-// before the node's fragments; see spec.md.
+// Photo-consistency sums show how well a node's cameras agree about guessed depths (depth hypotheses, in code: trials).
+// A node sends them as a unit in the answer stream, before its fragments; see spec.md. This header precedes the sums.
 struct ConsistencyHeader {
   uint32_t view_id = 0, sequence = 0;
   uint64_t rig_hash = 0;
   uint32_t node = 0;
-  // The exposure gains of the node's cameras, in a unit for exposure compensation: its one hypothesis holds the
-  // cameras' view with wide weights. nullopt in a unit for the request's depth hypotheses.
+  // The exposure gains of the node's cameras, or nullopt. Gains are present in a unit for exposure compensation, which
+  // has a single hypothesis: the cameras' own view with wide weights. A unit for the depth hypotheses of a request has
+  // no gains.
   std::optional<GainSum> gains;
   bool operator==(const ConsistencyHeader&) const = default;
 };
-// The map size in nodes and the number of depth hypotheses of a request.
+// The size of a request's focal map, in nodes, and the number of its depth hypotheses.
 struct ConsistencyShape {
   int columns = 0, rows = 0;
   size_t trials = 0;
@@ -33,26 +34,27 @@ struct ConsistencyShape {
 };
 struct ConsistencyUnit : ConsistencyHeader {
   ConsistencyShape shape;
-  Rect rect;                             // all map nodes with any weight are inside
-  std::vector<PhotoConsistency> trials;  // nodes in `rect`, for each hypothesis in request order
+  Rect rect;                             // contains all map nodes with any weight
+  std::vector<PhotoConsistency> trials;  // the nodes in `rect`, for each hypothesis in request order
 
-  // add_to() adds the hypotheses to sums over the whole map (with the sizes in `shape`); sums() returns such sums.
+  // Both functions use arrays that cover the whole map for each hypothesis, as `shape` says. add_to() adds this unit to
+  // such an array, and sums() returns a new one.
   void add_to(std::span<PhotoConsistency> sums) const;
   std::vector<PhotoConsistency> sums() const;
 };
 
 bool is_consistency(std::span<const uint8_t> bytes);
-// Throws Error for no hypothesis, more than kMaxHypotheses, or different sizes. `small`: compresses the sums of a
-// single camera to a sixth of the bytes, at some cost in time.
+// Throws Error if there is no hypothesis, if there are more than kMaxHypotheses, or if their sizes differ. `small`
+// compresses the sums of a single camera to a sixth of the bytes, which takes more time.
 ByteBuffer encode_consistency(const ConsistencyHeader& header, std::span<const PhotoConsistency> trials,
                               bool small = false);
-// Parses the start of a photo-consistency unit and sets *shape (may be null). On failure returns nullopt and sets
-// *reason (may be null).
+// Parses the start of a photo-consistency unit, and sets *shape unless it is null. On failure, returns nullopt and sets
+// *reason unless it is null.
 std::optional<ConsistencyHeader> parse_consistency_header(std::span<const uint8_t> bytes,
                                                           ConsistencyShape* shape = nullptr,
                                                           std::string* reason = nullptr);
-// Decodes exactly one photo-consistency unit of this shape. On failure returns nullopt and sets *reason (may be null).
-// Allocates memory only for the nodes in the unit's rectangle, which are in `bytes`.
+// Decodes exactly one photo-consistency unit of the expected shape. On failure, returns nullopt and sets *reason unless
+// it is null. Allocates memory only for nodes with data in `bytes`, so a forged size does no harm.
 std::optional<ConsistencyUnit> decode_consistency(std::span<const uint8_t> bytes, const ConsistencyShape& expected,
                                                   std::string* reason = nullptr);
 

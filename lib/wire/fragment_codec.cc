@@ -44,7 +44,8 @@ std::optional<Tiling> tile_raw(const FragmentHeader& fragment, size_t max_bytes)
   };
   const int widest = units_that_fit(unit) * unit;
   if (widest == 0) return std::nullopt;
-  // Full rows that leave half of each packet empty would double the packets. Narrower tiles fill packets better.
+  // Full rows may leave half of each packet empty, which would double the number of packets. Narrower tiles fill
+  // packets better.
   const int least = units_that_fit(fragment.rect.width()) > 0 ? 1 : divided_up(fragment.rect.width(), widest);
   std::vector<Tiling> choices;
   for (int columns = least; columns <= 2 * least + 6; columns++) {
@@ -58,7 +59,8 @@ std::optional<Tiling> tile_raw(const FragmentHeader& fragment, size_t max_bytes)
 void copy_tile(const FragmentView& fragment, const Rect& tile, uint8_t* to) {
   const Rect& whole = fragment.rect;
   const uint8_t* from = fragment.payload.data();
-  // Copies the next plane. `bytes`: sample size; `side`: pixels per side that share a sample.
+  // Copies the next plane. `bytes` is the size of a sample, and `side` the number of pixels per side that share a
+  // sample.
   const auto plane = [&](int bytes, int side) {
     const ptrdiff_t stride = static_cast<ptrdiff_t>(divided_up(whole.width(), side)) * bytes;
     to = copy_rows(from + (tile.y0 - whole.y0) / side * stride + (tile.x0 - whole.x0) / side * bytes, stride,

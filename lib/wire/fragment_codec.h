@@ -16,8 +16,9 @@
 
 namespace lf::wire {
 
-// Encoded sums are cut into fragments of about this many pixels, so that several threads can encode and decode, and a
-// lost packet loses only a strip of the view.
+// Approximate number of pixels in a fragment of an encoded sum (the weighted total of a node's cameras). Sums are cut
+// into strips of this size, so that several threads can encode and decode the strips. A lost packet then damages only
+// one strip of the view.
 inline constexpr int kStripPixels = 1 << 16, kStripUnit = 16;
 
 inline int strip_rows(int width, int pixels = kStripPixels) {
@@ -30,44 +31,46 @@ inline std::vector<Rect> cut_rows(const Rect& rect, int rows) {
   return parts;
 }
 
-// Cuts raw fragments (kRaw, kRaw16) into smaller fragments with the same content, for links that lose packets: a
-// fragment that spans several packets would be lost with any of its packets. Pure functions.
+// The functions below cut raw fragments (kRaw, kRaw16) into smaller fragments with the same content. This is useful on
+// links that lose packets, because a fragment is lost if any of its packets is lost. The functions are pure.
 
-// Tiles in row-major order; the rightmost and bottom tiles may be smaller. Chroma samples are never cut.
+// A grid of tiles in row-major order. The rightmost and bottom tiles may be smaller. Chroma samples are never cut.
 struct Tiling {
-  Rect whole;                 // in the view
-  int width = 0, height = 0;  // pixels of a tile
+  Rect whole;  // the fragment's rectangle in the view
+  int width = 0, height = 0;
   int columns = 0, rows = 0;
 
   size_t count() const { return static_cast<size_t>(columns) * rows; }
   Rect tile(size_t i) const;
 };
 
-// Returns a tiling with few tiles of at most `max_bytes` payload: strips of full rows if possible, unless narrower
-// tiles need at least a tenth fewer tiles. Returns nullopt for JPEG, or if even the smallest tile is too large.
+// Returns a grid with few tiles, each with at most `max_bytes` of payload. Tiles are strips of full rows, unless
+// narrower tiles reduce their number by at least a tenth. Returns nullopt for a JPEG fragment, or if even the smallest
+// tile is too large.
 std::optional<Tiling> tile_raw(const FragmentHeader& fragment, size_t max_bytes);
 
 FragmentHeader tile_header(const FragmentHeader& fragment, const Rect& tile);
 
-// Writes the payload of a tile, raw_size(tile_header(...)) bytes, to `to`.
+// Writes the payload of a tile to `to`. Its size is raw_size(tile_header(...)).
 void copy_tile(const FragmentView& fragment, const Rect& tile, uint8_t* to);
 
-// FragmentEncoder and FragmentDecoder convert between fragments and payloads. Both reuse memory and libjpeg's state:
-// use one object per thread.
+// FragmentEncoder and FragmentDecoder convert between fragments and payloads. They reuse memory and libjpeg's state, so
+// each thread needs its own object.
 
-// Minimum JPEG quality of missing weight. Errors in the missing weight scale the view, so it needs a finer quality than
-// the pixels.
+// Minimum JPEG quality of missing weight. The compositor scales pixels by the missing weight, so errors in it are more
+// visible than errors in the pixels.
 inline constexpr int kMinMissingQuality = 90;
 
 struct AnswerFragment {
-  std::optional<CameraIndex> camera;  // see FragmentHeader
+  std::optional<CameraIndex> camera;
   FragmentPlanes planes;
 };
 
 class FragmentEncoder {
  public:
-  // Encodes a whole answer of 8-bit fragments. `quality` 0: raw; 1 to 100: JPEG. `memory`: see AnswerWriter. Throws
-  // Error like AnswerWriter, and for planes that do not fill their rectangles.
+  // Encodes a whole answer of 8-bit fragments: without compression if `quality` is 0, or as JPEG with quality 1 to 100.
+  // `memory` is reused as in AnswerWriter. Throws Error in the same cases as AnswerWriter, and if planes do not fill
+  // their rectangles.
   ByteBuffer encode(const AnswerHeader& header, std::span<const Fragment> fragments, int quality,
                     ByteBuffer memory = {});
   ByteBuffer encode(const AnswerHeader& header, std::span<const AnswerFragment> fragments, int quality,
@@ -79,18 +82,19 @@ class FragmentEncoder {
   jpeg::FragmentEncoder jpeg_;
 };
 
-// Encodes like FragmentEncoder::encode(), bit-identical, in several threads with an encoder each.
+// Does the same as FragmentEncoder::encode(), with bit-identical result, in several threads with one encoder each.
 ByteBuffer encode_fragments(const AnswerHeader& header, std::span<const AnswerFragment> fragments, int quality,
                             ByteBuffer memory, const ParallelFor& parallel);
 
 class FragmentDecoder {
  public:
-  // Returns the planes of a fragment with 8 bits per value. Raw planes point into the payload; JPEG is decoded into
-  // memory of this object, valid until the next call. Returns nullopt for a damaged JPEG or a 16-bit fragment.
+  // Returns the planes of a fragment with 8 bits per value. Raw planes point into the payload. JPEG is decoded into
+  // memory of this object, which is valid until the next call. Returns nullopt for a damaged JPEG or a 16-bit fragment.
   std::optional<FragmentPlanes> decode(const FragmentView& fragment);
 
-  // Returns the planes of a 16-bit fragment. The planes point into the payload, or at an odd address into a copy in
-  // this object (valid until the next call). `*copied` (may be null) is true for a copy.
+  // Returns the planes of a 16-bit fragment. They point into the payload if its address is even. Otherwise they point
+  // into an aligned copy in this object, which is valid until the next call. `*copied`, unless null, says whether a
+  // copy was made.
   ConstSumPlanes sums(const FragmentView& fragment, bool* copied = nullptr);
 
  private:

@@ -57,7 +57,7 @@ Reader read_request_head(std::span<const uint8_t> bytes, uint8_t type, RequestHe
 }
 
 void check_remaining(const Reader& in, const char* field) {
-  if (!in.ok()) throw Error(std::string(field) + ": the request ends before it does");
+  if (!in.ok()) throw Error(std::string(field) + ": the request ends before this field ends");
 }
 
 void put_vec(Writer& out, const Vec3& v) {
@@ -168,7 +168,7 @@ void read_place(Reader& in, ViewSetPosition& place) {
   place.rows = in.get<uint8_t>();
   place.index = in.get<uint8_t>();
   check_remaining(in, "set");
-  if (place == ViewSetPosition()) throw Error("set: has a single view");
+  if (place == ViewSetPosition()) throw Error("set: must have at least two views");
 }
 
 void put_map(Writer& out, const FocalMap& map, std::span<const uint8_t> deflated,
@@ -254,6 +254,7 @@ ViewRequest read_request(std::span<const uint8_t> bytes) {
   if (blending > static_cast<uint8_t>(Blending::Kind::kAngle))
     throw Error("blending: kind " + std::to_string(blending) + " is not supported");
   view.blending.kind = static_cast<Blending::Kind>(blending);
+  view.blending.extrapolates = !request.probe;  // a probe compares only the pixels inside the mesh
   view.focus.plane = get_plane(in);
   need("focal_plane");
 
@@ -262,7 +263,7 @@ ViewRequest read_request(std::span<const uint8_t> bytes) {
   const size_t cameras = size_t{count} * 2, blended = cameras + blending_bytes(view.blending.kind),
                wanted = blended + (of_set ? kSetBytes : 0);
   if (in.left() >= cameras && in.left() < wanted)
-    throw Error(std::string(in.left() < blended ? "blending" : "set") + ": the request ends before it does");
+    throw Error(std::string(in.left() < blended ? "blending" : "set") + ": the request ends before this field ends");
   if (surface == kFocalMap ? in.left() < wanted : in.left() != wanted)
     throw Error("out_of_service: " + std::to_string(count) + " cameras do not fill the " + std::to_string(in.left()) +
                 " bytes left");

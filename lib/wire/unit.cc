@@ -99,7 +99,7 @@ std::vector<uint8_t> deflate_all(std::span<const uint8_t> bytes) {
   return deflated;
 }
 
-// Written without zlib, which clears a quarter of a megabyte for each stream, even without compression.
+// Does not use zlib, which clears a quarter of a megabyte for each stream, even without compression.
 std::vector<uint8_t> store_all(std::span<const uint8_t> bytes) {
   constexpr size_t kLargestBlock = 65535;
   const auto low = [](size_t value) { return static_cast<uint8_t>(value & 0xff); };

@@ -17,7 +17,7 @@
 
 namespace lf::wire {
 
-// Big-endian serialisation.
+// Numbers on the wire are big-endian.
 
 template <typename T>
 using WireInt = std::conditional_t<
@@ -35,7 +35,7 @@ class Writer {
  public:
   explicit Writer(size_t size) { bytes_.reserve(size); }
 
-  // Unsigned integers of 1, 2, 4, 8 bytes, and double (IEEE 754 binary64).
+  // Writes an unsigned integer of 1, 2, 4 or 8 bytes, or a double (IEEE 754 binary64).
   template <typename T>
   void put(T value) {
     uint8_t out[sizeof(T)];
@@ -66,8 +66,8 @@ class BufferWriter {
   uint8_t* to_;
 };
 
-// Reads values and bytes from the front. Reading past the end returns 0 and makes ok() false permanently: check ok()
-// before using the values.
+// Reads values from the front of a message. A read past the end returns 0 and makes ok() false for good. A parser can
+// therefore read all fields first, but must check ok() before using the values.
 class Reader {
  public:
   explicit Reader(std::span<const uint8_t> bytes) : bytes_(bytes) {}
@@ -79,7 +79,7 @@ class Reader {
     for (const uint8_t byte : get_bytes(sizeof(T))) bits = static_cast<WireInt<T>>((uint64_t{bits} << 8) | byte);
     return std::bit_cast<T>(bits);
   }
-  // Returns a view of the next `count` bytes; empty if there are fewer.
+  // Returns a view of the next `count` bytes, or an empty view if there are fewer.
   std::span<const uint8_t> get_bytes(size_t count) {
     if (count > bytes_.size()) {
       ok_ = false;
@@ -101,45 +101,45 @@ class Reader {
 
 // Limits of the wire format. Decoders reject larger units; see spec.md.
 inline constexpr uint8_t kVersion = 1;
-inline constexpr size_t kMaxRequestBytes = size_t{1} << 20;  // 1 MiB: warp commands for 3500 cameras in one view
-inline constexpr size_t kMaxAnswerBytes = size_t{1} << 30;   // 1 GiB: 8192 x 8192 RGB fragments of a whole array
-// Default limit of elements that store whole answers: a 16-bit sum of 4096 x 2304 pixels with missing weight, and its
-// table.
+inline constexpr size_t kMaxRequestBytes = size_t{1} << 20;  // enough for warp commands to 3500 cameras
+inline constexpr size_t kMaxAnswerBytes = size_t{1} << 30;   // enough for 8192 x 8192 RGB fragments of a whole array
+// Default limit of elements that store whole answers. It is enough for a 16-bit sum of 4096 x 2304 pixels with missing
+// weight.
 inline constexpr size_t kTypicalAnswerBytes = size_t{80} << 20;
-inline constexpr size_t kMaxDeflateRatio = 1032;  // maximum inflated bytes per deflated byte
-inline constexpr size_t kMaxSources = 4096;       // maximum number of camera sets in the answers to one request
-inline constexpr size_t kMaxTriangleRows = size_t{1} << 21;  // maximum sum of the rectangle heights in a warp command
+inline constexpr size_t kMaxDeflateRatio = 1032;             // inflated bytes per deflated byte
+inline constexpr size_t kMaxSources = 4096;                  // camera sets in the answers to one request
+inline constexpr size_t kMaxTriangleRows = size_t{1} << 21;  // sum of the rectangle heights in a warp command
 inline constexpr uint32_t kMaxFragments = kMaxCameras + 1;
 inline constexpr int kMaxViewSize = kMaxImageSize;  // pixels per side
 
-// All units start with magic, version, type, flags and total length. This header is the same in every version of the
-// format, so that readers can delimit and forward units of later versions.
+// All units start with a magic number, version, type, flags and total length. This header is the same in every version
+// of the format, so readers can find the end of units of later versions and can forward these units.
 enum class UnitKind { kRequest, kAnswer };
 inline constexpr size_t kUnitHeaderBytes = 12;
 
-// Common first three bytes of both magic numbers, for stream synchronisation; the fourth is 'Q' or 'A'.
+// Both magic numbers begin with these bytes, so readers can find the next unit in a damaged stream. The fourth byte is
+// 'Q' or 'A'.
 inline constexpr uint8_t kMagicPrefix[3] = {0x8f, 'L', 'F'};
 inline constexpr uint8_t kRequestMagic = 'Q', kAnswerMagic = 'A';
 
-// Unit types of request streams and of answer streams, see spec.md. Readers that only delimit units forward unknown
-// types.
+// Types of units in request streams and in answer streams; see spec.md. Readers that only look for the ends of units
+// forward unknown types.
 inline constexpr uint8_t kViewRequestType = 1, kWarpCommandType = 3, kPixelCommandType = 4;
 inline constexpr uint8_t kFragmentsType = 1, kConsistencyType = 5;
 
 struct UnitHeader {
   UnitKind kind;
-  size_t size;  // bytes of the whole unit, including the header; within the limits above
+  size_t size;  // whole unit with the header, bytes; within the limits above
   uint8_t version = 0, type = 0;
   uint16_t flags = 0;
 };
 // Parses a unit header from the first kUnitHeaderBytes bytes. Returns nullopt if no unit starts there.
 std::optional<UnitHeader> peek_unit(std::span<const uint8_t> bytes);
 
-// Returns the number of bytes to skip, at least 1, up to the next magic number. A partial magic number at the end
-// counts if `more_to_come`. `bytes` must not be empty.
+// Returns the number of bytes to skip up to the next magic number, at least 1. If `more_to_come`, the beginning of a
+// magic number at the end counts as well. `bytes` must not be empty.
 size_t distance_to_magic(std::span<const uint8_t> bytes, bool more_to_come);
 
-// `out`: a Writer or BufferWriter.
 template <typename Out>
 void put_unit_header(Out& out, UnitKind kind, uint8_t type, uint16_t flags, size_t size) {
   out.put_bytes(kMagicPrefix);
@@ -150,13 +150,13 @@ void put_unit_header(Out& out, UnitKind kind, uint8_t type, uint16_t flags, size
   out.put(static_cast<uint32_t>(size));
 }
 
-// Returns the header of a unit with this kind and type, the current version and no flags beyond `known_flags`.
+// Returns the header of a unit that has this kind and type, the current version, and no flags beyond `known_flags`.
 // Otherwise returns nullopt and sets `reason`.
 std::optional<UnitHeader> check_unit_header(std::span<const uint8_t> bytes, UnitKind kind, uint8_t type,
                                             uint16_t known_flags, std::string& reason);
 bool check_unit_size(std::span<const uint8_t> bytes, const UnitHeader& header, std::string& reason);
 
-// Returns read(), or nullopt if it throws Error; *reason (may be null) then receives the text.
+// Returns read(). If read() throws Error, returns nullopt and copies the error's text to *reason, unless null.
 template <typename F>
 auto catch_reason(std::string* reason, F read) -> std::optional<decltype(read())> {
   try {
@@ -167,11 +167,11 @@ auto catch_reason(std::string* reason, F read) -> std::optional<decltype(read())
   }
 }
 
-// Deflates as RFC 1950 (zlib) at the fastest setting, because the data is small and encoded for every frame.
+// Compresses in zlib format (RFC 1950) at the fastest setting, because the data is small and encoded for every frame.
 std::vector<uint8_t> deflate_all(std::span<const uint8_t> bytes);
-// Returns zlib data in uncompressed blocks, for links where bytes are free.
+// Returns zlib data in uncompressed blocks, for links where bytes cost nothing.
 std::vector<uint8_t> store_all(std::span<const uint8_t> bytes);
-// Throws Error unless the result has exactly `size` bytes. Reserves no more memory than the input can inflate to.
+// Throws Error unless the result has exactly `size` bytes. Never reserves more memory than the input can inflate to.
 std::vector<uint8_t> inflate_exactly(std::span<const uint8_t> deflated, size_t size);
 
 }  // namespace lf::wire

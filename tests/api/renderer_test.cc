@@ -164,8 +164,8 @@ TEST(ApiNodeCompositor, SaysWhatDoesNotFit) {
   const Array array;
   const Machines machines(array);
   Compositor compositor(array.rig, 1), other(array.rig, 2);
-  EXPECT_EQ(compositor.add({1, 2, 3}).problem, "no picture was begun");
-  EXPECT_API_ERROR(compositor.finish(), "no picture was begun");
+  EXPECT_EQ(compositor.add({1, 2, 3}).problem, "there is no picture yet: call request() first");
+  EXPECT_API_ERROR(compositor.finish(), "there is no picture yet: call request() first");
   EXPECT_API_ERROR(compositor.request(array.view, {.quality = 101}), "quality: must be 0 to 100");
   EXPECT_API_ERROR(compositor.request(array.view, {.out_of_service = {12}}), "out_of_service: 12 is not one of");
   View view = array.view;
@@ -179,10 +179,10 @@ TEST(ApiNodeCompositor, SaysWhatDoesNotFit) {
   EXPECT_NE(compositor.add({}).problem.find("damaged"), std::string::npos);
   EXPECT_NE(compositor.add(request).problem.find("damaged"), std::string::npos);
   other.request(array.view);
-  EXPECT_EQ(other.add(parts[1]).problem, "of another request");
+  EXPECT_EQ(other.add(parts[1]).problem, "the part belongs to another request");
   compositor.finish();
   compositor.request(array.view);
-  EXPECT_EQ(compositor.add(parts[1]).problem, "of another request") << "too late";
+  EXPECT_EQ(compositor.add(parts[1]).problem, "the part belongs to another request") << "too late";
 
   std::vector<Camera> cameras;
   for (size_t i = 0; i < array.rig.size(); i++) cameras.push_back(array.rig.camera(i));
@@ -197,14 +197,14 @@ TEST(ApiNodeCompositor, SaysWhatDoesNotFit) {
                          .answer(Compositor(array.rig, 1).request(array.view), {ImageView(array.images[0])})
                          .at(0))
                 .problem,
-            "of another rig");
+            "the part was made with another rig");
 
   EXPECT_API_ERROR(read_request({}), "not a request");
   EXPECT_API_ERROR(machines.nodes[0].answer(parts[0], machines.frames[0]), "not a request");
   EXPECT_API_ERROR(machines.nodes[0].answer(request, {ImageView(array.images[0])}),
                    "images: expected one for each of 4 cameras");
   EXPECT_API_ERROR(Node(array.rig, {}), "cameras: a node needs at least one");
-  EXPECT_API_ERROR(Node(array.rig, {3, 4, 3}), "cameras: 3 is named twice");
+  EXPECT_API_ERROR(Node(array.rig, {3, 4, 3}), "cameras: 3 is listed twice");
   EXPECT_API_ERROR(Node(array.rig, {12}), "cameras: 12 is not one of the rig's 12 cameras");
 }
 
@@ -425,7 +425,8 @@ TEST(ApiRenderer, SaysWhatDoesNotFit) {
   EXPECT_API_ERROR(renderer.render(array.view, images), "9215 bytes do not match an image of 64x48 pixels");
   std::vector<ImageView> views(array.images.begin(), array.images.end());
   views[2].stride[0] = 10;
-  EXPECT_API_ERROR(renderer.render(array.view, views), "camera 2 (id 2) has a stride of 10 bytes: its rows have 192");
+  EXPECT_API_ERROR(renderer.render(array.view, views),
+                   "camera 2 (id 2) has a stride of 10 bytes, but its rows need 192");
   views[2].plane[0] = nullptr;
   EXPECT_API_ERROR(renderer.render(array.view, views), "camera 2 (id 2) has no plane 0");
 

@@ -68,7 +68,7 @@ TEST(ApiRig, SaysWhatIsWrong) {
   EXPECT_NE(with([](auto& c) { c[0].world_from_camera.orientation.w = 0; }).find("cameras[0].orientation"),
             std::string::npos);
   EXPECT_NE(with([](auto& c) { c[0].name = "\xff"; }).find("UTF-8"), std::string::npos);
-  EXPECT_NE(with(nothing, {Topology::Type::kGrid, 3, 2, {}}).find("do not make the rig's 4 cameras"),
+  EXPECT_NE(with(nothing, {Topology::Type::kGrid, 3, 2, {}}).find("do not match the rig, which has 4 cameras"),
             std::string::npos);
   EXPECT_NE(with(nothing, {Topology::Type::kTriangles, 0, 0, {{0, 1, 4}}}).find("triangles[0][2]"), std::string::npos);
   EXPECT_API_ERROR(Rig(four_cameras()).camera(4), "camera 4 is not one of the 4 cameras");

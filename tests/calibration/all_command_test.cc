@@ -92,12 +92,12 @@ TEST_F(AllCommand, LiveItSaysWhatToDoAndRecords) {
   const std::string arguments = "all rig.json --record 4 --lights live --bar 0.3";
   test::expect_outcome(
       run_program("lf-calibrate", arguments + " <enter", dir_.path()), 1,
-      AllOf(HasSubstr("switch on both lights of the bar. Enter: "), HasSubstr("Recording now."),
+      AllOf(HasSubstr("switch on both lights of the bar. Then press Enter: "), HasSubstr("Recording now."),
             HasSubstr("The light has covered "), HasSubstr("camera 3 (cam_01_01): "), HasSubstr("check the path"),
             HasSubstr("tracks.json: 3 of 4 cameras"), HasSubstr("report.html")));
   const Outcome again = run_program("lf-calibrate", arguments + " <enter", dir_.path());
-  EXPECT_THAT(again.output, AllOf(HasSubstr("live has recordings. Enter: use them"), HasSubstr("track       as before"),
-                                  Not(HasSubstr("Recording now."))));
+  EXPECT_THAT(again.output, AllOf(HasSubstr("live already contains recordings. Press Enter to use them"),
+                                  HasSubstr("track       as before"), Not(HasSubstr("Recording now."))));
   for (Camera& camera : rig.cameras) camera.source = "videotestsrc is-live=true ! tee name=t t. ! queue";
   save_rig(rig, dir_ / "rig.json");
   const std::string briefly = "all rig.json --record 0.2 --lights other --bar 0.3";
@@ -105,7 +105,7 @@ TEST_F(AllCommand, LiveItSaysWhatToDoAndRecords) {
   EXPECT_THAT(run_program("lf-calibrate", briefly + " --trust-rig <enter", dir_.path()).output,
               Not(HasSubstr("its source has tee")));
   test::expect_outcome(run_program("lf-calibrate", arguments + " </dev/null", dir_.path()), 1,
-                       HasSubstr("--record: no answer on standard input"));
+                       HasSubstr("--record: there is no answer on standard input"));
 }
 
 // Asks for boards pose by pose; for cameras that see no board, the lights determine the lenses.
@@ -120,8 +120,8 @@ TEST_F(AllCommand, LiveItSaysWhereToHoldTheBoard) {
                   "all rig.json --record 1 --lights lights --boards boards --board 9x6 --bar 0.3 <enter", dir_.path());
   EXPECT_THAT(
       outcome.output,
-      AllOf(HasSubstr("lights has recordings. Enter: use them"),
-            HasSubstr("take the board of 9x6 inner corners. Enter: "), HasSubstr("1/12  In the middle of the images"),
+      AllOf(HasSubstr("lights already contains recordings. Press Enter to use them"),
+            HasSubstr("take the board of 9x6 inner corners. Then press Enter: "), HasSubstr("1/12  In the middle of the images"),
             HasSubstr("12/12  At the first distance"), Not(HasSubstr("The light has covered "))));
   for (const std::string& name : names_) EXPECT_TRUE(fs::exists(dir_ / "boards/" + name + ".mkv")) << name;
   EXPECT_THAT(outcome.output, HasSubstr("no image shows the board of 9x6 inner corners"));
@@ -168,13 +168,13 @@ TEST_F(AllCommand, WhatIsWrongIsSaidWithWhatToDo) {
        "--lights lights --bar 0.3",
        1,
        {"has no recording cam_01_00.*"}},
-      {"no folder", [] {}, "--lights nowhere", 1, {"nowhere: is no folder"}},
-      {"a board without its size", [] {}, "--lights lights --boards chart", 1, {"--boards: give --board"}},
+      {"no folder", [] {}, "--lights nowhere", 1, {"nowhere: is not a folder"}},
+      {"a board without its size", [] {}, "--lights lights --boards chart", 1, {"--boards: requires --board"}},
       {"the wrong board",
        [] {},
        "--lights lights --bar 0.3 --boards chart --board 9x6",
        0,
-       {"no image shows the board of 9x6 inner corners: is that the board", "boards-0    failed"}},
+       {"no image shows the board of 9x6 inner corners", "boards-0    failed"}},
       {"no chart", [] {}, "--lights lights --bar 0.3 --colour nowhere", 0, {"- colours are not measured: nowhere"}},
       {"onto itself", [] {}, "--lights lights --out rig.json", 1, {"give another file as --out"}},
   };

@@ -62,7 +62,7 @@ TEST_F(CheckCommand, TheExitStatusSaysWhetherItHolds) {
   film(rig_);
   const Outcome holds = check("--tracks tracks.json --bar 0.3 --json check.json");
   EXPECT_EQ(holds.status, 0) << holds.output;
-  EXPECT_THAT(holds.output, HasSubstr("rig.json holds: 9 of 9 cameras are where it says"));
+  EXPECT_THAT(holds.output, HasSubstr("rig.json holds: 9 of 9 cameras are where the rig states"));
   EXPECT_THAT(holds.output, HasSubstr("bar         300."));
 
   Rig now = rig_;
@@ -87,9 +87,10 @@ TEST_F(CheckCommand, TheMonitorIsAskedToo) {
     const char* said;
   } cases[] = {
       {"", 0, "rig.json holds: 5 of 9 cameras"},
-      {"direction", 1, "camera 4 (cam_01_01) looks elsewhere than in the rig: its image is off by about 6 pixels"},
-      {"colour", 0, "camera 4 (cam_01_01) is 8 % brighter than other cameras: lock its exposure"},
-      {"picture", 0, "is it out of focus, dirty or covered?"},
+      {"direction", 1,
+       "camera 4 (cam_01_01) looks in another direction than the rig states: its image is off by about 6 pixels"},
+      {"colour", 0, "camera 4 (cam_01_01) is 8 % brighter than most cameras. Lock its exposure"},
+      {"picture", 0, "out of focus, dirty or covered"},
   };
   for (const auto& c : cases) {
     SCOPED_TRACE(c.fault);
@@ -117,10 +118,10 @@ TEST_F(CheckCommand, WhereNothingCanBeToldItSaysWhatToDo) {
       {"rig.json --tracks dark.json", "no three cameras see the light consistently with this rig"},
       {"other.json --tracks tracks.json", "camera 3 of the recording is not in the rig"},
       {"rig.json --recordings empty", "fewer than three cameras saw a moving light"},
-      {"rig.json --recordings nowhere", "nowhere: is no folder"},
+      {"rig.json --recordings nowhere", "nowhere: is not a folder"},
       {"rig.json --tracks rig.json", "rig.json"},
-      {"rig.json --monitor early.json", "has not checked any camera yet: start lf-serve with --monitor 30"},
-      {"rig.json --monitor http://127.0.0.1:1", "is lf-serve running there?"},
+      {"rig.json --monitor early.json", "has not checked any camera yet"},
+      {"rig.json --monitor http://127.0.0.1:1", "check that lf-serve is running at this address"},
   };
   for (const auto& c : cases) {
     SCOPED_TRACE(c.arguments);
@@ -197,8 +198,8 @@ TEST_F(ReportCommand, WhatIsNoReportIsRefused) {
     const char *arguments, *said;
   } cases[] = {
       {"tracks.json",
-       "tracks.json: is no report of lf-calibrate: give the --json files of track, solve, colour and check"},
-      {"damaged.json", "damaged.json: is damaged, or of another version: run its step again"},
+       "tracks.json: is not a report of lf-calibrate"},
+      {"damaged.json", "damaged.json: the report is damaged or comes from another version"},
       {"text.json", "text.json"},
       {"nowhere.json", "nowhere.json"},
       {"", "FILE"},

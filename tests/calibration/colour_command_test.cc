@@ -94,7 +94,7 @@ TEST_F(ColourCommand, RecordingsAreReadOverTheirWholeLengthByTime) {
   dir_.write("film/cam_00_01.mkv", "this is no video");
   test::expect_outcome(
       colour("rig.json --recording film --frames 10 --out three.json"), 0,
-      AllOf(HasSubstr("camera 1: the recording has no frame of this camera: "), HasSubstr("3 of 4 cameras")));
+      AllOf(HasSubstr("camera 1: the recording contains no frame of this camera: "), HasSubstr("3 of 4 cameras")));
 }
 
 TEST_F(ColourCommand, TheSceneItselfWillDo) {
@@ -121,17 +121,17 @@ TEST_F(ColourCommand, WhatIsWrongIsSaidWithWhatToDo) {
   save_rig(scene_rig(2, 2, 160, 120), dir_ / "rig.json");
   Outcome outcome = colour("rig.json --out out.json");
   EXPECT_NE(outcome.status, 0);
-  EXPECT_THAT(outcome.output, HasSubstr("rig.json: no camera has a frame: give --recording"));
+  EXPECT_THAT(outcome.output, HasSubstr("rig.json: no camera has a frame; give --recording"));
 
   ASSERT_EQ(scene("--out film --grid 2x2 --width 160 --height 120 --frames 1 --format png").status, 0);
   outcome = colour("film/rig.json --from chart --out out.json");
   EXPECT_NE(outcome.status, 0);
-  EXPECT_THAT(outcome.output, HasSubstr("no chart found in any frame: show all cameras a chart of 24 colours"));
+  EXPECT_THAT(outcome.output, HasSubstr("no frame shows a colour chart"));
 
   save_rig(scene_rig(2, 2, 320, 240), dir_ / "large.json");
   outcome = colour("large.json --recording film/rig.json --out out.json");
   EXPECT_NE(outcome.status, 0);
-  EXPECT_THAT(outcome.output, HasSubstr("its recording has 160x120 pixels, the rig says 320x240"));
+  EXPECT_THAT(outcome.output, HasSubstr("its recording has 160x120 pixels, but the rig file states 320x240"));
 
   // One camera of the recording is missing, another is black.
   Rig film = load_rig(dir_ / "film/rig.json");
@@ -140,7 +140,7 @@ TEST_F(ColourCommand, WhatIsWrongIsSaidWithWhatToDo) {
   film.cameras[3].source = film.cameras[3].image = "black.png";
   save_rig(film, dir_ / "film/part.json");
   outcome = colour("film/rig.json --recording film/part.json --from views --out out.json");
-  EXPECT_THAT(outcome.output, HasSubstr("camera 2: the recording has no frame of this camera"));
+  EXPECT_THAT(outcome.output, HasSubstr("camera 2: the recording contains no frame of this camera"));
   EXPECT_NE(outcome.status, 0) << "two cameras are too few for places that three see";
   EXPECT_FALSE(std::filesystem::exists(dir_ / "out.json"));
 }

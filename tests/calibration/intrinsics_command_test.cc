@@ -71,10 +71,10 @@ TEST(IntrinsicsCommand, MistakesLeaveNoRig) {
     EXPECT_FALSE(std::filesystem::exists(dir / "lens.json"));
   };
   expect_failure("grey.png --board 8x6", "no image shows the board of 8x6 inner corners");
-  expect_failure("grey.png --board 8", "must be inner corners");
-  expect_failure("grey.png --board 8x6 --charuco 5X5", "no dictionary of markers 5X5");
+  expect_failure("grey.png --board 8", "must be the number of inner corners");
+  expect_failure("grey.png --board 8x6 --charuco 5X5", "no marker dictionary 5X5");
   save_rig(make_grid_rig({1, 1, 0.1, 60, 64, 48}), dir / "rig.json");
-  expect_failure("--board 8x6", "needs images or videos of the board, or --rig");
+  expect_failure("--board 8x6", "give images or videos of the board, or --rig");
   expect_failure("--rig rig.json --board 8x6", "rig.json: camera 0: has no source");
   expect_failure("--rig rig.json --camera 3 --board 8x6", "rig.json: has no camera 3");
   expect_failure("file:///nothing/here.avi --board 8x6", "file:///nothing/here.avi: no video could be read");

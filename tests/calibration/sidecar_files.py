@@ -73,7 +73,7 @@ class SidecarFiles(unittest.TestCase):
         shutil.copy(copy / "cam_00_01.mkv", copy / "cam_00_01.avi")
         said = self.colours(copy, status=1)
         self.assertIn("cam_00_01.avi and ", said)
-        self.assertIn("are both films of camera cam_00_01; keep one of them", said)
+        self.assertIn("are both films of camera cam_00_01, but each camera needs exactly one", said)
 
     def test_lights(self):
         lights = self.folder / "lights"
@@ -96,7 +96,7 @@ class SidecarFiles(unittest.TestCase):
                    self.folder / "tracks.json", status=None)
         self.assertIn("has no recording cam_00_00.*; ", said)
         self.assertIn("cam_00_00.THM is a still", said)
-        self.assertIn("cam_00_00.txt is no video", said)
+        self.assertIn("cam_00_00.txt is not a video", said)
 
 
 if __name__ == "__main__":

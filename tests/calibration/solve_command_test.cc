@@ -74,7 +74,7 @@ TEST(SolveCommand, MistakesLeaveNoRig) {
   Tracks tracks = sim::watch(truth, {}, 2).tracks;
   dir.write("tracks.json", tracks_to_json(tracks));
   expect_failure("--tracks tracks.json --bar 1", "the tracks are of one light");
-  expect_failure("--tracks tracks.json --distance 1,2", "must be ID,ID,METRES");
+  expect_failure("--tracks tracks.json --distance 1,2", "must be two camera ids and a distance in metres");
   Rig other = truth;
   other.cameras[4].width = 100;
   save_rig(other, dir / "other.json");

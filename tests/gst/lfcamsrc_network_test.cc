@@ -355,6 +355,73 @@ TEST_F(CamSrcHttpTest, ACameraThatSendsNoPictureIsAnError) {
   }
 }
 
+// The file type of these bytes is JPEG, but no demuxer or parser gives the pictures a time.
+TEST_F(CamSrcHttpTest, BytesWithoutTimesAreAnError) {
+  for (const std::string decode : {"false", "true"}) {
+    const Server server([&](const Server::Send& send) {
+      const std::string junk = "\xff\xd8" + std::string(65536, 'z');
+      if (!send(kHeader)) return;
+      while (send(junk)) {
+      }
+    });
+    CameraPipeline camera("is-live=true decode=" + decode + " rig=" + rig_with_source(server.uri()));
+    camera.set_state(GST_STATE_PLAYING);
+    const std::string text = camera.wait(20 * GST_SECOND);
+    EXPECT_THAT(text, HasSubstr("camera 0 (cam_0)")) << decode;
+    EXPECT_THAT(text, HasSubstr(decode == "false" ? "has bytes without times" : "received without a picture"));
+    camera.set_state(GST_STATE_NULL);
+  }
+}
+
+// A depayloader collects packets until one has the marker bit.
+TEST_F(CamSrcHttpTest, RtpWithoutMarkerBitsIsAnError) {
+  const int sender = socket(AF_INET, SOCK_DGRAM, 0), receiver = socket(AF_INET, SOCK_DGRAM, 0);
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  socklen_t size = sizeof address;
+  ASSERT_EQ(bind(receiver, reinterpret_cast<sockaddr*>(&address), size), 0);
+  getsockname(receiver, reinterpret_cast<sockaddr*>(&address), &size);
+  close(receiver);
+  CameraPipeline camera("is-live=true trusted=true rig=" +
+                        rig_with_source("udpsrc port=" + std::to_string(ntohs(address.sin_port)) +
+                                        " caps=\"application/x-rtp,media=video,encoding-name=JPEG,clock-rate=90000,"
+                                        "payload=26\" ! rtpjpegdepay"));
+  camera.set_state(GST_STATE_PLAYING);
+  std::atomic<bool> stopping = false;
+  std::thread packets([&] {
+    std::string packet(60000, 'x');
+    const unsigned char header[] = {0x80, 26, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 80, 8, 6};
+    std::copy(std::begin(header), std::end(header), packet.begin());
+    for (unsigned i = 0; !stopping; i++) {
+      packet[2] = static_cast<char>(i >> 8);
+      packet[3] = static_cast<char>(i);
+      sendto(sender, packet.data(), packet.size(), 0, reinterpret_cast<sockaddr*>(&address), size);
+      std::this_thread::sleep_for(std::chrono::microseconds(200));
+    }
+  });
+  const std::string text = camera.wait(20 * GST_SECOND);
+  stopping = true;
+  packets.join();
+  close(sender);
+  EXPECT_THAT(text, HasSubstr("camera 0 (cam_0)"));
+  EXPECT_THAT(text, HasSubstr("more than 64 MB received without a picture"));
+}
+
+// Servers choose the words of a refusal freely.
+TEST_F(CamSrcHttpTest, ARefusalHasItsStatus) {
+  for (const std::string status : {"401 Log in, please", "401 Unauthorized", "403 Forbidden"}) {
+    const Server server([&](const Server::Send& send) {
+      send("HTTP/1.0 " + status + "\r\nWWW-Authenticate: Basic realm=\"camera\"\r\n\r\n");
+    });
+    CameraPipeline camera("is-live=true rig=" + rig_with_source(server.uri()));
+    camera.set_state(GST_STATE_PLAYING);
+    EXPECT_THAT(camera.wait(20 * GST_SECOND), testing::HasSubstr("/stream: the camera refuses access (HTTP " +
+                                                                 status.substr(0, 3) + ", " + status.substr(4) + ")"));
+    camera.set_state(GST_STATE_NULL);
+  }
+}
+
 TEST_F(CamSrcHttpTest, APlaylistNamesNoFileOfThisMachine) {
   const Server server([&](const Server::Send& send) {
     send(

@@ -258,7 +258,7 @@ TEST_F(CamSrcElementsTest, OtherLightFieldsNeedTrustAndDoNotNest) {
 TEST_F(CamSrcElementsTest, AreOnlyTakenFromFilesOfOnesOwn) {
   const std::string path = rig_with_source("videotestsrc num-buffers=3 ! identity");
   std::filesystem::permissions(path, std::filesystem::perms::others_write, std::filesystem::perm_options::add);
-  EXPECT_THAT(CameraPipeline("rig=" + path).play(), ::testing::HasSubstr("is written by others"));
+  EXPECT_THAT(CameraPipeline("rig=" + path).play(), ::testing::HasSubstr("can be written by other users"));
   std::filesystem::permissions(path, std::filesystem::perms::others_write, std::filesystem::perm_options::remove);
   EXPECT_EQ(CameraPipeline("rig=" + path).play(), "EOS");
   const std::string no_elements = rig_with_source("mjpeg.mkv");

@@ -353,14 +353,14 @@ TEST(LfCompositorSettings, WhatHasNoEffectIsSaid) {
   struct Case {
     std::string properties, words;
   };
-  for (const Case& c :
-       {Case{"", ""}, Case{rig + " monitor-interval=8 gains=on focus-near=1 focus-far=2", ""},
-        Case{rig + " partial=true node=7 codec=jpeg", ""}, Case{rig + " node=7", "node and codec: "},
-        Case{rig + " codec=jpeg", "node and codec: "}, Case{rig + " focus=plane focus-far=3", "on a plane no depth"},
-        Case{rig + " partial=true focus=surface", "focus: inside a tree"},
-        Case{"monitor-interval=8", "monitor-interval: without a rig"}, Case{"gains=on", "gains: "},
-        Case{"show=coverage", "show: only"}, Case{rig + " show=coverage", ""},
-        Case{rig + " gains=on focus=plane node=1 focus-near=2 focus-far=1", "nearer"}}) {
+  for (const Case& c : {Case{"", ""}, Case{rig + " monitor-interval=8 gains=on focus-near=1 focus-far=2", ""},
+                        Case{rig + " partial=true node=7 codec=jpeg", ""}, Case{rig + " node=7", "node and codec: "},
+                        Case{rig + " codec=jpeg", "node and codec: "},
+                        Case{rig + " focus=plane focus-far=3", "focus-near and focus-far: "},
+                        Case{rig + " partial=true focus=surface", "focus: inside a tree"},
+                        Case{"monitor-interval=8", "monitor-interval: "}, Case{"gains=on", "gains: "},
+                        Case{"show=coverage", "show: only"}, Case{rig + " show=coverage", ""},
+                        Case{rig + " gains=on focus=plane node=1 focus-near=2 focus-far=1", "nearer"}}) {
     const ElementPtr pipeline = launch("lfcompositor " + c.properties + " ! fakesink async=false");
     ASSERT_TRUE(pipeline);
     ASSERT_NE(gst_element_set_state(pipeline.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE);

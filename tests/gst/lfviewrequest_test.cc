@@ -184,13 +184,17 @@ TEST(LfViewRequestFile, BadFilesAreNamedWithThePlace) {
     source.set(row.property, path.c_str());
     const std::string error = error_of(source);
     EXPECT_NE(error.find(path), std::string::npos) << row.name << ": " << error;
+    EXPECT_EQ(error.find("location: ") != std::string::npos, row.property == std::string("location")) << error;
+    EXPECT_EQ(source.pop_message(GST_MESSAGE_ERROR), "") << "no other error hides the reason";
     for (const std::string& part : row.expected)
       EXPECT_NE(error.find(part), std::string::npos) << row.name << ": " << error;
   }
   for (const char* property : {"location", "rig"}) {
     Source source;
     source.set(property, (files / "none.json").c_str());
-    EXPECT_NE(error_of(source).find("none.json"), std::string::npos) << property;
+    const std::string error = error_of(source);
+    EXPECT_NE(error.find("none.json"), std::string::npos) << property;
+    EXPECT_EQ(error.find("lf-path can make") != std::string::npos, property == std::string("location")) << error;
     gst_element_set_state(source.element(), GST_STATE_NULL);
     source.set(property, nullptr, "num-buffers", 1);
     source.play();

@@ -213,10 +213,10 @@ TEST_F(LfViewSrcTest, ASetIsOnePictureAndFliesAsOne) {
 }
 
 TEST_F(LfViewSrcTest, EyesOutsideOfTheArrayAreSaid) {
-  play("width=64 height=48 views=quilt columns=4 rows=2 eye-distance=0.5");
+  play("width=64 height=48 views=quilt columns=4 rows=2 eye-distance=20");
   ASSERT_TRUE(more("s", 1));
   g_autoptr(GstBus) bus = gst_element_get_bus(pipeline_.get());
-  EXPECT_THAT(warnings_on(bus), HasSubstr("some of the 8 views of view 0: their eyes are outside"));
+  EXPECT_THAT(warnings_on(bus), HasSubstr("Some of the 8 views of view 0 are outside"));
 }
 
 // An application that writes a file must learn that it will get no pictures.
@@ -268,7 +268,8 @@ TEST_F(LfViewSrcTest, ErrorsSayWhatIsWrong) {
                         Case{rig + " nodes=here", "nodes: here: must be HOST:PORT-THERE"},
                         Case{rig + " nodes=localhost:1:2 is-live=false", "is-live must be true"},
                         Case{rig + " nodes=nobody.invalid:1:2", "nobody.invalid"}, Case{rig, "cameras \"9\"", "9"},
-                        Case{rig + " location=none.json", "none.json"}}) {
+                        Case{rig + " location=none.json", "location: none.json: can't be read: No such file"},
+                        Case{rig + " location=" + array_.rig_path(), "format: must be \"lightfield-views\""}}) {
     pipeline_ = launch("lfviewsrc name=v " + c.properties + " ! fakesink");
     ASSERT_TRUE(pipeline_);
     // gst_parse_launch() of GStreamer 1.22 leaks a reference to a child set in the launch line.

@@ -240,7 +240,7 @@ TEST_F(RecordingTest, NothingIsOverwritten) {
   EXPECT_NE(problem("b").find("(camera1.mkv)"), std::string::npos) << problem("b");
   EXPECT_FALSE(std::filesystem::exists(dir_ / "b/rig.json"));
   dir_.write("file", "");
-  EXPECT_NE(problem("file/r").find("can't create the folder"), std::string::npos) << problem("file/r");
+  EXPECT_NE(problem("file/r").find("can't be made"), std::string::npos) << problem("file/r");
   EXPECT_EQ(problem("c"), "");
   EXPECT_EQ(problem("c"), "") << "an empty recording can be replaced";
 }

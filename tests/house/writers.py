@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""Checks that only lib/base/file.h reads and writes files.
+"""Checks that only lib/base/file.h reads and writes files, and that programs print only with tools/terminal.h.
 
 Its writer keeps the old file until the new file is complete, preserves modes and links, and syncs. Its reader rejects
 devices, FIFOs and huge files. Prints each other place that opens a file, and exits 1 if there is any. Ignores
-GStreamer's sinks, which write growing recordings.
+GStreamer's sinks, which write growing recordings. tools/terminal.h removes escape sequences of hostile files and
+cameras.
 
     writers.py SOURCE_ROOT
 """
@@ -30,6 +31,8 @@ ALLOWED = {
     "tools/serve/http_server.cc": "std::ifstream",
     "tools/serve/adaptation.h": "std::ifstream",
 }
+PRINTING = re.compile(r"std::v?f?printf\(|std::f?puts\(|std::(?:cout|cerr)\b|\bg_print(?:err)?\(")
+PRINTERS = ("tools/terminal.h", "tools/progress.h", "tools/serve/process.cc")
 
 
 def places(root):
@@ -43,6 +46,9 @@ def places(root):
                 for found in FORBIDDEN.findall(code):
                     if ALLOWED.get(name) != found:
                         yield f"{name}:{number}: {found}: use lib/base/file.h"
+                for found in PRINTING.findall(code):
+                    if building in ("tools", "calib") and name not in PRINTERS:
+                        yield f"{name}:{number}: {found}: use tools/terminal.h"
 
 
 def main():

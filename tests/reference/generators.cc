@@ -155,6 +155,7 @@ Lens random_lens(Random& random, int width, int height) {
 
 View random_view(Random& random, const Rig& rig, int width, int height) {
   View view;
+  view.blending.extrapolates = false;  // not part of the rule of reference/renderer.h
   view.width = width;
   view.height = height;
   view.lens =
@@ -249,6 +250,7 @@ Lens enlarged(const Lens& lens, int times) {
 
 View view_at(const Vec3& eye, const Quat& orientation, double fov_y, double focus) {
   View view;
+  view.blending.extrapolates = false;  // not part of the rule of reference/renderer.h
   view.width = kWidth;
   view.height = kHeight;
   view.lens = Lens::from_fov_y(fov_y, kWidth, kHeight);

@@ -45,7 +45,7 @@ Lens grid_lens();
 Rig random_rig(Random& random);
 // Returns any lens model with realistic distortion.
 Lens random_lens(Random& random, int width, int height);
-// The viewpoint is less than two metres from the origin: in front of the array, in its plane, behind it, or at a
+// Views do not extrapolate. The viewpoint is less than two metres from the origin: in front of the array, in its plane, behind it, or at a
 // camera.
 View random_view(Random& random, const Rig& rig, int width, int height);
 // Empty in most cases, otherwise up to a third of the cameras.

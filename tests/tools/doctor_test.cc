@@ -42,23 +42,46 @@ TEST(Doctor, FilesAreNotPluggedIn) {
   const struct {
     const char *source, *image, *problem, *remedy;
   } cases[] = {
-      {"a.mkv", "", "a.mkv: no such file", "check the path; paths that do not begin with / are relative"},
+      {"a.mkv", "", "a.mkv: no such file", "check the path; a path that does not begin with / is relative"},
       {"file:///a.mkv", "", "/a.mkv: no such file", "check the path"},
       {"", "a.png", "a.png: no such file", "check the path"},
-      {"a_%d.png", "", "a_%d.png: no such files (the first number is 0 or 1)", "check the path"},
-      {"a.mkv", "", "file:///a.mkv: Could not determine type of stream", "check that the file is complete and plays"},
+      {"a_%d.png", "", "a_%d.png: no such files (the first file must have number 0 or 1)", "check the path"},
+      {"a.mkv", "", "file:///a.mkv: Could not determine type of stream", "check that the file is complete and can be played"},
       {"a.mkv", "", "a.mkv: the source has no pictures", "check that the file is complete"},
       {"a.mkv", "", "element jpegdec is not installed", "install the GStreamer plugin"},
       {"v4l2:///dev/video9", "", "Cannot identify device '/dev/video9'", "plug it in"},
       {"/dev/video9", "", "/dev/video9: no such file", "plug it in"},
       {"rtsp://camera/x", "a.png", "rtsp://camera/x: gives nothing", "plugged in and switched on"},
       {"v4l2src device=/dev/video9 ! image/jpeg", "", "gives nothing", "plugged in and switched on"},
+      {"http://h/x", "", "http://h/x: Not Found", "no stream of this name"},
+      {"a_%d.png", "", "a_2.png: missing, while a_3.png exists: add the missing picture", "copy the missing picture"},
   };
   for (const auto& c : cases) {
     Camera camera;
     camera.source = c.source;
     camera.image = c.image;
     EXPECT_THAT(remedy_for(camera, c.problem), HasSubstr(c.remedy)) << c.source << c.image << ": " << c.problem;
+  }
+}
+
+TEST(Doctor, TellsWrongPasswordsFromMissingOnes) {
+  const struct {
+    const char *source, *problem, *remedy;
+  } cases[] = {
+      {"http://user:wrong@host/x", "http://host/x: the camera refuses access (HTTP 401, Unauthorized)",
+       "the user name or password in the rig is wrong"},
+      {"http://host/x", "http://host/x: the camera refuses access (HTTP 401, Login)", "http://USER:PASSWORD@HOST/"},
+      {"http://user:good@host/x", "http://host/x: the camera refuses access (HTTP 403, Forbidden)",
+       "does not allow this user"},
+      {"rtsp://user:wrong@host/x", "rtsp://host/x: Unauthorized", "the user name or password in the rig is wrong"},
+      {"rtsps://host/x", "rtsps://host/x: Unauthorized", "rtsps://USER:PASSWORD@HOST/"},
+      {"rtspsrc location=rtsp://host/x ! decodebin", "Unauthorized", "user-id=USER user-pw=PASSWORD"},
+      {"rtspsrc location=rtsp://host/x user-id=u user-pw=p ! decodebin", "Unauthorized", "in the rig is wrong"},
+  };
+  for (const auto& c : cases) {
+    Camera camera;
+    camera.source = c.source;
+    EXPECT_THAT(remedy_for(camera, c.problem), HasSubstr(c.remedy)) << c.source;
   }
 }
 
@@ -74,7 +97,7 @@ TEST(Doctor, NamesTheCameraAndTheRemedy) {
       {[](CameraReport& c) { c.problem = "Device '/dev/video1' is busy"; }, "is busy",
        "another program uses the camera"},
       {[](CameraReport& c) { c.problem = "Could not connect to server"; }, "Could not connect",
-       "check that the camera is on"},
+       "check that the camera is switched on"},
       {[](CameraReport& c) { c.times = {}; }, "error: camera 1 (cam_00_01): gives no frames", "unplug"},
       {[](CameraReport& c) { c.times.missing = 12; },
        "warning: camera 1 (cam_00_01): 9 % of its frames are missing (12 of 132)", "reduce the frame rate"},
@@ -82,7 +105,7 @@ TEST(Doctor, NamesTheCameraAndTheRemedy) {
          c.times.missing = 12;
          c.left_undecoded = 5;
        },
-       "are missing", "this machine can't decode them all"},
+       "are missing", "this machine cannot decode all frames"},
       {[](CameraReport& c) {
          c.times.missing = 12;
          c.attachment.link = usb_link(1, 480);
@@ -93,7 +116,7 @@ TEST(Doctor, NamesTheCameraAndTheRemedy) {
          c.attachment.link.kind = Link::Kind::kNetwork;
        },
        "are missing", "packet delay"},
-      {[](CameraReport& c) { c.times.period = 1 / 25.0; }, "gives 25.00 frames/s, most others 30.00", "in the dark"},
+      {[](CameraReport& c) { c.times.period = 1 / 25.0; }, "delivers 25.00 frames/s, but most cameras deliver 30.00", "in the dark"},
       {[](CameraReport& c) { c.times.backwards = 2; }, "2 frames have a timestamp", "clock"},
       {[](CameraReport& c) { c.times.jitter = 0.008; }, "its timestamps jitter by 8.0 ms", "appear double"},
       {[](CameraReport& c) { c.stamps = "arrival"; }, "packet arrival times are used", "sender reports"},
@@ -109,14 +132,14 @@ TEST(Doctor, NamesTheCameraAndTheRemedy) {
        "warning: camera 1 (cam_00_01): 1 of 4 pictures are damaged", "cable"},
       {[](CameraReport& c) { c.brightest = c.darkest = 1; }, "error: camera 1 (cam_00_01): is black", "lens cap"},
       {[](CameraReport& c) { c.brightest = c.darkest = 255; }, "is white", "reduce the exposure"},
-      {[](CameraReport& c) { c.darkest = 80; }, "brightness varies, 80 to 100", "lf-rig lock"},
+      {[](CameraReport& c) { c.darkest = 80; }, "brightness varies from 80 to 100", "lf-rig lock"},
       {[](CameraReport& c) {
          c.controls = {{"exposure", std::nullopt}, {"gain", 3}, {"white_balance", std::nullopt}};
        },
-       "automatic: exposure, white_balance", "lf-rig lock"},
-      {[](CameraReport& c) { c.unsupported_controls = {"gain"}; }, "does not take the control gain", "own menu"},
+       "exposure, white_balance", "lf-rig lock"},
+      {[](CameraReport& c) { c.unsupported_controls = {"gain"}; }, "does not support the control gain", "own menu"},
       {[](CameraReport& c) { c.attachment.device = "/dev/video3"; },
-       "error: camera 3 (cam_00_03): has the device of camera 1", "its own source"},
+       "error: camera 3 (cam_00_03): has the same device as camera 1", "its own source"},
   };
   for (const auto& c : cases) {
     Healthy array(4);
@@ -160,7 +183,7 @@ TEST(Links, AUsbBusThatIsTooSmallIsNamedWithWhatFits) {
   EXPECT_TRUE(four[0].overloaded);
   EXPECT_EQ(four[0].what, "USB bus 3 (480 Mbit/s): 4 cameras need 74 of 48 MB/s");
   EXPECT_EQ(four[0].remedy,
-            "MJPEG (about 9.2 MB/s); or 52 % of the frames; or 2 of the cameras on ports of another controller");
+            "MJPEG (about 9.2 MB/s); or 52 % of the frame rate; or 2 of the cameras on ports of another controller");
   const std::vector<LinkWarning> hd = check_link(load_of(usb_link(3, 480), 1, 1280 * 720 * 2 * 30, true));
   ASSERT_EQ(hd.size(), 2u);
   EXPECT_THAT(hd[0].what, HasSubstr("a camera needs 55 MB/s, but USB allows at most 25 per camera"));

@@ -123,7 +123,7 @@ class ForeignRigs(unittest.TestCase):
     def test_several_instants_are_refused(self):
         frames = [{"file_path": f"{i}.png", "time": i / 10, "transform_matrix": shifted(i)} for i in range(3)]
         said = self.refused("nerf", self.write("t.json", {"w": 8, "h": 6, "fl_x": 7, "frames": frames}))
-        self.assertIn("frames[1].time: is 0.1, an earlier frame has 0: a rig is one instant", said)
+        self.assertIn("frames[1].time: is 0.1, but an earlier frame has 0", said)
 
     # Kalibr.
 
@@ -278,8 +278,8 @@ class ForeignRigs(unittest.TestCase):
     def test_a_folder_of_pictures_alone(self):
         for i in range(3):
             self.write(f"photos/IMG_{i}.jpg", "x")
-        self.assertIn("A folder of pictures alone has no positions: run COLMAP", self.refused("colmap", "photos"))
-        self.assertIn("run COLMAP on them", self.refused("stanford", "photos"))
+        self.assertIn("A folder of pictures alone has no positions. Estimate them with COLMAP", self.refused("colmap", "photos"))
+        self.assertIn("estimate the positions with COLMAP", self.refused("stanford", "photos"))
         self.write("model/cameras.bin", "x")
         self.assertIn("colmap model_converter", self.refused("colmap", "model"))
 

@@ -104,7 +104,7 @@ TEST_F(LfArchive, ARecordingKeepsItsTimesAndItsBeginning) {
     EXPECT_NEAR(static_cast<double>(after.end), static_cast<double>(kEnd), 4e4);
   }
   const Outcome again = run("archive --out again");
-  EXPECT_THAT(again.output, HasSubstr("as it was"));
+  EXPECT_THAT(again.output, HasSubstr("copied unchanged"));
   EXPECT_EQ(read_recorded(dir_ / "again/camera0.mkv").frames, read_recorded(dir_ / "archive/camera0.mkv").frames);
 }
 
@@ -130,7 +130,7 @@ TEST_F(LfArchive, FramesThatCantBeReadAreLeftOut) {
     if (good > 0) {
       EXPECT_EQ(outcome.status, 0);
       EXPECT_THAT(outcome.output, HasSubstr("9 frames")) << "kept recordings";
-      EXPECT_THAT(outcome.output, HasSubstr("3 frames that can't be read are left out"));
+      EXPECT_THAT(outcome.output, HasSubstr("3 frames could not be decoded"));
       EXPECT_EQ(read_recorded(dir_ / "archive/camera0.mkv").times.size(), 9u);
       fs::remove_all(dir_ / "archive");
     } else {
@@ -161,11 +161,11 @@ TEST_F(LfArchive, SaysWhatItCantDo) {
     EXPECT_THAT(outcome.output, HasSubstr(text));
     EXPECT_FALSE(fs::exists(dir_ / "out/rig.json")) << arguments;
   };
-  expect_failure("films/rig.json --out films", "there is a recording already");
+  expect_failure("films/rig.json --out films", "contains a recording already");
   Rig rig = load_rig(dir_ / "films/rig.json");
   rig.cameras[1].source = "videotestsrc is-live=true";
   save_rig(rig, dir_ / "films/live.json");
-  expect_failure("films/live.json --out out", "camera 1: its source is not a file");
+  expect_failure("films/live.json --out out", "camera 1: its source is not an existing file");
   dir_.write("films/broken.mkv", "no film");
   rig.cameras[1].source = "broken.mkv";
   save_rig(rig, dir_ / "films/broken.json");

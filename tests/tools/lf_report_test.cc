@@ -6,6 +6,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 #include <nlohmann/json.hpp>
 
 #include "base/json_value.h"
@@ -31,7 +32,6 @@ class LfReport : public testing::Test {
     test::save_photographs(rig, dir_, 0);
     views_ = make_tour(rig, {1.2, 4.5}, {.frames = 3, .rate_hz = 10});
     save_views(views_, dir_ / "views.json");
-    std::filesystem::create_directories(dir_ / "out");
     write_frames(3, 5);
     write_frames(3, 20, "plane.rgb");
     write_log("log", {{10.0, 100, 4'000'000}, {10.5, 200, 6'000'000}, {11.0, 300, 5'000'000}});
@@ -97,18 +97,29 @@ TEST_F(LfReport, WithoutTruthAndLiveRun) {
   EXPECT_NEAR(figures()["latency_ms"]["p50"].get<double>(), 5, 1e-9);
 }
 
+TEST_F(LfReport, RefusesAFifoWithoutWaiting) {
+  ASSERT_EQ(mkfifo((dir_ / "fifo").c_str(), 0600), 0);
+  for (const char* option : {"--frames", "--plane", "--log"}) {
+    std::string line = "--rig rig.json --views views.json --frames frames.rgb --plane plane.rgb --log log --out out";
+    const size_t value = line.find(option) + std::string(option).size() + 1;
+    line.replace(value, line.find(' ', value) - value, "fifo");
+    test::expect_outcome(run_program("lf-report", line, dir_.path()), 1,
+                         HasSubstr("fifo: can't be read: it is not a regular file"));
+  }
+}
+
 TEST_F(LfReport, RefusesWhatDoesNotFitTogether) {
   const auto expect_failure = [&](const std::string& text) { test::expect_outcome(report(), 1, HasSubstr(text)); };
   write_frames(2, 0, "plane.rgb");
-  expect_failure("plane.rgb: has 2 pictures, frames.rgb 3");
+  expect_failure("plane.rgb: has 2 pictures, but frames.rgb has 3");
   write_frames(2, 0);
-  expect_failure("frames.rgb: has 2 pictures for 3 views and 3 messages");
+  expect_failure("frames.rgb: has 2 pictures, but there are 3 views and 3 messages");
   std::ofstream(dir_ / "frames.rgb", std::ios::app) << "x";
-  expect_failure("frames.rgb: size is not a multiple of RGB frames of 33x24");
+  expect_failure("frames.rgb: must contain raw RGB frames, but its size is not a multiple of a frame of 33x24");
   write_log("log", {});
-  expect_failure("log: no lightfield-view messages");
+  expect_failure("log: contains no lightfield-view messages");
   std::ofstream(dir_ / "log") << "1 (element): lightfield-view, view-id=(uint)0;\n";
-  expect_failure("log: a message without sequence");
+  expect_failure("has no field sequence");
 }
 
 }  // namespace

@@ -14,10 +14,12 @@
 #include <nlohmann/json.hpp>
 
 #include "base/json_value.h"
+#include "base/text.h"
 #include "calibration/tracks.h"
 #include "cameras/guided_recording.h"
 #include "cameras/mosaic.h"
 #include "cameras/recorder.h"
+#include "gst/camera_files.h"
 #include "gst/rtsp_server.h"
 #include "image/image.h"
 #include "mjpeg_writer.h"
@@ -99,18 +101,52 @@ TEST(LfRigDoctor, SaysWhatGoodCamerasDeliver) {
   EXPECT_THAT(page.output, AllOf(HasSubstr("0 (cam_00_00)"), HasSubstr("2 cameras, 0 errors")));
 }
 
+TEST(LfRigCheck, NamesFilmsThatAreCutShort) {
+  gst_init(nullptr, nullptr);
+  const test::CameraFiles films;
+  const TempDir dir;
+  const auto check = [&](const std::vector<std::string>& sources) {
+    write_rig(dir, sources);
+    const Outcome outcome = lf_rig("check rig.json", dir);
+    EXPECT_EQ(outcome.status, 0) << outcome.output;
+    return outcome.output;
+  };
+  const auto cut = [&](const std::string& name) {
+    std::filesystem::copy_file(films.path(name), dir / name);
+    std::filesystem::resize_file(dir / name, std::filesystem::file_size(dir / name) * 6 / 10);
+    return dir / name;
+  };
+  const std::string mkv = films.path("mjpeg.mkv"), stream = films.path("pictures.mjpeg"), avi = films.path("mjpeg.avi");
+  EXPECT_THAT(check({mkv, mkv, stream, avi}), Not(HasSubstr("frames")));
+  EXPECT_THAT(check({mkv, mkv, cut("mjpeg.mkv"), mkv}),
+              HasSubstr("warning: cameras[2].source: " + dir / "mjpeg.mkv" + " is cut off after "));
+  EXPECT_THAT(
+      check({stream, cut("pictures.mjpeg"), stream}),
+      AllOf(HasSubstr("warning: cameras[1].source: " + dir / "pictures.mjpeg"), HasSubstr("most others have 6")));
+  EXPECT_THAT(check({avi, avi, cut("mjpeg.avi")}), HasSubstr("warning: cameras[2].source: " + dir / "mjpeg.avi"));
+  dir.write("list.m3u8", "#EXTM3U\n#EXT-X-TARGETDURATION:4\n#EXTINF:4,\nhttp://127.0.0.1:1/a.ts\n#EXT-X-ENDLIST\n");
+  EXPECT_THAT(check({mkv, "list.m3u8"}), Not(HasSubstr("frames"))) << "not opened";
+  EXPECT_THAT(check({mkv, films.path("sound.mkv")}), HasSubstr("sound.mkv has no video frames"));
+  for (const int i : {0, 1, 2, 3})
+    std::filesystem::copy_file(films.path("jpeg_00.jpg"), dir / format_text("%d.jpg", i));
+  EXPECT_THAT(check({stream, stream, "%d.jpg"}), HasSubstr("%d.jpg has 4 frames, most others have 6"));
+}
+
 TEST(LfRigDoctor, NamesEachTroubleAndItsCamera) {
   const TempDir dir;
   write_rig(dir, {kGood, "videotestsrc is-live=true pattern=black ! video/x-raw,framerate=15/1",
                   "videotestsrc is-live=true ! video/x-raw,width=32,height=24", "v4l2:///dev/video-none", "none.mkv",
-                  "nosuchelement ! queue", "rtsp://127.0.0.1:1/none", "rtsp://127.0.0.1:1/none"});
+                  "nosuchelement ! queue", "rtsp://127.0.0.1:1/none", "rtsp://127.0.0.1:1/none", "gap_%d.png"});
+  for (const char* name : {"gap_0.png", "gap_1.png", "gap_3.png"})
+    save_image(Image(PixelFamily::kRgb, 64, 48), dir / name);
   const Outcome outcome = lf_rig("doctor rig.json --seconds 1", dir);
   EXPECT_EQ(outcome.status, 1);
   for (const char* text :
        {"error: camera 1 (cam_00_01): is black", "error: camera 2 (cam_00_02): ", "it gives no pictures of 64x48",
         "error: camera 3 (cam_00_03): ", "error: camera 4 (cam_00_04): ", "none.mkv: no such file",
         "error: camera 5 (cam_00_05): ", "nosuchelement",
-        "error: camera 6 (cam_00_06): ", "error: camera 7 (cam_00_07): has the device of camera 6"})
+        "error: camera 6 (cam_00_06): ", "error: camera 7 (cam_00_07): has the same device as camera 6",
+        "gap_2.png: missing, while ", "renumber the files of all cameras in the same way"})
     EXPECT_THAT(outcome.output, HasSubstr(text));
   EXPECT_THAT(outcome.output, Not(HasSubstr("camera 0 (cam_00_00): "))) << "no message about working cameras";
 }
@@ -159,7 +195,7 @@ TEST(LfRigTrust, NoCommandRunsElementsOfARigThatOthersCanWrite) {
   for (const char* command : kCommandsThatOpenCameras) {
     const Outcome outcome = lf_rig(std::string(command) + " --trust-rig", dir);
     EXPECT_EQ(outcome.status, 1) << command;
-    EXPECT_THAT(outcome.output, HasSubstr("is written by others")) << command;
+    EXPECT_THAT(outcome.output, HasSubstr("can be written by other users")) << command;
     EXPECT_FALSE(std::filesystem::exists(mark)) << command;
   }
 }
@@ -225,7 +261,7 @@ TEST(LfRigSnapshot, KeepsTheStillsOfBeforeWhereNoCameraWorks) {
   const std::string before = read_text_file(dir / "stills/rig.json");
   write_rig(dir, {"none.mkv"});
   test::expect_outcome(lf_rig("snapshot rig.json --out stills --warm-up 0", dir), 1,
-                       HasSubstr("no camera gave a still: stills stays as it was"));
+                       HasSubstr("so stills is unchanged"));
   EXPECT_EQ(read_text_file(dir / "stills/rig.json"), before);
   EXPECT_TRUE(std::filesystem::exists(dir / "stills/cam_00_00.png"));
 }
@@ -300,7 +336,7 @@ TEST(LfRigRecord, KeepsFilmsOfBeforeUntilNewOnesAreThere) {
   EXPECT_GT(std::filesystem::file_size(dir / "films/cam_00_00.mkv"), 100u) << one.output;
   EXPECT_FALSE(std::filesystem::exists(dir / "films/cam_00_01.mkv")) << "older than the new recording";
   EXPECT_EQ(read_text_file(dir / "films/earlier/cam_00_01.mkv"), "of last week");
-  EXPECT_THAT(one.output, HasSubstr("its previous film is now films/earlier/cam_00_01.mkv"));
+  EXPECT_THAT(one.output, HasSubstr("its previous film was moved to films/earlier/cam_00_01.mkv"));
 }
 
 // The first frame of each unsynchronised camera comes some time after the start of the recording.
@@ -367,7 +403,7 @@ TEST(LfRigRecord, NamesBecomeFiles) {
   rig.cameras[1].name = "../up";
   save_rig(rig, dir / "rig.json");
   test::expect_outcome(lf_rig("record rig.json --out films --seconds 1", dir), 1,
-                       HasSubstr("cameras[1].name: \"../up\" can't be the name of a file"));
+                       HasSubstr("cameras[1].name: \"../up\" cannot be used as a file name"));
 }
 
 TEST(LfRigLock, NeedsACameraThatTells) {
@@ -422,7 +458,7 @@ TEST_F(Watching, LfRigRecordSaysItWhileItRecords) {
   ASSERT_NO_FATAL_FAILURE(film(scene_rig(1, 2, 320, 240), "--framerate 15 --seconds 6"));
   test::expect_outcome(run_program("lf-rig", "record lights/rig.json --out films --seconds 5 --lights 2", dir_.path()),
                        0,
-                       AllOf(HasSubstr("left is on your right"), HasSubstr("The light has covered "),
+                       AllOf(HasSubstr("left in the images is on your right"), HasSubstr("The light has covered "),
                              HasSubstr("Next: "), HasSubstr("films: 2 of 2 cameras")));
   EXPECT_NE(run_program("lf-rig", "record lights/rig.json --out films --lights 3", dir_.path()).status, 0);
 }

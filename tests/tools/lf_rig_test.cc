@@ -74,7 +74,7 @@ TEST_F(LfRig, NewMakesCylinders) {
   expect_outcome(lf_rig("new --inward 12 --pitch 0.3 --fov 60 --out no.json"), 1,
                  HasSubstr("radius: must be positive"));
   expect_outcome(lf_rig("new --grid 2x2 --radius 1 --pitch 1 --fov 60 --out no.json"), 1,
-                 HasSubstr("--radius: only for --arc"));
+                 HasSubstr("--radius: applies only to --arc"));
 }
 
 TEST_F(LfRig, NewRefusesNonsense) {
@@ -227,11 +227,30 @@ TEST_F(LfRig, NamesOfTheStanfordArchiveAreInTheUnitThatIsAskedFor) {
   EXPECT_NEAR(glm::distance(smaller.cameras[0].pose.position, smaller.cameras[1].pose.position), pitch / 10, 1e-9);
 }
 
+TEST_F(LfRig, NamesTheCommandsWhereOneIsMissing) {
+  const std::string formats = "lf-rig import: needs one of the commands colmap, kalibr, nerf, opencv or stanford";
+  expect_outcome(
+      lf_rig("import 'my model' --grid 2x2 --out rig.json"), 1,
+      HasSubstr(formats + "; did you mean \"lf-rig import colmap 'my model' --grid 2x2 --out rig.json\"? (see "
+                          "lf-rig import --help)"));
+  expect_outcome(lf_rig("import model --out rig.json"), 1, HasSubstr(formats + " (see lf-rig import --help)"));
+  expect_outcome(lf_rig("import --unit=1 model"), 1, HasSubstr("\"lf-rig import stanford --unit=1 model\"?"));
+  expect_outcome(lf_rig("import colmpa model --out rig.json"), 1,
+                 HasSubstr("\"lf-rig import colmap model --out rig.json\"?"));
+  expect_outcome(lf_rig("export rig.json model"), 1, HasSubstr("lf-rig export: needs one of the commands colmap,"));
+  expect_outcome(lf_rig("chek rig.json"), 1, HasSubstr("did you mean \"lf-rig check rig.json\"?"));
+  expect_outcome(lf_rig("--grid 2x2 --fov 60 --out rig.json"), 1,
+                 HasSubstr("did you mean \"lf-rig new --grid 2x2 --fov 60 --out rig.json\"?"));
+  expect_outcome(lf_rig("rig.json"), 1, HasSubstr("lf-rig: needs one of the commands new, info, check, subset,"));
+  expect_outcome(lf_rig("check"), 1, HasSubstr("lf-rig: RIG is required"));
+}
+
 // Hand-held photographs: the files are undistorted, with different sizes and names.
 TEST_F(LfRig, ImportsTheKettle) {
   if (!fs::exists(kData / "kettle")) GTEST_SKIP() << "needs ../shared/data/kettle";
   const std::string import = "import colmap '" + fs::canonical(kData / "kettle").string() + "' --out rig.json";
-  expect_outcome(lf_rig(import), 1, HasSubstr("20.23.45.jpg: is 1250x937, its camera 3 in cameras.txt 1280x960"));
+  expect_outcome(lf_rig(import), 1,
+                 HasSubstr("20.23.45.jpg: is 1250x937, but cameras.txt gives its camera 3 the size 1280x960"));
   expect_outcome(lf_rig(import + " --undistorted"), 0, HasSubstr("28 image files have other names than in images.txt"));
   const Rig rig = load_rig(dir / "rig.json");
   ASSERT_EQ(rig.cameras.size(), 28u);

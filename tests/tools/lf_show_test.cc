@@ -94,7 +94,7 @@ TEST_F(LfShow, CoverageTellsLostWeightFromNoCamera) {
   const Image wide = picture("coverage --focus plane --fov 90");
   EXPECT_EQ(wide.pixel(2, 2)[2], heat_colour(1)[2]);
   const Image beside = picture("coverage --focus plane --move 0.05,0,-0.3");
-  EXPECT_EQ(light(beside, 94, 36), 3 * kNoValueGrey);
+  EXPECT_NE(light(beside, 94, 36), 3 * kNoValueGrey) << "pixels beside the mesh are extrapolated";
 }
 
 TEST_F(LfShow, EpipolarPlaneImageOfARowAndAColumn) {
@@ -127,8 +127,9 @@ TEST_F(LfShow, DifferenceFromWhatItShouldLookLike) {
   const Outcome out = run("difference --rig rig.json --held-out-camera 5 --out left.png");
   ASSERT_EQ(out.status, 0) << out.output;
   EXPECT_THAT(out.output, HasSubstr("PSNR "));
+  // The view of a corner camera is extrapolated.
   test::expect_outcome(run("difference --rig rig.json --held-out-camera 0 --out corner.png"), 0,
-                       HasSubstr("left out: nothing compared: the cameras cover no pixel\n"));
+                       HasSubstr("left out: PSNR 2"));
   const Camera& camera = rig_.cameras[6];
   save_views({{"at", 0, {96, 72, camera.lens, camera.pose, {focal_plane_at(camera.pose, 2)}}}}, path("v.json"));
   const Outcome same =
@@ -136,10 +137,10 @@ TEST_F(LfShow, DifferenceFromWhatItShouldLookLike) {
   ASSERT_EQ(same.status, 0) << same.output;
   EXPECT_THAT(same.output, HasSubstr("SSIM 1.0000"));
   EXPECT_EQ(count(load_image(path("same.png")), {0, 0, 96, 72}, 20), 0);
-  expect_failure("difference --rig rig.json --out o.png", "give one of --truth, --scene and --held-out-camera");
+  expect_failure("difference --rig rig.json --out o.png", "give exactly one of --truth, --scene and --held-out-camera");
   expect_failure("difference --rig rig.json --out o.png --held-out-camera 99", "99");
   expect_failure("difference --rig rig.json --out o.png --size 40x30 --truth " + camera.image,
-                 "must have the view's size");
+                 "must have the same size as the view");
 }
 
 TEST_F(LfShow, AFilmOfEveryViewOfAPath) {

@@ -556,7 +556,7 @@ async function refusals() {
     channel.send('x'.repeat(60000));
   });
   await right.evaluate(() => inside().stream.connection.channel.send(''));
-  await until(() => /too many messages/.test(served.said), 'the flood is noticed');
+  await until(() => /sends too many/.test(served.said), 'the flood is noticed');
   await new Promise(done => setTimeout(done, 1000));
   await setView(right, { yaw: 1 });
   for (const page of [wrong, right]) await page.context().close();

@@ -32,7 +32,7 @@ async function start(...command) {
   process.on('exit', () => child.kill('SIGKILL'));
   const url = await new Promise((resolve, reject) => {
     createInterface({ input: child.stdout }).on('line', line => {
-      const match = line.match(/cameras (?:are )?at (http\S+\/)/);
+      const match = line.match(/at (http\S+\/)/);
       if (match) resolve(match[1]);
     });
     child.on('exit', () => reject(new Error(`lf-rig ${command[0]} ended`)));
@@ -103,7 +103,7 @@ async function isOnlyForThisMachinesPage() {
     expect((await fetch(new URL('swap', program.url), { method: 'POST', headers: json, body })).status === 400, body);
   const unknown = await fetch(new URL('swap', program.url),
     { method: 'POST', headers: json, body: '{"a":0,"b":77}' });
-  expect(unknown.status === 409 && (await unknown.json()).problem.includes('no such camera'), 'an id of no camera');
+  expect(unknown.status === 409 && (await unknown.json()).problem.includes('no camera with this id'), 'an id of no camera');
   expect((await fetch(new URL('nothing', program.url))).status === 404, 'nothing else');
   expect(await readFile(file, 'utf8') === before, 'the rig file is as it was');
   expect((await swap(json)).status === 200 && await wavedAt() === 0, 'its own');
@@ -120,6 +120,34 @@ async function servedBesideTheLightField() {
   expect(!page.problems.length, page.problems.join('; '));
   await page.close();
   await served.stop();
+}
+
+async function fitsWindowsOfAllWidths() {
+  await promisify(execFile)(tool, ['new', '--grid', '8x8', '--pitch', '0.1', '--fov', '60', '--width', '64', '--height',
+    '48', '--out', file]);
+  const rig = JSON.parse(await readFile(file, 'utf8'));
+  for (const camera of rig.cameras) camera.source = kQuiet;
+  rig.cameras[9].source = 'nosuchelement property=1';
+  rig.cameras[17].name = 'the_camera_beside_the_entrance';
+  await writeFile(file, JSON.stringify(rig));
+  const program = await identify(), page = await open(program.url);
+  await until(async () => await page.locator('.tile.ill').count() > 0, 'a long reason');
+  for (const width of [390, 800, 1280, 1920]) {
+    await page.setViewportSize({ width, height: 720 });
+    const { cut, overlaps, scrolls } = await page.evaluate(() => {
+      const tiles = [...document.querySelectorAll('.tile')], places = tiles.map(tile => tile.getBoundingClientRect());
+      const texts = tiles.flatMap(tile => [...tile.querySelectorAll('span')]);
+      return {
+        cut: texts.filter(text => text.scrollWidth > text.clientWidth).map(text => text.textContent),
+        overlaps: places.filter(({ left, top }, i) => i > 0 && left < places[i - 1].right && top < places[i - 1].bottom).length,
+        scrolls: document.documentElement.scrollWidth > innerWidth,
+      };
+    });
+    expect(!cut.length && !overlaps && !scrolls,
+      `${width} pixels: cut off: ${cut.slice(0, 3).join(', ')}; ${overlaps} tiles overlap; the page scrolls: ${scrolls}`);
+  }
+  await page.close();
+  await program.stop();
 }
 
 async function saysWhereALightIsToGo() {
@@ -154,5 +182,6 @@ await runTests([
   ['the camera that is waved at lights up, and goes where it is dragged', lightsUpAndSwaps],
   ['only the page itself may change the rig', isOnlyForThisMachinesPage],
   ['lf-serve has the same view', servedBesideTheLightField],
+  ['no text of a large array is cut off', fitsWindowsOfAllWidths],
   ['a recording says where a light is to go', saysWhereALightIsToGo],
 ]);

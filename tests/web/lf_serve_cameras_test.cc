@@ -15,6 +15,7 @@
 #include "gst/gst_test.h"
 #include "gst/rtsp_server.h"
 #include "pipelines/gst_launch.h"
+#include "support/run_program.h"
 #include "web/served.h"
 #include "web/whep_client.h"
 
@@ -112,6 +113,30 @@ TEST_F(LfServeCameras, TellsNobodyTheirPasswords) {
   EXPECT_THAT(served.said(), ::testing::Not(HasSubstr("Hunter2")));
 }
 
+TEST_F(LfServeCameras, PasswordsThatOthersCanReadAreAWarning) {
+  using std::filesystem::perm_options, std::filesystem::perms;
+  const auto edit = [this](Rig& rig) {
+    for (Camera& camera : rig.cameras) camera.source = files_.path("mjpeg.mkv");
+    rig.cameras[1].source = "rtsp://admin:Hunter2Secret@127.0.0.1:1/stream";
+  };
+  Served served({}, edit);
+  EXPECT_EQ(served.stop(), 0);
+  std::filesystem::permissions(served.rig(), perms::owner_read | perms::owner_write);
+  Served closed(Served::ExistingRig{served.rig()});
+  ASSERT_NE(closed.url(), "") << closed.said();
+  EXPECT_EQ(closed.stop(), 0);
+  EXPECT_THAT(closed.said(), ::testing::Not(HasSubstr("chmod")));
+  std::filesystem::permissions(served.rig(), perms::others_read, perm_options::add);
+  const Outcome outcome = run_program("lf-rig", "check " + served.rig());
+  EXPECT_EQ(outcome.status, 0) << outcome.output;
+  EXPECT_THAT(outcome.output, HasSubstr("rig.json: warning: cameras[1]: its source contains a password or key"));
+  EXPECT_THAT(outcome.output, HasSubstr("run chmod 600 " + served.rig()));
+  Served again(Served::ExistingRig{served.rig()});
+  ASSERT_NE(again.url(), "") << again.said();
+  EXPECT_TRUE(says(again, "run chmod 600 " + served.rig())) << again.said();
+  EXPECT_EQ(again.stop(), 0);
+}
+
 TEST_F(LfServeCameras, ElementsThatMayWriteNeedTrust) {
   const std::string mark = files_.path("written-by-the-rig");
   const auto edit = [&](Rig& rig) {
@@ -198,12 +223,12 @@ TEST_F(LfServeCameras, AWatchedRigGoesLiveWithoutARestart) {
   EXPECT_TRUE(goes_on(client));
 
   write_text_file("{ not yet", served.rig());
-  EXPECT_TRUE(says(served, "the rig stays as it was: ")) << served.said();
+  EXPECT_TRUE(says(served, "the old rig stays in use: ")) << served.said();
   EXPECT_TRUE(goes_on(client));
 
   for (Camera& camera : rig.cameras) camera.source = files_.path("mjpeg.mkv");
   save_rig(rig, served.rig());
-  EXPECT_TRUE(says(served, "the rig has other cameras: opening the cameras")) << served.said();
+  EXPECT_TRUE(says(served, "the changed rig file has other cameras")) << served.said();
   EXPECT_TRUE(becomes([&] { return told() == 3; })) << served.said();
   EXPECT_TRUE(goes_on(client)) << served.said();
 
@@ -217,10 +242,10 @@ TEST_F(LfServeCameras, AWatchedRigGoesLiveWithoutARestart) {
 }
 
 TEST_F(LfServeCameras, OptionsThatCantWorkAreSaid) {
-  EXPECT_THAT(run_program("lf-serve", "--watch").output, HasSubstr("--watch: needs --rig"));
-  EXPECT_THAT(run_program("lf-serve", "--key-file /nobody").output, HasSubstr("--key-file: needs --nodes"));
+  EXPECT_THAT(run_program("lf-serve", "--watch").output, HasSubstr("--watch: requires --rig"));
+  EXPECT_THAT(run_program("lf-serve", "--key-file /nobody").output, HasSubstr("--key-file: requires --nodes"));
   EXPECT_THAT(run_program("lf-serve", "--focus-near 5 --focus-far 1").output,
-              HasSubstr("--focus-near: must be nearer than --focus-far"));
+              HasSubstr("--focus-near: must be less than --focus-far"));
 }
 
 class KeyFile : public TempFile {

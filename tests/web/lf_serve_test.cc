@@ -157,7 +157,7 @@ TEST_F(LfServe, FliesPathsThatItHas) {
   }
   Served odd({"--path", "hall=" + (dir / "odd.json")});
   EXPECT_EQ(odd.stop(), 1);
-  EXPECT_THAT(odd.said(), HasSubstr("even width and height"));
+  EXPECT_THAT(odd.said(), HasSubstr("must be even"));
 }
 
 TEST_F(LfServe, AnswersAnOfferAndTakesLeave) {
@@ -464,8 +464,8 @@ TEST_F(LfServeTls, TakesANewCertificateWhileItRuns) {
   trust(first);
   EXPECT_EQ(ask(served, "GET", "healthz").status, 200u);
   make_certificate(false);
-  EXPECT_TRUE(says(served, "the certificate stays as it was: ")) << served.said();
-  EXPECT_THAT(served.said(), HasSubstr("is not the key of the certificate in"));
+  EXPECT_TRUE(says(served, "the old one stays in use: ")) << served.said();
+  EXPECT_THAT(served.said(), HasSubstr("is not the private key of the certificate in"));
   soup_session_abort(session_);
   EXPECT_EQ(ask(served, "GET", "healthz").status, 200u) << "with the matching certificate";
   std::filesystem::rename(dir_ / "other.pem", dir_ / "key.pem");
@@ -479,7 +479,7 @@ TEST_F(LfServeTls, NoticesThatTheModeOfTheKeyIsRepaired) {
   using std::filesystem::perm_options, std::filesystem::perms;
   Served served(options());
   std::filesystem::permissions(dir_ / "key.pem", perms::others_read, perm_options::add);
-  EXPECT_TRUE(says(served, "the certificate stays as it was: ")) << served.said();
+  EXPECT_TRUE(says(served, "the old one stays in use: ")) << served.said();
   EXPECT_THAT(served.said(), HasSubstr("chmod 600 " + dir_ / "key.pem"));
   std::filesystem::permissions(dir_ / "key.pem", perms::others_read, perm_options::remove);
   EXPECT_TRUE(says(served, "new connections use the new certificate")) << served.said();
@@ -632,8 +632,8 @@ TEST_F(LfServe, SecretsThatOtherUsersCanReadAreRefused) {
 TEST_F(LfServe, OptionsThatWouldNeverMatchAreRefused) {
   const std::pair<std::vector<std::string>, const char*> table[] = {
       {{"--capture-delay", "10001"}, "Value 10001 not in range"},
-      {{"--media-address", "192.0.2.1"}, "--media-address 192.0.2.1: must be an IP address of this machine"},
-      {{"--media-address", "example.org"}, "--media-address example.org: must be an IP address of this machine"},
+      {{"--media-address", "192.0.2.1"}, "--media-address 192.0.2.1: is not an IP address of this machine"},
+      {{"--media-address", "example.org"}, "--media-address example.org: is not an IP address of this machine"},
       {{"--proxy", "proxy.example"}, "--proxy proxy.example: must be an IP address or localhost"},
       {{"--origin", "example.org"}, "--origin example.org: must be an origin such as"},
       {{"--host", "https://example.org"}, "--host https://example.org: must be a host name"},
@@ -691,6 +691,22 @@ TEST_F(LfServe, ListensToOthersOnlyWhenTold) {
   Served insecure({"--listen", "0.0.0.0", "--insecure"});
   EXPECT_NE(insecure.url(), "") << insecure.said();
   EXPECT_EQ(insecure.stop(), 0);
+}
+
+TEST_F(LfServe, WarnsIfEverybodyOnTheNetworkCanWatch) {
+  const std::string warning = "warning: no token: everybody who reaches http://0.0.0.0:";
+  Served open({"--listen", "0.0.0.0", "--insecure"});
+  ASSERT_NE(open.url(), "") << open.said();
+  EXPECT_EQ(open.stop(), 0);
+  EXPECT_THAT(open.said(), testing::AllOf(HasSubstr(warning), HasSubstr("--token-file")));
+  Served here;
+  EXPECT_EQ(here.stop(), 0);
+  EXPECT_THAT(here.said(), testing::Not(HasSubstr("no token")));
+  const TempDir dir;
+  dir.write_secret("token", "0123456789abcdef0123456789abcdef");
+  Served closed({"--listen", "0.0.0.0", "--insecure", "--token-file", dir / "token"});
+  EXPECT_EQ(closed.stop(), 0);
+  EXPECT_THAT(closed.said(), testing::Not(HasSubstr("no token")));
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <libsoup/soup.h>
 
+#include <algorithm>
 #include <functional>
 #include <mutex>
 #include <optional>
@@ -45,6 +46,12 @@ class Served {
   };
   explicit Served(const SceneNotFilmed& unfilmed) {
     begin({LF_TOOLS_DIR "/lf-serve", "--port", "0"}, "filming", unfilmed.cache.c_str());
+  }
+  struct ExistingRig {
+    std::string path;
+  };
+  explicit Served(const ExistingRig& rig) {
+    begin({LF_TOOLS_DIR "/lf-serve", "--rig", rig.path, "--port", "0"}, "serving", nullptr);
   }
   // Ends the program like a service manager; expects no CRITICAL in its output.
   ~Served() {
@@ -103,6 +110,7 @@ class Served {
       said_ += *line + "\n";
       if (const size_t at = line->find(" at http"); line->starts_with(beginning) && at != line->npos) {
         url_ = line->substr(at + 4);
+        url_.resize(std::min(url_.size(), url_.find(' ')));
         break;
       }
     }

@@ -29,6 +29,7 @@
 #include "cameras/rig_cameras.h"
 #include "progress.h"
 #include "rig/rig_json.h"
+#include "terminal.h"
 
 namespace fs = std::filesystem;
 using namespace lf::cameras;
@@ -46,19 +47,20 @@ int run_doctor(DoctorArguments options) {
   const auto rig = std::make_shared<const lf::Rig>(lf::load_rig(options.rig));
   if (!options.json) {
     options.exam.on_planned = [](const std::vector<LinkLoad>& planned) {
-      std::fputs(link_table(planned, "as planned").c_str(), stdout);
+      terminal::write(stdout, link_table(planned, "as planned"));
       std::fflush(stdout);
     };
     options.exam.on_progress = [bar = std::make_shared<Progress>("watching", 100), shown = 0](double part) mutable {
       for (; shown < 100 * part && shown < 100; shown++) bar->step();
     };
-    std::fprintf(stderr, "opening %zu cameras\n", rig->cameras.size());
+    terminal::print_error("opening %zu cameras\n", rig->cameras.size());
     if (std::ranges::all_of(rig->cameras, [](const lf::Camera& c) { return c.image.empty() && c.source.empty(); }))
-      std::fputs("no camera has an image or a source: the cameras film the built-in scene\n", stderr);
+      terminal::write(stderr,
+                      "no camera in the rig has an image or a source, so all cameras show the built-in scene\n");
   }
   const DoctorReport exam = run_doctor(rig, options.rig, options.exam);
-  options.exam.on_progress = {};  // removes the progress bar before the report is printed
-  std::fputs((options.json ? json_report(*rig, exam) + "\n" : text_report(*rig, exam)).c_str(), stdout);
+  options.exam.on_progress = {};
+  terminal::write(stdout, (options.json ? json_report(*rig, exam) + "\n" : text_report(*rig, exam)));
   return exam.errors() > 0 ? 1 : 0;
 }
 
@@ -66,18 +68,23 @@ int run_doctor(DoctorArguments options) {
 
 void add_doctor_command(cli::App& app, int& status) {
   const auto o = std::make_shared<DoctorArguments>();
-  cli::App* command = app.add_subcommand(
-      "doctor", "Opens all cameras and reports frame rates, problems and remedies; exit status 1 if there is an error");
-  command->add_option("RIG", o->rig, "Rig file")->required();
-  command->add_option("--seconds", o->exam.seconds, "Observation time in seconds")
+  cli::App* command = app.add_subcommand("doctor",
+                                         "Opens all cameras at the same time, and reports frame rates, problems and "
+                                         "their remedies. The exit status is 1 if there is an error");
+  command->add_option("RIG", o->rig, "Rig file with the sources of the cameras")->required();
+  command->add_option("--seconds", o->exam.seconds, "Observation time, in seconds, after all cameras deliver frames")
       ->capture_default_str()
       ->check(cli::Range(1.0, 600.0));
-  command->add_option("--patience", o->exam.timeout, "Maximum seconds until the first frame of a camera")
+  command
+      ->add_option("--patience", o->exam.timeout,
+                   "Maximum time until the first frame of each camera, in seconds. A slower camera counts as broken")
       ->capture_default_str()
       ->check(cli::Range(1.0, 120.0));
-  command->add_option("--fps", o->exam.fps, "Frames per second to request from devices (default: device default)")
+  command
+      ->add_option("--fps", o->exam.fps,
+                   "Frames per second to request from V4L2 and other devices (default: the device decides)")
       ->check(cli::Range(1, 1000));
-  command->add_flag("--json", o->json, "Print JSON instead of text");
+  command->add_flag("--json", o->json, "Print the report as JSON, for scripts");
   cli::add_trust_option(*command, o->exam.trusted);
   command->callback([o, &status] { status = run_doctor(*o); });
 }
@@ -124,8 +131,10 @@ class Identify {
                                  },
                                  this)};
     cameras_.start();
-    std::printf("%zu cameras at %s\nHold a hand in front of a camera and drag it to its place. Ctrl-C quits.\n",
-                rig_.cameras.size(), server_.url().c_str());
+    terminal::print(
+        "%zu cameras are shown at %s\nHold a hand in front of a camera to highlight its tile, and drag the tile to its "
+        "place. Ctrl-C quits.\n",
+        rig_.cameras.size(), server_.url().c_str());
     std::fflush(stdout);
     opening_.emplace("opening cameras", rig_.cameras.size());
     g_main_loop_run(loop);
@@ -147,7 +156,7 @@ class Identify {
     opening_.reset();
     for (const lf::CameraIndex i : cameras_.cameras())
       if (const std::string problem = cameras_.problem(i); !problem.empty())
-        std::fprintf(stderr, "warning: %s: %s\n", problem.c_str(), remedy_for(rig_.cameras[i], problem).c_str());
+        terminal::print_error("warning: %s: %s\n", problem.c_str(), remedy_for(rig_.cameras[i], problem).c_str());
   }
 
   std::string state() {
@@ -162,7 +171,7 @@ class Identify {
 
   std::string swap(uint32_t a, uint32_t b) {
     const auto first = rig_.index_of_id(a), second = rig_.index_of_id(b);
-    if (!first || !second) return "there is no such camera";
+    if (!first || !second) return "there is no camera with this id";
     try {
       nlohmann::json text = text_;
       lf::swap_devices(text, a, b);
@@ -174,8 +183,8 @@ class Identify {
     for (std::atomic<lf::CameraIndex>& place : place_of_)
       place = place == *first ? *second : place == *second ? *first : place.load();
     mosaic_.swap(a, b);
-    std::printf("%s: the cameras of %s and %s have changed places\n", path_.c_str(),
-                name_of(rig_.cameras[*first]).c_str(), name_of(rig_.cameras[*second]).c_str());
+    terminal::print("%s: the cameras of %s and %s have changed places\n", path_.c_str(),
+                    name_of(rig_.cameras[*first]).c_str(), name_of(rig_.cameras[*second]).c_str());
     std::fflush(stdout);
     return "";
   }
@@ -188,7 +197,7 @@ class Identify {
   std::vector<std::atomic<lf::CameraIndex>> place_of_;
   RigCameras cameras_;
   IdentifyServer server_;
-  std::optional<Progress> opening_;  // until all cameras have delivered a frame or failed
+  std::optional<Progress> opening_;
 };
 
 }  // namespace
@@ -196,9 +205,17 @@ class Identify {
 void add_identify_command(cli::App& app) {
   const auto o = std::make_shared<IdentifyArguments>();
   cli::App* command = app.add_subcommand(
-      "identify", "Serves a page with all cameras live: wave at a camera to highlight it, drag it to its place");
-  command->add_option("RIG", o->rig, "Rig file; swapped cameras are saved to it")->required();
-  command->add_option("--port", o->port, "Port of the page, on this machine only; 0: any")
+      "identify",
+      "Serves a web page with live images of all cameras, to find out which camera is where. A hand in front of a "
+      "camera highlights its tile, and the tile can be dragged to its place in the array");
+  command
+      ->add_option(
+          "RIG", o->rig,
+          "Rig file with the sources of the cameras. When tiles are swapped, the sources are swapped in this file")
+      ->required();
+  command
+      ->add_option("--port", o->port,
+                   "TCP port of the page, which is accessible on this machine only (0: the system selects a free port)")
       ->capture_default_str()
       ->check(cli::Range(0, 65535));
   cli::add_trust_option(*command, o->trusted);
@@ -227,7 +244,6 @@ int lock_cameras(LockArguments options) {
   options.lock.reference = *reference;
   options.lock.path = options.rig;
   if (options.mains > 0) options.lock.mains = options.mains;
-  // Cameras need about a second to open.
   const double look = options.lock.settle + 1;
   std::optional<TimedProgress> progress;
   progress.emplace("camera " + name_of(rig.cameras[*reference]) + " adjusts", look);
@@ -244,7 +260,7 @@ int lock_cameras(LockArguments options) {
     if (options.mains > 0) controls[camera.id]["mains_frequency"] = options.mains;
   }
   lf::put_controls(controls, original);
-  for (const auto& [name, value] : values) std::printf("%s: %.6g\n", name.c_str(), value);
+  for (const auto& [name, value] : values) terminal::print("%s: %.6g\n", name.c_str(), value);
   std::vector<StuckControl> stuck;
   if (!options.no_check)
     stuck = find_stuck_controls(rig, values, options.lock, [&](const std::string& step) {
@@ -253,12 +269,12 @@ int lock_cameras(LockArguments options) {
     });
   progress.reset();
   for (const StuckControl& one : stuck)
-    std::printf("warning: camera %s: %s%s\n", name_of(rig.cameras[one.camera]).c_str(),
-                one.control.empty() ? "" : (one.control + " does not respond: ").c_str(), one.why.c_str());
+    terminal::print("warning: camera %s: %s%s\n", name_of(rig.cameras[one.camera]).c_str(),
+                    one.control.empty() ? "" : (one.control + " does not respond: ").c_str(), one.why.c_str());
   const std::string out = options.out.empty() ? options.rig : options.out;
   lf::rebase_paths(rig, fs::path(out).parent_path().string());
   lf::save_rig(rig, out, &original);
-  std::printf("%s: %zu cameras have equal controls\n", out.c_str(), rig.cameras.size());
+  terminal::print("%s: %zu cameras have equal controls\n", out.c_str(), rig.cameras.size());
   return stuck.empty() ? 0 : 1;
 }
 
@@ -266,19 +282,26 @@ int lock_cameras(LockArguments options) {
 
 void add_lock_command(cli::App& app, int& status) {
   const auto o = std::make_shared<LockArguments>();
-  cli::App* command =
-      app.add_subcommand("lock",
-                         "Copies the automatic exposure, gain, white balance and focus of one camera to all cameras, "
-                         "and finds controls that have no effect; exit status 1 if there are any");
-  command->add_option("RIG", o->rig, "Rig file")->required();
-  command->add_option("--camera", o->camera, "Id of the reference camera")->capture_default_str();
-  command->add_option("--mains-frequency", o->mains, "Mains frequency of the lamps, in hertz: avoids flicker")
+  cli::App* command = app.add_subcommand(
+      "lock",
+      "Gives all cameras the same fixed exposure, gain, white balance and focus: the values that one camera has chosen "
+      "automatically. Then checks that these controls have an effect. The exit status is 1 if a control has none");
+  command->add_option("RIG", o->rig, "Rig file with the sources of the cameras")->required();
+  command
+      ->add_option("--camera", o->camera,
+                   "Id of the reference camera. All cameras receive its automatic values, so it should see a typical "
+                   "part of the scene")
+      ->capture_default_str();
+  command
+      ->add_option("--mains-frequency", o->mains,
+                   "Mains frequency of the lamps, in hertz. Exposures are rounded to whole periods of the light, which "
+                   "avoids flicker")
       ->check(cli::IsMember({50, 60}));
-  command->add_option("--settle", o->lock.settle, "Seconds for automatic controls to adjust")
+  command->add_option("--settle", o->lock.settle, "Time for the automatic controls to adjust, in seconds")
       ->capture_default_str()
       ->check(cli::Range(0.1, 120.0));
-  command->add_flag("--no-check", o->no_check, "Do not check that controls have an effect");
-  command->add_option("--out", o->out, "Rig file to write (default: RIG)");
+  command->add_flag("--no-check", o->no_check, "Do not check that the controls have an effect");
+  command->add_option("--out", o->out, "Rig file that receives the values (default: RIG)");
   cli::add_trust_option(*command, o->lock.trusted);
   command->callback([o, &status] { status = lock_cameras(*o); });
 }
@@ -292,7 +315,7 @@ struct RecordArguments {
   int page = -1;
 };
 
-// Set by Ctrl-C. Recording then stops and completes its files.
+// Set by Ctrl-C, which ends the recording and completes its files.
 volatile std::sig_atomic_t interrupted = 0;
 
 int record_films(RecordArguments options) {
@@ -307,13 +330,13 @@ int record_films(RecordArguments options) {
   size_t whole = 0;
   for (const auto& [index, frames, problem, note] : recorded) {
     const lf::Camera& camera = rig->cameras[index];
-    std::printf("camera %s: %llu frames%s%s\n", name_of(camera).c_str(), static_cast<unsigned long long>(frames),
-                problem.empty() ? "" : ": ",
-                problem.empty() ? "" : (problem + ": " + remedy_for(camera, problem)).c_str());
-    if (!note.empty()) std::printf("  %s\n", note.c_str());
+    terminal::print("camera %s: %llu frames%s%s\n", name_of(camera).c_str(), static_cast<unsigned long long>(frames),
+                    problem.empty() ? "" : ": ",
+                    problem.empty() ? "" : (problem + ": " + remedy_for(camera, problem)).c_str());
+    if (!note.empty()) terminal::print("  %s\n", note.c_str());
     whole += problem.empty();
   }
-  std::printf("%s: %zu of %zu cameras\n", options.out.c_str(), whole, recorded.size());
+  terminal::print("%s: %zu of %zu cameras\n", options.out.c_str(), whole, recorded.size());
   return whole < recorded.size() ? 1 : 0;
 }
 
@@ -321,21 +344,26 @@ int record_films(RecordArguments options) {
 
 void add_record_command(cli::App& app, int& status) {
   const auto o = std::make_shared<RecordArguments>();
-  cli::App* command = app.add_subcommand(
-      "record", "Records all cameras on one clock, for lf-calibrate; exit status 1 if a camera is missing");
-  command->add_option("RIG", o->rig, "Rig file")->required();
-  command->add_option("--out", o->out, "Folder to write: NAME.mkv for each camera")->required();
-  command->add_option("--cameras", o->cameras, "Ids: 0-3,7 (default: all)");
-  command->add_option("--seconds", o->recording.seconds, "Length in seconds; Ctrl-C ends the recording early")
+  cli::App* command = app.add_subcommand("record",
+                                         "Records all cameras on one common clock, as input of lf-calibrate. The exit "
+                                         "status is 1 if the recording of a camera is missing");
+  command->add_option("RIG", o->rig, "Rig file with the sources of the cameras")->required();
+  command->add_option("--out", o->out, "Folder that receives the film NAME.mkv of each camera")->required();
+  command->add_option("--cameras", o->cameras, "Ids of the cameras to open, for example 0-3,7 (default: all cameras)");
+  command
+      ->add_option("--seconds", o->recording.seconds,
+                   "Length of the recording, in seconds. Ctrl-C ends the recording early and keeps the films")
       ->capture_default_str()
       ->check(cli::Range(0.1, 86400.0));
   command
       ->add_option("--lights", o->guide.lights,
-                   "Number of moving lights; reports which image regions they have not reached")
+                   "Number of lights that move in front of the cameras. During the recording, the command reports "
+                   "image regions that the lights have not reached yet")
       ->check(cli::Range(1, 2));
   command
       ->add_option("--page", o->page,
-                   "Port of a local page that shows the cameras and instructions; 0: any (default: no page)")
+                   "TCP port of a local web page that shows live images and instructions (0: the system selects a free "
+                   "port; default: no page)")
       ->check(cli::Range(0, 65535));
   cli::add_trust_option(*command, o->recording.trusted);
   command->callback([o, &status] { status = record_films(*o); });
@@ -348,7 +376,7 @@ struct SnapshotArguments {
   SnapshotOptions snapshot;
 };
 
-// Uses the names of the cameras if they are unique and valid file names, otherwise their ids.
+// Images are named after the cameras if the names are unique and valid file names, otherwise after the ids.
 std::string file_name(const lf::Rig& rig, const lf::Camera& camera) {
   const auto fits = [](const std::string& name) {
     return !name.empty() && name[0] != '.' && name.find_first_of("/\\%") == std::string::npos;
@@ -365,7 +393,7 @@ int take_snapshot(SnapshotArguments options) {
   options.snapshot.cameras = lf::parse_camera_list(*rig, options.cameras);
   std::vector<SnapshotImage> stills;
   {
-    // One second in addition to the warm-up, for opening the cameras.
+    // Opening the cameras takes about one second more.
     const TimedProgress progress("opening " + std::to_string(options.snapshot.cameras.size()) + " cameras",
                                  options.snapshot.warm_up + 1);
     stills = take_snapshot(rig, options.rig, options.snapshot);
@@ -379,20 +407,20 @@ int take_snapshot(SnapshotArguments options) {
     lf::Camera& camera = result.cameras[still.camera];
     if (still.rgb.data().empty()) {
       missing++;
-      std::printf("camera %s: %s: %s\n", name_of(camera).c_str(), still.problem.c_str(),
-                  remedy_for(camera, still.problem).c_str());
+      terminal::print("camera %s: %s: %s\n", name_of(camera).c_str(), still.problem.c_str(),
+                      remedy_for(camera, still.problem).c_str());
       continue;
     }
     camera.image = file_name(*rig, camera);
     lf::save_image(still.rgb, (fs::path(update.staging()) / camera.image).string());
-    std::printf("camera %s: %s, %+.1f ms\n", name_of(camera).c_str(), camera.image.c_str(), 1e3 * still.off);
+    terminal::print("camera %s: %s, %+.1f ms\n", name_of(camera).c_str(), camera.image.c_str(), 1e3 * still.off);
   }
   if (static_cast<size_t>(missing) == stills.size())
-    throw lf::Error("no camera gave a still: " + options.out + " stays as it was");
+    throw lf::Error("no camera delivered an image, so " + options.out + " is unchanged");
   update.commit();
   lf::save_rig(result, (fs::path(options.out) / "rig.json").string(), &original);
-  std::printf("%s/rig.json: %zu stills of one instant, %d cameras missing\n", options.out.c_str(),
-              stills.size() - static_cast<size_t>(missing), missing);
+  terminal::print("%s/rig.json: %zu stills of one instant, %d cameras are missing\n", options.out.c_str(),
+                  stills.size() - static_cast<size_t>(missing), missing);
   return missing > 0 ? 1 : 0;
 }
 
@@ -400,12 +428,15 @@ int take_snapshot(SnapshotArguments options) {
 
 void add_snapshot_command(cli::App& app, int& status) {
   const auto o = std::make_shared<SnapshotArguments>();
-  cli::App* command = app.add_subcommand(
-      "snapshot", "Saves an image of each camera, all of one instant, and a rig file; exit status 1 if one is missing");
-  command->add_option("RIG", o->rig, "Rig file")->required();
-  command->add_option("--out", o->out, "Folder to write: a PNG file per camera, and rig.json")->required();
-  command->add_option("--cameras", o->cameras, "Ids: 0-3,7 (default: all)");
-  command->add_option("--warm-up", o->snapshot.warm_up, "Seconds that the cameras run before the snapshot")
+  cli::App* command = app.add_subcommand("snapshot",
+                                         "Saves one image of each camera, all taken at the same time, and a rig file "
+                                         "for these images. The exit status is 1 if an image is missing");
+  command->add_option("RIG", o->rig, "Rig file with the sources of the cameras")->required();
+  command->add_option("--out", o->out, "Folder that receives a PNG file for each camera, and rig.json")->required();
+  command->add_option("--cameras", o->cameras, "Ids of the cameras to open, for example 0-3,7 (default: all cameras)");
+  command
+      ->add_option("--warm-up", o->snapshot.warm_up,
+                   "Time that the cameras run before the snapshot, in seconds, so that automatic controls can adjust")
       ->capture_default_str()
       ->check(cli::Range(0.0, 600.0));
   cli::add_trust_option(*command, o->snapshot.trusted);

@@ -17,8 +17,9 @@
 namespace lf::cameras {
 namespace {
 
-constexpr double kLookEvery = 0.5;  // seconds between brightness measurements, which decode JPEG
-constexpr double kSettle = 1;       // seconds at the start for automatic controls and clock estimation
+constexpr double kLookEvery = 0.5;  // seconds between brightness measurements, which are rare because they decode JPEG
+// seconds at the start that do not count, because controls and clocks still converge
+constexpr double kSettle = 1;
 constexpr int kUsualRate = 30;
 
 struct FrameMonitor {
@@ -90,7 +91,7 @@ CameraReport result_of(const RigCameras& cameras, CameraIndex index, FrameMonito
   return exam;
 }
 
-// Sums the needs of the cameras per link, by link name; skips cameras without a link.
+// Adds up the bytes per second of all cameras on each link. Cameras without a known link are skipped.
 std::vector<LinkLoad> loads(const std::vector<CameraReport>& cameras, const auto& need) {
   std::vector<LinkLoad> all;
   for (const CameraReport& camera : cameras) {
@@ -154,8 +155,8 @@ DoctorReport run_doctor(std::shared_ptr<const Rig> rig, const std::string& path,
   exam.planned = planned_loads(*rig, exam.cameras, options.fps);
   if (options.on_planned) options.on_planned(exam.planned);
   std::vector<FrameMonitor> watches(rig->cameras.size());
-  // JPEG is not decoded, as in the light field. Otherwise the decoding speed of this machine would limit the
-  // measurement of a large array.
+  // JPEG is not decoded, as in a light field. Otherwise the decoding speed of this machine would limit the measurement
+  // of a large array.
   RigCameras cameras(rig, path, {.decode = false, .trusted = options.trusted, .fps = options.fps},
                      [&](const CameraFrame& frame) { watches[frame.camera].see(frame); });
   cameras.start();
@@ -187,15 +188,17 @@ DoctorReport run_doctor(std::shared_ptr<const Rig> rig, const std::string& path,
   for (size_t i = 0; i < exam.cameras.size(); i++) exam.cameras[i].phase = exam.skew.phase[i];
   exam.measured = measured_loads(*rig, exam.cameras);
   exam.findings = find_problems(*rig, exam);
+  if (const std::string warning = secret_warning(*rig, path); !warning.empty())
+    exam.findings.push_back({false, path, warning, "change passwords that other users may have read"});
   return exam;
 }
 
 namespace {
 
 constexpr double kManyMissing = 0.01;
-constexpr double kOtherRate = 0.02;  // relative difference from the array's frame rate
+constexpr double kOtherRate = 0.02;  // relative deviation from the usual frame rate that is reported
 constexpr double kUnevenStamps = 0.1;
-constexpr double kMovingBrightness = 0.03;  // relative change of brightness that scene motion may cause
+constexpr double kMovingBrightness = 0.03;  // relative change of brightness that may come from motion in the scene
 constexpr double kBlack = 10, kWhite = 245;
 
 bool contains(const std::string& text, const char* part) { return text.find(part) != std::string::npos; }
@@ -234,16 +237,19 @@ void look_at_failure(const Rig& rig, const CameraReport& exam, FindingList& find
 void look_at_frames(const CameraReport& exam, double usual_rate, FindingList& findings) {
   const FrameTimeStats& times = exam.times;
   if (times.frames < 3) {
-    findings.error(exam, "gives no frames", "check the camera in another program; unplug it and plug it in again");
+    findings.error(exam, "gives no frames",
+                   "check the camera in another program; then unplug the camera and plug it in again");
     return;
   }
   const double missing = static_cast<double>(times.missing) / static_cast<double>(times.missing + times.frames);
   if (missing > kManyMissing) {
     std::string remedy = "reduce the frame rate";
     if (exam.left_undecoded > 0)
-      remedy = "this machine can't decode them all: use MJPEG, a lower frame rate, or several machines";
+      remedy = "this machine cannot decode all frames in time; use MJPEG, a lower frame rate, or several machines";
     else if (exam.attachment.link.kind == Link::Kind::kUsb)
-      remedy = "use MJPEG, a lower frame rate, or a port of another controller; short cables, only powered hubs";
+      remedy =
+          "use MJPEG, a lower frame rate, or a port of another USB controller; also use short cables and only powered "
+          "hubs";
     else if (exam.attachment.link.kind == Link::Kind::kNetwork)
       remedy = "use a wired network, a packet delay if supported, RTSP over TCP (rtspt://), or a lower bit rate";
     findings.warning(exam,
@@ -252,21 +258,24 @@ void look_at_frames(const CameraReport& exam, double usual_rate, FindingList& fi
                      remedy);
   }
   if (std::abs(times.rate() / usual_rate - 1) > kOtherRate)
-    findings.warning(exam, format_text("gives %.2f frames/s, most others %.2f", times.rate(), usual_rate),
-                     "request one rate for all (framerate= in their sources); webcams slow down in the dark: add "
-                     "light or set the exposure (lf-rig lock)");
+    findings.warning(exam,
+                     format_text("delivers %.2f frames/s, but most cameras deliver %.2f", times.rate(), usual_rate),
+                     "request the same rate from all cameras (framerate= in their sources); webcams slow down in the "
+                     "dark, so add light or set the exposure (lf-rig lock)");
   if (times.backwards > 0)
     findings.warning(exam, format_text("%zu frames have a timestamp before the previous one", times.backwards),
-                     "its clock is unreliable: restart the camera, and look for newer firmware");
+                     "the clock of the camera is unreliable; restart the camera, and look for newer firmware");
   if (times.jitter > kUnevenStamps * times.period)
-    findings.warning(exam, format_text("its timestamps jitter by %.1f ms", 1e3 * times.jitter),
-                     exam.stamps == "arrival" ? "it sends no capture times, so that network delays count: have "
-                                                "it send RTCP sender reports, with its clock set by NTP"
-                                              : "moving objects appear double: connect fewer cameras to its link, or "
-                                                "replace the camera");
+    findings.warning(
+        exam, format_text("its timestamps jitter by %.1f ms", 1e3 * times.jitter),
+        exam.stamps == "arrival"
+            ? "the camera sends no capture times, so the timestamps include network delays; enable RTCP sender reports "
+              "in the camera, and set its clock by NTP"
+            : "moving objects will appear double; connect fewer cameras to its link, or replace the camera");
   else if (exam.stamps == "arrival")
     findings.warning(exam, "has no capture times; packet arrival times are used instead",
-                     "have the camera send RTCP sender reports and set its clock by NTP, or measure time_offset");
+                     "enable RTCP sender reports in the camera and set its clock by NTP, or measure its time_offset "
+                     "with lf-calibrate");
 }
 
 void look_at_picture(const CameraReport& exam, FindingList& findings) {
@@ -289,15 +298,16 @@ void look_at_controls(const CameraReport& exam, bool brightness_moves, FindingLi
   for (const auto& [name, value] : exam.controls)
     if (!value) automatic += (automatic.empty() ? "" : ", ") + name;
   if (!automatic.empty())
-    findings.warning(exam, "automatic: " + automatic, "set the same fixed values for all cameras with lf-rig lock");
+    findings.warning(exam, "these controls are automatic, so the camera differs from its neighbours: " + automatic,
+                     "set the same fixed values for all cameras with lf-rig lock");
   else if (brightness_moves)
     findings.warning(exam,
-                     format_text("its brightness varies, %.0f to %.0f of 255: exposure may be automatic", exam.darkest,
-                                 exam.brightest),
+                     format_text("its brightness varies from %.0f to %.0f of 255, so its exposure may be automatic",
+                                 exam.darkest, exam.brightest),
                      "run lf-rig lock; flickering lamps have the same effect (controls: mains_frequency)");
   for (const std::string& name : exam.unsupported_controls)
-    findings.warning(exam, "its source does not take the control " + name,
-                     "set it in the camera's own menu or web page, and remove it from the rig");
+    findings.warning(exam, "its source does not support the control " + name,
+                     "set the control in the camera's own menu or web page, and remove the control from the rig");
 }
 
 void look_for_shared_devices(const Rig& rig, const DoctorReport& exam, FindingList& findings) {
@@ -307,14 +317,14 @@ void look_for_shared_devices(const Rig& rig, const DoctorReport& exam, FindingLi
     const auto [other, is_new] = first.emplace(camera.attachment.device, &camera);
     if (!is_new)
       findings.error(camera,
-                     "has the device of camera " + name_of(rig.cameras[other->second->camera]) + ", " +
+                     "has the same device as camera " + name_of(rig.cameras[other->second->camera]) + ", " +
                          redacted_location(camera.attachment.device),
                      "give each camera its own source (lf-rig new --devices lists connected devices)");
   }
 }
 
-// Uses measured loads. Planned loads are checked only for raw formats, because an overloaded link delivers less than
-// planned.
+// Checks the measured loads. An overloaded link delivers less data than planned, so raw formats are checked by the
+// planned load, which is exact for them.
 void look_at_links(const DoctorReport& exam, FindingList& findings) {
   for (const LinkLoad& planned : exam.planned) {
     const auto measured = std::find_if(exam.measured.begin(), exam.measured.end(),
@@ -339,6 +349,22 @@ bool brightness_moves(const CameraReport& exam) {
   return exam.brightest - exam.darkest > kMovingBrightness * exam.brightest && exam.brightest - exam.darkest > 2;
 }
 
+std::string remedy_for_refusal(const Camera& camera, const std::string& problem) {
+  if (contains(problem, "HTTP 403") || contains(problem, "orbidden"))
+    return "the camera does not allow this user to see this stream: check the path of the source, and the rights of "
+           "the user in the camera's own web page";
+  if (has_secret(camera))
+    return "the user name or password in the rig is wrong: correct it, then try the source in a browser or player; "
+           "special characters in a URI are written as %40 for @, %2F for /, %3A for :";
+  if (is_launch_description(camera.source))
+    return "the camera requires a user and a password: write user-id=USER user-pw=PASSWORD into its source, then chmod "
+           "600 the rig file";
+  const size_t end = camera.source.find("://");
+  return "the camera requires a user and a password: write " +
+         (end == std::string::npos ? "rtsp" : camera.source.substr(0, end)) +
+         "://USER:PASSWORD@HOST/... into its source, then chmod 600 the rig file";
+}
+
 bool is_of_file(const Camera& camera) {
   const std::string& source = camera.source;
   if (source.empty()) return !camera.image.empty();
@@ -350,26 +376,34 @@ bool is_of_file(const Camera& camera) {
 
 std::string remedy_for(const Camera& camera, const std::string& problem) {
   if (contains(problem, "--trust-rig"))
-    return "run the command again with --trust-rig if you know who wrote the rig file and why it needs this element";
+    return "run the command again with --trust-rig, but only if you trust the author of the rig file and know the "
+           "purpose of this element";
   if (contains(problem, "the rig says"))
     return "write the true width and height into the rig and calibrate again, or set the camera to the size in the "
            "rig";
   if (contains(problem, "gives no pictures of")) return "write a size that the camera supports into the rig";
   if (contains(problem, "busy") || contains(problem, "in use"))
-    return "another program uses the camera: close that program (fuser -v /dev/video* names it)";
-  const bool is_missing =
-      contains(problem, "no such file") || contains(problem, "Cannot identify") || contains(problem, "not found");
+    return "another program uses the camera; close this program (fuser -v /dev/video* shows its name)";
+  if (contains(problem, ": missing, while "))
+    return "the numbers of a sequence have no gaps: copy the missing picture again, or use a copy of the previous "
+           "picture. Otherwise renumber the files of all cameras in the same way, because equal numbers mean one "
+           "instant";
+  const bool is_missing = contains(problem, "no such file") || contains(problem, "Cannot identify") ||
+                          contains(problem, "not found") || contains(problem, "Not Found");
   const bool lacks_elements = contains(problem, "is not installed") || contains(problem, "no element");
   if (is_of_file(camera) && is_missing)
-    return "check the path; paths that do not begin with / are relative to the rig file";
+    return "check the path; a path that does not begin with / is relative to the folder of the rig file";
   if (is_of_file(camera) && !lacks_elements)
-    return "check that the file is complete and plays: "
-           "gst-launch-1.0 filesrc location=FILE ! decodebin ! videoconvert ! autovideosink";
-  if (is_missing) return "no such device: plug it in; lf-rig new --devices lists connected devices";
-  if (contains(problem, "nauthorized") || contains(problem, "401"))
-    return "the camera requires a user and a password: rtsp://USER:PASSWORD@HOST/...";
+    return "check that the file is complete and can be played with: gst-launch-1.0 filesrc location=FILE ! decodebin ! "
+           "videoconvert ! autovideosink";
+  if (contains(problem, "refuses access") || contains(problem, "nauthorized") || contains(problem, "401"))
+    return remedy_for_refusal(camera, problem);
+  if (is_missing && contains(camera.source, "://") && !camera.source.starts_with("v4l2:"))
+    return "the camera has no stream of this name: check the path in the source against the camera's manual";
+  if (is_missing) return "the device is not connected; plug it in (lf-rig new --devices lists connected devices)";
   if (contains(problem, "connect") || contains(problem, "resolve"))
-    return "no answer from this address: check that the camera is on and in this network (ping its host)";
+    return "there is no answer from this address; check that the camera is switched on and in this network (ping its "
+           "host)";
   if (lacks_elements) return "install the GStreamer plugin that contains the element";
   return "check that the camera is plugged in and switched on, and that its source in the rig is right";
 }
@@ -377,7 +411,7 @@ std::string remedy_for(const Camera& camera, const std::string& problem) {
 std::vector<DoctorFinding> find_problems(const Rig& rig, const DoctorReport& exam) {
   FindingList findings(rig);
   const double rate = usual_rate(exam);
-  // If most cameras change, the scene or its light changes.
+  // If the brightness changes in most cameras, the cause is the scene or its light, not the exposure.
   const auto moving = static_cast<size_t>(std::count_if(exam.cameras.begin(), exam.cameras.end(), brightness_moves));
   const bool scene_moves = exam.cameras.size() > 2 && 2 * moving > exam.cameras.size();
   look_for_shared_devices(rig, exam, findings);
@@ -393,8 +427,8 @@ std::vector<DoctorFinding> find_problems(const Rig& rig, const DoctorReport& exa
   if (scene_moves)
     findings.add({false, "the array",
                   std::to_string(moving) + " of " + std::to_string(exam.cameras.size()) +
-                      " cameras vary in brightness: exposures may be automatic",
-                  "if the light does not change: lf-rig lock"});
+                      " cameras vary in brightness, so their exposure may be automatic",
+                  "if the light in the room does not change, run lf-rig lock"});
   look_at_links(exam, findings);
   return findings.take();
 }
@@ -480,8 +514,9 @@ std::string text_report(const Rig& rig, const DoctorReport& exam) {
   else
     page += groups_of(rig, exam, troubled);
   if (exam.cameras.size() > 1 && exam.skew.spread > 0)
-    page += format_text("capture times differ by up to %.1f ms; an object at 1 m/s moves %.0f mm in that time\n",
-                        1e3 * exam.skew.spread, 1e3 * exam.skew.spread);
+    page += format_text(
+        "the capture times of the cameras differ by up to %.1f ms; an object at 1 m/s moves %.0f mm in that time\n",
+        1e3 * exam.skew.spread, 1e3 * exam.skew.spread);
   for (const DoctorFinding& finding : exam.findings)
     page += std::string(finding.error ? "error: " : "warning: ") + finding.cameras + ": " + finding.what + "\n   " +
             finding.remedy + "\n";

@@ -17,26 +17,27 @@ namespace lf::cameras {
 struct CameraReport {
   CameraIndex camera = 0;
   Attachment attachment;
-  std::string problem;  // why the camera failed, from lfcamsrc; "": it works
+  std::string problem;  // error of lfcamsrc if the camera does not work; otherwise empty
   FrameTimeStats times;
-  double delay = 0;    // median delay from capture to arrival, seconds
-  double phase = NAN;  // offset from the other cameras, seconds; positive: late
-  std::string format;  // format of the source: "JPEG", "YUY2"; "": unknown
-  std::string stamps;  // origin of capture times: "source", "sender-reports", "arrival"
+  double delay = 0;  // median delay from capture to arrival, seconds
+  // offset of the capture times relative to the rest of the array, seconds; positive if this camera is late
+  double phase = NAN;
+  std::string format;  // format of the source, such as "JPEG" or "YUY2"; empty if unknown
+  std::string stamps;  // origin of the capture times: "source", "sender-reports" or "arrival"
   size_t left_undecoded = 0;
-  size_t decoded_frames = 0, damaged = 0;  // frames decoded to measure brightness; frames that failed to decode
+  // frames that were decoded to measure the brightness, and frames that failed to decode
+  size_t decoded_frames = 0, damaged = 0;
   std::string damage;
   double bytes_per_second = 0;
-  // mean brightness of a frame, 0..255: latest, minimum, maximum
+  // Brightness (mean luma of a frame, 0 to 255) of the latest, the darkest and the brightest frame.
   double brightness = NAN, darkest = NAN, brightest = NAN;
-  Controls controls;  // settings reported by the camera; nullopt: automatic
-  // controls in the rig that the source does not support
+  Controls controls;  // control settings that the camera reports; nullopt if a control is automatic
   std::vector<std::string> unsupported_controls;
 };
 
 struct DoctorFinding {
-  bool error = false;   // true: the light field suffers; false: a warning
-  std::string cameras;  // "camera 3 (cam_00_03)", or the affected link or array
+  bool error = false;   // true if rendered views will suffer; false for a warning
+  std::string cameras;  // affected camera, link or array, such as "camera 3 (cam_00_03)"
   std::string what, remedy;
 };
 
@@ -49,32 +50,32 @@ struct DoctorReport {
 };
 
 struct DoctorOptions {
-  double seconds = 4;    // observation time, seconds, after the cameras deliver frames
-  double timeout = 10;   // seconds until every camera must have delivered a frame
-  bool trusted = false;  // allow any element as a source, see rig/source_security.h
-  int fps = 0;           // frames per second requested from devices; 0: device default
+  double seconds = 4;    // observation time after all cameras deliver frames, seconds
+  double timeout = 10;   // maximum time until the first frame of each camera, seconds
+  bool trusted = false;  // allow any element as a camera source, see rig/source_security.h
+  int fps = 0;           // frame rate requested from devices; 0: the device decides
   std::function<void(const std::vector<LinkLoad>&)> on_planned = {};
-  std::function<void(double)> on_progress = {};  // receives the progress, 0..1; called on the caller's thread
+  std::function<void(double)> on_progress = {};  // 0 to 1; called on the caller's thread
 };
 
-// Opens all cameras of the rig, which was read from `path`, and observes them together. Throws Error if GStreamer
-// elements are missing.
+// Opens all cameras of the rig at the same time and observes them, so that overloaded links show. `path` is the file of
+// the rig. Throws Error if a GStreamer element is not installed.
 DoctorReport run_doctor(std::shared_ptr<const Rig> rig, const std::string& path, const DoctorOptions& options);
 
-// Estimates link loads from the rig: image size, frame rate of the source description (default: `fps`), and format (raw
-// if the source says so, otherwise JPEG).
+// Estimates the load of each USB or network link without opening cameras. The estimate uses the image size, the frame
+// rate in the source (or `fps`) and the format, which is raw if the source says so and otherwise JPEG.
 std::vector<LinkLoad> planned_loads(const Rig& rig, const std::vector<CameraReport>& cameras, int fps);
 std::vector<LinkLoad> measured_loads(const Rig& rig, const std::vector<CameraReport>& cameras);
 
 std::vector<DoctorFinding> find_problems(const Rig& rig, const DoctorReport& exam);
 
-// Returns a remedy for `problem`, an error of lfcamsrc or of the camera's source. The remedy differs for files and for
-// devices.
+// Returns advice for `problem`, an error text of lfcamsrc. The advice depends on whether the camera's source is a file
+// or a device.
 std::string remedy_for(const Camera& camera, const std::string& problem);
 
-// Returns one line per link. `when`: "as planned" or "measured".
+// Returns a table with one line per link. `when` is "as planned" or "measured".
 std::string link_table(const std::vector<LinkLoad>& loads, const char* when);
-// Returns a report for people, without the planned loads. Healthy cameras of a large array share one line.
+// Returns the report as text, without the planned loads. In a large array, all healthy cameras share one line.
 std::string text_report(const Rig& rig, const DoctorReport& exam);
 std::string json_report(const Rig& rig, const DoctorReport& exam);
 

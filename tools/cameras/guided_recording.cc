@@ -14,12 +14,13 @@
 #include "cameras/identify_server.h"
 #include "cameras/mosaic.h"
 #include "progress.h"
+#include "terminal.h"
 
 namespace lf::cameras {
 namespace {
 
-constexpr double kEvery = 0.2;    // seconds between examined frames of a camera; a light moves about 0.1 m
-constexpr int kLeastWidth = 240;  // minimum width of the downscaled frame, pixels
+constexpr double kEvery = 0.2;    // seconds between examined frames of a camera; meanwhile, a light moves about 0.1 m
+constexpr int kLeastWidth = 240;  // minimum width of downscaled frames, pixels
 constexpr int kGivesWay = 10;     // nice(1) increment of the detection thread
 
 int smaller_of(const Camera& camera) {
@@ -36,20 +37,21 @@ double processor_seconds() {
 
 double now() { return static_cast<double>(g_get_monotonic_time()) / G_USEC_PER_SEC; }
 
-constexpr double kLineEvery = 4;  // seconds, about as long as a light takes to cross the image
+constexpr double kLineEvery = 4;  // seconds; a light needs about this long to cross the image
 
 }  // namespace
 
 struct LightTracker::CameraState {
   int smaller = 1;
-  std::atomic<double> next = 0;  // earliest arrival time of the next useful frame
-  // Written by the camera's thread while `full` is false, read by the detection thread while it is true.
+  std::atomic<double> next = 0;
+  // The camera's thread writes these members while `full` is false, and the detection thread reads the members while
+  // `full` is true.
   std::atomic<bool> full = false;
   double taken = 0;
   std::vector<uint8_t> jpeg;
   GreyImage grey;
   std::optional<LightDetector> detector;
-  int width = 0, height = 0;  // size of the camera's downscaled frames, pixels
+  int width = 0, height = 0;
 };
 
 LightTracker::LightTracker(const Rig& rig, int lights) : rig_(rig), coverage_(rig, lights) {
@@ -88,8 +90,8 @@ void LightTracker::see(const CameraFrame& frame) {
 }
 
 void LightTracker::work() {
-  // Linux applies this to the calling thread only. Elsewhere the whole process gets a lower priority, which does no
-  // harm.
+  // On Linux, this changes the priority of the calling thread only. Elsewhere it changes the whole process, which does
+  // no harm.
   setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kGivesWay);
   std::unique_lock lock(mutex_);
   while (true) {
@@ -113,7 +115,6 @@ void LightTracker::look(CameraIndex camera) {
     if (one.width == one.grey.width && one.height == one.grey.height)
       sights = one.detector->look(one.grey.samples.data(), one.grey.width);
   } catch (const Error&) {
-    // Frames that fail to decode or are too small show no light.
   }
   for (LightDetection& sight : sights) sight.pixel = static_cast<double>(one.smaller) * (sight.pixel + 0.5) - 0.5;
   {
@@ -142,12 +143,12 @@ std::string LightTracker::wanted(CameraIndex camera) const {
 
 namespace {
 
-// Local page with the mosaic of recording cameras, the image regions that a moved light has reached, and instructions.
-// serve() must be called on the thread that creates the page.
+// The local web page of a recording: live images, instructions, and the image regions that a moved light has not
+// reached yet. serve() must be called on the thread that creates the page.
 class RecordingPage {
  public:
-  // `rig` and `watch` must outlive the page; `watch` is null if no light is moved. `port` 0: any. Throws Error if the
-  // port is in use.
+  // `rig` and `watch` must outlive the page; `watch` is null if no light is moved. If `port` is 0, the system selects a
+  // port. Throws Error if the port is in use.
   RecordingPage(const Rig& rig, const LightTracker* watch, int port);
 
   // Called on the thread that delivers the frame. Thread-safe.
@@ -207,7 +208,7 @@ class RecordingProgress {
     }
     if (!recording_) {
       opening_.reset();
-      std::printf("Recording now.\n");
+      terminal::print("Recording now.\n");
       std::fflush(stdout);
       recording_.emplace("recording", 0);
     }
@@ -215,7 +216,7 @@ class RecordingProgress {
   }
   void say(const std::string& line) {
     if (recording_) recording_->finish();
-    std::printf("%s\n", line.c_str());
+    terminal::print("%s\n", line.c_str());
     std::fflush(stdout);
   }
 
@@ -237,7 +238,7 @@ std::vector<RecordedCamera> record_guided(std::shared_ptr<const Rig> rig, const 
   std::optional<RecordingPage> page;
   if (guide.page) {
     page.emplace(*rig, watch ? &*watch : nullptr, *guide.page);
-    std::printf("The cameras are at %s\n", page->url().c_str());
+    terminal::print("The cameras are at %s\n", page->url().c_str());
     std::fflush(stdout);
     options.seen = [&](const CameraFrame& frame) { page->see(frame); };
   }
@@ -253,7 +254,8 @@ std::vector<RecordedCamera> record_guided(std::shared_ptr<const Rig> rig, const 
     progress.tell(share);
     if (page) page->serve();
     if (share < 0) return going();
-    if (watch && !begun) say("Left and right refer to the images: when you face the cameras, left is on your right.");
+    if (watch && !begun)
+      say("Left and right refer to the images. When you face the cameras, left in the images is on your right.");
     if (page && !watch && !begun) page->say("Recording now.");
     begun = true;
     if (watch && share < 1 && share * options.seconds >= next_line) {

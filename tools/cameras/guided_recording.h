@@ -17,16 +17,16 @@
 
 namespace lf::cameras {
 
-// Tracks the lights that a person moves in front of the cameras during a recording, and reports which image regions
-// they have not reached yet. One low-priority thread examines a few downscaled frames per second of each camera, so
-// that recording loses no frames.
+// Tracks the lights that a person moves in front of the cameras during a recording, to tell this person which image
+// regions are still missing. One thread of low priority examines a few downscaled frames per second of each camera, so
+// that the recording loses no frames.
 class LightTracker {
  public:
   LightTracker(const Rig& rig, int lights);
   ~LightTracker();
   LightTracker(const LightTracker&) = delete;
 
-  // Copies a frame for detection; called on the thread that delivers the frame. Thread-safe.
+  // Copies a frame for detection. Thread-safe; call on the thread that delivers the frame.
   void see(const CameraFrame& frame);
 
   std::string summary() const;
@@ -41,8 +41,8 @@ class LightTracker {
   void look(CameraIndex camera);
 
   Rig rig_;
-  std::vector<std::unique_ptr<CameraState>> all_;  // indexed by rig camera
-  mutable std::mutex mutex_;                       // guards coverage_, waiting_ and ending_
+  std::vector<std::unique_ptr<CameraState>> all_;
+  mutable std::mutex mutex_;  // guards coverage_, waiting_ and ending_
   LightCoverage coverage_;
   std::condition_variable frame_arrived_;
   std::vector<CameraIndex> waiting_;
@@ -53,20 +53,21 @@ class LightTracker {
 };
 
 struct RecordingGuide {
-  // number of moving lights; positions still missing are announced every few seconds; 0: none
+  // Number of moving lights. Missing image regions are announced every few seconds. 0: nothing is tracked.
   int lights = 0;
-  std::vector<std::string> prompts;  // shown in turn, evenly spread over the recording
-  // port of a local page that shows cameras and instructions; 0: any; nullopt: no page
+  std::vector<std::string> prompts;  // instructions, shown one after another and evenly spread over the recording
+  // Port of a local web page with camera images and instructions. 0: any free port; nullopt: no page.
   std::optional<int> page;
 };
 
-// Calls record_cameras() and shows its progress on the terminal. Recording stops when `going` returns false. Throws
-// Error as record_cameras() does, and if the page's port is in use.
+// Calls record_cameras() and shows the progress on the terminal. The recording stops and keeps its result when `going`
+// returns false. Throws Error as record_cameras() does, and also if the port of the page is in use.
 std::vector<RecordedCamera> record_guided(std::shared_ptr<const Rig> rig, const std::string& path,
                                           const std::string& folder, RecordingOptions options,
                                           const RecordingGuide& guide, const std::function<bool()>& going);
 
-// Instructions for a checkerboard that all cameras film together: positions and tilts that determine the lenses.
+// Returns instructions for a person who shows a checkerboard to all cameras: positions and tilts that together
+// determine the lenses.
 std::vector<std::string> board_prompts();
 
 }  // namespace lf::cameras

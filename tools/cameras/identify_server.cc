@@ -61,7 +61,7 @@ void IdentifyServer::begin(SoupServerMessage* message) {
   respond(message, refusal->status, "text/plain", std::string(refusal->title) + "\n");
 }
 
-// Pages of other sites in a browser on this machine must neither see the cameras nor change the rig.
+// A browser on this machine may also show pages of other sites. They must neither see the cameras nor change the rig.
 void IdentifyServer::handle(SoupServerMessage* message, const std::string& path) {
   connections_->asked(message);
   const char* host = header(message, "Host");
@@ -95,7 +95,7 @@ void IdentifyServer::handle(SoupServerMessage* message, const std::string& path)
   respond(message, SOUP_STATUS_OK, type, std::string(data, size));
 }
 
-// Accepts only JSON, because pages of other sites can't send JSON without a CORS preflight.
+// Requests must be JSON, because pages of other sites cannot send JSON without a CORS preflight.
 void IdentifyServer::swap(SoupServerMessage* message) {
   const char* type = header(message, "Content-Type");
   SoupMessageBody* body = soup_server_message_get_request_body(message);

@@ -14,15 +14,15 @@
 
 namespace lf::cameras {
 
-// Serves a page with the camera mosaic on this machine only. The page can swap two cameras. All calls run on the thread
-// of the default main context.
+// Serves a web page with live images of all cameras, where a person finds out which camera is where and swaps two
+// cameras. The page is accessible on this machine only. All calls run on the thread of the default main context.
 class IdentifyServer {
  public:
   struct Source {
     std::function<std::vector<uint8_t>()> jpeg;
-    std::function<std::string()> state;  // JSON, see Mosaic::state()
-    // Swaps two cameras by id. Returns "" on success, otherwise the reason for the failure. Empty: swapping is
-    // disabled.
+    std::function<std::string()> state;
+    // Swaps two cameras, given by their ids. Returns an empty text on success, otherwise the reason for the failure.
+    // Leave this function empty to disable swapping.
     std::function<std::string(uint32_t a, uint32_t b)> swap;
   };
   IdentifyServer(int port, Source source);

@@ -22,7 +22,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kEthernetPictures = 0.94;  // payload fraction of a link with packets of 1500 bytes
+constexpr double kEthernetPictures = 0.94;  // payload fraction with packets of 1500 bytes
 constexpr double kLittleLeft = 0.8;
 
 std::optional<int> read_number(const fs::path& path) {
@@ -138,7 +138,7 @@ Attachment find_attachment(const Rig& rig, const Camera& camera, const std::stri
     found.link = usb_of(found.device, sys);
   } else if (const std::string address = address_of(source); !address.empty()) {
     found.link = network_to(address, sys);
-    // Several clients may watch one stream, but twice in a rig it is one camera at two positions.
+    // Several clients may watch a stream. But a stream that appears twice in a rig is one camera at two positions.
     found.device = address;
   } else if (is_launch_line(rig, source)) {
     if (source.find("aravissrc") != std::string::npos)
@@ -175,7 +175,7 @@ std::vector<LinkWarning> check_link(const LinkLoad& load) {
   const double as_jpeg = load.pixels * kJpegBytesPerPixel;
   if (load.raw && as_jpeg < kLittleLeft * link.capacity)
     ways.push_back("MJPEG (about " + megabytes(as_jpeg) + " MB/s)");
-  ways.push_back(std::to_string(percent) + " % of the frames");
+  ways.push_back(std::to_string(percent) + " % of the frame rate");
   if (count > fit)
     ways.push_back(link.kind == Link::Kind::kUsb
                        ? std::to_string(count - fit) + " of the cameras on ports of another controller"

@@ -16,11 +16,11 @@ namespace lf::cameras {
 namespace {
 
 constexpr std::array kAutomatic = {"exposure", "gain", "white_balance", "focus"};
-// Factor for the test value of a control; brightness or colour should follow.
+// Factor that the check applies to a control. The brightness or colour should follow.
 const std::map<std::string, double> kHypothesisFactors = {{"exposure", 0.5}, {"gain", 0.5}, {"white_balance", 0.6}};
-// minimum relative change of brightness or colour; larger than noise and lamp flicker
+// Minimum relative change of brightness or colour that proves an effect; larger than noise and lamp flicker.
 constexpr double kResponse = 0.03;
-constexpr double kDark = 2;  // brightness of 255 below which controls can't be tested
+constexpr double kDark = 2;  // brightness (0 to 255) below which controls cannot be checked
 
 nlohmann::json with_controls(const Rig& rig, const Controls& controls) {
   nlohmann::json json = nlohmann::json::parse(rig_to_json(rig));
@@ -31,7 +31,7 @@ nlohmann::json with_controls(const Rig& rig, const Controls& controls) {
 }
 
 struct Colour {
-  std::array<double, 3> mean = {NAN, NAN, NAN};  // mean red, green and blue, 0..255
+  std::array<double, 3> mean = {NAN, NAN, NAN};
   std::string problem;
   double brightness() const { return 0.299 * mean[0] + 0.587 * mean[1] + 0.114 * mean[2]; }
 };
@@ -117,8 +117,8 @@ ControlValues choose_controls(const Rig& rig, const LockOptions& options) {
   cameras.stop();
   if (values.empty())
     throw Error(name +
-                ": its source reports no exposure, gain, white balance or focus: set network cameras in their own "
-                "web pages, all to the same values");
+                ": its source reports no exposure, gain, white balance or focus; set these controls in the web page of "
+                "each camera, to the same values for all cameras");
   if (options.mains && values.contains("exposure"))
     values["exposure"] = flicker_free_exposure(values["exposure"], *options.mains);
   return values;
@@ -136,7 +136,7 @@ std::vector<StuckControl> find_stuck_controls(const Rig& rig, const ControlValue
     if (works[i]) continue;
     const bool dark = usual[i].problem.empty() && !std::isnan(usual[i].mean[0]);
     stuck.push_back({i, "",
-                     dark ? "its picture is black: its controls can't be checked"
+                     dark ? "its picture is black, so its controls can't be checked"
                           : usual[i].problem + ": " + remedy_for(rig.cameras[i], usual[i].problem)});
   }
   for (const auto& [control, value] : controls) {

@@ -15,14 +15,14 @@
 namespace lf::cameras {
 namespace {
 
-// Seconds between thumbnails of a camera: kEvery times the number of cameras, at least kLeastEvery.
+// The seconds between two thumbnails of a camera are kEvery times the number of cameras, and at least kLeastEvery.
 constexpr double kEvery = 0.01, kLeastEvery = 0.15;
-// Seconds after a request during which thumbnails are made. A page polls every 0.2 s; a single request must not decode
-// all cameras many times.
+// Thumbnails are made for this many seconds after a request. A page requests a mosaic every 0.2 s; a single request
+// must not decode all cameras many times.
 constexpr double kLooksOn = 1;
 constexpr std::chrono::milliseconds kEncodeEvery{100};
-constexpr double kSilent = 2;      // seconds without a frame
-constexpr double kRateMemory = 1;  // time constant of the frame rate average, seconds
+constexpr double kSilent = 2;      // seconds without a frame until a camera counts as silent
+constexpr double kRateMemory = 1;  // time constant of the averaged frame rate, seconds
 constexpr int kPartColumns = 8, kPartRows = 6;
 constexpr int kMosaicQuality = 75;
 
@@ -130,7 +130,7 @@ std::vector<uint8_t> Mosaic::jpeg(double now) {
   return jpeg_;
 }
 
-// Uses at most half of one CPU core, regardless of the number of clients.
+// Limits the thread to half of a CPU core, for any number of clients.
 void Mosaic::encode() {
   using Clock = std::chrono::steady_clock;
   std::unique_lock lock(mutex_);
@@ -157,7 +157,7 @@ void Mosaic::encode() {
   }
 }
 
-// Composes all tiles. Caller holds mutex_.
+// The caller holds mutex_.
 Image Mosaic::picture() const {
   Image all(PixelFamily::kRgb, columns_ * width_, rows_ * height_);
   for (const Tile& tile : tiles_) {

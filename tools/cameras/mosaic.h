@@ -17,27 +17,28 @@
 
 namespace lf::cameras {
 
-// Live thumbnails of all cameras of a rig, arranged like the array, with detection of a hand waved in front of a
-// camera. Thumbnails are made only while clients request the mosaic. Thread-safe.
+// Combines live thumbnails of all cameras into one picture, arranged like the array, and detects a hand that is waved
+// in front of a camera. Thumbnails cost CPU time only while clients request the mosaic. Thread-safe.
 class Mosaic {
  public:
   explicit Mosaic(const Rig& rig);
   ~Mosaic();
   Mosaic(const Mosaic&) = delete;
 
-  // Processes a frame (raw or JPEG) of the camera with this id. `now`: seconds of a monotonic clock. Unknown ids are
-  // ignored.
+  // Processes a raw or JPEG frame of the camera with this id; unknown ids are ignored. `now` is the time of a monotonic
+  // clock in seconds.
   void see(uint32_t id, GstBuffer* buffer, GstCaps* caps, double now);
   void swap(uint32_t a, uint32_t b);
 
-  // Returns the latest complete mosaic as a JPEG file. A background thread encodes at most ten mosaics per second while
-  // clients ask, so a request is cheap. Throws Error.
+  // Returns the latest complete mosaic as a JPEG file. A background thread encodes at most ten mosaics per second, so
+  // calls are cheap. Throws Error.
   std::vector<uint8_t> jpeg(double now);
-  // Returns {"columns": 8, "rows": 8, "tile": [160, 120], "cameras": [{"id": 0, "name": "cam_00_00", "column": 0,
-  // "row": 0, "rate": 29.9, "problem": "", "lit": false}, ...]}. `problem` says why a camera delivers no frames. The
-  // page of a guided recording (RecordingPage) adds "told", an instruction for the person; "places": [4, 3], the grid
-  // of image regions that a light should reach; and for each camera "came", one flag per region in row-major order, and
-  // "wanted", the regions still missing.
+  // Returns the state of the cameras as JSON:
+  //    {"columns": 8, "rows": 8, "tile": [160, 120], "cameras": [{"id": 0, "name": "cam_00_00", "column": 0, "row": 0,
+  //     "rate": 29.9, "problem": "", "lit": false}, ...]}
+  // "problem" says why a camera delivers no frames. During a guided recording, RecordingPage adds "told", an
+  // instruction for the person, and "places", the columns and rows of image regions that a light should reach. Each
+  // camera then has "came", one flag per region in row-major order, and "wanted", the missing regions.
   nlohmann::json state(double now, const std::function<std::string(uint32_t id)>& problem) const;
 
  private:
@@ -60,7 +61,7 @@ class Mosaic {
   bool wanted_ = false, ends_ = false;
   std::vector<uint8_t> jpeg_;
   std::string problem_;
-  std::thread encoder_;  // started by the first request
+  std::thread encoder_;
 };
 
 }  // namespace lf::cameras

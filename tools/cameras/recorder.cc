@@ -19,10 +19,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kQuality = 95;  // JPEG quality for cameras that do not deliver JPEG
+constexpr int kQuality = 95;
 
-// Seconds before recording. Automatic exposure converges in kWarmUp. Network cameras send capture times with their
-// first RTCP sender report, after at most 1.5 times the interval of 5 s (RFC 3550). Timestamps would jump there.
+// Time before the recording, in seconds. Automatic exposure converges in kWarmUp. Network cameras state their capture
+// times only in their first RTCP sender report, which arrives after at most 1.5 times the interval of 5 s (RFC 3550).
+// At that moment the timestamps jump.
 constexpr double kWarmUp = 1, kFirstReport = 8;
 
 bool is_dated_by_arrival(const RigCameras& cameras, CameraIndex camera) {
@@ -33,11 +34,11 @@ bool is_dated_by_arrival(const RigCameras& cameras, CameraIndex camera) {
   return arrival;
 }
 
-// Recording of one camera. see() is called on one thread, finish() after the last frame.
+// The recording of one camera. Call see() on one thread, and finish() after the last frame.
 class CameraRecording {
  public:
   void see(const CameraFrame& frame, const Camera& camera, const fs::path& file, double time) {
-    // Skips frames that arrive late or out of order.
+    // Frames that arrive late or out of order are skipped.
     if (!problem_.empty() || time < 0 || (frames_ > 0 && time <= last_)) return;
     try {
       const auto stamp = static_cast<GstClockTime>(std::llround(time * GST_SECOND));
@@ -74,18 +75,18 @@ class CameraRecording {
 
 std::string film_name(const Camera& camera) { return camera.name + ".mkv"; }
 
-// Films of two recordings do not fit together. If the new recording lacks a camera, its previous film moves to the
-// folder "earlier".
+// Films of different recordings have different start times, so they do not fit together. If the new recording lacks a
+// camera, the previous film of this camera is moved to the folder "earlier".
 void set_earlier_film_aside(const std::string& folder, const std::string& staging, const Camera& camera,
                             RecordedCamera& recorded) {
   const fs::path name = film_name(camera), old = fs::path(folder) / name, aside = fs::path(folder) / "earlier";
   if (fs::exists(fs::path(staging) / name) || !fs::exists(old)) return;
   std::error_code error;
-  fs::create_directories(aside, error);
-  if (!error) fs::rename(old, aside / name, error);
-  if (error) throw Error(old.string() + ": can't be moved to " + aside.string() + ": " + error.message());
-  recorded.note += (recorded.note.empty() ? "" : "; ") + std::string("its previous film is now ") +
-                   (aside / name).string() + ", because films of two recordings do not fit together";
+  make_folder(aside.string());
+  fs::rename(old, aside / name, error);
+  if (error) throw Error(old.string() + ": cannot be moved to " + aside.string() + ": " + error.message());
+  recorded.note += (recorded.note.empty() ? "" : "; ") + std::string("its previous film was moved to ") +
+                   (aside / name).string() + ", because films of different recordings have different start times";
 }
 
 }  // namespace
@@ -94,7 +95,7 @@ std::vector<RecordedCamera> record_cameras(std::shared_ptr<const Rig> rig, const
                                            const std::string& folder, const RecordingOptions& options,
                                            const std::function<bool(double)>& on_progress) {
   check_file_names(*rig);
-  // Existing films stay until the new films are complete.
+  // Existing films are replaced only when the new films are complete.
   AtomicFolderUpdate update(folder);
   std::vector<CameraRecording> films(rig->cameras.size());
   std::atomic<double> begin = INFINITY;
@@ -141,7 +142,7 @@ std::vector<RecordedCamera> record_cameras(std::shared_ptr<const Rig> rig, const
           "capture times are arrival times, because no RTCP sender report came: time offsets include network "
           "delays";
     if (recorded.problem.empty()) recorded.problem = cameras.problem(index);
-    if (recorded.problem.empty() && recorded.frames == 0) recorded.problem = "no frame came";
+    if (recorded.problem.empty() && recorded.frames == 0) recorded.problem = "the camera delivered no frame";
   }
   if (fs::is_empty(update.staging())) return all;
   for (RecordedCamera& recorded : all)
@@ -152,7 +153,7 @@ std::vector<RecordedCamera> record_cameras(std::shared_ptr<const Rig> rig, const
 
 namespace {
 
-constexpr double kLongestFrame = 2;  // maximum wait for frames around the snapshot time, seconds
+constexpr double kLongestFrame = 2;  // maximum time to wait for frames around the snapshot time, seconds
 
 class SnapshotFrames {
  public:
@@ -171,12 +172,11 @@ class SnapshotFrames {
     const std::lock_guard lock(mutex_);
     return after_.sample;
   }
-  // Stores the nearest frame in `still`; call after the last see().
   void give(double instant, SnapshotImage& still) const {
     const bool later = after_.sample && (!before_.sample || after_.taken - instant < instant - before_.taken);
     const BufferedFrame& nearest = later ? after_ : before_;
     if (!nearest.sample) {
-      still.problem = "no frame came";
+      still.problem = "the camera delivered no frame";
       return;
     }
     still.off = nearest.taken - instant;

@@ -74,14 +74,14 @@ std::string format_of(GstPad* pad) {
 }  // namespace
 
 Image rgb_of(GstBuffer* buffer, GstCaps* caps) {
-  if (!caps || !buffer) throw Error("a frame without caps");
+  if (!caps || !buffer) throw Error("a frame has no caps");
   if (gst_structure_has_name(gst_caps_get_structure(caps, 0), "image/jpeg")) return rgb_of_jpeg(buffer);
   GstVideoInfo from, to;
   GstVideoFrame in, out;
   if (!gst_video_info_from_caps(&from, caps) || !gst_video_frame_map(&in, &from, buffer, GST_MAP_READ))
-    throw Error("a frame that can't be read");
+    throw Error("a frame cannot be read");
   gst_video_info_set_format(&to, GST_VIDEO_FORMAT_RGB, static_cast<guint>(from.width), static_cast<guint>(from.height));
-  // GstVideoConverter changes neither frame rate nor interlacing.
+  // GstVideoConverter cannot change frame rate and interlacing, so both stay as in the input.
   to.fps_n = from.fps_n;
   to.fps_d = from.fps_d;
   to.interlace_mode = from.interlace_mode;
@@ -101,7 +101,7 @@ Image rgb_of(GstBuffer* buffer, GstCaps* caps) {
   gst_video_frame_unmap(&out);
   gst_video_frame_unmap(&in);
   gst_buffer_unref(converted);
-  if (!converter) throw Error("a frame in a format that can't be converted");
+  if (!converter) throw Error("a frame has a format that cannot be converted");
   return image;
 }
 
@@ -111,10 +111,10 @@ GreyImage small_grey_of(GstSample* sample, int smaller) {
   GstCaps* caps = gst_sample_get_caps(sample);
   if (!caps || !gst_video_info_from_caps(&info, caps) ||
       !gst_video_frame_map(&frame, &info, gst_sample_get_buffer(sample), GST_MAP_READ))
-    throw Error("a frame that can't be read");
+    throw Error("a frame cannot be read");
   GreyImage picture{info.width / smaller, info.height / smaller, {}};
   picture.samples.reserve(static_cast<size_t>(picture.width) * static_cast<size_t>(picture.height));
-  // Averages red, green and blue, because lights may be coloured.
+  // Grey is the average of red, green and blue, because lights may be coloured.
   const int components = GST_VIDEO_INFO_IS_RGB(&info) ? 3 : 1;
   const int count = smaller * smaller * components;
   for (int y = 0; y < picture.height; y++)
@@ -248,7 +248,7 @@ void RigCameras::wait(double duration, const std::function<bool()>& done) {
   for (const double end = now() + duration; now() < end && !(done && done());) read_messages(kStep);
 }
 
-// Updates the errors of the cameras. The pipeline itself posts only errors of cameras.
+// Reads the errors of the cameras from the bus. The pipeline itself posts no other errors.
 void RigCameras::read_messages(GstClockTime timeout) {
   GstBus* bus = gst_element_get_bus(pipeline_);
   constexpr auto kOfUse = GstMessageType(GST_MESSAGE_ELEMENT | GST_MESSAGE_ERROR);
@@ -270,7 +270,8 @@ void RigCameras::read_messages(GstClockTime timeout) {
   gst_object_unref(bus);
 }
 
-// Watches the pads of rtspsrc but not its inner sockets; otherwise watches elements without sink pads.
+// Watches the output of the elements that receive the camera's bytes: rtspsrc, not its inner sockets, or otherwise
+// elements without sink pads.
 void RigCameras::on_child(GstBin*, GstBin* parent, GstElement* child, gpointer data) {
   const auto is_rtsp = [](gpointer element) {
     GstElementFactory* factory = gst_element_get_factory(GST_ELEMENT(element));
@@ -314,7 +315,7 @@ std::string name_of(const Camera& camera) {
 TemporaryRig::TemporaryRig(Rig rig, const nlohmann::json& original, const std::string& path, bool trusted) {
   require_trust(rig, path, trusted);
   std::string pattern = (std::filesystem::temp_directory_path() / "lf-rig-XXXXXX").string();
-  if (!mkdtemp(pattern.data())) throw Error(pattern + ": can't be made");
+  if (!mkdtemp(pattern.data())) throw Error(pattern + ": the temporary folder cannot be created");
   directory_ = pattern;
   rebase_paths(rig, directory_);
   save_rig(rig, this->path(), &original);
@@ -361,8 +362,8 @@ std::string value_text(const GValue* value) {
   return text ? text : "";
 }
 
-// Returns the device's element with all properties that differ from their defaults, as gst-device-monitor-1.0 prints
-// it; "": none.
+// Returns a launch description of the device, as gst-device-monitor-1.0 prints: its element with all properties that
+// differ from the defaults. Returns an empty text if there is none.
 std::string element_of(GstDevice* device) {
   GstElement* element = gst_device_create_element(device, nullptr);
   if (!element) return "";
@@ -393,7 +394,7 @@ std::string element_of(GstDevice* device) {
     gst_object_unref(plain);
   }
   gst_object_unref(element);
-  // A single word would be read as a file name.
+  // A launch description of a single word would be read as a file name.
   return line.empty() || line.find('=') != std::string::npos ? line : line + " ! identity";
 }
 
@@ -406,7 +407,7 @@ bool is_screen(GstDevice* device) {
 
 std::vector<VideoDevice> find_video_devices(const std::string& by_path) {
   std::vector<VideoDevice> devices;
-  std::set<std::string> paths;  // several providers may report one device
+  std::set<std::string> paths;
   GstDeviceMonitor* monitor = gst_device_monitor_new();
   gst_device_monitor_add_filter(monitor, "Video/Source", nullptr);
   if (gst_device_monitor_start(monitor)) {
@@ -415,7 +416,6 @@ std::vector<VideoDevice> find_video_devices(const std::string& by_path) {
       GstDevice* device = GST_DEVICE(item->data);
       if (is_screen(device)) continue;
       VideoDevice found;
-      // v4l2src and PipeWire use different names for the path.
       if (const std::string path = text_in(device, {"device.path", "api.v4l2.path"}); !path.empty()) {
         if (!paths.insert(path).second) continue;
         const std::string port = port_of(path, by_path);

@@ -18,57 +18,57 @@
 
 namespace lf::cameras {
 
-// Converts a frame of lfcamsrc (raw or JPEG) to RGB. Throws Error if the frame is not readable. Thread-safe.
+// Converts a raw or JPEG frame of lfcamsrc to RGB. Throws Error if the frame is unreadable. Thread-safe.
 Image rgb_of(GstBuffer* buffer, GstCaps* caps);
 inline Image rgb_of(GstSample* sample) { return rgb_of(gst_sample_get_buffer(sample), gst_sample_get_caps(sample)); }
 
-// Converts a raw frame to grey and reduces its size by the factor `smaller`, averaging square blocks. The size is
-// rounded down. Throws Error if the frame is not readable. Thread-safe.
+// Converts a raw frame to a smaller grey image by averaging blocks of `smaller` x `smaller` pixels; the size is rounded
+// down. Throws Error if the frame is unreadable. Thread-safe.
 GreyImage small_grey_of(GstSample* sample, int smaller);
 bool is_jpeg(GstSample* sample);
 std::vector<uint8_t> bytes_of(GstSample* sample);
 
 double brightness_of(const Image& rgb);
 
-// A frame of a camera, passed on the thread that delivers the frame.
+// A frame of a camera, passed on the delivering thread.
 struct CameraFrame {
   CameraIndex camera = 0;
-  GstSample* sample = nullptr;  // borrowed; RGB in any channel order, I420 or JPEG, at the size in the rig
-  double taken = 0;             // capture time, seconds of clock time, including the rig's time offset
-  double came = 0;              // arrival time, seconds of the same clock
+  GstSample* sample = nullptr;  // borrowed; RGB in any channel order, I420 or JPEG, in the image size of the rig
+  double taken = 0;             // capture time on the common clock, including the rig's time offset, seconds
+  double came = 0;              // arrival time on the same clock, seconds
 };
 
-// Runs the cameras of a rig, each through lfcamsrc, under one clock. A camera that fails is reopened and does not
-// disturb the other cameras.
+// Runs the cameras of a rig, each through its own lfcamsrc, on one common clock. A camera that fails is reopened and
+// disturbs no other camera.
 class RigCameras {
  public:
   struct Options {
     std::vector<CameraIndex> cameras;
     bool decode = true;
-    bool trusted = false;  // allow any element as a source, see rig/source_security.h
-    int fps = 0;           // frames per second requested from devices; 0: device default
+    bool trusted = false;  // allow any element as a camera source, see rig/source_security.h
+    int fps = 0;           // frame rate requested from devices; 0: the device decides
   };
   using OnFrame = std::function<void(const CameraFrame&)>;
 
-  // `rig` was read from `path`. Throws Error if an element is not installed.
+  // `path` is the file of `rig`. Throws Error if an element is not installed.
   RigCameras(std::shared_ptr<const Rig> rig, const std::string& path, Options options, OnFrame on_frame);
   ~RigCameras();
   RigCameras(const RigCameras&) = delete;
 
   void start();
-  // Waits this many seconds or until `done` returns true, and collects camera errors meanwhile. Always call it from the
-  // same thread.
+  // Waits this many seconds, or until `done` returns true. Errors of cameras are collected only during a wait. All
+  // waits must be on the same thread.
   void wait(double seconds, const std::function<bool()>& done = {});
-  // Stops the cameras. No frame is delivered after stop() returns.
+  // Stops the cameras. After stop() has returned, no frame is delivered any more.
   void stop();
 
   const std::vector<CameraIndex>& cameras() const { return options_.cameras; }
   double now() const;  // seconds, on the clock of the frames
   uint64_t frames(CameraIndex camera) const;
-  std::string problem(CameraIndex camera) const;  // current or latest error of the camera; "": none
-  GstStructure* stats(CameraIndex camera) const;  // `stats` of the camera's lfcamsrc; owned by the caller
-  // Returns the format of the camera's source: "JPEG", "YUY2", "H264 by RTP". "" before the first frame, and for files
-  // and the built-in scene.
+  std::string problem(CameraIndex camera) const;  // latest error of the camera; empty if there is none
+  GstStructure* stats(CameraIndex camera) const;  // owned by the caller
+  // Returns the format that the camera delivers, such as "JPEG", "YUY2" or "H264 by RTP". Returns an empty text before
+  // the first frame, and for files and the built-in scene.
   std::string format(CameraIndex camera) const;
   uint64_t source_bytes(CameraIndex camera) const;
 
@@ -82,18 +82,18 @@ class RigCameras {
   OnFrame on_frame_;
   GstElement* pipeline_ = nullptr;
   GstClock* clock_ = nullptr;
-  std::vector<std::unique_ptr<CameraState>> all_;  // indexed by rig camera; null: camera not opened
+  std::vector<std::unique_ptr<CameraState>> all_;  // null for cameras that are not opened
 };
 
 std::string name_of(const Camera& camera);
 
-// A temporary rig file, deleted by the destructor; lfcamsrc opens cameras through a file. Relative paths are adapted to
-// the new location.
+// A temporary copy of a rig file, because lfcamsrc opens cameras through a file. Relative paths are adapted to the new
+// location. The destructor deletes the file.
 class TemporaryRig {
  public:
-  // `original`: JSON of the rig file with further fields, such as controls (rig/rig_json.h). `path`: file that the rig
-  // was read from. Its sources must be trusted (rig/source_security.h), because the copy always belongs to the current
-  // user. Throws Error.
+  // `original` is the JSON of the rig file with all fields, such as controls (rig/rig_json.h); `path` is the file. The
+  // copy belongs to the current user, which would make all its sources trusted. The constructor therefore throws Error
+  // if the sources of the original are not trusted (rig/source_security.h).
   TemporaryRig(Rig rig, const nlohmann::json& original, const std::string& path, bool trusted);
   ~TemporaryRig();
   TemporaryRig(const TemporaryRig&) = delete;
@@ -110,13 +110,14 @@ class TemporaryRig {
 
 struct VideoDevice {
   std::string name;
-  std::string source;   // value for `source` in a rig: a URI or a launch description
-  bool stable = false;  // true: the source identifies the same camera after reboot and replugging
+  std::string source;   // value of `source` in a rig file: a URI or a launch description
+  bool stable = false;  // true if the source denotes the same camera after a reboot or replugging
 };
 
-// Lists the devices that GstDeviceMonitor finds under Video/Source, from all providers (v4l2, libcamera, Aravis, ...),
-// without duplicates, ordered by device number. A V4L2 source is the device's link in `by_path`
-// (v4l2:///dev/v4l/by-path/...), or /dev/video0 without such a link, which may change. Other sources are their element
-// with the properties that identify the device. Screen capture and devices without an element are skipped. Requires
-// gst_init().
+// Lists the cameras that GstDeviceMonitor finds (Video/Source) with all providers (v4l2, libcamera, Aravis, ...). Each
+// device appears once, in the order of the device numbers. Screen captures and devices without an element are skipped.
+//
+// A V4L2 source is the link of the device in `by_path` (v4l2:///dev/v4l/by-path/...). Without such a link, the source
+// is a name like /dev/video0, which may change. Other sources are a launch description of the device's element with the
+// properties that identify the device. Requires gst_init().
 std::vector<VideoDevice> find_video_devices(const std::string& by_path = "/dev/v4l/by-path");

@@ -37,7 +37,6 @@ std::string lower(std::string_view text) {
 
 bool is_scheme_character(char c) { return g_ascii_isalnum(c) || c == '-' || c == '+'; }
 
-// True for characters of a host name or an IP address.
 bool is_host_name(const std::string& name) {
   return !name.empty() &&
          std::ranges::all_of(name, [](char c) { return g_ascii_isalnum(c) || (c && std::strchr(".-_:", c)); });
@@ -91,7 +90,7 @@ std::string normal_origin(const std::string& text) {
 std::string normal_host(const std::string& text) {
   const std::string name = lower(name_of(text));
   if (text.find('/') != text.npos || name.find(':') != name.npos || !is_host_name(name))
-    throw Error("--host " + text + ": must be a host name such as example.org");
+    throw Error("--host " + text + ": must be a host name, such as example.org");
   return name;
 }
 
@@ -153,7 +152,7 @@ std::set<std::string> proxy_addresses(const std::string& proxy) {
   return {address};
 }
 
-// A socket can be bound to local addresses only.
+// A socket can be bound only to addresses of this machine.
 bool is_local_address(const std::string& address) {
   g_autoptr(GSocketAddress) bound = g_inet_socket_address_new_from_string(address.c_str(), 0);
   if (!bound) return false;

@@ -7,7 +7,7 @@ namespace {
 // Packet types and formats of RFC 3550, 4585 and 5104.
 enum PacketType : uint8_t { kReceiverReport = 201, kTransportFeedback = 205, kPayloadFeedback = 206 };
 constexpr uint8_t kGenericNack = 1, kPictureLoss = 1, kFullIntra = 4;
-constexpr size_t kHeader = 8;  // header of each packet in a compound, including the sender's SSRC
+constexpr size_t kHeader = 8;  // bytes at the start of each packet in a compound, including the SSRC of the sender
 
 uint32_t sender_of(std::span<const uint8_t> packet) {
   return uint32_t{packet[4]} << 24 | uint32_t{packet[5]} << 16 | uint32_t{packet[6]} << 8 | packet[7];

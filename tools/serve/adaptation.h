@@ -18,19 +18,19 @@
 
 namespace lf::serve {
 
-// Receiver report for one stream (RFC 3550, 6.4.1); totals since the start.
+// A browser's RTCP receiver report for one stream (RFC 3550, 6.4.1). Numbers are totals since the start.
 struct ReceptionReport {
   uint32_t ssrc = 0;
   uint32_t highest = 0;  // highest sequence number, extended to 32 bits
-  int32_t lost = 0;      // lost packets; duplicates reduce the number
+  int32_t lost = 0;      // number of lost packets minus duplicates
 };
 
-// Computes packet loss between reports. The reports' "fraction lost" is unusable: browsers send a report with every
-// NACK, so that the fraction covers two or three packets only.
+// Computes the packet loss from consecutive receiver reports. The field "fraction lost" of the reports is unusable:
+// browsers send a report with each request for lost packets, so that a fraction covers only two or three packets.
 class PacketLoss {
  public:
-  // `reports`: the latest report of each stream. Returns the fraction of packets, 0 to 1, lost since the previous call,
-  // or the previous result if there are no newer reports.
+  // `reports` contains the latest report of each stream. Returns the fraction of packets, 0 to 1, that were lost since
+  // the previous call. Without newer reports, returns the previous result.
   double update(const std::vector<ReceptionReport>& reports) {
     double sent = 0, lost = 0;
     for (const ReceptionReport& now : reports) {
@@ -50,22 +50,25 @@ class PacketLoss {
   double loss_ = 0;
 };
 
-// Drops packets that a viewer does not need to send. The SRTP decoder and the RTP session keep state for each SSRC; the
-// decoder does so before it authenticates the packet. The RTP session of GStreamer 1.22 deadlocks on RTCP feedback of
-// format 5 (RFC 6051), and keeps up to 65,536 records for one transport-wide congestion control packet. Times are
-// g_get_monotonic_time(). Not thread-safe.
+// Protects a viewer's pipeline from harmful packets of its browser. The SRTP decoder and the RTP session keep state for
+// each SSRC (stream id), the decoder even for packets that it cannot authenticate. RTCP feedback of format 5 (RFC 6051)
+// deadlocks the RTP session of GStreamer 1.22. One transport-wide congestion control packet makes it keep up to 65,536
+// records.
+//
+// Times are g_get_monotonic_time(). Not thread-safe.
 class RtcpFilter {
  public:
-  static constexpr size_t kMostSenders = 8;                 // SSRCs per browser
-  static constexpr double kPerSecond = 200, kAtOnce = 400;  // RTCP packets
-  static constexpr size_t kMostBytes = 1500;                // per packet
+  static constexpr size_t kMostSenders = 8;                 // maximum number of SSRCs per browser
+  static constexpr double kPerSecond = 200, kAtOnce = 400;  // rate limit of RTCP packets: per second, and burst
+  static constexpr size_t kMostBytes = 1500;
 
-  // Returns true if a packet from the network may pass, before decryption (RFC 7983). Passes DTLS, and RTCP from a few
-  // SSRCs at a limited rate. Drops RTP, because browsers only receive video.
+  // Decides whether a packet from the network passes, before its decryption (RFC 7983). DTLS passes. RTCP passes from a
+  // few SSRCs at a limited rate. RTP is dropped, because browsers only receive video.
   bool accept_encrypted(std::span<const uint8_t> packet, int64_t now);
 
-  // Extracts receiver reports, requests for lost packets (generic NACK) and requests for key frames (PLI, FIR) from a
-  // decrypted compound packet, up to the first malformed packet. Returns std::nullopt if the whole packet is needed.
+  // Reduces a decrypted compound RTCP packet to the parts that the server uses. These are receiver reports, requests
+  // for lost packets (generic NACK) and requests for key frames (PLI, FIR). Everything from the first malformed part on
+  // is dropped. Returns std::nullopt if the packet can be used as it is.
   static std::optional<std::vector<uint8_t>> filter_compound(std::span<const uint8_t> compound);
 
  private:
@@ -73,22 +76,23 @@ class RtcpFilter {
   TokenBucket packets_{kPerSecond, kAtOnce};
 };
 
-// Paces the requests of a viewer and tracks pending requests. If the machine or the network is too slow for the frame
-// rate, it skips requests, so that the frame rate drops but pictures stay complete and current. Without pacing, queues
-// would grow and overflow. Thread-safe. Times are request times, nanoseconds, ascending.
+// Decides which requests of a viewer are sent to the cameras, and tracks requests without an answer. If the machine or
+// the network is too slow for the frame rate, requests are skipped. The frame rate then drops, but pictures stay
+// complete and current. Without pacing, queues would fill, and all pictures would be late.
+//
+// Thread-safe. Times are request times in nanoseconds and must not decrease.
 class RequestPacer {
  public:
-  static constexpr uint64_t kPatience = 1000000000;  // nanoseconds until a pending request is given up
+  static constexpr uint64_t kPatience = 1000000000;  // nanoseconds until an unanswered request no longer counts
 
   explicit RequestPacer(size_t most) : most_(most) {}
 
-  // Sets the minimum interval between requests, nanoseconds.
   void set_interval(uint64_t interval) {
     const std::lock_guard lock(mutex_);
     interval_ = interval;
   }
-  // Returns true if the request of this time may be sent, and then counts it as sent. Later requests of the same time,
-  // for the other eye, get the same result.
+  // Returns true if the request of this time may be sent, and then counts it as sent. A viewer with two eyes makes a
+  // second request with the same time, which gets the same result.
   bool begin(uint64_t time) {
     const std::lock_guard lock(mutex_);
     if (time == last_request_) return time == latest_;
@@ -102,7 +106,7 @@ class RequestPacer {
     in_flight_.push_back(time);
     return true;
   }
-  // Returns the fraction of due requests since the previous call that were sent; 1 if there were none.
+  // Returns the fraction of the requests due since the previous call that were sent; 1 if none was due.
   double kept() {
     const std::lock_guard lock(mutex_);
     const double part = wanted_ > 0 ? static_cast<double>(made_) / static_cast<double>(wanted_) : 1;
@@ -119,24 +123,25 @@ class RequestPacer {
   std::mutex mutex_;
   std::deque<uint64_t> in_flight_;
   uint64_t interval_ = 0, wanted_ = 0, made_ = 0;
-  std::optional<uint64_t> last_request_, latest_;  // time of the latest request, and of the latest sent request
+  std::optional<uint64_t> last_request_, latest_;
 };
 
-// Adapts the video to the network. The bit rate drops at once if packets are lost or queue up, and recovers slowly.
-// Below a minimum rate per pixel it halves first the frame rate, then the size. Uses no clock and no locks; call
-// update() once a second.
+// Adapts a viewer's video to the network. The bit rate drops at once if packets are lost or queue up in the network,
+// and recovers slowly. If the bit rate is too low for the number of pixels, first the frame rate is halved, and then
+// the size. Call update() once a second. There are no clocks and locks, so tests can run without waiting.
 class QualityControl {
  public:
   static constexpr double kHighLoss = 0.05, kLowLoss = 0.02;
-  static constexpr double kQueueing = 0.1;  // seconds of round-trip time above the minimum
+  // increase of the round-trip time over its minimum that indicates a queue, seconds
+  static constexpr double kQueueing = 0.1;
   static constexpr double kDecrease = 0.75, kIncrease = 1.08;
-  // Below kLeastBitsPerPixel, H.264 shows blocks in motion. kHysteresis avoids oscillation between steps.
+  // H.264 shows blocks in moving regions below kLeastBitsPerPixel. kHysteresis prevents oscillation between two steps.
   static constexpr double kLeastBitsPerPixel = 0.05, kHysteresis = 1.25;
-  // If the packets with the new size are lost, browsers decode H.264's next key frame with the old size and do not
-  // notice. Key frames are therefore repeated once a second for this many seconds while packets are lost.
+  // If the first packets after a change of the size are lost, browsers decode the next H.264 key frame in the old size
+  // and do not notice. While packets are lost, key frames are therefore repeated once a second, for this many seconds.
   static constexpr int kKeyFrameRepeats = 5;
 
-  // `pixels_per_second`: of the full-quality video.
+  // `least` and `most` limit the bit rate. `pixels_per_second` is the pixel rate of the video at full quality.
   QualityControl(int least, int most, double pixels_per_second)
       : least_(least), most_(most), pixels_(pixels_per_second), now_(most) {
     choose_step();
@@ -147,8 +152,8 @@ class QualityControl {
   int size_divisor() const { return step_ > 1 ? 2 : 1; }
   bool wants_key_frame() const { return wants_key_frame_; }
 
-  // Updates the state with a receiver's report. `round_trip`: seconds; 0: unknown. Returns true if the bit rate
-  // changed.
+  // Updates the state with the packet loss (0 to 1) and the round-trip time (seconds; 0: unknown) that a browser
+  // reports. Returns true if the bit rate has changed.
   bool update(double loss, double round_trip) {
     if (round_trip > 0) best_ = best_ > 0 ? std::min(best_, round_trip) : round_trip;
     const double before = now_;
@@ -165,7 +170,7 @@ class QualityControl {
   }
 
  private:
-  static constexpr double kShare[] = {1, 1.0 / 2, 1.0 / 8};  // fraction of the pixels at each step
+  static constexpr double kShare[] = {1, 1.0 / 2, 1.0 / 8};  // fraction of the pixel rate at each step
   static constexpr int kLastStep = 2;
 
   double needed(int step) const { return kLeastBitsPerPixel * pixels_ * kShare[step]; }
@@ -181,26 +186,28 @@ class QualityControl {
   bool wants_key_frame_ = false;
 };
 
-// Reduces the load, equally for all viewers, if the machine is too slow: first fewer depth hypotheses, then half the
-// frame rate, then half the size. It steps down if requests are skipped while the processors are busy. It steps up
-// after a while if the processors have enough reserve. If a step up proves wrong, the next one waits twice as long.
-// Uses no clock and no locks; call update() once a second.
+// Reduces the load in steps, for all viewers equally, if the machine is too slow. The steps are fewer depth hypotheses
+// (surfaces that are tested to find the depth), then half the frame rate, then half the size.
+//
+// The load is reduced by a step if requests are skipped while the processors are busy. It rises again by a step after a
+// while if the processors have enough reserve. If this proves wrong, the next attempt waits twice as long. Call
+// update() once a second. There are no clocks and locks, so tests can run without waiting.
 class LoadShedding {
  public:
-  static constexpr double kMinMadeShare = 0.9;  // minimum fraction of viewers' requests that must be sent
-  static constexpr double kBusy = 0.85;         // processor load above which the processors are the bottleneck
-  static constexpr double kRelaxed = 0.65;      // processor load below which a step up is possible
-  static constexpr int kPatience = 3;           // seconds of overload before a step down
-  static constexpr int kRecoveryTime = 10, kMaxRecoveryTime = 160;  // seconds between a step and the step up
+  static constexpr double kMinMadeShare = 0.9;  // fraction of sent requests below which the machine is too slow
+  static constexpr double kBusy = 0.85;         // processor load above which the processors are the cause
+  static constexpr double kRelaxed = 0.65;      // processor load below which the load may rise
+  static constexpr int kPatience = 3;           // seconds of overload before the load is reduced
+  static constexpr int kRecoveryTime = 10, kMaxRecoveryTime = 160;  // seconds after a step until the load may rise
 
-  // Returns the interval, in requests, between requests with depth hypotheses.
+  // Returns n if every n-th request may contain depth hypotheses.
   unsigned depth_interval() const { return step_ == 0 ? 1 : step_ == 1 ? 3 : 8; }
   int pictures_left_out() const { return step_ > 2 ? 1 : 0; }
   int size_divisor() const { return step_ > 3 ? 2 : 1; }
   int step() const { return step_; }
 
-  // `busy`: processor load, 0 to 1; `kept`: fraction of the due requests that were sent. Returns true if the step
-  // changed.
+  // `busy` is the processor load, 0 to 1, and `kept` the fraction of due requests that were sent. Returns true if the
+  // step has changed.
   bool update(double busy, double kept) {
     since_++;
     slow_ = kept < kMinMadeShare && busy > kBusy ? slow_ + 1 : 0;
@@ -228,10 +235,9 @@ class LoadShedding {
   bool stepped_back_ = false;
 };
 
-// System-wide processor load, from /proc/stat.
+// Measures the load of all processors of this machine, from /proc/stat.
 class ProcessorLoad {
  public:
-  // Returns the load since the previous call, 0 to 1; 0: unknown.
   double update() {
     std::ifstream stat("/proc/stat");
     std::string name;
@@ -253,9 +259,9 @@ class ProcessorLoad {
   uint64_t all_ = 0, idle_ = 0;
 };
 
-// Returns the phase of a viewer's requests within the frame period, 0 to 1. Without different phases, every
-// request would wait for the pictures of all other viewers. Multiples of the golden ratio spread consecutive viewers:
-// any n of them in a row are at least 1 / (1 + sqrt 5) / n apart.
+// Returns the phase of a viewer's requests within the frame period, 0 to 1. If all viewers sent their requests at the
+// same time, each request would wait for the pictures of all other viewers. The phases are multiples of the golden
+// ratio, which spread any n consecutive viewers: they are at least 1 / (1 + sqrt 5) / n apart.
 inline double request_phase(uint32_t view) {
   constexpr double kGoldenRatio = 0.6180339887498949;
   const double turns = kGoldenRatio * view;

@@ -166,7 +166,7 @@ nlohmann::json ArrayInfo::pixel(const View& view, int x, int y) const {
 }
 
 double ArrayInfo::coverage(const View& view) const {
-  return mean_coverage(rig_, ViewPlan(rig_, mesh_, view), ViewCoverage::kColumns, ViewCoverage::kRows);
+  return mean_coverage(rig_, ViewPlan(rig_, mesh_, view), ViewCoverage::kColumns, ViewCoverage::kRows).seen;
 }
 
 }  // namespace lf::serve

@@ -15,45 +15,45 @@
 namespace lf::serve {
 
 struct CameraStates {
-  uint32_t count = 0, working = 0;  // working: not known to be lost
+  uint32_t count = 0, working = 0;  // cameras that are not known to be lost
 };
 CameraStates camera_states(GstElement* node);
-// Returns why the camera with this id was lost; "": unknown.
 std::string camera_problem(GstElement* node, uint32_t id);
 
-// Report of lfcompositor's camera monitor.
+// Report of the camera monitor in lfcompositor, which compares each camera with a prediction from all other cameras.
 struct MonitorReport {
   struct Camera {
-    double psnr = 0, gain = 0, shift = 0;  // NaN: unknown
-    std::string fault;                     // "": none
+    double psnr = 0, gain = 0, shift = 0;  // NaN if unknown
+    std::string fault;
   };
   uint64_t turns = 0, bytes = 0;
-  std::vector<Camera> cameras;  // in rig order; empty: no camera has been checked yet
+  std::vector<Camera> cameras;  // in the order of the rig; empty until the first camera has been checked
 };
 
 MonitorReport monitor_report(const GstStructure* stats);
-// Returns {"turns": 70, "bytes": 2100000, "cameras": [{"name": "cam_00_00", "psnr": 25.1, "gain": 1.001, "shift": 0.02,
-// "fault": "colour"}, ...]}. Unknown numbers and missing faults are null. `names`: camera names.
+// Returns the report as JSON. Unknown numbers and missing faults are null.
+//    {"turns": 70, "bytes": 2100000,
+//     "cameras": [{"name": "cam_00_00", "psnr": 25.1, "gain": 1.001, "shift": 0.02, "fault": "colour"}, ...]}
 nlohmann::json to_json(const MonitorReport& report, const std::vector<std::string>& names);
 std::string to_metrics(const MonitorReport& report, const std::vector<std::string>& names);
 
-// Camera array data for the web page. Immutable; thread-safe.
+// The data of a camera array that the web page needs. Immutable and therefore thread-safe.
 class ArrayInfo {
  public:
-  // Throws Error.
+  // Loads the rig file. Throws Error.
   explicit ArrayInfo(const std::string& rig);
 
-  // {"cameras": [{"name": "cam_00_00", "position": [0, 0, 0]}, ...], "faces": [[0, 1, 8], ...], "right": [1, 0, 0],
-  // "down": [0, 1, 0]}, with the axes of a person in front of the array.
+  // Camera positions and mesh faces as JSON. "right" and "down" are the axes of a person in front of the array.
+  //    {"cameras": [{"name": "cam_00_00", "position": [0, 0, 0]}, ...], "faces": [[0, 1, 8], ...],
+  //     "right": [1, 0, 0], "down": [0, 1, 0]}
   const std::string& json() const { return json_; }
   const Rig& rig() const { return rig_; }
   const std::vector<std::string>& names() const { return names_; }
   std::string hash() const;
-  double size() const { return size_; }  // metres between the two cameras farthest apart
-  // Returns the cameras that contribute to a pixel, by descending weight: [{"name": "cam_00_00", "weight": 0.5, "sees":
-  // true}, ...]
+  double size() const { return size_; }  // distance of the two cameras that are farthest apart, metres
+  // Returns the cameras that contribute to a pixel, by descending weight, as JSON: [{"name": "cam_00_00", "weight":
+  // 0.5, "sees": true}, ...]. "sees" is false if the point is outside the camera's image.
   nlohmann::json pixel(const View& view, int x, int y) const;
-  // Returns the fraction of the view that the cameras cover, 0..1.
   double coverage(const View& view) const;
 
  private:

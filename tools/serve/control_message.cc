@@ -74,7 +74,7 @@ GstEvent* navigation(const json& event) {
   throw Error("event is of an unknown kind");
 }
 
-// True if a GQuark with this name exists. GQuarks are never freed, so unknown names must not create new ones.
+// True if a GQuark of this name exists. GQuarks are never freed, so names from the network must not create new ones.
 bool is_field_name(const std::string& name) {
   return !name.empty() && name.size() <= 32 && g_ascii_isalpha(name[0]) &&
          std::all_of(name.begin(), name.end(), [](char c) { return g_ascii_isalnum(c) || c == '-'; }) &&
@@ -87,7 +87,7 @@ std::string structure_name(const json& request) {
   return name.starts_with("lf-") ? "lightfield-" + name.substr(3) : name;
 }
 
-// Accepts numbers only; lfviewrequest interprets the values. The server sets the view id.
+// All fields must be numbers, which lfviewrequest interprets. The server itself sets the view id.
 GstEvent* view_change(const json& request, double max_aperture) {
   constexpr char kName[] = "lightfield-view-request";
   if (structure_name(request) != kName) throw Error("structureName is unknown");

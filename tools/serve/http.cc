@@ -21,7 +21,7 @@ namespace {
 constexpr const char* kReasons[] = {"address", "body", "filming",  "full",  "header",     "host", "offer", "origin",
                                     "path",    "rate", "starting", "token", "token-rate", "type", "view"};
 
-// True if a security-relevant header is duplicated. Different programs use different copies.
+// True if a security-relevant header occurs twice. A proxy and this server might use different copies.
 bool is_ambiguous(SoupMessageHeaders* headers) {
   constexpr const char* kOnce[] = {"Authorization", "Content-Length", "Content-Type",  "Host",
                                    "Origin",        "Sec-Fetch-Mode", "Sec-Fetch-Site"};
@@ -51,7 +51,8 @@ bool has_received(GSocketConnection* connection) {
   return getsockopt(file, IPPROTO_TCP, TCP_INFO, &info, &size) == 0 && info.tcpi_bytes_received > 0;
 }
 
-// Makes a close reset the connection. After a normal close the client would wait for minutes with a closed TCP window.
+// Makes close() reset the connection. After a normal close, a client with a closed TCP window would stay connected for
+// minutes.
 void cut_off(GSocket* socket) {
   const linger at_once{.l_onoff = 1, .l_linger = 0};
   setsockopt(g_socket_get_fd(socket), SOL_SOCKET, SO_LINGER, &at_once, sizeof at_once);
@@ -74,18 +75,18 @@ void respond(SoupServerMessage* message, guint status, const char* type, const s
 }
 
 void set_common_headers(SoupServerMessage* message, const char* caching) {
-  // libsoup before 3.3 leaks keep-alive connections that the client closes.
+  // Works around libsoup before 3.3, which leaks keep-alive connections that the client closes.
   set_header(message, "Connection", "close");
   set_header(message, "Cache-Control", caching);
   set_header(message, "X-Content-Type-Options", "nosniff");
   set_header(message, "Referrer-Policy", "no-referrer");
-  // No page of another site may embed a response. Allowed origins read it by CORS.
+  // Pages of other sites may not embed a response. Allowed origins read it through CORS.
   set_header(message, "Cross-Origin-Resource-Policy", "same-origin");
 }
 
 const HttpRefusal* refuse_early(SoupServerMessage* message, size_t most) {
   SoupMessageHeaders* headers = soup_server_message_get_request_headers(message);
-  // libsoup sends the body once for each range, and a request may have thousands. Our responses need no ranges.
+  // libsoup would send the body once per requested range, and a request may have thousands of ranges.
   soup_message_headers_remove(headers, "Range");
   if (is_ambiguous(headers)) {
     soup_message_body_set_accumulate(soup_server_message_get_request_body(message), FALSE);
@@ -109,7 +110,7 @@ void Refusals::answer(SoupServerMessage* message, const std::string& client, con
   answer(message, client, refusal, nlohmann::json::object());
 }
 
-// Does not log refusals with status 503, because waiting clients repeat the request every second.
+// Refusals with status 503 are not logged, because waiting clients repeat the request every second.
 void Refusals::answer(SoupServerMessage* message, const std::string& client, const HttpRefusal& refusal,
                       const nlohmann::json& more) {
   count_[refusal.reason]++;
@@ -134,9 +135,9 @@ std::string Refusals::metrics() const {
   return out.str();
 }
 
-// A TLS connection from its first byte to the end of its handshake. Owns its members.
+// A TLS connection, from its first byte to the end of the handshake. Owns its members.
 struct Connections::Handshake {
-  Connections* owner;  // null if the owner is destroyed
+  Connections* owner;  // null after the owner was destroyed
   GSocketConnection* connection;
   Connection* state;  // in owner->open_ as long as `connection` is referenced
   GIOStream* tls = nullptr;
@@ -163,7 +164,7 @@ Connections::Connections(SoupServer* server, const std::string& address, int por
     : server_(SOUP_SERVER(g_object_ref(server))),
       certificate_(certificate ? G_TLS_CERTIFICATE(g_object_ref(certificate)) : nullptr),
       service_(g_socket_service_new()) {
-  // GLib's default of 10 is too small: a rejected client waits a second before it tries again.
+  // GLib's default of 10 is too small, because a rejected client waits for a second before it tries again.
   g_socket_listener_set_backlog(G_SOCKET_LISTENER(service_), static_cast<int>(kMost));
   g_autoptr(GSocketAddress) bound = g_inet_socket_address_new_from_string(address.c_str(), static_cast<guint>(port));
   GSocketAddress* effective = nullptr;
@@ -205,7 +206,7 @@ Connections::~Connections() {
   for (Handshake* handshake : handshakes_) {
     handshake->owner = nullptr;
     g_cancellable_cancel(handshake->cancellable);
-    if (!handshake->tls) delete handshake;  // otherwise deleted by its callback
+    if (!handshake->tls) delete handshake;
   }
   for (Connection& state : open_) g_weak_ref_clear(&state.connection);
   g_clear_object(&certificate_);
@@ -236,7 +237,7 @@ size_t Connections::choose_victim(const std::vector<ConnectionInfo>& all, int64_
   for (const ConnectionInfo& one : all) counts[one.subscriber]++;
   const auto most = std::ranges::max_element(counts, {}, [](const auto& entry) { return entry.second; });
   const bool greedy = most->second > kFairShare;
-  // Priority of closing: 0 idle, 1 no complete request, 2 any.
+  // Returns the priority for closing: 0 for idle connections, 1 without a complete request, otherwise 2.
   const auto group_of = [now](const ConnectionInfo& one) {
     if (one.progress == Progress::kRequest) return 2;
     return one.progress == Progress::kNothing && now - one.since > kIdle ? 0 : 1;
@@ -288,7 +289,8 @@ void Connections::accept(GSocketConnection* connection) {
     hand_over(connection, G_IO_STREAM(connection));
 }
 
-// GLib runs each handshake in a thread of a small pool. A silent client must not occupy a thread.
+// GLib runs each handshake in a thread of a small pool, and a silent client must not occupy such a thread. The
+// handshake therefore starts with the first byte.
 void Connections::await_hello(GSocketConnection* connection, Connection& state) {
   auto* handshake = new Handshake(this, connection, &state);
   handshakes_.push_back(handshake);
@@ -355,8 +357,8 @@ void Connections::start_handshakes() {
 bool Connections::start_handshake(Handshake* handshake) {
   if (g_socket_get_available_bytes(g_socket_connection_get_socket(handshake->connection)) <= 0) return false;
   handshake->since = g_get_monotonic_time();
-  // Clients have no certificates, so the connection needs no database. GnuTLS would load the system's trusted
-  // certificates for each connection, which takes the main thread 10 ms.
+  // Clients have no certificates, so the connection needs no database of trusted certificates. By default, GnuTLS would
+  // load the system's database for each connection, which takes the main thread 10 ms.
   handshake->tls = G_IO_STREAM(g_initable_new(g_tls_backend_get_server_connection_type(g_tls_backend_get_default()),
                                               nullptr, nullptr, "base-io-stream", handshake->connection, "certificate",
                                               certificate_, "database", nullptr, nullptr));

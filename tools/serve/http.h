@@ -17,15 +17,14 @@ namespace lf::serve {
 const char* header(SoupServerMessage* message, const char* name);
 void set_header(SoupServerMessage* message, const char* name, const std::string& value);
 void respond(SoupServerMessage* message, guint status, const char* type, const std::string& body);
-// Answers OPTIONS with the methods that pages of other sites may use.
 void allow(SoupServerMessage* message, const char* methods);
 
-// Reason for refusing a request, see docs/reference/web-interface.md.
+// Reason for refusing a request; docs/reference/web-interface.md lists all reasons.
 struct HttpRefusal {
   guint status;
-  const char* reason;  // machine-readable name, one of kReasons
+  const char* reason;  // name for programs, one of kReasons
   const char* title;
-  int retry_after = 0;  // seconds; 0: never
+  int retry_after = 0;  // delay in seconds before the client may try again; 0: never
 };
 
 namespace refusal {
@@ -46,17 +45,15 @@ inline constexpr HttpRefusal kView{500, "view", "the server can't open a view: i
 inline constexpr HttpRefusal kPath{404, "path", "no such path (--path)"};
 }  // namespace refusal
 
-// Call before a request's body is read. Returns the reason if the request is refused: a security-relevant header is
-// duplicated, or the body has no length or is longer than `most` bytes. The body is then discarded. Returns null
-// otherwise. Also removes the Range header, because responses are always complete.
+// Checks the headers of a request before its body is read. Returns the reason if the request must be refused, otherwise
+// null. Reasons are a duplicated security-relevant header, a body without a length, and a body of more than `most`
+// bytes. The body is then discarded. Also removes the header Range, because responses are always complete.
 const HttpRefusal* refuse_early(SoupServerMessage* message, size_t most);
-// Sets the headers of all responses. `caching`: value of Cache-Control.
 void set_common_headers(SoupServerMessage* message, const char* caching);
 
-// Sends refusals and counts them by reason. Main thread only.
+// Sends refusals to clients and counts them by reason. Main thread only.
 class Refusals {
  public:
-  // `client`: for the log. `more`: members besides title, status and reason.
   void answer(SoupServerMessage* message, const std::string& client, const HttpRefusal& refusal);
   void answer(SoupServerMessage* message, const std::string& client, const HttpRefusal& refusal,
               const nlohmann::json& more);
@@ -66,39 +63,40 @@ class Refusals {
   std::map<std::string, uint64_t> count_;
 };
 
-// TCP connections of an HTTP server, with TLS if there is a certificate. Slow connections are closed: a client has
-// kHandshake seconds for the TLS handshake, kRequest seconds for the whole request and kResponse seconds to read the
-// response. At most kMost connections are open; choose_victim() selects a connection to close for the next. Main
-// thread only.
+// Accepts the TCP connections of the HTTP server, with TLS if there is a certificate, and protects the server from
+// floods and slow clients. A client has kHandshake seconds for the TLS handshake, kRequest seconds to send a whole
+// request and kResponse seconds to read the response. Slower connections are closed. At most kMost connections are
+// open; for one more, choose_victim() selects a connection to close. Main thread only.
 //
-// At most kMostHandshakes handshakes run at a time. The next one is the latest of the subscriber with the fewest
-// connections. A handshake that has run for kHandshakeSlice is closed when another waits. A subscriber gets
-// kHandshakesPerSecond, because each costs the main thread some 10 ms.
+// A TLS handshake costs the main thread some 10 ms, so handshakes are limited, too. At most kMostHandshakes run at a
+// time, and each subscriber (an IPv4 address or an IPv6 /64 network) gets kHandshakesPerSecond. The next handshake is
+// the latest waiting one of the subscriber with the fewest connections. If others wait, a handshake is closed after
+// kHandshakeSlice.
 class Connections {
  public:
-  // kMostHandshakes is less than GLib's 10 initial threads, so that no handshake waits for a thread.
+  // GLib runs handshakes in a pool that starts with 10 threads. kMostHandshakes is smaller, so that no handshake waits
+  // for a thread.
   static constexpr size_t kMost = 256, kMostHandshakes = 8;
   static constexpr double kHandshakesPerSecond = 20, kHandshakesAtOnce = 40;
   static constexpr int64_t kHandshakeSlice = 300000;                       // microseconds
   static constexpr int64_t kHandshake = 5, kRequest = 10, kResponse = 30;  // seconds
-  static constexpr size_t kFairShare = 16;   // connections of a subscriber that are not closed first
+  static constexpr size_t kFairShare = 16;   // number of connections per subscriber that are not closed first
   static constexpr int64_t kIdle = 1000000;  // microseconds without data until a connection is idle
 
-  // Listens on the address. Takes references to `server` and `certificate` (null: no TLS). Throws Error that names
-  // `address`.
+  // Listens on the address. Takes references to `server` and `certificate`; without a certificate (null), connections
+  // are not encrypted. Throws Error that names `address`.
   Connections(SoupServer* server, const std::string& address, int port, GTlsCertificate* certificate);
   ~Connections();
   Connections(const Connections&) = delete;
 
-  // Sets the certificate of new connections, not null. The constructor must have received a certificate, too.
+  // Replaces the certificate, not null, for new connections. The constructor must have received a certificate, too.
   void set_certificate(GTlsCertificate* certificate);
   int port() const { return port_; }
   size_t size();
   uint64_t closed() const { return closed_; }
-  // Call when the whole request of this connection has arrived.
   void asked(SoupServerMessage* message);
-  // Call when a request is refused before its body has arrived. libsoup reads the body to the end before it responds. A
-  // body without a length may be endless, so the connection is closed after kRefusedBody bytes.
+  // Reports that a request is refused before its body has arrived. libsoup reads the body to its end before it
+  // responds, and a body without a length may never end. The connection is therefore closed after kRefusedBody bytes.
   void refused(SoupServerMessage* message);
   static constexpr size_t kRefusedBody = 1 << 20;
 
@@ -108,15 +106,16 @@ class Connections {
     int64_t since;  // g_get_monotonic_time()
     Progress progress;
   };
-  // Returns the connection to close; `all` must not be empty. First choice is a subscriber with more than kFairShare
-  // connections, then an idle connection, then one without a whole request; each time the oldest. An honest client thus
-  // has as long as a flood needs to open kMost connections, from however many addresses.
+  // Selects a connection to close; `all` must not be empty. The choice is the oldest connection of a subscriber with
+  // more than kFairShare connections, otherwise the oldest idle connection, otherwise the oldest without a whole
+  // request. A flood, from however many addresses, must therefore open kMost connections before it can close the
+  // connection of an honest client.
   static size_t choose_victim(const std::vector<ConnectionInfo>& all, int64_t now);
 
  private:
   enum class Phase { kHandshake, kRequest, kResponse };
   struct Connection {
-    GWeakRef connection;  // a GSocketConnection owned by libsoup, which may release it in another thread
+    GWeakRef connection;  // a GSocketConnection that libsoup owns and may release in another thread
     std::string subscriber, remote;
     int64_t since;  // g_get_monotonic_time() at the start of the phase
     Phase phase;
@@ -141,7 +140,7 @@ class Connections {
   int port_ = 0;
   guint timer_ = 0, handshake_timer_ = 0;
   std::list<Connection> open_;
-  std::list<Handshake*> handshakes_;  // until each has ended
+  std::list<Handshake*> handshakes_;  // connections during their handshake
   AddressLimit handshake_limit_{kHandshakesPerSecond, kHandshakesAtOnce};
   uint64_t closed_ = 0;
 };

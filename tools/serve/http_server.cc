@@ -30,7 +30,7 @@ BioPtr bio_of(const std::string& text) {
   return BioPtr(BIO_new_mem_buf(text.data(), static_cast<int>(text.size())), BIO_free);
 }
 
-// GLib accepts any two files; every handshake would fail.
+// Checks that the key belongs to the certificate. GLib accepts any two files, and then every handshake fails.
 void check_pair(const std::string& certificate_file, const std::string& certificate, const std::string& key_file,
                 const std::string& key) {
   const BioPtr first = bio_of(certificate), second = bio_of(key);
@@ -40,10 +40,12 @@ void check_pair(const std::string& certificate_file, const std::string& certific
       PEM_read_bio_X509(first.get(), nullptr, no_passphrase, nullptr), X509_free);
   const std::unique_ptr<EVP_PKEY, decltype(&EVP_PKEY_free)> secret(
       PEM_read_bio_PrivateKey(second.get(), nullptr, no_passphrase, nullptr), EVP_PKEY_free);
-  if (!x509) throw Error(certificate_file + ": has no certificate in PEM format");
-  if (!secret) throw Error(key_file + ": has no private key in PEM format without a passphrase");
+  if (!x509) throw Error(certificate_file + ": contains no certificate in PEM format");
+  if (!secret)
+    throw Error(key_file +
+                ": contains no private key in PEM format, or the key has a passphrase, which must be removed");
   if (X509_check_private_key(x509.get(), secret.get()) != 1)
-    throw Error(key_file + ": is not the key of the certificate in " + certificate_file);
+    throw Error(key_file + ": is not the private key of the certificate in " + certificate_file);
 }
 
 GTlsCertificate* load(const std::string& certificate_file, const std::string& key_file) {
@@ -123,7 +125,6 @@ void WhepEndpoint::link(SoupServerMessage* message) {
   if (!options_.ice.empty()) set_header(message, "Link", options_.ice.links(seconds_now()));
 }
 
-// Only trusted clients receive the TURN credentials.
 void WhepEndpoint::options(SoupServerMessage* message, bool trusted) {
   set_header(message, "Accept-Post", "application/sdp");
   if (trusted) link(message);
@@ -185,8 +186,8 @@ void WhepEndpoint::endpoint(SoupServerMessage* message, const Client& client, GH
   gsize size = 0;
   const char* data = static_cast<const char*>(g_bytes_get_data(bytes, &size));
   std::string reason;
-  // Behind a NAT, the server must send packets to the viewer's or relay's address before it can receive packets from
-  // there.
+  // If this server is behind a NAT, packets from a viewer or relay can arrive only after the server has sent a packet
+  // to their address.
   std::set<std::string> known = options_.relays;
   if (!options_.ice.empty()) known.insert(client.address);
   auto offer = parse_offer(std::string(data ? data : "", size), can_encode(VideoCodec::kH264),
@@ -224,7 +225,7 @@ void WhepEndpoint::open(SoupServerMessage* message, const Client& client, Offer 
     Route route{options_.media_address, options_.ice.for_webrtcbin(seconds_now())};
     *name = sessions.open(subscriber(client.address), std::move(offer), view_params, std::move(route), answer);
   } catch (const Error& error) {
-    say(std::string("a view can't be opened: ") + error.what());
+    say(std::string("a viewer cannot be opened: ") + error.what());
     refusals_.answer(message, client.address, refusal::kView);
     soup_server_message_unpause(message);
     g_object_unref(message);
@@ -248,8 +249,10 @@ HttpServer::HttpServer(const ServerOptions& options, const Limits& limits)
       wrong_tokens_(Limits::kWrongTokens, Limits::kWrongTokensAtOnce),
       certificate_(load_certificate(options)) {
   if (!is_loopback(options.address) && !certificate_ && !options.insecure)
-    throw Error("--listen " + options.address + ": unencrypted HTTP; needs --tls-certificate and --tls-key, or " +
-                "--insecure if encryption is not required");
+    throw Error("--listen " + options.address +
+                ": this address accepts connections from other machines, but HTTP is not encrypted; give "
+                "--tls-certificate and --tls-key, or " +
+                "give --insecure if the network is trusted");
   server_ = soup_server_new("server-header", "lf-serve", nullptr);
   soup_server_add_early_handler(
       server_, nullptr,
@@ -282,14 +285,14 @@ HttpServer::HttpServer(const ServerOptions& options, const Limits& limits)
       this);
 }
 
-// Renewal programs replace the two files in turn, so a mismatched key may be temporary.
+// Renewal programs replace the two files in turn, so a key without its certificate may be temporary.
 void HttpServer::renew_certificate() {
   try {
     if (!certificate_->reload()) return;
     connections_->set_certificate(certificate_->get());
     say("new connections use the new certificate in " + options_.certificate);
   } catch (const Error& error) {
-    say(std::string("the certificate stays as it was: ") + error.what());
+    say(std::string("the new certificate is unusable, so the old one stays in use: ") + error.what());
   }
 }
 
@@ -399,12 +402,12 @@ bool HttpServer::admit(SoupServerMessage* message, const WhepEndpoint::Client& c
     set_header(message, "Access-Control-Expose-Headers", "Location, Retry-After, Link");
     set_header(message, "Vary", "Origin");
   }
-  // CORS preflights carry no token.
+  // Browsers send no token with CORS preflights.
   const bool asks = g_str_equal(soup_server_message_get_method(message), "OPTIONS");
   return (asks && !header(message, "Authorization")) || check_token(message, client);
 }
 
-// Requests with the correct token are never limited, so that wrong tokens cannot lock out legitimate clients.
+// The rate limit applies to wrong tokens only, so an attacker cannot lock out clients with the correct token.
 bool HttpServer::check_token(SoupServerMessage* message, const WhepEndpoint::Client& client) {
   if (!access_.requires_token()) return true;
   const char* given = header(message, "Authorization");
@@ -429,7 +432,7 @@ void HttpServer::page(SoupServerMessage* message, const std::string& path) {
   std::string frames;
   for (const std::string& origin : access_.origins())
     if (origin != "null") frames += " " + origin;
-  // Pages of other sites may load the element; access to streams is checked per request.
+  // Pages of other sites may load the element itself. Access to streams is checked for each request.
   set_header(message, "Access-Control-Allow-Origin", "*");
   set_header(message, "Cross-Origin-Resource-Policy", "cross-origin");
   set_header(message, "Content-Security-Policy",

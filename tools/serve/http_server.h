@@ -20,21 +20,22 @@
 
 namespace lf::serve {
 
-// TLS certificate of a server, from two PEM files that may be replaced at run time. Not thread-safe.
+// The TLS certificate of the server, from two PEM files that a renewal program may replace while the server runs. Not
+// thread-safe.
 class Certificate {
  public:
-  // Throws Error that names the unusable file. The key file must not be accessible to other users.
+  // Throws Error that names an unusable file. For example, the key file must not be accessible to other users.
   Certificate(std::string certificate_file, std::string key_file);
   ~Certificate() { g_object_unref(certificate_); }
   Certificate(const Certificate&) = delete;
 
-  GTlsCertificate* get() const { return certificate_; }  // borrowed until reload() or destruction
-  // Reads the files again if they have changed. Returns true if the certificate is new. Throws Error if the files are
-  // unusable; the old certificate then stays until the files change again.
+  GTlsCertificate* get() const { return certificate_; }  // valid until reload() or destruction
+  // Reads the files again if they have changed, and returns true if there is a new certificate. Throws Error if the new
+  // files are unusable. The old certificate then stays in use, and the files are read again only after another change.
   bool reload();
 
  private:
-  // Identifies a version of a file. Links are followed, because renewal often replaces a link.
+  // Follows links, because renewal programs often replace a link.
   using Version = std::array<int64_t, 4>;
   static Version version_of(const std::string& path);
 
@@ -43,31 +44,29 @@ class Certificate {
   GTlsCertificate* certificate_;
 };
 
-// The endpoint /whep and its sessions (draft-ietf-wish-whep; docs/reference/web-interface.md). The caller checks origin and
-// token. Main thread only.
+// The WHEP endpoint (/whep), where browsers start and end the stream of a view (draft-ietf-wish-whep;
+// docs/reference/web-interface.md). The caller checks origin and token of each request. Main thread only.
 class WhepEndpoint {
  public:
   struct Options {
-    std::map<std::string, std::string> paths;  // views.json files that viewers can play, by name
+    std::map<std::string, std::string> paths;  // camera paths (views.json) that viewers can play, by name
     IceServers ice;
-    std::set<std::string> relays;  // addresses of relays; their candidates are accepted
-    std::string media_address;     // local address for video; "": any
+    std::set<std::string> relays;  // addresses of TURN servers, which are accepted in candidates
+    std::string media_address;     // local address that sends video; empty: any
   };
   struct Client {
     std::string address;
-    std::string prefix;  // path prefix added by a proxy, or ""
+    std::string prefix;
   };
 
   WhepEndpoint(Options options, const Limits& limits, Refusals& refusals);
 
   void endpoint(SoupServerMessage* message, const Client& client, GHashTable* query, Sessions& sessions);
   void session(SoupServerMessage* message, const std::string& name, Sessions& sessions);
-  // Answers OPTIONS; `trusted`: the client has sent the token.
   void options(SoupServerMessage* message, bool trusted);
 
  private:
   void refuse_offer(SoupServerMessage* message, const Client& client, const std::string& why);
-  // Returns std::nullopt if the request was refused.
   std::optional<ViewParams> view_params(SoupServerMessage* message, const Client& client, GHashTable* query);
   bool seat(SoupServerMessage* message, const Client& client, const ViewParams& view_params, const char* ticket,
             Sessions& sessions);
@@ -83,16 +82,17 @@ class WhepEndpoint {
 
 struct ServerOptions {
   std::string address = "127.0.0.1";
-  int port = 8080;               // 0: any
-  std::string certificate, key;  // PEM files, reloaded when they change; both or none
+  int port = 8080;               // 0: the system selects a free port
+  std::string certificate, key;  // PEM files, reloaded when they change; either both or none
   std::string token;
   std::set<std::string> origins, hosts, proxies;
   WhepEndpoint::Options whep;
   bool insecure = false;
 };
 
-// Serves the page, the WHEP endpoint, metrics and health over HTTP (docs/reference/web-interface.md). The page is available at
-// once, everything else after serve(). Main thread only.
+// The HTTP server of lf-serve: the page, the WHEP endpoint, metrics and health (docs/reference/web-interface.md). The
+// page is available at once, so that viewers see the progress while the cameras open. Everything else is available
+// after serve(). Main thread only.
 class HttpServer {
  public:
   // Throws Error.
@@ -101,10 +101,11 @@ class HttpServer {
   HttpServer(const HttpServer&) = delete;
 
   std::string url() const;
-  // Sets what viewers wait for until serve(): filming the scene, with its progress, or opening the cameras.
+  // Sets the reason why viewers have to wait until serve(): lf-scene films the built-in scene, with the progress, or
+  // the cameras open.
   void show_filming(double progress) { filming_progress_ = progress; }
   void show_starting() { filming_progress_.reset(); }
-  // Also serves the views of the light field from now on. The arguments are borrowed until stop().
+  // Starts to serve views of the light field. The arguments must stay valid until stop().
   void serve(LightField& field, Sessions& sessions);
   void stop();
 

@@ -23,7 +23,7 @@ std::string launch_line(size_t hosts, const std::string& resampling, const std::
   std::ostringstream line;
   line << "appsrc name=requests is-live=true format=time do-timestamp=true leaky-type=downstream max-bytes=0 caps=\""
        << kRequestCaps << '"';
-  // Uncompressed, because local answers stay in this process although the compositors have their own pipelines.
+  // Answers are not compressed, because local answers stay in this process.
   if (hosts == 0)
     line << " ! lfcameranode name=cameras is-live=true loop=true codec=raw16 resampling=" << resampling
          << " renderer=" << renderer << " !";
@@ -34,7 +34,7 @@ std::string launch_line(size_t hosts, const std::string& resampling, const std::
 
 void link(GstElement* from, GstElement* to) {
   if (!gst_element_link(from, to))
-    throw Error(std::string(GST_OBJECT_NAME(from)) + " can't be linked with " + GST_OBJECT_NAME(to));
+    throw Error(std::string(GST_OBJECT_NAME(from)) + " cannot be linked with " + GST_OBJECT_NAME(to));
 }
 
 GstElement* child_of(const ElementPtr& pipeline, const std::string& name) {
@@ -57,7 +57,7 @@ LightField::LightField(const std::string& rig, const std::vector<NodeAddress>& n
     node_ = child_of(pipeline_, "cameras");
     g_object_set(node_, "rig", rig.c_str(), "trusted", static_cast<gboolean>(trusted), nullptr);
     if (!record.empty()) g_object_set(node_, "record", record.c_str(), nullptr);
-    // Doubled because departed viewers still count for a while.
+    // twice the maximum, because viewers that have left still count for a while
     g_autoptr(GstStructure) limits =
         gst_structure_new("limits", "max-views", G_TYPE_UINT, static_cast<guint>(2 * max_views), nullptr);
     g_object_set(node_, "limits", limits, nullptr);
@@ -76,7 +76,7 @@ LightField::LightField(const std::string& rig, const std::vector<NodeAddress>& n
     callbacks.new_sample = take_answer;
     gst_app_sink_set_callbacks(GST_APP_SINK(sink), &callbacks, answers_[i].get(), nullptr);
   }
-  // Requests state capture times in wall-clock time, which all hosts share.
+  // Requests state capture times as wall-clock time, which all hosts share.
   clock_ = new_wall_clock();
   gst_pipeline_use_clock(GST_PIPELINE(pipeline_.get()), clock_);
 }
@@ -108,10 +108,10 @@ void LightField::start(std::function<void(const std::string&)> on_error) {
   watch_ = gst_bus_add_watch(bus, bus_message, this);
   gst_object_unref(bus);
   if (result == GST_STATE_CHANGE_FAILURE || result == GST_STATE_CHANGE_ASYNC)
-    throw Error(rig_ + ": the cameras do not start");
+    throw Error(rig_ + ": the cameras could not be started");
 }
 
-// Waits for the cameras in short steps, so that cancel() ends the wait.
+// Short waits, so that cancel() takes effect soon.
 GstStateChangeReturn LightField::play() {
   constexpr GstClockTime kStep = 100 * GST_MSECOND, kLongest = 60 * GST_SECOND;
   gst_element_set_state(pipeline_.get(), GST_STATE_PLAYING);
@@ -156,7 +156,7 @@ void LightField::restart(std::shared_ptr<const ArrayInfo> array) {
   const GstStateChangeReturn result = play();
   std::unique_lock lock(mutex_);
   if ((result == GST_STATE_CHANGE_FAILURE || result == GST_STATE_CHANGE_ASYNC) && problem_.empty())
-    problem_ = rig_ + ": the cameras do not start";
+    problem_ = rig_ + ": the cameras could not be started";
   const std::string problem = problem_;
   lock.unlock();
   if (!problem.empty()) gst_element_set_state(pipeline_.get(), GST_STATE_NULL);
@@ -164,7 +164,7 @@ void LightField::restart(std::shared_ptr<const ArrayInfo> array) {
   if (!problem.empty()) throw Error(problem);
 }
 
-// During a restart, errors are stored for restart() to report.
+// restart() reports errors that occur meanwhile
 GstBusSyncReply LightField::bus_sync(GstBus*, GstMessage* message, gpointer data) {
   LightField* self = static_cast<LightField*>(data);
   if (GST_MESSAGE_TYPE(message) != GST_MESSAGE_ERROR || !self->restarting_) return GST_BUS_PASS;
@@ -185,7 +185,7 @@ gboolean LightField::bus_message(GstBus*, GstMessage* message, gpointer data) {
   return G_SOURCE_CONTINUE;
 }
 
-// lfcameranode creates its cameras at every start.
+// lfcameranode creates new cameras at every start.
 void LightField::camera_added(GstBin*, GstElement* child, gpointer data) {
   GstElementFactory* factory = gst_element_get_factory(child);
   if (!factory || !g_str_equal(GST_OBJECT_NAME(factory), "lfcamsrc")) return;
@@ -215,13 +215,13 @@ std::shared_ptr<cameras::Mosaic> LightField::mosaic() const {
 }
 
 std::vector<uint8_t> LightField::mosaic_jpeg() {
-  if (!local_) throw Error("the cameras are on other hosts");
+  if (!local_) throw Error("the cameras are on other hosts, so this server has no thumbnails");
   return mosaic()->jpeg(now());
 }
 
 std::string LightField::mosaic_state() {
-  if (!local_) throw Error("the cameras are on other hosts");
-  constexpr double kEvery = 0.1;  // seconds between updates, because each update visits all cameras
+  if (!local_) throw Error("the cameras are on other hosts, so this server has no thumbnails");
+  constexpr double kEvery = 0.1;  // seconds between updates, which are rare because each visits all cameras
   const std::lock_guard lock(state_mutex_);
   const double time = now();
   if (time - state_at_ < kEvery) return state_;
@@ -256,7 +256,7 @@ std::vector<size_t> LightField::silent_nodes() const {
 void LightField::request(GstBuffer* request) {
   const int64_t now = g_get_monotonic_time();
   if (now - last_request_.exchange(now) > kSilence) asked_since_ = now;
-  // The request's timestamps belong to the viewer's pipeline and have no meaning here.
+  // The timestamps refer to the viewer's pipeline and mean nothing in this pipeline.
   GstBuffer* buffer = gst_buffer_copy(request);
   GST_BUFFER_PTS(buffer) = GST_CLOCK_TIME_NONE;
   gst_app_src_push_buffer(requests_, buffer);

@@ -21,60 +21,65 @@
 
 namespace lf::serve {
 
-// The cameras, in one pipeline for all viewers. Routes requests of all views in, and answers out to the viewer of the
-// view. Queues drop their oldest entries, so that no side blocks. All functions are thread-safe.
+// Runs the cameras in one pipeline for all viewers. Requests of all views go into the pipeline, and each answer (a
+// camera host's part of a view) goes to the viewer of its view. Queues drop their oldest entries, so that a slow viewer
+// blocks nothing. All functions are thread-safe.
 class LightField {
  public:
-  static constexpr int64_t kSilence = 2000000;  // microseconds
+  static constexpr int64_t kSilence = 2000000;  // microseconds without an answer until a host counts as silent
 
-  // Called on a streaming thread for each answer of the view; must not block. The buffer is borrowed.
+  // Receives each answer of the view, on a streaming thread. Must not block. The buffer is borrowed.
   using OnAnswer = std::function<void(size_t node, GstBuffer* answer)>;
 
-  // Uses cameras in this process, with lffragment's properties "resampling" and "renderer", or the hosts in `nodes`, if
-  // any (CameraHosts, with `key_file`). Local cameras are recorded into the folder `record`; "": no recording.
-  // `max_views` limits requests in flight. `trusted`: the rig may run any element (rig/source_security.h); an untrusted
-  // rig with other elements is rejected, also on reload. Throws Error.
+  // Prepares the cameras of the file `rig`. If `nodes` is empty, the cameras run in this process. `resampling` and
+  // `renderer` then have the values of lffragment's properties, and the cameras are recorded into the folder `record`,
+  // unless it is empty. Otherwise the cameras run on the hosts in `nodes`, with packets encrypted by `key_file`
+  // (CameraHosts).
+  //
+  // `max_views` limits the requests in flight. If `trusted` is false, rigs with potentially harmful elements in their
+  // sources are rejected, also on reload (rig/source_security.h). Throws Error.
   LightField(const std::string& rig, const std::vector<NodeAddress>& nodes, const std::string& key_file,
              const std::string& resampling, const std::string& renderer, const std::string& record, int max_views,
              bool trusted);
   ~LightField();
   LightField(const LightField&) = delete;
 
-  // Makes current and future calls of start() and restart() fail at once, for program exit.
+  // Makes all current and future calls of start() and restart() fail at once. Use this when the program ends.
   void cancel() { cancelled_ = true; }
-  // Blocks until the cameras run. Throws Error. `on_error` is called on the main thread if the cameras fail later.
+  // Opens the cameras and blocks until they run. Throws Error. If the cameras fail later, `on_error` is called on the
+  // main thread.
   void start(std::function<void(const std::string&)> on_error);
 
-  // True if the cameras of `array`, a reloaded rig file, are the open cameras with the same sources.
+  // True if a changed rig still has the open cameras with the same sources, so that update_rig() suffices.
   bool has_cameras_of(const ArrayInfo& array) const;
-  // Switches to another rig of the same cameras, without a pause.
+  // Replaces the rig without interrupting the cameras, for example after a calibration.
   void update_rig(std::shared_ptr<const ArrayInfo> array);
-  // Closes the cameras and opens the cameras of another rig. Blocks until these run. Must not be called on the main
+  // Closes the cameras and opens the cameras of another rig. Blocks until they run; must not be called on the main
   // thread. Throws Error; then no cameras are open.
   void restart(std::shared_ptr<const ArrayInfo> array);
 
-  // Viewer pipelines use the clock of the cameras.
+  // The clock of the cameras, which all pipelines of viewers must use.
   GstClock* clock() const { return clock_; }
   const std::string& rig() const { return rig_; }
   std::shared_ptr<const ArrayInfo> array() const;
   size_t nodes() const { return answers_.size(); }
   bool is_local() const { return local_; }
 
-  // Thumbnails of local cameras as a JPEG file, and their state as JSON (cameras/mosaic.h). Throw Error if the cameras
+  // Thumbnails of the cameras as a JPEG file, and their state as JSON (cameras/mosaic.h). Throw Error if the cameras
   // are on other hosts.
   std::vector<uint8_t> mosaic_jpeg();
   std::string mosaic_state();
 
-  // State of the local cameras at the last update_camera_states(); zero if they are on other hosts.
+  // State of the cameras at the last update_camera_states(); zero if the cameras are on other hosts.
   CameraStates cameras() const { return states_; }
   void update_camera_states();
 
   void join(uint32_t view, OnAnswer on_answer);
-  void leave(uint32_t view);         // after return, on_answer is not called any more
+  void leave(uint32_t view);         // When this function has returned, on_answer is not called any more.
   void request(GstBuffer* request);  // takes a reference
 
   uint64_t answer_bytes() const { return bytes_; }
-  // Returns the indices of hosts that have pending requests and have not answered for kSilence.
+  // Returns the indices of camera hosts that have pending requests, but have not answered for kSilence.
   std::vector<size_t> silent_nodes() const;
   const std::string& node_name(size_t node) const { return hosts_->hosts()[node].name; }
 
@@ -97,8 +102,8 @@ class LightField {
   bool local_, trusted_;
   ElementPtr pipeline_;
   GstAppSrc* requests_ = nullptr;       // borrowed from the pipeline
-  GstElement* node_ = nullptr;          // cameras in this process, or null; borrowed from the pipeline
-  std::unique_ptr<CameraHosts> hosts_;  // null: the cameras are in this process
+  GstElement* node_ = nullptr;          // null if the cameras are on other hosts; borrowed from the pipeline
+  std::unique_ptr<CameraHosts> hosts_;  // null if the cameras are in this process
   GstClock* clock_ = nullptr;
   std::vector<std::unique_ptr<Answers>> answers_;
   guint watch_ = 0;

@@ -36,7 +36,7 @@ TokenBucket& AddressLimit::bucket(const std::string& address, int64_t now) {
     order_.splice(order_.end(), order_, found->second.place);
     return found->second.bucket;
   }
-  // A full bucket equals a new bucket.
+  // A full bucket equals a new bucket and can be forgotten.
   while (!order_.empty() && (entries_.size() >= kMaxAddresses || entries_.at(order_.front()).bucket.full(now))) {
     entries_.erase(order_.front());
     order_.pop_front();
@@ -58,12 +58,12 @@ auto oldest(const SeatMap& held, const May& may) {
 
 }  // namespace
 
-// At least two, because a stereo viewer needs two seats.
+// At least two seats for unconnected viewers, because a stereo viewer needs two.
 AdmissionControl::AdmissionControl(int seats, int of_address)
     : admission_(seats), of_address_(of_address), unconnected_(std::max(2, seats / 4)) {}
 
-// Returns the oldest unconnected seat of the address with the most unconnected views, if they exceed those of `address`
-// plus `views`; end() otherwise.
+// Returns the oldest unconnected seat of the address with the most unconnected views. Returns end() if this address
+// would have no more of them than `address` with `views` additional views.
 AdmissionControl::SeatMap::const_iterator AdmissionControl::largest_user(const SeatMap& held,
                                                                          const std::string& address, int views) const {
   std::map<std::string, int> unconnected;

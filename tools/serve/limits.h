@@ -15,33 +15,35 @@
 namespace lf::serve {
 
 struct FocusSettings {
-  std::string mode = "auto";  // "focus"
-  double near = 0, far = 0;   // "focus-near" and "focus-far", metres from the array
-  std::string gains;          // "gains"; "": default of lfcompositor
+  std::string mode = "auto";
+  double near = 0, far = 0;  // properties "focus-near" and "focus-far", metres from the array
+  std::string gains;         // property "gains"; empty: its default
 };
 
 struct Limits {
-  int viewers = 8;  // maximum number of views; a stereo viewer counts twice
+  int viewers = 8;  // maximum number of views; a stereo viewer needs two
   int address_views = 2;
   int max_width = 1280, max_height = 720;  // maximum size of a view, pixels
   double max_aperture = 0;                 // metres; 0: size of the array
   int framerate = 30;
-  int capture_delay_ms = 100;  // minimum age of a requested capture: the latency of the cameras
-  double focus = 0;            // initial focus distance, metres; 0: chosen by lfviewrequest
+  // time between a capture and a request for it, which must exceed the latency of the cameras
+  int capture_delay_ms = 100;
+  double focus = 0;  // initial focus distance, metres; 0: chosen by lfviewrequest
   FocusSettings focus_settings;
-  int monitor = 0;         // viewer requests per camera check; 0: never
-  int bit_rate = 6000000;  // bits per second of one viewer's video
+  int monitor = 0;         // requests of a viewer per camera check; 0: no checks
+  int bit_rate = 6000000;  // bits per second
   double messages_per_second = 240;
-  double connects_per_second = 2;  // connects per address, after the first `connect_burst`
+  double connects_per_second = 2;  // connections per address, after the first `connect_burst`
   double connect_burst = 40;
-  static constexpr double kMostBitsPerPixel = 0.22;  // maximum useful bits per pixel, below `bit_rate`
-  static constexpr int kMinSize = 64;                // pixels per side
-  static constexpr double kSilence = 5;              // seconds without a packet until a viewer is removed
-  static constexpr double kConnect = 15;             // seconds from an offer until the viewer must be connected
-  static constexpr double kWrongTokens = 0.2, kWrongTokensAtOnce = 10;  // wrong tokens per address and second
+  // bits per pixel above which the video does not improve; limits the bit rate below `bit_rate`
+  static constexpr double kMostBitsPerPixel = 0.22;
+  static constexpr int kMinSize = 64;     // pixels per side
+  static constexpr double kSilence = 5;   // seconds without a packet until a viewer is removed
+  static constexpr double kConnect = 15;  // seconds that a viewer has to connect after its offer
+  // Accepted rate of wrong tokens per address and second.
+  static constexpr double kWrongTokens = 0.2, kWrongTokensAtOnce = 10;
 };
 
-// Returns the maximum useful video bit rate of a view, bits per second.
 inline int best_bit_rate(int width, int height, const Limits& limits) {
   const double most = Limits::kMostBitsPerPixel * width * height * limits.framerate;
   return static_cast<int>(std::min<double>(limits.bit_rate, std::max(most, 300000.0)));
@@ -49,12 +51,13 @@ inline int best_bit_rate(int width, int height, const Limits& limits) {
 
 struct ViewParams {
   int width = 640, height = 480;  // per eye, pixels
-  double eye_distance = 0;        // metres; 0: one eye
-  std::string path;               // camera path (views.json) to play, or ""
+  double eye_distance = 0;        // distance between the eyes, metres; 0: a single eye
+  std::string path;               // camera path (views.json) to play; may be empty
   int views() const { return eye_distance > 0 ? 2 : 1; }
 };
 
-// Parses the distance between the eyes, metres. "" or null: 0, one eye. Returns std::nullopt for invalid text.
+// Parses the distance between the eyes in metres. An empty or null text means 0, a single eye. Returns std::nullopt if
+// the text is invalid.
 inline std::optional<double> eye_distance(const char* text) {
   if (!text || !*text) return 0;
   char* end = nullptr;
@@ -64,10 +67,11 @@ inline std::optional<double> eye_distance(const char* text) {
 }
 
 struct ViewSize {
-  int width = 640, height = 480;  // pixels
+  int width = 640, height = 480;
 };
-// Parses the requested size of a view, pixels. Scales it to the limits with its aspect ratio, with even sides of at
-// least kMinSize. "" or null: defaults of ViewSize. Returns std::nullopt for invalid text.
+// Parses the requested size of a view in pixels, and scales it to the limits. The aspect ratio is kept, and both sides
+// become even and at least kMinSize. Empty or null texts mean the defaults of ViewSize. Returns std::nullopt if a text
+// is invalid.
 inline std::optional<ViewSize> view_size(const char* width, const char* height, const Limits& limits) {
   const auto side = [](const char* text, double otherwise) -> double {
     if (!text || !*text) return otherwise;
@@ -84,15 +88,15 @@ inline std::optional<ViewSize> view_size(const char* width, const char* height, 
   return ViewSize{fitted(w, limits.max_width), fitted(h, limits.max_height)};
 }
 
-// A bucket that fills with `per_second` tokens, up to `burst`. Times are g_get_monotonic_time(), microseconds, and must
-// not decrease. Not thread-safe.
+// A rate limit with bursts: a bucket that receives `per_second` tokens per second, up to `burst` tokens, and gives one
+// token per action. Times are g_get_monotonic_time(), microseconds, and must not decrease. Not thread-safe.
 class TokenBucket {
  public:
   TokenBucket(double per_second, double burst) : per_second_(per_second), burst_(burst), tokens_(burst) {}
 
-  // Takes `count` tokens. Returns false and takes nothing if there are fewer.
+  // Takes `count` tokens. If there are fewer, takes none and returns false.
   bool take(int64_t now, double count = 1);
-  // Keeps the existing tokens, up to the new burst.
+  // Changes the limits. Existing tokens remain, up to the new burst.
   void set_rate(double per_second, double burst, int64_t now);
   bool full(int64_t now);
 
@@ -103,8 +107,8 @@ class TokenBucket {
   int64_t filled_ = 0;
 };
 
-// A bucket for each of the latest kMaxAddresses addresses. A new address replaces the least recent address. A flood
-// from many addresses thus never limits an uninvolved address. Not thread-safe.
+// A rate limit per address, for the latest kMaxAddresses addresses. A new address replaces the least recently used one,
+// so a flood from many addresses never limits other addresses. Not thread-safe.
 class AddressLimit {
  public:
   static constexpr size_t kMaxAddresses = 4096;
@@ -126,31 +130,35 @@ class AddressLimit {
   std::list<std::string> order_;
 };
 
-// Assigns seats to viewers and queues waiting viewers. A seat is a view; a stereo viewer takes two. Each address has a
-// maximum number of views. Viewers that have not connected yet share at most a quarter of all seats. Beyond that, a
-// viewer that has not connected after kConnectTimeout loses its seats first, then one of the address with the most
-// unconnected views. Without a free seat, viewers wait in a queue with a ticket that they must present repeatedly. Uses
-// no clock and no locks; times are g_get_monotonic_time(), microseconds.
+// Decides which viewers may watch. A seat is the right to one view; a stereo viewer takes two seats. Each address has a
+// maximum number of views. If no seat is free, viewers wait in a queue and must present their ticket repeatedly.
+//
+// A client that never connects must not keep others out. Viewers that have not connected yet therefore share at most a
+// quarter of all seats. If a new viewer would exceed this quarter, a viewer that has not connected after
+// kConnectTimeout loses its seats. If there is none, a viewer of the address with the most unconnected views does.
+//
+// There are no clocks and locks; times are g_get_monotonic_time(), microseconds.
 class AdmissionControl {
  public:
-  static constexpr int64_t kConnectTimeout = 2000000;  // microseconds until an unconnected viewer may lose its seats
-  static constexpr int64_t kTicketTimeout = 3000000;   // microseconds until a ticket that is not presented expires
+  // microseconds until an unconnected viewer may lose its seats
+  static constexpr int64_t kConnectTimeout = 2000000;
+  // microseconds until a ticket expires if it is not presented
+  static constexpr int64_t kTicketTimeout = 3000000;
   static constexpr size_t kMaxQueued = 64;
 
   AdmissionControl(int seats, int of_address);
 
   struct Answer {
     enum Verdict { kAdmitted, kAddress, kFull } verdict = kFull;
-    std::vector<std::string> leave;  // kAdmitted: sessions that lose their seats, to be closed at once
-    std::string ticket;              // kFull: "" if the queue is full, too
+    std::vector<std::string> leave;  // sessions that lose their seats and must be closed at once (kAdmitted)
+    std::string ticket;              // ticket in the queue, or empty if the queue is full, too (kFull)
     size_t place = 0;
   };
-  // Requests seats for `views` of `address`, or a place in the queue. `ticket`: from the previous answer, or "";
-  // `new_ticket`: an unguessable ticket, used if one is needed.
+  // Requests seats for `views` views of `address`, or a place in the queue. `ticket` is the ticket from the previous
+  // answer, or empty. `new_ticket` is an unguessable text that becomes the ticket if one is needed.
   Answer ask(const std::string& address, int views, const std::string& ticket, const std::string& new_ticket,
              int64_t now);
-  // Takes the seats. Call after ask() has returned kAdmitted and the sessions in `leave` are closed. `session`: name of
-  // the viewer's session.
+  // Takes the seats for a session. Call this after ask() has returned kAdmitted and the sessions in `leave` are closed.
   void take(const std::string& session, const std::string& address, int views, int64_t now);
   void connected(const std::string& session);
   void leave(const std::string& session);

@@ -20,7 +20,7 @@
 namespace lf::serve {
 namespace {
 
-// True for characters of a name, an address, "[::1]" and a port; excludes characters that could end a header.
+// Rejects characters that could end a header.
 bool is_host(const std::string& text) {
   return !text.empty() &&
          std::ranges::all_of(text, [](char c) { return g_ascii_isalnum(c) || (c && std::strchr(".-:[]", c)); });
@@ -57,29 +57,32 @@ std::string escaped(const std::string& text) {
 IceServers::IceServers(const std::vector<std::string>& uris, const std::string& credentials) {
   for (const std::string& uri : uris) {
     const size_t colon = uri.find(':'), question = uri.find('?');
-    if (colon == uri.npos) throw Error("--ice-server " + uri + ": must be stun:HOST:PORT or turn:HOST:PORT");
+    if (colon == uri.npos) throw Error("--ice-server " + uri + ": must have the form stun:HOST:PORT or turn:HOST:PORT");
     Server server{uri.substr(0, colon), uri.substr(colon + 1, question == uri.npos ? question : question - colon - 1),
                   question == uri.npos ? "" : uri.substr(question)};
     const bool turn = server.scheme == "turn" || server.scheme == "turns";
     const bool plain =
         server.query.empty() || (turn && (server.query == "?transport=udp" || server.query == "?transport=tcp"));
     if ((!turn && server.scheme != "stun") || !plain || !is_host(server.host))
-      throw Error("--ice-server " + uri + ": must be stun:HOST:PORT or turn:HOST:PORT, with ?transport=udp or tcp");
-    if (turn && credentials.empty()) throw Error("--ice-server " + uri + ": TURN needs --ice-credentials");
+      throw Error(
+          "--ice-server " + uri +
+          ": must have the form stun:HOST:PORT or turn:HOST:PORT, optionally with ?transport=udp or ?transport=tcp");
+    if (turn && credentials.empty()) throw Error("--ice-server " + uri + ": a TURN server requires --ice-credentials");
     servers_.push_back(std::move(server));
   }
   std::istringstream words(credentials);
   std::string first, second, third;
   words >> first >> second >> third;
   if (!third.empty() || (!first.empty() && !is_word(first)) || (!second.empty() && !is_word(second)))
-    throw Error("--ice-credentials: must be a user and a password, or one secret, without quotes");
+    throw Error(
+        "--ice-credentials: the file must contain a user and a password, or a single secret, without quotation marks");
   if (second.empty())
     secret_ = first;
   else
     fixed_ = {first, second};
 }
 
-// With a shared secret, the user name is the expiry time of the password.
+// The server of a shared secret expects the expiry time of the password as the user name.
 IceServers::Credentials IceServers::credentials(int64_t now) const {
   if (secret_.empty()) return fixed_;
   const std::string user = std::to_string(now + kLifetime);
@@ -200,7 +203,7 @@ std::string parameter(std::string_view parameters, std::string_view name) {
   return "";
 }
 
-// True for constrained baseline: profile_idc 42, constraint_set1_flag (RFC 6184, table 5).
+// True for constrained baseline: profile_idc 42 and constraint_set1_flag (RFC 6184, table 5).
 bool is_constrained_baseline(const std::string& profile) {
   unsigned value = 0;
   const char* end = profile.data() + profile.size();
@@ -209,12 +212,12 @@ bool is_constrained_baseline(const std::string& profile) {
 }
 
 struct Format {
-  std::string_view map, parameters;  // rtpmap and fmtp; "" if absent
+  std::string_view map, parameters;
 };
 constexpr size_t kPayloadTypes = 128;
 
-// Removes "PAYLOAD " from the front of an attribute's value. Returns std::nullopt if the value does not begin with a
-// payload type.
+// Removes the payload type from the front of an attribute's value ("PAYLOAD ..."). Returns std::nullopt if there is
+// none.
 std::optional<size_t> take_payload(std::string_view& value) {
   size_t number = 0;
   const char* end = std::from_chars(value.data(), value.data() + value.size(), number).ptr;
@@ -245,7 +248,7 @@ bool encodes(std::string_view rtpmap, std::string_view encoding) {
          rtpmap.substr(encoding.size()) == "";
 }
 
-// Selects the first format of the codec in the offer's order. GStreamer's payloaders support the dynamic payload types
+// Selects the first format of the codec, in the order of the offer. GStreamer's payloaders support only payload types
 // from 96.
 bool find_codec(const GstSDPMedia* media, const std::array<Format, kPayloadTypes>& formats, VideoCodec codec,
                 Offer& offer) {
@@ -274,7 +277,7 @@ bool find_codec(const GstSDPMedia* media, const std::array<Format, kPayloadTypes
   return false;
 }
 
-// Returns the id of a header extension with a one-byte header: "3 URI", "3/recvonly URI" (RFC 8285).
+// Returns the id of a header extension (RFC 8285) from "3 URI" or "3/recvonly URI".
 guint find_extension(const GstSDPMedia* media, std::string_view uri) {
   for (guint i = 0; i < gst_sdp_media_attributes_len(media); i++) {
     const GstSDPAttribute* attribute = gst_sdp_media_get_attribute(media, i);
@@ -289,10 +292,10 @@ guint find_extension(const GstSDPMedia* media, std::string_view uri) {
   return 0;
 }
 
-// Sets the parameters of the outgoing H.264. Any level up to the stated one is allowed (RFC 6184), but webrtcbin would
-// decline an offer that states another level.
+// Sets the parameters of the outgoing H.264. The server may send any level up to the offered one (RFC 6184), but
+// webrtcbin declines an offer with another level.
 void set_parameters(const GstSDPMedia* media, guint payload_type, const std::string& profile) {
-  GstSDPMedia* writable = const_cast<GstSDPMedia*>(media);  // the message is owned
+  GstSDPMedia* writable = const_cast<GstSDPMedia*>(media);
   const std::string payload = std::to_string(payload_type) + " ";
   const std::string value = payload + "level-asymmetry-allowed=1;packetization-mode=1;profile-level-id=" + profile;
   for (guint i = gst_sdp_media_attributes_len(media); i-- > 0;) {
@@ -307,7 +310,7 @@ bool has(const GstSDPMessage* sdp, const GstSDPMedia* media, const char* attribu
   return gst_sdp_media_get_attribute_val(media, attribute) || gst_sdp_message_get_attribute_val(sdp, attribute);
 }
 
-// True for a UDP candidate of one of the addresses: "candidate:1 1 udp 2122260223 192.0.2.1 50000 typ host".
+// True for a UDP candidate with one of the addresses, such as "candidate:1 1 udp 2122260223 192.0.2.1 50000 typ host".
 bool is_of(std::string_view candidate, const std::set<std::string>& addresses) {
   std::string_view fields[5];
   for (std::string_view& field : fields) {
@@ -320,7 +323,7 @@ bool is_of(std::string_view candidate, const std::set<std::string>& addresses) {
 }
 
 void strip_candidates(const GstSDPMedia* media, const std::set<std::string>& known) {
-  GstSDPMedia* writable = const_cast<GstSDPMedia*>(media);  // the message is owned
+  GstSDPMedia* writable = const_cast<GstSDPMedia*>(media);
   size_t kept = 0;
   for (guint i = 0; i < gst_sdp_media_attributes_len(media);) {
     const GstSDPAttribute* attribute = gst_sdp_media_get_attribute(media, i);
@@ -334,7 +337,8 @@ void strip_candidates(const GstSDPMedia* media, const std::set<std::string>& kno
   }
 }
 
-// webrtcbin scans all attributes for each format and for each attribute, which takes quadratic time.
+// webrtcbin scans all attributes for each format and each attribute, which takes quadratic time. Large offers are
+// rejected.
 bool is_too_large(const GstSDPMedia* media) {
   return gst_sdp_media_formats_len(media) > Offer::kMaxFormats ||
          gst_sdp_media_attributes_len(media) > Offer::kMaxAttributes;
@@ -348,7 +352,7 @@ std::string problem_of(const GstSDPMessage* sdp, const GstSDPMedia* media, const
   return "";
 }
 
-// True if all media share one transport (RFC 9143), as WHEP requires.
+// True if all media share one transport (RFC 9143), which WHEP requires.
 bool is_bundled(const GstSDPMessage* sdp) {
   std::set<std::string> bundled;
   for (guint i = 0; i < gst_sdp_message_attributes_len(sdp); i++) {
@@ -365,7 +369,7 @@ bool is_bundled(const GstSDPMessage* sdp) {
   return true;
 }
 
-// Adds the fingerprints of the session (no `media`) or of a medium. Returns false if one is malformed.
+// Adds the fingerprints of a medium, or of the session if `media` is null. Returns false if one is malformed.
 bool add_fingerprints(const GstSDPMessage* sdp, const GstSDPMedia* media, std::set<std::string>& to) {
   const guint count = media ? gst_sdp_media_attributes_len(media) : gst_sdp_message_attributes_len(sdp);
   for (guint i = 0; i < count; i++) {
@@ -390,7 +394,7 @@ std::optional<Offer> parse_offer(const std::string& text, bool h264, bool vp8, c
     if (reason) *reason = why;
     return std::nullopt;
   };
-  // GStreamer's parser logs criticals for text that is not valid UTF-8.
+  // GStreamer's parser logs criticals if the text is not valid UTF-8.
   if (text.size() > Offer::kMaxBytes) return fail("the offer is too long");
   if (!text.starts_with("v=0") || text.find('\0') != text.npos || !g_utf8_validate(text.data(), -1, nullptr))
     return fail("the offer is not SDP");

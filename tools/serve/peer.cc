@@ -17,8 +17,8 @@ namespace {
 
 using Reply = std::function<void(const GstStructure*)>;
 
-// Returns a promise for one call, which takes ownership. `reply` runs on webrtcbin's thread and receives null if there
-// was no reply.
+// Returns a promise for one call of webrtcbin, which takes ownership. `reply` runs on a thread of webrtcbin and
+// receives null if there is no reply.
 GstPromise* promise(Reply reply) {
   return gst_promise_new_with_change_func(
       [](GstPromise* promise, gpointer data) {
@@ -31,7 +31,7 @@ GstPromise* promise(Reply reply) {
 
 bool is_error(const GstStructure* reply) { return reply && gst_structure_has_field(reply, "error"); }
 
-// Signal handlers hold a weak reference to the peer.
+// Signal handlers may run after the peer is gone, so they hold a weak reference.
 using Weak = std::weak_ptr<Peer>;
 
 template <typename Handler>
@@ -42,7 +42,7 @@ void connect(gpointer object, const char* signal, Handler* handler, const Weak& 
 }
 std::shared_ptr<Peer> peer_of(gpointer data) { return static_cast<Weak*>(data)->lock(); }
 
-// Takes ownership of a buffer and returns an owned buffer, or null to drop the packet.
+// Processes a packet. Takes ownership of the buffer and returns an owned buffer, or null to drop the packet.
 using Filter = std::function<GstBuffer*(GstBuffer*)>;
 
 void filter(GstElement* element, const char* pad_name, Filter by) {
@@ -118,7 +118,7 @@ Reception read_reception(const GstStructure* stats) {
   return received;
 }
 
-// Waits until DTLS has sent its closing alert. The sending thread must not be stopped before.
+// Waits until DTLS has sent its closing alert, because the sending thread must not be stopped before.
 class DtlsShutdown {
  public:
   static GstPadProbeReturn on_packet(GstPad*, GstPadProbeInfo* info, gpointer data) {
@@ -179,7 +179,7 @@ bool Peer::take_key_frame() {
   return key_frame_limit_.take(g_get_monotonic_time());
 }
 
-// The RTP session turns each sequence number in a NACK into one event for rtprtxsend.
+// The RTP session turns each sequence number of a request for lost packets (NACK) into an event for rtprtxsend.
 GstPadProbeReturn Peer::on_retransmission_request(GstPad*, GstPadProbeInfo* info, gpointer data) {
   const GstStructure* structure = gst_event_get_structure(GST_PAD_PROBE_INFO_EVENT(info));
   if (!structure || !gst_structure_has_name(structure, "GstRTPRetransmissionRequest")) return GST_PAD_PROBE_OK;
@@ -214,13 +214,13 @@ void Peer::fail(const std::string& why) {
 void Peer::watch_element(GstElement* element) {
   GstElementFactory* factory = gst_element_get_factory(element);
   const std::string type = factory ? GST_OBJECT_NAME(factory) : "";
-  // With sync, clocksync would delay each picture by a frame.
+  // If clocksync synchronised, it would delay each picture by a frame.
   if (type == "clocksync") g_object_set(element, "sync", FALSE, nullptr);
   if (type == "dtlsenc") {
     const std::lock_guard lock(mutex_);
     gst_object_replace(reinterpret_cast<GstObject**>(&dtls_), GST_OBJECT(element));
   }
-  // The certificate arrives before the keys.
+  // The certificate arrives before the keys, so no media are sent to a wrong peer.
   if (type == "dtlsdec")
     connect(
         element, "notify::peer-pem",
@@ -248,7 +248,7 @@ void Peer::watch_element(GstElement* element) {
     gst_pad_add_probe(src, GST_PAD_PROBE_TYPE_EVENT_UPSTREAM, on_retransmission_request, new Weak(weak_from_this()),
                       [](gpointer data) { delete static_cast<Weak*>(data); });
   }
-  // Each SCTP stream adds a pad, elements and a thread, even without a data channel.
+  // Each SCTP stream would add a pad, elements and a thread, even without a data channel.
   if (type == "sctpdec")
     connect(
         element, "pad-added",
@@ -324,8 +324,8 @@ void Peer::connection_changed(int state) {
     fail("the connection is lost");
 }
 
-// Announces the caps of the video, so that the answer can be made before there is video. An answer made without the
-// stream's SSRC would name SSRC 0 for retransmissions, and browsers would show black.
+// Announces the caps of the video, so that webrtcbin can answer before there is video. An answer without the SSRC of
+// the stream would state SSRC 0 for retransmissions, and browsers would show black.
 void Peer::announce() {
   GstCaps* caps =
       gst_caps_new_simple("application/x-rtp", "media", G_TYPE_STRING, "video", "clock-rate", G_TYPE_INT, 90000,
@@ -387,7 +387,8 @@ void Peer::answer(bool late) {
   if (local) gst_webrtc_session_description_free(local);
 }
 
-// The channel may already be open. webrtcbin can't close a single channel (use after free).
+// The channel may already be open. It stays, because webrtcbin crashes (use after free) when a single channel is
+// closed.
 void Peer::open_channel(GstWebRTCDataChannel* channel) {
   g_autofree gchar* label = nullptr;
   g_object_get(channel, "label", &label, nullptr);

@@ -19,66 +19,73 @@ typedef struct _GstWebRTCDataChannel GstWebRTCDataChannel;
 
 namespace lf::serve {
 
-// Error of a peer if webrtcbin rejects the offer. The message of webrtcbin may quote the offer and must not be logged.
+// Error of a peer if webrtcbin rejects the offer. The original message of webrtcbin may quote the offer and must not be
+// logged.
 inline constexpr char kOfferRejected[] = "the offer can't be answered";
 
 struct LinkReport {
-  double loss = 0;        // fraction of lost packets, 0 to 1
+  double loss = 0;        // 0 to 1
   double round_trip = 0;  // seconds; 0: unknown
 };
 
 struct Route {
-  std::string address;                   // local address to use; "": any
-  std::vector<std::string> ice_servers;  // webrtcbin's format: "stun://HOST:PORT", "turn://USER:PASSWORD@HOST:PORT"
+  std::string address;  // local address that sends and receives packets; empty: any
+  std::vector<std::string> ice_servers;
 };
 
-// One browser at the other end of a webrtcbin: offer and answer, data channel and liveness. It negotiates before there
-// is video, which must later arrive at the webrtcbin's pad with `ssrc`. A peer has one data channel, "control", and one
-// SCTP stream. A browser that opens more fails and is ignored. Its certificate must match a fingerprint of the offer.
-// Unneeded packets are dropped (RtcpFilter).
+// The WebRTC connection of a webrtcbin to one browser. Answers the browser's offer, carries messages on a data channel
+// and detects that the browser has left. The answer is possible before there is video. The video must later arrive at
+// the pad of the webrtcbin with the SSRC `ssrc`.
 //
-// Created on the main thread. Callbacks run on the main thread, except on_message. May be destroyed on any thread.
+// The peer protects the server from hostile browsers. It accepts only one data channel, "control", on one SCTP stream,
+// because each further stream would cost threads and memory. A browser that opens more, or has another certificate than
+// its offer, fails, and its packets are dropped. RtcpFilter drops packets that the server does not need.
+//
+// Create a peer on the main thread. Callbacks run on the main thread, except on_message. A peer may be destroyed on any
+// thread.
 class Peer : public std::enable_shared_from_this<Peer> {
  public:
   struct Callbacks {
-    std::function<void(const std::string& sdp)> on_answer;  // called once, with all candidates found within kGathering
-    std::function<void()> on_connected;                     // called once, when DTLS is connected
+    // called once with the SDP answer, which has all candidates found within kGathering
+    std::function<void(const std::string& sdp)> on_answer;
+    std::function<void()> on_connected;
     std::function<void(const std::string& why)> on_failed;
-    // Receives a message of the data channel "control"; called on a streaming thread.
+    // Receives each message of the data channel "control", on a streaming thread.
     std::function<void(const std::string& text)> on_message;
     std::function<void(const LinkReport&)> on_report;
   };
 
-  static constexpr unsigned kGathering = 1000;  // milliseconds; an unreachable STUN server would take five seconds
+  // milliseconds; without this limit, an unreachable STUN server would take five seconds
+  static constexpr unsigned kGathering = 1000;
 
-  // `webrtc` is in a pipeline that is not started; its sink_0 is linked. Takes a reference.
+  // `webrtc` must be in a pipeline that is not started, and its pad sink_0 must be linked. Takes a reference.
   static std::shared_ptr<Peer> make(GstElement* webrtc, Offer offer, uint32_t ssrc, const Route& route,
                                     Callbacks callbacks);
-  // Stop the pipeline first.
+  // The pipeline must be stopped before.
   ~Peer();
 
-  // Answers the offer. Call once the pipeline is PAUSED.
+  // Starts to answer the offer. Call this once the pipeline is PAUSED.
   void negotiate();
 
-  // g_get_monotonic_time() of the last packet from the browser; 0: none yet. Thread-safe.
+  // g_get_monotonic_time() of the last packet from the browser; 0 if there was none. Thread-safe.
   int64_t last_packet_time() const { return last_packet_time_; }
   bool connected() const { return connected_; }
-  // Sends a text on the data channel "control", if the channel is open. Thread-safe.
+  // Sends a text on the data channel "control". Does nothing if the channel is not open. Thread-safe.
   void send(const std::string& text);
-  // Sets the video's bit rate. It also limits retransmissions, because the small requests could be endless.
-  // Thread-safe.
+  // Sets the bit rate of the video, which also limits retransmissions. Otherwise a browser could cause unlimited
+  // traffic with small requests. Thread-safe.
   void set_bit_rate(int bits_per_second);
-  // Returns true if the browser may request a key frame now; key frames are large. Thread-safe.
+  // Returns true if a key frame may be sent for the browser's request now. Key frames are large, so their rate is
+  // limited. Thread-safe.
   bool take_key_frame();
-  // Disables the callbacks. Call on the main thread.
+  // Disables all callbacks. Call this on the main thread.
   void leave() { has_left_ = true; }
-  // Closes DTLS, so that the browser notices at once. The pipeline must keep running meanwhile.
+  // Closes DTLS, so that the browser notices the end at once. The pipeline must continue to run during the call.
   void close_dtls();
-  // on_report() receives the result.
   void ask_for_report();
 
  private:
-  // Retransmitted bytes per second, relative to the video's bit rate, and minimum burst in bytes.
+  // Limits of retransmissions: bytes per second relative to the bit rate of the video, and minimum burst in bytes.
   static constexpr double kRetransmitShare = 1, kRetransmitBurst = 100000;
   static constexpr double kRetransmitBytes = 1250;
   static constexpr double kKeyFrames = 2, kKeyFramesAtOnce = 5;
@@ -103,7 +110,7 @@ class Peer : public std::enable_shared_from_this<Peer> {
   std::atomic<int64_t> last_packet_time_ = 0;
   std::atomic<int> streams_ = 0;
   std::atomic<bool> connected_ = false, answered_ = false, failed_ = false;
-  // drop all packets, because the certificate does not match the offer
+  // The certificate does not match the offer, so all packets are dropped.
   std::atomic<bool> certificate_mismatch_ = false;
   std::mutex mutex_;
   GstWebRTCDataChannel* channel_ = nullptr;

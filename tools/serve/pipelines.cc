@@ -15,13 +15,13 @@
 namespace lf::serve {
 namespace {
 
-// An H.264 encoder with its low-latency options. All encoders are configured alike: constant quality with a maximum bit
-// rate, where supported.
+// An H.264 encoder and its options for low latency. Encoders that support constant quality with a maximum bit rate use
+// this mode.
 struct H264Encoder {
   const char* element;
   const char* options;
   const char* bit_rate;
-  int unit;  // unit of the property, bits per second
+  int unit;
 };
 
 constexpr H264Encoder kH264Encoders[] = {
@@ -29,7 +29,7 @@ constexpr H264Encoder kH264Encoders[] = {
     {"vah264enc", "target-usage=7 key-int-max=900 b-frames=0 rate-control=vbr", "bitrate", 1000},
     {"vaapih264enc", "quality-level=7 keyframe-period=900 max-bframes=0 rate-control=vbr", "bitrate", 1000},
     {"qsvh264enc", "low-latency=true gop-size=900 b-frames=0 rate-control=vbr", "bitrate", 1000},
-    // Constant quality up to `bitrate`. More `threads` would slice or delay pictures.
+    // Constant quality up to `bitrate`. More threads would delay pictures or cut them into slices.
     {"x264enc",
      "tune=zerolatency speed-preset=ultrafast threads=1 key-int-max=900 vbv-buf-capacity=300 pass=qual quantizer=23",
      "bitrate", 1000},
@@ -41,7 +41,8 @@ bool installed(const char* element) {
   return factory;
 }
 
-// Selects by GStreamer's rank (GST_PLUGIN_FEATURE_RANK can change it); hardware first if ranks are equal.
+// Selects the encoder with the highest rank, which GST_PLUGIN_FEATURE_RANK can change. At equal rank, hardware encoders
+// come first.
 const H264Encoder* h264_encoder() {
   const H264Encoder* best = nullptr;
   guint best_rank = GST_RANK_NONE;
@@ -58,7 +59,7 @@ const H264Encoder* h264_encoder() {
   return best;
 }
 
-// Minimum and maximum delay, 12 bits each, in units of 10 ms; both 0.
+// The payload of the extension: minimum and maximum delay, 12 bits each, in units of 10 ms. Both are 0.
 constexpr gsize kBytes = 3;
 
 struct PlayoutDelay {
@@ -108,7 +109,7 @@ void check_elements() {
     throw Error("no encoder is installed for H.264 (gstreamer1.0-plugins-ugly) or VP8 (gstreamer1.0-plugins-good)");
 }
 
-// A viewer needs about ten files, a camera two, which soon exceeds the usual limit of 1024.
+// A viewer needs about ten open files and a camera two, so the usual limit of 1024 is too low.
 void raise_file_limit() {
   rlimit limit{};
   if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
@@ -158,11 +159,11 @@ void add_playout_delay(GstElement* payloader, guint id) {
 }
 
 void prepare_process() {
-  // Viewers start and end many threads. One malloc arena per thread would fragment memory.
+  // Viewers start and end many threads, and one malloc arena per thread would fragment memory.
   mallopt(M_ARENA_MAX, 2);
   raise_file_limit();
-  // GStreamer threads may still use DTLS at exit, after OpenSSL's cleanup, and their per-thread state, such as random
-  // generators, would leak.
+  // Prevents OpenSSL's cleanup at exit. GStreamer threads may still use DTLS after it, and the state that they then
+  // create per thread would leak.
   OPENSSL_init_crypto(OPENSSL_INIT_NO_ATEXIT, nullptr);
 }
 

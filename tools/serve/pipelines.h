@@ -11,7 +11,7 @@
 
 namespace lf::serve {
 
-// Creates a pipeline from a launch line; owned by the caller. Throws Error that names a missing element.
+// Creates a pipeline from a launch line. The caller owns the pipeline. Throws Error that names a missing element.
 inline GstElement* launch_pipeline(const std::string& line) {
   GError* error = nullptr;
   GstElement* pipeline = gst_parse_launch_full(line.c_str(), nullptr, GST_PARSE_FLAG_FATAL_ERRORS, &error);
@@ -22,7 +22,8 @@ inline GstElement* launch_pipeline(const std::string& line) {
   throw Error(text);
 }
 
-// Creates a bin with ghost pads for unlinked pads; floating. Throws Error that names a missing element.
+// Creates a bin from a launch line, with ghost pads for all unlinked pads. The reference is floating. Throws Error that
+// names a missing element.
 inline GstElement* launch_bin(const std::string& line) {
   GError* error = nullptr;
   GstElement* bin =
@@ -46,22 +47,22 @@ inline std::string text_of(GstMessage* message) {
   return text;
 }
 
-// True if an encoder for the codec is installed. For H.264, the known encoder, hardware or not, with the highest
-// rank is used.
+// True if an encoder for the codec is installed. For H.264, the installed encoder with the highest rank is used,
+// hardware or software.
 bool can_encode(VideoCodec codec);
 
-// Returns a part of a launch line from raw video to RTP for webrtcbin: a low-latency encoder "encoder", and a payloader
-// "payloader" with timestamps of 90,000 times the running time in seconds.
+// Returns the part of a launch line that turns raw video into RTP for webrtcbin: a low-latency encoder named "encoder",
+// and a payloader named "payloader". RTP timestamps are 90,000 times the running time in seconds.
 std::string encoder_line(const Offer& offer, int bits_per_second);
 void set_bit_rate(GstElement* encoder, int bits_per_second);
 
 void add_playout_delay(GstElement* payloader, guint id);
 
-// Prepares the process for many viewers: raises the file limit and reduces memory fragmentation. Call before threads
-// are started.
+// Prepares the process for many viewers: raises the limit of open files and reduces memory fragmentation. Call this
+// before threads are started.
 void prepare_process();
-// Prepares GStreamer for viewers: checks that all elements are installed and creates the DTLS key in advance, which
-// takes up to a second. Throws Error that names the package of a missing element.
+// Checks that all required elements are installed, and creates the DTLS key in advance, because this takes up to a
+// second. Throws Error that names the package of a missing element.
 void prepare_elements();
 
 }  // namespace lf::serve

@@ -13,8 +13,9 @@
 
 namespace lf::serve {
 
-// Prints a log line that may contain remote input: printable ASCII only, at most kLongestLine characters, at a limited
-// rate. The number of suppressed lines is printed with the next line. Thread-safe.
+// Prints a log line that may contain input from clients. The line is reduced to printable ASCII and kLongestLine
+// characters. The rate of lines is limited, so that clients cannot fill the disk; the next line that is printed
+// contains the number of suppressed lines. Thread-safe.
 void say(const std::string& line);
 
 inline constexpr size_t kLongestLine = 200;
@@ -22,7 +23,7 @@ inline constexpr double kLinesPerSecond = 5, kLinesAtOnce = 100;
 
 std::string printable(const std::string& line);
 
-// Runs the job in the main loop, never inside this call. Thread-safe.
+// Runs `job` on the main thread, in the main loop and never inside this call. Thread-safe.
 inline void on_main_thread(std::function<void()> job) {
   GSource* source = g_idle_source_new();
   g_source_set_priority(source, G_PRIORITY_DEFAULT);
@@ -38,7 +39,7 @@ inline void on_main_thread(std::function<void()> job) {
   g_source_unref(source);
 }
 
-// Runs slow destructors, such as those of pipelines, on separate threads, so that a hung element cannot block the
+// Destroys objects on separate threads. Destroying a pipeline may be slow, and a hung element must not block the
 // server. Thread-safe.
 class Teardowns {
  public:
@@ -47,7 +48,7 @@ class Teardowns {
   bool wait(std::chrono::milliseconds longest) const;
 
  private:
-  // Shared with the threads, which may outlive the object.
+  // State shared with the threads, which may outlive this object.
   struct State {
     std::mutex mutex;
     std::condition_variable changed;

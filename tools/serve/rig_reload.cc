@@ -20,7 +20,7 @@ RigFileMonitor::RigFileMonitor(const std::string& path, std::function<void()> on
   g_autoptr(GError) error = nullptr;
   g_autoptr(GFile) file = g_file_new_for_path(path.c_str());
   monitor_ = g_file_monitor_file(file, G_FILE_MONITOR_WATCH_MOVES, nullptr, &error);
-  if (!monitor_) throw Error(path + ": can't be watched: " + error->message);
+  if (!monitor_) throw Error(path + ": changes of this file cannot be watched: " + error->message);
   g_signal_connect(monitor_, "changed", G_CALLBACK(changed), this);
 }
 
@@ -60,17 +60,17 @@ void RigReloader::changed() {
   try {
     array = std::make_shared<const ArrayInfo>(field_.rig());
   } catch (const Error& error) {
-    return say(std::string("the rig stays as it was: ") + error.what());
+    return say(std::string("the changed rig file is invalid, so the old rig stays in use: ") + error.what());
   }
   if (!field_.has_cameras_of(*array)) return open(std::move(array));
-  // The rig hash does not cover colours and time offsets.
+  // The rig hash does not cover colours and time offsets, which may have changed, too.
   if (rig_to_json(field_.array()->rig()) == rig_to_json(array->rig())) return;
   field_.update_rig(std::move(array));
   tell();
 }
 
 void RigReloader::open(std::shared_ptr<const ArrayInfo> array) {
-  say("the rig has other cameras: opening the cameras");
+  say("the changed rig file has other cameras or sources; opening these cameras");
   is_opening_ = true;
   if (open_thread_.joinable()) open_thread_.join();
   open_thread_ = std::thread([this, array, alive = std::weak_ptr(alive_)] {
@@ -83,7 +83,8 @@ void RigReloader::open(std::shared_ptr<const ArrayInfo> array) {
     on_main_thread([this, problem, alive] {
       if (!alive.lock()) return;
       is_opening_ = false;
-      if (!problem.empty()) say("no pictures until the rig file changes: " + problem);
+      if (!problem.empty())
+        say("the cameras cannot be opened; there are no pictures until the rig file changes again: " + problem);
       tell();
       if (std::exchange(changed_again_, false)) changed();
     });

@@ -13,10 +13,11 @@
 
 namespace lf::serve {
 
-// Reports changes of a file, after it has not changed for a moment. Main thread only.
+// Watches a file and reports a change when the file has been stable for a moment, because editors write a file in
+// several steps. Main thread only.
 class RigFileMonitor {
  public:
-  // Throws Error if the file can't be watched.
+  // Throws Error if the file cannot be watched.
   RigFileMonitor(const std::string& path, std::function<void()> on_change);
   ~RigFileMonitor();
   RigFileMonitor(const RigFileMonitor&) = delete;
@@ -29,12 +30,12 @@ class RigFileMonitor {
   guint timer_ = 0;
 };
 
-// Reloads the rig for the light field and its viewers when the rig file changes, for example after a calibration. An
-// invalid file changes nothing. If cameras or sources differ, the old cameras are closed and the new ones opened, and
-// pictures pause. Main thread only.
+// Applies changes of the rig file to the running light field and its viewers, for example after a calibration. An
+// invalid file changes nothing. If only poses or colours have changed, pictures continue. If cameras or sources differ,
+// the old cameras are closed and the new ones opened, and pictures pause meanwhile. Main thread only.
 class RigReloader {
  public:
-  // The arguments must outlive this object. Throws Error if the file can't be watched.
+  // The arguments must outlive this object. Throws Error if the file cannot be watched.
   RigReloader(LightField& field, Sessions& sessions);
   ~RigReloader();
   RigReloader(const RigReloader&) = delete;

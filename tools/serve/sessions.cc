@@ -52,7 +52,8 @@ Sessions::~Sessions() {
   g_source_remove(timer_);
   alive_.reset();
   close_all("the server ends");
-  if (!teardowns_.wait(kLongestEnd)) say("views do not end: " + std::to_string(teardowns_.size()));
+  if (!teardowns_.wait(kLongestEnd))
+    say("pipelines of closed viewers that do not stop: " + std::to_string(teardowns_.size()));
 }
 
 void Sessions::close_all(const std::string& why) {
@@ -63,7 +64,7 @@ double Sessions::max_aperture() const {
   return limits_.max_aperture > 0 ? limits_.max_aperture : field_.array()->size();
 }
 
-// Monitor results of the old rig do not apply to the new rig.
+// Results of the camera monitor for the old rig do not apply to the new rig.
 void Sessions::update_rig() {
   monitor_ = {};
   for (const auto& [name, session] : viewers_) session.viewer->update_rig(max_aperture());
@@ -128,7 +129,7 @@ bool Sessions::close(const std::string& name, const std::string& why) {
   session.viewer->leave();
   teardowns_.add([viewer = std::shared_ptr<Viewer>(std::move(session.viewer))]() mutable {
     viewer.reset();
-    malloc_trim(0);  // returns the viewer's memory, megabytes in small blocks
+    malloc_trim(0);  // returns the memory of the viewer, which is megabytes in small blocks, to the system
   });
   say("view " + std::to_string(session.view) + " closes: " + why + "; " + std::to_string(viewers_.size()) + " viewers");
   if (session.on_answer) session.on_answer("", why);
@@ -157,7 +158,7 @@ void Sessions::tick() {
   if (report && limits_.monitor > 0) watch_cameras();
 }
 
-// Averages over all viewers, because they share the processors.
+// The load is judged over all viewers, because they share the processors.
 void Sessions::shed() {
   busy_ = load_.update();
   double kept = 0;
@@ -171,8 +172,8 @@ void Sessions::shed() {
   for (const auto& [name, session] : viewers_) session.viewer->shed(load_shedding_);
 }
 
-// Runs the camera monitor in one viewer only. Its results stay when the viewer leaves, until another viewer has checked
-// all cameras.
+// Runs the camera monitor in one viewer only. When this viewer leaves, its results stay until another viewer has
+// checked all cameras.
 void Sessions::watch_cameras() {
   const auto watching = viewers_.find(watching_);
   if (watching == viewers_.end()) {
@@ -187,7 +188,7 @@ void Sessions::watch_cameras() {
   if (report.turns >= std::min<uint64_t>(monitor_.turns, report.cameras.size())) monitor_ = std::move(report);
 }
 
-// Logs each silent host once, and again when it answers. Without viewers there are no requests.
+// Logs a silent host once, and again when it answers. Without viewers there are no requests, so silence means nothing.
 void Sessions::watch_nodes() {
   const std::vector<size_t> silent = field_.silent_nodes();
   const auto tell = [this](const std::vector<size_t>& some, const std::vector<size_t>& others, const char* what) {

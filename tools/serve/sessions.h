@@ -14,10 +14,10 @@
 
 namespace lf::serve {
 
-// All viewers, by unguessable session names. Main thread only.
+// All current viewers, with unguessable session names. Main thread only.
 class Sessions {
  public:
-  // Receives the answer's SDP, or "" and the reason for the failure.
+  // Receives the SDP answer, or an empty text and the reason for the failure.
   using OnAnswer = std::function<void(const std::string& sdp, const std::string& problem)>;
 
   Sessions(LightField& field, const Limits& limits);
@@ -25,27 +25,25 @@ class Sessions {
 
   size_t size() const { return viewers_.size(); }
   const AdmissionControl& seats() const { return admission_; }
-  // Requests seats for a viewer of this address; `ticket` as in AdmissionControl.
   AdmissionControl::Answer ask(const std::string& address, const ViewParams& view_params, const std::string& ticket);
-  // Opens a viewer after ask() has returned kAdmitted. Returns the session's name; `on_answer` is called once, later.
-  // Throws Error.
+  // Opens a viewer after ask() has returned kAdmitted, and returns the name of its session. `on_answer` is called once,
+  // later. Throws Error.
   std::string open(const std::string& address, Offer offer, const ViewParams& view_params, Route route,
                    OnAnswer on_answer);
-  // Closes a session; false if there is none of this name. Must not be called inside a viewer's callback.
+  // Closes a session. Returns false if no session has this name. Must not be called inside a callback of a viewer.
   bool close(const std::string& name, const std::string& why);
 
   void close_all(const std::string& why);
   void update_rig();
 
-  // Latest monitor report, from the viewer that currently runs the camera monitor.
   const MonitorReport& monitor() const { return monitor_; }
   const LoadShedding& load_shedding() const { return load_shedding_; }
   uint64_t opened() const { return opened_; }
-  // Totals over all viewers, including closed ones.
+  // Includes viewers that have left.
   Viewer::ViewerCounters counters() const;
 
  private:
-  // Maximum number of closed viewers with running pipelines; beyond it, new viewers get no seat.
+  // Maximum number of closed viewers with running pipelines. If it is reached, new viewers get no seat.
   static constexpr size_t kMaxTeardowns = 32;
 
   struct Session {

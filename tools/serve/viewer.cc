@@ -15,7 +15,7 @@ namespace {
 
 using nlohmann::json;
 
-// Maximum number of requests in flight. Over a network, a round trip may be longer than a frame.
+// Maximum number of requests in flight. Over a network, a round trip may take longer than a frame.
 constexpr int kMostLocal = 2, kMostRemote = 4;
 
 uint64_t count_in(const GstStructure* stats, const char* name) {
@@ -98,12 +98,12 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, C
   peer_->negotiate();
 }
 
-// Requests are sent at multiples of the frame duration in running time, so the base time determines their phase.
+// Requests are sent at multiples of the frame duration in running time, so the base time sets their phase.
 void Viewer::set_request_phase() {
   const GstClockTime period = GST_SECOND / static_cast<uint64_t>(settings_.eye.framerate);
   const GstClockTime now = gst_clock_get_time(field_.clock());
   const auto turn = static_cast<GstClockTime>(request_phase(settings_.eye.view) * static_cast<double>(period));
-  gst_element_set_start_time(pipeline_, GST_CLOCK_TIME_NONE);  // keeps the base time
+  gst_element_set_start_time(pipeline_, GST_CLOCK_TIME_NONE);
   gst_element_set_base_time(pipeline_, now - (now - turn) % period);
 }
 
@@ -160,7 +160,6 @@ void Viewer::update_pacer() {
   gst_object_unref(pictures);
 }
 
-// A departing browser causes an error in its own pipeline, which means that the viewer is gone.
 gboolean Viewer::bus_message(GstBus*, GstMessage* message, gpointer data) {
   Viewer* self = static_cast<Viewer*>(data);
   switch (GST_MESSAGE_TYPE(message)) {
@@ -179,7 +178,7 @@ void Viewer::requested(GstClockTime time) {
   std::optional<uint64_t> applied;
   {
     const std::lock_guard lock(mutex_);
-    // The time of a request is its capture time; the request was sent capture_delay later.
+    // The time of a request is a capture time, and the request was sent capture_delay later.
     if (change_ && change_->time <= time + settings_.eye.capture_delay) {
       applied = change_->id;
       change_.reset();
@@ -196,14 +195,16 @@ void Viewer::control(const std::string& text) {
     const std::lock_guard lock(mutex_);
     if (!messages_.take(g_get_monotonic_time())) {
       refused_messages_++;
-      if (!rate_limited_) say("view " + std::to_string(settings_.eye.view) + ": too many messages");
+      if (!rate_limited_)
+        say("view " + std::to_string(settings_.eye.view) + ": messages are ignored, because the viewer sends too many");
       rate_limited_ = true;
       return;
     }
-    // The data channel may open before the video starts. Messages with a link's initial view are queued.
+    // The data channel may open before the video starts. Until then, messages with the initial view of a link are
+    // queued.
     if (!video_started_) {
       const bool fits = text.size() <= ControlMessage::kMaxBytes;
-      if (fits) early_messages_.push_back(text);  // limited by messages_
+      if (fits) early_messages_.push_back(text);
       refused_messages_ += !fits;
       return;
     }
@@ -215,14 +216,13 @@ void Viewer::handle_control(const std::string& text) {
   ControlMessage message = parse_control_message(text, max_aperture_);
   if (!message.error.empty()) refused_messages_++;
   if (message.pixel) send_pixel_info(*message.pixel);
-  // Recorded first, because a request with the change may be sent immediately.
+  // Recorded first, because a request with this change may be sent at once.
   std::optional<Change> before;
   if (message.event) {
     const std::lock_guard lock(mutex_);
     before = change_;
     change_ = {*message.id, running_time()};
   }
-  // Keys and movements without a meaning are not errors.
   if (message.event && !view_pipeline_->send_navigation(message.event.release())) {
     const std::lock_guard lock(mutex_);
     if (change_ && change_->id == *message.id) change_ = before;
@@ -249,7 +249,7 @@ void Viewer::shed(const LoadShedding& load_shedding) {
 void Viewer::apply_quality() {
   set_bit_rate(encoder_, quality_.bits_per_second());
   peer_->set_bit_rate(quality_.bits_per_second());
-  // Slightly shorter, because the times of requests jitter while the view changes.
+  // Slightly shorter than a frame, because the times of requests jitter while the view changes.
   const uint64_t period = GST_SECOND / static_cast<uint64_t>(settings_.eye.framerate);
   pacer_.set_interval(static_cast<uint64_t>(pictures_left_out()) * (2 * period - period / 4));
   view_pipeline_->set_depth_interval(load_shedding_.depth_interval());
@@ -324,7 +324,7 @@ void Viewer::report(const LinkReport& link) {
   focus["residual"] = std::isfinite(residual) ? residual : 0;
   focus["gained"] = std::isfinite(gained) ? gained : 0;
   focus["flat"] = flat != FALSE;
-  // Depth range of the scene, metres, limited for the slider.
+  // Sends the depth range of the scene in metres, limited to a range that suits the slider.
   constexpr double kFarthest = 30;
   if (near > 0) {
     focus["near"] = near;

@@ -27,19 +27,22 @@ struct ViewerSettings {
   int least_bit_rate = 100000, most_bit_rate = 6000000;
   double messages_per_second = 240;
   double max_aperture = 0;  // metres
-  bool monitored = false;   // the camera monitor runs in this or another viewer
+  bool monitored = false;
   Route route;
 };
 
-// One browser's virtual camera with its own pipeline. Sends requests to the light field, receives answers, and sends
-// video. Requests, rendering and encoding start when DTLS is connected. Created and used on the main thread, where its
-// callbacks run. Call leave() before the destructor, which may run on any thread and may be slow.
+// The virtual camera of one browser, and its pipeline. The viewer sends requests to the light field, composes the
+// answers of the camera hosts to pictures, and sends video to the browser. Rendering and encoding start only when the
+// browser has connected through DTLS.
+//
+// Create and use a viewer on the main thread, where callbacks run. Call leave() before the destructor, which may run on
+// any thread and may be slow.
 class Viewer {
  public:
   struct Callbacks {
     std::function<void(const std::string& sdp)> on_answer;
     std::function<void()> on_connected;
-    std::function<void(const std::string& why)> on_gone;  // the viewer must be destroyed, but not inside this call
+    std::function<void(const std::string& why)> on_gone;  // the viewer must be destroyed soon, but not inside this call
   };
 
   Viewer(LightField& field, Offer offer, const ViewerSettings& settings, Callbacks callbacks);
@@ -47,14 +50,14 @@ class Viewer {
   void leave();
   Viewer(const Viewer&) = delete;
 
-  // Call once a second: adapts the bit rate and sends statistics to the page. `busy`: processor load, 0 to 1.
+  // Adapts the bit rate and sends statistics to the page. Call this once a second. `busy` is the processor load, 0 to
+  // 1.
   void tick(double busy);
-  // Reloads the rig file and notifies the page. `max_aperture`: metres.
+  // Reloads the rig file and notifies the page. `max_aperture` is in metres.
   void update_rig(double max_aperture);
   void shed(const LoadShedding& load_shedding);
-  // Returns the fraction of due requests sent since the previous call, see RequestPacer.
   double kept() { return pacer_.kept(); }
-  // Returns the seconds since the last packet of the browser, or since creation if it has not connected yet.
+  // Returns the seconds since the last packet from the browser, or since the creation of the viewer if there was none.
   double silence(int64_t now) const;
   void set_monitor_interval(int interval) { view_pipeline_->set_monitor_interval(interval); }
   MonitorReport monitor() const;
@@ -86,7 +89,8 @@ class Viewer {
   ViewerSettings settings_;
   std::atomic<double> max_aperture_;  // metres
   Callbacks callbacks_;
-  GstElement *pipeline_ = nullptr, *video_ = nullptr, *encoder_ = nullptr;  // `video_`: everything except the webrtcbin
+  // `video_` contains all elements except the webrtcbin
+  GstElement *pipeline_ = nullptr, *video_ = nullptr, *encoder_ = nullptr;
   std::unique_ptr<ViewerPipeline> view_pipeline_;
   std::shared_ptr<Peer> peer_;
   guint watch_ = 0;

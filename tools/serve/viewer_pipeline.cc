@@ -10,8 +10,8 @@
 namespace lf::serve {
 namespace {
 
-// Maximum time to wait for the answers of a picture. Local cameras always answer, however busy the machine is; remote
-// ones after a round trip. The picture is complete as soon as all have answered.
+// Maximum time to wait for the answers of a picture, which is complete as soon as all have arrived. Local cameras
+// always answer, even on a busy machine. Remote cameras answer after a round trip.
 constexpr GstClockTime kPatience = 500 * GST_MSECOND;
 
 std::optional<ViewRequest> request_in(GstBuffer* buffer) {
@@ -40,7 +40,7 @@ json json_report(const GValue* value) {
   if (G_VALUE_HOLDS_UINT(value)) return g_value_get_uint(value);
   if (G_VALUE_HOLDS_INT(value)) return g_value_get_int(value);
   if (G_VALUE_HOLDS_UINT64(value)) return g_value_get_uint64(value);
-  if (G_VALUE_HOLDS_DOUBLE(value))  // JSON has no infinity
+  if (G_VALUE_HOLDS_DOUBLE(value))
     return std::isfinite(g_value_get_double(value)) ? json(g_value_get_double(value)) : json();
   json array = json::array();
   if (GST_VALUE_HOLDS_ARRAY(value))
@@ -67,9 +67,9 @@ bool is_probe(GstBuffer* request) {
   return !unit || (unit->flags & wire::kProbe);
 }
 
-// Only the newest picture counts between the light field and the encoder. min-latency gives the appsrcs an unlimited
-// maximum latency. If a source's maximum were below the latency of the requests, the compositor would have no latency,
-// behave as not live, and wait for silent hosts.
+// Queues between the light field and the encoder are leaky, because only the newest picture matters. Setting
+// min-latency gives the appsrcs an unlimited maximum latency. If a source had less maximum latency than the requests,
+// the compositor would behave as not live and wait for silent hosts.
 std::string ViewerPipeline::launch_line(size_t nodes) {
   std::ostringstream line;
   for (size_t i = 0; i < nodes; i++)
@@ -104,7 +104,7 @@ ViewerPipeline::ViewerPipeline(GstElement* pipeline, LightField& field, const Vi
     gst_util_set_object_arg(G_OBJECT(compositor_), "gains", settings.focus_settings.gains.c_str());
   g_object_set(compositor_, "latency", kPatience, nullptr);
   if (field.is_local()) {
-    g_object_set(view_, "quality", 0u, nullptr);  // local requests stay in this process
+    g_object_set(view_, "quality", 0u, nullptr);  // 0: no compression, because local answers stay in this process
   }
   if (settings.focus > 0) g_object_set(view_, "focus-distance", settings.focus, nullptr);
   if (!settings.path.empty()) g_object_set(view_, "location", settings.path.c_str(), "loop", TRUE, nullptr);

@@ -20,31 +20,32 @@ struct ViewerPipelineSettings {
   uint32_t view = 0;
   int width = 640, height = 480;  // pixels, even
   int framerate = 30;
-  uint64_t capture_delay = 0;  // minimum age of a requested capture, nanoseconds
+  uint64_t capture_delay = 0;  // time between a capture and a request for it, nanoseconds
   double focus = 0;            // initial focus distance, metres; 0: chosen by lfviewrequest
   FocusSettings focus_settings;
-  double eye_distance = 0;  // metres between two eyes; 0: one eye
+  double eye_distance = 0;  // distance between two eyes, metres; 0: a single eye
   std::string path;         // camera path (views.json) played in a loop, or ""
 };
 
-// Part of a viewer's pipeline that renders one or two eyes. Sends requests to the light field, receives answers and
-// outputs pictures; two eyes side by side.
+// The part of a viewer's pipeline that produces pictures of one eye, or of two eyes side by side. It sends requests to
+// the light field and composes the answers to pictures.
 class ViewerPipeline {
  public:
-  // Called on a streaming thread before the requests for a picture of this running time are sent.
+  // Called on a streaming thread before the requests for the picture of this running time are sent.
   using OnRequest = std::function<void(GstClockTime)>;
 
-  // Returns the launch line of this part, up to "... ! " before the consumer of its pictures.
+  // Returns the launch line of this part. It ends with "... ! ", so that the consumer of the pictures can follow.
   static std::string launch_line(size_t nodes);
-  // `pipeline` was made with launch_line() and is not started.
+  // `pipeline` must contain the elements of launch_line() and must not be started yet.
   ViewerPipeline(GstElement* pipeline, LightField& field, const ViewerPipelineSettings& settings, OnRequest on_request);
-  // Stop the pipeline first.
+  // The pipeline must be stopped before.
   ~ViewerPipeline();
   ViewerPipeline(const ViewerPipeline&) = delete;
 
-  void close();                           // stops answers; call before the pipeline is stopped
-  bool send_navigation(GstEvent* event);  // takes ownership; false if the event has no meaning here
-  // Sets the size of an eye's pictures from the next request, pixels, even. No effect on camera paths.
+  void close();                           // stops the arrival of answers; must be called before the pipeline is stopped
+  bool send_navigation(GstEvent* event);  // takes ownership of the event; returns false if it has no meaning here
+  // Sets the size of each eye's pictures, starting with the next request. Width and height must be even. Has no effect
+  // on camera paths.
   void set_size(int width, int height) { g_object_set(view_, "width", width, "height", height, nullptr); }
   void set_rig(const std::string& rig) const {
     for (GstElement* element : {view_, compositor_}) g_object_set(element, "rig", rig.c_str(), nullptr);
@@ -53,11 +54,12 @@ class ViewerPipeline {
   void set_depth_interval(unsigned interval) { g_object_set(compositor_, "depth-interval", interval, nullptr); }
   GstPad* requests() const { return view_pad_; }
   GstElement* compositor() const { return compositor_; }
-  GstStructure* stats() const;  // `stats` of the lfcompositor; owned by the caller
+  GstStructure* stats() const;  // property `stats` of the lfcompositor; owned by the caller
   nlohmann::json numbers() const;
-  // Returns the fields of the latest picture's meta lightfield-view (lfcompositor); null before the first picture.
+  // Returns the fields of the meta lightfield-view that lfcompositor has attached to the latest picture; null before
+  // the first picture.
   nlohmann::json shown() const;
-  std::optional<View> asked() const;  // latest requested view; for two eyes, the left one
+  std::optional<View> asked() const;
 
  private:
   static GstPadProbeReturn on_picture(GstPad* pad, GstPadProbeInfo* info, gpointer data);
@@ -73,10 +75,10 @@ class ViewerPipeline {
   std::vector<GstAppSrc*> answers_;
   mutable std::mutex mutex_;
   GstStructure* picture_fields_ = nullptr;
-  GstBuffer* last_request_ = nullptr;  // first request of the latest picture; decoded on demand
+  GstBuffer* last_request_ = nullptr;  // first request of the latest picture, which is decoded only when needed
 };
 
-// True if the request does not become a picture: it measures cameras or is undecodable.
+// True if no picture results from the request, because it measures cameras or cannot be decoded.
 bool is_probe(GstBuffer* request);
 
 }  // namespace lf::serve

@@ -13,7 +13,7 @@ export class ControlBar {
     const { host } = viewer;
     for (const name of ['pointermove', 'pointerdown', 'keydown', 'focusin', 'wheel'])
       host.addEventListener(name, () => this.wake(), { passive: true });
-    // The focus ring is shown only for keyboard users.
+    // The focus ring is only for keyboard users.
     host.addEventListener('keydown', () => viewer.stage.classList.add('keys'));
     host.addEventListener('pointerdown', () => viewer.stage.classList.remove('keys'));
     root.querySelector('button.help').addEventListener('click', () => this.toggleHelp());
@@ -38,7 +38,7 @@ export class ControlBar {
     return !this.help.hidden;
   }
 
-  // Shown when the wheel over the picture has scrolled the page.
+  // Shown when the page has scrolled because of the wheel over the picture.
   hint() {
     this.hintBox.textContent = 'Click, or hold Ctrl, to zoom';
     this.hintBox.classList.add('on');

@@ -3,17 +3,18 @@
 
 import { axesOf, dot } from './view.js';
 
-// Fades out the picture at the border of the coverage, instead of ending it at a sharp edge. Measures the dark margins
-// in the picture itself, while the server reports missing coverage or the view moves.
+// Fades the picture out where the cameras see nothing more, instead of ending it at a sharp edge. The width of the dark
+// margins is measured in the picture itself. This happens only while the server reports missing coverage or the view
+// moves.
 
-const kDrawInterval = 60;       // milliseconds
+const kDrawInterval = 60;  // milliseconds
 const kStillInterval = 500;    // milliseconds, while the view does not move
 const kWhole = 0.998;    // minimum coverage of a complete picture
-const kMoving = 1200;    // milliseconds after a movement until the server's coverage is current
-const kSides = 128;      // sides of the analysed image, pixels
-const kDark = 10;        // of 255; darker pixels are empty
-const kDarkShare = 0.3;  // maximum fraction of dark pixels in a filled row
-const kFade = 15;        // percent of the element, as in the style sheet
+const kMoving = 1200;    // milliseconds after a movement until the coverage from the server is current
+const kSides = 128;      // size of the analysed image, pixels
+const kDark = 10;        // darker pixels, of 255, count as empty
+const kDarkShare = 0.3;  // maximum fraction of empty pixels in a row or column of the picture
+const kFade = 15;
 
 export class Vignette {
   constructor(viewer, box) {
@@ -40,11 +41,11 @@ export class Vignette {
     this.show(looks && this.viewer.mode !== 'side' ? this.look() : [0, 0, 0, 0]);
   }
 
-  // Returns the width of the dark margins: left, right, top, bottom, as fractions of the picture.
+  // Returns the widths of the dark margins (left, right, top, bottom) as fractions of the picture.
   look() {
     this.canvas ??= Object.assign(document.createElement('canvas'), { width: kSides, height: kSides });
     const context = this.canvas.getContext('2d', { willReadFrequently: true }), { video, picture } = this.viewer;
-    context.imageSmoothingEnabled = false;  // averaging would brighten dark pixels
+    context.imageSmoothingEnabled = false;
     context.drawImage(video, 0, 0, picture.eyeWidth, video.videoHeight, 0, 0, kSides, kSides);
     const { data } = context.getImageData(0, 0, kSides, kSides), columns = Array(kSides).fill(0), rows = Array(kSides).fill(0);
     for (let i = 0; i < kSides * kSides; i++) {
@@ -70,15 +71,14 @@ export class Vignette {
   }
 }
 
-// Overscroll: if the view can't move further because the coverage ends, the picture yields slightly under the pointer
-// and springs back on release.
-//
-// The requested movement of the eye follows from the drag, the actual movement from the views that the server reports.
+// Overscroll: if the view cannot move further because the coverage ends, the picture yields a little to the pointer and
+// springs back on release. The element compares the movement that the drag requests with the movement of the views that
+// the server reports.
 
 const kOrbitPerHeight = 0.25;  // radians, as in lib/view/navigator.h
 const kMaxOverscroll = 0.04;           // maximum displacement, as a fraction of the picture's height
-const kOverscrollStiffness = 0.3;             // pull in picture heights that gives half of that
-const kIdle = 0.02;            // picture heights; shorter pulls are ignored
+const kOverscrollStiffness = 0.3;             // pull that gives half of the maximum displacement, picture heights
+const kIdle = 0.02;
 
 export class Overscroll {
   constructor(viewer, box) {
@@ -90,8 +90,8 @@ export class Overscroll {
 
   begin(event) {
     this.last = event;
-    this.pulls = new Map();  // by message id: pointer movement since the previous message, in picture heights
-    this.missing = [0, 0];  // movement that the view did not follow, in picture heights
+    this.pulls = new Map();  // by message id: movement of the pointer since the previous message, picture heights
+    this.missing = [0, 0];  // movement that the view did not follow, picture heights
     this.before = this.viewer.flight.state;
   }
   pulled(id, event) {
@@ -101,7 +101,7 @@ export class Overscroll {
     this.last = event;
   }
 
-  // `view`: the view after all messages up to `id`.
+  // `view` is the view after all messages up to `id`.
   applied(id, view) {
     const { before } = this;
     this.before = view;
@@ -118,7 +118,7 @@ export class Overscroll {
     // The scene follows the pointer, so the eye moves in the opposite direction.
     [axes.right, axes.down].forEach((axis, k) => {
       const left = this.missing[k] + pull[k] + dot(axis, gone) / perHeight;
-      // Turning back at a border ends the pull.
+      // A movement back from the border ends the pull.
       this.missing[k] = left * pull[k] < 0 && Math.abs(pull[k]) > kIdle ? 0 : left;
     });
     this.show();
@@ -131,7 +131,7 @@ export class Overscroll {
     });
     if (this.still.matches) return;
     const { width, height } = this.viewer.picture.box, { style } = this.box;
-    // Enlarged by the displacement, so that no background shows.
+    // The picture is enlarged by the displacement, so that no background shows.
     const larger = 1 + 2 * Math.max(Math.abs(x) * height / width, Math.abs(y));
     style.transform = x || y ? `translate(${x * height}px, ${y * height}px) scale(${larger})` : '';
     style.transition = 'none';

@@ -4,9 +4,9 @@
 
 import { axesOf, dot, inView } from './view.js';
 
-const kPollInterval = 100;      // milliseconds
+const kPollInterval = 100;  // milliseconds
 const kMapSize = 110;       // longer side, pixels
-const kTiny = 1e-6;         // minimum distance from the eye's plane, metres
+const kTiny = 1e-6;         // minimum distance from the plane of the eye, metres
 
 export class Cameras {
   constructor(viewer, canvas, words) {
@@ -74,7 +74,7 @@ export class Cameras {
   drawMesh(context, view, { box, offset }) {
     const axes = axesOf(view), focal = box.height / 2 / Math.tan(view.fov * Math.PI / 360);
     const points = this.array.cameras.map(camera => inView(view, axes, camera.position, offset));
-    // Cameras behind the eye are drawn where their lines of sight, extended through the eye, cross the picture.
+    // A camera behind the eye is drawn where the line from the camera through the eye crosses the picture.
     const project = ([x, y, z]) => [box.x + box.width / 2 + focal * x / z, box.y + box.height / 2 + focal * y / z];
     context.save();
     context.beginPath();
@@ -134,7 +134,7 @@ export class Cameras {
   }
 }
 
-// Returns the part of the line from a to b in front of (side 1) or behind (-1) the eye; null: none.
+// Returns the part of the line from a to b in front of the eye (side 1) or behind it (-1), or null if there is none.
 function clip(a, b, side) {
   if (side < 0) [a, b] = [a, b].map(point => point.map(value => -value));
   if (a[2] < kTiny && b[2] < kTiny) return null;

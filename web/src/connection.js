@@ -2,12 +2,13 @@
 // Connection to a server: ICE servers, bearer token, WHEP and the data channel "control".
 
 const kConnectTimeout = 15000;  // milliseconds
-const kDirectTimeout = 3000;           // milliseconds to connect without ICE servers if the server names some
+// milliseconds to connect directly before the ICE servers that the server names are used
+const kDirectTimeout = 3000;
 const kGatherTimeout = 1000;           // milliseconds to gather candidates from ICE servers
 const kMaxPending = 256;
 
-// Parses "stun:stun.example.org turn:USER:PASSWORD@turn.example.org:3478?transport=udp", separated by white space. User
-// and password are percent-encoded.
+// Parses a list of ICE servers, separated by white space, such as "stun:stun.example.org
+// turn:USER:PASSWORD@turn.example.org:3478?transport=udp". User and password are percent-encoded.
 export function serversIn(text) {
   return (text ?? '').split(/\s+/).filter(Boolean).map(word => {
     const [, scheme, user, password, host] = word.match(/^(stuns?|turns?):(?:([^:@]*):([^@]*)@)?(.+)$/) ?? [];
@@ -17,7 +18,8 @@ export function serversIn(text) {
   });
 }
 
-// Parses a Link header: <turn:turn.example.org>; rel="ice-server"; username="USER"; credential="PASSWORD", ...
+// Parses the ICE servers in a Link header: <turn:turn.example.org>; rel="ice-server"; username="USER";
+// credential="PASSWORD", ...
 export function serversInLinks(header) {
   const servers = [];
   for (const [, urls, parameters] of (header ?? '').matchAll(/<([^>]*)>((?:\s*;\s*[\w-]+\s*=\s*(?:"(?:[^"\\]|\\.)*"|[^\s;,]+))*)/g)) {
@@ -32,8 +34,8 @@ export function serversInLinks(header) {
   return servers;
 }
 
-// The bearer token: entered by the user, from the attribute, or with `share` from the page's address. It leaves the
-// browser only as a header.
+// The bearer token for the server. It comes from the user, from the attribute, or with `share` from the address of the
+// page. It leaves the browser only as a header.
 export class Token {
   constructor(viewer) {
     this.viewer = viewer;
@@ -43,12 +45,13 @@ export class Token {
   get value() { return this.typed ?? this.viewer.given('token') ?? this.remembered ?? ''; }
   get authorization() { return this.value ? { Authorization: `Bearer ${this.value}` } : {}; }
 
-  // Stores an entered token. The server's own page, which has `share`, keeps the token until its tab is closed.
+  // Stores a token that the user has entered. The server's own page (with `share`) keeps the token until its tab is
+  // closed.
   keep(token) {
     this.typed = token;
     try {
       if (this.viewer.share.on) sessionStorage.setItem(this.key, token);
-    } catch { /* the page may have no storage */ }
+    } catch {  }
   }
   get remembered() {
     try {
@@ -60,12 +63,12 @@ export class Token {
   get key() { return `lightfield-token ${this.viewer.stream.endpoint}`; }
 }
 
-// Generated once, because it is the slowest step of a new connection.
+// The certificate is generated only once, because this is the slowest step of a new connection.
 let certificate = null;
 const certificates = async () => [await (certificate ??= RTCPeerConnection.generateCertificate({ name: 'ECDSA', namedCurve: 'P-256' }))];
 
-// An error response of the server, or a failure to reach the server (without `status`). Has `reason` and further
-// members of the problem (RFC 9457), and `retryAfter` in seconds, Infinity: never.
+// An error response of the server, or a failure to reach the server (without `status`). Has the `reason` and all other
+// members of the response (RFC 9457). `retryAfter` is in seconds; Infinity means never.
 export class Refusal extends Error {
   constructor(message, fields = {}) {
     super(message);
@@ -76,7 +79,7 @@ export class Refusal extends Error {
     let problem = {};
     try {
       if (/\bjson\b/.test(response.headers.get('Content-Type'))) problem = JSON.parse(text);
-    } catch { /* a proxy's error page */ }
+    } catch {  }
     const { status } = response, later = [429, 500, 502, 503, 504].includes(status);
     const { reason, place, waiting, ticket, progress, title } = problem ?? {};
     return new Refusal(title ?? (text.length < 200 && !text.startsWith('<') && text || `HTTP status ${status}`),
@@ -85,8 +88,8 @@ export class Refusal extends Error {
   }
 }
 
-// WHEP session and data channel "control" of one viewer. Events: "open", "message" (detail: object), "lost" (detail:
-// error).
+// The WHEP session of a viewer, with its data channel "control". Events are "open", "message" (detail: object) and
+// "lost" (detail: error).
 export class Connection extends EventTarget {
   constructor(video) {
     super();
@@ -95,7 +98,8 @@ export class Connection extends EventTarget {
     this.sent = new Map();
   }
 
-  // `viewParams`: query parameters of the endpoint, as {width, height, ...}; `iceServers`: servers for gathering.
+  // `viewParams` are query parameters of the endpoint, such as {width, height}. `iceServers` are used to gather
+  // candidates.
   async open(endpoint, token, viewParams, iceServers = []) {
     this.token = token;
     const made = await certificates();
@@ -131,7 +135,7 @@ export class Connection extends EventTarget {
     const text = await response.text();
     if (this.closed) return this.leave();
     await peer.setRemoteDescription({ type: 'answer', sdp: text });
-    // A connection usually works without ICE servers and should not wait for their candidates.
+    // A connection usually works without ICE servers, so it does not wait for their candidates.
     this.iceServers = serversInLinks(response.headers.get('Link'));
     const patience = this.iceServers.length && !iceServers.length ? kDirectTimeout : kConnectTimeout;
     this.timer = setTimeout(() => this.channel.readyState !== 'open' && this.lose(), patience);
@@ -154,7 +158,7 @@ export class Connection extends EventTarget {
     this.dispatchEvent(new CustomEvent('message', { detail: message }));
   }
 
-  // `by`: 'person' or 'script'. Returns the request's id; 0 if there is no connection.
+  // Sends a request and returns its id, or 0 if there is no connection. `by` is 'person' or 'script'.
   request(request, by = 'script') {
     if (this.channel?.readyState !== 'open') return 0;
     const id = this.nextId++;

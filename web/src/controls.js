@@ -6,14 +6,15 @@ const kKeys = { ArrowLeft: 'Left', ArrowRight: 'Right', ArrowUp: 'Up', ArrowDown
   '-': 'minus', '[': 'bracketleft', ']': 'bracketright' };
 const kLetters = 'wsadqe';
 const kWheelStep = 100;     // pixels of wheel movement per step
-const kShift = 50;          // pixels per step with shift, which focuses
+const kShift = 50;          // pixels per step with the shift key, which changes the focus
 const kPinchStep = 1.1;
 const kStickDead = 0.15;
 const kStickHeights = 0.5;  // picture heights per second at full deflection
 const kStickSteps = 5;  // wheel steps per second
 const kGlideTime = 70;          // time constant of the glide after a drag, milliseconds
-const kFast = 0.8, kSlow = 0.02;  // maximum initial and minimum final speed of a glide, CSS pixels per millisecond
-const kSpeedWindow = 100;         // interval of the speed measurement at the end of a drag, milliseconds
+// maximum speed at the start and minimum speed at the end of a glide, CSS pixels per millisecond
+const kFast = 0.8, kSlow = 0.02;
+const kSpeedWindow = 100;         // the speed is measured over this time at the end of a drag, milliseconds
 
 export class Controls {
   constructor(viewer) {
@@ -37,7 +38,7 @@ export class Controls {
     this.settle();
   }
 
-  // True with the attribute `controls`, unless a camera path plays.
+  // True if the attribute `controls` is set and no camera path plays.
   get flies() { return this.viewer.host.hasAttribute('controls') && this.viewer.path === null; }
   get isHeld() { return this.viewer.host.matches(':focus-within') || this.viewer.host.matches(':fullscreen'); }
   navigate(event) {
@@ -63,11 +64,11 @@ export class Controls {
     viewer.video.focus({ preventScroll: true });
     viewer.video.setPointerCapture(event.pointerId);
     this.pointers.set(event.pointerId, event);
-    // A gesture belongs to the picture under its start, if two pictures are side by side.
+    // If two pictures are side by side, a gesture belongs to the picture under its start.
     const { eyeWidth } = viewer.picture;
     if (this.pointers.size === 1) this.left = viewer.picture.pixelAt(event).x < eyeWidth ? 0 : eyeWidth;
     if (this.pointers.size === 2) this.pinch = this.spread();
-    // Two fingers pan and pinch. No release is sent for the first finger, because it would be a click.
+    // Two fingers pan and pinch. The first finger is then not reported as released, because that would be a click.
     this.send('MouseButtonPress', event, { button: this.pointers.size === 2 ? 2 : event.button + 1 });
     viewer.elastic.begin(event);
     event.preventDefault();
@@ -106,7 +107,6 @@ export class Controls {
     this.trail = null;
     this.up(event);
   }
-  // Returns the speed in CSS pixels per millisecond; null: not moving.
   speedAt(time) {
     const trail = this.trail?.filter(({ timeStamp }) => timeStamp > time - kSpeedWindow);
     if (!(trail?.length > 1)) return null;
@@ -142,7 +142,6 @@ export class Controls {
     return Math.hypot(a.clientX - b.clientX, a.clientY - b.clientY) || 1;
   }
 
-  // Pinches on touch pads arrive as wheel events with ctrl.
   turn(event) {
     if (!event.ctrlKey && !this.isHeld) return this.viewer.bar.hint();
     event.preventDefault();
@@ -180,8 +179,8 @@ export class Controls {
     return this.navigate({ event: 'KeyPress', key, ...modifier_state && { modifier_state } });
   }
 
-  // The left stick orbits, or pans with a shoulder button. The right stick zooms and focuses. The first button goes
-  // home. Speeds are proportional to the deflection.
+  // The left stick orbits, or pans while a shoulder button is pressed. The right stick zooms and focuses, and the first
+  // button returns home. Speeds are proportional to the deflection.
   gamepad(now, before = now) {
     const pad = navigator.getGamepads().find(Boolean);
     if (!pad || !this.viewer.host.isConnected) return;

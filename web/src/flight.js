@@ -5,7 +5,7 @@ import { isShown } from './figures.js';
 import { kFields, toScript } from './view.js';
 
 const kHomeDuration = 300;  // milliseconds
-const kMinFocusChange = 0.005;    // minimum relative change of the focus distance for an event
+const kMinFocusChange = 0.005;    // minimum relative change of the focus distance that causes an event
 
 const kConfirmTimeout = 500;      // milliseconds for the server to confirm a view
 const kNothing = -1;     // id of views that were not sent; any picture completes these requests
@@ -17,7 +17,7 @@ export class ViewNavigation {
     this.viewer = viewer;
     this.forget();
   }
-  // Resets the state for another light field. Rejects views that no picture has shown yet.
+  // Starts again with another light field. Calls of setView() that no picture shows yet are rejected.
   forget() {
     const given = this.asked ?? [];
     this.interrupt();
@@ -28,8 +28,8 @@ export class ViewNavigation {
     this.isHomeSure = false;
     this.homeId = null;
     this.by = 'script';
-    this.scene = null;   // {near, far}: metres
-    this.changes = [];   // [RTP timestamp, state] of future pictures
+    this.scene = null;   // metres
+    this.changes = [];   // [RTP timestamp, state] of pictures that are not displayed yet
     this.asked = [];     // [id, done, failed, fields] of setView() calls that no picture shows yet
     for (const [, , failed] of given) failed(new DOMException('the element shows another light field', 'AbortError'));
   }
@@ -43,11 +43,10 @@ export class ViewNavigation {
     if (!this.home) this.isHomeSure = Object.keys(fields).every(name => name in this.viewer.start);
     this.asked.push([0, () => {}, () => {}, fields]);
     const id = this.send(fields);
-    // The server confirms every message with the view, so at least one message is sent.
+    // The server confirms each message with the view, so at least one message must be sent.
     if ((this.follows || !id) && this.viewer.path === null) this.follow(this.follows);
   }
 
-  // Resolves with the view when a picture shows this or a later view.
   setView(fields) {
     if (this.viewer.path !== null)
       return Promise.reject(new DOMException('the server flies a path: there is no view to set', 'InvalidStateError'));
@@ -60,7 +59,6 @@ export class ViewNavigation {
     if (!Object.keys(fields).length && this.seen) return Promise.resolve(toScript(this.seen));
     return new Promise((done, failed) => this.asked.push([id, done, failed, fields]));
   }
-  // Sends fields that include all pending requests.
   send(fields) {
     const id = this.sendView(fields);
     for (const entry of this.asked) entry[0] = id || kNothing;
@@ -71,19 +69,18 @@ export class ViewNavigation {
     for (const entry of this.asked) if (entry[0] === id) entry[2](new RangeError(why));
     this.asked = this.asked.filter(entry => entry[0] !== id);
   }
-  // Returns the message's id; 0 if there is no connection or nothing to set.
+  // Returns the id of the message, or 0 if there is no connection or nothing to set.
   sendView(view, by) {
     if (!Object.keys(view).length) return 0;
     return this.viewer.stream.connection?.request(
       { type: 'customUpstreamEvent', structureName: 'lightfield-view-request', structure: view }, by) ?? 0;
   }
 
-  // Handles the view reported by the server and updates the slider.
   take(view, applied) {
     this.state = view;
     this.home ??= view;
     if (applied && applied.id === this.homeId) [this.home, this.isHomeSure] = [view, true];
-    // The server discards requests that arrive before its virtual camera exists; sends them again.
+    // The server discards requests that arrive before its virtual camera exists, so they are sent again.
     if (!applied && this.asked.some(([id]) => id > 0) && performance.now() > this.sent + kConfirmTimeout)
       this.send(Object.assign({}, ...this.asked.map(([, , , fields]) => fields)));
     this.changes.push([applied, view]);
@@ -100,7 +97,7 @@ export class ViewNavigation {
       const [applied, state] = this.changes[0];
       if (applied && rtpTimestamp !== undefined && !isShown(applied.rtpTimestamp, rtpTimestamp)) break;
       if (!isSame(state, this.seen)) this.seen = state;
-      // Continuous focus moves without a request; the author stays the same.
+      // Continuous focus moves without a request, so the author of the last movement stays the same.
       this.by = this.viewer.stream.connection?.sent.get(applied?.id)?.by ?? this.by;
       shown = Math.max(shown, applied?.id ?? 0);
       this.changes.shift();
@@ -119,22 +116,22 @@ export class ViewNavigation {
     this.viewer.tell('focus-change', { focusDistance: now });
   }
 
-  // Range of the slider, metres: the depth range of the scene extended by half, or a decade to each side of the home
-  // distance.
+  // The range of the slider in metres: the depth range of the scene, extended by half. If the depths are unknown, a
+  // decade to each side of the home distance.
   get range() {
     const home = this.home?.['focus-distance'] ?? 1;
     if (!this.scene) return { near: home / 10, far: home * 10 };
     return { near: Math.min(this.scene.near, home) / 1.5, far: Math.max(this.scene.far, home) * 1.5 };
   }
-  // Sets the focus distance; `share`: position in the range, on a logarithmic scale.
+  // Sets the focus distance. `share` is the position in the range, on a logarithmic scale.
   focusShare(share, by) {
     this.interrupt();
     const { near, far } = this.range;
     if (this.home) this.sendView({ 'focus-distance': near * (far / near) ** share }, by);
   }
 
-  // Flies to the page's start view; the server's home view gives the remaining fields. The flight is short but visible,
-  // so that people see where home is. There is no flight if the system requests reduced motion.
+  // Flies to the start view of the page, with missing fields from the server's home view. The flight is short but
+  // visible, so that people see where home is. If the system requests reduced motion, the view jumps.
   goHome(by = 'script') {
     const { viewer } = this, from = this.state, start = viewer.start, to = { ...this.home, ...start };
     if (viewer.path !== null) return;
@@ -142,7 +139,7 @@ export class ViewNavigation {
     viewer.controls.settle();
     this.interrupt();
     this.endSweep();
-    if (!viewer.stream.isOpen) {  // the next stream begins there
+    if (!viewer.stream.isOpen) {
       for (const entry of this.asked) entry[3] = {};
       return void ([this.state, this.set] = [null, to]);
     }
@@ -167,7 +164,6 @@ export class ViewNavigation {
   }
   interrupt() { this.way = null; }
 
-  // Keeps the last clicked point in focus while it moves.
   get follows() { return this.viewer.follower.getAttribute('aria-pressed') === 'true'; }
   follow(on, by) {
     this.viewer.follower.setAttribute('aria-pressed', on);

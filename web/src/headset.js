@@ -5,8 +5,8 @@
 
 import { axesOf, dot } from './view.js';
 
-const kFar = 100;     // metres to the layer; the eye distance is less than a quarter of a pixel there
-const kHeight = 960;  // height of an eye's picture, pixels; may be limited by the server
+const kFar = 100;     // distance of the layer in metres; there, the eye distance is less than a quarter of a pixel
+const kHeight = 960;  // maximum height of the picture of an eye, pixels
 
 const kVertex = `#version 300 es
 in vec2 corner;
@@ -16,7 +16,7 @@ void main() {
   gl_Position = vec4(corner, 0, 1);
 }`;
 
-// Maps a position on the display to a position in the eye's picture, along the line of sight.
+// Maps a position on the display to the position in the eye's picture on the same line of sight.
 const kFragment = `#version 300 es
 precision highp float;
 uniform sampler2D both;
@@ -34,7 +34,6 @@ void main() {
 
 export const headsets = async () => await navigator.xr?.isSessionSupported?.('immersive-vr').catch(() => false) ?? false;
 
-// Converts a WebXR orientation (right, up, back) to right, down and forward axes.
 function axesOfXr({ x, y, z, w }) {
   [y, z] = [-y, -z];
   return {
@@ -52,7 +51,7 @@ function anglesOf({ right, down, forward }) {
   return { yaw: Math.atan2(forward[0], forward[2]) * degrees, pitch: Math.asin(-forward[1]) * degrees,
     roll: Math.atan2(right[1], down[1]) * degrees };
 }
-// Converts a rotation, given by its matrix columns, to a quaternion. Selects the numerically best of four formulas.
+// Converts a rotation, given by the columns of its matrix, to a quaternion. Uses the numerically best of four formulas.
 function quaternionOf([m00, m10, m20], [m01, m11, m21], [m02, m12, m22]) {
   const [x, y, z, w] = [1 + m00 - m11 - m22, 1 - m00 + m11 - m22, 1 - m00 - m11 + m22, 1 + m00 + m11 + m22];
   const most = Math.max(x, y, z, w);
@@ -140,12 +139,12 @@ export class Headset {
       ...anglesOf(turned(base, axesOfXr(orientation))), fov: 2 * Math.atan(most.y) * 180 / Math.PI }, 'person');
   }
 
-  // Places the layer in the picture's rendered direction, with the picture's angular size.
+  // Places the layer in the direction of the rendered view, with the angular size of the picture.
   place() {
     const { layer, viewer: { video, flight: { seen } } } = this;
     if (!seen || !video.videoWidth) return;
     const base = axesOf(this.base), { right, down, forward } = axesOf(seen);
-    // Converts a world vector to the headset's space, with y up and z back.
+    // Converts a world vector to the coordinates of the headset, with y up and z back.
     const inSpace = line => [dot(base.right, line), -dot(base.down, line), -dot(base.forward, line)];
     const back = inSpace(forward).map(v => -v);
     const eye = inSpace([seen.x - this.base.x, seen.y - this.base.y, seen.z - this.base.z]);

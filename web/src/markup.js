@@ -7,7 +7,7 @@ import { kModes } from './picture.js';
 
 const kSvg = new Set(['svg', 'path', 'circle']);
 
-// `attributes`: true adds an attribute without a value, false omits it. `children`: elements and texts.
+// The value true adds an attribute without a value, and false omits the attribute. `children` are elements and texts.
 function make(name, attributes = {}, ...children) {
   const element = kSvg.has(name) ? document.createElementNS('http://www.w3.org/2000/svg', name) : document.createElement(name);
   for (const [key, value] of Object.entries(attributes))
@@ -119,7 +119,7 @@ export const makeStage = () => make('div', { class: 'stage' },
   make('div', { class: 'guide', hidden: true, role: 'dialog', 'aria-label': 'How to fly' }, make('div', { part: 'help' }, ...makeHelp())),
   make('span', { id: 'description', hidden: true }, kDescription));
 
-// The style sheet, light and dark. Pages customize it with the properties --lightfield-... and with parts.
+// The style sheet, light and dark. Pages change it with the properties --lightfield-... and with parts.
 
 export const style = `
   :host { display: block; position: relative; width: 640px; height: 480px; max-width: 100%; box-sizing: border-box;

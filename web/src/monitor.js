@@ -6,9 +6,9 @@ import { dot } from './view.js';
 
 const kPollInterval = 1000;  // milliseconds
 const kMapSize = 150;    // longer side, pixels
-// decibels below the median that are normal; border cameras overlap less with other cameras
+// This many decibels below the median are normal, because cameras at the border overlap less with other cameras.
 const kNormalDrop = 4;
-const kFar = 8;          // further decibels until the colour scale saturates
+const kFar = 8;          // the colour scale ends this many decibels lower
 const kFaults = { colour: 'colours differ from its neighbours', direction: 'direction differs from the rig',
   picture: 'out of focus, dirty or covered' };
 
@@ -65,8 +65,8 @@ export class MonitorPanel {
     this.words.textContent = lines.join('\n');
   }
 
-  // Draws a tile for each camera: green near the median quality, yellow far below, red with a frame for a suspect
-  // camera, grey without data.
+  // Draws a tile for each camera: green near the median quality, yellow far below, red with a frame for a suspect (a
+  // camera that is probably faulty), and grey without data.
   drawMap(cameras) {
     const { right, down } = this.array;
     const points = this.array.cameras.map(({ position }) => [dot(position, right), dot(position, down)]);

@@ -3,9 +3,9 @@
 // stream, the last picture or the poster stays visible behind the message.
 
 const kFreezeTimeout = 750;     // milliseconds without a frame until a message is shown and the server is checked
-const kReconnectTimeout = 4000;    // milliseconds without any server message until a reconnect
+const kReconnectTimeout = 4000;    // milliseconds without any message from the server until a reconnect
 const kCheckInterval = 150;
-const kConnectingDelay = 600;       // milliseconds of connecting without a message
+const kConnectingDelay = 600;       // milliseconds of connecting before a message is shown
 
 const kWords = {
   attribute: ({ message }) => `This page has an invalid attribute: ${message}.`,
@@ -21,7 +21,6 @@ const kWords = {
     'There are too many viewers. You will be connected when a viewer leaves.',
 };
 
-// Returns "Camera hosts 1 and 3 of 4 do not answer."
 function silence({ count, silent } = {}) {
   if (!silent?.length) return '';
   const names = silent.map(node => node + 1), last = names.pop();
@@ -30,13 +29,12 @@ function silence({ count, silent } = {}) {
 
 const kNoCamera = 'No camera works. Trying again';
 
-// Returns "2 of 64 cameras do not work."
 function losses({ count, working } = {}) {
   const lost = count - working;
   return lost > 0 ? `${lost} of ${count} cameras ${lost > 1 ? 'do' : 'does'} not work.` : '';
 }
 
-// Returns a text for failed cameras or silent hosts. `all`: no camera is left, and the picture is frozen.
+// Returns a text about failed cameras or silent hosts. `all` is true if no camera is left and the picture is frozen.
 function trouble({ cameras, nodes }) {
   if (cameras?.count > 0 && cameras.working === 0) return { words: kNoCamera, all: true };
   const words = silence(nodes);
@@ -76,7 +74,6 @@ export class StatusMessage {
     clearTimeout(this.soon);
   }
 
-  // An existing message stays until there is a new message.
   connecting() {
     this.viewer.stage.classList.add('waiting');
     this.watch();
@@ -95,7 +92,7 @@ export class StatusMessage {
   }
   hide() {
     this.rest();
-    // After token entry, the same keys control the view again.
+    // After the token has been entered, the keys control the view again.
     if (this.box.contains(this.viewer.root.activeElement)) this.viewer.video.focus({ preventScroll: true });
     this.box.hidden = true;
     this.viewer.stage.classList.remove('told');
@@ -115,7 +112,7 @@ export class StatusMessage {
     this.dark = all;
   }
 
-  // `error`: a Refusal. `seconds`: delay until the next try; Infinity: none.
+  // `error` is a Refusal. `seconds` is the delay until the next try; Infinity means none.
   lost(error, seconds) {
     const needsToken = error.status === 401;
     this.keep();
@@ -147,7 +144,7 @@ export class StatusMessage {
     return `The server refuses: ${message}.`;
   }
 
-  // Replaces the text only if it differs, because screen readers repeat every replaced text.
+  // Replaces the text only if it differs, because screen readers read every replaced text aloud.
   show(words) {
     clearInterval(this.countdown);
     clearTimeout(this.soon);
@@ -168,15 +165,15 @@ export class StatusMessage {
     this.last.hidden = false;
   }
 
-  // Frames arrive continuously, even if the scene does not move. If they stop, the server or the network has failed.
+  // Frames arrive continuously, even if nothing moves in the scene. If they stop, the server or the network has failed.
   look() {
     const { connection } = this.viewer.stream, now = performance.now(), still = now - this.frame;
     if (document.hidden || !connection?.isOpen || this.viewer.video.paused) return void (this.frame = this.heard = now);
     if (still > kReconnectTimeout && now - this.heard > kReconnectTimeout) return connection.lose();
     if (still < kFreezeTimeout || !this.box.hidden) return;
     this.show('The picture has stopped. Waiting for the server');
-    // This tests if the server answers. Cross-Origin-Resource-Policy blocks healthz for pages of other sites, but not
-    // the element's own files.
+    // Tests if the server answers. Pages of other sites cannot read healthz because of Cross-Origin-Resource-Policy,
+    // but they can read the files of the element itself.
     const ask = (name, mode) => fetch(new URL(name, this.viewer.stream.endpoint), { mode, cache: 'no-store' });
     ask('healthz', 'no-cors').catch(() => ask('lightfield-viewer.js', 'cors'))
       .catch(() => performance.now() - this.frame > kFreezeTimeout && connection.lose());

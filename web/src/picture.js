@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Position of the picture in the element, in CSS pixels from the top left corner, and conversion to pixels of the view.
 
-const kSame = 1.02;  // maximum ratio of equal aspect ratios
+const kSame = 1.02;  // aspect ratios that differ by less count as equal
 
 export class Picture {
   constructor(viewer) { this.viewer = viewer; }
 
-  // Keeps the aspect ratio. If it equals the element's except for rounding, the picture fills the element.
+  // The picture keeps its aspect ratio. If the ratio of the element is equal except for rounding, the picture fills the
+  // element.
   fit() { this.viewer.stage.classList.toggle('fills', this.fills); }
   get fills() { return Math.max(...this.scales) / Math.min(...this.scales) < kSame; }
   get scales() {
@@ -28,7 +29,6 @@ export class Picture {
       offset: side * this.viewer.eyeDistance / 2 }));
   }
   get eyeWidth() { return this.viewer.video.videoWidth / (this.viewer.twoEyes ? 2 : 1); }
-  // Convert between the position of a pointer and the pixel of the view.
   pixelAt({ clientX, clientY }) {
     const frame = this.viewer.stage.getBoundingClientRect(), { box } = this;
     return { x: (clientX - frame.left - box.x) / box.scale, y: (clientY - frame.top - box.y) / box.scale };
@@ -49,7 +49,7 @@ export class Picture {
   }
 }
 
-// Stereo modes. The server sends both pictures side by side in one frame.
+// Stereo modes. The server sends the pictures of both eyes side by side in one frame.
 
 export const kModes = {
   one: 'One eye',
@@ -58,8 +58,9 @@ export const kModes = {
   headset: 'Headset',
 };
 
-// Combines the left eye's red with the right eye's green and blue. Shifts the pictures so that the focused distance
-// appears at the screen. Crops the margins visible to one eye only, and the height in proportion.
+// Combines the red of the left eye's picture with green and blue of the right eye's. The pictures are shifted so that
+// objects at the focus distance appear at the screen. Margins that only one eye sees are cropped, and the height in
+// proportion.
 export class Anaglyph {
   constructor(canvas, video) {
     this.canvas = canvas;
@@ -75,7 +76,7 @@ export class Anaglyph {
     const focal = height / 2 / Math.tan(view.fov * Math.PI / 360);
     this.shift = Math.min(Math.round(eyeDistance / 2 * focal / view['focus-distance']), width >> 2);
     const kept = width - 2 * this.shift;
-    this.rest = { width: kept, height: height * kept / width };  // cropped size of each eye's picture, pixels
+    this.rest = { width: kept, height: height * kept / width };
     const half = (canvas, side, colour) => {
       if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
       const context = canvas.getContext('2d');

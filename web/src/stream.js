@@ -4,8 +4,8 @@
 import { Connection, Refusal, serversIn } from './connection.js';
 
 const kMaxRetryDelay = 10;  // seconds
-const kVisibleMargin = '200px';  // maximum distance from the screen of a visible element
-const kHiddenDelay = 500;     // milliseconds out of sight until a disconnect; reappearing has no delay
+const kVisibleMargin = '200px';  // an element closer than this to the screen counts as visible
+const kHiddenDelay = 500;     // milliseconds out of sight until the stream ends; it starts again without delay
 
 export class Stream {
   constructor(viewer) {
@@ -18,7 +18,6 @@ export class Stream {
   watch() { addEventListener('online', this.online); }
   rest() { removeEventListener('online', this.online); }
 
-  // URL of the server: `src`, or the server of this file.
   get endpoint() { return new URL(this.viewer.given('src') ?? new URL('../whep', import.meta.url), document.baseURI); }
   get isOpen() { return this.connection?.isOpen ?? false; }
 
@@ -66,7 +65,6 @@ export class Stream {
       this.lost(connection, error instanceof Refusal ? error : this.unreachable(error));
     }
   }
-  // fetch() gives no reason for a failure.
   unreachable(error) {
     return new Refusal(error.message, error.name === 'TypeError' && /ice-servers|Invalid URL/.test(error.message) ?
       { retryAfter: Infinity, reason: 'attribute' } : {});
@@ -83,7 +81,7 @@ export class Stream {
     if (reason && connection.isOpen) this.viewer.tell('disconnected', { reason });
   }
 
-  // Tries again with increasing delay, unless the error is permanent. In the queue, the server determines the delay.
+  // Tries again with increasing delays, unless the error is permanent. In the queue, the server determines the delay.
   lost(connection, error) {
     if (this.connection !== connection) return;
     // ICE servers from the answer are used only if a direct connection fails.

@@ -4,7 +4,7 @@
 export const kFields = ['x', 'y', 'z', 'yaw', 'pitch', 'roll', 'fov', 'focus-distance'];
 const kScriptNames = { 'focus-distance': 'focusDistance' };
 
-// Converts "x=0.1&yaw=5" or "x=0.1 yaw=5" to {x: 0.1, yaw: 5}. Ignores anything else.
+// Converts "x=0.1&yaw=5" or "x=0.1 yaw=5" to {x: 0.1, yaw: 5}, and ignores everything else.
 export function viewOf(text) {
   const view = {};
   for (const [, name, value] of (text ?? '').matchAll(/([a-z-]+)=([^\s&;,]+)/g))
@@ -12,7 +12,7 @@ export function viewOf(text) {
   return view;
 }
 
-// Convert to and from the field names of scripts. Throws TypeError for an unknown name or an invalid number.
+// Convert to and from the field names that scripts use. Throws TypeError for an unknown name or an invalid number.
 export function toScript(view) {
   return Object.fromEntries(kFields.filter(name => name in view).map(name => [kScriptNames[name] ?? name, view[name]]));
 }
@@ -26,13 +26,13 @@ export function fromScript(view) {
   return fields;
 }
 
-// Returns the number in an attribute; null if it is missing, invalid or less than `least`.
 export function numberIn(text, least = -Infinity) {
   const value = text?.trim() ? Number(text) : NaN;
   return Number.isFinite(value) && value >= least ? value : null;
 }
 
-// Returns the view's axes in the world: yaw about y (down), then pitch about x (right), then roll about z (forward).
+// Returns the axes of the view in the world: yaw about y (down), then pitch about x (right), then roll about z
+// (forward).
 export function axesOf({ yaw, pitch, roll }) {
   const turn = degrees => [Math.cos(degrees * Math.PI / 180), Math.sin(degrees * Math.PI / 180)];
   const [[cy, sy], [cp, sp], [cr, sr]] = [turn(yaw), turn(pitch), turn(roll)];
@@ -45,7 +45,7 @@ export function axesOf({ yaw, pitch, roll }) {
 
 export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 
-// Converts a world point to the view's axes, with the eye `eyeOffset` metres to the right of the view.
+// Converts a world point to the axes of the view. The eye is `eyeOffset` metres to the right of the view.
 export function inView(view, axes, point, eyeOffset = 0) {
   const relative = [point[0] - view.x, point[1] - view.y, point[2] - view.z];
   return [dot(axes.right, relative) - eyeOffset, dot(axes.down, relative), dot(axes.forward, relative)];
@@ -53,8 +53,8 @@ export function inView(view, axes, point, eyeOffset = 0) {
 
 const kShown = 2000;  // milliseconds
 
-// The view in the page's address, for elements with the attribute `share`: #x=0.05&yaw=3&focus-distance=2, with
-// optional eyes=, path= and token=.
+// The view in the address of the page, for elements with the attribute `share`: #x=0.05&yaw=3&focus-distance=2,
+// optionally with eyes=, path= and token=.
 export class Share {
   constructor(viewer, button) {
     this.viewer = viewer;
@@ -79,7 +79,8 @@ export class Share {
     this.viewer.flight.setView(this.view).catch(() => {});
   }
 
-  // The page's address with the view. An element with `share` keeps other parameters of the address, such as the token.
+  // The address of the page with the view. Elements with `share` keep other parameters of the address, such as the
+  // token.
   get link() {
     const { viewer } = this, words = this.words;
     for (const [name, value] of Object.entries(viewer.flight.state ?? viewer.flight.set)) words.set(name, +value.toPrecision(7));
@@ -88,7 +89,8 @@ export class Share {
     return new URL(`#${words}`, location.href).href;
   }
 
-  // Copies the link, if the browser allows that, and returns the link. Changes the page's address only with `share`.
+  // Returns the link, and copies it to the clipboard if the browser allows that. Changes the address of the page only
+  // with `share`.
   async share() {
     const { link, button, on } = this;
     if (on) history.replaceState(history.state, '', link);

@@ -17,9 +17,9 @@ import { VisibilityWatcher, Stream } from './stream.js';
 import { numberIn, Share, viewOf } from './view.js';
 
 const kEyeDistance = 0.063;  // metres
-const kOneEye = 1e-6;        // metres; minimum to request, because the server interprets 0 as one eye
-const kMinSide = 64;       // minimum side of a picture from the server, pixels
-const kRest = 400;           // milliseconds without resizing until the view is resized
+const kOneEye = 1e-6;        // minimum eye distance to request, metres; the server interprets 0 as a single eye
+const kMinSide = 64;       // minimum width and height of a picture from the server, pixels
+const kRest = 400;           // milliseconds after the last change of the element's size until the view is resized
 const kAlt = 'Live picture of the light field from a virtual camera';
 
 let styleSheet = null;  // shared by all elements; strict pages forbid <style>
@@ -43,8 +43,8 @@ export class Viewer {
     this.startButton = find('.start');
     this.statistics = {};
     this.mode = 'one';
-    this.asked = null;     // attributes and link parameters at the start of the stream
-    this.declared = null;  // view set by the property `view`; null: the attribute counts
+    this.asked = null;
+    this.declared = null;  // value of the property `view`; null: the attribute counts
     this.picture = new Picture(this);
     this.stream = new Stream(this);
     this.flight = new ViewNavigation(this);
@@ -75,7 +75,7 @@ export class Viewer {
     this.frames();
   }
 
-  // Call when the element enters or leaves a page. Moving it within the page keeps the stream.
+  // Call when the element enters or leaves a page. Moving the element within the page keeps the stream.
   attach() {
     this.render();
     this.bar.wake();
@@ -119,7 +119,6 @@ export class Viewer {
   render() {
     const { host, video } = this, flies = this.controls.flies;
     video.ariaLabel = host.getAttribute('alt') ?? kAlt;
-    // Makes screen readers pass the keys to the viewer.
     for (const [name, value] of [['tabindex', '0'], ['role', 'application'], ['aria-describedby', 'description']])
       flies ? video.setAttribute(name, value) : video.removeAttribute(name);
     for (const part of [this.bar.bar, this.root.querySelector('slot[name=controls]')]) part.hidden = !flies;
@@ -132,7 +131,7 @@ export class Viewer {
     this.root.querySelector('.full').hidden = !document.fullscreenEnabled && !video.webkitEnterFullscreen;
   }
 
-  // Applies changed attributes and links; restarts the stream if necessary.
+  // Applies changed attributes and links, and restarts the stream if necessary.
   settle() {
     const before = this.asked ?? {};
     const names = ['src', 'token', 'path', 'eye-distance', 'max-width', 'ice-servers', 'eyes'];
@@ -168,16 +167,16 @@ export class Viewer {
     });
   }
 
-  // Returns the attribute, or with `share` the parameter in the page's address; null if both are missing or empty.
+  // Returns the attribute, or with `share` the parameter in the address of the page. Returns null if both are missing
+  // or empty.
   given(name) { return this.host.getAttribute(name) || this.share.words.get(name) || null; }
   get path() { return this.given('path'); }
   get lightField() { return JSON.stringify([this.given('src'), this.path]); }
-  // The page's start view: the fields of `view` and `focus`.
   get start() {
     const focus = numberIn(this.host.getAttribute('focus'));
     return { ...this.declared ?? viewOf(this.host.getAttribute('view')), ...focus > 0 && { 'focus-distance': focus } };
   }
-  // The size to request, in pixels of each eye: the element's size, rounded to even numbers.
+  // The size to request for each eye: the size of the element in pixels, rounded to even numbers.
   get size() {
     const { width, height } = this.host.getBoundingClientRect(), most = numberIn(this.given('max-width'), 1) ?? Infinity;
     const wide = (width || 640) / (this.mode === 'side' ? 2 : 1);
@@ -193,7 +192,7 @@ export class Viewer {
     return { ...this.headset?.viewParams ?? { ...this.size, 'eye-distance': Math.max(this.eyeDistance, kOneEye) }, ...path };
   }
 
-  // Restarts the stream in the new size when resizing has stopped, because a stream has a fixed size.
+  // A stream has a fixed size, so the stream restarts in the new size when resizing has stopped.
   resized() {
     this.picture.fit();
     clearTimeout(this.resting);
@@ -268,7 +267,7 @@ export class Viewer {
   frames() {
     this.video.requestVideoFrameCallback?.((now, frame) => {
       this.frames();
-      if (!this.stream.connection?.hasTrack) return;  // the last frame of the previous stream
+      if (!this.stream.connection?.hasTrack) return;
       this.flight.show(frame);
       this.notice.shown();
       this.panel.frame(now, frame);
@@ -287,7 +286,6 @@ export class Viewer {
     return this.stream.connection?.request(
       { type: 'customUpstreamEvent', structureName: 'lightfield-pixel', structure: { x: Math.round(x), y: Math.round(y) } });
   }
-  // Focuses like a click at this position. Returns false if there is no connection or a camera path plays.
   focusAt(clientX, clientY) {
     if (this.path !== null) return false;
     const { x, y } = this.picture.pixelAt({ clientX, clientY }), at = { x: x % this.picture.eyeWidth, y, button: 1 };
@@ -297,7 +295,6 @@ export class Viewer {
   }
 
   tell(name, detail) { this.host.dispatchEvent(new CustomEvent(name, { detail })); }
-  // Announces a text to screen readers.
   say(text) { this.root.querySelector('.said').textContent = text; }
 
   async toggle(name, layer) {

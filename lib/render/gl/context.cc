@@ -14,7 +14,6 @@
 namespace lf::gl {
 namespace {
 
-// True if a list of names, separated by spaces, contains `name`.
 bool has(const char* list, std::string_view name) {
   std::string_view rest = list ? list : "";
   while (!rest.empty()) {
@@ -37,7 +36,7 @@ struct Candidate {
   bool software;  // according to EGL; may be wrong
 };
 
-// Returns EGL's devices, hardware before software, then the display without a device.
+// Returns EGL's devices, hardware before software, and then the display without a device.
 std::vector<Candidate> candidates() {
   std::vector<Candidate> hardware, software;
   const char* extensions = eglQueryString(EGL_NO_DISPLAY, EGL_EXTENSIONS);
@@ -73,10 +72,10 @@ struct Context::Handles {
 
   ~Handles() {
     if (context != EGL_NO_CONTEXT) eglDestroyContext(display, context);
-    // Displays belong to the process. eglTerminate() would also terminate other users of the same display.
+    // Displays belong to the process, so eglTerminate() would also affect other users of the same display.
   }
 
-  // Creates the context. Returns the reason for a failure.
+  // Creates the context. Returns the reason on failure, else nothing.
   std::optional<std::string> open(const Candidate& candidate) {
     const auto get_display = function<PFNEGLGETPLATFORMDISPLAYEXTPROC>("eglGetPlatformDisplayEXT");
     display = get_display ? get_display(candidate.platform, candidate.native, nullptr) : EGL_NO_DISPLAY;
@@ -106,7 +105,7 @@ bool Context::look() {
   return run([this] {
     const auto* renderer = reinterpret_cast<const char*>(glGetString(GL_RENDERER));
     device_ = renderer ? renderer : "unknown";
-    // Desktop OpenGL's core profile has no combined extension string.
+    // The core profile of desktop OpenGL has no combined extension string.
     GLint count = 0;
     glGetIntegerv(GL_NUM_EXTENSIONS, &count);
     for (GLint i = 0; i < count; i++)
@@ -164,8 +163,8 @@ bool Context::run(const std::function<void()>& job) {
   const std::lock_guard lock(mutex_);
   if (lost_) return false;
   if (handles_) {
-    // Mesa's software driver (22.3) crashed when two contexts compiled shaders at once. Each context uses all
-    // processors anyway.
+    // Mesa's software driver (22.3) crashed when two contexts compiled shaders at once. Waiting for one
+    // lock costs little, because each context uses all processors anyway.
     static std::mutex software;
     std::unique_lock alone(software, std::defer_lock);
     if (software_) alone.lock();

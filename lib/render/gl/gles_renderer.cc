@@ -58,17 +58,17 @@ std::unique_ptr<GlesRenderer> GlesRenderer::create_on(std::unique_ptr<Context> c
   return is_fit ? std::move(drawer) : nullptr;
 }
 
-// Compiling one program here rejects unsuitable drivers early.
+// Compile one program here to reject unsuitable drivers early.
 bool GlesRenderer::prepare(std::string& why) {
   // llvmpipe reports one second for every compute shader.
   objects_ = std::make_unique<Objects>(!is_software() && context_->has_extension("GL_EXT_disjoint_timer_query"));
   return objects_->programs.use({.output = SumProgram::Output::kBlocksI420, .has_map = true}, why);
 }
 
-// Limits on the samples per dispatch for views that are blended by a WeightGrid: several views, and a single view. The
-// driver of a slow GPU may otherwise assume a hang.
+// Maximum samples per dispatch for views that are blended by a WeightGrid: for several views, and for a single view.
+// The driver of a slow GPU may assume a hang if there is more work.
 static constexpr size_t kMostSamples = 64'000'000, kMostSamplesOfOne = 256'000'000;
-// Limit on the projections in double that one CPU thread computes for such a view.
+// Maximum projections in double that one CPU thread computes for such a view.
 static constexpr size_t kMaxFixedUp = 4'000'000;
 
 static bool refuse(std::string& why, std::string reason) {
@@ -93,7 +93,7 @@ bool GlesRenderer::fits(std::span<const GlesView> views, std::string& why) const
   return true;
 }
 
-// `begin` starts rendering the views; `atlas` has laid out their images. `read` waits for the result.
+// `begin` starts rendering the views, with the images as `atlas` has laid them out. `read` waits for the result.
 template <class Begin, class Read>
 bool GlesRenderer::draw_now(std::span<const GlesView> views, ImageAtlas& atlas, const ParallelFor& parallel,
                             const Begin& begin, const Read& read, std::string& why) {
@@ -127,8 +127,8 @@ bool GlesRenderer::draw_now(std::span<const GlesView> views, ImageAtlas& atlas, 
   });
 }
 
-// Returns how many of the first orders can share a pass. The same program must render all, so that a sum does not
-// depend on the other sums of the pass.
+// Returns how many of the first orders can share a pass. The same program must render all these orders, so that a sum
+// does not depend on the other sums of the pass.
 size_t GlesRenderer::together(std::span<const GlesJob> orders) const {
   const simd::SumTask& first = *orders.front().task;
   const SumProgram program = program_of(first);
@@ -139,7 +139,8 @@ size_t GlesRenderer::together(std::span<const GlesJob> orders) const {
   return static_cast<size_t>(end - orders.begin());
 }
 
-// Fixes up the undecided samples. Returns false, with the reason in `why`, if a sum cannot be written back.
+// Computes the undecided samples on the CPU. If a sum cannot be written back, returns false and sets `why` to the
+// reason.
 bool GlesRenderer::finish(std::span<GlesJob> orders, std::span<SumReadback> readings, const ParallelFor& parallel,
                           std::string& why) {
   for (size_t i = 0; i < orders.size(); i++)
@@ -166,7 +167,7 @@ bool GlesRenderer::finish(std::span<GlesJob> orders, std::span<SumReadback> read
   return refuse(why, is_there ? "the context is lost" : "the GPU does not answer");
 }
 
-// Renders all orders in one pass. If they do not fit, splits them in two halves.
+// Renders all orders in one pass. If they do not fit, splits them into two halves.
 void GlesRenderer::draw_pass(std::span<GlesJob> orders, const ParallelFor& parallel) {
   Objects& o = *objects_;
   const auto part = [](const GlesView& view, const Source& source) {
@@ -272,10 +273,10 @@ struct Part {
   const simd::Slot* slot;
   float weight;
   bool seen;
-  Vec2 position;  // valid if `seen`
+  Vec2 position;
 };
 
-// Contributions to a pixel: at most three where the mesh blends.
+// The contributions to a pixel: at most three where the mesh blends.
 class Parts {
  public:
   Parts(const simd::SumTask& task, int x, int y) {
@@ -283,13 +284,13 @@ class Parts {
     for (const FaceRun& run : task.runs->row(y, x, x + 1)) owner = run.face;
     if (owner == FaceIdMap::kNone) return;
     const ViewPlan& plan = *task.plan;
-    if (const WeightGrid* const grid = plan.blend()) {
+    const FacePlan& face = plan.faces()[static_cast<size_t>(owner)];
+    if (!face.has_corners()) {
       for (const simd::Slot& slot : task.slots)
-        if (const int weight = is_in(slot.rect, x, y) ? grid->weight(slot.camera, x, y) : 0)
+        if (const int weight = is_in(slot.rect, x, y) ? plan.blend()->weight(slot.camera, x, y) : 0)
           add(plan, slot, static_cast<float>(weight) / WeightGrid::kOne, x, y);
       return;
     }
-    const FacePlan& face = plan.faces()[static_cast<size_t>(owner)];
     const Vec2 ray = plan.rays().at(x, y);
     const FaceWeights weights = face_weights(face, ray);
     for (int k = 0; k < 3; k++) {
@@ -378,7 +379,7 @@ void fix_up_chroma(const simd::SumTask& task, simd::FetchedImages& images, const
 
 }  // namespace
 
-// True if any value equals `value`. Branch-free, for vectorization.
+// Returns true if any value equals `value`. The loop has no branches, so that compilers can vectorize the code.
 static bool has(const uint16_t* values, int count, int step, uint16_t value) {
   unsigned any = 0;
   for (int i = 0; i < count; i++) any |= values[i * step] == value;

@@ -70,10 +70,10 @@ namespace {
 // Returns the number of words in a row of bytes. OpenGL expects rows to begin at whole words.
 GLuint words_of(int bytes) { return static_cast<GLuint>(bytes + 3) / 4; }
 
-// A plane of the picture, in the buffer of its bytes.
+// A plane of the picture in the buffer of its bytes.
 struct Plane {
-  int width = 0, height = 0, bytes = 1;  // pixels; bytes per pixel
-  size_t first = 0;                      // word
+  int width = 0, height = 0, bytes = 1;  // size in pixels; bytes per pixel
+  size_t first = 0;
 
   GLuint row() const { return words_of(width * bytes); }
   size_t end() const { return first + size_t{row()} * static_cast<size_t>(height); }
@@ -83,7 +83,6 @@ struct Plane {
   }
 };
 
-// Returns the number of planes.
 int lay_out(PixelFamily family, const Rect& view, const GpuPicture& picture, Plane (&planes)[3]) {
   const bool rgb = family == PixelFamily::kRgb;
   planes[0] = {view.width(), view.height(), rgb ? picture.layout.pixel_stride : 1, 0};
@@ -131,7 +130,7 @@ bool GpuSum::draw(const GpuPicture& picture, std::string& why) {
     const auto groups = [](int pixels, int of_one) {
       return static_cast<GLuint>((pixels + kGroup * of_one - 1) / (kGroup * of_one));
     };
-    glMemoryBarrier(GL_PIXEL_BUFFER_BARRIER_BIT);  // wait for the upload of the previous picture from the buffer
+    glMemoryBarrier(GL_PIXEL_BUFFER_BARRIER_BIT);  // wait until the previous picture has been uploaded from the buffer
     glDispatchCompute(groups(view_.width(), columns), groups(view_.height(), rows), 1);
     glMemoryBarrier(GL_PIXEL_BUFFER_BARRIER_BIT | GL_SHADER_STORAGE_BARRIER_BIT);
     glBindBuffer(GL_PIXEL_UNPACK_BUFFER, bytes.name());

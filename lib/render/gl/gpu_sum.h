@@ -23,31 +23,31 @@ class Buffer;
 class Programs;
 class GlesRenderer;
 
-// How a sum is converted to an 8-bit picture in textures of its GPU.
+// Describes an 8-bit picture in GPU textures, into which a sum is converted.
 struct GpuPicture {
-  // kRgb: byte order of the pixels; a fourth byte becomes 255.
+  // Byte order of kRgb pixels. A fourth byte becomes 255.
   RgbLayout layout;
-  // kI420: Cb and Cr share one plane (NV12).
+  // True if Cb and Cr share one plane (NV12). Only for kI420.
   bool is_interleaved = false;
   // One texture per plane, at least as large as the plane, with one channel per byte of a pixel.
   unsigned textures[3] = {};
-  // Position of the view's first pixel in the textures, for several views in one picture; even in kI420.
+  // Position of the view's first pixel in the textures, for pictures that contain several views. Even in kI420.
   int x = 0, y = 0;
-  // Sync object (GLsync) in the textures' own context, after all pending work on the textures; null: no pending work.
-  // draw() waits for the object and deletes the object.
+  // Sync object (GLsync) in the textures' own context after all pending work on the textures, or null if there is none.
+  // draw() waits for this object and deletes the object.
   void* fence = nullptr;
-  // Luma becomes gain * luma + offset, chroma 128 + chroma_gain * chroma.
+  // Luma becomes gain * luma + offset, and chroma becomes 128 + chroma_gain * chroma.
   float gain = 1, offset = 0, chroma_gain = 1;
-  // Colour of pixels that have less than least_weight (kMissingOne = 1) of their weight: R, G, B, or Y, Cb, Cr with
-  // chroma from -128 to 127.
+  // Colour of pixels that have less than least_weight (kMissingOne = 1) of their weight. The values are R, G, B, or Y,
+  // Cb, Cr with chroma from -128 to 127.
   float background[3] = {};
   int least_weight = 0;
 };
 
-// A view's sum on the GPU that rendered the view. Thread-safe.
+// A view's sum that stays on the GPU that rendered it, so that it can be shown without a download. Thread-safe.
 class GpuSum {
  public:
-  // `view` bounds the whole view. Its pixels outside the sum are 0.
+  // `view` is the rectangle of the whole view. Its pixels outside the sum are 0.
   GpuSum(std::shared_ptr<GlesRenderer> drawer, std::shared_ptr<BlockSum> sum, const Rect& view, bool has_missing);
   ~GpuSum();
   GpuSum(const GpuSum&) = delete;
@@ -57,22 +57,22 @@ class GpuSum {
   const Rect& view() const { return view_; }
   const Rect& rect() const;  // pixels of the view that the sum covers; begins at even coordinates
   bool has_missing() const { return has_missing_; }
-  // Contexts with textures that draw() can write to; 0: none.
+  // Returns the group of contexts with textures that draw() can write to, or 0.
   ShareGroup group() const;
 
-  // Returns the sum of rect() in this process's memory, packed. The first call downloads the sum, which stays valid as
-  // long as this object. If the GPU does not answer, all weight is missing.
+  // Downloads the sum of rect(), packed. The first call downloads it, and the result is valid as long as this object.
+  // If the GPU does not answer, all weight is missing.
   ConstSumPlanes fetch();
-  // True if fetch() failed because the GPU is lost.
+  // Returns true if fetch() failed because the GPU is lost.
   bool is_gone() const { return is_gone_; }
-  // Adds several sums of the same view, family and group on the GPU of the first sum. The result keeps its inputs
-  // alive, because the GPU reads them later. Returns null, with the reason in `why`, on failure.
+  // Adds several sums of the same view, family and group, on the GPU of the first sum. The result keeps its inputs
+  // alive, because the GPU reads them later. On failure, returns null and sets `why` to the reason.
   static std::shared_ptr<GpuSum> add(std::span<const std::shared_ptr<GpuSum>> sums, std::string& why);
-  // Starts converting the sum to a picture on the GPU. The picture equals the result of resolve() in composite/, or
-  // differs by at most one level where weight is missing or levels are scaled. Returns false, with the reason in `why`,
-  // on failure. The picture is complete when wait() returns.
+  // Starts converting the sum to a picture on the GPU; the picture is complete when wait() returns. It equals the
+  // result of resolve() in composite/, or differs by at most one level where weight is missing or levels are scaled. On
+  // failure, returns false and sets `why` to the reason.
   bool draw(const GpuPicture& picture, std::string& why);
-  // Waits for all pictures of sums of the same renderer. Returns false, with the reason in `why`, if they failed.
+  // Waits for all pictures of sums of the same renderer. If they failed, returns false and sets `why` to the reason.
   bool wait(std::string& why);
   bool has_same_renderer(const GpuSum& other) const { return drawer_ == other.drawer_; }
 

@@ -71,7 +71,7 @@ int up_to(int multiple, int size) { return (size + multiple - 1) / multiple * mu
 
 }  // namespace
 
-// Finds the regions that the views need. Images are the same if they share memory, or textures and GpuPixels.
+// Finds the regions that the views need. Two images are the same if they share memory, or textures and GpuPixels.
 void ImageAtlas::find_pieces(std::span<const GlesView> views, const NeededPixels& needed) {
   const PixelFamily family = views.front().task->family;
   pieces_.clear();
@@ -99,7 +99,7 @@ void ImageAtlas::find_pieces(std::span<const GlesView> views, const NeededPixels
 
 // Places the regions on shelves, the highest first. Returns the total height.
 int ImageAtlas::place_pieces() {
-  // TextureStager also writes chroma, of half the width, in whole words.
+  // TextureStager also writes chroma in whole words, and chroma has half the width.
   const int columns = has_gpu_ ? 2 * TextureStager::kWord : 2;
   double area = 0;
   int widest = columns;

@@ -19,10 +19,10 @@
 
 namespace lf::gl {
 
-// Copies regions of images that are on the GPU into the buffer that a pass's texture is uploaded from. Divides and
-// sharpens them as their GpuPixels request, bit-identical to the CPU. The copy is a compute shader: some GPUs run
-// fragment shaders on few of their processors, and Mesa's llvmpipe may crash if one context draws triangles while
-// another writes a texture. The context must be current for all calls.
+// Copies regions of images that are already on the GPU into the upload buffer of a pass's texture. It also divides and
+// sharpens them as their GpuPixels say, bit-identical to the CPU. The copy is a compute shader for two reasons: some
+// GPUs run fragment shaders on few of their processors, and Mesa's llvmpipe may crash if one context draws triangles
+// while another writes a texture. The context must be current for all calls.
 class TextureStager {
  public:
   // Number of samples that an invocation writes at once. Regions of planes with one byte per pixel begin at whole
@@ -34,10 +34,10 @@ class TextureStager {
   TextureStager(const TextureStager&) = delete;
   TextureStager& operator=(const TextureStager&) = delete;
 
-  // Starts filling a buffer of `bytes` bytes, until end(). Returns false, with the reason in `why`, on failure.
+  // Starts filling a buffer of `bytes` bytes, until end(). On failure, returns false and sets `why` to the reason.
   bool begin(size_t bytes, Programs& programs, std::string& why);
   GLuint name() const { return bytes_.name(); }
-  // Region `part` of a plane of width x height pixels. Up to one word of further pixels may be written after each row.
+  // Region `part` of a plane of width x height pixels. After each row, up to one word of further pixels may be written.
   struct Plane {
     int index, width, height;
     Rect part;
@@ -59,47 +59,47 @@ struct GlesView {
   Rect rect;                        // region of the view to render
 };
 
-// Selects the region of each camera image that is needed, and whether chroma is.
+// Selects the region of each camera image that is needed, and says whether chroma is needed.
 struct NeededPixels {
   std::function<Rect(const GlesView&, const Source&)> part;
   bool colours = true;
 };
 
-// A texture with the regions of camera images that the views of a pass need. Where the mesh blends, the texture is a
-// few times as large as a view, regardless of the number and size of the images. Otherwise the size grows with the
-// number of cameras per pixel. The texture is uploaded at once, because GPUs are slow with many small uploads. An image
-// that several views need occurs once, with the union of their regions. Regions of images that are on the GPU are
-// copied there.
+// A texture that contains the regions of camera images that the views of a pass need. GPUs are slow with many small
+// uploads, so the texture is uploaded at once. If the mesh blends, it is a few times as large as a view, regardless of
+// the number and size of the images. Otherwise its size grows with the number of cameras per pixel. An image that
+// several views need occurs once, with the union of their regions. Regions of images on the GPU are copied there.
 //
-// Calls need no context unless stated otherwise: the slow part, fill(), runs while the GPU renders another pass.
+// Calls need no context unless stated otherwise, so that the slow part, fill(), can run while the GPU renders another
+// pass.
 //
-// Samples are bytes. In kI420 the luma regions are at the top. Below are the Cb regions and, to their right, the Cr
+// Samples are bytes. In kI420, the luma regions are at the top. Below are the Cb regions and, to their right, the Cr
 // regions, in the same arrangement at half the size, if colours are needed.
 class ImageAtlas {
  public:
   static constexpr size_t kMaxBytes = 512'000'000;
 
-  // Places the images of sources with a slot in their view's task. The texture has at most `max_size` pixels per side
-  // and kMaxBytes bytes. Returns false if the images do not fit. All images are of one family, and must stay valid
-  // until they are uploaded.
+  // Places the images of sources that are used by their view's task. The texture has at most `max_size` pixels per side
+  // and at most kMaxBytes bytes. Returns false if the images do not fit. All images are of one family, and must stay
+  // valid until they are uploaded.
   bool lay_out(std::span<const GlesView> views, const NeededPixels& needed, int max_size);
 
-  // Position of pixel (0, 0) of an image in the atlas; even, may be negative.
+  // Position of pixel (0, 0) of an image in the atlas. It is even and may be negative.
   struct Offset {
     int x = 0, y = 0;
   };
-  // By slot of the view.
+  // Returns the offsets for a view, by slot of its task.
   std::span<const Offset> offsets(size_t view) const { return offsets_[view]; }
-  // kI420: offset of Cb (1) and Cr (2) for an image at (0, 0).
+  // Returns the offset of Cb (1) and Cr (2) for an image at (0, 0), in kI420.
   Offset chroma_offset(int plane) const { return {plane == 1 ? 0 : width_ / 2, height_}; }
 
-  // has_room() returns true if reserve() is not needed. reserve() needs the current context.
+  // If has_room() returns true, reserve() is unnecessary. reserve() needs the current context.
   bool has_room() const { return texture_.has_room(upload_size()); }
   void reserve() { texture_.reserve(upload_size()); }
-  // Copies the regions to upload memory. The results of the previous pass must have been read.
+  // Copies the regions to upload memory. The results of the previous pass must have been read before.
   void fill(const ParallelFor& parallel);
   // Uploads the texture, copies the regions of images that are on the GPU with `pieces`, and binds the texture. The
-  // context must be current. Returns false, with the reason in `why`, on failure.
+  // context must be current. On failure, returns false and sets `why` to the reason.
   bool send(TextureStager& pieces, Programs& programs, std::string& why);
 
  private:
@@ -117,16 +117,16 @@ class ImageAtlas {
   void copy_on_gpu(const Piece& piece, TextureStager& pieces) const;
   int all_rows() const { return has_chroma_ ? height_ + height_ / 2 : height_; }
   size_t size() const { return static_cast<size_t>(width_) * all_rows() * static_cast<size_t>(bytes_); }
-  // Without any image an empty texture is uploaded.
+  // Without any image, an empty texture is uploaded.
   size_t upload_size() const { return has_uploads_ || !has_gpu_ ? size() : 0; }
 
   std::vector<Piece> pieces_;
   std::vector<Use> uses_;
   std::vector<std::vector<Offset>> offsets_;  // by view and slot
-  int width_ = 0, height_ = 0;                // RGB or luma, pixels
-  int bytes_ = 1;                             // per pixel
+  int width_ = 0, height_ = 0;                // size of the RGB or luma plane
+  int bytes_ = 1;
   bool has_chroma_ = false;
-  bool has_uploads_ = false, has_gpu_ = false;  // some images are in CPU memory; some are on the GPU
+  bool has_uploads_ = false, has_gpu_ = false;  // some images are in CPU memory, or on the GPU
   UploadTexture texture_;
 };
 

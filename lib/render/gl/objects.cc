@@ -43,7 +43,7 @@ GLuint compile(const std::string& text, std::string& why) {
   return 0;
 }
 
-// Returns 0, with the reason in `why`, on failure.
+// On failure, returns 0 and sets `why` to the reason.
 GLuint link(const SumProgram& what, std::string& why) {
   const GLuint shader = compile(compute_shader(what), why);
   if (!shader) return 0;
@@ -142,7 +142,7 @@ bool wait_for_gpu() {
 }
 
 size_t ComputeBuffer::most_words() {
-  GLint64 most = 0;  // bytes
+  GLint64 most = 0;
   glGetInteger64v(GL_MAX_SHADER_STORAGE_BLOCK_SIZE, &most);
   return static_cast<size_t>(most) / kWord;
 }

@@ -27,7 +27,7 @@ class Texture {
   ~Texture() {
     if (name_) glDeleteTextures(1, &name_);
   }
-  // Binds the texture with at least the given size; exactly that size if `exact`.
+  // Binds the texture. Its size is at least the given size, and equal to it if `exact`.
   void bind(int unit, GLenum format, int width, int height, bool exact = false) {
     glActiveTexture(GL_TEXTURE0 + static_cast<GLenum>(unit));
     const bool fits = exact ? width == width_ && height == height_ : width <= width_ && height <= height_;
@@ -55,12 +55,12 @@ class Texture {
   int width_ = 0, height_ = 0;
 };
 
-// A buffer that is reallocated only to grow. kUpload and kRead buffers are persistently mapped if the driver has EXT_
+// A buffer that is reallocated only to grow. kUpload and kRead buffers stay mapped if the driver has EXT_buffer_storage
 // or ARB_buffer_storage.
 class Buffer {
  public:
-  // kTables: small tables that are replaced now and then. kUpload: source of texture uploads. kComputed: written by the
-  // GPU. kRead: read back from the GPU.
+  // kTables is for small tables that change now and then, kUpload for texture uploads, kComputed for results of the
+  // GPU, and kRead for reading them back.
   enum class Use { kTables, kUpload, kComputed, kRead };
   explicit Buffer(Use use) : use_(use) {}
   Buffer(const Buffer&) = delete;
@@ -70,11 +70,11 @@ class Buffer {
   }
   // Makes room. The contents are lost if the buffer grows.
   void reserve(size_t bytes);
-  // kTables: replaces `bytes` bytes from byte `first` on.
+  // Replaces `bytes` bytes from byte `first` on. Only for kTables.
   void put(size_t first, const void* from, size_t bytes);
   GLuint name() const { return name_; }
   size_t bytes() const { return bytes_; }
-  // Null: not mapped, use OpenGL calls.
+  // Returns null if the buffer is not mapped, so that OpenGL calls are needed.
   uint8_t* memory() const { return memory_; }
 
  private:
@@ -84,16 +84,17 @@ class Buffer {
   uint8_t* memory_ = nullptr;
 };
 
-// A texture with all pixels replaced for each pass, in one upload. The upload memory is a mapped buffer if the driver
-// supports mapped buffers. The previous result must have been read before new pixels are written.
+// A texture that gets new pixels in each pass, with one upload. The upload memory is a mapped buffer if the driver
+// supports mapped buffers. The result of the previous pass must have been read before new pixels are written.
 class UploadTexture {
  public:
   void reserve(size_t bytes);
-  // True if room() has at least this many bytes. has_room() and room() need no context. Fill room() before send().
+  // Returns true if room() has at least this many bytes. has_room() and room() need no context. Fill room() before
+  // send().
   bool has_room(size_t bytes) const { return buffer_.bytes() >= bytes; }
   uint8_t* room() { return buffer_.memory() ? buffer_.memory() : memory_.data(); }
-  // Uploads the contents of room(), packed rows of bytes, and binds the texture, which may be larger unless `exact`.
-  // `from`: a buffer to upload instead of room().
+  // Uploads the contents of room() as packed rows, and binds the texture, which may be larger unless `exact`. If `from`
+  // is not 0, uploads that buffer instead of room().
   void send(int unit, GLenum internal_format, GLenum format, int width, int height, bool exact, GLuint from = 0);
   void copy_to(GLuint buffer, size_t bytes);
 
@@ -121,7 +122,7 @@ class GpuTimer {
   void end() {
     if (works_) glEndQuery(kTimeElapsed);
   }
-  // Waits for the result. 0: not measured.
+  // Waits for the result. Returns 0 if the time was not measured.
   uint64_t nanoseconds() const {
     GLuint ns = 0;
     if (used_) glGetQueryObjectuiv(name_, GL_QUERY_RESULT, &ns);
@@ -149,8 +150,8 @@ class Programs {
   ~Programs() {
     for (const auto& [what, program] : programs_) glDeleteProgram(program.name);
   }
-  // Activates a program. Its first use compiles it, which takes tens of milliseconds. Returns null, with the driver's
-  // log in `why`, on failure.
+  // Activates a program. Its first use compiles it, which takes tens of milliseconds. On failure, returns null and sets
+  // `why` to the driver's log.
   const Program* use(const SumProgram& what, std::string& why);
 
  private:
@@ -160,10 +161,11 @@ class Programs {
 // Waits for all GPU commands issued so far. Returns false if the GPU does not answer. The context must be current.
 bool wait_for_gpu();
 
-// A buffer of 32-bit words that compute shaders write, and its readback. The context must be current for all calls.
+// A buffer of 32-bit words that compute shaders write and that can be read back. The context must be current for all
+// calls.
 class ComputeBuffer {
  public:
-  // A readback buffer, exclusively owned.
+  // A readback buffer in exclusive use.
   class Fetched {
    public:
     // Returns all reserved words. Words that were not fetched are undefined.
@@ -176,10 +178,10 @@ class ComputeBuffer {
     std::atomic<bool> is_free_ = true;
   };
 
-  // Maximum size of a buffer that shaders can write.
+  // Returns the maximum size of a buffer that shaders can write.
   static size_t most_words();
-  // Makes room; the contents are lost if the buffer grows. Returns false, with the reason in `why`, if shaders cannot
-  // write so many words.
+  // Makes room; the contents are lost if the buffer grows. If shaders cannot write so many words, returns false and
+  // sets `why` to the reason.
   bool reserve(size_t words, std::string& why);
   GLuint name() const { return result_.name(); }
   // Returns a free readback buffer of the size that was reserved last. This object must outlive the buffer.

@@ -11,8 +11,8 @@
 namespace lf::gl {
 namespace {
 
-// Scale of a focal map: distance between nodes in pixels; inverse distance at level 0 and increment per level; distance
-// of the eye from the origin of distances. Meaningless without a map.
+// The scale of a focal map: distance between nodes in pixels, inverse distance at level 0, its increment per level, and
+// distance of the eye from the origin of distances. Meaningless without a map.
 struct MapScale {
   float step = 0, farthest = 0, of_level = 0, eye_distance = 0;
 };
@@ -24,7 +24,7 @@ MapScale scale_of(const ViewPlan& plan) {
           static_cast<float>(plan.eye_distance())};
 }
 
-// Returns the middle of a rectangle. Pixels are counted from there.
+// Returns the middle of a rectangle. Pixels are counted from this point.
 Vec2 anchor_of(const Rect& rect) { return Vec2((rect.x0 + rect.x1) / 2, (rect.y0 + rect.y1) / 2); }
 
 class Tables {
@@ -39,7 +39,7 @@ class Tables {
   std::vector<float>& values_;
 };
 
-// Terms for lines of sight from a texture. A common factor scales the largest element to 1.
+// Terms for lines of sight that come from a texture. A common factor scales the largest element to 1.
 simd::ProjectionTerms terms_of_rays(const CameraProjection& projection, double near) {
   simd::ProjectionTerms terms{.near = near};
   const Mat3& per = projection.per_inverse();
@@ -59,8 +59,8 @@ simd::ProjectionTerms terms_of_rays(const CameraProjection& projection, double n
   return terms;
 }
 
-// Edge functions are linear in the pixel, and small where they are near 0; with lines of sight from a texture they are
-// linear in the ray.
+// Edge functions are linear in the pixel, and small where they are near 0. If the lines of sight come from a texture,
+// they are linear in the ray.
 void add_edges(Tables& tables, const simd::SumTask& task, const FacePlan& face, uint8_t ours) {
   const Rays& rays = task.plan->rays();
   Vec3 edge[3] = {face.edge[0], face.edge[1], face.edge[2]};
@@ -100,7 +100,7 @@ void add_corner(Tables& tables, const simd::SumTask& task, const simd::Slot& slo
   tables.add(terms.per_down, 0);
 }
 
-// Placeholder for a missing or remote camera: all values computed from it are finite and have weight 0.
+// Placeholder for a missing or remote camera. All values that are computed from it are finite and have weight 0.
 void add_no_corner(Tables& tables, bool has_map) {
   for (int i = 0; i < corner_texels(has_map); i++) {
     const bool one = i == kCornerImage;
@@ -108,7 +108,7 @@ void add_no_corner(Tables& tables, bool has_map) {
   }
 }
 
-// Origin of a row of the tables.
+// The origin of a row of the tables.
 struct RowAnchor {
   Vec2 at;
   double near;  // at that pixel
@@ -137,13 +137,13 @@ void add_slots(Tables& tables, const simd::SumTask& task, std::span<const ImageA
   }
 }
 
-// Makes table_rows() rows of face_texels(), see sum_shader.h, with four values per texel. `places`: offsets of the
-// slots' images in the atlas. `boxes`: for each slot, see kCornerPerFrom.
+// Makes table_rows() rows of face_texels() with four values per texel; see sum_shader.h. The rows of the faces come
+// first, then the rows of the slots if the view has a WeightGrid. `places` are the offsets of the slots' images in the
+// atlas. `boxes` are as for kCornerPerFrom, for each slot.
 void make_tables(const simd::SumTask& task, std::span<const ImageAtlas::Offset> places, std::vector<float>& values,
                  std::span<const int> boxes) {
   Tables tables(values);
   const ViewPlan& plan = *task.plan;
-  if (plan.blend()) return add_slots(tables, task, places);
   const FocalMap* map = plan.view().focus.map.get();
   for (size_t i = 0; i < plan.faces().size(); i++) {
     const FacePlan& face = plan.faces()[i];
@@ -158,6 +158,7 @@ void make_tables(const simd::SumTask& task, std::span<const ImageAtlas::Offset> 
       add_corner(tables, task, task.slots[slot], places[slot], anchor, near, boxes.empty() ? 0 : boxes[slot]);
     }
   }
+  if (plan.blend()) add_slots(tables, task, places);
 }
 
 // Makes the task's runs in `rect`, in the format of kRuns in sum_shader-inl.h.
@@ -166,8 +167,9 @@ void make_runs(const simd::SumTask& task, const Rect& rect, std::vector<uint32_t
   const size_t rows = values.size();
   for (int y = rect.y0; y < rect.y1; y++) {
     for (const FaceRun& run : task.runs->row(y, rect.x0, rect.x1)) {
-      // Skips faces without local cameras.
-      if (!task.plan->blend() && !task.face_corners[static_cast<size_t>(run.face)]) continue;
+      // Skips faces of the mesh without local cameras.
+      const auto face = static_cast<size_t>(run.face);
+      if (task.plan->faces()[face].has_corners() && !task.face_corners[face]) continue;
       const int x0 = std::max(run.x0, rect.x0) - rect.x0, x1 = std::min(run.x1, rect.x1) - rect.x0;
       values.push_back(static_cast<uint32_t>(x0) | static_cast<uint32_t>(x1) << 16);
       values.push_back(static_cast<uint32_t>(run.face));
@@ -184,8 +186,9 @@ Rect cells_of(const Rect& rect) {
 
 size_t area(const Rect& rect) { return static_cast<size_t>(rect.width()) * rect.height(); }
 
-// Makes the cells of a view that is blended by a WeightGrid; otherwise nothing. For each cell with pixels in `rect`,
-// row by row: the index of its first camera, then the end of the last cell. Then kCellWords for each camera.
+// Makes the cells of a view that is blended by a WeightGrid; does nothing for other views. The first words are, for
+// each cell with pixels in `rect` row by row, the index of its first camera. Then come the end of the last cell, and
+// kCellWords for each camera.
 void make_cells(const simd::SumTask& task, const Rect& rect, const ParallelFor& parallel,
                 std::vector<uint32_t>& values) {
   values.clear();
@@ -198,7 +201,7 @@ void make_cells(const simd::SumTask& task, const Rect& rect, const ParallelFor& 
   std::vector<Row> rows(static_cast<size_t>(cells.height()));
   parallel(rows.size(), [&](size_t j) {
     const int y = cells.y0 + static_cast<int>(j);
-    std::vector<size_t> slots;  // slots that overlap this row
+    std::vector<size_t> slots;
     for (size_t slot = 0; slot < task.slots.size(); slot++) {
       const Rect of_slot = cells_of(task.slots[slot].rect);
       if (y >= of_slot.y0 && y < of_slot.y1) slots.push_back(slot);
@@ -238,7 +241,7 @@ SumProgram program_of(const simd::SumTask& task) {
 }
 
 size_t table_rows(const simd::SumTask& task) {
-  return task.plan->blend() ? task.slots.size() : task.plan->faces().size();
+  return task.plan->faces().size() + (task.plan->blend() ? task.slots.size() : 0);
 }
 
 size_t most_of_cells(const simd::SumTask& task, const Rect& rect) {
@@ -271,6 +274,7 @@ void PassTables::make(std::span<const GlesView> views, const ImageAtlas& atlas, 
     put(kViewSize, rect.width(), rect.height());
     put(kViewRuns, runs);
     put(kViewFaces, faces);
+    put(kViewSlots, faces + plan.faces().size());
     put(kViewLevels, levels);
     if (const FocalMap* map = plan.view().focus.map.get()) {
       put(kViewNodes, map->columns, map->rows);
@@ -328,7 +332,7 @@ void ViewTextures::upload_rays(const Rays& view_rays, const Rect& rect, bool cen
   glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, width, height, GL_RG, GL_FLOAT, ray_memory_.data());
 }
 
-// Stacks the maps of all views vertically.
+// The maps of all views are stacked vertically.
 void ViewTextures::upload_levels(std::span<const GlesView> views) {
   int columns = 0, rows = 0;
   for (const GlesView& view : views)

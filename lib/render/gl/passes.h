@@ -19,23 +19,23 @@
 
 namespace lf::gl {
 
-// Returns the program that renders the task's faces. The caller sets its output.
+// Returns the program that renders the task's faces. The caller must set its output.
 SumProgram program_of(const simd::SumTask& task);
-// Number of rows of face_texels() in the tables of the task: one per face of the plan, or one per slot if the view is
-// blended by a WeightGrid.
+// Returns the number of rows of face_texels() in the tables of the task: one for each face of the plan or, if the view
+// is blended by a WeightGrid, one for each slot.
 size_t table_rows(const simd::SumTask& task);
-// Upper bound of the number of words for the WeightGrid cells in `rect`.
+// Returns an upper bound of the number of words for the WeightGrid cells in `rect`.
 size_t most_of_cells(const simd::SumTask& task, const Rect& rect);
 
 // Input tables of the compute shaders for the views of a pass: the faces of pixels or the weights of cells, and the
-// face tables that sum_shader.h defines.
+// tables of faces that sum_shader.h defines.
 class PassTables {
  public:
-  // Makes the tables of views; `atlas` has laid out their images. Needs no context. `boxes`: for each slot of the only
-  // view, see kCornerPerFrom.
+  // Makes the tables of views. `atlas` must have laid out their images. Needs no context. `boxes` are for a single
+  // view: for each of its slots, see kCornerPerFrom.
   void make(std::span<const GlesView> views, const ImageAtlas& atlas, const ParallelFor& parallel,
             std::span<const int> boxes = {});
-  // Sets the words of kViewResult: the location of the view's sum.
+  // Sets the words of kViewResult, which say where the sum of the view is.
   void set_result(size_t view, const std::array<uint32_t, 6>& words);
 
   struct Buffers {
@@ -53,16 +53,16 @@ class PassTables {
   std::vector<View> views_;
 };
 
-// Data of a pass that is prepared without the context.
+// The data of a pass that can be prepared without a context.
 struct Pass {
   ImageAtlas atlas;
   PassTables numbers;
 };
 
-// Pool of passes, so that their memory is reused.
+// A pool of passes, so that their memory is reused. Thread-safe.
 class Passes {
  public:
-  // Exclusive use of one pass during the lease's lifetime. Needs no context.
+  // Gives exclusive use of a pass as long as the lease exists. Needs no context.
   class Lease {
    public:
     explicit Lease(Passes& from) : from_(from), pass_(from.take()) {}
@@ -97,9 +97,9 @@ class Passes {
 // be current for all calls.
 class ViewTextures {
  public:
-  // Uploads and binds the textures for the views of a pass: one view, or several without a texture of lines of sight.
-  // `atlas` is filled, and must live until the result has been read. Returns false, with the reason in `why`, if images
-  // on the GPU are unavailable.
+  // Uploads and binds the textures for the views of a pass. There can be several views only if no view has a texture of
+  // lines of sight. `atlas` must be filled, and must live until the result has been read. If images on the GPU are
+  // unavailable, returns false and sets `why` to the reason.
   bool upload(std::span<const GlesView> views, ImageAtlas& atlas, Programs& programs, std::string& why);
   // Sets the uniforms of the chroma offsets in the atlas, for the program in use.
   void describe_images(const Program& program) const;

@@ -202,6 +202,7 @@ uint first_row;    // index in `runs` of the view's first row
 int first_face;    // table row of the view's first face
 uint of_result[6]; // location of the view's sum: kViewResult
 uint cells;        // index in `runs` of the view's first cell
+int first_slot;    // table row of the view's first slot, after its last face; only with cells
 
 void begin_view(uint view) {
   uint head = VIEW_WORDS * view;
@@ -214,6 +215,7 @@ void begin_view(uint view) {
   for (uint i = 0u; i < 4u; i++) map_scale[i] = uintBitsToFloat(runs[head + VIEW_SCALE + i]);
   for (uint i = 0u; i < 6u; i++) of_result[i] = runs[head + VIEW_RESULT + i];
   cells = runs[head + VIEW_CELLS];
+  first_slot = int(runs[head + VIEW_SLOTS]);
 }
 
 // Returns the table row of the face that owns a pixel of the sum; -1: no face with a local camera.
@@ -283,7 +285,75 @@ void write_block(ivec2 first, vec3 sums[4], uint missing_of[4], vec2 chroma, boo
 }
 )";
 
-// The view is blended by the mesh: each pixel from the cameras of its face.
+// Pixels of the face without corners: each from all cameras of its cell of the WeightGrid.
+inline constexpr std::string_view kBlockOfCells = R"(
+#ifdef CELLS
+// WeightGrid::Cell::weight() of a camera in pixel `at` of the cell. `camera`: index of the camera's words in `runs`.
+int weight_in(uint camera, ivec2 at) {
+  int level[2], size = 1 << CELL_BITS;
+  for (int i = 0; i < 2; i++) {
+    int of[4];
+    for (uint p = 0u; p < 4u; p++) of[p] = int((runs[camera + 1u + p] >> (16 * i)) & 0xffffu);
+    int left = of[0] * (size - at.y) + of[2] * at.y, right = of[1] * (size - at.y) + of[3] * at.y;
+    level[i] = (left * size + (right - left) * at.x + (1 << (2 * CELL_BITS - 1))) >> (2 * CELL_BITS);
+  }
+  return level[1] - level[0];
+}
+
+// Sets the sums and the missing weights of the pixels in `in_cells`, and adds the block's chroma.
+void add_cells(ivec2 first, bool in_cells[4], inout vec3 sums[4], inout uint missing_of[4], inout vec2 chroma,
+               inout bool chroma_doubt) {
+  ivec2 last = min(first + 1, size - 1); // at the view's end there is no other
+  float pixels = float((last.x - first.x + 1) * (last.y - first.y + 1));
+  bool is_undecided[4];
+  int lost[4];
+  for (int n = 0; n < 4; n++) {
+    is_undecided[n] = false;
+    lost[n] = 0;
+  }
+  ivec2 first_cell = origin >> CELL_BITS, cell = ((first + origin) >> CELL_BITS) - first_cell,
+        all_cells = ((origin + size - 1) >> CELL_BITS) - first_cell + 1;
+  uint entry = cells + uint(cell.y * all_cells.x + cell.x), cameras = cells + uint(all_cells.x * all_cells.y) + 1u;
+  for (uint c = runs[entry]; c < runs[entry + 1u]; c++) {
+    uint camera = cameras + uint(CELL_WORDS) * c;
+    face_row = first_slot + int(runs[camera]);
+    float seen = 0.0;
+    for (int n = 0; n < 4; n++) {
+      ivec2 at = first + ivec2(n & 1, n >> 1);
+      int weight = in_cells[n] ? weight_in(camera, (at + origin) & ((1 << CELL_BITS) - 1)) : 0;
+      if (weight == 0) continue;
+      vec2 position = vec2(0.0);
+      int sight = project(0, from_anchor(at), level_at(vec2(at + origin)), false, position);
+      if (sight == kUnknown) is_undecided[n] = chroma_doubt = true;
+      if (sight == kLost) lost[n] += weight;
+      if (sight != kSeen) continue;
+      sums[n] += float(weight) * colour_at(0, position);
+      seen += float(weight);
+    }
+#ifndef RGB
+    if (!(seen > 0.0)) continue;
+#ifdef RAYS
+    vec2 centre = texelFetch(centre_rays, first / 2, 0).xy;
+#else
+    vec2 centre = vec2(first + last) / 2.0 + vec2(origin) - FACE(0).xy;
+#endif
+    vec2 position = vec2(0.0);
+    if (project(0, centre, level_at(vec2(first + origin) + 0.5), true, position) == kSeen)
+      chroma += seen / float(WEIGHT_ONE) / pixels * chroma_at(0, position);
+    else
+      chroma_doubt = true;
+#endif
+  }
+  for (int n = 0; n < 4; n++) {
+    if (!in_cells[n]) continue;
+    sums[n] *= 255.0 * 128.0 / float(WEIGHT_ONE);
+    missing_of[n] = is_undecided[n] ? uint(DOUBT) : uint(lost[n]);
+  }
+}
+#endif
+)";
+
+// Pixels of the mesh: each from the cameras of its face.
 inline constexpr std::string_view kBlockOfFaces = R"(
 // Computes the sum of a pixel and its missing weight or DOUBT. Returns the weights of the face's cameras, 0 for cameras
 // that do not see the pixel.
@@ -319,6 +389,13 @@ void main() {
     sums[n] = vec3(0.0);
     missing_of[n] = 0u;
   }
+#ifdef CELLS
+  bool in_cells[4];
+  for (int n = 0; n < 4; n++) {
+    in_cells[n] = owner[n] == first_slot - 1;
+    if (in_cells[n]) owner[n] = -1;
+  }
+#endif
   vec2 chroma = vec2(0.0);
   bool chroma_doubt = false;
 #ifndef RGB
@@ -356,80 +433,9 @@ void main() {
     }
 #endif
   }
-  write_block(first, sums, missing_of, chroma, chroma_doubt);
-}
-)";
-
-// The view is blended by a WeightGrid: a pixel in focus from all cameras of its cell.
-inline constexpr std::string_view kBlockOfCells = R"(
-// WeightGrid::Cell::weight() of a camera in pixel `at` of the cell. `camera`: index of the camera's words in `runs`.
-int weight_in(uint camera, ivec2 at) {
-  int level[2], size = 1 << CELL_BITS;
-  for (int i = 0; i < 2; i++) {
-    int of[4];
-    for (uint p = 0u; p < 4u; p++) of[p] = int((runs[camera + 1u + p] >> (16 * i)) & 0xffffu);
-    int left = of[0] * (size - at.y) + of[2] * at.y, right = of[1] * (size - at.y) + of[3] * at.y;
-    level[i] = (left * size + (right - left) * at.x + (1 << (2 * CELL_BITS - 1))) >> (2 * CELL_BITS);
-  }
-  return level[1] - level[0];
-}
-
-void main() {
-  begin_view(gl_WorkGroupID.z);
-  ivec2 first = 2 * ivec2(gl_GlobalInvocationID.xy);
-  if (any(greaterThanEqual(first, size))) return;
-  ivec2 last = min(first + 1, size - 1); // at the view's end there is no other
-  float pixels = float((last.x - first.x + 1) * (last.y - first.y + 1));
-  bool in_focus[4], is_undecided[4];
-  vec3 sums[4];
-  int lost[4];
-  for (int n = 0; n < 4; n++) {
-    ivec2 at = first + ivec2(n & 1, n >> 1);
-    in_focus[n] = all(lessThan(at, size)) && face_at(at) >= 0;
-    is_undecided[n] = false;
-    sums[n] = vec3(0.0);
-    lost[n] = 0;
-  }
-  vec2 chroma = vec2(0.0);
-  bool chroma_doubt = false;
-  ivec2 first_cell = origin >> CELL_BITS, cell = ((first + origin) >> CELL_BITS) - first_cell,
-        all_cells = ((origin + size - 1) >> CELL_BITS) - first_cell + 1;
-  uint entry = cells + uint(cell.y * all_cells.x + cell.x), cameras = cells + uint(all_cells.x * all_cells.y) + 1u;
-  for (uint c = runs[entry]; c < runs[entry + 1u]; c++) {
-    uint camera = cameras + uint(CELL_WORDS) * c;
-    face_row = first_face + int(runs[camera]);
-    float seen = 0.0;
-    for (int n = 0; n < 4; n++) {
-      ivec2 at = first + ivec2(n & 1, n >> 1);
-      int weight = in_focus[n] ? weight_in(camera, (at + origin) & ((1 << CELL_BITS) - 1)) : 0;
-      if (weight == 0) continue;
-      vec2 position = vec2(0.0);
-      int sight = project(0, from_anchor(at), level_at(vec2(at + origin)), false, position);
-      if (sight == kUnknown) is_undecided[n] = chroma_doubt = true;
-      if (sight == kLost) lost[n] += weight;
-      if (sight != kSeen) continue;
-      sums[n] += float(weight) * colour_at(0, position);
-      seen += float(weight);
-    }
-#ifndef RGB
-    if (!(seen > 0.0)) continue;
-#ifdef RAYS
-    vec2 centre = texelFetch(centre_rays, first / 2, 0).xy;
-#else
-    vec2 centre = vec2(first + last) / 2.0 + vec2(origin) - FACE(0).xy;
+#ifdef CELLS
+  add_cells(first, in_cells, sums, missing_of, chroma, chroma_doubt);
 #endif
-    vec2 position = vec2(0.0);
-    if (project(0, centre, level_at(vec2(first + origin) + 0.5), true, position) == kSeen)
-      chroma += seen / float(WEIGHT_ONE) / pixels * chroma_at(0, position);
-    else
-      chroma_doubt = true;
-#endif
-  }
-  uint missing_of[4];
-  for (int n = 0; n < 4; n++) {
-    sums[n] *= 255.0 * 128.0 / float(WEIGHT_ONE);
-    missing_of[n] = is_undecided[n] ? uint(DOUBT) : uint(lost[n]);
-  }
   write_block(first, sums, missing_of, chroma, chroma_doubt);
 }
 )";

@@ -184,8 +184,8 @@ void main() {
 }
 )";
 
-// The compute shader of TextureStager: divide_by_gain() and sharpen() of image/ in the same integer arithmetic. An
-// invocation writes one word: a pixel of RGB, or four samples of a plane.
+// The compute shader of TextureStager, which does the same as divide_by_gain() and sharpen() of image/ in the same
+// integer arithmetic. An invocation writes one word: a pixel of RGB, or four samples of a plane.
 constexpr std::string_view kImage = R"(
 precision highp float;
 precision highp int;
@@ -247,6 +247,7 @@ std::string head(const SumProgram& program) {
   if (program.has_map) text += "#define MAP\n";
   if (program.has_rays) text += "#define RAYS\n";
   if (program.is_distorted) text += "#define DISTORTED\n";
+  if (program.has_cells) text += "#define CELLS\n";
   define(text, "CELL_BITS", WeightGrid::kStepBits);
   define(text, "WEIGHT_ONE", WeightGrid::kOne);
   define(text, "CELL_WORDS", kCellWords);
@@ -281,6 +282,7 @@ std::string head(const SumProgram& program) {
   define_word("VIEW_SCALE", kViewScale);
   define_word("VIEW_RESULT", kViewResult);
   define_word("VIEW_CELLS", kViewCells);
+  define_word("VIEW_SLOTS", kViewSlots);
   define_word("VIEW_WORDS", kViewWords);
   define(text, "HAS_IMAGE", int{kHasImage});
   define(text, "SHARPENING", kSharpeningFactor);
@@ -301,7 +303,7 @@ std::string compute_shader(const SumProgram& program) {
   if (program.output == SumProgram::Output::kImage) return head(program).append(kImage);
   const std::string text = head(program).append(kRule).append(kRuns);
   if (is_of_consistency(program)) return text + std::string(kConsistency);
-  return text + std::string(kBlocks) + std::string(program.has_cells ? kBlockOfCells : kBlockOfFaces);
+  return text + std::string(kBlocks) + std::string(kBlockOfCells) + std::string(kBlockOfFaces);
 }
 
 }  // namespace lf::gl

@@ -22,7 +22,7 @@ BlockSum::Parts lay_out(PixelFamily family, const Rect& rect, uint32_t first) {
   return parts;
 }
 
-// Visits the word ranges [first, end) of rows [y0, y1) of the view in each part that the sum has. y0 is even.
+// Visits the word ranges [first, end) of rows [y0, y1) of the view, for each part that the sum has. y0 is even.
 template <class Visit>
 void visit_rows(const BlockSum& sum, int y0, int y1, const Visit& visit) {
   const bool rgb = sum.family == PixelFamily::kRgb;
@@ -36,8 +36,7 @@ void visit_rows(const BlockSum& sum, int y0, int y1, const Visit& visit) {
   visit_part(sum.parts.lost, columns, first, end);
 }
 
-// Returns the rows between the first and the last row of blocks that the sum's draw has marked in the words from
-// `first`.
+// Returns the range of block rows that the sum's draw has marked in the words from `first` on.
 Rect find_rows(const BlockSum& sum, const uint32_t* words, uint32_t first) {
   const Rect& rect = sum.rect;
   const std::span draws(words + first, static_cast<size_t>(chroma_size(rect.height())));
@@ -90,7 +89,7 @@ bool BlockSums::begin(std::span<const GlesView> views, PassTables& numbers, cons
   if (!program) return false;
   const std::shared_ptr<ComputeBuffer> words = next();
   draw_++;
-  uint32_t end = 0, columns = 0, rows = 0;  // groups
+  uint32_t end = 0, columns = 0, rows = 0;
   for (size_t i = 0; i < views.size(); i++) {
     const Rect& rect = views[i].rect;
     const BlockSum::Parts parts = lay_out(family, rect, end);
@@ -123,7 +122,7 @@ std::shared_ptr<BlockSum> BlockSums::add(std::span<const std::shared_ptr<BlockSu
   if (!all->words->reserve(to.end, why)) return nullptr;
   enum Mode : GLuint { kAdd, kAddMissing, kClear };
   glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kResultBinding, all->words->name());
-  // `columns` x `rows` words. `missing_row`: index of the missing_rows word for the first row.
+  // The sum has `columns` x `rows` words. `missing_row` is the index of the missing_rows word for the first row.
   const auto dispatch = [&](Mode mode, uint32_t columns, uint32_t rows, uint32_t from, uint32_t to_first,
                             uint32_t to_row, uint32_t missing_row = 0) {
     glUniform2i(program->size, static_cast<GLint>(columns), static_cast<GLint>(rows));
@@ -131,7 +130,7 @@ std::shared_ptr<BlockSum> BlockSums::add(std::span<const std::shared_ptr<BlockSu
     glUniform4ui(program->planes, mode, missing_row, 0, all->draw);
     glDispatchCompute((columns + kGroup - 1) / kGroup, (rows + kGroup - 1) / kGroup, 1);
   };
-  constexpr uint32_t kClearRow = 4096;  // words
+  constexpr uint32_t kClearRow = 4096;
   glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kPictureBinding, sums.front()->words->name());
   dispatch(kClear, kClearRow, to.end / kClearRow, 0, 0, kClearRow);
   dispatch(kClear, to.end % kClearRow, 1, 0, to.end / kClearRow * kClearRow, kClearRow);
@@ -143,7 +142,7 @@ std::shared_ptr<BlockSum> BlockSums::add(std::span<const std::shared_ptr<BlockSu
     const uint32_t columns = words_of(rect), row = words_of(view), rows = static_cast<uint32_t>(rect.height()),
                    blocks = static_cast<uint32_t>(chroma_size(rect.height())),
                    x = static_cast<uint32_t>(rect.x0 - view.x0) / 2, y = static_cast<uint32_t>(rect.y0 - view.y0);
-    const uint32_t words = rgb ? 4 : 1;  // per two pixels
+    const uint32_t words = rgb ? 4 : 1;
     dispatch(kAdd, words * columns, rows, sum->parts.pixels, to.pixels + words * (y * row + x), words * row);
     if (!rgb) dispatch(kAdd, columns, blocks, sum->parts.chroma, to.chroma + y / 2 * row + x, row);
     dispatch(kAddMissing, columns, rows, sum->parts.lost, to.lost + y * row + x, row, to.missing_rows + y / 2);
@@ -187,7 +186,7 @@ void BlockSum::write_back(const ReadbackBuffer& from) {
   });
 }
 
-// Layout as in kConsistency of sum_shader-inl.h.
+// The layout is as in kConsistency of sum_shader-inl.h.
 void ConsistencySums::upload_surfaces(const ConsistencyTask& task, const Rect& rect) {
   const auto width = static_cast<size_t>(rect.width()), pitch = (width + 3) / 4 * 4;
   const auto columns = static_cast<size_t>(task.sums.plan->view().width);

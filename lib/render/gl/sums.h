@@ -17,51 +17,52 @@ namespace lf::gl {
 
 // A sum on the GPU, as written by kBlocks of sum_shader-inl.h. The context must be current for all calls.
 struct BlockSum {
-  // Offsets of the parts, in 32-bit words. missing_rows and undecided_rows have one word per row of 2x2 blocks: the
-  // number of the draw if the row has missing weight, or undecided samples, respectively. All further parts are
+  // Offsets of the parts in 32-bit words. missing_rows and undecided_rows have one word per row of 2x2 blocks. The word
+  // is the number of the draw if the row has missing weight or undecided samples, respectively. All further parts are
   // samples.
   struct Parts {
     uint32_t missing_rows = 0, undecided_rows = 0, pixels = 0, chroma = 0, lost = 0, end = 0;
   };
 
   PixelFamily family = PixelFamily::kNone;
-  Rect rect;  // in the view
+  Rect rect;
   Parts parts;
-  uint32_t draw = 0;                     // number of the draw; rows marked with another number have no missing weight
+  // number of the draw; rows that are marked with another number have no missing weight
+  uint32_t draw = 0;
   std::shared_ptr<ComputeBuffer> words;  // shared by all sums of the pass
 
-  // Writes the rows of missing_rect back to the GPU.
+  // Copies the rows of missing_rect back to the GPU.
   void write_back(const ReadbackBuffer& from);
 };
 
 struct SumReadback {
   BlockSum* sum = nullptr;
-  // Result. The caller sets its family and rect to the sum's.
+  // Receives the sum. The caller sets family and rect to the sum's values.
   ReadbackBuffer* out = nullptr;
-  // Reads only the rows with undecided samples, and sets missing_rect accordingly.
+  // If true, reads only the rows with undecided samples, and sets missing_rect accordingly.
   bool only_undecided = false;
-  bool any_missing = false;  // result: true if any weight is missing
+  bool any_missing = false;  // result
 };
 // Waits for the sums of one pass and copies them to memory. Returns false if the GPU does not answer. The context must
 // be current.
 bool read_sums(std::span<SumReadback> sums);
 
-// Computes sums with one invocation per 2x2 pixels. Fragment shaders would run on only 4 of the 132 multiprocessors of
-// an H100 or H200. The context must be current for all calls except fits().
+// Computes sums with one shader invocation per 2x2 pixels. Compute shaders are used because fragment shaders would run
+// on only 4 of the 132 multiprocessors of an H100 or H200. The context must be current for all calls except fits().
 class BlockSums {
  public:
   BlockSums() : most_words_(ComputeBuffer::most_words()) {}
   bool fits(std::span<const GlesView> views) const;
-  // Starts the sums of views that share one program. `numbers` and `textures` hold their input. Returns false, with the
-  // reason in `why`, on failure.
+  // Starts the sums of views that share one program. `numbers` and `textures` contain their input. On failure, returns
+  // false and sets `why` to the reason.
   bool begin(std::span<const GlesView> views, PassTables& numbers, const ViewTextures& textures, Programs& programs,
              GpuTimer& stopwatch, std::string& why);
   // Starts adding sums of the same family and view into a sum of the whole view, with saturation. Pixels outside all
-  // sums become 0. The sums may come from another renderer in the same share group, once complete. The caller
-  // must hold the sums until the GPU has finished the addition. Returns null, with the reason in `why`, on failure.
+  // sums become 0. Sums may come from another renderer in the same share group, once they are complete. The caller must
+  // hold the sums until the GPU has finished. On failure, returns null and sets `why` to the reason.
   std::shared_ptr<BlockSum> add(std::span<const std::shared_ptr<BlockSum>> sums, const Rect& view, Programs& programs,
                                 std::string& why);
-  // Sums that were started last. A sum's memory is not reused while a caller holds the sum.
+  // Returns the sums that were started last. The memory of a sum is not reused while a caller holds the sum.
   std::span<const std::shared_ptr<BlockSum>> latest() const { return latest_; }
 
  private:
@@ -69,16 +70,16 @@ class BlockSums {
 
   const size_t most_words_;
   PassTables::Buffers numbers_;
-  std::vector<std::shared_ptr<ComputeBuffer>> words_;  // buffers in use, or free for reuse
+  std::vector<std::shared_ptr<ComputeBuffer>> words_;  // in use, or free for reuse
   std::vector<std::shared_ptr<BlockSum>> latest_;
-  uint32_t draw_ = 0;  // number of the latest draw
+  uint32_t draw_ = 0;
 };
 
 // Computes photo-consistency sums with a compute shader. The context must be current for all calls.
 class ConsistencySums {
  public:
-  // Starts the sums in `rect`, which bounds the slots. `numbers` and `textures` hold the view's input. Returns false,
-  // with the reason in `why`, on failure.
+  // Starts the sums in `rect`, which contains the rectangles of all slots. `numbers` and `textures` contain the view's
+  // input. On failure, returns false and sets `why` to the reason.
   bool begin(const ConsistencyTask& task, const Rect& rect, const PassTables& numbers, const ViewTextures& textures,
              Programs& programs, GpuTimer& stopwatch, std::string& why);
   // Waits for the result and copies the sums. Returns false if the GPU does not answer.

@@ -24,7 +24,7 @@ namespace hn = hwy::HWY_NAMESPACE;
 struct Part {
   const BlockWeights* weights;
   const SlotBand* band;
-  int32_t block;    // index in the band
+  int32_t block;
   int32_t verdict;  // SlotBand::Verdict of the pair of rows
 };
 
@@ -48,8 +48,8 @@ inline bool add_part(const SumTask&, const Part&, const PairPlace&, Scratch&) { 
 
 #else
 
-// Weights of chroma, for both planes: the mean weight of four pixels, 2^kBits = 1. `upper`, `lower`: two rows of
-// weights.
+// Weights of chroma for both planes: the mean weight of four pixels, with 2^kBits = 1. `upper` and `lower` are two rows
+// of weights.
 template <int kBits>
 HWY_INLINE V16 chroma_weights(const int16_t* upper, const int16_t* lower) {
   constexpr int kShift = 17 - kBits;  // converts the sum of four to their mean
@@ -76,7 +76,7 @@ HWY_INLINE V16 weigh_chroma(V16 samples, V16 weights) {
   return hn::MulFixedPoint15(hn::Sub(samples, hn::Set(D16(), 128 << kSumFractionBits)), weights);
 }
 
-// Rows to prefetch. Camera rows are too far apart for the hardware prefetcher.
+// Prefetches these rows, because camera rows are too far apart for the hardware prefetcher.
 inline constexpr int kPrefetchRows = 8;
 
 // Weighted samples of a part's pair of rows, from `lane` on: two rows of luma, and chroma.
@@ -138,7 +138,7 @@ HWY_INLINE WeightedPair weigh_windows(const Part& part, int pair, size_t lane) {
           hn::MulFixedPoint15(without_offset, chroma_weights<14>(weights.w[upper], weights.w[lower]))};
 }
 
-// Weighted samples of a part. kFlat: no part has tall windows.
+// Computes the weighted samples of a part. kFlat promises that no part has tall windows.
 template <bool kSurface, bool kFlat>
 HWY_INLINE WeightedPair weigh_pair(const Part& part, int pair, size_t lane) {
   if constexpr (kSurface && !kFlat)
@@ -190,7 +190,8 @@ inline void interpolate_pair(const Part& part, int pair, bool i420, bool surface
   if (i420) interpolate_positions(band.chroma, pair * band.pitch + part.block, kChromaTable, out[2]);
 }
 
-// Computes the inverse distances of the samples of a block's row at y of the band; for chroma twice kHalf values.
+// Computes the inverse distances of the samples of a block's row at y of the band. For chroma there are twice kHalf
+// values.
 inline void find_inverse(const FocalMap& map, const CellNodes& nodes, const PairPlace& place, float y, bool chroma,
                          float* out) {
   if (map.step == kCell) return inverse_along(nodes, CellRow(y), place.x / kHalf, chroma, out);
@@ -329,7 +330,7 @@ inline void find_parts(const SumTask& task, int block, int out, bool shuffles, c
   }
 }
 
-// `block`: index in the view; `out`: index in the rectangle; `y`: first row of the band.
+// `block` is the index in the view, `out` the index in the rectangle, and `y` the first row of the band.
 inline void render_block(const SumTask& task, const Rect& rect, int block, int out, int y, Scratch& scratch) {
   const View& view = task.plan->view();
   const int x = block * kBlock;

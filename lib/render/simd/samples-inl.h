@@ -22,8 +22,8 @@ namespace hn = hwy::HWY_NAMESPACE;
 
 inline constexpr float kMagic = 12582912;  // 1.5 * 2^23
 
-// Rounds to the nearest integer, |v| < 2^22, in the low bits of 32: adding kMagic leaves no fractional bits. Cheaper
-// than a conversion, which must also handle values out of range.
+// Rounds to the nearest integer, for |v| < 2^22, in the low bits of 32. Adding kMagic leaves no fractional bits, which
+// is cheaper than a conversion that must also handle values out of range.
 template <class V>
 HWY_INLINE auto to_low_bits(V v) {
   const hn::DFromV<V> d;
@@ -186,14 +186,15 @@ using VU16 = hn::Vec<DU16>;
 // a (1 - f) + b f of 16-bit values, f in 0..1 as 16-bit fraction; `rest` is the complement of f.
 HWY_INLINE VU16 blend(VU16 a, VU16 b, VU16 rest, VU16 f) { return hn::Add(hn::MulHigh(a, rest), hn::MulHigh(b, f)); }
 
-// Mean truncation error of sample_windows(): between 0 and twice this value.
+// Mean truncation error of sample_windows(), which is between 0 and twice this value.
 inline constexpr int kCutOff = 3;
 
 // Number of starting rows of samples in a window: two, or more at steps of a focal surface.
 inline constexpr int kFlatSteps = 2, kTallSteps = 7, kTallChromaSteps = 4;
 
-// Returns the samples of a block from `lane` on, times 256, minus kCutOff. All must be inside the windows. `low`,
-// `high`: start of the windows of the two halves. `x`, `y`: positions in the windows, in fixed point (kPositionBits).
+// Returns the samples of a block from `lane` on, times 256, minus kCutOff. All must be inside the windows. `low` and
+// `high` are the starts of the windows of the two halves. `x` and `y` are positions in the windows, in fixed point
+// (kPositionBits).
 template <int kSteps>
 HWY_INLINE VU16 sample_windows(VU16 x, V16 y, const uint8_t* low, const uint8_t* high, ptrdiff_t stride, size_t lane) {
   const D16 d;
@@ -277,11 +278,12 @@ inline void interpolate_positions(const PlanePositions& at, int i, const UnitTab
 // Visibility of samples at projected positions: all, some, or too close to a limit for float.
 enum class Sight { kAll, kSome, kDoubtful };
 
-// Projects positions one by one, for one row of luma, RGB or chroma, and clamps them to the image. `x`, `y`: offset
-// from the origin of `terms` to the block's left edge and to the row. The weights of missing lanes move from `weight`
-// to `lost` (kBlock values each; null for chroma, which is visible where its pixels are). `inverse`: kBlock inverse
-// distances of the focal map, for chroma twice kHalf values; null without a map. If the result is kDoubtful, nothing is
-// changed: rounding could decide about a sample, or its bytes cannot be read.
+// Projects positions one by one, for one row of luma, RGB or chroma, and clamps them to the image. `x` and `y` are the
+// offset from the origin of `terms` to the block's left edge and to the row. The weights of missing lanes move from
+// `weight` to `lost`. Both have kBlock values, or are null for chroma, which is visible where its pixels are. `inverse`
+// contains kBlock inverse distances of the focal map, or twice kHalf values for chroma, and is null without a map. If
+// the result is kDoubtful, nothing is changed, because rounding could decide about a sample, or its bytes cannot be
+// read.
 inline Sight project_positions(const SumTask& task, const Slot& slot, const ProjectionTerms& terms, bool chroma,
                                float x, float y, const UnitTable& table, const float* inverse, int16_t* weight,
                                int16_t* lost, Positions& out) {
@@ -311,7 +313,8 @@ inline Sight project_positions(const SumTask& task, const Slot& slot, const Proj
       const auto w = hn::PromoteTo(di, hn::Load(d16, weight + lane));
       const auto weighs = hn::RebindMask(d, hn::Gt(w, hn::Zero(di)));
       const auto seen = hn::And(in_front, hn::Gt(depth, hn::Zero(d)));
-      // Undecided near the eye's plane, the lens's fold and the border; computed in double instead.
+      // Near the eye's plane, the lens's fold and the border, float cannot decide, so these samples are computed in
+      // double.
       const auto to_fold = hn::Abs(hn::Sub(r2, set(slot.max_r2)));
       const auto clear =
           hn::And(hn::Gt(hn::Abs(depth), set(kUndecided)),

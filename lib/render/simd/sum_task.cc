@@ -216,7 +216,7 @@ void add_mixed_block(const SumTask& task, const BlockWeights& weights, int pair,
   const int x_end = std::min(x + kBlock, task.plan->view().width);
   struct Chroma {
     float weight = 0;
-    Vec2 position;  // position of one visible pixel
+    Vec2 position;
   } chroma[kChromaBlock];
   const int r_end = std::min(2 * pair + 2, y_end - y);
   for (int r = 2 * pair; r < r_end; r++)

@@ -19,8 +19,8 @@ HWY_BEFORE_NAMESPACE();
 namespace lf::simd::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-// If a face's weights are smooth along a block, each row uses a parabola through three weights. Otherwise they are
-// computed pixel by pixel.
+// If the weights of a face are smooth along a block, each row uses a parabola through three weights. Otherwise weights
+// are computed pixel by pixel.
 
 #if HWY_TARGET == HWY_SCALAR
 
@@ -33,8 +33,8 @@ inline void spread_weights(const FaceBlock&, Scratch&) {}
 // rounding.
 inline constexpr uint32_t kWeightOffset = (1u << 29) + (1u << 14);
 
-// Largest error of the parabola through the weights at t = 0, 1/2 and 1. The error is at most 0.0481 c^2 rise, if the
-// sum of the edge functions changes by the fraction c along a block, and the weight by `rise`.
+// Largest error of the parabola through the weights at t = 0, 1/2 and 1. If the sum of the edge functions changes by
+// the fraction c along a block, and the weight by `rise`, the error is at most 0.0481 c^2 rise.
 inline constexpr float kLargestMiss = 1e-5f;
 
 // Fits the weights of a face in the rows from y on of the block at x. Returns false if the weights are not smooth
@@ -167,8 +167,8 @@ inline int32_t entry_of(Scratch& scratch, int block, int32_t slot) {
   return number;
 }
 
-// Returns the index in scratch.faces of a face in a block. Creates the entry if necessary. `block`: index in the
-// rectangle; x, y: first pixel of the block and of the band.
+// Returns the index in scratch.faces of a face in a block, after creating the entry if necessary. `block` is the index
+// in the rectangle, and (x, y) the first pixel of the block and of the band.
 HWY_INLINE int32_t face_in_block(const SumTask& task, Scratch& scratch, int block, int x, int y, int32_t face,
                                  uint8_t corners) {
   LastFaces& last = scratch.last_faces[block];
@@ -189,8 +189,8 @@ HWY_INLINE int32_t face_in_block(const SumTask& task, Scratch& scratch, int bloc
 }
 
 // Computes the weights e_k / (e_0 + e_1 + e_2) of `corners` for pixels [x0, x1) of one block and row; x is relative to
-// the block. `e`: edge functions at x0, `step`: increments per pixel. Starting at the face's first pixel avoids values
-// from outside the face.
+// the block. `e` are the edge functions at x0, and `step` their increments per pixel. The computation starts at the
+// face's first pixel, to avoid values from outside the face.
 inline void weigh(const float e[3], const float step[3], int x0, int x1, uint8_t corners, int16_t* const out[3]) {
   const hn::CappedTag<float, kBlock> df;
   const hn::Rebind<int16_t, decltype(df)> d16;
@@ -259,44 +259,49 @@ inline void weigh_exactly(const SumTask& task, const FaceRun& run, int y, int x,
   weigh(e, step, x - left, x1 - left, block.corners, out);
 }
 
-// Like weigh_band() for a view with a WeightGrid: weighs every slot in every block, and clears pixels outside `runs`,
-// where nothing is in focus.
+// Sets scratch.grid_pixels to the pixels of the face without corners.
+inline void find_grid_pixels(const SumTask& task, int first_block, int blocks, int first_row, int past_row, int y,
+                             Scratch& scratch) {
+  static_assert(kBlock == 16, "a mask has a bit for each pixel of a block");
+  scratch.grid_pixels.assign(static_cast<size_t>(blocks) * kBandRows, 0);
+  const int blocks_x0 = first_block * kBlock, blocks_x1 = blocks_x0 + blocks * kBlock;
+  const auto last = static_cast<int32_t>(task.plan->faces().size()) - 1;
+  for (int r = first_row; r < past_row; r++)
+    for (const FaceRun& run : task.runs->row(y + r, blocks_x0, blocks_x1)) {
+      if (run.face != last) continue;
+      const int run_x1 = std::min(run.x1, blocks_x1);
+      for (int x = std::max(run.x0, blocks_x0), end; x < run_x1; x = end) {
+        const int block = x / kBlock, left = block * kBlock;
+        end = std::min(run_x1, left + kBlock);
+        const uint32_t pixels = (1u << (end - left)) - (1u << (x - left));
+        scratch.grid_pixels[static_cast<size_t>(block - first_block) * kBandRows + r] |= static_cast<uint16_t>(pixels);
+      }
+    }
+}
+
+// Weighs every slot of a view with a WeightGrid in the pixels of the face without corners.
 inline void blend_band(const SumTask& task, const Rect& rect, int y, Scratch& scratch) {
   static_assert(WeightGrid::kStep == kBlock && WeightGrid::kStep % kBandRows == 0 && WeightGrid::kOne == 1 << 15);
   const WeightGrid& grid = *task.plan->blend();
   const int first_block = rect.x0 / kBlock, blocks = (rect.x1 + kBlock - 1) / kBlock - first_block;
   const int first_row = std::max(0, rect.y0 - y), past_row = std::min(kBandRows, rect.y1 - y);
+  find_grid_pixels(task, first_block, blocks, first_row, past_row, y, scratch);
   for (int32_t number = 0; number < static_cast<int32_t>(task.slots.size()); number++) {
     const Rect at = intersect(task.slots[number].rect, {rect.x0, y, rect.x1, y + kBandRows});
     if (at.empty()) continue;
     for (int block = at.x0 / kBlock; block * kBlock < at.x1; block++) {
       WeightGrid::Cell cell;
       if (!grid.find(task.slots[number].camera, block, y / WeightGrid::kStep, cell)) continue;
+      const uint16_t* const pixels = &scratch.grid_pixels[static_cast<size_t>(block - first_block) * kBandRows];
       BlockWeights& entry = scratch.weights[entry_of(scratch, block - first_block, number)];
       for (int r = first_row; r < past_row; r++) {
+        if (pixels[r] == 0) continue;
         for (int x = 0; x < kBlock; x++)
-          entry.w[r][x] = static_cast<int16_t>(std::min(cell.weight(x, (y + r) % WeightGrid::kStep), 32767));
+          if (pixels[r] >> x & 1)
+            entry.w[r][x] = static_cast<int16_t>(std::min(cell.weight(x, (y + r) % WeightGrid::kStep), 32767));
         entry.rows |= 1u << r;
       }
     }
-  }
-  // Clears the pixels that are not in focus. Nearly always there are none.
-  const int blocks_x0 = first_block * kBlock, blocks_x1 = blocks_x0 + blocks * kBlock;
-  const auto clear = [&](int r, int x0, int x1) {
-    for (int x = x0, end; x < x1; x = end) {
-      const int block = x / kBlock;
-      end = std::min(x1, (block + 1) * kBlock);
-      for (int32_t i = scratch.head[block - first_block]; i >= 0; i = scratch.weights[i].next)
-        std::fill(scratch.weights[i].w[r] + (x - block * kBlock), scratch.weights[i].w[r] + (end - block * kBlock), 0);
-    }
-  };
-  for (int r = first_row; r < past_row; r++) {
-    int x = blocks_x0;
-    for (const FaceRun& run : task.runs->row(y + r, blocks_x0, blocks_x1)) {
-      clear(r, x, std::max(run.x0, x));
-      x = std::max(x, run.x1);
-    }
-    clear(r, x, blocks_x1);
   }
 }
 
@@ -305,7 +310,6 @@ inline void weigh_band(const SumTask& task, const Rect& rect, int y, Scratch& sc
   scratch.weights_used = scratch.faces_used = 0;
   const int first_block = rect.x0 / kBlock, blocks = (rect.x1 + kBlock - 1) / kBlock - first_block;
   std::fill_n(scratch.head.begin(), blocks, -1);
-  if (task.plan->blend()) return blend_band(task, rect, y, scratch);
   std::fill_n(scratch.last_faces.begin(), blocks, LastFaces{});
   // Whole blocks are weighed regardless of the rectangle, so that a pixel has the same weights in every rectangle.
   const int blocks_x0 = first_block * kBlock, blocks_x1 = blocks_x0 + blocks * kBlock;
@@ -336,6 +340,7 @@ inline void weigh_band(const SumTask& task, const Rect& rect, int y, Scratch& sc
     }
   for (size_t i = 0; i < scratch.faces_used; i++)
     if (scratch.faces[i].smooth) spread_weights(scratch.faces[i], scratch);
+  if (task.plan->blend()) blend_band(task, rect, y, scratch);
 }
 
 }  // namespace lf::simd::HWY_NAMESPACE

@@ -20,6 +20,7 @@ namespace lf {
 namespace {
 
 namespace fs = std::filesystem;
+using namespace std::string_literals;
 
 mode_t mode_of(const std::string& path) {
   struct stat status {};
@@ -99,6 +100,31 @@ TEST(AtomicFileWriter, AnotherUsersLinkInAFolderOfEverybodyIsRefused) {
   chmod(dir.path().c_str(), 0755);
   write_text_file("new", dir / "cam0.png");
   EXPECT_EQ(read_text_file(dir / "victim"), "new") << "followed in an own folder";
+}
+
+TEST(OutputFolder, IsNoLinkOfAnotherUserInAWorldWritableFolder) {
+  const TempDir dir;
+  fs::create_directory(dir / "shared");
+  chmod((dir / "shared").c_str(), 01777);
+  dir.write("victim/file", "precious");
+  fs::create_directory_symlink(dir / "victim", dir / "shared/out");
+  fs::create_directory_symlink(dir / "shared/out", dir / "link");
+  constexpr uid_t kOther = 65534;
+  if (lchown((dir / "shared/out").c_str(), kOther, kOther) != 0) GTEST_SKIP() << "only root can give away a link";
+  constexpr const char* kSaid = "is a symbolic link of another user in a world-writable folder";
+  for (const char* const name : {"shared/out", "shared/out/", "link", "shared/../shared/out", "shared/out/new/newer"}) {
+    EXPECT_ERROR(make_folder(dir / name), kSaid) << name;
+    EXPECT_ERROR(AtomicFolderUpdate(dir / name), kSaid) << name;
+    EXPECT_ERROR(write_text_file("new", dir / (name + "/file"s)), kSaid) << name;
+  }
+  EXPECT_EQ(read_text_file(dir / "victim/file"), "precious");
+  EXPECT_EQ(entries_of(dir / "victim"), 1u);
+
+  ASSERT_EQ(lchown((dir / "shared/out").c_str(), geteuid(), getegid()), 0);
+  EXPECT_FALSE(make_folder(dir / "link"));
+  EXPECT_TRUE(make_folder(dir / "link/new/newer"));
+  write_text_file("new", dir / "link/file");
+  EXPECT_EQ(read_text_file(dir / "victim/file"), "new");
 }
 
 TEST(AtomicFileWriter, FollowsNoLinkUnderATemporaryName) {

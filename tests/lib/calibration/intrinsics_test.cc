@@ -92,7 +92,7 @@ TEST(Charuco, PartsOfTheBoardGiveALens) {
 TEST(Charuco, SaysWhenThereIsNone) { EXPECT_FALSE(find_charuco(Image(PixelFamily::kRgb, 320, 240), kBoard)); }
 
 TEST(Charuco, BoardsThatCannotBe) {
-  EXPECT_ERROR(check_charuco_board({kTestBoard, "5X5", 0.7}), "no dictionary of markers 5X5: 4X4_50");
+  EXPECT_ERROR(check_charuco_board({kTestBoard, "5X5", 0.7}), "no marker dictionary 5X5: 4X4_50");
   EXPECT_ERROR(check_charuco_board({{12, 10, 1}, "5X5_50", 0.7}), "has 50 markers, the board 71");
   EXPECT_ERROR(check_charuco_board({kTestBoard, "5X5_100", 1}), "smaller than its squares");
 }

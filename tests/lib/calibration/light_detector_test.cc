@@ -249,7 +249,8 @@ TEST(LightCoverage, WhereItWasEverywhereNothingIsAskedFor) {
   for (const double z : {0.9, 1.8})
     for (int row = -4; row <= 4; row++) film.show({-0.75 * z, row * 0.11 * z, z}, {0.75 * z, row * 0.11 * z, z}, 40);
   for (CameraIndex i = 0; i < 4; i++) EXPECT_EQ(film.coverage.wanted(i), "") << i;
-  EXPECT_EQ(film.coverage.summary(), "The light has covered 100 % of the images. Nothing is missing, near and far.");
+  EXPECT_EQ(film.coverage.summary(),
+            "The light has covered 100 % of the images. Nothing is missing, neither near nor far.");
 }
 
 // The detector sees the moving bar in pictures of half size.
@@ -288,7 +289,7 @@ TEST(LightCoverage, ABarIsFollowedBySmallPictures) {
   }
 }
 
-TEST(LightCoverage, NoLightsAreRefused) { EXPECT_ERROR(LightCoverage(array(), 0), "lights: must be one at least"); }
+TEST(LightCoverage, NoLightsAreRefused) { EXPECT_ERROR(LightCoverage(array(), 0), "lights: must be at least 1"); }
 
 }  // namespace
 }  // namespace lf

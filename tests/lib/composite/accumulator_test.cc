@@ -346,6 +346,7 @@ TEST(Accumulator, UncoveredPixelsShowTheBackground) {
   view.lens = Lens::pinhole(10, 7, 4);
   view.pose.position = {0, 0, -1};
   view.focus.plane = focal_plane_at(view.pose, 3);
+  view.blending.extrapolates = false;
   const ViewPlan plan(rig, mesh, view);
   const Rect whole{0, 0, 15, 9};
   const FaceIdMap owners(plan, whole);

@@ -19,21 +19,29 @@ TEST(ViewCoverage, AViewThatMovesIsLookedAtNowAndThenUnlessItIsToBeExact) {
   request.view = {.width = 64, .height = 48, .lens = Lens::pinhole(200, 31.5, 23.5), .pose = {}, .focus = {}};
   request.view.focus.plane = focal_plane_at(request.view.pose, kSceneMiddle);
   ViewCoverage coverage;
-  const double inside = coverage.share(rig, request, {}, false, 1);
+  const double inside = coverage.share(rig, request, {}, false, 1).seen;
   EXPECT_GT(inside, 0.5);
   EXPECT_LE(inside, 1);
-  request.view.pose.position.x = 100;
-  EXPECT_EQ(coverage.share(rig, request, {}, false, ViewCoverage::kInterval), inside);
-  EXPECT_EQ(coverage.share(rig, request, {}, true, ViewCoverage::kInterval), 0);
+  EXPECT_EQ(coverage.share(rig, request, {}, true, 1).extrapolated, 0);
+  request.view.pose.position.x = 0.15;  // beside the array
+  const MeanCoverage beside = coverage.share(rig, request, {}, true, 1);
+  EXPECT_GT(beside.seen, 0.3);
+  EXPECT_GT(beside.extrapolated, 0.9 * beside.seen);
   request.view.pose.position.x = 0;
-  EXPECT_EQ(coverage.share(rig, request, {}, false, 2 * ViewCoverage::kInterval), inside);
+  EXPECT_EQ(coverage.share(rig, request, {}, true, 1).seen, inside);
+  request.view.pose.position.x = 100;
+  EXPECT_EQ(coverage.share(rig, request, {}, false, ViewCoverage::kInterval).seen, inside);
+  EXPECT_EQ(coverage.share(rig, request, {}, true, ViewCoverage::kInterval).seen, 0);
+  request.view.pose.position.x = 0;
+  EXPECT_EQ(coverage.share(rig, request, {}, false, 2 * ViewCoverage::kInterval).seen, inside);
 
-  EXPECT_LT(coverage.share(rig, request, {4}, true, 2 * ViewCoverage::kInterval), 0.5) << "share of the middle camera";
+  EXPECT_LT(coverage.share(rig, request, {4}, true, 2 * ViewCoverage::kInterval).seen, 0.5)
+      << "share of the middle camera";
   for (CameraIndex i = 0; i < rig.cameras.size(); i++) request.out_of_service.push_back(i);
-  EXPECT_EQ(coverage.share(rig, request, {}, true, 2 * ViewCoverage::kInterval), 0) << "no camera left";
+  EXPECT_EQ(coverage.share(rig, request, {}, true, 2 * ViewCoverage::kInterval).seen, 0) << "no camera left";
   coverage.clear();
   request.out_of_service.clear();
-  EXPECT_EQ(coverage.share(rig, request, {}, false, 1), inside);
+  EXPECT_EQ(coverage.share(rig, request, {}, false, 1).seen, inside);
 }
 
 CameraRanges all_of(const Rig& rig) {
@@ -46,6 +54,7 @@ struct Case {
   Case() {
     request.view = {.width = 101, .height = 77, .lens = Lens::pinhole(90, 50, 38), .pose = {}, .focus = {}};
     request.view.pose.position = {0.02, -0.01, -0.12};
+    request.view.blending.extrapolates = false;
     request.view.focus.plane = focal_plane_at(request.view.pose, kSceneMiddle);
     reference::Random random(1);
     picture = reference::smooth_image(random, request.view.width, request.view.height);

@@ -405,6 +405,7 @@ TEST(DepthEstimator, APartOfAViewIsFocusedAsWell) {
   view.height *= 3;
   view.lens = Lens::from_fov_y(70, view.width, view.height);
   view.pose.position = {0.013, -0.017, -0.15};
+  view.blending.extrapolates = false;
   loop.request.view = view;
   loop.run(2);
   const std::vector<float> evidence = loop.array.evidence(loop.surface, {});
@@ -421,10 +422,8 @@ TEST(DepthEstimator, ASurfaceIsFoundOutsideOfTheArray) {
     loop.look_from(corner + 0.5 * (corner - loop.walls.rig.cameras[4].pose.position));
     if (by_angle) loop.viewers.blending = loop.request.view.blending = {Blending::Kind::kAngle, 0, 4};
     loop.run(30);
-    EXPECT_EQ(loop.shows_surface(), by_angle) << "no triangle there";
-    if (by_angle) {
-      EXPECT_GT(loop.right(), 0.9);
-    }
+    EXPECT_TRUE(loop.shows_surface());
+    EXPECT_GT(loop.right(), 0.9);
   }
 }
 

@@ -237,8 +237,11 @@ TEST(DepthSelection, IsThePlainOneWithEveryInstructionSet) {
           if (random.uniform(0, 1) < wild) (*sum)[i] = static_cast<uint16_t>(below(4) == 0 ? 65535 : below(65536));
       }
     }
+    std::vector<uint8_t> counted(round % 5 == 2 ? nodes : 0);
+    for (uint8_t& counts : counted) counts = below(3) > 0;
     for (const int radius : {0, 1, 4}) {
-      const DepthSelectionParams terms{evidence, radius, levels_a_pixel};
+      const DepthSelectionParams terms{
+          .evidence = evidence, .counted = counted, .radius = radius, .levels_a_pixel = levels_a_pixel};
       const DepthSelection plain = test::plain_choice(map, trials, moments, terms);
       informed += std::ranges::count(plain.informed, 1);
       changed += plain.changed;

@@ -181,13 +181,20 @@ TEST(FocusArray, EvidenceOfAViewBlendedByAngleIsThatOfItsCameras) {
 TEST(FocusArray, CamerasOfAnEyeOutsideOfTheArrayAreFarApart) {
   const Array a;
   View view = a.view_from({a.pitch / 2, a.pitch / 2, -0.3});
-  EXPECT_DOUBLE_EQ(a.array.width_of(view), a.pitch);
-  view.blending = {Blending::Kind::kAngle, 0, 4};
-  EXPECT_NEAR(a.array.width_of(view), 2 * std::sqrt(0.5) * a.pitch, 0.8 * a.pitch);
-  const double inside = a.array.width_of(view);
+  const double beside = a.array.width_of(view, {});
+  EXPECT_GT(beside, a.pitch) << "the view is wider than the array";
+  view.blending.extrapolates = false;
+  EXPECT_DOUBLE_EQ(a.array.width_of(view, {}), a.pitch);
+  view.blending.extrapolates = true;
   view.pose.position.x += 5 * a.pitch;
-  EXPECT_GT(a.array.width_of(view), inside + 4 * a.pitch);
-  EXPECT_EQ(FocusArray(Plane{{0, 0, 1}, 0.5}).width_of(view), 0);
+  EXPECT_GT(a.array.width_of(view, {}), beside + 4 * a.pitch);
+  view.pose.position.x -= 5 * a.pitch;
+  view.blending = {Blending::Kind::kAngle, 0, 4};
+  EXPECT_NEAR(a.array.width_of(view, {}), 2 * std::sqrt(0.5) * a.pitch, 0.8 * a.pitch);
+  const double inside = a.array.width_of(view, {});
+  view.pose.position.x += 5 * a.pitch;
+  EXPECT_GT(a.array.width_of(view, {}), inside + 4 * a.pitch);
+  EXPECT_EQ(FocusArray(Plane{{0, 0, 1}, 0.5}).width_of(view, {}), 0);
 }
 
 TEST(FocusArray, CamerasAtOnePlaceTellNoDepths) {

@@ -135,6 +135,7 @@ TEST(TrialRenderer, TheNearestCamerasHaveWeightsOutsideOfTheHull) {
   const Vec3& corner = walls.rig.cameras.back().pose.position;
   view.pose.position = corner + 0.5 * (corner - walls.rig.cameras[4].pose.position);
   const std::vector<DepthHypothesis> trials{{kPlane, 60}, {kPlane, 170}};
+  view.blending.extrapolates = false;
   const std::vector<PhotoConsistency> by_mesh = walls.moments(view, trials, walls.own);
   for (const uint16_t weight : by_mesh[0].weight) ASSERT_EQ(weight, 0);
   view.blending = {Blending::Kind::kAngle, 0, 9};

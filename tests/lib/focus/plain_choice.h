@@ -68,11 +68,13 @@ struct PlainRound {
 
 // Returns the hypotheses with comparable means: all, if together they see half of the first hypothesis's nodes.
 // Otherwise ordered by the overlap with the first, without hypotheses that would reduce the overlap below half.
-inline std::vector<size_t> plain_compared(const std::vector<std::vector<float>>& costs) {
+inline std::vector<size_t> plain_compared(const std::vector<std::vector<float>>& costs,
+                                          std::span<const uint8_t> counted) {
   const auto together = [&](const std::vector<size_t>& trials) {
     int count = 0;
     for (size_t i = 0; i < costs[0].size(); i++)
-      count += std::ranges::all_of(trials, [&](size_t t) { return std::isfinite(costs[t][i]); });
+      count += (counted.empty() || counted[i]) &&
+               std::ranges::all_of(trials, [&](size_t t) { return std::isfinite(costs[t][i]); });
     return count;
   };
   std::vector<size_t> all(costs.size());
@@ -123,6 +125,7 @@ inline float plain_cost_beside(const PlainRound& round, size_t node, size_t tria
 
 inline bool plain_informed(const PlainRound& round, size_t node, float least) {
   if (!std::isfinite(least) || !(round.terms.evidence[node] > kMinEvidence)) return false;
+  if (!round.terms.counted.empty() && !round.terms.counted[node]) return false;
   std::vector<float> seen;
   for (const std::vector<float>& cost : round.costs)
     if (std::isfinite(cost[node])) seen.push_back(cost[node]);
@@ -190,9 +193,10 @@ inline DepthSelection plain_choice(const FocalMap& surface, std::span<const std:
   double seen = 0, in_all = 0;
   choice.cost.assign(trials.size(), 0);
   choice.energy.assign(trials.size(), 0);
-  const std::vector<size_t> compared = plain_compared(costs);
+  const std::vector<size_t> compared = plain_compared(costs, terms.counted);
   for (size_t i = 0; i < nodes; i++) {
-    if (std::ranges::all_of(compared, [&](size_t t) { return std::isfinite(costs[t][i]); })) {
+    if ((terms.counted.empty() || terms.counted[i]) &&
+        std::ranges::all_of(compared, [&](size_t t) { return std::isfinite(costs[t][i]); })) {
       in_all++;
       for (size_t t = 0; t < trials.size(); t++) {
         choice.cost[t] += costs[t][i];

@@ -128,6 +128,39 @@ TEST(ImageFile, RefusesOtherFilesAndCutHeaders) {
   EXPECT_ERROR(load_image("/dev/zero"), "/dev/zero: can't be read: it is not a regular file");
 }
 
+// OpenCV decodes damaged files of these kinds to pictures with black or wrong parts.
+TEST(ImageFile, DamagedTiffAndWebpAreErrors) {
+  const TempDir dir;
+  const Image image = test::noisy_picture(320, 240, 3);
+  const cv::Mat pixels(240, 320, CV_8UC3, const_cast<uint8_t*>(image.data().data()));
+  enum { kLzw = 5, kJpeg = 7, kDeflate = 8, kPackbits = 32773, kLossless = 101, kLossy = 80 };
+  struct Case {
+    const char* name;
+    int how;
+  };
+  for (const Case& c : {Case{"lzw.tif", kLzw},
+                        {"jpeg.tif", kJpeg},
+                        {"deflate.tif", kDeflate},
+                        {"packbits.tif", kPackbits},
+                        {"lossless.webp", kLossless},
+                        {"lossy.webp", kLossy}}) {
+    const bool webp = std::string(c.name).ends_with(".webp");
+    const std::vector<int> options = {webp ? cv::IMWRITE_WEBP_QUALITY : cv::IMWRITE_TIFF_COMPRESSION, c.how};
+    const std::string path = dir / c.name;
+    ASSERT_TRUE(cv::imwrite(path, pixels, options)) << path;
+    EXPECT_EQ(load_image(path).width(), 320) << path;
+    const std::string whole = read_file(path);
+    for (const bool random : {false, true}) {
+      std::string hole = whole;
+      uint32_t state = 1;
+      for (size_t i = whole.size() / 3; i < whole.size() / 3 + 1000; i++)
+        hole[i] = random ? static_cast<char>((state = state * 1664525 + 1013904223) >> 24) : '\0';
+      dir.write(c.name, hole);
+      EXPECT_ERROR(load_image(path), std::string(c.name) + ": ") << random;
+    }
+  }
+}
+
 using Bytes = std::vector<uint8_t>;
 
 Bytes png_of(const cv::Mat& picture) {

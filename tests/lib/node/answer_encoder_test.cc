@@ -144,6 +144,7 @@ TEST_P(AnswerEncoderTest, LostWeightTravelsOnlyWhereThereIsSome) {
 
 TEST_P(AnswerEncoderTest, NodesOfOneCameraMakeThePicture) {
   request_.view.pose.position.z = -0.3;
+  request_.view.blending.extrapolates = false;
   for (const RenderOptions& options : kManners) {
     const Image together = picture(render(options));
     Assembly assembly;

@@ -79,7 +79,7 @@ TEST(RendererSelector, IsLeftAloneForAWhileWhereItRefuses) {
   for (int i = 0; i < 3; i++) refuse("too large");
   for (int i = 0; i < 10; i++, now += kSecond) {
     EXPECT_EQ(gpu.open(RendererChoice::kGl, news), nullptr) << i;
-    EXPECT_EQ(news, i > 0 ? "" : drawer->device() + " cannot draw this view, rendering on the CPU: too large");
+    EXPECT_EQ(news, i > 0 ? "" : drawer->device() + " cannot render this view, so the CPU does: too large");
     news.clear();
     gpu.rendered(RendererChoice::kGl, answer(false));
     EXPECT_EQ(gpu.explain(RendererChoice::kGl), "cpu, " + drawer->device() + " cannot draw this view: too large");
@@ -205,7 +205,7 @@ TEST(RendererSelector, SaysWhyThereIsNone) {
   EXPECT_EQ(news, "");
   EXPECT_EQ(gpu.explain(RendererChoice::kAuto), "auto: cpu, there is no other: nothing here");
   EXPECT_EQ(gpu.open(RendererChoice::kGl, news), nullptr);
-  EXPECT_TRUE(news.starts_with("OpenGL ES 3.1 is not available, rendering on the CPU: nothing here (check")) << news;
+  EXPECT_TRUE(news.starts_with("OpenGL ES 3.1 is not available, so the CPU renders: nothing here (check")) << news;
   news.clear();
   for (const RendererChoice choice : {RendererChoice::kAuto, RendererChoice::kGl})
     EXPECT_EQ(gpu.open(choice, news), nullptr);
@@ -301,7 +301,7 @@ TEST_F(GpuLossTest, PicturesGoOnThroughAHundredLosses) {
     EXPECT_FALSE(drawn);
     EXPECT_EQ(news, "");
     EXPECT_EQ(gpu.open(RendererChoice::kGl, news), nullptr);
-    EXPECT_EQ(news, drawer->device() + " is lost to this process, the CPU renders from now on");
+    EXPECT_EQ(news, drawer->device() + " no longer responds to this process, so the CPU renders from now on");
     EXPECT_EQ(gpu.explain(RendererChoice::kGl), "cpu, " + drawer->device() + " is lost");
     EXPECT_EQ(gpu.explain(RendererChoice::kAuto), "auto: cpu, " + drawer->device() + " is lost");
   }

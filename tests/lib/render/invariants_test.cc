@@ -37,6 +37,7 @@ View view_from(const Vec3& eye, double fov_y, double focus, int width = 160, int
   view.lens = Lens::from_fov_y(fov_y, width, height);
   view.pose.position = eye;
   view.focus.plane = plane_through({0, 0, focus}, {0, 0, -1});
+  view.blending.extrapolates = false;
   return view;
 }
 

@@ -66,6 +66,7 @@ inline View view_into(const Rig& rig, int side, int width, int height, const Qua
   const double middle = 0.1 * (side - 1) / 2;
   view.pose = {Vec3(middle + 0.01, middle - 0.02, -0.9 * middle * 2 * 1.25), turn};
   view.focus.plane = plane_through({0, 0, 2}, glm::normalize(Vec3(0.1, 0.2, -1)));
+  view.blending.extrapolates = false;
   (void)rig;
   return view;
 }

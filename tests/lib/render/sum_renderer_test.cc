@@ -115,7 +115,7 @@ void compare(const Rig& rig, const View& view, const std::vector<Image>& rgb, Pi
 }
 
 constexpr Blending kNarrow{Blending::Kind::kAperture, 0.25, 0}, kWide{Blending::Kind::kAperture, 0.8, 0},
-    kByAngle{Blending::Kind::kAngle, 0, 4};
+    kByAngle{Blending::Kind::kAngle, 0, 4}, kMesh{};
 
 // Checks the largest errors of four views, with smooth or (`hard`) noisy pictures.
 void expect_within_bound(PixelFamily family, Coordinates coordinates, bool hard, bool mapped) {
@@ -200,7 +200,7 @@ TEST(SumRenderer, IsWithinItsBoundInTheHardCases) {
 TEST(SumRenderer, IsWithinItsBoundHoweverManyCamerasBlend) {
   test::on_every_target([] {
     for (const PixelFamily family : {PixelFamily::kI420, PixelFamily::kRgb})
-      for (const Blending blending : {kNarrow, kWide, kByAngle}) {
+      for (const Blending blending : {kNarrow, kWide, kByAngle, kMesh}) {
         Worst worst;
         for (int trial = 2; trial < 4; trial++) {
           Random random(trial);
@@ -209,6 +209,7 @@ TEST(SumRenderer, IsWithinItsBoundHoweverManyCamerasBlend) {
           View view = view_into(rig, 8, width, height, random.small_rotation(0.2));
           if (trial == 3) view.lens = Lens(LensModel::kSimpleRadial, {1.25 * width, 78, 60, -0.1});
           view.blending = blending;
+          if (blending == kMesh) view.pose.position.x += 0.3;  // a good part of the view is beside the mesh
           const auto images = images_of(rig, random, reference::smooth_image);
           compare(rig, view, images, family, trial == 2 ? Coordinates::kExact : Coordinates::kGrid, worst);
         }

@@ -208,6 +208,7 @@ View middle_view(int width = 60, int height = 45) {
   view.lens = Lens::from_fov_y(20, width, height);
   view.pose.position = Vec3(0, 0, -0.3);
   view.focus.plane = focal_plane_at(view.pose, 2.5);
+  view.blending.extrapolates = false;
   return view;
 }
 
@@ -304,6 +305,7 @@ class ViewWarpTest : public testing::Test {
     view_.lens = Lens::from_fov_y(30, 60, 40);
     view_.pose.position = Vec3(0.01, 0.02, -0.1);
     view_.focus.plane = focal_plane_at(view_.pose, kSceneMiddle);
+    view_.blending.extrapolates = false;
   }
   ViewWarp warp() const { return view_warp(rig_, ViewPlan(rig_, build_mesh(rig_), view_)); }
 

@@ -69,7 +69,7 @@ TEST(OpenCvYaml, ErrorsNameFileAndPlace) {
     dir.write("x.yml", "%YAML:1.0\n---\n" + text);
     return text_of_error([&] { import_opencv_yaml(dir / "x.yml"); });
   };
-  EXPECT_EQ(error("cameras: []\n"), dir / "x.yml" + ": cameras: must be 1 to 65535 cameras");
+  EXPECT_EQ(error("cameras: []\n"), dir / "x.yml" + ": cameras: must be a list of 1 to 65535 cameras");
   EXPECT_NE(error("cameras:\n   - { image_width: 4 }\n").find("cameras[0]"), std::string::npos);
   EXPECT_NE(error("image_width: 4\nimage_height: 3\ncamera_matrix:\n   rows: 3\n   cols: 3\n   data: [1, 2]\n")
                 .find("camera_matrix.data: must "),
@@ -120,13 +120,12 @@ TEST(OpenCvYaml, CamerasOfAListHavePlaces) {
       import_opencv_yaml(dir.write("x.yml", "%YAML:1.0\n---\ncameras: [ " + camera + ", " + camera + " ]\n"));
     });
   };
-  EXPECT_NE(
-      error("").find("cameras[1]: R (3x3) and T (3x1), which take points of the world to the camera, are missing"),
-      std::string::npos)
+  EXPECT_NE(error("").find("cameras[1]: R (3x3) and T (3x1), which transform world points to the camera, are missing"),
+            std::string::npos)
       << error("");
-  EXPECT_NE(error("tvec: [1, 2, 3], ").find("T is tvec"), std::string::npos);
+  EXPECT_NE(error("tvec: [1, 2, 3], ").find("Write tvec as T"), std::string::npos);
   EXPECT_ERROR(import_opencv_yaml(dir.write("x.xml", "<?xml version=\"1.0\"?>\n<opencv_storage>")),
-               "x.xml: is XML; save it as .yml");
+               "x.xml: this is an XML file");
 }
 
 TEST(OpenCvYaml, ListsWhatItDidNotRead) {

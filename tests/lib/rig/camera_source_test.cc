@@ -73,7 +73,8 @@ TEST_F(CameraSourceTest, MissingFilesAreNamedWithAdvice) {
                "begins with a byte order mark");
   EXPECT_ERROR(find("cam 1.mkv\r"), "ends with white space");
   EXPECT_ERROR(find_source(rig_, "cam%201.mkv", true), "\"cam 1.mkv\" exists: names of files are not percent-encoded");
-  EXPECT_ERROR(find("100%_none.mkv"), "no such file, and an image sequence has exactly one %d");
+  EXPECT_ERROR(find("100%_none.mkv"),
+               "no such file, and not an image sequence. The name of an image sequence contains exactly one %d");
 }
 
 TEST_F(CameraSourceTest, KindsAreToldByContent) {
@@ -99,7 +100,7 @@ TEST_F(CameraSourceTest, SequencesHaveNoGaps) {
   EXPECT_EQ(b.first, 1);
   EXPECT_EQ(b.count, 2);
   EXPECT_ERROR(find("c_%d.png"), dir_ / "c_1.png" + ": missing, while " + dir_ / "c_2.png" + " exists");
-  EXPECT_ERROR(find("d_%d.png"), "no such files (the first number is 0 or 1)");
+  EXPECT_ERROR(find("d_%d.png"), "no such files (the first file must have number 0 or 1)");
   EXPECT_ERROR(find("%d_%d.png"), "exactly one %d");
 }
 

@@ -80,19 +80,19 @@ TEST(ColmapText, ErrorsNameFileAndLine) {
     const char* line;
     const char* message;
   } const cameras[] = {
-      {"x PINHOLE 4 3 5 5 2 1.5", "CAMERA_ID must be an integer of 0 to 4294967295, is \"x\""},
+      {"x PINHOLE 4 3 5 5 2 1.5", "CAMERA_ID must be an integer from 0 to 4294967295, but is \"x\""},
       {"-1 PINHOLE 4 3 5 5 2 1.5", "CAMERA_ID must be an integer"},
       {"1", "MODEL is missing"},
       {"1 LENS 4 3 5 5 2 1.5", "unknown lens model \"LENS\""},
-      {"1 PINHOLE 0 3 5 5 2 1.5", "WIDTH must be an integer of 1 to 16384, is \"0\""},
-      {"1 PINHOLE 4 16385 5 5 2 1.5", "HEIGHT must be an integer of 1 to 16384, is \"16385\""},
+      {"1 PINHOLE 0 3 5 5 2 1.5", "WIDTH must be an integer from 1 to 16384, but is \"0\""},
+      {"1 PINHOLE 4 16385 5 5 2 1.5", "HEIGHT must be an integer from 1 to 16384, but is \"16385\""},
       {"1 PINHOLE 4.5 3 5 5 2 1.5", "WIDTH must be an integer"},
-      {"1 PINHOLE 4 3 5 5 2", "PINHOLE takes 4 numbers, has 3"},
-      {"1 PINHOLE 4 3 5 5 2 1.5 0", "PINHOLE takes 4 numbers, has 5"},
-      {"1 PINHOLE 4 3 5 five 2 1.5", "PARAMS[] must be a finite number, is \"five\""},
-      {"1 PINHOLE 4 3 nan 5 2 1.5", "PARAMS[] must be a finite number, is \"nan\""},
-      {"1 PINHOLE 4 3 1e999 5 2 1.5", "PARAMS[] must be a finite number, is \"1e999\""},
-      {"2 PINHOLE 4 3 5 5 2 1.5", "CAMERA_ID 2 is there twice"},
+      {"1 PINHOLE 4 3 5 5 2", "PINHOLE takes 4 numbers, but the line has 3"},
+      {"1 PINHOLE 4 3 5 5 2 1.5 0", "PINHOLE takes 4 numbers, but the line has 5"},
+      {"1 PINHOLE 4 3 5 five 2 1.5", "PARAMS[] must be a finite number, but is \"five\""},
+      {"1 PINHOLE 4 3 nan 5 2 1.5", "PARAMS[] must be a finite number, but is \"nan\""},
+      {"1 PINHOLE 4 3 1e999 5 2 1.5", "PARAMS[] must be a finite number, but is \"1e999\""},
+      {"2 PINHOLE 4 3 5 5 2 1.5", "CAMERA_ID 2 occurs twice"},
   };
   const TempDir dir;
   for (const auto& c : cameras) {
@@ -106,10 +106,10 @@ TEST(ColmapText, ErrorsNameFileAndLine) {
       {"1 1 0 0 0 0 0 0 1", "NAME is missing"},
       {"1 1 0 0 0 0 0 0 1 caf\xe9.png", "NAME is not UTF-8"},
       {"1 1 0 0 0 0 0", "TZ is missing"},
-      {"1 0 0 0 0 0 0 0 1 a.png", "QW, QX, QY, QZ must be a rotation"},
-      {"1 1 0 inf 0 0 0 0 1 a.png", "QY must be a finite number, is \"inf\""},
+      {"1 0 0 0 0 0 0 0 1 a.png", "QW, QX, QY, QZ are all 0 or not finite, so they are not a rotation"},
+      {"1 1 0 inf 0 0 0 0 1 a.png", "QY must be a finite number, but is \"inf\""},
       {"1 1 0 0 0 0 0 0 7 a.png", "CAMERA_ID 7 is not in cameras.txt"},
-      {"2 1 0 0 0 0 0 0 1 a.png", "IMAGE_ID 2 is there twice"},
+      {"2 1 0 0 0 0 0 0 1 a.png", "IMAGE_ID 2 occurs twice"},
   };
   for (const auto& c : images) {
     const std::string path = dir.write("images.txt", std::string("2 1 0 0 0 0 0 0 1 z.png\n\n") + c.line + "\n");
@@ -245,10 +245,10 @@ TEST(Colmap, ExportRefusesWhatColmapCantRead) {
   EXPECT_ERROR(export_colmap(rig, dir.path()), "camera 19: the name \"cam_0.png\" is also used by camera 20");
   rig = mixed_rig();
   rig.cameras[1].image = rig.cameras[1].name = "";
-  EXPECT_ERROR(export_colmap(rig, dir.path()), "camera 19: COLMAP wants a name");
+  EXPECT_ERROR(export_colmap(rig, dir.path()), "camera 19: the camera has no name");
   rig = mixed_rig();
   rig.cameras[1].id = UINT32_MAX;
-  EXPECT_ERROR(export_colmap(rig, dir.path()), "camera 4294967295: COLMAP has no ids beyond");
+  EXPECT_ERROR(export_colmap(rig, dir.path()), "camera 4294967295: COLMAP does not accept ids above");
   EXPECT_FALSE(std::filesystem::exists(dir / "cameras.txt")) << "nothing is written then";
   dir.write("file", "");
   EXPECT_ERROR(export_colmap(mixed_rig(), dir / "file/x"), "file/x: can't be made");
@@ -289,12 +289,12 @@ TEST(Colmap, SizesOfImageFilesMustAgree) {
   EXPECT_TRUE(import_colmap(dir.path()).notes.empty());
   save_image(Image(PixelFamily::kRgb, 8, 2), dir / "images/a.png");
   EXPECT_ERROR(import_colmap(dir.path()), dir / "images/a.png" +
-                                              ": is 8x2, its camera 1 in cameras.txt 4x3; is it an undistorted image "
-                                              "(lf-rig import colmap --undistorted)?");
+                                              ": is 8x2, but cameras.txt gives its camera 1 the size 4x3; if it is "
+                                              "an undistorted image, use lf-rig import colmap --undistorted");
   save_image(Image(PixelFamily::kRgb, 2, 2), dir / "images/a.png");
   for (const bool undistorted : {false, true})
     EXPECT_ERROR(import_colmap(dir.path(), {.images = dir / "images", .undistorted = undistorted}),
-                 "is 2x2, its camera 1 in cameras.txt 4x3; a scaled copy has another focal length");
+                 "is 2x2, but cameras.txt gives its camera 1 the size 4x3. A scaled copy has another focal length");
   dir.write("images/a.png", "not a picture");
   EXPECT_ERROR(import_colmap(dir.path()), dir / "images/a.png");
   EXPECT_ERROR(import_colmap(dir.path(), {dir / "nowhere"}), "nowhere: can't be read");
@@ -305,7 +305,7 @@ TEST(Colmap, UndistortedImagesHavePinholesOfTheirOwnSize) {
   write_model(dir, "1 SIMPLE_RADIAL 8 6 5 4 3 0.1\n2 OPENCV_FISHEYE 8 6 5 6 4 2 0 0 0 1\n",
               "1 1 0 0 0 0 0 0 1 day 1.png\n\n2 1 0 0 0 0 0 0 2 day 2.png\n\n");
   const ColmapImportOptions options = {dir / "files", true};
-  EXPECT_ERROR(import_colmap(dir.path(), {"", true}), "their folder must be given");
+  EXPECT_ERROR(import_colmap(dir.path(), {"", true}), "so give their folder");
   std::filesystem::create_directories(dir / "files");
   save_image(Image(PixelFamily::kRgb, 7, 5), dir / "files/1.png");
   save_image(Image(PixelFamily::kRgb, 16, 12), dir / "files/2.png");
@@ -319,7 +319,8 @@ TEST(Colmap, UndistortedImagesHavePinholesOfTheirOwnSize) {
   EXPECT_EQ(result.notes[0], "2 image files have other names than in images.txt: 1.png for \"day 1.png\", ...");
 
   write_model(dir, "1 PINHOLE 8 6 5 5 4 3\n", "1 1 0 0 0 0 0 0 1 day 1.png\n\n2 1 0 0 0 0 0 0 1 night 1.png\n\n");
-  EXPECT_ERROR(import_colmap(dir.path(), options), "1.png: stands for \"day 1.png\" and \"night 1.png\"");
+  EXPECT_ERROR(import_colmap(dir.path(), options),
+               "1.png: is the only file for two images, \"day 1.png\" and \"night 1.png\"");
 }
 
 TEST(Colmap, AGridIsInTheOrderOfNames) {

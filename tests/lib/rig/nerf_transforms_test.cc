@@ -123,7 +123,7 @@ TEST(Nerf, FramesOfSeveralTimesAreNoRig) {
     };
     return dir.write("t.json", R"({"w": 4, "h": 3, "fl_x": 5, "frames": [)" + at(a) + "," + at(b) + "]}");
   };
-  EXPECT_ERROR(import_nerf(frames("0", "0.5")), "frames[1].time: is 0.5, an earlier frame has 0: a rig is one instant");
+  EXPECT_ERROR(import_nerf(frames("0", "0.5")), "frames[1].time: is 0.5, but an earlier frame has 0");
   EXPECT_EQ(import_nerf(frames("0.5", "0.5")).rig.cameras.size(), 2u);
 }
 
@@ -133,7 +133,8 @@ TEST(Nerf, ManyFramesTakeNoLongerEach) {
   for (size_t i = 0; i <= kMaxCameras; i++)
     text +=
         std::string(i ? "," : "") + R"({"file_path": "f)" + std::to_string(i) + R"(", "odd": 1, )" + kIdentity + "}";
-  EXPECT_ERROR(import_nerf(dir.write("t.json", text + "]}")), "frames: at most 65535 cameras");
+  EXPECT_ERROR(import_nerf(dir.write("t.json", text + "]}")),
+               "frames: has too many frames; a rig has at most 65535 cameras");
 }
 
 }  // namespace

@@ -165,11 +165,11 @@ TEST(RigJson, ErrorsNameThePlace) {
       {R"({"topology": null})", "key \"topology\" is missing"},
       {R"({"topology": "grid"})", "topology: must be an object, is string"},
       {R"({"topology": {"type": null}})", "topology: key \"type\" is missing"},
-      {R"({"topology": {"type": "hexagons"}})", "topology.type: must be \"grid\", \"triangles\" or \"delaunay\", is"},
+      {R"({"topology": {"type": "hexagons"}})", "topology.type: must be \"grid\", \"triangles\" or \"delaunay\", but is"},
       {R"({"topology": {"rows": null}})", "topology: key \"rows\" is missing"},
       {R"({"topology": {"rows": 0}})", "topology.rows: must be 1 to 65535, is 0"},
-      {R"({"topology": {"rows": 3}})", "topology: 3 rows x 2 columns do not make the rig's 4 cameras"},
-      {R"({"topology": {"rows": 65535, "columns": 65535}})", "topology: 65535 rows x 65535 columns do not make"},
+      {R"({"topology": {"rows": 3}})", "topology: 3 rows x 2 columns do not match the rig, which has 4 cameras"},
+      {R"({"topology": {"rows": 65535, "columns": 65535}})", "topology: 65535 rows x 65535 columns do not match"},
       {R"({"topology": {"columns": 2.5}})", "topology.columns: must be an integer, is 2.5"},
       {R"({"topology": {"type": "triangles"}})", "topology: key \"triangles\" is missing"},
       {R"({"topology": {"type": "triangles", "triangles": [[0, 1, 2], [1, 2, 4]]}})",
@@ -203,6 +203,7 @@ TEST(RigJson, ErrorsNameTheCameraAndItsMember) {
       {R"({"name": 1})", "cameras[3].name: must be a string, is number"},
       {R"({"name": ".profile\u0000"})", "cameras[3].name: has a character NUL"},
       {R"({"name": "\u001b[31mred"})", "cameras[3].name: has control characters"},
+      {R"({"name": "\u009b31mred"})", "cameras[3].name: has control characters"},
       {R"({"source": "a\u0000b.mkv"})", "cameras[3].source: has a character NUL"},
       {R"({"width": null})", "cameras[3]: key \"width\" is missing"},
       {R"({"width": 0})", "cameras[3].width: must be 1 to 16384, is 0"},
@@ -288,7 +289,7 @@ TEST(RigJson, ANewFileWithAPasswordIsForItsOwnerAlone) {
 TEST(RigJson, RefusesTooManyCameras) {
   json file = good_rig();
   for (uint32_t i = 4; i <= kMaxCameras; i++) file["cameras"].push_back(7);
-  EXPECT_ERROR(parse(file), "r.json: cameras: at most 65535 cameras, has 65536");
+  EXPECT_ERROR(parse(file), "r.json: cameras: a rig has at most 65535 cameras, but this file has 65536");
 }
 
 // File names may be arbitrary bytes.

@@ -59,7 +59,7 @@ TEST_F(CheckRig, NamesMissingSources) {
   const std::string sources[] = {"film.mkv",      "none.mkv", "frame_%03d.png", "none/frame_%03d.png",
                                  "rtsp://host/x", long_name};
   for (size_t i = 0; i < 6; i++) rig_.cameras[i].source = sources[i];
-  const std::string no_sequence = ": no such files (the first number is 0 or 1)";
+  const std::string no_sequence = ": no such files (the first file must have number 0 or 1)";
   EXPECT_THAT(check(rig_), ElementsAre("error: cameras[1].source: " + dir_ / "none.mkv" + ": no such file",
                                        "error: cameras[2].source: " + dir_ / "frame_%03d.png" + no_sequence,
                                        "error: cameras[3].source: " + dir_ / "none/frame_%03d.png" + no_sequence,
@@ -114,8 +114,8 @@ TEST_F(CheckRig, WarnsOfTimeOffsetsOfOtherUnits) {
   EXPECT_THAT(check(rig_), IsEmpty());
   rig_.cameras[2].time_offset = -1000;
   EXPECT_THAT(check(rig_),
-              ElementsAre("warning: cameras[1].time_offset: 0.9 s, cameras[2].time_offset: -1000 s: all "
-                          "films must have frames of the same time; the unit is seconds"));
+              ElementsAre("warning: cameras[1].time_offset: 0.9 s, cameras[2].time_offset: -1000 s: "
+                          "the recordings must overlap in time; is the value in seconds?"));
 }
 
 TEST_F(CheckRig, WarnsOfEqualNamesAndPlaces) {
@@ -129,7 +129,7 @@ TEST_F(CheckRig, WarnsOfEqualNamesAndPlaces) {
 TEST_F(CheckRig, WarnsOfSlivers) {
   for (Camera& camera : rig_.cameras) camera.pose.position.y *= 0.01;  // heights of 1 % of the sides
   EXPECT_THAT(check(rig_),
-              ElementsAre(testing::HasSubstr("warning: topology: 4 of 4 triangles are slivers, the worst")));
+              ElementsAre(testing::HasSubstr("warning: topology: 4 of 4 triangles are very thin")));
 }
 
 TEST_F(CheckRig, WarnsOfAMeshWithoutATriangle) {
@@ -137,7 +137,7 @@ TEST_F(CheckRig, WarnsOfAMeshWithoutATriangle) {
     EXPECT_THAT(
         check(rig_subset(rig_, some)),
         ElementsAre("warning: topology: the mesh of " + std::to_string(some.size()) +
-                    (some.size() == 1 ? " camera" : " cameras") + " has no triangle: views blend along a line only"));
+                    (some.size() == 1 ? " camera" : " cameras") + " has no triangle, so views only blend along a line"));
 }
 
 TEST_F(CheckRig, WarnsOfAMeshThatCamerasLookAlong) {

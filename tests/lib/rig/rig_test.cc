@@ -186,8 +186,8 @@ TEST(SubRig, KeepsTheTrianglesOfTheWholeRigAlone) {
 }
 
 TEST(SubRig, RefusesWhatIsNotInTheRig) {
-  EXPECT_ERROR(rig_subset(grid(2, 2), {0, 4}), "camera index 4: the rig has 4 cameras");
-  EXPECT_ERROR(rig_subset(grid(2, 2), {0, 1, 0}), "camera index 0: named twice");
+  EXPECT_ERROR(rig_subset(grid(2, 2), {0, 4}), "camera index 4: does not exist, because the rig has only 4 cameras");
+  EXPECT_ERROR(rig_subset(grid(2, 2), {0, 1, 0}), "camera index 0: listed twice");
   EXPECT_ERROR(rig_subset(grid(2, 2), {}), "at least one camera");
 }
 
@@ -200,7 +200,7 @@ TEST(EveryNth, KeepsRowsAndColumnsFromTheFirst) {
   EXPECT_EQ(same.hash(), grid(3, 4).hash());
   EXPECT_EQ(subsample_grid(grid(3, 4), 2).topology.rows, 2);
   EXPECT_EQ(subsample_grid(grid(3, 4), 2).topology.columns, 2);
-  EXPECT_ERROR(subsample_grid(grid(3, 4), 0), "every: must be at least 1, is 0");
+  EXPECT_ERROR(subsample_grid(grid(3, 4), 0), "every: must be at least 1, but is 0");
   Rig rig = grid(2, 2);
   rig.topology.type = Topology::Type::kDelaunay;
   EXPECT_ERROR(subsample_grid(rig, 2), "every: the rig's topology is not a grid");
@@ -222,7 +222,7 @@ TEST(CameraList, NamesThePartThatIsWrong) {
       {"99", "camera list \"99\": \"99\": the rig has no camera with id 99"},
       {"100,106-108", "\"106-108\": the rig has no camera with id 108"},
       {"100-4294967295", "\"100-4294967295\": the rig has no camera with id 108"},
-      {"102-101", "\"102-101\": the range runs backwards"},
+      {"102-101", "\"102-101\": the end of the range is below its start"},
       {"100,,101", "\"\": must be a camera id"},
       {"100,", "\"\": must be a camera id"},
       {",", "\"\": must be a camera id"},
@@ -265,11 +265,11 @@ TEST(GridRig, FromOneCameraOfOnePixelToTheLimits) {
 
 TEST(GridRig, RefusesByName) {
   const std::pair<const char*, std::function<void(GridRigOptions&)>> cases[] = {
-      {"rows: must be 1 to 65535, is 0", [](auto& o) { o.rows = 0; }},
-      {"columns: must be 1 to 65535, is -1", [](auto& o) { o.columns = -1; }},
-      {"rows x columns: at most 65535 cameras", [](auto& o) { o.rows = o.columns = 256; }},
-      {"width: must be 1 to 16384, is 0", [](auto& o) { o.width = 0; }},
-      {"height: must be 1 to 16384, is 16385", [](auto& o) { o.height = 16385; }},
+      {"rows: must be 1 to 65535, but is 0", [](auto& o) { o.rows = 0; }},
+      {"columns: must be 1 to 65535, but is -1", [](auto& o) { o.columns = -1; }},
+      {"rows x columns: a rig has at most 65535 cameras", [](auto& o) { o.rows = o.columns = 256; }},
+      {"width: must be 1 to 16384, but is 0", [](auto& o) { o.width = 0; }},
+      {"height: must be 1 to 16384, but is 16385", [](auto& o) { o.height = 16385; }},
       {"pitch: must be positive", [](auto& o) { o.pitch = 0; }},
       {"pitch: must be positive", [](auto& o) { o.pitch = std::nan(""); }},
       {"pitch: must be positive", [](auto& o) { o.pitch = INFINITY; }},
@@ -408,10 +408,10 @@ TEST(CylinderRig, RefusesNonsense) {
   EXPECT_EQ(make_cylinder_rig(good).cameras.size(), 6u);
   CylinderRigOptions options = good;
   options.rows = 1;
-  EXPECT_ERROR(make_cylinder_rig(options), "rows: around a cylinder at least 2");
+  EXPECT_ERROR(make_cylinder_rig(options), "rows: a cylinder needs at least 2");
   options = good;
   options.columns = 2;
-  EXPECT_ERROR(make_cylinder_rig(options), "columns: around a cylinder at least 3");
+  EXPECT_ERROR(make_cylinder_rig(options), "columns: a cylinder needs at least 3");
   options = good;
   options.radius = 0;
   EXPECT_ERROR(make_cylinder_rig(options), "radius: must be positive");

@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
+#include <filesystem>
+
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include "rig/rig.h"
+#include "rig/rig_json.h"
 #include "rig/source_security.h"
 #include "support/expect_error.h"
 #include "support/temp_dir.h"
@@ -109,12 +113,12 @@ TEST(RigTrust, ElementsNeedAFileOfTheUsersOwn) {
   const TempDir dir;
   const std::string path = dir.write("rig.json", "");
   chmod(path.c_str(), 0646);
-  EXPECT_ERROR(require_trust(rig_of("videotestsrc ! queue"), path, false), "rig.json is written by others");
-  EXPECT_ERROR(require_trust(rig_of("videotestsrc ! queue"), path, true), "rig.json is written by others");
+  EXPECT_ERROR(require_trust(rig_of("videotestsrc ! queue"), path, false), "rig.json can be written by other users");
+  EXPECT_ERROR(require_trust(rig_of("videotestsrc ! queue"), path, true), "rig.json can be written by other users");
   chmod(path.c_str(), 0664);
   if (geteuid() == 0) {  // root may assign a file to any group, other users may not
     ASSERT_EQ(chown(path.c_str(), 0, 33), 0);
-    EXPECT_ERROR(require_trust(rig_of("videotestsrc ! queue"), path, false), "rig.json is written by others");
+    EXPECT_ERROR(require_trust(rig_of("videotestsrc ! queue"), path, false), "rig.json can be written by other users");
     ASSERT_EQ(chown(path.c_str(), 0, 0), 0);
     require_trust(rig_of("videotestsrc ! queue"), path, false);
   }
@@ -167,6 +171,26 @@ TEST(LocationText, HidesUsersAndPasswords) {
 TEST(LocationText, ATextWithoutSecretsStays) {
   for (const char* text : {"user: the camera is not there", "key-int-max=30 is unknown", "a = b", "keys=3", "a@b.c"})
     EXPECT_EQ(redacted_location(text), text);
+}
+
+TEST(RigSecrets, MustBeClosedToOtherUsers) {
+  const TempDir dir;
+  Rig rig = make_grid_rig({1, 3, 0.1, 60, 64, 48});
+  rig.cameras[0].source = "rtsp://host/stream";
+  save_rig(rig, dir / "rig.json");
+  namespace fs = std::filesystem;
+  fs::permissions(dir / "rig.json", fs::perms(0644));
+  EXPECT_EQ(secret_warning(rig, dir / "rig.json"), "") << "no secret";
+  rig.cameras[2].image = "http://user:secret@host/a.jpg";
+  EXPECT_THAT(secret_warning(rig, dir / "rig.json"), testing::HasSubstr("cameras[2]: its source contains"));
+  rig.cameras[1].source = "rtsp://user:secret@host/stream";
+  EXPECT_EQ(secret_warning(rig, dir / "rig.json"),
+            "cameras[1]: its source contains a password or key, and other users can read or change this file (mode "
+            "644): run chmod 600 " +
+                dir / "rig.json");
+  fs::permissions(dir / "rig.json", fs::perms(0600));
+  EXPECT_EQ(secret_warning(rig, dir / "rig.json"), "");
+  EXPECT_EQ(secret_warning(rig, dir / "none.json"), "");
 }
 
 }  // namespace

@@ -84,12 +84,12 @@ TEST(StanfordNames, RefusesWhatNamesCantHold) {
   EXPECT_FALSE(std::filesystem::exists(dir / "out"));
   EXPECT_ERROR(export_stanford(rig, dir / "out"), "none.png: can't be copied");
   rig.topology.type = Topology::Type::kDelaunay;
-  EXPECT_ERROR(export_stanford(rig, dir / "out"), "want a grid");
+  EXPECT_ERROR(export_stanford(rig, dir / "out"), "must be a grid");
   EXPECT_ERROR(import_stanford(dir / "nowhere", {1}), "nowhere: can't be read");
-  EXPECT_ERROR(import_stanford(dir.path(), {1}), "no image is called as in");
+  EXPECT_ERROR(import_stanford(dir.path(), {1}), "no file name has the form out_00_01_");
   EXPECT_ERROR(import_stanford(dir.path(), {}), "give the focal length");
   write_images(dir, {"out_00_00_0_0_.png", "x_00_00_1_10_.png"});
-  EXPECT_ERROR(import_stanford(dir.path(), {1}), "is in the same place as");
+  EXPECT_ERROR(import_stanford(dir.path(), {1}), "its name has the same row and column as");
 }
 
 }  // namespace

@@ -317,7 +317,7 @@ TEST(Packetizer, RefusesWhatIsNoSoundUnit) {
     return reason;
   };
   const Bytes good = answer(1, 20, 20, 0);
-  const char* const no_unit = "not exactly one unit of this stream";
+  const char* const no_unit = "the bytes must be exactly one unit of this stream";
   EXPECT_EQ(reason_of(UnitKind::kAnswer, {}), no_unit);
   EXPECT_EQ(reason_of(UnitKind::kAnswer, Bytes(100, 'x')), no_unit);
   EXPECT_EQ(reason_of(UnitKind::kAnswer, request(1)), no_unit);

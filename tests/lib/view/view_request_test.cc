@@ -154,7 +154,7 @@ TEST(RequestLimiter, TellsWhatIsInTheWay) {
               testing::AllOf(HasSubstr("2.5 m"), HasSubstr("0.7 m"), HasSubstr("max-aperture")));
   EXPECT_THAT(refusal_text(RequestLimiter::kPixels, {4096, 2304, 0, 0, 5, 1}, limits, 0),
               testing::AllOf(HasSubstr("4096x2304 pixels 5 times"), HasSubstr("of a set 4 times")));
-  EXPECT_THAT(refusal_text(RequestLimiter::kRate, kSmall, limits, 0), HasSubstr("500 times a second"));
+  EXPECT_THAT(refusal_text(RequestLimiter::kRate, kSmall, limits, 0), HasSubstr("500 requests per second"));
 }
 
 TEST(RequestLimits, AnArrayIsAsWideAsItsCamerasAreApart) {

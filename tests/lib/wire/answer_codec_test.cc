@@ -158,18 +158,18 @@ TEST(AnswerCodec, NamesTheFieldThatIsWrong) {
       {56, 4, 3, "total: 2 fragments, but this part has 3 from number 0 on"},
       {56, 4, 0xffffffff, "fragments: at most 65536, not 4294967295"},
       {56, 4, 1, "length: 23 bytes after the last fragment's payload"},
-      {56, 4, 0, "fragments: a part without any"},
+      {56, 4, 0, "fragments: a part must have at least one fragment"},
       {60, 4, 1, "total: 2 fragments, but this part has 2 from number 1 on"},
       {60, 4, 0xffffffff, "total: 2 fragments, but this part has 2 from number 4294967295 on"},
       {64, 4, 1, "total: 1 fragments, but this part has 2 from number 0 on"},
       {64, 4, 0xffffffff, "total: at most 65536 fragments, not 4294967295"},
       {64, 4, 3, "total: a part of an answer, not a whole one"},
-      {68, 2, 2, "blind[1]: 65535 to 0 is no range beyond the one before"},
+      {68, 2, 2, "blind[1]: 65535 to 0 is not a range after the previous range"},
       {70, 2, 7, "reserved: must be 0, is 7"},
-      {74, 2, 4, "cameras[0]: 5 to 4 is no range beyond the one before"},
-      {76, 2, 7, "cameras[1]: 7 to 8 is no range beyond the one before"},
+      {74, 2, 4, "cameras[0]: 5 to 4 is not a range after the previous range"},
+      {76, 2, 7, "cameras[1]: 7 to 8 is not a range after the previous range"},
       {78, 2, 0xffff, "cameras: camera 65535 is beyond 65534"},
-      {80, 2, 4, "blind: cameras outside of the answer's"},
+      {80, 2, 4, "blind: must be a subset of the answer's cameras"},
       {kTable + 2, 2, 1, "fragments[0].plane: 1 is not supported"},
       {kTable + 4, 2, 1, "fragments[0].rectangle: x and y must be even in YCbCr"},
       {kTable + 6, 2, 3, "fragments[0].rectangle: x and y must be even in YCbCr"},
@@ -181,11 +181,11 @@ TEST(AnswerCodec, NamesTheFieldThatIsWrong) {
       {kTable + 12, 1, 1, "fragments[0].quality: must be 1 to 100 for JPEG, is 0"},
       {kTable + 12, 1, 2, "fragments[0].length: must be 32 bytes, is 16"},
       {kTable + 12, 1, 3, "fragments[0].codec: 3 is not supported"},
-      {kTable + 12, 2, 0x0150, "fragments[0].length: of the first scan is beyond the payload"},
+      {kTable + 12, 2, 0x0150, "fragments[0].length: the first scan is longer than the payload"},
       {kTable + 12, 2, 0x0165, "fragments[0].quality: must be 1 to 100 for JPEG, is 101"},
       {kTable + 13, 1, 80, "fragments[0].quality: must be 0 for raw pixels, is 80"},
       {kTable + 14, 2, 7, "fragments[0].flags: unknown bits"},
-      {kTable + 14, 2, 2, "fragments[0].flags: a sum is weighted, and pixels of a camera are not"},
+      {kTable + 14, 2, 2, "fragments[0].flags: sums must be marked as weighted, and pixels of a camera must not"},
       {kTable + 14, 2, 1, "fragments[0].length: must be 10 bytes, is 16"},
       {kTable + 16, 4, 0xffffffff, "fragments[0].length: must be 16 bytes, is 4294967295"},
       {kSecond + 4, 2, 10, "fragments[1].rectangle: is not inside the view"},
@@ -201,7 +201,7 @@ TEST(AnswerCodec, EncodesOnlyWhatIsValid) {
     EXPECT_EQ(text_of_error([&] { encode_answer(answer); }), reason);
   };
   refused("view_width: must be 1 to 16384 pixels, is 70000", [](Answer& a) { a.view_width = 70000; });
-  refused("blind: cameras outside of the answer's", [](Answer& a) { a.blind = CameraRanges(CameraSet{7}); });
+  refused("blind: must be a subset of the answer's cameras", [](Answer& a) { a.blind = CameraRanges(CameraSet{7}); });
   refused("family: none, but there are 2 fragments", [](Answer& a) { a.family = PixelFamily::kNone; });
   refused("fragments[0].family: differs from the answer's", [](Answer& a) { a.family = PixelFamily::kRgb; });
   refused("fragments[1].pixels: do not fill the rectangle", [](Answer& a) { a.fragments[1].pixels.pop_back(); });
@@ -383,10 +383,10 @@ TEST(AnswerParser, NamesWhatIsWrongWithPayloads) {
     uint64_t value;
     std::string reason;
   } rows[] = {
-      {jpeg, 4, jpeg_length, "fragments[1].length: of the first scan is beyond the payload"},
+      {jpeg, 4, jpeg_length, "fragments[1].length: the first scan is longer than the payload"},
       {jpeg, 4, jpeg_length - 4, "fragments[1].length: a scan of this size has at least 15 bytes, not 0"},
       {jpeg, 4, 11, "fragments[1].length: a scan of this size has at least 24 bytes, not 11"},
-      {jpeg, 4, 0xffffffff, "fragments[1].length: of the first scan is beyond the payload"},
+      {jpeg, 4, 0xffffffff, "fragments[1].length: the first scan is longer than the payload"},
       {at(2, kQuality), 1, 0, "fragments[2].quality: must be 1 to 100 for JPEG, is 0"},
       {at(2, kQuality), 1, 101, "fragments[2].quality: must be 1 to 100 for JPEG, is 101"},
       {at(3, 10), 2, 388, "fragments[3].length: a scan of this size has at least 300 bytes"},
@@ -398,9 +398,9 @@ TEST(AnswerParser, NamesWhatIsWrongWithPayloads) {
       {at(4, kCodec), 1, 3, "fragments[4].codec: 3 is not supported"},
       {at(4, kLength), 4, jpeg_length, "fragments[4].length: must be 4 bytes, is " + std::to_string(jpeg_length)},
       {at(5, 0), 2, 0xffff, "fragments[5].rectangle: is not inside the view"},
-      {at(5, kFlags), 2, 1, "fragments[5].flags: a sum is weighted, and pixels of a camera are not"},
+      {at(5, kFlags), 2, 1, "fragments[5].flags: sums must be marked as weighted, and pixels of a camera must not"},
       {at(5, kFlags), 2, 2, "fragments[5].flags: pixels of a camera have no missing weight"},
-      {at(5, kCodec), 1, 2, "fragments[5].codec: 16 bits are for sums, not for pixels of a camera"},
+      {at(5, kCodec), 1, 2, "fragments[5].codec: 16-bit values are only for sums, not for pixels of a camera"},
   };
   for (const auto& row : rows) {
     const std::string reason = reason_of_both(with(bytes, row.offset, row.size, row.value));
@@ -570,7 +570,7 @@ TEST(AnswerWriter, RefusesWhatCannotBeRead) {
 
   AnswerWriter writer(header_of_view(kRgb, 8, 8), 2);
   EXPECT_ERROR(writer.add(good, [](ByteBuffer& out) { append_bytes(out, 26); }),
-               "fragments[0].length: 26 bytes are no payload of this fragment");
+               "fragments[0].length: 26 bytes do not match the fragment's size and codec");
   AnswerWriter odd(header_of_view(kRgb, 8, 8), 2);
   odd.add(good);  // 27 bytes
   EXPECT_ERROR(odd.add_sums({{}, kRgb, {0, 0, 3, 3}, Codec::kRaw16, 0, false}),

@@ -46,6 +46,7 @@ ViewRequest random_request(std::mt19937& random) {
   r.target_time = random() % 3 ? (uint64_t{random()} << 32) | random() : kNoTime;
   r.absolute_time = random() % 2;
   r.probe = random() % 2;
+  r.view.blending.extrapolates = !r.probe;
   r.warmup = random() % 2;
   r.quality = random() % 101;
   r.rig_hash = (uint64_t{random()} << 32) | random();
@@ -128,7 +129,7 @@ TEST(RequestCodec, OneOfASetSaysSoAtTheEnd) {
   EXPECT_THAT(with_end({5, 8, 6, 48}), HasSubstr("set: view 48 is out of range"));
   EXPECT_THAT(with_end({1, 8, 6, 0}), HasSubstr("set: layout 1 has no 8x6 views"));
   EXPECT_THAT(with_end({6, 1, 1, 0}), HasSubstr("set: layout 6"));
-  EXPECT_THAT(with_end({0, 1, 1, 0}), HasSubstr("set: has a single view"));
+  EXPECT_THAT(with_end({0, 1, 1, 0}), HasSubstr("set: must have at least two views"));
   EXPECT_THAT(with_end({5, 16, 9, 0}), HasSubstr("set: 16x9 views are more than 128"));
   EXPECT_THAT(with_end({5, 40, 3, 0}), HasSubstr("16384"));
   wanted[7] = 1;
@@ -273,13 +274,14 @@ TEST(RequestCodec, BlendingRoundTripsAndIsChecked) {
       ViewRequest request = i % 2 ? focused_request(random) : random_request(random);
       const size_t before = encode_request(request).size();
       request.view.blending = blending;
+      request.view.blending.extrapolates = !request.probe;
       const std::vector<uint8_t> bytes = encode_request(request);
       EXPECT_EQ(bytes.size(), before + (blending.aperture > 0 ? 8 : 1));
       std::string reason;
       const std::optional<ViewRequest> decoded = decode_request(bytes, &reason);
       ASSERT_TRUE(decoded.has_value()) << reason;
       EXPECT_EQ(*decoded, request);
-      EXPECT_EQ(reason_of(resized(bytes, bytes.size() - 1)), "blending: the request ends before it does");
+      EXPECT_EQ(reason_of(resized(bytes, bytes.size() - 1)), "blending: the request ends before this field ends");
       EXPECT_NE(reason_of(resized(bytes, bytes.size() + 1)), "");
     }
   ViewRequest request = golden_request();
@@ -314,7 +316,7 @@ TEST(RequestCodec, RefusesEveryTruncation) {
     // The error names the truncated field if the length field matches.
     const char* field = n < 100 ? "view" : n < 132 ? "lens params" : n < 164 ? "focal_plane" : "out_of_service";
     if (n < 168) {
-      EXPECT_EQ(reason_of(resized(bytes, n)), std::string(field) + ": the request ends before it does") << n;
+      EXPECT_EQ(reason_of(resized(bytes, n)), std::string(field) + ": the request ends before this field ends") << n;
     } else {
       EXPECT_EQ(reason_of(resized(bytes, n)),
                 "out_of_service: 2 cameras do not fill the " + std::to_string(n - 168) + " bytes left");
@@ -340,10 +342,10 @@ TEST(RequestCodec, NamesTheFieldThatIsWrong) {
       {38, 2, 16385, "height: must be 1 to 16384 pixels, is 16385"},
       {40, 1, 101, "quality: must be 0 to 100, is 101"},
       {41, 1, 5, "lens model: 5 is unknown"},
-      {41, 1, 4, "focal_plane: the request ends before it does"},
+      {41, 1, 4, "focal_plane: the request ends before this field ends"},
       {42, 1, 2, "focal surface: kind 2 is not supported"},
       {43, 1, 8, "gains: require a focal map"},
-      {43, 1, 0x10, "blending: the request ends before it does"},
+      {43, 1, 0x10, "blending: the request ends before this field ends"},
       {43, 1, 0x30, "blending: kind 3 is not supported"},
       {44, 8, nan, "position: must be finite numbers"},
       {60, 8, infinity, "position: must be finite numbers"},

@@ -387,6 +387,10 @@ TEST_F(BlendedViews, AreTheCpus) {
       const Rig rig = test::jittered_array(random, 4, 161, 120, seed % 3 ? -0.25 : 0);
       View view = test::view_into(rig, 4, 150 + seed % 5, 111, random.small_rotation(seed % 4 == 2 ? 0.5 : 0.1));
       view.blending = seed % 2 ? within(random.uniform(0.02, 0.5)) : nearest(random.integer(1, 8));
+      if (seed % 4 == 3) {  // partly beside the mesh
+        view.blending = {};
+        view.pose.position.x += random.uniform(0.05, 0.2);
+      }
       if (seed % 5 < 2) view.focus.map = test::depths(random, view, 8, seed % 5 == 1);
       if (seed % 7 == 3) view.lens = Lens(LensModel::kSimpleRadial, {1.25 * view.width, 70, 50, -0.1});
       const std::vector<Image> images = images_of_family(rig, random, family);

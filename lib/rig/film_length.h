@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "rig/rig_report.h"
+
+namespace lf {
+
+struct FilmLength {
+  size_t frames = 0;
+  double seconds = 0;       // 0: the file has no timestamps
+  bool is_cut_off = false;  // the file ends inside an element
+};
+
+// Returns the length of the first video track of a Matroska or WebM file; nullopt if the file has no video frames or
+// can't be read. Reads the headers of all frames, but not the frames. Never throws on damaged files.
+std::optional<FilmLength> matroska_length(const std::string& path);
+
+struct Film {
+  std::string place;  // "cameras[3].source: /films/cam_3.mkv"
+  FilmLength length;
+};
+// Returns a warning for each film that is cut off or has another length than most films. A single film may not differ
+// by a frame; several films may differ by two frames or 1 %, as recordings of free-running cameras do.
+std::vector<RigFinding> compare_film_lengths(const std::vector<Film>& films);
+
+}  // namespace lf

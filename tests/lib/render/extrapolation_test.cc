@@ -1,0 +1,255 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Pixels beside the camera mesh: weights against the formula in 80-bit floating point, continuity at the border, and
+// unchanged pixels inside.
+#include "render/extrapolation.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <map>
+#include <optional>
+#include <utility>
+
+#include <gtest/gtest.h>
+
+#include "lib/render/production.h"
+#include "reference/generators.h"
+#include "reference/renderer.h"
+
+namespace lf {
+namespace {
+
+using reference::Random;
+using reference::Real;
+using reference::V3;
+
+constexpr int kWidth = 93, kHeight = 71, kStep = WeightGrid::kStep;
+
+View view_from(const Vec3& eye, const Quat& turn = {1, 0, 0, 0}) {
+  View view = reference::view_at(eye, turn);
+  view.width = kWidth;
+  view.height = kHeight;
+  view.lens = Lens::from_fov_y(60, kWidth, kHeight);
+  view.blending = {};
+  return view;
+}
+
+bool is_beside(const ViewPlan& plan, const FaceIdMap& owners, int x, int y) {
+  const int32_t owner = owners.at(x, y);
+  return owner != FaceIdMap::kNone && !plan.faces()[owner].has_corners();
+}
+
+std::vector<double> weights_at(const ViewPlan& plan, const FaceIdMap& owners, int x, int y) {
+  std::vector<double> weights;
+  for (CameraIndex i = 0; i < plan.num_cameras(); i++)
+    weights.push_back(CameraCorners(plan, i).weight_at(plan, owners, x, y));
+  return weights;
+}
+
+// The border edges of a mesh of triangles: the edges of a single face.
+std::vector<std::pair<CameraIndex, CameraIndex>> border_of(const Mesh& mesh) {
+  std::map<std::pair<CameraIndex, CameraIndex>, int> count;
+  for (const MeshFace& face : mesh.faces)
+    for (int k = 0; k < 3; k++) count[std::minmax(face.camera[k], face.camera[(k + 1) % 3])]++;
+  std::vector<std::pair<CameraIndex, CameraIndex>> border;
+  for (const auto& [edge, faces] : count)
+    if (faces == 1) border.push_back(edge);
+  return border;
+}
+
+// The formula of render/extrapolation.h for a pixel beside the mesh; `by_angle` has the weights of kAngle.
+std::vector<Real> expected_weights(const Rig& rig, const Mesh& mesh, const View& view, const Vec2& ray,
+                                   const std::vector<Real>& by_angle) {
+  const V3 line = reference::rotate(view.pose.orientation, {ray.x, ray.y, 1}), d = (1 / reference::norm(line)) * line;
+  const auto place = [&](CameraIndex i) {
+    return reference::to_v3(rig.cameras[i].pose.position) - reference::to_v3(view.pose.position);
+  };
+  const auto border = border_of(mesh);
+  std::vector<Real> lengths;
+  for (const auto& [a, b] : border) lengths.push_back(reference::norm(place(b) - place(a)));
+  std::ranges::sort(lengths);
+  const Real length = lengths[lengths.size() / 2];
+  Real least = INFINITY, part = 0, depth = 0;
+  std::pair<CameraIndex, CameraIndex> nearest;
+  for (const auto& [a, b] : border) {
+    const V3 facing = reference::rotate(rig.cameras[a].pose.orientation, {0, 0, 1}) +
+                      reference::rotate(rig.cameras[b].pose.orientation, {0, 0, 1});
+    if (!(reference::dot(facing, d) > 0)) continue;
+    // The distance to the line of sight is convex along the edge: ternary search.
+    Real low = 0, high = 1;
+    const auto distance = [&](Real s) {
+      return reference::norm(reference::cross(place(a) + s * (place(b) - place(a)), d));
+    };
+    for (int i = 0; i < 200; i++) {
+      const Real third = (high - low) / 3;
+      (distance(low + third) > distance(high - third) ? low : high) =
+          distance(low + third) > distance(high - third) ? low + third : high - third;
+    }
+    if (const Real found = distance((low + high) / 2); found < least) {
+      least = found;
+      part = (low + high) / 2;
+      depth = std::abs(reference::dot(place(a) + part * (place(b) - place(a)), d));
+      nearest = {a, b};
+    }
+  }
+  const Real fading = std::max<Real>(length / 4, 32 * depth / view.lens.fx());
+  const Real t = std::min<Real>(least / fading, 1), share = least < INFINITY ? t * t * (3 - 2 * t) : 1;
+  std::vector<Real> weights(rig.cameras.size());
+  for (size_t i = 0; i < weights.size(); i++) weights[i] = share * by_angle[i];
+  if (least < INFINITY) {
+    weights[nearest.first] += (1 - share) * (1 - part);
+    weights[nearest.second] += (1 - share) * part;
+  }
+  return weights;
+}
+
+TEST(Extrapolation, WeightsFollowTheFormula) {
+  double worst = 0;
+  int compared = 0;
+  for (int seed = 0; seed < 12; seed++) {
+    Random random(seed);
+    const Rig rig = reference::planar_grid(3 + seed % 3, 4, 0.5);
+    const Mesh mesh = build_mesh(rig);
+    const View view = view_from(random.point_in_box(2) - Vec3(0, 0, 0.5), random.small_rotation(0.3));
+    const ViewPlan plan(rig, mesh, view);
+    if (!plan.blend()) continue;
+    const FaceIdMap owners(plan, test::whole(view));
+    View angle = view;
+    angle.blending = {.kind = Blending::Kind::kAngle, .nearest = kExtrapolationCameras};
+    const reference::ReferenceBlending by_angle(rig, mesh, angle, kStep);
+    for (int y = 0; y < kHeight; y += kStep)
+      for (int x = 0; x < kWidth; x += kStep) {
+        if (!is_beside(plan, owners, x, y)) continue;
+        const std::vector<Real> expected = expected_weights(rig, mesh, view, plan.rays().at(x, y), by_angle.at(x, y));
+        for (CameraIndex i = 0; i < rig.cameras.size(); i++) {
+          const double weight = static_cast<double>(plan.blend()->weight(i, x, y)) / WeightGrid::kOne;
+          worst = std::max(worst, std::abs(weight - static_cast<double>(expected[i])));
+        }
+        compared++;
+      }
+  }
+  std::printf("%d points, worst weight error %.2g\n", compared, worst);
+  EXPECT_GT(compared, 100);
+  EXPECT_LE(worst, 2. / WeightGrid::kOne) << "rounding of two running sums";
+}
+
+TEST(Extrapolation, AllPixelsInFocusHaveTheWholeWeight) {
+  for (int seed = 0; seed < 20; seed++) {
+    SCOPED_TRACE(seed);
+    Random random(seed);
+    const Rig rig = reference::random_rig(random);
+    View view = reference::random_view(random, rig, kWidth, kHeight);
+    view.blending = {};
+    const ViewPlan plan(rig, build_mesh(rig), view);
+    const FaceIdMap owners(plan, test::whole(view));
+    std::vector<float> sum(static_cast<size_t>(kWidth) * kHeight);
+    for (const CameraIndex camera : plan.contributors()) {
+      const Rect rect = plan.camera_rect(camera);
+      const std::vector<float> weights = pixel_weights(plan, owners, camera, rect);
+      for (int y = rect.y0, i = 0; y < rect.y1; y++)
+        for (int x = rect.x0; x < rect.x1; x++, i++) sum[static_cast<size_t>(y) * kWidth + x] += weights[i];
+    }
+    for (int y = 0; y < kHeight; y++)
+      for (int x = 0; x < kWidth; x++)
+        ASSERT_NEAR(sum[static_cast<size_t>(y) * kWidth + x], owners.at(x, y) == FaceIdMap::kNone ? 0 : 1, 1e-4)
+            << x << ", " << y;
+  }
+}
+
+TEST(Extrapolation, PixelsInsideTheMeshStayTheSame) {
+  int inside = 0, beside = 0;
+  for (int seed = 0; seed < 20; seed++) {
+    SCOPED_TRACE(seed);
+    Random random(seed);
+    const Rig rig = reference::random_rig(random);
+    const Mesh mesh = build_mesh(rig);
+    View view = reference::random_view(random, rig, kWidth, kHeight);
+    view.blending.extrapolates = false;
+    const ViewPlan before(rig, mesh, view);
+    EXPECT_EQ(before.blend(), nullptr);
+    view.blending.extrapolates = true;
+    const ViewPlan plan(rig, mesh, view);
+    const FaceIdMap owners_before(before, test::whole(view)), owners(plan, test::whole(view));
+    for (int y = 0; y < kHeight; y++)
+      for (int x = 0; x < kWidth; x++) {
+        if (owners_before.at(x, y) == FaceIdMap::kNone) {
+          beside += is_beside(plan, owners, x, y);
+          continue;
+        }
+        inside++;
+        ASSERT_EQ(owners.at(x, y), owners_before.at(x, y));
+        for (const CameraIndex camera : plan.faces()[owners.at(x, y)].camera)
+          if (camera != MeshFace::kNone)
+            ASSERT_EQ(CameraCorners(plan, camera).weight_at(plan, owners, x, y),
+                      CameraCorners(before, camera).weight_at(before, owners_before, x, y));
+      }
+  }
+  EXPECT_GT(inside, 10000);
+  EXPECT_GT(beside, 10000);
+}
+
+TEST(Extrapolation, ACoveredViewHasNoGrid) {
+  const Rig rig = reference::planar_grid(4, 4, 0.5);
+  View view = view_from({0, 0, 0.001});
+  EXPECT_EQ(ViewPlan(rig, build_mesh(rig), view).blend(), nullptr);
+  view.pose.position.x = 2;
+  EXPECT_NE(ViewPlan(rig, build_mesh(rig), view).blend(), nullptr);
+}
+
+// Crosses the border pixel by pixel. Weights change at most a little faster than inside a triangle.
+TEST(Extrapolation, IsContinuousAtTheBorder) {
+  const Rig rig = reference::planar_grid(4, 4, 0.5);
+  double inside = 0, across = 0, beside = 0;
+  for (int n = 0; n < 40; n++) {
+    // The border of the array, at x = 0.75, moves over the view.
+    const View view = view_from({0.75 + 0.01 * n - 0.2, 0.03, -1.1});
+    const ViewPlan plan(rig, build_mesh(rig), view);
+    ASSERT_NE(plan.blend(), nullptr);
+    const FaceIdMap owners(plan, test::whole(view));
+    const int y = kHeight / 2;
+    std::vector<double> last = weights_at(plan, owners, 0, y);
+    for (int x = 1; x < kWidth; x++) {
+      const std::vector<double> now = weights_at(plan, owners, x, y);
+      double change = 0;
+      for (size_t i = 0; i < now.size(); i++) change = std::max(change, std::abs(now[i] - last[i]));
+      const int gridded = is_beside(plan, owners, x, y) + is_beside(plan, owners, x - 1, y);
+      double& most = gridded == 0 ? inside : gridded == 1 ? across : beside;
+      most = std::max(most, change);
+      last = now;
+    }
+  }
+  std::printf("largest change of a weight from pixel to pixel: %.3f inside, %.3f across the border, %.3f beside\n",
+              inside, across, beside);
+  EXPECT_LE(across, 0.25);
+  EXPECT_LE(beside, 0.1);
+}
+
+// A row of cameras has strips, which reach to infinity above and below. Pixels beyond its ends are extrapolated.
+TEST(Extrapolation, ARowContinuesBeyondItsEnds) {
+  Rig rig = reference::planar_grid(1, 5, 0.5);
+  rig.topology = {};
+  rig.topology.type = Topology::Type::kDelaunay;
+  const View view = view_from({1.4, 0, -0.5});
+  const ViewPlan plan(rig, build_mesh(rig), view);
+  ASSERT_NE(plan.blend(), nullptr);
+  const FaceIdMap owners(plan, test::whole(view));
+  int beside = 0;
+  for (int x = 0; x < kWidth; x++)
+    for (int y = 0; y < kHeight; y++) {
+      ASSERT_NE(owners.at(x, y), FaceIdMap::kNone);
+      beside += is_beside(plan, owners, x, y);
+    }
+  EXPECT_GT(beside, 100);
+}
+
+// Cameras that get their homographies by command do not extrapolate: one homography covers one face.
+TEST(Extrapolation, DoesNotConcernHomographies) {
+  const Rig rig = reference::planar_grid(4, 4, 0.5);
+  View view = view_from({2, 0, 0});
+  view.blending.extrapolates = false;
+  const ViewPlan plan(rig, build_mesh(rig), view);
+  EXPECT_NO_THROW(validate(view_warp(rig, plan)));
+}
+
+}  // namespace
+}  // namespace lf

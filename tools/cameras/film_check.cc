@@ -1,0 +1,154 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "cameras/film_check.h"
+
+#include <algorithm>
+#include <cstdint>
+#include <filesystem>
+#include <limits>
+#include <mutex>
+
+#include <gst/gst.h>
+
+#include "base/text.h"
+#include "rig/camera_source.h"
+#include "rig/source_security.h"
+
+namespace lf::cameras {
+namespace {
+
+constexpr uintmax_t kMostBytes = uintmax_t{1} << 30;  // a disk reads this in about ten seconds
+
+struct FrameCounter {
+  std::mutex mutex;
+  GstPad* pad = nullptr;  // the first video pad; only compared
+  size_t frames = 0;
+  bool skips = false;  // the file needs an element that may do more than read the file
+  GstClockTime first = GST_CLOCK_TIME_NONE, last = 0;
+
+  // Returns true for the first video pad.
+  bool take(GstPad* candidate) {
+    GstCaps* caps = gst_pad_get_current_caps(candidate);
+    if (!caps) return false;
+    const char* name = gst_structure_get_name(gst_caps_get_structure(caps, 0));
+    const bool video = g_str_has_prefix(name, "video/") || g_str_has_prefix(name, "image/");
+    gst_caps_unref(caps);
+    const std::lock_guard lock(mutex);
+    if (!video || pad) return false;
+    pad = candidate;
+    return true;
+  }
+
+  static GstPadProbeReturn count(GstPad*, GstPadProbeInfo* info, gpointer data) {
+    auto* self = static_cast<FrameCounter*>(data);
+    const std::lock_guard lock(self->mutex);
+    self->frames++;
+    const GstClockTime time = GST_BUFFER_PTS(GST_PAD_PROBE_INFO_BUFFER(info));
+    if (!GST_CLOCK_TIME_IS_VALID(time)) return GST_PAD_PROBE_OK;
+    self->first = std::min(self->first, time);
+    self->last = std::max(self->last, time);
+    return GST_PAD_PROBE_OK;
+  }
+};
+
+// A playlist must not open connections. Returns a GstAutoplugSelectResult, which has no public header.
+int select_element(GstElement*, GstPad*, GstCaps*, GstElementFactory* factory, gpointer data) {
+  constexpr int kTry = 0, kSkip = 2;
+  if (is_trusted_element(GST_OBJECT_NAME(factory))) return kTry;
+  auto* counter = static_cast<FrameCounter*>(data);
+  const std::lock_guard lock(counter->mutex);
+  counter->skips = true;
+  return kSkip;
+}
+
+void on_pad(GstElement* parser, GstPad* pad, gpointer data) {
+  GstElement* sink = gst_element_factory_make("fakesink", nullptr);
+  if (!sink) return;
+  g_object_set(sink, "sync", FALSE, "async", FALSE, nullptr);
+  GstObject* pipeline = gst_object_get_parent(GST_OBJECT(parser));
+  gst_bin_add(GST_BIN(pipeline), sink);
+  gst_object_unref(pipeline);
+  GstPad* in = gst_element_get_static_pad(sink, "sink");
+  if (static_cast<FrameCounter*>(data)->take(pad))
+    gst_pad_add_probe(in, GST_PAD_PROBE_TYPE_BUFFER, FrameCounter::count, data, nullptr);
+  gst_element_sync_state_with_parent(sink);
+  gst_pad_link(pad, in);
+  gst_object_unref(in);
+}
+
+}  // namespace
+
+std::optional<FilmLength> demuxed_length(const std::string& path, bool timed) {
+  gst_init(nullptr, nullptr);
+  GstElement* source = gst_element_factory_make("filesrc", nullptr);
+  // parsebin does not split a file into JPEG images.
+  const char* const name = timed ? "parsebin" : "jpegparse";
+  GstElement* parser = gst_element_factory_make(name, nullptr);
+  if (!source || !parser) throw Error(std::string("elements filesrc and ") + name + " are not installed");
+  GstElement* pipeline = GST_ELEMENT(gst_object_ref_sink(gst_pipeline_new(nullptr)));
+  gst_bin_add_many(GST_BIN(pipeline), source, parser, nullptr);
+  gst_element_link(source, parser);
+  g_object_set(source, "location", path.c_str(), nullptr);
+  FrameCounter counter;
+  if (timed) {
+    g_signal_connect(parser, "pad-added", G_CALLBACK(on_pad), &counter);
+    g_signal_connect(parser, "autoplug-select", G_CALLBACK(select_element), &counter);
+  } else {
+    GstPad* pad = gst_element_get_static_pad(parser, "src");
+    gst_pad_add_probe(pad, GST_PAD_PROBE_TYPE_BUFFER, FrameCounter::count, &counter, nullptr);
+    on_pad(parser, pad, &counter);
+    gst_object_unref(pad);
+  }
+  gst_element_set_state(pipeline, GST_STATE_PLAYING);
+  GstBus* bus = gst_element_get_bus(pipeline);
+  constexpr GstClockTime kPatience = 120 * GST_SECOND;
+  GstMessage* message = gst_bus_timed_pop_filtered(bus, kPatience, GstMessageType(GST_MESSAGE_EOS | GST_MESSAGE_ERROR));
+  const bool failed = !message || GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR;
+  if (message) gst_message_unref(message);
+  gst_object_unref(bus);
+  gst_element_set_state(pipeline, GST_STATE_NULL);
+  gst_object_unref(pipeline);
+  if (counter.frames == 0) return counter.skips ? std::optional<FilmLength>(FilmLength{}) : std::nullopt;
+  FilmLength length{.frames = counter.frames, .is_cut_off = failed};
+  const auto frames = static_cast<double>(counter.frames);
+  if (timed && counter.frames > 1 && counter.last > counter.first)
+    length.seconds = static_cast<double>(counter.last - counter.first) / GST_SECOND * frames / (frames - 1);
+  return length;
+}
+
+std::vector<RigFinding> check_films(const Rig& rig) {
+  using Kind = CameraSource::Kind;
+  std::vector<Film> films;
+  std::vector<RigFinding> findings;
+  for (size_t i = 0; i < rig.cameras.size(); i++) {
+    if (rig.cameras[i].source.empty()) continue;
+    CameraSource source;
+    try {
+      source = find_camera_source(rig, rig.cameras[i]);
+    } catch (const Error&) {
+      continue;  // check_rig() reports the missing file
+    }
+    const std::string place = "cameras[" + std::to_string(i) + "].source: " + redacted_location(source.location);
+    std::optional<FilmLength> length;
+    if (source.kind == Kind::kSequence) {
+      length = {.frames = static_cast<size_t>(source.count)};
+    } else if (source.kind == Kind::kMatroska) {
+      length = matroska_length(source.location);
+    } else if (source.kind == Kind::kFile || source.kind == Kind::kJpegStream) {
+      std::error_code ignored;
+      if (std::filesystem::file_size(source.location, ignored) > kMostBytes) continue;
+      length = demuxed_length(source.location, source.kind == Kind::kFile);
+    } else {
+      continue;
+    }
+    if (length && length->frames > 0)
+      films.push_back({place, *length});
+    else if (!length)
+      findings.push_back(
+          {RigFinding::Severity::kWarning, place + " has no video frames: copy or record the film again"});
+  }
+  const std::vector<RigFinding> others = compare_film_lengths(films);
+  findings.insert(findings.end(), others.begin(), others.end());
+  return findings;
+}
+
+}  // namespace lf::cameras

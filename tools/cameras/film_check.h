@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "rig/film_length.h"
+#include "rig/rig.h"
+
+namespace lf::cameras {
+
+// Returns the length of the first video stream of a file, by demuxing the whole file without decoding; nullopt if
+// GStreamer finds no frames; zero frames if the file needs an element that is not trusted (rig/source_security.h).
+// `timed`: the file has timestamps; otherwise the file is a series of JPEG images.
+std::optional<FilmLength> demuxed_length(const std::string& path, bool timed);
+
+// Returns a warning for each film of the rig that has no frames, is cut off, or has another length than most films.
+// Films in other formats than Matroska are read completely; such films of more than 1 GiB are not checked.
+std::vector<RigFinding> check_films(const Rig& rig);
+
+}  // namespace lf::cameras
