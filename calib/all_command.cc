@@ -399,7 +399,8 @@ void add_all_command(cli::App& app, int& status) {
       ->needs(boards);
   command
       ->add_option("--charuco", o->charuco,
-                   "ArUco dictionary of the board, if it is a ChArUco board, for example 5X5_100")
+                   "Name of the ArUco dictionary that the markers of a ChArUco board belong to, for example 5X5_100. "
+                   "Without this option, the board is a plain checkerboard")
       ->type_name("5X5_100")
       ->needs(boards);
   command

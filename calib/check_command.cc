@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // lf-calibrate check: checks a calibrated rig against a later recording, or with the camera monitor of lf-serve.
+#include <chrono>
 #include <cmath>
+#include <condition_variable>
 #include <cstdio>
 #include <memory>
+#include <mutex>
 #include <optional>
+#include <stop_token>
 #include <string>
 #include <thread>
 
@@ -28,16 +32,47 @@ namespace {
 using lf::format_text;
 using nlohmann::json;
 
-constexpr guint kPatience = 10;  // seconds without data until the request fails
+constexpr guint kPatience = 10;                    // seconds without data until the request fails
+constexpr std::chrono::seconds kWholeRequest{20};  // for the whole answer, so that a slow server can't block for ever
 constexpr size_t kMostBytes = size_t{32} << 20;
 
-std::string read_body(GInputStream* stream, const std::string& address) {
+// Cancels a request that takes longer than kWholeRequest.
+class Deadline {
+ public:
+  Deadline() = default;
+  ~Deadline() {
+    timer_ = {};
+    g_object_unref(cancellable_);
+  }
+  Deadline(const Deadline&) = delete;
+  Deadline& operator=(const Deadline&) = delete;
+  GCancellable* cancellable() { return cancellable_; }
+
+ private:
+  GCancellable* const cancellable_ = g_cancellable_new();
+  std::mutex mutex_;
+  std::condition_variable_any ended_;
+  std::jthread timer_{[this](const std::stop_token& stop) {
+    std::unique_lock lock(mutex_);
+    ended_.wait_for(lock, stop, kWholeRequest, [] { return false; });
+    if (!stop.stop_requested()) g_cancellable_cancel(cancellable_);
+  }};
+};
+
+[[noreturn]] void fail(const std::string& address, const GError& error) {
+  if (error.domain == G_IO_ERROR && error.code == G_IO_ERROR_CANCELLED)
+    throw lf::Error(address + ": the answer takes longer than " + std::to_string(kWholeRequest.count()) +
+                    " s; check that the address is of lf-serve");
+  throw lf::Error(address + ": " + error.message + "; check that lf-serve is running at this address");
+}
+
+std::string read_body(GInputStream* stream, const std::string& address, Deadline& deadline) {
   std::string body;
   std::string part(size_t{1} << 16, '\0');
   for (;;) {
     g_autoptr(GError) error = nullptr;
-    const gssize count = g_input_stream_read(stream, part.data(), part.size(), nullptr, &error);
-    if (count < 0) throw lf::Error(address + ": " + error->message);
+    const gssize count = g_input_stream_read(stream, part.data(), part.size(), deadline.cancellable(), &error);
+    if (count < 0) fail(address, *error);
     if (count == 0) return body;
     body.append(part, 0, static_cast<size_t>(count));
     if (body.size() > kMostBytes)
@@ -53,7 +88,10 @@ std::string fetch(std::string address, const std::string& token_file) {
   address += "monitor.json";
   g_autoptr(SoupSession) session = soup_session_new_with_options("timeout", kPatience, nullptr);
   g_autoptr(SoupMessage) message = soup_message_new("GET", address.c_str());
-  if (!message) throw lf::Error(address + ": is not a valid address");
+  if (!message)
+    throw lf::Error(address +
+                    ": is not a valid address; give the address of lf-serve, such as "
+                    "http://127.0.0.1:8080");
   soup_message_add_flags(message, SOUP_MESSAGE_NO_REDIRECT);  // a redirection must not send the token to another server
   if (!token_file.empty()) {
     std::string token = lf::read_secret_file(token_file);
@@ -62,14 +100,15 @@ std::string fetch(std::string address, const std::string& token_file) {
                                  ("Bearer " + token).c_str());
   }
   g_autoptr(GError) error = nullptr;
-  g_autoptr(GInputStream) body = soup_session_send(session, message, nullptr, &error);
-  if (!body) throw lf::Error(address + ": " + error->message + "; check that lf-serve is running at this address");
+  Deadline deadline;
+  g_autoptr(GInputStream) body = soup_session_send(session, message, deadline.cancellable(), &error);
+  if (!body) fail(address, *error);
   const guint status = soup_message_get_status(message);
   if (status == SOUP_STATUS_UNAUTHORIZED)
     throw lf::Error(address + ": the server requires a token; give it with --token-file");
   if (status != SOUP_STATUS_OK)
     throw lf::Error(address + ": answers " + std::to_string(status) + " " + soup_status_get_phrase(status));
-  return read_body(body, address);
+  return read_body(body, address, deadline);
 }
 
 class MonitoredCamera {
@@ -85,7 +124,8 @@ class MonitoredCamera {
   const json& raw_;
 };
 
-// Sets the state of a camera in `judged`, and returns a message with the problem and its remedy.
+// Writes the verdict on one camera into `judged`. Returns a message for the user that states the problem and its
+// remedy, or an empty text if there is no problem.
 std::string judge(const lf::Camera& camera, const std::string& fault, json& judged) {
   const std::string who = "camera " + std::to_string(camera.id) + " (" + camera.name + ")";
   if (fault == "direction") {
@@ -167,7 +207,8 @@ struct CheckArguments {
   int threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
 };
 
-// Returns priors for the lenses only, because the check must not assume the poses that it checks.
+// Returns the prior knowledge for the check, which is only the lenses. The poses are left out, because the check must
+// not assume what it checks.
 lf::SolveOptions with_lenses(const lf::Rig& rig, const std::string& path) {
   lf::SolveOptions options;
   options.prior = rig;
@@ -198,7 +239,9 @@ lf::Tracks tracks_of(const CheckArguments& o, const lf::Rig& rig) {
     const LightRecordings recordings = detect_lights(rig, o.recordings, o.bar > 0, o.threads);
     for (const std::string& trouble : recordings.troubles(rig)) terminal::print("warning: %s\n", trouble.c_str());
     if (recordings.useful() < 3)
-      throw lf::Error("fewer than three cameras saw a moving light, which is too few for a check");
+      throw lf::Error(
+          "fewer than three cameras saw a moving light, which is too few for a check. Record again in a "
+          "dark room, with the light switched on and in view of all cameras");
     sights = recordings.sights;
   } else {
     const std::string text = lf::read_text_file(o.tracks);
@@ -258,20 +301,25 @@ void add_check_command(cli::App& app, int& status) {
                    "Folder with a recording NAME.* of each camera, showing a light that moves through the dark")
       ->type_name("DIR");
   what->add_option("--tracks", o->tracks,
-                   "JSON file with the tracks of such a recording, written by lf-calibrate track")
+                   "JSON file with the tracks of such a recording, which are the positions of the light in all images. "
+                   "lf-calibrate track writes this file")
       ->type_name("FILE");
   cli::Option* monitor = what->add_option("--monitor", o->monitor,
                                           "Address of an lf-serve that shows this rig with --monitor 30, for example "
                                           "http://127.0.0.1:8080. A saved monitor.json of this server works, too")
                              ->type_name("URL|FILE");
   what->require_option(1);
-  command->add_option("--token-file", o->token_file, "File with the bearer token, if lf-serve runs with --token-file")
+  command
+      ->add_option("--token-file", o->token_file,
+                   "File with the bearer token, the same file as in --token-file of "
+                   "lf-serve. It is required if lf-serve uses a token")
       ->type_name("FILE")
       ->needs(monitor);
   command
       ->add_option(
           "--bar", o->bar,
-          "Distance between the two lights on a bar, in metres. If given, the scale of the rig is checked, too")
+          "Distance between the two lights on a bar, in metres. If this option is given, the scale of the rig is "
+          "checked, too")
       ->check(cli::PositiveNumber)
       ->excludes(monitor);
   command->add_option("--json", o->json, "JSON file that receives the report, the input of lf-calibrate report")

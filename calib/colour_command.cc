@@ -52,7 +52,8 @@ std::string name_of_frame(const std::string& pattern, size_t n) {
   return pattern.substr(0, begin) + number + pattern.substr(end + 1);
 }
 
-// A frame and its place, the position of the chart. Frames of all cameras at the same place show the same position.
+// A frame of a camera, with the number of its place. Each place is one position of the chart, and frames of all cameras
+// at the same place show the same position.
 struct Frame {
   size_t place;
   lf::Image image;
@@ -118,7 +119,8 @@ struct Recording {
   std::vector<std::string> without;
 };
 
-// Reads the cameras in parallel and searches each frame for the chart. Keeps frames for comparing views.
+// Reads the recordings of all cameras in parallel and searches each frame for the chart. Also keeps some frames for
+// comparing views, the method without a chart.
 Recording read(const lf::Rig& rig, const lf::Rig& recorded, const ColourArguments& options) {
   Recording out;
   const size_t n = rig.cameras.size();
@@ -281,8 +283,8 @@ void measure(const ColourArguments& options) {
 void add_colour_command(cli::App& app) {
   const auto o = std::make_shared<ColourArguments>();
   cli::App* command = app.add_subcommand("colour",
-                                         "Estimates colour corrections that make all cameras agree: black level, gain, "
-                                         "colour matrix, gamma and vignetting of each camera");
+                                         "Estimates colour corrections that make all cameras show the same colours: "
+                                         "black level, gain, colour matrix, gamma and vignetting of each camera");
   command->add_option("RIG", o->rig, "Calibrated rig file of the array")->required()->type_name("RIG");
   command
       ->add_option("--recording", o->recording,
@@ -291,15 +293,16 @@ void add_colour_command(cli::App& app) {
       ->type_name("DIR|RIG");
   command
       ->add_option("--from", o->from,
-                   "Method. chart: the recordings show a colour chart with 24 patches; views: the colours of scene "
-                   "points that several cameras see are compared, which requires a calibrated geometry; auto: chart if "
-                   "a chart is found, otherwise views")
+                   "Method of the estimation. chart: the recordings show a colour chart with 24 patches. views: the "
+                   "colours of scene points that several cameras see are compared, which requires a calibrated "
+                   "geometry. auto: chart if a chart is found, otherwise views")
       ->capture_default_str()
       ->check(cli::IsMember({"auto", "chart", "views"}));
   command
       ->add_option("--frames", o->frames,
-                   "Maximum number of frames to use per recording. They are evenly spaced over the recording. All "
-                   "recordings must start at the same time, because frames at equal times must show the same scene")
+                   "Maximum number of frames to use per recording. They are evenly spaced over the recording. More "
+                   "frames take more time. All recordings must start at the same time, because frames at equal times "
+                   "must show the same scene")
       ->capture_default_str()
       ->check(cli::Range(1, 10000));
   command->add_option("--out", o->out, "Rig file to write, with the colour corrections. This may be RIG")

@@ -23,8 +23,9 @@ void add_intrinsics_command(cli::App& app);
 void add_solve_command(cli::App& app);
 void add_track_command(cli::App& app);
 
-// Shows the progress of the solver as a progress bar, or as one line per step if standard error is not a terminal.
-// `progress`, which the constructor sets, refers to this object and must not be called after its destruction.
+// Shows the progress of the solver: a progress bar, or one line per step if standard error is not a terminal. The
+// constructor sets `progress` to a function for the options of the solver. This function refers to the object and must
+// not be called after its destruction.
 class SolveProgress {
  public:
   SolveProgress(const std::string& what, std::function<void(const std::string& step)>& progress) : bar_(what, 100) {

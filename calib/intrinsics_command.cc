@@ -37,7 +37,7 @@ struct IntrinsicsArguments {
   const cli::Option* views_option = nullptr;
 };
 
-// A video source: GStreamer elements, and a name for messages.
+// A video source of board images: the GStreamer elements that deliver the video, and a name for messages.
 struct Video {
   std::string elements, name;
   bool waits = false;  // true if the source can wait; otherwise frames that arrive during processing are dropped
@@ -210,7 +210,8 @@ ordered_json report(const IntrinsicsResult& result, const Images& images) {
           {"warnings", result.warnings}};
 }
 
-// Saves the rig of `--rig` with the new lens of this camera. Without `--rig`, saves a rig with only this camera.
+// Saves the calibrated lens. The output is the rig of `--rig` with the new lens of this camera, or without `--rig` a
+// rig with only this camera.
 void save(const IntrinsicsArguments& options, const IntrinsicsResult& result, const Images& images) {
   lf::Rig rig;
   nlohmann::json original = {{"cameras", nlohmann::json::array()}};
@@ -292,12 +293,14 @@ void add_intrinsics_command(cli::App& app) {
       ->check(cli::PositiveNumber);
   cli::Option* charuco = command
                              ->add_option("--charuco", o->charuco,
-                                          "ArUco dictionary of the board, if it is a ChArUco board, for example "
-                                          "5X5_100. A ChArUco board need not be completely visible")
+                                          "Name of the ArUco dictionary that the markers of a ChArUco board belong to, "
+                                          "for example 5X5_100. Without this option, the board is a plain "
+                                          "checkerboard. A ChArUco board need not be completely visible")
                              ->type_name("5X5_100");
   command
       ->add_option("--marker", o->marker,
-                   "Side length of a marker of the ChArUco board, as a fraction of the side of a square")
+                   "Side length of a marker of the ChArUco board, as a fraction of the side of a square. For example, "
+                   "0.75 for markers of 30 mm in squares of 40 mm")
       ->capture_default_str()
       ->check(cli::Range(0.01, 0.99))
       ->needs(charuco);
@@ -310,8 +313,16 @@ void add_intrinsics_command(cli::App& app) {
                       "Rig file that contains the camera. All other cameras are copied to --out unchanged (default: "
                       "--out becomes a rig with this camera only)");
   cli::add_trust_option(*command, o->trusted);
-  command->add_option("--camera", o->camera, "Id of the camera in the rig")->capture_default_str();
-  command->add_option("--out", o->out, "Rig file to write. This may be the file of --rig")->required();
+  command
+      ->add_option("--camera", o->camera,
+                   "Id of the camera that is calibrated, as in the "
+                   "rig file of --rig")
+      ->capture_default_str();
+  command
+      ->add_option("--out", o->out,
+                   "Rig file to write, with the calibrated lens. This may be the "
+                   "file of --rig")
+      ->required();
   command->add_option("--json", o->json, "JSON file that receives the report, the input of lf-calibrate report");
   command->callback([o] { calibrate(*o); });
 }

@@ -85,20 +85,27 @@ void add_features_command(cli::App& app) {
   command->add_option("RIG", o->rig, "Rig file with one still image per camera. Its camera positions may be nominal")
       ->required();
   command
-      ->add_option("--every", o->every, "Use only every N-th row and column of a grid, starting with row and column 0")
+      ->add_option("--every", o->every,
+                   "Use only every N-th row and column of a grid, starting with row and column 0. "
+                   "A larger N takes less time, but gives fewer observations")
       ->check(cli::PositiveNumber);
   command
       ->add_option("--references", o->features.references,
                    "Number of reference cameras. Corners are detected in their images, and then searched for in the "
-                   "images of all other cameras")
+                   "images of all other cameras. More reference cameras give more tracks, but take more time")
       ->capture_default_str()
       ->check(cli::Range(1, static_cast<int>(lf::kMaxCameras)));
-  command->add_option("--features", o->features.features, "Maximum number of corners per reference camera")
+  command
+      ->add_option("--features", o->features.features,
+                   "Maximum number of corners to detect in the image of each "
+                   "reference camera. More corners give more tracks, but take "
+                   "more time")
       ->capture_default_str()
       ->check(cli::Range(1, 1000000));
   command
       ->add_option("--least-cameras", o->features.least_cameras,
-                   "Minimum number of cameras that must see a corner. Corners with fewer cameras are discarded")
+                   "Minimum number of cameras that must see a corner. Corners that fewer cameras see are discarded. A "
+                   "larger value keeps fewer, but more reliable corners")
       ->capture_default_str()
       ->check(cli::Range(2, static_cast<int>(lf::kMaxCameras)));
   command->add_option("--out", o->out, "JSON file that receives the tracks, the input of solve")->required();

@@ -142,7 +142,9 @@ namespace {
 
 using Element = std::unique_ptr<GstElement, decltype(&gst_object_unref)>;
 
-std::string reason_of(GstElement* pipeline) { return lf::bus_error(pipeline, 0, "no video could be read"); }
+std::string reason_of(GstElement* pipeline) {
+  return lf::bus_error(pipeline, 0, "no video could be read; check that the file is complete and can be played");
+}
 
 // The default method of jpegdec is fast but inaccurate; it shifts positions by hundredths of a pixel.
 void decode_exactly(GstBin*, GstBin*, GstElement* element, gpointer) {

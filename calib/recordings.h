@@ -52,7 +52,8 @@ void for_each_video_frame(const std::string& path_or_uri, VideoFormat format,
 // Returns the duration of a video in seconds. Returns 0 if it is unknown, for example for a live source.
 double video_duration(const std::string& path_or_uri);
 
-// Lights that were detected in the recordings of all cameras of a rig.
+// The lights that were detected in the recordings of all cameras of a rig, with the reasons why recordings are
+// unusable.
 struct LightRecordings {
   struct Camera {
     lf::LightDetectorStats record;
@@ -64,7 +65,8 @@ struct LightRecordings {
   std::vector<lf::Finding> findings;
 
   size_t useful() const;
-  // Returns one line per unusable recording, such as "camera 3 (cam_00_03) is black from ...".
+  // Returns one line per unusable recording, for a message to the user, such as "camera 3 (cam_00_03) is black from
+  // ...".
   std::vector<std::string> troubles(const lf::Rig& rig) const;
 };
 

@@ -9,7 +9,8 @@
 
 #include <nlohmann/json_fwd.hpp>
 
-// The data behind a report page: results of all calibration steps, read from their --json files and merged by camera.
+// The data behind a report page. It contains the results of all calibration steps, read from their --json files and
+// merged by camera.
 struct ReportData {
   struct Finding {
     std::string severity, code, text;  // "error", "warning" or "note"
@@ -44,7 +45,8 @@ struct ReportData {
 
     std::string title() const { return name.empty() ? std::to_string(id) : std::to_string(id) + " " + name; }
     std::optional<double> covered() const;
-    // Returns the longest semi-axis of the 95 % confidence ellipsoid of the position, in metres.
+    // Returns the longest semi-axis of the 95 % confidence ellipsoid of the position, in metres. The true position is
+    // within this distance with a probability of at least 95 %.
     std::optional<double> ellipsoid() const;
   };
   struct Solve {
@@ -106,8 +108,8 @@ struct ReportData {
   void add_check(const nlohmann::json& report);
 };
 
-// Assessment of a calibration: a grade for each camera and for the whole calibration, with reasons and recommended next
-// steps.
+// The verdict on a calibration: a grade for each camera and for the whole calibration, with reasons and recommended
+// next steps.
 struct ReportVerdict {
   enum class Grade { kGood, kFair, kBad };
   struct Camera {

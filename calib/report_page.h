@@ -8,8 +8,8 @@
 
 #include "report_data.h"
 
-// Draws the figures of a report as inline SVG. Colours come from the classes of the page's style sheet (good, fair,
-// bad, line, dim, ...).
+// Functions that draw the figures of a report as inline SVG. Colours come from the classes of the page's style sheet
+// (good, fair, bad, line, dim, ...).
 namespace plots {
 
 std::string escaped(const std::string& text);

@@ -97,11 +97,16 @@ void add_track_command(cli::App& app) {
       ->add_option("--recordings", o->recordings,
                    "Folder with a recording NAME.* of each camera (default: the sources of the rig)")
       ->type_name("DIR");
-  command->add_flag("--bar", o->bar, "The recordings show two lights on a rigid bar, instead of a single light");
+  command->add_flag("--bar", o->bar,
+                    "The recordings show two lights on a rigid bar, instead of a single light. The "
+                    "known distance of the lights then gives the scale of the rig");
   command->add_option("--out", o->out, "JSON file that receives the tracks, the input of solve")->required();
   command->add_option("--json", o->json, "JSON file that receives the report, the input of lf-calibrate report")
       ->type_name("FILE");
-  command->add_option("--threads", o->threads, "Number of recordings to process at the same time")
+  command
+      ->add_option("--threads", o->threads,
+                   "Number of recordings to process at the same time. More recordings use "
+                   "more processors and memory")
       ->capture_default_str()
       ->check(cli::Range(1, 256));
   command->callback([o] { track(*o); });
@@ -252,7 +257,8 @@ void add_solve_command(cli::App& app) {
       ->type_name("RIG");
   command
       ->add_option("--distortion", o->distortion,
-                   "Radial distortion terms to estimate for each camera. auto: as many as the tracks support")
+                   "Number of radial distortion terms to estimate for each camera. More terms describe wide-angle "
+                   "lenses better, but need more observations. auto: as many as the tracks support")
       ->capture_default_str()
       ->check(cli::IsMember({"auto", "none", "k1", "k1k2"}));
   cli::Option* bar =
@@ -263,7 +269,8 @@ void add_solve_command(cli::App& app) {
   cli::Option* pitch =
       command
           ->add_option("--pitch", o->placement.pitch,
-                       "Median distance between neighbouring cameras, in metres. It determines the scale of the rig")
+                       "Median distance between neighbouring cameras, in metres. It determines the scale of the rig. "
+                       "Use it if there is no bar with two lights")
           ->check(cli::PositiveNumber)
           ->excludes(bar);
   command

@@ -6,8 +6,8 @@
 
 namespace lf {
 
-// Collects the log messages of the solver Ceres in memory instead of printing them on standard error. Ceres logs
-// through glog, which is global to the process, so only programs may call this function, not libraries.
+// Collects the log messages of the solver Ceres in memory. Without this call, Ceres prints them on standard error.
+// Ceres logs through glog, which is global to the process, so only programs may call this function, not libraries.
 void capture_solver_messages();
 
 // Returns at most 16 different messages with their counts, for example "Linear solver failure (3 times)". Thread-safe.

@@ -44,7 +44,7 @@ lf::Image photograph(const lf::Camera& camera) {
   return image;
 }
 
-// A host that has some of the cameras, but knows the whole rig.
+// A host that has only some of the cameras of the array, but knows the whole rig, so that it can answer view requests.
 struct Host {
   Host(const lf::Rig& rig, const std::vector<uint32_t>& cameras) : node(rig, cameras) {
     for (const uint32_t camera : cameras) frames.push_back(photograph(rig.camera(camera)));

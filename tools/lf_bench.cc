@@ -79,8 +79,8 @@ lf::View view_of(const Array& array, const Options& options) {
   return view;
 }
 
-// Renders one view repeatedly, from camera images in memory to the final picture. A node with all cameras and a
-// compositor run in one thread.
+// Measures the rendering speed: renders one view repeatedly, from camera images in memory to the final picture. A node
+// with all cameras and a compositor run in one thread.
 class Link {
  public:
   // If `jpeg` is true, answers are encoded with this quality, as on a network link. Otherwise they are 16-bit sums
@@ -277,10 +277,13 @@ int main(int argc, char** argv) {
   app.add_option(
       "--rig", o.rig,
       "Rig file with one still image per camera, all taken at the same time, such as lf-rig snapshot writes");
-  app.add_option("--size", o.size, "Size of the rendered views, in pixels (default: the size of a camera image)")
+  app.add_option("--size", o.size,
+                 "Size of the rendered views in pixels, for example 1280x720 (default: the size of a "
+                 "camera image)")
       ->type_name("WxH");
   app.add_option("--focus-distance", o.distance,
-                 "Distance of the focal plane, in metres (default: estimated from the images)")
+                 "Distance of the focal plane, in metres. Pictures rendered with a plane are sharp only at this "
+                 "distance (default: estimated from the images)")
       ->check(cli::PositiveNumber);
   app.add_option("--held-out", o.held_out,
                  "Number of cameras to hold out. Each of them is rendered from the remaining cameras and compared with "
@@ -288,12 +291,13 @@ int main(int argc, char** argv) {
       ->capture_default_str()
       ->check(cli::NonNegativeNumber);
   app.add_option("--quality", o.quality,
-                 "JPEG quality of the answers, the compressed partial views that a camera host sends over the network")
+                 "JPEG quality of the answers, which are the compressed parts of a view that a camera host sends over "
+                 "the network. A lower quality gives smaller answers and more compression artefacts")
       ->capture_default_str()
       ->check(cli::Range(1, 100));
   app.add_option("--renderer", o.renderer,
-                 "Renderer of the views. cpu: SIMD code on the CPU; gl: OpenGL ES on a GPU; auto: the faster one on "
-                 "this machine")
+                 "Processor that renders the views. cpu: the vector instructions of the CPU. gl: a GPU, by OpenGL ES. "
+                 "auto: the faster of both on this machine")
       ->capture_default_str()
       ->check(cli::IsMember({"cpu", "gl", "auto"}));
   app.add_option("--seconds", o.seconds, "Duration of each timing, in seconds. Longer timings vary less")

@@ -60,20 +60,22 @@ int main(int argc, char** argv) {
       "lf-path");
   app.add_option("--rig", o.rig, "Rig file of the array")->required()->type_name("RIG.json");
   app.add_option("--out", o.out, "Views file to write")->required()->type_name("VIEWS.json");
-  app.add_option("--near", o.near, "Minimum focus distance, in metres (0: estimated from the images)")
+  app.add_option("--near", o.near, "Nearest focus distance along the path, in metres (0: estimated from the images)")
       ->check(cli::NonNegativeNumber);
-  app.add_option("--far", o.far, "Maximum focus distance, in metres (0: estimated from the images)")
+  app.add_option("--far", o.far, "Farthest focus distance along the path, in metres (0: estimated from the images)")
       ->check(cli::NonNegativeNumber);
-  app.add_option("--frames", o.tour.frames, "Number of views along the path")
+  app.add_option("--frames", o.tour.frames,
+                 "Number of views along the path. At a given --framerate, more views make "
+                 "the path longer and slower")
       ->capture_default_str()
       ->check(cli::Range(1, 1000000));
   app.add_option("--framerate", o.tour.rate_hz,
                  "Frame rate of the path, in views per second. It determines the times of the views")
       ->capture_default_str()
       ->check(cli::PositiveNumber);
-  app.add_option("--width", o.tour.width, "Width of the views, in pixels (0: the width of the cameras)")
+  app.add_option("--width", o.tour.width, "Width of the views, in pixels (0: the width of the camera images)")
       ->check(cli::Range(0, lf::kMaxImageSize));
-  app.add_option("--height", o.tour.height, "Height of the views, in pixels (0: the height of the cameras)")
+  app.add_option("--height", o.tour.height, "Height of the views, in pixels (0: the height of the camera images)")
       ->check(cli::Range(0, lf::kMaxImageSize));
   app.add_option("--room", o.tour.room,
                  "Distance between the outermost eyes of a multi-view display, in metres. The path stays this much "

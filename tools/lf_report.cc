@@ -73,7 +73,9 @@ std::vector<ViewLogEntry> read_view_log(const std::string& path) {
     entries.push_back(entry);
   }
   if (entries.empty())
-    throw lf::Error(path + ": contains no lightfield-view messages, so the pipeline has rendered no pictures");
+    throw lf::Error(path +
+                    ": contains no lightfield-view messages, so the pipeline has rendered no pictures; set "
+                    "post-messages=true at lfcompositor");
   return entries;
 }
 
@@ -289,22 +291,26 @@ int main(int argc, char** argv) {
       "Summarizes a run of a light field pipeline: picture quality, latency and bytes. Writes report.json and the "
       "contact sheet sheet.png, and prints report.json.",
       "lf-report");
-  app.add_option("--rig", o.rig, "Rig file that the pipeline used")->required()->type_name("RIG.json");
+  app.add_option("--rig", o.rig, "Rig file that the pipeline used for rendering")->required()->type_name("RIG.json");
   app.add_option("--views", o.views, "Views file with the views that the pipeline rendered")
       ->required()
       ->type_name("VIEWS.json");
-  app.add_option("--frames", o.frames, "Rendered pictures as raw RGB video, written by filesink")->required();
+  app.add_option("--frames", o.frames,
+                 "Rendered pictures as raw RGB video, as filesink writes it behind "
+                 "video/x-raw,format=RGB")
+      ->required();
   app.add_option("--plane", o.plane,
                  "Pictures of the same views, rendered with lfcompositor focus=plane, as raw RGB video. The report "
                  "compares these pictures with --frames")
       ->required();
   app.add_option(
          "--log", o.log,
-         "Output of gst-launch-1.0 -m, where each line begins with the time of day in seconds (bash's $EPOCHREALTIME)")
+         "Output of gst-launch-1.0 -m, which contains the messages of the pipeline. Begin each line with the time of "
+         "day in seconds, such as bash's $EPOCHREALTIME")
       ->required();
   app.add_option("--live-log", o.live_log,
-                 "Output of a live run, in the format of --log. Latency is then measured in this run, because a live "
-                 "pipeline has only one request in flight");
+                 "Output of a run with live cameras, in the format of --log. The latency is then taken from this run "
+                 "instead of --log. A live run is more realistic, because its pipeline has only one request in flight");
   app.add_flag("--scene", o.scene,
                "Compare the pictures with the ground truth of the built-in scene. The cameras of the rig must have "
                "filmed this scene");

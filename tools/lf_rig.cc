@@ -232,28 +232,34 @@ void add_formats(cli::App& app, Arguments& arguments) {
     format.export_->add_option(format.place, arguments.other, "File or folder to write")->required();
   }
   cli::App* colmap = import->get_subcommand("colmap");
-  colmap->add_option("--images", arguments.colmap.images, "Folder that contains the image files (default: DIR/images)");
+  colmap->add_option("--images", arguments.colmap.images,
+                     "Folder that contains the image files, if they are not in "
+                     "the usual place (default: DIR/images)");
   colmap->add_flag("--undistorted", arguments.colmap.undistorted,
-                   "The image files are already undistorted. The rig then uses pinhole lenses, and takes the image "
-                   "size from each file");
+                   "The image files are already undistorted, for example by COLMAP's image_undistorter. The rig then "
+                   "uses pinhole lenses, and takes the image size from each file");
   colmap
       ->add_option("--grid", arguments.grid,
-                   "Rows and columns of the array. The cameras are assigned to the grid in the order of their names")
+                   "Rows and columns of the array, for example 4x8. The cameras are assigned to the grid in the order "
+                   "of their names")
       ->type_name("RxC");
   cli::App* stanford = import->get_subcommand("stanford");
   stanford
       ->add_option("--f", arguments.stanford.f,
-                   "Focal length of the cameras, in pixels (default: a horizontal field of view of 50 degrees)")
+                   "Focal length of the cameras, in pixels. The file names do not contain it (default: a horizontal "
+                   "field of view of 50 degrees)")
       ->check(cli::PositiveNumber);
   stanford
       ->add_option("--focus-distance", arguments.stanford.focus_distance,
-                   "Distance at which the images have no disparity, in metres; 0 means infinity (default: estimated "
-                   "from the images)")
+                   "Distance of objects that have the same position in all images, in metres; 0 means infinity. Images "
+                   "of an archive are often shifted so that one plane has no disparity (default: estimated from the "
+                   "images)")
       ->check(cli::NonNegativeNumber);
   for (cli::App* command : {stanford, exports->get_subcommand("stanford")})
     command
         ->add_option("--unit", arguments.stanford.unit,
-                     "Length of one unit of the positions in the file names, in metres")
+                     "Length of one unit of the camera positions in the file names, in metres. For example, give 0.001 "
+                     "if the positions are in millimetres")
         ->capture_default_str();
 }
 
@@ -296,14 +302,19 @@ int main(int argc, char** argv) {
                        "Rows and columns of a rectangular grid, for example 4x8. Row 0 is at the top")
           ->type_name("RxC")};
   const std::tuple<const char*, int&, const char*> shapes[] = {
-      {"--line", arguments.line, "Number of cameras in a straight row, from left to right"},
+      {"--line", arguments.line,
+       "Number of cameras in a straight row, from left to right. Neighbours are --pitch "
+       "apart"},
       {"--arc", arguments.arc,
-       "Number of cameras on an arc, from left to right. All cameras look at the centre of the arc"},
-      {"--ring", arguments.ring, "Number of cameras on a circle, clockwise from the top. All cameras look forward"},
+       "Number of cameras on an arc of a circle with --radius, from left to right. All cameras look at the centre of "
+       "the arc"},
+      {"--ring", arguments.ring,
+       "Number of cameras on a circle with --radius, clockwise from the top. All cameras "
+       "look forward"},
       {"--inward", arguments.inward,
-       "Number of cameras in each row around a cylinder. All cameras look inwards, at the axis"},
+       "Number of cameras in each row around a cylinder with --radius. All cameras look inwards, at the axis"},
       {"--outward", arguments.outward,
-       "Number of cameras in each row around a cylinder. All cameras look outwards, away from the axis"}};
+       "Number of cameras in each row around a cylinder with --radius. All cameras look outwards, away from the axis"}};
   for (const auto& [name, cameras, help] : shapes) {
     const cli::Option* option = shape->add_option(name, cameras, help)->check(cli::PositiveNumber);
     if (&cameras != &arguments.inward && &cameras != &arguments.outward) flat.push_back(option);
@@ -313,16 +324,29 @@ int main(int argc, char** argv) {
                                        "Number of rows of a cylinder (--inward, --outward). The rows are --pitch apart")
                           ->capture_default_str();
   for (const cli::Option* option : flat) rows->excludes(option);
-  make->add_option("--pitch", arguments.new_rig.pitch, "Distance between neighbouring cameras, in metres");
-  make->add_option("--radius", arguments.radius, "Radius of the arc, ring or cylinder, in metres");
-  make->add_option("--fov", arguments.new_rig.fov_y_deg, "Vertical field of view of the cameras, in degrees")
+  make->add_option("--pitch", arguments.new_rig.pitch,
+                   "Distance between the centres of neighbouring cameras, in "
+                   "metres");
+  make->add_option("--radius", arguments.radius,
+                   "Radius of the arc, ring or cylinder, in metres, measured to the "
+                   "centres of the cameras");
+  make->add_option("--fov", arguments.new_rig.fov_y_deg,
+                   "Vertical field of view of the cameras, in degrees, as in the "
+                   "data sheet of the lens. A calibration measures the exact "
+                   "value later")
       ->required();
-  make->add_option("--width", arguments.new_rig.width, "Image width of the cameras, in pixels")->capture_default_str();
-  make->add_option("--height", arguments.new_rig.height, "Image height of the cameras, in pixels")
+  make->add_option("--width", arguments.new_rig.width,
+                   "Image width of the cameras, in pixels. It must be a size that "
+                   "the cameras can deliver")
+      ->capture_default_str();
+  make->add_option("--height", arguments.new_rig.height,
+                   "Image height of the cameras, in pixels. It must be a size "
+                   "that the cameras can deliver")
       ->capture_default_str();
   make->add_flag("--devices", arguments.devices,
                  "Use the connected cameras as sources, in the order of their ports. This finds all cameras known to "
-                 "GStreamer, for example from v4l2, libcamera and Aravis");
+                 "GStreamer, for example from v4l2, libcamera and Aravis. Without this option, the rig file has no "
+                 "sources, and you add them yourself");
   make->add_option("--out", arguments.out, "Rig file to write")->required();
 
   cli::App* info = app.add_subcommand(
@@ -338,9 +362,12 @@ int main(int argc, char** argv) {
   cli::App* which = subset->add_option_group("which");
   which
       ->add_option("--every", arguments.every,
-                   "Keep every N-th row and column of a grid, starting with row and column 0")
+                   "Keep only every N-th row and column of a grid, starting with row and column 0. For example, 2 "
+                   "keeps a quarter of the cameras, which shows the quality of a sparser array")
       ->check(cli::PositiveNumber);
-  which->add_option("--cameras", arguments.cameras, "Ids of the cameras to keep, for example 0-3,7");
+  which->add_option("--cameras", arguments.cameras,
+                    "Ids of the cameras to keep, as numbers and ranges, for example "
+                    "0-3,7");
   which->require_option(1);
   subset->add_option("--out", arguments.out, "Rig file to write")->required();
 

@@ -121,7 +121,10 @@ cli::App* add_chart_command(cli::App& app) {
   command->add_option("--out", o->out, "Folder that receives rig.json and a film for each camera")
       ->required()
       ->type_name("DIR");
-  command->add_option("--places", o->places, "Number of chart positions. Each film has one frame per position")
+  command
+      ->add_option("--places", o->places,
+                   "Number of positions of the chart. Each film has one frame per position, so more positions make "
+                   "longer films")
       ->capture_default_str()
       ->check(cli::Range(1, 1000));
   command->add_option("--quality", o->quality, "JPEG quality of the films")
@@ -435,16 +438,21 @@ int main(int argc, char** argv) {
       "Films the built-in synthetic scene with a camera array, as test material with known ground truth. Writes "
       "DIR/rig.json and a film for each camera. The exact pictures of the views of --truth are written to DIR/truth.",
       "lf-scene");
-  app.add_option("--out", o.out, "Folder to write (required)")->type_name("DIR");
+  app.add_option("--out", o.out,
+                 "Folder to write. It receives rig.json, the films and the ground truth. This option "
+                 "is required")
+      ->type_name("DIR");
   cli::Option* rig = app.add_option("--rig", o.rig, "Rig file with the cameras that film")->type_name("RIG.json");
-  app.add_option("--grid", o.grid, "Rows and columns of the array of the scene, which is used without --rig")
+  app.add_option("--grid", o.grid,
+                 "Rows and columns of the scene's own array of cameras, for example 8x8. It is used "
+                 "without --rig")
       ->type_name("RxC")
       ->capture_default_str()
       ->excludes(rig);
-  app.add_option("--width", o.width, "Image width of the cameras of --grid, in pixels")
+  app.add_option("--width", o.width, "Image width of the cameras of the scene's own array, in pixels")
       ->capture_default_str()
       ->excludes(rig);
-  app.add_option("--height", o.height, "Image height of the cameras of --grid, in pixels")
+  app.add_option("--height", o.height, "Image height of the cameras of the scene's own array, in pixels")
       ->capture_default_str()
       ->excludes(rig);
   app.add_option("--frames", o.frames)->capture_default_str()->check(cli::Range(1, 1000000));

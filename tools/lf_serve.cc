@@ -111,7 +111,10 @@ void check_options(Options& options) {
         "lfnodesink");
   if (!options.record.empty() && options.watch)
     throw lf::Error("--record: cannot be used with --watch, because the cameras must not change during a recording");
-  if (options.watch && options.rig.empty()) throw lf::Error("--watch: requires --rig, the file that lf-serve watches");
+  if (options.watch && options.rig.empty())
+    throw lf::Error(
+        "--watch: requires --rig, because lf-serve watches this "
+        "file for changes");
   if (!options.key_file.empty() && options.nodes.empty())
     throw lf::Error("--key-file: requires --nodes, because the key only encrypts the packets to and from these hosts");
   const FocusSettings& focus = options.limits.focus_settings;
@@ -377,28 +380,30 @@ void add_camera_options(cli::App& app, Options& o) {
                  "scene, which it films once and then keeps in the user's cache folder")
       ->type_name("RIG.json");
   app.add_flag("--watch", o.watch,
-               "Reload the rig file whenever it changes, for example after a calibration. Viewers stay connected");
+               "Reload the rig file whenever it changes, for example after a calibration. Viewers stay connected. If "
+               "cameras or sources have changed, lf-serve reopens the cameras");
   cli::add_trust_option(app, o.trusted);
   app.add_option("--nodes", o.nodes,
-                 "Comma-separated list of the hosts that run the cameras, each with an lfnodesink. Requests are sent "
-                 "to UDP port PORT-THERE of HOST, and the answers of the host arrive at PORT-HERE of this machine. "
-                 "Without this option, lf-serve opens the cameras itself");
+                 "Comma-separated list of the hosts that run the cameras, each with an lfnodesink. An item is "
+                 "HOST:PORT-THERE:PORT-HERE, for example camhost0:6000:6100. Requests are sent to UDP port PORT-THERE "
+                 "of HOST, and the answers of the host arrive at PORT-HERE of this machine. Without this option, "
+                 "lf-serve opens the cameras itself");
   app.add_option("--key-file", o.key_file,
                  "File with the secret that encrypts the packets between this machine and the hosts of --nodes. The "
                  "secret has 32 or more random characters and must be the same on all of these machines");
   app.add_option("--record", o.record,
-                 "Folder that receives a recording of all cameras. Its rig.json can be passed to --rig to play the "
-                 "recording later")
+                 "Folder that receives a recording of all cameras, with one file per camera. You can play the "
+                 "recording later: pass its rig.json to --rig")
       ->type_name("FOLDER");
 }
 
 void add_server_options(cli::App& app, Options& o) {
   app.add_option("--listen", o.server.address,
-                 "IP address that the server listens on. Every address other than loopback needs either "
-                 "--tls-certificate and --tls-key, or --insecure")
+                 "IP address that the server listens on, for example 0.0.0.0 for all addresses of this machine. Every "
+                 "address other than loopback needs either --tls-certificate and --tls-key, or --insecure")
       ->capture_default_str();
   app.add_option("--port", o.server.port,
-                 "TCP port of the page (0: the system selects a free port, and lf-serve prints the address)")
+                 "TCP port of the web page (0: the system selects a free port, and lf-serve prints the address)")
       ->capture_default_str()
       ->check(cli::Range(0, 65535));
   app.add_option("--tls-certificate", o.server.certificate)->type_name("FILE.pem");
@@ -407,49 +412,57 @@ void add_server_options(cli::App& app, Options& o) {
                "Allow unencrypted HTTP on addresses other than loopback. Use this only in a trusted network, or behind "
                "a proxy that adds TLS");
   app.add_option("--token-file", o.token_file,
-                 "File with the bearer token that viewers must present. Without this option, everyone who can reach "
-                 "the server can watch")
+                 "File with the bearer token, a secret text that viewers must present. They open the page with "
+                 "#token=TOKEN in its address. Without this option, everyone who can reach the server can watch")
       ->type_name("FILE");
   app.add_option("--origin", o.origins,
-                 "Origin of another site that may embed the viewer, such as https://example.org. Use null for pages "
-                 "opened from files, and * for any site; may be repeated");
+                 "Origin of another web site with pages that may embed the viewer, such as https://example.org. Use "
+                 "null for pages opened from files, and * for any site. The option may be repeated");
   app.add_option("--host", o.hosts,
-                 "Additional host name under which viewers reach this server. Requests with any other name in the Host "
-                 "header are refused; may be repeated")
+                 "Additional host name under which viewers reach this server, for example lightfield.example.org. "
+                 "Requests with any other name in the Host header are refused, which protects against DNS rebinding. "
+                 "The option may be repeated")
       ->type_name("NAME");
   app.add_option("--proxy", o.proxies,
-                 "IP address of a reverse proxy in front of this server. The server believes X-Forwarded-For and "
-                 "X-Forwarded-Prefix only if they come from such a proxy; may be repeated")
+                 "IP address of a reverse proxy in front of this server. The server uses the headers X-Forwarded-For "
+                 "and X-Forwarded-Prefix only in requests from such a proxy, because other clients could forge these "
+                 "headers. The option may be repeated")
       ->type_name("ADDRESS");
   app.add_option("--media-address", o.media,
-                 "IP address of this machine that sends the video, or any for all of its addresses. By default, the "
-                 "address of --listen sends the video")
+                 "IP address of this machine that sends the video, or any for all of its addresses. Set this if "
+                 "viewers reach the page through a proxy, but receive the video directly. By default, the address of "
+                 "--listen sends the video")
       ->type_name("ADDRESS");
   app.add_option("--ice-server", o.ice_servers,
-                 "STUN or TURN server for viewers that cannot reach this machine directly, for example stun:HOST:PORT "
-                 "or turn:HOST:PORT?transport=udp. lf-serve uses the server, too; may be repeated")
+                 "STUN or TURN server for viewers that cannot reach this machine directly, for example because of a "
+                 "firewall. The form is stun:HOST:PORT or turn:HOST:PORT?transport=udp. lf-serve uses the server, too. "
+                 "The option may be repeated")
       ->type_name("URI");
   app.add_option("--ice-credentials", o.ice_credentials,
                  "File with the credentials for the TURN servers of --ice-server. The file contains either USER "
                  "PASSWORD, or only the secret that a TURN server with use-auth-secret shares with lf-serve")
       ->type_name("FILE");
   app.add_option("--path", o.paths,
-                 "Camera path that the server plays for pages with #path=NAME in their address. VIEWS.json contains "
-                 "the views of the path; may be repeated")
+                 "Camera path that the server plays for viewers that open the page with #path=NAME in its address, for "
+                 "example tour=tour.json. FILE contains the views of the path, as written by lf-path. The option may "
+                 "be repeated")
       ->type_name("NAME=FILE");
 }
 
 void add_view_options(cli::App& app, Options& o) {
   app.add_option("--viewers", o.limits.viewers,
                  "Maximum number of viewers at a time. A stereo viewer counts twice, because each eye needs a separate "
-                 "view. Further viewers wait in a queue")
+                 "view. Further viewers wait in a queue. Reduce this if the machine is too slow for so many viewers")
       ->capture_default_str()
       ->check(cli::Range(1, 1000));
   app.add_option("--address-views", o.limits.address_views,
-                 "Maximum number of views at a time for one client address. A stereo viewer needs 2 views")
+                 "Maximum number of views at a time for one client address, so that one client cannot take all places. "
+                 "A stereo viewer needs 2 views")
       ->capture_default_str()
       ->check(cli::Range(1, 1000));
-  app.add_option("--framerate", o.limits.framerate, "Frame rate of the video for viewers, in pictures per second")
+  app.add_option("--framerate", o.limits.framerate,
+                 "Frame rate of the video for viewers, in pictures per second. A "
+                 "lower rate leaves time for more viewers")
       ->capture_default_str()
       ->check(cli::Range(1, 120));
   app.add_option("--capture-delay", o.capture_delay_ms,
@@ -459,58 +472,72 @@ void add_view_options(cli::App& app, Options& o) {
       ->check(cli::Range(0, 10000));
   app.add_option(
          "--focus", o.limits.focus,
-         "Initial distance of the focal plane from the viewer, in metres (default: 4 times the size of the array)")
+         "Initial distance of the focal plane from the viewer, in metres. Viewers can change it later (default: 4 "
+         "times the size of the array)")
       ->check(cli::PositiveNumber);
   app.add_option("--focus-mode", o.limits.focus_settings.mode,
                  "Focus of the pictures. plane: one plane is in focus, at the distance that the viewer sets. surface: "
-                 "the depth of each pixel is estimated, so that the whole picture is in focus. auto: the scene decides")
+                 "the depth of each pixel is estimated, so that the whole picture is in focus. auto: as surface, but "
+                 "the depths are updated only as often as the scene needs")
       ->capture_default_str()
       ->check(cli::IsMember({"plane", "surface", "auto"}));
   app.add_option("--focus-near", o.limits.focus_settings.near,
-                 "Minimum distance of the surface of --focus-mode from the array, in metres. Set this if nothing is "
-                 "closer, because a smaller depth range gives more reliable results (default: depends on the scene)")
+                 "Minimum distance of objects from the array, in metres, for the depth estimation of --focus-mode. Set "
+                 "this if nothing is closer, because a smaller depth range gives more reliable results (default: "
+                 "depends on the scene)")
       ->check(cli::PositiveNumber);
   app.add_option(
          "--focus-far", o.limits.focus_settings.far,
-         "Maximum distance of the surface of --focus-mode from the array, in metres (default: depends on the scene)")
+         "Maximum distance of objects from the array, in metres, for the depth estimation of --focus-mode (default: "
+         "depends on the scene)")
       ->check(cli::PositiveNumber);
   app.add_option("--gains", o.limits.focus_settings.gains,
-                 "Exposure compensation, which matches the brightness of each camera to the array (default: on unless "
-                 "the rig has colour models)")
+                 "Exposure compensation, which matches the brightness of each camera to the rest of the array. It "
+                 "prevents visible seams between cameras (default: on unless the rig has colour models)")
       ->check(cli::IsMember({"on", "off", "auto"}));
   app.add_option("--resampling", o.resampling,
-                 "Sampling of the camera images. sharpened restores most of the detail that bilinear sampling loses. "
-                 "The hosts of --nodes ignore this option; set the property at their lfcameranode instead")
+                 "Sampling of the camera images at positions between their pixels. sharpened restores most of the "
+                 "detail that bilinear sampling loses, but takes more time. The hosts of --nodes ignore this option; "
+                 "set the property at their lfcameranode instead")
       ->capture_default_str()
       ->check(cli::IsMember({"bilinear", "sharpened"}));
   app.add_option("--renderer", o.renderer,
-                 "Renderer of the views. cpu: SIMD code on the CPU; gl: OpenGL ES on a GPU; auto: the faster one on "
-                 "this machine. This option does not affect the hosts of --nodes")
+                 "Processor that renders the views. cpu: the vector instructions of the CPU. gl: a GPU, by OpenGL ES. "
+                 "auto: the faster of both on this machine. This option does not affect the hosts of --nodes")
       ->capture_default_str()
       ->check(cli::IsMember({"cpu", "gl", "auto"}));
   app.add_option("--monitor", o.limits.monitor,
-                 "Interval between camera checks, counted in requests of a viewer. Each check predicts one camera from "
-                 "all other cameras and compares the prediction with its image. The page and /metrics then report "
-                 "cameras that have moved or become dirty (0: no checks)")
+                 "Interval between camera checks, counted in requests of a viewer. Each check predicts the image of "
+                 "one camera from its neighbours and compares the prediction with the real image. The page and "
+                 "/metrics then report cameras that have moved or become dirty (0: no checks)")
       ->capture_default_str()
       ->check(cli::Range(0, 10000));
   app.add_option("--max-aperture", o.limits.max_aperture,
                  "Maximum diameter of the synthetic aperture that viewers may request, in metres. Large apertures use "
                  "many cameras per pixel and therefore cost more time (default: size of the array)")
       ->check(cli::PositiveNumber);
-  app.add_option("--max-width", o.limits.max_width, "pixels")->capture_default_str()->check(cli::Range(64, 4096));
-  app.add_option("--max-height", o.limits.max_height, "pixels")->capture_default_str()->check(cli::Range(64, 4096));
+  app.add_option("--max-width", o.limits.max_width,
+                 "Maximum width of the video for one viewer, in pixels. Larger requested sizes are scaled down to fit. "
+                 "Reduce it to save rendering time")
+      ->capture_default_str()
+      ->check(cli::Range(64, 4096));
+  app.add_option("--max-height", o.limits.max_height,
+                 "Maximum height of the video for one viewer, in pixels. Larger requested sizes are scaled down to fit")
+      ->capture_default_str()
+      ->check(cli::Range(64, 4096));
   app.add_option("--bitrate", o.limits.bit_rate,
-                 "Maximum bit rate of the video for each viewer, in bits per second. The server lowers the rate while "
-                 "packets are lost")
+                 "Maximum bit rate of the video for each viewer, in bits per second. A higher rate gives better "
+                 "pictures, but needs a faster network. The server lowers the rate while packets are lost")
       ->capture_default_str()
       ->check(cli::Range(100000, 100000000));
   app.add_option("--message-rate", o.limits.messages_per_second,
-                 "Maximum number of control messages per second from each viewer. The server ignores further messages")
+                 "Maximum number of control messages per second from each viewer, such as mouse movements. The server "
+                 "ignores further messages, because one viewer must not overload the server")
       ->capture_default_str()
       ->check(cli::Range(1, 10000));
   app.add_option("--connects", o.limits.connects_per_second,
-                 "Maximum average number of viewer connections per second from one address. Short bursts may be faster")
+                 "Maximum average number of viewer connections per second from one address. Short bursts may be "
+                 "faster. Increase it if many viewers share one address, for example behind a proxy")
       ->capture_default_str()
       ->check(cli::Range(0.01, 1000.0));
 }

@@ -89,7 +89,10 @@ void ViewOptions::add_to(cli::App& command, bool is_sweep) {
       is_sweep ? "Views file (views.json). The first view is used"
                : "Views file (views.json). All views are shown if --out names numbered pictures or a film, otherwise "
                  "only the first view (default: the home view from the middle of the array)");
-  command.add_option("--size", size_, "Size of the view, in pixels (default: the size of a camera image)")
+  command
+      .add_option("--size", size_,
+                  "Size of the view in pixels, for example 1280x720 (default: the size of a camera "
+                  "image)")
       ->type_name("WxH")
       ->excludes(file);
   command.add_option("--fov", fov_, "Vertical field of view, in degrees (default: as large as the cameras can fill)")
@@ -105,7 +108,8 @@ void ViewOptions::add_to(cli::App& command, bool is_sweep) {
   if (is_sweep) return;
   command
       .add_option("--focus-distance", distance_,
-                  "Distance of the focal plane from the viewpoint, in metres (default: estimated from the images)")
+                  "Distance of the focal plane from the viewpoint, in metres. Objects at this distance are sharp "
+                  "(default: estimated from the images)")
       ->check(cli::PositiveNumber)
       ->excludes(file);
   command
@@ -240,10 +244,12 @@ void Output::finish() {
 
 void OutputOptions::add_to(cli::App& command, const char* what) {
   command.add_option("--out", out, what)->required()->type_name("FILE");
-  framerate_options.push_back(
-      command.add_option("--framerate", framerate, "Frame rate of a film (.mkv), in pictures per second")
-          ->capture_default_str()
-          ->check(cli::Range(0.1, 1000.0)));
+  framerate_options.push_back(command
+                                  .add_option("--framerate", framerate,
+                                              "Frame rate of a film (.mkv), in pictures per second. It has no "
+                                              "effect on pictures")
+                                  ->capture_default_str()
+                                  ->check(cli::Range(0.1, 1000.0)));
 }
 
 void OutputOptions::check() const {
@@ -294,8 +300,8 @@ void show_mosaic(const Options& options) {
   terminal::print("%s: %zu cameras\n", options.output.out.c_str(), scene.rig.cameras.size());
 }
 
-// Writes the id of each camera at the centre of its contribution. Large contributions come first, and ids that would
-// overlap are omitted.
+// Writes the id of each camera into the picture, at the centre of its contribution. Large contributions come first, and
+// ids that would overlap are omitted.
 void write_ids(lf::Image& map, const Scene& scene, const lf::View& view) {
   const double size = std::max(8.0, view.height / 40.0);  // pixels
   const lf::ViewPlan plan(scene.rig, scene.mesh, view);
@@ -464,10 +470,12 @@ void show_difference(const DifferenceOptions& options) {
     const lf::Quality quality = lf::compare(still.picture, truth, still.coverage);
     const std::vector<float> off = lf::differences(still.picture, truth, still.coverage);
     const std::vector<std::string> texts =
-        quality.coverage > 0 ? std::vector{lf::format_text("PSNR %.2f dB, SSIM %.4f,", quality.psnr_db, quality.ssim),
-                                           lf::format_text("at most %d of 255, %.1f %% compared", quality.max_error,
-                                                           100 * quality.coverage)}
-                             : std::vector<std::string>{"nothing compared:", "the cameras cover no pixel"};
+        quality.coverage > 0
+            ? std::vector{lf::format_text("PSNR %.2f dB, SSIM %.4f,", quality.psnr_db, quality.ssim),
+                          lf::format_text("at most %d of 255, %.1f %% compared", quality.max_error,
+                                          100 * quality.coverage)}
+            : std::vector<std::string>{"nothing compared:",
+                                       "no pixel can be compared, because no camera sees any part of the view"};
     terminal::print("%s: %s %s\n", named.name.c_str(), texts[0].c_str(), texts[1].c_str());
     return with_colour_bar(
         lf::heat_map(off, named.view.width, named.view.height, options.full),
@@ -483,8 +491,8 @@ void add_difference_command(cli::App& app) {
   o->view.add_to(*difference);
   difference->add_option("--truth", o->truth, "File with the expected picture of the view");
   difference->add_flag("--scene", o->scene,
-                       "Use the ground truth of the built-in scene as the expected picture. The cameras of the rig "
-                       "must have filmed this scene");
+                       "Use the exact picture of the built-in scene as the expected picture. The cameras of the rig "
+                       "must have filmed this scene, for example with lf-scene");
   difference
       ->add_option("--held-out-camera", o->left_out,
                    "Id of a camera to hold out. Its own image is the expected picture, and the remaining cameras "
@@ -526,7 +534,8 @@ int main(int argc, char** argv) {
       show_contributions);
   o.view.add_to(*contributions);
   contributions->add_flag("--behind", o.behind,
-                          "Look from behind the array, so that the contributions of all cameras are visible");
+                          "Look from behind the array instead of from its middle, so that the contributions of all "
+                          "cameras are visible");
   contributions->add_flag("--ids", o.ids,
                           "Write the id of each camera into the region that shows most of its contribution");
   o.output.add_to(*contributions);
@@ -559,7 +568,9 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   epi->add_option("--width", o.width, "Width of the picture, in pixels (default: the width of a camera image)")
       ->check(cli::Range(1, lf::kMaxImageSize));
-  epi->add_option("--stripe", o.stripe, "Height of the stripe that each camera gets in the picture, in pixels")
+  epi->add_option("--stripe", o.stripe,
+                  "Height of the stripe that each camera gets in the picture, in pixels. Larger "
+                  "values make edges easier to follow")
       ->capture_default_str()
       ->check(cli::Range(1, 256));
   epi->add_option("--out", o.output.out, "Picture to write, as PNG or JPEG (.png or .jpg)")
@@ -579,8 +590,8 @@ int main(int argc, char** argv) {
       ->check(cli::PositiveNumber);
   sweep
       ->add_option("--planes", o.planes,
-                   "Number of planes. Their inverse distances are evenly spaced, so that the disparity changes by the "
-                   "same amount at each step")
+                   "Number of planes, and therefore of pictures. The inverse distances of the planes are evenly "
+                   "spaced, so that the disparity changes by the same amount at each step")
       ->capture_default_str()
       ->check(cli::Range(2, 100000));
   o.output.add_to(*sweep, "Numbered pictures (NAME_%03d.png) or a film (NAME.mkv) to write");

@@ -11,8 +11,8 @@
 
 namespace lf {
 
-// Waits up to `timeout` for an error on the pipeline's bus, and removes it from the bus. Returns its text, or
-// `otherwise` if there is none.
+// Waits up to `timeout` for an error on the pipeline's bus, and takes it from the bus. Returns the text of the error,
+// or `otherwise` if there is none.
 inline std::string bus_error(GstElement* pipeline, GstClockTime timeout, std::string otherwise) {
   GstBus* bus = gst_element_get_bus(pipeline);
   if (GstMessage* message = gst_bus_timed_pop_filtered(bus, timeout, GST_MESSAGE_ERROR)) {

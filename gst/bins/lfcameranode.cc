@@ -116,15 +116,19 @@ PropertyTable<CameraNodeSettings>& CameraNodeSettings::properties() {
       property<&S::is_live>(kWhileReady, "is-live", "Is live",
                             "Real-time playback of files and stills, as if they were live cameras: the pipeline clock "
                             "decides which frame is current. If false, the node reads each frame when a request needs "
-                            "it, so that the output is the same on every machine"),
-      property<&S::loop>(kWhileReady, "loop", "Loop", "Playback of videos and image sequences in an endless loop"),
+                            "it, so that the output is the same on every machine. Devices and network cameras are live "
+                            "in any case"),
+      property<&S::loop>(kWhileReady, "loop", "Loop",
+                         "Endless repetition of videos and image sequences. If false, "
+                         "each camera ends with its file"),
       property<&S::node>(kWhileReady, "node", "Node",
                          "Number that identifies this node in its answers. Give each node of an array a different "
                          "number, so that compositors can tell their answers apart",
                          0u, G_MAXUINT),
       property<&S::decode>(kWhileReady, "decode", "Decode",
-                           "Complete decoding of JPEG video, and download of frames in GPU memory to system memory. By "
-                           "default only the regions that a request needs are decoded, which usually takes less time"),
+                           "Decoding of complete JPEG frames, and download of GPU frames to system memory, as soon as "
+                           "a frame arrives. By default only the regions that a request needs are decoded, which "
+                           "usually takes less time"),
       property<&S::latency>(kWhileReady, "latency", "Latency",
                             "Size of the jitter buffer of network cameras (RTSP), in nanoseconds. Packets that arrive "
                             "later than this are lost, so increase it if pictures of a camera are damaged. Every frame "
@@ -225,7 +229,7 @@ static void tap_camera(LfCameraNode* self, GstElement* element, guint id) {
   });
 }
 
-// Call while stopped. Returns false after posting an error.
+// Starts the recording if the property `record` is set. Call while stopped. Returns false after posting an error.
 static bool start_recording(LfCameraNode* self) {
   const std::string& folder = self->opened->record;
   if (folder.empty()) return true;
@@ -242,7 +246,7 @@ static bool start_recording(LfCameraNode* self) {
   }
 }
 
-// Call when the cameras have stopped.
+// Ends the recording. Call when the cameras have stopped.
 static void finish_recording(LfCameraNode* self) {
   const std::shared_ptr<lf::Recording> recording = find_recording(self);
   if (!recording) return;
@@ -327,7 +331,7 @@ static void wait_for_cameras(LfCameraNode* self) {
   check_cameras(self);  // The camera updates its state before it posts its message.
 }
 
-// True if the error "No camera works" has been posted since forget_failure().
+// Returns true if the error "No camera works" has been posted since forget_failure().
 static bool has_failed(LfCameraNode* self) {
   GST_OBJECT_LOCK(self);
   const bool failed = self->failed;
@@ -393,7 +397,10 @@ static void remove_cameras(LfCameraNode* self) {
 static void add_camera(LfCameraNode* self, const Settings& settings, const lf::Rig& rig, lf::CameraIndex index) {
   const std::string id = std::to_string(rig.cameras[index].id);
   GstElement* camera = gst_element_factory_make("lfcamsrc", ("camera" + id).c_str());
-  if (!camera) throw lf::Error("element lfcamsrc is not installed");
+  if (!camera)
+    throw lf::Error(
+        "element lfcamsrc is not installed (set GST_PLUGIN_PATH to the folder of the "
+        "gst-lightfield plugin)");
   g_object_set(camera, "rig", settings.rig.c_str(), "camera", rig.cameras[index].id, "is-live", settings.is_live,
                "loop", settings.loop, "decode", settings.decode, "latency", settings.latency, "retry", settings.retry,
                "trusted", settings.trusted, nullptr);
@@ -419,7 +426,10 @@ static bool open_cameras(LfCameraNode* self) {
   remove_cameras(self);
   const Settings settings = current_settings(self);
   try {
-    if (!self->fragment) throw lf::Error("element lffragment is not installed");
+    if (!self->fragment)
+      throw lf::Error(
+          "element lffragment is not installed (set GST_PLUGIN_PATH to the folder of "
+          "the gst-lightfield plugin)");
     if (settings.rig.empty()) throw lf::Error("rig: not set (rig=RIG.json names the array's rig file)");
     if (!g_file_test(settings.rig.c_str(), G_FILE_TEST_EXISTS)) throw lf::Error(settings.rig + ": no such file");
     const std::shared_ptr<const lf::Rig> rig = lf::shared_rig(settings.rig);
@@ -466,7 +476,7 @@ static bool has_same_sources(LfCameraNode* self, const lf::Rig& rig, std::string
   }
 }
 
-// While running, only lffragment switches to the new rig. The cameras continue.
+// Switches a running node to a new rig file. The new rig is used by lffragment only, and the cameras continue.
 static void lf_camera_node_set_rig(LfCameraNode* self, const gchar* path) {
   if (lf::is_running(GST_ELEMENT(self))) {
     const std::shared_ptr<const lf::Rig> rig = lf::reload_rig(GST_ELEMENT(self), path);
@@ -595,10 +605,12 @@ static void lf_camera_node_class_init(LfCameraNodeClass* klass) {
 
   const guint next_id = Properties::install(
       object_class,
-      "Counters of lffragment, and a structure for each camera with its state (opening, running, ended, lost or "
-      "stopped), reason (of the latest loss), losses, retries, dropped frames and capture-time. During a recording, "
-      "each of these structures also has the number of recorded and unrecorded frames. The structure recording then "
-      "has folder, begin (clock time of timestamp 0 for live frames) and reason (if the recording has ended)");
+      "Counters of lffragment, and a structure for each camera. Its field state is opening, running, ended, lost or "
+      "stopped, and reason describes the latest loss. losses, retries and dropped count losses, attempts to reopen the "
+      "camera, and frames that were skipped. capture-time names the origin of the capture times, as in the stats of "
+      "lfcamsrc. During a recording, each of these structures also has the number of recorded and unrecorded frames. "
+      "The structure recording then has folder, begin (clock time of timestamp 0 for live frames) and reason (if the "
+      "recording has ended)");
   object_class->set_property = lf::callback<lf_camera_node_set_property>;
   object_class->get_property = lf::callback<lf_camera_node_get_property>;
   lf::install_proxies(object_class, next_id, LF_TYPE_FRAGMENT, {"rig", "node", "stats"});

@@ -16,9 +16,9 @@ G_END_DECLS
 
 namespace lf {
 
-// Formats the reasons of lost cameras for display. A reason has the form "PLACE: WHY". If more than three cameras have
-// the same WHY, they become one entry, for example "64 cameras: WHY (PLACE and others)". The entries keep their order
-// and are joined by `separator`.
+// Combines the reasons of several lost cameras into one text for a message. Each reason has the form "PLACE: WHY". If
+// more than three cameras have the same WHY, they become one entry, for example "64 cameras: WHY (PLACE and others)".
+// The entries keep their order and are joined by `separator`.
 std::string grouped_reasons(std::span<const std::string> reasons, const std::string& separator);
 
 }  // namespace lf

@@ -151,7 +151,10 @@ static bool prepare(LfNodeSink* self) {
   if (links.pads && links.settings == settings) return true;
   remove_links(self);
   try {
-    if (!self->node || !self->pay) throw lf::Error("elements lfcameranode and rtplfpay are not installed");
+    if (!self->node || !self->pay)
+      throw lf::Error(
+          "elements lfcameranode and rtplfpay are not installed (set "
+          "GST_PLUGIN_PATH to the folder of the gst-lightfield plugin)");
     const std::vector<lf::HostPort> from = lf::parse_host_ports(settings.listen),
                                     to = lf::parse_host_ports(settings.answers);
     if (from.empty())
@@ -159,7 +162,9 @@ static bool prepare(LfNodeSink* self) {
           "listen: not set (for example, listen=6000 receives view requests at UDP port "
           "6000)");
     if (from.size() != to.size())
-      throw lf::Error("listen and answers: must have the same number of items, one per client");
+      throw lf::Error(
+          "listen and answers: must have the same number of items, one per client. For example, "
+          "listen=6000,6001 needs answers=HOST1:6100,HOST2:6100");
     for (const lf::HostPort& place : to)
       if (place.host.empty()) throw lf::Error("answers: " + std::to_string(place.port) + ": must be HOST:PORT");
     links.elements = std::make_unique<lf::ScopedElements>(GST_BIN(self));
@@ -266,9 +271,10 @@ static void lf_node_sink_class_init(LfNodeSinkClass* klass) {
   object_class->finalize = lf_node_sink_finalize;
   const guint first_copy =
       Properties::install(object_class,
-                          "Counters of lfcameranode, and the structure requests with one structure for each client "
-                          "(requests0, requests1, ...). It has the counters of the lfrtpgate and the rtplfdepay of "
-                          "this client: passed packets, dropped packets by reason, and requests that exceeded a limit");
+                          "Counters of lfcameranode, and a structure requests with one structure for each client "
+                          "(requests0, requests1, ...). The structure of a client counts the packets that passed, the "
+                          "packets that were dropped, by reason, and the requests that exceeded a limit. These are the "
+                          "counters of lfrtpgate and rtplfdepay");
   object_class->set_property = lf::callback<lf_node_sink_set_property>;
   object_class->get_property = lf::callback<lf_node_sink_get_property>;
   const guint next =

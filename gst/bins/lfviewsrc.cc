@@ -203,8 +203,10 @@ lf::PropertyTable<Settings>& Settings::properties() {
           "requests. If there is no key either, only this machine may, from the first loopback address (such as "
           "127.0.0.1) that a request arrives from"),
       lf::property<&S::is_live>(lf::kWhileReady, "is-live", "Is live",
-                                "Live cameras, with pictures synchronised to the clock. If false, pictures are "
-                                "rendered as fast as downstream consumes them, for example to write files"),
+                                "Live operation: the pictures are rendered in real time and synchronised to the "
+                                "pipeline clock. If false, pictures are rendered as fast as downstream consumes them, "
+                                "for example to write a file. Cameras on other hosts (nodes) are always live and "
+                                "require true"),
       lf::property<&S::record>(
           lf::kWhileReady, "record", "Record",
           "Folder for a recording of the cameras of this machine. The recording consists of one file per camera and "
@@ -212,7 +214,8 @@ lf::PropertyTable<Settings>& Settings::properties() {
           "own host, by lfnodesink (empty: no recording)"),
       lf::property<&S::renderer>(lf::kWhilePlaying, "renderer", "Renderer",
                                  "Processor that renders the contribution of local cameras to each view: CPU or GPU. "
-                                 "This is the property renderer of lfcameranode",
+                                 "This is the property renderer of lfcameranode. Cameras on other hosts use the "
+                                 "setting of their own lfnodesink",
                                  LF_TYPE_FRAGMENT_RENDERER),
       lf::property<&S::trusted>(
           lf::kWhileReady, "trusted", "Trusted",
@@ -338,7 +341,8 @@ static gchar* lf_view_src_uri(GstURIHandler* handler) {
 static gboolean lf_view_src_set_uri(GstURIHandler* handler, const gchar* uri, GError** error) {
   g_autofree gchar* path = gst_uri_get_location(uri);
   if (!path || path[0] != '/') {
-    g_set_error(error, GST_URI_ERROR, GST_URI_ERROR_BAD_URI, "%s: must be lf:///path/of/rig.json", uri);
+    g_set_error(error, GST_URI_ERROR, GST_URI_ERROR_BAD_URI,
+                "%s: must be lf:///path/of/rig.json, which is lf:// and the absolute path of a rig file", uri);
     return FALSE;
   }
   const std::lock_guard lock(LF_VIEW_SRC(handler)->inside->mutex);
@@ -627,11 +631,18 @@ static bool prepare(LfViewSrc* self) {
     if (is_by_uri(self) && hosts.nodes.empty()) refuse_described_sources(*read, rig);
     if (hosts.any() && !is_live(self))
       throw lf::Error("nodes and listen: the cameras on other hosts are live, so is-live must be true");
-    if (!hosts.any() && !hosts.key_file.empty()) throw lf::Error("key-file: has no effect without nodes or listen");
-    if (hosts.listen.empty() && !hosts.peers.empty()) throw lf::Error("peers: has no effect without listen");
+    if (!hosts.any() && !hosts.key_file.empty())
+      throw lf::Error(
+          "key-file: has no effect without nodes or listen, because only packets between hosts are encrypted");
+    if (hosts.listen.empty() && !hosts.peers.empty())
+      throw lf::Error(
+          "peers: has no effect without listen, because this element then receives no requests of other hosts");
     if (!hosts.nodes.empty() && !record_of(self).empty())
       throw lf::Error("record: the cameras are on other hosts, which record their own (lfnodesink record=FOLDER)");
-    if (!self->view) throw lf::Error("elements lfviewrequest and lfcompositor are not installed");
+    if (!self->view)
+      throw lf::Error(
+          "elements lfviewrequest and lfcompositor are not installed (set GST_PLUGIN_PATH "
+          "to the folder of the gst-lightfield plugin)");
     if (!self->inside->cameras || self->inside->hosts != hosts) change_hosts(self, hosts);
     for (auto& [name, viewer] : self->inside->viewers) follow_access(self, viewer->chain);
     return true;

@@ -7,29 +7,33 @@
 #include <span>
 #include <string_view>
 
-// Proxies: properties of a bin that forward to a child element, so that the bin need not declare them again.
+// Proxies are properties of a bin that forward to a child element. A bin with proxies offers the properties of its
+// children and need not declare its own.
 namespace lf {
 
-// A default of the bin that replaces the default of the child's class.
+// The default of a proxy that differs from the default in the child's class.
 struct ProxyDefault {
   const char* name;
   gint64 value;
 };
 
-// Installs proxies with the ids first_id, first_id + 1, and so on, and returns the next free id. There is a proxy for
-// each property that the class `child` itself declares, except `without`, and for the inherited properties in `with`.
-// Names, blurbs, ranges and defaults are copied from the child; `defaults` replaces defaults. Proxies are not
-// controllable, because a GstController syncs only the element that it is attached to.
+// Installs a proxy for each property that the class `child` itself declares, except for the names in `without`.
+// Inherited properties get a proxy only if they are in `with`. Names, blurbs, ranges and defaults are copied from the
+// child, and `defaults` replaces some of the defaults. Proxies are not controllable, because a GstController changes
+// only properties of the element that it is attached to. The proxies have the ids first_id, first_id + 1, and so on.
+// Returns the next free id.
 guint install_proxies(GObjectClass* klass, guint first_id, GType child, std::initializer_list<std::string_view> without,
                       std::initializer_list<const char*> with = {}, std::span<const ProxyDefault> defaults = {});
 
-// Sets these defaults on a new child. Defaults of type uint64 are skipped.
+// Sets the bin's own defaults on a new child, so that the child agrees with the proxies of the bin. Defaults of type
+// uint64 are skipped.
 void set_defaults(GstElement* child, std::span<const ProxyDefault> defaults);
 
-// Returns true if the property is a proxy (and, if `child` is given, a proxy of a property of that class).
+// Returns true if the property of the bin is a proxy. If `child` is given, the proxy must forward to a property of that
+// class.
 bool is_proxy(GParamSpec* spec, GType child = 0);
 
-// Emits `notify` on `bin` when a proxied property of `child` changes.
+// Keeps applications informed: emits `notify` on `bin` whenever a property of `child` changes that has a proxy.
 void forward_notifications(GObject* bin, GObject* child);
 
 }  // namespace lf

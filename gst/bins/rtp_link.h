@@ -10,10 +10,11 @@
 
 #include "base/text.h"
 
-// RTP connections for requests and answers, used by the bins of the plugin and by lf-serve.
+// Sends view requests and answers between hosts by RTP. The bins of the plugin and lf-serve use these classes.
 namespace lf {
 
-// A group of elements in a bin. The destructor stops and removes them; call it while nothing runs.
+// A group of elements in a bin that are removed together. The destructor stops the elements and removes them from the
+// bin. Destroy the group only while no data flows.
 class ScopedElements {
  public:
   explicit ScopedElements(GstBin* bin) : bin_(bin) {}
@@ -21,10 +22,10 @@ class ScopedElements {
   ScopedElements(const ScopedElements&) = delete;
   ScopedElements& operator=(const ScopedElements&) = delete;
 
-  // Creates an element and adds it to the bin. The returned pointer is borrowed. Throws Error if the factory is
-  // missing.
+  // Creates an element and adds it to the bin. The bin owns the element, so the returned pointer is borrowed. Throws
+  // Error if the element is not installed.
   GstElement* add(const char* factory, const std::string& name);
-  // Adds an existing element.
+  // Adds an existing element to the bin and the group.
   GstElement* add(GstElement* element);
 
  private:
@@ -32,30 +33,35 @@ class ScopedElements {
   std::vector<GstElement*> elements_;
 };
 
-// Returns the view id in a request or answer. Nothing if the buffer is too short.
+// Returns the view id in a request or an answer, which says which viewer the buffer belongs to. Returns nothing if the
+// buffer is too short.
 std::optional<uint32_t> view_of(GstBuffer* unit);
 
-// Defines the hosts that may send packets. If `key_file` is set, every holder of the key may. Otherwise the hosts in
-// `peers` may, as in lfrtpgate.
+// Defines which hosts may send packets. If `key_file` is set, every host with the key may send. Otherwise only the
+// hosts in `peers` may, as in lfrtpgate.
 struct RtpSecurity {
   std::string key_file, peers;
   bool operator==(const RtpSecurity&) const = default;
 };
 
-// Returns the settings with a default for `peers`: if neither key nor peers are set, `addresses` and this machine.
+// Returns the settings with a value for `peers`. If neither a key nor peers are set, only `addresses` and this machine
+// may send.
 RtpSecurity rtp_security_of(const RtpSecurity& settings, const std::vector<std::string>& addresses);
 
-// Posts a warning if there is no key, because sender addresses can be forged.
+// Posts a warning if there is no key. Without a key, senders are recognised only by their addresses, which can be
+// forged.
 void warn_without_key(GstElement* element, const RtpSecurity& security);
 
-// Adds a receiver: a udpsrc with a large socket buffer, an lfrtpgate and an rtplfdepay, linked. Returns the rtplfdepay,
-// borrowed. `from.host` is an address of this machine, a multicast group, or "" for all addresses. `encoding` is the
-// encoding-name of the RTP caps (lib/rtp/spec.md). `name` is the prefix of the element names. Throws Error.
+// Adds the elements that receive packets: a udpsrc with a large socket buffer, an lfrtpgate and an rtplfdepay, linked.
+// Returns the rtplfdepay, which the bin owns. `from.host` is an address of this machine, a multicast group, or "" for
+// all addresses. `encoding` is the encoding-name of the RTP caps (lib/rtp/spec.md). `name` is the prefix of the element
+// names. Throws Error if an element is not installed.
 GstElement* add_receiver(ScopedElements& to, const HostPort& from, const char* encoding, const RtpSecurity& security,
                          const std::string& name);
 
-// The RTP connection from a viewer to camera nodes on other hosts. One stream carries the requests to all hosts, and
-// each host sends its answers to a separate port. The destructor removes the elements from the bin.
+// The RTP connection from one viewer to the hosts that run the cameras. One stream carries the view requests to all
+// hosts, and each host sends its answers to a separate port of this machine. The destructor removes the elements from
+// the bin.
 class CameraHosts {
  public:
   struct Host {
@@ -63,9 +69,9 @@ class CameraHosts {
     GstElement* answers;  // has the pad "src" with the answers; borrowed
   };
 
-  // `key_file` names the file with the shared secret. If it is "", packets are not encrypted, and answers are accepted
-  // only from the addresses of these hosts. Throws Error if an element is not installed or a host name cannot be
-  // resolved.
+  // Creates the elements. `key_file` names the file with the shared secret. If it is "", packets are not encrypted, and
+  // answers are accepted only from the addresses of these hosts. Throws Error if an element is not installed or a host
+  // name cannot be resolved.
   CameraHosts(GstBin* bin, const std::vector<NodeAddress>& nodes, const std::string& key_file);
 
   GstElement* requests() const { return requests_; }  // has the pad "sink" for the requests; borrowed
@@ -77,11 +83,12 @@ class CameraHosts {
   std::vector<Host> hosts_;
 };
 
-// Binds the property `limits` of all rtplfdepay and lfcameranode in the bin to the property of `element`.
+// Applies the property `limits` of `element` to everything in the bin that receives requests: all rtplfdepay and
+// lfcameranode. Later changes of the property are applied, too.
 void bind_limits(GstBin* bin, GstElement* element);
 
-// Makes errors of udpsrc useful: returns an error that names the port and the reason. Returns other messages unchanged.
-// Takes and returns a reference.
+// Replaces an error of udpsrc by a more helpful error, which names the port and the reason. Other messages are returned
+// unchanged. Takes and returns a reference.
 GstMessage* with_port(GstMessage* message);
 
 }  // namespace lf

@@ -31,7 +31,7 @@ static GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
 
 static std::string pad_name(guint view_id) { return "src_" + std::to_string(view_id); }
 
-// Returns null if the view is unknown or the buffer is not a unit.
+// Returns the pad of the viewer that a unit is for. Returns null if the view is unknown or the buffer is not a unit.
 static GstPad* pad_of(LfViewSplit* self, GstBuffer* unit) {
   const std::optional<uint32_t> view = lf::view_of(unit);
   return view ? gst_element_get_static_pad(GST_ELEMENT(self), pad_name(*view).c_str()) : nullptr;

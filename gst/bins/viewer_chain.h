@@ -37,25 +37,28 @@ class ViewerChain {
   guint view_id() const { return view_id_; }
   GstElement* view() const { return view_; }              // borrowed
   GstElement* compositor() const { return compositor_; }  // borrowed
-  // Returns the output pad, with a reference. Pictures are dropped while the pad is not linked.
+  // Returns the pad that delivers the pictures of this viewer, with a reference. Pictures are dropped while the pad is
+  // not linked.
   GstPad* pictures() const { return gst_element_get_static_pad(pictures_, "src_0"); }
-  // Returns the pad that sends requests to the cameras, with a reference.
+  // Returns the pad that sends this viewer's requests to the cameras, with a reference.
   GstPad* requests() const { return gst_element_get_static_pad(to_cameras_, "src"); }
-  // Adds an input for the answers of one more node, and returns its sink pad, with a reference. If `drops` is set, a
-  // full queue drops its oldest answers instead of blocking. `from` is the name of the node in warnings of
+  // Adds an input for the answers of one more camera node, and returns its sink pad, with a reference. If `drops` is
+  // set, a full queue drops its oldest answers instead of blocking. `from` is the name of the node in warnings of
   // lfcompositor.
   GstPad* add_answers(bool drops, const std::string& from = "");
   // Removes all inputs of add_answers(). Call while nothing runs.
   void drop_answers();
 
-  // Makes the request queues large enough for this many simultaneous requests. Sets of views do this themselves.
+  // Makes the request queues large enough for this many requests at the same time. Call this if requests arrive in
+  // bursts. Sets of views, such as stereo pairs, adapt the queues themselves.
   void make_room(guint requests) { make_room_in(to_cameras_, requests), make_room_in(to_compositor_, requests); }
-  // If live, late requests and pictures are dropped and do not block. Call while nothing runs.
+  // Selects live operation. If live, late requests and pictures are dropped, so that nothing blocks. Call this only
+  // while no data flows.
   void set_live(bool live);
   // Starts the elements, downstream first. Their state is locked until this call and follows the bin from then on.
   void follow_bin();
 
-  // Removes the elements from the bin, so that the bin receives none of their messages. They keep running until
+  // Removes the elements from the bin, so that the bin receives none of their messages. The elements keep running until
   // close().
   void take_out();
   // Stops the elements from downstream to upstream, which unblocks the elements further upstream. Calls `leave_cameras`

@@ -219,7 +219,10 @@ void warn_of_scene(LfCamSrc* self, const lf::Rig& rig, lf::CameraIndex index, co
   const auto count = std::ranges::count_if(rig.cameras, is_blind);
   const std::string who = place + (count > 1 ? " and " + std::to_string(count - 1) + " more name" : " names");
   GST_ELEMENT_WARNING(self, RESOURCE, NOT_FOUND,
-                      ("%s neither an image nor a source: the built-in scene is shown", who.c_str()), (nullptr));
+                      ("%s neither an image nor a source: the built-in scene is shown. Add a source or an image to "
+                       "each camera in the rig file",
+                       who.c_str()),
+                      (nullptr));
 }
 
 void add_children(LfCamSrc* self, const lf::CamSrcSettings& settings, const std::shared_ptr<const lf::Rig>& rig,
@@ -350,8 +353,8 @@ void lf_cam_src_close(LfCamSrc* self) {
   delete run;
 }
 
-// Counts the nesting: a camera may be a view of another light field, and a rig that contains itself would recurse
-// without end.
+// Refuses rigs that contain themselves. A camera may be a view of another light field, so such a rig would recurse
+// without end. The function counts the enclosing cameras.
 static void require_shallow(LfCamSrc* self) {
   constexpr int kMostInside = 1;
   int inside = 0;
@@ -362,7 +365,10 @@ static void require_shallow(LfCamSrc* self) {
     if (LF_IS_CAM_SRC(object)) inside++;
   }
   gst_object_unref(object);
-  if (inside > kMostInside) throw lf::Error("cameras are nested views of light fields: does a rig contain itself?");
+  if (inside > kMostInside)
+    throw lf::Error(
+        "cameras are nested views of light fields: does a rig contain itself? Use "
+        "a device or a file as the source of the camera, instead of lf:///...");
 }
 
 bool lf_cam_src_open(LfCamSrc* self, std::unique_ptr<CamSrcFailure>* failure) {

@@ -31,10 +31,10 @@ struct CamSrcSettings {
   static PropertyTable<CamSrcSettings>& properties();
 };
 
-// Changes the states of the children of lfcamsrc, instead of GstBin. A bin with a decoder reaches PAUSED
-// asynchronously. A live GstBin without preroll forwards ASYNC_START of such a child but not its ASYNC_DONE, so the
-// pipeline would wait forever. Nothing needs to wait for these children, because a sink prerolls with the first frame.
-// Therefore their state is locked and changed here, and their async messages are dropped.
+// Changes the states of the children of lfcamsrc, instead of GstBin. The reason is that a bin with a decoder reaches
+// PAUSED asynchronously. A live GstBin without preroll forwards the ASYNC_START of such a child but not its ASYNC_DONE,
+// so the pipeline would wait forever. Nothing needs to wait for these children, because a sink prerolls with the first
+// frame. Therefore their state is locked and changed here, and their async messages are dropped.
 
 // Handler for GstBinClass::element_added: locks the state of a new child if the child is a bin.
 void lock_decoder(GstBin* bin, GstElement* child);
@@ -54,7 +54,8 @@ bool take_decoder_message(GstBin* bin, GstMessage* message);
 
 }  // namespace lf
 
-// The children of lfcamsrc for one camera, from opening to closing. They change from READY to PAUSED at most once.
+// The child elements of lfcamsrc while one camera is open, and the settings that they were created for. They change
+// from READY to PAUSED at most once; a camera that fails gets new children.
 struct CamSrcSession {
   lf::CamSrcSettings settings;
   std::shared_ptr<const lf::Rig> rig;  // kept for the next camera with this rig
@@ -72,7 +73,7 @@ struct _LfCamSrc {
   lf::CameraLifecycle* service;
   std::shared_ptr<lf::LoadShedder>* shedder;
   lf::RecordingTap* tap;
-  // Changed only with the state lock; `run`, `name` and `camera` also with the object lock.
+  // Take the state lock before changing the following members. `run`, `name` and `camera` also need the object lock.
   CamSrcSession* run;
   std::atomic<bool> live;  // the camera is live, as far as known yet; read by any thread
   GstClockTime end;        // running time of the end of the previous stream
@@ -96,17 +97,18 @@ struct CamSrcFailure {
 // Creates the children for the current settings, in state NULL. Every failure sets `failure`. Returns false only if the
 // rig cannot be loaded or lacks the camera.
 bool lf_cam_src_open(LfCamSrc* self, std::unique_ptr<CamSrcFailure>* failure);
-// Stops the data flow between the children, as required before some state changes.
+// Stops the data flow between the children, which some state changes require.
 void lf_cam_src_stop_flow(LfCamSrc* self);
 void lf_cam_src_close(LfCamSrc* self);
 // Starts the end of the chain before the decoders. GstBin starts unlinked elements in any order, so the first frame of
 // a decoder could reach an inactive pad.
 void lf_cam_src_start_tail(const lf::CameraChain& chain);
 
-// Failure handling, defined in lfcamsrc.cc. Returns true if an error of this camera is a loss that the pipeline
-// survives.
+// Returns true if an error of this camera counts as a loss of the camera, which the pipeline survives, instead of an
+// error. Defined in lfcamsrc.cc, like the next two functions.
 bool lf_cam_src_may_be_lost(LfCamSrc* self);
-// Posts an error, or, if the camera may be lost, the messages of a loss. Thread-safe.
+// Reports a failure. Posts an error, or the messages about a lost camera if the pipeline survives the loss.
+// Thread-safe.
 void lf_cam_src_fail(LfCamSrc* self, const CamSrcFailure& failure);
 // For stream listeners: closes the failed camera asynchronously and schedules a retry.
 void lf_cam_src_shut_down(LfCamSrc* self, guint serial);

@@ -33,7 +33,8 @@ bool is_video(GstPad* pad) {
   return video;
 }
 
-// Nothing before the first sender report.
+// Returns the capture time of a packet as time of day, from RTCP sender reports. Returns nothing before the first
+// report.
 std::optional<GstClockTime> ntp_time(GstBuffer* packet) {
   static GstStaticCaps ntp = GST_STATIC_CAPS("timestamp/x-ntp");
   GstCaps* reference = gst_static_caps_get(&ntp);
@@ -152,7 +153,9 @@ GstElement* make_described_source(const std::string& line, bool trusted) {
   const bool fits = source && !error && GST_OBJECT_FLAG_IS_SET(source, GST_ELEMENT_FLAG_SOURCE);
   if (!fits) {
     if (source) gst_object_unref(gst_object_ref_sink(source));
-    throw Error(error ? error->message : "the description has no source element");
+    throw Error(error ? error->message
+                      : "the description has no source element: begin it with a source, such as "
+                        "v4l2src device=/dev/video0");
   }
   try {
     if (!trusted) require_listed_elements(GST_BIN(source));
@@ -225,8 +228,8 @@ void bypass(GstElement* before) {
   gst_object_unref(bin);
 }
 
-// Links a new pad to the sink pad of `next`, unless that is already linked. The link is unchecked, so that a picture of
-// the wrong size reaches the size check and causes its clear error.
+// Links a new pad to the sink pad of `next`, unless that pad is already linked. The link is unchecked on purpose: a
+// picture of the wrong size then reaches the size check, which posts a clear error.
 void link_new_pad(GstPad* pad, GstElement* next) {
   GstPad* sink = borrow_pad(next, "sink");
   if (!gst_pad_is_linked(sink)) gst_pad_link_full(pad, sink, GST_PAD_LINK_CHECK_NOTHING);
@@ -366,7 +369,9 @@ void on_no_more_pads(GstElement* element, gpointer /*unused*/) {
   GST_OBJECT_LOCK(element);
   for (GList* pad = element->srcpads; pad; pad = pad->next) linked |= GST_PAD_IS_LINKED(GST_PAD(pad->data));
   GST_OBJECT_UNLOCK(element);
-  if (!linked) GST_ELEMENT_ERROR(element, STREAM, WRONG_TYPE, ("the source has no video stream"), (nullptr));
+  if (!linked)
+    GST_ELEMENT_ERROR(element, STREAM, WRONG_TYPE,
+                      ("the source has no video stream: name a video, an image or a camera"), (nullptr));
 }
 
 // --- Sources
@@ -399,7 +404,7 @@ GstElement* add_file_reader(GstBin* bin, const std::string& path) {
   return reader;
 }
 
-// Adds a decoder and links it to `convert` when its pads appear.
+// Adds a decoder, and links it to the element `convert` when the pads of the decoder appear.
 GstElement* add_decodebin(GstBin* bin, const char* factory, GstElement* convert) {
   GstElement* decoder = add(bin, factory);
   // Caps with ANY are required here, because otherwise decoders that also support interlaced or GPU output are not
@@ -455,7 +460,8 @@ void add_probe(GstPad* pad, GstPadProbeCallback callback, const UnparsedBytesPtr
                     new UnparsedBytesPtr(unused), [](gpointer data) { delete static_cast<UnparsedBytesPtr*>(data); });
 }
 
-// Bounds the data that a depayloader or parser collects for one output.
+// Limits the data that a depayloader or parser collects for one output, so that a broken stream cannot exhaust the
+// memory.
 void limit_element(GstBin* /*bin*/, GstBin* /*parent*/, GstElement* element, gpointer /*unused*/) {
   const gchar* klass = gst_element_get_metadata(element, GST_ELEMENT_METADATA_KLASS);
   if (!klass || !(std::strstr(klass, "Depayloader") || std::strstr(klass, "Parser"))) return;
@@ -467,7 +473,7 @@ void limit_element(GstBin* /*bin*/, GstBin* /*parent*/, GstElement* element, gpo
   add_probe(src, on_picture, unused);
 }
 
-// Bounds depayloaders and parsers in `bin`, also elements that appear later.
+// Applies this limit to all depayloaders and parsers in `bin`, also to elements that appear later.
 void limit_collected_data(GstBin* bin) {
   constexpr const char* kLimited = "lightfield-limited";
   if (g_object_get_data(G_OBJECT(bin), kLimited)) return;
@@ -517,7 +523,9 @@ void refuse_file(GstBin* uridecodebin, GstBin* /*parent*/, GstElement* child, gp
   g_autoptr(GstPad) pad = gst_element_get_static_pad(child, "src");
   const auto drop = [](GstPad*, GstPadProbeInfo*, gpointer) { return GST_PAD_PROBE_DROP; };
   gst_pad_add_probe(pad, GST_PAD_PROBE_TYPE_BUFFER, drop, nullptr, nullptr);
-  GST_ELEMENT_ERROR(uridecodebin, RESOURCE, NOT_AUTHORIZED, ("its playlist names a file of this machine"), (nullptr));
+  GST_ELEMENT_ERROR(uridecodebin, RESOURCE, NOT_AUTHORIZED,
+                    ("its playlist names a file of this machine, which a playlist from the network must not read"),
+                    (nullptr));
 }
 
 // Returns the sender clock of an RTSP source. Null for other sources.

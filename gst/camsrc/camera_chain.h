@@ -17,9 +17,10 @@
 
 namespace lf {
 
-// Converts the timestamps of a network camera to capture times. RTCP sender reports relate RTP timestamps to the
-// camera's time of day. Parsers and decoders drop such packet metadata but keep the timestamp of a frame. Therefore the
-// class stores the offset between time of day and running time. Thread-safe.
+// Finds the capture times of a network camera. An RTSP camera sends RTCP sender reports, which relate its RTP
+// timestamps to the time of day. Parsers and decoders drop this information but keep the timestamp of each frame.
+// Therefore the class stores the offset between time of day and running time, and applies it to frames behind the
+// decoder. Thread-safe.
 class SenderClock : public std::enable_shared_from_this<SenderClock> {
  public:
   // Limits for the age of a packet, to recognise cameras that do not know the time of day. A packet may also be older
@@ -34,8 +35,8 @@ class SenderClock : public std::enable_shared_from_this<SenderClock> {
   // Processes a packet with running time `stamp`, sent at `sent` and received at `now` (time of day).
   void see(GstClockTime stamp, GstClockTime sent, GstClockTime now);
 
-  // Returns the time of day when the frame with this running time was captured. Nothing before the first plausible
-  // report.
+  // Returns the time of day when the frame with this running time was captured. Returns nothing until the first
+  // plausible report arrives.
   std::optional<GstClockTime> taken(GstClockTime stamp) const;
   bool is_known() const;
 
@@ -48,7 +49,8 @@ class SenderClock : public std::enable_shared_from_this<SenderClock> {
   std::optional<GstClockTimeDiff> offset_;  // time of day minus running time
 };
 
-// Returns the source of the camera, as find_camera_source() does, with kUri replaced by kDevice where appropriate.
+// Returns the source of the camera, as find_camera_source() does. URIs that denote a device have the kind kDevice
+// instead of kUri.
 CameraSource find_playable_source(const Rig& rig, const Camera& camera);
 
 struct ChainOptions {
@@ -74,12 +76,12 @@ struct CameraChain {
   std::shared_ptr<std::atomic<guint64>> damaged = std::make_shared<std::atomic<guint64>>();
   GstElement* device = nullptr;         // element with controls; null except for kDevice and kBin
   std::shared_ptr<SenderClock> sender;  // null except for RTSP cameras
-  // The elements from `decoded` to `out`. They must start first, but GstBin does not know this, because decoders are
-  // linked later.
+  // The elements from `decoded` to `out`, which must start before all other elements. GstBin cannot find this order
+  // itself, because decoders are linked later.
   std::vector<GstElement*> tail;
 };
 
-// A required element is not installed; what() is its factory name.
+// Thrown if a required element is not installed. what() is the name of its factory.
 class MissingElement : public Error {
  public:
   using Error::Error;
@@ -94,7 +96,7 @@ CameraChain build_camera_chain(GstBin* bin, const CameraSource& source, const Ca
 // Returns the rotation that the video requires (matrix of an MP4), from the tags on the pad.
 GstVideoOrientationMethod orientation_of(GstPad* pad);
 inline bool is_rotated(GstPad* pad) { return orientation_of(pad) != GST_VIDEO_ORIENTATION_IDENTITY; }
-// Returns true if the bin has an audio stream. Its video may then end before the file ends.
+// Returns true if the bin has an audio stream. The video may then end before the file does.
 bool has_sound(GstBin* bin);
 
 }  // namespace lf

@@ -14,7 +14,7 @@
 namespace lf {
 namespace {
 
-// The element properties for a control and for its automatic mode.
+// Names of the element properties that set one control, such as exposure, and its automatic mode.
 struct Properties {
   const char* name;
   const char* value;
@@ -88,7 +88,8 @@ const Properties* find_properties(GstElement* element, const std::string& name) 
   return nullptr;
 }
 
-// Returns false if there is no channel with this label. Ignores case.
+// Calls `use` with the GstColorBalance channel that has this label, ignoring case. Returns false if there is no such
+// channel.
 bool with_channel(GstElement* element, const std::string& name,
                   const std::function<void(GstColorBalance*, GstColorBalanceChannel*)>& use) {
   if (!GST_IS_COLOR_BALANCE(element)) return false;
@@ -102,7 +103,7 @@ bool with_channel(GstElement* element, const std::string& name,
   return false;
 }
 
-// Returns false if the element lacks a property for this control.
+// Sets a control by an element property. Returns false if the element lacks a property for this control.
 bool apply_by_property(GstElement* element, const std::string& name, std::optional<double> value) {
   if (const Properties* p = find_properties(element, name)) {
     gst_util_set_object_arg(G_OBJECT(element), p->automatic, value ? p->off : p->on);

@@ -11,8 +11,8 @@
 
 namespace lf {
 
-// The state of a camera, and the schedule of attempts to reopen a lost camera. Times are nanoseconds of a monotonic
-// clock. Thread-safe.
+// The state machine of one camera. It knows whether the camera works or is lost, and has the time of the next attempt
+// to reopen a lost camera. All times are nanoseconds of a monotonic clock. Thread-safe.
 class CameraLifecycle {
  public:
   // kEnded: the source has ended regularly. kLost: the camera has failed.
@@ -35,7 +35,7 @@ class CameraLifecycle {
   // kMaxRetryDelay. An outage continues if the camera returned for less time than the last delay.
   uint64_t wait(uint64_t now);
   void retry();  // the camera is being reopened, and stays lost until the first frame
-  // Call at the first frame. Returns true if the camera was lost.
+  // Call at the first frame after opening. Returns true if the camera was lost, so that its return must be reported.
   bool find(uint64_t now);
   void end();
 

@@ -138,7 +138,8 @@ void CameraStream::fail(GstStreamError code, const std::string& text) {
   listener_.on_error(GST_STREAM_ERROR, code, place() + ": " + text);
 }
 
-// Frames of a wrong size would be rendered with wrong geometry.
+// Ends the stream if a frame has another size than the rig states, because frames of a wrong size would be rendered
+// with wrong geometry.
 void CameraStream::check_size(GstCaps* caps) {
   GstVideoInfo info;
   const GstStructure* structure = gst_caps_get_structure(caps, 0);
@@ -563,7 +564,9 @@ void CameraStream::seek_to_start(guint32 seqnum, bool flush) {
       gst_event_new_seek(1.0, GST_FORMAT_TIME, GstSeekFlags(flags), GST_SEEK_TYPE_SET, 0, GST_SEEK_TYPE_NONE, -1);
   gst_event_set_seqnum(seek, seqnum);
   if (!gst_pad_push_event(chain_.decoded, seek))
-    fail(GST_STREAM_ERROR_FAILED, "can't loop: the source is not seekable");
+    fail(GST_STREAM_ERROR_FAILED,
+         "can't loop: the source is not seekable; set loop=false, or use a file that can be "
+         "read again from its beginning");
 }
 
 // Starts a reopened looping film in its current loop, because decoding all loops since the first would take too long.

@@ -19,9 +19,9 @@
 
 namespace lf {
 
-// Selects the pictures of one coded stream that a recording can contain, and finds their capture times. Pictures before
-// the first key frame cannot be decoded. Pictures arrive in decoding order, which differs from the display order. Not
-// thread-safe.
+// Decides which pictures of a coded stream (such as H.264) can be recorded, and finds their capture times. Pictures
+// before the first key frame cannot be decoded, so they are left out. Pictures arrive in decoding order, which differs
+// from the display order. Not thread-safe.
 class PendingCodedFrames {
  public:
   struct Picture {
@@ -81,8 +81,9 @@ struct StreamListener {
   std::function<void(GstBuffer* buffer, GstCaps* caps, GstClockTime captured)> on_recordable;
 };
 
-// Turns the output of a chain (camera_chain.h) into the stream of a camera, by probes on the pads of the chain. Checks
-// the frame size, sends LF_CAMERA_EVENT, attaches capture times, continues across loops, and ends after `num_frames`.
+// Turns decoded pictures into the stream that lfcamsrc delivers, by probes on the pads of a chain (camera_chain.h). It
+// checks the frame size, announces the camera with LF_CAMERA_EVENT and attaches the capture time to each frame. It also
+// continues the stream across loops, and ends the stream after `num_frames`.
 class CameraStream : public std::enable_shared_from_this<CameraStream> {
  public:
   // `owner` provides base time and clock, and must outlive the data flow.

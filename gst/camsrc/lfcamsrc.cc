@@ -94,36 +94,48 @@ lf::PropertyTable<Settings>& Settings::properties() {
   using namespace lf;
   using S = Settings;
   static PropertyTable<S> table = {
-      property<&S::rig>(kWhileReady, "rig", "Rig", "Path of the rig file (rig.json) that describes the camera"),
-      property<&S::camera>(kWhileReady, "camera", "Camera", "Id of the camera in the rig file", 0u, G_MAXUINT),
+      property<&S::rig>(kWhileReady, "rig", "Rig",
+                        "Path of the rig file (rig.json), which describes the cameras of "
+                        "the array: their sources, lenses and poses. This property is "
+                        "required"),
+      property<&S::camera>(kWhileReady, "camera", "Camera",
+                           "Id of the camera that this element opens, as in the field "
+                           "id of the rig file. The first camera "
+                           "usually has the id 0",
+                           0u, G_MAXUINT),
       fraction_property<&S::fps_n, &S::fps_d>(
           kWhileReady, "framerate", "Frame rate",
           "Frame rate, in frames per second. The element drops or repeats frames of videos to get this rate (0/1: "
           "rate of the source, or 15/1 for stills, image sequences and the built-in scene)",
           0, 1),
       property<&S::is_live>(kWhileReady, "is-live", "Is live",
-                            "Real-time playback of files and stills, by the pipeline clock, as if they were devices. "
-                            "If false, the speed depends only on downstream"),
+                            "Real-time playback of files and stills, as if they were live devices: the pipeline clock "
+                            "decides when each frame is output. If false, frames are output as fast as downstream "
+                            "consumes them, for example to convert a file. Devices and network cameras are live in any "
+                            "case"),
       property<&S::loop>(kWhileReady, "loop", "Loop",
-                         "Restart of videos and image sequences when they end. Running time continues across the "
-                         "restart"),
+                         "Endless repetition of videos and image sequences. The running time continues across each "
+                         "restart, so downstream sees one continuous stream. If false, the stream ends with the file"),
       property<&S::num_frames>(kWhileReady, "num-frames", "Number of frames",
-                               "Length of the stream, in frames (-1: the stream ends with its source, so stills and "
-                               "the built-in scene never end)",
+                               "Length of the stream, in frames. Set this to get a short test stream from a camera or "
+                               "a still (-1: the stream ends with its source, so stills and the built-in scene never "
+                               "end)",
                                gint64{-1}, G_MAXINT64),
       property<&S::decode>(
           kWhileReady, "decode", "Decode",
-          "Raw video in system memory as the only output. If false, JPEG video and GPU frames pass unchanged. This "
-          "saves time in front of lffragment, which decodes only the regions that it needs"),
+          "Decoding of JPEG video, and download of GPU frames to system memory, so that the output is always raw "
+          "video. If false, JPEG video and GPU frames pass unchanged. This saves time in front of lffragment, which "
+          "decodes only the regions that it needs"),
       property<&S::latency>(kWhileReady, "latency", "Latency",
                             "Size of the jitter buffer of network cameras (RTSP), in nanoseconds. Increase it if "
-                            "packets of the camera arrive late and its pictures are damaged",
+                            "packets of the camera arrive late and its pictures are damaged. Every frame then arrives "
+                            "later by the same time",
                             guint64{0}, guint64{60 * GST_SECOND}),
       property<&S::retry>(kWhileReady, "retry", "Retry",
-                          "Reopening of the camera after a failure, instead of an error. The first attempt follows "
-                          "after half a second, and later attempts wait up to ten seconds. A warning and the element "
-                          "messages lightfield-camera-lost and lightfield-camera-found report a loss and the end of "
-                          "a loss"),
+                          "Reopening of the camera after a failure. The first attempt follows after half a second, and "
+                          "the time between later attempts grows to ten seconds. The element posts the message "
+                          "lightfield-camera-lost at the beginning of the outage, and lightfield-camera-found at its "
+                          "end. If false, a failure of the camera is an error and stops the pipeline"),
       property<&S::trusted>(kWhileReady, "trusted", "Trusted",
                             "Permission for the rig file to run any GStreamer element. Set this only for rig files "
                             "from people that you trust. If false, a launch description in the rig may contain only "
@@ -291,7 +303,8 @@ static bool lf_cam_src_is_due(LfCamSrc* self, guint serial) {
          GST_STATE_TARGET(self) >= GST_STATE_PAUSED;
 }
 
-// Calls `step` in a separate thread with the state lock, unless the step has become void.
+// Calls `step` in a separate thread, with the state lock held. Does nothing if the camera has been closed or reopened
+// in the meantime.
 static void lf_cam_src_call_step(LfCamSrc* self, guint serial, void (*step)(LfCamSrc*)) {
   struct Call {
     guint serial;
@@ -375,7 +388,8 @@ void lf_cam_src_shut_down(LfCamSrc* self, guint serial) {
       GUINT_TO_POINTER(serial), nullptr);
 }
 
-// Detects an outage without an error, such as an unplugged network cable.
+// Detects an outage that causes no error, such as an unplugged network cable: the camera counts as lost if nothing
+// arrives for some time.
 static void lf_cam_src_look_for_frames(LfCamSrc* self) {
   if (!self->run || self->service->state() == State::kEnded) return;
   constexpr uint64_t kLongestGap = 5'000'000'000, kLongestStart = 20'000'000'000;
@@ -474,7 +488,8 @@ static gboolean on_query(GstPad* pad, GstObject* parent, GstQuery* query) {
   return TRUE;
 }
 
-// Returns false, without children, after posting an error. If the camera may be lost, returns true without children.
+// Opens the camera. If that fails, posts an error and returns false. If the camera may be lost, a failure is not an
+// error: the function then returns true, and there are no children.
 static bool open_camera(LfCamSrc* self) {
   lf_cam_src_close(self);
   self->live = false;
@@ -497,7 +512,7 @@ static bool is_stale(LfCamSrc* self) {
   return stale;
 }
 
-// Call before the children change state. Returns false after posting an error.
+// Prepares the element for a state change of its children. Returns false after posting an error.
 static bool prepare(LfCamSrc* self, GstStateChange transition) {
   if (transition == GST_STATE_CHANGE_NULL_TO_READY) {
     self->service->start();
@@ -517,7 +532,7 @@ static bool prepare(LfCamSrc* self, GstStateChange transition) {
   return true;
 }
 
-// A camera without children accepts any state.
+// Changes the state of the children. A camera without children accepts any state.
 static GstStateChangeReturn change_children(LfCamSrc* self, GstStateChange transition) {
   const auto chain_up = GST_ELEMENT_CLASS(lf_cam_src_parent_class)->change_state;
   const auto current = GST_STATE_TRANSITION_CURRENT(transition), next = GST_STATE_TRANSITION_NEXT(transition);
@@ -636,7 +651,8 @@ static std::string refusing_status(const GError* error, const gchar* debug) {
   return strstr(debug, "(401), URL") ? "401" : strstr(debug, "(403), URL") ? "403" : "";
 }
 
-// Returns the text of a child's error with the camera and, for failed negotiation, a better reason.
+// Returns the text for an error of a child element: the name of the camera, the error, and a better reason if the
+// negotiation of the format failed.
 static std::string describe(const std::string& place, const std::string& wanted, const GError* error,
                             const gchar* debug) {
   if (const std::string status = refusing_status(error, debug); !status.empty())
@@ -648,8 +664,8 @@ static std::string describe(const std::string& place, const std::string& wanted,
          (v4l2 ? "; v4l2-ctl --list-formats-ext lists the formats of a V4L2 device" : "");
 }
 
-// Adds the name of the camera to errors of the children. If the camera may be lost, other warnings of children are only
-// logged, because they precede an error or are harmless.
+// Filters the messages of the children, and adds the name of the camera to errors. If the camera may be lost, other
+// warnings of children are only logged, because they precede an error or are harmless.
 static void lf_cam_src_handle_message(GstBin* bin, GstMessage* message) {
   LfCamSrc* self = LF_CAM_SRC(bin);
   message = hide_secrets(message);
@@ -751,11 +767,13 @@ static void lf_cam_src_class_init(LfCamSrcClass* klass) {
 
   lf::Properties<settings_of, stats_of>::install(
       object_class,
-      "State of the camera. state: stopped, opening, running, ended or lost; reason of the latest loss; losses; "
-      "retries. dropped: frames skipped because this machine is too slow. damaged: pictures that can't be decoded. "
-      "capture-time: origin of capture times, which is source (timestamps of the source), sender-reports (RTSP), or "
-      "arrival (RTSP until the first report). controls: known controls and controls in the rig (a number, auto, or "
-      "FALSE if the camera lacks the control). control-values: current values");
+      "State of the camera, with these fields. state is stopped, opening, running, ended or lost. reason describes the "
+      "latest loss, losses counts the losses and retries the attempts to reopen the camera. dropped counts frames that "
+      "were skipped because this machine is too slow. damaged counts pictures that can't be decoded. capture-time "
+      "names the origin of the capture times: source (timestamps of the source), sender-reports (RTCP reports of an "
+      "RTSP camera), or arrival (the arrival of the packets, used until the first report). controls lists the known "
+      "controls, such as exposure time, and the values in the rig: a number, auto, or FALSE if the camera lacks the "
+      "control. control-values has the current values of these controls");
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   element_class->change_state = lf::callback<lf_cam_src_change_state>;

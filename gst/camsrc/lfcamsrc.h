@@ -17,7 +17,7 @@ G_END_DECLS
 
 namespace lf {
 
-// Receives the data of a camera for recording; see StreamListener::on_recordable.
+// Function that receives the data of a camera for recording; see StreamListener::on_recordable.
 using RecordingTap = std::function<void(GstBuffer* buffer, GstCaps* caps, GstClockTime captured)>;
 
 }  // namespace lf

@@ -39,9 +39,9 @@
 // Field (uint) with the view id of an event, query or message.
 #define LF_VIEW_ID_FIELD "lightfield-view-id"
 
-// Sticky custom downstream event of lfcamsrc that tells lffragment which camera the stream is from. Fields: "camera"
-// (uint: index in the rig), "rig-hash" (uint64), "paced" (boolean: frames are ready before their time, so none need be
-// late).
+// Event that tells lffragment which camera a stream comes from. It is a sticky custom downstream event of lfcamsrc.
+// Fields: "camera" (uint: index in the rig), "rig-hash" (uint64: checksum of the rig file), "paced" (boolean: frames
+// are ready before their time, so none need be late).
 #define LF_CAMERA_EVENT "lightfield-camera"
 
 // LF_CAMERA_LOST is a custom downstream event of lfcamsrc: the camera has failed, and no frame follows until a new
@@ -63,7 +63,7 @@
 
 namespace lf {
 
-// Returns true for a seek with a negative rate. Reverse playback is not supported, so refuse such seeks before
+// Returns true for a seek with a negative rate. Reverse playback is not supported, so refuse these seeks before
 // flushing.
 bool is_reverse_seek(GstEvent* event);
 
@@ -75,7 +75,8 @@ void accept_unit_caps(GstPad* sink);
 // Returns the latency of the buffers on this sink pad in nanoseconds, or nothing if upstream is not live.
 std::optional<GstClockTime> live_latency(GstPad* sink);
 
-// Loads a rig file. Elements with the same unchanged file share one copy. Thread-safe. Throws Error.
+// Loads a rig file. All elements that load the same unchanged file share one copy in memory. Thread-safe. Throws Error
+// if the file is unreadable or invalid.
 std::shared_ptr<const Rig> shared_rig(const std::string& path);
 
 // Returns true in PAUSED or PLAYING. Use this when the property `rig` is set: a running element calls reload_rig(), and
@@ -85,7 +86,8 @@ bool is_running(GstElement* element);
 // caller keeps its current rig.
 std::shared_ptr<const Rig> reload_rig(GstElement* element, const gchar* path);
 
-// Returns the pixel family (RGB or YCbCr) of a raw video format, or kNone if lffragment does not accept the format.
+// Returns the pixel family of a raw video format, which is RGB or YCbCr. Returns kNone if lffragment does not accept
+// the format.
 PixelFamily family_of(const GstVideoInfo& info);
 RgbLayout rgb_layout(const GstVideoInfo& info);
 // Sets the colorimetry that all I420 of the plugin has: full-range BT.601 with centred chroma.

@@ -18,8 +18,9 @@
 #include "rig/mesh.h"
 #include "view/view_request.h"
 
-// Custom events and queries between viewers (lfviewrequest), nodes (lffragment) and compositors (lfcompositor), and the
-// classes that use these events.
+// Custom events and queries between the three kinds of elements, and the classes that use these events. Viewers
+// (lfviewrequest) request views, nodes (lffragment) answer with the contribution of their cameras, and compositors
+// (lfcompositor) add the answers.
 namespace lf {
 
 // Custom upstream event that stops all requests during a flushing seek. A funnel forwards a seek to its viewers one
@@ -32,8 +33,8 @@ namespace lf {
 GstEvent* hold_event(bool held, guint32 seqnum);
 bool parse_hold(GstEvent* event, bool* held);
 
-// Recognises a seek that has already been handled. A seek arrives several times: by the compositor's request pad, by
-// its answer pads through the nodes, and from every compositor behind a tee. Thread-safe.
+// Recognises a seek that has already been handled, because each seek arrives several times. One copy comes from the
+// compositor's request pad, one through each node, and one from every compositor behind a tee. Thread-safe.
 class SeekFilter {
  public:
   bool is_new(guint32 seqnum) { return seqnum_.exchange(seqnum) != seqnum; }
@@ -50,8 +51,9 @@ class SeekFilter {
 GstEvent* capture_delay_event(GstClockTime delay);
 bool parse_capture_delay(GstEvent* event, GstClockTime* delay);
 
-// Calculates the capture delay of lfviewrequest from the reports of the nodes. The delay increases immediately, so that
-// no frames are missed. It decreases after some seconds if a much smaller delay is sufficient. Thread-safe.
+// Calculates the capture delay of lfviewrequest, which is the age of the frames that it requests, from the reports of
+// the nodes. The delay increases immediately, so that no frames are missed. It decreases after some seconds if a much
+// smaller delay is sufficient. Thread-safe.
 class AutoCaptureDelay {
  public:
   static constexpr GstClockTime kMost = 2 * GST_SECOND;
@@ -72,8 +74,9 @@ class AutoCaptureDelay {
   GstClockTime delay_ = 0;
 };
 
-// Predicts from QoS events whether a picture would be late. lfcompositor writes the view id into each event, because a
-// node serves several views and lateness belongs to one view. Thread-safe.
+// Predicts from QoS events whether a picture would be late, so that no work is spent on late pictures. lfcompositor
+// writes the view id into each event. It is needed because a node serves several views, and only some of them may be
+// late. Thread-safe.
 class QosTracker {
  public:
   static std::optional<uint32_t> view_of(GstEvent* event);
@@ -111,7 +114,7 @@ bool is_in_process_query(GstQuery* query);
 // `context` is null if pictures are not in GPU memory.
 void answer_in_process_query(GstQuery* query, GstGLContext* context);
 
-// The compositor in this process that receives the answers of a pad.
+// Information about the compositor in this process that receives the answers of a pad.
 struct LocalCompositor {
   bool is_there = false;
   // Share group of the OpenGL contexts of the compositor's pictures; 0 if pictures are not in GPU memory.
@@ -126,7 +129,8 @@ LocalCompositor find_local_compositor(GstPad* src);
 // fit the caps. Fields: LF_VIEW_ID_FIELD (uint), "caps" (GstCaps).
 #define LF_PICTURE_CAPS "lightfield-picture-caps"
 
-// Asks the compositor of the view. Returns null if there is none downstream of this source pad.
+// Asks the compositor of the view for the accepted video caps. Returns null if there is no compositor downstream of
+// this source pad.
 SharedCaps query_picture_caps(GstPad* src, guint view_id);
 bool is_picture_caps_query(GstQuery* query, guint* view_id);
 void answer_picture_caps_query(GstQuery* query, GstCaps* caps);
@@ -143,7 +147,8 @@ SharedCaps parse_picture_caps(GstEvent* event, guint* view_id);
 struct ViewFeedback {
   guint view_id = 0;
   std::optional<DepthEstimate> focus;
-  // Cameras that requests must exclude from the next request on. Replaces the set of earlier events.
+  // Cameras that requests must leave out, beginning with the next request. The list replaces the list of earlier
+  // events.
   std::optional<CameraSet> out_of_service;
   // Requests to send once, together with the next request. Only their view, cameras out of service, rig and probe flag
   // are used.

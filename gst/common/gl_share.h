@@ -11,7 +11,7 @@
 
 typedef struct _GstGLContext GstGLContext;
 
-// Connects GStreamer's OpenGL contexts and textures with the renderers in lib/. Thread-safe.
+// Lets the renderers in lib/ use OpenGL contexts and textures of GStreamer. Thread-safe.
 namespace lf {
 
 using GlContextPtr = std::shared_ptr<GstGLContext>;

@@ -31,7 +31,7 @@ gpointer map(GstMemory* memory, gsize, GstMapFlags) {
     // One pointer is sufficient, because all planes are contiguous.
     return const_cast<int16_t*>(sum_of(memory).fetch().plane[0]);
   } catch (const std::exception& error) {
-    GST_WARNING("can't download a sum from the GPU: %s", error.what());
+    GST_WARNING("can't download rendered pixels from the GPU: %s", error.what());
     return nullptr;
   }
 }

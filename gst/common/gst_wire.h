@@ -16,15 +16,16 @@
 #include "wire/request_codec.h"
 #include "wire/unit.h"
 
-// Conversion between units of the wire format (requests and parts of answers) and GStreamer buffers. A buffer holds
-// exactly one unit.
+// Converts between GStreamer buffers and units of the wire format. A unit is one request or one part of an answer, and
+// a buffer holds exactly one unit.
 namespace lf {
 
-// Creates read-only memory for a sum on a GPU. Its contents are the payload of one 16-bit fragment of the whole view,
-// but the sum is downloaded only if the memory is mapped. The caller owns the memory.
+// Creates read-only memory for a rendered answer that is still on a GPU. The contents are the payload of one 16-bit
+// fragment of the whole view. They are downloaded only if the memory is mapped, so a compositor on the same GPU never
+// needs the download. The caller owns the memory.
 GstMemory* gpu_sum_memory_new(std::shared_ptr<gl::GpuSum> sum);
 
-// Returns the GPU sum of an answer, which is in its second memory; null if there is none.
+// Returns the GPU data of an answer, which is in the second memory of its buffer. Returns null if the answer has none.
 std::shared_ptr<gl::GpuSum> gpu_sum_of(GstBuffer* answer);
 
 std::optional<ViewRequest> decode_request_buffer(GstBuffer* buffer, std::string* reason = nullptr);
@@ -51,15 +52,15 @@ class MappedBuffer {
   GstMapInfo map_{};
 };
 
-// Recycles the memory of answers, because the sums of a 1080p view take six megabytes. Buffers may outlive their
-// element.
+// Recycles the memory of answers. This saves time, because the pixel data of a 1080p view takes six megabytes. Buffers
+// may outlive their element.
 using AnswerMemory = MemoryPool<ByteBuffer>;
 
 GstBuffer* encode_request_buffer(const ViewRequest& request);
 GstBuffer* wrap_bytes(std::vector<uint8_t> bytes);
 GstBuffer* wrap_bytes(ByteBuffer bytes);
-// Returns a new buffer that the caller owns. When it is freed, the bytes return to `memory`. `payload` is a sum on a
-// GPU that follows the bytes; null if there is none.
+// Returns a new buffer that the caller owns. When the buffer is freed, its bytes return to `memory`. `payload` is data
+// on a GPU that follows the bytes; null if there is none.
 GstBuffer* wrap_answer(ByteBuffer bytes, std::shared_ptr<AnswerMemory> memory,
                        std::shared_ptr<gl::GpuSum> payload = nullptr);
 

@@ -26,7 +26,7 @@ void post_warning(GstElement* element, const char* what) {
   GST_ELEMENT_WARNING(element, LIBRARY, FAILED, ("%s", what), (nullptr));
 }
 
-// Calls post() with a description of the current exception. Takes the reference to the element.
+// Describes the current exception and passes the text to post(). Takes the reference to the element.
 void describe_current_exception(GstElement* element, void (*post)(GstElement*, const char*)) {
   try {
     throw;

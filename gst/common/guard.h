@@ -6,8 +6,8 @@
 
 #include <gst/gst.h>
 
-// Converts C++ exceptions to GStreamer errors, because exceptions must not reach C code. Wrap every callback that may
-// throw in lf::callback<>, which posts an error and returns a failure value.
+// Converts C++ exceptions to GStreamer errors, because an exception must not leave a function that GStreamer's C code
+// calls. Wrap every callback that may throw in lf::callback<>. It posts an error and returns a failure value.
 namespace lf {
 
 class ObjectLock {

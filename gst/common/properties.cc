@@ -4,12 +4,15 @@
 GType lf_access_get_type(void) {
   static const GType type = lf::register_enum<lf::Access>(
       "LfAccess",
-      {{lf::Access::kSelf, "Cameras that know the whole array and answer view requests", "self"},
+      {{lf::Access::kSelf, "The cameras know the whole rig and answer view requests without further help", "self"},
        {lf::Access::kWarp,
-        "Cameras that know only their lenses and answer commands to warp their image "
-        "into the view",
+        "The cameras know only their own lens. The viewer also sends each camera a warp command: the transformation of "
+        "its image into the view",
         "warp"},
-       {lf::Access::kPixels, "Cameras that only deliver pixels and answer commands that name these pixels", "pixels"}});
+       {lf::Access::kPixels,
+        "The cameras only deliver image regions. The viewer also sends each camera a command that "
+        "names the region, and the compositor transforms the pixels",
+        "pixels"}});
   return type;
 }
 

@@ -88,7 +88,8 @@ Property<Settings> make_property(Field Settings::*, GParamFlags flags, const cha
               if ((settings.*field).empty()) g_value_set_static_string(value, "");
           }};
 }
-// The same as property(), for a field that the settings `S` inherit from a base struct.
+// Makes the table row of a property with a field that the settings `S` inherit from a base struct. All arguments are
+// the same as for property().
 template <typename S, auto field, typename... Range>
 Property<S> inherited_property(GParamFlags flags, const char* name, const char* nick, const char* blurb,
                                Range... range) {

@@ -28,19 +28,24 @@ struct LimitRow {
 template <typename Limits, typename Visit>
 void for_each_limit(Limits& limits, const Visit& visit) {
   visit(LimitRow{"max-pixels", 1, double{kMaxImageSize} * kMaxImageSize, "pixels",
-                 "width times height of a view; the views of a set, which form one picture, may together have four "
+                 "width times height of a view; all views of a set, such as a stereo pair, may together have four "
                  "times as many"},
         limits.pixels);
   visit(LimitRow{"max-aperture", 0, Blending::kMaxAperture, "metres",
-                 "synthetic aperture of a view; 0 = diameter of the array, if known"},
+                 "diameter of the synthetic aperture; larger apertures use more cameras per pixel and cost more time; "
+                 "0 = diameter of the array, if known"},
         limits.aperture);
-  visit(LimitRow{"max-trials", 0, kMaxHypotheses, "surfaces", "depths that one request asks the cameras to test"},
-        limits.trials);
+  visit(
+      LimitRow{
+          "max-trials", 0, kMaxHypotheses, "surfaces",
+          "number of depth hypotheses in one request, which are the depths that the cameras test to find the focus"},
+      limits.trials);
   visit(LimitRow{"max-requests-per-second", 0, G_MAXUINT, "requests a second",
                  "rate of the live requests of one view; 0 = unlimited"},
         limits.requests_per_second);
   visit(LimitRow{"max-views", 1, 65536, "views",
-                 "concurrent views; further views are refused until another view has been silent for two seconds"},
+                 "number of concurrent views; further views are refused until another view has been silent for two "
+                 "seconds"},
         limits.views);
 }
 
@@ -62,9 +67,9 @@ bool set_limit(const LimitRow& row, const GValue* value, Field& field) {
 
 std::string description() {
   std::string text =
-      "Upper limits for the requests of other hosts and viewers, as a structure such as limits,max-pixels=4000000; "
-      "the element refuses requests beyond a limit and counts the refusals in stats, and limits that are not given "
-      "keep their defaults";
+      "Upper limits for the requests of other hosts and viewers, which protect this machine against overload. The "
+      "value is a structure, for example limits,max-pixels=4000000. Fields that are not given keep their defaults. The "
+      "element refuses requests beyond a limit, and counts the refusals in stats. The fields are";
   const char* separator = ": ";
   const RequestLimits limits;
   for_each_limit(limits, [&](const LimitRow& row, auto) {
@@ -89,7 +94,9 @@ RequestLimits parse_limits(const GstStructure* structure, std::vector<std::strin
   for (int i = 0; structure && i < gst_structure_n_fields(structure); i++) {
     const std::string name = gst_structure_nth_field_name(structure, static_cast<guint>(i));
     const GValue* value = gst_structure_get_value(structure, name.c_str());
-    std::string problem = name + ": there is no such limit";
+    std::string problem = name +
+                          ": there is no such limit. The limits are max-pixels, max-aperture, max-trials, "
+                          "max-requests-per-second and max-views";
     for_each_limit(limits, [&](const LimitRow& row, auto& field) {
       if (name != row.name) return;
       problem.clear();

@@ -34,14 +34,14 @@ GstStructure* limits_structure(const RequestLimits& limits);
 // defaults. Each wrong or unknown field adds a text to `problems` that begins with the field name.
 RequestLimits parse_limits(const GstStructure* structure, std::vector<std::string>& problems);
 
-// Protects an element from expensive requests: refuses requests beyond the property `limits`. Counts them, and posts a
-// warning about them at most once a second. Thread-safe.
+// Protects an element from requests that are too expensive, such as very large views. Requests beyond the property
+// `limits` are refused and counted. A warning about them is posted at most once a second. Thread-safe.
 class RequestGuard {
  public:
   static constexpr guint kLimits = 100;  // property id; other properties of the class have lower ids
   static void install(GObjectClass* klass);
-  // Implement the property; false if the id belongs to another property. Warnings about wrong values are posted at once
-  // if the element is running, otherwise when it starts.
+  // Implement the property `limits` of the element. Both return false if the id belongs to another property. Warnings
+  // about wrong values are posted at once if the element is running, otherwise when it starts.
   bool set(GstElement* element, guint id, const GValue* value);
   bool get(guint id, GValue* value) const;
 
@@ -49,9 +49,9 @@ class RequestGuard {
   // the size of the array in metres; 0 if unknown. `paced` means that requests arrive in real time, so that their rate
   // is limited.
   bool admits(GstElement* element, std::span<const uint8_t> request, double extent, bool paced, uint32_t client = 0);
-  // Frees the views of a sender that has stopped.
+  // Frees the view ids of a sender that has stopped, so that other views can use its place in max-views.
   void forget(uint32_t client);
-  // Returns false for an answer that is larger than any allowed request.
+  // Returns false, and posts a warning, if an answer is larger than any allowed request.
   bool admits_answer(GstElement* element, int width, int height);
 
   void start(GstElement* element);
@@ -61,7 +61,8 @@ class RequestGuard {
 
  private:
   void warn_of_problems(GstElement* element) const;
-  // Counts a refusal. Returns the total if a warning is due. `lock` is the lock of mutex_, released on return.
+  // Counts a refusal. Returns the total number of refusals if a warning is due, otherwise nothing. `lock` is the lock
+  // of mutex_, which is released on return.
   std::optional<uint64_t> refuse(RequestLimiter::Refusal refusal, uint64_t now, std::unique_lock<std::mutex> lock);
 
   mutable std::mutex mutex_;

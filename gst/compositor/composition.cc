@@ -133,14 +133,20 @@ static void add_answer(LfCompositor* self, GstBuffer* buffer) {
       state.warned_rig = true;
       break;
     case lf::Assembly::Verdict::kBadFragment:
-      GST_WARNING_OBJECT(self, "node %u: fragments do not fit the view or the answers of earlier nodes", answer->node);
+      GST_WARNING_OBJECT(self,
+                         "node %u: fragments do not fit the view or the answers of earlier nodes, so its answer "
+                         "is ignored",
+                         answer->node);
       state.stats.count(CompositorStats::kBadAnswers);
       break;
     default: break;
   }
   state.adding += g_get_monotonic_time() - begun;
   if (const unsigned damaged = state.assembly.damaged() - damaged_before)
-    GST_WARNING_OBJECT(self, "node %u: %u fragments are damaged", answer->node, damaged);
+    GST_WARNING_OBJECT(self,
+                       "node %u: %u fragments are damaged, so these parts of its answer "
+                       "are ignored",
+                       answer->node, damaged);
 }
 
 // Handles an answer to an earlier request, which is too late for its picture. The answer still proves that the node
@@ -177,7 +183,10 @@ static Taken take_fragments(LfCompositor* self, lf::NodeInput& node, GstBuffer* 
   }
   if (answer->view_id != state.current->view_id) return Taken::kDone;
   if (state.assembly.has_unknown_cameras(*answer)) {
-    GST_WARNING_OBJECT(self, "node %u: its answer claims cameras that are not in the rig", answer->node);
+    GST_WARNING_OBJECT(self,
+                       "node %u: its answer claims cameras that are not in the rig, so the answer is ignored; "
+                       "use the same rig file on all hosts",
+                       answer->node);
     state.stats.count(CompositorStats::kBadAnswers);
     return Taken::kDone;
   }
@@ -583,7 +592,8 @@ static std::optional<lf::QosTracker::Late> is_too_late(LfCompositor* self) {
   return state.qos.late(state.current->view_id, time);
 }
 
-// Skips the current request. The nodes also skip it, so it does not count for their state.
+// Skips the current request, so that the request gets no picture. The nodes skip the request, too, so the picture does
+// not count as missed by the nodes.
 static void skip_request(LfCompositor* self, const lf::QosTracker::Late& late) {
   auto& state = *self->state;
   record_skipped(self, late);
@@ -716,7 +726,10 @@ GstFlowReturn lf_compositor_aggregate(GstAggregator* agg, gboolean) {
     case GST_FLOW_FLUSHING: return GST_AGGREGATOR_FLOW_NEED_DATA;  // handled by the flushing element
     case GST_FLOW_NOT_LINKED:                                      // until the pad is linked again
       if (!std::exchange(state.warned_unlinked, true))
-        GST_ELEMENT_WARNING(self, CORE, PAD, ("The source pad is not linked: pictures are discarded."), (nullptr));
+        GST_ELEMENT_WARNING(self, CORE, PAD,
+                            ("The source pad is not linked: pictures are discarded. Link it with a "
+                             "sink, for example videoconvert ! autovideosink."),
+                            (nullptr));
       return GST_AGGREGATOR_FLOW_NEED_DATA;
     case GST_FLOW_NOT_NEGOTIATED:  // elements post all other errors themselves
       if (!state.output.has_refused()) GST_ELEMENT_FLOW_ERROR(self, flow);

@@ -15,7 +15,7 @@
 
 namespace lf {
 
-// The counters and durations that lfcompositor shows in `stats`. Thread-safe.
+// Collects the counters and durations that lfcompositor shows in its property `stats`. Thread-safe.
 class CompositorStats {
  public:
   enum Counter {
@@ -33,12 +33,12 @@ class CompositorStats {
     kNumCounters
   };
 
-  // One finished picture. Times are g_get_monotonic_time(), microseconds.
+  // Measurements of one finished picture. Times are g_get_monotonic_time(), microseconds.
   struct Picture {
     uint32_t view_id = 0, sequence = 0;
     GstClockTime pts = GST_CLOCK_TIME_NONE;
     unsigned fragments = 0, missing = 0, damaged = 0;
-    // Share of the view that cameras see, 0..1; negative: unknown, no rig.
+    // Share of the view that cameras see, 0 to 1. Negative if unknown, because the compositor has no rig.
     std::optional<lf::MeanCoverage> coverage;
     uint64_t bytes = 0;
     uint64_t trial_bytes = 0;  // size of the photo-consistency units
@@ -52,7 +52,7 @@ class CompositorStats {
   void count(Counter counter);
   void set_out_of_service(size_t cameras);
   void set_focus(const DepthEstimator::State& state, uint64_t trial_bytes);
-  // Adds the size of answers to the camera check, which are counted separately.
+  // Adds the size of answers to the camera check. These answers are counted separately, because they are not shown.
   void add_monitor_bytes(uint64_t bytes);
   void set_monitor(const CameraMonitor& monitor);
   void request_arrived(uint32_t sequence, int64_t time);
@@ -64,7 +64,7 @@ class CompositorStats {
   // Counts a picture. If `describe`, returns the structure of its element message "lightfield-view", otherwise null. A
   // picture is not complete if no camera sees anything of the view.
   GstStructure* record(const Picture& picture, bool describe);
-  // Returns the value of the `stats` property (transfer full).
+  // Returns the value of the property `stats` (transfer full).
   GstStructure* structure() const;
 
  private:

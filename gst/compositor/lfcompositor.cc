@@ -150,15 +150,21 @@ GType lf_compositor_incomplete_get_type(void) {
         "Show the parts that have arrived. If `rig` is set, the remaining cameras compensate for the missing parts, "
         "and the previous picture fills empty pixels",
         "conceal"},
-       {LF_COMPOSITOR_INCOMPLETE_REPEAT, "Repeat the previous picture, or conceal if there is none", "repeat"},
-       {LF_COMPOSITOR_INCOMPLETE_DROP, "Output no picture", "drop"}});
+       {LF_COMPOSITOR_INCOMPLETE_REPEAT,
+        "Repeat the previous picture. If there is none, the output is as "
+        "with conceal",
+        "repeat"},
+       {LF_COMPOSITOR_INCOMPLETE_DROP, "Output no picture for this request", "drop"}});
   return type;
 }
 
 GType lf_compositor_focus_get_type(void) {
   static const GType type = lf::register_enum<lf::FocusMode>(
       "LfCompositorFocus",
-      {{lf::FocusMode::kPlane, "The focal plane of the request", "plane"},
+      {{lf::FocusMode::kPlane,
+        "One focal plane, at the distance that the request names. Objects at other distances "
+        "are blurred or appear double",
+        "plane"},
        {lf::FocusMode::kSurface, "A depth for each pixel (a focal surface), updated with every request", "surface"},
        {lf::FocusMode::kAuto, "A depth for each pixel (a focal surface), updated as often as the scene needs",
         "auto"}});
@@ -178,9 +184,15 @@ GType lf_compositor_show_get_type(void) {
 GType lf_compositor_gains_get_type(void) {
   static const GType type = [] {
     static const GEnumValue values[] = {
-        {LF_COMPOSITOR_GAINS_OFF, "No exposure compensation", "off"},
-        {LF_COMPOSITOR_GAINS_ON, "Exposure compensation, in addition to the colour corrections of the rig", "on"},
-        {LF_COMPOSITOR_GAINS_AUTO, "Exposure compensation, unless the rig has colour corrections", "auto"},
+        {LF_COMPOSITOR_GAINS_OFF, "No exposure compensation. The cameras keep their differences in brightness", "off"},
+        {LF_COMPOSITOR_GAINS_ON,
+         "Exposure compensation, in addition to the colour corrections of the rig, which are "
+         "applied first",
+         "on"},
+        {LF_COMPOSITOR_GAINS_AUTO,
+         "Exposure compensation, unless the rig file already has colour corrections, such as "
+         "lf-calibrate colour writes",
+         "auto"},
         {0, nullptr, nullptr}};
     return g_enum_register_static("LfCompositorGains", values);
   }();
@@ -232,11 +244,13 @@ PropertyTable<CompositorSettings>& CompositorSettings::properties() {
                         "estimate depths, and to show `background` in areas that no camera sees. If the property is "
                         "set while the element runs, the file is used from the next request on"),
       property<&S::background>(kWhilePlaying, "background", "Background",
-                               "Colour of pixels that no camera sees, as 0xAARRGGBB (alpha is ignored)", 0,
-                               G_MAXUINT32),
+                               "Colour of pixels that no camera sees, as 0xAARRGGBB. For example, 0xff808080 is medium "
+                               "grey. The alpha value is ignored. This needs `rig`",
+                               0, G_MAXUINT32),
       property<&S::post_messages>(kWhilePlaying, "post-messages", "Post messages",
-                                  "Post an element message \"lightfield-view\" for every picture, for example to "
-                                  "measure latency"),
+                                  "Posting of an element message \"lightfield-view\" for every picture. The message "
+                                  "contains sizes and durations, for example the latency. Set this to measure a "
+                                  "pipeline"),
       property<&S::incomplete>(kWhilePlaying, "incomplete", "Incomplete",
                                "Output if parts of the picture have not arrived at the deadline of its request (see "
                                "latency). This occurs only in live pipelines, where an answer can be late or lost",
@@ -249,21 +263,26 @@ PropertyTable<CompositorSettings>& CompositorSettings::properties() {
                                0, G_MAXUINT),
       property<&S::partial>(
           kWhileReady, "partial", "Partial",
-          "Output of partial answers instead of pictures. A partial answer has the weighted total of the cameras below "
-          "this compositor, and is an input of another compositor. Use this for a tree of compositors, for example "
-          "with one compositor for each rack of hosts. This needs `rig`"),
+          "Output of partial answers instead of pictures. A partial answer is the weighted total of the images of all "
+          "cameras below this compositor, and is an input of another compositor. Use this for a tree of compositors, "
+          "for example with one compositor for each rack of hosts. This needs `rig`"),
       property<&S::node>(
           kWhileReady, "node", "Node",
           "Number that identifies this compositor in its partial answers. Give all nodes and compositors below one "
           "compositor different numbers, so that it can tell their answers apart",
           0, G_MAXUINT),
-      property<&S::codec>(kWhilePlaying, "codec", "Codec", "Encoding of the pixels in partial answers",
+      property<&S::codec>(kWhilePlaying, "codec", "Codec",
+                          "Encoding of the pixels in partial answers (see partial). "
+                          "Compression (JPEG) saves network bandwidth but costs time "
+                          "on both hosts, and it changes the picture slightly. "
+                          "Pictures are never compressed",
                           LF_TYPE_FRAGMENT_CODEC),
       property<&S::focus>(
           kWhilePlaying, "focus", "Focus",
-          "Choice between one focal plane for the whole picture and a separate depth for each pixel (a focal surface), "
-          "which makes the whole picture sharp. The compositor estimates these depths by comparing the cameras at "
-          "several distances, and sends them to the lfviewrequest of the view. Without `rig`, auto means plane",
+          "Focus of the picture: one focal plane for the whole picture, or a separate depth for each pixel (a focal "
+          "surface), which makes the whole picture sharp. The compositor estimates these depths by comparing the "
+          "cameras at several distances, and sends them to the lfviewrequest of the view. Without `rig`, auto means "
+          "plane",
           LF_TYPE_COMPOSITOR_FOCUS),
       property<&S::focus_near>(
           kWhilePlaying, "focus-near", "Focus near",
@@ -283,15 +302,18 @@ PropertyTable<CompositorSettings>& CompositorSettings::properties() {
           0, G_MAXUINT16),
       property<&S::depth_interval>(kWhilePlaying, "depth-interval", "Depth interval",
                                    "Minimum number of requests between two updates of the focal surface. A larger "
-                                   "value saves time, but the surface follows the scene more slowly",
+                                   "value saves time, but the surface follows the scene more slowly. Increase it for "
+                                   "static scenes or slow machines",
                                    1, G_MAXUINT16),
       property<&S::gains>(
           kWhilePlaying, "gains", "Gains",
-          "Compensation for cameras that are brighter or darker than the rest of the array. It needs a focal surface, "
-          "so it is off if focus is plane. The property stats of lffragment lists the correction of each camera",
+          "Compensation for cameras that are brighter or darker than the rest of the array, for example because of "
+          "automatic exposure. It prevents visible seams between cameras. It needs a focal surface, so it is off if "
+          "focus is plane. The property stats of lffragment lists the correction of each camera",
           LF_TYPE_COMPOSITOR_GAINS),
       property<&S::show>(kWhilePlaying, "show", "Show",
-                         "Overlay on the pictures that shows how the cameras contribute. This needs `rig`",
+                         "Overlay on the pictures that shows how the cameras contribute to each pixel. Use it to check "
+                         "an array for cameras that are missing, hidden or misplaced. This needs `rig`",
                          LF_TYPE_COMPOSITOR_SHOW),
   };
   return table;
@@ -322,8 +344,8 @@ guint lf_compositor_view_id(LfCompositor* self) {
   return self->settings->view_id;
 }
 
-// Loads the new rig of a running element, which is used from the next request on. Returns false if the file cannot be
-// loaded.
+// Loads a new rig file while the element runs. The rig is used from the next request on. Returns false if the file
+// cannot be loaded.
 static bool lf_compositor_reload_rig(LfCompositor* self, const gchar* path) {
   std::shared_ptr<const lf::Rig> rig;
   if ((path || lf_compositor_settings(self).partial) && !(rig = lf::reload_rig(GST_ELEMENT(self), path))) return false;
@@ -366,17 +388,19 @@ static void lf_compositor_get_property(GObject* object, guint id, GValue* value,
 static void install_properties(GObjectClass* klass) {
   Properties::install(
       klass,
-      "Counters since the start, measurements and durations. Pictures: complete, incomplete, unseen (no camera sees "
-      "anything of the view), repeated, dropped, failed (no memory), gpu-pictures (made on a GPU). Requests: skipped "
-      "(too late, according to QoS events), and refused by the exceeded limit (refused-pixels, -aperture, -trials, "
-      "-rate, -views, -lens). Fragments: missing, damaged. Answers: late, repeated, bad, unexpected (without a "
-      "request), their bytes, and cameras out of service. coverage: share of the latest view that cameras see (with "
-      "`rig`). max-skew-ns: largest capture-time error. Focal surface: rounds of the depth search and their bytes, "
-      "disagreement of the cameras (focus-residual, in 255ths) and its latest reduction (focus-improvement), requests "
-      "per update (focus-interval), and whether one plane is enough (focus-flat). Camera monitor: number of checks "
-      "(monitor-turns) and their bytes. For each camera, it has the PSNR, gain and shift (pixels of the small view) "
-      "between the prediction and the image, and suspects have their fault (colour, direction, picture). Latency of "
-      "each stage: p50, p95 and p99 over the latest 1024 pictures, in nanoseconds");
+      "Counters since the start, measurements and durations. Pictures are counted as complete, incomplete, unseen (no "
+      "camera sees anything of the view), repeated, dropped or failed (no memory). gpu-pictures counts those that were "
+      "made on a GPU. Requests are counted as skipped (too late, according to QoS events) or refused, by the exceeded "
+      "limit: refused-pixels, -aperture, -trials, -rate, -views, -lens. Fragments, which are the parts of the answers, "
+      "are counted as missing or damaged. Answers are counted as late, repeated, bad or unexpected (without a "
+      "request), together with their bytes and the cameras out of service. coverage is the share of the latest view "
+      "that cameras see (with `rig`). max-skew-ns is the largest capture-time error. The fields of the focal surface "
+      "count the rounds of the depth search and their bytes. focus-residual is the disagreement of the cameras, in "
+      "255ths, and focus-improvement its latest reduction. focus-interval is the number of requests per update, and "
+      "focus-flat is true if one plane is enough. monitor-turns counts the checks of the camera monitor; their bytes "
+      "are counted, too. For each camera, the monitor compares a prediction with the image, and lists the PSNR, the "
+      "gain and the shift in pixels of the small view. A suspicious camera also has its fault (colour, direction or "
+      "picture). The latency of each stage has p50, p95 and p99 over the latest 1024 pictures, in nanoseconds");
   lf::RequestGuard::install(klass);
   klass->set_property = lf::callback<lf_compositor_set_property>;
   klass->get_property = lf::callback<lf_compositor_get_property>;
@@ -557,7 +581,7 @@ static gboolean lf_compositor_sink_query(GstAggregator* agg, GstAggregatorPad* p
   return parent_class()->sink_query(agg, pad, query);
 }
 
-// Warns of requests for other views only; the usual cause is that view-id was not set.
+// Warns if there are requests for other views, but none for this view. The usual cause is that view-id was not set.
 static void note_other_view(LfCompositor* self, uint32_t other) {
   if (!self->state->silence.request_of_other_view(g_get_monotonic_time())) return;
   GST_ELEMENT_WARNING(
@@ -673,7 +697,7 @@ static void drop_early_answers(LfCompositor* self) {
   for (lf::NodeInput* node : lf::NodeInputs(self->request)) node->drop_early();
 }
 
-// Returns null if no rig is set. Throws Error if the file cannot be loaded.
+// Loads the rig file. Returns null if no rig is set. Throws Error if the file cannot be loaded.
 static std::shared_ptr<const lf::Rig> load_rig(const lf::CompositorSettings& settings) {
   if (!settings.rig.empty()) return lf::shared_rig(settings.rig);
   if (settings.partial)

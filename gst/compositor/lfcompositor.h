@@ -32,7 +32,8 @@ G_BEGIN_DECLS
 #define LF_TYPE_COMPOSITOR (lf_compositor_get_type())
 G_DECLARE_FINAL_TYPE(LfCompositor, lf_compositor, LF, COMPOSITOR, GstAggregator)
 
-// Default of GstAggregator's property "latency" for live pipelines: a frame period at 15 frames per second.
+// Default of the property "latency" of GstAggregator, which is the time that a live picture may wait for answers. The
+// value is a frame period at 15 frames per second.
 #define LF_COMPOSITOR_LATENCY (60 * GST_MSECOND)
 
 #define LF_TYPE_COMPOSITOR_INCOMPLETE (lf_compositor_incomplete_get_type())
@@ -59,7 +60,7 @@ G_END_DECLS
 
 namespace lf {
 
-// The properties of lfcompositor. The property `limits` is part of its RequestGuard.
+// The properties of lfcompositor, except for `limits`, which is part of its RequestGuard.
 struct CompositorSettings {
   guint view_id = 0;
   std::string rig;
@@ -99,8 +100,8 @@ struct CompositorSettings {
 
 GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
 
-// The state that lfcompositor.cc (properties, pads, events, queries) and composition.cc (requests, answers, pictures)
-// share.
+// The state of an lfcompositor. Two files share it: lfcompositor.cc (properties, pads, events and queries) and
+// composition.cc (requests, answers and pictures).
 
 struct _LfCompositor {
   GstAggregator parent;

@@ -20,8 +20,9 @@
 
 namespace lf {
 
-// Keeps the answers of a live node to later requests. Setting them aside prevents a forged answer from blocking the
-// answers behind it: a forged answer is rejected when its request becomes current. Not thread-safe.
+// Keeps the answers of a live node to later requests until these requests become current. This also prevents a forged
+// answer from blocking the answers behind it, because a forged answer is rejected only when its request becomes
+// current. Not thread-safe.
 class EarlyAnswers {
  public:
   // An answer may be for at most this many requests after the current one, which is enough for two sets of views.
@@ -53,10 +54,10 @@ class EarlyAnswers {
   size_t bytes_ = 0;
 };
 
-// One node, as an lfcompositor sees it through an answer pad. Collects the node's answer to the current request, keeps
-// answers to later requests, and decides whether to wait for the node. The last part of an answer stays on the pad
-// until the picture is done, so that GstAggregator finds a buffer on every pad when all nodes have answered. Use from
-// the streaming thread, except for flushed().
+// The input of an lfcompositor from one camera node, behind one sink pad. It collects the node's answer to the current
+// request, keeps answers to later requests, and decides whether to wait for the node. The last part of an answer stays
+// on the pad until the picture is done, so that GstAggregator finds a buffer on every pad when all nodes have answered.
+// Use from the streaming thread, except for flushed().
 class NodeInput {
  public:
   // The NodeInput lives as long as the pad.
@@ -89,7 +90,8 @@ class NodeInput {
   bool has_unread() const;
   bool has_ended() const { return gst_aggregator_pad_is_eos(pad_); }
 
-  // Call when the current picture is done. If `counts` and the node has not answered, the picture counts as missed.
+  // Call when the current picture is done. If `counts` is true and the node has not answered, the picture counts as
+  // missed by this node.
   void close(bool counts);
   // Drops the incomplete answer, because the current request gets no picture.
   void drop_answer();

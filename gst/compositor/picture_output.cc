@@ -69,7 +69,10 @@ void put_in_gpu(GstCaps* caps) {
 }
 
 GstFlowReturn no_memory(GstAggregator* element) {
-  GST_ELEMENT_ERROR(element, RESOURCE, NO_SPACE_LEFT, ("No memory for a picture."), (nullptr));
+  GST_ELEMENT_ERROR(element, RESOURCE, NO_SPACE_LEFT,
+                    ("No memory for a picture. Reduce the size of the views, or "
+                     "close other programs."),
+                    (nullptr));
   return GST_FLOW_ERROR;
 }
 
@@ -415,7 +418,7 @@ bool PictureOutput::draw_on_gpu(const Assembly& assembly, const ViewRequest& req
   return drawn;
 }
 
-// Call before any other access to the picture.
+// Waits until the GPU has drawn all views into the picture. Call before any other access to the picture.
 void PictureOutput::leave_gpu() {
   std::string why;
   if (pending_.textures && !pending_.textures->finish(why)) {

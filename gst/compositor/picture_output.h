@@ -51,7 +51,8 @@ GstCaps* offered_caps(PixelFamily family);
 // Returns true if all structures of the caps are in GPU memory.
 bool is_in_gpu(const GstCaps* caps);
 
-// The textures of a picture buffer, as a render target during the lifetime of this object.
+// Gives access to the textures of a picture buffer, for drawing rendered views. The access ends with the lifetime of
+// this object.
 class GlRenderTarget {
  public:
   // `group`: required share group of the textures.
@@ -60,7 +61,7 @@ class GlRenderTarget {
   GlRenderTarget(const GlRenderTarget&) = delete;
   GlRenderTarget& operator=(const GlRenderTarget&) = delete;
 
-  // Returns false if sums cannot be drawn to the textures of the buffer.
+  // Returns false if rendered views cannot be drawn to the textures of the buffer.
   explicit operator bool() const { return is_mapped_; }
   gl::ShareGroup group() const { return group_; }
   // Starts drawing a sum at pixel (x, y). Returns false and sets `why` on failure.
@@ -78,9 +79,9 @@ class GlRenderTarget {
   std::vector<std::shared_ptr<gl::GpuSum>> undrained_;  // unfinished draw calls; keeps their sums alive
 };
 
-// The output of an lfcompositor. Negotiates caps and memory, makes pictures or partial answers, and keeps the previous
-// picture as a replacement for incomplete pictures. Posts errors of its element. Use from the streaming thread, except
-// for is_pushing(), has_begun() and own_gpu().
+// The output side of an lfcompositor. It negotiates caps and memory, and makes the pictures or partial answers. It also
+// keeps the previous picture as a replacement for incomplete pictures. Errors are posted for its element. Use from the
+// streaming thread, except for is_pushing(), has_begun() and own_gpu().
 class PictureOutput {
  public:
   explicit PictureOutput(GstAggregator* element) : element_(element), own_gpu_(GST_ELEMENT(element)) {}
@@ -125,7 +126,8 @@ class PictureOutput {
   // Returns the sum for the request, as the answer of node number `node`. Returns null on failure and sets *flow.
   GstBuffer* make_answer(Assembly& assembly, const ViewRequest& request, guint node, CodecChoice codec,
                          GstFlowReturn* flow);
-  // Keeps, repeats or drops an incomplete picture, as the property `incomplete` says. Takes the picture.
+  // Applies the property `incomplete` to an incomplete picture: keeps the picture, repeats the previous picture, or
+  // outputs none. Takes the picture.
   enum class OutputAction { kPicture, kRepeated, kDropped };
   OutputAction replace_incomplete(const Assembly& assembly, LfCompositorIncomplete incomplete, GstBuffer** picture);
 

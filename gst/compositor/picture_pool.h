@@ -12,8 +12,8 @@ typedef struct _GstGLDisplay GstGLDisplay;
 
 namespace lf {
 
-// Provides GPU memory for pictures if downstream requires GPU memory but offers no pool (for example gldownload). Uses
-// an OpenGL context shared by neighbours, or creates its own, as OpenGL sources do.
+// Provides GPU memory for pictures. It is needed if downstream requires GPU memory but offers no pool, as gldownload
+// does. Uses an OpenGL context shared by neighbours, or creates its own, as OpenGL sources do.
 class OwnGpu {
  public:
   explicit OwnGpu(GstElement* element) : element_(element) {}
@@ -42,8 +42,8 @@ class OwnGpu {
   GstGLContext *shared_ = nullptr, *context_ = nullptr;
 };
 
-// Recycles the memory of pictures, because fresh pages from the system would cost as much as composing a 1080p picture.
-// Pictures may outlive the pool. Not thread-safe.
+// Provides and recycles the memory of pictures. Recycling matters, because fresh pages from the system would cost as
+// much time as composing a 1080p picture. Pictures may outlive the pool. Not thread-safe.
 class PicturePool {
  public:
   static constexpr guint kMostIdle = 4;  // idle buffers kept for the next pictures

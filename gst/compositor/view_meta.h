@@ -11,12 +11,12 @@
 #include "rig/rig.h"
 #include "view/view_request.h"
 
-// Name of the GstCustomMeta that describes a picture's view; fields: see lfcompositor.cc.
+// Name of the GstCustomMeta that describes the view that a picture shows. lfcompositor.cc documents its fields.
 #define LF_VIEW_META "lightfield-view"
 
 namespace lf {
 
-// Registers the meta as copyable by converters and encoders.
+// Registers the meta, so that converters and encoders copy it to their output.
 void register_view_meta();
 
 struct ViewMetaEntry {

@@ -44,20 +44,23 @@ struct Settings : lf::LenticularDisplay {
     static lf::PropertyTable<S> table = {
         lf::property<&S::columns>(
             lf::kWhilePlaying, "columns", "Columns",
-            "Number of columns in the input quilt, the grid of views in one picture. Set it to the value of columns "
-            "of the source",
+            "Number of columns in the input quilt. A quilt is one picture that contains a grid of views, each from a "
+            "slightly different viewpoint. Set the same number as in the source of the quilt, for example the property "
+            "columns of lfviewsrc",
             1, lf::ViewSetPosition::kMaxViews),
         lf::property<&S::rows>(lf::kWhilePlaying, "rows", "Rows",
-                               "Number of rows in the input quilt. View 0 is at the bottom left", 1,
-                               lf::ViewSetPosition::kMaxViews),
+                               "Number of rows in the input quilt. Set the same number as in the source of the quilt. "
+                               "View 0 is at the bottom left",
+                               1, lf::ViewSetPosition::kMaxViews),
         lf::inherited_property<S, &S::lens_pitch>(
             lf::kWhilePlaying, "lens-pitch", "Lens pitch",
-            "Width of a lens along a row of the display, in display pixels. The maker of a display usually states p "
-            "lenses per inch and D pixels per inch; the width is D / (p cos a) for lenses with a slant of a",
+            "Width of a lens along a row of the display, in display pixels. Data sheets usually state p lenses per "
+            "inch, D pixels per inch and the slant a. The width is then D / (p cos a). A wrong width shows bands that "
+            "move across the picture",
             0.5, kMostPixels),
         lf::inherited_property<S, &S::slant>(lf::kWhilePlaying, "slant", "Slant",
-                                             "Angle between the lenses and the vertical, in degrees. Positive angles "
-                                             "lean to the right",
+                                             "Angle between the lenses and the vertical, in degrees, as in the data "
+                                             "sheet of the display. Positive angles lean to the right",
                                              -kMostSlant, kMostSlant),
         lf::inherited_property<S, &S::centre>(
             lf::kWhilePlaying, "centre", "Centre",
@@ -65,8 +68,8 @@ struct Settings : lf::LenticularDisplay {
             "middle view is visible from straight ahead",
             -kMostCentre, kMostCentre),
         lf::inherited_property<S, &S::reversed>(lf::kWhilePlaying, "reversed", "Reversed",
-                                                "Reverse order of the views behind each lens. Set this if near "
-                                                "objects appear far and far objects near")};
+                                                "Reverse order of the views behind each lens. Set this if near objects "
+                                                "appear far away, and far objects appear near")};
     return table;
   }
 };

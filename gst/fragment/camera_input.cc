@@ -45,7 +45,9 @@ bool CameraInput::assign() {
   if (!rig->index_of_id(id)) {
     const std::string path = lf_fragment_settings(element_).rig;
     GST_ELEMENT_ERROR(element_, RESOURCE, SETTINGS,
-                      ("Pad %s: the rig %s has no camera %u.", GST_PAD_NAME(pad_), path.c_str(), id),
+                      ("Pad %s: the rig %s has no camera %u. Set the property camera of the pad to the id of a camera "
+                       "in the rig file.",
+                       GST_PAD_NAME(pad_), path.c_str(), id),
                       ("%zu cameras in the rig", rig->cameras.size()));
     return false;
   }
@@ -74,8 +76,9 @@ bool CameraInput::check_size(int width, int height) {
   if (size == valid_size_) return true;  // the rig has changed since, with a warning, so the node ignores these frames
   const std::string path = lf_fragment_settings(element_).rig;
   GST_ELEMENT_ERROR(element_, STREAM, FORMAT,
-                    ("Pad %s: the video of camera %u has %dx%d pixels, the rig %s says %dx%d.", GST_PAD_NAME(pad_),
-                     camera->id, width, height, path.c_str(), camera->width, camera->height),
+                    ("Pad %s: the video of camera %u has %dx%d pixels, the rig %s says %dx%d. Set the camera to the "
+                     "size in the rig, or calibrate the rig for the new size.",
+                     GST_PAD_NAME(pad_), camera->id, width, height, path.c_str(), camera->width, camera->height),
                     (nullptr));
   return false;
 }
@@ -166,7 +169,7 @@ GstFlowReturn CameraInput::take_raw(GstBuffer* buffer, uint64_t time) {
     converter_ = std::make_unique<FrameConverter>(format_->info, family);
   std::shared_ptr<RawPicture> picture = converter_->convert(buffer, open);
   if (picture) return flow_of(frames_->push({.picture = std::move(picture), .time = time}));
-  GST_WARNING_OBJECT(pad_, "dropped a frame that can't be mapped");
+  GST_WARNING_OBJECT(pad_, "dropped a frame that can't be mapped to system memory");
   return GST_FLOW_OK;
 }
 
@@ -180,7 +183,7 @@ GstFlowReturn CameraInput::take_jpeg(GstBuffer* buffer, uint64_t time) {
     const auto camera = this->camera();
     if (camera && size == std::pair(camera->width, camera->height)) jpeg_size_ = size;
     if (size != jpeg_size_ && jpeg_size_) {
-      reason = "its size differs from earlier frames";
+      reason = "its size differs from earlier frames of this camera";
       frame.reset();
     } else if (!jpeg_size_ && !check_size(size.first, size.second)) {
       return GST_FLOW_ERROR;
@@ -388,7 +391,10 @@ void lf_fragment_seek_cameras(LfFragment* self, uint64_t time, guint32 seqnum) {
     if (!gst_pad_push_event(pad.get(), seek))
       GST_ELEMENT_WARNING(
           self, RESOURCE, SEEK,
-          ("Pad %s: the camera cannot seek, so it continues at its own position.", GST_PAD_NAME(pad.get())), (nullptr));
+          ("Pad %s: the camera cannot seek, so it continues at its own position. Use a seekable file if its frames "
+           "must follow the requested times.",
+           GST_PAD_NAME(pad.get())),
+          (nullptr));
   }
 }
 

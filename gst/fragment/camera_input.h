@@ -18,8 +18,9 @@
 
 namespace lf {
 
-// The input behind one camera pad of lffragment. Determines which camera of the rig the pad belongs to, and passes the
-// frames to the node. Posts errors of its element. Use from the pad's streaming thread, unless noted otherwise.
+// Receives the video of one camera, behind one sink pad of lffragment. It determines which camera of the rig the pad
+// belongs to, and passes the frames to the renderer of the node. Errors are posted for its element. Use from the pad's
+// streaming thread, unless noted otherwise.
 class CameraInput {
  public:
   // `element` owns the pad. Element and pad must outlive this object.
@@ -91,7 +92,7 @@ struct _LfFragmentPad {
 };
 
 std::vector<lf::PadPtr> lf_fragment_camera_pads(LfFragment* self);
-// Sets the mode of all cameras. If `before` is given, cameras in other modes stay unchanged.
+// Sets the real-time mode of all cameras. If `before` is given, cameras in other modes stay unchanged.
 void lf_fragment_set_mode(LfFragment* self, lf::CameraFrames::Mode mode,
                           std::optional<lf::CameraFrames::Mode> before = std::nullopt);
 // Seeks all cameras that are not live, because the requests have moved to another time. Does nothing if another client

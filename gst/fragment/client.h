@@ -25,7 +25,7 @@
 
 namespace lf {
 
-// A request that waits for its answer, with the information that was available at its arrival.
+// A view request that waits for its answer, with the information that was available at its arrival.
 struct AnswerJob {
   wire::AnyRequest request;
   GstClockTime pts, duration;
@@ -34,8 +34,8 @@ struct AnswerJob {
   uint64_t due = 0;  // latest useful time of a live answer, as now_ns(); 0: none
 };
 
-// The requests of a client that wait for their answers. Requests that one GPU pass can answer
-// (Node::can_batch_requests()) are taken together. Thread-safe.
+// The queue of requests of one client (a viewer or compositor) that wait for their answers. Requests that one GPU pass
+// can answer are taken together, because that is faster (see Node::can_batch_requests()). Thread-safe.
 class AnswerJobQueue {
  public:
   // Maximum number of pixels in a batch, because all answers stay in memory until the batch is done.
@@ -54,7 +54,8 @@ class AnswerJobQueue {
   std::deque<std::weak_ptr<AnswerJob>> waiting_;
 };
 
-// Answers the live requests of one client in the thread of its answer pad. The views of the client take turns.
+// Answers the live requests of one client, in the thread of its answer pad. The views of the client take turns, so that
+// a slow view does not delay other views for long.
 class LiveAnswerQueue {
  public:
   // `common` owns the state that all views share.
@@ -82,8 +83,8 @@ class LiveAnswerQueue {
   std::atomic<GstFlowReturn> flow_ = GST_FLOW_OK;
 };
 
-// Follows the time of one client's requests to detect jumps, which file cameras must follow with a seek. Use from the
-// requests' streaming thread, except for is_live(). flush() and clear() may be called while that thread is stopped.
+// Detects jumps in the requested times of one client, which cameras that are files must follow with a seek. Use from
+// the requests' streaming thread, except for is_live(). flush() and clear() may be called while that thread is stopped.
 class RequestPosition {
  public:
   // Starts a new segment. `live` means that requests arrive in real time.
@@ -112,7 +113,7 @@ class RequestPosition {
   bool flushed_ = false;
 };
 
-// A request pad and its answer pad. Either pad may be released at any time.
+// The pads of one client: a request pad and its answer pad. Either pad may be released at any time.
 class PadPair {
  public:
   PadPair(GstPad* request, GstPad* src) {
@@ -134,8 +135,8 @@ class PadPair {
   GWeakRef request_, src_;
 };
 
-// Finds out whether the answers of a pad reach a compositor in this process, so that they need no compression. Asks
-// again after downstream changes. Use from the streaming thread, except for note_change().
+// Finds out whether the answers of a pad reach a compositor in this process. These answers need no compression. The
+// question is repeated after downstream changes. Use from the streaming thread, except for note_change().
 class CompositorLookup {
  public:
   void note_change() { is_new_ = true; }
@@ -159,7 +160,8 @@ class CompositorLookup {
   LocalCompositor local_;
 };
 
-// One client of lffragment, shared by its request pad and its answer pad.
+// One client of lffragment, which is a viewer or compositor with its request pad and its answer pad. The two pads share
+// this object.
 struct Client {
   // `number` is unique within the element. `parallel` runs the tasks of live answers.
   Client(GstPad* request, GstPad* src, uint32_t number, ParallelFor parallel)

@@ -19,7 +19,7 @@
 
 namespace lf {
 
-// The properties of lffragment. The property `limits` is part of its RequestGuard.
+// The properties of lffragment, except for `limits`, which is part of its RequestGuard.
 struct FragmentSettings {
   std::string rig;
   guint node = 0;

@@ -123,33 +123,41 @@ GType lf_fragment_codec_get_type(void) {
   static const GType type = lf::register_enum<lf::CodecChoice>(
       "LfFragmentCodec",
       {{lf::CodecChoice::kAuto,
-        "Uncompressed for a compositor in this process, otherwise JPEG of the quality that "
-        "the request names",
+        "Uncompressed if the compositor is in this process, otherwise JPEG of the quality that the request names",
         "auto"},
-       {lf::CodecChoice::kRaw, "Uncompressed, 8 bits per value", "raw"},
+       {lf::CodecChoice::kRaw,
+        "Uncompressed, 8 bits per colour value. This needs the least computing time, but more "
+        "bandwidth than JPEG",
+        "raw"},
        {lf::CodecChoice::kRaw16,
-        "Uncompressed, 16 bits per value, so that values are rounded only once, when the picture is made", "raw16"},
-       {lf::CodecChoice::kJpeg, "JPEG of the quality that the request names; uncompressed if that quality is 0",
+        "Uncompressed, 16 bits per colour value. Values are rounded only once, when the picture is made, so this is "
+        "the most exact and largest format",
+        "raw16"},
+       {lf::CodecChoice::kJpeg, "JPEG of the quality that the request names, or uncompressed if that quality is 0",
         "jpeg"}});
   return type;
 }
 
 GType lf_fragment_resampling_get_type(void) {
   static const GType type = lf::register_enum<lf::Resampling>(
-      "LfFragmentResampling",
-      {{lf::Resampling::kBilinear, "Bilinear", "bilinear"},
-       {lf::Resampling::kSharpened, "Bilinear interpolation of sharpened images", "sharpened"}});
+      "LfFragmentResampling", {{lf::Resampling::kBilinear, "Bilinear", "bilinear"},
+                               {lf::Resampling::kSharpened,
+                                "Bilinear interpolation of sharpened images, which keeps more detail but takes "
+                                "more time",
+                                "sharpened"}});
   return type;
 }
 
 GType lf_fragment_renderer_get_type(void) {
   static const GType type = lf::register_enum<lf::RendererChoice>(
       "LfFragmentRenderer",
-      {{lf::RendererChoice::kCpu, "CPU, with its widest vector instructions", "cpu"},
-       {lf::RendererChoice::kGl, "OpenGL ES 3.1 on a GPU, without a window; the CPU if there is no driver", "gl"},
+      {{lf::RendererChoice::kCpu, "The CPU, with the widest vector instructions that it has", "cpu"},
+       {lf::RendererChoice::kGl,
+        "A GPU, by OpenGL ES 3.1. A display is not needed. Without a driver, the CPU "
+        "is used",
+        "gl"},
        {lf::RendererChoice::kAuto,
-        "The faster of the two, measured on the first answers; never OpenGL drivers that "
-        "compute on the CPU",
+        "The faster of the two, measured on the first answers. OpenGL drivers that compute on the CPU are never used",
         "auto"}});
   return type;
 }
@@ -165,21 +173,23 @@ PropertyTable<FragmentSettings>& FragmentSettings::properties() {
                         "each pad keeps the camera with the same id"),
       property<&S::node>(
           kWhileReady, "node", "Node",
-          "Number that identifies this node in its answers. Give each node of an array a different number, so that "
-          "compositors can tell their answers apart",
+          "Number that identifies this node (this element with its cameras) in its answers. Give each node of an array "
+          "a different number, so that compositors can tell their answers apart",
           0, G_MAXUINT),
       property<&S::codec>(kWhilePlaying, "codec", "Codec",
                           "Encoding of the pixels in answers. Compression (JPEG) saves network bandwidth but costs "
                           "time on both hosts, and it changes the picture slightly",
                           LF_TYPE_FRAGMENT_CODEC),
       property<&S::threads>(kWhilePlaying, "threads", "Threads",
-                            "Maximum number of threads that render one answer. All lffragment elements of a process "
-                            "share the same threads (0: number of processors)",
+                            "Maximum number of threads that render one answer. Reduce it to leave processors to other "
+                            "programs. All lffragment elements of a process share the same threads (0: number of "
+                            "processors)",
                             0, 256),
       property<&S::max_skew>(kWhilePlaying, "max-skew", "Largest skew",
-                             "Maximum difference between the requested and the actual capture time of a live frame, "
-                             "in nanoseconds (0: unlimited). A camera without a frame in this range does not "
-                             "contribute to the view, and other cameras replace its contribution",
+                             "Maximum difference between the requested and the actual capture time of a live frame, in "
+                             "nanoseconds (0: unlimited). A camera without a frame in this range does not contribute "
+                             "to the view, and other cameras replace its contribution. Increase it if cameras deliver "
+                             "frames slowly or irregularly",
                              0, G_MAXINT64),
       property<&S::strip_pixels>(kWhilePlaying, "strip-pixels", "Pixels of a strip",
                                  "Approximate number of pixels in a fragment. A fragment is a part of the view that is "
@@ -188,8 +198,9 @@ PropertyTable<FragmentSettings>& FragmentSettings::properties() {
                                  "rows. The property has no effect on answers with 16 bits per value (see codec)",
                                  1, 1 << 28),
       property<&S::post_messages>(kWhilePlaying, "post-messages", "Post messages",
-                                  "Post an element message \"lightfield-answer\" for every answer, for example to "
-                                  "measure durations"),
+                                  "Posting of an element message \"lightfield-answer\" for every answer. The message "
+                                  "contains sizes and durations, for example the rendering time. Set this to measure a "
+                                  "pipeline"),
       property<&S::access>(
           kWhilePlaying, "access", "Access",
           "How much of a view the cameras compute by themselves. Use self, the default, if the cameras know the whole "
@@ -220,8 +231,8 @@ PropertyTable<FragmentSettings>& FragmentSettings::properties() {
 
 }  // namespace lf
 
-// Loads the new rig of a running element, which is used from the next request on. Returns false if the file cannot be
-// loaded.
+// Loads a new rig file while the element runs. The rig is used from the next request on. Returns false if the file
+// cannot be loaded.
 static bool lf_fragment_reload_rig(LfFragment* self, const gchar* path) {
   const std::shared_ptr<const lf::Rig> rig = lf::reload_rig(GST_ELEMENT(self), path);
   if (!rig) return false;
@@ -271,13 +282,14 @@ static void lf_fragment_get_property(GObject* object, guint id, GValue* value, G
 static void lf_fragment_install_properties(GObjectClass* object_class) {
   Properties::install(
       object_class,
-      "Counters since the start, and durations in nanoseconds. Refused requests, by the exceeded limit: "
-      "refused-pixels, -aperture, -trials, -rate, -views, -lens. Answers: skipped (the picture would have been too "
-      "late), drawn (by OpenGL), together (drawn together with other views of a set), fragments, bytes. Camera frames: "
-      "gpu-frames (used in GPU memory, without a download), missing-frames, stale-frames (missing because of "
-      "max-skew), damaged-frames, and max-skew-ns (largest capture-time error). The field renderer names the processor "
-      "in use and the reason. The durations of waiting for frames, decoding, rendering, encoding and the whole answer "
-      "(answer-ns) have the latest value, and p50, p95 and p99 over the latest 1024 answers");
+      "Counters since the start, and durations in nanoseconds. Refused requests are counted by the exceeded limit: "
+      "refused-pixels, -aperture, -trials, -rate, -views, -lens. Answers are counted as skipped (the picture would "
+      "have been too late), drawn (by OpenGL) and together (drawn together with other views of a set). fragments and "
+      "bytes count the parts of the answers and their size. Camera frames are counted as gpu-frames (used in GPU "
+      "memory, without a download), missing-frames, stale-frames (missing because of max-skew) and damaged-frames. "
+      "max-skew-ns is the largest capture-time error. The field renderer names the processor in use and the reason. "
+      "There are durations of waiting for frames, decoding, rendering and encoding, and of the whole answer "
+      "(answer-ns). Each has the latest value, and p50, p95 and p99 over the latest 1024 answers");
   lf::RequestGuard::install(object_class);
   object_class->set_property = lf::callback<lf_fragment_set_property>;
   object_class->get_property = lf::callback<lf_fragment_get_property>;
@@ -313,7 +325,8 @@ static void lf_fragment_follow_requests(LfFragment* self, GstPad* pad, const lf:
     lf_fragment_seek_cameras(self, head.target_time, gst_event_get_seqnum(event));
 }
 
-// Reports upstream which capture delay the cameras need, because viewers may leave the delay to the nodes.
+// Reports upstream which capture delay the cameras need, that is, how old the requested frames must be. Viewers with
+// capture-delay=-1 use this delay.
 static void lf_fragment_send_delay(LfFragment* self, GstPad* pad) {
   Client& client = Client::of(pad);
   if (!client.place.is_live()) return;
@@ -695,7 +708,7 @@ static GstIterator* lf_fragment_internal_links(GstPad* pad, GstObject*) {
   return iterator;
 }
 
-// Adds a new pair of pads. Returns the request pad.
+// Adds a pair of pads for a further client: a request pad and its answer pad. Returns the request pad.
 static GstPad* lf_fragment_pair_new(LfFragment* self, GstPadTemplate* request_template, const gchar* request_name,
                                     GstPadTemplate* src_template, const gchar* src_name) {
   static const GQuark quark = g_quark_from_static_string("lf-fragment-pair");
@@ -805,7 +818,10 @@ static void lf_fragment_release_pad(GstElement* element, GstPad* pad) {
 static bool lf_fragment_start(LfFragment* self) {
   const Settings settings = lf_fragment_settings(self);
   if (settings.rig.empty()) {
-    GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS, ("No rig file given: set the property \"rig\"."), (nullptr));
+    GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS,
+                      ("No rig file given: set the property \"rig\" to the path of the "
+                       "array's rig file (rig.json)."),
+                      (nullptr));
     return false;
   }
   auto& state = *self->state;

@@ -8,7 +8,7 @@ G_BEGIN_DECLS
 #define LF_TYPE_FRAGMENT (lf_fragment_get_type())
 G_DECLARE_FINAL_TYPE(LfFragment, lf_fragment, LF, FRAGMENT, GstElement)
 
-// Type of the sink pads. There is one per camera, with the property "camera".
+// Type of the sink pads, which each receive the video of one camera. The pad property "camera" names this camera.
 #define LF_TYPE_FRAGMENT_PAD (lf_fragment_pad_get_type())
 G_DECLARE_FINAL_TYPE(LfFragmentPad, lf_fragment_pad, LF, FRAGMENT_PAD, GstPad)
 

@@ -27,7 +27,8 @@ bool is_system_i420(const GstVideoInfo& info) {
   return GST_VIDEO_INFO_FORMAT(&info) == GST_VIDEO_FORMAT_I420 && has_system_colorimetry(info);
 }
 
-// Nothing if GStreamer does not know the colour matrix.
+// Returns the matrix, the range and the chroma siting of a video format. Returns nothing if GStreamer does not know the
+// colour matrix.
 std::optional<YcbcrFormat> kind_of(const GstVideoInfo& info) {
   YcbcrFormat kind;
   if (!gst_video_color_matrix_get_Kr_Kb(info.colorimetry.matrix, &kind.kr, &kind.kb)) return std::nullopt;
@@ -207,7 +208,7 @@ std::shared_ptr<const ImageView> RawPicture::map() const {
   return mapped->ok ? std::shared_ptr<const ImageView>(mapped, &mapped->view) : nullptr;
 }
 
-// The textures of a picture. Each step runs only once, when it is needed.
+// A picture in GPU textures, with its conversions. Each conversion runs only once, when it is needed.
 class GpuPicture::Textures : public GpuImage {
  public:
   static std::unique_ptr<Textures> make(GpuPicture& picture) {

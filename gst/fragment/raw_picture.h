@@ -14,8 +14,8 @@
 
 namespace lf {
 
-// A raw video frame in the pixel family of the node, or in its own family if the node had not chosen one at its
-// arrival.
+// A raw video frame of one camera, in the form that the renderer reads. It has the pixel family of the node (RGB or
+// YCbCr). If the node had not chosen a family when the frame arrived, the frame has its own.
 class RawPicture : public CameraPicture {
  public:
   // `original` is the unconverted frame, for later requests of another family.
@@ -24,7 +24,7 @@ class RawPicture : public CameraPicture {
   int width() const override { return info_.width; }
   int height() const override { return info_.height; }
   bool takes_work(PixelFamily family) const override { return family_of(info_) != family; }
-  // Returns the image in another family. The pixels are the same, bit by bit, as without an earlier conversion.
+  // Returns the image in another pixel family. The pixels are bit-exactly the same as without an earlier conversion.
   std::shared_ptr<const ImageView> view(PixelFamily family, const Rect& region) override;
 
  private:

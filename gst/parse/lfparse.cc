@@ -48,8 +48,9 @@ struct Settings {
   static lf::PropertyTable<Settings>& properties() {
     static lf::PropertyTable<Settings> table = {lf::property<&Settings::max_size_bytes>(
         lf::kWhilePlaying, "max-size-bytes", "Maximum size in bytes",
-        "Maximum size of a unit (one request or one part of an answer), in bytes. Larger units are skipped as "
-        "damaged. Requests never have more than 1 MiB",
+        "Maximum size of a unit, which is one request or one part of an answer, in bytes. Larger units are skipped as "
+        "damaged. Increase it only for very large views, because a damaged stream can claim any size. Requests never "
+        "have more than 1 MiB",
         guint{lf::wire::kUnitHeaderBytes}, guint{lf::wire::kMaxAnswerBytes})};
     return table;
   }
@@ -118,7 +119,12 @@ static std::optional<UnitHeader> unit_at(LfParse* self, std::span<const uint8_t>
   const guint max_size = self->settings.max_size_bytes;
   GST_OBJECT_UNLOCK(self);
   if (header->size > max_size) {
-    GST_WARNING_OBJECT(self, "a unit of %" G_GSIZE_FORMAT " bytes is larger than max-size-bytes", header->size);
+    GST_WARNING_OBJECT(self,
+                       "a unit of %" G_GSIZE_FORMAT
+                       " bytes is larger than max-size-bytes, so it is skipped as "
+                       "damaged; increase max-size-bytes if the "
+                       "stream is valid",
+                       header->size);
     return std::nullopt;
   }
   return header;
@@ -199,8 +205,9 @@ static void lf_parse_class_init(LfParseClass* klass) {
   GST_DEBUG_CATEGORY_INIT(lf_parse_debug, "lfparse", 0, "light field stream parser");
   lf::Properties<settings_of, stats_of>::install(
       G_OBJECT_CLASS(klass),
-      "Counters since the start of the stream, all uint64: units that were forwarded (units), bytes that do not "
-      "belong to a unit of this stream (skipped-bytes), and runs of such bytes (gaps)");
+      "Counters since the start of the stream, all uint64. units counts the units (requests or parts of answers) that "
+      "were forwarded. skipped-bytes counts bytes that do not belong to a unit of this stream, and gaps counts the "
+      "runs of such bytes. An undamaged stream has neither skipped bytes nor gaps");
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   gst_element_class_add_static_pad_template(element_class, &sink_template);

@@ -17,10 +17,10 @@
 
 namespace lf {
 
-// Maps the capture times of live cameras to times in a recording, so that the recording has no gap if the system clock
-// is set back. The camera then continues directly after its latest frame. Other cameras get the same offset, so that
-// all stay synchronised. Each camera switches when its own frames show the step, because older frames may still be in
-// flight. Times are nanoseconds. Not thread-safe.
+// Converts the capture times of live cameras to times in a recording, without a gap if the system clock is set back.
+// The camera then continues directly after its latest frame. Other cameras get the same offset, so that all stay
+// synchronised. Each camera switches when its own frames show the step, because older frames may still be on their way.
+// Times are nanoseconds. Not thread-safe.
 class CaptureTimeline {
  public:
   // A smaller step back is a frame out of order and not a clock change.

@@ -80,12 +80,13 @@ constexpr std::array<const char*, kNumPacketResults> kFateNames = {"passed",   "
                                                                    "replayed", "forged",    "unknown-senders"};
 constexpr std::array<const char*, kNumPacketResults> kFateWords = {
     "",
-    "not RTP, or too short for SRTP",
+    "the packets are not RTP, or too short for SRTP",
     "not encrypted: the sender has no key-file, or another key-file and a wrong clock",
-    "timestamp more than a minute off: replayed, or the clocks of the two hosts differ",
+    "timestamp more than a minute off: the packet is replayed, or the clocks of the two hosts differ (synchronise them "
+    "by NTP)",
     "replayed",
-    "encrypted with another key, or damaged",
-    "unknown sender: the address is not in peers"};
+    "encrypted with another key, or damaged: use the same key-file on both hosts",
+    "unknown sender: the address is not in peers; add the host to peers if it may send"};
 
 constexpr gint64 kBetweenWarnings = 10 * G_USEC_PER_SEC;
 
@@ -201,7 +202,7 @@ static gboolean lf_rtp_gate_event(GstPad* pad, GstObject* parent, GstEvent* even
   return done;
 }
 
-// Returns false after posting an error.
+// Loads the key and looks up the peers. Returns false after posting an error.
 static bool prepare(LfRtpGate* self) {
   lf::ObjectLock lock(self);
   const std::string path = self->settings->key_file, peers = self->settings->peers;
@@ -265,10 +266,10 @@ static void lf_rtp_gate_class_init(LfRtpGateClass* klass) {
   object_class->finalize = lf_rtp_gate_finalize;
   lf::Properties<settings_of, stats_of>::install(
       object_class,
-      "Packets since the start (all uint64): passed; dropped: malformed (not RTP, or too short), unsealed (not "
-      "encrypted), stale (timestamp more than a minute off), replayed (received before), forged (encrypted with "
-      "another key, or damaged), unknown-senders (address not in peers). Also streams: number of recent senders with "
-      "the key");
+      "Packets since the start, all uint64. passed counts the packets that were accepted. Each other field counts "
+      "packets that were dropped for one reason: malformed (not RTP, or too short), unsealed (not encrypted), stale "
+      "(timestamp more than a minute off), replayed (received before), forged (encrypted with another key, or damaged) "
+      "and unknown-senders (address not in peers). streams is the number of recent senders with the key");
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   element_class->change_state = lf::callback<lf_rtp_gate_change_state>;
   gst_element_class_add_static_pad_template(element_class, &sink_template);

@@ -115,7 +115,8 @@ static void begin_stream(LfRtpSeal* self) {
   *self->stream = std::move(stream);
 }
 
-// Starts a new stream between frames, or within a frame that is too long.
+// Starts a new stream with a new key when this is due. The change happens between frames, or within a frame that is too
+// long.
 static void choose_stream(LfRtpSeal* self, guint packets) {
   const Stream& stream = *self->stream;
   const bool is_old = stream.name.minute != lf::rtp::current_minute() &&
@@ -200,7 +201,7 @@ static gboolean lf_rtp_seal_event(GstPad* pad, GstObject* parent, GstEvent* even
 static Settings& settings_of(LfRtpSeal* self) { return *self->settings; }
 using Properties = lf::Properties<settings_of>;
 
-// Returns false after posting an error.
+// Loads the key. Returns false after posting an error.
 static bool read_key(LfRtpSeal* self) {
   const std::string path = Properties::now(self).key_file;
   delete std::exchange(self->key, nullptr);

@@ -16,14 +16,14 @@ namespace lf {
 inline constexpr int kLookupSeconds = 2;
 std::vector<std::string> addresses_of(const std::string& host);
 
-// An IP address without a port. IPv4 addresses are mapped to IPv6 (::ffff:a.b.c.d).
+// An IP address without a port, for comparisons. IPv4 addresses are mapped to IPv6 (::ffff:a.b.c.d).
 using Address = std::array<uint8_t, 16>;
 // Nothing if the socket address is not an IP address.
 std::optional<Address> address_of(GSocketAddress* socket);
 bool is_loopback(const Address& address);
 std::string to_text(const Address& address);
 
-// The hosts that may send packets: the given hosts, or, if none are given, the first loopback address that sends.
+// Decides which hosts may send packets: the given hosts, or, if none are given, the first loopback address that sends.
 class Peers {
  public:
   Peers() = default;

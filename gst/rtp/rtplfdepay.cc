@@ -44,7 +44,8 @@ struct Settings {
     static lf::PropertyTable<Settings> table = {lf::property<&Settings::max_size_bytes>(
         lf::kWhilePlaying, "max-size-bytes", "Maximum size in bytes",
         "Maximum memory for messages with missing packets, in bytes. A message is a request or a part of an answer, "
-        "and usually consists of several packets. If more memory is needed, the oldest incomplete messages are dropped",
+        "and usually consists of several packets. If more memory is needed, the oldest incomplete messages are "
+        "dropped. Increase the value if incomplete-units in stats grows although no packets are lost",
         guint64{1 << 16}, guint64{lf::wire::kMaxAnswerBytes})};
     return table;
   }
@@ -122,7 +123,7 @@ static bool is_rtp(LfRtpDepay* self, GstBuffer* buffer) {
     gst_rtp_buffer_unmap(&rtp);
     return true;
   }
-  GST_DEBUG_OBJECT(self, "dropped a packet that is not RTP");
+  GST_DEBUG_OBJECT(self, "dropped a packet that is not RTP; check which program sends to this port");
   GST_OBJECT_LOCK(self);
   self->bad_rtp++;
   GST_OBJECT_UNLOCK(self);
@@ -153,7 +154,8 @@ static void warn_of_foreign(LfRtpDepay* self, const lf::rtp::Depacketizer::Stats
   if (self->warned_foreign || stats.units > 0 || bad < kMany) return;
   self->warned_foreign = true;
   GST_ELEMENT_WARNING(self, RESOURCE, SETTINGS,
-                      ("All received packets are unreadable: is key-file set on the sender only?"),
+                      ("All received packets are unreadable: is key-file set on the sender only? Use the same key-file "
+                       "on both hosts, or none."),
                       ("%" G_GUINT64_FORMAT " packets", stats.packets));
 }
 
@@ -264,13 +266,14 @@ static void lf_rtp_depay_class_init(LfRtpDepayClass* klass) {
   object_class->finalize = lf_rtp_depay_finalize;
   Properties::install(
       object_class,
-      "Statistics of GstRTPBaseDepayload, and counters since the start (all uint64). A unit is one complete message, a "
-      "chunk is a packet with a part of a unit. Received: packets, bytes (of payloads), units (forwarded), chunks, "
-      "repeated (requests that had arrived before), lost (packets, counted by gaps in sequence numbers). Dropped: "
-      "duplicates (packets), bad-rtp (not RTP), bad-packets (unknown payload), bad-chunks (inconsistent, or of a unit "
-      "that is too large), bad-units (invalid), incomplete-units (missing chunks), superseded (requests with more than "
-      "two newer requests in the same packet), refused (requests beyond a limit, by limit: refused-pixels, -aperture, "
-      "-trials, -rate, -views, -lens)");
+      "Statistics of GstRTPBaseDepayload, and counters since the start (all uint64). A unit is one complete message, "
+      "and a chunk is a packet with a part of a unit. These fields count what was received: packets, bytes (of "
+      "payloads), units (forwarded), chunks, repeated (requests that had arrived before) and lost (packets, according "
+      "to gaps in sequence numbers). These fields count what was dropped: duplicates (packets), bad-rtp (not RTP), "
+      "bad-packets (unknown payload), bad-chunks (inconsistent, or of a unit that is too large), bad-units (invalid), "
+      "incomplete-units (missing chunks), superseded (requests with more than two newer requests in the same packet) "
+      "and refused (requests beyond a limit). Refused requests are also counted by limit: refused-pixels, -aperture, "
+      "-trials, -rate, -views, -lens");
   lf::RequestGuard::install(object_class);
   object_class->set_property = lf::callback<lf_rtp_depay_set_property>;
   object_class->get_property = lf::callback<lf_rtp_depay_get_property>;

@@ -177,7 +177,8 @@ static GstFlowReturn lf_rtp_pay_unit(LfRtpPay* self, GstBuffer* buffer) {
   const guint max_payload = gst_rtp_buffer_calc_payload_len(GST_RTP_BASE_PAYLOAD_MTU(base), 0, sources);
   if (GST_RTP_BASE_PAYLOAD_MTU(base) < lf::rtp::kMinPayloadBytes || max_payload < lf::rtp::kMinPayloadBytes) {
     GST_ELEMENT_ERROR(self, LIBRARY, SETTINGS,
-                      ("The MTU of %u bytes is too small: a packet has no room for data after its header.",
+                      ("The MTU of %u bytes is too small: a packet has no room for data after its header. Increase the "
+                       "property mtu; 1400 is usual.",
                        GST_RTP_BASE_PAYLOAD_MTU(base)),
                       ("set mtu to %u or more",
                        gst_rtp_buffer_calc_packet_len(lf::rtp::kMinPayloadBytes, 0, static_cast<guint8>(sources))));
@@ -316,9 +317,10 @@ static void lf_rtp_pay_class_init(LfRtpPayClass* klass) {
   object_class->finalize = lf_rtp_pay_finalize;
   PayProperties::install(
       object_class,
-      "Statistics of GstRTPBasePayload, and since the start (all uint64): units (received), packets, parts (packets "
-      "with whole units), chunks (packets with a part of a unit), tiles (parts of raw fragments), bytes (of RTP "
-      "packets), dropped (invalid units)");
+      "Statistics of GstRTPBasePayload, and counters since the start (all uint64). units counts the messages (requests "
+      "or parts of answers) that were received, and dropped counts the invalid messages. packets and bytes count RTP "
+      "packets and their bytes. parts counts packets with whole units, and chunks counts packets with a part of a "
+      "unit. tiles counts parts of raw fragments, which can be displayed without the rest");
   object_class->get_property = lf::callback<lf_rtp_pay_get_property>;
   lf_rtp_pay_install_time_limits(object_class);
 

@@ -37,7 +37,8 @@ struct Header {
   std::array<uint8_t, kMkiBytes> mki;
 };
 
-// Nothing if the packet is too short for SRTP, or if version or type would make srtpdec treat it as RTCP.
+// Reads the header of an SRTP packet. Returns nothing if the packet is too short, or if version or type would make
+// srtpdec treat it as RTCP.
 std::optional<Header> read_header(GstBuffer* packet) {
   const gsize size = gst_buffer_get_size(packet);
   guint8 bytes[12];

@@ -15,7 +15,8 @@
 
 #include <gst/gst.h>
 
-// Encrypted RTP: the shared secret, the keys derived from it (lib/rtp/spec.md, "Under a key"), and decryption.
+// Encryption of RTP packets: the shared secret, the keys that are derived from it (lib/rtp/spec.md, "Under a key"), and
+// decryption.
 namespace lf::rtp {
 
 inline constexpr size_t kMasterKeyBytes = 30;  // AES-128 counter mode key and salt
@@ -23,7 +24,7 @@ inline constexpr size_t kMkiBytes = 12;
 inline constexpr size_t kTagBytes = 10;  // HMAC-SHA1-80
 inline constexpr size_t kSrtpOverheadBytes = kMkiBytes + kTagBytes;
 
-// Identifies the key of one sender for about a minute, in every packet.
+// Identifies the key of one sender, in every packet. A sender uses a new key about every minute.
 struct KeyId {
   uint32_t ssrc = 0;
   uint32_t minute = 0;  // minutes since 1970
@@ -57,8 +58,9 @@ class RtpKey {
 uint32_t current_minute();
 KeyId key_id_of(uint32_t ssrc, std::span<const uint8_t, kMkiBytes> mki);
 
-// Runs a GStreamer element outside of bins. The properties and caps of the SRTP elements contain keys, and here they
-// are invisible to applications, pipeline graphs and `gst-launch-1.0 -v`. Works in the thread that pushes.
+// Runs a single GStreamer element that belongs to no bin. The properties and caps of the SRTP elements contain keys.
+// Outside of bins they are invisible to applications, pipeline graphs and `gst-launch-1.0 -v`. The element works in the
+// thread that pushes.
 class StandaloneElement {
  public:
   using OnBuffer = std::function<GstFlowReturn(GstBuffer*)>;
@@ -87,7 +89,8 @@ class StandaloneElement {
   GstPad *in_, *out_;
 };
 
-// The sequence numbers of the packets of one stream that have been decrypted. Thread-safe.
+// Remembers which packets of one stream have been decrypted, by their sequence numbers, to detect repetitions.
+// Thread-safe.
 class ReplayList {
  public:
   bool has(uint16_t sequence) const {
@@ -106,8 +109,8 @@ class ReplayList {
   std::bitset<1 << 16> numbers_;
 };
 
-// Remembers the decrypted packets of one key and purpose, for all gates of the process, so that each packet passes one
-// gate once, even if a gate restarts. Thread-safe.
+// Prevents replay attacks: remembers the decrypted packets of one key and purpose, for all lfrtpgate elements of the
+// process. Each packet therefore passes only once, even if an element restarts. Thread-safe.
 class ReplayProtection {
  public:
   static std::shared_ptr<ReplayProtection> of(const RtpKey& key, std::string_view purpose);
@@ -127,7 +130,7 @@ inline bool is_current(uint32_t minute, uint32_t now) {
   return minute + kMaxClockSkewMinutes >= now && minute <= now + kMaxClockSkewMinutes;
 }
 
-// Decrypts packets of lfrtpseal. Attackers cannot exhaust the machine: an invalid packet costs one HMAC, and only
+// Decrypts the packets of lfrtpseal. Attackers cannot exhaust the machine: an invalid packet costs one HMAC, and only
 // holders of the key can cause memory to be allocated. Not thread-safe.
 class SrtpDecryptor {
  public:

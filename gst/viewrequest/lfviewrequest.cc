@@ -236,8 +236,12 @@ static void install_properties(GObjectClass* klass) {
   g_object_class_override_property(klass, PROP_NUM_BUFFERS, "num-buffers");
   g_object_class_install_property(
       klass, PROP_IS_LIVE,
-      g_param_spec_boolean("is-live", "Is live", "Send requests in real time by the clock, for live cameras", FALSE,
-                           GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_READY)));
+      g_param_spec_boolean("is-live", "Is live",
+                           "Live operation: requests are sent in real time, by the pipeline "
+                           "clock. Set this for live cameras. If false, requests are sent as "
+                           "fast as the pipeline answers them, for example to write a "
+                           "file",
+                           FALSE, GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_READY)));
 }
 
 static bool push_upstream(LfViewRequest* self, GstEvent* event) {
@@ -327,7 +331,8 @@ static gboolean lf_view_request_event(GstBaseSrc* base, GstEvent* event) {
   return self->state->relay.is_on() ? push_upstream(self, event) : lf_view_request_navigate(self, event);
 }
 
-// Returns the command for the cameras, or null if they need none.
+// Returns the command for simple cameras (property `access`) that follows a request. Returns null if the cameras need
+// none.
 static GstBuffer* command_of(LfViewRequest* self, const lf::ViewRequest& request,
                              const std::shared_ptr<const lf::Rig>& rig) {
   try {
@@ -378,7 +383,10 @@ static GstFlowReturn relay_chain(GstPad* pad, GstObject* parent, GstBuffer* buff
   }
   bool dropped = false;
   const GstFlowReturn flow = self->state->relay.push(buffer, gst_base_src_is_live(GST_BASE_SRC(self)), &dropped);
-  if (dropped) GST_WARNING_OBJECT(pad, "the request queue is full: dropped the oldest request");
+  if (dropped)
+    GST_WARNING_OBJECT(pad,
+                       "the request queue is full: dropped the oldest request, because downstream is "
+                       "too slow");
   return flow;
 }
 
@@ -543,7 +551,10 @@ static GstFlowReturn wait_for_turn(LfViewRequest* self, GstClock* clock, GstCloc
 static GstFlowReturn wait_live(LfViewRequest* self, std::optional<lf::RequestSlot>* slot, lf::RequestSlot* leaves) {
   g_autoptr(GstClock) clock = gst_element_get_clock(GST_ELEMENT(self));
   if (!clock) {
-    GST_ELEMENT_ERROR(self, CORE, CLOCK, ("A live source of view requests needs a clock"), (nullptr));
+    GST_ELEMENT_ERROR(self, CORE, CLOCK,
+                      ("A live source of view requests needs a clock. Let the pipeline select a "
+                       "clock, or set is-live=false"),
+                      (nullptr));
     return GST_FLOW_ERROR;
   }
   const GstClockTimeDiff offset = lf::wall_offset(GST_ELEMENT(self));
@@ -721,7 +732,8 @@ static gboolean lf_view_request_start(GstBaseSrc* base) {
   if (!settings.navigation_element.empty() &&
       !self->state->navigation_tap.attach(GST_ELEMENT(self), settings.navigation_element, navigated)) {
     GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS,
-                      ("navigation-element: the pipeline has no element \"%s\" with a source pad.",
+                      ("navigation-element: the pipeline has no element \"%s\" with a source pad. Use the name of an "
+                       "element that the pictures pass through, such as a decoder.",
                        settings.navigation_element.c_str()),
                       (nullptr));
     lf_view_request_stop(base);  // Stops the element, because GstBaseSrc does not stop an element that failed to start.

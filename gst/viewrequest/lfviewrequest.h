@@ -33,8 +33,8 @@ G_END_DECLS
 
 GST_DEBUG_CATEGORY_EXTERN(lf_view_request_debug);
 
-// The state that lfviewrequest.cc (the element and its requests), view_control.cc (navigation) and
-// view_request_settings.cc (size and rate of pictures) share.
+// The state of an lfviewrequest. Three files share it: lfviewrequest.cc (the element and its requests), view_control.cc
+// (navigation) and view_request_settings.cc (size and rate of pictures).
 
 struct _LfViewRequest {
   GstPushSrc parent;
@@ -82,8 +82,8 @@ guint lf_view_request_view_id(LfViewRequest* self);
 void lf_view_request_install_signals(GObjectClass* klass);
 // Returns the view of the current properties. Call with the object lock held, while running.
 lf::View lf_view_request_view(LfViewRequest* self);
-// Runs `change` on the view with the lock held, then emits `notify` for changed properties. Returns the result of
-// `change`.
+// Locks the view and runs `change` on it. Then emits `notify` for the properties that have changed. Returns the result
+// of `change`.
 gboolean lf_view_request_change_view(LfViewRequest* self, const std::function<gboolean(lf::ViewControl&)>& change);
 void lf_view_request_set_focus_distance(LfViewRequest* self, double distance);
 bool lf_view_request_is_navigation(GstEvent* event);

@@ -20,7 +20,10 @@ namespace {
 
 CameraSet parse_out_of_service(const Rig* rig, const std::string& list) {
   if (list.empty()) return {};
-  if (!rig) throw Error("out-of-service: requires the property rig");
+  if (!rig)
+    throw Error(
+        "out-of-service: requires the property rig, because the ids refer to the cameras of a rig "
+        "file");
   return parse_camera_list(*rig, list);
 }
 
@@ -233,7 +236,8 @@ void RequestStream::set_out_of_service(const std::string& list) {
 
 std::vector<uint8_t> RequestStream::command_for(const ViewRequest& request, const std::shared_ptr<const Rig>& rig) {
   if (!access_) return {};
-  if (request.rig_hash != 0 && request.rig_hash != rig->hash()) throw Error("rig: the request is for another rig");
+  if (request.rig_hash != 0 && request.rig_hash != rig->hash())
+    throw Error("rig: the request is for another rig file. Use the same rig file for all viewers");
   if (std::exchange(mesh_rig_, rig) != rig) mesh_.clear();
   return wire::encode_any_request(access_->command(*rig, mesh_.get(*rig, request.out_of_service), request));
 }

@@ -22,7 +22,7 @@
 
 namespace lf {
 
-// Waits in the streaming thread of a live source: for the time of a request, a change of its view, or the end of a
+// Makes the streaming thread of a live source wait: for the time of a request, a change of its view, or the end of a
 // seek. Waits return GST_FLOW_FLUSHING while unlocked. Thread-safe, with one waiting thread.
 class RequestPacer {
  public:
@@ -74,8 +74,9 @@ class FocusWait {
   bool warming_up_ = false;
 };
 
-// The buffers that follow a request. They are pushed one by one, because GstBaseSrc 1.22 treats a buffer list as a
-// buffer if a live source is stopped right after creating the list. Streaming thread.
+// Queue of the buffers that follow a request, for example commands for simple cameras. They are pushed one by one,
+// because GstBaseSrc 1.22 treats a buffer list as a buffer if a live source is stopped right after creating the list.
+// Streaming thread.
 class RequestOutbox {
  public:
   // Takes a buffer (null: nothing) and gives it the timestamps of the request.
@@ -137,7 +138,8 @@ class RequestRelay {
   bool flushing_ = false, unlocked_ = false, ended_ = false;
 };
 
-// The state of lfviewrequest from start to stop: its files and the next request. Not thread-safe.
+// Creates the view requests of lfviewrequest, from start to stop: holds its views file, its rig and the next request.
+// Not thread-safe.
 class RequestStream {
  public:
   explicit RequestStream(const ViewRequestSettings& settings);

@@ -99,9 +99,18 @@ void NavigationTap::detach() {
 }
 
 const std::array<ViewField, kNumViewFields> kViewFields = {{
-    {"x", "X", "Position of the eye in the rig's world, to the right, in metres", -kMaxPosition, kMaxPosition, 0},
-    {"y", "Y", "Position of the eye in the rig's world, downwards, in metres", -kMaxPosition, kMaxPosition, 0},
-    {"z", "Z", "Position of the eye in the rig's world, forwards, in metres", -kMaxPosition, kMaxPosition, 0},
+    {"x", "X",
+     "Position of the viewpoint along the x axis of the rig, in metres. Larger values move the viewpoint to "
+     "the right",
+     -kMaxPosition, kMaxPosition, 0},
+    {"y", "Y",
+     "Position of the viewpoint along the y axis of the rig, in metres. "
+     "Larger values move the viewpoint down",
+     -kMaxPosition, kMaxPosition, 0},
+    {"z", "Z",
+     "Position of the viewpoint along the z axis of the rig, in metres. Larger values move the viewpoint "
+     "forward, towards the scene",
+     -kMaxPosition, kMaxPosition, 0},
     {"yaw", "Yaw", "Rotation of the view to the right, in degrees. It is applied before pitch and roll", -360, 360, 0},
     {"pitch", "Pitch", "Rotation of the view upwards, in degrees. It is applied after yaw and before roll", -360, 360,
      0},
@@ -111,7 +120,10 @@ const std::array<ViewField, kNumViewFields> kViewFields = {{
     {"fov", "Field of view", "Vertical field of view, in degrees. A smaller angle shows less of the scene, but larger",
      kMinFovDeg, kMaxFovDeg, 45},
     {"focus-distance", "Focus distance",
-     "Distance of the focal plane from the viewpoint along the optical axis, in metres", kMinFocus, kMaxFocus, 2},
+     "Distance of the focal plane from the viewpoint along the optical axis, in metres. Objects at this distance are "
+     "sharp. Nearer and farther objects are blurred, unless the lfcompositor uses a focal "
+     "surface (its property focus)",
+     kMinFocus, kMaxFocus, 2},
     {"aperture", "Aperture",
      "Diameter of the synthetic aperture, in metres. All cameras within this diameter contribute to a pixel, so "
      "objects out of focus blur as with a large lens (0: each pixel is blended from three cameras, and the whole scene "

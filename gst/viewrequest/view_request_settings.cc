@@ -291,14 +291,19 @@ std::string ViewRequestSettings::ignored_settings(bool live) const {
     if (idle) text += (text.empty() ? "" : " ") + std::string(why);
   };
   const bool from_file = !location.empty();
-  say(eager && !live, "eager: has an effect on live requests only.");
-  say(eager && live && from_file, "eager: views of a file (location) keep their times.");
-  say(capture_delay > 0 && !live, "capture-delay: has an effect on live requests only.");
+  say(eager && !live, "eager: has an effect on live requests only; set is-live=true, or omit eager.");
+  say(eager && live && from_file,
+      "eager: views of a file (location) keep their times. Set eager=false, or define the "
+      "view by properties.");
+  say(capture_delay > 0 && !live,
+      "capture-delay: has an effect on live requests only; set is-live=true, or omit "
+      "capture-delay.");
   say(from_file && (width > 0 || height > 0), "width and height: the file (location) defines the sizes of its views.");
   say(loop && !from_file, "loop: has no effect without a file (location).");
   const S initial;
   say(layout == ViewSetLayout::kMono && (cone != 0 || eye_distance != initial.eye_distance),
-      "eye-distance and view-cone: have no effect on a single view (views).");
+      "eye-distance and view-cone: have no effect on a single view (views). Set views to a stereo or multi-view "
+      "layout.");
   const bool is_row = layout == ViewSetLayout::kRow;
   say(layout != ViewSetLayout::kQuilt && (rows != initial.rows || (!is_row && columns != initial.columns)),
       "columns and rows: only a row has columns, and only a quilt has both (views).");
@@ -347,8 +352,8 @@ PropertyTable<S>& ViewRequestSettings::properties() {
           "triangles of neighbouring cameras), with a field of view that the cameras cover completely. Mouse and keys "
           "stop before more than a twentieth of the view is lost, except for movements with shift. This requires rig"),
       property<&S::quality>(kWhilePlaying, "quality", "Quality",
-                            "JPEG quality of answers that cross the network (0: uncompressed). A lower value needs "
-                            "less bandwidth",
+                            "JPEG quality of answers that cross the network, from 1 to 100. A lower value needs less "
+                            "bandwidth, but shows more compression artefacts (0: uncompressed)",
                             0, 100),
       property<&S::out_of_service>(kWhilePlaying, "out-of-service", "Out of service",
                                    "Ids of cameras that must not contribute to the view, as a list of numbers and "
@@ -374,14 +379,18 @@ PropertyTable<S>& ViewRequestSettings::properties() {
                                         "viewpoint of this element. Width and height are the size of each view",
                                         LF_TYPE_SET_LAYOUT),
       inherited_property<S, &S::columns>(kWhilePlaying, "columns", "Columns",
-                                         "Number of views side by side. It applies if views is row or quilt", 1,
-                                         ViewSetPosition::kMaxViews),
+                                         "Number of views side by side in the picture. It has an effect only if views "
+                                         "is row or quilt. More views allow a larger viewing angle, but each view "
+                                         "takes rendering time",
+                                         1, ViewSetPosition::kMaxViews),
       inherited_property<S, &S::rows>(kWhilePlaying, "rows", "Rows",
-                                      "Number of rows of views in the picture. It applies if views is quilt", 1,
-                                      ViewSetPosition::kMaxViews),
+                                      "Number of rows of views in the picture. It has an effect only if views is "
+                                      "quilt. A quilt has rows times columns views",
+                                      1, ViewSetPosition::kMaxViews),
       inherited_property<S, &S::eye_distance>(kWhilePlaying, "eye-distance", "Eye distance",
                                               "Distance between neighbouring eyes (the viewpoints of the views), in "
-                                              "metres. The default is the distance between the eyes of a person",
+                                              "metres. A larger distance gives a stronger impression of depth. The "
+                                              "default is the distance between the eyes of a person",
                                               0.0, kMostEyeDistance),
       inherited_property<S, &S::cone>(
           kWhilePlaying, "view-cone", "View cone",
@@ -390,8 +399,8 @@ PropertyTable<S>& ViewRequestSettings::properties() {
           0.0, 179.0),
       inherited_property<S, &S::converged>(
           kWhilePlaying, "converged", "Converged",
-          "Shift of the views, so that the focal plane appears at the depth of the screen. Set this to false for "
-          "headsets, which need parallel lines of sight"),
+          "Shift of the views relative to each other, so that objects in the focal plane appear at the depth of the "
+          "screen. Set this to false for headsets, which need parallel lines of sight"),
       property<&S::focus_continuous>(
           kWhilePlaying, kFocusContinuous, "Focus continuous",
           "Focus that follows a point while the scene moves: the point of the last click or of the last signal "
@@ -405,7 +414,7 @@ PropertyTable<S>& ViewRequestSettings::properties() {
           "triangle in the mesh of the array)",
           0, Blending::kMaxNearest),
       property<&S::loop>(kWhileReady, "loop", "Loop",
-                         "Repetition of the views in location after the last view. If false, the stream ends"),
+                         "Endless repetition of the views in location. If false, the stream ends after the last view"),
   };
   return table;
 }
@@ -417,9 +426,12 @@ GType lf_set_layout_get_type(void) {
   static const GType type = lf::register_enum<ViewSetLayout>(
       "LfSetLayout",
       {{ViewSetLayout::kMono, "One view", "mono"},
-       {ViewSetLayout::kStereo, "Two views side by side, the left eye on the left", "stereo"},
-       {ViewSetLayout::kCrossEyed, "Two views side by side, swapped for cross-eyed viewing", "cross-eyed"},
-       {ViewSetLayout::kTopBottom, "Two views, the left eye on top", "top-bottom"},
+       {ViewSetLayout::kStereo, "Two views side by side: the view of the left eye is on the left", "stereo"},
+       {ViewSetLayout::kCrossEyed,
+        "Two views side by side: the view of the left eye is on the right, for cross-eyed "
+        "viewing",
+        "cross-eyed"},
+       {ViewSetLayout::kTopBottom, "Two views on top of each other: the view of the left eye is on top", "top-bottom"},
        {ViewSetLayout::kRow, "One row of views, with \"columns\" views from left to right", "row"},
        {ViewSetLayout::kQuilt,
         "A grid of \"rows\" times \"columns\" views, starting at the bottom left, for light field displays", "quilt"}});

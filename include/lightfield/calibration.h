@@ -58,8 +58,8 @@ struct CalibrationOptions {
   };
   std::optional<Distance> distance = {};
   double pitch = 0;
-  // Called with the name of each step before the step starts, for example to show progress. An exception from this
-  // function aborts the calibration and propagates to the caller.
+  // Called with the name of each step before the step starts, for example to show progress. The function may throw an
+  // exception to abort the calibration; the exception propagates to the caller.
   std::function<void(const std::string& step)> progress = {};
 };
 

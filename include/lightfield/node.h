@@ -43,8 +43,8 @@ struct NodeOptions {
 // Thread-safe. Concurrent calls are serialised, and each call uses several threads.
 class Node {
  public:
-  // `cameras` lists the indices of the node's cameras without duplicates. The frames for answer() follow the same
-  // order. Throws Error if the list is empty or an index is not in the rig.
+  // Creates a node that serves the cameras with the indices `cameras`, without duplicates. The frames for answer() must
+  // follow the same order. Throws Error if the list is empty or an index is not in the rig.
   Node(Rig rig, std::vector<uint32_t> cameras, const NodeOptions& options = {});
   ~Node();
   Node(Node&&) noexcept;
@@ -56,10 +56,12 @@ class Node {
   // cameras need not be decoded. Throws Error like answer().
   std::vector<uint32_t> cameras_for(const Bytes& request) const;
 
-  // Answers a request. The result is a list of messages to send to the viewer's Compositor, in any order.
+  // Answers a request with a list of messages, which must all be sent to the viewer's Compositor, in any order.
   //
   // `frames` has one frame for each of cameras(), in the same order. All frames must have the same format, and each
-  // must have the size of its camera. Pass an empty frame for a camera that has no image; the answer tells the viewer.
+  // must have the size of its camera. Pass an empty frame for a camera that has no image; the answer then tells the
+  // viewer that this camera is missing.
+  //
   // The frames are only read during the call. The same request and frames always give the same bytes. Throws Error if
   // the request is invalid or belongs to another rig, or if a frame does not fit.
   std::vector<Bytes> answer(const Bytes& request, const std::vector<ImageView>& frames) const;
@@ -99,7 +101,8 @@ struct RequestOptions {
 // Call its methods from one thread at a time.
 class Compositor {
  public:
-  // `view_id` must be unique among the viewers of the same nodes.
+  // Creates a compositor for one viewer. `view_id` must be unique among the viewers of the same nodes, because nodes
+  // keep a separate state for each id.
   Compositor(Rig rig, uint32_t view_id);
   ~Compositor();
   Compositor(Compositor&&) noexcept;
@@ -109,30 +112,30 @@ class Compositor {
   // discarded. Throws Error if the view is invalid or an option is out of range.
   Bytes request(const View& view, const RequestOptions& options = {});
 
-  // The result of add(). `problem` explains why a part was not added, for example because it is damaged, a duplicate or
-  // late.
+  // The result of add(). If a part was not added, `problem` explains the reason to the user: for example, the part is
+  // damaged, a duplicate, or late.
   struct AddResult {
     bool added = false;
     std::string problem = {};
     explicit operator bool() const { return added; }
   };
-  // Adds a received part of an answer to the current picture. The part may come from an untrusted source. The bytes are
-  // not used after the call.
+  // Adds a received part of an answer to the current picture. The part may come from an untrusted source, because every
+  // field is checked. The bytes are not used after the call.
   AddResult add(const Bytes& part);
 
   // Returns whether the nodes of all cameras in service have answered, so that finish() need not wait any longer.
   bool is_complete() const;
 
   // Returns the picture from all parts added so far, in the format of the answers (RGB if no camera had an image). If
-  // cameras are missing, the remaining cameras of each pixel take over the weight. Throws Error if request() has not
-  // been called.
+  // some cameras did not answer, the remaining cameras of each pixel take over their weight, so that the picture has no
+  // holes. Throws Error if request() has not been called.
   Image finish();
 
   // Number of cameras that the latest picture needed but did not get.
   unsigned missing() const;
 
-  // Discards the focal surface, for example after the scene has changed. Changing the focus options has the same
-  // effect.
+  // Discards the focal surface (the estimated depth of each pixel), for example after the scene has changed. Changing
+  // the focus options has the same effect.
   void reset_focus();
 
  private:

@@ -12,9 +12,12 @@
 
 namespace lightfield {
 
-// The device that renders pictures. kCpu uses SIMD instructions. kGl uses OpenGL ES 3.1 without a window, if there is a
-// driver. kAuto measures both on the first pictures and keeps the faster one, but never chooses an OpenGL driver that
-// computes on the CPU. Pictures of different devices differ by at most 1 of 255.
+// The device that renders pictures:
+// - kCpu uses SIMD instructions.
+// - kGl uses OpenGL ES 3.1 without a window, if there is a driver.
+// - kAuto measures both on the first pictures and keeps the faster one. It never chooses an OpenGL driver that computes
+//   on the CPU.
+// Pictures of different devices differ by at most 1 of 255.
 enum class RendererChoice : uint8_t { kCpu, kGl, kAuto };
 
 struct RenderOptions {
@@ -39,7 +42,8 @@ struct RenderOptions {
 // of threads.
 class Renderer {
  public:
-  // `threads` is the maximum number of threads per picture; 0 means the number of processors.
+  // Creates a renderer for the cameras of `rig`. `threads` is the maximum number of threads per picture; 0 means the
+  // number of processors.
   explicit Renderer(Rig rig, unsigned threads = 0);
   ~Renderer();
   Renderer(Renderer&&) noexcept;
@@ -51,13 +55,15 @@ class Renderer {
   // Focus::kAuto uses such images if available, to compare the brightness of the cameras.
   std::vector<uint32_t> cameras(const View& view) const;
 
-  // Renders a picture, in the format of the images.
+  // Renders the picture of a virtual camera from the images of the array. The result has the format of the images.
   //
   // `images` has one image for each camera of the rig, in the same order. All must have the same format, and each must
   // have the size of its camera. The images are only read during the call. Neighbouring cameras fill in for a camera
-  // without an image. With Focus::kAuto every call improves the focal surface. The images of one call must therefore
-  // show the same moment, and successive calls should show successive frames. Throws Error if the view is invalid or an
-  // image does not fit.
+  // without an image.
+  //
+  // If the focus is Focus::kAuto, every call improves the focal surface. The images of one call must therefore show the
+  // same moment, and successive calls should show successive frames. Throws Error if the view is invalid or an image
+  // does not fit.
   Image render(const View& view, const std::vector<ImageView>& images, const RenderOptions& options = {});
   Image render(const View& view, const std::vector<Image>& images, const RenderOptions& options = {});
 
@@ -65,8 +71,8 @@ class Renderer {
   // cpu, there is no other: ...".
   std::string drawn_by() const;
 
-  // Discards the focal surface, for example after the scene has changed. Changing the focus options has the same
-  // effect.
+  // Discards the focal surface (the estimated depth of each pixel), for example after the scene has changed. Changing
+  // the focus options has the same effect.
   void reset_focus();
 
  private:

@@ -19,7 +19,8 @@ struct Vec3 {
   double x = 0, y = 0, z = 0;
 };
 
-// A rotation as a unit quaternion. The norm may differ from 1 by up to 1e-6.
+// A rotation as a unit quaternion. The norm may differ from 1 by up to 1e-6, so that values from a text file are
+// accepted.
 struct Quaternion {
   double w = 1, x = 0, y = 0, z = 0;
 };
@@ -83,11 +84,12 @@ struct Topology {
 // library identifies a camera by its index, 0 to size() - 1.
 class Rig {
  public:
-  // Throws Error if there are no cameras or a camera is invalid. The text names the camera and the problem.
+  // Creates a rig from a list of cameras, and from the triangles between these cameras. Throws Error if there are no
+  // cameras or a camera is invalid. The text of the error names the camera and the problem.
   explicit Rig(const std::vector<Camera>& cameras, const Topology& topology = {});
 
   size_t size() const;
-  // Throws Error if the index is out of range.
+  // Returns a copy of the camera with this index. Throws Error if the index is not 0 to size() - 1.
   Camera camera(size_t index) const;
   // Returns a hash of everything that pictures depend on: sizes, lenses, poses and triangles. Requests and answers
   // carry this hash, so that a node rejects requests for another rig.
@@ -105,10 +107,11 @@ class Rig {
   std::shared_ptr<const Data> data_;
 };
 
-// Read and write rig files. Throw Error with the file name and the place in the file.
+// Read and write rig files, which are JSON (docs/reference/files.md). These functions throw Error with the file name
+// and the place in the file.
 Rig load_rig(const std::string& path);
 void save_rig(const Rig& rig, const std::string& path);
-// Parses the text of a rig file. `name` is the file name in error texts.
+// Parses the text of a rig file that the caller has read. `name` is the name that error messages give to the file.
 Rig parse_rig(const std::string& json, const std::string& name = "rig");
 
 struct View {

@@ -40,7 +40,7 @@ Resampling to_resampling(lightfield::Resampling resampling) {
     case lightfield::Resampling::kBilinear: return Resampling::kBilinear;
     case lightfield::Resampling::kSharpened: return Resampling::kSharpened;
   }
-  throw Error("resampling: unknown value");
+  throw Error("resampling: unknown value; use kBilinear or kSharpened");
 }
 
 void check(RendererChoice renderer) {
@@ -49,7 +49,7 @@ void check(RendererChoice renderer) {
     case RendererChoice::kGl:
     case RendererChoice::kAuto: return;
   }
-  throw Error("renderer: unknown value");
+  throw Error("renderer: unknown value; use kCpu, kGl or kAuto");
 }
 
 }  // namespace
@@ -107,7 +107,8 @@ LocalNode::LocalNode(std::shared_ptr<const Rig> rig, uint64_t rig_hash, std::vec
 }
 
 RequestPlan LocalNode::plan(const ViewRequest& request) {
-  if (request.rig_hash != 0 && request.rig_hash != rig_hash_) throw Error("the request was made for another rig");
+  if (request.rig_hash != 0 && request.rig_hash != rig_hash_)
+    throw Error("the request was made for another rig; load the same rig file in all processes");
   return {*rig_, mesh_.get(*rig_, request.out_of_service), request, own_};
 }
 

@@ -57,7 +57,8 @@ View to_view(const lightfield::View& view) {
 }
 
 DepthEstimator::Settings to_settings(lightfield::Focus focus, double nearest, double farthest) {
-  if (focus != lightfield::Focus::kPlane && focus != lightfield::Focus::kAuto) throw Error("focus: unknown value");
+  if (focus != lightfield::Focus::kPlane && focus != lightfield::Focus::kAuto)
+    throw Error("focus: unknown value; use kPlane or kAuto");
   const bool far_enough = nearest == 0 || farthest == 0 || farthest > nearest;
   if (!(nearest >= 0) || !(farthest >= 0) || !std::isfinite(nearest) || !far_enough)
     throw Error("nearest, farthest: must be 0 or distances in metres, nearest below farthest");
@@ -232,7 +233,8 @@ Pose look_at(const Vec3& eye, const Vec3& target) {
   const lf::Vec3 from(eye.x, eye.y, eye.z), to(target.x, target.y, target.z), down(0, 1, 0);
   const double away = glm::length(to - from);
   if (!(away > 0) || !std::isfinite(away)) throw Error("look_at: eye and target must differ");
-  if (!(glm::length(glm::cross(to - from, down)) > 1e-9 * away)) throw Error("look_at: the line of sight is vertical");
+  if (!(glm::length(glm::cross(to - from, down)) > 1e-9 * away))
+    throw Error("look_at: the line of sight is vertical; choose a target that is not straight above or below the eye");
   return lf::api::from_pose(lf::look_at(from, to, down));
 }
 

@@ -307,7 +307,7 @@ void AtomicFolderUpdate::commit() {
     std::ranges::sort(files);
     // Detects the most likely failure before the first file is replaced.
     for (const fs::path& name : files)
-      if (fs::is_directory(fs::path(folder_) / name)) fail(name, "it is a folder");
+      if (fs::is_directory(fs::path(folder_) / name)) fail(name, "it is a folder; remove or rename the folder");
     for (const fs::path& name : files) {
       const std::string target = follow_links((fs::path(folder_) / name).string());
       std::error_code error;

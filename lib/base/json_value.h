@@ -54,7 +54,7 @@ class JsonValue {
   Vec3 vec3() const;
   Quat unit_quaternion() const;  // [w, x, y, z] with unit norm, within kUnitTolerance; not normalised
 
-  // Throws Error unless the value is an object with this "format" and "version".
+  // Checks the kind of a file. Throws Error unless the value is an object with this "format" and "version".
   void require_format(const std::string& format, int version) const;
 
  private:

@@ -12,8 +12,9 @@
 
 namespace lf {
 
-// Calls task(0) to task(count - 1) once each, in any order and on any threads, and returns after the last one. If a
-// task throws, the exception is rethrown in the caller after all tasks have run.
+// Runs a number of tasks, usually in parallel: calls task(0) to task(count - 1) once each, in any order and on any
+// threads, and returns after the last one. If a task throws, the exception is rethrown in the caller after all tasks
+// have run.
 using ParallelFor = std::function<void(size_t count, const std::function<void(size_t)>& task)>;
 
 inline void serial_for(size_t count, const std::function<void(size_t)>& task) {

@@ -86,7 +86,8 @@ Similarity align(const std::vector<Pose>& a, const std::vector<Pose>& b, bool fi
     return spread(centres);
   };
   const double size_a = spread_of(a), size_b = spread_of(b);
-  if (!(size_a > 0 && size_b > 0)) throw Error("cannot align: all cameras are at the same position");
+  if (!(size_a > 0 && size_b > 0))
+    throw Error("cannot align: all cameras are at the same position, so the scale is unknown");
   const Eigen::Matrix4d t = Eigen::umeyama(points(a, kRotationWeight * size_a),
                                            points(b, kRotationWeight * (fixed_scale ? size_a : size_b)), !fixed_scale);
   Similarity s;
@@ -525,7 +526,7 @@ std::optional<CameraCovariance> parse_camera_covariance(const JsonValue& camera)
     const std::string name = parameter.text();
     if (std::find(std::begin(kNames), std::end(kNames), name) == std::end(kNames))
       parameter.fail("\"" + name + "\" is not a parameter of a camera");
-    if (covariance.index_of(name)) parameter.fail("\"" + name + "\" comes twice");
+    if (covariance.index_of(name)) parameter.fail("\"" + name + "\" comes twice; remove one of the two");
     covariance.parameters.push_back(name);
   }
   const size_t n = covariance.parameters.size();

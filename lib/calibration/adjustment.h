@@ -30,7 +30,8 @@ struct CameraState {
   std::array<double, kSize> v{1, 0, 0, 0, 0, 0, 0, 1};  // w x y z, position, f cx cy k1 k2 p1 p2
   double aspect = 1;                                    // fy / fx, constant
   int width = 0, height = 0;
-  bool used = false;  // takes part: the camera has enough observations in common with other cameras
+  // The camera takes part in the calibration, because it has enough observations in common with other cameras.
+  bool used = false;
 
   Pose pose() const { return {{v[4], v[5], v[6]}, {v[0], v[1], v[2], v[3]}}; }
   void set_pose(const Pose& pose);
@@ -142,7 +143,8 @@ struct ClockAdjustment {
 AdjustmentSummary adjust(Reconstruction& scene, const std::vector<Observation>& observations, const Inliers& use,
                          const AdjustmentOptions& options, ClockAdjustment* clocks = nullptr);
 
-// Returns the reprojection error (projected minus observed) in pixels, or nullopt if the light is behind the camera.
+// Returns the reprojection error (projected minus observed position) of an observation in pixels. Returns nullopt if
+// the light is behind the camera.
 std::optional<Vec2> residual(const CameraState& camera, const TargetState& target, const Observation& observation);
 
 // Transforms frame a to frame b by a rotation, a uniform scale and a translation (b_from_a).
@@ -184,7 +186,8 @@ struct Uncertainty {
   // Covariance of the lens terms before the calibration, with lens_terms.size() rows per camera.
   Eigen::MatrixXd prior_covariance;
 
-  // Returns the standard deviation of a linear combination of all parameters.
+  // Returns the standard deviation of a linear combination of all parameters, for example of the mean depth of the
+  // array.
   double sigma_of(const Eigen::VectorXd& weights) const { return std::sqrt(weights.dot(covariance * weights)); }
 };
 

@@ -50,7 +50,7 @@ struct ClockSample {
 double refine_clock(CameraClock& clock, std::vector<ClockSample> samples, double frame_time, double shown);
 
 // Returns the stamp of a suspected frame drop, although the evidence is too weak for refine_clock(). A bundle
-// adjustment with a step at this stamp then estimates the number of frames. Returns nullopt if no stamp stands out.
+// adjustment with a step at this stamp can then estimate the number of frames. Returns nullopt if no stamp stands out.
 std::optional<double> suspected_step(std::vector<ClockSample> samples);
 
 }  // namespace lf

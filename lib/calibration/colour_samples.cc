@@ -387,7 +387,8 @@ class Sampler {
 }  // namespace
 
 ColourSamples sample_views(const Rig& rig, std::span<const Image> images) {
-  if (images.size() != rig.cameras.size()) throw Error("an image for each camera of the rig is required");
+  if (images.size() != rig.cameras.size())
+    throw Error("an image for each camera of the rig is required; leave the images of missing cameras empty");
   return Sampler(rig, images).run();
 }
 

@@ -59,7 +59,7 @@ ColourDifferences colour_differences(const Rig& rig, const ColourSamples& sample
                                      const std::vector<ColourModel>& models, const std::vector<bool>& patches = {},
                                      const std::vector<bool>& cameras = {});
 
-// Returns the level of a sample after correction, including vignetting.
+// Returns the level that a camera's colour sample has after correction, including vignetting.
 Vec3 corrected_level(const Camera& camera, const ColourModel& model, const ColourSample& sample);
 
 struct ColourSolveOptions {

@@ -20,14 +20,14 @@ struct MovingScene {
 // first eigenvector of the products of all cameras' residuals. Cameras with large independent errors are excluded.
 MovingScene find_motion(const Solution& solution, const Tracks& tracks);
 
-// Returns the problems of a solution, with these codes:
-//   dead-camera, camera-not-found, disconnected-groups
-//   late-camera: the camera's tracks fit if they are moved by whole frames
-//   swapped-cameras: cameras are at each other's places in the prior rig
-//   many-outliers, noisy-camera
-//   unknown-focal-length, unknown-principal-point, unknown-k1, unknown-k2, unknown-p1, unknown-p2: the calibration did
-//     not reduce the uncertainty
-//   soft-depth, soft-positions, soft-rotations, halves-disagree, moving-scene, prior-contradicted, no-scale, odd-scale
+// Returns the problems of a calibration, for the report. Programs can test the following codes:
+// dead-camera, camera-not-found, disconnected-groups
+// late-camera: the camera's tracks fit if they are moved by whole frames
+// swapped-cameras: cameras are at each other's places in the prior rig
+// many-outliers, noisy-camera
+// unknown-focal-length, unknown-principal-point, unknown-k1, unknown-k2, unknown-p1, unknown-p2: the calibration did
+//   not reduce the uncertainty
+// soft-depth, soft-positions, soft-rotations, halves-disagree, moving-scene, prior-contradicted, no-scale, odd-scale
 std::vector<Finding> diagnose(const Solution& solution, const Tracks& tracks, const SolveOptions& options,
                               const Placement& placement);
 

@@ -343,7 +343,8 @@ class Tracker {
 
 Tracks track_features(const Rig& rig, const std::vector<Image>& images, const FeatureOptions& options) {
   if (rig.cameras.size() < 2 || images.size() != rig.cameras.size())
-    throw Error("features: at least two cameras with images are required");
+    throw Error(
+        "features: at least two cameras with images are required, because features are matched between cameras");
   const Tracker tracker(rig, images, options);
   Tracks tracks;
   tracks.ordered = false;

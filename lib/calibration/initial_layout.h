@@ -35,7 +35,8 @@ struct DisparityFactors {
   double inliers = 0;  // share of all detections that fit within `threshold`
 };
 
-// `threshold` is the maximum error in normalised coordinates. It must allow for lens errors and camera roll.
+// Estimates the layout from the detections in `sights`. `threshold` is the maximum error of an inlier in normalised
+// coordinates. It must allow for lens errors and camera roll, because the model has neither.
 DisparityFactors factorise_disparities(const std::vector<ColumnDetection>& sights, size_t num_cameras,
                                        size_t num_columns, double threshold);
 
@@ -54,10 +55,12 @@ int global_layout(Reconstruction& scene, const Tracks& tracks, double threshold)
 // camera after the other by resection. Returns the number of placed cameras.
 int incremental_layout(Reconstruction& scene, const Tracks& tracks, double threshold);
 
-// Triangulates the lights from known poses. If there are bars, the scene is scaled to bars of unit length.
+// Triangulates the lights from the poses of the cameras. If the lights are on bars, the scene is scaled so that each
+// bar has unit length.
 void triangulate_from_poses(Reconstruction& scene, const Tracks& tracks, double threshold);
 
-// Places unused cameras from light positions that are already known. Returns the number of placed cameras.
+// Places cameras that do not take part yet, from the positions of lights that they see (resection). Returns the number
+// of placed cameras.
 int resect_cameras(Reconstruction& scene, const Tracks& tracks, double threshold);
 
 }  // namespace lf

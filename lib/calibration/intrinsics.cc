@@ -93,7 +93,8 @@ cv::Ptr<cv::aruco::CharucoBoard> opencv_board(const CharucoBoard& board) {
 
 void check_charuco_board(const CharucoBoard& board) {
   if (!(board.marker > 0 && board.marker < 1))
-    throw Error("the markers of a ChArUco board must be smaller than its squares");
+    throw Error(
+        "the markers of a ChArUco board must be smaller than its squares; give their side as a fraction below 1");
   const int markers = (board.corners.columns + 1) * (board.corners.rows + 1) / 2;
   if (const int known = dictionary_of(board)->bytesList.rows; known < markers)
     throw Error("dictionary " + board.dictionary + " has " + std::to_string(known) + " markers, the board " +

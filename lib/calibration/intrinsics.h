@@ -44,7 +44,8 @@ struct CharucoBoard {
   double marker = 0.5;     // side of a marker relative to a square
 };
 
-// Throws Error if the dictionary is unknown or too small for the board, or if the markers fill their squares.
+// Checks a description of a board. Throws Error if the dictionary is unknown or too small for the board, or if the
+// markers fill their squares.
 void check_charuco_board(const CharucoBoard& board);
 
 // Returns the visible corners in an RGB image with subpixel accuracy, or nullopt if there are too few or all are on one
@@ -57,7 +58,8 @@ class KeyframeSelector {
  public:
   explicit KeyframeSelector(int width) : width_(width) {}  // image width, pixels
 
-  // Call for each frame with a detected board, in order. Returns true if the frame is selected.
+  // Call this for each frame with a detected board, in order. Returns true if the frame is good for the calibration:
+  // the board stands still and is at a new position.
   bool take(const BoardView& view);
 
  private:
@@ -94,8 +96,8 @@ struct ZhangFit {
 ZhangFit fit_zhang(const std::vector<BoardView>& views, const Checkerboard& board, int width, int height,
                    const ZhangModel& model);
 
-// Returns the RMS reprojection error, in pixels, of a view that was left out of the fit. Only the pose of the board is
-// fitted to this view.
+// Validates a lens with a view that was left out of the fit: returns the RMS reprojection error of this view in pixels.
+// Only the pose of the board is fitted to this view.
 double held_out_rms(const ZhangFit& fit, const BoardView& view);
 
 // Options of calibrate_intrinsics(), which removes bad views and selects the smallest model that the views justify.
@@ -125,7 +127,7 @@ struct IntrinsicsResult {
   std::vector<std::string> warnings;  // parameters that the views do not determine, and the remedy
 };
 
-// Throws Error if the views do not determine a lens.
+// Calibrates the lens of a camera from views of a board. Throws Error if the views do not determine a lens.
 IntrinsicsResult calibrate_intrinsics(const std::vector<BoardView>& views, const Checkerboard& board, int width,
                                       int height, const IntrinsicsOptions& options = {});
 

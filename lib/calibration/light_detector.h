@@ -125,7 +125,8 @@ std::string gap_names(const std::vector<CoverageGrid::Gap>& gaps);
 // far. A camera's own ray is interpolated between two of its frames. Not thread-safe.
 class LightCoverage {
  public:
-  // `lights` is the number of moved lights; the brightest detections count. Throws Error if it is less than 1.
+  // Prepares for recording with the nominal positions of `rig`. `lights` is the number of moved lights; of the
+  // detections in a frame, that many of the brightest count. Throws Error if `lights` is less than 1.
   LightCoverage(const Rig& rig, int lights);
 
   // Adds the detections of a camera at `time` (seconds, increasing for each camera). A few frames per second are
@@ -136,7 +137,8 @@ class LightCoverage {
   // Returns the direction along a camera's axis that the light has not covered: "nearer", "farther", or "" if both are
   // covered or the depths are unknown.
   std::string depth_wanted(CameraIndex camera) const;
-  // Returns for example "upper left, lower left, nearer", or "" if nothing is missing.
+  // Returns what the operator should still do for a camera, for example "upper left, lower left, nearer". Returns an
+  // empty text if nothing is missing.
   std::string wanted(CameraIndex camera) const;
   // Returns one line for the operator: the overall coverage, the most frequent gaps, and the cameras with the largest
   // gaps. For example: "The light has covered 61 % of the images. Next: upper left (40 cameras), nearer (3 cameras).

@@ -367,7 +367,7 @@ class LightSolver {
       }
     }
     if (!(to > from) || !(spacing > 0) || !result_.clocks[reference].known)
-      throw Error("no camera sees a moving light");
+      throw Error("no camera sees a moving light; darken the room and move the light in front of the cameras");
     spacing = std::max(spacing, (to - from) / kMaxInstants);
     for (double time = from; time <= to; time += spacing) result_.instants.push_back(time);
   }
@@ -387,7 +387,10 @@ class LightSolver {
         if (j % n != 0) candidates_[j].clear();
     const LightAssociation now = associate_by_geometry(cameras_, candidates_, scene_.cameras, reach);
     const auto& observations = now.tracks.observations;
-    if (observations.empty()) throw Error("the cameras do not agree on any position of the light");
+    if (observations.empty())
+      throw Error(
+          "the cameras do not agree on any position of the light; check that all recordings show the same light at the "
+          "same time");
     scene_.targets.assign(now.tracks.num_positions, {});
     triangulate_targets(scene_, now.tracks, reach);
     AdjustmentOptions o = model_;

@@ -5,12 +5,13 @@
 
 namespace lf {
 
-// Returns the lengths of the residuals in pixels, divided by the sigmas of the observations. The length is negative if
-// there is no residual (unused camera, unknown light position).
+// Returns how far each observation is from its prediction, in units of its standard deviation (sigma): the length of
+// the residual in pixels, divided by the sigma. The value is negative if there is no residual, because the camera is
+// unused or the position of the light is unknown.
 std::vector<double> residual_lengths(const Reconstruction& scene, const std::vector<Observation>& observations);
 
-// Returns the sigma of x and y, from the median length of a Rayleigh distribution. Up to half of the lengths may be
-// outliers.
+// Estimates the noise of the observations: the standard deviation of x and y, from the median length of the residuals.
+// (Lengths follow a Rayleigh distribution.) The median tolerates outliers in up to half of the lengths.
 double robust_sigma(std::vector<double> lengths);
 
 inline constexpr double kOutlier = 3.8;  // limit for inliers, in sigmas; 1 of 1,400 correct observations exceeds it
@@ -18,7 +19,8 @@ inline constexpr double kOutlier = 3.8;  // limit for inliers, in sigmas; 1 of 1
 // Marks observations with residuals of up to `reach` sigmas as inliers.
 Inliers within(const std::vector<double>& lengths, double reach, double sigma);
 
-// Stops using cameras with fewer than four observations, or with fewer than 30 % of them within `reach` pixels.
+// Excludes cameras that the scene does not determine well: with fewer than four observations, or with fewer than 30 %
+// of them within `reach` pixels.
 void drop_poor_cameras(Reconstruction& scene, const std::vector<Observation>& observations, double reach);
 
 // Returns the sigma of the measurements from the lengths of inliers. It is corrected for the parameters that were
@@ -27,8 +29,9 @@ double inlier_sigma(const Reconstruction& scene, const std::vector<Observation>&
                     const std::vector<double>& lengths, const Inliers& inliers, const AdjustmentOptions& model,
                     const Uncertainty& uncertainty);
 
-// Returns how large the residuals of each camera are, relative to the median camera. The result is 1 if the ratio is
-// below 2 or if there are too few observations. It is at most 4, because larger residuals are outliers.
+// Compares the noise of the cameras: returns the size of each camera's residuals relative to the median camera. A ratio
+// below 2 counts as 1, because it may be chance; so does the ratio of a camera with too few observations. The result is
+// at most 4, because larger residuals are outliers.
 std::vector<double> noise_of_cameras(const Reconstruction& scene, const std::vector<Observation>& observations);
 
 // Fits light positions with fewer than three inliers to all of their observations, so that residuals in reports are

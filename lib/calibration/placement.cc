@@ -337,7 +337,8 @@ Placement place_solution(const Solution& solution, const Tracks& tracks, const S
   Placement result;
   double scale = 0;
   if (placement.bar_length > 0) {
-    if (!tracks.bar) throw Error("the bar's length is given, but the tracks are of one light");
+    if (!tracks.bar)
+      throw Error("the bar's length is given, but the tracks are of one light; run the step track again with --bar");
     scale = placement.bar_length;
     result.scale_from = "the bar's length";
   } else if (placement.distance) {
@@ -345,7 +346,8 @@ Placement place_solution(const Solution& solution, const Tracks& tracks, const S
       for (size_t i = 0; i < tracks.cameras.size(); i++)
         if (tracks.cameras[i].id == id && solution.scene.cameras[i].used)
           return solution.scene.cameras[i].pose().position;
-      throw Error("the distance refers to camera " + std::to_string(id) + ", which was not placed");
+      throw Error("the distance refers to camera " + std::to_string(id) +
+                  ", which was not placed; choose two cameras that see the light often");
     };
     const double distance = glm::length(position(placement.distance->a) - position(placement.distance->b));
     if (!(placement.distance->metres > 0) || !(distance > 0))

@@ -61,11 +61,11 @@ Placement place_solution(const Solution& solution, const Tracks& tracks, const S
 double neighbour_distance(const std::vector<Pose>& poses);
 
 // Returns the placed cameras as a rig, with names, sources and topology of the prior rig, if any. The cameras are
-// ordered by their places, because a topology refers to this order.
+// ordered by their places in the layout, because a topology refers to this order.
 Rig make_rig(const Solution& solution, const Tracks& tracks, const SolveOptions& options, const Placement& placement);
 
-// Returns the "covariance" entry of a rig file for camera `index` of the tracks, which must be used, in the frame and
-// scale of the rig.
+// Returns the covariance of camera `index` of the tracks, in the format of the "covariance" entry of a rig file and in
+// the frame and scale of the rig. The camera must be used.
 CameraCovariance covariance_in_rig(const Uncertainty& uncertainty, size_t index, const Similarity& world_from_scene);
 
 }  // namespace lf

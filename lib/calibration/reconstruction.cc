@@ -71,7 +71,8 @@ std::optional<LensPrior> make_prior(const CameraState& camera, const CameraCovar
 }  // namespace
 
 Reconstruction make_scene(const Tracks& tracks, const SolveOptions& options) {
-  if (tracks.cameras.size() < 2) throw Error("at least two cameras are required");
+  if (tracks.cameras.size() < 2)
+    throw Error("at least two cameras are required, because one camera does not determine any position");
   Reconstruction scene;
   scene.cameras.resize(tracks.cameras.size());
   scene.lens_priors.resize(tracks.cameras.size());
@@ -93,7 +94,7 @@ Reconstruction make_scene(const Tracks& tracks, const SolveOptions& options) {
     if (known.width != camera.width || known.height != camera.height)
       throw Error("camera " + id + " has " + std::to_string(camera.width) + "x" + std::to_string(camera.height) +
                   " pixels in the tracks and " + std::to_string(known.width) + "x" + std::to_string(known.height) +
-                  " in the prior rig");
+                  " in the prior rig; record with the image size of the rig");
     camera.set_lens(known.lens);
     for (int k = 0; k < kNumLensTerms; k++) sum[k] += camera.lens_terms()[k];
     if (*index < options.prior_covariances.size() && options.prior_covariances[*index])

@@ -7,8 +7,8 @@
 
 namespace lf {
 
-// Returns a scene to start with: lenses and priors of the prior rig, or defaults. Throws Error if the prior rig lacks a
-// camera of the tracks, or if image sizes differ.
+// Returns a scene to start a calibration from: cameras with lenses and priors of the prior rig, or with defaults.
+// Throws Error if the prior rig lacks a camera of the tracks, or if image sizes differ.
 Reconstruction make_scene(const Tracks& tracks, const SolveOptions& options);
 
 bool has_known_poses(const SolveOptions& options);

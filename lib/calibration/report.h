@@ -22,18 +22,26 @@ struct Finding {
 // Returns "note", "warning" or "error", as in reports.
 const char* name_of(Finding::Severity severity);
 
-// Returns the report as JSON:
-// {"format": "lightfield-calibration", ..., "mean_px", "median_px", "rms_px": over all observations with a residual;
-// "expected_rms_px": expectation from noise alone; "observations": number of all observations, "unplaced": of them,
-// without a residual; "outliers"; "inliers": {"mean_px", ...}; "model"; "models": tested models;
-// "disagreement_of_halves" (if compared); "scale_from"; "findings"; "cameras": [{"id", "found", "observations",
-// "outliers", "rms_px", "stands_at": id (if at another camera's place)}]}.
+// Returns the report of a calibration as JSON, for people and for programs. The members are:
+// "format": "lightfield-calibration", "version"
+// "mean_px", "median_px", "rms_px": reprojection error in pixels, over all observations that have one
+// "expected_rms_px": the RMS error that noise alone would cause
+// "observations": number of all observations
+// "unplaced": number of observations without a reprojection error, because their camera or light has no position
+// "outliers": number of observations that contradict the result
+// "inliers": {"mean_px", ...}: the errors without outliers
+// "model", "models": the selected lens model, and all tested models
+// "disagreement_of_halves": only if two halves of the tracks were compared; see disagreement_of_halves()
+// "scale_from": the length that determined the scale
+// "findings": problems and remarks for the user
+// "cameras": [{"id", "found", "observations", "outliers", "rms_px", "stands_at"}], where "stands_at" is the id of
+//   another camera if the camera is at the place of that camera
 nlohmann::ordered_json calibration_report(const Solution& solution, const Tracks& tracks, const Placement& placement,
                                           const std::vector<Finding>& findings);
 
-// Returns members of a rig file for save_rig(), in addition to the rig of make_rig(). Each placed camera keeps its
-// members in `original` (a parsed rig file, or an empty object) and gets the new covariance. `program` is recorded as
-// the origin.
+// Returns the members of a rig file that a calibration adds to the rig of make_rig(), for save_rig(). `original` is a
+// parsed rig file, or an empty object. Each placed camera keeps its members in `original` and gets the new covariance.
+// `program` is recorded as the origin.
 nlohmann::json rig_record(const Solution& solution, const Tracks& tracks, const Placement& placement,
                           nlohmann::json original, const std::string& program);
 
@@ -47,8 +55,9 @@ struct SoftMode {
   bool is_soft() const { return !(sigma <= limit); }
 };
 
-// Returns the weakly constrained modes, with the largest ratio of sigma to limit first, in the scale of `placement`.
-// Some modes do not exist in arrays that do not look in one direction.
+// Returns the weakly constrained modes of a solution: common errors of all cameras that a better recording would
+// reduce. Sizes are in the scale of `placement`. The mode with the largest ratio of sigma to limit is first. Some modes
+// do not exist in arrays that do not look in one direction.
 std::vector<SoftMode> soft_modes(const Solution& solution, const Placement& placement);
 
 // Predicts how precisely the array locates points: the error of projecting a new point into a camera after all other
@@ -58,11 +67,11 @@ struct ProjectionError {
   double depth = 0;              // metres in front of the centre of the array
   double middle = 0, worst = 0;  // of the median camera and of the worst camera
 };
-// Returns the errors at depths from half the nearest distance of the light to twice the farthest.
+// Returns the predicted errors at several depths, from half the nearest distance of the light to twice the farthest.
 std::vector<ProjectionError> projection_errors(const Solution& solution, const Placement& placement);
 
-// Range of the light's distances from the centre of the array along its viewing direction, in metres: 5th and 95th
-// percentile.
+// Returns the distances of the light from the centre of the array along its viewing direction, in metres. The range
+// excludes the nearest and the farthest 5 % of the positions.
 struct LightRange {
   double near = 0, far = 0;
 };

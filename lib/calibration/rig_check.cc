@@ -110,7 +110,9 @@ class Checker {
     }
     for (const Tracks::Camera& seen : tracks.cameras) {
       const auto index = rig.index_of_id(seen.id);
-      if (!index) throw Error("camera " + std::to_string(seen.id) + " of the recording is not in the rig");
+      if (!index)
+        throw Error("camera " + std::to_string(seen.id) +
+                    " of the recording is not in the rig; use the rig file that the recording was made with");
       Camera camera = rig.cameras[*index];
       if (camera.width != seen.width || camera.height != seen.height)
         throw Error("camera " + std::to_string(seen.id) + " has " + size_text(seen.width, seen.height) +

@@ -35,7 +35,7 @@ struct RigCheck {
   size_t lights = 0;
   double residual_px = 0;  // median residual of the cameras that hold
   double shift_px = 0;     // median image displacement of these cameras
-  // True if so many cameras are off that the moved ones cannot be identified. The rig must then be calibrated again.
+  // True if so many cameras are off that it is unknown which of them have moved. The rig must then be calibrated again.
   bool is_lost = false;
   std::optional<double> bar;  // median distance between the two lights in the scale of the rig, metres
   std::optional<double> bar_spread;
@@ -43,7 +43,7 @@ struct RigCheck {
   bool holds() const;  // true if all cameras with enough observations hold
 };
 
-// A camera holds if its image is displaced by less than this, in pixels.
+// Largest image displacement of a camera that still matches the rig, in pixels.
 inline constexpr double kMinShift = 0.3;
 
 // Checks a rig against new tracks. Triangulates the lights with cameras that agree, and estimates the pose of each
@@ -51,8 +51,8 @@ inline constexpr double kMinShift = 0.3;
 // in the rig or has another image size, or if no three cameras see the light together.
 RigCheck check_calibration(const Rig& rig, const Tracks& tracks);
 
-// Returns the problems with remedies and the codes moved-camera, changed-lens, unseen-camera, rig-lost, rig-off and
-// wrong-scale. `bar_length` is the true length of the bar in metres; 0: unknown.
+// Returns the problems and their remedies, with the codes moved-camera, changed-lens, unseen-camera, rig-lost, rig-off
+// and wrong-scale. `bar_length` is the true length of the bar in metres; 0: unknown.
 std::vector<Finding> diagnose_check(const Rig& rig, const RigCheck& check, double bar_length);
 
 // Returns the report as JSON:

@@ -116,7 +116,10 @@ class RigSolver {
             },
             !options_.prior);
     }
-    if (best_fit == 0) throw Error("no two cameras see the light consistently");
+    if (best_fit == 0)
+      throw Error(
+          "no two cameras see the light consistently; check that the recordings show the same moment and that no "
+          "camera names are swapped");
     scene() = std::move(best);
   }
 

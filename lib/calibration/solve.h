@@ -55,7 +55,7 @@ struct Solution {
 // if there is no solution.
 Solution solve_tracks(const Tracks& tracks, const SolveOptions& options);
 
-// Sets the free and the shared lens terms of a distortion model.
+// Sets which lens terms the solver may change, and which terms all cameras share, according to a distortion model.
 void apply_model(const DistortionModel& model, AdjustmentOptions& options);
 
 // Decides how many distortion terms the cameras need. Fits `scene` under each distortion model, from none to two terms
@@ -69,13 +69,13 @@ struct ModelChoice {
 ModelChoice choose_distortion(Reconstruction& scene, const Tracks& tracks, const AdjustmentOptions& options,
                               size_t num_observations);
 
-// Decides with the same criteria whether to estimate p1 and p2 in addition to `model`. `options` and `scene` are the
-// terms and the fit of `model`.
+// Decides whether to estimate the tangential distortion p1 and p2 in addition to `model`, with the criteria of the
+// function above. `options` and `scene` are the terms and the fit of `model`.
 bool choose_tangential(Reconstruction& scene, const Tracks& tracks, const DistortionModel& model,
                        const AdjustmentOptions& options, size_t num_observations, std::vector<ModelTrial>& trials);
 
-// Decides with the same criteria whether all cameras share their focal length and principal point. Sets `options`,
-// which must have the lens terms of the selected distortion model, and appends to `trials`.
+// Decides whether all cameras share their focal length and principal point, with the criteria of the functions above.
+// Sets `options`, which must have the lens terms of the selected distortion model, and appends to `trials`.
 void choose_shared_terms(Reconstruction& scene, const Tracks& tracks, AdjustmentOptions& options,
                          std::vector<ModelTrial>& trials);
 

@@ -34,8 +34,9 @@ struct Tracks {
   std::vector<Observation> observations;
 };
 
-// Throws Error if an index is out of range, a pixel is not finite or far outside the image, or a camera id or an
-// observation occurs twice. Example: "observations[3]: camera 9 is not one of the 4 cameras".
+// Checks tracks that come from a file or from an application. Throws Error if an index is out of range, a pixel is not
+// finite or far outside the image, or a camera id or an observation occurs twice. `name` is the start of the error
+// text. Example: "observations[3]: camera 9 is not one of the 4 cameras".
 void check_tracks(const Tracks& tracks, const std::string& name);
 
 // File format of tracks:
@@ -59,7 +60,7 @@ struct MultiCamSelfCal {
   Tracks tracks;              // cameras have ids from 0
   std::optional<Rig> lenses;  // only the lenses; all poses are equal
 };
-// Throws Error with the file and the row.
+// Reads these files from one folder. Throws Error with the file and the row.
 MultiCamSelfCal load_multicamselfcal(const std::string& directory, double first_pixel);
 
 struct LightDetection {

@@ -16,11 +16,14 @@
 
 namespace lf {
 
-// Combines the fragments of a picture. A fragment carries colours that the cameras' weights have already been applied
-// to. The accumulator adds all fragments and divides by the weight that has arrived, 1 - (sum of missing weight).
+// Combines the answers of all nodes into one picture. A node sends fragments: rectangles of the view with colours that
+// its cameras' blending weights have already been applied to. The accumulator adds all fragments. It then divides each
+// pixel by the weight that has arrived, which is 1 minus the missing weight, so that a picture without some cameras
+// keeps its brightness.
 //
-// Sums have the format of SumPlanes and saturate. The weights of valid fragments add up to 1, so they never saturate.
-// With invalid input, luma and RGB still do not depend on the order of the fragments. Not thread-safe.
+// The sums have the 16-bit format of SumPlanes. Additions saturate instead of wrapping around. The weights of valid
+// fragments add up to 1, so valid sums never saturate. With invalid input, luma and RGB still do not depend on the
+// order of the fragments. Not thread-safe.
 class Accumulator {
  public:
   // Starts a new picture and keeps the memory.
@@ -31,41 +34,52 @@ class Accumulator {
   int height() const { return height_; }
 
   bool fits(PixelFamily family, const Rect& rect) const;
-  // Adds a fragment. Returns false and adds nothing unless fits(): the family must match, and the rectangle must lie
-  // inside the picture and, in kI420, start at an even pixel. The planes of a Fragment must also fill its rectangle.
+  // Adds a fragment to the sums. Returns false and adds nothing if the fragment does not fit: it must have the
+  // picture's pixel family and lie inside the picture. In kI420 it must start at an even pixel. The planes of a
+  // Fragment must also have the size of its rectangle.
   bool add(const FragmentPlanes& fragment);
   bool add(const Fragment& fragment);
   bool add(const ConstSumPlanes& sums);
-  // Adds sums without a copy if they cover the whole picture and nothing else is added. The sums must stay valid until
-  // reset().
+  // Uses the caller's sums directly, to save a copy of the whole picture. This works if the sums cover the whole
+  // picture and nothing else is added. The sums must stay valid until reset().
   bool add_borrowed(const ConstSumPlanes& sums);
-  // Adds a sum in GPU memory. It is only downloaded if CPU data is added or the result is read on the CPU.
+  // Adds a sum that is in GPU memory. The sum is downloaded only if CPU data is added as well, or if the result is read
+  // on the CPU.
   bool add_borrowed(std::shared_ptr<gl::GpuSum> sum);
-  // Counts the weights of a camera that did not answer as missing. `weights` come from pixel_weights() over `rect`.
+  // Records that a camera did not answer: adds its blending weights to the missing weight of the pixels in `rect`.
+  // resolve() then scales up the contributions of the remaining cameras. `weights` has one value for each pixel of
+  // `rect`, as pixel_weights() returns.
   bool add_missing_weights(const Rect& rect, const std::vector<float>& weights);
-  // Makes pixels outside the camera mesh show the background. Without this call they are black.
+  // Marks the pixels outside the camera mesh (the triangles between neighbouring cameras), so that resolve() fills them
+  // with the background colour. Without this call, these pixels are black.
   void set_uncovered(const FaceIdMap& whole_view);
 
   void resolve(const Background& background, const RgbLayout& layout, uint8_t* const plane[3],
                const ptrdiff_t stride[3], const Levels& levels = kFullLevels) const;
   Image resolve(const Background& background = {}) const;
-  // Returns the share group for resolve_on_gpu(), or 0 unless all sums are on the GPU of one group.
+  // Returns the group of OpenGL contexts that can run resolve_on_gpu(). Returns 0 if the picture cannot be made on a
+  // GPU, because some sums are in CPU memory or in another group.
   gl::ShareGroup share_group() const;
-  // True if a GPU sum was lost before it could be downloaded. All its weight then counts as missing.
+  // Returns true if a sum in GPU memory was lost before it could be downloaded, for example because the driver was
+  // reset. All weight of that sum then counts as missing.
   bool is_gone() const;
-  // Returns the sum that determines the renderer of the picture. Only valid if share_group() != 0.
+  // Returns the sum on the GPU that will render the picture. The result is only valid if share_group() is not 0.
   const gl::GpuSum& first_gpu_sum() const { return *gpu_sums_.front(); }
-  // Like resolve(), but on the GPU of share_group(). `to` has the target textures. The picture is ready after
-  // GpuSum::wait() on the result. On failure, returns null and sets `why`.
+  // Does the same as resolve(), but on the GPU of share_group() and into the textures of `to`. The work continues after
+  // this call: the picture is complete when GpuSum::wait() on the result returns. On failure, returns null and sets
+  // `why` to the reason.
   std::shared_ptr<gl::GpuSum> resolve_on_gpu(const Background& background, const Levels& levels, gl::GpuPicture to,
                                              std::string& why) const;
-  // Returns how much of each pixel's weight has arrived, 0 to 1, accurate to 1e-4. Pixels outside the mesh have 0.
+  // Returns the share of each pixel's weight that has arrived, from 0 to 1 with an accuracy of 1e-4. The share is 0
+  // outside the camera mesh.
   std::vector<float> coverage() const;
-  // Shows the previous picture where most of the weight is missing; see conceal() in resolve.h. Call after resolve().
+  // Shows the previous picture `before` in pixels that lack most of their weight, because the previous picture is
+  // closer to the truth there. Call this after resolve(). See conceal() in resolve.h.
   void conceal(const ImageView& before, uint8_t* const plane[3], const ptrdiff_t stride[3]) const;
 
-  // Returns the sum over the bounding rectangle of everything that was added, or nothing. Valid until the next
-  // non-const call.
+  // Returns the unscaled sum, for example to send it to another compositor. The sum covers the bounding rectangle of
+  // everything that was added. Returns nothing if no fragment was added. The result is valid until the next non-const
+  // call.
   std::optional<ConstSumPlanes> sums() const;
 
  private:

@@ -14,13 +14,14 @@
 
 namespace lf {
 
-// A set of rectangles that do not overlap. A few rectangles are compared one by one; more are marked in a bitmap. An
-// addition therefore costs at most a 64th of adding up the pixels, however many rectangles there are. Not thread-safe.
+// A set of rectangles that do not overlap, for finding out whether an area was already received. A few rectangles are
+// compared one by one; a larger number is marked in a bitmap. Adding a rectangle therefore costs at most a 64th of
+// adding up its pixels, however many rectangles there are. Not thread-safe.
 class DisjointRects {
  public:
   static constexpr size_t kFew = 32;
 
-  // True if any rectangle overlaps `rect`, which must not have negative coordinates.
+  // Returns true if any rectangle of the set overlaps `rect`, which must not have negative coordinates.
   bool meets(const Rect& rect) const;
   // Returns false and adds nothing if `rect` overlaps another rectangle.
   bool add(const Rect& rect);
@@ -34,8 +35,9 @@ class DisjointRects {
   std::vector<std::vector<uint64_t>> rows_;
 };
 
-// Remembers for each part of a view which cameras have contributed. This prevents adding a contribution twice, for
-// example after a packet was duplicated, and tells which weight is missing because it never arrived. Not thread-safe.
+// Remembers for each part of a view which cameras have contributed. This has two uses. A contribution is not added
+// twice, for example after the network has duplicated a packet. After the last answer, the records tell which
+// contributions never arrived. Not thread-safe.
 class Coverage {
  public:
   void clear() { *this = {}; }
@@ -44,13 +46,15 @@ class Coverage {
   // the rectangle.
   bool add(CameraIndex camera, const Rect& rect);
 
-  // Records the fragments of one answer, which are sums over a set of cameras. Camera sets that overlap this set are
-  // searched once per answer instead of once per fragment, because an answer may have many small fragments. Nothing
-  // else may be recorded during the lifetime of this object.
+  // Records the fragments of one answer. All fragments of the answer are sums over the same set of cameras. This class
+  // therefore searches once per answer for earlier answers with some of these cameras, instead of once per fragment.
+  // Nothing else may be recorded while the object exists.
   class Sums {
    public:
     Sums(Coverage& coverage, const CameraRanges& cameras);
-    // Like Coverage::add(). Also returns false if the set of cameras is new and there are kMaxSources already.
+    // Records a rectangle of the answer. Returns false and records nothing if one of the answer's cameras has already
+    // contributed inside the rectangle. Also returns false if the set of cameras is new and there are kMaxSources sets
+    // already.
     bool add(const Rect& rect);
 
    private:
@@ -61,8 +65,8 @@ class Coverage {
   };
 
   bool has(CameraIndex camera) const;
-  // Sets those weights to 0 that the camera has already contributed. `weights` are the camera's weights over `rect`,
-  // row by row.
+  // Leaves only the weight that is still missing from a camera: sets `weights` to 0 in the pixels that the camera has
+  // already contributed. `weights` are the camera's blending weights over `rect`, row by row.
   void subtract(CameraIndex camera, const Rect& rect, std::span<float> weights) const;
 
  private:
@@ -74,8 +78,9 @@ class Coverage {
   CameraRanges summed_;
 };
 
-// Camera images that are assembled from unwarped fragments. Uses at most one image of memory per camera of the rig; the
-// system allocates its pages on first use. Not thread-safe.
+// Assembles images of cameras that cannot render and therefore send parts of their original image. The compositor then
+// renders the view from these images. Uses at most one image of memory per camera of the rig; the system allocates the
+// pages of an image on first use. Not thread-safe.
 class CameraPixels {
  public:
   void clear() { cameras_.clear(); }

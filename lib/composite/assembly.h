@@ -22,15 +22,17 @@
 namespace lf {
 
 // Assembles the picture of one request from the answers of any number of nodes. Answers may come in any order and in
-// parts. Their fragments are added up; unwarped pixels of cameras that cannot render are rendered here. Reusable. Not
+// several parts. Most answers contain sums (the weighted total of the node's cameras), which are added up. Answers of
+// cameras that cannot render contain original pixels, which this class renders. Reusable for the next request. Not
 // thread-safe.
 class Assembly {
  public:
-  // Sets the rig, which may be null. With a rig, absent fragments count as missing weight and pixels outside the mesh
-  // show the background.
+  // Sets the rig of the answering cameras; it may be null if the rig is unknown. If the rig is known, this class knows
+  // which contributions are absent, so it can count the missing weight and show the background outside the camera mesh.
   void set_rig(std::shared_ptr<const Rig> rig);
-  // Starts a new request. `lost` lists cameras without frames in ascending order: their weight counts as missing, but
-  // missing() does not report them again. Throws Error if an out-of-service camera of the request is not in the rig.
+  // Starts a new request and discards the previous request. `lost` lists the cameras without frames, in ascending
+  // order. Their weight counts as missing, but missing() does not report them again. Throws Error if the request lists
+  // an out-of-service camera that the rig does not have.
   void begin(const ViewRequest& request, const CameraSet& lost = {});
 
   enum class Verdict {
@@ -42,29 +44,34 @@ class Assembly {
     // their cameras have already contributed or are not in the rig, or there are too many different sets of cameras.
     kBadFragment,
   };
-  // Adds the fragments of an answer. Damaged fragments are skipped and counted. `bytes` may own the memory of the
-  // payloads. The sums of a whole view are then used without a copy, until release() or begin().
+  // Adds the fragments of an answer to the picture. Damaged fragments are skipped and counted. `bytes` may own the
+  // memory of the answer. A sum of the whole view is then used without a copy, so its memory is kept until release() or
+  // begin().
   Verdict add(const wire::AnswerView& answer, std::shared_ptr<const void> bytes = nullptr);
 
-  // The same for an answer with a single fragment in GPU memory. `answer` is the header that precedes the fragment.
+  // Adds an answer with a single fragment that is in GPU memory, so that the pixels need not be downloaded. `answer` is
+  // the header that precedes the fragment.
   Verdict add_on_gpu(const wire::AnswerPartHeader& answer, std::shared_ptr<gl::GpuSum> sum);
 
-  // Completes the picture: counts the weight of absent cameras as missing. Call once, after the last answer and before
-  // picture(). `fallback` is the pixel family if no pixels have arrived. `mark_uncovered` shows the background outside
-  // the mesh (see Accumulator::set_uncovered()); it costs a face map of the whole view and has no effect on a black
-  // background.
+  // Completes the picture by counting the weight of absent cameras as missing. Call this once, after the last answer
+  // and before picture().
+  //
+  // `fallback` is the pixel family of the picture if no pixels have arrived. If `mark_uncovered` is true, pixels
+  // outside the camera mesh show the background (see Accumulator::set_uncovered()). This takes extra time, because the
+  // face of the mesh must be found for each pixel of the view. It has no effect on a black background.
   void finish(PixelFamily fallback, bool mark_uncovered);
 
-  // True if the view needs cameras and none of them has answered. Call before finish(); missing() is then valid. Such a
-  // picture should be skipped, because it would show nothing and cost more than any other.
+  // Returns true if the view needs cameras and none of them has answered. The caller should then skip the picture,
+  // because it would show nothing and take longer than any other. Call this before finish(). After the call, missing()
+  // is valid.
   bool is_empty();
 
-  // Replaces finish() for a compositor inside a tree. Cameras that did not answer belong to other compositors of the
-  // tree, so they do not count as missing.
+  // Completes the sum of a compositor that is itself a node of a larger compositor. Call this instead of finish():
+  // cameras that did not answer belong to other compositors of the tree, so their weight does not count as missing.
   void finish_partial();
 
-  // True if an answer for this rig names cameras that the rig does not have. Such an answer must be ignored; otherwise
-  // these cameras would be missing from every later picture.
+  // Returns true if the answer has the hash of this rig, but names cameras that the rig does not have. The caller must
+  // ignore such an answer. Otherwise, its cameras would count as missing from every later picture.
   bool has_unknown_cameras(const wire::AnswerHeader& answer) const;
 
   PixelFamily family() const { return family_; }
@@ -81,12 +88,12 @@ class Assembly {
   const CameraRanges& cameras() const { return cameras_; }
   // Cameras of the received answers that had no images.
   CameraRanges blind() const;
-  // skew() is the largest difference between capture time and target time of the answers, in nanoseconds; actual_time()
-  // is the capture time of that answer (kNoTime: unknown).
+  // skew() returns the largest difference between the capture time and the requested time of all answers, in
+  // nanoseconds. actual_time() returns the capture time of the answer with this difference, or kNoTime if unknown.
   uint64_t skew() const { return skew_; }
   uint64_t actual_time() const { return actual_time_; }
   uint64_t rig_hash() const { return expected_rig_; }  // 0 before the first answer
-  // Releases the input memory. Call when the picture has been taken.
+  // Frees the memory of the answers. Call this when the picture has been taken.
   void release();
 
  private:
@@ -129,15 +136,19 @@ class Assembly {
   uint64_t skew_ = 0, actual_time_ = kNoTime;
 };
 
-// Encodes the sum of a compositor inside a tree as if it were the answer of one node. With 16 bits per value, the final
-// picture is bit-identical to the picture of a single compositor, unless a value saturated. With 8 bits, each level of
-// the tree adds a rounding error of at most half a level; JPEG adds its own error. `header.family` must be the family
-// of the accumulator, and `memory` is reused. Throws Error if the header cannot be encoded.
+// Encodes the sum of a compositor as if the compositor were a node, so that another compositor can use the sum. Trees
+// of compositors serve arrays that are too large for a single compositor.
+//
+// With 16 bits per value, the final picture is bit-identical to the picture of a single compositor, unless a value
+// saturated. If values have 8 bits, each level of the tree adds a rounding error of at most half a level. JPEG adds its
+// own error. `header.family` must be the family of the accumulator, and `memory` is reused for the result. Throws Error
+// if the header cannot be encoded.
 ByteBuffer partial_answer(const wire::AnswerHeader& header, const Accumulator& sum, const Coding& coding,
                           ByteBuffer memory);
 
-// Adds the photo-consistency sums of one node to the answers of a request. Returns "", or the reason if the message
-// does not fit.
+// Collects the photo-consistency sums of the nodes, which show how well the cameras agree about guessed depths. This
+// call adds the sums of one node to the totals of a request. Returns an empty text, or the reason if the message does
+// not fit the request.
 std::string add_consistency(std::span<const uint8_t> unit, const wire::ConsistencyHeader& header,
                             const ViewRequest& request, ViewDepths::Answers& answers);
 

@@ -13,14 +13,15 @@
 
 namespace lf {
 
-// The latest requests of one view. They tell whether a late answer missed its picture or belongs to a request that was
-// skipped. Sequence numbers wrap around, so the sign of a difference gives the order. Not thread-safe.
+// Remembers the latest requests of one view, to explain why an answer is late. The answer may have missed its picture,
+// or its request may have been skipped. Sequence numbers wrap around, so the order of two requests is the sign of their
+// difference. Not thread-safe.
 class RequestHistory {
  public:
   static constexpr size_t kMost = 32;  // number of requests that can still get late answers
 
-  // Starts a request. Returns true and clears the history if the request precedes the last one, because the viewer has
-  // restarted.
+  // Records a new request. If the request precedes the last one, the viewer has restarted: the function then clears the
+  // history and returns true.
   bool begin(uint32_t sequence);
   // Records that the picture was made from the answers that had arrived by `deadline` (nanoseconds of any clock), or
   // that the request was skipped.
@@ -34,7 +35,7 @@ class RequestHistory {
     // The answer missed the picture but arrived before the deadline, because the compositor did not wait for this node.
     kInTime,
   };
-  // Judges an answer that arrives now and belongs to an earlier request.
+  // Returns the reason why an answer to an earlier request arrives only now.
   Answer judge(uint32_t sequence, uint64_t now) const;
 
  private:
@@ -47,29 +48,31 @@ class RequestHistory {
   std::optional<uint32_t> last_;
 };
 
-// Decides which cameras are out of service. A camera that is missing from too many consecutive pictures of a view
-// leaves service, so that its neighbours close the gap. It returns when it contributes again. Not thread-safe.
+// Decides which cameras are out of service. A camera that is missing from too many consecutive pictures of a view is
+// taken out of service, so that its neighbours close the gap in the camera mesh. The camera returns to service when it
+// contributes again. Not thread-safe.
 class CameraHealth {
  public:
   // Number of consecutive pictures with the camera before it returns to service. An intermittent camera therefore stays
   // out.
   static constexpr unsigned kRecoveryPictures = 3;
 
-  // `max_missed` is the number of consecutive pictures that a camera may miss; 0: no limit.
+  // `max_missed` is the number of consecutive pictures that a camera may miss before it is taken out of service; 0: no
+  // limit.
   explicit CameraHealth(unsigned max_missed = 0) : max_missed_(max_missed) {}
 
   // Expects cameras 0 to count - 1, which count as missing even if they never answer. Other cameras are only expected
   // once they have answered.
   void expect(size_t count);
-  // Sets the rig hash; 0 (unknown) changes nothing. A new rig clears the state, because its indices may mean other
-  // cameras. Returns true if out_of_service() changed.
+  // Sets the hash of the rig that later calls refer to; 0 (unknown) changes nothing. A new rig clears the state,
+  // because camera indices may then mean other cameras. Returns true if out_of_service() has changed.
   bool use_rig(uint64_t hash);
-  // Adds cameras that answered before the deadline but after their picture was made. They count for the next picture.
-  // Cameras of another rig are ignored.
+  // Adds cameras that answered too late for their picture but before the deadline. They work, so they count as present
+  // in the next picture. Cameras of another rig are ignored.
   void add_late(uint64_t rig, const CameraRanges& seeing);
-  // Call after each picture. `seeing` are the cameras that answered in time with an image. A picture without any camera
-  // is ignored, because then the fault is elsewhere, for example in the network. Returns true if out_of_service()
-  // changed.
+  // Updates the state of all cameras after a picture. `seeing` are the cameras that answered in time with an image. If
+  // there is no such camera, the picture is ignored, because then the fault is elsewhere, for example in the network.
+  // Returns true if out_of_service() has changed.
   bool picture(CameraRanges seeing);
 
   const CameraSet& out_of_service() const { return out_; }
@@ -87,9 +90,11 @@ class CameraHealth {
   CameraSet out_;
 };
 
-// Notices if no client requests the view, or if no node answers. Each problem is reported once, and again if nodes stop
-// answering later. All times are microseconds of the same clock and not 0. Requests and pictures may be handled in two
-// different threads; answered() may be called from any thread.
+// Detects two common mistakes in a configuration: no client requests the view of this compositor, or no node answers
+// its requests. Each problem is reported once, and again if nodes stop answering later.
+//
+// All times are microseconds of the same clock and must not be 0. Requests and pictures may be handled in two different
+// threads. answered() may be called from any thread.
 class SilenceDetector {
  public:
   static constexpr int64_t kPatience = 5'000'000;
@@ -100,8 +105,8 @@ class SilenceDetector {
     asked_ = answered_ = reported_ = ever_answered_ = false;
   }
   void asked() { asked_ = true; }
-  // Call for each request of another view. Returns true once if all requests for the duration of kPatience were for
-  // other views. The usual cause is a wrong view id.
+  // Call this for each request of another view. Returns true once if all requests for the duration of kPatience were
+  // for other views, so that the user can be warned. The usual cause is a wrong view id.
   bool request_of_other_view(int64_t now) {
     if (others_since_ == 0) others_since_ = now;
     if (asked_ || now < others_since_ + kPatience) return false;
@@ -109,8 +114,8 @@ class SilenceDetector {
     return true;
   }
   void answered() { answered_ = true; }
-  // Call when the picture of a request is due. Returns true once if requests have come without a pause for kPatience,
-  // and none of them was answered.
+  // Call this when the picture of a request is due. Returns true once if requests have come without a pause for
+  // kPatience and no node has answered them, so that the user can be warned.
   bool composed(int64_t now) {
     const bool goes_on = now < std::exchange(composed_at_, now) + kPatience;
     if (answered_.exchange(false)) {

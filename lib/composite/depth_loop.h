@@ -15,42 +15,47 @@
 
 namespace lf {
 
-// Estimates the depth map of a view. Each request carries depth hypotheses, the nodes answer with photo-consistency
-// sums, and the loop computes the depths for the next request from these sums. Use this class if the viewer applies
-// estimates when it can; its requests tell which estimate they use. (ViewDepths is for viewers that wait for each
-// estimate.) Not thread-safe.
+// Estimates the depth map of a moving view, one step per picture. Each request carries depth hypotheses (guesses of the
+// depths). The nodes answer with photo-consistency sums, which show how well the cameras agree on each guess. The loop
+// selects the best depths from these sums for the next request.
+//
+// Use this class if the viewer applies an estimate whenever it is ready; each request tells which estimate it uses. Use
+// ViewDepths instead if the viewer waits for each estimate. Not thread-safe.
 class DepthLoop {
  public:
-  // Number of requests without a search after an estimate was not used; a second or less.
+  // Number of requests without depth hypotheses after an estimate was not used. These requests take a second or less.
   static constexpr unsigned kUnheardInterval = 15;
 
   // Clears everything except the rig.
   void clear();
-  // Sets the rig of the answering array. If it is null (unknown), distances count from an arbitrary fixed plane.
+  // Sets the rig of the answering array, which defines where distances start. If the rig is null (unknown), distances
+  // start at an arbitrary fixed plane.
   void set_rig(std::shared_ptr<const Rig> rig);
 
   // Starts the next request, and discards the answers to the previous request.
   void begin();
   // The result of take(). `ahead` tells which request the sums belong to: the current one (0), a later one (> 0) or an
-  // earlier one (< 0). `problem` is an error text, or "".
+  // earlier one (< 0). `problem` is an error message for the user, or empty.
   struct Taken {
     int32_t ahead = 0;
     std::string problem;
   };
   Taken take(std::span<const uint8_t> unit, const ViewRequest& request);
-  // Returns the received photo-consistency sums as messages of one node, for a compositor inside a tree. They must be
-  // sent before the answer of this node. Empty if none have arrived.
+  // Returns the received photo-consistency sums as messages of a single node, for a compositor that answers another
+  // compositor. These messages must be sent before the answer of this node. The result is empty if no sums have
+  // arrived.
   std::vector<ByteBuffer> units(const ViewRequest& request, uint64_t rig_hash, uint32_t node) const;
 
-  // Adapts how often requests carry depth hypotheses: at most one in `interval` requests. `complete` means that the
-  // picture was complete in time. Call before next().
+  // Adapts how often requests carry depth hypotheses, because a slow node should spend its time on pictures. At most
+  // one request in `interval` carries hypotheses. `complete` means that all cameras answered in time for the picture.
+  // Call this before next().
   void adapt_rate(bool complete, unsigned interval);
-  // Returns the estimate for the next request, or nothing if there is no update. `match_gains` also matches the
-  // cameras' exposure where several cameras make the picture.
+  // Returns the new depth estimate for the next request, or nothing if there is no update. If `match_gains` is true,
+  // the estimate also corrects differences of the cameras' exposure in pictures that several cameras contribute to.
   std::optional<DepthEstimate> next(const ViewRequest& request, const DepthEstimator::Settings& settings,
                                     bool match_gains);
-  // Tells whether a client has used the result of next(). If no client does, for example because requests come from a
-  // file, the search only runs now and then.
+  // Records whether a client has used the result of next(). If no client uses the results, for example because the
+  // requests come from a file, the loop searches for depths only now and then, to save time.
   void heard(bool heard) { unheard_ = heard ? 0 : kUnheardInterval; }
   // Returns the depths in focus from a focus sweep. `sweep` is the current request; its hypotheses must not depend on
   // the view.

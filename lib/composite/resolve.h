@@ -9,8 +9,8 @@
 
 namespace lf {
 
-// Encoding of YCbCr in 8 bits. Luma 0 to 255 becomes gain * luma + offset; chroma -128 to 127 becomes 128 + chroma_gain
-// * chroma.
+// The encoding of YCbCr in 8 bits, which is either full range or video range. Luma 0 to 255 becomes gain * luma +
+// offset. Chroma -128 to 127 becomes 128 + chroma_gain * chroma.
 struct Levels {
   float gain = 1, offset = 0, chroma_gain = 1;
   bool operator==(const Levels&) const = default;
@@ -48,7 +48,8 @@ struct Background {
 void resolve(const ConstSumPlanes& sum, const uint8_t* uncovered, const Background& background, const RgbLayout& layout,
              uint8_t* const plane[3], const ptrdiff_t stride[3], const Levels& levels = kFullLevels);
 
-// Returns the bytes between chroma samples in a row of plane[1] and plane[2]: 2 if Cb and Cr are interleaved.
+// Returns the distance in bytes between neighbouring chroma samples in a row of plane[1] and plane[2]. The distance is
+// 2 if Cb and Cr are interleaved (NV12), otherwise 1.
 template <typename Byte>
 int chroma_step(Byte* const plane[3]) {
   return plane[2] == plane[1] + 1 ? 2 : 1;
@@ -81,15 +82,16 @@ void add_sum_row(uint16_t* lost, const uint16_t* in, int n);
 // Row kernels that divide sums by the received weight. Rows of `n` values must not overlap. Results are bit-identical
 // for all instruction sets.
 
-// Smallest weight, in units of kMissingOne, below which a pixel shows the background: 3/255, rounded up.
+// Smallest weight of a pixel that still shows its own colour, in units of kMissingOne: 3/255, rounded up. A pixel with
+// less weight shows the background.
 inline constexpr int kLeastWeight = (3 * kMissingOne + 254) / 255;
 
 // Computes the factor of each pixel, so that output level = sum * scale. The factor is 0 for pixels that show the
 // background.
 void make_scales(float* scale, const uint16_t* lost, int n);
 
-// Write sums in `levels` without scaling, for gains below 1. Round to the nearest level, except for sums within 1/128
-// of a half.
+// Write sums in `levels` without scaling, for gains below 1. Values are rounded to the nearest level; sums within 1/128
+// of a half may be rounded either way.
 void write_row(uint8_t* out, const int16_t* sum, const Levels& levels, int n);
 void write_chroma_row(uint8_t* out, const int16_t* sum, const Levels& levels, int n);
 
@@ -97,11 +99,12 @@ void write_chroma_row(uint8_t* out, const int16_t* sum, const Levels& levels, in
 // result is exact except for clipping and the rounding of the scale (2^-23 of the value).
 void scale_row(uint8_t* out, const int16_t* sum, const float* scale, float background, const Levels& levels, int n);
 
-// First step for chroma, which has one sample for up to four pixels. Call for each row of `w` pixels. Adds the missing
-// weight (null: none) and the number of pixels with scale 0 to each of chroma_size(w) samples.
+// First step of converting chroma, which has one sample for up to four pixels: collects the missing weight of these
+// pixels. Call this for each row of `w` pixels. The function adds the missing weight (null: none) to each of
+// chroma_size(w) samples, and the number of pixels with scale 0.
 void add_pairs(int32_t* lost, int32_t* hidden, const uint16_t* missing_of_row, const float* row_scale, int w);
-// Second step for chroma. Computes the factor of each sample and the share of the background from the totals over
-// `pixels` pixels.
+// Second step of converting chroma. Computes the factor of each sample and the share of the background from the totals
+// that the first step has collected over `pixels` pixels.
 void make_chroma_scales(float* scale, float* share, const int32_t* lost, const int32_t* hidden, float pixels, int n);
 // Writes sum * scale * (1 - share) + background * share in `levels`, with sum * scale clipped to -128..127.
 void scale_chroma_row(uint8_t* out, const int16_t* sum, const float* scale, const float* share, float background,

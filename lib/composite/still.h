@@ -22,10 +22,11 @@ struct Still {
   GpuStatus drawing;  // how the last camera was rendered
 };
 
-// Renders a valid view. `images` is called once for each contributing camera; all images must have the same family,
-// otherwise Error is thrown. `mesh` is the mesh of `rig`. With `resampling` kSharpened, images are sharpened if the
-// view shows detail that bilinear sampling loses (render/camera_projection.h). `gpu` renders the sums (see
-// SumRenderer); null means the CPU.
+// Renders a valid view of an array of still images. `mesh` is the mesh of `rig`. `images` is called once for each
+// contributing camera; all images must have the same family, otherwise Error is thrown.
+//
+// With `resampling` kSharpened, images are sharpened if the view shows detail that bilinear sampling loses (see
+// render/camera_projection.h). `gpu` is the GPU renderer to use (see SumRenderer); null means the CPU.
 Still render_still(const Rig& rig, const Mesh& mesh, const View& view, const CameraImages& images,
                    Resampling resampling = Resampling::kBilinear, const Background& background = {},
                    gl::GlesRenderer* gpu = nullptr);

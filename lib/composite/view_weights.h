@@ -15,16 +15,16 @@
 
 namespace lf {
 
-// Measures how much of a view the cameras can see. A moving view is only measured now and then, to save time. Not
-// thread-safe.
+// Measures how much of a view the cameras can see, to warn the user about a view that is mostly empty. A moving view is
+// only measured now and then, to save time. Not thread-safe.
 class ViewCoverage {
  public:
   static constexpr int kColumns = 32, kRows = 24;
   static constexpr int64_t kInterval = 500'000;  // microseconds between measurements of a moving view
 
-  // Returns the share of the view's pixels that cameras in service can see, 0 to 1. With `exact`, the result is for
-  // this request; otherwise it may be up to kInterval old. `now` is in microseconds of any clock. `lost` lists cameras
-  // of the mesh that have no images, ascending. The rig must not change until clear().
+  // Returns the share of the view's pixels that cameras in service can see, from 0 to 1. If `exact` is true, the result
+  // is for this request. Otherwise the result may be up to kInterval old. `now` is in microseconds of any clock. `lost`
+  // lists the cameras of the mesh that have no images, in ascending order. The rig must not change until clear().
   MeanCoverage share(const Rig& rig, const ViewRequest& request, const CameraSet& lost, bool exact, int64_t now);
   void clear() { *this = {}; }
 
@@ -36,14 +36,16 @@ class ViewCoverage {
   int64_t known_at_ = 0;
 };
 
-// The overlay that shows which cameras contribute to a picture, for diagnosis.
-//   kContributions: each pixel in the colours of its cameras, mixed by weight, with lines between the faces
-//     of the mesh; see contribution_map().
-//   kCoverage: the missing weight, in the colours of heat_map().
+// The overlay that shows which cameras contribute to a picture, for finding faults.
+// kContributions: each pixel in the colours of its cameras, mixed by weight, with lines between the triangles
+//   of the camera mesh; see contribution_map().
+// kCoverage: the missing weight (the share of the pixel that no camera could provide), in the colours of
+//   heat_map().
 enum class WeightOverlayMode { kNone, kContributions, kCoverage };
 
-// Draws weight overlays in real time. Weights are computed at every fourth pixel and row and interpolated in between.
-// (contribution_map.h computes every pixel of a still.) Not thread-safe.
+// Draws weight overlays in real time. The class computes weights at every fourth pixel and row and interpolates in
+// between, because computing all weights would be too slow. (contribution_map.h computes every pixel of a still.) Not
+// thread-safe.
 class WeightOverlay {
  public:
   struct Picture {
@@ -53,8 +55,9 @@ class WeightOverlay {
     uint8_t* plane[3] = {};
     ptrdiff_t stride[3] = {};
   };
-  // Draws the overlay `what` over the picture. `seeing` are the cameras that contributed; the weight of all others is
-  // missing. The request's out-of-service cameras are ignored. Throws Error as build_mesh() does.
+  // Draws the overlay `what` over the picture. `seeing` are the cameras that contributed; the weight of all other
+  // cameras is missing. The request's out-of-service cameras are ignored, because neighbours have taken over their
+  // weight. Throws Error as build_mesh() does.
   void draw(WeightOverlayMode what, const Rig& rig, const ViewRequest& request, const CameraRanges& seeing,
             const Picture& picture);
 

@@ -28,8 +28,8 @@ class Lens {
   static constexpr int kMaxRadialSteps = 100, kMaxNewtonSteps = 50;  // iteration limits of undistort()
 
   Lens() : Lens(LensModel::kSimplePinhole, {1, 0, 0}) {}
-  // `params` are in COLMAP's order for the model; further values are ignored. Throws Error ("params[i]: ...") if a
-  // value is not finite or a focal length is not positive.
+  // Creates a lens from the parameters of a COLMAP model. `params` are in COLMAP's order for the model; further values
+  // are ignored. Throws Error ("params[i]: ...") if a value is not finite or a focal length is not positive.
   Lens(LensModel model, const std::array<double, kMaxParams>& params);
 
   static Lens pinhole(double f, double cx, double cy);
@@ -52,7 +52,8 @@ class Lens {
   double p2() const { return p2_; }
   bool has_distortion() const { return k1_ != 0 || k2_ != 0 || p1_ != 0 || p2_ != 0; }
   Lens shifted(const Vec2& pixels) const;
-  // Returns the largest undistorted radius that the lens sees, or infinity if rays never fold back.
+  // Returns the radius in undistorted coordinates beyond which rays would fold back into the image, and therefore count
+  // as outside. The radius is infinite if rays never fold back.
   double max_radius() const { return max_radius_; }
 
   // Maps undistorted to distorted normalised coordinates. Returns nothing beyond max_radius().
@@ -60,7 +61,8 @@ class Lens {
   // Does the inverse of distort(), accurate to 1e-12 focal lengths. Returns nothing if no ray falls on this position.
   // Adds the number of iterations to *steps, unless null. There are at most kMaxRadialSteps + kMaxNewtonSteps.
   std::optional<Vec2> undistort(const Vec2& distorted, int* steps = nullptr) const;
-  // Returns the mean cost of unproject() over an image in iterations, measured at 64 pixels. It is 0 for a pinhole.
+  // Returns how long unproject() takes for an average pixel of an image: the mean number of iterations, measured at 64
+  // pixels. It is 0 for a pinhole.
   double mean_iterations(int width, int height) const;
 
   // Maps camera coordinates to a pixel position, which may be outside the image. Returns nothing for Z <= 0 or beyond

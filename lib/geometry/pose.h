@@ -87,8 +87,8 @@ struct FocalMap {
   double inverse_at(double x, double y) const;
   // Computes inverse distances at `count` positions of row y, from x on, `spacing` pixels apart.
   void inverse_row(double x, double spacing, double y, int count, float* out) const;
-  // Returns the smallest and largest node level that positions in [x0, x1] x [y0, y1] depend on. `levels` may belong to
-  // this map or to another map of the same size.
+  // Returns the smallest and the largest node level that the depths at positions in [x0, x1] x [y0, y1] depend on.
+  // `levels` may belong to this map or to another map of the same size.
   struct LevelRange {
     uint8_t least, largest;
   };
@@ -107,8 +107,9 @@ struct FocalSurface {
   }
 };
 
-// Throws Error ("focal_plane: ...", "focal_map: ...") if a number is not finite, if a normal is not of unit length, or
-// if the map does not fit a view of width x height pixels.
+// Checks a focal surface that comes from the network or from a file. Throws Error ("focal_plane: ...", "focal_map:
+// ...") if a number is not finite, if a normal is not of unit length, or if the map does not fit a view of width x
+// height pixels.
 void validate(const FocalSurface& surface, int width, int height);
 
 }  // namespace lf

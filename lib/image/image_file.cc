@@ -309,7 +309,7 @@ GreyImage decode_jpeg_luma(const std::vector<uint8_t>& bytes, int smaller) {
                                              : smaller == 4 ? cv::IMREAD_REDUCED_GRAYSCALE_4
                                              : smaller == 2 ? cv::IMREAD_REDUCED_GRAYSCALE_2
                                                             : cv::IMREAD_GRAYSCALE);
-    if (grey.empty()) throw Error("no JPEG");
+    if (grey.empty()) throw Error("can't be decoded as JPEG");
     GreyImage picture{grey.cols, grey.rows, {}};
     for (int y = 0; y < grey.rows; y++)
       picture.samples.insert(picture.samples.end(), grey.ptr<uint8_t>(y), grey.ptr<uint8_t>(y) + grey.cols);

@@ -24,7 +24,8 @@ inline constexpr int64_t kMaxImagePixels = 160'000'000;  // 480 MB as RGB
 // Reads the size of an image file from its header, without decoding pixels. Supports PNG, JPEG, BMP, TIFF, WebP, PNM
 // (PBM, PGM, PPM), PFM and Radiance HDR. Throws Error with the file's name, also for a size above the limits.
 ImageSize load_image_size(const std::string& path);
-// Does the same as load_image(), but throws Error without decoding if the size is not `expected`.
+// Reads an image that must have the size `expected`, like load_image(). If the size differs, throws Error without
+// decoding the image.
 Image load_image_of_size(const std::string& path, ImageSize expected);
 
 // The functions below work on the bytes of PNG and JPEG files; they are implemented in jpeg/picture_bytes.cc. The
@@ -43,8 +44,8 @@ int exif_orientation(std::span<const uint8_t> bytes);
 // Returns a message that this project ignores the EXIF orientation, or an empty text for orientation 1.
 std::string orientation_notice(int orientation);
 
-// Returns the end of the JPEG at the start of `bytes`: after its EOI marker, or where another picture begins before.
-// Returns nothing if the end is not in `bytes`. Reads only markers.
+// Finds the end of a JPEG in a stream of pictures. Returns the position after the EOI marker of the JPEG at the start
+// of `bytes`, or where another picture begins before. Returns nothing if the end is not in `bytes`. Reads only markers.
 std::optional<size_t> jpeg_end(std::span<const uint8_t> bytes);
 // Returns true if a file that begins with `bytes` is a Motion JPEG stream, which consists of whole JPEG pictures of one
 // size. A second picture that belongs to a still, such as a preview or a gain map (MPF), does not count.

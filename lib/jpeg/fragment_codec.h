@@ -26,8 +26,8 @@ inline CodedSize coded_size(const Rect& rect, int unit) {
   return {padded(rect.width(), unit), padded(rect.height(), unit)};
 }
 
-// Return the minimum bytes of a scan of this size. A uniform block has 6 bits of luma (or missing weight) or 4 bits of
-// chroma. Decoders check this limit before they allocate memory.
+// Return the minimum number of bytes that a scan of this size can have, so that decoders can reject damaged messages
+// before they allocate memory. A uniform block has 6 bits of luma (or missing weight) or 4 bits of chroma.
 inline size_t min_pixel_scan(const CodedSize& size) {
   return static_cast<size_t>(size.width / kPixelUnit) * (size.height / kPixelUnit) * (4 * 6 + 2 * 4) / 8;
 }

@@ -36,7 +36,8 @@ Standard make_standard() {
   Errors errors;
   jpeg_compress_struct info{};
   info.err = errors.install(false);
-  if (setjmp(errors.jump)) throw Error("JPEG: libjpeg can't be used");
+  if (setjmp(errors.jump))
+    throw Error("JPEG: libjpeg can't be used; is it the version that this program was built with?");
   jpeg_create_compress(&info);
   info.input_components = 3;
   info.in_color_space = JCS_YCbCr;
@@ -78,7 +79,8 @@ class Reader {
  public:
   Reader() {
     info_.err = errors_.install(false);
-    if (setjmp(errors_.jump)) throw Error("JPEG: libjpeg can't be used");
+    if (setjmp(errors_.jump))
+      throw Error("JPEG: libjpeg can't be used; is it the version that this program was built with?");
     jpeg_create_decompress(&info_);
     info_.src = &source_;
     source_.init_source = [](j_decompress_ptr) {};

@@ -34,12 +34,12 @@ struct Coding {
 // encoding time matters but size does not. `quality` is the JPEG quality of the request, 0 to 100.
 Coding choose_coding(CodecChoice codec, bool in_process, int quality);
 
-// Returns the number of empty pixels that cost as much as one more fragment (see sum_tiles()). Splitting a sum into
-// fragments only pays if it avoids more empty pixels than that.
+// Returns the number of empty pixels that take as long to send as one more fragment (see sum_tiles()). A sum is only
+// worth splitting into two fragments if this avoids more empty pixels than that number.
 size_t spare_pixels(const View& view, wire::Codec codec, bool in_process);
 
 // The photo-consistency sums of all depth hypotheses of a request. They measure how well the cameras agree on each
-// hypothesis.
+// guess of the depths.
 struct RenderedConsistency {
   ByteBuffer unit;  // message with the sums; empty if the request has no hypotheses
   GpuStatus drawing;
@@ -47,21 +47,23 @@ struct RenderedConsistency {
   uint64_t ns = 0;   // nanoseconds
 };
 
-// The answer to a request: up to three messages in sending order (brightness, photo-consistency sums, pixels), and the
-// duration of each step.
+// The answer to a request. It consists of up to three messages in sending order (the brightness of the cameras, the
+// photo-consistency sums, and the pixels) and the duration of each step.
 struct RenderedAnswer {
   ByteBuffer brightness;  // brightness of the cameras; empty without such a request
   RenderedConsistency trials;
   ByteBuffer bytes;
   size_t fragments = 0;
-  // A sum that stays on the GPU, as the payload of the only fragment (kRaw16). `bytes` then ends before the payload.
-  // May be null.
+  // The sum (the weighted total of the node's cameras), if it stays on the GPU. It is then the payload of the only
+  // fragment, in the format kRaw16, and `bytes` ends before the payload. Otherwise null.
   std::shared_ptr<gl::GpuSum> payload;
   GpuStatus drawing;
-  // Work of the rendering, in pixels of the bounding rectangle of the sum. Other kinds of blending count as the number
-  // of mesh-blended pixels that take equally long.
+  // The work of rendering, as a number of pixels, for predicting how long later answers take. It is the area of the
+  // bounding rectangle of the sum. Other kinds of blending count as the number of mesh-blended pixels that take equally
+  // long.
   size_t pixels = 0;
-  // Exposure gains that the images were divided by, or null. Valid until the next call of the renderer.
+  // The exposure gains that the images were divided by, or null without exposure compensation. Valid until the next
+  // call of the renderer.
   const ExposureCompensation* gains = nullptr;
   // Wall-clock durations in nanoseconds. render_ns includes rounding to 8 bits.
   uint64_t prepare_ns = 0, render_ns = 0, encode_ns = 0;
@@ -71,12 +73,13 @@ struct RenderedAnswer {
 // render, in the format of header.family. `memory` is reused for the bytes (see AnswerWriter). The result does not
 // depend on options.parallel. Errors are thrown as by AnswerWriter.
 
-// Encodes the sum of plan.sum(), which `sum` has rendered from the sources.
+// Encodes the weighted total of the cameras that plan.sum() describes. `sum` has rendered it from the sources.
 void encode_sum(const wire::AnswerHeader& header, const RequestPlan& plan, std::span<const Source> sources,
                 const SumRenderer& sum, const RenderOptions& options, ByteBuffer memory, RenderedAnswer& answer);
 
-// Encodes the unwarped camera pixels that the plan requests, and skips sources without an image. Throws Error for an
-// image that does not have the size of its camera or the format of the header.
+// Encodes the original pixels of the camera images that the plan requests, for a compositor that renders the view
+// itself. Sources without an image are skipped. Throws Error for an image that does not have the size of its camera or
+// the format of the header.
 void encode_pixels(const wire::AnswerHeader& header, const RequestPlan& plan, std::span<const Source> sources,
                    const RenderOptions& options, ByteBuffer memory, RenderedAnswer& answer);
 

@@ -7,17 +7,19 @@
 
 namespace lf {
 
-// Plans views for cameras that do not know the rig. Instead of the view request, all these cameras receive one command
-// that tells each of them its part (see RequestPlan). Stateless.
+// Makes the requests for cameras that do not know the rig and therefore cannot plan a view. Instead of the view
+// request, all these cameras receive one command that tells each of them its part (see RequestPlan). Stateless.
 class CameraAccess {
  public:
-  // Returns null for cameras that know the rig; these only need the view request.
+  // Returns the planner for this kind of camera. Returns null for cameras that know the rig, because they only need the
+  // view request.
   static const CameraAccess* of(Access access);
 
   virtual ~CameraAccess() = default;
-  // Returns the command for the contributing cameras. `mesh` must not contain the request's out-of-service cameras.
+  // Returns the command for all cameras that contribute to the view. `mesh` must not contain the request's
+  // out-of-service cameras.
   virtual wire::AnyRequest command(const Rig& rig, const Mesh& mesh, const ViewRequest& request) const = 0;
-  // Returns the blending that these cameras can do if a view asks for `asked`.
+  // Returns the blending that these cameras use if a view asks for `asked`, because not all of them support every kind.
   virtual Blending blending(const Blending& asked) const { return asked; }
 };
 

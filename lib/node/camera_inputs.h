@@ -88,9 +88,10 @@ class CameraFrames {
     kEnded,    // file sources only: no request will come any more
   };
   PushResult push(CameraFrame frame);
-  // Reports a damaged frame. The previous frame then also serves for this time.
+  // Reports that a frame of this time was damaged. The previous frame then also serves requests for this time.
   PushResult push_damaged(uint64_t time);
-  // Sets how long after its capture the next pushed frame arrived, in nanoseconds.
+  // Sets how long after its capture the next pushed frame arrived, in nanoseconds. The delay tells how long requests
+  // should wait for frames.
   void note_arrival(int64_t late);
   void end_stream();  // end of stream: the last frame is valid for all later times
   // the camera failed: there is no frame after the last one until push() is called again
@@ -113,10 +114,10 @@ class CameraFrames {
 
   std::optional<CameraFrame> newest() const;
   bool is_live() const;
-  // True after EOS: no frame is too old then.
+  // Returns true after the end of the stream. No frame is too old then, because no newer frame will come.
   bool has_ended() const;
-  // Nanoseconds between held frames, or 0 for fewer than two frames. The median is the frame interval of the camera.
-  // The mean is longer if frames were dropped.
+  // Return the interval between the held frames in nanoseconds, or 0 for fewer than two frames. The median is the frame
+  // interval of the camera. The mean is longer if frames were dropped.
   uint64_t period() const;
   uint64_t mean_period() const;
   size_t held() const;
@@ -177,13 +178,13 @@ class CameraInputs {
     std::map<CameraIndex, Frames> cameras;
   };
 
-  // Sets the rig. Inputs keep their camera ids. Returns a warning about inputs that are not in the rig or have another
-  // image size (these cameras count as missing), or "".
+  // Sets the rig of the node. Inputs keep their camera ids. Returns a warning about inputs that are not in the rig or
+  // have another image size, or an empty text. The cameras of these inputs count as missing.
   std::string set_rig(std::shared_ptr<const Rig> rig);
   // Returns null if the rig has no camera with this id.
   std::shared_ptr<const Camera> camera(uint32_t id) const;
 
-  // Adds an input. Requests for file sources wait for its camera and pixel family.
+  // Adds an input. Requests for file sources wait until the camera and the pixel family of the input are known.
   void add(Frames frames);
   // Returns false if another input already has this camera.
   bool set_camera(const Frames& frames, uint32_t id);
@@ -193,8 +194,8 @@ class CameraInputs {
   void remove(const Frames& frames);
 
   std::shared_ptr<const Array> array() const;
-  // Like array(), but waits for the camera and family of all inputs. Does not wait while `cancelled` is true or the
-  // node is not running.
+  // Does the same as array(), but first waits until the camera and the pixel family of all inputs are known. Does not
+  // wait while `cancelled` is true or the node is not running.
   std::shared_ptr<const Array> wait_for_all(const std::atomic<bool>& cancelled);
   void set_running(bool running);
   // Wakes all threads that wait for inputs or frames, so that they check for cancellation.

@@ -15,18 +15,18 @@
 
 namespace lf {
 
-// Shares the rendering thread of a node fairly among views, so that one expensive view does not delay all views (fair
-// queueing).
+// Shares the rendering thread of a node fairly among views (fair queueing), so that one expensive view does not delay
+// all views.
 //
-// The scheduler counts the time that each view has used, and chooses the view that will have used least after its next
-// answer. A view with less usage may even interrupt an answer in progress, between two of its parallel tasks. Each view
-// has at most one request in progress. A view that has used little time cannot save up more than kMaxCredit.
+// The scheduler counts the time that each view has used. It chooses the view that will have used the least time after
+// its next answer. A view with less usage may even interrupt an answer in progress, between two of its parallel tasks.
+// Each view has at most one request in progress. A view that has used little time cannot save up more than kMaxCredit.
 //
 // All views that are younger than RequestLimiter::kViewTimeout (2 s) together count as one view, which starts with a
 // usage deficit of kMaxCredit against it. A client that keeps inventing view ids therefore gains nothing. A view is
 // forgotten after the same time without requests.
 //
-// Call work() from the rendering thread, and add() from any thread.
+// Call work() from the rendering thread. add() may be called from any thread.
 class FairScheduler {
  public:
   // Maximum number of waiting requests of a view; the newest are kept. This is enough for two rounds of lfviewrequest
@@ -35,7 +35,8 @@ class FairScheduler {
   static constexpr int kMaxDepth = 8;           // nested interruptions
   static constexpr double kMaxCredit = 0.25e9;  // largest usage deficit of a view, nanoseconds of work
 
-  // `parallel` runs the tasks of an answer in `threads` threads. `now` returns nanoseconds of a monotonic clock.
+  // Creates a scheduler without requests. `parallel` runs the tasks of an answer in `threads` threads. `now` returns
+  // nanoseconds of a monotonic clock.
   explicit FairScheduler(ParallelFor parallel = serial_for, size_t threads = 1, std::function<uint64_t()> now = now_ns)
       : parallel_(std::move(parallel)), threads_(threads), now_(std::move(now)) {}
 
@@ -44,8 +45,9 @@ class FairScheduler {
   // never interrupts another. `of_set` is the number of views in the request's set. If too many requests of the view
   // are waiting, the oldest is dropped and *dropped (may be null) becomes true. Returns false while stopped.
   bool add(uint32_t view, uint64_t work, Answer answer, bool* dropped = nullptr, size_t of_set = 1);
-  // Waits for a request, and answers this request and any requests that interrupt the answer. Returns false once
-  // stopped. Exceptions of an answer propagate and do not affect later requests.
+  // Waits for a request and answers this request. Requests of other views may interrupt the answer; they are answered
+  // first. Returns false once the scheduler is stopped. Exceptions of an answer propagate and do not affect later
+  // requests.
   bool work();
   // Waits until no request is waiting or in progress. Also returns after stop().
   void drain();

@@ -17,8 +17,8 @@
 
 namespace lf {
 
-// Finds the frames of a node's cameras for one capture time. Finds each camera's frame only once, so that all answers
-// for this time use the same frames. Not thread-safe.
+// Finds the frames of a node's cameras for one capture time. The class finds each camera's frame only once, so that all
+// answers for this time show the same frames. Not thread-safe.
 class FrameLookup {
  public:
   struct Options {
@@ -30,20 +30,21 @@ class FrameLookup {
     uint64_t max_skew = 0;
     const std::atomic<bool>* cancelled = nullptr;  // frames are not waited for while this is true
   };
-  // `moment` is the common header of the requests. Reports the requested time to all cameras. All arguments must
-  // outlive the object.
+  // Prepares the look-up for the time of `moment`, which is the common header of the requests, and reports this time to
+  // all cameras. All arguments must outlive the object.
   FrameLookup(const CameraInputs::Array& array, const RequestHeader& moment, const Options& options);
 
   // Returns the frame of one of the array's cameras, after waiting for it if necessary (see CameraFrames::find()).
   // Returns nothing if the camera has no frame near the requested time, or if its frames do not have the size in the
   // rig.
   const std::optional<CameraFrame>& find(CameraIndex camera);
-  // skew_of() returns how far a frame of this camera is from the requested time; time_of() converts the frame's time to
-  // the time base of the requests. Both in nanoseconds.
+  // skew_of() returns the difference between the capture time of a frame of this camera and the requested time.
+  // time_of() converts the capture time to the time base of the requests. The results are in nanoseconds.
   uint64_t skew_of(CameraIndex camera, uint64_t time) const;
   uint64_t time_of(CameraIndex camera, uint64_t time) const;
 
-  // The live frames with their capture-time errors, and the number of frames that exceeded max_skew.
+  // Statistics of the live frames: their capture-time errors, and the number of frames that were too far from the
+  // requested time (max_skew).
   const std::vector<SkewMonitor::Frame>& skews() const { return skews_; }
   uint64_t stale() const { return stale_; }
 
@@ -63,8 +64,9 @@ class FrameLookup {
 // The frames for one request. Only the needed regions are decoded.
 class FrameSources {
  public:
-  // `region` returns the part of a camera's image that the request needs. `group` is the share group for images in
-  // textures; 0: no textures.
+  // Prepares an empty list of frames. `region` returns the part of a camera's image that the request needs, because
+  // compressed frames are decoded only there. `group` is the share group of OpenGL contexts for images in textures; 0:
+  // no textures.
   FrameSources(const Rig& rig, std::function<Rect(CameraIndex)> region, gl::ShareGroup group = 0)
       : rig_(rig), region_(std::move(region)), group_(group) {}
 

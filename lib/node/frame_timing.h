@@ -58,9 +58,9 @@ class ArrivalMonitor {
     delays_.add(now > captured ? now - captured : 0);
     latest_ = now;
   }
-  // Returns the delay after the capture time that lets 99 % of requests find their nearest frame, or 0 if unknown. It
-  // is the 99th percentile of the arrival delay plus half of `period`, because the nearest frame may be that much later
-  // than the requested time.
+  // Returns how long a request should wait after its capture time, so that 99 % of requests find their nearest frame.
+  // The result is 0 if unknown. It is the 99th percentile of the arrival delay plus half of `period`, because the
+  // nearest frame may be that much later than the requested time.
   uint64_t needed(uint64_t period, uint64_t now) const {
     const std::lock_guard lock(mutex_);
     if (latest_ == 0 || now > latest_ + kSilence) return 0;
@@ -85,7 +85,8 @@ class DelayReporter {
   static constexpr uint64_t kSecond = 1'000'000'000;
 
   bool is_due(uint64_t now) const { return now >= checked_at_ + kSecond / 10; }
-  // Takes the needed delay (0: unknown). Returns true if it should be sent to the client.
+  // Takes the delay that the cameras need at present (0: unknown). Returns true if the delay should be sent to the
+  // client.
   bool see(uint64_t needed, uint64_t now) {
     if (needed == 0) return false;
     checked_at_ = now;

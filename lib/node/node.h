@@ -56,10 +56,12 @@ struct NodeStats {
   Percentiles wait_, decode_, render_, encode_, total_;
 };
 
-// Predicts how long an answer will take, from the planned work and the durations of earlier answers. The node uses the
-// prediction to skip requests with answers that would be too late. Each skipped request lowers the prediction.
-// Otherwise a node that was slow for a minute would skip all requests forever, because only answers correct the
-// prediction. Work is measured in pixels. Call done() and skipped() from one thread, nanoseconds() from any.
+// Predicts how long an answer will take, so that the node can skip requests with answers that would be too late. The
+// prediction follows from the planned work, in pixels, and from the durations of earlier answers.
+//
+// Each skipped request lowers the prediction. Otherwise, a node that was slow for a minute would skip all requests
+// forever, because only answers correct the prediction. Call done() and skipped() from one thread; nanoseconds() may be
+// called from any thread.
 class WorkEstimate {
  public:
   // The work that every answer needs regardless of its size (finding frames, planning, waking threads), as a number of
@@ -83,8 +85,8 @@ class WorkEstimate {
 };
 
 // Answers view requests with the images of the cameras of one machine. An answer contains the weighted sum of these
-// images, and a compositor adds the answers of all nodes. Several threads may call answer() at the same time, one for
-// each client.
+// images, warped into the view. A compositor adds the answers of all nodes to a picture. Several threads may call
+// answer() at the same time, one for each client.
 class Node {
  public:
   NodeStats& stats() { return stats_; }
@@ -167,8 +169,9 @@ class Node {
   uint32_t node_id_ = 0;
 };
 
-// The states of all views of one client. Each view has its own estimate of the duration of an answer, because a view
-// that no camera sees needs hardly any time. Thread-safe, but all answers to one view must be made in the same thread.
+// Keeps the states of all views of one client, for example of several windows. Each view has its own estimate of the
+// duration of an answer, because a view that no camera sees needs hardly any time. Thread-safe, but all answers to one
+// view must be made in the same thread.
 class ClientStates {
  public:
   // Number of views that may be in use at the same time. Twice as many states are kept, and then the least recently

@@ -45,7 +45,7 @@ class RendererTuner {
   double best_[2] = {std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity()};
 };
 
-// Pauses attempts after repeated refusals, because each attempt takes time.
+// Pauses the use of the GPU after it has repeatedly refused a task, because each attempt takes time.
 class Backoff {
  public:
   static constexpr int kMaxRefusals = 3;
@@ -74,10 +74,10 @@ class RendererSelector {
   // Returns the GPU renderer for the next answer, or null to use the CPU. Sets `news` once to a message for the user if
   // no GPU is available (any more) or the GPU cannot render an answer. kAuto does not report a missing GPU.
   std::shared_ptr<gl::GlesRenderer> open(RendererChoice choice, std::string& news);
-  // True if the renderer can render several views in one pass, so that batching saves time.
+  // Returns true if the renderer can render several views in one pass, so that answering requests together saves time.
   bool can_batch(RendererChoice choice) const;
-  // Reports the duration of the answer that open() was called for. `before` is the time in nanoseconds that getting its
-  // images took, as far as it depends on the renderer.
+  // Reports how long the answer took that open() was called for. `before` is the time in nanoseconds that it took to
+  // get the images, as far as this time depends on the renderer.
   void rendered(RendererChoice choice, const RenderedAnswer& answer, uint64_t before = 0);
   // Returns the GPU renderer for the depth hypotheses of the answer that open() was called for, or null to use the CPU.
   // With kAuto, hypotheses are measured separately, because they involve less rendering per uploaded image.

@@ -16,9 +16,9 @@
 
 namespace lf {
 
-// Describes what a node must do for one request, and which image regions it needs from each camera. The answer is a sum
-// (the weighted total of the node's cameras) or, for cameras that can only deliver pixels, a set of unwarped image
-// regions. Immutable.
+// Describes what a node (a process with some of the cameras) must do for one request, and which image regions it needs
+// from each camera. The answer is a sum (the weighted total of the node's cameras). If the cameras can only deliver
+// pixels, the answer is a set of original image regions instead. Immutable.
 class RequestPlan {
  public:
   // Plans the sum of a view, and the depth hypotheses and brightness measurements that the request asks for. `own`
@@ -26,32 +26,34 @@ class RequestPlan {
   // constructors throw Error if the request does not fit the rig.
   RequestPlan(const Rig& rig, const Mesh& mesh, const ViewRequest& request, std::span<const CameraIndex> own,
               const ParallelFor& parallel = serial_for);
-  // Plans the sum of a warp command. Only the lenses and sizes of `own` are taken from the rig.
+  // Plans the sum for a command with explicit homographies (WarpCommand). Only the lenses and sizes of `own` are taken
+  // from the rig.
   RequestPlan(const Rig& rig, const wire::WarpCommand& command, std::span<const CameraIndex> own,
               const ParallelFor& parallel = serial_for);
-  // Plans unwarped pixels. Only the sizes of `own` are taken from the rig.
+  // Plans an answer of original pixels (PixelCommand). Only the sizes of `own` are taken from the rig.
   RequestPlan(const Rig& rig, const wire::PixelCommand& command, std::span<const CameraIndex> own);
 
   // Indices of the node's cameras that must deliver images, in ascending order.
   const std::vector<CameraIndex>& cameras() const { return cameras_; }
   bool has(CameraIndex camera) const { return std::ranges::binary_search(cameras_, camera); }
-  // True if the answer shows pixels of this camera; false if only the camera's brightness is measured.
+  // Returns true if the answer shows pixels of this camera. Returns false if only the camera's brightness is measured.
   bool draws(CameraIndex camera) const;
 
-  // Each function returns the region of a camera's image that is needed: answer_region() for the answer alone;
-  // drawn_region() for the answer and its depth hypotheses (empty if the camera is not in the picture); region() for
-  // everything, including the brightness measurement.
+  // The functions return the region of a camera's image that is needed, so that nothing else must be decoded.
+  // answer_region() is for the answer alone. drawn_region() is for the answer and its depth hypotheses; it is empty if
+  // the camera is not in the picture. region() is for everything, including the brightness measurement.
   Rect answer_region(CameraIndex camera) const;
   Rect drawn_region(CameraIndex camera) const;
   Rect region(CameraIndex camera) const;
   // True if the answer shows detail that bilinear sampling would lose; see shows_detail() in render/.
   bool shows_detail(CameraIndex camera) const;
 
-  // Null if the answer consists of unwarped pixels: answer_region() of each camera.
+  // Returns the work of rendering the sum. Returns null if the answer consists of original pixels, which
+  // answer_region() describes.
   const RenderJob* sum() const { return sum_ ? &*sum_ : nullptr; }
   int quality() const { return quality_; }
-  // The depth levels of each hypothesis, and the job that evaluates them (null without hypotheses). Their
-  // photo-consistency sums precede the answer.
+  // The depth levels of each hypothesis (a guess of the depths), and the job that evaluates the hypotheses. The job is
+  // null without hypotheses. The resulting photo-consistency sums are sent before the answer.
   const std::vector<std::vector<uint8_t>>& trials() const { return hypotheses_; }
   const RenderJob* hypothesis_job() const { return hypothesis_job_ ? &*hypothesis_job_ : nullptr; }
   // Exposure compensation of the cameras, or null if not requested.

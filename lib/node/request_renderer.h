@@ -46,10 +46,10 @@ class GainMatcher {
  public:
   static constexpr size_t kMaxViews = 64;  // the least recently used view is forgotten
 
-  // Returns the gains for the images of a request. The gains are updated if the request carries the mean luma that
-  // belongs to the stored measurement. A new view starts with the gains of the latest view.
+  // Returns the exposure gains for the images of a request. If the request carries the mean luma that belongs to the
+  // stored measurement, the gains are updated first. A new view starts with the gains of the latest view.
   const ExposureCompensation& gains_for(uint32_t view_id, const GainRequest& request);
-  // Stores the measurement for a request until the mean over all nodes arrives.
+  // Stores the node's brightness measurement for a request, until a later request brings the mean over all nodes.
   void keep(uint32_t view_id, uint32_t sequence, std::vector<WideLuma::Camera> seen);
 
   // Returns the images divided by `gains` inside the `region` of each camera; an image with an empty region stays
@@ -96,7 +96,8 @@ class RequestRenderer {
   struct Work {
     const RequestPlan* plan;
     wire::AnswerHeader header;
-    // False if no camera of the plan has an image. The answer is then empty instead of reporting missing weight.
+    // Returns false if no camera of the plan has an image. The answer is then empty instead of reporting missing
+    // weight.
     bool has_images = true;
   };
   // Answers several requests that use the same images. A GPU renders several views per pass. Each answer is the same as

@@ -104,8 +104,8 @@ struct CameraProbe {
 // representative of the whole image.
 inline constexpr int kProbeColumns = 80;
 
-// `focused` is the view with the focal surface that the prediction uses. `without` (ascending) are further cameras to
-// exclude from the prediction.
+// Returns the two views that check `camera`. `focused` is the view with the focal surface (the depths in focus) that
+// the prediction uses. The cameras in `without` (ascending) are excluded from the prediction, too.
 CameraProbe make_probe(const Rig& rig, CameraIndex camera, const View& focused, const CameraSet& without);
 
 // Runs the checks of a camera monitor between the requests of a view. A check consists of two probes: the camera's own
@@ -115,8 +115,8 @@ class ProbeScheduler {
  public:
   static constexpr unsigned kProbeTimeout = 30;  // number of requests until pending probes count as lost
 
-  // Call this after each composed request. Returns the probes of a check every `interval` requests, or up to
-  // kProbeTimeout requests later if answers are pending. Starts over if the rig has changed.
+  // Call this after each composed request. Returns the probes of a new check every `interval` requests. If answers are
+  // pending, the next check may begin up to kProbeTimeout requests later. Starts over if the rig has changed.
   std::optional<CameraProbe> next(const Rig& rig, const ViewRequest& composed, unsigned interval);
 
   // Returns true if the probe belongs to the current check, so that take() needs its picture. A probe out of order ends
@@ -151,7 +151,7 @@ struct FrameTimeStats {
   double rate() const { return period > 0 ? 1 / period : 0; }
 };
 
-// `times` are in order of arrival.
+// Fits a line to the frame times of a camera, to find its frame rate and lost frames. `times` are in order of arrival.
 FrameTimeStats frame_time_stats(std::span<const double> times);
 
 // Time offsets between cameras with the same frame rate.
@@ -161,7 +161,8 @@ struct Skew {
   double drift = 0;           // relative rate difference between the fastest and the slowest camera clock
 };
 
-// Cameras with a period more than 1 % off the median get a phase of NaN.
+// Compares the phases of cameras. A camera with a period more than 1 % off the median gets a phase of NaN, because its
+// phase keeps changing.
 Skew camera_skew(std::span<const FrameTimeStats> cameras);
 
 // Finds the camera that a person covers with a hand, to learn which camera is which. Only the image of that camera

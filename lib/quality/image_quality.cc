@@ -21,7 +21,7 @@ constexpr double kC1 = (0.01 * 255) * (0.01 * 255), kC2 = (0.03 * 255) * (0.03 *
 
 void require_alike(const Image& a, const Image& b, const std::vector<float>& coverage = {}) {
   if (a.family() != PixelFamily::kRgb || b.family() != PixelFamily::kRgb)
-    throw Error("pictures to compare must both be RGB");
+    throw Error("pictures to compare must both be RGB; convert them first");
   if (a.width() != b.width() || a.height() != b.height())
     throw Error("pictures to compare differ in size: " + size_text(a.width(), a.height()) + " and " +
                 size_text(b.width(), b.height()));

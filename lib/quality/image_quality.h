@@ -33,7 +33,7 @@ struct CoverageImage {
   Image rgb;
   std::vector<float> coverage;  // fraction of the camera weights that is available, 0..1
 };
-// `sum` must be a whole picture, with uncovered pixels marked.
+// Returns the coverage of a finished picture. `sum` must be a whole picture, with uncovered pixels marked.
 CoverageImage coverage_image(const Accumulator& sum);
 
 struct PredictionError {

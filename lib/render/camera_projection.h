@@ -28,8 +28,8 @@ namespace lf {
 // which is a homography for each s, and linear in s.
 class CameraProjection {
  public:
-  // `rig_camera` is the description of `camera` in the rig. If the plan has explicit homographies, only the lens and
-  // size of the camera are used.
+  // Prepares the projection into `camera`. `rig_camera` is the description of the same camera in the rig. If the plan
+  // has explicit homographies, only the lens and size of the camera are used.
   CameraProjection(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera);
 
   // Returns the homography from a line of sight (u, v, 1) to camera coordinates, up to a positive factor for t > 0. If
@@ -40,8 +40,9 @@ class CameraProjection {
   bool has_map() const { return has_map_; }
   const Lens& lens() const { return lens_; }
 
-  // Computes the position in the image. Returns false if the sample is missing, because the point is behind the camera
-  // or outside its image. `inverse` is the focal map's inverse distance there, and is ignored without a map.
+  // Computes the position in the camera's image that shows the point of a line of sight. Returns false if the camera
+  // does not see the point, because the point is behind the camera or outside its image. `inverse` is the focal map's
+  // inverse distance at that point; it is ignored without a map.
   bool project(const Vec2& ray, double inverse, Vec2& pixel) const {
     return project_unbounded(ray, inverse, pixel) && pixel.x >= -0.5 && pixel.x <= right_ && pixel.y >= -0.5 &&
            pixel.y <= bottom_;
@@ -79,8 +80,8 @@ class CameraProjection {
 // includes the margins that interpolation and chroma need. `rect` must contain all pixels with a weight of the camera.
 // Returns the whole image if the region is unknown, and an empty region if the view shows no part of the image.
 Rect source_region(const ViewPlan& plan, const Rect& rect, CameraIndex camera, const Camera& rig_camera);
-// Does the same for a focal map with other levels than the view's. `levels` are the smallest and largest level in
-// `rect`.
+// Returns the region of a camera's image that must be decoded if the focal map has other levels than the view's map,
+// for example for a depth hypothesis. `levels` are the smallest and largest level in `rect`.
 Rect source_region(const ViewPlan& plan, const Rect& rect, CameraIndex camera, const Camera& rig_camera,
                    const FocalMap::LevelRange& levels);
 
@@ -88,8 +89,8 @@ Rect source_region(const ViewPlan& plan, const Rect& rect, CameraIndex camera, c
 // whole chroma samples. Returns one pixel if the view shows none of the image, because the contribution is then missing
 // weight.
 Rect needed_pixels(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera);
-// Does the same for the union of several focal maps with other levels than the view's. Returns an empty region if the
-// view shows none of the image.
+// Returns the region that the camera needs for several focal maps together, for example for the depth hypotheses of a
+// request. Returns an empty region if the view shows none of the image.
 Rect needed_pixels(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera,
                    std::span<const std::vector<uint8_t>> maps);
 

@@ -34,14 +34,15 @@ class WeightGrid {
     double weight;  // finite, at least 0; the scale does not matter
   };
 
-  // `cells`: the cells with weights, row by row, (columns() - 1) x (rows() - 1) flags; empty: all cells.
+  // Creates an empty grid for a view. `cells` says which cells have weights, as (columns() - 1) x (rows() - 1) flags,
+  // row by row; empty: all cells.
   WeightGrid(int width, int height, size_t num_cameras, std::vector<uint8_t> cells = {});
   static int points(int pixels) { return (pixels + kStep - 1) / kStep + 1; }
   int columns() const { return columns_; }
   int rows() const { return rows_; }
 
-  // Adds the next point in row-major order. `shares`: ascending by camera, at most kMaxShares, at least one with a
-  // positive weight, or empty for a point without a cell.
+  // Adds the weights at the next point in row-major order. `shares` are ascending by camera, at most kMaxShares, with
+  // at least one positive weight. They are empty for a point that no cell with weights uses.
   void add_point(std::span<const Share> shares);
 
   // The running sums before a camera (`before`) and with the camera (`with`) at the corners of a grid cell. The corners
@@ -58,8 +59,8 @@ class WeightGrid {
       return (left * kStep + (right - left) * x + (1 << (2 * kStepBits - 1))) >> (2 * kStepBits);
     }
   };
-  // Finds the camera's cell (i, j). Returns false if the camera has no weight at any of its four points, or if the cell
-  // has no weights. i < columns() - 1, j < rows() - 1.
+  // Finds the camera's weights at the corners of cell (i, j). Returns false if the camera has no weight at any of its
+  // four corners, or if the cell has no weights. i < columns() - 1, j < rows() - 1.
   bool find(CameraIndex camera, int i, int j, Cell& cell) const;
   // Returns the camera's weight in pixel (x, y) of the view, in units of 1 / kOne.
   int weight(CameraIndex camera, int x, int y) const {
@@ -68,7 +69,7 @@ class WeightGrid {
   }
   // Returns the sum of the squared weights at point (i, j), 0 to 1. It is 1 if one camera has all the weight.
   double sum_of_squares(int i, int j) const;
-  // Contains all pixels with a weight of the camera; may be empty.
+  // Returns bounds of all pixels that the camera contributes to; may be empty.
   Rect camera_rect(CameraIndex camera) const { return rects_[camera]; }
 
  private:

@@ -179,7 +179,7 @@ std::vector<CameraColour> camera_colours(const Mesh& mesh, size_t num_cameras) {
 Image contribution_map(const Rig& rig, const Mesh& mesh, const View& view, const Image* underlay) {
   if (underlay &&
       (underlay->family() != PixelFamily::kRgb || underlay->width() != view.width || underlay->height() != view.height))
-    throw Error("the underlay of a contribution map must be RGB and of the view's size");
+    throw Error("the underlay of a contribution map must be an RGB image of the view's size");
   const ViewPlan plan(rig, mesh, view);
   const FaceIdMap owners(plan, {0, 0, view.width, view.height});
   const std::vector<CameraColour> colours = camera_colours(mesh, rig.cameras.size());

@@ -28,7 +28,10 @@ struct Baseline {
       forward += rig.cameras[i].pose.forward();
       aside += rig.cameras[i].pose.right() + rig.cameras[i].pose.down();
     }
-    if (first == last) throw Error("an epipolar-plane image needs cameras at different places");
+    if (first == last)
+      throw Error(
+          "an epipolar-plane image needs cameras at different places, but the first and the last have the same "
+          "position");
     middle = (first + last) / 2.0;
     along = glm::normalize(last - first);
     const Vec3 ahead = forward - along * glm::dot(along, forward);
@@ -69,7 +72,7 @@ std::vector<uint8_t> seen_line(const Camera& camera, const Image& image, const V
 
 Image epipolar_image(const Rig& rig, const std::vector<CameraIndex>& line, const CameraImages& images,
                      const EpipolarOptions& options) {
-  if (line.size() < 2) throw Error("an epipolar-plane image needs at least two cameras");
+  if (line.size() < 2) throw Error("an epipolar-plane image needs at least two cameras; choose a longer row or column");
   if (!(options.distance > 0 && is_finite(options.distance))) throw Error("distance: must be positive");
   if (!is_finite(options.across)) throw Error("across: must be a number");
   validate_size("width", options.width);

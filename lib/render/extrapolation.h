@@ -21,12 +21,13 @@ namespace lf {
 // a quarter of the median length of the border edges, but at least 32 pixels of the view at the depth of the border.
 inline constexpr int kExtrapolationCameras = 8;
 
-// Returns the cells of a WeightGrid that contain pixels without an owner, as one flag for each cell, row by row; empty
-// if all pixels have an owner. `runs`: of the whole view, and only of the faces of the mesh.
+// Finds the area of a view that must be extrapolated because it is beside the camera mesh. The result has one flag for
+// each cell of a WeightGrid, row by row, which says whether the cell contains a pixel without an owner. It is empty if
+// all pixels have an owner. `runs` must cover the whole view and only contain faces of the mesh.
 std::vector<uint8_t> cells_beside_mesh(const FaceRuns& runs);
 
-// Returns the weights in `cells` (see cells_beside_mesh()); null if no camera sees any of these pixels, for example if
-// the view looks away from the array. `plan` has the faces of the mesh.
+// Returns the weights of the cameras in `cells` (see cells_beside_mesh()). Returns null if no camera sees any of these
+// pixels, for example if the view looks away from the array. `plan` has the faces of the mesh.
 std::shared_ptr<const WeightGrid> extrapolated_weights(const Rig& rig, const Mesh& mesh, const ViewPlan& plan,
                                                        std::vector<uint8_t> cells, const ParallelFor& parallel);
 

@@ -33,7 +33,7 @@ struct Grey {
 };
 
 Grey grey(const Image& image) {
-  if (image.family() != PixelFamily::kRgb) throw Error("focus is estimated from RGB images");
+  if (image.family() != PixelFamily::kRgb) throw Error("focus is estimated from RGB images; convert the images first");
   Grey out{image.width(), image.height(), {}};
   for (size_t i = 0; i < image.data().size(); i += 3)
     out.luma.push_back(

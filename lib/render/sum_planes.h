@@ -122,12 +122,13 @@ inline uint8_t round_missing(uint16_t lost) {
 }
 
 void round_row(uint8_t* out, const int16_t* sum, int n);
-// `offset` is 128 for pictures and 0 for fragments.
+// Rounds a row of chroma sums. `offset` is 128 for pictures and 0 for fragments, which store signed chroma.
 void round_chroma_row(uint8_t* out, const int16_t* sum, int n, uint8_t offset);
 // Interleaves three rows into pixels. A fourth byte per pixel becomes 255.
 void round_rgb_row(uint8_t* out, const RgbLayout& layout, const int16_t* r, const int16_t* g, const int16_t* b, int n);
 
-// Rounds a sum to a fragment. Leaves out the plane of missing weight if all its values round to 0.
+// Rounds a sum to 8 bits, as the fragment of an answer. Leaves out the plane of missing weight if all its values round
+// to 0.
 Fragment rounded_fragment(const ConstSumPlanes& sums);
 
 }  // namespace lf

@@ -30,7 +30,7 @@ struct Source {
   ImageView image;
 };
 
-// Throws Error unless the image has the camera's size.
+// Checks that an image has the size that the rig gives for its camera. Throws Error otherwise.
 void check_image(const Camera& camera, const ImageView& image);
 
 // Selects how positions in camera images are computed.
@@ -48,17 +48,20 @@ struct GpuStatus {
   std::string why_not;   // the reason, if `drawn` is false
 };
 
-// Renders a sum: the weighted total of the contributions of some cameras to one view. Products of weight and colour are
-// added in registers, in 16 bits with 7 fractional bits, so that rounding to 8 bits happens only once, at the end. The
-// code uses portable SIMD (Highway): SSE2, SSE4, AVX2, AVX-512 or NEON, as the processor supports.
+// Renders the weighted total of the images of some cameras, warped into one view. If these are all cameras of the view,
+// the sum is the picture. Products of weight and colour are added in registers, in 16 bits with 7 fractional bits, so
+// that rounding to 8 bits happens only once, at the end. The code uses portable SIMD (Highway): SSE2, SSE4, AVX2,
+// AVX-512 or NEON, as the processor supports.
 //
-// The rounded result differs from the rule in double precision by at most 1 of 255 if coverage is above 0.999; see
+// The rounded result differs from double precision by at most 1 of 255 in pixels with a coverage above 0.999; see
 // docs/reference/error-budget.md.
 class SumRenderer {
  public:
-  // All arguments must outlive this object. Throws Error unless all sources have one family and images of their
-  // cameras' sizes; each camera may occur only once. If `gpu` is not null, the GPU renders this sum in a separate
-  // draw(). The sum may stay on the GPU if `keep_on_gpu` (see gpu_sum()). A shared_ptr must then own `gpu`.
+  // Prepares the sum of the images in `sources`. All arguments must outlive this object. Throws Error unless all
+  // sources have one family and images of their cameras' sizes. Each camera may occur only once.
+  //
+  // If `gpu` is not null, the GPU renders this sum, in a separate draw(). If `keep_on_gpu` is true, the sum may stay on
+  // the GPU (see gpu_sum()). A shared_ptr must then own `gpu`.
   SumRenderer(const ViewPlan& plan, const FaceRuns& runs, std::span<const Source> sources, PixelFamily family,
               Coordinates coordinates = Coordinates::kGrid, gl::GlesRenderer* gpu = nullptr,
               const ParallelFor& parallel = serial_for, bool keep_on_gpu = false);
@@ -66,22 +69,22 @@ class SumRenderer {
   SumRenderer(const SumRenderer&) = delete;
   SumRenderer& operator=(const SumRenderer&) = delete;
 
-  // Renders the sums of several renderers on a GPU in shared passes (see GlesRenderer::draw()), as far as possible. The
-  // renderers must have been constructed without a GPU. `parallel` copies the images. render_rows() renders the
-  // remaining sums on the CPU.
+  // Renders the sums of several renderers on a GPU together, which is faster than one by one (see
+  // GlesRenderer::draw()). The renderers must have been constructed without a GPU. `parallel` copies the images. If the
+  // GPU cannot render a sum, render_rows() renders it on the CPU.
   static void draw(std::span<SumRenderer* const> renderers, gl::GlesRenderer& gpu, const ParallelFor& parallel);
 
-  // Downloads images from the GPU in parallel, if the CPU renders the sum. Without this call, render_rows() downloads
-  // them in one thread.
+  // Downloads images from the GPU in parallel if the CPU renders the sum. This call is optional, but render_rows()
+  // would download the images in a single thread.
   void fetch(const ParallelFor& parallel);
 
-  // Contains the sources' contributions according to the plan, in whole chroma samples for kI420; may be empty.
+  // Returns the part of the view that the sources contribute to, in whole chroma samples for kI420; may be empty.
   const Rect& rect() const { return rect_; }
-  // Returns an upper bound of the number of samples: pixels times cameras.
+  // Returns an upper bound of the work, as the number of samples: pixels times cameras.
   size_t samples() const;
   const GpuStatus& drawing() const;
-  // Returns the sum of rect(), extended to whole 2x2 blocks, if the sum stayed on the GPU. In that case, do not call
-  // render_rows().
+  // Returns the sum on the GPU, if the sum stayed there. The sum covers rect(), extended to whole 2x2 blocks. In this
+  // case, do not call render_rows().
   std::shared_ptr<gl::GpuSum> gpu_sum() const;
   // Writes rows [y0, y1) of the sum into `out`. y0 must be even, and y1 must be even or the end of out.rect. Pixels
   // without a contribution become 0. out.rect must be inside the region of the runs. Fills out.lost unless it is null.
@@ -97,14 +100,14 @@ class SumRenderer {
 // Returns the name of the instruction set that SumRenderer uses on this machine, such as "AVX2".
 const char* simd_target_name();
 
-// Divides a sum into rectangles that are worth sending. The rectangles are disjoint, contain every pixel with a weight
-// of one of `cameras` (ascending), and are sorted by their upper edges. In kI420 they are chroma-aligned. `runs` must
-// cover the cameras' chroma-aligned rectangles.
+// Divides a sum into rectangles, so that large areas without pixels are not sent. The rectangles are disjoint, contain
+// every pixel with a weight of one of `cameras` (ascending), and are sorted by their upper edges. In kI420 they consist
+// of whole chroma samples. `runs` must cover the contributions of the cameras.
 //
 // A rectangle is merged with its neighbour if this adds at most `spare_pixels` pixels without weight. Choose the number
-// of pixels that is cheaper to send than another rectangle. For example, a camera's part of a view is about a hexagon.
-// A small number gives rectangles of kTileRows rows, each as wide as the hexagon is there. A large number gives the
-// bounds of the hexagon.
+// of pixels that take as long to send as another rectangle. For example, a camera contributes to an area that is about
+// a hexagon. A small number divides the hexagon into rectangles of kTileRows rows, each as wide as the hexagon is
+// there. A large number gives one rectangle around the hexagon.
 std::vector<Rect> sum_tiles(const ViewPlan& plan, const FaceRuns& runs, std::span<const CameraIndex> cameras,
                             PixelFamily family, size_t spare_pixels);
 

@@ -16,11 +16,13 @@
 
 namespace lf {
 
-// Gives the line of sight (u, v, 1) of each pixel of a view. Lines are computed for pinhole lenses and looked up in a
-// table for distorted lenses. u and v are NaN for pixels without a ray.
+// Gives the line of sight (u, v, 1) of each pixel of a view, in view coordinates. Lines of sight are computed for
+// pinhole lenses and looked up in a table for distorted lenses. u and v are NaN for pixels that the lens does not map
+// to any direction.
 class Rays {
  public:
-  // `parallel` computes the table of a distorted lens, which takes lens.mean_iterations() per pixel.
+  // Prepares the lines of sight of a lens. `parallel` computes the table of a distorted lens, which takes
+  // lens.mean_iterations() iterations per pixel.
   Rays(const Lens& lens, int width, int height, const ParallelFor& parallel = serial_for);
 
   bool separable() const { return !table_; }  // u depends only on x, and v only on y
@@ -38,15 +40,16 @@ class Rays {
   std::shared_ptr<const Vec2[]> table_;  // row-major; null for a pinhole lens
 };
 
-// Finds bounds of the pixels with lines of sight d = (u, v, 1) that satisfy h . d >= 0 for several half-planes h.
+// Finds which part of a view can show a region that is bounded by planes through the eye. Each plane is a half-space h,
+// and a pixel with the line of sight d = (u, v, 1) is inside if h . d >= 0 for all planes.
 class RegionBounds {
  public:
   // `rays` and `lens` belong to the view, and `rays` must outlive this object. `parallel` visits the pixels of a
   // distorted view.
   RegionBounds(const Rays& rays, const Lens& lens, int width, int height, const ParallelFor& parallel = serial_for);
 
-  // Returns bounds that contain every such pixel, even after rounding. For pinhole lenses they are tight: the view's
-  // rectangle, clipped by the half-planes. For distorted lenses they consist of whole tiles.
+  // Returns bounds that contain every pixel inside all half-spaces, even after rounding. The bounds are tight for
+  // pinhole lenses. For distorted lenses, they consist of whole tiles.
   Rect bound(std::span<const Vec3> half_planes) const;
 
  private:
@@ -74,11 +77,12 @@ class RegionBounds {
 class WeightGrid;
 struct ViewWarp;
 
-// One face of the camera mesh as seen by a view. For the line of sight d = (u, v, 1) in view coordinates, the three
-// edge functions are e_k(d) = edge[k] . d, where k is the corner opposite the edge. Corner k has weight e_k / (e_0 +
-// e_1 + e_2) where all three quotients are >= 0 (docs/architecture.md: w_i = e_jk / (e_ij + e_jk + e_ki)).
+// One face of the camera mesh (usually a triangle of three cameras) as seen by a view. It gives the weight of each of
+// its cameras for a line of sight d = (u, v, 1) in view coordinates. The edge functions are e_k(d) = edge[k] . d, where
+// k is the corner opposite the edge. Corner k has the weight e_k / (e_0 + e_1 + e_2) if all three quotients are >= 0
+// (docs/architecture.md: w_i = e_jk / (e_ij + e_jk + e_ki)).
 //
-// A face without corners is the area in which a WeightGrid has the weights.
+// A face without corners is the area of the view that takes its weights from a WeightGrid.
 struct FacePlan {
   uint32_t face = 0;  // number of the face in the mesh
   std::array<CameraIndex, 3> camera{};
@@ -92,43 +96,44 @@ struct FacePlan {
   bool operator==(const FacePlan&) const = default;
 };
 
-// A plan contains everything about a view that does not depend on images: the faces that own its pixels, the camera
-// weights, and the homographies. It is computed once per view. Immutable; safe to share between threads. The cost grows
-// with the faces of the mesh and not with the pixels. For views that are blended by a WeightGrid, see
-// make_weight_grid().
+// Everything about rendering a view that does not depend on images: the faces that own its pixels, the weights of the
+// cameras, and the homographies into their images. A plan is computed once per view. It is immutable, so threads can
+// share a plan. The cost grows with the number of faces and not with the number of pixels, except for views that are
+// blended by a WeightGrid (see make_weight_grid()).
 class ViewPlan {
  public:
-  // `rig` and `mesh` are read only during the call. The view must be valid (see validate()). `parallel` computes the
-  // rays of distorted lenses and the WeightGrid.
+  // Plans a view. `rig` and `mesh` are read only during the call. The view must be valid (see validate()). `parallel`
+  // computes the lines of sight of distorted lenses and the WeightGrid.
   ViewPlan(const Rig& rig, const Mesh& mesh, const View& view, const ParallelFor& parallel = serial_for);
-  // Rebuilds a plan from a warp that a process with the rig has sent. The result is bit-identical, except that the view
-  // has neither a pose nor a focal plane. `warp` must be valid (see validate()). Throws Error for camera indices beyond
-  // `num_cameras`.
+  // Plans a view from homographies that a process with the rig has sent, for a camera that does not know the rig. The
+  // result is bit-identical to the plan of that process, except that the view has neither a pose nor a focal plane.
+  // `warp` must be valid (see validate()). Throws Error for camera indices beyond `num_cameras`.
   ViewPlan(const ViewWarp& warp, size_t num_cameras, const ParallelFor& parallel = serial_for);
 
   const View& view() const { return view_; }
   const Rays& rays() const { return rays_; }
-  // Returns the faces that may own pixels of the view, ascending by number. A pixel belongs to the lowest-numbered face
-  // that contains the pixel.
+  // Returns the faces that may own pixels of the view, in ascending order of their numbers. If several faces contain a
+  // pixel, the lowest-numbered face owns the pixel.
   const std::vector<FacePlan>& faces() const { return faces_; }
   // Returns the camera weights in the pixels of the last face, which then has no corners. If the view is not blended by
   // the mesh, this face covers everything that can be in focus. Otherwise it covers the pixels beside the mesh, which
   // are extrapolated (see render/extrapolation.h). Null if all pixels are inside the mesh.
   const WeightGrid* blend() const { return blend_.get(); }
   size_t num_cameras() const { return camera_rects_.size(); }
-  // Contains all pixels with a weight of the camera; may be empty.
+  // Returns bounds of the pixels that the camera contributes to; may be empty.
   Rect camera_rect(CameraIndex camera) const { return camera_rects_[camera]; }
-  // Returns the cameras with a non-empty camera_rect(), ascending.
+  // Returns the cameras that contribute to the view (with a non-empty camera_rect()), in ascending order.
   std::vector<CameraIndex> contributors() const;
 
-  // A line of sight d meets the focal plane at t > 0 with (focal_normal . d) t = focal_offset, in view coordinates. A
-  // focal map has (focal_normal . d) t = 1 / inverse distance - eye_distance, and focal_offset is 1.
+  // Define the depth in focus: a line of sight d meets the focal plane at the factor t > 0 with (focal_normal . d) t =
+  // focal_offset, in view coordinates. If there is a focal map (a depth for each part of the view), (focal_normal . d)
+  // t = 1 / inverse distance - eye_distance, and focal_offset is 1.
   const Vec3& focal_normal() const { return focal_normal_; }
   double focal_offset() const { return focal_offset_; }
   double eye_distance() const { return eye_distance_; }  // metres from the eye to the origin of distances
   // Returns the inverse distance at which (x, y) is in focus, or 0 without a map. Positions may be fractional.
   double inverse_at(double x, double y) const { return view_.focus.map ? view_.focus.map->inverse_at(x, y) : 0; }
-  // Returns the homography into a camera if the plan was made from a ViewWarp, else null.
+  // Returns the homography into a camera if the plan was made from a ViewWarp. Otherwise returns null.
   const Mat3* explicit_homography(CameraIndex camera) const;
 
  private:
@@ -148,8 +153,8 @@ class ViewPlan {
 // Returns the smallest rectangle of whole 2x2 chroma blocks that contains `rect`, clipped to the view.
 Rect chroma_aligned(const Rect& rect, const View& view);
 
-// The plan of a view for cameras that do not know the rig, together with the homographies into these cameras. All
-// coordinates are relative to the view's eye.
+// The plan of a view in a form that cameras without the rig can use: the triangles and the homographies into their
+// images. All coordinates are relative to the view's eye.
 struct ViewWarp {
   int width = 0, height = 0;
   Lens lens;
@@ -168,8 +173,8 @@ struct ViewWarp {
 
 ViewWarp view_warp(const Rig& rig, const ViewPlan& plan);
 
-// Throws Error with the invalid field. A warp is invalid if it has bad sizes, numbers that are not finite, rectangles
-// that are empty or outside the view, or cameras other than the faces' corners.
+// Checks a warp from an untrusted source. Throws Error with the invalid field for bad sizes, for numbers that are not
+// finite, for rectangles that are empty or outside the view, and for cameras other than the corners of the faces.
 void validate(const ViewWarp& warp);
 
 }  // namespace lf

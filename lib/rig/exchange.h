@@ -48,15 +48,15 @@ struct FormatSupport {
   bool images = true, names = true, ids = true, time_offsets = false;
 };
 
-// Compares `rig` with `written`, which is the rig as read back from the exported file. The error is measured at a
-// distance equal to the rig's extent and at infinity.
+// Measures how much an export has changed a rig. `written` is the rig as read back from the exported file. The
+// reprojection error is measured at infinity and at a distance equal to the size of the array.
 RigExport describe_export(const Rig& rig, const Rig& written, const FormatSupport& capacity);
 // Exports to a text format of one file that has no ids and no images. `text_of` returns the text, and `parse` reads it
 // back; its `path` is only for messages.
 RigExport export_text(const Rig& rig, const std::string& path, std::string (*text_of)(const Rig&),
                       RigImport (*parse)(const std::string& text, const std::string& path));
 
-// Throws Error "Camera ID: what", for a lens or a name that a format cannot hold.
+// Throws an Error with the text "camera ID: what", for example for a lens or a name that a format cannot hold.
 [[noreturn]] void throw_camera_error(const Camera& camera, const std::string& what);
 
 // Returns the largest difference in pixels between two descriptions of the same cameras. Projects 9 x 9 points of each
@@ -164,7 +164,7 @@ std::string colmap_images_text(const std::vector<ColmapImage>& images);
 
 class ImageSearch {
  public:
-  // Throws Error if `directory` is not a folder.
+  // Lists the files of a folder and its subfolders. Throws Error if `directory` is not a folder.
   explicit ImageSearch(const std::string& directory);
 
   // Returns the path of the file `name`, which may include folders. If there is none, returns the only file with a

@@ -13,9 +13,12 @@
 
 namespace lf {
 
-// A face of the camera mesh, usually a triangle of three cameras. If the cameras form no triangle, the faces are
-// *strips* or a *point*. A strip lies between two neighbouring cameras of a line and extends infinitely along `extent`,
-// so its weights only vary along the line. A point is a single camera, which has weight 1 for every line of sight.
+// A face of the camera mesh: usually a triangle of three cameras. Pixels with lines of sight that cross the face are
+// blended from its corners.
+//
+// If the cameras form no triangle, the faces are *strips* or a *point*. A strip lies between two neighbouring cameras
+// of a line. It extends infinitely along `extent`, so its weights vary only along the line. A point is a single camera,
+// which has weight 1 for every line of sight.
 struct MeshFace {
   static constexpr CameraIndex kNone = UINT32_MAX;
   std::array<CameraIndex, 3> camera{kNone, kNone, kNone};  // unused corners are at the end
@@ -23,8 +26,9 @@ struct MeshFace {
   int corners() const { return camera[2] != kNone ? 3 : camera[1] != kNone ? 2 : 1; }
 };
 
-// The triangulation of the array. A line of sight crosses one face, and the corners of this face share the weight of
-// the pixel. A face is numbered by its index in `faces`.
+// The camera mesh: the triangles between the cameras of an array. The line of sight of a pixel crosses one face of the
+// mesh, and the pixel is blended from the cameras at the corners of that face. The number of a face is its index in
+// `faces`.
 struct Mesh {
   std::vector<MeshFace> faces;
 };
@@ -49,18 +53,24 @@ struct Mesh {
 // the topology that is not in the rig, a grid of the wrong size, or a non-finite position.
 Mesh build_mesh(const Rig& rig, const CameraSet& out_of_service = {});
 
-// Returns the outermost cameras in ascending order: the corners of the convex hull of all centres in their best-fit
-// plane, the ends of a line, or a single camera. If cameras coincide, the lowest index is used. Throws Error for a
-// non-finite position.
+// Returns the outermost cameras of an array, which may not leave the camera mesh because they define its border. They
+// are the corners of the convex hull of all camera positions, projected onto the best-fit plane.
+//
+// If all cameras are on one line, the result is the two cameras at its ends. If all have the same position, it is a
+// single camera. If cameras have the same position, only the lowest index is used. The result is in ascending order.
+// Throws Error if a position is not finite.
 CameraSet hull_cameras(const Rig& rig);
 
-// Returns those cameras of `lost` (ascending) that should leave the mesh, so that their neighbours close the gaps.
-// Corners of the hull (see hull_cameras()) stay in the mesh even without images, and other cameras take over their
-// weight. Otherwise, the border of the array would move to a viewer in the middle when half of the array is lost. With
-// fewer than three working cameras, all of `lost` is returned, because strips and points have no border.
+// Returns which of the cameras without images (`lost`, ascending) should leave the camera mesh, so that neighbouring
+// cameras close the gaps. Corners of the hull (see hull_cameras()) stay in the mesh even without images, and other
+// cameras take over their weight. Otherwise, the border of the array would move to a viewer in the middle when half of
+// the array is lost.
+//
+// With fewer than three working cameras, all of `lost` is returned, because strips and points have no border.
 CameraSet mesh_exclusions(const CameraSet& lost, const CameraSet& corners, size_t num_cameras);
 
-// Keeps the mesh of a rig for the latest out-of-service set, because these sets rarely change. Not thread-safe.
+// Keeps the camera mesh of a rig for the latest set of out-of-service cameras. The set rarely changes, so the mesh of
+// the previous picture can usually be used again. Not thread-safe.
 class MeshCache {
  public:
   const Mesh& get(const Rig& rig, const CameraSet& out_of_service);
@@ -71,20 +81,21 @@ class MeshCache {
   std::optional<Mesh> mesh_;
 };
 
-// Returns the faces of cameras that form no triangle: strips between neighbours along the best-fit line, starting at
-// the end with the lower index. If cameras are at the same position on the line (to a quantum), only the lowest index
-// is used. A single position makes a point; no cameras make no faces.
+// Returns the faces of cameras that form no triangle, for example a single row. Neighbours along the best-fit line form
+// strips, starting at the end with the lower index. If cameras have (almost) the same position on the line, only the
+// lowest index is used. A single position makes a point; no cameras make no faces.
 //
-// `in_service` is ascending. The extent of the strips is perpendicular to the line and to the mean forward axis of the
-// cameras. If both are parallel, the extent is as close as possible to the mean down axis.
+// `in_service` is ascending. The strips extend perpendicular to the line and to the mean forward axis of the cameras.
+// If both are parallel, they extend as closely as possible to the mean down axis.
 std::vector<MeshFace> make_strips(const Rig& rig, std::span<const CameraIndex> in_service,
                                   const CameraCentres& centres);
 
-// Checks whether a mesh suits the viewing directions of its cameras. A line of sight is blended between the cameras of
-// the face that it crosses. If these cameras look along the face instead of through it, the face stays black.
+// Checks whether a camera mesh suits the viewing directions of its cameras. A pixel is blended from the cameras of the
+// face that its line of sight crosses. If these cameras look along the face instead of through it, they do not see the
+// scene behind the face, and its pixels stay black.
 
-// Returns the share of triangles, 0 to 1, with cameras that look through the triangle. Slivers (very thin triangles)
-// are ignored. Returns 1 for a mesh without triangles, because strips and points suit every direction.
+// Returns the share of triangles, 0 to 1, with cameras that look through the triangle. Very thin triangles are ignored.
+// Returns 1 for a mesh without triangles, because strips and points suit every direction.
 double share_facing_cameras(const Rig& rig, const Mesh& mesh);
 
 // Replaces a Delaunay topology that does not suit the cameras, and returns notes about the change:
@@ -95,12 +106,13 @@ double share_facing_cameras(const Rig& rig, const Mesh& mesh);
 // Any other rig stays unchanged, with a note if at least half of its cameras do not look through its faces.
 std::vector<std::string> fit_topology(Rig& rig);
 
-// Tells that the cells of a grid are not side by side in space, for example because the cameras are in the wrong order.
+// Says how many cells of a grid are not side by side in space, which usually means that cameras are in the wrong order.
 struct GridFault {
   size_t folded = 0, triangles = 0;  // number of flat or reversed triangles, and of all triangles
   std::string text;
 };
-// Returns nullopt if the grid is good, if it has a single row or column, or for other topologies.
+// Checks the order of a grid's cameras. Returns nullopt if the grid is good or has a single row or column, and for
+// other topologies.
 std::optional<GridFault> find_grid_fault(const Rig& rig);
 
 }  // namespace lf

@@ -150,7 +150,7 @@ void rebase_paths(Rig& rig, const std::string& directory) {
 }
 
 Rig rig_subset(const Rig& rig, const std::vector<CameraIndex>& indices) {
-  if (indices.empty()) throw Error("a rig needs at least one camera");
+  if (indices.empty()) throw Error("a rig needs at least one camera, but the selection is empty");
   Rig sub;
   sub.directory = rig.directory;
   std::vector<bool> taken(rig.cameras.size());
@@ -425,7 +425,8 @@ Rig make_arc_rig(const ArcRigOptions& options) {
 
 Rig make_ring_rig(const RingRigOptions& options) {
   require_length("radius", options.radius);
-  if (options.cameras < 3) throw Error("ring: needs at least 3 cameras, but has " + std::to_string(options.cameras));
+  if (options.cameras < 3)
+    throw Error("ring: needs at least 3 cameras to form a circle, but has " + std::to_string(options.cameras));
   Rig rig = row_of(options.cameras, options.fov_y_deg, options.width, options.height, [&](int i) {
     const double angle = 2 * std::numbers::pi * i / options.cameras;
     Pose pose;
@@ -439,9 +440,9 @@ Rig make_ring_rig(const RingRigOptions& options) {
 Rig make_cylinder_rig(const CylinderRigOptions& options) {
   require_length("pitch", options.pitch);
   require_length("radius", options.radius);
-  if (options.rows < 2) throw Error("rows: a cylinder needs at least 2, but has " + std::to_string(options.rows));
+  if (options.rows < 2) throw Error("rows: a cylinder needs at least 2 rows, but has " + std::to_string(options.rows));
   if (options.columns < 3)
-    throw Error("columns: a cylinder needs at least 3, but has " + std::to_string(options.columns));
+    throw Error("columns: a cylinder needs at least 3 columns, but has " + std::to_string(options.columns));
   Rig rig =
       make_grid_rig({options.rows, options.columns, options.pitch, options.fov_y_deg, options.width, options.height});
   const double side = options.inward ? -1 : 1;

@@ -15,8 +15,8 @@
 
 namespace lf {
 
-// The index of a camera in the rig, which identifies the camera in this system and on the wire. (Camera::id is for
-// people.)
+// The index of a camera in the rig. It identifies the camera in this system and on the wire, whereas Camera::id is for
+// people.
 using CameraIndex = uint32_t;
 // Camera indices, ascending and without duplicates.
 using CameraSet = std::vector<CameraIndex>;
@@ -54,30 +54,37 @@ struct Rig {
   Topology topology;
   std::string directory;  // folder of the rig file, the base of relative paths; "" without a file
 
-  // Returns a 64-bit FNV-1a hash of everything that the blending weights depend on: sizes, lenses, poses and topology.
-  // Never 0. Colours are excluded, because each node corrects its own cameras and answers stay compatible.
+  // Returns a 64-bit hash (FNV-1a) of everything that the blending weights depend on: sizes, lenses, poses and
+  // topology. All nodes of a view compare this hash, to be sure that they use the same rig. The hash is never 0.
+  // Colours are excluded, because each node corrects its own cameras, so that nodes with other colours still work
+  // together.
   uint64_t hash() const;
   std::optional<CameraIndex> index_of_id(uint32_t id) const;
   bool has_colour() const;
-  // Returns the location that `path`, an `image` or `source`, refers to. Absolute paths and URIs stay unchanged.
+  // Returns where an `image` or `source` of the rig file is. `path` is relative to the folder of the rig file; absolute
+  // paths and URIs stay unchanged.
   std::string resolve(const std::string& path) const;
 };
 
-// True if `path` begins with a scheme of at least two characters and "://", or if it is a file:/, data: or testbin:
-// URI.
+// Returns true if `path` is a URI instead of a file name. It then begins with a scheme of at least two characters and
+// "://", or with file:/, data: or testbin:.
 bool is_uri(const std::string& path);
 
-// Changes relative image and source paths so that they start from `directory` ("": the current folder), the new
-// Rig::directory. Throws Error if a folder cannot be resolved, for example because its name is too long.
+// Makes relative image and source paths start from `directory` ("": the current folder), which becomes the new
+// Rig::directory. This is needed before a rig is saved in another folder. Throws Error if a folder cannot be resolved,
+// for example because its name is too long.
 void rebase_paths(Rig& rig, const std::string& directory);
 
-// Returns a rig with the given cameras in the given order; ids and names are kept. The result is a grid if `indices`
-// are complete rows x columns of a grid. Otherwise its topology is Delaunay.
+// Returns a rig of the selected cameras in the given order; ids and names are kept. The result is a grid if `indices`
+// are complete rows and columns of a grid. Otherwise the topology is Delaunay, because the triangles of the whole rig
+// need all cameras.
 Rig rig_subset(const Rig& rig, const std::vector<CameraIndex>& indices);
-// Keeps rows and columns 0, n, 2n, ... of a grid. Throws Error if the topology is not a grid or n < 1.
+// Returns a rig of every n-th row and column of a grid: 0, n, 2n, and so on. Throws Error if the topology is not a grid
+// or n is less than 1.
 Rig subsample_grid(const Rig& rig, int n);
-// Parses a list of camera ids, for example "0-3,7". Returns the indices of these cameras, ascending and without
-// duplicates; "" means all cameras. Throws Error with the part of the list that names no camera of the rig.
+// Parses a list of camera ids, for example "0-3,7", which selects the cameras 0, 1, 2, 3 and 7. Returns the indices of
+// these cameras, ascending and without duplicates; "" selects all cameras. Throws Error with the part of the list that
+// names no camera of the rig.
 std::vector<CameraIndex> parse_camera_list(const Rig& rig, const std::string& list);
 
 struct CameraRange {
@@ -90,7 +97,7 @@ struct CameraRange {
 class CameraRanges {
  public:
   CameraRanges() = default;
-  // `cameras` must be ascending, without duplicates.
+  // Creates a set from camera indices, which must be ascending and without duplicates.
   explicit CameraRanges(std::span<const CameraIndex> cameras);
 
   // Appends a range. Returns false and changes nothing if the range is reversed, or does not start at least two indices
@@ -112,16 +119,16 @@ class CameraRanges {
   std::vector<CameraRange> ranges_;
 };
 
-// Returns the minimum and maximum coordinates of the camera positions, in metres. The rig must have at least one
-// camera.
+// Returns the corners of the smallest box around the camera positions, along the world axes, in metres. The rig must
+// have at least one camera.
 std::pair<Vec3, Vec3> bounding_box(const Rig& rig);
 // Returns the axis (0 to 2) along which the camera positions spread most.
 int widest_axis(const Rig& rig);
 
-// Distances between cameras in metres; 0 for fewer than two cameras. Both functions are much faster than comparing all
+// Distances between cameras in metres; the result is 0 for fewer than two cameras. The functions avoid comparing all
 // pairs, because rigs can have 65,535 cameras.
 
-// Returns the largest distance between two cameras, with a relative error of at most 1e-9.
+// Returns the distance between the two cameras that are farthest apart, with a relative error of at most 1e-9.
 double largest_distance(const Rig& rig);
 // Returns the mean over all cameras of the distance to the nearest other camera.
 double mean_nearest_distance(const Rig& rig);
@@ -137,7 +144,8 @@ struct GridRigOptions {
   int width = 640, height = 480;  // pixels
 };
 
-// Throws Error, for example "pitch: must be positive", like the functions for other shapes below.
+// Creates a nominal rig. Throws Error if an option is out of range, for example "pitch: must be positive". The same
+// applies to the functions for other shapes below.
 Rig make_grid_rig(const GridRigOptions& options);
 
 // Cameras at the same height on an arc of a circle, looking at the centre of the circle. Camera 0 is the leftmost. The

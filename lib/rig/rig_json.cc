@@ -85,7 +85,7 @@ Topology parse_topology(const JsonValue& value, size_t num_cameras) {
       for (int i = 0; i < 3; i++)
         corners[i] = static_cast<CameraIndex>(values[i].integer(0, static_cast<int64_t>(num_cameras) - 1));
       if (corners[0] == corners[1] || corners[1] == corners[2] || corners[2] == corners[0])
-        triangle.fail("must be three different cameras");
+        triangle.fail("must be three different cameras, because they are the corners of a triangle");
       topology.triangles.push_back(corners);
     }
   } else if (type == "delaunay") {

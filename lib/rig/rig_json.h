@@ -15,16 +15,17 @@ namespace lf {
 // Reads and writes rig.json ("format": "lightfield-rig", "version": 1; see docs/reference/files.md). Every error
 // contains the file and the place in the file, for example "FILE: cameras[3].params[0]: must be a finite number".
 
-// Sets Rig::directory to the folder of the file. Throws Error.
+// Reads a rig file. Rig::directory becomes the folder of the file, because paths in the file start from there. Throws
+// Error.
 Rig load_rig(const std::string& path);
-// `name` is the file name in messages, and `directory` becomes Rig::directory.
+// Parses the text of a rig file. `name` is the file name in error messages, and `directory` becomes Rig::directory.
 Rig parse_rig(const std::string& text, const std::string& name, const std::string& directory = "");
 
-// Writes the rig. `original` may be a parsed rig file. Keys of that file that this version does not know are preserved:
-// keys at the top level, and keys of cameras with the same id. Throws Error if a name or a location is not UTF-8, or if
-// the file cannot be written.
+// Writes a rig file. `original` is the parsed file that the rig was read from, so that keys which this version does not
+// know are preserved. These are keys at the top level and keys of cameras with the same id. Throws Error if a name or a
+// location is not UTF-8, or if the file cannot be written.
 void save_rig(const Rig& rig, const std::string& path, const nlohmann::json* original = nullptr);
-// Calls save_rig() with the current content of the rig file `original_path` as the original.
+// Writes a rig file like save_rig(), and preserves the unknown keys of the rig file `original_path`.
 void save_rig_like(const std::string& original_path, const Rig& rig, const std::string& path);
 std::string rig_to_json(const Rig& rig, const nlohmann::json* original = nullptr);
 

@@ -62,7 +62,8 @@ struct CameraCentres {
   // that rounding noise of doubles would look like structure: a few times their spacing there.
   double quantum = 0x1p-23;
 };
-// `positions` in metres. Throws Error ("cameras[i].position: ...") if a position is not finite.
+// Quantises camera positions, which are in metres. Throws Error ("cameras[i].position: ...") if a position is not
+// finite.
 CameraCentres normalised_centres(std::span<const Vec3> positions);
 
 struct PlaneAxes {

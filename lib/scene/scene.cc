@@ -198,9 +198,11 @@ Image render_scene(const SceneCamera& camera, double time, int samples, bool eve
 
 Rig scene_rig(int rows, int columns, int width, int height) {
   if (rows < 1 || columns < 1 || static_cast<int64_t>(rows) * columns > kMaxCameras)
-    throw Error("an array of " + std::to_string(rows) + "x" + std::to_string(columns) + " cameras can't be made");
+    throw Error("an array of " + std::to_string(rows) + "x" + std::to_string(columns) +
+                " cameras can't be made; choose fewer, but at least 1x1");
   if (width < 1 || height < 1 || width > kMaxImageSize || height > kMaxImageSize)
-    throw Error("cameras of " + std::to_string(width) + "x" + std::to_string(height) + " pixels can't be made");
+    throw Error("cameras of " + std::to_string(width) + "x" + std::to_string(height) +
+                " pixels can't be made; choose a width and a height from 1 to 16384");
   Rig rig;
   rig.topology.type = Topology::Type::kGrid;
   rig.topology.rows = rows;

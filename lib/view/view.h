@@ -13,7 +13,8 @@
 
 namespace lf {
 
-// How the cameras of each pixel and their weights are selected. See render/camera_weights.h.
+// Says how the colour of a pixel is blended from the cameras: the cameras that contribute, and their weights. See
+// render/camera_weights.h.
 struct Blending {
   enum class Kind {
     kMesh = 0,      // the three corners of the camera triangle that the line of sight crosses
@@ -43,10 +44,11 @@ struct View {
   bool operator==(const View&) const = default;
 };
 
-// Throws Error if a number is not finite or out of range, or if a quaternion or a plane normal is not of unit length
-// (kUnitTolerance). The text starts with the member: "width: ...", "focal_plane: ...".
+// Checks a view that comes from a user or from the network. Throws Error if a number is not finite or out of range, or
+// if a quaternion or a plane normal is not of unit length (kUnitTolerance). The text starts with the member: "width:
+// ...", "focal_plane: ...".
 void validate(const View& view);
-// Throws Error ("NAME: ...") unless `pixels` is within 1 to kMaxImageSize.
+// Checks the width or height of a picture. Throws Error ("NAME: ...") unless `pixels` is within 1 to kMaxImageSize.
 void validate_size(const char* name, int pixels);
 
 // Returns the same view from an eye `metres` to the right (negative: to the left), as for one eye of a stereo pair. The
@@ -59,7 +61,7 @@ Plane focal_plane_at(const Pose& view_pose, double distance);
 // angle; with neither, the result is mesh blending.
 Blending make_blending(double aperture, int nearest);
 
-// Throws Error ("blending: ...") if a value is out of range or does not belong to the kind.
+// Checks that the values belong to the kind of blending and are in range. Throws Error ("blending: ...") otherwise.
 void validate(const Blending& blending);
 
 // How the pictures of several views are combined into one picture, for 3D displays. The eyes of these views form a row,
@@ -82,7 +84,8 @@ struct ViewSetPosition {
   bool operator==(const ViewSetPosition&) const = default;
 
   int count() const { return columns * rows; }
-  // True for the view next to the middle. It is requested first and determines the focal surface of the whole set.
+  // Returns true for the reference view, which is next to the middle of the set. This view is requested first and
+  // determines the focal surface (the depths in focus) of the whole set.
   bool leads() const { return index == reference_index(); }
   int reference_index() const { return (count() - 1) / 2; }
   int turn() const { return leads() ? 0 : index < reference_index() ? index + 1 : index; }
@@ -91,9 +94,10 @@ struct ViewSetPosition {
   int row() const;
 };
 
-// Throws Error ("set: ...") if the layout is unknown or does not match columns and rows, if there are more than
-// kMaxViews views, or if the index is out of range. Several views also need an even width and height, because their
-// chroma samples could not be combined otherwise, and the combined picture must not be too large.
+// Checks the position of a view in a set. Throws Error ("set: ...") if the layout is unknown or does not match columns
+// and rows, if there are more than kMaxViews views, or if the index is out of range. Several views also need an even
+// width and height, because their chroma samples could not be combined otherwise. The combined picture must not be
+// larger than kMaxImageSize a side.
 void validate(const ViewSetPosition& place, int width, int height);
 
 // A row of views around a middle view, all with parallel axes.
@@ -134,8 +138,8 @@ struct LenticularDisplay {
   // below the centre of the display.
   double place(double x, double y) const;
 };
-// Throws Error ("lenses: ...") if the lens width is not positive and finite, or if the slant or the centre is out of
-// range.
+// Checks the geometry of a display. Throws Error ("lenses: ...") if the lens width is not positive and finite, or if
+// the slant or the centre is out of range.
 void validate(const LenticularDisplay& display);
 
 // Several views in one picture, from left to right in rows from the bottom up (ViewSetLayout::kQuilt).

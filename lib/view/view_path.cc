@@ -67,7 +67,8 @@ NamedView parse_view(const JsonValue& value, size_t index) {
   view.name = default_name(index);
   if (const auto name = value.find("name")) {
     view.name = name->name();
-    if (view.name.empty() || view.name.find('/') != std::string::npos) name->fail("must be usable as a file name");
+    if (view.name.empty() || view.name.find('/') != std::string::npos)
+      name->fail("must be usable as a file name: not empty, and without \"/\"");
   }
   if (const auto time = value.find("time")) {
     view.time = time->number();
@@ -100,7 +101,7 @@ std::vector<NamedView> parse_views(const std::string& text, const std::string& n
     if (!is_new) value.fail("name \"" + view.name + "\" is also in views[" + std::to_string(same->second) + "]");
     views.push_back(std::move(view));
   }
-  if (views.empty()) file.at("views").fail("no views");
+  if (views.empty()) file.at("views").fail("no views, but the file needs at least one");
   return views;
 }
 

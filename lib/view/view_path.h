@@ -40,13 +40,14 @@ class ViewPlayback {
     uint64_t time, duration, target_time;
   };
 
-  // Requires at least one view and non-decreasing times within 0 to 1e9 s, as load_views() guarantees.
+  // Prepares the views of a file for playback. Requires at least one view and non-decreasing times within 0 to 1e9 s,
+  // as load_views() guarantees.
   ViewPlayback(std::vector<NamedView> views, const Schedule& schedule, bool loop);
 
   // Returns the n-th view, or nothing after the end.
   std::optional<Item> item(uint64_t n) const;
   bool has_times() const { return has_times_; }
-  // Changes the frame rate of a list, and with it the times of all its views.
+  // Changes the frame rate of a list, and so the times of all its views.
   void set_schedule(const Schedule& schedule) { schedule_ = schedule; }
   uint64_t duration() const;                       // nanoseconds of one pass through the file
   uint64_t first_at(uint64_t running_time) const;  // smallest n of the first pass with item(n).time >= running_time
@@ -57,8 +58,8 @@ class ViewPlayback {
   bool loop_, has_times_;
 };
 
-// A request that is due: its timestamp (running time), duration and capture time, in nanoseconds. `view` is null unless
-// the view comes from a file.
+// A request that is due for sending: its timestamp (running time), duration and capture time, in nanoseconds. `view` is
+// null unless the view comes from a file.
 struct RequestSlot {
   uint64_t pts, duration;
   uint64_t target_time;
@@ -90,8 +91,8 @@ class RequestSchedule {
   // begun, because the timestamps of a list are computed from the view numbers.
   bool set_rate(const Schedule& schedule);
   void advance(const RequestSlot& slot);
-  // turn() is the number of the next slot. pass(turn) skips this slot without a request, unless the schedule has moved
-  // on already.
+  // turn() returns the number of the next slot. pass(turn) skips this slot without a request, unless the schedule has
+  // moved on already.
   uint64_t turn() const { return index_; }
   void pass(uint64_t turn) { index_ += index_ == turn; }
 
@@ -111,8 +112,8 @@ class RequestSchedule {
 // thread-safe.
 class ViewPath {
  public:
-  // Requires at least one key, strictly increasing times, and the same size and lens model for all keys. Otherwise
-  // throws Error with the name of the key.
+  // Prepares the curve through the keys. Requires at least one key, strictly increasing times, and the same size and
+  // lens model for all keys. Otherwise throws Error with the name of the key.
   explicit ViewPath(std::vector<NamedView> keys);
 
   double begin() const { return keys_.front().time; }  // seconds
@@ -141,10 +142,10 @@ struct TourOptions {
   double room = 0;     // width of the row of eyes that will follow the path, in metres, for view sets
 };
 
-// Returns copies of the view that are focused on `planes` planes, from the nearest to the farthest. The inverse
-// distances of the planes are uniform, so the shift of out-of-focus objects changes by equal steps. The views are named
-// "view_000000", ... and have time 0. A single plane is at the nearest distance. Throws Error if the range is invalid
-// or planes < 1.
+// Returns a focus sweep: copies of the view that are focused on `planes` planes, from the nearest to the farthest. The
+// inverse distances of the planes are uniform, so that the blur of other objects changes by equal steps. The views are
+// named "view_000000" and so on, and have time 0. A single plane is at the nearest distance. Throws Error if the range
+// is invalid or planes < 1.
 std::vector<NamedView> make_focus_sweep(const View& view, const FocusRange& range, int planes);
 
 // Returns a closed path that demonstrates an array. It moves from the middle to both sides, forward and back, as far as

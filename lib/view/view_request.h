@@ -50,8 +50,9 @@ struct RequestHeader {
   bool operator==(const RequestHeader&) const = default;
 };
 
-// Exposure compensation for requests with a focal map: each camera compares its own luma with the mean of all cameras,
-// and divides its images by the resulting gain.
+// Exposure compensation, which makes the brightness of all cameras equal. Each camera compares its own luma with the
+// mean of all cameras, and divides its images by the resulting gain. Only for requests with a focal map (a depth for
+// each part of the view).
 struct GainRequest {
   bool use = false;  // cameras divide their images by the gains that they know
   bool ask = false;  // cameras measure their luma for the next mean and send it with the answer; see WideLuma
@@ -62,7 +63,7 @@ struct GainRequest {
   bool operator==(const GainRequest&) const = default;
 };
 
-// The complete state of one view. Nodes can answer a request without knowing earlier requests.
+// The complete state of one view: everything that nodes need to answer a request without knowing earlier requests.
 struct ViewRequest : RequestHeader {
   View view;
   ViewSetPosition place;  // position in a set of views; all views of a set show the same time
@@ -85,7 +86,8 @@ inline View displayed_view(const ViewRequest& request) {
   return view;
 }
 
-// Remembers for each view which cameras its compositor has reported as out of service. Thread-safe.
+// Remembers for each view which cameras its compositor has reported as out of service, because other requests of the
+// view must exclude them as well. Thread-safe.
 class OutOfServiceRegistry {
  public:
   void announce(uint32_t view_id, CameraSet cameras);
@@ -103,8 +105,8 @@ class OutOfServiceRegistry {
 class ExtraRequests {
  public:
   void ask(std::vector<ViewRequest> requests);
-  // Removes the pending requests and returns them, adapted to `request`: with its view id, time and quality, and with
-  // the out-of-service cameras of all these requests. Sequence numbers start at `next_number`, which is advanced.
+  // Removes the pending requests and returns them, adapted to `request`. They get its view id, time and quality, and
+  // the out-of-service cameras of all these requests. Their sequence numbers start at `next_number`, which is advanced.
   // Requests for other rigs are dropped.
   std::vector<ViewRequest> take_for(const ViewRequest& request, uint32_t& next_number);
   void clear() { ask({}); }

@@ -162,7 +162,7 @@ auto in_fragment(size_t index, F f) {
 // of parts.
 class AnswerParts {
  public:
-  // Returns false and ignores the part if it repeats fragments or contradicts earlier parts.
+  // Records an arrived part. Returns false and ignores the part if it repeats fragments or contradicts earlier parts.
   bool add(const AnswerPart& part);
   bool complete() const { return any_ && received_ == total_; }
   void clear() { *this = {}; }

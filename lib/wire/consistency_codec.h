@@ -44,8 +44,9 @@ struct ConsistencyUnit : ConsistencyHeader {
 };
 
 bool is_consistency(std::span<const uint8_t> bytes);
-// Throws Error if there is no hypothesis, if there are more than kMaxHypotheses, or if their sizes differ. `small`
-// compresses the sums of a single camera to a sixth of the bytes, which takes more time.
+// Encodes the sums of all hypotheses of a request. `small` compresses the sums of a single camera to a sixth of the
+// bytes, but takes more time. Throws Error if there is no hypothesis, if there are more than kMaxHypotheses, or if
+// their sizes differ.
 ByteBuffer encode_consistency(const ConsistencyHeader& header, std::span<const PhotoConsistency> trials,
                               bool small = false);
 // Parses the start of a photo-consistency unit, and sets *shape unless it is null. On failure, returns nullopt and sets

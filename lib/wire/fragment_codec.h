@@ -82,7 +82,8 @@ class FragmentEncoder {
   jpeg::FragmentEncoder jpeg_;
 };
 
-// Does the same as FragmentEncoder::encode(), with bit-identical result, in several threads with one encoder each.
+// Encodes an answer like FragmentEncoder::encode(), but in several threads with one encoder each. The result is
+// bit-identical.
 ByteBuffer encode_fragments(const AnswerHeader& header, std::span<const AnswerFragment> fragments, int quality,
                             ByteBuffer memory, const ParallelFor& parallel);
 

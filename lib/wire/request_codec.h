@@ -17,7 +17,8 @@ namespace lf::wire {
 inline constexpr uint16_t kAbsoluteTime = 1, kProbe = 2, kWarmup = 4, kInSet = 8;  // unit flags
 inline constexpr size_t kRequestHeadBytes = kUnitHeaderBytes + 29;                 // ends with the quality
 
-// Throws Error with the invalid field. Does not check the size of the view.
+// Checks the fields that all request types share. Throws Error with the invalid field. Does not check the size of the
+// view.
 void check_request_head(const RequestHeader& head);
 
 // Writes the unit header and the fields that all request types share. `more_flags` are further flags of this type.
@@ -31,7 +32,7 @@ std::pair<int, int> get_request_head(Reader& in, uint16_t flags, RequestHeader& 
 Reader read_request_head(std::span<const uint8_t> bytes, uint8_t type, RequestHeader& head, int& width, int& height,
                          uint16_t* more_flags = nullptr);
 
-// Throws Error if the request ended before `field`.
+// Checks that a parser has not read past the end of the request. Throws Error if the request ended before `field`.
 void check_remaining(const Reader& in, const char* field);
 
 void put_vec(Writer& out, const Vec3& v);
@@ -44,8 +45,9 @@ Lens read_lens(Reader& in, uint8_t model_code);
 // The functions below convert view requests to and from units of type application/x-lightfield-request; see spec.md.
 // They check all lengths and values before use.
 
-// Throws Error with the invalid field if decode_request() would reject the result. Focal maps are compressed unless the
-// quality is 0. Quality 0 is useful if time costs more than bytes, for example within one process.
+// Encodes a view request. Focal maps are compressed unless the quality is 0, which is useful if time costs more than
+// bytes, for example within one process. Throws Error with the invalid field if decode_request() would reject the
+// result.
 std::vector<uint8_t> encode_request(const ViewRequest& request);
 // Returns nullopt unless `bytes` is exactly one valid request. `reason`, unless null, then receives a text that names
 // the invalid field.

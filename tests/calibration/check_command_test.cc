@@ -1,5 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
+#include <arpa/inet.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <chrono>
 #include <filesystem>
+#include <string>
+#include <thread>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -131,6 +138,46 @@ TEST_F(CheckCommand, WhereNothingCanBeToldItSaysWhatToDo) {
   EXPECT_EQ(check("").status, 2) << "nothing is asked";
 }
 
+// Answers every request on a port of this machine with one byte a second.
+class SlowServer {
+ public:
+  SlowServer() {
+    sockaddr_in address{.sin_family = AF_INET, .sin_port = 0, .sin_addr = {htonl(INADDR_LOOPBACK)}, .sin_zero = {}};
+    socklen_t size = sizeof address;
+    EXPECT_EQ(bind(listener_, reinterpret_cast<sockaddr*>(&address), size), 0);
+    EXPECT_EQ(listen(listener_, 1), 0);
+    EXPECT_EQ(getsockname(listener_, reinterpret_cast<sockaddr*>(&address), &size), 0);
+    port_ = ntohs(address.sin_port);
+    thread_ = std::jthread([this] {
+      const int client = accept(listener_, nullptr, nullptr);
+      std::string part = "HTTP/1.1 200 OK\r\nContent-Type: application/json\r\n\r\n";
+      while (send(client, part.data(), part.size(), MSG_NOSIGNAL) > 0) {
+        part = " ";
+        std::this_thread::sleep_for(std::chrono::seconds(1));
+      }
+      close(client);
+    });
+  }
+  ~SlowServer() {
+    shutdown(listener_, SHUT_RDWR);
+    thread_ = {};
+    close(listener_);
+  }
+  std::string address() const { return "http://127.0.0.1:" + std::to_string(port_); }
+
+ private:
+  const int listener_ = socket(AF_INET, SOCK_STREAM, 0);
+  int port_ = 0;
+  std::jthread thread_;
+};
+
+TEST_F(CheckCommand, DoesNotWaitForEverForASlowServer) {
+  const SlowServer server;
+  const Outcome outcome = check("--monitor " + server.address());
+  EXPECT_EQ(outcome.status, 2);
+  EXPECT_THAT(outcome.output, AllOf(HasSubstr(server.address()), HasSubstr("takes longer than 20 s")));
+}
+
 class ReportCommand : public testing::Test {
  protected:
   Outcome run(const std::string& arguments) { return run_program("lf-calibrate", arguments, dir_.path()); }
@@ -197,8 +244,7 @@ TEST_F(ReportCommand, WhatIsNoReportIsRefused) {
   const struct {
     const char *arguments, *said;
   } cases[] = {
-      {"tracks.json",
-       "tracks.json: is not a report of lf-calibrate"},
+      {"tracks.json", "tracks.json: is not a report of lf-calibrate"},
       {"damaged.json", "damaged.json: the report is damaged or comes from another version"},
       {"text.json", "text.json"},
       {"nowhere.json", "nowhere.json"},

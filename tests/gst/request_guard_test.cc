@@ -65,7 +65,7 @@ TEST_F(LimitsTest, WhatIsWrongIsNamedAndIgnored) {
   EXPECT_THAT(problems_, ElementsAre("max-pixels: must be a whole number of 1 to 268435456, not many",
                                      "max-views: must be a whole number of 1 to 65536, not true",
                                      "max-trials: must be a whole number of 0 to 16, not [ 1, 3 ]",
-                                     "max-cameras: there is no such limit"));
+                                     testing::StartsWith("max-cameras: there is no such limit")));
 }
 
 TEST_F(LimitsTest, TheirStructureHasAllOfThem) {

@@ -72,17 +72,22 @@ void add_doctor_command(cli::App& app, int& status) {
                                          "Opens all cameras at the same time, and reports frame rates, problems and "
                                          "their remedies. The exit status is 1 if there is an error");
   command->add_option("RIG", o->rig, "Rig file with the sources of the cameras")->required();
-  command->add_option("--seconds", o->exam.seconds, "Observation time, in seconds, after all cameras deliver frames")
+  command
+      ->add_option("--seconds", o->exam.seconds,
+                   "Observation time, in seconds, counted from the moment when all "
+                   "cameras deliver frames. A longer observation finds rarer problems")
       ->capture_default_str()
       ->check(cli::Range(1.0, 600.0));
   command
       ->add_option("--patience", o->exam.timeout,
-                   "Maximum time until the first frame of each camera, in seconds. A slower camera counts as broken")
+                   "Maximum time until the first frame of each camera, in seconds. A camera that needs more time "
+                   "counts as broken. Increase it for slow network cameras")
       ->capture_default_str()
       ->check(cli::Range(1.0, 120.0));
   command
       ->add_option("--fps", o->exam.fps,
-                   "Frames per second to request from V4L2 and other devices (default: the device decides)")
+                   "Frame rate to request from V4L2 and other devices, in frames per second. Set this to test a rate "
+                   "before it is written into the rig (default: the device decides)")
       ->check(cli::Range(1, 1000));
   command->add_flag("--json", o->json, "Print the report as JSON, for scripts");
   cli::add_trust_option(*command, o->exam.trusted);
@@ -215,7 +220,8 @@ void add_identify_command(cli::App& app) {
       ->required();
   command
       ->add_option("--port", o->port,
-                   "TCP port of the page, which is accessible on this machine only (0: the system selects a free port)")
+                   "TCP port of the page, which only programs on this machine can open (0: the system selects a free "
+                   "port)")
       ->capture_default_str()
       ->check(cli::Range(0, 65535));
   cli::add_trust_option(*command, o->trusted);
@@ -297,11 +303,18 @@ void add_lock_command(cli::App& app, int& status) {
                    "Mains frequency of the lamps, in hertz. Exposures are rounded to whole periods of the light, which "
                    "avoids flicker")
       ->check(cli::IsMember({50, 60}));
-  command->add_option("--settle", o->lock.settle, "Time for the automatic controls to adjust, in seconds")
+  command
+      ->add_option("--settle", o->lock.settle,
+                   "Time that the automatic controls get to adjust to the light, in "
+                   "seconds. Increase it if the exposure still changes after this time")
       ->capture_default_str()
       ->check(cli::Range(0.1, 120.0));
-  command->add_flag("--no-check", o->no_check, "Do not check that the controls have an effect");
-  command->add_option("--out", o->out, "Rig file that receives the values (default: RIG)");
+  command->add_flag("--no-check", o->no_check,
+                    "Skip the check that the controls have an effect. The check reopens all "
+                    "cameras several times, so this option saves time");
+  command->add_option("--out", o->out,
+                      "Rig file that receives the fixed values, as controls of each camera (default: "
+                      "RIG)");
   cli::add_trust_option(*command, o->lock.trusted);
   command->callback([o, &status] { status = lock_cameras(*o); });
 }
@@ -348,8 +361,13 @@ void add_record_command(cli::App& app, int& status) {
                                          "Records all cameras on one common clock, as input of lf-calibrate. The exit "
                                          "status is 1 if the recording of a camera is missing");
   command->add_option("RIG", o->rig, "Rig file with the sources of the cameras")->required();
-  command->add_option("--out", o->out, "Folder that receives the film NAME.mkv of each camera")->required();
-  command->add_option("--cameras", o->cameras, "Ids of the cameras to open, for example 0-3,7 (default: all cameras)");
+  command
+      ->add_option("--out", o->out,
+                   "Folder that receives the film NAME.mkv of each camera. Existing films of these "
+                   "cameras are replaced")
+      ->required();
+  command->add_option("--cameras", o->cameras,
+                      "Ids of the cameras to open, as numbers and ranges, for example 0-3,7 (default: all cameras)");
   command
       ->add_option("--seconds", o->recording.seconds,
                    "Length of the recording, in seconds. Ctrl-C ends the recording early and keeps the films")
@@ -432,11 +450,17 @@ void add_snapshot_command(cli::App& app, int& status) {
                                          "Saves one image of each camera, all taken at the same time, and a rig file "
                                          "for these images. The exit status is 1 if an image is missing");
   command->add_option("RIG", o->rig, "Rig file with the sources of the cameras")->required();
-  command->add_option("--out", o->out, "Folder that receives a PNG file for each camera, and rig.json")->required();
-  command->add_option("--cameras", o->cameras, "Ids of the cameras to open, for example 0-3,7 (default: all cameras)");
+  command
+      ->add_option("--out", o->out,
+                   "Folder that receives a PNG file for each camera, and a rig.json that names "
+                   "these files")
+      ->required();
+  command->add_option("--cameras", o->cameras,
+                      "Ids of the cameras to open, as numbers and ranges, for example 0-3,7 (default: all cameras)");
   command
       ->add_option("--warm-up", o->snapshot.warm_up,
-                   "Time that the cameras run before the snapshot, in seconds, so that automatic controls can adjust")
+                   "Time that the cameras run before the snapshot, in seconds, so that automatic exposure and white "
+                   "balance can adjust")
       ->capture_default_str()
       ->check(cli::Range(0.0, 600.0));
   cli::add_trust_option(*command, o->snapshot.trusted);

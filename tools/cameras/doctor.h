@@ -58,8 +58,8 @@ struct DoctorOptions {
   std::function<void(double)> on_progress = {};  // 0 to 1; called on the caller's thread
 };
 
-// Opens all cameras of the rig at the same time and observes them, so that overloaded links show. `path` is the file of
-// the rig. Throws Error if a GStreamer element is not installed.
+// Opens and observes all cameras of the rig at the same time. Overloaded USB buses and networks show only if all
+// cameras run together. `path` is the file of the rig. Throws Error if a GStreamer element is not installed.
 DoctorReport run_doctor(std::shared_ptr<const Rig> rig, const std::string& path, const DoctorOptions& options);
 
 // Estimates the load of each USB or network link without opening cameras. The estimate uses the image size, the frame
@@ -69,11 +69,11 @@ std::vector<LinkLoad> measured_loads(const Rig& rig, const std::vector<CameraRep
 
 std::vector<DoctorFinding> find_problems(const Rig& rig, const DoctorReport& exam);
 
-// Returns advice for `problem`, an error text of lfcamsrc. The advice depends on whether the camera's source is a file
-// or a device.
+// Returns advice for the user about `problem`, an error text of lfcamsrc. The advice depends on whether the camera's
+// source is a file or a device.
 std::string remedy_for(const Camera& camera, const std::string& problem);
 
-// Returns a table with one line per link. `when` is "as planned" or "measured".
+// Returns the loads of the links as a table with one line per link. `when` is "as planned" or "measured".
 std::string link_table(const std::vector<LinkLoad>& loads, const char* when);
 // Returns the report as text, without the planned loads. In a large array, all healthy cameras share one line.
 std::string text_report(const Rig& rig, const DoctorReport& exam);

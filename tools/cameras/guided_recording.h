@@ -17,9 +17,9 @@
 
 namespace lf::cameras {
 
-// Tracks the lights that a person moves in front of the cameras during a recording, to tell this person which image
-// regions are still missing. One thread of low priority examines a few downscaled frames per second of each camera, so
-// that the recording loses no frames.
+// Tells a person who moves lights in front of the cameras which image regions are still missing. For this purpose it
+// tracks the lights during the recording. One thread of low priority examines a few downscaled frames per second of
+// each camera, so that the recording loses no frames.
 class LightTracker {
  public:
   LightTracker(const Rig& rig, int lights);
@@ -60,8 +60,9 @@ struct RecordingGuide {
   std::optional<int> page;
 };
 
-// Calls record_cameras() and shows the progress on the terminal. The recording stops and keeps its result when `going`
-// returns false. Throws Error as record_cameras() does, and also if the port of the page is in use.
+// Records like record_cameras(), shows the progress on the terminal, and prompts the person. The recording stops and
+// keeps its result when `going` returns false. Throws Error as record_cameras() does, and also if the port of the page
+// is in use.
 std::vector<RecordedCamera> record_guided(std::shared_ptr<const Rig> rig, const std::string& path,
                                           const std::string& folder, RecordingOptions options,
                                           const RecordingGuide& guide, const std::function<bool()>& going);

@@ -24,7 +24,7 @@ struct LockOptions {
   std::optional<double> mains;
 };
 
-// Error of a camera that does not work. The message comes from lfcamsrc.
+// Thrown if a camera does not work. The message comes from lfcamsrc.
 struct CameraFailure : Error {
   using Error::Error;
 };
@@ -33,7 +33,8 @@ struct CameraFailure : Error {
 // balance and focus. Throws CameraFailure if the camera does not work, and Error if it reports no values.
 ControlValues choose_controls(const Rig& rig, const LockOptions& options);
 
-// Rounds an exposure (seconds) to whole half periods of the mains frequency. Shorter exposures stay unchanged.
+// Rounds an exposure (seconds) to whole half periods of the mains frequency, so that lamps do not flicker in the
+// images. Exposures shorter than half a period stay unchanged.
 double flicker_free_exposure(double exposure, double mains);
 
 struct StuckControl {

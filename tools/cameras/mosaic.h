@@ -17,8 +17,9 @@
 
 namespace lf::cameras {
 
-// Combines live thumbnails of all cameras into one picture, arranged like the array, and detects a hand that is waved
-// in front of a camera. Thumbnails cost CPU time only while clients request the mosaic. Thread-safe.
+// Shows all cameras in one live picture, arranged like the array, and detects a hand that is waved in front of a
+// camera. Each camera is a small tile of the picture. Tiles cost CPU time only while clients request the picture.
+// Thread-safe.
 class Mosaic {
  public:
   explicit Mosaic(const Rig& rig);

@@ -139,8 +139,8 @@ std::vector<RecordedCamera> record_cameras(std::shared_ptr<const Rig> rig, const
     films[index].finish(recorded);
     if (by_arrival[index])
       recorded.note =
-          "capture times are arrival times, because no RTCP sender report came: time offsets include network "
-          "delays";
+          "capture times are arrival times, because no RTCP sender report came: time offsets include network delays. "
+          "Enable these reports in the camera";
     if (recorded.problem.empty()) recorded.problem = cameras.problem(index);
     if (recorded.problem.empty() && recorded.frames == 0) recorded.problem = "the camera delivered no frame";
   }

@@ -101,7 +101,7 @@ Image rgb_of(GstBuffer* buffer, GstCaps* caps) {
   gst_video_frame_unmap(&out);
   gst_video_frame_unmap(&in);
   gst_buffer_unref(converted);
-  if (!converter) throw Error("a frame has a format that cannot be converted");
+  if (!converter) throw Error("a frame has a format that cannot be converted to RGB");
   return image;
 }
 

@@ -30,7 +30,7 @@ std::vector<uint8_t> bytes_of(GstSample* sample);
 
 double brightness_of(const Image& rgb);
 
-// A frame of a camera, passed on the delivering thread.
+// A frame of a camera, as it is passed to the program on the delivering thread.
 struct CameraFrame {
   CameraIndex camera = 0;
   GstSample* sample = nullptr;  // borrowed; RGB in any channel order, I420 or JPEG, in the image size of the rig
@@ -38,8 +38,8 @@ struct CameraFrame {
   double came = 0;              // arrival time on the same clock, seconds
 };
 
-// Runs the cameras of a rig, each through its own lfcamsrc, on one common clock. A camera that fails is reopened and
-// disturbs no other camera.
+// Opens and runs the cameras of a rig together, each through its own lfcamsrc, on one common clock. A camera that fails
+// is reopened and does not disturb other cameras.
 class RigCameras {
  public:
   struct Options {
@@ -56,8 +56,8 @@ class RigCameras {
   RigCameras(const RigCameras&) = delete;
 
   void start();
-  // Waits this many seconds, or until `done` returns true. Errors of cameras are collected only during a wait. All
-  // waits must be on the same thread.
+  // Waits this many seconds, or until `done` returns true. Errors of cameras are collected only during a wait, so wait
+  // while the cameras run. All waits must be on the same thread.
   void wait(double seconds, const std::function<bool()>& done = {});
   // Stops the cameras. After stop() has returned, no frame is delivered any more.
   void stop();
@@ -87,8 +87,8 @@ class RigCameras {
 
 std::string name_of(const Camera& camera);
 
-// A temporary copy of a rig file, because lfcamsrc opens cameras through a file. Relative paths are adapted to the new
-// location. The destructor deletes the file.
+// A temporary copy of a rig file. It is needed because lfcamsrc opens cameras through a file. Relative paths are
+// adapted to the new location. The destructor deletes the file.
 class TemporaryRig {
  public:
   // `original` is the JSON of the rig file with all fields, such as controls (rig/rig_json.h); `path` is the file. The

@@ -56,9 +56,9 @@ std::set<std::string> proxy_addresses(const std::string& proxy);
 
 bool is_local_address(const std::string& address);
 
-// Returns the subscriber of an address, because limits apply per subscriber. For IPv4 (also IPv4-mapped IPv6), this is
-// the address. For IPv6, it is the /64 network, such as "2001:db8:1:2::/64", because one customer usually owns all of
-// its addresses. Returns an empty text for invalid addresses.
+// Returns the subscriber that an address belongs to, because limits apply per subscriber. For IPv4 (also IPv4-mapped
+// IPv6), the subscriber is the address. For IPv6, it is the /64 network, such as "2001:db8:1:2::/64", because one
+// customer usually owns all of its addresses. Returns an empty text for invalid addresses.
 std::string subscriber(const std::string& address);
 
 // Returns the client address of a request from `peer`. If `peer` is a trusted proxy, this is the last address in the

@@ -18,15 +18,17 @@
 
 namespace lf::serve {
 
-// A browser's RTCP receiver report for one stream (RFC 3550, 6.4.1). Numbers are totals since the start.
+// The contents of a browser's RTCP receiver report for one stream (RFC 3550, 6.4.1). Numbers are totals since the
+// start.
 struct ReceptionReport {
   uint32_t ssrc = 0;
   uint32_t highest = 0;  // highest sequence number, extended to 32 bits
   int32_t lost = 0;      // number of lost packets minus duplicates
 };
 
-// Computes the packet loss from consecutive receiver reports. The field "fraction lost" of the reports is unusable:
-// browsers send a report with each request for lost packets, so that a fraction covers only two or three packets.
+// Computes the packet loss of a viewer from consecutive RTCP receiver reports. The field "fraction lost" of the reports
+// is unusable. Browsers also send a report with each request for lost packets, so a fraction covers only two or three
+// packets.
 class PacketLoss {
  public:
   // `reports` contains the latest report of each stream. Returns the fraction of packets, 0 to 1, that were lost since
@@ -200,7 +202,7 @@ class LoadShedding {
   static constexpr int kPatience = 3;           // seconds of overload before the load is reduced
   static constexpr int kRecoveryTime = 10, kMaxRecoveryTime = 160;  // seconds after a step until the load may rise
 
-  // Returns n if every n-th request may contain depth hypotheses.
+  // Returns n if only every n-th request may contain depth hypotheses, which cost the most time.
   unsigned depth_interval() const { return step_ == 0 ? 1 : step_ == 1 ? 3 : 8; }
   int pictures_left_out() const { return step_ > 2 ? 1 : 0; }
   int size_divisor() const { return step_ > 3 ? 2 : 1; }

@@ -19,7 +19,7 @@ void set_header(SoupServerMessage* message, const char* name, const std::string&
 void respond(SoupServerMessage* message, guint status, const char* type, const std::string& body);
 void allow(SoupServerMessage* message, const char* methods);
 
-// Reason for refusing a request; docs/reference/web-interface.md lists all reasons.
+// The reason for refusing an HTTP request. docs/reference/web-interface.md lists all reasons.
 struct HttpRefusal {
   guint status;
   const char* reason;  // name for programs, one of kReasons

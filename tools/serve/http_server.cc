@@ -197,7 +197,8 @@ void WhepEndpoint::endpoint(SoupServerMessage* message, const Client& client, GH
     open(message, client, std::move(*offer), *view_params, sessions);
 }
 
-// The browser may disconnect before the answer is ready.
+// Opens a viewer for the offer of a browser, and responds with the SDP answer. The browser may disconnect before the
+// answer is ready.
 void WhepEndpoint::open(SoupServerMessage* message, const Client& client, Offer offer, const ViewParams& view_params,
                         Sessions& sessions) {
   g_object_ref(message);

@@ -44,13 +44,15 @@ class LightField {
   ~LightField();
   LightField(const LightField&) = delete;
 
-  // Makes all current and future calls of start() and restart() fail at once. Use this when the program ends.
+  // Makes all current and future calls of start() and restart() fail at once. Call this when the program ends, so that
+  // it need not wait for cameras.
   void cancel() { cancelled_ = true; }
   // Opens the cameras and blocks until they run. Throws Error. If the cameras fail later, `on_error` is called on the
   // main thread.
   void start(std::function<void(const std::string&)> on_error);
 
-  // True if a changed rig still has the open cameras with the same sources, so that update_rig() suffices.
+  // Returns true if a changed rig still has the open cameras with the same sources. update_rig() then suffices, and the
+  // cameras need not be reopened.
   bool has_cameras_of(const ArrayInfo& array) const;
   // Replaces the rig without interrupting the cameras, for example after a calibration.
   void update_rig(std::shared_ptr<const ArrayInfo> array);
@@ -79,7 +81,8 @@ class LightField {
   void request(GstBuffer* request);  // takes a reference
 
   uint64_t answer_bytes() const { return bytes_; }
-  // Returns the indices of camera hosts that have pending requests, but have not answered for kSilence.
+  // Returns the indices of camera hosts that do not answer: they have pending requests, but no answer has come for
+  // kSilence.
   std::vector<size_t> silent_nodes() const;
   const std::string& node_name(size_t node) const { return hosts_->hosts()[node].name; }
 

@@ -62,8 +62,8 @@ auto oldest(const SeatMap& held, const May& may) {
 AdmissionControl::AdmissionControl(int seats, int of_address)
     : admission_(seats), of_address_(of_address), unconnected_(std::max(2, seats / 4)) {}
 
-// Returns the oldest unconnected seat of the address with the most unconnected views. Returns end() if this address
-// would have no more of them than `address` with `views` additional views.
+// Selects a viewer that loses its seats: the oldest unconnected one of the address with the most unconnected views.
+// Returns end() if that address would have no more of them than `address` with `views` additional views.
 AdmissionControl::SeatMap::const_iterator AdmissionControl::largest_user(const SeatMap& held,
                                                                          const std::string& address, int views) const {
   std::map<std::string, int> unconnected;

@@ -88,8 +88,9 @@ inline std::optional<ViewSize> view_size(const char* width, const char* height, 
   return ViewSize{fitted(w, limits.max_width), fitted(h, limits.max_height)};
 }
 
-// A rate limit with bursts: a bucket that receives `per_second` tokens per second, up to `burst` tokens, and gives one
-// token per action. Times are g_get_monotonic_time(), microseconds, and must not decrease. Not thread-safe.
+// A rate limit that allows short bursts (a token bucket). It receives `per_second` tokens per second, up to `burst`
+// tokens, and each action takes one token. Times are g_get_monotonic_time(), microseconds, and must not decrease. Not
+// thread-safe.
 class TokenBucket {
  public:
   TokenBucket(double per_second, double burst) : per_second_(per_second), burst_(burst), tokens_(burst) {}
@@ -107,8 +108,8 @@ class TokenBucket {
   int64_t filled_ = 0;
 };
 
-// A rate limit per address, for the latest kMaxAddresses addresses. A new address replaces the least recently used one,
-// so a flood from many addresses never limits other addresses. Not thread-safe.
+// A separate rate limit for each address, for the latest kMaxAddresses addresses. A new address replaces the least
+// recently used one, so a flood from many addresses never limits other addresses. Not thread-safe.
 class AddressLimit {
  public:
   static constexpr size_t kMaxAddresses = 4096;

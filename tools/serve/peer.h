@@ -19,8 +19,8 @@ typedef struct _GstWebRTCDataChannel GstWebRTCDataChannel;
 
 namespace lf::serve {
 
-// Error of a peer if webrtcbin rejects the offer. The original message of webrtcbin may quote the offer and must not be
-// logged.
+// Thrown if webrtcbin rejects the offer of a browser. The original message of webrtcbin may quote the offer and must
+// not be logged.
 inline constexpr char kOfferRejected[] = "the offer can't be answered";
 
 struct LinkReport {
@@ -67,7 +67,8 @@ class Peer : public std::enable_shared_from_this<Peer> {
   // Starts to answer the offer. Call this once the pipeline is PAUSED.
   void negotiate();
 
-  // g_get_monotonic_time() of the last packet from the browser; 0 if there was none. Thread-safe.
+  // Returns the time of the last packet from the browser, as g_get_monotonic_time(). Returns 0 if there was no packet.
+  // Thread-safe.
   int64_t last_packet_time() const { return last_packet_time_; }
   bool connected() const { return connected_; }
   // Sends a text on the data channel "control". Does nothing if the channel is not open. Thread-safe.
@@ -80,12 +81,14 @@ class Peer : public std::enable_shared_from_this<Peer> {
   bool take_key_frame();
   // Disables all callbacks. Call this on the main thread.
   void leave() { has_left_ = true; }
-  // Closes DTLS, so that the browser notices the end at once. The pipeline must continue to run during the call.
+  // Closes the encrypted connection (DTLS), so that the browser notices the end at once. Packets must still be sent, so
+  // the pipeline must continue to run during the call.
   void close_dtls();
   void ask_for_report();
 
  private:
-  // Limits of retransmissions: bytes per second relative to the bit rate of the video, and minimum burst in bytes.
+  // Limits of retransmissions, which protect the network against endless requests. The first is a rate: bytes per
+  // second, relative to the bit rate of the video. The second is the minimum burst in bytes.
   static constexpr double kRetransmitShare = 1, kRetransmitBurst = 100000;
   static constexpr double kRetransmitBytes = 1250;
   static constexpr double kKeyFrames = 2, kKeyFramesAtOnce = 5;
@@ -110,7 +113,8 @@ class Peer : public std::enable_shared_from_this<Peer> {
   std::atomic<int64_t> last_packet_time_ = 0;
   std::atomic<int> streams_ = 0;
   std::atomic<bool> connected_ = false, answered_ = false, failed_ = false;
-  // The certificate does not match the offer, so all packets are dropped.
+  // True if the certificate of the peer does not match the offer. All packets are then dropped, because the peer may be
+  // an attacker.
   std::atomic<bool> certificate_mismatch_ = false;
   std::mutex mutex_;
   GstWebRTCDataChannel* channel_ = nullptr;

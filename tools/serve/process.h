@@ -23,7 +23,7 @@ inline constexpr double kLinesPerSecond = 5, kLinesAtOnce = 100;
 
 std::string printable(const std::string& line);
 
-// Runs `job` on the main thread, in the main loop and never inside this call. Thread-safe.
+// Runs `job` on the main thread, in a later iteration of the main loop and never inside this call. Thread-safe.
 inline void on_main_thread(std::function<void()> job) {
   GSource* source = g_idle_source_new();
   g_source_set_priority(source, G_PRIORITY_DEFAULT);
@@ -39,8 +39,8 @@ inline void on_main_thread(std::function<void()> job) {
   g_source_unref(source);
 }
 
-// Destroys objects on separate threads. Destroying a pipeline may be slow, and a hung element must not block the
-// server. Thread-safe.
+// Destroys objects on separate threads. This is needed because destroying a pipeline may be slow, and a hung element
+// must not block the server. Thread-safe.
 class Teardowns {
  public:
   void add(std::function<void()> end);

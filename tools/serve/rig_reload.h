@@ -13,8 +13,8 @@
 
 namespace lf::serve {
 
-// Watches a file and reports a change when the file has been stable for a moment, because editors write a file in
-// several steps. Main thread only.
+// Watches a file and reports each change once. A change is reported when the file has been stable for a moment, because
+// editors write a file in several steps. Main thread only.
 class RigFileMonitor {
  public:
   // Throws Error if the file cannot be watched.

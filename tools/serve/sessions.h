@@ -43,7 +43,8 @@ class Sessions {
   Viewer::ViewerCounters counters() const;
 
  private:
-  // Maximum number of closed viewers with running pipelines. If it is reached, new viewers get no seat.
+  // Maximum number of closed viewers with pipelines that have not stopped yet. If it is reached, new viewers get no
+  // seat.
   static constexpr size_t kMaxTeardowns = 32;
 
   struct Session {

@@ -27,11 +27,12 @@ struct ViewerPipelineSettings {
   std::string path;         // camera path (views.json) played in a loop, or ""
 };
 
-// The part of a viewer's pipeline that produces pictures of one eye, or of two eyes side by side. It sends requests to
-// the light field and composes the answers to pictures.
+// The part of a viewer's pipeline that produces pictures, of one eye or of two eyes side by side. It sends view
+// requests to the light field and composes the answers of the cameras to pictures.
 class ViewerPipeline {
  public:
-  // Called on a streaming thread before the requests for the picture of this running time are sent.
+  // Called before the requests for a picture are sent, with the running time of the picture. Runs on a streaming
+  // thread.
   using OnRequest = std::function<void(GstClockTime)>;
 
   // Returns the launch line of this part. It ends with "... ! ", so that the consumer of the pictures can follow.

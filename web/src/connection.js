@@ -158,7 +158,8 @@ export class Connection extends EventTarget {
     this.dispatchEvent(new CustomEvent('message', { detail: message }));
   }
 
-  // Sends a request and returns its id, or 0 if there is no connection. `by` is 'person' or 'script'.
+  // Sends a request to the server and returns its id, or 0 if there is no connection. `by` is the cause of the request,
+  // 'person' or 'script'.
   request(request, by = 'script') {
     if (this.channel?.readyState !== 'open') return 0;
     const id = this.nextId++;

@@ -73,5 +73,5 @@ function shed({ what, why, rate, size }) {
   return `${parts.filter(Boolean).join(', ')}: the ${why} is too slow`;
 }
 
-// True if the timestamp of the frame is the expected one or later. Timestamps wrap at 2^32.
+// Returns true if the timestamp of the frame is the expected one or later. Timestamps wrap at 2^32.
 export const isShown = (asked, frame) => ((frame - asked) >>> 0) < 0x80000000;

@@ -17,7 +17,8 @@ export class ViewNavigation {
     this.viewer = viewer;
     this.forget();
   }
-  // Starts again with another light field. Calls of setView() that no picture shows yet are rejected.
+  // Discards the state of the old light field when the element shows another light field. Calls of setView() that no
+  // picture shows yet are rejected.
   forget() {
     const given = this.asked ?? [];
     this.interrupt();

@@ -139,7 +139,8 @@ export class Headset {
       ...anglesOf(turned(base, axesOfXr(orientation))), fov: 2 * Math.atan(most.y) * 180 / Math.PI }, 'person');
   }
 
-  // Places the layer in the direction of the rendered view, with the angular size of the picture.
+  // Places the layer, which is the flat picture in the headset, in the direction of the rendered view. The layer gets
+  // the angular size of the picture.
   place() {
     const { layer, viewer: { video, flight: { seen } } } = this;
     if (!seen || !video.videoWidth) return;

@@ -6,7 +6,8 @@ import { dot } from './view.js';
 
 const kPollInterval = 1000;  // milliseconds
 const kMapSize = 150;    // longer side, pixels
-// This many decibels below the median are normal, because cameras at the border overlap less with other cameras.
+// Quality differences below this many decibels are normal, because cameras at the border overlap less with other
+// cameras.
 const kNormalDrop = 4;
 const kFar = 8;          // the colour scale ends this many decibels lower
 const kFaults = { colour: 'colours differ from its neighbours', direction: 'direction differs from the rig',

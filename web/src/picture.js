@@ -49,7 +49,7 @@ export class Picture {
   }
 }
 
-// Stereo modes. The server sends the pictures of both eyes side by side in one frame.
+// The stereo modes, which show the pictures of both eyes. The server sends both pictures side by side in one frame.
 
 export const kModes = {
   one: 'One eye',

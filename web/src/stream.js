@@ -81,7 +81,8 @@ export class Stream {
     if (reason && connection.isOpen) this.viewer.tell('disconnected', { reason });
   }
 
-  // Tries again with increasing delays, unless the error is permanent. In the queue, the server determines the delay.
+  // Reconnects with increasing delays, unless the error is permanent. In the queue for a free seat, the server
+  // determines the delay.
   lost(connection, error) {
     if (this.connection !== connection) return;
     // ICE servers from the answer are used only if a direct connection fails.

@@ -83,9 +83,11 @@ struct ConsistencyReadback {
 // Therefore every view has the error bounds of SumRenderer.
 class GlesRenderer : public std::enable_shared_from_this<GlesRenderer> {
  public:
-  // If no GPU is suitable (or no driver at all, with Drivers::kAny), returns null and sets `why` to the reason.
+  // Creates a renderer on the best GPU of this machine. If no GPU is suitable (or no driver at all, with
+  // Drivers::kAny), returns null and sets `why` to the reason.
   static std::unique_ptr<GlesRenderer> create(Context::Drivers drivers, std::string& why);
-  // Creates a renderer in an external context. If the context is unsuitable, returns null and sets `why` to the reason.
+  // Creates a renderer in an OpenGL context of the application. If the context is unsuitable, returns null and sets
+  // `why` to the reason.
   static std::unique_ptr<GlesRenderer> create_in(Context::External foreign, Context::Drivers drivers, std::string& why);
   ~GlesRenderer();
 
@@ -103,7 +105,7 @@ class GlesRenderer : public std::enable_shared_from_this<GlesRenderer> {
   // but only one pass is rendered at a time.
   void draw(std::span<GlesJob> orders, const ParallelFor& parallel);
 
-  // Adds sums that are on the GPU; see BlockSums::add(). On failure, returns null and sets `why` to the reason.
+  // Adds several sums that are on the GPU; see BlockSums::add(). On failure, returns null and sets `why` to the reason.
   std::shared_ptr<BlockSum> add(std::span<const std::shared_ptr<BlockSum>> sums, const Rect& view, std::string& why);
 
   // Computes the photo-consistency sums of a task into `out`. `part` returns the region of a source's image that is
@@ -120,7 +122,7 @@ class GlesRenderer : public std::enable_shared_from_this<GlesRenderer> {
   // if the job returns false, the context is lost, or OpenGL reports an error. Thread-safe.
   bool work(const std::function<bool(Programs& programs, Buffer& scratch)>& job);
 
-  // Call from such a job if the GPU has timed out. The GPU is then never used again.
+  // Records that the GPU has timed out; the GPU is then never used again. Call this from a job.
   void mark_lost() { lost_ = true; }
 
   // Returns true if the GPU is lost, so that no draw() will succeed again.

@@ -33,13 +33,13 @@ struct GpuPicture {
   unsigned textures[3] = {};
   // Position of the view's first pixel in the textures, for pictures that contain several views. Even in kI420.
   int x = 0, y = 0;
-  // Sync object (GLsync) in the textures' own context after all pending work on the textures, or null if there is none.
-  // draw() waits for this object and deletes the object.
+  // A sync object (GLsync) that is signalled after all pending work on the textures. It belongs to the textures' own
+  // context; null if nothing is pending. draw() waits for this object and deletes the object.
   void* fence = nullptr;
   // Luma becomes gain * luma + offset, and chroma becomes 128 + chroma_gain * chroma.
   float gain = 1, offset = 0, chroma_gain = 1;
-  // Colour of pixels that have less than least_weight (kMissingOne = 1) of their weight. The values are R, G, B, or Y,
-  // Cb, Cr with chroma from -128 to 127.
+  // The colour of pixels that have received too little weight for a usable colour of their own: less than least_weight
+  // (kMissingOne = 1). The values are R, G, B, or Y, Cb, Cr with chroma from -128 to 127.
   float background[3] = {};
   int least_weight = 0;
 };
@@ -47,7 +47,7 @@ struct GpuPicture {
 // A view's sum that stays on the GPU that rendered it, so that it can be shown without a download. Thread-safe.
 class GpuSum {
  public:
-  // `view` is the rectangle of the whole view. Its pixels outside the sum are 0.
+  // `view` is the rectangle of the whole view. The view's pixels outside the sum are 0.
   GpuSum(std::shared_ptr<GlesRenderer> drawer, std::shared_ptr<BlockSum> sum, const Rect& view, bool has_missing);
   ~GpuSum();
   GpuSum(const GpuSum&) = delete;
@@ -72,7 +72,8 @@ class GpuSum {
   // result of resolve() in composite/, or differs by at most one level where weight is missing or levels are scaled. On
   // failure, returns false and sets `why` to the reason.
   bool draw(const GpuPicture& picture, std::string& why);
-  // Waits for all pictures of sums of the same renderer. If they failed, returns false and sets `why` to the reason.
+  // Waits for all pictures that were started from sums of the same renderer. If they failed, returns false and sets
+  // `why` to the reason.
   bool wait(std::string& why);
   bool has_same_renderer(const GpuSum& other) const { return drawer_ == other.drawer_; }
 
