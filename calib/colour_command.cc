@@ -288,14 +288,17 @@ void add_colour_command(cli::App& app) {
   command->add_option("RIG", o->rig, "Calibrated rig file of the array")->required()->type_name("RIG");
   command
       ->add_option("--recording", o->recording,
-                   "Folder with a recording or a still NAME.* of each camera, or a rig file with sources or images "
-                   "(default: the sources and images of RIG)")
+                   "Images to estimate the colours from: a folder with one video or image for each camera, with the "
+                   "name of the camera as its file name, or another rig file with sources or images. By default, the "
+                   "sources and images of RIG are used")
       ->type_name("DIR|RIG");
   command
-      ->add_option("--from", o->from,
-                   "Method of the estimation. chart: the recordings show a colour chart with 24 patches. views: the "
-                   "colours of scene points that several cameras see are compared, which requires a calibrated "
-                   "geometry. auto: chart if a chart is found, otherwise views")
+      ->add_option(
+          "--from", o->from,
+          "Method that estimates the corrections. chart uses images of a colour chart with 24 patches. "
+          "views needs no chart: it compares the colours of scene points that several cameras "
+          "see, so the geometry of the rig must be calibrated. auto uses chart if the images show a chart, and "
+          "views otherwise")
       ->capture_default_str()
       ->check(cli::IsMember({"auto", "chart", "views"}));
   command

@@ -97,11 +97,12 @@ struct CamSrcFailure {
 // Creates the children for the current settings, in state NULL. Every failure sets `failure`. Returns false only if the
 // rig cannot be loaded or lacks the camera.
 bool lf_cam_src_open(LfCamSrc* self, std::unique_ptr<CamSrcFailure>* failure);
-// Stops the data flow between the children, which some state changes require.
+// Stops the data flow between the children. The bin calls this before its children go to the state READY or are
+// removed.
 void lf_cam_src_stop_flow(LfCamSrc* self);
 void lf_cam_src_close(LfCamSrc* self);
-// Starts the end of the chain before the decoders. GstBin starts unlinked elements in any order, so the first frame of
-// a decoder could reach an inactive pad.
+// Starts the last elements of the chain. Call it before the decoders start: GstBin starts elements that are not linked
+// yet in any order, so the first frame of a decoder could reach an element that is not running.
 void lf_cam_src_start_tail(const lf::CameraChain& chain);
 
 // Returns true if an error of this camera counts as a loss of the camera, which the pipeline survives, instead of an

@@ -308,8 +308,9 @@ PropertyTable<CompositorSettings>& CompositorSettings::properties() {
       property<&S::gains>(
           kWhilePlaying, "gains", "Gains",
           "Compensation for cameras that are brighter or darker than the rest of the array, for example because of "
-          "automatic exposure. It prevents visible seams between cameras. It needs a focal surface, so it is off if "
-          "focus is plane. The property stats of lffragment lists the correction of each camera",
+          "automatic exposure. It prevents visible seams between the parts of the picture that come from different "
+          "cameras. The estimation of the gains needs the focal surface (the depth of each pixel), so there is no "
+          "compensation if focus is plane. The property stats of lffragment lists the gains",
           LF_TYPE_COMPOSITOR_GAINS),
       property<&S::show>(kWhilePlaying, "show", "Show",
                          "Overlay on the pictures that shows how the cameras contribute to each pixel. Use it to check "

@@ -80,7 +80,7 @@ constexpr std::array<const char*, kNumPacketResults> kFateNames = {"passed",   "
                                                                    "replayed", "forged",    "unknown-senders"};
 constexpr std::array<const char*, kNumPacketResults> kFateWords = {
     "",
-    "the packets are not RTP, or too short for SRTP",
+    "not RTP, or too short for SRTP",
     "not encrypted: the sender has no key-file, or another key-file and a wrong clock",
     "timestamp more than a minute off: the packet is replayed, or the clocks of the two hosts differ (synchronise them "
     "by NTP)",

@@ -32,18 +32,18 @@ class DepthEstimator {
  public:
   struct Settings {
     FocusMode mode = FocusMode::kPlane;
-    // Limits of the search, metres from the array. 0: automatic. The search starts with the range that the array can
-    // resolve, and then follows the scene.
+    // Nearest and farthest depth that the estimator searches, metres from the array. If a limit is 0, it is automatic:
+    // the first search covers all depths that the array can distinguish, and later searches follow the scene.
     double near = 0, far = 0;
     bool operator==(const Settings&) const = default;
   };
-  // Nearest depth searched with an array of unknown geometry, as a part of the viewer's focus distance.
+  // If the geometry of the array is unknown, the search begins at this fraction of the viewer's focus distance.
   static constexpr double kNearest = 0.4;
   // The surface is shown once its squared deviation is less than kShown of the plane's, and lower by kWorthShowing. It
   // is hidden above kHidden of the plane's.
   static constexpr double kShown = 0.5, kHidden = 0.65;
-  // The same as kShown for a view that lies beside the camera mesh as a whole. A wrong depth displaces objects there, so
-  // the surface must be better. A hand-held rig (a kettle, 28 cameras) loses 1.4 dB in a view at 0.43 of the plane's
+  // The same as kShown for a view that lies beside the camera mesh as a whole. A wrong depth displaces objects there,
+  // so the surface must be better. A hand-held rig (a kettle, 28 cameras) loses 1.4 dB in a view at 0.43 of the plane's
   // squared error; views of the built-in scene gain 5 to 6 dB at 0.27 to 0.4.
   static constexpr double kShownBeside = 0.4;
   static constexpr double kWorthShowing = 4;  // levels of luma, squared

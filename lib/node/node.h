@@ -122,9 +122,10 @@ class Node {
     NodeStats::Stages stages;
     std::string warning;  // text for the user, or ""
   };
-  // Waits for the frames of the requested time (see CameraFrames::find()) and renders the answer. Never throws: a
-  // request that cannot be served, for example because it was made for another rig, gets an answer without fragments.
-  // `memory` is reused for the answer.
+  // Answers one request of a client: waits for the frames of the requested time (see CameraFrames::find()), renders the
+  // contributions of this node's cameras, and encodes them. The answer is stored in `memory`, so that its allocation is
+  // reused. Never throws. If a request cannot be served, for example because the client uses another rig file, the
+  // answer has no image, and Reply::warning has the reason.
   Reply answer(const wire::AnyRequest& request, ClientState& client, const Options& options, ByteBuffer memory);
   // Answers several requests together, for example for the two eyes of a stereo pair. This is faster than separate
   // calls, because the images are prepared only once and a GPU renders several views in one pass. The answers are the
