@@ -82,8 +82,8 @@ guint lf_view_request_view_id(LfViewRequest* self);
 void lf_view_request_install_signals(GObjectClass* klass);
 // Returns the view of the current properties. Call with the object lock held, while running.
 lf::View lf_view_request_view(LfViewRequest* self);
-// Locks the view and runs `change` on it. Then emits `notify` for the properties that have changed. Returns the result
-// of `change`.
+// Locks the view and runs `change` on the view. Then emits `notify` for the properties that have changed. Returns the
+// result of `change`.
 gboolean lf_view_request_change_view(LfViewRequest* self, const std::function<gboolean(lf::ViewControl&)>& change);
 void lf_view_request_set_focus_distance(LfViewRequest* self, double distance);
 bool lf_view_request_is_navigation(GstEvent* event);

@@ -170,8 +170,8 @@ double FocusArray::width_of(const View& view, const CameraSet& out_of_service) c
   return rig_ && edge_ > 0 ? width_beside_mesh(view, out_of_service) : edge_;
 }
 
-// Beside the mesh all cameras are on one side of a line of sight, so wrong depths displace objects instead of blurring
-// them. Returns the root mean square over the view.
+// Beside the mesh, all cameras are on one side of a line of sight. A wrong depth therefore displaces an object, whereas
+// inside the mesh it blurs the object. Returns the root mean square over the view.
 double FocusArray::width_beside_mesh(const View& view, const CameraSet& out_of_service) const {
   const View sparse = sparse_view(view);
   const ViewPlan plan(*rig_, mesh_without(out_of_service), sparse);

@@ -63,11 +63,12 @@ class MeshBorder {
   struct Place {
     CameraIndex a, b;
     double part;
-    double distance;  // from the line of sight, metres
+    double distance;  // between the place and the line of sight, metres
     double depth;     // distance from the eye along the line of sight, metres
   };
   double length() const { return length_; }  // median length of the border edges, metres
-  // Returns the place nearest to the line of sight along the unit vector d. Only cameras that face along d count.
+  // Returns the place nearest to the line of sight along the unit vector d. Ignores cameras that face away
+  // from d.
   std::optional<Place> nearest(const Vec3& d) const {
     std::optional<Place> found;
     for (const Part& part : parts_) {

@@ -101,7 +101,7 @@ std::vector<NamedView> parse_views(const std::string& text, const std::string& n
     if (!is_new) value.fail("name \"" + view.name + "\" is also in views[" + std::to_string(same->second) + "]");
     views.push_back(std::move(view));
   }
-  if (views.empty()) file.at("views").fail("no views, but the file needs at least one");
+  if (views.empty()) file.at("views").fail("no views, but a file needs at least one view");
   return views;
 }
 

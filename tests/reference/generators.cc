@@ -155,7 +155,7 @@ Lens random_lens(Random& random, int width, int height) {
 
 View random_view(Random& random, const Rig& rig, int width, int height) {
   View view;
-  view.blending.extrapolates = false;  // not part of the rule of reference/renderer.h
+  view.blending.extrapolates = false;  // the reference renders only the mesh
   view.width = width;
   view.height = height;
   view.lens =
@@ -250,7 +250,7 @@ Lens enlarged(const Lens& lens, int times) {
 
 View view_at(const Vec3& eye, const Quat& orientation, double fov_y, double focus) {
   View view;
-  view.blending.extrapolates = false;  // not part of the rule of reference/renderer.h
+  view.blending.extrapolates = false;  // the reference renders only the mesh
   view.width = kWidth;
   view.height = kHeight;
   view.lens = Lens::from_fov_y(fov_y, kWidth, kHeight);

@@ -127,7 +127,7 @@ void measure(int n, PixelFamily family, Resampling resampling, Image (*make)(Ran
   const int side = 3 + n % 4;
   const Rig rig = test::jittered_array(random, side, 160, 120, n % 4 == 0 ? 0 : -0.2);
   View view = view_of(random, rig, side, n);
-  view.blending.extrapolates = false;  // not part of the reference's rule
+  view.blending.extrapolates = false;  // the reference renders only the mesh
   const Mesh mesh = build_mesh(rig);
   const bool i420 = family == PixelFamily::kI420;
   std::vector<Image> images, seen;
