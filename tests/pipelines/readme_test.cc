@@ -253,7 +253,7 @@ TEST(Readme, LaunchLinesWork) {
   const FilmFolder folder;
   ASSERT_TRUE(folder.ready());
   const std::vector<std::string> lines = launch_lines(kReadme, "Launch lines");
-  ASSERT_EQ(lines.size(), 6u);
+  ASSERT_EQ(lines.size(), 5u);
   EXPECT_EQ(run_line(lines[0], 1, 8), "");
   EXPECT_TRUE(fs::exists("out_007.png"));
   EXPECT_EQ(run_line(lines[1], 1, 1), "");
@@ -261,7 +261,6 @@ TEST(Readme, LaunchLinesWork) {
   EXPECT_EQ(run_line(lines[2], 1, 5), "");
   EXPECT_EQ(run_line(lines[3], 2, 5), "");
   EXPECT_EQ(run_line(lines[4], 1, 5), "");
-  EXPECT_EQ(run_line(lines[5], 1, 5), "");
 }
 
 // Except for lines for several hosts, which tests/pipelines/one_line_test.cc runs on one host.
