@@ -93,8 +93,8 @@ void RigReloader::open(std::shared_ptr<const ArrayInfo> array) {
 
 void RigReloader::tell() {
   sessions_.update_rig();
-  say("the rig is " + field_.rig() + " as it is now, " + field_.array()->hash() + ", for " +
-      std::to_string(sessions_.size()) + " viewers");
+  say("the rig is " + field_.rig() + " as it is now, " + field_.array()->hash() + "; viewers: " +
+      std::to_string(sessions_.size()));
 }
 
 }  // namespace lf::serve

@@ -114,8 +114,8 @@ std::string Sessions::open(const std::string& address, Offer offer, const ViewPa
   admission_.take(name, address, view_params.views(), g_get_monotonic_time());
   opened_++;
   say("view " + std::to_string(settings.eye.view) + " opens: " + (view_params.eye_distance > 0 ? "two of " : "") +
-      std::to_string(view_params.width) + "x" + std::to_string(view_params.height) + ", " + codec + "; " +
-      std::to_string(viewers_.size()) + " viewers");
+      std::to_string(view_params.width) + "x" + std::to_string(view_params.height) + ", " + codec + "; viewers: " +
+      std::to_string(viewers_.size()));
   return name;
 }
 
@@ -131,7 +131,7 @@ bool Sessions::close(const std::string& name, const std::string& why) {
     viewer.reset();
     malloc_trim(0);  // returns the memory of the viewer, which is megabytes in small blocks, to the system
   });
-  say("view " + std::to_string(session.view) + " closes: " + why + "; " + std::to_string(viewers_.size()) + " viewers");
+  say("view " + std::to_string(session.view) + " closes: " + why + "; viewers: " + std::to_string(viewers_.size()));
   if (session.on_answer) session.on_answer("", why);
   return true;
 }

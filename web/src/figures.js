@@ -60,7 +60,7 @@ export class Figures {
       ['network', `${(f.loss * 100).toFixed(1)} % lost, ${f.roundTripMs.toFixed(0)} ms round trip`],
       ['skew', `${f.skewMs.toFixed(1)} ms at most`],
       ['lost', `${f.missing} fragments, in ${f.incomplete} of ${f.pictures} pictures; ` +
-        `${f.outOfService} cameras out of service`],
+        `cameras out of service: ${f.outOfService}`],
     ];
     this.box.textContent = lines.map(([name, value]) => `${name.padEnd(20)}${value}`).join('\n');
   }
