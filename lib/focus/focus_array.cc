@@ -144,6 +144,7 @@ View FocusArray::sparse_view(const View& view) {
   const int focal = lens_model_num_focal(sparse.lens.model());
   for (int i = 0; i < focal + 2; i++) params[static_cast<size_t>(i)] /= kApart;
   sparse.lens = Lens(sparse.lens.model(), params);
+  sparse.blending.fills_gaps = false;  // cells of this view's WeightGrid are too large to show gaps
   sparse.focus.map = nullptr;
   sparse.focus.plane = focal_plane_at(view.pose, 1);
   return sparse;

@@ -139,7 +139,7 @@ View hypothesis_view(const View& view) {
   if (trial.blending.kind == Blending::Kind::kAngle)
     trial.blending.nearest = std::min(trial.blending.nearest, kHypothesisCameras);
   else
-    trial.blending = {.extrapolates = view.blending.extrapolates};
+    trial.blending = {.extrapolates = view.blending.extrapolates, .fills_gaps = false};
   return trial;
 }
 

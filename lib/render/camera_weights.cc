@@ -13,6 +13,7 @@ WeightGrid::WeightGrid(int width, int height, size_t num_cameras, std::vector<ui
       columns_(points(width)),
       rows_(points(height)),
       cells_(std::move(cells)),
+      has_whole_cells_(std::ranges::find(cells_, kWhole) != cells_.end()),
       rects_(num_cameras) {
   first_.reserve(static_cast<size_t>(columns_) * rows_ + 1);
 }
@@ -131,22 +132,31 @@ CameraWeights::CameraWeights(const Rig& rig, const Mesh& mesh, const View& view)
                         view_from_world * world_from_camera[2], glm::transpose(world_from_camera) * world_from_view,
                         (camera.lens.fx() + camera.lens.fy()) / 2});
   }
+  double far = 1;
+  for (const Seen& seen : cameras_) far = std::max(far, glm::length(seen.centre));
+  farthest_ = 1e6 * far;
+}
+
+Vec3 CameraWeights::in_focus(const Vec2& ray, double t) const { return Vec3(ray, 1) * std::min(t, farthest_); }
+
+double CameraWeights::visibility(CameraIndex camera, const Vec2& ray, double t) const {
+  const auto found = std::ranges::lower_bound(cameras_, camera, {}, &Seen::camera);
+  if (found == cameras_.end() || found->camera != camera) return 0;
+  const double part = inside(*found, in_focus(ray, t));
+  return part > kOutside ? part : 0;
 }
 
 bool CameraWeights::at(const Vec2& ray, double t, std::vector<WeightGrid::Share>& shares) {
   candidates_.clear();
   weights_.clear();
   shares.clear();
-  const Vec3 line(ray, 1), d = glm::normalize(line);
+  const Vec3 d = glm::normalize(Vec3(ray, 1));
   if (cameras_.empty()) return false;
   bool seen = false;
-  if (blending_.kind == Blending::Kind::kAperture) {
+  if (blending_.kind == Blending::Kind::kAperture)
     within_aperture(d);
-  } else {
-    double far = 1;
-    for (const Seen& seen : cameras_) far = std::max(far, glm::length(seen.centre));
-    seen = by_angle(d, line * std::min(t, 1e6 * far));
-  }
+  else
+    seen = by_angle(d, in_focus(ray, t));
   for (size_t i = 0; i < weights_.size(); i++)
     if (weights_[i] > 0) shares.push_back({cameras_[candidates_[i].i].camera, weights_[i]});
   std::ranges::sort(shares, {}, &WeightGrid::Share::camera);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <compare>
 #include <cstdint>
@@ -34,8 +35,11 @@ class WeightGrid {
     double weight;  // finite, at least 0; the scale does not matter
   };
 
-  // Creates an empty grid for a view. `cells` says which cells have weights, as (columns() - 1) x (rows() - 1) flags,
-  // row by row; empty: all cells.
+  // What a cell has weights for: no pixel, the pixels that no face of the mesh owns, or all pixels.
+  enum CellUse : uint8_t { kUnused = 0, kUnowned = 1, kWhole = 2 };
+
+  // Creates an empty grid for a view. `cells` has the use of (columns() - 1) x (rows() - 1) cells, row by row. Empty:
+  // all cells have weights for the pixels that no face owns.
   WeightGrid(int width, int height, size_t num_cameras, std::vector<uint8_t> cells = {});
   static int points(int pixels) { return (pixels + kStep - 1) / kStep + 1; }
   int columns() const { return columns_; }
@@ -69,6 +73,18 @@ class WeightGrid {
   }
   // Returns the sum of the squared weights at point (i, j), 0 to 1. It is 1 if one camera has all the weight.
   double sum_of_squares(int i, int j) const;
+  bool has_whole_cells() const { return has_whole_cells_; }
+  // Calls visit(a, b) for each maximal part [a, b) of the pixels [x0, x1) of row y that is in cells of kWhole.
+  template <typename Visit>
+  void visit_whole_cells(int y, int x0, int x1, const Visit& visit) const {
+    const uint8_t* const row = &cells_[static_cast<size_t>(y / kStep) * static_cast<size_t>(columns_ - 1)];
+    for (int x = x0; x < x1;) {
+      const int begin = x;
+      while (x < x1 && row[x / kStep] == kWhole) x = std::min((x / kStep + 1) * kStep, x1);
+      if (x > begin) visit(begin, x);
+      while (x < x1 && row[x / kStep] != kWhole) x = std::min((x / kStep + 1) * kStep, x1);
+    }
+  }
   // Returns bounds of all pixels that the camera contributes to; may be empty.
   Rect camera_rect(CameraIndex camera) const { return rects_[camera]; }
 
@@ -80,11 +96,12 @@ class WeightGrid {
   Entry lookup(size_t point, CameraIndex camera) const;
   bool has_weights(int i, int j) const {
     return cells_.empty() ||
-           cells_[static_cast<size_t>(j) * static_cast<size_t>(columns_ - 1) + static_cast<size_t>(i)];
+           cells_[static_cast<size_t>(j) * static_cast<size_t>(columns_ - 1) + static_cast<size_t>(i)] != kUnused;
   }
 
   int width_, height_, columns_, rows_;
   std::vector<uint8_t> cells_;
+  bool has_whole_cells_;
   std::vector<size_t> first_{0};  // for each point the index of its first entry, and the end
   std::vector<Entry> entries_;
   std::vector<Rect> rects_;
@@ -119,6 +136,8 @@ class CameraWeights {
   // empty only if there are no cameras. Returns true if a camera with a share has the point in focus in its image; only
   // for kAngle.
   bool at(const Vec2& ray, double t, std::vector<WeightGrid::Share>& shares);
+  // Returns how well a camera of the mesh sees the point in focus: b_i of the formula, but 0 outside the image.
+  double visibility(CameraIndex camera, const Vec2& ray, double t) const;
 
  private:
   struct Candidate {
@@ -136,11 +155,13 @@ class CameraWeights {
   void within_aperture(const Vec3& d);
   bool by_angle(const Vec3& d, const Vec3& in_focus);
   double inside(const Seen& seen, const Vec3& in_focus) const;
+  Vec3 in_focus(const Vec2& ray, double t) const;
 
   const Rig& rig_;
   const Blending blending_;
   const double view_focal_;
-  std::vector<Seen> cameras_;
+  std::vector<Seen> cameras_;  // ascending
+  double farthest_ = 0;        // a finite distance for infinity, metres
   std::vector<Candidate> by_angle_, candidates_;
   std::vector<double> weights_;
 };

@@ -2,13 +2,16 @@
 #include "render/extrapolation.h"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <limits>
 #include <map>
 #include <numeric>
 #include <optional>
+#include <span>
 #include <utility>
+#include <vector>
 
 namespace lf {
 namespace {
@@ -20,6 +23,10 @@ constexpr int kStep = WeightGrid::kStep;
 // steps of the grid, the change takes two steps, because the grid cannot show a faster one.
 constexpr double kFadingPixels = 2 * kStep;
 constexpr double kFadingPart = 0.25;
+
+// A gap begins much nearer to the edge of an image than the margin in which cameras of Blending::kAngle fade: at less
+// than a pixel. Views are often as wide as the images of the cameras.
+constexpr double kSharper = 40;
 
 // The border of a mesh, in view coordinates relative to the eye.
 class MeshBorder {
@@ -108,118 +115,288 @@ void add_share(Shares& shares, CameraIndex camera, double weight) {
     shares.insert(at, {camera, weight});
 }
 
-// Returns the weights of the face of the mesh that contains the line of sight; empty: none does.
-Shares mesh_weights(const ViewPlan& plan, const Vec2& ray) {
-  Shares shares;
-  for (const FacePlan& face : plan.faces()) {
-    if (!contains(face, ray) || !(glm::dot(face.facing, Vec3(ray, 1)) > 0)) continue;
-    const FaceWeights weights = face_weights(face, ray);
-    for (int k = 0; k < 3; k++)
-      if (face.camera[k] != MeshFace::kNone) add_share(shares, face.camera[k], weights.w[k]);
-    break;
-  }
-  return shares;
-}
-
 double smoothstep(double x) {
   const double t = std::clamp(x, 0.0, 1.0);
   return t * t * (3 - 2 * t);
 }
 
+View nearest_cameras(View view) {
+  view.blending = {.kind = Blending::Kind::kAngle, .nearest = kExtrapolationCameras};
+  return view;
+}
+
+// Sets the weights of the face with the line of sight; empty: no face has it. `owner` is the pixel's face, or
+// FaceIdMap::kNone.
+void set_mesh_weights(const ViewPlan& plan, int32_t owner, const Vec2& ray, Shares& shares) {
+  shares.clear();
+  const auto add = [&](const FacePlan& face) {
+    const FaceWeights weights = face_weights(face, ray);
+    for (int k = 0; k < 3; k++)
+      if (face.camera[k] != MeshFace::kNone) add_share(shares, face.camera[k], weights.w[k]);
+  };
+  if (owner != FaceIdMap::kNone) return add(plan.faces()[owner]);
+  // Points beyond the focal surface have no owner, but may be inside a face.
+  for (const FacePlan& face : plan.faces())
+    if (contains(face, ray) && glm::dot(face.facing, Vec3(ray, 1)) > 0) return add(face);
+}
+
+// Returns how well the cameras of a face, whose weights add up to 1, see the point in focus: from 0 to
+// kEnoughVisibility. Usually the first camera is enough.
+double limited_visibility(const CameraWeights& cameras, const LineOfSight& line, const Shares& shares) {
+  double seen = 0;
+  for (const WeightGrid::Share& share : shares) {
+    seen += share.weight * std::min(kSharper * cameras.visibility(share.camera, line.ray, line.focus), 1.0);
+    if (seen >= kEnoughVisibility) return kEnoughVisibility;
+  }
+  return seen;
+}
+
+// Computes the weights at single points of a view.
 class Extrapolation {
  public:
-  Extrapolation(const Rig& rig, const Mesh& mesh, const ViewPlan& plan)
-      : plan_(plan), border_(rig, mesh, plan.view().pose), by_angle_(rig, mesh, nearest_cameras(plan.view())) {}
+  // `border` is only needed for pixels beside the mesh.
+  Extrapolation(const ViewPlan& plan, const std::optional<MeshBorder>& border, const CameraWeights& by_angle)
+      : plan_(plan), border_(border), by_angle_(by_angle) {}
 
-  // Computes the shares for a pixel. Returns true if the pixel is beside the mesh and a camera sees the point in focus.
-  bool at(const Vec2& pixel, Shares& shares) {
+  struct Result {
+    bool is_extrapolated = false;  // the nearest cameras contribute
+    bool is_seen = false;          // one of the nearest cameras contributes and sees the point in focus
+  };
+  // Computes the shares for a pixel.
+  Result at(const Vec2& pixel, int32_t owner, Shares& shares) {
     const LineOfSight line = line_of_sight(plan_, pixel);
-    shares = mesh_weights(plan_, line.ray);
-    if (!shares.empty()) return false;
-    const std::optional<MeshBorder::Place> place = border_.nearest(glm::normalize(Vec3(line.ray, 1)));
-    const double fade = place ? smoothstep(place->distance / fading_length(place->depth)) : 1;
-    bool seen = false;
-    if (fade > 0) {
-      seen = by_angle_.at(line.ray, line.focus, shares) && std::isfinite(line.focus);
-      const double sum = std::accumulate(shares.begin(), shares.end(), 0.0,
-                                         [](double so_far, const auto& share) { return so_far + share.weight; });
-      for (WeightGrid::Share& share : shares) share.weight *= fade / sum;
+    set_mesh_weights(plan_, owner, line.ray, shares);
+    double stays = 1;  // share of the cameras of the mesh
+    if (shares.empty()) {
+      std::optional<MeshBorder::Place> place;
+      if (border_) place = border_->nearest(glm::normalize(Vec3(line.ray, 1)));
+      stays = place ? 1 - smoothstep(place->distance / fading_length(place->depth)) : 0;
+      if (place) {
+        add_share(shares, place->a, 1 - place->part);
+        add_share(shares, place->b, place->part);
+      }
     }
-    if (!(fade < 1)) return seen;
-    add_share(shares, place->a, (1 - fade) * (1 - place->part));
-    add_share(shares, place->b, (1 - fade) * place->part);
-    return seen;
+    if (plan_.view().blending.fills_gaps && stays > 0)
+      stays *= smoothstep(limited_visibility(by_angle_, line, shares) / kEnoughVisibility);
+    if (!(stays < 1)) return {};
+    const Shares of_mesh = std::move(shares);
+    const bool seen = set_nearest_cameras(line, 1 - stays, shares);
+    for (const WeightGrid::Share& share : of_mesh) add_share(shares, share.camera, stays * share.weight);
+    return {true, seen};
   }
 
  private:
-  double fading_length(double depth) const {
-    return std::max(kFadingPart * border_.length(), kFadingPixels * depth / plan_.view().lens.fx());
+  // Sets the weights of the nearest cameras, with this sum.
+  bool set_nearest_cameras(const LineOfSight& line, double sum, Shares& shares) {
+    const bool seen = by_angle_.at(line.ray, line.focus, shares) && std::isfinite(line.focus);
+    const double now = std::accumulate(shares.begin(), shares.end(), 0.0,
+                                       [](double so_far, const auto& share) { return so_far + share.weight; });
+    for (WeightGrid::Share& share : shares) share.weight *= sum / now;
+    return seen;
   }
-  static View nearest_cameras(View view) {
-    view.blending = {.kind = Blending::Kind::kAngle, .nearest = kExtrapolationCameras};
-    return view;
+
+  double fading_length(double depth) const {
+    return std::max(kFadingPart * border_->length(), kFadingPixels * depth / plan_.view().lens.fx());
   }
 
   const ViewPlan& plan_;
-  MeshBorder border_;
+  const std::optional<MeshBorder>& border_;
   CameraWeights by_angle_;
+};
+
+// The points and cells of a WeightGrid while it is made.
+class GridInProgress {
+ public:
+  GridInProgress(const ViewPlan& plan, const FaceRuns& runs)
+      : plan_(plan),
+        runs_(runs),
+        columns_(WeightGrid::points(plan.view().width)),
+        rows_(WeightGrid::points(plan.view().height)),
+        cells_(static_cast<size_t>(columns_ - 1) * static_cast<size_t>(rows_ - 1)) {}
+
+  // Returns true if there are such cells.
+  bool mark_cells_beside_mesh() {
+    const Rect& view = runs_.region();
+    bool any = false;
+    for (int y = 0; y < view.y1; y++) {
+      uint8_t* const row = &cells_[static_cast<size_t>(y / kStep) * static_cast<size_t>(columns_ - 1)];
+      const auto mark = [&](int x0, int x1) {
+        if (x0 >= x1) return;
+        std::fill(row + x0 / kStep, row + (x1 - 1) / kStep + 1, uint8_t{WeightGrid::kUnowned});
+        any = true;
+      };
+      int x = 0;
+      for (const FaceRun& run : runs_.row(y)) {
+        mark(x, run.x0);
+        x = run.x1;
+      }
+      mark(x, view.x1);
+    }
+    return any;
+  }
+
+  // Finds points in gaps among every kSparse-th point and row, which costs little. Gaps are at the border of camera
+  // images, so they are usually wide. Gaps of a few pixels at the border of the view do not count, because views are
+  // often as wide as the images of the cameras.
+  void find_gaps(const CameraWeights& cameras) {
+    Shares shares;
+    const auto next = [](int i, int count) { return i < count - 1 ? std::min(i + kSparse, count - 1) : count; };
+    for (int j = 0; j < rows_; j = next(j, rows_))
+      for (int i = 0; i < columns_; i = next(i, columns_)) {
+        constexpr int kBorder = kStep / 2;
+        const View& view = plan_.view();
+        const int x = std::clamp(i * kStep, std::min(kBorder, view.width - 1), std::max(view.width - 1 - kBorder, 0)),
+                  y = std::clamp(j * kStep, std::min(kBorder, view.height - 1), std::max(view.height - 1 - kBorder, 0));
+        const int32_t owner = owner_of(x, y);
+        if (owner == FaceIdMap::kNone) continue;
+        const LineOfSight line = line_of_sight(plan_, {x, y});
+        set_mesh_weights(plan_, owner, line.ray, shares);
+        if (limited_visibility(cameras, line, shares) < kEnoughVisibility) gaps_.emplace_back(i, j);
+      }
+  }
+
+  // Looks more closely at cells that the border of the mesh crosses, because gaps beside the border are often narrow.
+  void find_gaps_at_border(const CameraWeights& cameras, const ParallelFor& parallel) {
+    constexpr int kStride = 4;
+    parallel(static_cast<size_t>(rows_ - 1), [&](size_t row) {
+      Shares shares;
+      const auto is_gap = [&](int x, int y) {
+        const int32_t owner = owner_of(x, y);
+        if (owner == FaceIdMap::kNone) return false;
+        const LineOfSight line = line_of_sight(plan_, {x, y});
+        set_mesh_weights(plan_, owner, line.ray, shares);
+        return limited_visibility(cameras, line, shares) < kEnoughVisibility;
+      };
+      const int j = static_cast<int>(row), bottom = std::min((j + 1) * kStep, plan_.view().height);
+      for (int i = 0; i + 1 < columns_; i++) {
+        uint8_t& use = cell(i, j);
+        const int right = std::min((i + 1) * kStep, plan_.view().width);
+        for (int y = j * kStep + kStride / 2; y < bottom && use == WeightGrid::kUnowned; y += kStride)
+          for (int x = i * kStep + kStride / 2; x < right && use == WeightGrid::kUnowned; x += kStride)
+            if (is_gap(x, y)) use = WeightGrid::kWhole;
+      }
+    });
+    for (int j = 0; j + 1 < rows_; j++)
+      for (int i = 0; i + 1 < columns_; i++)
+        if (cell(i, j) == WeightGrid::kWhole) gaps_.emplace_back(i, j);
+  }
+
+  bool has_gaps() const { return !gaps_.empty(); }
+  // Looks at all points around those that have been found.
+  void mark_cells_with_gaps(const Extrapolation& extrapolation, const ParallelFor& parallel) {
+    make_points();
+    std::vector<uint8_t> near(points_.size());
+    for (const auto& [x, y] : gaps_)
+      for (int j = std::max(y - kSparse, 0); j <= std::min(y + kSparse, rows_ - 1); j++)
+        std::fill_n(&near[number_of(std::max(x - kSparse, 0), j)],
+                    std::min(x + kSparse, columns_ - 1) - std::max(x - kSparse, 0) + 1, uint8_t{1});
+    parallel(static_cast<size_t>(rows_), [&](size_t j) {
+      Extrapolation own = extrapolation;
+      for (int i = 0, y = static_cast<int>(j); i < columns_; i++)
+        if (near[number_of(i, y)] && owner_at(i, y) != FaceIdMap::kNone) compute(i, y, own);
+    });
+    for (int j = 0; j + 1 < rows_; j++)
+      for (int i = 0; i + 1 < columns_; i++) {
+        const auto is_gap = [](const Point* point) { return point->is_in_mesh && point->result.is_extrapolated; };
+        const auto is_visible = [&](const Point* point) { return !is_gap(point) || point->result.is_seen; };
+        const std::array<const Point*, 4> around = corners(i, j);
+        if (std::ranges::any_of(around, is_gap) && std::ranges::any_of(around, is_visible))
+          cell(i, j) = WeightGrid::kWhole;
+      }
+  }
+
+  // Returns null if no camera sees any of the pixels.
+  std::shared_ptr<const WeightGrid> finish(const Extrapolation& extrapolation, size_t num_cameras,
+                                           const ParallelFor& parallel) {
+    make_points();
+    std::vector<uint8_t> needed(points_.size());
+    for (int j = 0; j + 1 < rows_; j++)
+      for (int i = 0; i + 1 < columns_; i++)
+        if (cell(i, j) != WeightGrid::kUnused)
+          for (const Point* const point : corners(i, j)) needed[static_cast<size_t>(point - points_.data())] = 1;
+    std::atomic<bool> any_seen = false;
+    parallel(static_cast<size_t>(rows_), [&](size_t j) {
+      Extrapolation own = extrapolation;
+      for (int i = 0; i < columns_; i++) {
+        const size_t number = number_of(i, static_cast<int>(j));
+        Point& point = points_[number];
+        if (!needed[number]) point.shares.clear();
+        if (needed[number] && !point.is_computed) compute(i, static_cast<int>(j), own);
+        if (needed[number] && point.result.is_seen) any_seen = true;
+      }
+    });
+    if (!any_seen) return nullptr;
+    auto grid = std::make_shared<WeightGrid>(plan_.view().width, plan_.view().height, num_cameras, std::move(cells_));
+    for (const Point& point : points_) grid->add_point(point.shares);
+    return grid;
+  }
+
+ private:
+  struct Point {
+    Shares shares;
+    bool is_computed = false;
+    bool is_in_mesh = false;
+    Extrapolation::Result result;
+  };
+
+  static constexpr int kSparse = 2;
+
+  size_t number_of(int i, int j) const {
+    return static_cast<size_t>(j) * static_cast<size_t>(columns_) + static_cast<size_t>(i);
+  }
+  void make_points() { points_.resize(static_cast<size_t>(columns_) * static_cast<size_t>(rows_)); }
+  // The last points are beyond the view, where the plan has no faces.
+  Vec2 pixel_at(int i, int j) const {
+    return {std::min(i * kStep, plan_.view().width - 1), std::min(j * kStep, plan_.view().height - 1)};
+  }
+  int32_t owner_at(int i, int j) const {
+    return owner_of(std::min(i * kStep, plan_.view().width - 1), std::min(j * kStep, plan_.view().height - 1));
+  }
+  int32_t owner_of(int x, int y) const {
+    const std::span<const FaceRun> runs = runs_.row(y, x, x + 1);
+    return runs.empty() ? FaceIdMap::kNone : runs.front().face;
+  }
+  void compute(int i, int j, Extrapolation& own) {
+    Point& point = points_[number_of(i, j)];
+    const int32_t owner = owner_at(i, j);
+    point.result = own.at(pixel_at(i, j), owner, point.shares);
+    point.is_in_mesh = owner != FaceIdMap::kNone;
+    point.is_computed = true;
+  }
+  uint8_t& cell(int i, int j) {
+    return cells_[static_cast<size_t>(j) * static_cast<size_t>(columns_ - 1) + static_cast<size_t>(i)];
+  }
+  std::array<const Point*, 4> corners(int i, int j) const {
+    const Point* const first = &points_[number_of(i, j)];
+    return {first, first + 1, first + columns_, first + columns_ + 1};
+  }
+
+  const ViewPlan& plan_;
+  const FaceRuns& runs_;
+  const int columns_, rows_;
+  std::vector<uint8_t> cells_;
+  std::vector<Point> points_;  // empty until a point is needed
+  std::vector<std::pair<int, int>> gaps_;
 };
 
 }  // namespace
 
-std::vector<uint8_t> cells_beside_mesh(const FaceRuns& runs) {
-  const Rect& view = runs.region();
-  const int columns = WeightGrid::points(view.x1) - 1, rows = WeightGrid::points(view.y1) - 1;
-  std::vector<uint8_t> cells(static_cast<size_t>(columns) * static_cast<size_t>(rows));
-  bool any = false;
-  for (int y = 0; y < view.y1; y++) {
-    uint8_t* const row = &cells[static_cast<size_t>(y / kStep) * static_cast<size_t>(columns)];
-    const auto mark = [&](int x0, int x1) {
-      if (x0 >= x1) return;
-      std::fill(row + x0 / kStep, row + (x1 - 1) / kStep + 1, uint8_t{1});
-      any = true;
-    };
-    int x = 0;
-    for (const FaceRun& run : runs.row(y)) {
-      mark(x, run.x0);
-      x = run.x1;
-    }
-    mark(x, view.x1);
-  }
-  if (!any) cells.clear();
-  return cells;
-}
-
 std::shared_ptr<const WeightGrid> extrapolated_weights(const Rig& rig, const Mesh& mesh, const ViewPlan& plan,
-                                                       std::vector<uint8_t> cells, const ParallelFor& parallel) {
-  const View& view = plan.view();
-  const int columns = WeightGrid::points(view.width), rows = WeightGrid::points(view.height);
-  // Only the points around cells with pixels are needed.
-  std::vector<uint8_t> needed(static_cast<size_t>(columns) * static_cast<size_t>(rows));
-  for (int j = 0; j + 1 < rows; j++)
-    for (int i = 0; i + 1 < columns; i++) {
-      if (!cells[static_cast<size_t>(j) * static_cast<size_t>(columns - 1) + static_cast<size_t>(i)]) continue;
-      uint8_t* const point = &needed[static_cast<size_t>(j) * static_cast<size_t>(columns) + static_cast<size_t>(i)];
-      for (uint8_t* const corner : {point, point + 1, point + columns, point + columns + 1}) *corner = 1;
-    }
-  auto grid = std::make_shared<WeightGrid>(view.width, view.height, rig.cameras.size(), std::move(cells));
-  const Extrapolation extrapolation(rig, mesh, plan);
-  std::vector<Shares> shares(needed.size());
-  std::atomic<bool> any_seen = false;
-  parallel(static_cast<size_t>(rows), [&](size_t j) {
-    Extrapolation own = extrapolation;
-    for (int i = 0; i < columns; i++) {
-      const size_t point = j * static_cast<size_t>(columns) + static_cast<size_t>(i);
-      if (!needed[point]) continue;
-      // The last points are beyond the view, where the plan has no faces.
-      if (own.at({std::min(i * kStep, view.width - 1), std::min(static_cast<int>(j) * kStep, view.height - 1)},
-                 shares[point]))
-        any_seen = true;
-    }
-  });
-  if (!any_seen) return nullptr;
-  for (const Shares& of_point : shares) grid->add_point(of_point);
-  return grid;
+                                                       const FaceRuns& runs, const ParallelFor& parallel) {
+  GridInProgress grid(plan, runs);
+  const View by_angle = nearest_cameras(plan.view());
+  const CameraWeights cameras(rig, mesh, by_angle);
+  const bool is_beside = grid.mark_cells_beside_mesh();
+  if (plan.view().blending.fills_gaps) {
+    grid.find_gaps(cameras);
+    if (is_beside) grid.find_gaps_at_border(cameras, parallel);
+  }
+  if (!is_beside && !grid.has_gaps()) return nullptr;
+  std::optional<MeshBorder> border;
+  if (is_beside) border.emplace(rig, mesh, plan.view().pose);
+  const Extrapolation extrapolation(plan, border, cameras);
+  if (grid.has_gaps()) grid.mark_cells_with_gaps(extrapolation, parallel);
+  return grid.finish(extrapolation, rig.cameras.size(), parallel);
 }
 
 }  // namespace lf

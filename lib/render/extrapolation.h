@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <cstdint>
 #include <memory>
-#include <vector>
 
 #include "render/camera_weights.h"
 #include "render/ownership.h"
@@ -12,23 +10,26 @@
 
 namespace lf {
 
-// Weights for lines of sight that pass beside the camera mesh, for example because the viewer has moved out of the
-// array. Such pixels are extrapolated from the nearest cameras instead of staying empty.
+// Weights for the parts of a view that the camera mesh cannot show. Such pixels are extrapolated from the nearest
+// cameras, which are the cameras of Blending::kAngle with kExtrapolationCameras cameras, instead of staying empty.
 //
+// Beside the mesh: lines of sight that pass through no face, for example because the viewer has moved out of the array.
 // At the border of the mesh the weights equal the weights of the mesh, which are the linear interpolation between the
-// two cameras of the border edge. With growing distance d of the line of sight from the border, they change to
-// Blending::kAngle with kExtrapolationCameras cameras. The share of the latter is smoothstep(d / length). The length is
-// a quarter of the median length of the border edges, but at least 32 pixels of the view at the depth of the border.
+// two cameras of the border edge. With growing distance d of the line of sight from the border, they change to the
+// nearest cameras. The share of the latter is smoothstep(d / length). The length is a quarter of the median length of
+// the border edges, but at least 32 pixels of the view at the depth of the border.
+//
+// In gaps (Blending::fills_gaps): lines of sight with cameras of the mesh that do not see the point in focus, for
+// example in a view from in front of the array. Let v be the mean of min(40 b, 1) over these cameras, by weight, with
+// b = CameraWeights::visibility(). The cameras of the mesh keep smoothstep(v / kEnoughVisibility) of their share at each
+// point of the WeightGrid. Cells with a gap are extrapolated as a whole.
 inline constexpr int kExtrapolationCameras = 8;
+inline constexpr double kEnoughVisibility = 0.25;
 
-// Finds the area of a view that must be extrapolated because it is beside the camera mesh. The result has one flag for
-// each cell of a WeightGrid, row by row, which says whether the cell contains a pixel without an owner. It is empty if
-// all pixels have an owner. `runs` must cover the whole view and only contain faces of the mesh.
-std::vector<uint8_t> cells_beside_mesh(const FaceRuns& runs);
-
-// Returns the weights of the cameras in `cells` (see cells_beside_mesh()). Returns null if no camera sees any of these
-// pixels, for example if the view looks away from the array. `plan` has the faces of the mesh.
+// Returns the weights of the cameras in all pixels that must be extrapolated. Returns null if there are none, or if no
+// camera sees any of them, for example because the view looks away from the array. `plan` has the faces of the mesh, and
+// `runs` their owners in the whole view.
 std::shared_ptr<const WeightGrid> extrapolated_weights(const Rig& rig, const Mesh& mesh, const ViewPlan& plan,
-                                                       std::vector<uint8_t> cells, const ParallelFor& parallel);
+                                                       const FaceRuns& runs, const ParallelFor& parallel);
 
 }  // namespace lf

@@ -25,8 +25,9 @@ struct FaceRun {
 
 // Finds for each pixel of a region the face (triangle of the camera mesh) that owns the pixel. The corners of this face
 // are the cameras that the pixel is blended from. The owner is the lowest-numbered face that contains the pixel's line
-// of sight and has cameras that look in its direction. A pixel has no owner if its line of sight does not meet the
-// focal surface in front of the eye.
+// of sight and has cameras that look in its direction. An exception are the cells that ViewPlan::blend() has as a whole,
+// which belong to the face without corners. A pixel has no owner if its line of sight does not meet the focal surface in
+// front of the eye.
 //
 // Several faces can contain a pixel if the mesh folds. All hosts must then choose the same owner, so the search among
 // all faces is exact. It also takes less time than testing the faces around each camera.

@@ -320,9 +320,8 @@ ViewPlan::ViewPlan(const Rig& rig, const Mesh& mesh, const View& view, const Par
     faces_.push_back(face);
   }
   if (!view.blending.extrapolates) return;
-  std::vector<uint8_t> cells = cells_beside_mesh(FaceRuns(*this, whole, parallel));
-  if (cells.empty()) return;
-  if (auto grid = extrapolated_weights(rig, mesh, *this, std::move(cells), parallel)) add_grid(std::move(grid), whole);
+  if (auto grid = extrapolated_weights(rig, mesh, *this, FaceRuns(*this, whole, parallel), parallel))
+    add_grid(std::move(grid), whole);
 }
 
 // Adds a face without corners for everything in front that no other face owns.

@@ -116,8 +116,8 @@ class ViewPlan {
   // pixel, the lowest-numbered face owns the pixel.
   const std::vector<FacePlan>& faces() const { return faces_; }
   // Returns the camera weights in the pixels of the last face, which then has no corners. If the view is not blended by
-  // the mesh, this face covers everything that can be in focus. Otherwise it covers the pixels beside the mesh, which
-  // are extrapolated (see render/extrapolation.h). Null if all pixels are inside the mesh.
+  // the mesh, this face covers everything that can be in focus. Otherwise it covers the pixels that are extrapolated
+  // (see render/extrapolation.h). Null if there are none.
   const WeightGrid* blend() const { return blend_.get(); }
   size_t num_cameras() const { return camera_rects_.size(); }
   // Returns bounds of the pixels that the camera contributes to; may be empty.

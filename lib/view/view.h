@@ -30,6 +30,9 @@ struct Blending {
   // kMesh only: true if pixels with lines of sight that pass beside the mesh are extrapolated from the nearest cameras
   // instead of staying empty. Not on the wire: probes have false, all other requests true.
   bool extrapolates = true;
+  // kMesh only, with `extrapolates`: true if pixels inside the mesh are extrapolated, too, where the cameras of their
+  // face do not see the scene. Not on the wire: all requests have true.
+  bool fills_gaps = true;
 
   bool is_mesh() const { return kind == Kind::kMesh; }
   bool operator==(const Blending&) const = default;

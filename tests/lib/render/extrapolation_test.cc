@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Pixels beside the camera mesh: weights against the formula in 80-bit floating point, continuity at the border, and
-// unchanged pixels inside.
+// Pixels beside the camera mesh and in its gaps: weights against the formula in 80-bit floating point, continuity at the
+// border, and unchanged pixels elsewhere.
 #include "render/extrapolation.h"
 
 #include <algorithm>
@@ -15,6 +15,7 @@
 #include "lib/render/production.h"
 #include "reference/generators.h"
 #include "reference/renderer.h"
+#include "render/contribution_map.h"
 
 namespace lf {
 namespace {
@@ -110,7 +111,8 @@ TEST(Extrapolation, WeightsFollowTheFormula) {
     Random random(seed);
     const Rig rig = reference::planar_grid(3 + seed % 3, 4, 0.5);
     const Mesh mesh = build_mesh(rig);
-    const View view = view_from(random.point_in_box(2) - Vec3(0, 0, 0.5), random.small_rotation(0.3));
+    View view = view_from(random.point_in_box(2) - Vec3(0, 0, 0.5), random.small_rotation(0.3));
+    view.blending.fills_gaps = false;
     const ViewPlan plan(rig, mesh, view);
     if (!plan.blend()) continue;
     const FaceIdMap owners(plan, test::whole(view));
@@ -168,6 +170,7 @@ TEST(Extrapolation, PixelsInsideTheMeshStayTheSame) {
     const ViewPlan before(rig, mesh, view);
     EXPECT_EQ(before.blend(), nullptr);
     view.blending.extrapolates = true;
+    view.blending.fills_gaps = false;
     const ViewPlan plan(rig, mesh, view);
     const FaceIdMap owners_before(before, test::whole(view)), owners(plan, test::whole(view));
     for (int y = 0; y < kHeight; y++)
@@ -194,6 +197,129 @@ TEST(Extrapolation, ACoveredViewHasNoGrid) {
   EXPECT_EQ(ViewPlan(rig, build_mesh(rig), view).blend(), nullptr);
   view.pose.position.x = 2;
   EXPECT_NE(ViewPlan(rig, build_mesh(rig), view).blend(), nullptr);
+}
+
+// A view from in front of the array, through faces with cameras that see only the middle of the view.
+class Gaps : public testing::Test {
+ protected:
+  Gaps() {
+    rig_ = reference::planar_grid(4, 4, 0.5);
+    mesh_ = build_mesh(rig_);
+    view_ = view_from({0.03, -0.02, 0.4});
+    view_.lens = Lens::from_fov_y(85, kWidth, kHeight);
+    view_.focus.plane = focal_plane_at({}, 6);
+  }
+  View with_gaps() const {
+    View view = view_;
+    view.blending.fills_gaps = false;
+    return view;
+  }
+  // The weight of the cameras that see the pixel.
+  static std::vector<float> seen(const Rig& rig, const ViewPlan& plan) {
+    return view_coverage(rig, plan, FaceIdMap(plan, test::whole(plan.view())));
+  }
+
+  Rig rig_;
+  Mesh mesh_;
+  View view_;
+};
+
+TEST_F(Gaps, AreFilledIfOtherCamerasSeeThePoint) {
+  const ViewPlan before(rig_, mesh_, with_gaps()), plan(rig_, mesh_, view_);
+  const std::vector<float> seen_before = seen(rig_, before), seen_now = seen(rig_, plan);
+  // The reference: a point can be seen if it is in the image of any camera.
+  int empty_before = 0, empty_now = 0, visible = 0;
+  for (int y = 0, i = 0; y < kHeight; y++)
+    for (int x = 0; x < kWidth; x++, i++) {
+      const LineOfSight line = line_of_sight(plan, Vec2(x, y));
+      const Vec3 point = view_.pose.world_from_camera(line.focus * Vec3(line.ray, 1));
+      const bool is_visible = std::ranges::any_of(rig_.cameras, [&](const Camera& camera) {
+        const auto pixel = camera.lens.project(camera.pose.camera_from_world(point));
+        return pixel && pixel->x >= 1 && pixel->y >= 1 && pixel->x <= camera.width - 2 && pixel->y <= camera.height - 2;
+      });
+      if (!is_visible) continue;
+      visible++;
+      empty_before += seen_before[i] <= 0;
+      empty_now += seen_now[i] <= 0;
+    }
+  std::printf("%d of %d visible pixels were empty, and %d are\n", empty_before, visible, empty_now);
+  EXPECT_GT(empty_before, 500);
+  EXPECT_LT(empty_now, empty_before / 5) << "only pixels beside what any camera sees, within a cell";
+}
+
+TEST_F(Gaps, PixelsOfOtherCellsStayTheSame) {
+  const ViewPlan before(rig_, mesh_, with_gaps()), plan(rig_, mesh_, view_);
+  const FaceIdMap owners_before(before, test::whole(view_)), owners(plan, test::whole(view_));
+  const std::vector<float> seen_before = seen(rig_, before);
+  int same = 0, filled = 0;
+  for (int y = 0; y < kHeight; y++)
+    for (int x = 0; x < kWidth; x++) {
+      if (is_beside(plan, owners, x, y)) {
+        // Only cells with a corner in a gap are filled.
+        filled++;
+        bool near_gap = false;
+        for (const int j : {y / kStep * kStep, std::min(y / kStep * kStep + kStep, kHeight - 1)})
+          for (const int i : {x / kStep * kStep, std::min(x / kStep * kStep + kStep, kWidth - 1)})
+            near_gap = near_gap || seen_before[static_cast<size_t>(j) * kWidth + i] < 0.5f;
+        ASSERT_TRUE(near_gap) << x << ", " << y;
+        continue;
+      }
+      same++;
+      ASSERT_EQ(owners.at(x, y), owners_before.at(x, y));
+    }
+  EXPECT_GT(same, 500);
+  EXPECT_GT(filled, 500);
+}
+
+TEST_F(Gaps, WeightsFollowTheFormulaAtPoints) {
+  const ViewPlan before(rig_, mesh_, with_gaps()), plan(rig_, mesh_, view_);
+  ASSERT_NE(plan.blend(), nullptr);
+  const FaceIdMap owners_before(before, test::whole(view_)), owners(plan, test::whole(view_));
+  View angle = view_;
+  angle.blending = {.kind = Blending::Kind::kAngle, .nearest = kExtrapolationCameras};
+  const reference::ReferenceBlending by_angle(rig_, mesh_, angle, kStep);
+  double worst = 0;
+  int compared = 0, faded = 0;
+  for (int y = 0; y < kHeight; y += kStep)
+    for (int x = 0; x < kWidth; x += kStep) {
+      if (!is_beside(plan, owners, x, y)) continue;
+      const std::vector<double> mesh_weights = weights_at(before, owners_before, x, y);
+      const LineOfSight line = line_of_sight(plan, Vec2(x, y));
+      const Vec3 point = view_.pose.world_from_camera(line.focus * Vec3(line.ray, 1));
+      double visible = 0;
+      const std::vector<Real> nearest = by_angle.at(x, y);
+      for (CameraIndex i = 0; i < rig_.cameras.size(); i++) {
+        const Camera& camera = rig_.cameras[i];
+        const auto pixel = camera.lens.project(camera.pose.camera_from_world(point));
+        double part = 0;
+        if (pixel)
+          part = std::min({pixel->x + 0.5, pixel->y + 0.5, camera.width - 0.5 - pixel->x,
+                           camera.height - 0.5 - pixel->y}) /
+                 (0.05 * std::min(camera.width, camera.height));
+        visible += mesh_weights[i] * std::clamp(40 * part, 0.0, 1.0);
+      }
+      const double t = std::min(visible / kEnoughVisibility, 1.0), share = 1 - t * t * (3 - 2 * t);
+      faded += share > 0;
+      for (CameraIndex i = 0; i < rig_.cameras.size(); i++)
+        worst = std::max(worst, std::abs(static_cast<double>(plan.blend()->weight(i, x, y)) / WeightGrid::kOne -
+                                         (share * static_cast<double>(nearest[i]) + (1 - share) * mesh_weights[i])));
+      compared++;
+    }
+  std::printf("%d points, %d of them in gaps, worst weight error %.2g\n", compared, faded, worst);
+  EXPECT_GT(compared, 8);
+  EXPECT_GT(faded, 4);
+  EXPECT_LE(worst, 2. / WeightGrid::kOne);
+}
+
+// Hosts render different regions of a view.
+TEST_F(Gaps, OwnersDoNotDependOnTheRegion) {
+  const ViewPlan plan(rig_, mesh_, view_);
+  const FaceIdMap owners(plan, test::whole(view_));
+  for (const Rect& region : {Rect{10, 3, 57, 44}, Rect{0, 40, kWidth, 41}, Rect{31, 0, 33, kHeight}}) {
+    const FaceIdMap part(plan, region);
+    for (int y = region.y0; y < region.y1; y++)
+      for (int x = region.x0; x < region.x1; x++) ASSERT_EQ(part.at(x, y), owners.at(x, y)) << x << ", " << y;
+  }
 }
 
 // Crosses the border pixel by pixel. Weights change at most a little faster than inside a triangle.
