@@ -270,7 +270,6 @@ TEST(Colmap, LensesThatWeLackAreRefusedByCamera) {
        "cannot hold its FULL_OPENCV lens; run colmap image_undistorter"},
       {"1 OPENCV_FISHEYE 4 3 5 5 2 1.5 0 0 0 0", "cannot hold its OPENCV_FISHEYE lens"},
       {"1 FOV 4 3 5 5 2 1.5 0", "cannot hold its FOV lens"},
-      {"1 DIVISION 4 3 5 5 2 1.5 0", "unknown lens model \"DIVISION\"; run colmap image_undistorter"},
       {"1 SIMPLE_RADIAL_FISHEYE 4 3 5 2 1.5 0", "cannot hold its SIMPLE_RADIAL_FISHEYE lens"},
       {"1 RADIAL_FISHEYE 4 3 5 2 1.5 0 0", "cannot hold its RADIAL_FISHEYE lens"},
       {"1 THIN_PRISM_FISHEYE 4 3 5 5 2 1.5 0 0 0 0 0 0 0 0", "cannot hold its THIN_PRISM_FISHEYE lens"},
@@ -281,6 +280,8 @@ TEST(Colmap, LensesThatWeLackAreRefusedByCamera) {
     EXPECT_ERROR(import_colmap(dir.path()), dir / "cameras.txt" + ": camera 1: ");
     EXPECT_ERROR(import_colmap(dir.path()), c.message);
   }
+  write_model(dir, "1 DIVISION 4 3 5 5 2 1.5 0", kImage);
+  EXPECT_ERROR(import_colmap(dir.path()), "lens model \"DIVISION\"; run colmap image_undistorter");
 }
 
 TEST(Colmap, SizesOfImageFilesMustAgree) {
