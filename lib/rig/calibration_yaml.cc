@@ -163,8 +163,8 @@ void require_places(const std::vector<JsonValue>& cameras) {
     const JsonValue& camera = cameras[i];
     if (camera.find("R") || camera.find("T")) continue;
     const bool has_vectors = camera.find("rvec") || camera.find("tvec");
-    camera.fail(std::string("R (3x3) and T (3x1), which transform world points to the camera, are missing. Only the "
-                            "first camera of a file may lack both") +
+    camera.fail(std::string("R (3x3) and T (3x1), which transform world points to the camera, are missing. Each camera "
+                            "after the first needs both keys") +
                 (has_vectors ? ". Write tvec as T, and compute R from rvec with cv::Rodrigues()" : ""));
   }
 }

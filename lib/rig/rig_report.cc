@@ -114,7 +114,7 @@ class SharedFinding {
 std::string cause_of_principal_point(const Camera& camera) {
   // Calibrations put the principal point near the middle, with equal proportions in both directions.
   constexpr double kSameShare = 1.15;
-  const double x = camera.lens.cx() + 0.5, y = camera.lens.cy() + 0.5;  // from the corner of the picture
+  const double x = camera.lens.cx() + 0.5, y = camera.lens.cy() + 0.5;  // relative to the corner
   constexpr double kNormalised = 2;                                     // cx and cy of 0 to 1, and half a pixel
   if (std::abs(x) < kNormalised && std::abs(y) < kNormalised)
     return "Are the values normalised, or in millimetres? A rig has pixels";
