@@ -20,6 +20,7 @@
 #include "command_line.h"
 #include "render/contribution_map.h"
 #include "render/stanford_focus.h"
+#include "rig/camera_source.h"
 #include "rig/exchange.h"
 #include "rig/rig.h"
 #include "rig/rig_json.h"
@@ -29,6 +30,8 @@
 #include "terminal.h"
 
 namespace {
+
+namespace fs = std::filesystem;
 
 using lf::Rig;
 
@@ -58,8 +61,17 @@ void print_notes(const std::vector<std::string>& notes) {
   for (const std::string& note : notes) terminal::print("note: %s\n", note.c_str());
 }
 
+// Throws Error if the output would replace another file than a rig file. The other file is probably an input, for
+// example the imported file or a picture of a camera.
+void require_replaceable(const std::string& out) {
+  std::error_code ignored;
+  if (!fs::is_regular_file(out, ignored) || fs::file_size(out, ignored) == 0 || lf::is_rig_file(out)) return;
+  throw lf::Error("--out " + out + ": exists and is not a rig file, so it is not overwritten; give another file");
+}
+
 void save(Rig rig, const std::string& out, const nlohmann::json* original = nullptr) {
-  lf::rebase_paths(rig, std::filesystem::path(out).parent_path().string());
+  require_replaceable(out);
+  lf::rebase_paths(rig, fs::path(out).parent_path().string());
   lf::save_rig(rig, out, original);
   terminal::print("%s: %zu cameras\n", out.c_str(), rig.cameras.size());
 }
@@ -146,21 +158,28 @@ void check_home_view(const Rig& rig, std::vector<lf::RigFinding>& findings) {
                          100 * seen)});
 }
 
+// Prints the findings. Returns the number of errors.
+size_t print_findings(const std::vector<lf::RigFinding>& findings, const std::string& file) {
+  size_t errors = 0;
+  for (const lf::RigFinding& finding : findings) {
+    const bool is_error = finding.severity == lf::RigFinding::Severity::kError;
+    errors += is_error;
+    terminal::print("%s: %s: %s\n", file.c_str(), is_error ? "error" : "warning", finding.text.c_str());
+  }
+  return errors;
+}
+
 int run_check(const Arguments& arguments) {
-  int errors = 0, warnings = 0;
   lf::load_controls(arguments.rig);
   const Rig rig = lf::load_rig(arguments.rig);
   std::vector<lf::RigFinding> findings = lf::check_rig(rig);
-  for (const lf::RigFinding& finding : lf::cameras::check_films(rig)) findings.push_back(finding);
+  for (const auto& check : {lf::cameras::check_still_decoders, lf::cameras::check_films})
+    for (const lf::RigFinding& finding : check(rig)) findings.push_back(finding);
   check_home_view(rig, findings);
   if (const std::string warning = lf::secret_warning(rig, arguments.rig); !warning.empty())
     findings.push_back({lf::RigFinding::Severity::kWarning, warning});
-  for (const lf::RigFinding& finding : findings) {
-    const bool is_error = finding.severity == lf::RigFinding::Severity::kError;
-    (is_error ? errors : warnings)++;
-    terminal::print("%s: %s: %s\n", arguments.rig.c_str(), is_error ? "error" : "warning", finding.text.c_str());
-  }
-  terminal::print("%s: %d errors, %d warnings\n", arguments.rig.c_str(), errors, warnings);
+  const size_t errors = print_findings(findings, arguments.rig);
+  terminal::print("%s: %zu errors, %zu warnings\n", arguments.rig.c_str(), errors, findings.size() - errors);
   return errors > 0 ? 1 : 0;
 }
 
@@ -175,12 +194,13 @@ int run_subset(const Arguments& arguments) {
 
 int finish_import(const Arguments& arguments, const lf::RigImport& result) {
   print_notes(result.notes);
-  if (std::ranges::all_of(result.rig.cameras, [](const lf::Camera& camera) { return camera.image.empty(); }))
+  if (lf::has_no_pictures(result.rig))
     terminal::print(
         "note: the imported rig has no images; add a \"source\" (or an \"image\", a still) to each camera in %s\n",
         arguments.out.c_str());
   if (const std::string notice = lf::orientation_notice(result.rig); !notice.empty())
     terminal::print("note: %s\n", notice.c_str());
+  print_findings(lf::check_lenses(result.rig), arguments.out);
   save(result.rig, arguments.out);
   return 0;
 }
@@ -271,11 +291,14 @@ bool converts() {
 int run_conversion(Arguments& arguments) {
   for (const Format& format : formats) {
     if (*format.import) {
+      require_replaceable(arguments.out);
       if (!arguments.grid.empty()) parse_grid(arguments.grid, arguments.colmap.rows, arguments.colmap.columns);
       return finish_import(arguments, format.read(arguments));
     }
     if (*format.export_) {
       const Rig rig = lf::load_rig(arguments.rig);
+      if (std::error_code ignored; fs::equivalent(arguments.rig, arguments.other, ignored))
+        throw lf::Error(arguments.other + ": is the rig file itself, which is not overwritten; give another file");
       return finish_export(arguments, rig, format.write(rig, arguments));
     }
   }

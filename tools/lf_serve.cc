@@ -347,10 +347,6 @@ class Program {
     terminal::print("serving %s at %s\n", options_.rig.c_str(), server_.url().c_str());
     if (const std::string warning = lf::secret_warning(field_->array()->rig(), options_.rig); !warning.empty())
       terminal::print_error("warning: %s: %s\n", options_.rig.c_str(), warning.c_str());
-    if (options_.nodes.empty() && std::ranges::all_of(field_->array()->rig().cameras, [](const lf::Camera& camera) {
-          return camera.image.empty() && camera.source.empty();
-        }))
-      terminal::print("no camera in the rig has an image or a source, so all cameras show the built-in scene\n");
   }
 
   Options options_;

@@ -71,6 +71,7 @@
 #include "common/properties.h"
 #include "fragment/lffragment.h"
 #include "recording/recording.h"
+#include "rig/camera_source.h"
 #include "rig/rig.h"
 
 GST_DEBUG_CATEGORY_STATIC(lf_camera_node_debug);
@@ -422,6 +423,15 @@ static void add_camera(LfCameraNode* self, const Settings& settings, const lf::R
                       static_cast<gint>(rig.cameras[index].id), nullptr);
 }
 
+// The cameras of an imported rig may be far from the built-in scene, so that all views are black.
+static void warn_of_scene(LfCameraNode* self, const std::string& rig) {
+  GST_ELEMENT_WARNING(self, RESOURCE, NOT_FOUND,
+                      ("%s: no camera names an image or a source, so all cameras show the built-in scene. Add a "
+                       "\"source\" or an \"image\" to each camera in the rig file",
+                       rig.c_str()),
+                      (nullptr));
+}
+
 static bool open_cameras(LfCameraNode* self) {
   remove_cameras(self);
   const Settings settings = current_settings(self);
@@ -443,6 +453,7 @@ static bool open_cameras(LfCameraNode* self) {
     for (const lf::CameraIndex index : indices) add_camera(self, settings, *rig, index);
     *self->opened = settings;
     *self->rig = rig;
+    if (lf::has_no_pictures(*rig)) warn_of_scene(self, settings.rig);
     return true;
   } catch (const std::exception& error) {
     GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS, ("%s", error.what()), (nullptr));

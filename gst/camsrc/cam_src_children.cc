@@ -15,6 +15,7 @@
 #include "camsrc/camera_chain.h"
 #include "common/common.h"
 #include "common/guard.h"
+#include "rig/camera_source.h"
 #include "rig/source_security.h"
 
 namespace lf {
@@ -211,10 +212,10 @@ lf::CameraChain build_chain(LfCamSrc* self, const lf::CameraSource& source, cons
 }
 
 // The built-in scene between real pictures would be a ghost in every view, so a warning is required. The first camera
-// without pictures warns for all cameras.
+// without pictures warns for all cameras. If no camera has pictures, lfcameranode warns.
 void warn_of_scene(LfCamSrc* self, const lf::Rig& rig, lf::CameraIndex index, const std::string& place) {
   const auto is_blind = [](const lf::Camera& camera) { return camera.source.empty() && camera.image.empty(); };
-  if (std::ranges::all_of(rig.cameras, is_blind)) return;
+  if (lf::has_no_pictures(rig)) return;
   if (std::ranges::find_if(rig.cameras, is_blind) != rig.cameras.begin() + index) return;
   const auto count = std::ranges::count_if(rig.cameras, is_blind);
   const std::string who = place + (count > 1 ? " and " + std::to_string(count - 1) + " more name" : " names");

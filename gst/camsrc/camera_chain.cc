@@ -13,6 +13,7 @@
 #include "camsrc/picture_sources.h"
 #include "common/common.h"
 #include "common/guard.h"
+#include "common/still_decoder.h"
 #include "rig/source_security.h"
 
 namespace lf {
@@ -628,6 +629,7 @@ void add_reader(GstBin* bin, const CameraSource& source, const Camera& camera, c
   switch (source.kind) {
     case Kind::kStill:
       if (source.codec == CameraSource::Codec::kOther) {
+        if (const std::string problem = still_decoding_problem(source.location); !problem.empty()) throw Error(problem);
         add_uri_decoder(bin, file_uri(source.location), options, convert);
         break;
       }

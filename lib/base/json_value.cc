@@ -105,7 +105,12 @@ class JsonBuilder : public nlohmann::json_sax<json> {
 
 }  // namespace
 
-std::string read_text_file(const std::string& path) { return read_file(path); }
+std::string read_text_file(const std::string& path) {
+  std::string text = read_file(path);
+  if (text.starts_with("\xff\xfe") || text.starts_with("\xfe\xff"))
+    throw Error(path + ": is a UTF-16 text; save the file as UTF-8");
+  return text;
+}
 
 void write_text_file(const std::string& text, const std::string& path) {
   AtomicFileWriter file(path);

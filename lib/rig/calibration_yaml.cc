@@ -87,25 +87,59 @@ void parse_size(const JsonValue& value, Camera& camera) {
   value.fail("the size of the pictures is missing; add image_width and image_height (pixels)");
 }
 
-RigidTransform parse_motion(const JsonValue& value) {
+// Returns the transform from world to camera coordinates, or nothing if the camera has neither R nor T. It is an error
+// if only one of these keys is missing.
+std::optional<RigidTransform> parse_motion(const JsonValue& value) {
   RigidTransform motion;
-  if (const auto rotation = value.find("R")) {
+  const auto rotation = value.find("R"), translation = value.find("T");
+  if (!rotation && !translation) return std::nullopt;
+  if (rotation) {
     const std::vector<double> r = parse_matrix(*rotation, 3, 3).data;
     motion.rotation =
         nearest_rotation(glm::transpose(Mat3(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8])), *rotation);
   }
-  if (const auto translation = value.find("T")) {
+  if (translation) {
     const std::vector<double> t = parse_matrix(*translation, 3, 1).data;
     motion.translation = Vec3(t[0], t[1], t[2]);
   }
+  if (!rotation)
+    value.fail(
+        "has T but no R. Add R (3x3), the rotation from world to camera coordinates, or the identity matrix if "
+        "the camera has the axes of the world");
+  if (!translation)
+    value.fail(
+        "has R but no T. Add T (3x1), the translation from world to camera coordinates, or zeros if the camera "
+        "is at the origin of the world");
   return motion;
 }
 
-Camera parse_camera(const JsonValue& value, const fs::path& directory) {
+// Counts cameras without distortion coefficients.
+class MissingDistortion {
+ public:
+  std::optional<JsonValue> find(const JsonValue& value, const char* key, const std::string& place) {
+    const auto terms = value.find(key);
+    if (terms) return terms;
+    if (cameras_++ == 0) first_ = (place.empty() ? "" : place + ".") + key;
+    return std::nullopt;
+  }
+  void add_note(std::vector<std::string>& notes) const {
+    if (cameras_ == 0) return;
+    notes.push_back(first_ + (cameras_ > 1 ? " and " + std::to_string(cameras_ - 1) + " more are" : " is") +
+                    " missing: the lens is treated as free of distortion");
+  }
+
+ private:
+  std::string first_;
+  size_t cameras_ = 0;
+};
+
+// `place` is the path of the camera in the file, such as "cameras[2]", or "" for the top level.
+Camera parse_camera(const JsonValue& value, const std::string& place, const fs::path& directory,
+                    MissingDistortion& missing) {
   Camera camera;
   parse_size(value, camera);
-  camera.lens = parse_opencv_lens(value.at("camera_matrix"), value.find("distortion_coefficients"));
-  camera.pose = pose_of_camera_from_world(parse_motion(value));
+  camera.lens = parse_opencv_lens(value.at("camera_matrix"), missing.find(value, "distortion_coefficients", place));
+  camera.pose = pose_of_camera_from_world(parse_motion(value).value_or(RigidTransform()));
   for (const char* key : {"camera_name", "name"})
     if (const auto name = value.find(key)) camera.name = name->text();
   if (const auto image = value.find("image")) camera.image = (directory / image->text()).lexically_normal().string();
@@ -122,14 +156,15 @@ const std::set<std::string_view> kOpenCvKeys = {
     "avg_reprojection_error", "per_view_reprojection_errors", "extrinsic_parameters", "image_points", "grid_points",
     "rectification_matrix", "fisheye_model"};
 
-// At most one camera may lack R and T. It then defines the world.
+// The first camera may lack R and T, and is then at the origin of the world, with the axes of the world. All other
+// cameras need both keys.
 void require_places(const std::vector<JsonValue>& cameras) {
-  size_t without = 0;
-  for (const JsonValue& camera : cameras) {
-    if (camera.find("R") || camera.find("T") || ++without < 2) continue;
+  for (size_t i = 1; i < cameras.size(); i++) {
+    const JsonValue& camera = cameras[i];
+    if (camera.find("R") || camera.find("T")) continue;
     const bool has_vectors = camera.find("rvec") || camera.find("tvec");
-    camera.fail(std::string("R (3x3) and T (3x1), which transform world points to the camera, are missing. Without "
-                            "them, all cameras would be at the same place") +
+    camera.fail(std::string("R (3x3) and T (3x1), which transform world points to the camera, are missing. Each camera "
+                            "after the first needs both keys") +
                 (has_vectors ? ". Write tvec as T, and compute R from rvec with cv::Rodrigues()" : ""));
   }
 }
@@ -138,12 +173,12 @@ void require_places(const std::vector<JsonValue>& cameras) {
 std::vector<Camera> parse_stereo(const JsonValue& file, const fs::path& directory, std::vector<std::string>& notes) {
   std::vector<Camera> cameras(2);
   for (Camera& camera : cameras) parse_size(file, camera);
-  cameras[0].lens = parse_opencv_lens(file.at("M1"), file.find("D1"));
-  cameras[1].lens = parse_opencv_lens(file.at("M2"), file.find("D2"));
-  RigidTransform second_from_first;
-  if (file.find("R") && file.find("T")) {
-    second_from_first = parse_motion(file);
-  } else {
+  MissingDistortion missing;
+  cameras[0].lens = parse_opencv_lens(file.at("M1"), missing.find(file, "D1", ""));
+  cameras[1].lens = parse_opencv_lens(file.at("M2"), missing.find(file, "D2", ""));
+  missing.add_note(notes);
+  std::optional<RigidTransform> second_from_first = parse_motion(file);
+  if (!second_from_first) {
     std::string beside;
     for (const char* name : {"extrinsics.yml", "extrinsics.yaml"})
       if (std::error_code ignored; beside.empty() && fs::is_regular_file(directory / name, ignored))
@@ -156,7 +191,7 @@ std::vector<Camera> parse_stereo(const JsonValue& file, const fs::path& director
     second_from_first = parse_motion(extrinsics);
     notes.push_back("R and T come from " + beside);
   }
-  cameras[1].pose = pose_of_camera_from_world(second_from_first);
+  cameras[1].pose = pose_of_camera_from_world(*second_from_first);
   notes.push_back("the cameras are " + number_text(glm::length(cameras[1].pose.position)) +
                   " m apart, if the squares of the board were given in metres");
   return cameras;
@@ -173,12 +208,14 @@ RigImport parse_opencv_yaml(const std::string& text, const std::string& path) {
   RigImport result;
   Rig& rig = result.rig;
   result.notes = check_foreign_keys(root, path, kOpenCvKeys);
+  MissingDistortion missing;
   if (const auto cameras = file.find("cameras")) {
     const std::vector<JsonValue> values = cameras->elements();
     if (values.empty() || values.size() > kMaxCameras)
       cameras->fail("must be a list of 1 to " + std::to_string(kMaxCameras) + " cameras");
-    for (const JsonValue& value : values) rig.cameras.push_back(parse_camera(value, directory));
     require_places(values);
+    for (size_t i = 0; i < values.size(); i++)
+      rig.cameras.push_back(parse_camera(values[i], "cameras[" + std::to_string(i) + "]", directory, missing));
   } else if (file.find("M1") || file.find("M2")) {
     rig.cameras = parse_stereo(file, directory, result.notes);
   } else {
@@ -186,8 +223,9 @@ RigImport parse_opencv_yaml(const std::string& text, const std::string& path) {
       file.fail(
           "has none of the keys cameras, camera_matrix (OpenCV's calibration sample, ROS) and M1 (OpenCV's stereo "
           "sample); write the camera as camera_matrix, distortion_coefficients, image_width and image_height");
-    rig.cameras.push_back(parse_camera(file, directory));
+    rig.cameras.push_back(parse_camera(file, "", directory, missing));
   }
+  missing.add_note(result.notes);
   for (size_t i = 0; i < rig.cameras.size(); i++) {
     rig.cameras[i].id = static_cast<uint32_t>(i);
     if (rig.cameras[i].name.empty()) rig.cameras[i].name = "cam_" + std::to_string(i);
@@ -246,7 +284,9 @@ Lens parse_kalibr_lens(const JsonValue& camera) {
   require(model, {"radtan", "none"});
   const JsonValue place = camera.at("intrinsics");
   const std::vector<double> k = numbers(place);
-  if (k.size() != 4) place.fail("must be [fx, fy, cx, cy]");
+  if (k.size() != 4)
+    place.fail(std::string("must be [fx, fy, cx, cy]") +
+               (k.size() == 8 ? ", but has 8 numbers. Write decimals with a point, not with a comma" : ""));
   std::vector<double> distortion;
   if (model.text() == "radtan") {
     const JsonValue terms = camera.at("distortion_coeffs");

@@ -247,6 +247,11 @@ CameraSource find_camera_source(const Rig& rig, const Camera& camera) {
   return {};
 }
 
+bool has_no_pictures(const Rig& rig) {
+  return std::ranges::all_of(rig.cameras,
+                             [](const Camera& camera) { return camera.source.empty() && camera.image.empty(); });
+}
+
 RigColourCorrections::RigColourCorrections(const Rig& rig) {
   if (!rig.has_colour()) return;
   for (const Camera& camera : rig.cameras) {

@@ -53,6 +53,9 @@ CameraSource find_camera_source(const Rig& rig, const Camera& camera);
 // The same for the value of one `image` or `source`. `text` must not be empty.
 CameraSource find_source(const Rig& rig, const std::string& text, bool is_image);
 
+// Returns true if no camera names an image or a source, so that all cameras show the built-in scene.
+bool has_no_pictures(const Rig& rig);
+
 // The colour corrections of a rig's cameras. They are computed on first use. Thread-safe.
 class RigColourCorrections {
  public:

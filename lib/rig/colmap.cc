@@ -120,7 +120,10 @@ std::map<uint32_t, ColmapCamera> read_colmap_cameras(const std::string& path) {
     } else {
       const auto other = std::find_if(std::begin(kOtherModels), std::end(kOtherModels),
                                       [&](const ColmapModel& m) { return camera.model == m.name; });
-      if (other == std::end(kOtherModels)) reader.fail("unknown lens model \"" + camera.model + "\"");
+      if (other == std::end(kOtherModels))
+        reader.fail("unknown lens model \"" + camera.model +
+                    "\"; run colmap image_undistorter, convert the model in its folder sparse to text, and import that "
+                    "model");
       num_params = other->num_params;
       camera.num_focal = other->num_focal;
     }
@@ -232,13 +235,27 @@ std::string ImageSearch::find(const std::string& name) const {
   if (const auto longer = suffixes_.find(wanted); longer != suffixes_.end())
     for (const std::string& file : {longer->second.first, longer->second.second})
       if (!file.empty()) found.insert(file);
-  if (found.empty())
-    throw Error(directory_ + ": no image file for \"" + name +
-                "\"; check that this folder has the images of the model");
+  if (found.empty()) {
+    const std::string similar = find_similar(wanted);
+    throw Error(directory_ + ": no image file for \"" + name + "\"" +
+                (similar.empty()
+                     ? "; check that this folder has the images of the model"
+                     : ", but there is " + similar + "; rename the files, or correct the names in images.txt"));
+  }
   if (found.size() > 1)
     throw Error(directory_ + ": more than one image file for \"" + name + "\": " + *found.begin() + ", " +
                 *std::next(found.begin()));
   return path(*found.begin());
+}
+
+std::string ImageSearch::find_similar(const std::string& name) const {
+  const auto stem = [](const std::string& file) {
+    std::string text = fs::path(file).stem().string();
+    std::ranges::transform(text, text.begin(), [](unsigned char c) { return std::tolower(c); });
+    return text;
+  };
+  const auto similar = std::ranges::find(files_, stem(name), stem);
+  return similar == files_.end() ? "" : *similar;
 }
 
 namespace {
@@ -293,6 +310,9 @@ std::string path_in(const std::string& directory, const char* file) { return (fs
 
 void require_text_model(const std::string& directory) {
   std::error_code ignored;
+  if (fs::is_regular_file(directory, ignored))
+    throw Error(directory + ": is a file, but the importer needs the folder of the model; give " +
+                (fs::path(directory).has_parent_path() ? fs::path(directory).parent_path().string() : "."));
   if (fs::exists(path_in(directory, "cameras.txt"), ignored)) return;
   if (fs::exists(path_in(directory, "cameras.bin"), ignored))
     throw Error(directory + ": is a binary model; run colmap model_converter --input_path " + directory +
@@ -305,6 +325,27 @@ void require_text_model(const std::string& directory) {
   throw Error(path_in(directory, "cameras.txt") +
               ": can't be read. A folder of pictures alone has no positions. Estimate them with COLMAP, convert the "
               "model with colmap model_converter --output_type TXT, and import the result");
+}
+
+// Returns the image folder of a COLMAP workspace (images beside sparse/0), or "" if there is none.
+std::string workspace_images(const std::string& directory) {
+  std::error_code ignored;
+  for (const char* place : {"..", "../.."}) {
+    const fs::path folder = (fs::path(directory) / place / "images").lexically_normal();
+    if (fs::is_directory(folder, ignored)) return folder.string();
+  }
+  return "";
+}
+
+// Explains why an image file has another size than its camera.
+std::string size_advice(const ImageSize& size, const ColmapCamera& from) {
+  if (is_scaled_copy(size, from))
+    return ". A scaled copy has another focal length, so use the pictures that COLMAP has processed, or the model that "
+           "image_undistorter writes beside its pictures";
+  if (size == ImageSize{from.height, from.width})
+    return ". The sides are swapped, so a program has rotated the image file or applied its EXIF orientation; use the "
+           "files that COLMAP has processed, or rotate their pixels back";
+  return "; if it is an undistorted image, use lf-rig import colmap --undistorted";
 }
 
 // Throws Error if most cells of a grid are not side by side, otherwise adds a note for the few exceptions.
@@ -347,7 +388,9 @@ RigImport import_colmap(const std::string& directory, const ColmapImportOptions&
     if (options.undistorted)
       throw Error(directory +
                   ": undistorted images have other sizes than cameras.txt states, so give their folder (--images)");
-    result.notes.push_back("no folder of image files was given, so the image sizes were not checked");
+    const std::string beside = workspace_images(directory);
+    result.notes.push_back("no folder of image files was given, so the image files were not found or checked; " +
+                           (beside.empty() ? "give it with --images" : "add --images " + beside));
   }
   const std::optional<ImageSearch> search = folder.empty() ? std::nullopt : std::optional<ImageSearch>(folder);
 
@@ -377,14 +420,11 @@ RigImport import_colmap(const std::string& directory, const ColmapImportOptions&
       const ImageSize size = load_image_size(camera.image);
       camera.width = size.width;
       camera.height = size.height;
-      const bool is_copy = is_scaled_copy(size, from);
-      if (is_copy || (!options.undistorted && (camera.width != from.width || camera.height != from.height)))
+      if (is_scaled_copy(size, from) ||
+          (!options.undistorted && (camera.width != from.width || camera.height != from.height)))
         throw Error(camera.image + ": is " + size_text(camera.width, camera.height) +
                     ", but cameras.txt gives its camera " + std::to_string(image.camera_id) + " the size " +
-                    size_text(from.width, from.height) +
-                    (is_copy ? ". A scaled copy has another focal length, so use the pictures that COLMAP has "
-                               "processed, or the model that image_undistorter writes beside its pictures"
-                             : "; if it is an undistorted image, use lf-rig import colmap --undistorted"));
+                    size_text(from.width, from.height) + size_advice(size, from));
       camera.image = fs::proximate(camera.image).string();
     }
     try {

@@ -178,6 +178,9 @@ class ImageSearch {
     size_t files = 0;
     std::string first, second;
   };
+  // Returns a file with the same name except for its extension or upper and lower case, or "".
+  std::string find_similar(const std::string& name) const;
+
   std::string directory_;
   std::vector<std::string> files_;                    // relative to directory_, sorted
   std::unordered_map<std::string, Suffix> suffixes_;  // suffixes of file names that start at a word
@@ -195,7 +198,8 @@ class ImageSearch {
 //         R: !!opencv-matrix                              # 3x3, X_camera = R X_world + T, metres
 //         T: !!opencv-matrix                              # 3x1
 //
-// Pixel coordinates are the same as in a rig: (0, 0) is the centre of the top-left pixel. R and T default to identity.
+// Pixel coordinates are the same as in a rig: (0, 0) is the centre of the top-left pixel. The first camera may lack R
+// and T, and then defines the world. All other cameras need R and T. A note lists missing distortion coefficients.
 // Also read:
 // - camera_matrix at the top level, as written by OpenCV's calibration sample and ROS: one camera at the origin;
 // - M1, D1, M2, D2, R, T, as written by OpenCV's stereo sample: two cameras. R and T may be in extrinsics.yml next to

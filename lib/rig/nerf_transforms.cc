@@ -56,7 +56,9 @@ Lens parse_lens(const Frame& frame, const JsonValue& place, int width, int heigh
   double fx = frame.number("fl_x", 0);
   const double angle_x = frame.number("camera_angle_x", 0), angle_y = frame.number("camera_angle_y", 0);
   if (fx == 0 && angle_x > 0 && angle_x < M_PI) fx = width / 2.0 / std::tan(angle_x / 2);
-  if (fx == 0) place.fail("has neither fl_x nor a camera_angle_x between 0 and pi");
+  if (fx == 0)
+    place.fail(frame.find("fl_x") ? "fl_x is 0; give the focal length in pixels"
+                                  : "has neither fl_x nor a camera_angle_x between 0 and pi");
   double fy = frame.number("fl_y", 0);
   if (fy == 0) fy = !frame.find("fl_x") && angle_y > 0 && angle_y < M_PI ? height / 2.0 / std::tan(angle_y / 2) : fx;
   try {

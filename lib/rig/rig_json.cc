@@ -119,6 +119,17 @@ Rig rig_from_json(const json& root, const std::string& name) {
   return rig;
 }
 
+// Returns the format of another program's file as arguments of lf-rig import, or null for other texts.
+const char* foreign_format(const std::string& text) {
+  const auto has = [&text](std::string_view word) { return text.find(word) != text.npos; };
+  if (has(kRigFormat)) return nullptr;
+  if (has("\"transform_matrix\"") || has("\"camera_angle_x\"")) return "nerf FILE --out RIG.json";
+  if (has("cam0:") && has("camera_model:")) return "kalibr FILE --out RIG.json";
+  if (has("camera_matrix:") || has("opencv-matrix")) return "opencv FILE --out RIG.json";
+  if (has("CAMERA_ID") && (has("MODEL") || has("QW"))) return "colmap FOLDER --out RIG.json";
+  return nullptr;
+}
+
 ordered_json to_json(const ColourModel& colour) {
   const Vec3& black = colour.black;
   return {{"black", {black.x, black.y, black.z}},
@@ -178,7 +189,18 @@ Rig load_rig(const std::string& path) {
   return parse_rig(read_text_file(path), path, std::filesystem::path(path).parent_path().string());
 }
 
+bool is_rig_file(const std::string& path) {
+  try {
+    const json root = parse_json(read_text_file(path), path);
+    return root.is_object() && root.value("format", json()) == kRigFormat;
+  } catch (const Error&) {
+    return false;
+  }
+}
+
 Rig parse_rig(const std::string& text, const std::string& name, const std::string& directory) {
+  if (const char* const format = foreign_format(text))
+    throw Error(name + ": is not a rig file; convert it with lf-rig import " + format);
   Rig rig = rig_from_json(parse_json(text, name), name);
   rig.directory = directory;
   return rig;

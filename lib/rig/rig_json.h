@@ -21,6 +21,9 @@ Rig load_rig(const std::string& path);
 // Parses the text of a rig file. `name` is the file name in error messages, and `directory` becomes Rig::directory.
 Rig parse_rig(const std::string& text, const std::string& name, const std::string& directory = "");
 
+// Returns true if the file can be read and has the format of a rig file. The cameras are not checked.
+bool is_rig_file(const std::string& path);
+
 // Writes a rig file. `original` is the parsed file that the rig was read from, so that keys which this version does not
 // know are preserved. These are keys at the top level and keys of cameras with the same id. Throws Error if a name or a
 // location is not UTF-8, or if the file cannot be written.

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <climits>
 #include <cmath>
+#include <filesystem>
 #include <fstream>
 #include <limits>
 #include <map>
@@ -89,6 +90,67 @@ void find_duplicates(const Rig& rig, std::vector<RigFinding>& findings) {
   }
 }
 
+// A finding that cameras share. It is reported once, with the first camera and the number of further cameras.
+class SharedFinding {
+ public:
+  explicit SharedFinding(Severity severity) : severity_(severity) {}
+  void add(size_t camera, const std::string& text) {
+    if (cameras_++ == 0) first_ = "cameras[" + std::to_string(camera) + "]" + text;
+  }
+  void report(std::vector<RigFinding>& findings) const {
+    if (cameras_ == 0) return;
+    findings.push_back(
+        {severity_,
+         first_ + (cameras_ > 1 ? "; " + std::to_string(cameras_ - 1) + " more cameras have the same problem" : "")});
+  }
+
+ private:
+  Severity severity_;
+  std::string first_;
+  size_t cameras_ = 0;
+};
+
+// Names the likely cause of a principal point far from the middle of the picture.
+std::string cause_of_principal_point(const Camera& camera) {
+  // Calibrations put the principal point near the middle, with equal proportions in both directions.
+  constexpr double kSameShare = 1.15;
+  const double x = camera.lens.cx() + 0.5, y = camera.lens.cy() + 0.5;  // relative to the corner
+  constexpr double kNormalised = 2;                                     // cx and cy of 0 to 1, and half a pixel
+  if (std::abs(x) < kNormalised && std::abs(y) < kNormalised)
+    return "Are the values normalised, or in millimetres? A rig has pixels";
+  const double share_x = x / (camera.width / 2.0), share_y = y / (camera.height / 2.0);
+  if (std::min(share_x, share_y) > 0 && std::max(share_x, share_y) < kSameShare * std::min(share_x, share_y))
+    return format_text(
+        "Was the camera calibrated at another resolution, about %.0fx%.0f? Scale f, cx and cy to the "
+        "size of the pictures",
+        2 * x, 2 * y);
+  return "This is right only if the picture is an off-centre part of the picture of the lens";
+}
+
+// Returns the distance between the principal point and the fold of the distortion, in pixels.
+double fold_radius(const Lens& lens) {
+  const double r = lens.max_radius();
+  return std::min(lens.fx(), lens.fy()) * r * (1 + r * r * (lens.k1() + r * r * lens.k2()));
+}
+
+// Returns the share of pixels with a line of sight, measured at 17 x 17 positions from corner to corner.
+double share_with_rays(const Camera& camera) {
+  constexpr int kSteps = 16;
+  int seen = 0;
+  for (int j = 0; j <= kSteps; j++)
+    for (int i = 0; i <= kSteps; i++)
+      seen += camera.lens.unproject(Vec2(camera.width * i / double{kSteps}, camera.height * j / double{kSteps}) - 0.5)
+                  .has_value();
+  return seen / double{(kSteps + 1) * (kSteps + 1)};
+}
+
+bool has_ray_at_corners(const Camera& camera) {
+  for (const double x : {-0.5, camera.width - 0.5})
+    for (const double y : {-0.5, camera.height - 0.5})
+      if (!camera.lens.unproject({x, y})) return false;
+  return true;
+}
+
 // A large spread suggests a wrong unit or unsynchronised clocks.
 void check_time_offsets(const Rig& rig, std::vector<RigFinding>& findings) {
   constexpr double kMost = 1;  // seconds
@@ -160,10 +222,17 @@ bool is_cut_off(const std::string& path) {
   return text.find(coding == ImageCoding::kPng ? "IEND" : "\xff\xd9") == text.npos;
 }
 
+// Cameras that show the same file. Two cameras at different positions cannot take the same picture.
+struct SharedFiles {
+  std::map<std::string, size_t> camera_of_file;
+  SharedFinding finding{Severity::kWarning};
+};
+
 class FileChecker {
  public:
-  FileChecker(const Rig& rig, size_t index, std::vector<RigFinding>& findings, std::vector<std::string>& turned)
-      : rig_(rig), camera_(rig.cameras[index]), findings_(findings), turned_(turned) {
+  FileChecker(const Rig& rig, size_t index, std::vector<RigFinding>& findings, std::vector<std::string>& turned,
+              SharedFiles& shared)
+      : rig_(rig), index_(index), camera_(rig.cameras[index]), findings_(findings), turned_(turned), shared_(shared) {
     place_ = "cameras[" + std::to_string(index) + "]";
   }
 
@@ -181,6 +250,8 @@ class FileChecker {
     if (text.empty()) return;
     try {
       const CameraSource source = find_source(rig_, text, is_image);
+      const bool is_shown = !is_image || camera_.source.empty();
+      if (is_shown && source.is_file()) check_shared(key, source.location);
       if (source.kind == CameraSource::Kind::kStill) check_picture(key, source.location);
       if (source.kind == CameraSource::Kind::kSequence) check_sequence(key, source);
       if (const auto part = source.is_file() ? std::nullopt : untrusted_component(text))
@@ -188,6 +259,15 @@ class FileChecker {
     } catch (const Error& e) {
       find(Severity::kError, key, redacted_location(e.what()));
     }
+  }
+
+  void check_shared(const char* key, const std::string& path) {
+    std::error_code ignored;
+    const std::string file = std::filesystem::weakly_canonical(path, ignored).string();
+    const auto [same, is_new] = shared_.camera_of_file.emplace(file.empty() ? path : file, index_);
+    if (!is_new)
+      shared_.finding.add(index_, key + (": " + path) + " is also the file of cameras[" + std::to_string(same->second) +
+                                      "]: give each camera its own file");
   }
 
   void check_picture(const char* key, const std::string& path) {
@@ -216,9 +296,11 @@ class FileChecker {
   }
 
   const Rig& rig_;
+  const size_t index_;
   const Camera& camera_;
   std::vector<RigFinding>& findings_;
   std::vector<std::string>& turned_;  // notices about images with an EXIF rotation
+  SharedFiles& shared_;
   std::string place_;
 };
 
@@ -239,19 +321,57 @@ RigSummary summarize(const Rig& rig) {
   return summary;
 }
 
-std::vector<RigFinding> check_rig(const Rig& rig) {
+std::vector<RigFinding> check_lenses(const Rig& rig) {
+  constexpr double kShortestFocal = 0.1;  // relative to the side; 157 degrees
+  constexpr double kMiddle = 0.25;        // half of the middle half
+  constexpr double kLeastShare = 0.1;     // a smaller part of a picture is of no use
+  SharedFinding focal(Severity::kWarning), centre(Severity::kWarning), fold(Severity::kWarning),
+      blank(Severity::kError);
+  for (size_t i = 0; i < rig.cameras.size(); i++) {
+    const Camera& camera = rig.cameras[i];
+    const Lens& lens = camera.lens;
+    const std::string place = ".params" + (camera.name.empty() ? "" : " (" + camera.name + ")") + ": ";
+    const std::string size = size_text(camera.width, camera.height);
+    if (lens.fx() < kShortestFocal * camera.width || lens.fy() < kShortestFocal * camera.height) {
+      const bool wide = lens.fx() / camera.width < lens.fy() / camera.height;
+      const double f = wide ? lens.fx() : lens.fy(), side = wide ? camera.width : camera.height;
+      focal.add(i, place + format_text("the focal length of %.6g px gives a picture of %s a field of view of %.0f "
+                                       "degrees. Is the focal length in millimetres or normalised? A rig has pixels",
+                                       f, size.c_str(), 2 * std::atan(side / 2 / f) * 180 / M_PI));
+    }
+    if (std::abs(lens.cx() + 0.5 - camera.width / 2.0) > kMiddle * camera.width ||
+        std::abs(lens.cy() + 0.5 - camera.height / 2.0) > kMiddle * camera.height)
+      centre.add(i, place + format_text("the principal point (%.6g, %.6g) is far from the middle of the picture of %s. "
+                                        "%s",
+                                        lens.cx(), lens.cy(), size.c_str(), cause_of_principal_point(camera).c_str()));
+    if (has_ray_at_corners(camera)) continue;
+    const double share = share_with_rays(camera);
+    (share < kLeastShare ? blank : fold)
+        .add(i, place + format_text("the distortion (k1 %.6g, k2 %.6g) folds the picture at %.0f px from the principal "
+                                    "point, so only %.0f %% of the picture of %s can be used. Are the coefficients of "
+                                    "another lens model or lens?",
+                                    lens.k1(), lens.k2(), fold_radius(lens), 100 * share, size.c_str()));
+  }
   std::vector<RigFinding> findings;
+  for (const SharedFinding* finding : {&blank, &fold, &focal, &centre}) finding->report(findings);
+  return findings;
+}
+
+std::vector<RigFinding> check_rig(const Rig& rig) {
+  std::vector<RigFinding> findings = check_lenses(rig);
   std::map<std::string, size_t> index_of_name;
   std::vector<size_t> blind;
   std::vector<std::string> turned;
+  SharedFiles shared;
   for (size_t i = 0; i < rig.cameras.size(); i++) {
     const auto [same, is_new] = index_of_name.emplace(rig.cameras[i].name, i);
     if (!is_new)
       findings.push_back({Severity::kWarning, "cameras[" + std::to_string(i) + "].name: \"" + rig.cameras[i].name +
                                                   "\" is also used by cameras[" + std::to_string(same->second) + "]"});
     if (rig.cameras[i].image.empty() && rig.cameras[i].source.empty()) blind.push_back(i);
-    FileChecker(rig, i, findings, turned).check();
+    FileChecker(rig, i, findings, turned, shared).check();
   }
+  shared.finding.report(findings);
   if (!turned.empty())
     findings.push_back({Severity::kWarning,
                         turned[0] + (turned.size() > 1 ? "; " + std::to_string(turned.size() - 1) + " more" : "")});

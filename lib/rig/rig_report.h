@@ -24,10 +24,16 @@ struct RigFinding {
   Severity severity;
   std::string text;  // starts with the place, for example "cameras[3].image: ..."
 };
-// Returns the problems of a rig that could be loaded. All images are read. Errors are images that are missing,
-// unreadable or of the wrong size, and missing source files. Warnings are a mesh without triangles, cameras without
-// image and source, duplicate names, coincident cameras, very thin triangles, a mesh that most cameras look along, and
-// a grid with cells that are not side by side.
+// Returns lenses that cannot belong to their pictures, usually because of a wrong unit or resolution. Warnings are a
+// focal length below a tenth of a side of the picture, a principal point outside the middle half of the picture, and a
+// distortion that folds inside the picture. A lens that leaves less than a tenth of its picture is an error. Cameras
+// with the same problem share a finding.
+std::vector<RigFinding> check_lenses(const Rig& rig);
+
+// Returns the problems of a rig that could be loaded, including problems of the lenses. All images are read. Errors are
+// images that are missing, unreadable or of the wrong size, and missing source files. Warnings are cameras with the
+// same file, a mesh without triangles, cameras without image and source, duplicate names, coincident cameras, very thin
+// triangles, a mesh that most cameras look along, and a grid with cells that are not side by side.
 std::vector<RigFinding> check_rig(const Rig& rig);
 
 }  // namespace lf

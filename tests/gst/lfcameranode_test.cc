@@ -300,6 +300,26 @@ TEST_F(LfCameraNodeTest, ErrorsNameThePlace) {
   }
 }
 
+// Views of a real array do not show the built-in scene, so they would be black without a reason.
+TEST_F(LfCameraNodeTest, ARigWithoutPicturesIsMentionedOnce) {
+  Rig rig = array_.rig();
+  const auto warnings = [](const std::string& rig_path) {
+    const ElementPtr pipeline = launch("lfcameranode rig=" + rig_path + " ! fakesink");
+    gst_element_set_state(pipeline.get(), GST_STATE_PAUSED);
+    GstBus* bus = gst_element_get_bus(pipeline.get());
+    const std::vector<std::string> texts = all_warnings_on(bus);
+    gst_object_unref(bus);
+    gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+    return texts;
+  };
+  EXPECT_THAT(warnings(array_.rig_path()),
+              ElementsAre(testing::AllOf(HasSubstr(array_.rig_path()), HasSubstr("built-in scene"))));
+  const TempDir dir;
+  for (Camera& camera : rig.cameras) camera.source = "videotestsrc is-live=true";
+  save_rig(rig, dir / "rig.json");
+  EXPECT_THAT(warnings(dir / "rig.json"), IsEmpty());
+}
+
 TEST_F(LfCameraNodeTest, ARigWithTheSameCamerasIsTakenWhileRunning) {
   const ModifiedRig calibrated(array_.rig(), [](Rig& rig) { rig.cameras[0].lens = Lens::pinhole(31, 15, 12); });
   const ModifiedRig moved(array_.rig(), [](Rig& rig) { rig.cameras[1].source = "elsewhere.mkv"; });

@@ -14,6 +14,7 @@
 #include <gtest/gtest.h>
 
 #include "../gst/common/common.h"
+#include "../gst/common/still_decoder.h"
 #include "gst/camera_pipeline.h"
 #include "gst/gst_test.h"
 #include "image/image.h"
@@ -487,6 +488,25 @@ TEST_F(CamSrcFilesTest, AKindOfJpegThatNobodyDecodesIsAnErrorAtOnce) {
   for (const std::string decode : {"true", "false"})
     EXPECT_THAT(CameraPipeline("decode=" + decode + " rig=" + rig_with_source("deep_%d.jpg")).play(),
                 HasSubstr("precision 12"));
+}
+
+// GStreamer's own message asks for a plug-in without a name.
+TEST_F(CamSrcFilesTest, AStillThatCannotBeDecodedNamesFormatAndRemedy) {
+  const auto play = [&](const std::string& image) {
+    return CameraPipeline("num-frames=2 rig=" + files->save("still.json", 1,
+                                                            [&](Camera& camera) {
+                                                              camera.image = image;
+                                                              camera.source.clear();
+                                                            }))
+        .play();
+  };
+  write("page.jpg", "<!DOCTYPE html>\n<html><head><title>404</title></head><body>Not found</body></html>\n");
+  EXPECT_THAT(play("page.jpg"), testing::AllOf(HasSubstr("page.jpg"), HasSubstr("not an image")));
+  save_texture("still.tif", 1);
+  const bool has_decoder = still_decoding_problem(files->path("still.tif")).empty();
+  EXPECT_THAT(play("still.tif"),
+              has_decoder ? testing::Matcher<std::string>("EOS")
+                          : testing::AllOf(HasSubstr("still.tif"), HasSubstr("image/tiff"), HasSubstr("JPEG or PNG")));
 }
 
 // The built-in scene would appear as a ghost in every view.

@@ -36,8 +36,11 @@ class OneLine : public testing::Test {
   void SetUp() override {
     Rig rig = scene_rig(3, 3, 80, 60);
     save_photographs(rig, dir_, 0, 1);
-    for (Camera& camera : rig.cameras) camera.image.clear();
-    save_rig(rig, dir_ / "scene.json");
+    for (Camera& camera : rig.cameras) {
+      camera.image.clear();
+      camera.source = "videotestsrc is-live=true";
+    }
+    save_rig(rig, dir_ / "live.json");
     std::vector<NamedView> views;
     for (int i = 0; i < 6; i++) {
       Viewpoint at = default_viewpoint(rig);
@@ -73,11 +76,10 @@ TEST_F(OneLine, GivesThePicturesOfItsElements) {
   }
 }
 
-// As in the document, without the window. The cameras show the built-in scene directly, because decoders of stills log
-// messages.
+// As in the document, without the window. The cameras are test sources, because decoders of stills log messages.
 TEST_F(OneLine, RunsLiveWithoutAWord) {
   const Outcome run =
-      gst_launch("lfviewsrc rig=" + dir_ / "scene.json" + " num-buffers=20 ! videoconvert ! fakesink sync=true", "",
+      gst_launch("lfviewsrc rig=" + dir_ / "live.json" + " num-buffers=20 ! videoconvert ! fakesink sync=true", "",
                  "GST_DEBUG=2 GST_DEBUG_NO_COLOR=1");
   EXPECT_EQ(run.status, 0) << run.output;
   for (const char* word : {"ERROR", "CRITICAL"}) EXPECT_THAT(run.output, Not(HasSubstr(word)));

@@ -9,10 +9,12 @@
 #include <random>
 
 #include <gmock/gmock.h>
+#include <gst/gst.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
 #include "base/json_value.h"
+#include "common/still_decoder.h"
 #include "image/image.h"
 #include "rig/exchange.h"
 #include "rig/rig_json.h"
@@ -102,6 +104,21 @@ TEST_F(LfRig, CheckFailsOnErrorsAlone) {
   expect_outcome(lf_rig("check broken.json"), 1,
                  HasSubstr("lf-rig: broken.json: cameras[0]: not valid JSON: parse error at line 2"));
   expect_outcome(lf_rig("check none.json"), 1, HasSubstr("none.json: can't be read: No such file or directory"));
+}
+
+// The live elements and lf-rig check must agree about stills.
+TEST_F(LfRig, CheckNamesStillsThatOnlyOtherProgramsDecode) {
+  gst_init(nullptr, nullptr);
+  write_rig();
+  Rig rig = load_rig(dir / "in/rig.json");
+  rig.cameras[4].image = "images/cam.tif";
+  save_image(Image(PixelFamily::kRgb, 8, 6), dir / "in/images/cam.tif");
+  save_rig(rig, dir / "in/rig.json");
+  if (still_decoding_problem(dir / "in/images/cam.tif").empty())
+    expect_outcome(lf_rig("check in/rig.json"), 0);
+  else
+    expect_outcome(lf_rig("check in/rig.json"), 1,
+                   testing::AllOf(HasSubstr("error: cameras[4].image: "), HasSubstr("JPEG or PNG")));
 }
 
 // Returns the processor time of all finished child processes, in seconds.
@@ -212,6 +229,37 @@ TEST_F(LfRig, OtherFormatsThereAndBack) {
   }
   expect_outcome(lf_rig("import kalibr in/rig.json --out x.json"), 1,
                  HasSubstr("in/rig.json: key \"cam0\" is missing"));
+}
+
+// The output must not replace the imported file, which may be the only copy of a calibration.
+TEST_F(LfRig, InputsAreNotOverwritten) {
+  write_rig();
+  const auto read = [&](const std::string& name) { return read_text_file(dir / name); };
+  for (const std::string format : {"nerf", "kalibr", "opencv"}) {
+    expect_outcome(lf_rig("export " + format + " in/rig.json there"), 0);
+    const std::string before = read("there");
+    expect_outcome(lf_rig("import " + format + " there --out there"), 1, HasSubstr("there: exists and is not a rig"));
+    expect_outcome(lf_rig("import " + format + " there --out ./in/../there"), 1, HasSubstr("is not a rig file"));
+    EXPECT_EQ(read("there"), before) << format;
+    for (int i = 0; i < 2; i++) expect_outcome(lf_rig("import " + format + " there --out back.json"), 0);
+    const std::string rig = read("in/rig.json");
+    expect_outcome(lf_rig("export " + format + " in/rig.json in/rig.json"), 1, HasSubstr("in/rig.json: "));
+    EXPECT_EQ(read("in/rig.json"), rig) << format;
+  }
+  expect_outcome(lf_rig("export colmap in/rig.json model"), 0);
+  const std::string images = read("model/images.txt");
+  expect_outcome(lf_rig("import colmap model --images in --out model/images.txt"), 1, HasSubstr("model/images.txt"));
+  EXPECT_EQ(read("model/images.txt"), images);
+  expect_outcome(lf_rig("import colmap model --images in --out model/rig.json"), 0);
+  expect_outcome(lf_rig("import colmap model --images in --out in/images/cam_00_00.png"), 1, HasSubstr("cam_00_00"));
+}
+
+// A focal length in millimetres.
+TEST_F(LfRig, ImportWarnsOfImpossibleLenses) {
+  dir.write("t.json", R"({"w": 320, "h": 240, "fl_x": 3.87, "frames": [{"transform_matrix":
+      [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}]})");
+  expect_outcome(lf_rig("import nerf t.json --out rig.json"), 0,
+                 testing::AllOf(HasSubstr("rig.json: warning: cameras[0].params"), HasSubstr("3.87 px")));
 }
 
 TEST_F(LfRig, NamesOfTheStanfordArchiveAreInTheUnitThatIsAskedFor) {

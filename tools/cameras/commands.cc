@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "cameras/commands.h"
 
-#include <algorithm>
 #include <atomic>
 #include <csignal>
 #include <cstdio>
@@ -28,6 +27,7 @@
 #include "cameras/recorder.h"
 #include "cameras/rig_cameras.h"
 #include "progress.h"
+#include "rig/camera_source.h"
 #include "rig/rig_json.h"
 #include "terminal.h"
 
@@ -54,7 +54,7 @@ int run_doctor(DoctorArguments options) {
       for (; shown < 100 * part && shown < 100; shown++) bar->step();
     };
     terminal::print_error("opening %zu cameras\n", rig->cameras.size());
-    if (std::ranges::all_of(rig->cameras, [](const lf::Camera& c) { return c.image.empty() && c.source.empty(); }))
+    if (lf::has_no_pictures(*rig))
       terminal::write(stderr,
                       "no camera in the rig has an image or a source, so all cameras show the built-in scene\n");
   }

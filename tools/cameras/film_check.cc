@@ -10,6 +10,8 @@
 #include <gst/gst.h>
 
 #include "base/text.h"
+#include "common/still_decoder.h"
+#include "image/image_file.h"
 #include "rig/camera_source.h"
 #include "rig/source_security.h"
 
@@ -113,6 +115,28 @@ std::optional<FilmLength> demuxed_length(const std::string& path, bool timed) {
   if (timed && counter.frames > 1 && counter.last > counter.first)
     length.seconds = static_cast<double>(counter.last - counter.first) / GST_SECOND * frames / (frames - 1);
   return length;
+}
+
+std::vector<RigFinding> check_still_decoders(const Rig& rig) {
+  gst_init(nullptr, nullptr);
+  std::vector<RigFinding> findings;
+  for (size_t i = 0; i < rig.cameras.size(); i++) {
+    const Camera& camera = rig.cameras[i];
+    CameraSource source;
+    try {
+      source = find_camera_source(rig, camera);
+      if (source.kind != CameraSource::Kind::kStill || source.codec != CameraSource::Codec::kOther) continue;
+      load_image_size(source.location);
+    } catch (const Error&) {
+      continue;  // check_rig() reports missing files and files that are no images
+    }
+    if (const std::string problem = still_decoding_problem(source.location); !problem.empty())
+      findings.push_back(
+          {RigFinding::Severity::kError, "cameras[" + std::to_string(i) + "]." +
+                                             (camera.source.empty() ? "image: " : "source: ") + source.location + ": " +
+                                             problem + " (lf-render can read it, but lfviewsrc and lf-serve cannot)"});
+  }
+  return findings;
 }
 
 std::vector<RigFinding> check_films(const Rig& rig) {

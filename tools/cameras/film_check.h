@@ -15,6 +15,9 @@ namespace lf::cameras {
 // `timed`: the file has timestamps; otherwise the file is a series of JPEG images.
 std::optional<FilmLength> demuxed_length(const std::string& path, bool timed);
 
+// Returns an error for each still that the elements cannot decode, although other programs may.
+std::vector<RigFinding> check_still_decoders(const Rig& rig);
+
 // Returns a warning for each film of the rig that has no frames, is cut off, or has another length than most films.
 // Films in other formats than Matroska are read completely; such films of more than 1 GiB are not checked.
 std::vector<RigFinding> check_films(const Rig& rig);

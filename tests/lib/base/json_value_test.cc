@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "support/expect_error.h"
+#include "support/temp_dir.h"
 
 namespace lf {
 namespace {
@@ -93,6 +94,8 @@ TEST(TextFile, ErrorsNameTheFile) {
   EXPECT_ERROR(read_text_file(directory + "no_such_file"), "no_such_file: can't be read: No such file or directory");
   EXPECT_ERROR(read_text_file(directory), "can't be read: it is a folder");
   EXPECT_ERROR(write_text_file("", directory + "no_such_folder/x"), "no_such_folder/x: can't be written");
+  const TempDir dir;
+  EXPECT_ERROR(read_text_file(dir.write("wide.yml", "\xff\xfe{")), "wide.yml: is a UTF-16 text");
 }
 
 }  // namespace

@@ -124,8 +124,38 @@ TEST(OpenCvYaml, CamerasOfAListHavePlaces) {
             std::string::npos)
       << error("");
   EXPECT_NE(error("tvec: [1, 2, 3], ").find("Write tvec as T"), std::string::npos);
+  const std::string r = "R: { rows: 3, cols: 3, data: [1, 0, 0, 0, 1, 0, 0, 0, 1] }, ";
+  const std::string t = "T: { rows: 3, cols: 1, data: [1, 2, 3] }, ";
+  EXPECT_NE(error(t).find("x.yml: cameras[0]: has T but no R"), std::string::npos) << error(t);
+  EXPECT_NE(error(r).find("x.yml: cameras[0]: has R but no T"), std::string::npos) << error(r);
+  EXPECT_EQ(error(r + t), "no lf::Error was thrown");
   EXPECT_ERROR(import_opencv_yaml(dir.write("x.xml", "<?xml version=\"1.0\"?>\n<opencv_storage>")),
                "x.xml: this is an XML file");
+}
+
+// Only the first camera can define the world.
+TEST(OpenCvYaml, TheFirstCameraMayLackAPlace) {
+  const TempDir dir;
+  const std::string lens =
+      "image_width: 4, image_height: 3, camera_matrix: { rows: 3, cols: 3, data: [5, 0, 2, 0, 5, 1, 0, 0, 1] }";
+  const std::string place =
+      ", R: { rows: 3, cols: 3, data: [1, 0, 0, 0, 1, 0, 0, 0, 1] }, T: { rows: 3, cols: 1, data: [-1, 0, 0] }";
+  const auto read = [&](const std::string& first, const std::string& second) {
+    return import_opencv_yaml(
+        dir.write("x.yml", "%YAML:1.0\n---\ncameras: [ { " + lens + first + " }, { " + lens + second + " } ]\n"));
+  };
+  EXPECT_EQ(read("", place).rig.cameras.at(1).pose.position, Vec3(1, 0, 0));
+  EXPECT_ERROR(read(place, ""), "cameras[1]: R (3x3) and T (3x1)");
+}
+
+TEST(OpenCvYaml, NotesMissingDistortionCoefficients) {
+  const TempDir dir;
+  std::string text = single("");
+  text.resize(text.find("distortion_coefficients"));
+  const std::vector<std::string> notes = import_opencv_yaml(dir.write("x.yaml", text)).notes;
+  ASSERT_EQ(notes.size(), 1u);
+  EXPECT_NE(notes[0].find("distortion_coefficients is missing"), std::string::npos) << notes[0];
+  EXPECT_TRUE(import_opencv_yaml(dir.write("x.yaml", single(""))).notes.empty());
 }
 
 TEST(OpenCvYaml, ListsWhatItDidNotRead) {
@@ -149,6 +179,7 @@ TEST(OpenCvYaml, ReadsTheStereoSamplesFiles) {
   };
   EXPECT_ERROR(read(lenses + places), "add image_width and image_height");
   EXPECT_ERROR(read(size + lenses), "R and T of the second camera are missing");
+  EXPECT_ERROR(read(size + lenses + places.substr(0, places.find("T:"))), "has R but no T");
   const RigImport whole = read(size + lenses + places);
   ASSERT_EQ(whole.rig.cameras.size(), 2u);
   EXPECT_EQ(whole.rig.cameras[0].pose, Pose());
@@ -227,6 +258,8 @@ TEST(Kalibr, WhatWeLackIsRefusedByPlace) {
       with("resolution: [752, 480]\n  rostopic", "line_delay: 2e-5\n  rostopic").find("cam0.line_delay: is 2e-05"),
       std::string::npos);
   EXPECT_EQ(with("[458.654, ", "["), file + ": cam0.intrinsics: must be [fx, fy, cx, cy]");
+  EXPECT_NE(with("[458.654, 457.296, 367.215, 248.375]", "[458,654, 457,296, 367,215, 248,375]").find("with a point"),
+            std::string::npos);
   EXPECT_EQ(with("- [0.0, 1.0,", "- [0.0, 9.0,"),
             file + ": cam1.T_cn_cnm1: must be a rotation (orthonormal, right-handed)");
   EXPECT_NE(with("T_cn_cnm1", "T"), "no lf::Error was thrown");

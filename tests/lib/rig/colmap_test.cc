@@ -152,6 +152,9 @@ TEST(ImageSearch, RefusesWhatIsNotThereOrNotSure) {
   EXPECT_ERROR(search.find("a.png"), "more than one image file for \"a.png\": left/a.png, right/a.png");
   EXPECT_ERROR(search.find("c.png"), "more than one image file for \"c.png\"");
   EXPECT_ERROR(search.find(""), "no image file");
+  dir.write("cam_7.PNG", "");
+  EXPECT_ERROR(ImageSearch(dir.path()).find("cam_7.png"), "cam_7.PNG");
+  EXPECT_ERROR(ImageSearch(dir.path()).find("cam_7.jpg"), "cam_7.PNG");
   EXPECT_ERROR(ImageSearch(dir / "none"), "none: can't be read");
   EXPECT_ERROR(ImageSearch(dir / "1.jpg"), "1.jpg: can't be read");
 }
@@ -277,6 +280,8 @@ TEST(Colmap, LensesThatWeLackAreRefusedByCamera) {
     EXPECT_ERROR(import_colmap(dir.path()), dir / "cameras.txt" + ": camera 1: ");
     EXPECT_ERROR(import_colmap(dir.path()), c.message);
   }
+  write_model(dir, "1 DIVISION 4 3 5 5 2 1.5 0", kImage);
+  EXPECT_ERROR(import_colmap(dir.path()), "lens model \"DIVISION\"; run colmap image_undistorter");
 }
 
 TEST(Colmap, SizesOfImageFilesMustAgree) {
@@ -321,6 +326,21 @@ TEST(Colmap, UndistortedImagesHavePinholesOfTheirOwnSize) {
   write_model(dir, "1 PINHOLE 8 6 5 5 4 3\n", "1 1 0 0 0 0 0 0 1 day 1.png\n\n2 1 0 0 0 0 0 0 1 night 1.png\n\n");
   EXPECT_ERROR(import_colmap(dir.path(), options),
                "1.png: is the only file for two images, \"day 1.png\" and \"night 1.png\"");
+}
+
+// COLMAP's workspace has the folders images and sparse/0.
+TEST(Colmap, NamesTheImageFolderOfAWorkspace) {
+  const TempDir dir;
+  std::filesystem::create_directories(dir / "w/sparse/0");
+  std::filesystem::create_directories(dir / "w/images");
+  dir.write("w/sparse/0/cameras.txt", "1 PINHOLE 4 3 5 5 2 1.5\n");
+  dir.write("w/sparse/0/images.txt", kImage);
+  const std::vector<std::string> notes = import_colmap(dir / "w/sparse/0").notes;
+  ASSERT_FALSE(notes.empty());
+  EXPECT_NE(notes[0].find("--images " + dir / "w/images"), std::string::npos) << notes[0];
+  EXPECT_ERROR(import_colmap(dir / "w/sparse/0/cameras.txt"), "is a file");
+  save_image(Image(PixelFamily::kRgb, 3, 4), dir / "w/images/a.png");
+  EXPECT_ERROR(import_colmap(dir / "w/sparse/0", {.images = dir / "w/images"}), "EXIF");
 }
 
 TEST(Colmap, AGridIsInTheOrderOfNames) {

@@ -84,6 +84,7 @@ TEST(Nerf, WhatWeLackIsRefusedByPlace) {
                 .find("distortion_params: k3 and k4 must be 0"),
             std::string::npos);
   EXPECT_EQ(error(one_frame(size)), file + ": frames[0]: has neither fl_x nor a camera_angle_x between 0 and pi");
+  EXPECT_EQ(error(one_frame(size + R"("fl_x": 0, )")), file + ": frames[0]: fl_x is 0; give the focal length in pixels");
   EXPECT_EQ(error(R"({"frames": []})"), file + ": frames: must not be empty");
 }
 

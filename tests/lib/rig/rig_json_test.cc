@@ -260,6 +260,16 @@ TEST(RigJson, ErrorsOfTheTextNameLineAndPlace) {
   EXPECT_ERROR(load_rig(testing::TempDir() + "no_such_rig.json"), "no_such_rig.json: can't be read");
 }
 
+TEST(RigJson, NamesTheImporterOfAForeignFile) {
+  const std::pair<const char*, const char*> files[] = {
+      {R"({"fl_x": 5, "frames": [{"transform_matrix": []}]})", "lf-rig import nerf"},
+      {"%YAML:1.0\n---\ncamera_matrix: !!opencv-matrix\n", "lf-rig import opencv"},
+      {"cam0:\n  camera_model: pinhole\n", "lf-rig import kalibr"},
+      {"# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n1 PINHOLE 4 3 5 5 2 1\n", "lf-rig import colmap"}};
+  for (const auto& [text, command] : files) EXPECT_ERROR(parse_rig(text, "x"), std::string("x: is not a rig file; "));
+  for (const auto& [text, command] : files) EXPECT_ERROR(parse_rig(text, "x"), command);
+}
+
 TEST(RigJson, RefusesMoreTrianglesThanASurfaceHas) {
   json file = good_rig();
   const size_t cameras = file["cameras"].size();

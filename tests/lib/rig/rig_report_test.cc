@@ -109,6 +109,44 @@ TEST_F(CheckRig, WarnsOfCamerasWithoutAPicture) {
   EXPECT_THAT(check(rig_), ElementsAre(testing::HasSubstr("the built-in scene is used until each camera has one")));
 }
 
+TEST_F(CheckRig, WarnsOfCamerasWithTheSameFile) {
+  rig_.cameras[2].image = "./" + rig_.cameras[1].image;
+  EXPECT_THAT(check(rig_), ElementsAre(testing::AllOf(testing::StartsWith("warning: cameras[2].image: "),
+                                                      testing::HasSubstr("cameras[1]"))));
+  rig_.cameras[3].image = rig_.cameras[1].image;
+  EXPECT_THAT(check(rig_), ElementsAre(testing::HasSubstr("; 1 more"))) << "one finding for all cameras";
+  for (Camera& camera : rig_.cameras) camera.source = "rtsp://host/x";
+  EXPECT_THAT(check(rig_), IsEmpty()) << "two cameras can have one server";
+}
+
+// Files of other programs with values in other units than pixels.
+TEST_F(CheckRig, WarnsOfLensesThatDoNotFitThePicture) {
+  const auto with = [&](const Lens& lens) {
+    Rig rig = rig_;
+    for (Camera& camera : rig.cameras) {
+      camera.image.clear();
+      camera.source = "rtsp://host/x";
+      camera.width = 320;
+      camera.height = 240;
+      camera.lens = lens;
+    }
+    return check(rig);
+  };
+  const auto finding = [](const std::string& begin, const std::string& value, const std::string& cause) {
+    return ElementsAre(testing::AllOf(testing::StartsWith(begin + ": cameras[0].params (cam_00_00): "),
+                                      testing::HasSubstr(value), testing::HasSubstr(cause),
+                                      testing::HasSubstr("5 more")));
+  };
+  EXPECT_THAT(with(Lens::pinhole(387, 159.5, 119.5)), IsEmpty());
+  EXPECT_THAT(with(Lens(LensModel::kRadial, {387, 150, 130, -0.15, 0.03})), IsEmpty());
+  EXPECT_THAT(with(Lens::pinhole(3.87, 159.5, 119.5)), finding("warning", "3.87 px", "millimetres"));
+  EXPECT_THAT(with(Lens::pinhole(387, 0.5, 0.5)), finding("warning", "(0.5, 0.5)", "normalised"));
+  EXPECT_THAT(with(Lens::pinhole(1547, 638.5, 478.5)), finding("warning", "(638.5, 478.5)", "1278x958"));
+  EXPECT_THAT(with(Lens::pinhole(387, 159.5, 300)), finding("warning", "(159.5, 300)", "off-centre"));
+  EXPECT_THAT(with(Lens(LensModel::kSimpleRadial, {387, 159.5, 119.5, -1.6})), finding("warning", "-1.6", "folds"));
+  EXPECT_THAT(with(Lens(LensModel::kSimpleRadial, {387, 159.5, 119.5, -30})), finding("error", "-30", "folds"));
+}
+
 TEST_F(CheckRig, WarnsOfTimeOffsetsOfOtherUnits) {
   rig_.cameras[1].time_offset = 0.9;
   EXPECT_THAT(check(rig_), IsEmpty());
