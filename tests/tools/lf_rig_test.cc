@@ -16,6 +16,7 @@
 #include "image/image.h"
 #include "rig/exchange.h"
 #include "rig/rig_json.h"
+#include "scene/scene.h"
 #include "support/process.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
@@ -102,6 +103,25 @@ TEST_F(LfRig, CheckFailsOnErrorsAlone) {
   expect_outcome(lf_rig("check broken.json"), 1,
                  HasSubstr("lf-rig: broken.json: cameras[0]: not valid JSON: parse error at line 2"));
   expect_outcome(lf_rig("check none.json"), 1, HasSubstr("none.json: can't be read: No such file or directory"));
+}
+
+TEST_F(LfRig, CheckComparesImagesWithTheGeometry) {
+  const Rig scene = scene_rig(2, 3, 160, 120);
+  for (const bool is_sequence : {false, true}) {
+    Rig right = scene, mirrored = scene;
+    for (size_t i = 0; i < scene.cameras.size(); i++) {
+      const Camera& camera = scene.cameras[i];
+      const std::string name = camera.name + "_000.png";
+      if (!is_sequence) save_image(render_scene({160, 120, camera.lens, camera.pose}, 0, 1), dir / name);
+      for (Camera* c : {&right.cameras[i], &mirrored.cameras[i / 3 * 3 + 2 - i % 3]})
+        (is_sequence ? c->source : c->image) = is_sequence ? camera.name + "_%03d.png" : name;
+    }
+    save_rig(right, dir / "right.json");
+    save_rig(mirrored, dir / "mirrored.json");
+    expect_outcome(lf_rig("check right.json"), 0, HasSubstr("right.json: 0 errors, 0 warnings"));
+    expect_outcome(lf_rig("check mirrored.json"), 0,
+                   HasSubstr("mirrored.json: warning: cameras: the positions or orientations do not fit the images"));
+  }
 }
 
 // Returns the processor time of all finished child processes, in seconds.
