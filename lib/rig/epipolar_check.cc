@@ -43,8 +43,9 @@ constexpr double kMinMatched = 0.1;  // share of the corners; a chance agreement
 constexpr double kMaxFitting = 0.35, kMinContradicting = 0.5;  // shares of contradicting matches
 
 constexpr double kMaxUnexplained = 0.05;  // share of contradicting pairs between cameras that are not misplaced
-constexpr size_t kMaxSuspects = 16;       // cameras in contradicting pairs whose other pairs are also compared
-constexpr size_t kMinCameras = 4;         // with fewer cameras, there is no majority
+// If at most this number of cameras are in contradicting pairs, all pairs of these cameras are compared.
+constexpr size_t kMaxSuspects = 16;
+constexpr size_t kMinCameras = 4;  // needed to name cameras: fewer cameras have no majority
 
 using Match = std::pair<size_t, size_t>;  // corners of two images
 
@@ -344,7 +345,7 @@ std::vector<RigFinding> describe(const EpipolarCheck& check) {
         {RigFinding::Severity::kWarning,
          places_of(check.misplaced) + ": position or orientation does not fit the images: " +
              share([&](const EpipolarPair& pair) { return is_misplaced(pair.a) || is_misplaced(pair.b); }) +
-             " pairs with neighbouring cameras contradict the rig, whereas the other cameras fit. Check whether images "
+             " pairs with neighbouring cameras contradict the rig. The rest of the array fits. Check whether images "
              "are swapped or a camera was moved. lf-calibrate features and lf-calibrate solve compute the poses from "
              "the images"});
   }

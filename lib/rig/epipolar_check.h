@@ -33,7 +33,7 @@ struct EpipolarPair {
 
 struct EpipolarCheck {
   std::vector<EpipolarPair> pairs;
-  // Cameras whose pairs contradict the geometry, whereas the pairs of all other cameras fit. Ascending.
+  // Cameras that explain all contradictions, because the pairs without these cameras fit. Ascending.
   std::vector<CameraIndex> misplaced;
   bool has_contradiction = false;  // the geometry contradicts the images, and `misplaced` does not explain why
 
@@ -48,12 +48,12 @@ struct EpipolarCheck {
 // no matches, and the verdict is unknown. Parallel cameras in one row hide some faults, for example a rotation of all
 // cameras by 180 degrees around the row.
 //
-// Cost: about 4 ms for each camera of 320x240 pixels, plus decoding, and 3 ms for each pair. Large images are reduced
+// Cost: about 4 ms for each camera of 320x240 pixels, plus decoding, and 4 ms for each pair. Large images are reduced
 // before the search. Needs about 0.2 MB for each camera.
 inline constexpr size_t kMaxEpipolarPairs = 192;
 EpipolarCheck check_epipolar_geometry(const Rig& rig, const CameraImages& images, size_t max_pairs = kMaxEpipolarPairs);
 
-// Returns warnings for people. Empty if the geometry fits the images, or if nothing is known.
+// Returns warnings about contradictions, for people. Empty if there is no contradiction.
 std::vector<RigFinding> describe(const EpipolarCheck& check);
 
 }  // namespace lf
