@@ -255,7 +255,8 @@ void find_misplaced(size_t num_cameras, EpipolarCheck& check) {
   const auto still = static_cast<size_t>(
       std::ranges::count_if(left, [](const EpipolarPair* pair) { return pair->verdict() == Verdict::kContradicts; }));
   const bool explained = static_cast<double>(still) <= kMaxUnexplained * static_cast<double>(left.size());
-  if (explained && misplaced.size() <= std::max<size_t>(2, all / 8) && all >= kMinCameras && !left.empty()) {
+  const bool is_minority = check.count(Verdict::kContradicts) < check.count(Verdict::kFits);
+  if (explained && is_minority && misplaced.size() <= std::max<size_t>(2, all / 8) && all >= kMinCameras) {
     std::ranges::sort(misplaced);
     check.misplaced = misplaced;
   } else {
@@ -333,7 +334,7 @@ std::vector<RigFinding> describe(const EpipolarCheck& check) {
   if (check.has_contradiction)
     findings.push_back(
         {RigFinding::Severity::kWarning,
-         "cameras: the positions or orientations do not fit the images: " +
+         "cameras: the positions, orientations or lenses do not fit the images: " +
              share([](const EpipolarPair&) { return true; }) +
              " pairs of neighbouring cameras contradict the rig, so views show objects more than once. Check the order "
              "of the image files. In an imported rig, check the axes convention and whether the extrinsics are "
@@ -343,7 +344,7 @@ std::vector<RigFinding> describe(const EpipolarCheck& check) {
     const auto is_misplaced = [&](CameraIndex i) { return std::ranges::binary_search(check.misplaced, i); };
     findings.push_back(
         {RigFinding::Severity::kWarning,
-         places_of(check.misplaced) + ": position or orientation does not fit the images: " +
+         places_of(check.misplaced) + ": position, orientation or lens does not fit the images: " +
              share([&](const EpipolarPair& pair) { return is_misplaced(pair.a) || is_misplaced(pair.b); }) +
              " pairs with neighbouring cameras contradict the rig. The rest of the array fits. Check whether images "
              "are swapped or a camera was moved. lf-calibrate features and lf-calibrate solve compute the poses from "

@@ -119,8 +119,9 @@ TEST_F(LfRig, CheckComparesImagesWithTheGeometry) {
     save_rig(right, dir / "right.json");
     save_rig(mirrored, dir / "mirrored.json");
     expect_outcome(lf_rig("check right.json"), 0, HasSubstr("right.json: 0 errors, 0 warnings"));
-    expect_outcome(lf_rig("check mirrored.json"), 0,
-                   HasSubstr("mirrored.json: warning: cameras: the positions or orientations do not fit the images"));
+    expect_outcome(
+        lf_rig("check mirrored.json"), 0,
+        HasSubstr("mirrored.json: warning: cameras: the positions, orientations or lenses do not fit the images"));
   }
 }
 

@@ -58,7 +58,7 @@ class EpipolarGeometry : public testing::Test {
     ASSERT_EQ(findings.size(), 1u);
     EXPECT_EQ(findings[0].severity, RigFinding::Severity::kWarning);
     EXPECT_THAT(findings[0].text,
-                HasSubstr("cameras: the positions or orientations do not fit the images: " +
+                HasSubstr("cameras: the positions, orientations or lenses do not fit the images: " +
                           std::to_string(result.count(Verdict::kContradicts)) + " of " +
                           std::to_string(result.pairs.size() - result.count(Verdict::kUnknown)) + " pairs"));
   }
@@ -103,7 +103,8 @@ TEST_F(EpipolarGeometry, NamesSwappedCameras) {
   EXPECT_THAT(result.misplaced, ElementsAre(5u, 6u));
   const std::vector<RigFinding> findings = describe(result);
   ASSERT_EQ(findings.size(), 1u);
-  EXPECT_THAT(findings[0].text, HasSubstr("cameras[5], cameras[6]: position or orientation does not fit the images: "));
+  EXPECT_THAT(findings[0].text,
+              HasSubstr("cameras[5], cameras[6]: position, orientation or lens does not fit the images: "));
 }
 
 TEST_F(EpipolarGeometry, NamesSwappedCamerasOfARow) {
