@@ -18,9 +18,11 @@
 #include "cameras/film_check.h"
 #include "cameras/rig_cameras.h"
 #include "command_line.h"
+#include "image/image_file.h"
 #include "render/contribution_map.h"
 #include "render/stanford_focus.h"
 #include "rig/camera_source.h"
+#include "rig/epipolar_check.h"
 #include "rig/exchange.h"
 #include "rig/rig.h"
 #include "rig/rig_json.h"
@@ -169,12 +171,31 @@ size_t print_findings(const std::vector<lf::RigFinding>& findings, const std::st
   return errors;
 }
 
+// Compares stills and the first pictures of image sequences with the geometry.
+void check_images(const Rig& rig, std::vector<lf::RigFinding>& findings) {
+  lf::Image image;
+  const auto load = [&](lf::CameraIndex i) -> const lf::Image& {
+    const lf::Camera& camera = rig.cameras[i];
+    std::string path = rig.resolve(camera.image);
+    if (camera.image.empty()) {
+      const lf::CameraSource source = lf::find_camera_source(rig, camera);
+      if (source.kind != lf::CameraSource::Kind::kSequence && source.kind != lf::CameraSource::Kind::kStill)
+        throw lf::Error("no image file");
+      path = source.kind == lf::CameraSource::Kind::kStill ? source.location : lf::sequence_file(source, 0);
+    }
+    return image = lf::load_image_of_size(path, {camera.width, camera.height});
+  };
+  for (const lf::RigFinding& finding : lf::describe(lf::check_epipolar_geometry(rig, load)))
+    findings.push_back(finding);
+}
+
 int run_check(const Arguments& arguments) {
   lf::load_controls(arguments.rig);
   const Rig rig = lf::load_rig(arguments.rig);
   std::vector<lf::RigFinding> findings = lf::check_rig(rig);
   for (const auto& check : {lf::cameras::check_still_decoders, lf::cameras::check_films})
     for (const lf::RigFinding& finding : check(rig)) findings.push_back(finding);
+  check_images(rig, findings);
   check_home_view(rig, findings);
   if (const std::string warning = lf::secret_warning(rig, arguments.rig); !warning.empty())
     findings.push_back({lf::RigFinding::Severity::kWarning, warning});

@@ -18,6 +18,7 @@
 #include "image/image.h"
 #include "rig/exchange.h"
 #include "rig/rig_json.h"
+#include "scene/scene.h"
 #include "support/process.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
@@ -119,6 +120,26 @@ TEST_F(LfRig, CheckNamesStillsThatOnlyOtherProgramsDecode) {
   else
     expect_outcome(lf_rig("check in/rig.json"), 1,
                    testing::AllOf(HasSubstr("error: cameras[4].image: "), HasSubstr("JPEG or PNG")));
+}
+
+TEST_F(LfRig, CheckComparesImagesWithTheGeometry) {
+  const Rig scene = scene_rig(2, 3, 160, 120);
+  for (const bool is_sequence : {false, true}) {
+    Rig right = scene, mirrored = scene;
+    for (size_t i = 0; i < scene.cameras.size(); i++) {
+      const Camera& camera = scene.cameras[i];
+      const std::string name = camera.name + "_000.png";
+      if (!is_sequence) save_image(render_scene({160, 120, camera.lens, camera.pose}, 0, 1), dir / name);
+      for (Camera* c : {&right.cameras[i], &mirrored.cameras[i / 3 * 3 + 2 - i % 3]})
+        (is_sequence ? c->source : c->image) = is_sequence ? camera.name + "_%03d.png" : name;
+    }
+    save_rig(right, dir / "right.json");
+    save_rig(mirrored, dir / "mirrored.json");
+    expect_outcome(lf_rig("check right.json"), 0, HasSubstr("right.json: 0 errors, 0 warnings"));
+    expect_outcome(
+        lf_rig("check mirrored.json"), 0,
+        HasSubstr("mirrored.json: warning: cameras: the positions, orientations or lenses do not fit the images"));
+  }
 }
 
 // Returns the processor time of all finished child processes, in seconds.
