@@ -201,7 +201,7 @@ std::vector<Edge> in_order_of_choice(std::vector<Edge> edges, size_t num_cameras
   for (const int new_cameras : {2, 1, 0}) {
     std::vector<Edge> rest;
     for (const auto& [a, b] : edges) {
-      const bool chosen = !touched[a] + !touched[b] >= new_cameras;
+      const bool chosen = (touched[a] ? 0 : 1) + (touched[b] ? 0 : 1) >= new_cameras;
       if (chosen) touched[a] = touched[b] = true;
       (chosen ? ordered : rest).emplace_back(a, b);
     }
@@ -212,9 +212,9 @@ std::vector<Edge> in_order_of_choice(std::vector<Edge> edges, size_t num_cameras
 
 bool has_camera(const EpipolarPair& pair, CameraIndex camera) { return pair.a == camera || pair.b == camera; }
 
-// Finds the fewest cameras that explain the contradictions, starting with the camera in most contradicting pairs. At
-// least half of a misplaced camera's pairs contradict. Pairs of swapped neighbours may fit, because the baseline to
-// other neighbours only becomes longer or shorter. If two cameras explain a pair equally well, both are misplaced.
+// Finds a few cameras that explain the contradictions, starting with the camera in most contradicting pairs. At least
+// half of a misplaced camera's pairs contradict. Some pairs of swapped neighbours fit, because the baseline to other
+// neighbours only becomes longer or shorter. If two cameras explain a pair equally well, both are misplaced.
 void find_misplaced(size_t num_cameras, EpipolarCheck& check) {
   using Verdict = EpipolarPair::Verdict;
   std::vector<size_t> decided(num_cameras), contradicting(num_cameras);
@@ -230,7 +230,7 @@ void find_misplaced(size_t num_cameras, EpipolarCheck& check) {
       count(pair, 1);
       left.push_back(&pair);
     }
-  const size_t all = static_cast<size_t>(std::ranges::count_if(decided, [](size_t pairs) { return pairs > 0; }));
+  const auto all = static_cast<size_t>(std::ranges::count_if(decided, [](size_t pairs) { return pairs > 0; }));
   std::vector<CameraIndex> misplaced;
   while (misplaced.size() < all) {
     const auto rank = [&](CameraIndex i) { return 2 * contradicting[i] >= decided[i] ? contradicting[i] : 0; };
@@ -240,9 +240,10 @@ void find_misplaced(size_t num_cameras, EpipolarCheck& check) {
     if (rank(worst) == 0) break;
     std::vector<CameraIndex> found = {worst};
     if (rank(worst) == 1)
-      for (const EpipolarPair* pair : left)
-        if (has_camera(*pair, worst) && pair->verdict() == Verdict::kContradicts)
-          if (const CameraIndex other = pair->a == worst ? pair->b : pair->a; rank(other) == 1) found.push_back(other);
+      for (const EpipolarPair* pair : left) {
+        if (!has_camera(*pair, worst) || pair->verdict() != Verdict::kContradicts) continue;
+        if (const CameraIndex other = pair->a == worst ? pair->b : pair->a; rank(other) == 1) found.push_back(other);
+      }
     for (const CameraIndex camera : found) {
       misplaced.push_back(camera);
       std::erase_if(left, [&](const EpipolarPair* pair) {
