@@ -65,11 +65,24 @@ def inline_commands(text):
     return [re.sub(r"\s+", " ", code) for code in re.findall(r"`([^`]+)`", text) if OURS.match(code)]
 
 
+def has_closed_quotes(text):
+    try:
+        shlex.split(text, comments=True)
+    except ValueError:
+        return False
+    return True
+
+
 def simple_commands(block):
     """Yields the commands of a block, each as a list of words."""
     block = re.sub(r"\\\n", " ", block)
+    command = ""
     for line in block.splitlines():
-        lexer = shlex.shlex(line, posix=True, punctuation_chars="();<>|&")
+        command += line + "\n"
+        if not has_closed_quotes(command):
+            continue
+        lexer = shlex.shlex(command, posix=True, punctuation_chars="();<>|&")
+        command = ""
         lexer.whitespace_split, lexer.commenters = True, "#"
         words = []
         for word in [*lexer, ";"]:
