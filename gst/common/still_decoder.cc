@@ -32,6 +32,8 @@ std::string still_decoding_problem(const std::string& path) {
       bytes.empty() ? nullptr : gst_type_find_helper_for_data(nullptr, bytes.data(), bytes.size(), nullptr);
   if (!caps) return std::string("the format of the file is unknown") + kRemedy;
   const std::string type = gst_structure_get_name(gst_caps_get_structure(caps, 0));
+  if (type.starts_with("video/"))
+    return "the file is " + type + ": convert an HEIC picture to JPEG, and enter a film as source";
   if (!type.starts_with("image/")) return "the file is " + type + ", not an image";
   return has_decoder(caps) ? "" : "no installed GStreamer plug-in decodes " + type + kRemedy;
 }

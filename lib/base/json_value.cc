@@ -48,7 +48,9 @@ class JsonBuilder : public nlohmann::json_sax<json> {
   bool end_object() override { return close(); }
   bool end_array() override { return close(); }
   bool key(std::string& key) override {
-    levels_.back().key = std::move(key);
+    Level& level = levels_.back();
+    level.key = std::move(key);
+    if (level.value->contains(level.key)) throw Error(name_ + ": " + place() + "the key appears twice in this object");
     return true;
   }
   bool parse_error(size_t, const std::string&, const json::exception& e) override {

@@ -193,7 +193,7 @@ std::optional<HeaderSize> claimed_size(std::string_view bytes) {
 
 ImageSize checked_size(const std::string& path, std::string_view bytes) {
   const std::optional<HeaderSize> size = claimed_size(bytes);
-  if (!size || size->width < 1 || size->height < 1) throw Error(path + ": not an image that can be read");
+  if (!size || size->width < 1 || size->height < 1) throw Error(path + ": not an image that can be read, such as a JPEG or PNG file");
   const auto [width, height] = *size;
   if (width > kMaxImageSide || height > kMaxImageSide || width * height > kMaxImagePixels)
     throw Error(path + ": is " + std::to_string(width) + "x" + std::to_string(height) + " pixels: at most " +
@@ -244,7 +244,7 @@ Image decode_image(const std::string& path, const std::string& bytes, ImageSize 
   } catch (const cv::Exception& e) {
     throw Error(path + ": " + e.what());
   }
-  if (pixels.empty()) throw Error(path + ": not an image that can be read");
+  if (pixels.empty()) throw Error(path + ": not an image that can be read, such as a JPEG or PNG file");
   if (pixels.data != image.data().data() || pixels.cols != size.width || pixels.rows != size.height)
     throw Error(path + ": header and pixels have different sizes");
   for (size_t i = 0; i + 2 < image.data().size(); i += 3) std::swap(image.data()[i], image.data()[i + 2]);

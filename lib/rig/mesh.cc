@@ -251,22 +251,25 @@ bool look_through(const CameraAxes& looks, const Triangle& t, int side, const Ve
 
 // How well a triangulation suits the viewing directions, 0 to 1.
 struct Fit {
-  double triangles = 1;  // share of triangles with cameras that look through them, without slivers
+  double triangles = 1;  // share, by area, of triangles with cameras that look through them, without slivers
   double cameras = 0;    // share of cameras at a corner of such a triangle
   double both() const { return triangles * cameras; }
 };
 
 Fit fit_of(const CameraAxes& looks, const std::vector<Triangle>& triangles) {
   std::vector<bool> looks_through(looks.at.size());
-  size_t good = 0, whole = 0;
+  double good = 0, whole = 0;
   for (const Triangle& t : triangles) {
-    whole += glm::length(relative_normal(looks.at[t[0]], looks.at[t[1]], looks.at[t[2]])) >= kThinTriangle;
+    // Cameras that are close together, at different depths, form small steep triangles that hardly any view looks
+    // through.
+    const double area = glm::length(glm::cross(looks.at[t[1]] - looks.at[t[0]], looks.at[t[2]] - looks.at[t[0]])) / 2;
+    if (glm::length(relative_normal(looks.at[t[0]], looks.at[t[1]], looks.at[t[2]])) >= kThinTriangle) whole += area;
     if (!look_through(looks, t, 0, {})) continue;
-    good++;
+    good += area;
     for (const CameraIndex i : t) looks_through[i] = true;
   }
   Fit fit;
-  if (whole > 0) fit.triangles = static_cast<double>(good) / static_cast<double>(whole);
+  if (whole > 0) fit.triangles = good / whole;
   fit.cameras =
       static_cast<double>(std::ranges::count(looks_through, true)) / static_cast<double>(looks_through.size());
   return fit;

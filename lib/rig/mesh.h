@@ -94,7 +94,7 @@ std::vector<MeshFace> make_strips(const Rig& rig, std::span<const CameraIndex> i
 // face that its line of sight crosses. If these cameras look along the face instead of through it, they do not see the
 // scene behind the face, and its pixels stay black.
 
-// Returns the share of triangles, 0 to 1, with cameras that look through the triangle. Very thin triangles are ignored.
+// Returns the share of triangles (by area, 0 to 1) with cameras that look through them. Ignores very thin triangles.
 // Returns 1 for a mesh without triangles, because strips and points suit every direction.
 double share_facing_cameras(const Rig& rig, const Mesh& mesh);
 

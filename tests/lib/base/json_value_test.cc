@@ -25,6 +25,7 @@ TEST(ParseJson, NamesLineAndPlaceOfASyntaxError) {
       {"{\"a\": [0, NaN]}", "f.json: a[1]: not valid JSON"},
       {"{\"a\": 1} x", "f.json: not valid JSON"},
       {"{\"a\": {\"b\": 1}, \"c\": \"\xff\"}", "f.json: c: not valid JSON"},
+      {"{\"a\": [{\"k1\": 0.1, \"k2\": 0, \"k1\": 0.9}]}", "f.json: a[0].k1: the key appears twice"},
   };
   for (const auto& c : cases) EXPECT_ERROR(parse_json(c.text, "f.json"), c.message);
   EXPECT_ERROR(parse_json(std::string(100000, '['), "f.json"), "nested too deeply");
@@ -36,11 +37,11 @@ TEST(ParseJson, LongArraysTakeNoLongerAnElement) {
   std::string text = "{\"a\": [";
   constexpr size_t kElements = 200000;
   for (size_t i = 0; i < kElements; i++) text += i > 0 ? ",{\"b\": [1]}" : "{\"b\": [1]}";
-  const nlohmann::json root = parse_json(text + "], \"a2\": {\"\": 3}, \"c\": 1, \"c\": 2}", "f.json");
+  const nlohmann::json root = parse_json(text + "], \"a2\": {\"\": 3}, \"c\": 2}", "f.json");
   EXPECT_EQ(root["a"].size(), kElements);
   EXPECT_EQ(root["a"].back(), nlohmann::json({{"b", {1}}}));
   EXPECT_EQ(root["a2"][""], 3);
-  EXPECT_EQ(root["c"], 2) << "the last of two equal names wins";
+  EXPECT_EQ(root["c"], 2);
 }
 
 TEST(JsonValue, ReportsWhatIsWrongWhere) {

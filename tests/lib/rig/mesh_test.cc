@@ -443,6 +443,25 @@ TEST(MeshFit, ADomeStaysWhole) {
   EXPECT_EQ(sphere.topology.triangles.size(), 2 * 200u - 4) << "Euler: a closed mesh";
 }
 
+// Two shots from nearly the same place, for example in colour and infrared. The triangles between the cameras of a pair
+// are steep but small.
+TEST(MeshFit, PairsAtDifferentDepthsStayFlat) {
+  const Rig grid = make_grid_rig({6, 6, 1.07, 60});
+  Rig pairs = without_topology(grid);
+  std::mt19937 random(11);
+  std::uniform_real_distribution<double> degrees(-1, 1), offset(-0.005, 0.005);
+  for (Camera camera : grid.cameras) {
+    camera.id += 1000;
+    camera.name += "_b";
+    camera.pose.position += Vec3(offset(random), offset(random), 0.02);
+    pairs.cameras.push_back(camera);
+  }
+  for (Camera& camera : pairs.cameras)
+    camera.pose.orientation = quat_from_euler({degrees(random), degrees(random), 0}) * camera.pose.orientation;
+  EXPECT_TRUE(fit_topology(pairs).empty());
+  EXPECT_EQ(pairs.topology.type, Topology::Type::kDelaunay);
+}
+
 TEST(MeshFit, ARowStaysARow) {
   std::mt19937 random(5);
   std::uniform_real_distribution<double> jitter(-0.002, 0.002);
