@@ -2,9 +2,11 @@
 #include "rig/mesh.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <iterator>
 #include <map>
+#include <set>
 #include <string>
 #include <utility>
 
@@ -252,13 +254,33 @@ bool look_through(const CameraAxes& looks, const Triangle& t, int side, const Ve
 // How well a triangulation suits the viewing directions, 0 to 1.
 struct Fit {
   double triangles = 1;  // share, by area, of triangles with cameras that look through them, without slivers
-  double cameras = 0;    // share of cameras at a corner of such a triangle
+  double cameras = 0;    // share of cameras at, or close to, a corner of such a triangle
   double both() const { return triangles * cameras; }
 };
+
+// Marks cameras that are close to a marked one, relative to the length of edges. A triangulation uses only one of them
+// if they have the same position on its plane.
+void mark_close_cameras(const CameraAxes& looks, double edge, std::vector<bool>& marks) {
+  constexpr double kClose = 0.1;
+  using Cell = std::array<int64_t, 3>;
+  const auto cell_of = [&](size_t i) {
+    const Vec3 at = looks.at[i] / (kClose * edge);
+    return Cell{std::llround(at.x), std::llround(at.y), std::llround(at.z)};
+  };
+  std::set<Cell> marked;
+  for (size_t i = 0; i < marks.size(); i++)
+    if (marks[i]) marked.insert(cell_of(i));
+  for (size_t i = 0; i < marks.size(); i++) {
+    const Cell own = cell_of(i);
+    for (int n = 0; n < 27 && !marks[i]; n++)
+      marks[i] = marked.contains({own[0] + n % 3 - 1, own[1] + n / 3 % 3 - 1, own[2] + n / 9 - 1});
+  }
+}
 
 Fit fit_of(const CameraAxes& looks, const std::vector<Triangle>& triangles) {
   std::vector<bool> looks_through(looks.at.size());
   double good = 0, whole = 0;
+  std::vector<double> edges;
   for (const Triangle& t : triangles) {
     // Cameras that are close together, at different depths, form small steep triangles that hardly any view looks
     // through.
@@ -267,7 +289,9 @@ Fit fit_of(const CameraAxes& looks, const std::vector<Triangle>& triangles) {
     if (!look_through(looks, t, 0, {})) continue;
     good += area;
     for (const CameraIndex i : t) looks_through[i] = true;
+    edges.push_back(glm::length(looks.at[t[1]] - looks.at[t[0]]));
   }
+  if (!edges.empty()) mark_close_cameras(looks, median(std::move(edges)), looks_through);
   Fit fit;
   if (whole > 0) fit.triangles = good / whole;
   fit.cameras =
