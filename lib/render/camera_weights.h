@@ -35,7 +35,7 @@ class WeightGrid {
     double weight;  // finite, at least 0; the scale does not matter
   };
 
-  // What a cell has weights for: no pixel, the pixels that no face of the mesh owns, or all pixels.
+  // The pixels of a cell with weights: none, the pixels without a face of the mesh, or all pixels.
   enum CellUse : uint8_t { kUnused = 0, kUnowned = 1, kWhole = 2 };
 
   // Creates an empty grid for a view. `cells` has the use of (columns() - 1) x (rows() - 1) cells, row by row. Empty:

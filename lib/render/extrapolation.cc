@@ -140,8 +140,8 @@ void set_mesh_weights(const ViewPlan& plan, int32_t owner, const Vec2& ray, Shar
     if (contains(face, ray) && glm::dot(face.facing, Vec3(ray, 1)) > 0) return add(face);
 }
 
-// Returns how well the cameras of a face, whose weights add up to 1, see the point in focus: from 0 to
-// kEnoughVisibility. Usually the first camera is enough.
+// Returns the mean visibility of the point in focus, limited to kEnoughVisibility, for cameras with weights that add up
+// to 1. Usually the first camera is enough.
 double limited_visibility(const CameraWeights& cameras, const LineOfSight& line, const Shares& shares) {
   double seen = 0;
   for (const WeightGrid::Share& share : shares) {
@@ -282,7 +282,7 @@ class GridInProgress {
   }
 
   bool has_gaps() const { return !gaps_.empty(); }
-  // Looks at all points around those that have been found.
+  // Looks at all points around the found gaps.
   void mark_cells_with_gaps(const Extrapolation& extrapolation, const ParallelFor& parallel) {
     make_points();
     std::vector<uint8_t> near(points_.size());

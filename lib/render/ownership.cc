@@ -228,7 +228,7 @@ void find_runs(const ViewPlan& plan, const FacePlan& face, const Rect& rect, con
 std::vector<FaceRuns::Found> FaceRuns::find(const ViewPlan& plan, const Rect& band) const {
   std::vector<Found> found;
   found.reserve(4 * static_cast<size_t>(band.height()) * 8);
-  // Earlier runs win, so whole cells of the grid come first. The face of the grid is the last one.
+  // Earlier runs win, so whole cells of the grid come first. The face of the grid has the last index.
   if (const WeightGrid* const grid = plan.blend(); grid && grid->has_whole_cells()) {
     const size_t last = plan.faces().size() - 1;
     find_runs(plan, plan.faces()[last], intersect(plan.faces()[last].rect, band), [&](int y, int x0, int x1) {

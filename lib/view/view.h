@@ -31,7 +31,7 @@ struct Blending {
   // instead of staying empty. Not on the wire: probes have false, all other requests true.
   bool extrapolates = true;
   // kMesh only, with `extrapolates`: true if pixels inside the mesh are extrapolated, too, where the cameras of their
-  // face do not see the scene. Not on the wire: all requests have true.
+  // face do not see the scene. The wire has no such field, so all requests have true.
   bool fills_gaps = true;
 
   bool is_mesh() const { return kind == Kind::kMesh; }
