@@ -7,6 +7,7 @@ usage: elements.py PLUGIN.so SOURCES FILE [--check]
 With --check, writes nothing and exits 1 if FILE is outdated.
 """
 import argparse
+import difflib
 import pathlib
 import re
 import sys
@@ -231,8 +232,11 @@ def main():
     text = HEAD + limits_section(factories) + "".join(section(f, args.sources) for f in factories)
     if not args.check:
         args.file.write_text(text)
-    elif args.file.read_text() != text:
-        sys.exit(f"{args.file} is not of this plugin: ninja -C build elements-md")
+        return
+    page = args.file.read_text() if args.file.exists() else ""
+    if page != text:
+        sys.stderr.writelines(difflib.unified_diff(page.splitlines(True), text.splitlines(True), "page", "plugin", n=0))
+        sys.exit(f"{args.file} is outdated: ninja -C build elements-md")
 
 
 main()

@@ -8,6 +8,7 @@ With --check, writes nothing and exits 1 if FILE is outdated.
 """
 import argparse
 import dataclasses
+import difflib
 import pathlib
 import re
 import subprocess
@@ -82,7 +83,8 @@ def table_row(row):
     notes = []
     for label, word in ("Excludes", "not with"), ("Needs", "requires"):
         if found := re.search(label + r": ((?:--?[\w-]+ ?)+)", rest):
-            notes.append(word + " " + ", ".join(f"`{name}`" for name in found[1].split()))
+            others = sorted(found[1].split())  # CLI11 orders them by the addresses of its objects
+            notes.append(word + " " + ", ".join(f"`{name}`" for name in others))
             rest = rest.replace(found[0], "")
     if re.search(r"\bREQUIRED\b", rest):
         notes.insert(0, "required")
@@ -130,8 +132,11 @@ def main():
     text += "".join(part for program in programs for part in sections_of([program], 2))
     if not args.check:
         args.file.write_text(text)
-    elif not args.file.exists() or args.file.read_text() != text:
-        sys.exit(f"{args.file} is not of these programs: ninja -C build tools-md")
+        return
+    page = args.file.read_text() if args.file.exists() else ""
+    if page != text:
+        sys.stderr.writelines(difflib.unified_diff(page.splitlines(True), text.splitlines(True), "page", "programs", n=0))
+        sys.exit(f"{args.file} is outdated: ninja -C build tools-md")
 
 
 main()
