@@ -108,7 +108,7 @@ class RigSolver {
       for (const auto& [name, place] : kPairLayouts)
         attempt(
             name,
-            [&] {
+            [&, place = place] {
               if (!options_.prior)
                 for (CameraState& camera : scene().cameras)
                   camera.lens_terms()[kF] = f * std::max(camera.width, camera.height);

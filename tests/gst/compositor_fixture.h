@@ -37,12 +37,12 @@ class LfCompositorTest : public testing::Test {
     for (const auto& [name, value] : properties)
       gst_util_set_object_arg(G_OBJECT(element_.get()), name.c_str(), value.c_str());
     harness_.reset(gst_harness_new_with_element(element_.get(), "request", "src"));
-    gst_harness_set_live(harness_.get(), FALSE);
+    gst_harness_set_live(harness_.get(), live_);
     if (sink_caps) gst_harness_set_sink_caps_str(harness_.get(), sink_caps);
     gst_harness_set_src_caps_str(harness_.get(), "application/x-lightfield-request,framerate=10/1");
     for (int i = 0; i < nodes; i++) {
       nodes_.emplace_back(gst_harness_new_with_element(element_.get(), ("sink_" + std::to_string(i)).c_str(), nullptr));
-      gst_harness_set_live(nodes_.back().get(), FALSE);
+      gst_harness_set_live(nodes_.back().get(), live_);
       gst_harness_set_src_caps_str(nodes_.back().get(), "application/x-lightfield-answer");
     }
   }
@@ -102,6 +102,7 @@ class LfCompositorTest : public testing::Test {
   HarnessPtr harness_;
   std::vector<HarnessPtr> nodes_;
   uint64_t last_pts_ = 0;
+  gboolean live_ = FALSE;  // of start(): the element's thread asks for it as soon as an event has arrived
 };
 
 }  // namespace lf::test

@@ -29,10 +29,9 @@ constexpr uint64_t kNow = 1000 * GST_SECOND, kLatency = 40 * GST_MSECOND;
 class LfCompositorLiveTest : public LfCompositorTest {
  protected:
   void start_live(int nodes, const std::vector<std::pair<std::string, std::string>>& properties = {}) {
+    live_ = TRUE;
     start(nodes, properties);
     g_object_set(element_.get(), "latency", kLatency, nullptr);
-    gst_harness_set_live(harness_.get(), TRUE);
-    for (const HarnessPtr& node : nodes_) gst_harness_set_live(node.get(), TRUE);
     gst_harness_use_testclock(harness_.get());
     gst_harness_set_time(harness_.get(), kNow);
     gst_harness_query_latency(harness_.get());
