@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <algorithm>
 #include <charconv>
+#include <cmath>
 #include <filesystem>
 #include <map>
 #include <set>
@@ -333,6 +334,24 @@ RigidTransform place_of(const JsonValue& camera, const RigidTransform* before, u
   return {};
 }
 
+// Compares the pose by the chain of cameras with the camera's own pose relative to the IMU, if the file has both.
+void check_imu_pose(const JsonValue& camera, const std::string& name, const RigidTransform& place,
+                    std::vector<std::string>& notes) {
+  constexpr double kMaxMetres = 0.002, kMaxDegrees = 0.5;  // more than rounding to 4 digits
+  const auto from_imu = camera.find("T_cam_imu"), to_imu = camera.find("T_imu_cam");
+  if (!camera.find("T_cn_cnm1") || (!from_imu && !to_imu)) return;
+  const RigidTransform other =
+      from_imu ? parse_rigid_transform(*from_imu).inverse() : parse_rigid_transform(*to_imu);
+  const RigidTransform difference = other.inverse() * place;
+  const Mat3& turn = difference.rotation;
+  const double cosine = (turn[0][0] + turn[1][1] + turn[2][2] - 1) / 2;
+  const double metres = glm::length(difference.translation);
+  const double degrees = std::acos(std::clamp(cosine, -1.0, 1.0)) * 180 / M_PI;
+  if (metres <= kMaxMetres && degrees <= kMaxDegrees) return;
+  notes.push_back(name + ": T_cn_cnm1 contradicts " + (from_imu ? "T_cam_imu" : "T_imu_cam") +
+                  format_text(" by %.3g m and %.3g degrees. The pose is that of T_cn_cnm1", metres, degrees));
+}
+
 RigImport parse_kalibr(const std::string& text, const std::string& path) {
   const nlohmann::json root = parse_yaml(text, path);
   const JsonValue file(root, path);
@@ -345,6 +364,7 @@ RigImport parse_kalibr(const std::string& text, const std::string& path) {
   RigImport result;
   result.notes = check_foreign_keys(root, path, known);
   std::map<uint32_t, RigidTransform> places;
+  bool has_imu = false;  // positions are relative to the IMU
   for (const auto& [number, key] : cameras) {
     const JsonValue value = file.at(key.c_str());
     Camera camera;
@@ -360,6 +380,8 @@ RigImport parse_kalibr(const std::string& text, const std::string& path) {
     const auto before = number > 0 ? places.find(number - 1) : places.end();
     const RigidTransform place =
         place_of(value, before != places.end() ? &before->second : nullptr, number, places.empty());
+    if (before != places.end() && has_imu) check_imu_pose(value, key, place, result.notes);
+    has_imu = has_imu || value.find("T_cam_imu") || value.find("T_imu_cam");
     places.emplace(number, place);
     camera.pose = pose_of_world_from_camera(place);
     result.rig.cameras.push_back(camera);

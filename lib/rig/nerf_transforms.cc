@@ -187,6 +187,18 @@ const std::set<std::string_view> kNerfKeys = {"frames",
                                               "enable_depth_loading",
                                               "n_extra_learnable_dims"};
 
+// Adds a note for each coefficient that only some frames have, because the other frames use 0.
+void note_missing_coefficients(const JsonValue& file, const std::vector<JsonValue>& frames,
+                               std::vector<std::string>& notes) {
+  for (const char* key : {"k1", "k2", "p1", "p2", "distortion_params"}) {
+    if (file.find(key)) continue;
+    const auto missing = std::ranges::count_if(frames, [&](const JsonValue& frame) { return !frame.find(key); });
+    if (missing > 0 && static_cast<size_t>(missing) < frames.size())
+      notes.push_back(std::to_string(missing) + " of " + std::to_string(frames.size()) + " frames have no " + key +
+                      ", so 0 is used for them");
+  }
+}
+
 RigImport parse_nerf(const std::string& text, const std::string& path) {
   const nlohmann::json root = parse_json(text, path);
   const JsonValue file(root, path);
@@ -197,6 +209,7 @@ RigImport parse_nerf(const std::string& text, const std::string& path) {
   if (values.size() > kMaxCameras)
     frames.fail("has too many frames; a rig has at most " + std::to_string(kMaxCameras) + " cameras");
   result.notes = check_foreign_keys(root, path, kNerfKeys);
+  note_missing_coefficients(file, values, result.notes);
   const AppliedTransform applied(file, result.notes);
   SingleTimeCheck instant;
   for (const JsonValue& value : values) {

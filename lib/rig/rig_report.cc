@@ -345,12 +345,18 @@ std::vector<RigFinding> check_lenses(const Rig& rig) {
                                         "%s",
                                         lens.cx(), lens.cy(), size.c_str(), cause_of_principal_point(camera).c_str()));
     if (has_ray_at_corners(camera)) continue;
-    const double share = share_with_rays(camera);
+    const double share = share_with_rays(camera), radius = fold_radius(lens);
+    // Without a fold by k1 and k2, the tangential terms are the cause.
+    const std::string cause =
+        std::isfinite(radius)
+            ? format_text("(k1 %.6g, k2 %.6g) folds the picture at %.0f px from the principal point", lens.k1(),
+                          lens.k2(), radius)
+            : format_text("(k1 %.6g, k2 %.6g, p1 %.6g, p2 %.6g) is not invertible in the whole picture", lens.k1(),
+                          lens.k2(), lens.p1(), lens.p2());
     (share < kLeastShare ? blank : fold)
-        .add(i, place + format_text("the distortion (k1 %.6g, k2 %.6g) folds the picture at %.0f px from the principal "
-                                    "point, so only %.0f %% of the picture of %s can be used. Are the coefficients of "
-                                    "another lens model or lens?",
-                                    lens.k1(), lens.k2(), fold_radius(lens), 100 * share, size.c_str()));
+        .add(i, place + format_text("the distortion %s, so only %.0f %% of the picture of %s can be used. Are the "
+                                    "coefficients of another lens model or lens?",
+                                    cause.c_str(), 100 * share, size.c_str()));
   }
   std::vector<RigFinding> findings;
   for (const SharedFinding* finding : {&blank, &fold, &focal, &centre}) finding->report(findings);

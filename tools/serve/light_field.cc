@@ -37,6 +37,8 @@ void link(GstElement* from, GstElement* to) {
     throw Error(std::string(GST_OBJECT_NAME(from)) + " cannot be linked with " + GST_OBJECT_NAME(to));
 }
 
+void say_of_cameras(const std::string& text) { say(text.starts_with("cameras") ? text : "cameras: " + text); }
+
 GstElement* child_of(const ElementPtr& pipeline, const std::string& name) {
   return ElementPtr(gst_bin_get_by_name(GST_BIN(pipeline.get()), name.c_str())).get();
 }
@@ -97,7 +99,7 @@ void LightField::start(std::function<void(const std::string&)> on_error) {
     const bool is_error = GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR;
     gst_message_unref(message);
     if (!is_error) {
-      say("cameras: " + text);
+      say_of_cameras(text);
       continue;
     }
     gst_object_unref(bus);
@@ -179,7 +181,7 @@ gboolean LightField::bus_message(GstBus*, GstMessage* message, gpointer data) {
   if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR)
     self->on_error_(text_of(message));
   else if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_WARNING)
-    say("cameras: " + text_of(message));
+    say_of_cameras(text_of(message));
   else if (gst_message_has_name(message, "lightfield-camera-found"))
     say(std::string("cameras: ") + GST_OBJECT_NAME(GST_MESSAGE_SRC(message)) + " is back");
   return G_SOURCE_CONTINUE;

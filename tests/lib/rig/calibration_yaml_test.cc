@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <filesystem>
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <opencv2/core.hpp>
 
@@ -11,6 +12,11 @@
 
 namespace lf {
 namespace {
+
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
 
 constexpr char kMatrix[] =
     "camera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n"
@@ -288,6 +294,20 @@ TEST(Kalibr, TimeShiftsBecomeTimeOffsets) {
   EXPECT_EQ(rig.cameras.at(1).width, 640);
   EXPECT_TRUE(export_kalibr(rig, dir / "y.yaml").notes.empty()) << "written, too";
   EXPECT_EQ(import_kalibr(dir / "y.yaml").rig.cameras.at(1).time_offset, -0.025);
+}
+
+TEST(Kalibr, APoseThatContradictsTheChainIsNoted) {
+  const TempDir dir;
+  const auto notes_of = [&](double x) {
+    const std::string text = plain_camera(0) + at_imu("T_cam_imu", 0.05) + plain_camera(1) +
+                             at_imu("T_cn_cnm1", -0.1) + at_imu("T_cam_imu", x);
+    const RigImport import = import_kalibr(dir.write("x.yaml", text));
+    EXPECT_NEAR(import.rig.cameras.at(1).pose.position.x, 0.05, 1e-12) << "by the chain";
+    return import.notes;
+  };
+  EXPECT_THAT(notes_of(-0.0501), IsEmpty()) << "rounding";
+  EXPECT_THAT(notes_of(-0.5),
+              ElementsAre(AllOf(HasSubstr("cam1"), HasSubstr("T_cn_cnm1"), HasSubstr("T_cam_imu"), HasSubstr("0.45 m"))));
 }
 
 TEST(Kalibr, CamerasAfterAGapAreKeptOrRefused) {

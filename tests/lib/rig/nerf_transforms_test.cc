@@ -114,6 +114,21 @@ TEST(Nerf, ReadsWhatNerfstudioWrites) {
   EXPECT_NE(result.notes[1].find("before applied_transform and applied_scale"), std::string::npos);
 }
 
+TEST(Nerf, CoefficientsThatOnlySomeFramesHaveAreNoted) {
+  const TempDir dir;
+  const std::string frame = R"({"file_path": "a.png", "w": 320, "h": 240, "fl_x": 400, "cx": 160, "cy": 120, )";
+  const auto notes_of = [&](const std::string& top, const std::string& first) {
+    dir.write("t.json", "{" + top + R"("frames": [)" + frame + first + kIdentity + "}, " + frame + kIdentity + "}]}");
+    return import_nerf(dir / "t.json").notes;
+  };
+  EXPECT_TRUE(notes_of("", "").empty());
+  EXPECT_TRUE(notes_of(R"("k1": 0.1, )", R"("k1": 0.2, )").empty()) << "the other frame has the file's";
+  const std::vector<std::string> notes = notes_of("", R"("k1": 0.2, )");
+  ASSERT_EQ(notes.size(), 1u);
+  EXPECT_NE(notes[0].find("1 of 2 frames"), std::string::npos);
+  EXPECT_NE(notes[0].find("k1"), std::string::npos);
+}
+
 TEST(Nerf, FramesOfSeveralTimesAreNoRig) {
   const TempDir dir;
   const auto frames = [&](const char* a, const char* b) {
