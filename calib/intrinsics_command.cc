@@ -125,7 +125,7 @@ void check_size(Images& found, const lf::Image& image, const std::string& name) 
                     std::to_string(found.height));
 }
 
-// Collects views of the board from a video or a live camera. The board must stand still for a moment in each view.
+// Collects views of the board from a video or a live camera. The board must not move for a moment in each view.
 void watch(const IntrinsicsArguments& options, const lf::Checkerboard& board, const Video& video, Images& found) {
   std::optional<lf::KeyframeSelector> chooser;
   int kept = 0, frame = 0;

@@ -20,8 +20,8 @@ using namespace lightfield;
 constexpr int kSide = 3, kWidth = 320, kHeight = 240, kPlaces = 80;
 constexpr double kPitch = 0.06, kFocal = 420;
 
-// Returns the nominal array on a flat board if most_off is 0. Otherwise returns an array with random position errors of
-// up to `most_off` metres, which simulates a real one.
+// If `most_off` is 0, returns the nominal array on a flat board. Otherwise, returns an array with random position
+// errors of up to `most_off` metres, which simulates a real array.
 Rig make_array(double most_off) {
   std::mt19937 random(1);
   std::uniform_real_distribution<double> off(-most_off, most_off);

@@ -44,7 +44,7 @@ lf::Image photograph(const lf::Camera& camera) {
   return image;
 }
 
-// A host that has only some of the cameras of the array, but knows the whole rig, so that it can answer view requests.
+// A host with some of the cameras of the array. It has the complete rig, so that it can answer view requests.
 struct Host {
   Host(const lf::Rig& rig, const std::vector<uint32_t>& cameras) : node(rig, cameras) {
     for (const uint32_t camera : cameras) frames.push_back(photograph(rig.camera(camera)));

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Shows all cameras live, arranged like the array, with names and health. A camera lights up when a hand is waved in
-// front of it. If the server allows it (lf-rig identify), two cameras can be swapped by dragging, or by selecting them
-// in turn with clicks or keys. While a moving light is recorded (lf-rig record --lights), the image regions it has
-// reached are green, and a text says where to move the light next.
+// Shows all cameras live, arranged like the array, with names and health. The page highlights a camera if a hand moves
+// in front of the lens. If the server allows it (lf-rig identify), two cameras can be swapped by dragging, or by
+// selecting them in turn with clicks or keys. While a moving light is recorded (lf-rig record --lights), the image
+// regions it has reached are green, and a text explains where to move the light next.
 
 const kPollInterval = 200;  // milliseconds
 const kRequestTimeout = 5000;  // milliseconds

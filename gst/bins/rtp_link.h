@@ -33,7 +33,7 @@ class ScopedElements {
   std::vector<GstElement*> elements_;
 };
 
-// Returns the view id in a request or an answer, which says which viewer the buffer belongs to. Returns nothing if the
+// Returns the view id in a request or an answer, which identifies the viewer of the buffer. Returns nothing if the
 // buffer is too short.
 std::optional<uint32_t> view_of(GstBuffer* unit);
 

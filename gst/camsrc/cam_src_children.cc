@@ -236,7 +236,7 @@ void add_children(LfCamSrc* self, const lf::CamSrcSettings& settings, const std:
   const bool file = source.is_file() && source.kind != Kind::kStill;
   const bool device = source.kind == Kind::kDevice || source.kind == Kind::kBin;
   const bool network = device || source.kind == Kind::kUri;
-  // Data of an HTTP stream must arrive before the element can tell if the stream is live.
+  // Data of an HTTP stream must arrive before the element can determine whether the stream is live.
   self->live = self->live || (network && !g_str_has_prefix(source.location.c_str(), "http"));
 
   const lf::Controls controls = controls_of(settings, camera);

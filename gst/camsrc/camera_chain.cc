@@ -172,7 +172,7 @@ GstElement* make_described_source(const std::string& line, bool trusted) {
   return source;
 }
 
-// --- Links between elements, some of which have pads that appear later -----------------------------------------------
+// --- Links between elements, which may have dynamic pads -------------------------------------------------------------
 
 GstElement* add(GstBin* bin, const char* factory, const char* name = nullptr) {
   GstElement* element = gst_element_factory_make(factory, name);

@@ -23,7 +23,7 @@ namespace lf {
 // decoder. Thread-safe.
 class SenderClock : public std::enable_shared_from_this<SenderClock> {
  public:
-  // Limits for the age of a packet, to recognise cameras that do not know the time of day. A packet may also be older
+  // Limits for the age of a packet, to recognise cameras without the correct time of day. A packet may also be older
   // by the latency.
   static constexpr GstClockTime kMostAge = 2 * GST_SECOND, kMostAhead = GST_SECOND / 10;
 

@@ -19,7 +19,7 @@ void apply_controls(GstElement* source, const Controls& controls);
 // Returns the controls of an open source: a field for each known control and for each control in `wanted`. A value is a
 // number, the text "auto", or FALSE if the source lacks the control. The caller owns the result.
 GstStructure* read_controls(GstElement* source, const Controls& wanted);
-// Returns the current values, including those that the camera has chosen automatically. The caller owns the result.
+// Returns the current values, including values that the camera has chosen automatically. The caller owns the result.
 GstStructure* read_control_values(GstElement* source, const Controls& wanted);
 
 using ReadV4l2 = std::function<std::optional<int32_t>(uint32_t id)>;

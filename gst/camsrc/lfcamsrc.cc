@@ -191,7 +191,7 @@ static bool lf_cam_src_retries(LfCamSrc* self) {
 
 void lf_cam_src_set_optional(LfCamSrc* self) { g_atomic_int_set(&self->expendable, TRUE); }
 
-// Adds the current values of the camera controls. This asks the device, so do not call it for every frame.
+// Adds the current values of the camera controls. This queries the device, so do not call it for every frame.
 static void lf_cam_src_add_controls(LfCamSrc* self, GstStructure* stats) {
   lf::ObjectLock lock(self);
   GstElement* device = self->run ? self->run->chain.device : nullptr;

@@ -39,7 +39,7 @@
 // Field (uint) with the view id of an event, query or message.
 #define LF_VIEW_ID_FIELD "lightfield-view-id"
 
-// Event that tells lffragment which camera a stream comes from. It is a sticky custom downstream event of lfcamsrc.
+// Event that informs lffragment about the camera of a stream. It is a sticky custom downstream event of lfcamsrc.
 // Fields: "camera" (uint: index in the rig), "rig-hash" (uint64: checksum of the rig file), "paced" (boolean: frames
 // are ready before their time, so none need be late).
 #define LF_CAMERA_EVENT "lightfield-camera"

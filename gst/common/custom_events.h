@@ -150,8 +150,8 @@ struct ViewFeedback {
   // Cameras that requests must leave out, beginning with the next request. The list replaces the list of earlier
   // events.
   std::optional<CameraSet> out_of_service;
-  // Requests to send once, together with the next request. Only their view, cameras out of service, rig and probe flag
-  // are used.
+  // Requests to send once, together with the next request. The receiver uses only their view, cameras out of service,
+  // rig and probe flag.
   std::vector<ViewRequest> extra_requests;
 };
 

@@ -293,7 +293,7 @@ static void answer_sweep(LfCompositor* self) {
   auto& state = *self->state;
   state.assembly.finish(lf::PixelFamily::kRgb, false);
   state.stats.set_focus(state.focus.state(), state.focus.bytes() + state.bytes);
-  if (!state.assembly.complete()) return;  // depths are unreliable if only some cameras agree on them
+  if (!state.assembly.complete()) return;  // depths from only some of the cameras are unreliable
   tell(self, {.view_id = state.current->view_id, .focus = state.focus.sweep(*state.current)});
 }
 

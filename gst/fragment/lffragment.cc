@@ -301,7 +301,7 @@ static void lf_fragment_install_properties(GObjectClass* object_class) {
 // --- Requests in, answers out ----------------------------------------------------------------------------------------
 //
 // Live requests are answered in a thread of the answer pad, and views take turns (FairScheduler). Non-live requests are
-// answered one after the other in their own streaming thread.
+// answered sequentially in their own streaming thread.
 
 static lf::ParallelFor lf_fragment_workers(LfFragment* self) {
   return [self](size_t count, const std::function<void(size_t)>& task) {

@@ -23,8 +23,8 @@ namespace lf {
 // unchanged; raw video is encoded as JPEG. Coded video starts with a key frame, and restarts with a key frame after a
 // dropped frame.
 //
-// The file has a separate bin, so that its errors do not affect other elements. Thread-safe. Only close() waits for the
-// disk.
+// The file has a separate bin, so that its errors do not affect other elements. Thread-safe. close() is the only
+// function that waits for the disk.
 class CameraFile {
  public:
   struct Counts {

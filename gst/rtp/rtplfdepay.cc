@@ -296,8 +296,8 @@ static void lf_rtp_depay_class_init(LfRtpDepayClass* klass) {
 static void lf_rtp_depay_init(LfRtpDepay* self) {
   self->settings = {};
   self->guard = new lf::RequestGuard;
-  // max-reorder would make the base class drop reordered packets; Depacketizer detects duplicates instead. With
-  // auto-header-extension, GStreamer 1.22.0 hangs at a malformed header extension.
+  // max-reorder would make the base class drop reordered packets; Depacketizer detects duplicates instead. If
+  // auto-header-extension is set, GStreamer 1.22.0 hangs at a malformed header extension.
   g_object_set(self, "max-reorder", 0, "auto-header-extension", FALSE, nullptr);
   GstPad* sink = GST_RTP_BASE_DEPAYLOAD_SINKPAD(self);
   gst_pad_add_probe(sink, GstPadProbeType(GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_BUFFER_LIST),

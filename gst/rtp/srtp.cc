@@ -163,7 +163,7 @@ void StandaloneElement::close() {
 }
 
 std::shared_ptr<ReplayProtection> ReplayProtection::of(const RtpKey& key, std::string_view purpose) {
-  // The key for minute 0 identifies the secret in this map. It decrypts nothing, because no packet is that old.
+  // The key for minute 0 identifies the secret in this map. No packet is old enough to use this key.
   using Id = std::array<uint8_t, kMasterKeyBytes>;
   static std::mutex mutex;
   static std::map<Id, std::shared_ptr<ReplayProtection>> all;
@@ -252,7 +252,7 @@ SrtpDecryptor::Result SrtpDecryptor::open(GstBuffer* packet, GstBuffer** opened)
   const uint32_t now = current_minute();
   if (!is_current(name.minute, now)) {
     // An unencrypted packet has arbitrary bytes here, which are rarely a current minute. The check value requires the
-    // key, so it tells old packets of key holders from unencrypted packets.
+    // key, so it distinguishes old packets of key holders from unencrypted packets.
     const bool is_sealed = key_->session(purpose_, name).mki == header->mki;
     return refuse(is_sealed ? Result::kStale : Result::kUnsealed);
   }

@@ -136,7 +136,7 @@ class SrtpDecryptor {
  public:
   enum class Result {
     kOpened,
-    kMalformed,  // not RTP, or too short
+    kMalformed,  // the packet is not RTP or too short
     kUnsealed,   // no valid minute in the MKI: the sender has no key
     kStale,      // valid key, but a past or future minute
     kReplayed,

@@ -288,7 +288,7 @@ static bool keep_focus(LfViewRequest* self, guint view_id, lf::DepthEstimate foc
   return true;
 }
 
-// Ignores cameras that the rig lacks, because every node would refuse requests that name them.
+// Ignores cameras that the rig lacks, because every node would refuse requests with such cameras.
 static void announce_out_of_service(LfViewRequest* self, guint view_id, lf::CameraSet cameras) {
   lf::ObjectLock lock(self);
   const std::shared_ptr<const lf::Rig> rig = self->state->stream ? self->state->stream->rig() : nullptr;

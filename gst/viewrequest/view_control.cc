@@ -150,7 +150,7 @@ void ViewControl::set(int field, double value) {
   navigator_.set(viewpoint_of(values_));
 }
 
-// Unknown fields are errors, because a misspelt name would otherwise have no effect without any notice.
+// Unknown fields are errors, because a misspelt name would otherwise be ignored silently.
 static bool has_unknown_field(const GstStructure* structure) {
   for (gint i = 0; i < gst_structure_n_fields(structure); i++) {
     const std::string_view name = gst_structure_nth_field_name(structure, static_cast<guint>(i));

@@ -59,7 +59,7 @@ inline constexpr char kViewEvent[] = "lightfield-view-request";
 
 bool is_for_view(GstEvent* event, guint view_id);
 
-// Moves the viewpoint of one view by properties, events and signals, and remembers where it is. Not thread-safe.
+// Moves the viewpoint of one view by properties, events and signals, and stores its position. Not thread-safe.
 class ViewControl {
  public:
   ViewControl();

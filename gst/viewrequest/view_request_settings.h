@@ -22,8 +22,8 @@ struct PictureFormat {
 PictureFormat with_defaults(const PictureFormat& set, const PictureFormat& defaults);
 
 // Returns the format of views for elements that accept only `caps`. Numbers in `set` stay. Other numbers are as close
-// to `defaults` as the first suitable structure of the caps allows. If caps fix only one side, the other side keeps the
-// aspect ratio. Returns nothing if no structure is suitable.
+// to `defaults` as the first suitable structure of the caps allows. If the caps fix only the width or the height, the
+// aspect ratio is preserved. Returns nothing if no structure is suitable.
 //
 // `set` and `defaults` describe one view, and `defaults` must be complete. A picture of `caps` has columns x rows
 // views; pictures of several views have even sides.

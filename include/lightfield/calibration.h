@@ -25,7 +25,7 @@ struct Tracks {
   struct Observation {
     uint32_t camera = 0;    // index into Tracks::cameras
     uint32_t position = 0;  // number of the position, from 0
-    uint32_t light = 0;     // which light of a bar: 0 or 1; 0 without a bar
+    uint32_t light = 0;     // index of the light on the bar: 0 or 1; always 0 without a bar
     double x = 0, y = 0;    // pixels; (0, 0) is the centre of the top-left pixel
     double sigma = 1;       // standard deviation of x and y; only the ratio to other observations matters
   };

@@ -5,8 +5,8 @@
 
 namespace lightfield {
 
-// The exception that all functions of this library throw for invalid input. The text is meant for users. It names the
-// argument, or the file and the place in the file, for example "rig.json: cameras[3].params[0]: must be a finite
+// The exception that all functions of this library throw for invalid input. The text is a message for users. It names
+// the argument, or the file and the place in the file, for example "rig.json: cameras[3].params[0]: must be a finite
 // number".
 //
 // An object remains usable after one of its methods has thrown. Compositor::add() never throws for bad input, because

@@ -18,7 +18,7 @@ namespace lightfield {
 // message whole. The GStreamer elements use the same format (lib/wire/spec.md).
 using Bytes = std::vector<uint8_t>;
 
-// The capture time of a request that wants the newest frames.
+// The capture time of a request for the newest frames.
 constexpr uint64_t kNewest = std::numeric_limits<uint64_t>::max();
 
 struct RequestInfo {
@@ -59,8 +59,8 @@ class Node {
   // Answers a request with a list of messages, which must all be sent to the viewer's Compositor, in any order.
   //
   // `frames` has one frame for each of cameras(), in the same order. All frames must have the same format, and each
-  // must have the size of its camera. Pass an empty frame for a camera that has no image; the answer then tells the
-  // viewer that this camera is missing.
+  // must have the size of its camera. Pass an empty frame for a camera that has no image; the answer then marks this
+  // camera as missing.
   //
   // The frames are only read during the call. The same request and frames always give the same bytes. Throws Error if
   // the request is invalid or belongs to another rig, or if a frame does not fit.

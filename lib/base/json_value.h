@@ -22,12 +22,12 @@ void write_text_file(const std::string& text, const std::string& path);
 bool is_utf8(const std::string& text);
 
 // Parses JSON. `name` is the name of the file in error messages. Throws Error with line and column. If a value is
-// invalid, such as a number beyond the range of double, the error says where ("cameras[3].params[0]").
+// invalid, such as a number beyond the range of double, the error names the place ("cameras[3].params[0]").
 nlohmann::json parse_json(const std::string& text, const std::string& name);
 
-// A value in a JSON file that knows its path in the file, so that errors can say "FILE: PLACE: what is wrong". It
-// refers to the parsed file, which must outlive this object. All functions throw Error if the value has another type or
-// is out of range.
+// A value in a JSON file, together with its path in the file, so that error messages have the form "FILE: PLACE:
+// problem". It refers to the parsed file, which must outlive this object. All functions throw Error if the value has
+// another type or is out of range.
 class JsonValue {
  public:
   JsonValue(const nlohmann::json& root, const std::string& file) : value_(&root), file_(&file) {}

@@ -20,7 +20,7 @@ namespace lf {
 namespace {
 
 // The search window must not reach the next corner, which would bias the result. OpenCV's usual half width of 11 pixels
-// displaces corners in one of its own images by more than a pixel. The largest possible window averages most noise.
+// displaces corners by more than a pixel in one of its own images. The largest possible window averages most noise.
 constexpr double kWindowOfSpacing = 0.4;
 constexpr int kMinWindow = 2, kMaxWindow = 15;  // half widths, pixels
 
@@ -371,8 +371,8 @@ double cross_validate(const std::vector<BoardView>& views, const Checkerboard& b
 constexpr LensModel kLenses[] = {LensModel::kSimplePinhole, LensModel::kSimpleRadial, LensModel::kRadial,
                                  LensModel::kOpenCv};
 
-// Both criteria must improve. BIC guards against chance, and left-out views guard against systematic errors that BIC
-// takes for noise.
+// A better model must improve both criteria. BIC guards against chance, and held-out views guard against systematic
+// errors that BIC would treat as noise.
 bool is_better(const IntrinsicsResult::Model& a, const IntrinsicsResult::Model& than) {
   return a.bic < than.bic && !(a.held_out_rms > kModelGain * than.held_out_rms);
 }

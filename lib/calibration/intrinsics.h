@@ -27,7 +27,7 @@ struct Checkerboard {
 struct BoardView {
   std::string name;           // image name for messages
   std::vector<Vec2> corners;  // pixels
-  std::vector<int> ids;       // which corners of the board these are; empty: all, in order
+  std::vector<int> ids;       // indices of the corners on the board; empty: all corners, in order
 
   size_t id(size_t i) const { return ids.empty() ? i : static_cast<size_t>(ids[i]); }
 };
@@ -97,7 +97,7 @@ ZhangFit fit_zhang(const std::vector<BoardView>& views, const Checkerboard& boar
                    const ZhangModel& model);
 
 // Validates a lens with a view that was left out of the fit: returns the RMS reprojection error of this view in pixels.
-// Only the pose of the board is fitted to this view.
+// The fit to this view adjusts only the pose of the board.
 double held_out_rms(const ZhangFit& fit, const BoardView& view);
 
 // Options of calibrate_intrinsics(), which removes bad views and selects the smallest model that the views justify.

@@ -153,8 +153,8 @@ std::vector<LightDetection> LightDetector::look(const uint8_t* grey, ptrdiff_t s
     std::nth_element(sizes.begin(), nth, sizes.end());
     return static_cast<double>(*nth);
   };
-  // Only uses differences above the background, because differences below are often clipped at black. Compression
-  // leaves few large differences. The last limit excludes large bright objects.
+  // Uses only positive differences from the background, because negative differences are often clipped at black.
+  // Compression leaves few large differences. The last limit excludes large bright objects.
   const double small = quantile(0.6915);
   const double noise = std::max(kMinNoise, std::min(std::max(quantile(0.8413), quantile(0.9772) / 2), 4 * small + 1.5));
   record_.noise += (noise - record_.noise) / static_cast<double>(std::min<size_t>(record_.frames - 1, 30));

@@ -121,8 +121,8 @@ std::string gap_names(const std::vector<CoverageGrid::Gap>& gaps);
 // Tells the operator, during a recording, where the light or bar must still be moved so that it covers the images of
 // all cameras.
 //
-// Depths are triangulated from the rays of two cameras of the nominal rig, which is accurate enough to tell near from
-// far. A camera's own ray is interpolated between two of its frames. Not thread-safe.
+// Depths are triangulated from the rays of two cameras of the nominal rig, which is accurate enough to distinguish near
+// from far. A camera's own ray is interpolated between two of its frames. Not thread-safe.
 class LightCoverage {
  public:
   // Prepares for recording with the nominal positions of `rig`. `lights` is the number of moved lights; of the

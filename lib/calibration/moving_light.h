@@ -30,7 +30,7 @@ struct LightAssociation {
 };
 
 // Assigns candidates to the lights without knowing the cameras: the brightest candidates are the lights. The direction
-// of a bar tells which of its lights is which, because directions map from camera `reference` to any other camera like
+// of a bar distinguishes its two lights, because directions map from camera `reference` to any other camera like
 // velocities. Observations of a bar require that camera `reference` sees both lights.
 LightAssociation associate_by_brightness(const Tracks& cameras, const std::vector<LightCandidates>& candidates,
                                          size_t reference);

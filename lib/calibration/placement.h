@@ -44,7 +44,7 @@ struct PlacementOptions {
 
 struct Placement {
   Similarity world_from_scene;
-  // which length was used ("the bar's length", "the pitch", ...); empty: none, neighbours are 1 apart
+  // the length that was used ("the bar's length", "the pitch", ...); empty: no length, neighbours are 1 apart
   std::string scale_from;
   // For each camera of the tracks, the id of the camera of the prior rig at its place; its own id if the order is
   // correct. Empty without a layout.

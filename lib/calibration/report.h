@@ -65,7 +65,7 @@ std::vector<SoftMode> soft_modes(const Solution& solution, const Placement& plac
 // solution.
 struct ProjectionError {
   double depth = 0;              // metres in front of the centre of the array
-  double middle = 0, worst = 0;  // of the median camera and of the worst camera
+  double middle = 0, worst = 0;  // errors of the median camera and of the worst camera
 };
 // Returns the predicted errors at several depths, from half the nearest distance of the light to twice the farthest.
 std::vector<ProjectionError> projection_errors(const Solution& solution, const Placement& placement);

@@ -15,7 +15,7 @@ namespace lf {
 struct Observation {
   uint32_t camera = 0;    // index into Tracks::cameras
   uint32_t position = 0;  // number of the light's or bar's position, from 0
-  uint32_t light = 0;     // which light of a bar: 0 or 1; 0 without a bar
+  uint32_t light = 0;     // index of the light on the bar: 0 or 1; always 0 without a bar
   Vec2 pixel{0, 0};       // (0, 0) is the centre of the top-left pixel
   double sigma = 1;       // standard deviation of x and y; only the ratio to other observations matters
 };
@@ -45,7 +45,7 @@ void check_tracks(const Tracks& tracks, const std::string& name);
 //  "positions": [{"observations": [[camera id, x, y], ...]}, ...]}
 // `bar` (default false): observations are [camera id, x, y, light], with light 0 or 1. `ordered` (default true): one
 // position per frame. Positions without observations have an empty list. Pixel (0, 0) is the centre of the top-left
-// pixel. Throws Error with the file and the place in it.
+// pixel. Throws Error with the file name and the place in the file.
 Tracks load_tracks(const std::string& path);
 Tracks parse_tracks(const std::string& text, const std::string& name);
 std::string tracks_to_json(const Tracks& tracks);
@@ -58,7 +58,7 @@ std::string tracks_to_json(const Tracks& tracks);
 // `first_pixel` is the coordinate of the centre of the top-left pixel: 0, or 1 in files written by Matlab.
 struct MultiCamSelfCal {
   Tracks tracks;              // cameras have ids from 0
-  std::optional<Rig> lenses;  // only the lenses; all poses are equal
+  std::optional<Rig> lenses;  // only the lenses are valid; all poses are equal
 };
 // Reads these files from one folder. Throws Error with the file and the row.
 MultiCamSelfCal load_multicamselfcal(const std::string& directory, double first_pixel);
@@ -90,7 +90,7 @@ struct LightDetections {
 // {"format": "lightfield-tracks", "version": 1, "bar": true, "cameras": [{"id": 0, "width": 320, "height": 240,
 //  "frames": [[seconds, [x, y, sigma, brightness], ...], ...]}, ...]}
 //
-// Returns nullopt if `text` has positions. Throws Error with the file and the place in it.
+// Returns nullopt if `text` has positions. Throws Error with the file name and the place in the file.
 std::optional<LightDetections> parse_light_detections(const std::string& text, const std::string& name);
 std::string light_detections_to_json(const LightDetections& sights);
 

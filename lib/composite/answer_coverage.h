@@ -35,9 +35,9 @@ class DisjointRects {
   std::vector<std::vector<uint64_t>> rows_;
 };
 
-// Remembers for each part of a view which cameras have contributed. This has two uses. A contribution is not added
-// twice, for example after the network has duplicated a packet. After the last answer, the records tell which
-// contributions never arrived. Not thread-safe.
+// Records for each part of a view which cameras have contributed. The records have two uses. A contribution is not
+// added twice, for example after the network has duplicated a packet. After the last answer, they show which
+// contributions are missing. Not thread-safe.
 class Coverage {
  public:
   void clear() { *this = {}; }

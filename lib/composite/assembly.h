@@ -80,7 +80,7 @@ class Assembly {
   unsigned damaged() const { return damaged_; }
   // Number of cameras with missing or damaged contributions. Valid after finish(), and 0 without a rig.
   unsigned missing() const { return missing_; }
-  // True if no part is known to be missing or damaged.
+  // True if no part is missing or damaged, as far as known.
   bool complete() const { return missing_ == 0 && damaged_ == 0; }
   // Cameras of the received answers that had images.
   const CameraRanges& seeing() const { return seeing_; }

@@ -19,8 +19,8 @@ namespace lf {
 // depths). The nodes answer with photo-consistency sums, which show how well the cameras agree on each guess. The loop
 // selects the best depths from these sums for the next request.
 //
-// Use this class if the viewer applies an estimate whenever it is ready; each request tells which estimate it uses. Use
-// ViewDepths instead if the viewer waits for each estimate. Not thread-safe.
+// Use this class if the viewer applies an estimate as soon as it is ready; each request names the estimate that it
+// uses. Use ViewDepths instead if the viewer waits for each estimate. Not thread-safe.
 class DepthLoop {
  public:
   // Number of requests without depth hypotheses after an estimate was not used. These requests take a second or less.
@@ -34,8 +34,8 @@ class DepthLoop {
 
   // Starts the next request, and discards the answers to the previous request.
   void begin();
-  // The result of take(). `ahead` tells which request the sums belong to: the current one (0), a later one (> 0) or an
-  // earlier one (< 0). `problem` is an error message for the user, or empty.
+  // The result of take(). `ahead` is the request that the sums belong to: the current request (0), a later request (>
+  // 0) or an earlier request (< 0). `problem` is an error message for the user, or empty.
   struct Taken {
     int32_t ahead = 0;
     std::string problem;

@@ -41,10 +41,10 @@ struct Background {
 // background shows; it may be null. The output planes are as in ImageView: kRgb in `layout` (a fourth byte is set to
 // 255), or kI420 in `levels`, with interleaved chroma (NV12) if plane[2] == plane[1] + 1.
 //
-// Values are rounded to the nearest level, halves up. With reduced levels, sums within 1/128 of a half may go either
-// way. A chroma sample uses the mean missing weight of its pixels (up to four), mixed with the background for hidden
-// pixels. A pixel with less than 3/255 of its weight shows the background, because sums of 8-bit fragments then have no
-// usable colour.
+// Values are rounded to the nearest level, halves up. With reduced levels, sums within 1/128 of a half may be rounded
+// up or down. A chroma sample uses the mean missing weight of its pixels (up to four), mixed with the background for
+// hidden pixels. A pixel with less than 3/255 of its weight shows the background, because sums of 8-bit fragments then
+// have no usable colour.
 void resolve(const ConstSumPlanes& sum, const uint8_t* uncovered, const Background& background, const RgbLayout& layout,
              uint8_t* const plane[3], const ptrdiff_t stride[3], const Levels& levels = kFullLevels);
 

@@ -185,10 +185,10 @@ class DepthEstimator {
   unsigned quiet_ = 0;     // rounds in a row without a worthwhile gain
   unsigned skipped_ = 0;   // requests since the last hypotheses
   unsigned settling_ = 0;  // rounds until deviations are meaningful again
-  unsigned load_ = 1;      // requests from one that may have hypotheses to the next: see keep_up()
+  unsigned load_ = 1;      // interval of the requests that may have hypotheses: see keep_up()
   unsigned spared_ = 1;    // the same, set by spare()
   unsigned in_time_ = 0;   // pictures in a row that were complete in time
-  unsigned held_ = 0;      // requests since the last one that could have had hypotheses
+  unsigned held_ = 0;      // requests since the last request that was allowed to have hypotheses
   unsigned looks_ = 0;     // unsuccessful searches in a row for a changed scene
 };
 

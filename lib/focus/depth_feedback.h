@@ -79,7 +79,7 @@ class RelayedDepths {
   void clear();
 
  private:
-  static constexpr size_t kMaxViews = 64;  // beyond this, the view with the lowest id is dropped
+  static constexpr size_t kMaxViews = 64;  // if there are more views, the view with the lowest id is dropped
   DepthFeedback& view(uint32_t id);
   std::mutex mutex_;
   std::map<uint32_t, DepthFeedback> views_;

@@ -53,13 +53,13 @@ inline constexpr double kLead = 0.06;
 inline constexpr float kNoise = 0.25f, kSmoothNoise = 0.1f;  // levels of luma
 inline constexpr double kSmooth = 0.4;
 inline constexpr float kLittleEvidence = 0.25f;
-// A node is informed if its deviation plus kLumaNoise (levels of luma) is less than kMaxDeviationRatio of that of a
-// wrong depth. In a sweep it must also be less than kUnique of that of every plane that is not adjacent to the best
-// one, because one of many planes can fit by chance.
+// A node is informed if its deviation plus kLumaNoise (levels of luma) is less than kMaxDeviationRatio of the deviation
+// at a wrong depth. In a sweep, it must also be less than kUnique of the deviation of every plane that is not adjacent
+// to the best plane, because one of many planes can fit by chance.
 inline constexpr float kLumaNoise = 0.5f, kMaxDeviationRatio = 0.3f, kUnique = 0.6f, kMinEvidence = 0.35f;
 inline constexpr size_t kSweep = 7;
-// A jump needs a deviation below 1 / kJump of the other hypotheses' deviations. Some of many successive planes fit by
-// chance, and the right level would not be tried again.
+// For a jump, the deviation must be below 1 / kJump of the deviations of all other hypotheses, because some of many
+// successive planes fit by chance, and the right level would not be tested again.
 inline constexpr float kJump = 2;
 DepthSelection select_depths(const FocalMap& surface, std::span<const std::vector<uint8_t>> trials,
                              std::span<const PhotoConsistency> moments, const DepthSelectionParams& terms);

@@ -104,8 +104,8 @@ constexpr size_t kLeastNodes = 24;
 // one scene), and that is no gain.
 constexpr double kNear = 1.25;                            // edges
 constexpr float kNearWeight = WideLuma::kPeak * 0.4578f;  // weight at this distance
-// A row of cameras has only two that are this near to a viewpoint between them. Then all cameras with a weight are
-// compared, and reflections may change as much as over one and a half cameras.
+// In a row of cameras, only two cameras are this near to a viewpoint between cameras. Then all cameras with a weight
+// are compared, and reflections may change as much as over one and a half cameras.
 constexpr float kShineFromAfar = 0.03f;
 // Nodes are no independent samples, because a whole object is in focus or not: they count as this many samples.
 constexpr float kThings = 4;

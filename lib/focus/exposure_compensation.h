@@ -80,18 +80,18 @@ struct GainSum {
 // together.
 std::vector<uint8_t> mean_luma(const PhotoConsistency& moments, const GainSum& gains);
 
-// Selects the requests that ask for a mean to compare brightness with. Only requests with hypotheses can ask. The first
-// kFirst ask, so that cameras match before the first surface is found. Then fewer and fewer ask, because a mean reads
-// whole images of a dozen cameras. Only one mean is pending at a time: cameras keep their samples for the latest mean
-// only, and a second measurement during a correction would correct the gains twice. A plain value without locks.
+// Selects the requests that include a mean for the comparison of brightness. Requests without hypotheses never do. The
+// first kFirst requests do, so that cameras match before the first surface is found. Later, fewer requests do,
+// because a mean reads whole images of a dozen cameras. Only one mean is pending: cameras keep samples for the latest
+// mean only, and a second measurement during a correction would correct gains twice. A plain value without locks.
 class ExposureSchedule {
  public:
   static constexpr unsigned kFirst = 4;     // number of requests that try all planes: see hypotheses_of_round()
-  static constexpr unsigned kLongest = 32;  // requests with hypotheses from one that asks to the next
+  static constexpr unsigned kLongest = 32;  // maximum interval of the means, in requests with hypotheses
   // Requests with hypotheses until a missing mean counts as lost.
   static constexpr unsigned kPatience = 30;
 
-  // True if the next request asks for the mean. `has_hypotheses`: the request has hypotheses. `came`: the pending mean
+  // True if the next request includes the mean. `has_hypotheses`: the request has hypotheses. `came`: the pending mean
   // has arrived.
   bool next(bool has_hypotheses, bool came) {
     if (came) awaited_ = 0;

@@ -171,15 +171,15 @@ double FocusArray::width_of(const View& view, const CameraSet& out_of_service) c
   return rig_ && edge_ > 0 ? width_beside_mesh(view, out_of_service) : edge_;
 }
 
-// Beside the mesh, all cameras are on one side of a line of sight. A wrong depth therefore displaces an object, whereas
-// inside the mesh it blurs the object. Returns the root mean square over the view.
+// If a line of sight passes beside the mesh, all cameras are on one side of the line. A wrong depth then displaces an
+// object, whereas inside the mesh a wrong depth blurs the object. Returns the root mean square over the view.
 double FocusArray::width_beside_mesh(const View& view, const CameraSet& out_of_service) const {
   const View sparse = sparse_view(view);
   const ViewPlan plan(*rig_, mesh_without(out_of_service), sparse);
   if (!plan.blend()) return edge_;
   constexpr int kSamples = 24;  // per row and column, at most
   // A displacement has the root mean square of a blur sqrt(12) times as wide. The cameras of a line of sight are half
-  // an edge farther away than the nearest one.
+  // an edge farther away than the nearest camera.
   const double kOfDisplacement = std::sqrt(12);
   const int step = std::max({sparse.width / kSamples, sparse.height / kSamples, 1});
   const FaceIdMap owners(plan, {0, 0, sparse.width, sparse.height});

@@ -16,7 +16,7 @@ struct HypothesisProjection {
   float fx, fy, cx, cy, k1, k2, p1, p2;
   bool distorted;
   float max_r2;         // largest valid r^2 of undistorted coordinates
-  float width, height;  // of the camera's image, pixels
+  float width, height;  // size of the camera's image, pixels
   // Inverse distance = farthest + level x per_level. The viewpoint is at `eye_distance` from the reference plane.
   float farthest, per_level, eye_distance;
   int box = 4;  // side of the luma low-pass box, pixels: see box_luma()

@@ -94,7 +94,7 @@ class StillArray {
     return sums;
   }
 
-  // Updates the gains from the mean in the request, and computes the mean that it asks for.
+  // Updates the gains from the mean in the request, and computes the next mean if requested.
   void compare(const ViewRequest& request, ViewDepths::Answers& answers) {
     if (!gains_) return;
     if (!request.gains.mean.empty() && !seen_.empty())

@@ -26,8 +26,8 @@ void apply_plan(const DepthEstimator::Plan& plan, ViewRequest& request);
 void apply_reference_view(const ViewRequest& leader, ViewRequest& beside);
 
 // Returns the brightness matching for the next request of a view. `use`: gains are in use. `has_hypotheses`: the
-// request has hypotheses. `brightness`, `gains`: the mean that request `sequence` asked for; without size if there is
-// none.
+// request has hypotheses. `brightness`, `gains`: the mean for request `sequence`; it has no size if there is no
+// mean.
 GainRequest next_gains(ExposureSchedule& turns, bool use, bool has_hypotheses, const PhotoConsistency& brightness,
                        const GainSum& gains, uint32_t sequence);
 

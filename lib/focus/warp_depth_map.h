@@ -56,13 +56,13 @@ class WarpedNodes {
 std::shared_ptr<const FocalMap> warp_depth_map(const View& from, const View& to);
 
 // Merges the results of rounds of hypotheses into the latest surface of a view. Several requests may be in flight. A
-// round then starts from a surface without the results of the previous rounds, and must not undo these results. So each
-// node keeps its cost, and a better result of a round that the request did not include stays. If every request waits
+// round then starts from a surface without the results of the previous rounds, and must not undo these results. Each
+// node therefore keeps its cost, and a better result of a round unknown to the request remains. If every request waits
 // for the previous answer, the round's selection is the surface. A plain value without locks.
 class LatestSurface {
  public:
-  static constexpr size_t kMaxInFlight = 64;  // requests in flight; older ones count as lost
-  // Requests count as lost after twice the longest wait of an answered one plus this, in requests.
+  static constexpr size_t kMaxInFlight = 64;  // requests in flight; older requests count as lost
+  // Requests count as lost after twice the longest wait of an answered request plus this number of requests.
   static constexpr uint32_t kPatience = 8;
 
   // Returns the number of requests with hypotheses in flight.
@@ -92,7 +92,7 @@ class LatestSurface {
   std::optional<uint32_t> longest_;  // longest wait of an answered request, in requests
   unsigned rounds_ = 0;
   View view_;
-  // The deviation of each node's selection, and the round of its last change. Both stay in place when the viewpoint
+  // The deviation of each node's selection, and the round of its last change. They are not warped when the viewpoint
   // moves, because its steps are small relative to a node.
   std::vector<float> cost_;
   std::vector<unsigned> moved_;

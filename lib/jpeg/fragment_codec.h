@@ -36,7 +36,7 @@ inline size_t min_missing_scan(const CodedSize& size) {
 }
 
 // Our baseline JPEGs consist of this header, a scan and EOI. They have no JFIF marker or tables. Messages contain the
-// scan only. These are the bytes of the header (SOI, SOF0 and SOS) for three components and for one.
+// scan only. Sizes of the header (SOI, SOF0 and SOS) in bytes, for three components and for one component.
 inline constexpr size_t kPixelHeader = 35, kMissingHeader = 25;
 inline constexpr size_t kEoi = 2;
 

@@ -53,7 +53,7 @@ struct Header {
 };
 
 // Reads the marker segments up to the first scan. If they are damaged or the kind of JPEG is unsupported, returns
-// nothing and sets *reason to a text for users. *unsupported tells both cases apart. Allocates memory only for the
+// nothing and sets *reason to a text for users. *unsupported distinguishes the two cases. Allocates memory only for the
 // reason.
 std::optional<Header> parse_header(std::span<const uint8_t> frame, std::string* reason, bool* unsupported = nullptr);
 

@@ -75,7 +75,7 @@ void store_rows(const uint8_t* const rows[2], int components, int y, Image& out)
   }
 }
 
-// Converts one row of CMYK to RGB. `inverted` means CMYK as Adobe stores it.
+// Converts one row of CMYK to RGB. `inverted`: the values are inverted, as in Adobe's files.
 void cmyk_to_rgb(const uint8_t* cmyk, int width, bool inverted, uint8_t* rgb) {
   for (int x = 0; x < width; x++, cmyk += 4, rgb += 3) {
     const auto light = [&](int i) { return inverted ? cmyk[i] : 255 - cmyk[i]; };

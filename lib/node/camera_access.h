@@ -7,11 +7,11 @@
 
 namespace lf {
 
-// Makes the requests for cameras that do not know the rig and therefore cannot plan a view. Instead of the view
-// request, all these cameras receive one command that tells each of them its part (see RequestPlan). Stateless.
+// Makes the requests for cameras that do not have the rig and therefore cannot plan a view. Instead of the view
+// request, these cameras receive one command, which contains the part of each camera (see RequestPlan). Stateless.
 class CameraAccess {
  public:
-  // Returns the planner for this kind of camera. Returns null for cameras that know the rig, because they only need the
+  // Returns the planner for this kind of camera. Returns null for cameras that have the rig, because they only need the
   // view request.
   static const CameraAccess* of(Access access);
 
@@ -19,12 +19,12 @@ class CameraAccess {
   // Returns the command for all cameras that contribute to the view. `mesh` must not contain the request's
   // out-of-service cameras.
   virtual wire::AnyRequest command(const Rig& rig, const Mesh& mesh, const ViewRequest& request) const = 0;
-  // Returns the blending that these cameras use if a view asks for `asked`, because not all of them support every kind.
+  // Returns the blending that these cameras use if a view requests `asked`, because some cameras support fewer kinds.
   virtual Blending blending(const Blending& asked) const { return asked; }
 };
 
-// For cameras that only know their own lens. Each receives triangles and a homography of the focal plane, and returns
-// its part of the sum.
+// For cameras that have only their own lens parameters. Each receives triangles and a homography of the focal plane,
+// and returns its part of the sum.
 const CameraAccess& warp_access();
 // For cameras that can only deliver pixels. Each receives a rectangle of its image, and the compositor warps the
 // pixels.

@@ -91,8 +91,8 @@ void CameraFrames::drop_outdated() {
   while (frames_.size() > 1 && frames_[1].time <= wanted_) drop_oldest();
 }
 
-// "Newest" must not make a file play to its end, so it means the current frame of a file. The camera's thread is only
-// woken when there is room for a frame, because many views may ask for the same time.
+// For a file, "newest" means the current frame; otherwise the file would play to its end. The camera's thread is woken
+// only when there is room for a frame, because many views may request the same time.
 void CameraFrames::want(uint64_t time) {
   if (time != kNoTime) wanted_ = time;
   if (live_) return;

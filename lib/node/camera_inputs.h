@@ -65,7 +65,7 @@ struct CameraFrame {
 
 // The latest frames of one camera. Requests look up the frame of their time here. Thread-safe.
 //
-// A live camera never waits. It keeps the newest kLiveFrames frames, and earlier frames if requests ask for them, up to
+// A live camera never waits. It keeps the newest kLiveFrames frames, and earlier frames if they are requested, up to
 // kMaxReach and kMaxLiveBytes. A file source waits for the requests: push() blocks the streaming thread until requests
 // have moved on, and find() waits for the frame of the requested time.
 class CameraFrames {
@@ -90,8 +90,8 @@ class CameraFrames {
   PushResult push(CameraFrame frame);
   // Reports that a frame of this time was damaged. The previous frame then also serves requests for this time.
   PushResult push_damaged(uint64_t time);
-  // Sets how long after its capture the next pushed frame arrived, in nanoseconds. The delay tells how long requests
-  // should wait for frames.
+  // Sets how long after its capture the next pushed frame arrived, in nanoseconds. The delay determines how long
+  // requests should wait for frames.
   void note_arrival(int64_t late);
   void end_stream();  // end of stream: the last frame is valid for all later times
   // the camera failed: there is no frame after the last one until push() is called again

@@ -23,7 +23,7 @@ namespace lf {
 // Each view has at most one request in progress. A view that has used little time cannot save up more than kMaxCredit.
 //
 // All views that are younger than RequestLimiter::kViewTimeout (2 s) together count as one view, which starts with a
-// usage deficit of kMaxCredit against it. A client that keeps inventing view ids therefore gains nothing. A view is
+// usage deficit of kMaxCredit against it. A client therefore gains nothing by using new view ids. A view is
 // forgotten after the same time without requests.
 //
 // Call work() from the rendering thread. add() may be called from any thread.

@@ -78,7 +78,7 @@ class ArrivalMonitor {
   uint64_t latest_ = 0;
 };
 
-// Decides when to tell a client which capture delay its cameras need: within a tenth of a second if the delay grows,
+// Decides when to report the capture delay of the cameras to a client: within a tenth of a second if the delay grows,
 // otherwise once per second. All times are nanoseconds of the same clock. Not thread-safe.
 class DelayReporter {
  public:

@@ -83,7 +83,7 @@ void RendererSelector::rendered(RendererChoice choice, const RenderedAnswer& ans
   if (drawing.refused) refusal_ = drawing.why_not;
   const bool is_left_alone = !drawing.drawn && backoff_.is_exhausted(now);
   why_not_ = drawing.why_not.empty() && is_left_alone ? refusal_ : drawing.why_not;
-  // An answer that the GPU could not render says nothing about which renderer is faster.
+  // An answer that the GPU could not render does not show which renderer is faster.
   if (choice != RendererChoice::kAuto || !drawing.why_not.empty()) return;
   if (is_in_race()) tuner_.add(drawing.drawn, answer.pixels, before + answer.render_ns);
 }

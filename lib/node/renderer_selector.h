@@ -23,7 +23,7 @@ using lightfield::RendererChoice;
 // Parses "cpu", "gl" or "auto"; returns nullopt for other names.
 std::optional<RendererChoice> renderer_choice(const std::string& name);
 
-// Finds out whether the CPU or the GPU renders faster. Both take turns on regular work until each has enough samples.
+// Determines whether the CPU or the GPU renders faster. They alternate on regular work until both have enough samples.
 class RendererTuner {
  public:
   // Number of samples needed from each renderer. The first GPU answer does not count, because it compiles shaders.

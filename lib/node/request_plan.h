@@ -21,16 +21,16 @@ namespace lf {
 // pixels, the answer is a set of original image regions instead. Immutable.
 class RequestPlan {
  public:
-  // Plans the sum of a view, and the depth hypotheses and brightness measurements that the request asks for. `own`
+  // Plans the sum of a view, and the depth hypotheses and brightness measurements in the request. `own`
   // lists the node's cameras in ascending order. `rig` must outlive the plan. `parallel` distributes the planning. All
   // constructors throw Error if the request does not fit the rig.
   RequestPlan(const Rig& rig, const Mesh& mesh, const ViewRequest& request, std::span<const CameraIndex> own,
               const ParallelFor& parallel = serial_for);
-  // Plans the sum for a command with explicit homographies (WarpCommand). Only the lenses and sizes of `own` are taken
-  // from the rig.
+  // Plans the sum for a command with explicit homographies (WarpCommand). Uses only the lenses and sizes of `own` from
+  // the rig.
   RequestPlan(const Rig& rig, const wire::WarpCommand& command, std::span<const CameraIndex> own,
               const ParallelFor& parallel = serial_for);
-  // Plans an answer of original pixels (PixelCommand). Only the sizes of `own` are taken from the rig.
+  // Plans an answer of original pixels (PixelCommand). Uses only the sizes of `own` from the rig.
   RequestPlan(const Rig& rig, const wire::PixelCommand& command, std::span<const CameraIndex> own);
 
   // Indices of the node's cameras that must deliver images, in ascending order.

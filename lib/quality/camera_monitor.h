@@ -25,8 +25,8 @@ class CameraMonitor {
  public:
   enum class Fault {
     kColour,     // the camera is brighter or darker than the array
-    kDirection,  // the camera looks in another direction than the rig says
-    kPicture,    // the image differs otherwise, for example because it is out of focus or obstructed
+    kDirection,  // the camera's direction differs from the rig
+    kPicture,    // the image differs in another way, for example because it is out of focus or obstructed
   };
   struct Suspect {
     CameraIndex camera = 0;
@@ -165,8 +165,8 @@ struct Skew {
 // phase keeps changing.
 Skew camera_skew(std::span<const FrameTimeStats> cameras);
 
-// Finds the camera that a person covers with a hand, to learn which camera is which. Only the image of that camera
-// changes. Not thread-safe.
+// Identifies cameras: finds the camera that a person covers with a hand, because only its image changes. Not
+// thread-safe.
 class HandWaveDetector {
  public:
   explicit HandWaveDetector(size_t cameras) : cameras_(cameras) {}

@@ -263,7 +263,7 @@ const MeshFace* nearest_face(const Rig& rig, const Mesh& mesh, const Vec3& posit
   return nearest;
 }
 
-// Returns true if the cameras stand around something, so that their mean axis is meaningless.
+// Returns true if the cameras surround a scene, so that their mean axis is meaningless.
 bool looks_all_ways(const Rig& rig) {
   constexpr double kLeastMean = 0.3;
   Vec3 sum(0);
@@ -313,7 +313,7 @@ Viewpoint VisibleFraction::home(double aspect, double focus_distance, const View
   Viewpoint v = default_viewpoint(rig_, focus_distance);
   const MeshFace* const face = nearest_face(rig_, mesh_, v.pose.position);
   if (face && looks_all_ways(rig_)) {
-    // If the cameras stand around a scene, a camera of the face gives the right direction.
+    // If the cameras surround a scene, a camera of the face gives the right direction.
     v.pose.orientation = rig_.cameras[face->camera[0]].pose.orientation;
     v = clamped(v);
   }

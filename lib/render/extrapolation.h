@@ -10,13 +10,13 @@
 
 namespace lf {
 
-// Weights for the parts of a view that the camera mesh cannot show. Such pixels are extrapolated from the nearest
-// cameras, which are the cameras of Blending::kAngle with kExtrapolationCameras cameras, instead of staying empty.
+// Weights for the parts of a view that the camera mesh cannot show. Instead of staying empty, such pixels are
+// extrapolated from the nearest cameras, which are the cameras of Blending::kAngle with kExtrapolationCameras cameras.
 //
 // Beside the mesh: lines of sight that pass through no face, for example because the viewer has moved out of the array.
 // At the border of the mesh the weights equal the weights of the mesh, which are the linear interpolation between the
-// two cameras of the border edge. With growing distance d of the line of sight from the border, they change to the
-// nearest cameras. The share of the latter is smoothstep(d / length). The length is a quarter of the median length of
+// two cameras of the border edge. With increasing distance d of the line of sight from the border, the share of the
+// nearest cameras grows as smoothstep(d / length). The length is a quarter of the median length of
 // the border edges, but at least 32 pixels of the view at the depth of the border.
 //
 // In gaps (Blending::fills_gaps): lines of sight with cameras of the mesh that do not see the point in focus, for

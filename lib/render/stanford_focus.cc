@@ -46,7 +46,7 @@ Rig with_lenses(Rig rig, double f, double shift) {
   return rig;
 }
 
-// Returns the focus distance, 0 if distant points stand still, or nothing if the images have too little texture.
+// Returns the focus distance, 0 if distant points do not move, or nothing if the images have too little texture.
 std::optional<double> focus_distance_of(const Rig& rig, double f) {
   const double baseline = neighbour_distance(rig);
   if (!std::isfinite(baseline)) return std::nullopt;

@@ -105,7 +105,7 @@ class ViewPlan {
   // Plans a view. `rig` and `mesh` are read only during the call. The view must be valid (see validate()). `parallel`
   // computes the lines of sight of distorted lenses and the WeightGrid.
   ViewPlan(const Rig& rig, const Mesh& mesh, const View& view, const ParallelFor& parallel = serial_for);
-  // Plans a view from homographies that a process with the rig has sent, for a camera that does not know the rig. The
+  // Plans a view for a camera without the rig, from homographies that a process with the rig has sent. The
   // result is bit-identical to the plan of that process, except that the view has neither a pose nor a focal plane.
   // `warp` must be valid (see validate()). Throws Error for camera indices beyond `num_cameras`.
   ViewPlan(const ViewWarp& warp, size_t num_cameras, const ParallelFor& parallel = serial_for);

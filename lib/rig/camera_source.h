@@ -46,8 +46,8 @@ std::string sequence_file(const CameraSource& sequence, int index);
 // player, the tools and `lf-rig check` all use this function.
 //
 // If a file with the name exists, it takes precedence over a URI, a pattern or elements with the same text; its first
-// bytes tell its kind. Every URI that is not a file gives kUri. Throws MissingFile for a missing file or a gap in a
-// sequence, and Error for a malformed pattern.
+// bytes determine its kind. Every URI that is not a file gives kUri. Throws MissingFile for a missing file or a gap in
+// a sequence, and Error for a malformed pattern.
 CameraSource find_camera_source(const Rig& rig, const Camera& camera);
 
 // The same for the value of one `image` or `source`. `text` must not be empty.
@@ -75,7 +75,7 @@ class RigColourCorrections {
     std::once_flag made[2];
     std::unique_ptr<const ColourCorrection> correction[2];
   };
-  // null for a camera without correction; empty if no camera has one
+  // null for a camera without a correction; empty if no camera has a correction
   std::vector<std::unique_ptr<CameraEntry>> cameras_;
 };
 

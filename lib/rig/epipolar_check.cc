@@ -309,7 +309,7 @@ EpipolarCheck check_epipolar_geometry(const Rig& rig, const CameraImages& images
   const size_t chosen = std::min(edges.size(), max_pairs);
   for (size_t i = 0; i < chosen; i++) compare(edges[i]);
 
-  // All pairs of a few suspicious cameras tell which camera of a pair is misplaced.
+  // If there are only a few suspicious cameras, compares all their pairs to find the misplaced camera of a pair.
   std::set<CameraIndex> suspects;
   for (const EpipolarPair& pair : check.pairs)
     if (pair.verdict() == EpipolarPair::Verdict::kContradicts) suspects.insert({pair.a, pair.b});

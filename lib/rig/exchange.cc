@@ -199,7 +199,7 @@ RigExport export_text(const Rig& rig, const std::string& path, std::string (*tex
 
 namespace {
 
-constexpr double kRotationTolerance = 1e-3;  // on an element of R^T R; angles are then accurate to half of this
+constexpr double kRotationTolerance = 1e-3;  // limit for an element of R^T R; angle errors are at most half
 
 }  // namespace
 

@@ -55,7 +55,7 @@ class MatroskaReader {
   std::optional<FilmLength> length() {
     while (at_ < size_ && !length_.is_cut_off) read_element();
     if (length_.frames == 0) return std::nullopt;
-    // The last frame lasts as long as the mean of the others.
+    // The duration of the last frame is assumed to be the mean duration of all other frames.
     const auto frames = static_cast<double>(length_.frames);
     if (length_.frames > 1)
       length_.seconds =

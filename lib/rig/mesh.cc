@@ -363,7 +363,7 @@ Vec3 emptiest_direction(const std::vector<Vec3>& directions) {
 }
 
 void close_hull(std::vector<Triangle>& triangles) {
-  std::map<std::pair<CameraIndex, CameraIndex>, bool> edges;  // true if the triangle on the other side exists
+  std::map<std::pair<CameraIndex, CameraIndex>, bool> edges;  // true if there is a triangle on the other side
   for (const Triangle& t : triangles)
     for (int k = 0; k < 3; k++) edges[{t[k], t[(k + 1) % 3]}] = true;
   std::map<CameraIndex, CameraIndex> next;

@@ -66,7 +66,7 @@ CameraSet hull_cameras(const Rig& rig);
 // cameras take over their weight. Otherwise, the border of the array would move to a viewer in the middle when half of
 // the array is lost.
 //
-// With fewer than three working cameras, all of `lost` is returned, because strips and points have no border.
+// If fewer than three cameras work, returns all of `lost`, because strips and points have no border.
 CameraSet mesh_exclusions(const CameraSet& lost, const CameraSet& corners, size_t num_cameras);
 
 // Keeps the camera mesh of a rig for the latest set of out-of-service cameras. The set rarely changes, so the mesh of
@@ -94,8 +94,8 @@ std::vector<MeshFace> make_strips(const Rig& rig, std::span<const CameraIndex> i
 // face that its line of sight crosses. If these cameras look along the face instead of through it, they do not see the
 // scene behind the face, and its pixels stay black.
 
-// Returns the share of triangles (by area, 0 to 1) with cameras that look through them. Ignores very thin triangles.
-// Returns 1 for a mesh without triangles, because strips and points suit every direction.
+// Returns the share of triangles (by area, 0 to 1) whose cameras look through the triangle. Ignores very thin
+// triangles. Returns 1 for a mesh without triangles, because strips and points suit every direction.
 double share_facing_cameras(const Rig& rig, const Mesh& mesh);
 
 // Replaces a Delaunay topology that does not suit the cameras, and returns notes about the change:

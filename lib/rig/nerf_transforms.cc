@@ -23,7 +23,7 @@ constexpr double kNerfPixelCentre = 0.5;  // NeRF's centre of the top-left pixel
 // Converts between NeRF's axes (y up, z back) and rig axes, in both directions.
 Mat3 turned(const Mat3& rotation) { return {rotation[0], -rotation[1], -rotation[2]}; }
 
-// A frame; missing keys are looked up at the top level of the file.
+// A frame. If a key is missing, the value at the top level of the file applies.
 class Frame {
  public:
   Frame(const JsonValue& frame, const JsonValue& file) : frame_(frame), file_(file) {}

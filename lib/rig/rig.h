@@ -169,7 +169,7 @@ struct RingRigOptions {
 };
 Rig make_ring_rig(const RingRigOptions& options);
 
-// Evenly spaced rows of cameras around an upright cylinder, looking at its axis or away from it. Row 0 is the top row.
+// Evenly spaced rows of cameras around an upright cylinder, facing inward or outward. Row 0 is the top row.
 // The cameras of a row follow to the right, as seen by the cameras. The first column looks along +z and defines the
 // world. For inward cameras, the first column is at (0, y, 0) and the axis at x = 0, z = radius. For outward cameras,
 // it is at (0, y, radius) and the axis at x = 0, z = 0. The middle of the rows is at y = 0. The mesh closes around the

@@ -23,7 +23,7 @@ using Severity = RigFinding::Severity;
 
 constexpr double kSliver = 0.02;     // height of a triangle over its longest side: an angle of about one degree
 constexpr double kSamePlace = 1e-9;  // of the baseline
-constexpr double kMinShare = 0.5;    // minimum share of triangles with cameras that look through them
+constexpr double kMinShare = 0.5;    // minimum share of triangles whose cameras look through the triangle
 
 std::string short_text(double value) { return format_text("%.6g", value); }
 

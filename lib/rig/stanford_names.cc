@@ -145,7 +145,7 @@ RigExport export_stanford(const Rig& rig, const std::string& directory, double u
     mean_position += Vec2(position) / static_cast<double>(rig.cameras.size());
     mean_shift += shifts.back() / static_cast<double>(rig.cameras.size());
   }
-  double slope = 0, square = 0;  // of principal points against positions: f / focus distance
+  double slope = 0, square = 0;  // slope of principal points over positions: f / focus distance
   for (size_t i = 0; i < positions.size(); i++) {
     const Vec2 position = positions[i] * unit - mean_position;
     slope += glm::dot(position, shifts[i] - mean_shift);

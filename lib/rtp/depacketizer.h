@@ -17,8 +17,8 @@
 
 namespace lf::rtp {
 
-// Tracks the latest RTP sequence numbers of a source (RFC 3550, appendix A.1). It tells duplicates from packets that
-// arrive out of order, and counts missing packets. Reordered packets are still useful, so callers should drop only
+// Tracks the latest RTP sequence numbers of a source (RFC 3550, appendix A.1). It distinguishes duplicates from
+// reordered packets, and counts missing packets. Reordered packets are still useful, so callers should drop only
 // duplicates. Not thread-safe.
 class SequenceWindow {
  public:

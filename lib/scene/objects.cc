@@ -427,7 +427,7 @@ Material sphere_paint(const Sphere& ball, const Surface& s) {
     case Texture::kBalloon: return {linear(206, 70, 70), 0.5f};
     case Texture::kGlobe: return {globe_colour(n, w), 0.25f};
     case Texture::kBeachBall: {
-      // Six gores around z: the sign of sin 3a is that of y (3 x^2 - y^2).
+      // Six gores around z: sin 3a has the same sign as y (3 x^2 - y^2).
       const float wedge = n.y * (3 * n.x * n.x - n.y * n.y) / std::max(std::pow(n.x * n.x + n.y * n.y, 1.5f), 1e-6f);
       const float soft = 3 * w / std::max(std::sqrt(n.x * n.x + n.y * n.y), 0.05f) + 1e-4f;
       V3 c = mix(linear(224, 218, 206), linear(84, 134, 186), std::clamp(0.5f + wedge / soft, 0.0f, 1.0f));

@@ -131,7 +131,7 @@ float enter_pillar(const Cylinder& p, const V3& origin, const V3& d, bool& on_to
 V3 to_block(const Box& b, const V3& v) { return {b.cosine * v.x + b.sine * v.z, v.y, b.cosine * v.z - b.sine * v.x}; }
 V3 from_block(const Box& b, const V3& v) { return {b.cosine * v.x - b.sine * v.z, v.y, b.sine * v.x + b.cosine * v.z}; }
 
-// Where a line enters the three slabs |x| < half, and where it leaves the first slab.
+// The points where a line enters the three slabs |x| < half, and where it leaves the first slab.
 struct Slabs {
   V3 enter, leave;
   float near, far;
@@ -158,7 +158,7 @@ float enter_block(const Box& b, const V3& origin, const V3& d, V3& normal) {
   return s.near;
 }
 
-// The inner side of the room's walls, where the ray leaves it.
+// Intersects the ray with the inner side of the room's walls.
 void leave_room(const V3& origin, const V3& d, Hit& hit) {
   const V3 centre = 0.5f * (kRoomMin + kRoomMax), half = 0.5f * (kRoomMax - kRoomMin);
   const Slabs s = cross_slabs(origin - centre, d, half);

@@ -84,8 +84,8 @@ class RequestSchedule {
   // time base_time + pts + capture_delay.
   std::optional<RequestSlot> next_live(uint64_t now, uint64_t base_time, uint64_t capture_delay) const;
   // Returns a request to send at clock time `now`, before the slot from next_live() is due, for example because the
-  // user has moved the view. The request shows the newest capture that is at least `capture_delay` old. That capture
-  // has been requested before, so the timestamp is the latest time with a capture of this age.
+  // user has moved the view. The request shows the newest capture that is at least `capture_delay` old. An earlier
+  // request had the same capture, so the timestamp is the latest time with a capture of this age.
   RequestSlot early_request(const RequestSlot& slot, uint64_t now, uint64_t base_time, uint64_t capture_delay) const;
   // Changes the frame rate from the next request on. Returns false and changes nothing if a list of views has already
   // begun, because the timestamps of a list are computed from the view numbers.

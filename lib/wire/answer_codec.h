@@ -147,7 +147,7 @@ inline size_t table_offset(const AnswerHeader& answer) {
   return kAnswerHeaderBytes + kRangeBytes * (answer.cameras.ranges().size() + answer.blind.ranges().size());
 }
 
-// Calls f(). If f() throws an Error, the error's text gets a prefix that says which fragment is wrong, such as
+// Calls f(). If f() throws an Error, the error's text gets a prefix that names the invalid fragment, such as
 // "fragments[3].".
 template <typename F>
 auto in_fragment(size_t index, F f) {
@@ -204,8 +204,8 @@ std::optional<std::pair<int, int>> peek_answer_size(std::span<const uint8_t> byt
 // after an error. Not thread-safe.
 class AnswerWriter {
  public:
-  // Reserves space for the table of `max_fragments` fragments. With fewer fragments, finish() must move the payloads.
-  // The capacity of `memory` is reused and its content is discarded.
+  // Reserves space for the table of `max_fragments` fragments. If there are fewer fragments, finish() must move the
+  // payloads. The capacity of `memory` is reused and its content is discarded.
   AnswerWriter(const AnswerHeader& header, size_t max_fragments, ByteBuffer memory = {});
 
   void reserve_payloads(size_t bytes);

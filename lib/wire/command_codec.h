@@ -18,7 +18,7 @@ namespace lf {
 // random access camera in the paper.
 enum class Access {
   kSelf,    // knows its pose and its neighbours' poses, and plans from the view request
-  kWarp,    // knows only its lens, and receives triangles and matrices from the client
+  kWarp,    // has only its lens parameters, and receives triangles and matrices from the client
   kPixels,  // delivers unprocessed pixels of its image; the client renders the view
 };
 

@@ -37,8 +37,8 @@ struct ConsistencyUnit : ConsistencyHeader {
   Rect rect;                             // contains all map nodes with any weight
   std::vector<PhotoConsistency> trials;  // the nodes in `rect`, for each hypothesis in request order
 
-  // Both functions use arrays that cover the whole map for each hypothesis, as `shape` says. add_to() adds this unit to
-  // such an array, and sums() returns a new one.
+  // Both functions use arrays that cover the whole map for each hypothesis, with the size in `shape`. add_to() adds
+  // this unit to such an array, and sums() returns a new array.
   void add_to(std::span<PhotoConsistency> sums) const;
   std::vector<PhotoConsistency> sums() const;
 };

@@ -94,8 +94,8 @@ class FragmentDecoder {
   std::optional<FragmentPlanes> decode(const FragmentView& fragment);
 
   // Returns the planes of a 16-bit fragment. They point into the payload if its address is even. Otherwise they point
-  // into an aligned copy in this object, which is valid until the next call. `*copied`, unless null, says whether a
-  // copy was made.
+  // into an aligned copy in this object, which is valid until the next call. `*copied`, unless null, is true if a copy
+  // was made.
   ConstSumPlanes sums(const FragmentView& fragment, bool* copied = nullptr);
 
  private:

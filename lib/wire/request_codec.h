@@ -26,9 +26,9 @@ void put_request_head(Writer& out, uint8_t type, const RequestHeader& head, int 
                       uint16_t more_flags = 0);
 // Reads the shared fields that follow the unit header with these flags. Returns the width and height of the view.
 std::pair<int, int> get_request_head(Reader& in, uint16_t flags, RequestHeader& head);
-// Reads the unit header and the shared fields, and returns a Reader at the next field. Unless null, *more_flags says
-// which further flags are allowed, and receives the flags that are set. Throws Error unless `bytes` is exactly one unit
-// of this type with all shared fields.
+// Reads the unit header and the shared fields, and returns a Reader at the next field. Unless null, *more_flags
+// contains the allowed further flags, and receives the flags that are set. Throws Error unless `bytes` is exactly one
+// unit of this type with all shared fields.
 Reader read_request_head(std::span<const uint8_t> bytes, uint8_t type, RequestHeader& head, int& width, int& height,
                          uint16_t* more_flags = nullptr);
 

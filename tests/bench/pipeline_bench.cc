@@ -69,7 +69,7 @@ class Film {
     return "lfviewrequest rig=" + dir_ / "rig.json" + " location=" + dir_ / "views.json" + " loop=true " + more;
   }
   std::string node(const std::string& more) const {
-    // The requests ask for times far from the times of live cameras: any frame is accepted.
+    // The requested times are far from the times of live cameras, so any frame is accepted.
     return "lfcameranode name=n resampling=bilinear rig=" + dir_ / "rig.json" +
            " is-live=true loop=true framerate=30/1 max-skew=0 " + more;
   }

@@ -43,7 +43,7 @@ struct Scene {
     view.width = width;
     view.height = height;
     view.lens = Lens::pinhole(f, (width - 1) / 2.0, (height - 1) / 2.0);
-    // The distance at which the array fills the view.
+    // At this distance, the array fills the view.
     view.pose = {Vec3(0.2, 0.2, -0.45 * 0.4 * 1.25 * width / std::max(width, height) * 1), Quat(1, 0, 0, 0)};
     view.pose.position.z = -0.9 * 0.2 * f / (width / 2.0);
     view.focus.plane = plane_through({0, 0, 2}, {0, 0, -1});

@@ -109,8 +109,8 @@ Still render(const Rig& rig, const Mesh& mesh, const View& view, StillImageCache
 
 // The similarity between two calibrations of the same cameras. The rotation comes from the pixels' lines of sight
 // instead of orientations or centres alone. Images of a planar array determine two things poorly: the principal points
-// against rotation, and the cameras' offsets from the plane together with its tilt. Both would rotate a transferred
-// view without changing the cameras' images.
+// against rotation, and the cameras' offsets from the plane together with its tilt. Errors of both kinds would rotate a
+// transferred view without changing the cameras' images.
 Similarity between(const Rig& a, const Rig& b) {
   constexpr int kGrid = 5;
   Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();

@@ -24,7 +24,7 @@ struct ArrayOptions {
 };
 
 struct PathOptions {
-  enum class Shape { kVolume, kPlane, kLine, kBall };  // kBall: less than `near` from the origin, for cameras around it
+  enum class Shape { kVolume, kPlane, kLine, kBall };  // kBall: radius `near` around the origin, for a ring of cameras
   int positions = 100;
   double near = 0.8, far = 3;  // metres
   Shape shape = Shape::kVolume;

@@ -102,7 +102,7 @@ class LfCompositorTest : public testing::Test {
   HarnessPtr harness_;
   std::vector<HarnessPtr> nodes_;
   uint64_t last_pts_ = 0;
-  gboolean live_ = FALSE;  // of start(): the element's thread asks for it as soon as an event has arrived
+  gboolean live_ = FALSE;  // for start(), because the element's thread queries it after the first event
 };
 
 }  // namespace lf::test

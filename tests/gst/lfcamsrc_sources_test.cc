@@ -490,7 +490,7 @@ TEST_F(CamSrcFilesTest, AKindOfJpegThatNobodyDecodesIsAnErrorAtOnce) {
                 HasSubstr("precision 12"));
 }
 
-// GStreamer's own message asks for a plug-in without a name.
+// GStreamer's own message does not name the missing plug-in.
 TEST_F(CamSrcFilesTest, AStillThatCannotBeDecodedNamesFormatAndRemedy) {
   const auto play = [&](const std::string& image) {
     return CameraPipeline("num-frames=2 rig=" + files->save("still.json", 1,

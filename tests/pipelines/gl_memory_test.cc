@@ -191,7 +191,7 @@ class GlMemory : public testing::Test {
   EGLDisplay display_ = EGL_NO_DISPLAY;
   int came_ = 0, in_gpu_ = 0;
   guint64 made_in_it_ = 0;  // pictures that compositors made in GPU memory
-  guint64 together_ = 0;    // answers rendered in a pass with others
+  guint64 together_ = 0;    // answers rendered in a pass with other answers
   guint64 gpu_frames_ = 0;  // camera frames rendered from GPU memory
 };
 

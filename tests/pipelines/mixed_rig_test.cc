@@ -71,7 +71,7 @@ TEST(MixedRig, EveryCameraShowsItsOwnPictureOfTheTime) {
   save_rig(rig, dir / "rig.json");
 
   std::vector<NamedView> views;
-  for (const double time : {0.0, 0.2, 0.6})  // instants at which all rates have a frame
+  for (const double time : {0.0, 0.2, 0.6})  // cameras of all frame rates have a frame at these times
     for (const Camera& camera : rig.cameras) {
       NamedView view{"view_" + std::to_string(views.size()), time, {}};
       view.view.width = camera.width;

@@ -8,7 +8,7 @@
 
 #include <unistd.h>
 
-// A temporary folder; the destructor removes it.
+// A temporary folder, which the destructor removes.
 class TempDir {
  public:
   TempDir() {

@@ -63,7 +63,7 @@ TEST_F(LfServeMedia, TheCodecIsTheOffers) {
   EXPECT_EQ(served.metric("viewers"), "2");
 }
 
-// With this extension the sender asks receivers not to delay frames. Other receivers get packets without the extension.
+// With this extension, the sender requests display without delay. Other receivers get packets without the extension.
 TEST_F(LfServeMedia, PicturesAreToBeShownAtOnce) {
   Served served;
   for (const bool vp8 : {false, true}) {

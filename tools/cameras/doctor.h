@@ -63,7 +63,7 @@ struct DoctorOptions {
 DoctorReport run_doctor(std::shared_ptr<const Rig> rig, const std::string& path, const DoctorOptions& options);
 
 // Estimates the load of each USB or network link without opening cameras. The estimate uses the image size, the frame
-// rate in the source (or `fps`) and the format, which is raw if the source says so and otherwise JPEG.
+// rate in the source (or `fps`) and the format, which is raw if the source specifies this and otherwise JPEG.
 std::vector<LinkLoad> planned_loads(const Rig& rig, const std::vector<CameraReport>& cameras, int fps);
 std::vector<LinkLoad> measured_loads(const Rig& rig, const std::vector<CameraReport>& cameras);
 

@@ -37,7 +37,7 @@ class Mosaic {
   // Returns the state of the cameras as JSON:
   //    {"columns": 8, "rows": 8, "tile": [160, 120], "cameras": [{"id": 0, "name": "cam_00_00", "column": 0, "row": 0,
   //     "rate": 29.9, "problem": "", "lit": false}, ...]}
-  // "problem" says why a camera delivers no frames. During a guided recording, RecordingPage adds "told", an
+  // "problem" is the reason why a camera delivers no frames. During a guided recording, RecordingPage adds "told", an
   // instruction for the person, and "places", the columns and rows of image regions that a light should reach. Each
   // camera then has "came", one flag per region in row-major order, and "wanted", the missing regions.
   nlohmann::json state(double now, const std::function<std::string(uint32_t id)>& problem) const;

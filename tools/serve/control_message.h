@@ -22,8 +22,8 @@ using EventPtr = std::unique_ptr<GstEvent, UnrefEvent>;
 //     "event": {"event": "MouseMove", "x": 1, "y": 2, "modifier_state": "button1-mask"}}}
 //    {"id": 8, "mid": null, "request": {"type": "customUpstreamEvent",
 //     "structureName": "lightfield-view-request", "structure": {"x": 0.1}}}
-// A structure "lightfield-pixel", {"x": 20, "y": 10}, asks which cameras contribute to this pixel. The server answers
-// it without lfviewrequest.
+// A structure "lightfield-pixel", {"x": 20, "y": 10}, requests the list of cameras that contribute to this pixel. The
+// server answers this message without lfviewrequest.
 struct ControlMessage {
   static constexpr size_t kMaxBytes = 4096;
   static constexpr size_t kMaxFields = 16;

@@ -39,7 +39,7 @@ struct Limits {
   static constexpr double kMostBitsPerPixel = 0.22;
   static constexpr int kMinSize = 64;     // pixels per side
   static constexpr double kSilence = 5;   // seconds without a packet until a viewer is removed
-  static constexpr double kConnect = 15;  // seconds that a viewer has to connect after its offer
+  static constexpr double kConnect = 15;  // seconds from the offer within which a viewer must connect
   // Accepted rate of wrong tokens per address and second.
   static constexpr double kWrongTokens = 0.2, kWrongTokensAtOnce = 10;
 };

@@ -26,7 +26,7 @@ class IceServers {
   IceServers(const std::vector<std::string>& uris, const std::string& credentials);
 
   bool empty() const { return servers_.empty(); }
-  // Returns the value of the header Link, which tells the browser the servers (RFC 9725, 4.6). `now` is the time in
+  // Returns the value of the header Link, which lists the servers for the browser (RFC 9725, 4.6). `now` is the time in
   // seconds since 1970.
   std::string links(int64_t now) const;
   std::vector<std::string> for_webrtcbin(int64_t now) const;
@@ -86,7 +86,7 @@ struct Offer {
   guint playout_delay;  // id of the extension kPlayoutDelayUri in the offer; 0 if it is not offered
 };
 
-// Parses an offer, in a time proportional to its length. `h264` and `vp8` tell which encoders are available; H.264 is
+// Parses an offer, in a time proportional to its length. `h264` and `vp8`: these encoders are available; H.264 is
 // preferred. ICE candidates are kept only if their address is in `known` (the viewer's own address and relays), so that
 // no offer can make the server send packets to third parties. Returns std::nullopt and a reason if the offer cannot be
 // answered.

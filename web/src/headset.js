@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// A WebXR headset: the head moves the view, and each eye gets its half of the picture. The picture appears in the
-// direction of its own view, which hides latency. If the browser supports media layers, its compositor shows the video
-// at the display's own rate; otherwise a shader does.
+// A WebXR headset: the head moves the view, and each eye gets its half of the picture. The picture is drawn in the
+// direction of the view that it was rendered for, which hides latency. If the browser supports media layers, its
+// compositor shows the video at the display's own rate; otherwise a shader does.
 
 import { axesOf, dot } from './view.js';
 

@@ -78,9 +78,9 @@ struct ConsistencyReadback {
 };
 
 // Renders sums on a GPU with compute shaders. Positions, weights and samples are computed in float, and each sum is
-// rounded once. Float is not always enough, so the CPU helps in double precision. It determines the face of each pixel.
-// It also renders pixels with samples that float cannot locate accurately, or cannot decide to be missing or not.
-// Therefore every view has the error bounds of SumRenderer.
+// rounded once. Float is not always sufficient, so the CPU does a part of the work in double precision. It determines
+// the face of each pixel. It also renders pixels if float cannot locate a sample accurately, or cannot decide whether
+// it is missing. Therefore every view has the error bounds of SumRenderer.
 class GlesRenderer : public std::enable_shared_from_this<GlesRenderer> {
  public:
   // Creates a renderer on the best GPU of this machine. If no GPU is suitable (or no driver at all, with

@@ -35,7 +35,7 @@ class PassTables {
   // view: for each of its slots, see kCornerPerFrom.
   void make(std::span<const GlesView> views, const ImageAtlas& atlas, const ParallelFor& parallel,
             std::span<const int> boxes = {});
-  // Sets the words of kViewResult, which say where the sum of the view is.
+  // Sets the words of kViewResult, which contain the location of the view's sum.
   void set_result(size_t view, const std::array<uint32_t, 6>& words);
 
   struct Buffers {

@@ -85,8 +85,8 @@ inline constexpr double kMaxPositionError = 1.0 / 128;
 inline constexpr double kFloatRounding = 3e-7;
 // Largest error of a weight in float.
 inline constexpr double kMaxWeightError = 2e-5;
-// Distance of a focal surface from the eye, relative to its terms, below which float cannot tell whether the surface is
-// behind the eye.
+// Distance of a focal surface from the eye, relative to its terms, below which float precision cannot decide whether
+// the surface is behind the eye.
 inline constexpr double kEyeMargin = 1e-5;
 
 // Words of a camera in a cell: the table row, then a word for each of the cell's four corners. It contains the running

@@ -56,7 +56,7 @@ HWY_INLINE V16 chroma_weights(const int16_t* upper, const int16_t* lower) {
   const D16 d;
   const DU16 du;
   const hn::Repartition<uint32_t, D16> d32;
-  const auto half = [&](size_t i) HWY_ATTR {  // as many means as a vector has 32-bit lanes
+  const auto half = [&](size_t i) HWY_ATTR {  // computes one mean per 32-bit lane of a vector
     const auto rows = hn::Add(hn::BitCast(du, hn::Load(d, upper + i)), hn::BitCast(du, hn::Load(d, lower + i)));
     const auto v = hn::BitCast(d32, rows);
     const auto sum = hn::Add(hn::And(v, hn::Set(d32, 0xffff)), hn::ShiftRight<16>(v));

@@ -280,10 +280,10 @@ enum class Sight { kAll, kSome, kDoubtful };
 
 // Projects positions one by one, for one row of luma, RGB or chroma, and clamps them to the image. `x` and `y` are the
 // offset from the origin of `terms` to the block's left edge and to the row. The weights of missing lanes move from
-// `weight` to `lost`. Both have kBlock values, or are null for chroma, which is visible where its pixels are. `inverse`
-// contains kBlock inverse distances of the focal map, or twice kHalf values for chroma, and is null without a map. If
-// the result is kDoubtful, nothing is changed, because rounding could decide about a sample, or its bytes cannot be
-// read.
+// `weight` to `lost`. Both arrays have kBlock values, or are null for chroma, which is visible where its pixels are
+// visible. `inverse` contains kBlock inverse distances of the focal map, or twice kHalf values for chroma, and is null
+// without a map. If the result is kDoubtful, nothing is changed, because rounding could decide about a sample, or its
+// bytes cannot be read.
 inline Sight project_positions(const SumTask& task, const Slot& slot, const ProjectionTerms& terms, bool chroma,
                                float x, float y, const UnitTable& table, const float* inverse, int16_t* weight,
                                int16_t* lost, Positions& out) {

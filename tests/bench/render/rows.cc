@@ -106,7 +106,7 @@ void print_table(const std::vector<Row>& rows) {
 }
 
 void print_pareto(const std::vector<Row>& rows) {
-  // Number of natural situations with a measurement of a setting, and number in which the setting is a Pareto point.
+  // Number of natural situations with a measurement of a setting, and number of them in which it is a Pareto point.
   struct Count {
     int measured = 0, pareto = 0;
     bool is_default = false;

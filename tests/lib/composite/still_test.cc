@@ -77,7 +77,7 @@ TEST(RenderStill, LostWeightIsNotCovered) {
 TEST(RenderStill, AViewThatSeesNothingIsBackground) {
   const Rig rig = grid(2, 2);
   const auto images = [](CameraIndex) -> const Image& { throw Error("must not be asked"); };
-  View view = view_like(rig.cameras[0], {0, 0, 5});  // beyond the focal plane, facing away
+  View view = view_like(rig.cameras[0], {0, 0, 5});  // the viewpoint is beyond the focal plane and faces away
   const Still still = render_still(rig, build_mesh(rig), view, images, Resampling::kBilinear, {10, 20, 30});
   EXPECT_TRUE(still.cameras.empty());
   EXPECT_EQ(still.picture.pixel(5, 5)[2], 30);

@@ -23,7 +23,7 @@ class Simulation {
     uint64_t at;  // in tiles
     size_t tiles;
     uint32_t view;
-    bool expected = true;  // true if the answer's cost is known
+    bool expected = true;  // the scheduler can predict the cost of the answer
   };
   explicit Simulation(std::vector<Asked> to_come) : to_come_(std::move(to_come)) {
     std::ranges::stable_sort(to_come_, {}, &Asked::at);

@@ -53,7 +53,7 @@ TEST(GainMatcher, ManyRequestsUnderwayFindTheGain) {
   for (const size_t underway : {1, 2, 3, 5, 8, 16}) {
     GainMatcher matcher;
     ExposureSchedule turns;
-    // true if the request asks for the mean, and its gains
+    // true if the request includes the mean, and the gains of the request
     std::deque<std::pair<bool, GainRequest>> requests(underway);
     float largest = 0;
     for (uint32_t i = 0; i < 16 * (underway + 3); i++) {
@@ -178,7 +178,7 @@ TEST_F(RequestRendererTest, TrialsAndBrightnessGoBeforeTheAnswer) {
   ASSERT_NE(answer.gains, nullptr);
   EXPECT_EQ(answer.gains->of(4), 1);
 
-  // The means say that all cameras are too bright, so their images are divided once there are enough means.
+  // According to the means, all cameras are too bright, so their images are divided once there are enough means.
   const ByteBuffer before = std::move(answer.bytes);
   request_.gains.mean.assign(20 * 15, 100);
   for (unsigned i = 1; i < ExposureCompensation::kMeans; i++) EXPECT_EQ(render(walls_.sources()).bytes, before);

@@ -221,7 +221,7 @@ TEST_F(CameraTurnsTest, AnotherRigIsWatchedFromTheBeginning) {
   EXPECT_EQ(turns_.monitor()->turns(), 0u);
 }
 
-// Predictions are free of error, because the scene is known exactly.
+// Predictions have no error, because the test knows the exact scene.
 TEST_F(CameraTurnsTest, ADarkerCameraComesToBeSuspected) {
   constexpr CameraIndex kDark = 4;
   TurnResult latest = TurnResult::kBothProbes;

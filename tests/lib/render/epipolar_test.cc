@@ -58,7 +58,7 @@ TEST(EpipolarImage, LeansByTheDepth) {
     const double length = 25 * depth / f;  // 25 pixels of a camera's image
     const std::vector<Image> images = waves(rig, depth, length);
     const Image epi = epipolar_image(rig, line, of(images), {.distance = kFocus, .width = 100, .height = 60});
-    // From camera to camera, a point at `depth` moves by f b (1 / focus - 1 / depth) pixels.
+    // A point at `depth` moves by f b (1 / focus - 1 / depth) pixels from one camera to the next.
     const double step = f * 0.02 * (1 / kFocus - 1 / depth);
     const double moved = phase(epi, 35, 25) - phase(epi, 25, 25);  // cameras 3 and 2
     EXPECT_NEAR(std::remainder(moved - step, 25), 0, 0.05) << depth;

@@ -255,7 +255,7 @@ TEST_F(Gaps, PixelsOfOtherCellsStayTheSame) {
   for (int y = 0; y < kHeight; y++)
     for (int x = 0; x < kWidth; x++) {
       if (is_beside(plan, owners, x, y)) {
-        // Only cells with a corner in a gap are filled.
+        // The renderer fills only cells with a corner in a gap.
         filled++;
         bool near_gap = false;
         for (const int j : {y / kStep * kStep, std::min(y / kStep * kStep + kStep, kHeight - 1)})

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// With a wide aperture, foliage before a figure disappears, and out-of-focus objects blur.
+// With a wide aperture, foliage in front of a figure disappears, and out-of-focus objects are blurred.
 #include <gtest/gtest.h>
 
 #include <cmath>

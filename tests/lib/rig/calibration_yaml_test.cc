@@ -139,7 +139,7 @@ TEST(OpenCvYaml, CamerasOfAListHavePlaces) {
                "x.xml: this is an XML file");
 }
 
-// Only the first camera can define the world.
+// The first camera is the only one that can define the world coordinates.
 TEST(OpenCvYaml, TheFirstCameraMayLackAPlace) {
   const TempDir dir;
   const std::string lens =

@@ -183,7 +183,7 @@ TEST(RequestLimits, WorkFollowsWhatIsAskedFor) {
   EXPECT_GT(estimated_work(plain, 65'000), estimated_work(plain, 100));
 }
 
-// A rate of 0 is unlimited, as before a view is known to be live.
+// A rate of 0 is unlimited. It applies until the view turns out to be live.
 TEST(RequestLimiter, HoldsAViewToARateFromWhenItHasOne) {
   RequestLimiter gate;
   RequestLimits limits;

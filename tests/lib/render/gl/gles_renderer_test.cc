@@ -197,7 +197,7 @@ TEST_F(GlesRenderer, DrawsWhateverSourcesThereAre) {
       }
 }
 
-// Samples exactly on the image border: (-0.5, y) is inside, but float cannot tell.
+// Samples exactly on the image border: (-0.5, y) is inside, but float precision cannot decide this.
 TEST_F(GlesRenderer, LeavesWhatItCannotTellToTheCpu) {
   for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420}) {
     Random random(1);
