@@ -31,6 +31,7 @@
 #include "rig/rig_json.h"
 #include "rig/still_image_cache.h"
 #include "terminal.h"
+#include "view/depth_image.h"
 #include "view/view_path.h"
 
 namespace {
@@ -117,7 +118,7 @@ struct Options {
   std::string rig, views, out, truth, cameras, json;
   int every = 1;
   double distance = 0;  // distance of the focal plane, metres
-  bool i420 = false, leave_one_out = false;
+  bool i420 = false, leave_one_out = false, depth = false;
   std::string focus = "surface", resampling = "sharpened", gains = "auto", renderer = "cpu";
   double aperture = 0;  // metres
   int nearest_cameras = 0;
@@ -355,6 +356,11 @@ void run(const Options& options) {
     Rendered out = renderer.render(view.name, mesh, view.view);
     if (!options.truth.empty()) out.row.quality = quality_against(out, options.truth + "/" + view.name + ".png");
     lf::save_image(out.rgb, options.out + "/" + view.name + ".png");
+    if (options.depth) {
+      const lf::DepthImage depth = lf::depth_image(out.focused, out.coverage);
+      lf::save_depth_png(depth, options.out + "/" + view.name + ".depth.png");
+      lf::save_depth_pfm(depth, options.out + "/" + view.name + ".depth.pfm");
+    }
     rows.push_back(out.row);
     progress.step();
   }
@@ -377,6 +383,10 @@ int main(int argc, char** argv) {
   views->excludes(leave_one_out);
   app.add_option("--out", options.out, "Folder that receives NAME.png for each view. It is created if necessary")
       ->required();
+  app.add_flag("--depth", options.depth,
+               "Also write the depth of each pixel, as NAME.depth.png (16 bits, in millimetres) and NAME.depth.pfm "
+               "(floating point, in metres). Depths are along the optical axis of the view; 0 means unknown")
+      ->excludes(leave_one_out);
   app.add_option("--truth", options.truth,
                  "Folder with the expected picture of each view as NAME.png, for example from lf-scene --truth. The "
                  "table then contains the PSNR and the SSIM of each view")

@@ -244,11 +244,13 @@ struct Format {
 };
 
 Format formats[] = {
-    {"colmap", "DIR", "a COLMAP text model (cameras.txt, images.txt)",
+    {"colmap", "DIR", "a COLMAP model (cameras and images, .txt or .bin)",
      [](const Arguments& a) { return lf::import_colmap(a.other, a.colmap); },
      [](const Rig& rig, const Arguments& a) { return lf::export_colmap(rig, a.other); }},
     {"kalibr", "FILE", "Kalibr's camchain.yaml", [](const Arguments& a) { return lf::import_kalibr(a.other); },
      [](const Rig& rig, const Arguments& a) { return lf::export_kalibr(rig, a.other); }},
+    {"llff", "DIR", "an LLFF capture (poses_bounds.npy, and a folder images)",
+     [](const Arguments& a) { return lf::import_llff(a.other, a.colmap.images); }, nullptr},
     {"nerf", "FILE", "NeRF's transforms.json", [](const Arguments& a) { return lf::import_nerf(a.other); },
      [](const Rig& rig, const Arguments& a) { return lf::export_nerf(rig, a.other); }},
     {"opencv", "FILE", "OpenCV's YAML (camera_matrix, distortion_coefficients, R, T)",
@@ -268,14 +270,16 @@ void add_formats(cli::App& app, Arguments& arguments) {
     format.import = import->add_subcommand(format.name, std::string("From ") + format.about);
     format.import->add_option(format.place, arguments.other, "File or folder to read")->required();
     format.import->add_option("--out", arguments.out, "Rig file to write")->required();
+    if (!format.write) continue;
     format.export_ = exports->add_subcommand(format.name, std::string("As ") + format.about);
     format.export_->add_option("RIG", arguments.rig, "Rig file")->required();
     format.export_->add_option(format.place, arguments.other, "File or folder to write")->required();
   }
   cli::App* colmap = import->get_subcommand("colmap");
-  colmap->add_option("--images", arguments.colmap.images,
-                     "Folder that contains the image files, if they are not in "
-                     "the usual place (default: DIR/images)");
+  for (cli::App* command : {colmap, import->get_subcommand("llff")})
+    command->add_option("--images", arguments.colmap.images,
+                        "Folder that contains the image files, if they are not in "
+                        "the usual place (default: DIR/images)");
   colmap->add_flag("--undistorted", arguments.colmap.undistorted,
                    "The image files are already undistorted, for example by COLMAP's image_undistorter. The rig then "
                    "uses pinhole lenses, and takes the image size from each file");
@@ -306,7 +310,7 @@ void add_formats(cli::App& app, Arguments& arguments) {
 
 bool converts() {
   return std::any_of(std::begin(formats), std::end(formats),
-                     [](const Format& format) { return *format.import || *format.export_; });
+                     [](const Format& format) { return *format.import || (format.export_ && *format.export_); });
 }
 
 int run_conversion(Arguments& arguments) {
@@ -316,7 +320,7 @@ int run_conversion(Arguments& arguments) {
       if (!arguments.grid.empty()) parse_grid(arguments.grid, arguments.colmap.rows, arguments.colmap.columns);
       return finish_import(arguments, format.read(arguments));
     }
-    if (*format.export_) {
+    if (format.export_ && *format.export_) {
       const Rig rig = lf::load_rig(arguments.rig);
       if (std::error_code ignored; fs::equivalent(arguments.rig, arguments.other, ignored))
         throw lf::Error(arguments.other + ": is the rig file itself, which is not overwritten; give another file");

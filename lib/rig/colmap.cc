@@ -3,196 +3,19 @@
 
 #include <algorithm>
 #include <cctype>
-#include <charconv>
-#include <cmath>
 #include <filesystem>
 #include <map>
 #include <set>
-#include <sstream>
-#include <string_view>
 
 #include "base/file.h"
-#include "base/json_value.h"
 #include "base/text.h"
 #include "image/image_file.h"
+#include "rig/colmap_model.h"
 #include "rig/mesh.h"
 
 namespace lf {
 
 namespace fs = std::filesystem;
-
-namespace {
-
-struct ColmapModel {
-  const char* name;
-  size_t num_params;
-  size_t num_focal;
-};
-
-// Models of COLMAP (models.h) that have no equivalent here.
-constexpr ColmapModel kOtherModels[] = {
-    {"OPENCV_FISHEYE", 8, 2},        {"FULL_OPENCV", 12, 2},   {"FOV", 5, 2},
-    {"SIMPLE_RADIAL_FISHEYE", 4, 1}, {"RADIAL_FISHEYE", 5, 1}, {"THIN_PRISM_FISHEYE", 12, 2}};
-
-class LineReader {
- public:
-  explicit LineReader(const std::string& path) : path_(path), text_(read_text_file(path)) {}
-
-  bool next() {
-    if (!std::getline(text_, line_)) return false;
-    number_++;
-    constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
-    if (number_ == 1 && line_.starts_with(kByteOrderMark)) line_.erase(0, kByteOrderMark.size());
-    if (!line_.empty() && line_.back() == '\r') line_.pop_back();
-    position_ = 0;
-    return true;
-  }
-  bool next_data() {
-    while (next()) {
-      const size_t first = line_.find_first_not_of(" \t");
-      if (first != std::string::npos && line_[first] != '#') return true;
-    }
-    return false;
-  }
-
-  [[noreturn]] void fail(const std::string& what) const {
-    throw Error(path_ + ": line " + std::to_string(number_) + ": " + what);
-  }
-  bool at_end() const { return line_.find_first_not_of(" \t", position_) == std::string::npos; }
-  std::string word(const char* what) {
-    const size_t begin = line_.find_first_not_of(" \t", position_);
-    if (begin == std::string::npos) fail(std::string(what) + " is missing");
-    position_ = std::min(line_.find_first_of(" \t", begin), line_.size());
-    return line_.substr(begin, position_ - begin);
-  }
-  // Returns the rest of the line: names may contain spaces.
-  std::string rest(const char* what) {
-    const size_t begin = line_.find_first_not_of(" \t", position_);
-    if (begin == std::string::npos) fail(std::string(what) + " is missing");
-    position_ = line_.size();
-    std::string text = line_.substr(begin, line_.find_last_not_of(" \t") + 1 - begin);
-    if (!is_utf8(text)) fail(std::string(what) + " is not UTF-8");
-    return text;
-  }
-  double number(const char* what) {
-    const std::string text = word(what);
-    double value = 0;
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (error != std::errc() || end != text.data() + text.size() || !is_finite(value))
-      fail(std::string(what) + " must be a finite number, but is \"" + text + "\"");
-    return value;
-  }
-  uint32_t integer(const char* what, uint32_t least, uint32_t most) {
-    const std::string text = word(what);
-    double value = 0;  // a double holds every uint32_t; some programs write integers as floats (1080.0)
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (error != std::errc() || end != text.data() + text.size() || !(value >= least && value <= most) ||
-        std::trunc(value) != value)
-      fail(std::string(what) + " must be an integer from " + std::to_string(least) + " to " + std::to_string(most) +
-           ", but is \"" + text + "\"");
-    return static_cast<uint32_t>(value);
-  }
-
- private:
-  std::string path_;
-  std::istringstream text_;
-  std::string line_;
-  size_t position_ = 0;
-  int number_ = 0;
-};
-
-}  // namespace
-
-std::map<uint32_t, ColmapCamera> read_colmap_cameras(const std::string& path) {
-  std::map<uint32_t, ColmapCamera> cameras;
-  LineReader reader(path);
-  while (reader.next_data()) {
-    const uint32_t id = reader.integer("CAMERA_ID", 0, UINT32_MAX);
-    ColmapCamera camera;
-    camera.model = reader.word("MODEL");
-    camera.width = static_cast<int>(reader.integer("WIDTH", 1, kMaxImageSize));
-    camera.height = static_cast<int>(reader.integer("HEIGHT", 1, kMaxImageSize));
-    while (!reader.at_end()) camera.params.push_back(reader.number("PARAMS[]"));
-    size_t num_params = 0;
-    if (const auto ours = lens_model_from_name(camera.model)) {
-      num_params = lens_model_num_params(*ours);
-      camera.num_focal = lens_model_num_focal(*ours);
-    } else {
-      const auto other = std::find_if(std::begin(kOtherModels), std::end(kOtherModels),
-                                      [&](const ColmapModel& m) { return camera.model == m.name; });
-      if (other == std::end(kOtherModels))
-        reader.fail("unknown lens model \"" + camera.model +
-                    "\"; run colmap image_undistorter, convert the model in its folder sparse to text, and import that "
-                    "model");
-      num_params = other->num_params;
-      camera.num_focal = other->num_focal;
-    }
-    if (camera.params.size() != num_params)
-      reader.fail(camera.model + " takes " + std::to_string(num_params) + " numbers, but the line has " +
-                  std::to_string(camera.params.size()));
-    if (!cameras.emplace(id, camera).second)
-      reader.fail("CAMERA_ID " + std::to_string(id) + " occurs twice, but every camera needs its own");
-  }
-  return cameras;
-}
-
-std::vector<ColmapImage> read_colmap_images(const std::string& path, const std::map<uint32_t, ColmapCamera>& cameras) {
-  std::vector<ColmapImage> images;
-  std::set<uint32_t> ids;
-  LineReader reader(path);
-  while (reader.next_data()) {
-    ColmapImage image;
-    image.id = reader.integer("IMAGE_ID", 0, UINT32_MAX);
-    // Separate statements, because the evaluation order of arguments is unspecified.
-    image.q.w = reader.number("QW");
-    image.q.x = reader.number("QX");
-    image.q.y = reader.number("QY");
-    image.q.z = reader.number("QZ");
-    image.t.x = reader.number("TX");
-    image.t.y = reader.number("TY");
-    image.t.z = reader.number("TZ");
-    const double norm = glm::length(image.q);
-    if (!(norm > 0 && is_finite(norm)))
-      reader.fail("QW, QX, QY, QZ are all 0 or not finite, so they are not a rotation");
-    // Files with 6 digits are common, and COLMAP also normalises when reading. A unit quaternion stays bit-identical.
-    if (std::abs(norm - 1) > 1e-15) image.q /= norm;
-    image.camera_id = reader.integer("CAMERA_ID", 0, UINT32_MAX);
-    if (!cameras.count(image.camera_id))
-      reader.fail("CAMERA_ID " + std::to_string(image.camera_id) +
-                  " is not in cameras.txt, so the lens of this image is unknown");
-    image.name = reader.rest("NAME");
-    if (!ids.insert(image.id).second)
-      reader.fail("IMAGE_ID " + std::to_string(image.id) + " occurs twice, but every image needs its own");
-    images.push_back(image);
-    // The POINTS2D[] line may be empty but must exist. Parsing the line detects files that lack these lines.
-    if (reader.next())
-      while (!reader.at_end())
-        for (const char* what : {"POINTS2D[] X", "POINTS2D[] Y", "POINTS2D[] POINT3D_ID"}) reader.number(what);
-  }
-  return images;
-}
-
-std::string colmap_cameras_text(const std::map<uint32_t, ColmapCamera>& cameras) {
-  std::string text = "# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n";
-  for (const auto& [id, camera] : cameras) {
-    text += std::to_string(id) + " " + camera.model + " " + std::to_string(camera.width) + " " +
-            std::to_string(camera.height);
-    for (const double value : camera.params) text += " " + number_text(value);
-    text += "\n";
-  }
-  return text;
-}
-
-std::string colmap_images_text(const std::vector<ColmapImage>& images) {
-  std::string text = "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n# POINTS2D[] as (X, Y, POINT3D_ID)\n";
-  for (const ColmapImage& image : images) {
-    const Quat& q = image.q;
-    text += std::to_string(image.id);
-    for (const double value : {q.w, q.x, q.y, q.z, image.t.x, image.t.y, image.t.z}) text += " " + number_text(value);
-    text += " " + std::to_string(image.camera_id) + " " + image.name + "\n\n";
-  }
-  return text;
-}
 
 namespace {
 
@@ -240,7 +63,7 @@ std::string ImageSearch::find(const std::string& name) const {
     throw Error(directory_ + ": no image file for \"" + name + "\"" +
                 (similar.empty()
                      ? "; check that this folder has the images of the model"
-                     : ", but there is " + similar + "; rename the files, or correct the names in images.txt"));
+                     : ", but there is " + similar + "; rename the files, or correct the names in a text model"));
   }
   if (found.size() > 1)
     throw Error(directory_ + ": more than one image file for \"" + name + "\": " + *found.begin() + ", " +
@@ -272,7 +95,7 @@ Lens lens_of(const ColmapCamera& camera) {
   if (!model)
     throw Error(
         "a rig cannot hold its " + camera.model +
-        " lens; run colmap image_undistorter, convert the model in its folder sparse to text, and import that model");
+        " lens; run colmap image_undistorter, and import the model in its folder sparse");
   std::array<double, Lens::kMaxParams> params{};
   std::copy_n(camera.params.begin(), lens_model_num_params(*model), params.begin());
   params[camera.num_focal] -= kColmapPixelCentre;
@@ -307,25 +130,6 @@ bool has_image_ending(const std::string& name) {
 }
 
 std::string path_in(const std::string& directory, const char* file) { return (fs::path(directory) / file).string(); }
-
-void require_text_model(const std::string& directory) {
-  std::error_code ignored;
-  if (fs::is_regular_file(directory, ignored))
-    throw Error(directory + ": is a file, but the importer needs the folder of the model; give " +
-                (fs::path(directory).has_parent_path() ? fs::path(directory).parent_path().string() : "."));
-  if (fs::exists(path_in(directory, "cameras.txt"), ignored)) return;
-  if (fs::exists(path_in(directory, "cameras.bin"), ignored))
-    throw Error(directory + ": is a binary model; run colmap model_converter --input_path " + directory +
-                " --output_path TEXT --output_type TXT, and import TEXT");
-  for (const char* model : {"sparse/0", "sparse", "0"})
-    if (fs::exists(path_in(directory, model) + "/cameras.txt", ignored))
-      throw Error(directory +
-                  ": cameras.txt can't be read in this folder. Import the folder inside it: the model is in " +
-                  path_in(directory, model));
-  throw Error(path_in(directory, "cameras.txt") +
-              ": can't be read. A folder of pictures alone has no positions. Estimate them with COLMAP, convert the "
-              "model with colmap model_converter --output_type TXT, and import the result");
-}
 
 // Returns the image folder of a COLMAP workspace (images beside sparse/0), or "" if there is none.
 std::string workspace_images(const std::string& directory) {
@@ -362,16 +166,18 @@ void check_grid(const Rig& rig, const std::string& path, std::vector<std::string
 }  // namespace
 
 RigImport import_colmap(const std::string& directory, const ColmapImportOptions& options) {
-  const std::string cameras_path = path_in(directory, "cameras.txt"), images_path = path_in(directory, "images.txt");
-  require_text_model(directory);
-  const auto cameras = read_colmap_cameras(cameras_path);
-  std::vector<ColmapImage> images = read_colmap_images(images_path, cameras);
+  ColmapModel model = read_colmap_model(directory);
+  const std::string &cameras_path = model.cameras_path, &images_path = model.images_path;
+  const std::map<uint32_t, ColmapCamera>& cameras = model.cameras;
+  std::vector<ColmapImage>& images = model.images;
   if (images.empty()) throw Error(images_path + ": no images, but a rig needs at least one");
   if (images.size() > kMaxCameras)
     throw Error(images_path + ": contains too many images; a rig has at most " + std::to_string(kMaxCameras) +
                 " cameras");
 
   RigImport result;
+  if (std::error_code ignored; !model.is_binary && fs::exists(path_in(directory, "cameras.bin"), ignored))
+    result.notes.push_back("cameras.txt and images.txt were read; the binary model in the same folder was not");
   Topology& topology = result.rig.topology;
   if (options.rows > 0 || options.columns > 0) {
     topology = {Topology::Type::kGrid, options.rows, options.columns, {}};
@@ -387,7 +193,7 @@ RigImport import_colmap(const std::string& directory, const ColmapImportOptions&
   if (folder.empty()) {
     if (options.undistorted)
       throw Error(directory +
-                  ": undistorted images have other sizes than cameras.txt states, so give their folder (--images)");
+                  ": undistorted images have other sizes than the model states, so give their folder (--images)");
     const std::string beside = workspace_images(directory);
     result.notes.push_back("no folder of image files was given, so the image files were not found or checked; " +
                            (beside.empty() ? "give it with --images" : "add --images " + beside));
@@ -423,7 +229,7 @@ RigImport import_colmap(const std::string& directory, const ColmapImportOptions&
       if (is_scaled_copy(size, from) ||
           (!options.undistorted && (camera.width != from.width || camera.height != from.height)))
         throw Error(camera.image + ": is " + size_text(camera.width, camera.height) +
-                    ", but cameras.txt gives its camera " + std::to_string(image.camera_id) + " the size " +
+                    ", but the model gives its camera " + std::to_string(image.camera_id) + " the size " +
                     size_text(from.width, from.height) + size_advice(size, from));
       camera.image = fs::proximate(camera.image).string();
     }
@@ -435,11 +241,11 @@ RigImport import_colmap(const std::string& directory, const ColmapImportOptions&
     result.rig.cameras.push_back(camera);
   }
   if (num_renamed > 0)
-    result.notes.push_back(std::to_string(num_renamed) + " image files have other names than in images.txt: " +
+    result.notes.push_back(std::to_string(num_renamed) + " image files have other names than in the model: " +
                            renamed + (num_renamed > 1 ? ", ..." : ""));
   if (search && search->size() > images.size())
     result.notes.push_back(std::to_string(search->size() - images.size()) + " of " + std::to_string(search->size()) +
-                           " files in " + folder + " are not in images.txt and were left out");
+                           " files in " + folder + " are not in the model and were left out");
   if (topology.type != Topology::Type::kGrid) return with_topology(std::move(result));
   check_grid(result.rig, images_path, result.notes);
   return result;
@@ -478,11 +284,11 @@ RigExport export_colmap(const Rig& rig, const std::string& directory) {
   write_text_file(colmap_images_text(images), path_in(directory, "images.txt"));
   write_text_file("# 3D point list: empty\n", path_in(directory, "points3D.txt"));
 
-  const auto written_cameras = read_colmap_cameras(path_in(directory, "cameras.txt"));
+  const ColmapModel model = read_colmap_model(directory);
   Rig written;
-  for (const ColmapImage& image : read_colmap_images(path_in(directory, "images.txt"), written_cameras)) {
+  for (const ColmapImage& image : model.images) {
     Camera camera;
-    camera.lens = lens_of(written_cameras.at(image.camera_id));
+    camera.lens = lens_of(model.cameras.at(image.camera_id));
     camera.pose = pose_of(image);
     written.cameras.push_back(camera);
   }

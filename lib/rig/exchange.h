@@ -17,7 +17,7 @@
 #include "geometry/pose.h"
 #include "rig/rig.h"
 
-// Imports and exports rigs in the formats of other programs: Kalibr, NeRF, the Stanford archive, COLMAP, OpenCV.
+// Imports and exports rigs in the formats of other programs: Kalibr, NeRF, the Stanford archive, COLMAP, LLFF, OpenCV.
 namespace lf {
 
 // Converts the first document of a YAML text to JSON, so that JsonValue can read it and report places. Plain scalars
@@ -110,20 +110,20 @@ RigImport import_stanford(const std::string& directory, const StanfordOptions& o
 // with the difference in pixels. The notes contain the import options that restore the rig.
 RigExport export_stanford(const Rig& rig, const std::string& directory, double unit = StanfordOptions().unit);
 
-// COLMAP's text models (https://colmap.github.io/format.html): cameras.txt and images.txt; points3D.txt is not needed.
-// COLMAP puts the centre of the top-left pixel at (0.5, 0.5), stores camera_from_world, and has its own lens models.
-// All functions throw Error with file and line, or with the camera.
+// COLMAP's models, as text or binary (see rig/colmap_model.h). COLMAP puts the centre of the top-left pixel at
+// (0.5, 0.5), stores camera_from_world, and has its own lens models. All functions throw Error with the file, and with
+// the line, byte or camera.
 
 struct ColmapImportOptions {
   // Folder of the image files. If "", the model's folder `images` is used if it exists; otherwise, no files are read,
   // and Camera::image is NAME if NAME has an image extension.
   std::string images;
   // True if the image files are undistorted (COLMAP's image_undistorter). The lens is then PINHOLE with the focal
-  // length of cameras.txt and the size of the file; the principal point keeps its offset from the image centre. If
+  // length of the model and the size of the file; the principal point keeps its offset from the image centre. If
   // false, it is an error if a file and its camera differ in size.
   bool undistorted = false;
   // Size of a grid that the cameras form in natural order of their names (see natural_less()). Error is thrown if the
-  // cells are not side by side in space. 0 keeps the order of images.txt, with a topology by fit_topology().
+  // cells are not side by side in space. 0 keeps the order of the model, with a topology by fit_topology().
   int rows = 0, columns = 0;
 };
 
@@ -136,31 +136,16 @@ RigImport import_colmap(const std::string& directory, const ColmapImportOptions&
 // if missing. NAME is Camera::image, or the camera's name if there is no image. Numbers keep their full precision.
 RigExport export_colmap(const Rig& rig, const std::string& directory);
 
-// The text files of a COLMAP model, with unconverted numbers in COLMAP's conventions. See import_colmap() for a rig.
-
-struct ColmapCamera {
-  std::string model;
-  int width = 0, height = 0;   // pixels, 1..kMaxImageSize
-  std::vector<double> params;  // `num_focal` focal lengths, cx, cy, distortion
-  size_t num_focal = 1;
-};
-
-struct ColmapImage {
-  uint32_t id = 0, camera_id = 0;
-  Quat q{1, 0, 0, 0};  // camera_from_world, unit norm
-  Vec3 t{0, 0, 0};     // camera_from_world
-  std::string name;    // name of the image file; may have spaces and folders
-};
-
-// Returns the cameras of cameras.txt by CAMERA_ID. Throws Error with file and line.
-std::map<uint32_t, ColmapCamera> read_colmap_cameras(const std::string& path);
-// Returns the images of images.txt in the order of the file. The 2D points are checked for syntax and dropped. Throws
-// Error with file and line.
-std::vector<ColmapImage> read_colmap_images(const std::string& path, const std::map<uint32_t, ColmapCamera>& cameras);
-
-// Numbers keep their full precision.
-std::string colmap_cameras_text(const std::map<uint32_t, ColmapCamera>& cameras);
-std::string colmap_images_text(const std::vector<ColmapImage>& images);
+// LLFF's poses_bounds.npy (https://github.com/Fyusion/LLFF), which most public forward-facing captures have: for each
+// image a 3x5 matrix, row by row (columns: the camera's axes down, right and backward in world coordinates, its position,
+// and height, width and focal length in pixels), then the depths of the nearest and farthest point. The unit is that of
+// COLMAP.
+//
+// Makes a pinhole camera for each image in the folder `images` ("": the folder images in `directory`), in the order of
+// the names. The principal point is the middle of the image. Images that are smaller than the file states, such as those
+// in images_4, have a shorter focal length. If there is no folder `images`, the videos in `directory` are the sources of
+// the cameras, as in the Neural 3D Video dataset. A note names the depths. Throws Error with the file and the image.
+RigImport import_llff(const std::string& directory, const std::string& images = "");
 
 class ImageSearch {
  public:

@@ -96,6 +96,13 @@ lf::RigImport import_names(const std::string& text) {
 
 lf::RigImport import(const TempDir& folder, char kind, const std::string& text) {
   if (kind == 's') return import_names(text);
+  if (kind == 'b') {
+    const size_t size = text.empty() ? 0 : std::min(size_t{8} * static_cast<uint8_t>(text[0]), text.size() - 1);
+    static const TempDir binary;  // without cameras.txt, which would be preferred
+    binary.write("cameras.bin", text.substr(std::min<size_t>(1, text.size()), size));
+    binary.write("images.bin", text.substr(std::min(1 + size, text.size())));
+    return lf::import_colmap(binary.path());
+  }
   const size_t end = std::min(text.find('\f'), text.size());
   const std::string first = text.substr(0, end), second = end < text.size() ? text.substr(end + 1) : "";
   if (kind == 'c' || kind == 'g') {
@@ -115,7 +122,8 @@ lf::RigImport import(const TempDir& folder, char kind, const std::string& text) 
 }  // namespace
 
 // Files of other programs: the first letter selects the importer, the text follows. c, g: COLMAP's cameras.txt and
-// images.txt, separated by a form feed, g as a grid of 2x2; k: Kalibr; n: NeRF; o: OpenCV, with extrinsics.yml after a
+// images.txt, separated by a form feed, g as a grid of 2x2; b: COLMAP's cameras.bin, with its size divided by 8 in the
+// first byte, and images.bin; k: Kalibr; n: NeRF; o: OpenCV, with extrinsics.yml after a
 // form feed; s: file names of a Stanford archive folder, one per line. Every accepted rig can be written, read again
 // and meshed.
 LF_FUZZ_TARGET(import)(const uint8_t* data, size_t size) {

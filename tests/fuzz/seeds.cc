@@ -4,10 +4,12 @@
 #include "base/json_value.h"
 #include "lib/rtp/rtp_test.h"
 #include "node/camera_access.h"
+#include "rig/colmap_model.h"
 #include "rig/exchange.h"
 #include "rig/rig.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
+#include "support/colmap_binary.h"
 #include "support/jpeg_samples.h"
 #include "support/temp_dir.h"
 #include "view/view_path.h"
@@ -88,6 +90,9 @@ void add_texts(std::vector<Bytes>& json, std::vector<Bytes>& import) {
   const std::string model = read_text_file(folder / "cameras.txt") + "\f" + read_text_file(folder / "images.txt");
   add_text(import, 'c', model);
   add_text(import, 'g', model);
+  const ColmapModel colmap = read_colmap_model(folder.path());
+  const std::string cameras = test::colmap_cameras_binary(colmap.cameras);
+  add_text(import, 'b', static_cast<char>(cameras.size() / 8) + cameras + test::colmap_images_binary(colmap.images, 2));
   // Cameras around a scene, with surrounding triangles.
   export_nerf(make_cylinder_rig({2, 5, 0.3, 1.5, true, 60}), path);
   add_text(import, 'n', read_text_file(path));

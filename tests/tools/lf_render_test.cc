@@ -6,6 +6,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <opencv2/imgcodecs.hpp>
 #include <nlohmann/json.hpp>
 
 #include "base/json_value.h"
@@ -213,6 +214,30 @@ TEST(LfRenderFocus, IsSharpUnlessAPlaneIsAskedFor) {
   std::printf("plane %.1f dB, default %.1f dB, with bilinear samples %.1f dB\n", plane, sharp, bilinear);
   EXPECT_GT(sharp, plane + 4);
   EXPECT_GT(sharp, bilinear + 0.2);
+}
+
+TEST(LfRenderFocus, WritesDepths) {
+  const TempDir folder;
+  const Rig rig = scene_rig(4, 4, 160, 120);
+  test::save_photographs(rig, folder, 0.5);
+  NamedView view{"v", 0.5, {160, 120, rig.cameras[0].lens, {}, {}}};
+  view.view.focus.plane = focal_plane_at(view.view.pose, kSceneMiddle);
+  save_views({view}, folder / "views.json");
+  const auto depths = [&](const std::string& more) {
+    test::expect_outcome(
+        run_program("lf-render", "--rig rig.json --views views.json --out out --depth " + more, folder.path()), 0);
+    const cv::Mat png = cv::imread(folder / "out/v.depth.png", cv::IMREAD_UNCHANGED);
+    EXPECT_EQ(png.type(), CV_16UC1);
+    EXPECT_EQ(png.size(), cv::Size(160, 120));
+    EXPECT_EQ(fs::file_size(folder / "out/v.depth.pfm"), std::string("Pf\n160 120\n-1\n").size() + 160 * 120 * 4);
+    double least = 0, most = 0;
+    cv::minMaxLoc(png, &least, &most);
+    return std::pair(least, most);
+  };
+  const auto plane = depths("--focus plane"), surface = depths("");
+  EXPECT_NEAR(plane.first, 1000 * kSceneMiddle, 1);
+  EXPECT_NEAR(plane.second, 1000 * kSceneMiddle, 1);
+  EXPECT_GT(surface.second, 1.5 * surface.first) << "the mannequin and the wall";
 }
 
 // A misaligned camera does not fit the prediction from its neighbours.

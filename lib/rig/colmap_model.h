@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "geometry/pose.h"
+
+// The cameras and images of a COLMAP model, with unconverted numbers in COLMAP's conventions. import_colmap() makes a
+// rig of them. A model is a folder with cameras.txt and images.txt, or with cameras.bin and images.bin
+// (https://colmap.github.io/format.html). Its 3D points are not needed.
+namespace lf {
+
+struct ColmapCamera {
+  std::string model;
+  int width = 0, height = 0;   // pixels, 1..kMaxImageSize
+  std::vector<double> params;  // `num_focal` focal lengths, cx, cy, distortion
+  size_t num_focal = 1;
+};
+
+struct ColmapImage {
+  uint32_t id = 0, camera_id = 0;
+  Quat q{1, 0, 0, 0};  // camera_from_world, unit norm
+  Vec3 t{0, 0, 0};     // camera_from_world
+  std::string name;    // name of the image file, UTF-8; may have spaces and folders
+};
+
+struct ColmapModel {
+  std::string cameras_path, images_path;
+  std::map<uint32_t, ColmapCamera> cameras;  // by CAMERA_ID
+  std::vector<ColmapImage> images;           // in the order of the file; their cameras exist
+  bool is_binary = false;
+};
+
+// Reads the model in a folder. If the folder has a text model and a binary model, the text model is read, because
+// people edit it. Throws Error with a remedy if the folder has no model.
+ColmapModel read_colmap_model(const std::string& directory);
+
+// The four files. The 2D points of images are checked for syntax and dropped. The work and the memory are proportional
+// to the size of a file. Throws Error with the file and the line or byte.
+std::map<uint32_t, ColmapCamera> read_colmap_cameras_text(const std::string& path);
+std::vector<ColmapImage> read_colmap_images_text(const std::string& path,
+                                                 const std::map<uint32_t, ColmapCamera>& cameras);
+std::map<uint32_t, ColmapCamera> read_colmap_cameras_binary(const std::string& path);
+std::vector<ColmapImage> read_colmap_images_binary(const std::string& path,
+                                                   const std::map<uint32_t, ColmapCamera>& cameras);
+
+// Numbers keep their full precision.
+std::string colmap_cameras_text(const std::map<uint32_t, ColmapCamera>& cameras);
+std::string colmap_images_text(const std::vector<ColmapImage>& images);
+
+}  // namespace lf

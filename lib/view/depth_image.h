@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "view/view.h"
+
+namespace lf {
+
+// The depths of the surface that a view shows: distances along its optical axis, in metres (the z of points in
+// coordinates of the view), row by row. 0 means that the depth is unknown, and infinity is a valid depth.
+struct DepthImage {
+  int width = 0, height = 0;
+  std::vector<float> depths;
+};
+
+// Returns the depths of the view's focal surface. The depth of a pixel is unknown if the surface is behind the view or
+// parallel to the line of sight, if the lens has no line of sight there, or if the pixel's coverage is 0. `coverage` has
+// a value per pixel, or is empty.
+DepthImage depth_image(const View& view, std::span<const float> coverage = {});
+
+// Writes a Portable Float Map (http://www.pauldebevec.com/Research/HDR/PFM/): 32-bit floats in metres, little-endian,
+// bottom row first. Throws Error with the file's name.
+void save_depth_pfm(const DepthImage& image, const std::string& path);
+// Writes a PNG with 16 bits per pixel, in millimetres. Depths of 65.5 m and more are stored as 65535. Throws Error with
+// the file's name.
+void save_depth_png(const DepthImage& image, const std::string& path);
+
+}  // namespace lf

@@ -1,0 +1,159 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "rig/colmap_model.h"
+
+#include <cmath>
+
+#include <gtest/gtest.h>
+
+#include "support/colmap_binary.h"
+#include "support/expect_error.h"
+#include "support/temp_dir.h"
+
+namespace lf {
+namespace {
+
+using test::bytes_of;
+
+const std::map<uint32_t, ColmapCamera> kOneCamera = {{1, {"PINHOLE", 4, 3, {5, 5, 2, 1.5}, 2}}};
+
+std::string pinhole(uint32_t id, uint64_t width = 4, double f = 5) {
+  return bytes_of(id, int32_t{1}, width, uint64_t{3}, f, 5.0, 2.0, 1.5);
+}
+
+std::string image(uint32_t id, const char* name, double w = 1, uint32_t camera = 1) {
+  return bytes_of(id, w, 0.0, 0.0, 0.0, 1.0, 2.0, 3.0, camera, name);
+}
+
+std::string points(uint64_t count) {
+  std::string bytes = bytes_of(count);
+  for (uint64_t i = 0; i < count; i++) bytes += bytes_of(617.03, 443.58, uint64_t{1412});
+  return bytes;
+}
+
+TEST(ColmapBinary, ReadsCamerasOfEveryModel) {
+  const TempDir dir;
+  // The number of parameters of each model, in COLMAP's order.
+  constexpr size_t kParams[] = {3, 4, 4, 5, 8, 8, 12, 5, 4, 5, 12};
+  std::string bytes = bytes_of(uint64_t{std::size(kParams)});
+  for (int32_t model = 0; model < static_cast<int32_t>(std::size(kParams)); model++) {
+    bytes += bytes_of(static_cast<uint32_t>(20 - model), model, uint64_t{1280}, uint64_t{960});
+    for (size_t k = 0; k < kParams[model]; k++) bytes += bytes_of(model + static_cast<double>(k) / 16);
+  }
+  const auto cameras = read_colmap_cameras_binary(dir.write("cameras.bin", bytes));
+  ASSERT_EQ(cameras.size(), std::size(kParams));
+  for (size_t model = 0; model < std::size(kParams); model++) {
+    const ColmapCamera& camera = cameras.at(static_cast<uint32_t>(20 - model));
+    ASSERT_EQ(camera.params.size(), kParams[model]);
+    EXPECT_EQ(camera.params.back(), static_cast<double>(model) + static_cast<double>(kParams[model] - 1) / 16);
+    EXPECT_EQ(camera.width, 1280);
+    EXPECT_EQ(camera.height, 960);
+  }
+  EXPECT_EQ(cameras.at(18).model, "SIMPLE_RADIAL");
+  EXPECT_EQ(cameras.at(18).num_focal, 1u);
+  EXPECT_EQ(cameras.at(15).model, "OPENCV_FISHEYE");
+  EXPECT_EQ(cameras.at(10).model, "THIN_PRISM_FISHEYE");
+  // The text of the same cameras.
+  const auto again = read_colmap_cameras_text(dir.write("cameras.txt", colmap_cameras_text(cameras)));
+  for (const auto& [id, camera] : cameras) {
+    EXPECT_EQ(again.at(id).model, camera.model);
+    EXPECT_EQ(again.at(id).params, camera.params);
+    EXPECT_EQ(again.at(id).num_focal, camera.num_focal);
+  }
+}
+
+TEST(ColmapBinary, ReadsWhatTheTextSays) {
+  const TempDir dir;
+  const std::map<uint32_t, ColmapCamera> cameras = {{3, {"SIMPLE_RADIAL", 4, 3, {1e3 / 7, 2, 1.5, -1e-17}, 1}},
+                                                    {1, {"OPENCV", 640, 480, {5, 6, 2, 1.5, 1, 2, 3, 4}, 2}}};
+  ColmapImage image;
+  image.id = 8;
+  image.camera_id = 3;
+  image.q = glm::normalize(Quat(0.1, -0.2, 0.3, 0.4));
+  image.t = {1 / 3.0, -5e-324, 1.7976931348623157e308};
+  image.name = "left/a b.png";
+  const auto back = read_colmap_cameras_binary(dir.write("cameras.bin", test::colmap_cameras_binary(cameras)));
+  EXPECT_EQ(colmap_cameras_text(back), colmap_cameras_text(cameras));
+  const auto images =
+      read_colmap_images_binary(dir.write("images.bin", test::colmap_images_binary({image}, 2)), cameras);
+  EXPECT_EQ(colmap_images_text(images), colmap_images_text({image}));
+}
+
+TEST(ColmapBinary, ReadsImagesWithAndWithoutPoints) {
+  const TempDir dir;
+  const auto images =
+      read_colmap_images_binary(dir.write("images.bin", bytes_of(uint64_t{2}) + image(9, "left/2021-05-19 20.jpg", 2) +
+                                                            points(3) + image(4, "b.png") + points(0)),
+                                kOneCamera);
+  ASSERT_EQ(images.size(), 2u);
+  EXPECT_EQ(images[0].id, 9u);
+  EXPECT_EQ(images[0].camera_id, 1u);
+  EXPECT_EQ(images[0].q, Quat(1, 0, 0, 0)) << "normalised as in COLMAP";
+  EXPECT_EQ(images[0].t, Vec3(1, 2, 3));
+  EXPECT_EQ(images[0].name, "left/2021-05-19 20.jpg");
+  EXPECT_EQ(images[1].id, 4u);
+  EXPECT_EQ(images[1].name, "b.png");
+}
+
+TEST(ColmapBinary, ErrorsNameFileAndByte) {
+  const TempDir dir;
+  const double nan = std::nan("");
+  struct {
+    std::string bytes;
+    const char* message;
+  } const cameras[] = {
+      {"", "byte 0: the file is truncated within the number of cameras"},
+      {bytes_of(uint64_t{2}) + pinhole(1), "byte 64: the file is truncated within CAMERA_ID"},
+      {bytes_of(uint64_t{1}) + pinhole(1).substr(0, 40), "byte 48: the file is truncated within PARAMS[]"},
+      {bytes_of(uint64_t{1}) + pinhole(1) + "x", "byte 64: more data follows"},
+      {bytes_of(uint64_t{2}) + pinhole(1) + pinhole(1), "CAMERA_ID 1 occurs twice"},
+      {bytes_of(uint64_t{1}) + pinhole(1, 16385), "WIDTH must be an integer from 1 to 16384, but is 16385"},
+      {bytes_of(uint64_t{1}) + pinhole(1, 4, nan), "PARAMS[] must be finite"},
+      {bytes_of(uint64_t{1}, uint32_t{1}, int32_t{11}), "unknown lens model 11"},
+      {bytes_of(uint64_t{1}, uint32_t{1}, int32_t{-1}), "unknown lens model -1"},
+  };
+  for (const auto& c : cameras) {
+    const std::string path = dir.write("cameras.bin", c.bytes);
+    EXPECT_ERROR(read_colmap_cameras_binary(path), path);
+    EXPECT_ERROR(read_colmap_cameras_binary(path), c.message);
+  }
+  struct {
+    std::string bytes;
+    const char* message;
+  } const images[] = {
+      {bytes_of(uint64_t{1}) + image(1, "a.png"), "truncated within the number of POINTS2D[]"},
+      {bytes_of(uint64_t{1}) + image(1, "a.png").substr(0, 70), "truncated within NAME"},
+      {bytes_of(uint64_t{1}) + image(1, "a.png") + bytes_of(UINT64_MAX), "truncated within POINTS2D[]"},
+      {bytes_of(UINT64_MAX) + image(1, "a.png") + points(1), "truncated within IMAGE_ID"},
+      {bytes_of(uint64_t{1}) + image(1, "") + points(0), "NAME is empty"},
+      {bytes_of(uint64_t{1}) + image(1, "caf\xe9.png") + points(0), "NAME is not UTF-8"},
+      {bytes_of(uint64_t{1}) + image(1, "a.png", 0) + points(0), "QW, QX, QY, QZ are all 0"},
+      {bytes_of(uint64_t{1}) + image(1, "a.png", nan) + points(0), "QW must be finite"},
+      {bytes_of(uint64_t{1}) + image(1, "a.png", 1, 7) + points(0), "CAMERA_ID 7 is not in cameras.bin"},
+      {bytes_of(uint64_t{2}) + image(1, "a.png") + points(0) + image(1, "b.png") + points(0),
+       "IMAGE_ID 1 occurs twice"},
+      {bytes_of(uint64_t{1}) + image(1, "a.png") + points(1) + "x", "more data follows"},
+  };
+  for (const auto& c : images) {
+    const std::string path = dir.write("images.bin", c.bytes);
+    EXPECT_ERROR(read_colmap_images_binary(path, kOneCamera), path);
+    EXPECT_ERROR(read_colmap_images_binary(path, kOneCamera), c.message);
+  }
+}
+
+TEST(ColmapModel, TheTextModelIsReadIfThereAreTwo) {
+  const TempDir dir;
+  dir.write("cameras.bin", bytes_of(uint64_t{1}) + pinhole(1));
+  dir.write("images.bin", bytes_of(uint64_t{1}) + image(1, "binary.png") + points(2));
+  const ColmapModel binary = read_colmap_model(dir.path());
+  EXPECT_TRUE(binary.is_binary);
+  ASSERT_EQ(binary.images.size(), 1u);
+  EXPECT_EQ(binary.images[0].name, "binary.png");
+  dir.write("cameras.txt", "1 PINHOLE 4 3 5 5 2 1.5\n");
+  dir.write("images.txt", "1 1 0 0 0 0 0 0 1 text.png\n\n");
+  const ColmapModel text = read_colmap_model(dir.path());
+  EXPECT_FALSE(text.is_binary);
+  EXPECT_EQ(text.images.at(0).name, "text.png");
+}
+
+}  // namespace
+}  // namespace lf

@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "view/depth_image.h"
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <random>
+
+#include <gtest/gtest.h>
+#include <opencv2/imgcodecs.hpp>
+
+#include "base/file.h"
+#include "support/expect_error.h"
+#include "support/temp_dir.h"
+
+namespace lf {
+namespace {
+
+View test_view() {
+  View view;
+  view.width = 37;
+  view.height = 23;
+  view.lens = Lens(LensModel::kRadial, {40, 17, 12, -0.1, 0.01});
+  view.pose.position = {0.3, -0.2, -0.5};
+  view.pose.orientation = glm::normalize(Quat(1, 0.1, -0.2, 0.05));
+  view.focus.plane = plane_through({0, 0, 2}, glm::normalize(Vec3(0.2, 0.1, 1)));
+  return view;
+}
+
+// Returns the point at a depth on the line of sight of a pixel.
+Vec3 point_at(const View& view, int x, int y, double depth) {
+  return view.pose.position + view.pose.rotation() * (Vec3(view.lens.unproject(Vec2(x, y)).value(), 1) * depth);
+}
+
+TEST(DepthImage, PointsAreOnTheFocalPlane) {
+  const View view = test_view();
+  const DepthImage image = depth_image(view);
+  ASSERT_EQ(image.depths.size(), static_cast<size_t>(view.width) * view.height);
+  for (int y = 0; y < view.height; y++)
+    for (int x = 0; x < view.width; x++) {
+      const double depth = image.depths[static_cast<size_t>(y) * view.width + x];
+      ASSERT_GT(depth, 0);
+      EXPECT_LT(std::abs(view.focus.plane.signed_distance(point_at(view, x, y, depth))), 1e-6 * depth);
+    }
+}
+
+TEST(DepthImage, PointsHaveTheDistancesOfTheMap) {
+  View view = test_view();
+  FocalMap map = FocalMap::for_view(view.width, view.height);
+  map.from = plane_through({0, 0, -1}, glm::normalize(Vec3(-0.1, 0.05, 1)));
+  map.nearest = 0.8;
+  map.farthest = 0.1;
+  std::mt19937 random(7);
+  for (int i = 0; i < map.columns * map.rows; i++) map.levels.push_back(static_cast<uint8_t>(random()));
+  view.focus.map = std::make_shared<FocalMap>(map);
+  const DepthImage image = depth_image(view);
+  for (int y = 0; y < view.height; y++)
+    for (int x = 0; x < view.width; x++) {
+      const double depth = image.depths[static_cast<size_t>(y) * view.width + x];
+      const double expected = 1 / map.inverse_at(x, y);
+      EXPECT_NEAR(map.from.signed_distance(point_at(view, x, y, depth)), expected, 1e-6 * expected) << x << " " << y;
+    }
+}
+
+TEST(DepthImage, InfinityIsADepth) {
+  View view = test_view();
+  FocalMap map = FocalMap::for_view(view.width, view.height);
+  map.from = plane_through(view.pose.position, view.pose.forward());
+  map.nearest = 1;
+  map.levels.assign(static_cast<size_t>(map.columns) * map.rows, 0);
+  view.focus.map = std::make_shared<FocalMap>(map);
+  EXPECT_EQ(depth_image(view).depths[5], std::numeric_limits<float>::infinity());
+}
+
+TEST(DepthImage, DepthsAreUnknownWithoutCoverageAndBehindTheView) {
+  View view = test_view();
+  std::vector<float> coverage(static_cast<size_t>(view.width) * view.height, 0.5f);
+  coverage[40] = 0;
+  const DepthImage image = depth_image(view, coverage);
+  EXPECT_EQ(image.depths[40], 0);
+  EXPECT_GT(image.depths[41], 0);
+  view.focus.plane = plane_through({0, 0, -3}, {0, 0, 1});
+  for (const float depth : depth_image(view).depths) EXPECT_EQ(depth, 0);
+}
+
+TEST(DepthImage, FilesHoldTheDepths) {
+  const TempDir dir;
+  const DepthImage image{2, 3, {0, 1.5f, 0.0004f, 65.4321f, 70, std::numeric_limits<float>::infinity()}};
+  save_depth_png(image, dir / "d.png");
+  const cv::Mat png = cv::imread(dir / "d.png", cv::IMREAD_UNCHANGED);
+  ASSERT_EQ(png.type(), CV_16UC1);
+  ASSERT_EQ(png.size(), cv::Size(2, 3));
+  const uint16_t expected[] = {0, 1500, 0, 65432, 65535, 65535};
+  for (int i = 0; i < 6; i++) EXPECT_EQ(png.at<uint16_t>(i / 2, i % 2), expected[i]) << i;
+
+  save_depth_pfm(image, dir / "d.pfm");
+  const std::string pfm = read_file(dir / "d.pfm");
+  const std::string header = "Pf\n2 3\n-1\n";
+  ASSERT_EQ(pfm.size(), header.size() + 6 * sizeof(float));
+  EXPECT_EQ(pfm.substr(0, header.size()), header);
+  for (size_t row = 0; row < 3; row++) {
+    float values[2];
+    std::memcpy(values, pfm.data() + header.size() + row * sizeof(values), sizeof(values));
+    for (size_t x = 0; x < 2; x++) EXPECT_EQ(values[x], image.depths[2 * (2 - row) + x]) << "bottom row first";
+  }
+  EXPECT_ERROR(save_depth_png(image, dir / "none/d.png"), "none/d.png");
+  EXPECT_ERROR(save_depth_pfm(image, dir / "none/d.pfm"), "none/d.pfm");
+}
+
+}  // namespace
+}  // namespace lf
