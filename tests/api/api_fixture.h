@@ -15,6 +15,7 @@
 #include "lib/focus/array_of_walls.h"
 #include "reference/generators.h"
 #include "rig/rig_json.h"
+#include "support/mentions.h"
 #include "view/view.h"
 
 namespace lightfield::test {
@@ -103,7 +104,7 @@ inline std::string error_of(const std::function<void()>& action) {
   return "no lightfield::Error was thrown";
 }
 
-#define EXPECT_API_ERROR(statement, part) \
-  EXPECT_PRED_FORMAT2(::testing::IsSubstring, std::string(part), lightfield::test::error_of([&] { (void)(statement); }))
+#define EXPECT_API_ERROR(statement, ...) \
+  EXPECT_MENTIONS(lightfield::test::error_of([&] { (void)(statement); }), __VA_ARGS__)
 
 }  // namespace lightfield::test

@@ -13,6 +13,7 @@
 #include "reference/renderer.h"
 #include "render/ownership.h"
 #include "render/sum_renderer.h"
+#include "support/mentions.h"
 
 namespace lightfield {
 namespace {
@@ -164,13 +165,13 @@ TEST(ApiNodeCompositor, SaysWhatDoesNotFit) {
   const Array array;
   const Machines machines(array);
   Compositor compositor(array.rig, 1), other(array.rig, 2);
-  EXPECT_EQ(compositor.add({1, 2, 3}).problem, "there is no picture yet: call request() first");
-  EXPECT_API_ERROR(compositor.finish(), "there is no picture yet: call request() first");
-  EXPECT_API_ERROR(compositor.request(array.view, {.quality = 101}), "quality: must be 0 to 100");
-  EXPECT_API_ERROR(compositor.request(array.view, {.out_of_service = {12}}), "out_of_service: 12 is not one of");
+  EXPECT_MENTIONS(compositor.add({1, 2, 3}).problem, "no picture", "request()");
+  EXPECT_API_ERROR(compositor.finish(), "no picture", "request()");
+  EXPECT_API_ERROR(compositor.request(array.view, {.quality = 101}), "quality", "0 to 100");
+  EXPECT_API_ERROR(compositor.request(array.view, {.out_of_service = {12}}), "out_of_service", "12");
   View view = array.view;
   view.height = 20000;
-  EXPECT_API_ERROR(compositor.request(view), "height: must be 1 to 16384 pixels");
+  EXPECT_API_ERROR(compositor.request(view), "height", "1 to 16384 pixels");
 
   const Bytes request = compositor.request(array.view);
   const std::vector<Bytes> parts = machines.answer(request);
@@ -179,10 +180,10 @@ TEST(ApiNodeCompositor, SaysWhatDoesNotFit) {
   EXPECT_NE(compositor.add({}).problem.find("damaged"), std::string::npos);
   EXPECT_NE(compositor.add(request).problem.find("damaged"), std::string::npos);
   other.request(array.view);
-  EXPECT_EQ(other.add(parts[1]).problem, "the part belongs to another request");
+  EXPECT_MENTIONS(other.add(parts[1]).problem, "part", "another request");
   compositor.finish();
   compositor.request(array.view);
-  EXPECT_EQ(compositor.add(parts[1]).problem, "the part belongs to another request") << "too late";
+  EXPECT_MENTIONS(compositor.add(parts[1]).problem, "part", "another request") << "too late";
 
   std::vector<Camera> cameras;
   for (size_t i = 0; i < array.rig.size(); i++) cameras.push_back(array.rig.camera(i));
@@ -190,22 +191,21 @@ TEST(ApiNodeCompositor, SaysWhatDoesNotFit) {
   const Rig other_rig(cameras);
   Compositor of_other(other_rig, 1);
   const Bytes of_other_rig = of_other.request(array.view);
-  EXPECT_API_ERROR(machines.nodes[0].answer(of_other_rig, machines.frames[0]), "made for another rig");
-  EXPECT_API_ERROR(machines.nodes[0].cameras_for(of_other_rig), "made for another rig");
-  EXPECT_EQ(of_other
-                .add(Node(array.rig, {0})
-                         .answer(Compositor(array.rig, 1).request(array.view), {ImageView(array.images[0])})
-                         .at(0))
-                .problem,
-            "the part was made with another rig");
+  EXPECT_API_ERROR(machines.nodes[0].answer(of_other_rig, machines.frames[0]), "made", "another rig");
+  EXPECT_API_ERROR(machines.nodes[0].cameras_for(of_other_rig), "made", "another rig");
+  EXPECT_MENTIONS(of_other
+                      .add(Node(array.rig, {0})
+                               .answer(Compositor(array.rig, 1).request(array.view), {ImageView(array.images[0])})
+                               .at(0))
+                      .problem,
+                  "part", "another rig");
 
   EXPECT_API_ERROR(read_request({}), "not a request");
   EXPECT_API_ERROR(machines.nodes[0].answer(parts[0], machines.frames[0]), "not a request");
-  EXPECT_API_ERROR(machines.nodes[0].answer(request, {ImageView(array.images[0])}),
-                   "images: expected one for each of 4 cameras");
-  EXPECT_API_ERROR(Node(array.rig, {}), "cameras: a node needs at least one");
-  EXPECT_API_ERROR(Node(array.rig, {3, 4, 3}), "cameras: 3 is listed twice");
-  EXPECT_API_ERROR(Node(array.rig, {12}), "cameras: 12 is not one of the rig's 12 cameras");
+  EXPECT_API_ERROR(machines.nodes[0].answer(request, {ImageView(array.images[0])}), "images", "4 cameras");
+  EXPECT_API_ERROR(Node(array.rig, {}), "cameras", "at least one");
+  EXPECT_API_ERROR(Node(array.rig, {3, 4, 3}), "cameras", "3", "twice");
+  EXPECT_API_ERROR(Node(array.rig, {12}), "cameras", "12", "12 cameras");
 }
 
 TEST(ApiNodeCompositor, DamagedBytesDoNoHarm) {
@@ -418,36 +418,33 @@ TEST(ApiRenderer, SaysWhatDoesNotFit) {
   Renderer renderer(array.rig);
   std::vector<Image> images = array.images;
   images.pop_back();
-  EXPECT_API_ERROR(renderer.render(array.view, images), "images: expected one for each of 12 cameras, got 11");
+  EXPECT_API_ERROR(renderer.render(array.view, images), "images", "12 cameras", "11");
   images = array.images;
   images[3] = make_image(PixelFormat::kRgb, 64, 47);
-  EXPECT_API_ERROR(renderer.render(array.view, images),
-                   "image of camera 3 (id 3) has 64x47 pixels, the rig says 64x48");
+  EXPECT_API_ERROR(renderer.render(array.view, images), "camera 3", "id 3", "64x47", "64x48");
   images[3] = make_image(PixelFormat::kI420, 64, 48);
-  EXPECT_API_ERROR(renderer.render(array.view, images), "some are RGB and some are I420");
+  EXPECT_API_ERROR(renderer.render(array.view, images), "RGB", "I420");
   images[3] = array.images[3];
   images[3].pixels.pop_back();
-  EXPECT_API_ERROR(renderer.render(array.view, images), "9215 bytes do not match an image of 64x48 pixels");
+  EXPECT_API_ERROR(renderer.render(array.view, images), "9215 bytes", "64x48");
   std::vector<ImageView> views(array.images.begin(), array.images.end());
   views[2].stride[0] = 10;
-  EXPECT_API_ERROR(renderer.render(array.view, views),
-                   "camera 2 (id 2) has a stride of 10 bytes, but its rows need 192");
+  EXPECT_API_ERROR(renderer.render(array.view, views), "camera 2", "id 2", "10 bytes", "192");
   views[2].plane[0] = nullptr;
-  EXPECT_API_ERROR(renderer.render(array.view, views), "camera 2 (id 2) has no plane 0");
+  EXPECT_API_ERROR(renderer.render(array.view, views), "camera 2", "id 2", "plane 0");
 
   const auto with = [&](auto change) {
     View view = array.view;
     change(view);
     return test::error_of([&] { renderer.render(view, array.images); });
   };
-  EXPECT_EQ(with([](View& v) { v.width = 0; }), "width: must be 1 to 16384 pixels, is 0");
-  EXPECT_EQ(with([](View& v) { v.fov_y = 180; }), "fov_y: must be above 0 and below 180 degrees");
-  EXPECT_EQ(with([](View& v) { v.focus_distance = -1; }), "focus_distance: must be above 0 metres");
-  EXPECT_EQ(with([](View& v) { v.aperture = NAN; }), "aperture: must not be below 0 metres");
-  EXPECT_EQ(with([](View& v) { v.world_from_view.position.y = INFINITY; }), "position: must be finite numbers");
-  EXPECT_EQ(with([](View& v) { v.world_from_view.orientation.w = 2; }),
-            "orientation: must be a quaternion of unit norm");
-  EXPECT_EQ(with([](View& v) { v.lens = Lens{.fx = 0, .fy = 1}; }), "params[0]: the focal length must be positive");
+  EXPECT_MENTIONS(with([](View& v) { v.width = 0; }), "width", "1 to 16384 pixels", "0");
+  EXPECT_MENTIONS(with([](View& v) { v.fov_y = 180; }), "fov_y", "0", "180 degrees");
+  EXPECT_MENTIONS(with([](View& v) { v.focus_distance = -1; }), "focus_distance", "0");
+  EXPECT_MENTIONS(with([](View& v) { v.aperture = NAN; }), "aperture", "0");
+  EXPECT_MENTIONS(with([](View& v) { v.world_from_view.position.y = INFINITY; }), "position", "finite");
+  EXPECT_MENTIONS(with([](View& v) { v.world_from_view.orientation.w = 2; }), "orientation", "quaternion");
+  EXPECT_MENTIONS(with([](View& v) { v.lens = Lens{.fx = 0, .fy = 1}; }), "params[0]", "focal length", "positive");
   EXPECT_API_ERROR(renderer.render(array.view, array.images, {.nearest = 3, .farthest = 2}), "nearest, farthest");
   EXPECT_API_ERROR(renderer.render(array.view, array.images, {.resampling = static_cast<Resampling>(9)}), "resampling");
   EXPECT_EQ(renderer.render(array.view, array.images).pixels,

@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/json_value.h"
+#include "support/mentions.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
 
@@ -103,8 +104,8 @@ TEST_F(BenchRender, QualitiesAreRowsOfTheirOwnAndCostBytes) {
 
 TEST_F(BenchRender, SaysWhichSettingsAreParetoPointsAndWhatIsPromised) {
   test::expect_outcome(run(std::string(kTiny) + "--acceptance"), 0,
-                       testing::AllOf(HasSubstr("natural, 4 cameras, 64x48, distorted lenses"), HasSubstr("default"),
-                                      HasSubstr("64 cameras, raw: times faster than OpenCV")));
+                       testing::AllOf(mentions("natural", "4 cameras", "64x48", "distorted"), HasSubstr("default"),
+                                      mentions("64 cameras", "raw", "OpenCV")));
 }
 
 TEST_F(BenchRender, NumericsAreWithinTheirBounds) {

@@ -12,6 +12,7 @@
 #include "calibration/simulator.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
+#include "support/mentions.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
 
@@ -56,9 +57,9 @@ std::unique_ptr<TempDir> AllCommand::material_;
 TEST_F(AllCommand, TheAfternoonAndOnlyWhatChangedIsDoneAgain) {
   const std::string arguments = "--lights lights --bar 0.3 --colour chart --out field.json";
   test::expect_outcome(all(arguments), 0,
-                       AllOf(HasSubstr("tracks.json: 4 of 4 cameras"), HasSubstr("geometry.json: 4 of 4 cameras"),
-                             HasSubstr("4 of 4 cameras corrected"), HasSubstr("report      "),
-                             HasSubstr("field/report.html"), Not(HasSubstr("as before"))));
+                       AllOf(mentions("tracks.json", "4 of 4 cameras"), mentions("geometry.json", "4 of 4 cameras"),
+                             mentions("4 of 4", "corrected"), HasSubstr("report      "), HasSubstr("field/report.html"),
+                             Not(HasSubstr("as before"))));
   const Rig rig = load_rig(dir_ / "field.json");
   EXPECT_EQ(rig.cameras.size(), 4u);
   EXPECT_TRUE(rig.has_colour());
@@ -92,20 +93,20 @@ TEST_F(AllCommand, LiveItSaysWhatToDoAndRecords) {
   const std::string arguments = "all rig.json --record 4 --lights live --bar 0.3";
   test::expect_outcome(
       run_program("lf-calibrate", arguments + " <enter", dir_.path()), 1,
-      AllOf(HasSubstr("switch on both lights of the bar. Then press Enter: "), HasSubstr("Recording now."),
-            HasSubstr("The light has covered "), HasSubstr("camera 3 (cam_01_01): "), HasSubstr("check the path"),
-            HasSubstr("tracks.json: 3 of 4 cameras"), HasSubstr("report.html")));
+      AllOf(mentions("both lights", "Enter"), HasSubstr("Recording now."), mentions("light", "covered"),
+            HasSubstr("camera 3 (cam_01_01): "), HasSubstr("check the path"), mentions("tracks.json", "3 of 4 cameras"),
+            HasSubstr("report.html")));
   const Outcome again = run_program("lf-calibrate", arguments + " <enter", dir_.path());
-  EXPECT_THAT(again.output, AllOf(HasSubstr("live already contains recordings. Press Enter to use them"),
-                                  HasSubstr("track       as before"), Not(HasSubstr("Recording now."))));
+  EXPECT_THAT(again.output, AllOf(mentions("live", "recordings", "Enter"), HasSubstr("track       as before"),
+                                  Not(HasSubstr("Recording now."))));
   for (Camera& camera : rig.cameras) camera.source = "videotestsrc is-live=true ! tee name=t t. ! queue";
   save_rig(rig, dir_ / "rig.json");
   const std::string briefly = "all rig.json --record 0.2 --lights other --bar 0.3";
-  EXPECT_THAT(run_program("lf-calibrate", briefly + " <enter", dir_.path()).output, HasSubstr("its source has tee"));
+  EXPECT_THAT(run_program("lf-calibrate", briefly + " <enter", dir_.path()).output, mentions("source", "tee"));
   EXPECT_THAT(run_program("lf-calibrate", briefly + " --trust-rig <enter", dir_.path()).output,
-              Not(HasSubstr("its source has tee")));
+              Not(HasSubstr("source has tee")));
   test::expect_outcome(run_program("lf-calibrate", arguments + " </dev/null", dir_.path()), 1,
-                       HasSubstr("--record: there is no answer on standard input"));
+                       mentions("--record", "standard input"));
 }
 
 // Asks for boards pose by pose; for cameras that see no board, the lights determine the lenses.
@@ -118,13 +119,11 @@ TEST_F(AllCommand, LiveItSaysWhereToHoldTheBoard) {
   const Outcome outcome =
       run_program("lf-calibrate",
                   "all rig.json --record 1 --lights lights --boards boards --board 9x6 --bar 0.3 <enter", dir_.path());
-  EXPECT_THAT(
-      outcome.output,
-      AllOf(HasSubstr("lights already contains recordings. Press Enter to use them"),
-            HasSubstr("take the board of 9x6 inner corners. Then press Enter: "), HasSubstr("1/12  In the middle of the images"),
-            HasSubstr("12/12  At the first distance"), Not(HasSubstr("The light has covered "))));
+  EXPECT_THAT(outcome.output,
+              AllOf(mentions("lights", "recordings", "Enter"), mentions("9x6", "Enter"), mentions("1/12", "middle"),
+                    mentions("12/12", "first distance"), Not(HasSubstr("light has covered"))));
   for (const std::string& name : names_) EXPECT_TRUE(fs::exists(dir_ / "boards/" + name + ".mkv")) << name;
-  EXPECT_THAT(outcome.output, HasSubstr("no image shows the board of 9x6 inner corners"));
+  EXPECT_THAT(outcome.output, mentions("no image", "9x6"));
   EXPECT_EQ(outcome.status, 0) << outcome.output;
 }
 
@@ -151,32 +150,31 @@ TEST_F(AllCommand, WhatIsWrongIsSaidWithWhatToDo) {
        [&] { make_video(light(1), "videotestsrc num-buffers=60 pattern=black"); },
        "--lights lights --bar 0.3",
        1,
-       {"3 of 4 cameras", "(with errors)", "1 camera of 4 needs attention", "is there a cap on the lens",
-        "report.html"}},
+       {"3 of 4 cameras", "(with errors)", "1 camera of 4", "attention", "lens", "report.html"}},
       {"no light",
        [&] { all_lights("videotestsrc num-buffers=30 pattern=solid-color foreground-color=0xff202020"); },
        "--lights lights",
        1,
-       {"fewer than two cameras saw a moving light", "is it on, in the picture, and bright enough", "report.html"}},
+       {"two cameras", "moving light", "bright enough", "report.html"}},
       {"a room that is not dark",
        [&] { all_lights("videotestsrc num-buffers=30 pattern=solid-color foreground-color=0xff909090"); },
        "--lights lights",
        1,
-       {"the room is not dark", "Draw the curtains"}},
+       {"not dark", "curtains"}},
       {"another rig's recordings",
        [&] { fs::rename(light(2), dir_ / "lights/other.mkv"); },
        "--lights lights --bar 0.3",
        1,
-       {"has no recording cam_01_00.*"}},
-      {"no folder", [] {}, "--lights nowhere", 1, {"nowhere: is not a folder"}},
-      {"a board without its size", [] {}, "--lights lights --boards chart", 1, {"--boards: requires --board"}},
+       {"no recording", "cam_01_00.*"}},
+      {"no folder", [] {}, "--lights nowhere", 1, {"nowhere:", "not a folder"}},
+      {"a board without its size", [] {}, "--lights lights --boards chart", 1, {"--boards:", "--board"}},
       {"the wrong board",
        [] {},
        "--lights lights --bar 0.3 --boards chart --board 9x6",
        0,
-       {"no image shows the board of 9x6 inner corners", "boards-0    failed"}},
-      {"no chart", [] {}, "--lights lights --bar 0.3 --colour nowhere", 0, {"- colours are not measured: nowhere"}},
-      {"onto itself", [] {}, "--lights lights --out rig.json", 1, {"give another file as --out"}},
+       {"no image", "9x6", "boards-0    failed"}},
+      {"no chart", [] {}, "--lights lights --bar 0.3 --colour nowhere", 0, {"colours", "nowhere"}},
+      {"onto itself", [] {}, "--lights lights --out rig.json", 1, {"another file", "--out"}},
   };
   for (const auto& c : cases) {
     SCOPED_TRACE(c.what);
@@ -205,7 +203,7 @@ TEST(CalibrationRun, ItsPicturesAreAsThoseOfTheTrueRig) {
   const Outcome all = run_program(
       "lf-calibrate", "all nominal.json --lights lights --bar 0.3 --colour colours --out rig.json", dir.path());
   EXPECT_EQ(all.status, 1) << "the stuck camera needs attention";
-  EXPECT_THAT(all.output, HasSubstr("camera 8 cam_02_02: its exposure is stuck"));
+  EXPECT_THAT(all.output, mentions("camera 8", "cam_02_02", "exposure"));
   EXPECT_THAT(all.output, Not(HasSubstr(" levels after correction"))) << "a misread chart is no camera fault";
   ASSERT_TRUE(std::filesystem::exists(dir / "rig.json")) << all.output;
   const Rig found = load_rig(dir / "rig.json");

@@ -16,6 +16,7 @@
 #include "calibration/simulator.h"
 #include "calibration/tracks.h"
 #include "rig/rig_json.h"
+#include "support/mentions.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
 
@@ -69,7 +70,7 @@ TEST_F(CheckCommand, TheExitStatusSaysWhetherItHolds) {
   film(rig_);
   const Outcome holds = check("--tracks tracks.json --bar 0.3 --json check.json");
   EXPECT_EQ(holds.status, 0) << holds.output;
-  EXPECT_THAT(holds.output, HasSubstr("rig.json holds: 9 of 9 cameras are where the rig states"));
+  EXPECT_THAT(holds.output, mentions("rig.json holds", "9 of 9"));
   EXPECT_THAT(holds.output, HasSubstr("bar         300."));
 
   Rig now = rig_;
@@ -77,9 +78,9 @@ TEST_F(CheckCommand, TheExitStatusSaysWhetherItHolds) {
   film(now);
   const Outcome moved = check("--tracks tracks.json --json check.json");
   EXPECT_EQ(moved.status, 1) << moved.output;
-  EXPECT_THAT(moved.output, HasSubstr("camera 4 (cam_01_01) has moved, its image by 4."));
-  EXPECT_THAT(moved.output, HasSubstr("turned by 0.57 to the right"));
-  EXPECT_THAT(moved.output, HasSubstr("rig.json does not hold: 1 of 9 cameras are off"));
+  EXPECT_THAT(moved.output, mentions("camera 4", "cam_01_01", "moved", "4."));
+  EXPECT_THAT(moved.output, mentions("turned", "0.57", "right"));
+  EXPECT_THAT(moved.output, mentions("rig.json", "not hold", "1 of 9"));
   const nlohmann::json report = parse_json(read_text_file(dir_ / "check.json"), "check.json");
   EXPECT_EQ(report["format"], "lightfield-check");
   EXPECT_EQ(report["cameras"][4]["state"], "moved");
@@ -91,18 +92,17 @@ TEST_F(CheckCommand, TheMonitorIsAskedToo) {
   const struct {
     const char* fault;
     int status;
-    const char* said;
+    std::vector<std::string> facts;
   } cases[] = {
-      {"", 0, "rig.json holds: 5 of 9 cameras"},
-      {"direction", 1,
-       "camera 4 (cam_01_01) looks in another direction than the rig states: its image is off by about 6 pixels"},
-      {"colour", 0, "camera 4 (cam_01_01) is 8 % brighter than most cameras. Lock its exposure"},
-      {"picture", 0, "out of focus, dirty or covered"},
+      {"", 0, {"rig.json holds", "5 of 9"}},
+      {"direction", 1, {"camera 4", "cam_01_01", "another direction", "6 pixels"}},
+      {"colour", 0, {"camera 4", "cam_01_01", "8 %", "exposure"}},
+      {"picture", 0, {"focus", "dirty", "covered"}},
   };
   for (const auto& c : cases) {
     SCOPED_TRACE(c.fault);
     write_monitor(c.fault);
-    test::expect_outcome(check("--monitor monitor.json"), c.status, HasSubstr(c.said));
+    test::expect_outcome(check("--monitor monitor.json"), c.status, mentions(c.facts));
   }
 }
 
@@ -120,20 +120,21 @@ TEST_F(CheckCommand, WhereNothingCanBeToldItSaysWhatToDo) {
   dir_.write("early.json", early.dump());
   std::filesystem::create_directory(dir_ / "empty");
   const struct {
-    const char *arguments, *said;
+    const char* arguments;
+    std::vector<std::string> facts;
   } cases[] = {
-      {"rig.json --tracks dark.json", "no three cameras see the light consistently with this rig"},
-      {"other.json --tracks tracks.json", "camera 3 of the recording is not in the rig"},
-      {"rig.json --recordings empty", "fewer than three cameras saw a moving light"},
-      {"rig.json --recordings nowhere", "nowhere: is not a folder"},
-      {"rig.json --tracks rig.json", "rig.json"},
-      {"rig.json --monitor early.json", "has not checked any camera yet"},
-      {"rig.json --monitor http://127.0.0.1:1", "check that lf-serve is running at this address"},
+      {"rig.json --tracks dark.json", {"three cameras", "light", "this rig"}},
+      {"other.json --tracks tracks.json", {"camera 3", "rig"}},
+      {"rig.json --recordings empty", {"three cameras", "moving light"}},
+      {"rig.json --recordings nowhere", {"nowhere:", "folder"}},
+      {"rig.json --tracks rig.json", {"rig.json"}},
+      {"rig.json --monitor early.json", {"not checked", "camera"}},
+      {"rig.json --monitor http://127.0.0.1:1", {"lf-serve", "address"}},
   };
   for (const auto& c : cases) {
     SCOPED_TRACE(c.arguments);
     test::expect_outcome(run_program("lf-calibrate", std::string("check ") + c.arguments, dir_.path()), 2,
-                         AllOf(HasSubstr(c.said), Not(HasSubstr("holds: "))));
+                         AllOf(mentions(c.facts), Not(HasSubstr("holds: "))));
   }
   EXPECT_EQ(check("").status, 2) << "nothing is asked";
 }
@@ -175,7 +176,7 @@ TEST_F(CheckCommand, DoesNotWaitForEverForASlowServer) {
   const SlowServer server;
   const Outcome outcome = check("--monitor " + server.address());
   EXPECT_EQ(outcome.status, 2);
-  EXPECT_THAT(outcome.output, AllOf(HasSubstr(server.address()), HasSubstr("takes longer than 20 s")));
+  EXPECT_THAT(outcome.output, AllOf(HasSubstr(server.address()), mentions("20 s")));
 }
 
 class ReportCommand : public testing::Test {
@@ -202,7 +203,7 @@ TEST_F(ReportCommand, OnePageThatNeedsNothingBesides) {
   solve(false);
   test::expect_outcome(run("report solve.json --title \"A <rig> & more\""), 0, HasSubstr("report.html: "));
   const std::string html = page();
-  EXPECT_THAT(html, AllOf(HasSubstr("A &lt;rig&gt; &amp; more"), HasSubstr("<svg "), HasSubstr("What to do next"),
+  EXPECT_THAT(html, AllOf(HasSubstr("A &lt;rig&gt; &amp; more"), HasSubstr("<svg "), HasSubstr("What to do"),
                           HasSubstr("prefers-color-scheme: dark")));
   // The page loads no external resources.
   EXPECT_THAT(html, Not(HasSubstr("http")));
@@ -216,8 +217,8 @@ TEST_F(ReportCommand, OnePageThatNeedsNothingBesides) {
 TEST_F(ReportCommand, ACameraThatIsMissingIsTheFirstThingSaid) {
   solve(true);
   test::expect_outcome(run("report solve.json"), 0,
-                       AllOf(HasSubstr("1 camera of 9 needs attention"), HasSubstr("- camera 4: never saw the light")));
-  EXPECT_THAT(page(), AllOf(HasSubstr("1 camera of 9 needs attention"), HasSubstr("badge bad"), HasSubstr("8 of 9")));
+                       AllOf(mentions("1 camera", "9", "attention"), mentions("camera 4", "light")));
+  EXPECT_THAT(page(), AllOf(mentions("1 camera", "9", "attention"), HasSubstr("badge bad"), HasSubstr("8 of 9")));
 }
 
 TEST_F(ReportCommand, ColoursAndChecksJoinByTheirCameras) {
@@ -231,10 +232,10 @@ TEST_F(ReportCommand, ColoursAndChecksJoinByTheirCameras) {
   dir_.write("check.json", R"({"format": "lightfield-check", "version": 1, "from": "monitor", "holds": false,
       "findings": [{"severity": "error", "code": "moved", "text": "camera 7 (cam_7) looks elsewhere"}],
       "cameras": [{"id": 7, "name": "cam_7", "state": "moved", "shift_px": 6}]})");
-  test::expect_outcome(run("report solve.json colour.json check.json"), 0,
-                       AllOf(HasSubstr("The rig no longer holds"), AllOf(HasSubstr("- camera 7 cam_7: looks elsewhere"),
-                                                                         HasSubstr(": its exposure is stuck"))));
-  EXPECT_THAT(page(), AllOf(HasSubstr("Latest check"), HasSubstr("By the camera monitor"), HasSubstr("18.7")));
+  test::expect_outcome(
+      run("report solve.json colour.json check.json"), 0,
+      AllOf(HasSubstr("no longer holds"), AllOf(mentions("camera 7", "cam_7", "elsewhere"), HasSubstr("exposure"))));
+  EXPECT_THAT(page(), AllOf(HasSubstr("Latest check"), HasSubstr("camera monitor"), HasSubstr("18.7")));
 }
 
 TEST_F(ReportCommand, WhatIsNoReportIsRefused) {
@@ -242,17 +243,18 @@ TEST_F(ReportCommand, WhatIsNoReportIsRefused) {
   dir_.write("damaged.json", R"({"format": "lightfield-check", "findings": [], "cameras": [{"id": "x"}]})");
   dir_.write("text.json", "what");
   const struct {
-    const char *arguments, *said;
+    const char* arguments;
+    std::vector<std::string> facts;
   } cases[] = {
-      {"tracks.json", "tracks.json: is not a report of lf-calibrate"},
-      {"damaged.json", "damaged.json: the report is damaged or comes from another version"},
-      {"text.json", "text.json"},
-      {"nowhere.json", "nowhere.json"},
-      {"", "FILE"},
+      {"tracks.json", {"tracks.json", "report", "lf-calibrate"}},
+      {"damaged.json", {"damaged.json:", "report", "damaged", "version"}},
+      {"text.json", {"text.json"}},
+      {"nowhere.json", {"nowhere.json"}},
+      {"", {"FILE"}},
   };
   for (const auto& c : cases) {
     SCOPED_TRACE(c.arguments);
-    test::expect_outcome(run(std::string("report ") + c.arguments), 1, HasSubstr(c.said));
+    test::expect_outcome(run(std::string("report ") + c.arguments), 1, mentions(c.facts));
     EXPECT_FALSE(std::filesystem::exists(dir_ / "report.html"));
   }
 }

@@ -18,6 +18,7 @@
 #include "rig/rig_json.h"
 #include "scene/calibration_targets.h"
 #include "scene/scene.h"
+#include "support/mentions.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
 
@@ -43,8 +44,8 @@ TEST_F(ColourCommand, AChartIsFilmedMeasuredAndCorrected) {
   test::expect_outcome(scene("chart --rig rig.json --out chart --places 10 --faults 3 --stuck 1"), 0);
   const Outcome outcome = colour("rig.json --recording chart/rig.json --out out.json --json report.json");
   ASSERT_EQ(outcome.status, 0) << outcome.output;
-  EXPECT_THAT(outcome.output, AllOf(HasSubstr("uncorrected"), HasSubstr("<- chosen"), HasSubstr("4 of 4 cameras")));
-  EXPECT_THAT(outcome.output, HasSubstr("camera 1 (cam_00_01): its exposure is stuck: it takes"));
+  EXPECT_THAT(outcome.output, AllOf(HasSubstr("uncorrected"), HasSubstr("<- chosen"), mentions("4 of 4 cameras")));
+  EXPECT_THAT(outcome.output, mentions("camera 1", "cam_00_01", "exposure"));
   const nlohmann::json report = json("report.json");
   EXPECT_EQ(report["format"], "lightfield-colour-report");
   EXPECT_THAT(report["from"].get<std::string>(), HasSubstr("charts"));
@@ -92,9 +93,8 @@ TEST_F(ColourCommand, RecordingsAreReadOverTheirWholeLengthByTime) {
 
   // An unreadable recording is reported with the reason and does not affect the rest.
   dir_.write("film/cam_00_01.mkv", "this is no video");
-  test::expect_outcome(
-      colour("rig.json --recording film --frames 10 --out three.json"), 0,
-      AllOf(HasSubstr("camera 1: the recording contains no frame of this camera: "), HasSubstr("3 of 4 cameras")));
+  test::expect_outcome(colour("rig.json --recording film --frames 10 --out three.json"), 0,
+                       AllOf(mentions("camera 1", "no frame"), mentions("3 of 4 cameras")));
 }
 
 TEST_F(ColourCommand, TheSceneItselfWillDo) {
@@ -121,17 +121,17 @@ TEST_F(ColourCommand, WhatIsWrongIsSaidWithWhatToDo) {
   save_rig(scene_rig(2, 2, 160, 120), dir_ / "rig.json");
   Outcome outcome = colour("rig.json --out out.json");
   EXPECT_NE(outcome.status, 0);
-  EXPECT_THAT(outcome.output, HasSubstr("rig.json: no camera has a frame; give --recording"));
+  EXPECT_THAT(outcome.output, mentions("rig.json", "frame", "--recording"));
 
   ASSERT_EQ(scene("--out film --grid 2x2 --width 160 --height 120 --frames 1 --format png").status, 0);
   outcome = colour("film/rig.json --from chart --out out.json");
   EXPECT_NE(outcome.status, 0);
-  EXPECT_THAT(outcome.output, HasSubstr("no frame shows a colour chart"));
+  EXPECT_THAT(outcome.output, mentions("no frame", "colour chart"));
 
   save_rig(scene_rig(2, 2, 320, 240), dir_ / "large.json");
   outcome = colour("large.json --recording film/rig.json --out out.json");
   EXPECT_NE(outcome.status, 0);
-  EXPECT_THAT(outcome.output, HasSubstr("its recording has 160x120 pixels, but the rig file states 320x240"));
+  EXPECT_THAT(outcome.output, mentions("160x120", "320x240"));
 
   // One camera of the recording is missing, another is black.
   Rig film = load_rig(dir_ / "film/rig.json");
@@ -140,7 +140,7 @@ TEST_F(ColourCommand, WhatIsWrongIsSaidWithWhatToDo) {
   film.cameras[3].source = film.cameras[3].image = "black.png";
   save_rig(film, dir_ / "film/part.json");
   outcome = colour("film/rig.json --recording film/part.json --from views --out out.json");
-  EXPECT_THAT(outcome.output, HasSubstr("camera 2: the recording contains no frame of this camera"));
+  EXPECT_THAT(outcome.output, mentions("camera 2", "no frame"));
   EXPECT_NE(outcome.status, 0) << "two cameras are too few for places that three see";
   EXPECT_FALSE(std::filesystem::exists(dir_ / "out.json"));
 }

@@ -13,6 +13,7 @@
 #include "calibration/simulator.h"
 #include "calibration/tracks.h"
 #include "rig/rig_json.h"
+#include "support/mentions.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
 
@@ -44,8 +45,7 @@ TEST(TrackCommand, FromRecordingsOfABarToARig) {
   record(dir, truth, "--framerate 30,15 --seconds 7,6 --noise 3 --exposure 0.012 --reflection 0.3");
   test::expect_outcome(
       run_program("lf-calibrate", "track true.json --recordings rec --bar --out tracks.json", dir.path()), 0,
-      testing::AllOf(HasSubstr("tracks.json: 5 of 5 cameras"),
-                     HasSubstr("camera 2 has 5.9 s, other recordings 7.0 s")));
+      testing::AllOf(mentions("tracks.json", "5 of 5 cameras"), mentions("camera 2", "5.9 s", "7.0 s")));
 
   // Compares with the truth from lf-scene: every detection is a light, within the stated precision.
   const auto found = parse_light_detections(read_text_file(dir / "tracks.json"), "tracks.json");
@@ -68,7 +68,7 @@ TEST(TrackCommand, FromRecordingsOfABarToARig) {
 
   test::expect_outcome(
       run_program("lf-calibrate", "solve --tracks tracks.json --bar 0.3 --out rig.json --json report.json", dir.path()),
-      0, testing::AllOf(HasSubstr("clocks      offsets"), HasSubstr("rig.json: 5 of 5 cameras")));
+      0, testing::AllOf(HasSubstr("clocks      offsets"), mentions("rig.json", "5 of 5 cameras")));
   const Rig rig = load_rig(dir / "rig.json");
   std::vector<Pose> a, b;
   double mean = 0, squares = 0;
@@ -106,10 +106,9 @@ TEST(TrackCommand, RecordingsThatAreOfNoUseAreNamed) {
   EXPECT_EQ(one.status, 1) << one.output;
   const auto who = [&](int i) { return "camera " + std::to_string(truth.cameras[static_cast<size_t>(i)].id) + " ("; };
   EXPECT_THAT(one.output, HasSubstr(who(1)));
-  EXPECT_THAT(one.output, HasSubstr(") is black from beginning to end: is there a cap on the lens"));
-  EXPECT_THAT(one.output, HasSubstr("the room is not dark"));
-  EXPECT_THAT(one.output,
-              HasSubstr("2 of 5 cameras did not see the light move; tracks.json has only the other cameras"));
+  EXPECT_THAT(one.output, mentions("black", "lens"));
+  EXPECT_THAT(one.output, mentions("room", "not dark"));
+  EXPECT_THAT(one.output, mentions("2 of 5", "tracks.json"));
   EXPECT_TRUE(std::filesystem::exists(dir / "tracks.json"));
 
   // No light; an empty file; no file; two files.
@@ -120,9 +119,8 @@ TEST(TrackCommand, RecordingsThatAreOfNoUseAreNamed) {
   std::filesystem::copy(name(4), dir / "rec/" + truth.cameras[4].name + ".mp4");  // a second file for this camera
   test::expect_outcome(
       run_program("lf-calibrate", "track true.json --recordings rec --out tracks.json", dir.path()), 1,
-      testing::AllOf(HasSubstr("shows no light: "), HasSubstr("has no recording " + truth.cameras[3].name + ".*"),
-                     HasSubstr("are both films of camera " + truth.cameras[4].name),
-                     HasSubstr("fewer than two cameras saw a moving light")));
+      testing::AllOf(HasSubstr("shows no light: "), mentions("no recording", truth.cameras[3].name + ".*"),
+                     mentions("both films", truth.cameras[4].name), mentions("two cameras", "light")));
   EXPECT_FALSE(std::filesystem::exists(dir / "tracks.json"));
 }
 
@@ -130,9 +128,9 @@ TEST(TrackCommand, MistakesOnTheCommandLine) {
   const TempDir dir;
   save_rig(array(), dir / "rig.json");
   test::expect_outcome(run_program("lf-calibrate", "track rig.json --out t.json --recordings nowhere", dir.path()), 1,
-                       HasSubstr("nowhere: is not a folder"));
+                       mentions("nowhere", "folder"));
   test::expect_outcome(run_program("lf-calibrate", "track rig.json --out t.json", dir.path()), 1,
-                       HasSubstr("the camera has no source in the rig; give --recordings a folder that contains cam_"));
+                       mentions("no source", "--recordings", "cam_"));
 }
 
 }  // namespace

@@ -12,6 +12,7 @@
 
 #include "gst/loss_fixture.h"
 #include "gst/rtsp_server.h"
+#include "support/mentions.h"
 #include "support/process.h"
 
 namespace lf::test {
@@ -34,8 +35,8 @@ TEST_F(LossTest, AMissingFileIsTakenUpWhenItIsThere) {
   EXPECT_TRUE(eventually([&] { return pipeline.out_of_service() == 1; }));
   EXPECT_TRUE(eventually([&] { return stat(compositor.get(), "pictures") > 20; }));
   EXPECT_EQ(pipeline.lost(1), 1) << "one message, many attempts";
-  EXPECT_THAT(pipeline.reason(1), AllOf(HasSubstr("camera 1 (cam_1)"), HasSubstr(late + ": no such file")));
-  EXPECT_THAT(pipeline.losses(), ElementsAre(HasSubstr(late + ": no such file: out of service until it is back")));
+  EXPECT_THAT(pipeline.reason(1), AllOf(HasSubstr("camera 1 (cam_1)"), mentions(late, "no such")));
+  EXPECT_THAT(pipeline.losses(), ElementsAre(mentions(late, "no such", "out of service")));
   EXPECT_TRUE(eventually([&] { return camera_stats(node.get(), 1).retries > 1; }));
   EXPECT_EQ(camera_stats(node.get(), 1).state, "lost");
   EXPECT_THAT(camera_stats(node.get(), 1).reason, HasSubstr("no such file"));
@@ -57,7 +58,7 @@ TEST_F(LossTest, HalfOfTheCamerasAtOnceAreHalfOfTheCameras) {
   EXPECT_TRUE(eventually([&] { return pictures.count() > 10; }));
   for (const size_t id : {1, 3}) failing_device(id).broken = true;
   EXPECT_TRUE(eventually([&] { return pipeline.out_of_service() == 2; }));
-  EXPECT_THAT(pipeline.reason(3), HasSubstr("failing://3: Device 3 is gone"));
+  EXPECT_THAT(pipeline.reason(3), mentions("failing://3", "Device 3"));
   for (const int id : {1, 3}) EXPECT_TRUE(eventually([&] { return camera_stats(node.get(), id).retries > 0; }));
   const int before = pictures.count();
   EXPECT_TRUE(eventually([&] { return pictures.count() > before + 10; }));
@@ -67,7 +68,7 @@ TEST_F(LossTest, HalfOfTheCamerasAtOnceAreHalfOfTheCameras) {
   std::filesystem::rename(rig_file, rig_file + ".gone");
   const uint64_t tried = camera_stats(node.get(), 1).retries;
   EXPECT_TRUE(eventually([&] { return camera_stats(node.get(), 1).retries > tried; }));
-  EXPECT_THAT(camera_stats(node.get(), 1).reason, HasSubstr("loss.json: no such file"));
+  EXPECT_THAT(camera_stats(node.get(), 1).reason, mentions("loss.json", "no such"));
   std::filesystem::rename(rig_file + ".gone", rig_file);
   for (const size_t id : {1, 3}) failing_device(id).broken = false;
   EXPECT_TRUE(
@@ -95,7 +96,7 @@ TEST_F(LossTest, ACameraThatFallsSilentIsLost) {
   EXPECT_TRUE(eventually([&] { return camera_stats(node.get(), 1).state == "running"; }));
   failing_device(1).stalls = true;
   EXPECT_TRUE(eventually([&] { return pipeline.lost(1) == 1; }));
-  EXPECT_THAT(pipeline.reason(1), HasSubstr("failing://1: no frame for 5 s"));
+  EXPECT_THAT(pipeline.reason(1), mentions("failing://1", "5 s"));
   failing_device(1).stalls = false;
   EXPECT_TRUE(eventually([&] { return pipeline.found(1) == 1; }));
   // PAUSED has no frames, which must not count as a loss.
@@ -117,7 +118,7 @@ TEST_F(LossTest, WithoutRetryACameraIsLostForGood) {
   failing_device(1).broken = false;
   g_usleep(700000);  // longer than the first retry delay
   EXPECT_EQ(failing_device(1).opened, 1);
-  EXPECT_THAT(pipeline.losses(), ElementsAre(HasSubstr("out of service from now on")));
+  EXPECT_THAT(pipeline.losses(), ElementsAre(HasSubstr("out of service")));
   EXPECT_THAT(pipeline.errors(), IsEmpty());
   failing_device(0).broken = true;
   EXPECT_TRUE(eventually([&] { return !pipeline.errors().empty(); })) << "none is left";
@@ -168,8 +169,7 @@ TEST_F(LossTest, AllThatHaveWorkedAreWaitedFor) {
   }
   pipeline.stop();
   const std::vector<std::string> warnings = pipeline.warnings();
-  EXPECT_EQ(std::ranges::count_if(warnings, [](const auto& w) { return w.starts_with("No camera works any more: "); }),
-            2);
+  EXPECT_EQ(std::ranges::count_if(warnings, [](const auto& w) { return w.find("any more: ") != w.npos; }), 2);
 }
 
 TEST_F(LossTest, NoneThatWorksIsAnErrorWithAllReasons) {
@@ -178,7 +178,7 @@ TEST_F(LossTest, NoneThatWorksIsAnErrorWithAllReasons) {
   const WatchedPipeline pipeline(line(none), GST_STATE_NULL);
   EXPECT_EQ(pipeline.set_state(GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE);
   EXPECT_THAT(pipeline.errors(), ElementsAre(AllOf(HasSubstr("No camera works"), HasSubstr("Device 0 is busy"),
-                                                   HasSubstr("Device 1 is busy"), HasSubstr("no.mkv: no such file"))));
+                                                   HasSubstr("Device 1 is busy"), mentions("no.mkv", "no such"))));
 }
 
 // A non-live node does not wait for damaged files: each ends early and the rest play on.
@@ -323,8 +323,7 @@ TEST_F(RtspLossTest, AServerIsStartedAfterItsViewers) {
     const WatchedPipeline pipeline(line(rig(2, [&](guint id) { return id == 1 ? uri : "failing://0"; }), 1,
                                         node_is + " loop=true latency=50000000"));
     EXPECT_TRUE(eventually([&] { return pipeline.lost(1) == 1 && pipeline.out_of_service() == 1; }));
-    EXPECT_THAT(pipeline.losses(),
-                ElementsAre(AllOf(HasSubstr(uri), HasSubstr("writing: out of service until it is back"))));
+    EXPECT_THAT(pipeline.losses(), ElementsAre(AllOf(HasSubstr(uri), mentions("writing", "out of service"))));
     server = std::make_unique<RtspServer>(port);
     EXPECT_TRUE(eventually([&] { return pipeline.found(1) == 1 && pipeline.out_of_service() == 0; }))
         << pipeline.reason(1);
@@ -423,8 +422,8 @@ TEST_F(OverloadTest, FramesAreDroppedBeforeTheyAreDecoded) {
                       static_cast<double>(stat(node.get(), "answers") - answers);
   std::printf("%.2f of the answers show something\n", seen);
   EXPECT_GT(seen, 0.7);
-  EXPECT_THAT(pipeline.warnings(), Contains(HasSubstr("this machine is too slow to decode")));
-  EXPECT_THAT(pipeline.warnings(), Each(Not(HasSubstr("clocks of all machines"))));
+  EXPECT_THAT(pipeline.warnings(), Contains(mentions("too slow", "decode")));
+  EXPECT_THAT(pipeline.warnings(), Each(Not(HasSubstr("clocks of all"))));
 
   slowness = 0;
   EXPECT_TRUE(eventually([&] {

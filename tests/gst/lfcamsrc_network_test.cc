@@ -23,6 +23,7 @@
 #include "gst/gst_test.h"
 #include "gst/loss_fixture.h"
 #include "gst/rtsp_server.h"
+#include "support/mentions.h"
 #include "support/recorded.h"
 #include "support/temp_dir.h"
 
@@ -137,10 +138,8 @@ TEST_F(RtspTest, JpegStaysJpegWhereItIsNotDecoded) {
 }
 
 TEST_F(RtspTest, ErrorsNameThePlace) {
-  EXPECT_THAT(CameraPipeline("rig=" + rig("/jpeg", 66)).play(),
-              HasSubstr(server->uri("/jpeg") + ": the picture is 64x48, the rig says 66x48"));
-  EXPECT_THAT(CameraPipeline("rig=" + rig("/nothing")).play(),
-              HasSubstr("camera 0 (cam_0): " + server->uri("/nothing")));
+  EXPECT_THAT(CameraPipeline("rig=" + rig("/jpeg", 66)).play(), mentions(server->uri("/jpeg"), "64x48", "66x48"));
+  EXPECT_THAT(CameraPipeline("rig=" + rig("/nothing")).play(), mentions("camera 0", "cam_0", server->uri("/nothing")));
 }
 
 TEST_F(RtspTest, ANodeRecordsCodedPicturesAsTheyCome) {
@@ -349,7 +348,7 @@ TEST_F(CamSrcHttpTest, ACameraThatSendsNoPictureIsAnError) {
     });
     CameraPipeline camera("is-live=true rig=" + rig_with_source(server.uri()));
     camera.set_state(GST_STATE_PLAYING);
-    EXPECT_THAT(camera.wait(20 * GST_SECOND), testing::HasSubstr("more than 64 MB received without a picture"));
+    EXPECT_THAT(camera.wait(20 * GST_SECOND), mentions("64 MB", "picture"));
     camera.set_state(GST_STATE_NULL);
     EXPECT_LT(sent, size_t{1} << 30);
   }
@@ -368,7 +367,7 @@ TEST_F(CamSrcHttpTest, BytesWithoutTimesAreAnError) {
     camera.set_state(GST_STATE_PLAYING);
     const std::string text = camera.wait(20 * GST_SECOND);
     EXPECT_THAT(text, HasSubstr("camera 0 (cam_0)")) << decode;
-    EXPECT_THAT(text, HasSubstr(decode == "false" ? "has bytes without times" : "received without a picture"));
+    EXPECT_THAT(text, HasSubstr(decode == "false" ? "without times" : "without a picture"));
     camera.set_state(GST_STATE_NULL);
   }
 }
@@ -405,7 +404,7 @@ TEST_F(CamSrcHttpTest, RtpWithoutMarkerBitsIsAnError) {
   packets.join();
   close(sender);
   EXPECT_THAT(text, HasSubstr("camera 0 (cam_0)"));
-  EXPECT_THAT(text, HasSubstr("more than 64 MB received without a picture"));
+  EXPECT_THAT(text, mentions("64 MB", "picture"));
 }
 
 // Servers choose the words of a refusal freely.
@@ -416,8 +415,7 @@ TEST_F(CamSrcHttpTest, ARefusalHasItsStatus) {
     });
     CameraPipeline camera("is-live=true rig=" + rig_with_source(server.uri()));
     camera.set_state(GST_STATE_PLAYING);
-    EXPECT_THAT(camera.wait(20 * GST_SECOND), testing::HasSubstr("/stream: the camera refuses access (HTTP " +
-                                                                 status.substr(0, 3) + ", " + status.substr(4) + ")"));
+    EXPECT_THAT(camera.wait(20 * GST_SECOND), mentions("/stream", "HTTP", status.substr(0, 3), status.substr(4)));
     camera.set_state(GST_STATE_NULL);
   }
 }
@@ -431,7 +429,7 @@ TEST_F(CamSrcHttpTest, APlaylistNamesNoFileOfThisMachine) {
   });
   CameraPipeline camera("is-live=true rig=" + rig_with_source(server.uri()));
   camera.set_state(GST_STATE_PLAYING);
-  EXPECT_THAT(camera.wait(20 * GST_SECOND), testing::HasSubstr("its playlist names a file of this machine"));
+  EXPECT_THAT(camera.wait(20 * GST_SECOND), mentions("playlist", "this machine"));
   camera.set_state(GST_STATE_NULL);
   EXPECT_TRUE(camera.frames.empty());
 }
@@ -465,7 +463,7 @@ TEST_F(RetryTest, AnErrorStaysAnErrorWithoutIt) {
   failing_device(0).frames_at_most = 10;
   const WatchedPipeline pipeline(camera("trusted=true rig=" + devices(1)));
   EXPECT_TRUE(eventually([&] { return !pipeline.errors().empty(); }));
-  EXPECT_THAT(pipeline.errors()[0], HasSubstr("failing://0: Device 0 is gone"));
+  EXPECT_THAT(pipeline.errors()[0], mentions("failing://0", "Device 0"));
   pipeline.set_state(GST_STATE_NULL);
   EXPECT_EQ(pipeline.lost(0), 0);
 }
@@ -565,7 +563,7 @@ TEST_F(RetryTest, RunningTimeGoesOn) {
 TEST_F(RetryTest, ARigThatCanNotBeReadIsAnError) {
   const WatchedPipeline pipeline(camera("retry=true rig=" + files->path("none.json")), GST_STATE_NULL);
   EXPECT_EQ(pipeline.set_state(GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE);
-  EXPECT_THAT(pipeline.errors(), ElementsAre(HasSubstr("none.json: no such file")));
+  EXPECT_THAT(pipeline.errors(), ElementsAre(mentions("none.json", "no such")));
 }
 
 }  // namespace

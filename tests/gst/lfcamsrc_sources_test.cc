@@ -20,6 +20,7 @@
 #include "image/image.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
+#include "support/mentions.h"
 
 namespace lf::test {
 namespace {
@@ -222,7 +223,7 @@ TEST_F(CamSrcElementsTest, ErrorsNameThePlace) {
       {"videotestsrc ! ! identity", "syntax error"},
       {"videotestsrc ! fakesink", "could not link"},
       {"identity ! identity", "no source element"},
-      {"videotestsrc ! video/x-raw,width=32", "it gives no pictures of 64x48"},
+      {"videotestsrc ! video/x-raw,width=32", "64x48"},
   };
   for (const auto& [source, text] : cases) {
     const std::string error = CameraPipeline("trusted=true rig=" + rig_with_source(source)).play();
@@ -235,8 +236,7 @@ TEST_F(CamSrcElementsTest, ThatMayDoMoreThanGivePicturesNeedTrust) {
   const std::string picture = "videotestsrc num-buffers=3 ! video/x-raw,format=RGB,width=64,height=48 ! ";
   const std::string writes = "tee name=t t. ! queue ! filesink location=\"" + written + "\" t. ! queue";
   const std::string error = CameraPipeline("rig=" + rig_with_source(picture + writes)).play();
-  EXPECT_THAT(error, ::testing::AllOf(::testing::HasSubstr("camera 0 (cam_0): its source has tee"),
-                                      ::testing::HasSubstr("trusted=true")));
+  EXPECT_THAT(error, ::testing::AllOf(mentions("camera 0", "cam_0", "tee"), ::testing::HasSubstr("trusted=true")));
   EXPECT_FALSE(std::filesystem::exists(written));
   EXPECT_EQ(CameraPipeline("trusted=true rig=" + rig_with_source(picture + writes)).play(), "EOS");
   EXPECT_TRUE(std::filesystem::exists(written)) << "otherwise the test proves nothing";
@@ -247,19 +247,16 @@ TEST_F(CamSrcElementsTest, ThatMayDoMoreThanGivePicturesNeedTrust) {
 // A rig that refers to itself would open light fields recursively.
 TEST_F(CamSrcElementsTest, OtherLightFieldsNeedTrustAndDoNotNest) {
   const std::string itself = "lf://" + files->path("rig.json");
-  EXPECT_THAT(CameraPipeline("rig=" + rig_with_source(itself)).play(),
-              ::testing::HasSubstr("a URI of another light field"));
-  EXPECT_THAT(CameraPipeline("trusted=true rig=" + rig_with_source(itself)).play(),
-              ::testing::HasSubstr("a URI of another light field"));
+  EXPECT_THAT(CameraPipeline("rig=" + rig_with_source(itself)).play(), mentions("URI", "light field"));
+  EXPECT_THAT(CameraPipeline("trusted=true rig=" + rig_with_source(itself)).play(), mentions("URI", "light field"));
   const std::string described = "lfviewsrc trusted=true rig=\"" + files->path("rig.json") + "\" ! identity";
-  EXPECT_THAT(CameraPipeline("trusted=true rig=" + rig_with_source(described)).play(),
-              ::testing::HasSubstr("does a rig contain itself?"));
+  EXPECT_THAT(CameraPipeline("trusted=true rig=" + rig_with_source(described)).play(), mentions("rig", "itself"));
 }
 
 TEST_F(CamSrcElementsTest, AreOnlyTakenFromFilesOfOnesOwn) {
   const std::string path = rig_with_source("videotestsrc num-buffers=3 ! identity");
   std::filesystem::permissions(path, std::filesystem::perms::others_write, std::filesystem::perm_options::add);
-  EXPECT_THAT(CameraPipeline("rig=" + path).play(), ::testing::HasSubstr("can be written by other users"));
+  EXPECT_THAT(CameraPipeline("rig=" + path).play(), mentions("written", "other users"));
   std::filesystem::permissions(path, std::filesystem::perms::others_write, std::filesystem::perm_options::remove);
   EXPECT_EQ(CameraPipeline("rig=" + path).play(), "EOS");
   const std::string no_elements = rig_with_source("mjpeg.mkv");
@@ -477,7 +474,7 @@ TEST_F(CamSrcFilesTest, ExifOrientationIsMentionedAndNotFollowed) {
   write("turned.jpg", jpeg);
   CameraPipeline camera("num-frames=1 rig=" + rig_with_source("turned.jpg"));
   ASSERT_EQ(camera.play(), "EOS");
-  EXPECT_THAT(camera.warnings, HasSubstr("turned by 90 degrees (orientation 6). It is shown as stored"));
+  EXPECT_THAT(camera.warnings, mentions("90 degrees", "orientation 6"));
   EXPECT_EQ(camera.info.width, CameraFiles::kWidth);
 }
 
@@ -517,8 +514,7 @@ TEST_F(CamSrcFilesTest, ACameraWithoutPicturesAmongOthersIsMentioned) {
       camera.source = camera.id == 1 ? "" : source;
     }));
     ASSERT_EQ(camera.play(), "EOS");
-    EXPECT_EQ(camera.warnings.find("names neither an image nor a source") != std::string::npos, *source != 0)
-        << camera.warnings;
+    EXPECT_EQ(camera.warnings.find("nor a source") != std::string::npos, *source != 0) << camera.warnings;
   }
 }
 

@@ -10,11 +10,11 @@
 
 #include "gst/array_fixture.h"
 #include "gst/compositor_fixture.h"
+#include "support/mentions.h"
 
 namespace lf::test {
 namespace {
 
-using testing::HasSubstr;
 
 bool comes(const std::function<bool()>& done, int seconds = 20) {
   for (int i = 0; i < seconds * 100 && !done(); i++) g_usleep(10000);
@@ -86,7 +86,7 @@ TEST_F(LfCompositorStreamsTest, PartialStaysWhatItWasWhileItRuns) {
   gboolean partial = TRUE;
   g_object_get(element_.get(), "partial", &partial, nullptr);
   EXPECT_FALSE(partial);
-  EXPECT_THAT(warnings_on(bus), HasSubstr("partial: can't be changed while the element runs"));
+  EXPECT_THAT(warnings_on(bus), mentions("partial", "changed"));
   ask_and_answer(1, kFrame, {0, 1, 2, 3});
   EXPECT_EQ(pull().size(), size);
   EXPECT_EQ(caps_of(harness_->sinkpad), caps);
@@ -220,7 +220,7 @@ TEST_F(LfCompositorStreamsTest, AViewThatNobodyAsksForIsSaidOnce) {
     for (const std::string& text : all_warnings_on(bus)) warnings.push_back(text);
   }
   ASSERT_EQ(warnings.size(), 1u);
-  EXPECT_THAT(warnings[0], HasSubstr("No client requests view 3"));
+  EXPECT_THAT(warnings[0], mentions("No client", "view 3"));
   gst_element_set_bus(element_.get(), nullptr);
   gst_object_unref(bus);
 }
@@ -258,7 +258,7 @@ TEST_F(LfCompositorStreamsTest, AViewThatLeavesTheArrayIsCounted) {
   for (uint32_t i = 1; i < 4; i++) EXPECT_EQ(show(i, true), std::pair(false, 0.0));
   EXPECT_EQ(stat(element_.get(), "complete"), 1u);
   EXPECT_EQ(stat(element_.get(), "unseen"), 3u);
-  EXPECT_THAT(warnings, testing::ElementsAre(HasSubstr("No camera sees anything of view 0")));
+  EXPECT_THAT(warnings, testing::ElementsAre(mentions("No camera", "view 0")));
   EXPECT_EQ(stat(element_.get(), "missing-fragments"), 0u);
   gst_element_set_bus(element_.get(), nullptr);
   gst_object_unref(bus);

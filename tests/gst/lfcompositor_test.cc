@@ -11,6 +11,7 @@
 #include "gst/compositor_fixture.h"
 #include "node/camera_access.h"
 #include "node/request_renderer.h"
+#include "support/mentions.h"
 #include "wire/answer_codec.h"
 #include "wire/command_codec.h"
 #include "wire/consistency_codec.h"
@@ -258,7 +259,7 @@ TEST_F(LfCompositorTest, ErrorsNameThePlace) {
   ASSERT_TRUE(message);
   GError* error = nullptr;
   gst_message_parse_error(message, &error, nullptr);
-  EXPECT_THAT(error->message, HasSubstr("a videoconvert in between"));
+  EXPECT_THAT(error->message, HasSubstr("videoconvert"));
   g_clear_error(&error);
   gst_message_unref(message);
   gst_element_set_bus(element_.get(), nullptr);
@@ -344,7 +345,7 @@ TEST_F(LfCompositorTreeTest, WhatIsMissingInARackIsMissingAtTheRoot) {
 }
 
 TEST_F(LfCompositorTreeTest, NeedsTheRig) {
-  EXPECT_THAT(run("lfcompositor partial=true ! fakesink", 5), HasSubstr("set the property \"rig\""));
+  EXPECT_THAT(run("lfcompositor partial=true ! fakesink", 5), mentions("property", "\"rig\""));
 }
 
 TEST(LfCompositorSettings, WhatHasNoEffectIsSaid) {
@@ -518,7 +519,7 @@ TEST_F(LfCompositorTrialsTest, ARangeWithItsEndsExchangedIsLeftOutAndSaid) {
   gst_element_set_bus(element_.get(), bus);
   const auto set = [&](const char* name, double metres) { g_object_set(element_.get(), name, metres, nullptr); };
   set("focus-far", 2);
-  EXPECT_THAT(warnings_on(bus), testing::HasSubstr("focus-near is 3 m and focus-far 2 m: the near end must be nearer"));
+  EXPECT_THAT(warnings_on(bus), mentions("focus-near", "3 m", "focus-far", "2 m"));
   g_object_set(element_.get(), "post-messages", TRUE, nullptr);
   EXPECT_EQ(warnings_on(bus), "") << "warns once";
   set("focus-near", 1);

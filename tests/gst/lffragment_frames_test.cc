@@ -17,6 +17,7 @@
 #include "gst/array_fixture.h"
 #include "gst/fragment_fixture.h"
 #include "support/answers.h"
+#include "support/mentions.h"
 
 namespace lf::test {
 namespace {
@@ -327,8 +328,8 @@ TEST_F(LfFragmentClockTest, ACameraThatStoppedIsBlind) {
   }
   EXPECT_EQ(stat(element_.get(), "stale-frames"), 10u);
   EXPECT_EQ(stat(element_.get(), "missing-frames"), 10u);
-  EXPECT_THAT(warnings(), testing::ElementsAre(testing::AllOf(HasSubstr("node 7 is off"), HasSubstr("camera 2 "),
-                                                              HasSubstr("a frame (100 ms)"), HasSubstr("too old"))));
+  EXPECT_THAT(warnings(), testing::ElementsAre(testing::AllOf(mentions("node 7"), HasSubstr("camera 2 "),
+                                                              mentions("100 ms"), HasSubstr("too old"))));
   ViewRequest without = array_.request(20, at(19));
   without.absolute_time = true;
   without.out_of_service = {2};
@@ -344,8 +345,8 @@ TEST_F(LfFragmentClockTest, ANodeThatIsOffIsNamedOnce) {
     for (size_t i = 0; i < 4; i++) push_taken(i, kEpoch + k * kFrame + 700 * GST_MSECOND);
     ask(static_cast<uint32_t>(k), kEpoch + k * kFrame);
   }
-  EXPECT_THAT(warnings(), testing::ElementsAre(testing::AllOf(HasSubstr("node 7 is off"),
-                                                              HasSubstr("camera 0, 1, 2, 3 "), HasSubstr("too new"))));
+  EXPECT_THAT(warnings(), testing::ElementsAre(
+                              testing::AllOf(mentions("node 7"), mentions("camera 0, 1, 2, 3"), HasSubstr("too new"))));
 }
 
 // --- Cameras and clients that come and go, and rigs that are replaced ------------------------------------------------
@@ -567,7 +568,7 @@ TEST_F(LfFragmentRigTest, ACameraOfAnotherSizeThanTheNewRigsIsMissingUntilItsVid
   start(4);
   push_frames(60, 0);
   set("rig", larger.path().c_str());
-  EXPECT_THAT(warnings(), ElementsAre(HasSubstr("another image size for camera 2,")));
+  EXPECT_THAT(warnings(), ElementsAre(mentions("image size", "camera 2")));
   ViewRequest asked = array_.request(0, 0);
   asked.rig_hash = larger.hash();
   EXPECT_THAT(cameras_in(asked), ElementsAre(0, 1, 3));
@@ -605,7 +606,7 @@ TEST_F(LfFragmentRigTest, VideoThatChangesItsSizeIsAnError) {
   gst_harness_set_src_caps_str(cameras_[2].get(), "video/x-raw,format=RGB,width=48,height=24,framerate=10/1");
   EXPECT_EQ(gst_harness_push(cameras_[2].get(), to_buffer(std::vector<uint8_t>(48 * 24 * 3, 60))),
             GST_FLOW_NOT_NEGOTIATED);
-  EXPECT_THAT(warnings(GST_MESSAGE_ERROR), ElementsAre(HasSubstr("the video of camera 2 has 48x24 pixels")));
+  EXPECT_THAT(warnings(GST_MESSAGE_ERROR), ElementsAre(mentions("camera 2", "48x24")));
 }
 
 TEST_F(LfFragmentRigTest, AFileThatCannotBeReadChangesNothing) {

@@ -8,6 +8,7 @@
 #include "node/camera_access.h"
 #include "rtp/packetizer.h"
 #include "support/answers.h"
+#include "support/mentions.h"
 #include "wire/answer_codec.h"
 #include "wire/command_codec.h"
 #include "wire/request_codec.h"
@@ -255,24 +256,25 @@ TEST_F(LfFragmentTest, FurtherRequestersHaveTheirOwnPads) {
 
 TEST_F(LfFragmentTest, ErrorsNameThePlace) {
   const struct {
-    std::string line, message;
+    std::string line;
+    std::vector<std::string> facts;
   } cases[] = {
-      {"lffragment ! fakesink", "set the property \"rig\""},
-      {"lffragment rig=/nowhere/rig.json ! fakesink", "/nowhere/rig.json"},
+      {"lffragment ! fakesink", {"property", "\"rig\""}},
+      {"lffragment rig=/nowhere/rig.json ! fakesink", {"/nowhere/rig.json"}},
       {"videotestsrc num-buffers=1 ! video/x-raw,format=RGB,width=31,height=24 ! n.sink_0 lffragment name=n rig=" +
            array_.rig_path() + " ! fakesink",
-       "31x24 pixels, the rig " + array_.rig_path() + " says 32x24"},
+       {"31x24", array_.rig_path(), "32x24"}},
       {"videotestsrc num-buffers=1 ! video/x-raw,format=RGB,width=32,height=24 ! n.sink_9 lffragment name=n rig=" +
            array_.rig_path() + " ! fakesink",
-       "has no camera 9"},
+       {"camera 9"}},
       {"videotestsrc num-buffers=1 ! video/x-raw,width=48,height=24 ! jpegenc ! n.sink_0 lffragment name=n rig=" +
            array_.rig_path() + " ! fakesink",
-       "48x24 pixels, the rig " + array_.rig_path() + " says 32x24"},
+       {"48x24", array_.rig_path(), "32x24"}},
   };
   for (const auto& test : cases) {
     const ElementPtr pipeline = launch(test.line);
     ASSERT_TRUE(pipeline) << test.line;
-    EXPECT_THAT(run(pipeline.get(), 5), HasSubstr(test.message)) << test.line;
+    EXPECT_THAT(run(pipeline.get(), 5), mentions(test.facts)) << test.line;
   }
 }
 
@@ -329,7 +331,7 @@ TEST_F(FragmentLimitsTest, WhatAsksForTooMuchIsRefusedAndCounted) {
   // At most once a second.
   const std::vector<std::string> told = warnings();
   ASSERT_GE(told.size(), 1u);
-  EXPECT_THAT(told[0], HasSubstr("View 2 asks for 16384x16384 pixels"));
+  EXPECT_THAT(told[0], mentions("View 2", "16384x16384"));
   EXPECT_THAT(told[0], HasSubstr("max-pixels"));
   EXPECT_LT(told.size(), 4u);
 }
@@ -353,8 +355,8 @@ TEST_F(FragmentLimitsTest, MoreTrialsThanAllowedAreRefused) {
 
 TEST_F(FragmentLimitsTest, WrongLimitsAreToldOfAndLeaveTheOthers) {
   set("limits", "limits,max-pixels=0,max-views=1,max-cameras=4");
-  EXPECT_THAT(warnings(), ElementsAre(HasSubstr("limits: max-pixels: must be a whole number of 1 to 268435456, not 0"),
-                                      HasSubstr("limits: max-cameras: there is no such limit")));
+  EXPECT_THAT(warnings(), ElementsAre(mentions("limits", "max-pixels", "1 to 268435456", "0"),
+                                      mentions("limits", "max-cameras", "no such")));
   EXPECT_TRUE(is_answered(asked(1))) << "max-pixels is at its default";
   EXPECT_FALSE(is_answered(asked(2)));
   set("limits", "limits");
@@ -369,7 +371,7 @@ TEST_F(LfFragmentTest, WrongLimitsAreToldOfAtTheStart) {
   g_autoptr(GstBus) bus = gst_bus_new();
   gst_element_set_bus(fragment.get(), bus);
   EXPECT_EQ(gst_element_set_state(fragment.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_SUCCESS);
-  EXPECT_THAT(warnings_on(bus), HasSubstr("max-views: must be a whole number of 1 to 65536, not none"));
+  EXPECT_THAT(warnings_on(bus), mentions("max-views", "1 to 65536", "none"));
   gst_element_set_state(fragment.get(), GST_STATE_NULL);
   gst_element_set_bus(fragment.get(), nullptr);
 }

@@ -168,11 +168,11 @@ TEST_F(LfViewSrcOnHostsTest, HostsSayWhatIsWrong) {
   struct Case {
     std::string line, words;
   };
-  for (const Case& c : {Case{rig, "listen: not set"}, Case{rig + " listen=5000", "same number of items"},
-                        Case{rig + " listen=5000 answers=6000", "answers: 6000: must be HOST:PORT"},
-                        Case{rig + " listen=here answers=a:6000", "here: must be PORT"},
-                        Case{rig + " listen=5000 answers=nobody.invalid:6000", "nobody.invalid"},
-                        Case{"lfnodesink listen=5000 answers=localhost:6000", "rig: not set"}}) {
+  for (const Case& c :
+       {Case{rig, "listen: not set"}, Case{rig + " listen=5000", "same number"},
+        Case{rig + " listen=5000 answers=6000", "answers: 6000:"}, Case{rig + " listen=here answers=a:6000", "here:"},
+        Case{rig + " listen=5000 answers=nobody.invalid:6000", "nobody.invalid"},
+        Case{"lfnodesink listen=5000 answers=localhost:6000", "rig: not set"}}) {
     pipeline_ = launch_pipeline(c.line);
     ASSERT_TRUE(pipeline_);
     EXPECT_EQ(gst_element_set_state(pipeline_.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE) << c.line;

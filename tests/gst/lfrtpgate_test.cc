@@ -248,8 +248,8 @@ TEST_F(LfRtpGateTest, SaysWhatIsWrongWithAKey) {
   struct Case {
     std::string element, words;
   };
-  for (const Case& c : {Case{"lfrtpseal key-file=/nobody", "key-file: /nobody: can't be read"},
-                        Case{"lfrtpgate key-file=/nobody", "key-file: /nobody: can't be read"},
+  for (const Case& c : {Case{"lfrtpseal key-file=/nobody", "key-file: /nobody:"},
+                        Case{"lfrtpgate key-file=/nobody", "key-file: /nobody:"},
                         Case{"lfrtpseal key-file=" + few.path(), "openssl rand -hex 32"},
                         Case{"lfrtpgate peers=nobody.invalid", "peers: nobody.invalid: "}}) {
     EXPECT_THAT(run("appsrc ! application/x-rtp ! " + c.element + " ! fakesink"), HasSubstr(c.words));
@@ -274,12 +274,11 @@ TEST_F(LfRtpGateTest, SaysOnceWhyPacketsAreDropped) {
   RtpElement others(("lfrtpseal key-file=" + other_.path()).c_str(), kRtpAnswerCaps);
   others.push(rtp_packet(0, 100));
   const uint32_t now = lf::rtp::current_minute();
-  for (const Case& c :
-       {Case{rtp_packet(0, 100), "unsealed", "not encrypted: the sender has no key-file"},
-        Case{sealed_by_others(other_.path(), now - 100), "unsealed", "another key-file and a wrong clock"},
-        Case{others.units().at(0), "forged", "encrypted with another key"},
-        Case{sealed_by_others(key_.path(), now - 100), "stale", "clocks of the two hosts differ"},
-        Case{rtp_packet(0, 1), "malformed", "too short for SRTP"}}) {
+  for (const Case& c : {Case{rtp_packet(0, 100), "unsealed", "not encrypted"},
+                        Case{sealed_by_others(other_.path(), now - 100), "unsealed", "wrong clock"},
+                        Case{others.units().at(0), "forged", "another key"},
+                        Case{sealed_by_others(key_.path(), now - 100), "stale", "clocks"},
+                        Case{rtp_packet(0, 1), "malformed", "SRTP"}}) {
     RtpElement fresh(gate(key_).c_str(), kRtpAnswerCaps);
     EXPECT_THAT(warnings(fresh, c.packet), testing::ElementsAre(HasSubstr(c.words)));
     EXPECT_EQ(stat(fresh.element(), c.fate), 100u) << c.words;

@@ -9,6 +9,7 @@
 #include "gst/array_fixture.h"
 #include "gst/lfviewsrc_fixture.h"
 #include "node/renderer_selector.h"
+#include "support/mentions.h"
 #include "view/view_path.h"
 #include "wire/request_codec.h"
 
@@ -216,7 +217,7 @@ TEST_F(LfViewSrcTest, EyesOutsideOfTheArrayAreSaid) {
   play("width=64 height=48 views=quilt columns=4 rows=2 eye-distance=20");
   ASSERT_TRUE(more("s", 1));
   g_autoptr(GstBus) bus = gst_element_get_bus(pipeline_.get());
-  EXPECT_THAT(warnings_on(bus), HasSubstr("Some of the 8 views of view 0 are outside"));
+  EXPECT_THAT(warnings_on(bus), mentions("8 views", "view 0", "outside"));
 }
 
 // An application that writes a file must learn that it will get no pictures.
@@ -224,7 +225,7 @@ TEST_F(LfViewSrcTest, ThatAllIsRefusedIsAnError) {
   const ElementPtr pipeline = launch("lfviewsrc rig=" + array_.rig_path() +
                                      " is-live=false num-buffers=3 limits=limits,max-pixels=100 ! fakesink sync=false");
   ASSERT_TRUE(pipeline);
-  EXPECT_THAT(run(pipeline.get(), kTimeoutSeconds), HasSubstr("There is no picture"));
+  EXPECT_THAT(run(pipeline.get(), kTimeoutSeconds), HasSubstr("no picture"));
 }
 
 TEST_F(LfViewSrcTest, ActionsSetTheView) {
@@ -264,12 +265,12 @@ TEST_F(LfViewSrcTest, ErrorsSayWhatIsWrong) {
     const char* cameras = "";
   };
   const std::string rig = "rig=" + array_.rig_path();
-  for (const Case& c : {Case{"", "rig: not set"}, Case{"rig=/nowhere/rig.json", "/nowhere/rig.json"},
-                        Case{rig + " nodes=here", "nodes: here: must be HOST:PORT-THERE"},
-                        Case{rig + " nodes=localhost:1:2 is-live=false", "is-live must be true"},
-                        Case{rig + " nodes=nobody.invalid:1:2", "nobody.invalid"}, Case{rig, "cameras \"9\"", "9"},
-                        Case{rig + " location=none.json", "location: none.json: can't be read: No such file"},
-                        Case{rig + " location=" + array_.rig_path(), "format: must be \"lightfield-views\""}}) {
+  for (const Case& c :
+       {Case{"", "rig: not set"}, Case{"rig=/nowhere/rig.json", "/nowhere/rig.json"},
+        Case{rig + " nodes=here", "nodes: here:"}, Case{rig + " nodes=localhost:1:2 is-live=false", "is-live"},
+        Case{rig + " nodes=nobody.invalid:1:2", "nobody.invalid"}, Case{rig, "cameras \"9\"", "9"},
+        Case{rig + " location=none.json", "location: none.json:"},
+        Case{rig + " location=" + array_.rig_path(), "\"lightfield-views\""}}) {
     pipeline_ = launch("lfviewsrc name=v " + c.properties + " ! fakesink");
     ASSERT_TRUE(pipeline_);
     // gst_parse_launch() of GStreamer 1.22 leaks a reference to a child set in the launch line.
@@ -327,7 +328,7 @@ TEST_F(LfViewSrcTest, AUriOpensNoElementsThatARigDescribes) {
   g_autoptr(GError) error = nullptr;
   gst_message_parse_error(message, &error, nullptr);
   gst_message_unref(message);
-  EXPECT_THAT(error->message, HasSubstr("camera 1: its source describes elements, which no URI opens"));
+  EXPECT_THAT(error->message, mentions("camera 1", "elements", "URI"));
   gst_element_set_state(bin.get(), GST_STATE_NULL);
   g_object_set(bin.get(), "rig", described.path().c_str(), nullptr);
   EXPECT_EQ(gst_element_set_state(bin.get(), GST_STATE_READY), GST_STATE_CHANGE_SUCCESS);
@@ -382,7 +383,7 @@ TEST_F(LfViewSrcCapsTest, SizeAndRateFollowDownstream) {
 TEST_F(LfViewSrcCapsTest, PropertiesThatAreSetCount) {
   EXPECT_THAT(film("width=80 framerate=10/1", "video/x-raw,height=40"), is_video(80, 40, "10/1"));
   EXPECT_THAT(film("width=80 height=60", "video/x-raw,width=96,height=64"),
-              AllOf(HasSubstr("80x60"), HasSubstr("width=96,height=64"), HasSubstr("width and height at 0")));
+              AllOf(HasSubstr("80x60"), HasSubstr("width=96,height=64"), mentions("height at 0")));
   EXPECT_THAT(film("framerate=10/1", "video/x-raw,framerate=25/1"),
               AllOf(HasSubstr("10/1"), HasSubstr("25/1"), HasSubstr("framerate at 0/1")));
 }

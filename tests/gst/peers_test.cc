@@ -64,7 +64,7 @@ TEST(HostLookup, ANameServerThatIsSilentIsNotWaitedFor) {
   g_autoptr(GResolver) before = g_resolver_get_default();
   g_autoptr(GResolver) silent = G_RESOLVER(g_object_new(silent_resolver_get_type(), nullptr));
   g_resolver_set_default(silent);
-  EXPECT_ERROR(addresses_of("node1"), "node1: no answer from a name server within 2 s");
+  EXPECT_ERROR(addresses_of("node1"), "node1", "2 s");
   EXPECT_EQ(addresses_of("10.0.0.7"), std::vector<std::string>{"10.0.0.7"}) << "no query";
   EXPECT_EQ(addresses_of("fd00::7"), std::vector<std::string>{"fd00::7"});
   g_resolver_set_default(before);
@@ -73,7 +73,7 @@ TEST(HostLookup, ANameServerThatIsSilentIsNotWaitedFor) {
 TEST(Peers, WhatIsNoneIsNamed) {
   EXPECT_ERROR(Peers("10.0.0.1,nobody.invalid"), "nobody.invalid: ");
   EXPECT_ERROR(Peers("10.0.0.1/33"), "\"10.0.0.1/33\": ");
-  EXPECT_ERROR(Peers("localhost,,::1"), "\"\": must be a name, an address or a network");
+  EXPECT_ERROR(Peers("localhost,,::1"), "\"\"", "network");
 }
 
 }  // namespace

@@ -10,6 +10,7 @@
 #include "gst/compositor_fixture.h"
 #include "scene/scene.h"
 #include "support/answers.h"
+#include "support/mentions.h"
 #include "view/navigator.h"
 
 namespace lf::test {
@@ -158,21 +159,19 @@ TEST_F(PictureOutputTest, AnotherSizeIsAgreedOnAnew) {
 }
 
 TEST_F(PictureOutputTest, AnErrorNamesTheFormatThatIsRefused) {
-  EXPECT_THAT(
-      refusal("video/x-raw, format=NV12; video/x-raw, format=YUY2, width=64"),
-      HasSubstr("RGB video, but downstream accepts format=NV12 or format=YUY2: put a videoconvert in between."));
+  EXPECT_THAT(refusal("video/x-raw, format=NV12; video/x-raw, format=YUY2, width=64"),
+              mentions("RGB", "format=NV12", "format=YUY2", "videoconvert"));
   EXPECT_EQ(flow_, GST_FLOW_NOT_NEGOTIATED);
 }
 
 TEST_F(PictureOutputTest, AnErrorNamesTheSizeThatIsRefused) {
   EXPECT_THAT(refusal("video/x-raw, format=NV12; video/x-raw, format=RGB, width=64, height=48"),
-              HasSubstr("32x16 pixels, but downstream accepts width=64,height=48: leave"));
+              mentions("32x16", "width=64,height=48", "leave"));
   EXPECT_EQ(flow_, GST_FLOW_NOT_NEGOTIATED);
 }
 
 TEST_F(PictureOutputTest, AnErrorNamesTheRateThatIsRefused) {
-  EXPECT_THAT(refusal("video/x-raw, framerate=30/1"),
-              HasSubstr("0/1 a second, but downstream accepts framerate=30/1: leave"));
+  EXPECT_THAT(refusal("video/x-raw, framerate=30/1"), mentions("0/1", "framerate=30/1", "leave"));
   EXPECT_EQ(flow_, GST_FLOW_NOT_NEGOTIATED);
 }
 

@@ -53,18 +53,17 @@ TEST(RtpKey, EachStreamHasItsOwn) {
 }
 
 TEST(RtpKey, FilesThatWillNotDoAreNamed) {
-  EXPECT_ERROR(RtpKey("/nobody/key"), "/nobody/key: can't be read: No such file");
-  EXPECT_ERROR(RtpKey("/tmp"), "/tmp: can't be read: it is not a regular file");
+  EXPECT_ERROR(RtpKey("/nobody/key"), "/nobody/key", "No such file");
+  EXPECT_ERROR(RtpKey("/tmp"), "/tmp", "regular file");
   const TempFile empty({}), few(text(std::string(31, 'k') + std::string(40, ' '))), many(text(std::string(4097, 'k')));
-  for (const TempFile* bad : {&empty, &few, &many})
-    EXPECT_ERROR(RtpKey(bad->path()), bad->path() + ": a key must have 32 to");
+  for (const TempFile* bad : {&empty, &few, &many}) EXPECT_ERROR(RtpKey(bad->path()), bad->path(), "32 to");
 }
 
 // Opening a FIFO blocks until it has a writer.
 TEST(RtpKey, AFifoIsNotWaitedFor) {
   const std::string path = std::string(g_get_tmp_dir()) + "/lf_fifo_" + std::to_string(getpid());
   ASSERT_EQ(mkfifo(path.c_str(), 0600), 0);
-  EXPECT_ERROR(RtpKey(path), path + ": can't be read");
+  EXPECT_ERROR(RtpKey(path), path, "read");
   unlink(path.c_str());
 }
 
@@ -72,7 +71,7 @@ TEST(RtpKey, RefusesAFileThatOtherUsersCanRead) {
   const TempFile file(text(kSecret));
   for (const mode_t mode : {0640, 0644, 0604}) {
     ASSERT_EQ(chmod(file.path().c_str(), mode), 0);
-    EXPECT_ERROR(RtpKey(file.path()), "run chmod 600 " + file.path());
+    EXPECT_ERROR(RtpKey(file.path()), "chmod 600", file.path());
   }
   ASSERT_EQ(chmod(file.path().c_str(), 0400), 0);
   EXPECT_NO_THROW(RtpKey(file.path()));

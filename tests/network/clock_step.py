@@ -106,7 +106,7 @@ def main():
                 for name, program in programs.items():
                     if program.process.poll() is not None:
                         wrong.append(f"clock {step}: the {name} ended")
-                    of_clock = [line for line in program.warnings[told[name]:] if "clock of this machine was set" in line]
+                    of_clock = [line for line in program.warnings[told[name]:] if "machine was set" in line]
                     if len(of_clock) != 1:
                         wrong.append(f"clock {step}: the {name} tells of the step {len(of_clock)} times")
         finally:

@@ -22,7 +22,7 @@ using testing::HasSubstr;
 using testing::Not;
 
 constexpr char kComplete[] = "complete=(boolean)true";
-constexpr char kAnybody[] = "anyone on this network can read packets and send requests";
+constexpr char kAnybody[] = "anyone on this network";
 
 class Keys : public testing::Test {
  protected:
@@ -88,7 +88,7 @@ TEST_P(OtherKeys, SeeNothing) {
   const auto node = start_cameras(of_cameras), viewer = start_viewer(of_viewer, cameras());
   // Hosts without the key cannot read an encrypted request and count it as unreadable.
   if (*of_cameras) {
-    EXPECT_TRUE(node->wait_for("Packets of " + address("viewer") + " are dropped")) << node->text();
+    EXPECT_TRUE(node->wait_for(address("viewer") + " are dropped")) << node->text();
   } else {
     EXPECT_TRUE(node->wait_for(kAnybody)) << node->text();
   }
@@ -105,13 +105,13 @@ TEST_F(Keys, WithoutAnyTheHostThatAnswersGoToMaySteer) {
   EXPECT_TRUE(viewer->wait_for(kComplete, 5)) << viewer->text() << node->text();
   EXPECT_THAT(node->text(), Not(HasSubstr("dropped")));
   const auto stranger = start_viewer("", cameras(), "stranger");
-  EXPECT_TRUE(node->wait_for("Packets of " + address("stranger") + " are dropped: unknown sender: ")) << node->text();
+  EXPECT_TRUE(node->wait_for(address("stranger") + " are dropped: unknown")) << node->text();
   EXPECT_TRUE(viewer->wait_for(kComplete, 30)) << viewer->text();
 }
 
 TEST_F(Keys, PeersMaySteer) {
   const auto refused = start_cameras("", "10.77.0.0/31," + address("stranger")), viewer = start_viewer("", cameras());
-  EXPECT_TRUE(refused->wait_for("Packets of " + address("viewer") + " are dropped")) << refused->text();
+  EXPECT_TRUE(refused->wait_for(address("viewer") + " are dropped")) << refused->text();
   EXPECT_THAT(viewer->text(), Not(HasSubstr(kComplete)));
   refused->signal(SIGKILL);
   const auto node = start_cameras("", "10.77.0.2/31");
@@ -129,13 +129,13 @@ TEST_P(InBetween, ChangesNothing) {
                                               "  t. ! queue min-threshold-buffers=2 ! " + again + to});
   const auto node = start_cameras("key"), viewer = start_viewer("key", address("stranger") + ":7000");
   EXPECT_TRUE(viewer->wait_for(kComplete, 10)) << viewer->text() << node->text();
-  EXPECT_TRUE(node->wait_for("Packets of " + address("stranger") + " are dropped: " + words)) << node->text();
+  EXPECT_TRUE(node->wait_for(address("stranger") + " are dropped: " + words)) << node->text();
   EXPECT_TRUE(viewer->wait_for(kComplete, 20)) << viewer->text();
   EXPECT_TRUE(between->is_running()) << between->text();
 }
 INSTANTIATE_TEST_SUITE_P(Each, InBetween,
                          testing::Values(std::pair{"identity", "replayed"},
-                                         std::pair{"rndbuffersize min=30 max=31", "not RTP, or too short"},
+                                         std::pair{"rndbuffersize min=30 max=31", "not RTP"},
                                          std::pair{"rndbuffersize min=300 max=301", "not encrypted: "}),
                          [](const auto& info) { return std::to_string(info.index); });
 

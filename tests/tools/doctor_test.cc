@@ -6,6 +6,7 @@
 
 #include "../../tools/cameras/doctor.h"
 #include "../../tools/cameras/links.h"
+#include "support/mentions.h"
 #include "support/temp_dir.h"
 
 namespace lf::cameras {
@@ -42,19 +43,19 @@ TEST(Doctor, FilesAreNotPluggedIn) {
   const struct {
     const char *source, *image, *problem, *remedy;
   } cases[] = {
-      {"a.mkv", "", "a.mkv: no such file", "check the path; a path that does not begin with / is relative"},
+      {"a.mkv", "", "a.mkv: no such file", "check the path"},
       {"file:///a.mkv", "", "/a.mkv: no such file", "check the path"},
       {"", "a.png", "a.png: no such file", "check the path"},
       {"a_%d.png", "", "a_%d.png: no such files (the first file must have number 0 or 1)", "check the path"},
-      {"a.mkv", "", "file:///a.mkv: Could not determine type of stream", "check that the file is complete and can be played"},
-      {"a.mkv", "", "a.mkv: the source has no pictures", "check that the file is complete"},
-      {"a.mkv", "", "element jpegdec is not installed", "install the GStreamer plugin"},
+      {"a.mkv", "", "file:///a.mkv: Could not determine type of stream", "complete"},
+      {"a.mkv", "", "a.mkv: the source has no pictures", "complete"},
+      {"a.mkv", "", "element jpegdec is not installed", "install"},
       {"v4l2:///dev/video9", "", "Cannot identify device '/dev/video9'", "plug it in"},
       {"/dev/video9", "", "/dev/video9: no such file", "plug it in"},
-      {"rtsp://camera/x", "a.png", "rtsp://camera/x: gives nothing", "plugged in and switched on"},
-      {"v4l2src device=/dev/video9 ! image/jpeg", "", "gives nothing", "plugged in and switched on"},
-      {"http://h/x", "", "http://h/x: Not Found", "no stream of this name"},
-      {"a_%d.png", "", "a_2.png: missing, while a_3.png exists: add the missing picture", "copy the missing picture"},
+      {"rtsp://camera/x", "a.png", "rtsp://camera/x: gives nothing", "switched on"},
+      {"v4l2src device=/dev/video9 ! image/jpeg", "", "gives nothing", "switched on"},
+      {"http://h/x", "", "http://h/x: Not Found", "stream"},
+      {"a_%d.png", "", "a_2.png: missing, while a_3.png exists: add the missing picture", "copy"},
   };
   for (const auto& c : cases) {
     Camera camera;
@@ -68,15 +69,13 @@ TEST(Doctor, TellsWrongPasswordsFromMissingOnes) {
   const struct {
     const char *source, *problem, *remedy;
   } cases[] = {
-      {"http://user:wrong@host/x", "http://host/x: the camera refuses access (HTTP 401, Unauthorized)",
-       "the user name or password in the rig is wrong"},
+      {"http://user:wrong@host/x", "http://host/x: the camera refuses access (HTTP 401, Unauthorized)", "password"},
       {"http://host/x", "http://host/x: the camera refuses access (HTTP 401, Login)", "http://USER:PASSWORD@HOST/"},
-      {"http://user:good@host/x", "http://host/x: the camera refuses access (HTTP 403, Forbidden)",
-       "does not allow this user"},
-      {"rtsp://user:wrong@host/x", "rtsp://host/x: Unauthorized", "the user name or password in the rig is wrong"},
+      {"http://user:good@host/x", "http://host/x: the camera refuses access (HTTP 403, Forbidden)", "this user"},
+      {"rtsp://user:wrong@host/x", "rtsp://host/x: Unauthorized", "password"},
       {"rtsps://host/x", "rtsps://host/x: Unauthorized", "rtsps://USER:PASSWORD@HOST/"},
       {"rtspsrc location=rtsp://host/x ! decodebin", "Unauthorized", "user-id=USER user-pw=PASSWORD"},
-      {"rtspsrc location=rtsp://host/x user-id=u user-pw=p ! decodebin", "Unauthorized", "in the rig is wrong"},
+      {"rtspsrc location=rtsp://host/x user-id=u user-pw=p ! decodebin", "Unauthorized", "password"},
   };
   for (const auto& c : cases) {
     Camera camera;
@@ -88,64 +87,62 @@ TEST(Doctor, TellsWrongPasswordsFromMissingOnes) {
 TEST(Doctor, NamesTheCameraAndTheRemedy) {
   const struct {
     void (*make_ill)(CameraReport&);
-    const char *what, *remedy;
+    std::vector<std::string> facts;  // with those of the remedy
   } cases[] = {
       {[](CameraReport& c) {
          c.problem = "rig.json: camera 1 (cam_00_01): a.mkv: the picture is 320x240, the rig says 640x480";
        },
-       "error: camera 1 (cam_00_01): a.mkv: the picture is 320x240", "write the true width and height"},
-      {[](CameraReport& c) { c.problem = "Device '/dev/video1' is busy"; }, "is busy",
-       "another program uses the camera"},
-      {[](CameraReport& c) { c.problem = "Could not connect to server"; }, "Could not connect",
-       "check that the camera is switched on"},
-      {[](CameraReport& c) { c.times = {}; }, "error: camera 1 (cam_00_01): gives no frames", "unplug"},
+       {"error: camera 1 (cam_00_01):", "a.mkv", "320x240", "width", "height"}},
+      {[](CameraReport& c) { c.problem = "Device '/dev/video1' is busy"; }, {"is busy", "another program"}},
+      {[](CameraReport& c) { c.problem = "Could not connect to server"; }, {"Could not connect", "switched on"}},
+      {[](CameraReport& c) { c.times = {}; }, {"error: camera 1 (cam_00_01):", "no frames", "unplug"}},
       {[](CameraReport& c) { c.times.missing = 12; },
-       "warning: camera 1 (cam_00_01): 9 % of its frames are missing (12 of 132)", "reduce the frame rate"},
+       {"warning: camera 1 (cam_00_01):", "9 %", "missing", "12 of 132", "frame rate"}},
       {[](CameraReport& c) {
          c.times.missing = 12;
          c.left_undecoded = 5;
        },
-       "are missing", "this machine cannot decode all frames"},
+       {"missing", "this machine", "decode"}},
       {[](CameraReport& c) {
          c.times.missing = 12;
          c.attachment.link = usb_link(1, 480);
        },
-       "are missing", "use MJPEG"},
+       {"missing", "MJPEG"}},
       {[](CameraReport& c) {
          c.times.missing = 12;
          c.attachment.link.kind = Link::Kind::kNetwork;
        },
-       "are missing", "packet delay"},
-      {[](CameraReport& c) { c.times.period = 1 / 25.0; }, "delivers 25.00 frames/s, but most cameras deliver 30.00", "in the dark"},
-      {[](CameraReport& c) { c.times.backwards = 2; }, "2 frames have a timestamp", "clock"},
-      {[](CameraReport& c) { c.times.jitter = 0.008; }, "its timestamps jitter by 8.0 ms", "appear double"},
-      {[](CameraReport& c) { c.stamps = "arrival"; }, "packet arrival times are used", "sender reports"},
+       {"missing", "packet delay"}},
+      {[](CameraReport& c) { c.times.period = 1 / 25.0; }, {"25.00 frames/s", "30.00", "dark"}},
+      {[](CameraReport& c) { c.times.backwards = 2; }, {"2 frames", "timestamp", "clock"}},
+      {[](CameraReport& c) { c.times.jitter = 0.008; }, {"jitter", "8.0 ms", "double"}},
+      {[](CameraReport& c) { c.stamps = "arrival"; }, {"arrival times", "sender reports"}},
       {[](CameraReport& c) {
          c.decoded_frames = c.damaged = 4;
          c.damage = "no end";
        },
-       "error: camera 1 (cam_00_01): its pictures can't be decoded: no end", "image format"},
+       {"error: camera 1 (cam_00_01):", "decoded", "no end", "image format"}},
       {[](CameraReport& c) {
          c.decoded_frames = 4;
          c.damaged = 1;
        },
-       "warning: camera 1 (cam_00_01): 1 of 4 pictures are damaged", "cable"},
-      {[](CameraReport& c) { c.brightest = c.darkest = 1; }, "error: camera 1 (cam_00_01): is black", "lens cap"},
-      {[](CameraReport& c) { c.brightest = c.darkest = 255; }, "is white", "reduce the exposure"},
-      {[](CameraReport& c) { c.darkest = 80; }, "brightness varies from 80 to 100", "lf-rig lock"},
+       {"warning: camera 1 (cam_00_01):", "1 of 4", "damaged", "cable"}},
+      {[](CameraReport& c) { c.brightest = c.darkest = 1; }, {"error: camera 1 (cam_00_01):", "black", "lens cap"}},
+      {[](CameraReport& c) { c.brightest = c.darkest = 255; }, {"white", "exposure"}},
+      {[](CameraReport& c) { c.darkest = 80; }, {"brightness", "80 to 100", "lf-rig lock"}},
       {[](CameraReport& c) {
          c.controls = {{"exposure", std::nullopt}, {"gain", 3}, {"white_balance", std::nullopt}};
        },
-       "exposure, white_balance", "lf-rig lock"},
-      {[](CameraReport& c) { c.unsupported_controls = {"gain"}; }, "does not support the control gain", "own menu"},
+       {"exposure, white_balance", "lf-rig lock"}},
+      {[](CameraReport& c) { c.unsupported_controls = {"gain"}; }, {"not support", "gain", "own menu"}},
       {[](CameraReport& c) { c.attachment.device = "/dev/video3"; },
-       "error: camera 3 (cam_00_03): has the same device as camera 1", "its own source"},
+       {"error: camera 3 (cam_00_03):", "same device", "camera 1", "own source"}},
   };
   for (const auto& c : cases) {
     Healthy array(4);
     c.make_ill(array[1]);
     const std::string findings = array.findings();
-    EXPECT_THAT(findings, AllOf(HasSubstr(c.what), HasSubstr(c.remedy)));
+    EXPECT_THAT(findings, mentions(c.facts));
     EXPECT_EQ(std::count(findings.begin(), findings.end(), '\n'), 1) << findings;
   }
 }
@@ -153,7 +150,7 @@ TEST(Doctor, NamesTheCameraAndTheRemedy) {
 TEST(Doctor, WhatAllCamerasSeeIsOneFinding) {
   Healthy array(4);
   for (CameraReport& camera : array.exam.cameras) camera.darkest = 70;
-  EXPECT_THAT(array.findings(), HasSubstr("warning: the array: 4 of 4 cameras vary in brightness"));
+  EXPECT_THAT(array.findings(), mentions("warning", "array", "4 of 4", "brightness"));
 }
 
 TEST(Doctor, APageOfALargeArrayNamesThoseInTroubleAlone) {
@@ -162,8 +159,8 @@ TEST(Doctor, APageOfALargeArrayNamesThoseInTroubleAlone) {
   array.exam.findings = find_problems(array.rig, array.exam);
   const std::string page = text_report(array.rig, array.exam);
   EXPECT_LE(std::count(page.begin(), page.end(), '\n'), 10) << page;
-  EXPECT_THAT(page, AllOf(HasSubstr("9 (cam_00_09)"), HasSubstr("63 others: JPEG 640x480, 30.00 to 30.00 frames/s"),
-                          HasSubstr("64 cameras, 0 errors, 1 warning")));
+  EXPECT_THAT(page, AllOf(HasSubstr("9 (cam_00_09)"), mentions("63 others", "JPEG 640x480", "30.00 to 30.00"),
+                          mentions("64 cameras", "0 errors", "1 warning")));
 }
 
 // --- Links -----------------------------------------------------------------------------------------------------------
@@ -181,12 +178,11 @@ TEST(Links, AUsbBusThatIsTooSmallIsNamedWithWhatFits) {
   const std::vector<LinkWarning> four = check_link(load_of(usb_link(3, 480), 4, vga, true));
   ASSERT_EQ(four.size(), 1u);
   EXPECT_TRUE(four[0].overloaded);
-  EXPECT_EQ(four[0].what, "USB bus 3 (480 Mbit/s): 4 cameras need 74 of 48 MB/s");
-  EXPECT_EQ(four[0].remedy,
-            "MJPEG (about 9.2 MB/s); or 52 % of the frame rate; or 2 of the cameras on ports of another controller");
+  EXPECT_MENTIONS(four[0].what, "bus 3", "480 Mbit/s", "4 cameras", "74", "48 MB/s");
+  EXPECT_MENTIONS(four[0].remedy, "MJPEG", "9.2 MB/s", "52 %", "2 of the");
   const std::vector<LinkWarning> hd = check_link(load_of(usb_link(3, 480), 1, 1280 * 720 * 2 * 30, true));
   ASSERT_EQ(hd.size(), 2u);
-  EXPECT_THAT(hd[0].what, HasSubstr("a camera needs 55 MB/s, but USB allows at most 25 per camera"));
+  EXPECT_THAT(hd[0].what, mentions("55 MB/s", "USB", "25"));
   EXPECT_TRUE(check_link(load_of(usb_link(2, 5000), 4, 1280 * 720 * 2 * 30, true)).empty());
   EXPECT_TRUE(check_link(load_of({}, 100, 1e12, true)).empty()) << "unknown device";
 }

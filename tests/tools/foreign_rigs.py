@@ -48,6 +48,9 @@ class ForeignRigs(unittest.TestCase):
         self.assertFalse((self.folder / "none.json").exists())
         return said
 
+    def assert_mentions(self, said, *facts):
+        self.assertTrue(any(all(fact in line for fact in facts) for line in said.splitlines()), f"{facts} in {said}")
+
     def write(self, name, text):
         path = self.folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -114,16 +117,15 @@ class ForeignRigs(unittest.TestCase):
             with self.subTest(kind=kind, place=place):
                 said = self.refused(kind, self.write("input", text))
                 self.assertIn(f"input: {place}: ", said)
-                self.assertIn("a rig cannot hold", said)
+                self.assertIn("cannot hold", said)
         self.write("m/cameras.txt", "1 OPENCV_FISHEYE 640 480 400 400 320 240 0.1 0 0 0\n")
         self.write("m/images.txt", "1 1 0 0 0 0 0 0 1 a.png\n\n")
-        self.assertIn("camera 1: a rig cannot hold its OPENCV_FISHEYE lens; run colmap image_undistorter",
-                      self.refused("colmap", "m"))
+        self.assert_mentions(self.refused("colmap", "m"), "camera 1", "OPENCV_FISHEYE", "colmap image_undistorter")
 
     def test_several_instants_are_refused(self):
         frames = [{"file_path": f"{i}.png", "time": i / 10, "transform_matrix": shifted(i)} for i in range(3)]
         said = self.refused("nerf", self.write("t.json", {"w": 8, "h": 6, "fl_x": 7, "frames": frames}))
-        self.assertIn("frames[1].time: is 0.1, but an earlier frame has 0", said)
+        self.assert_mentions(said, "frames[1].time", "0.1", "has 0")
 
     # Kalibr.
 
@@ -141,10 +143,9 @@ class ForeignRigs(unittest.TestCase):
         self.assertEqual([c.get("time_offset", 0) for c in rig["cameras"]], [0.0019, 0.0269, 0])
         self.assertAlmostEqual(rig["cameras"][2]["position"][0], 0.3)
         gone = chain.replace(f"  T_cam_imu: {shifted(-0.3)}\n", "")
-        self.assertIn("cam3.T_cn_cnm1: is relative to cam2, which the file does not have",
-                      self.refused("kalibr", self.write("gone.yaml", gone)))
+        self.assert_mentions(self.refused("kalibr", self.write("gone.yaml", gone)), "cam3.T_cn_cnm1", "cam2")
         _, said = self.import_rig("kalibr", self.write("more.yaml", chain + "imu0: {rate: 200}\n"))
-        self.assertIn("note: keys that were not read: imu0", said)
+        self.assert_mentions(said, "note:", "not read", "imu0")
 
     # Numbers.
 
@@ -168,7 +169,7 @@ class ForeignRigs(unittest.TestCase):
         self.tool("lf-rig", "check", "rig.json")
         rig["cameras"][0]["width"] = 640.5
         self.write("rig.json", rig)
-        self.assertIn("cameras[0].width: must be an integer, is 640.5", self.tool("lf-rig", "check", "rig.json", status=1))
+        self.assert_mentions(self.tool("lf-rig", "check", "rig.json", status=1), "cameras[0].width", "integer", "640.5")
 
     # Order and shape.
 
@@ -177,13 +178,12 @@ class ForeignRigs(unittest.TestCase):
         self.write_colmap(rig, [f"cam{i + 1}.png" for i in range(16)])
         self.tool("lf-rig", "import", "colmap", "m", "--out", "plain.json")
         self.tool("lf-rig", "import", "colmap", "m", "--grid", "4x4", "--out", "grid.json")
-        self.assertIn("0 errors, 0 warnings", self.tool("lf-rig", "check", "grid.json"))
+        self.assert_mentions(self.tool("lf-rig", "check", "grid.json"), "0 errors", "0 warnings")
         names = [c["name"] for c in json.loads((self.folder / "grid.json").read_text())["cameras"]]
         self.assertEqual(names, [f"cam{i + 1}" for i in range(16)])
         self.assertGreater(self.psnr("grid.json"), self.psnr("plain.json") - 0.5)
         # Swapped rows and columns are harmless, a wrong shape is an error.
-        self.assertIn("in the order of their names, the cameras form no grid of 2x8",
-                      self.refused("colmap", "m", "--grid", "2x8"))
+        self.assert_mentions(self.refused("colmap", "m", "--grid", "2x8"), "order", "no grid", "2x8")
 
     def test_cameras_around_a_scene(self):
         self.tool("lf-rig", "new", "--inward", 12, "--rows", 2, "--pitch", 0.3, "--radius", 1.5, "--fov", 60, "--width",
@@ -191,9 +191,9 @@ class ForeignRigs(unittest.TestCase):
         self.film(("--rig", "ring.json"))
         self.tool("lf-rig", "export", "nerf", "s/rig.json", "s/transforms.json")
         said = self.tool("lf-rig", "import", "nerf", "s/transforms.json", "--out", "s/back.json")
-        self.assertIn("the cameras surround a point and look at it", said)
+        self.assert_mentions(said, "cameras", "surround", "look at it")
         for rig in ("s/rig.json", "s/back.json"):
-            self.assertIn("0 errors, 0 warnings", self.tool("lf-rig", "check", rig), rig)
+            self.assert_mentions(self.tool("lf-rig", "check", rig), "0 errors", "0 warnings")
         views = []
         for k, degrees in enumerate((15, 45, 105, 195)):
             a = math.radians(degrees)
@@ -214,7 +214,7 @@ class ForeignRigs(unittest.TestCase):
         rig = json.loads((self.folder / "s/back.json").read_text())
         rig["topology"] = {"type": "delaunay"}
         self.write("s/flat.json", rig)
-        self.assertIn("triangles, not through the triangles", self.tool("lf-rig", "check", "s/flat.json"))
+        self.assert_mentions(self.tool("lf-rig", "check", "s/flat.json"), "not through", "triangles")
 
     # Five rigs of a user: the image equals the image of the original rig, or the error has a remedy.
 
@@ -259,27 +259,27 @@ class ForeignRigs(unittest.TestCase):
                     for camera, own in zip(found["cameras"], cameras):
                         camera["image"] = "s/" + own["image"]
                     self.write("rig.json", found)
-                self.assertIn("0 errors, 0 warnings", self.tool("lf-rig", "check", "rig.json"))
+                self.assert_mentions(self.tool("lf-rig", "check", "rig.json"), "0 errors", "0 warnings")
                 self.assertAlmostEqual(self.psnr("rig.json"), ours, delta=0.5)
 
     def test_opencv_stereo(self):
         matrix = "{rows: 3, cols: 3, data: [400, 0, 320, 0, 400, 240, 0, 0, 1]}"
         lenses = f"%YAML:1.0\n---\nM1: {matrix}\nD1: {{rows: 1, cols: 5, data: [0, 0, 0, 0, 0]}}\nM2: {matrix}\n"
         self.write("intrinsics.yml", lenses)
-        self.assertIn("add image_width and image_height", self.refused("opencv", "intrinsics.yml"))
+        self.assert_mentions(self.refused("opencv", "intrinsics.yml"), "image_width", "image_height")
         self.write("intrinsics.yml", lenses + "image_width: 640\nimage_height: 480\n")
-        self.assertIn("R and T of the second camera are missing", self.refused("opencv", "intrinsics.yml"))
+        self.assert_mentions(self.refused("opencv", "intrinsics.yml"), "R and T", "second camera", "missing")
         self.write("extrinsics.yml", "%YAML:1.0\n---\nR: {rows: 3, cols: 3, data: [1, 0, 0, 0, 1, 0, 0, 0, 1]}\n"
                    "T: {rows: 3, cols: 1, data: [-0.12, 0, 0]}\n")
         rig, said = self.import_rig("opencv", "intrinsics.yml")
         self.assertEqual([c["position"][0] for c in rig["cameras"]], [0, 0.12])
-        self.assertIn("note: R and T come from extrinsics.yml", said)
+        self.assert_mentions(said, "note:", "R and T", "extrinsics.yml")
 
     def test_a_folder_of_pictures_alone(self):
         for i in range(3):
             self.write(f"photos/IMG_{i}.jpg", "x")
-        self.assertIn("A folder of pictures alone has no positions. Estimate them with COLMAP", self.refused("colmap", "photos"))
-        self.assertIn("estimate the positions with COLMAP", self.refused("stanford", "photos"))
+        self.assert_mentions(self.refused("colmap", "photos"), "pictures", "positions", "COLMAP")
+        self.assert_mentions(self.refused("stanford", "photos"), "positions", "COLMAP")
         self.write("model/cameras.bin", "x")
         self.assertIn("colmap model_converter", self.refused("colmap", "model"))
 

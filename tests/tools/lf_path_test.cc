@@ -5,6 +5,7 @@
 
 #include "rig/rig_json.h"
 #include "scene/scene.h"
+#include "support/mentions.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
 #include "view/view_path.h"
@@ -12,7 +13,6 @@
 namespace lf {
 namespace {
 
-using testing::HasSubstr;
 
 double depth(const View& view) { return -view.focus.plane.d / view.focus.plane.normal.z; }
 
@@ -35,7 +35,7 @@ TEST_F(LfPath, VideosGiveAPathWithTimesAndTheFocusNamed) {
   write_rig("film.mkv", "");
   test::expect_outcome(
       lf_path("--rig rig.json --out views.json --frames 31 --framerate 10 --near 1.5 --far 3 --width 20 --height 16"),
-      0, HasSubstr("31 views, focus from 1.5 to 3 m"));
+      0, mentions("31 views", "1.5 to 3 m"));
   const std::vector<NamedView> views = load_views(dir / "views.json");
   ASSERT_EQ(views.size(), 31u);
   EXPECT_NEAR(views[30].time, 3, 1e-9);
@@ -74,14 +74,14 @@ TEST_F(LfPath, APathLeavesRoomForEyes) {
 
 TEST_F(LfPath, ErrorsNameFileOrOption) {
   write_rig("", "still.png");
-  const auto expect_failure = [&](const std::string& arguments, const std::string& text) {
-    test::expect_outcome(lf_path(arguments), 1, HasSubstr(text));
+  const auto expect_failure = [&](const std::string& arguments, const std::vector<std::string>& facts) {
+    test::expect_outcome(lf_path(arguments), 1, mentions(facts));
   };
-  expect_failure("--rig no.json --out v.json", "no.json: can't be read");
-  expect_failure("--rig rig.json --out v.json", "still.png: no such image file");
-  expect_failure("--rig rig.json --out v.json --near 2 --far 1", "focus: must be 0 < near <= far");
-  expect_failure("--rig rig.json --out v.json --frames 0", "--frames");
-  expect_failure("--rig rig.json --near 1 --far 2 --out no/folder/v.json", "no/folder/v.json: can't be written");
+  expect_failure("--rig no.json --out v.json", {"no.json", "read"});
+  expect_failure("--rig rig.json --out v.json", {"still.png", "no such"});
+  expect_failure("--rig rig.json --out v.json --near 2 --far 1", {"focus", "near <= far"});
+  expect_failure("--rig rig.json --out v.json --frames 0", {"--frames"});
+  expect_failure("--rig rig.json --near 1 --far 2 --out no/folder/v.json", {"no/folder/v.json", "written"});
 }
 
 }  // namespace

@@ -13,6 +13,7 @@
 #include "image/image.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
+#include "support/mentions.h"
 #include "support/photographs.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
@@ -22,7 +23,6 @@ namespace lf {
 namespace {
 
 namespace fs = std::filesystem;
-using testing::ContainsRegex;
 using testing::HasSubstr;
 
 class LfRender : public testing::Test {
@@ -69,7 +69,7 @@ class LfRender : public testing::Test {
                       const std::string& rig = "rig.json") {
     EXPECT_EQ(run(more, rig), 1) << parts[0];
     EXPECT_EQ(std::count(output_.begin(), output_.end(), '\n'), 1) << output_;
-    for (const std::string& part : parts) EXPECT_THAT(output_, HasSubstr(part));
+    EXPECT_THAT(output_, mentions(parts));
   }
   static void expect_grey(const Image& image, int value, int tolerance) {
     for (const uint8_t v : image.data()) ASSERT_NEAR(v, value, tolerance);
@@ -139,8 +139,8 @@ TEST_F(LfRender, AsManyCamerasAPixelAsAskedFor) {
     ASSERT_EQ(run(std::string("--aperture 5") + family), 0) << output_;
     EXPECT_NEAR(picture("v").pixel(20, 15)[0], (grey_of(0) + grey_of(5)) / 2, 2);
   }
-  expect_failure("--aperture -1", {"blending: the aperture must be above 0"});
-  expect_failure("--nearest-cameras 33", {"blending: must use the nearest 1 to 32 cameras"});
+  expect_failure("--aperture -1", {"blending", "aperture", "0"});
+  expect_failure("--nearest-cameras 33", {"blending", "1 to 32"});
   expect_failure("--nearest-cameras 3 --aperture 1", {"--aperture"});
 }
 
@@ -178,15 +178,15 @@ TEST_F(LfRender, ErrorsNameFileAndPlace) {
   expect_failure("", {"no.json", "can't be read"}, "no.json");
   write("half.json", text("rig.json").substr(0, 300));
   expect_failure("", {"half.json: cameras[", "not valid JSON"}, "half.json");
-  expect_failure("--cameras 10,99", {"\"99\"", "no camera with id 99"});
+  expect_failure("--cameras 10,99", {"\"99\"", "id 99"});
   expect_failure("--every 0", {"every"});
-  expect_failure("--truth '" + path("nowhere") + "'", {"nowhere/v.png: no such image file"});
+  expect_failure("--truth '" + path("nowhere") + "'", {"nowhere/v.png", "no such"});
   expect_failure("--no-such-option", {"lf-render: ", "--no-such-option"});
 
   save_image(grey(0, 41, 30), path("cam0.png"));
-  expect_failure("", {"camera 10 (cam0): ", "cam0.png: has 41x30 pixels, the rig says 40x30"});
+  expect_failure("", {"camera 10 (cam0): ", "cam0.png", "41x30", "40x30"});
   fs::remove(path("cam0.png"));
-  expect_failure("", {"camera 10 (cam0): ", "cam0.png: no such image file"});
+  expect_failure("", {"camera 10 (cam0): ", "cam0.png", "no such"});
 
   write("views.json", R"({"format": "lightfield-views", "version": 1, "views": []})");
   expect_failure("", {"views.json: views"});
@@ -258,14 +258,13 @@ TEST(LfRenderLeaveOneOut, NamesTheCameraThatIsOff) {
     return outcome.output;
   };
   const std::string said = run("--focus surface --focus-near 1 --focus-far 6 --json out.json");
-  EXPECT_THAT(said, ContainsRegex(off + " stands out .* has another direction"));
+  EXPECT_THAT(said, mentions(off, "another direction"));
   EXPECT_EQ(said.find("stands out"), said.rfind("stands out")) << "one alone: " << said;
   for (const char* name :
        {"out/row_one.png", "out/.._above.png", "out/row_one_2.png", "out/row_one_3.png", "out/row_one_4.png"})
     EXPECT_TRUE(std::filesystem::exists(folder / name)) << name;
   EXPECT_GT(nlohmann::json::parse(read_text_file(folder / "out.json"))["mean"]["psnr_db"].get<double>(), 20);
-  EXPECT_THAT(run("--focus surface --focus-near 1 --focus-far 6 --i420"),
-              ContainsRegex(off + " stands out .* has another direction"));
+  EXPECT_THAT(run("--focus surface --focus-near 1 --focus-far 6 --i420"), mentions(off, "another direction"));
   rig.cameras[12].pose.orientation = {1, 0, 0, 0};
   save_rig(rig, folder / "rig.json");
   EXPECT_EQ(run("--focus surface --focus-near 1 --focus-far 6").find("stands out"), std::string::npos);
@@ -274,7 +273,7 @@ TEST(LfRenderLeaveOneOut, NamesTheCameraThatIsOff) {
 TEST(LfRenderLeaveOneOut, ARangeWithItsEndsExchangedIsAnError) {
   test::expect_outcome(
       run_program("lf-render", "--rig rig.json --leave-one-out --out out --focus-near 5 --focus-far 1"), testing::Ne(0),
-      testing::HasSubstr("--focus-near: must be less than --focus-far"));
+      mentions("--focus-near", "--focus-far"));
 }
 
 }  // namespace

@@ -25,6 +25,7 @@
 #include "mjpeg_writer.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
+#include "support/mentions.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
 
@@ -98,7 +99,7 @@ TEST(LfRigDoctor, SaysWhatGoodCamerasDeliver) {
     EXPECT_FALSE(camera["format"].get<std::string>().empty());
   }
   const Outcome page = lf_rig("doctor rig.json --seconds 1", dir);
-  EXPECT_THAT(page.output, AllOf(HasSubstr("0 (cam_00_00)"), HasSubstr("2 cameras, 0 errors")));
+  EXPECT_THAT(page.output, AllOf(HasSubstr("0 (cam_00_00)"), mentions("2 cameras", "0 errors")));
 }
 
 TEST(LfRigCheck, NamesFilmsThatAreCutShort) {
@@ -119,17 +120,16 @@ TEST(LfRigCheck, NamesFilmsThatAreCutShort) {
   const std::string mkv = films.path("mjpeg.mkv"), stream = films.path("pictures.mjpeg"), avi = films.path("mjpeg.avi");
   EXPECT_THAT(check({mkv, mkv, stream, avi}), Not(HasSubstr("frames")));
   EXPECT_THAT(check({mkv, mkv, cut("mjpeg.mkv"), mkv}),
-              HasSubstr("warning: cameras[2].source: " + dir / "mjpeg.mkv" + " is cut off after "));
-  EXPECT_THAT(
-      check({stream, cut("pictures.mjpeg"), stream}),
-      AllOf(HasSubstr("warning: cameras[1].source: " + dir / "pictures.mjpeg"), HasSubstr("most others have 6")));
+              mentions("warning", "cameras[2].source", dir / "mjpeg.mkv", "cut off"));
+  EXPECT_THAT(check({stream, cut("pictures.mjpeg"), stream}),
+              AllOf(HasSubstr("warning: cameras[1].source: " + dir / "pictures.mjpeg"), mentions("others have 6")));
   EXPECT_THAT(check({avi, avi, cut("mjpeg.avi")}), HasSubstr("warning: cameras[2].source: " + dir / "mjpeg.avi"));
   dir.write("list.m3u8", "#EXTM3U\n#EXT-X-TARGETDURATION:4\n#EXTINF:4,\nhttp://127.0.0.1:1/a.ts\n#EXT-X-ENDLIST\n");
   EXPECT_THAT(check({mkv, "list.m3u8"}), Not(HasSubstr("frames"))) << "not opened";
-  EXPECT_THAT(check({mkv, films.path("sound.mkv")}), HasSubstr("sound.mkv has no video frames"));
+  EXPECT_THAT(check({mkv, films.path("sound.mkv")}), mentions("sound.mkv", "no video"));
   for (const int i : {0, 1, 2, 3})
     std::filesystem::copy_file(films.path("jpeg_00.jpg"), dir / format_text("%d.jpg", i));
-  EXPECT_THAT(check({stream, stream, "%d.jpg"}), HasSubstr("%d.jpg has 4 frames, most others have 6"));
+  EXPECT_THAT(check({stream, stream, "%d.jpg"}), mentions("%d.jpg", "4 frames", "6"));
 }
 
 TEST(LfRigDoctor, NamesEachTroubleAndItsCamera) {
@@ -141,13 +141,19 @@ TEST(LfRigDoctor, NamesEachTroubleAndItsCamera) {
     save_image(Image(PixelFamily::kRgb, 64, 48), dir / name);
   const Outcome outcome = lf_rig("doctor rig.json --seconds 1", dir);
   EXPECT_EQ(outcome.status, 1);
-  for (const char* text :
-       {"error: camera 1 (cam_00_01): is black", "error: camera 2 (cam_00_02): ", "it gives no pictures of 64x48",
-        "error: camera 3 (cam_00_03): ", "error: camera 4 (cam_00_04): ", "none.mkv: no such file",
-        "error: camera 5 (cam_00_05): ", "nosuchelement",
-        "error: camera 6 (cam_00_06): ", "error: camera 7 (cam_00_07): has the same device as camera 6",
-        "gap_2.png: missing, while ", "renumber the files of all cameras in the same way"})
-    EXPECT_THAT(outcome.output, HasSubstr(text));
+  const std::vector<std::string> findings[] = {{"error: camera 1 (cam_00_01):", "black"},
+                                               {"error: camera 2 (cam_00_02):"},
+                                               {"no pictures", "64x48"},
+                                               {"error: camera 3 (cam_00_03):"},
+                                               {"error: camera 4 (cam_00_04):"},
+                                               {"none.mkv", "no such"},
+                                               {"error: camera 5 (cam_00_05):"},
+                                               {"nosuchelement"},
+                                               {"error: camera 6 (cam_00_06):"},
+                                               {"error: camera 7 (cam_00_07):", "same device", "camera 6"},
+                                               {"gap_2.png", "missing"},
+                                               {"renumber"}};
+  for (const std::vector<std::string>& facts : findings) EXPECT_THAT(outcome.output, mentions(facts));
   EXPECT_THAT(outcome.output, Not(HasSubstr("camera 0 (cam_00_00): "))) << "no message about working cameras";
 }
 
@@ -179,7 +185,7 @@ TEST(LfRigTrust, NoCommandRunsElementsThatMayWrite) {
   for (const char* command : kCommandsThatOpenCameras) {
     const Outcome outcome = lf_rig(std::string(command), dir);
     EXPECT_EQ(outcome.status, 1) << command;
-    EXPECT_THAT(outcome.output, AllOf(HasSubstr("its source has tee"), HasSubstr("--trust-rig"))) << command;
+    EXPECT_THAT(outcome.output, AllOf(mentions("source", "tee"), HasSubstr("--trust-rig"))) << command;
     EXPECT_FALSE(std::filesystem::exists(mark)) << command;
   }
   EXPECT_EQ(lf_rig("doctor rig.json --seconds 1 --trust-rig", dir).status, 0);
@@ -195,7 +201,7 @@ TEST(LfRigTrust, NoCommandRunsElementsOfARigThatOthersCanWrite) {
   for (const char* command : kCommandsThatOpenCameras) {
     const Outcome outcome = lf_rig(std::string(command) + " --trust-rig", dir);
     EXPECT_EQ(outcome.status, 1) << command;
-    EXPECT_THAT(outcome.output, HasSubstr("can be written by other users")) << command;
+    EXPECT_THAT(outcome.output, mentions("written", "other users")) << command;
     EXPECT_FALSE(std::filesystem::exists(mark)) << command;
   }
 }
@@ -237,8 +243,8 @@ TEST(LfRigSnapshot, SavesAStillOfEachCameraThatWorks) {
                   "videotestsrc is-live=true pattern=blue ! video/x-raw,framerate=30/1 ! jpegenc", "none.mkv"});
   const Outcome outcome = lf_rig("snapshot rig.json --out stills --warm-up 0.3", dir);
   EXPECT_EQ(outcome.status, 1) << "one is missing";
-  EXPECT_THAT(outcome.output, AllOf(HasSubstr("camera 2 (cam_00_02): "), HasSubstr("2 stills of one instant"),
-                                    HasSubstr("check the path")));
+  EXPECT_THAT(outcome.output,
+              AllOf(HasSubstr("camera 2 (cam_00_02): "), mentions("2 stills"), HasSubstr("check the path")));
   const Rig rig = load_rig(dir / "stills/rig.json");
   EXPECT_EQ(rig.cameras[0].image, "cam_00_00.png");
   EXPECT_EQ(rig.cameras[2].image, "");
@@ -260,8 +266,7 @@ TEST(LfRigSnapshot, KeepsTheStillsOfBeforeWhereNoCameraWorks) {
   ASSERT_EQ(lf_rig("snapshot rig.json --out stills --warm-up 0", dir).status, 0);
   const std::string before = read_text_file(dir / "stills/rig.json");
   write_rig(dir, {"none.mkv"});
-  test::expect_outcome(lf_rig("snapshot rig.json --out stills --warm-up 0", dir), 1,
-                       HasSubstr("so stills is unchanged"));
+  test::expect_outcome(lf_rig("snapshot rig.json --out stills --warm-up 0", dir), 1, mentions("stills", "unchanged"));
   EXPECT_EQ(read_text_file(dir / "stills/rig.json"), before);
   EXPECT_TRUE(std::filesystem::exists(dir / "stills/cam_00_00.png"));
 }
@@ -310,7 +315,7 @@ TEST(LfRigRecord, FilmsAllCamerasByOneClock) {
   dir.write("films/cam_00_02.mkv", "of last week");
   const Outcome outcome = lf_rig("record rig.json --out films --seconds 2", dir);
   EXPECT_EQ(outcome.status, 1) << "one is missing";
-  EXPECT_THAT(outcome.output, AllOf(HasSubstr("camera 2 (cam_00_02): 0 frames: "), HasSubstr("films: 2 of 3 cameras")));
+  EXPECT_THAT(outcome.output, AllOf(mentions("camera 2 (cam_00_02)", "0 frames"), mentions("films", "2 of 3 cameras")));
   EXPECT_FALSE(std::filesystem::exists(dir / "films/cam_00_02.mkv")) << "older than the recording session";
   for (const auto& [name, rate] : {std::pair("cam_00_00", 30.0), std::pair("cam_00_01", 15.0)}) {
     const std::vector<double> stamps = stamps_of(dir / "films/" + name + ".mkv");
@@ -336,7 +341,7 @@ TEST(LfRigRecord, KeepsFilmsOfBeforeUntilNewOnesAreThere) {
   EXPECT_GT(std::filesystem::file_size(dir / "films/cam_00_00.mkv"), 100u) << one.output;
   EXPECT_FALSE(std::filesystem::exists(dir / "films/cam_00_01.mkv")) << "older than the new recording";
   EXPECT_EQ(read_text_file(dir / "films/earlier/cam_00_01.mkv"), "of last week");
-  EXPECT_THAT(one.output, HasSubstr("its previous film was moved to films/earlier/cam_00_01.mkv"));
+  EXPECT_THAT(one.output, HasSubstr("films/earlier/cam_00_01.mkv"));
 }
 
 // The first frame of each unsynchronised camera comes some time after the start of the recording.
@@ -363,11 +368,10 @@ TEST(LfRigRecord, WaitsUntilNetworkCamerasTellTheTime) {
     write_rig(dir, {server.uri("/jpeg"), server.uri("/undated")});
     const Outcome outcome = lf_rig("record rig.json --out films --seconds 4", dir);
     ASSERT_EQ(outcome.status, 0) << outcome.output;
-    const size_t undated = outcome.output.find("camera 1 (cam_00_01)"),
-                 note = outcome.output.find("capture times are arrival times");
+    const size_t undated = outcome.output.find("camera 1 (cam_00_01)"), note = outcome.output.find("are arrival times");
     ASSERT_NE(note, std::string::npos) << outcome.output;
     EXPECT_LT(undated, note) << outcome.output;
-    EXPECT_EQ(outcome.output.find("capture times are arrival times", note + 1), std::string::npos) << outcome.output;
+    EXPECT_EQ(outcome.output.find("are arrival times", note + 1), std::string::npos) << outcome.output;
     const std::vector<double> stamps = stamps_of(dir / "films/cam_00_00.mkv");
     ASSERT_GT(stamps.size(), 10u);
     for (const double stamp : stamps) {
@@ -403,15 +407,15 @@ TEST(LfRigRecord, NamesBecomeFiles) {
   rig.cameras[1].name = "../up";
   save_rig(rig, dir / "rig.json");
   test::expect_outcome(lf_rig("record rig.json --out films --seconds 1", dir), 1,
-                       HasSubstr("cameras[1].name: \"../up\" cannot be used as a file name"));
+                       mentions("cameras[1].name", "../up", "file name"));
 }
 
 TEST(LfRigLock, NeedsACameraThatTells) {
   const TempDir dir;
   write_rig(dir, {kGood});
   EXPECT_THAT(lf_rig("lock rig.json --settle 0.2", dir).output,
-              HasSubstr("camera 0 (cam_00_00): its source reports no exposure, gain, white balance or focus"));
-  EXPECT_THAT(lf_rig("lock rig.json --camera 4", dir).output, HasSubstr("rig.json: has no camera 4"));
+              mentions("camera 0", "cam_00_00", "exposure", "gain", "white balance", "focus"));
+  EXPECT_THAT(lf_rig("lock rig.json --camera 4", dir).output, mentions("rig.json", "camera 4"));
 }
 
 // Uses films of a moving bar as cameras. Checks the detected positions during filming, and the cost.
@@ -451,15 +455,15 @@ TEST_F(Watching, FollowsTheLightsInTheFilmsThatAreTaken) {
     EXPECT_LE(watch.places(i).share(), places.share() + 1.5 / 12);
     EXPECT_GE(watch.places(i).share(), 0.5 * places.share());
   }
-  EXPECT_THAT(watch.summary(), AllOf(HasSubstr("The light has covered "), HasSubstr("Next: ")));
+  EXPECT_THAT(watch.summary(), AllOf(mentions("light", "covered"), HasSubstr("Next: ")));
 }
 
 TEST_F(Watching, LfRigRecordSaysItWhileItRecords) {
   ASSERT_NO_FATAL_FAILURE(film(scene_rig(1, 2, 320, 240), "--framerate 15 --seconds 6"));
   test::expect_outcome(run_program("lf-rig", "record lights/rig.json --out films --seconds 5 --lights 2", dir_.path()),
                        0,
-                       AllOf(HasSubstr("left in the images is on your right"), HasSubstr("The light has covered "),
-                             HasSubstr("Next: "), HasSubstr("films: 2 of 2 cameras")));
+                       AllOf(mentions("left", "right"), mentions("light", "covered"), HasSubstr("Next: "),
+                             mentions("films", "2 of 2 cameras")));
   EXPECT_NE(run_program("lf-rig", "record lights/rig.json --out films --lights 3", dir_.path()).status, 0);
 }
 

@@ -19,6 +19,7 @@
 #include "rig/exchange.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
+#include "support/mentions.h"
 #include "support/process.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
@@ -62,9 +63,9 @@ TEST_F(LfRig, NewMakesARigThatInfoDescribes) {
   EXPECT_EQ(info.status, 0);
   char hash[20];
   std::snprintf(hash, sizeof(hash), "%016llx", static_cast<unsigned long long>(rig.hash()));
-  const std::vector<std::string> texts = {
-      "20 (0 with an image", hash,     "grid of 4x5", "24 triangles",
-      "0.2 x 0.15 x 0 m",    "0.25 m", "0.05 m",      "RADIAL, f 415.692 px, 20 cameras of 640x480"};
+  const std::vector<std::string> texts = {"20 (0 with",       hash,         "grid of 4x5", "24 triangles",
+                                          "0.2 x 0.15 x 0 m", "0.25 m",     "0.05 m",      "RADIAL",
+                                          "415.692 px",       "20 cameras", "640x480"};
   for (const std::string& text : texts) EXPECT_THAT(info.output, HasSubstr(text));
 }
 
@@ -74,20 +75,19 @@ TEST_F(LfRig, NewMakesCylinders) {
   EXPECT_EQ(load_rig(dir / "in.json").cameras.size(), 24u);
   EXPECT_EQ(load_rig(dir / "out.json").cameras.size(), 18u);
   expect_outcome(lf_rig("check in.json"), 0);
-  expect_outcome(lf_rig("new --inward 12 --pitch 0.3 --fov 60 --out no.json"), 1,
-                 HasSubstr("radius: must be positive"));
+  expect_outcome(lf_rig("new --inward 12 --pitch 0.3 --fov 60 --out no.json"), 1, mentions("radius", "positive"));
   expect_outcome(lf_rig("new --grid 2x2 --radius 1 --pitch 1 --fov 60 --out no.json"), 1,
-                 HasSubstr("--radius: applies only to --arc"));
+                 mentions("--radius", "--arc"));
 }
 
 TEST_F(LfRig, NewRefusesNonsense) {
   const std::string rest = " --out rig.json";
   for (const char* grid : {"0x4", "4", "x", "4x", "4x4x4", "-1x4", "4X4", "99999999999x1"})
     expect_outcome(lf_rig(std::string("new --pitch 1 --fov 60 --grid=") + grid + rest), 1, HasSubstr("--grid"));
-  expect_outcome(lf_rig("new --grid 2x2 --pitch 0 --fov 60" + rest), 1, HasSubstr("pitch: must be positive"));
-  expect_outcome(lf_rig("new --grid 2x2 --pitch 1 --fov 180" + rest), 1, HasSubstr("fov_y: must be between"));
+  expect_outcome(lf_rig("new --grid 2x2 --pitch 0 --fov 60" + rest), 1, mentions("pitch", "positive"));
+  expect_outcome(lf_rig("new --grid 2x2 --pitch 1 --fov 180" + rest), 1, HasSubstr("fov_y"));
   expect_outcome(lf_rig("new --grid 2x2 --pitch 1 --fov 60 --out none/rig.json"), 1,
-                 HasSubstr("none/rig.json: can't be written"));
+                 mentions("none/rig.json", "written"));
   EXPECT_NE(lf_rig("new --grid 2x2 --pitch wide --fov 60" + rest).status, 0);
   EXPECT_NE(lf_rig("new --grid 2x2").status, 0);
   EXPECT_NE(lf_rig("").status, 0);
@@ -97,14 +97,12 @@ TEST_F(LfRig, NewRefusesNonsense) {
 TEST_F(LfRig, CheckFailsOnErrorsAlone) {
   write_rig();
   expect_outcome(lf_rig("check in/rig.json"), 0);
-  expect_outcome(lf_rig("check plain.json"), 0,
-                 HasSubstr("warning: cameras[0] and 8 more have neither an image nor a source"));
+  expect_outcome(lf_rig("check plain.json"), 0, mentions("warning", "cameras[0]", "8 more", "image", "source"));
   fs::remove(dir / "in/images/cam_01_01.png");
   expect_outcome(lf_rig("check in/rig.json"), 1, HasSubstr("in/rig.json: error: cameras[4].image: "));
   dir.write("broken.json", "{\"format\": \"lightfield-rig\",\n \"version\": 1, \"cameras\": [{\"id\": 0,");
-  expect_outcome(lf_rig("check broken.json"), 1,
-                 HasSubstr("lf-rig: broken.json: cameras[0]: not valid JSON: parse error at line 2"));
-  expect_outcome(lf_rig("check none.json"), 1, HasSubstr("none.json: can't be read: No such file or directory"));
+  expect_outcome(lf_rig("check broken.json"), 1, mentions("lf-rig", "broken.json", "cameras[0]", "JSON", "line 2"));
+  expect_outcome(lf_rig("check none.json"), 1, mentions("none.json", "No such file"));
 }
 
 // The live elements and lf-rig check must agree about stills.
@@ -135,10 +133,8 @@ TEST_F(LfRig, CheckComparesImagesWithTheGeometry) {
     }
     save_rig(right, dir / "right.json");
     save_rig(mirrored, dir / "mirrored.json");
-    expect_outcome(lf_rig("check right.json"), 0, HasSubstr("right.json: 0 errors, 0 warnings"));
-    expect_outcome(
-        lf_rig("check mirrored.json"), 0,
-        HasSubstr("mirrored.json: warning: cameras: the positions, orientations or lenses do not fit the images"));
+    expect_outcome(lf_rig("check right.json"), 0, mentions("right.json", "0 errors", "0 warnings"));
+    expect_outcome(lf_rig("check mirrored.json"), 0, mentions("mirrored.json", "warning: cameras:", "fit"));
   }
 }
 
@@ -181,16 +177,16 @@ TEST_F(LfRig, RefusesFilesThatNeverEnd) {
   fs::create_symlink("/dev/zero", dir / "zero.json");
   ASSERT_EQ(mkfifo((dir / "fifo.json").c_str(), 0600), 0);
   for (const std::string name : {"zero.json", "fifo.json"}) {
-    expect_outcome(lf_rig("info " + name), 1, HasSubstr(name + ": can't be read: it is not a regular file"));
+    expect_outcome(lf_rig("info " + name), 1, mentions(name, "regular file"));
     for (const char* format : {"nerf", "kalibr", "opencv"})
       expect_outcome(lf_rig(std::string("import ") + format + " " + name + " --out o.json"), 1,
-                     HasSubstr("it is not a regular file"));
+                     HasSubstr("regular file"));
   }
   Rig rig = load_rig(dir / "in/rig.json");
   rig.cameras[0].image = "../zero.json";
   rig.cameras[1].image = "../fifo.json";
   save_rig(rig, dir / "in/rig.json");
-  expect_outcome(lf_rig("check in/rig.json"), 1, HasSubstr("zero.json: not a file"));
+  expect_outcome(lf_rig("check in/rig.json"), 1, mentions("zero.json", "not a file"));
 }
 
 TEST_F(LfRig, SubsetKeepsGridPathsAndUnknownKeys) {
@@ -215,9 +211,8 @@ TEST_F(LfRig, SubsetKeepsGridPathsAndUnknownKeys) {
   EXPECT_EQ(saved["cameras"][1]["note"], "centre");
   expect_outcome(lf_rig("check sub.json"), 0);
 
-  expect_outcome(lf_rig("subset in/rig.json --cameras 7-9 --out x.json"), 1,
-                 HasSubstr("\"7-9\": the rig has no camera with id 9"));
-  expect_outcome(lf_rig("subset sub.json --every 2 --out x.json"), 1, HasSubstr("topology is not a grid"));
+  expect_outcome(lf_rig("subset in/rig.json --cameras 7-9 --out x.json"), 1, mentions("7-9", "id 9"));
+  expect_outcome(lf_rig("subset sub.json --every 2 --out x.json"), 1, mentions("topology", "grid"));
   EXPECT_NE(lf_rig("subset in/rig.json --out x.json").status, 0);
   EXPECT_NE(lf_rig("subset in/rig.json --every 2 --cameras 1 --out x.json").status, 0);
   EXPECT_FALSE(fs::exists(dir / "x.json"));
@@ -226,15 +221,14 @@ TEST_F(LfRig, SubsetKeepsGridPathsAndUnknownKeys) {
 TEST_F(LfRig, ColmapThereAndBack) {
   write_rig();
   expect_outcome(lf_rig("export colmap in/rig.json model"), 0,
-                 testing::AllOf(HasSubstr("note: the topology of the rig is not kept"),
-                                HasSubstr("model: 9 images, maximum error ")));
+                 testing::AllOf(mentions("note", "topology"), mentions("model", "9 images", "error")));
   expect_outcome(lf_rig("import colmap model --images in --grid 3x3 --out back.json"), 0);
   const Rig rig = load_rig(dir / "in/rig.json"), back = load_rig(dir / "back.json");
   EXPECT_LE(max_reprojection_error(rig, back, 1), 1e-9);
   EXPECT_EQ(back.topology.type, Topology::Type::kGrid);
   EXPECT_EQ(back.cameras[0].image, "in/images/cam_00_00.png");
   expect_outcome(lf_rig("check back.json"), 0);
-  expect_outcome(lf_rig("import colmap in --out x.json"), 1, HasSubstr("in/cameras.txt: can't be read"));
+  expect_outcome(lf_rig("import colmap in --out x.json"), 1, mentions("in/cameras.txt", "read"));
 }
 
 TEST_F(LfRig, OtherFormatsThereAndBack) {
@@ -248,8 +242,7 @@ TEST_F(LfRig, OtherFormatsThereAndBack) {
     EXPECT_LE(max_reprojection_error(rig, load_rig(dir / "back.json"), 1), 1e-9) << format;
     if (format != "kalibr") expect_outcome(lf_rig("check back.json"), 0);
   }
-  expect_outcome(lf_rig("import kalibr in/rig.json --out x.json"), 1,
-                 HasSubstr("in/rig.json: key \"cam0\" is missing"));
+  expect_outcome(lf_rig("import kalibr in/rig.json --out x.json"), 1, mentions("in/rig.json", "\"cam0\"", "missing"));
 }
 
 // The output must not replace the imported file, which may be the only copy of a calibration.
@@ -259,8 +252,8 @@ TEST_F(LfRig, InputsAreNotOverwritten) {
   for (const std::string format : {"nerf", "kalibr", "opencv"}) {
     expect_outcome(lf_rig("export " + format + " in/rig.json there"), 0);
     const std::string before = read("there");
-    expect_outcome(lf_rig("import " + format + " there --out there"), 1, HasSubstr("there: exists and is not a rig"));
-    expect_outcome(lf_rig("import " + format + " there --out ./in/../there"), 1, HasSubstr("is not a rig file"));
+    expect_outcome(lf_rig("import " + format + " there --out there"), 1, mentions("there", "not a rig"));
+    expect_outcome(lf_rig("import " + format + " there --out ./in/../there"), 1, HasSubstr("not a rig"));
     EXPECT_EQ(read("there"), before) << format;
     for (int i = 0; i < 2; i++) expect_outcome(lf_rig("import " + format + " there --out back.json"), 0);
     const std::string rig = read("in/rig.json");
@@ -297,30 +290,28 @@ TEST_F(LfRig, NamesOfTheStanfordArchiveAreInTheUnitThatIsAskedFor) {
 }
 
 TEST_F(LfRig, NamesTheCommandsWhereOneIsMissing) {
-  const std::string formats = "lf-rig import: needs one of the commands colmap, kalibr, nerf, opencv or stanford";
-  expect_outcome(
-      lf_rig("import 'my model' --grid 2x2 --out rig.json"), 1,
-      HasSubstr(formats + "; did you mean \"lf-rig import colmap 'my model' --grid 2x2 --out rig.json\"? (see "
-                          "lf-rig import --help)"));
-  expect_outcome(lf_rig("import model --out rig.json"), 1, HasSubstr(formats + " (see lf-rig import --help)"));
-  expect_outcome(lf_rig("import --unit=1 model"), 1, HasSubstr("\"lf-rig import stanford --unit=1 model\"?"));
+  const auto formats = mentions("lf-rig import:", "colmap", "kalibr", "nerf", "opencv", "stanford");
+  expect_outcome(lf_rig("import 'my model' --grid 2x2 --out rig.json"), 1,
+                 AllOf(formats, HasSubstr("\"lf-rig import colmap 'my model' --grid 2x2 --out rig.json\""),
+                       HasSubstr("lf-rig import --help")));
+  expect_outcome(lf_rig("import model --out rig.json"), 1, AllOf(formats, HasSubstr("lf-rig import --help")));
+  expect_outcome(lf_rig("import --unit=1 model"), 1, HasSubstr("lf-rig import stanford --unit=1 model"));
   expect_outcome(lf_rig("import colmpa model --out rig.json"), 1,
-                 HasSubstr("\"lf-rig import colmap model --out rig.json\"?"));
-  expect_outcome(lf_rig("export rig.json model"), 1, HasSubstr("lf-rig export: needs one of the commands colmap,"));
-  expect_outcome(lf_rig("chek rig.json"), 1, HasSubstr("did you mean \"lf-rig check rig.json\"?"));
+                 HasSubstr("lf-rig import colmap model --out rig.json"));
+  expect_outcome(lf_rig("export rig.json model"), 1, mentions("lf-rig export", "colmap"));
+  expect_outcome(lf_rig("chek rig.json"), 1, HasSubstr("\"lf-rig check rig.json\""));
   expect_outcome(lf_rig("--grid 2x2 --fov 60 --out rig.json"), 1,
-                 HasSubstr("did you mean \"lf-rig new --grid 2x2 --fov 60 --out rig.json\"?"));
-  expect_outcome(lf_rig("rig.json"), 1, HasSubstr("lf-rig: needs one of the commands new, info, check, subset,"));
-  expect_outcome(lf_rig("check"), 1, HasSubstr("lf-rig: RIG is required"));
+                 HasSubstr("\"lf-rig new --grid 2x2 --fov 60 --out rig.json\""));
+  expect_outcome(lf_rig("rig.json"), 1, mentions("lf-rig", "new", "info", "check", "subset"));
+  expect_outcome(lf_rig("check"), 1, mentions("lf-rig", "RIG"));
 }
 
 // Hand-held photographs: the files are undistorted, with different sizes and names.
 TEST_F(LfRig, ImportsTheKettle) {
   if (!fs::exists(kData / "kettle")) GTEST_SKIP() << "needs ../shared/data/kettle";
   const std::string import = "import colmap '" + fs::canonical(kData / "kettle").string() + "' --out rig.json";
-  expect_outcome(lf_rig(import), 1,
-                 HasSubstr("20.23.45.jpg: is 1250x937, but cameras.txt gives its camera 3 the size 1280x960"));
-  expect_outcome(lf_rig(import + " --undistorted"), 0, HasSubstr("28 image files have other names than in images.txt"));
+  expect_outcome(lf_rig(import), 1, mentions("20.23.45.jpg", "1250x937", "cameras.txt", "camera 3", "1280x960"));
+  expect_outcome(lf_rig(import + " --undistorted"), 0, mentions("28", "names", "images.txt"));
   const Rig rig = load_rig(dir / "rig.json");
   ASSERT_EQ(rig.cameras.size(), 28u);
   const Camera& camera = rig.cameras[0];
@@ -333,7 +324,7 @@ TEST_F(LfRig, ChecksTheRealRigs) {
   if (!fs::exists(kData)) GTEST_SKIP() << "needs ../shared/data";
   for (const char* name : {"chess", "toys"}) {
     expect_outcome(lf_rig("check '" + (kData / name / "rig.json").string() + "'"), 0,
-                   HasSubstr("0 errors, 0 warnings"));
+                   mentions("0 errors", "0 warnings"));
   }
 }
 

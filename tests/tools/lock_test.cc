@@ -16,6 +16,7 @@
 #include "base/text.h"
 #include "gst/gst_test.h"
 #include "rig/rig_json.h"
+#include "support/mentions.h"
 #include "support/temp_dir.h"
 
 namespace lf::cameras {
@@ -139,7 +140,7 @@ TEST_F(LockTest, NamesTheCameraThatDoesNotListen) {
   for (const StuckControl& one : find_stuck_controls(rig, values, quick()))
     found.push_back(std::to_string(one.camera) + " " + one.control + ": " + one.why);
   EXPECT_THAT(found,
-              testing::ElementsAre("1 exposure: the picture stays the same", "1 gain: the picture stays the same"));
+              testing::ElementsAre(mentions("1 exposure", "picture stays"), mentions("1 gain", "picture stays")));
 }
 
 TEST_F(LockTest, ACameraThatFailsIsNamed) {

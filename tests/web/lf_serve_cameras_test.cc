@@ -15,6 +15,7 @@
 #include "gst/gst_test.h"
 #include "gst/rtsp_server.h"
 #include "pipelines/gst_launch.h"
+#include "support/mentions.h"
 #include "support/run_program.h"
 #include "web/served.h"
 #include "web/whep_client.h"
@@ -27,8 +28,8 @@ using testing::Not;
 
 class LfServeCameras : public testing::Test {
  protected:
-  bool says(const Served& served, const std::string& text) {
-    return becomes([&] { return served.said().find(text) != std::string::npos; });
+  bool says(const Served& served, const std::vector<std::string>& facts) {
+    return becomes([&] { return testing::Value(served.said(), mentions(facts)); });
   }
   static bool goes_on(const WhepClient& client) {
     const uint64_t before = client.pictures();
@@ -70,14 +71,14 @@ TEST_F(LfServeCameras, FilesThatAreMissingDamagedOrEmptiedEndNothing) {
     rig.cameras[3].source = files_.path("emptied.mkv");
   });
   ASSERT_NE(served.url(), "") << served.said();
-  EXPECT_TRUE(says(served, "nowhere.mkv: no such file: out of service until it is back"));
+  EXPECT_TRUE(says(served, {"nowhere.mkv", "no such", "out of service"}));
   const WhepClient client({.url = served.url()});
   EXPECT_TRUE(goes_on(client));
   std::filesystem::resize_file(files_.path("emptied.mkv"), 0);
-  EXPECT_TRUE(says(served, "emptied.mkv")) << served.said();
+  EXPECT_TRUE(says(served, {"emptied.mkv"})) << served.said();
   EXPECT_TRUE(goes_on(client));
   std::filesystem::copy(files_.path("mjpeg.mkv"), files_.path("nowhere.mkv"));
-  EXPECT_TRUE(says(served, "camera1 is back")) << served.said();
+  EXPECT_TRUE(says(served, {"camera1 is back"})) << served.said();
   EXPECT_TRUE(goes_on(client));
   expect_one_viewer_up_to_a_good_end(served);
 }
@@ -102,7 +103,7 @@ TEST_F(LfServeCameras, TellsNobodyTheirPasswords) {
     rig.cameras[1].source = "rtspsrc location=rtsp://127.0.0.1:1/ user-pw=Hunter2Secret ! decodebin";
   });
   ASSERT_NE(served.url(), "") << served.said();
-  EXPECT_TRUE(says(served, "127.0.0.1:1/stream: "));
+  EXPECT_TRUE(says(served, {"127.0.0.1:1/stream"}));
   EXPECT_TRUE(becomes([&] { return get(served, "mosaic.json").find("127.0.0.1:1/stream") != std::string::npos; }));
   const WhepClient client({.url = served.url()});
   EXPECT_TRUE(has_message(client, "\"cameras\""));
@@ -129,11 +130,11 @@ TEST_F(LfServeCameras, PasswordsThatOthersCanReadAreAWarning) {
   std::filesystem::permissions(served.rig(), perms::others_read, perm_options::add);
   const Outcome outcome = run_program("lf-rig", "check " + served.rig());
   EXPECT_EQ(outcome.status, 0) << outcome.output;
-  EXPECT_THAT(outcome.output, HasSubstr("rig.json: warning: cameras[1]: its source contains a password or key"));
-  EXPECT_THAT(outcome.output, HasSubstr("run chmod 600 " + served.rig()));
+  EXPECT_THAT(outcome.output, mentions("rig.json", "warning", "cameras[1]", "password"));
+  EXPECT_THAT(outcome.output, mentions("chmod 600", served.rig()));
   Served again(Served::ExistingRig{served.rig()});
   ASSERT_NE(again.url(), "") << again.said();
-  EXPECT_TRUE(says(again, "run chmod 600 " + served.rig())) << again.said();
+  EXPECT_TRUE(says(again, {"chmod 600", served.rig()})) << again.said();
   EXPECT_EQ(again.stop(), 0);
 }
 
@@ -149,7 +150,7 @@ TEST_F(LfServeCameras, ElementsThatMayWriteNeedTrust) {
   Served refused({}, edit);
   EXPECT_EQ(refused.url(), "");
   EXPECT_EQ(refused.stop(), 1);
-  EXPECT_THAT(refused.said(), ::testing::AllOf(HasSubstr("its source has tee"), HasSubstr("--trust-rig")));
+  EXPECT_THAT(refused.said(), ::testing::AllOf(mentions("source", "tee"), HasSubstr("--trust-rig")));
   EXPECT_FALSE(std::filesystem::exists(mark));
   Served served({"--trust-rig"}, edit);
   EXPECT_NE(served.url(), "") << served.said();
@@ -168,12 +169,12 @@ TEST_F(LfServeCameras, AServerOfACameraMayStopAndStartAgain) {
   const WhepClient client({.url = served.url()});
   EXPECT_TRUE(goes_on(client));
   server.reset();
-  EXPECT_TRUE(says(served, "/jpeg")) << served.said();
-  EXPECT_THAT(served.said(), HasSubstr("out of service until it is back"));
+  EXPECT_TRUE(says(served, {"/jpeg"})) << served.said();
+  EXPECT_THAT(served.said(), HasSubstr("out of service"));
   EXPECT_TRUE(has_message(client, "\"cameras\":{\"count\":4,\"working\":3}"));
   EXPECT_TRUE(goes_on(client));
   server = std::make_unique<RtspServer>(port);
-  EXPECT_TRUE(says(served, "camera2 is back")) << served.said();
+  EXPECT_TRUE(says(served, {"camera2 is back"})) << served.said();
   EXPECT_TRUE(goes_on(client));
   expect_one_viewer_up_to_a_good_end(served);
 }
@@ -189,7 +190,7 @@ TEST_F(LfServeCameras, AllOfThemMayStopAndStartAgain) {
   const WhepClient client({.url = served.url()});
   EXPECT_TRUE(has_message(client, "\"cameras\":{\"count\":4,\"working\":4}"));
   server.reset();
-  EXPECT_TRUE(says(served, "No camera works any more: ")) << served.said();
+  EXPECT_TRUE(says(served, {"No camera works"})) << served.said();
   EXPECT_TRUE(has_message(client, "\"cameras\":{\"count\":4,\"working\":0}"));
   EXPECT_TRUE(goes_on(client)) << "with the last picture";
   server = std::make_unique<RtspServer>(port);
@@ -223,18 +224,18 @@ TEST_F(LfServeCameras, AWatchedRigGoesLiveWithoutARestart) {
   EXPECT_TRUE(goes_on(client));
 
   write_text_file("{ not yet", served.rig());
-  EXPECT_TRUE(says(served, "the old rig stays in use: ")) << served.said();
+  EXPECT_TRUE(says(served, {"old rig"})) << served.said();
   EXPECT_TRUE(goes_on(client));
 
   for (Camera& camera : rig.cameras) camera.source = files_.path("mjpeg.mkv");
   save_rig(rig, served.rig());
-  EXPECT_TRUE(says(served, "the changed rig file has other cameras")) << served.said();
+  EXPECT_TRUE(says(served, {"rig file", "other cameras"})) << served.said();
   EXPECT_TRUE(becomes([&] { return told() == 3; })) << served.said();
   EXPECT_TRUE(goes_on(client)) << served.said();
 
   for (Camera& camera : rig.cameras) camera.source = files_.path("nowhere.mkv");
   save_rig(rig, served.rig());
-  EXPECT_TRUE(says(served, "no pictures until the rig file changes")) << served.said();
+  EXPECT_TRUE(says(served, {"no pictures", "rig file"})) << served.said();
   for (Camera& camera : rig.cameras) camera.source = files_.path("mjpeg.mkv");
   save_rig(rig, served.rig());
   EXPECT_TRUE(goes_on(client)) << served.said();
@@ -244,8 +245,7 @@ TEST_F(LfServeCameras, AWatchedRigGoesLiveWithoutARestart) {
 TEST_F(LfServeCameras, OptionsThatCantWorkAreSaid) {
   EXPECT_THAT(run_program("lf-serve", "--watch").output, HasSubstr("--watch: requires --rig"));
   EXPECT_THAT(run_program("lf-serve", "--key-file /nobody").output, HasSubstr("--key-file: requires --nodes"));
-  EXPECT_THAT(run_program("lf-serve", "--focus-near 5 --focus-far 1").output,
-              HasSubstr("--focus-near: must be less than --focus-far"));
+  EXPECT_THAT(run_program("lf-serve", "--focus-near 5 --focus-far 1").output, mentions("--focus-near", "--focus-far"));
 }
 
 class KeyFile : public TempFile {
@@ -304,7 +304,7 @@ TEST_F(LfServeNodes, AreNamedWhenTheyDoNotAnswer) {
   start_host(served.rig(), key_);
   const WhepClient client({.url = served.url()});
   EXPECT_TRUE(becomes([&] { return camera_bytes(served) > 0 && served.metric(metric) == "0"; }));
-  EXPECT_THAT(served.said(), Not(HasSubstr(name + " does not answer")));
+  EXPECT_THAT(served.said(), Not(HasSubstr(name + " does not")));
   stop_host();
   EXPECT_TRUE(becomes([&] { return served.metric(metric) == "1"; }));
   EXPECT_TRUE(
@@ -325,7 +325,7 @@ TEST_F(LfServeNodes, AnswerToAPortThatNobodyElseHas) {
 TEST_F(LfServeNodes, SayWhatIsWrongWithAKey) {
   const Served served({"--nodes", "127.0.0.1:6000:6100", "--key-file", "/nowhere/key"});
   EXPECT_EQ(served.url(), "");
-  EXPECT_THAT(served.said(), HasSubstr("/nowhere/key: can't be read"));
+  EXPECT_THAT(served.said(), mentions("/nowhere/key", "read"));
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include <functional>
 #include <memory>
 
+#include "support/mentions.h"
 #include "support/recorded.h"
 #include "support/temp_dir.h"
 #include "web/offers.h"
@@ -45,7 +46,7 @@ TEST_F(LfServeMedia, APeerWithAnotherCertificateGetsNothing) {
     for (int i = 1; i < 32; i++) stranger.fingerprint += std::string(":") + byte;
     EXPECT_THROW(watch(served, stranger), std::runtime_error);
   }
-  EXPECT_THAT(served.said(), HasSubstr("its certificate does not match the offer"));
+  EXPECT_THAT(served.said(), mentions("certificate", "offer"));
   EXPECT_TRUE(becomes([&] { return served.metric("viewers") == "0"; }));
   EXPECT_TRUE(goes_on(*watch(served)));
 }
@@ -250,7 +251,7 @@ TEST_F(LfServeMedia, ASecondDataChannelEndsAViewerWhichIsTold) {
   EXPECT_TRUE(becomes([&] { return greedy->ended(); })) << "its channels close";
   EXPECT_TRUE(goes_on(*stays));
   EXPECT_EQ(served.stop(), 0);
-  EXPECT_THAT(served.said(), HasSubstr("more than one data channel"));
+  EXPECT_THAT(served.said(), HasSubstr("one data channel"));
 }
 
 TEST_F(LfServeMedia, ConnectsThatAreAbortedDisturbNobody) {

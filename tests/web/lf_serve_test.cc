@@ -12,6 +12,7 @@
 #include <regex>
 #include <vector>
 
+#include "support/mentions.h"
 #include "web/offers.h"
 #include "web/served.h"
 
@@ -196,7 +197,7 @@ TEST_F(LfServe, RefusesBadOffersWithTheirStatus) {
   EXPECT_EQ(metric(served, "refused_total{reason=\"offer\"}"), "9");
   EXPECT_EQ(metric(served, "refused_total{reason=\"body\"}"), "1");
   EXPECT_EQ(served.stop(), 0);
-  EXPECT_THAT(served.said(), HasSubstr("127.0.0.1: 413, the body is too long"));
+  EXPECT_THAT(served.said(), mentions("127.0.0.1", "413", "body"));
 }
 
 TEST_F(LfServe, AsksForTheToken) {
@@ -261,7 +262,7 @@ TEST_F(LfServe, SeatsThoseWhoConnectAndQueuesTheOthers) {
   for (int i = 0; i < 300 && metric(served, "viewers") != "0"; i++) g_usleep(100000);
   EXPECT_EQ(metric(served, "viewers"), "0");
   EXPECT_EQ(served.stop(), 0);
-  EXPECT_THAT(served.said(), HasSubstr("closes: it does not connect"));
+  EXPECT_THAT(served.said(), mentions("closes", "connect"));
 }
 
 TEST_F(LfServe, AddressesAreThoseOfConnectionsUnlessAProxyIsNamed) {
@@ -440,8 +441,8 @@ class LfServeTls : public LfServe {
   std::vector<std::string> options() const {
     return {"--tls-certificate", dir_ / "certificate.pem", "--tls-key", dir_ / "key.pem"};
   }
-  bool says(const Served& served, const std::string& text) {
-    return becomes([&] { return served.said().find(text) != std::string::npos; });
+  bool says(const Served& served, const std::vector<std::string>& facts) {
+    return becomes([&] { return testing::Value(served.said(), mentions(facts)); });
   }
 
   const TempDir dir_;
@@ -464,12 +465,12 @@ TEST_F(LfServeTls, TakesANewCertificateWhileItRuns) {
   trust(first);
   EXPECT_EQ(ask(served, "GET", "healthz").status, 200u);
   make_certificate(false);
-  EXPECT_TRUE(says(served, "the old one stays in use: ")) << served.said();
-  EXPECT_THAT(served.said(), HasSubstr("is not the private key of the certificate in"));
+  EXPECT_TRUE(says(served, {"old one"})) << served.said();
+  EXPECT_THAT(served.said(), mentions("private key", "certificate"));
   soup_session_abort(session_);
   EXPECT_EQ(ask(served, "GET", "healthz").status, 200u) << "with the matching certificate";
   std::filesystem::rename(dir_ / "other.pem", dir_ / "key.pem");
-  EXPECT_TRUE(says(served, "new connections use the new certificate")) << served.said();
+  EXPECT_TRUE(says(served, {"new certificate"})) << served.said();
   trust(dir_ / "certificate.pem");
   EXPECT_EQ(ask(served, "GET", "healthz").status, 200u);
 }
@@ -479,10 +480,10 @@ TEST_F(LfServeTls, NoticesThatTheModeOfTheKeyIsRepaired) {
   using std::filesystem::perm_options, std::filesystem::perms;
   Served served(options());
   std::filesystem::permissions(dir_ / "key.pem", perms::others_read, perm_options::add);
-  EXPECT_TRUE(says(served, "the old one stays in use: ")) << served.said();
+  EXPECT_TRUE(says(served, {"old one"})) << served.said();
   EXPECT_THAT(served.said(), HasSubstr("chmod 600 " + dir_ / "key.pem"));
   std::filesystem::permissions(dir_ / "key.pem", perms::others_read, perm_options::remove);
-  EXPECT_TRUE(says(served, "new connections use the new certificate")) << served.said();
+  EXPECT_TRUE(says(served, {"new certificate"})) << served.said();
   trust(dir_ / "certificate.pem");
   EXPECT_EQ(ask(served, "GET", "healthz").status, 200u);
 }
@@ -493,7 +494,7 @@ TEST_F(LfServeTls, RefusesFilesThatWillNotDo) {
     EXPECT_EQ(served.stop(), 1);
     return served.said();
   };
-  EXPECT_THAT(said({"--tls-key", dir_ / "key.pem"}), HasSubstr("must be used together"));
+  EXPECT_THAT(said({"--tls-key", dir_ / "key.pem"}), HasSubstr("together"));
   EXPECT_THAT(said({"--tls-certificate", dir_ / "key.pem", "--tls-key", dir_ / "key.pem"}),
               HasSubstr("no certificate"));
   dir_.write_secret("empty.pem", "");
@@ -631,13 +632,13 @@ TEST_F(LfServe, SecretsThatOtherUsersCanReadAreRefused) {
 
 TEST_F(LfServe, OptionsThatWouldNeverMatchAreRefused) {
   const std::pair<std::vector<std::string>, const char*> table[] = {
-      {{"--capture-delay", "10001"}, "Value 10001 not in range"},
-      {{"--media-address", "192.0.2.1"}, "--media-address 192.0.2.1: is not an IP address of this machine"},
-      {{"--media-address", "example.org"}, "--media-address example.org: is not an IP address of this machine"},
-      {{"--proxy", "proxy.example"}, "--proxy proxy.example: must be an IP address or localhost"},
-      {{"--origin", "example.org"}, "--origin example.org: must be an origin such as"},
-      {{"--host", "https://example.org"}, "--host https://example.org: must be a host name"},
-      {{"--connects", "nan"}, "nan is not a finite number"}};
+      {{"--capture-delay", "10001"}, "10001"},
+      {{"--media-address", "192.0.2.1"}, "--media-address 192.0.2.1:"},
+      {{"--media-address", "example.org"}, "--media-address example.org:"},
+      {{"--proxy", "proxy.example"}, "--proxy proxy.example:"},
+      {{"--origin", "example.org"}, "--origin example.org:"},
+      {{"--host", "https://example.org"}, "--host https://example.org:"},
+      {{"--connects", "nan"}, "not a finite"}};
   for (const auto& [options, why] : table) {
     Served served(options);
     EXPECT_EQ(served.stop(), 1) << options[0];
@@ -694,11 +695,11 @@ TEST_F(LfServe, ListensToOthersOnlyWhenTold) {
 }
 
 TEST_F(LfServe, WarnsIfEverybodyOnTheNetworkCanWatch) {
-  const std::string warning = "warning: no token: everybody who reaches http://0.0.0.0:";
   Served open({"--listen", "0.0.0.0", "--insecure"});
   ASSERT_NE(open.url(), "") << open.said();
   EXPECT_EQ(open.stop(), 0);
-  EXPECT_THAT(open.said(), testing::AllOf(HasSubstr(warning), HasSubstr("--token-file")));
+  EXPECT_THAT(open.said(),
+              testing::AllOf(mentions("warning", "no token", "http://0.0.0.0:"), HasSubstr("--token-file")));
   Served here;
   EXPECT_EQ(here.stop(), 0);
   EXPECT_THAT(here.said(), testing::Not(HasSubstr("no token")));

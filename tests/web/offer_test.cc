@@ -8,6 +8,7 @@
 
 #include "base/text.h"
 #include "serve/offer.h"
+#include "support/mentions.h"
 #include "support/process.h"
 #include "web/offers.h"
 
@@ -166,8 +167,8 @@ TEST(Offer, RefusesWhatCanNotBeAnsweredAndSaysWhy) {
       {with(good, "m=video", "m=audio"), "no video"},
       {with(good, "m=application", "m=message"), "unknown kind"},
       {with(good, "m=application 9 UDP/DTLS/SCTP webrtc-datachannel", "m=video 9 UDP/TLS/RTP/SAVPF 96"), "rtcp-mux"},
-      {good + good.substr(good.find("m=application")), "more than one data channel"},
-      {with(good, "m=application", "m=\x1b[31m"), "of an unknown kind"},
+      {good + good.substr(good.find("m=application")), "one data channel"},
+      {with(good, "m=application", "m=\x1b[31m"), "an unknown kind"},
       {with(good, "a=ice-ufrag:Yzk8\r\n", ""), "ice-ufrag"},
       {with(good, "a=ice-pwd:lrnRvCr0XvB7VlGEhFXcIGWV\r\n", ""), "ice-pwd"},
       {with(good, "a=fingerprint", "a=fingerpaint"), "fingerprint"},
@@ -226,10 +227,8 @@ TEST(Offer, HasAsManyFormatsAndAttributesAsBrowsersSend) {
   for (guint i = 0; i < 250; i++) more += "a=rtcp-fb:108 kind" + std::to_string(i) + "\r\n";
   EXPECT_EQ(refused(with(browser_offer(), "a=recvonly\r\n", "a=recvonly\r\n" + more)), "");
   for (guint i = 0; i < Offer::kMaxAttributes; i++) more += "a=x\r\n";
-  EXPECT_EQ(refused(with(browser_offer(), "a=recvonly\r\n", "a=recvonly\r\n" + more)),
-            "the offer has too many formats or attributes");
-  EXPECT_EQ(refused(with(browser_offer(), "t=0 0\r\n", "t=0 0\r\n" + more)),
-            "the offer has too many formats or attributes");
+  EXPECT_MENTIONS(refused(with(browser_offer(), "a=recvonly\r\n", "a=recvonly\r\n" + more)), "offer", "attributes");
+  EXPECT_MENTIONS(refused(with(browser_offer(), "t=0 0\r\n", "t=0 0\r\n" + more)), "offer", "attributes");
 }
 
 // GStreamer's payloaders reject static payload types.
@@ -238,7 +237,7 @@ TEST(Offer, HasADynamicPayloadType) {
     const std::string text =
         with(with(with(browser_offer(), " 108", std::string(" ") + number), ":108 ", std::string(":") + number + " "),
              "VP8/", "VP9/");
-    EXPECT_NE(refused(text).find("payload type from 96 to 127"), std::string::npos) << number << ": " << refused(text);
+    EXPECT_MENTIONS(refused(text), "96 to 127") << number << ": " << refused(text);
   }
   EXPECT_EQ(refused(with(with(browser_offer(), " 108", " 127"), ":108 ", ":127 ")), "");
 }

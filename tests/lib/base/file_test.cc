@@ -38,20 +38,20 @@ TEST(ReadFile, RefusesWhatIsNoRegularFileWithoutWaiting) {
   const TempDir dir;
   ASSERT_EQ(mkfifo((dir / "fifo").c_str(), 0600), 0);
   fs::create_symlink("/dev/zero", dir / "zero");
-  EXPECT_ERROR(read_file(dir / "fifo"), "fifo: can't be read: it is not a regular file");
-  EXPECT_ERROR(read_file(dir / "zero"), "zero: can't be read: it is not a regular file");
-  EXPECT_ERROR(read_file(dir.path()), "can't be read: it is a folder");
-  EXPECT_ERROR(read_file(dir / "none"), "none: can't be read: No such file or directory");
+  EXPECT_ERROR(read_file(dir / "fifo"), "fifo", "regular file");
+  EXPECT_ERROR(read_file(dir / "zero"), "zero", "regular file");
+  EXPECT_ERROR(read_file(dir.path()), "read", "folder");
+  EXPECT_ERROR(read_file(dir / "none"), "none", "No such file");
 }
 
 TEST(ReadFile, BoundsTheSize) {
   const TempDir dir;
   dir.write("ten", "0123456789");
   EXPECT_EQ(read_file(dir / "ten", 10), "0123456789");
-  EXPECT_ERROR(read_file(dir / "ten", 9), "ten: can't be read: it has more than 9 bytes");
+  EXPECT_ERROR(read_file(dir / "ten", 9), "ten", "9 bytes");
   dir.write("sparse", "");
   fs::resize_file(dir / "sparse", uintmax_t{1} << 40);
-  EXPECT_ERROR(read_file(dir / "sparse"), "sparse: can't be read: it has more than");
+  EXPECT_ERROR(read_file(dir / "sparse"), "sparse", "read");
   EXPECT_FALSE(read_file("/proc/self/stat").empty()) << "reported size 0";
 }
 
@@ -83,7 +83,7 @@ TEST(AtomicFileWriter, ALinkStaysALink) {
   write_text_file("new", dir / "dangling");
   EXPECT_EQ(read_text_file(dir / "folder/later"), "new");
   fs::create_symlink("loop", dir / "loop");
-  EXPECT_ERROR(write_text_file("new", dir / "loop"), "loop: can't be written");
+  EXPECT_ERROR(write_text_file("new", dir / "loop"), "loop", "written");
   EXPECT_EQ(entries_of(dir / "folder"), 2u) << "no temporary file is left";
 }
 
@@ -94,8 +94,7 @@ TEST(AtomicFileWriter, AnotherUsersLinkInAFolderOfEverybodyIsRefused) {
   chmod(dir.path().c_str(), 01777);
   constexpr uid_t kOther = 12345;
   if (lchown((dir / "cam0.png").c_str(), kOther, kOther) != 0) GTEST_SKIP() << "only root can give away a link";
-  EXPECT_ERROR(write_text_file("new", dir / "cam0.png"),
-               "cam0.png: can't be written: it is a symbolic link of another");
+  EXPECT_ERROR(write_text_file("new", dir / "cam0.png"), "cam0.png", "symbolic link");
   EXPECT_EQ(read_text_file(dir / "victim"), "precious");
   chmod(dir.path().c_str(), 0755);
   write_text_file("new", dir / "cam0.png");
@@ -111,11 +110,11 @@ TEST(OutputFolder, IsNoLinkOfAnotherUserInAWorldWritableFolder) {
   fs::create_directory_symlink(dir / "shared/out", dir / "link");
   constexpr uid_t kOther = 65534;
   if (lchown((dir / "shared/out").c_str(), kOther, kOther) != 0) GTEST_SKIP() << "only root can give away a link";
-  constexpr const char* kSaid = "is a symbolic link of another user in a world-writable folder";
+  const std::vector<std::string> said = {"symbolic link", "another user", "folder"};
   for (const char* const name : {"shared/out", "shared/out/", "link", "shared/../shared/out", "shared/out/new/newer"}) {
-    EXPECT_ERROR(make_folder(dir / name), kSaid) << name;
-    EXPECT_ERROR(AtomicFolderUpdate(dir / name), kSaid) << name;
-    EXPECT_ERROR(write_text_file("new", dir / (name + "/file"s)), kSaid) << name;
+    EXPECT_ERROR(make_folder(dir / name), said) << name;
+    EXPECT_ERROR(AtomicFolderUpdate(dir / name), said) << name;
+    EXPECT_ERROR(write_text_file("new", dir / (name + "/file"s)), said) << name;
   }
   EXPECT_EQ(read_text_file(dir / "victim/file"), "precious");
   EXPECT_EQ(entries_of(dir / "victim"), 1u);
@@ -149,10 +148,10 @@ TEST(AtomicFileWriter, WithoutCommitNothingChanges) {
 
 TEST(AtomicFileWriter, AFailureLeavesTheOldFileAndNoOther) {
   AtomicFileWriter full("/dev/full");
-  EXPECT_ERROR(full.write("x"), "/dev/full: can't be written: No space left on device");
+  EXPECT_ERROR(full.write("x"), "/dev/full", "No space");
   const TempDir dir;
-  EXPECT_ERROR(write_text_file("new", dir.path()), "can't be written: Is a directory");
-  EXPECT_ERROR(write_text_file("new", dir / "none/file"), "none/file: can't be written: No such file");
+  EXPECT_ERROR(write_text_file("new", dir.path()), "written", "directory");
+  EXPECT_ERROR(write_text_file("new", dir / "none/file"), "none/file", "written", "No such file");
   EXPECT_EQ(entries_of(dir.path()), 0u);
 }
 
@@ -188,8 +187,8 @@ TEST(CopyFile, CopiesRegularFilesAsAWhole) {
   dir.write("to", "old");
   copy_file(dir / "from", dir / "to");
   EXPECT_EQ(read_file(dir / "to"), content);
-  EXPECT_ERROR(copy_file("/dev/zero", dir / "to"), "/dev/zero: can't be read: it is not a regular file");
-  EXPECT_ERROR(copy_file(dir / "none", dir / "to"), "none: can't be read");
+  EXPECT_ERROR(copy_file("/dev/zero", dir / "to"), "/dev/zero", "regular file");
+  EXPECT_ERROR(copy_file(dir / "none", dir / "to"), "none", "read");
   EXPECT_EQ(read_file(dir / "to"), content);
 }
 
@@ -232,7 +231,7 @@ TEST(AtomicFolderUpdate, LeavesNoFolderThatItMadeInVain) {
   { const AtomicFolderUpdate update(dir / "out"); }
   EXPECT_FALSE(fs::exists(dir / "out"));
   dir.write("file", "");
-  EXPECT_ERROR(AtomicFolderUpdate(dir / "file"), "file: can't be made");
+  EXPECT_ERROR(AtomicFolderUpdate(dir / "file"), "file", "made");
 }
 
 TEST(AtomicFolderUpdate, MessagesNameTheFilesOfTheEnd) {
@@ -286,12 +285,12 @@ TEST_F(SecretFile, MayBelongToAnotherUserAndBeReadByAGroup) {
 }
 
 TEST_F(SecretFile, MustBeARegularFileOfLimitedSize) {
-  EXPECT_ERROR(read_secret_file(dir_ / "none"), "none: can't be read: No such file");
-  EXPECT_ERROR(read_secret_file(dir_.path()), "not a regular file");
-  EXPECT_ERROR(read_secret_file("/dev/zero"), "not a regular file");
+  EXPECT_ERROR(read_secret_file(dir_ / "none"), "none", "No such file");
+  EXPECT_ERROR(read_secret_file(dir_.path()), "regular file");
+  EXPECT_ERROR(read_secret_file("/dev/zero"), "regular file");
   ASSERT_EQ(mkfifo((dir_ / "fifo").c_str(), 0600), 0);
-  EXPECT_ERROR(read_secret_file(dir_ / "fifo"), "not a regular file") << "without blocking";
-  EXPECT_ERROR(read_secret_file(path_, 11), "at most 11 bytes");
+  EXPECT_ERROR(read_secret_file(dir_ / "fifo"), "regular file") << "without blocking";
+  EXPECT_ERROR(read_secret_file(path_, 11), "11 bytes");
   EXPECT_EQ(read_secret_file(path_, 12).size(), 12u);
 }
 

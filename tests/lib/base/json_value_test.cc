@@ -15,19 +15,19 @@ namespace {
 TEST(ParseJson, NamesLineAndPlaceOfASyntaxError) {
   struct {
     const char* text;
-    const char* message;
+    std::vector<std::string> facts;
   } const cases[] = {
-      {"", "f.json: not valid JSON: parse error at line 1, column 1"},
-      {"hello", "f.json: not valid JSON: parse error at line 1"},
-      {"{\"a\": [1, {\"b\": tru}]}", "f.json: a[1].b: not valid JSON: parse error at line 1, column 20"},
-      {"{\"a\": [1,\n 2", "f.json: a[2]: not valid JSON: parse error at line 2"},
-      {"{\"a\": {\"b\": [0, 0, 1e999]}}", "f.json: a.b[2]: not valid JSON: number overflow parsing '1e999'"},
-      {"{\"a\": [0, NaN]}", "f.json: a[1]: not valid JSON"},
-      {"{\"a\": 1} x", "f.json: not valid JSON"},
-      {"{\"a\": {\"b\": 1}, \"c\": \"\xff\"}", "f.json: c: not valid JSON"},
-      {"{\"a\": [{\"k1\": 0.1, \"k2\": 0, \"k1\": 0.9}]}", "f.json: a[0].k1: the key appears twice"},
+      {"", {"f.json", "JSON", "line 1", "column 1"}},
+      {"hello", {"f.json", "JSON", "line 1"}},
+      {"{\"a\": [1, {\"b\": tru}]}", {"f.json", "a[1].b", "JSON", "line 1", "column 20"}},
+      {"{\"a\": [1,\n 2", {"f.json", "a[2]", "JSON", "line 2"}},
+      {"{\"a\": {\"b\": [0, 0, 1e999]}}", {"f.json", "a.b[2]", "overflow", "1e999"}},
+      {"{\"a\": [0, NaN]}", {"f.json", "a[1]", "JSON"}},
+      {"{\"a\": 1} x", {"f.json", "JSON"}},
+      {"{\"a\": {\"b\": 1}, \"c\": \"\xff\"}", {"f.json: c:", "JSON"}},
+      {"{\"a\": [{\"k1\": 0.1, \"k2\": 0, \"k1\": 0.9}]}", {"f.json", "a[0].k1", "twice"}},
   };
-  for (const auto& c : cases) EXPECT_ERROR(parse_json(c.text, "f.json"), c.message);
+  for (const auto& c : cases) EXPECT_ERROR(parse_json(c.text, "f.json"), c.facts);
   EXPECT_ERROR(parse_json(std::string(100000, '['), "f.json"), "nested too deeply");
   EXPECT_LT(text_of_error([] { parse_json("[" + std::string(1000000, '9') + "]", "f.json"); }).size(), 400u);
 }
@@ -57,25 +57,25 @@ TEST(JsonValue, ReportsWhatIsWrongWhere) {
   EXPECT_EQ(o.at("s").name(), "x");
   const nlohmann::json longest = std::string(200, 'x'), longer = std::string(201, 'x');
   EXPECT_EQ(JsonValue(longest, name).name().size(), 200u);
-  EXPECT_ERROR(JsonValue(longer, name).name(), "f.json: must have at most 200 bytes, has 201");
+  EXPECT_ERROR(JsonValue(longer, name).name(), "f.json", "200 bytes", "201");
   EXPECT_EQ(o.at("v").vec3(), Vec3(1, 2, 3));
   EXPECT_FALSE(o.find("none"));
 
-  EXPECT_ERROR(o.at("none"), "f.json: o: key \"none\" is missing");
-  EXPECT_ERROR(o.at("n").find("x"), "f.json: o.n: must be an object, is number");
-  EXPECT_ERROR(o.at("s").number(), "f.json: o.s: must be a finite number, is string");
-  EXPECT_ERROR(o.at("z").number(), "f.json: o.z: must be a finite number, is null");
-  EXPECT_ERROR(o.at("n").integer(0, 7), "f.json: o.n: must be an integer, is 1.5");
+  EXPECT_ERROR(o.at("none"), "f.json: o:", "none", "missing");
+  EXPECT_ERROR(o.at("n").find("x"), "f.json", "o.n", "object", "number");
+  EXPECT_ERROR(o.at("s").number(), "f.json", "o.s", "finite", "number", "string");
+  EXPECT_ERROR(o.at("z").number(), "f.json", "o.z", "finite", "number", "null");
+  EXPECT_ERROR(o.at("n").integer(0, 7), "f.json", "o.n", "integer", "1.5");
   EXPECT_EQ(o.at("whole").integer(0, 2000), 1080) << "whole numbers may be written as floats";
-  EXPECT_ERROR(o.at("whole").integer(0, 7), "f.json: o.whole: must be 0 to 7, is 1080.0");
-  EXPECT_ERROR(o.at("huge").integer(INT64_MIN, INT64_MAX), "f.json: o.huge: must be ");
-  EXPECT_ERROR(o.at("i").integer(0, 6), "f.json: o.i: must be 0 to 6, is 7");
-  EXPECT_ERROR(o.at("big").integer(0, 6), "f.json: o.big: must be 0 to 6, is 18446744073709551615");
-  EXPECT_ERROR(o.at("n").text(), "f.json: o.n: must be a string, is number");
-  EXPECT_ERROR(o.at("s").elements(), "f.json: o.s: must be an array, is string");
-  EXPECT_ERROR(o.at("w").vec3(), "f.json: o.w: must have 3 elements, has 2");
-  EXPECT_ERROR(o.at("l").vec3(), "f.json: o.l[1]: must be a finite number, is string");
-  EXPECT_ERROR(o.at("q").unit_quaternion(), "f.json: o.q: must be a quaternion (w, x, y, z) of unit norm");
+  EXPECT_ERROR(o.at("whole").integer(0, 7), "f.json", "o.whole", "0 to 7", "1080.0");
+  EXPECT_ERROR(o.at("huge").integer(INT64_MIN, INT64_MAX), "f.json", "o.huge");
+  EXPECT_ERROR(o.at("i").integer(0, 6), "f.json", "o.i", "0 to 6", "7");
+  EXPECT_ERROR(o.at("big").integer(0, 6), "f.json", "o.big", "0 to 6", "18446744073709551615");
+  EXPECT_ERROR(o.at("n").text(), "f.json", "o.n", "string", "number");
+  EXPECT_ERROR(o.at("s").elements(), "f.json", "o.s", "array", "string");
+  EXPECT_ERROR(o.at("w").vec3(), "f.json", "o.w", "3 elements", "2");
+  EXPECT_ERROR(o.at("l").vec3(), "f.json", "o.l[1]", "finite", "number", "string");
+  EXPECT_ERROR(o.at("q").unit_quaternion(), "f.json", "o.q", "quaternion");
 }
 
 TEST(TextFile, ComesBackWholeAndReplacesWhatWasThere) {
@@ -92,11 +92,11 @@ TEST(TextFile, ComesBackWholeAndReplacesWhatWasThere) {
 
 TEST(TextFile, ErrorsNameTheFile) {
   const std::string directory = testing::TempDir();
-  EXPECT_ERROR(read_text_file(directory + "no_such_file"), "no_such_file: can't be read: No such file or directory");
-  EXPECT_ERROR(read_text_file(directory), "can't be read: it is a folder");
-  EXPECT_ERROR(write_text_file("", directory + "no_such_folder/x"), "no_such_folder/x: can't be written");
+  EXPECT_ERROR(read_text_file(directory + "no_such_file"), "no_such_file", "No such file");
+  EXPECT_ERROR(read_text_file(directory), "read", "folder");
+  EXPECT_ERROR(write_text_file("", directory + "no_such_folder/x"), "no_such_folder/x", "written");
   const TempDir dir;
-  EXPECT_ERROR(read_text_file(dir.write("wide.yml", "\xff\xfe{")), "wide.yml: is a UTF-16 text");
+  EXPECT_ERROR(read_text_file(dir.write("wide.yml", "\xff\xfe{")), "wide.yml", "UTF-16");
 }
 
 }  // namespace

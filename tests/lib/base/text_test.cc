@@ -72,11 +72,11 @@ TEST(HostList, Nodes) {
 
 TEST(HostList, WhatIsNoneIsNamed) {
   for (const std::string bad : {"host", "host:", ":6000", "host:0", "host:65536", "host:12a", "host:-1", "host: 1"})
-    EXPECT_ERROR(parse_host_ports("6000," + bad), bad + ": must be PORT or HOST:PORT");
+    EXPECT_ERROR(parse_host_ports("6000," + bad), bad, "PORT or HOST:PORT");
   for (const std::string bad : {"host:6000", ":6000:6001", "6000:6001", "host:6000:0", "host:x:6000", "host:6000:6001 ",
                                 "host:10.0.0.5:6001", "host:x:10.0.0.5:6001", ":6000:10.0.0.5:6001"})
-    EXPECT_ERROR(parse_nodes("a:1:2," + bad), bad + ": must be HOST:PORT-THERE:[ADDRESS-HERE:]PORT-HERE");
-  EXPECT_ERROR(parse_host_ports("1,,2"), "must be PORT or HOST:PORT");
+    EXPECT_ERROR(parse_nodes("a:1:2," + bad), bad, "HOST:PORT-THERE:[ADDRESS-HERE:]PORT-HERE");
+  EXPECT_ERROR(parse_host_ports("1,,2"), "PORT or HOST:PORT");
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include "calibration/adjustment.h"
 #include "calibration/noise.h"
 #include "calibration/simulator.h"
+#include "support/mentions.h"
 
 namespace lf {
 namespace {
@@ -239,20 +240,21 @@ TEST(CameraCovariance, NoneIsNone) {
 }
 
 TEST(CameraCovariance, ErrorsNameThePlace) {
-  const auto expect_error = [](const std::string& parameters, const std::string& matrix, const std::string& part) {
+  const auto expect_error = [](const std::string& parameters, const std::string& matrix,
+                               const std::vector<std::string>& facts) {
     try {
       parse(R"({"covariance": {"parameters": )" + parameters + R"(, "matrix": )" + matrix + "}}");
-      FAIL() << "no error: " << part;
+      FAIL() << "no error: " << facts[0];
     } catch (const Error& e) {
-      EXPECT_THAT(e.what(), testing::HasSubstr(part));
+      EXPECT_MENTIONS(e.what(), facts);
     }
   };
-  expect_error(R"(["f", "zoom"])", "[[1, 0], [0, 1]]", "covariance.parameters[1]: \"zoom\" is not");
-  expect_error(R"(["f", "f"])", "[[1, 0], [0, 1]]", "comes twice");
-  expect_error(R"(["f", "cx"])", "[[1, 0], [0]]", "covariance.matrix[1]: must have 2");
-  expect_error(R"(["f", "cx"])", "[[1, 0], [0, -1]]", "variance is negative");
-  expect_error(R"(["f", "cx"])", "[[1, 0.5], [0, 1]]", "not symmetric");
-  expect_error(R"(["f", "cx"])", "[[1, 2], [2, 1]]", "correlation above 1");
+  expect_error(R"(["f", "zoom"])", "[[1, 0], [0, 1]]", {"covariance.parameters[1]", "zoom"});
+  expect_error(R"(["f", "f"])", "[[1, 0], [0, 1]]", {"comes twice"});
+  expect_error(R"(["f", "cx"])", "[[1, 0], [0]]", {"covariance.matrix[1]", "2"});
+  expect_error(R"(["f", "cx"])", "[[1, 0], [0, -1]]", {"variance", "negative"});
+  expect_error(R"(["f", "cx"])", "[[1, 0.5], [0, 1]]", {"not symmetric"});
+  expect_error(R"(["f", "cx"])", "[[1, 2], [2, 1]]", {"correlation", "1"});
 }
 
 }  // namespace

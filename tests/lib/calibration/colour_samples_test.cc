@@ -153,9 +153,9 @@ TEST_F(ColourViews, CamerasWithoutAnImageAreLeftOut) {
 TEST_F(ColourViews, ImagesThatDoNotFitAreNamed) {
   std::vector<Image> images = films();
   images[2] = Image(PixelFamily::kRgb, 100, 100);
-  EXPECT_ERROR(sample_views(rig(), images), "camera 2: its image has 100x100 pixels, the rig says 240x180");
+  EXPECT_ERROR(sample_views(rig(), images), "camera 2", "100x100", "240x180");
   images.pop_back();
-  EXPECT_ERROR(sample_views(rig(), images), "an image for each camera");
+  EXPECT_ERROR(sample_views(rig(), images), "image", "each camera");
   EXPECT_ERROR(sample_views(rig(), std::vector<Image>(9)), "too little");
 }
 

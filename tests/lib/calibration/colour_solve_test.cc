@@ -11,11 +11,11 @@
 #include "scene/calibration_targets.h"
 #include "scene/scene.h"
 #include "support/expect_error.h"
+#include "support/mentions.h"
 
 namespace lf {
 namespace {
 
-using testing::HasSubstr;
 
 // Returns the output of a faulty camera for a level of the scene, in double precision and without noise.
 Vec3 seen_by(const ColourFault& fault, const Vec3& level, double r2) {
@@ -78,9 +78,9 @@ struct Recording {
   }
 };
 
-bool has(const ColourSolution& solution, const std::string& code, const std::string& text) {
+bool has(const ColourSolution& solution, const std::string& code, const std::vector<std::string>& facts) {
   return std::ranges::any_of(solution.findings, [&](const Finding& finding) {
-    return finding.code == code && finding.text.find(text) != std::string::npos;
+    return finding.code == code && testing::Value(finding.text, mentions(facts));
   });
 }
 
@@ -144,8 +144,8 @@ TEST(ColourSolve, NamesTheCameraWhoseExposureIsStuckAndWhatItCosts) {
   recording.faults[5].gain = kStuckGain;
   const ColourSolution solution = solve_colours(recording.rig, recording.samples());
   for (size_t i = 0; i < 9; i++) EXPECT_EQ(solution.cameras[i].is_stuck, i == 5) << i;
-  EXPECT_TRUE(has(solution, "stuck-exposure", "camera 5 (cam_01_02): its exposure is stuck"));
-  EXPECT_TRUE(has(solution, "stuck-exposure", "% of its samples are clipped"));
+  EXPECT_TRUE(has(solution, "stuck-exposure", {"camera 5", "cam_01_02", "exposure"}));
+  EXPECT_TRUE(has(solution, "stuck-exposure", {"%", "clipped"}));
   EXPECT_GT(solution.cameras[5].clipped, 0.2);
   EXPECT_LE(solution.after.median, 1) << "other cameras unaffected";
   EXPECT_LE(solution.after.p95, 3);
@@ -159,8 +159,8 @@ TEST(ColourSolve, ADarkOneHasMoreNoise) {
   Recording recording;
   recording.faults[2].gain = 0.5;
   const ColourSolution solution = solve_colours(recording.rig, recording.samples());
-  EXPECT_TRUE(has(solution, "stuck-exposure", "camera 2"));
-  EXPECT_TRUE(has(solution, "stuck-exposure", "its noise is 2.0 times as strong"));
+  EXPECT_TRUE(has(solution, "stuck-exposure", {"camera 2"}));
+  EXPECT_TRUE(has(solution, "stuck-exposure", {"noise", "2.0"}));
 }
 
 TEST(ColourSolve, OutliersDoNoHarm) {
@@ -185,15 +185,14 @@ TEST(ColourSolve, CamerasThatSeeTooLittleAreNamedAndLeftAsTheyAre) {
   const ColourSolution solution = solve_colours(recording.rig, samples);
   EXPECT_FALSE(solution.models[3]);
   EXPECT_FALSE(solution.models[7]);
-  EXPECT_TRUE(has(solution, "few-samples", "camera 3 (cam_01_00): only 5 places"));
-  EXPECT_TRUE(has(solution, "black-camera", "camera 7 (cam_02_01): is black"));
+  EXPECT_TRUE(has(solution, "few-samples", {"camera 3", "cam_01_00", "5 places"}));
+  EXPECT_TRUE(has(solution, "black-camera", {"camera 7", "cam_02_01", "black"}));
   EXPECT_TRUE(solution.models[0]);
 }
 
 TEST(ColourSolve, WithoutAnythingInCommonThereIsNothingToCompare) {
   const Recording recording;
-  EXPECT_ERROR(solve_colours(recording.rig, {.cameras = 9}),
-               "comparing colours requires two cameras with common samples: 0 of 9 cameras have enough");
+  EXPECT_ERROR(solve_colours(recording.rig, {.cameras = 9}), "0 of 9", "samples");
 }
 
 }  // namespace

@@ -10,6 +10,7 @@
 #include "image/image.h"
 #include "support/board_views.h"
 #include "support/expect_error.h"
+#include "support/mentions.h"
 
 namespace lf {
 namespace {
@@ -92,9 +93,9 @@ TEST(Charuco, PartsOfTheBoardGiveALens) {
 TEST(Charuco, SaysWhenThereIsNone) { EXPECT_FALSE(find_charuco(Image(PixelFamily::kRgb, 320, 240), kBoard)); }
 
 TEST(Charuco, BoardsThatCannotBe) {
-  EXPECT_ERROR(check_charuco_board({kTestBoard, "5X5", 0.7}), "no marker dictionary 5X5: 4X4_50");
-  EXPECT_ERROR(check_charuco_board({{12, 10, 1}, "5X5_50", 0.7}), "has 50 markers, the board 71");
-  EXPECT_ERROR(check_charuco_board({kTestBoard, "5X5_100", 1}), "smaller than its squares");
+  EXPECT_ERROR(check_charuco_board({kTestBoard, "5X5", 0.7}), "5X5", "4X4_50");
+  EXPECT_ERROR(check_charuco_board({{12, 10, 1}, "5X5_50", 0.7}), "50 markers", "71");
+  EXPECT_ERROR(check_charuco_board({kTestBoard, "5X5_100", 1}), "smaller", "squares");
 }
 
 BoardView at(double x, std::vector<int> ids = {0, 1, 2, 3}) {
@@ -175,7 +176,7 @@ TEST(Zhang, HeldOutViewsAreSeenAsTheyAre) {
 }
 
 TEST(Zhang, ViewsThatDetermineNothingAreRefused) {
-  EXPECT_ERROR(fit_zhang(board_views(kZhangLens, 2, 0.1, 1), kTestBoard, 640, 480, {}), "at least 3 views");
+  EXPECT_ERROR(fit_zhang(board_views(kZhangLens, 2, 0.1, 1), kTestBoard, 640, 480, {}), "3 views");
 }
 
 TEST(Intrinsics, TakesTheTermsThatTheViewsSpeakFor) {
@@ -214,9 +215,9 @@ TEST(Intrinsics, AnUntiltedBoardCalibratesNoFocalLength) {
     const IntrinsicsResult result =
         calibrate_intrinsics(board_views(lens, 8, 0.1, 5, 0.01), kTestBoard, 640, 480, options);
     ASSERT_FALSE(result.warnings.empty());
-    EXPECT_NE(result.warnings[0].find("the focal length is not calibrated"), std::string::npos);
+    EXPECT_MENTIONS(result.warnings[0], "focal length", "calibrated");
   } catch (const Error& e) {
-    EXPECT_NE(std::string(e.what()).find("tilt the board more"), std::string::npos);
+    EXPECT_MENTIONS(e.what(), "tilt", "board");
   }
 }
 

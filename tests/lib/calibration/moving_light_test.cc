@@ -12,6 +12,7 @@
 #include "calibration/simulator.h"
 #include "scene/calibration_targets.h"
 #include "support/expect_error.h"
+#include "support/mentions.h"
 
 namespace lf {
 namespace {
@@ -153,7 +154,7 @@ TEST(MovingLight, AFrameThatWasDroppedIsFound) {
   const auto findings = diagnose_clocks(solution);
   ASSERT_EQ(findings.size(), 1u);
   EXPECT_EQ(findings[0].code, "dropped-frames");
-  EXPECT_THAT(findings[0].text, testing::HasSubstr("camera 4 lost 1 frame at 3."));
+  EXPECT_THAT(findings[0].text, mentions("camera 4", "1 frame", "at 3."));
 }
 
 TEST(MovingLight, ARecordingThatBeganLater) {
@@ -225,7 +226,7 @@ TEST(MovingLight, NothingThatMovesIsSaid) {
   Recorded r = record({});
   for (LightDetections::Camera& camera : r.sights.cameras)
     for (LightDetections::Frame& frame : camera.frames) frame.sights.clear();
-  EXPECT_ERROR(solve_lights(r.sights, {}), "no camera sees a moving light");
+  EXPECT_ERROR(solve_lights(r.sights, {}), "no camera", "light");
 }
 
 }  // namespace

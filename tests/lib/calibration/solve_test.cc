@@ -11,6 +11,7 @@
 #include "calibration/noise.h"
 #include "calibration/simulator.h"
 #include "calibration/solve.h"
+#include "support/mentions.h"
 
 namespace lf {
 namespace {
@@ -81,13 +82,13 @@ TEST_F(SolveTest, ErrorsNameThePlace) {
   SolveOptions options;
   options.prior = truth_;
   options.prior->cameras.pop_back();
-  EXPECT_THAT(error_of(watched_.tracks, options), HasSubstr("no camera with id 8"));
+  EXPECT_THAT(error_of(watched_.tracks, options), mentions("id 8"));
   options.prior = truth_;
   options.prior->cameras[2].width = 99;
   EXPECT_THAT(error_of(watched_.tracks, options), HasSubstr("camera 2"));
   Tracks alone = watched_.tracks;
   std::erase_if(alone.observations, [](const Observation& o) { return o.position % 9 != o.camera; });
-  EXPECT_THAT(error_of(alone, {}), HasSubstr("no two cameras see the light"));
+  EXPECT_THAT(error_of(alone, {}), mentions("two cameras", "light"));
 }
 
 // Twenty cameras on a dome with tilted lenses; some cameras see three tenths of the positions. Lens measurements lack

@@ -205,21 +205,19 @@ TEST(LensJson, RoundTripsEveryModelToTheLastBit) {
 TEST(LensJson, ErrorsNameThePlace) {
   struct {
     const char* camera;
-    const char* message;
+    std::vector<std::string> facts;
   } const cases[] = {
-      {R"({"params": [1, 0, 0]})", "f.json: camera: key \"model\" is missing"},
-      {R"({"model": "RADIAL"})", "f.json: camera: key \"params\" is missing"},
-      {R"({"model": 3, "params": []})", "f.json: camera.model: must be a string"},
+      {R"({"params": [1, 0, 0]})", {"f.json", "camera", "\"model\"", "missing"}},
+      {R"({"model": "RADIAL"})", {"f.json", "camera", "\"params\"", "missing"}},
+      {R"({"model": 3, "params": []})", {"f.json", "camera.model", "string"}},
       {R"({"model": "THIN_PRISM", "params": []})",
-       "f.json: camera.model: unknown lens model \"THIN_PRISM\"; known are SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, "
-       "RADIAL, OPENCV"},
-      {R"({"model": "RADIAL", "params": [1, 0, 0, 0]})", "f.json: camera.params: RADIAL takes 5 numbers, has 4"},
-      {R"({"model": "PINHOLE", "params": 7})", "f.json: camera.params: must be an array"},
-      {R"({"model": "PINHOLE", "params": [1, 1, "NaN", 0]})", "f.json: camera.params[2]: must be a finite number"},
-      {R"({"model": "PINHOLE", "params": [1, 0, 0, 0]})",
-       "f.json: camera.params[1]: the focal length must be positive"},
+       {"f.json", "camera.model", "THIN_PRISM", "SIMPLE_PINHOLE", " PINHOLE", "SIMPLE_RADIAL", " RADIAL", "OPENCV"}},
+      {R"({"model": "RADIAL", "params": [1, 0, 0, 0]})", {"f.json", "camera.params", "RADIAL", "5 numbers", "4"}},
+      {R"({"model": "PINHOLE", "params": 7})", {"f.json", "camera.params", "array"}},
+      {R"({"model": "PINHOLE", "params": [1, 1, "NaN", 0]})", {"f.json", "camera.params[2]", "finite", "number"}},
+      {R"({"model": "PINHOLE", "params": [1, 0, 0, 0]})", {"f.json", "camera.params[1]", "positive"}},
   };
-  for (const auto& c : cases) EXPECT_ERROR(parse(std::string("{\"camera\": ") + c.camera + "}"), c.message);
+  for (const auto& c : cases) EXPECT_ERROR(parse(std::string("{\"camera\": ") + c.camera + "}"), c.facts);
 }
 
 }  // namespace

@@ -15,6 +15,7 @@
 #include "image/image_file.h"
 #include "support/expect_error.h"
 #include "support/jpeg_samples.h"
+#include "support/mentions.h"
 #include "support/temp_dir.h"
 
 namespace lf {
@@ -71,7 +72,7 @@ TEST(ImageFile, SavesWhatItReads) {
   const TempDir dir;
   save_image(gradient(6, 5), dir / "a.png");
   EXPECT_EQ(load_image(dir / "a.png").data(), gradient(6, 5).data());
-  EXPECT_ERROR(save_image(gradient(6, 5), dir / "none/a.png"), "none/a.png: can't be written");
+  EXPECT_ERROR(save_image(gradient(6, 5), dir / "none/a.png"), "none/a.png", "written");
   EXPECT_ERROR(save_image(gradient(6, 5), dir / "a.unknown"), "a.unknown: ");
 }
 
@@ -98,7 +99,7 @@ TEST(ImageFile, RefusesHugeSizesBeforeItDecodes) {
            {"a.webp", "RIFF\0\0\0\0WEBPVP8X\x0a\0\0\0\0\0\0\0\xff\xff\xff\xff\xff\xff"s, "16777216x16777216"},
        }) {
     dir.write(c.name, c.bytes);
-    EXPECT_ERROR(load_image_size(dir / c.name), std::string(c.name) + ": is " + c.said + " pixels: at most");
+    EXPECT_ERROR(load_image_size(dir / c.name), c.name, c.said);
     EXPECT_ERROR(load_image(dir / c.name), c.said);
   }
 }
@@ -110,7 +111,7 @@ TEST(ImageFile, ASizeThatIsNotExpectedCostsNoMemory) {
   struct rusage before {
   }, after{};
   getrusage(RUSAGE_SELF, &before);
-  EXPECT_ERROR(load_image_of_size(dir / "a.png", {640, 480}), "a.png: has 12000x12000 pixels, the rig says 640x480");
+  EXPECT_ERROR(load_image_of_size(dir / "a.png", {640, 480}), "a.png", "12000x12000", "640x480");
   getrusage(RUSAGE_SELF, &after);
   EXPECT_LT(after.ru_maxrss - before.ru_maxrss, 100000) << "kB";
 }
@@ -122,10 +123,10 @@ TEST(ImageFile, RefusesOtherFilesAndCutHeaders) {
         "\xff\xd8\xff\xe0\xff\xff"s, "BM"s, "II*\0"s, "II*\0\xff\xff\xff\xff"s, "RIFF1234WEBP"s, "RIFF1234WEBPVP8 "s,
         "#?RADIANCE\n"s, "#?RADIANCE\n\n-Y"s, "P6 -3 5 255\n"s, "P6 0 0 255\n"s, "<VRTDataset/>"s}) {
     dir.write("file", bytes);
-    EXPECT_ERROR(load_image(dir / "file"), "file: not an image that can be read");
+    EXPECT_ERROR(load_image(dir / "file"), "file", "image", "read");
   }
-  EXPECT_ERROR(load_image(dir / "none"), "none: no such image file");
-  EXPECT_ERROR(load_image("/dev/zero"), "/dev/zero: can't be read: it is not a regular file");
+  EXPECT_ERROR(load_image(dir / "none"), "none", "no such");
+  EXPECT_ERROR(load_image("/dev/zero"), "/dev/zero", "regular file");
 }
 
 // OpenCV decodes damaged files of these kinds to pictures with black or wrong parts.
@@ -209,7 +210,7 @@ TEST(PictureBytes, DamageIsAnError) {
     EXPECT_ERROR(decode_still(hole, PixelFamily::kRgb), "damaged");
     EXPECT_ERROR(decode_still(hole, PixelFamily::kI420), "damaged");
   }
-  EXPECT_ERROR(decode_still(Bytes{1, 2, 3, 4}, PixelFamily::kRgb), "neither PNG nor JPEG");
+  EXPECT_ERROR(decode_still(Bytes{1, 2, 3, 4}, PixelFamily::kRgb), "PNG", "JPEG");
 }
 
 void put_be(Bytes& bytes, size_t at, uint32_t value, int size) {
@@ -293,7 +294,7 @@ TEST(PictureBytes, ReadsOrientations) {
       EXPECT_EQ(exif_orientation(with_segment(jpeg, 0xe1, exif(3, big_endian).substr(0, length))) & ~3, 0);
   }
   EXPECT_EQ(orientation_notice(1), "");
-  EXPECT_PRED_FORMAT2(testing::IsSubstring, "turned by 180 degrees (orientation 3)", orientation_notice(3));
+  EXPECT_MENTIONS(orientation_notice(3), "180 degrees", "orientation 3");
 }
 
 TEST(PictureBytes, TellsStreamsFromStills) {

@@ -116,11 +116,11 @@ TEST(JpegFragmentEncoder, ErrorsAreThrownAndLeaveNothingBehind) {
   FragmentEncoder encoder;
   const Fragment ycc = patterned(PixelFamily::kI420, {0, 0, 20, 20});
   ByteBuffer out = {7};
-  EXPECT_ERROR(encoder.encode_pixels({}, 90, out), "JPEG: the fragment has no pixel family");
-  EXPECT_ERROR(encoder.encode_missing(planes_of(ycc), 90, out), "JPEG: the fragment has no missing weight");
+  EXPECT_ERROR(encoder.encode_pixels({}, 90, out), "JPEG", "pixel family");
+  EXPECT_ERROR(encoder.encode_missing(planes_of(ycc), 90, out), "JPEG", "missing weight");
   const std::vector<uint8_t> rows(3 * 65536);
   const FragmentPlanes wide = packed_planes(PixelFamily::kI420, {0, 0, 65520, 2}, rows.data(), nullptr);
-  EXPECT_ERROR(encoder.encode_pixels(wide, 90, out), "JPEG: Maximum supported image dimension is 65500 pixels");
+  EXPECT_ERROR(encoder.encode_pixels(wide, 90, out), "JPEG", "65500 pixels");
   EXPECT_EQ(out, ByteBuffer{7});
   encoder.encode_pixels(planes_of(ycc), 90, out);
   EXPECT_GT(out.size(), 1u);

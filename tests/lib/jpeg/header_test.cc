@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "support/jpeg_samples.h"
+#include "support/mentions.h"
 
 namespace lf::jpeg {
 namespace {
@@ -67,10 +68,10 @@ TEST(JpegHeader, SaysWhatIsNotSupported) {
   Bytes jpeg = jpeg_of({});
   const size_t sof = find_marker(jpeg, 0xc0);
   jpeg[sof + 4] = 12;
-  EXPECT_EQ(reason_for(jpeg), "Unsupported JPEG data precision 12");
+  EXPECT_MENTIONS(reason_for(jpeg), "precision 12");
   jpeg[sof + 4] = 8;
   jpeg[sof + 1] = 0xc3;
-  EXPECT_EQ(reason_for(jpeg), "Unsupported JPEG process: SOF type 0xc3");
+  EXPECT_MENTIONS(reason_for(jpeg), "SOF", "0xc3");
 }
 
 TEST(JpegHeader, TellsUnsupportedKindsFromDamage) {
@@ -123,7 +124,7 @@ TEST(JpegHeader, EveryFrameStandsForItself) {
   }
   Bytes without_quantisation = jpeg_of({});
   without_quantisation[find_marker(without_quantisation, 0xdb) + 1] = 0xec;
-  EXPECT_EQ(reason_for(without_quantisation), "a quantisation table is missing");
+  EXPECT_MENTIONS(reason_for(without_quantisation), "quantisation table");
 }
 
 TEST(JpegHeader, ImpossibleSizesAreRefused) {
@@ -138,10 +139,10 @@ TEST(JpegHeader, ImpossibleSizesAreRefused) {
     return reason_for(lie);
   };
   EXPECT_EQ(with_size(33, 17), "");
-  EXPECT_EQ(with_size(0, 17), "Empty JPEG image (DNL not supported)");
-  EXPECT_EQ(with_size(33, 0), "Empty JPEG image (DNL not supported)");
+  EXPECT_MENTIONS(with_size(0, 17), "Empty", "DNL");
+  EXPECT_MENTIONS(with_size(33, 0), "Empty", "DNL");
   EXPECT_EQ(with_size(16385, 17), "bad image size");
-  EXPECT_EQ(with_size(16384, 16384), "too few bytes for the image's size");
+  EXPECT_MENTIONS(with_size(16384, 16384), "few bytes", "size");
 }
 
 TEST(JpegHeader, WholeFramesAreSmaller) {
@@ -150,7 +151,7 @@ TEST(JpegHeader, WholeFramesAreSmaller) {
   jpeg[sof + 5] = jpeg[sof + 7] = 0x40;
   jpeg[sof + 6] = jpeg[sof + 8] = 0;
   jpeg.resize(1 << 20);
-  EXPECT_EQ(reason_for(jpeg), "too large to be decoded as a whole");
+  EXPECT_MENTIONS(reason_for(jpeg), "large", "whole");
   jpeg[sof + 5] = jpeg[sof + 7] = 0x20;
   EXPECT_EQ(reason_for(jpeg), "");
 }
@@ -160,7 +161,7 @@ TEST(JpegHeader, EndsAnywhere) {
   const size_t scan = parse_header(jpeg, nullptr)->scan;
   for (size_t size = 0; size < scan; size++)
     EXPECT_NE(reason_for(Bytes(jpeg.begin(), jpeg.begin() + size)), "") << size;
-  EXPECT_EQ(reason_for(Bytes(jpeg.begin(), jpeg.begin() + scan)), "too few bytes for the image's size");
+  EXPECT_MENTIONS(reason_for(Bytes(jpeg.begin(), jpeg.begin() + scan)), "few bytes", "size");
 }
 
 }  // namespace

@@ -121,11 +121,10 @@ TEST_P(RequestPlanTest, DistortedViewsAreTheSame) {
 TEST_P(RequestPlanTest, RefusesWhatDoesNotFitTheRig) {
   wire::PixelCommand pixels{request_, 10, 10, {{3, {60, 0, 82, 10}}}};
   MeshCache mesh;
-  EXPECT_ERROR(plan_request(rig_, mesh, pixels, all_), "camera 3: requested pixels are outside the image");
+  EXPECT_ERROR(plan_request(rig_, mesh, pixels, all_), "camera 3", "outside");
   EXPECT_TRUE(plan_request(rig_, mesh, pixels, {all_.data(), 2})->cameras().empty()) << "cameras of another node";
   const wire::AnyRequest warp = CameraAccess::of(Access::kWarp)->command(rig_, build_mesh(rig_), request_);
-  EXPECT_ERROR(plan_request(rig_subset(rig_, {0, 1, 2}), mesh, warp, {all_.data(), 3}),
-               "is not one of the 3 of the rig");
+  EXPECT_ERROR(plan_request(rig_subset(rig_, {0, 1, 2}), mesh, warp, {all_.data(), 3}), "3 of the");
 }
 
 INSTANTIATE_TEST_SUITE_P(Families, RequestPlanTest, testing::Values(PixelFamily::kRgb, PixelFamily::kI420));

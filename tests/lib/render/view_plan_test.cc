@@ -328,22 +328,22 @@ TEST_F(ViewWarpTest, WherePlaneAndEyeMeetThereIsNothingToTell) {
   EXPECT_TRUE(ViewPlan(warp(), 9).contributors().empty());
 }
 
-TEST_F(ViewWarpTest, IsOfOneRig) { EXPECT_ERROR(ViewPlan(warp(), 5), "is not one of the 5 of the rig"); }
+TEST_F(ViewWarpTest, IsOfOneRig) { EXPECT_ERROR(ViewPlan(warp(), 5), "5 of the"); }
 
 TEST_F(ViewWarpTest, CornersAndCamerasBelongTogether) {
   EXPECT_NO_THROW(validate(warp()));
   ViewWarp bad = warp();
   bad.cameras.pop_back();
-  EXPECT_ERROR(validate(bad), "cameras: must be the triangles' corners");
+  EXPECT_ERROR(validate(bad), "cameras:", "corners");
   bad = warp();
   bad.faces[1].camera[2] = bad.faces[1].camera[0];
-  EXPECT_ERROR(validate(bad), "triangles[1].corners: must be one, two or three different cameras");
+  EXPECT_ERROR(validate(bad), "triangles[1].corners", "different cameras");
   bad = warp();
   bad.faces[0].rect.x1 = 61;
-  EXPECT_ERROR(validate(bad), "triangles[0].rectangle: is not inside the view");
+  EXPECT_ERROR(validate(bad), "triangles[0].rectangle", "inside");
   bad = warp();
   bad.cameras[2].camera_from_ray[1][1] = NAN;
-  EXPECT_ERROR(validate(bad), "cameras[2].matrix: must be finite numbers");
+  EXPECT_ERROR(validate(bad), "cameras[2].matrix", "finite");
 }
 
 }  // namespace

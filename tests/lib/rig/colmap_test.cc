@@ -7,6 +7,7 @@
 #include "rig/exchange.h"
 #include "rig/rig_json.h"
 #include "support/expect_error.h"
+#include "support/mentions.h"
 #include "support/rigs.h"
 #include "support/temp_dir.h"
 
@@ -78,47 +79,49 @@ TEST(ColmapText, RoundTripsToTheLastBit) {
 TEST(ColmapText, ErrorsNameFileAndLine) {
   struct {
     const char* line;
-    const char* message;
+    std::vector<std::string> facts;
   } const cameras[] = {
-      {"x PINHOLE 4 3 5 5 2 1.5", "CAMERA_ID must be an integer from 0 to 4294967295, but is \"x\""},
-      {"-1 PINHOLE 4 3 5 5 2 1.5", "CAMERA_ID must be an integer"},
-      {"1", "MODEL is missing"},
-      {"1 LENS 4 3 5 5 2 1.5", "unknown lens model \"LENS\""},
-      {"1 PINHOLE 0 3 5 5 2 1.5", "WIDTH must be an integer from 1 to 16384, but is \"0\""},
-      {"1 PINHOLE 4 16385 5 5 2 1.5", "HEIGHT must be an integer from 1 to 16384, but is \"16385\""},
-      {"1 PINHOLE 4.5 3 5 5 2 1.5", "WIDTH must be an integer"},
-      {"1 PINHOLE 4 3 5 5 2", "PINHOLE takes 4 numbers, but the line has 3"},
-      {"1 PINHOLE 4 3 5 5 2 1.5 0", "PINHOLE takes 4 numbers, but the line has 5"},
-      {"1 PINHOLE 4 3 5 five 2 1.5", "PARAMS[] must be a finite number, but is \"five\""},
-      {"1 PINHOLE 4 3 nan 5 2 1.5", "PARAMS[] must be a finite number, but is \"nan\""},
-      {"1 PINHOLE 4 3 1e999 5 2 1.5", "PARAMS[] must be a finite number, but is \"1e999\""},
-      {"2 PINHOLE 4 3 5 5 2 1.5", "CAMERA_ID 2 occurs twice"},
+      {"x PINHOLE 4 3 5 5 2 1.5", {"CAMERA_ID", "integer", "0 to 4294967295", "\"x\""}},
+      {"-1 PINHOLE 4 3 5 5 2 1.5", {"CAMERA_ID", "integer"}},
+      {"1", {"MODEL", "missing"}},
+      {"1 LENS 4 3 5 5 2 1.5", {"unknown", "LENS"}},
+      {"1 PINHOLE 0 3 5 5 2 1.5", {"WIDTH", "integer", "1 to 16384", "\"0\""}},
+      {"1 PINHOLE 4 16385 5 5 2 1.5", {"HEIGHT", "integer", "1 to 16384", "\"16385\""}},
+      {"1 PINHOLE 4.5 3 5 5 2 1.5", {"WIDTH", "integer"}},
+      {"1 PINHOLE 4 3 5 5 2", {"PINHOLE", "4 numbers", "3"}},
+      {"1 PINHOLE 4 3 5 5 2 1.5 0", {"PINHOLE", "4 numbers", "5"}},
+      {"1 PINHOLE 4 3 5 five 2 1.5", {"PARAMS[]", "finite", "number", "five"}},
+      {"1 PINHOLE 4 3 nan 5 2 1.5", {"PARAMS[]", "finite", "number", "nan"}},
+      {"1 PINHOLE 4 3 1e999 5 2 1.5", {"PARAMS[]", "finite", "number", "1e999"}},
+      {"2 PINHOLE 4 3 5 5 2 1.5", {"CAMERA_ID 2", "twice"}},
   };
   const TempDir dir;
   for (const auto& c : cameras) {
     const std::string path = dir.write("cameras.txt", std::string("#\n2 PINHOLE 4 3 5 5 2 1.5\n") + c.line + "\n");
-    EXPECT_ERROR(read_colmap_cameras(path), path + ": line 3: " + c.message);
+    EXPECT_ERROR(read_colmap_cameras(path), path, "line 3:");
+    EXPECT_ERROR(read_colmap_cameras(path), c.facts);
   }
   struct {
     const char* line;
-    const char* message;
+    std::vector<std::string> facts;
   } const images[] = {
-      {"1 1 0 0 0 0 0 0 1", "NAME is missing"},
-      {"1 1 0 0 0 0 0 0 1 caf\xe9.png", "NAME is not UTF-8"},
-      {"1 1 0 0 0 0 0", "TZ is missing"},
-      {"1 0 0 0 0 0 0 0 1 a.png", "QW, QX, QY, QZ are all 0 or not finite, so they are not a rotation"},
-      {"1 1 0 inf 0 0 0 0 1 a.png", "QY must be a finite number, but is \"inf\""},
-      {"1 1 0 0 0 0 0 0 7 a.png", "CAMERA_ID 7 is not in cameras.txt"},
-      {"2 1 0 0 0 0 0 0 1 a.png", "IMAGE_ID 2 occurs twice"},
+      {"1 1 0 0 0 0 0 0 1", {"NAME", "missing"}},
+      {"1 1 0 0 0 0 0 0 1 caf\xe9.png", {"NAME", "UTF-8"}},
+      {"1 1 0 0 0 0 0", {"TZ", "missing"}},
+      {"1 0 0 0 0 0 0 0 1 a.png", {"QW, QX, QY, QZ", "rotation"}},
+      {"1 1 0 inf 0 0 0 0 1 a.png", {"QY", "finite", "number", "inf"}},
+      {"1 1 0 0 0 0 0 0 7 a.png", {"CAMERA_ID 7", "cameras.txt"}},
+      {"2 1 0 0 0 0 0 0 1 a.png", {"IMAGE_ID 2", "twice"}},
   };
   for (const auto& c : images) {
     const std::string path = dir.write("images.txt", std::string("2 1 0 0 0 0 0 0 1 z.png\n\n") + c.line + "\n");
-    EXPECT_ERROR(read_colmap_images(path, kOneCamera), path + ": line 3: " + c.message);
+    EXPECT_ERROR(read_colmap_images(path, kOneCamera), path, "line 3:");
+    EXPECT_ERROR(read_colmap_images(path, kOneCamera), c.facts);
   }
   // Without POINTS2D lines, every second image would be read as points.
   const std::string path = dir.write("images.txt", "1 1 0 0 0 0 0 0 1 a.png\n2 1 0 0 0 0 0 0 1 b.png\n");
-  EXPECT_ERROR(read_colmap_images(path, kOneCamera), path + ": line 2: POINTS2D[]");
-  EXPECT_ERROR(read_colmap_cameras(dir / "none.txt"), "none.txt: can't be read");
+  EXPECT_ERROR(read_colmap_images(path, kOneCamera), path, "line 2", "POINTS2D[]");
+  EXPECT_ERROR(read_colmap_cameras(dir / "none.txt"), "none.txt", "read");
 }
 
 TEST(ImageSearch, FindsByNameAndByEndOfName) {
@@ -147,23 +150,23 @@ TEST(ImageSearch, RefusesWhatIsNotThereOrNotSure) {
   const TempDir dir;
   for (const char* name : {"1.jpg", "left/a.png", "right/a.png", "x_c.png", "y_c.png"}) dir.write(name, "");
   const ImageSearch search(dir.path());
-  EXPECT_ERROR(search.find("2.jpg"), dir.path() + ": no image file for \"2.jpg\"");
-  EXPECT_ERROR(search.find("21.jpg"), "no image file for \"21.jpg\"");  // 1.jpg is not a separate word in 21.jpg
-  EXPECT_ERROR(search.find("a.png"), "more than one image file for \"a.png\": left/a.png, right/a.png");
-  EXPECT_ERROR(search.find("c.png"), "more than one image file for \"c.png\"");
+  EXPECT_ERROR(search.find("2.jpg"), dir.path(), "no image", "2.jpg");
+  EXPECT_ERROR(search.find("21.jpg"), "no image", "21.jpg");  // 1.jpg is not a separate word in 21.jpg
+  EXPECT_ERROR(search.find("a.png"), "more than one", "\"a.png\"", "left/a.png", "right/a.png");
+  EXPECT_ERROR(search.find("c.png"), "more than one", "c.png");
   EXPECT_ERROR(search.find(""), "no image file");
   dir.write("cam_7.PNG", "");
   EXPECT_ERROR(ImageSearch(dir.path()).find("cam_7.png"), "cam_7.PNG");
   EXPECT_ERROR(ImageSearch(dir.path()).find("cam_7.jpg"), "cam_7.PNG");
-  EXPECT_ERROR(ImageSearch(dir / "none"), "none: can't be read");
-  EXPECT_ERROR(ImageSearch(dir / "1.jpg"), "1.jpg: can't be read");
+  EXPECT_ERROR(ImageSearch(dir / "none"), "none", "read");
+  EXPECT_ERROR(ImageSearch(dir / "1.jpg"), "1.jpg", "read");
 }
 
 TEST(ImageSearch, LongNamesAreNoWork) {
   const TempDir dir;
   dir.write("1.jpg", "");
   const ImageSearch search(dir.path());
-  EXPECT_ERROR(search.find(std::string(1 << 20, ' ') + "1.jpg"), "no image file for");
+  EXPECT_ERROR(search.find(std::string(1 << 20, ' ') + "1.jpg"), "no image");
 }
 
 constexpr char kImage[] = "1 1 0 0 0 0 0 0 1 a.png\n\n";
@@ -242,19 +245,19 @@ TEST(Colmap, ExportRefusesWhatColmapCantRead) {
   const TempDir dir;
   Rig rig = mixed_rig();
   rig.cameras[1].image = "a b.png";
-  EXPECT_ERROR(export_colmap(rig, dir.path()), "camera 19: COLMAP reads the name \"a b.png\" up to its first space");
+  EXPECT_ERROR(export_colmap(rig, dir.path()), "camera 19", "COLMAP", "a b.png", "first space");
   rig = mixed_rig();
   rig.cameras[1].image = rig.cameras[0].image;
-  EXPECT_ERROR(export_colmap(rig, dir.path()), "camera 19: the name \"cam_0.png\" is also used by camera 20");
+  EXPECT_ERROR(export_colmap(rig, dir.path()), "camera 19", "cam_0.png", "camera 20");
   rig = mixed_rig();
   rig.cameras[1].image = rig.cameras[1].name = "";
-  EXPECT_ERROR(export_colmap(rig, dir.path()), "camera 19: the camera has no name");
+  EXPECT_ERROR(export_colmap(rig, dir.path()), "camera 19", "no name");
   rig = mixed_rig();
   rig.cameras[1].id = UINT32_MAX;
-  EXPECT_ERROR(export_colmap(rig, dir.path()), "camera 4294967295: COLMAP does not accept ids above");
+  EXPECT_ERROR(export_colmap(rig, dir.path()), "camera 4294967295", "COLMAP", "ids");
   EXPECT_FALSE(std::filesystem::exists(dir / "cameras.txt")) << "nothing is written then";
   dir.write("file", "");
-  EXPECT_ERROR(export_colmap(mixed_rig(), dir / "file/x"), "file/x: can't be made");
+  EXPECT_ERROR(export_colmap(mixed_rig(), dir / "file/x"), "file/x", "made");
 }
 
 TEST(Colmap, LensesThatWeLackAreRefusedByCamera) {
@@ -264,45 +267,43 @@ TEST(Colmap, LensesThatWeLackAreRefusedByCamera) {
             Lens(LensModel::kOpenCv, {5, 5, 1.5, 1, -0.1, 0.01, 0.001, 0.002}));
   struct {
     const char* camera;
-    const char* message;
+    std::vector<std::string> facts;
   } const cases[] = {
-      {"1 FULL_OPENCV 4 3 5 5 2 1.5 -0.1 0.01 0.001 0.002 0 0 1e-9 0",
-       "cannot hold its FULL_OPENCV lens; run colmap image_undistorter"},
-      {"1 OPENCV_FISHEYE 4 3 5 5 2 1.5 0 0 0 0", "cannot hold its OPENCV_FISHEYE lens"},
-      {"1 FOV 4 3 5 5 2 1.5 0", "cannot hold its FOV lens"},
-      {"1 SIMPLE_RADIAL_FISHEYE 4 3 5 2 1.5 0", "cannot hold its SIMPLE_RADIAL_FISHEYE lens"},
-      {"1 RADIAL_FISHEYE 4 3 5 2 1.5 0 0", "cannot hold its RADIAL_FISHEYE lens"},
-      {"1 THIN_PRISM_FISHEYE 4 3 5 5 2 1.5 0 0 0 0 0 0 0 0", "cannot hold its THIN_PRISM_FISHEYE lens"},
-      {"1 PINHOLE 4 3 5 0 2 1.5", "params[1]: the focal length must be positive"},
+      {"1 FULL_OPENCV 4 3 5 5 2 1.5 -0.1 0.01 0.001 0.002 0 0 1e-9 0", {"FULL_OPENCV", "colmap image_undistorter"}},
+      {"1 OPENCV_FISHEYE 4 3 5 5 2 1.5 0 0 0 0", {"hold", "OPENCV_FISHEYE"}},
+      {"1 FOV 4 3 5 5 2 1.5 0", {"hold", "FOV"}},
+      {"1 SIMPLE_RADIAL_FISHEYE 4 3 5 2 1.5 0", {"hold", "SIMPLE_RADIAL_FISHEYE"}},
+      {"1 RADIAL_FISHEYE 4 3 5 2 1.5 0 0", {"hold", " RADIAL_FISHEYE"}},
+      {"1 THIN_PRISM_FISHEYE 4 3 5 5 2 1.5 0 0 0 0 0 0 0 0", {"hold", "THIN_PRISM_FISHEYE"}},
+      {"1 PINHOLE 4 3 5 0 2 1.5", {"params[1]", "focal length", "positive"}},
   };
   for (const auto& c : cases) {
     write_model(dir, c.camera, kImage);
     EXPECT_ERROR(import_colmap(dir.path()), dir / "cameras.txt" + ": camera 1: ");
-    EXPECT_ERROR(import_colmap(dir.path()), c.message);
+    EXPECT_ERROR(import_colmap(dir.path()), c.facts);
   }
   write_model(dir, "1 DIVISION 4 3 5 5 2 1.5 0", kImage);
-  EXPECT_ERROR(import_colmap(dir.path()), "lens model \"DIVISION\"; run colmap image_undistorter");
+  EXPECT_ERROR(import_colmap(dir.path()), "DIVISION", "colmap image_undistorter");
 }
 
 TEST(Colmap, SizesOfImageFilesMustAgree) {
   const TempDir dir;
   write_model(dir, "1 PINHOLE 4 3 5 5 2 1.5\n", kImage);
   std::filesystem::create_directories(dir / "images");
-  EXPECT_ERROR(import_colmap(dir.path()), "images: no image file for \"a.png\"");
+  EXPECT_ERROR(import_colmap(dir.path()), "images", "no image", "a.png");
   save_image(Image(PixelFamily::kRgb, 4, 3), dir / "images/a.png");
   EXPECT_EQ(import_colmap(dir.path()).rig.cameras[0].image, std::filesystem::proximate(dir / "images/a.png"));
   EXPECT_TRUE(import_colmap(dir.path()).notes.empty());
   save_image(Image(PixelFamily::kRgb, 8, 2), dir / "images/a.png");
-  EXPECT_ERROR(import_colmap(dir.path()), dir / "images/a.png" +
-                                              ": is 8x2, but cameras.txt gives its camera 1 the size 4x3; if it is "
-                                              "an undistorted image, use lf-rig import colmap --undistorted");
+  EXPECT_ERROR(import_colmap(dir.path()), dir / "images/a.png", "8x2", "cameras.txt", "camera 1", "4x3",
+               "--undistorted");
   save_image(Image(PixelFamily::kRgb, 2, 2), dir / "images/a.png");
   for (const bool undistorted : {false, true})
-    EXPECT_ERROR(import_colmap(dir.path(), {.images = dir / "images", .undistorted = undistorted}),
-                 "is 2x2, but cameras.txt gives its camera 1 the size 4x3. A scaled copy has another focal length");
+    EXPECT_ERROR(import_colmap(dir.path(), {.images = dir / "images", .undistorted = undistorted}), "2x2",
+                 "cameras.txt", "camera 1", "4x3", "scaled copy");
   dir.write("images/a.png", "not a picture");
   EXPECT_ERROR(import_colmap(dir.path()), dir / "images/a.png");
-  EXPECT_ERROR(import_colmap(dir.path(), {dir / "nowhere"}), "nowhere: can't be read");
+  EXPECT_ERROR(import_colmap(dir.path(), {dir / "nowhere"}), "nowhere", "read");
 }
 
 TEST(Colmap, UndistortedImagesHavePinholesOfTheirOwnSize) {
@@ -310,7 +311,7 @@ TEST(Colmap, UndistortedImagesHavePinholesOfTheirOwnSize) {
   write_model(dir, "1 SIMPLE_RADIAL 8 6 5 4 3 0.1\n2 OPENCV_FISHEYE 8 6 5 6 4 2 0 0 0 1\n",
               "1 1 0 0 0 0 0 0 1 day 1.png\n\n2 1 0 0 0 0 0 0 2 day 2.png\n\n");
   const ColmapImportOptions options = {dir / "files", true};
-  EXPECT_ERROR(import_colmap(dir.path(), {"", true}), "so give their folder");
+  EXPECT_ERROR(import_colmap(dir.path(), {"", true}), "give", "folder");
   std::filesystem::create_directories(dir / "files");
   save_image(Image(PixelFamily::kRgb, 7, 5), dir / "files/1.png");
   save_image(Image(PixelFamily::kRgb, 16, 12), dir / "files/2.png");
@@ -321,11 +322,10 @@ TEST(Colmap, UndistortedImagesHavePinholesOfTheirOwnSize) {
   EXPECT_EQ(result.rig.cameras[0].lens, Lens(LensModel::kPinhole, {5, 5, 3, 2})) << "the centre stays the centre";
   EXPECT_EQ(result.rig.cameras[1].lens, Lens(LensModel::kPinhole, {5, 6, 7.5, 3.5}));
   ASSERT_EQ(result.notes.size(), 1u);
-  EXPECT_EQ(result.notes[0], "2 image files have other names than in images.txt: 1.png for \"day 1.png\", ...");
+  EXPECT_MENTIONS(result.notes[0], "2", "images.txt", "1.png", "day 1.png", "...");
 
   write_model(dir, "1 PINHOLE 8 6 5 5 4 3\n", "1 1 0 0 0 0 0 0 1 day 1.png\n\n2 1 0 0 0 0 0 0 1 night 1.png\n\n");
-  EXPECT_ERROR(import_colmap(dir.path(), options),
-               "1.png: is the only file for two images, \"day 1.png\" and \"night 1.png\"");
+  EXPECT_ERROR(import_colmap(dir.path(), options), "1.png", "two images", "day 1.png", "night 1.png");
 }
 
 // COLMAP's workspace has the folders images and sparse/0.
@@ -355,7 +355,7 @@ TEST(Colmap, AGridIsInTheOrderOfNames) {
   std::string names;
   for (const Camera& camera : rig.cameras) names += camera.name;
   EXPECT_EQ(names, "cam1cam2cam9cam10") << "by number";
-  EXPECT_ERROR(import_colmap(dir.path(), {"", false, 2, 3}), "images.txt: 4 images do not make a grid of 2x3");
+  EXPECT_ERROR(import_colmap(dir.path(), {"", false, 2, 3}), "images.txt", "4 images", "2x3");
 }
 
 TEST(Colmap, AGridOfCamerasElsewhereIsRefused) {
@@ -367,7 +367,7 @@ TEST(Colmap, AGridOfCamerasElsewhereIsRefused) {
   write_model(dir, "1 PINHOLE 8 6 5 5 4 3\n", images);
   EXPECT_EQ(import_colmap(dir.path(), {"", false, 4, 3}).rig.topology.rows, 4) << "rows and columns are swapped";
   const std::string error = text_of_error([&] { import_colmap(dir.path(), {"", false, 3, 4}); });
-  EXPECT_NE(error.find("in the order of their names, the cameras form no grid of 3x4"), std::string::npos) << error;
+  EXPECT_MENTIONS(error, "order", "3x4");
   EXPECT_NE(error.find("--grid"), std::string::npos) << error;
 }
 
@@ -377,17 +377,18 @@ TEST(Colmap, ImagesThatAreNotInTheModelAreNamed) {
   std::filesystem::create_directories(dir / "images");
   for (const char* name : {"images/a.png", "images/b.png", "images/c.png"})
     save_image(Image(PixelFamily::kRgb, 4, 3), dir / name);
-  EXPECT_EQ(import_colmap(dir.path()).notes,
-            std::vector<std::string>{"2 of 3 files in " + dir / "images" + " are not in images.txt and were left out"});
+  const std::vector<std::string> notes = import_colmap(dir.path()).notes;
+  ASSERT_EQ(notes.size(), 1u);
+  EXPECT_MENTIONS(notes[0], "2 of 3", dir / "images", "images.txt", "left out");
 }
 
 TEST(Colmap, MissingAndEmptyModels) {
   const TempDir dir;
-  EXPECT_ERROR(import_colmap(dir.path()), "cameras.txt: can't be read. A folder of pictures alone has no positions");
+  EXPECT_ERROR(import_colmap(dir.path()), "cameras.txt", "read", "positions");
   dir.write("sparse/0/cameras.txt", "");
-  EXPECT_ERROR(import_colmap(dir.path()), "the model is in " + dir / "sparse/0");
+  EXPECT_ERROR(import_colmap(dir.path()), "model", dir / "sparse/0");
   dir.write("cameras.bin", "");
-  EXPECT_ERROR(import_colmap(dir.path()), "is a binary model; run colmap model_converter");
+  EXPECT_ERROR(import_colmap(dir.path()), "binary model", "colmap model_converter");
   write_model(dir, "1 PINHOLE 8 6 5 5 4 3\n", "# none\n");
   EXPECT_ERROR(import_colmap(dir.path()), "images.txt: no images");
 }

@@ -6,6 +6,7 @@
 
 #include "rig/exchange.h"
 #include "support/expect_error.h"
+#include "support/mentions.h"
 #include "support/rigs.h"
 
 namespace lf {
@@ -71,7 +72,7 @@ TEST(OpenCvTerms, TheShortestModelThatHoldsALens) {
   EXPECT_EQ(lens_from_opencv({5, 5, 2, 1}, {0, 0.1}), Lens(kRadial, {5, 2, 1, 0, 0.1}));
   EXPECT_EQ(lens_from_opencv({5, 6, 2, 1}, {0.1}), Lens(kOpenCv, {5, 6, 2, 1, 0.1, 0, 0, 0}));
   EXPECT_EQ(lens_from_opencv({5, 5, 2, 1}, {0, 0, 0, 0.1}), Lens(kOpenCv, {5, 5, 2, 1, 0, 0, 0, 0.1}));
-  EXPECT_ERROR(lens_from_opencv({0, 5, 2, 1}, {}), "focal length must be positive");
+  EXPECT_ERROR(lens_from_opencv({0, 5, 2, 1}, {}), "focal length", "positive");
 }
 
 TEST(OpenCvTerms, MotionsInvertAndFollowEachOther) {
@@ -96,11 +97,11 @@ TEST(OpenCvTerms, RoundedRotationsAreMadeRotationsOthersRefused) {
     for (int r = 0; r < 3; r++) EXPECT_NEAR(square[c][r], c == r, 1e-14);
   EXPECT_NEAR(motion.rotation[0][1], 0.6, 1e-4);
   EXPECT_EQ(motion.translation, Vec3(1, 2, 3));
-  EXPECT_ERROR(parse("[[1, 0, 0, 1], [0, 1, 0, 2]]"), "x.json: must have 3 or 4 rows");
+  EXPECT_ERROR(parse("[[1, 0, 0, 1], [0, 1, 0, 2]]"), "x.json", "3 or 4", "rows");
   EXPECT_ERROR(parse("[[1, 0, 0], [0, 1, 0], [0, 0, 1]]"), "x.json: [0]: must ");
-  EXPECT_ERROR(parse("[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, -1, 0]]"), "must be a rotation");
-  EXPECT_ERROR(parse("[[2, 0, 0, 0], [0, 2, 0, 0], [0, 0, 2, 0]]"), "must be a rotation");
-  EXPECT_ERROR(parse("[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 2]]"), "[3]: must be [0, 0, 0, 1]");
+  EXPECT_ERROR(parse("[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, -1, 0]]"), "rotation");
+  EXPECT_ERROR(parse("[[2, 0, 0, 0], [0, 2, 0, 0], [0, 0, 2, 0]]"), "rotation");
+  EXPECT_ERROR(parse("[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 2]]"), "[3]:", "[0, 0, 0, 1]");
 }
 
 std::vector<std::string> check(const char* text, const std::set<std::string_view>& known = {"cameras", "fx"}) {
@@ -117,7 +118,7 @@ TEST(ForeignKeys, RefusesKeysThatChangeTheMeaningOfOthers) {
     const std::string file = std::string(R"({"cameras": [{"fx": 1}, {)") + member + "}]}";
     const std::string error = text_of_error([&] { check(file.c_str()); });
     EXPECT_EQ(error.find("f.json: cameras[1]."), 0u) << member << ": " << error;
-    EXPECT_NE(error.find("a rig cannot hold"), std::string::npos) << member << ": " << error;
+    EXPECT_MENTIONS(error, "cannot hold") << member << ": " << error;
     // Also inside a value that no importer reads.
     const std::string inside = std::string(R"({"settings": {"lens": {)") + member + "}}}";
     EXPECT_ERROR(check(inside.c_str()), "f.json: settings.lens.");
@@ -135,8 +136,10 @@ TEST(ForeignKeys, NeutralValuesChangeNothing) {
 
 TEST(ForeignKeys, ListsWhatWasNotRead) {
   EXPECT_TRUE(check(R"({"cameras": [{"fx": 1}]})").empty());
-  EXPECT_EQ(check(R"({"zeta": 1, "cameras": [{"fx": 1, "mask": "a"}, {"mask": {"inner": 1}}]})"),
-            std::vector<std::string>{"keys that were not read: mask (2 times), zeta"});
+  const std::vector<std::string> two =
+      check(R"({"zeta": 1, "cameras": [{"fx": 1, "mask": "a"}, {"mask": {"inner": 1}}]})");
+  ASSERT_EQ(two.size(), 1u);
+  EXPECT_MENTIONS(two[0], "not read", "mask (2 times)", "zeta");
   std::string many = R"({"cameras": 0)";
   for (int i = 10; i < 40; i++) many += ", \"x" + std::to_string(i) + "\": 1";
   const std::vector<std::string> notes = check((many + "}").c_str());
@@ -163,11 +166,11 @@ TEST(YamlValue, SaysWhatTheJsonSays) {
 }
 
 TEST(YamlValue, ErrorsNameFileAndLine) {
-  EXPECT_ERROR(parse_yaml("a: 1\nb: [1, 2\n", "x.yaml"), "x.yaml: line 3: not valid YAML: ");
-  EXPECT_ERROR(parse_yaml("a: 1\nb: caf\xe9\n", "x.yaml"), "x.yaml: line 2: not valid YAML: the text is not UTF-8");
-  EXPECT_ERROR(parse_yaml("a: 1\na: 2\n", "x.yaml"), "x.yaml: line 2: not valid YAML: \"a\" occurs twice");
-  EXPECT_ERROR(parse_yaml("a: &x 1\nb: *x\n", "x.yaml"), "line 2: not valid YAML: YAML aliases");
-  EXPECT_ERROR(parse_yaml("[a, b]: 1\n", "x.yaml"), "a key must be a plain word");
+  EXPECT_ERROR(parse_yaml("a: 1\nb: [1, 2\n", "x.yaml"), "x.yaml", "line 3", "YAML");
+  EXPECT_ERROR(parse_yaml("a: 1\nb: caf\xe9\n", "x.yaml"), "x.yaml", "line 2", "YAML", "UTF-8");
+  EXPECT_ERROR(parse_yaml("a: 1\na: 2\n", "x.yaml"), "x.yaml", "line 2", "YAML", "\"a\"", "twice");
+  EXPECT_ERROR(parse_yaml("a: &x 1\nb: *x\n", "x.yaml"), "line 2", "aliases");
+  EXPECT_ERROR(parse_yaml("[a, b]: 1\n", "x.yaml"), "key", "plain word");
   EXPECT_ERROR(parse_yaml(std::string(100, '[') + std::string(100, ']'), "x.yaml"), "nested too deeply");
 }
 

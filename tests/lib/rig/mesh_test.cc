@@ -321,11 +321,11 @@ TEST(Mesh, OneTriangleWithAreaKeepsThoseWithout) {
 TEST(Mesh, NamesWhatIsWrong) {
   const Rig square = rig_at(grid_points(2, 2));
   for (const Rig& rig : {square, as_grid(square, 2, 2), as_triangles(square, grid_faces(2, 2))}) {
-    EXPECT_ERROR(build_mesh(rig, {4}), "there is no camera 4");
-    EXPECT_ERROR(build_mesh(rig, {1, UINT32_MAX}), "there is no camera 4294967295");
+    EXPECT_ERROR(build_mesh(rig, {4}), "camera 4");
+    EXPECT_ERROR(build_mesh(rig, {1, UINT32_MAX}), "camera 4294967295");
   }
   EXPECT_ERROR(build_mesh(as_triangles(square, {{0, 1, 2}, {0, 1, 9}})), "topology.triangles[1][2]");
-  EXPECT_ERROR(build_mesh(as_grid(square, 2, 3)), "2 rows x 3 columns");
+  EXPECT_ERROR(build_mesh(as_grid(square, 2, 3)), "2 rows", "3 columns");
   EXPECT_ERROR(build_mesh(as_grid(square, -2, -2)), "-2 rows");
   Rig nan = square;
   nan.cameras[2].pose.position.z = std::numeric_limits<double>::quiet_NaN();
@@ -422,7 +422,7 @@ TEST(MeshFit, ALevelRingGetsTheTrianglesAroundIt) {
     EXPECT_LT(share_facing_cameras(found, build_mesh(found)), 0.5) << "Delaunay triangulates across the ring";
     const std::vector<std::string> notes = fit_topology(found);
     ASSERT_EQ(notes.size(), 1u);
-    EXPECT_NE(notes[0].find(inwards ? "look at it" : "look away from it"), std::string::npos) << notes[0];
+    EXPECT_NE(notes[0].find(inwards ? "look at" : "look away"), std::string::npos) << notes[0];
     ASSERT_EQ(found.topology.type, Topology::Type::kTriangles);
     EXPECT_EQ(found.topology.triangles.size(), ring.topology.triangles.size()) << "none at the open ends";
     EXPECT_EQ(share_facing_cameras(found, build_mesh(found)), 1);

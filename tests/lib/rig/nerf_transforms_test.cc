@@ -7,6 +7,7 @@
 
 #include "image/image.h"
 #include "support/expect_error.h"
+#include "support/mentions.h"
 #include "support/rigs.h"
 #include "support/temp_dir.h"
 
@@ -49,7 +50,7 @@ TEST(Nerf, ANameTooLongForAFileIsThatOfNone) {
   const std::string name(300, 'a');
   dir.write("t.json", R"({"w": 4, "h": 3, "fl_x": 5, "frames": [{"file_path": ")" + name + "\", " + kIdentity + "}]}");
   EXPECT_EQ(import_nerf(dir / "t.json").rig.cameras.at(0).image, dir / name);
-  EXPECT_ERROR(load_image(dir / name), "no such image file");
+  EXPECT_ERROR(load_image(dir / name), "no such image");
 }
 
 TEST(Nerf, RoundTripsEveryModelWithin1e9Pixels) {
@@ -73,19 +74,18 @@ TEST(Nerf, WhatWeLackIsRefusedByPlace) {
   const auto refuses = [&](const std::string& text, const std::string& place) {
     const std::string what = error(text);
     EXPECT_EQ(what.find(file + ": " + place + ": "), 0u) << what;
-    EXPECT_NE(what.find("a rig cannot hold"), std::string::npos) << what;
+    EXPECT_MENTIONS(what, "cannot hold");
     EXPECT_NE(what.find("undistort"), std::string::npos) << what;
   };
   refuses(one_frame(size + R"("fl_x": 5, "camera_model": "OPENCV_FISHEYE", )"), "camera_model");
   refuses(one_frame(size + R"("fl_x": 5, )", R"("k3": 0.1, )"), "frames[0].k3");
   refuses(one_frame(size + R"("fl_x": 5, "is_fisheye": true, )"), "is_fisheye");
   refuses(one_frame(size + R"("fl_x": 5, "sk_x": 0.1, )"), "sk_x");
-  EXPECT_NE(error(one_frame(size + R"("fl_x": 5, "distortion_params": [0.1, 0, 0.2, 0, 0, 0], )"))
-                .find("distortion_params: k3 and k4 must be 0"),
-            std::string::npos);
-  EXPECT_EQ(error(one_frame(size)), file + ": frames[0]: has neither fl_x nor a camera_angle_x between 0 and pi");
-  EXPECT_EQ(error(one_frame(size + R"("fl_x": 0, )")), file + ": frames[0]: fl_x is 0; give the focal length in pixels");
-  EXPECT_EQ(error(R"({"frames": []})"), file + ": frames: must not be empty");
+  EXPECT_MENTIONS(error(one_frame(size + R"("fl_x": 5, "distortion_params": [0.1, 0, 0.2, 0, 0, 0], )")),
+                  "distortion_params", "k3", "k4", "0");
+  EXPECT_MENTIONS(error(one_frame(size)), file, "frames[0]", "fl_x", "camera_angle_x");
+  EXPECT_MENTIONS(error(one_frame(size + R"("fl_x": 0, )")), file, "frames[0]", "fl_x is 0");
+  EXPECT_MENTIONS(error(R"({"frames": []})"), file, "frames", "empty");
 }
 
 TEST(Nerf, WholeNumbersMayBeFloats) {
@@ -110,8 +110,8 @@ TEST(Nerf, ReadsWhatNerfstudioWrites) {
   // The transform turns (x, y, z) to (x, z, -y); the frame is at (7, 8, 9), scaled by a half.
   EXPECT_LT(glm::length(camera.pose.position - Vec3(14, -18, 16)), 1e-12);
   ASSERT_EQ(result.notes.size(), 2u);
-  EXPECT_EQ(result.notes[0], "keys that were not read: mask_path");
-  EXPECT_NE(result.notes[1].find("before applied_transform and applied_scale"), std::string::npos);
+  EXPECT_MENTIONS(result.notes[0], "not read", "mask_path");
+  EXPECT_MENTIONS(result.notes[1], "applied_transform", "applied_scale");
 }
 
 TEST(Nerf, CoefficientsThatOnlySomeFramesHaveAreNoted) {
@@ -139,7 +139,7 @@ TEST(Nerf, FramesOfSeveralTimesAreNoRig) {
     };
     return dir.write("t.json", R"({"w": 4, "h": 3, "fl_x": 5, "frames": [)" + at(a) + "," + at(b) + "]}");
   };
-  EXPECT_ERROR(import_nerf(frames("0", "0.5")), "frames[1].time: is 0.5, but an earlier frame has 0");
+  EXPECT_ERROR(import_nerf(frames("0", "0.5")), "frames[1].time", "0.5", "0");
   EXPECT_EQ(import_nerf(frames("0.5", "0.5")).rig.cameras.size(), 2u);
 }
 
@@ -149,8 +149,7 @@ TEST(Nerf, ManyFramesTakeNoLongerEach) {
   for (size_t i = 0; i <= kMaxCameras; i++)
     text +=
         std::string(i ? "," : "") + R"({"file_path": "f)" + std::to_string(i) + R"(", "odd": 1, )" + kIdentity + "}";
-  EXPECT_ERROR(import_nerf(dir.write("t.json", text + "]}")),
-               "frames: has too many frames; a rig has at most 65535 cameras");
+  EXPECT_ERROR(import_nerf(dir.write("t.json", text + "]}")), "frames", "65535 cameras");
 }
 
 }  // namespace

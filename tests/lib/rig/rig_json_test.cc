@@ -150,114 +150,114 @@ TEST(RigJson, ColourHasDefaultsAndIsNoPartOfTheHash) {
 TEST(RigJson, ErrorsNameThePlace) {
   struct {
     const char* patch;  // merged into the good file; null removes a key
-    const char* message;
+    std::vector<std::string> facts;
   } const files[] = {
-      {R"({"format": null})", "key \"format\" is missing"},
-      {R"({"format": 7})", "format: must be a string"},
-      {R"({"format": "lightfield-views"})", "format: must be \"lightfield-rig\", is \"lightfield-views\""},
-      {R"({"version": null})", "key \"version\" is missing"},
-      {R"({"version": 2})", "version: must be 1 to 1, is 2"},
-      {R"({"version": "1"})", "version: must be an integer, is string"},
-      {R"({"cameras": null})", "key \"cameras\" is missing"},
-      {R"({"cameras": []})", "cameras: a rig needs at least one camera"},
-      {R"({"cameras": {"0": 1}})", "cameras: must be an array, is object"},
-      {R"({"cameras": [[]]})", "cameras[0]: must be an object, is array"},
-      {R"({"topology": null})", "key \"topology\" is missing"},
-      {R"({"topology": "grid"})", "topology: must be an object, is string"},
-      {R"({"topology": {"type": null}})", "topology: key \"type\" is missing"},
-      {R"({"topology": {"type": "hexagons"}})", "topology.type: must be \"grid\", \"triangles\" or \"delaunay\", but is"},
-      {R"({"topology": {"rows": null}})", "topology: key \"rows\" is missing"},
-      {R"({"topology": {"rows": 0}})", "topology.rows: must be 1 to 65535, is 0"},
-      {R"({"topology": {"rows": 3}})", "topology: 3 rows x 2 columns do not match the rig, which has 4 cameras"},
-      {R"({"topology": {"rows": 65535, "columns": 65535}})", "topology: 65535 rows x 65535 columns do not match"},
-      {R"({"topology": {"columns": 2.5}})", "topology.columns: must be an integer, is 2.5"},
-      {R"({"topology": {"type": "triangles"}})", "topology: key \"triangles\" is missing"},
+      {R"({"format": null})", {"\"format\"", "missing"}},
+      {R"({"format": 7})", {"format", "string"}},
+      {R"({"format": "lightfield-views"})", {"format", "lightfield-rig", "lightfield-views"}},
+      {R"({"version": null})", {"\"version\"", "missing"}},
+      {R"({"version": 2})", {"version", "1 to 1", "2"}},
+      {R"({"version": "1"})", {"version", "integer", "string"}},
+      {R"({"cameras": null})", {"\"cameras\"", "missing"}},
+      {R"({"cameras": []})", {"cameras", "one camera"}},
+      {R"({"cameras": {"0": 1}})", {"cameras:", "array", "object"}},
+      {R"({"cameras": [[]]})", {"cameras[0]", "object", "array"}},
+      {R"({"topology": null})", {"\"topology\"", "missing"}},
+      {R"({"topology": "grid"})", {"topology", "object", "string"}},
+      {R"({"topology": {"type": null}})", {"topology", "type", "missing"}},
+      {R"({"topology": {"type": "hexagons"}})", {"topology.type", "grid", "triangles", "delaunay"}},
+      {R"({"topology": {"rows": null}})", {"topology", "\"rows\"", "missing"}},
+      {R"({"topology": {"rows": 0}})", {"topology.rows", "1 to 65535", "0"}},
+      {R"({"topology": {"rows": 3}})", {"topology", "3 rows", "2 columns", "4 cameras"}},
+      {R"({"topology": {"rows": 65535, "columns": 65535}})", {"topology", "65535 rows", "65535 columns"}},
+      {R"({"topology": {"columns": 2.5}})", {"topology.columns", "integer", "2.5"}},
+      {R"({"topology": {"type": "triangles"}})", {"topology", "\"triangles\"", "missing"}},
       {R"({"topology": {"type": "triangles", "triangles": [[0, 1, 2], [1, 2, 4]]}})",
-       "topology.triangles[1][2]: must be 0 to 3, is 4"},
+       {"topology.triangles[1][2]", "0 to 3", "4"}},
       {R"({"topology": {"type": "triangles", "triangles": [[0, -1, 2]]}})",
-       "topology.triangles[0][1]: must be 0 to 3, is -1"},
-      {R"({"topology": {"type": "triangles", "triangles": [[0, 1]]}})",
-       "topology.triangles[0]: must have 3 elements, has 2"},
+       {"topology.triangles[0][1]", "0 to 3", "-1"}},
+      {R"({"topology": {"type": "triangles", "triangles": [[0, 1]]}})", {"topology.triangles[0]", "3 elements", "2"}},
       {R"({"topology": {"type": "triangles", "triangles": [[0, 1, 1]]}})",
-       "topology.triangles[0]: must be three different cameras"},
-      {R"({"topology": {"type": "triangles", "triangles": [0, 1, 2]}})", "topology.triangles[0]: must be an array"},
+       {"topology.triangles[0]", "different cameras"}},
+      {R"({"topology": {"type": "triangles", "triangles": [0, 1, 2]}})", {"topology.triangles[0]", "array"}},
   };
   for (const auto& c : files) {
     json file = good_rig();
     file.merge_patch(json::parse(c.patch));
-    EXPECT_ERROR(parse(file), std::string("r.json: ") + c.message);
+    EXPECT_ERROR(parse(file), "r.json:");
+    EXPECT_ERROR(parse(file), c.facts);
   }
 }
 
 TEST(RigJson, ErrorsNameTheCameraAndItsMember) {
   struct {
     const char* patch;  // merged into cameras[3]
-    const char* message;
+    std::vector<std::string> facts;
   } const cases[] = {
-      {R"({"id": null})", "cameras[3]: key \"id\" is missing"},
-      {R"({"id": "3"})", "cameras[3].id: must be an integer, is string"},
-      {R"({"id": -1})", "cameras[3].id: must be 0 to 4294967295, is -1"},
-      {R"({"id": 4294967296})", "cameras[3].id: must be 0 to 4294967295, is 4294967296"},
-      {R"({"id": 7})", "cameras[3].id: 7 is also the id of cameras[2]"},
-      {R"({"name": null})", "cameras[3]: key \"name\" is missing"},
-      {R"({"name": 1})", "cameras[3].name: must be a string, is number"},
-      {R"({"name": ".profile\u0000"})", "cameras[3].name: has a character NUL"},
-      {R"({"name": "\u001b[31mred"})", "cameras[3].name: has control characters"},
-      {R"({"name": "\u009b31mred"})", "cameras[3].name: has control characters"},
-      {R"({"source": "a\u0000b.mkv"})", "cameras[3].source: has a character NUL"},
-      {R"({"width": null})", "cameras[3]: key \"width\" is missing"},
-      {R"({"width": 0})", "cameras[3].width: must be 1 to 16384, is 0"},
-      {R"({"width": 16385})", "cameras[3].width: must be 1 to 16384, is 16385"},
-      {R"({"width": true})", "cameras[3].width: must be an integer, is boolean"},
-      {R"({"height": 1000.5})", "cameras[3].height: must be an integer, is 1000.5"},
-      {R"({"model": null})", "cameras[3]: key \"model\" is missing"},
-      {R"({"model": "FOV"})", "cameras[3].model: unknown lens model \"FOV\""},
-      {R"({"params": null})", "cameras[3]: key \"params\" is missing"},
-      {R"({"params": [400, 1, 1]})", "cameras[3].params: RADIAL takes 5 numbers, has 3"},
-      {R"({"params": ["NaN", 1, 1, 0, 0]})", "cameras[3].params[0]: must be a finite number, is string"},
-      {R"({"params": [400, 1, null, 0, 0]})", "cameras[3].params[2]: must be a finite number, is null"},
-      {R"({"params": [0, 1, 1, 0, 0]})", "cameras[3].params[0]: the focal length must be positive"},
-      {R"({"position": null})", "cameras[3]: key \"position\" is missing"},
-      {R"({"position": 0})", "cameras[3].position: must be an array, is number"},
-      {R"({"position": [0, 0, 0, 0]})", "cameras[3].position: must have 3 elements, has 4"},
-      {R"({"position": [0, null, 0]})", "cameras[3].position[1]: must be a finite number, is null"},
-      {R"({"orientation": null})", "cameras[3]: key \"orientation\" is missing"},
-      {R"({"orientation": [1, 0, 0]})", "cameras[3].orientation: must have 4 elements, has 3"},
-      {R"({"orientation": [1, 0, 0, "nan"]})", "cameras[3].orientation[3]: must be a finite number"},
-      {R"({"orientation": [0, 0, 0, 0]})", "cameras[3].orientation: must be a quaternion (w, x, y, z) of unit norm"},
-      {R"({"orientation": [1.000002, 0, 0, 0]})", "cameras[3].orientation: must be a quaternion"},
-      {R"({"image": 5})", "cameras[3].image: must be a string, is number"},
-      {R"({"source": []})", "cameras[3].source: must be a string, is array"},
-      {R"({"time_offset": "late"})", "cameras[3].time_offset: must be a finite number, is string"},
-      {R"({"colour": 1})", "cameras[3].colour: must be an object, is number"},
-      {R"({"colour": {"black": [1, 2]}})", "cameras[3].colour.black: must have 3 elements, has 2"},
-      {R"({"colour": {"black": [1, 2, 65]}})", "cameras[3].colour.black[2]: must be -64 to 64"},
-      {R"({"colour": {"gamma": 0}})", "cameras[3].colour.gamma: must be 0.5 to 5"},
-      {R"({"colour": {"gamma": [2, 2, 2]}})", "cameras[3].colour.gamma: must be a finite number, is array"},
-      {R"({"colour": {"matrix": [1, 0, 0]}})", "cameras[3].colour.matrix: must have 9 elements, has 3"},
-      {R"({"colour": {"matrix": [1, 0, 0, 0, 1, 0, 0, 0, 5]}})", "cameras[3].colour.matrix[8]: must be -4 to 4"},
-      {R"({"colour": {"matrix": [1, 0, 0, 0, 1, 0, 0, 0, 0]}})", "cameras[3].colour.matrix: determinant"},
-      {R"({"colour": {"vignetting": [-1, 0]}})", "cameras[3].colour.vignetting: must leave 0.25 to 2.5 of the light"},
+      {R"({"id": null})", {"cameras[3]", "\"id\"", "missing"}},
+      {R"({"id": "3"})", {"cameras[3].id", "integer", "string"}},
+      {R"({"id": -1})", {"cameras[3].id", "0 to 4294967295", "-1"}},
+      {R"({"id": 4294967296})", {"cameras[3].id", "0 to 4294967295", "4294967296"}},
+      {R"({"id": 7})", {"cameras[3].id", "7", "cameras[2]"}},
+      {R"({"name": null})", {"cameras[3]", "\"name\"", "missing"}},
+      {R"({"name": 1})", {"cameras[3].name", "string", "number"}},
+      {R"({"name": ".profile\u0000"})", {"cameras[3].name", "NUL"}},
+      {R"({"name": "\u001b[31mred"})", {"cameras[3].name", "control characters"}},
+      {R"({"name": "\u009b31mred"})", {"cameras[3].name", "control characters"}},
+      {R"({"source": "a\u0000b.mkv"})", {"cameras[3].source", "NUL"}},
+      {R"({"width": null})", {"cameras[3]", "\"width\"", "missing"}},
+      {R"({"width": 0})", {"cameras[3].width", "1 to 16384", "0"}},
+      {R"({"width": 16385})", {"cameras[3].width", "1 to 16384", "16385"}},
+      {R"({"width": true})", {"cameras[3].width", "integer", "boolean"}},
+      {R"({"height": 1000.5})", {"cameras[3].height", "integer", "1000.5"}},
+      {R"({"model": null})", {"cameras[3]", "\"model\"", "missing"}},
+      {R"({"model": "FOV"})", {"cameras[3].model", "unknown", "FOV"}},
+      {R"({"params": null})", {"cameras[3]", "\"params\"", "missing"}},
+      {R"({"params": [400, 1, 1]})", {"cameras[3].params", "RADIAL", "5 numbers", "3"}},
+      {R"({"params": ["NaN", 1, 1, 0, 0]})", {"cameras[3].params[0]", "finite", "number", "string"}},
+      {R"({"params": [400, 1, null, 0, 0]})", {"cameras[3].params[2]", "finite", "number", "null"}},
+      {R"({"params": [0, 1, 1, 0, 0]})", {"cameras[3].params[0]", "positive"}},
+      {R"({"position": null})", {"cameras[3]", "\"position\"", "missing"}},
+      {R"({"position": 0})", {"cameras[3].position", "array", "number"}},
+      {R"({"position": [0, 0, 0, 0]})", {"cameras[3].position", "3 elements", "4"}},
+      {R"({"position": [0, null, 0]})", {"cameras[3].position[1]", "finite", "number", "null"}},
+      {R"({"orientation": null})", {"cameras[3]", "\"orientation\"", "missing"}},
+      {R"({"orientation": [1, 0, 0]})", {"cameras[3].orientation", "4 elements", "3"}},
+      {R"({"orientation": [1, 0, 0, "nan"]})", {"cameras[3].orientation[3]", "finite", "number"}},
+      {R"({"orientation": [0, 0, 0, 0]})", {"cameras[3].orientation", "quaternion", "unit norm"}},
+      {R"({"orientation": [1.000002, 0, 0, 0]})", {"cameras[3].orientation", "quaternion"}},
+      {R"({"image": 5})", {"cameras[3].image", "string", "number"}},
+      {R"({"source": []})", {"cameras[3].source", "string", "array"}},
+      {R"({"time_offset": "late"})", {"cameras[3].time_offset", "finite", "number", "string"}},
+      {R"({"colour": 1})", {"cameras[3].colour", "object", "number"}},
+      {R"({"colour": {"black": [1, 2]}})", {"cameras[3].colour.black", "3 elements", "2"}},
+      {R"({"colour": {"black": [1, 2, 65]}})", {"cameras[3].colour.black[2]", "-64 to 64"}},
+      {R"({"colour": {"gamma": 0}})", {"cameras[3].colour.gamma", "0.5 to 5"}},
+      {R"({"colour": {"gamma": [2, 2, 2]}})", {"cameras[3].colour.gamma", "finite", "number", "array"}},
+      {R"({"colour": {"matrix": [1, 0, 0]}})", {"cameras[3].colour.matrix", "9 elements", "3"}},
+      {R"({"colour": {"matrix": [1, 0, 0, 0, 1, 0, 0, 0, 5]}})", {"cameras[3].colour.matrix[8]", "-4 to 4"}},
+      {R"({"colour": {"matrix": [1, 0, 0, 0, 1, 0, 0, 0, 0]}})", {"cameras[3].colour.matrix", "determinant"}},
+      {R"({"colour": {"vignetting": [-1, 0]}})", {"cameras[3].colour.vignetting", "0.25 to 2.5"}},
   };
   for (const auto& c : cases) {
     json file = good_rig();
     file["cameras"][3].merge_patch(json::parse(c.patch));
-    EXPECT_ERROR(parse(file), std::string("r.json: ") + c.message);
+    EXPECT_ERROR(parse(file), "r.json:");
+    EXPECT_ERROR(parse(file), c.facts);
   }
 }
 
 TEST(RigJson, ErrorsOfTheTextNameLineAndPlace) {
   const std::string text = good_rig().dump(1);
   EXPECT_ERROR(parse_rig(text.substr(0, text.size() - 10), "r.json"), "r.json: ");
-  EXPECT_ERROR(parse_rig(text.substr(0, text.find("\"height\"")), "r.json"),
-               "r.json: cameras[0]: not valid JSON: parse error at line ");
-  EXPECT_ERROR(parse_rig("P6 320 240 255", "r.json"), "r.json: not valid JSON: parse error at line 1");
-  EXPECT_ERROR(parse_rig("", "r.json"), "r.json: not valid JSON");
-  EXPECT_ERROR(parse_rig("[]", "r.json"), "r.json: must be an object, is array");
+  EXPECT_ERROR(parse_rig(text.substr(0, text.find("\"height\"")), "r.json"), "r.json", "cameras[0]", "JSON", "line");
+  EXPECT_ERROR(parse_rig("P6 320 240 255", "r.json"), "r.json", "JSON", "line 1");
+  EXPECT_ERROR(parse_rig("", "r.json"), "r.json", "JSON");
+  EXPECT_ERROR(parse_rig("[]", "r.json"), "r.json", "object", "array");
   std::string infinite = text;
   infinite.replace(infinite.find("159.5"), 5, "1e999");
-  EXPECT_ERROR(parse_rig(infinite, "r.json"), "r.json: cameras[0].params[1]: not valid JSON: number overflow");
-  EXPECT_ERROR(load_rig(testing::TempDir() + "no_such_rig.json"), "no_such_rig.json: can't be read");
+  EXPECT_ERROR(parse_rig(infinite, "r.json"), "r.json", "cameras[0].params[1]", "JSON", "overflow");
+  EXPECT_ERROR(load_rig(testing::TempDir() + "no_such_rig.json"), "no_such_rig.json", "read");
 }
 
 TEST(RigJson, NamesTheImporterOfAForeignFile) {
@@ -266,7 +266,7 @@ TEST(RigJson, NamesTheImporterOfAForeignFile) {
       {"%YAML:1.0\n---\ncamera_matrix: !!opencv-matrix\n", "lf-rig import opencv"},
       {"cam0:\n  camera_model: pinhole\n", "lf-rig import kalibr"},
       {"# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n1 PINHOLE 4 3 5 5 2 1\n", "lf-rig import colmap"}};
-  for (const auto& [text, command] : files) EXPECT_ERROR(parse_rig(text, "x"), std::string("x: is not a rig file; "));
+  for (const auto& [text, command] : files) EXPECT_ERROR(parse_rig(text, "x"), "x:", "rig file");
   for (const auto& [text, command] : files) EXPECT_ERROR(parse_rig(text, "x"), command);
 }
 
@@ -277,7 +277,7 @@ TEST(RigJson, RefusesMoreTrianglesThanASurfaceHas) {
   file["topology"] = {{"type", "triangles"}, {"triangles", most}};
   EXPECT_EQ(parse(file).topology.triangles.size(), 2 * cameras);
   file["topology"]["triangles"] = more;
-  EXPECT_ERROR(parse(file), "r.json: topology.triangles: at most " + std::to_string(2 * cameras));
+  EXPECT_ERROR(parse(file), "r.json", "topology.triangles", std::to_string(2 * cameras));
 }
 
 TEST(RigJson, ANewFileWithAPasswordIsForItsOwnerAlone) {
@@ -299,7 +299,7 @@ TEST(RigJson, ANewFileWithAPasswordIsForItsOwnerAlone) {
 TEST(RigJson, RefusesTooManyCameras) {
   json file = good_rig();
   for (uint32_t i = 4; i <= kMaxCameras; i++) file["cameras"].push_back(7);
-  EXPECT_ERROR(parse(file), "r.json: cameras: a rig has at most 65535 cameras, but this file has 65536");
+  EXPECT_ERROR(parse(file), "r.json", "cameras", "65535 cameras", "65536");
 }
 
 // File names may be arbitrary bytes.
@@ -308,7 +308,7 @@ TEST(RigJson, WritesOnlyUtf8) {
   for (std::string Camera::*member : {&Camera::name, &Camera::image, &Camera::source}) {
     Rig rig = good;
     rig.cameras[1].*member = "caf\xe9";
-    EXPECT_ERROR(rig_to_json(rig), "cameras[1]: \"caf\\ufffd\" is not UTF-8");
+    EXPECT_ERROR(rig_to_json(rig), "cameras[1]", "caf\\ufffd", "UTF-8");
   }
 }
 
@@ -338,13 +338,12 @@ TEST(CameraControls, GoIntoARigFileAndComeBack) {
 TEST(CameraControls, ErrorsNameThePlace) {
   const Rig rig = make_grid_rig({1, 2, 0.1, 60, 8, 6});
   json text = json::parse(rig_to_json(rig));
-  const char* wrong = "r.json: cameras[1].controls.gain: must be a finite number or \"auto\"";
   for (const json& value : {json("full"), json(nullptr), json::array(), json(true)}) {
     text["cameras"][1]["controls"] = {{"gain", value}};
-    EXPECT_ERROR(parse_controls(text, "r.json"), wrong);
+    EXPECT_ERROR(parse_controls(text, "r.json"), "r.json", "cameras[1].controls.gain", "finite", "auto");
   }
   text["cameras"][1]["controls"] = 3;
-  EXPECT_ERROR(parse_controls(text, "r.json"), "r.json: cameras[1].controls: must be an object");
+  EXPECT_ERROR(parse_controls(text, "r.json"), "r.json", "cameras[1].controls", "object");
   EXPECT_TRUE(parse_controls(json::parse("[]"), "r").empty());
   EXPECT_TRUE(parse_controls(json::parse("{\"cameras\": [1, {}]}"), "r").empty());
 }
@@ -372,7 +371,7 @@ TEST(SwapDevices, MovesWhatBelongsToTheDeviceAndNothingElse) {
   const nlohmann::json before = json;
   swap_devices(json, 1, 1);
   EXPECT_EQ(json, before);
-  EXPECT_ERROR(swap_devices(json, 0, 9), "there is no camera 9");
+  EXPECT_ERROR(swap_devices(json, 0, 9), "camera 9");
 }
 
 }  // namespace

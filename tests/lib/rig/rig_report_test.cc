@@ -8,6 +8,7 @@
 
 #include "image/image.h"
 #include "rig/rig.h"
+#include "support/mentions.h"
 #include "support/temp_dir.h"
 
 namespace lf {
@@ -46,11 +47,9 @@ TEST_F(CheckRig, NamesBadImages) {
   std::filesystem::remove(dir_ / "cam_00_01.png");
   save_image(Image(PixelFamily::kRgb, 6, 8), dir_ / "cam_00_02.png");
   dir_.write("cam_01_00.png", "not a picture");
-  EXPECT_THAT(check(rig_),
-              ElementsAre("error: cameras[1].image: " + dir_ / "cam_00_01.png" + ": no such file",
-                          "error: cameras[2].image: " + dir_ / "cam_00_02.png" + " is 6x8, the camera is 8x6",
-                          testing::StartsWith("error: cameras[3].image: " + dir_ / "cam_01_00.png" +
-                                              ": not an image that can be read")));
+  EXPECT_THAT(check(rig_), ElementsAre(mentions("error", "cameras[1].image", dir_ / "cam_00_01.png", "no such"),
+                                       mentions("error", "cameras[2].image", dir_ / "cam_00_02.png", "6x8", "8x6"),
+                                       mentions("error: cameras[3].image:", dir_ / "cam_01_00.png", "image", "read")));
 }
 
 TEST_F(CheckRig, NamesMissingSources) {
@@ -59,11 +58,11 @@ TEST_F(CheckRig, NamesMissingSources) {
   const std::string sources[] = {"film.mkv",      "none.mkv", "frame_%03d.png", "none/frame_%03d.png",
                                  "rtsp://host/x", long_name};
   for (size_t i = 0; i < 6; i++) rig_.cameras[i].source = sources[i];
-  const std::string no_sequence = ": no such files (the first file must have number 0 or 1)";
-  EXPECT_THAT(check(rig_), ElementsAre("error: cameras[1].source: " + dir_ / "none.mkv" + ": no such file",
-                                       "error: cameras[2].source: " + dir_ / "frame_%03d.png" + no_sequence,
-                                       "error: cameras[3].source: " + dir_ / "none/frame_%03d.png" + no_sequence,
-                                       "error: cameras[5].source: " + dir_ / long_name + ": no such file"));
+  EXPECT_THAT(check(rig_),
+              ElementsAre(mentions("error", "cameras[1].source", dir_ / "none.mkv", "no such"),
+                          mentions("error: cameras[2].source:", dir_ / "frame_%03d.png", "no such", "0 or 1"),
+                          mentions("error: cameras[3].source:", dir_ / "none/frame_%03d.png", "no such", "0 or 1"),
+                          mentions("error", "cameras[5].source", dir_ / long_name, "no such")));
 }
 
 TEST_F(CheckRig, HidesThePasswordsOfMistypedSources) {
@@ -77,10 +76,8 @@ TEST_F(CheckRig, WarnsOfSourcesThatNeedTrust) {
   rig_.cameras[0].source = "videotestsrc ! queue";
   rig_.cameras[1].source = "videotestsrc ! filesink location=x";
   rig_.cameras[2].source = "multifile:///tmp/%25s";
-  EXPECT_THAT(check(rig_),
-              ElementsAre("warning: cameras[1].source: has filesink: the rig opens only with --trust-rig",
-                          "warning: cameras[2].source: has a URI of the scheme multifile: the rig opens only with "
-                          "--trust-rig"));
+  EXPECT_THAT(check(rig_), ElementsAre(mentions("warning", "cameras[1].source", "filesink", "--trust-rig"),
+                                       mentions("warning", "cameras[2].source", "multifile", "--trust-rig")));
 }
 
 TEST_F(CheckRig, ReadsStillsAndSequencesThatAreSources) {
@@ -91,22 +88,19 @@ TEST_F(CheckRig, ReadsStillsAndSequencesThatAreSources) {
   cut("still.png");
   const char* const sources[] = {"a_%d.png", "b_%d.png", "still.png", "small.png"};
   for (size_t i = 0; i < 4; i++) rig_.cameras[i].source = sources[i];
-  EXPECT_THAT(check(rig_),
-              ElementsAre("warning: cameras[0].source: " + dir_ / "a_1.png" + " is cut off: without frames there",
-                          testing::HasSubstr("error: cameras[1].source: " + dir_ / "b_1.png" + ": missing, while"),
-                          testing::HasSubstr("error: cameras[2].source: " + dir_ / "still.png" + ": damaged PNG: "),
-                          "error: cameras[3].source: " + dir_ / "small.png" + " is 8x5, the camera is 8x6"));
+  EXPECT_THAT(check(rig_), ElementsAre(mentions("warning", "cameras[0].source", dir_ / "a_1.png", "cut off"),
+                                       mentions("error", "cameras[1].source", dir_ / "b_1.png", "missing"),
+                                       mentions("error", "cameras[2].source", dir_ / "still.png", "damaged PNG"),
+                                       mentions("error", "cameras[3].source", dir_ / "small.png", "8x5", "8x6")));
 }
 
 TEST_F(CheckRig, WarnsOfCamerasWithoutAPicture) {
   rig_.cameras[4].image = "";
-  EXPECT_THAT(check(rig_),
-              ElementsAre("warning: cameras[4] has neither an image nor a source: add one, or remove the camera"));
+  EXPECT_THAT(check(rig_), ElementsAre(mentions("warning", "cameras[4]", "image", "source")));
   rig_.cameras[2].image = "";
-  EXPECT_THAT(check(rig_), ElementsAre("warning: cameras[2] and 1 more have neither an image nor a source: add one, "
-                                       "or remove the camera"));
+  EXPECT_THAT(check(rig_), ElementsAre(mentions("warning", "cameras[2]", "1 more", "image", "source")));
   for (Camera& camera : rig_.cameras) camera.image = "";
-  EXPECT_THAT(check(rig_), ElementsAre(testing::HasSubstr("the built-in scene is used until each camera has one")));
+  EXPECT_THAT(check(rig_), ElementsAre(testing::HasSubstr("built-in scene")));
 }
 
 TEST_F(CheckRig, WarnsOfCamerasWithTheSameFile) {
@@ -152,30 +146,26 @@ TEST_F(CheckRig, WarnsOfTimeOffsetsOfOtherUnits) {
   EXPECT_THAT(check(rig_), IsEmpty());
   rig_.cameras[2].time_offset = -1000;
   EXPECT_THAT(check(rig_),
-              ElementsAre("warning: cameras[1].time_offset: 0.9 s, cameras[2].time_offset: -1000 s: "
-                          "the recordings must overlap in time; is the value in seconds?"));
+              ElementsAre(mentions("warning", "cameras[1].time_offset", "0.9 s", "cameras[2].time_offset", "-1000 s")));
 }
 
 TEST_F(CheckRig, WarnsOfEqualNamesAndPlaces) {
   rig_.cameras[3].name = rig_.cameras[1].name;
   rig_.cameras[5].pose.position = rig_.cameras[1].pose.position + Vec3(0, 0, 1e-12);
   const std::vector<std::string> found = check(rig_);
-  EXPECT_THAT(found, testing::Contains("warning: cameras[3].name: \"cam_00_01\" is also used by cameras[1]"));
-  EXPECT_THAT(found, testing::Contains("warning: cameras[5].position: also used by cameras[1]"));
+  EXPECT_THAT(found, testing::Contains(mentions("warning", "cameras[3].name", "cam_00_01", "cameras[1]")));
+  EXPECT_THAT(found, testing::Contains(mentions("warning", "cameras[5].position", "cameras[1]")));
 }
 
 TEST_F(CheckRig, WarnsOfSlivers) {
   for (Camera& camera : rig_.cameras) camera.pose.position.y *= 0.01;  // heights of 1 % of the sides
-  EXPECT_THAT(check(rig_),
-              ElementsAre(testing::HasSubstr("warning: topology: 4 of 4 triangles are very thin")));
+  EXPECT_THAT(check(rig_), ElementsAre(mentions("warning", "topology", "4 of 4", "thin")));
 }
 
 TEST_F(CheckRig, WarnsOfAMeshWithoutATriangle) {
   for (const std::vector<CameraIndex>& some : {std::vector<CameraIndex>{0}, {0, 1}})
-    EXPECT_THAT(
-        check(rig_subset(rig_, some)),
-        ElementsAre("warning: topology: the mesh of " + std::to_string(some.size()) +
-                    (some.size() == 1 ? " camera" : " cameras") + " has no triangle, so views only blend along a line"));
+    EXPECT_THAT(check(rig_subset(rig_, some)),
+                ElementsAre(mentions("warning", "topology", std::to_string(some.size()), "no triangle")));
 }
 
 TEST_F(CheckRig, WarnsOfAMeshThatCamerasLookAlong) {
@@ -183,12 +173,12 @@ TEST_F(CheckRig, WarnsOfAMeshThatCamerasLookAlong) {
   for (Camera& camera : ring.cameras) camera.source = "rtsp://host/x";
   EXPECT_THAT(check(ring), IsEmpty());
   ring.topology = {};
-  EXPECT_THAT(check(ring), testing::Contains(testing::HasSubstr("triangles, not through the triangles")));
+  EXPECT_THAT(check(ring), testing::Contains(mentions("not through", "triangles")));
 }
 
 TEST_F(CheckRig, WarnsOfAGridInTheWrongOrder) {
   std::swap(rig_.cameras[0].pose, rig_.cameras[4].pose);
-  EXPECT_THAT(check(rig_), testing::Contains(testing::HasSubstr("the cameras form no grid of 2x3 in this order")));
+  EXPECT_THAT(check(rig_), testing::Contains(mentions("2x3", "order")));
 }
 
 TEST(Summary, MeasuresTheArray) {
@@ -205,8 +195,8 @@ TEST(Summary, MeasuresTheArray) {
   EXPECT_EQ(summary.other_faces, 0u);
   EXPECT_EQ(summary.images, 1u);
   EXPECT_EQ(summary.sources, 1u);
-  EXPECT_THAT(summary.lenses, ElementsAre("SIMPLE_PINHOLE, f 99 px, 1 camera of 64x48",
-                                          "RADIAL, f 24 px, 5 cameras of 32x48 to 64x48"));
+  EXPECT_THAT(summary.lenses, ElementsAre(mentions("SIMPLE_PINHOLE", "99 px", "1 camera", "64x48"),
+                                          mentions("RADIAL", "24 px", "5 cameras", "32x48", "64x48")));
 }
 
 TEST(Summary, OfOneCamera) {

@@ -7,6 +7,7 @@
 #include "lib/wire/wire_test.h"
 #include "rtp/packetizer.h"
 #include "support/fragments.h"
+#include "support/mentions.h"
 #include "wire/answer_codec.h"
 #include "wire/unit.h"
 
@@ -317,13 +318,13 @@ TEST(Packetizer, RefusesWhatIsNoSoundUnit) {
     return reason;
   };
   const Bytes good = answer(1, 20, 20, 0);
-  const char* const no_unit = "the bytes must be exactly one unit of this stream";
-  EXPECT_EQ(reason_of(UnitKind::kAnswer, {}), no_unit);
-  EXPECT_EQ(reason_of(UnitKind::kAnswer, Bytes(100, 'x')), no_unit);
-  EXPECT_EQ(reason_of(UnitKind::kAnswer, request(1)), no_unit);
-  EXPECT_EQ(reason_of(UnitKind::kRequest, good), no_unit);
-  EXPECT_EQ(reason_of(UnitKind::kAnswer, {good.begin(), good.end() - 1}), no_unit);
-  EXPECT_EQ(reason_of(UnitKind::kAnswer, wire::with(good, 48, 2, 0)), "view_width: must be 1 to 16384 pixels, is 0");
+  const std::string no_unit = "exactly one unit";
+  EXPECT_MENTIONS(reason_of(UnitKind::kAnswer, {}), no_unit);
+  EXPECT_MENTIONS(reason_of(UnitKind::kAnswer, Bytes(100, 'x')), no_unit);
+  EXPECT_MENTIONS(reason_of(UnitKind::kAnswer, request(1)), no_unit);
+  EXPECT_MENTIONS(reason_of(UnitKind::kRequest, good), no_unit);
+  EXPECT_MENTIONS(reason_of(UnitKind::kAnswer, {good.begin(), good.end() - 1}), no_unit);
+  EXPECT_MENTIONS(reason_of(UnitKind::kAnswer, wire::with(good, 48, 2, 0)), "view_width", "1 to 16384 pixels", "0");
   EXPECT_EQ(reason_of(UnitKind::kRequest, wire::with(request(1), 36, 2, 0)).empty(), false);
 }
 

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "support/mentions.h"
 #include "view/view_request.h"
 
 namespace lf {
@@ -153,8 +154,8 @@ TEST(RequestLimiter, TellsWhatIsInTheWay) {
   EXPECT_THAT(refusal_text(RequestLimiter::kAperture, {1, 1, 2.5, 0}, limits, 0.7),
               testing::AllOf(HasSubstr("2.5 m"), HasSubstr("0.7 m"), HasSubstr("max-aperture")));
   EXPECT_THAT(refusal_text(RequestLimiter::kPixels, {4096, 2304, 0, 0, 5, 1}, limits, 0),
-              testing::AllOf(HasSubstr("4096x2304 pixels 5 times"), HasSubstr("of a set 4 times")));
-  EXPECT_THAT(refusal_text(RequestLimiter::kRate, kSmall, limits, 0), HasSubstr("500 requests per second"));
+              testing::AllOf(mentions("4096x2304", "5 times"), HasSubstr("set 4 times")));
+  EXPECT_THAT(refusal_text(RequestLimiter::kRate, kSmall, limits, 0), mentions("500 requests"));
 }
 
 TEST(RequestLimits, AnArrayIsAsWideAsItsCamerasAreApart) {

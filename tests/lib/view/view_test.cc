@@ -48,26 +48,26 @@ TEST(View, EyesSideBySideFocusOnOnePlane) {
 
 TEST(View, RefusesByName) {
   const double nan = std::nan("");
-  const std::pair<const char*, std::function<void(View&)>> cases[] = {
-      {"width: must be 1 to", [](View& v) { v.width = 0; }},
-      {"width: must be 1 to", [](View& v) { v.width = kMaxImageSize + 1; }},
-      {"height: must be 1 to", [](View& v) { v.height = -1; }},
-      {"position: ", [&](View& v) { v.pose.position.y = nan; }},
-      {"position: ", [&](View& v) { v.pose.position.z = INFINITY; }},
-      {"orientation: ", [&](View& v) { v.pose.orientation.x = nan; }},
-      {"orientation: ", [](View& v) { v.pose.orientation.w = 1.001; }},
-      {"orientation: ", [](View& v) { v.pose.orientation = Quat(0, 0, 0, 0); }},
-      {"focal_plane: ", [&](View& v) { v.focus.plane.normal.z = nan; }},
-      {"focal_plane: ",
+  const std::pair<std::vector<std::string>, std::function<void(View&)>> cases[] = {
+      {{"width", "1 to"}, [](View& v) { v.width = 0; }},
+      {{"width", "1 to"}, [](View& v) { v.width = kMaxImageSize + 1; }},
+      {{"height", "1 to"}, [](View& v) { v.height = -1; }},
+      {{"position"}, [&](View& v) { v.pose.position.y = nan; }},
+      {{"position"}, [&](View& v) { v.pose.position.z = INFINITY; }},
+      {{"orientation"}, [&](View& v) { v.pose.orientation.x = nan; }},
+      {{"orientation"}, [](View& v) { v.pose.orientation.w = 1.001; }},
+      {{"orientation"}, [](View& v) { v.pose.orientation = Quat(0, 0, 0, 0); }},
+      {{"focal_plane"}, [&](View& v) { v.focus.plane.normal.z = nan; }},
+      {{"focal_plane"},
        [](View& v) {
          v.focus.plane.normal = {0, 0, 0.9};
        }},
-      {"focal_plane: ", [&](View& v) { v.focus.plane.d = nan; }},
+      {{"focal_plane"}, [&](View& v) { v.focus.plane.d = nan; }},
   };
-  for (const auto& [message, spoil] : cases) {
+  for (const auto& [facts, spoil] : cases) {
     View view = good_view();
     spoil(view);
-    EXPECT_ERROR(validate(view), message);
+    EXPECT_ERROR(validate(view), facts);
   }
 }
 
@@ -98,11 +98,11 @@ TEST(Blending, HasWhatItsKindKnows) {
   EXPECT_NO_THROW(validate({Kind::kAngle, 0, 1}));
   EXPECT_NO_THROW(validate({Kind::kAngle, 0, Blending::kMaxNearest}));
   for (const double bad : {0., -1., 1.1e6, std::numeric_limits<double>::quiet_NaN()})
-    EXPECT_ERROR(validate({Kind::kAperture, bad, 0}), "blending: the aperture must be above 0");
+    EXPECT_ERROR(validate({Kind::kAperture, bad, 0}), "blending", "aperture", "0");
   for (const int bad : {0, -1, Blending::kMaxNearest + 1})
-    EXPECT_ERROR(validate({Kind::kAngle, 0, bad}), "blending: must use the nearest 1 to 32 cameras");
+    EXPECT_ERROR(validate({Kind::kAngle, 0, bad}), "blending", "1 to 32 cameras");
   EXPECT_ERROR(validate({Kind::kMesh, 0.1, 0}), "aperture");
-  EXPECT_ERROR(validate({Kind::kAperture, 0.1, 2}), "blending: this kind has no number of cameras");
+  EXPECT_ERROR(validate({Kind::kAperture, 0.1, 2}), "blending", "kind", "number");
 }
 
 View middle_view() {
@@ -212,19 +212,19 @@ TEST(ViewSet, TheMiddleIsAskedForFirstAndEachOnce) {
 }
 
 TEST(ViewSet, RefusesByName) {
-  const auto refuse = [](ViewSetPosition place, int width, int height, const char* why) {
-    EXPECT_ERROR(validate(place, width, height), why);
+  const auto refuse = [](ViewSetPosition place, int width, int height, const std::vector<std::string>& facts) {
+    EXPECT_ERROR(validate(place, width, height), facts);
   };
-  refuse({ViewSetLayout::kStereo, 3, 1, 0}, 2, 2, "set: layout 1 has no 3x1 views");
-  refuse({ViewSetLayout::kRow, 5, 2, 0}, 2, 2, "set: layout 4 has no 5x2 views");
-  refuse({ViewSetLayout::kMono, 2, 1, 0}, 2, 2, "set: layout 0 has no 2x1 views");
-  refuse({static_cast<ViewSetLayout>(6), 1, 1, 0}, 2, 2, "set: layout 6 has no");
-  refuse({ViewSetLayout::kQuilt, 0, 4, 0}, 2, 2, "set: layout 5 has no 0x4 views");
-  refuse({ViewSetLayout::kQuilt, 16, 9, 0}, 2, 2, "set: 16x9 views are more than 128");
-  refuse({ViewSetLayout::kRow, 5, 1, 5}, 2, 2, "set: view 5 is out of range");
-  refuse({ViewSetLayout::kRow, 5, 1, -1}, 2, 2, "set: view -1 is out of range");
-  refuse({ViewSetLayout::kStereo, 2, 1, 0}, 321, 240, "set: views must have an even width and height, not 321x240");
-  refuse({ViewSetLayout::kQuilt, 8, 6, 0}, 320, 240 + 2 * kMaxImageSize / 12, "set: 8x6 views of 320x");
+  refuse({ViewSetLayout::kStereo, 3, 1, 0}, 2, 2, {"set", "layout 1", "3x1"});
+  refuse({ViewSetLayout::kRow, 5, 2, 0}, 2, 2, {"set", "layout 4", "5x2"});
+  refuse({ViewSetLayout::kMono, 2, 1, 0}, 2, 2, {"set", "layout 0", "2x1"});
+  refuse({static_cast<ViewSetLayout>(6), 1, 1, 0}, 2, 2, {"set", "layout 6"});
+  refuse({ViewSetLayout::kQuilt, 0, 4, 0}, 2, 2, {"set", "layout 5", "0x4"});
+  refuse({ViewSetLayout::kQuilt, 16, 9, 0}, 2, 2, {"set", "16x9", "128"});
+  refuse({ViewSetLayout::kRow, 5, 1, 5}, 2, 2, {"set", "view 5"});
+  refuse({ViewSetLayout::kRow, 5, 1, -1}, 2, 2, {"set", "view -1"});
+  refuse({ViewSetLayout::kStereo, 2, 1, 0}, 321, 240, {"set", "even", "321x240"});
+  refuse({ViewSetLayout::kQuilt, 8, 6, 0}, 320, 240 + 2 * kMaxImageSize / 12, {"set", "8x6", "320x"});
   EXPECT_NO_THROW(validate({ViewSetLayout::kQuilt, 1, 1, 0}, 321, 241));
 }
 

@@ -7,6 +7,7 @@
 #include "lib/wire/wire_test.h"
 #include "support/answers.h"
 #include "support/expect_error.h"
+#include "support/mentions.h"
 #include "wire/answer_codec.h"
 #include "wire/fragment_codec.h"
 #include "wire/unit.h"
@@ -113,101 +114,101 @@ TEST(AnswerCodec, NothingToGiveIsAnAnswer) {
 TEST(AnswerCodec, RefusesEveryTruncation) {
   const std::vector<uint8_t> bytes = from_hex(kGolden);
   for (size_t n = 0; n < bytes.size(); n++) {
-    const std::string there = ", there are " + std::to_string(n);
+    const std::string there = std::to_string(n);
     const std::string plain = reason_of({bytes.begin(), bytes.begin() + n});
     std::string reason;
     EXPECT_EQ(parse_answer_header(std::span(bytes).first(n), &reason).has_value(), n >= 84);
     if (n < 12) {
-      EXPECT_EQ(plain, "header: needs 12 bytes" + there);
+      EXPECT_MENTIONS(plain, "header", "12 bytes", there);
     } else if (n < 84) {
-      EXPECT_EQ(plain, (n < 72 ? "header: needs 72 bytes" : "header: needs 84 bytes") + there);
+      EXPECT_MENTIONS(plain, "header", n < 72 ? "72 bytes" : "84 bytes", there);
       EXPECT_EQ(reason, plain);
       EXPECT_EQ(reason_of(resized(bytes, n)), plain);
     } else {
-      EXPECT_EQ(plain, "length: the unit says 143 bytes" + there);
+      EXPECT_MENTIONS(plain, "length", "143 bytes", there);
       // The error names the truncated field if the length field matches.
       const std::string cut = reason_of(resized(bytes, n));
       if (n < 124) {
-        EXPECT_EQ(cut, "fragments: a table of 2 is longer than the answer") << n;
+        EXPECT_MENTIONS(cut, "fragments", "table of 2") << n;
       } else if (n < 140) {
-        EXPECT_EQ(cut, "fragments[0].length: 16 bytes, but " + std::to_string(n - 124) + " are left");
+        EXPECT_MENTIONS(cut, "fragments[0].length", "16 bytes", std::to_string(n - 124));
       } else {
-        EXPECT_EQ(cut, "fragments[1].length: 3 bytes, but " + std::to_string(n - 140) + " are left");
+        EXPECT_MENTIONS(cut, "fragments[1].length", "3 bytes", std::to_string(n - 140));
       }
     }
   }
-  EXPECT_EQ(reason_of(resized(bytes, 145)), "length: 2 bytes after the last fragment's payload");
+  EXPECT_MENTIONS(reason_of(resized(bytes, 145)), "length", "2 bytes");
 }
 
 TEST(AnswerCodec, NamesTheFieldThatIsWrong) {
   const WrongField rows[] = {
-      {0, 1, 0x8e, "magic: no answer begins here"},
-      {3, 1, 'Q', "magic: no answer begins here"},
-      {4, 1, 3, "version: 3 is not supported, only 1"},
-      {5, 1, 5, "type: 5 is not supported in answer units"},
-      {6, 2, 3, "flags: unknown bits 2"},
-      {8, 4, 142, "length: the unit says 142 bytes, there are 143"},
-      {8, 4, 0xffffffff, "length: 4294967295 bytes, must be 12 to 1073741824"},
-      {48, 2, 0, "view_width: must be 1 to 16384 pixels, is 0"},
-      {50, 2, 16385, "view_height: must be 1 to 16384 pixels, is 16385"},
-      {52, 1, 3, "family: 3 is unknown"},
-      {52, 1, 0, "family: none, but there are 2 fragments"},
-      {52, 1, 1, "fragments[0].length: must be 24 bytes, is 16"},
-      {53, 1, 1, "reserved: must be 0, is 1"},
-      {54, 2, 0xffff, "header: needs 262216 bytes, there are 143"},
-      {56, 4, 3, "total: 2 fragments, but this part has 3 from number 0 on"},
-      {56, 4, 0xffffffff, "fragments: at most 65536, not 4294967295"},
-      {56, 4, 1, "length: 23 bytes after the last fragment's payload"},
-      {56, 4, 0, "fragments: a part must have at least one fragment"},
-      {60, 4, 1, "total: 2 fragments, but this part has 2 from number 1 on"},
-      {60, 4, 0xffffffff, "total: 2 fragments, but this part has 2 from number 4294967295 on"},
-      {64, 4, 1, "total: 1 fragments, but this part has 2 from number 0 on"},
-      {64, 4, 0xffffffff, "total: at most 65536 fragments, not 4294967295"},
-      {64, 4, 3, "total: a part of an answer, not a whole one"},
-      {68, 2, 2, "blind[1]: 65535 to 0 is not a range after the previous range"},
-      {70, 2, 7, "reserved: must be 0, is 7"},
-      {74, 2, 4, "cameras[0]: 5 to 4 is not a range after the previous range"},
-      {76, 2, 7, "cameras[1]: 7 to 8 is not a range after the previous range"},
-      {78, 2, 0xffff, "cameras: camera 65535 is beyond 65534"},
-      {80, 2, 4, "blind: must be a subset of the answer's cameras"},
-      {kTable + 2, 2, 1, "fragments[0].plane: 1 is not supported"},
-      {kTable + 4, 2, 1, "fragments[0].rectangle: x and y must be even in YCbCr"},
-      {kTable + 6, 2, 3, "fragments[0].rectangle: x and y must be even in YCbCr"},
-      {kTable + 4, 2, 0xffff, "fragments[0].rectangle: is not inside the view"},
-      {kTable + 6, 2, 6, "fragments[0].rectangle: is not inside the view"},
-      {kTable + 8, 2, 0, "fragments[0].rectangle: is empty"},
-      {kTable + 10, 2, 0, "fragments[0].rectangle: is empty"},
-      {kTable + 10, 2, 3, "fragments[0].length: must be 26 bytes, is 16"},
-      {kTable + 12, 1, 1, "fragments[0].quality: must be 1 to 100 for JPEG, is 0"},
-      {kTable + 12, 1, 2, "fragments[0].length: must be 32 bytes, is 16"},
-      {kTable + 12, 1, 3, "fragments[0].codec: 3 is not supported"},
-      {kTable + 12, 2, 0x0150, "fragments[0].length: the first scan is longer than the payload"},
-      {kTable + 12, 2, 0x0165, "fragments[0].quality: must be 1 to 100 for JPEG, is 101"},
-      {kTable + 13, 1, 80, "fragments[0].quality: must be 0 for raw pixels, is 80"},
-      {kTable + 14, 2, 7, "fragments[0].flags: unknown bits"},
-      {kTable + 14, 2, 2, "fragments[0].flags: sums must be marked as weighted, and pixels of a camera must not"},
-      {kTable + 14, 2, 1, "fragments[0].length: must be 10 bytes, is 16"},
-      {kTable + 16, 4, 0xffffffff, "fragments[0].length: must be 16 bytes, is 4294967295"},
-      {kSecond + 4, 2, 10, "fragments[1].rectangle: is not inside the view"},
-      {kSecond + 16, 4, 4, "fragments[1].length: must be 3 bytes, is 4"},
+      {0, 1, 0x8e, {"magic"}},
+      {3, 1, 'Q', {"magic"}},
+      {4, 1, 3, {"version", "3", "1"}},
+      {5, 1, 5, {"type", "5"}},
+      {6, 2, 3, {"flags", "bits 2"}},
+      {8, 4, 142, {"length", "142 bytes", "143"}},
+      {8, 4, 0xffffffff, {"length", "4294967295 bytes", "12 to 1073741824"}},
+      {48, 2, 0, {"view_width", "1 to 16384 pixels", "0"}},
+      {50, 2, 16385, {"view_height", "1 to 16384 pixels", "16385"}},
+      {52, 1, 3, {"family", "3"}},
+      {52, 1, 0, {"family: none", "2 fragments"}},
+      {52, 1, 1, {"fragments[0].length", "24 bytes", "16"}},
+      {53, 1, 1, {"reserved", "0", "1"}},
+      {54, 2, 0xffff, {"header", "262216 bytes", "143"}},
+      {56, 4, 3, {"total", "2 fragments", "3", "number 0"}},
+      {56, 4, 0xffffffff, {"fragments:", "65536", "4294967295"}},
+      {56, 4, 1, {"length", "23 bytes"}},
+      {56, 4, 0, {"fragments", "one fragment"}},
+      {60, 4, 1, {"total", "2 fragments", "2", "number 1"}},
+      {60, 4, 0xffffffff, {"total", "2 fragments", "2", "number 4294967295"}},
+      {64, 4, 1, {"total", "1 fragments", "2", "number 0"}},
+      {64, 4, 0xffffffff, {"total", "65536 fragments", "4294967295"}},
+      {64, 4, 3, {"total", "whole"}},
+      {68, 2, 2, {"blind[1]", "65535 to 0"}},
+      {70, 2, 7, {"reserved", "0", "7"}},
+      {74, 2, 4, {"cameras[0]", "5 to 4"}},
+      {76, 2, 7, {"cameras[1]", "7 to 8"}},
+      {78, 2, 0xffff, {"cameras", "camera 65535", "65534"}},
+      {80, 2, 4, {"blind", "subset"}},
+      {kTable + 2, 2, 1, {"fragments[0].plane", "1"}},
+      {kTable + 4, 2, 1, {"fragments[0].rectangle", "even", "YCbCr"}},
+      {kTable + 6, 2, 3, {"fragments[0].rectangle", "even", "YCbCr"}},
+      {kTable + 4, 2, 0xffff, {"fragments[0].rectangle", "inside"}},
+      {kTable + 6, 2, 6, {"fragments[0].rectangle", "inside"}},
+      {kTable + 8, 2, 0, {"fragments[0].rectangle", "empty"}},
+      {kTable + 10, 2, 0, {"fragments[0].rectangle", "empty"}},
+      {kTable + 10, 2, 3, {"fragments[0].length", "26 bytes", "16"}},
+      {kTable + 12, 1, 1, {"fragments[0].quality", "1 to 100", "JPEG", "0"}},
+      {kTable + 12, 1, 2, {"fragments[0].length", "32 bytes", "16"}},
+      {kTable + 12, 1, 3, {"fragments[0].codec", "3"}},
+      {kTable + 12, 2, 0x0150, {"fragments[0].length", "scan", "payload"}},
+      {kTable + 12, 2, 0x0165, {"fragments[0].quality", "1 to 100", "JPEG", "101"}},
+      {kTable + 13, 1, 80, {"fragments[0].quality", "0", "raw", "80"}},
+      {kTable + 14, 2, 7, {"fragments[0].flags", "unknown bits"}},
+      {kTable + 14, 2, 2, {"fragments[0].flags", "weighted"}},
+      {kTable + 14, 2, 1, {"fragments[0].length", "10 bytes", "16"}},
+      {kTable + 16, 4, 0xffffffff, {"fragments[0].length", "16 bytes", "4294967295"}},
+      {kSecond + 4, 2, 10, {"fragments[1].rectangle", "inside"}},
+      {kSecond + 16, 4, 4, {"fragments[1].length", "3 bytes", "4"}},
   };
   expect_reasons(reason_of, kGolden, rows);
 }
 
 TEST(AnswerCodec, EncodesOnlyWhatIsValid) {
-  const auto refused = [](const char* reason, auto change) {
+  const auto refused = [](const std::vector<std::string>& facts, auto change) {
     Answer answer = golden_answer();
     change(answer);
-    EXPECT_EQ(text_of_error([&] { encode_answer(answer); }), reason);
+    EXPECT_ERROR(encode_answer(answer), facts);
   };
-  refused("view_width: must be 1 to 16384 pixels, is 70000", [](Answer& a) { a.view_width = 70000; });
-  refused("blind: must be a subset of the answer's cameras", [](Answer& a) { a.blind = CameraRanges(CameraSet{7}); });
-  refused("family: none, but there are 2 fragments", [](Answer& a) { a.family = PixelFamily::kNone; });
-  refused("fragments[0].family: differs from the answer's", [](Answer& a) { a.family = PixelFamily::kRgb; });
-  refused("fragments[1].pixels: do not fill the rectangle", [](Answer& a) { a.fragments[1].pixels.pop_back(); });
-  refused("fragments[0].lost: does not fill the rectangle", [](Answer& a) { a.fragments[0].lost.pop_back(); });
-  refused("fragments[0].rectangle: is not inside the view", [](Answer& a) { a.fragments[0].rect = {-2, 4, 1, 6}; });
-  refused("fragments[0].rectangle: is empty", [](Answer& a) { a.fragments[0].rect = {4, 4, 2, 6}; });
+  refused({"view_width", "1 to 16384 pixels", "70000"}, [](Answer& a) { a.view_width = 70000; });
+  refused({"blind", "subset"}, [](Answer& a) { a.blind = CameraRanges(CameraSet{7}); });
+  refused({"family: none", "2 fragments"}, [](Answer& a) { a.family = PixelFamily::kNone; });
+  refused({"fragments[0].family", "differs"}, [](Answer& a) { a.family = PixelFamily::kRgb; });
+  refused({"fragments[1].pixels", "fill", "rectangle"}, [](Answer& a) { a.fragments[1].pixels.pop_back(); });
+  refused({"fragments[0].lost", "fill", "rectangle"}, [](Answer& a) { a.fragments[0].lost.pop_back(); });
+  refused({"fragments[0].rectangle", "inside"}, [](Answer& a) { a.fragments[0].rect = {-2, 4, 1, 6}; });
+  refused({"fragments[0].rectangle", "is empty"}, [](Answer& a) { a.fragments[0].rect = {4, 4, 2, 6}; });
 }
 
 TEST(AnswerCodec, SurvivesRandomCorruption) {
@@ -368,7 +369,7 @@ TEST(AnswerParser, RefusesEveryTruncation) {
     EXPECT_FALSE(parse_answer(std::span(bytes).first(n)).has_value()) << n;
     EXPECT_FALSE(parse_answer(resized(bytes, n)).has_value()) << n;
   }
-  EXPECT_EQ(reason_of_both(resized(bytes, bytes.size() + 1)), "length: 1 bytes after the last fragment's payload");
+  EXPECT_MENTIONS(reason_of_both(resized(bytes, bytes.size() + 1)), "length", "1 bytes");
 }
 
 TEST(AnswerParser, NamesWhatIsWrongWithPayloads) {
@@ -381,30 +382,30 @@ TEST(AnswerParser, NamesWhatIsWrongWithPayloads) {
     size_t offset;
     int size;
     uint64_t value;
-    std::string reason;
+    std::vector<std::string> facts;
   } rows[] = {
-      {jpeg, 4, jpeg_length, "fragments[1].length: the first scan is longer than the payload"},
-      {jpeg, 4, jpeg_length - 4, "fragments[1].length: a scan of this size has at least 15 bytes, not 0"},
-      {jpeg, 4, 11, "fragments[1].length: a scan of this size has at least 24 bytes, not 11"},
-      {jpeg, 4, 0xffffffff, "fragments[1].length: the first scan is longer than the payload"},
-      {at(2, kQuality), 1, 0, "fragments[2].quality: must be 1 to 100 for JPEG, is 0"},
-      {at(2, kQuality), 1, 101, "fragments[2].quality: must be 1 to 100 for JPEG, is 101"},
-      {at(3, 10), 2, 388, "fragments[3].length: a scan of this size has at least 300 bytes"},
-      {at(0, kQuality), 1, 1, "fragments[0].quality: must be 0 for raw pixels, is 1"},
-      {at(0, kLength), 4, 71, "fragments[0].length: must be 72 bytes, is 71"},
-      {at(0, kFlags), 2, 3, "fragments[0].length: must be 120 bytes, is 72"},
-      {at(0, kCodec), 1, 0, "fragments[0].length: must be 36 bytes, is 72"},
-      {at(4, kCodec), 1, 2, "fragments[4].length: must be 8 bytes, is 4"},
-      {at(4, kCodec), 1, 3, "fragments[4].codec: 3 is not supported"},
-      {at(4, kLength), 4, jpeg_length, "fragments[4].length: must be 4 bytes, is " + std::to_string(jpeg_length)},
-      {at(5, 0), 2, 0xffff, "fragments[5].rectangle: is not inside the view"},
-      {at(5, kFlags), 2, 1, "fragments[5].flags: sums must be marked as weighted, and pixels of a camera must not"},
-      {at(5, kFlags), 2, 2, "fragments[5].flags: pixels of a camera have no missing weight"},
-      {at(5, kCodec), 1, 2, "fragments[5].codec: 16-bit values are only for sums, not for pixels of a camera"},
+      {jpeg, 4, jpeg_length, {"fragments[1].length", "scan", "payload"}},
+      {jpeg, 4, jpeg_length - 4, {"fragments[1].length", "15 bytes", "0"}},
+      {jpeg, 4, 11, {"fragments[1].length", "24 bytes", "11"}},
+      {jpeg, 4, 0xffffffff, {"fragments[1].length", "scan", "payload"}},
+      {at(2, kQuality), 1, 0, {"fragments[2].quality", "1 to 100", "JPEG", "0"}},
+      {at(2, kQuality), 1, 101, {"fragments[2].quality", "1 to 100", "JPEG", "101"}},
+      {at(3, 10), 2, 388, {"fragments[3].length", "300 bytes"}},
+      {at(0, kQuality), 1, 1, {"fragments[0].quality", "0", "raw", "1"}},
+      {at(0, kLength), 4, 71, {"fragments[0].length", "72 bytes", "71"}},
+      {at(0, kFlags), 2, 3, {"fragments[0].length", "120 bytes", "72"}},
+      {at(0, kCodec), 1, 0, {"fragments[0].length", "36 bytes", "72"}},
+      {at(4, kCodec), 1, 2, {"fragments[4].length", "8 bytes", "4"}},
+      {at(4, kCodec), 1, 3, {"fragments[4].codec", "3"}},
+      {at(4, kLength), 4, jpeg_length, {"fragments[4].length", "4 bytes", std::to_string(jpeg_length)}},
+      {at(5, 0), 2, 0xffff, {"fragments[5].rectangle", "inside"}},
+      {at(5, kFlags), 2, 1, {"fragments[5].flags", "weighted"}},
+      {at(5, kFlags), 2, 2, {"fragments[5].flags", "missing weight"}},
+      {at(5, kCodec), 1, 2, {"fragments[5].codec", "16-bit", "sums"}},
   };
   for (const auto& row : rows) {
     const std::string reason = reason_of_both(with(bytes, row.offset, row.size, row.value));
-    EXPECT_EQ(reason.substr(0, row.reason.size()), row.reason) << "offset " << row.offset << ": " << reason;
+    EXPECT_MENTIONS(reason, row.facts) << "offset " << row.offset;
   }
 }
 
@@ -415,7 +416,7 @@ TEST(AnswerParser, SixteenBitsBeginAtEvenOffsets) {
   std::vector<uint8_t> bytes = to_vector(writer.finish());
   EXPECT_TRUE(parse_answer(bytes).has_value());
   bytes = resized(with(with(bytes, kMixedTable + 8, 2, 1), kMixedTable + kLength, 4, 3), bytes.size() - 3);
-  EXPECT_EQ(reason_of_both(bytes), "fragments[1].codec: 16-bit values must begin at an even offset");
+  EXPECT_MENTIONS(reason_of_both(bytes), "fragments[1].codec", "16-bit", "even");
 }
 
 TEST(AnswerParser, SurvivesRandomCorruption) {
@@ -558,25 +559,22 @@ TEST(AnswerWriter, RefusesWhatCannotBeRead) {
     AnswerWriter writer(header_of_view(kRgb, 8, 8), 2);
     writer.add(f);
   };
-  EXPECT_ERROR(AnswerWriter(header_of_view(kRgb, 0, 8), 0), "view_width: must be 1 to 16384 pixels, is 0");
-  EXPECT_ERROR(adds(changed([](FragmentHeader& f) { f.rect.x1 = 9; })),
-               "fragments[0].rectangle: is not inside the view");
-  EXPECT_ERROR(adds(changed([](FragmentHeader& f) { f.family = PixelFamily::kI420; })),
-               "fragments[0].family: differs from the answer's");
-  EXPECT_ERROR(adds(changed([](FragmentHeader& f) { f.quality = 1; })),
-               "fragments[0].quality: must be 0 for raw pixels, is 1");
-  EXPECT_ERROR(adds(changed([](FragmentHeader& f) { f.codec = Codec::kJpeg; })),
-               "fragments[0].quality: must be 1 to 100 for JPEG, is 0");
+  EXPECT_ERROR(AnswerWriter(header_of_view(kRgb, 0, 8), 0), "view_width", "1 to 16384 pixels", "0");
+  EXPECT_ERROR(adds(changed([](FragmentHeader& f) { f.rect.x1 = 9; })), "fragments[0].rectangle", "inside");
+  EXPECT_ERROR(adds(changed([](FragmentHeader& f) { f.family = PixelFamily::kI420; })), "fragments[0].family",
+               "differs");
+  EXPECT_ERROR(adds(changed([](FragmentHeader& f) { f.quality = 1; })), "fragments[0].quality", "0", "raw", "1");
+  EXPECT_ERROR(adds(changed([](FragmentHeader& f) { f.codec = Codec::kJpeg; })), "fragments[0].quality", "1 to 100",
+               "JPEG", "0");
 
   AnswerWriter writer(header_of_view(kRgb, 8, 8), 2);
-  EXPECT_ERROR(writer.add(good, [](ByteBuffer& out) { append_bytes(out, 26); }),
-               "fragments[0].length: 26 bytes do not match the fragment's size and codec");
+  EXPECT_ERROR(writer.add(good, [](ByteBuffer& out) { append_bytes(out, 26); }), "fragments[0].length", "26 bytes",
+               "size and codec");
   AnswerWriter odd(header_of_view(kRgb, 8, 8), 2);
   odd.add(good);  // 27 bytes
-  EXPECT_ERROR(odd.add_sums({{}, kRgb, {0, 0, 3, 3}, Codec::kRaw16, 0, false}),
-               "fragments[1].codec: 16-bit values must begin at an even offset");
+  EXPECT_ERROR(odd.add_sums({{}, kRgb, {0, 0, 3, 3}, Codec::kRaw16, 0, false}), "fragments[1].codec", "16-bit", "even");
   odd.add(good);
-  EXPECT_ERROR(odd.add(good), "fragments: more than the 2 there is room for");
+  EXPECT_ERROR(odd.add(good), "fragments:", "2", "room");
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include "lib/wire/wire_test.h"
 #include "support/answers.h"
 #include "support/expect_error.h"
+#include "support/mentions.h"
 #include "wire/answer_codec.h"
 #include "wire/fragment_codec.h"
 
@@ -164,7 +165,7 @@ TEST(FragmentCodec, PlainPixelsLieInTheCamerasImage) {
       EXPECT_LE(luma.worst, quality == 0 ? 0 : 255);
       EXPECT_GT(luma.psnr(), 34);
       EXPECT_FALSE(decode_answer(bytes, &reason));
-      EXPECT_EQ(reason, "fragments[0].camera: pixels of one, no part of a sum");
+      EXPECT_MENTIONS(reason, "fragments[0].camera", "sum");
     }
 }
 
@@ -172,11 +173,11 @@ TEST(FragmentCodec, RefusesPlainPixelsThatCanNotBe) {
   const Fragment pixels = jpeg::patterned(PixelFamily::kRgb, {0, 0, 8, 8}, true, 1);
   const AnswerHeader header = header_of_view(PixelFamily::kRgb, 40, 30);
   const auto encode = [&](AnswerFragment fragment) { return FragmentEncoder().encode(header, {&fragment, 1}, 0); };
-  EXPECT_ERROR(encode({5, planes_of(pixels)}), "fragments[0].flags: pixels of a camera have no missing weight");
+  EXPECT_ERROR(encode({5, planes_of(pixels)}), "fragments[0].flags", "missing weight");
   Fragment whole = pixels;
   whole.lost.clear();
   whole.rect = {kMaxImageSize - 7, 0, kMaxImageSize + 1, 8};
-  EXPECT_ERROR(encode({5, planes_of(whole)}), "fragments[0].rectangle: is not inside any image");
+  EXPECT_ERROR(encode({5, planes_of(whole)}), "fragments[0].rectangle", "inside");
 }
 
 TEST(FragmentCodec, DamageStaysInItsFragment) {
@@ -219,7 +220,7 @@ TEST(FragmentCodec, PlanesMustFillTheirRectangles) {
   fragments[1].pixels.pop_back();
   for (const int quality : {0, 90})
     EXPECT_ERROR(FragmentEncoder().encode(header_of_view(PixelFamily::kRgb, 400, 400), fragments, quality),
-                 "fragments[1].pixels: do not fill the rectangle");
+                 "fragments[1].pixels", "fill", "rectangle");
 }
 
 }  // namespace

@@ -14,6 +14,7 @@
 #include <gtest/gtest.h>
 
 #include "jpeg/fragment_codec.h"
+#include "support/mentions.h"
 #include "wire/answer_codec.h"
 
 namespace lf::jpeg {
@@ -126,12 +127,12 @@ struct WrongField {
   size_t offset;
   int size;
   uint64_t value;
-  const char* reason;
+  std::vector<std::string> facts;
 };
 inline void expect_reasons(std::string (*reason_of)(const std::vector<uint8_t>&), const char* golden,
                            std::span<const WrongField> rows) {
   for (const WrongField& row : rows)
-    EXPECT_EQ(reason_of(with(from_hex(golden), row.offset, row.size, row.value)), row.reason)
+    EXPECT_MENTIONS(reason_of(with(from_hex(golden), row.offset, row.size, row.value)), row.facts)
         << "offset " << row.offset;
 }
 
