@@ -323,6 +323,7 @@ std::vector<ColmapImage> read_colmap_images_binary(const std::string& path,
     add_image(reader, std::move(image), ids, images);
   }
   if (!reader.at_end()) reader.fail("more data follows the last image");
+  std::ranges::sort(images, {}, &ColmapImage::id);  // COLMAP writes its hash table
   return images;
 }
 

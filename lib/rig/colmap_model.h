@@ -30,7 +30,7 @@ struct ColmapImage {
 struct ColmapModel {
   std::string cameras_path, images_path;
   std::map<uint32_t, ColmapCamera> cameras;  // by CAMERA_ID
-  std::vector<ColmapImage> images;           // in the order of the file; their cameras exist
+  std::vector<ColmapImage> images;           // in the order of a text file, or by IMAGE_ID; their cameras exist
   bool is_binary = false;
 };
 

@@ -101,9 +101,9 @@ Camera make_camera(const std::array<double, kColumns>& pose, const std::string& 
   if (!(height > 0 && width > 0 && f > 0)) throw Error(place + ": height, width and focal length must be positive");
 
   const ImageSize size = is_film ? film_size(width, height, place) : load_image_size(file);
-  constexpr double kMaxStretch = 0.02;  // reduced images have rounded sides
   const double scale = size.width / width;
-  if (!(std::abs(size.height / height / scale - 1) < kMaxStretch))
+  // Reduced images have rounded sides.
+  if (!(std::abs(size.height - height * scale) <= 1 + 0.01 * size.height))
     throw Error(file + ": is " + size_text(size.width, size.height) + ", which is another aspect ratio than the " +
                 number_text(width) + "x" + number_text(height) + " of " + place +
                 ". The file may have been rotated or cropped");

@@ -85,13 +85,13 @@ TEST(ColmapBinary, ReadsImagesWithAndWithoutPoints) {
                                                             points(3) + image(4, "b.png") + points(0)),
                                 kOneCamera);
   ASSERT_EQ(images.size(), 2u);
-  EXPECT_EQ(images[0].id, 9u);
-  EXPECT_EQ(images[0].camera_id, 1u);
-  EXPECT_EQ(images[0].q, Quat(1, 0, 0, 0)) << "normalised as in COLMAP";
-  EXPECT_EQ(images[0].t, Vec3(1, 2, 3));
-  EXPECT_EQ(images[0].name, "left/2021-05-19 20.jpg");
-  EXPECT_EQ(images[1].id, 4u);
-  EXPECT_EQ(images[1].name, "b.png");
+  EXPECT_EQ(images[1].id, 9u) << "in the order of IMAGE_ID";
+  EXPECT_EQ(images[1].camera_id, 1u);
+  EXPECT_EQ(images[1].q, Quat(1, 0, 0, 0)) << "normalised as in COLMAP";
+  EXPECT_EQ(images[1].t, Vec3(1, 2, 3));
+  EXPECT_EQ(images[1].name, "left/2021-05-19 20.jpg");
+  EXPECT_EQ(images[0].id, 4u);
+  EXPECT_EQ(images[0].name, "b.png");
 }
 
 TEST(ColmapBinary, ErrorsNameFileAndByte) {
@@ -121,7 +121,7 @@ TEST(ColmapBinary, ErrorsNameFileAndByte) {
     const char* message;
   } const images[] = {
       {bytes_of(uint64_t{1}) + image(1, "a.png"), "truncated within the number of POINTS2D[]"},
-      {bytes_of(uint64_t{1}) + image(1, "a.png").substr(0, 70), "truncated within NAME"},
+      {bytes_of(uint64_t{1}) + image(1, "a.png").substr(0, 66), "truncated within NAME"},
       {bytes_of(uint64_t{1}) + image(1, "a.png") + bytes_of(UINT64_MAX), "truncated within POINTS2D[]"},
       {bytes_of(UINT64_MAX) + image(1, "a.png") + points(1), "truncated within IMAGE_ID"},
       {bytes_of(uint64_t{1}) + image(1, "") + points(0), "NAME is empty"},
