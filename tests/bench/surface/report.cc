@@ -390,10 +390,10 @@ void print(const AcceptanceRow& r) {
 
 void draw_rows(const std::vector<AcceptanceRow>& rows, const std::string& folder) {
   bench::Panel bytes{.title = "against bytes",
-                     .x_label = "trials so far, % of a picture's colour",
+                     .x_label = "hypotheses so far, % of the bytes of a picture",
                      .y_label = "gain, dB",
                      .log_x = false};
-  bench::Panel time{.title = "against time", .x_label = "ms of trials so far", .y_label = "", .log_x = false};
+  bench::Panel time{.title = "against time", .x_label = "time for hypotheses so far, ms", .y_label = "", .log_x = false};
   for (const AcceptanceRow& row : rows) {
     if (row.name.find(',') != std::string::npos) continue;  // without faults
     bench::Series by_bytes{row.name, false, {}}, by_time{row.name, false, {}};

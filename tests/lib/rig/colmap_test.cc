@@ -276,7 +276,9 @@ TEST(Colmap, ImagesThatAreNotInTheModelAreNamed) {
 
 TEST(Colmap, BinaryModelsGiveTheSameRig) {
   const TempDir text, binary;
-  export_colmap(mixed_rig(), text.path());
+  Rig rig = mixed_rig();
+  for (size_t i = 0; i < rig.cameras.size(); i++) rig.cameras[i].id = static_cast<uint32_t>(i);
+  export_colmap(rig, text.path());
   const ColmapModel model = read_colmap_model(text.path());
   binary.write("cameras.bin", test::colmap_cameras_binary(model.cameras));
   binary.write("images.bin", test::colmap_images_binary(model.images, 3));
