@@ -445,7 +445,7 @@ class ColourSolver {
     if (good < 2)
       throw Error("comparing colours requires two cameras with common samples: " + std::to_string(good) + " of " +
                   std::to_string(rig_.cameras.size()) +
-                  " cameras have enough. Show the chart, large and in even light, where all cameras see it");
+                  " cameras have enough. Hold the chart close to the cameras, in even light, where all of them see it");
   }
 
   // A camera with a wrong exposure would bias the mean, so exposures are compared first, by brightness alone.

@@ -329,7 +329,7 @@ std::vector<Finding> diagnose_check(const Rig& rig, const RigCheck& check, doubl
   std::vector<Finding> findings;
   if (check.is_lost) {
     findings.push_back({Severity::kError, "rig-lost",
-                        "too many cameras are off to tell which cameras moved: calibrate the rig again"});
+                        "too many cameras deviate to identify the cameras that moved: calibrate the rig again"});
   } else {
     for (const RigCheck::Camera& camera : check.cameras) {
       const std::string who = name_of(rig, camera.id);

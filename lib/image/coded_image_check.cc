@@ -113,7 +113,7 @@ std::string webp_damage(Bytes bytes, const std::function<bool(Bytes)>& decodes) 
   for (size_t at = kHeader; at <= bytes.size() && bytes.size() - at >= kChunkHeader;) {
     const std::string_view kind(reinterpret_cast<const char*>(bytes.data()) + at, 4);
     const size_t size = little_endian(bytes, at + 4), content = at + kChunkHeader;
-    if (size > bytes.size() - content) return "the file is cut off";
+    if (size > bytes.size() - content) return "the file is truncated";
     if (kind != "VP8 " && kind != "VP8L") {
       at = content + size + (size & 1);
       continue;

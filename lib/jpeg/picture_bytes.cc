@@ -39,7 +39,7 @@ struct PngInput {
 
 void read_png_bytes(png_structp png, png_bytep to, size_t count) {
   auto* input = static_cast<PngInput*>(png_get_io_ptr(png));
-  if (count > input->left.size()) png_error(png, "the file is cut off");
+  if (count > input->left.size()) png_error(png, "the file is truncated");
   std::memcpy(to, input->left.data(), count);
   input->left = input->left.subspan(count);
 }
@@ -216,16 +216,16 @@ int exif_orientation(Bytes bytes) {
 
 std::string orientation_notice(int orientation) {
   constexpr const char* kTurns[] = {"mirrored",
-                                    "turned by 180 degrees",
-                                    "mirrored and turned by 180 degrees",
-                                    "mirrored and turned by 270 degrees",
-                                    "turned by 90 degrees",
-                                    "mirrored and turned by 90 degrees",
-                                    "turned by 270 degrees"};
+                                    "rotated by 180 degrees",
+                                    "mirrored and rotated by 180 degrees",
+                                    "mirrored and rotated by 270 degrees",
+                                    "rotated by 90 degrees",
+                                    "mirrored and rotated by 90 degrees",
+                                    "rotated by 270 degrees"};
   if (orientation < 2 || orientation > 8) return "";
-  return std::string("EXIF asks for the picture to be ") + kTurns[orientation - 2] + " (orientation " +
+  return std::string("According to EXIF, the picture must be ") + kTurns[orientation - 2] + " (orientation " +
          std::to_string(orientation) +
-         "). It is shown as stored, like in COLMAP. If the calibration used turned pictures, turn the files "
+         "). It is shown as stored, like in COLMAP. If the calibration used rotated pictures, rotate the files "
          "(mogrify -auto-orient)";
 }
 

@@ -172,14 +172,14 @@ std::vector<RigFinding> compare_film_lengths(const std::vector<Film>& films) {
     if (!is_other && !film.length.is_cut_off) continue;
     if (findings.size() == kMostFindings && ++more) continue;
     std::string text =
-        film.place + (film.length.is_cut_off ? " is cut off after " : " has ") + length_text(film.length, " frames");
+        film.place + (film.length.is_cut_off ? " is truncated after " : " has ") + length_text(film.length, " frames");
     if (is_other) text += std::string(", most others have ") + length_text(usual.length, "");
     text += film.length.is_cut_off || is_shorter ? ": copy or record the film again" : ": is this the right film?";
     findings.push_back({RigFinding::Severity::kWarning, text});
   }
   if (more > 0)
     findings.push_back({RigFinding::Severity::kWarning,
-                        std::to_string(more) + " more films are cut off or have another length than most films"});
+                        std::to_string(more) + " more videos are truncated, or have another length than most videos"});
   return findings;
 }
 

@@ -292,7 +292,7 @@ class FileChecker {
     if (cut_off > 0)
       find(Severity::kWarning, key,
            first + (cut_off > 1 ? " and " + std::to_string(cut_off - 1) + " more are" : " is") +
-               " cut off: without frames there");
+               " truncated, so there are no frames");
   }
 
   const Rig& rig_;

@@ -121,17 +121,17 @@ std::string refusal_text(RequestLimiter::Refusal refusal, const RequestCost& cos
                          double extent) {
   switch (refusal) {
     case RequestLimiter::kPixels:
-      return "asks for " + std::to_string(cost.width) + "x" + std::to_string(cost.height) + " pixels" +
+      return "requests " + std::to_string(cost.width) + "x" + std::to_string(cost.height) + " pixels" +
              (cost.columns * cost.rows > 1 ? " " + std::to_string(cost.columns * cost.rows) + " times" : "") +
              ", more than the " + std::to_string(limits.pixels) + " of max-pixels" +
              (cost.columns * cost.rows > 1 ? " (of a set " + std::to_string(RequestLimits::kSetFactor) + " times that)"
                                            : "");
     case RequestLimiter::kAperture:
-      return "asks for an aperture of " + metres(cost.aperture) +
+      return "requests an aperture of " + metres(cost.aperture) +
              (limits.aperture > 0 ? ", more than the " + metres(limits.aperture) + " of max-aperture"
                                   : ", wider than the array, which has " + metres(extent) + " (max-aperture)");
     case RequestLimiter::kHypotheses:
-      return "asks for " + std::to_string(cost.trials) + " trials (depth hypotheses), more than the " +
+      return "requests " + std::to_string(cost.trials) + " depth hypotheses, more than the " +
              std::to_string(limits.trials) + " of max-trials";
     case RequestLimiter::kRate:
       return "exceeds " + std::to_string(limits.requests_per_second) + " requests per second (max-requests-per-second)";
@@ -140,7 +140,7 @@ std::string refusal_text(RequestLimiter::Refusal refusal, const RequestCost& cos
     case RequestLimiter::kLens:
       return "has a lens with a distortion that takes " + format_text("%.0f", cost.lens_steps) +
              " steps per pixel to correct, at " + size_text(cost.width, cost.height) +
-             " pixels more than max-pixels allows: ask for a smaller view or a lens with less distortion";
+             " pixels more than max-pixels allows: request a smaller view, or use a lens with less distortion";
     case RequestLimiter::kNumRefusals:
     case RequestLimiter::kNone: break;
   }

@@ -120,7 +120,7 @@ TEST(LfRigCheck, NamesFilmsThatAreCutShort) {
   const std::string mkv = films.path("mjpeg.mkv"), stream = films.path("pictures.mjpeg"), avi = films.path("mjpeg.avi");
   EXPECT_THAT(check({mkv, mkv, stream, avi}), Not(HasSubstr("frames")));
   EXPECT_THAT(check({mkv, mkv, cut("mjpeg.mkv"), mkv}),
-              mentions("warning", "cameras[2].source", dir / "mjpeg.mkv", "cut off"));
+              mentions("warning", "cameras[2].source", dir / "mjpeg.mkv", "truncated"));
   EXPECT_THAT(check({stream, cut("pictures.mjpeg"), stream}),
               AllOf(HasSubstr("warning: cameras[1].source: " + dir / "pictures.mjpeg"), mentions("others have 6")));
   EXPECT_THAT(check({avi, avi, cut("mjpeg.avi")}), HasSubstr("warning: cameras[2].source: " + dir / "mjpeg.avi"));

@@ -41,7 +41,7 @@ inline constexpr HttpRefusal kAddress{429, "address", "too many views from this 
 inline constexpr HttpRefusal kFull{503, "full", "too many viewers", 1};
 inline constexpr HttpRefusal kFilming{503, "filming", "the scene is filmed for the first time", 1};
 inline constexpr HttpRefusal kStarting{503, "starting", "the cameras are being opened", 1};
-inline constexpr HttpRefusal kView{500, "view", "the server can't open a view: its log says why", 10};
+inline constexpr HttpRefusal kView{500, "view", "the server cannot open a view; see its log", 10};
 inline constexpr HttpRefusal kPath{404, "path", "no such path (--path)"};
 }  // namespace refusal
 

@@ -117,8 +117,8 @@ TEST(FilmLengths, OneFilmThatDiffersIsNamed) {
   EXPECT_THAT(compare({{60, 2}, {60, 2}, {90, 3}}), ElementsAre(mentions("c has", "90 frames", "3.00 s")));
   EXPECT_THAT(compare({{60}, {40}, {60}}), ElementsAre(mentions("b has", "40 frames", "60")));
   EXPECT_THAT(compare({{60, 2}, {31, 1.03, true}}),
-              ElementsAre(mentions("b is", "cut off", "31 frames", "1.03 s", "60", "2.00 s")));
-  EXPECT_THAT(compare({{60, 2, true}}), ElementsAre(mentions("a is", "cut off", "60 frames", "2.00 s")));
+              ElementsAre(mentions("b is", "truncated", "31 frames", "1.03 s", "60", "2.00 s")));
+  EXPECT_THAT(compare({{60, 2, true}}), ElementsAre(mentions("a is", "truncated", "60 frames", "2.00 s")));
 }
 
 TEST(FilmLengths, RecordingsOfFreeCamerasMayDifferALittle) {

@@ -88,7 +88,7 @@ TEST_F(CheckRig, ReadsStillsAndSequencesThatAreSources) {
   cut("still.png");
   const char* const sources[] = {"a_%d.png", "b_%d.png", "still.png", "small.png"};
   for (size_t i = 0; i < 4; i++) rig_.cameras[i].source = sources[i];
-  EXPECT_THAT(check(rig_), ElementsAre(mentions("warning", "cameras[0].source", dir_ / "a_1.png", "cut off"),
+  EXPECT_THAT(check(rig_), ElementsAre(mentions("warning", "cameras[0].source", dir_ / "a_1.png", "truncated"),
                                        mentions("error", "cameras[1].source", dir_ / "b_1.png", "missing"),
                                        mentions("error", "cameras[2].source", dir_ / "still.png", "damaged PNG"),
                                        mentions("error", "cameras[3].source", dir_ / "small.png", "8x5", "8x6")));
