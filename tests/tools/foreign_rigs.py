@@ -281,7 +281,7 @@ class ForeignRigs(unittest.TestCase):
         self.assert_mentions(self.refused("colmap", "photos"), "pictures", "positions", "COLMAP")
         self.assert_mentions(self.refused("stanford", "photos"), "positions", "COLMAP")
         self.write("model/cameras.bin", "x")
-        self.assertIn("colmap model_converter", self.refused("colmap", "model"))
+        self.assert_mentions(self.refused("colmap", "model"), "model/cameras.bin", "truncated")
 
 
 if __name__ == "__main__":
