@@ -22,8 +22,8 @@ namespace lf {
 // its next answer. A view with less usage may even interrupt an answer in progress, between two of its parallel tasks.
 // Each view has at most one request in progress. A view that has used little time cannot save up more than kMaxCredit.
 //
-// All views that are younger than RequestLimiter::kViewTimeout (2 s) together count as one view, which starts with a
-// usage deficit of kMaxCredit against it. A client therefore gains nothing by using new view ids. A view is
+// All views that are younger than RequestLimiter::kViewTimeout (2 s) together count as one view. This view starts as
+// if it had used kMaxCredit more time than other views, so a client gains nothing by using new view ids. A view is
 // forgotten after the same time without requests.
 //
 // Call work() from the rendering thread. add() may be called from any thread.

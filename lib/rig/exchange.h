@@ -136,15 +136,15 @@ RigImport import_colmap(const std::string& directory, const ColmapImportOptions&
 // if missing. NAME is Camera::image, or the camera's name if there is no image. Numbers keep their full precision.
 RigExport export_colmap(const Rig& rig, const std::string& directory);
 
-// LLFF's poses_bounds.npy (https://github.com/Fyusion/LLFF), which most public forward-facing captures have: for each
-// image a 3x5 matrix, row by row (columns: the camera's axes down, right and backward in world coordinates, its position,
-// and height, width and focal length in pixels), then the depths of the nearest and farthest point. The unit is that of
-// COLMAP.
+// LLFF's poses_bounds.npy (https://github.com/Fyusion/LLFF), which most public forward-facing captures have. For each
+// image, it has a 3x5 matrix, row by row, and the depths of the nearest and the farthest point. The columns of the
+// matrix are the camera's axes down, right and backward in world coordinates, its position, and height, width and focal
+// length in pixels. Lengths have the unit of the COLMAP model.
 //
 // Makes a pinhole camera for each image in the folder `images` ("": the folder images in `directory`), in the order of
-// the names. The principal point is the middle of the image. Images that are smaller than the file states, such as those
-// in images_4, have a shorter focal length. If there is no folder `images`, the videos in `directory` are the sources of
-// the cameras, as in the Neural 3D Video dataset. A note names the depths. Throws Error with the file and the image.
+// the names. The principal point is the middle of the image. Reduced images, such as those in images_4, get a shorter
+// focal length. If there is no folder `images`, the videos in `directory` are the sources of the cameras, as in the
+// Neural 3D Video dataset. A note names the depths. Throws Error with the file and the image.
 RigImport import_llff(const std::string& directory, const std::string& images = "");
 
 class ImageSearch {
@@ -207,7 +207,7 @@ struct RigidTransform {
   Vec3 translation{0, 0, 0};
 
   Vec3 operator()(const Vec3& x) const { return rotation * x + translation; }
-  RigidTransform operator*(const RigidTransform& first) const;  // applies `first` before *this
+  RigidTransform operator*(const RigidTransform& first) const;  // applies `first`, then *this
   RigidTransform inverse() const;
 };
 

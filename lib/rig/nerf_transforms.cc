@@ -195,7 +195,7 @@ void note_missing_coefficients(const JsonValue& file, const std::vector<JsonValu
     const auto missing = std::ranges::count_if(frames, [&](const JsonValue& frame) { return !frame.find(key); });
     if (missing > 0 && static_cast<size_t>(missing) < frames.size())
       notes.push_back(std::to_string(missing) + " of " + std::to_string(frames.size()) + " frames have no " + key +
-                      ", so 0 is used for them");
+                      ". The importer sets it to 0 there");
   }
 }
 

@@ -14,7 +14,7 @@
 namespace lf {
 namespace {
 
-// Returns the depth of a point of the focal surface on a line of sight. `ray` is in coordinates of the view, with z = 1.
+// Returns the depth of the focal surface on a line of sight. `ray` is in coordinates of the view, with z = 1.
 double depth_on(const View& view, const Mat3& world_from_view, const Vec3& ray, double x, double y) {
   const FocalMap* const map = view.focus.map.get();
   // The points of the line at depth t are eye + t direction.
@@ -45,7 +45,7 @@ DepthImage depth_image(const View& view, std::span<const float> coverage) {
 void save_depth_pfm(const DepthImage& image, const std::string& path) {
   static_assert(std::endian::native == std::endian::little);
   AtomicFileWriter file(path);
-  file.write("Pf\n" + std::to_string(image.width) + " " + std::to_string(image.height) + "\n-1\n");  // -1: little-endian
+  file.write("Pf\n" + std::to_string(image.width) + " " + std::to_string(image.height) + "\n-1\n");  // little-endian
   for (int y = image.height - 1; y >= 0; y--)
     file.write({reinterpret_cast<const char*>(image.depths.data() + static_cast<size_t>(y) * image.width),
                 static_cast<size_t>(image.width) * sizeof(float)});

@@ -17,8 +17,8 @@ struct DepthImage {
 };
 
 // Returns the depths of the view's focal surface. The depth of a pixel is unknown if the surface is behind the view or
-// parallel to the line of sight, if the lens has no line of sight there, or if the pixel's coverage is 0. `coverage` has
-// a value per pixel, or is empty.
+// parallel to the line of sight, if the lens has no line of sight there, or if its coverage is 0. `coverage` has one
+// value per pixel, or is empty.
 DepthImage depth_image(const View& view, std::span<const float> coverage = {});
 
 // Writes a Portable Float Map (http://www.pauldebevec.com/Research/HDR/PFM/): 32-bit floats in metres, little-endian,

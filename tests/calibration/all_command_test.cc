@@ -189,7 +189,7 @@ TEST_F(AllCommand, WhatIsWrongIsSaidWithWhatToDo) {
 }
 
 // An array that deviates from its plan records a bar, a chart and the built-in scene. The pictures of the calibrated
-// rig must be as good as those of the true rig.
+// rig must be as good as pictures of the true rig.
 TEST(CalibrationRun, ItsPicturesAreAsThoseOfTheTrueRig) {
   const TempDir dir;
   const sim::PlannedArray array(3, 3, 240, 180);

@@ -87,7 +87,7 @@ TEST(Doctor, TellsWrongPasswordsFromMissingOnes) {
 TEST(Doctor, NamesTheCameraAndTheRemedy) {
   const struct {
     void (*make_ill)(CameraReport&);
-    std::vector<std::string> facts;  // with those of the remedy
+    std::vector<std::string> facts;  // including facts of the remedy
   } cases[] = {
       {[](CameraReport& c) {
          c.problem = "rig.json: camera 1 (cam_00_01): a.mkv: the picture is 320x240, the rig says 640x480";

@@ -306,7 +306,8 @@ TEST(Kalibr, APoseThatContradictsTheChainIsNoted) {
   };
   EXPECT_THAT(notes_of(-0.0501), IsEmpty()) << "rounding";
   EXPECT_THAT(notes_of(-0.5),
-              ElementsAre(AllOf(HasSubstr("cam1"), HasSubstr("T_cn_cnm1"), HasSubstr("T_cam_imu"), HasSubstr("0.45 m"))));
+              ElementsAre(AllOf(HasSubstr("cam1"), HasSubstr("T_cn_cnm1"), HasSubstr("T_cam_imu"),
+                                HasSubstr("0.45 m"))));
 }
 
 TEST(Kalibr, CamerasAfterAGapAreKeptOrRefused) {
