@@ -41,7 +41,7 @@ struct ViewLogEntry {
   double clock = 0;  // seconds; when the message was printed
   uint32_t sequence = 0;
   bool complete = false;
-  uint64_t bytes = 0, trial_bytes = 0, latency_ns = 0;
+  uint64_t bytes = 0, consistency_bytes = 0, latency_ns = 0;
 };
 
 std::optional<std::string> field(const std::string& line, const std::string& name) {
@@ -68,7 +68,7 @@ std::vector<ViewLogEntry> read_view_log(const std::string& path) {
     entry.sequence = static_cast<uint32_t>(number("sequence"));
     entry.complete = field(line, "complete") == "true";
     entry.bytes = number("bytes");
-    entry.trial_bytes = number("trial-bytes");
+    entry.consistency_bytes = number("consistency-bytes");
     entry.latency_ns = number("latency-ns");
     entries.push_back(entry);
   }
@@ -253,13 +253,13 @@ void run_report(const Options& options) {
   for (const ViewLogEntry& entry : read_view_log(options.live_log.empty() ? options.log : options.live_log))
     latency.add(entry.latency_ns);
   report["latency_ms"] = {{"p50", latency.at(50) * 1e-6}, {"p95", latency.at(95) * 1e-6}};
-  double bytes = 0, trial_bytes = 0;
+  double bytes = 0, consistency_bytes = 0;
   for (const ViewLogEntry& entry : run.log) {
     bytes += static_cast<double>(entry.bytes) / n;
-    trial_bytes += static_cast<double>(entry.trial_bytes) / n;
+    consistency_bytes += static_cast<double>(entry.consistency_bytes) / n;
   }
   report["bytes_per_frame"] = bytes;
-  report["trial_bytes_per_frame"] = trial_bytes;
+  report["consistency_bytes_per_frame"] = consistency_bytes;
   report["psnr_db"] = number(surface_db);
   report["plane_psnr_db"] = number(plane_db);
 
@@ -271,7 +271,7 @@ void run_report(const Options& options) {
       foot, sizeof foot,
       "%zu frames of %dx%d, %.0f frames/s, latency %.1f ms, %.0f kB of colour and %.0f kB of depth data per frame, %s",
       frames.count(), first.width, first.height, seconds > 0 ? (n - 1) / seconds : 0, latency.at(50) * 1e-6,
-      bytes / 1e3, trial_bytes / 1e3, psnr);
+      bytes / 1e3, consistency_bytes / 1e3, psnr);
   const size_t incomplete = static_cast<size_t>(
       std::count_if(run.log.begin(), run.log.end(), [](const ViewLogEntry& entry) { return !entry.complete; }));
   if (incomplete > 0)

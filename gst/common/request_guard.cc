@@ -37,9 +37,9 @@ void for_each_limit(Limits& limits, const Visit& visit) {
         limits.aperture);
   visit(
       LimitRow{
-          "max-trials", 0, kMaxHypotheses, "surfaces",
+          "max-hypotheses", 0, kMaxHypotheses, "surfaces",
           "number of depth hypotheses in one request, which are the depths that the cameras test to find the focus"},
-      limits.trials);
+      limits.hypotheses);
   visit(LimitRow{"max-requests-per-second", 0, G_MAXUINT, "requests a second",
                  "rate of the live requests of one view; 0 = unlimited"},
         limits.requests_per_second);
@@ -95,7 +95,7 @@ RequestLimits parse_limits(const GstStructure* structure, std::vector<std::strin
     const std::string name = gst_structure_nth_field_name(structure, static_cast<guint>(i));
     const GValue* value = gst_structure_get_value(structure, name.c_str());
     std::string problem = name +
-                          ": there is no such limit. The limits are max-pixels, max-aperture, max-trials, "
+                          ": there is no such limit. The limits are max-pixels, max-aperture, max-hypotheses, "
                           "max-requests-per-second and max-views";
     for_each_limit(limits, [&](const LimitRow& row, auto& field) {
       if (name != row.name) return;
@@ -205,7 +205,7 @@ uint64_t RequestGuard::refused() const {
 
 void RequestGuard::add_stats(GstStructure* stats) const {
   const std::lock_guard lock(mutex_);
-  constexpr const char* kNames[] = {"refused-pixels", "refused-aperture", "refused-trials",
+  constexpr const char* kNames[] = {"refused-pixels", "refused-aperture", "refused-hypotheses",
                                     "refused-rate",   "refused-views",    "refused-lens"};
   static_assert(std::size(kNames) == RequestLimiter::kNumRefusals);
   uint64_t all = 0;

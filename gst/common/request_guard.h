@@ -28,7 +28,7 @@ class RateLimiter {
 };
 
 // Returns the value of the property `limits`, owned by the caller: a structure with the fields max-pixels (uint64),
-// max-aperture (double), max-trials, max-requests-per-second and max-views (uint).
+// max-aperture (double), max-hypotheses, max-requests-per-second and max-views (uint).
 GstStructure* limits_structure(const RequestLimits& limits);
 // Parses the property `limits`; `structure` may be null. Numbers may have any type. Missing and wrong fields keep their
 // defaults. Each wrong or unknown field adds a text to `problems` that begins with the field name.
@@ -56,7 +56,7 @@ class RequestGuard {
 
   void start(GstElement* element);
   uint64_t refused() const;
-  // Adds the fields refused, refused-pixels, -aperture, -trials, -rate, -views and -lens.
+  // Adds the fields refused, refused-pixels, -aperture, -hypotheses, -rate, -views and -lens.
   void add_stats(GstStructure* stats) const;
 
  private:

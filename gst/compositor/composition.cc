@@ -300,7 +300,7 @@ static void answer_sweep(LfCompositor* self) {
 static void take_probe(LfCompositor* self) {
   auto& state = *self->state;
   const lf::ViewRequest& request = *state.current;
-  if (!request.trials.empty()) return answer_sweep(self);
+  if (!request.hypotheses.empty()) return answer_sweep(self);
   state.stats.add_monitor_bytes(state.bytes);
   if (!state.turns.expects(request)) return;
   state.assembly.finish(lf::PixelFamily::kRgb, true);

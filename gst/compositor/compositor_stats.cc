@@ -45,7 +45,8 @@ void set_suspects(GstStructure* structure, const char* field, const std::vector<
 void CompositorStats::reset() {
   std::lock_guard lock(mutex_);
   for (uint64_t& counter : counters_) counter = 0;
-  pictures_ = complete_ = fragments_ = missing_ = damaged_ = bytes_ = max_skew_ns_ = out_of_service_ = trial_bytes_ = 0;
+  pictures_ = complete_ = fragments_ = missing_ = damaged_ = bytes_ = max_skew_ns_ = out_of_service_ =
+      consistency_bytes_ = 0;
   unseen_ = 0;
   coverage_.reset();
   focus_ = {};
@@ -65,10 +66,10 @@ void CompositorStats::set_out_of_service(size_t cameras) {
   out_of_service_ = cameras;
 }
 
-void CompositorStats::set_focus(const DepthEstimator::State& state, uint64_t trial_bytes) {
+void CompositorStats::set_focus(const DepthEstimator::State& state, uint64_t consistency_bytes) {
   std::lock_guard lock(mutex_);
   focus_ = state;
-  trial_bytes_ += trial_bytes;
+  consistency_bytes_ += consistency_bytes;
 }
 
 void CompositorStats::add_monitor_bytes(uint64_t bytes) {
@@ -128,11 +129,11 @@ GstStructure* CompositorStats::record(const Picture& p, bool describe) {
       gst_structure_new("lightfield-view", "view-id", G_TYPE_UINT, p.view_id, "sequence", G_TYPE_UINT,
                         p.sequence,  //
                         "pts", G_TYPE_UINT64, p.pts, "complete", G_TYPE_BOOLEAN, complete, "fragments", G_TYPE_UINT,
-                        p.fragments, "missing", G_TYPE_UINT, p.missing,                                //
-                        "damaged", G_TYPE_UINT, p.damaged,                                             //
-                        "bytes", G_TYPE_UINT64, p.bytes, "trial-bytes", G_TYPE_UINT64, p.trial_bytes,  //
-                        "skew-ns", G_TYPE_UINT64, p.skew_ns,                                           //
-                        "latency-ns", G_TYPE_UINT64, latency, "add-ns", G_TYPE_UINT64, adding,         //
+                        p.fragments, "missing", G_TYPE_UINT, p.missing,                                            //
+                        "damaged", G_TYPE_UINT, p.damaged,                                                         //
+                        "bytes", G_TYPE_UINT64, p.bytes, "consistency-bytes", G_TYPE_UINT64, p.consistency_bytes,  //
+                        "skew-ns", G_TYPE_UINT64, p.skew_ns,                                                       //
+                        "latency-ns", G_TYPE_UINT64, latency, "add-ns", G_TYPE_UINT64, adding,                     //
                         "composite-ns", G_TYPE_UINT64, composite, nullptr);
   if (p.coverage)
     gst_structure_set(description, "coverage", G_TYPE_DOUBLE, p.coverage->seen, "extrapolated", G_TYPE_DOUBLE,
@@ -172,9 +173,9 @@ GstStructure* CompositorStats::structure() const {
   set("max-skew-ns", max_skew_ns_);
   set("focus-rounds", focus_.rounds);
   set("focus-interval", focus_.interval);
-  set("focus-trials", focus_.trials);
+  set("focus-hypotheses", focus_.hypotheses);
   set("focus-scene-changes", focus_.looks);
-  set("trial-bytes", trial_bytes_);
+  set("consistency-bytes", consistency_bytes_);
   gst_structure_set(stats, "focus-residual", G_TYPE_DOUBLE, focus_.residual, "focus-improvement", G_TYPE_DOUBLE,
                     focus_.gained, "focus-flat", G_TYPE_BOOLEAN, focus_.flat, "focus-deviation", G_TYPE_DOUBLE,
                     focus_.deviation, "focus-over-plane", G_TYPE_DOUBLE, focus_.bought, "focus-near", G_TYPE_DOUBLE,

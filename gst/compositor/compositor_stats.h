@@ -41,7 +41,7 @@ class CompositorStats {
     // Share of the view that cameras see, 0 to 1. Negative if unknown, because the compositor has no rig.
     std::optional<lf::MeanCoverage> coverage;
     uint64_t bytes = 0;
-    uint64_t trial_bytes = 0;  // size of the photo-consistency units
+    uint64_t consistency_bytes = 0;  // size of the photo-consistency units
     uint64_t skew_ns = 0;      // largest absolute difference between capture time and requested time
     int64_t answered = 0;      // arrival of the last answer, or the deadline
     int64_t adding = 0;
@@ -51,7 +51,7 @@ class CompositorStats {
   void reset();
   void count(Counter counter);
   void set_out_of_service(size_t cameras);
-  void set_focus(const DepthEstimator::State& state, uint64_t trial_bytes);
+  void set_focus(const DepthEstimator::State& state, uint64_t consistency_bytes);
   // Adds the size of answers to the camera check. These answers are counted separately, because they are not shown.
   void add_monitor_bytes(uint64_t bytes);
   void set_monitor(const CameraMonitor& monitor);
@@ -75,7 +75,7 @@ class CompositorStats {
   uint64_t pictures_ = 0, complete_ = 0, fragments_ = 0, missing_ = 0, damaged_ = 0, bytes_ = 0, max_skew_ns_ = 0,
            out_of_service_ = 0;
   DepthEstimator::State focus_;
-  uint64_t trial_bytes_ = 0;
+  uint64_t consistency_bytes_ = 0;
   std::optional<CameraMonitor> monitor_;
   uint64_t monitor_bytes_ = 0;
   std::map<uint32_t, int64_t> arrivals_;  // arrival time by sequence number, of unanswered requests

@@ -49,7 +49,7 @@
  * ## Focus
  *
  * If `rig` is set and `focus` is not plane, the whole picture is sharp, because each part of it has its own depth.
- * These depths are called the focal surface. The compositor finds them by trial: requests contain depth hypotheses,
+ * These depths are called the focal surface. The compositor finds them by search: requests contain depth hypotheses,
  * which are guesses of the depths. Nodes answer each hypothesis with photo-consistency sums, which show how well the
  * cameras agree on the guess. After each picture, the improved focal surface and the next hypotheses go upstream in a
  * "lightfield-feedback" event. If nothing is live, lfviewrequest waits for this event before the next request, so that
@@ -107,8 +107,8 @@
  *
  * - "lightfield-view", per picture, with `post-messages`: view-id, sequence (uint), pts (uint64), complete (boolean),
  *   coverage and extrapolated (double: as in the meta above; with `rig`), fragments, missing, damaged (uint), bytes,
- *   trial-bytes (size of the photo-consistency units), skew-ns, latency-ns (request to picture), add-ns (decoding and
- *   adding answers) and composite-ns (uint64).
+ *   consistency-bytes (size of the photo-consistency units), skew-ns, latency-ns (request to picture), add-ns (decoding
+ * and adding answers) and composite-ns (uint64).
  * - "lightfield-out-of-service", when the set of cameras out of service changes: view-id (uint), cameras (array of
  *   uint).
  * - "lightfield-suspects", when the camera check (`monitor-interval`) finds or clears a suspicious camera: view-id
@@ -392,8 +392,8 @@ static void install_properties(GObjectClass* klass) {
       "Counters since the start, measurements and durations. Pictures are counted as complete, incomplete, unseen (no "
       "camera sees anything of the view), repeated, dropped or failed (no memory). gpu-pictures counts those that were "
       "made on a GPU. Requests are counted as skipped (too late, according to QoS events) or refused, by the exceeded "
-      "limit: refused-pixels, -aperture, -trials, -rate, -views, -lens. Fragments, which are the parts of the answers, "
-      "are counted as missing or damaged. Answers are counted as late, repeated, bad or unexpected (without a "
+      "limit: refused-pixels, -aperture, -hypotheses, -rate, -views, -lens. Fragments, which are the parts of the "
+      "answers, are counted as missing or damaged. Answers are counted as late, repeated, bad or unexpected (without a "
       "request), together with their bytes and the cameras out of service. coverage is the share of the latest view "
       "that cameras see (with `rig`). max-skew-ns is the largest capture-time error. The fields of the focal surface "
       "count the rounds of the depth search and their bytes. focus-residual is the disagreement of the cameras, in "

@@ -283,7 +283,7 @@ static void lf_fragment_install_properties(GObjectClass* object_class) {
   Properties::install(
       object_class,
       "Counters since the start, and durations in nanoseconds. Refused requests are counted by the exceeded limit: "
-      "refused-pixels, -aperture, -trials, -rate, -views, -lens. Answers are counted as skipped (the picture would "
+      "refused-pixels, -aperture, -hypotheses, -rate, -views, -lens. Answers are counted as skipped (the picture would "
       "have been too late), drawn (by OpenGL) and together (drawn together with other views of a set). fragments and "
       "bytes count the parts of the answers and their size. Camera frames are counted as gpu-frames (used in GPU "
       "memory, without a download), missing-frames, stale-frames (missing because of max-skew) and damaged-frames. "
@@ -432,7 +432,7 @@ static GstFlowReturn lf_fragment_send(LfFragment* self, GstPad* pad, GstPad* src
   const lf::RequestHeader& head = lf::wire::head_of(job.request);
   if (!reply.warning.empty())
     GST_ELEMENT_WARNING(self, STREAM, FAILED, ("View %u: %s.", head.view_id, reply.warning.c_str()), (nullptr));
-  for (lf::ByteBuffer* before : {&reply.answer.brightness, &reply.answer.trials.unit}) {
+  for (lf::ByteBuffer* before : {&reply.answer.brightness, &reply.answer.consistency.unit}) {
     if (before->empty()) continue;
     const GstFlowReturn flow = lf_fragment_push(self, src, lf::wrap_bytes(std::move(*before)), job);
     if (flow != GST_FLOW_OK) return flow;
@@ -474,7 +474,7 @@ static GstFlowReturn lf_fragment_answer(LfFragment* self, GstPad* pad, GstPad* s
   const auto refused = std::ranges::find_if(replies, [](const auto& reply) { return reply.answer.drawing.refused; });
   const lf::Node::Reply& judged = refused == replies.end() ? replies.front() : *refused;
   self->state->gpu.rendered(settings.renderer, judged.answer, frames_context(self) ? judged.stages.decode : 0);
-  self->state->gpu.tried(settings.renderer, replies.front().answer.trials);
+  self->state->gpu.tried(settings.renderer, replies.front().answer.consistency);
   GstFlowReturn flow = GST_FLOW_OK;
   for (size_t i = 0; i < replies.size() && flow == GST_FLOW_OK; i++) {
     const lf::NodeStats::Stages& stages = replies[i].stages;

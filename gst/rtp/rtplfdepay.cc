@@ -273,7 +273,7 @@ static void lf_rtp_depay_class_init(LfRtpDepayClass* klass) {
       "bad-packets (unknown payload), bad-chunks (inconsistent, or of a unit that is too large), bad-units (invalid), "
       "incomplete-units (missing chunks), superseded (requests with more than two newer requests in the same packet) "
       "and refused (requests beyond a limit). Refused requests are also counted by limit: refused-pixels, -aperture, "
-      "-trials, -rate, -views, -lens");
+      "-hypotheses, -rate, -views, -lens");
   lf::RequestGuard::install(object_class);
   object_class->set_property = lf::callback<lf_rtp_depay_set_property>;
   object_class->get_property = lf::callback<lf_rtp_depay_get_property>;

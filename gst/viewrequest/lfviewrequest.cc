@@ -466,7 +466,7 @@ static bool complete_request(LfViewRequest* self, lf::ViewRequest& request) {
   const lf::Blending asked = request.view.blending;
   request.view.blending = access->blending(asked);
   // Cameras with other access kinds cannot test depths.
-  request.trials.clear();
+  request.hypotheses.clear();
   request.gains = {};
   return std::exchange(request.view.focus.map, nullptr) || request.view.blending != asked || changed;
 }

@@ -151,7 +151,7 @@ RenderedAnswer LocalNode::answer(const ViewRequest& request, const std::vector<l
   options.depth_gpu = gpu_.open_for_depth(choice_);
   RenderedAnswer answer = renderer_.render({&plan, std::move(header)}, sources, options, scratch_, std::move(memory));
   gpu_.rendered(choice_, answer);
-  gpu_.tried(choice_, answer.trials);
+  gpu_.tried(choice_, answer.consistency);
   return answer;
 }
 
@@ -201,7 +201,7 @@ std::vector<Bytes> Node::answer(const Bytes& request, const std::vector<ImageVie
   const std::lock_guard lock(state_->mutex);
   const lf::RenderedAnswer answer = state_->node.answer(decoded, frames, state_->resampling, false);
   std::vector<Bytes> parts;
-  for (const lf::ByteBuffer* unit : {&answer.brightness, &answer.trials.unit, &answer.bytes})
+  for (const lf::ByteBuffer* unit : {&answer.brightness, &answer.consistency.unit, &answer.bytes})
     if (!unit->empty()) parts.emplace_back(unit->begin(), unit->end());
   return parts;
 }
@@ -339,7 +339,7 @@ bool ViewComposer::is_complete() const {
   CameraRanges awaited(all);
   awaited.remove(CameraRanges(current_->out_of_service));
   // photo-consistency messages per node
-  const size_t units = static_cast<size_t>(!current_->trials.empty()) + current_->gains.ask;
+  const size_t units = static_cast<size_t>(!current_->hypotheses.empty()) + current_->gains.ask;
   return assembly_.cameras().contains(awaited) && tried_.size() >= units * answered_.size();
 }
 
@@ -448,7 +448,7 @@ Image Renderer::render(const View& view, const std::vector<ImageView>& images, c
   const lf::ViewRequest& request = composer.begin(view, asked);
   const auto answer = std::make_shared<lf::RenderedAnswer>(
       state_->node.answer(request, images, options.resampling, true, std::move(state_->memory), options.renderer));
-  for (const lf::ByteBuffer* unit : {&answer->brightness, &answer->trials.unit, &answer->bytes})
+  for (const lf::ByteBuffer* unit : {&answer->brightness, &answer->consistency.unit, &answer->bytes})
     if (!unit->empty()) composer.add(*unit, answer);
   Image picture = composer.finish();
   state_->memory = std::move(answer->bytes);

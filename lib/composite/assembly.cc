@@ -273,7 +273,7 @@ std::string add_consistency(std::span<const uint8_t> unit, const wire::Consisten
   wire::ConsistencyShape asked;
   if (const FocalMap* map = request.view.focus.map.get()) {
     if (!header.gains)
-      asked = {map->columns, map->rows, request.trials.size()};
+      asked = {map->columns, map->rows, request.hypotheses.size()};
     else if (request.gains.ask)
       asked = {FocalMap::nodes(map->columns, 2), FocalMap::nodes(map->rows, 2), 1};
   }

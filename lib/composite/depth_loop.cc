@@ -73,7 +73,7 @@ std::optional<DepthEstimate> DepthLoop::next(const ViewRequest& shown, const Dep
   }
   DepthEstimate found{.sequence = request.sequence, .plan = control_.next(request, answers_.moments, *array_)};
   found.gains = next_gains(exposure_schedule_, match_gains && !on_plane && control_.state().mixed,
-                           !found.plan.trials.empty(), answers_.brightness, answers_.gains, request.sequence);
+                           !found.plan.hypotheses.empty(), answers_.brightness, answers_.gains, request.sequence);
   return found;
 }
 

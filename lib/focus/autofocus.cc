@@ -64,9 +64,9 @@ void add_focus_sweep(ViewRequest& request, const Plane& from, std::optional<doub
     farthest = 0;
   }
   view.focus.map = std::make_shared<FocalMap>(plane_map(view, from, nearest, farthest));
-  request.trials = {{DepthHypothesis::Kind::kBlurred, 0}};
+  request.hypotheses = {{DepthHypothesis::Kind::kBlurred, 0}};
   for (int k = 0; k < kSweptPlanes; k++)
-    request.trials.push_back({DepthHypothesis::Kind::kPlane, static_cast<int16_t>(255 * (k + 1) / kSweptPlanes)});
+    request.hypotheses.push_back({DepthHypothesis::Kind::kPlane, static_cast<int16_t>(255 * (k + 1) / kSweptPlanes)});
 }
 
 double sweep_reach(const Rig& rig, const View& view) {

@@ -36,7 +36,8 @@ constexpr double kEnoughEvidence = 0.15;
 DepthSelection choice_of(const ViewRequest& request, std::span<const PhotoConsistency> moments, const FocusArray& array,
                          int least_radius, bool is_still, std::span<const uint8_t> counted) {
   std::vector<std::vector<uint8_t>> levels;
-  for (const DepthHypothesis& trial : request.trials) levels.push_back(hypothesis_levels(request.view, trial));
+  for (const DepthHypothesis& hypothesis : request.hypotheses)
+    levels.push_back(hypothesis_levels(request.view, hypothesis));
   const FocalMap& map = *request.view.focus.map;
   const std::vector<float> evidence = array.evidence(request.view, request.out_of_service);
   constexpr double kMostRadius = 4;
@@ -47,10 +48,10 @@ DepthSelection choice_of(const ViewRequest& request, std::span<const PhotoConsis
       .radius = std::max(least_radius, static_cast<int>(std::lround(std::min(larger, kMostRadius))))};
   if (array.disparity() > 0)
     terms.levels_a_pixel = FocalMap::kLevels / (array.disparity() * (map.nearest - map.farthest));
-  if (is_still && request.trials.size() < kSweep)
-    for (size_t t = 1; t < request.trials.size(); t++)
-      if (request.trials[t].kind == DepthHypothesis::Kind::kPlane ||
-          request.trials[t].kind == DepthHypothesis::Kind::kFocused)
+  if (is_still && request.hypotheses.size() < kSweep)
+    for (size_t t = 1; t < request.hypotheses.size(); t++)
+      if (request.hypotheses[t].kind == DepthHypothesis::Kind::kPlane ||
+          request.hypotheses[t].kind == DepthHypothesis::Kind::kFocused)
         terms.jumps |= 1u << t;
   return select_depths(map, levels, moments, terms);
 }
@@ -66,17 +67,17 @@ bool sees_little(const std::vector<float>& evidence) {
 }  // namespace
 
 void DepthEstimator::judge(const DepthSelection& choice, const ViewRequest& request, FocalMap& map) {
-  const std::vector<DepthHypothesis>& trials = request.trials;
+  const std::vector<DepthHypothesis>& hypotheses = request.hypotheses;
   if (settings_.mode != FocusMode::kAuto) return;
   const double enough = std::max(kWorthwhile, kWorthwhilePart * choice.residual);
   const bool gains = choice.gained >= enough, worthwhile = is_worthwhile(choice, enough);
   if (gains) state_.flat = false;
   // A plane gives way to better planes only.
   double least = choice.cost[0] + (state_.flat ? 0 : kFlatEnough);
-  for (size_t t = 1; t < trials.size() && !gains; t++) {
-    if (trials[t].kind != DepthHypothesis::Kind::kPlane || !(choice.cost[t] <= least)) continue;
+  for (size_t t = 1; t < hypotheses.size() && !gains; t++) {
+    if (hypotheses[t].kind != DepthHypothesis::Kind::kPlane || !(choice.cost[t] <= least)) continue;
     state_.flat = true;
-    flat_inverse_ = request.view.focus.map->inverse_of(trials[t].value);
+    flat_inverse_ = request.view.focus.map->inverse_of(hypotheses[t].value);
     least = choice.cost[t];
   }
   if (state_.flat) std::ranges::fill(map.levels, map.level_of(flat_inverse_));
@@ -138,10 +139,10 @@ bool DepthEstimator::is_another_scene() {
 }
 
 // Updates the advantage of the surface over the recently tried planes.
-void DepthEstimator::count_planes(const DepthSelection& choice, const std::vector<DepthHypothesis>& trials) {
+void DepthEstimator::count_planes(const DepthSelection& choice, const std::vector<DepthHypothesis>& hypotheses) {
   double least = std::numeric_limits<double>::infinity();
-  for (size_t t = 0; t < trials.size(); t++)
-    if ((trials[t].kind == DepthHypothesis::Kind::kPlane || state_.flat) && choice.cost[t] < least)
+  for (size_t t = 0; t < hypotheses.size(); t++)
+    if ((hypotheses[t].kind == DepthHypothesis::Kind::kPlane || state_.flat) && choice.cost[t] < least)
       least = choice.cost[t];
   plane_deviations_.push_back(least);
   if (plane_deviations_.size() > kSweepPlanes) plane_deviations_.erase(plane_deviations_.begin());
@@ -167,14 +168,14 @@ double DepthEstimator::moved_by_blur(const View& view, double width) {
 // Decides whether to show the surface: the cameras must agree better than through the viewer's plane.
 void DepthEstimator::compare_with_plane(const DepthSelection& choice, std::span<const PhotoConsistency> moments,
                                         const ViewRequest& request, const FocusArray& array) {
-  const std::vector<DepthHypothesis>& trials = request.trials;
-  const auto focused = std::ranges::find(trials, DepthHypothesis::Kind::kFocused, &DepthHypothesis::kind);
-  if (focused == trials.end() || stage_ == Stage::kSearch) return;
-  const auto plane = static_cast<size_t>(focused - trials.begin());
+  const std::vector<DepthHypothesis>& hypotheses = request.hypotheses;
+  const auto focused = std::ranges::find(hypotheses, DepthHypothesis::Kind::kFocused, &DepthHypothesis::kind);
+  if (focused == hypotheses.end() || stage_ == Stage::kSearch) return;
+  const auto plane = static_cast<size_t>(focused - hypotheses.begin());
   const double of_plane = choice.energy[plane];
   if (!(of_plane >= 0)) return;
   // The result of a sweep has not been measured yet and looks better than it is.
-  const bool is_sweep = trials.size() >= kSweep;
+  const bool is_sweep = hypotheses.size() >= kSweep;
   const std::vector<uint8_t> surface(choice.chosen.size(), 0);
   const double disagreement = is_sweep ? choice.least_energy : choice.energy[0];
   const double width = counted_.empty() ? array.width_of(request.view, request.out_of_service) : array.edge();
@@ -236,7 +237,7 @@ void DepthEstimator::take(const ViewRequest& request, std::span<const PhotoConsi
   votes_.add(chosen, choice);
   remember_planes(request, moments);
   compare_with_plane(choice, moments, request, array);
-  count_planes(choice, request.trials);
+  count_planes(choice, request.hypotheses);
   if (stage_ == Stage::kSearch) return;
   judge(choice, request, map);
   if (is_another_scene()) {
@@ -269,7 +270,7 @@ DepthEstimator::Plan DepthEstimator::next(const ViewRequest& request, std::span<
     begin(request, array, plan.view);
   else
     reach_ = reach_from(request.view, array);
-  if (!is_first && map && moments.empty() && !request.trials.empty()) latest_.lose(request);
+  if (!is_first && map && moments.empty() && !request.hypotheses.empty()) latest_.lose(request);
   if (!is_first && map && !moments.empty()) {
     auto better = std::make_shared<FocalMap>(*map);
     take(request, moments, array, *better);
@@ -292,8 +293,8 @@ DepthEstimator::Plan DepthEstimator::next(const ViewRequest& request, std::span<
   const FocalMap& next = *plan.view.focus.map;
   state_.near = 1 / next.nearest;
   state_.far = 1 / next.farthest;
-  plan.trials = next_hypotheses(next);
-  if (!plan.trials.empty()) latest_.leaves(plan.trials, request.sequence);
+  plan.hypotheses = next_hypotheses(next);
+  if (!plan.hypotheses.empty()) latest_.leaves(plan.hypotheses, request.sequence);
   // If one camera contributes nearly all of the picture, every surface seems to fit but only displaces the image.
   const bool little = sees_little(array.evidence(plan.view, request.out_of_service));
   plan.on_plane = state_.on_plane || state_.flat || little;

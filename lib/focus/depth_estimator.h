@@ -80,7 +80,7 @@ class DepthEstimator {
   // the order in which they were sent, and any number can be in flight: see LatestSurface.
   struct Plan {
     View view;
-    std::vector<DepthHypothesis> trials;
+    std::vector<DepthHypothesis> hypotheses;
     bool on_plane = false;       // see ViewRequest
     std::optional<Plane> plane;  // plane to show instead of the viewer's, if one plane suffices
   };
@@ -98,7 +98,7 @@ class DepthEstimator {
     double residual = 0;  // DepthSelection::residual of the latest round
     double gained = 0;
     unsigned interval = 1;     // requests from one with hypotheses to the next
-    unsigned trials = 0;       // hypotheses of the next request that has any
+    unsigned hypotheses = 0;   // hypotheses of the next request that has any
     bool flat = false;         // one plane suffices
     bool mixed = false;        // several cameras contribute to the picture, so their brightness should match
     bool on_plane = true;      // the viewer's plane, or the sufficient one, is shown
@@ -135,7 +135,7 @@ class DepthEstimator {
   bool is_another_scene();
   void follow_range(FocalMap& map);
   void use_range(DepthRange range, FocalMap& map);
-  void count_planes(const DepthSelection& choice, const std::vector<DepthHypothesis>& trials);
+  void count_planes(const DepthSelection& choice, const std::vector<DepthHypothesis>& hypotheses);
   LevelRange scene_levels(const FocalMap& map) const;
   std::vector<DepthHypothesis> next_hypotheses(const FocalMap& map);
   bool is_automatic() const { return !(settings_.near > 0) || !(settings_.far > 0); }

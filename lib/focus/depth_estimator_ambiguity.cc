@@ -10,9 +10,10 @@ namespace lf {
 // Remembers the planes of searches and sweeps. Their first two hypotheses are the surface and the viewer's plane.
 void DepthEstimator::remember_planes(const ViewRequest& request, std::span<const PhotoConsistency> moments) {
   constexpr size_t kPlane = 1, kFirst = 2;
-  if (request.trials.size() < kSweep || request.trials[kPlane].kind != DepthHypothesis::Kind::kFocused) return;
+  if (request.hypotheses.size() < kSweep || request.hypotheses[kPlane].kind != DepthHypothesis::Kind::kFocused) return;
   std::vector<std::vector<uint8_t>> levels;
-  for (const DepthHypothesis& trial : request.trials) levels.push_back(hypothesis_levels(request.view, trial));
+  for (const DepthHypothesis& hypothesis : request.hypotheses)
+    levels.push_back(hypothesis_levels(request.view, hypothesis));
   others_.add(request.view, levels, moments, {kPlane, kFirst});
 }
 
@@ -20,7 +21,7 @@ void DepthEstimator::remember_planes(const ViewRequest& request, std::span<const
 // fits as well. The estimate stays unchanged while the viewpoint is elsewhere.
 void DepthEstimator::doubt(const ViewRequest& request, const DepthSelection& choice,
                            std::span<const PhotoConsistency> moments, size_t plane) {
-  const bool is_sweep = request.trials.size() >= kSweep;
+  const bool is_sweep = request.hypotheses.size() >= kSweep;
   PhotoConsistency surface = moments[0];
   if (is_sweep)
     for (size_t i = 0; i < choice.chosen.size(); i++) {
@@ -29,7 +30,7 @@ void DepthEstimator::doubt(const ViewRequest& request, const DepthSelection& cho
       surface.luma[i] = chosen.luma[i];
       surface.square[i] = chosen.square[i];
     }
-  const std::vector<uint8_t> levels = is_sweep ? choice.levels : hypothesis_levels(request.view, request.trials[0]);
+  const std::vector<uint8_t> levels = is_sweep ? choice.levels : hypothesis_levels(request.view, request.hypotheses[0]);
   const DepthAmbiguity::Errors errors = others_.errors(request.view, levels, surface, moments[plane]);
   constexpr double kEnough = 0.25;  // part of the nodes
   if (!(errors.known > kEnough) || !(errors.plane > 0) || !(errors.plane_disagrees > 0)) return;

@@ -222,10 +222,10 @@ std::vector<DepthHypothesis> DepthEstimator::next_hypotheses(const FocalMap& map
   if (++held_ < std::max(load_, spared_)) return {};
   const unsigned passed = std::exchange(held_, 0);  // requests since the last one that could have had hypotheses
   if (!sweeps_.empty()) {
-    std::vector<DepthHypothesis> trials = std::move(sweeps_.front());
+    std::vector<DepthHypothesis> hypotheses = std::move(sweeps_.front());
     sweeps_.pop_front();
-    state_.trials = static_cast<unsigned>(trials.size());
-    return trials;
+    state_.hypotheses = static_cast<unsigned>(hypotheses.size());
+    return hypotheses;
   }
   if (stage_ == Stage::kNothing) {
     waited_ += passed;
@@ -244,28 +244,28 @@ std::vector<DepthHypothesis> DepthEstimator::next_hypotheses(const FocalMap& map
   if (skipped_ < (moved_ ? moving_rest : state_.interval)) return {};
   moved_ = false;
   skipped_ = 0;
-  std::vector<DepthHypothesis> trials;
+  std::vector<DepthHypothesis> hypotheses;
   const unsigned round = round_++;
   if (state_.flat) {
     // Without edges to move: planes nearby, and planes over the whole range.
     constexpr int kNearby[] = {8, 4, 2, 1};  // levels, in turn
-    trials = hypotheses_of_round(round);
-    trials.erase(trials.begin() + 1, trials.end() - 1);
+    hypotheses = hypotheses_of_round(round);
+    hypotheses.erase(hypotheses.begin() + 1, hypotheses.end() - 1);
     for (const int by : {-kNearby[round % 4], kNearby[round % 4]})
-      trials.push_back(
+      hypotheses.push_back(
           {DepthHypothesis::Kind::kPlane, static_cast<int16_t>(std::clamp(map.levels.front() + by, 0, 255))});
   } else {
-    trials = hypotheses_of_round(round, is_automatic() ? scene_levels(map) : LevelRange{});
+    hypotheses = hypotheses_of_round(round, is_automatic() ? scene_levels(map) : LevelRange{});
     // Every third round tests whether a plane suffices.
     if (settings_.mode == FocusMode::kAuto && round_ % 3 == 0)
-      trials.back() = {DepthHypothesis::Kind::kPlane, median(map.levels)};
+      hypotheses.back() = {DepthHypothesis::Kind::kPlane, median(map.levels)};
   }
   // A sufficient plane replaces the viewer's, so kFocused would try it again.
   const bool is_replaced = state_.flat && !state_.on_plane, is_due = round % kPlaneEvery == 0;
   if ((is_due || (state_.on_plane && was_better_)) && !is_replaced)
-    trials[state_.flat ? 1 : trials.size() - 1] = {DepthHypothesis::Kind::kFocused, 0};
-  state_.trials = static_cast<unsigned>(trials.size());
-  return trials;
+    hypotheses[state_.flat ? 1 : hypotheses.size() - 1] = {DepthHypothesis::Kind::kFocused, 0};
+  state_.hypotheses = static_cast<unsigned>(hypotheses.size());
+  return hypotheses;
 }
 
 }  // namespace lf

@@ -43,9 +43,9 @@ void DepthFeedback::take_hypotheses(DepthEstimator::Plan& plan) {
            !(a->from == b->from);
   };
   if (news_ && is_of_other_levels(news_->plan.view.focus.map.get(), plan.view.focus.map.get())) unsent_.clear();
-  if (plan.trials.empty()) return;
-  std::erase_if(unsent_, [](const std::vector<DepthHypothesis>& trials) { return trials.size() < kSweep; });
-  unsent_.push_back(std::exchange(plan.trials, {}));
+  if (plan.hypotheses.empty()) return;
+  std::erase_if(unsent_, [](const std::vector<DepthHypothesis>& hypotheses) { return hypotheses.size() < kSweep; });
+  unsent_.push_back(std::exchange(plan.hypotheses, {}));
   if (unsent_.size() > kMostUnsent) unsent_.pop_front();
 }
 
@@ -151,7 +151,7 @@ void DepthFeedback::apply(ViewRequest& request) {
     if (!news_ || !news_->plan.view.focus.map) return;
     search_.reset();
     if (!unsent_.empty() && request.place.leads()) {
-      request.trials = std::move(unsent_.front());
+      request.hypotheses = std::move(unsent_.front());
       unsent_.pop_front();
     }
     request.gains = {.use = news_->gains.use};
@@ -190,7 +190,7 @@ void RelayedDepths::announce(uint32_t view_id, DepthEstimate focus) {
 bool RelayedDepths::apply(ViewRequest& request) {
   const std::lock_guard lock(mutex_);
   if (request.probe) {
-    if (!request.trials.empty()) view(request.view_id).sweep_sent(request.sequence);
+    if (!request.hypotheses.empty()) view(request.view_id).sweep_sent(request.sequence);
     return false;
   }
   const auto found = views_.find(request.view_id);

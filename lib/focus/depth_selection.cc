@@ -18,14 +18,14 @@ constexpr float kInfinity = std::numeric_limits<float>::infinity();
 // Hypotheses that are compared by their means, and the largest of their costs at each node. Infinity: one of them does
 // not see the node.
 struct Compared {
-  std::vector<bool> trial;
+  std::vector<bool> hypothesis;
   std::vector<float> most;
 };
 
 // Means can be compared over the same nodes only. A hypothesis that does not see most of the surface's nodes, such as a
 // near plane with widely spaced cameras, would leave too few of them. Hypotheses are admitted in descending order of
 // the nodes that they share with the surface, as long as kCompared of the surface's nodes remain.
-Compared compared_trials(const std::vector<std::vector<float>>& costs, std::span<const uint8_t> counted) {
+Compared compared_hypotheses(const std::vector<std::vector<float>>& costs, std::span<const uint8_t> counted) {
   constexpr double kCompared = 0.5;
   const auto num_seen = [](const std::vector<float>& most) {
     return std::ranges::count_if(most, [](float cost) { return cost < kInfinity; });
@@ -51,8 +51,8 @@ Compared compared_trials(const std::vector<std::vector<float>>& costs, std::span
   std::ranges::sort(order);
   compared.most = base;
   for (const auto& [shared, t] : order) {
-    compared.trial[t] = static_cast<double>(shared_by(compared.most, t)) >= least;
-    if (compared.trial[t]) compared.most = most;
+    compared.hypothesis[t] = static_cast<double>(shared_by(compared.most, t)) >= least;
+    if (compared.hypothesis[t]) compared.most = most;
   }
   return compared;
 }
@@ -61,7 +61,7 @@ Compared compared_trials(const std::vector<std::vector<float>>& costs, std::span
 // additions.
 void add_means(const std::vector<std::vector<float>>& costs, std::span<const uint8_t> counted, DepthSelection& choice) {
   const size_t nodes = costs[0].size(), last = costs.size() - 1;
-  const auto [is_compared, most] = compared_trials(costs, counted);
+  const auto [is_compared, most] = compared_hypotheses(costs, counted);
   const auto seen = std::ranges::count_if(most, [](float cost) { return cost < kInfinity; });
   choice.cost.assign(costs.size(), NAN);
   choice.energy.assign(costs.size(), NAN);
@@ -197,11 +197,11 @@ void scale_jumps(const DepthSelectionParams& terms, float factor, std::vector<st
 
 }  // namespace
 
-DepthSelection select_depths(const FocalMap& surface, std::span<const std::vector<uint8_t>> trials,
+DepthSelection select_depths(const FocalMap& surface, std::span<const std::vector<uint8_t>> hypotheses,
                              std::span<const PhotoConsistency> moments, const DepthSelectionParams& terms) {
   DepthSelection choice;
   choice.levels = surface.levels;
-  std::vector<std::vector<float>> costs = hypothesis_costs(moments.first(trials.size()), terms.radius);
+  std::vector<std::vector<float>> costs = hypothesis_costs(moments.first(hypotheses.size()), terms.radius);
   const std::vector<float>& base = costs[0];
   const size_t nodes = base.size();
   choice.residual = residual_of(base, terms.evidence);
@@ -211,7 +211,7 @@ DepthSelection select_depths(const FocalMap& surface, std::span<const std::vecto
   choice.informed.assign(nodes, 0);
   if (std::isnan(choice.residual)) return choice;
   Round round{surface, costs, {}, terms};
-  for (const std::vector<uint8_t>& trial : trials) round.levels.push_back(trial.data());
+  for (const std::vector<uint8_t>& hypothesis : hypotheses) round.levels.push_back(hypothesis.data());
   const auto lead = static_cast<float>(kLead * choice.residual);
   for (size_t i = 0; i < nodes; i++)
     if (round.has_evidence(i)) choice.lead[i] = lead * terms.evidence[i] + kNoise;

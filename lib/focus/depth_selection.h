@@ -43,12 +43,12 @@ struct DepthSelectionParams {
 // Selects for each node the level of the hypothesis through which the cameras agree best: with the smallest deviation,
 // averaged over nearby nodes, and with a level near the neighbours' levels.
 //
-// The smoothed surface (trials[0]) has a lead, so that undecided nodes become smooth: kLead of the median deviation,
-// plus kNoise, the deviation that rounded sums alone can cause. A node that differs from its neighbours by a pixel of
-// disparity or more costs kSmooth of the median deviation, plus kSmoothNoise. Nodes with less evidence than
+// The smoothed surface (hypotheses[0]) has a lead, so that undecided nodes become smooth: kLead of the median
+// deviation, plus kNoise, the deviation that rounded sums alone can cause. A node that differs from its neighbours by a
+// pixel of disparity or more costs kSmooth of the median deviation, plus kSmoothNoise. Nodes with less evidence than
 // kLittleEvidence take the levels of their neighbours. Nodes that no hypothesis sees keep their level. A hypothesis
-// that fewer cameras see than another does not compete at that node. `trials`: levels of each hypothesis; planes of a
-// sweep (kSweep hypotheses or more) ascend from the third on.
+// that fewer cameras see than another does not compete at that node. `hypotheses`: levels of each hypothesis; planes of
+// a sweep (kSweep hypotheses or more) ascend from the third on.
 inline constexpr double kLead = 0.06;
 inline constexpr float kNoise = 0.25f, kSmoothNoise = 0.1f;  // levels of luma
 inline constexpr double kSmooth = 0.4;
@@ -61,7 +61,7 @@ inline constexpr size_t kSweep = 7;
 // For a jump, the deviation must be below 1 / kJump of the deviations of all other hypotheses, because some of many
 // successive planes fit by chance, and the right level would not be tested again.
 inline constexpr float kJump = 2;
-DepthSelection select_depths(const FocalMap& surface, std::span<const std::vector<uint8_t>> trials,
+DepthSelection select_depths(const FocalMap& surface, std::span<const std::vector<uint8_t>> hypotheses,
                              std::span<const PhotoConsistency> moments, const DepthSelectionParams& terms);
 
 // Inverse distances, 1/m, farthest < nearest.

@@ -60,31 +60,32 @@ std::vector<uint8_t> blurred(const FocalMap& surface, std::vector<uint8_t> level
 
 }  // namespace
 
-std::vector<uint8_t> hypothesis_levels(const View& view, const DepthHypothesis& trial) {
+std::vector<uint8_t> hypothesis_levels(const View& view, const DepthHypothesis& hypothesis) {
   const FocalMap& surface = *view.focus.map;
-  if (trial.kind != DepthHypothesis::Kind::kFocused) return hypothesis_levels(surface, trial);
+  if (hypothesis.kind != DepthHypothesis::Kind::kFocused) return hypothesis_levels(surface, hypothesis);
   return plane_map(view, surface.from, surface.nearest, surface.farthest).levels;
 }
 
-std::vector<uint8_t> hypothesis_levels(const FocalMap& surface, const DepthHypothesis& trial) {
+std::vector<uint8_t> hypothesis_levels(const FocalMap& surface, const DepthHypothesis& hypothesis) {
   const auto extreme = [&](const auto& pick) {
     return along_both(surface.levels, surface.columns, surface.rows,
                       [&](uint8_t a, uint8_t b, uint8_t c) { return pick(a, pick(b, c)); });
   };
-  switch (trial.kind) {
+  switch (hypothesis.kind) {
     case DepthHypothesis::Kind::kFarther:
       return blurred(surface, extreme([](uint8_t a, uint8_t b) { return std::min(a, b); }));
     case DepthHypothesis::Kind::kNearer:
       return blurred(surface, extreme([](uint8_t a, uint8_t b) { return std::max(a, b); }));
     case DepthHypothesis::Kind::kPlane:
-      return std::vector<uint8_t>(surface.levels.size(), static_cast<uint8_t>(std::clamp<int>(trial.value, 0, 255)));
+      return std::vector<uint8_t>(surface.levels.size(),
+                                  static_cast<uint8_t>(std::clamp<int>(hypothesis.value, 0, 255)));
     case DepthHypothesis::Kind::kBlurred:
     case DepthHypothesis::Kind::kFocused:
     case DepthHypothesis::Kind::kShifted: break;
   }
   std::vector<uint8_t> levels = blurred(surface, surface.levels);
-  if (trial.kind == DepthHypothesis::Kind::kShifted)
-    for (uint8_t& level : levels) level = static_cast<uint8_t>(std::clamp(level + trial.value, 0, 255));
+  if (hypothesis.kind == DepthHypothesis::Kind::kShifted)
+    for (uint8_t& level : levels) level = static_cast<uint8_t>(std::clamp(level + hypothesis.value, 0, 255));
   return levels;
 }
 
@@ -95,34 +96,34 @@ std::vector<DepthHypothesis> hypotheses_of_round(unsigned round, const LevelRang
     return DepthHypothesis{DepthHypothesis::Kind::kPlane,
                            static_cast<int16_t>(range.first + (range.last - range.first) * plane / (kSweepPlanes - 1))};
   };
-  std::vector<DepthHypothesis> trials{{DepthHypothesis::Kind::kBlurred, 0}};
+  std::vector<DepthHypothesis> hypotheses{{DepthHypothesis::Kind::kBlurred, 0}};
   if (round % 2 == 0) {
-    trials.push_back({DepthHypothesis::Kind::kFarther, 0});
-    trials.push_back({DepthHypothesis::Kind::kNearer, 0});
+    hypotheses.push_back({DepthHypothesis::Kind::kFarther, 0});
+    hypotheses.push_back({DepthHypothesis::Kind::kNearer, 0});
   } else {
     const int step = std::max((scene.last - scene.first) / (kSweepPlanes - 1), 4);
     const auto shift = static_cast<int16_t>(round / 2 % 2 == 0 ? step / 2 : step / 3);
-    trials.push_back({DepthHypothesis::Kind::kShifted, static_cast<int16_t>(-shift)});
-    trials.push_back({DepthHypothesis::Kind::kShifted, shift});
+    hypotheses.push_back({DepthHypothesis::Kind::kShifted, static_cast<int16_t>(-shift)});
+    hypotheses.push_back({DepthHypothesis::Kind::kShifted, shift});
   }
   const unsigned turn = round / kOutsideEvery;
   if (round % kOutsideEvery == kOutsideEvery - 1 && scene != LevelRange{}) {
     DepthHypothesis outside = plane_of(turn, {0, 254 - (scene.last - scene.first)});
     if (outside.value >= scene.first)
       outside.value = static_cast<int16_t>(outside.value + scene.last - scene.first + 1);
-    trials.push_back(outside);
+    hypotheses.push_back(outside);
   } else {
-    trials.push_back(plane_of(scene == LevelRange{} ? round : round - turn, scene));
+    hypotheses.push_back(plane_of(scene == LevelRange{} ? round : round - turn, scene));
   }
-  return trials;
+  return hypotheses;
 }
 
 View hypothesis_view(const View& view) {
   const FocalMap& map = *view.focus.map;
   const double step = map.step;
-  View trial = view;
-  trial.width = map.columns;
-  trial.height = map.rows;
+  View result = view;
+  result.width = map.columns;
+  result.height = map.rows;
   std::array<double, Lens::kMaxParams> params = view.lens.params();
   const int focal = lens_model_num_focal(view.lens.model());
   for (int i = 0; i < focal; i++) params[static_cast<size_t>(i)] /= step;
@@ -130,17 +131,17 @@ View hypothesis_view(const View& view) {
     double& c = params[static_cast<size_t>(i)];
     c = (c + 0.5) / step - 0.5;
   }
-  trial.lens = Lens(view.lens.model(), params);
+  result.lens = Lens(view.lens.model(), params);
   auto per_pixel = std::make_shared<FocalMap>(map);
   per_pixel->step = 1;
-  trial.focus.map = std::move(per_pixel);
+  result.focus.map = std::move(per_pixel);
   // More cameras than kHypothesisCameras do not improve the distinction of depths. Outside the hull of the cameras only
   // the nearest ones by angle have weights, so hypotheses must use the same cameras.
-  if (trial.blending.kind == Blending::Kind::kAngle)
-    trial.blending.nearest = std::min(trial.blending.nearest, kHypothesisCameras);
+  if (result.blending.kind == Blending::Kind::kAngle)
+    result.blending.nearest = std::min(result.blending.nearest, kHypothesisCameras);
   else
-    trial.blending = {.extrapolates = view.blending.extrapolates, .fills_gaps = false};
-  return trial;
+    result.blending = {.extrapolates = view.blending.extrapolates, .fills_gaps = false};
+  return result;
 }
 
 }  // namespace lf

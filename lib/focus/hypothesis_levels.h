@@ -19,9 +19,9 @@ double plane_inverse(const View& view, const Plane& from, const Vec3& ray);
 FocalMap plane_map(const View& view, const Plane& from, double nearest, double farthest, int step = FocalMap::kMinStep);
 
 // Returns the hypothesis's levels, one for each node of the view's map.
-std::vector<uint8_t> hypothesis_levels(const View& view, const DepthHypothesis& trial);
+std::vector<uint8_t> hypothesis_levels(const View& view, const DepthHypothesis& hypothesis);
 // Returns the hypothesis's levels from the map alone; kFocused counts as kBlurred.
-std::vector<uint8_t> hypothesis_levels(const FocalMap& surface, const DepthHypothesis& trial);
+std::vector<uint8_t> hypothesis_levels(const FocalMap& surface, const DepthHypothesis& hypothesis);
 
 // A range of levels from `first` to `last`.
 struct LevelRange {

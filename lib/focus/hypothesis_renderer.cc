@@ -63,8 +63,8 @@ int hypothesis_box(const ViewPlan& plan, CameraIndex camera, const Camera& rig_c
 }
 
 Rect hypothesis_pixels(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera,
-                       std::span<const std::vector<uint8_t>> trials) {
-  const Rect least = needed_pixels(plan, camera, rig_camera, trials);
+                       std::span<const std::vector<uint8_t>> hypotheses) {
+  const Rect least = needed_pixels(plan, camera, rig_camera, hypotheses);
   if (least.empty()) return least;
   // twice the extra reach of the box: even numbers
   const int more = hypothesis_box(plan, camera, rig_camera) - kHypothesisBox;
@@ -161,18 +161,18 @@ void HypothesisCamera::add(const RenderJob& job, CameraIndex camera, const Camer
   rows.push_back(row);
 }
 
-ByteBuffer HypothesisCamera::levels_of(std::span<const std::vector<uint8_t>> trials, int columns) const {
-  ByteBuffer out(trials.size() * u.size());
-  for (size_t t = 0; t < trials.size(); t++)
+ByteBuffer HypothesisCamera::levels_of(std::span<const std::vector<uint8_t>> hypotheses, int columns) const {
+  ByteBuffer out(hypotheses.size() * u.size());
+  for (size_t t = 0; t < hypotheses.size(); t++)
     for (const HypothesisRow& row : rows) {
       const size_t begin = static_cast<size_t>(row.y) * columns + row.x0;
       const auto count = static_cast<size_t>(row.x1 - row.x0);
       uint8_t* const to = &out[t * u.size()] + row.first;
       // A copy of a constant number of bytes is faster. The next row or the padding takes the excess.
-      if (count <= kHypothesisPadding && begin + kHypothesisPadding <= trials[t].size())
-        std::memcpy(to, &trials[t][begin], kHypothesisPadding);
+      if (count <= kHypothesisPadding && begin + kHypothesisPadding <= hypotheses[t].size())
+        std::memcpy(to, &hypotheses[t][begin], kHypothesisPadding);
       else
-        std::memcpy(to, &trials[t][begin], count);
+        std::memcpy(to, &hypotheses[t][begin], count);
     }
   return out;
 }
@@ -180,18 +180,18 @@ ByteBuffer HypothesisCamera::levels_of(std::span<const std::vector<uint8_t>> tri
 namespace {
 
 struct Seen {
-  Seen(const RenderJob& job, const Source& source, std::span<const std::vector<uint8_t>> trials)
+  Seen(const RenderJob& job, const Source& source, std::span<const std::vector<uint8_t>> hypotheses)
       : where(job, source.camera, *source.rig_camera) {
     if (where.rows.empty()) return;
-    const HypothesisValues values = sample_hypotheses(where.projection, where.rays(),
-                                                      where.levels_of(trials, job.plan().view().width), source.image);
+    const HypothesisValues values = sample_hypotheses(
+        where.projection, where.rays(), where.levels_of(hypotheses, job.plan().view().width), source.image);
     stride = where.u.size();
-    memory.resize(3 * stride * trials.size());
-    for (size_t t = 0; t < trials.size(); t++)
-      weigh_hypothesis(where.weight.data(), &values[t * stride], where.rays().count, of_trial(t));
+    memory.resize(3 * stride * hypotheses.size());
+    for (size_t t = 0; t < hypotheses.size(); t++)
+      weigh_hypothesis(where.weight.data(), &values[t * stride], where.rays().count, of_hypothesis(t));
   }
-  HypothesisSums of_trial(size_t trial) {
-    uint16_t* const begin = memory.data() + 3 * stride * trial;
+  HypothesisSums of_hypothesis(size_t hypothesis) {
+    uint16_t* const begin = memory.data() + 3 * stride * hypothesis;
     return {begin, begin + stride, begin + 2 * stride};
   }
   HypothesisCamera where;
@@ -205,19 +205,19 @@ void add_up(const uint16_t* __restrict from, int count, uint16_t* __restrict to)
 
 // Computes the sums on a GPU. `seeing`: sources with images and weights.
 bool draw(gl::GlesRenderer& gpu, const RenderJob& job, std::span<const Source> seeing,
-          std::span<const std::vector<uint8_t>> trials, std::span<PhotoConsistency> sums, const ParallelFor& parallel,
-          std::string& why) {
+          std::span<const std::vector<uint8_t>> hypotheses, std::span<PhotoConsistency> sums,
+          const ParallelFor& parallel, std::string& why) {
   const ViewPlan& plan = job.plan();
   const simd::PreparedTask prepared(plan, job.runs(), seeing, seeing.front().image.family, Coordinates::kExact);
   std::vector<int> boxes;
   for (const Source& source : seeing) boxes.push_back(hypothesis_box(plan, source.camera, *source.rig_camera));
   const auto part = [&](const Source& source) {
-    return hypothesis_pixels(plan, source.camera, *source.rig_camera, trials);
+    return hypothesis_pixels(plan, source.camera, *source.rig_camera, hypotheses);
   };
   gl::ConsistencyReadback drawn;
-  if (!gpu.draw_consistency({prepared.task, trials, boxes}, seeing, part, parallel, drawn, why)) return false;
+  if (!gpu.draw_consistency({prepared.task, hypotheses, boxes}, seeing, part, parallel, drawn, why)) return false;
   const Rect& rect = drawn.rect;
-  parallel(trials.size(), [&](size_t t) {
+  parallel(hypotheses.size(), [&](size_t t) {
     uint16_t* const planes[3] = {sums[t].weight.data(), sums[t].luma.data(), sums[t].square.data()};
     for (int kind = 0; kind < 3; kind++)
       for (int y = rect.y0; y < rect.y1; y++)
@@ -229,7 +229,7 @@ bool draw(gl::GlesRenderer& gpu, const RenderJob& job, std::span<const Source> s
 }  // namespace
 
 GpuStatus add_consistency(const RenderJob& job, std::span<const Source> sources,
-                          std::span<const std::vector<uint8_t>> trials, std::span<PhotoConsistency> sums,
+                          std::span<const std::vector<uint8_t>> hypotheses, std::span<PhotoConsistency> sums,
                           const ParallelFor& parallel, gl::GlesRenderer* gpu) {
   std::vector<Source> seeing;
   for (const Source& source : sources) {
@@ -239,8 +239,8 @@ GpuStatus add_consistency(const RenderJob& job, std::span<const Source> sources,
   }
   GpuStatus drawing;
   // GPUs only draw hypotheses of views that are blended by the mesh.
-  if (gpu && !job.plan().blend() && !seeing.empty() && !trials.empty()) {
-    drawing.drawn = draw(*gpu, job, seeing, trials, sums, parallel, drawing.why_not);
+  if (gpu && !job.plan().blend() && !seeing.empty() && !hypotheses.empty()) {
+    drawing.drawn = draw(*gpu, job, seeing, hypotheses, sums, parallel, drawing.why_not);
     drawing.refused = !drawing.drawn;
     if (drawing.drawn) return drawing;
   }
@@ -250,14 +250,14 @@ GpuStatus add_consistency(const RenderJob& job, std::span<const Source> sources,
     Source& source = seeing[i];
     if (source.image.on_gpu.image)
       source.image =
-          fetched(source.image, hypothesis_pixels(job.plan(), source.camera, *source.rig_camera, trials), memory);
-    if (source.image.family != PixelFamily::kNone) cameras[i] = std::make_unique<Seen>(job, source, trials);
+          fetched(source.image, hypothesis_pixels(job.plan(), source.camera, *source.rig_camera, hypotheses), memory);
+    if (source.image.family != PixelFamily::kNone) cameras[i] = std::make_unique<Seen>(job, source, hypotheses);
   });
   std::erase(cameras, nullptr);
   // Saturating sums of non-negative values do not depend on the order.
-  parallel(trials.size(), [&](size_t t) {
+  parallel(hypotheses.size(), [&](size_t t) {
     for (const std::unique_ptr<Seen>& camera : cameras)
-      add_rows(camera->where.rows, camera->of_trial(t), sums[t].columns, sums[t].weight.size(),
+      add_rows(camera->where.rows, camera->of_hypothesis(t), sums[t].columns, sums[t].weight.size(),
                {sums[t].weight.data(), sums[t].luma.data(), sums[t].square.data()});
   });
   return drawing;

@@ -29,7 +29,7 @@ HypothesisProjection hypothesis_projection(const ViewPlan& plan, CameraIndex cam
 int hypothesis_box(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera);
 // Returns the pixels of a camera's image that hypotheses sample, like needed_pixels(). `plan`: of hypothesis_view().
 Rect hypothesis_pixels(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera,
-                       std::span<const std::vector<uint8_t>> trials);
+                       std::span<const std::vector<uint8_t>> hypotheses);
 
 // A camera, and the nodes of a hypothesis at which it has a weight: in each row from the first to the last such node.
 // Nodes in between may have weight 0. Arrays hold the nodes row by row, with kHypothesisPadding unused values at the
@@ -43,20 +43,20 @@ struct HypothesisCamera {
   UninitializedVector<float> u, v, weight;  // lines of sight; the camera's weight
 
   HypothesisRays rays() const { return {u.data(), v.data(), static_cast<int>(u.size() - kHypothesisPadding)}; }
-  // Returns the levels of hypotheses at this camera's nodes, for sample_hypotheses(). `trials`: levels of each
+  // Returns the levels of hypotheses at this camera's nodes, for sample_hypotheses(). `hypotheses`: levels of each
   // hypothesis, of a map with `columns` columns.
-  ByteBuffer levels_of(std::span<const std::vector<uint8_t>> trials, int columns) const;
+  ByteBuffer levels_of(std::span<const std::vector<uint8_t>> hypotheses, int columns) const;
 
  private:
   void add(const RenderJob& job, CameraIndex camera, const CameraCorners& corners, const Rect& region, int y);
 };
 
-// Adds the contributions of the sources to trials[i] to sums[i]. trials[i]: levels of a hypothesis of the view's map;
-// sums[i] has the size of the map. `job`: of hypothesis_view(). Luma is first rounded to 8 bits, as in transmission.
-// The result does not depend on `parallel`. Throws Error like SumRenderer. `gpu`: used where possible (for its errors
-// see GlesRenderer::draw_consistency()), otherwise the CPU.
+// Adds the contributions of the sources to hypotheses[i] to sums[i]. hypotheses[i]: levels of a hypothesis of the
+// view's map; sums[i] has the size of the map. `job`: of hypothesis_view(). Luma is first rounded to 8 bits, as in
+// transmission. The result does not depend on `parallel`. Throws Error like SumRenderer. `gpu`: used where possible
+// (for its errors see GlesRenderer::draw_consistency()), otherwise the CPU.
 GpuStatus add_consistency(const RenderJob& job, std::span<const Source> sources,
-                          std::span<const std::vector<uint8_t>> trials, std::span<PhotoConsistency> sums,
+                          std::span<const std::vector<uint8_t>> hypotheses, std::span<PhotoConsistency> sums,
                           const ParallelFor& parallel = serial_for, gl::GlesRenderer* gpu = nullptr);
 
 }  // namespace lf

@@ -111,8 +111,8 @@ int count_below(const float* HWY_RESTRICT values, int n, int32_t limit) {
   return static_cast<int>(hn::GetLane(hn::SumOfLanes(all, counts))) + rest;
 }
 
-void compete(const float* HWY_RESTRICT cost, const float* HWY_RESTRICT lead, int trial, int n, float* HWY_RESTRICT best,
-             uint8_t* HWY_RESTRICT chosen) {
+void compete(const float* HWY_RESTRICT cost, const float* HWY_RESTRICT lead, int hypothesis, int n,
+             float* HWY_RESTRICT best, uint8_t* HWY_RESTRICT chosen) {
   for_lanes<float>(n, [&](auto d, int i) HWY_ATTR {
     const hn::Rebind<uint8_t, decltype(d)> d8;
     const hn::Rebind<int32_t, decltype(d)> d32;
@@ -120,7 +120,7 @@ void compete(const float* HWY_RESTRICT cost, const float* HWY_RESTRICT lead, int
     const auto better = hn::Lt(behind, before);
     const auto was = hn::PromoteTo(d32, hn::LoadU(d8, chosen + i));
     hn::StoreU(hn::IfThenElse(better, behind, before), d, best + i);
-    const auto is = hn::IfThenElse(hn::RebindMask(d32, better), hn::Set(d32, trial), was);
+    const auto is = hn::IfThenElse(hn::RebindMask(d32, better), hn::Set(d32, hypothesis), was);
     hn::StoreU(hn::DemoteTo(d8, is), d8, chosen + i);
   });
 }
@@ -168,18 +168,18 @@ float PhotoConsistency::deviation(size_t node) const {
   return std::sqrt(std::max(static_cast<float>(square[node]) / w - mean * mean, 0.f));
 }
 
-double moved_light(std::span<const PhotoConsistency> trials, std::span<const uint8_t> chosen, size_t plane,
+double moved_light(std::span<const PhotoConsistency> hypotheses, std::span<const uint8_t> chosen, size_t plane,
                    std::span<const uint8_t> counted) {
   constexpr int kAllWeight = PhotoConsistency::kWeightOne * 15 / 16;
   constexpr double kLuma = static_cast<double>(PhotoConsistency::kWeightOne) / PhotoConsistency::kLumaOne;
   constexpr int kLeastNodes = 100;  // fewer nodes are dominated by objects at the border
-  const PhotoConsistency& through = trials[plane];
+  const PhotoConsistency& through = hypotheses[plane];
   double moved[4] = {};
   int nodes[4] = {};
   size_t i = 0;
   for (int y = 0; y < through.rows; y++)
     for (int x = 0; x < through.columns; x++, i++) {
-      const PhotoConsistency& surface = trials[chosen[i]];
+      const PhotoConsistency& surface = hypotheses[chosen[i]];
       if (!counted.empty() && !counted[i]) continue;
       if (surface.weight[i] < kAllWeight || through.weight[i] < kAllWeight) continue;
       const int quarter = 2 * (2 * y / through.rows) + 2 * x / through.columns;

@@ -40,7 +40,7 @@ struct PhotoConsistency {
 //
 // Uses nodes that all cameras see both ways, in quarters with at least a hundred such nodes; 0 without such quarters.
 // `chosen`: hypothesis of each node of the surface. `plane`: index of the plane's hypothesis.
-double moved_light(std::span<const PhotoConsistency> trials, std::span<const uint8_t> chosen, size_t plane,
+double moved_light(std::span<const PhotoConsistency> hypotheses, std::span<const uint8_t> chosen, size_t plane,
                    std::span<const uint8_t> counted = {});
 
 // Comparisons for select_depths(), in SIMD: bit-identical with every instruction set.

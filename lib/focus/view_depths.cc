@@ -16,13 +16,13 @@ void apply_plan(const DepthEstimator::Plan& plan, ViewRequest& request) {
   const View& view = request.view;
   // A mean of another size is useless.
   if (view.width != plan.view.width || view.height != plan.view.height) request.gains.mean.clear();
-  const bool serves = !request.trials.empty() || request.gains.ask || !request.gains.mean.empty();
+  const bool serves = !request.hypotheses.empty() || request.gains.ask || !request.gains.mean.empty();
   if (plan.plane) request.view.focus.plane = *plan.plane;
   request.on_plane = plan.on_plane && serves;
   if (!plan.on_plane || serves) request.view.focus.map = warp_depth_map(plan.view, view);
   if (request.view.focus.map) return;
   // A view that is too large for a map cannot use hypotheses or a mean.
-  request.trials.clear();
+  request.hypotheses.clear();
   request.gains.ask = request.on_plane = false;
 }
 
@@ -31,7 +31,7 @@ void apply_reference_view(const ViewRequest& leader, ViewRequest& beside) {
   const bool has_surface = leader.view.focus.map && !leader.on_plane;
   beside.view.focus.map = has_surface ? warp_depth_map(leader.view, beside.view) : nullptr;
   beside.on_plane = false;
-  beside.trials.clear();
+  beside.hypotheses.clear();
   beside.gains = {.use = leader.gains.use};
 }
 
@@ -52,7 +52,7 @@ GainRequest next_gains(ExposureSchedule& turns, bool use, bool has_hypotheses, c
 
 void ViewDepths::apply(ViewRequest& request) {
   if (!plan_ || !plan_->view.focus.map) return;
-  request.trials = std::exchange(plan_->trials, {});
+  request.hypotheses = std::exchange(plan_->hypotheses, {});
   request.gains = std::exchange(gains_, {.use = gains_.use});
   apply_plan(*plan_, request);
 }
@@ -60,7 +60,7 @@ void ViewDepths::apply(ViewRequest& request) {
 void ViewDepths::take(const ViewRequest& request, const Answers& answers, const FocusArray& array) {
   control_.keep_up(answers.complete);
   plan_ = control_.next(request, answers.moments, array);
-  gains_ = next_gains(turns_, match_gains_ && control_.state().mixed, !plan_->trials.empty(), answers.brightness,
+  gains_ = next_gains(turns_, match_gains_ && control_.state().mixed, !plan_->hypotheses.empty(), answers.brightness,
                       answers.gains, request.sequence);
 }
 
@@ -76,10 +76,11 @@ class StillArray {
   }
 
   std::vector<PhotoConsistency> moments(const ViewRequest& request) {
-    std::vector<PhotoConsistency> sums(request.trials.size());
+    std::vector<PhotoConsistency> sums(request.hypotheses.size());
     if (sums.empty()) return sums;
     std::vector<std::vector<uint8_t>> levels;
-    for (const DepthHypothesis& trial : request.trials) levels.push_back(hypothesis_levels(request.view, trial));
+    for (const DepthHypothesis& hypothesis : request.hypotheses)
+      levels.push_back(hypothesis_levels(request.view, hypothesis));
     for (PhotoConsistency& sum : sums) sum.reset(request.view.focus.map->columns, request.view.focus.map->rows);
     const RenderJob job(rig_, mesh_, hypothesis_view(request.view), all_);
     std::vector<Source> sources = sources_of(job.cameras());

@@ -202,19 +202,19 @@ std::shared_ptr<const FocalMap> warp_depth_map(const View& from, const View& to)
   return carried;
 }
 
-void LatestSurface::leaves(const std::vector<DepthHypothesis>& trials, uint32_t sequence) {
-  underway_.push_back({trials, rounds_, sequence});
+void LatestSurface::leaves(const std::vector<DepthHypothesis>& hypotheses, uint32_t sequence) {
+  underway_.push_back({hypotheses, rounds_, sequence});
   if (underway_.size() <= kMaxInFlight) return;
-  lost_.push_back(std::move(underway_.front().trials));
+  lost_.push_back(std::move(underway_.front().hypotheses));
   underway_.pop_front();
 }
 
 // Removes and returns the entry of an answered request; nothing if unknown. Requests keep their order, so earlier
 // entries are lost.
 std::optional<LatestSurface::Underway> LatestSurface::answered(const ViewRequest& request) {
-  const auto left = std::ranges::find(underway_, request.trials, &Underway::trials);
+  const auto left = std::ranges::find(underway_, request.hypotheses, &Underway::hypotheses);
   if (left == underway_.end()) return std::nullopt;
-  for (auto before = underway_.begin(); before != left; before++) lost_.push_back(std::move(before->trials));
+  for (auto before = underway_.begin(); before != left; before++) lost_.push_back(std::move(before->hypotheses));
   const Underway found = std::move(*left);
   underway_.erase(underway_.begin(), left + 1);
   const uint32_t took = request.sequence - found.sequence;  // sequence numbers wrap
@@ -223,13 +223,13 @@ std::optional<LatestSurface::Underway> LatestSurface::answered(const ViewRequest
 }
 
 void LatestSurface::lose(const ViewRequest& request) {
-  if (answered(request)) lost_.push_back(request.trials);
+  if (answered(request)) lost_.push_back(request.hypotheses);
 }
 
 std::vector<std::vector<DepthHypothesis>> LatestSurface::take_lost(uint32_t sequence) {
   const uint32_t most = kMaxInFlight, patience = longest_ ? std::min(2 * *longest_ + kPatience, most) : most;
   while (!underway_.empty() && sequence - underway_.front().sequence > patience) {
-    lost_.push_back(std::move(underway_.front().trials));
+    lost_.push_back(std::move(underway_.front().hypotheses));
     underway_.pop_front();
   }
   return std::exchange(lost_, {});

@@ -68,7 +68,7 @@ class LatestSurface {
   // Returns the number of requests with hypotheses in flight.
   size_t underway() const { return underway_.size(); }
   // Registers a request with these hypotheses for the present surface, sent after the answer to request `sequence`.
-  void leaves(const std::vector<DepthHypothesis>& trials, uint32_t sequence);
+  void leaves(const std::vector<DepthHypothesis>& hypotheses, uint32_t sequence);
   // Marks the request's hypotheses as lost: they were not and will not be answered.
   void lose(const ViewRequest& request);
   // Removes and returns the hypotheses that count as lost after the answer to request `sequence`, in their order.
@@ -82,7 +82,7 @@ class LatestSurface {
 
  private:
   struct Underway {
-    std::vector<DepthHypothesis> trials;
+    std::vector<DepthHypothesis> hypotheses;
     unsigned rounds;    // rounds that the request's surface includes
     uint32_t sequence;  // number of the last request that was answered before this one was sent
   };

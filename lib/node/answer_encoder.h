@@ -51,7 +51,7 @@ struct RenderedConsistency {
 // photo-consistency sums, and the pixels) and the duration of each step.
 struct RenderedAnswer {
   ByteBuffer brightness;  // brightness of the cameras; empty without such a request
-  RenderedConsistency trials;
+  RenderedConsistency consistency;
   ByteBuffer bytes;
   size_t fragments = 0;
   // The sum (the weighted total of the node's cameras), if it stays on the GPU. It is then the payload of the only

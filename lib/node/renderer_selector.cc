@@ -126,20 +126,20 @@ std::shared_ptr<gl::GlesRenderer> RendererSelector::open_for_depth(RendererChoic
   return is_wanted ? drawer_ : nullptr;
 }
 
-void RendererSelector::tried(RendererChoice choice, const RenderedConsistency& trials) {
-  if (choice == RendererChoice::kCpu || trials.nodes == 0) return;
-  const GpuStatus& drawing = trials.drawing;
+void RendererSelector::tried(RendererChoice choice, const RenderedConsistency& consistency) {
+  if (choice == RendererChoice::kCpu || consistency.nodes == 0) return;
+  const GpuStatus& drawing = consistency.drawing;
   const std::lock_guard lock(mutex_);
   draws_consistency_ = drawing.drawn;
   if (drawing.drawn || drawing.refused) depth_backoff_.add(drawing.refused, now_());
   if (choice == RendererChoice::kAuto && !drawing.refused && is_in_race())
-    depth_tuner_.add(drawing.drawn, trials.nodes, trials.ns);
+    depth_tuner_.add(drawing.drawn, consistency.nodes, consistency.ns);
 }
 
 std::string RendererSelector::explain(RendererChoice choice) const {
   if (choice == RendererChoice::kCpu) return "cpu";
   const std::lock_guard lock(mutex_);
-  return explain_answers(choice) + (draws_consistency_ ? ", trials, too" : "");
+  return explain_answers(choice) + (draws_consistency_ ? ", photo-consistency, too" : "");
 }
 
 std::string RendererSelector::explain_answers(RendererChoice choice) const {

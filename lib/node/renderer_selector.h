@@ -91,12 +91,12 @@ class RendererSelector {
   // (which may be slower), the old context stays and `why` is set.
   using OpenIn = std::function<std::unique_ptr<gl::GlesRenderer>(std::string& why)>;
   bool move_to(RendererChoice choice, gl::ShareGroup group, bool early, const OpenIn& open, std::string& why);
-  void tried(RendererChoice choice, const RenderedConsistency& trials);
+  void tried(RendererChoice choice, const RenderedConsistency& consistency);
   // Releases a context that move_to() has opened, even if it was lost. The selector opens a new context when needed.
   void leave();
   // Describes the active renderer and the reason for the choice, for example "cpu", "gl: NVIDIA ..." or "auto: cpu,
-  // there is no other: device 0: computes on the CPU". ", trials, too" at the end means that the GPU also computes
-  // depth hypotheses.
+  // there is no other: device 0: computes on the CPU". ", photo-consistency, too" at the end means that the GPU also
+  // computes depth hypotheses.
   std::string explain(RendererChoice choice) const;
 
  private:

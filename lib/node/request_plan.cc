@@ -23,9 +23,10 @@ RequestPlan::RequestPlan(const Rig& rig, const Mesh& mesh, const ViewRequest& re
     cameras_.clear();
     std::ranges::set_union(sum_->cameras(), wide_->cameras(), std::back_inserter(cameras_));
   }
-  if (request.trials.empty()) return;
+  if (request.hypotheses.empty()) return;
   hypothesis_job_.emplace(rig, mesh, hypothesis_view(request.view), own, parallel);
-  for (const DepthHypothesis& trial : request.trials) hypotheses_.push_back(hypothesis_levels(request.view, trial));
+  for (const DepthHypothesis& hypothesis : request.hypotheses)
+    hypotheses_.push_back(hypothesis_levels(request.view, hypothesis));
 }
 
 RequestPlan::RequestPlan(const Rig& rig, const wire::WarpCommand& command, std::span<const CameraIndex> own,

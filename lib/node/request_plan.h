@@ -54,7 +54,7 @@ class RequestPlan {
   int quality() const { return quality_; }
   // The depth levels of each hypothesis (a guess of the depths), and the job that evaluates the hypotheses. The job is
   // null without hypotheses. The resulting photo-consistency sums are sent before the answer.
-  const std::vector<std::vector<uint8_t>>& trials() const { return hypotheses_; }
+  const std::vector<std::vector<uint8_t>>& hypotheses() const { return hypotheses_; }
   const RenderJob* hypothesis_job() const { return hypothesis_job_ ? &*hypothesis_job_ : nullptr; }
   // Exposure compensation of the cameras, or null if not requested.
   const GainRequest* gains() const { return gains_.use || gains_.ask ? &gains_ : nullptr; }

@@ -133,13 +133,13 @@ RenderedConsistency render_consistency(const RequestRenderer::Work& work, const 
   const RenderJob* const job = work.plan->hypothesis_job();
   if (!job) return {};
   const uint64_t begun = now_ns();
-  const std::vector<std::vector<uint8_t>>& trials = work.plan->trials();
+  const std::vector<std::vector<uint8_t>>& hypotheses = work.plan->hypotheses();
   const View& view = job->plan().view();
-  std::vector<PhotoConsistency> sums(trials.size());
+  std::vector<PhotoConsistency> sums(hypotheses.size());
   for (PhotoConsistency& sum : sums) sum.reset(view.width, view.height);
-  RenderedConsistency rendered{.nodes = trials.size() * view.width * view.height};
+  RenderedConsistency rendered{.nodes = hypotheses.size() * view.width * view.height};
   rendered.drawing =
-      add_consistency(*job, images_of(work, images), trials, sums, options.parallel, options.depth_gpu.get());
+      add_consistency(*job, images_of(work, images), hypotheses, sums, options.parallel, options.depth_gpu.get());
   rendered.ns = now_ns() - begun;
   rendered.unit = wire::encode_consistency(consistency_header(work.header, {}), sums, !options.in_process);
   return rendered;
@@ -233,7 +233,7 @@ std::vector<RenderedAnswer> RequestRenderer::render(Works works, std::span<const
   std::vector<Source> ready(images.begin(), images.end());
   correct(works, options, scratch.corrected, ready);
   if (works.front().plan->gains()) match_gains(works, options, scratch.matched, ready, answers);
-  for (size_t i = 0; i < works.size(); i++) answers[i].trials = render_consistency(works[i], ready, options);
+  for (size_t i = 0; i < works.size(); i++) answers[i].consistency = render_consistency(works[i], ready, options);
   for (RenderedAnswer& answer : answers) answer.prepare_ns = (now_ns() - begun) / works.size();
   const std::vector<Source> sampled = resampled(works, options, scratch.sharpened, ready);
   std::vector<Drawn> drawn(works.size());

@@ -70,7 +70,7 @@ RequestLimiter::Refusal check_cost(const RequestCost& cost, const RequestLimits&
   if (static_cast<double>(pixels) * cost.lens_steps >
       static_cast<double>(limits.pixels) * RequestLimits::kMaxLensIterations)
     return RequestLimiter::kLens;
-  return cost.trials > limits.trials ? RequestLimiter::kHypotheses : RequestLimiter::kNone;
+  return cost.hypotheses > limits.hypotheses ? RequestLimiter::kHypotheses : RequestLimiter::kNone;
 }
 
 std::string metres(double value) { return format_text("%.4g m", value); }
@@ -87,7 +87,7 @@ double estimated_work(const RequestCost& cost, size_t cameras) {
   constexpr double kCamera = 16;
   const double pixels = static_cast<double>(cost.width) * cost.height, all = static_cast<double>(cameras);
   const bool blended = cost.aperture > 0 || cost.by_angle;
-  double per_pixel = (blended ? kByAperture : 1) + kHypothesis * cost.trials;
+  double per_pixel = (blended ? kByAperture : 1) + kHypothesis * cost.hypotheses;
   if (cost.lens_steps > 0) per_pixel += kLensStep * (cost.lens_steps + 1);
   if (blended) per_pixel += kCameraOfPoint * all;
   return pixels * per_pixel + kCamera * all;
@@ -131,8 +131,8 @@ std::string refusal_text(RequestLimiter::Refusal refusal, const RequestCost& cos
              (limits.aperture > 0 ? ", more than the " + metres(limits.aperture) + " of max-aperture"
                                   : ", wider than the array, which has " + metres(extent) + " (max-aperture)");
     case RequestLimiter::kHypotheses:
-      return "requests " + std::to_string(cost.trials) + " depth hypotheses, more than the " +
-             std::to_string(limits.trials) + " of max-trials";
+      return "requests " + std::to_string(cost.hypotheses) + " depth hypotheses, more than the " +
+             std::to_string(limits.hypotheses) + " of max-hypotheses";
     case RequestLimiter::kRate:
       return "exceeds " + std::to_string(limits.requests_per_second) + " requests per second (max-requests-per-second)";
     case RequestLimiter::kViews:

@@ -71,7 +71,7 @@ struct ViewRequest : RequestHeader {
   bool on_plane = false;  // render the picture on the focal plane; the focal map is only used for the depth hypotheses
   // The depth hypotheses to compare with the focal map, at most kMaxHypotheses; empty without a map. Answers then
   // contain photo-consistency sums, which measure how well the cameras agree on each hypothesis.
-  std::vector<DepthHypothesis> trials;
+  std::vector<DepthHypothesis> hypotheses;
   GainRequest gains;
   bool operator==(const ViewRequest&) const = default;
 };
@@ -122,7 +122,7 @@ struct RequestLimits {
   // width x height of a view; the views of a set may together have kSetFactor times as many pixels
   uint64_t pixels = uint64_t{4096} * 2304;
   double aperture = 0;  // metres; 0: the width of the array
-  unsigned trials = kMaxHypotheses;
+  unsigned hypotheses = kMaxHypotheses;
   unsigned requests_per_second = 500;  // per view; 0: unlimited
   unsigned views = 64;
   static constexpr uint64_t kSetFactor = 4;
@@ -135,7 +135,7 @@ struct RequestLimits {
 struct RequestCost {
   int width = 0, height = 0;  // pixels
   double aperture = 0;        // metres; 0: the view does not use aperture blending
-  unsigned trials = 0;
+  unsigned hypotheses = 0;
   int columns = 1, rows = 1;  // size of the set that the view belongs to, in views
   double lens_steps = 0;
   bool by_angle = false;  // blending by angle: each grid point of the view visits all cameras

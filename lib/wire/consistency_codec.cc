@@ -15,7 +15,7 @@ namespace {
 
 // The sums of a single camera follow from few values: the weight and, for each hypothesis, a luma or "not visible".
 // This is their compact form; see spec.md.
-size_t packed_bytes(size_t nodes, size_t trials) { return nodes * (4 + trials); }
+size_t packed_bytes(size_t nodes, size_t hypotheses) { return nodes * (4 + hypotheses); }
 
 struct SeenByOne {
   std::vector<uint16_t> weight;
@@ -33,18 +33,19 @@ int luma_that_adds(uint16_t weight, uint16_t luma, uint16_t square) {
 }
 
 // Returns nullopt if the sums contain several cameras.
-std::optional<SeenByOne> seen_by_one(std::span<const PhotoConsistency> trials, const Rect& rect) {
+std::optional<SeenByOne> seen_by_one(std::span<const PhotoConsistency> hypotheses, const Rect& rect) {
   const size_t nodes = static_cast<size_t>(rect.width()) * static_cast<size_t>(rect.height());
   SeenByOne seen{std::vector<uint16_t>(nodes), std::vector<uint16_t>(nodes),
-                 std::vector(trials.size(), std::vector<uint8_t>(nodes))};
+                 std::vector(hypotheses.size(), std::vector<uint8_t>(nodes))};
   size_t i = 0;
   for (int y = rect.y0; y < rect.y1; y++)
     for (int x = rect.x0; x < rect.x1; x++, i++) {
-      const size_t node = static_cast<size_t>(y) * trials[0].columns + x;
-      for (const PhotoConsistency& moments : trials) seen.weight[i] = std::max(seen.weight[i], moments.weight[node]);
-      for (size_t t = 0; t < trials.size(); t++) {
-        const uint16_t weight = trials[t].weight[node];
-        const int value = luma_that_adds(weight, trials[t].luma[node], trials[t].square[node]);
+      const size_t node = static_cast<size_t>(y) * hypotheses[0].columns + x;
+      for (const PhotoConsistency& moments : hypotheses)
+        seen.weight[i] = std::max(seen.weight[i], moments.weight[node]);
+      for (size_t t = 0; t < hypotheses.size(); t++) {
+        const uint16_t weight = hypotheses[t].weight[node];
+        const int value = luma_that_adds(weight, hypotheses[t].luma[node], hypotheses[t].square[node]);
         if (value < 0 || (weight != 0 && weight != seen.weight[i])) return std::nullopt;
         if (weight != seen.weight[i]) seen.blind[i] |= static_cast<uint16_t>(1 << t);
         seen.luma[t][i] = static_cast<uint8_t>(value);
@@ -85,29 +86,30 @@ std::vector<uint8_t> pack(const SeenByOne& seen, size_t width) {
 }
 
 // Packs the sums of the nodes in a rectangle. Returns nullopt if the sums contain several cameras.
-std::optional<std::vector<uint8_t>> pack_one_camera(std::span<const PhotoConsistency> trials, const Rect& rect) {
-  const std::optional<SeenByOne> seen = seen_by_one(trials, rect);
+std::optional<std::vector<uint8_t>> pack_one_camera(std::span<const PhotoConsistency> hypotheses, const Rect& rect) {
+  const std::optional<SeenByOne> seen = seen_by_one(hypotheses, rect);
   if (!seen) return std::nullopt;
   return pack(*seen, static_cast<size_t>(rect.width()));
 }
 
-// `packed` contains packed_bytes() for all nodes of `trials`, which must be zero. Throws Error for impossible values.
-void unpack_one_camera(std::span<const uint8_t> packed, std::span<PhotoConsistency> trials) {
-  const auto width = static_cast<size_t>(trials[0].columns), nodes = trials[0].weight.size();
+// `packed` contains packed_bytes() for all nodes of `hypotheses`, which must be zero. Throws Error for impossible
+// values.
+void unpack_one_camera(std::span<const uint8_t> packed, std::span<PhotoConsistency> hypotheses) {
+  const auto width = static_cast<size_t>(hypotheses[0].columns), nodes = hypotheses[0].weight.size();
   SeenByOne seen{std::vector<uint16_t>(nodes), std::vector<uint16_t>(nodes),
-                 std::vector(trials.size(), std::vector<uint8_t>(nodes))};
+                 std::vector(hypotheses.size(), std::vector<uint8_t>(nodes))};
   for (size_t i = 0; i < nodes; i++) {
     seen.weight[i] = static_cast<uint16_t>(bend(seen.weight, i, width) + (packed[i] << 8 | packed[nodes + i]));
     seen.blind[i] = static_cast<uint16_t>(packed[2 * nodes + i] << 8 | packed[3 * nodes + i]);
     if (seen.weight[i] > PhotoConsistency::kWeightOne) throw Error("weight: must be at most 1");
-    if (seen.blind[i] >> trials.size() != 0) throw Error("trials: a node uses an unknown hypothesis");
-    for (size_t t = 0; t < trials.size(); t++) {
+    if (seen.blind[i] >> hypotheses.size() != 0) throw Error("depth hypotheses: a node uses an unknown hypothesis");
+    for (size_t t = 0; t < hypotheses.size(); t++) {
       std::vector<uint8_t>& luma = seen.luma[t];
       luma[i] = static_cast<uint8_t>(packed[(4 + t) * nodes + i] + predicted(luma, i, width));
       if (seen.blind[i] >> t & 1) continue;
-      trials[t].weight[i] = seen.weight[i];
-      trials[t].luma[i] = PhotoConsistency::luma_of(seen.weight[i], luma[i]);
-      trials[t].square[i] = PhotoConsistency::square_of(trials[t].luma[i], luma[i]);
+      hypotheses[t].weight[i] = seen.weight[i];
+      hypotheses[t].luma[i] = PhotoConsistency::luma_of(seen.weight[i], luma[i]);
+      hypotheses[t].square[i] = PhotoConsistency::square_of(hypotheses[t].luma[i], luma[i]);
     }
   }
 }
@@ -116,9 +118,9 @@ constexpr size_t kHeaderBytes = kUnitHeaderBytes + 4 + 4 + 8 + 4 + 2 + 2 + 2 + 8
 constexpr uint16_t kOfGains = 1, kOfOneCamera = 2;  // unit flags
 constexpr uint8_t kHasWeight = 1;                   // flag of a hypothesis; without it, every node has the full weight
 
-Rect seen_nodes(std::span<const PhotoConsistency> trials) {
+Rect seen_nodes(std::span<const PhotoConsistency> hypotheses) {
   Rect rect;
-  for (const PhotoConsistency& moments : trials)
+  for (const PhotoConsistency& moments : hypotheses)
     for (int y = 0; y < moments.rows; y++) {
       const uint16_t* const row = moments.weight.data() + static_cast<size_t>(y) * moments.columns;
       const auto has = [](uint16_t w) { return w != 0; };
@@ -171,27 +173,28 @@ Reader read_header(std::span<const uint8_t> bytes, ConsistencyHeader& moments, C
   moments.node = in.get<uint32_t>();
   shape.columns = in.get<uint16_t>();
   shape.rows = in.get<uint16_t>();
-  shape.trials = in.get<uint8_t>();
+  shape.hypotheses = in.get<uint8_t>();
   const uint8_t reserved = in.get<uint8_t>();
   if (header->flags & kOfGains) {
     moments.gains.emplace();
     moments.gains->weight = in.get<uint32_t>();
     moments.gains->log2 = static_cast<int32_t>(in.get<uint32_t>());
   }
-  if (!in.ok()) throw Error("moments: the unit ends before its trials");
+  if (!in.ok()) throw Error("photo-consistency: the unit ends before its hypotheses");
   if (reserved != 0) throw Error("reserved: must be 0, is " + std::to_string(reserved));
-  if (shape.trials < 1 || shape.trials > kMaxHypotheses)
-    throw Error("trials: must be 1 to " + std::to_string(kMaxHypotheses) + ", not " + std::to_string(shape.trials));
+  if (shape.hypotheses < 1 || shape.hypotheses > kMaxHypotheses)
+    throw Error("depth hypotheses: must be 1 to " + std::to_string(kMaxHypotheses) + ", not " +
+                std::to_string(shape.hypotheses));
   if (shape.columns < 1 || shape.columns > kMaxImageSize || shape.rows < 1 || shape.rows > kMaxImageSize)
-    throw Error("moments: no view has " + std::to_string(shape.columns) + " x " + std::to_string(shape.rows) +
+    throw Error("photo-consistency: no view has " + std::to_string(shape.columns) + " x " + std::to_string(shape.rows) +
                 " nodes");
   return in;
 }
 
 void read_hypotheses(Reader& in, ConsistencyUnit& unit) {
-  for (PhotoConsistency& moments : unit.trials) {
+  for (PhotoConsistency& moments : unit.hypotheses) {
     const uint8_t flags = in.get<uint8_t>();
-    if (flags > kHasWeight) throw Error("trials: unknown flags " + std::to_string(flags));
+    if (flags > kHasWeight) throw Error("depth hypotheses: unknown flags " + std::to_string(flags));
     if (flags & kHasWeight)
       read_plane(in, moments.weight);
     else
@@ -199,15 +202,16 @@ void read_hypotheses(Reader& in, ConsistencyUnit& unit) {
     read_plane(in, moments.luma);
     read_plane(in, moments.square);
   }
-  if (!in.ok() || in.left() != 0) throw Error("moments: the unit's length does not fit its trials");
+  if (!in.ok() || in.left() != 0) throw Error("photo-consistency: the unit's length does not fit its hypotheses");
 }
 
 ConsistencyUnit read_consistency(std::span<const uint8_t> bytes, const ConsistencyShape& expected) {
   ConsistencyUnit unit;
   bool of_one;
   Reader in = read_header(bytes, unit, unit.shape, of_one);
-  if (unit.shape != expected) throw Error("moments: the number of nodes and hypotheses must be as in the request");
-  const auto [columns, rows, trials] = unit.shape;
+  if (unit.shape != expected)
+    throw Error("photo-consistency: the number of nodes and hypotheses must be as in the request");
+  const auto [columns, rows, hypotheses] = unit.shape;
   const int x = in.get<uint16_t>(), y = in.get<uint16_t>(), w = in.get<uint16_t>(), h = in.get<uint16_t>();
   unit.rect = {x, y, x + w, y + h};
   if (unit.rect.x1 > columns || unit.rect.y1 > rows || (w == 0) != (h == 0))
@@ -215,13 +219,13 @@ ConsistencyUnit read_consistency(std::span<const uint8_t> bytes, const Consisten
   const size_t nodes = static_cast<size_t>(w) * static_cast<size_t>(h);
   std::vector<uint8_t> packed;
   if (of_one)
-    packed = inflate_exactly(in.get_bytes(in.left()), packed_bytes(nodes, trials));
-  else if (in.left() < trials * (1 + 4 * nodes))
-    throw Error("moments: the unit ends before its trials do");
-  unit.trials.resize(trials);
-  for (PhotoConsistency& moments : unit.trials) moments.reset(w, h);
+    packed = inflate_exactly(in.get_bytes(in.left()), packed_bytes(nodes, hypotheses));
+  else if (in.left() < hypotheses * (1 + 4 * nodes))
+    throw Error("photo-consistency: the unit ends before its hypotheses do");
+  unit.hypotheses.resize(hypotheses);
+  for (PhotoConsistency& moments : unit.hypotheses) moments.reset(w, h);
   if (of_one)
-    unpack_one_camera(packed, unit.trials);
+    unpack_one_camera(packed, unit.hypotheses);
   else
     read_hypotheses(in, unit);
   return unit;
@@ -230,11 +234,11 @@ ConsistencyUnit read_consistency(std::span<const uint8_t> bytes, const Consisten
 }  // namespace
 
 void ConsistencyUnit::add_to(std::span<PhotoConsistency> sums) const {
-  for (size_t t = 0; t < trials.size(); t++) sums[t].add(trials[t], rect.x0, rect.y0);
+  for (size_t t = 0; t < hypotheses.size(); t++) sums[t].add(hypotheses[t], rect.x0, rect.y0);
 }
 
 std::vector<PhotoConsistency> ConsistencyUnit::sums() const {
-  std::vector<PhotoConsistency> sums(trials.size());
+  std::vector<PhotoConsistency> sums(hypotheses.size());
   for (PhotoConsistency& sum : sums) sum.reset(shape.columns, shape.rows);
   add_to(sums);
   return sums;
@@ -245,19 +249,21 @@ bool is_consistency(std::span<const uint8_t> bytes) {
   return header && header->kind == UnitKind::kAnswer && header->type == kConsistencyType;
 }
 
-ByteBuffer encode_consistency(const ConsistencyHeader& header, std::span<const PhotoConsistency> trials, bool small) {
-  if (trials.empty() || trials.size() > kMaxHypotheses)
-    throw Error("trials: must be 1 to " + std::to_string(kMaxHypotheses) + ", not " + std::to_string(trials.size()));
-  const Rect rect = seen_nodes(trials);
+ByteBuffer encode_consistency(const ConsistencyHeader& header, std::span<const PhotoConsistency> hypotheses,
+                              bool small) {
+  if (hypotheses.empty() || hypotheses.size() > kMaxHypotheses)
+    throw Error("depth hypotheses: must be 1 to " + std::to_string(kMaxHypotheses) + ", not " +
+                std::to_string(hypotheses.size()));
+  const Rect rect = seen_nodes(hypotheses);
   const size_t nodes = static_cast<size_t>(rect.width()) * static_cast<size_t>(rect.height());
   size_t size = kHeaderBytes + (header.gains ? 8 : 0);
   std::vector<uint8_t> packed;
   if (small && !header.gains && !rect.empty())
-    if (const std::optional<std::vector<uint8_t>> one = pack_one_camera(trials, rect)) packed = deflate_all(*one);
+    if (const std::optional<std::vector<uint8_t>> one = pack_one_camera(hypotheses, rect)) packed = deflate_all(*one);
   std::vector<bool> whole;
-  for (const PhotoConsistency& moments : trials) {
-    if (moments.columns != trials[0].columns || moments.rows != trials[0].rows)
-      throw Error("trials: all depth hypotheses must have the same number of nodes");
+  for (const PhotoConsistency& moments : hypotheses) {
+    if (moments.columns != hypotheses[0].columns || moments.rows != hypotheses[0].rows)
+      throw Error("depth hypotheses: all depth hypotheses must have the same number of nodes");
     whole.push_back(is_whole(moments, rect));
     size += 1 + 2 * nodes * (whole.back() ? 2 : 3);
   }
@@ -270,9 +276,9 @@ ByteBuffer encode_consistency(const ConsistencyHeader& header, std::span<const P
   out.put(header.sequence);
   out.put(header.rig_hash);
   out.put(header.node);
-  out.put(static_cast<uint16_t>(trials[0].columns));
-  out.put(static_cast<uint16_t>(trials[0].rows));
-  out.put(static_cast<uint8_t>(trials.size()));
+  out.put(static_cast<uint16_t>(hypotheses[0].columns));
+  out.put(static_cast<uint16_t>(hypotheses[0].rows));
+  out.put(static_cast<uint8_t>(hypotheses.size()));
   out.put(uint8_t{0});
   if (header.gains) {
     out.put(header.gains->weight);
@@ -280,12 +286,12 @@ ByteBuffer encode_consistency(const ConsistencyHeader& header, std::span<const P
   }
   for (const int v : {rect.x0, rect.y0, rect.width(), rect.height()}) out.put(static_cast<uint16_t>(v));
   out.put_bytes(packed);
-  for (size_t t = 0; t < trials.size() && packed.empty(); t++) {
+  for (size_t t = 0; t < hypotheses.size() && packed.empty(); t++) {
     out.put(whole[t] ? uint8_t{0} : kHasWeight);
-    const int columns = trials[t].columns;
-    if (!whole[t]) put_plane(out, trials[t].weight, columns, rect);
-    put_plane(out, trials[t].luma, columns, rect);
-    put_plane(out, trials[t].square, columns, rect);
+    const int columns = hypotheses[t].columns;
+    if (!whole[t]) put_plane(out, hypotheses[t].weight, columns, rect);
+    put_plane(out, hypotheses[t].luma, columns, rect);
+    put_plane(out, hypotheses[t].square, columns, rect);
   }
   return bytes;
 }

@@ -14,7 +14,7 @@
 
 namespace lf::wire {
 
-// Photo-consistency sums show how well a node's cameras agree about guessed depths (depth hypotheses, in code: trials).
+// Photo-consistency sums show how well a node's cameras agree about guessed depths (depth hypotheses).
 // A node sends them as a unit in the answer stream, before its fragments; see spec.md. This header precedes the sums.
 struct ConsistencyHeader {
   uint32_t view_id = 0, sequence = 0;
@@ -29,13 +29,13 @@ struct ConsistencyHeader {
 // The size of a request's focal map, in nodes, and the number of its depth hypotheses.
 struct ConsistencyShape {
   int columns = 0, rows = 0;
-  size_t trials = 0;
+  size_t hypotheses = 0;
   bool operator==(const ConsistencyShape&) const = default;
 };
 struct ConsistencyUnit : ConsistencyHeader {
   ConsistencyShape shape;
   Rect rect;                             // contains all map nodes with any weight
-  std::vector<PhotoConsistency> trials;  // the nodes in `rect`, for each hypothesis in request order
+  std::vector<PhotoConsistency> hypotheses;  // the nodes in `rect`, for each hypothesis in request order
 
   // Both functions use arrays that cover the whole map for each hypothesis, with the size in `shape`. add_to() adds
   // this unit to such an array, and sums() returns a new array.
@@ -47,7 +47,7 @@ bool is_consistency(std::span<const uint8_t> bytes);
 // Encodes the sums of all hypotheses of a request. `small` compresses the sums of a single camera to a sixth of the
 // bytes, but takes more time. Throws Error if there is no hypothesis, if there are more than kMaxHypotheses, or if
 // their sizes differ.
-ByteBuffer encode_consistency(const ConsistencyHeader& header, std::span<const PhotoConsistency> trials,
+ByteBuffer encode_consistency(const ConsistencyHeader& header, std::span<const PhotoConsistency> hypotheses,
                               bool small = false);
 // Parses the start of a photo-consistency unit, and sets *shape unless it is null. On failure, returns nullopt and sets
 // *reason unless it is null.

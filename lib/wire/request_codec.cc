@@ -109,10 +109,11 @@ void check(const ViewRequest& request) {
   check_request_head(request);
   validate(request.view);
   validate(request.place, request.view.width, request.view.height);
-  if (request.trials.size() > kMaxHypotheses)
-    throw Error("trials: at most " + std::to_string(kMaxHypotheses) + ", not " + std::to_string(request.trials.size()));
-  if (!request.trials.empty() && !request.view.focus.map) throw Error("trials: require a focal map");
-  if (request.on_plane && !request.view.focus.map) throw Error("trials: on a plane, require a focal map");
+  if (request.hypotheses.size() > kMaxHypotheses)
+    throw Error("depth hypotheses: at most " + std::to_string(kMaxHypotheses) + ", not " +
+                std::to_string(request.hypotheses.size()));
+  if (!request.hypotheses.empty() && !request.view.focus.map) throw Error("depth hypotheses: require a focal map");
+  if (request.on_plane && !request.view.focus.map) throw Error("depth hypotheses: on a plane, require a focal map");
   check_gains(request);
   const CameraSet& out = request.out_of_service;
   for (size_t i = 0; i < out.size(); i++) {
@@ -172,15 +173,15 @@ void read_place(Reader& in, ViewSetPosition& place) {
 }
 
 void put_map(Writer& out, const FocalMap& map, std::span<const uint8_t> deflated,
-             std::span<const DepthHypothesis> trials) {
+             std::span<const DepthHypothesis> hypotheses) {
   put_plane(out, map.from);
   out.put(map.farthest);
   out.put(map.nearest);
   out.put(static_cast<uint8_t>(map.step));
-  out.put(static_cast<uint8_t>(trials.size()));
-  for (const DepthHypothesis& trial : trials) {
-    out.put(static_cast<uint8_t>(trial.kind));
-    out.put(static_cast<uint16_t>(trial.value));
+  out.put(static_cast<uint8_t>(hypotheses.size()));
+  for (const DepthHypothesis& hypothesis : hypotheses) {
+    out.put(static_cast<uint8_t>(hypothesis.kind));
+    out.put(static_cast<uint16_t>(hypothesis.value));
   }
   out.put(static_cast<uint32_t>(deflated.size()));
   out.put_bytes(deflated);
@@ -193,13 +194,13 @@ void read_map(Reader& in, ViewRequest& request) {
   map->farthest = in.get<double>();
   map->nearest = in.get<double>();
   map->step = in.get<uint8_t>();
-  request.trials.resize(in.get<uint8_t>());
-  for (DepthHypothesis& trial : request.trials) {
+  request.hypotheses.resize(in.get<uint8_t>());
+  for (DepthHypothesis& hypothesis : request.hypotheses) {
     const uint8_t kind = in.get<uint8_t>();
     if (kind > static_cast<uint8_t>(DepthHypothesis::Kind::kFocused) || kind == kLayers)
-      throw Error("trials: kind " + std::to_string(kind) + " is unknown");
-    trial.kind = static_cast<DepthHypothesis::Kind>(kind);
-    trial.value = static_cast<int16_t>(in.get<uint16_t>());
+      throw Error("depth hypotheses: kind " + std::to_string(kind) + " is unknown");
+    hypothesis.kind = static_cast<DepthHypothesis::Kind>(kind);
+    hypothesis.value = static_cast<int16_t>(in.get<uint16_t>());
   }
   const std::span<const uint8_t> deflated = in.get_bytes(in.get<uint32_t>());
   check_remaining(in, "focal_map");
@@ -295,7 +296,7 @@ std::vector<uint8_t> encode_request(const ViewRequest& request) {
   }
   if (map) {
     deflated = packed(map->levels);
-    size += 6 * 8 + 2 + 3 * request.trials.size() + 4 + deflated.size();
+    size += 6 * 8 + 2 + 3 * request.hypotheses.size() + 4 + deflated.size();
   }
   const bool of_set = request.place != ViewSetPosition();
   size += blending_bytes(view.blending.kind) + (of_set ? kSetBytes : 0);
@@ -316,7 +317,7 @@ std::vector<uint8_t> encode_request(const ViewRequest& request) {
   put_plane(out, view.focus.plane);
   out.put(static_cast<uint32_t>(request.out_of_service.size()));
   for (const CameraIndex camera : request.out_of_service) out.put(static_cast<uint16_t>(camera));
-  if (map) put_map(out, *map, deflated, request.trials);
+  if (map) put_map(out, *map, deflated, request.hypotheses);
   if (!gains.mean.empty()) put_mean(out, gains, mean);
   put_blending(out, view.blending);
   if (of_set) put_place(out, request.place);
@@ -356,7 +357,7 @@ RequestCost peek_request_cost(std::span<const uint8_t> bytes) {
   in.get_bytes(2 * size_t{in.get<uint32_t>()});
   if (surface == kFocalMap) {
     in.get_bytes(kPlaneBytes + 8 + 8 + 1);
-    cost.trials = in.get<uint8_t>();
+    cost.hypotheses = in.get<uint8_t>();
   }
   const bool of_set = unit->flags & kInSet, wide = blending == static_cast<uint8_t>(Blending::Kind::kAperture);
   const size_t behind = (wide ? sizeof(double) : 0) + (of_set ? kSetBytes : 0);

@@ -22,7 +22,7 @@ trap 'rm -rf "$work"' EXIT
 
 "$build/tests/bench-sum-renderer" --benchmark_min_time=0.3 --benchmark_filter='UploadedS|Stayed' 2>"$work/log" ||
   cat "$work/log"
-"$build/tests/bench-focus" --benchmark_min_time=0.3 --benchmark_filter=Trials 2>"$work/log" || cat "$work/log"
+"$build/tests/bench-focus" --benchmark_min_time=0.3 --benchmark_filter=Hypotheses 2>"$work/log" || cat "$work/log"
 
 "$build/tools/lf-scene" --out "$work" --grid 8x8 --width 320 --height 240 --frames 30 --framerate 15 >/dev/null
 

@@ -56,8 +56,9 @@ struct Scene {
       for (int i = 0; i < map.columns; i++)  // a rising ground with objects
         map.levels.push_back(static_cast<uint8_t>(40 + j / finer + (((i / 13 + j / 11) % 3 == 0) ? 60 : 0)));
     focused.focus.map = std::make_shared<FocalMap>(map);
-    for (const DepthHypothesis& trial : hypotheses_of_round(0)) trials.push_back(hypothesis_levels(focused, trial));
-    sums.resize(trials.size());
+    for (const DepthHypothesis& hypothesis : hypotheses_of_round(0))
+      hypotheses.push_back(hypothesis_levels(focused, hypothesis));
+    sums.resize(hypotheses.size());
   }
   std::vector<Source> sources(const std::vector<CameraIndex>& cameras) const {
     std::vector<Source> out;
@@ -66,14 +67,14 @@ struct Scene {
   }
   GpuStatus add_all(const RenderJob& job, const ParallelFor& parallel = serial_for, gl::GlesRenderer* gpu = nullptr) {
     for (PhotoConsistency& sum : sums) sum.reset(focused.focus.map->columns, focused.focus.map->rows);
-    return add_consistency(job, sources(job.cameras()), trials, sums, parallel, gpu);
+    return add_consistency(job, sources(job.cameras()), hypotheses, sums, parallel, gpu);
   }
   Rig rig;
   Mesh mesh;
   std::vector<CameraIndex> own;
   Image image;
   View view, focused;  // on a plane; through a surface
-  std::vector<std::vector<uint8_t>> trials;
+  std::vector<std::vector<uint8_t>> hypotheses;
   std::vector<PhotoConsistency> sums;
 };
 
@@ -119,7 +120,7 @@ void Sharpen(benchmark::State& state, PixelFamily family) {
 BENCHMARK_CAPTURE(Sharpen, rgb, PixelFamily::kRgb);
 BENCHMARK_CAPTURE(Sharpen, i420, PixelFamily::kI420);
 
-void TrialPlan(benchmark::State& state) {
+void HypothesisPlan(benchmark::State& state) {
   const Scene scene(PixelFamily::kRgb);
   for (auto _ : state) {
     const RenderJob job(scene.rig, scene.mesh, hypothesis_view(scene.focused), scene.own);
@@ -127,16 +128,16 @@ void TrialPlan(benchmark::State& state) {
   }
   count(state);
 }
-BENCHMARK(TrialPlan);
+BENCHMARK(HypothesisPlan);
 
-void TrialLevels(benchmark::State& state) {
+void HypothesisLevels(benchmark::State& state) {
   const Scene scene(PixelFamily::kRgb);
   for (auto _ : state)
-    for (const DepthHypothesis& trial : hypotheses_of_round(0))
-      benchmark::DoNotOptimize(hypothesis_levels(scene.focused, trial));
+    for (const DepthHypothesis& hypothesis : hypotheses_of_round(0))
+      benchmark::DoNotOptimize(hypothesis_levels(scene.focused, hypothesis));
   count(state);
 }
-BENCHMARK(TrialLevels);
+BENCHMARK(HypothesisLevels);
 
 void Box(benchmark::State& state, PixelFamily family) {
   const Scene scene(family);
@@ -150,17 +151,17 @@ void Box(benchmark::State& state, PixelFamily family) {
 BENCHMARK_CAPTURE(Box, rgb, PixelFamily::kRgb);
 BENCHMARK_CAPTURE(Box, i420, PixelFamily::kI420);
 
-void Trials(benchmark::State& state, PixelFamily family) {
+void Hypotheses(benchmark::State& state, PixelFamily family) {
   Scene scene(family, static_cast<int>(state.range(0)));
   const RenderJob job(scene.rig, scene.mesh, hypothesis_view(scene.focused), scene.own);
   for (auto _ : state) scene.add_all(job);
   count(state, static_cast<int>(state.range(0)));
 }
-BENCHMARK_CAPTURE(Trials, rgb, PixelFamily::kRgb)->Arg(1)->Arg(6);
-BENCHMARK_CAPTURE(Trials, i420, PixelFamily::kI420)->Arg(1)->Arg(6);
+BENCHMARK_CAPTURE(Hypotheses, rgb, PixelFamily::kRgb)->Arg(1)->Arg(6);
+BENCHMARK_CAPTURE(Hypotheses, i420, PixelFamily::kI420)->Arg(1)->Arg(6);
 
 // On a GPU or a software renderer, including the upload of luma and the download of the sums.
-void DrawnTrials(benchmark::State& state, PixelFamily family) {
+void DrawnHypotheses(benchmark::State& state, PixelFamily family) {
   static std::string why;
   static const auto gpu = gl::GlesRenderer::create(gl::Context::Drivers::kAny, why);
   if (!gpu) return state.SkipWithError(why.c_str());
@@ -177,7 +178,7 @@ void DrawnTrials(benchmark::State& state, PixelFamily family) {
   state.counters["drawn_ms"] = drawn_ns / 1e6 / static_cast<double>(state.iterations());
   count(state, static_cast<int>(state.range(0)));
 }
-BENCHMARK_CAPTURE(DrawnTrials, i420, PixelFamily::kI420)->Arg(1)->Arg(6)->MeasureProcessCPUTime()->UseRealTime();
+BENCHMARK_CAPTURE(DrawnHypotheses, i420, PixelFamily::kI420)->Arg(1)->Arg(6)->MeasureProcessCPUTime()->UseRealTime();
 
 void Choice(benchmark::State& state) {
   Scene scene(PixelFamily::kRgb);
@@ -189,7 +190,7 @@ void Choice(benchmark::State& state) {
       .evidence = evidence,
       .radius = 1,
       .levels_a_pixel = FocalMap::kLevels / (array.disparity() * (map.nearest - map.farthest))};
-  for (auto _ : state) benchmark::DoNotOptimize(select_depths(map, scene.trials, scene.sums, terms));
+  for (auto _ : state) benchmark::DoNotOptimize(select_depths(map, scene.hypotheses, scene.sums, terms));
   count(state);
 }
 BENCHMARK(Choice);
@@ -216,7 +217,7 @@ void RequestWire(benchmark::State& state, bool surface) {
   const Scene scene(PixelFamily::kRgb);
   ViewRequest request;
   request.view = surface ? scene.focused : scene.view;
-  if (surface) request.trials = hypotheses_of_round(0);
+  if (surface) request.hypotheses = hypotheses_of_round(0);
   size_t size = 0;
   for (auto _ : state) {
     const std::vector<uint8_t> bytes = wire::encode_request(request);

@@ -210,10 +210,11 @@ class Array {
   }
 
   std::vector<PhotoConsistency> moments(const ViewRequest& request) {
-    if (request.trials.empty() || !request.view.focus.map) return {};
+    if (request.hypotheses.empty() || !request.view.focus.map) return {};
     const FocalMap& map = *request.view.focus.map;
     std::vector<std::vector<uint8_t>> levels;
-    for (const DepthHypothesis& trial : request.trials) levels.push_back(hypothesis_levels(request.view, trial));
+    for (const DepthHypothesis& hypothesis : request.hypotheses)
+      levels.push_back(hypothesis_levels(request.view, hypothesis));
     std::vector<PhotoConsistency> sums(levels.size());
     for (PhotoConsistency& sum : sums) sum.reset(map.columns, map.rows);
     const RenderJob job(s_.rig, mesh_, hypothesis_view(request.view), own_);
@@ -224,7 +225,7 @@ class Array {
 
   // Adds the brightness measurement to the next request.
   void ask_mean(const ViewRequest& request, GainRequest& gains) {
-    if (!turns_.next(!request.trials.empty(), true)) return;
+    if (!turns_.next(!request.hypotheses.empty(), true)) return;
     const WideLuma wide(s_.rig, mesh_, mean_view(request.view), own_);
     WideLuma::Seen seen = wide.see(sources_of(wide.cameras()), matcher_.gains_for(0, {}));
     gains.mean = mean_luma(seen.moments, seen.gains);
@@ -270,7 +271,7 @@ Watched watch(const Situation& s, const std::vector<int>& pictures) {
     request.gains = gains;
     if (i > 0) {
       if (plan.view.focus.map) request.view.focus.map = warp_depth_map(plan.view, request.view);
-      request.trials = plan.trials;
+      request.hypotheses = plan.hypotheses;
       request.on_plane = plan.on_plane;
       if (plan.plane) request.view.focus.plane = *plan.plane;
     }

@@ -163,7 +163,7 @@ std::map<std::string, std::vector<Bytes>> seeds() {
     asked.view.blending = blending;
     all["request"].push_back(wire::encode_request(asked));
   }
-  asked.trials = {
+  asked.hypotheses = {
       {DepthHypothesis::Kind::kBlurred}, {DepthHypothesis::Kind::kShifted, 3}, {DepthHypothesis::Kind::kPlane, 60}};
   all["request"].push_back(wire::encode_request(asked));
   asked.gains = {.use = true, .ask = true, .mean = std::vector<uint8_t>(64, 90), .mean_of = 7};

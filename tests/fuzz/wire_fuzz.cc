@@ -69,8 +69,8 @@ LF_FUZZ_TARGET(request)(const uint8_t* data, size_t size) {
   std::vector<uint8_t> again;
   if (const auto* view = std::get_if<ViewRequest>(&*request)) {
     again = wire::encode_request(*view);
-    for (const DepthHypothesis& trial : view->trials)
-      if (view->view.width <= 256 && view->view.height <= 256) hypothesis_levels(view->view, trial);
+    for (const DepthHypothesis& hypothesis : view->hypotheses)
+      if (view->view.width <= 256 && view->view.height <= 256) hypothesis_levels(view->view, hypothesis);
     if (view->view.width <= 64 && view->view.height <= 64) {
       static const Rig rig = scene_rig(2, 2, 64, 48);
       static const Mesh mesh = build_mesh(rig);
@@ -149,7 +149,7 @@ LF_FUZZ_TARGET(moments)(const uint8_t* data, size_t size) {
   std::vector<PhotoConsistency> sums = unit->sums();
   const ByteBuffer bytes = wire::encode_consistency(*unit, sums);
   const std::optional<wire::ConsistencyUnit> again = wire::decode_consistency(bytes, shape);
-  fuzz::require(again && again->trials.size() == sums.size());
+  fuzz::require(again && again->hypotheses.size() == sums.size());
   const std::vector<PhotoConsistency> same = again->sums();
   for (size_t t = 0; t < sums.size(); t++) {
     PhotoConsistency& moments = sums[t];

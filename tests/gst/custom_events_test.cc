@@ -34,7 +34,8 @@ ViewRequest some_request() {
 
 TEST(ViewFeedback, EachPartComesBack) {
   const ViewRequest request = some_request();
-  DepthEstimator::Plan plan{.view = request.view, .trials = {{DepthHypothesis::Kind::kPlane, 200}}, .on_plane = true};
+  DepthEstimator::Plan plan{
+      .view = request.view, .hypotheses = {{DepthHypothesis::Kind::kPlane, 200}}, .on_plane = true};
   plan.plane = Plane{{0, 0, 1}, 1.5};
   FocalMap map = FocalMap::for_view(64, 48);
   map.farthest = 0.05;
@@ -53,7 +54,7 @@ TEST(ViewFeedback, EachPartComesBack) {
   EXPECT_EQ(came->view_id, 7u);
   ASSERT_TRUE(came->focus);
   EXPECT_EQ(came->focus->sequence, 12u);
-  EXPECT_EQ(came->focus->plan.trials, plan.trials);
+  EXPECT_EQ(came->focus->plan.hypotheses, plan.hypotheses);
   EXPECT_EQ(came->focus->plan.on_plane, plan.on_plane);
   EXPECT_EQ(came->focus->plan.plane, plan.plane);
   ASSERT_TRUE(came->focus->plan.view.focus.map);

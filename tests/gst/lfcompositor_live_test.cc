@@ -565,9 +565,9 @@ TEST_F(CompositorLimitsTest, EachLimitCanBeSetAndIsCounted) {
   map.nearest = 0.3;
   map.levels.assign(static_cast<size_t>(map.columns) * map.rows, 51);
   curious.view.focus.map = std::make_shared<FocalMap>(std::move(map));
-  curious.trials = {{DepthHypothesis::Kind::kBlurred, 0}, {DepthHypothesis::Kind::kPlane, 200}};
-  set_limits("limits,max-trials=1");
-  expect_refused(curious, "refused-trials");
+  curious.hypotheses = {{DepthHypothesis::Kind::kBlurred, 0}, {DepthHypothesis::Kind::kPlane, 200}};
+  set_limits("limits,max-hypotheses=1");
+  expect_refused(curious, "refused-hypotheses");
 
   // Requests of one view that arrive in a burst: only the first ones fit into the limit per second.
   set_limits("limits,max-requests-per-second=5");

@@ -374,16 +374,16 @@ TEST(LfCompositorSettings, WhatHasNoEffectIsSaid) {
 }
 
 // Malformed photo-consistency sums are counted and dropped; the picture is unaffected.
-class LfCompositorTrialsTest : public LfCompositorTest {
+class LfCompositorHypothesesTest : public LfCompositorTest {
  protected:
-  LfCompositorTrialsTest() : asked_(array_.request(0, 0)) {
+  LfCompositorHypothesesTest() : asked_(array_.request(0, 0)) {
     FocalMap map = FocalMap::for_view(asked_.view.width, asked_.view.height);
     map.from = {{0, 0, 1}, 0};
     map.farthest = 0.05;
     map.nearest = 0.3;
     map.levels.assign(static_cast<size_t>(map.columns) * map.rows, 51);
     asked_.view.focus.map = std::make_shared<FocalMap>(std::move(map));
-    asked_.trials = {{DepthHypothesis::Kind::kBlurred, 0}, {DepthHypothesis::Kind::kPlane, 200}};
+    asked_.hypotheses = {{DepthHypothesis::Kind::kBlurred, 0}, {DepthHypothesis::Kind::kPlane, 200}};
     start(1, {{"rig", array_.rig_path()}, {"focus", "surface"}, {"focus-near", "3"}, {"focus-far", "20"}});
   }
 
@@ -392,7 +392,8 @@ class LfCompositorTrialsTest : public LfCompositorTest {
     Image grey(PixelFamily::kRgb, ArrayFixture::kWidth, ArrayFixture::kHeight);
     std::ranges::fill(grey.data(), uint8_t{200});
     std::vector<std::vector<uint8_t>> levels;
-    for (const DepthHypothesis& trial : asked_.trials) levels.push_back(hypothesis_levels(asked_.view, trial));
+    for (const DepthHypothesis& hypothesis : asked_.hypotheses)
+      levels.push_back(hypothesis_levels(asked_.view, hypothesis));
     std::vector<PhotoConsistency> sums(levels.size());
     for (PhotoConsistency& sum : sums) sum.reset(asked_.view.focus.map->columns, asked_.view.focus.map->rows);
     add_consistency(job, {{Source{0, &array_.rig().cameras[0], grey.view()}}}, levels, sums);
@@ -424,10 +425,10 @@ class LfCompositorTrialsTest : public LfCompositorTest {
 };
 
 // If no element uses the focal surface, the search runs only occasionally.
-TEST_F(LfCompositorTrialsTest, NobodyHeeds) {
+TEST_F(LfCompositorHypothesesTest, NobodyHeeds) {
   static int told = 0;
   asked_.view.focus.map.reset();
-  asked_.trials.clear();
+  asked_.hypotheses.clear();
   for (const bool heeded : {false, true}) {
     told = 0;
     gst_pad_set_event_function(
@@ -453,7 +454,7 @@ TEST_F(LfCompositorTrialsTest, NobodyHeeds) {
   }
 }
 
-TEST_F(LfCompositorTrialsTest, WhatIsNotWhatWasAskedForIsCountedAndDropped) {
+TEST_F(LfCompositorHypothesesTest, WhatIsNotWhatWasAskedForIsCountedAndDropped) {
   const auto [picture, bad] = picture_after(unit(seen()));
   ASSERT_EQ(picture.size(), 16u * 12 * 3);
   EXPECT_EQ(bad, 0u);
@@ -514,7 +515,7 @@ TEST_F(LfCompositorTrialsTest, WhatIsNotWhatWasAskedForIsCountedAndDropped) {
   }
 }
 
-TEST_F(LfCompositorTrialsTest, ARangeWithItsEndsExchangedIsLeftOutAndSaid) {
+TEST_F(LfCompositorHypothesesTest, ARangeWithItsEndsExchangedIsLeftOutAndSaid) {
   g_autoptr(GstBus) bus = gst_bus_new();
   gst_element_set_bus(element_.get(), bus);
   const auto set = [&](const char* name, double metres) { g_object_set(element_.get(), name, metres, nullptr); };
@@ -527,9 +528,9 @@ TEST_F(LfCompositorTrialsTest, ARangeWithItsEndsExchangedIsLeftOutAndSaid) {
   gst_element_set_bus(element_.get(), nullptr);
 }
 
-TEST_F(LfCompositorTrialsTest, WithoutTrialsThereIsNothingToSay) {
+TEST_F(LfCompositorHypothesesTest, WithoutHypothesesThereIsNothingToSay) {
   const std::vector<uint8_t> unasked = unit(seen());
-  asked_.trials.clear();
+  asked_.hypotheses.clear();
   const auto [picture, bad] = picture_after(unasked);
   EXPECT_GE(range(picture).first, 199);
   EXPECT_EQ(bad, 1u);

@@ -336,7 +336,7 @@ TEST_F(FragmentLimitsTest, WhatAsksForTooMuchIsRefusedAndCounted) {
   EXPECT_LT(told.size(), 4u);
 }
 
-TEST_F(FragmentLimitsTest, MoreTrialsThanAllowedAreRefused) {
+TEST_F(FragmentLimitsTest, MoreHypothesesThanAllowedAreRefused) {
   ViewRequest curious = asked(1);
   FocalMap map = FocalMap::for_view(curious.view.width, curious.view.height);
   map.from = {{0, 0, 1}, 0};
@@ -344,11 +344,11 @@ TEST_F(FragmentLimitsTest, MoreTrialsThanAllowedAreRefused) {
   map.nearest = 0.3;
   map.levels.assign(static_cast<size_t>(map.columns) * map.rows, 51);
   curious.view.focus.map = std::make_shared<FocalMap>(std::move(map));
-  curious.trials = {{DepthHypothesis::Kind::kBlurred, 0}, {DepthHypothesis::Kind::kPlane, 200}};
-  set("limits", "limits,max-trials=1");
+  curious.hypotheses = {{DepthHypothesis::Kind::kBlurred, 0}, {DepthHypothesis::Kind::kPlane, 200}};
+  set("limits", "limits,max-hypotheses=1");
   EXPECT_FALSE(is_answered(curious));
-  EXPECT_EQ(stat(element_.get(), "refused-trials"), 1u);
-  set("limits", "limits,max-trials=2");
+  EXPECT_EQ(stat(element_.get(), "refused-hypotheses"), 1u);
+  set("limits", "limits,max-hypotheses=2");
   curious.sequence = sequence_++;
   EXPECT_TRUE(is_answered(curious));
 }

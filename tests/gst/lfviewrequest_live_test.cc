@@ -452,7 +452,7 @@ TEST_F(LfViewRequestRelay, GivesRequestsTheSurfaceThatNobodyElseTakes) {
       push(asked);
       const ViewRequest sent = pull();
       EXPECT_EQ(sent.view.focus.map != nullptr, changes);
-      EXPECT_EQ(sent.trials.size(), changes && i == 1 ? 1u : 0u) << "hypotheses are sent once";
+      EXPECT_EQ(sent.hypotheses.size(), changes && i == 1 ? 1u : 0u) << "hypotheses are sent once";
     }
   }
 }

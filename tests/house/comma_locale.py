@@ -79,7 +79,7 @@ def run_all(folder, env):
             # Lines of gst-launch-1.0 -m, each with a timestamp in front.
             lines = (f"{10 + 0.5 * i:.3f} Got message #9 from element \"c\" (element): lightfield-view, view-id=(uint)0, "
                      f"sequence=(uint){i}, pts=(guint64)0, complete=(boolean)true, fragments=(uint)3, missing=(uint)0, "
-                     "bytes=(guint64)300, trial-bytes=(guint64)30, skew-ns=(guint64)0, latency-ns=(guint64)5000000, "
+                     "bytes=(guint64)300, consistency-bytes=(guint64)30, skew-ns=(guint64)0, latency-ns=(guint64)5000000, "
                      "composite-ns=(guint64)1;" for i in range(3))
             (folder / "run.log").write_text("\n".join(lines) + "\n")
         done = subprocess.run(command.split(), cwd=folder, env=env, text=True, stdout=subprocess.PIPE,

@@ -61,7 +61,7 @@ class LfReport : public testing::Test {
       file << std::fixed << m.clock
            << " Got message #9 from element \"c\" (element): lightfield-view, view-id=(uint)0, "
            << "sequence=(uint)" << sequence++ << ", pts=(guint64)0, complete=(boolean)true, fragments=(uint)3, "
-           << "missing=(uint)0, bytes=(guint64)" << m.bytes << ", trial-bytes=(guint64)" << m.bytes / 10
+           << "missing=(uint)0, bytes=(guint64)" << m.bytes << ", consistency-bytes=(guint64)" << m.bytes / 10
            << ", skew-ns=(guint64)0, latency-ns=(guint64)" << m.latency_ns << ", composite-ns=(guint64)1;\n";
   }
   Outcome report(const std::string& more = "") {
@@ -85,7 +85,7 @@ TEST_F(LfReport, FiguresOfARunAgainstTheGroundTruth) {
   EXPECT_NEAR(json["latency_ms"]["p50"].get<double>(), 30, 1e-9);
   EXPECT_NEAR(json["latency_ms"]["p95"].get<double>(), 40, 1e-9);
   EXPECT_NEAR(json["bytes_per_frame"].get<double>(), 200, 1e-9);
-  EXPECT_NEAR(json["trial_bytes_per_frame"].get<double>(), 20, 1e-9);
+  EXPECT_NEAR(json["consistency_bytes_per_frame"].get<double>(), 20, 1e-9);
   EXPECT_NEAR(json["psnr_db"].get<double>(), 20 * std::log10(255 / 5.0), 0.3);
   EXPECT_NEAR(json["plane_psnr_db"].get<double>(), 20 * std::log10(255 / 20.0), 0.3);
   EXPECT_GT(load_image(dir_ / "out/sheet.png").width(), 1000);

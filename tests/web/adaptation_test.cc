@@ -134,14 +134,14 @@ class LoadSheddingTest : public testing::Test {
   LoadShedding shedding_;
 };
 
-TEST_F(LoadSheddingTest, TrialsGoFirstThenRateThenSize) {
+TEST_F(LoadSheddingTest, HypothesesGoFirstThenRateThenSize) {
   struct Step {
-    unsigned trials;
+    unsigned hypotheses;
     int left_out, divisor;
   };
   for (const Step& step : {Step{3, 0, 1}, Step{8, 0, 1}, Step{8, 1, 1}, Step{8, 1, 2}}) {
     EXPECT_EQ(seconds(1, 0.5), LoadShedding::kPatience);
-    EXPECT_EQ(shedding_.depth_interval(), step.trials);
+    EXPECT_EQ(shedding_.depth_interval(), step.hypotheses);
     EXPECT_EQ(shedding_.pictures_left_out(), step.left_out);
     EXPECT_EQ(shedding_.size_divisor(), step.divisor);
   }

@@ -161,7 +161,7 @@ TEST_F(LfServeMedia, ASurfaceIsLookedForUnasked) {
   const auto client = watch(served);
   client->send("{}");
   EXPECT_TRUE(becomes([&] { return told(*client, "rounds") >= 6; }));
-  EXPECT_GT(told(*client, "trialBytes"), 0);
+  EXPECT_GT(told(*client, "consistencyBytes"), 0);
   Served flat({"--focus-mode", "plane"});
   const auto other = watch(flat);
   other->send("{}");

@@ -271,16 +271,16 @@ void Viewer::send_pixel_info(const ControlMessage::Pixel& pixel) {
 }
 
 json Viewer::load_shedding_report() const {
-  const bool trials = load_shedding_.depth_interval() > 1, rate = pictures_left_out() > 0, size = size_divisor() > 1;
-  const bool processor = trials && (!rate || load_shedding_.pictures_left_out() > 0);
-  return {{"what", size     ? "size"
-                   : rate   ? "rate"
-                   : trials ? "trials"
-                            : ""},
+  const bool depth = load_shedding_.depth_interval() > 1, rate = pictures_left_out() > 0, size = size_divisor() > 1;
+  const bool processor = depth && (!rate || load_shedding_.pictures_left_out() > 0);
+  return {{"what", size    ? "size"
+                   : rate  ? "rate"
+                   : depth ? "depth"
+                           : ""},
           {"why", processor      ? "processor"
                   : rate || size ? "network"
                                  : ""},
-          {"trials", trials},
+          {"depth", depth},
           {"rate", 1 + pictures_left_out()},
           {"size", size_divisor()}};
 }
@@ -314,7 +314,7 @@ void Viewer::report(const LinkReport& link) {
   json focus = {{"on", settings_.eye.focus_settings.mode},
                 {"rounds", count_in(stats, "focus-rounds")},
                 {"interval", count_in(stats, "focus-interval")},
-                {"trialBytes", count_in(stats, "trial-bytes")}};
+                {"consistencyBytes", count_in(stats, "consistency-bytes")}};
   gdouble residual = 0, gained = 0, near = 0, far = 0;
   gboolean flat = FALSE;
   gst_structure_get(stats, "focus-residual", G_TYPE_DOUBLE, &residual, "focus-improvement", G_TYPE_DOUBLE, &gained,

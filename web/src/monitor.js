@@ -99,10 +99,10 @@ export class MonitorPanel {
 
 const knownOf = cameras => cameras.map(({ psnr }) => psnr).filter(psnr => psnr !== null).sort((a, b) => a - b);
 
-function focusLines({ on, rounds, interval, trialBytes, residual, gained, flat }) {
+function focusLines({ on, rounds, interval, consistencyBytes, residual, gained, flat }) {
   if (on === 'plane') return ['focus on the viewer’s plane'];
   return [`focus on ${flat ? 'one plane, which is sufficient' : 'a surface'} (${on}): the cameras disagree by ` +
     `${residual.toFixed(1)} of 255, the latest round gained ${gained.toFixed(2)}`,
     `depth search in one of ${interval} requests, ${rounds} rounds so far, ` +
-    `${rounds ? (trialBytes / rounds / 1000).toFixed(1) : 0} kB each`];
+    `${rounds ? (consistencyBytes / rounds / 1000).toFixed(1) : 0} kB each`];
 }

@@ -293,10 +293,11 @@ class Renderer {
   }
 
   std::vector<PhotoConsistency> moments(const ViewRequest& request, size_t number, Picture& cost) {
-    if (request.trials.empty()) return {};
+    if (request.hypotheses.empty()) return {};
     const uint64_t begun = now_ns();
     std::vector<std::vector<uint8_t>> levels;
-    for (const DepthHypothesis& trial : request.trials) levels.push_back(hypothesis_levels(request.view, trial));
+    for (const DepthHypothesis& hypothesis : request.hypotheses)
+      levels.push_back(hypothesis_levels(request.view, hypothesis));
     std::vector<PhotoConsistency> sums(levels.size());
     for (PhotoConsistency& sum : sums) sum.reset(request.view.focus.map->columns, request.view.focus.map->rows);
     const RenderJob job(case_.rig, mesh_, hypothesis_view(request.view), own_);
@@ -305,8 +306,8 @@ class Renderer {
     const uint64_t ready = now_ns();
     if (matched_ && request.gains.use) sources = match(job, sources, matcher_.gains_for(0, request.gains));
     add_consistency(job, sources, levels, sums);
-    cost.trial_ms += milliseconds(now_ns() - ready + planned - begun);
-    cost.trial_bytes += static_cast<double>(wire::encode_consistency({}, sums).size());
+    cost.depth_ms += milliseconds(now_ns() - ready + planned - begun);
+    cost.consistency_bytes += static_cast<double>(wire::encode_consistency({}, sums).size());
     return sums;
   }
 
@@ -314,7 +315,7 @@ class Renderer {
   // DepthEstimator::State.
   GainRequest gains_after(const ViewRequest& request, size_t number, bool mixed, Picture& cost) {
     GainRequest gains{.use = matched_ && mixed};
-    if (!gains.use || !exposure_schedule_.next(!request.trials.empty(), true)) return gains;
+    if (!gains.use || !exposure_schedule_.next(!request.hypotheses.empty(), true)) return gains;
     gains.mean = mean(request, number, cost);
     gains.mean_of = request.sequence;
     return gains;
@@ -335,8 +336,9 @@ class Renderer {
     WideLuma::Seen seen = wide.see(sources, matcher_.gains_for(0, {}));
     std::vector<uint8_t> mean = mean_luma(seen.moments, seen.gains);
     matcher_.keep(0, request.sequence, std::move(seen.cameras));
-    cost.trial_ms += milliseconds(now_ns() - ready + planned - begun);
-    cost.trial_bytes += static_cast<double>(wire::encode_consistency({.gains = seen.gains}, {&seen.moments, 1}).size());
+    cost.depth_ms += milliseconds(now_ns() - ready + planned - begun);
+    cost.consistency_bytes +=
+        static_cast<double>(wire::encode_consistency({.gains = seen.gains}, {&seen.moments, 1}).size());
     return mean;
   }
   std::vector<Source> match(const RenderJob& job, const std::vector<Source>& sources,
@@ -367,7 +369,7 @@ class Renderer {
 
 void take(const DepthEstimator::Plan& plan, ViewRequest& request) {
   request.view = plan.view;
-  request.trials = plan.trials;
+  request.hypotheses = plan.hypotheses;
   request.on_plane = plan.on_plane;
   if (plan.plane) request.view.focus.plane = *plan.plane;
 }
@@ -415,9 +417,9 @@ std::vector<bool> unclear_nodes(Renderer& renderer, const View& view, size_t num
   std::vector<std::vector<float>> cost(kPlanes);
   Picture ignored;
   for (int first = 0; first < kPlanes; first += kMaxHypotheses) {
-    request.trials.clear();
+    request.hypotheses.clear();
     for (int k = first; k < first + static_cast<int>(kMaxHypotheses); k++)
-      request.trials.push_back({DepthHypothesis::Kind::kPlane, static_cast<int16_t>(255 * k / (kPlanes - 1))});
+      request.hypotheses.push_back({DepthHypothesis::Kind::kPlane, static_cast<int16_t>(255 * k / (kPlanes - 1))});
     const std::vector<PhotoConsistency> moments = renderer.moments(request, number, ignored);
     for (size_t t = 0; t < moments.size(); t++)
       for (size_t i = 0; i < nodes; i++) cost[static_cast<size_t>(first) + t].push_back(moments[t].deviation(i));
@@ -491,7 +493,7 @@ StillResult measure_still(const Case& c, size_t view, const Options& options) {
     request.gains = renderer.gains_after(request, view, control.state().mixed, picture);
     const uint64_t begun = now_ns();
     const DepthEstimator::Plan plan = control.next(request, moments, array);
-    picture.trial_ms += milliseconds(now_ns() - begun);
+    picture.depth_ms += milliseconds(now_ns() - begun);
     result.rounds.push_back(std::move(picture));
     take(plan, request);
   }
@@ -529,7 +531,7 @@ RestResult measure_rest(const Case& c, size_t view, const Options& options, int 
       square[k] += v * v;
     }
     next(picture);
-    result.trial_bytes += picture.trial_bytes / pictures;
+    result.consistency_bytes += picture.consistency_bytes / pictures;
     result.colour_bytes = picture.colour_bytes;
     if (i + 1 == pictures) result.quality = compare(picture.image, c.truth(view), picture.coverage);
   }

@@ -26,8 +26,8 @@ struct Picture {
   Image image;
   std::vector<float> coverage;
   Quality quality;
-  double colour_bytes = 0, trial_bytes = 0;  // 16-bit sums of the whole array; photo-consistency sums
-  double colour_ms = 0, trial_ms = 0;        // in one thread; without loading images
+  double colour_bytes = 0, consistency_bytes = 0;  // 16-bit sums of the whole array; photo-consistency sums
+  double colour_ms = 0, depth_ms = 0;              // in one thread; without loading images
 };
 
 // Mean of the known figures: ignores values that could not be measured (NaN) and values without a number (PSNR of equal
@@ -112,7 +112,7 @@ struct RestResult {
   // pixels with a clear depth, and over pixels with several equally good depths, as in periodic patterns.
   double clear_median = 0, clear_p99 = 0, unclear_median = 0, unclear_p99 = 0;
   double unclear = 0;      // fraction of the pixels
-  double trial_bytes = 0;  // per picture, mean
+  double consistency_bytes = 0;  // per picture, mean
   double colour_bytes = 0;
   Quality quality;  // quality of the last picture
   DepthEstimator::State state;

@@ -23,9 +23,9 @@ void SpeedPlot::add(Resampling resampling, const StillResult& result) {
   const auto at = static_cast<size_t>(std::ranges::find(kResamplings, resampling) - std::begin(kResamplings));
   const Picture& plane = result.plane_alike;
   const Picture& surface = result.rounds.back();
-  std::vector<double> trials;
-  for (const Picture& picture : result.rounds) trials.push_back(picture.trial_ms);
-  const double ms[] = {plane.colour_ms, surface.colour_ms, surface.colour_ms + median(trials)};
+  std::vector<double> hypotheses;
+  for (const Picture& picture : result.rounds) hypotheses.push_back(picture.depth_ms);
+  const double ms[] = {plane.colour_ms, surface.colour_ms, surface.colour_ms + median(hypotheses)};
   const double db[] = {plane.quality.psnr_db, surface.quality.psnr_db, surface.quality.psnr_db};
   for (size_t i = 0; i < std::size(ways_); i++) {
     ways_[i].cost[at].ms.add(ms[i]);
@@ -88,13 +88,13 @@ constexpr Column kColumns[] = {
     {"", "worst", 6, 2, true, "worst_db",
      "dB that the worst picture on the way differs from the first, on the viewer's plane"},
     {"bytes", "colour", 8, 0, false, "colour_bytes", "of a picture: what all cameras together send, as it is"},
-    {"", "trials", 7, 0, false, "trial_bytes",
-     "of the trials that come with a picture, deflated; mean of the pictures"},
-    {"", "%", 5, 1, false, "trial_percent", "trials, of colour"},
+    {"", "hypotheses", 7, 0, false, "consistency_bytes",
+     "of the hypotheses that come with a picture, deflated; mean of the pictures"},
+    {"", "%", 5, 1, false, "consistency_percent", "hypotheses, of colour"},
     {"ms", "plane", 7, 2, false, "plane_ms",
      "to draw a picture through that plane, sampled as the surface is: one thread"},
     {"", "surface", 7, 2, false, "surface_ms", "to draw it through the surface"},
-    {"", "trials", 7, 2, false, "trial_ms", "to try depths for it and to choose; median of the pictures"},
+    {"", "hypotheses", 7, 2, false, "depth_ms", "to try depths for it and to choose; median of the pictures"},
 };
 
 constexpr size_t place_of(std::string_view json) {
@@ -110,12 +110,12 @@ std::vector<double> figures_of(const Options& options, const StillResult& r) {
   const double plane = r.plane.quality.psnr_db, gain = last.quality.psnr_db - plane,
                bound = r.bound.quality.psnr_db - plane;
   double worst = std::numeric_limits<double>::infinity();
-  Mean trial_bytes;
-  std::vector<double> trial_ms;
+  Mean consistency_bytes;
+  std::vector<double> depth_ms;
   for (size_t i = 0; i < r.rounds.size(); i++) {
     worst = std::fmin(worst, r.rounds[i].quality.psnr_db - r.rounds[0].quality.psnr_db);
-    trial_ms.push_back(r.rounds[i].trial_ms);
-    if (i > 0) trial_bytes.add(r.rounds[i].trial_bytes);
+    depth_ms.push_back(r.rounds[i].depth_ms);
+    if (i > 0) consistency_bytes.add(r.rounds[i].consistency_bytes);
   }
   return {1 / options.range.nearest,
           1 / options.range.farthest,
@@ -133,11 +133,11 @@ std::vector<double> figures_of(const Options& options, const StillResult& r) {
           100 * gain / bound,
           worst,
           last.colour_bytes,
-          trial_bytes.value(),
-          100 * trial_bytes.value() / last.colour_bytes,
+          consistency_bytes.value(),
+          100 * consistency_bytes.value() / last.colour_bytes,
           r.plane_alike.colour_ms,
           last.colour_ms,
-          median(trial_ms)};
+          median(depth_ms)};
 }
 
 bool is_distance(const Column& column) { return column.decimals == kDistance; }
@@ -166,7 +166,7 @@ StillTable::StillTable(const Case& c, const Options& options) : name_width_(4), 
   for (const NamedView& view : c.views) name_width_ = std::max(name_width_, static_cast<int>(view.name.size()));
   std::printf(
       "Each view is drawn through planes, and then, from the viewer's plane on, %d times through a focal surface that "
-      "trials improve.\n",
+      "hypotheses improve.\n",
       options.rounds);
   std::string groups(static_cast<size_t>(name_width_), ' '), names = "view";
   names.resize(groups.size(), ' ');
@@ -337,7 +337,7 @@ AcceptanceRow measure(const Subject& subject) {
   row.worst_view_db = row.worst_on_way_db = 1e9;
   const double part = 1 / static_cast<double>(c.views.size());
   for (const size_t size : {static_cast<size_t>(options.rounds + 1)})
-    for (auto* series : {&row.gain_by_round_db, &row.trial_bytes_by_round, &row.trial_ms_by_round})
+    for (auto* series : {&row.gain_by_round_db, &row.consistency_bytes_by_round, &row.depth_ms_by_round})
       series->resize(size);
   for (size_t view = 0; view < c.views.size(); view++) {
     const StillResult r = measure_still(c, view, automatic);
@@ -355,21 +355,21 @@ AcceptanceRow measure(const Subject& subject) {
     double bytes = 0, ms = 0;
     for (size_t i = 0; i < r.rounds.size(); i++) {
       row.gain_by_round_db[i] += part * (r.rounds[i].quality.psnr_db - r.plane.quality.psnr_db);
-      row.trial_bytes_by_round[i] += part * bytes;
-      row.trial_ms_by_round[i] += part * ms;
+      row.consistency_bytes_by_round[i] += part * bytes;
+      row.depth_ms_by_round[i] += part * ms;
       row.worst_on_way_db =
           std::min(row.worst_on_way_db, r.rounds[i].quality.psnr_db - r.rounds.front().quality.psnr_db);
-      bytes += r.rounds[i].trial_bytes;
-      ms += r.rounds[i].trial_ms;
+      bytes += r.rounds[i].consistency_bytes;
+      ms += r.rounds[i].depth_ms;
     }
     row.plane_bytes += part * r.plane.colour_bytes;
-    row.surface_bytes += part * (last.colour_bytes + last.trial_bytes);
+    row.surface_bytes += part * (last.colour_bytes + last.consistency_bytes);
     row.plane_ms += part * r.plane.colour_ms;
-    row.surface_ms += part * (last.colour_ms + last.trial_ms);
+    row.surface_ms += part * (last.colour_ms + last.depth_ms);
     if (view > 0) continue;
     row.still = measure_rest(c, view, options);
     const RestResult rest = measure_rest(c, view, automatic);
-    row.rest_percent = 100 * rest.trial_bytes / rest.colour_bytes;
+    row.rest_percent = 100 * rest.consistency_bytes / rest.colour_bytes;
     row.rest_gain_db = rest.quality.psnr_db - r.plane.quality.psnr_db;
   }
   check(subject, row);
@@ -393,13 +393,14 @@ void draw_rows(const std::vector<AcceptanceRow>& rows, const std::string& folder
                      .x_label = "hypotheses so far, % of the bytes of a picture",
                      .y_label = "gain, dB",
                      .log_x = false};
-  bench::Panel time{.title = "against time", .x_label = "time for hypotheses so far, ms", .y_label = "", .log_x = false};
+  bench::Panel time{.title = "against time", .x_label = "time for depths so far, ms", .y_label = "", .log_x = false};
   for (const AcceptanceRow& row : rows) {
     if (row.name.find(',') != std::string::npos) continue;  // without faults
     bench::Series by_bytes{row.name, false, {}}, by_time{row.name, false, {}};
     for (size_t i = 0; i < row.gain_by_round_db.size(); i++) {
-      by_bytes.points.push_back({100 * row.trial_bytes_by_round[i] / row.plane_bytes, row.gain_by_round_db[i], ""});
-      by_time.points.push_back({row.trial_ms_by_round[i], row.gain_by_round_db[i], ""});
+      by_bytes.points.push_back(
+          {100 * row.consistency_bytes_by_round[i] / row.plane_bytes, row.gain_by_round_db[i], ""});
+      by_time.points.push_back({row.depth_ms_by_round[i], row.gain_by_round_db[i], ""});
     }
     bytes.series.push_back(by_bytes);
     time.series.push_back(by_time);
@@ -447,8 +448,8 @@ void write_json(const std::vector<AcceptanceRow>& rows, const std::string& path)
                             {"unclear_flicker_p99", r.still.unclear_p99},
                             {"unclear_share", r.still.unclear},
                             {"gain_by_round_db", r.gain_by_round_db},
-                            {"trial_bytes_by_round", r.trial_bytes_by_round},
-                            {"trial_ms_by_round", r.trial_ms_by_round},
+                            {"consistency_bytes_by_round", r.consistency_bytes_by_round},
+                            {"depth_ms_by_round", r.depth_ms_by_round},
                             {"missed", r.missed}});
   write_text_file(json.dump(1) + "\n", path);
 }

@@ -30,7 +30,7 @@ class SpeedPlot {
     const char* name;
     Cost cost[std::size(kResamplings)];
   };
-  Way ways_[3] = {{"best plane", {}}, {"focal surface", {}}, {"focal surface, with its trials", {}}};
+  Way ways_[3] = {{"best plane", {}}, {"focal surface", {}}, {"focal surface, with its hypotheses", {}}};
 };
 
 // Figures of still views: a table on standard output, one row per view as it completes, and JSON. Values that could not
@@ -70,7 +70,8 @@ struct AcceptanceRow {
   double rest_percent = 0;                    // bytes of hypotheses at rest with focus=auto, relative to colour
   double rest_gain_db = 0;                    // over the best plane, at rest
   RestResult still;                           // while hypotheses continue
-  std::vector<double> gain_by_round_db, trial_bytes_by_round, trial_ms_by_round;  // bytes and times are cumulative
+  std::vector<double> gain_by_round_db, consistency_bytes_by_round,
+      depth_ms_by_round;                                                          // bytes and times are cumulative
   std::vector<std::string> missed;                                                // goals not met
 };
 

@@ -474,13 +474,13 @@ class HypothesisAnswersTest : public testing::Test {
     request_.view.width = 16;
     request_.view.height = 8;
     request_.view.focus.map = std::make_shared<FocalMap>(map);
-    request_.trials = {{DepthHypothesis::Kind::kPlane, 1}, {DepthHypothesis::Kind::kPlane, 2}};
+    request_.hypotheses = {{DepthHypothesis::Kind::kPlane, 1}, {DepthHypothesis::Kind::kPlane, 2}};
     request_.rig_hash = 5;
   }
-  std::string add(const std::vector<PhotoConsistency>& trials, std::optional<GainSum> gains = {},
+  std::string add(const std::vector<PhotoConsistency>& hypotheses, std::optional<GainSum> gains = {},
                   uint64_t rig_hash = 5) {
     const wire::ConsistencyHeader header{0, 0, rig_hash, 0, gains};
-    return add_consistency(wire::encode_consistency(header, trials), header, request_, answers_);
+    return add_consistency(wire::encode_consistency(header, hypotheses), header, request_, answers_);
   }
   static PhotoConsistency moments(int columns, int rows, uint16_t luma) {
     PhotoConsistency out;

@@ -23,14 +23,14 @@ class DepthLoopTest : public testing::Test {
     request.view = walls_.view(0);
     request.view.focus.map = nullptr;
     if (found) {
-      request.trials = found->plan.trials;
+      request.hypotheses = found->plan.hypotheses;
       request.gains = found->gains;
       apply_plan(found->plan, request);
     }
     finder_.begin();
-    if (request.trials.empty()) return request;
+    if (request.hypotheses.empty()) return request;
     const wire::ConsistencyHeader header{3, request.sequence, walls_.rig.hash(), 0, {}};
-    unit_ = wire::encode_consistency(header, walls_.moments(request.view, request.trials, walls_.own));
+    unit_ = wire::encode_consistency(header, walls_.moments(request.view, request.hypotheses, walls_.own));
     return request;
   }
   DepthLoop::Taken take(const ViewRequest& request) { return finder_.take({unit_.data(), unit_.size()}, request); }
@@ -46,7 +46,7 @@ TEST_F(DepthLoopTest, FindsTheSurfaceFromUnitsOfMoments) {
   ViewRequest request;
   for (int i = 0; i < 10; i++) {
     request = turn(found);
-    if (!request.trials.empty()) {
+    if (!request.hypotheses.empty()) {
       const DepthLoop::Taken taken = take(request);
       EXPECT_EQ(taken.ahead, 0);
       EXPECT_EQ(taken.problem, "");
@@ -72,7 +72,7 @@ TEST_F(DepthLoopTest, FindsTheSurfaceFromUnitsOfMoments) {
 TEST_F(DepthLoopTest, UnitsOfOtherRequestsAreToldApart) {
   const ViewRequest first = turn({});
   ViewRequest request = turn(finder_.next(first, kSurface, false));
-  ASSERT_FALSE(request.trials.empty());
+  ASSERT_FALSE(request.hypotheses.empty());
   request.sequence -= 2;
   EXPECT_EQ(take(request).ahead, 2);
   request.sequence += 3;
@@ -115,7 +115,7 @@ TEST_F(DepthLoopTest, OnAPlaneThereIsNothingToSayButThatItIsOneAgain) {
   EXPECT_TRUE(finder_.next(turn({}), kSurface, true));
   const auto last = finder_.next(turn({}), plane, true);
   ASSERT_TRUE(last);
-  EXPECT_TRUE(last->plan.trials.empty());
+  EXPECT_TRUE(last->plan.hypotheses.empty());
   EXPECT_FALSE(last->gains.use);
   EXPECT_FALSE(finder_.next(turn({}), plane, true));
 }

@@ -56,12 +56,12 @@ struct ArrayOfWalls {
     return all;
   }
 
-  std::vector<PhotoConsistency> moments(const View& view, const std::vector<DepthHypothesis>& trials,
+  std::vector<PhotoConsistency> moments(const View& view, const std::vector<DepthHypothesis>& hypotheses,
                                         const std::vector<CameraIndex>& cameras,
                                         const CameraSet& out_of_service = {}) const {
     std::vector<std::vector<uint8_t>> levels;
-    for (const DepthHypothesis& trial : trials) levels.push_back(hypothesis_levels(view, trial));
-    std::vector<PhotoConsistency> sums(trials.size());
+    for (const DepthHypothesis& hypothesis : hypotheses) levels.push_back(hypothesis_levels(view, hypothesis));
+    std::vector<PhotoConsistency> sums(hypotheses.size());
     for (PhotoConsistency& sum : sums) sum.reset(view.focus.map->columns, view.focus.map->rows);
     const Mesh in_service = build_mesh(rig, out_of_service);
     const RenderJob job(rig, in_service, hypothesis_view(view), cameras);

@@ -21,10 +21,10 @@ double find(const ArrayOfWalls& walls, double begin, const Vec2& pixel) {
     request.view.focus.plane = focal_plane_at(request.view.pose, begin);
     add_focus_sweep(request, {{0, 0, 1}, 0}, found, sweep_reach(walls.rig, request.view));
     EXPECT_NO_THROW(validate(request.view));
-    EXPECT_LE(request.trials.size(), kMaxHypotheses);
+    EXPECT_LE(request.hypotheses.size(), kMaxHypotheses);
     const DepthEstimator::Plan plan =
-        control.next(request, walls.moments(request.view, request.trials, walls.own), Plane{{0, 0, 1}, 0});
-    EXPECT_TRUE(plan.trials.empty());
+        control.next(request, walls.moments(request.view, request.hypotheses, walls.own), Plane{{0, 0, 1}, 0});
+    EXPECT_TRUE(plan.hypotheses.empty());
     found = focus_distance_at(plan.view, {kSweptPixels / 2, kSweptPixels / 2});
     if (!found) return -1;
   }
@@ -67,7 +67,8 @@ TEST(Autofocus, IsNotMisledByPatterns) {
         request.view = view_around(request.view, pixel);
         add_focus_sweep(request, from, found, sweep_reach(rig, request.view));
         std::vector<std::vector<uint8_t>> levels;
-        for (const DepthHypothesis& trial : request.trials) levels.push_back(hypothesis_levels(request.view, trial));
+        for (const DepthHypothesis& hypothesis : request.hypotheses)
+          levels.push_back(hypothesis_levels(request.view, hypothesis));
         std::vector<PhotoConsistency> sums(levels.size());
         for (PhotoConsistency& sum : sums) sum.reset(request.view.focus.map->columns, request.view.focus.map->rows);
         add_consistency(RenderJob(rig, mesh, hypothesis_view(request.view), own), sources, levels, sums);

@@ -30,22 +30,22 @@ struct Loop {
   void run(int requests) {
     for (int i = 0; i < requests; i++) {
       std::vector<PhotoConsistency> moments;
-      if (!request.trials.empty() && !loses)
-        moments = walls.moments(request.view, request.trials, walls.own, request.out_of_service);
-      trials += request.trials.size();
+      if (!request.hypotheses.empty() && !loses)
+        moments = walls.moments(request.view, request.hypotheses, walls.own, request.out_of_service);
+      hypotheses += request.hypotheses.size();
       request.sequence++;
       const DepthEstimator::Plan plan = control.next(request, moments, array);
       // Like lfviewrequest, omits the surface if no picture and no hypothesis needs the map.
       request.view = viewers;
       request.out_of_service = out_of_service;
-      request.trials = plan.trials;
-      if (drops && !request.trials.empty()) {  // lost in transit: the next request arrives instead
-        request.trials.clear();
+      request.hypotheses = plan.hypotheses;
+      if (drops && !request.hypotheses.empty()) {  // lost in transit: the next request arrives instead
+        request.hypotheses.clear();
         request.sequence++;
         dropped++;
         if (dropped == drops) drops = 0;
       }
-      request.on_plane = plan.on_plane && !plan.trials.empty();
+      request.on_plane = plan.on_plane && !plan.hypotheses.empty();
       if (!plan.on_plane || request.on_plane) request.view.focus.map = plan.view.focus.map;
       if (plan.plane) request.view.focus.plane = *plan.plane;
       if (plan.view.focus.map) {
@@ -82,7 +82,7 @@ struct Loop {
   CameraSet out_of_service;
   ViewRequest request;
   View surface;
-  size_t trials = 0;
+  size_t hypotheses = 0;
   bool loses = false;  // photo-consistency sums are lost
   int drops = 0;       // number of following requests with hypotheses to drop
   int dropped = 0;
@@ -109,7 +109,7 @@ TEST(DepthEstimator, LeavesAPlaneAlone) {
   Loop loop(FocusMode::kPlane, false);
   loop.run(3);
   EXPECT_EQ(loop.request.view.focus.map, nullptr);
-  EXPECT_EQ(loop.trials, 0u);
+  EXPECT_EQ(loop.hypotheses, 0u);
 }
 
 TEST(DepthEstimator, BeginsOnTheViewersPlane) {
@@ -120,7 +120,7 @@ TEST(DepthEstimator, BeginsOnTheViewersPlane) {
   for (const uint8_t level : map.levels) EXPECT_NEAR(1 / map.inverse_of(level), 3, 0.03);
   EXPECT_NEAR(1 / map.nearest, 1.2, 1e-12);
   EXPECT_NEAR(1 / map.farthest, 6, 1e-12);
-  EXPECT_FALSE(loop.request.trials.empty());
+  EXPECT_FALSE(loop.request.hypotheses.empty());
   EXPECT_NO_THROW(validate(loop.request.view));
 }
 
@@ -188,9 +188,9 @@ TEST(DepthEstimator, WhatIsAlwaysLostIsAskedMoreAndMoreRarely) {
   Loop loop(FocusMode::kSurface, false, 0, 0);
   loop.loses = true;
   loop.run(200);
-  loop.trials = 0;
+  loop.hypotheses = 0;
   loop.run(400);
-  EXPECT_LT(loop.trials, 400u * 4);
+  EXPECT_LT(loop.hypotheses, 400u * 4);
 }
 
 TEST(DepthEstimator, RestsWhereThereIsNothingMoreToFind) {
@@ -201,9 +201,9 @@ TEST(DepthEstimator, RestsWhereThereIsNothingMoreToFind) {
   const std::vector<uint8_t>& levels = loop.surface.focus.map->levels;
   EXPECT_EQ(std::ranges::adjacent_find(levels, std::not_equal_to<>()), levels.end()) << "one plane";
   EXPECT_GT(loop.right(), 0.99);
-  const size_t before = loop.trials;
+  const size_t before = loop.hypotheses;
   loop.run(64);
-  EXPECT_LE(loop.trials - before, 20u) << "four requests of five hypotheses";
+  EXPECT_LE(loop.hypotheses - before, 20u) << "four requests of five hypotheses";
 }
 
 TEST(DepthEstimator, WakesUpWhenTheSceneChanges) {
@@ -214,14 +214,14 @@ TEST(DepthEstimator, WakesUpWhenTheSceneChanges) {
   EXPECT_GT(loop.right(), 0.97);
 }
 
-TEST(DepthEstimator, AFlatSceneEndsWithNextToNoTrials) {
+TEST(DepthEstimator, AFlatSceneEndsWithNextToNoHypotheses) {
   Loop loop(FocusMode::kAuto, true);
   loop.run(30);
   EXPECT_TRUE(loop.control.state().flat);
-  loop.trials = 0;
+  loop.hypotheses = 0;
   loop.run(64);
   // A hypothesis costs at most a 16th of the picture's samples, at the same number of bits: 2 % are 20 hypotheses.
-  EXPECT_LE(loop.trials, 0.02 * 64 * 16);
+  EXPECT_LE(loop.hypotheses, 0.02 * 64 * 16);
   EXPECT_NEAR(loop.control.state().bought, 0, DepthEstimator::kFlatEnough) << "no gain from a surface";
 }
 
@@ -229,7 +229,7 @@ TEST(DepthEstimator, TellsWhatASurfaceBought) {
   Loop loop(FocusMode::kSurface, false);
   loop.run(20);
   EXPECT_GT(loop.control.state().bought, 1);
-  EXPECT_EQ(loop.control.state().trials, 4u);
+  EXPECT_EQ(loop.control.state().hypotheses, 4u);
 }
 
 TEST(DepthEstimator, TheRangeOfDepthsFollowsTheScene) {
@@ -290,9 +290,9 @@ TEST(DepthEstimator, AFlatSceneIsFoundFromAPlaneThatIsFarOff) {
       const Plane shown = displayed_view(loop.request).focus.plane;
       EXPECT_NEAR(-shown.normal.z / shown.d, 1 / 3., 0.5 / loop.array.disparity()) << "to half a pixel";
     }
-    const size_t before = loop.trials;
+    const size_t before = loop.hypotheses;
     loop.run(64);
-    EXPECT_LE(loop.trials - before, 64u / DepthEstimator::kLongestRest * 5);
+    EXPECT_LE(loop.hypotheses - before, 64u / DepthEstimator::kLongestRest * 5);
   }
 }
 
@@ -305,7 +305,7 @@ TEST(DepthEstimator, ASingleCameraNeverLeavesThePlane) {
       loop.run(1);
       EXPECT_EQ(loop.request.view.focus.map, nullptr);
     }
-    EXPECT_EQ(loop.trials, 0u);
+    EXPECT_EQ(loop.hypotheses, 0u);
   }
 }
 
@@ -346,9 +346,9 @@ struct MisleadingScene {
   static constexpr double kLeft = 1 / 3., kRight = 1 / 1.5;  // 1/m
   double misleading, disparity;
 
-  PhotoConsistency moments(const View& view, const DepthHypothesis& trial) const {
+  PhotoConsistency moments(const View& view, const DepthHypothesis& hypothesis) const {
     const FocalMap& map = *view.focus.map;
-    const std::vector<uint8_t> levels = hypothesis_levels(view, trial);
+    const std::vector<uint8_t> levels = hypothesis_levels(view, hypothesis);
     PhotoConsistency out;
     out.reset(map.columns, map.rows);
     for (size_t i = 0; i < levels.size(); i++) {
@@ -382,16 +382,16 @@ TEST(DepthEstimator, DepthsOutsideOfTheSceneThatWasFoundAreForgotten) {
   bool tried = false;
   for (int i = 0; i < 20; i++) {
     std::vector<PhotoConsistency> moments;
-    for (const DepthHypothesis& trial : request.trials) {
-      moments.push_back(scene.moments(request.view, trial));
-      if (trial.kind != DepthHypothesis::Kind::kPlane) continue;
-      tried =
-          tried || std::abs(request.view.focus.map->inverse_of(trial.value) - scene.misleading) < 3 / scene.disparity;
+    for (const DepthHypothesis& hypothesis : request.hypotheses) {
+      moments.push_back(scene.moments(request.view, hypothesis));
+      if (hypothesis.kind != DepthHypothesis::Kind::kPlane) continue;
+      tried = tried ||
+              std::abs(request.view.focus.map->inverse_of(hypothesis.value) - scene.misleading) < 3 / scene.disparity;
     }
     request.sequence++;
     const DepthEstimator::Plan plan = control.next(request, moments, array);
     request.view = plan.view;
-    request.trials = plan.trials;
+    request.hypotheses = plan.hypotheses;
   }
   EXPECT_TRUE(tried) << "tried in the search";
   EXPECT_NEAR(1 / control.state().near, 1.5 * MisleadingScene::kRight, 0.5);
@@ -525,7 +525,7 @@ TEST(DepthEstimator, KeepsTheRangeItWasTold) {
   EXPECT_NEAR(loop.control.state().far, 6, 1e-12);
 }
 
-TEST(DepthEstimator, FewerRequestsHaveTrialsWherePicturesAreLate) {
+TEST(DepthEstimator, FewerRequestsHaveHypothesesWherePicturesAreLate) {
   Loop punctual(FocusMode::kSurface, false), late(FocusMode::kSurface, false);
   for (int i = 0; i < 60; i++) {
     punctual.control.keep_up(true);
@@ -533,25 +533,25 @@ TEST(DepthEstimator, FewerRequestsHaveTrialsWherePicturesAreLate) {
     late.control.keep_up(false);
     late.run(1);
   }
-  EXPECT_LE(late.trials, punctual.trials / 2);
+  EXPECT_LE(late.hypotheses, punctual.hypotheses / 2);
   EXPECT_GT(late.right(), 0.95) << "the surface converges nevertheless";
-  late.trials = 0;
+  late.hypotheses = 0;
   for (int i = 0; i < 180; i++) {
     late.control.keep_up(true);
     late.run(1);
   }
-  EXPECT_GT(late.trials, 4 * 60u) << "rate restored";
+  EXPECT_GT(late.hypotheses, 4 * 60u) << "rate restored";
 }
 
-TEST(DepthEstimator, FewerRequestsHaveTrialsWhereTheyAreToBeSpared) {
+TEST(DepthEstimator, FewerRequestsHaveHypothesesWhereTheyAreToBeSpared) {
   Loop all(FocusMode::kSurface, false), spared(FocusMode::kSurface, false);
   for (int i = 0; i < 120; i++) {
     all.run(1);
     spared.control.spare(4);
     spared.run(1);
   }
-  EXPECT_LE(spared.trials, all.trials / 3);
-  EXPECT_GT(spared.trials, 0u);
+  EXPECT_LE(spared.hypotheses, all.hypotheses / 3);
+  EXPECT_GT(spared.hypotheses, 0u);
   EXPECT_GT(spared.right(), 0.9) << "the surface converges nevertheless";
 }
 

@@ -30,7 +30,7 @@ class DepthFeedbackTest : public testing::Test {
     map.farthest = map.nearest = 0.5;
     map.levels.assign(static_cast<size_t>(map.columns) * map.rows, 0);
     focus.plan.view.focus.map = std::make_shared<const FocalMap>(map);
-    focus.plan.trials = {{DepthHypothesis::Kind::kPlane, 3}};
+    focus.plan.hypotheses = {{DepthHypothesis::Kind::kPlane, 3}};
     return focus;
   }
 
@@ -38,25 +38,25 @@ class DepthFeedbackTest : public testing::Test {
   DepthFeedback feedback_;
 };
 
-TEST_F(DepthFeedbackTest, TheNextRequestHasTheSurfaceAndTheTrialsOnce) {
+TEST_F(DepthFeedbackTest, TheNextRequestHasTheSurfaceAndTheHypothesesOnce) {
   ViewRequest next = request();
   feedback_.apply(next);
   EXPECT_FALSE(next.view.focus.map) << "nothing is known yet";
   feedback_.announce(found(1));
   feedback_.apply(next);
   EXPECT_TRUE(next.view.focus.map);
-  EXPECT_EQ(next.trials.size(), 1u);
+  EXPECT_EQ(next.hypotheses.size(), 1u);
   next = request();
   feedback_.apply(next);
   EXPECT_TRUE(next.view.focus.map);
-  EXPECT_TRUE(next.trials.empty());
+  EXPECT_TRUE(next.hypotheses.empty());
   feedback_.clear();
   next = request();
   feedback_.apply(next);
   EXPECT_FALSE(next.view.focus.map);
 }
 
-TEST_F(DepthFeedbackTest, OfASetOneViewHasTheTrials) {
+TEST_F(DepthFeedbackTest, OfASetOneViewHasTheHypotheses) {
   feedback_.announce(found(1));
   const ViewSet set{.layout = ViewSetLayout::kStereo};
   ViewRequest right = request(), left = request();
@@ -64,9 +64,9 @@ TEST_F(DepthFeedbackTest, OfASetOneViewHasTheTrials) {
   left.place = set.place(0);
   feedback_.apply(right);
   EXPECT_TRUE(right.view.focus.map);
-  EXPECT_TRUE(right.trials.empty());
+  EXPECT_TRUE(right.hypotheses.empty());
   feedback_.apply(left);
-  EXPECT_EQ(left.trials.size(), 1u);
+  EXPECT_EQ(left.hypotheses.size(), 1u);
 }
 
 // The pointer's view may differ from the view of the surface, so that the same place has different pixels.
@@ -90,21 +90,21 @@ TEST_F(DepthFeedbackTest, APlaceIsThatOfTheViewThatShowsIt) {
 }
 
 // In bursts of pictures, several results arrive before the next request.
-TEST_F(DepthFeedbackTest, TrialsOfASearchWaitForTheirTurn) {
+TEST_F(DepthFeedbackTest, HypothesesOfASearchWaitForTheirTurn) {
   const auto sweep_at = [](int16_t level) {
     return std::vector<DepthHypothesis>(kSweep, {DepthHypothesis::Kind::kPlane, level});
   };
   const auto hypotheses_of_next = [&] {
     ViewRequest next = request();
     feedback_.apply(next);
-    return next.trials;
+    return next.hypotheses;
   };
   DepthEstimate news = found(1);
   for (const int16_t level : {1, 2}) {
-    news.plan.trials = sweep_at(level);
+    news.plan.hypotheses = sweep_at(level);
     feedback_.announce(news);
   }
-  news.plan.trials.clear();
+  news.plan.hypotheses.clear();
   feedback_.announce(news);
   EXPECT_TRUE(feedback_.has_hypotheses());
   EXPECT_EQ(hypotheses_of_next(), sweep_at(1));
@@ -113,20 +113,20 @@ TEST_F(DepthFeedbackTest, TrialsOfASearchWaitForTheirTurn) {
 
   const DepthEstimate better = found(2);
   for (int i = 0; i < 2; i++) feedback_.announce(better);
-  EXPECT_EQ(hypotheses_of_next(), better.plan.trials);
+  EXPECT_EQ(hypotheses_of_next(), better.plan.hypotheses);
   EXPECT_TRUE(hypotheses_of_next().empty()) << "only the latest refinement";
 
-  news.plan.trials = sweep_at(3);
+  news.plan.hypotheses = sweep_at(3);
   feedback_.announce(news);
   DepthEstimate other = found(3);
   FocalMap map = *other.plan.view.focus.map;
   map.nearest = 2;
   other.plan.view.focus.map = std::make_shared<const FocalMap>(map);
   feedback_.announce(other);
-  EXPECT_EQ(hypotheses_of_next(), other.plan.trials) << "the levels have a new range";
+  EXPECT_EQ(hypotheses_of_next(), other.plan.hypotheses) << "the levels have a new range";
   EXPECT_TRUE(hypotheses_of_next().empty());
 
-  news.plan.trials = sweep_at(4);
+  news.plan.hypotheses = sweep_at(4);
   for (int i = 0; i < 100; i++) feedback_.announce(news);
   int most = 0;
   while (!hypotheses_of_next().empty()) most++;
@@ -159,7 +159,7 @@ TEST_F(DepthFeedbackTest, WithoutASurfaceSweepsLookForThePlace) {
     const std::optional<ViewRequest> sweep = feedback_.next_sweep(request(), &walls_.rig);
     ASSERT_TRUE(sweep) << stage;
     EXPECT_TRUE(sweep->probe);
-    EXPECT_FALSE(sweep->trials.empty());
+    EXPECT_FALSE(sweep->hypotheses.empty());
     EXPECT_LT(sweep->view.width, request().view.width);
     feedback_.sweep_sent(10 + stage);
     EXPECT_FALSE(feedback_.next_sweep(request(), &walls_.rig)) << "one at a time";

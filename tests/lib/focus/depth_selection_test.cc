@@ -31,10 +31,10 @@ PhotoConsistency deviating(const auto& deviation) {
 }
 
 // By default the cameras can distinguish depths at all nodes.
-DepthSelection choose(const FocalMap& map, const std::vector<std::vector<uint8_t>>& trials,
+DepthSelection choose(const FocalMap& map, const std::vector<std::vector<uint8_t>>& hypotheses,
                       const std::vector<PhotoConsistency>& moments, std::vector<float> evidence = {}) {
   if (evidence.empty()) evidence.assign(map.levels.size(), 1);
-  return select_depths(map, trials, moments, {.evidence = evidence});
+  return select_depths(map, hypotheses, moments, {.evidence = evidence});
 }
 
 FocalMap flat(uint8_t level) {
@@ -45,12 +45,12 @@ FocalMap flat(uint8_t level) {
   return map;
 }
 
-TEST(DepthSelection, TakesTheTrialThroughWhichCamerasAgree) {
-  const std::vector<std::vector<uint8_t>> trials{std::vector<uint8_t>(kColumns * kRows, 50),
-                                                 std::vector<uint8_t>(kColumns * kRows, 90)};
+TEST(DepthSelection, TakesTheDepthAtWhichCamerasAgree) {
+  const std::vector<std::vector<uint8_t>> hypotheses{std::vector<uint8_t>(kColumns * kRows, 50),
+                                                     std::vector<uint8_t>(kColumns * kRows, 90)};
   const std::vector<PhotoConsistency> moments{deviating([](int i, int) { return i < 6 ? 2 : 20; }),
                                               deviating([](int i, int) { return i < 6 ? 20 : 2; })};
-  const DepthSelection choice = choose(flat(50), trials, moments);
+  const DepthSelection choice = choose(flat(50), hypotheses, moments);
   for (int j = 0; j < kRows; j++)
     for (int i = 0; i < kColumns; i++) EXPECT_EQ(choice.levels[j * kColumns + i], i < 6 ? 50 : 90) << i << ", " << j;
   EXPECT_NEAR(choice.changed, 0.5, 1e-9);
@@ -60,22 +60,22 @@ TEST(DepthSelection, TakesTheTrialThroughWhichCamerasAgree) {
 
 TEST(DepthSelection, ANodeItselfCountsForMoreThanItsNeighbours) {
   // The levels are so close that a node need not agree with its neighbours.
-  const std::vector<std::vector<uint8_t>> trials{std::vector<uint8_t>(kColumns * kRows, 50),
-                                                 std::vector<uint8_t>(kColumns * kRows, 51)};
+  const std::vector<std::vector<uint8_t>> hypotheses{std::vector<uint8_t>(kColumns * kRows, 50),
+                                                     std::vector<uint8_t>(kColumns * kRows, 51)};
   const std::vector<PhotoConsistency> moments{deviating([](int, int) { return 5.9; }),
                                               deviating([](int i, int) { return i == 6 ? 2 : 8; })};  // 6 on average
-  const DepthSelection choice = choose(flat(50), trials, moments);
+  const DepthSelection choice = choose(flat(50), hypotheses, moments);
   EXPECT_EQ(choice.levels[3 * kColumns + 6], 51);
   EXPECT_EQ(choice.levels[3 * kColumns + 5], 50);
 }
 
 TEST(DepthSelection, ALeadKeepsWhatNothingTellsApart) {
-  const std::vector<std::vector<uint8_t>> trials{std::vector<uint8_t>(kColumns * kRows, 50),
-                                                 std::vector<uint8_t>(kColumns * kRows, 90)};
+  const std::vector<std::vector<uint8_t>> hypotheses{std::vector<uint8_t>(kColumns * kRows, 50),
+                                                     std::vector<uint8_t>(kColumns * kRows, 90)};
   const auto with = [&](double other) {
     const std::vector<PhotoConsistency> moments{deviating([](int, int) { return 10.0; }),
                                                 deviating([&](int, int) { return other; })};
-    return choose(flat(50), trials, moments).levels[0];
+    return choose(flat(50), hypotheses, moments).levels[0];
   };
   EXPECT_EQ(with(9.7), 50) << "within the lead";
   EXPECT_EQ(with(9), 90);
@@ -84,30 +84,30 @@ TEST(DepthSelection, ALeadKeepsWhatNothingTellsApart) {
 TEST(DepthSelection, KeepsTheLevelWhereNothingIsSeen) {
   std::vector<PhotoConsistency> moments{deviating([](int, int) { return 10; }), deviating([](int, int) { return 1; })};
   for (PhotoConsistency& m : moments) m.weight[5] = 0;
-  const std::vector<std::vector<uint8_t>> trials{std::vector<uint8_t>(kColumns * kRows, 50),
-                                                 std::vector<uint8_t>(kColumns * kRows, 90)};
-  const DepthSelection choice = choose(flat(77), trials, moments);
+  const std::vector<std::vector<uint8_t>> hypotheses{std::vector<uint8_t>(kColumns * kRows, 50),
+                                                     std::vector<uint8_t>(kColumns * kRows, 90)};
+  const DepthSelection choice = choose(flat(77), hypotheses, moments);
   EXPECT_EQ(choice.levels[5], 77);
   EXPECT_EQ(choice.levels[6], 90);
   std::vector<PhotoConsistency> nothing(2);
   for (PhotoConsistency& m : nothing) m.reset(kColumns, kRows);
-  EXPECT_EQ(choose(flat(77), trials, nothing).levels, flat(77).levels);
-  EXPECT_TRUE(std::isnan(choose(flat(77), trials, nothing).residual));
+  EXPECT_EQ(choose(flat(77), hypotheses, nothing).levels, flat(77).levels);
+  EXPECT_TRUE(std::isnan(choose(flat(77), hypotheses, nothing).residual));
 }
 
 using Levels = std::vector<uint8_t>;
 
 // Images of widely spaced cameras lack a near plane. The plane must not prevent other hypotheses from being compared.
-TEST(DepthSelection, ATrialThatSeesLittleIsNotCompared) {
-  const std::vector<Levels> trials{Levels(kColumns * kRows, 50), Levels(kColumns * kRows, 90),
-                                   Levels(kColumns * kRows, 200), Levels(kColumns * kRows, 250)};
+TEST(DepthSelection, AHypothesisThatSeesLittleIsNotCompared) {
+  const std::vector<Levels> hypotheses{Levels(kColumns * kRows, 50), Levels(kColumns * kRows, 90),
+                                       Levels(kColumns * kRows, 200), Levels(kColumns * kRows, 250)};
   std::vector<PhotoConsistency> moments;
   for (const double sigma : {10., 4., 20., 1.}) moments.push_back(deviating([&](int, int) { return sigma; }));
   for (size_t i = 0; i < moments[2].weight.size(); i++) {
     if (i % kColumns > 2) moments[2].weight[i] = 0;
     moments[3].weight[i] = 0;
   }
-  const DepthSelection choice = choose(flat(50), trials, moments);
+  const DepthSelection choice = choose(flat(50), hypotheses, moments);
   EXPECT_NEAR(choice.energy[0], 100, 2);
   EXPECT_NEAR(choice.energy[1], 16, 1);
   EXPECT_NEAR(choice.cost[1], 4, 0.1);
@@ -119,7 +119,7 @@ TEST(DepthSelection, ATrialThatSeesLittleIsNotCompared) {
   // A hypothesis is compared over the nodes that its cameras see, if they are most of the nodes.
   for (size_t i = 0; i < moments[2].weight.size(); i++)
     moments[2].weight[i] = i % kColumns > 8 ? 0 : PhotoConsistency::kWeightOne;
-  EXPECT_NEAR(choose(flat(50), trials, moments).cost[2], 20, 0.1);
+  EXPECT_NEAR(choose(flat(50), hypotheses, moments).cost[2], 20, 0.1);
 }
 
 // Sums of dark cameras with deviations far below a level: rounded to about 0.02.
@@ -136,28 +136,29 @@ PhotoConsistency nearly_agreeing(const auto& deviation) {
 }
 
 TEST(DepthSelection, WhatRoundedSumsAloneTellMovesNothing) {
-  const std::vector<Levels> trials{Levels(kColumns * kRows, 50), Levels(kColumns * kRows, 52)};
+  const std::vector<Levels> hypotheses{Levels(kColumns * kRows, 50), Levels(kColumns * kRows, 52)};
   const auto with = [&](const auto& deviation) {
-    return choose(flat(50), trials, {nearly_agreeing(deviation), nearly_agreeing([](int, int) { return 0; })}).levels;
+    return choose(flat(50), hypotheses, {nearly_agreeing(deviation), nearly_agreeing([](int, int) { return 0; })})
+        .levels;
   };
-  EXPECT_EQ(with([](int, int) { return 0.2; }), trials[0]) << "in all nodes";
-  EXPECT_EQ(with([](int i, int j) { return i == 5 && j == 5 ? 0.2 : 0; }), trials[0]) << "in one";
-  EXPECT_EQ(with([](int, int) { return 0.4; }), trials[1]) << "more than noise";
+  EXPECT_EQ(with([](int, int) { return 0.2; }), hypotheses[0]) << "in all nodes";
+  EXPECT_EQ(with([](int i, int j) { return i == 5 && j == 5 ? 0.2 : 0; }), hypotheses[0]) << "in one";
+  EXPECT_EQ(with([](int, int) { return 0.4; }), hypotheses[1]) << "more than noise";
 }
 
 TEST(DepthSelection, ALoneOutlierGoesWithItsNeighbours) {
-  const std::vector<Levels> trials{Levels(kColumns * kRows, 50), Levels(kColumns * kRows, 90)};
+  const std::vector<Levels> hypotheses{Levels(kColumns * kRows, 50), Levels(kColumns * kRows, 90)};
   const auto is_out = [](int i, int j) { return i == 6 && j == 4; };
   const std::vector<float> evidence(kColumns * kRows, 1);
   const auto with = [&](double better) {
     const std::vector<PhotoConsistency> moments{deviating([](int, int) { return 10; }),
                                                 deviating([&](int i, int j) { return is_out(i, j) ? better : 20; })};
     const DepthSelectionParams terms{.evidence = evidence, .radius = 0};
-    return select_depths(flat(50), trials, moments, terms);
+    return select_depths(flat(50), hypotheses, moments, terms);
   };
   // Compared with eight neighbours, the lead requires gains of 0.6 and 0.25; isolation requires 4 and 0.1 more.
   const DepthSelection lone = with(6), sure = with(4);
-  EXPECT_EQ(lone.levels, trials[0]);
+  EXPECT_EQ(lone.levels, hypotheses[0]);
   EXPECT_EQ(lone.gained, 0);
   EXPECT_EQ(lone.changed, 0);
   EXPECT_EQ(sure.levels[4 * kColumns + 6], 90) << "clear evidence keeps a single node";
@@ -165,7 +166,7 @@ TEST(DepthSelection, ALoneOutlierGoesWithItsNeighbours) {
 }
 
 TEST(DepthSelection, WithoutEvidenceANodeTakesItsNeighboursLevel) {
-  const std::vector<Levels> trials{Levels(kColumns * kRows, 50), Levels(kColumns * kRows, 90)};
+  const std::vector<Levels> hypotheses{Levels(kColumns * kRows, 50), Levels(kColumns * kRows, 90)};
   const auto is_untold = [](int i, int j) { return i >= 5 && i < 7 && j >= 4 && j < 6; };
   std::vector<float> evidence(kColumns * kRows, 1);
   for (size_t i = 0; i < evidence.size(); i++)
@@ -173,11 +174,11 @@ TEST(DepthSelection, WithoutEvidenceANodeTakesItsNeighboursLevel) {
   // At these nodes the cameras would seem to agree far better on the wrong surface.
   for (const int right : {0, 1}) {
     std::vector<PhotoConsistency> moments;
-    for (const int trial : {0, 1})
-      moments.push_back(deviating([&](int i, int j) { return (trial == right) != is_untold(i, j) ? 1 : 20; }));
+    for (const int hypothesis : {0, 1})
+      moments.push_back(deviating([&](int i, int j) { return (hypothesis == right) != is_untold(i, j) ? 1 : 20; }));
     const DepthSelectionParams terms{.evidence = evidence, .radius = 0};
-    const DepthSelection choice = select_depths(flat(50), trials, moments, terms);
-    EXPECT_EQ(choice.levels, trials[static_cast<size_t>(right)]);
+    const DepthSelection choice = select_depths(flat(50), hypotheses, moments, terms);
+    EXPECT_EQ(choice.levels, hypotheses[static_cast<size_t>(right)]);
     EXPECT_EQ(choice.informed[4 * kColumns + 5], 0);
     EXPECT_EQ(choice.informed[0], 1);
     EXPECT_TRUE(std::isinf(choice.lead[4 * kColumns + 5]));
@@ -186,13 +187,13 @@ TEST(DepthSelection, WithoutEvidenceANodeTakesItsNeighboursLevel) {
 
 TEST(DepthSelection, NobodyIsInformedWhereAllDepthsLookAlike) {
   const auto informed = [](const std::vector<double>& deviations, float evidence) {
-    std::vector<Levels> trials;
+    std::vector<Levels> hypotheses;
     std::vector<PhotoConsistency> moments;
     for (size_t t = 0; t < deviations.size(); t++) {
-      trials.emplace_back(kColumns * kRows, static_cast<uint8_t>(50 + 10 * t));
+      hypotheses.emplace_back(kColumns * kRows, static_cast<uint8_t>(50 + 10 * t));
       moments.push_back(deviating([&](int, int) { return deviations[t]; }));
     }
-    return choose(flat(50), trials, moments, std::vector<float>(kColumns * kRows, evidence)).informed[17] != 0;
+    return choose(flat(50), hypotheses, moments, std::vector<float>(kColumns * kRows, evidence)).informed[17] != 0;
   };
   EXPECT_TRUE(informed({2, 20}, 1));
   EXPECT_FALSE(informed({2, 20}, 0.3f)) << "too little evidence";
@@ -219,13 +220,13 @@ TEST(DepthSelection, IsThePlainOneWithEveryInstructionSet) {
     if (round % 2)
       for (float& of : evidence) of = static_cast<float>(random.uniform(0, 1));
     const double levels_a_pixel = round % 7 ? random.uniform(0, 30) : 8;
-    std::vector<std::vector<uint8_t>> trials;
+    std::vector<std::vector<uint8_t>> hypotheses;
     std::vector<PhotoConsistency> moments(count);
     const double missing = round % 3 == 0 ? 0 : random.uniform(0, 1), wild = round % 4 == 0 ? 0.2 : 0;
     for (size_t t = 0; t < count; t++) {
-      trials.emplace_back(nodes, static_cast<uint8_t>(t + 1));
+      hypotheses.emplace_back(nodes, static_cast<uint8_t>(t + 1));
       if (round % 4 == 1)
-        for (uint8_t& level : trials.back()) level = static_cast<uint8_t>(below(256));
+        for (uint8_t& level : hypotheses.back()) level = static_cast<uint8_t>(below(256));
       moments[t].reset(map.columns, map.rows);
       for (size_t i = 0; i < nodes; i++) {
         const double weight = random.uniform(0, 1) < missing ? random.uniform(0, 1) : 1, luma = random.uniform(0, 255);
@@ -242,11 +243,11 @@ TEST(DepthSelection, IsThePlainOneWithEveryInstructionSet) {
     for (const int radius : {0, 1, 4}) {
       const DepthSelectionParams terms{
           .evidence = evidence, .counted = counted, .radius = radius, .levels_a_pixel = levels_a_pixel};
-      const DepthSelection plain = test::plain_choice(map, trials, moments, terms);
+      const DepthSelection plain = test::plain_choice(map, hypotheses, moments, terms);
       informed += std::ranges::count(plain.informed, 1);
       changed += plain.changed;
       test::on_every_target([&] {
-        const DepthSelection choice = select_depths(map, trials, moments, terms);
+        const DepthSelection choice = select_depths(map, hypotheses, moments, terms);
         EXPECT_EQ(choice.levels, plain.levels);
         EXPECT_EQ(choice.chosen, plain.chosen);
         EXPECT_EQ(choice.least, plain.least);

@@ -133,7 +133,7 @@ TEST(GainSum, IsGeometricAndAddsUp) {
   EXPECT_NEAR(all.mean(), std::exp2((2. - 1) / 3), 1e-3);
 }
 
-TEST(ExposureSchedule, TheFirstRequestsWithTrialsAskAndThenFewerAndFewer) {
+TEST(ExposureSchedule, TheFirstRequestsWithHypothesesAskAndThenFewerAndFewer) {
   ExposureSchedule turns;
   std::vector<int> asking;
   bool asked = false;

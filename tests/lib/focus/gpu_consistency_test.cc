@@ -37,14 +37,14 @@ struct Both {
 };
 
 Both consistency_of(const RenderJob& job, std::span<const Source> sources,
-                    std::span<const std::vector<uint8_t>> trials) {
+                    std::span<const std::vector<uint8_t>> hypotheses) {
   Both both;
   for (std::vector<PhotoConsistency>* sums : {&both.cpu, &both.gpu}) {
-    sums->resize(trials.size());
+    sums->resize(hypotheses.size());
     for (PhotoConsistency& sum : *sums) sum.reset(job.plan().view().width, job.plan().view().height);
   }
-  add_consistency(job, sources, trials, both.cpu);
-  const GpuStatus drawing = add_consistency(job, sources, trials, both.gpu, serial_for, &consistency_gpu());
+  add_consistency(job, sources, hypotheses, both.cpu);
+  const GpuStatus drawing = add_consistency(job, sources, hypotheses, both.gpu, serial_for, &consistency_gpu());
   EXPECT_TRUE(drawing.drawn || sources.empty()) << drawing.why_not;
   return both;
 }
@@ -83,11 +83,11 @@ Image chequered_blocks(Random&, int width, int height) {
   return image;
 }
 
-std::vector<std::vector<uint8_t>> some_trials(Random& random, const View& view) {
-  std::vector<std::vector<uint8_t>> trials;
-  for (const DepthHypothesis& trial : hypotheses_of_round(random.integer(0, 20)))
-    trials.push_back(hypothesis_levels(view, trial));
-  return trials;
+std::vector<std::vector<uint8_t>> some_hypotheses(Random& random, const View& view) {
+  std::vector<std::vector<uint8_t>> hypotheses;
+  for (const DepthHypothesis& hypothesis : hypotheses_of_round(random.integer(0, 20)))
+    hypotheses.push_back(hypothesis_levels(view, hypothesis));
+  return hypotheses;
 }
 
 // Views of an array with distorted lenses, rotated, from coarse to fine: boxes of 4 to 32 pixels.
@@ -118,8 +118,8 @@ TEST(GpuConsistency, AreTheCpus) {
           if (trial == 3 && i % 3 == 0) sources.back().image = {.family = PixelFamily::kNone};
           largest_box = std::max(largest_box, hypothesis_box(job.plan(), i, rig.cameras[i]));
         }
-        const std::vector<std::vector<uint8_t>> trials = some_trials(random, view);
-        worst.add(consistency_of(job, sources, trials));
+        const std::vector<std::vector<uint8_t>> hypotheses = some_hypotheses(random, view);
+        worst.add(consistency_of(job, sources, hypotheses));
       }
       std::printf("%s %-12s: weight %d, mean luma %.3f, its root mean square %.3f, other cameras in %zu of %zu nodes\n",
                   family == PixelFamily::kI420 ? "I420" : "RGB ", hard ? "checkerboard" : "smooth", worst.weight,
@@ -137,7 +137,7 @@ struct SmallArray {
     View view = test::view_into(rig, 3, 160, 120, random.small_rotation(0.2));
     view.blending.extrapolates = false;  // GPUs only draw hypotheses inside the mesh
     view.focus.map = test::depths(random, view, FocalMap::kMinStep, false);
-    trials = some_trials(random, view);
+    hypotheses = some_hypotheses(random, view);
     std::vector<CameraIndex> own(rig.cameras.size());
     std::iota(own.begin(), own.end(), 0);
     job.emplace(rig, build_mesh(rig), hypothesis_view(view), own);
@@ -145,7 +145,7 @@ struct SmallArray {
     for (const CameraIndex i : job->cameras()) sources.push_back({i, &rig.cameras[i], images[i].view()});
   }
   std::vector<PhotoConsistency> nothing() const {
-    std::vector<PhotoConsistency> sums(trials.size());
+    std::vector<PhotoConsistency> sums(hypotheses.size());
     for (PhotoConsistency& sum : sums) sum.reset(job->plan().view().width, job->plan().view().height);
     return sums;
   }
@@ -154,15 +154,16 @@ struct SmallArray {
   std::optional<RenderJob> job;
   std::vector<Image> images;
   std::vector<Source> sources;
-  std::vector<std::vector<uint8_t>> trials;
+  std::vector<std::vector<uint8_t>> hypotheses;
 };
 
 TEST(GpuConsistency, AreAdded) {
   const SmallArray array(0);
-  const Both once = consistency_of(*array.job, array.sources, array.trials);
+  const Both once = consistency_of(*array.job, array.sources, array.hypotheses);
   std::vector<PhotoConsistency> thrice = array.nothing();
   for (int i = 0; i < 3; i++)
-    EXPECT_TRUE(add_consistency(*array.job, array.sources, array.trials, thrice, serial_for, &consistency_gpu()).drawn);
+    EXPECT_TRUE(
+        add_consistency(*array.job, array.sources, array.hypotheses, thrice, serial_for, &consistency_gpu()).drawn);
   bool any = false;
   for (size_t t = 0; t < thrice.size(); t++)
     for (size_t i = 0; i < thrice[t].weight.size(); i++) {
@@ -175,7 +176,7 @@ TEST(GpuConsistency, AreAdded) {
 // The GPU preserves the relation between one camera's sums: see wire/consistency_codec.h.
 TEST(GpuConsistency, OfOneCameraAreWhatItsWeightAndLumaSay) {
   const SmallArray array(-0.2);
-  const Both both = consistency_of(*array.job, {&array.sources[4], 1}, array.trials);
+  const Both both = consistency_of(*array.job, {&array.sources[4], 1}, array.hypotheses);
   size_t seen = 0;
   for (const PhotoConsistency& sum : both.gpu)
     for (size_t i = 0; i < sum.weight.size(); i++) {
@@ -213,7 +214,7 @@ TEST(GpuConsistency, OfHardCasesAreFiniteAndMostlyTheCpus) {
       for (const CameraIndex i : job.cameras()) sources.push_back({i, &rig.cameras[i], images[i].view()});
       if (sources.empty()) continue;
       MomentDifference one;
-      one.add(consistency_of(job, sources, some_trials(random, view)));
+      one.add(consistency_of(job, sources, some_hypotheses(random, view)));
       SCOPED_TRACE(hard.name);
       std::printf("%-40s: weight %d, mean luma %.3f, other cameras in %zu of %zu nodes\n", hard.name, one.weight,
                   one.luma, one.otherwise, one.nodes);
@@ -256,9 +257,10 @@ TEST(GpuConsistency, ComeToTheSameSurface) {
         request.sequence = static_cast<uint32_t>(round);
         focus.apply(request);
         ViewDepths::Answers answers;
-        if (!request.trials.empty()) {
+        if (!request.hypotheses.empty()) {
           std::vector<std::vector<uint8_t>> levels;
-          for (const DepthHypothesis& trial : request.trials) levels.push_back(hypothesis_levels(request.view, trial));
+          for (const DepthHypothesis& hypothesis : request.hypotheses)
+            levels.push_back(hypothesis_levels(request.view, hypothesis));
           answers.moments.resize(levels.size());
           for (PhotoConsistency& of : answers.moments)
             of.reset(request.view.focus.map->columns, request.view.focus.map->rows);
@@ -290,8 +292,9 @@ TEST(GpuConsistency, AreTheCpusWhereTheGpuIsLost) {
   lost->lose();
   const SmallArray array(0);
   std::vector<PhotoConsistency> cpu = array.nothing(), of_lost = cpu;
-  add_consistency(*array.job, array.sources, array.trials, cpu);
-  const GpuStatus refused = add_consistency(*array.job, array.sources, array.trials, of_lost, serial_for, lost.get());
+  add_consistency(*array.job, array.sources, array.hypotheses, cpu);
+  const GpuStatus refused =
+      add_consistency(*array.job, array.sources, array.hypotheses, of_lost, serial_for, lost.get());
   EXPECT_TRUE(refused.refused);
   EXPECT_MENTIONS(refused.why_not, "context", "lost");
   for (size_t t = 0; t < cpu.size(); t++) {

@@ -95,12 +95,12 @@ TEST(DepthHypothesis, RoundsSweepAllPlanesAndBeginWithTheSurface) {
   for (const unsigned first : {0u, 100u}) {
     std::set<int> planes;
     for (unsigned round = first; round < first + kSweepPlanes; round++) {
-      const std::vector<DepthHypothesis> trials = hypotheses_of_round(round);
-      ASSERT_EQ(trials.size(), 4u);
-      EXPECT_EQ(trials[0], (DepthHypothesis{kBlurred, 0}));
-      ASSERT_EQ(trials.back().kind, kPlane);
-      for (const DepthHypothesis& trial : trials)
-        if (trial.kind == kPlane) planes.insert(trial.value);
+      const std::vector<DepthHypothesis> hypotheses = hypotheses_of_round(round);
+      ASSERT_EQ(hypotheses.size(), 4u);
+      EXPECT_EQ(hypotheses[0], (DepthHypothesis{kBlurred, 0}));
+      ASSERT_EQ(hypotheses.back().kind, kPlane);
+      for (const DepthHypothesis& hypothesis : hypotheses)
+        if (hypothesis.kind == kPlane) planes.insert(hypothesis.value);
     }
     EXPECT_EQ(planes.size(), static_cast<size_t>(kSweepPlanes));
     EXPECT_EQ(*planes.begin(), 0);
@@ -131,13 +131,13 @@ TEST(DepthHypothesis, PixelsOfItsViewAreTheNodes) {
   view.height = 13;
   view.lens = Lens(LensModel::kOpenCv, {300, 310, 10.2, 6.1, -0.1, 0.02, 0.001, -0.002});
   view.focus.map = std::make_shared<FocalMap>(FocalMap::for_view(22, 13));
-  const View trial = hypothesis_view(view);
-  EXPECT_EQ(trial.width, 6);
-  EXPECT_EQ(trial.height, 4);
-  EXPECT_EQ(trial.focus.map->step, 1);
+  const View hypothesis = hypothesis_view(view);
+  EXPECT_EQ(hypothesis.width, 6);
+  EXPECT_EQ(hypothesis.height, 4);
+  EXPECT_EQ(hypothesis.focus.map->step, 1);
   for (int j = 0; j < 4; j++)
     for (int i = 0; i < 6; i++) {
-      const Vec2 node = *trial.lens.unproject({i, j}), pixel = *view.lens.unproject({4 * i + 1.5, 4 * j + 1.5});
+      const Vec2 node = *hypothesis.lens.unproject({i, j}), pixel = *view.lens.unproject({4 * i + 1.5, 4 * j + 1.5});
       EXPECT_LT(glm::distance(node, pixel), 1e-12);
     }
 }

@@ -14,15 +14,15 @@ namespace lf {
 namespace {
 
 // Calls fn(hypothesis, node of the map, weight, x, y in the camera's image) for every visible node. weigh_run() states
-// the precision of the weights. `trials`: levels of each hypothesis.
+// the precision of the weights. `hypotheses`: levels of each hypothesis.
 template <class Fn>
-void for_hypothesis_nodes(const HypothesisCamera& camera, int columns, std::span<const std::vector<uint8_t>> trials,
+void for_hypothesis_nodes(const HypothesisCamera& camera, int columns, std::span<const std::vector<uint8_t>> hypotheses,
                           const Fn& fn) {
   const HypothesisRays rays = camera.rays();
   std::vector<float> x(rays.count), y(rays.count);
   std::vector<uint8_t> seen(rays.count);
-  const ByteBuffer levels = camera.levels_of(trials, columns);
-  for (size_t t = 0; t < trials.size(); t++) {
+  const ByteBuffer levels = camera.levels_of(hypotheses, columns);
+  for (size_t t = 0; t < hypotheses.size(); t++) {
     project_hypothesis(camera.projection, rays, &levels[t * camera.u.size()], x.data(), y.data(), seen.data());
     for (const HypothesisRow& row : camera.rows) {
       const size_t begin = static_cast<size_t>(row.y) * columns + row.x0;
@@ -36,7 +36,7 @@ void for_hypothesis_nodes(const HypothesisCamera& camera, int columns, std::span
 
 // Compares with the rule in double precision: every node with weight that the camera sees, exactly once, at the right
 // position.
-TEST(TrialNodes, AreThoseOfTheRule) {
+TEST(HypothesisNodes, AreThoseOfTheRule) {
   const test::ArrayOfWalls walls;
   View wide = walls.view(100);
   wide.lens = Lens::from_fov_y(50, wide.width, wide.height);
@@ -74,7 +74,7 @@ TEST(TrialNodes, AreThoseOfTheRule) {
   EXPECT_GT(unseen, 0u);
 }
 
-TEST(TrialNodes, LieRowByRow) {
+TEST(HypothesisNodes, LieRowByRow) {
   const test::ArrayOfWalls walls;
   const View view = hypothesis_view(walls.view(100));
   const RenderJob job(walls.rig, walls.mesh, view, walls.own);
@@ -84,7 +84,7 @@ TEST(TrialNodes, LieRowByRow) {
   for (const CameraIndex camera : job.cameras()) {
     const HypothesisCamera at(job, camera, walls.rig.cameras[camera]);
     const ByteBuffer picked = at.levels_of({{levels, levels}}, view.width);
-    const size_t next_trial = at.u.size();
+    const size_t next_hypothesis = at.u.size();
     int next = 0;
     Rect bounds;
     for (const HypothesisRow& row : at.rows) {
@@ -93,7 +93,7 @@ TEST(TrialNodes, LieRowByRow) {
       bounds = unite(bounds, {row.x0, row.y, row.x1, row.y + 1});
       for (int x = row.x0; x < row.x1; x++) {
         const auto i = static_cast<size_t>(row.first + x - row.x0);
-        EXPECT_EQ(picked[next_trial + i], levels[static_cast<size_t>(row.y) * view.width + x]);
+        EXPECT_EQ(picked[next_hypothesis + i], levels[static_cast<size_t>(row.y) * view.width + x]);
         EXPECT_EQ(at.u[i], static_cast<float>(job.plan().rays().at(x, row.y).x));
         EXPECT_EQ(at.v[i], static_cast<float>(job.plan().rays().at(x, row.y).y));
       }
@@ -109,16 +109,17 @@ TEST(TrialNodes, LieRowByRow) {
 using enum DepthHypothesis::Kind;
 using test::ArrayOfWalls;
 
-TEST(TrialRenderer, CamerasAgreeWhereTheSurfaceIs) {
+TEST(HypothesisRenderer, CamerasAgreeWhereTheSurfaceIs) {
   const ArrayOfWalls walls;
   const View view = walls.view(60);
   const std::vector<PhotoConsistency> moments =
       walls.moments(view, {{kPlane, 60}, {kPlane, 170}, {kPlane, 240}}, walls.own);
-  const auto mean_deviation = [&](size_t trial, bool right) {
+  const auto mean_deviation = [&](size_t hypothesis, bool right) {
     double sum = 0;
     int count = 0;
     for (int j = 5; j < 25; j++)
-      for (int i = right ? 25 : 5; i < (right ? 35 : 15); i++, count++) sum += moments[trial].deviation(j * 40 + i);
+      for (int i = right ? 25 : 5; i < (right ? 35 : 15); i++, count++)
+        sum += moments[hypothesis].deviation(j * 40 + i);
     return sum / count;
   };
   EXPECT_LT(mean_deviation(0, false), 1.5);
@@ -129,19 +130,19 @@ TEST(TrialRenderer, CamerasAgreeWhereTheSurfaceIs) {
 }
 
 // Blended by angle, weights add up to 1 outside the hull too, and any grouping of cameras gives the same sum.
-TEST(TrialRenderer, TheNearestCamerasHaveWeightsOutsideOfTheHull) {
+TEST(HypothesisRenderer, TheNearestCamerasHaveWeightsOutsideOfTheHull) {
   const ArrayOfWalls walls;
   View view = walls.view(170);
   const Vec3& corner = walls.rig.cameras.back().pose.position;
   view.pose.position = corner + 0.5 * (corner - walls.rig.cameras[4].pose.position);
-  const std::vector<DepthHypothesis> trials{{kPlane, 60}, {kPlane, 170}};
+  const std::vector<DepthHypothesis> hypotheses{{kPlane, 60}, {kPlane, 170}};
   view.blending.extrapolates = false;
-  const std::vector<PhotoConsistency> by_mesh = walls.moments(view, trials, walls.own);
+  const std::vector<PhotoConsistency> by_mesh = walls.moments(view, hypotheses, walls.own);
   for (const uint16_t weight : by_mesh[0].weight) ASSERT_EQ(weight, 0);
   view.blending = {Blending::Kind::kAngle, 0, 9};
   ASSERT_EQ(hypothesis_view(view).blending.nearest, kHypothesisCameras) << "limited to kHypothesisCameras";
-  const std::vector<PhotoConsistency> all = walls.moments(view, trials, walls.own);
-  for (size_t t = 0; t < trials.size(); t++) {
+  const std::vector<PhotoConsistency> all = walls.moments(view, hypotheses, walls.own);
+  for (size_t t = 0; t < hypotheses.size(); t++) {
     EXPECT_GT(std::ranges::count(all[t].weight, PhotoConsistency::kWeightOne), all[t].weight.size() / 2) << t;
     EXPECT_LE(std::ranges::max(all[t].weight), PhotoConsistency::kWeightOne) << t;
   }
@@ -153,9 +154,9 @@ TEST(TrialRenderer, TheNearestCamerasHaveWeightsOutsideOfTheHull) {
         ASSERT_EQ(at.weight[static_cast<size_t>(row.first + x - row.x0)] * PhotoConsistency::kWeightOne,
                   job.plan().blend()->weight(camera, x, row.y));
   }
-  std::vector<PhotoConsistency> parts = walls.moments(view, trials, {0, 1, 2, 3, 4});
-  const std::vector<PhotoConsistency> others = walls.moments(view, trials, {5, 6, 7, 8});
-  for (size_t t = 0; t < trials.size(); t++) {
+  std::vector<PhotoConsistency> parts = walls.moments(view, hypotheses, {0, 1, 2, 3, 4});
+  const std::vector<PhotoConsistency> others = walls.moments(view, hypotheses, {5, 6, 7, 8});
+  for (size_t t = 0; t < hypotheses.size(); t++) {
     parts[t].add(others[t]);
     EXPECT_EQ(parts[t].weight, all[t].weight);
     EXPECT_EQ(parts[t].luma, all[t].luma);
@@ -163,22 +164,22 @@ TEST(TrialRenderer, TheNearestCamerasHaveWeightsOutsideOfTheHull) {
   }
 }
 
-TEST(TrialRenderer, SumsAreThoseOfTheRule) {
+TEST(HypothesisRenderer, SumsAreThoseOfTheRule) {
   const ArrayOfWalls walls;
-  const View view = walls.view(100), trial = hypothesis_view(view);
+  const View view = walls.view(100), hypothesis = hypothesis_view(view);
   const std::vector<PhotoConsistency> moments = walls.moments(view, {{kPlane, 130}}, walls.own);
-  const ViewPlan plan(walls.rig, walls.mesh, trial);
-  const FaceIdMap owners(plan, {0, 0, trial.width, trial.height});
+  const ViewPlan plan(walls.rig, walls.mesh, hypothesis);
+  const FaceIdMap owners(plan, {0, 0, hypothesis.width, hypothesis.height});
   double worst_mean = 0;
-  for (int j = 0; j < trial.height; j++)
-    for (int i = 0; i < trial.width; i++) {
+  for (int j = 0; j < hypothesis.height; j++)
+    for (int i = 0; i < hypothesis.width; i++) {
       const Vec2 ray = plan.rays().at(i, j);
       double weight = 0, luma = 0;
       for (CameraIndex camera = 0; camera < walls.rig.cameras.size(); camera++) {
         const double w = CameraCorners(plan, camera).weight(plan, owners.at(i, j), ray);
         Vec2 pixel;
         if (w == 0 || !CameraProjection(plan, camera, walls.rig.cameras[camera])
-                           .project(ray, trial.focus.map->inverse_of(130), pixel))
+                           .project(ray, hypothesis.focus.map->inverse_of(130), pixel))
           continue;
         const Image& image = walls.images[camera];
         double mean = 0;  // over the box, bilinear between pixels
@@ -195,7 +196,7 @@ TEST(TrialRenderer, SumsAreThoseOfTheRule) {
         weight += w;
         luma += w * mean;
       }
-      const size_t node = static_cast<size_t>(j) * trial.width + i;
+      const size_t node = static_cast<size_t>(j) * hypothesis.width + i;
       EXPECT_NEAR(moments[0].weight[node] / 32768., weight, 1e-4);
       if (weight < 0.99) continue;
       worst_mean = std::max(worst_mean, std::abs(moments[0].luma[node] / 128. - luma));
@@ -204,14 +205,14 @@ TEST(TrialRenderer, SumsAreThoseOfTheRule) {
   EXPECT_LT(worst_mean, 1.5) << "two roundings to 8 bits, and to 256ths of a pixel";
 }
 
-TEST(TrialRenderer, PartsOfAnArrayAddUpToTheWhole) {
+TEST(HypothesisRenderer, PartsOfAnArrayAddUpToTheWhole) {
   const ArrayOfWalls walls;
   const View view = walls.view(60);
-  const std::vector<DepthHypothesis> trials{{kBlurred, 0}, {kShifted, 40}};
-  const std::vector<PhotoConsistency> whole = walls.moments(view, trials, walls.own);
-  std::vector<PhotoConsistency> sum = walls.moments(view, trials, {0, 1, 2, 3});
-  const std::vector<PhotoConsistency> rest = walls.moments(view, trials, {4, 5, 6, 7, 8});
-  for (size_t t = 0; t < trials.size(); t++) {
+  const std::vector<DepthHypothesis> hypotheses{{kBlurred, 0}, {kShifted, 40}};
+  const std::vector<PhotoConsistency> whole = walls.moments(view, hypotheses, walls.own);
+  std::vector<PhotoConsistency> sum = walls.moments(view, hypotheses, {0, 1, 2, 3});
+  const std::vector<PhotoConsistency> rest = walls.moments(view, hypotheses, {4, 5, 6, 7, 8});
+  for (size_t t = 0; t < hypotheses.size(); t++) {
     sum[t].add(rest[t]);
     EXPECT_EQ(sum[t].weight, whole[t].weight);
     EXPECT_EQ(sum[t].luma, whole[t].luma);

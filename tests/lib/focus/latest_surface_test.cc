@@ -15,7 +15,7 @@ const std::vector<DepthHypothesis> kFirst{{DepthHypothesis::Kind::kBlurred, 0}, 
 
 constexpr float kUnseen = std::numeric_limits<float>::infinity();
 
-ViewRequest request_with(const std::vector<DepthHypothesis>& trials, std::vector<uint8_t> levels) {
+ViewRequest request_with(const std::vector<DepthHypothesis>& hypotheses, std::vector<uint8_t> levels) {
   ViewRequest request;
   request.view.width = 12;
   request.view.height = 4;
@@ -27,24 +27,24 @@ ViewRequest request_with(const std::vector<DepthHypothesis>& trials, std::vector
   map.nearest = 2.55;
   map.levels = std::move(levels);
   request.view.focus.map = std::make_shared<FocalMap>(std::move(map));
-  request.trials = trials;
+  request.hypotheses = hypotheses;
   return request;
 }
 
 class LatestSurfaceTest : public testing::Test {
  protected:
   // Hypotheses for a surface with levels `were` selected `chosen` at these costs.
-  std::vector<uint8_t> merge(const std::vector<DepthHypothesis>& trials, const std::vector<uint8_t>& were,
+  std::vector<uint8_t> merge(const std::vector<DepthHypothesis>& hypotheses, const std::vector<uint8_t>& were,
                              const std::vector<uint8_t>& chosen, const std::vector<float>& costs,
                              std::pair<double, double> range = {0, 2.55}) {
-    ViewRequest request = request_with(trials, were);
+    ViewRequest request = request_with(hypotheses, were);
     DepthSelection choice;
     choice.chosen = chosen;
     choice.least = costs;
     choice.lead.assign(chosen.size(), 0.5f);
     FocalMap map = *request.view.focus.map;
     for (size_t i = 0; i < map.levels.size(); i++)
-      if (chosen[i] != 0) map.levels[i] = static_cast<uint8_t>(trials[chosen[i]].value);
+      if (chosen[i] != 0) map.levels[i] = static_cast<uint8_t>(hypotheses[chosen[i]].value);
     map.farthest = range.first;
     map.nearest = range.second;
     latest_.merge(request, choice, map);

@@ -83,12 +83,12 @@ TEST(MovedLight, AThingThatIsGoneTookItsShadowAlong) {
   EXPECT_NEAR(moved_light(std::vector{consistency_of(wall), consistency_of(thing)}, kFirst, 1), 32. * 32 / 4, 1e-2);
 }
 
-TEST(MovedLight, IsOfTheTrialThatEachNodeHasChosen) {
-  const std::vector<PhotoConsistency> trials{consistency_of(wall), consistency_of(thing), consistency_of(thing)};
+TEST(MovedLight, IsOfTheHypothesisThatEachNodeHasChosen) {
+  const std::vector<PhotoConsistency> hypotheses{consistency_of(wall), consistency_of(thing), consistency_of(thing)};
   std::vector<uint8_t> chosen(kFirst);
   for (int y = 0; y < kRows; y++)
     for (int x = 0; x < kColumns; x++) chosen[static_cast<size_t>(y) * kColumns + x] = thing(x, y) < 100 ? 1 : 0;
-  EXPECT_NEAR(moved_light(trials, chosen, 2), 0, 1e-6);
+  EXPECT_NEAR(moved_light(hypotheses, chosen, 2), 0, 1e-6);
 }
 
 TEST(MovedLight, NodesThatAreNotWhollySeenDoNotCount) {

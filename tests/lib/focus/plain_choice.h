@@ -13,8 +13,8 @@
 // A plain reference implementation of select_depths(), one node at a time.
 namespace lf::test {
 
-inline std::vector<float> plain_cost(std::span<const PhotoConsistency> moments, size_t trial, int radius) {
-  const PhotoConsistency& of = moments[trial];
+inline std::vector<float> plain_cost(std::span<const PhotoConsistency> moments, size_t hypothesis, int radius) {
+  const PhotoConsistency& of = moments[hypothesis];
   const int columns = of.columns, rows = of.rows;
   const size_t nodes = of.weight.size();
   std::vector<float> sum(nodes), count(nodes), row_sum(nodes), row_count(nodes), cost(nodes);
@@ -56,7 +56,7 @@ inline double plain_median(std::vector<float> values) {
 // Costs of the hypotheses of a round, and all other inputs of the selection.
 struct PlainRound {
   const FocalMap& surface;
-  std::span<const std::vector<uint8_t>> trials;
+  std::span<const std::vector<uint8_t>> hypotheses;
   const DepthSelectionParams& terms;
   std::vector<std::vector<float>> costs;
   double residual = NAN;
@@ -70,11 +70,11 @@ struct PlainRound {
 // Otherwise ordered by the overlap with the first, without hypotheses that would reduce the overlap below half.
 inline std::vector<size_t> plain_compared(const std::vector<std::vector<float>>& costs,
                                           std::span<const uint8_t> counted) {
-  const auto together = [&](const std::vector<size_t>& trials) {
+  const auto together = [&](const std::vector<size_t>& hypotheses) {
     int count = 0;
     for (size_t i = 0; i < costs[0].size(); i++)
       count += (counted.empty() || counted[i]) &&
-               std::ranges::all_of(trials, [&](size_t t) { return std::isfinite(costs[t][i]); });
+               std::ranges::all_of(hypotheses, [&](size_t t) { return std::isfinite(costs[t][i]); });
     return count;
   };
   std::vector<size_t> all(costs.size());
@@ -110,17 +110,18 @@ inline std::vector<int> plain_neighbours(const FocalMap& map, const std::vector<
 
 // Returns a hypothesis's cost with neighbours: the distance to the neighbours' levels, up to a pixel each, plus the
 // node's own cost if it has evidence.
-inline float plain_cost_beside(const PlainRound& round, size_t node, size_t trial, const std::vector<int>& around) {
+inline float plain_cost_beside(const PlainRound& round, size_t node, size_t hypothesis,
+                               const std::vector<int>& around) {
   const bool evident = round.has_evidence(node);
   const auto pixel = std::max(1.f, static_cast<float>(round.terms.levels_a_pixel));
   const float of_one_apart =
       evident ? static_cast<float>(kSmooth * round.residual) * round.terms.evidence[node] + kSmoothNoise : 1;
   float apart = 0;
   for (const int level : around)
-    apart += std::min(static_cast<float>(std::abs(round.trials[trial][node] - level)), pixel);
-  const float lead = trial == 0 ? 0 : evident ? round.lead(node) : 0.05f;
+    apart += std::min(static_cast<float>(std::abs(round.hypotheses[hypothesis][node] - level)), pixel);
+  const float lead = hypothesis == 0 ? 0 : evident ? round.lead(node) : 0.05f;
   const auto neighbours = static_cast<float>(std::max<size_t>(around.size(), 1));
-  return of_one_apart / (pixel * neighbours) * apart + (evident ? round.costs[trial][node] : 0) + lead;
+  return of_one_apart / (pixel * neighbours) * apart + (evident ? round.costs[hypothesis][node] : 0) + lead;
 }
 
 inline bool plain_informed(const PlainRound& round, size_t node, float least) {
@@ -146,10 +147,10 @@ inline bool plain_informed(const PlainRound& round, size_t node, float least) {
   return true;
 }
 
-inline DepthSelection plain_choice(const FocalMap& surface, std::span<const std::vector<uint8_t>> trials,
+inline DepthSelection plain_choice(const FocalMap& surface, std::span<const std::vector<uint8_t>> hypotheses,
                                    std::span<const PhotoConsistency> moments, const DepthSelectionParams& terms) {
-  PlainRound round{surface, trials, terms, {}};
-  for (size_t t = 0; t < trials.size(); t++) round.costs.push_back(plain_cost(moments, t, terms.radius));
+  PlainRound round{surface, hypotheses, terms, {}};
+  for (size_t t = 0; t < hypotheses.size(); t++) round.costs.push_back(plain_cost(moments, t, terms.radius));
   const std::vector<std::vector<float>>& costs = round.costs;
   constexpr float kInfinity = std::numeric_limits<float>::infinity();
   const size_t nodes = costs[0].size();
@@ -165,14 +166,14 @@ inline DepthSelection plain_choice(const FocalMap& surface, std::span<const std:
   for (size_t i = 0; i < nodes; i++) {
     if (round.has_evidence(i)) choice.lead[i] = round.lead(i);
     float best = costs[0][i];
-    for (size_t t = 1; t < trials.size() && round.has_evidence(i); t++)
+    for (size_t t = 1; t < hypotheses.size() && round.has_evidence(i); t++)
       if (costs[t][i] + choice.lead[i] < best) {
         best = costs[t][i] + choice.lead[i];
         choice.chosen[i] = static_cast<uint8_t>(t);
       }
     if (!std::isfinite(best)) continue;
     choice.least[i] = costs[choice.chosen[i]][i];
-    choice.levels[i] = trials[choice.chosen[i]][i];
+    choice.levels[i] = hypotheses[choice.chosen[i]][i];
   }
   // Two passes with neighbours, one node after another.
   for (size_t step = 0; step < 2 * nodes; step++) {
@@ -180,25 +181,25 @@ inline DepthSelection plain_choice(const FocalMap& surface, std::span<const std:
     if (!std::isfinite(choice.least[i])) continue;
     const std::vector<int> around = plain_neighbours(surface, choice.levels, i);
     float best = kInfinity;
-    for (size_t t = 0; t < trials.size(); t++) {
+    for (size_t t = 0; t < hypotheses.size(); t++) {
       if (!std::isfinite(costs[t][i])) continue;
       const float cost = plain_cost_beside(round, i, t, around);
       if (cost < best) choice.chosen[i] = static_cast<uint8_t>(t);
       best = std::min(best, cost);
     }
     choice.least[i] = costs[choice.chosen[i]][i];
-    choice.levels[i] = trials[choice.chosen[i]][i];
+    choice.levels[i] = hypotheses[choice.chosen[i]][i];
   }
 
   double seen = 0, in_all = 0;
-  choice.cost.assign(trials.size(), 0);
-  choice.energy.assign(trials.size(), 0);
+  choice.cost.assign(hypotheses.size(), 0);
+  choice.energy.assign(hypotheses.size(), 0);
   const std::vector<size_t> compared = plain_compared(costs, terms.counted);
   for (size_t i = 0; i < nodes; i++) {
     if ((terms.counted.empty() || terms.counted[i]) &&
         std::ranges::all_of(compared, [&](size_t t) { return std::isfinite(costs[t][i]); })) {
       in_all++;
-      for (size_t t = 0; t < trials.size(); t++) {
+      for (size_t t = 0; t < hypotheses.size(); t++) {
         choice.cost[t] += costs[t][i];
         choice.energy[t] += costs[t][i] * costs[t][i];
       }
@@ -211,7 +212,7 @@ inline DepthSelection plain_choice(const FocalMap& surface, std::span<const std:
     choice.informed[i] = plain_informed(round, i, choice.least[i]);
   }
   choice.least_energy = in_all > 0 ? choice.least_energy / in_all : NAN;
-  for (size_t t = 0; t < trials.size(); t++) {
+  for (size_t t = 0; t < hypotheses.size(); t++) {
     const bool known = in_all > 0 && std::ranges::find(compared, t) != compared.end();
     for (double* mean : {&choice.cost[t], &choice.energy[t]}) *mean = known ? *mean / in_all : NAN;
   }

@@ -27,9 +27,9 @@ TEST(ViewDepths, FindsASurfaceAndCarriesItOver) {
     view.pose.position.x += 0.001;
     request = request_of(view);
     focus.apply(request);
-    EXPECT_EQ(request.trials.empty(), i == 0);
+    EXPECT_EQ(request.hypotheses.empty(), i == 0);
     ViewDepths::Answers answers;
-    if (i > 0) answers.moments = walls.moments(request.view, request.trials, walls.own);
+    if (i > 0) answers.moments = walls.moments(request.view, request.hypotheses, walls.own);
     focus.take(request, answers, array);
   }
   EXPECT_FALSE(request.on_plane);
@@ -40,10 +40,10 @@ TEST(ViewDepths, FindsASurfaceAndCarriesItOver) {
 
   ViewRequest next = request_of(view);
   focus.apply(next);
-  EXPECT_FALSE(next.trials.empty());
+  EXPECT_FALSE(next.hypotheses.empty());
   next = request_of(view);
   focus.apply(next);
-  EXPECT_TRUE(next.trials.empty()) << "hypotheses are sent once";
+  EXPECT_TRUE(next.hypotheses.empty()) << "hypotheses are sent once";
   EXPECT_TRUE(next.view.focus.map);
 }
 
@@ -51,13 +51,13 @@ TEST(ViewDepths, TheOthersOfASetHaveTheLeadersSurface) {
   const test::ArrayOfWalls walls;
   ViewRequest leader = request_of(walls.view(0));
   leader.view = walls.view(80);
-  leader.trials = {{DepthHypothesis::Kind::kPlane, 3}};
+  leader.hypotheses = {{DepthHypothesis::Kind::kPlane, 3}};
   leader.gains = {.use = true, .ask = true, .mean = {1}, .mean_of = 7};
   ViewRequest beside = leader;
   beside.view = offset_view(leader.view, 0.06);
   const View view = beside.view;
   apply_reference_view(leader, beside);
-  EXPECT_TRUE(beside.trials.empty());
+  EXPECT_TRUE(beside.hypotheses.empty());
   EXPECT_EQ(beside.gains, GainRequest{.use = true});
   ASSERT_TRUE(beside.view.focus.map);
   EXPECT_EQ(*beside.view.focus.map, *warp_depth_map(leader.view, view));
@@ -78,7 +78,7 @@ TEST(ViewDepths, APlaneIsShownWithoutAMapUnlessTheMapServes) {
   EXPECT_FALSE(request.on_plane);
   EXPECT_EQ(request.view.focus.plane, *plan.plane);
   request = request_of(walls.view(0));
-  request.trials = {{DepthHypothesis::Kind::kPlane, 3}};
+  request.hypotheses = {{DepthHypothesis::Kind::kPlane, 3}};
   apply_plan(plan, request);
   EXPECT_TRUE(request.view.focus.map);
   EXPECT_TRUE(request.on_plane);
@@ -95,7 +95,7 @@ TEST(ViewDepths, AViewThatIsTooLargeForAMapIsAskedForOnThePlane) {
   const DepthEstimator::Plan plan{.view = walls.view(80), .on_plane = true};
   ViewRequest request = request_of(walls.view(0));
   request.view.width = request.view.height = kMaxImageSize;
-  request.trials = {{DepthHypothesis::Kind::kPlane, 3}};
+  request.hypotheses = {{DepthHypothesis::Kind::kPlane, 3}};
   request.gains.ask = true;
   apply_plan(plan, request);
   EXPECT_FALSE(request.view.focus.map);
@@ -130,10 +130,10 @@ TEST(FocusStill, FindsWhatAPipelineFinds) {
   request.view = view;
   for (int i = 0; i < 10; i++) {
     std::vector<PhotoConsistency> moments;
-    if (!request.trials.empty()) moments = walls.moments(request.view, request.trials, walls.own);
+    if (!request.hypotheses.empty()) moments = walls.moments(request.view, request.hypotheses, walls.own);
     const DepthEstimator::Plan plan = control.next(request, moments, array);
     request.view = plan.view;
-    request.trials = plan.trials;
+    request.hypotheses = plan.hypotheses;
     request.on_plane = plan.on_plane;
     request.view.focus.plane = plan.plane.value_or(view.focus.plane);
   }

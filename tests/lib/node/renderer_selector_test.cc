@@ -97,7 +97,7 @@ TEST(RendererSelector, IsLeftAloneForAWhileWhereItRefuses) {
 }
 
 // Refused hypotheses pause GPU hypotheses only, independent of answers.
-TEST(RendererSelector, DrawsTrialsAndSeveralViews) {
+TEST(RendererSelector, DrawsHypothesesAndSeveralViews) {
   uint64_t now = 1;
   const auto open = [](gl::Context::Drivers, std::string& why) {
     return gl::GlesRenderer::create(gl::Context::Drivers::kAny, why);
@@ -121,7 +121,7 @@ TEST(RendererSelector, DrawsTrialsAndSeveralViews) {
   EXPECT_EQ(gpu.explain(RendererChoice::kGl), draws);
   gpu.tried(RendererChoice::kGl, {.unit = {}, .drawing = {.drawn = true, .why_not = ""}, .nodes = 100, .ns = 1});
   gpu.tried(RendererChoice::kGl, {});  // an answer without hypotheses gives no information
-  EXPECT_EQ(gpu.explain(RendererChoice::kGl), draws + ", trials, too");
+  EXPECT_EQ(gpu.explain(RendererChoice::kGl), draws + ", photo-consistency, too");
   for (int i = 0; i < Backoff::kMaxRefusals; i++) {
     EXPECT_EQ(gpu.open_for_depth(RendererChoice::kGl), drawer);
     gpu.tried(RendererChoice::kGl, {.unit = {}, .drawing = {.refused = true, .why_not = "too large"}, .nodes = 100});

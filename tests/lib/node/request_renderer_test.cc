@@ -149,14 +149,14 @@ TEST_F(RequestRendererTest, AllThatIsMadeOfImagesIsMadeOfCorrectedOnes) {
   }
   std::vector<Source> sources = walls_.sources();
   for (size_t i = 0; i < sources.size(); i++) sources[i].image = images[i].view();
-  request_.trials = {{DepthHypothesis::Kind::kPlane, 60}};
+  request_.hypotheses = {{DepthHypothesis::Kind::kPlane, 60}};
   request_.gains = {.use = true, .ask = true};
   const RenderedAnswer want = render(sources), plain = render(walls_.sources());
   const RigColourCorrections colours(rig);
   options_.colours = &colours;
   const RenderedAnswer answer = render(walls_.sources());
   EXPECT_EQ(answer.bytes, want.bytes);
-  EXPECT_EQ(answer.trials.unit, want.trials.unit);
+  EXPECT_EQ(answer.consistency.unit, want.consistency.unit);
   EXPECT_EQ(answer.brightness, want.brightness);
   EXPECT_NE(answer.bytes, plain.bytes);
   const RigColourCorrections none(walls_.rig);
@@ -165,15 +165,15 @@ TEST_F(RequestRendererTest, AllThatIsMadeOfImagesIsMadeOfCorrectedOnes) {
   EXPECT_EQ(render(walls_.sources()).bytes, plain.bytes);
 }
 
-TEST_F(RequestRendererTest, TrialsAndBrightnessGoBeforeTheAnswer) {
+TEST_F(RequestRendererTest, HypothesesAndBrightnessGoBeforeTheAnswer) {
   RenderedAnswer answer = render(walls_.sources());
-  EXPECT_TRUE(answer.trials.unit.empty());
+  EXPECT_TRUE(answer.consistency.unit.empty());
   EXPECT_TRUE(answer.brightness.empty());
   EXPECT_EQ(answer.gains, nullptr);
-  request_.trials = {{DepthHypothesis::Kind::kPlane, 60}};
+  request_.hypotheses = {{DepthHypothesis::Kind::kPlane, 60}};
   request_.gains = {.use = true, .ask = true};
   answer = render(walls_.sources());
-  EXPECT_FALSE(wire::parse_consistency_header(answer.trials.unit)->gains);
+  EXPECT_FALSE(wire::parse_consistency_header(answer.consistency.unit)->gains);
   EXPECT_TRUE(wire::parse_consistency_header(answer.brightness)->gains);
   ASSERT_NE(answer.gains, nullptr);
   EXPECT_EQ(answer.gains->of(4), 1);
@@ -218,7 +218,7 @@ TEST_F(RequestRendererTest, ImagesMayBeOnAGpu) {
   std::vector<Source> far = walls_.sources();
   for (size_t i = 0; i < far.size(); i++) far[i].image = images.emplace_back(walls_.images[i]).view();
   options_.resampling = Resampling::kSharpened;
-  request_.trials = {{DepthHypothesis::Kind::kPlane, 60}};
+  request_.hypotheses = {{DepthHypothesis::Kind::kPlane, 60}};
   request_.gains = {.use = true, .ask = true};
   for (const RigColourCorrections* const colours : {static_cast<const RigColourCorrections*>(nullptr), &some}) {
     options_.colours = colours;
@@ -230,7 +230,7 @@ TEST_F(RequestRendererTest, ImagesMayBeOnAGpu) {
       ImageMemory other;
       const RenderedAnswer answer = of_far.render({&plan, header_}, far, options_, other);
       EXPECT_EQ(answer.bytes, near.bytes);
-      EXPECT_EQ(answer.trials.unit, near.trials.unit);
+      EXPECT_EQ(answer.consistency.unit, near.consistency.unit);
       EXPECT_EQ(answer.brightness, near.brightness);
       ASSERT_TRUE(answer.gains && near.gains);
       EXPECT_EQ(answer.gains->of(4), near.gains->of(4));
@@ -249,7 +249,7 @@ TEST_F(RequestRendererTest, ImagesMayBeOnAGpu) {
   const RenderedAnswer near = of_near.render({&plan, header_}, some_sources, options_, scratch_);
   const RenderedAnswer answer = of_far.render({&plan, header_}, far, options_, other);
   EXPECT_EQ(answer.bytes, near.bytes);
-  EXPECT_EQ(answer.trials.unit, near.trials.unit);
+  EXPECT_EQ(answer.consistency.unit, near.consistency.unit);
 }
 
 // Views that no longer exist must not hold megabytes.

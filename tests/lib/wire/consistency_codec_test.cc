@@ -46,27 +46,27 @@ ConsistencyUnit golden() {
   unit.sequence = 9;
   unit.rig_hash = 0x1122334455667788;
   unit.node = 3;
-  unit.trials.resize(2);
-  for (PhotoConsistency& moments : unit.trials) moments.reset(2, 1);
-  unit.trials[0].weight = {32768, 32768};
-  unit.trials[0].luma = {1, 2};
-  unit.trials[0].square = {3, 4};
-  unit.trials[1].weight = {32768, 16384};
-  unit.trials[1].luma = {5, 6};
-  unit.trials[1].square = {7, 8};
+  unit.hypotheses.resize(2);
+  for (PhotoConsistency& moments : unit.hypotheses) moments.reset(2, 1);
+  unit.hypotheses[0].weight = {32768, 32768};
+  unit.hypotheses[0].luma = {1, 2};
+  unit.hypotheses[0].square = {3, 4};
+  unit.hypotheses[1].weight = {32768, 16384};
+  unit.hypotheses[1].luma = {5, 6};
+  unit.hypotheses[1].square = {7, 8};
   return unit;
 }
 
 std::vector<uint8_t> encoded(const ConsistencyUnit& unit) {
-  const ByteBuffer bytes = encode_consistency(unit, unit.trials);
+  const ByteBuffer bytes = encode_consistency(unit, unit.hypotheses);
   return {bytes.begin(), bytes.end()};
 }
 
-void expect_sums(const ConsistencyUnit& unit, const std::vector<PhotoConsistency>& trials) {
-  for (size_t t = 0; t < trials.size(); t++) {
-    EXPECT_EQ(unit.sums()[t].weight, trials[t].weight);
-    EXPECT_EQ(unit.sums()[t].luma, trials[t].luma);
-    EXPECT_EQ(unit.sums()[t].square, trials[t].square);
+void expect_sums(const ConsistencyUnit& unit, const std::vector<PhotoConsistency>& hypotheses) {
+  for (size_t t = 0; t < hypotheses.size(); t++) {
+    EXPECT_EQ(unit.sums()[t].weight, hypotheses[t].weight);
+    EXPECT_EQ(unit.sums()[t].luma, hypotheses[t].luma);
+    EXPECT_EQ(unit.sums()[t].square, hypotheses[t].square);
   }
 }
 
@@ -83,7 +83,7 @@ TEST(MomentsCodec, GoldenBytes) {
   const std::optional<ConsistencyUnit> unit = decode_consistency(from_hex(kGolden), kShape);
   ASSERT_TRUE(unit.has_value());
   EXPECT_EQ(static_cast<const ConsistencyHeader&>(*unit), golden());
-  expect_sums(*unit, golden().trials);
+  expect_sums(*unit, golden().hypotheses);
 }
 
 // One hypothesis of 2 x 1 nodes with wide weights, and exposure gains.
@@ -110,42 +110,42 @@ TEST(MomentsCodec, GoldenBytesOfGains) {
       "00070008";
   ConsistencyUnit unit = golden();
   unit.gains = GainSum{0xc000, -0x1000};
-  unit.trials.resize(1);
-  unit.trials[0].weight = {0x1000, 0x2000};
-  unit.trials[0].luma = {5, 6};
-  unit.trials[0].square = {7, 8};
+  unit.hypotheses.resize(1);
+  unit.hypotheses[0].weight = {0x1000, 0x2000};
+  unit.hypotheses[0].luma = {5, 6};
+  unit.hypotheses[0].square = {7, 8};
   EXPECT_EQ(encoded(unit), from_hex(hex));
   const std::optional<ConsistencyUnit> read = decode_consistency(from_hex(hex), {2, 1, 1});
   ASSERT_TRUE(read.has_value());
   EXPECT_EQ(static_cast<const ConsistencyHeader&>(*read), unit);
-  EXPECT_EQ(read->sums()[0].luma, unit.trials[0].luma);
+  EXPECT_EQ(read->sums()[0].luma, unit.hypotheses[0].luma);
 }
 
 TEST(MomentsCodec, LeavesOutWhatNobodySees) {
   ConsistencyUnit unit = golden();
-  for (PhotoConsistency& moments : unit.trials) moments.reset(40, 30);
+  for (PhotoConsistency& moments : unit.hypotheses) moments.reset(40, 30);
   EXPECT_LT(encoded(unit).size(), 60u) << "nothing";
-  unit.trials[0].weight[7 * 40 + 5] = 100;
-  unit.trials[1].weight[9 * 40 + 8] = 32768;
-  unit.trials[1].square[9 * 40 + 8] = 77;
+  unit.hypotheses[0].weight[7 * 40 + 5] = 100;
+  unit.hypotheses[1].weight[9 * 40 + 8] = 32768;
+  unit.hypotheses[1].square[9 * 40 + 8] = 77;
   EXPECT_EQ(encoded(unit).size(), 46 + 2 * (1 + 6 * 4 * 3));
   const std::optional<ConsistencyUnit> read = decode_consistency(encoded(unit), {40, 30, 2});
   ASSERT_TRUE(read.has_value());
-  expect_sums(*read, unit.trials);
+  expect_sums(*read, unit.hypotheses);
 }
 
 // A unit of a few bytes may describe many nodes; the decoder allocates only the nodes with data.
 TEST(MomentsCodec, NothingIsKeptOfNodesThatNobodySees) {
-  std::vector<PhotoConsistency> trials(kMaxHypotheses);
-  for (PhotoConsistency& moments : trials) moments.reset(1024, 1024);
+  std::vector<PhotoConsistency> hypotheses(kMaxHypotheses);
+  for (PhotoConsistency& moments : hypotheses) moments.reset(1024, 1024);
   for (const bool any : {false, true}) {
-    if (any) trials[3].weight[500 * 1024 + 70] = 5;
-    const ByteBuffer bytes = encode_consistency({}, trials);
+    if (any) hypotheses[3].weight[500 * 1024 + 70] = 5;
+    const ByteBuffer bytes = encode_consistency({}, hypotheses);
     EXPECT_LT(bytes.size(), 200u);
     const std::optional<ConsistencyUnit> unit = decode_consistency(bytes, {1024, 1024, kMaxHypotheses});
     ASSERT_TRUE(unit);
-    for (const PhotoConsistency& moments : unit->trials) EXPECT_EQ(moments.weight.capacity(), any ? 1u : 0u);
-    EXPECT_EQ(unit->sums()[3].weight, trials[3].weight);
+    for (const PhotoConsistency& moments : unit->hypotheses) EXPECT_EQ(moments.weight.capacity(), any ? 1u : 0u);
+    EXPECT_EQ(unit->sums()[3].weight, hypotheses[3].weight);
   }
 }
 
@@ -186,11 +186,11 @@ TEST(MomentsCodec, NamesWhatIsWrong) {
     bytes[at] = value;
     return reason_of(bytes);
   };
-  EXPECT_THAT(with(36, 0), testing::StartsWith("trials: "));
-  EXPECT_THAT(with(36, 200), testing::StartsWith("trials: "));
+  EXPECT_THAT(with(36, 0), testing::StartsWith("depth hypotheses: "));
+  EXPECT_THAT(with(36, 200), testing::StartsWith("depth hypotheses: "));
   EXPECT_THAT(with(37, 1), testing::StartsWith("reserved: "));
-  EXPECT_THAT(with(33, 0), testing::StartsWith("moments: "));
-  EXPECT_THAT(with(46, 2), testing::StartsWith("trials: "));
+  EXPECT_THAT(with(33, 0), testing::StartsWith("photo-consistency: "));
+  EXPECT_THAT(with(46, 2), testing::StartsWith("depth hypotheses: "));
   EXPECT_THROW(encode_consistency({}, {}), Error);
   std::vector<PhotoConsistency> many(kMaxHypotheses + 1);
   EXPECT_THROW(encode_consistency({}, many), Error);
@@ -200,15 +200,15 @@ TEST(MomentsCodec, NamesWhatIsWrong) {
   EXPECT_THROW(encode_consistency({}, unlike), Error);
 }
 
-std::vector<PhotoConsistency> seen_by(int cameras, size_t trials, uint32_t seed) {
+std::vector<PhotoConsistency> seen_by(int cameras, size_t hypotheses, uint32_t seed) {
   std::mt19937 random(seed);
-  std::vector<PhotoConsistency> sums(trials);
+  std::vector<PhotoConsistency> sums(hypotheses);
   for (PhotoConsistency& sum : sums) sum.reset(40, 30);
   for (int camera = 0; camera < cameras; camera++)
     for (int y = 3; y < 25; y++)
       for (int x = 5; x < 35; x++) {
         const auto weight = static_cast<uint16_t>(std::min({x - 4, 36 - x, 16}) * 2048 / (camera + 1) % 32769);
-        for (size_t t = 0; t < trials; t++) {
+        for (size_t t = 0; t < hypotheses; t++) {
           if (random() % 8 == 0) continue;
           const int value = static_cast<int>(100 + 80 * std::sin(x * 0.3 + y * 0.2 + 0.1 * static_cast<double>(t)));
           const size_t node = static_cast<size_t>(y) * 40 + x;
@@ -225,16 +225,16 @@ std::vector<PhotoConsistency> seen_by(int cameras, size_t trials, uint32_t seed)
 
 TEST(MomentsCodec, OneCameraTakesFewBytesAndLosesNothing) {
   const ConsistencyHeader header{7, 9, 0x1122334455667788, 3, {}};
-  for (const size_t trials : {1, 4, 16})
+  for (const size_t hypotheses : {1, 4, 16})
     for (const int cameras : {1, 2}) {
-      const std::vector<PhotoConsistency> sums = seen_by(cameras, trials, 3);
+      const std::vector<PhotoConsistency> sums = seen_by(cameras, hypotheses, 3);
       const ByteBuffer plain = encode_consistency(header, sums), small = encode_consistency(header, sums, true);
       if (cameras == 1)
         EXPECT_LT(2 * small.size(), plain.size());
       else
         EXPECT_EQ(small, plain) << "no compact form";
       std::string reason;
-      const std::optional<ConsistencyUnit> unit = decode_consistency(small, {40, 30, trials}, &reason);
+      const std::optional<ConsistencyUnit> unit = decode_consistency(small, {40, 30, hypotheses}, &reason);
       ASSERT_TRUE(unit) << reason;
       EXPECT_EQ(static_cast<const ConsistencyHeader&>(*unit), header);
       expect_sums(*unit, sums);

@@ -85,7 +85,7 @@ ViewRequest focused_request(std::mt19937& random) {
   for (int i = 0; i < map.columns * map.rows; i++) map.levels.push_back(static_cast<uint8_t>(random() % 5 * 50));
   r.view.focus.map = std::make_shared<FocalMap>(map);
   for (size_t i = random() % (kMaxHypotheses + 1); i > 0; i--)
-    r.trials.push_back({kKinds[random() % std::size(kKinds)], static_cast<int16_t>(random())});
+    r.hypotheses.push_back({kKinds[random() % std::size(kKinds)], static_cast<int16_t>(random())});
   r.on_plane = random() % 2;
   r.gains.use = random() % 2;
   r.gains.ask = random() % 2;
@@ -206,12 +206,12 @@ TEST(RequestCodec, AWrongFocalMapIsRefused) {
   };
   with([](ViewRequest&, FocalMap& map) { map.levels.pop_back(); });
   with([](ViewRequest&, FocalMap& map) { map.nearest = map.farthest; });
-  with([](ViewRequest& r, FocalMap&) { r.trials.resize(kMaxHypotheses + 1); });
+  with([](ViewRequest& r, FocalMap&) { r.hypotheses.resize(kMaxHypotheses + 1); });
   ViewRequest without = good;
-  without.trials.resize(1);
+  without.hypotheses.resize(1);
   without.view.focus.map = nullptr;
   EXPECT_THROW(encode_request(without), Error) << "hypotheses without a map";
-  without.trials.clear();
+  without.hypotheses.clear();
   without.gains = {.use = true, .ask = true};
   EXPECT_THROW(encode_request(without), Error) << "mean without a map";
   with([](ViewRequest& r, FocalMap&) { r.gains.mean.assign(7, 100); });
@@ -222,11 +222,11 @@ TEST(RequestCodec, AWrongFocalMapIsRefused) {
   }
 }
 
-TEST(RequestCodec, AMapThatServesTrialsAlone) {
+TEST(RequestCodec, AMapThatServesHypothesesAlone) {
   std::mt19937 random(5);
   ViewRequest request = focused_request(random);
   request.on_plane = false;
-  request.trials = {{DepthHypothesis::Kind::kBlurred, 0}, {DepthHypothesis::Kind::kFocused, 0}};
+  request.hypotheses = {{DepthHypothesis::Kind::kBlurred, 0}, {DepthHypothesis::Kind::kFocused, 0}};
   const std::vector<uint8_t> through = encode_request(request);
   request.on_plane = true;
   std::vector<uint8_t> bytes = encode_request(request);
@@ -253,7 +253,7 @@ TEST(RequestCodec, AMapThatServesTrialsAlone) {
     const auto at = std::ranges::search(unknown, std::array<uint8_t, 7>{2, 0, 0, 0, 6, 0, 0});
     ASSERT_EQ(at.size(), 7u);
     at[4] = static_cast<uint8_t>(kind);
-    EXPECT_MENTIONS(reason_of(unknown), "trials", std::to_string(kind), "unknown");
+    EXPECT_MENTIONS(reason_of(unknown), "depth hypotheses", std::to_string(kind), "unknown");
   }
 }
 
@@ -417,7 +417,7 @@ TEST(RequestCodec, CostsAreThoseOfTheRequest) {
               (RequestCost{.width = request.view.width,
                            .height = request.view.height,
                            .aperture = request.view.blending.aperture,
-                           .trials = static_cast<unsigned>(request.trials.size()),
+                           .hypotheses = static_cast<unsigned>(request.hypotheses.size()),
                            .lens_steps = request.view.lens.mean_iterations(request.view.width, request.view.height),
                            .by_angle = request.view.blending.kind == Blending::Kind::kAngle}));
     for (size_t size = 0; size < bytes.size(); size += 7) peek_request_cost(std::span(bytes).first(size));
