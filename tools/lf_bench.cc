@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <iterator>
 #include <limits>
 #include <memory>
 #include <numeric>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,7 +16,7 @@
 #include "command_line.h"
 #include "composite/assembly.h"
 #include "composite/still.h"
-#include "focus/view_depths.h"
+#include "focus/still_focus.h"
 #include "image/image.h"
 #include "node/renderer_selector.h"
 #include "node/request_renderer.h"
@@ -36,6 +38,8 @@ struct Options {
   int held_out = 4, quality = 90;
   double seconds = 1;
 };
+
+constexpr lf::DepthEstimator::Settings kSurface{.mode = lf::FocusMode::kSurface};
 
 struct Array {
   std::shared_ptr<const lf::Rig> rig;
@@ -187,8 +191,7 @@ Error error_of(const lf::Image& picture, const std::vector<double>& exact) {
 
 void print_speed(const Array& array, const Options& options) {
   const lf::View plane = view_of(array, options);
-  const lf::View surface =
-      lf::focus_still(*array.rig, array.mesh, plane, array.images, {.mode = lf::FocusMode::kSurface});
+  const lf::View surface = lf::focus_still(*array.rig, array.mesh, plane, array.images, kSurface);
   const lf::RendererChoice renderer = *lf::renderer_choice(options.renderer);
   const std::string by =
       renderer == lf::RendererChoice::kCpu ? std::string("one thread (") + lf::simd_target_name() + ")" : "one thread";
@@ -235,12 +238,19 @@ void print_quality(const Array& array, const Options& options) {
       array.distance, "", "plane", "surface", "covered");
   lf::Quality mean[2];
   int judged = 0;
-  for (const lf::CameraIndex camera : held_out(rig, options.held_out)) {
+  const std::vector<lf::CameraIndex> tested = held_out(rig, options.held_out);
+  lf::CameraSet others;  // no held-out camera may contribute to the depths
+  std::ranges::copy_if(array.cameras, std::back_inserter(others),
+                       [&](lf::CameraIndex i) { return std::ranges::find(tested, i) == tested.end(); });
+  const std::optional<lf::ArrayDepth> depths =
+      lf::estimate_depths(rig, others, array.images, kSurface, lf::parallel_for_all_processors());
+  for (const lf::CameraIndex camera : tested) {
     const lf::Camera& at = rig.cameras[camera];
     const lf::Mesh mesh = lf::build_mesh(rig, {camera});
     lf::View view{.width = at.width, .height = at.height, .lens = at.lens, .pose = at.pose, .focus = {}};
     view.focus.plane = lf::focal_plane_at(view.pose, array.distance);
-    const lf::View surface = lf::focus_still(rig, mesh, view, array.images, {.mode = lf::FocusMode::kSurface});
+    const lf::View surface = lf::focus_still(rig, mesh, view, array.images, kSurface, lf::kSettledRounds, nullptr,
+                                             depths ? &*depths : nullptr);
     lf::Quality quality[2];
     for (const bool through_surface : {false, true}) {
       const lf::Still still =

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <iterator>
 #include <map>
+#include <mutex>
 #include <optional>
 #include <ranges>
 #include <string>
@@ -20,7 +21,7 @@
 #include "command_line.h"
 #include "composite/still.h"
 #include "file_names.h"
-#include "focus/view_depths.h"
+#include "focus/still_focus.h"
 #include "image/image.h"
 #include "image/image_filters.h"
 #include "node/renderer_selector.h"
@@ -163,6 +164,25 @@ class Renderer {
   Renderer(const lf::Rig& rig, const Options& options)
       : rig_(rig), options_(options), images_(rig, options.i420 ? lf::PixelFamily::kI420 : lf::PixelFamily::kRgb) {}
 
+  // Estimates the depths of the cameras in service, if the focal surfaces need them. --leave-one-out does without,
+  // because the cameras would have to be compared again for each view.
+  void estimate_depths(const lf::CameraSet& out_of_service) {
+    if (options_.focus == "plane") return;
+    const auto all = std::views::iota(lf::CameraIndex{0}, static_cast<lf::CameraIndex>(rig_.cameras.size()));
+    lf::CameraSet cameras;
+    std::ranges::set_difference(all, out_of_service, std::back_inserter(cameras));
+    Progress progress("estimating depths", 4 * cameras.size());
+    std::mutex mutex;
+    const lf::ParallelFor all_processors = lf::parallel_for_all_processors();
+    const lf::ParallelFor parallel = [&](size_t count, const std::function<void(size_t)>& task) {
+      all_processors(count, [&](size_t i) {
+        task(i);
+        const std::lock_guard lock(mutex);
+        progress.step();
+      });
+    };
+    depths_ = lf::estimate_depths(rig_, cameras, image_of_, options_.surface, parallel);
+  }
   // Adds a focal surface (the depth of each pixel) to the view, if the options select this. Exposure gains are not
   // compensated for --leave-one-out, which compares the cameras with each other.
   lf::View focused(const lf::Mesh& mesh, const lf::View& view) {
@@ -171,8 +191,9 @@ class Renderer {
     const bool match =
         !options_.leave_one_out && (options_.gains == "on" || (options_.gains == "auto" && !rig_.has_colour()));
     lf::ExposureCompensation gains;
-    const lf::View focused = lf::focus_still(rig_, mesh, view, image_of_, options_.surface,
-                                             match ? lf::kMatchedRounds : lf::kSettledRounds, match ? &gains : nullptr);
+    const int rounds = match ? lf::kMatchedRounds : lf::kSettledRounds;
+    const lf::View focused = lf::focus_still(rig_, mesh, view, image_of_, options_.surface, rounds,
+                                             match ? &gains : nullptr, depths_ ? &*depths_ : nullptr);
     gains_ = gains;
     return focused;
   }
@@ -233,6 +254,7 @@ class Renderer {
   lf::RendererSelector gpu_;
   lf::StillImageCache images_;
   lf::Image rgb_, matched_;
+  std::optional<lf::ArrayDepth> depths_;
   lf::ExposureCompensation gains_;  // exposure gains of the current view; images are divided by their gain
   double reading_ = 0;              // time to read images of the current view, milliseconds
   const lf::CameraImages image_of_ = [this](lf::CameraIndex camera) -> const lf::Image& { return read(camera); };
@@ -348,8 +370,10 @@ void run(const Options& options) {
   if (options.leave_one_out) return leave_one_out(rig, options);
   std::vector<lf::NamedView> views = lf::load_views(options.views);
   for (lf::NamedView& view : views) view.view.blending = options.blending();
-  const lf::Mesh mesh = lf::build_mesh(rig, out_of_service(rig, options.cameras));
+  const lf::CameraSet out = out_of_service(rig, options.cameras);
+  const lf::Mesh mesh = lf::build_mesh(rig, out);
   Renderer renderer(rig, options);
+  renderer.estimate_depths(out);
   Progress progress("rendering", views.size());
   std::vector<QualityRow> rows;
   for (const lf::NamedView& view : views) {

@@ -16,7 +16,7 @@
 #include "command_line.h"
 #include "composite/still.h"
 #include "contact_sheet.h"
-#include "focus/view_depths.h"
+#include "focus/still_focus.h"
 #include "image/image.h"
 #include "mjpeg_writer.h"
 #include "progress.h"
@@ -33,6 +33,8 @@
 #include "view/view_path.h"
 
 namespace {
+
+constexpr lf::DepthEstimator::Settings kSurface{.mode = lf::FocusMode::kSurface};
 
 class Scene {
  public:
@@ -61,7 +63,11 @@ class ViewOptions {
   lf::Viewpoint viewpoint(const lf::Viewpoint& from) const;
   double focus_distance(const Scene& scene) const;
   double aspect(const Scene& scene) const;
-  lf::View focused(const Scene& scene, const lf::Mesh& mesh, const lf::View& view) const;
+  // Returns the depths that focused() needs, of all cameras except `held_out`.
+  std::optional<lf::ArrayDepth> depths(const Scene& scene, std::optional<lf::CameraIndex> held_out = {}) const;
+  // Returns the view with its focal surface, unless the focus is a plane.
+  lf::View focused(const Scene& scene, const lf::Mesh& mesh, const std::optional<lf::ArrayDepth>& depths,
+                   const lf::View& view) const;
 
   std::string rig;
   bool from_file() const { return !file_.empty(); }
@@ -165,9 +171,19 @@ std::vector<lf::NamedView> ViewOptions::views(const Scene& scene, bool many) con
   return {{"view", 0, lf::make_view(viewpoint(home), width, height)}};
 }
 
-lf::View ViewOptions::focused(const Scene& scene, const lf::Mesh& mesh, const lf::View& view) const {
+std::optional<lf::ArrayDepth> ViewOptions::depths(const Scene& scene, std::optional<lf::CameraIndex> held_out) const {
+  if (focus_ == "plane") return {};
+  lf::CameraSet cameras;
+  for (lf::CameraIndex i = 0; i < scene.rig.cameras.size(); i++)
+    if (i != held_out) cameras.push_back(i);
+  return lf::estimate_depths(scene.rig, cameras, scene.images, kSurface, lf::parallel_for_all_processors());
+}
+
+lf::View ViewOptions::focused(const Scene& scene, const lf::Mesh& mesh, const std::optional<lf::ArrayDepth>& depths,
+                              const lf::View& view) const {
   if (focus_ == "plane") return view;
-  return lf::focus_still(scene.rig, mesh, view, scene.images, {.mode = lf::FocusMode::kSurface});
+  return lf::focus_still(scene.rig, mesh, view, scene.images, kSurface, lf::kSettledRounds, nullptr,
+                         depths ? &*depths : nullptr);
 }
 
 lf::Still picture_of(const Scene& scene, const lf::Mesh& mesh, const lf::View& focused) {
@@ -336,8 +352,9 @@ void show_contributions(const Options& options) {
   } else {
     views = options.view.views(scene, options.output.open().takes_many());
   }
+  const std::optional<lf::ArrayDepth> depths = options.view.depths(scene);
   show_views(options.output, views, [&](const lf::NamedView& named) {
-    const lf::View view = options.view.focused(scene, scene.mesh, named.view);
+    const lf::View view = options.view.focused(scene, scene.mesh, depths, named.view);
     const lf::Image picture = picture_of(scene, scene.mesh, view).picture;
     lf::Image map = lf::contribution_map(scene.rig, scene.mesh, view, &picture);
     if (options.ids) write_ids(map, scene, view);
@@ -348,8 +365,9 @@ void show_contributions(const Options& options) {
 void show_coverage(const Options& options) {
   const Scene scene(options.view.rig);
   const auto views = options.view.views(scene, options.output.open().takes_many());
+  const std::optional<lf::ArrayDepth> depths = options.view.depths(scene);
   show_views(options.output, views, [&](const lf::NamedView& named) {
-    const lf::View view = options.view.focused(scene, scene.mesh, named.view);
+    const lf::View view = options.view.focused(scene, scene.mesh, depths, named.view);
     const lf::Image picture = picture_of(scene, scene.mesh, view).picture;
     const lf::ViewPlan plan(scene.rig, scene.mesh, view);
     const lf::FaceIdMap owners(plan, {0, 0, view.width, view.height});
@@ -449,8 +467,10 @@ void show_difference(const DifferenceOptions& options) {
     throw lf::Error("give exactly one of --truth, --scene and --held-out-camera, to select the expected picture");
   std::vector<lf::NamedView> views;
   lf::Mesh mesh = scene.mesh;
+  std::optional<lf::CameraIndex> held_out;
   if (options.left_out >= 0) {
     const lf::CameraIndex camera = lf::parse_camera_list(scene.rig, std::to_string(options.left_out))[0];
+    held_out = camera;
     if (options.view.places_eye())
       throw lf::Error(
           "--held-out-camera: cannot be used with --views, --size, --fov or --move, because the held-out camera "
@@ -464,9 +484,10 @@ void show_difference(const DifferenceOptions& options) {
     views = options.view.views(scene, options.output.open().takes_many());
   }
   size_t number = 0;
+  const std::optional<lf::ArrayDepth> depths = options.view.depths(scene, held_out);
   show_views(options.output, views, [&](const lf::NamedView& named) {
     const lf::Image truth = truth_of(options, scene, named, number++);
-    const lf::Still still = picture_of(scene, mesh, options.view.focused(scene, mesh, named.view));
+    const lf::Still still = picture_of(scene, mesh, options.view.focused(scene, mesh, depths, named.view));
     const lf::Quality quality = lf::compare(still.picture, truth, still.coverage);
     const std::vector<float> off = lf::differences(still.picture, truth, still.coverage);
     const std::vector<std::string> texts =

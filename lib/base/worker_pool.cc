@@ -100,4 +100,10 @@ void WorkerPool::run(unsigned threads, size_t count, const std::function<void(si
   batch->wait();
 }
 
+ParallelFor parallel_for_all_processors() {
+  return [pool = WorkerPool::shared()](size_t count, const std::function<void(size_t)>& task) {
+    pool->run(std::max(std::thread::hardware_concurrency(), 1u), count, task);
+  };
+}
+
 }  // namespace lf

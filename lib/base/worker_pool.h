@@ -48,4 +48,7 @@ class WorkerPool {
   bool ended_ = false;
 };
 
+// Returns a ParallelFor that runs tasks on all processors, in the shared pool.
+ParallelFor parallel_for_all_processors();
+
 }  // namespace lf

@@ -5,8 +5,6 @@
 
 #include "focus/depth_estimator.h"
 #include "focus/exposure_compensation.h"
-#include "rig/mesh.h"
-#include "rig/still_image_cache.h"
 
 namespace lf {
 
@@ -61,18 +59,5 @@ class ViewDepths {
   std::optional<DepthEstimator::Plan> plan_;
   GainRequest gains_;  // brightness matching in the next request
 };
-
-// Rounds until a focal surface has settled, starting from the viewer's plane.
-inline constexpr int kSettledRounds = 12;
-// Rounds until the brightness of the cameras on the surface matches, too.
-inline constexpr int kMatchedRounds = 24;
-
-// Returns the view with the focal surface that `rounds` rounds of hypotheses find for a static scene: the work of nodes
-// and compositor in one call. Fetches `images` of contributing cameras, which must have the rig's sizes. The view must
-// be valid. `gains`: receives the exposure gains for the view's images, from the same matching as on nodes; null: no
-// matching.
-View focus_still(const Rig& rig, const Mesh& mesh, const View& view, const CameraImages& images,
-                 const DepthEstimator::Settings& settings, int rounds = kSettledRounds,
-                 ExposureCompensation* gains = nullptr);
 
 }  // namespace lf

@@ -12,7 +12,7 @@
 #include "calibration/colour_samples.h"
 #include "calibration/colour_solve.h"
 #include "composite/still.h"
-#include "focus/view_depths.h"
+#include "focus/still_focus.h"
 #include "image/colour_correction.h"
 #include "quality/image_quality.h"
 #include "rig/rig_json.h"

@@ -6,7 +6,7 @@
 #include "calibration/adjustment.h"
 #include "calibration/reconstruction.h"
 #include "composite/still.h"
-#include "focus/view_depths.h"
+#include "focus/still_focus.h"
 #include "image/colour_correction.h"
 #include "quality/image_quality.h"
 #include "rig/mesh.h"

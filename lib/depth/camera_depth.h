@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "depth/matching_image.h"
+
+namespace lf {
+
+// Depths to search: `planes` inverse depths (1/m), equally spaced from `farthest` to `nearest`.
+struct DepthSweep {
+  double farthest = 0, nearest = 0;
+  int planes = 0;  // at least 2
+  double step() const { return (nearest - farthest) / (planes - 1); }
+};
+
+// The depth of each pixel of a camera's MatchingImage.
+struct CameraDepth {
+  std::vector<float> inverse;  // 1/Z, 1/m
+  // 0 to 1: the share of neighbouring cameras with the same depth, among those that should see the point. Empty before
+  // check_consistency().
+  std::vector<float> confidence;
+};
+
+// Estimates the depth of each pixel by comparing the image with the images of neighbouring cameras (multi-view stereo).
+// First it sweeps planes through the range. Then it refines the depths by propagation from pixel to pixel and by
+// smaller steps, as in PatchMatch Stereo (M. Bleyer et al. 2011). The costs (see MatchingCost) are smoothed by a guided
+// filter (K. He et al. 2010), which preserves the edges of the image.
+//
+// Without neighbours, all depths are `range.farthest`. The result does not depend on the number of threads.
+CameraDepth estimate_depth(const MatchingImage& image, std::span<const MatchingImage* const> neighbours,
+                           const DepthSweep& range);
+
+// Returns the confidence of a camera's depths: see CameraDepth. Depths agree if they differ by less than 1.5 steps of
+// the range. A neighbour with a nearer depth does not count, because it may see something in front of the point.
+struct DepthNeighbour {
+  const MatchingImage* image;
+  const CameraDepth* depth;
+};
+std::vector<float> check_consistency(const MatchingImage& image, const CameraDepth& depth,
+                                     std::span<const DepthNeighbour> neighbours, double step);
+
+// Replaces each value by the median of the 3 x 3 values around it. `out` has the same size.
+void median_filter(const std::vector<float>& in, int width, int height, std::vector<float>& out);
+
+}  // namespace lf

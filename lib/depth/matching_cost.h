@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <array>
+#include <span>
+#include <vector>
+
+#include "depth/matching_image.h"
+
+namespace lf {
+
+// Compares an image with the images of neighbouring cameras at hypothetical depths. The cost of a depth is the
+// difference of luma and gradients, truncated to limit the influence of occlusions and reflections, and averaged over
+// the better half of the neighbours, because something may be in front of the point for the others. It is in levels of
+// luma, 0 to kMax.
+//
+// Costs are bit-identical with every instruction set. Not thread-safe.
+class MatchingCost {
+ public:
+  static constexpr float kMaxLuma = 10, kMaxGradient = 4;  // truncation: levels, and levels per pixel
+  static constexpr float kMax = 0.5f * kMaxLuma + 0.5f * 2 * kMaxGradient;
+  static constexpr int kMaxNeighbours = 8;
+
+  // The images must outlive the object. At least one neighbour, at most kMaxNeighbours.
+  MatchingCost(const MatchingImage& image, std::span<const MatchingImage* const> neighbours);
+
+  // Writes the cost of an inverse depth (1/m) for each pixel. Both spans have a value per pixel of the image. A
+  // neighbour that does not see the point has the cost kMax.
+  void compute(std::span<const float> inverse, std::span<float> cost);
+
+ private:
+  struct Neighbour {
+    const MatchingImage* image;
+    PixelMapping mapping;
+  };
+
+  const MatchingImage& image_;
+  std::vector<Neighbour> neighbours_;
+  std::vector<float> x_, y_, cost_;
+  std::vector<std::vector<float>> least_;  // of each pixel in a row, ascending
+};
+
+}  // namespace lf

@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "focus/still_focus.h"
+
+#include <cmath>
+#include <map>
+#include <memory>
+#include <numeric>
+#include <utility>
+
+#include "focus/hypothesis_levels.h"
+#include "focus/hypothesis_renderer.h"
+#include "focus/view_depths.h"
+#include "image/image_filters.h"
+
+namespace lf {
+
+namespace {
+
+// The images of an array for one view, each fetched once, and the cameras' gains.
+class StillArray {
+ public:
+  StillArray(const Rig& rig, const Mesh& mesh, const CameraImages& images, ExposureCompensation* gains)
+      : rig_(rig), mesh_(mesh), images_(images), gains_(gains) {
+    all_.resize(rig.cameras.size());
+    std::iota(all_.begin(), all_.end(), 0);
+  }
+
+  std::vector<PhotoConsistency> moments(const ViewRequest& request) {
+    std::vector<PhotoConsistency> sums(request.hypotheses.size());
+    if (sums.empty()) return sums;
+    std::vector<std::vector<uint8_t>> levels;
+    for (const DepthHypothesis& hypothesis : request.hypotheses)
+      levels.push_back(hypothesis_levels(request.view, hypothesis));
+    for (PhotoConsistency& sum : sums) sum.reset(request.view.focus.map->columns, request.view.focus.map->rows);
+    const RenderJob job(rig_, mesh_, hypothesis_view(request.view), all_);
+    std::vector<Source> sources = sources_of(job.cameras());
+    std::vector<ByteBuffer> divided(sources.size());
+    for (size_t i = 0; i < sources.size() && gains_ && request.gains.use; i++) {
+      const float gain = gains_->of(sources[i].camera);
+      if (std::abs(gain - 1) < kGainTolerance) continue;
+      ImageView& image = sources[i].image;
+      image = divide_by_gain(image, {0, 0, image.width, image.height}, gain, divided[i]);
+    }
+    add_consistency(job, sources, levels, sums);
+    return sums;
+  }
+
+  // Returns how well the cameras agree about the surface of a view with a map: see PhotoConsistency.
+  PhotoConsistency agreement(const View& view) {
+    ViewRequest request{.view = view, .hypotheses = {{DepthHypothesis::Kind::kBlurred, 0}}};
+    return std::move(moments(request).front());
+  }
+
+  // Updates the gains from the mean in the request, and computes the next mean if requested.
+  void compare(const ViewRequest& request, ViewDepths::Answers& answers) {
+    if (!gains_) return;
+    if (!request.gains.mean.empty() && !seen_.empty())
+      gains_->take(WideLuma::ratios(std::exchange(seen_, {}), request.gains.mean));
+    if (!request.gains.ask) return;
+    const WideLuma wide(rig_, mesh_, mean_view(request.view), all_);
+    WideLuma::Seen seen = wide.see(sources_of(wide.cameras()), *gains_);
+    answers.brightness = std::move(seen.moments);
+    answers.gains = seen.gains;
+    seen_ = std::move(seen.cameras);
+  }
+
+ private:
+  std::vector<Source> sources_of(const std::vector<CameraIndex>& cameras) {
+    std::vector<Source> sources;
+    for (const CameraIndex camera : cameras) {
+      if (!kept_.contains(camera)) kept_[camera] = images_(camera);
+      sources.push_back({camera, &rig_.cameras[camera], kept_[camera].view()});
+    }
+    return sources;
+  }
+
+  const Rig& rig_;
+  const Mesh& mesh_;
+  const CameraImages& images_;
+  ExposureCompensation* const gains_;
+  std::vector<CameraIndex> all_;
+  std::map<CameraIndex, Image> kept_;  // an image from images_ is valid until the next call only
+  std::vector<WideLuma::Camera> seen_;
+};
+
+// Returns the mean squared deviation of two sums, at the nodes where both have one. NaN: there are no such nodes.
+std::pair<double, double> squared_deviations(const PhotoConsistency& a, const PhotoConsistency& b) {
+  double sum_a = 0, sum_b = 0;
+  size_t count = 0;
+  for (size_t i = 0; i < a.weight.size(); i++) {
+    const double of_a = a.deviation(i), of_b = b.deviation(i);
+    if (std::isnan(of_a) || std::isnan(of_b)) continue;
+    sum_a += of_a * of_a;
+    sum_b += of_b * of_b;
+    count++;
+  }
+  return {sum_a / static_cast<double>(count), sum_b / static_cast<double>(count)};
+}
+
+}  // namespace
+
+std::optional<ArrayDepth> estimate_depths(const Rig& rig, const CameraSet& cameras, const CameraImages& images,
+                                          const DepthEstimator::Settings& settings, const ParallelFor& parallel) {
+  const bool is_grid = rig.topology.type == Topology::Type::kGrid;
+  if (settings.mode == FocusMode::kPlane || is_grid || cameras.size() < 2) return {};
+  const double nearest = settings.near > 0 ? 1 / settings.near : FocusArray(rig).nearest();
+  const double farthest = settings.far > 0 ? 1 / settings.far : 0;
+  if (!(nearest > farthest)) return {};
+  return ArrayDepth(rig, cameras, images, farthest, nearest, parallel);
+}
+
+View focus_still(const Rig& rig, const Mesh& mesh, const View& view, const CameraImages& images,
+                 const DepthEstimator::Settings& settings, int rounds, ExposureCompensation* gains,
+                 const ArrayDepth* depths) {
+  const FocusArray array(rig, mesh);
+  StillArray still(rig, mesh, images, gains);
+  ViewDepths focus(settings, gains != nullptr);
+  const auto next_request = [&] {
+    ViewRequest request;
+    request.view = view;
+    request.view.focus.map = nullptr;
+    focus.apply(request);
+    return request;
+  };
+  for (int round = 0; round <= rounds; round++) {
+    const ViewRequest request = next_request();
+    ViewDepths::Answers answers;
+    still.compare(request, answers);
+    answers.moments = still.moments(request);
+    focus.take(request, answers, array);
+  }
+  View found = displayed_view(next_request());
+  if (!depths) return found;
+  View measured = found, plane = view;
+  measured.focus.map = std::make_shared<const FocalMap>(depths->surface(view, array.from()));
+  plane.focus.map = std::make_shared<const FocalMap>(
+      plane_map(view, array.from(), depths->range().nearest, depths->range().farthest));
+  const auto [of_plane, of_measured] = squared_deviations(still.agreement(plane), still.agreement(measured));
+  return of_measured < of_plane ? measured : found;
+}
+
+}  // namespace lf
