@@ -66,7 +66,6 @@ void ViewDepths::take(const ViewRequest& request, const Answers& answers, const 
 
 namespace {
 
-// The images of an array for one view, each fetched once, and the cameras' gains.
 class StillArray {
  public:
   StillArray(const Rig& rig, const Mesh& mesh, const CameraImages& images, ExposureCompensation* gains)
@@ -95,7 +94,6 @@ class StillArray {
     return sums;
   }
 
-  // Updates the gains from the mean in the request, and computes the next mean if requested.
   void compare(const ViewRequest& request, ViewDepths::Answers& answers) {
     if (!gains_) return;
     if (!request.gains.mean.empty() && !seen_.empty())
