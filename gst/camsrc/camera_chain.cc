@@ -405,7 +405,6 @@ GstElement* add_file_reader(GstBin* bin, const std::string& path) {
   return reader;
 }
 
-// Adds a decoder, and links it to the element `convert` when the pads of the decoder appear.
 GstElement* add_decodebin(GstBin* bin, const char* factory, GstElement* convert) {
   GstElement* decoder = add(bin, factory);
   // Caps with ANY are required here, because otherwise decoders that also support interlaced or GPU output are not
