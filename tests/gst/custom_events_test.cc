@@ -32,7 +32,7 @@ ViewRequest some_request() {
   return request;
 }
 
-TEST(ViewFeedback, EachPartComesBack) {
+TEST(ViewFeedback, RoundTripsEachPart) {
   const ViewRequest request = some_request();
   DepthEstimator::Plan plan{
       .view = request.view, .hypotheses = {{DepthHypothesis::Kind::kPlane, 200}}, .on_plane = true};
@@ -65,7 +65,7 @@ TEST(ViewFeedback, EachPartComesBack) {
 }
 
 // An empty set means that all cameras are back; no set means no change.
-TEST(ViewFeedback, PartsThatAreNotThere) {
+TEST(ViewFeedback, RoundTripsMissingParts) {
   const std::shared_ptr<const ViewFeedback> back = there_and_back({.view_id = 1, .out_of_service = CameraSet{}});
   ASSERT_TRUE(back);
   EXPECT_EQ(back->out_of_service, CameraSet{});
@@ -76,7 +76,7 @@ TEST(ViewFeedback, PartsThatAreNotThere) {
   EXPECT_TRUE(nothing->extra_requests.empty());
 }
 
-TEST(ViewFeedback, AnotherEventIsNone) {
+TEST(ViewFeedback, OtherEventsAreIgnored) {
   EXPECT_FALSE(parse_view_feedback(custom_event(gst_structure_new_empty("another")).get()));
   EXPECT_FALSE(parse_view_feedback(custom_event(gst_structure_new_empty(LF_VIEW_FEEDBACK_EVENT)).get()))
       << "no feedback";
@@ -84,7 +84,7 @@ TEST(ViewFeedback, AnotherEventIsNone) {
   EXPECT_FALSE(parse_view_feedback(eos.get()));
 }
 
-TEST(ViewFeedback, AnotherFieldIsNone) {
+TEST(ViewFeedback, OtherFieldsAreIgnored) {
   GstStructure* structure = gst_structure_new(LF_VIEW_FEEDBACK_EVENT, "feedback", G_TYPE_UINT, 3, nullptr);
   EXPECT_FALSE(parse_view_feedback(custom_event(structure).get()));
 }

@@ -40,13 +40,13 @@ class LfCompositorStreamsTest : public LfCompositorTest {
   std::thread pusher_;
 };
 
-TEST_F(LfCompositorStreamsTest, AnswersToOtherViewsAreNeverInTheWay) {
+TEST_F(LfCompositorStreamsTest, AnswersToOtherViewsDoNotBlock) {
   start(1);
   push_many(answer_of(array_.request(0, 0, 7), {0}), 500);
   EXPECT_TRUE(comes([&] { return pushed_ == 500; })) << "stopped taking answers after " << pushed_;
 }
 
-TEST_F(LfCompositorStreamsTest, RequestsOfOtherViewsAreNeverInTheWay) {
+TEST_F(LfCompositorStreamsTest, RequestsOfOtherViewsDoNotBlock) {
   start(1);
   std::atomic<int> taken = 0;
   std::thread requests([&] {
@@ -61,7 +61,7 @@ TEST_F(LfCompositorStreamsTest, RequestsOfOtherViewsAreNeverInTheWay) {
   requests.join();
 }
 
-TEST_F(LfCompositorStreamsTest, AnswersWithoutTimesAreBounded) {
+TEST_F(LfCompositorStreamsTest, AnswersWithoutTimestampsAreBounded) {
   start(1);
   push_many(answer_of(array_.request(0, 0), {0}), 1000);
   int before = -1;
@@ -75,7 +75,7 @@ TEST_F(LfCompositorStreamsTest, AnswersWithoutTimesAreBounded) {
   EXPECT_LT(pushed_, 50);
 }
 
-TEST_F(LfCompositorStreamsTest, PartialStaysWhatItWasWhileItRuns) {
+TEST_F(LfCompositorStreamsTest, PartialCannotChangeWhileRunning) {
   start(1, {{"rig", array_.rig_path()}});
   GstBus* bus = gst_bus_new();
   gst_element_set_bus(element_.get(), bus);
@@ -98,7 +98,7 @@ TEST_F(LfCompositorStreamsTest, PartialStaysWhatItWasWhileItRuns) {
   gst_object_unref(bus);
 }
 
-TEST_F(LfCompositorStreamsTest, EosIsThatOfTheRequests) {
+TEST_F(LfCompositorStreamsTest, EosOfTheRequestsEndsTheOutput) {
   start(1);
   ask_and_answer(0, 0, {0});
   pull();
@@ -116,7 +116,7 @@ TEST_F(LfCompositorStreamsTest, EosIsThatOfTheRequests) {
   }
 }
 
-TEST_F(LfCompositorStreamsTest, RestsOnceAllHasEnded) {
+TEST_F(LfCompositorStreamsTest, PausesAfterTheEnd) {
   start(1);
   ask_and_answer(0, 0, {0});
   pull();
@@ -147,7 +147,7 @@ TEST_F(LfCompositorStreamsTest, RestsOnceAllHasEnded) {
   gst_object_unref(src);
 }
 
-TEST_F(LfCompositorStreamsTest, AnUnlinkedPadIsWarnedOfAndLinkedAgain) {
+TEST_F(LfCompositorStreamsTest, UnlinkedPadCausesAWarningAndCanBeRelinked) {
   start(1);
   GstBus* bus = gst_bus_new();
   gst_element_set_bus(element_.get(), bus);
@@ -198,7 +198,7 @@ TEST_F(LfCompositorStreamsTest, PicturesAreInTheSegmentOfTheRequests) {
   gst_event_unref(event);
 }
 
-TEST_F(LfCompositorStreamsTest, PicturesTellWhenTheyWereCaptured) {
+TEST_F(LfCompositorStreamsTest, PicturesHaveCaptureTimes) {
   start(1);
   ask_and_answer(0, 3 * kFrame + 5, {0});
   const BufferPtr picture(gst_harness_pull(harness_.get()));
@@ -209,7 +209,7 @@ TEST_F(LfCompositorStreamsTest, PicturesTellWhenTheyWereCaptured) {
   EXPECT_EQ(meta->timestamp, 3 * kFrame + 5);
 }
 
-TEST_F(LfCompositorStreamsTest, AViewThatNobodyAsksForIsSaidOnce) {
+TEST_F(LfCompositorStreamsTest, ViewWithoutRequestsIsReportedOnce) {
   start(1, {{"view-id", "3"}});
   GstBus* bus = gst_bus_new();
   gst_element_set_bus(element_.get(), bus);
@@ -225,7 +225,7 @@ TEST_F(LfCompositorStreamsTest, AViewThatNobodyAsksForIsSaidOnce) {
   gst_object_unref(bus);
 }
 
-TEST_F(LfCompositorStreamsTest, AViewThatLeavesTheArrayIsCounted) {
+TEST_F(LfCompositorStreamsTest, ViewOutsideTheArrayIsCounted) {
   start(1, {{"rig", array_.rig_path()}, {"post-messages", "true"}});
   GstBus* bus = gst_bus_new();
   gst_element_set_bus(element_.get(), bus);
@@ -265,7 +265,7 @@ TEST_F(LfCompositorStreamsTest, AViewThatLeavesTheArrayIsCounted) {
 }
 
 // Data queued on the restarted node's pad is dropped; the pads of other nodes are undisturbed.
-TEST_F(LfCompositorStreamsTest, AFlushOfOneNodeIsItsOwn) {
+TEST_F(LfCompositorStreamsTest, FlushAffectsOneNode) {
   start(2, {{"rig", array_.rig_path()}});
   for (uint32_t i = 0; i < 20; i++) {
     const ViewRequest asked = array_.request(i, i * kFrame);
@@ -285,7 +285,7 @@ TEST_F(LfCompositorStreamsTest, AFlushOfOneNodeIsItsOwn) {
   EXPECT_EQ(stat(element_.get(), "complete"), 20u);
 }
 
-TEST_F(LfCompositorStreamsTest, ARestartUsesTheRigThatWasSetLast) {
+TEST_F(LfCompositorStreamsTest, RestartUsesTheLatestRig) {
   const ModifiedRig other(array_.rig(), [](Rig& rig) { rig.cameras[0].pose.position.x += 1e-3; });
   start(1, {{"rig", array_.rig_path()}});
   ViewRequest asked = ask_and_answer(0, 0, {0, 1, 2, 3});

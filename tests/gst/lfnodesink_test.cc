@@ -98,7 +98,7 @@ TEST_F(LfViewSrcOnHostsTest, CamerasChangeBetweenRuns) {
   for (ElementPtr& host : hosts) stop_host(host);
 }
 
-TEST_F(LfViewSrcOnHostsTest, AHostThatNeverAnswersIsNamed) {
+TEST_F(LfViewSrcOnHostsTest, SilentHostIsNamed) {
   ElementPtr host = start_host(0);
   play(nodes());
   const auto warns = [&] {
@@ -132,7 +132,7 @@ uint64_t requests(GstElement* host, int index, const char* field) {
   return count;
 }
 
-TEST_F(LfViewSrcOnHostsTest, HostsCountWhomTheyDoNotServe) {
+TEST_F(LfViewSrcOnHostsTest, HostsCountRejectedSenders) {
   const std::string secret(40, 'k');
   const TempFile key({secret.begin(), secret.end()});
   chmod(key.path().c_str(), 0600);
@@ -163,7 +163,7 @@ TEST_F(LfViewSrcOnHostsTest, HostsCountWhomTheyDoNotServe) {
   for (ElementPtr& host : hosts) stop_host(host);
 }
 
-TEST_F(LfViewSrcOnHostsTest, HostsSayWhatIsWrong) {
+TEST_F(LfViewSrcOnHostsTest, HostErrorsNameTheProblem) {
   const std::string rig = "lfnodesink name=n rig=" + array_.rig_path();
   struct Case {
     std::string line, words;
@@ -182,7 +182,7 @@ TEST_F(LfViewSrcOnHostsTest, HostsSayWhatIsWrong) {
 }
 
 // Raised limits apply inside the bins, and the stats count refused requests.
-TEST_F(LfViewSrcOnHostsTest, LimitsHoldForWhatComesIn) {
+TEST_F(LfViewSrcOnHostsTest, LimitsApplyToReceivedRequests) {
   const auto pixels_of = [](GstElement* bin, const char* depay) {
     const ElementPtr inner(gst_bin_get_by_name(GST_BIN(bin), depay));
     g_autoptr(GstStructure) limits = nullptr;
@@ -215,7 +215,7 @@ TEST_F(LfViewSrcOnHostsTest, LimitsHoldForWhatComesIn) {
   gst_element_set_state(viewer.get(), GST_STATE_NULL);
 }
 
-TEST_F(LfViewSrcOnHostsTest, TheOtherEndHasThePropertiesOfItsNode) {
+TEST_F(LfViewSrcOnHostsTest, LfnodesinkHasThePropertiesOfItsNode) {
   const ElementPtr bin = make("lfnodesink");
   g_object_set(bin.get(), "rig", array_.rig_path().c_str(), "cameras", "1-2", "node", 3u, "mtu", 700u, nullptr);
   g_autofree gchar* cameras = nullptr;

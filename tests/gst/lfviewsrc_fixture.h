@@ -18,7 +18,6 @@ using PadPtr = std::unique_ptr<GstPad, Unref<gst_object_unref>>;
 
 inline constexpr double kTimeoutSeconds = 30;  // seconds; loaded machines are slow
 
-// Returns true if `what` becomes true in time.
 inline bool comes(const std::function<bool()>& what) {
   for (double t = 0; t < kTimeoutSeconds; t += 0.01) {
     if (what()) return true;

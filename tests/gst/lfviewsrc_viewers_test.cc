@@ -29,7 +29,7 @@ std::set<std::string> child_names(GstElement* bin) {
   return names;
 }
 
-TEST_F(LfViewSrcTest, ViewersComeAndGoWhileOthersPlay) {
+TEST_F(LfViewSrcTest, ViewersAreAddedAndRemovedWhilePlaying) {
   play("");
   ASSERT_TRUE(more("s"));
   const std::set<std::string> before = child_names(child("v").get());
@@ -50,7 +50,7 @@ TEST_F(LfViewSrcTest, ViewersComeAndGoWhileOthersPlay) {
   }));
 }
 
-TEST_F(LfViewSrcTest, ViewersThatAreGoneLeaveNothing) {
+TEST_F(LfViewSrcTest, RemovedViewersLeakNothing) {
   play("");
   const ElementPtr v = child("v");
   GstBus* bus = gst_element_get_bus(pipeline_.get());
@@ -71,7 +71,7 @@ TEST_F(LfViewSrcTest, ViewersThatAreGoneLeaveNothing) {
   }
 }
 
-TEST_F(LfViewSrcTest, AViewerComesAfterAllHaveEnded) {
+TEST_F(LfViewSrcTest, ViewerIsAddedAfterAllHaveEnded) {
   play("num-buffers=3");
   const PadPtr last = add_viewer("l");
   const PadPtr end(gst_element_get_static_pad(child("s").get(), "sink"));
@@ -119,7 +119,7 @@ TEST_F(LfViewSrcTest, HalfOfTheArrayShowsTheHomeView) {
   gst_buffer_unmap(gst_sample_get_buffer(sample), &map);
 }
 
-TEST_F(LfViewSrcTest, AViewerIsClosedByItsOwnThread) {
+TEST_F(LfViewSrcTest, ViewerIsClosedByItsOwnThread) {
   play("");
   const PadPtr pad = add_viewer("t");
   ASSERT_TRUE(more("t"));
@@ -137,7 +137,7 @@ TEST_F(LfViewSrcTest, AViewerIsClosedByItsOwnThread) {
   EXPECT_EQ(gst_element_get_static_pad(child("v").get(), "src_0"), nullptr);
 }
 
-TEST_F(LfViewSrcTest, AViewerBeginsOnceItIsLinked) {
+TEST_F(LfViewSrcTest, ViewerStartsWhenLinked) {
   play("");
   ASSERT_TRUE(more("s"));
   ASSERT_NE(gst_element_set_state(pipeline_.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE);
@@ -153,7 +153,7 @@ TEST_F(LfViewSrcTest, AViewerBeginsOnceItIsLinked) {
   EXPECT_TRUE(more("s"));
 }
 
-TEST_F(LfViewSrcTest, PadsThatNobodyTakesDisturbNobody) {
+TEST_F(LfViewSrcTest, UnlinkedPadsDoNotDisturbOtherViewers) {
   play("", "v.src_0 ! fakesink name=t sync=false");
   EXPECT_TRUE(more("t"));
   const ElementPtr v = child("v"), t = child("t");
@@ -169,7 +169,7 @@ TEST_F(LfViewSrcTest, PadsThatNobodyTakesDisturbNobody) {
   gst_element_release_request_pad(v.get(), third.get());
 }
 
-TEST_F(LfViewSrcTest, AStalledViewerStallsNobody) {
+TEST_F(LfViewSrcTest, StalledViewerDoesNotStallOthers) {
   play("", "v.src ! fakesink name=s sync=false  v.src_0 ! fakesink name=t sync=false");
   ASSERT_TRUE(more("t"));
   const PadPtr sink(gst_element_get_static_pad(child("t").get(), "sink"));
@@ -226,7 +226,7 @@ class LfViewSrcListenTest : public LfViewSrcTest {
   const TempFile key_{{secret_.begin(), secret_.end()}};
 };
 
-TEST_F(LfViewSrcListenTest, EachPadShowsTheViewThatOthersAskFor) {
+TEST_F(LfViewSrcListenTest, EachPadShowsTheRequestedView) {
   // Sinks with async=false, because a view may never be requested.
   play(listen(), "v.src ! fakesink name=s sync=false async=false  v.src_6 ! fakesink name=t sync=false async=false");
   ElementPtr seventh = ask(7, 36), nobody = ask(3, 48);
@@ -250,7 +250,7 @@ TEST_F(LfViewSrcListenTest, EachPadShowsTheViewThatOthersAskFor) {
   for (ElementPtr* each : {&first, &seventh, &nobody, &another}) end(*each);
 }
 
-TEST_F(LfViewSrcListenTest, RequestsAreThoseOfTheKey) {
+TEST_F(LfViewSrcListenTest, RequestsNeedTheKey) {
   play(listen() + with_key());
   ElementPtr stranger = ask(0, 30);
   EXPECT_TRUE(comes([&] { return stat(child("listen_gate").get(), "unsealed") > 5; }));
@@ -263,7 +263,7 @@ TEST_F(LfViewSrcListenTest, RequestsAreThoseOfTheKey) {
   end(viewer);
 }
 
-TEST_F(LfViewSrcListenTest, SealedRequestsAreToldWhereThereIsNoKey) {
+TEST_F(LfViewSrcListenTest, EncryptedRequestsWithoutAKeyAreReported) {
   play(listen());
   g_autoptr(GstBus) bus = gst_element_get_bus(pipeline_.get());
   ElementPtr viewer = ask(0, 36, with_key());
@@ -274,7 +274,7 @@ TEST_F(LfViewSrcListenTest, SealedRequestsAreToldWhereThereIsNoKey) {
 }
 
 // A partial compositor sends answers, like a node.
-TEST_F(LfViewSrcListenTest, APartialOneIsANode) {
+TEST_F(LfViewSrcListenTest, PartialOutputActsLikeANode) {
   play(listen() + "partial=true node=5", "v.src ! application/x-lightfield-answer ! fakesink name=s sync=false");
   ElementPtr viewer = ask(0, 30);
   EXPECT_TRUE(more("s"));
@@ -282,7 +282,7 @@ TEST_F(LfViewSrcListenTest, APartialOneIsANode) {
   end(viewer);
 }
 
-TEST_F(LfViewSrcListenTest, ListensNoMoreAfterwards) {
+TEST_F(LfViewSrcListenTest, StopsListening) {
   play(listen());
   ASSERT_EQ(gst_element_set_state(pipeline_.get(), GST_STATE_NULL), GST_STATE_CHANGE_SUCCESS);
   g_object_set(child("v").get(), "listen", nullptr, nullptr);
@@ -291,7 +291,7 @@ TEST_F(LfViewSrcListenTest, ListensNoMoreAfterwards) {
   EXPECT_FALSE(child("listen_gate"));
 }
 
-TEST_F(LfViewSrcListenTest, APortIsTakenOnce) {
+TEST_F(LfViewSrcListenTest, PortInUseIsAnError) {
   play(listen());
   ElementPtr other = launch("lfviewsrc rig=" + array_.rig_path() + " " + listen() + " ! fakesink");
   EXPECT_EQ(gst_element_set_state(other.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE);
@@ -307,7 +307,7 @@ TEST_F(LfViewSrcListenTest, APortIsTakenOnce) {
   end(viewer);
 }
 
-TEST_F(LfViewSrcListenTest, ErrorsSayWhatIsWrong) {
+TEST_F(LfViewSrcListenTest, ErrorsNameTheProblem) {
   struct Case {
     std::string properties, words;
   };

@@ -44,7 +44,7 @@ std::optional<double> left_out(const TempDir& dir, uint32_t id, const char* focu
   return psnr;
 }
 
-TEST(HandHeld, ASurfaceIsNowhereWorseThanThePlane) {
+TEST(HandHeld, SurfaceIsNeverWorseThanThePlane) {
   if (!fs::exists(kKettle)) GTEST_SKIP() << "needs ../shared/data/kettle";
   const TempDir dir;
   ASSERT_EQ(
@@ -83,7 +83,7 @@ std::map<std::string, double> fern(const TempDir& dir, const std::string& option
   return found;
 }
 
-TEST(HandHeld, TheSurfaceOfAFernIsFoundAtTheDefaults) {
+TEST(HandHeld, FindsTheSurfaceOfAFernWithDefaults) {
   if (!fs::exists(kFern)) GTEST_SKIP() << "needs ../shared/data/fern";
   const TempDir dir;
   const std::map<std::string, double> found = fern(dir, "");

@@ -240,12 +240,12 @@ void rehearse(int rows, int columns) {
   }
 }
 
-TEST(RtspAfternoon, NineCamerasShowAsThoseOfTheTrueRig) { rehearse(3, 3); }
-TEST(RtspAfternoon, SixtyFourCamerasShowAsThoseOfTheTrueRig) { rehearse(8, 8); }
+TEST(RtspAfternoon, NineCamerasMatchTheTrueRig) { rehearse(3, 3); }
+TEST(RtspAfternoon, SixtyFourCamerasMatchTheTrueRig) { rehearse(8, 8); }
 
 #else
 TEST(RtspOffsets, AreFoundToHalfAMillisecond) { GTEST_SKIP() << test::kRtspServerMissing; }
-TEST(RtspAfternoon, NineCamerasShowAsThoseOfTheTrueRig) { GTEST_SKIP() << test::kRtspServerMissing; }
+TEST(RtspAfternoon, NineCamerasMatchTheTrueRig) { GTEST_SKIP() << test::kRtspServerMissing; }
 #endif
 
 }  // namespace

@@ -52,7 +52,7 @@ class LfServeCameras : public testing::Test {
   CameraFiles files_;
 };
 
-TEST_F(LfServeCameras, FilesThatAreMissingDamagedOrEmptiedEndNothing) {
+TEST_F(LfServeCameras, MissingAndDamagedFilesDoNotEndTheServer) {
   std::ifstream in(files_.path("mjpeg.mkv"), std::ios::binary);
   std::string film((std::istreambuf_iterator<char>(in)), {});
   std::fill(film.begin() + static_cast<long>(film.size() / 2), film.begin() + static_cast<long>(film.size() * 3 / 4),
@@ -96,7 +96,7 @@ std::string get(const Served& served, const std::string& path) {
   return text;
 }
 
-TEST_F(LfServeCameras, TellsNobodyTheirPasswords) {
+TEST_F(LfServeCameras, NeverRevealsPasswords) {
   Served served({}, [this](Rig& rig) {
     for (Camera& camera : rig.cameras) camera.source = files_.path("mjpeg.mkv");
     rig.cameras[0].source = "rtsp://admin:Hunter2Secret@127.0.0.1:1/stream";
@@ -114,7 +114,7 @@ TEST_F(LfServeCameras, TellsNobodyTheirPasswords) {
   EXPECT_THAT(served.said(), ::testing::Not(HasSubstr("Hunter2")));
 }
 
-TEST_F(LfServeCameras, PasswordsThatOthersCanReadAreAWarning) {
+TEST_F(LfServeCameras, ReadablePasswordsCauseAWarning) {
   using std::filesystem::perm_options, std::filesystem::perms;
   const auto edit = [this](Rig& rig) {
     for (Camera& camera : rig.cameras) camera.source = files_.path("mjpeg.mkv");
@@ -138,7 +138,7 @@ TEST_F(LfServeCameras, PasswordsThatOthersCanReadAreAWarning) {
   EXPECT_EQ(again.stop(), 0);
 }
 
-TEST_F(LfServeCameras, ElementsThatMayWriteNeedTrust) {
+TEST_F(LfServeCameras, UnlistedElementsNeedTrust) {
   const std::string mark = files_.path("written-by-the-rig");
   const auto edit = [&](Rig& rig) {
     rig.cameras[0].source =
@@ -157,7 +157,7 @@ TEST_F(LfServeCameras, ElementsThatMayWriteNeedTrust) {
   EXPECT_TRUE(becomes([&] { return std::filesystem::exists(mark); }));
 }
 
-TEST_F(LfServeCameras, AServerOfACameraMayStopAndStartAgain) {
+TEST_F(LfServeCameras, CameraServerMayRestart) {
   if (kRtspServerMissing) GTEST_SKIP() << kRtspServerMissing;
   auto server = std::make_unique<RtspServer>();
   const int port = server->port();
@@ -179,7 +179,7 @@ TEST_F(LfServeCameras, AServerOfACameraMayStopAndStartAgain) {
   expect_one_viewer_up_to_a_good_end(served);
 }
 
-TEST_F(LfServeCameras, AllOfThemMayStopAndStartAgain) {
+TEST_F(LfServeCameras, AllCameraServersMayRestart) {
   if (kRtspServerMissing) GTEST_SKIP() << kRtspServerMissing;
   auto server = std::make_unique<RtspServer>();
   const int port = server->port();
@@ -200,7 +200,7 @@ TEST_F(LfServeCameras, AllOfThemMayStopAndStartAgain) {
 }
 
 // A calibration finishes, then other cameras are connected: viewers do not have to reload.
-TEST_F(LfServeCameras, AWatchedRigGoesLiveWithoutARestart) {
+TEST_F(LfServeCameras, ChangedRigIsAppliedWithoutARestart) {
   const std::vector<std::string> options = {"--watch"};
   Served served(options);
   ASSERT_NE(served.url(), "") << served.said();
@@ -242,7 +242,7 @@ TEST_F(LfServeCameras, AWatchedRigGoesLiveWithoutARestart) {
   expect_one_viewer_up_to_a_good_end(served);
 }
 
-TEST_F(LfServeCameras, OptionsThatCantWorkAreSaid) {
+TEST_F(LfServeCameras, ImpossibleOptionsAreErrors) {
   EXPECT_THAT(run_program("lf-serve", "--watch").output, HasSubstr("--watch: requires --rig"));
   EXPECT_THAT(run_program("lf-serve", "--key-file /nobody").output, HasSubstr("--key-file: requires --nodes"));
   EXPECT_THAT(run_program("lf-serve", "--focus-near 5 --focus-far 1").output, mentions("--focus-near", "--focus-far"));
@@ -283,7 +283,7 @@ class LfServeNodes : public testing::Test {
   ElementPtr host_;
 };
 
-TEST_F(LfServeNodes, ServeThoseWhoHaveTheirKey) {
+TEST_F(LfServeNodes, ServeClientsWithTheKey) {
   Served served(options(key_));
   ASSERT_NE(served.url(), "") << served.said();
   start_host(served.rig(), key_);
@@ -315,14 +315,14 @@ TEST_F(LfServeNodes, AreNamedWhenTheyDoNotAnswer) {
   EXPECT_EQ(served.metric(metric), "0");
 }
 
-TEST_F(LfServeNodes, AnswerToAPortThatNobodyElseHas) {
+TEST_F(LfServeNodes, PortInUseIsAnError) {
   Served served(options(key_)), second(options(key_));
   ASSERT_NE(served.url(), "") << served.said();
   EXPECT_EQ(second.stop(), 1);
   EXPECT_THAT(second.said(), HasSubstr("UDP port " + std::to_string(here_) + ": "));
 }
 
-TEST_F(LfServeNodes, SayWhatIsWrongWithAKey) {
+TEST_F(LfServeNodes, KeyErrorsNameTheProblem) {
   const Served served({"--nodes", "127.0.0.1:6000:6100", "--key-file", "/nowhere/key"});
   EXPECT_EQ(served.url(), "");
   EXPECT_THAT(served.said(), mentions("/nowhere/key", "read"));

@@ -37,7 +37,7 @@ class LfServeMedia : public testing::Test {
 };
 
 // webrtcbin accepts any peer: a man in the middle could watch.
-TEST_F(LfServeMedia, APeerWithAnotherCertificateGetsNothing) {
+TEST_F(LfServeMedia, PeerWithAnotherCertificateGetsNothing) {
   Served served;
   WhepClient::Options stranger;
   stranger.patience = 5;
@@ -51,7 +51,7 @@ TEST_F(LfServeMedia, APeerWithAnotherCertificateGetsNothing) {
   EXPECT_TRUE(goes_on(*watch(served)));
 }
 
-TEST_F(LfServeMedia, TheCodecIsTheOffers) {
+TEST_F(LfServeMedia, UsesTheCodecOfTheOffer) {
   Served served;
   WhepClient::Options vp8;
   vp8.vp8 = true;
@@ -65,7 +65,7 @@ TEST_F(LfServeMedia, TheCodecIsTheOffers) {
 }
 
 // With this extension, the sender requests display without delay. Other receivers get packets without the extension.
-TEST_F(LfServeMedia, PicturesAreToBeShownAtOnce) {
+TEST_F(LfServeMedia, PlayoutDelayIsZero) {
   Served served;
   for (const bool vp8 : {false, true}) {
     WhepClient::Options knows;
@@ -82,7 +82,7 @@ TEST_F(LfServeMedia, PicturesAreToBeShownAtOnce) {
   EXPECT_EQ(other->undelayed(), 0u);
 }
 
-TEST_F(LfServeMedia, WhoVanishesIsForgottenAndOthersGoOn) {
+TEST_F(LfServeMedia, VanishedViewersAreRemoved) {
   Served served;
   const auto stays = watch(served), gone = watch(served);
   ASSERT_EQ(served.metric("viewers"), "2");
@@ -93,7 +93,7 @@ TEST_F(LfServeMedia, WhoVanishesIsForgottenAndOthersGoOn) {
   EXPECT_TRUE(goes_on(*stays));
 }
 
-TEST_F(LfServeMedia, LostPacketsAreSentAgain) {
+TEST_F(LfServeMedia, LostPacketsAreRetransmitted) {
   Served served;
   WhepClient::Options lossy;
   lossy.loss = 0.1;
@@ -104,7 +104,7 @@ TEST_F(LfServeMedia, LostPacketsAreSentAgain) {
 }
 
 // A browser that repeatedly requests packets or key frames gets at most a few times the video bit rate.
-TEST_F(LfServeMedia, RequestsToRepeatAreLimitedByTheBitRate) {
+TEST_F(LfServeMedia, RetransmissionsAreLimitedByTheBitRate) {
   constexpr int kBitRate = 500000;
   Served served({"--bitrate", std::to_string(kBitRate), "--address-views", "4"});
   const auto client = watch(served), other = watch(served);
@@ -142,7 +142,7 @@ double told(const WhepClient& client, const std::string& name) {
 
 // Views use a focal surface unless a plane is requested by name. GStreamer 1.22 blocks forever on the first kind of
 // feedback, and stores records of 65528 packets for each message of the second kind.
-TEST_F(LfServeMedia, FeedbackThatAViewerNeedNotSendIsDropped) {
+TEST_F(LfServeMedia, UnneededFeedbackIsDropped) {
   Served served;
   auto client = std::make_unique<WhepClient>(WhepClient::Options{.url = served.url()});
   client->send_feedback(205, 5, {});
@@ -156,7 +156,7 @@ TEST_F(LfServeMedia, FeedbackThatAViewerNeedNotSendIsDropped) {
   EXPECT_EQ(served.stop(), 0) << "the view is closed, and the server ends";
 }
 
-TEST_F(LfServeMedia, ASurfaceIsLookedForUnasked) {
+TEST_F(LfServeMedia, FocalSurfaceIsFoundByDefault) {
   Served served({"--focus-near", "1", "--focus-far", "6", "--gains", "on", "--resampling", "bilinear"});
   const auto client = watch(served);
   client->send("{}");
@@ -170,7 +170,7 @@ TEST_F(LfServeMedia, ASurfaceIsLookedForUnasked) {
   EXPECT_TRUE(becomes([&] { return told(*other, "sequence") >= 30; })) << "what the latest picture shows";
 }
 
-TEST_F(LfServeMedia, WhereTheNetworkTakesLessThereIsLessAndLaterMore) {
+TEST_F(LfServeMedia, BitRateFollowsTheNetwork) {
   Served served({"--bitrate", "480000"});
   const auto client = watch(served, {.width = 480, .height = 360});  // same size as a view with half the size
   client->send("{}");
@@ -189,7 +189,7 @@ TEST_F(LfServeMedia, WhereTheNetworkTakesLessThereIsLessAndLaterMore) {
   EXPECT_EQ(served.stop(), 0);
 }
 
-TEST_F(LfServeMedia, TheEncoderIsThatOfTheHighestRank) {
+TEST_F(LfServeMedia, UsesTheEncoderWithTheHighestRank) {
   GstElementFactory* factory = gst_element_factory_find("openh264enc");
   if (!factory) GTEST_SKIP() << "no openh264enc";
   gst_object_unref(factory);
@@ -209,7 +209,7 @@ TEST_F(LfServeMedia, TheEncoderIsThatOfTheHighestRank) {
 }
 
 // The data channel may open before there is video; earlier messages still count.
-TEST_F(LfServeMedia, WhatIsSaidFirstIsHeard) {
+TEST_F(LfServeMedia, EarlyMessagesAreProcessed) {
   Served served;
   for (int i = 0; i < 5; i++) {
     WhepClient::Options options;
@@ -222,7 +222,7 @@ TEST_F(LfServeMedia, WhatIsSaidFirstIsHeard) {
   }
 }
 
-TEST_F(LfServeMedia, NothingIsMadeForWhoDoesNotConnect) {
+TEST_F(LfServeMedia, UnconnectedViewersCauseNoRequests) {
   Served served;
   SoupSession* session = soup_session_new();
   SoupMessage* message = soup_message_new("POST", (served.url() + "whep").c_str());
@@ -241,7 +241,7 @@ TEST_F(LfServeMedia, NothingIsMadeForWhoDoesNotConnect) {
   g_object_unref(session);
 }
 
-TEST_F(LfServeMedia, ASecondDataChannelEndsAViewerWhichIsTold) {
+TEST_F(LfServeMedia, SecondDataChannelEndsTheViewer) {
   Served served;
   const auto stays = watch(served), greedy = watch(served);
   greedy->send("{}");
@@ -254,7 +254,7 @@ TEST_F(LfServeMedia, ASecondDataChannelEndsAViewerWhichIsTold) {
   EXPECT_THAT(served.said(), HasSubstr("one data channel"));
 }
 
-TEST_F(LfServeMedia, ConnectsThatAreAbortedDisturbNobody) {
+TEST_F(LfServeMedia, AbortedConnectsDoNotDisturbOthers) {
   Served served({"--viewers", "200", "--address-views", "200", "--connects", "1000"});
   const auto client = watch(served);
   GUri* uri = g_uri_parse(served.url().c_str(), G_URI_FLAGS_NONE, nullptr);
@@ -279,7 +279,7 @@ TEST_F(LfServeMedia, ConnectsThatAreAbortedDisturbNobody) {
   EXPECT_EQ(served.stop(), 0);
 }
 
-TEST_F(LfServeMedia, NonsenseOnTheDataChannelIsRefusedAndSaidAndChangesNothing) {
+TEST_F(LfServeMedia, InvalidMessagesAreRefused) {
   Served served;
   const auto client = watch(served);
   const std::string move =
@@ -328,7 +328,7 @@ std::string answer_to(const WhepClient& client, int id) {
   return "";
 }
 
-TEST_F(LfServeMedia, AnApertureBeyondTheLimitIsRefused) {
+TEST_F(LfServeMedia, ApertureBeyondTheLimitIsRefused) {
   Served served({"--max-aperture", "0.01"});
   const auto client = watch(served);
   client->send(aperture_of(0.02, 5));
@@ -355,7 +355,7 @@ TEST_F(LfServeMedia, MoreMessagesThanAllowedAreDropped) {
   }
 }
 
-TEST_F(LfServeMedia, WhatIsServedIsRecorded) {
+TEST_F(LfServeMedia, RecordsTheCameras) {
   const TempDir dir;
   const std::string folder = dir / "recording";
   {

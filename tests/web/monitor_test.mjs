@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The camera monitor's panel in headless Chromium.
 import { readFile, writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
 import { artefacts, closeClean, expect, launchBrowser, makeRig, openShown, patience, runTests, serve, until } from './harness.mjs';

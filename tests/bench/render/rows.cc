@@ -139,7 +139,6 @@ namespace {
 
 constexpr int kSizes = 4, kWidths[kSizes] = {320, 640, 1280, 1920};
 
-// Selects rows with stated goals: one thread, one view.
 struct Which {
   std::string codec;  // raw or jpeg
   int cameras = 64;

@@ -50,7 +50,7 @@ TEST(Navigator, OrbitKeepsThePivotAndItsDistance) {
   EXPECT_LT(glm::dot(n.viewpoint().pose.position - somewhere().pose.position, somewhere().pose.right()), -0.1);
 }
 
-TEST(Navigator, ADragOverTheViewCrossesTheArray) {
+TEST(Navigator, DragAcrossTheViewCrossesTheArray) {
   Rig rig;
   for (const double x : {-0.5, 0.5}) {
     Camera camera;
@@ -71,7 +71,7 @@ TEST(Navigator, OrbitDownLooksFromAbove) {
   EXPECT_GT(n.viewpoint().pose.forward().y, 0.1);
 }
 
-TEST(Navigator, PanMovesWhatIsInFocusWithTheMouse) {
+TEST(Navigator, PanMovesPointsInFocusWithTheMouse) {
   Navigator n(somewhere());
   const View before = make_view(n.viewpoint(), 640, 480);
   const Vec3 x = before.pose.world_from_camera({0.3, -0.2, 3});
@@ -83,7 +83,7 @@ TEST(Navigator, PanMovesWhatIsInFocusWithTheMouse) {
   EXPECT_NEAR(to.y - from.y, -24, 1e-9);
 }
 
-TEST(Navigator, ZoomKeepsWhatIsUnderThePointer) {
+TEST(Navigator, ZoomKeepsThePointUnderThePointer) {
   for (const Vec2 place : {Vec2(0, 0), Vec2(0.5, 0), Vec2(0, -0.4), Vec2(-0.6, 0.45)}) {
     Navigator n;
     const auto ray = [&] {
@@ -120,7 +120,7 @@ TEST(Navigator, FocusAndZoomAreMultiplicativeAndClamped) {
   EXPECT_EQ(n.viewpoint().fov_y_deg, kMaxFovDeg);
 }
 
-TEST(Navigator, EveryKeyDoesWhatTheHeaderSays) {
+TEST(Navigator, KeysMatchTheDocumentation) {
   struct Row {
     const char *key, *opposite;
     Vec3 moved_towards;  // in the home view's axes; 0: the viewpoint stays
@@ -160,7 +160,7 @@ TEST(Navigator, EveryKeyDoesWhatTheHeaderSays) {
   EXPECT_EQ(n.viewpoint(), n.home());
 }
 
-TEST(Navigator, AHundredThousandStepsKeepTheQuaternionAndThePivot) {
+TEST(Navigator, ManyStepsKeepTheQuaternionAndThePivot) {
   Navigator n(somewhere());
   const Vec3 pivot = n.pivot();
   std::mt19937 random(7);
@@ -175,7 +175,7 @@ TEST(Navigator, AHundredThousandStepsKeepTheQuaternionAndThePivot) {
 }
 
 // A viewpoint that moves sideways and turns looks beyond the cameras' coverage: it then moves on and turns less.
-TEST(Navigator, WhereTurningHidesTheViewTurnsBackAndTheEyeGoesOn) {
+TEST(Navigator, ViewTurnsBackIfTurningHidesTheScene) {
   Navigator n;
   // Each degree of rotation darkens another 2 % of the view, independent of the position.
   n.set_visibility([](const Viewpoint& v) {
@@ -216,7 +216,7 @@ TEST(Navigator, NoMovementLosesSightOfTheArray) {
   EXPECT_LT(glm::length(n.pivot() - Vec3(0, 0, 2)), 1e-9);
 }
 
-TEST(Navigator, MovementsThatNothingHelpsEnd) {
+TEST(Navigator, UncorrectableMovementsStop) {
   Navigator n;
   // A view twice as wide as the home view is half covered at any position.
   n.set_visibility([&n](const Viewpoint& v) { return std::min(1.0, n.home().fov_y_deg / v.fov_y_deg); });
@@ -227,7 +227,7 @@ TEST(Navigator, MovementsThatNothingHelpsEnd) {
   EXPECT_LT(n.viewpoint().fov_y_deg, 1.01 * n.home().fov_y_deg);
 }
 
-TEST(Navigator, FromTheDarkMovementsFindBack) {
+TEST(Navigator, MovementsReturnFromDarkViews) {
   Navigator n;
   for (int i = 0; i < 50; i++) n.key("d");
   EXPECT_NEAR(n.viewpoint().pose.position.x, 1, 1e-12);
@@ -258,7 +258,7 @@ TEST(Navigator, SetKeepsLimits) {
   EXPECT_EQ(n.viewpoint().focus_distance, kMinFocus);
 }
 
-TEST(DefaultViewpoint, StandsInTheMiddleOfTheArray) {
+TEST(DefaultViewpoint, IsInTheMiddleOfTheArray) {
   const Pose world_from_array = somewhere().pose;
   const Rig rig = array(5, 7, 0.1, world_from_array);
   const Viewpoint v = default_viewpoint(rig);
@@ -280,7 +280,7 @@ TEST(DefaultViewpoint, MeanOfDifferingOrientations) {
   EXPECT_NEAR(e.pitch, 5, 0.5);
 }
 
-TEST(DefaultViewpoint, OneCameraAndCamerasThatLookEverywhere) {
+TEST(DefaultViewpoint, OneCameraAndCancellingAxes) {
   Rig one = array(1, 1, 0.1, somewhere().pose);
   const Viewpoint v = default_viewpoint(one);
   EXPECT_EQ(v.pose.position, one.cameras[0].pose.position);
