@@ -206,9 +206,9 @@ class LfCompositorQosTest : public LfCompositorTest {
     bus_.reset(gst_bus_new());
     gst_element_set_bus(element_.get(), bus_.get());
     gst_harness_query_latency(harness_.get());
-    tell(late_by(2 * kFrame, timestamp));
+    push_upstream(late_by(2 * kFrame, timestamp));
   }
-  void tell(GstEvent* event) { gst_harness_push_upstream_event(harness_.get(), event); }
+  void push_upstream(GstEvent* event) { gst_harness_push_upstream_event(harness_.get(), event); }
   void one(uint32_t sequence) {
     const ViewRequest asked = array_.request(sequence, sequence * kFrame, 3);
     request(asked);
@@ -256,7 +256,7 @@ TEST_F(LfCompositorQosTest, CurrentRequestIsSkipped) {
   const ViewRequest first = array_.request(1, kFrame, 3), second = array_.request(3, 3 * kFrame, 3);
   request(first);
   push(0, answer_of(first, {0, 1}));
-  tell(late_by(kFrame, kFrame));
+  push_upstream(late_by(kFrame, kFrame));
   push(1, answer_of(first, {}));
   request(second);
   push(0, answer_of(second, {0, 1}));
@@ -271,7 +271,7 @@ TEST_F(LfCompositorQosTest, QosEventsNameTheView) {
   start(1, {{"view-id", "3"}});
   one(0);  // GstAggregator forwards events only to pads that have buffers
   pull();
-  tell(late_by(kFrame, 0));
+  push_upstream(late_by(kFrame, 0));
   std::optional<guint> view_id;
   while (GstEvent* event = gst_harness_try_pull_upstream_event(nodes_[0].get())) {
     guint of = 0;
@@ -285,7 +285,7 @@ TEST_F(LfCompositorQosTest, QosEventsNameTheView) {
 
 TEST_F(LfCompositorQosTest, QosOfOtherViewsIsIgnored) {
   start(1, {{"view-id", "3"}});
-  tell(for_view(late_by(20 * kFrame, 0), 4));
+  push_upstream(for_view(late_by(20 * kFrame, 0), 4));
   one(1);
   pull();
   EXPECT_EQ(last_pts_, kFrame);

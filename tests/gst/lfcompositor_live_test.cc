@@ -259,8 +259,8 @@ TEST_F(LfCompositorLiveTest, LostPartIsConcealedAtTheDeadline) {
 // Changes of nodes and rigs while lfcompositor runs.
 class LfCompositorChangeTest : public LfCompositorLiveTest {
  protected:
-  void leave(size_t node) { nodes_[node].reset(); }
-  void join(size_t node, bool live) {
+  void remove_node(size_t node) { nodes_[node].reset(); }
+  void add_node(size_t node, bool live) {
     nodes_[node].reset(gst_harness_new_with_element(element_.get(), ("sink_" + std::to_string(node)).c_str(), nullptr));
     gst_harness_set_live(nodes_[node].get(), live);
     gst_harness_set_src_caps_str(nodes_[node].get(), "application/x-lightfield-answer");
@@ -271,10 +271,10 @@ class LfCompositorChangeTest : public LfCompositorLiveTest {
 TEST_F(LfCompositorChangeTest, DoesNotWaitForARemovedNode) {
   start(2, {{"rig", array_.rig_path()}});
   ViewRequest asked = ask_and_answer(0, 0, {0, 1, 2});
-  leave(1);
+  remove_node(1);
   LfCompositorTest::pull();
   EXPECT_EQ(stat(element_.get(), "missing-fragments"), 1u);
-  join(1, false);
+  add_node(1, false);
   asked = array_.request(1, kFrame);
   const ViewRequest next = array_.request(2, 2 * kFrame);
   request(asked);
@@ -294,7 +294,7 @@ TEST_F(LfCompositorChangeTest, AnswersOfARemovedNodeAreShown) {
   request(asked);
   push(1, answer_of(asked, {2, 3}));
   push(0, answer_of(asked, {0, 1}));
-  leave(1);
+  remove_node(1);
   EXPECT_GE(range(LfCompositorTest::pull()).first, 199);
 }
 
@@ -304,7 +304,7 @@ TEST_F(LfCompositorChangeTest, NeighboursFillInForARemovedLiveNode) {
   push(1, answer_of(asked, {2, 3}));
   push(0, answer_of(asked, {0, 1}));
   EXPECT_GE(range(pull()).first, 199);
-  leave(1);
+  remove_node(1);
   for (int i = 0; i < 3; i++) {
     EXPECT_THAT(announced(), IsEmpty()) << i;
     asked = ask();
@@ -317,7 +317,7 @@ TEST_F(LfCompositorChangeTest, NeighboursFillInForARemovedLiveNode) {
   push(0, answer_of(asked, {0, 1}));
   EXPECT_GE(range(pull()).first, 199);
   EXPECT_EQ(stat(element_.get(), "missing-fragments"), missing);
-  join(1, true);
+  add_node(1, true);
   for (unsigned i = 0; i < CameraHealth::kRecoveryPictures; i++) {
     EXPECT_THAT(announced(), IsEmpty()) << i;
     asked = ask({2, 3});
@@ -341,9 +341,9 @@ TEST_F(LfCompositorChangeTest, NodesAreAddedAndRemovedWhilePlaying) {
   std::atomic<bool> done = false;
   std::thread other([&] {
     while (!done) {
-      join(1, false);
+      add_node(1, false);
       gst_harness_push(nodes_[1].get(), to_buffer({1, 2, 3}));
-      leave(1);
+      remove_node(1);
     }
   });
   for (uint32_t i = 0; i < 100; i++) {

@@ -15,8 +15,7 @@
 namespace lf::test {
 namespace {
 
-
-bool comes(const std::function<bool()>& done, int seconds = 20) {
+bool becomes_true(const std::function<bool()>& done, int seconds = 20) {
   for (int i = 0; i < seconds * 100 && !done(); i++) g_usleep(10000);
   return done();
 }
@@ -43,7 +42,7 @@ class LfCompositorStreamsTest : public LfCompositorTest {
 TEST_F(LfCompositorStreamsTest, AnswersToOtherViewsDoNotBlock) {
   start(1);
   push_many(answer_of(array_.request(0, 0, 7), {0}), 500);
-  EXPECT_TRUE(comes([&] { return pushed_ == 500; })) << "stopped taking answers after " << pushed_;
+  EXPECT_TRUE(becomes_true([&] { return pushed_ == 500; })) << "stopped taking answers after " << pushed_;
 }
 
 TEST_F(LfCompositorStreamsTest, RequestsOfOtherViewsDoNotBlock) {
@@ -56,7 +55,7 @@ TEST_F(LfCompositorStreamsTest, RequestsOfOtherViewsDoNotBlock) {
       if (gst_harness_push(harness_.get(), buffer) == GST_FLOW_OK) taken++;
     }
   });
-  EXPECT_TRUE(comes([&] { return taken == 500; })) << "stopped taking requests after " << taken;
+  EXPECT_TRUE(becomes_true([&] { return taken == 500; })) << "stopped taking requests after " << taken;
   gst_element_set_state(element_.get(), GST_STATE_NULL);
   requests.join();
 }
@@ -65,7 +64,7 @@ TEST_F(LfCompositorStreamsTest, AnswersWithoutTimestampsAreBounded) {
   start(1);
   push_many(answer_of(array_.request(0, 0), {0}), 1000);
   int before = -1;
-  EXPECT_TRUE(comes([&] {
+  EXPECT_TRUE(becomes_true([&] {
     const bool rests = pushed_ == before;
     before = pushed_;
     g_usleep(300000);
@@ -122,7 +121,7 @@ TEST_F(LfCompositorStreamsTest, PausesAfterTheEnd) {
   pull();
   for (GstHarness* each : {harness_.get(), nodes_[0].get()}) gst_harness_push_event(each, gst_event_new_eos());
   GstPad* src = gst_element_get_static_pad(element_.get(), "src");
-  EXPECT_TRUE(comes([src] { return gst_pad_get_task_state(src) == GST_TASK_PAUSED; }));
+  EXPECT_TRUE(becomes_true([src] { return gst_pad_get_task_state(src) == GST_TASK_PAUSED; }));
   int ends = 0;
   while (GstEvent* event = gst_harness_try_pull_event(harness_.get())) {
     ends += GST_EVENT_TYPE(event) == GST_EVENT_EOS;
@@ -158,7 +157,7 @@ TEST_F(LfCompositorStreamsTest, UnlinkedPadCausesAWarningAndCanBeRelinked) {
   ASSERT_TRUE(gst_pad_unlink(src, harness_->sinkpad));
   for (uint32_t i = 1; i < 4; i++) show(i);
   guint64 pictures = 0;
-  EXPECT_TRUE(comes([&] {
+  EXPECT_TRUE(becomes_true([&] {
     g_autoptr(GstStructure) stats = nullptr;
     g_object_get(element_.get(), "stats", &stats, nullptr);
     gst_structure_get_uint64(stats, "pictures", &pictures);

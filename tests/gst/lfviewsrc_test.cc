@@ -206,7 +206,7 @@ TEST_F(LfViewSrcTest, SetIsOnePictureAndMovesTogether) {
 
   gst_util_set_object_arg(G_OBJECT(child("v").get()), "views", "quilt");
   g_object_set(child("v").get(), "columns", 4, "rows", 3, nullptr);
-  EXPECT_TRUE(comes([&] { return caps("s").find("width=(int)256, height=(int)144") != std::string::npos; }));
+  EXPECT_TRUE(becomes_true([&] { return caps("s").find("width=(int)256, height=(int)144") != std::string::npos; }));
   EXPECT_EQ(caps("s").find("multiview-mode=(string)side-by-side"), std::string::npos);
   ASSERT_TRUE(more("s"));
   EXPECT_EQ(get<guint>("to_cameras", "max-size-buffers"), 4u * 12) << "room for as many capture times";
@@ -466,12 +466,13 @@ TEST_F(LfViewSrcCapsTest, CapsMayChangeWhilePlaying) {
   EXPECT_THAT(caps_at("t"), is_video(48, 48, "15/1"));
   for (const auto& [width, rate] : {std::pair{64, "20/1"}, std::pair{128, "30/1"}, std::pair{32, "60/1"}}) {
     filter("f", "video/x-raw,width=" + std::to_string(width) + ",height=64,framerate=" + rate);
-    EXPECT_TRUE(comes([&] { return testing::Value(caps_at("s"), is_video(width, 64, rate)); }))
+    EXPECT_TRUE(becomes_true([&] { return testing::Value(caps_at("s"), is_video(width, 64, rate)); }))
         << width << ": " << caps_at("s") << error();
     EXPECT_TRUE(more("s")) << error();
   }
   filter("f", "video/x-raw");
-  EXPECT_TRUE(comes([&] { return testing::Value(caps_at("s"), is_video(32, 24, "15/1")); })) << caps_at("s") << error();
+  EXPECT_TRUE(becomes_true([&] { return testing::Value(caps_at("s"), is_video(32, 24, "15/1")); }))
+      << caps_at("s") << error();
   EXPECT_THAT(caps_at("t"), is_video(48, 48, "15/1")) << "caps are per viewer";
   EXPECT_TRUE(more("t"));
 }

@@ -237,7 +237,7 @@ class LiveViewer {
     gst_element_send_event(sink.get(),
                            gst_navigation_event_new_mouse_button_release(1, x, y, GST_NAVIGATION_MODIFIER_NONE));
   }
-  static bool comes_true(const std::function<bool()>& what) {
+  static bool becomes_true(const std::function<bool()>& what) {
     for (int i = 0; i < 200 && !what(); i++) g_usleep(50'000);
     return what();
   }
@@ -260,7 +260,7 @@ TEST_F(FocusedArray, StatsHaveTheGains) {
   };
   const std::string surface = "focus=surface focus-near=1 focus-far=6";
   const LiveViewer matched(dir_ / "rig.json", surface), plain(dir_ / "rig.json", surface + " gains=off");
-  EXPECT_TRUE(LiveViewer::comes_true([&] { return std::abs(gain(matched) - 1) < 0.05; })) << gain(matched);
+  EXPECT_TRUE(LiveViewer::becomes_true([&] { return std::abs(gain(matched) - 1) < 0.05; })) << gain(matched);
   EXPECT_EQ(gain(plain), 0) << "none without a request";
 }
 
@@ -278,9 +278,9 @@ TEST_F(FocusedArray, ClickFocusesOnTheObject) {
       return rounds;
     };
     // While some cameras have no picture yet, the agreement of a few cameras is unreliable.
-    ASSERT_TRUE(LiveViewer::comes_true([&] { return stat(viewer.element("c").get(), "complete") >= 3; }));
+    ASSERT_TRUE(LiveViewer::becomes_true([&] { return stat(viewer.element("c").get(), "complete") >= 3; }));
     if (!on_plane) {
-      ASSERT_TRUE(LiveViewer::comes_true([&] { return rounds() >= 14; }));
+      ASSERT_TRUE(LiveViewer::becomes_true([&] { return rounds() >= 14; }));
     }
     for (const auto& [x, y, distance] : {std::tuple(20, 20, kSceneFar), {32, 85, kSceneNear}}) {
       viewer.click(x, y);
@@ -290,7 +290,7 @@ TEST_F(FocusedArray, ClickFocusesOnTheObject) {
         if (kFallsBehind && (!on_plane || ++looks % 300 == 0)) viewer.click(x, y);
         return std::abs(viewer.focus_distance() / distance - 1) < 0.15;
       };
-      EXPECT_TRUE(LiveViewer::comes_true(is_there)) << viewer.focus_distance() << " m, not " << distance;
+      EXPECT_TRUE(LiveViewer::becomes_true(is_there)) << viewer.focus_distance() << " m, not " << distance;
     }
     gboolean done = TRUE;
     g_signal_emit_by_name(viewer.element("v").get(), "focus-at", std::nan(""), 1.0, &done);

@@ -31,7 +31,7 @@ class LfServeCameras : public testing::Test {
   bool says(const Served& served, const std::vector<std::string>& facts) {
     return becomes([&] { return testing::Value(served.said(), mentions(facts)); });
   }
-  static bool goes_on(const WhepClient& client) {
+  static bool receives_pictures(const WhepClient& client) {
     const uint64_t before = client.pictures();
     return becomes([&] { return client.pictures() >= before + 15; });
   }
@@ -44,7 +44,7 @@ class LfServeCameras : public testing::Test {
       return last != messages.rend() && last->find(text) != std::string::npos;
     });
   }
-  static void expect_one_viewer_up_to_a_good_end(Served& served) {
+  static void expect_one_viewer_and_clean_exit(Served& served) {
     EXPECT_EQ(served.metric("viewers"), "1");
     EXPECT_EQ(served.metric("viewers_total"), "1") << "no viewer had to reconnect";
     EXPECT_EQ(served.stop(), 0);
@@ -73,14 +73,14 @@ TEST_F(LfServeCameras, MissingAndDamagedFilesDoNotEndTheServer) {
   ASSERT_NE(served.url(), "") << served.said();
   EXPECT_TRUE(says(served, {"nowhere.mkv", "no such", "out of service"}));
   const WhepClient client({.url = served.url()});
-  EXPECT_TRUE(goes_on(client));
+  EXPECT_TRUE(receives_pictures(client));
   std::filesystem::resize_file(files_.path("emptied.mkv"), 0);
   EXPECT_TRUE(says(served, {"emptied.mkv"})) << served.said();
-  EXPECT_TRUE(goes_on(client));
+  EXPECT_TRUE(receives_pictures(client));
   std::filesystem::copy(files_.path("mjpeg.mkv"), files_.path("nowhere.mkv"));
   EXPECT_TRUE(says(served, {"camera1 is back"})) << served.said();
-  EXPECT_TRUE(goes_on(client));
-  expect_one_viewer_up_to_a_good_end(served);
+  EXPECT_TRUE(receives_pictures(client));
+  expect_one_viewer_and_clean_exit(served);
 }
 
 std::string get(const Served& served, const std::string& path) {
@@ -167,16 +167,16 @@ TEST_F(LfServeCameras, CameraServerMayRestart) {
   });
   ASSERT_NE(served.url(), "") << served.said();
   const WhepClient client({.url = served.url()});
-  EXPECT_TRUE(goes_on(client));
+  EXPECT_TRUE(receives_pictures(client));
   server.reset();
   EXPECT_TRUE(says(served, {"/jpeg"})) << served.said();
   EXPECT_THAT(served.said(), HasSubstr("out of service"));
   EXPECT_TRUE(has_message(client, "\"cameras\":{\"count\":4,\"working\":3}"));
-  EXPECT_TRUE(goes_on(client));
+  EXPECT_TRUE(receives_pictures(client));
   server = std::make_unique<RtspServer>(port);
   EXPECT_TRUE(says(served, {"camera2 is back"})) << served.said();
-  EXPECT_TRUE(goes_on(client));
-  expect_one_viewer_up_to_a_good_end(served);
+  EXPECT_TRUE(receives_pictures(client));
+  expect_one_viewer_and_clean_exit(served);
 }
 
 TEST_F(LfServeCameras, AllCameraServersMayRestart) {
@@ -192,11 +192,11 @@ TEST_F(LfServeCameras, AllCameraServersMayRestart) {
   server.reset();
   EXPECT_TRUE(says(served, {"No camera works"})) << served.said();
   EXPECT_TRUE(has_message(client, "\"cameras\":{\"count\":4,\"working\":0}"));
-  EXPECT_TRUE(goes_on(client)) << "with the last picture";
+  EXPECT_TRUE(receives_pictures(client)) << "with the last picture";
   server = std::make_unique<RtspServer>(port);
   EXPECT_TRUE(has_message(client, "\"cameras\":{\"count\":4,\"working\":4}")) << served.said();
-  EXPECT_TRUE(goes_on(client));
-  expect_one_viewer_up_to_a_good_end(served);
+  EXPECT_TRUE(receives_pictures(client));
+  expect_one_viewer_and_clean_exit(served);
 }
 
 // A calibration finishes, then other cameras are connected: viewers do not have to reload.
@@ -210,36 +210,36 @@ TEST_F(LfServeCameras, ChangedRigIsAppliedWithoutARestart) {
     return std::count_if(messages.begin(), messages.end(),
                          [](const std::string& text) { return text.find("\"rig\"") != std::string::npos; });
   };
-  EXPECT_TRUE(goes_on(client));
+  EXPECT_TRUE(receives_pictures(client));
   Rig rig = load_rig(served.rig());
   rig.cameras[0].pose.position.x += 0.01;
   save_rig(rig, served.rig());
   EXPECT_TRUE(becomes([&] { return told() == 1; })) << served.said();
-  EXPECT_TRUE(goes_on(client));
+  EXPECT_TRUE(receives_pictures(client));
 
   // Colours change as well, although weights do not depend on colours.
   rig.cameras[1].colour = ColourModel{.black = {1, 2, 3}};
   save_rig(rig, served.rig());
   EXPECT_TRUE(becomes([&] { return told() == 2; })) << served.said();
-  EXPECT_TRUE(goes_on(client));
+  EXPECT_TRUE(receives_pictures(client));
 
   write_text_file("{ not yet", served.rig());
   EXPECT_TRUE(says(served, {"old rig"})) << served.said();
-  EXPECT_TRUE(goes_on(client));
+  EXPECT_TRUE(receives_pictures(client));
 
   for (Camera& camera : rig.cameras) camera.source = files_.path("mjpeg.mkv");
   save_rig(rig, served.rig());
   EXPECT_TRUE(says(served, {"rig file", "other cameras"})) << served.said();
   EXPECT_TRUE(becomes([&] { return told() == 3; })) << served.said();
-  EXPECT_TRUE(goes_on(client)) << served.said();
+  EXPECT_TRUE(receives_pictures(client)) << served.said();
 
   for (Camera& camera : rig.cameras) camera.source = files_.path("nowhere.mkv");
   save_rig(rig, served.rig());
   EXPECT_TRUE(says(served, {"no pictures", "rig file"})) << served.said();
   for (Camera& camera : rig.cameras) camera.source = files_.path("mjpeg.mkv");
   save_rig(rig, served.rig());
-  EXPECT_TRUE(goes_on(client)) << served.said();
-  expect_one_viewer_up_to_a_good_end(served);
+  EXPECT_TRUE(receives_pictures(client)) << served.said();
+  expect_one_viewer_and_clean_exit(served);
 }
 
 TEST_F(LfServeCameras, ImpossibleOptionsAreErrors) {

@@ -228,7 +228,7 @@ class PairsLayoutTest : public testing::TestWithParam<std::tuple<Around, double>
   double error(const Reconstruction& scene) {
     return root_mean_square(position_errors(scene, truth_), [](const Vec3& e) { return e; });
   }
-  Reconstruction with_lenses_about_right() {
+  Reconstruction with_approximate_lenses() {
     Reconstruction scene = make_scene(tracks_, {});
     for (CameraState& camera : scene.cameras) camera.lens_terms()[kF] = 600;
     return scene;
@@ -239,13 +239,13 @@ class PairsLayoutTest : public testing::TestWithParam<std::tuple<Around, double>
 };
 
 TEST_P(PairsLayoutTest, GlobalLayout) {
-  Reconstruction scene = with_lenses_about_right();
+  Reconstruction scene = with_approximate_lenses();
   EXPECT_EQ(global_layout(scene, tracks_, 8), 14);
   EXPECT_LE(error(scene), 0.1);
 }
 
 TEST_P(PairsLayoutTest, IncrementalLayout) {
-  Reconstruction scene = with_lenses_about_right();
+  Reconstruction scene = with_approximate_lenses();
   EXPECT_EQ(incremental_layout(scene, tracks_, 8), 14);
   EXPECT_LE(error(scene), 0.1);
 }

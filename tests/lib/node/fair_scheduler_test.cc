@@ -31,7 +31,7 @@ class Simulation {
 
   void run(uint64_t end) {
     while (tile() < end) {
-      let_come();
+      add_due_requests();
       if (answers_.waiting() > 0)
         answers_.work();
       else if (next_ < to_come_.size())
@@ -62,7 +62,7 @@ class Simulation {
   size_t most_views() const { return most_views_; }  // known at a time
 
  private:
-  void let_come() {
+  void add_due_requests() {
     while (next_ < to_come_.size() && to_come_[next_].at <= tile()) {
       const Asked asked = to_come_[next_++];
       bool dropped = false;
@@ -71,7 +71,7 @@ class Simulation {
           [this, asked](const ParallelFor& parallel) {
             parallel(asked.tiles, [this](size_t) {
               time_ += kTile;
-              let_come();
+              add_due_requests();
             });
             delays_.emplace_back(asked.view, tile() - asked.at);
           },

@@ -88,7 +88,7 @@ namespace {
 int area(const Rect& rect) { return rect.empty() ? 0 : rect.width() * rect.height(); }
 
 // Returns all pixels that sampling the camera for the rectangle reads, including chroma.
-Rect touched(const ViewPlan& plan, const Rect& rect, CameraIndex index, const Camera& camera) {
+Rect sampled_pixels(const ViewPlan& plan, const Rect& rect, CameraIndex index, const Camera& camera) {
   const CameraProjection projection(plan, index, camera);
   Rect all;
   const auto sample = [&](const Vec2& ray, double inverse) {
@@ -134,7 +134,7 @@ TEST(SourceRegion, ContainsEverySample) {
     const ViewPlan plan(rig, build_mesh(rig), view);
     for (const CameraIndex camera : plan.contributors()) {
       const Rect rect = chroma_aligned(plan.camera_rect(camera), view);
-      const Rect need = touched(plan, rect, camera, rig.cameras[camera]);
+      const Rect need = sampled_pixels(plan, rect, camera, rig.cameras[camera]);
       if (need.empty()) continue;
       const Rect region = source_region(plan, rect, camera, rig.cameras[camera]);
       EXPECT_EQ(intersect(need, region), need)
@@ -160,7 +160,7 @@ TEST(SourceRegion, IsTight) {
   const ViewPlan plan(rig, build_mesh(rig), view);
   int needed = 0, decoded = 0;
   for (const CameraIndex camera : plan.contributors()) {
-    needed += area(touched(plan, plan.camera_rect(camera), camera, rig.cameras[camera]));
+    needed += area(sampled_pixels(plan, plan.camera_rect(camera), camera, rig.cameras[camera]));
     decoded += area(source_region(plan, plan.camera_rect(camera), camera, rig.cameras[camera]));
   }
   EXPECT_GT(needed, 0);
