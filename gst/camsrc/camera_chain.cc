@@ -375,8 +375,7 @@ void on_no_more_pads(GstElement* element, gpointer /*unused*/) {
                       ("the source has no video stream: name a video, an image or a camera"), (nullptr));
 }
 
-// --- Sources
-// -----------------------------------------------------------------------------------------------------------
+// --- Sources ---------------------------------------------------------------------------------------------------------
 
 constexpr guint kBlockSize = 1 << 20;
 

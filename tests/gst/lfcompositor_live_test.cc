@@ -354,7 +354,7 @@ TEST_F(LfCompositorChangeTest, NodesAreAddedAndRemovedWhilePlaying) {
   other.join();
 }
 
-// ------------------------------------------------------------------------------------------------------------ rigs
+// --- Rigs ------------------------------------------------------------------------------------------------------------
 
 // Pictures of the two rigs differ in brightness. If all answers of a request are lost, the previous picture is
 // repeated.

@@ -475,7 +475,7 @@ TEST_F(LfFragmentChangeTest, CamerasAndClientsAreAddedAndRemovedWhilePlaying) {
   requesters.join();
 }
 
-// ------------------------------------------------------------------------------------------------------------ rigs
+// --- Rigs ------------------------------------------------------------------------------------------------------------
 
 class LfFragmentRigTest : public LfFragmentChangeTest {
  protected:

@@ -86,7 +86,7 @@ TEST(EyeOnTheBorder, SeesTheWholePicture) {
   EXPECT_LE(largest, 1e-6);
 }
 
-// --- numbers that are none -------------------------------------------------------------------------------------------
+// --- Numbers that are not finite -------------------------------------------------------------------------------------
 
 template <typename Function>
 std::string error_of(const Function& function) {
