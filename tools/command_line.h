@@ -13,7 +13,7 @@ class Validator;
 }  // namespace CLI
 
 // The part of the command line parser CLI11 that our programs use. CLI11 is header-only and takes several seconds to
-// compile, so only command_line.cc includes its headers. Functions have the names of CLI11. Not thread-safe.
+// compile, so only command_line.cc includes its headers. Not thread-safe.
 namespace cli {
 
 class Check {
@@ -71,7 +71,6 @@ class App {
   App* require_subcommand(size_t count);
   App* require_subcommand(size_t least, size_t most);
   App* require_option(size_t count);
-  // Sets a function that runs after parsing if the command line contains this command.
   void callback(std::function<void()> job);
   explicit operator bool() const;
 

@@ -37,7 +37,6 @@
 
 namespace {
 
-// The result of one view: a row of the table, and an entry of the JSON file.
 struct QualityRow {
   std::string name;
   std::optional<lf::Quality> quality;

@@ -25,7 +25,6 @@ class ScopedElements {
   // Creates an element and adds it to the bin. The bin owns the element, so the returned pointer is borrowed. Throws
   // Error if the element is not installed.
   GstElement* add(const char* factory, const std::string& name);
-  // Adds an existing element to the bin and the group.
   GstElement* add(GstElement* element);
 
  private:

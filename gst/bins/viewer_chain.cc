@@ -14,9 +14,9 @@
 #define LF_TYPE_VIEW_SPLIT (lf_view_split_get_type())
 G_DECLARE_FINAL_TYPE(LfViewSplit, lf_view_split, LF, VIEW_SPLIT, GstElement)
 
-// Sends each unit (answer or request) of a stream to the viewer with the view id of the unit. A tee would make every
-// viewer decode all units. Units of unknown views, and units that a viewer rejects, are dropped without an error. The
-// type is not registered, because it is used only inside bins.
+// Sends each unit (answer or request) of a stream to the viewer with the view id of the unit. Units of unknown views,
+// and units that a viewer rejects, are dropped without an error. The type is not registered, because it is used only
+// inside bins.
 struct _LfViewSplit {
   GstElement parent;
   GstPad* sink;

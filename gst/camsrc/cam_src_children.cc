@@ -212,7 +212,7 @@ lf::CameraChain build_chain(LfCamSrc* self, const lf::CameraSource& source, cons
 }
 
 // The built-in scene between real pictures would be a ghost in every view, so a warning is required. The first camera
-// without pictures warns for all cameras. If no camera has pictures, lfcameranode warns.
+// without pictures warns for all cameras; if no camera has pictures, lfcameranode warns.
 void warn_of_scene(LfCamSrc* self, const lf::Rig& rig, lf::CameraIndex index, const std::string& place) {
   const auto is_blind = [](const lf::Camera& camera) { return camera.source.empty() && camera.image.empty(); };
   if (lf::has_no_pictures(rig)) return;

@@ -375,8 +375,7 @@ void on_no_more_pads(GstElement* element, gpointer /*unused*/) {
                       ("the source has no video stream: name a video, an image or a camera"), (nullptr));
 }
 
-// --- Sources
-// -----------------------------------------------------------------------------------------------------------
+// --- Sources ---------------------------------------------------------------------------------------------------------
 
 constexpr guint kBlockSize = 1 << 20;
 
@@ -405,7 +404,6 @@ GstElement* add_file_reader(GstBin* bin, const std::string& path) {
   return reader;
 }
 
-// Adds a decoder, and links it to the element `convert` when the pads of the decoder appear.
 GstElement* add_decodebin(GstBin* bin, const char* factory, GstElement* convert) {
   GstElement* decoder = add(bin, factory);
   // Caps with ANY are required here, because otherwise decoders that also support interlaced or GPU output are not

@@ -17,10 +17,9 @@
 
 namespace lf {
 
-// Finds the capture times of a network camera. An RTSP camera sends RTCP sender reports, which relate its RTP
-// timestamps to the time of day. Parsers and decoders drop this information but keep the timestamp of each frame.
-// Therefore the class stores the offset between time of day and running time, and applies it to frames behind the
-// decoder. Thread-safe.
+// Finds the capture times of a network camera from RTCP sender reports, which relate RTP timestamps to the time of day.
+// Parsers and decoders drop this information but keep the timestamps of frames, so the class stores the offset between
+// time of day and running time. Thread-safe.
 class SenderClock : public std::enable_shared_from_this<SenderClock> {
  public:
   // Limits for the age of a packet, to recognise cameras without the correct time of day. A packet may also be older

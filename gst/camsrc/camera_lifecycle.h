@@ -11,8 +11,8 @@
 
 namespace lf {
 
-// The state machine of one camera. It knows whether the camera works or is lost, and has the time of the next attempt
-// to reopen a lost camera. All times are nanoseconds of a monotonic clock. Thread-safe.
+// The state machine of one camera, with the time of the next attempt to reopen a lost camera. All times are nanoseconds
+// of a monotonic clock. Thread-safe.
 class CameraLifecycle {
  public:
   // kEnded: the source has ended regularly. kLost: the camera has failed.

@@ -446,8 +446,7 @@ GstPadProbeReturn CameraStream::on_output(GstPad* pad, GstPadProbeInfo* info) {
   return GST_PAD_PROBE_OK;
 }
 
-// --- Recording
-// ---------------------------------------------------------------------------------------------------------
+// --- Recording -------------------------------------------------------------------------------------------------------
 //
 // Records coded pictures before they are decoded, or output frames.
 
@@ -526,8 +525,7 @@ void CameraStream::record_pending() {
       listener_.on_recordable(picture.buffer.get(), caps, coded_.in_order(picture.taken, capture_time(picture.taken)));
 }
 
-// --- Film position
-// -----------------------------------------------------------------------------------------------------
+// --- Film position ---------------------------------------------------------------------------------------------------
 //
 // Seeks, loops, and timestamps for sources without timestamps, so that capture times are film times.
 GstPadProbeReturn CameraStream::on_seek(GstPadProbeInfo* info) {

@@ -28,8 +28,7 @@ class PendingCodedFrames {
     BufferPtr buffer;
     GstClockTime taken;
   };
-  // Maximum number of pictures that wait for the first output frame. A decoder holds back fewer pictures, so beyond
-  // this number the decoder has failed.
+  // Maximum number of pictures that wait for the first output frame.
   static constexpr size_t kMaxPending = 300;
   // Capture times may step back by at most this much, by jitter. A larger step means that the clock was set back.
   static constexpr GstClockTime kMaxReorder = GST_SECOND;

@@ -418,7 +418,6 @@ static void lf_cam_src_watch(LfCamSrc* self) {
   lf_cam_src_call_later(self, GST_SECOND, lf_cam_src_look_for_frames);
 }
 
-// Reports that the children failed to start, and removes the children.
 static void lf_cam_src_fail_to_start(LfCamSrc* self) {
   if (self->run->stream->first_error())
     lf_cam_src_fail(

@@ -79,8 +79,7 @@ std::optional<GstClockTime> live_latency(GstPad* sink);
 // if the file is unreadable or invalid.
 std::shared_ptr<const Rig> shared_rig(const std::string& path);
 
-// Returns true in PAUSED or PLAYING. Use this when the property `rig` is set: a running element calls reload_rig(), and
-// other elements load the rig at start.
+// Returns true in PAUSED or PLAYING.
 bool is_running(GstElement* element);
 // Loads the new rig for a running element. If the file cannot be loaded, posts a warning and returns null, and the
 // caller keeps its current rig.

@@ -18,9 +18,7 @@
 #include "rig/mesh.h"
 #include "view/view_request.h"
 
-// Custom events and queries between the three kinds of elements, and the classes that use these events. Viewers
-// (lfviewrequest) request views, nodes (lffragment) answer with the contribution of their cameras, and compositors
-// (lfcompositor) add the answers.
+// Custom events and queries between the three kinds of elements, and the classes that use these events.
 namespace lf {
 
 // Custom upstream event that stops all requests during a flushing seek. A funnel forwards a seek to its viewers one

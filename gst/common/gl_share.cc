@@ -16,7 +16,7 @@ GlContextPtr owned(gpointer context) {
           }};
 }
 
-// All known live contexts. This list assigns groups, because GStreamer can only compare two contexts.
+// All known live contexts.
 class Groups {
  public:
   gl::ShareGroup of(GstGLContext* context) {

@@ -5,8 +5,8 @@
 
 namespace lf {
 
-// Call before reading textures that another context has written. Makes the OpenGL context of the textures wait until
-// all of these writes are complete. Returns this context. `picture` must be in GstGLMemory.
+// Call before reading textures that another context has written. Makes the OpenGL context of the textures, which is
+// returned, wait until these writes are complete. `picture` must be in GstGLMemory.
 inline GstGLContext* wait_for_gl_writer(GstBuffer* picture) {
   GstGLContext* const context = reinterpret_cast<GstGLMemory*>(gst_buffer_peek_memory(picture, 0))->mem.context;
   if (GstGLSyncMeta* const written = gst_buffer_get_gl_sync_meta(picture)) gst_gl_sync_meta_wait(written, context);

@@ -52,8 +52,7 @@ class MappedBuffer {
   GstMapInfo map_{};
 };
 
-// Recycles the memory of answers. This saves time, because the pixel data of a 1080p view takes six megabytes. Buffers
-// may outlive their element.
+// Recycles the memory of answers. Buffers may outlive their element.
 using AnswerMemory = MemoryPool<ByteBuffer>;
 
 GstBuffer* encode_request_buffer(const ViewRequest& request);

@@ -21,7 +21,6 @@ using Taken = lf::NodeInput::UnitResult;
 
 void lf_compositor_use_rig(LfCompositor* self, std::shared_ptr<const lf::Rig> rig) {
   auto& state = *self->state;
-  // Replaces everything that refers to the previous rig.
   state.rig = rig;
   state.focus.set_rig(rig);
   state.assembly.set_rig(rig);
@@ -67,9 +66,7 @@ static GstClockTime deadline(LfCompositor* self) {
   return gst_element_get_base_time(GST_ELEMENT(self)) + time + latency;
 }
 
-// Queries the latency again if the next request arrived later than the known latency allows. The real latency has then
-// grown, and the application may have ignored the latency message. Pictures would otherwise be composed before the
-// answers arrive.
+// Queries the latency again if the next request arrived later than the known latency allows.
 static void refresh_latency(LfCompositor* self) {
   auto& state = *self->state;
   const GstClockTime latency = gst_aggregator_get_latency(GST_AGGREGATOR(self)), now = clock_time(self);

@@ -178,7 +178,6 @@ class PictureOutput {
   bool in_gpu_ = false;
   OwnGpu own_gpu_;
   PicturePool pool_;
-  // The unfinished picture of a set of views.
   struct PendingPicture {
     GstBuffer* buffer = nullptr;
     uint32_t first = 0;

@@ -42,8 +42,7 @@ class OwnGpu {
   GstGLContext *shared_ = nullptr, *context_ = nullptr;
 };
 
-// Provides and recycles the memory of pictures. Recycling matters, because fresh pages from the system would cost as
-// much time as composing a 1080p picture. Pictures may outlive the pool. Not thread-safe.
+// Provides and recycles the memory of pictures. Pictures may outlive the pool. Not thread-safe.
 class PicturePool {
  public:
   static constexpr guint kMostIdle = 4;  // idle buffers kept for the next pictures

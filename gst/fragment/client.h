@@ -35,7 +35,7 @@ struct AnswerJob {
 };
 
 // The queue of requests of one client (a viewer or compositor) that wait for their answers. Requests that one GPU pass
-// can answer are taken together, because that is faster (see Node::can_batch_requests()). Thread-safe.
+// can answer are taken together (see Node::can_batch_requests()). Thread-safe.
 class AnswerJobQueue {
  public:
   // Maximum number of pixels in a batch, because all answers stay in memory until the batch is done.

@@ -42,7 +42,6 @@ Tracks from_tracks(const lf::Tracks& tracks) {
   return out;
 }
 
-// Fills in the options that come from the prior rig. Returns the rig as JSON.
 json take_prior(const Rig& prior, lf::SolveOptions& options) {
   const std::string text = prior.json(), name = "prior";
   json original = lf::parse_json(text, name);

@@ -54,7 +54,7 @@ void check(RendererChoice renderer) {
 
 }  // namespace
 
-// The cameras of one node. The frames come with each request. Not thread-safe.
+// The cameras of one node. Not thread-safe.
 class LocalNode {
  public:
   // `cameras` lists the indices in the order of the frames. Throws Error if the list is empty, or if an index is
@@ -226,7 +226,7 @@ CameraSet to_camera_set(std::vector<uint32_t> cameras, size_t count) {
 
 }  // namespace
 
-// A viewer with one request at a time. Makes the picture from the answers. Not thread-safe.
+// A viewer with one request at a time. Not thread-safe.
 class ViewComposer {
  public:
   using AddResult = lightfield::Compositor::AddResult;
@@ -254,7 +254,6 @@ class ViewComposer {
   std::optional<ViewRequest> current_;
   Background background_;
   Assembly assembly_;
-  // Cameras of the nodes that have answered, and hashes of the photo-consistency messages that were received.
   std::set<CameraRanges> answered_;
   std::set<size_t> tried_;
   ViewDepths::Answers answers_;
@@ -338,7 +337,6 @@ bool ViewComposer::is_complete() const {
   std::iota(all.begin(), all.end(), 0);
   CameraRanges awaited(all);
   awaited.remove(CameraRanges(current_->out_of_service));
-  // photo-consistency messages per node
   const size_t units = static_cast<size_t>(!current_->hypotheses.empty()) + current_->gains.ask;
   return assembly_.cameras().contains(awaited) && tried_.size() >= units * answered_.size();
 }

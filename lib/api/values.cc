@@ -194,8 +194,7 @@ Image make_image(PixelFormat format, int width, int height) {
   lf::validate_size("width", width);
   lf::validate_size("height", height);
   lf::Image image(static_cast<lf::PixelFamily>(format), width, height);
-  if (format == PixelFormat::kI420)  // neutral chroma
-    std::fill(image.plane(1), image.data().data() + image.data().size(), uint8_t{128});
+  if (format == PixelFormat::kI420) std::fill(image.plane(1), image.data().data() + image.data().size(), uint8_t{128});
   return {format, width, height, std::move(image.data())};
 }
 

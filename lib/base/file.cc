@@ -52,8 +52,7 @@ bool is_foreign(const struct stat& link, const struct stat& folder) {
 }
 
 // Follows symbolic links to a file, which need not exist. Throws Error if there are too many links, or if a link
-// belongs to another user and its folder is world-writable. The kernel's protected_symlinks setting forbids opening
-// such links, but readlink() ignores this setting.
+// belongs to another user and its folder is world-writable.
 std::string follow_links(const std::string& named) {
   constexpr int kMaxLinks = 40;
   std::string path = named;
@@ -71,8 +70,7 @@ std::string follow_links(const std::string& named) {
   throw Error(named + ": can't be written: " + std::strerror(ELOOP));
 }
 
-// Applies the rule of follow_links() to each folder in the path, and to the folders in the targets of links. `links`
-// counts the links.
+// Applies the rule of follow_links() to each folder in the path, and to the folders in the targets of links.
 void check_folder_links(const std::string& folder, int& links) {
   constexpr int kMaxLinks = 40;
   fs::path path;
@@ -305,7 +303,6 @@ void AtomicFolderUpdate::commit() {
         files.push_back(name);
     }
     std::ranges::sort(files);
-    // Detects the most likely failure before the first file is replaced.
     for (const fs::path& name : files)
       if (fs::is_directory(fs::path(folder_) / name)) fail(name, "it is a folder; remove or rename the folder");
     for (const fs::path& name : files) {

@@ -9,13 +9,11 @@ namespace lf {
 
 inline constexpr size_t kMaxFileBytes = size_t{1} << 29;
 
-// Reads a whole regular file. Throws Error with the file's name if the file is missing or has more than `most_bytes`
-// bytes. Other kinds of files are refused too, because a FIFO may block and a device may never end.
+// Reads a whole file. Throws Error with the file's name if the file is missing, is not a regular file, or has more than
+// `most_bytes` bytes.
 std::string read_file(const std::string& path, size_t most_bytes = kMaxFileBytes);
 
-// Replaces a file atomically, so that readers see either the old content or the complete new content. This project
-// writes all files with this class.
-//
+// Replaces a file atomically, so that readers see either the old content or the complete new content.
 // The new content goes to a temporary file in the same folder, and commit() renames that file. Without commit(),
 // nothing changes. The file keeps its mode and owner. If `path` is a symbolic link, the link stays and its target is
 // replaced. A link of another user in a world-writable folder is an error, because it could redirect the output. The
@@ -46,8 +44,7 @@ class AtomicFileWriter {
 void copy_file(const std::string& from, const std::string& to);
 
 // Creates an output folder and its parents, if they do not exist. Returns true if it creates the folder. Throws Error
-// if that fails, or if a folder in the path is a symbolic link of another user in a world-writable folder. This project
-// creates all output folders with this function.
+// if that fails, or if a folder in the path is a symbolic link of another user in a world-writable folder.
 bool make_folder(const std::string& folder);
 
 // Updates several files of a folder together. Write the new files to staging(), which is a hidden subfolder. commit()
@@ -69,7 +66,6 @@ class AtomicFolderUpdate {
   bool created_ = false;
 };
 
-// Removes staging folders from the paths in an error message, so that the message names the final file.
 std::string without_staging(std::string text);
 
 inline constexpr size_t kMaxSecretBytes = 65536;

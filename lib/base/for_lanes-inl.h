@@ -14,7 +14,7 @@ namespace lf::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
 // Calls step(d, i) for consecutive blocks that cover 0..n. `d` is the Highway tag of the block at i: first full
-// vectors, then vectors of 16 bytes, then single values. The rest matters because rows of fragments are short.
+// vectors, then vectors of 16 bytes, then single values.
 template <typename T, typename Step>
 HWY_INLINE void for_lanes(int n, const Step& step) {
   const hn::ScalableTag<T> d;

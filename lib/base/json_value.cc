@@ -29,8 +29,7 @@ std::string without_tag(const std::string& what) {
   return text.size() > kMost ? text.substr(0, kMost) + "..." : text;
 }
 
-// Builds the value while the parser reads the text, and throws Error with the place where the parser stopped. This
-// takes linear time, unlike json::parse() with a callback, which visits a whole array after each element.
+// Builds the value while the parser reads the text, and throws Error with the place where the parser stopped.
 class JsonBuilder : public nlohmann::json_sax<json> {
  public:
   explicit JsonBuilder(const std::string& name) : name_(name) {}

@@ -18,7 +18,6 @@ std::string read_text_file(const std::string& path);
 // Replaces a file atomically. Throws Error with the file's name.
 void write_text_file(const std::string& text, const std::string& path);
 
-// Returns true if the text is valid UTF-8, which JSON requires.
 bool is_utf8(const std::string& text);
 
 // Parses JSON. `name` is the name of the file in error messages. Throws Error with line and column. If a value is
@@ -35,7 +34,6 @@ class JsonValue {
   JsonValue(const nlohmann::json&&, const std::string&) = delete;
 
   [[noreturn]] void fail(const std::string& what) const;
-  // Throws Error for a place inside this value, for example fail_inside("params[0]: must be positive").
   [[noreturn]] void fail_inside(const std::string& place_and_what) const;
   const std::string& file() const { return *file_; }
 

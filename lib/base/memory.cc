@@ -13,7 +13,7 @@ constexpr size_t kStep = size_t{64} << 10;
 
 struct Pool {
   std::mutex mutex;
-  // Buffers by capacity. The last one is the latest and probably still in the cache.
+  // Buffers by capacity, the latest last.
   std::map<size_t, std::vector<std::unique_ptr<uint8_t[]>>> unused;
   size_t bytes = 0;
 };

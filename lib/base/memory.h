@@ -15,8 +15,7 @@
 
 namespace lf {
 
-// An allocator for memory that is written before it is read: resize() leaves new elements uninitialised. Zeroing them
-// would cost another pass over every answer (1.5 ms for the sums of a 1080p view on fresh pages).
+// An allocator whose resize() leaves new elements uninitialised.
 template <typename T>
 struct UninitializedAllocator : std::allocator<T> {
   template <typename U>
@@ -70,10 +69,9 @@ class PeakTracker {
   size_t latest_ = 0, before_ = 0;  // largest sizes in the minute since began_ and in the minute before
 };
 
-// Keeps buffers for repeated use, because allocating megabytes costs more than filling the memory. Buffers with more
-// than twice the size that was needed recently are freed, so that a short peak does not keep memory for ever. `Memory`
-// must have size() (bytes needed), capacity() (bytes allocated) and clear(), which keeps the allocation, like
-// ByteBuffer. Thread-safe.
+// Keeps buffers for repeated use. Frees buffers with more than twice the size that was needed recently. `Memory` must
+// have size() (bytes needed), capacity() (bytes allocated) and clear(), which keeps the allocation, like ByteBuffer.
+// Thread-safe.
 template <typename Memory>
 class MemoryPool {
  public:
@@ -96,7 +94,7 @@ class MemoryPool {
     if (unused_.size() < kMaxPooled) unused_.push_back(std::move(memory));
     drop_large(now);
   }
-  // Frees buffers that have become too large. Call this from time to time if no buffer may be returned for long.
+  // Frees buffers that have become too large.
   void trim(uint64_t now = now_ns()) {
     const std::lock_guard lock(mutex_);
     drop_large(now);
@@ -125,9 +123,8 @@ struct PoolDeleter {
 };
 using PooledBuffer = std::unique_ptr<uint8_t[], PoolDeleter>;
 
-// Returns an uninitialised buffer of at least `size` bytes from a pool of the process. Every camera frame needs a few
-// hundred kB for a moment, and fresh pages would cost more than decoding a small region. The pool keeps up to
-// kPooledBytes of unused memory. Thread-safe.
+// Returns an uninitialised buffer of at least `size` bytes from a pool of the process, which keeps up to kPooledBytes
+// of unused memory. Thread-safe.
 PooledBuffer take_buffer(size_t size);
 
 inline constexpr size_t kPooledBytes = size_t{256} << 20;

@@ -13,8 +13,7 @@ inline uint64_t now_ns() {
 }
 
 // The capture schedule of a frame rate. Instant k is k periods after time 0, computed from the exact fraction and
-// rounded down to whole nanoseconds, so the schedule does not drift. In absolute clock time, all cameras and viewers of
-// the same rate therefore agree on the instants without communication.
+// rounded down to whole nanoseconds, so the schedule does not drift.
 class Schedule {
  public:
   // The frame rate is numerator / denominator frames per second; both must be positive.

@@ -16,7 +16,7 @@ size_t character_length(std::string_view text) {
   if (first < 0xc2 || first > 0xf4 || text.size() < length) return 0;
   for (size_t i = 1; i < length; i++)
     if ((byte(i) & 0xc0) != 0x80) return 0;
-  // Longer forms than necessary.
+  // Overlong encodings are invalid.
   return (first == 0xe0 && byte(1) < 0xa0) || (first == 0xf0 && byte(1) < 0x90) ? 0 : length;
 }
 

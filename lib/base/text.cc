@@ -11,7 +11,6 @@ namespace {
 
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
-// Removes the run of digits at the start of `text` and returns it without leading zeros.
 std::string_view take_digits(std::string_view& text) {
   size_t end = 0;
   while (end < text.size() && is_digit(text[end])) end++;

@@ -21,8 +21,7 @@ inline void serial_for(size_t count, const std::function<void(size_t)>& task) {
   for (size_t i = 0; i < count; i++) task(i);
 }
 
-// A pool of threads that all nodes of a process share, so that many nodes use no more threads than there are
-// processors. Thread-safe.
+// A pool of threads that all nodes of a process share. Thread-safe.
 class WorkerPool {
  public:
   // Returns the pool of this process. The first call creates it, and releasing the last reference destroys it.

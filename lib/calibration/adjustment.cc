@@ -67,8 +67,7 @@ double spread(const std::vector<Vec3>& points) {
 
 Similarity align(const std::vector<Pose>& a, const std::vector<Pose>& b, bool fixed_scale) {
   if (a.size() != b.size() || a.size() < 2) throw Error("alignment needs at least two cameras");
-  // Each camera contributes its centre and three points on its axes near the centre. Coordinates are relative to the
-  // first camera, to keep precision far from the origin.
+  // Coordinates are relative to the first camera, to keep precision far from the origin.
   const auto points = [](const std::vector<Pose>& poses, double reach) {
     Eigen::Matrix3Xd m(3, 4 * poses.size());
     for (size_t i = 0; i < poses.size(); i++) {
@@ -266,7 +265,7 @@ struct TargetInformation {
   std::vector<MatrixXd> crosses;
 };
 
-// Returns the inverse of L L'. A general solver would also multiply all zeros of the identity matrix.
+// Returns the inverse of L L'.
 MatrixXd inverse_of(const Eigen::LLT<MatrixXd>& llt) {
   const MatrixXd& l = llt.matrixLLT();
   const Eigen::Index n = l.rows();
@@ -295,7 +294,7 @@ class Builder {
       result_.camera_row.push_back(camera.used ? rows : -1);
       if (camera.used) rows += result_.camera_size;
     }
-    information_ = MatrixXd::Zero(rows + num_terms() + 1, rows + num_terms() + 1);  // batch mean and metres
+    information_ = MatrixXd::Zero(rows + num_terms() + 1, rows + num_terms() + 1);
     targets_.resize(scene.targets.size());
     for (const CameraState& camera : scene.cameras) {
       RowMajor j(CameraState::kSize, result_.camera_size);
@@ -360,7 +359,6 @@ class Builder {
     information_ = MatrixXd(information_.selfadjointView<Eigen::Lower>());
   }
 
-  // Adds the lens priors to `information`; the lens terms of camera i start at lens_row(i).
   template <class LensRow>
   void add_priors(MatrixXd& information, int batch_row, const LensRow& lens_row) const {
     for (size_t i = 0; i < scene_.cameras.size(); i++) {
@@ -467,7 +465,6 @@ class Builder {
     const MatrixXd overlap = gauge.transpose() * weighted;
     // A bar of unit length fixes the scale. Pose priors leave no gauge freedom.
     for (int g = 0; g < (pose_priors_ ? 0 : has_bars() ? 6 : 7); g++) {
-      // Constrains the gauge direction as strongly as observations constrain its parameters.
       const Eigen::VectorXd k = weighted.col(g) / weighted.col(g).norm();
       const double firm = k.cwiseAbs2().dot(information_.diagonal());
       information_ += firm * k * k.transpose();

@@ -121,8 +121,7 @@ struct AdjustmentSummary {
 
 using Inliers = std::vector<char>;  // per observation: true if it takes part
 
-// Clocks that are adjusted together with the scene. They can be estimated because a clock error shifts each observation
-// along the motion of its light.
+// Clocks that are adjusted together with the scene.
 struct ClockAdjustment {
   // Correction of the clock of one camera. `terms` are an offset in seconds, a drift in seconds per second about the
   // stamp `middle`, and an additional offset in seconds from the stamp `step_at` on (infinity: no step).
@@ -160,8 +159,7 @@ struct Similarity {
 };
 
 // Weight of an orientation error of one radian in align(), relative to the size of the array. It is so small that the
-// camera centres determine the result. Orientations matter only if the centres leave a rotation free, for example the
-// rotation about the axis of a single row of cameras.
+// camera centres determine the result.
 inline constexpr double kRotationWeight = 1e-3;
 
 double spread(const std::vector<Vec3>& points);  // RMS distance from the mean
@@ -186,8 +184,6 @@ struct Uncertainty {
   // Covariance of the lens terms before the calibration, with lens_terms.size() rows per camera.
   Eigen::MatrixXd prior_covariance;
 
-  // Returns the standard deviation of a linear combination of all parameters, for example of the mean depth of the
-  // array.
   double sigma_of(const Eigen::VectorXd& weights) const { return std::sqrt(weights.dot(covariance * weights)); }
 };
 

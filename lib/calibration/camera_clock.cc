@@ -194,7 +194,6 @@ double value_of(const std::vector<ClockSample>& samples, size_t from, size_t to)
   return median(std::move(values));
 }
 
-// Returns the index that splits samples [from, to) with the largest gain above `least`, or 0 if there is none.
 size_t best_split(const std::vector<ClockSample>& samples, size_t from, size_t to, double scale, double least) {
   if (to - from < 2 * kLeastSide) return 0;
   const auto cost = [&](size_t a, size_t b) {

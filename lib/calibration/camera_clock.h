@@ -49,8 +49,8 @@ struct ClockSample {
 // accordingly. Returns the change of the offset.
 double refine_clock(CameraClock& clock, std::vector<ClockSample> samples, double frame_time, double shown);
 
-// Returns the stamp of a suspected frame drop, although the evidence is too weak for refine_clock(). A bundle
-// adjustment with a step at this stamp can then estimate the number of frames. Returns nullopt if no stamp stands out.
+// Returns the stamp of a suspected frame drop, although the evidence is too weak for refine_clock(). Returns nullopt if
+// no stamp stands out.
 std::optional<double> suspected_step(std::vector<ClockSample> samples);
 
 }  // namespace lf

@@ -88,7 +88,6 @@ std::vector<cv::Point2f> corners_of(const cv::Mat& bgr) {
 }
 
 // Returns the correlation of the levels with the chart's nominal colours in the channel with the lowest correlation.
-// Channels are separate because each may have its own gain.
 double likeness(std::span<const ColourSample> chart) {
   const auto n = static_cast<double>(chart.size());
   double least = 1;

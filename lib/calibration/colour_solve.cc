@@ -67,7 +67,6 @@ T power_level(const T& light, const T& gamma) {
   return below ? -level : level;
 }
 
-// The difference between a sample and the level that its patch predicts, with the inverse of ColourModel.
 struct SampleCost {
   ColourSample sample;
   double r2;
@@ -102,7 +101,6 @@ constexpr int kLight = 3;
 constexpr double kSlope = 0.05;
 constexpr double kChartSigma = 1;  // levels; charts are neither fully matt nor fully flat
 
-// The difference between a patch and the chart's colour in the light at the chart's position.
 struct ChartCost {
   double u, v;  // -1 to 1 along the chart
 
@@ -201,11 +199,10 @@ ColourModel sound_model(Parameters p, const Camera& camera) {
 
 bool is_in(const std::vector<bool>& list, size_t i) { return list.empty() || list[i]; }
 
-// The elimination order. Ceres sorts the blocks of a group by address, which differs between runs if they are in
-// several vectors, and changes the last digits of the result. Therefore, each vector has its own group.
+// The elimination order, with one group for each vector. Ceres sorts the blocks of a group by address, which would make
+// the result differ between runs.
 enum EliminationGroup { kColourGroup, kCameraGroup, kLightGroup, kReflectanceGroup };
 
-// Adds the constraints between positions of a chart, for patches in the problem.
 void add_chart(const ColourSamples& samples, ceres::Problem& problem, ceres::ParameterBlockOrdering& order,
                std::vector<std::array<double, 3>>& colours, std::vector<std::array<double, kLight>>& lights,
                std::vector<std::array<double, 3>>& reflectances) {
@@ -251,7 +248,6 @@ ColourFit fit_colours(const Rig& rig, const ColourSamples& samples, const Colour
                       const std::vector<bool>& apart, const std::vector<bool>& patches, const ColourFit* start) {
   std::vector<Parameters> cameras(samples.cameras, Parameters{});
   if (start) cameras = start->parameters;
-  // The initial colour of a patch is its median over cameras.
   std::vector<std::array<std::vector<double>, 3>> seen(samples.patches);
   for (const ColourSample& sample : samples.all)
     for (size_t c = 0; c < 3; c++)
@@ -507,7 +503,6 @@ class ColourSolver {
     for (size_t i = 0; i < rig_.cameras.size(); i++) solution_.cameras[i].rms = rms_of(i, best_.models);
   }
 
-  // Returns the RMS difference between a camera's left-out samples and the median of all remaining cameras.
   double rms_of(size_t camera, const std::vector<ColourModel>& models) const {
     std::vector<std::array<std::vector<double>, 3>> seen(samples_.patches);
     for (const ColourSample& sample : samples_.all) {

@@ -22,7 +22,6 @@ struct ColourTerms {
   bool vignetting = false;
   bool operator==(const ColourTerms&) const = default;
 
-  // Returns for example "brightness, white balance and vignetting".
   std::string name() const;
 };
 

@@ -12,8 +12,6 @@
 
 namespace lf::projection {
 
-// Projects points to pixels, for the solver and for residuals.
-
 // Rotates a vector from world axes to camera axes: v = conjugate(q) * x * q.
 inline void rotate_to_camera(const double* q, const double* x, double* v) {
   const double w = q[0], a = -q[1], b = -q[2], c = -q[3];
@@ -70,7 +68,7 @@ inline void bar_end(const double* bar, unsigned light, double* point) {
 
 namespace lf {
 
-// The Ceres headers are slow to compile, so include this file only where a problem is built.
+// The Ceres headers are slow to compile: include this file only where a problem is built.
 
 // Defines how the solver changes a camera: a rotation about the world axes (radians), a translation, and the free lens
 // terms.
@@ -124,8 +122,7 @@ class CameraManifold : public ceres::Manifold {
   int lens_[kNumLensTerms];
 };
 
-// Reprojection error of a point or of one end of a bar, in sigmas. The derivatives are analytic, because adjustments
-// spend most of their time here.
+// Reprojection error of a point or of one end of a bar, in sigmas.
 template <bool kBar>
 class ReprojectionCost : public ceres::SizedCostFunction<2, CameraState::kSize, kBar ? 6 : 3> {
  public:
@@ -164,8 +161,7 @@ class ReprojectionCost : public ceres::SizedCostFunction<2, CameraState::kSize, 
     const Eigen::Matrix<double, 2, 3> by_point = by_camera_axes * world_from_camera.transpose();
     if (jacobians[0]) {
       Eigen::Map<Eigen::Matrix<double, 2, CameraState::kSize, Eigen::RowMajor>> j(jacobians[0]);
-      // A rotation d about the world axes moves the point by from_centre x d. The manifold's columns are orthogonal
-      // with length 1/2, so these quaternion derivatives map to by_turn.
+      // The manifold's columns are orthogonal with length 1/2, so these quaternion derivatives map to by_turn.
       Eigen::Matrix<double, 2, 3> by_turn;
       for (int r = 0; r < 2; r++) by_turn.row(r) = by_point.row(r).cross(from_centre);
       j.leftCols<4>() = 4 * by_turn * CameraManifold::quaternion_steps(state).transpose();

@@ -195,7 +195,6 @@ cv::Mat grey_of(const Image& image) {
   return grey;
 }
 
-// Returns the camera nearest to the centre, then repeatedly the camera farthest from all chosen cameras.
 std::vector<size_t> cameras_far_apart(const Rig& rig, size_t count) {
   Vec3 middle(0, 0, 0);
   for (const Camera& camera : rig.cameras) middle += camera.pose.position / static_cast<double>(rig.cameras.size());
@@ -218,7 +217,7 @@ struct FeatureTrack {
   std::vector<std::pair<size_t, cv::Point2f>> seen;  // camera and position; the reference first
 
   // Predicts the position in a camera, from the observation that displacements are proportional to the distance between
-  // cameras. Starts from the nearest camera of the track, which has similar errors.
+  // cameras.
   cv::Point2f foretell(const Rig& rig, size_t camera) const {
     const Camera& reference = rig.cameras[seen[0].first];
     const Mat3 axes = glm::transpose(reference.pose.rotation());

@@ -16,8 +16,7 @@
 namespace lf {
 
 // The luma of an RGB image as a cubic B-spline through its pixels (Unser, "Splines: a perfect fit for signal and image
-// processing", 1999). Bilinear interpolation would blur more between pixels than at pixels, which biases positions
-// towards pixel centres by hundredths of a pixel.
+// processing", 1999).
 class SplineImage {
  public:
   explicit SplineImage(const Image& rgb);
@@ -35,9 +34,9 @@ class SplineImage {
   std::vector<float> coefficients_;
 };
 
-// The surroundings of a point in one image. The patch can be found in other images to a few hundredths of a pixel. The
-// search also estimates an affine warp (for slanted surfaces and lens distortion), brightness and contrast; otherwise
-// the position would be biased in the same way in all images. Pixels near the point have more weight (Gaussian).
+// The surroundings of a point in one image. The search also estimates an affine warp (for slanted surfaces and lens
+// distortion), brightness and contrast; otherwise the position would be biased in the same way in all images. Pixels
+// near the point have more weight (Gaussian).
 class Patch {
  public:
   // Returns nullopt near the border of the image, or if the texture does not determine position and warp.

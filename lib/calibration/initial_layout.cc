@@ -102,8 +102,6 @@ class Factorisation {
   }
 
  private:
-  // Initialisation: for each camera, the differences to one reference camera lie on a line, and the position along the
-  // line is the disparity.
   bool start() {
     const auto reference =
         static_cast<uint32_t>(std::max_element(by_camera_.begin(), by_camera_.end(),
@@ -117,7 +115,6 @@ class Factorisation {
         if (at[s.column]) list.push_back({s.column, s.uv - *at[s.column]});
       return list;
     };
-    // Takes disparities from the camera with many inliers and a long line.
     double best_score = 0;
     std::vector<std::optional<double>> t(by_column_.size());
     for (size_t i = 0; i < by_camera_.size(); i++) {
@@ -139,7 +136,6 @@ class Factorisation {
           places.push_back(glm::dot(u, y - a));
         }
         if (places.size() < kLeastCommon) continue;
-        // Measures the length between quantiles, to ignore outliers.
         std::sort(places.begin(), places.end());
         const double range = places[places.size() - 1 - places.size() / 5] - places[places.size() / 5];
         const double s = agree * std::min(range, 20 * threshold_);
@@ -478,8 +474,7 @@ struct LineOfSight {
 };
 
 // Estimates camera and light positions for known rotations. Minimises the squared angular distances between lights and
-// rays, with iterative reweighting. The lights are eliminated, and the solution is the smallest eigenvector apart from
-// translations. Returns nullopt if more than the scale is undetermined.
+// rays, with iterative reweighting. Returns nullopt if more than the scale is undetermined.
 std::optional<Eigen::VectorXd> places_by_lines_of_sight(Eigen::Index cameras, size_t lights,
                                                         const std::vector<LineOfSight>& lines) {
   std::vector<std::vector<const LineOfSight*>> of_light(lights);

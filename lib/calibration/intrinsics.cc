@@ -19,8 +19,7 @@
 namespace lf {
 namespace {
 
-// The search window must not reach the next corner, which would bias the result. OpenCV's usual half width of 11 pixels
-// displaces corners by more than a pixel in one of its own images. The largest possible window averages most noise.
+// The search window must not reach the next corner, which would bias the result.
 constexpr double kWindowOfSpacing = 0.4;
 constexpr int kMinWindow = 2, kMaxWindow = 15;  // half widths, pixels
 
@@ -203,7 +202,6 @@ Lens lens_of(LensModel model, const cv::Mat& k, const cv::Mat& distortion) {
   return Lens(model, {fx, fy, cx, cy, d(0), d(1), d(2), d(3)});
 }
 
-// Returns d(pixel) / d(lens.params()), from the columns of OpenCV's Jacobian.
 Eigen::MatrixXd lens_columns(LensModel model, const Eigen::MatrixXd& all) {
   Eigen::MatrixXd columns(all.rows(), lens_model_num_params(model));
   int n = 0;
@@ -343,8 +341,7 @@ double held_out_rms(const ZhangFit& fit, const BoardView& view) {
 
 namespace {
 
-// A view is bad if its error exceeds this multiple of the median. Errors of good views differ by half, because of blur
-// and distance. A wrong corner or a bent board increases the error several times.
+// A view is bad if its error exceeds this multiple of the median.
 constexpr double kBadView = 3;
 constexpr size_t kMinViews = 3;
 constexpr size_t kFolds = 4;          // cross-validation holds out a quarter of the views at a time
@@ -396,8 +393,7 @@ IntrinsicsResult calibrate_intrinsics(const std::vector<BoardView>& views, const
   IntrinsicsResult result;
   for (const BoardView& view : views) result.views.push_back({view.name});
 
-  // Bad views are removed first, with a flexible lens. Otherwise, they would favour any model that adapts to their
-  // errors.
+  // Bad views would favour any model that adapts to their errors, so they are removed first.
   step("looking for bad views");
   const ZhangModel first{LensModel::kRadial, false};
   std::vector<size_t> used(views.size());
@@ -426,8 +422,7 @@ IntrinsicsResult calibrate_intrinsics(const std::vector<BoardView>& views, const
     } catch (const Error&) {
     }
   };
-  // Selects the lens with the nominal board, then tests whether to estimate the board. Testing all pairs would take
-  // several times as long.
+  // Selects the lens with the nominal board, then tests whether to estimate the board.
   const bool must_be_free = options.free_board.value_or(false);
   for (const LensModel lens : kLenses)
     if (!options.lens || *options.lens == lens) consider({lens, must_be_free});

@@ -52,8 +52,7 @@ void check_charuco_board(const CharucoBoard& board);
 // line.
 std::optional<BoardView> find_charuco(const Image& image, const CharucoBoard& board);
 
-// Selects frames of a moving board for a calibration. The board must stand still, because motion blur and rolling
-// shutters distort it, and it must be at a new position.
+// Selects frames of a moving board for a calibration.
 class KeyframeSelector {
  public:
   explicit KeyframeSelector(int width) : width_(width) {}  // image width, pixels
@@ -68,11 +67,10 @@ class KeyframeSelector {
   std::vector<BoardView> kept_;
 };
 
-// The parameters that a calibration with a board estimates.
 struct ZhangModel {
   LensModel lens = LensModel::kRadial;
-  // True if the positions of the corners on the board are estimated as well (Strobl and Hirzinger 2011), because
-  // printing and mounting are imprecise. Requires views of the whole board.
+  // True if the positions of the corners on the board are estimated as well (Strobl and Hirzinger 2011). Requires views
+  // of the whole board.
   bool free_board = false;
 
   bool operator==(const ZhangModel&) const = default;

@@ -34,8 +34,7 @@ constexpr double kImageSettled = 2e-3;     // pixels
 constexpr double kWholeImage = 2.2;        // sigmas that must be inside the image on all sides
 constexpr double kLean = 0.5, kLeans = 4;  // centre error per third moment; significance in sigmas
 constexpr double kWander = 3;              // largest shift from the initial centre, sigmas
-// Systematic position errors in pixels: of any image, and of a fully clipped image. According to simulated lights, the
-// error of a partly clipped image grows with a power of the clipped share.
+// Systematic position errors in pixels: of any image, and of a fully clipped image.
 constexpr double kSystematic = 0.0015, kClipped = 0.0185, kClippedPower = 1.5;
 // Position error of lights that were separated: share of the shift, and minimum in pixels.
 constexpr double kParting = 0.5, kParted = 0.02;
@@ -45,7 +44,6 @@ constexpr double kTrust = 40;  // weight of the white-noise prior, in probes
 // How much the background changes per frame: at lights (grey levels), at first, and finally (in sigmas).
 constexpr float kUp = 0.02f, kFirst = 0.7f, kLast = 0.05f;
 
-// Sums over a light's image under a Gaussian weight.
 constexpr double kMomentReach = 3.5;  // sigmas of the weight
 constexpr int kMaxMomentRadius = 80;  // pixels from the centre
 
@@ -154,7 +152,6 @@ std::vector<LightDetection> LightDetector::look(const uint8_t* grey, ptrdiff_t s
     return static_cast<double>(*nth);
   };
   // Uses only positive differences from the background, because negative differences are often clipped at black.
-  // Compression leaves few large differences. The last limit excludes large bright objects.
   const double small = quantile(0.6915);
   const double noise = std::max(kMinNoise, std::min(std::max(quantile(0.8413), quantile(0.9772) / 2), 4 * small + 1.5));
   record_.noise += (noise - record_.noise) / static_cast<double>(std::min<size_t>(record_.frames - 1, 30));
@@ -163,7 +160,6 @@ std::vector<LightDetection> LightDetector::look(const uint8_t* grey, ptrdiff_t s
   std::vector<LightDetection> sights;
   std::erase_if(blobs, [&](Blob& blob) { return !refine(blob, {}, grey, stride); });
   std::sort(blobs.begin(), blobs.end(), [](const Blob& a, const Blob& b) { return a.flux > b.flux; });
-  // Removes blobs that converged to the same light, and fragments of large lights.
   for (size_t i = 0; i < blobs.size(); i++)
     std::erase_if(blobs, [&](const Blob& b) {
       if (&b <= &blobs[i]) return false;
@@ -278,7 +274,7 @@ bool LightDetector::refine(Blob& blob, const std::vector<Blob>& others, const ui
   return true;
 }
 
-// Refines lights with overlapping images after subtracting their neighbours. The shift increases the uncertainty.
+// Refines lights with overlapping images after subtracting their neighbours.
 void LightDetector::split_neighbours(std::vector<Blob>& blobs, const uint8_t* grey, ptrdiff_t stride) {
   const std::vector<Blob> before = blobs;
   for (size_t i = 0; i < blobs.size(); i++) {

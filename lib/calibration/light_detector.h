@@ -84,9 +84,8 @@ std::optional<PathSample> interpolate_path(const LightPath& path, double time, d
 
 inline constexpr int kMaxMissedFrames = 2;
 
-// Removes the jitter of the stamps by fitting a constant frame rate with missing frames. Jitter has two causes. Files
-// round stamps to a millisecond (a light moves half a millimetre in that time), and drivers stamp the arrival of a
-// frame. Returns the original stamps if the frame rate is not constant.
+// Removes the jitter of the stamps by fitting a constant frame rate with missing frames. Returns the original stamps if
+// the frame rate is not constant.
 std::vector<double> regularised_stamps(const LightDetections::Camera& camera);
 
 // Returns the median frame interval in seconds, or 0 with fewer than two frames.
@@ -137,8 +136,7 @@ class LightCoverage {
   // Returns the direction along a camera's axis that the light has not covered: "nearer", "farther", or "" if both are
   // covered or the depths are unknown.
   std::string depth_wanted(CameraIndex camera) const;
-  // Returns what the operator should still do for a camera, for example "upper left, lower left, nearer". Returns an
-  // empty text if nothing is missing.
+  // Returns what the operator should still do for a camera, for example "upper left, lower left, nearer".
   std::string wanted(CameraIndex camera) const;
   // Returns one line for the operator: the overall coverage, the most frequent gaps, and the cameras with the largest
   // gaps. For example: "The light has covered 61 % of the images. Next: upper left (40 cameras), nearer (3 cameras).

@@ -243,7 +243,6 @@ LightAssociation associate_by_geometry(const Tracks& cameras, const std::vector<
   for (uint32_t j = 0; j < candidates.size(); j++) {
     std::vector<Point>& now = chosen[j];
     if (now.empty()) continue;
-    // Keeps the numbers of the lights the same from instant to instant.
     if (before && now.size() == 2) {
       const auto apart = [&](int a, int b) { return glm::length(now[a].at - (*before)[b].at); };
       if (apart(0, 0) + apart(1, 1) > apart(0, 1) + apart(1, 0)) std::swap(now[0], now[1]);
@@ -275,8 +274,7 @@ constexpr double kDrifted = 2e-3;       // seconds over the whole recording
 constexpr double kLate = 0.1;           // seconds
 constexpr double kSlow = 5;             // pixels per second; slower lights carry no timing information
 
-// Share of a clock error that a camera's pose and lens absorb when they are adjusted to it. A clock error shifts all
-// positions along their velocities, which changes of these parameters can partly reproduce.
+// Share of a clock error that a camera's pose and lens absorb when they are adjusted to it.
 class ClockObservability {
  public:
   void add(const CameraState& camera, const Vec3& point, const Vec2& velocity) {
@@ -330,8 +328,8 @@ class LightSolver {
       for (int round = 0; round < kMaxClockRounds && (moved > kClockSettled || first_reach > reach()); round++) {
         step("clocks: round " + std::to_string(round + 1));
         moved = read_clocks(std::max(reach(), first_reach));
-        // The reach decreases slowly. Otherwise, the fast observations of a late camera would be rejected too early,
-        // and its delay would never be found.
+        // The reach decreases slowly, because otherwise the fast observations of a late camera would be rejected too
+        // early.
         first_reach *= kNearer;
       }
       centre_clocks();
@@ -483,7 +481,7 @@ class LightSolver {
     return from <= to ? (from + to) / 2 : 0;
   }
 
-  // Adds dropped frames if the estimated step is a whole number of frames. Returns true if added.
+  // Adds dropped frames if the estimated step is a whole number of frames.
   bool add_step(size_t i, const ClockAdjustment::Camera& camera) {
     if (!std::isfinite(camera.step_at) || !(frame_times_[i] > 0)) return false;
     const double frames = std::round(camera.terms[2] / frame_times_[i]);

@@ -59,12 +59,10 @@ struct LightSolveOptions {
   double reach = 10;  // largest difference of clocks, or of the starts of recordings, seconds
 };
 
-// Estimates cameras and clocks. Positions of the light between stamps are interpolated. The first estimate of the
-// clocks compares the motions of the light in different cameras; it is then refined together with the geometry. Throws
-// Error if there is no solution.
+// Estimates cameras and clocks. Throws Error if there is no solution.
 LightSolution solve_lights(const LightDetections& sights, const LightSolveOptions& options);
 
-// Returns problems of clocks and detections. (diagnose() reports the problems of the solution.)
+// Returns problems of clocks and detections.
 std::vector<Finding> diagnose_clocks(const LightSolution& solution);
 
 // Adds members to the cameras of a calibration_report(). If the clock is known, these are "time_offset_ms",
@@ -83,7 +81,6 @@ struct LightSummary {
 };
 LightSummary summarize_lights(const LightDetections::Camera& camera, const LightDetectorStats& record);
 
-// Returns notes about recordings that are shorter than the longest recording.
 std::vector<Finding> compare_recordings(const LightDetections& sights);
 
 }  // namespace lf

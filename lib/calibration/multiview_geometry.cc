@@ -254,7 +254,7 @@ Quat turned_by(const Vec3& turn) {
   return angle > 0 ? glm::angleAxis(angle, turn / angle) : Quat(1, 0, 0, 0);
 }
 
-// Returns for each pair the number of consistent triplets. Wrong pairs are only consistent by chance.
+// Returns for each pair the number of consistent triplets.
 std::vector<int> closed_triangles(size_t num_cameras, const std::vector<RelativeRotation>& pairs) {
   std::vector<std::vector<std::optional<Quat>>> between(num_cameras, std::vector<std::optional<Quat>>(num_cameras));
   for (const RelativeRotation& pair : pairs) {
@@ -271,7 +271,6 @@ std::vector<int> closed_triangles(size_t num_cameras, const std::vector<Relative
   return count;
 }
 
-// Builds a forest from the best pairs and returns the rotations of its largest tree.
 std::vector<std::optional<Quat>> spanning_tree(size_t num_cameras, const std::vector<RelativeRotation>& pairs) {
   std::vector<size_t> group(num_cameras);
   std::iota(group.begin(), group.end(), 0);

@@ -34,8 +34,7 @@ struct RelativePose {
   double score = 0;  // number of inliers, weighted by the angle between rays
 };
 
-// Returns relative poses from essential matrices, with the lenses of the scene. The pairs with the largest overlap are
-// used, so that each camera has several partners. `threshold` is in pixels.
+// Returns relative poses from essential matrices, with the lenses of the scene. `threshold` is in pixels.
 std::vector<RelativePose> relative_poses(const Reconstruction& scene, const Tracks& tracks, double threshold);
 
 struct RelativeRotation {

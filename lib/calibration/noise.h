@@ -11,7 +11,6 @@ namespace lf {
 std::vector<double> residual_lengths(const Reconstruction& scene, const std::vector<Observation>& observations);
 
 // Estimates the noise of the observations: the standard deviation of x and y, from the median length of the residuals.
-// (Lengths follow a Rayleigh distribution.) The median tolerates outliers in up to half of the lengths.
 double robust_sigma(std::vector<double> lengths);
 
 inline constexpr double kOutlier = 3.8;  // limit for inliers, in sigmas; 1 of 1,400 correct observations exceeds it
@@ -40,9 +39,8 @@ std::vector<double> noise_of_cameras(const Reconstruction& scene, const std::vec
 void retriangulate_weak_targets(Reconstruction& scene, const Tracks& tracks, double weight, double sigma,
                                 Inliers& inliers);
 
-// Sets the sigma of the observations of each track from the track's residuals, relative to the median track. Tracks
-// differ much: printed corners are tracked to three hundredths of a pixel, but edges, round contours and highlights
-// only to half a pixel. For short tracks, the median acts as a prior.
+// Sets the sigma of the observations of each track from the track's residuals, relative to the median track. For short
+// tracks, the median acts as a prior.
 void estimate_track_noise(const Reconstruction& scene, Tracks& tracks);
 
 // Tests whether the predicted standard deviations can be trusted. Solves two halves of the tracks separately, starting

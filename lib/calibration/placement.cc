@@ -65,7 +65,6 @@ class LayoutAligner {
     usual_shift_ = kUsualShift * median(spacing_);
   }
 
-  // Fits a robust similarity for a given assignment, from an approximate start.
   LayoutAlignment refine(Similarity start, std::vector<size_t> places) const {
     LayoutAlignment now{start, std::move(places), std::vector<char>(found_.size(), true), usual_shift_, kUsualTurn};
     for (int round = 0; round < kAlignmentRounds; round++) {
@@ -88,7 +87,7 @@ class LayoutAligner {
     return sum;
   }
 
-  // Assigns cameras by name. Tries fits to all cameras and to random samples, which tolerate wrong cameras.
+  // Assigns cameras by name.
   LayoutAlignment as_named(const std::vector<size_t>& own) const {
     LayoutAlignment best = refine(similarity_of(own, all()), own);
     double most = score(best);
@@ -106,8 +105,7 @@ class LayoutAligner {
     return best;
   }
 
-  // Assigns cameras by position, independent of names. Initially orientations give the rotation, and the layout's
-  // centre and size give translation and scale.
+  // Assigns cameras by position, independent of names.
   LayoutAlignment as_they_stand(const std::vector<size_t>& own) const {
     LayoutAlignment now{whole(own), own, {}, 0, 0};
     std::vector<size_t> before;
@@ -133,7 +131,6 @@ class LayoutAligner {
     return places;
   }
 
-  // Moves cameras that are far from their own place and clearly at another place.
   void name_places(LayoutAlignment& a, const std::vector<size_t>& own) const {
     const std::vector<size_t> nearest = nearest_places(a.layout_from_scene, own);
     a.place = own;
@@ -141,7 +138,6 @@ class LayoutAligner {
       if (off(a.layout_from_scene, i, own[i]) > kTooFar * spacing_[own[i]] &&
           off(a.layout_from_scene, i, nearest[i]) < kAt * spacing_[nearest[i]])
         a.place[i] = nearest[i];
-    // Undoes a move to a place that another camera already occupies.
     for (bool changed = true; changed;) {
       changed = false;
       std::vector<int> at(layout_.size());
@@ -212,7 +208,6 @@ class LayoutAligner {
     a.turn_sigma = sigma(std::move(turns), kUsualTurn);
   }
 
-  // Weighted least squares over centres and axes; alternates between scale and rotation.
   void step(LayoutAlignment& a) const {
     Similarity& s = a.layout_from_scene;
     std::vector<double> weight(found_.size());

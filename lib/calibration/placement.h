@@ -31,7 +31,7 @@ struct LayoutAlignment {
 LayoutAlignment align_to_layout(const std::vector<Pose>& found, const std::vector<Pose>& layout,
                                 const std::vector<size_t>& own, std::optional<double> scale, double common_turn);
 
-// Known lengths, which determine the scale of a solution. Images alone do not determine the scale.
+// Known lengths, which determine the scale of a solution.
 struct PlacementOptions {
   double pitch = 0;       // median distance between nearest neighbours, metres; 0: unknown
   double bar_length = 0;  // distance between the two lights, metres; 0: unknown

@@ -191,7 +191,6 @@ class SoftModeFinder {
   void add(const char* code, double sigma, const char* unit, double limit, std::string what) {
     all_.push_back({code, std::move(what), sigma, unit, limit});
   }
-  // Returns the camera's coordinate along an axis, from the array's centre.
   double along(size_t camera, const Vec3& axis) const {
     return glm::dot(scene_.cameras[camera].pose().position - frame_.middle, axis);
   }
@@ -350,8 +349,6 @@ std::optional<PointProjection> project(const CameraState& camera, const Vec3& po
   return result;
 }
 
-// Returns the mean squared distance between the projection into camera `of` and the point triangulated by other
-// cameras.
 std::optional<double> squared_error(const Solution& solution, size_t of, const Vec3& point) {
   const Uncertainty& u = solution.uncertainty;
   const auto own = project(solution.scene.cameras[of], point, u);

@@ -195,8 +195,8 @@ class Checker {
   }
   double bound() const { return std::max(kMinShift, kStandsOut * usual_shift()); }
 
-  // Excludes the cameras with the largest displacements, because they bias the light positions and thus all other
-  // cameras. Readmits cameras that fit again. Returns true if the selection changed.
+  // Excludes the cameras with the largest displacements, which bias the light positions. Readmits cameras that fit
+  // again. Returns true if the selection changed.
   bool leave_out_the_worst() {
     const double most = bound();
     double worst = 0;

@@ -102,7 +102,6 @@ class RigSolver {
     if (has_layout())
       attempt(
           "the prior rig's layout", [&] { return nominal_layout(); }, false);
-    // Without a prior, tries several focal lengths (relative to the image size).
     for (const double f : {1.0, 0.7, 1.4, 2.0, 0.5}) {
       if (options_.prior && f != 1.0) break;
       for (const auto& [name, place] : kPairLayouts)
@@ -150,7 +149,6 @@ class RigSolver {
     return std::max(kMinSigma, robust_sigma(residual_lengths(scene(), tracks.observations)));
   }
 
-  // Adjusts with a robust loss; the error scale follows the residuals.
   void robust(const Tracks& tracks, const std::array<bool, kNumLensTerms>& free, int rounds, int iterations = 4) {
     AdjustmentOptions o = solution_.model;
     o.free = free;
@@ -212,8 +210,8 @@ class RigSolver {
     robust(tracks_, solution_.model.free, 2, 8);
   }
 
-  // Resects the remaining cameras with the estimated lens of the batch, or with a longer or shorter focal length. Each
-  // new camera may help to place further cameras. Returns true if cameras were added.
+  // Resects the remaining cameras with the estimated lens of the batch, or with a longer or shorter focal length.
+  // Returns true if cameras were added.
   bool try_left_out_cameras() {
     bool any = false;
     for (const double longer : {1.0, 0.8, 1.25, 0.64, 1.56}) {
@@ -254,7 +252,7 @@ class RigSolver {
       o.trust = 1e6;
       adjust(scene(), tracks_.observations, inliers, o);
       const auto lengths = residual_lengths(scene(), tracks_.observations);
-      // Errors of features have long tails. The sigma of all inliers would grow and admit more and more outliers.
+      // The sigma of all inliers would grow and admit more and more outliers.
       const double sigma = tracks_.ordered ? std::max(kMinSigma, noise_of(lengths, inliers)) : sigma_now();
       Inliers next = within(lengths, kOutlier, sigma);
       const size_t changed = inliers.size() - std::inner_product(next.begin(), next.end(), inliers.begin(), size_t{0},
@@ -381,7 +379,6 @@ ModelFit fit_model(Reconstruction scene, const Tracks& tracks, AdjustmentOptions
   return fit;
 }
 
-// Selects held-out observations: inliers of targets with enough other observations, at most one per target.
 std::vector<size_t> hold_out(const Tracks& tracks, const ModelFit& best) {
   std::vector<int> sights(tracks.num_positions * 2);
   const auto light = [&](size_t i) { return tracks.observations[i].position * 2 + tracks.observations[i].light; };

@@ -60,7 +60,6 @@ namespace {
 
 using nlohmann::json;
 
-// Header of both variants of the format.
 constexpr char kTracksFormat[] = "lightfield-tracks";
 constexpr int kTracksVersion = 1;
 

@@ -15,8 +15,7 @@
 namespace lf {
 
 // A set of rectangles that do not overlap, for finding out whether an area was already received. A few rectangles are
-// compared one by one; a larger number is marked in a bitmap. Adding a rectangle therefore costs at most a 64th of
-// adding up its pixels, however many rectangles there are. Not thread-safe.
+// compared one by one; a larger number is marked in a bitmap. Not thread-safe.
 class DisjointRects {
  public:
   static constexpr size_t kFew = 32;
@@ -35,9 +34,7 @@ class DisjointRects {
   std::vector<std::vector<uint64_t>> rows_;
 };
 
-// Records for each part of a view which cameras have contributed. The records have two uses. A contribution is not
-// added twice, for example after the network has duplicated a packet. After the last answer, they show which
-// contributions are missing. Not thread-safe.
+// Records for each part of a view which cameras have contributed. Not thread-safe.
 class Coverage {
  public:
   void clear() { *this = {}; }
@@ -46,9 +43,8 @@ class Coverage {
   // the rectangle.
   bool add(CameraIndex camera, const Rect& rect);
 
-  // Records the fragments of one answer. All fragments of the answer are sums over the same set of cameras. This class
-  // therefore searches once per answer for earlier answers with some of these cameras, instead of once per fragment.
-  // Nothing else may be recorded while the object exists.
+  // Records the fragments of one answer. All fragments of the answer are sums over the same set of cameras. Nothing
+  // else may be recorded while the object exists.
   class Sums {
    public:
     Sums(Coverage& coverage, const CameraRanges& cameras);
@@ -78,9 +74,8 @@ class Coverage {
   CameraRanges summed_;
 };
 
-// Assembles images of cameras that cannot render and therefore send parts of their original image. The compositor then
-// renders the view from these images. Uses at most one image of memory per camera of the rig; the system allocates the
-// pages of an image on first use. Not thread-safe.
+// Assembles images of cameras that cannot render and therefore send parts of their original image. Uses at most one
+// image of memory per camera of the rig; the system allocates the pages of an image on first use. Not thread-safe.
 class CameraPixels {
  public:
   void clear() { cameras_.clear(); }

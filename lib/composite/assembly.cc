@@ -99,9 +99,8 @@ Assembly::Verdict Assembly::add(const wire::AnswerView& answer, std::shared_ptr<
   return all_good ? Verdict::kAdded : Verdict::kBadFragment;
 }
 
-// Adds a fragment. `sums` are the cameras of a sum, or null if the sum does not list its cameras. Adding the same
-// camera twice (because of a duplicated packet, or two nodes with one camera) would make the picture too bright.
-// Returns false if the fragment does not fit; damaged fragments return true.
+// Adds a fragment. `sums` are the cameras of a sum, or null if the sum does not list its cameras. Returns false if the
+// fragment does not fit; damaged fragments return true.
 bool Assembly::add_fragment(const wire::FragmentView& fragment, std::optional<Coverage::Sums>& sums,
                             const std::shared_ptr<const void>& bytes, const std::shared_ptr<gl::GpuSum>& gpu_sum) {
   std::optional<FragmentPlanes> planes;

@@ -22,9 +22,7 @@
 namespace lf {
 
 // Assembles the picture of one request from the answers of any number of nodes. Answers may come in any order and in
-// several parts. Most answers contain sums (the weighted total of the node's cameras), which are added up. Answers of
-// cameras that cannot render contain original pixels, which this class renders. Reusable for the next request. Not
-// thread-safe.
+// several parts. Reusable for the next request. Not thread-safe.
 class Assembly {
  public:
   // Sets the rig of the answering cameras; it may be null if the rig is unknown. If the rig is known, this class knows
@@ -61,9 +59,8 @@ class Assembly {
   // face of the mesh must be found for each pixel of the view. It has no effect on a black background.
   void finish(PixelFamily fallback, bool mark_uncovered);
 
-  // Returns true if the view needs cameras and none of them has answered. The caller should then skip the picture,
-  // because it would show nothing and take longer than any other. Call this before finish(). After the call, missing()
-  // is valid.
+  // Returns true if the view needs cameras and none of them has answered. Call this before finish(). After the call,
+  // missing() is valid.
   bool is_empty();
 
   // Completes the sum of a compositor that is itself a node of a larger compositor. Call this instead of finish():
@@ -71,7 +68,7 @@ class Assembly {
   void finish_partial();
 
   // Returns true if the answer has the hash of this rig, but names cameras that the rig does not have. The caller must
-  // ignore such an answer. Otherwise, its cameras would count as missing from every later picture.
+  // ignore such an answer.
   bool has_unknown_cameras(const wire::AnswerHeader& answer) const;
 
   PixelFamily family() const { return family_; }
@@ -146,9 +143,8 @@ class Assembly {
 ByteBuffer partial_answer(const wire::AnswerHeader& header, const Accumulator& sum, const Coding& coding,
                           ByteBuffer memory);
 
-// Collects the photo-consistency sums of the nodes, which show how well the cameras agree about guessed depths. This
-// call adds the sums of one node to the totals of a request. Returns an empty text, or the reason if the message does
-// not fit the request.
+// Adds the photo-consistency sums of one node to the totals of a request. Returns an empty text, or the reason if the
+// message does not fit the request.
 std::string add_consistency(std::span<const uint8_t> unit, const wire::ConsistencyHeader& header,
                             const ViewRequest& request, ViewDepths::Answers& answers);
 

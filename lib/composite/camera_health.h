@@ -13,9 +13,8 @@
 
 namespace lf {
 
-// Remembers the latest requests of one view, to explain why an answer is late. The answer may have missed its picture,
-// or its request may have been skipped. Sequence numbers wrap around, so the order of two requests is the sign of their
-// difference. Not thread-safe.
+// Remembers the latest requests of one view, to explain why an answer is late. Sequence numbers wrap around, so the
+// order of two requests is the sign of their difference. Not thread-safe.
 class RequestHistory {
  public:
   static constexpr size_t kMost = 32;  // number of requests that can still get late answers
@@ -53,8 +52,7 @@ class RequestHistory {
 // contributes again. Not thread-safe.
 class CameraHealth {
  public:
-  // Number of consecutive pictures with the camera before it returns to service. An intermittent camera therefore stays
-  // out.
+  // Number of consecutive pictures with the camera before it returns to service.
   static constexpr unsigned kRecoveryPictures = 3;
 
   // `max_missed` is the number of consecutive pictures that a camera may miss before it is taken out of service; 0: no
@@ -106,7 +104,7 @@ class SilenceDetector {
   }
   void asked() { asked_ = true; }
   // Call this for each request of another view. Returns true once if all requests for the duration of kPatience were
-  // for other views, so that the user can be warned. The usual cause is a wrong view id.
+  // for other views, so that the user can be warned.
   bool request_of_other_view(int64_t now) {
     if (others_since_ == 0) others_since_ = now;
     if (asked_ || now < others_since_ + kPatience) return false;

@@ -23,7 +23,7 @@ namespace lf {
 // uses. Use ViewDepths instead if the viewer waits for each estimate. Not thread-safe.
 class DepthLoop {
  public:
-  // Number of requests without depth hypotheses after an estimate was not used. These requests take a second or less.
+  // Number of requests without depth hypotheses after an estimate was not used.
   static constexpr unsigned kUnheardInterval = 15;
 
   // Clears everything except the rig.
@@ -46,9 +46,8 @@ class DepthLoop {
   // arrived.
   std::vector<ByteBuffer> units(const ViewRequest& request, uint64_t rig_hash, uint32_t node) const;
 
-  // Adapts how often requests carry depth hypotheses, because a slow node should spend its time on pictures. At most
-  // one request in `interval` carries hypotheses. `complete` means that all cameras answered in time for the picture.
-  // Call this before next().
+  // Adapts how often requests carry depth hypotheses: at most one request in `interval`. `complete` means that all
+  // cameras answered in time for the picture. Call this before next().
   void adapt_rate(bool complete, unsigned interval);
   // Returns the new depth estimate for the next request, or nothing if there is no update. If `match_gains` is true,
   // the estimate also corrects differences of the cameras' exposure in pictures that several cameras contribute to.

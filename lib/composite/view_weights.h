@@ -15,8 +15,7 @@
 
 namespace lf {
 
-// Measures how much of a view the cameras can see, to warn the user about a view that is mostly empty. A moving view is
-// only measured now and then, to save time. Not thread-safe.
+// Measures how much of a view the cameras can see, to warn the user about a view that is mostly empty. Not thread-safe.
 class ViewCoverage {
  public:
   static constexpr int kColumns = 32, kRows = 24;
@@ -43,9 +42,8 @@ class ViewCoverage {
 //   heat_map().
 enum class WeightOverlayMode { kNone, kContributions, kCoverage };
 
-// Draws weight overlays in real time. The class computes weights at every fourth pixel and row and interpolates in
-// between, because computing all weights would be too slow. (contribution_map.h computes every pixel of a still.) Not
-// thread-safe.
+// Draws weight overlays in real time. Weights are computed at every fourth pixel and row and interpolated in between;
+// contribution_map.h computes every pixel of a still. Not thread-safe.
 class WeightOverlay {
  public:
   struct Picture {
@@ -56,8 +54,7 @@ class WeightOverlay {
     ptrdiff_t stride[3] = {};
   };
   // Draws the overlay `what` over the picture. `seeing` are the cameras that contributed; the weight of all other
-  // cameras is missing. The request's out-of-service cameras are ignored, because neighbours have taken over their
-  // weight. Throws Error as build_mesh() does.
+  // cameras is missing.
   void draw(WeightOverlayMode what, const Rig& rig, const ViewRequest& request, const CameraRanges& seeing,
             const Picture& picture);
 

@@ -12,9 +12,8 @@
 
 namespace lf {
 
-// Remembers other depths that make the cameras agree as well as the surface does. Repeated structures, or objects that
-// all cameras see past, can make a wrong surface consistent. The only sign of this is that another depth fits as well.
-// Keeps the two best planes of each node that are clearly apart, from all searches and sweeps. A plain value.
+// Remembers other depths that make the cameras agree as well as the surface does. Keeps the two best planes of each
+// node that are clearly apart, from all searches and sweeps. A plain value.
 class DepthAmbiguity {
  public:
   // `apart`: smallest difference of two distinct depths, 1/m. A smaller one moves no image by more than a node.

@@ -72,7 +72,6 @@ void DepthEstimator::judge(const DepthSelection& choice, const ViewRequest& requ
   const double enough = std::max(kWorthwhile, kWorthwhilePart * choice.residual);
   const bool gains = choice.gained >= enough, worthwhile = is_worthwhile(choice, enough);
   if (gains) state_.flat = false;
-  // A plane gives way to better planes only.
   double least = choice.cost[0] + (state_.flat ? 0 : kFlatEnough);
   for (size_t t = 1; t < hypotheses.size() && !gains; t++) {
     if (hypotheses[t].kind != DepthHypothesis::Kind::kPlane || !(choice.cost[t] <= least)) continue;
@@ -116,7 +115,8 @@ bool DepthEstimator::is_another_scene() {
     return false;
   }
   if (!(usual_ > 0)) usual_ = now;
-  // Moving objects make cameras disagree for a while. A surface that is still far better than any plane is about right.
+  // Moving objects make cameras disagree for a while, but a surface that is still far better than any plane is about
+  // right.
   constexpr double kStillBetter = 0.2;
   if (now <= kOtherFactor * usual_ + kOtherMore || state_.bought > kStillBetter * now) {
     constexpr double kSlowly = 0.1;
@@ -138,7 +138,6 @@ bool DepthEstimator::is_another_scene() {
   return true;
 }
 
-// Updates the advantage of the surface over the recently tried planes.
 void DepthEstimator::count_planes(const DepthSelection& choice, const std::vector<DepthHypothesis>& hypotheses) {
   double least = std::numeric_limits<double>::infinity();
   for (size_t t = 0; t < hypotheses.size(); t++)
@@ -150,9 +149,8 @@ void DepthEstimator::count_planes(const DepthSelection& choice, const std::vecto
   state_.bought = std::isfinite(best) ? best - choice.cost[0] : 0;
 }
 
-// Returns the squared width of the blur, relative to the side of a quarter of the picture. Blur occurs for objects
-// at the ends of the depth range, focused on the viewer's plane, with cameras `width` metres apart (0: unknown). Blur
-// moves light across the borders of the quarters.
+// Returns the squared width of the blur, relative to the side of a quarter of the picture. Blur occurs for objects at
+// the ends of the depth range, focused on the viewer's plane, with cameras `width` metres apart (0: unknown).
 double DepthEstimator::moved_by_blur(const View& view, double width) {
   if (!(width > 0)) return 1;
   constexpr double kLeast = 0.05;  // light moved by noise and by differences between cameras
@@ -165,7 +163,6 @@ double DepthEstimator::moved_by_blur(const View& view, double width) {
   return part * part;
 }
 
-// Decides whether to show the surface: the cameras must agree better than through the viewer's plane.
 void DepthEstimator::compare_with_plane(const DepthSelection& choice, std::span<const PhotoConsistency> moments,
                                         const ViewRequest& request, const FocusArray& array) {
   const std::vector<DepthHypothesis>& hypotheses = request.hypotheses;

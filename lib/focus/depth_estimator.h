@@ -16,7 +16,6 @@
 
 namespace lf {
 
-// How a view is focused.
 enum class FocusMode {
   kPlane,    // on the viewer's plane
   kSurface,  // on a surface that depth hypotheses refine with every request
@@ -43,14 +42,12 @@ class DepthEstimator {
   // is hidden above kHidden of the plane's.
   static constexpr double kShown = 0.5, kHidden = 0.65;
   // The same as kShown for a view that lies beside the camera mesh as a whole. A wrong depth displaces objects there,
-  // so the surface must be better. A hand-held rig (a kettle, 28 cameras) loses 1.4 dB in a view at 0.43 of the plane's
-  // squared error; views of the built-in scene gain 5 to 6 dB at 0.27 to 0.4.
+  // so the surface must be better.
   static constexpr double kShownBeside = 0.4;
   static constexpr double kWorthShowing = 4;  // levels of luma, squared
-  // Factor from light lost by the surface to squared deviation, relative to the light that blur may have moved.
-  // Ordinary surfaces lose up to 0.06 of the plane's squared deviation; surfaces that hide an object lose 0.09 and
-  // more. The factor is at most 1 / kSmallestLost: the smallest relevant object covers kSmallestLost of a quarter of
-  // the picture, and its squared error is its lost light divided by this fraction.
+  // Factor from light lost by the surface to squared deviation, relative to the light that blur may have moved. The
+  // factor is at most 1 / kSmallestLost: the smallest relevant object covers kSmallestLost of a quarter of the picture,
+  // and its squared error is its lost light divided by this fraction.
   static constexpr double kMovedLight = 5;
   static constexpr double kSmallestLost = 0.01;
   // The surface is not shown if its squared error exceeds this part of the plane's when an equally plausible depth is
@@ -62,7 +59,7 @@ class DepthEstimator {
   static constexpr unsigned kQuietRounds = 6;
   static constexpr double kMoreAtRest = 1.25;
   static constexpr double kWorthwhile = 0.1;  // smallest worthwhile gain, levels of luma
-  // Smallest worthwhile gain as a part of the residual. Noise always seems to gain something.
+  // Smallest worthwhile gain as a part of the residual.
   static constexpr double kWorthwhilePart = 0.05;
   static constexpr unsigned kLongestRest = 8, kLongestFlatRest = 16;  // requests from one with hypotheses to the next
   // Largest excess of the deviation through one plane over that through the surface for the plane to suffice.
@@ -87,7 +84,7 @@ class DepthEstimator {
   Plan next(const ViewRequest& request, std::span<const PhotoConsistency> moments, const FocusArray& array);
 
   // Reports whether a picture was complete in time. Incomplete pictures reduce the requests with hypotheses, down to
-  // one in kMinHypotheses. Complete pictures slowly restore the rate.
+  // one in kMinHypotheses.
   void keep_up(bool complete);
   static constexpr unsigned kMinHypotheses = 4;
   // Saves time: from now on at most one in `requests` requests, 1 or more, has hypotheses.

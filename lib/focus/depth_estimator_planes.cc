@@ -31,7 +31,6 @@ constexpr double kMuchOff = 2;  // largest ratio of the range to its ideal size
 // Size of the smallest object that may be nearer than everything else, in camera spacings.
 constexpr double kSmallest = 1;
 
-// Distributes planes at these levels over as many requests as necessary, each with planes over the whole range.
 std::deque<std::vector<DepthHypothesis>> requests_of(const std::vector<int16_t>& levels) {
   const size_t requests = (levels.size() + kPlanesOfSweep - 1) / kPlanesOfSweep;
   std::deque<std::vector<DepthHypothesis>> out(
@@ -256,7 +255,6 @@ std::vector<DepthHypothesis> DepthEstimator::next_hypotheses(const FocalMap& map
           {DepthHypothesis::Kind::kPlane, static_cast<int16_t>(std::clamp(map.levels.front() + by, 0, 255))});
   } else {
     hypotheses = hypotheses_of_round(round, is_automatic() ? scene_levels(map) : LevelRange{});
-    // Every third round tests whether a plane suffices.
     if (settings_.mode == FocusMode::kAuto && round_ % 3 == 0)
       hypotheses.back() = {DepthHypothesis::Kind::kPlane, median(map.levels)};
   }

@@ -43,7 +43,6 @@ class DepthFeedback {
   void clear();
 
  private:
-  // An autofocus search at the place.
   struct Search {
     std::optional<double> found;    // distance found by the first stage; nothing: not yet
     std::optional<uint32_t> asked;  // number of the sweep request in flight

@@ -57,8 +57,7 @@ Compared compared_hypotheses(const std::vector<std::vector<float>>& costs, std::
   return compared;
 }
 
-// Adds in the order of the nodes, for the same result on every machine. Four hypotheses at a time have independent
-// additions.
+// Adds in the order of the nodes, for the same result on every machine.
 void add_means(const std::vector<std::vector<float>>& costs, std::span<const uint8_t> counted, DepthSelection& choice) {
   const size_t nodes = costs[0].size(), last = costs.size() - 1;
   const auto [is_compared, most] = compared_hypotheses(costs, counted);

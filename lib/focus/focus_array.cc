@@ -52,7 +52,6 @@ double edge_of(const Rig& rig, const Mesh& mesh) {
   return edges.empty() ? 0 : median(std::move(edges));
 }
 
-// Evidence at every `apart`-th node of each row and column.
 struct SparseEvidence {
   int apart, columns;
   std::vector<float> at;

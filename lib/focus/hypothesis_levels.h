@@ -23,7 +23,6 @@ std::vector<uint8_t> hypothesis_levels(const View& view, const DepthHypothesis& 
 // Returns the hypothesis's levels from the map alone; kFocused counts as kBlurred.
 std::vector<uint8_t> hypothesis_levels(const FocalMap& surface, const DepthHypothesis& hypothesis);
 
-// A range of levels from `first` to `last`.
 struct LevelRange {
   int first = 0, last = 255;
   bool operator==(const LevelRange&) const = default;

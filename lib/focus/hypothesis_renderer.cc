@@ -74,7 +74,6 @@ Rect hypothesis_pixels(const ViewPlan& plan, CameraIndex camera, const Camera& r
 
 namespace {
 
-// Computes the camera's weights at the nodes of a run of row y of the face without corners.
 void weigh_by_grid(const WeightGrid& grid, CameraIndex camera, const FaceRun& run, int y, float* weights) {
   constexpr int kStep = WeightGrid::kStep;
   constexpr float kUnit = 1.f / WeightGrid::kOne;
@@ -86,7 +85,6 @@ void weigh_by_grid(const WeightGrid& grid, CameraIndex camera, const FaceRun& ru
   }
 }
 
-// Computes a corner's weights at the nodes of a run of row y of a face of the mesh.
 void weigh(const ViewPlan& plan, const FaceRun& run, int y, int corner, float* weights) {
   const FacePlan& face = plan.faces()[run.face];
   if (!plan.rays().separable()) {

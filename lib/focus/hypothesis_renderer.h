@@ -23,9 +23,7 @@ namespace lf {
 HypothesisProjection hypothesis_projection(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera);
 
 // Returns the side of the luma box: the power of two nearest to the distance of the nodes in the camera's image. It is
-// measured in the middle of the camera's part of the view (or of the view, if that is empty) and of the map's range. A
-// smaller box would skip most pixels, and the brightness of a camera's samples would be random. `plan`: of
-// hypothesis_view().
+// measured in the middle of the camera's part of the view (or of the view, if that is empty) and of the map's range.
 int hypothesis_box(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera);
 // Returns the pixels of a camera's image that hypotheses sample, like needed_pixels(). `plan`: of hypothesis_view().
 Rect hypothesis_pixels(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera,

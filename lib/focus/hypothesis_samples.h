@@ -12,9 +12,8 @@
 namespace lf {
 
 // Luma of an image for sampling hypotheses, low-passed by a box as large as the distance of their nodes, so that a
-// quarter of the view's resolution suffices. The values have full resolution: sampling an image of a quarter of the
-// size costs 1 dB. Sides of boxes, pixels: kHypothesisBox, for a view with pixels as large as the camera's, times
-// powers of two.
+// quarter of the view's resolution suffices. Sides of boxes, pixels: kHypothesisBox, for a view with pixels as large as
+// the camera's, times powers of two.
 inline constexpr int kHypothesisBox = 4, kMaxHypothesisBox = 32;
 // Value (x, y) is the mean of luma at x - 1 .. x + 2 and y - 1 .. y + 2, and belongs to (x + 1/2, y + 1/2). Larger
 // boxes extend equally on all sides. The pixels at the image's edges are repeated beyond the image.

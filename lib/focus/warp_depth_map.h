@@ -65,7 +65,6 @@ class LatestSurface {
   // Requests count as lost after twice the longest wait of an answered request plus this number of requests.
   static constexpr uint32_t kPatience = 8;
 
-  // Returns the number of requests with hypotheses in flight.
   size_t underway() const { return underway_.size(); }
   // Registers a request with these hypotheses for the present surface, sent after the answer to request `sequence`.
   void leaves(const std::vector<DepthHypothesis>& hypotheses, uint32_t sequence);

@@ -104,8 +104,7 @@ std::optional<Vec2> Lens::distort(const Vec2& u) const {
 
 namespace {
 
-// Detects that an iteration has returned to an earlier state (Brent 1980). If rounding keeps Newton's method from
-// reaching its tolerance, it cycles through a few numbers for all remaining steps.
+// Detects that an iteration has returned to an earlier state (Brent 1980).
 template <typename State>
 class CycleFinder {
  public:

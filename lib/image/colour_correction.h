@@ -38,7 +38,6 @@ struct ColourModel {
   static constexpr double kMaxBlack = 64;                  // absolute value, levels
   static constexpr double kMinGamma = 0.5, kMaxGamma = 5;  // range of camera settings
   static constexpr double kMaxEntry = 4;                   // absolute value
-  // Light transmission of a lens, relative to its centre.
   static constexpr double kMinLight = 0.25, kMaxLight = 2.5;
 };
 
@@ -88,12 +87,9 @@ inline constexpr int kSrgb[kPatches][3] = {
 }  // namespace checker
 
 // Applies a ColourModel to images of one camera and family. Immutable.
-//
-// For speed, the model is split into an affine function, which is applied to each pixel, and a residual. The residual
-// is read without interpolation from a table of 32 x 32 x 32 colours, in I420 once for 2 x 2 pixels. The vignetting
-// factor is interpolated between rows. All instruction sets give the same bits, in 16-bit arithmetic. The mean error
-// against double precision is 0.3 levels, including 0.25 of rounding. 1 % of the most saturated and dark colours differ
-// by more than 1 level, at most by 6.
+// The model is an affine function of the colour, plus a residual from a table of 32 x 32 x 32 colours, in I420 once for
+// 2 x 2 pixels. All instruction sets give the same bits. The mean error against double precision is 0.3 levels,
+// including 0.25 of rounding. 1 % of the most saturated and dark colours differ by more than 1 level, at most by 6.
 class ColourCorrection {
  public:
   // `centre` is the principal point in pixels. `family` must not be kNone, and `model` must be valid.

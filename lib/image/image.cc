@@ -136,7 +136,6 @@ YcbcrConversion::YcbcrConversion(const YcbcrFormat& from) : from_(from) {
   chroma_of_[1][1] = rounded((red - of_cr) / own_red * level);
 }
 
-// Computes chroma in the middle of 2 x 2 pixels, in sixteenths of a level relative to 128.
 void YcbcrConversion::sited_row(const ImageView& in, int plane, int y, int32_t* out) const {
   const int width = chroma_size(in.width), height = chroma_size(in.height);
   const uint8_t* const upper = in.plane[plane] + y * in.stride[plane];

@@ -89,7 +89,6 @@ enum class Resampling {
   kSharpened,  // bilinear, on sharpened images (image/image_filters.h)
 };
 
-// An image in GPU textures, which shaders can sample without a copy in memory.
 class GpuImage {
  public:
   virtual ~GpuImage() = default;

@@ -38,7 +38,6 @@ class ScopedOpenCvSilence {
   const cv::utils::logging::LogLevel before_;
 };
 
-// The size according to the header, which may exceed the limits.
 struct HeaderSize {
   int64_t width = 0, height = 0;
 };
@@ -102,7 +101,6 @@ std::optional<HeaderSize> bmp_size(std::string_view bytes) {
   return HeaderSize{size->width, std::abs(int64_t{height})};
 }
 
-// Reads the first directory of a TIFF file: entries of 12 bytes, each a tag, a type, a count and a value.
 std::optional<HeaderSize> tiff_size(std::string_view bytes) {
   const HeaderBytes header(bytes, bytes[0] == 'M');
   const auto directory = header.number(4, 4);
@@ -134,7 +132,6 @@ std::optional<HeaderSize> webp_size(std::string_view bytes) {
   return size ? std::optional(HeaderSize{size->width & 0x3fff, size->height & 0x3fff}) : std::nullopt;
 }
 
-// Returns the next number of a text header, skipping white space and comment lines.
 std::optional<int64_t> next_number(std::string_view text, size_t& at) {
   while (at < text.size() && (std::isspace(static_cast<unsigned char>(text[at])) || text[at] == '#'))
     at = text[at] == '#' ? std::min(text.find('\n', at), text.size()) : at + 1;

@@ -28,9 +28,7 @@ ImageSize load_image_size(const std::string& path);
 // decoding the image.
 Image load_image_of_size(const std::string& path, ImageSize expected);
 
-// The functions below work on the bytes of PNG and JPEG files; they are implemented in jpeg/picture_bytes.cc. The
-// camera source, the renderer and `lf-rig check` all use them for stills, so that they agree about which files are
-// damaged.
+// The functions below work on the bytes of PNG and JPEG files; they are implemented in jpeg/picture_bytes.cc.
 enum class ImageCoding { kOther, kPng, kJpeg };
 
 ImageCoding detect_image_coding(std::span<const uint8_t> bytes);

@@ -60,8 +60,7 @@ void divide_by_gain(std::span<uint8_t> luma, float gain);
 int gain_factor(float gain);
 
 // Sharpening compensates the blur of bilinear sampling. Each sample v of a plane becomes v + kSharpening (v - mean of
-// its four neighbours), rounded and clamped. The border of the image is repeated. Bilinear samples of the result
-// achieve two thirds of the gain of Catmull-Rom sampling at a fraction of its cost.
+// its four neighbours), rounded and clamped. The border of the image is repeated.
 inline constexpr double kSharpening = 0.3;
 // Shaders use the same integer form: v + (kSharpeningFactor (4 v - sum of neighbours) + 2^7) / 2^8, rounded down and
 // clamped.

@@ -124,8 +124,7 @@ inline int32_t signed_value(uint64_t bits, unsigned size) {
 std::shared_ptr<const DcTable> dc_table(const HuffmanSpec& spec);
 std::shared_ptr<const AcTable> ac_table(const HuffmanSpec& spec);
 
-// The functions below read or skip one 8x8 block of a baseline scan (T.81 annex F). They are inline so that BitReader
-// stays in registers.
+// The functions below read or skip one 8x8 block of a baseline scan (T.81 annex F).
 
 // Adds the block's difference to the predictor. Returns false if the code is invalid. Reads at most 27 bits.
 inline bool read_dc(BitReader& reader, const DcTable& table, int32_t& predictor) {
@@ -183,7 +182,6 @@ inline bool skip_ac(BitReader& reader, const AcTable& table) {
       reader.skip(AcTable::chain_bits(entry));
       return true;
     }
-    // Read a single symbol: a long code, or a chain that continues in the next block.
     reader.refill();
     const AcSymbol symbol = find_ac(reader, table);
     if (symbol.steps == AcTable::kNone) return false;

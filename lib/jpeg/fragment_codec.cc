@@ -124,7 +124,6 @@ class FragmentEncoder::Picture {
     jpeg_write_raw_data(&info_, planes, step);
   }
 
-  // Discards the header.
   void begin_output() {
     out_of_memory_ = false;
     destination_.next_output_byte = header_;

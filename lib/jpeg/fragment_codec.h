@@ -12,8 +12,6 @@
 
 namespace lf::jpeg {
 
-// The coded size of fragments, which is part of the wire format.
-
 // Pixels along a side of a coding unit: an MCU of 4:2:0 for pixels, and a block for missing weight.
 inline constexpr int kPixelUnit = 16, kMissingUnit = 8;
 

@@ -44,7 +44,7 @@ struct Header {
   int restart_interval = 0;  // MCUs between restart markers, or 0
   size_t scan = 0;           // offset of the first scan's entropy-coded bytes
   // True if the frame can be decoded in regions: one baseline scan of all components, grey or YCbCr with chroma at full
-  // or half resolution along each axis. Otherwise a general decoder must decode the whole frame.
+  // or half resolution along each axis.
   bool one_baseline_scan = false;
 
   int blocks_per_mcu() const;

@@ -34,7 +34,6 @@ namespace lf::jpeg::HWY_NAMESPACE {
 
 #if HWY_TARGET == HWY_SCALAR
 
-// Transforms columns and writes the result as rows.
 template <int kPass>
 void transform(const int16_t* in, int16_t* out) {
   for (int x = 0; x < 8; x++)
@@ -105,7 +104,6 @@ HWY_INLINE void transpose(VWide row0, VWide row1, VWide row2, VWide row3, VPairs
   b = hn::BitCast(Pairs(), hn::InterleaveUpper(d64, rows01, rows23));
 }
 
-// Converts columns to rows of bytes, four rows per 128-bit block.
 HWY_INLINE void store_rows(const VWide (&columns)[8], uint8_t* out, ptrdiff_t stride) {
   const Pairs d;
   VPairs both[4];  // columns i and i + 4 of four rows

@@ -15,7 +15,7 @@ inline constexpr std::array<uint8_t, 64> kZigzag = {0,  1,  8,  16, 9,  2,  3,  
 
 // Returns the index of a coefficient in the input of idct(). Rows 0 and 2, 1 and 3, 4 and 6, 5 and 7 are interleaved
 // element by element, with columns in the order 0 2 1 3 4 6 5 7, because vector instructions multiply and add such
-// pairs at once. The order costs nothing, because decoders store single coefficients anyway.
+// pairs at once.
 constexpr int idct_index(int row, int column) {
   const int pair = row / 4 * 2 + row % 2, lane = column / 4 * 4 + column % 2 * 2 + column / 2 % 2;
   return pair * 16 + lane * 2 + row / 2 % 2;

@@ -33,7 +33,6 @@ struct Failure : jpeg_error_mgr {
   std::longjmp(failure->jump, 1);
 }
 
-// Returns true if the bytes that libjpeg skipped before a marker are padding, as some cameras send.
 bool skipped_padding(j_common_ptr info) {
   const jpeg_source_mgr& source = *reinterpret_cast<j_decompress_ptr>(info)->src;
   const JOCTET* const end = source.next_input_byte;
@@ -57,8 +56,6 @@ void on_progress(j_common_ptr info) {
   std::longjmp(static_cast<Failure*>(info->err)->jump, 1);
 }
 
-// Converts two rows of interleaved YCbCr at full resolution, or of grey, to two rows of luma and one row of I420
-// chroma.
 void store_rows(const uint8_t* const rows[2], int components, int y, Image& out) {
   const int w = out.width(), cw = chroma_size(w);
   for (int i = 0; i < 2 && y + i < out.height(); i++) {

@@ -38,10 +38,8 @@ class McuStream;
 // image. Pixels are I420 and bit-identical to libjpeg's JDCT_ISLOW. Chroma of full resolution along an axis is
 // averaged, grey gets chroma 128, and RGB and CMYK are converted. Thread-safe: several views may share a frame, and
 // calls wait while another call decodes.
-//
-// A baseline frame, as from every Motion JPEG camera, is decoded in whole MCUs. The decoder starts at the last restart
-// marker or known start of a row. It skips the MCUs from there, at a fraction of the cost of decoding. Other frames,
-// such as progressive ones, are decoded as a whole when the first region is requested.
+// Baseline frames are decoded in whole MCUs. Other frames, such as progressive ones, are decoded as a whole when the
+// first region is requested.
 class JpegFrame {
  public:
   // Reads the headers, and keeps `bytes` alive through `owner`. Returns null and sets *reason to a text for users in
@@ -81,7 +79,7 @@ class JpegFrame {
   std::unique_ptr<jpeg::I420Writer> writer_;
   std::vector<bool> decoded_;   // one flag per MCU, row by row
   std::optional<Image> whole_;  // the whole picture, if regions cannot be decoded
-  std::string damage_;          // the reason why decode_all() always fails
+  std::string damage_;
 };
 
 }  // namespace lf

@@ -98,7 +98,6 @@ Image decode_png(Bytes bytes) {
 
 // --- JPEG markers ----------------------------------------------------------------------------------------------------
 
-// Walks over the marker segments of a JPEG. Skips entropy-coded bytes and restart markers.
 class JpegMarkers {
  public:
   explicit JpegMarkers(Bytes jpeg) : jpeg_(jpeg) {}
@@ -178,7 +177,6 @@ Bytes exif_of_jpeg(Bytes jpeg) {
   return {};
 }
 
-// Returns true if further pictures of the file belong to the first picture (CIPA's multi-picture format).
 bool is_multi_picture(Bytes jpeg) {
   for (JpegMarkers markers(jpeg); markers.next() && markers.marker() != 0xda;)
     if (markers.marker() == 0xe2 && begins_with(markers.content(), "MPF")) return true;

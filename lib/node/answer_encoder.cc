@@ -97,7 +97,6 @@ std::vector<Fragment> render_strips(const SumRenderer& renderer, std::span<const
 
 constexpr uint8_t kChromaOffset = 128;
 
-// Points `planes` at R, G, B pixels without padding. Copies the pixels into `memory` if their layout differs.
 void pack_rgb(const ImageView& image, FragmentPlanes& planes, ByteBuffer& memory) {
   const Rect& rect = planes.rect;
   const RgbLayout& layout = image.layout;
@@ -119,7 +118,6 @@ void pack_rgb(const ImageView& image, FragmentPlanes& planes, ByteBuffer& memory
   }
 }
 
-// Subtracts the chroma offset into `memory`; luma is not copied.
 void pack_i420(const ImageView& image, FragmentPlanes& planes, ByteBuffer& memory) {
   const Rect& rect = planes.rect;
   planes.plane[0] = image.plane[0] + rect.y0 * image.stride[0] + rect.x0;

@@ -38,8 +38,7 @@ Coding choose_coding(CodecChoice codec, bool in_process, int quality);
 // worth splitting into two fragments if this avoids more empty pixels than that number.
 size_t spare_pixels(const View& view, wire::Codec codec, bool in_process);
 
-// The photo-consistency sums of all depth hypotheses of a request. They measure how well the cameras agree on each
-// guess of the depths.
+// The photo-consistency sums of all depth hypotheses of a request.
 struct RenderedConsistency {
   ByteBuffer unit;  // message with the sums; empty if the request has no hypotheses
   GpuStatus drawing;

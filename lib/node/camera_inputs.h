@@ -181,7 +181,6 @@ class CameraInputs {
   // Sets the rig of the node. Inputs keep their camera ids. Returns a warning about inputs that are not in the rig or
   // have another image size, or an empty text. The cameras of these inputs count as missing.
   std::string set_rig(std::shared_ptr<const Rig> rig);
-  // Returns null if the rig has no camera with this id.
   std::shared_ptr<const Camera> camera(uint32_t id) const;
 
   // Adds an input. Requests for file sources wait until the camera and the pixel family of the input are known.
@@ -189,7 +188,6 @@ class CameraInputs {
   // Returns false if another input already has this camera.
   bool set_camera(const Frames& frames, uint32_t id);
   void set_family(const Frames& frames, PixelFamily family);
-  // Marks an input as ended, so that requests no longer wait for its camera or family.
   void give_up(const Frames& frames);
   void remove(const Frames& frames);
 
@@ -202,8 +200,7 @@ class CameraInputs {
   void wake();
 
   // The pixel family of all answers; kNone before the first answer. The first answer chooses RGB if any input has RGB,
-  // otherwise I420, and other frames are converted. Requests for file sources wait for all inputs first, so the choice
-  // does not depend on timing.
+  // otherwise I420, and other frames are converted.
   PixelFamily family() const { return family_; }
   PixelFamily choose_family();
   void forget_family() { family_ = PixelFamily::kNone; }

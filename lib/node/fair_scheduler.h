@@ -29,8 +29,8 @@ namespace lf {
 // Call work() from the rendering thread. add() may be called from any thread.
 class FairScheduler {
  public:
-  // Maximum number of waiting requests of a view; the newest are kept. This is enough for two rounds of lfviewrequest
-  // with their extra requests. In a set of views, each further view of the set adds room for two more.
+  // Maximum number of waiting requests of a view; the newest are kept. In a set of views, each further view of the set
+  // adds room for two more.
   static constexpr size_t kMaxQueued = 8;
   static constexpr int kMaxDepth = 8;           // nested interruptions
   static constexpr double kMaxCredit = 0.25e9;  // largest usage deficit of a view, nanoseconds of work
@@ -109,8 +109,7 @@ class FairScheduler {
   uint64_t since_ = 0;                        // time of the latest charge, now_()
 };
 
-// Returns the `of_set` argument of add() for a request. The number is limited, so that the waiting requests of a set
-// need no more memory than the largest requests of a single view.
+// Returns the `of_set` argument of add() for a request.
 size_t queued_views_of_set(const ViewRequest& request);
 
 }  // namespace lf

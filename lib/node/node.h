@@ -65,8 +65,7 @@ struct NodeStats {
 class WorkEstimate {
  public:
   // The work that every answer needs regardless of its size (finding frames, planning, waking threads), as a number of
-  // pixels. Without this constant, the time per pixel of small answers would be too large a prediction for large
-  // answers.
+  // pixels.
   static constexpr double kAnyAnswer = 65536;
 
   // Returns the predicted duration of an answer with `work` pixels, or 0 before the first call of done().
@@ -94,7 +93,7 @@ class Node {
   void set_node_id(uint32_t id) { node_id_ = id; }  // only while stopped
 
   struct ClientState {
-    std::shared_ptr<const Rig> rig;  // the rig of all members below
+    std::shared_ptr<const Rig> rig;
     MeshCache mesh;
     SkewMonitor watch;
     RequestRenderer renderer;
@@ -127,10 +126,9 @@ class Node {
   // reused. Never throws. If a request cannot be served, for example because the client uses another rig file, the
   // answer has no image, and Reply::warning has the reason.
   Reply answer(const wire::AnyRequest& request, ClientState& client, const Options& options, ByteBuffer memory);
-  // Answers several requests together, for example for the two eyes of a stereo pair. This is faster than separate
-  // calls, because the images are prepared only once and a GPU renders several views in one pass. The answers are the
-  // same as with separate calls. can_batch_requests() must be true for every two of the requests. The function calls
-  // `memory` once for each answer, to get a buffer that the answer may overwrite.
+  // Answers several requests together, for example for the two eyes of a stereo pair. The answers are the same as with
+  // separate calls. can_batch_requests() must be true for every two of the requests. The function calls `memory` once
+  // for each answer, to get a buffer that the answer may overwrite.
   using AllocateMemory = std::function<ByteBuffer()>;
   std::vector<Reply> answer(std::span<const wire::AnyRequest* const> requests, ClientState& client,
                             const Options& options, const AllocateMemory& memory);
@@ -170,9 +168,8 @@ class Node {
   uint32_t node_id_ = 0;
 };
 
-// Keeps the states of all views of one client, for example of several windows. Each view has its own estimate of the
-// duration of an answer, because a view that no camera sees needs hardly any time. Thread-safe, but all answers to one
-// view must be made in the same thread.
+// Keeps the states of all views of one client, for example of several windows. Thread-safe, but all answers to one view
+// must be made in the same thread.
 class ClientStates {
  public:
   // Number of views that may be in use at the same time. Twice as many states are kept, and then the least recently

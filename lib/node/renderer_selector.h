@@ -36,7 +36,6 @@ class RendererTuner {
   // Adds the duration of an answer, including transfers to and from the GPU. `drawn` means that the GPU rendered it;
   // `pixels` is the number of pixels of the sum.
   void add(bool drawn, size_t pixels, uint64_t nanoseconds);
-  // Returns the shortest duration in nanoseconds per pixel, or infinity if there is no sample.
   double best(bool drawn) const { return best_[drawn]; }
 
  private:
@@ -60,9 +59,9 @@ class Backoff {
   uint64_t rests_until_ = 0;
 };
 
-// Decides whether the GPU or the CPU renders an answer, and owns the GPU renderer. The renderer is opened when the
-// first answer needs it, because opening takes tens to hundreds of milliseconds. After a failed opening or a lost
-// context, the GPU is not used again. After repeated refusals of a task, it pauses. Thread-safe.
+// Decides whether the GPU or the CPU renders an answer, and owns the GPU renderer, which is opened when the first
+// answer needs it. After a failed opening or a lost context, the GPU is not used again. After repeated refusals of a
+// task, it pauses. Thread-safe.
 class RendererSelector {
  public:
   using Open = std::function<std::unique_ptr<gl::GlesRenderer>(gl::Context::Drivers, std::string& why)>;

@@ -33,7 +33,6 @@ class RequestPlan {
   // Plans an answer of original pixels (PixelCommand). Uses only the sizes of `own` from the rig.
   RequestPlan(const Rig& rig, const wire::PixelCommand& command, std::span<const CameraIndex> own);
 
-  // Indices of the node's cameras that must deliver images, in ascending order.
   const std::vector<CameraIndex>& cameras() const { return cameras_; }
   bool has(CameraIndex camera) const { return std::ranges::binary_search(cameras_, camera); }
   // Returns true if the answer shows pixels of this camera. Returns false if only the camera's brightness is measured.
@@ -56,9 +55,7 @@ class RequestPlan {
   // null without hypotheses. The resulting photo-consistency sums are sent before the answer.
   const std::vector<std::vector<uint8_t>>& hypotheses() const { return hypotheses_; }
   const RenderJob* hypothesis_job() const { return hypothesis_job_ ? &*hypothesis_job_ : nullptr; }
-  // Exposure compensation of the cameras, or null if not requested.
   const GainRequest* gains() const { return gains_.use || gains_.ask ? &gains_ : nullptr; }
-  // The brightness measurement to make before the answer, or null if none is requested.
   const WideLuma* wide() const { return wide_ ? &*wide_ : nullptr; }
 
  private:

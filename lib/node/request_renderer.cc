@@ -145,7 +145,6 @@ RenderedConsistency render_consistency(const RequestRenderer::Work& work, const 
   return rendered;
 }
 
-// Sharpens the images if the options require this and a plan shows detail.
 std::vector<Source> resampled(Works works, const RenderOptions& options, std::vector<ByteBuffer>& memory,
                               const std::vector<Source>& images) {
   std::vector<Source> sampled = images;

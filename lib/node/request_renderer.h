@@ -31,7 +31,6 @@ class GlesRenderer;
 struct ImageMemory {
   std::vector<ByteBuffer> corrected, matched, sharpened;
 
-  // Size of all buffers in bytes, for MemoryPool.
   size_t size() const;
   size_t capacity() const;
   void clear();
@@ -58,7 +57,6 @@ class GainMatcher {
                                    const std::function<Rect(CameraIndex)>& region, std::vector<ByteBuffer>& memory,
                                    const ParallelFor& parallel = serial_for);
   void clear();
-  // Copies the latest gains, as start values of new views.
   void copy_gains_from(const GainMatcher& other) { latest_ = other.latest_; }
 
  private:

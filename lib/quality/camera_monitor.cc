@@ -20,7 +20,6 @@ constexpr double kSigmaPerMad = 1.4826;
 constexpr double kScatters = 3;     // minimum deviation, relative to the scatter between parts of the image
 constexpr double kAnyDistance = 1;  // metres; in any plane in front of the camera, the camera sees its own image
 constexpr double kSameRate = 0.01;  // relative difference of periods
-// Constants of HandWaveDetector.
 constexpr double kForget = 12;       // seconds
 constexpr double kMinChange = 0.08;  // relative to the full range; a hand covers most of the image
 constexpr double kStandsOut = 1.8;   // relative to the second-largest change

@@ -52,7 +52,6 @@ class CameraMonitor {
   // Takes the result of a camera's check. Unknown values are NaN, as at the corners of an array.
   void take(CameraIndex camera, const PredictionError& error);
 
-  // Returns the result of the camera's latest check, with NaN for unknown values.
   const PredictionError& error(CameraIndex camera) const { return cameras_[camera].error; }
   size_t cameras() const { return cameras_.size(); }
   const std::vector<Suspect>& suspects() const { return suspects_; }  // ascending by camera
@@ -93,8 +92,7 @@ class CameraMonitor {
 std::string_view to_string(CameraMonitor::Fault fault);  // "colour", "direction", "picture"
 
 // Two small views from a camera's pose: one from the camera alone, and one from all other cameras. The difference
-// between the views shows whether the camera is faulty. The requests are ordinary view requests, so each camera sends
-// only its part.
+// between the views shows whether the camera is faulty.
 struct CameraProbe {
   CameraIndex camera = 0;
   ViewRequest seen, predicted;  // view, out_of_service and probe are set
@@ -109,8 +107,7 @@ inline constexpr int kProbeColumns = 80;
 CameraProbe make_probe(const Rig& rig, CameraIndex camera, const View& focused, const CameraSet& without);
 
 // Runs the checks of a camera monitor between the requests of a view. A check consists of two probes: the camera's own
-// image, and its prediction from the remaining cameras. Probes and answers may be lost, or belong to other clients. Not
-// thread-safe.
+// image, and its prediction from the remaining cameras. Not thread-safe.
 class ProbeScheduler {
  public:
   static constexpr unsigned kProbeTimeout = 30;  // number of requests until pending probes count as lost
@@ -125,7 +122,6 @@ class ProbeScheduler {
   enum class TurnResult { kFirstProbe, kBothProbes, kSuspectsChanged };
   // Takes the picture of an expected probe. The second picture completes the check and may change the suspects.
   TurnResult take(const ViewRequest& probe, CoverageImage picture);
-  // Abandons the check because its picture cannot be made.
   void lose();
 
   void clear() { *this = {}; }

@@ -217,7 +217,6 @@ std::optional<Fit> fit(const Luma& predicted, const Luma& seen, const std::vecto
   return fit;
 }
 
-// Computes the scatter: the median deviation of fits to parts of the picture from the fit to the whole.
 void add_scatter(const Luma& predicted, const Luma& seen, const std::vector<float>& coverage, PredictionError* error) {
   std::vector<double> gains, shifts;
   for (int j = 0; j < kPartsDown; j++)

@@ -101,8 +101,7 @@ Rect needed_pixels(const ViewPlan& plan, CameraIndex camera, const Camera& rig_c
 // empirical: below 0.75, the built-in scene looks better without sharpening.
 inline bool is_coarse(const Lens& view, const Lens& camera) { return view.fy() < 0.75 * camera.fy(); }
 
-// Returns true if the view's pixels are exactly the camera's pixels, seen from the camera's position. Sampling then
-// loses nothing.
+// Returns true if the view's pixels are exactly the camera's pixels, seen from the camera's position.
 bool is_pixel_for_pixel(const View& view, const Camera& camera);
 
 inline bool shows_detail(const View& view, const Camera& camera) {
@@ -111,7 +110,6 @@ inline bool shows_detail(const View& view, const Camera& camera) {
 
 }  // namespace lf
 
-// Samples images pixel by pixel, where SIMD is not worthwhile.
 namespace lf::plain {
 
 // Takes bilinear samples of one 8-bit channel. Coordinates are clamped to the outermost pixel centres.

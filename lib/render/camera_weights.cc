@@ -83,17 +83,13 @@ constexpr double kInf = std::numeric_limits<double>::infinity();
 double at_most(double largest, double value) { return value < largest ? value : largest; }
 constexpr double kFarthest = 1e300;
 
-// Constants of kAperture.
 constexpr size_t kLeast = 4;          // minimum number of cameras with a weight
 constexpr double kLeastReach = 1.25;  // relative to the squared distance of the last of these cameras
 constexpr double kFacing = 0.25;      // below this cosine a camera fades, because its axis is nearly at a right angle
 
-// Constants of kAngle.
 constexpr double kLargest = 1e12;       // angle for cameras beyond the focus
 constexpr double kReach = 1 + 1. / 16;  // relative to the (k + 1)-th penalty
-// Penalty, relative to angles, of camera pixels that are larger than the view's pixels, because they blur. With half of
-// the cameras at half resolution, the built-in scene gains 0.5 dB compared with a penalty of 1, and nothing compared
-// with 0.
+// Penalty, relative to angles, of camera pixels that are larger than the view's pixels, because they blur.
 constexpr double kBlur = 0.1;
 constexpr double kMargin = 0.05;  // relative to an image's smaller side; a camera fades within this margin
 // The weight outside the image is not 0, for an eye at the camera and for pixels that no other camera sees.
@@ -196,7 +192,6 @@ void CameraWeights::within_aperture(const Vec3& d) {
   }
 }
 
-// Computes b_i of the formula.
 double CameraWeights::inside(const Seen& seen, const Vec3& in_focus) const {
   const Camera& camera = rig_.cameras[seen.camera];
   const auto pixel = camera.lens.project(seen.camera_from_view * (in_focus - seen.centre));

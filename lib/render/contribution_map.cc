@@ -219,7 +219,6 @@ Image contribution_map(const Rig& rig, const Mesh& mesh, const View& view, const
 namespace {
 
 constexpr int kRows = 12, kMaxColumns = 4 * kRows;
-// The raster for finding dark pixels, and the minimum weight of a bright pixel.
 constexpr int kFineRows = 97, kMaxFineColumns = 4 * kFineRows;
 constexpr float kBright = 0.25f;
 constexpr int kHalvings = 12;

@@ -13,8 +13,7 @@
 
 namespace lf {
 
-// The functions in this file show how much each camera contributes to a pixel of a view. They serve to diagnose an
-// array and to test the renderer.
+// The functions in this file show how much each camera contributes to a pixel of a view.
 
 // Returns the weight of `camera` in the colour of each pixel of `rect`, row by row. The weight is 0 where the camera
 // does not see the point of the focal surface (the surface in focus), because its image then has no colour for the
@@ -44,7 +43,6 @@ struct CameraFootprint {
 // view_coverage().
 std::vector<CameraFootprint> camera_footprints(const Rig& rig, const ViewPlan& plan, const FaceIdMap& owners);
 
-// The share of a view's pixels that cameras see.
 struct MeanCoverage {
   double seen = 0;          // 0 to 1
   double extrapolated = 0;  // the part of `seen` that lies beside the camera mesh; see render/extrapolation.h
@@ -84,8 +82,7 @@ inline float map_brightness(float luma) { return 0.35f + 0.65f * luma / 255; }
 // brightness. Throws Error if the underlay has another format or size.
 Image contribution_map(const Rig& rig, const Mesh& mesh, const View& view, const Image* underlay = nullptr);
 
-// Estimates which part of a view the cameras of an array can fill. Navigation uses the estimate to keep a moving viewer
-// away from viewpoints with empty regions in the picture. Immutable and thread-safe.
+// Estimates which part of a view the cameras of an array can fill. Immutable and thread-safe.
 class VisibleFraction {
  public:
   // Prepares the estimate for a rig. Throws Error like build_mesh().

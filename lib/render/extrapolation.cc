@@ -18,9 +18,8 @@ namespace {
 
 constexpr int kStep = WeightGrid::kStep;
 
-// The weights change from the mesh to the nearest cameras over a part of an edge's length. PSNR of LLFF's fern, three
-// views through the surface: 19.3 dB over a whole edge, 19.6 over a half, 20.0 over a quarter. The change takes at
-// least two steps of the grid, because the grid cannot represent a faster change.
+// The weights change from the mesh to the nearest cameras over a part of an edge's length. The change takes at least
+// two steps of the grid, because the grid cannot represent a faster change.
 constexpr double kFadingPixels = 2 * kStep;
 constexpr double kFadingPart = 0.25;
 
@@ -92,7 +91,6 @@ class MeshBorder {
   }
 
  private:
-  // A border edge between two cameras, or a line through the last camera of a row.
   struct Part {
     CameraIndex a, b;
     Vec3 from, along, facing;
@@ -151,7 +149,6 @@ double limited_visibility(const CameraWeights& cameras, const LineOfSight& line,
   return seen;
 }
 
-// Computes the weights at single points of a view.
 class Extrapolation {
  public:
   // `border` is only needed for pixels beside the mesh.
@@ -162,7 +159,6 @@ class Extrapolation {
     bool is_extrapolated = false;  // the nearest cameras contribute
     bool is_seen = false;          // one of the nearest cameras contributes and sees the point in focus
   };
-  // Computes the shares for a pixel.
   Result at(const Vec2& pixel, int32_t owner, Shares& shares) {
     const LineOfSight line = line_of_sight(plan_, pixel);
     set_mesh_weights(plan_, owner, line.ray, shares);
@@ -204,7 +200,6 @@ class Extrapolation {
   CameraWeights by_angle_;
 };
 
-// The points and cells of a WeightGrid while it is made.
 class GridInProgress {
  public:
   GridInProgress(const ViewPlan& plan, const FaceRuns& runs)
@@ -214,7 +209,6 @@ class GridInProgress {
         rows_(WeightGrid::points(plan.view().height)),
         cells_(static_cast<size_t>(columns_ - 1) * static_cast<size_t>(rows_ - 1)) {}
 
-  // Returns true if there are such cells.
   bool mark_cells_beside_mesh() {
     const Rect& view = runs_.region();
     bool any = false;
@@ -282,7 +276,6 @@ class GridInProgress {
   }
 
   bool has_gaps() const { return !gaps_.empty(); }
-  // Looks at all points around the found gaps.
   void mark_cells_with_gaps(const Extrapolation& extrapolation, const ParallelFor& parallel) {
     make_points();
     std::vector<uint8_t> near(points_.size());

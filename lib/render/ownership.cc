@@ -134,7 +134,6 @@ void clip(const EdgeCrossing::Ends& ends, int sign, Interval& interval) {
   }
 }
 
-// Tests each pixel, and calls fn(x0, x1) for the runs of a row that the face may own.
 template <class Fn>
 void scan(const ViewPlan& plan, const FacePlan& face, int y, Interval range, const Fn& fn) {
   for (int x = range.x0; x < range.x1; x++) {

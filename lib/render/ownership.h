@@ -126,8 +126,6 @@ class CameraCorners {
   int of_face(int32_t face) const { return corner_[face]; }
 
   // Returns bounds of the pixels in `rect` that belong to a face of this camera. `rect` must be inside runs.region().
-  // The bounds are tighter than ViewPlan::camera_rect(), which also includes whole tiles of distorted views, triangles
-  // without area, and faces that lower-numbered faces hide.
   Rect owned(const FaceRuns& runs, const Rect& rect) const;
 
  private:

@@ -18,8 +18,7 @@ namespace lf {
 
 namespace {
 
-// A cache of the ray tables of distorted lenses. The lens of a viewer stays the same from view to view, and a node and
-// a compositor in one process share the table. Thread-safe.
+// A cache of the ray tables of distorted lenses. Thread-safe.
 class RayTables {
  public:
   using Table = std::shared_ptr<const Vec2[]>;

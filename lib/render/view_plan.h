@@ -97,9 +97,9 @@ struct FacePlan {
 };
 
 // Everything about rendering a view that does not depend on images: the faces that own its pixels, the weights of the
-// cameras, and the homographies into their images. A plan is computed once per view. It is immutable, so threads can
-// share a plan. The cost grows with the number of faces and not with the number of pixels, except for views that are
-// blended by a WeightGrid (see make_weight_grid()).
+// cameras, and the homographies into their images. It is immutable, so threads can share a plan. The cost grows with
+// the number of faces and not with the number of pixels, except for views that are blended by a WeightGrid (see
+// make_weight_grid()).
 class ViewPlan {
  public:
   // Plans a view. `rig` and `mesh` are read only during the call. The view must be valid (see validate()). `parallel`

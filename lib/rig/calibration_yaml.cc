@@ -114,7 +114,6 @@ std::optional<RigidTransform> parse_motion(const JsonValue& value) {
   return motion;
 }
 
-// Counts cameras without distortion coefficients.
 class MissingDistortion {
  public:
   std::optional<JsonValue> find(const JsonValue& value, const char* key, const std::string& place) {

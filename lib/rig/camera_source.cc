@@ -163,15 +163,13 @@ std::optional<CameraSource> pattern_of(const Rig& rig, const std::string& text) 
   return std::nullopt;
 }
 
-// Counts the images up to the first missing number. Tests names one by one instead of listing the folder, because the
-// folder may hold the files of all cameras.
+// Tests names one by one instead of listing the folder, because the folder may hold the files of all cameras.
 int count_pictures(const CameraSource& sequence) {
   int count = 1;
   while (exists(sequence_file(sequence, count))) count++;
   return count;
 }
 
-// Returns the first file after a gap at the end of the sequence, or "" if there is no gap.
 std::string file_behind_gap(const CameraSource& sequence) {
   constexpr int kLeastLook = 256;
   for (int ahead = 1; ahead <= std::max(kLeastLook, sequence.count); ahead++)

@@ -141,7 +141,6 @@ std::string workspace_images(const std::string& directory) {
   return "";
 }
 
-// Explains why an image file has another size than its camera.
 std::string size_advice(const ImageSize& size, const ColmapCamera& from) {
   if (is_scaled_copy(size, from))
     return ". A scaled copy has another focal length, so use the pictures that COLMAP has processed, or the model that "

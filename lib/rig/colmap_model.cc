@@ -139,7 +139,6 @@ class ByteReader {
            std::to_string(size));
     return static_cast<int>(size);
   }
-  // Reads a text that ends with a zero byte.
   std::string text(const char* what) {
     const size_t end = bytes_.find('\0', position_);
     if (end == std::string::npos) fail("the file is truncated within " + std::string(what));
@@ -170,7 +169,6 @@ void add_camera(const Reader& reader, uint32_t id, ColmapCamera camera, std::map
     reader.fail("CAMERA_ID " + std::to_string(id) + " occurs twice, but every camera needs its own");
 }
 
-// Normalises the rotation and checks the ids.
 template <typename Reader>
 void check_image(const Reader& reader, const std::map<uint32_t, ColmapCamera>& cameras, const char* cameras_file,
                  ColmapImage& image) {

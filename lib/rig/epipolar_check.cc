@@ -113,8 +113,7 @@ std::vector<int> clear_maxima(const cv::Mat& correlations) {
 }
 
 // Removes matches that move otherwise than the matches around them: the disparity gradient, which is the difference of
-// two displacements over the distance, is at most 1 on smooth surfaces (Pollard, Mayhew and Frisby 1985). Most removed
-// matches are false, for example between repeated bricks.
+// two displacements over the distance, is at most 1 on smooth surfaces (Pollard, Mayhew and Frisby 1985).
 std::vector<Match> coherent(const std::vector<Match>& matches, const Corners& a, const Corners& b) {
   std::vector<Match> kept;
   for (const Match& match : matches) {

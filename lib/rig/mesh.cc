@@ -251,7 +251,6 @@ bool look_through(const CameraAxes& looks, const Triangle& t, int side, const Ve
   return (side >= 0 && least >= kMinCosine) || (side <= 0 && most <= -kMinCosine);
 }
 
-// How well a triangulation suits the viewing directions, 0 to 1.
 struct Fit {
   double triangles = 1;  // share, by area, of triangles with cameras that look through them, without slivers
   double cameras = 0;    // share of cameras at, or close to, a corner of such a triangle

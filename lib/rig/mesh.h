@@ -69,8 +69,7 @@ CameraSet hull_cameras(const Rig& rig);
 // If fewer than three cameras work, returns all of `lost`, because strips and points have no border.
 CameraSet mesh_exclusions(const CameraSet& lost, const CameraSet& corners, size_t num_cameras);
 
-// Keeps the camera mesh of a rig for the latest set of out-of-service cameras. The set rarely changes, so the mesh of
-// the previous picture can usually be used again. Not thread-safe.
+// Keeps the camera mesh of a rig for the latest set of out-of-service cameras. Not thread-safe.
 class MeshCache {
  public:
   const Mesh& get(const Rig& rig, const CameraSet& out_of_service);

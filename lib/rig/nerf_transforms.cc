@@ -91,7 +91,6 @@ class AppliedTransform {
   double scale_ = 1;
 };
 
-// Returns the file for a name: the name itself, the name with ".png", or the name with backslashes replaced.
 fs::path file_of(const fs::path& directory, const std::string& name) {
   std::error_code ignored;  // invalid names are returned unchanged
   if (fs::exists(directory / name, ignored)) return name;

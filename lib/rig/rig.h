@@ -125,8 +125,7 @@ std::pair<Vec3, Vec3> bounding_box(const Rig& rig);
 // Returns the axis (0 to 2) along which the camera positions spread most.
 int widest_axis(const Rig& rig);
 
-// Distances between cameras in metres; the result is 0 for fewer than two cameras. The functions avoid comparing all
-// pairs, because rigs can have 65,535 cameras.
+// Distances between cameras in metres; the result is 0 for fewer than two cameras.
 
 // Returns the distance between the two cameras that are farthest apart, with a relative error of at most 1e-9.
 double largest_distance(const Rig& rig);
@@ -144,8 +143,7 @@ struct GridRigOptions {
   int width = 640, height = 480;  // pixels
 };
 
-// Creates a nominal rig. Throws Error if an option is out of range, for example "pitch: must be positive". The same
-// applies to the functions for other shapes below.
+// Creates a nominal rig. Throws Error if an option is out of range, for example "pitch: must be positive".
 Rig make_grid_rig(const GridRigOptions& options);
 
 // Cameras at the same height on an arc of a circle, looking at the centre of the circle. Camera 0 is the leftmost. The

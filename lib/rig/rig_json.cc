@@ -119,7 +119,6 @@ Rig rig_from_json(const json& root, const std::string& name) {
   return rig;
 }
 
-// Returns the format of another program's file as arguments of lf-rig import, or null for other texts.
 const char* foreign_format(const std::string& text) {
   const auto has = [&text](std::string_view word) { return text.find(word) != text.npos; };
   if (has(kRigFormat)) return nullptr;
@@ -278,7 +277,7 @@ std::map<uint32_t, Controls> parse_controls(const json& rig, const std::string& 
 
 std::map<uint32_t, Controls> load_controls(const std::string& path) {
   const std::string text = read_text_file(path);
-  // Every camera of an array calls this function. Most files have no controls, so skip parsing them.
+  // Most files have no controls, so skip parsing them.
   if (text.find("\"controls\"") == std::string::npos) return {};
   return parse_controls(parse_json(text, path), path);
 }

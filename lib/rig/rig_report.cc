@@ -68,8 +68,7 @@ double flatness(const Rig& rig, const MeshFace& face) {
   return longest > 0 ? glm::length(glm::cross(a / longest, b / longest)) : 0;
 }
 
-// Reports coincident cameras. Each is reported once, together with the first camera at that position. Compares
-// neighbours along the widest axis.
+// Reports coincident cameras. Each is reported once, together with the first camera at that position.
 void find_duplicates(const Rig& rig, std::vector<RigFinding>& findings) {
   const double tolerance = kSamePlace * largest_distance(rig);
   const int axis = widest_axis(rig);
@@ -110,7 +109,6 @@ class SharedFinding {
   size_t cameras_ = 0;
 };
 
-// Names the likely cause of a principal point far from the middle of the picture.
 std::string cause_of_principal_point(const Camera& camera) {
   // Calibrations put the principal point near the middle, with equal proportions in both directions.
   constexpr double kSameShare = 1.15;

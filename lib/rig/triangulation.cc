@@ -349,7 +349,6 @@ class LinkWalker {
   }
 
  private:
-  // Extends the path from its last camera along edges not walked yet, in either direction.
   void walk(std::vector<CameraIndex>& way) {
     for (bool moved = true; moved;) {
       moved = false;
@@ -493,7 +492,6 @@ PlaneAxes local_plane(const LinkPart& part, const Vec3& centre, const CameraCent
   return plane_with_normal(area, plane);
 }
 
-// In local coordinates, in quanta.
 struct Box {
   Vec3 low{HUGE_VAL}, high{-HUGE_VAL};
   void add(const Vec3& p) {

@@ -18,8 +18,7 @@
 namespace lf::rtp {
 
 // Tracks the latest RTP sequence numbers of a source (RFC 3550, appendix A.1). It distinguishes duplicates from
-// reordered packets, and counts missing packets. Reordered packets are still useful, so callers should drop only
-// duplicates. Not thread-safe.
+// reordered packets, and counts missing packets. Not thread-safe.
 class SequenceWindow {
  public:
   enum class Verdict {
@@ -29,7 +28,6 @@ class SequenceWindow {
   };
   Verdict add(uint16_t sequence, uint32_t timestamp);
 
-  // Returns the number of packets that are still missing.
   uint64_t lost() const { return lost_; }
 
   // Size of the window for detecting duplicates, in packets: 5 ms at 200,000 packets per second.

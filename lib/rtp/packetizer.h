@@ -103,8 +103,8 @@ struct PartPlan {
 };
 
 // Assigns pieces to parts in table order, as many as fit into each part. A raw fragment that is too large is cut into
-// tiles, but only if the whole answer is available. The reason is that each part states the total number of fragments.
-// Returns nullopt if the header alone takes up most of a part.
+// tiles, but only if the whole answer is available, because each part states the total number of fragments. Returns
+// nullopt if the header alone takes up most of a part.
 std::optional<PartPlan> plan_parts(const wire::AnswerView& answer, size_t max_bytes);
 
 ByteBuffer write_part(const wire::AnswerView& answer, const PartPlan& plan, const Part& part, ByteBuffer memory);

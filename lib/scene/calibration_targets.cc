@@ -36,7 +36,6 @@ const std::vector<float>& noises() {
   return table;
 }
 
-// Hashes `n` (splitmix64).
 uint64_t scattered(uint64_t n) {
   n += 0x9e3779b97f4a7c15;
   n = (n ^ (n >> 30)) * 0xbf58476d1ce4e5b9;

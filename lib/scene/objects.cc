@@ -316,7 +316,6 @@ V3 picture(const Texel& t) {
 Material wall_paint(const Surface& s) {
   const Texel t = project(s, {1, 0, 0}, {0, 1, 0}, {0, 0, 0});
   V3 c = bricks(t);
-  // A panelled skirting along the floor.
   const float panel = stripes(t.u / 0.4f + 0.06f, t.wu / 0.4f, 0.12f);
   const V3 skirting = mix(linear(206, 198, 182), linear(168, 160, 146), panel);
   c = mix(c, skirting, inside(t.v, t.wv, 0.28f, 2));
@@ -346,7 +345,6 @@ void multiply_angle(float& x, float& y, int doublings) {
   }
 }
 
-// A test chart for focusing: chequers, a star, bars of three widths, rings.
 Material chart_paint(const Texel& t) {
   const V3 paper = linear(208, 204, 190), ink = linear(92, 96, 104), red = linear(190, 88, 76),
            blue = linear(82, 116, 168);
@@ -409,7 +407,6 @@ V3 globe_colour(const V3& n, float w) {
   const V3 ground = mix(linear(108, 148, 92), linear(182, 164, 108), 0.5f + 0.25f * detail);
   V3 c = mix(linear(66, 112, 160), ground, ramp(0.12f, 0.12f + std::max(0.12f, 6 * w), land));
   c = mix(c, linear(214, 220, 222), ramp(0.86f, 0.90f + 2 * w, std::abs(n.y)));
-  // Draws parallels, and meridians that fade where they meet.
   const float r = std::sqrt(n.x * n.x + n.z * n.z);
   float x = n.x / std::max(r, 1e-6f), z = n.z / std::max(r, 1e-6f);
   multiply_angle(x, z, 3);
@@ -448,7 +445,6 @@ Material sphere_paint(const Sphere& ball, const Surface& s) {
 }
 
 V3 wood(float along, float w) {
-  // Turned rings every few centimetres.
   return mix(linear(216, 172, 116), linear(192, 144, 92), 0.5f + 0.5f * wave(along / 0.035f, w / 0.035f));
 }
 

@@ -102,7 +102,6 @@ float enter_sphere(const V3& from_centre, const V3& d, float radius) {
 float enter_capsule(const Capsule& c, const V3& origin, const V3& d) {
   const V3 oa = origin - c.base;
   const float aa = dot(c.axis, c.axis), ad = dot(c.axis, d), ao = dot(c.axis, oa);
-  // Across the axis it is a circle.
   const V3 across = d - (ad / aa) * c.axis, start = oa - (ao / aa) * c.axis;
   const float level = dot(across, across), b = dot(start, across) / level;
   const V3 nearest = start - b * across;
@@ -158,7 +157,6 @@ float enter_block(const Box& b, const V3& origin, const V3& d, V3& normal) {
   return s.near;
 }
 
-// Intersects the ray with the inner side of the room's walls.
 void leave_room(const V3& origin, const V3& d, Hit& hit) {
   const V3 centre = 0.5f * (kRoomMin + kRoomMax), half = 0.5f * (kRoomMax - kRoomMin);
   const Slabs s = cross_slabs(origin - centre, d, half);

@@ -57,8 +57,7 @@ struct TraceResult {
   HitPoint sight;
 };
 
-// Remembers the shadows within one pixel. Shadows are most of the work and soft, so all samples of a pixel on one
-// object share the result of the first sample.
+// Remembers the shadows within one pixel.
 class ShadowCache {
  public:
   // Returns the fraction of `light` (number 0 or 1) that `object` sees in this pixel. Calls `find` on first use.

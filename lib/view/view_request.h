@@ -116,8 +116,7 @@ class ExtraRequests {
   std::vector<ViewRequest> requests_;
 };
 
-// Limits that protect a node from requests that cost too much. The defaults exceed what the viewers of this project
-// send. Elements and servers use the same limits.
+// Limits that protect a node from requests that cost too much.
 struct RequestLimits {
   // width x height of a view; the views of a set may together have kSetFactor times as many pixels
   uint64_t pixels = uint64_t{4096} * 2304;
@@ -146,8 +145,7 @@ struct RequestCost {
 // number of cameras of the array.
 double estimated_work(const RequestCost& cost, size_t cameras = 0);
 
-// Returns the size of an array in metres: the diagonal of the bounding box of its cameras. No two cameras are farther
-// apart.
+// Returns the size of an array in metres: the diagonal of the bounding box of its cameras.
 double array_extent(const Rig& rig);
 
 // Rejects requests that exceed the limits, before any other work. Checks the cost of each request, the request rate of

@@ -91,8 +91,7 @@ struct AnswerView : AnswerPartHeader {
   std::vector<FragmentView> fragments;
 };
 
-// A payload contains its planes in sequence, with no padding between rows; see spec.md. 16-bit samples are
-// little-endian, so that machines can use received sums without converting megabytes per view.
+// A payload contains its planes in sequence, with no padding between rows; see spec.md.
 static_assert(std::endian::native == std::endian::little, "sums in 16 bits are used where they lie");
 
 inline size_t area(const Rect& rect) { return static_cast<size_t>(rect.width()) * rect.height(); }

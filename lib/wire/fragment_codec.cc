@@ -59,8 +59,6 @@ std::optional<Tiling> tile_raw(const FragmentHeader& fragment, size_t max_bytes)
 void copy_tile(const FragmentView& fragment, const Rect& tile, uint8_t* to) {
   const Rect& whole = fragment.rect;
   const uint8_t* from = fragment.payload.data();
-  // Copies the next plane. `bytes` is the size of a sample, and `side` the number of pixels per side that share a
-  // sample.
   const auto plane = [&](int bytes, int side) {
     const ptrdiff_t stride = static_cast<ptrdiff_t>(divided_up(whole.width(), side)) * bytes;
     to = copy_rows(from + (tile.y0 - whole.y0) / side * stride + (tile.x0 - whole.x0) / side * bytes, stride,

@@ -17,8 +17,7 @@
 namespace lf::wire {
 
 // Approximate number of pixels in a fragment of an encoded sum (the weighted total of a node's cameras). Sums are cut
-// into strips of this size, so that several threads can encode and decode the strips. A lost packet then damages only
-// one strip of the view.
+// into strips of this size, so that several threads can encode and decode the strips.
 inline constexpr int kStripPixels = 1 << 16, kStripUnit = 16;
 
 inline int strip_rows(int width, int pixels = kStripPixels) {
@@ -31,8 +30,7 @@ inline std::vector<Rect> cut_rows(const Rect& rect, int rows) {
   return parts;
 }
 
-// The functions below cut raw fragments (kRaw, kRaw16) into smaller fragments with the same content. This is useful on
-// links that lose packets, because a fragment is lost if any of its packets is lost. The functions are pure.
+// The functions below cut raw fragments (kRaw, kRaw16) into smaller fragments with the same content.
 
 // A grid of tiles in row-major order. The rightmost and bottom tiles may be smaller. Chroma samples are never cut.
 struct Tiling {

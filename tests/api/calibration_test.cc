@@ -50,7 +50,7 @@ TEST(ApiCalibration, FindsAnArray) {
   EXPECT_EQ(calibrate_rig(tracks, options).rig.size(), truth.cameras.size());
 }
 
-TEST(ApiCalibration, SaysWhatIsWrong) {
+TEST(ApiCalibration, ErrorsNameTheProblem) {
   const lf::Rig truth = lf::sim::make_array({.rows = 2, .columns = 2}, 5);
   const Tracks good = public_tracks(lf::sim::watch(truth, {.positions = 20}, 5).tracks);
   Tracks tracks = good;

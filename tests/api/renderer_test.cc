@@ -48,7 +48,7 @@ double psnr(const Image& a, const Image& b) {
   return 10 * std::log10(255 * 255 * static_cast<double>(a.pixels.size()) / sum);
 }
 
-TEST(ApiNodeCompositor, PicturesAreTheRenderersToTheBit) {
+TEST(ApiNodeCompositor, PicturesEqualTheRenderers) {
   for (const PixelFormat format : {PixelFormat::kRgb, PixelFormat::kI420})
     for (const Focus focus : {Focus::kPlane, Focus::kAuto}) {
       Array array(format);
@@ -76,7 +76,7 @@ TEST(ApiNodeCompositor, PicturesAreTheRenderersToTheBit) {
     }
 }
 
-TEST(ApiNodeCompositor, SurfaceAndBrightnessAreTheRenderersToTheBit) {
+TEST(ApiNodeCompositor, SurfaceAndBrightnessEqualTheRenderers) {
   const test::Walls walls(0.8);
   const Machines machines(walls.rig, walls.images);
   Renderer renderer(walls.rig);
@@ -92,7 +92,7 @@ TEST(ApiNodeCompositor, SurfaceAndBrightnessAreTheRenderersToTheBit) {
             Renderer(walls.rig).render(walls.view, walls.images).pixels);
 }
 
-TEST(ApiNodeCompositor, JpegIsSmallAndNear) {
+TEST(ApiNodeCompositor, JpegAnswersAreSmallAndAccurate) {
   const Array array;
   const Machines machines(array);
   const auto make = [&](int quality, size_t* bytes) {
@@ -109,7 +109,7 @@ TEST(ApiNodeCompositor, JpegIsSmallAndNear) {
   EXPECT_LT(coded, exact / 4);
 }
 
-TEST(ApiNodeCompositor, WhatNeverCameIsMissing) {
+TEST(ApiNodeCompositor, AbsentCamerasAreMissing) {
   const Array array;
   const Machines machines(array);
   Compositor compositor(array.rig, 1);
@@ -134,7 +134,7 @@ TEST(ApiNodeCompositor, WhatNeverCameIsMissing) {
   EXPECT_EQ(compositor.finish().pixels[1], 2);
 }
 
-TEST(ApiNodeCompositor, ACameraWithoutAFrameIsAnswered) {
+TEST(ApiNodeCompositor, CameraWithoutFrameIsAnswered) {
   const Array array;
   Machines machines(array);
   std::vector<ImageView> frames(machines.frames[0].begin(), machines.frames[0].end());
@@ -146,7 +146,7 @@ TEST(ApiNodeCompositor, ACameraWithoutAFrameIsAnswered) {
   EXPECT_FALSE(machines.nodes[0].answer(request, frames).empty());
 }
 
-TEST(ApiNodeCompositor, RequestsSayWhatTheyAskFor) {
+TEST(ApiNodeCompositor, RequestInfoDescribesTheRequest) {
   const Array array;
   Compositor compositor(array.rig, 17);
   const RequestInfo first = read_request(compositor.request(array.view, {.time = 123'456'789}));
@@ -161,7 +161,7 @@ TEST(ApiNodeCompositor, RequestsSayWhatTheyAskFor) {
   for (const uint32_t camera : node.cameras_for(request)) EXPECT_TRUE(camera == 7 || camera == 2);
 }
 
-TEST(ApiNodeCompositor, SaysWhatDoesNotFit) {
+TEST(ApiNodeCompositor, MismatchesAreErrors) {
   const Array array;
   const Machines machines(array);
   Compositor compositor(array.rig, 1), other(array.rig, 2);
@@ -208,7 +208,7 @@ TEST(ApiNodeCompositor, SaysWhatDoesNotFit) {
   EXPECT_API_ERROR(Node(array.rig, {12}), "cameras", "12", "12 cameras");
 }
 
-TEST(ApiNodeCompositor, DamagedBytesDoNoHarm) {
+TEST(ApiNodeCompositor, DamagedBytesAreRejected) {
   const Array array;
   const Machines machines(array);
   lf::reference::Random random(3);
@@ -253,7 +253,7 @@ TEST(ApiNodeCompositor, DamagedBytesDoNoHarm) {
   }
 }
 
-TEST(ApiNodeCompositor, NodesAnswerSeveralThreads) {
+TEST(ApiNodeCompositor, NodesAreThreadSafe) {
   const Array array;
   const Machines machines(array);
   Compositor compositor(array.rig, 1);
@@ -292,7 +292,7 @@ lf::Image production(const Array& array, const lf::View& view) {
   return sum.resolve();
 }
 
-TEST(ApiRenderer, PicturesAreTheProductionRenderers) {
+TEST(ApiRenderer, PicturesEqualTheInternalRenderers) {
   for (const PixelFormat format : {PixelFormat::kRgb, PixelFormat::kI420})
     for (const double aperture : {0.0, 0.15}) {
       Array array(format);
@@ -304,7 +304,7 @@ TEST(ApiRenderer, PicturesAreTheProductionRenderers) {
     }
 }
 
-TEST(ApiRenderer, WhoeverDrawsThePictureIsTheSameToOneLevel) {
+TEST(ApiRenderer, DevicesDifferByAtMostOneLevel) {
   for (const PixelFormat format : {PixelFormat::kRgb, PixelFormat::kI420}) {
     Array array(format);
     Renderer renderer(array.rig);
@@ -354,7 +354,7 @@ TEST(ApiRenderer, PicturesAreWithinOneLevelOfTheReference) {
   EXPECT_GT(compared, 20u * 96 * 72 / 4);
 }
 
-TEST(ApiRenderer, ACameraWithoutAnImageIsMadeUpForByItsNeighbours) {
+TEST(ApiRenderer, NeighboursFillInForCameraWithoutImage) {
   Array array;
   Renderer renderer(array.rig);
   const std::vector<uint32_t> looked_at = renderer.cameras(array.view);
@@ -375,7 +375,7 @@ TEST(ApiRenderer, ACameraWithoutAnImageIsMadeUpForByItsNeighbours) {
   EXPECT_EQ(empty.pixels[2], 254);
 }
 
-TEST(ApiRenderer, NeedsNoOtherCameras) {
+TEST(ApiRenderer, NeedsOnlyContributingCameras) {
   Array array;
   Renderer renderer(array.rig);
   array.view.fov_y = 20;
@@ -413,7 +413,7 @@ TEST(ApiRenderer, MatchesBrightness) {
   EXPECT_LT(error[true], error[false] / 2);
 }
 
-TEST(ApiRenderer, SaysWhatDoesNotFit) {
+TEST(ApiRenderer, MismatchesAreErrors) {
   Array array;
   Renderer renderer(array.rig);
   std::vector<Image> images = array.images;
@@ -451,7 +451,7 @@ TEST(ApiRenderer, SaysWhatDoesNotFit) {
             Renderer(array.rig).render(array.view, array.images).pixels);
 }
 
-TEST(ApiRenderer, SeveralAtOnceMakeTheSamePictures) {
+TEST(ApiRenderer, ConcurrentRenderersMakeTheSamePictures) {
   const Array array;
   std::vector<Image> alone;
   Renderer first(array.rig, 1);

@@ -22,7 +22,7 @@ std::vector<Camera> four_cameras() {
   return cameras;
 }
 
-TEST(ApiRig, KeepsWhatItIsGiven) {
+TEST(ApiRig, KeepsAllMembers) {
   std::vector<Camera> cameras = four_cameras();
   cameras[2].lens = {150.25, 151.5, 80, 60, -0.1, 0.01, 0.001, -0.002};
   cameras[3].world_from_camera.orientation = {std::sqrt(0.5), 0, std::sqrt(0.5), 0};
@@ -42,7 +42,7 @@ TEST(ApiRig, KeepsWhatItIsGiven) {
   EXPECT_NE(triangles.hash(), rig.hash());
 }
 
-TEST(ApiRig, FilesKeepWhatIsNotKnown) {
+TEST(ApiRig, FilesKeepUnknownKeys) {
   const TempDir dir;
   std::string text = Rig(four_cameras()).json();
   text.replace(text.find("\"id\":11"), 7, "\"sticker\":\"red\",\"id\":11");
@@ -52,7 +52,7 @@ TEST(ApiRig, FilesKeepWhatIsNotKnown) {
   EXPECT_EQ(load_rig(dir / "copy.json").hash(), Rig(four_cameras()).hash());
 }
 
-TEST(ApiRig, SaysWhatIsWrong) {
+TEST(ApiRig, ErrorsNameTheMember) {
   const auto with = [](auto change, const Topology& topology = {}) {
     std::vector<Camera> cameras = four_cameras();
     change(cameras);
@@ -87,7 +87,7 @@ TEST(ApiView, LooksAtItsTarget) {
   EXPECT_API_ERROR(look_at({1, NAN, 3}, {1, 9, 3}), "eye", "target");
 }
 
-TEST(ApiView, HomeIsAmidTheCameras) {
+TEST(ApiView, HomeIsInTheMiddleOfTheCameras) {
   const View view = home_view(Rig(four_cameras()), 320, 240);
   EXPECT_NEAR(view.world_from_view.position.x, 0.1, 1e-12);
   EXPECT_NEAR(view.world_from_view.position.y, 0.1, 1e-12);
@@ -105,7 +105,7 @@ TEST(ApiImage, IsBlack) {
   EXPECT_API_ERROR(make_image(PixelFormat::kRgb, 5, 0), "height");
 }
 
-TEST(ApiRig, KeepsHowColoursAreCorrected) {
+TEST(ApiRig, KeepsColourCalibration) {
   Camera camera{.width = 64, .height = 48, .lens = {50, 50, 31.5, 23.5}};
   camera.colour = CameraColour{.black = {1, 2, 3}, .gamma = 2, .vignetting = {-0.2, 0.01}};
   const Rig rig({camera});

@@ -120,7 +120,6 @@ class Script {
     return longest;
   }
 
-  // Adds a margin, so that marks and labels are inside.
   void ranges(const Panel& panel) {
     double low[2] = {1e300, 1e300}, high[2] = {-1e300, -1e300};
     for (const Series& series : panel.series)

@@ -212,7 +212,6 @@ void CarryOver(benchmark::State& state) {
 }
 BENCHMARK(CarryOver);
 
-// Encodes and decodes.
 void RequestWire(benchmark::State& state, bool surface) {
   const Scene scene(PixelFamily::kRgb);
   ViewRequest request;

@@ -50,7 +50,6 @@ struct Situation {
   bool moves = false;  // the viewpoint moves
 };
 
-// Quality of a picture with the surface and with the view's plane.
 struct Seen {
   int picture = 0;
   double plane_db = 0, surface_db = 0;  // over the pixels that both cover

@@ -100,7 +100,6 @@ Stats stats_of(GstElement* pipeline, const char* name) {
   return {stats, gst_structure_free};
 }
 
-// Sums a field over all cameras of a node.
 double sum(const GstStructure* stats, const char* field) {
   const GValue* cameras = gst_structure_get_value(stats, "cameras");
   double all = 0;

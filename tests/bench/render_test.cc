@@ -76,7 +76,7 @@ TEST_F(BenchRender, RowsHaveAllFieldsAndSensibleErrors) {
   EXPECT_THAT(renderers, testing::IsSupersetOf({"opencv", "simd"}));
 }
 
-TEST_F(BenchRender, ThreadsAreRowsOfTheirOwnWithTheSamePicture) {
+TEST_F(BenchRender, ThreadCountsAreSeparateRowsWithTheSamePicture) {
   int rows_of_two = 0;
   const nlohmann::json all = rows("--threads 1,2");
   for (const nlohmann::json& row : all) {
@@ -93,7 +93,7 @@ TEST_F(BenchRender, ThreadsAreRowsOfTheirOwnWithTheSamePicture) {
   EXPECT_GE(rows_of_two, 2);
 }
 
-TEST_F(BenchRender, QualitiesAreRowsOfTheirOwnAndCostBytes) {
+TEST_F(BenchRender, QualitiesAreSeparateRowsAndCostBytes) {
   double bytes_of_30 = 0, bytes_of_90 = 0;
   for (const nlohmann::json& row : rows("--qualities 30,90"))
     if (row["renderer"] == "opencv" && row["codec"] == "jpeg" && row["scene"] == "natural")
@@ -102,7 +102,7 @@ TEST_F(BenchRender, QualitiesAreRowsOfTheirOwnAndCostBytes) {
   EXPECT_GT(bytes_of_90, 1.3 * bytes_of_30);
 }
 
-TEST_F(BenchRender, SaysWhichSettingsAreParetoPointsAndWhatIsPromised) {
+TEST_F(BenchRender, PrintsParetoPointsAndGoals) {
   test::expect_outcome(run(std::string(kTiny) + "--acceptance"), 0,
                        testing::AllOf(mentions("natural", "4 cameras", "64x48", "distorted"), HasSubstr("default"),
                                       mentions("64 cameras", "raw", "OpenCV")));
@@ -118,7 +118,7 @@ TEST_F(BenchRender, NumericsAreWithinTheirBounds) {
 }
 
 // The document must explain every term in the table's words.
-TEST_F(BenchRender, TheErrorBudgetIsThatOfItsDocument) {
+TEST_F(BenchRender, ErrorBudgetMatchesItsDocument) {
   const Outcome outcome = run("budget");
   EXPECT_EQ(outcome.status, 0) << outcome.output;
   std::istringstream lines(read_text_file(LF_SOURCE_ROOT "/docs/reference/error-budget.md"));
@@ -143,7 +143,7 @@ TEST_F(BenchRender, RendersOnceForAProfiler) {
   EXPECT_THAT(run("once nothing").output, HasSubstr("simd i420"));
 }
 
-TEST_F(BenchRender, PlotsOrWhatIsMissingForThem) {
+TEST_F(BenchRender, WritesPlotsOrNamesTheMissingPackage) {
   const Outcome outcome = run("--sizes 64x48,96x64 --cameras 4 --repeats 1 --plots plots");
   if (std::system("gnuplot --version >/dev/null 2>&1") != 0) {
     EXPECT_EQ(outcome.status, 1);

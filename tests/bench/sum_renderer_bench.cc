@@ -92,7 +92,7 @@ void Owners(benchmark::State& state) {
 BENCHMARK(Owners)->ArgsProduct({{0, 1, 2, 3}, {4, 8, 16}});
 
 // Depths of a typical room: a rising floor, and objects in front of a wall.
-std::shared_ptr<const FocalMap> room(const View& view) {
+std::shared_ptr<const FocalMap> room_depths(const View& view) {
   FocalMap map = FocalMap::for_view(view.width, view.height);
   map.from = plane_through({0, 0, 0}, {0, 0, 1});
   map.farthest = 1 / 5.0;
@@ -120,7 +120,7 @@ void Sum(benchmark::State& state, PixelFamily family, bool distorted, Coordinate
          gl::GlesRenderer* gpu = nullptr) {
   const auto& size = kSizes[state.range(0)];
   Scene scene(static_cast<int>(state.range(1)), size[0], size[1], distorted, family);
-  if (surface) scene.view.focus.map = room(scene.view);
+  if (surface) scene.view.focus.map = room_depths(scene.view);
   const ViewPlan plan(scene.rig, scene.mesh, scene.view);
   const FaceRuns runs(plan, {0, 0, scene.view.width, scene.view.height});
   auto sources = scene.sources(plan);
@@ -219,7 +219,7 @@ void StayedSum(benchmark::State& state) {
   if (!gpu) return state.SkipWithError(why.c_str());
   const auto& size = kSizes[state.range(0)];
   Scene scene(8, size[0], size[1], true, PixelFamily::kI420);
-  scene.view.focus.map = room(scene.view);
+  scene.view.focus.map = room_depths(scene.view);
   const ViewPlan plan(scene.rig, scene.mesh, scene.view);
   const FaceRuns runs(plan, {0, 0, scene.view.width, scene.view.height});
   const auto sources = scene.sources(plan);
@@ -253,7 +253,7 @@ void time_set(benchmark::State& state, bool stays) {
   for (int i = 0; i < kViews; i++) {
     View view = scene.view;
     view.pose.position.x += 0.1 * (i / (kViews - 1.0) - 0.5);
-    view.focus.map = room(view);
+    view.focus.map = room_depths(view);
     eyes.push_back(std::make_unique<Eye>(scene, view));
   }
   const ParallelFor parallel = bench::copying_for(gpu.get());

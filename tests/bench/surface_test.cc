@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Runs a short version of bench-surface.
 #include <filesystem>
 #include <memory>
 
@@ -32,7 +31,7 @@ class BenchSurface : public testing::Test {
   TempDir folder_;
 };
 
-TEST_F(BenchSurface, AFlatSceneIsAsSharpAsItsPlaneAndCostsNextToNothing) {
+TEST_F(BenchSurface, FlatSceneIsAsSharpAsItsPlaneAtLittleCost) {
   const nlohmann::json flat = row("flat");
   EXPECT_GT(flat["rest_gain_db"], -0.1) << "the same picture";
   EXPECT_LT(flat["rest_percent"], 2) << "of the bytes of a picture";
@@ -41,7 +40,7 @@ TEST_F(BenchSurface, AFlatSceneIsAsSharpAsItsPlaneAndCostsNextToNothing) {
   EXPECT_LE(flat["flicker_median"], 1);
 }
 
-TEST_F(BenchSurface, ThinThingsAreNoWorseThanThroughAPlane) {
+TEST_F(BenchSurface, ThinObjectsAreNoWorseThanThroughAPlane) {
   const nlohmann::json wires = row("wires");
   EXPECT_GT(wires["gain_db"], 0);
   EXPECT_GT(wires["worst_on_way_db"], -0.3);
@@ -50,7 +49,7 @@ TEST_F(BenchSurface, ThinThingsAreNoWorseThanThroughAPlane) {
   EXPECT_LE(wires["flicker_median"], 1);
 }
 
-TEST_F(BenchSurface, TheBuiltInSceneGainsAndThenRests) {
+TEST_F(BenchSurface, BuiltInSceneGainsAndThenRests) {
   const nlohmann::json scene = row("built-in scene");
   EXPECT_GT(scene["gain_db"], 6.5);
   EXPECT_GT(scene["rest_gain_db"], 6.5);
@@ -62,7 +61,7 @@ TEST_F(BenchSurface, TheBuiltInSceneGainsAndThenRests) {
 }
 
 // Without gains, the surface gains 2.6 dB, the same at rest, and flickers by 16 of 255 (99th percentile).
-TEST_F(BenchSurface, CamerasOfOtherBrightnessLoseLittle) {
+TEST_F(BenchSurface, BrightnessDifferencesCostLittle) {
   const nlohmann::json matched = row("built-in scene, gains off by 10 %");
   EXPECT_GT(matched["gain_db"], 7);
   EXPECT_GT(matched["rest_gain_db"], 6.5);
@@ -126,7 +125,7 @@ TEST_F(NarrowArray, NeedsNoGrid) {
 }
 
 // Closer than half a metre, few images overlap; at 1 cm, none.
-TEST_F(NarrowArray, PlanesThatNoCameraSeesDoNotSpoilTheOthers) {
+TEST_F(NarrowArray, InvisiblePlanesDoNotAffectOtherPlanes) {
   const nlohmann::json wide = figures("--rig array/rig.json --held-out 1 --rounds 2 --near 0.01 --far 5")["mean"],
                        given = figures("--rig array/rig.json --held-out 1 --rounds 2 --near 1.14 --far 4.95")["mean"];
   ASSERT_TRUE(wide["plane_db"].is_number());
@@ -138,7 +137,7 @@ TEST_F(NarrowArray, PlanesThatNoCameraSeesDoNotSpoilTheOthers) {
   }
 }
 
-TEST_F(NarrowArray, ViewsThatNoCameraSeesAreLeftOut) {
+TEST_F(NarrowArray, InvisibleViewsAreLeftOut) {
   const std::string views = "--rig array/rig.json --views views.json --truth array/truth --rounds 2";
   for (const std::string range : {"", " --near 1.14 --far 4.95"}) {
     const nlohmann::json json = figures(views + range);
@@ -150,7 +149,7 @@ TEST_F(NarrowArray, ViewsThatNoCameraSeesAreLeftOut) {
   }
 }
 
-TEST_F(NarrowArray, RigsOfWhichNothingCanBeMeasuredAreRefused) {
+TEST_F(NarrowArray, UnmeasurableRigsAreErrors) {
   EXPECT_THAT(run(kProgram, "--rig nominal.json", 1), mentions("camera 0", "no image"));
   run("lf-rig", "subset array/rig.json --cameras 0,1,5,6 --out four.json");
   EXPECT_THAT(run(kProgram, "--rig four.json", 1), mentions("cameras (4)", "between"));
@@ -162,7 +161,7 @@ TEST_F(NarrowArray, RigsOfWhichNothingCanBeMeasuredAreRefused) {
   EXPECT_THAT(run(kProgram, "--rig array/rig.json --near 3 --far 2", 1), HasSubstr("nearer"));
 }
 
-TEST_F(BenchSurface, UnknownScenesAreRefused) {
+TEST_F(BenchSurface, UnknownScenesAreErrors) {
   test::expect_outcome(run_program(kProgram, "--acceptance --only nowhere", folder_.path()), testing::Ne(0),
                        mentions("none", "scenes"));
 }

@@ -291,13 +291,13 @@ void expect_good(const Errors& errors) {
   EXPECT_LE(errors.ratio(Errors::kTransfer), 1.1);
 }
 
-TEST(Accuracy, OneLightAndLensesMeasuredBefore) {
+TEST(Accuracy, OneLightWithMeasuredLenses) {
   const Errors errors = run("prior", {});
   expect_good(errors);
   EXPECT_LE(errors.rms(Errors::kTransfer), 0.05);
 }
 
-TEST(Accuracy, ABarAndNoLensKnown) {
+TEST(Accuracy, BarWithUnknownLenses) {
   Study study;
   study.path.bar = 0.3, study.prior = false;
   const Errors errors = run("bar", study);
@@ -306,7 +306,7 @@ TEST(Accuracy, ABarAndNoLensKnown) {
 }
 
 // The bound is not reached with 60 % of the observations.
-TEST(Accuracy, AThirdMissedAndManyMistaken) {
+TEST(Accuracy, ManyMissedDetectionsAndOutliers) {
   Study study;
   study.path.missed = 0.3, study.path.outliers = 0.15;
   expect_good(run("outliers", study));

@@ -54,7 +54,7 @@ class AllCommand : public testing::Test {
 };
 std::unique_ptr<TempDir> AllCommand::material_;
 
-TEST_F(AllCommand, TheAfternoonAndOnlyWhatChangedIsDoneAgain) {
+TEST_F(AllCommand, RepeatsOnlyStepsWithChangedInputs) {
   const std::string arguments = "--lights lights --bar 0.3 --colour chart --out field.json";
   test::expect_outcome(all(arguments), 0,
                        AllOf(mentions("tracks.json", "4 of 4 cameras"), mentions("geometry.json", "4 of 4 cameras"),
@@ -83,7 +83,7 @@ TEST_F(AllCommand, TheAfternoonAndOnlyWhatChangedIsDoneAgain) {
 }
 
 // The cameras loop the recordings.
-TEST_F(AllCommand, LiveItSaysWhatToDoAndRecords) {
+TEST_F(AllCommand, PromptsAndRecordsLiveCameras) {
   setenv("GST_PLUGIN_PATH", (fs::path(LF_TOOLS_DIR) / "../gst").c_str(), 0);
   Rig rig = load_rig(dir_ / "rig.json");
   for (Camera& camera : rig.cameras) camera.source = "lights/" + camera.name + ".mkv", camera.time_offset = 0;
@@ -110,7 +110,7 @@ TEST_F(AllCommand, LiveItSaysWhatToDoAndRecords) {
 }
 
 // Asks for boards pose by pose; for cameras that see no board, the lights determine the lenses.
-TEST_F(AllCommand, LiveItSaysWhereToHoldTheBoard) {
+TEST_F(AllCommand, PromptsForBoardPoses) {
   setenv("GST_PLUGIN_PATH", (fs::path(LF_TOOLS_DIR) / "../gst").c_str(), 0);
   Rig rig = load_rig(dir_ / "rig.json");
   for (Camera& camera : rig.cameras) camera.source = "lights/" + camera.name + ".mkv", camera.time_offset = 0;
@@ -135,7 +135,7 @@ void make_video(const std::string& path, const std::string& source) {
   ASSERT_EQ(std::system(line.c_str()), 0) << line;
 }
 
-TEST_F(AllCommand, WhatIsWrongIsSaidWithWhatToDo) {
+TEST_F(AllCommand, ErrorsNameTheRemedy) {
   const auto all_lights = [&](const std::string& source) {
     for (int i = 0; i < 4; i++) make_video(light(i), source);
   };
@@ -190,7 +190,7 @@ TEST_F(AllCommand, WhatIsWrongIsSaidWithWhatToDo) {
 
 // An array that deviates from its plan records a bar, a chart and the built-in scene. The pictures of the calibrated
 // rig must be as good as pictures of the true rig.
-TEST(CalibrationRun, ItsPicturesAreAsThoseOfTheTrueRig) {
+TEST(CalibrationRun, PicturesMatchTheTrueRig) {
   const TempDir dir;
   const sim::PlannedArray array(3, 3, 240, 180);
   save_rig(array.truth, dir / "true.json");

@@ -66,7 +66,7 @@ class CheckCommand : public testing::Test {
   Rig rig_;
 };
 
-TEST_F(CheckCommand, TheExitStatusSaysWhetherItHolds) {
+TEST_F(CheckCommand, ExitStatusIsTheVerdict) {
   film(rig_);
   const Outcome holds = check("--tracks tracks.json --bar 0.3 --json check.json");
   EXPECT_EQ(holds.status, 0) << holds.output;
@@ -88,7 +88,7 @@ TEST_F(CheckCommand, TheExitStatusSaysWhetherItHolds) {
   EXPECT_EQ(report["cameras"][3]["state"], "holds");
 }
 
-TEST_F(CheckCommand, TheMonitorIsAskedToo) {
+TEST_F(CheckCommand, ReadsTheCameraMonitor) {
   const struct {
     const char* fault;
     int status;
@@ -106,7 +106,7 @@ TEST_F(CheckCommand, TheMonitorIsAskedToo) {
   }
 }
 
-TEST_F(CheckCommand, WhereNothingCanBeToldItSaysWhatToDo) {
+TEST_F(CheckCommand, UnknownVerdictNamesTheRemedy) {
   film(rig_);
   Rig other = rig_;
   other.cameras[3].id = 70;
@@ -172,7 +172,7 @@ class SlowServer {
   std::jthread thread_;
 };
 
-TEST_F(CheckCommand, DoesNotWaitForEverForASlowServer) {
+TEST_F(CheckCommand, TimesOutForASlowServer) {
   const SlowServer server;
   const Outcome outcome = check("--monitor " + server.address());
   EXPECT_EQ(outcome.status, 2);
@@ -199,7 +199,7 @@ class ReportCommand : public testing::Test {
   const TempDir dir_;
 };
 
-TEST_F(ReportCommand, OnePageThatNeedsNothingBesides) {
+TEST_F(ReportCommand, PageIsSelfContained) {
   solve(false);
   test::expect_outcome(run("report solve.json --title \"A <rig> & more\""), 0, HasSubstr("report.html: "));
   const std::string html = page();
@@ -214,14 +214,14 @@ TEST_F(ReportCommand, OnePageThatNeedsNothingBesides) {
     EXPECT_THAT(html, HasSubstr(part));
 }
 
-TEST_F(ReportCommand, ACameraThatIsMissingIsTheFirstThingSaid) {
+TEST_F(ReportCommand, MissingCameraIsReportedFirst) {
   solve(true);
   test::expect_outcome(run("report solve.json"), 0,
                        AllOf(mentions("1 camera", "9", "attention"), mentions("camera 4", "light")));
   EXPECT_THAT(page(), AllOf(mentions("1 camera", "9", "attention"), HasSubstr("badge bad"), HasSubstr("8 of 9")));
 }
 
-TEST_F(ReportCommand, ColoursAndChecksJoinByTheirCameras) {
+TEST_F(ReportCommand, ReportsAreMergedByCamera) {
   solve(false);
   dir_.write("colour.json", R"({"format": "lightfield-colour-report", "version": 1, "from": "12 charts",
       "terms": "brightness", "before": {"median": 5.9, "p95": 18.7}, "after": {"median": 0.67, "p95": 2.6},
@@ -238,7 +238,7 @@ TEST_F(ReportCommand, ColoursAndChecksJoinByTheirCameras) {
   EXPECT_THAT(page(), AllOf(HasSubstr("Latest check"), HasSubstr("camera monitor"), HasSubstr("18.7")));
 }
 
-TEST_F(ReportCommand, WhatIsNoReportIsRefused) {
+TEST_F(ReportCommand, OtherFilesAreErrors) {
   dir_.write("tracks.json", R"({"format": "lightfield-tracks"})");
   dir_.write("damaged.json", R"({"format": "lightfield-check", "findings": [], "cameras": [{"id": "x"}]})");
   dir_.write("text.json", "what");

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// lf-calibrate colour on recordings of lf-scene.
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
@@ -39,7 +38,7 @@ class ColourCommand : public testing::Test {
   const TempDir dir_;
 };
 
-TEST_F(ColourCommand, AChartIsFilmedMeasuredAndCorrected) {
+TEST_F(ColourCommand, MeasuresAndCorrectsWithAChart) {
   save_rig(scene_rig(2, 2, 320, 240), dir_ / "rig.json");
   test::expect_outcome(scene("chart --rig rig.json --out chart --places 10 --faults 3 --stuck 1"), 0);
   const Outcome outcome = colour("rig.json --recording chart/rig.json --out out.json --json report.json");
@@ -68,7 +67,7 @@ TEST_F(ColourCommand, AChartIsFilmedMeasuredAndCorrected) {
 }
 
 // Realistic recordings: cameras with different rates; the chart rests at each position for a second.
-TEST_F(ColourCommand, RecordingsAreReadOverTheirWholeLengthByTime) {
+TEST_F(ColourCommand, RecordingsAreSampledOverTheirWholeLength) {
   save_rig(scene_rig(2, 2, 320, 240), dir_ / "rig.json");
   ASSERT_EQ(scene("chart --rig rig.json --out places --places 10 --faults 3").status, 0);
   std::filesystem::create_directory(dir_ / "film");
@@ -97,7 +96,7 @@ TEST_F(ColourCommand, RecordingsAreReadOverTheirWholeLengthByTime) {
                        AllOf(mentions("camera 1", "no frame"), mentions("3 of 4 cameras")));
 }
 
-TEST_F(ColourCommand, TheSceneItselfWillDo) {
+TEST_F(ColourCommand, WorksWithoutAChart) {
   ASSERT_EQ(scene("--out film --grid 3x3 --width 240 --height 180 --frames 1 --format png --faults 5").status, 0);
   const Outcome outcome = colour("film/rig.json --out film/rig.json --json report.json");
   ASSERT_EQ(outcome.status, 0) << outcome.output;
@@ -117,7 +116,7 @@ TEST_F(ColourCommand, TheSceneItselfWillDo) {
                 0.01);
 }
 
-TEST_F(ColourCommand, WhatIsWrongIsSaidWithWhatToDo) {
+TEST_F(ColourCommand, ErrorsNameTheRemedy) {
   save_rig(scene_rig(2, 2, 160, 120), dir_ / "rig.json");
   Outcome outcome = colour("rig.json --out out.json");
   EXPECT_NE(outcome.status, 0);
@@ -145,7 +144,7 @@ TEST_F(ColourCommand, WhatIsWrongIsSaidWithWhatToDo) {
   EXPECT_FALSE(std::filesystem::exists(dir_ / "out.json"));
 }
 
-TEST_F(ColourCommand, HelpNamesWhatThereIs) {
+TEST_F(ColourCommand, HelpListsTheOptions) {
   test::expect_outcome(colour("--help"), 0,
                        AllOf(HasSubstr("--recording"), HasSubstr("--from"), HasSubstr("--frames")));
 }
@@ -159,7 +158,7 @@ double surface_db(const Rig& rig, const std::vector<Image>& images, const View& 
   return compare(still.picture, truth, still.coverage).psnr_db;
 }
 
-TEST(ColourQuality, EveryFourthCameraOffByTenPercentCostsNextToNothingOnceMeasured) {
+TEST(ColourQuality, GainErrorsCostLittleAfterCorrection) {
   const Rig rig = scene_rig(4, 4, 320, 240);
   std::vector<Image> good, wrong;
   for (size_t i = 0; i < rig.cameras.size(); i++) {

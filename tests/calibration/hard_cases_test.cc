@@ -115,7 +115,7 @@ std::vector<Case> cases() {
   return list;
 }
 
-TEST(HardCases, RightOrNamed) {
+TEST(HardCases, EachIsSolvedOrReported) {
   std::printf("%-32s %10s  %s\n", "case", "in sigmas", "findings");
   for (const Case& c : cases()) {
     Rig truth = make_array(c.array, 5);

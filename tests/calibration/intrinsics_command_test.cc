@@ -17,7 +17,7 @@ namespace {
 
 using testing::HasSubstr;
 
-TEST(IntrinsicsCommand, AVideoInWhichTheBoardStandsStillNowAndThen) {
+TEST(IntrinsicsCommand, UsesStillBoardsOfAVideo) {
   const TempDir dir;
   const Lens lens(LensModel::kRadial, {420, 319.5, 239.5, -0.1, 0.02});
   std::mt19937 random(5);
@@ -63,7 +63,7 @@ TEST(IntrinsicsCommand, AVideoInWhichTheBoardStandsStillNowAndThen) {
   test::expect_outcome(run_program("lf-calibrate", again + " --trust-rig", location), 0);
 }
 
-TEST(IntrinsicsCommand, MistakesLeaveNoRig) {
+TEST(IntrinsicsCommand, ErrorsLeaveNoRig) {
   const TempDir dir;
   save_image(Image(PixelFamily::kRgb, 64, 48), dir / "grey.png");
   const auto expect_failure = [&](const std::string& options, const std::vector<std::string>& facts) {

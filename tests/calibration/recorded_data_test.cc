@@ -63,7 +63,7 @@ TEST_F(Pointlight, WithoutDistortion) { EXPECT_LE(solve(DistortionModel{0, false
 TEST_F(Pointlight, WithTwoTerms) { EXPECT_LE(solve(DistortionModel{2, false})["mean_px"], 0.48); }
 
 // On held-out observations, k1 and k2 predict 0.380 px, with p1 and p2 0.338.
-TEST_F(Pointlight, TheTracksCallForFourTerms) {
+TEST_F(Pointlight, SelectsFourTerms) {
   const auto report = solve(std::nullopt);
   EXPECT_EQ(report["model"], "k1, k2, p1, p2, per camera");
   EXPECT_LE(report["mean_px"], 0.46);
@@ -163,7 +163,7 @@ View carried(View view, const Similarity& through) {
 }
 
 // Starts from 8x8 cameras and the approximate field of view alone.
-TEST(StillArrays, ChessIsRenderedAsWithItsTrueRig) {
+TEST(StillArrays, ChessIsRenderedAsWellAsWithTheTrueRig) {
   if (!fs::exists(kData / "chess")) GTEST_SKIP() << "needs ../shared/data/chess";
   Rig truth = load_rig(kData / "chess/rig.json");
   const std::vector<NamedView> views = load_views(kData / "chess/views.json");
@@ -223,7 +223,7 @@ struct Blocks {
 // removing each camera's own shift. At the single best plane another effect is larger: with nominal poses, some planes
 // sample all pictures half-way between pixels, which blurs the ghosts of out-of-focus parts by 0.4 dB. The test
 // therefore selects the plane per block and only prints the figure for a single plane.
-TEST(StillArrays, ToysGetACalibrationOfTheirOwn) {
+TEST(StillArrays, ToysAreCalibratedWithoutPriorKnowledge) {
   if (!fs::exists(kData / "toys")) GTEST_SKIP() << "needs ../shared/data/toys";
   const Rig all = load_rig(kData / "toys/rig.json");
   std::vector<CameraIndex> even, odd;

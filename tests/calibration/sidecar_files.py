@@ -54,7 +54,7 @@ class SidecarFiles(unittest.TestCase):
         shutil.copytree(self.folder / "chart", copy)
         return copy
 
-    def test_they_change_nothing(self):
+    def test_sidecar_files_are_ignored(self):
         copy = self.copy()
         for name in NAMES:
             shutil.copy(self.folder / "thumbnail", copy / f"{name}.THM")
@@ -63,7 +63,7 @@ class SidecarFiles(unittest.TestCase):
             (copy / f"{name}.srt").write_text("1\n00:00:00,000 --> 00:00:01,000\n1/50 s\n")
         self.assertEqual(self.colours(copy), self.alone)
 
-    def test_one_camera_has_one(self):
+    def test_sidecar_file_of_one_camera_is_ignored(self):
         copy = self.copy()
         (copy / "cam_01_00.txt").write_text("# timecode format v2\n")
         self.assertEqual(self.colours(copy), self.alone)

@@ -30,7 +30,7 @@ sim::ArrayOptions small_array() {
   return array;
 }
 
-TEST(SolveCommand, ARigAndAReport) {
+TEST(SolveCommand, WritesRigAndReport) {
   const TempDir dir;
   const Rig truth = sim::make_array(small_array(), 1);
   sim::PathOptions path;
@@ -60,7 +60,7 @@ TEST(SolveCommand, ARigAndAReport) {
   EXPECT_EQ(report.at("scale_from"), "the bar's length");
 }
 
-TEST(SolveCommand, MistakesLeaveNoRig) {
+TEST(SolveCommand, ErrorsLeaveNoRig) {
   const TempDir dir;
   const auto expect_failure = [&](const std::string& options, const std::vector<std::string>& facts) {
     test::expect_outcome(run_program("lf-calibrate", "solve --out rig.json " + options, dir.path()), 1,
@@ -84,7 +84,7 @@ TEST(SolveCommand, MistakesLeaveNoRig) {
   expect_failure("--tracks empty.json", {"two cameras", "light"});
 }
 
-TEST(SolveCommand, InterruptedItLeavesTheRigThatWasThere) {
+TEST(SolveCommand, InterruptionKeepsThePreviousRig) {
   const TempDir dir;
   sim::PathOptions path;
   path.bar = 0.3;
@@ -121,7 +121,7 @@ TEST(SolveCommand, InterruptedItLeavesTheRigThatWasThere) {
   }
 }
 
-TEST(SolverLog, KeepsWhatTheSolverSaysFromStderr) {
+TEST(SolverLog, SolverMessagesDoNotReachStderr) {
   capture_solver_messages();
   testing::internal::CaptureStderr();
   for (int i = 0; i < 3; i++) LOG(WARNING) << "Linear solver failure";

@@ -39,7 +39,7 @@ void record(const TempDir& dir, const Rig& rig, const std::string& options) {
   test::expect_outcome(run_program("../tools/lf-scene", "lights --rig true.json --out rec " + options, dir.path()), 0);
 }
 
-TEST(TrackCommand, FromRecordingsOfABarToARig) {
+TEST(TrackCommand, CalibratesFromRecordingsOfABar) {
   const TempDir dir;
   const Rig truth = array();
   record(dir, truth, "--framerate 30,15 --seconds 7,6 --noise 3 --exposure 0.012 --reflection 0.3");
@@ -95,7 +95,7 @@ void make_video(const std::string& path, const std::string& source) {
   ASSERT_EQ(std::system(line.c_str()), 0) << line;
 }
 
-TEST(TrackCommand, RecordingsThatAreOfNoUseAreNamed) {
+TEST(TrackCommand, UnusableRecordingsAreNamed) {
   const TempDir dir;
   const Rig truth = array();
   record(dir, truth, "--framerate 15 --seconds 3 --bar 0");
@@ -124,7 +124,7 @@ TEST(TrackCommand, RecordingsThatAreOfNoUseAreNamed) {
   EXPECT_FALSE(std::filesystem::exists(dir / "tracks.json"));
 }
 
-TEST(TrackCommand, MistakesOnTheCommandLine) {
+TEST(TrackCommand, CommandLineErrors) {
   const TempDir dir;
   save_rig(array(), dir / "rig.json");
   test::expect_outcome(run_program("lf-calibrate", "track rig.json --out t.json --recordings nowhere", dir.path()), 1,

@@ -53,7 +53,7 @@ class Corpus : public testing::TestWithParam<std::string> {
   }
 };
 
-TEST_P(Corpus, HoldsItsLaws) {
+TEST_P(Corpus, ReplaysWithoutFailures) {
   std::minstd_rand random(1);
   const std::map<std::string, std::vector<Bytes>> all = seeds();
   ASSERT_TRUE(all.count(GetParam()));

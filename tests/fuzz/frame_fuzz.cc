@@ -82,7 +82,7 @@ class Libjpeg {
 
   // Call after decoding, like the functions below. Returns true if the coefficients are impossible for an 8-bit
   // picture: a mean of twice white, or so many that the 16-bit integer inverse DCT (libjpeg's and ours) overflows.
-  bool is_no_picture() {
+  bool is_out_of_range() {
     constexpr int kMost = 32767 / 4 / 1.39;  // four fractional bits, sums of up to 1.39 of each
     constexpr int kMostMean = 2048;
     if (setjmp(in_errors_.jump)) return false;
@@ -104,7 +104,7 @@ class Libjpeg {
   }
 
   // Re-encodes the coefficients as an encoder would. Returns an empty vector on failure.
-  Bytes written_again() {
+  Bytes reencoded() {
     if (setjmp(out_errors_.jump)) return {};
     if (setjmp(in_errors_.jump)) return {};
     jvirt_barray_ptr* const coefficients = begin_coefficients();
@@ -210,9 +210,9 @@ LF_FUZZ_TARGET(frame)(const uint8_t* data, size_t size) {
   if (!lf::jpeg::parse_header(bytes, &reason)->one_baseline_scan) return 0;
   Libjpeg truth(bytes);
   const bool taken_there = truth.decode();
-  if (taken) require(taken_there && (same(frame->view(), truth) || truth.is_no_picture()));
-  if (taken || !taken_there || truth.is_no_picture()) return 0;
-  const Bytes again = truth.written_again();
+  if (taken) require(taken_there && (same(frame->view(), truth) || truth.is_out_of_range()));
+  if (taken || !taken_there || truth.is_out_of_range()) return 0;
+  const Bytes again = truth.reencoded();
   if (again.empty()) return 0;
   const std::shared_ptr<lf::JpegFrame> sound = lf::JpegFrame::open(nullptr, again, &reason);
   require(sound && take(*sound, {0, 0, w, h}));

@@ -29,7 +29,6 @@ inline std::map<std::string, Target>& targets() {
   return all;
 }
 
-// Aborts if a condition that must hold for any input is false.
 inline void require(bool condition) {
   if (condition) return;
 #ifdef LF_FUZZER

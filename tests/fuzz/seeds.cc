@@ -38,7 +38,6 @@ Bytes packets(wire::UnitKind kind, const std::vector<Bytes>& units, size_t max_p
   return out;
 }
 
-// Camera frames of all kinds with region decoding, and some without.
 void add_frames(std::vector<Bytes>& seeds) {
   using Kind = test::JpegKind;
   const Image picture = test::noisy_picture(41, 23, 1);

@@ -20,7 +20,6 @@ namespace {
 
 using namespace lf;
 
-// Returns true if the text is safe in addresses and HTTP headers.
 bool is_plain(const std::string& text) {
   return std::ranges::all_of(text, [](char c) { return c > ' ' && c <= '~' && c != '"' && c != ','; });
 }

@@ -18,7 +18,7 @@ std::string text_of(GstStructure* structure) {
   return text;
 }
 
-TEST(V4l2Controls, AreNamedAsOldAndNewKernelsDoSwitchesFirst) {
+TEST(V4l2Controls, HaveOldAndNewNamesWithModesFirst) {
   EXPECT_EQ(text_of(v4l2_extra_controls(
                 {{"exposure", 0.0123}, {"white_balance", std::nullopt}, {"mains_frequency", 50}, {"sharpness", 3.4}})),
             "lightfield-controls, auto_exposure=(int)1, exposure_auto=(int)1, white_balance_automatic=(int)1, "
@@ -28,7 +28,7 @@ TEST(V4l2Controls, AreNamedAsOldAndNewKernelsDoSwitchesFirst) {
             "lightfield-controls, auto_exposure=(int)3, exposure_auto=(int)3, power_line_frequency=(int)2;");
 }
 
-TEST(V4l2Controls, AreReadInOurUnits) {
+TEST(V4l2Controls, AreReadInUserUnits) {
   std::map<uint32_t, int32_t> device = {{V4L2_CID_EXPOSURE_ABSOLUTE, 157},
                                         {V4L2_CID_EXPOSURE_AUTO, V4L2_EXPOSURE_APERTURE_PRIORITY},
                                         {V4L2_CID_GAIN, 12},
@@ -50,7 +50,7 @@ TEST(V4l2Controls, AreReadInOurUnits) {
   EXPECT_FALSE(read_v4l2_control("sharpness", read)) << "not a control with a unit";
 }
 
-TEST(CameraControls, GoToPropertiesOfAllInside) {
+TEST(CameraControls, SetPropertiesOfAllElementsInABin) {
   const ElementPtr bin(gst_parse_bin_from_description("videotestsrc ! videobalance ! identity", TRUE, nullptr));
   gst_object_ref_sink(bin.get());
   const Controls wanted = {{"brightness", 0.25}, {"sleep-time", 70.2}, {"exposure", 0.1}, {"nothing", 3}};
@@ -72,7 +72,7 @@ TEST(CameraControls, GoToPropertiesOfAllInside) {
 }
 
 // Controls do not apply to a source that is a launch line: the line itself sets all properties.
-TEST(CameraControls, LeaveWhatALineOfElementsSays) {
+TEST(CameraControls, DoNotChangeLaunchLines) {
   const ElementPtr source(gst_element_factory_make("v4l2src", nullptr));
   if (!source) GTEST_SKIP() << "v4l2src is not installed";
   gst_object_ref_sink(source.get());

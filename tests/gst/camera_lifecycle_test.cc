@@ -9,7 +9,7 @@ namespace {
 using State = CameraLifecycle::State;
 constexpr uint64_t kSecond = 1'000'000'000;
 
-TEST(CameraLifecycleTest, IsLostUntilItGivesAFrame) {
+TEST(CameraLifecycleTest, StaysLostUntilTheFirstFrame) {
   CameraLifecycle service;
   EXPECT_EQ(service.state(), State::kStopped);
   service.start();
@@ -30,7 +30,7 @@ TEST(CameraLifecycleTest, IsLostUntilItGivesAFrame) {
   EXPECT_FALSE(service.report().worked);
 }
 
-TEST(CameraLifecycleTest, WaitsForAQuarterOfTheTimeItIsOut) {
+TEST(CameraLifecycleTest, RetryDelayIsAQuarterOfTheOutage) {
   CameraLifecycle service;
   service.start();
   const uint64_t lost = 100 * kSecond;
@@ -41,7 +41,7 @@ TEST(CameraLifecycleTest, WaitsForAQuarterOfTheTimeItIsOut) {
   EXPECT_EQ(service.wait(lost + 1000 * kSecond), 10 * kSecond);
 }
 
-TEST(CameraLifecycleTest, ACameraThatComesAndGoesIsWaitedForEverLonger) {
+TEST(CameraLifecycleTest, RetryDelayGrowsForUnstableCameras) {
   CameraLifecycle service;
   service.start();
   uint64_t now = 100 * kSecond, wait = 0, last = 0;
@@ -84,7 +84,7 @@ bool begins(const std::vector<Verdict>& verdicts) {
   return std::find(verdicts.begin(), verdicts.end(), Verdict::kStartDropping) != verdicts.end();
 }
 
-TEST(LoadShedderTest, OnlyWhatStaysLateIsTooMuch) {
+TEST(LoadShedderTest, OnlyLastingLatenessStartsDropping) {
   EXPECT_FALSE(begins(second(*shedder(true), 1, 0, 90 * GST_MSECOND))) << "within the tolerance";
   EXPECT_FALSE(begins(second(*shedder(true), 2, 400 * GST_MSECOND, 0))) << "the camera catches up";
   EXPECT_FALSE(begins(second(*shedder(false), 3, 400 * GST_MSECOND, 400 * GST_MSECOND))) << "network delay";
@@ -93,7 +93,7 @@ TEST(LoadShedderTest, OnlyWhatStaysLateIsTooMuch) {
   EXPECT_TRUE(begins(second(*shedder(false), 5, 200 * GST_MSECOND, 600 * GST_MSECOND)));
 }
 
-TEST(LoadShedderTest, OneCameraAfterTheOther) {
+TEST(LoadShedderTest, CamerasStartDroppingOneByOne) {
   const auto first = shedder(true), next = shedder(true);
   const uint64_t begun = 1'000'000 * kSecond;
   int begin = 0;
@@ -104,7 +104,7 @@ TEST(LoadShedderTest, OneCameraAfterTheOther) {
   EXPECT_GT(first->behind(), 0);
 }
 
-TEST(LoadShedderTest, WhatIsOnItsWayWhenOthersAreDroppedIsLeftOut) {
+TEST(LoadShedderTest, FramesInTheDecoderAreDropped) {
   const auto one = shedder(true);
   const uint64_t begun = 2'000'000 * kSecond;
   GstClockTime pts = 0;

@@ -15,7 +15,7 @@ BufferPtr picture(bool is_key) {
   return buffer;
 }
 
-TEST(PendingCodedFramesTest, BeginWithAKeyFrame) {
+TEST(PendingCodedFramesTest, BeginsWithAKeyFrame) {
   PendingCodedFrames pictures;
   EXPECT_FALSE(pictures.admits(picture(false).get()));
   EXPECT_TRUE(pictures.admits(picture(true).get()));
@@ -24,7 +24,7 @@ TEST(PendingCodedFramesTest, BeginWithAKeyFrame) {
   EXPECT_FALSE(pictures.admits(picture(false).get()));
 }
 
-TEST(PendingCodedFramesTest, WaitFromAKeyFrameOn) {
+TEST(PendingCodedFramesTest, PendingFramesStartWithAKeyFrame) {
   PendingCodedFrames pictures;
   for (GstClockTime i = 0; i < 5; i++) pictures.wait(picture(i == 2).get(), i * kPeriod);
   const auto waiting = pictures.take_waiting();
@@ -34,7 +34,7 @@ TEST(PendingCodedFramesTest, WaitFromAKeyFrameOn) {
   EXPECT_TRUE(pictures.admits(picture(false).get())) << "the key frame was admitted";
 }
 
-TEST(PendingCodedFramesTest, ThoseOfADecoderThatGivesNothingAreLetGo) {
+TEST(PendingCodedFramesTest, PendingFramesAreBounded) {
   PendingCodedFrames pictures;
   for (size_t i = 0; i < PendingCodedFrames::kMaxPending + 5; i++) pictures.wait(picture(i == 0).get(), i * kPeriod);
   EXPECT_TRUE(pictures.take_waiting().empty());
@@ -42,7 +42,7 @@ TEST(PendingCodedFramesTest, ThoseOfADecoderThatGivesNothingAreLetGo) {
 }
 
 // A sender report that arrives after the first frames shifts the capture times by -200 ms.
-TEST(PendingCodedFramesTest, CaptureTimesGoOn) {
+TEST(PendingCodedFramesTest, CaptureTimesKeepIncreasingAfterAJumpBack) {
   PendingCodedFrames pictures;
   constexpr GstClockTime kBegin = 1000 * GST_SECOND, kJump = GST_SECOND / 5;
   GstClockTime before = 0;
@@ -58,13 +58,13 @@ TEST(PendingCodedFramesTest, CaptureTimesGoOn) {
   }
 }
 
-TEST(PendingCodedFramesTest, TimesMayBeInAnotherOrder) {
+TEST(PendingCodedFramesTest, DecodingOrderMayDifferFromDisplayOrder) {
   PendingCodedFrames pictures;
   for (const GstClockTime i : {0, 3, 1, 2, 6, 4, 5})
     EXPECT_EQ(pictures.in_order(i * kPeriod, GST_SECOND + i * kPeriod), GST_SECOND + i * kPeriod) << i;
 }
 
-TEST(PendingCodedFramesTest, AClockThatIsSetBackIs) {
+TEST(PendingCodedFramesTest, LargeClockStepsAreKept) {
   PendingCodedFrames pictures;
   pictures.in_order(kPeriod, 100 * GST_SECOND);
   EXPECT_EQ(pictures.in_order(2 * kPeriod, 40 * GST_SECOND), 40 * GST_SECOND);

@@ -20,7 +20,7 @@ std::shared_ptr<AnswerJob> job(uint64_t time, int side = 100) {
 
 using Jobs = std::vector<std::shared_ptr<AnswerJob>>;
 
-TEST(AnswerJobQueue, GoWithThoseOfTheirSet) {
+TEST(AnswerJobQueue, JobsOfASetAreTakenTogether) {
   AnswerJobQueue waiting;
   const auto a = job(1), b = job(2), c = job(1), d = job(1);
   for (const auto& each : {a, b, c}) waiting.add(each);
@@ -32,7 +32,7 @@ TEST(AnswerJobQueue, GoWithThoseOfTheirSet) {
   EXPECT_EQ(waiting.take_with(d, false), (Jobs{d}));
 }
 
-TEST(AnswerJobQueue, GoAloneWhereThatIsAsked) {
+TEST(AnswerJobQueue, JobIsTakenAloneOnRequest) {
   AnswerJobQueue waiting;
   const auto a = job(1), b = job(1);
   for (const auto& each : {a, b}) waiting.add(each);
@@ -40,7 +40,7 @@ TEST(AnswerJobQueue, GoAloneWhereThatIsAsked) {
   EXPECT_EQ(waiting.take_with(a, true), (Jobs{a}));
 }
 
-TEST(AnswerJobQueue, AreForgottenWithWhoeverHoldsThem) {
+TEST(AnswerJobQueue, ReleasedJobsAreForgotten) {
   AnswerJobQueue waiting;
   const auto a = job(1), b = job(1);
   waiting.add(a);
@@ -52,7 +52,7 @@ TEST(AnswerJobQueue, AreForgottenWithWhoeverHoldsThem) {
   EXPECT_EQ(waiting.take_with(b, false), (Jobs{b, a}));
 }
 
-TEST(AnswerJobQueue, AreNotTooManyPixels) {
+TEST(AnswerJobQueue, BatchesHaveLimitedPixels) {
   AnswerJobQueue waiting;
   constexpr int kSide = 2000;  // four jobs reach the limit
   Jobs all;
@@ -65,7 +65,7 @@ TEST(AnswerJobQueue, AreNotTooManyPixels) {
   EXPECT_EQ(waiting.take_with(huge, false), (Jobs{huge})) << "a single job is always taken";
 }
 
-TEST(AnswerJobQueue, EachIsTakenOnce) {
+TEST(AnswerJobQueue, EachJobIsTakenOnce) {
   AnswerJobQueue waiting;
   Jobs all;
   for (int i = 0; i < 300; i++) all.push_back(job(static_cast<uint64_t>(i / 9)));
@@ -88,7 +88,7 @@ GstSegment from(GstClockTime start) {
   return segment;
 }
 
-TEST(RequestPosition, CamerasFollowWhereANewSegmentGoesBack) {
+TEST(RequestPosition, CamerasSeekIfASegmentGoesBack) {
   RequestPosition place;
   place.begin(false);
   EXPECT_FALSE(place.moves(from(0), 50));
@@ -98,7 +98,7 @@ TEST(RequestPosition, CamerasFollowWhereANewSegmentGoesBack) {
   EXPECT_FALSE(place.moves(from(0), 20)) << "once";
 }
 
-TEST(RequestPosition, AfterAFlushTheyFollowInAnyCase) {
+TEST(RequestPosition, CamerasSeekAfterAFlush) {
   RequestPosition place;
   place.moves(from(0), 50);
   place.flush();
@@ -109,7 +109,7 @@ TEST(RequestPosition, AfterAFlushTheyFollowInAnyCase) {
   EXPECT_FALSE(place.moves(from(0), 10));
 }
 
-TEST(RequestPosition, LiveCamerasAreWhereTheyAre) {
+TEST(RequestPosition, LiveCamerasDoNotSeek) {
   RequestPosition place;
   place.begin(true);
   EXPECT_TRUE(place.is_live());

@@ -118,7 +118,7 @@ void set_day(GstClock* clock, GstClockTimeDiff step) {
   gst_clock_set_calibration(clock, internal, external - static_cast<GstClockTime>(step), numerator, denominator);
 }
 
-TEST(WallClock, BeginsAsTheTimeOfDay) {
+TEST(WallClock, StartsAtTheTimeOfDay) {
   g_autoptr(GstClock) clock = new_wall_clock();
   EXPECT_NEAR(static_cast<double>(gst_clock_get_time(clock)), static_cast<double>(day_now()), 1e8);
   EXPECT_EQ(wall_offset(clock), 0);
@@ -126,7 +126,7 @@ TEST(WallClock, BeginsAsTheTimeOfDay) {
   EXPECT_EQ(wall_offset(other), 0) << "no offset for clocks selected by the application";
 }
 
-TEST(WallClock, GoesOnWhenTheTimeOfDayIsSet) {
+TEST(WallClock, ContinuesWhenTheTimeOfDayIsSet) {
   for (const GstClockTimeDiff step : {600 * GST_SECOND, -3600 * GST_SECOND, 50 * GST_MSECOND}) {
     g_autoptr(GstClock) clock = new_wall_clock();
     set_day(clock, step);
@@ -139,7 +139,7 @@ TEST(WallClock, GoesOnWhenTheTimeOfDayIsSet) {
   }
 }
 
-TEST(WallClock, AStepIsToldOnce) {
+TEST(WallClock, StepIsReportedOnce) {
   const ElementPtr pipeline = launch("fakesrc name=e ! fakesink");
   g_autoptr(GstClock) clock = new_wall_clock();
   const ElementPtr e(gst_bin_get_by_name(GST_BIN(pipeline.get()), "e"));
@@ -152,7 +152,7 @@ TEST(WallClock, AStepIsToldOnce) {
   EXPECT_NE(told[0].find("back by 40.0"), std::string::npos) << told[0];
 }
 
-TEST(Clocks, CamerasNodesAndRequestsGiveNone) {
+TEST(Clocks, CamerasNodesAndRequestsProvideNoClock) {
   const ArrayFixture array;
   for (const std::string element : {"lfcamsrc", "lfcameranode", "lfviewrequest"}) {
     const ElementPtr pipeline =

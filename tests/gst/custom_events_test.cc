@@ -11,7 +11,7 @@ namespace {
 using EventPtr = std::unique_ptr<GstEvent, void (*)(GstEvent*)>;
 
 // Copies the event, as elements do to make it writable.
-std::shared_ptr<const ViewFeedback> there_and_back(const ViewFeedback& feedback) {
+std::shared_ptr<const ViewFeedback> round_trip(const ViewFeedback& feedback) {
   const EventPtr event(view_feedback_event(feedback), gst_event_unref);
   const EventPtr copy(gst_event_copy(event.get()), gst_event_unref);
   EXPECT_EQ(parse_view_feedback(copy.get()), parse_view_feedback(event.get())) << "shared";
@@ -22,7 +22,7 @@ EventPtr custom_event(GstStructure* structure) {
   return {gst_event_new_custom(GST_EVENT_CUSTOM_UPSTREAM, structure), gst_event_unref};
 }
 
-ViewRequest some_request() {
+ViewRequest example_request() {
   ViewRequest request;
   request.view_id = 7;
   request.sequence = 12;
@@ -32,8 +32,8 @@ ViewRequest some_request() {
   return request;
 }
 
-TEST(ViewFeedback, EachPartComesBack) {
-  const ViewRequest request = some_request();
+TEST(ViewFeedback, RoundTripsEachPart) {
+  const ViewRequest request = example_request();
   DepthEstimator::Plan plan{
       .view = request.view, .hypotheses = {{DepthHypothesis::Kind::kPlane, 200}}, .on_plane = true};
   plan.plane = Plane{{0, 0, 1}, 1.5};
@@ -49,7 +49,7 @@ TEST(ViewFeedback, EachPartComesBack) {
                           .focus = DepthEstimate{12, plan, {.use = true}},
                           .out_of_service = CameraSet{0, 5, 63},
                           .extra_requests = {request, probe}};
-  const std::shared_ptr<const ViewFeedback> came = there_and_back(sent);
+  const std::shared_ptr<const ViewFeedback> came = round_trip(sent);
   ASSERT_TRUE(came);
   EXPECT_EQ(came->view_id, 7u);
   ASSERT_TRUE(came->focus);
@@ -65,18 +65,18 @@ TEST(ViewFeedback, EachPartComesBack) {
 }
 
 // An empty set means that all cameras are back; no set means no change.
-TEST(ViewFeedback, PartsThatAreNotThere) {
-  const std::shared_ptr<const ViewFeedback> back = there_and_back({.view_id = 1, .out_of_service = CameraSet{}});
+TEST(ViewFeedback, RoundTripsMissingParts) {
+  const std::shared_ptr<const ViewFeedback> back = round_trip({.view_id = 1, .out_of_service = CameraSet{}});
   ASSERT_TRUE(back);
   EXPECT_EQ(back->out_of_service, CameraSet{});
   EXPECT_FALSE(back->focus);
-  const std::shared_ptr<const ViewFeedback> nothing = there_and_back({.view_id = 2});
+  const std::shared_ptr<const ViewFeedback> nothing = round_trip({.view_id = 2});
   ASSERT_TRUE(nothing);
   EXPECT_FALSE(nothing->out_of_service);
   EXPECT_TRUE(nothing->extra_requests.empty());
 }
 
-TEST(ViewFeedback, AnotherEventIsNone) {
+TEST(ViewFeedback, OtherEventsAreIgnored) {
   EXPECT_FALSE(parse_view_feedback(custom_event(gst_structure_new_empty("another")).get()));
   EXPECT_FALSE(parse_view_feedback(custom_event(gst_structure_new_empty(LF_VIEW_FEEDBACK_EVENT)).get()))
       << "no feedback";
@@ -84,7 +84,7 @@ TEST(ViewFeedback, AnotherEventIsNone) {
   EXPECT_FALSE(parse_view_feedback(eos.get()));
 }
 
-TEST(ViewFeedback, AnotherFieldIsNone) {
+TEST(ViewFeedback, OtherFieldsAreIgnored) {
   GstStructure* structure = gst_structure_new(LF_VIEW_FEEDBACK_EVENT, "feedback", G_TYPE_UINT, 3, nullptr);
   EXPECT_FALSE(parse_view_feedback(custom_event(structure).get()));
 }

@@ -141,7 +141,7 @@ TEST_F(Exceptions, InStateChanges) {
 }
 
 // Tears down bins with everything that a run creates inside.
-TEST_F(Exceptions, WhereBinsGo) {
+TEST_F(Exceptions, InTeardownOfBins) {
   const auto each_place_of_going = [&](const char* factory, const Step& prepare) {
     SCOPED_TRACE(factory);
     int places = 0;
@@ -170,7 +170,7 @@ TEST_F(Exceptions, WhereBinsGo) {
   });
 }
 
-TEST_F(Exceptions, WhereCamerasAnswer) {
+TEST_F(Exceptions, InAnswers) {
   const std::vector<uint8_t> bytes = wire::encode_request(array_.request(0, 0));
   const BufferPtr frame(ArrayFixture::frame("RGB", 100, 0));
   const std::string caps = ArrayFixture::caps("RGB");
@@ -198,7 +198,7 @@ TEST_F(Exceptions, WhereCamerasAnswer) {
       });
 }
 
-TEST_F(Exceptions, AnAnswerAndNoMore) {
+TEST_F(Exceptions, LoseOnlyOneAnswer) {
   const BufferPtr frame(ArrayFixture::frame("RGB", 100, 0));
   const std::string caps = ArrayFixture::caps("RGB");
   std::vector<std::vector<uint8_t>> requests;
@@ -235,7 +235,7 @@ TEST_F(Exceptions, AnAnswerAndNoMore) {
   EXPECT_GT(places_, 20);
 }
 
-TEST_F(Exceptions, WherePicturesAreComposed) {
+TEST_F(Exceptions, InComposition) {
   const ViewRequest asked = array_.request(0, 0);
   wire::Answer answer;
   answer.view_width = asked.view.width;
@@ -269,7 +269,7 @@ TEST_F(Exceptions, WherePicturesAreComposed) {
       });
 }
 
-TEST_F(Exceptions, WhereRequestsAreMade) {
+TEST_F(Exceptions, InRequests) {
   each_place(
       "lfviewrequest",
       [](GstElement* element) {
@@ -290,7 +290,7 @@ TEST_F(Exceptions, WhereRequestsAreMade) {
       [&](GstElement* element) { set_rig(element); });
 }
 
-TEST_F(Exceptions, ARequestAndNoMore) {
+TEST_F(Exceptions, LoseOnlyOneRequest) {
   constexpr int kRequests = 4;
   struct Passed {
     std::atomic<int> places, requests;
@@ -324,7 +324,7 @@ TEST_F(Exceptions, ARequestAndNoMore) {
   EXPECT_GE(places_, 5);
 }
 
-TEST_F(Exceptions, AnErrorSaysSo) {
+TEST_F(Exceptions, ArePostedAsErrors) {
   const ElementPtr element(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make("lffragment", nullptr))));
   set_rig(element.get());
   const std::unique_ptr<GstBus, Unref<gst_object_unref>> bus(gst_bus_new());

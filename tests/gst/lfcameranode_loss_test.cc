@@ -26,7 +26,7 @@ using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::Not;
 
-TEST_F(LossTest, AMissingFileIsTakenUpWhenItIsThere) {
+TEST_F(LossTest, MissingFileIsOpenedWhenItAppears) {
   const std::string late = files->path("late.mkv");
   const WatchedPipeline pipeline(line(rig(3, [](guint id) { return id == 1 ? "late.mkv" : "mjpeg.mkv"; })),
                                  GST_STATE_NULL);
@@ -51,7 +51,7 @@ TEST_F(LossTest, AMissingFileIsTakenUpWhenItIsThere) {
   std::filesystem::remove(late);
 }
 
-TEST_F(LossTest, HalfOfTheCamerasAtOnceAreHalfOfTheCameras) {
+TEST_F(LossTest, HalfOfTheCamerasFailTogether) {
   const WatchedPipeline pipeline(line(devices(4)));
   const ElementPtr node = pipeline.child("n"), sink = pipeline.child("s0");
   Pictures pictures(sink.get());
@@ -78,7 +78,7 @@ TEST_F(LossTest, HalfOfTheCamerasAtOnceAreHalfOfTheCameras) {
   EXPECT_THAT(pipeline.errors(), IsEmpty());
 }
 
-TEST_F(LossTest, ALiveStreamThatEndsIsALoss) {
+TEST_F(LossTest, EndOfALiveStreamIsALoss) {
   const WatchedPipeline pipeline(line(devices(2)));
   const ElementPtr node = pipeline.child("n");
   EXPECT_TRUE(eventually([&] { return camera_stats(node.get(), 1).state == "running"; }));
@@ -90,7 +90,7 @@ TEST_F(LossTest, ALiveStreamThatEndsIsALoss) {
   pipeline.stop();
 }
 
-TEST_F(LossTest, ACameraThatFallsSilentIsLost) {
+TEST_F(LossTest, SilentCameraIsLost) {
   const WatchedPipeline pipeline(line(devices(2)));
   const ElementPtr node = pipeline.child("n");
   EXPECT_TRUE(eventually([&] { return camera_stats(node.get(), 1).state == "running"; }));
@@ -109,7 +109,7 @@ TEST_F(LossTest, ACameraThatFallsSilentIsLost) {
   EXPECT_THAT(pipeline.errors(), IsEmpty());
 }
 
-TEST_F(LossTest, WithoutRetryACameraIsLostForGood) {
+TEST_F(LossTest, WithoutRetryACameraStaysLost) {
   const WatchedPipeline pipeline(line(devices(2), 1, "is-live=true retry=false"));
   const ElementPtr node = pipeline.child("n");
   EXPECT_TRUE(eventually([&] { return camera_stats(node.get(), 1).state == "running"; }));
@@ -138,7 +138,7 @@ std::vector<uint8_t> picture_at(GstElement* sink) {
 }
 
 // Viewers keep the last picture, and one warning names the reason.
-TEST_F(LossTest, AllThatHaveWorkedAreWaitedFor) {
+TEST_F(LossTest, NodeWaitsIfAllCamerasAreLost) {
   const WatchedPipeline pipeline(line(devices(3)));
   const ElementPtr node = pipeline.child("n"), sink = pipeline.child("s0");
   Pictures pictures(sink.get());
@@ -172,7 +172,7 @@ TEST_F(LossTest, AllThatHaveWorkedAreWaitedFor) {
   EXPECT_EQ(std::ranges::count_if(warnings, [](const auto& w) { return w.find("any more: ") != w.npos; }), 2);
 }
 
-TEST_F(LossTest, NoneThatWorksIsAnErrorWithAllReasons) {
+TEST_F(LossTest, NoWorkingCameraIsAnErrorWithAllReasons) {
   for (const size_t id : {0, 1}) failing_device(id).broken = true;
   const std::string none = rig(3, [](guint id) { return id < 2 ? "failing://" + std::to_string(id) : "no.mkv"; });
   const WatchedPipeline pipeline(line(none), GST_STATE_NULL);
@@ -182,7 +182,7 @@ TEST_F(LossTest, NoneThatWorksIsAnErrorWithAllReasons) {
 }
 
 // A non-live node does not wait for damaged files: each ends early and the rest play on.
-TEST_F(LossTest, DamagedFilesEndNothing) {
+TEST_F(LossTest, DamagedFilesDoNotEndThePipeline) {
   std::ifstream in(files->path("mjpeg.mkv"), std::ios::binary);
   const std::string film((std::istreambuf_iterator<char>(in)), {});
   std::ofstream(files->path("cut.mkv"), std::ios::binary) << film.substr(0, film.size() / 2);
@@ -218,7 +218,7 @@ TEST_F(LossTest, DamagedFilesEndNothing) {
 }
 
 // Files of one array loop with a common period. A truncated file has a gap at its end, which is not a failure.
-TEST_F(LossTest, AFilmThatPausesIsNotLost) {
+TEST_F(LossTest, GapInALoopIsNotALoss) {
   const std::string whole = files->path("long.mkv"), cut = files->path("long-cut.mkv");
   run_to_end(
       "videotestsrc num-buffers=120 ! video/x-raw,format=I420,width=64,height=48,framerate=15/1 ! jpegenc ! "
@@ -242,7 +242,7 @@ TEST_F(LossTest, AFilmThatPausesIsNotLost) {
 }
 
 // A non-looping file repeats its last frame, without a warning about old frames.
-TEST_F(LossTest, AFilmThatEndsStands) {
+TEST_F(LossTest, LastFrameOfAFileRepeats) {
   const std::string path = files->save("loss.json", 2, [&](Camera& camera) { camera.source = "mjpeg.mkv"; });
   const WatchedPipeline pipeline("lfviewrequest is-live=true framerate=15/1 width=64 height=48 rig=" + path +
                                      " ! lfcameranode is-live=true name=n rig=" + path +
@@ -257,7 +257,7 @@ TEST_F(LossTest, AFilmThatEndsStands) {
   EXPECT_THAT(pipeline.warnings(), IsEmpty());
 }
 
-TEST_F(LossTest, StatesChangeAtEveryStageOfALoss) {
+TEST_F(LossTest, StateChangesAtEveryStageOfALoss) {
   const ElementPtr pipeline = launch(line(devices(3)));
   ASSERT_TRUE(pipeline);
   for (int i = 0; i < 30; i++) {
@@ -276,7 +276,7 @@ TEST_F(LossTest, StatesChangeAtEveryStageOfALoss) {
 }
 
 // Each run is longer than the retry delay, which therefore stays short.
-TEST_F(LossTest, AHundredLossesAndReturnsLeaveNothing) {
+TEST_F(LossTest, HundredLossesLeakNothing) {
   constexpr guint kFailing = 16;
   for (guint id = 1; id <= kFailing; id++) failing_device(id).frames_at_most = 25;
   const WatchedPipeline pipeline(line(devices(kFailing + 1)));
@@ -313,7 +313,7 @@ class RtspLossTest : public LossTest {
   }
 };
 
-TEST_F(RtspLossTest, AServerIsStartedAfterItsViewers) {
+TEST_F(RtspLossTest, ServerStartsAfterItsViewers) {
   for (const std::string node_is : {"", "is-live=true"}) {
     SCOPED_TRACE(node_is);
     auto server = std::make_unique<RtspServer>();
@@ -331,7 +331,7 @@ TEST_F(RtspLossTest, AServerIsStartedAfterItsViewers) {
   }
 }
 
-TEST_F(RtspLossTest, AServerStopsAndStartsAgainWhileTwoViewersWatch) {
+TEST_F(RtspLossTest, ServerRestartsWithTwoViewers) {
   for (const std::string scheme : {"rtsp", "rtspt"}) {
     SCOPED_TRACE(scheme);
     auto server = std::make_unique<RtspServer>();
@@ -405,7 +405,7 @@ class OverloadTest : public LossTest {
 };
 
 // Decoding takes 100 ms per 67 ms frame: 1 s late after 3 s and never on time again, if all frames were decoded.
-TEST_F(OverloadTest, FramesAreDroppedBeforeTheyAreDecoded) {
+TEST_F(OverloadTest, FramesAreDroppedBeforeDecoding) {
   const WatchedPipeline pipeline(line(rig(3, [](guint) { return "gops.mkv"; }), 1, "is-live=true loop=true"),
                                  GST_STATE_NULL);
   g_signal_connect(pipeline.get(), "deep-element-added", G_CALLBACK(slow_down), nullptr);
@@ -435,7 +435,7 @@ TEST_F(OverloadTest, FramesAreDroppedBeforeTheyAreDecoded) {
 }
 
 // Network latency (200 ms and more) must not count as lateness. This server sends key frames every 8 seconds.
-TEST_F(OverloadTest, NetworkCamerasDropToo) {
+TEST_F(OverloadTest, NetworkCamerasDropFrames) {
   if (kRtspServerMissing) GTEST_SKIP() << kRtspServerMissing;
   const RtspServer server;
   const std::string uri = server.uri("/h264");
@@ -461,7 +461,7 @@ TEST_F(OverloadTest, NetworkCamerasDropToo) {
 
 // A node that was late for so long that the compositor stopped waiting for it recovers, even if requests are farther
 // apart than the latency.
-TEST_F(OverloadTest, ANodeThatStalledIsWaitedForAgain) {
+TEST_F(OverloadTest, CompositorWaitsAgainForAStalledNode) {
   const std::string path = devices(2);
   const WatchedPipeline pipeline(
       "lfviewrequest is-live=true framerate=5/1 width=64 height=48 capture-delay=200000000 rig=" + path +
@@ -483,7 +483,7 @@ TEST_F(OverloadTest, ANodeThatStalledIsWaitedForAgain) {
   EXPECT_LT(stat(compositor.get(), "incomplete") - missed, 10u) << "5 at best, 20 without a timely check";
 }
 
-TEST_F(OverloadTest, FilesThatAreNotLiveGiveAllTheirFrames) {
+TEST_F(OverloadTest, NonLiveFilesDeliverAllFrames) {
   slowness = 20000;
   const std::string path = rig(2, [](guint) { return "gops.mkv"; });
   const WatchedPipeline pipeline("lfviewrequest num-buffers=45 framerate=15/1 width=64 height=48 rig=" + path +

@@ -34,21 +34,21 @@ std::vector<std::string> cameras(int first, int last, const std::string& why) {
   return reasons;
 }
 
-TEST(GroupedReasons, NoneAreNothing) { EXPECT_EQ(grouped_reasons({}, "; "), ""); }
+TEST(GroupedReasons, EmptyWithoutReasons) { EXPECT_EQ(grouped_reasons({}, "; "), ""); }
 
-TEST(GroupedReasons, AFewStandAsTheyAre) {
+TEST(GroupedReasons, FewReasonsAreListed) {
   EXPECT_EQ(grouped_reasons(cameras(0, 1, "it is gone"), "; "),
             "rig.json: camera 0: rtsp://host/0: it is gone; rig.json: camera 1: rtsp://host/1: it is gone");
   EXPECT_EQ(grouped_reasons(std::vector<std::string>{"no place"}, "; "), "no place");
 }
 
-TEST(GroupedReasons, ManyOfOneKindAreToldOnce) {
+TEST(GroupedReasons, EqualReasonsAreGrouped) {
   EXPECT_MENTIONS(grouped_reasons(cameras(0, 63, "it is gone"), "; "), "64 cameras", "it is gone",
                   "rig.json: camera 0: rtsp://host/0");
   EXPECT_MENTIONS(grouped_reasons(std::vector<std::string>(4, "no place"), "; "), "4 cameras", "no place");
 }
 
-TEST(GroupedReasons, KindsStayApart) {
+TEST(GroupedReasons, DifferentReasonsStaySeparate) {
   std::vector<std::string> reasons = cameras(0, 0, "it is busy");
   for (const std::string& reason : cameras(1, 4, "it is gone")) reasons.push_back(reason);
   reasons.push_back("rig.json: camera 5: no such file");
@@ -125,7 +125,7 @@ TEST_F(LfCameraNodeTest, AnswersWithAllItsCameras) {
   EXPECT_EQ(stat(node_.get(), "answers"), 3u);
 }
 
-TEST_F(LfCameraNodeTest, ElementsOfARigThatMayWriteNeedTrust) {
+TEST_F(LfCameraNodeTest, ElementsThatMayWriteFilesNeedTrust) {
   const ModifiedRig described(array_.rig(), [](Rig& rig) {
     for (Camera& camera : rig.cameras) camera.source = "videotestsrc ! tee name=t t. ! queue";
   });
@@ -145,7 +145,7 @@ TEST_F(LfCameraNodeTest, ElementsOfARigThatMayWriteNeedTrust) {
   }
 }
 
-TEST_F(LfCameraNodeTest, FurtherRequestersHaveTheirOwnPads) {
+TEST_F(LfCameraNodeTest, FurtherClientsHaveSeparatePads) {
   make();
   play();
   const auto further = [this] {
@@ -165,7 +165,7 @@ TEST_F(LfCameraNodeTest, FurtherRequestersHaveTheirOwnPads) {
   EXPECT_EQ(gst_element_get_static_pad(node_.get(), "src_5"), nullptr) << "released with the harness";
 }
 
-TEST_F(LfCameraNodeTest, AnswersWithTheCamerasOfItsList) {
+TEST_F(LfCameraNodeTest, AnswersWithTheListedCameras) {
   make([](GstElement* node) { g_object_set(node, "cameras", "1,3", nullptr); });
   play();
   EXPECT_THAT(cameras_of(ask(0)), ElementsAre(1, 3));
@@ -198,7 +198,7 @@ TEST_F(LfCameraNodeTest, PropertiesReachTheCameras) {
   gst_element_set_state(node, GST_STATE_NULL);
 }
 
-TEST_F(LfCameraNodeTest, EndOfRequestsIsTheEndOfAnswers) {
+TEST_F(LfCameraNodeTest, EndOfRequestsEndsAnswers) {
   make();
   play();
   ask(0);
@@ -241,7 +241,7 @@ TEST_F(LfCameraNodeTest, PropertiesSetInReadyCount) {
   EXPECT_THAT(cameras_of(ask(0)), ElementsAre(0, 1));
 }
 
-TEST_F(LfCameraNodeTest, FilesLoopUnderRequests) {
+TEST_F(LfCameraNodeTest, FilesLoop) {
   const CameraFiles files;
   const std::string rig = files.save("rig.json", 3, [](Camera& camera) { camera.source = "mjpeg.mkv"; });
   const ElementPtr pipeline =
@@ -303,7 +303,7 @@ TEST_F(LfCameraNodeTest, ErrorsNameThePlace) {
 }
 
 // Views of a real array do not show the built-in scene, so they would be black without a reason.
-TEST_F(LfCameraNodeTest, ARigWithoutPicturesIsMentionedOnce) {
+TEST_F(LfCameraNodeTest, RigWithoutPicturesIsReportedOnce) {
   Rig rig = array_.rig();
   const auto warnings = [](const std::string& rig_path) {
     const ElementPtr pipeline = launch("lfcameranode rig=" + rig_path + " ! fakesink");
@@ -322,7 +322,7 @@ TEST_F(LfCameraNodeTest, ARigWithoutPicturesIsMentionedOnce) {
   EXPECT_THAT(warnings(dir / "rig.json"), IsEmpty());
 }
 
-TEST_F(LfCameraNodeTest, ARigWithTheSameCamerasIsTakenWhileRunning) {
+TEST_F(LfCameraNodeTest, RigWithTheSameCamerasIsAcceptedWhileRunning) {
   const ModifiedRig calibrated(array_.rig(), [](Rig& rig) { rig.cameras[0].lens = Lens::pinhole(31, 15, 12); });
   const ModifiedRig moved(array_.rig(), [](Rig& rig) { rig.cameras[1].source = "elsewhere.mkv"; });
   const ModifiedRig smaller(array_.rig(), [](Rig& rig) {
@@ -376,7 +376,7 @@ class LfCameraNodeRecordingTest : public LossTest {
   TempDir dir_;
 };
 
-TEST_F(LfCameraNodeRecordingTest, WhatCamerasGiveIsInTheirFiles) {
+TEST_F(LfCameraNodeRecordingTest, FilesContainTheFramesOfTheCameras) {
   const WatchedPipeline pipeline(line_of(rig(3, [](guint) { return "mjpeg.mkv"; }), "cameras=0,2"));
   const ElementPtr node = pipeline.child("n");
   EXPECT_TRUE(eventually([&] { return recorded(node.get(), 0) > 20 && recorded(node.get(), 2) > 20; }));
@@ -394,7 +394,7 @@ TEST_F(LfCameraNodeRecordingTest, WhatCamerasGiveIsInTheirFiles) {
 }
 
 // A looping live file: each round is recorded from its key frame on, unchanged.
-TEST_F(LfCameraNodeRecordingTest, CodedPicturesStayAsTheyCame) {
+TEST_F(LfCameraNodeRecordingTest, CodedPicturesAreStoredUnchanged) {
   if (CameraFiles::h264_encoder().empty()) GTEST_SKIP() << "no encoder and decoder of H.264 are installed";
   const auto film = slices_of(read_recorded(files->path("h264.mkv")));
   ASSERT_EQ(film.size(), size_t{CameraFiles::kFrames});
@@ -418,7 +418,7 @@ TEST_F(LfCameraNodeRecordingTest, CodedPicturesStayAsTheyCame) {
   EXPECT_NEAR(ends[0], ends[1], 4e4) << "all cameras loop together";
 }
 
-TEST_F(LfCameraNodeRecordingTest, AnotherRecordingIsNotWrittenOver) {
+TEST_F(LfCameraNodeRecordingTest, ExistingRecordingIsNotOverwritten) {
   const std::string line = line_of(devices(2));
   for (const bool first : {true, false}) {
     const WatchedPipeline pipeline(line, GST_STATE_NULL);
@@ -434,7 +434,7 @@ TEST_F(LfCameraNodeRecordingTest, AnotherRecordingIsNotWrittenOver) {
 }
 
 // In PAUSED nothing more is written, so the file is in the state that a killed process would leave.
-TEST_F(LfCameraNodeRecordingTest, AllButTheNewestFrameIsOnDiskMeanwhile) {
+TEST_F(LfCameraNodeRecordingTest, AllFramesButTheNewestAreOnDisk) {
   const ElementPtr pipeline = launch(line_of(rig(2, [](guint) { return "mjpeg.mkv"; })));
   gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
   const ElementPtr node = child(pipeline.get(), "n");
@@ -451,7 +451,7 @@ TEST_F(LfCameraNodeRecordingTest, AllButTheNewestFrameIsOnDiskMeanwhile) {
   gst_element_set_state(pipeline.get(), GST_STATE_NULL);
 }
 
-TEST_F(LfCameraNodeRecordingTest, ACameraThatComesBackGoesOnInItsFile) {
+TEST_F(LfCameraNodeRecordingTest, ReturningCameraContinuesItsFile) {
   const WatchedPipeline pipeline(line_of(devices(2)));
   const ElementPtr node = pipeline.child("n");
   EXPECT_TRUE(eventually([&] { return recorded(node.get(), 1) > 10; }));
@@ -470,7 +470,7 @@ TEST_F(LfCameraNodeRecordingTest, ACameraThatComesBackGoesOnInItsFile) {
   EXPECT_LT(meanwhile[other - 1], times[before]) << "the cameras stay in step";
 }
 
-TEST_F(LfCameraNodeRecordingTest, AFullDiskEndsTheRecordingAndNothingElse) {
+TEST_F(LfCameraNodeRecordingTest, FullDiskEndsOnlyTheRecording) {
   std::filesystem::create_directories(dir_ / "disk");
   if (mount("none", (dir_ / "disk").c_str(), "tmpfs", 0, "size=64k") != 0)
     GTEST_SKIP() << "a small disk can't be mounted here";
@@ -497,7 +497,7 @@ TEST_F(LfCameraNodeRecordingTest, AFullDiskEndsTheRecordingAndNothingElse) {
 }
 
 // A non-live file is recorded at the speed of the requests, with its own timestamps.
-TEST_F(LfCameraNodeRecordingTest, AFilmIsRecordedAsItIs) {
+TEST_F(LfCameraNodeRecordingTest, FileSourceIsRecordedUnchanged) {
   const std::string film = rig(2, [](guint) { return "mjpeg.mkv"; });
   EXPECT_EQ(run("lfviewrequest rig=" + film +
                 " framerate=15/1 num-buffers=6 width=64 height=48 ! tee name=r  r. ! queue ! "
@@ -510,7 +510,7 @@ TEST_F(LfCameraNodeRecordingTest, AFilmIsRecordedAsItIs) {
   EXPECT_NEAR(static_cast<double>(times[5]), 5.0 * GST_SECOND / 15, 1e6);
 }
 
-TEST_F(LfCameraNodeRecordingTest, AViewSourceRecordsItsCameras) {
+TEST_F(LfCameraNodeRecordingTest, LfviewsrcRecordsItsCameras) {
   const std::string source =
       "lfviewsrc name=v trusted=true rig=" + devices(2) + " width=64 height=48 record=" + folder();
   const ElementPtr pipeline = launch(source + " ! fakesink sync=false");

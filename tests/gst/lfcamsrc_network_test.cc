@@ -61,7 +61,7 @@ class RtspTest : public ::testing::Test {
 CameraFiles* RtspTest::files = nullptr;
 RtspServer* RtspTest::server = nullptr;
 
-TEST_F(RtspTest, FramesAreLiveAndOfTheClock) {
+TEST_F(RtspTest, FramesAreLiveAndOnTheClock) {
   for (const std::string path : {"/jpeg", "/h264"}) {
     if (path == "/h264" && CameraFiles::h264_encoder().empty()) {
       std::printf("no encoder and decoder of H.264 are installed\n");
@@ -86,7 +86,7 @@ TEST_F(RtspTest, FramesAreLiveAndOfTheClock) {
 }
 
 // Frames carry the server's time of day as soon as sender reports arrive.
-TEST_F(RtspTest, SenderReportsSayWhenFramesWereTaken) {
+TEST_F(RtspTest, CaptureTimesComeFromSenderReports) {
   const ElementPtr pipeline =
       launch("lfcamsrc name=c latency=50000000 rig=" + rig("/jpeg") + " ! fakesink name=s sync=false");
   ASSERT_TRUE(pipeline);
@@ -132,7 +132,7 @@ TEST_F(RtspTest, SenderReportsSayWhenFramesWereTaken) {
   gst_element_set_state(pipeline.get(), GST_STATE_NULL);
 }
 
-TEST_F(RtspTest, JpegStaysJpegWhereItIsNotDecoded) {
+TEST_F(RtspTest, JpegStaysJpegWithoutDecoding) {
   EXPECT_EQ(run("lfcamsrc decode=false latency=50000000 num-frames=5 rig=" + rig("/jpeg") + " ! image/jpeg ! fakesink"),
             "");
 }
@@ -142,7 +142,7 @@ TEST_F(RtspTest, ErrorsNameThePlace) {
   EXPECT_THAT(CameraPipeline("rig=" + rig("/nothing")).play(), mentions("camera 0", "cam_0", server->uri("/nothing")));
 }
 
-TEST_F(RtspTest, ANodeRecordsCodedPicturesAsTheyCome) {
+TEST_F(RtspTest, NodeRecordsCodedPicturesUnchanged) {
   if (CameraFiles::h264_encoder().empty()) GTEST_SKIP() << "no encoder and decoder of H.264 are installed";
   const TempDir dir;
   const std::string other = dir / "other.mkv", folder = dir / "recording";
@@ -184,7 +184,7 @@ TEST_F(RtspTest, ANodeRecordsCodedPicturesAsTheyCome) {
 }
 
 // A node with a network camera, which has latency, and a file.
-TEST_F(RtspTest, BesideAFilmInOneNode) {
+TEST_F(RtspTest, NodeWithNetworkCameraAndFile) {
   const std::string rig = files->save(
       "mixed.json", 2, [](Camera& camera) { camera.source = camera.id == 0 ? server->uri("/jpeg") : "mjpeg.mkv"; });
   const ElementPtr pipeline =
@@ -291,7 +291,7 @@ class MjpegServer : public Server {
 
 class CamSrcHttpTest : public CamSrcTest {};
 
-TEST_F(CamSrcHttpTest, FramesAreDatedByTheirArrival) {
+TEST_F(CamSrcHttpTest, CaptureTimeIsTheArrivalTime) {
   for (const bool with_length : {true, false})
     for (const std::string live : {"true", "false"}) {
       SCOPED_TRACE(live + (with_length ? "" : ", without Content-Length"));
@@ -329,7 +329,7 @@ TEST_F(CamSrcHttpTest, StartsWithTheFirstPictures) {
   EXPECT_EQ(camera.wait(5 * GST_SECOND), "EOS");
 }
 
-TEST_F(CamSrcHttpTest, IsOpenedAgainWhereTheConnectionEnds) {
+TEST_F(CamSrcHttpTest, ReconnectsWhenTheConnectionEnds) {
   const MjpegServer server(*files, true, 5);
   CameraPipeline camera("num-frames=12 is-live=true loop=true retry=true rig=" + rig_with_source(server.uri()));
   ASSERT_EQ(camera.play(), "EOS");
@@ -338,7 +338,7 @@ TEST_F(CamSrcHttpTest, IsOpenedAgainWhereTheConnectionEnds) {
 }
 
 // Endless parts and parts of 2 GB are buffered only as far as data arrives.
-TEST_F(CamSrcHttpTest, ACameraThatSendsNoPictureIsAnError) {
+TEST_F(CamSrcHttpTest, CameraWithoutPicturesIsAnError) {
   for (const std::string length : {"", "Content-Length: 2147483640\r\n"}) {
     size_t sent = 0;
     const Server server([&](const Server::Send& send) {
@@ -408,7 +408,7 @@ TEST_F(CamSrcHttpTest, RtpWithoutMarkerBitsIsAnError) {
 }
 
 // Servers choose the words of a refusal freely.
-TEST_F(CamSrcHttpTest, ARefusalHasItsStatus) {
+TEST_F(CamSrcHttpTest, RefusalStatesTheHttpStatus) {
   for (const std::string status : {"401 Log in, please", "401 Unauthorized", "403 Forbidden"}) {
     const Server server([&](const Server::Send& send) {
       send("HTTP/1.0 " + status + "\r\nWWW-Authenticate: Basic realm=\"camera\"\r\n\r\n");
@@ -420,7 +420,7 @@ TEST_F(CamSrcHttpTest, ARefusalHasItsStatus) {
   }
 }
 
-TEST_F(CamSrcHttpTest, APlaylistNamesNoFileOfThisMachine) {
+TEST_F(CamSrcHttpTest, PlaylistCannotOpenLocalFiles) {
   const Server server([&](const Server::Send& send) {
     send(
         "HTTP/1.0 200 OK\r\nContent-Type: application/vnd.apple.mpegurl\r\n\r\n#EXTM3U\n#EXT-X-TARGETDURATION:4\n"
@@ -435,7 +435,7 @@ TEST_F(CamSrcHttpTest, APlaylistNamesNoFileOfThisMachine) {
 }
 
 // rtspsrc waits for the end of a response as long as data arrives.
-TEST_F(CamSrcHttpTest, ACameraThatNeverEndsItsAnswerIsLeftBehind) {
+TEST_F(CamSrcHttpTest, EndlessResponseIsAbandoned) {
   const Server server([](const Server::Send& send) {
     for (bool goes_on = send("RTSP/1.0 200 OK\r\nCSeq: 1\r\nX: "); goes_on; goes_on = send("a"))
       std::this_thread::sleep_for(std::chrono::milliseconds(300));
@@ -459,7 +459,7 @@ class RetryTest : public LossTest {
   }
 };
 
-TEST_F(RetryTest, AnErrorStaysAnErrorWithoutIt) {
+TEST_F(RetryTest, WithoutRetryALossIsAnError) {
   failing_device(0).frames_at_most = 10;
   const WatchedPipeline pipeline(camera("trusted=true rig=" + devices(1)));
   EXPECT_TRUE(eventually([&] { return !pipeline.errors().empty(); }));
@@ -468,7 +468,7 @@ TEST_F(RetryTest, AnErrorStaysAnErrorWithoutIt) {
   EXPECT_EQ(pipeline.lost(0), 0);
 }
 
-TEST_F(RetryTest, ADeviceThatFailsAfterTenFramesIsOpenedAgain) {
+TEST_F(RetryTest, FailingDeviceIsReopened) {
   failing_device(0).frames_at_most = 10;
   const WatchedPipeline pipeline(camera("retry=true trusted=true rig=" + devices(1)));
   const ElementPtr sink = pipeline.child("sink"), camera = pipeline.child("camera");
@@ -484,7 +484,7 @@ TEST_F(RetryTest, ADeviceThatFailsAfterTenFramesIsOpenedAgain) {
 }
 
 // After days, decoding everything that a looping file has shown since would take too long.
-TEST_F(RetryTest, AFilmThatLoopsIsTakenUpInItsRound) {
+TEST_F(RetryTest, LoopingFileResumesInItsCurrentLoop) {
   const std::string late = files->path("late.mkv");
   const WatchedPipeline pipeline(
       camera("is-live=true loop=true retry=true rig=" + rig(1, [](guint) { return "late.mkv"; })), GST_STATE_NULL);
@@ -511,7 +511,7 @@ TEST_F(RetryTest, AFilmThatLoopsIsTakenUpInItsRound) {
 }
 
 // Frames would be late if the file had to play up to the current loop position first.
-TEST_F(RetryTest, AFilmThatComesBackIsNotLate) {
+TEST_F(RetryTest, ReopenedFileIsNotLate) {
   const std::string late = files->path("late-long.mkv"), whole = files->path("whole-long.mkv");
   run_to_end(
       "videotestsrc num-buffers=60 ! video/x-raw,format=I420,width=64,height=48,framerate=15/1 ! jpegenc ! "
@@ -534,7 +534,7 @@ TEST_F(RetryTest, AFilmThatComesBackIsNotLate) {
   pipeline.stop();
 }
 
-TEST_F(RetryTest, AMissingDeviceIsLiveAllTheSame) {
+TEST_F(RetryTest, MissingDeviceIsLive) {
   failing_device(0).broken = true;
   const WatchedPipeline pipeline(camera("is-live=true retry=true trusted=true rig=" + devices(1)), GST_STATE_NULL);
   EXPECT_EQ(pipeline.set_state(GST_STATE_PAUSED), GST_STATE_CHANGE_NO_PREROLL);
@@ -546,7 +546,7 @@ TEST_F(RetryTest, AMissingDeviceIsLiveAllTheSame) {
   EXPECT_TRUE(eventually([&] { return pipeline.has_ended(); }));
 }
 
-TEST_F(RetryTest, RunningTimeGoesOn) {
+TEST_F(RetryTest, RunningTimeContinues) {
   const std::string path = rig(1, [](guint) { return "late.mkv"; });
   const WatchedPipeline pipeline(camera("retry=true rig=" + path));
   const ElementPtr sink = pipeline.child("sink");
@@ -560,7 +560,7 @@ TEST_F(RetryTest, RunningTimeGoesOn) {
   std::filesystem::remove(files->path("late.mkv"));
 }
 
-TEST_F(RetryTest, ARigThatCanNotBeReadIsAnError) {
+TEST_F(RetryTest, UnreadableRigIsAnError) {
   const WatchedPipeline pipeline(camera("retry=true rig=" + files->path("none.json")), GST_STATE_NULL);
   EXPECT_EQ(pipeline.set_state(GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE);
   EXPECT_THAT(pipeline.errors(), ElementsAre(mentions("none.json", "no such")));

@@ -72,7 +72,7 @@ class CamSrcSourceTest : public CamSrcTest, public ::testing::WithParamInterface
 INSTANTIATE_TEST_SUITE_P(Kinds, CamSrcSourceTest, ::testing::ValuesIn(kSources),
                          [](const auto& param) { return param.param.name; });
 
-TEST_P(CamSrcSourceTest, GivesAllFramesWithTrueCapsEventAndMeta) {
+TEST_P(CamSrcSourceTest, DeliversAllFramesWithCapsEventAndMeta) {
   const std::string path = rig();
   CameraPipeline camera("rig=" + path + " num-frames=" + std::to_string(kFrames));
   ASSERT_EQ(camera.play(), "EOS");
@@ -127,7 +127,7 @@ TEST_P(CamSrcSourceTest, StartsAndStopsManyTimes) {
   EXPECT_EQ(GST_OBJECT_REFCOUNT_VALUE(camera.camera()), 2) << "the pipeline's and ours";
 }
 
-TEST_P(CamSrcSourceTest, LoopsWithRunningTimeGoingOn) {
+TEST_P(CamSrcSourceTest, LoopsWithContinuousRunningTime) {
   constexpr int kWanted = 2 * kFrames + 3;
   CameraPipeline camera("rig=" + rig() + " loop=true num-frames=" + std::to_string(kWanted));
   ASSERT_EQ(camera.play(), "EOS");
@@ -147,14 +147,14 @@ TEST_P(CamSrcSourceTest, LoopsWithRunningTimeGoingOn) {
   EXPECT_EQ(std::count(camera.items.begin(), camera.items.end(), "eos"), 1);
 }
 
-TEST_P(CamSrcSourceTest, EndsAtAnEosEvent) {
+TEST_P(CamSrcSourceTest, EosEventEndsTheStream) {
   CameraPipeline camera("rig=" + rig() + " loop=true");
   ASSERT_TRUE(camera.reach(GST_STATE_PLAYING));
   EXPECT_TRUE(gst_element_send_event(camera.pipeline(), gst_event_new_eos()));
   EXPECT_EQ(camera.wait(), "EOS");
 }
 
-TEST_P(CamSrcSourceTest, LiveFramesComeAtTheirTime) {
+TEST_P(CamSrcSourceTest, LiveFramesArriveOnTime) {
   constexpr int kRate = 40, kWanted = 11;
   CameraPipeline camera("rig=" + rig() + " is-live=true loop=true framerate=40/1 num-frames=11");
   ASSERT_EQ(camera.set_state(GST_STATE_PAUSED), GST_STATE_CHANGE_NO_PREROLL);
@@ -188,7 +188,7 @@ TEST_P(CamSrcSourceTest, LiveFramesComeAtTheirTime) {
 
 class CamSrcElementsTest : public CamSrcTest {};
 
-TEST_F(CamSrcElementsTest, AreReadAsGstLaunchDoes) {
+TEST_F(CamSrcElementsTest, AreParsedLikeGstLaunch) {
   for (const char* source :
        {"videotestsrc pattern=white", "videotestsrc pattern=white ! video/x-raw,framerate=30/1",
         "videotestsrc pattern=white ! video/x-raw , width=64 ", "videotestsrc pattern=white ! jpegenc",
@@ -201,7 +201,7 @@ TEST_F(CamSrcElementsTest, AreReadAsGstLaunchDoes) {
   }
 }
 
-TEST_F(CamSrcElementsTest, MayDecodeByAndBy) {
+TEST_F(CamSrcElementsTest, MayContainDemuxersAndDecoders) {
   const std::string file = "filesrc location=\"" + files->path("mjpeg.avi") + "\" ! ";
   for (const char* rest : {"decodebin", "avidemux", "avidemux ! jpegdec", "avidemux ! image/jpeg"}) {
     CameraPipeline camera("rig=" + rig_with_source(file + rest));
@@ -210,7 +210,7 @@ TEST_F(CamSrcElementsTest, MayDecodeByAndBy) {
   }
 }
 
-TEST_F(CamSrcElementsTest, AreLiveWhereTheirSourceIs) {
+TEST_F(CamSrcElementsTest, AreLiveIfTheirSourceIsLive) {
   CameraPipeline camera("num-frames=2 rig=" + rig_with_source("videotestsrc is-live=true ! identity"));
   EXPECT_EQ(camera.set_state(GST_STATE_PAUSED), GST_STATE_CHANGE_NO_PREROLL);
   EXPECT_EQ(camera.play(), "EOS");
@@ -231,7 +231,7 @@ TEST_F(CamSrcElementsTest, ErrorsNameThePlace) {
   }
 }
 
-TEST_F(CamSrcElementsTest, ThatMayDoMoreThanGivePicturesNeedTrust) {
+TEST_F(CamSrcElementsTest, UnlistedElementsNeedTrust) {
   const std::string written = files->path("written-by-the-rig");
   const std::string picture = "videotestsrc num-buffers=3 ! video/x-raw,format=RGB,width=64,height=48 ! ";
   const std::string writes = "tee name=t t. ! queue ! filesink location=\"" + written + "\" t. ! queue";
@@ -253,7 +253,7 @@ TEST_F(CamSrcElementsTest, OtherLightFieldsNeedTrustAndDoNotNest) {
   EXPECT_THAT(CameraPipeline("trusted=true rig=" + rig_with_source(described)).play(), mentions("rig", "itself"));
 }
 
-TEST_F(CamSrcElementsTest, AreOnlyTakenFromFilesOfOnesOwn) {
+TEST_F(CamSrcElementsTest, NeedARigThatOthersCannotWrite) {
   const std::string path = rig_with_source("videotestsrc num-buffers=3 ! identity");
   std::filesystem::permissions(path, std::filesystem::perms::others_write, std::filesystem::perm_options::add);
   EXPECT_THAT(CameraPipeline("rig=" + path).play(), mentions("written", "other users"));
@@ -299,7 +299,7 @@ guint64 count_of_damaged(CameraPipeline& camera) {
   return damaged;
 }
 
-TEST_F(CamSrcFilesTest, ADamagedPictureCostsItsOwnFrame) {
+TEST_F(CamSrcFilesTest, DamagedPictureLosesOnlyItsFrame) {
   for (const std::string ending : {".png", ".jpg"}) {
     for (int i = 0; i < 6; i++) save_texture("damaged_" + std::to_string(i) + ending, i);
     cut("damaged_4" + ending, 0.5);
@@ -321,7 +321,7 @@ TEST_F(CamSrcFilesTest, ADamagedPictureCostsItsOwnFrame) {
 }
 
 // jpegdec shows the missing part grey.
-TEST_F(CamSrcFilesTest, AJpegThatWasCutOffInAFilmCostsItsOwnFrame) {
+TEST_F(CamSrcFilesTest, TruncatedJpegLosesOnlyItsFrame) {
   for (int i = 0; i < 6; i++) save_texture("film_" + std::to_string(i) + ".jpg", i);
   cut("film_4.jpg", 0.5);
   const std::string caps = "image/jpeg,parsed=true,framerate=15/1,width=" + std::to_string(CameraFiles::kWidth) +
@@ -362,7 +362,7 @@ TEST_F(CamSrcFilesTest, AJpegThatWasCutOffInAFilmCostsItsOwnFrame) {
         << k;
 }
 
-TEST_F(CamSrcFilesTest, WhereNoPictureIsWholeThereIsAnError) {
+TEST_F(CamSrcFilesTest, OnlyDamagedPicturesAreAnError) {
   for (const std::string ending : {".png", ".jpg"}) {
     for (int i = 0; i < 3; i++) {
       save_texture("broken_" + std::to_string(i) + ending, i);
@@ -377,7 +377,7 @@ TEST_F(CamSrcFilesTest, WhereNoPictureIsWholeThereIsAnError) {
 }
 
 // gst-launch-1.0 hangs if an error is posted before its main loop runs.
-TEST_F(CamSrcFilesTest, AnErrorBeforePlayingFailsTheChangeOfState) {
+TEST_F(CamSrcFilesTest, ErrorBeforePlayingFailsTheStateChange) {
   save_texture("half.png", 1);
   cut("half.png", 0.4);
   write("nothing.avi", "RIFF and nothing more that could be played");
@@ -391,13 +391,13 @@ TEST_F(CamSrcFilesTest, AnErrorBeforePlayingFailsTheChangeOfState) {
       }
 }
 
-TEST_F(CamSrcFilesTest, AGapInASequenceIsAnError) {
+TEST_F(CamSrcFilesTest, GapInASequenceIsAnError) {
   for (const int i : {0, 1, 3}) save_texture("gap_" + std::to_string(i) + ".png", i);
   EXPECT_THAT(CameraPipeline("rig=" + rig_with_source("gap_%d.png")).play(), HasSubstr("gap_2.png: missing, while "));
 }
 
 // rpicam-vid --codec mjpeg and v4l2-ctl --stream-to write such files.
-TEST_F(CamSrcFilesTest, JpegPicturesOneBehindAnotherAreAFilm) {
+TEST_F(CamSrcFilesTest, ConcatenatedJpegsAreAStream) {
   std::string film;
   for (int k = 0; k < kFrames; k++) film += read("jpeg_0" + std::to_string(k) + ".jpg") + std::string(k % 2 * 20, '\0');
   write("film.mjpeg", film);
@@ -435,7 +435,7 @@ void set_matrix(std::string& mp4, const std::vector<int32_t>& rotation) {
   put(matrix + 32, 0x40000000);
 }
 
-TEST_F(CamSrcFilesTest, FilmsAreTurnedAsTheySay) {
+TEST_F(CamSrcFilesTest, VideosAreRotatedByTheirMetadata) {
   if (CameraFiles::h264_encoder().empty()) GTEST_SKIP() << "no encoder and decoder of H.264 are installed";
   run_to_end(
       "videotestsrc num-buffers=4 pattern=white ! video/x-raw,format=I420,width=64,height=48,framerate=15/1 ! "
@@ -467,7 +467,7 @@ TEST_F(CamSrcFilesTest, FilmsAreTurnedAsTheySay) {
   }
 }
 
-TEST_F(CamSrcFilesTest, ExifOrientationIsMentionedAndNotFollowed) {
+TEST_F(CamSrcFilesTest, ExifOrientationIsReportedAndIgnored) {
   using namespace std::string_literals;
   std::string jpeg = read("jpeg_02.jpg");
   jpeg.insert(2, "\xff\xe1\0\x22"s + "Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0"s);
@@ -478,7 +478,7 @@ TEST_F(CamSrcFilesTest, ExifOrientationIsMentionedAndNotFollowed) {
   EXPECT_EQ(camera.info.width, CameraFiles::kWidth);
 }
 
-TEST_F(CamSrcFilesTest, AKindOfJpegThatNobodyDecodesIsAnErrorAtOnce) {
+TEST_F(CamSrcFilesTest, UnsupportedJpegIsAnErrorAtOnce) {
   std::string jpeg = read("jpeg_00.jpg");
   jpeg[jpeg.find("\xff\xc0") + 4] = 12;  // bits per sample
   for (int i = 0; i < 3; i++) write("deep_" + std::to_string(i) + ".jpg", jpeg);
@@ -488,7 +488,7 @@ TEST_F(CamSrcFilesTest, AKindOfJpegThatNobodyDecodesIsAnErrorAtOnce) {
 }
 
 // GStreamer's own message does not name the missing plug-in.
-TEST_F(CamSrcFilesTest, AStillThatCannotBeDecodedNamesFormatAndRemedy) {
+TEST_F(CamSrcFilesTest, UndecodableStillNamesFormatAndRemedy) {
   const auto play = [&](const std::string& image) {
     return CameraPipeline("num-frames=2 rig=" + files->save("still.json", 1,
                                                             [&](Camera& camera) {
@@ -507,7 +507,7 @@ TEST_F(CamSrcFilesTest, AStillThatCannotBeDecodedNamesFormatAndRemedy) {
 }
 
 // The built-in scene would appear as a ghost in every view.
-TEST_F(CamSrcFilesTest, ACameraWithoutPicturesAmongOthersIsMentioned) {
+TEST_F(CamSrcFilesTest, CameraWithoutPicturesIsReported) {
   for (const char* source : {"mjpeg.mkv", ""}) {
     CameraPipeline camera("num-frames=2 camera=1 rig=" + files->save("two.json", 2, [&](Camera& camera) {
       camera.image.clear();
@@ -518,7 +518,7 @@ TEST_F(CamSrcFilesTest, ACameraWithoutPicturesAmongOthersIsMentioned) {
   }
 }
 
-TEST_F(CamSrcFilesTest, AnyNameIsPlayed) {
+TEST_F(CamSrcFilesTest, AnyFileNameWorks) {
   for (const std::string name :
        {"100%_cam.mkv", "cam%201.mkv", "cam-12:30:05.mkv", "take ! two.mkv", "take run=3.mkv"}) {
     std::filesystem::copy(files->path("mjpeg.mkv"), files->path(name));

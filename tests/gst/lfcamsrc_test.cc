@@ -27,7 +27,7 @@ namespace {
 using testing::HasSubstr;
 
 // uridecodebin reaches PAUSED asynchronously, a live camera immediately: the pipeline must not wait for either.
-TEST_F(CamSrcTest, DecodersDoNotKeepALivePipelineWaiting) {
+TEST_F(CamSrcTest, DecodersDoNotDelayALivePipeline) {
   const std::string camera = "lfcamsrc is-live=true loop=true rig=" + rig_with_source("mjpeg.avi") + " ! queue ! ";
   const ElementPtr pipeline = launch("funnel name=all ! fakesink name=sink  " + camera + "all.  " + camera + "all.  " +
                                      camera + "all.  " + camera + "all.");
@@ -43,7 +43,7 @@ TEST_F(CamSrcTest, DecodersDoNotKeepALivePipelineWaiting) {
   }
 }
 
-TEST_F(CamSrcTest, CaptureTimeCountsTheTimeOffset) {
+TEST_F(CamSrcTest, CaptureTimeIncludesTheTimeOffset) {
   struct Case {
     double offset;
     GstClockTimeDiff first, second;
@@ -61,7 +61,7 @@ TEST_F(CamSrcTest, CaptureTimeCountsTheTimeOffset) {
   }
 }
 
-TEST_F(CamSrcTest, SceneIsFilmedAtTheCaptureTime) {
+TEST_F(CamSrcTest, SceneShowsTheCaptureTime) {
   const std::string path = rig_with([](Camera& camera) { camera.time_offset = 0.5; });
   CameraPipeline camera("rig=" + path + " num-frames=2 framerate=4/1");
   ASSERT_EQ(camera.play(), "EOS");
@@ -74,14 +74,14 @@ TEST_F(CamSrcTest, SceneIsFilmedAtTheCaptureTime) {
   }
 }
 
-TEST_F(CamSrcTest, LiveSceneKeepsToTheScheduleOfTheClock) {
+TEST_F(CamSrcTest, LiveSceneFollowsTheClockSchedule) {
   CameraPipeline camera("rig=" + rig_with([](Camera&) {}) + " is-live=true framerate=40/1 num-frames=5");
   ASSERT_EQ(camera.play(), "EOS");
   for (const Frame& frame : camera.frames) EXPECT_EQ(frame.capture_time % (GST_SECOND / 40), 0u) << "k / 40 s";
 }
 
 // Otherwise the pipeline cannot find a valid latency.
-TEST_F(CamSrcTest, LiveLatencyHasNoBoundBelowItsLeast) {
+TEST_F(CamSrcTest, MaximumLatencyIsNotBelowTheMinimum) {
   for (const std::string source : {"", "mjpeg.mkv"}) {
     const ElementPtr pipeline =
         launch("lfcamsrc name=camera is-live=true loop=true rig=" + rig_with_source(source) + " ! fakesink");
@@ -104,7 +104,7 @@ TEST_F(CamSrcTest, LiveLatencyHasNoBoundBelowItsLeast) {
   }
 }
 
-TEST_F(CamSrcTest, FramerateIsImposedOnVideosToo) {
+TEST_F(CamSrcTest, FramerateAppliesToVideos) {
   for (const int rate : {5, 30}) {
     CameraPipeline camera("rig=" + rig_with_source("mjpeg.mkv") + " framerate=" + std::to_string(rate) + "/1");
     ASSERT_EQ(camera.play(), "EOS");
@@ -122,7 +122,7 @@ TEST_F(CamSrcTest, FramerateIsImposedOnVideosToo) {
 }
 
 // Seeks like a player: the first end is EOS, later ends are SEGMENT_DONE.
-TEST_F(CamSrcTest, RoundsOfAFilmFollowEachOtherWithoutAFlush) {
+TEST_F(CamSrcTest, LoopsNeedNoFlush) {
   struct Count {
     std::atomic<int> flushes = 0, ends = 0, segment_ends = 0;
     static GstPadProbeReturn see(GstPad*, GstPadProbeInfo* info, gpointer data) {
@@ -168,7 +168,7 @@ TEST_F(CamSrcTest, RoundsOfAFilmFollowEachOtherWithoutAFlush) {
 }
 
 // Files of one array loop with a common period, even if one is truncated.
-TEST_F(CamSrcTest, AFilmThatIsCutOffLoopsInStepWithTheOthers) {
+TEST_F(CamSrcTest, TruncatedFileLoopsInStep) {
   const std::string whole = files->path("mjpeg.mkv"), cut = files->path("cut.mkv");
   std::filesystem::copy(whole, cut);
   std::filesystem::resize_file(cut, std::filesystem::file_size(whole) * 6 / 10);
@@ -190,7 +190,7 @@ TEST_F(CamSrcTest, AFilmThatIsCutOffLoopsInStepWithTheOthers) {
 }
 
 // Pictures may end before the sound without being truncated: the sound determines the duration.
-TEST_F(CamSrcTest, AFilmWithSoundBeginsAgainWhereItsPicturesEnd) {
+TEST_F(CamSrcTest, FileWithAudioLoopsAtTheEndOfTheVideo) {
   run_to_end("multifilesrc location=" + files->path("jpeg_%02d.jpg") +
              " caps=image/jpeg,framerate=15/1 ! jpegdec ! jpegenc ! matroskamux name=m ! filesink location=" +
              files->path("both.mkv") + " audiotestsrc num-buffers=50 ! m.");
@@ -203,7 +203,7 @@ TEST_F(CamSrcTest, AFilmWithSoundBeginsAgainWhereItsPicturesEnd) {
         << k;
 }
 
-TEST_F(CamSrcTest, RoundsBehindASeekHaveTheirPlaceInTheFilm) {
+TEST_F(CamSrcTest, LoopsAfterASeekHaveFilmTimes) {
   CameraPipeline camera("rig=" + rig_with([](Camera& c) { c.source = "mjpeg.mkv"; }) + " loop=true num-frames=20");
   ASSERT_TRUE(camera.reach(GST_STATE_PAUSED));
   constexpr auto kFlags = GstSeekFlags(GST_SEEK_FLAG_FLUSH | GST_SEEK_FLAG_ACCURATE);
@@ -219,7 +219,7 @@ TEST_F(CamSrcTest, RoundsBehindASeekHaveTheirPlaceInTheFilm) {
   }
 }
 
-TEST_F(CamSrcTest, StopsLoopingWhenNobodyWantsMore) {
+TEST_F(CamSrcTest, StopsLoopingWhenDownstreamStops) {
   for (const char* source : {"mjpeg.mkv", "jpeg_%02d.jpg"}) {
     CameraPipeline camera("rig=" + rig_with_source(source) + " loop=true",
                           "identity eos-after=" + std::to_string(kFrames + 3));
@@ -240,14 +240,14 @@ TEST_F(CamSrcTest, FormatsOutsideTheFamiliesAreConverted) {
   EXPECT_TRUE(GST_VIDEO_INFO_FORMAT(&camera.info) == GST_VIDEO_FORMAT_I420 || GST_VIDEO_INFO_IS_RGB(&camera.info));
 }
 
-TEST_F(CamSrcTest, DownstreamMayChooseTheFormat) {
+TEST_F(CamSrcTest, DownstreamSelectsTheFormat) {
   CameraPipeline camera("rig=" + rig_with_source("mjpeg.mkv") + " num-frames=1", "video/x-raw,format=BGRx");
   ASSERT_EQ(camera.play(), "EOS");
   EXPECT_EQ(GST_VIDEO_INFO_FORMAT(&camera.info), GST_VIDEO_FORMAT_BGRx);
   EXPECT_NEAR(camera.frames[0].level, CameraFiles::grey_of(0), 2);
 }
 
-TEST_F(CamSrcTest, JpegComesAsItIsWhereItIsNotDecoded) {
+TEST_F(CamSrcTest, JpegStaysJpegWithoutDecoding) {
   for (const std::string source : {"mjpeg.mkv", "mjpeg.avi", "jpeg_%02d.jpg"})
     for (const std::string framerate : {"0/1", "30/1"}) {
       EXPECT_EQ(run("lfcamsrc decode=false framerate=" + framerate + " rig=" + rig_with_source(source) +
@@ -280,7 +280,7 @@ TEST_F(CamSrcTest, JpegComesAsItIsWhereItIsNotDecoded) {
   }
 }
 
-TEST_F(CamSrcTest, EventComesAgainAfterAFlush) {
+TEST_F(CamSrcTest, EventIsRepeatedAfterAFlush) {
   CameraPipeline camera("rig=" + rig_with_source("mjpeg.mkv"));
   ASSERT_TRUE(camera.reach(GST_STATE_PAUSED));
   ASSERT_TRUE(gst_element_seek_simple(camera.pipeline(), GST_FORMAT_TIME, GST_SEEK_FLAG_FLUSH, 0));
@@ -416,7 +416,7 @@ class Listener {
   int problems_ = 0;
 };
 
-TEST_F(CamSrcTest, NeverTellsPasswords) {
+TEST_F(CamSrcTest, NeverRevealsPasswords) {
   const char* const sources[] = {
       "rtsp://admin:Hunter2Secret@127.0.0.1:1/stream",
       "rtsp://Hunter2Secret@127.0.0.1:1/stream",
@@ -531,7 +531,7 @@ class DeviceTest : public CamSrcTest {
   }
 };
 
-TEST_F(DeviceTest, IsAskedForTheSizeOfTheRig) {
+TEST_F(DeviceTest, RequestsTheSizeOfTheRig) {
   for (int i = 0; i < 10; i++) {
     CameraPipeline camera("num-frames=3 trusted=true rig=" + rig_with_source("webcam://0"));
     ASSERT_EQ(camera.set_state(GST_STATE_PAUSED), GST_STATE_CHANGE_NO_PREROLL) << "always live";
@@ -543,14 +543,14 @@ TEST_F(DeviceTest, IsAskedForTheSizeOfTheRig) {
   }
 }
 
-TEST_F(DeviceTest, IsAskedForTheRateAndMayGiveJpeg) {
+TEST_F(DeviceTest, RequestsTheRateAndAcceptsJpeg) {
   CameraPipeline camera("num-frames=3 framerate=30/1 is-live=true trusted=true rig=" + rig_with_source("webcam://0"));
   ASSERT_EQ(camera.play(), "EOS");
   EXPECT_EQ(camera.info.fps_n, 30);
   EXPECT_EQ(camera.frames.size(), 3u);
 }
 
-TEST_F(DeviceTest, JpegStaysJpegWhereItIsNotDecoded) {
+TEST_F(DeviceTest, JpegStaysJpegWithoutDecoding) {
   EXPECT_EQ(run("lfcamsrc decode=false num-frames=2 trusted=true rig=" + rig_with_source("webcam://0") +
                 " ! image/jpeg,framerate=30/1 ! fakesink"),
             "");

@@ -63,7 +63,7 @@ class LfCompositorDownstreamTest : public LfCompositorTest {
   int queries_ = 0;
 };
 
-TEST_F(LfCompositorDownstreamTest, PicturesAreInTheMemoryThatIsOffered) {
+TEST_F(LfCompositorDownstreamTest, PicturesUseTheOfferedMemory) {
   start(1);
   answer_allocation();
   for (uint32_t i = 0; i < 20; i++) EXPECT_EQ(picture(i)->pool, pool_) << i;
@@ -79,7 +79,7 @@ TEST_F(LfCompositorDownstreamTest, PicturesAreTheSameInAnyMemory) {
   EXPECT_EQ(to_bytes(picture(0).get()), plain);
 }
 
-TEST_F(LfCompositorDownstreamTest, APoolThatRunsOutHoldsNobodyUp) {
+TEST_F(LfCompositorDownstreamTest, ExhaustedPoolDoesNotBlock) {
   start(1);
   most_ = 2;
   answer_allocation();
@@ -88,7 +88,7 @@ TEST_F(LfCompositorDownstreamTest, APoolThatRunsOutHoldsNobodyUp) {
   EXPECT_EQ(std::ranges::count_if(kept, [&](const BufferPtr& b) { return b->pool == pool_; }), 2);
 }
 
-TEST_F(LfCompositorDownstreamTest, WhoOffersNoneGetsPicturesAllTheSame) {
+TEST_F(LfCompositorDownstreamTest, WorksWithoutADownstreamPool) {
   start(1);
   fails_ = true;
   answer_allocation();
@@ -96,7 +96,7 @@ TEST_F(LfCompositorDownstreamTest, WhoOffersNoneGetsPicturesAllTheSame) {
   EXPECT_EQ(queries_, 1);
 }
 
-TEST_F(LfCompositorDownstreamTest, WhatChangesDownstreamIsAskedForAgain) {
+TEST_F(LfCompositorDownstreamTest, DownstreamChangesAreRenegotiated) {
   start(1);
   fails_ = true;
   answer_allocation();
@@ -109,7 +109,7 @@ TEST_F(LfCompositorDownstreamTest, WhatChangesDownstreamIsAskedForAgain) {
   EXPECT_EQ(queries_, 3);
 }
 
-TEST_F(LfCompositorDownstreamTest, TheNextRunAsksAgain) {
+TEST_F(LfCompositorDownstreamTest, NextRunNegotiatesAgain) {
   start(1);
   answer_allocation();
   EXPECT_EQ(picture(0)->pool, pool_);
@@ -118,7 +118,7 @@ TEST_F(LfCompositorDownstreamTest, TheNextRunAsksAgain) {
   EXPECT_FALSE(gst_buffer_pool_is_active(pool_));
 }
 
-TEST_F(LfCompositorDownstreamTest, PartialAnswersHaveCapsAndMemoryOfTheirOwn) {
+TEST_F(LfCompositorDownstreamTest, PartialAnswersHaveTheirOwnCapsAndMemory) {
   start(1, {{"rig", array_.rig_path()}, {"partial", "true"}});
   answer_allocation();
   const BufferPtr answer = picture(0);
@@ -159,7 +159,7 @@ TEST_F(LfCompositorDownstreamTest, Nv12IsI420InAnotherLayout) {
   EXPECT_NE(std::ranges::min(pictures[0]), std::ranges::max(pictures[0]));
 }
 
-TEST_F(LfCompositorDownstreamTest, VideoHasTheRangeThatIsAskedFor) {
+TEST_F(LfCompositorDownstreamTest, VideoHasTheRequestedRange) {
   std::vector<uint8_t> pictures[2];
   for (const bool video : {false, true}) {
     nodes_.clear();
@@ -182,7 +182,7 @@ TEST_F(LfCompositorDownstreamTest, VideoHasTheRangeThatIsAskedFor) {
   }
 }
 
-TEST_F(LfCompositorDownstreamTest, WhoTakesBothGetsPlanes) {
+TEST_F(LfCompositorDownstreamTest, PlanesArePreferred) {
   start(1, {}, "video/x-raw,format={ NV12, I420 }");
   EXPECT_NE(picture(0, PixelFamily::kI420), nullptr);
   EXPECT_EQ(output_format(), "I420");
@@ -206,9 +206,9 @@ class LfCompositorQosTest : public LfCompositorTest {
     bus_.reset(gst_bus_new());
     gst_element_set_bus(element_.get(), bus_.get());
     gst_harness_query_latency(harness_.get());
-    tell(late_by(2 * kFrame, timestamp));
+    push_upstream(late_by(2 * kFrame, timestamp));
   }
-  void tell(GstEvent* event) { gst_harness_push_upstream_event(harness_.get(), event); }
+  void push_upstream(GstEvent* event) { gst_harness_push_upstream_event(harness_.get(), event); }
   void one(uint32_t sequence) {
     const ViewRequest asked = array_.request(sequence, sequence * kFrame, 3);
     request(asked);
@@ -217,7 +217,7 @@ class LfCompositorQosTest : public LfCompositorTest {
   std::unique_ptr<GstBus, Unref<gst_object_unref>> bus_;
 };
 
-TEST_F(LfCompositorQosTest, WhatCantBeInTimeIsLeftOutAndSaidSo) {
+TEST_F(LfCompositorQosTest, LatePicturesAreSkippedAndReported) {
   start_two_frames_late(kFrame);  // skips four frames to catch up: the harness is not live
   for (uint32_t i = 2; i <= 5; i++) one(i);
   pull();
@@ -251,12 +251,12 @@ TEST_F(LfCompositorQosTest, WhatCantBeInTimeIsLeftOutAndSaidSo) {
 }
 
 // The nodes may have skipped this request already, so no picture is shown.
-TEST_F(LfCompositorQosTest, TheRequestThatIsBeingAnsweredIsLeftOutToo) {
+TEST_F(LfCompositorQosTest, CurrentRequestIsSkipped) {
   start(2, {{"view-id", "3"}});
   const ViewRequest first = array_.request(1, kFrame, 3), second = array_.request(3, 3 * kFrame, 3);
   request(first);
   push(0, answer_of(first, {0, 1}));
-  tell(late_by(kFrame, kFrame));
+  push_upstream(late_by(kFrame, kFrame));
   push(1, answer_of(first, {}));
   request(second);
   push(0, answer_of(second, {0, 1}));
@@ -267,11 +267,11 @@ TEST_F(LfCompositorQosTest, TheRequestThatIsBeingAnsweredIsLeftOutToo) {
   EXPECT_EQ(stat(element_.get(), "incomplete"), 0u);
 }
 
-TEST_F(LfCompositorQosTest, NodesHearOfWhichView) {
+TEST_F(LfCompositorQosTest, QosEventsNameTheView) {
   start(1, {{"view-id", "3"}});
   one(0);  // GstAggregator forwards events only to pads that have buffers
   pull();
-  tell(late_by(kFrame, 0));
+  push_upstream(late_by(kFrame, 0));
   std::optional<guint> view_id;
   while (GstEvent* event = gst_harness_try_pull_upstream_event(nodes_[0].get())) {
     guint of = 0;
@@ -283,15 +283,15 @@ TEST_F(LfCompositorQosTest, NodesHearOfWhichView) {
   EXPECT_EQ(view_id, 3u);
 }
 
-TEST_F(LfCompositorQosTest, WhatAnotherViewsSinkSaysIsNoConcern) {
+TEST_F(LfCompositorQosTest, QosOfOtherViewsIsIgnored) {
   start(1, {{"view-id", "3"}});
-  tell(for_view(late_by(20 * kFrame, 0), 4));
+  push_upstream(for_view(late_by(20 * kFrame, 0), 4));
   one(1);
   pull();
   EXPECT_EQ(last_pts_, kFrame);
 }
 
-TEST_F(LfCompositorQosTest, AFlushForgetsIt) {
+TEST_F(LfCompositorQosTest, FlushClearsQos) {
   start_two_frames_late(kFrame);
   for (GstHarness* harness : {harness_.get(), nodes_[0].get()})
     gst_harness_push_event(harness, gst_event_new_flush_start());
@@ -308,7 +308,7 @@ TEST_F(LfCompositorQosTest, AFlushForgetsIt) {
 }
 
 // Runs from the sink to the nodes; showing a picture takes five frame intervals.
-TEST(Qos, ASlowSinkSavesTheCamerasWork) {
+TEST(Qos, SlowSinkReducesTheWorkOfCameras) {
   const ArrayFixture array;
   const ElementPtr pipeline = launch("lfviewrequest rig=" + array.rig_path() +
                                      " num-buffers=60 framerate=50/1 ! tee name=r  r. ! queue ! n.request  "

@@ -84,7 +84,7 @@ class LfCompositorLiveTest : public LfCompositorTest {
 };
 
 // capture-delay grows and the application ignores the LATENCY message.
-TEST_F(LfCompositorLiveTest, ALatencyThatHasGrownIsFollowed) {
+TEST_F(LfCompositorLiveTest, FollowsGrowingLatency) {
   constexpr uint64_t kDelay = 300 * GST_MSECOND;
   start_live(1, {{"rig", array_.rig_path()}});
   ViewRequest asked = ask();
@@ -100,7 +100,7 @@ TEST_F(LfCompositorLiveTest, ALatencyThatHasGrownIsFollowed) {
   EXPECT_GE(range(pull()).first, 199);
 }
 
-TEST_F(LfCompositorLiveTest, APictureIsOutAtItsDeadlineWithoutTheSilentNode) {
+TEST_F(LfCompositorLiveTest, PictureIsOutputAtTheDeadlineWithoutASilentNode) {
   start_live(2, {{"rig", array_.rig_path()}});
   const ViewRequest asked = ask();
   push(0, answer_of(asked, {0, 1, 2}));
@@ -110,7 +110,7 @@ TEST_F(LfCompositorLiveTest, APictureIsOutAtItsDeadlineWithoutTheSilentNode) {
   EXPECT_THAT(announced(), IsEmpty());
 }
 
-TEST_F(LfCompositorLiveTest, ANodeThatStopsIsLeftOutAndComesBack) {
+TEST_F(LfCompositorLiveTest, StoppedNodeIsSkippedAndReturns) {
   start_live(2, {{"rig", array_.rig_path()}, {"max-missed", "2"}});
   ViewRequest asked = ask();
   push(1, answer_of(asked, {0, 1}));
@@ -158,7 +158,7 @@ TEST_F(LfCompositorLiveTest, ANodeThatStopsIsLeftOutAndComesBack) {
   EXPECT_EQ(stat(element_.get(), "missing-fragments"), 6u);
 }
 
-TEST_F(LfCompositorLiveTest, ABlindCameraIsTakenOut) {
+TEST_F(LfCompositorLiveTest, BlindCameraIsTakenOutOfService) {
   start_live(1, {{"max-missed", "1"}});
   for (int i = 0; i < 3; i++) {
     const ViewRequest asked = ask();
@@ -171,7 +171,7 @@ TEST_F(LfCompositorLiveTest, ABlindCameraIsTakenOut) {
   EXPECT_THAT(announced(), ElementsAre(CameraSet{3}));
 }
 
-TEST_F(LfCompositorLiveTest, WhereNothingComesThePictureBeforeShows) {
+TEST_F(LfCompositorLiveTest, PreviousPictureRepeatsWithoutAnswers) {
   start_live(1, {{"rig", array_.rig_path()}, {"max-missed", "0"}});
   ViewRequest asked = ask();
   push(0, answer_of(asked, {0, 1, 2, 3}, 90));
@@ -228,7 +228,7 @@ std::vector<std::vector<uint8_t>> in_parts(const wire::Answer& answer) {
   return parts;
 }
 
-TEST_F(LfCompositorLiveTest, PartsOfAnswersComeInAnyOrderAndMoreThanOnce) {
+TEST_F(LfCompositorLiveTest, PartsMayBeReorderedAndDuplicated) {
   start_live(2, {{"rig", array_.rig_path()}});
   for (const std::vector<size_t>& order : {std::vector<size_t>{0, 1}, {1, 0}, {1, 1, 0}}) {
     const ViewRequest asked = ask();
@@ -243,7 +243,7 @@ TEST_F(LfCompositorLiveTest, PartsOfAnswersComeInAnyOrderAndMoreThanOnce) {
   EXPECT_EQ(stat(element_.get(), "incomplete"), 0u);
 }
 
-TEST_F(LfCompositorLiveTest, ALostPartIsConcealedAtTheDeadline) {
+TEST_F(LfCompositorLiveTest, LostPartIsConcealedAtTheDeadline) {
   start_live(2, {{"rig", array_.rig_path()}});
   const ViewRequest asked = ask();
   push(0, answer_of(asked, {0}));
@@ -259,8 +259,8 @@ TEST_F(LfCompositorLiveTest, ALostPartIsConcealedAtTheDeadline) {
 // Changes of nodes and rigs while lfcompositor runs.
 class LfCompositorChangeTest : public LfCompositorLiveTest {
  protected:
-  void leave(size_t node) { nodes_[node].reset(); }
-  void join(size_t node, bool live) {
+  void remove_node(size_t node) { nodes_[node].reset(); }
+  void add_node(size_t node, bool live) {
     nodes_[node].reset(gst_harness_new_with_element(element_.get(), ("sink_" + std::to_string(node)).c_str(), nullptr));
     gst_harness_set_live(nodes_[node].get(), live);
     gst_harness_set_src_caps_str(nodes_[node].get(), "application/x-lightfield-answer");
@@ -268,13 +268,13 @@ class LfCompositorChangeTest : public LfCompositorLiveTest {
   void set_rig(const std::string& path) { g_object_set(element_.get(), "rig", path.c_str(), nullptr); }
 };
 
-TEST_F(LfCompositorChangeTest, FilesAreNotWaitedForByANodeThatLeft) {
+TEST_F(LfCompositorChangeTest, DoesNotWaitForARemovedNode) {
   start(2, {{"rig", array_.rig_path()}});
   ViewRequest asked = ask_and_answer(0, 0, {0, 1, 2});
-  leave(1);
+  remove_node(1);
   LfCompositorTest::pull();
   EXPECT_EQ(stat(element_.get(), "missing-fragments"), 1u);
-  join(1, false);
+  add_node(1, false);
   asked = array_.request(1, kFrame);
   const ViewRequest next = array_.request(2, 2 * kFrame);
   request(asked);
@@ -288,23 +288,23 @@ TEST_F(LfCompositorChangeTest, FilesAreNotWaitedForByANodeThatLeft) {
   EXPECT_EQ(stat(element_.get(), "missing-fragments"), 2u);
 }
 
-TEST_F(LfCompositorChangeTest, WhatCameOfANodeBeforeItLeftIsShown) {
+TEST_F(LfCompositorChangeTest, AnswersOfARemovedNodeAreShown) {
   start(2, {{"rig", array_.rig_path()}});
   const ViewRequest asked = array_.request(0, 0);
   request(asked);
   push(1, answer_of(asked, {2, 3}));
   push(0, answer_of(asked, {0, 1}));
-  leave(1);
+  remove_node(1);
   EXPECT_GE(range(LfCompositorTest::pull()).first, 199);
 }
 
-TEST_F(LfCompositorChangeTest, LiveTheNeighboursOfANodeThatLeftCloseTheGapUntilItIsBack) {
+TEST_F(LfCompositorChangeTest, NeighboursFillInForARemovedLiveNode) {
   start_live(2, {{"rig", array_.rig_path()}, {"max-missed", "2"}});
   ViewRequest asked = ask();
   push(1, answer_of(asked, {2, 3}));
   push(0, answer_of(asked, {0, 1}));
   EXPECT_GE(range(pull()).first, 199);
-  leave(1);
+  remove_node(1);
   for (int i = 0; i < 3; i++) {
     EXPECT_THAT(announced(), IsEmpty()) << i;
     asked = ask();
@@ -317,7 +317,7 @@ TEST_F(LfCompositorChangeTest, LiveTheNeighboursOfANodeThatLeftCloseTheGapUntilI
   push(0, answer_of(asked, {0, 1}));
   EXPECT_GE(range(pull()).first, 199);
   EXPECT_EQ(stat(element_.get(), "missing-fragments"), missing);
-  join(1, true);
+  add_node(1, true);
   for (unsigned i = 0; i < CameraHealth::kRecoveryPictures; i++) {
     EXPECT_THAT(announced(), IsEmpty()) << i;
     asked = ask({2, 3});
@@ -335,15 +335,15 @@ TEST_F(LfCompositorChangeTest, LiveTheNeighboursOfANodeThatLeftCloseTheGapUntilI
   EXPECT_EQ(stat(element_.get(), "missing-fragments"), missing);
 }
 
-TEST_F(LfCompositorChangeTest, NodesComeAndGoWhilePicturesAreMade) {
+TEST_F(LfCompositorChangeTest, NodesAreAddedAndRemovedWhilePlaying) {
   start(1, {{"rig", array_.rig_path()}});
   nodes_.resize(2);
   std::atomic<bool> done = false;
   std::thread other([&] {
     while (!done) {
-      join(1, false);
+      add_node(1, false);
       gst_harness_push(nodes_[1].get(), to_buffer({1, 2, 3}));
-      leave(1);
+      remove_node(1);
     }
   });
   for (uint32_t i = 0; i < 100; i++) {
@@ -354,11 +354,11 @@ TEST_F(LfCompositorChangeTest, NodesComeAndGoWhilePicturesAreMade) {
   other.join();
 }
 
-// ------------------------------------------------------------------------------------------------------------ rigs
+// --- Rigs ------------------------------------------------------------------------------------------------------------
 
 // Pictures of the two rigs differ in brightness. If all answers of a request are lost, the previous picture is
 // repeated.
-TEST_F(LfCompositorChangeTest, NoPictureMixesTwoRigsWhateverIsReplacedFirst) {
+TEST_F(LfCompositorChangeTest, NoPictureMixesTwoRigs) {
   const ModifiedRig other(array_.rig(), [](Rig& rig) { rig.cameras[0].lens = Lens::pinhole(31, 15.5, 11.5); });
   const std::vector<CameraIndex> own[] = {{0}, {1, 2, 3}};  // one triangle belongs to the second node alone
   std::vector<size_t> order{0, 1, 2, 3};                    // the viewer, the two nodes, the compositor
@@ -429,7 +429,7 @@ TEST_F(LfCompositorChangeTest, CamerasOutOfServiceAreForgottenWithTheirRig) {
   EXPECT_FALSE(pull().empty());
 }
 
-TEST_F(LfCompositorChangeTest, ARigThatCannotBeReadChangesNothing) {
+TEST_F(LfCompositorChangeTest, UnreadableRigChangesNothing) {
   start(1, {{"rig", array_.rig_path()}});
   const std::unique_ptr<GstBus, Unref<gst_object_unref>> bus(gst_bus_new());
   gst_element_set_bus(element_.get(), bus.get());
@@ -458,7 +458,7 @@ class CompositorLimitsTest : public LfCompositorLiveTest {
   void begin() { start_live(2, {{"rig", array_.rig_path()}, {"max-missed", "2"}}); }
 };
 
-TEST_F(CompositorLimitsTest, AForgedAnswerCostsAtMostOnePicture) {
+TEST_F(CompositorLimitsTest, ForgedAnswerCostsAtMostOnePicture) {
   begin();
   EXPECT_TRUE(is_complete());
   for (const uint32_t ahead : {uint32_t{1} << 30, 20u, 5u, 1u}) {
@@ -473,7 +473,7 @@ TEST_F(CompositorLimitsTest, AForgedAnswerCostsAtMostOnePicture) {
 }
 
 // Every later request would name these missing cameras, and nodes would refuse the requests.
-TEST_F(CompositorLimitsTest, AForgedAnswerOfCamerasThatNobodyHasCostsNothing) {
+TEST_F(CompositorLimitsTest, ForgedAnswerOfUnknownCamerasCostsNothing) {
   begin();
   for (int i = 0; i < 2; i++) EXPECT_TRUE(is_complete());
   for (const CameraIndex first : {900u, 2u}) {
@@ -491,7 +491,7 @@ TEST_F(CompositorLimitsTest, AForgedAnswerOfCamerasThatNobodyHasCostsNothing) {
   EXPECT_THAT(announced(), IsEmpty());
 }
 
-TEST_F(CompositorLimitsTest, AnotherRigsAnswerCostsAtMostOnePicture) {
+TEST_F(CompositorLimitsTest, AnswerOfAnotherRigCostsAtMostOnePicture) {
   begin();
   EXPECT_TRUE(is_complete());
   for (const uint32_t ahead : {0u, 3u}) {
@@ -506,7 +506,7 @@ TEST_F(CompositorLimitsTest, AnotherRigsAnswerCostsAtMostOnePicture) {
   EXPECT_EQ(stat(element_.get(), "rig-mismatches"), 2u);
 }
 
-TEST_F(CompositorLimitsTest, AViewerThatBeginsAnewIsServedAtOnce) {
+TEST_F(CompositorLimitsTest, RestartedViewerIsServedAtOnce) {
   begin();
   for (int i = 0; i < 12; i++) EXPECT_TRUE(is_complete());
   for (uint32_t i = 0; i < 3; i++) push(0, answer_of(array_.request(sequence_ + i, 77), {0, 1}, 30));
@@ -523,7 +523,7 @@ TEST_F(CompositorLimitsTest, AViewerThatBeginsAnewIsServedAtOnce) {
   EXPECT_THAT(announced(), IsEmpty());
 }
 
-TEST_F(CompositorLimitsTest, ItsOwnRequestsHaveLimitsToo) {
+TEST_F(CompositorLimitsTest, LimitsApplyToItsOwnRequests) {
   begin();
   ViewRequest large = array_.request(sequence_++, kNow);
   large.view.width = large.view.height = kMaxImageSize;
@@ -532,7 +532,7 @@ TEST_F(CompositorLimitsTest, ItsOwnRequestsHaveLimitsToo) {
   EXPECT_EQ(stat(element_.get(), "refused-pixels"), 1u);
 }
 
-TEST_F(CompositorLimitsTest, EachLimitCanBeSetAndIsCounted) {
+TEST_F(CompositorLimitsTest, EachLimitIsConfigurableAndCounted) {
   begin();
   const auto expect_refused = [this](const ViewRequest& asked, const char* counter) {
     const uint64_t before = stat(element_.get(), counter), all = stat(element_.get(), "refused");

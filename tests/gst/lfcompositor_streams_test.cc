@@ -15,8 +15,7 @@
 namespace lf::test {
 namespace {
 
-
-bool comes(const std::function<bool()>& done, int seconds = 20) {
+bool becomes_true(const std::function<bool()>& done, int seconds = 20) {
   for (int i = 0; i < seconds * 100 && !done(); i++) g_usleep(10000);
   return done();
 }
@@ -40,13 +39,13 @@ class LfCompositorStreamsTest : public LfCompositorTest {
   std::thread pusher_;
 };
 
-TEST_F(LfCompositorStreamsTest, AnswersToOtherViewsAreNeverInTheWay) {
+TEST_F(LfCompositorStreamsTest, AnswersToOtherViewsDoNotBlock) {
   start(1);
   push_many(answer_of(array_.request(0, 0, 7), {0}), 500);
-  EXPECT_TRUE(comes([&] { return pushed_ == 500; })) << "stopped taking answers after " << pushed_;
+  EXPECT_TRUE(becomes_true([&] { return pushed_ == 500; })) << "stopped taking answers after " << pushed_;
 }
 
-TEST_F(LfCompositorStreamsTest, RequestsOfOtherViewsAreNeverInTheWay) {
+TEST_F(LfCompositorStreamsTest, RequestsOfOtherViewsDoNotBlock) {
   start(1);
   std::atomic<int> taken = 0;
   std::thread requests([&] {
@@ -56,16 +55,16 @@ TEST_F(LfCompositorStreamsTest, RequestsOfOtherViewsAreNeverInTheWay) {
       if (gst_harness_push(harness_.get(), buffer) == GST_FLOW_OK) taken++;
     }
   });
-  EXPECT_TRUE(comes([&] { return taken == 500; })) << "stopped taking requests after " << taken;
+  EXPECT_TRUE(becomes_true([&] { return taken == 500; })) << "stopped taking requests after " << taken;
   gst_element_set_state(element_.get(), GST_STATE_NULL);
   requests.join();
 }
 
-TEST_F(LfCompositorStreamsTest, AnswersWithoutTimesAreBounded) {
+TEST_F(LfCompositorStreamsTest, AnswersWithoutTimestampsAreBounded) {
   start(1);
   push_many(answer_of(array_.request(0, 0), {0}), 1000);
   int before = -1;
-  EXPECT_TRUE(comes([&] {
+  EXPECT_TRUE(becomes_true([&] {
     const bool rests = pushed_ == before;
     before = pushed_;
     g_usleep(300000);
@@ -75,7 +74,7 @@ TEST_F(LfCompositorStreamsTest, AnswersWithoutTimesAreBounded) {
   EXPECT_LT(pushed_, 50);
 }
 
-TEST_F(LfCompositorStreamsTest, PartialStaysWhatItWasWhileItRuns) {
+TEST_F(LfCompositorStreamsTest, PartialCannotChangeWhileRunning) {
   start(1, {{"rig", array_.rig_path()}});
   GstBus* bus = gst_bus_new();
   gst_element_set_bus(element_.get(), bus);
@@ -98,7 +97,7 @@ TEST_F(LfCompositorStreamsTest, PartialStaysWhatItWasWhileItRuns) {
   gst_object_unref(bus);
 }
 
-TEST_F(LfCompositorStreamsTest, EosIsThatOfTheRequests) {
+TEST_F(LfCompositorStreamsTest, EosOfTheRequestsEndsTheOutput) {
   start(1);
   ask_and_answer(0, 0, {0});
   pull();
@@ -116,13 +115,13 @@ TEST_F(LfCompositorStreamsTest, EosIsThatOfTheRequests) {
   }
 }
 
-TEST_F(LfCompositorStreamsTest, RestsOnceAllHasEnded) {
+TEST_F(LfCompositorStreamsTest, PausesAfterTheEnd) {
   start(1);
   ask_and_answer(0, 0, {0});
   pull();
   for (GstHarness* each : {harness_.get(), nodes_[0].get()}) gst_harness_push_event(each, gst_event_new_eos());
   GstPad* src = gst_element_get_static_pad(element_.get(), "src");
-  EXPECT_TRUE(comes([src] { return gst_pad_get_task_state(src) == GST_TASK_PAUSED; }));
+  EXPECT_TRUE(becomes_true([src] { return gst_pad_get_task_state(src) == GST_TASK_PAUSED; }));
   int ends = 0;
   while (GstEvent* event = gst_harness_try_pull_event(harness_.get())) {
     ends += GST_EVENT_TYPE(event) == GST_EVENT_EOS;
@@ -147,7 +146,7 @@ TEST_F(LfCompositorStreamsTest, RestsOnceAllHasEnded) {
   gst_object_unref(src);
 }
 
-TEST_F(LfCompositorStreamsTest, AnUnlinkedPadIsWarnedOfAndLinkedAgain) {
+TEST_F(LfCompositorStreamsTest, UnlinkedPadCausesAWarningAndCanBeRelinked) {
   start(1);
   GstBus* bus = gst_bus_new();
   gst_element_set_bus(element_.get(), bus);
@@ -158,7 +157,7 @@ TEST_F(LfCompositorStreamsTest, AnUnlinkedPadIsWarnedOfAndLinkedAgain) {
   ASSERT_TRUE(gst_pad_unlink(src, harness_->sinkpad));
   for (uint32_t i = 1; i < 4; i++) show(i);
   guint64 pictures = 0;
-  EXPECT_TRUE(comes([&] {
+  EXPECT_TRUE(becomes_true([&] {
     g_autoptr(GstStructure) stats = nullptr;
     g_object_get(element_.get(), "stats", &stats, nullptr);
     gst_structure_get_uint64(stats, "pictures", &pictures);
@@ -198,7 +197,7 @@ TEST_F(LfCompositorStreamsTest, PicturesAreInTheSegmentOfTheRequests) {
   gst_event_unref(event);
 }
 
-TEST_F(LfCompositorStreamsTest, PicturesTellWhenTheyWereCaptured) {
+TEST_F(LfCompositorStreamsTest, PicturesHaveCaptureTimes) {
   start(1);
   ask_and_answer(0, 3 * kFrame + 5, {0});
   const BufferPtr picture(gst_harness_pull(harness_.get()));
@@ -209,7 +208,7 @@ TEST_F(LfCompositorStreamsTest, PicturesTellWhenTheyWereCaptured) {
   EXPECT_EQ(meta->timestamp, 3 * kFrame + 5);
 }
 
-TEST_F(LfCompositorStreamsTest, AViewThatNobodyAsksForIsSaidOnce) {
+TEST_F(LfCompositorStreamsTest, ViewWithoutRequestsIsReportedOnce) {
   start(1, {{"view-id", "3"}});
   GstBus* bus = gst_bus_new();
   gst_element_set_bus(element_.get(), bus);
@@ -225,7 +224,7 @@ TEST_F(LfCompositorStreamsTest, AViewThatNobodyAsksForIsSaidOnce) {
   gst_object_unref(bus);
 }
 
-TEST_F(LfCompositorStreamsTest, AViewThatLeavesTheArrayIsCounted) {
+TEST_F(LfCompositorStreamsTest, ViewOutsideTheArrayIsCounted) {
   start(1, {{"rig", array_.rig_path()}, {"post-messages", "true"}});
   GstBus* bus = gst_bus_new();
   gst_element_set_bus(element_.get(), bus);
@@ -265,7 +264,7 @@ TEST_F(LfCompositorStreamsTest, AViewThatLeavesTheArrayIsCounted) {
 }
 
 // Data queued on the restarted node's pad is dropped; the pads of other nodes are undisturbed.
-TEST_F(LfCompositorStreamsTest, AFlushOfOneNodeIsItsOwn) {
+TEST_F(LfCompositorStreamsTest, FlushAffectsOneNode) {
   start(2, {{"rig", array_.rig_path()}});
   for (uint32_t i = 0; i < 20; i++) {
     const ViewRequest asked = array_.request(i, i * kFrame);
@@ -285,7 +284,7 @@ TEST_F(LfCompositorStreamsTest, AFlushOfOneNodeIsItsOwn) {
   EXPECT_EQ(stat(element_.get(), "complete"), 20u);
 }
 
-TEST_F(LfCompositorStreamsTest, ARestartUsesTheRigThatWasSetLast) {
+TEST_F(LfCompositorStreamsTest, RestartUsesTheLatestRig) {
   const ModifiedRig other(array_.rig(), [](Rig& rig) { rig.cameras[0].pose.position.x += 1e-3; });
   start(1, {{"rig", array_.rig_path()}});
   ViewRequest asked = ask_and_answer(0, 0, {0, 1, 2, 3});

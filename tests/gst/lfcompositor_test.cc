@@ -22,7 +22,7 @@ namespace {
 
 using testing::HasSubstr;
 
-TEST_F(LfCompositorTest, AddsOneNodesAnswer) {
+TEST_F(LfCompositorTest, AddsTheAnswerOfOneNode) {
   start(1);
   ask_and_answer(0, 3 * kFrame, {0, 1, 2, 3});
   const std::vector<uint8_t> picture = pull();
@@ -49,7 +49,7 @@ TEST_F(LfCompositorTest, EveryStageIsTimed) {
   }
 }
 
-TEST_F(LfCompositorTest, TwoNodesAreOnePictureToTheBit) {
+TEST_F(LfCompositorTest, TwoNodesMakeTheSamePictureAsOne) {
   const ViewRequest asked = array_.request(0, 0);
   start(1);
   Image noise(PixelFamily::kRgb, ArrayFixture::kWidth, ArrayFixture::kHeight);
@@ -70,7 +70,7 @@ TEST_F(LfCompositorTest, TwoNodesAreOnePictureToTheBit) {
   EXPECT_LT(range(together).first, range(together).second - 50) << "not uniform";
 }
 
-TEST_F(LfCompositorTest, AnswersComeBeforeTheRequestOrAfterIt) {
+TEST_F(LfCompositorTest, AnswersMayPrecedeTheRequest) {
   start(1);
   const ViewRequest asked = array_.request(0, 0);
   push(0, answer_of(asked, {0, 1, 2, 3}));
@@ -103,7 +103,7 @@ TEST_F(LfCompositorTest, OtherViewsAreIgnored) {
   EXPECT_EQ(stat(element_.get(), "pictures"), 1u);
 }
 
-TEST_F(LfCompositorTest, DamagedFragmentsAreCountedAndTheRestIsComposed) {
+TEST_F(LfCompositorTest, DamagedFragmentsAreCountedAndSkipped) {
   const ViewRequest asked = array_.request(0, 0);
   const wire::Answer answer = answer_of(asked, {0, 1, 2, 3});
   ByteBuffer bytes = wire::FragmentEncoder().encode(answer, answer.fragments, 90);
@@ -144,7 +144,7 @@ TEST_F(LfCompositorTest, LateAndForeignAnswersAreCounted) {
   EXPECT_EQ(stat(element_.get(), "rig-mismatches"), 1u);
 }
 
-TEST_F(LfCompositorTest, WithTheRigTheOthersMakeUpForAMissingCamera) {
+TEST_F(LfCompositorTest, OtherCamerasFillInForAMissingCamera) {
   start(1, {{"rig", array_.rig_path()}});
   ask_and_answer(0, 0, {0, 1, 2});
   const std::vector<uint8_t> picture = pull();
@@ -155,7 +155,7 @@ TEST_F(LfCompositorTest, WithTheRigTheOthersMakeUpForAMissingCamera) {
   EXPECT_NEAR(picture[middle], 200, 6);
 }
 
-TEST_F(LfCompositorTest, PixelsOfCamerasAreRenderedHere) {
+TEST_F(LfCompositorTest, RendersPixelsOfCameras) {
   const ViewRequest asked = array_.request(0, 0);
   const std::vector<CameraIndex> all{0, 1, 2, 3};
   Image image(PixelFamily::kRgb, ArrayFixture::kWidth, ArrayFixture::kHeight);
@@ -211,7 +211,7 @@ TEST_F(LfCompositorTest, I420StaysI420AndSizeMayChange) {
   EXPECT_EQ(output_format(), "RGB");
 }
 
-TEST_F(LfCompositorTest, DownstreamChoosesWithinTheFamily) {
+TEST_F(LfCompositorTest, DownstreamSelectsAFormatOfTheFamily) {
   start(1, {}, "video/x-raw,format=BGRx");
   ask_and_answer(0, 0, {0, 1, 2, 3});
   EXPECT_EQ(pull().size(), 16u * 12 * 4);
@@ -225,7 +225,7 @@ TEST_F(LfCompositorTest, EndOfRequestsEndsTheOutput) {
   EXPECT_TRUE(reaches_eos(harness_.get()));
 }
 
-TEST_F(LfCompositorTest, NavigationGoesToTheRequestsAloneAndIsTagged) {
+TEST_F(LfCompositorTest, NavigationIsSentToTheRequestsWithTheViewId) {
   start(1, {{"view-id", "6"}});
   gst_harness_push_upstream_event(
       harness_.get(), gst_event_new_navigation(gst_structure_new("application/x-gst-navigation", "event", G_TYPE_STRING,
@@ -297,7 +297,7 @@ class LfCompositorTreeTest : public LfCompositorTest {
   guint64 missing_ = 0;
 };
 
-TEST_F(LfCompositorTreeTest, ThePictureIsThatOfOneCompositor) {
+TEST_F(LfCompositorTreeTest, PictureEqualsThatOfOneCompositor) {
   for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420}) {
     const ViewRequest asked = array_.request(5, kFrame);
     std::vector<std::vector<uint8_t>> single;
@@ -319,7 +319,7 @@ TEST_F(LfCompositorTreeTest, ThePictureIsThatOfOneCompositor) {
   }
 }
 
-TEST_F(LfCompositorTreeTest, APartialAnswerSpeaksForTheRacksCameras) {
+TEST_F(LfCompositorTreeTest, PartialAnswerCoversItsCameras) {
   const ViewRequest asked = array_.request(5, kFrame);
   wire::Answer first = answer_of(asked, {0}), second = answer_of(asked, {});
   first.actual_time -= 3000;
@@ -335,7 +335,7 @@ TEST_F(LfCompositorTreeTest, APartialAnswerSpeaksForTheRacksCameras) {
   EXPECT_EQ(view.blind, CameraRanges(CameraSet{2}));
 }
 
-TEST_F(LfCompositorTreeTest, WhatIsMissingInARackIsMissingAtTheRoot) {
+TEST_F(LfCompositorTreeTest, MissingCamerasOfARackAreMissingAtTheRoot) {
   const ViewRequest asked = array_.request(5, kFrame);
   wire::Answer blind = answer_of(asked, {});
   blind.cameras = blind.blind = CameraRanges(CameraSet{1});
@@ -348,7 +348,7 @@ TEST_F(LfCompositorTreeTest, NeedsTheRig) {
   EXPECT_THAT(run("lfcompositor partial=true ! fakesink", 5), mentions("property", "\"rig\""));
 }
 
-TEST(LfCompositorSettings, WhatHasNoEffectIsSaid) {
+TEST(LfCompositorSettings, IgnoredSettingsAreReported) {
   const ArrayFixture array;
   const std::string rig = "rig=" + array.rig_path();
   struct Case {
@@ -425,7 +425,7 @@ class LfCompositorHypothesesTest : public LfCompositorTest {
 };
 
 // If no element uses the focal surface, the search runs only occasionally.
-TEST_F(LfCompositorHypothesesTest, NobodyHeeds) {
+TEST_F(LfCompositorHypothesesTest, FeedbackIsRareIfUnused) {
   static int told = 0;
   asked_.view.focus.map.reset();
   asked_.hypotheses.clear();
@@ -454,7 +454,7 @@ TEST_F(LfCompositorHypothesesTest, NobodyHeeds) {
   }
 }
 
-TEST_F(LfCompositorHypothesesTest, WhatIsNotWhatWasAskedForIsCountedAndDropped) {
+TEST_F(LfCompositorHypothesesTest, UnexpectedUnitsAreCountedAndDropped) {
   const auto [picture, bad] = picture_after(unit(seen()));
   ASSERT_EQ(picture.size(), 16u * 12 * 3);
   EXPECT_EQ(bad, 0u);
@@ -515,7 +515,7 @@ TEST_F(LfCompositorHypothesesTest, WhatIsNotWhatWasAskedForIsCountedAndDropped) 
   }
 }
 
-TEST_F(LfCompositorHypothesesTest, ARangeWithItsEndsExchangedIsLeftOutAndSaid) {
+TEST_F(LfCompositorHypothesesTest, ReversedFocusRangeIsIgnoredAndReported) {
   g_autoptr(GstBus) bus = gst_bus_new();
   gst_element_set_bus(element_.get(), bus);
   const auto set = [&](const char* name, double metres) { g_object_set(element_.get(), name, metres, nullptr); };
@@ -528,7 +528,7 @@ TEST_F(LfCompositorHypothesesTest, ARangeWithItsEndsExchangedIsLeftOutAndSaid) {
   gst_element_set_bus(element_.get(), nullptr);
 }
 
-TEST_F(LfCompositorHypothesesTest, WithoutHypothesesThereIsNothingToSay) {
+TEST_F(LfCompositorHypothesesTest, UnitsWithoutHypothesesAreDropped) {
   const std::vector<uint8_t> unasked = unit(seen());
   asked_.hypotheses.clear();
   const auto [picture, bad] = picture_after(unasked);

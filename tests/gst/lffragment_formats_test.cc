@@ -29,7 +29,7 @@ TEST_F(LfFragmentTest, I420StaysI420) {
   EXPECT_EQ(seeing(answer).size(), 4u);
 }
 
-TEST_F(LfFragmentTest, Nv12AndGreyAreTakenAsTheyAre) {
+TEST_F(LfFragmentTest, Nv12AndGreyNeedNoConversion) {
   constexpr size_t kLuma = 32 * 24, kChroma = 16 * 12;
   for (const char* colorimetry : {"1:4:0:0", "bt601", "bt709"}) {
     for (const bool grey : {false, true}) {
@@ -97,7 +97,7 @@ TEST_F(LfFragmentTest, LimitedRangeIsConverted) {
 }
 
 // Frames may arrive before all cameras have caps.
-TEST_F(LfFragmentTest, AnswersDoNotDependOnWhichCameraComesFirst) {
+TEST_F(LfFragmentTest, AnswersDoNotDependOnTheOrderOfCameras) {
   const std::string i420 = ArrayFixture::caps("I420"), rgb = ArrayFixture::caps("RGB");
   const std::string limited = "video/x-raw,format=I420,width=32,height=24,framerate=10/1,colorimetry=bt601";
   const struct {
@@ -182,7 +182,7 @@ TEST_F(LfFragmentJpegTest, FramesAreDecodedForTheView) {
   EXPECT_EQ(stat(element_.get(), "damaged-frames"), 0u);
 }
 
-TEST_F(LfFragmentJpegTest, TheFrameBeforeADamagedOneServes) {
+TEST_F(LfFragmentJpegTest, PreviousFrameReplacesADamagedOne) {
   start_jpeg(4);
   push_jpeg(grey_jpeg(200), 0);
   EXPECT_NEAR(grey_at(0), 200, 2);
@@ -200,7 +200,7 @@ TEST_F(LfFragmentJpegTest, TheFrameBeforeADamagedOneServes) {
   EXPECT_EQ(stat(element_.get(), "missing-frames"), 0u);
 }
 
-TEST_F(LfFragmentJpegTest, BesideRgbCamerasTheyBecomeRgb) {
+TEST_F(LfFragmentJpegTest, JpegIsConvertedIfOtherCamerasAreRgb) {
   start(3);
   push_frames(200, 0);
   cameras_.emplace_back(gst_harness_new_with_element(element_.get(), "sink_3", nullptr));
@@ -270,7 +270,7 @@ class LfFragmentResamplingTest : public LfFragmentTest {
   std::vector<Image> images_;
 };
 
-TEST_F(LfFragmentResamplingTest, ThePictureIsTheLibrarysWhateverIsChosen) {
+TEST_F(LfFragmentResamplingTest, PicturesEqualTheLibrarysForEveryChoice) {
   start_with_images();
   const ViewRequest asked = array_.request(0, 0);
   const std::map<std::string, Resampling> choices{{"bilinear", Resampling::kBilinear},
@@ -306,7 +306,7 @@ TEST_F(LfFragmentResamplingTest, CoarseViewsAreNotSharpened) {
   }
 }
 
-TEST_F(LfFragmentResamplingTest, TheRendererChangesNoPixelByMoreThanOneLevel) {
+TEST_F(LfFragmentResamplingTest, RenderersDifferByAtMostOneLevel) {
   start_with_images();
   ViewRequest asked = array_.request(0, 0);
   const auto says = [this] {
@@ -335,7 +335,7 @@ TEST_F(LfFragmentResamplingTest, TheRendererChangesNoPixelByMoreThanOneLevel) {
   }
 }
 
-TEST_F(LfFragmentResamplingTest, ANodeHandsItOn) {
+TEST_F(LfFragmentResamplingTest, NodeForwardsTheProperty) {
   const ElementPtr node(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make("lfcameranode", nullptr))));
   gst_util_set_object_arg(G_OBJECT(node.get()), "resampling", "bilinear");
   const ElementPtr fragment(gst_bin_get_by_name(GST_BIN(node.get()), "fragment"));

@@ -26,7 +26,7 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 
-TEST_F(LfFragmentTest, TakesTheFrameNearestToTheRequestedTime) {
+TEST_F(LfFragmentTest, UsesTheFrameNearestToTheRequestedTime) {
   start(4);
   push_frames(10, 0);
   push_frames(250, kFrame);
@@ -53,7 +53,7 @@ TEST_F(LfFragmentTest, WaitsForTheFrameOfAFile) {
   EXPECT_EQ(pull().actual_time, kFrame);
 }
 
-TEST_F(LfFragmentTest, WaitsForCamerasThatHaveNotBegun) {
+TEST_F(LfFragmentTest, WaitsForCamerasWithoutFrames) {
   start(3);
   const HarnessPtr late(gst_harness_new_with_element(element_.get(), "sink_3", nullptr));
   gst_harness_set_live(late.get(), FALSE);
@@ -68,7 +68,7 @@ TEST_F(LfFragmentTest, WaitsForCamerasThatHaveNotBegun) {
   EXPECT_EQ(seeing(pull()).size(), 4u);
 }
 
-TEST_F(LfFragmentTest, FilesAreReadNoFasterThanRequestsMoveOn) {
+TEST_F(LfFragmentTest, FilesAreReadAtTheSpeedOfRequests) {
   start(1);
   std::atomic<int> pushed{0};
   std::thread camera([this, &pushed] {
@@ -83,7 +83,7 @@ TEST_F(LfFragmentTest, FilesAreReadNoFasterThanRequestsMoveOn) {
   EXPECT_EQ(pull().actual_time, 5 * kFrame);
 }
 
-TEST_F(LfFragmentTest, TheLastFrameOfAFileStands) {
+TEST_F(LfFragmentTest, LastFrameOfAFileRepeats) {
   start(4);
   push_frames(10, 0);
   for (const HarnessPtr& camera : cameras_) gst_harness_push_event(camera.get(), gst_event_new_eos());
@@ -104,7 +104,7 @@ TEST_F(LfFragmentTest, LiveCamerasAreNeverWaitedFor) {
 }
 
 // V4L2 cameras stall if downstream holds all of their few buffers.
-TEST_F(LfFragmentTest, ACameraWithAFixedPoolNeverRunsOutOfBuffers) {
+TEST_F(LfFragmentTest, CameraWithAFixedPoolNeverRunsOutOfBuffers) {
   for (const guint size : {3u, 4u, 8u, 32u}) {
     cameras_.clear();
     start(1, "RGB", true);
@@ -135,7 +135,7 @@ TEST_F(LfFragmentTest, ACameraWithAFixedPoolNeverRunsOutOfBuffers) {
   }
 }
 
-TEST_F(LfFragmentTest, AnAllocationAnswerSaysHowManyFramesAreKept) {
+TEST_F(LfFragmentTest, AllocationAnswerStatesTheNumberOfKeptFrames) {
   for (const bool live : {true, false}) {
     cameras_.clear();
     start(1, "RGB", live);
@@ -187,7 +187,7 @@ class LfFragmentClockTest : public LfFragmentTest {
   uint64_t base_ = 0;
 };
 
-TEST_F(LfFragmentClockTest, TimesAreTheClocksWhateverTheBaseTime) {
+TEST_F(LfFragmentClockTest, CaptureTimesDoNotDependOnTheBaseTime) {
   for (const uint64_t base : {kEpoch - 3 * GST_SECOND, kEpoch - 3600 * GST_SECOND + 12345, uint64_t{0}}) {
     cameras_.clear();
     harness_.reset();
@@ -202,7 +202,7 @@ TEST_F(LfFragmentClockTest, TimesAreTheClocksWhateverTheBaseTime) {
 }
 
 // A time server has set the time of day back by 40 s since the frames' pipeline started: requests carry the new time.
-TEST_F(LfFragmentClockTest, RequestsNameTheTimeOfDayThatWasSet) {
+TEST_F(LfFragmentClockTest, RequestsFollowStepsOfTheTimeOfDay) {
   g_autoptr(GstClock) clock = new_wall_clock();
   GstClockTime internal, external, numerator, denominator;
   gst_clock_get_calibration(clock, &internal, &external, &numerator, &denominator);
@@ -291,7 +291,7 @@ TEST_F(LfFragmentClockTest, FreeRunningCamerasStayWithinHalfAFrame) {
 }
 
 // The reported capture delay is the latency of the slowest camera plus half a frame interval.
-TEST_F(LfFragmentClockTest, TellsTheCaptureDelayThatCamerasNeed) {
+TEST_F(LfFragmentClockTest, ReportsTheCaptureDelayOfTheCameras) {
   start_at(kEpoch, 2);
   gst_harness_set_live(harness_.get(), TRUE);
   GstSegment segment;
@@ -313,7 +313,7 @@ TEST_F(LfFragmentClockTest, TellsTheCaptureDelayThatCamerasNeed) {
   EXPECT_EQ(told, 70 * GST_MSECOND + kFrame / 2);
 }
 
-TEST_F(LfFragmentClockTest, ACameraThatStoppedIsBlind) {
+TEST_F(LfFragmentClockTest, StoppedCameraIsBlind) {
   start_at(kEpoch, 4);
   const auto at = [](uint64_t k) { return kEpoch + k * kFrame; };
   for (uint64_t k = 0; k < 5; k++)
@@ -339,7 +339,7 @@ TEST_F(LfFragmentClockTest, ACameraThatStoppedIsBlind) {
   EXPECT_TRUE(ask(20, at(20)).blind.empty()) << "any frame is accepted";
 }
 
-TEST_F(LfFragmentClockTest, ANodeThatIsOffIsNamedOnce) {
+TEST_F(LfFragmentClockTest, UnsynchronisedNodeIsReportedOnce) {
   start_at(kEpoch, 4);
   for (uint64_t k = 0; k < 30; k++) {  // its clock is ahead of the viewer's
     for (size_t i = 0; i < 4; i++) push_taken(i, kEpoch + k * kFrame + 700 * GST_MSECOND);
@@ -380,7 +380,7 @@ class LfFragmentChangeTest : public LfFragmentTest {
   }
 };
 
-TEST_F(LfFragmentChangeTest, ACameraJoinsWithItsFirstFrame) {
+TEST_F(LfFragmentChangeTest, CameraJoinsWithItsFirstFrame) {
   start(3);
   push_frames(60, 0);
   gst_harness_set_live(harness_.get(), TRUE);
@@ -394,7 +394,7 @@ TEST_F(LfFragmentChangeTest, ACameraJoinsWithItsFirstFrame) {
   EXPECT_THAT(cameras_in(array_.request(1, 0)), ElementsAre(0, 1, 2, 3));
 }
 
-TEST_F(LfFragmentChangeTest, ACameraLeavesWhileARequestWaitsForItAndComesBack) {
+TEST_F(LfFragmentChangeTest, CameraLeavesDuringARequestAndReturns) {
   start(4);
   push_frames(60, 0);
   std::vector<CameraIndex> answered;
@@ -410,7 +410,7 @@ TEST_F(LfFragmentChangeTest, ACameraLeavesWhileARequestWaitsForItAndComesBack) {
   EXPECT_THAT(cameras_in(array_.request(2, kFrame)), ElementsAre(0, 1, 2, 3));
 }
 
-TEST_F(LfFragmentChangeTest, ACameraLeavesWhileItsStreamWaitsForRequests) {
+TEST_F(LfFragmentChangeTest, CameraLeavesWhileItsStreamIsBlocked) {
   start(1);
   GstFlowReturn flow = GST_FLOW_OK;
   std::atomic<uint64_t> pushed = 0;
@@ -427,7 +427,7 @@ TEST_F(LfFragmentChangeTest, ACameraLeavesWhileItsStreamWaitsForRequests) {
   gst_object_unref(pad);
 }
 
-TEST_F(LfFragmentChangeTest, ARequesterLeavesWhileItsRequestWaits) {
+TEST_F(LfFragmentChangeTest, ClientLeavesWhileItsRequestWaits) {
   start(4);
   push_frames(60, 0);
   HarnessPtr other = requester(3);
@@ -442,7 +442,7 @@ TEST_F(LfFragmentChangeTest, ARequesterLeavesWhileItsRequestWaits) {
   EXPECT_EQ(cameras_in(array_.request(0, 0)).size(), 4u);
 }
 
-TEST_F(LfFragmentChangeTest, CamerasEndWhenTheLastRequesterThatHadNotEndedLeaves) {
+TEST_F(LfFragmentChangeTest, CamerasEndWithTheLastClient) {
   start(1);
   HarnessPtr other = requester(3);
   gst_harness_push_event(harness_.get(), gst_event_new_eos());
@@ -451,7 +451,7 @@ TEST_F(LfFragmentChangeTest, CamerasEndWhenTheLastRequesterThatHadNotEndedLeaves
   EXPECT_EQ(gst_harness_push(cameras_[0].get(), ArrayFixture::frame("RGB", 1, kFrame)), GST_FLOW_EOS);
 }
 
-TEST_F(LfFragmentChangeTest, CamerasAndRequestersComeAndGoWhileOthersAsk) {
+TEST_F(LfFragmentChangeTest, CamerasAndClientsAreAddedAndRemovedWhilePlaying) {
   start(3);
   push_frames(60, 0);
   std::atomic<bool> done = false;
@@ -475,7 +475,7 @@ TEST_F(LfFragmentChangeTest, CamerasAndRequestersComeAndGoWhileOthersAsk) {
   requesters.join();
 }
 
-// ------------------------------------------------------------------------------------------------------------ rigs
+// --- Rigs ------------------------------------------------------------------------------------------------------------
 
 class LfFragmentRigTest : public LfFragmentChangeTest {
  protected:
@@ -506,7 +506,7 @@ class LfFragmentRigTest : public LfFragmentChangeTest {
   }
 };
 
-TEST_F(LfFragmentRigTest, AReplacedRigServesFromTheNextRequestOn) {
+TEST_F(LfFragmentRigTest, NewRigIsUsedFromTheNextRequest) {
   const ModifiedRig longer(array_.rig(), [](Rig& rig) {
     for (Camera& camera : rig.cameras) camera.lens = Lens::pinhole(33, 15, 12);
   });
@@ -529,7 +529,7 @@ TEST_F(LfFragmentRigTest, AReplacedRigServesFromTheNextRequestOn) {
   }
 }
 
-TEST_F(LfFragmentRigTest, RequestsForAnotherRigAreCountedAndSaidOnce) {
+TEST_F(LfFragmentRigTest, RequestsForAnotherRigAreCountedAndReportedOnce) {
   const ModifiedRig other(array_.rig(), [](Rig& rig) { rig.cameras[0].lens = Lens::pinhole(33, 15, 12); });
   start(4);
   push_frames(60, 0);
@@ -542,7 +542,7 @@ TEST_F(LfFragmentRigTest, RequestsForAnotherRigAreCountedAndSaidOnce) {
   EXPECT_EQ(cameras_in(asked).size(), 4u);
 }
 
-TEST_F(LfFragmentRigTest, ACameraThatTheNewRigLacksGivesNothingUntilItIsBack) {
+TEST_F(LfFragmentRigTest, CameraMissingInTheNewRigDoesNotContribute) {
   const ModifiedRig without(array_.rig(), [](Rig& rig) {
     rig.cameras.erase(rig.cameras.begin() + 1);
     rig.topology = {};
@@ -560,7 +560,7 @@ TEST_F(LfFragmentRigTest, ACameraThatTheNewRigLacksGivesNothingUntilItIsBack) {
   EXPECT_THAT(warnings(), IsEmpty());
 }
 
-TEST_F(LfFragmentRigTest, ACameraOfAnotherSizeThanTheNewRigsIsMissingUntilItsVideoFits) {
+TEST_F(LfFragmentRigTest, CameraOfAnotherSizeIsMissingUntilItsVideoFits) {
   const ModifiedRig larger(array_.rig(), [](Rig& rig) {
     rig.cameras[2].width = 48;
     rig.cameras[2].lens = Lens::pinhole(30, 23.5, 11.5);
@@ -584,7 +584,7 @@ TEST_F(LfFragmentRigTest, ACameraOfAnotherSizeThanTheNewRigsIsMissingUntilItsVid
 }
 
 // The camera's stream restarts after a loss: the mismatch was reported already.
-TEST_F(LfFragmentRigTest, ACameraThatDoesNotFitTheNewRigMayBeginAnew) {
+TEST_F(LfFragmentRigTest, CameraThatDoesNotFitTheNewRigMayRestart) {
   const ModifiedRig larger(array_.rig(), [](Rig& rig) {
     rig.cameras[2].width = 48;
     rig.cameras[2].lens = Lens::pinhole(30, 23.5, 11.5);
@@ -600,7 +600,7 @@ TEST_F(LfFragmentRigTest, ACameraThatDoesNotFitTheNewRigMayBeginAnew) {
   EXPECT_THAT(cameras_in(asked), ElementsAre(0, 1, 3));
 }
 
-TEST_F(LfFragmentRigTest, VideoThatChangesItsSizeIsAnError) {
+TEST_F(LfFragmentRigTest, ChangeOfVideoSizeIsAnError) {
   start(4);
   push_frames(60, 0);
   gst_harness_set_src_caps_str(cameras_[2].get(), "video/x-raw,format=RGB,width=48,height=24,framerate=10/1");
@@ -609,7 +609,7 @@ TEST_F(LfFragmentRigTest, VideoThatChangesItsSizeIsAnError) {
   EXPECT_THAT(warnings(GST_MESSAGE_ERROR), ElementsAre(mentions("camera 2", "48x24")));
 }
 
-TEST_F(LfFragmentRigTest, AFileThatCannotBeReadChangesNothing) {
+TEST_F(LfFragmentRigTest, UnreadableRigChangesNothing) {
   const TempFile broken({'{', '}'}, ".json");
   start(4);
   push_frames(60, 0);
@@ -623,7 +623,7 @@ TEST_F(LfFragmentRigTest, AFileThatCannotBeReadChangesNothing) {
   }
 }
 
-TEST_F(LfFragmentRigTest, AFileThatHasChangedIsReadAgain) {
+TEST_F(LfFragmentRigTest, ChangedRigFileIsReadAgain) {
   const ModifiedRig other(array_.rig(), [](Rig& rig) { rig.cameras[0].lens = Lens::pinhole(33, 15, 12); });
   start(4);
   push_frames(60, 0);
@@ -634,7 +634,7 @@ TEST_F(LfFragmentRigTest, AFileThatHasChangedIsReadAgain) {
   EXPECT_EQ(cameras_in(asked).size(), 4u);
 }
 
-TEST_F(LfFragmentRigTest, EveryAnswerIsOfOneRig) {
+TEST_F(LfFragmentRigTest, EveryAnswerUsesOneRig) {
   const ModifiedRig other(array_.rig(), [](Rig& rig) {
     std::swap(rig.cameras[0].id, rig.cameras[3].id);
     rig.cameras[1].lens = Lens::pinhole(33, 15, 12);

@@ -20,7 +20,7 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 
-TEST_F(LfFragmentTest, AnswersWithEveryCamerasContribution) {
+TEST_F(LfFragmentTest, AnswersContainAllCameras) {
   start(4);
   push_frames(200, 0);
   const ViewRequest asked = array_.request(5, 0);
@@ -37,7 +37,7 @@ TEST_F(LfFragmentTest, AnswersWithEveryCamerasContribution) {
   EXPECT_LE(high, 201);
 }
 
-TEST_F(LfFragmentTest, EveryCodecHasEveryCamerasContribution) {
+TEST_F(LfFragmentTest, AnswersContainAllCamerasWithEveryCodec) {
   start(4);
   push_frames(200, 0);
   const ViewRequest asked = array_.request(5, 0);
@@ -52,7 +52,7 @@ TEST_F(LfFragmentTest, EveryCodecHasEveryCamerasContribution) {
   }
 }
 
-TEST_F(LfFragmentTest, AnswersWhatItsAccessIsFor) {
+TEST_F(LfFragmentTest, AnswersOnlyRequestsOfItsAccess) {
   start(4);
   push_frames(200, 0);
   const ViewRequest asked = array_.request(5, 0);
@@ -88,7 +88,7 @@ TEST_F(LfFragmentTest, AnswersWhatItsAccessIsFor) {
   EXPECT_EQ(stat(element_.get(), "bad-requests"), 0u);
 }
 
-TEST_F(LfFragmentTest, CommandsThatDoNotFitAreAnsweredWithNothing) {
+TEST_F(LfFragmentTest, UnfitCommandsGetEmptyAnswers) {
   start(4);
   push_frames(200, 0);
   set("access", "pixels");
@@ -104,7 +104,7 @@ TEST_F(LfFragmentTest, CommandsThatDoNotFitAreAnsweredWithNothing) {
   EXPECT_EQ(stat(element_.get(), "rig-mismatches"), 1u);
 }
 
-TEST_F(LfFragmentTest, ThreadsDoNotShowInTheAnswer) {
+TEST_F(LfFragmentTest, AnswersDoNotDependOnThreads) {
   start(4);
   push_frames(137, 0);
   const ViewRequest asked = array_.request(5, 0);
@@ -121,7 +121,7 @@ TEST_F(LfFragmentTest, ThreadsDoNotShowInTheAnswer) {
   }
 }
 
-TEST_F(LfFragmentTest, InASumACameraWithoutAFrameIsLost) {
+TEST_F(LfFragmentTest, CameraWithoutFrameIsMissingInTheSum) {
   start(4, "RGB", true);
   gst_element_set_state(element_.get(), GST_STATE_READY);
   for (int i = 0; i < 4; i++) {
@@ -140,7 +140,7 @@ TEST_F(LfFragmentTest, InASumACameraWithoutAFrameIsLost) {
   EXPECT_GE(picture_range(asked, answer).first, 195) << "other cameras fill in";
 }
 
-TEST_F(LfFragmentTest, JpegIsOfTheQualityAskedFor) {
+TEST_F(LfFragmentTest, JpegHasTheRequestedQuality) {
   start(4);
   set("codec", "jpeg");
   push_frames(200, 0);
@@ -200,7 +200,7 @@ TEST_F(LfFragmentTest, AnswersCarryTheRequestsTimestamp) {
   EXPECT_EQ(last_pts_, kFrame);
 }
 
-TEST_F(LfFragmentTest, AnotherRigsRequestGetsNoPicture) {
+TEST_F(LfFragmentTest, RequestForAnotherRigGetsNoPicture) {
   start(4);
   push_frames(10, 0);
   ViewRequest foreign = array_.request(0, 0);
@@ -235,14 +235,14 @@ TEST_F(LfFragmentTest, EosOfTheRequestsEndsAnswersAndCameras) {
   EXPECT_EQ(gst_harness_push(cameras_[0].get(), ArrayFixture::frame("RGB", 1, kFrame)), GST_FLOW_EOS);
 }
 
-TEST_F(LfFragmentTest, CameraLatencyStaysOutOfTheRequestPath) {
+TEST_F(LfFragmentTest, CameraLatencyDoesNotAffectRequests) {
   start(1, "RGB", true);
   gst_harness_set_upstream_latency(cameras_[0].get(), 200 * GST_MSECOND);
   gst_harness_set_live(harness_.get(), TRUE);
   EXPECT_EQ(gst_harness_query_latency(harness_.get()), 0u);
 }
 
-TEST_F(LfFragmentTest, FurtherRequestersHaveTheirOwnPads) {
+TEST_F(LfFragmentTest, FurtherClientsHaveSeparatePads) {
   start(4);
   push_frames(77, 0);
   const HarnessPtr second(gst_harness_new_with_element(element_.get(), "request_3", "src_3"));
@@ -278,7 +278,7 @@ TEST_F(LfFragmentTest, ErrorsNameThePlace) {
   }
 }
 
-TEST_F(LfFragmentTest, TheStreamSaysWhichCameraItIs) {
+TEST_F(LfFragmentTest, StreamNamesItsCamera) {
   start(1);
   GstStructure* name = gst_structure_new(LF_CAMERA_EVENT, "camera", G_TYPE_UINT, 3u, nullptr);
   gst_harness_push_event(cameras_[0].get(), gst_event_new_custom(GST_EVENT_CUSTOM_DOWNSTREAM_STICKY, name));
@@ -308,7 +308,7 @@ class FragmentLimitsTest : public LfFragmentTest {
   uint32_t sequence_ = 0;
 };
 
-TEST_F(FragmentLimitsTest, WhatAsksForTooMuchIsRefusedAndCounted) {
+TEST_F(FragmentLimitsTest, ExpensiveRequestsAreRefusedAndCounted) {
   EXPECT_TRUE(is_answered(asked(1)));
   ViewRequest large = asked(2);
   large.view.width = large.view.height = kMaxImageSize;
@@ -353,7 +353,7 @@ TEST_F(FragmentLimitsTest, MoreHypothesesThanAllowedAreRefused) {
   EXPECT_TRUE(is_answered(curious));
 }
 
-TEST_F(FragmentLimitsTest, WrongLimitsAreToldOfAndLeaveTheOthers) {
+TEST_F(FragmentLimitsTest, WrongLimitsAreReportedAndIgnored) {
   set("limits", "limits,max-pixels=0,max-views=1,max-cameras=4");
   EXPECT_THAT(warnings(), ElementsAre(mentions("limits", "max-pixels", "1 to 268435456", "0"),
                                       mentions("limits", "max-cameras", "no such")));
@@ -365,7 +365,7 @@ TEST_F(FragmentLimitsTest, WrongLimitsAreToldOfAndLeaveTheOthers) {
 }
 
 // Without a bus the message would be lost.
-TEST_F(LfFragmentTest, WrongLimitsAreToldOfAtTheStart) {
+TEST_F(LfFragmentTest, WrongLimitsAreReportedAtStart) {
   const ElementPtr fragment = launch("lffragment rig=" + array_.rig_path() + " limits=limits,max-views=none");
   ASSERT_TRUE(fragment);
   g_autoptr(GstBus) bus = gst_bus_new();
@@ -376,7 +376,7 @@ TEST_F(LfFragmentTest, WrongLimitsAreToldOfAtTheStart) {
   gst_element_set_bus(fragment.get(), nullptr);
 }
 
-TEST_F(FragmentLimitsTest, AnswersArePostedWhereThatIsAskedFor) {
+TEST_F(FragmentLimitsTest, AnswersArePostedIfRequested) {
   g_autoptr(GstBus) bus = gst_bus_new();
   gst_element_set_bus(element_.get(), bus);
   EXPECT_TRUE(is_answered(asked(3)));
@@ -400,7 +400,7 @@ TEST_F(FragmentLimitsTest, AnswersArePostedWhereThatIsAskedFor) {
 }
 
 // Smaller strips lose less with a lost packet; the minimum is 16 rows.
-TEST_F(FragmentLimitsTest, StripsAreOfAsManyPixelsAsAllowed) {
+TEST_F(FragmentLimitsTest, StripsHaveLimitedPixels) {
   ViewRequest large = asked(1);
   large.view.width = large.view.height = 128;
   large.view.lens = Lens::from_fov_y(20, 128, 128);
@@ -416,7 +416,7 @@ TEST_F(FragmentLimitsTest, StripsAreOfAsManyPixelsAsAllowed) {
   EXPECT_EQ(strips, 8u) << "128 rows of 128 pixels, 16 a strip";
 }
 
-TEST_F(FragmentLimitsTest, LensesThatTakeTooLongAreRefused) {
+TEST_F(FragmentLimitsTest, ExpensiveLensesAreRefused) {
   set("limits", "limits,max-pixels=10000");
   ViewRequest strange = asked(2);
   strange.view.width = strange.view.height = 90;
@@ -431,7 +431,7 @@ TEST_F(FragmentLimitsTest, LensesThatTakeTooLongAreRefused) {
 }
 
 // An ordinary view is served between the steps of planning a view with an extreme lens.
-TEST_F(FragmentLimitsTest, OthersGoBeforeTheRestOfAStrangeLens) {
+TEST_F(FragmentLimitsTest, OtherViewsInterruptAnExpensiveLens) {
   gst_harness_set_live(harness_.get(), TRUE);
   GstSegment segment;
   gst_segment_init(&segment, GST_FORMAT_TIME);
@@ -462,14 +462,14 @@ TEST_F(FragmentLimitsTest, MoreViewsThanAllowedAreRefused) {
   EXPECT_EQ(stat(element_.get(), "refused-views"), 1u);
 }
 
-TEST_F(FragmentLimitsTest, FilesAreAskedForAsFastAsTheyCanBeMade) {
+TEST_F(FragmentLimitsTest, NonLiveRequestsHaveNoRateLimit) {
   set("limits", "limits,max-requests-per-second=2");
   for (int i = 0; i < 10; i++) EXPECT_TRUE(is_answered(asked(1)));
 }
 
 // The rendering time of a view with few or no visible pixels must not predict other views: a second per pixel would
 // stop all pictures.
-TEST_F(FragmentLimitsTest, RequestsOfOnePixelTakeNobodysPictures) {
+TEST_F(FragmentLimitsTest, TinyRequestsDoNotAffectOtherViews) {
   gst_harness_set_live(harness_.get(), TRUE);
   GstSegment segment;
   gst_segment_init(&segment, GST_FORMAT_TIME);
@@ -513,7 +513,7 @@ Bytes request_of(uint32_t view_id, uint32_t sequence, int size) {
   return wire::encode_request(asked);
 }
 
-TEST(RtpLfDepayLimits, APacketHasNoMoreRequestsThanATurn) {
+TEST(RtpLfDepayLimits, PacketsHaveLimitedRequests) {
   RtpElement depay("rtplfdepay", kRtpRequestCaps);
   std::vector<Bytes> units;
   for (uint32_t i = 0; i < 200; i++) units.push_back(request_of(100 + i, 1, 1024));
@@ -522,7 +522,7 @@ TEST(RtpLfDepayLimits, APacketHasNoMoreRequestsThanATurn) {
   EXPECT_EQ(stat(depay.element(), "superseded"), 197u);
 }
 
-TEST(RtpLfDepayLimits, RequestsBeyondALimitGoNoFurther) {
+TEST(RtpLfDepayLimits, RequestsBeyondALimitAreDropped) {
   RtpElement depay("rtplfdepay limits=limits,max-requests-per-second=5,max-views=2", kRtpRequestCaps);
   uint16_t number = 0;
   const auto passes = [&](uint32_t view_id, uint32_t sequence, int size) {
@@ -541,7 +541,7 @@ TEST(RtpLfDepayLimits, RequestsBeyondALimitGoNoFurther) {
   EXPECT_EQ(stat(depay.element(), "bad-units"), 0u);
 }
 
-TEST(RtpLfDepayLimits, AnswersOfLargerViewsGoNoFurther) {
+TEST(RtpLfDepayLimits, AnswersOfTooLargeViewsAreDropped) {
   RtpElement depay("rtplfdepay limits=limits,max-pixels=1000", kRtpAnswerCaps);
   g_autoptr(GstBus) bus = gst_bus_new();
   gst_element_set_bus(depay.element(), bus);

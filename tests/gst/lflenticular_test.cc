@@ -60,25 +60,25 @@ class LfLenticular : public testing::Test {
   Image quilt_;
 };
 
-TEST_F(LfLenticular, FillsTheDisplayThatIsAskedFor) {
+TEST_F(LfLenticular, FillsTheRequestedDisplay) {
   gst_harness_set_sink_caps(harness_, rgb(83, 41));
   EXPECT_EQ(push(), GST_FLOW_OK);
   expect_picture(83, 41);
 }
 
-TEST_F(LfLenticular, TurnsStripesRound) {
+TEST_F(LfLenticular, ReversesStripes) {
   g_object_set(harness_->element, "reversed", TRUE, nullptr);
   gst_harness_set_sink_caps(harness_, rgb(83, 41));
   EXPECT_EQ(push(), GST_FLOW_OK);
   expect_picture(83, 41, kReversed);
 }
 
-TEST_F(LfLenticular, IsAsLargeAsAViewWhereNobodyAsks) {
+TEST_F(LfLenticular, OutputHasTheSizeOfAViewByDefault) {
   EXPECT_EQ(push(), GST_FLOW_OK);
   expect_picture(kWidth / kColumns, kHeight / kRows);
 }
 
-TEST_F(LfLenticular, TellsWhatIsNoQuilt) {
+TEST_F(LfLenticular, WrongQuiltSizeIsAnError) {
   g_object_set(harness_->element, "columns", 5, nullptr);
   GstBus* bus = gst_bus_new();
   gst_element_set_bus(harness_->element, bus);

@@ -49,7 +49,7 @@ class LfViewSrcOnHostsTest : public LfViewSrcTest {
 TEST_F(LfViewSrcOnHostsTest, ShowsASetOfViews) {
   ElementPtr hosts[2] = {start_host(0), start_host(1)};
   play(nodes() + " views=row columns=5 eye-distance=0.005 width=32 height=24");
-  EXPECT_TRUE(comes([&] { return complete("compositor") > 25; })) << "each view counts";
+  EXPECT_TRUE(becomes_true([&] { return complete("compositor") > 25; })) << "each view counts";
   EXPECT_TRUE(more("s"));
   for (ElementPtr& host : hosts) stop_host(host);
 }
@@ -58,7 +58,7 @@ TEST_F(LfViewSrcOnHostsTest, ShowsTheirCamerasToEachViewer) {
   ElementPtr hosts[2] = {start_host(0), start_host(1)};
   play(nodes(), "v.src ! fakesink name=s sync=false  v.src_0 ! fakesink name=t sync=false");
   for (const char* compositor : {"compositor", "compositor_0"})
-    EXPECT_TRUE(comes([&] { return complete(compositor) > 5; })) << compositor;
+    EXPECT_TRUE(becomes_true([&] { return complete(compositor) > 5; })) << compositor;
   const GstClock* clock = gst_pipeline_get_clock(GST_PIPELINE(pipeline_.get()));
   const double off = (static_cast<double>(gst_clock_get_time(const_cast<GstClock*>(clock))) / 1e3 -
                       static_cast<double>(g_get_real_time())) /
@@ -68,16 +68,16 @@ TEST_F(LfViewSrcOnHostsTest, ShowsTheirCamerasToEachViewer) {
   EXPECT_EQ(child("node").get(), nullptr);
 
   const PadPtr pad = add_viewer("u");
-  EXPECT_TRUE(comes([&] { return complete("compositor_1") > 5; }));
+  EXPECT_TRUE(becomes_true([&] { return complete("compositor_1") > 5; }));
   close_viewer(pad.get(), "u");
   const uint64_t before = complete("compositor");
-  EXPECT_TRUE(comes([&] { return complete("compositor") > before + 5; }));
+  EXPECT_TRUE(becomes_true([&] { return complete("compositor") > before + 5; }));
 
   stop_host(hosts[1]);
   EXPECT_TRUE(more("s", 20));
   hosts[1] = start_host(1);
   const uint64_t without = complete("compositor");
-  EXPECT_TRUE(comes([&] { return complete("compositor") > without + 20; }));
+  EXPECT_TRUE(becomes_true([&] { return complete("compositor") > without + 20; }));
   stop();
   for (ElementPtr& host : hosts) stop_host(host);
 }
@@ -91,14 +91,14 @@ TEST_F(LfViewSrcOnHostsTest, CamerasChangeBetweenRuns) {
               GST_STATE_CHANGE_SUCCESS);
     g_object_set(child("v").get(), "nodes", i % 2 ? "" : nodes().substr(6).c_str(), nullptr);
     ASSERT_NE(gst_element_set_state(pipeline_.get(), GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE) << i << error();
-    EXPECT_TRUE(comes([&] { return complete("compositor") > 3 && complete("compositor_0") > 3; })) << i;
+    EXPECT_TRUE(becomes_true([&] { return complete("compositor") > 3 && complete("compositor_0") > 3; })) << i;
     EXPECT_EQ(bool(child("node")), i % 2 == 1);
   }
   stop();
   for (ElementPtr& host : hosts) stop_host(host);
 }
 
-TEST_F(LfViewSrcOnHostsTest, AHostThatNeverAnswersIsNamed) {
+TEST_F(LfViewSrcOnHostsTest, SilentHostIsNamed) {
   ElementPtr host = start_host(0);
   play(nodes());
   const auto warns = [&] {
@@ -113,7 +113,7 @@ TEST_F(LfViewSrcOnHostsTest, AHostThatNeverAnswersIsNamed) {
     }
     return found;
   };
-  EXPECT_TRUE(comes(warns));
+  EXPECT_TRUE(becomes_true(warns));
   stop();
   stop_host(host);
 }
@@ -132,7 +132,7 @@ uint64_t requests(GstElement* host, int index, const char* field) {
   return count;
 }
 
-TEST_F(LfViewSrcOnHostsTest, HostsCountWhomTheyDoNotServe) {
+TEST_F(LfViewSrcOnHostsTest, HostsCountRejectedSenders) {
   const std::string secret(40, 'k');
   const TempFile key({secret.begin(), secret.end()});
   chmod(key.path().c_str(), 0600);
@@ -141,7 +141,7 @@ TEST_F(LfViewSrcOnHostsTest, HostsCountWhomTheyDoNotServe) {
   EXPECT_EQ(gst_element_set_state(hosts[1].get(), GST_STATE_NULL), GST_STATE_CHANGE_SUCCESS);
   EXPECT_NE(gst_element_set_state(hosts[1].get(), GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE);
   play(nodes());
-  EXPECT_TRUE(comes([&] {
+  EXPECT_TRUE(becomes_true([&] {
     return requests(child_of(hosts[0]).get(), 0, "passed") > 5 &&
            requests(child_of(hosts[1]).get(), 0, "unknown-senders") > 5;
   }));
@@ -158,12 +158,12 @@ TEST_F(LfViewSrcOnHostsTest, HostsCountWhomTheyDoNotServe) {
     EXPECT_NE(gst_element_set_state(hosts[i].get(), GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE);
   }
   play(nodes() + " key-file=" + key.path());
-  EXPECT_TRUE(comes([&] { return complete("compositor") > 5; }));
+  EXPECT_TRUE(becomes_true([&] { return complete("compositor") > 5; }));
   stop();
   for (ElementPtr& host : hosts) stop_host(host);
 }
 
-TEST_F(LfViewSrcOnHostsTest, HostsSayWhatIsWrong) {
+TEST_F(LfViewSrcOnHostsTest, HostErrorsNameTheProblem) {
   const std::string rig = "lfnodesink name=n rig=" + array_.rig_path();
   struct Case {
     std::string line, words;
@@ -182,7 +182,7 @@ TEST_F(LfViewSrcOnHostsTest, HostsSayWhatIsWrong) {
 }
 
 // Raised limits apply inside the bins, and the stats count refused requests.
-TEST_F(LfViewSrcOnHostsTest, LimitsHoldForWhatComesIn) {
+TEST_F(LfViewSrcOnHostsTest, LimitsApplyToReceivedRequests) {
   const auto pixels_of = [](GstElement* bin, const char* depay) {
     const ElementPtr inner(gst_bin_get_by_name(GST_BIN(bin), depay));
     g_autoptr(GstStructure) limits = nullptr;
@@ -215,7 +215,7 @@ TEST_F(LfViewSrcOnHostsTest, LimitsHoldForWhatComesIn) {
   gst_element_set_state(viewer.get(), GST_STATE_NULL);
 }
 
-TEST_F(LfViewSrcOnHostsTest, TheOtherEndHasThePropertiesOfItsNode) {
+TEST_F(LfViewSrcOnHostsTest, LfnodesinkHasThePropertiesOfItsNode) {
   const ElementPtr bin = make("lfnodesink");
   g_object_set(bin.get(), "rig", array_.rig_path().c_str(), "cameras", "1-2", "node", 3u, "mtu", 700u, nullptr);
   g_autofree gchar* cameras = nullptr;

@@ -93,7 +93,7 @@ class Parser {
 };
 
 // Caps state whether buffers hold whole units: unparsed bytes do not link to elements that need units.
-TEST(LfParse, BytesThatAreNotParsedLinkWithNobodyElse) {
+TEST(LfParse, UnparsedBytesLinkOnlyToLfparse) {
   for (const char* kind : {"request", "answer"}) {
     const std::string caps = std::string("application/x-lightfield-") + kind;
     const CapsPtr unparsed(gst_caps_from_string((caps + ",parsed=false").c_str()));
@@ -117,7 +117,7 @@ TEST(LfParse, BytesThatAreNotParsedLinkWithNobodyElse) {
   }
 }
 
-TEST(LfParse, FramesWhateverTheChunks) {
+TEST(LfParse, FramesChunksOfAnySize) {
   for (const bool requests : {true, false}) {
     Units units;
     for (int i = 0; i < 7; i++) units.push_back(requests ? request(i) : answer(i, 1 + 3 * i));
@@ -136,7 +136,7 @@ TEST(LfParse, FramesWhateverTheChunks) {
   }
 }
 
-TEST(LfParse, AUnitLeavesAsSoonAsItIsComplete) {
+TEST(LfParse, OutputsAUnitAsSoonAsItIsComplete) {
   Parser parser;
   const Bytes unit = answer(1);
   parser.push({unit.begin(), unit.end() - 1});
@@ -171,7 +171,7 @@ TEST(LfParse, DropsATruncatedTail) {
   }
 }
 
-TEST(LfParse, KeepsToOneKind) {
+TEST(LfParse, OutputsOneKindOfUnit) {
   const Bytes mixed = join({request(1), answer(2), request(3), answer(4), request(5)});
   Parser first;
   first.push(mixed);
@@ -185,7 +185,7 @@ TEST(LfParse, KeepsToOneKind) {
   EXPECT_EQ(told.take(), (Units{answer(2), answer(4)}));
 }
 
-TEST(LfParse, PassesUnitsOfVersionsToCome) {
+TEST(LfParse, PassesUnitsOfFutureVersions) {
   Bytes unit = answer(1);
   unit[4] = 9;
   Parser parser;
@@ -222,7 +222,7 @@ TEST(LfParse, TimeStampsPassThrough) {
   EXPECT_EQ(parser.times, (std::vector<GstClockTime>{GST_SECOND, 2 * GST_SECOND, GST_CLOCK_TIME_NONE, 4 * GST_SECOND}));
 }
 
-TEST(LfParse, RequestsWithoutTimeStampGetTheTimeTheyAskFor) {
+TEST(LfParse, RequestsWithoutTimestampGetTheirTargetTime) {
   Parser parser;
   parser.push(join({request(1, 40), request(2, 80), request(3, kNoTime), request(4, 70, true), request(5, 90)}));
   parser.push(request(6, 100), 7);
@@ -259,7 +259,7 @@ TEST(LfParse, SurvivesRandomDamage) {
   }
 }
 
-TEST(LfParse, NothingButGarbageIsAnError) {
+TEST(LfParse, OnlyGarbageIsAnError) {
   const TempFile file(Bytes(5000, 'x'));
   EXPECT_NE(run("filesrc location=" + file.path() + " ! lfparse ! fakesink"), "");
 }
@@ -302,7 +302,7 @@ TEST(LfParse, RecoversInsideAFile) {
   EXPECT_EQ(units_of("filesrc location=" + file.path() + " ! lfparse"), (Units{answer(1), answer(3)}));
 }
 
-TEST(LfTypeFind, TellsTheKinds) {
+TEST(LfTypeFind, DistinguishesRequestsAndAnswers) {
   using Found = std::pair<std::string, int>;
   const auto type_of = [](const Bytes& bytes) -> Found {
     GstTypeFindProbability probability;
@@ -320,7 +320,7 @@ TEST(LfTypeFind, TellsTheKinds) {
   EXPECT_EQ(type_of(cut).first.find("lightfield"), std::string::npos);
 }
 
-TEST(LfTypeFind, KnowsARigWhereverItsFormatIs) {
+TEST(LfTypeFind, FindsRigsWithTheFormatAnywhere) {
   const auto type_of = [](const std::string& text) -> std::string {
     const CapsPtr caps(
         gst_type_find_helper_for_data(nullptr, reinterpret_cast<const guint8*>(text.data()), text.size(), nullptr));

@@ -55,7 +55,7 @@ class LfRtpGateTest : public testing::Test {
   RtpElement gate_{gate(key_).c_str(), kRtpAnswerCaps};
 };
 
-TEST_F(LfRtpGateTest, PassesWhatIsSealedWithItsKey) {
+TEST_F(LfRtpGateTest, PassesPacketsEncryptedWithItsKey) {
   EXPECT_THAT(seal_.caps(), HasSubstr("application/x-srtp, "));
   for (uint16_t i = 0; i < 20; i++) {
     const Bytes packet = rtp_packet(i, 10 * i), on_the_way = sealed(packet);
@@ -76,7 +76,7 @@ TEST_F(LfRtpGateTest, PassesWhatIsSealedWithItsKey) {
   EXPECT_EQ(stat(gate_.element(), "streams"), 1u);
 }
 
-TEST_F(LfRtpGateTest, ListsStayLists) {
+TEST_F(LfRtpGateTest, AcceptsBufferLists) {
   GstBufferList* list = gst_buffer_list_new();
   for (uint16_t i = 0; i < 5; i++) gst_buffer_list_add(list, to_buffer(rtp_packet(i, 100, i == 4)));
   ASSERT_EQ(gst_pad_push_list(seal_.h()->srcpad, list), GST_FLOW_OK);
@@ -86,7 +86,7 @@ TEST_F(LfRtpGateTest, ListsStayLists) {
 }
 
 // A receiver that starts late has missed sequence number wrap-arounds.
-TEST_F(LfRtpGateTest, LetsInWhoeverHasSentForLong) {
+TEST_F(LfRtpGateTest, AcceptsLongRunningSenders) {
   Bytes latest;
   std::vector<uint32_t> senders;
   for (int i = 0; i < 70000; i++) {
@@ -99,7 +99,7 @@ TEST_F(LfRtpGateTest, LetsInWhoeverHasSentForLong) {
   EXPECT_EQ(passed(gate_, latest), 1u);
 }
 
-TEST_F(LfRtpGateTest, OthersHaveNoKey) {
+TEST_F(LfRtpGateTest, RejectsPacketsWithoutTheKey) {
   RtpElement stranger(gate(other_).c_str(), kRtpAnswerCaps), requests(gate(key_).c_str(), kRtpRequestCaps);
   for (uint16_t i = 0; i < 10; i++) {
     const Bytes packet = sealed(rtp_packet(i, 100));
@@ -116,7 +116,7 @@ TEST_F(LfRtpGateTest, OthersHaveNoKey) {
 }
 
 // The caps may be set after the gate.
-TEST_F(LfRtpGateTest, WithoutCapsNothingPasses) {
+TEST_F(LfRtpGateTest, RejectsPacketsWithoutCaps) {
   RtpElement uncapped(gate(key_).c_str(), nullptr);
   gst_pad_push_event(uncapped.h()->srcpad, gst_event_new_stream_start("packets"));
   GstSegment segment;
@@ -138,7 +138,7 @@ TEST_F(LfRtpGateTest, ReplayedPacketsPassOnce) {
   EXPECT_EQ(passed(gate_, sealed(rtp_packet(50, 30))), 1u);
 }
 
-TEST_F(LfRtpGateTest, APacketPassesOneGateOfAProcess) {
+TEST_F(LfRtpGateTest, PacketPassesOneGatePerProcess) {
   std::vector<Bytes> sent;
   for (uint16_t i = 0; i < 50; i++) sent.push_back(sealed(rtp_packet(i, 30)));
   RtpElement beside(gate(key_).c_str(), kRtpAnswerCaps);
@@ -215,7 +215,7 @@ Bytes sealed_by_others(const std::string& path, uint32_t minute) {
   return out;
 }
 
-TEST_F(LfRtpGateTest, WhatWasRecordedIsWorthNothingLater) {
+TEST_F(LfRtpGateTest, RejectsPacketsOfOtherMinutes) {
   const uint32_t now = lf::rtp::current_minute();
   for (const uint32_t minute : {now - 100000, now - 3, now + 3, 0u, 0xffffffffu})
     EXPECT_EQ(passed(gate_, sealed_by_others(key_.path(), minute)), 0u) << minute;
@@ -223,7 +223,7 @@ TEST_F(LfRtpGateTest, WhatWasRecordedIsWorthNothingLater) {
   EXPECT_EQ(passed(gate_, sealed_by_others(key_.path(), lf::rtp::current_minute())), 1u);
 }
 
-TEST_F(LfRtpGateTest, NobodySeesTheKey) {
+TEST_F(LfRtpGateTest, KeyIsNotVisible) {
   ElementPtr pipeline =
       launch("appsrc name=in format=time caps=" + std::string("application/x-rtp,encoding-name=JPEG") +
              " ! lfrtpseal name=s key-file=" + key_.path() + " ! lfrtpgate name=g key-file=" + key_.path() +
@@ -243,7 +243,7 @@ TEST_F(LfRtpGateTest, NobodySeesTheKey) {
   gst_element_set_state(pipeline.get(), GST_STATE_NULL);
 }
 
-TEST_F(LfRtpGateTest, SaysWhatIsWrongWithAKey) {
+TEST_F(LfRtpGateTest, KeyErrorsNameTheProblem) {
   const TempFile few(text("few"));
   struct Case {
     std::string element, words;
@@ -266,7 +266,7 @@ std::vector<std::string> warnings(RtpElement& gate, const Bytes& packet) {
   return texts;
 }
 
-TEST_F(LfRtpGateTest, SaysOnceWhyPacketsAreDropped) {
+TEST_F(LfRtpGateTest, DroppedPacketsAreReportedOnce) {
   struct Case {
     Bytes packet;
     const char *fate, *words;
@@ -295,7 +295,7 @@ size_t passes_from(RtpElement& gate, const char* address) {
   return gate.units().size();
 }
 
-TEST_F(LfRtpGateTest, WithoutAKeyAddressesCount) {
+TEST_F(LfRtpGateTest, WithoutAKeyAddressesAreChecked) {
   RtpElement peers("lfrtpgate peers=10.0.0.7,10.1.0.0/16", kRtpRequestCaps), none("lfrtpgate", kRtpRequestCaps);
   EXPECT_EQ(passes_from(peers, "10.0.0.7"), 1u);
   EXPECT_EQ(passes_from(peers, "::ffff:10.1.2.3"), 1u);
@@ -314,7 +314,7 @@ TEST_F(LfRtpGateTest, WithoutAKeyAddressesCount) {
   EXPECT_EQ(stat(both.element(), "unknown-senders"), 1u);
 }
 
-TEST_F(LfRtpGateTest, WithoutAKeyPacketsAreNotSealed) {
+TEST_F(LfRtpGateTest, WithoutAKeyPacketsAreNotEncrypted) {
   RtpElement open("lfrtpseal", kRtpAnswerCaps);
   EXPECT_THAT(open.caps(), HasSubstr("application/x-rtp, "));
   const Bytes packet = rtp_packet(3, 40);
@@ -322,7 +322,7 @@ TEST_F(LfRtpGateTest, WithoutAKeyPacketsAreNotSealed) {
   EXPECT_EQ(open.units(), std::vector<Bytes>{packet});
 }
 
-TEST_F(LfRtpGateTest, StartsAnew) {
+TEST_F(LfRtpGateTest, Restarts) {
   for (int i = 0; i < 3; i++) {
     EXPECT_EQ(passed(gate_, sealed(rtp_packet(1, 30))), 1u);
     for (RtpElement* each : {&seal_, &gate_})

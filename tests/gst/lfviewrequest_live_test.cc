@@ -29,7 +29,7 @@ TEST(LfViewRequestLive, RequestsFollowTheCaptureSchedule) {
   }
 }
 
-TEST(LfViewRequestLive, AnEagerOneDoesNotWaitForItsTurnOnceTheViewIsChanged) {
+TEST(LfViewRequestLive, EagerRequestsFollowChangesOfTheView) {
   Source source;
   source.set("framerate", 10, 1, "capture-delay", 30 * kMs, "eager", TRUE);
   source.play_live();
@@ -65,7 +65,7 @@ TEST(LfViewRequestLive, AnEagerOneDoesNotWaitForItsTurnOnceTheViewIsChanged) {
   EXPECT_EQ(regular.request.target_time, 300 * kMs);
 }
 
-TEST(LfViewRequestLive, ARigIsReadAgainWhileRunning) {
+TEST(LfViewRequestLive, RigIsReloadedWhileRunning) {
   const ModifiedRig first(test_rig(), [](Rig&) {});
   const ModifiedRig second(test_rig(), [](Rig& rig) {
     rig.cameras.pop_back();
@@ -100,7 +100,7 @@ TEST(LfViewRequestLive, ARigIsReadAgainWhileRunning) {
   EXPECT_EQ(unit.request.out_of_service, CameraSet{5});
 }
 
-TEST(LfViewRequestLive, CamerasThatTheRigDoesNotHaveAreNotNamed) {
+TEST(LfViewRequestLive, CamerasMissingInTheRigAreNotNamed) {
   Source source;
   const ModifiedRig rig(test_rig(), [](Rig&) {});
   source.set("rig", rig.path().c_str());
@@ -111,7 +111,7 @@ TEST(LfViewRequestLive, CamerasThatTheRigDoesNotHaveAreNotNamed) {
   EXPECT_EQ(source.next_live().request.out_of_service, CameraSet{5});
 }
 
-TEST(LfViewRequestLive, InstantsThatPassedAreLeftOut) {
+TEST(LfViewRequestLive, MissedInstantsAreSkipped) {
   Source source;
   source.set("framerate", 10, 1, "capture-delay", 30 * kMs);
   source.play_live();
@@ -127,7 +127,7 @@ TEST(LfViewRequestLive, InstantsThatPassedAreLeftOut) {
   EXPECT_EQ(source.next_live().request.target_time, 700 * kMs);
 }
 
-TEST(LfViewRequestLive, TheCaptureDelayIsLatency) {
+TEST(LfViewRequestLive, CaptureDelayIsLatency) {
   Source source;
   source.set("framerate", 20, 1, "capture-delay", 200 * kMs);
   source.play_live();
@@ -151,7 +151,7 @@ GstClockTime latency_of(Source& source) {
   return min;
 }
 
-TEST(LfViewRequestLive, LeftToItselfTheCaptureDelayIsWhatNodesNeed) {
+TEST(LfViewRequestLive, AutomaticCaptureDelayFollowsTheNodes) {
   Source source;
   source.set("framerate", 10, 1);
   source.play_live();
@@ -173,7 +173,7 @@ TEST(LfViewRequestLive, LeftToItselfTheCaptureDelayIsWhatNodesNeed) {
   }
 }
 
-TEST(LfViewRequestLive, ACaptureDelayThatIsSetStays) {
+TEST(LfViewRequestLive, ExplicitCaptureDelayStays) {
   Source source;
   source.set("framerate", 10, 1, "capture-delay", 30 * kMs);
   source.play_live();
@@ -182,7 +182,7 @@ TEST(LfViewRequestLive, ACaptureDelayThatIsSetStays) {
   EXPECT_EQ(latency_of(source), 30 * kMs);
 }
 
-TEST(AutoCaptureDelay, GrowsAtOnceAndShrinksLater) {
+TEST(AutoCaptureDelay, GrowsAtOnceAndShrinksSlowly) {
   AutoCaptureDelay delay;
   GstClockTime now = GST_SECOND;
   EXPECT_TRUE(delay.take(100 * kMs, now));
@@ -260,7 +260,7 @@ class Pipeline {
   std::vector<GstClockTime> stamps_;
 };
 
-TEST(LfViewRequestStates, PausesAndGoesOn) {
+TEST(LfViewRequestStates, PausesAndResumes) {
   Pipeline pipeline("lfviewrequest is-live=true framerate=100/1 ! fakesink name=sink sync=false");
   EXPECT_EQ(pipeline.set_state(GST_STATE_PAUSED), GST_STATE_CHANGE_NO_PREROLL);
   size_t count = 0;
@@ -287,7 +287,7 @@ TEST(LfViewRequestStates, StartsAndStopsTwoHundredTimes) {
   RecordProperty("ms_per_cycle", std::to_string((g_get_monotonic_time() - begin) / 200e3));
 }
 
-TEST(LfViewRequestStates, SequencesAndTimesStartAnew) {
+TEST(LfViewRequestStates, SequencesAndTimesRestart) {
   FileSource source(test_views({0, 0}));
   source.play();
   for (int run = 0; run < 2; run++) {
@@ -345,7 +345,7 @@ class LfViewRequestRelay : public testing::Test {
   GstClockTime pts_ = 0;
 };
 
-TEST_F(LfViewRequestRelay, PassesRequestsOnAsTheyAre) {
+TEST_F(LfViewRequestRelay, ForwardsRequestsUnchanged) {
   start();
   for (uint32_t i = 0; i < 5; i++) {
     const ViewRequest asked = request(i % 2, i, {3});
@@ -359,7 +359,7 @@ TEST_F(LfViewRequestRelay, PassesRequestsOnAsTheyAre) {
   EXPECT_TRUE(reaches_eos(harness_.get()));
 }
 
-TEST_F(LfViewRequestRelay, AddsTheCamerasThatAreOutOfServiceInThisView) {
+TEST_F(LfViewRequestRelay, AddsCamerasOutOfServiceOfTheView) {
   start();
   announce(1, {5, 9});
   push(request(1, 0, {3, 9}));
@@ -371,7 +371,7 @@ TEST_F(LfViewRequestRelay, AddsTheCamerasThatAreOutOfServiceInThisView) {
   EXPECT_TRUE(pull().out_of_service.empty());
 }
 
-TEST_F(LfViewRequestRelay, TellsTheLatencyOfWhatItRelays) {
+TEST_F(LfViewRequestRelay, ReportsTheLatencyOfRelayedRequests) {
   for (const bool upstream_is_live : {true, false}) {
     start(true);
     gst_harness_set_live(harness_.get(), upstream_is_live);
@@ -389,7 +389,7 @@ TEST_F(LfViewRequestRelay, TellsTheLatencyOfWhatItRelays) {
 
 // The viewer does not know which cameras are out of service here: the relay removes the viewer's commands and creates
 // new ones.
-TEST_F(LfViewRequestRelay, MakesTheCommandsItself) {
+TEST_F(LfViewRequestRelay, ReplacesCommands) {
   TempDir files;
   const Rig rig = test_rig();
   save_rig(rig, files / "rig.json");
@@ -418,7 +418,7 @@ TEST_F(LfViewRequestRelay, MakesTheCommandsItself) {
 
 // A viewer behind a network receives no feedback from compositors: the relay adds the focal surface to its requests.
 // Requests stay unchanged if an upstream element handles the surface, or if they come from a file.
-TEST_F(LfViewRequestRelay, GivesRequestsTheSurfaceThatNobodyElseTakes) {
+TEST_F(LfViewRequestRelay, AddsFocalSurfacesThatNoViewerAccepts) {
   const struct {
     bool live, taken, changes;
   } cases[] = {{true, false, true}, {true, true, false}, {false, false, false}};
@@ -464,7 +464,7 @@ TEST_F(LfViewRequestRelay, DropsGarbage) {
   EXPECT_EQ(pull().sequence, 7u);
 }
 
-TEST_F(LfViewRequestRelay, FlushesAndStopsWhateverWaits) {
+TEST_F(LfViewRequestRelay, FlushesAndStopsWaitingThreads) {
   for (const bool live : {false, true}) {
     for (int i = 0; i < 20; i++) {
       start(live);

@@ -14,7 +14,7 @@
 namespace lf::test {
 namespace {
 
-TEST(LfViewRequestFile, AListIsStampedFrameByFrameAndEnds) {
+TEST(LfViewRequestFile, ListHasOneTimestampPerFrame) {
   const std::vector<NamedView> views = test_views({2, 2, 2});
   FileSource source(views);
   source.set("framerate", 10, 1, "view-id", 7u);
@@ -36,7 +36,7 @@ TEST(LfViewRequestFile, AListIsStampedFrameByFrameAndEnds) {
   EXPECT_EQ(gst_harness_buffers_in_queue(source.harness()), 0u);
 }
 
-TEST(LfViewRequestFile, APathKeepsItsTimes) {
+TEST(LfViewRequestFile, PathKeepsItsTimes) {
   FileSource source(test_views({0.5, 1, 3}));
   source.play();
   const GstClockTime times[] = {500 * kMs, 1000 * kMs, 3000 * kMs}, durations[] = {500 * kMs, 2000 * kMs, 2000 * kMs};
@@ -50,7 +50,7 @@ TEST(LfViewRequestFile, APathKeepsItsTimes) {
   EXPECT_TRUE(source.wait_eos());
 }
 
-TEST(LfViewRequestFile, OfASetEachViewIsAskedForAtOneMoment) {
+TEST(LfViewRequestFile, ViewsOfASetHaveTheSameCaptureTime) {
   const std::vector<NamedView> views = test_views({0.5, 1});
   std::vector<NamedView> even = views;
   for (NamedView& named : even) named.view.width = 32;
@@ -73,7 +73,7 @@ TEST(LfViewRequestFile, OfASetEachViewIsAskedForAtOneMoment) {
   EXPECT_EQ(gst_harness_buffers_in_queue(source.harness()), 0u) << "num-buffers counts pictures";
 }
 
-TEST(LfViewRequestFile, LoopsWithoutTimesGoingBack) {
+TEST(LfViewRequestFile, LoopsWithIncreasingTimes) {
   FileSource source(test_views({0, 1}));
   source.set("loop", TRUE, "num-buffers", 5);
   source.play();
@@ -106,7 +106,7 @@ TEST(LfViewRequestFile, SeeksAndKnowsItsDuration) {
                                               GST_SEEK_TYPE_SET, 2 * GST_SECOND)));
 }
 
-TEST(LfViewRequestFile, LiveShowsAListInstantByInstant) {
+TEST(LfViewRequestFile, LiveListFollowsTheSchedule) {
   FileSource source(test_views({5, 5}));
   source.set("framerate", 10, 1);
   source.play_live(GST_SECOND);
@@ -119,7 +119,7 @@ TEST(LfViewRequestFile, LiveShowsAListInstantByInstant) {
   EXPECT_TRUE(source.wait_eos());
 }
 
-TEST(Guarded, AnExceptionIsAPostedErrorAndGoesNoFurther) {
+TEST(ExceptionGuard, ExceptionsBecomePostedErrors) {
   Source source;
   const auto call = [&source](bool fails) {
     return guarded(source.element(), GST_FLOW_ERROR, [fails] {
@@ -133,7 +133,7 @@ TEST(Guarded, AnExceptionIsAPostedErrorAndGoesNoFurther) {
   EXPECT_EQ(source.pop_message(GST_MESSAGE_ERROR), "what is wrong");
 }
 
-TEST(LfViewRequest, TheCaptureDelayIsAutomaticOrAtMostAMinute) {
+TEST(LfViewRequest, CaptureDelayIsAutomaticOrAtMostAMinute) {
   GstElement* element = gst_element_factory_make("lfviewrequest", nullptr);
   gst_object_ref_sink(element);
   GParamSpec* spec = g_object_class_find_property(G_OBJECT_GET_CLASS(element), "capture-delay");
@@ -144,7 +144,7 @@ TEST(LfViewRequest, TheCaptureDelayIsAutomaticOrAtMostAMinute) {
   gst_object_unref(element);
 }
 
-TEST(LfViewRequestFile, LiveShowsAPathAtItsTimes) {
+TEST(LfViewRequestFile, LivePathKeepsItsTimes) {
   FileSource source(test_views({0.25, 0.5}));
   source.set("framerate", 10, 1, "capture-delay", 20 * kMs);
   source.play_live();
@@ -155,7 +155,7 @@ TEST(LfViewRequestFile, LiveShowsAPathAtItsTimes) {
   EXPECT_EQ(source.next_live().request.target_time, 500 * kMs);
 }
 
-TEST(LfViewRequestFile, BadFilesAreNamedWithThePlace) {
+TEST(LfViewRequestFile, ErrorsNameFileAndPlace) {
   const TempDir files;
   const std::string head = R"({"format": "lightfield-views", "version": 1, "views": [)";
   const std::string view = head + R"({"position": [0,0,0], "orientation": [1,0,0,0], "width": 8, "height": 8, )";
@@ -203,7 +203,7 @@ TEST(LfViewRequestFile, BadFilesAreNamedWithThePlace) {
   }
 }
 
-TEST(LfViewRequestProperties, EveryOneIsDocumentedAndTheViewIsControllable) {
+TEST(LfViewRequestProperties, AreDocumentedAndViewIsControllable) {
   Source source;
   guint n = 0;
   GParamSpec** pspecs = g_object_class_list_properties(G_OBJECT_GET_CLASS(source.element()), &n);
@@ -225,7 +225,7 @@ TEST(LfViewRequestProperties, EveryOneIsDocumentedAndTheViewIsControllable) {
   EXPECT_EQ(controllable, 9);
 }
 
-TEST(LfViewRequestProperties, ApertureAndNearestCamerasBlendTheVeryNextRequest) {
+TEST(LfViewRequestProperties, ApertureAndNearestCamerasApplyToTheNextRequest) {
   Source source;
   set_test_viewpoint(source);
   source.set("num-buffers", 5);
@@ -234,7 +234,7 @@ TEST(LfViewRequestProperties, ApertureAndNearestCamerasBlendTheVeryNextRequest) 
   EXPECT_EQ(source.pull().request.view.blending, (Blending{Blending::Kind::kAngle, 0, 3}));
 }
 
-TEST(LfViewRequestProperties, AnApertureIsSetLikeTheRestOfTheView) {
+TEST(LfViewRequestProperties, ApertureIsPartOfTheView) {
   Source source;
   set_test_viewpoint(source);
   gboolean done = FALSE;
@@ -248,14 +248,14 @@ TEST(LfViewRequestProperties, AnApertureIsSetLikeTheRestOfTheView) {
   EXPECT_EQ(source.pull().request.view.blending, (Blending{Blending::Kind::kAperture, 0.25, 0}));
 }
 
-TEST(LfViewRequestFile, IsBlendedAsThePropertiesSay) {
+TEST(LfViewRequestFile, PropertiesSelectTheBlending) {
   FileSource source(test_views({0, 1}));
   source.set("aperture", 0.5);
   source.play();
   EXPECT_EQ(source.pull().request.view.blending, (Blending{Blending::Kind::kAperture, 0.5, 0}));
 }
 
-TEST(LfViewRequestProperties, MakeTheView) {
+TEST(LfViewRequestProperties, DefineTheView) {
   Source source;
   set_test_viewpoint(source);
   source.set("view-id", 3u, "quality", 80u, "framerate", 30000, 1001, "num-buffers", 3);
@@ -279,7 +279,7 @@ TEST(LfViewRequestProperties, MakeTheView) {
   gst_caps_unref(caps);
 }
 
-TEST(LfViewRequestProperties, AnglesStayAsTheyWereSetEvenStraightUp) {
+TEST(LfViewRequestProperties, AnglesKeepTheirValuesStraightUp) {
   Source source;
   source.set("pitch", 90.0, "yaw", 20.0, "roll", 30.0, "num-buffers", 1);
   source.play();
@@ -291,7 +291,7 @@ TEST(LfViewRequestProperties, AnglesStayAsTheyWereSetEvenStraightUp) {
   EXPECT_EQ(source.get("roll"), 30);
 }
 
-TEST(LfViewRequestProperties, WhatIsNotSetSuitsTheRig) {
+TEST(LfViewRequestProperties, DefaultsComeFromTheRig) {
   const TempDir files;
   save_rig(test_rig(), files / "rig.json");
   const Rig rig = load_rig(files / "rig.json");
@@ -309,7 +309,7 @@ TEST(LfViewRequestProperties, WhatIsNotSetSuitsTheRig) {
   EXPECT_NEAR(source.get("y"), y, 1e-12);
 }
 
-TEST(LfViewRequestProperties, ControllersAreAskedForEachRequest) {
+TEST(LfViewRequestProperties, ControllersApplyToEachRequest) {
   Source source;
   GstControlSource* ramp = gst_interpolation_control_source_new();
   g_object_set(ramp, "mode", GST_INTERPOLATION_MODE_LINEAR, nullptr);
@@ -343,7 +343,7 @@ TEST(LfViewRequestProperties, OutOfServiceChangesWhilePlaying) {
   EXPECT_EQ(source.next_live().request.out_of_service, CameraSet{});
 }
 
-TEST(LfViewRequestProperties, WhatHasNoEffectIsSaid) {
+TEST(LfViewRequestProperties, IgnoredSettingsAreReported) {
   const TempDir files;
   save_views(test_views({0, 1}), files / "views.json");
   const std::string views = "location=" + files / "views.json";
@@ -438,7 +438,7 @@ constexpr auto kPlain = GST_NAVIGATION_MODIFIER_NONE;
 constexpr auto kShift = GST_NAVIGATION_MODIFIER_SHIFT_MASK;
 constexpr auto kControl = GST_NAVIGATION_MODIFIER_CONTROL_MASK;
 
-TEST(LfViewRequestNavigation, EachKindMovesTheVeryNextRequest) {
+TEST(LfViewRequestNavigation, EachEventMovesTheNextRequest) {
   Source source;
   set_test_viewpoint(source);
   source.play_live();
@@ -494,7 +494,7 @@ TEST(LfViewRequestNavigation, EachKindMovesTheVeryNextRequest) {
 }
 
 // Pointer coordinates are relative to the whole picture; the pointer selects one view of the set.
-TEST(LfViewRequestNavigation, ThePointerIsInOneOfASetsViews) {
+TEST(LfViewRequestNavigation, PointerSelectsAViewOfTheSet) {
   Source source;
   set_test_viewpoint(source);
   gst_util_set_object_arg(G_OBJECT(source.element()), "views", "top-bottom");
@@ -531,7 +531,7 @@ double drag_far(Source& source, GstNavigationModifierType state) {
   return far;
 }
 
-TEST(LfViewRequestNavigation, StaysWhereTheArrayIsSeen) {
+TEST(LfViewRequestNavigation, StaysWhereTheArrayIsVisible) {
   RigSource source;
   source.play_live();
   EXPECT_LT(drag_far(source, kPlain), 0.16) << "half of the array's width is 0.1 m";
@@ -545,7 +545,7 @@ TEST(LfViewRequestNavigation, StaysWhereTheArrayIsSeen) {
   EXPECT_GT(drag_far(source, kPlain), 0.3) << "unlimited without a rig";
 }
 
-TEST(LfViewRequestNavigation, EventsOfOtherViewsAndNonsenseChangeNothing) {
+TEST(LfViewRequestNavigation, InvalidEventsAndOtherViewsAreIgnored) {
   Source source;
   set_test_viewpoint(source);
   source.set("view-id", 2u);
@@ -571,7 +571,7 @@ TEST(LfViewRequestNavigation, EventsOfOtherViewsAndNonsenseChangeNothing) {
   expect_near(source.next_live().request.view, make_view(expected.viewpoint(), 320, 200));
 }
 
-TEST(LfViewRequestNavigation, AFileIsNotSteered) {
+TEST(LfViewRequestNavigation, ViewsOfAFileDoNotMove) {
   const std::vector<NamedView> views = test_views({0, 0});
   FileSource source(views);
   source.play_live();
@@ -601,7 +601,7 @@ TEST(LfViewRequestNavigation, CustomEventsSetTheView) {
   expect_near(source.next_live().request.view, make_view(expected, 320, 200));
 }
 
-TEST(LfViewRequestNavigation, TheSignalSetsTheViewAndPropertiesNotify) {
+TEST(LfViewRequestNavigation, SignalSetsTheViewAndNotifies) {
   Source source;
   set_test_viewpoint(source);
   source.play_live();
@@ -633,7 +633,7 @@ TEST(LfViewRequestNavigation, TheSignalSetsTheViewAndPropertiesNotify) {
 }
 
 // Navigation events of a window that shows pictures of another host do not reach this source upstream.
-TEST(LfViewRequestNavigation, AWindowInAnotherBranchSteers) {
+TEST(LfViewRequestNavigation, WindowInAnotherBranchMovesTheView) {
   const ElementPtr pipeline = launch(
       "lfviewrequest name=v is-live=true navigation-element=pictures ! fakesink  videotestsrc is-live=true ! "
       "identity name=pictures ! fakesink name=window");

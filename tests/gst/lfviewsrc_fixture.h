@@ -18,8 +18,7 @@ using PadPtr = std::unique_ptr<GstPad, Unref<gst_object_unref>>;
 
 inline constexpr double kTimeoutSeconds = 30;  // seconds; loaded machines are slow
 
-// Returns true if `what` becomes true in time.
-inline bool comes(const std::function<bool()>& what) {
+inline bool becomes_true(const std::function<bool()>& what) {
   for (double t = 0; t < kTimeoutSeconds; t += 0.01) {
     if (what()) return true;
     g_usleep(10000);
@@ -94,7 +93,7 @@ class LfViewSrcTest : public testing::Test {
   }
   bool more(const std::string& sink, int pictures = 5) {
     const int before = shown_[sink];
-    return comes([&] { return shown_[sink] >= before + pictures; });
+    return becomes_true([&] { return shown_[sink] >= before + pictures; });
   }
   // Adds a viewer and its sink while playing. Returns the viewer's pad.
   PadPtr add_viewer(const std::string& sink_name) {

@@ -24,7 +24,7 @@ void press(GstElement* sink, const char* key) {
   gst_pad_push_event(pad.get(), gst_navigation_event_new_key_press(key, GST_NAVIGATION_MODIFIER_NONE));
 }
 
-TEST_F(LfViewSrcTest, PropertiesAreThoseOfItsChildren) {
+TEST_F(LfViewSrcTest, HasThePropertiesOfItsChildren) {
   const ElementPtr bin = make("lfviewsrc");
   size_t copies = 0;
   for (const char* name : {"view", "compositor"}) {
@@ -57,7 +57,7 @@ TEST_F(LfViewSrcTest, PropertiesAreThoseOfItsChildren) {
     EXPECT_TRUE(g_object_class_find_property(G_OBJECT_GET_CLASS(bin.get()), name)) << name;
 }
 
-TEST_F(LfViewSrcTest, PropertiesReachTheChildrenAndBack) {
+TEST_F(LfViewSrcTest, PropertiesAreForwardedToTheChildren) {
   const ElementPtr bin = make("lfviewsrc");
   std::string notified;
   g_signal_connect(bin.get(), "notify", G_CALLBACK(+[](GObject*, GParamSpec* spec, gpointer text) {
@@ -119,7 +119,7 @@ TEST_F(LfViewSrcTest, EndsWithItsViews) {
 }
 
 // Compression would cost a tenth of the CPU time of a quilt.
-TEST_F(LfViewSrcTest, RequestsAreNotCompressedForCamerasOfThisMachine) {
+TEST_F(LfViewSrcTest, RequestsForLocalCamerasAreNotCompressed) {
   const ElementPtr pipeline = launch("lfviewsrc rig=" + array_.rig_path() +
                                      " is-live=false num-buffers=3 quality=90 name=v ! fakesink sync=false");
   ASSERT_TRUE(pipeline);
@@ -138,7 +138,7 @@ TEST_F(LfViewSrcTest, RequestsAreNotCompressedForCamerasOfThisMachine) {
 }
 
 // The camera looks away from the array, so only the marking colours the picture.
-TEST_F(LfViewSrcTest, ShowsWhoMakesThePicture) {
+TEST_F(LfViewSrcTest, ShowsContributions) {
   const auto red_of = [&](const std::string& show) {
     const ElementPtr pipeline = launch("lfviewsrc rig=" + array_.rig_path() +
                                        " is-live=false num-buffers=2 width=64 height=48 yaw=180 constrain-view=false " +
@@ -162,7 +162,7 @@ TEST_F(LfViewSrcTest, ShowsWhoMakesThePicture) {
   EXPECT_NEAR(red_of("show=coverage background=0xffffffff"), 96, 3) << "grey of missing weight";
 }
 
-TEST_F(LfViewSrcTest, FliesByNavigation) {
+TEST_F(LfViewSrcTest, NavigationMovesTheView) {
   play("width=64 height=48 constrain-view=false v.src ! videoconvert ! fakesink name=s sync=false",
        "v.src_0 ! queue ! fakesink name=t sync=false");
   ASSERT_TRUE(more("s"));
@@ -185,7 +185,7 @@ TEST_F(LfViewSrcTest, FliesByNavigation) {
   EXPECT_LT(get("view_0", "x"), x0);
 }
 
-TEST_F(LfViewSrcTest, ASetIsOnePictureAndFliesAsOne) {
+TEST_F(LfViewSrcTest, SetIsOnePictureAndMovesTogether) {
   play("width=64 height=48 views=stereo v.src ! videoconvert ! fakesink name=s sync=false",
        "v.src_0 ! queue ! fakesink name=t sync=false");
   ASSERT_TRUE(more("s"));
@@ -206,14 +206,14 @@ TEST_F(LfViewSrcTest, ASetIsOnePictureAndFliesAsOne) {
 
   gst_util_set_object_arg(G_OBJECT(child("v").get()), "views", "quilt");
   g_object_set(child("v").get(), "columns", 4, "rows", 3, nullptr);
-  EXPECT_TRUE(comes([&] { return caps("s").find("width=(int)256, height=(int)144") != std::string::npos; }));
+  EXPECT_TRUE(becomes_true([&] { return caps("s").find("width=(int)256, height=(int)144") != std::string::npos; }));
   EXPECT_EQ(caps("s").find("multiview-mode=(string)side-by-side"), std::string::npos);
   ASSERT_TRUE(more("s"));
   EXPECT_EQ(get<guint>("to_cameras", "max-size-buffers"), 4u * 12) << "room for as many capture times";
   EXPECT_THAT(caps("t"), HasSubstr("width=(int)128"));
 }
 
-TEST_F(LfViewSrcTest, EyesOutsideOfTheArrayAreSaid) {
+TEST_F(LfViewSrcTest, EyesOutsideTheArrayAreReported) {
   play("width=64 height=48 views=quilt columns=4 rows=2 eye-distance=20");
   ASSERT_TRUE(more("s", 1));
   g_autoptr(GstBus) bus = gst_element_get_bus(pipeline_.get());
@@ -221,7 +221,7 @@ TEST_F(LfViewSrcTest, EyesOutsideOfTheArrayAreSaid) {
 }
 
 // An application that writes a file must learn that it will get no pictures.
-TEST_F(LfViewSrcTest, ThatAllIsRefusedIsAnError) {
+TEST_F(LfViewSrcTest, RefusalOfAllRequestsIsAnError) {
   const ElementPtr pipeline = launch("lfviewsrc rig=" + array_.rig_path() +
                                      " is-live=false num-buffers=3 limits=limits,max-pixels=100 ! fakesink sync=false");
   ASSERT_TRUE(pipeline);
@@ -259,7 +259,7 @@ TEST_F(LfViewSrcTest, StartsAndStopsAtEveryStage) {
   EXPECT_TRUE(more("t"));
 }
 
-TEST_F(LfViewSrcTest, ErrorsSayWhatIsWrong) {
+TEST_F(LfViewSrcTest, ErrorsNameTheProblem) {
   struct Case {
     std::string properties, words;
     const char* cameras = "";
@@ -281,7 +281,7 @@ TEST_F(LfViewSrcTest, ErrorsSayWhatIsWrong) {
   }
 }
 
-TEST_F(LfViewSrcTest, ARigIsTakenWhileRunningByAllOrNobody) {
+TEST_F(LfViewSrcTest, NewRigIsAcceptedByAllElementsOrNone) {
   const ModifiedRig calibrated(array_.rig(), [](Rig& rig) { rig.cameras[0].lens = Lens::pinhole(31, 15, 12); });
   const ModifiedRig moved(array_.rig(), [](Rig& rig) { rig.cameras[1].source = "elsewhere.mkv"; });
   play("", "v.src ! fakesink name=s  v.src_0 ! fakesink name=t");
@@ -300,7 +300,7 @@ TEST_F(LfViewSrcTest, ARigIsTakenWhileRunningByAllOrNobody) {
   EXPECT_TRUE(more("s"));
 }
 
-TEST_F(LfViewSrcTest, AUriNamesTheRig) {
+TEST_F(LfViewSrcTest, UriNamesTheRig) {
   GError* error = nullptr;
   const ElementPtr bin(gst_element_make_from_uri(GST_URI_SRC, ("lf://" + array_.rig_path()).c_str(), nullptr, &error));
   ASSERT_TRUE(bin) << error->message;
@@ -316,7 +316,7 @@ TEST_F(LfViewSrcTest, AUriNamesTheRig) {
 }
 
 // Players open URIs from untrusted sources, and elements may run any program.
-TEST_F(LfViewSrcTest, AUriOpensNoElementsThatARigDescribes) {
+TEST_F(LfViewSrcTest, UriDoesNotOpenLaunchDescriptions) {
   const ModifiedRig described(array_.rig(), [](Rig& rig) { rig.cameras[1].source = "videotestsrc ! identity"; });
   const ElementPtr bin(gst_element_make_from_uri(GST_URI_SRC, ("lf://" + described.path()).c_str(), nullptr, nullptr));
   gst_object_ref_sink(bin.get());
@@ -380,7 +380,7 @@ TEST_F(LfViewSrcCapsTest, SizeAndRateFollowDownstream) {
   EXPECT_THAT(film("", "video/x-raw,format=BGRx,width=96,height=64", "videoconvert ! "), is_video(96, 64, "15/1"));
 }
 
-TEST_F(LfViewSrcCapsTest, PropertiesThatAreSetCount) {
+TEST_F(LfViewSrcCapsTest, ExplicitPropertiesTakePrecedence) {
   EXPECT_THAT(film("width=80 framerate=10/1", "video/x-raw,height=40"), is_video(80, 40, "10/1"));
   EXPECT_THAT(film("width=80 height=60", "video/x-raw,width=96,height=64"),
               AllOf(HasSubstr("80x60"), HasSubstr("width=96,height=64"), mentions("height at 0")));
@@ -388,14 +388,14 @@ TEST_F(LfViewSrcCapsTest, PropertiesThatAreSetCount) {
               AllOf(HasSubstr("10/1"), HasSubstr("25/1"), HasSubstr("framerate at 0/1")));
 }
 
-TEST_F(LfViewSrcCapsTest, ErrorsNameTheFormatThatIsRefused) {
+TEST_F(LfViewSrcCapsTest, ErrorsNameTheRefusedFormat) {
   const bool is_rgb = film("", "video/x-raw").find("format=(string)I420") == std::string::npos;
   const std::string other = is_rgb ? "NV12" : "RGBA";
   EXPECT_THAT(film("", "video/x-raw,format=" + other + ",width=96,height=64,framerate=25/1"),
               AllOf(HasSubstr("accepts format=" + other), HasSubstr("videoconvert")));
 }
 
-TEST_F(LfViewSrcCapsTest, APadThatRunsOffersWhatItHas) {
+TEST_F(LfViewSrcCapsTest, RunningPadOffersOnlyItsFormats) {
   pipeline_ = launch(view_source("") + " v.src ! fakesink name=s sync=false");
   ASSERT_TRUE(pipeline_);
   count(child("s").get(), "s");
@@ -413,7 +413,7 @@ TEST_F(LfViewSrcCapsTest, APadThatRunsOffersWhatItHas) {
 }
 
 // Warm-up requests find the surface before the first picture, even if depth hypotheses are rare.
-TEST_F(LfViewSrcCapsTest, TheFirstPictureOfAFilmIsOnItsSurface) {
+TEST_F(LfViewSrcCapsTest, FirstPictureOfAFileIsFocused) {
   std::string shown[2];
   for (const int interval : {1, 5}) {
     const ElementPtr pipeline =
@@ -466,17 +466,18 @@ TEST_F(LfViewSrcCapsTest, CapsMayChangeWhilePlaying) {
   EXPECT_THAT(caps_at("t"), is_video(48, 48, "15/1"));
   for (const auto& [width, rate] : {std::pair{64, "20/1"}, std::pair{128, "30/1"}, std::pair{32, "60/1"}}) {
     filter("f", "video/x-raw,width=" + std::to_string(width) + ",height=64,framerate=" + rate);
-    EXPECT_TRUE(comes([&] { return testing::Value(caps_at("s"), is_video(width, 64, rate)); }))
+    EXPECT_TRUE(becomes_true([&] { return testing::Value(caps_at("s"), is_video(width, 64, rate)); }))
         << width << ": " << caps_at("s") << error();
     EXPECT_TRUE(more("s")) << error();
   }
   filter("f", "video/x-raw");
-  EXPECT_TRUE(comes([&] { return testing::Value(caps_at("s"), is_video(32, 24, "15/1")); })) << caps_at("s") << error();
+  EXPECT_TRUE(becomes_true([&] { return testing::Value(caps_at("s"), is_video(32, 24, "15/1")); }))
+      << caps_at("s") << error();
   EXPECT_THAT(caps_at("t"), is_video(48, 48, "15/1")) << "caps are per viewer";
   EXPECT_TRUE(more("t"));
 }
 
-TEST_F(LfViewSrcCapsTest, APictureSaysWhichViewItShows) {
+TEST_F(LfViewSrcCapsTest, PicturesIdentifyTheirView) {
   const std::string line = view_source("is-live=false num-buffers=2 focus=plane focus-distance=3") +
                            " ! queue ! videoconvert ! video/x-raw,format=BGRx ! queue ! fakesink name=s sync=false";
   const ElementPtr pipeline = launch(line);
@@ -529,7 +530,7 @@ TEST_F(LfViewSrcCapsTest, APictureSaysWhichViewItShows) {
   gst_structure_free(focus);
 }
 
-TEST_F(LfViewSrcCapsTest, AQuiltNamesAllOfItsViews) {
+TEST_F(LfViewSrcCapsTest, QuiltsIdentifyAllViews) {
   const ElementPtr pipeline = launch(view_source("is-live=false num-buffers=1 views=row columns=3 eye-distance=0.01") +
                                      " ! fakesink name=s sync=false");
   ASSERT_TRUE(pipeline);
@@ -553,11 +554,11 @@ TEST_F(LfViewSrcCapsTest, AQuiltNamesAllOfItsViews) {
   EXPECT_NEAR(x[2] - x[1], 0.01, 1e-9);
 }
 
-TEST_F(LfViewSrcCapsTest, PartialAnswersIntoAFilterOfVideoAreAnError) {
+TEST_F(LfViewSrcCapsTest, PartialAnswersIntoAVideoFilterAreAnError) {
   EXPECT_THAT(film("partial=true", "videoconvert"), HasSubstr("partial=true"));
 }
 
-TEST_F(LfViewSrcCapsTest, TheViewSendsTheCommandsThatItsCamerasNeed) {
+TEST_F(LfViewSrcCapsTest, SendsCommandsForSimpleCameras) {
   for (const char* access : {"warp", "pixels"}) {
     const ElementPtr pipeline =
         launch(view_source("is-live=false num-buffers=2") + " node::access=" + access + " ! fakesink sync=false");
@@ -568,7 +569,7 @@ TEST_F(LfViewSrcCapsTest, TheViewSendsTheCommandsThatItsCamerasNeed) {
   }
 }
 
-TEST_F(LfViewSrcCapsTest, TheReasonForDarkPicturesIsTheRightOne) {
+TEST_F(LfViewSrcCapsTest, ReasonForDarkPicturesIsCorrect) {
   const ElementPtr pipeline =
       launch(view_source("is-live=false num-buffers=2 out-of-service=0-3") + " ! fakesink sync=false");
   ASSERT_TRUE(pipeline);
@@ -592,7 +593,7 @@ TEST_F(LfViewSrcCapsTest, TheReasonForDarkPicturesIsTheRightOne) {
   EXPECT_THAT(warnings, AllOf(HasSubstr("out of service"), testing::Not(HasSubstr("outside the array"))));
 }
 
-TEST_F(LfViewSrcCapsTest, TheActionSetsContinuousFocus) {
+TEST_F(LfViewSrcCapsTest, ActionSetsContinuousFocus) {
   const ElementPtr v = make("lfviewsrc");
   const auto set_view = [&](GstStructure* view) {
     gboolean done = FALSE;

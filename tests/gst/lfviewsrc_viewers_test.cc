@@ -29,7 +29,7 @@ std::set<std::string> child_names(GstElement* bin) {
   return names;
 }
 
-TEST_F(LfViewSrcTest, ViewersComeAndGoWhileOthersPlay) {
+TEST_F(LfViewSrcTest, ViewersAreAddedAndRemovedWhilePlaying) {
   play("");
   ASSERT_TRUE(more("s"));
   const std::set<std::string> before = child_names(child("v").get());
@@ -42,7 +42,7 @@ TEST_F(LfViewSrcTest, ViewersComeAndGoWhileOthersPlay) {
     EXPECT_TRUE(more("s", 2)) << i;
   }
   const ElementPtr fragment = child("fragment");
-  EXPECT_TRUE(comes([&] {
+  EXPECT_TRUE(becomes_true([&] {
     GST_OBJECT_LOCK(fragment.get());
     const guint pads = fragment->numsinkpads;
     GST_OBJECT_UNLOCK(fragment.get());
@@ -50,7 +50,7 @@ TEST_F(LfViewSrcTest, ViewersComeAndGoWhileOthersPlay) {
   }));
 }
 
-TEST_F(LfViewSrcTest, ViewersThatAreGoneLeaveNothing) {
+TEST_F(LfViewSrcTest, RemovedViewersLeakNothing) {
   play("");
   const ElementPtr v = child("v");
   GstBus* bus = gst_element_get_bus(pipeline_.get());
@@ -71,11 +71,11 @@ TEST_F(LfViewSrcTest, ViewersThatAreGoneLeaveNothing) {
   }
 }
 
-TEST_F(LfViewSrcTest, AViewerComesAfterAllHaveEnded) {
+TEST_F(LfViewSrcTest, ViewerIsAddedAfterAllHaveEnded) {
   play("num-buffers=3");
   const PadPtr last = add_viewer("l");
   const PadPtr end(gst_element_get_static_pad(child("s").get(), "sink"));
-  ASSERT_TRUE(comes([&] { return GST_PAD_IS_EOS(end.get()); }));
+  ASSERT_TRUE(becomes_true([&] { return GST_PAD_IS_EOS(end.get()); }));
   ASSERT_TRUE(more("l"));
   close_viewer(last.get(), "l");
   g_usleep(1000000);
@@ -105,8 +105,9 @@ TEST_F(LfViewSrcTest, HalfOfTheArrayShowsTheHomeView) {
     g_value_init(&number, G_TYPE_DOUBLE);
     return value && g_value_transform(value, &number) ? g_value_get_double(&number) : of_none;
   };
-  ASSERT_TRUE(comes([&] { return stat("out-of-service", 0) == 8; }));
-  ASSERT_TRUE(comes([&] { return stat("coverage", 0) > 0.5 && stat("coverage", 1) < 0.95; })) << stat("coverage", -1);
+  ASSERT_TRUE(becomes_true([&] { return stat("out-of-service", 0) == 8; }));
+  ASSERT_TRUE(becomes_true([&] { return stat("coverage", 0) > 0.5 && stat("coverage", 1) < 0.95; }))
+      << stat("coverage", -1);
   const double incomplete = stat("incomplete", -1);
   ASSERT_TRUE(more("s", 10));
   EXPECT_EQ(stat("incomplete", -1), incomplete) << "known to be out of service";
@@ -119,7 +120,7 @@ TEST_F(LfViewSrcTest, HalfOfTheArrayShowsTheHomeView) {
   gst_buffer_unmap(gst_sample_get_buffer(sample), &map);
 }
 
-TEST_F(LfViewSrcTest, AViewerIsClosedByItsOwnThread) {
+TEST_F(LfViewSrcTest, ViewerIsClosedByItsOwnThread) {
   play("");
   const PadPtr pad = add_viewer("t");
   ASSERT_TRUE(more("t"));
@@ -132,12 +133,12 @@ TEST_F(LfViewSrcTest, AViewerIsClosedByItsOwnThread) {
   };
   std::atomic<bool> closed = false;
   gst_pad_add_probe(pad.get(), GST_PAD_PROBE_TYPE_BLOCK_DOWNSTREAM, blocked, &closed, nullptr);
-  EXPECT_TRUE(comes([&] { return closed.load(); }));
+  EXPECT_TRUE(becomes_true([&] { return closed.load(); }));
   EXPECT_TRUE(more("s"));
   EXPECT_EQ(gst_element_get_static_pad(child("v").get(), "src_0"), nullptr);
 }
 
-TEST_F(LfViewSrcTest, AViewerBeginsOnceItIsLinked) {
+TEST_F(LfViewSrcTest, ViewerStartsWhenLinked) {
   play("");
   ASSERT_TRUE(more("s"));
   ASSERT_NE(gst_element_set_state(pipeline_.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE);
@@ -153,15 +154,15 @@ TEST_F(LfViewSrcTest, AViewerBeginsOnceItIsLinked) {
   EXPECT_TRUE(more("s"));
 }
 
-TEST_F(LfViewSrcTest, PadsThatNobodyTakesDisturbNobody) {
+TEST_F(LfViewSrcTest, UnlinkedPadsDoNotDisturbOtherViewers) {
   play("", "v.src_0 ! fakesink name=t sync=false");
   EXPECT_TRUE(more("t"));
   const ElementPtr v = child("v"), t = child("t");
   const PadPtr src(gst_element_get_static_pad(v.get(), "src_0")), sink(gst_element_get_static_pad(t.get(), "sink"));
   const PadPtr third(gst_element_request_pad_simple(v.get(), "src_%u"));
-  EXPECT_TRUE(comes([&] { return stat(child("compositor_1").get(), "pictures") > 3; }));
+  EXPECT_TRUE(becomes_true([&] { return stat(child("compositor_1").get(), "pictures") > 3; }));
   EXPECT_TRUE(gst_pad_unlink(src.get(), sink.get()));
-  EXPECT_TRUE(comes([&, from = stat(child("compositor").get(), "pictures")] {
+  EXPECT_TRUE(becomes_true([&, from = stat(child("compositor").get(), "pictures")] {
     return stat(child("compositor").get(), "pictures") > from + 3;
   }));
   EXPECT_EQ(gst_pad_link(src.get(), sink.get()), GST_PAD_LINK_OK);
@@ -169,7 +170,7 @@ TEST_F(LfViewSrcTest, PadsThatNobodyTakesDisturbNobody) {
   gst_element_release_request_pad(v.get(), third.get());
 }
 
-TEST_F(LfViewSrcTest, AStalledViewerStallsNobody) {
+TEST_F(LfViewSrcTest, StalledViewerDoesNotStallOthers) {
   play("", "v.src ! fakesink name=s sync=false  v.src_0 ! fakesink name=t sync=false");
   ASSERT_TRUE(more("t"));
   const PadPtr sink(gst_element_get_static_pad(child("t").get(), "sink"));
@@ -181,10 +182,10 @@ TEST_F(LfViewSrcTest, AStalledViewerStallsNobody) {
         return GST_PAD_PROBE_OK;
       },
       &blocked, nullptr);
-  ASSERT_TRUE(comes([&] { return blocked.load(); }));
+  ASSERT_TRUE(becomes_true([&] { return blocked.load(); }));
   EXPECT_TRUE(more("s", 30));
   // Feedback of the stalled viewer must not stall others either when its sink resumes.
-  EXPECT_TRUE(comes([&, from = stat(child("compositor_0").get(), "pictures")] {
+  EXPECT_TRUE(becomes_true([&, from = stat(child("compositor_0").get(), "pictures")] {
     return stat(child("compositor_0").get(), "pictures") > from + 20;
   }));
   gst_pad_remove_probe(sink.get(), probe);
@@ -226,12 +227,12 @@ class LfViewSrcListenTest : public LfViewSrcTest {
   const TempFile key_{{secret_.begin(), secret_.end()}};
 };
 
-TEST_F(LfViewSrcListenTest, EachPadShowsTheViewThatOthersAskFor) {
+TEST_F(LfViewSrcListenTest, EachPadShowsTheRequestedView) {
   // Sinks with async=false, because a view may never be requested.
   play(listen(), "v.src ! fakesink name=s sync=false async=false  v.src_6 ! fakesink name=t sync=false async=false");
   ElementPtr seventh = ask(7, 36), nobody = ask(3, 48);
   EXPECT_TRUE(more("t"));
-  EXPECT_TRUE(comes([&] { return complete("compositor_6") > 5; }));
+  EXPECT_TRUE(becomes_true([&] { return complete("compositor_6") > 5; }));
   EXPECT_THAT(caps("t"), HasSubstr("width=(int)36"));
   EXPECT_EQ(shown_["s"], 0) << "no requests for view 0";
   ElementPtr first = ask(0, 30);
@@ -250,10 +251,10 @@ TEST_F(LfViewSrcListenTest, EachPadShowsTheViewThatOthersAskFor) {
   for (ElementPtr* each : {&first, &seventh, &nobody, &another}) end(*each);
 }
 
-TEST_F(LfViewSrcListenTest, RequestsAreThoseOfTheKey) {
+TEST_F(LfViewSrcListenTest, RequestsNeedTheKey) {
   play(listen() + with_key());
   ElementPtr stranger = ask(0, 30);
-  EXPECT_TRUE(comes([&] { return stat(child("listen_gate").get(), "unsealed") > 5; }));
+  EXPECT_TRUE(becomes_true([&] { return stat(child("listen_gate").get(), "unsealed") > 5; }));
   EXPECT_EQ(shown_["s"], 0);
   ElementPtr viewer = ask(0, 36, with_key());
   EXPECT_TRUE(more("s"));
@@ -263,18 +264,18 @@ TEST_F(LfViewSrcListenTest, RequestsAreThoseOfTheKey) {
   end(viewer);
 }
 
-TEST_F(LfViewSrcListenTest, SealedRequestsAreToldWhereThereIsNoKey) {
+TEST_F(LfViewSrcListenTest, EncryptedRequestsWithoutAKeyAreReported) {
   play(listen());
   g_autoptr(GstBus) bus = gst_element_get_bus(pipeline_.get());
   ElementPtr viewer = ask(0, 36, with_key());
-  EXPECT_TRUE(comes([&] { return warnings_on(bus).find("sender only") != std::string::npos; }));
+  EXPECT_TRUE(becomes_true([&] { return warnings_on(bus).find("sender only") != std::string::npos; }));
   EXPECT_EQ(shown_["s"], 0);
   stop();
   end(viewer);
 }
 
 // A partial compositor sends answers, like a node.
-TEST_F(LfViewSrcListenTest, APartialOneIsANode) {
+TEST_F(LfViewSrcListenTest, PartialOutputActsLikeANode) {
   play(listen() + "partial=true node=5", "v.src ! application/x-lightfield-answer ! fakesink name=s sync=false");
   ElementPtr viewer = ask(0, 30);
   EXPECT_TRUE(more("s"));
@@ -282,7 +283,7 @@ TEST_F(LfViewSrcListenTest, APartialOneIsANode) {
   end(viewer);
 }
 
-TEST_F(LfViewSrcListenTest, ListensNoMoreAfterwards) {
+TEST_F(LfViewSrcListenTest, StopsListening) {
   play(listen());
   ASSERT_EQ(gst_element_set_state(pipeline_.get(), GST_STATE_NULL), GST_STATE_CHANGE_SUCCESS);
   g_object_set(child("v").get(), "listen", nullptr, nullptr);
@@ -291,7 +292,7 @@ TEST_F(LfViewSrcListenTest, ListensNoMoreAfterwards) {
   EXPECT_FALSE(child("listen_gate"));
 }
 
-TEST_F(LfViewSrcListenTest, APortIsTakenOnce) {
+TEST_F(LfViewSrcListenTest, PortInUseIsAnError) {
   play(listen());
   ElementPtr other = launch("lfviewsrc rig=" + array_.rig_path() + " " + listen() + " ! fakesink");
   EXPECT_EQ(gst_element_set_state(other.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE);
@@ -307,7 +308,7 @@ TEST_F(LfViewSrcListenTest, APortIsTakenOnce) {
   end(viewer);
 }
 
-TEST_F(LfViewSrcListenTest, ErrorsSayWhatIsWrong) {
+TEST_F(LfViewSrcListenTest, ErrorsNameTheProblem) {
   struct Case {
     std::string properties, words;
   };

@@ -60,7 +60,7 @@ class NodeInputTest : public testing::Test {
   GstAggregatorPad* pad_ = nullptr;
 };
 
-TEST_F(NodeInputTest, TheLastPartStaysOnItsPadUntilThePictureIsDone) {
+TEST_F(NodeInputTest, LastPartStaysOnThePadUntilThePictureIsDone) {
   come(1, 0, 2);
   EXPECT_TRUE(node().has_unread());
   EXPECT_EQ(take(1), std::vector({0}));
@@ -77,7 +77,7 @@ TEST_F(NodeInputTest, TheLastPartStaysOnItsPadUntilThePictureIsDone) {
   EXPECT_TRUE(node().is_awaited(false, 0)) << "answer to the next request";
 }
 
-TEST_F(NodeInputTest, AnAnswerToALaterRequestWaitsOnThePad) {
+TEST_F(NodeInputTest, AnswerToALaterRequestWaitsOnThePad) {
   come(3);
   EXPECT_EQ(take(1), std::vector<int>());
   EXPECT_FALSE(node().is_awaited(false, 0)) << "the node has skipped this request";
@@ -87,7 +87,7 @@ TEST_F(NodeInputTest, AnAnswerToALaterRequestWaitsOnThePad) {
   EXPECT_EQ(take(3), std::vector({0}));
 }
 
-TEST_F(NodeInputTest, LiveItIsKeptAside) {
+TEST_F(NodeInputTest, LiveAnswerToALaterRequestIsKept) {
   come(3);
   come(1);
   EXPECT_EQ(take(1, true), std::vector({0})) << "later answers are not delayed";
@@ -100,7 +100,7 @@ TEST_F(NodeInputTest, LiveItIsKeptAside) {
   EXPECT_FALSE(node().is_awaited(true, 0));
 }
 
-TEST_F(NodeInputTest, WhoHasMissedPicturesIsNotWaitedForLive) {
+TEST_F(NodeInputTest, LiveNodeThatMissedPicturesIsNotAwaited) {
   for (int i = 0; i < 3; i++) {
     EXPECT_TRUE(node().is_awaited(true, 2)) << i;
     node().close(true);
@@ -114,7 +114,7 @@ TEST_F(NodeInputTest, WhoHasMissedPicturesIsNotWaitedForLive) {
   EXPECT_TRUE(node().is_awaited(true, 2)) << "pictures without information about the node";
 }
 
-TEST_F(NodeInputTest, WhatCameBeforeAFlushIsNotSeenAgain) {
+TEST_F(NodeInputTest, FlushDiscardsAnswers) {
   come(3);
   EXPECT_EQ(take(1, true), std::vector<int>());
   node().flushed();
@@ -123,7 +123,7 @@ TEST_F(NodeInputTest, WhatCameBeforeAFlushIsNotSeenAgain) {
   EXPECT_EQ(take(3, true), std::vector({0}));
 }
 
-TEST_F(NodeInputTest, ARequestWithoutAPictureLeavesNothingBehind) {
+TEST_F(NodeInputTest, SkippedRequestLeavesNothingBehind) {
   come(1);
   EXPECT_EQ(take(1), std::vector({0}));
   node().drop_answer();
@@ -133,7 +133,7 @@ TEST_F(NodeInputTest, ARequestWithoutAPictureLeavesNothingBehind) {
   EXPECT_EQ(take(2), std::vector({0}));
 }
 
-TEST_F(NodeInputTest, ARepeatedPartIsNotAnotherOne) {
+TEST_F(NodeInputTest, RepeatedPartIsIgnored) {
   come(1, 0, 2);
   come(1, 0, 2);
   EXPECT_EQ(take(1), std::vector({0, 0}));

@@ -14,7 +14,7 @@ Address address(const std::string& text) {
   return *address_of(socket);
 }
 
-TEST(Peers, AddressesHaveOneFormWhicheverSocketTheyComeBy) {
+TEST(Peers, AddressesAreCanonicalForEverySocket) {
   EXPECT_EQ(address("10.0.0.7"), address("::ffff:10.0.0.7"));
   EXPECT_EQ(to_text(address("::ffff:10.0.0.7")), "10.0.0.7");
   EXPECT_EQ(to_text(address("fd00::7")), "fd00::7");
@@ -24,7 +24,7 @@ TEST(Peers, AddressesHaveOneFormWhicheverSocketTheyComeBy) {
   for (const char* there : {"128.0.0.1", "10.0.0.1", "::2", "fe80::1"}) EXPECT_FALSE(is_loopback(address(there)));
 }
 
-TEST(Peers, AddressesAndNetworks) {
+TEST(Peers, AcceptAddressesAndNetworks) {
   Peers peers("10.0.0.7,192.168.4.0/22,fd00::/33,[::1],localhost");
   for (const char* in :
        {"10.0.0.7", "::ffff:10.0.0.7", "192.168.4.0", "192.168.7.255", "fd00::1", "fd00:0:7fff::1", "::1", "127.0.0.1"})
@@ -33,7 +33,7 @@ TEST(Peers, AddressesAndNetworks) {
     EXPECT_FALSE(peers.admits(address(out))) << out;
 }
 
-TEST(Peers, WithoutAnyTheFirstOnLoopback) {
+TEST(Peers, DefaultToTheFirstLoopbackSender) {
   Peers peers;
   EXPECT_FALSE(peers.admits(address("10.0.0.1")));
   EXPECT_FALSE(peers.admits(address("fe80::1")));
@@ -60,7 +60,7 @@ static void silent_resolver_class_init(SilentResolverClass* klass) {
   };
 }
 
-TEST(HostLookup, ANameServerThatIsSilentIsNotWaitedFor) {
+TEST(HostLookup, TimesOutForASilentNameServer) {
   g_autoptr(GResolver) before = g_resolver_get_default();
   g_autoptr(GResolver) silent = G_RESOLVER(g_object_new(silent_resolver_get_type(), nullptr));
   g_resolver_set_default(silent);
@@ -70,7 +70,7 @@ TEST(HostLookup, ANameServerThatIsSilentIsNotWaitedFor) {
   g_resolver_set_default(before);
 }
 
-TEST(Peers, WhatIsNoneIsNamed) {
+TEST(Peers, ErrorsNameTheInvalidItem) {
   EXPECT_ERROR(Peers("10.0.0.1,nobody.invalid"), "nobody.invalid: ");
   EXPECT_ERROR(Peers("10.0.0.1/33"), "\"10.0.0.1/33\": ");
   EXPECT_ERROR(Peers("localhost,,::1"), "\"\"", "network");

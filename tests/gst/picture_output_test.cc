@@ -130,7 +130,7 @@ class PictureOutputTest : public testing::Test {
   PixelFamily family_ = PixelFamily::kRgb;
 };
 
-TEST_F(PictureOutputTest, PicturesLeaveInCapsThatDownstreamTakes) {
+TEST_F(PictureOutputTest, PicturesHaveCapsThatDownstreamAccepts) {
   begin(false, "video/x-raw, format=BGR");
   EXPECT_FALSE(output_->has_begun());
   answer({0, 1, 2, 3}, 100);
@@ -146,7 +146,7 @@ TEST_F(PictureOutputTest, PicturesLeaveInCapsThatDownstreamTakes) {
       << caps_of(harness_->sinkpad);
 }
 
-TEST_F(PictureOutputTest, AnotherSizeIsAgreedOnAnew) {
+TEST_F(PictureOutputTest, SizeChangesAreRenegotiated) {
   begin(false, "video/x-raw, format=RGB");
   answer({0, 1, 2, 3}, 100);
   ASSERT_EQ(push(make()), GST_FLOW_OK);
@@ -158,25 +158,25 @@ TEST_F(PictureOutputTest, AnotherSizeIsAgreedOnAnew) {
   EXPECT_EQ(gst_buffer_get_size(wide.get()), 48u * 16 * 3);
 }
 
-TEST_F(PictureOutputTest, AnErrorNamesTheFormatThatIsRefused) {
+TEST_F(PictureOutputTest, ErrorNamesTheRefusedFormat) {
   EXPECT_THAT(refusal("video/x-raw, format=NV12; video/x-raw, format=YUY2, width=64"),
               mentions("RGB", "format=NV12", "format=YUY2", "videoconvert"));
   EXPECT_EQ(flow_, GST_FLOW_NOT_NEGOTIATED);
 }
 
-TEST_F(PictureOutputTest, AnErrorNamesTheSizeThatIsRefused) {
+TEST_F(PictureOutputTest, ErrorNamesTheRefusedSize) {
   EXPECT_THAT(refusal("video/x-raw, format=NV12; video/x-raw, format=RGB, width=64, height=48"),
               mentions("32x16", "width=64,height=48", "leave"));
   EXPECT_EQ(flow_, GST_FLOW_NOT_NEGOTIATED);
 }
 
-TEST_F(PictureOutputTest, AnErrorNamesTheRateThatIsRefused) {
+TEST_F(PictureOutputTest, ErrorNamesTheRefusedRate) {
   EXPECT_THAT(refusal("video/x-raw, framerate=30/1"), mentions("0/1", "framerate=30/1", "leave"));
   EXPECT_EQ(flow_, GST_FLOW_NOT_NEGOTIATED);
 }
 
 // The old pictures were requested before the size changed.
-TEST_F(PictureOutputTest, PicturesOfTheOldSizeAreDroppedWhereTheNextOnesFit) {
+TEST_F(PictureOutputTest, PicturesOfTheOldSizeAreDropped) {
   follows_ = true;
   EXPECT_EQ(refusal("video/x-raw, width=64, height=48"), "");
   EXPECT_EQ(flow_, GST_FLOW_OK);
@@ -188,12 +188,12 @@ TEST_F(PictureOutputTest, PicturesOfTheOldSizeAreDroppedWhereTheNextOnesFit) {
   EXPECT_EQ(push(picture, GST_SECOND), GST_FLOW_OK);
 }
 
-TEST_F(PictureOutputTest, NoOtherSizeMakesAnotherFormat) {
+TEST_F(PictureOutputTest, SizeChangesKeepTheFormat) {
   follows_ = true;
   EXPECT_THAT(refusal("video/x-raw, format=NV12"), HasSubstr("videoconvert"));
 }
 
-TEST_F(PictureOutputTest, ThePictureBeforeStandsInForAnIncompleteOne) {
+TEST_F(PictureOutputTest, PreviousPictureReplacesAnIncompleteOne) {
   begin(false, "video/x-raw, format=RGB");
   answer({0, 1, 2, 3}, 100);
   GstBuffer* whole = make();
@@ -210,7 +210,7 @@ TEST_F(PictureOutputTest, ThePictureBeforeStandsInForAnIncompleteOne) {
   EXPECT_FALSE(part);
 }
 
-TEST_F(PictureOutputTest, WithoutAnyAnswerThePictureBeforeIsShown) {
+TEST_F(PictureOutputTest, PreviousPictureIsShownWithoutAnswers) {
   begin(false, "video/x-raw, format=RGB");
   answer({}, 0);
   const BufferPtr dark(make());
@@ -258,11 +258,11 @@ class PictureOutputQuilt : public PictureOutputTest {
   }
 };
 
-TEST_F(PictureOutputQuilt, OfRgb) { check("RGB", PixelFamily::kRgb); }
-TEST_F(PictureOutputQuilt, OfYCbCr) { check("I420", PixelFamily::kI420); }
-TEST_F(PictureOutputQuilt, OfYCbCrWithItsChromaTogether) { check("NV12", PixelFamily::kI420); }
+TEST_F(PictureOutputQuilt, Rgb) { check("RGB", PixelFamily::kRgb); }
+TEST_F(PictureOutputQuilt, YCbCr) { check("I420", PixelFamily::kI420); }
+TEST_F(PictureOutputQuilt, Nv12) { check("NV12", PixelFamily::kI420); }
 
-TEST_F(PictureOutputTest, PairsSayHowTheyStandInGStreamersWords) {
+TEST_F(PictureOutputTest, StereoPairsHaveAMultiviewMode) {
   const std::pair<ViewSetLayout, const char*> layouts[] = {
       {ViewSetLayout::kStereo, "multiview-mode=(string)side-by-side"},
       {ViewSetLayout::kTopBottom, "multiview-mode=(string)top-bottom"},
@@ -284,7 +284,7 @@ TEST_F(PictureOutputTest, PairsSayHowTheyStandInGStreamersWords) {
   }
 }
 
-TEST_F(PictureOutputTest, ASetThatLacksAViewIsDropped) {
+TEST_F(PictureOutputTest, IncompleteSetIsDropped) {
   begin(false, "video/x-raw, format=RGB");
   const ViewSet set{.layout = ViewSetLayout::kStereo};
   EXPECT_FALSE(add_view(set, 0, 10, 100));
@@ -297,7 +297,7 @@ TEST_F(PictureOutputTest, ASetThatLacksAViewIsDropped) {
   EXPECT_EQ(dropped_, 1);
 }
 
-TEST_F(PictureOutputTest, WhatIsLostOfAViewIsTakenFromThePictureBefore) {
+TEST_F(PictureOutputTest, LostPartsShowThePreviousPicture) {
   begin(false, "video/x-raw, format=RGB");
   const ViewSet set{.layout = ViewSetLayout::kStereo};
   add_view(set, 0, 10, 100);
@@ -316,7 +316,7 @@ TEST_F(PictureOutputTest, WhatIsLostOfAViewIsTakenFromThePictureBefore) {
       << "one of its views was incomplete";
 }
 
-TEST_F(PictureOutputTest, PartialAnswersSpeakForTheCamerasThatCame) {
+TEST_F(PictureOutputTest, PartialAnswersListTheReceivedCameras) {
   begin(true, LF_ANSWER_CAPS);
   answer({0, 3}, 100);
   GstBuffer* made = nullptr;

@@ -57,7 +57,7 @@ class PicturePoolTest : public testing::Test {
   guint least_ = 0, most_ = 0;
 };
 
-TEST_F(PicturePoolTest, MemoryServesAgain) {
+TEST_F(PicturePoolTest, MemoryIsReused) {
   ASSERT_TRUE(decide());
   std::set<GstBuffer*> seen;
   for (int i = 0; i < 100; i++) {
@@ -69,7 +69,7 @@ TEST_F(PicturePoolTest, MemoryServesAgain) {
   EXPECT_EQ(seen.size(), 1u);
 }
 
-TEST_F(PicturePoolTest, WhatABurstNeededIsGivenBack) {
+TEST_F(PicturePoolTest, MemoryOfABurstIsFreed) {
   ASSERT_TRUE(decide());
   std::vector<BufferPtr> burst;
   int freed = 0;
@@ -90,20 +90,20 @@ TEST_F(PicturePoolTest, WhatABurstNeededIsGivenBack) {
   EXPECT_EQ(freed, 50);
 }
 
-TEST_F(PicturePoolTest, DownstreamsOwnMemoryIsUsed) {
+TEST_F(PicturePoolTest, UsesTheDownstreamPool) {
   offer(own_pool_get_type());
   ASSERT_TRUE(decide());
   EXPECT_EQ(take()->pool, offered_);
 }
 
-TEST_F(PicturePoolTest, SoIsItsPlainMemory) {
+TEST_F(PicturePoolTest, UsesTheDownstreamAllocationParameters) {
   offer(GST_TYPE_VIDEO_BUFFER_POOL);
   ASSERT_TRUE(decide());
   EXPECT_EQ(take()->pool, offered_);
 }
 
 // The pool keeps only a few of the buffers that a burst needed.
-TEST_F(PicturePoolTest, APoolWithoutAnEndIsGivenOne) {
+TEST_F(PicturePoolTest, UnlimitedPoolsAreLimited) {
   offer(GST_TYPE_VIDEO_BUFFER_POOL);
   least_ = 2;
   ASSERT_TRUE(decide());
@@ -113,7 +113,7 @@ TEST_F(PicturePoolTest, APoolWithoutAnEndIsGivenOne) {
   EXPECT_EQ(theirs, least_ + PicturePool::kMostIdle);
 }
 
-TEST_F(PicturePoolTest, NobodyWaitsForAPoolThatHasRunOut) {
+TEST_F(PicturePoolTest, ExhaustedPoolDoesNotBlock) {
   offer(own_pool_get_type());
   most_ = 3;
   ASSERT_TRUE(decide());
@@ -125,7 +125,7 @@ TEST_F(PicturePoolTest, NobodyWaitsForAPoolThatHasRunOut) {
   EXPECT_EQ(take()->pool, offered_) << "room again";
 }
 
-TEST_F(PicturePoolTest, APoolThatCantBeConfiguredIsPassedOver) {
+TEST_F(PicturePoolTest, UnconfigurablePoolIsSkipped) {
   offer(own_pool_get_type());
   GstStructure* config = gst_buffer_pool_get_config(offered_);
   gst_buffer_pool_config_set_params(config, picture_caps().get(), kSize / 2, 0, 0);

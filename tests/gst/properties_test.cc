@@ -84,7 +84,7 @@ class PropertyTableTest : public testing::Test {
   Thing* thing_ = nullptr;
 };
 
-TEST_F(PropertyTableTest, AFieldsInitialValueIsTheDefault) {
+TEST_F(PropertyTableTest, InitialValueOfAFieldIsTheDefault) {
   guint count = 0;
   g_autofree GParamSpec** specs = g_object_class_list_properties(G_OBJECT_GET_CLASS(thing_), &count);
   ASSERT_EQ(count, 10u);
@@ -98,7 +98,7 @@ TEST_F(PropertyTableTest, AFieldsInitialValueIsTheDefault) {
   }
 }
 
-TEST_F(PropertyTableTest, WhatIsSetIsInTheFieldAndIsRead) {
+TEST_F(PropertyTableTest, ValuesAreStoredInFields) {
   g_object_set(thing_, "path", "rig.json", "list", "0-3", "on", FALSE, "shift", 4, "count", 8u, "frames",
                gint64{1} << 40, "delay", guint64{1} << 41, "distance", 2.5, "colour", 0, "rate", 30, 1, nullptr);
   const Settings expected = {"rig.json",       "0-3", false,        4,  8, gint64{1} << 40,
@@ -117,7 +117,7 @@ TEST_F(PropertyTableTest, WhatIsSetIsInTheFieldAndIsRead) {
   EXPECT_EQ(read, expected);
 }
 
-TEST_F(PropertyTableTest, ATextThatIsNotSetIsNullUnlessItIsAList) {
+TEST_F(PropertyTableTest, UnsetTextIsNullUnlessItIsAList) {
   g_object_set(thing_, "path", nullptr, "list", nullptr, nullptr);
   g_autofree gchar *path = nullptr, *list = nullptr;
   g_object_get(thing_, "path", &path, "list", &list, nullptr);

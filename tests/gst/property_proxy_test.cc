@@ -76,18 +76,18 @@ void expect_inside(const char* factory, const std::vector<const char*>& names) {
   }
 }
 
-TEST(BinProperties, OfACameraNodeAreThoseOfItsFragment) {
+TEST(BinProperties, CameraNodeHasPropertiesOfItsFragment) {
   expect_inside("lfcameranode", {"access", "codec", "limits", "max-delay", "max-skew", "post-messages", "renderer",
                                  "resampling", "strip-pixels", "threads"});
 }
 
-TEST(BinProperties, OfANodeSinkAreThoseOfItsCameraNode) {
+TEST(BinProperties, NodeSinkHasPropertiesOfItsCameraNode) {
   expect_inside("lfnodesink",
                 {"access", "cameras", "codec", "decode", "latency", "limits", "loop", "max-delay", "max-skew",
                  "post-messages", "record", "renderer", "resampling", "retry", "strip-pixels", "threads"});
 }
 
-TEST(BinProperties, OfAViewSourceAreThoseOfItsRequestsAndPictures) {
+TEST(BinProperties, ViewSourceHasPropertiesOfItsChildren) {
   expect_inside("lfviewsrc", {"x",
                               "y",
                               "z",

@@ -30,7 +30,7 @@ class CaptureTimelineTest : public testing::Test {
   CaptureTimeline timeline_{kBegin};
 };
 
-TEST_F(CaptureTimelineTest, TimesCountFromTheBeginning) {
+TEST_F(CaptureTimelineTest, TimesStartAtZero) {
   for (const uint32_t camera : {0, 1})
     for (gint64 i = 0; i < 5; i++) EXPECT_EQ(time(camera, i * kPeriod + camera), i * kPeriod + camera);
   EXPECT_EQ(time(2, -kPeriod), -kPeriod) << "before the start";
@@ -38,7 +38,7 @@ TEST_F(CaptureTimelineTest, TimesCountFromTheBeginning) {
   EXPECT_EQ(time(0, 59 * GST_SECOND + kPeriod), gint64{59 * GST_SECOND + kPeriod}) << "less than a second late";
 }
 
-TEST_F(CaptureTimelineTest, OneThatHasStrayedMovesNothing) {
+TEST_F(CaptureTimelineTest, OutlierChangesNothing) {
   for (gint64 i = 0; i < 200; i++) {
     if (i % 50 == 40) {
       EXPECT_LT(time(0, (i - 30) * kPeriod), (i - 25) * kPeriod);
@@ -48,7 +48,7 @@ TEST_F(CaptureTimelineTest, OneThatHasStrayedMovesNothing) {
 }
 
 // Frames from before the change may arrive after the first frame from after the change.
-TEST_F(CaptureTimelineTest, CamerasStayInStepWhereTheClockIsSetBack) {
+TEST_F(CaptureTimelineTest, CamerasStaySynchronisedWhenTheClockIsSetBack) {
   constexpr gint64 kHour = 3600 * GST_SECOND;
   for (const gint64 back : {gint64{2 * GST_SECOND}, kHour}) {
     SCOPED_TRACE(back);
@@ -69,7 +69,7 @@ TEST_F(CaptureTimelineTest, CamerasStayInStepWhereTheClockIsSetBack) {
   }
 }
 
-TEST_F(CaptureTimelineTest, ACameraThatWasAwayMeanwhileIsInStepAgain) {
+TEST_F(CaptureTimelineTest, AbsentCameraIsSynchronisedAgain) {
   for (gint64 i = 0; i < 10; i++) EXPECT_EQ(time(1, i * kPeriod), i * kPeriod);
   constexpr gint64 kBack = 5 * GST_SECOND;
   const auto see = [&](gint64 i, gint64 back) {
@@ -87,7 +87,7 @@ TEST_F(CaptureTimelineTest, ACameraThatWasAwayMeanwhileIsInStepAgain) {
 }
 
 // If only one camera's clock is wrong, only that camera's frames are moved behind its earlier ones.
-TEST_F(CaptureTimelineTest, OthersStayWhereTheClockOfOneCameraIsSetBack) {
+TEST_F(CaptureTimelineTest, ClockStepOfOneCameraDoesNotAffectOthers) {
   for (gint64 i = 0; i < 200; i++) {
     EXPECT_EQ(time(0, i * kPeriod), i * kPeriod);
     const gint64 seen = time(1, i * kPeriod - (i < 100 ? 0 : 60 * GST_SECOND));
@@ -143,7 +143,7 @@ class RecordingTest : public testing::Test {
 };
 
 // Live: the first frame of any camera starts the recording.
-TEST_F(RecordingTest, TimesAreThoseOfCaptureFromOneBeginningOn) {
+TEST_F(RecordingTest, TimesAreCaptureTimesFromOneStart) {
   const auto recording = record("r");
   constexpr GstClockTime kBegin = 1'800'000'000 * GST_SECOND + 123'456'789;
   const auto add = [&](uint32_t camera, GstClockTime time) {
@@ -173,7 +173,7 @@ TEST_F(RecordingTest, TimesAreThoseOfCaptureFromOneBeginningOn) {
 }
 
 // Frames from before the change may arrive after the first frame from after the change.
-TEST_F(RecordingTest, GoesOnWhereTheClockIsSetBack) {
+TEST_F(RecordingTest, ContinuesWhenTheClockIsSetBack) {
   const auto recording = record("r");
   constexpr GstClockTime kBegin = 1'800'000'000 * GST_SECOND, kHour = 3600 * GST_SECOND;
   const auto add = [&](uint32_t camera, GstClockTime i) {
@@ -204,7 +204,7 @@ TEST_F(RecordingTest, GoesOnWhereTheClockIsSetBack) {
   }
 }
 
-TEST_F(RecordingTest, WhatIsLongBeforeItsBeginningIsCounted) {
+TEST_F(RecordingTest, EarlyFramesAreCounted) {
   const auto recording = record("r");
   for (const GstClockTime time : {20, 18, 22})
     recording->add(time == 20 ? 0 : 1, frame().get(), jpeg(), time * GST_SECOND, true);
@@ -212,7 +212,7 @@ TEST_F(RecordingTest, WhatIsLongBeforeItsBeginningIsCounted) {
   EXPECT_EQ(recording->counts(1).dropped, 1u);
 }
 
-TEST_F(RecordingTest, ItsRigIsThatOfTheFiles) {
+TEST_F(RecordingTest, RigNamesTheFiles) {
   rig_.cameras[1].image = "still.png";
   const auto recording = record("deep/down");
   const Rig recorded = load_rig(dir_ / "deep/down/rig.json");
@@ -247,7 +247,7 @@ TEST_F(RecordingTest, NothingIsOverwritten) {
 }
 
 // A pipe without a reader acts as a disk that hangs.
-TEST_F(RecordingTest, ADiskThatHangsHoldsNobodyUp) {
+TEST_F(RecordingTest, HangingDiskDoesNotBlock) {
   auto recording = record("r");
   ASSERT_EQ(mkfifo((dir_ / "r/camera1.mkv").c_str(), 0600), 0);
   const gint64 start = g_get_monotonic_time();
@@ -276,7 +276,7 @@ TEST_F(RecordingTest, ADiskThatHangsHoldsNobodyUp) {
   gst_element_set_state(reader.get(), GST_STATE_NULL);
 }
 
-TEST_F(RecordingTest, AFileThatCantBeWrittenStopsItAndIsToldOnce) {
+TEST_F(RecordingTest, UnwritableFolderStopsAndIsReportedOnce) {
   const auto recording = record("r");
   std::filesystem::remove_all(dir_ / "r");
   GstMessage* message = nullptr;
@@ -296,7 +296,7 @@ TEST_F(RecordingTest, AFileThatCantBeWrittenStopsItAndIsToldOnce) {
 }
 
 // The folder is writable, so only one camera's file fails.
-TEST_F(RecordingTest, AFileThatFailsEndsForItself) {
+TEST_F(RecordingTest, FailingFileEndsAlone) {
   const auto recording = record("r");
   std::filesystem::create_directories(dir_ / "r/camera1.mkv");
   std::string told;
@@ -321,7 +321,7 @@ TEST_F(RecordingTest, AFileThatFailsEndsForItself) {
 }
 
 // Applications may stop the recording from the callback.
-TEST_F(RecordingTest, WhoIsToldThatItHasStoppedMayFinishIt) {
+TEST_F(RecordingTest, MayBeFinishedInTheStopHandler) {
   struct Told {
     Recording* recording;
     std::future<void> finished;
@@ -366,7 +366,7 @@ TEST_F(RecordingTest, RawVideoIsEncoded) {
 }
 
 // VP8: the recording does not parse its pictures.
-TEST_F(RecordingTest, CodedVideoGoesOnWithKeyFrames) {
+TEST_F(RecordingTest, CodedVideoResumesWithKeyFrames) {
   const auto recording = record("r");
   const CapsPtr coded(gst_caps_from_string("video/x-vp8,width=64,height=48,framerate=30/1"));
   GstClockTime time = 0;
@@ -421,7 +421,7 @@ TEST_F(RecordingTest, CodedVideoKeepsItsOrder) {
       << "the last displayed picture lasts to the end";
 }
 
-TEST_F(RecordingTest, AnotherKindOfVideoIsToldAsSuch) {
+TEST_F(RecordingTest, ChangeOfCodecIsReported) {
   const auto recording = record("r");
   const CapsPtr raw(gst_caps_from_string("video/x-raw,format=RGB,width=64,height=48,framerate=30/1"));
   const auto add = [&](uint32_t camera, bool is_raw, GstClockTime number) {

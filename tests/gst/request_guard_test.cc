@@ -26,7 +26,7 @@ class LimitsTest : public testing::Test {
   std::vector<std::string> problems_;
 };
 
-TEST_F(LimitsTest, WhatIsNotGivenHasItsDefault) {
+TEST_F(LimitsTest, MissingFieldsHaveDefaults) {
   EXPECT_EQ(parse_limits(nullptr, problems_), RequestLimits());
   EXPECT_EQ(parse("limits"), RequestLimits());
   RequestLimits expected;
@@ -35,7 +35,7 @@ TEST_F(LimitsTest, WhatIsNotGivenHasItsDefault) {
   EXPECT_THAT(problems_, IsEmpty());
 }
 
-TEST_F(LimitsTest, NumbersAreOfAnyType) {
+TEST_F(LimitsTest, NumbersMayHaveAnyType) {
   const RequestLimits expected = {4'000'000, 0.25, 2, 60, 100};
   EXPECT_EQ(parse("limits,max-pixels=4e6,max-aperture=1/4,max-hypotheses=2,max-requests-per-second=(gint64)60,"
                   "max-views=(guint64)100"),
@@ -44,7 +44,7 @@ TEST_F(LimitsTest, NumbersAreOfAnyType) {
   EXPECT_THAT(problems_, IsEmpty());
 }
 
-TEST_F(LimitsTest, TheEndsOfTheRangesAreTaken) {
+TEST_F(LimitsTest, EndsOfTheRangesAreAccepted) {
   const RequestLimits least = {1, 0, 0, 0, 1}, most = {uint64_t{1} << 28, 1e6, 16, G_MAXUINT, 65536};
   EXPECT_EQ(parse("limits,max-pixels=1,max-aperture=0,max-hypotheses=0,max-requests-per-second=0,max-views=1"), least);
   EXPECT_EQ(parse("limits,max-pixels=268435456,max-aperture=1e6,max-hypotheses=16,"
@@ -53,7 +53,7 @@ TEST_F(LimitsTest, TheEndsOfTheRangesAreTaken) {
   EXPECT_THAT(problems_, IsEmpty());
 }
 
-TEST_F(LimitsTest, WhatIsWrongIsNamedAndIgnored) {
+TEST_F(LimitsTest, WrongFieldsAreNamedAndIgnored) {
   RequestLimits expected;
   expected.hypotheses = 3;
   EXPECT_EQ(parse("limits,max-pixels=0,max-aperture=-1,max-hypotheses=3,max-requests-per-second=1.5,max-views=65537"),
@@ -69,7 +69,7 @@ TEST_F(LimitsTest, WhatIsWrongIsNamedAndIgnored) {
                           mentions("max-hypotheses", "0 to 16", "[ 1, 3 ]"), mentions("max-cameras", "no such")));
 }
 
-TEST_F(LimitsTest, TheirStructureHasAllOfThem) {
+TEST_F(LimitsTest, StructureHasAllFields) {
   const RequestLimits limits = {1000, 0.5, 4, 20, 7};
   g_autoptr(GstStructure) structure = limits_structure(limits);
   EXPECT_STREQ(gst_structure_get_name(structure), "limits");

@@ -37,13 +37,13 @@ class RequestRelayTest : public testing::Test {
   GstFlowReturn flow_ = GST_FLOW_OK;
 };
 
-TEST_F(RequestRelayTest, LiveTheOldestIsDroppedWhereTooManyWait) {
+TEST_F(RequestRelayTest, LiveRelayDropsTheOldestRequest) {
   for (guint64 i = 1; i <= 70; i++) EXPECT_EQ(push(i), GST_FLOW_OK);
   EXPECT_EQ(dropped_, 6);
   EXPECT_EQ(pop(), 7u);
 }
 
-TEST_F(RequestRelayTest, OthersWaitForRoom) {
+TEST_F(RequestRelayTest, NonLiveRelayWaitsForRoom) {
   for (guint64 i = 1; i <= 64; i++) push(i, false);
   auto more = std::async(std::launch::async, [this] { return push(65, false); });
   EXPECT_EQ(pop(), 1u);
@@ -51,7 +51,7 @@ TEST_F(RequestRelayTest, OthersWaitForRoom) {
   EXPECT_EQ(dropped_, 0);
 }
 
-TEST_F(RequestRelayTest, WhatWaitsLeavesBeforeTheEnd) {
+TEST_F(RequestRelayTest, QueuedRequestsPrecedeTheEnd) {
   push(1);
   relay_.end();
   EXPECT_EQ(push(2), GST_FLOW_EOS);
@@ -67,7 +67,7 @@ TEST_F(RequestRelayTest, WhatWaitsLeavesBeforeTheEnd) {
   EXPECT_EQ(flow_, GST_FLOW_FLUSHING);
 }
 
-TEST_F(RequestRelayTest, WithoutAPadNobodyIsUpstream) {
+TEST_F(RequestRelayTest, WithoutAPadThereIsNoUpstream) {
   EXPECT_FALSE(relay_.is_on());
   EXPECT_FALSE(relay_.push_upstream(gst_event_new_reconfigure()));
   GstQuery* query = gst_query_new_latency();
@@ -75,7 +75,7 @@ TEST_F(RequestRelayTest, WithoutAPadNobodyIsUpstream) {
   gst_query_unref(query);
 }
 
-TEST_F(RequestRelayTest, CapsArePassedOnOnceAsThoseOfWholeUnits) {
+TEST_F(RequestRelayTest, CapsAreForwardedOnceAsParsed) {
   const CapsPtr came(gst_caps_from_string("requests, framerate=(fraction)15/1"));
   relay_.set_caps(came.get());
   const CapsPtr taken(relay_.take_caps());
@@ -84,7 +84,7 @@ TEST_F(RequestRelayTest, CapsArePassedOnOnceAsThoseOfWholeUnits) {
   EXPECT_FALSE(relay_.take_caps());
 }
 
-TEST(RequestOutbox, WhatGoesAlongHasTheStampsOfItsRequest) {
+TEST(RequestOutbox, BuffersHaveTheTimestampsOfTheirRequest) {
   RequestOutbox outbox;
   const BufferPtr request(numbered(1));
   GST_BUFFER_PTS(request.get()) = 33;
@@ -98,9 +98,9 @@ TEST(RequestOutbox, WhatGoesAlongHasTheStampsOfItsRequest) {
   EXPECT_FALSE(outbox.take());
 }
 
-class RequestTurnTest : public testing::Test {
+class RequestPacerTest : public testing::Test {
  protected:
-  ~RequestTurnTest() override { gst_object_unref(clock_); }
+  ~RequestPacerTest() override { gst_object_unref(clock_); }
   std::future<GstFlowReturn> wait(GstClockTime time, bool or_change = false) {
     auto result = std::async(std::launch::async, [=, this] { return turn_.wait_until(clock_, time, or_change); });
     gst_test_clock_wait_for_multiple_pending_ids(GST_TEST_CLOCK(clock_), 1, nullptr);
@@ -111,7 +111,7 @@ class RequestTurnTest : public testing::Test {
   RequestPacer turn_;
 };
 
-TEST_F(RequestTurnTest, WaitsForItsTime) {
+TEST_F(RequestPacerTest, WaitsForTheTime) {
   auto result = wait(GST_SECOND);
   turn_.note_change();
   EXPECT_TRUE(gst_test_clock_crank(GST_TEST_CLOCK(clock_)));
@@ -119,7 +119,7 @@ TEST_F(RequestTurnTest, WaitsForItsTime) {
   EXPECT_EQ(gst_clock_get_time(clock_), GST_SECOND);
 }
 
-TEST_F(RequestTurnTest, AChangeEndsAWaitThatIsForOne) {
+TEST_F(RequestPacerTest, ChangeEndsTheWait) {
   auto result = wait(GST_SECOND, true);
   turn_.note_change();
   EXPECT_EQ(result.get(), GST_FLOW_OK);
@@ -130,7 +130,7 @@ TEST_F(RequestTurnTest, AChangeEndsAWaitThatIsForOne) {
   EXPECT_EQ(result.get(), GST_FLOW_OK);
 }
 
-TEST_F(RequestTurnTest, NobodyWaitsWhileUnlocked) {
+TEST_F(RequestPacerTest, UnlockEndsWaits) {
   auto result = wait(GST_SECOND, true);
   turn_.set_unlocked(true);
   EXPECT_EQ(result.get(), GST_FLOW_FLUSHING);
@@ -142,7 +142,7 @@ TEST_F(RequestTurnTest, NobodyWaitsWhileUnlocked) {
   EXPECT_EQ(turn_.wait_for_seek(), GST_FLOW_OK);
 }
 
-TEST_F(RequestTurnTest, NothingLeavesUntilTheLatestSeekIsOver) {
+TEST_F(RequestPacerTest, RequestsAreHeldUntilTheLatestSeekEnds) {
   turn_.hold(7, true);
   turn_.hold(8, true);
   auto result = std::async(std::launch::async, [this] { return turn_.wait_for_seek(); });
@@ -155,7 +155,7 @@ TEST_F(RequestTurnTest, NothingLeavesUntilTheLatestSeekIsOver) {
   EXPECT_EQ(turn_.wait_for_seek(), GST_FLOW_OK);
 }
 
-TEST(SeekFilter, KnowsTheLatest) {
+TEST(SeekFilter, RecognisesTheLatestSeek) {
   SeekFilter seek;
   EXPECT_TRUE(seek.is_new(5));
   EXPECT_FALSE(seek.is_new(5));

@@ -61,7 +61,7 @@ TEST(RtpLfPay, Caps) {
   EXPECT_THAT(variable.caps(), testing::Not(HasSubstr("framerate")));
 }
 
-TEST(RtpLfPay, EveryPayloadTypeThatIsOfferedIsUsed) {
+TEST(RtpLfPay, AcceptsEveryOfferedPayloadType) {
   for (const int type : {0, 50, 95, 96, 127}) {
     RtpElement pay(("rtplfpay pt=" + std::to_string(type)).c_str(), kAnswerCaps);
     pay.push(rtp::answer(1, 10, 10, 0));
@@ -73,7 +73,7 @@ TEST(RtpLfPay, EveryPayloadTypeThatIsOfferedIsUsed) {
 }
 
 // Streams may be cut at any time.
-TEST(RtpLfPay, LimitsOfTimeCanNotBeSet) {
+TEST(RtpLfPay, TimeLimitsAreReadOnly) {
   RtpElement pay("rtplfpay", kAnswerCaps);
   using Limit = std::pair<const char*, gint64>;
   for (const auto& [name, value] : {Limit{"min-ptime", 0}, Limit{"max-ptime", -1}, Limit{"ptime-multiple", 0}}) {
@@ -86,7 +86,7 @@ TEST(RtpLfPay, LimitsOfTimeCanNotBeSet) {
   }
 }
 
-TEST(RtpLfPay, StatsHaveThoseOfEveryPayloader) {
+TEST(RtpLfPay, StatsIncludeTheBaseClass) {
   RtpElement pay("rtplfpay ssrc=77", kAnswerCaps);
   pay.push(rtp::answer(1, 10, 10, 0));
   GstStructure* stats = nullptr;
@@ -98,7 +98,7 @@ TEST(RtpLfPay, StatsHaveThoseOfEveryPayloader) {
   EXPECT_EQ(clock_rate, 90000u);
 }
 
-TEST(RtpLfPay, DropsWhatIsNoUnit) {
+TEST(RtpLfPay, DropsInvalidUnits) {
   RtpElement pay("rtplfpay", kAnswerCaps);
   const Bytes good = rtp::answer(1, 20, 20, 0);
   for (const Bytes& bad :
@@ -110,7 +110,7 @@ TEST(RtpLfPay, DropsWhatIsNoUnit) {
   EXPECT_EQ(pay.packets().size(), 1u);
 }
 
-TEST(RtpLfPay, TooSmallAnMtuIsAnError) {
+TEST(RtpLfPay, TooSmallMtuIsAnError) {
   RtpElement pay("rtplfpay mtu=200", kAnswerCaps);
   GstBus* bus = gst_bus_new();
   gst_element_set_bus(pay.element(), bus);
@@ -153,7 +153,7 @@ TEST(RtpLfPay, RequestsAreRepeatedUntilAFlush) {
   EXPECT_EQ(bytes(), one);
 }
 
-TEST(RtpLfPay, IsALink) {
+TEST(RtpLfPay, CountsAsALink) {
   EXPECT_TRUE(passes_in_process_query("queue", kAnswerCaps));
   EXPECT_FALSE(passes_in_process_query("rtplfpay", kAnswerCaps));
 }
@@ -223,7 +223,7 @@ size_t fragments_in(const std::vector<Bytes>& units) {
   return all.size();
 }
 
-TEST(RtpLfDepay, WhatWasSentComes) {
+TEST(RtpLfDepay, ReceivesSentUnits) {
   const std::vector<Bytes> answers{rtp::answer(5, 20, 20, 80), rtp::answer(1, 390, 390, 90), rtp::answer(0, 1, 1, 0)};
   RtpElement depay("rtplfdepay", kRtpAnswerCaps);
   std::vector<Bytes> packets = rtp_packets(answers);
@@ -248,7 +248,7 @@ TEST(RtpLfDepay, WhatWasSentComes) {
   }
 }
 
-TEST(RtpLfDepay, OrderDoesNotMatterAndDuplicatesNeither) {
+TEST(RtpLfDepay, ToleratesReorderingAndDuplicates) {
   std::mt19937 random(2);
   std::vector<Bytes> packets = rtp_packets({rtp::answer_with_sum(200, 120, true, 20)});
   const size_t n = packets.size();
@@ -263,7 +263,7 @@ TEST(RtpLfDepay, OrderDoesNotMatterAndDuplicatesNeither) {
   EXPECT_EQ(stat(depay.element(), "lost"), 0u);
 }
 
-TEST(RtpLfDepay, TwoLostRequestPacketsCostNothing) {
+TEST(RtpLfDepay, ToleratesTwoLostRequestPackets) {
   std::vector<Bytes> requests;
   for (uint32_t i = 0; i < 12; i++) requests.push_back(rtp::request(i));
   const std::vector<Bytes> packets = rtp_packets(requests, true);
@@ -274,7 +274,7 @@ TEST(RtpLfDepay, TwoLostRequestPacketsCostNothing) {
   EXPECT_EQ(stat(depay.element(), "lost"), 6u);
 }
 
-TEST(RtpLfDepay, BufferListsAreTaken) {
+TEST(RtpLfDepay, AcceptsBufferLists) {
   RtpElement depay("rtplfdepay", kRtpAnswerCaps);
   GstBufferList* list = gst_buffer_list_new();
   for (const Bytes& packet : rtp_packets({rtp::answer(60, 40, 30, 90)})) gst_buffer_list_add(list, to_buffer(packet));
@@ -284,7 +284,7 @@ TEST(RtpLfDepay, BufferListsAreTaken) {
   EXPECT_EQ(stat(depay.element(), "bad-rtp"), 1u);
 }
 
-TEST(RtpLfDepay, WhatIsNoneOfOursIsCountedAndToldOnce) {
+TEST(RtpLfDepay, ForeignPacketsAreCountedAndReportedOnce) {
   RtpElement depay("rtplfdepay", kRtpAnswerCaps);
   GstBus* bus = gst_bus_new();
   gst_element_set_bus(depay.element(), bus);
@@ -330,7 +330,7 @@ TEST(RtpLfDepay, MalformedHeaderExtensionsDoNotHangIt) {
   }
 }
 
-TEST(RtpLfDepay, JitterbufferEventsMakeNoGaps) {
+TEST(RtpLfDepay, IgnoresJitterbufferEvents) {
   RtpElement depay("rtplfdepay", kRtpAnswerCaps);
   const std::vector<Bytes> packets = rtp_packets({rtp::answer_with_sum(100, 100, false)});
   depay.push(packets[0]);
@@ -346,7 +346,7 @@ TEST(RtpLfDepay, JitterbufferEventsMakeNoGaps) {
   EXPECT_EQ(stat(depay.element(), "lost"), 1u);
 }
 
-TEST(RtpLfDepay, WhatIsIncompleteEndsWithTheStream) {
+TEST(RtpLfDepay, IncompleteUnitsEndWithTheStream) {
   const std::vector<Bytes> packets = rtp_packets({rtp::answer(1, 390, 390, 90)});
   for (const bool flush : {false, true}) {
     RtpElement depay("rtplfdepay", kRtpAnswerCaps);
@@ -379,9 +379,9 @@ TEST(RtpLfDepay, PendingBytesAreBounded) {
   EXPECT_GE(stat(depay.element(), "incomplete-units"), 1u);
 }
 
-TEST(RtpLfDepay, IsALink) { EXPECT_FALSE(passes_in_process_query("rtplfdepay", kRtpAnswerCaps)); }
+TEST(RtpLfDepay, CountsAsALink) { EXPECT_FALSE(passes_in_process_query("rtplfdepay", kRtpAnswerCaps)); }
 
-TEST(RtpLfDepay, StatsHaveThoseOfEveryDepayloader) {
+TEST(RtpLfDepay, StatsIncludeTheBaseClass) {
   RtpElement depay("rtplfdepay", kRtpAnswerCaps);
   depay.push(rtp_packets({rtp::answer(1, 10, 10, 0)}, false, 1234)[0]);
   GstStructure* stats = nullptr;

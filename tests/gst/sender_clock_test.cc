@@ -15,13 +15,13 @@ std::shared_ptr<SenderClock> clock_of(GstClockTimeDiff age) {
   return clock;
 }
 
-TEST(SenderClock, KnowsNothingBeforeAReport) {
+TEST(SenderClock, UnknownBeforeAReport) {
   const SenderClock clock(kLatency);
   EXPECT_FALSE(clock.is_known());
   EXPECT_EQ(clock.taken(kStamp), std::nullopt);
 }
 
-TEST(SenderClock, FramesWereTakenWhenTheSenderSays) {
+TEST(SenderClock, UsesTheTimesOfTheSender) {
   const auto clock = clock_of(300 * GST_MSECOND);
   EXPECT_TRUE(clock->is_known());
   EXPECT_EQ(clock->taken(kStamp), kNow - 300 * GST_MSECOND);
@@ -29,7 +29,7 @@ TEST(SenderClock, FramesWereTakenWhenTheSenderSays) {
   EXPECT_EQ(clock->taken(kStamp - 40 * GST_MSECOND), kNow - 340 * GST_MSECOND);
 }
 
-TEST(SenderClock, WhatCantBeTrueIsNotBelieved) {
+TEST(SenderClock, RejectsImplausibleTimes) {
   EXPECT_TRUE(clock_of(-50 * GST_MSECOND)->is_known()) << "clocks may differ slightly";
   EXPECT_FALSE(clock_of(-GST_SECOND)->is_known()) << "received before it was sent";
   EXPECT_TRUE(clock_of(kLatency + 1900 * GST_MSECOND)->is_known());
@@ -37,7 +37,7 @@ TEST(SenderClock, WhatCantBeTrueIsNotBelieved) {
   EXPECT_FALSE(clock_of(kNow - GST_SECOND)->is_known()) << "clock starts in 1970";
 }
 
-TEST(SenderClock, AClockThatIsSetLaterIsBelievedFromThenOn) {
+TEST(SenderClock, AcceptsAClockThatIsSetLater) {
   const auto clock = clock_of(kNow - GST_SECOND);
   clock->see(kStamp + GST_SECOND, kNow + GST_SECOND - kLatency, kNow + GST_SECOND);
   EXPECT_EQ(clock->taken(kStamp + GST_SECOND), kNow + GST_SECOND - kLatency);
@@ -67,7 +67,7 @@ void fake_rtsp_src_init(FakeRtspSrc*) {}
 class SenderClockPackets : public testing::TestWithParam<const char*> {};
 
 // Feeds the packets of a pad with these media; running time starts at 0.
-TEST_P(SenderClockPackets, ArePassedOnAndLookedAt) {
+TEST_P(SenderClockPackets, AreForwardedAndRead) {
   auto* source = static_cast<GstElement*>(gst_object_ref_sink(g_object_new(fake_rtsp_src_get_type(), nullptr)));
   const auto clock = std::make_shared<SenderClock>(kLatency);
   clock->watch(source);

@@ -16,7 +16,7 @@ std::vector<uint8_t> text(const std::string& characters) { return {characters.be
 
 const std::string kSecret(32, 'k');
 
-TEST(RtpKey, IsWhatIsInTheFileButForSpace) {
+TEST(RtpKey, IgnoresWhiteSpaceInTheFile) {
   const TempFile plain(text(kSecret)), spaced(text("\n " + kSecret + " \r\n")), other(text(kSecret + "k"));
   const KeyId name{1, 2, 3};
   const SessionKey session = RtpKey(plain.path()).session("A", name);
@@ -25,7 +25,7 @@ TEST(RtpKey, IsWhatIsInTheFileButForSpace) {
 }
 
 // Test vector of lib/rtp/spec.md, computed with another program.
-TEST(RtpKey, AsTheSpecificationSays) {
+TEST(RtpKey, MatchesTheSpecification) {
   const TempFile file(text(kSecret));
   const SessionKey session = RtpKey(file.path()).session("X-LIGHTFIELD-ANSWER", {0x11223344, 29000000, 0x55667788});
   const std::array<uint8_t, 12> mki = {0x01, 0xba, 0x81, 0x40, 0x55, 0x66, 0x77, 0x88, 0xb7, 0x9d, 0x5e, 0x09};
@@ -36,7 +36,7 @@ TEST(RtpKey, AsTheSpecificationSays) {
   EXPECT_EQ(session.key, key);
 }
 
-TEST(RtpKey, EachStreamHasItsOwn) {
+TEST(RtpKey, EachStreamHasItsOwnKey) {
   const TempFile file(text(kSecret));
   const RtpKey key(file.path());
   const SessionKey one = key.session("A", {1, 2, 3});
@@ -52,7 +52,7 @@ TEST(RtpKey, EachStreamHasItsOwn) {
   EXPECT_EQ(name.nonce, 3u);
 }
 
-TEST(RtpKey, FilesThatWillNotDoAreNamed) {
+TEST(RtpKey, ErrorsNameTheFile) {
   EXPECT_ERROR(RtpKey("/nobody/key"), "/nobody/key", "No such file");
   EXPECT_ERROR(RtpKey("/tmp"), "/tmp", "regular file");
   const TempFile empty({}), few(text(std::string(31, 'k') + std::string(40, ' '))), many(text(std::string(4097, 'k')));
@@ -60,7 +60,7 @@ TEST(RtpKey, FilesThatWillNotDoAreNamed) {
 }
 
 // Opening a FIFO blocks until it has a writer.
-TEST(RtpKey, AFifoIsNotWaitedFor) {
+TEST(RtpKey, DoesNotWaitForAFifo) {
   const std::string path = std::string(g_get_tmp_dir()) + "/lf_fifo_" + std::to_string(getpid());
   ASSERT_EQ(mkfifo(path.c_str(), 0600), 0);
   EXPECT_ERROR(RtpKey(path), path, "read");

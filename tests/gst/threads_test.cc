@@ -30,7 +30,7 @@ struct Watching {
   }
 };
 
-TEST(Threads, AViewerGoesWhileItsWindowSteersIt) {
+TEST(Threads, ViewerIsRemovedDuringNavigation) {
   ElementPtr pipeline = launch(
       "lfviewrequest name=v is-live=true navigation-element=pictures ! fakesink  videotestsrc is-live=true ! "
       "identity name=pictures ! fakesink");
@@ -93,7 +93,7 @@ class Asking {
   std::thread thread_;
 };
 
-TEST(Threads, ARelayLosesItsPadWhileItIsAsked) {
+TEST(Threads, RelayPadIsReleasedDuringQueries) {
   const ElementPtr relay(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make("lfviewrequest", nullptr))));
   g_object_set(relay.get(), "is-live", TRUE, nullptr);
   gst_element_set_state(relay.get(), GST_STATE_PAUSED);
@@ -114,7 +114,7 @@ TEST(Threads, ARelayLosesItsPadWhileItIsAsked) {
   gst_element_set_state(relay.get(), GST_STATE_NULL);
 }
 
-TEST(Threads, ANodeLosesARequesterThatAsks) {
+TEST(Threads, ClientIsRemovedDuringRequests) {
   const ElementPtr node(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make("lffragment", nullptr))));
   for (int i = 0; i < 100; i++) {
     const PadPtr request(gst_element_request_pad_simple(node.get(), "request_%u"));

@@ -15,32 +15,32 @@ std::optional<PictureFormat> fit(const char* caps, const PictureFormat& set = {}
   return fit_to_caps(owned.get(), set, kCameras, columns, rows);
 }
 
-TEST(PictureFormat, OpenCapsLeaveTheCamerasSize) {
+TEST(PictureFormat, OpenCapsKeepTheSizeOfTheCameras) {
   EXPECT_EQ(fit("ANY"), kCameras);
   EXPECT_EQ(fit("video/x-raw"), kCameras);
   EXPECT_EQ(fit("video/x-raw,width=[1,32767],height=[1,32767],framerate=[0/1,2147483647/1]"), kCameras);
   EXPECT_EQ(fit("video/x-raw(memory:GLMemory),format=RGBA"), kCameras);
 }
 
-TEST(PictureFormat, FixedCapsCount) {
+TEST(PictureFormat, FollowsFixedCaps) {
   EXPECT_EQ(fit("video/x-raw,width=320,height=200,framerate=30000/1001"), (PictureFormat{320, 200, 30000, 1001}));
   EXPECT_EQ(fit("video/x-raw(memory:GLMemory),width=320,height=200"), (PictureFormat{320, 200, 15, 1}));
 }
 
-TEST(PictureFormat, OneFixedSideKeepsTheShape) {
+TEST(PictureFormat, OneFixedSideKeepsTheAspectRatio) {
   EXPECT_EQ(fit("video/x-raw,width=320"), (PictureFormat{320, 240, 15, 1}));
   EXPECT_EQ(fit("video/x-raw,height=240"), (PictureFormat{320, 240, 15, 1}));
   EXPECT_EQ(fit("video/x-raw,width=[1,320],height=[1,1000]"), (PictureFormat{320, 240, 15, 1}));
 }
 
-TEST(PictureFormat, WhatIsSetStays) {
+TEST(PictureFormat, ExplicitValuesStay) {
   EXPECT_EQ(fit("video/x-raw,height=[1,1000],framerate={10/1,30/1}", {100, 0, 30, 1}),
             (PictureFormat{100, 480, 30, 1}));
   EXPECT_FALSE(fit("video/x-raw,width=320", {100, 0, 0, 1}));
   EXPECT_FALSE(fit("video/x-raw,framerate=25/1", {0, 0, 30, 1}));
 }
 
-TEST(PictureFormat, TheFirstSuitableStructureCounts) {
+TEST(PictureFormat, UsesTheFirstSuitableStructure) {
   EXPECT_EQ(fit("video/x-raw,width=320,height=200;video/x-raw"), (PictureFormat{320, 200, 15, 1}));
   EXPECT_EQ(fit("video/x-h264;video/x-raw,width=320,height=200"), (PictureFormat{320, 200, 15, 1}));
   EXPECT_EQ(fit("video/x-raw,width=320,height=200;video/x-raw,width=64", {64, 0, 0, 1}),
@@ -51,7 +51,7 @@ TEST(PictureFormat, TheFirstSuitableStructureCounts) {
   EXPECT_FALSE(fit("video/x-raw,framerate=0/1"));
 }
 
-TEST(PictureFormat, APictureOfSeveralViewsIsDividedAmongThem) {
+TEST(PictureFormat, PictureIsDividedAmongItsViews) {
   EXPECT_EQ(fit("video/x-raw,width=960,height=240", {}, 3), (PictureFormat{320, 240, 15, 1}));
   EXPECT_EQ(fit("video/x-raw,width=[1,1000]", {}, 3), (PictureFormat{332, 250, 15, 1}));
   EXPECT_FALSE(fit("video/x-raw,width=1000", {}, 3)) << "not divisible by 3";

@@ -79,7 +79,7 @@ double seconds_to_run() {
   return seconds ? std::atof(seconds) : 10;
 }
 
-TEST_F(ArrayNetworkTest, TwoViewersSeeWhatOneMachineShows) {
+TEST_F(ArrayNetworkTest, TwoViewersSeeThePicturesOfOneMachine) {
   ArrayNetwork::Options options;
   options.viewer[0] = "quality=90";
   options.viewer[1] = "quality=0";
@@ -123,7 +123,7 @@ TEST_F(ArrayNetworkTest, TwoViewersSeeWhatOneMachineShows) {
 }
 
 // Viewers on other hosts do not know the focal surface: the compositor host adds it to their requests.
-TEST_F(ArrayNetworkTest, PicturesAreSharpUnlessAPlaneIsAskedFor) {
+TEST_F(ArrayNetworkTest, PicturesAreFocusedByDefault) {
   ArrayNetwork::Options options;
   options.surface = true;
   ArrayNetwork array(options);
@@ -149,7 +149,7 @@ TEST_F(ArrayNetworkTest, PicturesAreSharpUnlessAPlaneIsAskedFor) {
   EXPECT_GT(sharp_db, plane_db + 2);
 }
 
-TEST_F(ArrayNetworkTest, AKilledNodeIsClosedOverAndComesBack) {
+TEST_F(ArrayNetworkTest, NeighboursFillInForAKilledNode) {
   ArrayNetwork array({});
   array.start_all();
   ASSERT_TRUE(array.wait_for_pictures(0, 10)) << array.compositor().text();
@@ -194,7 +194,7 @@ TEST_F(ArrayNetworkTest, AKilledNodeIsClosedOverAndComesBack) {
 
 class ImpairedLinks : public ArrayNetworkTest, public testing::WithParamInterface<int> {};
 
-TEST_P(ImpairedLinks, PicturesGoOnAndAreNeverMixed) {
+TEST_P(ImpairedLinks, PicturesContinueAndAreNeverMixed) {
   const std::string loss = std::to_string(GetParam() / 100.0);
   ArrayNetwork::Options options;
   options.link = "netsim drop-probability=" + loss +

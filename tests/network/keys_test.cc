@@ -70,7 +70,7 @@ class Keys : public testing::Test {
   std::unique_ptr<Network> network_;
 };
 
-TEST_F(Keys, HostsWithTheSameKeySeeEachOther) {
+TEST_F(Keys, HostsWithTheSameKeyCommunicate) {
   const auto node = start_cameras("key");
   auto viewer = start_viewer("key", cameras());
   EXPECT_TRUE(viewer->wait_for(kComplete, 10)) << viewer->text() << node->text();
@@ -81,9 +81,9 @@ TEST_F(Keys, HostsWithTheSameKeySeeEachOther) {
   EXPECT_TRUE(again->wait_for(kComplete, 10)) << again->text();
 }
 
-class OtherKeys : public Keys, public testing::WithParamInterface<std::pair<const char*, const char*>> {};
+class WrongKeys : public Keys, public testing::WithParamInterface<std::pair<const char*, const char*>> {};
 
-TEST_P(OtherKeys, SeeNothing) {
+TEST_P(WrongKeys, CannotRead) {
   const auto [of_cameras, of_viewer] = GetParam();
   const auto node = start_cameras(of_cameras), viewer = start_viewer(of_viewer, cameras());
   // Hosts without the key cannot read an encrypted request and count it as unreadable.
@@ -95,11 +95,11 @@ TEST_P(OtherKeys, SeeNothing) {
   EXPECT_TRUE(viewer->wait_for("lightfield-view,", 20)) << viewer->text();
   EXPECT_THAT(viewer->text(), Not(HasSubstr(kComplete)));
 }
-INSTANTIATE_TEST_SUITE_P(Each, OtherKeys,
+INSTANTIATE_TEST_SUITE_P(Each, WrongKeys,
                          testing::Values(std::pair{"key", "other-key"}, std::pair{"key", ""}, std::pair{"", "key"}),
                          [](const auto& info) { return std::to_string(info.index); });
 
-TEST_F(Keys, WithoutAnyTheHostThatAnswersGoToMaySteer) {
+TEST_F(Keys, WithoutAKeyTheReceiverOfAnswersMaySendRequests) {
   const auto node = start_cameras(""), viewer = start_viewer("", cameras());
   EXPECT_TRUE(node->wait_for(kAnybody)) << node->text();
   EXPECT_TRUE(viewer->wait_for(kComplete, 5)) << viewer->text() << node->text();
@@ -109,7 +109,7 @@ TEST_F(Keys, WithoutAnyTheHostThatAnswersGoToMaySteer) {
   EXPECT_TRUE(viewer->wait_for(kComplete, 30)) << viewer->text();
 }
 
-TEST_F(Keys, PeersMaySteer) {
+TEST_F(Keys, PeersMaySendRequests) {
   const auto refused = start_cameras("", "10.77.0.0/31," + address("stranger")), viewer = start_viewer("", cameras());
   EXPECT_TRUE(refused->wait_for(address("viewer") + " are dropped")) << refused->text();
   EXPECT_THAT(viewer->text(), Not(HasSubstr(kComplete)));
@@ -119,9 +119,9 @@ TEST_F(Keys, PeersMaySteer) {
 }
 
 // An intermediate host without the key forwards requests, then repeated or truncated copies.
-class InBetween : public Keys, public testing::WithParamInterface<std::pair<const char*, const char*>> {};
+class ManInTheMiddle : public Keys, public testing::WithParamInterface<std::pair<const char*, const char*>> {};
 
-TEST_P(InBetween, ChangesNothing) {
+TEST_P(ManInTheMiddle, CannotTamper) {
   const auto [again, words] = GetParam();
   const std::string to = " ! udpsink sync=false async=false port=6000 host=" + address("cameras");
   const auto between = start("stranger", {"sh", "-c",
@@ -133,13 +133,13 @@ TEST_P(InBetween, ChangesNothing) {
   EXPECT_TRUE(viewer->wait_for(kComplete, 20)) << viewer->text();
   EXPECT_TRUE(between->is_running()) << between->text();
 }
-INSTANTIATE_TEST_SUITE_P(Each, InBetween,
+INSTANTIATE_TEST_SUITE_P(Each, ManInTheMiddle,
                          testing::Values(std::pair{"identity", "replayed"},
                                          std::pair{"rndbuffersize min=30 max=31", "not RTP"},
                                          std::pair{"rndbuffersize min=300 max=301", "not encrypted: "}),
                          [](const auto& info) { return std::to_string(info.index); });
 
-TEST_F(Keys, CompositorHostsAndTheirViewersShareOne) {
+TEST_F(Keys, CompositorHostsAndViewersShareAKey) {
   const auto node = start_cameras("key", "", "stranger");
   const std::string seal = " ! lfrtpseal" + sealed("key") + " ! udpsink sync=false async=false host=",
                     shown = folder_ / "shown";
@@ -167,7 +167,7 @@ TEST_F(Keys, CompositorHostsAndTheirViewersShareOne) {
     EXPECT_THAT(process->text(), AllOf(Not(HasSubstr(kSecret)), Not(HasSubstr("are dropped"))));
 }
 
-TEST_F(Keys, AnswersComeInAtTheAddressGiven) {
+TEST_F(Keys, AnswersArriveAtTheGivenAddress) {
   const auto viewer = start_viewer("key", cameras(), "viewer", address("viewer") + ":6100");
   const auto everywhere = start_viewer("key", cameras(), "stranger");
   EXPECT_TRUE(viewer->wait_for("lightfield-view,")) << viewer->text();

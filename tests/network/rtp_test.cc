@@ -228,7 +228,7 @@ void report_often(GstElement* rtpbin) {
   g_object_unref(session);
 }
 
-TEST(RtpLinks, RtpbinReportsWhatIsLost) {
+TEST(RtpLinks, RtpbinReportsLosses) {
   Receiver receiver("rtpbin name=bin latency=20 " + answer_source() +
                     " ! identity name=loss ! bin.recv_rtp_sink_0 bin. ! rtplfdepay name=depay" + kOut +
                     " udpsrc name=rtcp port=0 address=127.0.0.1 caps=application/x-rtcp ! bin.recv_rtcp_sink_0"
@@ -304,7 +304,7 @@ std::string with_port(std::string sdp, const std::string& port) {
   return sdp.replace(at, media.size(), "m=application " + port + " ");
 }
 
-TEST(RtpLinks, AReceiverStartsFromAnSdpFile) {
+TEST(RtpLinks, ReceiverStartsFromAnSdpFile) {
   const std::string port = std::to_string(free_port(SOCK_DGRAM));
   const std::string sdp = with_port(read_text_file(LF_SOURCE_ROOT "/pipelines/answers.sdp"), port);
   const TempFile file({sdp.begin(), sdp.end()}, ".sdp");

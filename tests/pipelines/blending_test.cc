@@ -73,7 +73,7 @@ const struct {
 } kWays[] = {{"aperture=0.1", {Blending::Kind::kAperture, 0.1, 0}},
              {"nearest-cameras=4", {Blending::Kind::kAngle, 0, 4}}};
 
-TEST_F(BlendedArray, OneNodeAndTwoGiveTheLibrarysPictures) {
+TEST_F(BlendedArray, OneAndTwoNodesMakeTheLibrarysPictures) {
   for (const auto& [property, blending] : kWays) {
     const auto one = pictures(property, node("a", "0-15", "", "0"));
     const auto two = pictures(property, node("a", "0-6", "", "0") + node("b", "7-15", "", "1"));
@@ -86,7 +86,7 @@ TEST_F(BlendedArray, OneNodeAndTwoGiveTheLibrarysPictures) {
 }
 
 // Includes JPEG between hosts, and cameras without the rig: such cameras blend three cameras per pixel.
-TEST_F(BlendedArray, WhateverTheCamerasKnow) {
+TEST_F(BlendedArray, WorksWithEveryAccess) {
   for (const auto& [property, blending] : kWays) {
     const auto coded = pictures(property, node("a", "0-6", "codec=jpeg", "0") + node("b", "7-15", "codec=jpeg", "1"));
     const auto rounded = pictures(property, node("a", "0-6", "codec=raw", "0") + node("b", "7-15", "codec=raw", "1"));
@@ -106,7 +106,7 @@ TEST_F(BlendedArray, WhateverTheCamerasKnow) {
 }
 
 // All other cameras compensate for a missing node: a compositor with the rig knows its weights.
-TEST_F(BlendedArray, OtherCamerasMakeUpForWhatIsMissing) {
+TEST_F(BlendedArray, OtherCamerasFillInForMissingOnes) {
   for (const auto& [property, blending] : kWays) {
     const auto some = pictures(property, node("a", "0-6,8-15", "", "0"));
     for (int i = 0; i < kViews; i++) EXPECT_GT(compare(some[i], expected(i, blending)).psnr_db, 28) << property;

@@ -33,7 +33,7 @@ class FailingCamerasTest : public testing::Test {
 };
 
 // gst-launch-1.0 stops at the first error.
-TEST_F(FailingCamerasTest, OneOfThemEndsNoPipeline) {
+TEST_F(FailingCamerasTest, OneFailingCameraDoesNotEndThePipeline) {
   for (const std::string live : {"", "is-live=true "}) {
     const std::string path = rig("nowhere.mkv");
     const std::string pace = live.empty() ? "" : "capture-delay=200000000 ";
@@ -52,7 +52,7 @@ TEST_F(FailingCamerasTest, OneOfThemEndsNoPipeline) {
 
 // Pictures and depth hypotheses are bit-identical to an array without the missing cameras, from the start and with the
 // viewpoint in the gap.
-TEST_F(FailingCamerasTest, FilesThatAreMissingAreNoPartOfTheArray) {
+TEST_F(FailingCamerasTest, MissingFilesAreOutOfService) {
   constexpr int kPictures = 10;
   Rig rig = scene_rig(3, 3, 96, 72);
   for (Camera& camera : rig.cameras) camera.image.clear();
@@ -89,7 +89,7 @@ TEST_F(FailingCamerasTest, FilesThatAreMissingAreNoPartOfTheArray) {
   EXPECT_TRUE(pictures({0, 4}, "") == pictures({0}, "view::out-of-service=4"));
 }
 
-TEST_F(FailingCamerasTest, ACameraHostHasAllCamerasOfTheRigByDefault) {
+TEST_F(FailingCamerasTest, CameraHostHasAllCamerasByDefault) {
   const std::string log = files_.path("log");
   const std::string script = "GST_PLUGIN_PATH=" LF_PLUGIN_DIR " GST_REGISTRY=" LF_PLUGIN_DIR
                              "/test-registry.bin gst-launch-1.0 -m lfnodesink rig=" +

@@ -97,7 +97,7 @@ class FocusedArray : public testing::Test {
   Image truth_;
 };
 
-TEST_F(FocusedArray, ASurfaceIsSharperThanAnyOnePlane) {
+TEST_F(FocusedArray, SurfaceIsSharperThanAnyPlane) {
   const std::string one = node("n", "0-15", "c.sink_0");
   const std::vector<Image> plane = pictures("plane", "focus=plane", one);
   const std::vector<Image> surface = pictures("surface", "focus=surface focus-near=1 focus-far=6", one);
@@ -111,7 +111,7 @@ TEST_F(FocusedArray, ASurfaceIsSharperThanAnyOnePlane) {
 
 // View pixels are two or four times as large as camera pixels, so map nodes are far apart and few. If there are too
 // few, the plane stays.
-TEST_F(FocusedArray, ASmallPictureIsSharper) {
+TEST_F(FocusedArray, SmallPictureIsSharper) {
   const Lens camera = scene_rig(4, 4, 160, 120).cameras[0].lens;
   for (const auto& [width, height, gain] : {std::tuple{80, 60, 4.0}, {40, 30, -0.1}}) {
     look_at(width, height, Lens::pinhole(camera.fx() * width / 160, (width - 1) / 2.0, (height - 1) / 2.0));
@@ -152,7 +152,7 @@ TEST_F(FocusedArray, IsSharpAtOnce) {
 }
 
 // A compositor without the rig stays on the plane unless a surface is explicitly requested.
-TEST_F(FocusedArray, WithoutARigThereIsAPlane) {
+TEST_F(FocusedArray, WithoutARigAPlaneIsUsed) {
   const auto last_picture = [&](const std::string& compositor) {
     const Outcome run = gst_launch("lfviewrequest location=" + dir_ / "views.json" +
                                    " ! tee name=r  r. ! queue ! c.request  lfcompositor name=c " + compositor +
@@ -175,7 +175,7 @@ TEST_F(FocusedArray, NodesOfATreeFindTheSameSurfaceAsOneProcess) {
 }
 
 // Nodes with one camera send only its weight and luma; the surface does not depend on the grouping of cameras.
-TEST_F(FocusedArray, CamerasOnTheirOwnFindTheSameSurface) {
+TEST_F(FocusedArray, SeparateCamerasFindTheSameSurface) {
   const std::string near_far = "focus=surface focus-near=1 focus-far=6 background=0";
   const std::string link = "! rtplfpay ! rtplfdepay", raw = "codec=raw16 ";
   const std::vector<Image> sums = pictures("sums", near_far, node("n", "0-15", "c.sink_0", raw));
@@ -237,8 +237,7 @@ class LiveViewer {
     gst_element_send_event(sink.get(),
                            gst_navigation_event_new_mouse_button_release(1, x, y, GST_NAVIGATION_MODIFIER_NONE));
   }
-  // Returns true if `what` becomes true within ten seconds.
-  static bool comes_true(const std::function<bool()>& what) {
+  static bool becomes_true(const std::function<bool()>& what) {
     for (int i = 0; i < 200 && !what(); i++) g_usleep(50'000);
     return what();
   }
@@ -261,11 +260,11 @@ TEST_F(FocusedArray, StatsHaveTheGains) {
   };
   const std::string surface = "focus=surface focus-near=1 focus-far=6";
   const LiveViewer matched(dir_ / "rig.json", surface), plain(dir_ / "rig.json", surface + " gains=off");
-  EXPECT_TRUE(LiveViewer::comes_true([&] { return std::abs(gain(matched) - 1) < 0.05; })) << gain(matched);
+  EXPECT_TRUE(LiveViewer::becomes_true([&] { return std::abs(gain(matched) - 1) < 0.05; })) << gain(matched);
   EXPECT_EQ(gain(plain), 0) << "none without a request";
 }
 
-TEST_F(FocusedArray, AClickFocusesOnWhatIsThere) {
+TEST_F(FocusedArray, ClickFocusesOnTheObject) {
   for (const char* focus : {"focus=plane", "focus=surface focus-near=1 focus-far=6"}) {
     SCOPED_TRACE(focus);
     const bool on_plane = std::string(focus) == "focus=plane";
@@ -279,9 +278,9 @@ TEST_F(FocusedArray, AClickFocusesOnWhatIsThere) {
       return rounds;
     };
     // While some cameras have no picture yet, the agreement of a few cameras is unreliable.
-    ASSERT_TRUE(LiveViewer::comes_true([&] { return stat(viewer.element("c").get(), "complete") >= 3; }));
+    ASSERT_TRUE(LiveViewer::becomes_true([&] { return stat(viewer.element("c").get(), "complete") >= 3; }));
     if (!on_plane) {
-      ASSERT_TRUE(LiveViewer::comes_true([&] { return rounds() >= 14; }));
+      ASSERT_TRUE(LiveViewer::becomes_true([&] { return rounds() >= 14; }));
     }
     for (const auto& [x, y, distance] : {std::tuple(20, 20, kSceneFar), {32, 85, kSceneNear}}) {
       viewer.click(x, y);
@@ -291,7 +290,7 @@ TEST_F(FocusedArray, AClickFocusesOnWhatIsThere) {
         if (kFallsBehind && (!on_plane || ++looks % 300 == 0)) viewer.click(x, y);
         return std::abs(viewer.focus_distance() / distance - 1) < 0.15;
       };
-      EXPECT_TRUE(LiveViewer::comes_true(is_there)) << viewer.focus_distance() << " m, not " << distance;
+      EXPECT_TRUE(LiveViewer::becomes_true(is_there)) << viewer.focus_distance() << " m, not " << distance;
     }
     gboolean done = TRUE;
     g_signal_emit_by_name(viewer.element("v").get(), "focus-at", std::nan(""), 1.0, &done);
@@ -374,7 +373,7 @@ class FollowedPlace : public testing::TestWithParam<const char*> {
   TempDir dir_;
 };
 
-TEST_P(FollowedPlace, IsInFocusAsItMoves) {
+TEST_P(FollowedPlace, StaysInFocusAsItMoves) {
   save_rig(scene_rig(2, 2, 120, 90), dir_ / "rig.json");
   const std::string rig = " rig=" + dir_ / "rig.json", small = " ! queue max-size-buffers=1 ! ";
   const ElementPtr pipeline = launch(

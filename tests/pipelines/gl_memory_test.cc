@@ -136,7 +136,6 @@ class GlMemory : public testing::Test {
     return all;
   }
 
-  // Returns the renderer in the node's stats.
   static std::string renderer_of(GstBin* pipeline) {
     std::string renderer;
     GstIterator* nodes = gst_bin_iterate_all_by_element_factory_name(pipeline, "lffragment");
@@ -197,7 +196,7 @@ class GlMemory : public testing::Test {
 
 // Pictures are written directly to memory that downstream proposes, without a copy. Elements that accept only GPU
 // memory link directly.
-TEST_F(GlMemory, PicturesAreMadeInIt) {
+TEST_F(GlMemory, HoldsPictures) {
   const struct {
     std::string of_cameras, of_pictures;
   } formats[] = {{"RGB", "RGBA"}, {"I420", "I420"}, {"I420", "NV12"}};
@@ -217,7 +216,7 @@ TEST_F(GlMemory, PicturesAreMadeInIt) {
 }
 
 // A viewer with several views per picture, followed by a passthrough filter.
-TEST_F(GlMemory, PicturesOfLfviewsrcAre) {
+TEST_F(GlMemory, HoldsPicturesOfLfviewsrc) {
   save_array("rig.json", "videotestsrc pattern=ball num-buffers=90 ! video/x-raw,format=RGBA,width=96,height=72");
   const std::string line = "lfviewsrc is-live=false num-buffers=4 focus=plane rig=" + dir_ / "rig.json" +
                            " width=96 height=72 views=row columns=3 eye-distance=0.01 ! ",
@@ -266,7 +265,7 @@ TEST_F(GlMemory, SetsAreDrawnTogether) {
 }
 
 // Sums stay in GPU memory up to the picture. The first picture is made before negotiation ends.
-TEST_F(GlMemory, SumsNeedNotLeaveIt) {
+TEST_F(GlMemory, HoldsSums) {
   const struct {
     std::string of_cameras, of_pictures;
   } formats[] = {{"RGB", "RGBA"}, {"RGB", "RGB"}, {"RGB", "xBGR"}, {"I420", "I420"}, {"I420", "NV12"}};
@@ -292,7 +291,7 @@ TEST_F(GlMemory, SumsNeedNotLeaveIt) {
   }
 }
 
-TEST_F(GlMemory, SumsOfSeveralNodesNeedNotLeaveIt) {
+TEST_F(GlMemory, HoldsSumsOfSeveralNodes) {
   const std::string rig = " rig=" + dir_ / "rig.json", out = ",format=RGBA";
   std::string line = "lfviewrequest location=" + dir_ / "views.json" +
                      " ! tee name=r r. ! queue ! c.request lfcompositor name=c focus=plane";
@@ -313,7 +312,7 @@ class GlMemoryCycles : public GlMemory, public testing::WithParamInterface<bool>
 INSTANTIATE_TEST_SUITE_P(, GlMemoryCycles, testing::Bool(),
                          [](const auto& of) { return of.param ? "FramesOnCard" : "FramesSent"; });
 
-TEST_P(GlMemoryCycles, LeaveNothing) {
+TEST_P(GlMemoryCycles, LeakNothing) {
   const char* const setting = g_getenv("LF_CYCLES");
   // Mesa 22.3's llvmpipe occasionally crashes, about once in 800 cycles, when a context writes to a texture while
   // another context draws triangles: llvmpipe inspects the resources of all contexts without a lock.
@@ -353,7 +352,7 @@ TEST_P(GlMemoryCycles, LeaveNothing) {
   EXPECT_LT(allocated_kib() - warm, 4 * 1024);
 }
 
-TEST_F(GlMemory, WhoHasNoneGetsTheCompositors) {
+TEST_F(GlMemory, CompositorProvidesIt) {
   const std::string in = " ! videoconvert ! video/x-raw,format=RGB", there = "video/x-raw(memory:GLMemory),format=RGBA",
                     none = " ! identity drop-allocation=true name=look";
   const auto plain = array(in, "video/x-raw,format=RGBA");
@@ -364,7 +363,7 @@ TEST_F(GlMemory, WhoHasNoneGetsTheCompositors) {
   EXPECT_TRUE(plain == array(in, there));
 }
 
-TEST_F(GlMemory, WhoTakesOthersIsTold) {
+TEST_F(GlMemory, UnsupportedFormatsAreErrors) {
   const std::string error =
       "The pictures of these cameras are I420 or NV12 video, but downstream accepts format=RGBA in GPU "
       "memory: put glupload ! glcolorconvert in between.";
@@ -374,7 +373,7 @@ TEST_F(GlMemory, WhoTakesOthersIsTold) {
 }
 
 // Frames decoded on the GPU reach a node directly, or through gldownload.
-TEST_F(GlMemory, FramesComeFromIt) {
+TEST_F(GlMemory, AcceptsFrames) {
   const std::string out = "video/x-raw,format=RGB";
   const auto plain = array("", out);
   ASSERT_EQ(plain.size(), static_cast<size_t>(kPictures));
@@ -390,7 +389,7 @@ TEST_F(GlMemory, FramesComeFromIt) {
 
 // If the GPU renders frames in its memory, they stay there: with sharpening too, for GPU and CPU output. The first
 // answers precede the sharing of textures.
-TEST_F(GlMemory, FramesNeedNotLeaveIt) {
+TEST_F(GlMemory, FramesAreNotDownloaded) {
   const std::string full = ",colorimetry=1:4:0:0,chroma-site=jpeg";
   for (const std::string& format :
        {std::string("RGBA"), std::string("BGRx"), "I420" + full, "NV12" + full, std::string("I420,colorimetry=bt709")})
@@ -416,7 +415,7 @@ TEST_F(GlMemory, FramesNeedNotLeaveIt) {
 }
 
 // GPU frames may make the GPU the faster renderer, so they are part of the choice.
-TEST_F(GlMemory, AutoTriesWhatStays) {
+TEST_F(GlMemory, AutoMeasuresSumsThatStay) {
   const std::string in = " ! videoconvert ! video/x-raw,format=RGBA ! glupload ! video/x-raw(memory:GLMemory)";
   EXPECT_EQ(array(in, "video/x-raw", "", " renderer=auto").size(), static_cast<size_t>(kPictures));
   EXPECT_GE(gpu_frames_, 2u * 4);
@@ -440,7 +439,7 @@ TEST_F(GlMemory, FramesAreRecordedAndConverted) {
   }
 }
 
-TEST_F(GlMemory, FramesOfElementsThatTheRigDescribesComeFromIt) {
+TEST_F(GlMemory, AcceptsFramesOfLaunchDescriptions) {
   const std::string source = "videotestsrc pattern=ball num-buffers=30 ! video/x-raw,format=RGBA,width=96,height=72";
   save_array("plain.json", source);
   save_array("gpu.json", source + " ! glupload ! gldownload");

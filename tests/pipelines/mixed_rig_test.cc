@@ -45,7 +45,7 @@ void film(const TempDir& dir, const Camera& camera, const Kind& kind) {
       0);
 }
 
-TEST(MixedRig, EveryCameraShowsItsOwnPictureOfTheTime) {
+TEST(MixedRig, EveryCameraShowsItsPictureOfTheTime) {
   const TempDir dir;
   std::vector<Kind> kinds = {
       {"mjpeg.mkv", 160, 120, 15, "video/x-raw,format=I420 ! jpegenc quality=95 ! matroskamux"},
@@ -166,7 +166,7 @@ double mean(const Image& image, size_t channel) {
   return 3 * sum / static_cast<double>(image.data().size());
 }
 
-TEST_F(ColourPipeline, ThePictureHasTheColoursThatTheRigSays) {
+TEST_F(ColourPipeline, PictureHasTheColoursOfTheRig) {
   const Image wrong = pipeline("wrong.json"), right = pipeline("right.json");
   EXPECT_GT(mean(right, 0), 1.04 * mean(wrong, 0)) << "red comes back";
   EXPECT_NEAR(mean(right, 1) / mean(wrong, 1), 1, 0.01);
@@ -174,7 +174,7 @@ TEST_F(ColourPipeline, ThePictureHasTheColoursThatTheRigSays) {
   EXPECT_EQ(right.data(), still("right.json").data()) << "bit-identical without GStreamer";
 }
 
-TEST_F(ColourPipeline, CamerasThatGivePixelsAloneGiveCorrectedOnes) {
+TEST_F(ColourPipeline, PixelAccessSendsCorrectedPixels) {
   const Image right = pipeline("right.json"), told = pipeline("right.json", " access=pixels");
   EXPECT_GT(compare(told, right, std::vector<float>(160 * 120, 1)).psnr_db, 40);
 }

@@ -98,7 +98,7 @@ class MonitoredArray : public testing::Test {
   StructurePtr stats_;
 };
 
-TEST_F(MonitoredArray, NothingIsFoundOfGoodCameras) {
+TEST_F(MonitoredArray, GoodCamerasHaveNoFindings) {
   film(false);
   watch(node("n", "0-24", "c.sink_0"));
   EXPECT_THAT(suspects(), IsEmpty());
@@ -112,7 +112,7 @@ TEST_F(MonitoredArray, NothingIsFoundOfGoodCameras) {
   EXPECT_LT(count("monitor-bytes") / count("monitor-turns"), 2 * (2 * 80 * 60 * 2 * 3));
 }
 
-TEST_F(MonitoredArray, ExactlyTheBadOnesAreFound) {
+TEST_F(MonitoredArray, ExactlyTheBadCamerasAreFound) {
   film(true);
   const std::vector<std::pair<std::string, std::string>> ways = {
       {"", ""}, {"focus=surface focus-near=1 focus-far=6", "width=160 height=120"}};
@@ -124,7 +124,7 @@ TEST_F(MonitoredArray, ExactlyTheBadOnesAreFound) {
   }
 }
 
-TEST_F(MonitoredArray, ProbesTravelThroughTreesAndToCamerasThatAreTold) {
+TEST_F(MonitoredArray, ProbesWorkInTreesAndWithCommands) {
   film(true);
   watch(rack("a", "c.sink_0") + rack("b", "c.sink_1") + node("n0", "0-6", "a.sink_0", "node=0 codec=jpeg") +
         node("n1", "7-12", "a.sink_1", "node=1") + node("n2", "13-24", "b.sink_0", "node=2"));

@@ -58,7 +58,7 @@ class OneLine : public testing::Test {
   TempDir dir_;
 };
 
-TEST_F(OneLine, GivesThePicturesOfItsElements) {
+TEST_F(OneLine, MakesThePicturesOfItsElements) {
   const std::string views = dir_ / "views.json";
   for (const std::string focus : {"plane", "surface", "auto"}) {
     Outcome run = gst_launch("lfviewrequest rig=" + rig() + " location=" + views +
@@ -77,7 +77,7 @@ TEST_F(OneLine, GivesThePicturesOfItsElements) {
 }
 
 // As in the document, without the window. The cameras are test sources, because decoders of stills log messages.
-TEST_F(OneLine, RunsLiveWithoutAWord) {
+TEST_F(OneLine, RunsLiveWithoutWarnings) {
   const Outcome run =
       gst_launch("lfviewsrc rig=" + dir_ / "live.json" + " num-buffers=20 ! videoconvert ! fakesink sync=true", "",
                  "GST_DEBUG=2 GST_DEBUG_NO_COLOR=1");
@@ -87,7 +87,7 @@ TEST_F(OneLine, RunsLiveWithoutAWord) {
   for (const char* word : {"WARN", "lf"}) EXPECT_THAT(run.output, Not(HasSubstr(word)));
 }
 
-TEST_F(OneLine, PlayersTakeARigAsAUri) {
+TEST_F(OneLine, PlayersOpenARigAsUri) {
   const ElementPtr player = launch("playbin name=p flags=video uri=lf://" + rig() + " video-sink=\"fakesink\"");
   ASSERT_TRUE(player);
   ElementPtr source;

@@ -110,13 +110,13 @@ class StillArray : public testing::Test {
   std::vector<NamedView> views_;
 };
 
-TEST_F(StillArray, ThePipelineGivesTheLibrarysPictures) {
+TEST_F(StillArray, PipelineMakesTheLibrarysPictures) {
   test::expect_outcome(gst_launch(files_in_files_out(rig, views, out)), 0);
   for (const Quality& quality : qualities()) EXPECT_EQ(quality.max_error, 0);
   EXPECT_FALSE(std::filesystem::exists(dir_ / "out_03.png"));
 }
 
-TEST_F(StillArray, TwoNodesGiveTheSamePicturesAsOne) {
+TEST_F(StillArray, TwoNodesMakeTheSamePicturesAsOne) {
   ASSERT_EQ(gst_launch("lfviewrequest location=" + views +
                        " ! tee name=r r. ! queue ! n.request lfcameranode name=n rig=" + rig +
                        " ! c.sink_0 r. ! queue ! c.request lfcompositor name=c ! filesink location=" + dir_ / "one.raw")
@@ -145,7 +145,7 @@ TEST_F(StillArray, RequestsAndAnswersTravelThroughFiles) {
   for (const Quality& quality : qualities()) EXPECT_EQ(quality.max_error, 0);
 }
 
-TEST_F(StillArray, FragmentsTravelThroughFilesInAnyForm) {
+TEST_F(StillArray, EveryCodecTravelsThroughFiles) {
   write_requests();
   size_t auto_bytes = 0;
   for (const std::string codec : {"auto", "raw", "raw16", "jpeg"}) {
@@ -174,7 +174,7 @@ TEST_F(StillArray, RtpChangesNoPicture) {
 }
 
 // The paper's three random access cameras give the same pictures. Cameras without the rig stay on the plane by default.
-TEST_F(StillArray, CamerasThatAreToldGiveTheSamePictures) {
+TEST_F(StillArray, CommandsMakeTheSamePictures) {
   const auto pictures = [&](const std::string& access, const std::string& node, const std::string& quality = "0") {
     const std::string focus = access == "self" ? "focus=plane" : "focus=auto";
     test::expect_outcome(
@@ -228,21 +228,21 @@ TEST_F(StillArray, NothingLeaks) {
 }
 
 // A camera that fails to open is out of service: its neighbours fill in, and a warning gives the reason.
-TEST_F(StillArray, AMissingImageIsNamed) {
+TEST_F(StillArray, MissingImageIsNamed) {
   std::filesystem::remove(dir_ / "cam_01_01.png");
   test::expect_outcome(gst_launch(files_in_files_out(rig, views, out), ""), 0,
                        testing::AllOf(HasSubstr("WARNING"), HasSubstr("cam_01_01.png")));
   EXPECT_TRUE(std::filesystem::exists(dir_ / "out_00.png"));
 }
 
-TEST_F(StillArray, AnImageOfAnotherSizeIsNamed) {
+TEST_F(StillArray, ImageOfAnotherSizeIsNamed) {
   save_image(Image(PixelFamily::kRgb, 81, 60), dir_ / "cam_02_00.png");
   test::expect_outcome(
       gst_launch(files_in_files_out(rig, views, out), ""), 0,
       testing::AllOf(HasSubstr("WARNING"), HasSubstr("cam_02_00"), HasSubstr("81x60"), HasSubstr("80x60")));
 }
 
-TEST_F(StillArray, AViewsFileWithoutViewsIsNamed) {
+TEST_F(StillArray, ViewsFileWithoutViewsIsNamed) {
   std::ofstream(dir_ / "none.json") << R"({"format": "lightfield-views", "version": 1, "views": []})";
   test::expect_outcome(gst_launch(files_in_files_out(rig, dir_ / "none.json", out)), testing::Ne(0),
                        HasSubstr("none.json"));
@@ -316,7 +316,7 @@ TEST(FilmPipeline, MovingScene) {
   EXPECT_EQ(film, read_bytes(dir / "c.raw"));
 }
 
-TEST(ChessPipeline, GivesTheLibrarysPictures) {
+TEST(ChessPipeline, MakesTheLibrarysPictures) {
   const std::string data = LF_SOURCE_ROOT "/../shared/data/chess/";
   if (!std::filesystem::exists(data + "rig.json")) GTEST_SKIP() << "no chess data beside the checkout";
   const TempDir dir;

@@ -77,9 +77,9 @@ Names plugin_elements() {
   return names;
 }
 
-TEST(Readme, ElementTableIsThatOfThePlugin) { EXPECT_EQ(rows("guides/pipelines.md", "Elements"), plugin_elements()); }
+TEST(Readme, ElementTableMatchesThePlugin) { EXPECT_EQ(rows("guides/pipelines.md", "Elements"), plugin_elements()); }
 
-TEST(Readme, ToolTableIsThatOfTheTools) {
+TEST(Readme, ToolTableMatchesTheTools) {
   Names built;
   for (const char* folder : {LF_TOOLS_DIR, LF_TOOLS_DIR "/../calib"})
     for (const fs::directory_entry& entry : fs::directory_iterator(folder))
@@ -88,7 +88,7 @@ TEST(Readme, ToolTableIsThatOfTheTools) {
   EXPECT_EQ(rows("reference/tools.md", "Overview"), built);
 }
 
-TEST(Readme, LinksLeadSomewhere) {
+TEST(Readme, LinksAreValid) {
   const std::regex link("\\]\\(([^)#:]*)(#[^)]*)?\\)");
   std::vector<fs::path> documents{"README.md", "CONTRIBUTING.md", "CHANGELOG.md", "SECURITY.md", "calib/README.md"};
   for (const fs::directory_entry& entry : fs::recursive_directory_iterator(LF_SOURCE_ROOT "/docs"))
@@ -231,7 +231,7 @@ std::string run_line(std::string line, size_t expected_sinks, int pictures) {
 }
 
 // A busy machine causes occasional warnings about lateness: only messages of every run count.
-TEST(Readme, LaunchLinesHaveNothingToWarnOf) {
+TEST(Readme, LaunchLinesCauseNoWarnings) {
   const FilmFolder folder;
   ASSERT_TRUE(folder.ready());
   for (const std::string& line : launch_lines(kReadme, "Launch lines")) {
@@ -264,7 +264,7 @@ TEST(Readme, LaunchLinesWork) {
 }
 
 // Except for lines for several hosts, which tests/pipelines/one_line_test.cc runs on one host.
-TEST(Readme, OneLineIsEnough) {
+TEST(Readme, OneLineSuffices) {
   const FilmFolder folder;
   ASSERT_TRUE(folder.ready());
   const std::vector<std::string> lines = launch_lines(kEmbedding, "One line");

@@ -60,7 +60,6 @@ std::vector<Picture> pictures_of(const ElementPtr& pipeline, size_t most = SIZE_
   return pictures;
 }
 
-// Returns the pictures and releases the pipeline.
 std::vector<Picture> pictures_of(ElementPtr&& pipeline) {
   const ElementPtr played = std::move(pipeline);
   std::vector<Picture> pictures = pictures_of(played);
@@ -159,7 +158,6 @@ class RecordingReplayTest : public testing::TestWithParam<const char*> {
     EXPECT_GE(least_recorded(node.get()), enough);
     gst_element_set_state(pipeline.get(), GST_STATE_NULL);
   }
-  // Returns the smallest frame count of all cameras.
   static uint64_t least_recorded(GstElement* node) {
     GstStructure* all = nullptr;
     g_object_get(node, "stats", &all, nullptr);
@@ -180,7 +178,7 @@ class RecordingReplayTest : public testing::TestWithParam<const char*> {
   TempDir dir_;
 };
 
-TEST_P(RecordingReplayTest, ShowsWhatWasSeenLive) {
+TEST_P(RecordingReplayTest, ShowsTheLivePictures) {
   std::vector<Picture> live;
   guint64 begin = 0;
   {
@@ -218,7 +216,7 @@ TEST_P(RecordingReplayTest, ShowsWhatWasSeenLive) {
   EXPECT_GT(changes, 10u) << "something moves";
 }
 
-TEST_P(RecordingReplayTest, IsSoughtLikeAnyFilm) {
+TEST_P(RecordingReplayTest, IsSeekable) {
   record(4);
   const std::string views = path();
   const std::vector<Picture> truth = pictures_of(launch(replay(views)));
@@ -258,7 +256,7 @@ TEST_P(RecordingReplayTest, LoopsInStep) {
   EXPECT_FALSE(shown[0].bytes == shown[1].bytes);
 }
 
-TEST_P(RecordingReplayTest, AfterAKillAllIsThere) {
+TEST_P(RecordingReplayTest, IsCompleteAfterAKill) {
   const std::string of_rig = "rig=" + rig(), record = "record=" + folder();
   const char* argv[] = {"gst-launch-1.0", "-q",           "lfcameranode", "is-live=true",
                         "loop=true",      of_rig.c_str(), record.c_str(), nullptr};

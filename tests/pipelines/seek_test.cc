@@ -52,7 +52,6 @@ class Player {
     GstSample* sample = gst_app_sink_try_pull_preroll(GST_APP_SINK(sink_.get()), kPatience);
     return sample ? std::optional(picture_of(sample)) : std::nullopt;
   }
-  // Plays to EOS, or for at most this many pictures.
   std::vector<Picture> rest(size_t most = SIZE_MAX) {
     set_state(GST_STATE_PLAYING);
     std::vector<Picture> pictures;
@@ -130,7 +129,7 @@ class SeekTest : public testing::TestWithParam<const char*> {
   std::string rig_;
 };
 
-TEST_P(SeekTest, WhatIsBehindASeekIsWhatAStraightRunShows) {
+TEST_P(SeekTest, PicturesAfterASeekEqualAStraightRun) {
   for (const int nodes : {1, 3}) {
     const std::vector<Picture> truth = Player(line(nodes)).rest();
     ASSERT_EQ(truth.size(), size_t{kFrames});
@@ -163,7 +162,7 @@ TEST_P(SeekTest, WhatIsBehindASeekIsWhatAStraightRunShows) {
 }
 
 // The cameras loop and accept a seek at any position.
-TEST_P(SeekTest, ABinIsSoughtAsItsElements) {
+TEST_P(SeekTest, BinSeeksLikeItsElements) {
   const std::string loop = std::string(GetParam()) == "sequence" ? "false" : "true";  // too short at its rate
   const std::string bin = "lfviewsrc node::loop=" + loop +
                           " focus=plane is-live=false framerate=" + std::to_string(kRate) + "/1 rig=" + rig_ +
@@ -179,7 +178,7 @@ TEST_P(SeekTest, ABinIsSoughtAsItsElements) {
   }
 }
 
-TEST_P(SeekTest, AStopEndsTheStream) {
+TEST_P(SeekTest, StopPositionEndsTheStream) {
   const std::vector<Picture> truth = Player(line()).rest();
   Player player(line());
   player.set_state(GST_STATE_PAUSED);
@@ -190,7 +189,7 @@ TEST_P(SeekTest, AStopEndsTheStream) {
 }
 
 // Players loop without a gap: a SEGMENT_DONE message replaces EOS, and a non-flushing seek continues.
-TEST_P(SeekTest, SegmentsFollowEachOther) {
+TEST_P(SeekTest, SegmentSeeksContinue) {
   const std::vector<Picture> truth = Player(line()).rest();
   Player player(line());
   player.set_state(GST_STATE_PAUSED);
@@ -208,7 +207,7 @@ TEST_P(SeekTest, SegmentsFollowEachOther) {
 
 // A focal surface depends on earlier pictures: a seek restarts the search, so that a second run from the start is
 // identical.
-TEST_P(SeekTest, ThroughAFocalSurfaceTheBeginningIsTheSameAgain) {
+TEST_P(SeekTest, FocalSurfaceIsTheSameAfterASeek) {
   const auto set_rig = [this](const Player& player) {
     const ElementPtr compositor(gst_bin_get_by_name(GST_BIN(player.pipeline()), "c"));
     g_object_set(compositor.get(), "rig", rig_.c_str(), nullptr);
@@ -228,7 +227,7 @@ TEST_P(SeekTest, ThroughAFocalSurfaceTheBeginningIsTheSameAgain) {
   EXPECT_TRUE(player.rest() == truth) << "after another seek";
 }
 
-TEST_P(SeekTest, WhatCannotBeIsRefused) {
+TEST_P(SeekTest, ImpossibleSeeksAreRefused) {
   Player player(line());
   player.set_state(GST_STATE_PAUSED);
   ASSERT_TRUE(player.preroll());
@@ -236,7 +235,7 @@ TEST_P(SeekTest, WhatCannotBeIsRefused) {
   EXPECT_EQ(player.rest().size(), size_t{kFrames}) << "without a change";
 }
 
-TEST_P(SeekTest, TellsHowLongItIsAndWhereItIs) {
+TEST_P(SeekTest, ReportsDurationAndPosition) {
   Player player(line());
   player.set_state(GST_STATE_PAUSED);
   ASSERT_TRUE(player.preroll());
@@ -254,7 +253,7 @@ INSTANTIATE_TEST_SUITE_P(Sources, SeekTest, testing::Values("film", "sequence", 
 
 class LostCameraSeekTest : public SeekTest {};
 
-TEST_P(LostCameraSeekTest, OthersAreSoughtBesideIt) {
+TEST_P(LostCameraSeekTest, OtherCamerasSeek) {
   Rig rig = load_rig(rig_);
   rig.cameras[1].width += 2;  // its frames have another size
   save_rig(rig, rig_);
@@ -292,7 +291,7 @@ class ViewersInAFunnelSeekTest : public SeekTest {
   }
 };
 
-TEST_P(ViewersInAFunnelSeekTest, NoneLosesARequest) {
+TEST_P(ViewersInAFunnelSeekTest, NoViewerLosesARequest) {
   const std::vector<Picture> truth = Player(line()).rest();
   ASSERT_EQ(truth.size(), size_t{kFrames});
   Player player(viewers(), "s0");
@@ -324,7 +323,7 @@ INSTANTIATE_TEST_SUITE_P(Sources, ViewersInAFunnelSeekTest, testing::Values("sti
 class PauseTest : public SeekTest {};
 
 // Each request waits for the focal surface of the previous one, for any length of the pause.
-TEST_P(PauseTest, APictureDoesNotDependOnHowLongAPauseWas) {
+TEST_P(PauseTest, PicturesDoNotDependOnTheLengthOfAPause) {
   const std::string with_rig =
       line().replace(line().find("lfcompositor name=c"), 19, "lfcompositor name=c rig=" + rig_);
   const std::vector<Picture> truth = Player(with_rig).rest();
@@ -339,7 +338,7 @@ TEST_P(PauseTest, APictureDoesNotDependOnHowLongAPauseWas) {
 INSTANTIATE_TEST_SUITE_P(Sources, PauseTest, testing::Values("film"));
 
 // Recorded answers do not follow a seek, although the requests would.
-TEST(SeekRefused, WhereAnswersComeFromElsewhere) {
+TEST(SeekRefused, IfAnswersComeFromElsewhere) {
   const ElementPtr pipeline = launch(
       "lfviewrequest num-buffers=3 ! c.request  appsrc caps=application/x-lightfield-answer ! c.sink_0  "
       "lfcompositor name=c ! fakesink async=false");

@@ -79,7 +79,7 @@ class ViewSets : public testing::Test {
   Rig rig_;
 };
 
-TEST_F(ViewSets, AreTheirViewsOneByOneAtOneMoment) {
+TEST_F(ViewSets, EqualTheirSingleViews) {
   film(3);
   const std::vector<View> middles = {view(2.2), view(1.5), view(3)};
   const std::vector<double> times = {0, 0.4, 1.1};
@@ -126,7 +126,7 @@ Vec2 spot_in(const Image& image) {
   return centre / sum;
 }
 
-TEST_F(ViewSets, DisparityIsThatOfGeometry) {
+TEST_F(ViewSets, HaveTheExpectedDisparity) {
   constexpr double kEyes = 0.06;
   for (const double depth : {1.2, 3.0})
     for (const bool converged : {true, false}) {
@@ -166,7 +166,7 @@ double psnr(const Image& picture, const View& view) {
 
 // The middle view determines the surface, which lacks areas that only other views see beside near objects. Views a
 // pitch or more away lose up to 2 dB of the roughly 6 dB that their own surface would gain.
-TEST_F(ViewSets, HaveTheSurfaceThatTheMiddleFinds) {
+TEST_F(ViewSets, UseTheSurfaceOfTheMiddleView) {
   constexpr int kPictures = 8;
   rig_ = scene_rig(4, 4, 160, 120);
   save_photographs(rig_, dir_, 0.5);
@@ -198,7 +198,7 @@ TEST_F(ViewSets, HaveTheSurfaceThatTheMiddleFinds) {
   EXPECT_LT(lost, 1);
 }
 
-TEST_F(ViewSets, AreSoughtAndEnd) {
+TEST_F(ViewSets, SeekAndEnd) {
   film(2);
   std::vector<double> times;
   for (int i = 0; i < 10; i++) times.push_back(i / 10.0);

@@ -42,7 +42,7 @@ class ViewersTest : public testing::Test {
 };
 
 // Plain queues: neither ended nor idle viewers may block the rest.
-TEST_F(ViewersTest, PathsOfUnlikeLengthBothEnd) {
+TEST_F(ViewersTest, PathsOfDifferentLengthsEnd) {
   const auto path = [&](int frames) {
     const std::string file = dir_ / (std::to_string(frames) + ".json");
     std::vector<NamedView> views;
@@ -71,7 +71,7 @@ TEST_F(ViewersTest, PathsOfUnlikeLengthBothEnd) {
 }
 
 // A viewer ends because its sink has enough, or because an element after it fails.
-TEST_F(ViewersTest, AViewerThatEndsOrFailsLeavesTheOthersAlone) {
+TEST_F(ViewersTest, EndingOrFailingViewerDoesNotAffectOthers) {
   constexpr guint64 kEnough = kFallsBehind ? 60 : 300;
   for (const char* end : {"identity eos-after=3", "identity error-after=3", "fakesink num-buffers=3"}) {
     for (const char* live : {"false", "true"}) {
@@ -112,7 +112,7 @@ bool has_more(const std::atomic<int>& counter, int more) {
   return counter >= wanted;
 }
 
-TEST_F(ViewersTest, TwoViewersFlyAndStallAlone) {
+TEST_F(ViewersTest, ViewersMoveAndStallIndependently) {
   const ElementPtr pipeline =
       launch(requests(1) + requests(2) +
              " funnel name=f ! tee name=r  r. ! queue ! n.request  lfcameranode name=n rig=" + dir_ / "rig.json" +

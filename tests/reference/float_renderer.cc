@@ -117,7 +117,7 @@ void divide(double& value, double lost) {
   if (lost < 1) value /= 1 - lost;
 }
 
-void divide_by_what_is_left(FloatStill& still) {
+void divide_by_remaining_weight(FloatStill& still) {
   const size_t pixels = still.valid.size();
   if (still.family == PixelFamily::kRgb) {
     for (size_t i = 0; i < 3 * pixels; i++) divide(still.colour[i], still.lost[i / 3]);
@@ -154,7 +154,7 @@ FloatStill render_float_still(const Rig& rig, const ViewPlan& plan, const FaceId
     if (const auto fragment = render_float(plan, owners, camera, rig.cameras[camera], image.view()))
       add(*fragment, still);
   }
-  divide_by_what_is_left(still);
+  divide_by_remaining_weight(still);
   return still;
 }
 

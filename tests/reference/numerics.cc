@@ -26,14 +26,12 @@ struct Plans {
   FaceIdMap owners;
 };
 
-// Adds the values of `rect`, row by row, to a plane of the whole view.
 template <class T>
 void place(const T* values, const Rect& rect, int width, double scale, std::vector<double>& plane) {
   for (int y = rect.y0; y < rect.y1; y++)
     for (int x = rect.x0; x < rect.x1; x++) plane[static_cast<size_t>(y) * width + x] += *values++ * scale;
 }
 
-// A sum over the whole view with its memory.
 struct Sum {
   Sum(const Plans& plans, std::span<const Source> sources, PixelFamily family, Coordinates coordinates,
       gl::GlesRenderer* gpu) {
@@ -54,7 +52,6 @@ struct Sum {
   ConstSumPlanes planes;
 };
 
-// Weights are measured with white images.
 Answer in_sums(PixelFamily family, Coordinates coordinates, gl::GlesRenderer* gpu, const Rig& rig, const Mesh& mesh,
                const View& view, const std::vector<Image>& images) {
   constexpr double kWhite = 255 << kSumFractionBits;

@@ -12,7 +12,6 @@
 // Renderers compared with the reference in the hard cases.
 namespace lf::reference {
 
-// A renderer's result for a view.
 struct Answer {
   struct OwnWeights {
     CameraIndex camera;
@@ -24,7 +23,6 @@ struct Answer {
   std::vector<double> valid, lost;      // per pixel
 };
 
-// A renderer with its stated bounds.
 struct Subject {
   std::string name;
   double weight_bound;     // for any camera in any pixel
@@ -34,7 +32,6 @@ struct Subject {
   // `images`: kRgb.
   std::function<Answer(const Rig&, const Mesh&, const View&, const std::vector<Image>&)> render;
 };
-// Returns all renderers.
 std::vector<Subject> subjects();
 
 // Copies red to luma, which gives the luma of I420 images a known rule without rounding.
@@ -48,7 +45,6 @@ bool is_within(const Measured& measured, const Subject& bounds);
 // One result for each of `subjects`, over all trials of the case.
 std::vector<Measured> measure(const HardCase& hard, const std::vector<Subject>& subjects);
 
-// Prints the table of weight and colour errors of each subject, with their bounds in the heading.
 void print_heading(const std::vector<Subject>& subjects);
 void print_row(const HardCase& hard, const std::vector<Measured>& measured);
 

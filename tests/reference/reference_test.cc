@@ -25,7 +25,7 @@ Rig unit_triangle() {
 }
 const Mesh kOneFace{{{{0, 1, 2}, {}}}};
 
-TEST(Sight, WeightsAreBarycentricCoordinatesOfTheMeetingPoint) {
+TEST(ReferenceWeights, WeightsAreBarycentricCoordinates) {
   const Rig rig = unit_triangle();
   // One metre behind the array, looking through (0.25, 0.5).
   const Sighting seen = Sight(rig, kOneFace, {0, 0, -1}).look(0, {0.25, 0.5, 1});
@@ -36,7 +36,7 @@ TEST(Sight, WeightsAreBarycentricCoordinatesOfTheMeetingPoint) {
   EXPECT_NEAR(static_cast<double>(seen.weight[2]), 0.5, 1e-18);
 }
 
-TEST(Sight, TheArrayMayBeBehindTheEye) {
+TEST(ReferenceWeights, ArrayMayBeBehindTheEye) {
   const Rig rig = unit_triangle();
   // The line, not the ray, meets the triangle: in (0.25, 0.5) again.
   const Sighting seen = Sight(rig, kOneFace, {1.25, 0.5, 1}).look(0, {1, 0, 1});
@@ -45,17 +45,17 @@ TEST(Sight, TheArrayMayBeBehindTheEye) {
   EXPECT_NEAR(static_cast<double>(seen.weight[2]), 0.5, 1e-18);
 }
 
-TEST(Sight, AwayFromTheAxesDoesNotFace) {
+TEST(ReferenceWeights, DirectionsAwayFromTheAxesDoNotFace) {
   const Sighting seen = Sight(unit_triangle(), kOneFace, {0.2, 0.2, 1}).look(0, {0, 0, -1});
   EXPECT_TRUE(seen.contains);
   EXPECT_FALSE(seen.faces);
 }
 
-TEST(Sight, ParallelToThePlaneHasNoWeight) {
+TEST(ReferenceWeights, ParallelRaysHaveNoWeight) {
   EXPECT_FALSE(Sight(unit_triangle(), kOneFace, {0.2, 0.2, 1}).look(0, {1, 0, 0}).contains);
 }
 
-TEST(Sight, StripsAndPoints) {
+TEST(ReferenceWeights, StripsAndPoints) {
   const Rig rig = unit_triangle();
   const Mesh strip{{{{0, 1, MeshFace::kNone}, {0, 1, 0}}}}, point{{{{2, MeshFace::kNone, MeshFace::kNone}, {}}}};
   const Sighting seen = Sight(rig, strip, {0, 0, -1}).look(0, {0.25, 7, 1});
@@ -67,7 +67,7 @@ TEST(Sight, StripsAndPoints) {
   EXPECT_FALSE(Sight(rig, point, {5, 5, 5}).look(0, {0.25, 7, -1}).faces);
 }
 
-TEST(Sight, AgreesWithTheMeetingPointEverywhere) {
+TEST(ReferenceWeights, AgreesWithTheIntersectionEverywhere) {
   Random random(1);
   int compared = 0;
   for (int i = 0; i < 2000; i++) {
@@ -114,7 +114,7 @@ TEST(ReferenceLens, LineOfSightInvertsProjection) {
   EXPECT_GT(inverted, 5000);
 }
 
-TEST(ReferenceLens, FoldIsWhereGrowthStops) {
+TEST(ReferenceLens, FoldIsAtTheMaximum) {
   EXPECT_NEAR(static_cast<double>(ReferenceLens(Lens(LensModel::kSimpleRadial, {1, 0, 0, -1.0 / 3})).fold_radius()), 1,
               1e-15);
   EXPECT_TRUE(std::isinf(ReferenceLens(Lens(LensModel::kRadial, {1, 0, 0, 0.1, 0.1})).fold_radius()));
@@ -177,7 +177,7 @@ FloatStill flat(PixelFamily family, int width, int height, double value) {
   return still;
 }
 
-TEST(ExactQuality, ErrorsAreThoseOfRealNumbers) {
+TEST(ExactQuality, ErrorsAreExact) {
   FloatStill exact = flat(PixelFamily::kRgb, 2, 2, 0.25);
   exact.colour[5] = 3;
   const ExactQuality quality = compare(Image(PixelFamily::kRgb, 2, 2), exact);
@@ -186,7 +186,7 @@ TEST(ExactQuality, ErrorsAreThoseOfRealNumbers) {
   EXPECT_EQ(quality.coverage, 1);
 }
 
-TEST(ExactQuality, OnlyWhatIsCoveredCounts) {
+TEST(ExactQuality, CountsOnlyCoveredPixels) {
   FloatStill exact = flat(PixelFamily::kRgb, 2, 1, 0);
   exact.colour[3] = 99;
   exact.valid[1] = 0.9;
@@ -198,7 +198,7 @@ TEST(ExactQuality, OnlyWhatIsCoveredCounts) {
   EXPECT_TRUE(std::isnan(compare(Image(PixelFamily::kRgb, 2, 1), exact).max_error));
 }
 
-TEST(ExactQuality, AChromaSampleNeedsAllItsPixels) {
+TEST(ExactQuality, ChromaSampleNeedsAllItsPixels) {
   FloatStill exact = flat(PixelFamily::kI420, 4, 2, 0);
   exact.colour[8 + 1] = 10;  // Cb of the right half
   EXPECT_EQ(compare(Image(PixelFamily::kI420, 4, 2), exact).max_error, 10);
@@ -206,7 +206,7 @@ TEST(ExactQuality, AChromaSampleNeedsAllItsPixels) {
   EXPECT_EQ(compare(Image(PixelFamily::kI420, 4, 2), exact).max_error, 0);
 }
 
-TEST(ExactQuality, UnlikePicturesAreAnError) {
+TEST(ExactQuality, DifferentSizesAreAnError) {
   EXPECT_THROW(compare(Image(PixelFamily::kRgb, 2, 1), flat(PixelFamily::kRgb, 1, 2, 0)), Error);
   EXPECT_THROW(compare(Image(PixelFamily::kRgb, 2, 2), flat(PixelFamily::kI420, 2, 2, 0)), Error);
 }
@@ -242,7 +242,7 @@ class FloatStillTest : public testing::Test {
   View view_;
 };
 
-TEST_F(FloatStillTest, AStillIsItsRounding) {
+TEST_F(FloatStillTest, RoundsToTheStill) {
   for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420}) {
     const Still still = render_still(rig_, mesh_, view_, images(family));
     const ExactQuality quality = compare(still.picture, exact(family));
@@ -253,7 +253,7 @@ TEST_F(FloatStillTest, AStillIsItsRounding) {
   }
 }
 
-TEST_F(FloatStillTest, WhatIsLostIsDividedAwayInEveryPlane) {
+TEST_F(FloatStillTest, MissingWeightIsNormalisedInEveryPlane) {
   view_.lens = Lens::from_fov_y(58, view_.width, view_.height);
   for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420}) {
     const ViewPlan plan(rig_, mesh_, view_);

@@ -276,7 +276,6 @@ std::array<Real, 3> sample(const Image& image, const P2& at) {
   return colour;
 }
 
-// A camera with the data for sampling.
 struct Viewpoint {
   const Camera* camera;
   ReferenceLens lens;

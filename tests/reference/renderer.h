@@ -139,7 +139,6 @@ Picture render(const Rig& rig, const Mesh& mesh, const View& view, const std::ve
 // constant beyond the outer nodes.
 Real inverse_distance(const FocalMap& map, int x, int y);
 
-// One face along one line of sight.
 struct Sighting {
   bool faces = false;  // (sum of the corners' axes) . d > 0
   bool contains = false;

@@ -60,7 +60,6 @@ class Mentions {
   std::vector<std::string> facts_;
 };
 
-// The facts: strings, or one vector of strings.
 template <typename... Facts>
 Mentions mentions(const Facts&... facts) {
   return Mentions(std::vector<std::string>{facts...});

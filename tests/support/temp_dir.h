@@ -8,7 +8,6 @@
 
 #include <unistd.h>
 
-// A temporary folder, which the destructor removes.
 class TempDir {
  public:
   TempDir() {

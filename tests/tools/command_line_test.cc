@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Handling of option values in all programs.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

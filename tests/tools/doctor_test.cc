@@ -37,9 +37,9 @@ struct Healthy {
   DoctorReport exam;
 };
 
-TEST(Doctor, FindsNothingWhereNothingIs) { EXPECT_EQ(Healthy(4).findings(), ""); }
+TEST(Doctor, ReportsNoUsbLinkForOtherSources) { EXPECT_EQ(Healthy(4).findings(), ""); }
 
-TEST(Doctor, FilesAreNotPluggedIn) {
+TEST(Doctor, DoesNotAdviseToPlugInFiles) {
   const struct {
     const char *source, *image, *problem, *remedy;
   } cases[] = {
@@ -65,7 +65,7 @@ TEST(Doctor, FilesAreNotPluggedIn) {
   }
 }
 
-TEST(Doctor, TellsWrongPasswordsFromMissingOnes) {
+TEST(Doctor, DistinguishesWrongFromMissingPasswords) {
   const struct {
     const char *source, *problem, *remedy;
   } cases[] = {
@@ -147,13 +147,13 @@ TEST(Doctor, NamesTheCameraAndTheRemedy) {
   }
 }
 
-TEST(Doctor, WhatAllCamerasSeeIsOneFinding) {
+TEST(Doctor, CommonProblemsAreOneFinding) {
   Healthy array(4);
   for (CameraReport& camera : array.exam.cameras) camera.darkest = 70;
   EXPECT_THAT(array.findings(), mentions("warning", "array", "4 of 4", "brightness"));
 }
 
-TEST(Doctor, APageOfALargeArrayNamesThoseInTroubleAlone) {
+TEST(Doctor, LargeArraysListOnlyFaultyCameras) {
   Healthy array(64);
   array[9].times.missing = 30;
   array.exam.findings = find_problems(array.rig, array.exam);
@@ -172,7 +172,7 @@ LinkLoad load_of(const Link& link, int cameras, double bytes, bool raw) {
   return load;
 }
 
-TEST(Links, AUsbBusThatIsTooSmallIsNamedWithWhatFits) {
+TEST(Links, OverloadedUsbBusIsNamed) {
   const double vga = 640 * 480 * 2 * 30;
   EXPECT_TRUE(check_link(load_of(usb_link(3, 480), 2, vga, true)).empty()) << "36.9 of 48 MB/s";
   const std::vector<LinkWarning> four = check_link(load_of(usb_link(3, 480), 4, vga, true));
@@ -187,7 +187,7 @@ TEST(Links, AUsbBusThatIsTooSmallIsNamedWithWhatFits) {
   EXPECT_TRUE(check_link(load_of({}, 100, 1e12, true)).empty()) << "unknown device";
 }
 
-TEST(Links, ANetworkThatIsNearlyFullIsAWarning) {
+TEST(Links, NearlyFullNetworkIsAWarning) {
   const Link network{Link::Kind::kNetwork, "network eth0 (1000 Mbit/s)", 117.5e6, 0};
   const std::vector<LinkWarning> advice = check_link(load_of(network, 10, 11e6, false));
   ASSERT_EQ(advice.size(), 1u);
@@ -195,7 +195,7 @@ TEST(Links, ANetworkThatIsNearlyFullIsAWarning) {
   EXPECT_THAT(advice[0].remedy, HasSubstr("packet delay"));
 }
 
-TEST(Links, ACameraIsAtTheBusOfItsDevice) {
+TEST(Links, CameraIsOnTheBusOfItsDevice) {
   const TempDir dir;
   const std::string usb = "devices/pci0000:00/0000:00:14.0/usb1/1-2/1-2.3";
   dir.write(usb + "/busnum", "1\n");
@@ -227,7 +227,7 @@ TEST(Links, ACameraIsAtTheBusOfItsDevice) {
   EXPECT_EQ(find_attachment(rig, camera, dir.path()).device, "");
 }
 
-TEST(Links, PlansKnowWhatSourcesSay) {
+TEST(Links, PlannedLoadsUseTheSources) {
   Rig rig = make_grid_rig({1, 3, 1, 60, 640, 480});
   rig.cameras[0].source = "v4l2src ! video/x-raw,framerate=15/1";
   rig.cameras[1].source = "v4l2src ! image/jpeg,framerate=(fraction)60/1";

@@ -218,7 +218,7 @@ class ForeignRigs(unittest.TestCase):
 
     # Five rigs of a user: the image equals the image of the original rig, or the error has a remedy.
 
-    def test_colmap_nerfstudio_kalibr_and_opencv_give_our_picture(self):
+    def test_formats_render_the_same_picture(self):
         rig = self.film()
         ours = self.psnr("s/rig.json")
         self.assertGreater(ours, 25)
@@ -275,7 +275,7 @@ class ForeignRigs(unittest.TestCase):
         self.assertEqual([c["position"][0] for c in rig["cameras"]], [0, 0.12])
         self.assert_mentions(said, "note:", "R and T", "extrinsics.yml")
 
-    def test_a_folder_of_pictures_alone(self):
+    def test_folder_of_pictures_only(self):
         for i in range(3):
             self.write(f"photos/IMG_{i}.jpg", "x")
         self.assert_mentions(self.refused("colmap", "photos"), "pictures", "positions", "COLMAP")

@@ -29,7 +29,7 @@ constexpr double kLeastCompared = 5;  // minimum coverage of an image, in percen
 constexpr double kSlack = 0.1;        // dB
 
 // Returns the PSNR in dB at the position of an excluded camera, or nullopt if the coverage is too low.
-std::optional<double> left_out(const TempDir& dir, uint32_t id, const char* focus) {
+std::optional<double> held_out_psnr(const TempDir& dir, uint32_t id, const char* focus) {
   const std::string arguments = " --held-out-camera " + std::to_string(id) + " --focus " + focus;
   const Outcome outcome = run_program("lf-show", "difference --rig rig.json --out d.png" + arguments, dir.path());
   EXPECT_EQ(outcome.status, 0) << outcome.output;
@@ -44,7 +44,7 @@ std::optional<double> left_out(const TempDir& dir, uint32_t id, const char* focu
   return psnr;
 }
 
-TEST(HandHeld, ASurfaceIsNowhereWorseThanThePlane) {
+TEST(HandHeld, SurfaceIsNeverWorseThanThePlane) {
   if (!fs::exists(kKettle)) GTEST_SKIP() << "needs ../shared/data/kettle";
   const TempDir dir;
   ASSERT_EQ(
@@ -55,7 +55,7 @@ TEST(HandHeld, ASurfaceIsNowhereWorseThanThePlane) {
   double sum = 0, worst = 100, best = -100;
   size_t compared = 0, better = 0;
   for (const Camera& camera : load_rig(dir / "rig.json").cameras) {
-    const auto plane = left_out(dir, camera.id, "plane"), surface = left_out(dir, camera.id, "surface");
+    const auto plane = held_out_psnr(dir, camera.id, "plane"), surface = held_out_psnr(dir, camera.id, "surface");
     if (!plane || !surface) continue;
     const double gain = *surface - *plane;
     EXPECT_GE(gain, -kSlack) << camera.name;
@@ -69,7 +69,7 @@ TEST(HandHeld, ASurfaceIsNowhereWorseThanThePlane) {
 }
 
 // Returns the PSNR in dB of the covered views of the fern, by name.
-std::map<std::string, double> fern(const TempDir& dir, const std::string& options) {
+std::map<std::string, double> render_fern(const TempDir& dir, const std::string& options) {
   const std::string data = "'" + fs::canonical(kFern).string();
   test::expect_outcome(run_program("lf-render",
                                    "--rig " + data + "/rig.json' --views " + data + "/views.json' --truth " + data +
@@ -83,15 +83,15 @@ std::map<std::string, double> fern(const TempDir& dir, const std::string& option
   return found;
 }
 
-TEST(HandHeld, TheSurfaceOfAFernIsFoundAtTheDefaults) {
+TEST(HandHeld, FindsTheSurfaceOfAFernWithDefaults) {
   if (!fs::exists(kFern)) GTEST_SKIP() << "needs ../shared/data/fern";
   const TempDir dir;
-  const std::map<std::string, double> found = fern(dir, "");
+  const std::map<std::string, double> found = render_fern(dir, "");
   ASSERT_TRUE(found.contains("v08"));
   EXPECT_GE(found.at("v08"), 20.5) << "18.6 dB on the plane";
   // Outside the hull, only the nearest cameras contribute.
-  const std::map<std::string, double> plane = fern(dir, "--nearest-cameras 4 --focus plane"),
-                                      surface = fern(dir, "--nearest-cameras 4");
+  const std::map<std::string, double> plane = render_fern(dir, "--nearest-cameras 4 --focus plane"),
+                                      surface = render_fern(dir, "--nearest-cameras 4");
   for (const char* view : {"v00", "v08", "v16"}) {
     ASSERT_TRUE(plane.contains(view) && surface.contains(view)) << view;
     EXPECT_GT(surface.at(view), plane.at(view) + 1) << view;

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Runs lf-archive: properties of a recording that compression preserves.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/mount.h>
@@ -38,7 +37,7 @@ class LfArchive : public testing::Test {
   TempDir dir_;
 };
 
-TEST_F(LfArchive, IsPlayedAsTheRecordingIs) {
+TEST_F(LfArchive, PlaysLikeTheRecording) {
   if (CameraFiles::h264_encoder().empty()) GTEST_SKIP() << "no encoder and decoder of H.264 are installed";
   film();
   const Outcome outcome = run("films/rig.json --out archive");
@@ -63,7 +62,7 @@ TEST_F(LfArchive, IsPlayedAsTheRecordingIs) {
 }
 
 // A recording like a node's: gaps in the timestamps, a common end, absolute time.
-TEST_F(LfArchive, ARecordingKeepsItsTimesAndItsBeginning) {
+TEST_F(LfArchive, KeepsTimesAndStart) {
   if (CameraFiles::h264_encoder().empty()) GTEST_SKIP() << "no encoder and decoder of H.264 are installed";
   film();
   Rig rig = load_rig(dir_ / "films/rig.json");
@@ -109,7 +108,7 @@ TEST_F(LfArchive, ARecordingKeepsItsTimesAndItsBeginning) {
   EXPECT_EQ(read_recorded(dir_ / "again/camera0.mkv").frames, read_recorded(dir_ / "archive/camera0.mkv").frames);
 }
 
-TEST_F(LfArchive, FramesThatCantBeReadAreLeftOut) {
+TEST_F(LfArchive, UnreadableFramesAreLeftOut) {
   if (CameraFiles::h264_encoder().empty()) GTEST_SKIP() << "no encoder and decoder of H.264 are installed";
   film();
   Rig rig = load_rig(dir_ / "films/rig.json");
@@ -142,7 +141,7 @@ TEST_F(LfArchive, FramesThatCantBeReadAreLeftOut) {
   }
 }
 
-TEST_F(LfArchive, AFullDiskIsSaid) {
+TEST_F(LfArchive, FullDiskIsAnError) {
   if (CameraFiles::h264_encoder().empty()) GTEST_SKIP() << "no encoder and decoder of H.264 are installed";
   film();
   fs::create_directories(dir_ / "disk");
@@ -154,7 +153,7 @@ TEST_F(LfArchive, AFullDiskIsSaid) {
   EXPECT_EQ(umount((dir_ / "disk").c_str()), 0);
 }
 
-TEST_F(LfArchive, SaysWhatItCantDo) {
+TEST_F(LfArchive, ErrorsNameTheProblem) {
   film();
   const auto expect_failure = [&](const std::string& arguments, const std::vector<std::string>& facts) {
     const Outcome outcome = run(arguments);

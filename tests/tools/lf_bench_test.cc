@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Runs lf-bench: its page for a small array.
 #include <sstream>
 
 #include <gmock/gmock.h>
@@ -40,7 +39,7 @@ class LfBench : public testing::Test {
   TempDir folder_;
 };
 
-TEST_F(LfBench, SaysWhatDraws) {
+TEST_F(LfBench, NamesTheRenderer) {
   const Outcome gl = run("--rig rig.json --held-out 0 --renderer gl");
   ASSERT_EQ(gl.status, 0) << gl.output;
   EXPECT_THAT(gl.output, HasSubstr("\ndrawn by gl: "));
@@ -49,7 +48,7 @@ TEST_F(LfBench, SaysWhatDraws) {
   EXPECT_THAT(run("--rig rig.json --held-out 0").output, testing::Not(HasSubstr("drawn by")));
 }
 
-TEST_F(LfBench, SpeedBytesErrorAndQualityOnAPage) {
+TEST_F(LfBench, ReportsSpeedBytesErrorAndQuality) {
   const Outcome outcome = run("--rig rig.json --held-out 2 --size 200x150");
   ASSERT_EQ(outcome.status, 0) << outcome.output;
   EXPECT_THAT(outcome.output, mentions("25 cameras", "200x150"));

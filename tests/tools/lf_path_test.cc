@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Runs lf-path: sources of focus and times.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -31,7 +30,7 @@ class LfPath : public testing::Test {
   const TempDir dir;
 };
 
-TEST_F(LfPath, VideosGiveAPathWithTimesAndTheFocusNamed) {
+TEST_F(LfPath, VideosMakeAPathWithTimesAndFocus) {
   write_rig("film.mkv", "");
   test::expect_outcome(
       lf_path("--rig rig.json --out views.json --frames 31 --framerate 10 --near 1.5 --far 3 --width 20 --height 16"),
@@ -43,21 +42,21 @@ TEST_F(LfPath, VideosGiveAPathWithTimesAndTheFocusNamed) {
   EXPECT_EQ(views[0].view.width, 20);
 }
 
-TEST_F(LfPath, WithoutImagesTheSizeOfTheArrayDecidesOnTheFocus) {
+TEST_F(LfPath, WithoutImagesTheFocusFollowsFromTheSize) {
   write_rig("film.mkv", "");
   ASSERT_EQ(lf_path("--rig rig.json --out views.json --frames 5").status, 0);
   const double near = depth(load_views(dir / "views.json")[0].view), extent = 2 * std::sqrt(2.0) * kScenePitch;
   EXPECT_NEAR(near, 2 * extent, 1e-6);
 }
 
-TEST_F(LfPath, StillsStandAtTimeZero) {
+TEST_F(LfPath, StillsHaveTimeZero) {
   write_rig("", "still.png");
   test::expect_outcome(lf_path("--rig rig.json --out views.json --frames 5 --near 1 --far 2"), 0);
   for (const NamedView& view : load_views(dir / "views.json")) EXPECT_EQ(view.time, 0);
 }
 
 // The viewpoints on both sides of a view must be inside the array as well.
-TEST_F(LfPath, APathLeavesRoomForEyes) {
+TEST_F(LfPath, PathLeavesRoomForViewSets) {
   write_rig("film.mkv", "");
   const auto widest = [&](const std::string& options) {
     EXPECT_EQ(lf_path("--rig rig.json --out views.json --frames 61 --near 1 --far 2" + options).status, 0);
@@ -72,7 +71,7 @@ TEST_F(LfPath, APathLeavesRoomForEyes) {
   EXPECT_LE(some, kScenePitch / 2 + 1e-9) << "the array is two pitches wide, the view set one";
 }
 
-TEST_F(LfPath, ErrorsNameFileOrOption) {
+TEST_F(LfPath, ErrorsNameTheFileOrOption) {
   write_rig("", "still.png");
   const auto expect_failure = [&](const std::string& arguments, const std::vector<std::string>& facts) {
     test::expect_outcome(lf_path(arguments), 1, mentions(facts));

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Runs lf-render: images, statistics and errors.
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
@@ -81,7 +80,7 @@ class LfRender : public testing::Test {
   std::string output_;
 };
 
-TEST_F(LfRender, PicturesTableAndJson) {
+TEST_F(LfRender, WritesPicturesTableAndJson) {
   save_views({view_at("left", 0), view_at("right", 5)}, path("views.json"));
   fs::create_directories(path("truth"));
   save_image(grey(grey_of(0)), path("truth/left.png"));
@@ -106,7 +105,7 @@ TEST_F(LfRender, PicturesTableAndJson) {
   EXPECT_FALSE(json["mean"].contains("name"));
 }
 
-TEST_F(LfRender, WithoutTruthTheFiguresAreNull) {
+TEST_F(LfRender, FiguresAreNullWithoutTruth) {
   save_views({view_at("v", 0)}, path("views.json"));
   ASSERT_EQ(run("--json '" + path("figures.json") + "'"), 0) << output_;
   const nlohmann::json json = nlohmann::json::parse(text("figures.json"));
@@ -116,7 +115,7 @@ TEST_F(LfRender, WithoutTruthTheFiguresAreNull) {
   }
 }
 
-TEST_F(LfRender, CamerasOutOfServiceGiveNothing) {
+TEST_F(LfRender, CamerasOutOfServiceDoNotContribute) {
   save_views({view_at("v", 0)}, path("views.json"));
   ASSERT_EQ(run("--cameras 13"), 0) << output_;
   const Image out = picture("v");
@@ -125,13 +124,13 @@ TEST_F(LfRender, CamerasOutOfServiceGiveNothing) {
   EXPECT_NEAR(picture("v").pixel(20, 15)[0], grey_of(0), 6);
 }
 
-TEST_F(LfRender, EveryNthCamera) {
+TEST_F(LfRender, UsesEveryNthCamera) {
   save_views({view_at("v", 1)}, path("views.json"));
   ASSERT_EQ(run("--every 2"), 0) << output_;
   EXPECT_NEAR(picture("v").pixel(20, 15)[0], (grey_of(0) + grey_of(2)) / 2, 4);
 }
 
-TEST_F(LfRender, AsManyCamerasAPixelAsAskedFor) {
+TEST_F(LfRender, UsesTheRequestedCamerasPerPixel) {
   save_views({view_at("v", 0)}, path("views.json"));
   for (const char* family : {"", " --i420"}) {
     ASSERT_EQ(run(std::string("--nearest-cameras 2") + family), 0) << output_;
@@ -144,13 +143,13 @@ TEST_F(LfRender, AsManyCamerasAPixelAsAskedFor) {
   expect_failure("--nearest-cameras 3 --aperture 1", {"--aperture"});
 }
 
-TEST_F(LfRender, I420GivesTheSamePicture) {
+TEST_F(LfRender, I420MakesTheSamePicture) {
   save_views({view_at("v", 2)}, path("views.json"));
   ASSERT_EQ(run("--i420"), 0) << output_;
   expect_grey(picture("v"), grey_of(2), 2);
 }
 
-TEST_F(LfRender, WhateverDrawsGivesTheSamePicture) {
+TEST_F(LfRender, EveryRendererMakesTheSamePicture) {
   save_views({view_at("v", 2)}, path("views.json"));
   for (const std::string renderer : {"gl", "auto", "cpu"}) {
     ASSERT_EQ(run("--renderer " + renderer), 0) << output_;
@@ -158,7 +157,7 @@ TEST_F(LfRender, WhateverDrawsGivesTheSamePicture) {
   }
 }
 
-TEST_F(LfRender, OddAndTinyViewsAndOnesThatSeeNothing) {
+TEST_F(LfRender, OddTinyAndEmptyViews) {
   NamedView tiny = view_at("tiny", 0), odd = view_at("odd", 0), away = view_at("away", 0);
   tiny.view.width = tiny.view.height = 1;
   odd.view.width = 3;
@@ -194,7 +193,7 @@ TEST_F(LfRender, ErrorsNameFileAndPlace) {
   expect_failure("", {"views.json: views[0].name: "});
 }
 
-TEST(LfRenderFocus, IsSharpUnlessAPlaneIsAskedFor) {
+TEST(LfRenderFocus, FocusesAutomaticallyByDefault) {
   const TempDir folder;
   Rig rig = scene_rig(4, 4, 160, 120);
   test::save_photographs(rig, folder, 0.5);
@@ -242,7 +241,7 @@ TEST(LfRenderFocus, WritesDepths) {
 }
 
 // A misaligned camera does not fit the prediction from its neighbours.
-TEST(LfRenderLeaveOneOut, NamesTheCameraThatIsOff) {
+TEST(LfRenderLeaveOneOut, NamesTheFaultyCamera) {
   const TempDir folder;
   Rig rig = scene_rig(5, 5, 80, 60);
   test::save_photographs(rig, folder, 0.5, 1);
@@ -271,7 +270,7 @@ TEST(LfRenderLeaveOneOut, NamesTheCameraThatIsOff) {
   EXPECT_EQ(run("--focus surface --focus-near 1 --focus-far 6").find("stands out"), std::string::npos);
 }
 
-TEST(LfRenderLeaveOneOut, ARangeWithItsEndsExchangedIsAnError) {
+TEST(LfRenderLeaveOneOut, ReversedRangeIsAnError) {
   test::expect_outcome(
       run_program("lf-render", "--rig rig.json --leave-one-out --out out --focus-near 5 --focus-far 1"), testing::Ne(0),
       mentions("--focus-near", "--focus-far"));

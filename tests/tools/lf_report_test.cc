@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Runs lf-report: results of a run, and rejected input.
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -76,7 +75,7 @@ class LfReport : public testing::Test {
   std::vector<NamedView> views_;
 };
 
-TEST_F(LfReport, FiguresOfARunAgainstTheGroundTruth) {
+TEST_F(LfReport, ReportsFiguresAgainstTheGroundTruth) {
   write_log("live", {{1, 9, 20'000'000}, {2, 9, 30'000'000}, {3, 9, 40'000'000}});
   test::expect_outcome(report("--scene --live-log live"), 0, HasSubstr("\"fps\": 2.0"));
   const nlohmann::json json = figures();
@@ -91,7 +90,7 @@ TEST_F(LfReport, FiguresOfARunAgainstTheGroundTruth) {
   EXPECT_GT(load_image(dir_ / "out/sheet.png").width(), 1000);
 }
 
-TEST_F(LfReport, WithoutTruthAndLiveRun) {
+TEST_F(LfReport, WorksWithoutTruthAndLiveRun) {
   test::expect_outcome(report(), 0);
   EXPECT_TRUE(figures()["psnr_db"].is_null());
   EXPECT_TRUE(figures()["plane_psnr_db"].is_null());
@@ -108,7 +107,7 @@ TEST_F(LfReport, RefusesAFifoWithoutWaiting) {
   }
 }
 
-TEST_F(LfReport, RefusesWhatDoesNotFitTogether) {
+TEST_F(LfReport, RefusesMismatchedInputs) {
   const auto expect_failure = [&](const std::vector<std::string>& facts) {
     test::expect_outcome(report(), 1, mentions(facts));
   };

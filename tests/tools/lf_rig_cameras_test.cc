@@ -50,7 +50,7 @@ void write_rig(const TempDir& dir, const std::vector<std::string>& sources) {
 const std::string kGood = "videotestsrc is-live=true pattern=smpte ! video/x-raw,framerate=15/1";
 
 // Each JPEG file of 64 cameras takes about 30 ms. Measures the time of the calling thread, like lf-serve's main thread.
-TEST(Mosaic, ManyRequestsCostLittle) {
+TEST(Mosaic, ManyRequestsAreCheap) {
   Rig rig = make_grid_rig({8, 8, 0.1, 60, 320, 240});
   cameras::Mosaic mosaic(rig);
   const auto seconds = [] {
@@ -83,7 +83,7 @@ TEST(LfRigNew, MakesLinesArcsAndRings) {
   EXPECT_NE(lf_rig("new --pitch 0.1" + rest, dir).status, 0);
 }
 
-TEST(LfRigDoctor, SaysWhatGoodCamerasDeliver) {
+TEST(LfRigDoctor, ReportsGoodCameras) {
   const TempDir dir;
   write_rig(dir, {kGood, kGood});
   const Outcome outcome = lf_rig("doctor rig.json --seconds 2 --json", dir);
@@ -102,7 +102,7 @@ TEST(LfRigDoctor, SaysWhatGoodCamerasDeliver) {
   EXPECT_THAT(page.output, AllOf(HasSubstr("0 (cam_00_00)"), mentions("2 cameras", "0 errors")));
 }
 
-TEST(LfRigCheck, NamesFilmsThatAreCutShort) {
+TEST(LfRigCheck, NamesTruncatedFilms) {
   gst_init(nullptr, nullptr);
   const test::CameraFiles films;
   const TempDir dir;
@@ -132,7 +132,7 @@ TEST(LfRigCheck, NamesFilmsThatAreCutShort) {
   EXPECT_THAT(check({stream, stream, "%d.jpg"}), mentions("%d.jpg", "4 frames", "6"));
 }
 
-TEST(LfRigDoctor, NamesEachTroubleAndItsCamera) {
+TEST(LfRigDoctor, NamesEachProblemAndItsCamera) {
   const TempDir dir;
   write_rig(dir, {kGood, "videotestsrc is-live=true pattern=black ! video/x-raw,framerate=15/1",
                   "videotestsrc is-live=true ! video/x-raw,width=32,height=24", "v4l2:///dev/video-none", "none.mkv",
@@ -175,7 +175,7 @@ constexpr const char* kCommandsThatOpenCameras[] = {
     "record rig.json --out films --seconds 0.3",
 };
 
-TEST(LfRigTrust, NoCommandRunsElementsThatMayWrite) {
+TEST(LfRigTrust, NoCommandRunsUnlistedElements) {
   const TempDir dir;
   const std::string mark = write_rig_that_writes(dir);
   for (const char* command : {"info rig.json", "check rig.json"}) {
@@ -193,7 +193,7 @@ TEST(LfRigTrust, NoCommandRunsElementsThatMayWrite) {
 }
 
 // Commands that open a copy must check the original file.
-TEST(LfRigTrust, NoCommandRunsElementsOfARigThatOthersCanWrite) {
+TEST(LfRigTrust, NoCommandTrustsAWritableRig) {
   const TempDir dir;
   const std::string mark = write_rig_that_writes(dir);
   std::filesystem::permissions(dir / "rig.json", std::filesystem::perms::others_write,
@@ -206,7 +206,7 @@ TEST(LfRigTrust, NoCommandRunsElementsOfARigThatOthersCanWrite) {
   }
 }
 
-TEST(LfRigTrust, NoCommandTellsPasswords) {
+TEST(LfRigTrust, NoCommandRevealsPasswords) {
   const TempDir dir;
   write_rig(dir, {"rtsp://admin:Hunter2Secret@127.0.0.1:1/none", "rtsp://admin:Hunter2Secret@127.0.0.1:1/none"});
   std::vector<std::string> commands(std::begin(kCommandsThatOpenCameras), std::end(kCommandsThatOpenCameras));
@@ -219,7 +219,7 @@ TEST(LfRigTrust, NoCommandTellsPasswords) {
   EXPECT_THAT(read_text_file(dir / "other.json"), HasSubstr("Hunter2Secret")) << "rigs keep their sources";
 }
 
-TEST(LfRigDoctor, KnowsNetworkCameras) {
+TEST(LfRigDoctor, ReportsNetworkCameras) {
   if (test::kRtspServerMissing) GTEST_SKIP() << test::kRtspServerMissing;
   gst_init(nullptr, nullptr);
   const TempDir dir;
@@ -237,7 +237,7 @@ TEST(LfRigDoctor, KnowsNetworkCameras) {
   test::RtspServer::clean_up();
 }
 
-TEST(LfRigSnapshot, SavesAStillOfEachCameraThatWorks) {
+TEST(LfRigSnapshot, SavesAStillOfEachWorkingCamera) {
   const TempDir dir;
   write_rig(dir, {"videotestsrc is-live=true pattern=red ! video/x-raw,framerate=30/1",
                   "videotestsrc is-live=true pattern=blue ! video/x-raw,framerate=30/1 ! jpegenc", "none.mkv"});
@@ -260,7 +260,7 @@ TEST(LfRigSnapshot, SavesAStillOfEachCameraThatWorks) {
   EXPECT_TRUE(std::filesystem::exists(dir / "one/cam_00_00.png"));
 }
 
-TEST(LfRigSnapshot, KeepsTheStillsOfBeforeWhereNoCameraWorks) {
+TEST(LfRigSnapshot, KeepsOldStillsIfNoCameraWorks) {
   const TempDir dir;
   write_rig(dir, {kGood});
   ASSERT_EQ(lf_rig("snapshot rig.json --out stills --warm-up 0", dir).status, 0);
@@ -272,7 +272,7 @@ TEST(LfRigSnapshot, KeepsTheStillsOfBeforeWhereNoCameraWorks) {
 }
 
 // Brightness encodes the time of each frame: all stills must show the same instant.
-TEST(LfRigSnapshot, TakesTheFramesNearestToOneInstant) {
+TEST(LfRigSnapshot, UsesTheFramesNearestToOneInstant) {
   const TempDir dir;
   write_rig(dir, std::vector<std::string>(3, "videotestsrc is-live=true ! video/x-raw,framerate=20/1"));
   const Outcome outcome = lf_rig("snapshot rig.json --out stills --warm-up 0.2", dir);
@@ -303,7 +303,7 @@ std::vector<double> stamps_of(const std::string& film) {
   return stamps;
 }
 
-TEST(LfRigRecord, FilmsAllCamerasByOneClock) {
+TEST(LfRigRecord, RecordsAllCamerasOnOneClock) {
   gst_init(nullptr, nullptr);
   const TempDir dir;
   const std::string live = "videotestsrc is-live=true pattern=red ! video/x-raw,framerate=";
@@ -327,7 +327,7 @@ TEST(LfRigRecord, FilmsAllCamerasByOneClock) {
   }
 }
 
-TEST(LfRigRecord, KeepsFilmsOfBeforeUntilNewOnesAreThere) {
+TEST(LfRigRecord, KeepsOldFilmsUntilNewOnesAreComplete) {
   const TempDir dir;
   write_rig(dir, {"none.mkv", "rtsp://127.0.0.1:1/none"});
   for (const char* name : {"films/cam_00_00.mkv", "films/cam_00_01.mkv"}) dir.write(name, "of last week");
@@ -345,7 +345,7 @@ TEST(LfRigRecord, KeepsFilmsOfBeforeUntilNewOnesAreThere) {
 }
 
 // The first frame of each unsynchronised camera comes some time after the start of the recording.
-TEST(LfRigRecord, FilmsBeginTogetherAndNotEachWithItsFirstFrame) {
+TEST(LfRigRecord, FilmsShareOneStartTime) {
   gst_init(nullptr, nullptr);
   const TempDir dir;
   const std::vector<double> times = {0.0217, 0.0884, 0.1551, 1.1};
@@ -359,7 +359,7 @@ TEST(LfRigRecord, FilmsBeginTogetherAndNotEachWithItsFirstFrame) {
 }
 
 // The first sender report shifts the timestamps of a network camera: its film starts after the report.
-TEST(LfRigRecord, WaitsUntilNetworkCamerasTellTheTime) {
+TEST(LfRigRecord, WaitsForTheTimesOfNetworkCameras) {
   if (test::kRtspServerMissing) GTEST_SKIP() << test::kRtspServerMissing;
   gst_init(nullptr, nullptr);
   const TempDir dir;
@@ -382,7 +382,7 @@ TEST(LfRigRecord, WaitsUntilNetworkCamerasTellTheTime) {
   test::RtspServer::clean_up();
 }
 
-TEST(LfRigRecord, SaysThatThePortOfItsPageIsTaken) {
+TEST(LfRigRecord, PortInUseIsAnError) {
   const TempDir dir;
   write_rig(dir, {kGood});
   const int taken = socket(AF_INET, SOCK_STREAM, 0);
@@ -400,7 +400,7 @@ TEST(LfRigRecord, SaysThatThePortOfItsPageIsTaken) {
   EXPECT_THAT(outcome.output, HasSubstr("port " + port + ": "));
 }
 
-TEST(LfRigRecord, NamesBecomeFiles) {
+TEST(LfRigRecord, NamesBecomeFileNames) {
   const TempDir dir;
   write_rig(dir, {kGood, kGood});
   Rig rig = load_rig(dir / "rig.json");
@@ -410,7 +410,7 @@ TEST(LfRigRecord, NamesBecomeFiles) {
                        mentions("cameras[1].name", "../up", "file name"));
 }
 
-TEST(LfRigLock, NeedsACameraThatTells) {
+TEST(LfRigLock, NeedsACameraThatReportsControls) {
   const TempDir dir;
   write_rig(dir, {kGood});
   EXPECT_THAT(lf_rig("lock rig.json --settle 0.2", dir).output,
@@ -432,7 +432,7 @@ class Watching : public testing::Test {
   const TempDir dir_;
 };
 
-TEST_F(Watching, FollowsTheLightsInTheFilmsThatAreTaken) {
+TEST_F(Watching, TracksTheLightsOfARecording) {
   ASSERT_NO_FATAL_FAILURE(film(scene_rig(2, 2, 640, 480), "--framerate 30 --seconds 8"));
   const std::string path = dir_ / "lights/rig.json";
   const auto rig = std::make_shared<const Rig>(load_rig(path));
@@ -458,7 +458,7 @@ TEST_F(Watching, FollowsTheLightsInTheFilmsThatAreTaken) {
   EXPECT_THAT(watch.summary(), AllOf(mentions("light", "covered"), HasSubstr("Next: ")));
 }
 
-TEST_F(Watching, LfRigRecordSaysItWhileItRecords) {
+TEST_F(Watching, LfRigRecordReportsCoverage) {
   ASSERT_NO_FATAL_FAILURE(film(scene_rig(1, 2, 320, 240), "--framerate 15 --seconds 6"));
   test::expect_outcome(run_program("lf-rig", "record lights/rig.json --out films --seconds 5 --lights 2", dir_.path()),
                        0,

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Runs lf-rig: files, output and exit status.
 #include <sys/resource.h>
 #include <sys/stat.h>
 
@@ -54,7 +53,7 @@ class LfRig : public testing::Test {
   const TempDir dir;
 };
 
-TEST_F(LfRig, NewMakesARigThatInfoDescribes) {
+TEST_F(LfRig, NewMakesAGrid) {
   expect_outcome(lf_rig("new --grid 4x5 --pitch 0.05 --fov 60 --out rig.json"), 0);
   const Rig rig = load_rig(dir / "rig.json");
   EXPECT_EQ(rig.cameras.size(), 20u);
@@ -80,7 +79,7 @@ TEST_F(LfRig, NewMakesCylinders) {
                  mentions("--radius", "--arc"));
 }
 
-TEST_F(LfRig, NewRefusesNonsense) {
+TEST_F(LfRig, NewRefusesInvalidOptions) {
   const std::string rest = " --out rig.json";
   for (const char* grid : {"0x4", "4", "x", "4x", "4x4x4", "-1x4", "4X4", "99999999999x1"})
     expect_outcome(lf_rig(std::string("new --pitch 1 --fov 60 --grid=") + grid + rest), 1, HasSubstr("--grid"));
@@ -94,7 +93,7 @@ TEST_F(LfRig, NewRefusesNonsense) {
   EXPECT_FALSE(fs::exists(dir / "rig.json"));
 }
 
-TEST_F(LfRig, CheckFailsOnErrorsAlone) {
+TEST_F(LfRig, CheckFailsOnlyOnErrors) {
   write_rig();
   expect_outcome(lf_rig("check in/rig.json"), 0);
   expect_outcome(lf_rig("check plain.json"), 0, mentions("warning", "cameras[0]", "8 more", "image", "source"));
@@ -106,7 +105,7 @@ TEST_F(LfRig, CheckFailsOnErrorsAlone) {
 }
 
 // The live elements and lf-rig check must agree about stills.
-TEST_F(LfRig, CheckNamesStillsThatOnlyOtherProgramsDecode) {
+TEST_F(LfRig, CheckNamesUndecodableStills) {
   gst_init(nullptr, nullptr);
   write_rig();
   Rig rig = load_rig(dir / "in/rig.json");
@@ -172,7 +171,7 @@ TEST_F(LfRig, TheLargestRigsTakeSeconds) {
   }
 }
 
-TEST_F(LfRig, RefusesFilesThatNeverEnd) {
+TEST_F(LfRig, RefusesEndlessFiles) {
   write_rig();
   fs::create_symlink("/dev/zero", dir / "zero.json");
   ASSERT_EQ(mkfifo((dir / "fifo.json").c_str(), 0600), 0);
@@ -218,7 +217,7 @@ TEST_F(LfRig, SubsetKeepsGridPathsAndUnknownKeys) {
   EXPECT_FALSE(fs::exists(dir / "x.json"));
 }
 
-TEST_F(LfRig, ColmapThereAndBack) {
+TEST_F(LfRig, ColmapRoundTrip) {
   write_rig();
   expect_outcome(lf_rig("export colmap in/rig.json model"), 0,
                  testing::AllOf(mentions("note", "topology"), mentions("model", "9 images", "error")));
@@ -231,7 +230,7 @@ TEST_F(LfRig, ColmapThereAndBack) {
   expect_outcome(lf_rig("import colmap in --out x.json"), 1, mentions("in: ", "cameras.txt", "read"));
 }
 
-TEST_F(LfRig, OtherFormatsThereAndBack) {
+TEST_F(LfRig, OtherFormatsRoundTrip) {
   write_rig();
   const Rig rig = load_rig(dir / "in/rig.json");
   const std::pair<std::string, std::string> formats[] = {
@@ -276,7 +275,7 @@ TEST_F(LfRig, ImportWarnsOfImpossibleLenses) {
                  testing::AllOf(HasSubstr("rig.json: warning: cameras[0].params"), HasSubstr("3.87 px")));
 }
 
-TEST_F(LfRig, NamesOfTheStanfordArchiveAreInTheUnitThatIsAskedFor) {
+TEST_F(LfRig, StanfordNamesUseTheRequestedUnit) {
   write_rig();
   const Rig rig = load_rig(dir / "in/rig.json");
   expect_outcome(lf_rig("export stanford in/rig.json there --unit 0.01"), 0);
@@ -289,7 +288,7 @@ TEST_F(LfRig, NamesOfTheStanfordArchiveAreInTheUnitThatIsAskedFor) {
   EXPECT_NEAR(glm::distance(smaller.cameras[0].pose.position, smaller.cameras[1].pose.position), pitch / 10, 1e-9);
 }
 
-TEST_F(LfRig, NamesTheCommandsWhereOneIsMissing) {
+TEST_F(LfRig, ListsTheCommandsIfNoneIsGiven) {
   const auto formats = mentions("lf-rig import:", "colmap", "kalibr", "llff", "nerf", "opencv", "stanford");
   expect_outcome(lf_rig("import 'my model' --grid 2x2 --out rig.json"), 1,
                  AllOf(formats, HasSubstr("\"lf-rig import colmap 'my model' --grid 2x2 --out rig.json\""),

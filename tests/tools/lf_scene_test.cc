@@ -153,7 +153,7 @@ TEST_F(LfScene, WritesGroundTruth) {
   }
 }
 
-TEST_F(LfScene, SaysWhatIsWrong) {
+TEST_F(LfScene, ErrorsNameTheProblem) {
   const auto expect_refused = [&](const std::string& arguments, const std::vector<std::string>& facts) {
     EXPECT_EQ(run(arguments), 1) << arguments;
     EXPECT_MENTIONS(output_, facts);
@@ -174,7 +174,7 @@ TEST_F(LfScene, SaysWhatIsWrong) {
   EXPECT_FALSE(fs::exists(path("o")));
 }
 
-TEST_F(LfScene, AFailedRunLeavesTheOldRecording) {
+TEST_F(LfScene, FailedRunKeepsTheOldRecording) {
   ASSERT_EQ(run(out("o") + "--grid 1x2 --width 16 --height 16 --frames 2"), 0) << output_;
   fs::remove(path("o/cam_00_01.mkv"));
   fs::create_directories(path("o/cam_00_01.mkv/in-the-way"));
@@ -221,7 +221,7 @@ class LfSceneLights : public LfScene {
   int films_ = 0;
 };
 
-TEST_F(LfSceneLights, OptionsDoWhatTheySay) {
+TEST_F(LfSceneLights, OptionsHaveTheirEffect) {
   const Film usual = film("");
   const Film near = film("--near 1 --far 1.2"), far = film("--near 3 --far 3.2");
   EXPECT_NEAR(near.apart / far.apart, 3.1 / 1.1, 0.5) << "at three times the distance, a third of the spacing";
@@ -235,7 +235,7 @@ TEST_F(LfSceneLights, OptionsDoWhatTheySay) {
     EXPECT_NE(run("lights --rig '" + path("film/rig.json") + "' " + out("wrong") + wrong), 0) << wrong;
 }
 
-TEST_F(LfSceneLights, AChartsQualityIsThatOfItsJpegs) {
+TEST_F(LfSceneLights, QualityAppliesToChartJpegs) {
   const auto bytes = [&](const std::string& name, const std::string& options) {
     EXPECT_EQ(run("chart --places 2 --rig '" + path("film/rig.json") + "' " + out(name) + options), 0) << output_;
     return fs::file_size(path(name + "/cam_00_00.mkv"));

@@ -65,7 +65,7 @@ class LfShow : public testing::Test {
   Rig rig_;
 };
 
-TEST_F(LfShow, MosaicHasWhatEachCameraSawAndItsName) {
+TEST_F(LfShow, MosaicShowsEachImageAndName) {
   rig_.cameras[5].image.clear();
   save_rig(rig_, path("rig.json"));
   const Image mosaic = picture("mosaic --width 400");
@@ -76,7 +76,7 @@ TEST_F(LfShow, MosaicHasWhatEachCameraSawAndItsName) {
   EXPECT_GT(count(mosaic, {100, 135, 200, 150}, 600), 50) << "camera name";
 }
 
-TEST_F(LfShow, ContributionsFromTheEyeAndFromBehind) {
+TEST_F(LfShow, ShowsContributionsFromTheViewAndFromBehind) {
   const Image eye = picture("contributions --focus plane");
   EXPECT_GT(count(eye, {4, 4, 92, 68}, 60), 80 * 60) << "cameras cover the home view";
   const Image behind = picture("contributions --behind --size 200x150 --ids");
@@ -86,7 +86,7 @@ TEST_F(LfShow, ContributionsFromTheEyeAndFromBehind) {
   expect_failure("contributions --rig rig.json --behind --views v.json --out o.png", {"--behind"});
 }
 
-TEST_F(LfShow, CoverageTellsLostWeightFromNoCamera) {
+TEST_F(LfShow, CoverageDistinguishesMissingWeightFromNoCamera) {
   const Image all = picture("coverage --focus plane");
   EXPECT_EQ(all.width(), 96);
   EXPECT_GT(all.height(), 72) << "a scale below";
@@ -98,7 +98,7 @@ TEST_F(LfShow, CoverageTellsLostWeightFromNoCamera) {
   EXPECT_NE(light(beside, 94, 36), 3 * kNoValueGrey) << "pixels beside the mesh are extrapolated";
 }
 
-TEST_F(LfShow, EpipolarPlaneImageOfARowAndAColumn) {
+TEST_F(LfShow, ShowsEpipolarImagesOfARowAndAColumn) {
   const Image row = picture("epi --row 1 --focus-distance 2.2 --stripe 4");
   EXPECT_EQ(row.width(), 96);
   EXPECT_EQ(row.height(), 16);
@@ -110,7 +110,7 @@ TEST_F(LfShow, EpipolarPlaneImageOfARowAndAColumn) {
   expect_failure("epi --rig rig.json --out o.png --row 4", {"row 4", "0 to 3"});
 }
 
-TEST_F(LfShow, SweepIsSharpOnOnePlaneAfterTheOther) {
+TEST_F(LfShow, SweepFocusesOnSuccessivePlanes) {
   ASSERT_EQ(run("sweep --rig rig.json --near 1 --far 5 --planes 3 --out s_%02d.png").status, 0);
   EXPECT_TRUE(fs::exists(path("s_00.png")) && fs::exists(path("s_01.png")) && fs::exists(path("s_02.png")));
   EXPECT_NE(load_image(path("s_00.png")).data(), load_image(path("s_02.png")).data());
@@ -121,7 +121,7 @@ TEST_F(LfShow, SweepIsSharpOnOnePlaneAfterTheOther) {
   expect_failure("sweep --rig rig.json --out s_%s.png", {"--out s_%s.png", "NAME.png"});
 }
 
-TEST_F(LfShow, DifferenceFromWhatItShouldLookLike) {
+TEST_F(LfShow, ShowsDifferencesFromTheTruth) {
   const Outcome scene = run("difference --rig rig.json --scene --out scene.png");
   ASSERT_EQ(scene.status, 0) << scene.output;
   EXPECT_THAT(scene.output, HasSubstr("PSNR 2"));
@@ -143,7 +143,7 @@ TEST_F(LfShow, DifferenceFromWhatItShouldLookLike) {
   expect_failure("difference --rig rig.json --out o.png --size 40x30 --truth " + camera.image, {"same size", "view"});
 }
 
-TEST_F(LfShow, AFilmOfEveryViewOfAPath) {
+TEST_F(LfShow, WritesAFilmOfAPath) {
   save_path(0.02);
   ASSERT_EQ(run("contributions --rig rig.json --views v.json --focus plane --out c_%d.png").status, 0);
   EXPECT_TRUE(fs::exists(path("c_2.png")));
@@ -162,7 +162,7 @@ TEST_F(LfShow, ErrorsNameTheOptionOrTheFile) {
     EXPECT_EQ(run(std::string(command) + " --help").status, 0) << command;
 }
 
-TEST_F(LfShow, AnEpipolarLineLiesAsideAsFarAsAsked) {
+TEST_F(LfShow, EpipolarLineHasTheRequestedOffset) {
   const std::string row = "epi --row 1 --focus-distance 2.2 --stripe 4";
   const Image middle = picture(row), below = picture(row + " --across 0.1"), outside = picture(row + " --across 5");
   EXPECT_NE(middle.data(), below.data());
@@ -170,7 +170,7 @@ TEST_F(LfShow, AnEpipolarLineLiesAsideAsFarAsAsked) {
   EXPECT_EQ(count(outside, {0, 0, 96, 16}, 1), 0) << "no camera sees this region";
 }
 
-TEST_F(LfShow, TheScaleOfDifferencesEndsWhereAsked) {
+TEST_F(LfShow, ScaleOfDifferencesHasTheRequestedEnd) {
   const auto bright = [&](const std::string& full) {
     test::expect_outcome(run("difference --rig rig.json --scene --out scale.png" + full), 0);
     const Image image = load_image(path("scale.png"));
@@ -184,7 +184,7 @@ TEST_F(LfShow, TheScaleOfDifferencesEndsWhereAsked) {
   EXPECT_LT(usual, fine);
 }
 
-TEST_F(LfShow, FilmsHaveTheRateThatIsAskedFor) {
+TEST_F(LfShow, FilmsHaveTheRequestedRate) {
   gst_init(nullptr, nullptr);
   save_path(0);
   for (const std::string command :

@@ -118,7 +118,7 @@ class LockTest : public testing::Test {
   static LockOptions quick() { return {.settle = 0.3, .trusted = true}; }
 };
 
-TEST_F(LockTest, TakesWhatTheCameraHasChosen) {
+TEST_F(LockTest, UsesTheValuesOfTheReferenceCamera) {
   const ControlValues values = choose_controls(rig_of({"fakecamera"}), quick());
   EXPECT_EQ(values, (ControlValues{{"exposure", kChosenExposure / 1e6}, {"gain", kChosenGain}}));
   LockOptions mains = quick();
@@ -126,14 +126,14 @@ TEST_F(LockTest, TakesWhatTheCameraHasChosen) {
   EXPECT_NEAR(choose_controls(rig_of({"fakecamera"}), mains).at("exposure"), 0.01, 1e-9) << "no half of a half-wave";
 }
 
-TEST_F(LockTest, ExposuresAreWholeHalfWaves) {
+TEST_F(LockTest, ExposuresAreMultiplesOfTheFlickerPeriod) {
   EXPECT_NEAR(flicker_free_exposure(0.031, 50), 0.03, 1e-12);
   EXPECT_NEAR(flicker_free_exposure(0.02, 50), 0.02, 1e-12);
   EXPECT_NEAR(flicker_free_exposure(0.004, 50), 0.004, 1e-12) << "shorter than any";
   EXPECT_NEAR(flicker_free_exposure(0.02, 60), 2 / 120.0, 1e-12);
 }
 
-TEST_F(LockTest, NamesTheCameraThatDoesNotListen) {
+TEST_F(LockTest, NamesACameraThatIgnoresControls) {
   const Rig rig = rig_of({"fakecamera", "fakecamera stuck=true", "fakecamera"});
   const ControlValues values = {{"exposure", 0.012}, {"gain", 2}};
   std::vector<std::string> found;
@@ -143,7 +143,7 @@ TEST_F(LockTest, NamesTheCameraThatDoesNotListen) {
               testing::ElementsAre(mentions("1 exposure", "picture stays"), mentions("1 gain", "picture stays")));
 }
 
-TEST_F(LockTest, ACameraThatFailsIsNamed) {
+TEST_F(LockTest, FailingCameraIsNamed) {
   Rig rig = rig_of({"fakecamera", "nosuchelement"});
   const auto found = find_stuck_controls(rig, {{"exposure", 0.012}}, quick());
   ASSERT_EQ(found.size(), 1u);

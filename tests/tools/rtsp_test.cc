@@ -80,7 +80,7 @@ class LiveFilm {
                        GstElement* element = gst_rtsp_media_get_element(media);
                        GstElement* source = gst_bin_get_by_name_recurse_up(GST_BIN(element), "film");
                        g_object_set(source, "caps", static_cast<LiveFilm*>(film)->caps_, nullptr);
-                       g_signal_connect(source, "need-data", G_CALLBACK(give), film);
+                       g_signal_connect(source, "need-data", G_CALLBACK(need_data), film);
                        gst_object_unref(source);
                        gst_object_unref(element);
                      }),
@@ -96,7 +96,7 @@ class LiveFilm {
     GstClockTime time;
   };
 
-  static void give(GstElement* source, guint, gpointer data) {
+  static void need_data(GstElement* source, guint, gpointer data) {
     const auto* film = static_cast<LiveFilm*>(data);
     GstClock* clock = gst_element_get_clock(source);
     if (!clock) return;
@@ -240,12 +240,12 @@ void rehearse(int rows, int columns) {
   }
 }
 
-TEST(RtspAfternoon, NineCamerasShowAsThoseOfTheTrueRig) { rehearse(3, 3); }
-TEST(RtspAfternoon, SixtyFourCamerasShowAsThoseOfTheTrueRig) { rehearse(8, 8); }
+TEST(RtspAfternoon, NineCamerasMatchTheTrueRig) { rehearse(3, 3); }
+TEST(RtspAfternoon, SixtyFourCamerasMatchTheTrueRig) { rehearse(8, 8); }
 
 #else
 TEST(RtspOffsets, AreFoundToHalfAMillisecond) { GTEST_SKIP() << test::kRtspServerMissing; }
-TEST(RtspAfternoon, NineCamerasShowAsThoseOfTheTrueRig) { GTEST_SKIP() << test::kRtspServerMissing; }
+TEST(RtspAfternoon, NineCamerasMatchTheTrueRig) { GTEST_SKIP() << test::kRtspServerMissing; }
 #endif
 
 }  // namespace

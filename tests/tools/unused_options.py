@@ -73,7 +73,7 @@ class UnusedOptions(unittest.TestCase):
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         return done.returncode, done.stdout
 
-    def test_they_are_refused_by_name(self):
+    def test_unused_options_are_refused_by_name(self):
         for name, arguments, option in REFUSED:
             with self.subTest(command=f"{name} {arguments}"):
                 status, said = self.run_tool(name, arguments)
@@ -81,7 +81,7 @@ class UnusedOptions(unittest.TestCase):
                 self.assertIn(option, said)
                 self.assertFalse((self.folder / "o").exists())
 
-    def test_check_answers_with_0_and_1_alone(self):
+    def test_check_exits_with_0_or_1_only(self):
         self.write("monitor.json", {"turns": 90, "cameras": self.monitor})
         self.assertEqual(self.run_tool("lf-calibrate", "check r.json --monitor monitor.json")[0], 0)
         moved = [dict(c) for c in self.monitor]
@@ -89,7 +89,7 @@ class UnusedOptions(unittest.TestCase):
         self.write("moved.json", {"turns": 90, "cameras": moved})
         self.assertEqual(self.run_tool("lf-calibrate", "check r.json --monitor moved.json")[0], 1)
 
-    def test_check_of_nonsense_has_a_status_of_its_own(self):
+    def test_check_of_invalid_input_exits_with_2(self):
         def damaged(**changed):
             cameras = [dict(c) for c in self.monitor]
             cameras[2].update(changed)

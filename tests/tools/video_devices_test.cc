@@ -119,7 +119,7 @@ TEST_F(VideoDevices, AreNamedByTheirPort) {
   EXPECT_TRUE(devices[0].stable && devices[1].stable);
 }
 
-TEST_F(VideoDevices, OfOtherProvidersAreElements) {
+TEST_F(VideoDevices, AreLaunchDescriptionsForOtherProviders) {
   plugged() = {{"industrial \"b\" 2", "Video/Source", "serial", "2", ""},
                {"industrial a", "Source/Video", "serial", "1", ""}};
   const std::vector<VideoDevice> devices = find_video_devices();

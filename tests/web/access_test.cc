@@ -55,7 +55,7 @@ TEST(Access, Origins) {
   EXPECT_TRUE(any.allows_origin("https://anything", "cameras.example"));
 }
 
-TEST(Access, OriginsAndHostsOfTheOperatorAreBroughtToOneForm) {
+TEST(Access, OriginsAndHostsAreNormalised) {
   for (const char* same :
        {"https://example.org", "https://Example.ORG", "https://example.org/", "HTTPS://example.org:443"})
     EXPECT_EQ(normal_origin(same), "https://example.org") << same;
@@ -88,7 +88,7 @@ TEST(Access, Sites) {
   }
 }
 
-TEST(ClientAddress, ASubscriberHasOneAddressOrANetwork) {
+TEST(ClientAddress, SubscriberIsAnAddressOrANetwork) {
   EXPECT_EQ(subscriber("192.0.2.7"), "192.0.2.7");
   EXPECT_EQ(subscriber("::ffff:192.0.2.7"), "192.0.2.7");
   EXPECT_EQ(subscriber("2001:db8:1:2:3:4:5:6"), "2001:db8:1:2::/64");
@@ -98,7 +98,7 @@ TEST(ClientAddress, ASubscriberHasOneAddressOrANetwork) {
   for (const char* wrong : {"", "example.org", "1.2.3", "1.2.3.4:80"}) EXPECT_EQ(subscriber(wrong), "") << wrong;
 }
 
-TEST(ClientAddress, OnlyProxiesAreBelieved) {
+TEST(ClientAddress, TrustsOnlyProxies) {
   const std::set<std::string> proxies = {"127.0.0.1", "::1"};
   EXPECT_EQ(client_address("192.0.2.7", "198.51.100.1", proxies), "192.0.2.7");
   EXPECT_EQ(client_address("127.0.0.1", "198.51.100.1", proxies), "198.51.100.1");
@@ -109,7 +109,7 @@ TEST(ClientAddress, OnlyProxiesAreBelieved) {
     EXPECT_EQ(client_address("127.0.0.1", wrong, proxies), "127.0.0.1") << wrong;
 }
 
-TEST(ClientAddress, HasOneForm) {
+TEST(ClientAddress, IsCanonical) {
   EXPECT_EQ(plain_address("192.0.2.7"), "192.0.2.7");
   EXPECT_EQ(plain_address("::FFFF:192.0.2.7"), "192.0.2.7") << "IPv4-mapped address";
   EXPECT_EQ(plain_address("2001:DB8:0:0::1"), "2001:db8::1");

@@ -11,7 +11,7 @@
 namespace lf::serve {
 namespace {
 
-TEST(RequestPacer, TellsWhatPartIsMade) {
+TEST(RequestPacer, ReportsTheFractionOfSentRequests) {
   RequestPacer pace(1);
   EXPECT_EQ(pace.kept(), 1);
   pace.set_interval(10);
@@ -24,7 +24,7 @@ TEST(RequestPacer, TellsWhatPartIsMade) {
   EXPECT_EQ(pace.kept(), 1);
 }
 
-TEST(RequestPacer, WaitsForPicturesButNotForEver) {
+TEST(RequestPacer, WaitsForPicturesWithATimeout) {
   RequestPacer pace(2);
   EXPECT_TRUE(pace.begin(10));
   EXPECT_TRUE(pace.begin(20));
@@ -45,7 +45,7 @@ TEST(RequestPacer, WaitsForPicturesButNotForEver) {
   EXPECT_TRUE(pace.begin(161 + RequestPacer::kPatience));
 }
 
-TEST(RequestPacer, MakesNoMoreThanAreAnswered) {
+TEST(RequestPacer, SendsNoMoreThanAreAnswered) {
   RequestPacer pace(2);
   EXPECT_TRUE(pace.begin(100));
   EXPECT_TRUE(pace.begin(200));
@@ -56,14 +56,14 @@ TEST(RequestPacer, MakesNoMoreThanAreAnswered) {
   EXPECT_DOUBLE_EQ(pace.kept(), 1) << "no request since";
 }
 
-TEST(RequestPacer, WhatBecomesNoPictureIsNotWaitedForLong) {
+TEST(RequestPacer, DoesNotWaitLongForMissingPictures) {
   RequestPacer pace(1);
   EXPECT_TRUE(pace.begin(100));
   EXPECT_FALSE(pace.begin(100 + RequestPacer::kPatience));
   EXPECT_TRUE(pace.begin(101 + RequestPacer::kPatience));
 }
 
-TEST(RequestPacer, LeavesOutWhatIsTooSoon) {
+TEST(RequestPacer, SkipsRequestsThatAreTooEarly) {
   RequestPacer pace(9);
   pace.set_interval(50);
   EXPECT_TRUE(pace.begin(100));
@@ -73,7 +73,7 @@ TEST(RequestPacer, LeavesOutWhatIsTooSoon) {
 }
 
 // Views for the two eyes start together or not at all, even if capacity frees up in between.
-TEST(RequestPacer, BothEyesAreAskedForOrNone) {
+TEST(RequestPacer, RequestsBothEyesOrNone) {
   RequestPacer pace(1);
   pace.set_interval(50);
   EXPECT_TRUE(pace.begin(100));
@@ -86,7 +86,7 @@ TEST(RequestPacer, BothEyesAreAskedForOrNone) {
   EXPECT_DOUBLE_EQ(pace.kept(), 2.0 / 3) << "a pair is one picture";
 }
 
-TEST(QualityControl, FallsWithLossAndDelayAndComesBack) {
+TEST(QualityControl, BitRateDropsWithLossAndDelayAndRecovers) {
   QualityControl quality(300000, 6000000, 0);
   EXPECT_EQ(quality.bits_per_second(), 6000000);
   EXPECT_FALSE(quality.update(0, 0.01));
@@ -101,7 +101,7 @@ TEST(QualityControl, FallsWithLossAndDelayAndComesBack) {
   EXPECT_EQ(quality.bits_per_second(), 6000000);
 }
 
-TEST(QualityControl, LeavesOutPicturesAndThenPixels) {
+TEST(QualityControl, ReducesTheRateAndThenTheSize) {
   QualityControl quality(100000, 1000000, 640 * 480 * 30);
   const auto lossy = [&](int times) {
     for (int i = 0; i < times; i++) quality.update(0.1, 0);
@@ -134,7 +134,7 @@ class LoadSheddingTest : public testing::Test {
   LoadShedding shedding_;
 };
 
-TEST_F(LoadSheddingTest, HypothesesGoFirstThenRateThenSize) {
+TEST_F(LoadSheddingTest, ReducesHypothesesThenRateThenSize) {
   struct Step {
     unsigned hypotheses;
     int left_out, divisor;
@@ -153,7 +153,7 @@ TEST_F(LoadSheddingTest, HypothesesGoFirstThenRateThenSize) {
   EXPECT_EQ(shedding_.depth_interval(), 1u);
 }
 
-TEST_F(LoadSheddingTest, OnlyWhereProcessorsAreWhatIsMissing) {
+TEST_F(LoadSheddingTest, ActsOnlyIfProcessorsAreBusy) {
   EXPECT_EQ(seconds(0.5, 0.1, 100), 101) << "cameras on other hosts may be slow";
   EXPECT_EQ(seconds(1, 1, 100), 101) << "all pictures are rendered";
   for (int i = 0; i < 50; i++) {
@@ -162,7 +162,7 @@ TEST_F(LoadSheddingTest, OnlyWhereProcessorsAreWhatIsMissing) {
   }
 }
 
-TEST_F(LoadSheddingTest, AStepBackThatWasWrongIsTriedLessOften) {
+TEST_F(LoadSheddingTest, FailedRecoveriesAreRetriedLessOften) {
   seconds(1, 0.5);
   int before = 0;
   for (int i = 0; i < 4; i++) {
@@ -175,7 +175,7 @@ TEST_F(LoadSheddingTest, AStepBackThatWasWrongIsTriedLessOften) {
   EXPECT_EQ(seconds(0.8, 1, 1000), 1001) << "not enough bandwidth";
 }
 
-TEST(ProcessorLoad, IsAShare) {
+TEST(ProcessorLoad, IsBetweenZeroAndOne) {
   ProcessorLoad load;
   load.update();
   const auto until = std::chrono::steady_clock::now() + std::chrono::milliseconds(100);
@@ -186,7 +186,7 @@ TEST(ProcessorLoad, IsAShare) {
   EXPECT_LE(busy, 1);
 }
 
-TEST(QualityControl, RepeatsTheKeyFrameOfANewSizeWherePacketsAreLost) {
+TEST(QualityControl, RepeatsKeyFramesOfANewSizeDuringLosses) {
   QualityControl quality(100000, 1000000, 640 * 480 * 30);
   while (quality.size_divisor() == 1) {
     quality.update(0.3, 0);
@@ -203,7 +203,7 @@ TEST(QualityControl, RepeatsTheKeyFrameOfANewSizeWherePacketsAreLost) {
   EXPECT_TRUE(quality.wants_key_frame()) << "the larger size, too";
 }
 
-TEST(QualityControl, ABestRateThatIsLittleIsUsedAsWellAsCanBe) {
+TEST(QualityControl, LowBitRatesReduceTheQuality) {
   EXPECT_EQ(QualityControl(100000, 200000, 640 * 480 * 30).size_divisor(), 2);
   QualityControl quality(100000, 480000, 640 * 480 * 30);
   EXPECT_EQ(quality.pictures_left_out(), 0);
@@ -213,7 +213,7 @@ TEST(QualityControl, ABestRateThatIsLittleIsUsedAsWellAsCanBe) {
   EXPECT_EQ(quality.pictures_left_out(), 0) << "nothing left to wait for";
 }
 
-TEST(Turn, ViewersThatComeOneAfterTheOtherAreFarApart) {
+TEST(RequestPhase, PhasesOfConsecutiveViewersAreSpread) {
   for (const uint32_t first : {0u, 1u, 6u, 1000000u, 4294967280u})
     for (const int count : {1, 2, 4, 8}) {
       std::vector<double> turns;
@@ -242,12 +242,12 @@ Bytes operator+(Bytes a, const Bytes& b) {
 const Bytes kReport = packet(201, 1, 24), kNack = packet(205, 1, 8), kPli = packet(206, 1, 4),
             kFir = packet(206, 4, 12);
 
-TEST(RtcpFilter, KeepsWhatAViewerNeeds) {
+TEST(RtcpFilter, KeepsNeededPackets) {
   for (const Bytes& needed : {kReport, kNack, kPli, kFir, kReport + kNack + kPli})
     EXPECT_EQ(RtcpFilter::filter_compound(needed), std::nullopt);
 }
 
-TEST(RtcpFilter, TakesEverythingElseOut) {
+TEST(RtcpFilter, RemovesOtherPackets) {
   const Bytes synchronise = packet(205, 5, 4), congestion = packet(205, 15, 40), goodbye = packet(203, 31, 0),
               names = packet(202, 1, 8), sender_report = packet(200, 0, 20), extended = packet(207, 0, 12),
               application = packet(204, 0, 4), bandwidth = packet(206, 15, 12);
@@ -259,7 +259,7 @@ TEST(RtcpFilter, TakesEverythingElseOut) {
   }
 }
 
-TEST(RtcpFilter, EndsWhereAPacketIsMalformed) {
+TEST(RtcpFilter, StopsAtAMalformedPacket) {
   Bytes too_long = kNack, wrong_version = kNack, padded = kNack;
   too_long[3] = 200;
   wrong_version[0] = 0x41;
@@ -270,7 +270,7 @@ TEST(RtcpFilter, EndsWhereAPacketIsMalformed) {
   }
 }
 
-TEST(RtcpFilter, RandomBytesGiveNeededPacketsAlone) {
+TEST(RtcpFilter, RandomBytesYieldOnlyNeededPackets) {
   std::mt19937 random(1);
   for (int n = 0; n < 100'000; n++) {
     Bytes bytes;
@@ -285,7 +285,7 @@ TEST(RtcpFilter, RandomBytesGiveNeededPacketsAlone) {
   }
 }
 
-TEST(RtcpFilter, TakesRtcpOfAFewSendersAndNoRtp) {
+TEST(RtcpFilter, AcceptsRtcpOfAFewSendersAndNoRtp) {
   RtcpFilter filter;
   const Bytes dtls(20, 22), rtp = packet(96, 0, 100);
   for (int i = 0; i < 1000; i++) {
@@ -308,7 +308,7 @@ TEST(RtcpFilter, LimitsTheRate) {
   EXPECT_NEAR(passed, RtcpFilter::kAtOnce + 10 * RtcpFilter::kPerSecond, 2);
 }
 
-TEST(PacketLoss, IsThatBetweenReports) {
+TEST(PacketLoss, IsMeasuredBetweenReports) {
   PacketLoss loss;
   EXPECT_EQ(loss.update({}), 0);
   EXPECT_EQ(loss.update({{1, 70000, 25}}), 0) << "the first one only says where streams are";

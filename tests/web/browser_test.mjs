@@ -411,7 +411,7 @@ async function touchesAndSticks() {
   await closeClean(page, served);
 }
 
-async function toldInWords() {
+async function textAlternatives() {
   const served = await serve(...rig);
   const page = await openPage(browser, 'about:blank', size), asked = [];
   page.on('request', request => asked.push(request.url()));
@@ -601,11 +601,11 @@ await runTests([
   ['a headset with media layers', headsetOfLayers],
   ['a path of the server', kiosk],
   ['touches and sticks', touchesAndSticks],
-  ['text alternatives, and no outside resources', toldInWords],
+  ['text alternatives, and no outside resources', textAlternatives],
   ['four viewers have their own views', fourViewers],
   ['cameras on other hosts', nodes],
   ['a network that loses packets', lossyNetwork],
-  ['stalled and killed browsers are forgotten, others go on', stalledAndKilled],
+  ['stalled and killed browsers are dropped, others continue', stalledAndKilled],
   ['viewers come and go', comesAndGoes],
   ['tokens, too many viewers, floods', refusals],
   ['a page of five lines', fiveLines],

@@ -42,7 +42,7 @@ const isAt = (page, wanted, what) => until(async () => {
 const ending = (page, script) => page.evaluate(script => (0, eval)(script).then(() => 'done', error => error.name), script);
 
 // `view` and `focus` define the home view; events name the source of a change.
-async function homeAndWho() {
+async function homeView() {
   const served = await serve(...rig);
   const page = await open(served, 'view="x=0.02 yaw=3" focus="3" controls autoplay');
   await page.loads();
@@ -126,7 +126,7 @@ async function homeAndWho() {
   await served.stop();
 }
 
-async function focusAgainAndAgain() {
+async function focusing() {
   const served = await serve(...rig);
   const page = await open(served, 'autoplay');
   await page.loads();
@@ -406,8 +406,8 @@ async function trustedTypes() {
 }
 
 await runTests([
-  ['goHome, and who moves the view', homeAndWho],
-  ['focus', focusAgainAndAgain],
+  ['goHome() and the source of each movement', homeView],
+  ['focus', focusing],
   ['share', sharing],
   ['eyes and their distance', eyes],
   ['a path of the server', paths],

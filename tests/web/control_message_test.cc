@@ -21,7 +21,7 @@ std::string view(const std::string& structure) {
          structure + "}}";
 }
 
-TEST(ControlMessage, FieldsThatNobodyKnowsAreRefusedAndNotKept) {
+TEST(ControlMessage, UnknownFieldsAreRefused) {
   EXPECT_NE(parse(view(R"({"never-heard-of":1})")).error, "");
   EXPECT_EQ(g_quark_try_string("never-heard-of"), 0u);
 }
@@ -77,7 +77,7 @@ std::string pixel(const std::string& structure) {
          structure + "}}";
 }
 
-TEST(ControlMessage, AsksAboutPixels) {
+TEST(ControlMessage, RequestsPixels) {
   const ControlMessage message = parse(pixel(R"({"x":20.4,"y":-10})"));
   ASSERT_TRUE(message.pixel) << message.error;
   EXPECT_FALSE(message.event);

@@ -66,7 +66,7 @@ viewer.setView({ zoom: 2 });
   mine.close();
 }
 
-async function twoOfThem() {
+async function twoElements() {
   const served = await serve(...rig), { url } = served;
   const mine = await site({ '/': page(`${script(served)}
     <lightfield-viewer id="a" controls autoplay style="width: 320px; height: 240px" view="yaw=2"></lightfield-viewer>
@@ -287,7 +287,7 @@ async function eventsAndPictures() {
   mine.close();
 }
 
-async function barePlayer() {
+async function genericPlayer() {
   const states = [-2, 2].map((yaw, i) => ({ ...viewFile({ x: 0, y: 0, z: 0, yaw, pitch: 0, roll: 0, fov: 30, 'focus-distance': 2 },
     { width: 320, height: 240 }), name: `at_${i}`, time: i * 3 }));
   const tour = join(folder, 'tour.json');
@@ -383,11 +383,11 @@ async function application() {
 
 await runTests([
   ['npm pack, npm install, the page of the README, types', fromNpm],
-  ['two elements, changed, removed, added, moved', twoOfThem],
+  ['two elements, changed, removed, added, moved', twoElements],
   ['rendered again and again', rerendered],
   ['in a frame of another origin, in a page that scrolls', framed],
   ['out of sight', outOfSight],
   ['events, pictures, poster and slots', eventsAndPictures],
-  ['a WHEP player that knows nothing of us', barePlayer],
+  ['a generic WHEP player', genericPlayer],
   ['an application of React', application],
 ]);

@@ -8,7 +8,7 @@ namespace {
 
 constexpr int64_t kSecond = 1000000;
 
-class Eviction : public testing::Test {
+class ChooseVictim : public testing::Test {
  protected:
   using Progress = Connections::Progress;
 
@@ -21,7 +21,7 @@ class Eviction : public testing::Test {
   std::vector<Connections::ConnectionInfo> all_;
 };
 
-TEST_F(Eviction, TheOldestIdleOneGoes) {
+TEST_F(ChooseVictim, ClosesTheOldestIdleConnection) {
   for (const char* honest : {"127.0.0.1", "9.9.9.9"}) {
     all_.clear();
     add(honest, 2, Progress::kSome);
@@ -30,7 +30,7 @@ TEST_F(Eviction, TheOldestIdleOneGoes) {
   }
 }
 
-TEST_F(Eviction, ARequestIsAnsweredBeforeAnotherIsRead) {
+TEST_F(ChooseVictim, KeepsConnectionsWithACompleteRequest) {
   add("a", 20, Progress::kRequest);
   add("b", 0.5, Progress::kNothing);
   add("c", 0.7, Progress::kSome);
@@ -41,7 +41,7 @@ TEST_F(Eviction, ARequestIsAnsweredBeforeAnotherIsRead) {
   EXPECT_EQ(victim().subscriber, "a");
 }
 
-TEST_F(Eviction, WhoHasManyLosesOneFirst) {
+TEST_F(ChooseVictim, ClosesConnectionsOfGreedySubscribersFirst) {
   for (size_t i = 0; i <= Connections::kFairShare; i++)
     add("greedy", 0.1 + 0.001 * static_cast<double>(i), Progress::kRequest);
   for (int i = 0; i < 30; i++) add("slow" + std::to_string(i), 9, Progress::kNothing);

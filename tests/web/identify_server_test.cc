@@ -89,7 +89,7 @@ class IdentifyServerTest : public testing::Test {
 };
 
 // Pages of other sites can send any body. The server rejects it by its length and stores nothing.
-TEST_F(IdentifyServerTest, LongBodiesAreNotKept) {
+TEST_F(IdentifyServerTest, DiscardsLongBodies) {
   const std::string piece(1'000'000, 'x');
   const long before = resident_megabytes();
   EXPECT_THAT(post("/anything", "Content-Type: text/plain\r\nContent-Length: 100000000\r\n", piece, 100),
@@ -107,7 +107,7 @@ TEST_F(IdentifyServerTest, LongBodiesAreNotKept) {
 }
 
 // Browsers send no Origin with <img>, but mark the request as cross-site.
-TEST_F(IdentifyServerTest, PagesOfOtherSitesGetNoPictures) {
+TEST_F(IdentifyServerTest, RefusesPagesOfOtherSites) {
   for (const char* path : {"/mosaic.jpg", "/mosaic.json"}) {
     for (const char* site : {"cross-site", "same-site"})
       EXPECT_THAT(request("GET", path, std::string("Sec-Fetch-Site: ") + site + "\r\n"), StartsWith("HTTP/1.1 403"))
@@ -122,7 +122,7 @@ TEST_F(IdentifyServerTest, PagesOfOtherSitesGetNoPictures) {
 }
 
 // A request can contain thousands of ranges, and a server would send each.
-TEST_F(IdentifyServerTest, AnswersAreWholeWhateverRangesAreAskedFor) {
+TEST_F(IdentifyServerTest, IgnoresRanges) {
   const std::string response = request("GET", "/mosaic.json", "Range: bytes=0-,0-,0-\r\n");
   EXPECT_THAT(response, StartsWith("HTTP/1.1 200"));
   EXPECT_THAT(response, testing::Not(HasSubstr("Content-Range")));

@@ -58,7 +58,7 @@ async function open(url) {
 }
 const lit = page => page.evaluate(() => [...document.querySelectorAll('.tile.lit')].map(tile => Number(tile.dataset.id)));
 
-async function lightsUpAndSwaps() {
+async function identifiesAndSwaps() {
   await makeRig();
   const program = await identify(), page = await open(program.url);
   await until(async () => (await lit(page)).join() === '1', 'the camera that is waved at lights up, alone');
@@ -91,7 +91,7 @@ async function lightsUpAndSwaps() {
   await program.stop();
 }
 
-async function isOnlyForThisMachinesPage() {
+async function rejectsOtherOrigins() {
   await makeRig();
   const program = await identify(), before = await readFile(file, 'utf8');
   const swap = headers =>
@@ -150,7 +150,7 @@ async function fitsWindowsOfAllWidths() {
   await program.stop();
 }
 
-async function saysWhereALightIsToGo() {
+async function guidesTheLight() {
   const run = promisify(execFile), lights = join(folder, 'lights');
   await run(tool, ['new', '--grid', '2x2', '--pitch', '0.1', '--fov', '45', '--width', '320', '--height', '240', '--out', file]);
   await run(join(process.env.LF_TOOLS_DIR, 'lf-scene'),
@@ -179,9 +179,9 @@ async function saysWhereALightIsToGo() {
 }
 
 await runTests([
-  ['the camera that is waved at lights up, and goes where it is dragged', lightsUpAndSwaps],
-  ['only the page itself may change the rig', isOnlyForThisMachinesPage],
-  ['lf-serve has the same view', servedBesideTheLightField],
+  ['a waved-at camera lights up, and dragging swaps cameras', identifiesAndSwaps],
+  ['only the page may change the rig', rejectsOtherOrigins],
+  ['lf-serve has the same page', servedBesideTheLightField],
   ['no text of a large array is cut off', fitsWindowsOfAllWidths],
-  ['a recording says where a light is to go', saysWhereALightIsToGo],
+  ['a recording guides the light', guidesTheLight],
 ]);

@@ -31,7 +31,7 @@ class LfServeCameras : public testing::Test {
   bool says(const Served& served, const std::vector<std::string>& facts) {
     return becomes([&] { return testing::Value(served.said(), mentions(facts)); });
   }
-  static bool goes_on(const WhepClient& client) {
+  static bool receives_pictures(const WhepClient& client) {
     const uint64_t before = client.pictures();
     return becomes([&] { return client.pictures() >= before + 15; });
   }
@@ -44,7 +44,7 @@ class LfServeCameras : public testing::Test {
       return last != messages.rend() && last->find(text) != std::string::npos;
     });
   }
-  static void expect_one_viewer_up_to_a_good_end(Served& served) {
+  static void expect_one_viewer_and_clean_exit(Served& served) {
     EXPECT_EQ(served.metric("viewers"), "1");
     EXPECT_EQ(served.metric("viewers_total"), "1") << "no viewer had to reconnect";
     EXPECT_EQ(served.stop(), 0);
@@ -52,7 +52,7 @@ class LfServeCameras : public testing::Test {
   CameraFiles files_;
 };
 
-TEST_F(LfServeCameras, FilesThatAreMissingDamagedOrEmptiedEndNothing) {
+TEST_F(LfServeCameras, MissingAndDamagedFilesDoNotEndTheServer) {
   std::ifstream in(files_.path("mjpeg.mkv"), std::ios::binary);
   std::string film((std::istreambuf_iterator<char>(in)), {});
   std::fill(film.begin() + static_cast<long>(film.size() / 2), film.begin() + static_cast<long>(film.size() * 3 / 4),
@@ -73,14 +73,14 @@ TEST_F(LfServeCameras, FilesThatAreMissingDamagedOrEmptiedEndNothing) {
   ASSERT_NE(served.url(), "") << served.said();
   EXPECT_TRUE(says(served, {"nowhere.mkv", "no such", "out of service"}));
   const WhepClient client({.url = served.url()});
-  EXPECT_TRUE(goes_on(client));
+  EXPECT_TRUE(receives_pictures(client));
   std::filesystem::resize_file(files_.path("emptied.mkv"), 0);
   EXPECT_TRUE(says(served, {"emptied.mkv"})) << served.said();
-  EXPECT_TRUE(goes_on(client));
+  EXPECT_TRUE(receives_pictures(client));
   std::filesystem::copy(files_.path("mjpeg.mkv"), files_.path("nowhere.mkv"));
   EXPECT_TRUE(says(served, {"camera1 is back"})) << served.said();
-  EXPECT_TRUE(goes_on(client));
-  expect_one_viewer_up_to_a_good_end(served);
+  EXPECT_TRUE(receives_pictures(client));
+  expect_one_viewer_and_clean_exit(served);
 }
 
 std::string get(const Served& served, const std::string& path) {
@@ -96,7 +96,7 @@ std::string get(const Served& served, const std::string& path) {
   return text;
 }
 
-TEST_F(LfServeCameras, TellsNobodyTheirPasswords) {
+TEST_F(LfServeCameras, NeverRevealsPasswords) {
   Served served({}, [this](Rig& rig) {
     for (Camera& camera : rig.cameras) camera.source = files_.path("mjpeg.mkv");
     rig.cameras[0].source = "rtsp://admin:Hunter2Secret@127.0.0.1:1/stream";
@@ -114,7 +114,7 @@ TEST_F(LfServeCameras, TellsNobodyTheirPasswords) {
   EXPECT_THAT(served.said(), ::testing::Not(HasSubstr("Hunter2")));
 }
 
-TEST_F(LfServeCameras, PasswordsThatOthersCanReadAreAWarning) {
+TEST_F(LfServeCameras, ReadablePasswordsCauseAWarning) {
   using std::filesystem::perm_options, std::filesystem::perms;
   const auto edit = [this](Rig& rig) {
     for (Camera& camera : rig.cameras) camera.source = files_.path("mjpeg.mkv");
@@ -138,7 +138,7 @@ TEST_F(LfServeCameras, PasswordsThatOthersCanReadAreAWarning) {
   EXPECT_EQ(again.stop(), 0);
 }
 
-TEST_F(LfServeCameras, ElementsThatMayWriteNeedTrust) {
+TEST_F(LfServeCameras, UnlistedElementsNeedTrust) {
   const std::string mark = files_.path("written-by-the-rig");
   const auto edit = [&](Rig& rig) {
     rig.cameras[0].source =
@@ -157,7 +157,7 @@ TEST_F(LfServeCameras, ElementsThatMayWriteNeedTrust) {
   EXPECT_TRUE(becomes([&] { return std::filesystem::exists(mark); }));
 }
 
-TEST_F(LfServeCameras, AServerOfACameraMayStopAndStartAgain) {
+TEST_F(LfServeCameras, CameraServerMayRestart) {
   if (kRtspServerMissing) GTEST_SKIP() << kRtspServerMissing;
   auto server = std::make_unique<RtspServer>();
   const int port = server->port();
@@ -167,19 +167,19 @@ TEST_F(LfServeCameras, AServerOfACameraMayStopAndStartAgain) {
   });
   ASSERT_NE(served.url(), "") << served.said();
   const WhepClient client({.url = served.url()});
-  EXPECT_TRUE(goes_on(client));
+  EXPECT_TRUE(receives_pictures(client));
   server.reset();
   EXPECT_TRUE(says(served, {"/jpeg"})) << served.said();
   EXPECT_THAT(served.said(), HasSubstr("out of service"));
   EXPECT_TRUE(has_message(client, "\"cameras\":{\"count\":4,\"working\":3}"));
-  EXPECT_TRUE(goes_on(client));
+  EXPECT_TRUE(receives_pictures(client));
   server = std::make_unique<RtspServer>(port);
   EXPECT_TRUE(says(served, {"camera2 is back"})) << served.said();
-  EXPECT_TRUE(goes_on(client));
-  expect_one_viewer_up_to_a_good_end(served);
+  EXPECT_TRUE(receives_pictures(client));
+  expect_one_viewer_and_clean_exit(served);
 }
 
-TEST_F(LfServeCameras, AllOfThemMayStopAndStartAgain) {
+TEST_F(LfServeCameras, AllCameraServersMayRestart) {
   if (kRtspServerMissing) GTEST_SKIP() << kRtspServerMissing;
   auto server = std::make_unique<RtspServer>();
   const int port = server->port();
@@ -192,15 +192,15 @@ TEST_F(LfServeCameras, AllOfThemMayStopAndStartAgain) {
   server.reset();
   EXPECT_TRUE(says(served, {"No camera works"})) << served.said();
   EXPECT_TRUE(has_message(client, "\"cameras\":{\"count\":4,\"working\":0}"));
-  EXPECT_TRUE(goes_on(client)) << "with the last picture";
+  EXPECT_TRUE(receives_pictures(client)) << "with the last picture";
   server = std::make_unique<RtspServer>(port);
   EXPECT_TRUE(has_message(client, "\"cameras\":{\"count\":4,\"working\":4}")) << served.said();
-  EXPECT_TRUE(goes_on(client));
-  expect_one_viewer_up_to_a_good_end(served);
+  EXPECT_TRUE(receives_pictures(client));
+  expect_one_viewer_and_clean_exit(served);
 }
 
 // A calibration finishes, then other cameras are connected: viewers do not have to reload.
-TEST_F(LfServeCameras, AWatchedRigGoesLiveWithoutARestart) {
+TEST_F(LfServeCameras, ChangedRigIsAppliedWithoutARestart) {
   const std::vector<std::string> options = {"--watch"};
   Served served(options);
   ASSERT_NE(served.url(), "") << served.said();
@@ -210,39 +210,39 @@ TEST_F(LfServeCameras, AWatchedRigGoesLiveWithoutARestart) {
     return std::count_if(messages.begin(), messages.end(),
                          [](const std::string& text) { return text.find("\"rig\"") != std::string::npos; });
   };
-  EXPECT_TRUE(goes_on(client));
+  EXPECT_TRUE(receives_pictures(client));
   Rig rig = load_rig(served.rig());
   rig.cameras[0].pose.position.x += 0.01;
   save_rig(rig, served.rig());
   EXPECT_TRUE(becomes([&] { return told() == 1; })) << served.said();
-  EXPECT_TRUE(goes_on(client));
+  EXPECT_TRUE(receives_pictures(client));
 
   // Colours change as well, although weights do not depend on colours.
   rig.cameras[1].colour = ColourModel{.black = {1, 2, 3}};
   save_rig(rig, served.rig());
   EXPECT_TRUE(becomes([&] { return told() == 2; })) << served.said();
-  EXPECT_TRUE(goes_on(client));
+  EXPECT_TRUE(receives_pictures(client));
 
   write_text_file("{ not yet", served.rig());
   EXPECT_TRUE(says(served, {"old rig"})) << served.said();
-  EXPECT_TRUE(goes_on(client));
+  EXPECT_TRUE(receives_pictures(client));
 
   for (Camera& camera : rig.cameras) camera.source = files_.path("mjpeg.mkv");
   save_rig(rig, served.rig());
   EXPECT_TRUE(says(served, {"rig file", "other cameras"})) << served.said();
   EXPECT_TRUE(becomes([&] { return told() == 3; })) << served.said();
-  EXPECT_TRUE(goes_on(client)) << served.said();
+  EXPECT_TRUE(receives_pictures(client)) << served.said();
 
   for (Camera& camera : rig.cameras) camera.source = files_.path("nowhere.mkv");
   save_rig(rig, served.rig());
   EXPECT_TRUE(says(served, {"no pictures", "rig file"})) << served.said();
   for (Camera& camera : rig.cameras) camera.source = files_.path("mjpeg.mkv");
   save_rig(rig, served.rig());
-  EXPECT_TRUE(goes_on(client)) << served.said();
-  expect_one_viewer_up_to_a_good_end(served);
+  EXPECT_TRUE(receives_pictures(client)) << served.said();
+  expect_one_viewer_and_clean_exit(served);
 }
 
-TEST_F(LfServeCameras, OptionsThatCantWorkAreSaid) {
+TEST_F(LfServeCameras, ImpossibleOptionsAreErrors) {
   EXPECT_THAT(run_program("lf-serve", "--watch").output, HasSubstr("--watch: requires --rig"));
   EXPECT_THAT(run_program("lf-serve", "--key-file /nobody").output, HasSubstr("--key-file: requires --nodes"));
   EXPECT_THAT(run_program("lf-serve", "--focus-near 5 --focus-far 1").output, mentions("--focus-near", "--focus-far"));
@@ -283,7 +283,7 @@ class LfServeNodes : public testing::Test {
   ElementPtr host_;
 };
 
-TEST_F(LfServeNodes, ServeThoseWhoHaveTheirKey) {
+TEST_F(LfServeNodes, ServeClientsWithTheKey) {
   Served served(options(key_));
   ASSERT_NE(served.url(), "") << served.said();
   start_host(served.rig(), key_);
@@ -315,14 +315,14 @@ TEST_F(LfServeNodes, AreNamedWhenTheyDoNotAnswer) {
   EXPECT_EQ(served.metric(metric), "0");
 }
 
-TEST_F(LfServeNodes, AnswerToAPortThatNobodyElseHas) {
+TEST_F(LfServeNodes, PortInUseIsAnError) {
   Served served(options(key_)), second(options(key_));
   ASSERT_NE(served.url(), "") << served.said();
   EXPECT_EQ(second.stop(), 1);
   EXPECT_THAT(second.said(), HasSubstr("UDP port " + std::to_string(here_) + ": "));
 }
 
-TEST_F(LfServeNodes, SayWhatIsWrongWithAKey) {
+TEST_F(LfServeNodes, KeyErrorsNameTheProblem) {
   const Served served({"--nodes", "127.0.0.1:6000:6100", "--key-file", "/nowhere/key"});
   EXPECT_EQ(served.url(), "");
   EXPECT_THAT(served.said(), mentions("/nowhere/key", "read"));

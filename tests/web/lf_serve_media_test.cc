@@ -30,14 +30,14 @@ class LfServeMedia : public testing::Test {
     options.url = served.url();
     return std::make_unique<WhepClient>(options);
   }
-  static bool goes_on(const WhepClient& client, uint64_t pictures = 10) {
+  static bool receives_pictures(const WhepClient& client, uint64_t pictures = 10) {
     const uint64_t before = client.pictures();
     return becomes([&] { return client.pictures() >= before + pictures; });
   }
 };
 
 // webrtcbin accepts any peer: a man in the middle could watch.
-TEST_F(LfServeMedia, APeerWithAnotherCertificateGetsNothing) {
+TEST_F(LfServeMedia, PeerWithAnotherCertificateGetsNothing) {
   Served served;
   WhepClient::Options stranger;
   stranger.patience = 5;
@@ -48,10 +48,10 @@ TEST_F(LfServeMedia, APeerWithAnotherCertificateGetsNothing) {
   }
   EXPECT_THAT(served.said(), mentions("certificate", "offer"));
   EXPECT_TRUE(becomes([&] { return served.metric("viewers") == "0"; }));
-  EXPECT_TRUE(goes_on(*watch(served)));
+  EXPECT_TRUE(receives_pictures(*watch(served)));
 }
 
-TEST_F(LfServeMedia, TheCodecIsTheOffers) {
+TEST_F(LfServeMedia, UsesTheCodecOfTheOffer) {
   Served served;
   WhepClient::Options vp8;
   vp8.vp8 = true;
@@ -59,13 +59,13 @@ TEST_F(LfServeMedia, TheCodecIsTheOffers) {
   EXPECT_THAT(first->answer(), HasSubstr("H264/90000"));
   EXPECT_THAT(first->answer(), HasSubstr("profile-level-id=42e01f"));
   EXPECT_THAT(second->answer(), HasSubstr("VP8/90000"));
-  EXPECT_TRUE(goes_on(*first));
-  EXPECT_TRUE(goes_on(*second));
+  EXPECT_TRUE(receives_pictures(*first));
+  EXPECT_TRUE(receives_pictures(*second));
   EXPECT_EQ(served.metric("viewers"), "2");
 }
 
 // With this extension, the sender requests display without delay. Other receivers get packets without the extension.
-TEST_F(LfServeMedia, PicturesAreToBeShownAtOnce) {
+TEST_F(LfServeMedia, PlayoutDelayIsZero) {
   Served served;
   for (const bool vp8 : {false, true}) {
     WhepClient::Options knows;
@@ -73,16 +73,16 @@ TEST_F(LfServeMedia, PicturesAreToBeShownAtOnce) {
     knows.playout_delay = true;
     const auto first = watch(served, knows);
     EXPECT_THAT(first->answer(), HasSubstr("a=extmap:7 http://www.webrtc.org/experiments/rtp-hdrext/playout-delay"));
-    EXPECT_TRUE(goes_on(*first));
+    EXPECT_TRUE(receives_pictures(*first));
     EXPECT_GE(first->undelayed(), first->pictures());
   }
   const auto other = watch(served);
   EXPECT_THAT(other->answer(), Not(HasSubstr("extmap")));
-  EXPECT_TRUE(goes_on(*other));
+  EXPECT_TRUE(receives_pictures(*other));
   EXPECT_EQ(other->undelayed(), 0u);
 }
 
-TEST_F(LfServeMedia, WhoVanishesIsForgottenAndOthersGoOn) {
+TEST_F(LfServeMedia, VanishedViewersAreRemoved) {
   Served served;
   const auto stays = watch(served), gone = watch(served);
   ASSERT_EQ(served.metric("viewers"), "2");
@@ -90,25 +90,25 @@ TEST_F(LfServeMedia, WhoVanishesIsForgottenAndOthersGoOn) {
   const gint64 began = g_get_monotonic_time();
   EXPECT_TRUE(becomes([&] { return served.metric("viewers") == "1"; }));
   std::printf("gone after %.1f s\n", static_cast<double>(g_get_monotonic_time() - began) * 1e-6);
-  EXPECT_TRUE(goes_on(*stays));
+  EXPECT_TRUE(receives_pictures(*stays));
 }
 
-TEST_F(LfServeMedia, LostPacketsAreSentAgain) {
+TEST_F(LfServeMedia, LostPacketsAreRetransmitted) {
   Served served;
   WhepClient::Options lossy;
   lossy.loss = 0.1;
   const auto client = watch(served, lossy);
   EXPECT_TRUE(becomes([&] { return client->lost() >= 20; })) << client->lost();
-  EXPECT_TRUE(goes_on(*client));
+  EXPECT_TRUE(receives_pictures(*client));
   EXPECT_LE(client->gaps(), client->lost() / 4) << "of " << client->lost() << " lost packets";
 }
 
 // A browser that repeatedly requests packets or key frames gets at most a few times the video bit rate.
-TEST_F(LfServeMedia, RequestsToRepeatAreLimitedByTheBitRate) {
+TEST_F(LfServeMedia, RetransmissionsAreLimitedByTheBitRate) {
   constexpr int kBitRate = 500000;
   Served served({"--bitrate", std::to_string(kBitRate), "--address-views", "4"});
   const auto client = watch(served), other = watch(served);
-  EXPECT_TRUE(goes_on(*client, 60)) << "packets to ask for";
+  EXPECT_TRUE(receives_pictures(*client, 60)) << "packets to ask for";
   const auto rate = [&](const std::function<void()>& ask) {
     constexpr int kCalls = 1000;
     const uint64_t before = client->received();
@@ -127,11 +127,11 @@ TEST_F(LfServeMedia, RequestsToRepeatAreLimitedByTheBitRate) {
   EXPECT_GT(client->repeated(), 0u) << "some packets are sent again";
   EXPECT_LT(again, quiet + 2.5 * kBitRate);
   EXPECT_LT(keys, quiet + 2.5 * kBitRate);
-  EXPECT_TRUE(goes_on(*client));
-  EXPECT_TRUE(goes_on(*other));
+  EXPECT_TRUE(receives_pictures(*client));
+  EXPECT_TRUE(receives_pictures(*other));
 }
 
-double told(const WhepClient& client, const std::string& name) {
+double last_statistic(const WhepClient& client, const std::string& name) {
   const auto messages = client.messages();
   const std::string key = "\"" + name + "\":";
   for (auto message = messages.rbegin(); message != messages.rend(); ++message)
@@ -142,7 +142,7 @@ double told(const WhepClient& client, const std::string& name) {
 
 // Views use a focal surface unless a plane is requested by name. GStreamer 1.22 blocks forever on the first kind of
 // feedback, and stores records of 65528 packets for each message of the second kind.
-TEST_F(LfServeMedia, FeedbackThatAViewerNeedNotSendIsDropped) {
+TEST_F(LfServeMedia, UnneededFeedbackIsDropped) {
   Served served;
   auto client = std::make_unique<WhepClient>(WhepClient::Options{.url = served.url()});
   client->send_feedback(205, 5, {});
@@ -156,40 +156,41 @@ TEST_F(LfServeMedia, FeedbackThatAViewerNeedNotSendIsDropped) {
   EXPECT_EQ(served.stop(), 0) << "the view is closed, and the server ends";
 }
 
-TEST_F(LfServeMedia, ASurfaceIsLookedForUnasked) {
+TEST_F(LfServeMedia, FocalSurfaceIsFoundByDefault) {
   Served served({"--focus-near", "1", "--focus-far", "6", "--gains", "on", "--resampling", "bilinear"});
   const auto client = watch(served);
   client->send("{}");
-  EXPECT_TRUE(becomes([&] { return told(*client, "rounds") >= 6; }));
-  EXPECT_GT(told(*client, "consistencyBytes"), 0);
+  EXPECT_TRUE(becomes([&] { return last_statistic(*client, "rounds") >= 6; }));
+  EXPECT_GT(last_statistic(*client, "consistencyBytes"), 0);
   Served flat({"--focus-mode", "plane"});
   const auto other = watch(flat);
   other->send("{}");
-  EXPECT_TRUE(becomes([&] { return told(*other, "pictures") >= 30; }));
-  EXPECT_EQ(told(*other, "rounds"), 0);
-  EXPECT_TRUE(becomes([&] { return told(*other, "sequence") >= 30; })) << "what the latest picture shows";
+  EXPECT_TRUE(becomes([&] { return last_statistic(*other, "pictures") >= 30; }));
+  EXPECT_EQ(last_statistic(*other, "rounds"), 0);
+  EXPECT_TRUE(becomes([&] { return last_statistic(*other, "sequence") >= 30; })) << "what the latest picture shows";
 }
 
-TEST_F(LfServeMedia, WhereTheNetworkTakesLessThereIsLessAndLaterMore) {
+TEST_F(LfServeMedia, BitRateFollowsTheNetwork) {
   Served served({"--bitrate", "480000"});
   const auto client = watch(served, {.width = 480, .height = 360});  // same size as a view with half the size
   client->send("{}");
-  EXPECT_TRUE(becomes([&] { return told(*client, "frameRate") == 30; }));
+  EXPECT_TRUE(becomes([&] { return last_statistic(*client, "frameRate") == 30; }));
   client->set_loss(0.3);
-  EXPECT_TRUE(becomes([&] { return told(*client, "frameRate") == 15; }));
-  EXPECT_TRUE(becomes([&] { return told(*client, "sizeDivisor") == 2; })) << told(*client, "bitRate");
-  EXPECT_LT(told(*client, "bitRate"), 240000);
+  EXPECT_TRUE(becomes([&] { return last_statistic(*client, "frameRate") == 15; }));
+  EXPECT_TRUE(becomes([&] { return last_statistic(*client, "sizeDivisor") == 2; }))
+      << last_statistic(*client, "bitRate");
+  EXPECT_LT(last_statistic(*client, "bitRate"), 240000);
   client->set_loss(0);
-  EXPECT_TRUE(goes_on(*client)) << "in another size";
-  EXPECT_TRUE(becomes([&] { return told(*client, "sizeDivisor") == 1; }));
+  EXPECT_TRUE(receives_pictures(*client)) << "in another size";
+  EXPECT_TRUE(becomes([&] { return last_statistic(*client, "sizeDivisor") == 1; }));
   if (!kFallsBehind) {
-    EXPECT_TRUE(becomes([&] { return told(*client, "frameRate") == 30; }));
+    EXPECT_TRUE(becomes([&] { return last_statistic(*client, "frameRate") == 30; }));
   }
-  EXPECT_TRUE(goes_on(*client));
+  EXPECT_TRUE(receives_pictures(*client));
   EXPECT_EQ(served.stop(), 0);
 }
 
-TEST_F(LfServeMedia, TheEncoderIsThatOfTheHighestRank) {
+TEST_F(LfServeMedia, UsesTheEncoderWithTheHighestRank) {
   GstElementFactory* factory = gst_element_factory_find("openh264enc");
   if (!factory) GTEST_SKIP() << "no openh264enc";
   gst_object_unref(factory);
@@ -205,11 +206,11 @@ TEST_F(LfServeMedia, TheEncoderIsThatOfTheHighestRank) {
   };
   EXPECT_TRUE(says("\"encoder\":\"openh264enc\""));
   EXPECT_TRUE(says("\"shed\":{"));
-  EXPECT_TRUE(goes_on(*client));
+  EXPECT_TRUE(receives_pictures(*client));
 }
 
 // The data channel may open before there is video; earlier messages still count.
-TEST_F(LfServeMedia, WhatIsSaidFirstIsHeard) {
+TEST_F(LfServeMedia, EarlyMessagesAreProcessed) {
   Served served;
   for (int i = 0; i < 5; i++) {
     WhepClient::Options options;
@@ -218,11 +219,11 @@ TEST_F(LfServeMedia, WhatIsSaidFirstIsHeard) {
         "\"structure\":"
         "{\"yaw\":1.5}}}";
     const auto client = watch(served, options);
-    EXPECT_TRUE(becomes([&] { return told(*client, "yaw") == 1.5; })) << told(*client, "yaw");
+    EXPECT_TRUE(becomes([&] { return last_statistic(*client, "yaw") == 1.5; })) << last_statistic(*client, "yaw");
   }
 }
 
-TEST_F(LfServeMedia, NothingIsMadeForWhoDoesNotConnect) {
+TEST_F(LfServeMedia, UnconnectedViewersCauseNoRequests) {
   Served served;
   SoupSession* session = soup_session_new();
   SoupMessage* message = soup_message_new("POST", (served.url() + "whep").c_str());
@@ -241,7 +242,7 @@ TEST_F(LfServeMedia, NothingIsMadeForWhoDoesNotConnect) {
   g_object_unref(session);
 }
 
-TEST_F(LfServeMedia, ASecondDataChannelEndsAViewerWhichIsTold) {
+TEST_F(LfServeMedia, SecondDataChannelEndsTheViewer) {
   Served served;
   const auto stays = watch(served), greedy = watch(served);
   greedy->send("{}");
@@ -249,12 +250,12 @@ TEST_F(LfServeMedia, ASecondDataChannelEndsAViewerWhichIsTold) {
   greedy->open_channel("another");
   EXPECT_TRUE(becomes([&] { return served.metric("viewers") == "1"; }));
   EXPECT_TRUE(becomes([&] { return greedy->ended(); })) << "its channels close";
-  EXPECT_TRUE(goes_on(*stays));
+  EXPECT_TRUE(receives_pictures(*stays));
   EXPECT_EQ(served.stop(), 0);
   EXPECT_THAT(served.said(), HasSubstr("one data channel"));
 }
 
-TEST_F(LfServeMedia, ConnectsThatAreAbortedDisturbNobody) {
+TEST_F(LfServeMedia, AbortedConnectsDoNotDisturbOthers) {
   Served served({"--viewers", "200", "--address-views", "200", "--connects", "1000"});
   const auto client = watch(served);
   GUri* uri = g_uri_parse(served.url().c_str(), G_URI_FLAGS_NONE, nullptr);
@@ -275,11 +276,11 @@ TEST_F(LfServeMedia, ConnectsThatAreAbortedDisturbNobody) {
   g_object_unref(connector);
   EXPECT_GT(client->pictures(), before) << "none meanwhile";
   EXPECT_TRUE(becomes([&] { return served.metric("viewers") == "1"; }));
-  EXPECT_TRUE(goes_on(*client));
+  EXPECT_TRUE(receives_pictures(*client));
   EXPECT_EQ(served.stop(), 0);
 }
 
-TEST_F(LfServeMedia, NonsenseOnTheDataChannelIsRefusedAndSaidAndChangesNothing) {
+TEST_F(LfServeMedia, InvalidMessagesAreRefused) {
   Served served;
   const auto client = watch(served);
   const std::string move =
@@ -310,7 +311,7 @@ TEST_F(LfServeMedia, NonsenseOnTheDataChannelIsRefusedAndSaidAndChangesNothing) 
   }));
   EXPECT_EQ(served.metric("refused_messages_total"), std::to_string(std::size(table)));
   for (int i = 0; i < 2000; i++) client->send(move);
-  EXPECT_TRUE(goes_on(*client));
+  EXPECT_TRUE(receives_pictures(*client));
   EXPECT_EQ(served.stop(), 0);
   EXPECT_THAT(served.said(), HasSubstr("messages are ignored"));
 }
@@ -328,7 +329,7 @@ std::string answer_to(const WhepClient& client, int id) {
   return "";
 }
 
-TEST_F(LfServeMedia, AnApertureBeyondTheLimitIsRefused) {
+TEST_F(LfServeMedia, ApertureBeyondTheLimitIsRefused) {
   Served served({"--max-aperture", "0.01"});
   const auto client = watch(served);
   client->send(aperture_of(0.02, 5));
@@ -336,7 +337,8 @@ TEST_F(LfServeMedia, AnApertureBeyondTheLimitIsRefused) {
   EXPECT_TRUE(becomes([&] { return !answer_to(*client, 6).empty(); }));
   EXPECT_THAT(answer_to(*client, 5), HasSubstr("aperture is larger"));
   EXPECT_THAT(answer_to(*client, 6), HasSubstr("\"error\":null"));
-  EXPECT_TRUE(becomes([&] { return told(*client, "aperture") == 0.005; })) << told(*client, "aperture");
+  EXPECT_TRUE(becomes([&] { return last_statistic(*client, "aperture") == 0.005; }))
+      << last_statistic(*client, "aperture");
 }
 
 TEST_F(LfServeMedia, MoreMessagesThanAllowedAreDropped) {
@@ -348,19 +350,19 @@ TEST_F(LfServeMedia, MoreMessagesThanAllowedAreDropped) {
     if (!few) {
       EXPECT_TRUE(becomes([&] { return !answer_to(*client, 40).empty(); }));
     }
-    EXPECT_TRUE(goes_on(*client));
+    EXPECT_TRUE(receives_pictures(*client));
     EXPECT_EQ(served.metric("refused_messages_total") == "0", !few) << served.metric("refused_messages_total");
     EXPECT_EQ(served.stop(), 0);
     EXPECT_EQ(served.said().find("messages are ignored") != std::string::npos, few);
   }
 }
 
-TEST_F(LfServeMedia, WhatIsServedIsRecorded) {
+TEST_F(LfServeMedia, RecordsTheCameras) {
   const TempDir dir;
   const std::string folder = dir / "recording";
   {
     Served served({"--record", folder});
-    EXPECT_TRUE(goes_on(*watch(served)));
+    EXPECT_TRUE(receives_pictures(*watch(served)));
     EXPECT_TRUE(becomes([&] {
       std::error_code error;
       return std::filesystem::file_size(folder + "/camera3.mkv", error) > 5000 && !error;

@@ -138,7 +138,7 @@ TEST_F(LfServe, ServesPageHealthAndMetrics) {
   EXPECT_EQ(served.stop(), 0) << served.said();
 }
 
-TEST_F(LfServe, FliesPathsThatItHas) {
+TEST_F(LfServe, PlaysPaths) {
   const TempDir dir;
   const auto views = [](const char* height) {
     return std::string(R"({"format": "lightfield-views", "version": 1, "views": [{"position": [0, 0, 0],
@@ -161,7 +161,7 @@ TEST_F(LfServe, FliesPathsThatItHas) {
   EXPECT_THAT(odd.said(), HasSubstr("must be even"));
 }
 
-TEST_F(LfServe, AnswersAnOfferAndTakesLeave) {
+TEST_F(LfServe, AnswersAnOfferAndEndsTheSession) {
   Served served;
   const Response answer = offer(served);
   ASSERT_EQ(answer.status, 201u) << answer.body << served.said();
@@ -181,7 +181,7 @@ TEST_F(LfServe, AnswersAnOfferAndTakesLeave) {
   EXPECT_EQ(metric(served, "viewers"), "0");
 }
 
-TEST_F(LfServe, RefusesBadOffersWithTheirStatus) {
+TEST_F(LfServe, RefusesBadOffers) {
   Served served({"--connects", "1000"});
   const std::string good = browser_offer();
   for (const std::string& bad :
@@ -200,7 +200,7 @@ TEST_F(LfServe, RefusesBadOffersWithTheirStatus) {
   EXPECT_THAT(served.said(), mentions("127.0.0.1", "413", "body"));
 }
 
-TEST_F(LfServe, AsksForTheToken) {
+TEST_F(LfServe, RequiresTheToken) {
   const TempDir dir;
   dir.write_secret("token", "open sesame\n");
   Served served({"--token-file", dir / "token"});
@@ -217,7 +217,7 @@ TEST_F(LfServe, AsksForTheToken) {
   EXPECT_EQ(metric(served, "refused_total{reason=\"token\"}", right), "8");
 }
 
-TEST_F(LfServe, AsksForTheOrigin) {
+TEST_F(LfServe, ChecksTheOrigin) {
   Served served({"--origin", "https://example.org"});
   EXPECT_EQ(offer(served, browser_offer(), {{"Origin", "https://evil.org"}}).status, 403u);
   EXPECT_EQ(offer(served, browser_offer(), {{"Host", "evil.org"}, {"Origin", "http://evil.org"}}).status, 403u);
@@ -231,7 +231,7 @@ TEST_F(LfServe, AsksForTheOrigin) {
 }
 
 // The clients never connect. Margins allow for slow machines.
-TEST_F(LfServe, SeatsThoseWhoConnectAndQueuesTheOthers) {
+TEST_F(LfServe, QueuesViewersWithoutASeat) {
   Served served({"--viewers", "2", "--address-views", "1", "--proxy", "127.0.0.1", "--connects", "1000"});
   const auto from = [&](const char* address, const std::string& query = "") {
     return offer(served, browser_offer(), {{"X-Forwarded-For", address}}, query);
@@ -265,7 +265,7 @@ TEST_F(LfServe, SeatsThoseWhoConnectAndQueuesTheOthers) {
   EXPECT_THAT(served.said(), mentions("closes", "connect"));
 }
 
-TEST_F(LfServe, AddressesAreThoseOfConnectionsUnlessAProxyIsNamed) {
+TEST_F(LfServe, ForwardedAddressesNeedATrustedProxy) {
   Served served({"--connects", "1000"});
   const auto from = [&](const std::string& address) {
     return offer(served, browser_offer(), {{"X-Forwarded-For", address}, {"X-Forwarded-Prefix", "/there"}});
@@ -284,7 +284,7 @@ TEST_F(LfServe, AddressesAreThoseOfConnectionsUnlessAProxyIsNamed) {
   EXPECT_EQ(ask(proxied, "DELETE", location.substr(sizeof "/light/field")).status, 200u);
 }
 
-TEST_F(LfServe, GoesByItsNamesAlone) {
+TEST_F(LfServe, ChecksTheHost) {
   Served served({"--host", "cameras.example"});
   for (const char* host : {"cameras.example", "localhost:1", "127.0.0.1"})
     EXPECT_EQ(ask(served, "GET", "array.json", {{"Host", host}}).status, 200u) << host;
@@ -296,7 +296,7 @@ TEST_F(LfServe, GoesByItsNamesAlone) {
   EXPECT_EQ(ask(served, "GET", "healthz", {{"Host", "evil.org"}}).status, 200u) << "for monitoring";
 }
 
-TEST_F(LfServe, TellsBrowsersWhatTheyMayNotDo) {
+TEST_F(LfServe, SendsSecurityHeaders) {
   Served served({"--origin", "https://example.org"});
   for (const char* path : {"", "array.json", "nowhere", "whep"}) {
     const Response response = ask(served, "GET", path);
@@ -308,7 +308,7 @@ TEST_F(LfServe, TellsBrowsersWhatTheyMayNotDo) {
   EXPECT_THAT(policy, HasSubstr("frame-ancestors 'self' https://example.org"));
 }
 
-TEST_F(LfServe, TokensAreNotGuessed) {
+TEST_F(LfServe, LimitsWrongTokens) {
   const TempDir dir;
   dir.write_secret("token", "open sesame\n");
   Served served({"--token-file", dir / "token"});
@@ -326,7 +326,7 @@ TEST_F(LfServe, TokensAreNotGuessed) {
   EXPECT_EQ(ask(served, "GET", "").status, 200u);
 }
 
-TEST_F(LfServe, NamesIceServersToThoseWhoMayWatch) {
+TEST_F(LfServe, SendsIceServersOnlyToAuthorisedClients) {
   const TempDir dir;
   dir.write_secret("token", "open sesame\n");
   dir.write_secret("turn", "user password\n");
@@ -349,7 +349,7 @@ TEST_F(LfServe, NamesIceServersToThoseWhoMayWatch) {
   EXPECT_THAT(none.said(), HasSubstr("--ice-credentials"));
 }
 
-TEST_F(LfServe, ThePageIsThereWhileTheSceneIsFilmed) {
+TEST_F(LfServe, ServesThePageWhileTheSceneIsFilmed) {
   const TempDir dir;
   Served served(Served::SceneNotFilmed{dir.path()});
   ASSERT_NE(served.url(), "") << served.said();
@@ -364,7 +364,7 @@ TEST_F(LfServe, ThePageIsThereWhileTheSceneIsFilmed) {
   EXPECT_EQ(served.stop(), 0);
 }
 
-TEST_F(LfServe, SilentConnectionsKeepNobodyOut) {
+TEST_F(LfServe, SilentConnectionsDoNotBlockOthers) {
   Served served;
   const auto open_sockets = [&served] {
     int sockets = 0;
@@ -397,7 +397,7 @@ TEST_F(LfServe, SilentConnectionsKeepNobodyOut) {
   g_object_unref(connector);
 }
 
-TEST_F(LfServe, ClosesConnectionsOfClientsThatHaveGone) {
+TEST_F(LfServe, ClosesAbandonedConnections) {
   Served served;
   const auto open_files = [&served] {
     const std::filesystem::directory_iterator files("/proc/" + served.pid() + "/fd");
@@ -458,7 +458,7 @@ TEST_F(LfServeTls, AnswersOverHttps) {
   EXPECT_EQ(served.stop(), 0) << served.said();
 }
 
-TEST_F(LfServeTls, TakesANewCertificateWhileItRuns) {
+TEST_F(LfServeTls, ReloadsTheCertificate) {
   Served served(options());
   const std::string first = dir_ / "first.pem";
   std::filesystem::copy_file(dir_ / "certificate.pem", first);
@@ -476,7 +476,7 @@ TEST_F(LfServeTls, TakesANewCertificateWhileItRuns) {
 }
 
 // chmod changes neither size nor modification time of a file.
-TEST_F(LfServeTls, NoticesThatTheModeOfTheKeyIsRepaired) {
+TEST_F(LfServeTls, NoticesARepairedModeOfTheKey) {
   using std::filesystem::perm_options, std::filesystem::perms;
   Served served(options());
   std::filesystem::permissions(dir_ / "key.pem", perms::others_read, perm_options::add);
@@ -488,7 +488,7 @@ TEST_F(LfServeTls, NoticesThatTheModeOfTheKeyIsRepaired) {
   EXPECT_EQ(ask(served, "GET", "healthz").status, 200u);
 }
 
-TEST_F(LfServeTls, RefusesFilesThatWillNotDo) {
+TEST_F(LfServeTls, RefusesUnusableFiles) {
   const auto said = [](const std::vector<std::string>& options) {
     Served served(options);
     EXPECT_EQ(served.stop(), 1);
@@ -506,7 +506,7 @@ TEST_F(LfServeTls, RefusesFilesThatWillNotDo) {
 }
 
 // GLib performs each handshake in one of a few threads. Half of the clients start a handshake and stall.
-TEST_F(LfServeTls, HandshakesThatStallKeepNobodyOut) {
+TEST_F(LfServeTls, StalledHandshakesDoNotBlockOthers) {
   Served served(options());
   trust(dir_ / "certificate.pem");
   std::vector<std::unique_ptr<Client>> stalled;
@@ -521,7 +521,7 @@ TEST_F(LfServeTls, HandshakesThatStallKeepNobodyOut) {
 }
 
 // The system's trusted certificates, about 300 kB, are not loaded, because no client has a certificate.
-TEST_F(LfServeTls, AHandshakeReadsNoFiles) {
+TEST_F(LfServeTls, HandshakesReadNoFiles) {
   Served served(options());
   trust(dir_ / "certificate.pem");
   ASSERT_EQ(ask(served, "GET", "healthz").status, 200u);
@@ -545,7 +545,7 @@ TEST_F(LfServeTls, AHandshakeReadsNoFiles) {
 }
 
 // A request can contain thousands of ranges, and libsoup would send the body for each range.
-TEST_F(LfServe, AnswersAreWholeWhateverRangesAreAskedFor) {
+TEST_F(LfServe, IgnoresRanges) {
   Served served;
   for (const char* path : {"mosaic.jpg", "lightfield-viewer.js", ""}) {
     const Response response = ask(served, "GET", path, {{"Range", "bytes=0-,0-,0-"}});
@@ -555,7 +555,7 @@ TEST_F(LfServe, AnswersAreWholeWhateverRangesAreAskedFor) {
 }
 
 // A customer with IPv6 has many networks; the test uses as many loopback addresses.
-TEST_F(LfServe, IdleConnectionsFromManyAddressesPushNobodyOut) {
+TEST_F(LfServe, IdleConnectionsDoNotDisplaceOthers) {
   Served served;
   std::vector<std::unique_ptr<Client>> idle;
   const auto flood = [&](int count) {
@@ -577,7 +577,7 @@ TEST_F(LfServe, IdleConnectionsFromManyAddressesPushNobodyOut) {
 }
 
 // Browsers send no Origin with <img>.
-TEST_F(LfServe, PagesOfOtherSitesGetNoPictures) {
+TEST_F(LfServe, RefusesPagesOfOtherSites) {
   Served served({"--origin", "https://Example.org/"});
   const Headers embedded = {
       {"Sec-Fetch-Site", "cross-site"}, {"Sec-Fetch-Mode", "no-cors"}, {"Sec-Fetch-Dest", "image"}};
@@ -599,7 +599,7 @@ TEST_F(LfServe, PagesOfOtherSitesGetNoPictures) {
 }
 
 // Programs disagree about which of two headers counts.
-TEST_F(LfServe, AHeaderThatDecidesComesOnce) {
+TEST_F(LfServe, RefusesDuplicateHeaders) {
   Served served;
   const auto answer = [&](const std::string& headers) {
     Client client(served, "127.0.0.1");
@@ -616,7 +616,7 @@ TEST_F(LfServe, AHeaderThatDecidesComesOnce) {
   }
 }
 
-TEST_F(LfServe, SecretsThatOtherUsersCanReadAreRefused) {
+TEST_F(LfServe, RefusesReadableSecrets) {
   const TempDir dir;
   dir.write("open", "open sesame and a lot more\n");  // world-readable due to the umask
   std::filesystem::permissions(dir / "open", std::filesystem::perms(0644));
@@ -630,7 +630,7 @@ TEST_F(LfServe, SecretsThatOtherUsersCanReadAreRefused) {
   }
 }
 
-TEST_F(LfServe, OptionsThatWouldNeverMatchAreRefused) {
+TEST_F(LfServe, RefusesUselessOptions) {
   const std::pair<std::vector<std::string>, const char*> table[] = {
       {{"--capture-delay", "10001"}, "10001"},
       {{"--media-address", "192.0.2.1"}, "--media-address 192.0.2.1:"},
@@ -654,7 +654,7 @@ TEST_F(LfServe, OptionsThatWouldNeverMatchAreRefused) {
 }
 
 // Every failing offer gets one sentence, without GStreamer's messages.
-TEST_F(LfServe, AnswersStrangeOffersWithASentence) {
+TEST_F(LfServe, ExplainsUnusableOffers) {
   Served served({"--connects", "1000", "--address-views", "100", "--viewers", "100"});
   const std::string good = browser_offer();
   for (const std::string& bad :
@@ -672,7 +672,7 @@ TEST_F(LfServe, AnswersStrangeOffersWithASentence) {
   EXPECT_EQ(served.stop(), 0) << served.said();
 }
 
-TEST_F(LfServe, LimitsConnectsOfAnAddress) {
+TEST_F(LfServe, LimitsConnectsPerAddress) {
   Served served({"--connects", "0.01"});
   int refused = 0;
   Response last;
@@ -684,7 +684,7 @@ TEST_F(LfServe, LimitsConnectsOfAnAddress) {
   EXPECT_TRUE(last.headers.contains("Retry-After"));
 }
 
-TEST_F(LfServe, ListensToOthersOnlyWhenTold) {
+TEST_F(LfServe, ListensOnLoopbackByDefault) {
   Served served({"--listen", "0.0.0.0"});
   EXPECT_EQ(served.url(), "");
   EXPECT_EQ(served.stop(), 1);
@@ -694,7 +694,7 @@ TEST_F(LfServe, ListensToOthersOnlyWhenTold) {
   EXPECT_EQ(insecure.stop(), 0);
 }
 
-TEST_F(LfServe, WarnsIfEverybodyOnTheNetworkCanWatch) {
+TEST_F(LfServe, WarnsOfUnprotectedAccess) {
   Served open({"--listen", "0.0.0.0", "--insecure"});
   ASSERT_NE(open.url(), "") << open.said();
   EXPECT_EQ(open.stop(), 0);

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Rate limits, size limits and admission.
 #include "serve/limits.h"
 
 #include <gmock/gmock.h>
@@ -20,7 +19,7 @@ TEST(ViewParams, EyeDistances) {
   for (const char* wrong : {"x", "-0.1", "nan", "inf", "1e9", "0.1m"}) EXPECT_FALSE(eye_distance(wrong)) << wrong;
 }
 
-TEST(RateLimit, BucketsFillWithTime) {
+TEST(RateLimit, BucketsRefill) {
   TokenBucket bucket(2, 4);
   int64_t now = 100 * kSecond;
   for (int i = 0; i < 4; i++) EXPECT_TRUE(bucket.take(now)) << i;
@@ -34,7 +33,7 @@ TEST(RateLimit, BucketsFillWithTime) {
   EXPECT_FALSE(bucket.take(now));
 }
 
-TEST(RateLimit, ARateMayChange) {
+TEST(RateLimit, RateMayChange) {
   TokenBucket bytes(1000, 5000);
   EXPECT_FALSE(bytes.take(kSecond, 5001));
   EXPECT_TRUE(bytes.take(kSecond, 5000));
@@ -45,7 +44,7 @@ TEST(RateLimit, ARateMayChange) {
   EXPECT_FALSE(bytes.take(100 * kSecond, 1)) << "no more than the burst";
 }
 
-TEST(RateLimit, AddressesHaveTheirOwnAndAreForgotten) {
+TEST(RateLimit, AddressesAreIndependentAndForgotten) {
   AddressLimit limit(1, 1);
   const int64_t now = kSecond;
   EXPECT_TRUE(limit.take("a", now));
@@ -62,7 +61,7 @@ TEST(RateLimit, AddressesHaveTheirOwnAndAreForgotten) {
   EXPECT_LE(limit.size(), 10u);
 }
 
-TEST(Limits, SizesOfViews) {
+TEST(Limits, ScalesSizesOfViews) {
   const Limits limits{.max_width = 1281, .max_height = 720};
   const auto expect = [&](const char* width, const char* height, int w, int h) {
     const auto size = view_size(width, height, limits);
@@ -82,7 +81,7 @@ TEST(Limits, SizesOfViews) {
   }
 }
 
-TEST(Limits, BitRatesFollowSizes) {
+TEST(Limits, BitRatesDependOnSizes) {
   Limits limits;
   EXPECT_EQ(best_bit_rate(1280, 720, limits), limits.bit_rate);
   EXPECT_LT(best_bit_rate(640, 480, limits), 2100000);
@@ -111,7 +110,7 @@ class AdmissionControlTest : public testing::Test {
   int64_t now_ = 1000 * kSecond;
 };
 
-TEST_F(AdmissionControlTest, AnAddressHasTwo) {
+TEST_F(AdmissionControlTest, LimitsViewsPerAddress) {
   EXPECT_TRUE(connects("a", "1"));
   EXPECT_TRUE(connects("b", "1"));
   EXPECT_EQ(come("c", "1").verdict, AdmissionControl::Answer::kAddress);
@@ -124,7 +123,7 @@ TEST_F(AdmissionControlTest, AnAddressHasTwo) {
   EXPECT_EQ(seats_.waiting(), 0u) << "not queued";
 }
 
-TEST_F(AdmissionControlTest, WhoDoesNotConnectGivesItsSeatUp) {
+TEST_F(AdmissionControlTest, UnconnectedViewersLoseTheirSeats) {
   come("a", "1");
   come("b", "1");
   EXPECT_EQ(come("c", "1").verdict, AdmissionControl::Answer::kAddress) << "they may still connect";
@@ -136,7 +135,7 @@ TEST_F(AdmissionControlTest, WhoDoesNotConnectGivesItsSeatUp) {
   EXPECT_THAT(come("e", "3").leave, IsEmpty());
 }
 
-TEST_F(AdmissionControlTest, OneAddressDoesNotKeepOthersFromConnecting) {
+TEST_F(AdmissionControlTest, OneAddressCannotBlockOthers) {
   for (int i = 0; i < 20; i++) {
     const std::string n = std::to_string(i);
     come("x" + n, "evil");
@@ -148,7 +147,7 @@ TEST_F(AdmissionControlTest, OneAddressDoesNotKeepOthersFromConnecting) {
   }
 }
 
-TEST_F(AdmissionControlTest, ThoseWhoConnectAtOnceDoNotPushEachOtherOut) {
+TEST_F(AdmissionControlTest, SimultaneousViewersKeepTheirSeats) {
   come("a", "1");
   come("b", "2");
   const AdmissionControl::Answer third = come("c", "3");
@@ -158,7 +157,7 @@ TEST_F(AdmissionControlTest, ThoseWhoConnectAtOnceDoNotPushEachOtherOut) {
   EXPECT_EQ(come("c", "3", third.ticket).verdict, AdmissionControl::Answer::kAdmitted);
 }
 
-TEST_F(AdmissionControlTest, TheQueueKeepsItsOrder) {
+TEST_F(AdmissionControlTest, QueueKeepsItsOrder) {
   for (int i = 0; i < 8; i++) ASSERT_TRUE(connects(std::to_string(i), std::to_string(i)));
   const std::string first = come("a", "a").ticket, second = come("b", "b").ticket;
   EXPECT_EQ(first, "ticket of a");
@@ -178,7 +177,7 @@ TEST_F(AdmissionControlTest, TheQueueKeepsItsOrder) {
   EXPECT_EQ(come("d", "d", "an unknown ticket").place, 1u);
 }
 
-TEST_F(AdmissionControlTest, TheQueueIsNotForOneAddressNorWithoutEnd) {
+TEST_F(AdmissionControlTest, QueueIsLimited) {
   for (int i = 0; i < 8; i++) ASSERT_TRUE(connects(std::to_string(i), std::to_string(i)));
   come("a", "evil");
   come("b", "evil");

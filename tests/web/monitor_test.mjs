@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The camera monitor's panel in headless Chromium.
 import { readFile, writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
 import { artefacts, closeClean, expect, launchBrowser, makeRig, openShown, patience, runTests, serve, until } from './harness.mjs';
@@ -21,7 +20,7 @@ async function open(...options) {
   return { served, page };
 }
 
-async function namesTheBadOne() {
+async function namesTheMisalignedCamera() {
   const rig = JSON.parse(good), half = 0.25 * Math.PI / 180;
   rig.cameras[kTurned].orientation = [Math.cos(half), 0, Math.sin(half), 0];
   await writeFile(file, JSON.stringify(rig));
@@ -49,7 +48,7 @@ async function namesTheBadOne() {
   await closeClean(viewer.page, viewer.served);
 }
 
-async function ofGoodCamerasNoneStandsOut() {
+async function goodCamerasAreNotSuspected() {
   await writeFile(file, good);
   const viewer = await open('--monitor', '1', '--focus-mode', 'plane');
   await until(async () => await turns(viewer.page) > 60, 'two rounds');
@@ -58,7 +57,7 @@ async function ofGoodCamerasNoneStandsOut() {
   await closeClean(viewer.page, viewer.served);
 }
 
-async function nothingThatDoesNothing() {
+async function noPanelWithoutMonitor() {
   const viewer = await open(), { page } = viewer;
   await page.waitForFunction(() => inside().statistics.monitored === false, null, { timeout: patience });
   expect(!await page.getByRole('button', { name: 'Quality' }).count(), 'a button for nothing');
@@ -69,7 +68,7 @@ async function nothingThatDoesNothing() {
 }
 
 await runTests([
-  ['the panel names the camera that looks elsewhere', namesTheBadOne],
-  ['of good cameras none stands out', ofGoodCamerasNoneStandsOut],
-  ['without --monitor there is no panel', nothingThatDoesNothing],
+  ['the panel names a misaligned camera', namesTheMisalignedCamera],
+  ['good cameras are not suspected', goodCamerasAreNotSuspected],
+  ['without --monitor there is no panel', noPanelWithoutMonitor],
 ]);

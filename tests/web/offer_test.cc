@@ -15,7 +15,7 @@
 namespace lf::serve {
 namespace {
 
-TEST(IceServers, StunAndTurnWithAPassword) {
+TEST(IceServers, ListsStunAndTurnWithAPassword) {
   const IceServers none, servers({"stun:stun.example.org", "turn:[2001:db8::1]:443?transport=tcp"}, "me pa:ss/word\n");
   EXPECT_TRUE(none.empty());
   EXPECT_EQ(none.links(0), "");
@@ -41,7 +41,7 @@ TEST(IceServers, RelaysAreTheAddressesOfTurnServers) {
 }
 
 // The password is the HMAC-SHA1 of the time, as in `openssl dgst -sha1 -hmac secret -binary | base64`.
-TEST(IceServers, ASecretMakesPasswordsThatEnd) {
+TEST(IceServers, SecretMakesTemporaryPasswords) {
   const IceServers servers({"turn:turn.example.org"}, "secret\n");
   EXPECT_EQ(servers.links(1000000000 - IceServers::kLifetime),
             "<turn:turn.example.org>; rel=\"ice-server\"; username=\"1000000000\"; "
@@ -49,7 +49,7 @@ TEST(IceServers, ASecretMakesPasswordsThatEnd) {
   EXPECT_NE(servers.links(1), servers.links(2));
 }
 
-TEST(IceServers, WhatCouldEndAHeaderIsNone) {
+TEST(IceServers, RefusesCharactersThatEndAHeader) {
   for (const char* wrong : {"", "stun", "stun:", "http://example.org", "stun:a b", "stun:a>;", "stun:a?transport=udp",
                             "turn:a?transport=sctp", "turn:a?x", "turn:u:p@host"})
     EXPECT_THROW(IceServers({wrong}, "a b"), Error) << wrong;
@@ -67,7 +67,7 @@ std::string refused(const std::string& text, bool h264 = true, bool vp8 = true) 
   return parse_offer(text, h264, vp8, {}, &reason) ? "" : reason;
 }
 
-TEST(Offer, TakesTheBrowsersOwnNumberForH264) {
+TEST(Offer, UsesTheBrowsersPayloadType) {
   const auto offer = parse_offer(browser_offer(), true, true, {}, nullptr);
   ASSERT_TRUE(offer);
   EXPECT_EQ(offer->codec, VideoCodec::kH264);
@@ -76,7 +76,7 @@ TEST(Offer, TakesTheBrowsersOwnNumberForH264) {
 }
 
 // Otherwise webrtcbin rejects video from peers without level-asymmetry-allowed.
-TEST(Offer, LetsLevelsDiffer) {
+TEST(Offer, AcceptsOtherLevels) {
   const auto offer = parse_offer(with(browser_offer(), "level-asymmetry-allowed=1;", ""), true, true, {}, nullptr);
   ASSERT_TRUE(offer);
   g_autofree gchar* text = gst_sdp_message_as_text(offer->sdp.get());
@@ -99,7 +99,7 @@ TEST(Offer, AnswersNameTheProfile) {
   gst_sdp_message_free(answer);
 }
 
-TEST(Offer, KnowsTheNumberOfThePlayoutDelay) {
+TEST(Offer, ReadsTheIdOfThePlayoutDelay) {
   const std::string line = "a=extmap:5 http://www.webrtc.org/experiments/rtp-hdrext/playout-delay\r\n";
   const auto number = [&](const std::string& other) {
     const auto offer = parse_offer(with(browser_offer(), line, other), true, true, {}, nullptr);
@@ -122,7 +122,7 @@ TEST(Offer, FallsBackToVp8) {
   EXPECT_NE(refused(browser_offer(), false, false), "");
 }
 
-TEST(Offer, HasNoCandidatesButThoseOfKnownAddresses) {
+TEST(Offer, KeepsOnlyCandidatesOfKnownAddresses) {
   const std::string own = "a=candidate:1 1 udp 2122260223 192.0.2.7 50000 typ host\r\n",
                     others =
                         "a=candidate:2 1 udp 2122260223 10.0.0.1 22 typ host\r\n"
@@ -153,7 +153,7 @@ TEST(Offer, OneMediumNeedsNoBundle) {
   EXPECT_EQ(refused(with(good.substr(0, good.find("m=application")), "a=group:BUNDLE 0 1\r\n", "")), "");
 }
 
-TEST(Offer, RefusesWhatCanNotBeAnsweredAndSaysWhy) {
+TEST(Offer, RefusesUnusableOffersWithTheReason) {
   const std::string good = browser_offer();
   const std::pair<std::string, const char*> table[] = {
       {"", "not SDP"},
@@ -205,7 +205,7 @@ std::string large_offer(size_t formats, const std::string& line, const std::stri
 }
 
 // Measures thread time, which is independent of other programs. The parser once took minutes.
-TEST(Offer, TakesATimeThatIsProportionalToItsLength) {
+TEST(Offer, ParsesInLinearTime) {
   const auto seconds = [] {
     timespec now{};
     clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
@@ -222,7 +222,7 @@ TEST(Offer, TakesATimeThatIsProportionalToItsLength) {
   }
 }
 
-TEST(Offer, HasAsManyFormatsAndAttributesAsBrowsersSend) {
+TEST(Offer, LimitsFormatsAndAttributes) {
   std::string more;
   for (guint i = 0; i < 250; i++) more += "a=rtcp-fb:108 kind" + std::to_string(i) + "\r\n";
   EXPECT_EQ(refused(with(browser_offer(), "a=recvonly\r\n", "a=recvonly\r\n" + more)), "");
@@ -232,7 +232,7 @@ TEST(Offer, HasAsManyFormatsAndAttributesAsBrowsersSend) {
 }
 
 // GStreamer's payloaders reject static payload types.
-TEST(Offer, HasADynamicPayloadType) {
+TEST(Offer, NeedsADynamicPayloadType) {
   for (const char* number : {"0", "35", "95", "128", "x", "-1"}) {
     const std::string text =
         with(with(with(browser_offer(), " 108", std::string(" ") + number), ":108 ", std::string(":") + number + " "),

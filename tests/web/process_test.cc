@@ -17,7 +17,7 @@ TEST(Log, LinesArePrintableAndShort) {
   EXPECT_EQ(printable(std::string(1000, 'x')).size(), kLongestLine);
 }
 
-TEST(Log, ThereAreNoMoreLinesThanAPersonReads) {
+TEST(Log, LimitsTheRateOfLines) {
   testing::internal::CaptureStdout();
   for (int i = 0; i < 3 * kLinesAtOnce; i++) say("line");
   const std::string said = testing::internal::GetCapturedStdout();
@@ -28,7 +28,7 @@ using std::chrono::milliseconds;
 
 constexpr milliseconds kSoon{10}, kPatience{20000};
 
-TEST(Teardowns, OneThatHangsHoldsUpNoOther) {
+TEST(Teardowns, HangingTeardownDoesNotBlockOthers) {
   std::promise<void> hang;
   std::atomic<int> ended = 0;
   Teardowns departures;
@@ -42,7 +42,7 @@ TEST(Teardowns, OneThatHangsHoldsUpNoOther) {
   EXPECT_TRUE(departures.wait(kPatience));
 }
 
-TEST(Teardowns, WhatTheyHoldIsGoneWhenTheyAre) {
+TEST(Teardowns, FinishedTeardownsReleaseTheirObjects) {
   const auto held = std::make_shared<int>(7);
   Teardowns departures;
   departures.add([held] {});
@@ -50,7 +50,7 @@ TEST(Teardowns, WhatTheyHoldIsGoneWhenTheyAre) {
   EXPECT_EQ(held.use_count(), 1);
 }
 
-TEST(Teardowns, OneThatHangsOutlivesThem) {
+TEST(Teardowns, HangingTeardownOutlivesTheObject) {
   std::promise<void> hang;
   const auto held = std::make_shared<int>(7);
   {

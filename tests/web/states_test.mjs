@@ -68,7 +68,7 @@ async function queue() {
   await close(page, served);
 }
 
-async function refusedForEver() {
+async function permanentRefusal() {
   const served = await serve(...rig);
   const page = await newPage(browser, size);
   const asked = await refusing(page, [{ title: 'this origin may not watch', status: 403, reason: 'origin' }]);
@@ -316,7 +316,7 @@ async function overlays(colorScheme) {
 await runTests([
   ['while the scene is filmed', filming],
   ['a place in the queue', queue],
-  ['refused for ever', refusedForEver],
+  ['permanent refusal', permanentRefusal],
   ['a server that was away', awayAndBack],
   ['hosts with cameras that do not answer', silentHosts],
   ['no camera that works', noCamera],

@@ -165,12 +165,12 @@ void WhepClient::transport_added(GstBin*, GstBin*, GstElement* element, gpointer
   const bool in = kind == "nicesrc";
   GstPad* pad = gst_element_get_static_pad(element, in ? "src" : "sink");
   gst_pad_add_probe(pad, GstPadProbeType(GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_BUFFER_LIST),
-                    in ? arrives : leaves, data, nullptr);
+                    in ? rtp_received : rtp_sent, data, nullptr);
   gst_object_unref(pad);
 }
 
 // Drops only media (RFC 7983); other tests cover the connection.
-GstPadProbeReturn WhepClient::arrives(GstPad*, GstPadProbeInfo* info, gpointer data) {
+GstPadProbeReturn WhepClient::rtp_received(GstPad*, GstPadProbeInfo* info, gpointer data) {
   WhepClient* self = static_cast<WhepClient*>(data);
   if (self->vanished_) return GST_PAD_PROBE_DROP;
   self->received_ += GST_PAD_PROBE_INFO_TYPE(info) & GST_PAD_PROBE_TYPE_BUFFER
@@ -190,7 +190,7 @@ GstPadProbeReturn WhepClient::arrives(GstPad*, GstPadProbeInfo* info, gpointer d
   return GST_PAD_PROBE_DROP;
 }
 
-GstPadProbeReturn WhepClient::leaves(GstPad*, GstPadProbeInfo*, gpointer data) {
+GstPadProbeReturn WhepClient::rtp_sent(GstPad*, GstPadProbeInfo*, gpointer data) {
   return static_cast<WhepClient*>(data)->vanished_ ? GST_PAD_PROBE_DROP : GST_PAD_PROBE_OK;
 }
 

@@ -63,8 +63,8 @@ class WhepClient {
 
   static void pad_added(GstElement* webrtc, GstPad* pad, gpointer data);
   static void transport_added(GstBin* bin, GstBin* parent, GstElement* element, gpointer data);
-  static GstPadProbeReturn arrives(GstPad* pad, GstPadProbeInfo* info, gpointer data);
-  static GstPadProbeReturn leaves(GstPad* pad, GstPadProbeInfo* info, gpointer data);
+  static GstPadProbeReturn rtp_received(GstPad* pad, GstPadProbeInfo* info, gpointer data);
+  static GstPadProbeReturn rtp_sent(GstPad* pad, GstPadProbeInfo* info, gpointer data);
   static GstPadProbeReturn packet(GstPad* pad, GstPadProbeInfo* info, gpointer data);
   void post(const std::string& offer);
 

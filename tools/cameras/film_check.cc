@@ -27,7 +27,6 @@ struct FrameCounter {
   bool skips = false;  // the file needs an element that may do more than read the file
   GstClockTime first = GST_CLOCK_TIME_NONE, last = 0;
 
-  // Returns true for the first video pad.
   bool take(GstPad* candidate) {
     GstCaps* caps = gst_pad_get_current_caps(candidate);
     if (!caps) return false;

@@ -87,8 +87,7 @@ class RigCameras {
 
 std::string name_of(const Camera& camera);
 
-// A temporary copy of a rig file. It is needed because lfcamsrc opens cameras through a file. Relative paths are
-// adapted to the new location. The destructor deletes the file.
+// A temporary copy of a rig file. Relative paths are adapted to the new location. The destructor deletes the file.
 class TemporaryRig {
  public:
   // `original` is the JSON of the rig file with all fields, such as controls (rig/rig_json.h); `path` is the file. The

@@ -130,7 +130,7 @@ class RequestPacer {
 
 // Adapts a viewer's video to the network. The bit rate drops at once if packets are lost or queue up in the network,
 // and recovers slowly. If the bit rate is too low for the number of pixels, first the frame rate is halved, and then
-// the size. Call update() once a second. There are no clocks and locks, so tests can run without waiting.
+// the size. Call update() once a second.
 class QualityControl {
  public:
   static constexpr double kHighLoss = 0.05, kLowLoss = 0.02;
@@ -190,10 +190,9 @@ class QualityControl {
 
 // Reduces the load in steps, for all viewers equally, if the machine is too slow. The steps are fewer depth hypotheses
 // (surfaces that are tested to find the depth), then half the frame rate, then half the size.
-//
 // The load is reduced by a step if requests are skipped while the processors are busy. It rises again by a step after a
 // while if the processors have enough reserve. If this proves wrong, the next attempt waits twice as long. Call
-// update() once a second. There are no clocks and locks, so tests can run without waiting.
+// update() once a second.
 class LoadShedding {
  public:
   static constexpr double kMinMadeShare = 0.9;  // fraction of sent requests below which the machine is too slow
@@ -262,8 +261,7 @@ class ProcessorLoad {
 };
 
 // Returns the phase of a viewer's requests within the frame period, 0 to 1. If all viewers sent their requests at the
-// same time, each request would wait for the pictures of all other viewers. The phases are multiples of the golden
-// ratio, which spread any n consecutive viewers: they are at least 1 / (1 + sqrt 5) / n apart.
+// same time, each request would wait for the pictures of all other viewers.
 inline double request_phase(uint32_t view) {
   constexpr double kGoldenRatio = 0.6180339887498949;
   const double turns = kGoldenRatio * view;

@@ -39,8 +39,7 @@ inline void on_main_thread(std::function<void()> job) {
   g_source_unref(source);
 }
 
-// Destroys objects on separate threads. This is needed because destroying a pipeline may be slow, and a hung element
-// must not block the server. Thread-safe.
+// Destroys objects on separate threads. Thread-safe.
 class Teardowns {
  public:
   void add(std::function<void()> end);

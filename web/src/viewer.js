@@ -131,7 +131,6 @@ export class Viewer {
     this.root.querySelector('.full').hidden = !document.fullscreenEnabled && !video.webkitEnterFullscreen;
   }
 
-  // Applies changed attributes and links, and restarts the stream if necessary.
   settle() {
     const before = this.asked ?? {};
     const names = ['src', 'token', 'path', 'eye-distance', 'max-width', 'ice-servers', 'eyes'];

@@ -36,7 +36,6 @@ struct Candidate {
   bool software;  // according to EGL; may be wrong
 };
 
-// Returns EGL's devices, hardware before software, and then the display without a device.
 std::vector<Candidate> candidates() {
   std::vector<Candidate> hardware, software;
   const char* extensions = eglQueryString(EGL_NO_DISPLAY, EGL_EXTENSIONS);
@@ -75,7 +74,6 @@ struct Context::Handles {
     // Displays belong to the process, so eglTerminate() would also affect other users of the same display.
   }
 
-  // Creates the context. Returns the reason on failure, else nothing.
   std::optional<std::string> open(const Candidate& candidate) {
     const auto get_display = function<PFNEGLGETPLATFORMDISPLAYEXTPROC>("eglGetPlatformDisplayEXT");
     display = get_display ? get_display(candidate.platform, candidate.native, nullptr) : EGL_NO_DISPLAY;
@@ -100,7 +98,6 @@ Context::Context(std::unique_ptr<Handles> handles, External foreign)
 
 Context::~Context() = default;
 
-// Queries the driver. Returns false if the context is unusable.
 bool Context::look() {
   return run([this] {
     const auto* renderer = reinterpret_cast<const char*>(glGetString(GL_RENDERER));
@@ -163,8 +160,7 @@ bool Context::run(const std::function<void()>& job) {
   const std::lock_guard lock(mutex_);
   if (lost_) return false;
   if (handles_) {
-    // Mesa's software driver (22.3) crashed when two contexts compiled shaders at once. Waiting for one
-    // lock costs little, because each context uses all processors anyway.
+    // Mesa's software driver (22.3) crashed when two contexts compiled shaders at once.
     static std::mutex software;
     std::unique_lock alone(software, std::defer_lock);
     if (software_) alone.lock();

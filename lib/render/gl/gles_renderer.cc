@@ -76,7 +76,6 @@ static bool refuse(std::string& why, std::string reason) {
   return false;
 }
 
-// Checks the size of the output. ImageAtlas checks the images.
 bool GlesRenderer::fits(std::span<const GlesView> views, std::string& why) const {
   const Objects& o = *objects_;
   if (!o.blocks.fits(views)) return refuse(why, "the view is too large");

@@ -67,10 +67,8 @@ std::shared_ptr<GpuSum> GpuSum::add(std::span<const std::shared_ptr<GpuSum>> sum
 
 namespace {
 
-// Returns the number of words in a row of bytes. OpenGL expects rows to begin at whole words.
 GLuint words_of(int bytes) { return static_cast<GLuint>(bytes + 3) / 4; }
 
-// A plane of the picture in the buffer of its bytes.
 struct Plane {
   int width = 0, height = 0, bytes = 1;  // size in pixels; bytes per pixel
   size_t first = 0;

@@ -71,7 +71,6 @@ int up_to(int multiple, int size) { return (size + multiple - 1) / multiple * mu
 
 }  // namespace
 
-// Finds the regions that the views need. Two images are the same if they share memory, or textures and GpuPixels.
 void ImageAtlas::find_pieces(std::span<const GlesView> views, const NeededPixels& needed) {
   const PixelFamily family = views.front().task->family;
   pieces_.clear();
@@ -97,7 +96,6 @@ void ImageAtlas::find_pieces(std::span<const GlesView> views, const NeededPixels
     }
 }
 
-// Places the regions on shelves, the highest first. Returns the total height.
 int ImageAtlas::place_pieces() {
   // TextureStager also writes chroma in whole words, and chroma has half the width.
   const int columns = has_gpu_ ? 2 * TextureStager::kWord : 2;
@@ -163,7 +161,6 @@ void ImageAtlas::copy(const Piece& piece, uint8_t* to) const {
   }
 }
 
-// Copies a region that is on the GPU to its position in the buffer of `pieces`.
 void ImageAtlas::copy_on_gpu(const Piece& piece, TextureStager& pieces) const {
   const auto& [image, part, at] = piece;
   // samples per word; words per row

@@ -20,9 +20,7 @@
 namespace lf::gl {
 
 // Copies regions of images that are already on the GPU into the upload buffer of a pass's texture. It also divides and
-// sharpens them according to their GpuPixels, bit-identical to the CPU. The copy is a compute shader for two reasons:
-// some GPUs run fragment shaders on few of their processors, and Mesa's llvmpipe may crash if one context draws
-// triangles while another writes a texture. The context must be current for all calls.
+// sharpens them according to their GpuPixels, bit-identical to the CPU. The context must be current for all calls.
 class TextureStager {
  public:
   // Number of samples that an invocation writes at once. Regions of planes with one byte per pixel begin at whole

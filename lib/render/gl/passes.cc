@@ -161,7 +161,6 @@ void make_tables(const simd::SumTask& task, std::span<const ImageAtlas::Offset> 
   if (plan.blend()) add_slots(tables, task, places);
 }
 
-// Makes the task's runs in `rect`, in the format of kRuns in sum_shader-inl.h.
 void make_runs(const simd::SumTask& task, const Rect& rect, std::vector<uint32_t>& values) {
   values.assign(static_cast<size_t>(rect.height()) + 1, 0);
   const size_t rows = values.size();

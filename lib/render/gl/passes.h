@@ -53,7 +53,6 @@ class PassTables {
   std::vector<View> views_;
 };
 
-// The data of a pass that can be prepared without a context.
 struct Pass {
   ImageAtlas atlas;
   PassTables numbers;

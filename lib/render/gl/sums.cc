@@ -36,7 +36,6 @@ void visit_rows(const BlockSum& sum, int y0, int y1, const Visit& visit) {
   visit_part(sum.parts.lost, columns, first, end);
 }
 
-// Returns the range of block rows that the sum's draw has marked in the words from `first` on.
 Rect find_rows(const BlockSum& sum, const uint32_t* words, uint32_t first) {
   const Rect& rect = sum.rect;
   const std::span draws(words + first, static_cast<size_t>(chroma_size(rect.height())));
@@ -60,7 +59,6 @@ void point_to(const BlockSum& sum, uint32_t* memory, ReadbackBuffer& out) {
 
 }  // namespace
 
-// Returns a buffer that is not in use.
 std::shared_ptr<ComputeBuffer> BlockSums::next() {
   latest_.clear();
   for (const auto& words : words_)

@@ -47,8 +47,7 @@ struct SumReadback {
 // be current.
 bool read_sums(std::span<SumReadback> sums);
 
-// Computes sums with one shader invocation per 2x2 pixels. Compute shaders are used because fragment shaders would run
-// on only 4 of the 132 multiprocessors of an H100 or H200. The context must be current for all calls except fits().
+// Computes sums with one shader invocation per 2x2 pixels. The context must be current for all calls except fits().
 class BlockSums {
  public:
   BlockSums() : most_words_(ComputeBuffer::most_words()) {}

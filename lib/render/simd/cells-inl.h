@@ -542,7 +542,7 @@ inline void inverse_along(const CellNodes& inverse, const CellRow& row, size_t h
   const hn::Repartition<uint8_t, decltype(d)> d8;
   const InverseTable& table = chroma ? kChromaInverse : kLumaInverse;
   const hn::FixedTag<float, 4> d4;
-  alignas(16) float nodes[2][4];  // the four nodes of each half
+  alignas(16) float nodes[2][4];
   for (size_t k = 0; k < 2; k++) {
     const auto between = [&](const std::vector<float>* rows) HWY_ATTR {
       const auto upper = hn::LoadU(d4, rows[row.k].data() + half + k);

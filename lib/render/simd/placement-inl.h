@@ -42,7 +42,6 @@ inline void lay_nodes(int pitch, SlotBand& band) {
     }
 }
 
-// Projects the band's nodes. NaN: behind the camera or beyond the fold of its lens.
 inline void project_nodes(const Slot& slot, int y, SlotBand& out) {
   const hn::CappedTag<float, kBlock> d;
   const ProjectionTerms terms = terms_at(slot, (out.first_block - 1) * kBlock, y);

@@ -28,7 +28,6 @@ struct Part {
   int32_t verdict;  // SlotBand::Verdict of the pair of rows
 };
 
-// A pair of rows of a block.
 struct PairPlace {
   int pair;  // index of the pair in the band
   int x, y;  // first pixel of the block and of the band
@@ -381,7 +380,6 @@ inline void render_block(const SumTask& task, const Rect& rect, int block, int o
   }
 }
 
-// Computes the positions of a slot in a band, before any pixel is read.
 inline void place_slot(const SumTask& task, const Slot& slot, int y, const CellNodes& inverse, CellWork& work,
                        SlotBand& band) {
   const bool i420 = task.family == PixelFamily::kI420, follows = band.y >= 0 && band.y == y - kBandRows;

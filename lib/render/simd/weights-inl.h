@@ -104,7 +104,6 @@ constexpr SpreadTable make_spread_table() {
 }
 inline constexpr SpreadTable kSpread = make_spread_table();
 
-// Writes the weights of the pixels of a smooth face; keeps the weights of other faces.
 inline void spread_weights(const FaceBlock& face, Scratch& scratch) {
   const hn::CappedTag<int16_t, kBlock> d;
   const hn::RebindToUnsigned<decltype(d)> du;
@@ -259,7 +258,6 @@ inline void weigh_exactly(const SumTask& task, const FaceRun& run, int y, int x,
   weigh(e, step, x - left, x1 - left, block.corners, out);
 }
 
-// Sets scratch.grid_pixels to the pixels of the face without corners.
 inline void find_grid_pixels(const SumTask& task, int first_block, int blocks, int first_row, int past_row, int y,
                              Scratch& scratch) {
   static_assert(kBlock == 16, "a mask has a bit for each pixel of a block");
@@ -279,7 +277,6 @@ inline void find_grid_pixels(const SumTask& task, int first_block, int blocks, i
     }
 }
 
-// Weighs every slot of a view with a WeightGrid in the pixels of the face without corners.
 inline void blend_band(const SumTask& task, const Rect& rect, int y, Scratch& scratch) {
   static_assert(WeightGrid::kStep == kBlock && WeightGrid::kStep % kBandRows == 0 && WeightGrid::kOne == 1 << 15);
   const WeightGrid& grid = *task.plan->blend();
@@ -305,7 +302,6 @@ inline void blend_band(const SumTask& task, const Rect& rect, int y, Scratch& sc
   }
 }
 
-// Fills scratch.weights and head for the rows of a band inside rect.
 inline void weigh_band(const SumTask& task, const Rect& rect, int y, Scratch& scratch) {
   scratch.weights_used = scratch.faces_used = 0;
   const int first_block = rect.x0 / kBlock, blocks = (rect.x1 + kBlock - 1) / kBlock - first_block;

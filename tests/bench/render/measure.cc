@@ -36,7 +36,6 @@ double seconds(clockid_t clock) {
 
 namespace {
 
-// Runs one method for every view of the scene.
 class Runner {
  public:
   Runner(const Scene& scene, const MethodKind& kind)

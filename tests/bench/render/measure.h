@@ -11,7 +11,6 @@
 
 namespace lf::bench {
 
-// Returns the reading of a clock.
 double seconds(clockid_t clock);
 
 // Duration of a measurement: until all methods have had `repeats` turns; 0: for `seconds`, but at least three turns.
@@ -24,7 +23,6 @@ struct Timing {
 // counts: CPU time of the thread for single-threaded methods, otherwise wall-clock time.
 std::vector<Row> measure(const Scene& scene, const std::vector<MethodKind>& kinds, const Timing& timing);
 
-// One situation and the methods to measure.
 struct Configuration {
   SceneOptions scene;
   MethodOptions methods;

@@ -12,7 +12,6 @@
 
 namespace lf::bench {
 
-// The rendering method and settings that identify a row of the table.
 struct Setting {
   std::string renderer;
   Pixels pixels = Pixels::kI420;
@@ -24,7 +23,6 @@ struct Setting {
   bool any_lens = true;      // false: ignores distortion, so that only the time is meaningful
 };
 
-// A view that is rendered repeatedly.
 class Method {
  public:
   virtual ~Method() = default;
@@ -43,13 +41,11 @@ struct MethodKind {
   std::function<std::unique_ptr<Method>(const Scene& scene, const View& view)> make;
 };
 
-// Selects settings.
 struct MethodOptions {
   std::vector<int> qualities = {90};
   std::vector<int> threads = {1};  // for the multithreaded parts of elements
   bool all = false;                // includes families, formulations and grids that are neither default nor baseline
 };
-// Returns all methods.
 std::vector<MethodKind> methods(const MethodOptions& options);
 
 // Resolves into memory that is reused between views, like the elements and OpenCV: allocating memory costs more than

@@ -19,7 +19,7 @@ namespace lf::bench {
 namespace {
 
 // Returns true if `a` is as good as `b` in all three figures, and better in at least one figure.
-bool beats(const Row& a, const Row& b) {
+bool dominates(const Row& a, const Row& b) {
   constexpr double kMeasurable = 1.01;
   const bool faster = a.ns_per_output_pixel * kMeasurable < b.ns_per_output_pixel;
   const bool nearer = a.psnr_reference_db > b.psnr_reference_db + 0.01, smaller = a.bytes_per_view < b.bytes_per_view;
@@ -86,7 +86,7 @@ std::string label(const SceneOptions& scene) {
 void mark_pareto(std::vector<Row>& rows) {
   for (Row& row : rows)
     row.pareto = !std::isnan(row.psnr_reference_db) && std::none_of(rows.begin(), rows.end(), [&](const Row& other) {
-      return other.setting.threads == row.setting.threads && beats(other, row);
+      return other.setting.threads == row.setting.threads && dominates(other, row);
     });
 }
 
@@ -139,7 +139,6 @@ namespace {
 
 constexpr int kSizes = 4, kWidths[kSizes] = {320, 640, 1280, 1920};
 
-// Selects rows with stated goals: one thread, one view.
 struct Which {
   std::string codec;  // raw or jpeg
   int cameras = 64;
@@ -341,7 +340,7 @@ void add_sweep(const Rows& rows, const std::string& title, const std::string& x_
 }
 
 template <class Condition>
-Rows those(const std::vector<Row>& rows, const Condition& condition) {
+Rows select_rows(const std::vector<Row>& rows, const Condition& condition) {
   Rows chosen;
   for (const Row& row : rows)
     if (row.scene.content == "natural" && row.scene.array.distortion && condition(row)) chosen.push_back(&row);
@@ -374,7 +373,7 @@ void write_plots(const std::vector<Row>& rows, const std::string& folder) {
   }();
   const auto usual_quality = [&](const Row& row) { return row.setting.quality == 0 || row.setting.quality == quality; };
 
-  const Rows at_rest = those(rows, [&](const Row& row) { return usual(row) && usual_array(row); });
+  const Rows at_rest = select_rows(rows, [&](const Row& row) { return usual(row) && usual_array(row); });
   const std::string array = std::to_string(cameras) + " cameras, one thread";
   draw(error_chart(rows, at_rest, "Time against error: " + array, "ns per output pixel",
                    [](const Row& row) { return row.ns_per_output_pixel; }),
@@ -391,16 +390,17 @@ void write_plots(const std::vector<Row>& rows, const std::string& folder) {
   const auto here = [&](const Row& row) { return size_name(row) == size && usual_quality(row); };
   Chart scaling{"What time depends on", "down is better", {}};
   add_sweep(
-      those(rows, [&](const Row& row) { return here(row) && usual(row); }), "Cameras, at " + size, "cameras",
+      select_rows(rows, [&](const Row& row) { return here(row) && usual(row); }), "Cameras, at " + size, "cameras",
       [](const Row& row) { return static_cast<double>(row.scene.array.cameras); }, true, scaling);
   add_sweep(
-      those(rows, [&](const Row& row) { return usual_quality(row) && usual(row) && usual_array(row); }), "Resolution",
-      "megapixels of the view", [](const Row& row) { return row.pixels() / 1e6; }, true, scaling);
+      select_rows(rows, [&](const Row& row) { return usual_quality(row) && usual(row) && usual_array(row); }),
+      "Resolution", "megapixels of the view", [](const Row& row) { return row.pixels() / 1e6; }, true, scaling);
   add_sweep(
-      those(rows, [&](const Row& row) { return here(row) && row.setting.threads == 1 && usual_array(row); }),
+      select_rows(rows, [&](const Row& row) { return here(row) && row.setting.threads == 1 && usual_array(row); }),
       "Views of the same cameras, at " + size, "views",
       [](const Row& row) { return static_cast<double>(row.scene.views); }, false, scaling);
-  Rows threads = those(rows, [&](const Row& row) { return here(row) && row.scene.views == 1 && usual_array(row); });
+  Rows threads =
+      select_rows(rows, [&](const Row& row) { return here(row) && row.scene.views == 1 && usual_array(row); });
   add_sweep(
       threads, "Threads, at " + size, "threads",
       [](const Row& row) { return static_cast<double>(row.setting.threads); }, false, scaling);

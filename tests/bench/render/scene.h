@@ -16,7 +16,6 @@ enum class Pixels { kRgb, kRgbx, kBgr, kI420 };  // kBgr: OpenCV's channel order
 std::string pixels_name(Pixels pixels);
 PixelFamily family_of(Pixels pixels);
 
-// Input of a measurement.
 struct SceneOptions {
   std::string content = "natural";  // the built-in scene, or "checkerboard": 1-pixel, in every plane
   ArrayOptions array;

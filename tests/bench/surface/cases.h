@@ -19,7 +19,6 @@ struct Faults {
   double pointing_error = 0;  // pointing error of the centre camera, degrees
 };
 
-// An array, its views and their true pictures.
 struct Case {
   std::string name;
   Rig rig;
@@ -48,9 +47,7 @@ void add_faults(const Faults& faults, Case& c);
 // Small scenes that are hard for the search for focal surfaces, each for one reason; in front of the array of
 // scene_rig(), within the depths of the built-in scene.
 std::vector<std::string> world_names();
-// Returns a hard scene by name, seen from between the cameras. Throws Error if there is no such scene.
 Case world_case(const std::string& name, int views);
-// Renders a hard scene with four rays per pixel.
 Image film_world(const std::string& name, const Lens& lens, const Pose& pose, int width, int height);
 
 }  // namespace lf::focus

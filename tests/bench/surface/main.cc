@@ -61,7 +61,6 @@ void require_range(const lf::DepthRange& range) {
                     metres(range.farthest));
 }
 
-// Fills in missing options from the depths found in a view.
 Options completed(Options options, const std::optional<Depths>& found) {
   if (!found) return options;
   lf::DepthRange& range = options.range;
@@ -73,7 +72,6 @@ Options completed(Options options, const std::optional<Depths>& found) {
   return options;
 }
 
-// Merges the depths found in several views.
 Depths find_depths(const Case& c, const std::vector<size_t>& views) {
   Depths all{.range = {std::numeric_limits<double>::infinity(), 0}};
   for (const size_t view : views) {

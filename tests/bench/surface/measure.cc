@@ -324,7 +324,6 @@ class Renderer {
   const std::map<CameraIndex, BrightnessRatio>& gains() { return matcher_.gains_for(0, {}).measured(); }
 
  private:
-  // Returns the mean picture of the cameras for this request.
   std::vector<uint8_t> mean(const ViewRequest& request, size_t number, Picture& cost) {
     const uint64_t begun = now_ns();
     const WideLuma wide(case_.rig, mesh_, mean_view(request.view), own_);
@@ -374,7 +373,6 @@ void take(const DepthEstimator::Plan& plan, ViewRequest& request) {
   if (plan.plane) request.view.focus.plane = *plan.plane;
 }
 
-// View `number` focused on a plane parallel to the array.
 View case_on_plane(const Case& c, size_t number, const Plane& from, double distance) {
   return lf::focus::on_plane(c.views[number].view, from, distance);
 }

@@ -91,7 +91,6 @@ struct Options {
 // Finds the depths of one view, like find_depths() above.
 std::optional<Depths> find_depths(const Case& c, size_t view);
 
-// Results of a still view.
 struct StillResult {
   Picture plane;                // the best single plane, selected with the truth, bilinear
   Picture plane_alike;          // the same, resampled like the surfaces
@@ -119,7 +118,6 @@ struct RestResult {
 };
 RestResult measure_rest(const Case& c, size_t view, const Options& options, int settle = 30, int pictures = 100);
 
-// A picture sequence: the surface warped from picture to picture, compared with the best plane for the whole sequence.
 struct Frame {
   double plane_db = 0, surface_db = 0;
 };

@@ -104,7 +104,6 @@ constexpr size_t place_of(std::string_view json) {
 }
 constexpr size_t kGain = place_of("gain_db"), kBound = place_of("bound_db"), kPercent = place_of("gain_percent");
 
-// In the order of the columns.
 std::vector<double> figures_of(const Options& options, const StillResult& r) {
   const Picture& last = r.rounds.back();
   const double plane = r.plane.quality.psnr_db, gain = last.quality.psnr_db - plane,

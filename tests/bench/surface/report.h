@@ -43,7 +43,6 @@ class StillTable {
   void add(const std::string& view, const Options& options, const StillResult& result);
   // Adds a view that the cameras do not see.
   void add_unseen(const std::string& view);
-  // Prints the means.
   void finish();
   nlohmann::ordered_json json() const;
 

@@ -34,7 +34,7 @@ size_t entries_of(const std::string& folder) {
   return count;
 }
 
-TEST(ReadFile, RefusesWhatIsNoRegularFileWithoutWaiting) {
+TEST(ReadFile, RefusesOtherThanRegularFilesWithoutWaiting) {
   const TempDir dir;
   ASSERT_EQ(mkfifo((dir / "fifo").c_str(), 0600), 0);
   fs::create_symlink("/dev/zero", dir / "zero");
@@ -44,7 +44,7 @@ TEST(ReadFile, RefusesWhatIsNoRegularFileWithoutWaiting) {
   EXPECT_ERROR(read_file(dir / "none"), "none", "No such file");
 }
 
-TEST(ReadFile, BoundsTheSize) {
+TEST(ReadFile, LimitsTheSize) {
   const TempDir dir;
   dir.write("ten", "0123456789");
   EXPECT_EQ(read_file(dir / "ten", 10), "0123456789");
@@ -70,7 +70,7 @@ TEST(AtomicFileWriter, KeepsTheMode) {
   EXPECT_EQ(mode_of(dir / "rig.json"), 0640u);
 }
 
-TEST(AtomicFileWriter, ALinkStaysALink) {
+TEST(AtomicFileWriter, LinksStayLinks) {
   const TempDir dir;
   dir.write("folder/real", "old");
   fs::create_symlink("folder/real", dir / "one");
@@ -87,7 +87,7 @@ TEST(AtomicFileWriter, ALinkStaysALink) {
   EXPECT_EQ(entries_of(dir / "folder"), 2u) << "no temporary file is left";
 }
 
-TEST(AtomicFileWriter, AnotherUsersLinkInAFolderOfEverybodyIsRefused) {
+TEST(AtomicFileWriter, RefusesLinksOfOtherUsersInWorldWritableFolders) {
   const TempDir dir;
   dir.write("victim", "precious");
   fs::create_symlink("victim", dir / "cam0.png");
@@ -101,7 +101,7 @@ TEST(AtomicFileWriter, AnotherUsersLinkInAFolderOfEverybodyIsRefused) {
   EXPECT_EQ(read_text_file(dir / "victim"), "new") << "followed in an own folder";
 }
 
-TEST(OutputFolder, IsNoLinkOfAnotherUserInAWorldWritableFolder) {
+TEST(OutputFolder, RefusesLinksOfOtherUsersInWorldWritableFolders) {
   const TempDir dir;
   fs::create_directory(dir / "shared");
   chmod((dir / "shared").c_str(), 01777);
@@ -126,7 +126,7 @@ TEST(OutputFolder, IsNoLinkOfAnotherUserInAWorldWritableFolder) {
   EXPECT_EQ(read_text_file(dir / "victim/file"), "new");
 }
 
-TEST(AtomicFileWriter, FollowsNoLinkUnderATemporaryName) {
+TEST(AtomicFileWriter, DoesNotFollowLinksWithATemporaryName) {
   const TempDir dir;
   dir.write("victim", "precious");
   fs::create_symlink("victim", dir / "rig.json.part");
@@ -146,7 +146,7 @@ TEST(AtomicFileWriter, WithoutCommitNothingChanges) {
   EXPECT_EQ(entries_of(dir.path()), 1u);
 }
 
-TEST(AtomicFileWriter, AFailureLeavesTheOldFileAndNoOther) {
+TEST(AtomicFileWriter, FailureKeepsTheOldFileOnly) {
   AtomicFileWriter full("/dev/full");
   EXPECT_ERROR(full.write("x"), "/dev/full", "No space");
   const TempDir dir;
@@ -155,12 +155,12 @@ TEST(AtomicFileWriter, AFailureLeavesTheOldFileAndNoOther) {
   EXPECT_EQ(entries_of(dir.path()), 0u);
 }
 
-TEST(AtomicFileWriter, ADeviceIsWrittenToDirectly) {
+TEST(AtomicFileWriter, DevicesAreWrittenToDirectly) {
   write_text_file("x", "/dev/null");
   EXPECT_TRUE(fs::is_character_file("/dev/null"));
 }
 
-TEST(AtomicFileWriter, WritersAtOnceLeaveAWholeFile) {
+TEST(AtomicFileWriter, ConcurrentWritersLeaveAWholeFile) {
   const TempDir dir;
   const std::string path = dir / "file";
   const auto content = [](char c) { return std::string(100000, c); };
@@ -180,7 +180,7 @@ TEST(AtomicFileWriter, WritersAtOnceLeaveAWholeFile) {
   EXPECT_EQ(entries_of(dir.path()), 1u);
 }
 
-TEST(CopyFile, CopiesRegularFilesAsAWhole) {
+TEST(CopyFile, CopiesWholeRegularFiles) {
   const TempDir dir;
   const std::string content(3000000, 'x');
   dir.write("from", content);
@@ -192,7 +192,7 @@ TEST(CopyFile, CopiesRegularFilesAsAWhole) {
   EXPECT_EQ(read_file(dir / "to"), content);
 }
 
-TEST(AtomicFolderUpdate, ReplacesFilesWhenItIsComplete) {
+TEST(AtomicFolderUpdate, ReplacesFilesOnCommit) {
   const TempDir dir;
   dir.write("out/a", "old");
   dir.write("out/kept", "kept");
@@ -213,7 +213,7 @@ TEST(AtomicFolderUpdate, ReplacesFilesWhenItIsComplete) {
   EXPECT_EQ(entries_of(dir / "out"), 3u) << "no staging folder is left";
 }
 
-TEST(AtomicFolderUpdate, RemovesWhatAKilledProgramHasLeft) {
+TEST(AtomicFolderUpdate, RemovesStagingFoldersOfKilledPrograms) {
   const TempDir dir;
   dir.write("out/.new-0123/a", "half");
   const AtomicFolderUpdate young(dir / "out");
@@ -226,7 +226,7 @@ TEST(AtomicFolderUpdate, RemovesWhatAKilledProgramHasLeft) {
   EXPECT_TRUE(fs::exists(young.staging())) << "in use";
 }
 
-TEST(AtomicFolderUpdate, LeavesNoFolderThatItMadeInVain) {
+TEST(AtomicFolderUpdate, RemovesUnusedFolders) {
   const TempDir dir;
   { const AtomicFolderUpdate update(dir / "out"); }
   EXPECT_FALSE(fs::exists(dir / "out"));
@@ -234,13 +234,13 @@ TEST(AtomicFolderUpdate, LeavesNoFolderThatItMadeInVain) {
   EXPECT_ERROR(AtomicFolderUpdate(dir / "file"), "file", "made");
 }
 
-TEST(AtomicFolderUpdate, MessagesNameTheFilesOfTheEnd) {
+TEST(AtomicFolderUpdate, MessagesNameTheFinalFiles) {
   EXPECT_EQ(without_staging("films/.new-c1a61b9962118843/a.mkv: full; films/.new-1/b.mkv"),
             "films/a.mkv: full; films/b.mkv");
   EXPECT_EQ(without_staging("films/.new-c1a6"), "films/.new-c1a6");
 }
 
-TEST(AtomicFolderUpdate, AFolderInTheWayLeavesAllFiles) {
+TEST(AtomicFolderUpdate, FolderWithTheNameOfAFileIsAnError) {
   const TempDir dir;
   dir.write("a.txt", "old");
   fs::create_directories(dir / "b.txt");
@@ -258,14 +258,14 @@ class SecretFile : public testing::Test {
   const std::string path_ = dir_.write_secret("token", "open sesame\n");
 };
 
-TEST_F(SecretFile, IsReadAsItIs) {
+TEST_F(SecretFile, IsReadUnchanged) {
   for (const mode_t mode : {0600, 0400}) {
     set_mode(mode);
     EXPECT_EQ(read_secret_file(path_), "open sesame\n");
   }
 }
 
-TEST_F(SecretFile, MustBeClosedToOtherUsers) {
+TEST_F(SecretFile, MustNotBeAccessibleToOtherUsers) {
   for (const mode_t mode : {0640, 0620, 0610, 0604, 0602, 0644, 0666}) {
     set_mode(mode);
     EXPECT_ERROR(read_secret_file(path_), "chmod 600 " + path_) << std::oct << mode;
@@ -273,7 +273,7 @@ TEST_F(SecretFile, MustBeClosedToOtherUsers) {
 }
 
 // Debian's ssl-cert and systemd credentials let a service read root's files through its group.
-TEST_F(SecretFile, MayBelongToAnotherUserAndBeReadByAGroup) {
+TEST_F(SecretFile, MayBelongToAnotherUserAndBeReadableByAGroup) {
   if (geteuid() != 0) GTEST_SKIP() << "only root can give a file to another user";
   ASSERT_EQ(chown(path_.c_str(), 65534, 65534), 0);
   set_mode(0640);

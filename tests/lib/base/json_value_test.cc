@@ -12,7 +12,7 @@
 namespace lf {
 namespace {
 
-TEST(ParseJson, NamesLineAndPlaceOfASyntaxError) {
+TEST(ParseJson, SyntaxErrorsNameLineAndPlace) {
   struct {
     const char* text;
     std::vector<std::string> facts;
@@ -33,7 +33,7 @@ TEST(ParseJson, NamesLineAndPlaceOfASyntaxError) {
 }
 
 // A parser that looked back at all elements took seconds for ten thousand elements; this many took many minutes.
-TEST(ParseJson, LongArraysTakeNoLongerAnElement) {
+TEST(ParseJson, ParsesLongArraysInLinearTime) {
   std::string text = "{\"a\": [";
   constexpr size_t kElements = 200000;
   for (size_t i = 0; i < kElements; i++) text += i > 0 ? ",{\"b\": [1]}" : "{\"b\": [1]}";
@@ -44,7 +44,7 @@ TEST(ParseJson, LongArraysTakeNoLongerAnElement) {
   EXPECT_EQ(root["c"], 2);
 }
 
-TEST(JsonValue, ReportsWhatIsWrongWhere) {
+TEST(JsonValue, ErrorsNameTheProblemAndThePlace) {
   const std::string name = "f.json";
   const nlohmann::json root = parse_json(R"({"o": {"n": 1.5, "s": "x", "i": 7, "big": 18446744073709551615, "z": null,
       "v": [1, 2, 3], "w": [1, 2], "whole": 1080.0, "huge": 1e300, "q": [1, 0, 0, 0.01], "l": [0, "x", 0]}})",
@@ -78,7 +78,7 @@ TEST(JsonValue, ReportsWhatIsWrongWhere) {
   EXPECT_ERROR(o.at("q").unit_quaternion(), "f.json", "o.q", "quaternion");
 }
 
-TEST(TextFile, ComesBackWholeAndReplacesWhatWasThere) {
+TEST(TextFile, RoundTripsAndReplacesFiles) {
   const std::string path = testing::TempDir() + "lf_text_file_test.txt";
   write_text_file("first, and longer", path);
   const std::string text("a\0b\r\n\xff", 6);

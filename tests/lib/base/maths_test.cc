@@ -23,7 +23,7 @@ TEST(Percentiles, OneSampleIsEveryPercentile) {
   EXPECT_EQ(p.at(99), 7u);
 }
 
-TEST(Percentiles, OldSamplesLeaveTheWindow) {
+TEST(Percentiles, OldSamplesAreForgotten) {
   Percentiles p(10);
   for (uint64_t v = 0; v < 10; v++) p.add(1000);
   for (uint64_t v = 0; v < 10; v++) p.add(1);

@@ -7,7 +7,7 @@
 namespace lf {
 namespace {
 
-TEST(ByteBuffer, GrowingLeavesMemoryAsItIs) {
+TEST(ByteBuffer, GrowingDoesNotInitialiseMemory) {
   ByteBuffer bytes(64, 0xaa);
   bytes.resize(0);
   bytes.resize(64);
@@ -16,7 +16,7 @@ TEST(ByteBuffer, GrowingLeavesMemoryAsItIs) {
   EXPECT_EQ(bytes[64], 7);
 }
 
-TEST(ByteBuffer, AppendKeepsWhatIsThere) {
+TEST(ByteBuffer, AppendKeepsContents) {
   ByteBuffer bytes;
   append(bytes, {});
   EXPECT_TRUE(bytes.empty());
@@ -27,7 +27,7 @@ TEST(ByteBuffer, AppendKeepsWhatIsThere) {
   EXPECT_EQ(bytes, (ByteBuffer{1, 2, 3, 1}));
 }
 
-TEST(MemoryPool, ShrinksWithWhatIsNeeded) {
+TEST(MemoryPool, ShrinksWithTheNeededSize) {
   MemoryPool<ByteBuffer> memory;
   uint64_t now = 5'000'000'000;
   const auto answer = [&](size_t size) {
@@ -47,7 +47,7 @@ TEST(MemoryPool, ShrinksWithWhatIsNeeded) {
   EXPECT_EQ(memory.pooled_bytes(), 0u) << "unused for minutes";
 }
 
-TEST(BufferPool, GivesTheLatestAgain) {
+TEST(BufferPool, ReturnsTheLatestBuffer) {
   PooledBuffer a = take_buffer(1000000), b = take_buffer(1000000);
   uint8_t* const memory = a.get();
   EXPECT_NE(b.get(), memory);
@@ -60,7 +60,7 @@ TEST(BufferPool, GivesTheLatestAgain) {
   EXPECT_NE(take_buffer(2000000).get(), nullptr);
 }
 
-TEST(BufferPool, FramesShareTheirMemoryOneAfterTheOther) {
+TEST(BufferPool, FramesReuseMemory) {
   const auto jpeg = test::encode_jpeg(test::noisy_picture(64, 48, 1), {});
   const uint8_t* memory = nullptr;
   for (int i = 0; i < 3; i++) {

@@ -10,7 +10,7 @@ namespace {
 
 using namespace std::string_literals;
 
-TEST(TerminalText, KeepsWhatIsShown) {
+TEST(TerminalText, KeepsPrintableText) {
   for (const char* text :
        {"", "camera 1: good\n\ttab", "Kamera f\xc3\xbcr \xe2\x82\xac \xf0\x9f\x93\xb7", "\xc2\xa0"}) {
     EXPECT_EQ(terminal_text(text), text);
@@ -18,7 +18,7 @@ TEST(TerminalText, KeepsWhatIsShown) {
   }
 }
 
-TEST(TerminalText, ReplacesControlCharactersAndOtherBytes) {
+TEST(TerminalText, ReplacesControlCharactersAndInvalidBytes) {
   EXPECT_EQ(terminal_text("\x1b[2J\r\b\x7f\0."s), "?[2J????.");
   EXPECT_EQ(terminal_text("\xc2\x9b"
                           "2J\xc2\x80\xc2\x9f"),

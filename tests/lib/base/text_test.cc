@@ -70,7 +70,7 @@ TEST(HostList, Nodes) {
       ElementsAre(NodeAddress{"camhost", 6000, "10.0.0.5", 6100}, NodeAddress{"fe80::1", 6000, "fe80::2", 6101}));
 }
 
-TEST(HostList, WhatIsNoneIsNamed) {
+TEST(HostList, ErrorsNameTheInvalidItem) {
   for (const std::string bad : {"host", "host:", ":6000", "host:0", "host:65536", "host:12a", "host:-1", "host: 1"})
     EXPECT_ERROR(parse_host_ports("6000," + bad), bad, "PORT or HOST:PORT");
   for (const std::string bad : {"host:6000", ":6000:6001", "6000:6001", "host:6000:0", "host:x:6000", "host:6000:6001 ",

@@ -16,7 +16,7 @@
 namespace lf {
 namespace {
 
-TEST(WorkerPool, EveryTaskIsDoneOnce) {
+TEST(WorkerPool, EveryTaskRunsOnce) {
   WorkerPool pool;
   for (const unsigned threads : {1u, 2u, 5u})
     for (const size_t count : {0u, 1u, 2u, 100u}) {
@@ -26,7 +26,7 @@ TEST(WorkerPool, EveryTaskIsDoneOnce) {
     }
 }
 
-TEST(WorkerPool, SeveralThreadsWork) {
+TEST(WorkerPool, UsesSeveralThreads) {
   WorkerPool pool;
   std::mutex mutex;
   std::set<std::thread::id> threads;
@@ -40,7 +40,7 @@ TEST(WorkerPool, SeveralThreadsWork) {
   EXPECT_TRUE(threads.contains(std::this_thread::get_id()));
 }
 
-TEST(WorkerPool, ManyCallersShareIt) {
+TEST(WorkerPool, IsSharedByManyCallers) {
   const auto pool = WorkerPool::shared();
   EXPECT_EQ(pool, WorkerPool::shared());
   std::atomic<int> done = 0;
@@ -53,7 +53,7 @@ TEST(WorkerPool, ManyCallersShareIt) {
   EXPECT_EQ(done, 4 * 200 * 8);
 }
 
-TEST(WorkerPool, AnErrorComesToTheCaller) {
+TEST(WorkerPool, ExceptionsReachTheCaller) {
   WorkerPool pool;
   std::atomic<int> done = 0;
   EXPECT_THROW(pool.run(2, 10,

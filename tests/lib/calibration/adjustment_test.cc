@@ -57,7 +57,7 @@ class BundleAdjustmentTest : public testing::TestWithParam<double> {
   Inliers use_;
 };
 
-TEST_P(BundleAdjustmentTest, EndsWhereEveryRayMeetsItsLight) {
+TEST_P(BundleAdjustmentTest, ConvergesToTheTruth) {
   watch(0, 0);
   EXPECT_LT(largest_residual(), 1e-6);
   push_away();
@@ -71,7 +71,7 @@ TEST_P(BundleAdjustmentTest, EndsWhereEveryRayMeetsItsLight) {
       EXPECT_EQ(scene_.cameras[i].lens_terms()[k], before.cameras[i].lens_terms()[k]) << "was not free";
 }
 
-TEST_P(BundleAdjustmentTest, LensesComeRightThatAreFree) {
+TEST_P(BundleAdjustmentTest, EstimatesFreeLensTerms) {
   watch(0, 0);
   const Reconstruction exact = scene_;
   for (CameraState& camera : scene_.cameras) camera.lens_terms()[kF] *= 1.02;
@@ -82,7 +82,7 @@ TEST_P(BundleAdjustmentTest, LensesComeRightThatAreFree) {
     EXPECT_NEAR(scene_.cameras[i].lens_terms()[kF] / exact.cameras[i].lens_terms()[kF], 1, 1e-3) << i;
 }
 
-TEST_P(BundleAdjustmentTest, StaysWhereItIsTold) {
+TEST_P(BundleAdjustmentTest, KeepsFixedTerms) {
   watch(0.2, 0);
   const Reconstruction before = scene_;
   adjust(scene_, observations(), use_, {.free_poses = false});
@@ -94,7 +94,7 @@ TEST_P(BundleAdjustmentTest, StaysWhereItIsTold) {
   for (size_t i = 0; i < scene_.targets.size(); i++) EXPECT_EQ(scene_.targets[i].v, before.targets[i].v);
 }
 
-TEST_P(BundleAdjustmentTest, OutliersMoveItLessWhereItIsRobust) {
+TEST_P(BundleAdjustmentTest, RobustLossReducesTheEffectOfOutliers) {
   watch(0.2, 0.1);
   const Reconstruction before = scene_;
   adjust(scene_, observations(), use_, {.sigma = 0.2});
@@ -108,7 +108,7 @@ TEST_P(BundleAdjustmentTest, OutliersMoveItLessWhereItIsRobust) {
   EXPECT_LT(largest_residual(), 1.5);
 }
 
-TEST_P(BundleAdjustmentTest, WhatIsNotUsedIsLeftAlone) {
+TEST_P(BundleAdjustmentTest, UnusedParametersStay) {
   watch(0.2, 0);
   push_away();
   scene_.cameras[4].used = false;
@@ -143,17 +143,17 @@ void expect_found(const std::vector<Pose>& a, const Similarity& truth, double to
 
 TEST(Alignment, FindsASimilarity) { expect_found(poses_of(sim::make_array({}, 1)), some_similarity({5, 6, 7}), 1e-9); }
 
-TEST(Alignment, OrientationsDecideForOneRow) {
+TEST(Alignment, OrientationsDetermineTheRotationOfOneRow) {
   sim::ArrayOptions row;
   row.rows = 1, row.position_jitter = 0;
   expect_found(poses_of(sim::make_array(row, 1)), some_similarity({0, 0, 1}), 1e-6);
 }
 
-TEST(Alignment, FarFromTheOriginNothingIsLost) {
+TEST(Alignment, IsAccurateFarFromTheOrigin) {
   expect_found(poses_of(sim::make_array({}, 1)), some_similarity({1e4, 0, -1e4}), 1e-8);
 }
 
-TEST(Alignment, ScaleStaysWhereItIsFixed) {
+TEST(Alignment, KeepsAFixedScale) {
   const std::vector<Pose> a = poses_of(sim::make_array({}, 1));
   std::vector<Pose> b;
   for (const Pose& pose : a) b.push_back(some_similarity({0, 0, 0})(pose));
@@ -182,7 +182,7 @@ class UncertaintyTest : public testing::Test {
   AdjustmentOptions model_;
 };
 
-TEST_F(UncertaintyTest, HasRowsForWhatIsUsedAndFree) {
+TEST_F(UncertaintyTest, HasRowsForFreeParametersOfUsedCameras) {
   scene_.cameras[4].used = false;
   model_.free[kK2] = false;
   const Uncertainty u = estimate();
@@ -195,7 +195,7 @@ TEST_F(UncertaintyTest, HasRowsForWhatIsUsedAndFree) {
   EXPECT_GT(u.covariance.diagonal().minCoeff(), 0);
 }
 
-TEST_F(UncertaintyTest, GrowsWithTheNoiseUpToWhatWasKnown) {
+TEST_F(UncertaintyTest, GrowsWithTheNoiseUpToThePrior) {
   model_.free = {true};
   const double before = estimate().covariance(6, 6);
   model_.sigma *= 2;
@@ -223,7 +223,7 @@ std::optional<CameraCovariance> parse(const std::string& text) {
   return parse_camera_covariance(JsonValue(root, name));
 }
 
-TEST(CameraCovariance, WhatIsWrittenIsReadAgain) {
+TEST(CameraCovariance, RoundTrips) {
   const CameraCovariance covariance{{"f", "cx"}, {4, 1, 1, 2}};
   const nlohmann::json camera = {{"covariance", nlohmann::json::parse(to_json(covariance).dump())}};
   const auto again = parse(camera.dump());
@@ -234,7 +234,7 @@ TEST(CameraCovariance, WhatIsWrittenIsReadAgain) {
   EXPECT_EQ(again->index_of("k1"), std::nullopt);
 }
 
-TEST(CameraCovariance, NoneIsNone) {
+TEST(CameraCovariance, MissingCovarianceIsNullopt) {
   EXPECT_FALSE(parse("{}"));
   EXPECT_FALSE(parse(R"({"covariance": {}})"));
 }

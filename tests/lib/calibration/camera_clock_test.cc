@@ -26,7 +26,7 @@ std::vector<ClockSample> samples(const std::function<double(double stamp)>& late
   return list;
 }
 
-TEST(CameraClock, OffsetsAreReadThroughMistakes) {
+TEST(CameraClock, OffsetsAreRobustToOutliers) {
   CameraClock clock;
   clock.offset = 1;
   const double added = refine_clock(clock, samples([](double) { return 0.004; }, 5e-4), 1.0 / 30, 1);
@@ -38,7 +38,7 @@ TEST(CameraClock, OffsetsAreReadThroughMistakes) {
   EXPECT_LT(clock.sigma, 1e-4);
 }
 
-TEST(CameraClock, WhatIsHiddenIsLessCertain) {
+TEST(CameraClock, AbsorbedOffsetsAreLessCertain) {
   CameraClock clock;
   const auto late = samples([](double) { return 0.002; }, 5e-4);
   CameraClock other;
@@ -47,14 +47,14 @@ TEST(CameraClock, WhatIsHiddenIsLessCertain) {
   EXPECT_NEAR(other.sigma, 2 * clock.sigma, 1e-9);
 }
 
-TEST(CameraClock, AClockThatIsFast) {
+TEST(CameraClock, EstimatesDrift) {
   CameraClock clock;
   refine_clock(clock, samples([](double stamp) { return 1e-3 * (stamp - 5); }, 5e-4), 1.0 / 30, 1);
   EXPECT_NEAR(clock.drift, 1e-3, 5e-5);
   EXPECT_TRUE(clock.steps.empty());
 }
 
-TEST(CameraClock, FramesThatWereDroppedAreCounted) {
+TEST(CameraClock, CountsDroppedFrames) {
   CameraClock clock;
   const auto late = [](double stamp) { return stamp < 4 ? 0.001 : stamp < 8 ? 0.001 + 1 / 30.0 : 0.001 + 3 / 30.0; };
   refine_clock(clock, samples(late, 5e-4), 1.0 / 30, 1);

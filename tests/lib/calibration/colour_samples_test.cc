@@ -12,7 +12,7 @@ namespace lf {
 namespace {
 
 // The order of the patches is checked by their centres in the image.
-TEST(ColourCheckerFinder, FindsEveryPatchWhereItIs) {
+TEST(ColourCheckerFinder, FindsEveryPatchAtItsPosition) {
   const Rig rig = scene_rig(3, 3, 640, 480);
   size_t found = 0;
   for (const ChartPose& chart : colour_chart_poses(rig, 4))
@@ -37,7 +37,7 @@ TEST(ColourCheckerFinder, FindsEveryPatchWhereItIs) {
   EXPECT_GE(found, 9u) << "of 12";
 }
 
-TEST(ColourCheckerFinder, FindsItInNoiseAndSmallImages) {
+TEST(ColourCheckerFinder, FindsChartsInNoiseAndSmallImages) {
   const Rig rig = scene_rig(1, 1, 320, 240);
   const Camera& camera = rig.cameras[0];
   const ChartPose chart = colour_chart_poses(rig, 1)[0];
@@ -49,14 +49,14 @@ TEST(ColourCheckerFinder, FindsItInNoiseAndSmallImages) {
   for (size_t i = 19; i < 24; i++) EXPECT_LT(samples[i].level.y + 10, samples[i - 1].level.y) << "greys get darker";
 }
 
-TEST(ColourCheckerFinder, WhereThereIsNoneNothingIsFound) {
+TEST(ColourCheckerFinder, ReturnsNothingWithoutAChart) {
   EXPECT_TRUE(find_colour_checker(Image(PixelFamily::kRgb, 320, 240), 0, 0).empty());
   const Rig rig = scene_rig(1, 1, 320, 240);
   const Camera& camera = rig.cameras[0];
   EXPECT_TRUE(find_colour_checker(render_scene({320, 240, camera.lens, camera.pose}, 0), 0, 0).empty());
 }
 
-TEST(ColourCheckerFinder, AChartThatIsMisreadIsLeftOut) {
+TEST(ColourCheckerFinder, MisreadChartsAreRemoved) {
   const auto chart = [](uint32_t number, double beside) {
     std::vector<ColourSample> samples;
     for (int patch = 0; patch < checker::kPatches; patch++) {
@@ -84,7 +84,7 @@ TEST(ColourCheckerFinder, AChartThatIsMisreadIsLeftOut) {
   EXPECT_EQ(kept.size(), two.size()) << "two charts have no majority";
 }
 
-TEST(SampleQuad, IsTheMeanOfWhatIsInside) {
+TEST(SampleQuad, IsTheMeanOfTheInside) {
   Image image(PixelFamily::kRgb, 40, 30);
   for (int y = 0; y < 30; y++)
     for (int x = 0; x < 40; x++) {
@@ -125,7 +125,7 @@ class ColourViews : public testing::Test {
   }
 };
 
-TEST_F(ColourViews, PlacesOfTheSceneLookTheSameFromCamerasWithoutFaults) {
+TEST_F(ColourViews, SamplesAgreeWithoutFaults) {
   const ColourSamples samples = sample_views(rig(), films());
   EXPECT_GT(samples.patches, 150u);
   EXPECT_GT(samples.all.size(), 5 * samples.patches);
@@ -133,7 +133,7 @@ TEST_F(ColourViews, PlacesOfTheSceneLookTheSameFromCamerasWithoutFaults) {
   EXPECT_LE(same.median, 1);
 }
 
-TEST_F(ColourViews, CamerasWithFaultsComeToAgreeOnTheSceneWithoutAChart) {
+TEST_F(ColourViews, CorrectsFaultsWithoutAChart) {
   const std::vector<ColourFault> faults = random_faults(9, 3);
   const ColourSamples samples = sample_views(rig(), with(faults));
   const ColourSolution solution = solve_colours(rig(), samples);
@@ -150,7 +150,7 @@ TEST_F(ColourViews, CamerasWithoutAnImageAreLeftOut) {
   EXPECT_GT(samples.patches, 150u);
 }
 
-TEST_F(ColourViews, ImagesThatDoNotFitAreNamed) {
+TEST_F(ColourViews, ErrorsNameImagesThatDoNotFit) {
   std::vector<Image> images = films();
   images[2] = Image(PixelFamily::kRgb, 100, 100);
   EXPECT_ERROR(sample_views(rig(), images), "camera 2", "100x100", "240x180");

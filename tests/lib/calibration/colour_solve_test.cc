@@ -84,7 +84,7 @@ bool has(const ColourSolution& solution, const std::string& code, const std::vec
   });
 }
 
-TEST(ColourSolve, CamerasWithAllFaultsComeToAgree) {
+TEST(ColourSolve, CorrectsAllFaults) {
   Recording recording;
   recording.faults = random_faults(9, 3);
   const ColourSolution solution = solve_colours(recording.rig, recording.samples());
@@ -97,7 +97,7 @@ TEST(ColourSolve, CamerasWithAllFaultsComeToAgree) {
   EXPECT_TRUE(solution.findings.empty()) << solution.findings[0].text;
 }
 
-TEST(ColourSolve, VignettingOfThirtyPercentIsFoundToTwo) {
+TEST(ColourSolve, EstimatesVignettingToTwoPercent) {
   Recording recording;
   recording.faults = random_faults(9, 4);
   for (ColourFault& fault : recording.faults) fault.vignetting = {-0.25, -0.05};
@@ -110,7 +110,7 @@ TEST(ColourSolve, VignettingOfThirtyPercentIsFoundToTwo) {
     }
 }
 
-TEST(ColourSolve, TakesNoMoreTermsThanThereAreFaults) {
+TEST(ColourSolve, SelectsNoMoreTermsThanFaults) {
   Recording recording;
   ColourSolution solution = solve_colours(recording.rig, recording.samples());
   EXPECT_EQ(solution.terms, ColourTerms());
@@ -125,7 +125,7 @@ TEST(ColourSolve, TakesNoMoreTermsThanThereAreFaults) {
   EXPECT_EQ(solution.terms, (ColourTerms{.balance = true})) << solution.terms.name();
 }
 
-TEST(ColourSolve, TheMeanCorrectionIsNone) {
+TEST(ColourSolve, MeanCorrectionIsNeutral) {
   Recording recording;
   recording.faults = random_faults(9, 5, {.vignetting = 0});
   // A fault that all cameras share is part of the array's colours.
@@ -138,7 +138,7 @@ TEST(ColourSolve, TheMeanCorrectionIsNone) {
   }
 }
 
-TEST(ColourSolve, NamesTheCameraWhoseExposureIsStuckAndWhatItCosts) {
+TEST(ColourSolve, NamesCamerasWithAStuckExposure) {
   Recording recording;
   recording.faults = random_faults(9, 6);
   recording.faults[5].gain = kStuckGain;
@@ -155,7 +155,7 @@ TEST(ColourSolve, NamesTheCameraWhoseExposureIsStuckAndWhatItCosts) {
   EXPECT_NEAR(mean, 0, 0.03);
 }
 
-TEST(ColourSolve, ADarkOneHasMoreNoise) {
+TEST(ColourSolve, DarkCamerasHaveMoreNoise) {
   Recording recording;
   recording.faults[2].gain = 0.5;
   const ColourSolution solution = solve_colours(recording.rig, recording.samples());
@@ -163,7 +163,7 @@ TEST(ColourSolve, ADarkOneHasMoreNoise) {
   EXPECT_TRUE(has(solution, "stuck-exposure", {"noise", "2.0"}));
 }
 
-TEST(ColourSolve, OutliersDoNoHarm) {
+TEST(ColourSolve, IsRobustToOutliers) {
   Recording recording;
   recording.faults = random_faults(9, 7);
   ColourSamples samples = recording.samples();
@@ -176,7 +176,7 @@ TEST(ColourSolve, OutliersDoNoHarm) {
   EXPECT_LE(solution.after.median, 1);
 }
 
-TEST(ColourSolve, CamerasThatSeeTooLittleAreNamedAndLeftAsTheyAre) {
+TEST(ColourSolve, CamerasWithFewSamplesAreNamedAndNotCorrected) {
   Recording recording;
   recording.faults[7].gain = 0.02;
   ColourSamples samples = recording.samples();
@@ -190,7 +190,7 @@ TEST(ColourSolve, CamerasThatSeeTooLittleAreNamedAndLeftAsTheyAre) {
   EXPECT_TRUE(solution.models[0]);
 }
 
-TEST(ColourSolve, WithoutAnythingInCommonThereIsNothingToCompare) {
+TEST(ColourSolve, NoCommonPatchesAreAnError) {
   const Recording recording;
   EXPECT_ERROR(solve_colours(recording.rig, {.cameras = 9}), "0 of 9", "samples");
 }

@@ -49,7 +49,7 @@ void expect_derivatives(const CameraState& camera, const std::array<double, 6>& 
   }
 }
 
-TEST(ReprojectionCost, DerivativesAreThoseOfTheErrors) {
+TEST(ReprojectionCost, DerivativesAreCorrect) {
   CameraState camera;
   camera.set_pose({{0.3, -0.2, 0.1}, glm::angleAxis(0.7, glm::normalize(Vec3(1, 2, -1)))});
   const Vec3 ahead = camera.pose().position + camera.pose().orientation * Vec3(0.2, -0.3, 1.5);
@@ -63,7 +63,7 @@ TEST(ReprojectionCost, DerivativesAreThoseOfTheErrors) {
   }
 }
 
-TEST(ReprojectionCost, NothingBehindTheCamera) {
+TEST(ReprojectionCost, PointsBehindTheCameraFail) {
   const CameraState camera;
   const double target[] = {0, 0, -1};
   const double* blocks[] = {camera.v.data(), target};
@@ -71,7 +71,7 @@ TEST(ReprojectionCost, NothingBehindTheCamera) {
   EXPECT_FALSE(ReprojectionCost<false>(camera, {}, 1).Evaluate(blocks, error, nullptr));
 }
 
-TEST(PosePriorCost, OffByWhatThePoseIsOff) {
+TEST(PosePriorCost, IsTheDeviationInSigmas) {
   PosePrior prior;
   prior.mean = {{1, 2, 3}, glm::angleAxis(0.5, Vec3(0, 1, 0))};
   for (int k = 0; k < PosePrior::kNumTerms; k++) prior.root_information[k * 7] = 10;

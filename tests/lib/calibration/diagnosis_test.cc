@@ -47,14 +47,14 @@ class DiagnosisTest : public testing::Test {
   PlacementOptions placement_;
 };
 
-TEST_F(DiagnosisTest, NothingIsWrongWithAGoodBar) {
+TEST_F(DiagnosisTest, GoodBarHasNoFindings) {
   const auto found = codes();
   for (const char* code : {"dead-camera", "camera-not-found", "late-camera", "many-outliers", "disconnected-groups",
                            "swapped-cameras", "soft-positions", "no-scale", "odd-scale", "prior-contradicted"})
     EXPECT_THAT(found, Not(Contains(code)));
 }
 
-TEST_F(DiagnosisTest, ACameraThatIsLateIsNamedWithItsFrames) {
+TEST_F(DiagnosisTest, LateCameraIsNamedWithItsDelay) {
   for (Observation& o : watched_.tracks.observations)
     if (o.camera == 6) o.position += 2;
   std::erase_if(watched_.tracks.observations,
@@ -66,14 +66,14 @@ TEST_F(DiagnosisTest, ACameraThatIsLateIsNamedWithItsFrames) {
   EXPECT_THAT(codes(), Not(Contains("late-camera")));
 }
 
-TEST_F(DiagnosisTest, ScaleOrNone) {
+TEST_F(DiagnosisTest, MissingOrOddScaleIsReported) {
   placement_.bar_length = 0;
   EXPECT_THAT(codes(), Contains("no-scale"));
   placement_.bar_length = 300;
   EXPECT_THAT(codes(), Contains("odd-scale"));
 }
 
-TEST_F(DiagnosisTest, APriorThatTheTracksContradict) {
+TEST_F(DiagnosisTest, ContradictedPriorIsReported) {
   sim::measure_lenses(truth_, {}, 3, options_);
   options_.distortion.reset();
   EXPECT_THAT(codes(), Not(Contains("prior-contradicted")));
@@ -85,7 +85,7 @@ TEST_F(DiagnosisTest, APriorThatTheTracksContradict) {
   EXPECT_THAT(codes(), Contains("prior-contradicted"));
 }
 
-TEST_F(DiagnosisTest, OneLightDoesNotTellTheDepth) {
+TEST_F(DiagnosisTest, OneLightLeavesTheDepthUncertain) {
   array_.pointing_jitter = array_.position_jitter = 0;
   path_.bar = 0, placement_.bar_length = 0, placement_.pitch = 0.06;
   truth_ = sim::make_array(array_, 1);
@@ -93,7 +93,7 @@ TEST_F(DiagnosisTest, OneLightDoesNotTellTheDepth) {
   EXPECT_THAT(codes(), Contains("soft-depth"));
 }
 
-TEST_F(DiagnosisTest, AWrongOrderIsNamedAndOffered) {
+TEST_F(DiagnosisTest, WrongOrderIsNamedWithARemedy) {
   options_.prior = sim::make_array({.rows = 4, .columns = 4, .position_jitter = 0, .pointing_jitter = 0}, 1);
   placement_.bar_length = 0;  // scale comes from the layout, which swapped cameras must not change
   // A cycle of three cameras and a swapped pair: camera 1 is at position 2, 2 at 7, 7 at 1; 12 at 15, 15 at 12.
@@ -115,7 +115,7 @@ TEST_F(DiagnosisTest, AWrongOrderIsNamedAndOffered) {
   EXPECT_NEAR(neighbour_distance(poses), 0.06, 0.06 * 0.05);
 }
 
-TEST_F(DiagnosisTest, WithoutAPriorNoPriorIsSpokenOf) {
+TEST_F(DiagnosisTest, WithoutAPriorNoFindingNamesOne) {
   for (Observation& o : watched_.tracks.observations)
     if (o.camera == 3) o.pixel = {std::fmod(o.pixel.y * 37, 320), std::fmod(o.pixel.x * 41, 240)};
   std::string all;
@@ -165,7 +165,7 @@ MovingScene motion_in(const Case& how, uint64_t seed, std::vector<Finding>* find
   return find_motion(solution, watched.tracks);
 }
 
-TEST(MovingScene, WhatStandsStillIsNotSaidToMove) {
+TEST(MovingScene, StaticSceneIsNotReported) {
   for (uint64_t seed = 1; seed <= 2; seed++) {
     EXPECT_LE(motion_in({}, seed).share, 0.02) << seed;
     EXPECT_LE(motion_in({.other_k1 = true}, seed).share, 0.02) << seed;
@@ -173,7 +173,7 @@ TEST(MovingScene, WhatStandsStillIsNotSaidToMove) {
   }
 }
 
-TEST(MovingScene, WhatMovesIsSaid) {
+TEST(MovingScene, MotionIsReported) {
   for (uint64_t seed = 1; seed <= 2; seed++) {
     std::vector<Finding> findings;
     const MovingScene motion = motion_in({.moving = 0.3, .speed = 0.5}, seed, &findings);

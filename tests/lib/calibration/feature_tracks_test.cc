@@ -33,7 +33,7 @@ double elsewhere(const Vec2& p) {
   return 0.8 * pattern(kPoint + Vec2(1.08 * d.x + 0.05 * d.y, -0.03 * d.x + 0.97 * d.y)) - 5;
 }
 
-TEST(Patch, IsFoundToHundredthsOfAPixelHoweverItIsWarped) {
+TEST(Patch, WarpedPatchIsFoundToHundredthsOfAPixel) {
   const auto patch = Patch::cut(picture(pattern), kPoint);
   ASSERT_TRUE(patch);
   const SplineImage other = picture(elsewhere);
@@ -45,7 +45,7 @@ TEST(Patch, IsFoundToHundredthsOfAPixelHoweverItIsWarped) {
   }
 }
 
-TEST(Patch, IsNotFoundWhereItIsNot) {
+TEST(Patch, MissingPatchIsNotFound) {
   const auto patch = Patch::cut(picture(pattern), kPoint);
   ASSERT_TRUE(patch);
   const SplineImage other = picture([](const Vec2& p) { return 128 + 40 * std::sin(p.x * p.y * 0.01); });
@@ -55,7 +55,7 @@ TEST(Patch, IsNotFoundWhereItIsNot) {
   EXPECT_FALSE(patch->find(picture([](const Vec2&) { return 100.0; }), Vec2(40, 30)));
 }
 
-TEST(Patch, NeedsSomethingToBeFoundBy) {
+TEST(Patch, NeedsTexture) {
   EXPECT_FALSE(Patch::cut(picture([](const Vec2&) { return 100.0; }), kPoint));
   EXPECT_FALSE(Patch::cut(picture([](const Vec2& p) { return p.x < 38 ? 50.0 : 200.0; }), kPoint));
   EXPECT_FALSE(Patch::cut(picture(pattern), Vec2(5, 30)));
@@ -71,7 +71,7 @@ Image wave_picture() {
   return image;
 }
 
-TEST(SplineImage, GoesThroughThePixels) {
+TEST(SplineImage, InterpolatesThePixels) {
   const Image image = wave_picture();
   const SplineImage spline(image);
   for (int y = 1; y < 28; y++)
@@ -90,7 +90,7 @@ TEST(SplineImage, IsAsSharpBetweenPixelsAsOnThem) {
     }
 }
 
-TEST(SplineImage, EndsWithItsImage) {
+TEST(SplineImage, EndsAtTheBorderOfTheImage) {
   const SplineImage spline(wave_picture());
   EXPECT_TRUE(spline.has(1, 1));
   EXPECT_FALSE(spline.has(0.9, 5));
@@ -161,7 +161,7 @@ TEST(FeatureTracks, FollowsCornersToHundredthsOfAPixel) {
   EXPECT_LT(errors[errors.size() * 95 / 100], 0.1);
 }
 
-TEST(FeatureTracks, SaysWhenThereIsNothingToFollow) {
+TEST(FeatureTracks, ThrowsWithoutFeatures) {
   const Rig rig = make_grid_rig({2, 2, 0.06, 40, 160, 120});
   const std::vector<Image> grey(4, Image(PixelFamily::kRgb, 160, 120));
   EXPECT_ERROR(track_features(rig, grey), "0 corners");

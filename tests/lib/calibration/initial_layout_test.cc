@@ -67,7 +67,7 @@ void expect_layout(const DisparityFactors& factors, const std::vector<Vec2>& cen
     EXPECT_LE(glm::length(factors.cameras[i].centre * (cf / cc) - centres[i]), tolerance) << i;
 }
 
-TEST(DisparityFactorisation, ExactSightsGiveTheLayout) {
+TEST(DisparityFactorisation, ExactDetectionsGiveTheLayout) {
   std::vector<Vec2> centres;
   const auto factors = factorise_disparities(make_sights(0, 0, centres), 16, 60, 0.02);
   expect_layout(factors, centres, 1e-2);
@@ -75,14 +75,14 @@ TEST(DisparityFactorisation, ExactSightsGiveTheLayout) {
   for (const auto& column : factors.columns) EXPECT_GT(column.disparity, 0);
 }
 
-TEST(DisparityFactorisation, MissesAndMistakesDoNotMatter) {
+TEST(DisparityFactorisation, ToleratesMissedDetectionsAndOutliers) {
   std::vector<Vec2> centres;
   const auto factors = factorise_disparities(make_sights(0.3, 0.15, centres), 16, 60, 0.02);
   expect_layout(factors, centres, 0.05);
   EXPECT_NEAR(factors.inliers, 0.85, 0.05);
 }
 
-TEST(DisparityFactorisation, ACameraThatSeesNothingIsUnknown) {
+TEST(DisparityFactorisation, CameraWithoutDetectionsIsUnknown) {
   std::vector<Vec2> centres;
   std::vector<ColumnDetection> sights = make_sights(0, 0, centres);
   std::erase_if(sights, [](const ColumnDetection& s) { return s.camera == 5; });
@@ -91,7 +91,9 @@ TEST(DisparityFactorisation, ACameraThatSeesNothingIsUnknown) {
   EXPECT_EQ(factors.inliers, 1);
 }
 
-TEST(DisparityFactorisation, TooLittleGivesNothing) { EXPECT_EQ(factorise_disparities({}, 3, 4, 0.02).inliers, 0); }
+TEST(DisparityFactorisation, TooFewDetectionsGiveNothing) {
+  EXPECT_EQ(factorise_disparities({}, 3, 4, 0.02).inliers, 0);
+}
 
 class InitialLayoutTest : public testing::Test {
  protected:
@@ -123,7 +125,7 @@ TEST_F(InitialLayoutTest, DisparitiesPlaceAnArray) {
   EXPECT_GT(placed, scene.targets.size() * 8 / 10);
 }
 
-TEST_F(InitialLayoutTest, OutliersLowerTheShareThatFits) {
+TEST_F(InitialLayoutTest, OutliersLowerTheShareOfInliers) {
   Reconstruction clean = watch(0, 0);
   const double all = layout_from_disparities(clean, tracks_);
   Reconstruction dirty = watch(0, 0.2);
@@ -132,7 +134,7 @@ TEST_F(InitialLayoutTest, OutliersLowerTheShareThatFits) {
   EXPECT_LT(error(dirty), 0.4);
 }
 
-TEST_F(InitialLayoutTest, StrangersAreLeftOut) {
+TEST_F(InitialLayoutTest, UnconnectedCamerasAreLeftOut) {
   Reconstruction scene = watch(0, 0);
   std::mt19937_64 random(3);
   for (Observation& o : tracks_.observations)
@@ -178,14 +180,14 @@ class ResectionTest : public testing::Test {
   Reconstruction scene_;
 };
 
-TEST_F(ResectionTest, ACameraFromWhatItSees) {
+TEST_F(ResectionTest, PlacesACameraFromItsObservations) {
   EXPECT_EQ(resect_cameras(scene_, watched_.tracks, 2), 1);
   EXPECT_TRUE(scene_.cameras[5].used);
   EXPECT_LE(glm::length(scene_.cameras[5].pose().position - truth_.cameras[5].pose.position), 0.01);
   EXPECT_EQ(resect_cameras(scene_, watched_.tracks, 2), 0) << "all are placed";
 }
 
-TEST_F(ResectionTest, WhateverTheUnitOfLength) {
+TEST_F(ResectionTest, DoesNotDependOnTheUnitOfLength) {
   for (const double unit : {1e-3, 1e4}) {
     Reconstruction scaled = scene_;
     for (CameraState& camera : scaled.cameras)
@@ -197,14 +199,14 @@ TEST_F(ResectionTest, WhateverTheUnitOfLength) {
   }
 }
 
-TEST_F(ResectionTest, NotFromAnotherCamerasTracks) {
+TEST_F(ResectionTest, FailsWithTracksOfAnotherCamera) {
   for (Observation& o : watched_.tracks.observations)
     if (o.camera == 5) o.position = (o.position + 7) % 100;
   EXPECT_EQ(resect_cameras(scene_, watched_.tracks, 2), 0);
   EXPECT_FALSE(scene_.cameras[5].used);
 }
 
-TEST_F(ResectionTest, NotFromAPointOrFromFew) {
+TEST_F(ResectionTest, FailsWithFewOrCoincidentPoints) {
   Reconstruction at_one = scene_;
   for (TargetState& target : at_one.targets) target.v = {0, 0, 1};
   EXPECT_EQ(resect_cameras(at_one, watched_.tracks, 2), 0);
@@ -226,7 +228,7 @@ class PairsLayoutTest : public testing::TestWithParam<std::tuple<Around, double>
   double error(const Reconstruction& scene) {
     return root_mean_square(position_errors(scene, truth_), [](const Vec3& e) { return e; });
   }
-  Reconstruction with_lenses_about_right() {
+  Reconstruction with_approximate_lenses() {
     Reconstruction scene = make_scene(tracks_, {});
     for (CameraState& camera : scene.cameras) camera.lens_terms()[kF] = 600;
     return scene;
@@ -236,19 +238,19 @@ class PairsLayoutTest : public testing::TestWithParam<std::tuple<Around, double>
   Tracks tracks_;
 };
 
-TEST_P(PairsLayoutTest, AveragedPairs) {
-  Reconstruction scene = with_lenses_about_right();
+TEST_P(PairsLayoutTest, GlobalLayout) {
+  Reconstruction scene = with_approximate_lenses();
   EXPECT_EQ(global_layout(scene, tracks_, 8), 14);
   EXPECT_LE(error(scene), 0.1);
 }
 
-TEST_P(PairsLayoutTest, FromOnePair) {
-  Reconstruction scene = with_lenses_about_right();
+TEST_P(PairsLayoutTest, IncrementalLayout) {
+  Reconstruction scene = with_approximate_lenses();
   EXPECT_EQ(incremental_layout(scene, tracks_, 8), 14);
   EXPECT_LE(error(scene), 0.1);
 }
 
-TEST_P(PairsLayoutTest, SolvedFromThere) {
+TEST_P(PairsLayoutTest, SolvesFromTheLayout) {
   const Solution solution = solve_tracks(tracks_, {});
   EXPECT_EQ(solution.start, "averaged pairs");
   for (const CameraState& camera : solution.scene.cameras) EXPECT_TRUE(camera.used);
@@ -260,7 +262,7 @@ INSTANTIATE_TEST_SUITE_P(Rigs, PairsLayoutTest,
                          testing::Combine(testing::Values(Around::kRing, Around::kDome, Around::kAnywhere),
                                           testing::Values(0, 0.3)));
 
-TEST(PairsLayout, NothingWhereCamerasShareTooLittle) {
+TEST(PairsLayout, FailsWithoutEnoughCommonObservations) {
   const Rig truth = sim::make_rig_around(Around::kRing, 4, 1);
   sim::PathOptions path;
   path.shape = sim::PathOptions::Shape::kBall;

@@ -31,7 +31,7 @@ TEST(Checkerboard, FindsCornersToAFractionOfAPixel) {
   EXPECT_LT(worst, 0.1);
 }
 
-TEST(Checkerboard, SaysWhenThereIsNone) {
+TEST(Checkerboard, ReturnsNothingWithoutABoard) {
   EXPECT_FALSE(find_checkerboard(Image(PixelFamily::kRgb, 320, 240), kTestBoard));
 }
 
@@ -54,7 +54,7 @@ bool is_white(const Vec2& at) {
 
 const Lens kLens(LensModel::kRadial, {620, 319.5, 239.5, -0.2, 0.05});
 
-TEST(Charuco, FindsAndNamesCornersOfAPartOfTheBoard) {
+TEST(Charuco, IdentifiesCornersOfAPartialBoard) {
   const Pose pose{Vec3(-0.17, -0.1, 0.22), glm::angleAxis(0.3, Vec3(0.6, 0.8, 0))};
   const auto view = find_charuco(picture_of_board(kLens, pose, 640, 480, is_white), kBoard);
   ASSERT_TRUE(view);
@@ -67,7 +67,7 @@ TEST(Charuco, FindsAndNamesCornersOfAPartOfTheBoard) {
   }
 }
 
-TEST(Charuco, PartsOfTheBoardGiveALens) {
+TEST(Charuco, PartialBoardsCalibrateALens) {
   std::mt19937 random(4);
   std::vector<BoardView> views;
   size_t parts = 0;
@@ -90,9 +90,9 @@ TEST(Charuco, PartsOfTheBoardGiveALens) {
   EXPECT_NEAR(result.fit.lens.k1(), -0.2, 0.005);
 }
 
-TEST(Charuco, SaysWhenThereIsNone) { EXPECT_FALSE(find_charuco(Image(PixelFamily::kRgb, 320, 240), kBoard)); }
+TEST(Charuco, ReturnsNothingWithoutABoard) { EXPECT_FALSE(find_charuco(Image(PixelFamily::kRgb, 320, 240), kBoard)); }
 
-TEST(Charuco, BoardsThatCannotBe) {
+TEST(Charuco, ImpossibleBoardsAreErrors) {
   EXPECT_ERROR(check_charuco_board({kTestBoard, "5X5", 0.7}), "5X5", "4X4_50");
   EXPECT_ERROR(check_charuco_board({{12, 10, 1}, "5X5_50", 0.7}), "50 markers", "71");
   EXPECT_ERROR(check_charuco_board({kTestBoard, "5X5_100", 1}), "smaller", "squares");
@@ -104,7 +104,7 @@ BoardView at(double x, std::vector<int> ids = {0, 1, 2, 3}) {
   return view;
 }
 
-TEST(KeyframeSelector, TakesABoardThatStandsStillSomewhereElse) {
+TEST(KeyframeSelector, SelectsStillBoardsAtNewPositions) {
   KeyframeSelector chooser(320);
   EXPECT_FALSE(chooser.take(at(50)));  // may be moving
   EXPECT_TRUE(chooser.take(at(50.4)));
@@ -115,7 +115,7 @@ TEST(KeyframeSelector, TakesABoardThatStandsStillSomewhereElse) {
   EXPECT_TRUE(chooser.take(at(90)));
 }
 
-TEST(KeyframeSelector, ComparesTheCornersThatBothShow) {
+TEST(KeyframeSelector, ComparesCommonCorners) {
   KeyframeSelector chooser(320);
   EXPECT_FALSE(chooser.take(at(50)));
   EXPECT_TRUE(chooser.take(at(50)));
@@ -126,7 +126,7 @@ TEST(KeyframeSelector, ComparesTheCornersThatBothShow) {
 
 const Lens kZhangLens(LensModel::kRadial, {420, 322, 236, -0.2, 0.05});
 
-TEST(Zhang, FindsTheLensThatMadeTheViews) {
+TEST(Zhang, FindsTheTrueLens) {
   for (const bool free_board : {false, true}) {
     const ZhangFit fit =
         fit_zhang(board_views(kZhangLens, 10, 0, 1), kTestBoard, 640, 480, {LensModel::kRadial, free_board});
@@ -139,7 +139,7 @@ TEST(Zhang, FindsTheLensThatMadeTheViews) {
 }
 
 // Errors over many seeds in units of the reported covariance: 5 degrees of freedom each.
-TEST(Zhang, TheCovarianceIsThatOfTheErrors) {
+TEST(Zhang, CovarianceMatchesTheErrors) {
   for (const bool free_board : {false, true}) {
     const int seeds = free_board ? 6 : 30;
     double sum = 0;
@@ -156,7 +156,7 @@ TEST(Zhang, TheCovarianceIsThatOfTheErrors) {
   }
 }
 
-TEST(Zhang, ABoardThatIsNotFlatIsFoundAsItIs) {
+TEST(Zhang, EstimatesABoardThatIsNotFlat) {
   std::vector<BoardView> views = board_views(kZhangLens, 12, 0.05, 4);
   const ZhangModel flat{LensModel::kRadial, false}, free{LensModel::kRadial, true};
   const double flat_rms = fit_zhang(views, kTestBoard, 640, 480, flat).rms;
@@ -170,16 +170,16 @@ TEST(Zhang, ABoardThatIsNotFlatIsFoundAsItIs) {
   EXPECT_NEAR(fit.board[20].x - kTestBoard.corner(20).x, 3e-4, 1e-4);
 }
 
-TEST(Zhang, HeldOutViewsAreSeenAsTheyAre) {
+TEST(Zhang, PredictsHeldOutViews) {
   const ZhangFit fit = fit_zhang(board_views(kZhangLens, 10, 0.05, 1), kTestBoard, 640, 480, {});
   EXPECT_NEAR(held_out_rms(fit, board_views(kZhangLens, 1, 0.05, 99)[0]), 0.05 * std::sqrt(2), 0.02);
 }
 
-TEST(Zhang, ViewsThatDetermineNothingAreRefused) {
+TEST(Zhang, DegenerateViewsAreErrors) {
   EXPECT_ERROR(fit_zhang(board_views(kZhangLens, 2, 0.1, 1), kTestBoard, 640, 480, {}), "3 views");
 }
 
-TEST(Intrinsics, TakesTheTermsThatTheViewsSpeakFor) {
+TEST(Intrinsics, SelectsJustifiedTerms) {
   using enum LensModel;
   for (const Lens& lens : {Lens(kSimplePinhole, {420, 322, 236}), Lens(kSimpleRadial, {420, 322, 236, -0.1}),
                            Lens(kRadial, {420, 322, 236, -0.25, 0.1})}) {
@@ -193,7 +193,7 @@ TEST(Intrinsics, TakesTheTermsThatTheViewsSpeakFor) {
   }
 }
 
-TEST(Intrinsics, ABadViewIsLeftOutByName) {
+TEST(Intrinsics, BadViewIsNamedAndRemoved) {
   const Lens lens(LensModel::kRadial, {420, 322, 236, -0.2, 0.05});
   std::vector<BoardView> views = board_views(lens, 12, 0.1, 7);
   views[5].corners[17] += Vec2(6, -4);
@@ -206,7 +206,7 @@ TEST(Intrinsics, ABadViewIsLeftOutByName) {
   EXPECT_NEAR(result.fit.lens.fx(), 420, 4 * std::sqrt(result.covariance.at(0, 0)));
 }
 
-TEST(Intrinsics, AnUntiltedBoardCalibratesNoFocalLength) {
+TEST(Intrinsics, UntiltedBoardDoesNotDetermineTheFocalLength) {
   const Lens lens(LensModel::kSimplePinhole, {420, 322, 236});
   IntrinsicsOptions options;
   options.lens = LensModel::kSimplePinhole;
@@ -221,7 +221,7 @@ TEST(Intrinsics, AnUntiltedBoardCalibratesNoFocalLength) {
   }
 }
 
-TEST(Intrinsics, OpenCvsOwnSet) {
+TEST(Intrinsics, CalibratesOpenCvsSampleImages) {
   const std::filesystem::path folder = "/usr/share/doc/opencv-doc/examples/data";
   if (!std::filesystem::exists(folder / "left01.jpg")) GTEST_SKIP() << "needs Debian's opencv-doc: " << folder;
   const Checkerboard board{9, 6, 0.025};

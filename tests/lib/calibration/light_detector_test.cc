@@ -58,7 +58,7 @@ Errors errors_of(const MovingLightOptions& options, LightDetector& detector, int
   return errors;
 }
 
-TEST(LightDetector, PlacesAreAsGoodAsTheySay) {
+TEST(LightDetector, PositionErrorsMatchTheSigmas) {
   for (const double power : {0.1, 0.4, 1.0, 2.0, 4.0, 8.0}) {
     MovingLightOptions options;
     options.power = power;
@@ -73,7 +73,7 @@ TEST(LightDetector, PlacesAreAsGoodAsTheySay) {
   }
 }
 
-TEST(LightDetector, LongExposuresAndLargeLightsAreNoWorse) {
+TEST(LightDetector, IsAccurateForLongExposuresAndLargeLights) {
   MovingLightOptions options;
   options.exposure = 1.0 / 30;
   LightDetector blurred(320, 240);
@@ -93,7 +93,7 @@ TEST(LightDetector, FaintLightsAreFoundInNoise) {
 }
 
 // Black is clipped, so half of the noise is invisible; the rest must not be detected as lights.
-TEST(LightDetector, ABlackRoomHasNoLights) {
+TEST(LightDetector, FindsNoLightsInABlackRoom) {
   MovingLightOptions options;
   options.ambient = 0, options.bar = 0;
   const Rig rig = scene_rig(1, 2);
@@ -105,7 +105,7 @@ TEST(LightDetector, ABlackRoomHasNoLights) {
   EXPECT_EQ(most, 1u);
 }
 
-TEST(LightDetector, ReflectionsAreFoundBesideTheLights) {
+TEST(LightDetector, FindsReflectionsNearLights) {
   MovingLightOptions options;
   options.reflection = 0.6;
   LightDetector detector(320, 240);
@@ -126,7 +126,7 @@ std::vector<uint8_t> squares(std::initializer_list<std::pair<int, int>> places, 
   return picture;
 }
 
-TEST(LightDetector, WhatStandsThereFromTheBeginningIsBackground) {
+TEST(LightDetector, StaticLightsAreBackground) {
   LightDetector detector(320, 240);
   for (int n = 0; n < 10; n++) {
     const auto sights = detector.look(squares({{200, 50}, {40 + 5 * n, 100}}).data(), 320);
@@ -141,13 +141,13 @@ TEST(LightDetector, WhatStandsThereFromTheBeginningIsBackground) {
   EXPECT_EQ(detector.record().lit, 9u);
 }
 
-TEST(LightDetector, ALampAtTheBorderHasNoPlace) {
+TEST(LightDetector, LightsAtTheBorderAreSkipped) {
   LightDetector detector(320, 240);
   detector.look(squares({}).data(), 320);
   EXPECT_TRUE(detector.look(squares({{0, 100}}).data(), 320).empty());
 }
 
-TEST(LightDetector, APictureThatChangesAllOverIsBusy) {
+TEST(LightDetector, FrameWithManyBrightPixelsIsBusy) {
   LightDetector detector(320, 240);
   detector.look(squares({}).data(), 320);
   EXPECT_TRUE(detector.look(squares({{50, 50}}, 120).data(), 320).empty());
@@ -155,13 +155,13 @@ TEST(LightDetector, APictureThatChangesAllOverIsBusy) {
   EXPECT_EQ(detector.record().lit, 0u);
 }
 
-TEST(LightDetector, SizesThatNoPictureHasAreRefused) { EXPECT_ERROR(LightDetector(4, 240), "can't be searched"); }
+TEST(LightDetector, InvalidSizesAreErrors) { EXPECT_ERROR(LightDetector(4, 240), "can't be searched"); }
 
 using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
 
-TEST(CoverageGrid, WhatIsMissingIsNamedOnce) {
+TEST(CoverageGrid, GapsAreNamedOnce) {
   CoverageGrid places(320, 240);
   EXPECT_EQ(places.share(), 0);
   EXPECT_EQ(gap_names(places.gaps()), "upper left, upper right, middle left, middle right, lower left, lower right");
@@ -205,7 +205,7 @@ class Film {
   LightCoverage coverage;
 };
 
-TEST(LightCoverage, SaysWhereTheLightWasNotYet) {
+TEST(LightCoverage, NamesUncoveredAreas) {
   Film film(array());
   EXPECT_MENTIONS(film.coverage.summary(), "No frames");
   film.show({0, 0, 2}, {0, 0, 2}, 3, {0, 1, 2, 3});
@@ -218,7 +218,7 @@ TEST(LightCoverage, SaysWhereTheLightWasNotYet) {
   EXPECT_THAT(film.coverage.wanted(3), HasSubstr("upper left"));
 }
 
-TEST(LightCoverage, APlaneIsNotEnough) {
+TEST(LightCoverage, OnePlaneDoesNotCoverTheDepth) {
   Film far(array());
   far.show({-0.7, -0.5, 2}, {0.7, 0.5, 2.1}, 20);
   EXPECT_EQ(far.coverage.depth_wanted(0), "nearer");
@@ -245,7 +245,7 @@ TEST(LightCoverage, APlaneIsNotEnough) {
   EXPECT_EQ(by_plan.depth_wanted(0), "nearer");
 }
 
-TEST(LightCoverage, WhereItWasEverywhereNothingIsAskedFor) {
+TEST(LightCoverage, FullCoverageNeedsNothing) {
   Film film(array());
   for (const double z : {0.9, 1.8})
     for (int row = -4; row <= 4; row++) film.show({-0.75 * z, row * 0.11 * z, z}, {0.75 * z, row * 0.11 * z, z}, 40);
@@ -254,7 +254,7 @@ TEST(LightCoverage, WhereItWasEverywhereNothingIsAskedFor) {
 }
 
 // The detector sees the moving bar in pictures of half size.
-TEST(LightCoverage, ABarIsFollowedBySmallPictures) {
+TEST(LightCoverage, TracksABarInSmallPictures) {
   const Rig rig = array();
   const LightTrajectory path(rig, {});
   LightCoverage coverage(rig, 2);
@@ -289,7 +289,7 @@ TEST(LightCoverage, ABarIsFollowedBySmallPictures) {
   }
 }
 
-TEST(LightCoverage, NoLightsAreRefused) { EXPECT_ERROR(LightCoverage(array(), 0), "lights", "1"); }
+TEST(LightCoverage, ThrowsForZeroLights) { EXPECT_ERROR(LightCoverage(array(), 0), "lights", "1"); }
 
 }  // namespace
 }  // namespace lf

@@ -112,7 +112,7 @@ size_t mistaken(const Recorded& r, const LightSolution& solution) {
   return wrong;
 }
 
-TEST(MovingLight, CamerasWithoutACommonClock) {
+TEST(MovingLight, EstimatesClockOffsets) {
   const Recorded r = record({});
   const LightSolution solution = solve_lights(r.sights, {});
   EXPECT_LE(offset_error(r, solution), 1e-4);
@@ -131,7 +131,7 @@ TEST(MovingLight, CamerasWithoutACommonClock) {
   EXPECT_NEAR(report["cameras"][3]["time_offset_ms"].get<double>(), 1e3 * solution.clocks[3].offset, 1e-9);
 }
 
-TEST(MovingLight, ReflectionsNeverWin) {
+TEST(MovingLight, RejectsReflections) {
   Recording how;
   how.reflection = 0.5;
   const Recorded r = record(how);
@@ -142,7 +142,7 @@ TEST(MovingLight, ReflectionsNeverWin) {
   for (const size_t reflections : solution.reflections) EXPECT_GT(reflections, 50u);
 }
 
-TEST(MovingLight, AFrameThatWasDroppedIsFound) {
+TEST(MovingLight, FindsADroppedFrame) {
   Recording how;
   how.dropped = true;
   const Recorded r = record(how);
@@ -157,7 +157,7 @@ TEST(MovingLight, AFrameThatWasDroppedIsFound) {
   EXPECT_THAT(findings[0].text, mentions("camera 4", "1 frame", "at 3."));
 }
 
-TEST(MovingLight, ARecordingThatBeganLater) {
+TEST(MovingLight, AcceptsALateRecording) {
   Recording how;
   how.late = 1.3;
   const Recorded r = record(how);
@@ -175,7 +175,7 @@ LightSolution solve_one_light(const Recorded& r) {
 }
 
 // A camera's pose can absorb much of its clock error: both must be estimated together.
-TEST(MovingLight, OneLightTellsTheClocks) {
+TEST(MovingLight, OneLightDeterminesTheClocks) {
   for (const uint64_t seed : {3, 11, 12}) {
     Recording how;
     how.bar = 0, how.seed = seed;
@@ -187,7 +187,7 @@ TEST(MovingLight, OneLightTellsTheClocks) {
   }
 }
 
-TEST(MovingLight, OneLightTellsAFrameThatWasDropped) {
+TEST(MovingLight, OneLightRevealsADroppedFrame) {
   for (const uint64_t seed : {3, 11, 12, 13}) {
     Recording how;
     how.bar = 0, how.seed = seed, how.dropped = true;
@@ -199,7 +199,7 @@ TEST(MovingLight, OneLightTellsAFrameThatWasDropped) {
   }
 }
 
-TEST(MovingLight, AClockThatDriftsIsEstimated) {
+TEST(MovingLight, EstimatesClockDrift) {
   for (const double bar : {0.3, 0.0}) {
     Recording how;
     how.bar = bar, how.drift = 5e-4;
@@ -214,7 +214,7 @@ TEST(MovingLight, AClockThatDriftsIsEstimated) {
   }
 }
 
-TEST(MovingLight, ReflectionsOfOneLightNeverWin) {
+TEST(MovingLight, RejectsReflectionsOfOneLight) {
   Recording how;
   how.bar = 0;
   how.reflection = 0.5;
@@ -222,7 +222,7 @@ TEST(MovingLight, ReflectionsOfOneLightNeverWin) {
   EXPECT_EQ(mistaken(r, solve_one_light(r)), 0u);
 }
 
-TEST(MovingLight, NothingThatMovesIsSaid) {
+TEST(MovingLight, StaticLightsAreAnError) {
   Recorded r = record({});
   for (LightDetections::Camera& camera : r.sights.cameras)
     for (LightDetections::Frame& frame : camera.frames) frame.sights.clear();

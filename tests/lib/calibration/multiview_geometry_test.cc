@@ -10,7 +10,7 @@
 namespace lf {
 namespace {
 
-TEST(Triangulation, FindsTheTargetsAmongMistakes) {
+TEST(Triangulation, IsRobustToOutliers) {
   const Rig truth = sim::make_array({}, 1);
   sim::PathOptions path;
   path.outliers = 0.3, path.noise = 0;
@@ -25,7 +25,7 @@ TEST(Triangulation, FindsTheTargetsAmongMistakes) {
   }
 }
 
-TEST(Triangulation, BarsAreOfUnitLength) {
+TEST(Triangulation, BarsHaveUnitLength) {
   const Rig truth = sim::make_array({}, 1);
   sim::PathOptions path;
   path.bar = 0.3, path.noise = 0;
@@ -40,7 +40,7 @@ TEST(Triangulation, BarsAreOfUnitLength) {
     }
 }
 
-TEST(Triangulation, OneSightIsNotEnough) {
+TEST(Triangulation, NeedsTwoObservations) {
   const Rig truth = sim::make_array({}, 1);
   const sim::Watched watched = sim::watch(truth, {}, 2);
   const Reconstruction scene = sim::true_scene(truth, watched, {});
@@ -48,7 +48,7 @@ TEST(Triangulation, OneSightIsNotEnough) {
   EXPECT_FALSE(triangulate(scene.cameras, watched.tracks, {}, 4));
 }
 
-TEST(RelativePoses, NearTheTruthWhereLensesAreKnown) {
+TEST(RelativePoses, AreAccurateForKnownLenses) {
   const Rig truth = sim::make_rig_around(sim::Around::kRing, 10, 1);
   sim::PathOptions path;
   path.shape = sim::PathOptions::Shape::kBall;
@@ -102,19 +102,19 @@ class RotationAveragingTest : public testing::Test {
   std::vector<RelativeRotation> pairs_;
 };
 
-TEST_F(RotationAveragingTest, MistakenPairsAreOutvoted) {
+TEST_F(RotationAveragingTest, WrongPairsAreOutvoted) {
   const auto found = average_rotations(kCameras, pairs_);
   for (size_t i = 1; i < kCameras; i++) EXPECT_LE(error(found, 0, i), 3 * kNoise) << i;
 }
 
-TEST_F(RotationAveragingTest, TheLargestGroupOnly) {
+TEST_F(RotationAveragingTest, UsesTheLargestGroup) {
   std::erase_if(pairs_, [](const RelativeRotation& pair) { return (pair.a < 4) != (pair.b < 4); });
   const auto found = average_rotations(kCameras + 1, pairs_);
   for (size_t i = 0; i <= kCameras; i++) EXPECT_EQ(found[i].has_value(), i >= 4 && i < kCameras) << i;
   EXPECT_LE(error(found, 4, 11), 0.1);
 }
 
-TEST_F(RotationAveragingTest, NothingFromNothing) {
+TEST_F(RotationAveragingTest, ReturnsNothingWithoutPairs) {
   EXPECT_EQ(average_rotations(2, {}), std::vector<std::optional<Quat>>(2));
 }
 

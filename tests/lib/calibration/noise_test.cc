@@ -11,7 +11,7 @@
 namespace lf {
 namespace {
 
-TEST(RobustScale, SigmaOfNormalErrorsWhateverTheRestIs) {
+TEST(RobustScale, SigmaToleratesOutliers) {
   std::mt19937 random(1);
   std::normal_distribution<double> normal(0, 0.25);
   std::vector<double> lengths;
@@ -23,7 +23,9 @@ TEST(RobustScale, SigmaOfNormalErrorsWhateverTheRestIs) {
   EXPECT_EQ(robust_sigma({}), 0);
 }
 
-TEST(RobustScale, WhatHasNoResidualIsNoInlier) { EXPECT_EQ(within({-1, 0, 0.5, 0.7}, 3, 0.2), (Inliers{0, 1, 1, 0})); }
+TEST(RobustScale, ObservationsWithoutResidualAreNoInliers) {
+  EXPECT_EQ(within({-1, 0, 0.5, 0.7}, 3, 0.2), (Inliers{0, 1, 1, 0}));
+}
 
 double disagreement(bool alike) {
   sim::ArrayOptions array;
@@ -56,15 +58,15 @@ double disagreement(bool alike) {
   return disagreement_of_halves(solution.scene, watched.tracks, solution.inliers, model);
 }
 
-TEST(Halves, AgreeWhereErrorsAreIndependent) {
+TEST(DisagreementOfHalves, AgreeIfErrorsAreIndependent) {
   const double d = disagreement(false);
   EXPECT_GT(d, 0.7);
   EXPECT_LT(d, 1.3);
 }
 
-TEST(Halves, DisagreeWhereNeighboursErrAlike) { EXPECT_GT(disagreement(true), 1.35); }
+TEST(DisagreementOfHalves, DisagreeIfErrorsAreCorrelated) { EXPECT_GT(disagreement(true), 1.35); }
 
-TEST(TrackNoise, EachTrackHasItsOwn) {
+TEST(TrackNoise, EachTrackHasItsOwnNoise) {
   const Rig truth = sim::make_array({}, 1);
   sim::PathOptions path;
   path.noise = 0.1;
@@ -82,7 +84,7 @@ TEST(TrackNoise, EachTrackHasItsOwn) {
   }
 }
 
-TEST(TrackNoise, AWildSightDoesNotSpoilItsTrack) {
+TEST(TrackNoise, OutlierDoesNotAffectItsTrack) {
   const Rig truth = sim::make_array({}, 1);
   sim::Watched watched = sim::watch(truth, {}, 2);
   for (Observation& o : watched.tracks.observations)

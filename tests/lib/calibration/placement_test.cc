@@ -50,7 +50,7 @@ std::vector<size_t> in_order(size_t n) {
   return order;
 }
 
-TEST(LayoutAlignment, FindsWhoIsSwapped) {
+TEST(LayoutAlignment, FindsSwappedCameras) {
   for (uint64_t seed = 0; seed < 100; seed++) {
     const int rows = 2 + static_cast<int>(seed % 4), columns = 3 + static_cast<int>(seed % 3);
     auto at = in_order(static_cast<size_t>(rows * columns));
@@ -63,7 +63,7 @@ TEST(LayoutAlignment, FindsWhoIsSwapped) {
   }
 }
 
-TEST(LayoutAlignment, FindsTheOrderOfAll) {
+TEST(LayoutAlignment, FindsTheOrderOfAllCameras) {
   for (uint64_t seed = 0; seed < 100; seed++) {
     auto at = in_order(16);
     std::mt19937_64 random(seed);
@@ -77,7 +77,7 @@ TEST(LayoutAlignment, FindsTheOrderOfAll) {
   }
 }
 
-TEST(LayoutAlignment, OneThatStandsElsewhereTurnsNothing) {
+TEST(LayoutAlignment, MisplacedCameraDoesNotRotateTheFrame) {
   for (uint64_t seed = 0; seed < 50; seed++) {
     Array array = make(3, 3, seed);
     const LayoutAlignment right = align_to_layout(array.found, array.layout, array.own, std::nullopt, 0);
@@ -89,7 +89,7 @@ TEST(LayoutAlignment, OneThatStandsElsewhereTurnsNothing) {
   }
 }
 
-TEST(LayoutAlignment, ACameraInTheGapOfOneThatIsMissing) {
+TEST(LayoutAlignment, CameraAtThePlaceOfAMissingCamera) {
   Array array = make(3, 3, 3);
   array.found[2] = array.found[8];
   array.found.pop_back(), array.own.pop_back();
@@ -100,7 +100,7 @@ TEST(LayoutAlignment, ACameraInTheGapOfOneThatIsMissing) {
 }
 
 // Root mean square rotation error of the frame in degrees, over many arrays; with and without orientations.
-TEST(LayoutAlignment, OrientationsHoldTheFrame) {
+TEST(LayoutAlignment, OrientationsStabiliseTheFrame) {
   for (const int side : {3, 8}) {
     double both = 0, centres = 0;
     constexpr int kArrays = 100;
@@ -118,12 +118,12 @@ TEST(LayoutAlignment, OrientationsHoldTheFrame) {
   }
 }
 
-TEST(LayoutAlignment, ScaleStaysWhereItIsGiven) {
+TEST(LayoutAlignment, KeepsAGivenScale) {
   const Array array = make(3, 3, 7);
   EXPECT_EQ(align_to_layout(array.found, array.layout, array.own, 0.7, 0).layout_from_scene.scale, 0.7);
 }
 
-TEST(LayoutAlignment, RingsToo) {
+TEST(LayoutAlignment, AlignsRings) {
   const Rig ring = sim::make_rig_around(sim::Around::kRing, 12, 3);
   std::vector<Pose> layout, found;
   std::vector<size_t> own = in_order(12);
@@ -156,7 +156,7 @@ class PlacementTest : public testing::Test {
   const double true_distance_ = glm::length(truth_.cameras[3].pose.position - truth_.cameras[60].pose.position);
 };
 
-TEST_F(PlacementTest, EachScale) {
+TEST_F(PlacementTest, EachSourceOfTheScale) {
   PlacementOptions bar, pitch, known;
   bar.bar_length = 0.3;
   pitch.pitch = 0.06;
@@ -169,7 +169,7 @@ TEST_F(PlacementTest, EachScale) {
   EXPECT_THROW(place_solution(solution_, tracks_, {}, known), Error);
 }
 
-TEST_F(PlacementTest, TheFrameOfThePriorRig) {
+TEST_F(PlacementTest, UsesTheFrameOfThePriorRig) {
   SolveOptions options;
   options.prior = truth_;
   const Rig rig = make_rig(solution_, tracks_, options, place_solution(solution_, tracks_, options, {}));
@@ -178,7 +178,7 @@ TEST_F(PlacementTest, TheFrameOfThePriorRig) {
   EXPECT_EQ(rig.topology.type, Topology::Type::kGrid);
 }
 
-TEST_F(PlacementTest, AFrameOfItsOwnLooksAlongZ) {
+TEST_F(PlacementTest, DefaultFrameLooksAlongZ) {
   const Rig rig = make_rig(solution_, tracks_, {}, place_solution(solution_, tracks_, {}, {}));
   Vec3 mean(0, 0, 0);
   for (const Camera& camera : rig.cameras) mean += camera.pose.position / static_cast<double>(rig.cameras.size());

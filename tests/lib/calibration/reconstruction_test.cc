@@ -25,7 +25,7 @@ class SceneTest : public testing::Test {
   SolveOptions options_;
 };
 
-TEST_F(SceneTest, LensesAsUsualWithoutAPrior) {
+TEST_F(SceneTest, DefaultLensesWithoutAPrior) {
   const Reconstruction scene = make_scene(watched_.tracks, options_);
   EXPECT_EQ(scene.cameras.size(), 16u);
   EXPECT_EQ(scene.targets.size(), 100u);
@@ -33,7 +33,7 @@ TEST_F(SceneTest, LensesAsUsualWithoutAPrior) {
   for (int k = 0; k < kNumLensTerms; k++) EXPECT_FALSE(scene.measured(k)) << k;
 }
 
-TEST_F(SceneTest, APriorMustHaveTheCameras) {
+TEST_F(SceneTest, PriorMustHaveTheCameras) {
   options_.prior = truth_;
   options_.prior->cameras.pop_back();
   EXPECT_THROW(make_scene(watched_.tracks, options_), Error);
@@ -44,7 +44,7 @@ TEST_F(SceneTest, APriorMustHaveTheCameras) {
   EXPECT_THROW(make_scene(watched_.tracks, {}), Error);
 }
 
-TEST_F(SceneTest, InformationIsTheInverseOfTheCovarianceThatIsGiven) {
+TEST_F(SceneTest, InformationIsTheInverseOfTheCovariance) {
   options_.prior = truth_;
   options_.prior_covariances = {CameraCovariance{{"cx", "f"}, {4, 1, 1, 1}}};
   const Reconstruction scene = make_scene(watched_.tracks, options_);
@@ -66,7 +66,7 @@ TEST_F(SceneTest, InformationIsTheInverseOfTheCovarianceThatIsGiven) {
 }
 
 // A board calibration without distortion terms gives no prior for them: they are estimated, not fixed at zero.
-TEST_F(SceneTest, TermsThatWereNotMeasuredAreFound) {
+TEST_F(SceneTest, UnmeasuredTermsAreEstimated) {
   sim::measure_lenses(truth_, {}, 3, options_);
   CameraCovariance covariance{{"f", "cx", "cy"}, {1, 0, 0, 0, 2.25, 0, 0, 0, 2.25}};
   options_.prior_covariances.assign(16, covariance);
@@ -136,7 +136,7 @@ class PosePriorsTest : public testing::Test {
   SolveOptions options_;
 };
 
-TEST_F(PosePriorsTest, KnownPosesTellTheFocalLengthOfOneLight) {
+TEST_F(PosePriorsTest, KnownPosesDetermineTheFocalLength) {
   const Result known = solve(0);
   EXPECT_LE(std::abs(known.off), 3 * known.told);
   EXPECT_LE(known.told, 6) << "1.5 % of the focal length";
@@ -145,13 +145,13 @@ TEST_F(PosePriorsTest, KnownPosesTellTheFocalLengthOfOneLight) {
   EXPECT_GE(solve(0).told, 2 * known.told);
 }
 
-TEST_F(PosePriorsTest, ABarHasAScaleOfItsOwn) {
+TEST_F(PosePriorsTest, BarDeterminesTheScale) {
   const Result result = solve(0.3);
   EXPECT_NEAR(result.solution.scene.metres, 0.3, 1e-3);
   EXPECT_LE(std::abs(result.off), 3 * result.told);
 }
 
-TEST_F(PosePriorsTest, APoseThatIsWrongIsLeftOutAndNamed) {
+TEST_F(PosePriorsTest, WrongPoseIsNamedAndLeftOut) {
   std::swap(options_.prior->cameras[3].pose, options_.prior->cameras[17].pose);
   const Result result = solve(0.3);
   EXPECT_EQ(std::set<size_t>(result.solution.contradicted_poses.begin(), result.solution.contradicted_poses.end()),

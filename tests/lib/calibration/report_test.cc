@@ -49,7 +49,7 @@ class ReportTest : public testing::Test {
   Solution solution_;
 };
 
-TEST_F(ReportTest, HasTheFiguresOfAllAndOfEach) {
+TEST_F(ReportTest, HasFiguresOfTheArrayAndOfEachCamera) {
   const auto report = calibration_report(solution_, tracks_, {{}, "the pitch"}, {});
   EXPECT_EQ(report["format"], "lightfield-calibration");
   EXPECT_EQ(report["observations"], 8);
@@ -104,7 +104,7 @@ TEST_F(ReportTest, HasModelsAndFindings) {
   EXPECT_EQ(report["findings"][2]["text"], "three");
 }
 
-TEST_F(ReportTest, NothingFoundIsNoDivisionByZero) {
+TEST_F(ReportTest, EmptySolutionHasFiniteFigures) {
   for (CameraState& camera : solution_.scene.cameras) camera.used = false;
   const auto report = calibration_report(solution_, tracks_, {}, {});
   EXPECT_EQ(report["mean_px"], 0);
@@ -159,7 +159,7 @@ const SoftMode* find(const std::vector<SoftMode>& modes, const std::string& code
   return nullptr;
 }
 
-TEST(SoftModes, DepthIsWhatOneLightDoesNotTell) {
+TEST(SoftModes, OneLightLeavesTheDepthUncertain) {
   const Solved one = solve(1, 0);
   const Solved& bar = arrays()[0];
   const auto loose = soft_modes(one.solution, one.placement), firm = soft_modes(bar.solution, bar.placement);
@@ -173,7 +173,7 @@ TEST(SoftModes, DepthIsWhatOneLightDoesNotTell) {
     EXPECT_GE(loose[i - 1].sigma / loose[i - 1].limit, loose[i].sigma / loose[i].limit);
 }
 
-TEST(SoftModes, TheFocalLengthsErrIsAsLargeAsForetold) {
+TEST(SoftModes, FocalLengthErrorsMatchThePrediction) {
   double squares = 0;
   for (const Solved& s : arrays()) {
     double error = 0;
@@ -213,7 +213,7 @@ double squared_transfer(const Solved& s) {
   return sum / count;
 }
 
-TEST(ProjectionErrors, AreAsLargeAsForetold) {
+TEST(ProjectionErrors, MatchThePrediction) {
   double seen = 0, foretold = 0;
   for (const Solved& s : arrays()) {
     seen += squared_transfer(s) / kArrays;
@@ -231,7 +231,7 @@ TEST(ProjectionErrors, AreAsLargeAsForetold) {
   EXPECT_LT(std::sqrt(seen / foretold), 1.7);
 }
 
-TEST(ProjectionErrors, ReachBeyondTheLights) {
+TEST(ProjectionErrors, CoverDepthsBeyondTheLights) {
   const Solved& s = arrays()[1];
   const LightRange range = light_range(s.solution, s.placement);
   EXPECT_GT(range.near, 0.6);

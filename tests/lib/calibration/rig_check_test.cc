@@ -45,7 +45,7 @@ std::vector<uint32_t> moved(const RigCheck& check) {
   return ids;
 }
 
-TEST(RigCheck, ARigThatIsAsItWasHolds) {
+TEST(RigCheck, UnchangedRigHolds) {
   const Rig rig = array();
   const RigCheck check = check_calibration(rig, film(rig));
   EXPECT_TRUE(check.holds());
@@ -63,7 +63,7 @@ struct Case {
   std::vector<const char*> said;
 };
 
-TEST(RigCheck, WhoMovedAndByHowMuch) {
+TEST(RigCheck, MeasuresAMovedCamera) {
   const Case cases[] = {
       {"panned", {0, 0.2, 0}, {0, 0, 0}, {"turned by 0.2", "to the right"}},
       {"tilted", {0.5, 0, 0}, {0, 0, 0}, {"turned by 0.5", "up"}},
@@ -95,7 +95,7 @@ TEST(RigCheck, WhoMovedAndByHowMuch) {
   }
 }
 
-TEST(RigCheck, SeveralThatMoved) {
+TEST(RigCheck, FindsSeveralMovedCameras) {
   const Rig rig = array();
   Rig now = rig;
   disturb(now.cameras[0], {0, 0.1, 0}, {0, 0, 0});
@@ -104,7 +104,7 @@ TEST(RigCheck, SeveralThatMoved) {
   EXPECT_EQ(moved(check_calibration(rig, film(now))), (std::vector<uint32_t>{0, 5, 7}));
 }
 
-TEST(RigCheck, AFocusThatWasTurned) {
+TEST(RigCheck, FindsAChangedLens) {
   const Rig rig = array();
   Rig now = rig;
   const Lens lens = rig.cameras[2].lens;
@@ -118,7 +118,7 @@ TEST(RigCheck, AFocusThatWasTurned) {
   EXPECT_THAT(findings[0].text, mentions("focal length", "+2."));
 }
 
-TEST(RigCheck, WhatNobodySawIsNotSaidToHold) {
+TEST(RigCheck, UnseenCameraIsUnknown) {
   const Rig rig = array();
   Tracks tracks = film(rig);
   std::erase_if(tracks.observations, [](const Observation& o) { return o.camera == 6; });
@@ -130,7 +130,7 @@ TEST(RigCheck, WhatNobodySawIsNotSaidToHold) {
   EXPECT_EQ(findings[1].code, "wrong-scale") << "the bar is 0.3 m long";
 }
 
-TEST(RigCheck, ABentRigIsLost) {
+TEST(RigCheck, BentRigIsLost) {
   const Rig rig = array();
   Rig now = rig;
   for (size_t i = 0; i < 9; i++) disturb(now.cameras[i], {0.3 * (i % 2 ? 1 : -1), 0.4 * (i % 3) - 0.4, 0}, {0, 0, 0});
@@ -141,7 +141,7 @@ TEST(RigCheck, ABentRigIsLost) {
   EXPECT_THAT(findings[0].text, mentions("rig", "bent"));
 }
 
-TEST(RigCheck, MistakesAreNamed) {
+TEST(RigCheck, ErrorsNameTheProblem) {
   const Rig rig = array();
   Tracks tracks = film(rig);
   tracks.cameras[3].id = 77;

@@ -46,7 +46,7 @@ TEST_F(SolveTest, FindsCamerasLightsAndNoise) {
   EXPECT_EQ(solution.uncertainty.camera_row.size(), 9u);
 }
 
-TEST_F(SolveTest, IsTheSameEveryTime) {
+TEST_F(SolveTest, IsReproducible) {
   const Solution a = solve_tracks(watched_.tracks, {.distortion = DistortionModel{1, true}});
   const Solution b = solve_tracks(watched_.tracks, {.distortion = DistortionModel{1, true}});
   for (size_t i = 0; i < 9; i++)
@@ -55,7 +55,7 @@ TEST_F(SolveTest, IsTheSameEveryTime) {
   EXPECT_EQ(a.inliers, b.inliers);
 }
 
-TEST_F(SolveTest, KeepsTheModelThatItIsTold) {
+TEST_F(SolveTest, KeepsAGivenModel) {
   const Solution solution = solve_tracks(watched_.tracks, {.distortion = DistortionModel{0, false}});
   EXPECT_EQ(solution.distortion, (DistortionModel{0, false}));
   EXPECT_TRUE(solution.trials.empty());
@@ -63,7 +63,7 @@ TEST_F(SolveTest, KeepsTheModelThatItIsTold) {
   for (const CameraState& camera : solution.scene.cameras) EXPECT_EQ(camera.lens_terms()[kK1], 0);
 }
 
-TEST_F(SolveTest, SaysWhatItDoesAndMayBeCancelled) {
+TEST_F(SolveTest, ReportsProgressAndCanBeCancelled) {
   std::vector<std::string> steps;
   SolveOptions options;
   options.distortion = DistortionModel{1, true};
@@ -130,7 +130,7 @@ class PartialVisibility : public testing::TestWithParam<std::tuple<uint64_t, boo
   SolveOptions options_;
 };
 
-TEST_P(PartialVisibility, AllAreFoundAndFewGoodSightsAreOutliers) {
+TEST_P(PartialVisibility, FindsAllCamerasWithFewOutliers) {
   const Solution solution = solve_tracks(watched_.tracks, options_);
   size_t missing = 0;
   for (const CameraState& camera : solution.scene.cameras) missing += !camera.used;
@@ -152,7 +152,7 @@ TEST_P(PartialVisibility, AllAreFoundAndFewGoodSightsAreOutliers) {
 INSTANTIATE_TEST_SUITE_P(Seeds, PartialVisibility, testing::Combine(testing::Values(1, 2), testing::Bool()));
 
 // The report must name the camera that is out of focus; its observations are not outliers.
-TEST_F(SolveTest, ACameraThatErrsMoreCountsForLess) {
+TEST_F(SolveTest, NoisyCameraIsDownWeighted) {
   std::mt19937_64 random(5);
   std::normal_distribution<double> normal(0, 0.6);
   for (Observation& o : watched_.tracks.observations)
@@ -192,7 +192,7 @@ Chosen choose(double focal_spread, double centre_spread) {
   return chosen;
 }
 
-TEST(ModelChoice, LensesThatAreAlikeStayAlike) {
+TEST(ModelChoice, EqualLensesAreShared) {
   const Chosen chosen = choose(0, 0);
   EXPECT_TRUE(chosen.options.shared[kF]);
   EXPECT_TRUE(chosen.options.shared[kCx] && chosen.options.shared[kCy]);
@@ -200,13 +200,13 @@ TEST(ModelChoice, LensesThatAreAlikeStayAlike) {
   EXPECT_TRUE(chosen.trials[0].chosen);
 }
 
-TEST(ModelChoice, FocalLengthsThatDifferAreFree) {
+TEST(ModelChoice, DifferentFocalLengthsAreFree) {
   const Chosen chosen = choose(0.02, 0);
   EXPECT_FALSE(chosen.options.shared[kF]);
   EXPECT_TRUE(chosen.options.shared[kCx] && chosen.options.shared[kCy]);
 }
 
-TEST(ModelChoice, PrincipalPointsThatDifferAreFree) {
+TEST(ModelChoice, DifferentPrincipalPointsAreFree) {
   const Chosen chosen = choose(0.02, 20);
   EXPECT_FALSE(chosen.options.shared[kF]);
   EXPECT_FALSE(chosen.options.shared[kCx] || chosen.options.shared[kCy]);
@@ -233,11 +233,9 @@ sim::ArrayOptions array_with(double k1, double k1_spread) {
   return array;
 }
 
-TEST(ModelChoice, NoDistortionWhereThereIsNone) {
-  EXPECT_EQ(choose_terms(array_with(0, 0)).model, (DistortionModel{0, false}));
-}
+TEST(ModelChoice, SelectsNoDistortion) { EXPECT_EQ(choose_terms(array_with(0, 0)).model, (DistortionModel{0, false})); }
 
-TEST(ModelChoice, OneTermForAll) {
+TEST(ModelChoice, SelectsOneSharedTerm) {
   Reconstruction scene;
   const ModelChoice choice = choose_terms(array_with(-0.15, 0), &scene);
   EXPECT_EQ(choice.model, (DistortionModel{1, true}));
@@ -247,11 +245,11 @@ TEST(ModelChoice, OneTermForAll) {
   }
 }
 
-TEST(ModelChoice, OneTermACamera) {
+TEST(ModelChoice, SelectsOneTermPerCamera) {
   EXPECT_EQ(choose_terms(array_with(-0.15, 0.1)).model, (DistortionModel{1, false}));
 }
 
-TEST(ModelChoice, TheTableShowsAll) {
+TEST(ModelChoice, TableListsAllModels) {
   const ModelChoice choice = choose_terms(array_with(-0.15, 0));
   ASSERT_EQ(choice.trials.size(), 5u);
   int chosen = 0;

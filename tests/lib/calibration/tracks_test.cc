@@ -65,7 +65,7 @@ std::string file_with(const std::string& bar, const std::string& positions) {
          positions + "]}";
 }
 
-TEST(TracksJson, WhatIsWrittenIsReadAgain) {
+TEST(TracksJson, RoundTrips) {
   const Tracks tracks = parse_tracks(
       file_with("true", R"({"observations": [[9, 1.25, -0.5, 1], [7, 3, 4, 0]]}, {"observations": []})"), "t.json");
   EXPECT_EQ(tracks.num_positions, 2u);
@@ -95,7 +95,7 @@ TEST(TracksJson, ErrorsNameThePlace) {
   expect_error(file_with("false", R"({"observations": [[7, 900, 2]]})"), {"outside", "camera 7"});
 }
 
-TEST(LightDetections, ARoundTripKeepsThem) {
+TEST(LightDetections, RoundTrip) {
   LightDetections sights;
   sights.bar = true;
   sights.cameras = {{7, 320, 240, {{0, {}}, {0.0333, {{{12.34567, 200.5}, 0.0123, 801.25}, {{3, 4}, 0.5, 20}}}}},
@@ -114,12 +114,12 @@ TEST(LightDetections, ARoundTripKeepsThem) {
   EXPECT_NEAR(sight.brightness, 801.25, 0.1);
 }
 
-TEST(LightDetections, TracksWithPositionsAreNone) {
+TEST(LightDetections, TracksWithPositionsAreNullopt) {
   EXPECT_FALSE(
       parse_light_detections(R"({"format": "lightfield-tracks", "version": 1, "cameras": [], "positions": []})", "t"));
 }
 
-TEST(LightDetections, MistakesAreNamedWithTheirPlace) {
+TEST(LightDetections, ErrorsNameThePlace) {
   const auto parse = [](const std::string& cameras) {
     return parse_light_detections(R"({"format": "lightfield-tracks", "version": 1, "cameras": [)" + cameras + "]}",
                                   "t.json");

@@ -88,7 +88,7 @@ class Reference {
   std::vector<double> sum_, lost_;
 };
 
-TEST(Accumulator, AddsFragmentsWhereTheyLie) {
+TEST(Accumulator, AddsFragmentsAtTheirRectangles) {
   Accumulator sum;
   sum.reset(PixelFamily::kRgb, 5, 3);
   ASSERT_TRUE(sum.add(plain(PixelFamily::kRgb, {0, 0, 3, 3}, 10, 20, 30)));
@@ -101,7 +101,7 @@ TEST(Accumulator, AddsFragmentsWhereTheyLie) {
   EXPECT_EQ(image.pixel(4, 2)[2], 0);
 }
 
-TEST(Accumulator, EveryLostLevelGivesTheColourBack) {
+TEST(Accumulator, MissingWeightIsNormalised) {
   // A camera with valid weight v shows v * colour; dividing by v restores the colour within the 8-bit rounding of v *
   // colour: 0.5 * 255 / v, plus 0.5 for the result.
   for (const PixelFamily family : kFamilies)
@@ -128,7 +128,7 @@ TEST(Accumulator, EveryLostLevelGivesTheColourBack) {
     }
 }
 
-TEST(Accumulator, WithinHalfOfTheDoubleReference) {
+TEST(Accumulator, MatchesTheDoubleReference) {
   std::mt19937 random(7);
   double worst = 0;
   for (const PixelFamily family : kFamilies)
@@ -247,7 +247,7 @@ TEST(Accumulator, HostileInputSaturates) {
   }
 }
 
-TEST(Accumulator, HoldsTheChromaOfTwoWholePictures) {
+TEST(Accumulator, ChromaOfTwoPicturesDoesNotSaturate) {
   Accumulator sum;
   sum.reset(PixelFamily::kI420, 2, 2);
   for (int i = 0; i < 2; i++) ASSERT_TRUE(sum.add(plain(PixelFamily::kI420, {0, 0, 2, 2}, 255, 127, -128)));
@@ -282,7 +282,7 @@ TEST(Accumulator, RejectsWhatDoesNotFit) {
   }
 }
 
-TEST(Accumulator, WeightsOfALostCameraCountLikeLostWeight) {
+TEST(Accumulator, MissingWeightsOfACameraEqualMissingWeight) {
   Accumulator sum;
   sum.reset(PixelFamily::kRgb, 4, 1);
   ASSERT_TRUE(sum.add(plain(PixelFamily::kRgb, {0, 0, 4, 1}, 100, 50, 10)));
@@ -294,7 +294,7 @@ TEST(Accumulator, WeightsOfALostCameraCountLikeLostWeight) {
   EXPECT_EQ(image.pixel(3, 0)[0], 1);
 }
 
-TEST(Accumulator, ChromaLosesTheMeanOfItsPixels) {
+TEST(Accumulator, ChromaUsesTheMeanMissingWeight) {
   Accumulator sum;
   sum.reset(PixelFamily::kI420, 3, 3);
   Fragment f = plain(PixelFamily::kI420, {0, 0, 3, 3}, 40, 30, -30);
@@ -407,7 +407,7 @@ TEST(Accumulator, WritesAnyLayoutAndStride) {
   }
 }
 
-TEST(Accumulator, ResetForgetsEverything) {
+TEST(Accumulator, ResetClearsTheState) {
   Accumulator sum;
   sum.reset(PixelFamily::kRgb, 4, 4);
   Fragment f = plain(PixelFamily::kRgb, {0, 0, 4, 4}, 9, 9, 9);
@@ -515,7 +515,7 @@ TEST(AccumulatorSums, EightBitFragmentsAreSumsWithoutFraction) {
   }
 }
 
-TEST(AccumulatorSums, KeptSumsAreTheSamePictureWithoutACopy) {
+TEST(AccumulatorSums, BorrowedSumsMakeTheSamePicture) {
   std::mt19937 random(24);
   for (const PixelFamily family : kFamilies)
     for (const bool lost : {false, true}) {

@@ -9,7 +9,7 @@
 namespace lf {
 namespace {
 
-TEST(DisjointRects, NoTwoMeet) {
+TEST(DisjointRects, RejectsOverlaps) {
   constexpr int kWidth = 300, kHeight = 200;
   std::mt19937 random(3);
   for (const int largest : {4, 20, 150}) {
@@ -35,7 +35,7 @@ TEST(DisjointRects, NoTwoMeet) {
   }
 }
 
-TEST(DisjointRects, AsManyAsAnAnswerCanHaveAreSoonAdded) {
+TEST(DisjointRects, ManyRectanglesAreFast) {
   DisjointRects rects;
   for (int i = 0; i < 65536; i++) ASSERT_TRUE(rects.add({i % 256 * 4, i / 256 * 4, i % 256 * 4 + 4, i / 256 * 4 + 4}));
   for (int i = 0; i < 65536; i++) ASSERT_TRUE(rects.meets({i % 256 * 4, 0, i % 256 * 4 + 1, 2000}));
@@ -49,7 +49,7 @@ bool add(Coverage& coverage, const CameraRanges& cameras, const Rect& rect) {
   return Coverage::Sums(coverage, cameras).add(rect);
 }
 
-TEST(Coverage, ACameraMayComeInStripsButNotTwice) {
+TEST(Coverage, AcceptsStripsOfACameraOnce) {
   Coverage coverage;
   EXPECT_TRUE(coverage.add(3, {0, 0, 10, 4}));
   EXPECT_TRUE(coverage.add(3, {0, 4, 10, 8}));
@@ -59,7 +59,7 @@ TEST(Coverage, ACameraMayComeInStripsButNotTwice) {
   EXPECT_FALSE(coverage.has(4));
 }
 
-TEST(Coverage, ASumStandsForItsCameras) {
+TEST(Coverage, SumCountsForItsCameras) {
   Coverage coverage;
   EXPECT_TRUE(add(coverage, kRow, {0, 0, 10, 4}));
   EXPECT_FALSE(coverage.add(5, {5, 0, 20, 4}));
@@ -76,7 +76,7 @@ TEST(Coverage, ASumStandsForItsCameras) {
 
 // An answer with the maximum number of fragments, and many sets of many camera ranges: searching all sets for each
 // fragment would take minutes.
-TEST(Coverage, OtherSetsAreLookedThroughOnceInAnAnswer) {
+TEST(Coverage, OtherSetsAreSearchedOncePerAnswer) {
   Coverage coverage;
   CameraRanges even;
   for (CameraIndex camera = 0; camera < 2000; camera += 2) even.append({camera, camera});
@@ -97,7 +97,7 @@ TEST(Coverage, OtherSetsAreLookedThroughOnceInAnAnswer) {
   EXPECT_FALSE(coverage.has(1));
 }
 
-TEST(Coverage, TakesOutWhatHasCome) {
+TEST(Coverage, SubtractsReceivedWeights) {
   Coverage coverage;
   add(coverage, kRow, {0, 0, 4, 1});
   coverage.add(5, {3, 1, 9, 2});
@@ -123,7 +123,7 @@ class CameraPixelsTest : public testing::Test {
   CameraPixels pixels_;
 };
 
-TEST_F(CameraPixelsTest, PutsPiecesTogether) {
+TEST_F(CameraPixelsTest, AssemblesPieces) {
   EXPECT_TRUE(add({2, 2, 10, 6}, 50));
   EXPECT_FALSE(pixels_.has(3, {2, 2, 21, 6}));
   EXPECT_TRUE(add({10, 2, 21, 6}, 60));
@@ -144,7 +144,7 @@ TEST_F(CameraPixelsTest, PutsPiecesTogether) {
   EXPECT_TRUE(pixels_.cameras().empty());
 }
 
-TEST_F(CameraPixelsTest, RefusesWhatDoesNotFit) {
+TEST_F(CameraPixelsTest, RejectsInvalidPieces) {
   EXPECT_TRUE(add({2, 2, 10, 6}));
   EXPECT_FALSE(add({8, 4, 12, 8})) << "overlaps another piece";
   EXPECT_FALSE(add({10, 2, 22, 6})) << "outside";

@@ -56,7 +56,7 @@ TEST_F(AssemblyTest, AddsNodesInAnyOrder) {
   EXPECT_LE(high, 182);
 }
 
-TEST_F(AssemblyTest, CamerasThatTheRigDoesNotHaveAreRefused) {
+TEST_F(AssemblyTest, RefusesUnknownCameras) {
   assembly_.set_rig(rig_);
   assembly_.begin(request_);
   wire::Answer forged = answer({0});
@@ -78,7 +78,7 @@ TEST_F(AssemblyTest, EveryCameraCountsOnce) {
   EXPECT_LE(range(assembly_.picture().resolve()).second, 182);
 }
 
-TEST_F(AssemblyTest, OtherRequestsAndRigsAreRefused) {
+TEST_F(AssemblyTest, RefusesOtherRequestsAndRigs) {
   assembly_.begin(request_);
   wire::Answer late = answer(all_), other_view = late, other_rig = late, other_size = late;
   late.sequence--;
@@ -112,7 +112,7 @@ ByteBuffer pixels_of(const wire::AnswerHeader& header, const std::vector<std::pa
   return wire::FragmentEncoder().encode(header, fragments, 0);
 }
 
-TEST_F(AssemblyTest, PixelsMakeAPictureWithTheRigAlone) {
+TEST_F(AssemblyTest, PixelsNeedTheRig) {
   wire::Answer header = answer({});
   header.cameras = CameraRanges(all_);
   std::vector<std::pair<CameraIndex, Rect>> whole;
@@ -131,7 +131,7 @@ TEST_F(AssemblyTest, PixelsMakeAPictureWithTheRigAlone) {
   EXPECT_EQ(range(assembly_.picture().resolve()), std::pair(180, 180));
 }
 
-TEST_F(AssemblyTest, CamerasWhosePixelsHaveNotAllComeAreMadeUpFor) {
+TEST_F(AssemblyTest, IncompletePixelsOfACameraAreMissing) {
   wire::Answer header = answer({});
   header.cameras = CameraRanges(all_);
   std::vector<std::pair<CameraIndex, Rect>> regions;
@@ -203,7 +203,7 @@ TEST_F(AssemblyTest, SumsComeInPartsInAnyOrderAndOnce) {
 }
 
 // The sum of the second node fills the gap that the first node leaves.
-TEST_F(AssemblyTest, WithTheRigTheLostStripOfASumIsMadeUpFor) {
+TEST_F(AssemblyTest, LostStripOfASumIsMissing) {
   const CameraSet few = {4}, others = {0, 1, 2, 3, 5, 6, 7, 8};
   std::vector<ByteBuffer> memory[2];
   std::vector<wire::AnswerView> parts[2];
@@ -233,7 +233,7 @@ TEST_F(AssemblyTest, WithTheRigTheLostStripOfASumIsMadeUpFor) {
 }
 
 // In a sum, missing weight represents a blind camera; without a sum, nothing does.
-TEST_F(AssemblyTest, BlindCamerasAreLookedForUnlessASumHasThem) {
+TEST_F(AssemblyTest, BlindCamerasAreMissingUnlessASumHasThem) {
   wire::Answer raw = answer({0, 1, 2, 3, 5, 6, 7, 8});
   wire::Answer blind = raw;
   blind.fragments.clear();
@@ -270,7 +270,7 @@ TEST_F(AssemblyTest, CamerasOutOfServiceAreNotMissing) {
 }
 
 // For example lost corners of an array.
-TEST_F(AssemblyTest, CamerasThatAreKnownToGiveNothingAreMadeUpForAndNotMissing) {
+TEST_F(AssemblyTest, LostCamerasAreNormalisedAndNotMissing) {
   assembly_.set_rig(rig_);
   assembly_.begin(request_, {1});
   add_answer(assembly_, answer({0, 2, 4, 5, 6, 7, 8}));
@@ -285,7 +285,7 @@ TEST_F(AssemblyTest, UnknownCamerasOutOfServiceAreAnError) {
   EXPECT_THROW(assembly_.begin(request_), Error);
 }
 
-TEST_F(AssemblyTest, NothingAtAllIsTheBackground) {
+TEST_F(AssemblyTest, EmptyViewShowsTheBackground) {
   assembly_.set_rig(rig_);
   assembly_.begin(request_);
   assembly_.finish(PixelFamily::kRgb, true);
@@ -294,7 +294,7 @@ TEST_F(AssemblyTest, NothingAtAllIsTheBackground) {
   EXPECT_EQ(picture.pixel(0, 0)[2], 30);
 }
 
-TEST_F(AssemblyTest, AllIsMissingWhereSomethingIsToBeSeenAndNothingCame) {
+TEST_F(AssemblyTest, NoAnswersAreAllMissing) {
   assembly_.begin(request_);
   EXPECT_FALSE(assembly_.is_empty()) << "unknown without a rig";
   assembly_.set_rig(rig_);
@@ -309,7 +309,7 @@ TEST_F(AssemblyTest, AllIsMissingWhereSomethingIsToBeSeenAndNothingCame) {
   EXPECT_FALSE(assembly_.is_empty()) << "no camera visible from there";
 }
 
-TEST_F(AssemblyTest, SkewIsTheWorstAnswers) {
+TEST_F(AssemblyTest, SkewIsTheMaximum) {
   assembly_.begin(request_);
   wire::Answer early = answer({0}), late = answer({1});
   early.actual_time = 900;
@@ -319,7 +319,7 @@ TEST_F(AssemblyTest, SkewIsTheWorstAnswers) {
   EXPECT_EQ(assembly_.skew(), 250u);
 }
 
-TEST_F(AssemblyTest, BeginForgetsThePictureBefore) {
+TEST_F(AssemblyTest, BeginClearsTheState) {
   assembly_.begin(request_);
   add_answer(assembly_, answer(all_, 250));
   request_.sequence++;
@@ -345,7 +345,7 @@ TEST_F(AssemblyTest, JpegMakesNearlyTheSamePicture) {
   EXPECT_LE(high, 190);
 }
 
-TEST_F(AssemblyTest, DamagedFragmentsAreMissingAndTheOthersAreUsed) {
+TEST_F(AssemblyTest, DamagedFragmentsAreMissing) {
   wire::Answer raw = answer(all_);
   ASSERT_EQ(raw.fragments.size(), 1u);
   raw.fragments = test::halves_of(raw.fragments[0]);
@@ -374,7 +374,7 @@ TEST_F(AssemblyTest, DamagedFragmentsAreMissingAndTheOthersAreUsed) {
   EXPECT_EQ(assembly_.damaged(), 0u);
 }
 
-TEST_F(AssemblyTest, SumsOfTheWholeViewStayWhereTheyAre) {
+TEST_F(AssemblyTest, SumsOfTheWholeViewAreNotCopied) {
   Accumulator sum;
   sum.reset(PixelFamily::kRgb, request_.view.width, request_.view.height);
   const wire::Answer raw = answer(all_);
@@ -431,7 +431,7 @@ int max_difference(const Image& a, const Image& b) {
 
 class PartialAnswer : public testing::TestWithParam<PixelFamily> {};
 
-TEST_P(PartialAnswer, ATreeMakesTheSamePicture) {
+TEST_P(PartialAnswer, TreeMakesTheSamePicture) {
   const wire::AnswerHeader header = wire::header_of_view(GetParam(), kSize, kSize);
   std::vector<Fragment> all = wire::patterned_fragments(GetParam(), 30, 60, 44);
   for (Fragment& fragment : all) {  // weights of a half and less, as where cameras overlap
@@ -456,7 +456,7 @@ TEST_P(PartialAnswer, ATreeMakesTheSamePicture) {
   }
 }
 
-TEST_P(PartialAnswer, OfNothingHasNoFragments) {
+TEST_P(PartialAnswer, EmptySumHasNoFragments) {
   const wire::AnswerHeader header = wire::header_of_view(GetParam(), kSize, kSize);
   const ByteBuffer bytes = partial_answer(header, sum_of({}, GetParam()), {wire::Codec::kRaw16, 0}, {});
   EXPECT_TRUE(wire::parse_answer(bytes).value().fragments.empty());
@@ -493,7 +493,7 @@ class HypothesisAnswersTest : public testing::Test {
   ViewDepths::Answers answers_;
 };
 
-TEST_F(HypothesisAnswersTest, MomentsAddUp) {
+TEST_F(HypothesisAnswersTest, SumsAddUp) {
   EXPECT_EQ(add({moments(4, 2, 10), moments(4, 2, 20)}), "");
   EXPECT_EQ(add({moments(4, 2, 1), moments(4, 2, 2)}), "");
   ASSERT_EQ(answers_.moments.size(), 2u);
@@ -502,7 +502,7 @@ TEST_F(HypothesisAnswersTest, MomentsAddUp) {
   EXPECT_EQ(answers_.brightness.columns, 0);
 }
 
-TEST_F(HypothesisAnswersTest, BrightnessAddsUpWhereItWasAskedFor) {
+TEST_F(HypothesisAnswersTest, RequestedBrightnessAddsUp) {
   const GainSum gains{.weight = 3, .log2 = -4};
   EXPECT_NE(add({moments(2, 1, 10)}, gains), "") << "not requested";
   request_.gains.ask = true;
@@ -513,7 +513,7 @@ TEST_F(HypothesisAnswersTest, BrightnessAddsUpWhereItWasAskedFor) {
   EXPECT_TRUE(answers_.moments.empty());
 }
 
-TEST_F(HypothesisAnswersTest, WhatWasNotAskedForIsLeftOut) {
+TEST_F(HypothesisAnswersTest, UnrequestedUnitsAreRejected) {
   EXPECT_NE(add({moments(4, 2, 10)}), "") << "too few";
   EXPECT_NE(add({moments(5, 2, 10), moments(5, 2, 10)}), "") << "another size";
   EXPECT_EQ(add({moments(4, 2, 10), moments(4, 2, 20)}, {}, 6), "of another rig");

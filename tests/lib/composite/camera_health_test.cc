@@ -8,7 +8,7 @@ namespace {
 
 using Answer = RequestHistory::Answer;
 
-TEST(RequestHistory, AnAnswerIsInTimeUpToTheDeadlineOfItsRequest) {
+TEST(RequestHistory, AnswerIsInTimeUpToTheDeadline) {
   RequestHistory past;
   for (uint32_t i = 0; i < 3; i++) {
     EXPECT_FALSE(past.begin(i));
@@ -20,7 +20,7 @@ TEST(RequestHistory, AnAnswerIsInTimeUpToTheDeadlineOfItsRequest) {
   EXPECT_EQ(past.judge(77, 0), Answer::kLate) << "unknown";
 }
 
-TEST(RequestHistory, AnAnswerToWhatWasLeftOutSaysNothing) {
+TEST(RequestHistory, AnswerToASkippedRequestIsNotLate) {
   RequestHistory past;
   past.skipped(4);
   past.composed(5, 10);
@@ -41,7 +41,7 @@ TEST(RequestHistory, ForgetsTheOldest) {
   EXPECT_EQ(past.judge(3, 0), Answer::kToSkipped);
 }
 
-TEST(RequestHistory, AViewerThatBeginsAnewIsNoticedThoughNumbersWrap) {
+TEST(RequestHistory, DetectsRestartsDespiteWrapAround) {
   RequestHistory past;
   EXPECT_FALSE(past.begin(0xffffffff));
   past.composed(0xffffffff, 10);
@@ -58,7 +58,7 @@ TEST(RequestHistory, AViewerThatBeginsAnewIsNoticedThoughNumbersWrap) {
 
 const CameraRanges kAll(CameraSet{0, 1, 2, 3}), kSome(CameraSet{0, 2, 3});
 
-TEST(CameraHealth, ACameraThatStopsIsTakenOutAndComesBack) {
+TEST(CameraHealth, StoppedCameraIsTakenOutAndReturns) {
   CameraHealth health(2);
   for (int i = 0; i < 10; i++) EXPECT_FALSE(health.picture(kAll));
   EXPECT_FALSE(health.picture(kSome));
@@ -73,7 +73,7 @@ TEST(CameraHealth, ACameraThatStopsIsTakenOutAndComesBack) {
   EXPECT_TRUE(health.out_of_service().empty());
 }
 
-TEST(CameraHealth, OneThatComesAndGoesIsForgivenWhileItIsInAndStaysOutOnceItIsOut) {
+TEST(CameraHealth, IntermittentCameraStaysOut) {
   CameraHealth health(2);
   health.picture(kAll);
   for (int i = 0; i < 20; i++) EXPECT_FALSE(health.picture(i % 3 ? kSome : kAll)) << i;
@@ -93,19 +93,19 @@ TEST(CameraHealth, OnlyKnownCamerasAreMissed) {
   EXPECT_EQ(with_rig.out_of_service(), CameraSet{1});
 }
 
-TEST(CameraHealth, APictureOfNoneSaysNothingAboutCameras) {
+TEST(CameraHealth, PictureWithoutCamerasIsIgnored) {
   CameraHealth health(1);
   health.picture(kAll);
   for (int i = 0; i < 10; i++) EXPECT_FALSE(health.picture({}));
 }
 
-TEST(CameraHealth, NoneIsTakenOutUnlessAsked) {
+TEST(CameraHealth, LimitOfZeroTakesNoCameraOut) {
   CameraHealth health;
   health.expect(4);
   for (int i = 0; i < 100; i++) EXPECT_FALSE(health.picture(kSome));
 }
 
-TEST(CameraHealth, AnAnswerInTimeButAfterItsPictureCountsForTheNext) {
+TEST(CameraHealth, LateAnswerCountsForTheNextPicture) {
   CameraHealth health(1);
   health.picture(kAll);
   for (int i = 0; i < 10; i++) {
@@ -116,7 +116,7 @@ TEST(CameraHealth, AnAnswerInTimeButAfterItsPictureCountsForTheNext) {
   EXPECT_TRUE(health.picture(kSome)) << "counts once";
 }
 
-TEST(CameraHealth, AnotherRigHasOtherCameras) {
+TEST(CameraHealth, NewRigClearsTheState) {
   CameraHealth health(1);
   health.expect(4);
   EXPECT_FALSE(health.use_rig(7)) << "the first";
@@ -138,7 +138,7 @@ TEST(CameraHealth, AnotherRigHasOtherCameras) {
 
 constexpr int64_t kEnough = SilenceDetector::kPatience;
 
-TEST(SilenceDetector, RequestsOfOtherViewsAloneAreToldOfOnce) {
+TEST(SilenceDetector, OnlyRequestsOfOtherViewsAreReportedOnce) {
   SilenceDetector watch;
   EXPECT_FALSE(watch.request_of_other_view(1));
   EXPECT_FALSE(watch.request_of_other_view(kEnough));
@@ -150,7 +150,7 @@ TEST(SilenceDetector, RequestsOfOtherViewsAloneAreToldOfOnce) {
   EXPECT_FALSE(watch.request_of_other_view(9 * kEnough)) << "requests arrive";
 }
 
-TEST(SilenceDetector, AViewThatNobodyAnswersIsToldOfOnce) {
+TEST(SilenceDetector, ViewWithoutAnswersIsReportedOnce) {
   SilenceDetector watch;
   EXPECT_FALSE(watch.composed(1));
   EXPECT_FALSE(watch.composed(kEnough));
@@ -162,7 +162,7 @@ TEST(SilenceDetector, AViewThatNobodyAnswersIsToldOfOnce) {
   EXPECT_FALSE(watch.composed(9 * kEnough));
 }
 
-TEST(SilenceDetector, NodesThatFallSilentAreToldOfOnceEachTime) {
+TEST(SilenceDetector, SilentNodesAreReportedOnceEachTime) {
   SilenceDetector watch;
   int64_t now = 1;
   const auto reported_in = [&](int steps) {

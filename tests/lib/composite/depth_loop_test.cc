@@ -41,7 +41,7 @@ class DepthLoopTest : public testing::Test {
   ByteBuffer unit_;
 };
 
-TEST_F(DepthLoopTest, FindsTheSurfaceFromUnitsOfMoments) {
+TEST_F(DepthLoopTest, FindsTheSurfaceFromConsistencyUnits) {
   std::optional<DepthEstimate> found;
   ViewRequest request;
   for (int i = 0; i < 10; i++) {
@@ -69,7 +69,7 @@ TEST_F(DepthLoopTest, FindsTheSurfaceFromUnitsOfMoments) {
   EXPECT_EQ(finder_.bytes(), 0u);
 }
 
-TEST_F(DepthLoopTest, UnitsOfOtherRequestsAreToldApart) {
+TEST_F(DepthLoopTest, DistinguishesUnitsOfOtherRequests) {
   const ViewRequest first = turn({});
   ViewRequest request = turn(finder_.next(first, kSurface, false));
   ASSERT_FALSE(request.hypotheses.empty());
@@ -94,7 +94,7 @@ TEST_F(DepthLoopTest, UnitsOfOtherRequestsAreToldApart) {
   EXPECT_EQ(finder_.bytes(), 0u);
 }
 
-TEST_F(DepthLoopTest, WhatCameGoesOnAsUnitsOfOneNode) {
+TEST_F(DepthLoopTest, ForwardsSumsAsUnitsOfOneNode) {
   EXPECT_TRUE(finder_.units(turn({}), 1, 0).empty());
   const ViewRequest request = turn(finder_.next(turn({}), kSurface, false));
   ASSERT_EQ(take(request).problem, "");
@@ -109,7 +109,7 @@ TEST_F(DepthLoopTest, WhatCameGoesOnAsUnitsOfOneNode) {
   EXPECT_EQ(header->sequence, request.sequence);
 }
 
-TEST_F(DepthLoopTest, OnAPlaneThereIsNothingToSayButThatItIsOneAgain) {
+TEST_F(DepthLoopTest, PlaneModeReportsOnlyTheChangeToAPlane) {
   const DepthEstimator::Settings plane;
   EXPECT_FALSE(finder_.next(turn({}), plane, true));
   EXPECT_TRUE(finder_.next(turn({}), kSurface, true));
@@ -120,7 +120,7 @@ TEST_F(DepthLoopTest, OnAPlaneThereIsNothingToSayButThatItIsOneAgain) {
   EXPECT_FALSE(finder_.next(turn({}), plane, true));
 }
 
-TEST_F(DepthLoopTest, WhereNobodyTakesItItIsLookedForNowAndThen) {
+TEST_F(DepthLoopTest, UnusedEstimatesAreRare) {
   unsigned said = 0;
   for (unsigned i = 0; i < 2 * (DepthLoop::kUnheardInterval + 1); i++)
     if (finder_.next(turn({}), kSurface, false)) {

@@ -37,7 +37,7 @@ TEST(Resolve, StridesMayBeWiderThanThePicture) {
       for (int c = 0; c < 3; c++) EXPECT_EQ(out[(y * w + x) * 3 + c], (10 * y + x + 30 * c) * (y == 1 ? 2 : 1));
 }
 
-TEST(Resolve, OneRowMayServeForAll) {
+TEST(Resolve, RowsMayBeShared) {
   const std::vector<int16_t> row = {128, 256, 384};
   ConstSumPlanes sums{.family = PixelFamily::kI420, .rect = {0, 0, 3, 4}};
   for (const int16_t*& plane : sums.plane) plane = row.data();
@@ -49,7 +49,7 @@ TEST(Resolve, OneRowMayServeForAll) {
   EXPECT_EQ(out[12 + 3], 128 + 2);
 }
 
-TEST(Resolve, InterleavedChromaIsThatOfPlanes) {
+TEST(Resolve, InterleavedChromaEqualsPlanes) {
   for (const auto& [w, h] : {std::pair{9, 5}, {8, 6}, {1, 1}, {2, 4}, {130, 4}}) {
     const size_t pixels = static_cast<size_t>(w) * h, cw = chroma_size(w), ch = chroma_size(h);
     std::vector<int16_t> samples(pixels + 2 * cw * ch);
@@ -109,7 +109,7 @@ struct Patchy {
   std::vector<uint8_t> uncovered;
 };
 
-TEST(Resolve, VideoLevelsAreTheOthersWithHeadroom) {
+TEST(Resolve, VideoLevelsAreScaledLevels) {
   for (const auto& [w, h] : {std::pair{301, 15}, {128, 8}, {2, 2}, {1, 1}}) {
     const Patchy patchy(w, h);
     const std::vector<uint8_t> full = patchy.picture(kFullLevels), video = patchy.picture(kVideoLevels);
@@ -126,7 +126,7 @@ TEST(Resolve, VideoLevelsAreTheOthersWithHeadroom) {
 }
 
 // A column does not depend on its neighbours; exact ties may round differently with headroom.
-TEST(Resolve, ColumnsAreWhatTheyAreAlone) {
+TEST(Resolve, ColumnsAreIndependent) {
   const Patchy all(300, 14);
   for (const Levels& levels : {kFullLevels, kVideoLevels}) {
     const std::vector<uint8_t> whole = all.picture(levels);
@@ -147,7 +147,7 @@ TEST(Resolve, ColumnsAreWhatTheyAreAlone) {
   }
 }
 
-TEST(Resolve, PixelsNobodyCoversAreBackgroundWithAndWithoutLostWeight) {
+TEST(Resolve, UncoveredPixelsShowTheBackground) {
   const std::vector<int16_t> samples(3 * 4, 50 * 128);
   const std::vector<uint16_t> lost = {0, 16384, 32767, 40000};
   const uint8_t uncovered[4] = {1, 1, 0, 0};
@@ -201,21 +201,21 @@ Image concealed(PixelFamily family, double left, uint8_t grey, uint8_t before_gr
 
 class Conceal : public testing::TestWithParam<PixelFamily> {};
 
-TEST_P(Conceal, WhatIsLostIsThePictureBefore) {
+TEST_P(Conceal, LostPixelsShowThePreviousPicture) {
   for (const double left : {0.0, 0.05, 0.125}) {
     const Image picture = concealed(GetParam(), left, 200, 90);
     for (const uint8_t value : picture.data()) ASSERT_EQ(value, 90) << left;
   }
 }
 
-TEST_P(Conceal, WhatIsLeftStays) {
+TEST_P(Conceal, OtherPixelsStay) {
   for (const double left : {0.25, 0.5, 1.0}) {
     const Image expected = with_weight_left(GetParam(), left, 200).resolve();
     EXPECT_EQ(concealed(GetParam(), left, 200, 90).data(), expected.data()) << left;
   }
 }
 
-TEST_P(Conceal, BetweenThemIsAMixture) {
+TEST_P(Conceal, InBetweenIsMixed) {
   const Image picture = concealed(GetParam(), 0.1875, 200, 90);
   EXPECT_NEAR(picture.data()[0], 145, 3);
 }
@@ -223,7 +223,7 @@ TEST_P(Conceal, BetweenThemIsAMixture) {
 INSTANTIATE_TEST_SUITE_P(Families, Conceal, testing::Values(PixelFamily::kRgb, PixelFamily::kI420),
                          [](const auto& info) { return info.param == PixelFamily::kRgb ? "Rgb" : "I420"; });
 
-TEST(ConcealNv12, IsThatOfPlanes) {
+TEST(ConcealNv12, EqualsPlanes) {
   constexpr int kChroma = 5 * 3;
   const Accumulator sum = with_weight_left(PixelFamily::kI420, 0.2, 200);
   Image before(PixelFamily::kI420, kWidth, kHeight), picture = sum.resolve();

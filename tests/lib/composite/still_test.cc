@@ -31,7 +31,7 @@ Image picture(int seed) {
   return image;
 }
 
-TEST(RenderStill, AViewAtACameraIsItsImage) {
+TEST(RenderStill, ViewAtACameraIsItsImage) {
   const Rig rig = grid(3, 3);
   const auto images = [](CameraIndex camera) -> const Image& {
     static Image image;
@@ -44,7 +44,7 @@ TEST(RenderStill, AViewAtACameraIsItsImage) {
   for (const float c : still.coverage) ASSERT_NEAR(c, 1, 1e-5);
 }
 
-TEST(RenderStill, AsksOnlyForCamerasThatContributeAndOnce) {
+TEST(RenderStill, LoadsContributingCamerasOnce) {
   const Rig rig = grid(4, 4);
   std::multiset<CameraIndex> asked;
   const auto images = [&](CameraIndex camera) -> const Image& {
@@ -58,7 +58,7 @@ TEST(RenderStill, AsksOnlyForCamerasThatContributeAndOnce) {
   EXPECT_EQ(still.cameras, (std::vector<CameraIndex>{0, 1, 4}));
 }
 
-TEST(RenderStill, LostWeightIsNotCovered) {
+TEST(RenderStill, MissingWeightReducesTheCoverage) {
   const Rig rig = grid(1, 1);
   const auto images = [](CameraIndex) -> const Image& {
     static const Image image = picture(1);
@@ -74,7 +74,7 @@ TEST(RenderStill, LostWeightIsNotCovered) {
   }
 }
 
-TEST(RenderStill, AViewThatSeesNothingIsBackground) {
+TEST(RenderStill, EmptyViewShowsTheBackground) {
   const Rig rig = grid(2, 2);
   const auto images = [](CameraIndex) -> const Image& { throw Error("must not be asked"); };
   View view = view_like(rig.cameras[0], {0, 0, 5});  // the viewpoint is beyond the focal plane and faces away
@@ -84,7 +84,7 @@ TEST(RenderStill, AViewThatSeesNothingIsBackground) {
   for (const float c : still.coverage) ASSERT_EQ(c, 0);
 }
 
-TEST(RenderStill, RefusesAMixtureOfFamilies) {
+TEST(RenderStill, RefusesMixedFamilies) {
   const Rig rig = grid(1, 2);
   const auto images = [](CameraIndex camera) -> const Image& {
     static Image image;
@@ -161,7 +161,7 @@ void print(const char* what, PixelFamily family, Resampling resampling, const Co
 }
 
 // 999 of 1000 pixels are within one level of exact arithmetic in all channels, with any part of their cameras missing.
-TEST(RenderStill, IsWithinALevelOfExactArithmeticEvenWhereWeightIsLost) {
+TEST(RenderStill, IsExactToALevelWithMissingWeight) {
   for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420})
     for (const Resampling resampling : {Resampling::kBilinear, Resampling::kSharpened}) {
       Counts counts;
@@ -174,7 +174,7 @@ TEST(RenderStill, IsWithinALevelOfExactArithmeticEvenWhereWeightIsLost) {
     }
 }
 
-TEST(RenderStill, IsWithinALevelOfExactArithmeticInNoise) {
+TEST(RenderStill, IsExactToALevelInNoise) {
   for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420}) {
     Counts counts;
     for (int n = 0; n < 24; n++) measure(n, family, Resampling::kBilinear, reference::noise_image, counts);

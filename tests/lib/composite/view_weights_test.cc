@@ -13,7 +13,7 @@
 namespace lf {
 namespace {
 
-TEST(ViewCoverage, AViewThatMovesIsLookedAtNowAndThenUnlessItIsToBeExact) {
+TEST(ViewCoverage, MovingViewIsMeasuredRarelyUnlessExact) {
   const Rig rig = scene_rig(3, 3, 80, 60);
   ViewRequest request;
   request.view = {.width = 64, .height = 48, .lens = Lens::pinhole(200, 31.5, 23.5), .pose = {}, .focus = {}};
@@ -94,7 +94,7 @@ bool around(int x, int y, int width, int height, const F& has) {
   return true;
 }
 
-TEST(WeightOverlay, ContributionsAreThoseOfTheMap) {
+TEST(WeightOverlay, ContributionsMatchTheMap) {
   Case c;
   const int width = c.request.view.width, height = c.request.view.height;
   const ViewPlan plan(c.rig, c.mesh, c.request.view);
@@ -125,7 +125,7 @@ TEST(WeightOverlay, ContributionsAreThoseOfTheMap) {
   EXPECT_GT(lines, 50);
 }
 
-TEST(WeightOverlay, CoverageIsThatOfTheHeatMap) {
+TEST(WeightOverlay, CoverageMatchesTheHeatMap) {
   Case c;
   const int width = c.request.view.width, height = c.request.view.height;
   const ViewPlan plan(c.rig, c.mesh, c.request.view);
@@ -148,7 +148,7 @@ TEST(WeightOverlay, CoverageIsThatOfTheHeatMap) {
   EXPECT_GT(compared, 200);
 }
 
-TEST(WeightOverlay, ACameraThatGaveNothingIsDarkUntilItIsOutOfService) {
+TEST(WeightOverlay, MissingCameraIsDarkUntilOutOfService) {
   Case c;
   const ViewPlan plan(c.rig, c.mesh, c.request.view);
   const FaceIdMap owners(plan, {0, 0, c.request.view.width, c.request.view.height});
@@ -168,7 +168,7 @@ TEST(WeightOverlay, ACameraThatGaveNothingIsDarkUntilItIsOutOfService) {
   EXPECT_GT(light(others), before / 2);
 }
 
-TEST(WeightOverlay, VideoHasItsLevels) {
+TEST(WeightOverlay, UsesVideoLevels) {
   Case c;
   const Image wanted = to_i420(c.drawn(WeightOverlayMode::kContributions, all_of(c.rig)));
   Image video = to_i420(c.picture);

@@ -40,7 +40,7 @@ TEST(Autofocus, FindsTheWallAtAPixel) {
 }
 
 // The built-in scene has bricks and tiles, which look alike at many distances.
-TEST(Autofocus, IsNotMisledByPatterns) {
+TEST(Autofocus, IgnoresRepeatedPatterns) {
   const Rig rig = scene_rig(4, 4, 160, 120);
   const Mesh mesh = build_mesh(rig);
   std::vector<Image> images;
@@ -79,7 +79,7 @@ TEST(Autofocus, IsNotMisledByPatterns) {
     }
 }
 
-TEST(Autofocus, ReachesAsNearAsPlanesAreCloseEnough) {
+TEST(Autofocus, ReachIsLimitedByThePlaneSpacing) {
   const Rig rig = scene_rig(4, 4, 160, 120);
   View view{.width = 160, .height = 120, .lens = Lens::pinhole(100, 79.5, 59.5), .pose = {}, .focus = {}};
   // 15 planes 2 pixels apart starting at infinity; 0.04 m x 100 pixels move by 4 for each 1/m.
@@ -89,7 +89,7 @@ TEST(Autofocus, ReachesAsNearAsPlanesAreCloseEnough) {
   EXPECT_EQ(sweep_reach(scene_rig(1, 1, 160, 120), view), 0);
 }
 
-TEST(Autofocus, ASmallViewSeesTheSame) {
+TEST(Autofocus, SmallViewHasTheSameLinesOfSight) {
   View view{.width = 160,
             .height = 120,
             .lens = Lens(LensModel::kRadial, {200, 79.5, 59.5, -0.1, 0.01}),
@@ -102,7 +102,7 @@ TEST(Autofocus, ASmallViewSeesTheSame) {
   EXPECT_NEAR(glm::length(*view.lens.unproject({25, 93}) - *around.lens.unproject({36.5, 24.5})), 0, 1e-12);
 }
 
-TEST(Autofocus, TellsTheLimitsOfASweep) {
+TEST(Autofocus, DetectsTheLimitsOfASweep) {
   EXPECT_TRUE(is_inside_sweep(2, 2));
   EXPECT_TRUE(is_inside_sweep(2.8, 2));
   EXPECT_FALSE(is_inside_sweep(2.98, 2));

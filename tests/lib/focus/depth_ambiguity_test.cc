@@ -64,7 +64,7 @@ DepthAmbiguity::Errors errors_of(const DepthAmbiguity& others, const View& view 
   return others.errors(view, at(100), seen(120, 2), seen(100, 30));
 }
 
-TEST(DepthAmbiguity, NothingElseFits) {
+TEST(DepthAmbiguity, NoErrorWithoutOtherDepths) {
   const DepthAmbiguity::Errors errors =
       errors_of(searched({{10, seen(90, 40)}, {100, seen(120, 2)}, {200, seen(60, 50)}}));
   EXPECT_EQ(errors.known, 1);
@@ -73,7 +73,7 @@ TEST(DepthAmbiguity, NothingElseFits) {
   EXPECT_LT(errors.surface, 0.1 * errors.plane);
 }
 
-TEST(DepthAmbiguity, WhatFitsAsWellMayBeRight) {
+TEST(DepthAmbiguity, OtherDepthMayBeRight) {
   const DepthAmbiguity::Errors errors =
       errors_of(searched({{10, seen(90, 40)}, {100, seen(120, 2)}, {200, seen(70, 2)}}));
   EXPECT_NEAR(errors.surface, 50 * 50, 200) << "120 instead of possibly 70";
@@ -86,20 +86,20 @@ TEST(DepthAmbiguity, DepthsBesideTheSurfaceAreTheSurface) {
   EXPECT_LT(errors.surface, 10);
 }
 
-TEST(DepthAmbiguity, WhatLooksTheSameDoesNoHarm) {
+TEST(DepthAmbiguity, EqualPicturesDoNoHarm) {
   const DepthAmbiguity::Errors errors = errors_of(searched({{100, seen(120, 2)}, {200, seen(120, 2)}}));
   EXPECT_LT(errors.surface, 10);
   EXPECT_GT(errors.plane, 300);
 }
 
-TEST(DepthAmbiguity, FewerCamerasAlwaysAgreeBetter) {
+TEST(DepthAmbiguity, HypothesesOfFewerCamerasDoNotCount) {
   const PhotoConsistency half = seen(70, 0, PhotoConsistency::kWeightOne / 2 + 1000);
   const DepthAmbiguity::Errors errors = errors_of(searched({{100, seen(120, 2)}, {200, half}}));
   EXPECT_LT(errors.surface, 10);
 }
 
 // Most of a view may lie outside the cameras' coverage.
-TEST(DepthAmbiguity, WhatIsKnownIsAPartOfWhatTheCamerasSee) {
+TEST(DepthAmbiguity, KnownPartIsAFractionOfTheVisibleNodes) {
   const auto cut = [](PhotoConsistency moments) {
     for (std::vector<uint16_t>* sum : {&moments.weight, &moments.luma, &moments.square})
       std::fill(sum->begin() + kColumns, sum->end(), uint16_t{0});
@@ -122,7 +122,7 @@ TEST(DepthAmbiguity, OrderOfPlanesDoesNotMatter) {
   EXPECT_GT(errors_of(later).surface, 1000) << "keeps earlier results";
 }
 
-TEST(DepthAmbiguity, NothingIsKnownFromElsewhereOrOfAnotherScene) {
+TEST(DepthAmbiguity, OtherViewsAndScenesAreUnknown) {
   DepthAmbiguity others = searched({{100, seen(120, 2)}, {200, seen(70, 2)}});
   EXPECT_EQ(errors_of(others, view_of(0.1)).known, 0);
   EXPECT_EQ(others.errors(view_of(), at(100), seen(120, 2), seen(150, 30)).known, 0) << "the plane showed 100";
@@ -131,7 +131,7 @@ TEST(DepthAmbiguity, NothingIsKnownFromElsewhereOrOfAnotherScene) {
   EXPECT_EQ(errors_of(others).known, 0);
 }
 
-TEST(DepthAmbiguity, DepthsFarOutsideOfTheSceneCanBeForgotten) {
+TEST(DepthAmbiguity, DepthsOutsideTheSceneCanBeDiscarded) {
   // Levels of 1/255 1/m. The best depth is outside the scene, the second is inside.
   const std::vector<Plane> planes{{100, seen(120, 2)}, {200, seen(70, 1)}};
   DepthAmbiguity others = searched(planes);
@@ -147,7 +147,7 @@ TEST(DepthAmbiguity, DepthsFarOutsideOfTheSceneCanBeForgotten) {
   EXPECT_GT(errors_of(others).surface, 1000) << "keeps depths near the scene";
 }
 
-TEST(DepthAmbiguity, MatchedBrightnessIsThatOfOtherDepthsAsWell) {
+TEST(DepthAmbiguity, BrightnessChangesAreTolerated) {
   const DepthAmbiguity others = searched({{200, seen(100, 2)}});
   const DepthAmbiguity::Errors errors = others.errors(view_of(), at(100), seen(110, 2), seen(110, 30));
   EXPECT_LT(errors.surface, 10);

@@ -105,14 +105,14 @@ TEST(DepthEstimator, NodesOfALargeViewAreFartherApart) {
   }
 }
 
-TEST(DepthEstimator, LeavesAPlaneAlone) {
+TEST(DepthEstimator, KeepsAPlane) {
   Loop loop(FocusMode::kPlane, false);
   loop.run(3);
   EXPECT_EQ(loop.request.view.focus.map, nullptr);
   EXPECT_EQ(loop.hypotheses, 0u);
 }
 
-TEST(DepthEstimator, BeginsOnTheViewersPlane) {
+TEST(DepthEstimator, StartsOnTheViewersPlane) {
   Loop loop(FocusMode::kSurface, false);
   loop.run(1);
   EXPECT_FALSE(loop.shows_surface());
@@ -135,7 +135,7 @@ TEST(DepthEstimator, FindsTwoWallsWithinADozenRounds) {
 }
 
 // When a pipeline starts on a busy machine, nodes answer the first requests too late.
-TEST(DepthEstimator, WhatIsLostOfASearchIsAskedAgain) {
+TEST(DepthEstimator, LostSearchRequestsAreRepeated) {
   for (const bool automatic : {true, false})
     for (const int lost : {2, 5}) {
       SCOPED_TRACE(lost);
@@ -150,7 +150,7 @@ TEST(DepthEstimator, WhatIsLostOfASearchIsAskedAgain) {
 }
 
 // Requests can be dropped by a full queue, or by a compositor that skips late requests.
-TEST(DepthEstimator, RequestsOfASearchThatAreDroppedAreAskedAgain) {
+TEST(DepthEstimator, DroppedSearchRequestsAreRepeated) {
   for (const bool automatic : {true, false}) {
     Loop loop = automatic ? Loop(FocusMode::kSurface, false, 0, 0) : Loop(FocusMode::kSurface, false);
     loop.run(2);
@@ -162,7 +162,7 @@ TEST(DepthEstimator, RequestsOfASearchThatAreDroppedAreAskedAgain) {
   }
 }
 
-TEST(DepthEstimator, IsFoundSoonAfterAMachineHasBeenTooBusy) {
+TEST(DepthEstimator, RecoversSoonAfterAnOverload) {
   Loop loop(FocusMode::kSurface, false, 0, 0);
   loop.control.spare(8);
   loop.loses = true;
@@ -174,7 +174,7 @@ TEST(DepthEstimator, IsFoundSoonAfterAMachineHasBeenTooBusy) {
 }
 
 // A busy machine runs fewer rounds; the resting scene must not reduce them further.
-TEST(DepthEstimator, RestsNoLongerWhereTimeIsShort) {
+TEST(DepthEstimator, OverloadDoesNotProlongTheRest) {
   Loop loop(FocusMode::kAuto, false);
   loop.run(100);
   ASSERT_EQ(loop.control.state().interval, DepthEstimator::kLongestRest);
@@ -184,7 +184,7 @@ TEST(DepthEstimator, RestsNoLongerWhereTimeIsShort) {
   EXPECT_GE(loop.control.state().rounds - before, 9u);
 }
 
-TEST(DepthEstimator, WhatIsAlwaysLostIsAskedMoreAndMoreRarely) {
+TEST(DepthEstimator, PermanentLossesIncreaseTheInterval) {
   Loop loop(FocusMode::kSurface, false, 0, 0);
   loop.loses = true;
   loop.run(200);
@@ -193,7 +193,7 @@ TEST(DepthEstimator, WhatIsAlwaysLostIsAskedMoreAndMoreRarely) {
   EXPECT_LT(loop.hypotheses, 400u * 4);
 }
 
-TEST(DepthEstimator, RestsWhereThereIsNothingMoreToFind) {
+TEST(DepthEstimator, RestsWhenNothingImproves) {
   Loop loop(FocusMode::kAuto, true);
   loop.run(60);
   EXPECT_EQ(loop.control.state().interval, DepthEstimator::kLongestFlatRest);
@@ -214,7 +214,7 @@ TEST(DepthEstimator, WakesUpWhenTheSceneChanges) {
   EXPECT_GT(loop.right(), 0.97);
 }
 
-TEST(DepthEstimator, AFlatSceneEndsWithNextToNoHypotheses) {
+TEST(DepthEstimator, FlatSceneNeedsFewHypotheses) {
   Loop loop(FocusMode::kAuto, true);
   loop.run(30);
   EXPECT_TRUE(loop.control.state().flat);
@@ -225,14 +225,14 @@ TEST(DepthEstimator, AFlatSceneEndsWithNextToNoHypotheses) {
   EXPECT_NEAR(loop.control.state().bought, 0, DepthEstimator::kFlatEnough) << "no gain from a surface";
 }
 
-TEST(DepthEstimator, TellsWhatASurfaceBought) {
+TEST(DepthEstimator, ReportsTheAdvantageOfTheSurface) {
   Loop loop(FocusMode::kSurface, false);
   loop.run(20);
   EXPECT_GT(loop.control.state().bought, 1);
   EXPECT_EQ(loop.control.state().hypotheses, 4u);
 }
 
-TEST(DepthEstimator, TheRangeOfDepthsFollowsTheScene) {
+TEST(DepthEstimator, DepthRangeFollowsTheScene) {
   for (const FocusMode mode : {FocusMode::kSurface, FocusMode::kAuto}) {
     Loop loop(mode, false, 0, 0);
     loop.run(1);
@@ -252,7 +252,7 @@ TEST(DepthEstimator, TheRangeOfDepthsFollowsTheScene) {
   EXPECT_LT(far, 1 / 4.5);
 }
 
-TEST(DepthEstimator, WithoutARigThePlaneSaysWhatIsNear) {
+TEST(DepthEstimator, WithoutARigThePlaneDeterminesTheRange) {
   Loop loop(FocusMode::kSurface, false, 0, 0);
   loop.array = Plane{{0, 0, 1}, 0};
   loop.is_automatic = false;
@@ -262,7 +262,7 @@ TEST(DepthEstimator, WithoutARigThePlaneSaysWhatIsNear) {
   EXPECT_GT(loop.right(), 0.97);
 }
 
-TEST(DepthEstimator, AViewersPlaneThatIsFarOffEndsAtTheSurface) {
+TEST(DepthEstimator, FindsTheSurfaceFromADistantPlane) {
   for (const FocusMode mode : {FocusMode::kSurface, FocusMode::kAuto})
     for (const double too_far : {1 / 40., 1 / 5., 1., 5., 40.}) {
       SCOPED_TRACE(std::to_string(too_far) + " times as far");
@@ -279,7 +279,7 @@ TEST(DepthEstimator, AViewersPlaneThatIsFarOffEndsAtTheSurface) {
 }
 
 // The plane is far too near or too far; few hypotheses must suffice.
-TEST(DepthEstimator, AFlatSceneIsFoundFromAPlaneThatIsFarOff) {
+TEST(DepthEstimator, FindsAFlatSceneFromADistantPlane) {
   for (const double too_far : {1 / 40., 1 / 5., 5., 40.}) {
     SCOPED_TRACE(std::to_string(too_far) + " times as far");
     Loop loop(FocusMode::kAuto, true, 0, 0);
@@ -296,7 +296,7 @@ TEST(DepthEstimator, AFlatSceneIsFoundFromAPlaneThatIsFarOff) {
   }
 }
 
-TEST(DepthEstimator, ASingleCameraNeverLeavesThePlane) {
+TEST(DepthEstimator, SingleCameraKeepsThePlane) {
   for (const FocusMode mode : {FocusMode::kSurface, FocusMode::kAuto}) {
     Loop loop(mode, false, 0, 0);
     const Rig one = scene_rig(1, 1, 160, 120);
@@ -309,7 +309,7 @@ TEST(DepthEstimator, ASingleCameraNeverLeavesThePlane) {
   }
 }
 
-TEST(DepthEstimator, WithOneCameraInServiceThePlaneIsShown) {
+TEST(DepthEstimator, OneCameraInServiceShowsThePlane) {
   for (const FocusMode mode : {FocusMode::kSurface, FocusMode::kAuto}) {
     Loop loop(mode, false, 0, 0);
     loop.run(20);
@@ -324,7 +324,7 @@ TEST(DepthEstimator, WithOneCameraInServiceThePlaneIsShown) {
   }
 }
 
-TEST(DepthEstimator, WithTheEyeAtACameraThePlaneIsShown) {
+TEST(DepthEstimator, ViewpointAtACameraShowsThePlane) {
   for (const FocusMode mode : {FocusMode::kSurface, FocusMode::kAuto})
     for (const double beside : {0., 0.0005}) {
       Loop loop(mode, false, 0, 0);
@@ -371,7 +371,7 @@ struct MisleadingScene {
 };
 
 // By chance, some of the many planes of a search fit. They must not cast doubt on the scene once it is found.
-TEST(DepthEstimator, DepthsOutsideOfTheSceneThatWasFoundAreForgotten) {
+TEST(DepthEstimator, DepthsOutsideTheSceneAreDiscarded) {
   const ArrayOfWalls walls;
   const FocusArray array(walls.rig);
   const MisleadingScene scene{0.8 * array.nearest(), array.disparity()};
@@ -398,7 +398,7 @@ TEST(DepthEstimator, DepthsOutsideOfTheSceneThatWasFoundAreForgotten) {
   EXPECT_FALSE(control.state().on_plane);
 }
 
-TEST(DepthEstimator, APartOfAViewIsFocusedAsWell) {
+TEST(DepthEstimator, FocusesPartOfAView) {
   Loop loop(FocusMode::kSurface, false, 0, 0);
   View& view = loop.viewers;
   view.width *= 3;
@@ -415,7 +415,7 @@ TEST(DepthEstimator, APartOfAViewIsFocusedAsWell) {
   EXPECT_TRUE(loop.shows_surface());
 }
 
-TEST(DepthEstimator, ASurfaceIsFoundOutsideOfTheArray) {
+TEST(DepthEstimator, FindsASurfaceOutsideTheArray) {
   for (const bool by_angle : {false, true}) {
     Loop loop(FocusMode::kSurface, false, 0, 0);
     const Vec3& corner = loop.walls.rig.cameras.back().pose.position;
@@ -427,7 +427,7 @@ TEST(DepthEstimator, ASurfaceIsFoundOutsideOfTheArray) {
   }
 }
 
-TEST(DepthEstimator, TheSurfaceIsHiddenWhenThePlaneBecomesBetter) {
+TEST(DepthEstimator, HidesTheSurfaceWhenThePlaneIsBetter) {
   Loop loop(FocusMode::kSurface, false, 0, 0);
   loop.run(20);
   EXPECT_TRUE(loop.shows_surface());
@@ -444,7 +444,7 @@ TEST(DepthEstimator, TheSurfaceIsHiddenWhenThePlaneBecomesBetter) {
   EXPECT_GT(loop.right(), 0.97);
 }
 
-TEST(DepthEstimator, FindsASceneThatLeftTheRange) {
+TEST(DepthEstimator, FindsASceneOutsideTheRange) {
   for (const FocusMode mode : {FocusMode::kSurface, FocusMode::kAuto}) {
     for (const double nearer : {3., 0.4}) {
       SCOPED_TRACE(nearer);
@@ -484,7 +484,7 @@ struct DelayedLoop : Loop {
   std::deque<View> surfaces;
 };
 
-TEST(DepthEstimator, ManyRequestsUnderwayMakeOneSurface) {
+TEST(DepthEstimator, RequestsInFlightMakeOneSurface) {
   for (const FocusMode mode : {FocusMode::kSurface, FocusMode::kAuto})
     for (const size_t underway : {1, 2, 3, 4, 8, 16}) {
       SCOPED_TRACE(underway);
@@ -498,7 +498,7 @@ TEST(DepthEstimator, ManyRequestsUnderwayMakeOneSurface) {
     }
 }
 
-TEST(DepthEstimator, FindsASceneThatLeftTheRangeWithManyRequestsUnderway) {
+TEST(DepthEstimator, FindsASceneOutsideTheRangeWithRequestsInFlight) {
   for (const FocusMode mode : {FocusMode::kSurface, FocusMode::kAuto})
     for (const size_t underway : {2, 3, 4, 8})
       for (const double nearer : {3., 0.4}) {
@@ -516,7 +516,7 @@ TEST(DepthEstimator, FindsASceneThatLeftTheRangeWithManyRequestsUnderway) {
       }
 }
 
-TEST(DepthEstimator, KeepsTheRangeItWasTold) {
+TEST(DepthEstimator, KeepsAGivenRange) {
   Loop loop(FocusMode::kSurface, false);
   loop.run(20);
   loop.walls = ArrayOfWalls(false, 3);
@@ -525,7 +525,7 @@ TEST(DepthEstimator, KeepsTheRangeItWasTold) {
   EXPECT_NEAR(loop.control.state().far, 6, 1e-12);
 }
 
-TEST(DepthEstimator, FewerRequestsHaveHypothesesWherePicturesAreLate) {
+TEST(DepthEstimator, LatePicturesReduceHypotheses) {
   Loop punctual(FocusMode::kSurface, false), late(FocusMode::kSurface, false);
   for (int i = 0; i < 60; i++) {
     punctual.control.keep_up(true);
@@ -543,7 +543,7 @@ TEST(DepthEstimator, FewerRequestsHaveHypothesesWherePicturesAreLate) {
   EXPECT_GT(late.hypotheses, 4 * 60u) << "rate restored";
 }
 
-TEST(DepthEstimator, FewerRequestsHaveHypothesesWhereTheyAreToBeSpared) {
+TEST(DepthEstimator, SpareReducesHypotheses) {
   Loop all(FocusMode::kSurface, false), spared(FocusMode::kSurface, false);
   for (int i = 0; i < 120; i++) {
     all.run(1);

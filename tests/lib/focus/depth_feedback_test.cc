@@ -38,7 +38,7 @@ class DepthFeedbackTest : public testing::Test {
   DepthFeedback feedback_;
 };
 
-TEST_F(DepthFeedbackTest, TheNextRequestHasTheSurfaceAndTheHypothesesOnce) {
+TEST_F(DepthFeedbackTest, NextRequestHasTheSurfaceAndHypothesesOnce) {
   ViewRequest next = request();
   feedback_.apply(next);
   EXPECT_FALSE(next.view.focus.map) << "nothing is known yet";
@@ -56,7 +56,7 @@ TEST_F(DepthFeedbackTest, TheNextRequestHasTheSurfaceAndTheHypothesesOnce) {
   EXPECT_FALSE(next.view.focus.map);
 }
 
-TEST_F(DepthFeedbackTest, OfASetOneViewHasTheHypotheses) {
+TEST_F(DepthFeedbackTest, OneViewOfASetHasHypotheses) {
   feedback_.announce(found(1));
   const ViewSet set{.layout = ViewSetLayout::kStereo};
   ViewRequest right = request(), left = request();
@@ -70,7 +70,7 @@ TEST_F(DepthFeedbackTest, OfASetOneViewHasTheHypotheses) {
 }
 
 // The pointer's view may differ from the view of the surface, so that the same place has different pixels.
-TEST_F(DepthFeedbackTest, APlaceIsThatOfTheViewThatShowsIt) {
+TEST_F(DepthFeedbackTest, PlaceBelongsToTheViewThatShowsIt) {
   DepthEstimate news = found(1);
   news.plan.view = walls_.view(0);
   ASSERT_TRUE(news.plan.view.focus.map);
@@ -90,7 +90,7 @@ TEST_F(DepthFeedbackTest, APlaceIsThatOfTheViewThatShowsIt) {
 }
 
 // In bursts of pictures, several results arrive before the next request.
-TEST_F(DepthFeedbackTest, HypothesesOfASearchWaitForTheirTurn) {
+TEST_F(DepthFeedbackTest, SearchHypothesesAreQueued) {
   const auto sweep_at = [](int16_t level) {
     return std::vector<DepthHypothesis>(kSweep, {DepthHypothesis::Kind::kPlane, level});
   };
@@ -134,7 +134,7 @@ TEST_F(DepthFeedbackTest, HypothesesOfASearchWaitForTheirTurn) {
   EXPECT_GT(most, 1);
 }
 
-TEST_F(DepthFeedbackTest, NewsOfARequestAreWaitedFor) {
+TEST_F(DepthFeedbackTest, WaitsForTheEstimateOfARequest) {
   EXPECT_EQ(feedback_.wait_for(0xffffffff, kShort), Waited::kTooLong);
   std::thread compositor([&] { feedback_.announce(found(1)); });
   EXPECT_EQ(feedback_.wait_for(0xffffffff, std::chrono::minutes(1)), Waited::kCame) << "numbers wrap: 1 is later";
@@ -144,7 +144,7 @@ TEST_F(DepthFeedbackTest, NewsOfARequestAreWaitedFor) {
   EXPECT_EQ(feedback_.wait_for(1, kShort), Waited::kUnlocked);
 }
 
-TEST_F(DepthFeedbackTest, APlaceIsInFocusAtOnceWhereThereIsASurface) {
+TEST_F(DepthFeedbackTest, FocusesAtOnceWithASurface) {
   feedback_.announce(found(1));
   const std::optional<double> distance = feedback_.focus_at({0.5, 0.5});
   ASSERT_TRUE(distance);
@@ -152,7 +152,7 @@ TEST_F(DepthFeedbackTest, APlaceIsInFocusAtOnceWhereThereIsASurface) {
   EXPECT_FALSE(feedback_.next_sweep(request(), &walls_.rig)) << "no search active";
 }
 
-TEST_F(DepthFeedbackTest, WithoutASurfaceSweepsLookForThePlace) {
+TEST_F(DepthFeedbackTest, SweepsWithoutASurface) {
   EXPECT_FALSE(feedback_.next_sweep(request(), &walls_.rig));
   EXPECT_FALSE(feedback_.focus_at({0.25, 0.5}));
   for (uint32_t stage = 0; stage < 2; stage++) {
@@ -172,7 +172,7 @@ TEST_F(DepthFeedbackTest, WithoutASurfaceSweepsLookForThePlace) {
   EXPECT_FALSE(feedback_.take_found()) << "once";
 }
 
-TEST_F(DepthFeedbackTest, SweepsThatAreLostEndTheSearch) {
+TEST_F(DepthFeedbackTest, LostSweepsEndTheSearch) {
   feedback_.focus_at({0.5, 0.5});
   int sweeps = 0;
   for (int i = 0; i < 1000; i++)
@@ -180,7 +180,7 @@ TEST_F(DepthFeedbackTest, SweepsThatAreLostEndTheSearch) {
   EXPECT_EQ(sweeps, 3);
 }
 
-TEST_F(DepthFeedbackTest, ARelayGivesSurfacesToRequestsThatHaveNone) {
+TEST_F(DepthFeedbackTest, RelayAddsSurfacesToRequests) {
   RelayedDepths relayed;
   ViewRequest passing = request();
   EXPECT_FALSE(relayed.apply(passing));

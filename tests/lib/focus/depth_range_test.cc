@@ -17,7 +17,7 @@ FocalMap map_at(uint8_t level) {
   return map;
 }
 
-TEST(DepthRange, SurfacesStayWhereTheyAre) {
+TEST(DepthRange, ChangingTheRangeKeepsSurfaces) {
   FocalMap map = map_at(0);
   for (int i = 0; i < 1000; i++) map.levels[i] = static_cast<uint8_t>(i % 256);
   const FocalMap before = map;

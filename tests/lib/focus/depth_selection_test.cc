@@ -45,7 +45,7 @@ FocalMap flat(uint8_t level) {
   return map;
 }
 
-TEST(DepthSelection, TakesTheDepthAtWhichCamerasAgree) {
+TEST(DepthSelection, SelectsTheDepthOfBestAgreement) {
   const std::vector<std::vector<uint8_t>> hypotheses{std::vector<uint8_t>(kColumns * kRows, 50),
                                                      std::vector<uint8_t>(kColumns * kRows, 90)};
   const std::vector<PhotoConsistency> moments{deviating([](int i, int) { return i < 6 ? 2 : 20; }),
@@ -58,7 +58,7 @@ TEST(DepthSelection, TakesTheDepthAtWhichCamerasAgree) {
   EXPECT_NEAR(choice.cost[0], choice.cost[1], 0.1);
 }
 
-TEST(DepthSelection, ANodeItselfCountsForMoreThanItsNeighbours) {
+TEST(DepthSelection, NodeCountsMoreThanItsNeighbours) {
   // The levels are so close that a node need not agree with its neighbours.
   const std::vector<std::vector<uint8_t>> hypotheses{std::vector<uint8_t>(kColumns * kRows, 50),
                                                      std::vector<uint8_t>(kColumns * kRows, 51)};
@@ -69,7 +69,7 @@ TEST(DepthSelection, ANodeItselfCountsForMoreThanItsNeighbours) {
   EXPECT_EQ(choice.levels[3 * kColumns + 5], 50);
 }
 
-TEST(DepthSelection, ALeadKeepsWhatNothingTellsApart) {
+TEST(DepthSelection, LeadDecidesBetweenEqualDepths) {
   const std::vector<std::vector<uint8_t>> hypotheses{std::vector<uint8_t>(kColumns * kRows, 50),
                                                      std::vector<uint8_t>(kColumns * kRows, 90)};
   const auto with = [&](double other) {
@@ -81,7 +81,7 @@ TEST(DepthSelection, ALeadKeepsWhatNothingTellsApart) {
   EXPECT_EQ(with(9), 90);
 }
 
-TEST(DepthSelection, KeepsTheLevelWhereNothingIsSeen) {
+TEST(DepthSelection, KeepsTheLevelOfInvisibleNodes) {
   std::vector<PhotoConsistency> moments{deviating([](int, int) { return 10; }), deviating([](int, int) { return 1; })};
   for (PhotoConsistency& m : moments) m.weight[5] = 0;
   const std::vector<std::vector<uint8_t>> hypotheses{std::vector<uint8_t>(kColumns * kRows, 50),
@@ -98,7 +98,7 @@ TEST(DepthSelection, KeepsTheLevelWhereNothingIsSeen) {
 using Levels = std::vector<uint8_t>;
 
 // Images of widely spaced cameras lack a near plane. The plane must not prevent other hypotheses from being compared.
-TEST(DepthSelection, AHypothesisThatSeesLittleIsNotCompared) {
+TEST(DepthSelection, HypothesisWithFewNodesIsNotCompared) {
   const std::vector<Levels> hypotheses{Levels(kColumns * kRows, 50), Levels(kColumns * kRows, 90),
                                        Levels(kColumns * kRows, 200), Levels(kColumns * kRows, 250)};
   std::vector<PhotoConsistency> moments;
@@ -135,7 +135,7 @@ PhotoConsistency nearly_agreeing(const auto& deviation) {
   return moments;
 }
 
-TEST(DepthSelection, WhatRoundedSumsAloneTellMovesNothing) {
+TEST(DepthSelection, RoundingErrorsChangeNothing) {
   const std::vector<Levels> hypotheses{Levels(kColumns * kRows, 50), Levels(kColumns * kRows, 52)};
   const auto with = [&](const auto& deviation) {
     return choose(flat(50), hypotheses, {nearly_agreeing(deviation), nearly_agreeing([](int, int) { return 0; })})
@@ -146,7 +146,7 @@ TEST(DepthSelection, WhatRoundedSumsAloneTellMovesNothing) {
   EXPECT_EQ(with([](int, int) { return 0.4; }), hypotheses[1]) << "more than noise";
 }
 
-TEST(DepthSelection, ALoneOutlierGoesWithItsNeighbours) {
+TEST(DepthSelection, OutlierFollowsItsNeighbours) {
   const std::vector<Levels> hypotheses{Levels(kColumns * kRows, 50), Levels(kColumns * kRows, 90)};
   const auto is_out = [](int i, int j) { return i == 6 && j == 4; };
   const std::vector<float> evidence(kColumns * kRows, 1);
@@ -165,7 +165,7 @@ TEST(DepthSelection, ALoneOutlierGoesWithItsNeighbours) {
   EXPECT_NEAR(sure.gained, 6. / (kColumns * kRows), 0.01);
 }
 
-TEST(DepthSelection, WithoutEvidenceANodeTakesItsNeighboursLevel) {
+TEST(DepthSelection, NodeWithoutEvidenceFollowsItsNeighbours) {
   const std::vector<Levels> hypotheses{Levels(kColumns * kRows, 50), Levels(kColumns * kRows, 90)};
   const auto is_untold = [](int i, int j) { return i >= 5 && i < 7 && j >= 4 && j < 6; };
   std::vector<float> evidence(kColumns * kRows, 1);
@@ -185,7 +185,7 @@ TEST(DepthSelection, WithoutEvidenceANodeTakesItsNeighboursLevel) {
   }
 }
 
-TEST(DepthSelection, NobodyIsInformedWhereAllDepthsLookAlike) {
+TEST(DepthSelection, EqualDepthsAreNotInformed) {
   const auto informed = [](const std::vector<double>& deviations, float evidence) {
     std::vector<Levels> hypotheses;
     std::vector<PhotoConsistency> moments;
@@ -204,7 +204,7 @@ TEST(DepthSelection, NobodyIsInformedWhereAllDepthsLookAlike) {
 }
 
 // Bit-identical for maps of any size, for cameras that agree or not, and for impossible weights and sums.
-TEST(DepthSelection, IsThePlainOneWithEveryInstructionSet) {
+TEST(DepthSelection, EqualsTheReferenceWithEveryInstructionSet) {
   reference::Random random(7);
   const auto below = [&](int end) { return static_cast<int>(random.uniform(0, end)); };
   const auto same = [](double a, double b) { return a == b || (std::isnan(a) && std::isnan(b)); };

@@ -53,7 +53,7 @@ struct Votes {
   int seen = kNodes;
 };
 
-TEST(DepthVotes, WithoutVotesNothingIsKnown) {
+TEST(DepthVotes, RangeIsUnknownWithoutVotes) {
   Votes v;
   EXPECT_FALSE(v.votes.range().has_value());
   v.add({});
@@ -67,7 +67,7 @@ TEST(DepthVotes, WithoutVotesNothingIsKnown) {
 }
 
 // Most of a view may lie outside the cameras' coverage.
-TEST(DepthVotes, AreCountedOfTheNodesThatTheCamerasSee) {
+TEST(DepthVotes, CountOnlyVisibleNodes) {
   Votes v;
   v.seen = 150;
   v.add({{2, 1}});
@@ -107,7 +107,7 @@ struct Search {
 
 // Single nodes get random depths by chance. A real object is at least as large as a cell of the array and has one
 // depth.
-TEST(DepthVotes, NearOnesAllOverTheMapAreChance) {
+TEST(DepthVotes, ScatteredNearVotesAreIgnored) {
   Search chance;
   int at = 0;
   for (int y = 1; y < Search::kRows; y += 3)
@@ -130,7 +130,7 @@ TEST(DepthVotes, CoverTheScene) {
   v.expect(1, 6);
 }
 
-TEST(DepthVotes, OutliersHaveNoSay) {
+TEST(DepthVotes, OutliersAreIgnored) {
   Votes few;
   few.add({{0.5, 39}, {2, 422}, {3, 500}, {9, 39}});
   few.expect(2, 3);
@@ -141,7 +141,7 @@ TEST(DepthVotes, OutliersHaveNoSay) {
 
 // After n rounds without it, an old observation has weight 0.8^n against (1 - 0.8^n) / 0.2 of the new ones: 5 % for n =
 // 7, and 3.9 % for n = 8.
-TEST(DepthVotes, EarlierOnesFade) {
+TEST(DepthVotes, OldVotesFade) {
   Votes v;
   v.add({{8, 500}});
   for (int n = 1; n <= 20; n++) {
@@ -150,7 +150,7 @@ TEST(DepthVotes, EarlierOnesFade) {
   }
 }
 
-TEST(DepthVotes, WhatIsNearerThanTheNearestCountsAsThat) {
+TEST(DepthVotes, VotesAreLimitedToTheNearestDepth) {
   Votes v;
   v.votes = DepthVotes(kNearest / 2);
   v.add({{1, 100}, {9, 100}});
@@ -160,7 +160,7 @@ TEST(DepthVotes, WhatIsNearerThanTheNearestCountsAsThat) {
 }
 
 // An object at a quarter of the distance covers sixteen times the area.
-TEST(DepthVotes, WhatIsTooSmallForItsDistanceIsNotThere) {
+TEST(DepthVotes, TooSmallNearObjectsAreIgnored) {
   constexpr double kSmallest = 4;  // nodes at 1 m
   for (const auto& [nearest, nodes, is_there] :
        {std::tuple{2., 55, false}, {2., 75, true}, {4., 230, false}, {4., 290, true}, {8., 480, false}}) {
@@ -172,7 +172,7 @@ TEST(DepthVotes, WhatIsTooSmallForItsDistanceIsNotThere) {
 }
 
 // Small objects still extend the far end of the range.
-TEST(DepthVotes, WhatIsFarMayBeSmall) {
+TEST(DepthVotes, DistantObjectsMayBeSmall) {
   Votes v;
   v.votes = DepthVotes(kNearest, 4);
   v.add({{0.5, 45}, {2, 400}});

@@ -25,7 +25,7 @@ ExposureCompensation measured(float gain, float error = 0.002f) {
   return gains;
 }
 
-TEST(ExposureCompensation, GoToWhatIsMeasured) {
+TEST(ExposureCompensation, GainsFollowTheMeasurements) {
   ExposureCompensation gains;
   EXPECT_EQ(gains.of(3), 1);
   gains.take({{3, {std::log(1.2f), 0}}});
@@ -36,7 +36,7 @@ TEST(ExposureCompensation, GoToWhatIsMeasured) {
   EXPECT_EQ(gains.measured().size(), 1u);
 }
 
-TEST(ExposureCompensation, TheFirstMeansOnlyTellWhomToTrust) {
+TEST(ExposureCompensation, FirstMeansOnlyChangeTheTrust) {
   ExposureCompensation gains;
   EXPECT_EQ(gains.trust(1), gains.trust(2)) << "no measurements";
   gains.take({{1, {std::log(1.1f), 0.002f}}, {2, {std::log(0.99f), 0.002f}}});
@@ -53,7 +53,7 @@ TEST(ExposureCompensation, TheFirstMeansOnlyTellWhomToTrust) {
   EXPECT_NEAR(gains.of(1), 1.1, 0.001);
 }
 
-TEST(ExposureCompensation, WhatMayBeShineIsLeftAlone) {
+TEST(ExposureCompensation, SmallRatiosAreIgnored) {
   for (const float gain : {1.005f, 1.01f, 1.014f}) {
     EXPECT_NEAR(measured(gain).of(1), 1, 0.001) << gain;
     EXPECT_GT(measured(gain).trust(1), 0.85) << gain;
@@ -70,12 +70,12 @@ TEST(ExposureCompensation, WhatMayBeShineIsLeftAlone) {
   }
 }
 
-TEST(ExposureCompensation, SoIsWhatIsUncertain) {
+TEST(ExposureCompensation, UncertainRatiosAreIgnored) {
   EXPECT_NEAR(measured(1.04f, 0.02f).of(1), 1, 0.003);
   EXPECT_NEAR(measured(1.1f, 0.02f).of(1), 1.1, 0.001);
 }
 
-TEST(ExposureCompensation, StayInRange) {
+TEST(ExposureCompensation, GainsStayInRange) {
   ExposureCompensation gains;
   for (int i = 0; i < 9; i++) gains.take({{1, {std::log(10.f), 0}}, {2, {std::log(0.01f), 0}}});
   EXPECT_NEAR(gains.of(1), ExposureCompensation::kMost, 1e-4);
@@ -93,14 +93,14 @@ PhotoConsistency grey(int columns, int rows, double w, double v) {
   return moments;
 }
 
-TEST(MeanLuma, IsTheMeanButAtTheBorder) {
+TEST(MeanLuma, IsTheMeanExceptAtTheBorder) {
   const std::vector<uint8_t> mean = mean_luma(grey(5, 4, 0.7, 100), {});
   for (int y = 0; y < 4; y++)
     for (int x = 0; x < 5; x++)
       EXPECT_EQ(mean[y * 5 + x], x > 0 && x < 4 && y > 0 && y < 3 ? 100 : 0) << x << ", " << y;
 }
 
-TEST(MeanLuma, OnlyWhereItIsWellDefined) {
+TEST(MeanLuma, IsUndefinedForPoorNodes) {
   const auto middle = [](const PhotoConsistency& moments) { return mean_luma(moments, {})[4]; };
   EXPECT_EQ(middle(grey(3, 3, 0.02, 100)), 0) << "few cameras";
   EXPECT_EQ(middle(grey(3, 3, 0.7, 5)), 0) << "black";
@@ -133,7 +133,7 @@ TEST(GainSum, IsGeometricAndAddsUp) {
   EXPECT_NEAR(all.mean(), std::exp2((2. - 1) / 3), 1e-3);
 }
 
-TEST(ExposureSchedule, TheFirstRequestsWithHypothesesAskAndThenFewerAndFewer) {
+TEST(ExposureSchedule, MeansBecomeRare) {
   ExposureSchedule turns;
   std::vector<int> asking;
   bool asked = false;
@@ -145,14 +145,14 @@ TEST(ExposureSchedule, TheFirstRequestsWithHypothesesAskAndThenFewerAndFewer) {
   EXPECT_EQ(asking, (std::vector<int>{1, 2, 3, 4, 6, 10, 18, 34, 66, 98}));
 }
 
-TEST(ExposureSchedule, OneIsAwaitedAtATime) {
+TEST(ExposureSchedule, OnlyOneMeanIsPending) {
   ExposureSchedule turns;
   EXPECT_TRUE(turns.next(true, false));
   for (int i = 0; i < 10; i++) EXPECT_FALSE(turns.next(true, false)) << i;
   EXPECT_TRUE(turns.next(true, true));
 }
 
-TEST(ExposureSchedule, WhatIsLostIsAskedForAgain) {
+TEST(ExposureSchedule, LostMeansAreRequestedAgain) {
   ExposureSchedule turns;
   for (unsigned i = 0; i < 3 * ExposureSchedule::kPatience; i++)
     EXPECT_EQ(turns.next(true, false), i % ExposureSchedule::kPatience == 0) << i;
@@ -192,7 +192,7 @@ TEST(WideLuma, ManyCamerasAreCompared) {
   EXPECT_NEAR(seen.cameras[5].weight[middle], WideLuma::kPeak * std::exp(-squared / 2), 1e-4);
 }
 
-TEST(WideLuma, FindsWhoIsBrighter) {
+TEST(WideLuma, FindsTheBrighterCamera) {
   Wide wide;
   constexpr CameraIndex kBright = 4;
   for (Image& image : wide.walls.images) std::ranges::fill(image.data(), 120);
@@ -215,7 +215,7 @@ TEST(WideLuma, FindsWhoIsBrighter) {
   EXPECT_NEAR(wide.luma.see(sources, gains).gains.mean(), 1, 0.002) << "no common drift";
 }
 
-TEST(WideLuma, TheMeanMovesToWhereMostCamerasAre) {
+TEST(WideLuma, MeanFollowsTheMajority) {
   Wide wide;
   for (Image& image : wide.walls.images) std::ranges::fill(image.data(), 120);
   ByteBuffer memory[3];
@@ -264,7 +264,7 @@ ExposureCompensation gains_of_row(const Wide& wide, const std::vector<CameraInde
 }
 
 // One of two cameras differs, but nothing shows which: following either would be as wrong.
-TEST(WideLuma, TwoCamerasMeetHalfWay) {
+TEST(WideLuma, TwoCamerasMeetInTheMiddle) {
   const Wide wide;
   for (const CameraIndex bright : {0, 1}) {
     const ExposureCompensation gains = gains_of_row(wide, {4, 5}, bright);
@@ -275,7 +275,7 @@ TEST(WideLuma, TwoCamerasMeetHalfWay) {
 }
 
 // Near the viewpoint there are two cameras of a row: the third determines which of the two differs.
-TEST(WideLuma, OfARowThoseFartherAwayAreCompared) {
+TEST(WideLuma, ComparesDistantCamerasOfARow) {
   const Wide wide;
   for (const CameraIndex bright : {0, 1}) {
     const ExposureCompensation gains = gains_of_row(wide, {4, 5, 3}, bright);
@@ -286,7 +286,7 @@ TEST(WideLuma, OfARowThoseFartherAwayAreCompared) {
 }
 
 // The rest of the array may be as bright as either of the two.
-TEST(WideLuma, TwoOfALargerArrayStayAsTheyAre) {
+TEST(WideLuma, TwoCamerasOfALargerArrayStay) {
   const Wide wide;
   for (const CameraIndex bright : {0, 1}) EXPECT_TRUE(gains_of_row(wide, {3, 4, 5}, bright, 2.2).measured().empty());
 }
@@ -305,7 +305,7 @@ TEST(WideLuma, PartsOfAnArrayAddUpToTheWhole) {
   EXPECT_EQ(sum.gains, whole.gains);
 }
 
-TEST(WideLuma, WhatDiffersFromNodeToNodeIsUncertain) {
+TEST(WideLuma, ScatterIncreasesTheError) {
   WideLuma::Camera seen{0, std::vector<uint8_t>(100, 110), std::vector<float>(100, WideLuma::kPeak)};
   const std::vector<uint8_t> mean(100, 100);
   const std::optional<BrightnessRatio> alike = WideLuma::ratio(seen, mean);
@@ -320,7 +320,7 @@ TEST(WideLuma, WhatDiffersFromNodeToNodeIsUncertain) {
   EXPECT_GT(differing->error, 10 * alike->error);
 }
 
-TEST(WideLuma, AMeanThatTellsNothingIsLeftAlone) {
+TEST(WideLuma, UndefinedMeanHasNoRatio) {
   const Wide wide;
   const WideLuma::Seen seen = wide.luma.see(wide.walls.sources(), {});
   EXPECT_FALSE(WideLuma::ratio(seen.cameras[0], {}).has_value()) << "another size";

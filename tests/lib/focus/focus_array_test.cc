@@ -11,7 +11,7 @@
 namespace lf {
 namespace {
 
-TEST(ArrayPlane, GoesThroughTheMiddleAlongTheMeanAxis) {
+TEST(ArrayPlane, IsThroughTheMeanPositionAndNormalToTheMeanAxis) {
   Rig rig = scene_rig(3, 5);
   for (Camera& camera : rig.cameras) camera.pose.position += Vec3(1e6, 2e6, -3e6);
   const Plane plane = array_plane(rig);
@@ -20,7 +20,7 @@ TEST(ArrayPlane, GoesThroughTheMiddleAlongTheMeanAxis) {
   EXPECT_NEAR(plane.signed_distance({1e6 + 7, 2e6, -3e6 + 2}), 2, 1e-9) << "distances grow forwards";
 }
 
-TEST(ArrayPlane, OfOppositeCamerasIsTheFirstOnes) {
+TEST(ArrayPlane, UsesTheFirstCameraIfAxesCancel) {
   Rig rig = scene_rig(1, 2);
   rig.cameras[1].pose.orientation = glm::angleAxis(M_PI, Vec3(0, 1, 0));
   EXPECT_NEAR(array_plane(rig).normal.z, 1, 1e-12);
@@ -67,7 +67,7 @@ struct Array {
   }
 };
 
-TEST(FocusArray, EvidenceIsThatOfTheCamerasWeights) {
+TEST(FocusArray, EvidenceFollowsFromTheWeights) {
   const Array a;
   for (const Vec3& eye : {Vec3(0, 0, -0.2), Vec3(0.007, -0.011, -0.15), Vec3(-0.013, 0.009, 0)}) {
     const View view = a.view_from(eye);
@@ -96,7 +96,7 @@ TEST(FocusArray, EvidenceIsThatOfTheCamerasWeights) {
   }
 }
 
-TEST(FocusArray, ACameraAloneTellsNothingAndThreeEqualOnesMost) {
+TEST(FocusArray, OneCameraHasNoEvidenceAndThreeHaveMost) {
   const Array a;
   const Vec3 camera = a.rig.cameras[kSide + 1].pose.position;
   for (const float told : a.array.evidence(a.view_from(camera), {})) EXPECT_NEAR(told, 0, 1e-3);
@@ -106,12 +106,12 @@ TEST(FocusArray, ACameraAloneTellsNothingAndThreeEqualOnesMost) {
   for (const float told : a.array.evidence(a.view_from(edge), {})) EXPECT_NEAR(told, std::sqrt(0.75), 1e-5);
 }
 
-TEST(FocusArray, WhereNoCameraHasAWeightThereIsNoEvidence) {
+TEST(FocusArray, NoEvidenceWithoutWeights) {
   const Array a;
   for (const float told : a.array.evidence(a.view_from({1, 0, 0}), {})) EXPECT_EQ(told, 0);
 }
 
-TEST(FocusArray, CamerasOutOfServiceTellNothing) {
+TEST(FocusArray, CamerasOutOfServiceHaveNoEvidence) {
   const Array a;
   CameraSet all_but_one;
   for (CameraIndex i = 0; i < a.rig.cameras.size(); i++)
@@ -123,7 +123,7 @@ TEST(FocusArray, CamerasOutOfServiceTellNothing) {
   for (const float told : a.array.evidence(view, {5})) EXPECT_GT(told, 0.5);
 }
 
-TEST(FocusArray, KnowsWhatItCanResolve) {
+TEST(FocusArray, ComputesTheResolution) {
   const Array a;
   const double focal = a.rig.cameras[0].lens.fx();
   EXPECT_TRUE(a.array.is_known());
@@ -136,7 +136,7 @@ TEST(FocusArray, KnowsWhatItCanResolve) {
   EXPECT_NEAR(a.array.disparity() * a.array.nearest(), 40, 1e-9);
 }
 
-TEST(FocusArray, TheMedianOfCamerasCounts) {
+TEST(FocusArray, UsesMedians) {
   Rig rig = scene_rig(1, 5, 160, 120);
   const double pitch = rig.cameras[1].pose.position.x - rig.cameras[0].pose.position.x;
   const double focal = rig.cameras[0].lens.fx();
@@ -147,7 +147,7 @@ TEST(FocusArray, TheMedianOfCamerasCounts) {
 }
 
 // In irregular arrays, triangle edges are longer than the distance to the nearest camera.
-TEST(FocusArray, CamerasThatStandAnywhereDifferByTheEdgesOfTheirTriangles) {
+TEST(FocusArray, IrregularArraysUseTriangleEdges) {
   Rig rig = scene_rig(4, 4, 160, 120);
   const double pitch = rig.cameras[1].pose.position.x - rig.cameras[0].pose.position.x;
   for (size_t i = 1; i < rig.cameras.size(); i += 2) rig.cameras[i].pose.position.x -= 0.8 * pitch;
@@ -164,7 +164,7 @@ TEST(FocusArray, CamerasThatStandAnywhereDifferByTheEdgesOfTheirTriangles) {
   EXPECT_DOUBLE_EQ(FocusArray(rig, mesh).edge(), array.edge());
 }
 
-TEST(FocusArray, EvidenceOfAViewBlendedByAngleIsThatOfItsCameras) {
+TEST(FocusArray, EvidenceOfBlendingByAngle) {
   const Array a;
   View view = a.view_from({1, 0, 0});
   view.blending = {Blending::Kind::kAngle, 0, 4};
@@ -178,7 +178,7 @@ TEST(FocusArray, EvidenceOfAViewBlendedByAngleIsThatOfItsCameras) {
 }
 
 // A blurred picture has a larger disparity, the farther the viewpoint is from its cameras.
-TEST(FocusArray, CamerasOfAnEyeOutsideOfTheArrayAreFarApart) {
+TEST(FocusArray, ViewpointsOutsideTheArrayHaveAWideBaseline) {
   const Array a;
   View view = a.view_from({a.pitch / 2, a.pitch / 2, -0.3});
   const double beside = a.array.width_of(view, {});
@@ -197,7 +197,7 @@ TEST(FocusArray, CamerasOfAnEyeOutsideOfTheArrayAreFarApart) {
   EXPECT_EQ(FocusArray(Plane{{0, 0, 1}, 0.5}).width_of(view, {}), 0);
 }
 
-TEST(FocusArray, CamerasAtOnePlaceTellNoDepths) {
+TEST(FocusArray, CoincidentCamerasResolveNoDepth) {
   Rig rig = scene_rig(1, 2, 160, 120);
   rig.cameras[1].pose.position = rig.cameras[0].pose.position;
   for (const Rig& together : {rig, scene_rig(1, 1, 160, 120)}) {
@@ -208,7 +208,7 @@ TEST(FocusArray, CamerasAtOnePlaceTellNoDepths) {
   }
 }
 
-TEST(FocusArray, WithoutARigNothingIsKnownAndAllIsTold) {
+TEST(FocusArray, WithoutARigEvidenceIsOne) {
   const FocusArray array = Plane{{0, 0, 1}, 0.5};
   EXPECT_FALSE(array.is_known());
   EXPECT_EQ(array.from(), (Plane{{0, 0, 1}, 0.5}));

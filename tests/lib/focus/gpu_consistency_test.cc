@@ -91,7 +91,7 @@ std::vector<std::vector<uint8_t>> some_hypotheses(Random& random, const View& vi
 }
 
 // Views of an array with distorted lenses, rotated, from coarse to fine: boxes of 4 to 32 pixels.
-TEST(GpuConsistency, AreTheCpus) {
+TEST(GpuConsistency, MatchesTheCpu) {
   for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420})
     for (const bool hard : {false, true}) {
       MomentDifference worst;
@@ -157,7 +157,7 @@ struct SmallArray {
   std::vector<std::vector<uint8_t>> hypotheses;
 };
 
-TEST(GpuConsistency, AreAdded) {
+TEST(GpuConsistency, SumsAreAdded) {
   const SmallArray array(0);
   const Both once = consistency_of(*array.job, array.sources, array.hypotheses);
   std::vector<PhotoConsistency> thrice = array.nothing();
@@ -174,7 +174,7 @@ TEST(GpuConsistency, AreAdded) {
 }
 
 // The GPU preserves the relation between one camera's sums: see wire/consistency_codec.h.
-TEST(GpuConsistency, OfOneCameraAreWhatItsWeightAndLumaSay) {
+TEST(GpuConsistency, SumsOfOneCameraAreConsistent) {
   const SmallArray array(-0.2);
   const Both both = consistency_of(*array.job, {&array.sources[4], 1}, array.hypotheses);
   size_t seen = 0;
@@ -197,7 +197,7 @@ TEST(GpuConsistency, OfOneCameraAreWhatItsWeightAndLumaSay) {
 
 // Arrays and surfaces that are worst cases for float: equal except at nodes where float cannot determine which camera
 // sees the node.
-TEST(GpuConsistency, OfHardCasesAreFiniteAndMostlyTheCpus) {
+TEST(GpuConsistency, HardCasesAreFiniteAndMostlyMatchTheCpu) {
   MomentDifference all;
   for (const reference::HardCase& hard : reference::hard_cases())
     for (int trial = 0; trial < 2; trial++) {
@@ -226,7 +226,7 @@ TEST(GpuConsistency, OfHardCasesAreFiniteAndMostlyTheCpus) {
   EXPECT_GT(all.nodes, 10000u);
 }
 
-TEST(GpuConsistency, ComeToTheSameSurface) {
+TEST(GpuConsistency, FindsTheSameSurface) {
   const Rig rig = scene_rig(4, 4, 160, 120);
   const Mesh mesh = build_mesh(rig);
   std::vector<CameraIndex> own;
@@ -285,7 +285,7 @@ TEST(GpuConsistency, ComeToTheSameSurface) {
   EXPECT_LE(std::abs(sum / kViews), 0.02);
 }
 
-TEST(GpuConsistency, AreTheCpusWhereTheGpuIsLost) {
+TEST(GpuConsistency, FallsBackToTheCpu) {
   std::string why;
   const auto lost = gl::GlesRenderer::create(gl::Context::Drivers::kAny, why);
   ASSERT_TRUE(lost) << why;

@@ -27,7 +27,7 @@ TEST(PlaneMap, IsTheViewersPlane) {
     }
 }
 
-TEST(PlaneMap, BehindTheEyeIsFarAway) {
+TEST(PlaneMap, PlanesBehindTheEyeAreFar) {
   View view;
   view.width = view.height = 16;
   view.lens = Lens::from_fov_y(40, 16, 16);
@@ -47,7 +47,7 @@ FocalMap spike() {
   return map;
 }
 
-TEST(DepthHypothesis, BlurredIsTheMeanWith161AlongBothAxes) {
+TEST(DepthHypothesis, BlurredIsWeighted161AlongBothAxes) {
   const std::vector<uint8_t> levels = hypothesis_levels(spike(), {kBlurred, 0});
   EXPECT_EQ(levels[1 * 5 + 2], 170);  // 80 + 160 * 6/8 = 200 along rows; 80 + 120 * 6/8 along columns
   EXPECT_EQ(levels[1 * 5 + 1], 95);
@@ -56,7 +56,7 @@ TEST(DepthHypothesis, BlurredIsTheMeanWith161AlongBothAxes) {
   EXPECT_EQ(levels[3 * 5 + 4], 80);
 }
 
-TEST(DepthHypothesis, FartherAndNearerAreTheExtremesAround) {
+TEST(DepthHypothesis, FartherAndNearerAreLocalExtremes) {
   const std::vector<uint8_t> farther = hypothesis_levels(spike(), {kFarther, 0}),
                              nearer = hypothesis_levels(spike(), {kNearer, 0});
   EXPECT_EQ(farther, std::vector<uint8_t>(20, 80));
@@ -91,7 +91,7 @@ TEST(DepthHypothesis, FocusedIsTheViewersPlane) {
       << "other kinds use the map";
 }
 
-TEST(DepthHypothesis, RoundsSweepAllPlanesAndBeginWithTheSurface) {
+TEST(DepthHypothesis, RoundsSweepAllPlanesAndStartWithTheSurface) {
   for (const unsigned first : {0u, 100u}) {
     std::set<int> planes;
     for (unsigned round = first; round < first + kSweepPlanes; round++) {
@@ -108,7 +108,7 @@ TEST(DepthHypothesis, RoundsSweepAllPlanesAndBeginWithTheSurface) {
   }
 }
 
-TEST(DepthHypothesis, RoundsLookWhereTheSceneIsAndSometimesElsewhere) {
+TEST(DepthHypothesis, RoundsSometimesLookOutsideTheScene) {
   const LevelRange scene{100, 160};
   std::set<int> inside, outside;
   for (unsigned round = 0; round < kSweepPlanes * kOutsideEvery; round++) {
@@ -125,7 +125,7 @@ TEST(DepthHypothesis, RoundsLookWhereTheSceneIsAndSometimesElsewhere) {
   EXPECT_EQ(*outside.rbegin(), 255);
 }
 
-TEST(DepthHypothesis, PixelsOfItsViewAreTheNodes) {
+TEST(DepthHypothesis, ViewHasOnePixelPerNode) {
   View view;
   view.width = 22;
   view.height = 13;

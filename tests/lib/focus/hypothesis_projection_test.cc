@@ -12,7 +12,7 @@
 namespace lf {
 namespace {
 
-TEST(HypothesisRow, PlacesAreItsPositions) {
+TEST(HypothesisRow, FixedPointPlacesMatchPositions) {
   reference::Random random(5);
   size_t seen_at_all = 0;
   for (int count = 1; count < 70; count++) {
@@ -64,7 +64,7 @@ TEST(HypothesisRow, WeightsAreQuotientsOfEdgeFunctions) {
 }
 
 // Edge functions of one sign along a run, in double precision; some nearly vanish at the ends.
-TEST(HypothesisRow, WeightsAreWithinTheirBound) {
+TEST(HypothesisRow, WeightsAreWithinTheErrorBound) {
   reference::Random random(7);
   double worst = 0;
   for (int run = 0; run < 3000; run++) {

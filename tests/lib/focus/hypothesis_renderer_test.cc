@@ -36,7 +36,7 @@ void for_hypothesis_nodes(const HypothesisCamera& camera, int columns, std::span
 
 // Compares with the rule in double precision: every node with weight that the camera sees, exactly once, at the right
 // position.
-TEST(HypothesisNodes, AreThoseOfTheRule) {
+TEST(HypothesisNodes, MatchTheRule) {
   const test::ArrayOfWalls walls;
   View wide = walls.view(100);
   wide.lens = Lens::from_fov_y(50, wide.width, wide.height);
@@ -74,7 +74,7 @@ TEST(HypothesisNodes, AreThoseOfTheRule) {
   EXPECT_GT(unseen, 0u);
 }
 
-TEST(HypothesisNodes, LieRowByRow) {
+TEST(HypothesisNodes, AreStoredRowByRow) {
   const test::ArrayOfWalls walls;
   const View view = hypothesis_view(walls.view(100));
   const RenderJob job(walls.rig, walls.mesh, view, walls.own);
@@ -109,7 +109,7 @@ TEST(HypothesisNodes, LieRowByRow) {
 using enum DepthHypothesis::Kind;
 using test::ArrayOfWalls;
 
-TEST(HypothesisRenderer, CamerasAgreeWhereTheSurfaceIs) {
+TEST(HypothesisRenderer, CamerasAgreeAtTheSurface) {
   const ArrayOfWalls walls;
   const View view = walls.view(60);
   const std::vector<PhotoConsistency> moments =
@@ -130,7 +130,7 @@ TEST(HypothesisRenderer, CamerasAgreeWhereTheSurfaceIs) {
 }
 
 // Blended by angle, weights add up to 1 outside the hull too, and any grouping of cameras gives the same sum.
-TEST(HypothesisRenderer, TheNearestCamerasHaveWeightsOutsideOfTheHull) {
+TEST(HypothesisRenderer, NearestCamerasHaveWeightsOutsideTheHull) {
   const ArrayOfWalls walls;
   View view = walls.view(170);
   const Vec3& corner = walls.rig.cameras.back().pose.position;
@@ -164,7 +164,7 @@ TEST(HypothesisRenderer, TheNearestCamerasHaveWeightsOutsideOfTheHull) {
   }
 }
 
-TEST(HypothesisRenderer, SumsAreThoseOfTheRule) {
+TEST(HypothesisRenderer, SumsMatchTheRule) {
   const ArrayOfWalls walls;
   const View view = walls.view(100), hypothesis = hypothesis_view(view);
   const std::vector<PhotoConsistency> moments = walls.moments(view, {{kPlane, 130}}, walls.own);

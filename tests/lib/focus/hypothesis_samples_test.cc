@@ -68,7 +68,7 @@ TEST(BoxedLuma, IsTheMeanOfSixteenPixelsOfAnyLayout) {
     }
 }
 
-TEST(BoxedLuma, OfYCbCrIsOfItsLuma) {
+TEST(BoxedLuma, UsesTheLumaOfYCbCr) {
   reference::Random random(4);
   Image image(PixelFamily::kI420, 38, 12);
   for (uint8_t& value : image.data()) value = static_cast<uint8_t>(random.uniform(0, 256));
@@ -116,7 +116,7 @@ using test::RandomRays;
 
 // Positions of project_hypothesis(), sampled one by one from the luma of the whole image, give identical values for any
 // number of nodes.
-TEST(HypothesisSamples, AreThoseOfTheWholeImage) {
+TEST(HypothesisSamples, EqualSamplesOfTheWholeImage) {
   reference::Random random(5);
   Image image(PixelFamily::kI420, RandomRays::kWidth, RandomRays::kHeight);
   for (uint8_t& value : image.data()) value = static_cast<uint8_t>(random.uniform(0, 256));
@@ -157,7 +157,7 @@ TEST(HypothesisSamples, AreThoseOfTheWholeImage) {
   EXPECT_GT(seen_at_all, 500u);
 }
 
-TEST(HypothesisSamples, NothingSeenIsNoError) {
+TEST(HypothesisSamples, EmptyInputIsAccepted) {
   reference::Random random(6);
   RandomRays rays(random, 20);
   rays.projection.cx = -1e6f;
@@ -167,7 +167,7 @@ TEST(HypothesisSamples, NothingSeenIsNoError) {
   for (int i = 0; i < 20; i++) EXPECT_EQ(values[i], -1);
 }
 
-TEST(HypothesisSamples, AreWeighedAndAddedAsMomentsAre) {
+TEST(HypothesisSamples, AreAddedLikePhotoConsistencySums) {
   reference::Random random(8);
   for (int count = 1; count < 70; count++) {
     const RandomRays rays(random, count);

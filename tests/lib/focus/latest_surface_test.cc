@@ -58,7 +58,7 @@ class LatestSurfaceTest : public testing::Test {
 
 using Levels = std::vector<uint8_t>;
 
-TEST_F(LatestSurfaceTest, IsWhatWasChosenWhereEachRequestKnowsOfTheOneBefore) {
+TEST_F(LatestSurfaceTest, IsTheSelectionOfSequentialRequests) {
   latest_.leaves(kFirst, 0);
   EXPECT_EQ(merge(kFirst, {0, 0, 0}, {1, 0, 1}, {1, 1, 1}), (Levels{10, 0, 10}));
   latest_.leaves(kSecond, 0);
@@ -66,7 +66,7 @@ TEST_F(LatestSurfaceTest, IsWhatWasChosenWhereEachRequestKnowsOfTheOneBefore) {
   EXPECT_EQ(latest_.underway(), 0u);
 }
 
-TEST_F(LatestSurfaceTest, KeepsWhatIsBetterOfARoundThatTheRequestDidNotKnowOf) {
+TEST_F(LatestSurfaceTest, KeepsBetterResultsOfConcurrentRounds) {
   latest_.leaves(kFirst, 0);
   latest_.leaves(kSecond, 0);
   merge(kFirst, {0, 0, 0}, {1, 1, 0}, {1, 5, 1});
@@ -75,7 +75,7 @@ TEST_F(LatestSurfaceTest, KeepsWhatIsBetterOfARoundThatTheRequestDidNotKnowOf) {
   EXPECT_EQ(merge(kSecond, {0, 0, 0}, {1, 1, 1}, {2, 3, 9}), (Levels{10, 20, 20}));
 }
 
-TEST_F(LatestSurfaceTest, WhatIsAsGoodStays) {
+TEST_F(LatestSurfaceTest, EqualCostsKeepTheLevel) {
   latest_.leaves(kFirst, 0);
   latest_.leaves(kSecond, 0);
   merge(kFirst, {0, 0, 0}, {1, 1, 1}, {1, 1, 1});
@@ -83,7 +83,7 @@ TEST_F(LatestSurfaceTest, WhatIsAsGoodStays) {
       << "lead of 0.5";
 }
 
-TEST_F(LatestSurfaceTest, RequestsThatWereLostDoNotCount) {
+TEST_F(LatestSurfaceTest, IgnoresLostRequests) {
   latest_.leaves(kFirst, 0);
   latest_.leaves(kSecond, 0);
   merge(kFirst, {0, 0, 0}, {1, 1, 1}, {1, 1, 1});
@@ -94,14 +94,14 @@ TEST_F(LatestSurfaceTest, RequestsThatWereLostDoNotCount) {
   EXPECT_EQ(latest_.underway(), LatestSurface::kMaxInFlight);
 }
 
-TEST_F(LatestSurfaceTest, StaysWhereItIsInAnotherRange) {
+TEST_F(LatestSurfaceTest, ChangingTheRangeKeepsTheSurface) {
   latest_.leaves(kFirst, 0);
   latest_.leaves(kSecond, 0);
   merge(kFirst, {0, 0, 0}, {1, 1, 1}, {1, 1, 1}, {0, 2.55});
   EXPECT_EQ(merge(kSecond, {0, 0, 0}, {1, 1, 1}, {9, 9, 0}, {0, 5.1}), (Levels{5, 5, 20}));
 }
 
-TEST_F(LatestSurfaceTest, TellsWhatWasLost) {
+TEST_F(LatestSurfaceTest, ReturnsLostHypotheses) {
   using Lost = std::vector<std::vector<DepthHypothesis>>;
   latest_.leaves(kFirst, 0xfffffffe);
   latest_.leaves(kSecond, 0xffffffff);
@@ -117,7 +117,7 @@ TEST_F(LatestSurfaceTest, TellsWhatWasLost) {
   EXPECT_EQ(latest_.underway(), 0u);
 }
 
-TEST_F(LatestSurfaceTest, IsSeenFromWhereAnotherViewIs) {
+TEST_F(LatestSurfaceTest, WarpsToAnotherView) {
   EXPECT_EQ(latest_.seen_from(request_with({}, {0, 0, 0}).view), nullptr);
   latest_.leaves(kFirst, 0);
   merge(kFirst, {100, 100, 100}, {0, 0, 0}, {1, 1, 1});

@@ -23,7 +23,7 @@ PhotoConsistency of(double weight, double luma) {
   return moments;
 }
 
-TEST(PhotoConsistency, DeviateAsTheWeightedLumaDoes) {
+TEST(PhotoConsistency, DeviationIsThatOfTheWeightedLuma) {
   PhotoConsistency sum = of(0.25, 100);
   sum.add(of(0.75, 180));
   EXPECT_NEAR(sum.deviation(0), 80 * std::sqrt(0.25 * 0.75), 0.05);
@@ -38,13 +38,13 @@ TEST(PhotoConsistency, AgreeingCamerasDoNotDeviate) {
   }
 }
 
-TEST(PhotoConsistency, PartOfTheWeightIsEnoughButNotLessThanHalf) {
+TEST(PhotoConsistency, NeedsHalfOfTheWeight) {
   EXPECT_NEAR(of(0.6, 100).deviation(0), 0, 1.5);
   EXPECT_TRUE(std::isnan(of(0.4, 100).deviation(0)));
   EXPECT_TRUE(std::isnan(of(0, 0).deviation(0)));
 }
 
-TEST(PhotoConsistency, SaturateWhereCamerasAreCountedTwice) {
+TEST(PhotoConsistency, SaturatesIfCamerasAreCountedTwice) {
   PhotoConsistency sum = of(1, 255);
   sum.add(of(1, 255));
   sum.add(of(1, 255));
@@ -72,18 +72,18 @@ const std::vector<uint8_t> kFirst(kColumns* kRows, 0);
 double wall(int, int) { return 200; }
 double thing(int x, int y) { return x >= 4 && x < 12 && y >= 4 && y < 10 ? 40 : 200; }
 
-TEST(MovedLight, OfWhatIsOnlyBlurredThereIsNone) {
+TEST(MovedLight, BlurMovesNoLight) {
   // The same object twice, at half the contrast.
   const PhotoConsistency twice = consistency_of([](int x, int y) { return (thing(x - 2, y) + thing(x + 2, y)) / 2; });
   EXPECT_NEAR(moved_light(std::vector{consistency_of(thing), twice}, kFirst, 1), 0, 1e-6);
 }
 
-TEST(MovedLight, AThingThatIsGoneTookItsShadowAlong) {
+TEST(MovedLight, MissingObjectsLoseLight) {
   // One quarter has 240 nodes; 48 are 160 levels brighter: 32 in its mean, 0 in all other quarters.
   EXPECT_NEAR(moved_light(std::vector{consistency_of(wall), consistency_of(thing)}, kFirst, 1), 32. * 32 / 4, 1e-2);
 }
 
-TEST(MovedLight, IsOfTheHypothesisThatEachNodeHasChosen) {
+TEST(MovedLight, UsesTheSelectedHypothesisOfEachNode) {
   const std::vector<PhotoConsistency> hypotheses{consistency_of(wall), consistency_of(thing), consistency_of(thing)};
   std::vector<uint8_t> chosen(kFirst);
   for (int y = 0; y < kRows; y++)
@@ -91,7 +91,7 @@ TEST(MovedLight, IsOfTheHypothesisThatEachNodeHasChosen) {
   EXPECT_NEAR(moved_light(hypotheses, chosen, 2), 0, 1e-6);
 }
 
-TEST(MovedLight, NodesThatAreNotWhollySeenDoNotCount) {
+TEST(MovedLight, IgnoresPartlyVisibleNodes) {
   const PhotoConsistency half = consistency_of(wall, 0.5);
   EXPECT_EQ(moved_light(std::vector{half, consistency_of(thing)}, kFirst, 1), 0);
   EXPECT_EQ(moved_light(std::vector{consistency_of(thing), half}, kFirst, 1), 0);
@@ -99,7 +99,7 @@ TEST(MovedLight, NodesThatAreNotWhollySeenDoNotCount) {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
-TEST(HypothesisCost, DeviationsAreSmoothedOverTheNodesThatHaveOne) {
+TEST(HypothesisCost, DeviationsAreAveragedOverVisibleNodes) {
   PhotoConsistency moments;
   moments.reset(4, 1);
   for (const auto& [node, deviation] : {std::pair{0, 4}, {1, 10}, {3, 6}}) {
@@ -123,7 +123,7 @@ TEST(HypothesisCost, FewerCamerasDoNotCompete) {
   EXPECT_EQ(hypothesis_costs(moments, 1)[2][0], kInfinity);
 }
 
-TEST(HypothesisCost, MedianIsTheUpperOfTheTwoInTheMiddle) {
+TEST(HypothesisCost, MedianIsTheUpperMiddleValue) {
   const auto none = [](std::span<const float> values) { return std::isnan(median_of_finite(values)); };
   EXPECT_TRUE(none({}));
   EXPECT_TRUE(none(std::vector<float>{kInfinity, kInfinity}));
@@ -149,7 +149,7 @@ TEST(HypothesisCost, MedianIsTheUpperOfTheTwoInTheMiddle) {
   });
 }
 
-TEST(HypothesisCost, TheFirstOfTheCheapestWins) {
+TEST(HypothesisCost, FirstHypothesisWinsTies) {
   const std::vector<std::vector<float>> costs{
       {5, 5, kInfinity, kInfinity}, {4, 4.5, 8, kInfinity}, {4, 3, 8, kInfinity}};
   float best[4];

@@ -17,7 +17,7 @@ ViewRequest request_of(const View& view) {
   return request;
 }
 
-TEST(ViewDepths, FindsASurfaceAndCarriesItOver) {
+TEST(ViewDepths, FindsAndWarpsASurface) {
   const test::ArrayOfWalls walls;
   const FocusArray array(walls.rig);
   ViewDepths focus({FocusMode::kSurface, 1.2, 6});
@@ -47,7 +47,7 @@ TEST(ViewDepths, FindsASurfaceAndCarriesItOver) {
   EXPECT_TRUE(next.view.focus.map);
 }
 
-TEST(ViewDepths, TheOthersOfASetHaveTheLeadersSurface) {
+TEST(ViewDepths, ViewsOfASetShareTheSurface) {
   const test::ArrayOfWalls walls;
   ViewRequest leader = request_of(walls.view(0));
   leader.view = walls.view(80);
@@ -68,7 +68,7 @@ TEST(ViewDepths, TheOthersOfASetHaveTheLeadersSurface) {
   EXPECT_EQ(beside.view.focus.plane, leader.view.focus.plane);
 }
 
-TEST(ViewDepths, APlaneIsShownWithoutAMapUnlessTheMapServes) {
+TEST(ViewDepths, PlaneNeedsAMapOnlyForHypotheses) {
   const test::ArrayOfWalls walls;
   DepthEstimator::Plan plan{.view = walls.view(80), .on_plane = true};
   plan.plane = plane_through({0, 0, 2}, {0, 0, -1});
@@ -90,7 +90,7 @@ TEST(ViewDepths, APlaneIsShownWithoutAMapUnlessTheMapServes) {
   EXPECT_FALSE(request.view.focus.map);
 }
 
-TEST(ViewDepths, AViewThatIsTooLargeForAMapIsAskedForOnThePlane) {
+TEST(ViewDepths, TooLargeViewsUseThePlane) {
   const test::ArrayOfWalls walls;
   const DepthEstimator::Plan plan{.view = walls.view(80), .on_plane = true};
   ViewRequest request = request_of(walls.view(0));
@@ -103,7 +103,7 @@ TEST(ViewDepths, AViewThatIsTooLargeForAMapIsAskedForOnThePlane) {
   EXPECT_NO_THROW(wire::encode_request(request));
 }
 
-TEST(ViewDepths, GainsAreAskedForAndComeBack) {
+TEST(ViewDepths, GainsAreRequestedAndReturned) {
   ExposureSchedule turns;
   PhotoConsistency nothing, mean;
   mean.reset(2, 2);
@@ -116,7 +116,7 @@ TEST(ViewDepths, GainsAreAskedForAndComeBack) {
   EXPECT_EQ(came.mean_of, 6u);
 }
 
-TEST(FocusStill, FindsWhatAPipelineFinds) {
+TEST(FocusStill, FindsTheSurfaceOfAPipeline) {
   const test::ArrayOfWalls walls;
   View view = walls.view(0);
   view.focus.map = nullptr;

@@ -47,7 +47,7 @@ Covered plain(const View& from, const View& to, int columns, int rows, int i, in
   return {left, right, top, bottom};
 }
 
-TEST(WarpedNodes, AreThoseOfTheRuleWithEveryInstructionSet) {
+TEST(WarpedNodes, MatchTheRuleWithEveryInstructionSet) {
   reference::Random random(11);
   int seen = 0, not_seen = 0, many = 0;
   for (int round = 0; round < 40; round++) {
@@ -125,12 +125,12 @@ double share_of_wrong_nodes(const FocalMap& carried, const FocalMap& truth) {
   return static_cast<double>(wrong) / all;
 }
 
-TEST(CarryOver, KeepsTheMapOfTheSameView) {
+TEST(WarpDepthMap, KeepsTheMapOfTheSameView) {
   const View view = two_walls({0, 0, 0});
   EXPECT_EQ(warp_depth_map(view, view), view.focus.map);
 }
 
-TEST(CarryOver, KeepsNoMapForAViewThatIsTooLarge) {
+TEST(WarpDepthMap, ReturnsNullForTooLargeViews) {
   const View from = two_walls({0, 0, 0});
   View to = from;
   to.width = to.height = 4096;
@@ -139,7 +139,7 @@ TEST(CarryOver, KeepsNoMapForAViewThatIsTooLarge) {
   EXPECT_EQ(warp_depth_map(from, to), nullptr);
 }
 
-TEST(CarryOver, FollowsTheEye) {
+TEST(WarpDepthMap, FollowsTheViewpoint) {
   const View from = two_walls({0, 0, 0});
   for (const Vec3& eye : {Vec3(0.1, 0, 0), Vec3(-0.1, 0, 0), Vec3(0, 0.05, 0.2), Vec3(0.03, 0.02, -0.3)}) {
     const View to = two_walls(eye);
@@ -152,7 +152,7 @@ TEST(CarryOver, FollowsTheEye) {
   }
 }
 
-TEST(CarryOver, TurnsWithTheView) {
+TEST(WarpDepthMap, FollowsTheOrientation) {
   const View from = two_walls({0, 0, 0});
   View to = from;
   to.pose.orientation = glm::angleAxis(4 / 160., Vec3(0, 1, 0));
@@ -164,7 +164,7 @@ TEST(CarryOver, TurnsWithTheView) {
   EXPECT_EQ(edge(*carried), edge(*from.focus.map) - 1);
 }
 
-TEST(CarryOver, OutOfSightIsNotTheEnd) {
+TEST(WarpDepthMap, InvisibleSurfacesBecomeFar) {
   const View from = two_walls({0, 0, 0});
   View to = from;
   to.pose.orientation = glm::angleAxis(M_PI, Vec3(0, 1, 0));

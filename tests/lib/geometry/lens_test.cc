@@ -108,7 +108,7 @@ TEST(Lens, UndistortInvertsDistort) {
   }
 }
 
-TEST(Lens, CentreStaysWhereItIs) {
+TEST(Lens, CentreIsNotDistorted) {
   for (const Case& c : cases()) {
     SCOPED_TRACE(c.what);
     EXPECT_EQ(c.lens.undistort({0, 0}), Vec2(0, 0));
@@ -143,7 +143,7 @@ TEST(Lens, ProjectsAndUnprojects) {
   }
 }
 
-TEST(Lens, SimpleModelsAreCasesOfTheGeneralOne) {
+TEST(Lens, SimpleModelsAreSpecialCases) {
   const Lens general(LensModel::kOpenCv, {400, 400, 160, 120, -0.15, 0, 0, 0});
   EXPECT_EQ(Lens(LensModel::kSimpleRadial, {400, 160, 120, -0.15}).project({0.3, 0.2, 1}),
             general.project({0.3, 0.2, 1}));

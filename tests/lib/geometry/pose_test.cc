@@ -38,7 +38,7 @@ TEST(Pose, WorldAndCameraAreInverse) {
   EXPECT_EQ(pose.camera_from_world(pose.position), Vec3(0, 0, 0));
 }
 
-TEST(LookAt, LooksAtTheTargetWithDownDown) {
+TEST(LookAt, LooksAtTheTargetWithoutRoll) {
   const Pose pose = look_at({1, 2, 3}, {4, -5, 9}, {0, 1, 0});
   EXPECT_EQ(pose.position, Vec3(1, 2, 3));
   EXPECT_NEAR(glm::length(pose.orientation), 1, 1e-15);
@@ -50,7 +50,7 @@ TEST(LookAt, LooksAtTheTargetWithDownDown) {
   expect_near(look_at({0, 0, 0}, {0, 0, -1}, {0, 1, 0}).forward(), {0, 0, -1});
 }
 
-TEST(Plane, HoldsItsPoint) {
+TEST(Plane, ContainsItsPoint) {
   const Plane plane = plane_through({1, 2, 3}, {0, 0.6, 0.8});
   EXPECT_NEAR(plane.signed_distance({1, 2, 3}), 0, 1e-15);
   EXPECT_NEAR(plane.signed_distance({7, 2.6, 3.8}), 1, 1e-15);
@@ -63,7 +63,7 @@ double max_difference(const Mat3& a, const Mat3& b) {
   return worst;
 }
 
-TEST(EulerAngles, SignsAreThoseOfTheHeader) {
+TEST(EulerAngles, SignsMatchTheDocumentation) {
   const auto axes = [](double yaw, double pitch, double roll) {
     return glm::mat3_cast(quat_from_euler({yaw, pitch, roll}));
   };
@@ -103,7 +103,7 @@ FocalMap map_of(int width, int height) {
   return map;
 }
 
-TEST(FocalMap, HasANodeInTheMiddleOfEachOfItsSquares) {
+TEST(FocalMap, NodesAreInTheMiddleOfTheirSquares) {
   const FocalMap map = map_of(22, 13);
   EXPECT_EQ(map.columns, 6);
   EXPECT_EQ(map.rows, 4);
@@ -115,7 +115,7 @@ TEST(FocalMap, HasANodeInTheMiddleOfEachOfItsSquares) {
   EXPECT_EQ(map.inverse_at(-100, -100), map.inverse_of(map.levels[0])) << "clamped to the outer nodes";
 }
 
-TEST(FocalMap, RowsArePositionsOneByOne) {
+TEST(FocalMap, RowsEqualSinglePositions) {
   const FocalMap map = map_of(50, 30);
   for (const double spacing : {1.0, 2.0, 16.0}) {
     float row[40];
@@ -124,14 +124,14 @@ TEST(FocalMap, RowsArePositionsOneByOne) {
   }
 }
 
-TEST(FocalMap, LevelsAreTheNearestOnes) {
+TEST(FocalMap, LevelsAreTheNearest) {
   const FocalMap map = map_of(8, 8);
   for (int level = 0; level <= 255; level++) EXPECT_EQ(map.level_of(map.inverse_of(level)), level);
   EXPECT_EQ(map.level_of(0), 0);
   EXPECT_EQ(map.level_of(100), 255);
 }
 
-TEST(FocalMap, OfALargeViewIsCoarser) {
+TEST(FocalMap, LargeViewsHaveCoarserMaps) {
   const FocalMap map = FocalMap::for_view(16384, 16384);
   EXPECT_EQ(map.step, 16);
   EXPECT_LE(static_cast<size_t>(map.columns) * map.rows, FocalMap::kMaxNodes);
@@ -155,7 +155,7 @@ TEST(FocalMap, RefinedIsTheSameSurfaceToHalfALevel) {
   }
 }
 
-TEST(FocalMap, OfTheFinestStepOrOfNoMultipleOfItIsNotRefined) {
+TEST(FocalMap, FinestMapsAreNotRefined) {
   for (const int step : {1, 4, 6, 63}) {
     FocalMap map = FocalMap::for_view(100, 50, step);
     map.nearest = 1;
@@ -164,7 +164,7 @@ TEST(FocalMap, OfTheFinestStepOrOfNoMultipleOfItIsNotRefined) {
   }
 }
 
-TEST(FocalSurface, NamesWhatIsWrong) {
+TEST(FocalSurface, ErrorsNameTheProblem) {
   const auto with = [](const std::function<void(FocalMap&)>& change) {
     FocalMap map = map_of(22, 13);
     change(map);
@@ -188,7 +188,7 @@ TEST(FocalSurface, NamesWhatIsWrong) {
   for (const auto& change : bad) EXPECT_ERROR(validate(with(change), 22, 13), "focal_map: ");
 }
 
-TEST(FocalSurface, IsComparedByWhatItSays) {
+TEST(FocalSurface, ComparesContents) {
   const auto a = std::make_shared<FocalMap>(map_of(22, 13)), b = std::make_shared<FocalMap>(map_of(22, 13));
   EXPECT_EQ((FocalSurface{{}, a}), (FocalSurface{{}, b}));
   b->levels[3]++;

@@ -19,13 +19,13 @@ namespace {
 using testing::HasSubstr;
 using testing::Optional;
 
-TEST(ColourModel, TheDefaultLeavesColoursAsTheyAre) {
+TEST(ColourModel, DefaultChangesNothing) {
   for (const Vec3& level : {Vec3(0, 0, 0), Vec3(255, 255, 255), Vec3(1, 128, 254)})
     EXPECT_LE(glm::length(corrected({}, level) - level), 1e-9);
   EXPECT_EQ(level_factor(vignetting_factor({}, 1)), 1);
 }
 
-TEST(ColourModel, IsTheFormulaOfItsHeader) {
+TEST(ColourModel, MatchesTheFormula) {
   const ColourModel model{.black = {4, 6, 8}, .gamma = 2, .matrix = {1.1, -.1, 0, 0, 1, 0, 0, .05, .9}};
   const double r = 100 - 4, g = 150 - 6, b = 200 - 8;
   const auto light = [](double v) { return std::pow(v / 255, 2); };
@@ -36,7 +36,7 @@ TEST(ColourModel, IsTheFormulaOfItsHeader) {
   EXPECT_NEAR(out.z, level(.05 * light(g) + .9 * light(b)), 1e-9);
 }
 
-TEST(ColourModel, WhatIsBelowBlackIsBelowZeroSoThatNoiseAveragesOut) {
+TEST(ColourModel, LevelsBelowBlackAreNegative) {
   const ColourModel model{.black = {8, 8, 8}};
   EXPECT_NEAR(corrected(model, {-20, 8, 11}).x, -28, 1e-9);
   EXPECT_NEAR(corrected(model, {5, 8, 11}).x, -3, 1e-9);
@@ -44,7 +44,7 @@ TEST(ColourModel, WhatIsBelowBlackIsBelowZeroSoThatNoiseAveragesOut) {
   EXPECT_NEAR(corrected(model, {5, 8, 11}).z, 3, 1e-9);
 }
 
-TEST(ColourModel, LightIsAPowerAboveTheToeAndALineBelow) {
+TEST(ColourModel, LightIsLinearBelowTheToe) {
   EXPECT_NEAR(decode_gamma(128), std::pow(128 / 255., 2.2), 1e-12);
   EXPECT_NEAR(decode_gamma(128, 1.8), std::pow(128 / 255., 1.8), 1e-12);
   EXPECT_NEAR(decode_gamma(15), std::pow(30 / 255., 2.2) / 2, 1e-12);
@@ -54,7 +54,7 @@ TEST(ColourModel, LightIsAPowerAboveTheToeAndALineBelow) {
       EXPECT_NEAR(encode_gamma(decode_gamma(level, gamma), gamma), level, 1e-9);
 }
 
-TEST(ColourModel, VignettingIsAboutThePrincipalPointInHalfDiagonals) {
+TEST(ColourModel, VignettingUsesHalfDiagonalsFromThePrincipalPoint) {
   const VignettingField field(301, 401, {150, 200});
   EXPECT_EQ(field.square(150, 200), 0);
   EXPECT_NEAR(field.square(0, 0), (150. * 150 + 200. * 200) / (301. * 301 + 401. * 401) * 4, 1e-12);
@@ -66,7 +66,7 @@ TEST(ColourModel, VignettingIsAboutThePrincipalPointInHalfDiagonals) {
   EXPECT_NEAR(255 * std::pow(0.7, 1 / 2.2) * level_factor(0.7), 255, 1e-9) << "a factor of the levels";
 }
 
-TEST(ColourModel, FaultsNameThePlaceAndTheBounds) {
+TEST(ColourModel, ErrorsNameTheMemberAndTheBounds) {
   EXPECT_EQ(model_error({}, 1), std::nullopt);
   const double nan = std::numeric_limits<double>::quiet_NaN();
   EXPECT_THAT(model_error({.black = {0, 70, 0}}, 1), Optional(mentions("black[1]", "-64 to 64")));
@@ -187,7 +187,7 @@ void compare_i420(const ColourModel& m, const Image& in, const Image& out, Error
     }
 }
 
-TEST(ColourCorrection, RgbIsNearTheRuleInDoublePrecision) {
+TEST(ColourCorrection, RgbIsCloseToDoublePrecision) {
   std::mt19937 random(1);
   Errors errors;
   for (int n = 0; n < 8; n++) {
@@ -200,7 +200,7 @@ TEST(ColourCorrection, RgbIsNearTheRuleInDoublePrecision) {
   EXPECT_LE(errors.worst, 6) << "one channel nearly dark, others bright";
 }
 
-TEST(ColourCorrection, I420IsNearTheRuleInDoublePrecision) {
+TEST(ColourCorrection, I420IsCloseToDoublePrecision) {
   std::mt19937 random(2);
   Errors luma, chroma;
   for (int n = 0; n < 8; n++) {
@@ -216,7 +216,7 @@ TEST(ColourCorrection, I420IsNearTheRuleInDoublePrecision) {
   EXPECT_LE(chroma.worst, 6);
 }
 
-TEST(ColourCorrection, WithoutAFaultEveryLevelStaysWhatItIs) {
+TEST(ColourCorrection, DefaultModelKeepsEveryLevel) {
   std::mt19937 random(3);
   for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420}) {
     const Image image = random_image(family, 50, 40, random);
@@ -227,7 +227,7 @@ TEST(ColourCorrection, WithoutAFaultEveryLevelStaysWhatItIs) {
   }
 }
 
-TEST(ColourCorrection, PartsAreThatPartOfTheWholeAndNothingElseIsWritten) {
+TEST(ColourCorrection, PartsEqualTheWhole) {
   std::mt19937 random(4);
   const ColourModel model = random_model(random);
   for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420})
@@ -275,7 +275,7 @@ TEST(ColourCorrection, EveryInstructionSetGivesTheSame) {
   }
 }
 
-TEST(ColourCorrection, PixelsWithAFourthByteKeepIt) {
+TEST(ColourCorrection, FourthByteIsKept) {
   std::mt19937 random(6);
   const Image image = random_image(PixelFamily::kRgb, 45, 9, random);
   std::vector<uint8_t> bgrx;
@@ -293,7 +293,7 @@ TEST(ColourCorrection, PixelsWithAFourthByteKeepIt) {
   }
 }
 
-TEST(ColourCorrection, WhatIsBeyondWhiteStaysWhite) {
+TEST(ColourCorrection, LevelsAreClippedAtWhite) {
   Image image(PixelFamily::kI420, 64, 8);
   std::ranges::fill(image.data(), 128);
   std::fill_n(image.plane(0), 64 * 8, 250);

@@ -68,7 +68,7 @@ TEST(ImageFile, ReadsTheSizeAndThePixelsOfAllFormats) {
   }
 }
 
-TEST(ImageFile, SavesWhatItReads) {
+TEST(ImageFile, RoundTrips) {
   const TempDir dir;
   save_image(gradient(6, 5), dir / "a.png");
   EXPECT_EQ(load_image(dir / "a.png").data(), gradient(6, 5).data());
@@ -76,7 +76,7 @@ TEST(ImageFile, SavesWhatItReads) {
   EXPECT_ERROR(save_image(gradient(6, 5), dir / "a.unknown"), "a.unknown: ");
 }
 
-TEST(ImageFile, RefusesHugeSizesBeforeItDecodes) {
+TEST(ImageFile, RefusesHugeSizesBeforeDecoding) {
   const TempDir dir;
   struct Case {
     const char* name;
@@ -105,7 +105,7 @@ TEST(ImageFile, RefusesHugeSizesBeforeItDecodes) {
 }
 
 // Running the decoder would touch the memory.
-TEST(ImageFile, ASizeThatIsNotExpectedCostsNoMemory) {
+TEST(ImageFile, UnexpectedSizeAllocatesNoMemory) {
   const TempDir dir;
   dir.write("a.png", png_header(12000, 12000));
   struct rusage before {
@@ -116,7 +116,7 @@ TEST(ImageFile, ASizeThatIsNotExpectedCostsNoMemory) {
   EXPECT_LT(after.ru_maxrss - before.ru_maxrss, 100000) << "kB";
 }
 
-TEST(ImageFile, RefusesOtherFilesAndCutHeaders) {
+TEST(ImageFile, RefusesOtherFilesAndTruncatedHeaders) {
   const TempDir dir;
   for (const std::string& bytes :
        {""s, "hello"s, "P"s, "P6"s, "P6 640"s, "\x89PNG\r\n\x1a\n"s, png_header(8, 8).substr(0, 22), "\xff\xd8\xff"s,
@@ -244,7 +244,7 @@ TEST(PictureBytes, TooManyPixelsAreNotDecoded) {
   EXPECT_ERROR(decode_still(jpeg, PixelFamily::kRgb), "too many pixels");
 }
 
-TEST(PictureBytes, PaddingIsNoDamage) {
+TEST(PictureBytes, PaddingIsAccepted) {
   Bytes jpeg = noisy_jpeg();
   jpeg.insert(jpeg.end() - 2, 100, 0);  // before the EOI marker, as some cameras write
   EXPECT_EQ(decode_still(jpeg, PixelFamily::kRgb).width(), 96);
@@ -252,7 +252,7 @@ TEST(PictureBytes, PaddingIsNoDamage) {
   EXPECT_EQ(decode_still(jpeg, PixelFamily::kI420).width(), 96);
 }
 
-TEST(PictureBytes, EveryKindOfPngGivesItsColours) {
+TEST(PictureBytes, DecodesEveryKindOfPng) {
   const auto expect_colour = [](const Bytes& png, int r, int g, int b) {
     const Image image = decode_still(png, PixelFamily::kI420);
     ASSERT_EQ(image.family(), PixelFamily::kRgb);
@@ -267,7 +267,7 @@ TEST(PictureBytes, EveryKindOfPngGivesItsColours) {
   expect_colour(png_of(cv::Mat(4, 6, CV_8UC1, cv::Scalar(77))), 77, 77, 77);
 }
 
-TEST(PictureBytes, EveryKindOfJpegGivesItsColours) {
+TEST(PictureBytes, DecodesEveryKindOfJpeg) {
   const Image truth = test::noisy_picture(96, 64, 3);
   const test::JpegKind kinds[] = {{.h = 1, .v = 1, .rgb = true},        {.h = 4, .v = 1},      {.h = 1, .v = 2},
                                   {.h = 2, .v = 1, .arithmetic = true}, {.progressive = true}, {.h = 2, .v = 2}};
@@ -297,7 +297,7 @@ TEST(PictureBytes, ReadsOrientations) {
   EXPECT_MENTIONS(orientation_notice(3), "180 degrees", "orientation 3");
 }
 
-TEST(PictureBytes, TellsStreamsFromStills) {
+TEST(PictureBytes, DistinguishesStreamsFromStills) {
   const Bytes jpeg = noisy_jpeg();
   EXPECT_EQ(jpeg_end(jpeg), jpeg.size());
   EXPECT_EQ(jpeg_end(first_part(jpeg, jpeg.size() - 1)), std::nullopt);

@@ -16,7 +16,7 @@ namespace lf {
 
 namespace {
 
-TEST(ImageCopy, OfInterleavedColoursIsOnePlane) {
+TEST(ImageCopy, InterleavedColoursAreOnePlane) {
   std::vector<uint8_t> pixels(5 * 40);
   ImageView image{PixelFamily::kRgb, 7, 5, {4, 2, 1, 0}, {pixels.data()}, {40}};
   ByteBuffer memory;
@@ -39,7 +39,7 @@ TEST(ImageCopy, OfInterleavedColoursIsOnePlane) {
   EXPECT_EQ(copy.layout, image.layout);
 }
 
-TEST(ImageCopy, OfPlanesCoversTheirHalves) {
+TEST(ImageCopy, CoversSubsampledPlanes) {
   const Image odd(PixelFamily::kI420, 7, 5);
   const ImageView image = odd.view();
   ByteBuffer memory;
@@ -60,7 +60,7 @@ TEST(ImageCopy, OfPlanesCoversTheirHalves) {
   }
 }
 
-TEST(ImageCopy, LeavesAloneWhatNobodyWrites) {
+TEST(ImageCopy, KeepsUnwrittenPixels) {
   const Image grey(PixelFamily::kRgb, 4, 4);
   ByteBuffer memory(4 * 4 * 3, 9);
   write_copy(grey.view(), {0, 1, 4, 2}, memory, [](const PlaneCopy& plane) {
@@ -78,7 +78,7 @@ TEST(Gain, DividesLuma) {
   }
 }
 
-TEST(Gain, LeavesBlackAndGreyAlone) {
+TEST(Gain, KeepsBlackAndNeutralChroma) {
   constexpr int kWidth = 22, kHeight = 6;
   Image image(PixelFamily::kI420, kWidth, kHeight);
   for (size_t i = 0; i < image.data().size(); i++) image.data()[i] = static_cast<uint8_t>(i * 37);
@@ -97,7 +97,7 @@ TEST(Gain, LeavesBlackAndGreyAlone) {
   }
 }
 
-TEST(Gain, OfARectangleInAnyLayout) {
+TEST(Gain, AppliesToARectangleInAnyLayout) {
   constexpr int kWidth = 9, kHeight = 5;
   std::vector<uint8_t> pixels(4 * kWidth * kHeight);
   for (size_t i = 0; i < pixels.size(); i++) pixels[i] = static_cast<uint8_t>(i * 3);
@@ -156,7 +156,7 @@ TEST(Sharpen, IsTheDifferenceFromTheNeighbours) {
   }
 }
 
-TEST(Sharpen, AnImageAsItIs) {
+TEST(Sharpen, SharpensARealImage) {
   for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420}) {
     const Image image = noise(family, 31, 17), sharp = sharpened(image);
     ByteBuffer memory;
@@ -212,7 +212,7 @@ TEST(Sharpen, IsTheSameWithEveryInstructionSet) {
   }
 }
 
-TEST(Sharpen, TouchesOnlyWhatIsAskedFor) {
+TEST(Sharpen, ChangesOnlyTheRectangle) {
   const Image image = noise(PixelFamily::kI420, 32, 24);
   ByteBuffer whole, part(image.data().size());
   std::ranges::fill(part, 7);
@@ -225,7 +225,7 @@ TEST(Sharpen, TouchesOnlyWhatIsAskedFor) {
     }
 }
 
-TEST(Sharpen, LeavesEvenColoursAlone) {
+TEST(Sharpen, KeepsUniformColours) {
   Image image(PixelFamily::kRgb, 9, 9);
   std::ranges::fill(image.data(), 201);
   ByteBuffer memory;

@@ -55,7 +55,7 @@ TEST(Image, ConvertsColoursAsJfif) {
   }
 }
 
-TEST(Image, ChromaIsTheMeanOfItsPixelsAlsoAtOddEdges) {
+TEST(Image, ChromaIsTheMeanOfItsPixels) {
   Image rgb(PixelFamily::kRgb, 3, 3);
   for (int y = 0; y < 3; y++)
     for (int x = 0; x < 3; x++) rgb.pixel(x, y)[2] = static_cast<uint8_t>(10 * x + 60 * y);
@@ -64,7 +64,7 @@ TEST(Image, ChromaIsTheMeanOfItsPixelsAlsoAtOddEdges) {
   for (int i = 0; i < 4; i++) EXPECT_NEAR(ycc.plane(1)[i], 128 + 0.5 * mean[i], 0.51) << i;
 }
 
-TEST(Image, GreysSurviveBothWays) {
+TEST(Image, GreysRoundTrip) {
   Image rgb(PixelFamily::kRgb, 16, 16);
   for (int i = 0; i < 256; i++)
     for (int c = 0; c < 3; c++) rgb.pixel(i % 16, i / 16)[c] = static_cast<uint8_t>(i);
@@ -102,7 +102,7 @@ TEST_F(ImageIo, PngKeepsEveryValue) {
   }
 }
 
-TEST_F(ImageIo, JpegComesBackInTheRightColours) {
+TEST_F(ImageIo, JpegKeepsColours) {
   const Image image = pattern(64, 48);
   save_image(image, path("a.jpg"));
   const Image back = load_image(path("a.jpg"));
@@ -157,7 +157,7 @@ Image converted(const YcbcrFormat& kind, const Image& in) {
   return out;
 }
 
-TEST(YcbcrConversion, IsExactArithmeticToALevel) {
+TEST(YcbcrConversion, IsExactToALevel) {
   reference::Random random(21);
   for (const YcbcrFormat& kind : kKinds)
     for (const auto& [width, height] : {std::pair{32, 18}, {17, 9}, {1, 1}, {2, 7}}) {
@@ -183,14 +183,14 @@ TEST(YcbcrConversion, IsExactArithmeticToALevel) {
     }
 }
 
-TEST(YcbcrConversion, TheOwnKindStaysAsItIs) {
+TEST(YcbcrConversion, SameFormatIsUnchanged) {
   reference::Random random(22);
   Image in(PixelFamily::kI420, 30, 22);
   for (uint8_t& value : in.data()) value = static_cast<uint8_t>(random.uniform(0, 256));
   EXPECT_EQ(converted({}, in).data(), in.data());
 }
 
-TEST(YcbcrConversion, TheEndsOfTheRange) {
+TEST(YcbcrConversion, EndsOfTheRange) {
   for (const auto& [from, to] : {std::pair{0, 0}, {16, 0}, {126, 128}, {181, 192}, {235, 255}, {255, 255}}) {
     Image in(PixelFamily::kI420, 4, 4);
     std::fill(in.data().begin(), in.data().end(), uint8_t{128});
@@ -204,7 +204,7 @@ TEST(YcbcrConversion, TheEndsOfTheRange) {
 
 double brightness(const std::array<uint8_t, 3>& c) { return 0.299 * c[0] + 0.587 * c[1] + 0.114 * c[2]; }
 
-TEST(HeatColour, GrowsBrighterFromBlackToYellow) {
+TEST(HeatColour, BrightnessIncreasesFromBlackToYellow) {
   EXPECT_LT(brightness(heat_colour(0)), 1);
   EXPECT_GT(brightness(heat_colour(1)), 230);
   for (int i = 1; i <= 200; i++)
@@ -214,12 +214,12 @@ TEST(HeatColour, GrowsBrighterFromBlackToYellow) {
   EXPECT_EQ(heat_colour(0.5), (std::array<uint8_t, 3>{188, 55, 84}));
 }
 
-TEST(HeatColour, IsNeverTheGreyOfNoValue) {
+TEST(HeatColour, IsNeverTheGreyOfMissingValues) {
   for (int i = 0; i <= 1000; i++)
     EXPECT_NE(heat_colour(i / 1000.0), (std::array<uint8_t, 3>{kNoValueGrey, kNoValueGrey, kNoValueGrey}));
 }
 
-TEST(HeatMap, ShowsValuesAgainstTheEndOfTheScale) {
+TEST(HeatMap, ScalesValues) {
   const std::vector<float> values{0, 5, 10, 20, NAN, 2.5};
   const Image map = heat_map(values, 3, 2, 10);
   const auto at = [&](int x, int y) {
@@ -233,7 +233,7 @@ TEST(HeatMap, ShowsValuesAgainstTheEndOfTheScale) {
   EXPECT_EQ(at(2, 1), heat_colour(0.25));
 }
 
-TEST(HeatMap, APictureShowsThroughWhereThereIsNoHeat) {
+TEST(HeatMap, UnderlayShowsThroughSmallValues) {
   Image under(PixelFamily::kRgb, 2, 1);
   for (uint8_t& v : under.data()) v = 200;
   const Image map = heat_map(std::vector<float>{0, 1}, 2, 1, 1, &under);

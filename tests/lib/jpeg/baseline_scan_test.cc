@@ -109,7 +109,7 @@ TEST(HuffmanTable, BlocksOfEverySymbol) {
   }
 }
 
-TEST(HuffmanTable, CoefficientsBeyondTheLastAreDamage) {
+TEST(HuffmanTable, TooManyCoefficientsAreDamage) {
   uint16_t ones[64] = {};
   for (const int zeros : {3, 4}) {
     BitWriter writer(standard_ac(0));
@@ -152,7 +152,7 @@ TEST(HuffmanTable, DifferencesHaveAtMost15Bits) {
   EXPECT_NE(ac_table(spec), nullptr);
 }
 
-TEST(HuffmanTable, IsMadeOnce) {
+TEST(HuffmanTable, IsCached) {
   EXPECT_EQ(ac_table(standard_ac(0)), ac_table(standard_ac(0)));
   EXPECT_NE(ac_table(standard_ac(0)), ac_table(standard_ac(1)));
   HuffmanSpec spec = standard_ac(0);
@@ -183,7 +183,7 @@ std::string segments_of(const std::vector<uint8_t>& scan, size_t max_segments) {
   return text;
 }
 
-TEST(ScanData, StuffingGoes) {
+TEST(ScanData, RemovesStuffing) {
   EXPECT_EQ(segments_of({1, 0xff, 0, 2, 0xff, 0, 0xff, 0, 3, 0xff, 0xd9, 4}, 1), "01ff02ffff03");
   EXPECT_EQ(segments_of({}, 1), "");
   EXPECT_EQ(segments_of({0xff}, 1), "");
@@ -191,7 +191,7 @@ TEST(ScanData, StuffingGoes) {
   EXPECT_EQ(segments_of({0xff, 0}, 1), "ff");
 }
 
-TEST(ScanData, RestartMarkersDivide) {
+TEST(ScanData, RestartMarkersDivideTheScan) {
   EXPECT_EQ(segments_of({1, 0xff, 0xd0, 2, 3, 0xff, 0xff, 0xff, 0xd1, 4}, 3), "01|0203|04");
   EXPECT_EQ(segments_of({1, 0xff, 0xd0, 0xff, 0xd1, 4}, 3), "01||04");
   EXPECT_EQ(segments_of({1, 0xff, 0xd0, 2, 0xff, 0xd1, 4}, 2), "01|02") << "too many";

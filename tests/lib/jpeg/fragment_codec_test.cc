@@ -55,7 +55,7 @@ std::vector<uint8_t> whole_file(const FragmentPlanes& in, int quality) {
   return out;
 }
 
-TEST(JpegFragmentEncoder, WritesTheScanOfAWholeFileAndNothingElse) {
+TEST(JpegFragmentEncoder, WritesOnlyTheScan) {
   FragmentEncoder encoder;
   for (const auto& [w, h] : {std::pair{1, 1}, {16, 16}, {40, 30}, {97, 71}, {320, 240}})
     for (const int quality : {10, 75, 90, 100}) {
@@ -91,7 +91,7 @@ TEST(JpegFragmentEncoder, NoScanIsShorterThanStated) {
     }
 }
 
-TEST(JpegFragmentEncoder, IsReusedWithoutATrace) {
+TEST(JpegFragmentEncoder, ReuseDoesNotChangeTheResult) {
   FragmentEncoder reused;
   const Fragment a = patterned(PixelFamily::kI420, {0, 0, 200, 100}, true),
                  b = patterned(PixelFamily::kI420, {0, 0, 40, 30}, true);
@@ -112,7 +112,7 @@ TEST(JpegFragmentEncoder, IsReusedWithoutATrace) {
     }
 }
 
-TEST(JpegFragmentEncoder, ErrorsAreThrownAndLeaveNothingBehind) {
+TEST(JpegFragmentEncoder, ErrorsLeaveTheOutputUnchanged) {
   FragmentEncoder encoder;
   const Fragment ycc = patterned(PixelFamily::kI420, {0, 0, 20, 20});
   ByteBuffer out = {7};
@@ -162,7 +162,7 @@ TEST(JpegFragmentDecoder, LosesNoMoreThanStated) {
   }
 }
 
-TEST(JpegFragmentDecoder, EverySizeComesBack) {
+TEST(JpegFragmentDecoder, DecodesEverySize) {
   FragmentEncoder encoder;
   FragmentDecoder decoder;
   for (const PixelFamily family : kFamilies)
@@ -185,7 +185,7 @@ TEST(JpegFragmentDecoder, EverySizeComesBack) {
     }
 }
 
-TEST(JpegFragmentDecoder, WhatIsCutIsDamaged) {
+TEST(JpegFragmentDecoder, TruncatedScansAreDamaged) {
   for (const PixelFamily family : kFamilies) {
     const Fragment f = patterned(family, {0, 0, 60, 44});
     const ByteBuffer scan = pixels_scan(planes_of(f), 90);
@@ -207,7 +207,7 @@ TEST(JpegFragmentDecoder, WhatIsCutIsDamaged) {
   }
 }
 
-TEST(JpegFragmentDecoder, RefusesWhatNoEncoderMakes) {
+TEST(JpegFragmentDecoder, RefusesImpossibleScans) {
   const Fragment f = patterned(PixelFamily::kI420, {0, 0, 30, 30});
   const ByteBuffer scan = pixels_scan(planes_of(f), 90);
   FragmentDecoder decoder;
@@ -225,7 +225,7 @@ TEST(JpegFragmentDecoder, RefusesWhatNoEncoderMakes) {
 }
 
 // Markers in the scan have no effect; in particular they leave no other tables behind.
-TEST(JpegFragmentDecoder, BytesMayBeAnything) {
+TEST(JpegFragmentDecoder, AcceptsArbitraryBytes) {
   std::mt19937 random(5);
   for (const PixelFamily family : kFamilies) {
     const Fragment f = patterned(family, {0, 0, 70, 50});

@@ -24,7 +24,7 @@ size_t find_marker(const Bytes& jpeg, int marker) {
     if (jpeg[at + 1] == marker || jpeg[at + 1] == 0xda) return at;
 }
 
-TEST(JpegHeader, TellsWhatACameraSends) {
+TEST(JpegHeader, ParsesCameraFrames) {
   const auto header = parse_header(jpeg_of({.restart_interval = 3}), nullptr);
   ASSERT_TRUE(header);
   EXPECT_EQ(header->width, 33);
@@ -38,7 +38,7 @@ TEST(JpegHeader, TellsWhatACameraSends) {
   EXPECT_EQ(header->ac[1], standard_ac(1));
 }
 
-TEST(JpegHeader, GreyHasMcusOfOneBlockWhateverItsFactors) {
+TEST(JpegHeader, GreyMcuIsOneBlock) {
   const auto header = parse_header(jpeg_of({.grey = true}), nullptr);
   ASSERT_TRUE(header);
   EXPECT_EQ(header->blocks_per_mcu(), 1);
@@ -46,7 +46,7 @@ TEST(JpegHeader, GreyHasMcusOfOneBlockWhateverItsFactors) {
   EXPECT_TRUE(header->one_baseline_scan);
 }
 
-TEST(JpegHeader, KnowsWhatHasToBeDecodedAsAWhole) {
+TEST(JpegHeader, DetectsFramesWithoutRegionDecoding) {
   for (const test::JpegKind& kind :
        {test::JpegKind{.progressive = true}, {.arithmetic = true}, {.one_by_one = true}, {.h = 4, .v = 1}}) {
     const auto header = parse_header(jpeg_of(kind), nullptr);
@@ -55,7 +55,7 @@ TEST(JpegHeader, KnowsWhatHasToBeDecodedAsAWhole) {
   }
 }
 
-TEST(JpegHeader, StandardTablesAreLibjpegs) {
+TEST(JpegHeader, StandardTablesEqualLibjpegs) {
   const auto jpeg = jpeg_of({});
   const auto with = parse_header(jpeg, nullptr), without = parse_header(test::without_huffman_tables(jpeg), nullptr);
   for (int i = 0; i < 2; i++) {
@@ -64,7 +64,7 @@ TEST(JpegHeader, StandardTablesAreLibjpegs) {
   }
 }
 
-TEST(JpegHeader, SaysWhatIsNotSupported) {
+TEST(JpegHeader, NamesUnsupportedKinds) {
   Bytes jpeg = jpeg_of({});
   const size_t sof = find_marker(jpeg, 0xc0);
   jpeg[sof + 4] = 12;
@@ -74,7 +74,7 @@ TEST(JpegHeader, SaysWhatIsNotSupported) {
   EXPECT_MENTIONS(reason_for(jpeg), "SOF", "0xc3");
 }
 
-TEST(JpegHeader, TellsUnsupportedKindsFromDamage) {
+TEST(JpegHeader, DistinguishesUnsupportedKindsFromDamage) {
   Bytes jpeg = jpeg_of({});
   bool unsupported = true;
   EXPECT_FALSE(parse_header(std::span(jpeg).first(30), nullptr, &unsupported));
@@ -107,7 +107,7 @@ TEST(JpegHeader, FourComponentsAreDecodedAsAWhole) {
   EXPECT_FALSE(header->one_baseline_scan);
 }
 
-TEST(JpegHeader, EveryFrameStandsForItself) {
+TEST(JpegHeader, FramesAreIndependent) {
   const Bytes own = jpeg_of({.restart_interval = 3, .optimise = true}), later = jpeg_of({.one_by_one = true});
   const auto standard = parse_header(test::without_huffman_tables(jpeg_of({})), nullptr);
   for (int i = 0; i < 3; i++) {
@@ -145,7 +145,7 @@ TEST(JpegHeader, ImpossibleSizesAreRefused) {
   EXPECT_MENTIONS(with_size(16384, 16384), "few bytes", "size");
 }
 
-TEST(JpegHeader, WholeFramesAreSmaller) {
+TEST(JpegHeader, WholeFramesHaveASmallerLimit) {
   Bytes jpeg = jpeg_of({.progressive = true});
   const size_t sof = find_marker(jpeg, 0xc2);
   jpeg[sof + 5] = jpeg[sof + 7] = 0x40;
@@ -156,7 +156,7 @@ TEST(JpegHeader, WholeFramesAreSmaller) {
   EXPECT_EQ(reason_for(jpeg), "");
 }
 
-TEST(JpegHeader, EndsAnywhere) {
+TEST(JpegHeader, TruncatedHeadersAreErrors) {
   const Bytes jpeg = jpeg_of({});
   const size_t scan = parse_header(jpeg, nullptr)->scan;
   for (size_t size = 0; size < scan; size++)

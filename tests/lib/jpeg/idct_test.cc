@@ -39,7 +39,7 @@ class EveryTarget : public testing::Test {
 };
 
 // jpeg_frame_test.cc tests that the rounding equals libjpeg's.
-TEST_F(EveryTarget, AllTheSameAndCloseToTheDefinition) {
+TEST_F(EveryTarget, IsIdenticalAndCloseToTheDefinition) {
   std::mt19937 random(5);
   for (int trial = 0; trial < 300; trial++) {
     Block block;

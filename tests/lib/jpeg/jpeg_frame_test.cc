@@ -45,7 +45,7 @@ struct Case {
 
 class EveryKind : public testing::TestWithParam<Case> {};
 
-TEST_P(EveryKind, RegionsAreWhatLibjpegDecodes) {
+TEST_P(EveryKind, RegionsEqualLibjpeg) {
   std::mt19937 random(7);
   for (const auto& [width, height] : {std::pair{160, 96}, {161, 97}, {147, 130}, {35, 250}, {9, 7}, {1, 1}})
     for (const int quality : {30, 88, 100})
@@ -82,7 +82,7 @@ INSTANTIATE_TEST_SUITE_P(JpegFrame, EveryKind,
 
 class WholeFrames : public testing::TestWithParam<Case> {};
 
-TEST_P(WholeFrames, AreWhatLibjpegDecodes) {
+TEST_P(WholeFrames, EqualLibjpeg) {
   for (const auto& [width, height] : {std::pair{160, 96}, {51, 33}, {1, 1}}) {
     const auto jpeg = test::encode_jpeg(test::noisy_picture(width, height, 4), GetParam().kind);
     const Image truth = test::to_i420(test::decode_raw(jpeg));
@@ -117,7 +117,7 @@ TEST(JpegFrame, RgbIsConverted) {
   EXPECT_TRUE(equal_inside({0, 0, 40, 24}, frame->view(), to_i420(*rgb)));
 }
 
-TEST(JpegFrame, VersionsThatNobodyKnowsAreNoDamage) {
+TEST(JpegFrame, UnknownVersionsAreAccepted) {
   for (const bool progressive : {false, true}) {
     auto jpeg = test::encode_jpeg(test::noisy_picture(51, 33, 4), {.progressive = progressive});
     const Image truth = test::to_i420(test::decode_raw(jpeg));
@@ -145,7 +145,7 @@ TEST(JpegFrame, DecodesSamplingBeyondHalfResolution) {
     }
 }
 
-TEST(JpegFrame, MissingHuffmanTablesAreTheStandardOnes) {
+TEST(JpegFrame, MissingHuffmanTablesAreStandard) {
   const auto whole = test::encode_jpeg(test::noisy_picture(100, 60, 4), {});
   const auto bare = test::without_huffman_tables(whole);
   ASSERT_LT(bare.size(), whole.size() - 400);
@@ -155,7 +155,7 @@ TEST(JpegFrame, MissingHuffmanTablesAreTheStandardOnes) {
   EXPECT_TRUE(equal_inside({30, 20, 80, 50}, frame->view(), test::to_i420(test::decode_raw(whole))));
 }
 
-TEST(JpegFrame, PlanesAreThereFromTheFirstRegionOn) {
+TEST(JpegFrame, PlanesExistFromTheFirstRegion) {
   const auto frame = test::open_jpeg(test::encode_jpeg(test::noisy_picture(100, 61, 4), {}));
   ASSERT_TRUE(frame);
   EXPECT_EQ(frame->width(), 100);
@@ -186,7 +186,7 @@ TEST(JpegFrame, WideFrames) {
   }
 }
 
-TEST(JpegFrame, ViewsMayShareIt) {
+TEST(JpegFrame, IsSharedByViews) {
   const auto jpeg = test::encode_jpeg(test::noisy_picture(320, 240, 5), {.restart_interval = 7});
   const Image truth = test::to_i420(test::decode_raw(jpeg));
   const auto frame = test::open_jpeg(jpeg);
@@ -246,7 +246,7 @@ TEST(Damage, TruncatedAnywhere) {
   }
 }
 
-TEST(Damage, WhatPrecedesTheCutIsStillThere) {
+TEST(Damage, RegionsBeforeTheCutAreDecoded) {
   for (const int interval : {0, 6}) {
     const auto jpeg = test::encode_jpeg(test::noisy_picture(96, 64, 1), {.restart_interval = interval});
     const auto frame = test::open_jpeg({jpeg.begin(), jpeg.begin() + static_cast<ptrdiff_t>(jpeg.size() * 2 / 3)});
@@ -259,7 +259,7 @@ TEST(Damage, WhatPrecedesTheCutIsStillThere) {
   }
 }
 
-TEST(Damage, MissingEndOfImageIsNone) {
+TEST(Damage, MissingEndOfImageIsAccepted) {
   for (const int interval : {0, 5}) {
     auto jpeg = test::encode_jpeg(test::noisy_picture(96, 64, 1), {.restart_interval = interval});
     jpeg.resize(jpeg.size() - 2);
@@ -316,7 +316,7 @@ size_t nth_restart(const std::vector<uint8_t>& jpeg, int n) {
 }
 
 // 6 MCUs per row, one segment each: 4 segments, 3 markers.
-TEST(Damage, LostSegmentsLoseTheirRowsAlone) {
+TEST(Damage, LostSegmentsLoseOnlyTheirRows) {
   const auto whole = test::encode_jpeg(test::noisy_picture(96, 64, 1), {.restart_interval = 6});
   auto jpeg = whole;
   jpeg.erase(jpeg.begin() + static_cast<ptrdiff_t>(nth_restart(jpeg, 0)) + 1,
@@ -334,7 +334,7 @@ TEST(Damage, LostSegmentsLoseTheirRowsAlone) {
     EXPECT_EQ(std::memcmp(frame->view().plane[0] + y * 96, truth->view().plane[0] + y * 96, 96), 0) << y;
 }
 
-TEST(Damage, AWrongRestartNumberLosesTheRest) {
+TEST(Damage, WrongRestartNumberLosesTheRest) {
   auto jpeg = test::encode_jpeg(test::noisy_picture(96, 64, 1), {.restart_interval = 6});
   jpeg[nth_restart(jpeg, 1)] = 0xd6;
   const auto frame = test::open_jpeg(jpeg);

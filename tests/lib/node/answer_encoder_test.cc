@@ -12,7 +12,7 @@
 namespace lf {
 namespace {
 
-TEST(Coding, TheCodecFollowsLinkAndQuality) {
+TEST(Coding, CodecDependsOnLinkAndQuality) {
   using wire::Codec;
   const struct {
     CodecChoice choice;
@@ -32,7 +32,7 @@ TEST(Coding, TheCodecFollowsLinkAndQuality) {
   }
 }
 
-TEST(Coding, EmptyPixelsAreSparedWhereBytesCount) {
+TEST(Coding, EmptyPixelsAreAvoidedOnLinks) {
   View view;
   view.width = 640;
   view.height = 480;
@@ -118,7 +118,7 @@ TEST_P(AnswerEncoderTest, EveryCodecMakesThePicture) {
   }
 }
 
-TEST_P(AnswerEncoderTest, ThreadsDoNotShowInTheAnswer) {
+TEST_P(AnswerEncoderTest, AnswersDoNotDependOnThreads) {
   for (const RenderOptions& options : kManners) {
     RenderOptions threaded = options;
     threaded.parallel = two_threads;
@@ -126,7 +126,7 @@ TEST_P(AnswerEncoderTest, ThreadsDoNotShowInTheAnswer) {
   }
 }
 
-TEST_P(AnswerEncoderTest, LostWeightTravelsOnlyWhereThereIsSome) {
+TEST_P(AnswerEncoderTest, MissingWeightIsSentOnlyIfPresent) {
   const auto missing_planes = [](const RenderedAnswer& answer) {
     size_t count = 0;
     // a separate variable, because a range-for would not keep the temporary alive
@@ -172,7 +172,7 @@ TEST_P(AnswerEncoderTest, NodesOfOneCameraMakeThePicture) {
   }
 }
 
-TEST_P(AnswerEncoderTest, WhoSeesNothingSendsNothing) {
+TEST_P(AnswerEncoderTest, InvisibleCamerasSendNothing) {
   EXPECT_EQ(render(kManners[1], false).fragments, 0u) << "no camera has a frame";
 }
 

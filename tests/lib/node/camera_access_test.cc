@@ -45,7 +45,7 @@ int expect_same_plan(const Rig& rig, const Mesh& mesh, const View& view) {
   return static_cast<int>(plan.contributors().size());
 }
 
-TEST(WarpCommand, IsThePlanOfAnyView) {
+TEST(WarpCommand, EqualsThePlanOfAnyView) {
   int contributions = 0;
   for (int i = 0; i < 1000; i++) {
     SCOPED_TRACE(i);
@@ -58,7 +58,7 @@ TEST(WarpCommand, IsThePlanOfAnyView) {
   EXPECT_GT(contributions, 3000);
 }
 
-TEST(WarpCommand, IsThePlanInTheHardCases) {
+TEST(WarpCommand, EqualsThePlanInHardCases) {
   for (const reference::HardCase& hard : reference::hard_cases())
     for (int trial = 0; trial < hard.trials; trial++) {
       SCOPED_TRACE(std::string(hard.name) + " " + std::to_string(trial));
@@ -69,7 +69,7 @@ TEST(WarpCommand, IsThePlanInTheHardCases) {
     }
 }
 
-TEST(WarpCommand, RendersWhatTheFloatRendererRenders) {
+TEST(WarpCommand, MatchesTheFloatRenderer) {
   for (int i = 0; i < 50; i++) {
     SCOPED_TRACE(i);
     Random random(i);
@@ -114,7 +114,7 @@ TEST(Commands, MakeThePictureOfAnyView) {
   }
 }
 
-TEST(Commands, MakeThePictureInTheHardCases) {
+TEST(Commands, MakeThePictureInHardCases) {
   for (const reference::HardCase& hard : reference::hard_cases()) {
     const reference::HardCase large = reference::enlarged(hard, reference::kEnlarged);
     for (int trial = 0; trial < large.trials; trial++) {
@@ -154,7 +154,7 @@ RenderedAnswer pixel_answer(const Camera& camera, const ImageView& image, const 
   return RequestRenderer().render({&plan, header}, {&source, 1}, {}, scratch);
 }
 
-TEST(PixelAnswer, HasThePixelsOfAnyLayout) {
+TEST(PixelAnswer, AcceptsAnyLayout) {
   const Camera camera = camera_of(9, 7);
   const std::vector<uint8_t> bytes = counting(40 * 7);
   for (const RgbLayout layout : {RgbLayout{}, RgbLayout{4, 2, 1, 0}, RgbLayout{4, 1, 2, 3}}) {
@@ -192,7 +192,7 @@ TEST(PixelAnswer, ChromaHasNoOffset) {
   EXPECT_EQ(planes.plane[2][planes.stride[2]], static_cast<uint8_t>(image.plane(2)[3 * 5 + 1] - 128));
 }
 
-TEST(PixelAnswer, JpegComesInStrips) {
+TEST(PixelAnswer, JpegIsSentInStrips) {
   const Camera camera = camera_of(640, 480);
   const Image image(PixelFamily::kI420, 640, 480);
   const RenderedAnswer answer = pixel_answer(camera, image.view(), {0, 0, 640, 480}, 90);

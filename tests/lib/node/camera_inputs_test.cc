@@ -22,13 +22,13 @@ CameraFrame frame(uint64_t time) {
   return frame;
 }
 
-TEST(CameraFrames, TakesNothingWhileStopped) {
+TEST(CameraFrames, RejectsFramesWhileStopped) {
   CameraFrames frames;
   EXPECT_EQ(frames.push(frame(0)), PushResult::kStopped);
   EXPECT_FALSE(frames.find(0, true));
 }
 
-TEST(CameraFrames, RequestsAndFramesOfAFileMeetOneByOne) {
+TEST(CameraFrames, RequestsFindTheirFramesOfAFile) {
   CameraFrames frames;
   frames.set_mode(Mode::kRunning);
   frames.start_stream(false);
@@ -46,7 +46,7 @@ TEST(CameraFrames, RequestsAndFramesOfAFileMeetOneByOne) {
   camera.join();
 }
 
-TEST(CameraFrames, ACameraNobodyLooksAtKeepsUp) {
+TEST(CameraFrames, UnusedCameraKeepsUp) {
   CameraFrames frames;
   frames.set_mode(Mode::kRunning);
   frames.start_stream(false);
@@ -60,7 +60,7 @@ TEST(CameraFrames, ACameraNobodyLooksAtKeepsUp) {
   EXPECT_EQ(frames.find(99, true)->time, 99u);
 }
 
-TEST(CameraFrames, TheNewestFrameOfAFileIsTheOneThatStands) {
+TEST(CameraFrames, NewestFrameOfAFileIsTheCurrentFrame) {
   CameraFrames frames;
   frames.set_mode(Mode::kRunning);
   frames.start_stream(false);
@@ -68,7 +68,7 @@ TEST(CameraFrames, TheNewestFrameOfAFileIsTheOneThatStands) {
   for (int i = 0; i < 10; i++) EXPECT_EQ(frames.find(kNoTime, true)->time, 5u);
 }
 
-TEST(CameraFrames, AfterALossThereIsNothingBeyondTheLastFrame) {
+TEST(CameraFrames, NoFrameAfterALoss) {
   for (const bool live : {false, true}) {
     CameraFrames frames;
     frames.set_mode(Mode::kRunning);
@@ -86,7 +86,7 @@ TEST(CameraFrames, AfterALossThereIsNothingBeyondTheLastFrame) {
   }
 }
 
-TEST(CameraFrames, ACameraThatNeverCameIsNotWaitedForOnceItIsLost) {
+TEST(CameraFrames, LostCameraWithoutFramesIsNotAwaited) {
   CameraFrames frames;
   frames.set_mode(Mode::kRunning);
   std::thread loses([&] { frames.lose_stream(); });
@@ -94,14 +94,14 @@ TEST(CameraFrames, ACameraThatNeverCameIsNotWaitedForOnceItIsLost) {
   loses.join();
 }
 
-TEST(CameraFrames, LiveRequestersDoNotWaitForACameraThatHasNotBegun) {
+TEST(CameraFrames, LiveClientsDoNotWaitForCameras) {
   CameraFrames frames;
   frames.set_mode(Mode::kRunning);
   EXPECT_FALSE(frames.find(100, false));
 }
 
 // A viewer that waits for slow cameras needs the frames of fast cameras for as long.
-TEST(CameraFrames, LiveFramesAreKeptForAsLongAsRequestsLookBack) {
+TEST(CameraFrames, LiveFramesAreKeptForOldRequests) {
   CameraFrames frames;
   frames.set_mode(Mode::kRunning);
   frames.start_stream(true);
@@ -132,7 +132,7 @@ TEST(CameraFrames, LiveFramesAreKeptForAsLongAsRequestsLookBack) {
 }
 
 // The longest capture delay of lf-serve.
-TEST(CameraFrames, LiveFramesAreKeptForRequestsThatLookTenSecondsBack) {
+TEST(CameraFrames, LiveFramesAreKeptForTenSeconds) {
   CameraFrames frames;
   frames.set_mode(Mode::kRunning);
   frames.start_stream(true);
@@ -151,7 +151,7 @@ TEST(CameraFrames, LiveFramesAreKeptForRequestsThatLookTenSecondsBack) {
 }
 
 // All viewers would wait for a camera with an estimated period of seconds.
-TEST(CameraFrames, ThePeriodIsNotThatOfACameraThatWasAway) {
+TEST(CameraFrames, PeriodIgnoresOutages) {
   CameraFrames frames;
   frames.set_mode(Mode::kRunning);
   frames.start_stream(true);
@@ -182,7 +182,7 @@ TEST(CameraFrames, StoppingWakesBothSides) {
   }
 }
 
-TEST(CameraFrames, FinishingTellsTheCameraEos) {
+TEST(CameraFrames, FinishingEndsTheStream) {
   CameraFrames frames;
   frames.set_mode(Mode::kRunning);
   frames.start_stream(false);
@@ -220,7 +220,7 @@ CameraFrame compressed(uint64_t time, const std::shared_ptr<CameraPicture>& pict
   return f;
 }
 
-TEST(CameraFrames, TheFrameBeforeADamagedOneServes) {
+TEST(CameraFrames, PreviousFrameReplacesADamagedOne) {
   for (const bool live : {false, true}) {
     CameraFrames frames;
     frames.set_mode(Mode::kRunning);
@@ -249,7 +249,7 @@ TEST(CameraFrames, TheFrameBeforeADamagedOneServes) {
   }
 }
 
-TEST(CameraFrames, WithoutAFrameBeforeItADamagedOneIsNone) {
+TEST(CameraFrames, FirstDamagedFrameHasNoReplacement) {
   CameraFrames frames;
   frames.set_mode(Mode::kRunning);
   frames.start_stream(true);
@@ -259,7 +259,7 @@ TEST(CameraFrames, WithoutAFrameBeforeItADamagedOneIsNone) {
   EXPECT_FALSE(frames.find(0, true)->picture);
 }
 
-TEST(CameraFrames, AFlushForgetsWhatIsHeldAndItsEnd) {
+TEST(CameraFrames, FlushDropsFramesAndEnd) {
   CameraFrames frames;
   frames.set_mode(Mode::kRunning);
   frames.start_stream(false);
@@ -294,7 +294,7 @@ CameraInputs::Frames input(CameraInputs& inputs, uint32_t id, PixelFamily family
   return frames;
 }
 
-TEST(CameraInputs, KeepTheIdsOfTheirCamerasFromRigToRig) {
+TEST(CameraInputs, KeepTheirIdsWhenTheRigChanges) {
   CameraInputs inputs;
   inputs.set_rig(rig_with({10, 11, 12}));
   const auto ten = input(inputs, 10), twelve = input(inputs, 12);
@@ -310,7 +310,7 @@ TEST(CameraInputs, KeepTheIdsOfTheirCamerasFromRigToRig) {
   EXPECT_EQ(inputs.array()->cameras.at(1), ten);
 }
 
-TEST(CameraInputs, OneInputACamera) {
+TEST(CameraInputs, CameraHasOneInput) {
   CameraInputs inputs;
   inputs.set_rig(rig_with({10, 11}));
   const auto first = input(inputs, 10);
@@ -321,7 +321,7 @@ TEST(CameraInputs, OneInputACamera) {
   EXPECT_TRUE(inputs.set_camera(second, 10));
 }
 
-TEST(CameraInputs, TheFamilyIsRgbIfAnyHasItAndStays) {
+TEST(CameraInputs, FamilyIsRgbIfAnyInputIsRgb) {
   CameraInputs inputs;
   inputs.set_rig(rig_with({0, 1, 2, 3}));
   EXPECT_EQ(inputs.choose_family(), PixelFamily::kNone);
@@ -335,7 +335,7 @@ TEST(CameraInputs, TheFamilyIsRgbIfAnyHasItAndStays) {
   EXPECT_EQ(inputs.choose_family(), PixelFamily::kI420);
 }
 
-TEST(CameraInputs, AreWaitedForUntilTheyAreKnownOrGivenUpOrNobodyWants) {
+TEST(CameraInputs, AreAwaitedUntilKnownOrCancelled) {
   CameraInputs inputs;
   inputs.set_rig(rig_with({0, 1}));
   inputs.set_running(true);
@@ -363,7 +363,7 @@ TEST(CameraInputs, AreWaitedForUntilTheyAreKnownOrGivenUpOrNobodyWants) {
   }
 }
 
-TEST(CameraInputs, ComeAndGoWhileTheRigIsReplaced) {
+TEST(CameraInputs, ChangeWhileTheRigIsReplaced) {
   CameraInputs inputs;
   const auto one = rig_with({0, 1, 2}), other = rig_with({2, 1});
   inputs.set_rig(one);

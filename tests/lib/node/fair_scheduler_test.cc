@@ -29,10 +29,9 @@ class Simulation {
     std::ranges::stable_sort(to_come_, {}, &Asked::at);
   }
 
-  // Runs until all requests are answered, or until `end`.
   void run(uint64_t end) {
     while (tile() < end) {
-      let_come();
+      add_due_requests();
       if (answers_.waiting() > 0)
         answers_.work();
       else if (next_ < to_come_.size())
@@ -42,7 +41,6 @@ class Simulation {
     }
   }
 
-  // Returns the 95th percentile of a view's delays.
   uint64_t p95(uint32_t view) const {
     std::vector<uint64_t> delays;
     for (const auto& [of, delay] : delays_)
@@ -64,7 +62,7 @@ class Simulation {
   size_t most_views() const { return most_views_; }  // known at a time
 
  private:
-  void let_come() {
+  void add_due_requests() {
     while (next_ < to_come_.size() && to_come_[next_].at <= tile()) {
       const Asked asked = to_come_[next_++];
       bool dropped = false;
@@ -73,7 +71,7 @@ class Simulation {
           [this, asked](const ParallelFor& parallel) {
             parallel(asked.tiles, [this](size_t) {
               time_ += kTile;
-              let_come();
+              add_due_requests();
             });
             delays_.emplace_back(asked.view, tile() - asked.at);
           },
@@ -103,7 +101,7 @@ void append(std::vector<Simulation::Asked>& to, const std::vector<Simulation::As
 
 constexpr uint64_t kEnd = 20'000, kNew = 2'100;  // views with a first request before kNew count as new
 
-TEST(FairScheduler, AGreedyViewDelaysNobody) {
+TEST(FairScheduler, ExpensiveViewDoesNotDelayOthers) {
   for (const size_t own : {10, 30, 60}) {
     Simulation alone(every(200, own, 1, kEnd));
     alone.run(kEnd);
@@ -122,7 +120,7 @@ TEST(FairScheduler, AGreedyViewDelaysNobody) {
 }
 
 // Uses as many view ids as RequestLimiter admits, each once, in sequence or all at once; their costs are unknown.
-TEST(FairScheduler, NumbersThatAreMadeUpDelayNobody) {
+TEST(FairScheduler, NewViewIdsDoNotDelayOthers) {
   for (const size_t own : {10, 30, 60}) {
     Simulation alone(every(200, own, 1, kEnd));
     alone.run(kEnd);
@@ -144,7 +142,7 @@ TEST(FairScheduler, NumbersThatAreMadeUpDelayNobody) {
 }
 
 // The costs of permanent views stay unknown as well.
-TEST(FairScheduler, NobodyIsLeftForWhatMayTakeAnyTime) {
+TEST(FairScheduler, UnknownWorkDoesNotInterrupt) {
   Simulation alone(every(200, 10, 1, kEnd));
   alone.run(kEnd);
   std::vector<Simulation::Asked> asked = every(200, 10, 1, kEnd);
@@ -158,7 +156,7 @@ TEST(FairScheduler, NobodyIsLeftForWhatMayTakeAnyTime) {
 
 // Each view sends one request at the same time. The long request goes first, because its cost is unknown, and is
 // suspended once it has used more time than the short request will.
-TEST(FairScheduler, WhatTurnsOutLongIsLeftWithoutAnotherRequest) {
+TEST(FairScheduler, LongAnswerIsInterruptedByAWaitingRequest) {
   constexpr size_t kOwn = 10, kLong = 1000;
   Simulation both({{3, kOwn, 1}, {100, kLong, 2, false}, {100, kOwn, 1}});
   both.run(kEnd);
@@ -168,7 +166,7 @@ TEST(FairScheduler, WhatTurnsOutLongIsLeftWithoutAnotherRequest) {
   EXPECT_EQ(both.slowest(2), kLong + kOwn);
 }
 
-TEST(FairScheduler, NumbersThatAreMadeUpAreForgotten) {
+TEST(FairScheduler, NewViewIdsAreForgotten) {
   std::vector<Simulation::Asked> asked;
   for (uint32_t i = 0; i < 10'000; i++) asked.push_back({10 + 32 * i, 5, i});
   Simulation made_up(asked);
@@ -177,7 +175,7 @@ TEST(FairScheduler, NumbersThatAreMadeUpAreForgotten) {
   EXPECT_LE(made_up.most_views(), 64u + 1);
 }
 
-TEST(FairScheduler, ViewsThatAskForTooMuchShareAlike) {
+TEST(FairScheduler, ExpensiveViewsShareEqually) {
   std::vector<Simulation::Asked> asked;
   for (const uint32_t view : {1, 2, 3}) append(asked, every(20 * view, 40 * view, view, kEnd));
   Simulation three(asked);
@@ -187,7 +185,7 @@ TEST(FairScheduler, ViewsThatAskForTooMuchShareAlike) {
 }
 
 // An idle view does not accumulate a claim to CPU time.
-TEST(FairScheduler, SilenceIsNotSavedUp) {
+TEST(FairScheduler, IdleTimeIsNotSaved) {
   std::vector<Simulation::Asked> asked = every(10, 40, 1, kEnd);
   for (const Simulation::Asked& late : every(10, 40, 2, kEnd))
     if (late.at > kEnd / 2) asked.push_back(late);
@@ -196,7 +194,7 @@ TEST(FairScheduler, SilenceIsNotSavedUp) {
   EXPECT_NEAR(static_cast<double>(both.answered(1)) * 40, 0.75 * kEnd, 0.03 * kEnd);
 }
 
-TEST(FairScheduler, TheNewestOfAViewStay) {
+TEST(FairScheduler, KeepsTheNewestRequestsOfAView) {
   FairScheduler answers;
   std::vector<int> done;
   int dropped = 0;
@@ -212,7 +210,7 @@ TEST(FairScheduler, TheNewestOfAViewStay) {
   EXPECT_EQ(done, (std::vector<int>{4, 5, 6, 7, 8, 9, 10, 11}));
 }
 
-TEST(FairScheduler, ASetHasRoom) {
+TEST(FairScheduler, SetsHaveRoom) {
   constexpr size_t kViews = 48;
   FairScheduler answers;
   int dropped = 0;
@@ -247,7 +245,7 @@ TEST(FairScheduler, LargeMapsHaveLittleRoom) {
   EXPECT_EQ(with_map(64), 1u);
 }
 
-TEST(FairScheduler, EndsForWhoWaits) {
+TEST(FairScheduler, StopWakesWaitingThreads) {
   FairScheduler answers;
   std::thread thread([&] {
     while (answers.work()) {
@@ -265,7 +263,7 @@ TEST(FairScheduler, EndsForWhoWaits) {
 }
 
 // Runs tasks in several threads, in any interleaving.
-TEST(FairScheduler, EachTaskIsDoneOnce) {
+TEST(FairScheduler, EachTaskRunsOnce) {
   WorkerPool pool;
   FairScheduler answers([&pool](size_t count, const std::function<void(size_t)>& task) { pool.run(3, count, task); },
                         3);
@@ -286,7 +284,7 @@ TEST(FairScheduler, EachTaskIsDoneOnce) {
     for (const std::atomic<int>& count : tasks.get()) EXPECT_EQ(count, 20);
 }
 
-TEST(FairScheduler, WhatIsThrownCostsOneAnswer) {
+TEST(FairScheduler, ExceptionLosesOneAnswer) {
   FairScheduler answers;
   bool done = false;
   answers.add(1, 0, [](const ParallelFor& parallel) { parallel(3, [](size_t) { throw std::bad_alloc(); }); });
@@ -296,7 +294,7 @@ TEST(FairScheduler, WhatIsThrownCostsOneAnswer) {
   EXPECT_TRUE(done);
 }
 
-TEST(WorkEstimate, FollowsWhatAnswersTake) {
+TEST(WorkEstimate, FollowsTheDurationOfAnswers) {
   WorkEstimate estimate;
   EXPECT_EQ(estimate.nanoseconds(1e6), 0u) << "no measurements";
   estimate.done(1000, 5000);
@@ -308,7 +306,7 @@ TEST(WorkEstimate, FollowsWhatAnswersTake) {
 }
 
 // A view that requests one pixel and then an ordinary picture must not get an estimate of seconds.
-TEST(WorkEstimate, WhatFewPixelsTookTellsLittleOfMany) {
+TEST(WorkEstimate, SmallAnswersSayLittleAboutLargeOnes) {
   WorkEstimate estimate;
   for (int i = 0; i < 20; i++) estimate.done(WorkEstimate::kAnyAnswer + 1, 140'000);
   EXPECT_NEAR(static_cast<double>(estimate.nanoseconds(WorkEstimate::kAnyAnswer + 1)), 140'000, 1000);

@@ -47,7 +47,7 @@ class FrameSourcesTest : public testing::Test {
   FrameSources sources_{rig_, [this](CameraIndex) { return regions_++, Rect{0, 0, 16, 16}; }};
 };
 
-TEST_F(FrameSourcesTest, OnlyCompressedPicturesAreAskedForARegion) {
+TEST_F(FrameSourcesTest, OnlyCompressedPicturesDecodeRegions) {
   const auto raw = add(0, false), compressed = add(2, true);
   sources_.add(3, std::nullopt);
   EXPECT_EQ(sources_.family(), PixelFamily::kNone);
@@ -62,7 +62,7 @@ TEST_F(FrameSourcesTest, OnlyCompressedPicturesAreAskedForARegion) {
   EXPECT_EQ(sources_.family(), PixelFamily::kI420);
 }
 
-TEST_F(FrameSourcesTest, TheFrameBeforeServesForADamagedOne) {
+TEST_F(FrameSourcesTest, PreviousFrameReplacesADamagedOne) {
   add(0, true, false);
   before_ = std::make_shared<FakePicture>(true, true);
   decode();
@@ -71,7 +71,7 @@ TEST_F(FrameSourcesTest, TheFrameBeforeServesForADamagedOne) {
   EXPECT_EQ(sources_.sources()[0].image.family, PixelFamily::kI420);
 }
 
-TEST_F(FrameSourcesTest, WithoutOneThereIsNoImage) {
+TEST_F(FrameSourcesTest, NoImageWithoutAReplacement) {
   add(0, true, false);
   before_ = std::make_shared<FakePicture>(true, false);
   decode();

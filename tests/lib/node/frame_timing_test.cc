@@ -15,7 +15,7 @@ SkewMonitor::Frame frame(CameraIndex camera, int64_t skew, uint64_t period = kPe
   return {camera, kWanted + static_cast<uint64_t>(skew), kWanted, period};
 }
 
-TEST(SkewMonitor, TellsOnceWhenACameraComesToBeOff) {
+TEST(SkewMonitor, ReportsAnUnsynchronisedCameraOnce) {
   SkewMonitor watch;
   const SkewMonitor::Frame frames[] = {frame(2, 60), frame(5, -130)};
   int reports = 0;
@@ -32,7 +32,7 @@ TEST(SkewMonitor, TellsOnceWhenACameraComesToBeOff) {
   EXPECT_EQ(reports, 1);
 }
 
-TEST(SkewMonitor, TellsHowMuchLaterThanItCouldTheWorstFrameCame) {
+TEST(SkewMonitor, ReportsTheDelayOfTheWorstFrame) {
   SkewMonitor watch;
   SkewMonitor::Frame frames[] = {frame(2, -200), frame(5, -300)};
   frames[0].behind = 150;
@@ -43,7 +43,7 @@ TEST(SkewMonitor, TellsHowMuchLaterThanItCouldTheWorstFrameCame) {
   EXPECT_EQ(report->behind, 250u);
 }
 
-TEST(SkewMonitor, LostFramesAreNoReason) {
+TEST(SkewMonitor, IgnoresLostFrames) {
   SkewMonitor watch;
   for (int i = 0; i < 100; i++) {
     const SkewMonitor::Frame frames[] = {frame(0, i % SkewMonitor::kRequests == 0 ? 20 : 300)};
@@ -51,7 +51,7 @@ TEST(SkewMonitor, LostFramesAreNoReason) {
   }
 }
 
-TEST(SkewMonitor, AFrameTimeIsAllowed) {
+TEST(SkewMonitor, ToleratesOneFrameInterval) {
   SkewMonitor watch;
   for (int i = 0; i < 20; i++) {
     const SkewMonitor::Frame frames[] = {frame(0, -100), frame(1, 110), frame(2, 100'000, 0)};
@@ -59,7 +59,7 @@ TEST(SkewMonitor, AFrameTimeIsAllowed) {
   }
 }
 
-TEST(SkewMonitor, TellsAgainOfACameraThatWasWellForAWhile) {
+TEST(SkewMonitor, ReportsACameraAgainAfterRecovery) {
   SkewMonitor watch;
   const auto run = [&](int64_t skew, int requests) {
     int reports = 0;
@@ -81,7 +81,7 @@ TEST(SkewMonitor, TellsAgainOfACameraThatWasWellForAWhile) {
 
 constexpr uint64_t kMs = 1'000'000;
 
-TEST(ArrivalMonitor, WhatAllButOneOfAHundredTakeAndHalfAFrame) {
+TEST(ArrivalMonitor, NeededDelayIsThePercentilePlusHalfAFrame) {
   ArrivalMonitor watch;
   EXPECT_EQ(watch.needed(40 * kMs, 0), 0u) << "no measurements";
   for (uint64_t i = 1; i <= 200; i++) watch.arrived(i * 40 * kMs, i * 40 * kMs + (i == 150 ? 500 : 10 + i % 10) * kMs);
@@ -97,7 +97,7 @@ TEST(ArrivalMonitor, OldFramesAreForgotten) {
   EXPECT_EQ(watch.needed(0, 500 * kMs), 5 * kMs);
 }
 
-TEST(ArrivalMonitor, ACameraThatIsGoneNeedsNothing) {
+TEST(ArrivalMonitor, SilentCameraNeedsNothing) {
   ArrivalMonitor watch;
   watch.arrived(100 * kMs, 130 * kMs);
   EXPECT_EQ(watch.needed(0, 130 * kMs + ArrivalMonitor::kSilence), 30 * kMs);
@@ -108,7 +108,7 @@ TEST(ArrivalMonitor, ACameraThatIsGoneNeedsNothing) {
 
 constexpr uint64_t kSecond = DelayReporter::kSecond, kBegin = 1000 * kSecond;
 
-TEST(DelayReporter, WhatGrowsIsToldSoon) {
+TEST(DelayReporter, GrowingDelaysAreReportedSoon) {
   DelayReporter notice;
   ASSERT_TRUE(notice.is_due(kBegin));
   EXPECT_TRUE(notice.see(30, kBegin));
@@ -117,7 +117,7 @@ TEST(DelayReporter, WhatGrowsIsToldSoon) {
   EXPECT_TRUE(notice.see(31, kBegin + kSecond / 10));
 }
 
-TEST(DelayReporter, TheSameIsToldOnceASecond) {
+TEST(DelayReporter, EqualDelaysAreReportedOncePerSecond) {
   DelayReporter notice;
   EXPECT_TRUE(notice.see(30, kBegin));
   EXPECT_FALSE(notice.see(30, kBegin + kSecond / 2));
@@ -125,7 +125,7 @@ TEST(DelayReporter, TheSameIsToldOnceASecond) {
   EXPECT_TRUE(notice.see(20, kBegin + kSecond));
 }
 
-TEST(DelayReporter, WhileNothingIsKnownItIsLookedAtAgain) {
+TEST(DelayReporter, UnknownDelayIsCheckedAgain) {
   DelayReporter notice;
   EXPECT_FALSE(notice.see(0, kBegin));
   EXPECT_TRUE(notice.is_due(kBegin + 1));

@@ -104,7 +104,7 @@ class NodeOfViews : public testing::Test {
   Node::Options options_;
 };
 
-TEST_F(NodeOfViews, AnswersSeveralAsEachAlone) {
+TEST_F(NodeOfViews, BatchedAnswersEqualSingleAnswers) {
   start(true);
   expect_same(set());
   EXPECT_EQ(node_.stats().requests, 12u);
@@ -160,7 +160,7 @@ TEST_F(NodeOfViews, AnswersSeveralInAPassOfItsGpu) {
   EXPECT_GE(node_.stats().drawn, 10u);
 }
 
-TEST_F(NodeOfViews, RefusesSeveral) {
+TEST_F(NodeOfViews, RefusesBatchesOfUnfitRequests) {
   start(true);
   const auto expect_refused = [&](const auto& change) {
     std::vector<wire::AnyRequest> requests = set();
@@ -181,7 +181,7 @@ TEST_F(NodeOfViews, RefusesSeveral) {
   EXPECT_EQ(node_.stats().bad_requests, 6u);
 }
 
-TEST_F(NodeOfViews, OnlyViewsOfOneMomentGoTogether) {
+TEST_F(NodeOfViews, OnlyViewsOfOneCaptureTimeAreBatched) {
   const std::vector<wire::AnyRequest> requests = set();
   EXPECT_TRUE(Node::can_batch_requests(requests[1], requests[2]));
   const auto differs = [&](const auto& change) {
@@ -204,7 +204,7 @@ TEST_F(NodeOfViews, OnlyViewsOfOneMomentGoTogether) {
 
 using RequesterPtr = std::shared_ptr<Node::ClientState>;
 
-TEST(ClientStates, EachViewKeepsItsOwn) {
+TEST(ClientStates, EachViewHasItsOwnState) {
   const Node::ClientState common;
   ClientStates views(common);
   const RequesterPtr three = views.of(3);
@@ -217,7 +217,7 @@ TEST(ClientStates, EachViewKeepsItsOwn) {
   EXPECT_EQ(views.of(3)->warned_of, 0u);
 }
 
-TEST(ClientStates, TheOneAskedForLongestAgoIsForgotten) {
+TEST(ClientStates, LeastRecentlyUsedStateIsForgotten) {
   ClientStates views{Node::ClientState()};
   for (uint32_t id = 0; id < 2 * ClientStates::kMaxViews; id++) views.of(id)->warned_of = 1;
   views.of(0);
@@ -226,7 +226,7 @@ TEST(ClientStates, TheOneAskedForLongestAgoIsForgotten) {
   EXPECT_EQ(views.of(1)->warned_of, 0u);
 }
 
-TEST(ClientStates, WhatOneViewsAnswersTakeTellsNothingOfAnothers) {
+TEST(ClientStates, EstimatesOfViewsAreIndependent) {
   ClientStates views{Node::ClientState()};
   views.of(1)->estimate.done(1000, 5000);
   EXPECT_EQ(views.nanoseconds(1, 100), 500u);
@@ -236,7 +236,7 @@ TEST(ClientStates, WhatOneViewsAnswersTakeTellsNothingOfAnothers) {
 }
 
 // An answer may be suspended for any number of other views and resumed.
-TEST(ClientStates, WhatIsInUseStaysWhenItIsForgotten) {
+TEST(ClientStates, StateInUseOutlivesItsEntry) {
   ClientStates views{Node::ClientState()};
   RequesterPtr held = views.of(1);
   const std::weak_ptr<Node::ClientState> watched = held;

@@ -14,7 +14,7 @@
 namespace lf {
 namespace {
 
-TEST(RendererTuner, TheFasterOneWinsAndTheFirstOfTheGpuDoesNotCount) {
+TEST(RendererTuner, FasterRendererWins) {
   for (const uint64_t gpu_ns : {500, 2000}) {
     RendererTuner race;
     int turns[2] = {};
@@ -33,7 +33,7 @@ TEST(RendererTuner, TheFasterOneWinsAndTheFirstOfTheGpuDoesNotCount) {
   }
 }
 
-TEST(RendererTuner, BeginsAgain) {
+TEST(RendererTuner, Restarts) {
   RendererTuner race;
   for (int i = 0; i < 3; i++) race.add(true, 1000, 10);
   race.begin_again();
@@ -44,7 +44,7 @@ TEST(RendererTuner, BeginsAgain) {
   EXPECT_EQ(race.best(true), 2);
 }
 
-TEST(RendererTuner, OneAloneDecidesNothing) {
+TEST(RendererTuner, NeedsSamplesOfBoth) {
   RendererTuner race;
   for (int i = 0; i < 100; i++) race.add(false, 1000, 1000);
   EXPECT_FALSE(race.decided());
@@ -57,7 +57,7 @@ RenderedAnswer answer(bool drawn, const std::string& refused_why = "") {
   return {.drawing = {drawn, !refused_why.empty(), refused_why}, .pixels = 1000, .render_ns = 1000};
 }
 
-TEST(RendererSelector, IsLeftAloneForAWhileWhereItRefuses) {
+TEST(RendererSelector, PausesAfterRefusals) {
   constexpr uint64_t kSecond = 1'000'000'000;
   uint64_t now = 77 * kSecond;
   RendererSelector gpu(gl::GlesRenderer::create, [&] { return now; });
@@ -97,7 +97,7 @@ TEST(RendererSelector, IsLeftAloneForAWhileWhereItRefuses) {
 }
 
 // Refused hypotheses pause GPU hypotheses only, independent of answers.
-TEST(RendererSelector, DrawsHypothesesAndSeveralViews) {
+TEST(RendererSelector, RendersHypothesesAndSeveralViews) {
   uint64_t now = 1;
   const auto open = [](gl::Context::Drivers, std::string& why) {
     return gl::GlesRenderer::create(gl::Context::Drivers::kAny, why);
@@ -173,7 +173,7 @@ TEST(RendererSelector, MovesToAnotherContext) {
   EXPECT_EQ(news, "");
 }
 
-TEST(RendererSelector, AutoNeverTakesWhatComputesOnTheCpu) {
+TEST(RendererSelector, AutoIgnoresSoftwareRenderers) {
   std::string why_not;
   const auto any = gl::GlesRenderer::create(gl::Context::Drivers::kAny, why_not);
   ASSERT_TRUE(any) << why_not;
@@ -195,7 +195,7 @@ TEST(RendererSelector, AutoNeverTakesWhatComputesOnTheCpu) {
   EXPECT_EQ(opened, 1);
 }
 
-TEST(RendererSelector, SaysWhyThereIsNone) {
+TEST(RendererSelector, ExplainsAMissingGpu) {
   int opened = 0;
   RendererSelector gpu([&](gl::Context::Drivers, std::string& why) {
     opened++;
@@ -244,7 +244,7 @@ class GpuLossTest : public testing::Test {
   const std::vector<Source> sources_ = test::sources_of(rig_, production_.plan, images_);
 };
 
-TEST_F(GpuLossTest, WhatIsTooLargeIsRefusedWithTheReason) {
+TEST_F(GpuLossTest, TooLargeTasksAreRefusedWithTheReason) {
   RendererSelector gpu;
   std::string news;
   const std::shared_ptr<gl::GlesRenderer> drawer = gpu.open(RendererChoice::kGl, news);
@@ -263,7 +263,7 @@ TEST_F(GpuLossTest, WhatIsTooLargeIsRefusedWithTheReason) {
 }
 
 // LF_CYCLES sets the number of cycles.
-TEST_F(GpuLossTest, StartsAndStopsLeaveNothing) {
+TEST_F(GpuLossTest, StartsAndStopsLeakNothing) {
   const char* const wanted = std::getenv("LF_CYCLES");
   const int cycles = wanted ? std::atoi(wanted) : 8;
   const auto resident = [] { return static_cast<double>(test::resident_kib()) / 1024; };
@@ -289,7 +289,7 @@ TEST_F(GpuLossTest, StartsAndStopsLeaveNothing) {
   EXPECT_LE(test::count_of("task"), threads);
 }
 
-TEST_F(GpuLossTest, PicturesGoOnThroughAHundredLosses) {
+TEST_F(GpuLossTest, PicturesContinueThroughAHundredLosses) {
   for (int i = 0; i < 100; i++) {
     RendererSelector gpu;
     std::string news;

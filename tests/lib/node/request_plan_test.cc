@@ -39,7 +39,7 @@ class RequestPlanTest : public testing::TestWithParam<PixelFamily> {
   const std::vector<CameraIndex> all_ = {0, 1, 2, 3, 4, 5, 6, 7, 8};
 };
 
-TEST_P(RequestPlanTest, AllMakeTheSamePicture) {
+TEST_P(RequestPlanTest, EveryAccessMakesTheSamePicture) {
   AccessPictures pictures(rig_, request_, images_);
   const Image self = pictures.picture(Access::kSelf, near_);
   EXPECT_EQ(pictures.picture(Access::kWarp, near_).data(), self.data());
@@ -49,13 +49,13 @@ TEST_P(RequestPlanTest, AllMakeTheSamePicture) {
   for (const Access access : kAccesses) EXPECT_GT(compare_with(pictures.picture(access, jpeg_), self).psnr_db, 30);
 }
 
-TEST_P(RequestPlanTest, WarpCommandsAreAnsweredAsRequestsAre) {
+TEST_P(RequestPlanTest, WarpCommandsAreAnsweredLikeRequests) {
   const AccessPictures pictures(rig_, request_, images_);
   for (const RenderOptions& options : {near_, raw_, jpeg_})
     EXPECT_EQ(pictures.answer(Access::kWarp, all_, options), pictures.answer(Access::kSelf, all_, options));
 }
 
-TEST_P(RequestPlanTest, TellsHowBrightItsCamerasAre) {
+TEST_P(RequestPlanTest, PlansBrightnessMeasurements) {
   View& view = request_.view;
   FocalMap map = FocalMap::for_view(view.width, view.height);
   map.from = {{0, 0, 1}, 0};
@@ -88,7 +88,7 @@ TEST_P(RequestPlanTest, TellsHowBrightItsCamerasAre) {
   EXPECT_TRUE(renderer.render({&plain, header}, sources, near_, scratch).brightness.empty());
 }
 
-TEST_P(RequestPlanTest, WhatIsLostIsTheSame) {
+TEST_P(RequestPlanTest, MissingWeightIsTheSame) {
   request_.view.lens = Lens::from_fov_y(75, 133, 91);
   for (const CameraIndex turned : {0, 4}) rig_.cameras[turned].pose.orientation = glm::angleAxis(3.0, Vec3(0, 1, 0));
   request_.out_of_service = {2};
@@ -100,7 +100,7 @@ TEST_P(RequestPlanTest, WhatIsLostIsTheSame) {
   EXPECT_LE(compare_with(pictures.picture(Access::kPixels, near_), self).max_error, 3);
 }
 
-TEST_P(RequestPlanTest, NodesOfAnyKindMix) {
+TEST_P(RequestPlanTest, NodesOfEveryAccessMix) {
   AccessPictures pictures(rig_, request_, images_);
   const Image self = pictures.picture(Access::kSelf, near_);
   const std::vector<CameraIndex> a = {0, 3, 4}, b = {1, 2, 5}, c = {6, 7, 8};
@@ -118,7 +118,7 @@ TEST_P(RequestPlanTest, DistortedViewsAreTheSame) {
   EXPECT_EQ(pictures.picture(Access::kPixels, near_).data(), self.data());
 }
 
-TEST_P(RequestPlanTest, RefusesWhatDoesNotFitTheRig) {
+TEST_P(RequestPlanTest, RefusesRequestsThatDoNotFitTheRig) {
   wire::PixelCommand pixels{request_, 10, 10, {{3, {60, 0, 82, 10}}}};
   MeshCache mesh;
   EXPECT_ERROR(plan_request(rig_, mesh, pixels, all_), "camera 3", "outside");

@@ -49,7 +49,7 @@ TEST(GainMatcher, ComparesWithTheMeanOfTheSameRequest) {
 }
 
 // A camera is 20 % too bright, and results take `underway` requests to arrive.
-TEST(GainMatcher, ManyRequestsUnderwayFindTheGain) {
+TEST(GainMatcher, FindsTheGainWithRequestsInFlight) {
   for (const size_t underway : {1, 2, 3, 5, 8, 16}) {
     GainMatcher matcher;
     ExposureSchedule turns;
@@ -90,7 +90,7 @@ TEST(GainMatcher, DividesImages) {
   EXPECT_EQ(out[2].image.family, PixelFamily::kNone);
 }
 
-TEST(GainMatcher, ForgetsViewsThatAreGone) {
+TEST(GainMatcher, ForgetsUnusedViews) {
   GainMatcher matcher;
   for (uint32_t view = 0; view < 1000; view++) {
     matcher.keep(view, 1, {seen(0, 120)});
@@ -124,7 +124,7 @@ class RequestRendererTest : public testing::Test {
   ImageMemory scratch_;
 };
 
-TEST_F(RequestRendererTest, SharpensWhereThatIsAsked) {
+TEST_F(RequestRendererTest, SharpensIfRequested) {
   const ByteBuffer plain = render(walls_.sources()).bytes;
   options_.resampling = Resampling::kSharpened;
   const ByteBuffer sharp = render(walls_.sources()).bytes;
@@ -137,7 +137,7 @@ TEST_F(RequestRendererTest, SharpensWhereThatIsAsked) {
   EXPECT_EQ(render(sources).bytes, sharp);
 }
 
-TEST_F(RequestRendererTest, AllThatIsMadeOfImagesIsMadeOfCorrectedOnes) {
+TEST_F(RequestRendererTest, UsesCorrectedImagesForAllResults) {
   Rig rig = walls_.rig;
   for (size_t i = 0; i < rig.cameras.size(); i += 2)
     rig.cameras[i].colour = ColourModel{.black = {3, 4, 5}, .gamma = 2, .matrix = {1.1, 0, 0, 0, 1, 0, 0, 0, 0.9}};
@@ -165,7 +165,7 @@ TEST_F(RequestRendererTest, AllThatIsMadeOfImagesIsMadeOfCorrectedOnes) {
   EXPECT_EQ(render(walls_.sources()).bytes, plain.bytes);
 }
 
-TEST_F(RequestRendererTest, HypothesesAndBrightnessGoBeforeTheAnswer) {
+TEST_F(RequestRendererTest, HypothesesAndBrightnessPrecedeTheAnswer) {
   RenderedAnswer answer = render(walls_.sources());
   EXPECT_TRUE(answer.consistency.unit.empty());
   EXPECT_TRUE(answer.brightness.empty());
@@ -253,7 +253,7 @@ TEST_F(RequestRendererTest, ImagesMayBeOnAGpu) {
 }
 
 // Views that no longer exist must not hold megabytes.
-TEST_F(RequestRendererTest, ImagesOfOneViewAreMadeInAnothersMemory) {
+TEST_F(RequestRendererTest, ViewsShareImageMemory) {
   KeptImages kept;
   options_.resampling = Resampling::kSharpened;
   request_.gains = {.use = true, .ask = true};

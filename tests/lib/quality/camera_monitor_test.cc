@@ -53,14 +53,14 @@ class MonitoredArray : public testing::Test {
   CameraMonitor monitor_{scene_rig(kSide, kSide, 32, 24)};
 };
 
-TEST_F(MonitoredArray, OfGoodCamerasNobodyIsSuspected) {
+TEST_F(MonitoredArray, GoodCamerasAreNotSuspected) {
   turns(200);
   EXPECT_THAT(monitor_.suspects(), IsEmpty());
   EXPECT_EQ(monitor_.turns(), 200u);
   EXPECT_NEAR(monitor_.error(7).psnr_db, 25.1, 1e-9);
 }
 
-TEST_F(MonitoredArray, BadOnesAreFoundAndNoneOfTheirNeighbours) {
+TEST_F(MonitoredArray, FindsBadCamerasWithoutTheirNeighbours) {
   bad_ = {7, 8, 18};
   off = [](CameraIndex camera) {
     if (camera == 7) return PredictionError{24, 1, {-0.9, 0.1}};
@@ -79,7 +79,7 @@ TEST_F(MonitoredArray, BadOnesAreFoundAndNoneOfTheirNeighbours) {
   EXPECT_EQ(ever, bad_);
 }
 
-TEST_F(MonitoredArray, SettlesOnItsSuspectsAfterATurnOfEachAndAnotherOfTheOdd) {
+TEST_F(MonitoredArray, SettlesAfterASecondCheckOfOutliers) {
   turns(24);
   EXPECT_FALSE(monitor_.is_settled());
   turns(1);
@@ -96,7 +96,7 @@ TEST_F(MonitoredArray, SettlesOnItsSuspectsAfterATurnOfEachAndAnotherOfTheOdd) {
   EXPECT_THAT(monitor_.suspected(), ElementsAre(7, 18));
 }
 
-TEST_F(MonitoredArray, WhatHappensLaterIsNoticedSoonAndForgivenOnceMended) {
+TEST_F(MonitoredArray, NoticesLaterFaultsAndRepairs) {
   turns(60);
   bad_ = {12};
   const auto good = off;
@@ -109,7 +109,7 @@ TEST_F(MonitoredArray, WhatHappensLaterIsNoticedSoonAndForgivenOnceMended) {
   EXPECT_THAT(monitor_.suspects(), IsEmpty());
 }
 
-TEST_F(MonitoredArray, CamerasOutOfServiceHaveNoTurn) {
+TEST_F(MonitoredArray, CamerasOutOfServiceAreNotChecked) {
   out_ = {0, 3};
   turns(46);
   EXPECT_TRUE(std::isnan(monitor_.error(0).psnr_db));
@@ -119,7 +119,7 @@ TEST_F(MonitoredArray, CamerasOutOfServiceHaveNoTurn) {
   EXPECT_EQ(monitor_.next(out_), std::nullopt);
 }
 
-TEST_F(MonitoredArray, WithoutFiguresNobodyIsJudged) {
+TEST_F(MonitoredArray, UnknownValuesSuspectNoCamera) {
   off = [](CameraIndex camera) { return camera < 4 ? PredictionError{camera ? 30.0 : 5.0, 1, {0, 0}} : kNoPrediction; };
   turns(100);
   EXPECT_THAT(monitor_.suspects(), IsEmpty());
@@ -149,7 +149,7 @@ TEST(CameraProbe, SeesEveryFourthPixelOfTheCamera) {
   EXPECT_LE(compare(still.picture, sampled).max_error, 1);
 }
 
-TEST(CameraProbe, IsNeverLargerThanItsCamera) {
+TEST(CameraProbe, IsNotLargerThanItsCamera) {
   Rig rig = scene_rig(2, 2, 50, 37);
   rig.cameras[1].width = 1921;
   rig.cameras[1].height = 1081;
@@ -165,9 +165,9 @@ TEST(CameraProbe, IsNeverLargerThanItsCamera) {
 
 using TurnResult = ProbeScheduler::TurnResult;
 
-class CameraTurnsTest : public testing::Test {
+class ProbeSchedulerTest : public testing::Test {
  protected:
-  CameraTurnsTest() {
+  ProbeSchedulerTest() {
     shown_.view = {.width = 64, .height = 48, .lens = Lens::pinhole(50, 31.5, 23.5), .pose = {}, .focus = {}};
     shown_.view.focus.plane = focal_plane_at(shown_.view.pose, kSceneMiddle);
   }
@@ -191,7 +191,7 @@ class CameraTurnsTest : public testing::Test {
   ProbeScheduler turns_;
 };
 
-TEST_F(CameraTurnsTest, LostProbesAreWaitedForAWhile) {
+TEST_F(ProbeSchedulerTest, WaitsForLostProbes) {
   ASSERT_TRUE(turns_.next(rig_, shown_, 1));
   for (unsigned i = 0; i < ProbeScheduler::kProbeTimeout; i++) EXPECT_FALSE(turns_.next(rig_, shown_, 1)) << i;
   EXPECT_TRUE(turns_.next(rig_, shown_, 1));
@@ -199,7 +199,7 @@ TEST_F(CameraTurnsTest, LostProbesAreWaitedForAWhile) {
   EXPECT_TRUE(turns_.next(rig_, shown_, 1));
 }
 
-TEST_F(CameraTurnsTest, ProbesThatAreNotOfTheTurn) {
+TEST_F(ProbeSchedulerTest, IgnoresOtherProbes) {
   ViewRequest other;
   EXPECT_FALSE(turns_.expects(other)) << "no probe pending";
   const auto probe = turns_.next(rig_, shown_, 1);
@@ -213,7 +213,7 @@ TEST_F(CameraTurnsTest, ProbesThatAreNotOfTheTurn) {
   EXPECT_EQ(turns_.monitor()->turns(), 0u);
 }
 
-TEST_F(CameraTurnsTest, AnotherRigIsWatchedFromTheBeginning) {
+TEST_F(ProbeSchedulerTest, NewRigRestartsTheChecks) {
   turn(*turns_.next(rig_, shown_, 1));
   EXPECT_EQ(turns_.monitor()->turns(), 1u);
   EXPECT_TRUE(turns_.next(scene_rig(2, 2, 80, 60), shown_, 1));
@@ -222,7 +222,7 @@ TEST_F(CameraTurnsTest, AnotherRigIsWatchedFromTheBeginning) {
 }
 
 // Predictions have no error, because the test knows the exact scene.
-TEST_F(CameraTurnsTest, ADarkerCameraComesToBeSuspected) {
+TEST_F(ProbeSchedulerTest, DarkCameraBecomesSuspect) {
   constexpr CameraIndex kDark = 4;
   TurnResult latest = TurnResult::kBothProbes;
   for (size_t i = 0; i < 4 * rig_.cameras.size() && latest != TurnResult::kSuspectsChanged; i++) {
@@ -241,7 +241,7 @@ std::vector<double> even(double first, double period, int count) {
   return times;
 }
 
-TEST(FrameTimeStats, EvenFramesHaveARateAndNothingElse) {
+TEST(FrameTimeStats, RegularFramesHaveARate) {
   const FrameTimeStats times = frame_time_stats(even(1e5, 1 / 30.0, 90));
   EXPECT_EQ(times.frames, 90u);
   EXPECT_NEAR(times.rate(), 30, 1e-6);
@@ -260,7 +260,7 @@ TEST(FrameTimeStats, MissingFramesAreCountedAndDoNotChangeTheRate) {
   EXPECT_NEAR(measured.period, 0.04, 1e-9);
 }
 
-TEST(FrameTimeStats, JitterIsThatOfTheStamps) {
+TEST(FrameTimeStats, MeasuresJitter) {
   std::mt19937 random(1);
   std::normal_distribution<double> noise(0, 0.002);
   std::vector<double> times = even(0, 1 / 15.0, 300);
@@ -271,7 +271,7 @@ TEST(FrameTimeStats, JitterIsThatOfTheStamps) {
   EXPECT_EQ(measured.missing, 0u);
 }
 
-TEST(FrameTimeStats, TimesThatGoBackAreCountedAndLeftOut) {
+TEST(FrameTimeStats, DecreasingTimesAreCountedAndLeftOut) {
   std::vector<double> times = even(0, 0.1, 20);
   times[10] = times[8];
   const FrameTimeStats measured = frame_time_stats(times);
@@ -280,11 +280,11 @@ TEST(FrameTimeStats, TimesThatGoBackAreCountedAndLeftOut) {
   EXPECT_EQ(measured.missing, 1u) << "frame without a known capture time";
 }
 
-TEST(FrameTimeStats, FewFramesTellNothing) {
+TEST(FrameTimeStats, FewFramesHaveNoRate) {
   for (int count = 0; count < 3; count++) EXPECT_EQ(frame_time_stats(even(0, 0.1, count)).period, 0) << count;
 }
 
-TEST(Skew, IsThatOfTheCamerasWhereverTheirPhasesWrap) {
+TEST(Skew, HandlesWrappedPhases) {
   const double period = 0.04;
   for (const double shift : {0.0, 0.013, 0.0199, 0.039}) {
     const std::vector<FrameTimeStats> cameras = {frame_time_stats(even(shift, period, 50)),
@@ -299,7 +299,7 @@ TEST(Skew, IsThatOfTheCamerasWhereverTheirPhasesWrap) {
   }
 }
 
-TEST(Skew, LeavesOutOtherRatesAndTellsDrift) {
+TEST(Skew, LeavesOutOtherRatesAndMeasuresDrift) {
   const std::vector<FrameTimeStats> cameras = {
       frame_time_stats(even(0, 0.04, 50)), frame_time_stats(even(0, 0.040004, 50)), FrameTimeStats{},
       frame_time_stats(even(0, 0.1, 50)), frame_time_stats(even(0.01, 0.04, 50))};
@@ -311,7 +311,7 @@ TEST(Skew, LeavesOutOtherRatesAndTellsDrift) {
   EXPECT_TRUE(camera_skew({}).phase.empty());
 }
 
-class WaveTest : public testing::Test {
+class HandWaveDetectorTest : public testing::Test {
  protected:
   template <typename Change>
   void pass(double seconds, Change change) {
@@ -330,7 +330,7 @@ class WaveTest : public testing::Test {
   HandWaveDetector finder_{4};
 };
 
-TEST_F(WaveTest, FindsTheCameraBehindTheHandUntilItGoes) {
+TEST_F(HandWaveDetectorTest, FindsTheCoveredCamera) {
   pass(2, nothing);
   EXPECT_EQ(finder_.found(), std::nullopt);
   for (const size_t which : {2, 0}) {
@@ -344,7 +344,7 @@ TEST_F(WaveTest, FindsTheCameraBehindTheHandUntilItGoes) {
   }
 }
 
-TEST_F(WaveTest, IsNotFooledByWhatAllSeeOrByLight) {
+TEST_F(HandWaveDetectorTest, IgnoresCommonChangesAndLight) {
   pass(2, nothing);
   pass(1, [](size_t, std::vector<float>& parts) { std::fill(parts.begin(), parts.begin() + 24, 0.1f); });
   EXPECT_EQ(finder_.found(), std::nullopt) << "a person walks past";
@@ -355,7 +355,7 @@ TEST_F(WaveTest, IsNotFooledByWhatAllSeeOrByLight) {
   EXPECT_EQ(finder_.found(), std::nullopt) << "exposure change of a camera";
 }
 
-TEST_F(WaveTest, WhatStaysBecomesUsual) {
+TEST_F(HandWaveDetectorTest, LastingChangesBecomeUsual) {
   const auto covered = [](size_t camera, std::vector<float>& parts) {
     if (camera == 3) std::fill(parts.begin(), parts.end(), 0.1f);
   };
@@ -366,7 +366,7 @@ TEST_F(WaveTest, WhatStaysBecomesUsual) {
   EXPECT_EQ(finder_.found(), std::nullopt);
 }
 
-TEST(Wave, NobodyIsFoundWhereNobodyIs) {
+TEST(HandWaveDetector, FindsNothingWithoutCameras) {
   EXPECT_EQ(HandWaveDetector(0).found(), std::nullopt);
   EXPECT_EQ(HandWaveDetector(1).found(), std::nullopt);
 }

@@ -126,7 +126,7 @@ TEST(Quality, NothingCovered) {
   EXPECT_EQ(q.coverage, 0);
 }
 
-TEST(Quality, RefusesWhatCannotBeCompared) {
+TEST(Quality, RefusesIncomparablePictures) {
   EXPECT_THROW(compare(grey(3, 3, 1), grey(3, 4, 1)), Error);
   EXPECT_THROW(compare(grey(4, 4, 1), Image(PixelFamily::kI420, 4, 4)), Error);
   EXPECT_THROW(compare(grey(3, 3, 1), grey(3, 3, 1), std::vector<float>(8, 1.0f)), Error);
@@ -139,7 +139,7 @@ Image picture(const Vec2& shift = {0, 0}, double gain = 1) {
   return image;
 }
 
-TEST(Prediction, OfItselfIsPerfect) {
+TEST(Prediction, IsPerfectForEqualPictures) {
   const PredictionError error = compare_prediction(picture(), picture(), {});
   EXPECT_EQ(error.psnr_db, INFINITY);
   EXPECT_NEAR(error.gain, 1, 1e-9);
@@ -156,7 +156,7 @@ TEST(Prediction, GainAndShiftAreFound) {
     }
 }
 
-TEST(Prediction, WhatIsNotPredictedDoesNotCount) {
+TEST(Prediction, IgnoresUncoveredPixels) {
   Image predicted = picture();
   std::vector<float> coverage(80 * 60, 1);
   for (int y = 0; y < 60; y++)
@@ -178,14 +178,14 @@ TEST(Prediction, OutliersHaveLittleWeight) {
   EXPECT_NEAR(error.shift.x, 0.5, 0.15);
 }
 
-TEST(Prediction, NothingIsToldOfNothing) {
+TEST(Prediction, IsUnknownWithoutCoverage) {
   const Image flat(PixelFamily::kRgb, 80, 60);
   EXPECT_TRUE(std::isnan(compare_prediction(flat, flat, {}).gain));
   EXPECT_TRUE(std::isnan(compare_prediction(picture(), picture(), std::vector<float>(80 * 60)).psnr_db));
   EXPECT_THROW(compare_prediction(picture(), Image(PixelFamily::kRgb, 8, 8), {}), Error);
 }
 
-TEST(Differences, AreWhatThePsnrIsOf) {
+TEST(Differences, MatchThePsnr) {
   Image a(PixelFamily::kRgb, 7, 5), b(PixelFamily::kRgb, 7, 5);
   for (size_t i = 0; i < a.data().size(); i++) {
     a.data()[i] = static_cast<uint8_t>(37 * i % 251);

@@ -21,7 +21,7 @@ View view_at(const Vec3& eye, double focus) {
   return view;
 }
 
-TEST(CameraProjection, IsTheFocalPointSeenByTheCamera) {
+TEST(CameraProjection, ProjectsTheFocalPoint) {
   Rig rig = scene_rig(2, 2, 64, 48);
   rig.cameras[2].lens = Lens(LensModel::kRadial, {80, 31.5, 23.5, -0.1, 0.02});
   const Mesh mesh = build_mesh(rig);
@@ -48,7 +48,7 @@ TEST(CameraProjection, IsTheFocalPointSeenByTheCamera) {
   }
 }
 
-TEST(CameraProjection, BehindTheCameraIsLost) {
+TEST(CameraProjection, PointsBehindTheCameraAreInvisible) {
   Rig rig = scene_rig(2, 2, 64, 48);
   const View view = view_at({0, 0, -5}, 2);  // the focal plane is 3 m behind the cameras
   const ViewPlan plan(rig, build_mesh(rig), view);
@@ -88,7 +88,7 @@ namespace {
 int area(const Rect& rect) { return rect.empty() ? 0 : rect.width() * rect.height(); }
 
 // Returns all pixels that sampling the camera for the rectangle reads, including chroma.
-Rect touched(const ViewPlan& plan, const Rect& rect, CameraIndex index, const Camera& camera) {
+Rect sampled_pixels(const ViewPlan& plan, const Rect& rect, CameraIndex index, const Camera& camera) {
   const CameraProjection projection(plan, index, camera);
   Rect all;
   const auto sample = [&](const Vec2& ray, double inverse) {
@@ -123,7 +123,7 @@ std::shared_ptr<const FocalMap> random_map(reference::Random& random, const View
   return std::make_shared<const FocalMap>(std::move(map));
 }
 
-TEST(SourceRegion, HoldsEverySampleOfAnyRigAndSurface) {
+TEST(SourceRegion, ContainsEverySample) {
   reference::Random random(7);
   int regions = 0, through_maps = 0;
   for (int i = 0; i < 300; i++) {
@@ -134,7 +134,7 @@ TEST(SourceRegion, HoldsEverySampleOfAnyRigAndSurface) {
     const ViewPlan plan(rig, build_mesh(rig), view);
     for (const CameraIndex camera : plan.contributors()) {
       const Rect rect = chroma_aligned(plan.camera_rect(camera), view);
-      const Rect need = touched(plan, rect, camera, rig.cameras[camera]);
+      const Rect need = sampled_pixels(plan, rect, camera, rig.cameras[camera]);
       if (need.empty()) continue;
       const Rect region = source_region(plan, rect, camera, rig.cameras[camera]);
       EXPECT_EQ(intersect(need, region), need)
@@ -149,7 +149,7 @@ TEST(SourceRegion, HoldsEverySampleOfAnyRigAndSurface) {
   EXPECT_GT(through_maps, 300);
 }
 
-TEST(SourceRegion, IsLittleMoreThanThat) {
+TEST(SourceRegion, IsTight) {
   const Rig rig = scene_rig(8, 8, 640, 480);
   View view;
   view.width = 640;
@@ -160,7 +160,7 @@ TEST(SourceRegion, IsLittleMoreThanThat) {
   const ViewPlan plan(rig, build_mesh(rig), view);
   int needed = 0, decoded = 0;
   for (const CameraIndex camera : plan.contributors()) {
-    needed += area(touched(plan, plan.camera_rect(camera), camera, rig.cameras[camera]));
+    needed += area(sampled_pixels(plan, plan.camera_rect(camera), camera, rig.cameras[camera]));
     decoded += area(source_region(plan, plan.camera_rect(camera), camera, rig.cameras[camera]));
   }
   EXPECT_GT(needed, 0);
@@ -174,9 +174,9 @@ namespace lf {
 
 namespace {
 
-class DetailTest : public testing::Test {
+class PixelForPixelTest : public testing::Test {
  protected:
-  DetailTest() {
+  PixelForPixelTest() {
     camera_.width = 320;
     camera_.height = 240;
     camera_.lens = Lens(LensModel::kRadial, {400, 159.5, 119.5, -0.1, 0.02});
@@ -189,12 +189,12 @@ class DetailTest : public testing::Test {
   View view_;
 };
 
-TEST_F(DetailTest, TheCamerasOwnViewIsItsPixels) {
+TEST_F(PixelForPixelTest, ViewOfTheCameraIsPixelForPixel) {
   EXPECT_TRUE(is_pixel_for_pixel(view_, camera_));
   EXPECT_FALSE(shows_detail(view_, camera_));
 }
 
-TEST_F(DetailTest, SoIsAPartOfIt) {
+TEST_F(PixelForPixelTest, CropOfTheViewIsPixelForPixel) {
   view_.width = 100;
   view_.height = 80;
   view_.lens = Lens(LensModel::kRadial, {400, 149.5, 89.5, -0.1, 0.02});
@@ -203,7 +203,7 @@ TEST_F(DetailTest, SoIsAPartOfIt) {
   EXPECT_FALSE(is_pixel_for_pixel(view_, camera_)) << "between its pixels";
 }
 
-TEST_F(DetailTest, AnyOtherViewIsNot) {
+TEST_F(PixelForPixelTest, OtherViewsAreNotPixelForPixel) {
   const auto expect_detail = [this](const char* what, const auto& change) {
     View other = view_;
     change(other);
@@ -220,7 +220,7 @@ TEST_F(DetailTest, AnyOtherViewIsNot) {
   });
 }
 
-TEST_F(DetailTest, CoarseViewsDoNotShowIt) {
+TEST_F(PixelForPixelTest, CoarseViewsShowNoDetail) {
   view_.pose.position.x += 0.1;
   view_.lens = Lens::pinhole(301, 159.5, 119.5);
   EXPECT_TRUE(shows_detail(view_, camera_));

@@ -16,7 +16,7 @@ using reference::Random;
 
 constexpr int kGridWidth = 45, kGridHeight = 33;
 
-TEST(WeightGrid, SumsToOneToTheBitAndIsBilinear) {
+TEST(WeightGrid, SumsToExactlyOneAndIsBilinear) {
   constexpr CameraIndex kCameras = 100;
   Random random(1);
   WeightGrid grid(kGridWidth, kGridHeight, kCameras);
@@ -57,7 +57,7 @@ TEST(WeightGrid, SumsToOneToTheBitAndIsBilinear) {
     }
 }
 
-TEST(WeightGrid, OneCameraHasItAll) {
+TEST(WeightGrid, OneCameraHasTheWholeWeight) {
   WeightGrid grid(1, 1, 3);
   const WeightGrid::Share share{2, 1e-300};
   for (int i = 0; i < grid.columns() * grid.rows(); i++) grid.add_point({&share, 1});
@@ -66,7 +66,7 @@ TEST(WeightGrid, OneCameraHasItAll) {
   EXPECT_TRUE(grid.camera_rect(0).empty());
 }
 
-TEST(WeightGrid, ACameraIsBoundedByThePointsBesideItsOwn) {
+TEST(WeightGrid, CameraRectIsBoundedByNeighbouringPoints) {
   WeightGrid grid(100, 50, 2);
   for (int j = 0; j < grid.rows(); j++)
     for (int i = 0; i < grid.columns(); i++) {
@@ -129,7 +129,7 @@ void compare(const Rig& rig, const CameraSet& out, const View& view, Random& ran
   }
 }
 
-TEST(CameraWeights, AreAsStatedInRandomArrays) {
+TEST(CameraWeights, MatchTheFormulaInRandomArrays) {
   Largest largest;
   for (int i = 0; i < 600; i++) {
     SCOPED_TRACE(i);
@@ -148,7 +148,7 @@ TEST(CameraWeights, AreAsStatedInRandomArrays) {
   EXPECT_GT(largest.in_focus, largest.pixels / 2);
 }
 
-TEST(CameraWeights, AreAsStatedInTheHardCases) {
+TEST(CameraWeights, MatchTheFormulaInHardCases) {
   for (const reference::HardCase& hard : reference::hard_cases()) {
     SCOPED_TRACE(hard.name);
     Largest largest;
@@ -188,7 +188,7 @@ double difference(const std::vector<double>& a, const std::vector<double>& b) {
 }
 
 // Moving the viewpoint by 1e-5 of a pitch changes no weight by much more, if it is no nearer to a camera.
-TEST(CameraWeights, AreContinuousInTheEye) {
+TEST(CameraWeights, AreContinuousInTheViewpoint) {
   double largest = 0;
   for (int i = 0; i < 3000; i++) {
     Random random(i);
@@ -212,7 +212,7 @@ TEST(CameraWeights, AreContinuousInTheEye) {
   EXPECT_GT(largest, 0);
 }
 
-TEST(CameraWeights, AnEyeAtACameraSeesByAngleThroughItAlone) {
+TEST(CameraWeights, ViewpointAtACameraUsesOnlyThatCamera) {
   Random random(1);
   Rig rig = reference::planar_grid(3, 3, 0.1);
   for (Camera& camera : rig.cameras) camera.pose.position += random.point_in_box(0.03);
@@ -224,7 +224,7 @@ TEST(CameraWeights, AnEyeAtACameraSeesByAngleThroughItAlone) {
   }
 }
 
-TEST(CameraWeights, AnApertureHoldsMoreCamerasTheWiderItIs) {
+TEST(CameraWeights, WiderAperturesUseMoreCameras) {
   const Rig rig = reference::planar_grid(9, 9, 0.1);
   View view = reference::view_at({0.02, -0.03, -1});
   int before = 0;
@@ -240,7 +240,7 @@ TEST(CameraWeights, AnApertureHoldsMoreCamerasTheWiderItIs) {
 }
 
 // At most WeightGrid::kMaxShares cameras: adding the 65th causes no jump.
-TEST(CameraWeights, OfVeryManyCamerasTheNearestCount) {
+TEST(CameraWeights, LimitsTheNumberOfCameras) {
   const Rig rig = reference::planar_grid(20, 20, 0.1);
   View view = reference::view_at({0.02, -0.03, -1});
   view.blending = {Blending::Kind::kAperture, 10, 0};
@@ -257,7 +257,7 @@ TEST(CameraWeights, OfVeryManyCamerasTheNearestCount) {
 }
 
 // Requests may contain finite numbers that overflow.
-TEST(CameraWeights, AnyNumbersHaveWeights) {
+TEST(CameraWeights, AcceptAnyFiniteNumbers) {
   const Rig rig = reference::planar_grid(9, 9, 0.1);
   for (const double far : {1e160, 1e300})
     for (const double focal : {1e-300, 50., 1e300})
@@ -275,7 +275,7 @@ TEST(CameraWeights, AnyNumbersHaveWeights) {
       }
 }
 
-TEST(CameraWeights, OneTwoAndACameraThatIsThereTwice) {
+TEST(CameraWeights, OneTwoAndCoincidentCameras) {
   for (const Blending blending : {Blending{Blending::Kind::kAperture, 0.2, 0}, Blending{Blending::Kind::kAngle, 0, 4}})
     for (const int cameras : {1, 2, 3}) {
       Rig rig = reference::planar_grid(1, cameras, 0.1);

@@ -27,7 +27,7 @@ View from_behind(const Rig& rig, double distance) {
   return view;
 }
 
-TEST(RigColourCorrections, NeighboursDiffer) {
+TEST(CameraColours, NeighboursDiffer) {
   const Rig rig = grid(8, 8);
   const Mesh mesh = build_mesh(rig);
   const std::vector<CameraColour> colours = camera_colours(mesh, 64);
@@ -39,7 +39,7 @@ TEST(RigColourCorrections, NeighboursDiffer) {
   }
 }
 
-TEST(ValidWeights, AreTheHatLessWhatIsLost) {
+TEST(ValidWeights, AreTheWeightsWithoutMissingOnes) {
   const Rig rig = grid(2, 2);
   const View view = from_behind(rig, 0.5);
   const ViewPlan plan(rig, build_mesh(rig), view);
@@ -64,7 +64,7 @@ TEST(MeanCoverage, IsTheMeanOfTheCoverage) {
   EXPECT_GT(sum, 0);
 }
 
-TEST(PixelShares, NameWhoMakesThePixel) {
+TEST(PixelShares, ListTheCamerasOfAPixel) {
   Rig rig = grid(3, 3);
   rig.cameras[1].pose.orientation = Quat(0.995, 0, 0.0998, 0);
   rig.cameras[1].lens = Lens::pinhole(600, 31.5, 31.5);
@@ -84,7 +84,7 @@ TEST(PixelShares, NameWhoMakesThePixel) {
   EXPECT_NEAR(shares[2].weight, 0.2, 0.08);
 }
 
-TEST(ContributionMap, EveryCameraShowsItsColourWhereItIsSeen) {
+TEST(ContributionMap, EveryCameraHasItsColour) {
   const Rig rig = grid(3, 3);
   const Mesh mesh = build_mesh(rig);
   const View view = from_behind(rig, 0.3);
@@ -114,7 +114,7 @@ TEST(ContributionMap, OutlinesTheFaces) {
   }
 }
 
-TEST(ContributionMap, APictureShowsThrough) {
+TEST(ContributionMap, UnderlayShowsThrough) {
   const Rig rig = grid(2, 2);
   const Mesh mesh = build_mesh(rig);
   const View view = from_behind(rig, 0.15);
@@ -147,7 +147,7 @@ Viewpoint moved(const Rig& rig, const Vec3& by) {
   return v;
 }
 
-TEST(VisibleFraction, IsOneInsideOfTheArrayAndZeroBesideIt) {
+TEST(VisibleFraction, IsOneInsideAndZeroBesideTheArray) {
   const Rig rig = array(4, 6);
   const VisibleFraction share(rig);
   EXPECT_NEAR(share(moved(rig, {0.02, 0.03, 0}), kAspect), 1, 1e-6);
@@ -156,7 +156,7 @@ TEST(VisibleFraction, IsOneInsideOfTheArrayAndZeroBesideIt) {
   EXPECT_EQ(share(moved(rig, {0, -0.16, 0}), kAspect), 0);
 }
 
-TEST(VisibleFraction, FromBehindTheArrayIsAWindow) {
+TEST(VisibleFraction, ViewFromBehindIsAWindow) {
   const Rig rig = array(4, 6);
   const VisibleFraction share(rig);
   // 1 m behind the array: 0.5 m of the view's width of 2 tan(20) m x 4/3, times 0.3 m of its height of 2 tan(20) m.
@@ -165,7 +165,7 @@ TEST(VisibleFraction, FromBehindTheArrayIsAWindow) {
   EXPECT_LT(share(moved(rig, {0, 0, -3}), kAspect), share(moved(rig, {0, 0, -1}), kAspect));
 }
 
-TEST(VisibleFraction, CountsWhatNoCameraSees) {
+TEST(VisibleFraction, ExcludesInvisibleParts) {
   const Rig rig = array(4, 6);
   const VisibleFraction share(rig);
   Viewpoint wide = default_viewpoint(rig);
@@ -193,7 +193,7 @@ TEST(VisibleFraction, OneCameraAndARow) {
   EXPECT_EQ(VisibleFraction(row)(moved(row, {0.3, 0, 0}), kAspect), 0);
 }
 
-TEST(VisibleFraction, HomeFitsTheShapeOfTheView) {
+TEST(VisibleFraction, HomeFitsTheAspectRatio) {
   for (const double error : {0.0, 2.0}) {
     Rig rig = array(4, 6);
     std::mt19937 random(3);
@@ -219,7 +219,7 @@ TEST(VisibleFraction, HomeFitsTheShapeOfTheView) {
   }
 }
 
-TEST(VisibleFraction, HomeOfASetHasNoDarkEye) {
+TEST(VisibleFraction, HomeOfASetHasNoDarkView) {
   const Rig rig = array(4, 6);
   const Mesh mesh = build_mesh(rig);
   const VisibleFraction share(rig);
@@ -255,7 +255,7 @@ TEST(VisibleFraction, HomeOfARingIsTheDefault) {
   EXPECT_EQ(VisibleFraction(ring).home(kAspect, 3).focus_distance, 3);
 }
 
-TEST(LostWeights, AreWhatIsMissingOfTheCoverage) {
+TEST(MissingWeights, ComplementTheCoverage) {
   Rig rig = grid(3, 3);
   rig.cameras[4].pose.orientation = Quat(0, 0, 1, 0);  // looks back: its weight is lost
   const View view = from_behind(rig, 0.3);
@@ -278,7 +278,7 @@ TEST(LostWeights, AreWhatIsMissingOfTheCoverage) {
   EXPECT_GT(some, 100);
 }
 
-TEST(CameraPlaces, AreWhereCamerasAreSeenFromBehind) {
+TEST(CameraContributions, MatchThePositionsSeenFromBehind) {
   const Rig rig = grid(3, 3);
   const View view = from_behind(rig, 0.5);
   const ViewPlan plan(rig, build_mesh(rig), view);

@@ -49,7 +49,7 @@ double phase(const Image& picture, int y, double pixels) {
   return std::atan2(b, a) / (2 * M_PI) * pixels;
 }
 
-TEST(EpipolarImage, LeansByTheDepth) {
+TEST(EpipolarImage, SlopeDependsOnTheDepth) {
   const Rig rig = make_grid_rig({.rows = 1, .columns = 6, .pitch = 0.02, .fov_y_deg = 40, .width = 200, .height = 60});
   const std::vector<CameraIndex> line = row_of_cameras(rig, 0);
   const double f = rig.cameras[0].lens.fx();
@@ -65,7 +65,7 @@ TEST(EpipolarImage, LeansByTheDepth) {
   }
 }
 
-TEST(EpipolarImage, IsWhatEachCameraSeesOfOneLine) {
+TEST(EpipolarImage, RowsShowOneLineOfEachCamera) {
   Rig rig = scene_rig(3, 4, 96, 72);
   std::mt19937 random(5);
   std::uniform_real_distribution<double> off(-0.004, 0.004), degrees(-2, 2);
@@ -117,7 +117,7 @@ TEST(EpipolarImage, IsWhatEachCameraSeesOfOneLine) {
   }
 }
 
-TEST(EpipolarImage, CamerasStandInItWhereTheyStandInTheLine) {
+TEST(EpipolarImage, RowsAreProportionalToThePositions) {
   Rig rig = make_grid_rig({.rows = 1, .columns = 3, .pitch = 0.1, .fov_y_deg = 40, .width = 40, .height = 30});
   rig.cameras[1].pose.position.x = -0.08;
   std::vector<Image> images;
@@ -133,7 +133,7 @@ TEST(EpipolarImage, CamerasStandInItWhereTheyStandInTheLine) {
   EXPECT_EQ(rows[2], 140);
 }
 
-TEST(EpipolarImage, RefusesNonsense) {
+TEST(EpipolarImage, RefusesInvalidOptions) {
   Rig rig = make_grid_rig({.rows = 2, .columns = 3, .pitch = 0.1, .fov_y_deg = 40, .width = 40, .height = 30});
   const std::vector<Image> images(6, Image(PixelFamily::kRgb, 40, 30)), small(6, Image(PixelFamily::kRgb, 20, 30));
   const std::vector<CameraIndex> line = row_of_cameras(rig, 1);

@@ -191,7 +191,7 @@ TEST(Extrapolation, PixelsInsideTheMeshStayTheSame) {
   EXPECT_GT(beside, 10000);
 }
 
-TEST(Extrapolation, ACoveredViewHasNoGrid) {
+TEST(Extrapolation, CoveredViewHasNoGrid) {
   const Rig rig = reference::planar_grid(4, 4, 0.5);
   View view = view_from({0, 0, 0.001});
   EXPECT_EQ(ViewPlan(rig, build_mesh(rig), view).blend(), nullptr);
@@ -351,7 +351,7 @@ TEST(Extrapolation, IsContinuousAtTheBorder) {
 }
 
 // A row of cameras has strips, which reach to infinity above and below. Pixels beyond its ends are extrapolated.
-TEST(Extrapolation, ARowContinuesBeyondItsEnds) {
+TEST(Extrapolation, RowContinuesBeyondItsEnds) {
   Rig rig = reference::planar_grid(1, 5, 0.5);
   rig.topology = {};
   rig.topology.type = Topology::Type::kDelaunay;
@@ -369,7 +369,7 @@ TEST(Extrapolation, ARowContinuesBeyondItsEnds) {
 }
 
 // Cameras that get their homographies by command do not extrapolate: one homography covers one face.
-TEST(Extrapolation, DoesNotConcernHomographies) {
+TEST(Extrapolation, DoesNotAffectHomographies) {
   const Rig rig = reference::planar_grid(4, 4, 0.5);
   View view = view_from({2, 0, 0});
   view.blending.extrapolates = false;

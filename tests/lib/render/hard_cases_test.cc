@@ -42,13 +42,13 @@ void expect_within_bounds(const reference::HardCase& hard, const std::vector<ref
   }
 }
 
-TEST(HardCases, AreWithinTheirBounds) {
+TEST(HardCases, AreWithinTheErrorBounds) {
   const std::vector<reference::Subject> subjects = reference::subjects();
   reference::print_heading(subjects);
   for (const reference::HardCase& hard : reference::hard_cases()) expect_within_bounds(hard, subjects);
 }
 
-TEST(HardCases, AreWithinTheirBoundsInLargePictures) {
+TEST(HardCases, AreWithinTheErrorBoundsInLargePictures) {
   const std::vector<reference::Subject> subjects = reference::subjects();
   reference::print_heading(subjects);
   for (const reference::HardCase& hard : reference::hard_cases())
@@ -86,7 +86,7 @@ TEST(EyeOnTheBorder, SeesTheWholePicture) {
   EXPECT_LE(largest, 1e-6);
 }
 
-// --- numbers that are none -------------------------------------------------------------------------------------------
+// --- Numbers that are not finite -------------------------------------------------------------------------------------
 
 template <typename Function>
 std::string error_of(const Function& function) {
@@ -98,7 +98,7 @@ std::string error_of(const Function& function) {
   return "no error";
 }
 
-TEST(NotANumber, IsAnErrorThatNamesTheField) {
+TEST(NotANumber, ErrorNamesTheField) {
   using testing::StartsWith;
   const double infinity = std::numeric_limits<double>::infinity();
   for (const double bad : {kNaN, infinity, -infinity}) {
@@ -156,7 +156,7 @@ class Chess : public testing::Test {
   std::vector<Image> images_;
 };
 
-TEST_F(Chess, EveryViewIsAsGoodAsTheReference) {
+TEST_F(Chess, EveryViewMatchesTheReferenceQuality) {
   const std::vector<Image> i420 = test::i420_of(images_);
   std::printf(
       "PSNR against truth and coverage as in quality.h; +-1: pixels with coverage > 0.999, +-1 (all): all pixels\n");

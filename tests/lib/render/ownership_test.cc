@@ -58,7 +58,7 @@ int64_t count_owned(const Rig& rig, const View& view) {
   return owned;
 }
 
-TEST(FaceRuns, AreWhatEveryPixelSays) {
+TEST(FaceRuns, MatchEveryPixel) {
   for (const reference::HardCase& small : reference::hard_cases())
     for (const reference::HardCase& hard : {small, reference::enlarged(small, reference::kEnlarged)}) {
       SCOPED_TRACE(hard.name);
@@ -71,7 +71,7 @@ TEST(FaceRuns, AreWhatEveryPixelSays) {
 }
 
 // Vertical, horizontal and slanted face edges through pixel centres: the last bit decides the owner.
-TEST(FaceRuns, AreExactWhereEdgesMeetPixels) {
+TEST(FaceRuns, AreExactAtEdgesThroughPixels) {
   const Rig rig = make_grid_rig({5, 5, 0.25, 60, 64, 48});
   View view;
   view.width = view.height = 65;

@@ -108,7 +108,7 @@ TEST(RandomRigs, NoPixelIsCountedTwiceOrMissed) {
   EXPECT_GT(folded_views, kRigs / 20);
 }
 
-TEST(RandomRigs, LostWeightIsTheReferences) {
+TEST(RandomRigs, MissingWeightMatchesTheReference) {
   int64_t compared = 0, lost = 0;
   double largest = 0;
   for (int i = 0; i < 1000; i++) {

@@ -41,7 +41,7 @@ TEST(StanfordFocus, IsFoundInThePictures) {
   EXPECT_THAT(found.notes[0], testing::HasSubstr("from the images"));
 }
 
-TEST(StanfordFocus, PicturesThatAreNotShiftedStayAsTheyAre) {
+TEST(StanfordFocus, UnshiftedPicturesStayUnshifted) {
   const TempDir dir;
   export_scene(dir, 0);
   const RigImport found = import_stanford_pictures(dir / "named", {.focus_distance = -1});
@@ -52,7 +52,7 @@ TEST(StanfordFocus, PicturesThatAreNotShiftedStayAsTheyAre) {
   EXPECT_THAT(found.notes[1], testing::HasSubstr("unshifted"));
 }
 
-TEST(StanfordFocus, WhatIsGivenIsTaken) {
+TEST(StanfordFocus, KeepsGivenOptions) {
   const TempDir dir;
   const StanfordOptions truth = export_scene(dir, 3);
   const Camera found = import_stanford_pictures(dir / "named", truth).rig.cameras[2];

@@ -11,7 +11,7 @@ namespace lf {
 
 namespace {
 
-TEST(SumRounding, LostWeightIsWidenedExactly) {
+TEST(SumRounding, MissingWeightIsExact) {
   for (int n = 0; n < 256; n++) {
     const auto lost = static_cast<uint8_t>(n);
     uint16_t wide = 0;
@@ -21,7 +21,7 @@ TEST(SumRounding, LostWeightIsWidenedExactly) {
   }
 }
 
-TEST(SumRounding, EverySumToTheNearestLevelHalvesUp) {
+TEST(SumRounding, RoundsToNearestWithHalvesUp) {
   for (int sum = INT16_MIN; sum <= INT16_MAX; sum++) {
     const auto in = static_cast<int16_t>(sum);
     const int nearest = static_cast<int>(std::floor(sum / 128. + 0.5));
@@ -35,7 +35,7 @@ TEST(SumRounding, EverySumToTheNearestLevelHalvesUp) {
   }
 }
 
-TEST(SumRounding, FragmentsComeBackFromTheirSums) {
+TEST(SumRounding, FragmentsRoundTripThroughSums) {
   const Rect rect{2, 4, 5, 7};
   for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420}) {
     std::vector<int16_t> samples(packed_size(family, 3, 3));

@@ -140,7 +140,7 @@ void expect_within_bound(PixelFamily family, Coordinates coordinates, bool hard,
   EXPECT_LE(worst.lost, 1e-4);
 }
 
-TEST(SumRenderer, IsWithinItsBoundOfTheRule) {
+TEST(SumRenderer, IsWithinTheErrorBound) {
   test::on_every_target([] {
     for (const PixelFamily family : {PixelFamily::kI420, PixelFamily::kRgb})
       for (const Coordinates coordinates : {Coordinates::kGrid, Coordinates::kExact})
@@ -148,14 +148,14 @@ TEST(SumRenderer, IsWithinItsBoundOfTheRule) {
   });
 }
 
-TEST(SumRenderer, IsWithinItsBoundThroughAFocalMap) {
+TEST(SumRenderer, IsWithinTheErrorBoundWithAFocalMap) {
   test::on_every_target([] {
     for (const PixelFamily family : {PixelFamily::kI420, PixelFamily::kRgb})
       for (const bool hard : {false, true}) expect_within_bound(family, Coordinates::kGrid, hard, true);
   });
 }
 
-TEST(FloatRenderer, SamplesAsTheReference) {
+TEST(FloatRenderer, SamplesLikeTheReference) {
   Random random(5);
   const Rig rig = jittered_array(random, 3, 93, 71, -0.1);
   View view = view_into(rig, 3, 93, 71, random.small_rotation(0.1));
@@ -178,7 +178,7 @@ TEST(FloatRenderer, SamplesAsTheReference) {
 }
 
 // Adds chroma, missing weight and a checkerboard to reference::subjects(); compared with the rule in double precision.
-TEST(SumRenderer, IsWithinItsBoundInTheHardCases) {
+TEST(SumRenderer, IsWithinTheErrorBoundInHardCases) {
   for (const reference::HardCase& small : reference::hard_cases())
     for (const reference::HardCase& hard : {small, reference::enlarged(small, reference::kEnlarged)})
       for (const Coordinates coordinates : {Coordinates::kGrid, Coordinates::kExact})
@@ -197,7 +197,7 @@ TEST(SumRenderer, IsWithinItsBoundInTheHardCases) {
         }
 }
 
-TEST(SumRenderer, IsWithinItsBoundHoweverManyCamerasBlend) {
+TEST(SumRenderer, IsWithinTheErrorBoundWithManyCameras) {
   test::on_every_target([] {
     for (const PixelFamily family : {PixelFamily::kI420, PixelFamily::kRgb})
       for (const Blending blending : {kNarrow, kWide, kByAngle, kMesh}) {
@@ -364,7 +364,7 @@ class SumScales : public testing::Test {
 };
 
 // `LF_SCALES`: number of scales.
-TEST_F(SumScales, AreAllWithinTheBound) {
+TEST_F(SumScales, AreWithinTheErrorBound) {
   const char* const asked = std::getenv("LF_SCALES");
   const int scales = asked ? std::atoi(asked) : 250;
   constexpr double kLeast = 0.15, kLargest = 6;
@@ -376,7 +376,7 @@ TEST_F(SumScales, AreAllWithinTheBound) {
 }
 
 // At the limit of 16 bits over a block's width.
-TEST_F(SumScales, TwoPixelsForOneAre) {
+TEST_F(SumScales, TwoPixelsPerPixelAreWithinTheErrorBound) {
   for (int n = 0; n < 40; n++) {
     Random random(n);
     check(n, random, random.uniform(1.9, 2.1), 0, false);
@@ -405,7 +405,7 @@ std::vector<bool> weighted(const test::Production& production, const std::vector
   return out;
 }
 
-TEST(SumTiles, HoldEveryPixelOnce) {
+TEST(SumTiles, ContainEveryPixelOnce) {
   for (int trial = 0; trial < 24; trial++) {
     SCOPED_TRACE(trial);
     Random random(trial);
@@ -456,7 +456,7 @@ TEST(SumTiles, OneCameraSendsLessThanItsBounds) {
   EXPECT_EQ(tiles_of(job, PixelFamily::kRgb, 1 << 20), std::vector{bounds});
 }
 
-TEST(SumTiles, CamerasFarApartHaveTilesOfTheirOwn) {
+TEST(SumTiles, DistantCamerasHaveSeparateTiles) {
   Random random(4);
   const Rig rig = jittered_array(random, 5, 64, 48, -0.2);
   const View view = view_into(rig, 5, 320, 240, random.small_rotation(0));
@@ -482,7 +482,7 @@ TEST(SumTiles, AllCamerasAreOneRectangle) {
             (std::vector<Rect>{{0, 0, 96, 64}}));
 }
 
-TEST(SumTiles, NobodyHasNone) {
+TEST(SumTiles, InvisibleCamerasHaveNoTiles) {
   const Rig rig = scene_rig(4, 4, 64, 48);
   EXPECT_TRUE(
       tiles_of({rig, build_mesh(rig), view_from({5, 0, -0.01}), std::vector<CameraIndex>{0, 1}}, PixelFamily::kRgb, 0)

@@ -136,7 +136,7 @@ double contrast(const Image& picture) {
   return std::sqrt(squares / n - sum * sum / n / n);
 }
 
-TEST_F(SyntheticAperture, DepthOfFieldShrinksAsItGrows) {
+TEST_F(SyntheticAperture, DepthOfFieldShrinksWithTheAperture) {
   film(nullptr);
   const double sharp = contrast(picture(kFigure, {}));
   double before = sharp;
@@ -150,7 +150,7 @@ TEST_F(SyntheticAperture, DepthOfFieldShrinksAsItGrows) {
 }
 
 // For irregular cameras with different lenses and resolutions, blending by angle predicts a view better than triangles.
-TEST(ByAngle, UnstructuredArraysGainOverTheirMesh) {
+TEST(ByAngle, ImprovesUnstructuredArrays) {
   reference::Random random(0);
   Rig rig;
   for (uint32_t i = 0; i < 40; i++) {

@@ -47,7 +47,7 @@ TEST(Rays, PixelsBeyondTheFoldHaveNone) {
 }
 
 // A table for a large view takes seconds, so it is built in parts that other work can interrupt.
-TEST(Rays, TablesAreMadeInParts) {
+TEST(Rays, TablesAreComputedInParallel) {
   const Lens lens(LensModel::kRadial, {300, 99.5, 70.25, -0.21, 0.0417});
   size_t parts = 0;
   const Rays in_parts(lens, 200, 141, [&parts](size_t count, const std::function<void(size_t)>& task) {
@@ -62,7 +62,7 @@ TEST(Rays, TablesAreMadeInParts) {
     }
 }
 
-TEST(Rays, TheTableOfALensIsMadeOnce) {
+TEST(Rays, TablesAreCached) {
   const Lens lens(LensModel::kRadial, {301, 99.5, 70.25, -0.21, 0.0417}), other = lens.shifted({1, 0});
   size_t made = 0;
   const ParallelFor counted = [&made](size_t count, const std::function<void(size_t)>& task) {
@@ -78,7 +78,7 @@ TEST(Rays, TheTableOfALensIsMadeOnce) {
   EXPECT_NE(first.at(20, 30), beside.at(20, 30));
 }
 
-TEST(Rays, ChromaOfTheLastOddPixelIsThatPixels) {
+TEST(Rays, ChromaAtAnOddEdgeUsesTheLastPixel) {
   for (const double k1 : {0.0, -0.1}) {
     const Rays rays(Lens(LensModel::kSimpleRadial, {30, 2, 2, k1}), 5, 5);
     EXPECT_EQ(rays.at_centre_of_four(4, 4), rays.at(4, 4));
@@ -103,7 +103,7 @@ bool holds(const Rect& outer, const Rect& inner) { return inner.empty() || unite
 
 class RegionBoundsTest : public testing::TestWithParam<double> {};
 
-TEST_P(RegionBoundsTest, HoldsEveryPixelAndLittleMore) {
+TEST_P(RegionBoundsTest, ContainsEveryPixelAndIsTight) {
   const Lens lens(LensModel::kSimpleRadial, {60, (kWidth - 1) / 2.0, (kHeight - 1) / 2.0, GetParam()});
   const Rays rays(lens, kWidth, kHeight);
   const RegionBounds bounds(rays, lens, kWidth, kHeight);
@@ -188,7 +188,7 @@ TEST(RegionBounds, OverflowsBoundNothing) {
   }
 }
 
-TEST(RegionBounds, StayInTheViewWhereverItsCentreIs) {
+TEST(RegionBounds, StayInTheViewForAnyPrincipalPoint) {
   for (const double centre : {3e85, -3e85, 3e9, -3e9}) {
     const Lens lens = Lens::pinhole(60, centre, centre);
     const Rays rays(lens, kWidth, kHeight);
@@ -232,7 +232,7 @@ TEST(ViewPlan, RectanglesAreUnionsOfFaces) {
   }
 }
 
-TEST(ViewPlan, AViewThatLooksAwayHasNoContributors) {
+TEST(ViewPlan, ViewThatLooksAwayHasNoContributors) {
   const Rig rig = scene_rig(4, 4, 64, 48);
   View view = middle_view();
   view.pose.orientation = Quat(0, 0, 1, 0);
@@ -240,7 +240,7 @@ TEST(ViewPlan, AViewThatLooksAwayHasNoContributors) {
   EXPECT_TRUE(ViewPlan(rig, build_mesh(rig), view).contributors().empty());
 }
 
-TEST(RenderJob, TakesTheNodesOwnCamerasAlone) {
+TEST(RenderJob, UsesOnlyTheNodesCameras) {
   const Rig rig = scene_rig(4, 4, 64, 48);
   const Mesh mesh = build_mesh(rig);
   const View view = middle_view();
@@ -292,7 +292,7 @@ TEST(SumRenderer, EveryRgbLayoutGivesTheSamePart) {
   }
 }
 
-TEST(ViewPlan, ChromaAlignedIsWholeSamplesInsideTheView) {
+TEST(ViewPlan, ChromaAlignedCoversWholeSamples) {
   EXPECT_EQ(chroma_aligned({3, 5, 8, 9}, middle_view(61, 45)), (Rect{2, 4, 8, 10}));
   EXPECT_EQ(chroma_aligned({59, 43, 61, 45}, middle_view(61, 45)), (Rect{58, 42, 61, 45}));
 }
@@ -313,7 +313,7 @@ class ViewWarpTest : public testing::Test {
   View view_;
 };
 
-TEST_F(ViewWarpTest, MakesThePlanItWasMadeFrom) {
+TEST_F(ViewWarpTest, RestoresItsPlan) {
   const ViewPlan plan(rig_, build_mesh(rig_), view_), told(warp(), 9);
   Rig places_unknown = rig_;
   for (Camera& camera : places_unknown.cameras) camera.pose = {};
@@ -322,15 +322,15 @@ TEST_F(ViewWarpTest, MakesThePlanItWasMadeFrom) {
   EXPECT_EQ(view_warp(places_unknown, told), warp()) << "also without camera positions";
 }
 
-TEST_F(ViewWarpTest, WherePlaneAndEyeMeetThereIsNothingToTell) {
+TEST_F(ViewWarpTest, IsEmptyIfTheEyeIsInThePlane) {
   view_.focus.plane = focal_plane_at(view_.pose, 0);
   EXPECT_TRUE(warp().faces.empty());
   EXPECT_TRUE(ViewPlan(warp(), 9).contributors().empty());
 }
 
-TEST_F(ViewWarpTest, IsOfOneRig) { EXPECT_ERROR(ViewPlan(warp(), 5), "5 of the"); }
+TEST_F(ViewWarpTest, RefusesUnknownCameras) { EXPECT_ERROR(ViewPlan(warp(), 5), "5 of the"); }
 
-TEST_F(ViewWarpTest, CornersAndCamerasBelongTogether) {
+TEST_F(ViewWarpTest, CamerasMustMatchTheCorners) {
   EXPECT_NO_THROW(validate(warp()));
   ViewWarp bad = warp();
   bad.cameras.pop_back();

@@ -37,7 +37,7 @@ TEST(OpenCvYaml, RoundTripsEveryModelWithin1e9Pixels) {
   }
 }
 
-TEST(OpenCvYaml, OpenCvReadsWhatWeWrite) {
+TEST(OpenCvYaml, OpenCvReadsOurFiles) {
   const TempDir dir;
   const Rig rig = mixed_rig();
   export_opencv_yaml(rig, dir / "x.yaml");
@@ -58,7 +58,7 @@ TEST(OpenCvYaml, OpenCvReadsWhatWeWrite) {
   for (int i = 0; i < 3; i++) EXPECT_NEAR(seen.at<double>(i), expected[i], 1e-12);
 }
 
-TEST(OpenCvYaml, ReadsTheFileOfOneCamera) {
+TEST(OpenCvYaml, ReadsASingleCamera) {
   const TempDir dir;
   const std::string head = "%YAML:1.0\n---\nimage_width: 4\nimage_height: 3\n";
   const std::string terms = "distortion_coefficients: !!opencv-matrix\n   rows: 1\n   cols: 5\n   dt: d\n";
@@ -95,7 +95,7 @@ std::string single(const std::string& more, const std::string& terms = "[-0.1, 0
          terms + " }\n";
 }
 
-TEST(OpenCvYaml, LensesOfOtherKindsAreRefused) {
+TEST(OpenCvYaml, OtherLensModelsAreRefused) {
   const TempDir dir;
   const auto error = [&](const std::string& text) {
     return text_of_error([&] { import_opencv_yaml(dir.write("x.yaml", text)); });
@@ -117,7 +117,7 @@ TEST(OpenCvYaml, LensesOfOtherKindsAreRefused) {
 }
 
 // calibrateCamera() and solvePnP() return rvec and tvec.
-TEST(OpenCvYaml, CamerasOfAListHavePlaces) {
+TEST(OpenCvYaml, CamerasOfAListNeedPoses) {
   const TempDir dir;
   const auto error = [&](const std::string& place) {
     const std::string camera = "{ image_width: 4, image_height: 3, " + place +
@@ -137,7 +137,7 @@ TEST(OpenCvYaml, CamerasOfAListHavePlaces) {
 }
 
 // The first camera is the only one that can define the world coordinates.
-TEST(OpenCvYaml, TheFirstCameraMayLackAPlace) {
+TEST(OpenCvYaml, FirstCameraMayLackAPose) {
   const TempDir dir;
   const std::string lens =
       "image_width: 4, image_height: 3, camera_matrix: { rows: 3, cols: 3, data: [5, 0, 2, 0, 5, 1, 0, 0, 1] }";
@@ -161,7 +161,7 @@ TEST(OpenCvYaml, NotesMissingDistortionCoefficients) {
   EXPECT_TRUE(import_opencv_yaml(dir.write("x.yaml", single(""))).notes.empty());
 }
 
-TEST(OpenCvYaml, ListsWhatItDidNotRead) {
+TEST(OpenCvYaml, ListsUnreadKeys) {
   const TempDir dir;
   const std::vector<std::string> unread =
       import_opencv_yaml(dir.write("x.yaml", single("exposure: 4\nflags: 10\nboard_width: 9\n"))).notes;
@@ -170,7 +170,7 @@ TEST(OpenCvYaml, ListsWhatItDidNotRead) {
   EXPECT_EQ(unread[0].find("flags"), std::string::npos) << unread[0];
 }
 
-TEST(OpenCvYaml, ReadsTheStereoSamplesFiles) {
+TEST(OpenCvYaml, ReadsTheStereoSample) {
   const TempDir dir;
   const std::string head = "%YAML:1.0\n---\n", size = "image_size: [ 640, 480 ]\n";
   const std::string lenses =
@@ -248,7 +248,7 @@ TEST(Kalibr, RoundTripsEveryModelWithin1e9Pixels) {
   EXPECT_EQ(back.cameras[3].name, "cam_3");
 }
 
-TEST(Kalibr, WhatWeLackIsRefusedByPlace) {
+TEST(Kalibr, UnsupportedFeaturesAreErrorsWithThePlace) {
   const TempDir dir;
   const auto with = [&](const std::string& from, const std::string& to) {
     std::string text = kStereo;
@@ -295,7 +295,7 @@ TEST(Kalibr, TimeShiftsBecomeTimeOffsets) {
   EXPECT_EQ(import_kalibr(dir / "y.yaml").rig.cameras.at(1).time_offset, -0.025);
 }
 
-TEST(Kalibr, APoseThatContradictsTheChainIsNoted) {
+TEST(Kalibr, PoseThatContradictsTheChainIsNoted) {
   const TempDir dir;
   const auto notes_of = [&](double x) {
     const std::string text = plain_camera(0) + at_imu("T_cam_imu", 0.05) + plain_camera(1) +
@@ -330,7 +330,7 @@ TEST(Kalibr, CamerasAfterAGapAreKeptOrRefused) {
   EXPECT_ERROR(import_kalibr(dir / "x.yaml"), "cam02", "cam2", "same number");
 }
 
-TEST(Kalibr, ListsWhatItDidNotRead) {
+TEST(Kalibr, ListsUnreadKeys) {
   const TempDir dir;
   const RigImport result = import_kalibr(dir.write("x.yaml", plain_camera(0) + "  exposure: 3\nimu0:\n  rate: 200\n"));
   ASSERT_EQ(result.notes.size(), 1u);

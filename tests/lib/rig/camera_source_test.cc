@@ -32,7 +32,7 @@ class CameraSourceTest : public testing::Test {
   Rig rig_;
 };
 
-TEST_F(CameraSourceTest, AnyNameOfAFileIsThatFile) {
+TEST_F(CameraSourceTest, ExistingFilesTakePrecedence) {
   for (const char* name : {"plain.mkv", "with space.mkv", "100%_cam.mkv", "cam%201.mkv", "cam-12:30:05.mkv",
                            "2024-05-19 20:23:45.mkv", "take ! two.mkv", "take run=3.mkv", "-dash.mkv", "#1.mkv",
                            "gr\xc3\xbcn.mkv", "back\\slash.mkv", "%d.mkv", "file:x.mkv"}) {
@@ -44,7 +44,7 @@ TEST_F(CameraSourceTest, AnyNameOfAFileIsThatFile) {
   }
 }
 
-TEST_F(CameraSourceTest, WhatIsNoFileIsToldByItsText) {
+TEST_F(CameraSourceTest, KindOfOtherSourcesFollowsFromTheText) {
   EXPECT_EQ(find("rtsp://host/a ! b").kind, Kind::kUri);
   EXPECT_EQ(find("v4l2:///dev/video0").kind, Kind::kUri);
   EXPECT_EQ(find("testbin:videotestsrc").kind, Kind::kUri);
@@ -76,7 +76,7 @@ TEST_F(CameraSourceTest, MissingFilesAreNamedWithAdvice) {
   EXPECT_ERROR(find("100%_none.mkv"), "no such", "image sequence", "one %d");
 }
 
-TEST_F(CameraSourceTest, KindsAreToldByContent) {
+TEST_F(CameraSourceTest, KindOfFilesFollowsFromTheContent) {
   dir_.write("png", kPng);
   dir_.write("jpeg", jpeg(1));
   dir_.write("stream", jpeg(1) + jpeg(2) + jpeg(3));
@@ -104,7 +104,7 @@ TEST_F(CameraSourceTest, SequencesHaveNoGaps) {
 }
 
 // A camera without its first picture would be one picture ahead.
-TEST_F(CameraSourceTest, AFirstPictureThatOthersHaveIsMissing) {
+TEST_F(CameraSourceTest, MissingFirstPictureIsAnError) {
   for (const char* name : {"a_0.png", "a_1.png", "a_2.png", "b_1.png", "b_2.png", "c_1.png", "c_2.png", "c_3.png"})
     dir_.write(name, kPng);
   for (const char* source : {"a_%d.png", "b_%d.png", "c_%d.png"}) add_camera(source);
@@ -146,7 +146,7 @@ class Folder {
   fs::path path_;
 };
 
-TEST(StillImageCache, ReadsOnDemandAndKeepsWhatThereIsRoomFor) {
+TEST(StillImageCache, LoadsOnDemandAndLimitsMemory) {
   const Folder folder;
   Rig rig = three_cameras(folder.path());
   for (int i = 0; i < 3; i++) save_image(picture(i), folder.path(rig.cameras[i].image));
@@ -165,7 +165,7 @@ TEST(StillImageCache, HasImagesIfEveryCameraNamesOne) {
   EXPECT_FALSE(has_images(rig));
 }
 
-TEST(StillImageCache, GivesI420WhereAsked) {
+TEST(StillImageCache, ReturnsI420IfRequested) {
   const Folder folder;
   const Rig rig = three_cameras(folder.path());
   save_image(picture(0), folder.path("cam_0.png"));

@@ -61,7 +61,7 @@ TEST(ColmapBinary, ReadsCamerasOfEveryModel) {
   }
 }
 
-TEST(ColmapBinary, ReadsWhatTheTextSays) {
+TEST(ColmapBinary, ReadsTheSameAsText) {
   const TempDir dir;
   const std::map<uint32_t, ColmapCamera> cameras = {{3, {"SIMPLE_RADIAL", 4, 3, {1e3 / 7, 2, 1.5, -1e-17}, 1}},
                                                     {1, {"OPENCV", 640, 480, {5, 6, 2, 1.5, 1, 2, 3, 4}, 2}}};
@@ -248,7 +248,7 @@ TEST(ColmapText, ErrorsNameFileAndLine) {
   EXPECT_ERROR(read_colmap_cameras_text(dir / "none.txt"), "none.txt", "read");
 }
 
-TEST(ColmapModel, TheTextModelIsReadIfThereAreTwo) {
+TEST(ColmapModel, PrefersTheTextModel) {
   const TempDir dir;
   dir.write("cameras.bin", bytes_of(uint64_t{1}) + pinhole(1));
   dir.write("images.bin", bytes_of(uint64_t{1}) + image(1, "binary.png") + points(2));

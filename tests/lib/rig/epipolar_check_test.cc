@@ -49,7 +49,6 @@ class EpipolarGeometry : public testing::Test {
     static const std::vector<Image> images = filmed(array());
     return images;
   }
-  // Expects one warning about all cameras.
   static void expect_contradiction(const Rig& rig, const std::vector<Image>& images) {
     const EpipolarCheck result = check(rig, images);
     EXPECT_TRUE(result.has_contradiction);
@@ -111,7 +110,7 @@ TEST_F(EpipolarGeometry, NamesSwappedCamerasOfARow) {
   EXPECT_THAT(check(row, pictures).misplaced, ElementsAre(3u, 4u));
 }
 
-TEST_F(EpipolarGeometry, NamesATurnedCamera) {
+TEST_F(EpipolarGeometry, NamesARotatedCamera) {
   Rig rig = array();
   rig.cameras[9].pose.orientation = quat_from_euler({10, 0, 0});
   EXPECT_THAT(check(rig, images()).misplaced, ElementsAre(9u));

@@ -14,7 +14,7 @@ namespace {
 
 using nlohmann::json;
 
-TEST(Exchange, NamesWhatIsLostAndByHowMuch) {
+TEST(Exchange, ReportsLossesWithTheirSize) {
   Rig rig = mixed_rig();
   EXPECT_TRUE(describe_export(rig, rig, {}).notes.empty());
   EXPECT_LT(describe_export(rig, rig, {}).max_error, 1e-9);
@@ -40,9 +40,7 @@ Rig one_camera() {
   return rig;
 }
 
-TEST(ReprojectionError, OfARigWithItselfIsNothing) {
-  EXPECT_LE(max_reprojection_error(one_camera(), one_camera(), 1), 1e-11);
-}
+TEST(ReprojectionError, IsZeroForEqualRigs) { EXPECT_LE(max_reprojection_error(one_camera(), one_camera(), 1), 1e-11); }
 
 TEST(ReprojectionError, MeasuresEachKindOfDifferenceInPixels) {
   const Rig rig = one_camera();
@@ -64,7 +62,7 @@ TEST(ReprojectionError, MeasuresEachKindOfDifferenceInPixels) {
   EXPECT_EQ(max_reprojection_error(rig, Rig{}, 1), std::numeric_limits<double>::infinity());
 }
 
-TEST(OpenCvTerms, TheShortestModelThatHoldsALens) {
+TEST(OpenCvTerms, SelectsTheSimplestModel) {
   using enum LensModel;
   EXPECT_EQ(lens_from_opencv({5, 5, 2, 1}, {}), Lens(kSimplePinhole, {5, 2, 1}));
   EXPECT_EQ(lens_from_opencv({5, 6, 2, 1}, {0, 0, 0, 0}), Lens(kPinhole, {5, 6, 2, 1}));
@@ -75,7 +73,7 @@ TEST(OpenCvTerms, TheShortestModelThatHoldsALens) {
   EXPECT_ERROR(lens_from_opencv({0, 5, 2, 1}, {}), "focal length", "positive");
 }
 
-TEST(OpenCvTerms, MotionsInvertAndFollowEachOther) {
+TEST(OpenCvTerms, TransformsInvertAndCompose) {
   const Rig rig = mixed_rig();
   const RigidTransform a = camera_from_world(rig.cameras[0].pose), b = camera_from_world(rig.cameras[1].pose);
   const Vec3 x(1, 2, 3);
@@ -85,7 +83,7 @@ TEST(OpenCvTerms, MotionsInvertAndFollowEachOther) {
   EXPECT_LT(glm::length(back.world_from_camera(a(x)) - x), 1e-12);
 }
 
-TEST(OpenCvTerms, RoundedRotationsAreMadeRotationsOthersRefused) {
+TEST(OpenCvTerms, RoundedRotationsAreCorrectedAndOthersRefused) {
   const std::string file = "x.json";
   const auto parse = [&](const char* text) {
     const nlohmann::json json = parse_json(text, file);
@@ -134,7 +132,7 @@ TEST(ForeignKeys, NeutralValuesChangeNothing) {
                   .empty());
 }
 
-TEST(ForeignKeys, ListsWhatWasNotRead) {
+TEST(ForeignKeys, ListsUnreadKeys) {
   EXPECT_TRUE(check(R"({"cameras": [{"fx": 1}]})").empty());
   const std::vector<std::string> two =
       check(R"({"zeta": 1, "cameras": [{"fx": 1, "mask": "a"}, {"mask": {"inner": 1}}]})");
@@ -154,7 +152,7 @@ namespace {
 
 using nlohmann::json;
 
-TEST(YamlValue, SaysWhatTheJsonSays) {
+TEST(YamlValue, EqualsTheJson) {
   const json value = parse_yaml(
       "%YAML:1.0\n---\na: 1\nb: [1., -.5, +2.5e-03, 1e3]\nc:\n- x: 'no'\n- [a b, \"7\", true, ~, .nan, inf]\n"
       "d: !!opencv-matrix\n   rows: 3\n",
@@ -174,7 +172,7 @@ TEST(YamlValue, ErrorsNameFileAndLine) {
   EXPECT_ERROR(parse_yaml(std::string(100, '[') + std::string(100, ']'), "x.yaml"), "nested too deeply");
 }
 
-TEST(YamlValue, NumbersAreNumbersToEveryReader) {
+TEST(YamlValue, NumbersAreNumbersForEveryReader) {
   EXPECT_EQ(yaml_number(400), "400.0");
   EXPECT_EQ(yaml_number(1e-9), "1.0e-09");
   EXPECT_EQ(yaml_number(-0.1), "-0.1");

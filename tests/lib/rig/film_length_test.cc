@@ -71,7 +71,7 @@ TEST_F(MatroskaLength, CountsTheFramesOfTheVideo) {
   }
 }
 
-TEST_F(MatroskaLength, NoticesFilesThatAreCutOff) {
+TEST_F(MatroskaLength, DetectsTruncatedFiles) {
   const std::string whole = film(25);
   const auto length = length_of(whole.substr(0, whole.size() * 3 / 5));
   ASSERT_TRUE(length);
@@ -108,7 +108,7 @@ std::vector<std::string> compare(const std::vector<FilmLength>& lengths) {
   return texts;
 }
 
-TEST(FilmLengths, OneFilmThatDiffersIsNamed) {
+TEST(FilmLengths, NamesADifferentFilm) {
   EXPECT_THAT(compare({}), IsEmpty());
   EXPECT_THAT(compare({{60, 2}, {60, 2}, {60, 2}}), IsEmpty());
   EXPECT_THAT(compare({{60, 2}, {30, 1}, {60, 2}}),
@@ -121,14 +121,14 @@ TEST(FilmLengths, OneFilmThatDiffersIsNamed) {
   EXPECT_THAT(compare({{60, 2, true}}), ElementsAre(mentions("a is", "truncated", "60 frames", "2.00 s")));
 }
 
-TEST(FilmLengths, RecordingsOfFreeCamerasMayDifferALittle) {
+TEST(FilmLengths, ToleratesSmallDifferencesOfFreeRunningCameras) {
   EXPECT_THAT(compare({{60, 2}, {59, 59 / 30.0}, {61, 61 / 30.0}, {58, 58 / 30.0}}), IsEmpty());
   EXPECT_THAT(compare({{60, 2}, {59, 59 / 30.0}}), IsEmpty());
   EXPECT_THAT(compare({{60, 2}, {30, 2}, {60, 2}, {30, 2}}), IsEmpty()) << "other frame rates, same duration";
   EXPECT_THAT(compare({{60, 2}, {50, 2}, {60, 2}}), IsEmpty()) << "lost frames";
 }
 
-TEST(FilmLengths, ManyFindingsAreCounted) {
+TEST(FilmLengths, CountsManyFindings) {
   std::vector<FilmLength> lengths(21, {60, 2});
   for (size_t i = 0; i < 10; i++) lengths[i] = {30, 1};
   const std::vector<std::string> texts = compare(lengths);

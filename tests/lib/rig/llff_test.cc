@@ -169,7 +169,7 @@ TEST_F(LlffTest, MissingFilesAreNamed) {
 }
 
 // The poses of a real capture, written as LLFF writes them.
-TEST(Llff, ReadsARealCapture) {
+TEST(Llff, ImportsARealCapture) {
   const std::filesystem::path data = std::filesystem::path(LF_SOURCE_ROOT) / "../shared/data/fern";
   if (!std::filesystem::exists(data)) GTEST_SKIP() << "needs ../shared/data";
   const Rig fern = load_rig(data / "rig.json");

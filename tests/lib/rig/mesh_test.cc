@@ -34,7 +34,7 @@ bool contains_any(const Triangle& t, const CameraSet& set) {
   return std::any_of(t.begin(), t.end(), [&](CameraIndex i) { return std::binary_search(set.begin(), set.end(), i); });
 }
 
-TEST(MeshOfGrid, EachCellIsSplitAsTheRuleSays) {
+TEST(MeshOfGrid, SplitsCellsByTheRule) {
   EXPECT_THAT(corners(build_mesh(as_grid(rig_at(grid_points(2, 3)), 2, 3))),
               ElementsAre(Triangle{0, 1, 3}, Triangle{1, 4, 3}, Triangle{1, 2, 4}, Triangle{2, 5, 4}));
   for (const auto& [rows, columns] : {std::pair{2, 2}, {2, 9}, {7, 2}, {8, 8}, {5, 11}, {16, 16}, {32, 32}}) {
@@ -44,7 +44,7 @@ TEST(MeshOfGrid, EachCellIsSplitAsTheRuleSays) {
 }
 
 // A loss inside the array never uncovers a part of the rectangle between its corners.
-TEST(MeshOfGrid, LossesInsideTheCornersLeaveNoGap) {
+TEST(MeshOfGrid, InnerLossesLeaveNoGap) {
   std::mt19937 random(11);
   for (int trial = 0; trial < 60; ++trial) {
     const int rows = 2 + trial % 7, columns = 2 + trial % 9;
@@ -61,7 +61,7 @@ TEST(MeshOfGrid, LossesInsideTheCornersLeaveNoGap) {
   }
 }
 
-TEST(CornersOfArrays, AreThoseOfTheirHull) {
+TEST(HullCameras, AreTheConvexHull) {
   EXPECT_THAT(hull_cameras(as_grid(rig_at(grid_points(3, 4)), 3, 4)), ElementsAre(0, 3, 8, 11));
   EXPECT_THAT(hull_cameras(rig_at(grid_points(1, 5))), ElementsAre(0, 4));
   EXPECT_THAT(hull_cameras(rig_at(grid_points(1, 1))), ElementsAre(0));
@@ -71,14 +71,14 @@ TEST(CornersOfArrays, AreThoseOfTheirHull) {
   EXPECT_THAT(hull_cameras(rig_at(twice)), ElementsAre(0, 2, 6, 8));
 }
 
-TEST(CornersOfArrays, StayInTheMeshWhereThreeCamerasWork) {
+TEST(HullCameras, StayInTheMeshIfThreeCamerasWork) {
   EXPECT_THAT(mesh_exclusions({0, 4, 5}, {0, 2, 6, 8}, 9), ElementsAre(4, 5));
   EXPECT_THAT(mesh_exclusions({0, 1, 3, 4, 5, 6}, {0, 2, 6, 8}, 9), ElementsAre(1, 3, 4, 5));
   EXPECT_THAT(mesh_exclusions({0, 1, 3, 4, 5, 6, 7}, {0, 2, 6, 8}, 9), ElementsAre(0, 1, 3, 4, 5, 6, 7)) << "a strip";
 }
 
 // Loses up to three quarters of the cameras. Everything that three cameras surround stays covered by a working camera.
-TEST(CornersOfArrays, MakeTheMeshCoverAllThatWasCovered) {
+TEST(HullCameras, KeepTheCoveredArea) {
   std::mt19937 random(13);
   for (int trial = 0; trial < 200; ++trial) {
     const int rows = 2 + trial % 7, columns = 3 + trial % 6;
@@ -110,7 +110,7 @@ TEST(CornersOfArrays, MakeTheMeshCoverAllThatWasCovered) {
   }
 }
 
-TEST(MeshOfGrid, JitteredGridsStayPlanarWhateverIsLost) {
+TEST(MeshOfGrid, JitteredGridsStayPlanarAfterLosses) {
   std::mt19937 random(12);
   for (int trial = 0; trial < 60; ++trial) {
     const int rows = 2 + trial % 8, columns = 2 + trial % 7;
@@ -126,7 +126,7 @@ TEST(MeshOfGrid, JitteredGridsStayPlanarWhateverIsLost) {
   }
 }
 
-TEST(MeshOfGrid, InnerHolesAreFilledCompletelyAndOldFacesComeFirst) {
+TEST(MeshOfGrid, InnerHolesAreFilledAfterTheOldFaces) {
   std::mt19937 random(13);
   for (int trial = 0; trial < 40; ++trial) {
     const auto points = grid_points(9, 8, 1000, 240, trial);
@@ -147,7 +147,7 @@ TEST(MeshOfGrid, InnerHolesAreFilledCompletelyAndOldFacesComeFirst) {
   }
 }
 
-TEST(MeshOfGrid, LosingACornerCutsItOnly) {
+TEST(MeshOfGrid, LosingACornerRemovesOnlyItsCell) {
   for (const CameraIndex corner : {0, 3, 12, 15}) {
     const auto points = grid_points(4, 4);
     const auto faces = corners(build_mesh(as_grid(rig_at(points), 4, 4), {corner}));
@@ -156,7 +156,7 @@ TEST(MeshOfGrid, LosingACornerCutsItOnly) {
   }
 }
 
-TEST(MeshOfGrid, SizePlaceAndTiltDoNotMatter) {
+TEST(MeshOfGrid, DoesNotDependOnSizePositionAndTilt) {
   const auto points = grid_points(6, 7);
   const CameraSet lost{3, 9, 10, 20, 41};
   const auto expected = corners(build_mesh(as_grid(rig_at(points), 6, 7), lost));
@@ -248,13 +248,13 @@ TEST(MeshOfDelaunay, RenumberingTheCamerasRenamesTheFaces) {
   EXPECT_EQ(corners(build_mesh(rig_at(renumbered))), expected);
 }
 
-TEST(MeshOfDelaunay, OfCoincidentCamerasTheLowestInServiceCounts) {
+TEST(MeshOfDelaunay, UsesTheLowestOfCoincidentCameras) {
   const Rig rig = rig_at(std::vector<IntPoint>{{0, 0}, {9, 0}, {0, 9}, {9, 0}});
   EXPECT_THAT(corners(build_mesh(rig)), ElementsAre(Triangle{0, 1, 2}));
   EXPECT_THAT(corners(build_mesh(rig, {1})), ElementsAre(Triangle{0, 3, 2}));
 }
 
-TEST(MeshOfDelaunay, ThousandAndTwentyFourCameras) {
+TEST(MeshOfDelaunay, HandlesThousandCameras) {
   const auto points = grid_points(32, 32, 1000, 490);
   EXPECT_EQ(corners(build_mesh(rig_at(points))), delaunay(points));
 }
@@ -276,7 +276,7 @@ TEST(MeshWithoutTriangles, FewCameras) {
   }
 }
 
-TEST(MeshWithoutTriangles, CollinearCamerasAreStripsHoweverTheyLie) {
+TEST(MeshWithoutTriangles, CollinearCamerasAreStrips) {
   const Vec3 direction = glm::normalize(Vec3(0.3, 0.7, 0.1));
   for (const double scale : {1e-6, 1.0, 1e6}) {
     for (const double distance : {0.0, 1e6}) {
@@ -294,7 +294,7 @@ TEST(MeshWithoutTriangles, CollinearCamerasAreStripsHoweverTheyLie) {
   }
 }
 
-TEST(MeshWithoutTriangles, OneRowOrDiagonalLeftOfAnArray) {
+TEST(MeshWithoutTriangles, RemainingRowOrDiagonalIsStrips) {
   std::vector<Vec3> positions;
   for (int i = 0; i < 9; ++i) positions.emplace_back(0.1 * (i % 3), 0.07 * (i / 3), 0);
   for (const Rig& rig : {rig_at(positions), as_grid(rig_at(positions), 3, 3)}) {
@@ -313,12 +313,12 @@ TEST(MeshWithoutTriangles, CoincidentCamerasAreOnePoint) {
   }
 }
 
-TEST(Mesh, OneTriangleWithAreaKeepsThoseWithout) {
+TEST(Mesh, KeepsTrianglesWithoutArea) {
   const Rig rig = as_triangles(rig_at(std::vector<IntPoint>{{0, 0}, {1, 0}, {2, 0}, {0, 1}}), {{0, 1, 2}, {0, 1, 3}});
   EXPECT_THAT(corners(build_mesh(rig)), ElementsAre(Triangle{0, 1, 2}, Triangle{0, 1, 3}));
 }
 
-TEST(Mesh, NamesWhatIsWrong) {
+TEST(Mesh, ErrorsNameTheProblem) {
   const Rig square = rig_at(grid_points(2, 2));
   for (const Rig& rig : {square, as_grid(square, 2, 2), as_triangles(square, grid_faces(2, 2))}) {
     EXPECT_ERROR(build_mesh(rig, {4}), "camera 4");
@@ -341,7 +341,7 @@ Mesh strips(const Rig& rig, std::vector<CameraIndex> in_service = {}) {
   return {make_strips(rig, in_service, normalised_centres(positions))};
 }
 
-TEST(Strips, OneCameraIsAPoint) {
+TEST(Strips, SingleCameraIsAPoint) {
   const Mesh mesh = strips(rig_at(std::vector<Vec3>{{3, 4, 5}}));
   ASSERT_EQ(mesh.faces.size(), 1u);
   EXPECT_EQ(mesh.faces[0].corners(), 1);
@@ -356,7 +356,7 @@ TEST(Strips, TwoCamerasAreAStripAcrossTheirLine) {
   EXPECT_NEAR(glm::length(mesh.faces[0].extent - Vec3(0, 1, 0)), 0, 1e-15);  // forward x line
 }
 
-TEST(Strips, NeighboursAlongTheLineFromTheEndWithTheLowerIndex) {
+TEST(Strips, StartAtTheEndWithTheLowerIndex) {
   const Vec3 direction = glm::normalize(Vec3(3, 1, -0.5));
   std::vector<Vec3> positions;
   for (const double at : {0.3, 0.9, 0.1, 0.5, 0.7}) positions.push_back(Vec3(1e6, 0, -1e6) + at * direction);
@@ -372,19 +372,19 @@ TEST(Strips, NeighboursAlongTheLineFromTheEndWithTheLowerIndex) {
   EXPECT_THAT(corners(strips(rig_at(positions), {0, 1, 4})), ElementsAre(Triangle{0, 4, kNone}, Triangle{4, 1, kNone}));
 }
 
-TEST(Strips, OfCamerasAtOnePlaceTheLowestIndexCounts) {
+TEST(Strips, UseTheLowestOfCoincidentCameras) {
   EXPECT_THAT(corners(strips(rig_at(std::vector<Vec3>{{1, 0, 0}, {0, 0, 0}, {0, 0, 0}, {1, 0, 0}}))),
               ElementsAre(Triangle{0, 1, kNone}));
   EXPECT_THAT(corners(strips(rig_at(std::vector<Vec3>(3, Vec3(7, 7, 7))))), ElementsAre(Triangle{0, kNone, kNone}));
 }
 
-TEST(Strips, CamerasThatLookAlongTheirLineExtendDownwards) {
+TEST(Strips, ExtendDownwardsIfCamerasLookAlongTheLine) {
   const Mesh mesh = strips(rig_at(std::vector<Vec3>{{0, 0, 0}, {0, 0, 1}, {0, 0, 2}}));
   ASSERT_EQ(mesh.faces.size(), 2u);
   EXPECT_NEAR(glm::length(mesh.faces[0].extent - Vec3(0, 1, 0)), 0, 1e-15);
 }
 
-TEST(Strips, CamerasThatLookEveryWayStillHaveAnExtent) {
+TEST(Strips, HaveAnExtentIfAxesCancel) {
   Rig rig = rig_at(std::vector<Vec3>{{0, 0, 0}, {1, 0, 0}, {2, 0, 0}, {3, 0, 0}});
   const Quat turns[4] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}, {0, 0, 0, 1}};  // axes cancel
   for (int i = 0; i < 4; ++i) rig.cameras[i].pose.orientation = turns[i];
@@ -415,7 +415,7 @@ Rig dome(int cameras, double least_height) {
   return rig;
 }
 
-TEST(MeshFit, ALevelRingGetsTheTrianglesAroundIt) {
+TEST(MeshFit, RingGetsTrianglesAroundIt) {
   for (const bool inwards : {true, false}) {
     const Rig ring = make_cylinder_rig({2, 12, 0.3, 1.5, inwards, 60});
     Rig found = without_topology(ring);
@@ -432,7 +432,7 @@ TEST(MeshFit, ALevelRingGetsTheTrianglesAroundIt) {
   }
 }
 
-TEST(MeshFit, ADomeStaysWhole) {
+TEST(MeshFit, DomeIsClosed) {
   // A cap is flat enough for a plane; a full dome is not.
   Rig cap = dome(60, 0.7);
   EXPECT_TRUE(fit_topology(cap).empty());
@@ -462,7 +462,7 @@ TEST(MeshFit, PairsAtDifferentDepthsStayFlat) {
   EXPECT_EQ(pairs.topology.type, Topology::Type::kDelaunay);
 }
 
-TEST(MeshFit, ARowStaysARow) {
+TEST(MeshFit, RowStaysARow) {
   std::mt19937 random(5);
   std::uniform_real_distribution<double> jitter(-0.002, 0.002);
   Rig arc = make_arc_rig({9, 0.2, 1, 60}), line = make_grid_rig({1, 9, 0.2, 60});
@@ -476,7 +476,7 @@ TEST(MeshFit, ARowStaysARow) {
   }
 }
 
-TEST(MeshFit, WhatSuitsIsLeftAlone) {
+TEST(MeshFit, SuitableMeshIsUnchanged) {
   Rig grid = without_topology(make_grid_rig({4, 5, 0.1, 60}));
   EXPECT_TRUE(fit_topology(grid).empty());
   EXPECT_EQ(grid.topology.type, Topology::Type::kDelaunay);
@@ -490,7 +490,7 @@ TEST(MeshFit, WhatSuitsIsLeftAlone) {
   }
 }
 
-TEST(MeshFit, SaysSoWhereNothingSuits) {
+TEST(MeshFit, NotesAnUnsuitableMesh) {
   Rig ring = inward(2, 12);
   ring.cameras.resize(12);  // the upper row
   ring.topology = {};
@@ -499,7 +499,7 @@ TEST(MeshFit, SaysSoWhereNothingSuits) {
   EXPECT_NE(notes[0].find("two rows"), std::string::npos) << notes[0];
 }
 
-TEST(MeshFit, StrangePlacesAreNoFault) {
+TEST(MeshFit, AcceptsExtremePositions) {
   Rig far = without_topology(make_grid_rig({2, 3, 0.1, 60}));
   for (size_t i = 0; i < far.cameras.size(); i++) far.cameras[i].pose.position *= i % 2 ? 1e300 : 1e-300;
   fit_topology(far);

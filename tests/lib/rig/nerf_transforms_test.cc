@@ -33,7 +33,7 @@ TEST(Nerf, ConventionsOfPixelsAndAxes) {
   EXPECT_EQ(camera.image, dir / "images/a.png");
 }
 
-TEST(Nerf, ReadsTheFirstNerfsFiles) {
+TEST(Nerf, ReadsTheOriginalNerfFiles) {
   const TempDir dir;
   dir.write("t.json",
             R"({"camera_angle_x": 1.0, "frames": [{"file_path": "./train/r_0", )" + std::string(kIdentity) + "}]}");
@@ -45,7 +45,7 @@ TEST(Nerf, ReadsTheFirstNerfsFiles) {
   EXPECT_EQ(camera.lens, Lens::pinhole(4 / std::tan(0.5), 3.5, 2.5));
 }
 
-TEST(Nerf, ANameTooLongForAFileIsThatOfNone) {
+TEST(Nerf, TooLongFileNamesDoNotExist) {
   const TempDir dir;
   const std::string name(300, 'a');
   dir.write("t.json", R"({"w": 4, "h": 3, "fl_x": 5, "frames": [{"file_path": ")" + name + "\", " + kIdentity + "}]}");
@@ -63,7 +63,7 @@ TEST(Nerf, RoundTripsEveryModelWithin1e9Pixels) {
   EXPECT_EQ(back.cameras[3].name, "cam_3");
 }
 
-TEST(Nerf, WhatWeLackIsRefusedByPlace) {
+TEST(Nerf, UnsupportedFeaturesAreErrorsWithThePlace) {
   const TempDir dir;
   const std::string size = R"("w": 4, "h": 3, )";
   const auto error = [&](const std::string& text) {
@@ -98,7 +98,7 @@ TEST(Nerf, WholeNumbersMayBeFloats) {
   EXPECT_TRUE(result.notes.empty());
 }
 
-TEST(Nerf, ReadsWhatNerfstudioWrites) {
+TEST(Nerf, ReadsNerfstudioFiles) {
   const TempDir dir;
   dir.write("t.json", one_frame(R"("w": 640, "h": 480, "fl_x": 400, "camera_model": "OPENCV", "k3": 0, "k4": 0.0,
       "distortion_params": [-0.1, 0.02, 0, 0, 0.001, -0.002], "ply_file_path": "sparse.ply",
@@ -114,7 +114,7 @@ TEST(Nerf, ReadsWhatNerfstudioWrites) {
   EXPECT_MENTIONS(result.notes[1], "applied_transform", "applied_scale");
 }
 
-TEST(Nerf, CoefficientsThatOnlySomeFramesHaveAreNoted) {
+TEST(Nerf, CoefficientsOfSomeFramesAreNoted) {
   const TempDir dir;
   const std::string frame = R"({"file_path": "a.png", "w": 320, "h": 240, "fl_x": 400, "cx": 160, "cy": 120, )";
   const auto notes_of = [&](const std::string& top, const std::string& first) {
@@ -129,7 +129,7 @@ TEST(Nerf, CoefficientsThatOnlySomeFramesHaveAreNoted) {
   EXPECT_NE(notes[0].find("k1"), std::string::npos);
 }
 
-TEST(Nerf, FramesOfSeveralTimesAreNoRig) {
+TEST(Nerf, FramesWithDifferentTimesAreErrors) {
   const TempDir dir;
   const auto frames = [&](const char* a, const char* b) {
     const std::string frame = std::string(R"({"file_path": "a", "time": %, )") + kIdentity + "}";
@@ -143,7 +143,7 @@ TEST(Nerf, FramesOfSeveralTimesAreNoRig) {
   EXPECT_EQ(import_nerf(frames("0.5", "0.5")).rig.cameras.size(), 2u);
 }
 
-TEST(Nerf, ManyFramesTakeNoLongerEach) {
+TEST(Nerf, ParsesManyFramesInLinearTime) {
   const TempDir dir;
   std::string text = R"({"w": 4, "h": 3, "fl_x": 5, "frames": [)";
   for (size_t i = 0; i <= kMaxCameras; i++)

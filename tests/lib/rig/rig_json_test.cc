@@ -74,7 +74,7 @@ TEST(RigJson, ReadsTheOtherTopologies) {
   EXPECT_TRUE(parse(rig).topology.triangles.empty()) << "one and two cameras have none";
 }
 
-TEST(RigJson, TinyAndLargeImagesAreFine) {
+TEST(RigJson, AcceptsTinyAndLargeImages) {
   for (const int size : {1, 8192, kMaxImageSize}) {
     json rig = good_rig();
     rig["cameras"][0]["width"] = rig["cameras"][0]["height"] = size;
@@ -129,7 +129,7 @@ TEST(RigJson, KeepsUnknownKeysByCameraId) {
   EXPECT_FALSE(saved["cameras"][0].contains("image"));
 }
 
-TEST(RigJson, KeepsWhatItDoesNotKnowOfAColourWhileThereIsOne) {
+TEST(RigJson, KeepsUnknownKeysOfColours) {
   const json original = good_rig();
   Rig rig = parse(original);
   EXPECT_EQ(json::parse(rig_to_json(rig, &original))["cameras"][1]["colour"], original["cameras"][1]["colour"]);
@@ -137,7 +137,7 @@ TEST(RigJson, KeepsWhatItDoesNotKnowOfAColourWhileThereIsOne) {
   EXPECT_FALSE(json::parse(rig_to_json(rig, &original))["cameras"][1].contains("colour"));
 }
 
-TEST(RigJson, ColourHasDefaultsAndIsNoPartOfTheHash) {
+TEST(RigJson, ColourHasDefaultsAndDoesNotAffectTheHash) {
   json file = good_rig();
   const uint64_t hash = parse(file).hash();
   file["cameras"][0]["colour"] = json::object();
@@ -247,7 +247,7 @@ TEST(RigJson, ErrorsNameTheCameraAndItsMember) {
   }
 }
 
-TEST(RigJson, ErrorsOfTheTextNameLineAndPlace) {
+TEST(RigJson, SyntaxErrorsNameLineAndPlace) {
   const std::string text = good_rig().dump(1);
   EXPECT_ERROR(parse_rig(text.substr(0, text.size() - 10), "r.json"), "r.json: ");
   EXPECT_ERROR(parse_rig(text.substr(0, text.find("\"height\"")), "r.json"), "r.json", "cameras[0]", "JSON", "line");
@@ -280,7 +280,7 @@ TEST(RigJson, RefusesMoreTrianglesThanASurfaceHas) {
   EXPECT_ERROR(parse(file), "r.json", "topology.triangles", std::to_string(2 * cameras));
 }
 
-TEST(RigJson, ANewFileWithAPasswordIsForItsOwnerAlone) {
+TEST(RigJson, NewFileWithAPasswordIsPrivate) {
   const TempDir dir;
   const mode_t mask = umask(022);
   const auto mode_after = [&](const std::string& name, const std::string& source) {
@@ -321,7 +321,7 @@ TEST(RigJson, ReadsTheRealRigs) {
   EXPECT_EQ(parse_rig(rig_to_json(toys), "toys").hash(), toys.hash());
 }
 
-TEST(CameraControls, GoIntoARigFileAndComeBack) {
+TEST(CameraControls, RoundTripThroughARigFile) {
   const Rig rig = make_grid_rig({1, 3, 0.1, 60, 8, 6});
   json text = json::parse(rig_to_json(rig));
   const std::map<uint32_t, Controls> controls = {{0, {{"exposure", 0.01}, {"white_balance", std::nullopt}}},
@@ -348,7 +348,7 @@ TEST(CameraControls, ErrorsNameThePlace) {
   EXPECT_TRUE(parse_controls(json::parse("{\"cameras\": [1, {}]}"), "r").empty());
 }
 
-TEST(SwapDevices, MovesWhatBelongsToTheDeviceAndNothingElse) {
+TEST(SwapDevices, SwapsOnlyPropertiesOfTheDevice) {
   Rig rig = make_grid_rig({1, 3, 0.1, 60, 8, 6});
   rig.cameras[0].source = "v4l2:///dev/video0";
   rig.cameras[0].time_offset = 0.01;

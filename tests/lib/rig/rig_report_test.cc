@@ -41,7 +41,7 @@ class CheckRig : public testing::Test {
   Rig rig_;
 };
 
-TEST_F(CheckRig, HasNothingToSayOfAGoodRig) { EXPECT_THAT(check(rig_), IsEmpty()); }
+TEST_F(CheckRig, GoodRigHasNoFindings) { EXPECT_THAT(check(rig_), IsEmpty()); }
 
 TEST_F(CheckRig, NamesBadImages) {
   std::filesystem::remove(dir_ / "cam_00_01.png");
@@ -80,7 +80,7 @@ TEST_F(CheckRig, WarnsOfSourcesThatNeedTrust) {
                                        mentions("warning", "cameras[2].source", "multifile", "--trust-rig")));
 }
 
-TEST_F(CheckRig, ReadsStillsAndSequencesThatAreSources) {
+TEST_F(CheckRig, ReadsStillsAndSequencesOfSources) {
   const auto cut = [&](const std::string& name) { fs::resize_file(dir_ / name, fs::file_size(dir_ / name) / 2); };
   for (const char* name : {"a_0.png", "a_1.png", "a_2.png", "b_0.png", "b_2.png", "still.png", "small.png"})
     save_image(Image(PixelFamily::kRgb, 8, name[0] == 's' && name[1] == 'm' ? 5 : 6), dir_ / name);
@@ -114,7 +114,7 @@ TEST_F(CheckRig, WarnsOfCamerasWithTheSameFile) {
 }
 
 // Files of other programs with values in other units than pixels.
-TEST_F(CheckRig, WarnsOfLensesThatDoNotFitThePicture) {
+TEST_F(CheckRig, WarnsOfImplausibleLenses) {
   const auto with = [&](const Lens& lens) {
     Rig rig = rig_;
     for (Camera& camera : rig.cameras) {
@@ -168,7 +168,7 @@ TEST_F(CheckRig, WarnsOfAMeshWithoutATriangle) {
                 ElementsAre(mentions("warning", "topology", std::to_string(some.size()), "no triangle")));
 }
 
-TEST_F(CheckRig, WarnsOfAMeshThatCamerasLookAlong) {
+TEST_F(CheckRig, WarnsIfCamerasLookAlongTheMesh) {
   Rig ring = make_cylinder_rig({2, 12, 0.3, 1.5, true, 60});
   for (Camera& camera : ring.cameras) camera.source = "rtsp://host/x";
   EXPECT_THAT(check(ring), IsEmpty());
@@ -199,7 +199,7 @@ TEST(Summary, MeasuresTheArray) {
                                           mentions("RADIAL", "24 px", "5 cameras", "32x48", "64x48")));
 }
 
-TEST(Summary, OfOneCamera) {
+TEST(Summary, SummarisesOneCamera) {
   const RigSummary summary = summarize(make_grid_rig({1, 1, 0.1, 90, 64, 48}));
   EXPECT_EQ(summary.extent, Vec3(0, 0, 0));
   EXPECT_EQ(summary.baseline, 0);

@@ -44,7 +44,7 @@ std::vector<uint32_t> ids(const Rig& rig) {
   return ids;
 }
 
-TEST(RigHash, ChangesWithEverythingThatThePictureDependsOn) {
+TEST(RigHash, ChangesWithRelevantMembers) {
   const std::function<void(Rig&)> changes[] = {
       [](Rig&) {},
       [](Rig& r) { r.cameras[2].width++; },
@@ -93,7 +93,7 @@ TEST(RigHash, IgnoresNamesFilesAndTheSignOfZero) {
 }
 
 // All hosts and later versions must agree on the hash, so its value is fixed.
-TEST(RigHash, IsFixed) { EXPECT_EQ(grid(2, 3).hash(), 0x283e1b05c5ccb88bu); }
+TEST(RigHash, HasAFixedValue) { EXPECT_EQ(grid(2, 3).hash(), 0x283e1b05c5ccb88bu); }
 
 TEST(Rig, FindsCamerasById) {
   const Rig rig = grid(2, 3);
@@ -101,7 +101,7 @@ TEST(Rig, FindsCamerasById) {
   EXPECT_FALSE(rig.index_of_id(4));
 }
 
-TEST(Rig, ResolvesRelativePathsAlone) {
+TEST(Rig, ResolvesOnlyRelativePaths) {
   Rig rig;
   rig.directory = "some/where";
   EXPECT_EQ(rig.resolve("a.png"), "some/where/a.png");
@@ -114,7 +114,7 @@ TEST(Rig, ResolvesRelativePathsAlone) {
   EXPECT_EQ(rig.resolve("a.png"), "a.png");
 }
 
-TEST(Relocate, PathsMeanTheSameFromTheNewFolder) {
+TEST(RebasePaths, PathsStayValidInTheNewFolder) {
   const TempDir dir;
   std::filesystem::create_directories(dir / "a/images");
   std::filesystem::create_directories(dir / "b/c");
@@ -148,14 +148,14 @@ TEST(Relocate, PathsMeanTheSameFromTheNewFolder) {
   }
 }
 
-TEST(Relocate, AFolderWhoseNameIsTooLongIsAnErrorThatNamesIt) {
+TEST(RebasePaths, TooLongFolderNameIsAnError) {
   Rig rig = grid(1, 1);
   const std::string name(300, 'a');
   rig.cameras[0].image = name + "/x.png";
   EXPECT_ERROR(rebase_paths(rig, "b"), name);
 }
 
-TEST(SubRig, StaysAGridWhereItIsRowsTimesColumns) {
+TEST(RigSubset, CompleteRowsAndColumnsStayAGrid) {
   const Rig rig = grid(4, 5);
   struct {
     std::vector<CameraIndex> indices;
@@ -177,7 +177,7 @@ TEST(SubRig, StaysAGridWhereItIsRowsTimesColumns) {
   }
 }
 
-TEST(SubRig, KeepsTheTrianglesOfTheWholeRigAlone) {
+TEST(RigSubset, KeepsTrianglesOnlyForTheWholeRig) {
   Rig rig = grid(2, 2);
   rig.topology = {Topology::Type::kTriangles, 0, 0, {{0, 1, 3}}};
   EXPECT_EQ(rig_subset(rig, {0, 1, 2, 3}).topology.triangles, rig.topology.triangles);
@@ -185,13 +185,13 @@ TEST(SubRig, KeepsTheTrianglesOfTheWholeRigAlone) {
   EXPECT_EQ(rig_subset(rig, {1, 0, 2, 3}).topology.type, Topology::Type::kDelaunay);
 }
 
-TEST(SubRig, RefusesWhatIsNotInTheRig) {
+TEST(RigSubset, RefusesUnknownCameras) {
   EXPECT_ERROR(rig_subset(grid(2, 2), {0, 4}), "index 4", "4 cameras");
   EXPECT_ERROR(rig_subset(grid(2, 2), {0, 1, 0}), "index 0", "twice");
   EXPECT_ERROR(rig_subset(grid(2, 2), {}), "one camera");
 }
 
-TEST(EveryNth, KeepsRowsAndColumnsFromTheFirst) {
+TEST(SubsampleGrid, KeepsRowsAndColumnsFromTheFirst) {
   EXPECT_THAT(ids(subsample_grid(grid(3, 4), 2)), ElementsAre(100, 102, 108, 110));
   EXPECT_THAT(ids(subsample_grid(grid(4, 4), 3)), ElementsAre(100, 103, 112, 115));
   EXPECT_THAT(ids(subsample_grid(grid(3, 4), 9)), ElementsAre(100));
@@ -214,7 +214,7 @@ TEST(CameraList, NamesCamerasById) {
   EXPECT_THAT(parse_camera_list(rig, "105,101-101,105,104-106"), ElementsAre(1, 4, 5, 6));
 }
 
-TEST(CameraList, NamesThePartThatIsWrong) {
+TEST(CameraList, ErrorsNameTheInvalidPart) {
   struct {
     const char* list;
     std::vector<std::string> facts;
@@ -238,7 +238,7 @@ TEST(CameraList, NamesThePartThatIsWrong) {
 
 const GridRigOptions kGood = {2, 3, 0.1, 90, 640, 480};
 
-TEST(GridRig, StandsAroundTheOriginRowByRowFromTheTop) {
+TEST(GridRig, IsCentredWithRowsFromTheTop) {
   const Rig rig = make_grid_rig(kGood);
   ASSERT_EQ(rig.cameras.size(), 6u);
   EXPECT_EQ(rig.topology.type, Topology::Type::kGrid);
@@ -257,13 +257,13 @@ TEST(GridRig, StandsAroundTheOriginRowByRowFromTheTop) {
   EXPECT_EQ(parse_rig(rig_to_json(rig), "r.json").hash(), rig.hash());
 }
 
-TEST(GridRig, FromOneCameraOfOnePixelToTheLimits) {
+TEST(GridRig, AcceptsOneCameraUpToTheLimits) {
   EXPECT_EQ(make_grid_rig({1, 1, 1, 60, 1, 1}).cameras[0].pose.position, Vec3(0, 0, 0));
   EXPECT_EQ(make_grid_rig({1, 1, 1e-6, 60, 8192, 8192}).cameras[0].width, 8192);
   EXPECT_EQ(make_grid_rig({255, 257, 1, 60, 4, 4}).cameras.size(), kMaxCameras);
 }
 
-TEST(GridRig, RefusesByName) {
+TEST(GridRig, ErrorsNameTheOption) {
   const std::pair<std::vector<std::string>, std::function<void(GridRigOptions&)>> cases[] = {
       {{"rows", "1 to 65535", "0"}, [](auto& o) { o.rows = 0; }},
       {{"columns", "1 to 65535", "-1"}, [](auto& o) { o.columns = -1; }},
@@ -282,7 +282,7 @@ TEST(GridRig, RefusesByName) {
   }
 }
 
-TEST(CameraRanges, NeighboursAreOneRange) {
+TEST(CameraRanges, MergesNeighbours) {
   const CameraRanges ranges(CameraSet{0, 1, 2, 7, 9, 10});
   EXPECT_EQ(ranges.ranges(), (std::vector<CameraRange>{{0, 2}, {7, 7}, {9, 10}}));
   EXPECT_EQ(ranges.size(), 6u);
@@ -290,7 +290,7 @@ TEST(CameraRanges, NeighboursAreOneRange) {
   EXPECT_TRUE(CameraRanges(CameraSet{}).empty());
 }
 
-TEST(CameraRanges, AppendsBeyondTheOthersWithAGap) {
+TEST(CameraRanges, AppendsWithAGap) {
   CameraRanges ranges;
   EXPECT_TRUE(ranges.append({3, 5}));
   EXPECT_FALSE(ranges.append({6, 7}));
@@ -333,7 +333,7 @@ double apart(const Rig& rig, size_t a, size_t b) {
   return glm::length(rig.cameras[a].pose.position - rig.cameras[b].pose.position);
 }
 
-TEST(ArcRig, StandsAroundItsCentreAndLooksAtIt) {
+TEST(ArcRig, IsAroundItsCentreAndLooksAtTheCentre) {
   const Rig rig = make_arc_rig({.cameras = 9, .pitch = 0.06, .radius = 1.5, .fov_y_deg = 50});
   ASSERT_EQ(rig.cameras.size(), 9u);
   const Vec3 centre(0, 0, 1.5);
@@ -352,7 +352,7 @@ TEST(ArcRig, StandsAroundItsCentreAndLooksAtIt) {
   EXPECT_EQ(parse_rig(rig_to_json(rig), "arc").hash(), rig.hash());
 }
 
-TEST(ArcRig, RefusesNonsense) {
+TEST(ArcRig, RefusesInvalidOptions) {
   EXPECT_ERROR(make_arc_rig({.cameras = 4, .pitch = 0, .radius = 1, .fov_y_deg = 50}), "pitch", "positive");
   EXPECT_ERROR(make_arc_rig({.cameras = 4, .pitch = 1, .radius = -1, .fov_y_deg = 50}), "radius", "positive");
   EXPECT_ERROR(make_arc_rig({.cameras = 4, .pitch = 1, .radius = 1, .fov_y_deg = 50}), "half the circle");
@@ -361,7 +361,7 @@ TEST(ArcRig, RefusesNonsense) {
   EXPECT_ERROR(make_arc_rig({.cameras = 3, .pitch = 0.1, .radius = 1, .fov_y_deg = 0}), "fov_y");
 }
 
-TEST(RingRig, IsACircleThatLooksForward) {
+TEST(RingRig, IsACircleLookingForward) {
   const Rig rig = make_ring_rig({.cameras = 8, .radius = 0.2, .fov_y_deg = 60});
   ASSERT_EQ(rig.cameras.size(), 8u);
   for (const Camera& camera : rig.cameras) {
@@ -375,7 +375,7 @@ TEST(RingRig, IsACircleThatLooksForward) {
   EXPECT_ERROR(make_ring_rig({.cameras = 5, .radius = 0, .fov_y_deg = 60}), "radius", "positive");
 }
 
-TEST(CylinderRig, StandsAroundItsAxisAndClosesItsMesh) {
+TEST(CylinderRig, IsAroundItsAxisWithAClosedMesh) {
   for (const bool inward : {true, false}) {
     const Rig rig =
         make_cylinder_rig({.rows = 3, .columns = 10, .pitch = 0.2, .radius = 1.5, .inward = inward, .fov_y_deg = 50});
@@ -403,7 +403,7 @@ TEST(CylinderRig, StandsAroundItsAxisAndClosesItsMesh) {
   }
 }
 
-TEST(CylinderRig, RefusesNonsense) {
+TEST(CylinderRig, RefusesInvalidOptions) {
   const CylinderRigOptions good{.rows = 2, .columns = 3, .pitch = 0.1, .radius = 1, .fov_y_deg = 50};
   EXPECT_EQ(make_cylinder_rig(good).cameras.size(), 6u);
   CylinderRigOptions options = good;
@@ -445,7 +445,7 @@ void expect_as_all_pairs(const Rig& rig) {
   EXPECT_NEAR(mean_nearest_distance(rig), sum / static_cast<double>(rig.cameras.size()), 1e-9 * largest);
 }
 
-TEST(CameraDistances, AreThoseOfAllPairs) {
+TEST(CameraDistances, MatchAllPairs) {
   std::mt19937 random(1);
   std::uniform_real_distribution<double> number(-1, 1);
   for (int n : {2, 3, 10, 200}) {
@@ -460,7 +460,7 @@ TEST(CameraDistances, AreThoseOfAllPairs) {
   }
 }
 
-TEST(CameraDistances, OneCameraHasNone) {
+TEST(CameraDistances, AreZeroForOneCamera) {
   const Rig rig = rig_of(1, [](int) { return Vec3(1, 2, 3); });
   EXPECT_EQ(largest_distance(rig), 0);
   EXPECT_EQ(mean_nearest_distance(rig), 0);

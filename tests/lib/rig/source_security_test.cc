@@ -16,7 +16,7 @@
 namespace lf {
 namespace {
 
-TEST(BinDescription, TellsElementsFromUrisAndFiles) {
+TEST(LaunchDescription, DistinguishesElementsFromUrisAndFiles) {
   for (const char* source :
        {"videotestsrc ! identity", "videotestsrc pattern=ball", "v4l2src device=/dev/video0 ! image/jpeg,width=640",
         "libcamerasrc camera-name=\"/base/soc/i2c0mux/i2c@1/imx219@10\"", "  a   b =1"})
@@ -27,7 +27,7 @@ TEST(BinDescription, TellsElementsFromUrisAndFiles) {
     EXPECT_FALSE(is_launch_description(source)) << source;
 }
 
-TEST(BinDescription, ElementsStayAsTheyAreWhereFilesMove) {
+TEST(LaunchDescription, IsUnchangedWhenPathsMove) {
   Rig rig = make_grid_rig({1, 2, 0.1, 60, 8, 6});
   rig.directory = "/nowhere/a";
   rig.cameras[0].source = "film.mkv";
@@ -37,7 +37,7 @@ TEST(BinDescription, ElementsStayAsTheyAreWhereFilesMove) {
   EXPECT_EQ(rig.cameras[1].source, "filesrc location=film.mkv ! matroskademux");
 }
 
-TEST(BinDescription, ListedElementsNeedNoTrust) {
+TEST(LaunchDescription, ListedElementsNeedNoTrust) {
   for (const char* source : {
            "videotestsrc ! identity",
            "videotestsrc pattern=ball",
@@ -56,7 +56,7 @@ TEST(BinDescription, ListedElementsNeedNoTrust) {
     EXPECT_EQ(untrusted_component(source), std::nullopt) << source;
 }
 
-TEST(BinDescription, NamesThePartThatNeedsTrust) {
+TEST(LaunchDescription, NamesThePartThatNeedsTrust) {
   struct {
     const char *source, *part;
   } const cases[] = {
@@ -96,7 +96,7 @@ Rig rig_of(const std::string& source, const std::string& image = "") {
   return rig;
 }
 
-TEST(RigTrust, OtherElementsAndLightFieldsNeedTheUsersWord) {
+TEST(RigTrust, UnlistedElementsAndLightFieldsNeedTrust) {
   const TempDir dir;
   const std::string path = dir.write("rig.json", "");
   for (const Rig& rig :
@@ -110,7 +110,7 @@ TEST(RigTrust, OtherElementsAndLightFieldsNeedTheUsersWord) {
     require_trust(rig, path, false);
 }
 
-TEST(RigTrust, ElementsNeedAFileOfTheUsersOwn) {
+TEST(RigTrust, ElementsNeedAFileThatOthersCannotWrite) {
   const TempDir dir;
   const std::string path = dir.write("rig.json", "");
   chmod(path.c_str(), 0646);
@@ -127,7 +127,7 @@ TEST(RigTrust, ElementsNeedAFileOfTheUsersOwn) {
   require_trust(rig_of("videotestsrc ! queue"), "", false);
 }
 
-TEST(LocationText, HidesUsersAndPasswords) {
+TEST(RedactedLocation, HidesUsersAndPasswords) {
   struct {
     const char *source, *shown;
   } const cases[] = {
@@ -169,12 +169,12 @@ TEST(LocationText, HidesUsersAndPasswords) {
   for (const auto& [source, shown] : cases) EXPECT_EQ(redacted_location(source), shown);
 }
 
-TEST(LocationText, ATextWithoutSecretsStays) {
+TEST(RedactedLocation, TextWithoutSecretsIsUnchanged) {
   for (const char* text : {"user: the camera is not there", "key-int-max=30 is unknown", "a = b", "keys=3", "a@b.c"})
     EXPECT_EQ(redacted_location(text), text);
 }
 
-TEST(RigSecrets, MustBeClosedToOtherUsers) {
+TEST(RigSecrets, MustNotBeAccessibleToOtherUsers) {
   const TempDir dir;
   Rig rig = make_grid_rig({1, 3, 0.1, 60, 64, 48});
   rig.cameras[0].source = "rtsp://host/stream";

@@ -20,7 +20,7 @@ void write_images(const TempDir& dir, std::initializer_list<const char*> names) 
   }
 }
 
-TEST(StanfordNames, YIsBeforeXAndPointsDown) {
+TEST(StanfordNames, YPrecedesXAndPointsDown) {
   const TempDir dir;
   write_images(dir, {"out_00_00_-10_20.5_.png", "out_00_01_-10_30.5.png"});
   const RigImport result = import_stanford(dir.path(), {100, 0, 0.001});
@@ -33,7 +33,7 @@ TEST(StanfordNames, YIsBeforeXAndPointsDown) {
   EXPECT_EQ(result.notes.size(), 1u) << "no focus distance";
 }
 
-TEST(StanfordNames, APointAtTheFocusDistanceStandsStill) {
+TEST(StanfordNames, PointAtTheFocusDistanceDoesNotMove) {
   const TempDir dir;
   write_images(dir, {"out_00_00_0_0_.png", "out_00_01_1_10_.png", "out_01_00_12_0_.png"});
   const RigImport result = import_stanford(dir.path(), {100, 2, 0.001});
@@ -73,7 +73,7 @@ TEST(StanfordNames, RoundTripsWithin1e9Pixels) {
   EXPECT_TRUE(std::filesystem::exists(back.cameras[0].image));
 }
 
-TEST(StanfordNames, RefusesWhatNamesCantHold) {
+TEST(StanfordNames, RefusesRigsThatNamesCannotHold) {
   const TempDir dir;
   Rig rig = make_grid_rig({2, 2, 0.1, 60, 8, 6});
   EXPECT_ERROR(export_stanford(rig, dir / "out"), "camera 0", "no image");

@@ -43,7 +43,7 @@ TEST(Predicates, InCircleIsExactAtFullRange) {
   EXPECT_EQ(in_circle({-kM, -kM}, {kM, -kM}, {kM, kM}, {0, 0}), 1);
 }
 
-TEST(Predicates, ClosedTriangleHasItsBorder) {
+TEST(Predicates, TriangleContainsItsBorder) {
   EXPECT_TRUE(triangle_contains({0, 0}, {4, 0}, {0, 4}, {1, 1}));
   EXPECT_TRUE(triangle_contains({0, 0}, {4, 0}, {0, 4}, {2, 2}));
   EXPECT_TRUE(triangle_contains({0, 0}, {4, 0}, {0, 4}, {4, 0}));
@@ -96,7 +96,7 @@ TEST(PlaneCoordinates, GridsStayRectangularAtAnyTilt) {
   expect_rectangular(plane_points(grid(8, 8, 0.1, 0.1, kTilted), kTilted.right(), kTilted.forward()), 8, 8);
 }
 
-TEST(PlaneCoordinates, SizeAndPlaceDoNotMatter) {
+TEST(PlaneCoordinates, DoNotDependOnSizeAndPosition) {
   const auto reference = plane_points(grid(6, 9, 0.125, 0.25), {1, 0, 0}, {0, 0, 1});
   for (const double pitch : {0x1p-1020, 0x1p-20, 0x1p20, 0x1p1010}) {
     EXPECT_EQ(plane_points(grid(6, 9, pitch / 2, pitch), {1, 0, 0}, {0, 0, 1}), reference) << pitch;
@@ -130,7 +130,7 @@ TEST(PlaneCoordinates, ExtremesStayWithinRange) {
   }
 }
 
-TEST(PlaneCoordinates, PrincipalAxesAreThoseOfTheSpread) {
+TEST(PlaneCoordinates, PrincipalAxesFollowTheSpread) {
   std::mt19937 random(2);
   std::normal_distribution<double> normal;
   std::vector<Vec3> points;
@@ -190,7 +190,7 @@ TEST(PlaneCoordinates, NamesTheCameraThatIsNotFinite) {
   EXPECT_ERROR(normalised_centres(std::vector<Vec3>{{inf, 0, 0}, {0, 0, 0}}), "cameras[0].position");
 }
 
-TEST(Triangle, LowestFirstKeepsTheTurn) {
+TEST(Triangle, CanonicalTriangleKeepsTheOrientation) {
   EXPECT_EQ(canonical_triangle({1, 2, 3}), (Triangle{1, 2, 3}));
   EXPECT_EQ(canonical_triangle({3, 1, 2}), (Triangle{1, 2, 3}));
   EXPECT_EQ(canonical_triangle({2, 3, 1}), (Triangle{1, 2, 3}));
@@ -255,7 +255,7 @@ TEST(Delaunay, RandomPointsMeetTheDefinition) {
 }
 
 // A small range makes many cocircular, collinear and coincident points.
-TEST(Delaunay, DegeneratePointsHaveTheOneAnswerOfBruteForce) {
+TEST(Delaunay, DegeneratePointsMatchBruteForce) {
   std::mt19937 random(4);
   for (int trial = 0; trial < 1500; ++trial) {
     const auto points = random_points(random, 3 + trial % 20, 1 + trial % 5);
@@ -285,7 +285,7 @@ TEST(Delaunay, RegularGridsTakeTheDiagonalWithTheLowestIndex) {
   }
 }
 
-TEST(Delaunay, ShuffledGridsTakeItToo) {
+TEST(Delaunay, ShuffledGridsTakeTheSameDiagonal) {
   std::mt19937 random(5);
   for (int trial = 0; trial < 10; ++trial) {
     std::vector<IntPoint> points;
@@ -326,7 +326,7 @@ TEST(Delaunay, RenumberingRenamesTheTriangles) {
   EXPECT_EQ(delaunay(renumbered), expected);
 }
 
-TEST(Delaunay, OfCoincidentPointsTheLowestIndexCounts) {
+TEST(Delaunay, UsesTheLowestOfCoincidentPoints) {
   EXPECT_THAT(delaunay(std::vector<IntPoint>{{0, 0}, {0, 0}, {9, 0}, {0, 9}, {9, 0}}), ElementsAre(Triangle{0, 2, 3}));
 }
 
@@ -367,11 +367,11 @@ TEST(Link, ChainAtTheBorderFromEndToEnd) {
   EXPECT_THAT(link[0].camera, ElementsAre(1, 2, 3, 4));
 }
 
-TEST(Link, FirstTriangleSaysWhichWay) {
+TEST(Link, FirstTriangleDefinesTheOrientation) {
   EXPECT_THAT(link_of_9({{3, 2, 9}, {1, 2, 9}, {3, 4, 9}})[0].camera, ElementsAre(4, 3, 2, 1));
 }
 
-TEST(Link, TwoFansThatMeetInTheCameraAlone) {
+TEST(Link, TwoFansThatMeetOnlyInTheCamera) {
   const auto link = link_of_9({{1, 2, 9}, {2, 3, 9}, {4, 5, 9}, {5, 6, 9}, {6, 4, 9}});
   ASSERT_THAT(link, SizeIs(2));
   EXPECT_THAT(link[0].camera, ElementsAre(1, 2, 3));
@@ -380,7 +380,7 @@ TEST(Link, TwoFansThatMeetInTheCameraAlone) {
   EXPECT_TRUE(link[1].closed);
 }
 
-TEST(Link, NothingToFill) {
+TEST(Link, EmptyStarHasNoLink) {
   EXPECT_THAT(link_of_9({}), IsEmpty());
   EXPECT_THAT(link_of_9({{1, 2, 9}}), IsEmpty());
   EXPECT_THAT(link_of_9({{1, 2, 9}, {1, 2, 9}}), IsEmpty());
@@ -403,7 +403,7 @@ int64_t twice_polygon_area(const std::vector<IntPoint>& p) {
   return sum;
 }
 
-TEST(EarClipping, SquareIsCutAtTheLowestTip) {
+TEST(EarClipping, SquareIsClippedAtTheLowestTip) {
   EXPECT_THAT(clip_ears(outline({{0, 0}, {9, 0}, {9, 9}, {0, 9}}, true), {}),
               ElementsAre(Triangle{0, 1, 3}, Triangle{1, 2, 3}));
   Outline turned = outline({{0, 0}, {9, 0}, {9, 9}, {0, 9}}, true);
@@ -411,7 +411,7 @@ TEST(EarClipping, SquareIsCutAtTheLowestTip) {
   EXPECT_THAT(clip_ears(turned, {}), ElementsAre(Triangle{3, 5, 7}, Triangle{4, 7, 5}));
 }
 
-TEST(EarClipping, WellShapedEarsGoFirst) {
+TEST(EarClipping, WellShapedEarsAreClippedFirst) {
   // A kite: uses the short diagonal, wherever tip 0 is.
   EXPECT_THAT(clip_ears(outline({{-100, 0}, {0, -10}, {100, 0}, {0, 10}}, true), {}),
               ElementsAre(Triangle{0, 1, 3}, Triangle{1, 2, 3}));
@@ -468,7 +468,7 @@ TEST(EarClipping, ChainsAreFilledUpToAStraightBorder) {
   EXPECT_THAT(clip_ears(outline({{0, 0}, {5, 0}, {9, 0}}, false), {}), IsEmpty());
 }
 
-TEST(EarClipping, ChainsKeepClearOfTheMeshAround) {
+TEST(EarClipping, ChainsAvoidTheSurroundingMesh) {
   const std::vector<IntPoint> corner{{10, 0}, {0, 0}, {0, -10}};  // the bay is the triangle of these points
   ASSERT_THAT(clip_ears(outline(corner, false), {}), SizeIs(1));
   const auto with = [&](const MeshEdge& edge) { return clip_ears(outline(corner, false), std::vector{edge}); };
@@ -481,7 +481,7 @@ TEST(EarClipping, ChainsKeepClearOfTheMeshAround) {
   EXPECT_THAT(with({0, 2, {10, 0}, {0, -10}}), SizeIs(1));
 }
 
-TEST(EarClipping, OutlinesThatCrossThemselvesEnd) {
+TEST(EarClipping, HandlesSelfIntersectingOutlines) {
   std::mt19937 random(9);
   std::uniform_int_distribution<int> coordinate(-6, 6);
   for (int trial = 0; trial < 500; ++trial) {
@@ -526,7 +526,7 @@ TEST(HoleFilling, CornerCameraCutsTheCorner) {
   EXPECT_THAT(grid(2, 2).without({1}).faces, ElementsAre(Triangle{0, 3, 2}));
 }
 
-TEST(HoleFilling, NewTrianglesTurnAsTheOldOnes) {
+TEST(HoleFilling, NewTrianglesKeepTheOrientation) {
   Array turned = grid(3, 3);
   for (Triangle& t : turned.faces) std::swap(t[1], t[2]);
   const auto points = grid_points(3, 3);
@@ -534,14 +534,14 @@ TEST(HoleFilling, NewTrianglesTurnAsTheOldOnes) {
   EXPECT_EQ(twice_area(points, turned.faces), -8'000'000);
 }
 
-TEST(HoleFilling, TrianglesListedEitherWayMakeTheSameHole) {
+TEST(HoleFilling, OrientationOfTrianglesDoesNotMatter) {
   Array mixed = grid(3, 3);
   std::swap(mixed.faces[1][1], mixed.faces[1][2]);
   std::swap(mixed.faces[6][0], mixed.faces[6][1]);
   EXPECT_THAT(mixed.without({4}).faces, SizeIs(6));
 }
 
-TEST(HoleFilling, BayKeepsClearOfOtherParts) {
+TEST(HoleFilling, BaysAvoidOtherParts) {
   // Face 4 is the tip of a spit that reaches into the bay of camera 0; chain 3, 2, 1 surrounds the spit.
   const std::vector<Triangle> faces{{0, 3, 2}, {0, 2, 1}, {4, 5, 6}};
   const auto with_spit_at = [&](double y) {
@@ -601,14 +601,14 @@ TEST(HoleFilling, HubOfAThousandSpokes) {
   EXPECT_THAT(Array(faces, places).without({kSpokes}).faces, SizeIs(kSpokes - 2));
 }
 
-TEST(HoleFilling, TwoPartsThatMeetInTheCameraAloneAreFilledEach) {
+TEST(HoleFilling, FillsPartsThatMeetOnlyInTheCamera) {
   const std::vector<Vec3> places{{0, 0, 0},   {10, -5, 0}, {12, 0, 0},  {10, 5, 0},
                                  {-10, 5, 0}, {-12, 0, 0}, {-10, -5, 0}};
   const std::vector<Triangle> faces{{0, 1, 2}, {0, 2, 3}, {0, 4, 5}, {0, 5, 6}};
   EXPECT_THAT(Array(faces, places).without({0}).faces, ElementsAre(Triangle{1, 2, 3}, Triangle{4, 5, 6}));
 }
 
-TEST(HoleFilling, WhatIsNotASurfaceStaysOpen) {
+TEST(HoleFilling, NonManifoldMeshesStayOpen) {
   const auto places = positions({{0, 0}, {10, 0}, {0, 10}, {-10, 0}, {0, -10}});
   EXPECT_THAT(Array({{0, 1, 2}, {0, 2, 3}, {0, 2, 4}, {1, 2, 3}}, places).without({0}).faces,
               ElementsAre(Triangle{1, 2, 3}));
@@ -621,7 +621,7 @@ TEST(HoleFilling, TrianglesWithoutAreaLeaveNothingToFill) {
   EXPECT_THAT(Array({{0, 1, 2}, {2, 1, 3}, {2, 3, 4}, {2, 4, 0}}, places).without({2}).faces, IsEmpty());
 }
 
-TEST(HoleFilling, AnythingListedEnds) {
+TEST(HoleFilling, HandlesArbitraryTriangles) {
   std::mt19937 random(10);
   for (int trial = 0; trial < 300; ++trial) {
     const CameraIndex n = 4 + trial % 12;

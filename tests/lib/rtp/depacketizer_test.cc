@@ -31,7 +31,7 @@ TEST(SequenceWindow, CountsGapsUntilTheyAreFilled) {
   EXPECT_EQ(window.lost(), 1u);
 }
 
-TEST(SequenceWindow, KnowsDuplicates) {
+TEST(SequenceWindow, DetectsDuplicates) {
   SequenceWindow window;
   for (int s = 0; s < 3 * SequenceWindow::kSize; s++) {
     EXPECT_EQ(add(window, s), Verdict::kNew);
@@ -42,7 +42,7 @@ TEST(SequenceWindow, KnowsDuplicates) {
   EXPECT_EQ(window.lost(), 0u);
 }
 
-TEST(SequenceWindow, ALongGap) {
+TEST(SequenceWindow, LongGap) {
   SequenceWindow window;
   add(window, 0);
   EXPECT_EQ(add(window, 2000), Verdict::kNew);
@@ -51,7 +51,7 @@ TEST(SequenceWindow, ALongGap) {
   EXPECT_EQ(window.lost(), 1999u - SequenceWindow::kSize + 1);
 }
 
-TEST(SequenceWindow, ASenderThatBeginsAnew) {
+TEST(SequenceWindow, DetectsARestartedSender) {
   for (const int from : {30000, 100 - SequenceWindow::kSize - 5, -20000}) {
     SequenceWindow window;
     add(window, 100);
@@ -70,7 +70,7 @@ TEST(SequenceWindow, ASenderThatBeginsAnew) {
   EXPECT_EQ(window.lost(), 0u);
 }
 
-TEST(SequenceWindow, TheSameNumberAtAnotherTimeIsAnotherPacket) {
+TEST(SequenceWindow, EqualNumbersWithOtherTimestampsAreNew) {
   SequenceWindow window;
   for (int s = 100; s < 120; s++) add(window, s, 1000);
   EXPECT_EQ(add(window, 105, 9000), Verdict::kRestarted);
@@ -135,7 +135,7 @@ TEST_F(ReassemblyTest, ContradictionsAreRefused) {
   EXPECT_TRUE(std::ranges::equal(out_, std::span(bytes_).first(30)));
 }
 
-TEST_F(ReassemblyTest, TheOldestMakesRoom) {
+TEST_F(ReassemblyTest, OldestUnitIsDropped) {
   for (uint16_t unit = 1; unit <= 4; unit++) EXPECT_EQ(add(unit, 0, 10), kKept);
   EXPECT_EQ(reassembly_.units(), 3u);
   EXPECT_EQ(reassembly_.dropped(), 1u);
@@ -223,7 +223,7 @@ std::vector<uint32_t> fragments_of(const std::vector<Bytes>& units, uint32_t* to
 
 Bytes rich_answer() { return answer_with_sum(200, 120, true, 30); }
 
-TEST(Depacketizer, WhatWasSentComes) {
+TEST(Depacketizer, ReceivesSentUnits) {
   uint32_t total = 0;
   Receiver receiver(UnitKind::kAnswer);
   const Link link = sent(UnitKind::kAnswer, {rich_answer()});
@@ -359,7 +359,7 @@ TEST(Depacketizer, HostileLinks) {
   }
 }
 
-TEST(Depacketizer, ALostPacketCostsOnlyWhatWasInIt) {
+TEST(Depacketizer, LostPacketLosesOnlyItsContent) {
   const Link all = sent(UnitKind::kAnswer, {answer_with_sum(200, 120, true, 0)});
   for (size_t lost = 0; lost < all.size(); lost += 7) {
     Link link = all;
@@ -390,7 +390,7 @@ std::vector<uint32_t> counted_up(uint32_t first, uint32_t count) {
   return out;
 }
 
-TEST(Depacketizer, TwoLostRequestPacketsCostNothing) {
+TEST(Depacketizer, ToleratesTwoLostRequestPackets) {
   const Link all = sent_requests(UINT32_MAX - 10, 40);  // across the wrap-around of sequence numbers
   for (size_t lost = 0; lost + 2 < all.size(); lost++) {
     Link link = all;
@@ -401,7 +401,7 @@ TEST(Depacketizer, TwoLostRequestPacketsCostNothing) {
   }
 }
 
-TEST(Depacketizer, RequestsComeOnceAndInOrder) {
+TEST(Depacketizer, RequestsAreDeliveredOnceAndInOrder) {
   Link link = sent_requests(1, 40);
   for (size_t i = 1; i + 1 < link.size(); i += 2) std::swap(link[i], link[i + 1]);
   const size_t n = link.size();
@@ -413,7 +413,7 @@ TEST(Depacketizer, RequestsComeOnceAndInOrder) {
   EXPECT_EQ(receiver.depacketizer.stats().duplicates, 40u);
 }
 
-TEST(Depacketizer, ViewsAndSendersDoNotDisturbOneAnother) {
+TEST(Depacketizer, ViewsAndSendersAreIndependent) {
   Receiver receiver(UnitKind::kRequest);
   receiver.take(sent_requests(100, 5, 1), 7);
   receiver.take(sent_requests(50, 5, 1), 8);
@@ -426,7 +426,7 @@ TEST(Depacketizer, ViewsAndSendersDoNotDisturbOneAnother) {
   EXPECT_EQ(receiver.units.size(), 20u);
 }
 
-TEST(Depacketizer, AViewerThatBeginsAnewIsHeard) {
+TEST(Depacketizer, AcceptsARestartedViewer) {
   Receiver receiver(UnitKind::kRequest);
   receiver.take(sent_requests(1000, 20));
   receiver.take(sent_requests(0, 20));    // packet numbers and times continue, requests restart at 0
@@ -442,7 +442,7 @@ TEST(Depacketizer, AViewerThatBeginsAnewIsHeard) {
   EXPECT_GE(receiver.units.size(), 58u);
 }
 
-TEST(Depacketizer, UnitsOfVersionsToComePass) {
+TEST(Depacketizer, PassesUnitsOfFutureVersions) {
   Bytes unit = answer(1, 60, 60, 0);
   unit[4] = 9;
   Receiver receiver(UnitKind::kAnswer);
@@ -450,7 +450,7 @@ TEST(Depacketizer, UnitsOfVersionsToComePass) {
   EXPECT_EQ(receiver.units, std::vector<Bytes>{unit});
 }
 
-TEST(Depacketizer, TheOtherStreamsUnitsAreDropped) {
+TEST(Depacketizer, DropsUnitsOfTheOtherKind) {
   Receiver receiver(UnitKind::kAnswer);
   receiver.take(sent_requests(1, 3));
   EXPECT_TRUE(receiver.units.empty());

@@ -24,7 +24,7 @@ TEST(PayloadFormat, GoldenBytes) {
   EXPECT_EQ(chunk, from_hex("110012340001000000020000"));
 }
 
-TEST(PayloadFormat, ReadsWhatItWrites) {
+TEST(PayloadFormat, RoundTrips) {
   const std::vector<uint8_t> units = from_hex("1000aabb");
   const std::optional<ParsedPayload> parsed = parse_payload(units);
   ASSERT_TRUE(parsed.has_value());
@@ -41,7 +41,7 @@ TEST(PayloadFormat, ReadsWhatItWrites) {
   EXPECT_EQ(chunk->chunk->bytes.size(), 3u);
 }
 
-TEST(PayloadFormat, RefusesWhatIsNotSound) {
+TEST(PayloadFormat, RefusesInvalidPayloads) {
   for (const char* hex : {
            "",
            "10",
@@ -66,7 +66,7 @@ TEST(PayloadFormat, RefusesWhatIsNotSound) {
   EXPECT_TRUE(parse_payload(from_hex("11001234fffffffeffffffff0a")).has_value());
 }
 
-TEST(LruMap, ForgetsTheKeyUsedLongestAgo) {
+TEST(LruMap, ForgetsTheLeastRecentlyUsedKey) {
   LruMap<int> values(3);
   for (const uint32_t key : {10, 11, 12}) values[key] = static_cast<int>(key);
   EXPECT_EQ(values[10], 10);
@@ -80,7 +80,7 @@ TEST(LruMap, ForgetsTheKeyUsedLongestAgo) {
   EXPECT_EQ(values[13], 0);
 }
 
-TEST(LruMap, ValuesStayWhereTheyAre) {
+TEST(LruMap, ValuesDoNotMove) {
   LruMap<std::array<char, 8192>> values(64);
   const auto* first = &values[0];
   for (uint32_t key = 1; key < 64; key++) values[key];
@@ -88,7 +88,7 @@ TEST(LruMap, ValuesStayWhereTheyAre) {
   EXPECT_EQ(&values[0], first);
 }
 
-TEST(PartPlan, AreFullAndHaveTheSizesPlanned) {
+TEST(PartPlan, PartsAreFullAndHaveThePlannedSizes) {
   const Bytes unit = answer(60, 40, 30, 75);
   const wire::AnswerView view = wire::parse_answer(unit).value();
   const std::optional<PartPlan> plan = plan_parts(view, 1386);
@@ -103,7 +103,7 @@ TEST(PartPlan, AreFullAndHaveTheSizesPlanned) {
   }
 }
 
-TEST(PartPlan, SixteenBitValuesBeginAtEvenOffsets) {
+TEST(PartPlan, SixteenBitValuesStartAtEvenOffsets) {
   // Two JPEG payloads of odd lengths, then a sum: in separate parts the sum would be misaligned.
   const wire::AnswerHeader header = wire::header_of_view(PixelFamily::kRgb, 400, 400);
   wire::AnswerWriter writer(header, 3);
@@ -119,7 +119,7 @@ TEST(PartPlan, SixteenBitValuesBeginAtEvenOffsets) {
   for (const Part& part : plan->parts) EXPECT_TRUE(wire::parse_answer(write_part(view, *plan, part, {})).has_value());
 }
 
-TEST(PartPlan, NothingToGive) {
+TEST(PartPlan, EmptyAnswerHasOnePart) {
   const Bytes unit = answer(0, 1, 1, 0);
   const wire::AnswerView view = wire::parse_answer(unit).value();
   const std::optional<PartPlan> plan = plan_parts(view, 500);
@@ -141,7 +141,7 @@ std::vector<Bytes> units_in(const Bytes& payload) {
   return units;
 }
 
-TEST(Packetizer, AnAnswerThatFitsIsSentAsItIs) {
+TEST(Packetizer, AnswerThatFitsIsSentUnchanged) {
   for (const Bytes& unit : {answer(0, 1, 1, 0), answer(2, 16, 16, 80), answer(1, 20, 20, 0)}) {
     const std::vector<Sent> packets = packetize(UnitKind::kAnswer, unit, 1388);
     ASSERT_EQ(packets.size(), 1u);
@@ -224,7 +224,7 @@ TEST(Packetizer, RawFragmentsBecomeTilesThatFit) {
   }
 }
 
-TEST(Packetizer, WhatIsLargerThanAPacketGoesInChunks) {
+TEST(Packetizer, LargeUnitsAreSentInChunks) {
   Packetizer packetizer(UnitKind::kAnswer);
   const Bytes unit = answer(1, 390, 390, 90);
   const std::vector<Sent> packets = packetize(packetizer, unit, 1388);
@@ -244,7 +244,7 @@ TEST(Packetizer, WhatIsLargerThanAPacketGoesInChunks) {
   EXPECT_EQ(parse_payload(packetize(packetizer, unit, 1388)[0].payload)->chunk->unit, 1);
 }
 
-TEST(Packetizer, PartsStayParts) {
+TEST(Packetizer, PartsAreSplitIntoParts) {
   // A raw fragment in a part of an answer cannot be split: the counts of the remaining parts would be wrong.
   const wire::AnswerHeader header = wire::header_of_view(PixelFamily::kRgb, 400, 400);
   wire::AnswerWriter writer(header, 2);
@@ -257,14 +257,14 @@ TEST(Packetizer, PartsStayParts) {
   EXPECT_EQ(last.part, (wire::AnswerPart{4, 1, 7}));
 }
 
-TEST(Packetizer, AHeaderOfManyRangesGoesInChunks) {
+TEST(Packetizer, HeaderWithManyRangesIsSentInChunks) {
   CameraRanges cameras;
   for (CameraIndex i = 0; i < 400; i++) cameras.append({2 * i, 2 * i});
   const Bytes unit = answer(3, 30, 30, 80, PixelFamily::kI420, cameras);
   for (const Sent& packet : packetize(UnitKind::kAnswer, unit, 1388)) EXPECT_TRUE(units_in(packet.payload).empty());
 }
 
-TEST(Packetizer, TooManyTilesGoInChunks) {
+TEST(Packetizer, TooManyTilesAreSentInChunks) {
   const wire::AnswerHeader header = wire::header_of_view(PixelFamily::kRgb, 4096, 4096);
   wire::AnswerWriter writer(header, 1);
   writer.add({1, header.family, {0, 0, 4096, 4096}, wire::Codec::kRaw, 0, false});
@@ -274,7 +274,7 @@ TEST(Packetizer, TooManyTilesGoInChunks) {
   EXPECT_GT(packetizer.stats().chunks, 1000u);
 }
 
-TEST(Packetizer, RequestsTakeTheirTwoPredecessorsAlong) {
+TEST(Packetizer, RequestsRepeatTheirTwoPredecessors) {
   Packetizer packetizer(UnitKind::kRequest);
   const auto units = [&](const Bytes& unit, size_t max_payload = 1388) {
     const std::vector<Sent> packets = packetize(packetizer, unit, max_payload);
@@ -298,7 +298,7 @@ TEST(Packetizer, RequestsTakeTheirTwoPredecessorsAlong) {
   for (size_t i = 0; i < 4; i++) EXPECT_EQ(packets[i].last, i == 3);
 }
 
-TEST(Packetizer, UnitsOfVersionsToComeGoAsTheyAre) {
+TEST(Packetizer, UnitsOfFutureVersionsAreSentUnchanged) {
   Bytes unit = answer(1, 60, 60, 0);
   unit[4] = 9;
   EXPECT_EQ(packetize(UnitKind::kAnswer, unit, 100000).size(), 1u);
@@ -308,7 +308,7 @@ TEST(Packetizer, UnitsOfVersionsToComeGoAsTheyAre) {
   EXPECT_EQ(packetize(UnitKind::kAnswer, unit, 100000).size(), 1u);
 }
 
-TEST(Packetizer, RefusesWhatIsNoSoundUnit) {
+TEST(Packetizer, RefusesInvalidUnits) {
   const auto reason_of = [](UnitKind kind, const Bytes& unit) {
     std::string reason;
     Packetizer packetizer(kind);
@@ -372,7 +372,7 @@ TEST(Pacer, SpreadsABurst) {
   EXPECT_EQ(pacer.next(1'002'000), 1'501'000u - Pacer::kMaxLead);
 }
 
-TEST(Pacer, IsNeverFartherAheadThanThat) {
+TEST(Pacer, LimitsTheLead) {
   Pacer pacer;
   uint64_t now = 5'000'000;
   for (uint64_t i = 0; i < 1000; i++) {
@@ -383,7 +383,7 @@ TEST(Pacer, IsNeverFartherAheadThanThat) {
   }
 }
 
-TEST(Pacer, DoesNotMakeUpForSilence) {
+TEST(Pacer, DoesNotMakeUpForIdleTime) {
   Pacer pacer;
   pacer.sent(0, 1000, 8'000'000);
   EXPECT_EQ(pacer.next(1'000'000'000), 1'000'000'000u);
@@ -393,7 +393,7 @@ TEST(Pacer, DoesNotMakeUpForSilence) {
   EXPECT_EQ(pacer.next(5), 5u);
 }
 
-TEST(Pacer, DoesNotWaitForAClockThatHasBeenSetBack) {
+TEST(Pacer, DoesNotWaitAfterTheClockIsSetBack) {
   Pacer pacer;
   pacer.sent(pacer.next(3'600'000'000'000), 1000, 8'000'000);
   EXPECT_EQ(pacer.next(1'000'000'000), 1'000'000'000u);

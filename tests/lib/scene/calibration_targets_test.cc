@@ -32,7 +32,7 @@ Vec2 centroid(const Image& image, const Vec2& around, int reach) {
   return sum / all;
 }
 
-TEST(Lights, TheTruthIsWhereThePictureHasThem) {
+TEST(Lights, TruthMatchesThePicture) {
   const Rig rig = scene_rig(1, 3);
   MovingLightOptions options = quiet();
   options.exposure = 1.0 / 30;
@@ -52,7 +52,7 @@ TEST(Lights, TheTruthIsWhereThePictureHasThem) {
   EXPECT_GT(seen, 30);
 }
 
-TEST(Lights, TheBarIsRigidAndAsFastAsAsked) {
+TEST(Lights, BarIsRigidAndHasTheRequestedSpeed) {
   const LightTrajectory path(scene_rig(2, 2), quiet());
   double sum = 0;
   constexpr int kSteps = 3000;
@@ -64,7 +64,7 @@ TEST(Lights, TheBarIsRigidAndAsFastAsAsked) {
   EXPECT_NEAR(std::sqrt(sum / kSteps), 0.5, 0.05);
 }
 
-TEST(Lights, AWindowShowsThemAgainAndDimmer) {
+TEST(Lights, WindowReflectsThemDimmer) {
   const Rig rig = scene_rig(1, 2);
   MovingLightOptions options = quiet();
   options.bar = 0, options.reflection = 0.5;
@@ -80,7 +80,7 @@ TEST(Lights, AWindowShowsThemAgainAndDimmer) {
   EXPECT_GT(level(*places[0]), level(*places[1]));
 }
 
-TEST(Lights, NoiseIsAsAskedAndOfItsSeedAlone) {
+TEST(Lights, NoiseHasTheRequestedLevelAndSeed) {
   const Rig rig = scene_rig(1, 2);
   MovingLightOptions options = quiet();
   options.noise = 3, options.ambient = 0.2, options.bar = 0;
@@ -93,7 +93,7 @@ TEST(Lights, NoiseIsAsAskedAndOfItsSeedAlone) {
   EXPECT_NEAR(std::sqrt(sum / count / 2), 3, 0.1);
 }
 
-TEST(Lights, OptionsWithoutSenseAreRefused) {
+TEST(Lights, InvalidOptionsAreErrors) {
   MovingLightOptions options;
   options.far = 0.5;
   EXPECT_ERROR(LightTrajectory(scene_rig(1, 2), options), "far", "near");

@@ -13,7 +13,7 @@ namespace lf::scene {
 
 namespace {
 
-TEST(Objects, EverythingStandsInTheRoom) {
+TEST(Objects, AreInsideTheRoom) {
   const auto inside = [](const V3& p, float r) {
     constexpr float kSlack = 0.001f;
     for (int axis = 0; axis < 3; axis++)
@@ -31,7 +31,7 @@ TEST(Objects, EverythingStandsInTheRoom) {
   }
 }
 
-TEST(Objects, GroupsHoldEachSphereAndCapsuleOnce) {
+TEST(Objects, GroupsContainEachSphereAndCapsuleOnce) {
   const Objects o = objects_at(1.3);
   std::vector<int> spheres(o.spheres.size()), capsules(o.capsules.size());
   for (const Group& g : o.groups) {
@@ -60,7 +60,7 @@ TEST(Objects, MoveWithThePeriodOfTheScene) {
   EXPECT_GT(moved, 0.3f);
 }
 
-TEST(Objects, NothingMovesFasterThanAWalker) {
+TEST(Objects, SpeedIsLimited) {
   constexpr double kStep = 0.005;
   float fastest = 0;
   for (double time = 0; time < kScenePeriod; time += 0.05) {
@@ -100,7 +100,7 @@ TEST(Figure, LimbsKeepTheirLengths) {
   }
 }
 
-TEST(Figure, StaysAroundTheMiddleDepth) {
+TEST(Figure, StaysNearTheMiddleDepth) {
   float near = 1e9f, far = 0;
   for (double time = 0; time < kScenePeriod; time += 0.1)
     for (const Group& g : figure_at(time).groups) {
@@ -221,7 +221,7 @@ TEST(Texture, TexturesAreFilteredOverThePixel) {
   EXPECT_LT(chart.filtered, 0.4 * chart.raw);
 }
 
-TEST(Texture, AlbedosAreThoseOfRealSurfaces) {
+TEST(Texture, AlbedosAreRealistic) {
   const Objects o = objects_at(0.4);
   std::mt19937 random(9);
   std::uniform_real_distribution<float> unit(-1, 1);

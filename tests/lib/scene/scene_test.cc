@@ -23,7 +23,7 @@ SceneCamera central_camera(int width = 160, int height = 120) {
   return c;
 }
 
-TEST(Scene, SameArgumentsSamePicture) {
+TEST(Scene, IsReproducible) {
   const SceneCamera camera = central_camera();
   const Image here = render_scene(camera, 1.234);
   Image there;
@@ -33,7 +33,7 @@ TEST(Scene, SameArgumentsSamePicture) {
 }
 
 // Regular steps, jumps, and repeated times; a lens with black corners; one ray per pixel, and nine.
-TEST(Scene, AFilmIsItsPictures) {
+TEST(Scene, FilmEqualsSinglePictures) {
   SceneCamera distorted = central_camera(97, 64);
   distorted.lens = Lens(LensModel::kRadial, {70, 48, 32, -0.4, 0.02});
   distorted.pose.position = {0.2, -0.1, 0.3};
@@ -53,7 +53,7 @@ TEST(Scene, LoopsWithItsPeriod) {
   EXPECT_GT(compare(render_scene(camera, 0.5), render_scene(camera, 0.5 + kScenePeriod)).psnr_db, 45);
 }
 
-TEST(Scene, AdaptiveSamplingIsNearToSamplingEverywhere) {
+TEST(Scene, AdaptiveSamplingIsCloseToFullSampling) {
   for (const double time : {0.0, 1.1, 2.7}) {
     const SceneCamera camera = central_camera(320, 240);
     const Image full = render_scene(camera, time, 3, true), adaptive = render_scene(camera, time, 3);
@@ -112,7 +112,7 @@ TEST(Scene, ParallaxFollowsDepth) {
   EXPECT_EQ(best, std::lround(shift));
 }
 
-TEST(Scene, HasSomethingToFocusOnAtItsDepths) {
+TEST(Scene, HasObjectsAtItsDepths) {
   const SceneCamera camera = central_camera();
   const scene::Objects objects = scene::objects_at(0.9);
   int at_depth[3] = {}, beyond = 0;
@@ -130,7 +130,7 @@ TEST(Scene, HasSomethingToFocusOnAtItsDepths) {
   EXPECT_EQ(beyond, 0);
 }
 
-TEST(Scene, ColourIsThatOfTheRayThroughThePixel) {
+TEST(Scene, ColourMatchesTheRayThroughThePixel) {
   SceneCamera camera = central_camera(320, 240);
   camera.lens = Lens(LensModel::kRadial, {400, 150, 125, -0.25, 0.08});
   camera.pose = look_at({0.1, -0.05, -0.2}, {0, 0, 2}, {0, 1, 0});
@@ -148,7 +148,7 @@ TEST(Scene, ColourIsThatOfTheRayThroughThePixel) {
   EXPECT_LT(difference / compared, 4);
 }
 
-TEST(Scene, DistortionMovesPixelsAsTheLensSays) {
+TEST(Scene, DistortionFollowsTheLens) {
   SceneCamera straight = central_camera(320, 240), bent = straight;
   bent.lens = Lens(LensModel::kRadial, {400, 159.5, 119.5, -0.3, 0.05});
   const Image a = render_scene(straight, 0, 3), b = render_scene(bent, 0, 3);
@@ -206,7 +206,7 @@ TEST(SceneRig, IsAGridAroundTheOrigin) {
   EXPECT_NEAR(rig.cameras[5].pose.position.y - rig.cameras[0].pose.position.y, kScenePitch, 1e-12);
 }
 
-TEST(SceneRig, RefusesWhatCannotBe) {
+TEST(SceneRig, RefusesInvalidSizes) {
   EXPECT_THROW(scene_rig(0, 8), Error);
   EXPECT_THROW(scene_rig(1000, 1000), Error);
   EXPECT_THROW(scene_rig(2, 2, 0, 240), Error);

@@ -41,7 +41,7 @@ double distance(const Objects& o, const D3& p) {
   return d;
 }
 
-TEST(Trace, HitsAgreeWithMarchingThroughTheDistanceField) {
+TEST(Trace, HitsMatchTheDistanceField) {
   std::mt19937 random(11);
   std::uniform_real_distribution<double> unit(-1, 1);
   int objects_hit = 0;
@@ -67,7 +67,7 @@ TEST(Trace, HitsAgreeWithMarchingThroughTheDistanceField) {
   EXPECT_GT(objects_hit, 500);
 }
 
-TEST(Trace, EveryKindOfObjectIsMet) {
+TEST(Trace, HitsEveryKindOfObject) {
   const Objects o = objects_at(0);
   const auto kind_towards = [&](const V3& target) { return intersect_scene(o, {V3(0), glm::normalize(target)}).kind; };
   EXPECT_EQ(kind_towards(o.spheres[0].centre), Kind::kSphere);

@@ -27,7 +27,6 @@ View test_view() {
   return view;
 }
 
-// Returns the point at a depth on the line of sight of a pixel.
 Vec3 point_at(const View& view, int x, int y, double depth) {
   return view.pose.position + view.pose.rotation() * (Vec3(view.lens.unproject(Vec2(x, y)).value(), 1) * depth);
 }
@@ -44,7 +43,7 @@ TEST(DepthImage, PointsAreOnTheFocalPlane) {
     }
 }
 
-TEST(DepthImage, PointsHaveTheDistancesOfTheMap) {
+TEST(DepthImage, PointsMatchTheMap) {
   View view = test_view();
   FocalMap map = FocalMap::for_view(view.width, view.height);
   map.from = plane_through({0, 0, -1}, glm::normalize(Vec3(-0.1, 0.05, 1)));
@@ -62,7 +61,7 @@ TEST(DepthImage, PointsHaveTheDistancesOfTheMap) {
     }
 }
 
-TEST(DepthImage, InfinityIsADepth) {
+TEST(DepthImage, InfinityIsAValidDepth) {
   View view = test_view();
   FocalMap map = FocalMap::for_view(view.width, view.height);
   map.from = plane_through(view.pose.position, view.pose.forward());
@@ -83,7 +82,7 @@ TEST(DepthImage, DepthsAreUnknownWithoutCoverageAndBehindTheView) {
   for (const float depth : depth_image(view).depths) EXPECT_EQ(depth, 0);
 }
 
-TEST(DepthImage, FilesHoldTheDepths) {
+TEST(DepthImage, FilesContainTheDepths) {
   const TempDir dir;
   const DepthImage image{2, 3, {0, 1.5f, 0.0004f, 65.4321f, 70, std::numeric_limits<float>::infinity()}};
   save_depth_png(image, dir / "d.png");

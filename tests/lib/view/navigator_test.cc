@@ -12,7 +12,7 @@ namespace {
 
 double distance(const Vec3& a, const Vec3& b) { return glm::length(a - b); }
 
-Viewpoint somewhere() {
+Viewpoint arbitrary_viewpoint() {
   Viewpoint v;
   v.pose = {{1, -2, 0.5}, quat_from_euler({35, -20, 10})};
   v.fov_y_deg = 40;
@@ -37,20 +37,24 @@ Rig array(int rows, int columns, double pitch, const Pose& world_from_array) {
 }
 
 TEST(Navigator, OrbitKeepsThePivotAndItsDistance) {
-  Navigator n(somewhere());
+  Navigator n(arbitrary_viewpoint());
   const Vec3 pivot = n.pivot();
   n.orbit(0.25, 0);
   EXPECT_LT(distance(n.pivot(), pivot), 1e-14);
   EXPECT_EQ(n.viewpoint().focus_distance, 3);
   // About the home view's vertical axis: the viewpoint keeps its height ...
-  EXPECT_NEAR(glm::dot(n.viewpoint().pose.position - somewhere().pose.position, somewhere().pose.down()), 0, 1e-14);
-  const Vec3 before = somewhere().pose.position - pivot, after = n.viewpoint().pose.position - pivot;
+  EXPECT_NEAR(
+      glm::dot(n.viewpoint().pose.position - arbitrary_viewpoint().pose.position, arbitrary_viewpoint().pose.down()), 0,
+      1e-14);
+  const Vec3 before = arbitrary_viewpoint().pose.position - pivot, after = n.viewpoint().pose.position - pivot;
   EXPECT_NEAR(glm::dot(before, after) / 9, std::cos(0.25 * kOrbitPerHeight), 1e-14);
   // ... and moves to the left, so that the scene follows the mouse to the right.
-  EXPECT_LT(glm::dot(n.viewpoint().pose.position - somewhere().pose.position, somewhere().pose.right()), -0.1);
+  EXPECT_LT(
+      glm::dot(n.viewpoint().pose.position - arbitrary_viewpoint().pose.position, arbitrary_viewpoint().pose.right()),
+      -0.1);
 }
 
-TEST(Navigator, ADragOverTheViewCrossesTheArray) {
+TEST(Navigator, DragAcrossTheViewCrossesTheArray) {
   Rig rig;
   for (const double x : {-0.5, 0.5}) {
     Camera camera;
@@ -71,8 +75,8 @@ TEST(Navigator, OrbitDownLooksFromAbove) {
   EXPECT_GT(n.viewpoint().pose.forward().y, 0.1);
 }
 
-TEST(Navigator, PanMovesWhatIsInFocusWithTheMouse) {
-  Navigator n(somewhere());
+TEST(Navigator, PanMovesPointsInFocusWithTheMouse) {
+  Navigator n(arbitrary_viewpoint());
   const View before = make_view(n.viewpoint(), 640, 480);
   const Vec3 x = before.pose.world_from_camera({0.3, -0.2, 3});
   const Vec2 from = *before.lens.project(before.pose.camera_from_world(x));
@@ -83,7 +87,7 @@ TEST(Navigator, PanMovesWhatIsInFocusWithTheMouse) {
   EXPECT_NEAR(to.y - from.y, -24, 1e-9);
 }
 
-TEST(Navigator, ZoomKeepsWhatIsUnderThePointer) {
+TEST(Navigator, ZoomKeepsThePointUnderThePointer) {
   for (const Vec2 place : {Vec2(0, 0), Vec2(0.5, 0), Vec2(0, -0.4), Vec2(-0.6, 0.45)}) {
     Navigator n;
     const auto ray = [&] {
@@ -102,12 +106,12 @@ TEST(Navigator, ZoomKeepsWhatIsUnderThePointer) {
 }
 
 TEST(Navigator, FocusAndZoomAreMultiplicativeAndClamped) {
-  Navigator n(somewhere());
+  Navigator n(arbitrary_viewpoint());
   n.focus(2);
   EXPECT_NEAR(n.viewpoint().focus_distance, 3 * 1.21, 1e-12);
   n.focus(-2);
   EXPECT_NEAR(n.viewpoint().focus_distance, 3, 1e-12);
-  EXPECT_EQ(n.viewpoint().pose, Navigator(somewhere()).viewpoint().pose);
+  EXPECT_EQ(n.viewpoint().pose, Navigator(arbitrary_viewpoint()).viewpoint().pose);
   n.focus(1e5);
   EXPECT_EQ(n.viewpoint().focus_distance, kMaxFocus);
   n.focus(-1e5);
@@ -120,7 +124,7 @@ TEST(Navigator, FocusAndZoomAreMultiplicativeAndClamped) {
   EXPECT_EQ(n.viewpoint().fov_y_deg, kMaxFovDeg);
 }
 
-TEST(Navigator, EveryKeyDoesWhatTheHeaderSays) {
+TEST(Navigator, KeysMatchTheDocumentation) {
   struct Row {
     const char *key, *opposite;
     Vec3 moved_towards;  // in the home view's axes; 0: the viewpoint stays
@@ -135,20 +139,21 @@ TEST(Navigator, EveryKeyDoesWhatTheHeaderSays) {
                       {"bracketleft", "bracketright", {0, 0, 0}},
                       {"KP_Add", "KP_Subtract", {0, 0, 0}}};
   for (const Row& row : rows) {
-    Navigator n(somewhere());
+    Navigator n(arbitrary_viewpoint());
     ASSERT_TRUE(n.key(row.key)) << row.key;
     EXPECT_FALSE(n.viewpoint() == n.home()) << row.key;
-    const Vec3 moved = n.viewpoint().pose.position - somewhere().pose.position;
+    const Vec3 moved = n.viewpoint().pose.position - arbitrary_viewpoint().pose.position;
     if (row.moved_towards == Vec3(0))
       EXPECT_EQ(glm::length(moved), 0) << row.key;
     else
-      EXPECT_GT(glm::dot(glm::normalize(moved), somewhere().pose.rotation() * row.moved_towards), 0.99) << row.key;
+      EXPECT_GT(glm::dot(glm::normalize(moved), arbitrary_viewpoint().pose.rotation() * row.moved_towards), 0.99)
+          << row.key;
     ASSERT_TRUE(n.key(row.opposite)) << row.opposite;
-    EXPECT_LT(distance(n.viewpoint().pose.position, somewhere().pose.position), 1e-14) << row.key;
+    EXPECT_LT(distance(n.viewpoint().pose.position, arbitrary_viewpoint().pose.position), 1e-14) << row.key;
     EXPECT_NEAR(n.viewpoint().fov_y_deg, 40, 1e-12);
     EXPECT_NEAR(n.viewpoint().focus_distance, 3, 1e-12);
   }
-  Navigator n(somewhere());
+  Navigator n(arbitrary_viewpoint());
   n.key("bracketright");
   EXPECT_GT(n.viewpoint().focus_distance, 3);
   n.key("plus");
@@ -160,8 +165,8 @@ TEST(Navigator, EveryKeyDoesWhatTheHeaderSays) {
   EXPECT_EQ(n.viewpoint(), n.home());
 }
 
-TEST(Navigator, AHundredThousandStepsKeepTheQuaternionAndThePivot) {
-  Navigator n(somewhere());
+TEST(Navigator, ManyStepsKeepTheQuaternionAndThePivot) {
+  Navigator n(arbitrary_viewpoint());
   const Vec3 pivot = n.pivot();
   std::mt19937 random(7);
   std::uniform_real_distribution<double> step(-0.05, 0.05);
@@ -175,7 +180,7 @@ TEST(Navigator, AHundredThousandStepsKeepTheQuaternionAndThePivot) {
 }
 
 // A viewpoint that moves sideways and turns looks beyond the cameras' coverage: it then moves on and turns less.
-TEST(Navigator, WhereTurningHidesTheViewTurnsBackAndTheEyeGoesOn) {
+TEST(Navigator, ViewTurnsBackIfTurningHidesTheScene) {
   Navigator n;
   // Each degree of rotation darkens another 2 % of the view, independent of the position.
   n.set_visibility([](const Viewpoint& v) {
@@ -216,7 +221,7 @@ TEST(Navigator, NoMovementLosesSightOfTheArray) {
   EXPECT_LT(glm::length(n.pivot() - Vec3(0, 0, 2)), 1e-9);
 }
 
-TEST(Navigator, MovementsThatNothingHelpsEnd) {
+TEST(Navigator, UncorrectableMovementsStop) {
   Navigator n;
   // A view twice as wide as the home view is half covered at any position.
   n.set_visibility([&n](const Viewpoint& v) { return std::min(1.0, n.home().fov_y_deg / v.fov_y_deg); });
@@ -227,7 +232,7 @@ TEST(Navigator, MovementsThatNothingHelpsEnd) {
   EXPECT_LT(n.viewpoint().fov_y_deg, 1.01 * n.home().fov_y_deg);
 }
 
-TEST(Navigator, FromTheDarkMovementsFindBack) {
+TEST(Navigator, MovementsReturnFromDarkViews) {
   Navigator n;
   for (int i = 0; i < 50; i++) n.key("d");
   EXPECT_NEAR(n.viewpoint().pose.position.x, 1, 1e-12);
@@ -246,7 +251,7 @@ TEST(Navigator, FromTheDarkMovementsFindBack) {
 
 TEST(Navigator, SetKeepsLimits) {
   Navigator n;
-  Viewpoint v = somewhere();
+  Viewpoint v = arbitrary_viewpoint();
   v.pose.position.x = 1e300;
   v.pose.orientation = Quat(0, 0, 2, 0);
   v.fov_y_deg = 500;
@@ -258,8 +263,8 @@ TEST(Navigator, SetKeepsLimits) {
   EXPECT_EQ(n.viewpoint().focus_distance, kMinFocus);
 }
 
-TEST(DefaultViewpoint, StandsInTheMiddleOfTheArray) {
-  const Pose world_from_array = somewhere().pose;
+TEST(DefaultViewpoint, IsInTheMiddleOfTheArray) {
+  const Pose world_from_array = arbitrary_viewpoint().pose;
   const Rig rig = array(5, 7, 0.1, world_from_array);
   const Viewpoint v = default_viewpoint(rig);
   EXPECT_LT(distance(v.pose.position, world_from_array.position), 1e-14);
@@ -280,8 +285,8 @@ TEST(DefaultViewpoint, MeanOfDifferingOrientations) {
   EXPECT_NEAR(e.pitch, 5, 0.5);
 }
 
-TEST(DefaultViewpoint, OneCameraAndCamerasThatLookEverywhere) {
-  Rig one = array(1, 1, 0.1, somewhere().pose);
+TEST(DefaultViewpoint, OneCameraAndCancellingAxes) {
+  Rig one = array(1, 1, 0.1, arbitrary_viewpoint().pose);
   const Viewpoint v = default_viewpoint(one);
   EXPECT_EQ(v.pose.position, one.cameras[0].pose.position);
   EXPECT_EQ(v.focus_distance, 1);

@@ -153,7 +153,7 @@ std::vector<Shown> play(const ViewPlayback& playback, uint64_t limit) {
   return shown;
 }
 
-TEST(ViewPlayback, AListIsShownOneViewPerPeriod) {
+TEST(ViewPlayback, ListShowsOneViewPerPeriod) {
   const ViewPlayback playback(views_at({2, 2, 2}), Schedule(4, 1), false);
   EXPECT_FALSE(playback.has_times());
   EXPECT_EQ(play(playback, 99), (std::vector<Shown>{{0, 0, 250000000, 2 * kSecond},
@@ -162,7 +162,7 @@ TEST(ViewPlayback, AListIsShownOneViewPerPeriod) {
   EXPECT_EQ(playback.duration(), 750000000u);
 }
 
-TEST(ViewPlayback, APathIsShownAtItsTimes) {
+TEST(ViewPlayback, PathKeepsItsTimes) {
   const ViewPlayback playback(views_at({1, 1.5, 3}), Schedule(4, 1), false);
   EXPECT_TRUE(playback.has_times());
   EXPECT_EQ(play(playback, 99), (std::vector<Shown>{{0, kSecond, kSecond / 2, kSecond},
@@ -171,7 +171,7 @@ TEST(ViewPlayback, APathIsShownAtItsTimes) {
   EXPECT_EQ(playback.duration(), 7 * kSecond / 2);
 }
 
-TEST(ViewPlayback, LoopedTimesGoOnGrowing) {
+TEST(ViewPlayback, LoopedTimesIncrease) {
   const ViewPlayback path(views_at({1, 2}), Schedule(4, 1), true);
   EXPECT_EQ(play(path, 5), (std::vector<Shown>{{0, 1 * kSecond, kSecond, 1 * kSecond},
                                                {1, 2 * kSecond, kSecond, 2 * kSecond},
@@ -188,7 +188,7 @@ TEST(ViewPlayback, EqualTimesAtTheEndStillTakeAPeriod) {
   EXPECT_EQ(playback.item(3)->time, 3 * kSecond / 2);
 }
 
-TEST(ViewPlayback, FindsTheFirstViewFromATimeOn) {
+TEST(ViewPlayback, FindsTheFirstViewFromATime) {
   const ViewPlayback playback(views_at({1, 2, 2, 3}), Schedule(4, 1), false);
   EXPECT_EQ(playback.first_at(0), 0u);
   EXPECT_EQ(playback.first_at(kSecond), 0u);
@@ -201,7 +201,7 @@ TEST(ViewPlayback, FindsTheFirstViewFromATimeOn) {
 constexpr uint64_t kFrame = kSecond / 10;
 const Schedule kTenth(10, 1);
 
-TEST(RequestSchedule, OneRequestAFrameForEver) {
+TEST(RequestSchedule, OneRequestPerFrame) {
   RequestSchedule schedule(kTenth);
   EXPECT_FALSE(schedule.from_file());
   EXPECT_FALSE(schedule.end());
@@ -218,7 +218,7 @@ TEST(RequestSchedule, OneRequestAFrameForEver) {
   EXPECT_EQ(schedule.next()->pts, kSecond + kFrame);
 }
 
-TEST(RequestSchedule, AnotherRateGoesOnFromTheNextFrame) {
+TEST(RequestSchedule, NewRateAppliesFromTheNextFrame) {
   RequestSchedule schedule(kTenth);
   for (int i = 0; i < 3; i++) schedule.advance(*schedule.next());
   EXPECT_TRUE(schedule.set_rate(Schedule(20, 1)));
@@ -229,7 +229,7 @@ TEST(RequestSchedule, AnotherRateGoesOnFromTheNextFrame) {
   EXPECT_EQ(schedule.next()->pts, 4 * kFrame) << "next instant at the new rate";
 }
 
-TEST(RequestSchedule, AListOfViewsHasOneRate) {
+TEST(RequestSchedule, ListOfViewsHasOneRate) {
   RequestSchedule schedule(kTenth, views_at({0, 0, 0}), false);
   EXPECT_TRUE(schedule.set_rate(Schedule(20, 1)));
   EXPECT_EQ(schedule.end(), 3 * kFrame / 2);
@@ -242,7 +242,7 @@ TEST(RequestSchedule, AListOfViewsHasOneRate) {
   EXPECT_EQ(path.next()->pts, kSecond) << "the file's time";
 }
 
-TEST(RequestSchedule, AFileEnds) {
+TEST(RequestSchedule, FileEnds) {
   RequestSchedule schedule(kTenth, views_at({0, 0.5}), false);
   EXPECT_TRUE(schedule.from_file());
   const auto first = schedule.next();
@@ -258,7 +258,7 @@ TEST(RequestSchedule, AFileEnds) {
 }
 
 // A request created before the pipeline has a base time carries the clock's time.
-TEST(RequestSchedule, AStampOfAnotherBaseTimeSilencesNobody) {
+TEST(RequestSchedule, IgnoresTimestampsOfAnotherBaseTime) {
   constexpr uint64_t kBase = 1000 * kSecond;
   RequestSchedule schedule(kTenth);
   schedule.advance(*schedule.next_live(kBase, 0, 0));
@@ -268,7 +268,7 @@ TEST(RequestSchedule, AStampOfAnotherBaseTimeSilencesNobody) {
   EXPECT_EQ(slot->pts, kSecond);
 }
 
-TEST(RequestSchedule, LiveItIsTheNewestInstantThatIsOldEnough) {
+TEST(RequestSchedule, LiveRequestsTheNewestOldEnoughInstant) {
   constexpr uint64_t kBase = 1000 * kSecond, kDelay = 30'000'000;
   RequestSchedule schedule(kTenth);
   const auto slot = schedule.next_live(kBase + 5 * kFrame + kDelay + 1, kBase, kDelay);
@@ -282,7 +282,7 @@ TEST(RequestSchedule, LiveItIsTheNewestInstantThatIsOldEnough) {
   EXPECT_EQ(RequestSchedule(kTenth).next_live(kBase, kBase, kDelay)->pts, 0u) << "none before the stream begins";
 }
 
-TEST(RequestSchedule, AheadOfItsTurnARequestAsksForWhatIsThere) {
+TEST(RequestSchedule, EarlyRequestUsesTheAvailableCapture) {
   constexpr uint64_t kBase = 1000 * kSecond, kDelay = 30'000'000;
   const RequestSchedule schedule(kTenth);
   const RequestSlot slot = *schedule.next_live(kBase + 5 * kFrame + kDelay, kBase, kDelay);
@@ -293,7 +293,7 @@ TEST(RequestSchedule, AheadOfItsTurnARequestAsksForWhatIsThere) {
   EXPECT_EQ(early.duration, slot.duration);
 }
 
-TEST(RequestSchedule, ATurnIsPassedOnce) {
+TEST(RequestSchedule, SlotIsSkippedOnce) {
   RequestSchedule schedule(kTenth);
   const uint64_t turn = schedule.turn();
   schedule.pass(turn);
@@ -314,7 +314,7 @@ std::vector<NamedView> keys() {
           key(5, {0, 1, -1}, {170, 0, 0}, 3)};
 }
 
-TEST(ViewPath, IsAtEachKeyAtItsTimeAndStaysAtTheEnds) {
+TEST(ViewPath, PassesThroughKeysAndStaysAtTheEnds) {
   const ViewPath path(keys());
   EXPECT_EQ(path.begin(), 1);
   EXPECT_EQ(path.end(), 5);
@@ -360,13 +360,13 @@ TEST(ViewPath, FocusMovesLogarithmically) {
   EXPECT_NEAR(view.focus.plane.signed_distance(view.pose.position), 4, 1e-12);
 }
 
-TEST(ViewPath, AStraightEvenPathStaysStraightAndEven) {
+TEST(ViewPath, StraightPathStaysStraight) {
   const ViewPath path({key(0, {0, 0, 0}, {}, 2), key(1, {1, 2, 3}, {}, 2), key(2, {2, 4, 6}, {}, 2)});
   for (double t = 0; t <= 2; t += 0.125)
     EXPECT_LT(glm::length(path.at(t).pose.position - t * Vec3(1, 2, 3)), 1e-14) << t;
 }
 
-TEST(ViewPath, PlanesThatStandInTheWorldStay) {
+TEST(ViewPath, FixedPlanesStay) {
   const Plane wall{{0, 0, -1}, 5};
   std::vector<NamedView> k = keys();
   for (NamedView& view : k) view.view.focus.plane = wall;
@@ -378,7 +378,7 @@ TEST(ViewPath, PlanesThatStandInTheWorldStay) {
   }
 }
 
-TEST(ViewPath, TheSignOfAQuaternionMeansNothing) {
+TEST(ViewPath, SignOfAQuaternionDoesNotMatter) {
   std::vector<NamedView> flipped = keys();
   flipped[1].view.pose.orientation = -flipped[1].view.pose.orientation;
   const ViewPath a(keys()), b(flipped);
@@ -396,7 +396,7 @@ TEST(ViewPath, SamplesIncludeBothEnds) {
   EXPECT_EQ(ViewPath({keys()[0]}).sample(30).size(), 1u);
 }
 
-TEST(ViewPath, BadKeysAreNamed) {
+TEST(ViewPath, ErrorsNameTheKey) {
   const auto text = [](std::vector<NamedView> k) -> std::string {
     try {
       ViewPath path(std::move(k));
@@ -422,7 +422,7 @@ Rig grid(int rows, int columns) { return test::camera_grid(rows, columns, 0.1, 6
 
 double focus_depth(const View& view) { return -view.focus.plane.d / view.focus.plane.normal.z; }
 
-TEST(Tour, BeginsAndEndsInTheMiddleWithTheNearFocus) {
+TEST(Tour, StartsAndEndsInTheMiddleWithTheNearFocus) {
   const std::vector<NamedView> views = make_tour(grid(5, 5), {2, 6}, {.frames = 60, .rate_hz = 15});
   ASSERT_EQ(views.size(), 60u);
   EXPECT_EQ(views[1].time, 1 / 15.0);
@@ -448,7 +448,7 @@ TEST(Tour, GoesToTheFarFocusSmoothly) {
   EXPECT_LT(longest_step, 0.03);
 }
 
-TEST(Tour, TheArrayCoversEveryView) {
+TEST(Tour, ArrayCoversEveryView) {
   // Far focus, so that the array limits the coverage, not the cameras' fields of view.
   for (const auto& [rows, columns] : {std::pair{5, 5}, {3, 9}, {1, 6}, {1, 2}}) {
     const Rig rig = grid(rows, columns);
@@ -461,7 +461,7 @@ TEST(Tour, TheArrayCoversEveryView) {
   }
 }
 
-TEST(Tour, TheArrayCoversTheEyesOfASet) {
+TEST(Tour, ArrayCoversTheViewsOfASet) {
   for (const auto& [rows, columns] : {std::pair{5, 5}, {3, 9}, {1, 6}}) {
     const Rig rig = grid(rows, columns);
     const Mesh mesh = build_mesh(rig);
@@ -485,7 +485,7 @@ TEST(Tour, TheArrayCoversTheEyesOfASet) {
   }
 }
 
-TEST(Tour, ASingleCameraOnlyRefocuses) {
+TEST(Tour, SingleCameraOnlyRefocuses) {
   for (const NamedView& view : make_tour(grid(1, 1), {2, 6}, {.frames = 9}))
     EXPECT_EQ(view.view.pose.position, Vec3(0, 0, 0));
 }
@@ -506,7 +506,7 @@ TEST(Tour, RefusesImpossibleOptions) {
   EXPECT_ERROR(make_tour(grid(2, 2), {1, 2}, {.room = -1}), "room", "negative");
 }
 
-TEST(FocusSweep, GoesFromNearToFarEvenInInverseDistance) {
+TEST(FocusSweep, IsUniformInInverseDistance) {
   const View view = key(0, {1, 2, 3}, {20, 5, 0}, 7).view;
   const std::vector<NamedView> views = make_focus_sweep(view, {1.5, 6}, 4);
   ASSERT_EQ(views.size(), 4u);

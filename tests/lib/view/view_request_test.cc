@@ -16,7 +16,7 @@ ViewRequest extra(uint64_t rig_hash, CameraSet out = {}) {
   return request;
 }
 
-TEST(ExtraRequests, LeaveOnceAsTheViewsOwn) {
+TEST(ExtraRequests, AreSentOnceWithTheViewId) {
   ExtraRequests requests;
   requests.ask({extra(7, {1, 4}), extra(7)});
   ViewRequest beside = extra(7, {2, 4});
@@ -41,7 +41,7 @@ TEST(ExtraRequests, LeaveOnceAsTheViewsOwn) {
   EXPECT_TRUE(requests.take_for(beside, next).empty());
 }
 
-TEST(ExtraRequests, ThoseOfAnotherRigAreLeftOut) {
+TEST(ExtraRequests, RequestsForAnotherRigAreDropped) {
   ExtraRequests requests;
   requests.ask({extra(7), extra(8), extra(0)});
   uint32_t next = 0;
@@ -54,7 +54,7 @@ TEST(ExtraRequests, ThoseOfAnotherRigAreLeftOut) {
   EXPECT_TRUE(requests.take_for(extra(7), next).empty());
 }
 
-TEST(OutOfServiceRegistry, EachViewHasItsOwn) {
+TEST(OutOfServiceRegistry, EachViewHasItsOwnCameras) {
   OutOfServiceRegistry out;
   out.announce(1, {2, 5});
   EXPECT_EQ(out.with_announced(1, {3, 5}), CameraSet({2, 3, 5}));
@@ -68,7 +68,7 @@ TEST(OutOfServiceRegistry, EachViewHasItsOwn) {
   EXPECT_EQ(out.with_announced(2, {}), CameraSet());
 }
 
-TEST(OutOfServiceRegistry, ViewersThatComeAndGoAreForgotten) {
+TEST(OutOfServiceRegistry, OldViewsAreForgotten) {
   OutOfServiceRegistry out;
   for (uint32_t view = 0; view < 3000; view++) out.announce(view, {1});
   EXPECT_EQ(out.with_announced(2999, {}), CameraSet({1}));
@@ -78,7 +78,7 @@ TEST(OutOfServiceRegistry, ViewersThatComeAndGoAreForgotten) {
 constexpr uint64_t kSecond = 1'000'000'000;
 constexpr RequestCost kSmall{640, 480, 0, 2};
 
-TEST(RequestLimiter, HoldsCostsAgainstLimits) {
+TEST(RequestLimiter, LimitsTheCost) {
   RequestLimiter gate;
   const RequestLimits limits;
   const auto check = [&](const RequestCost& cost, double extent = 0.5) {
@@ -99,7 +99,7 @@ TEST(RequestLimiter, HoldsCostsAgainstLimits) {
 }
 
 // A view's lens determines the cost per pixel.
-TEST(RequestLimiter, BoundsTheWorkOfTheLens) {
+TEST(RequestLimiter, LimitsTheWorkOfTheLens) {
   RequestLimiter gate;
   const RequestLimits limits;
   const auto check = [&](int width, int height, double steps) {
@@ -114,7 +114,7 @@ TEST(RequestLimiter, BoundsTheWorkOfTheLens) {
                              testing::HasSubstr("max-pixels")));
 }
 
-TEST(RequestLimiter, BoundsTheRateOfEachView) {
+TEST(RequestLimiter, LimitsTheRateOfEachView) {
   RequestLimiter gate;
   RequestLimits limits;
   limits.requests_per_second = 10;
@@ -131,7 +131,7 @@ TEST(RequestLimiter, BoundsTheRateOfEachView) {
   EXPECT_EQ(served(3, kSecond, 500, kSecond / 9), 500);
 }
 
-TEST(RequestLimiter, BoundsTheViews) {
+TEST(RequestLimiter, LimitsTheNumberOfViews) {
   RequestLimiter gate;
   RequestLimits limits;
   limits.views = 4;
@@ -146,7 +146,7 @@ TEST(RequestLimiter, BoundsTheViews) {
   EXPECT_EQ(check(500), RequestLimiter::kNone) << "other views have ended";
 }
 
-TEST(RequestLimiter, TellsWhatIsInTheWay) {
+TEST(RequestLimiter, RefusalNamesTheLimit) {
   using testing::HasSubstr;
   const RequestLimits limits;
   EXPECT_THAT(refusal_text(RequestLimiter::kPixels, {16384, 16384, 0, 0}, limits, 0),
@@ -158,7 +158,7 @@ TEST(RequestLimiter, TellsWhatIsInTheWay) {
   EXPECT_THAT(refusal_text(RequestLimiter::kRate, kSmall, limits, 0), mentions("500 requests"));
 }
 
-TEST(RequestLimits, AnArrayIsAsWideAsItsCamerasAreApart) {
+TEST(RequestLimits, ExtentIsTheDiagonalOfTheArray) {
   Rig rig;
   EXPECT_EQ(array_extent(rig), 0);
   rig.cameras.resize(3);
@@ -167,7 +167,7 @@ TEST(RequestLimits, AnArrayIsAsWideAsItsCamerasAreApart) {
   EXPECT_DOUBLE_EQ(array_extent(rig), 5);
 }
 
-TEST(RequestLimits, WorkFollowsWhatIsAskedFor) {
+TEST(RequestLimits, WorkDependsOnTheRequest) {
   EXPECT_GT(estimated_work({640, 480, 0.1, 0}), 5 * estimated_work({640, 480, 0, 0}));
   EXPECT_GT(estimated_work({640, 480, 0, 8}), estimated_work({640, 480, 0, 0}));
   EXPECT_DOUBLE_EQ(estimated_work({1280, 960, 0, 0}), 4 * estimated_work({640, 480, 0, 0}));
@@ -185,7 +185,7 @@ TEST(RequestLimits, WorkFollowsWhatIsAskedFor) {
 }
 
 // A rate of 0 is unlimited. It applies until the view turns out to be live.
-TEST(RequestLimiter, HoldsAViewToARateFromWhenItHasOne) {
+TEST(RequestLimiter, NewRateLimitAppliesToKnownViews) {
   RequestLimiter gate;
   RequestLimits limits;
   limits.requests_per_second = 0;

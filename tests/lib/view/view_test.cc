@@ -34,7 +34,7 @@ TEST(View, ValidatesSizesFromTinyToLargest) {
   }
 }
 
-TEST(View, EyesSideBySideFocusOnOnePlane) {
+TEST(View, EyesShareTheFocalPlane) {
   View view = good_view();
   view.pose = {{1, 2, 3}, glm::angleAxis(0.5, glm::normalize(Vec3(1, 2, 3)))};
   view.focus.plane = focal_plane_at(view.pose, 3);
@@ -46,7 +46,7 @@ TEST(View, EyesSideBySideFocusOnOnePlane) {
   EXPECT_EQ(offset_view(view, 0), view);
 }
 
-TEST(View, RefusesByName) {
+TEST(View, ErrorsNameTheMember) {
   const double nan = std::nan("");
   const std::pair<std::vector<std::string>, std::function<void(View&)>> cases[] = {
       {{"width", "1 to"}, [](View& v) { v.width = 0; }},
@@ -71,7 +71,7 @@ TEST(View, RefusesByName) {
   }
 }
 
-TEST(FocalPlane, FacesTheViewAtItsDistance) {
+TEST(FocalPlane, FacesTheView) {
   const Pose pose = look_at({1, 2, 3}, {4, 4, 9}, {0, 1, 0});
   const Plane plane = focal_plane_at(pose, 2.5);
   EXPECT_NEAR(plane.signed_distance(pose.position), 2.5, 1e-14);
@@ -80,19 +80,19 @@ TEST(FocalPlane, FacesTheViewAtItsDistance) {
 
 using Kind = Blending::Kind;
 
-TEST(Blending, IsByTheMeshUnlessSaidOtherwise) {
+TEST(Blending, DefaultsToTheMesh) {
   EXPECT_TRUE(Blending{}.is_mesh());
   EXPECT_NO_THROW(validate(Blending{}));
 }
 
-TEST(Blending, IsByTheApertureIfThereIsOne) {
+TEST(Blending, AperturePrecedesAngle) {
   EXPECT_EQ(make_blending(0, 0), Blending{});
   EXPECT_EQ(make_blending(0.2, 0), (Blending{Kind::kAperture, 0.2, 0}));
   EXPECT_EQ(make_blending(0.2, 4), (Blending{Kind::kAperture, 0.2, 0}));
   EXPECT_EQ(make_blending(0, 4), (Blending{Kind::kAngle, 0, 4}));
 }
 
-TEST(Blending, HasWhatItsKindKnows) {
+TEST(Blending, ErrorsNameTheProblem) {
   EXPECT_NO_THROW(validate({Kind::kAperture, 1e-9, 0}));
   EXPECT_NO_THROW(validate({Kind::kAperture, Blending::kMaxAperture, 0}));
   EXPECT_NO_THROW(validate({Kind::kAngle, 0, 1}));
@@ -123,7 +123,7 @@ Vec2 seen(const View& view, const View& middle, const Vec3& point) {
   return *view.lens.project(view.pose.camera_from_world(middle.pose.world_from_camera(point)));
 }
 
-TEST(ViewSet, OneViewIsTheView) {
+TEST(ViewSet, SingleViewIsUnchanged) {
   const View middle = middle_view();
   const ViewSet set;
   ASSERT_EQ(set.places().size(), 1u);
@@ -132,7 +132,7 @@ TEST(ViewSet, OneViewIsTheView) {
   EXPECT_EQ(set.view(middle, set.places()[0]), middle);
 }
 
-TEST(ViewSet, DisparityOfAPairIsThatOfGeometry) {
+TEST(ViewSet, DisparityOfAPairIsCorrect) {
   const View middle = middle_view();
   ViewSet set = set_of(ViewSetLayout::kStereo);
   for (const bool converged : {false, true}) {
@@ -153,7 +153,7 @@ TEST(ViewSet, DisparityOfAPairIsThatOfGeometry) {
   }
 }
 
-TEST(ViewSet, AConeIsTheAngleBetweenTheOutermostEyes) {
+TEST(ViewSet, ConeIsTheAngleBetweenTheOutermostEyes) {
   const View middle = middle_view();
   ViewSet set = set_of(ViewSetLayout::kQuilt);
   set.cone = 40;
@@ -173,7 +173,7 @@ TEST(ViewSet, AConeIsTheAngleBetweenTheOutermostEyes) {
   EXPECT_NEAR(apart, 0.063, 1e-12);
 }
 
-TEST(ViewSet, PicturesGoWhereDisplaysTakeThem) {
+TEST(ViewSet, LayoutsMatchDisplays) {
   const auto at = [](const ViewSetPosition& place) { return std::pair(place.column(), place.row()); };
   using Pair = std::pair<int, int>;
   const ViewSet quilt = set_of(ViewSetLayout::kQuilt), row = set_of(ViewSetLayout::kRow, 5);
@@ -193,7 +193,7 @@ TEST(ViewSet, PicturesGoWhereDisplaysTakeThem) {
   EXPECT_FALSE(quilt.place_at({NAN, 0}));
 }
 
-TEST(ViewSet, TheMiddleIsAskedForFirstAndEachOnce) {
+TEST(ViewSet, MiddleViewIsRequestedFirst) {
   for (const ViewSet& set :
        {set_of(ViewSetLayout::kQuilt), set_of(ViewSetLayout::kRow, 5), set_of(ViewSetLayout::kStereo),
         set_of(ViewSetLayout::kRow, 1), set_of(ViewSetLayout::kQuilt, 1, 1)}) {
@@ -211,7 +211,7 @@ TEST(ViewSet, TheMiddleIsAskedForFirstAndEachOnce) {
   EXPECT_EQ(set_of(ViewSetLayout::kRow, 5).places()[0].index, 2);
 }
 
-TEST(ViewSet, RefusesByName) {
+TEST(ViewSet, ErrorsNameTheMember) {
   const auto refuse = [](ViewSetPosition place, int width, int height, const std::vector<std::string>& facts) {
     EXPECT_ERROR(validate(place, width, height), facts);
   };
@@ -254,7 +254,7 @@ double expected(const Display& d, const Image& quilt, int x, int y, int c) {
   return (at(i, j) * (1 - a) + at(i + 1, j) * a) * (1 - b) + (at(i, j + 1) * (1 - a) + at(i + 1, j + 1) * a) * b;
 }
 
-TEST(LenticularDisplay, EachSubpixelIsOfTheViewThatIsSeenThere) {
+TEST(LenticularDisplay, SubpixelsShowTheVisibleView) {
   reference::Random random(11);
   const Display displays[] = {
       {{4.7, 0, 0}, 5, 1, 24, 16, 150, 40},    {{9.31, 12.3, 0.4}, 4, 3, 20, 18, 97, 61},
@@ -284,7 +284,7 @@ TEST(LenticularDisplay, EachSubpixelIsOfTheViewThatIsSeenThere) {
 }
 
 // Seen from far left, each lens shows the part behind its right border: view 0 of the left-most viewpoint.
-TEST(LenticularDisplay, TheLeftEyeSeesTheLeftView) {
+TEST(LenticularDisplay, LeftEyeSeesTheLeftView) {
   const LenticularDisplay display{6, 0, 0};
   EXPECT_NEAR(display.place(0, 5), 0.5, 1e-12);
   EXPECT_NEAR(display.place(2.4, 0), 0.9, 1e-12);
@@ -297,7 +297,7 @@ TEST(LenticularDisplay, TheLeftEyeSeesTheLeftView) {
   EXPECT_EQ(out[3 * 1 + 0], 200);
 }
 
-TEST(LenticularDisplay, BandsMakeNoDifference) {
+TEST(LenticularDisplay, ResultDoesNotDependOnThreads) {
   reference::Random random(12);
   Image quilt(PixelFamily::kRgb, 40, 30);
   for (uint8_t& value : quilt.data()) value = static_cast<uint8_t>(random.uniform(0, 256));
@@ -310,7 +310,7 @@ TEST(LenticularDisplay, BandsMakeNoDifference) {
   EXPECT_EQ(one, other);
 }
 
-TEST(LenticularDisplay, NeedsLensesThatThereCanBe) {
+TEST(LenticularDisplay, InvalidLensesAreErrors) {
   for (const LenticularDisplay& none :
        {LenticularDisplay{0}, LenticularDisplay{-3}, LenticularDisplay{NAN}, LenticularDisplay{INFINITY},
         LenticularDisplay{4, 90}, LenticularDisplay{4, NAN}, LenticularDisplay{4, 0, INFINITY}})

@@ -104,7 +104,7 @@ TEST(AnswerCodec, RoundTrips) {
   }
 }
 
-TEST(AnswerCodec, NothingToGiveIsAnAnswer) {
+TEST(AnswerCodec, EmptyAnswerIsValid) {
   Answer answer;
   answer.view_width = answer.view_height = 1;
   EXPECT_EQ(encode_answer(answer).size(), 72u);
@@ -140,7 +140,7 @@ TEST(AnswerCodec, RefusesEveryTruncation) {
   EXPECT_MENTIONS(reason_of(resized(bytes, 145)), "length", "2 bytes");
 }
 
-TEST(AnswerCodec, NamesTheFieldThatIsWrong) {
+TEST(AnswerCodec, ErrorsNameTheField) {
   const WrongField rows[] = {
       {0, 1, 0x8e, {"magic"}},
       {3, 1, 'Q', {"magic"}},
@@ -195,7 +195,7 @@ TEST(AnswerCodec, NamesTheFieldThatIsWrong) {
   expect_reasons(reason_of, kGolden, rows);
 }
 
-TEST(AnswerCodec, EncodesOnlyWhatIsValid) {
+TEST(AnswerCodec, RefusesToEncodeInvalidAnswers) {
   const auto refused = [](const std::vector<std::string>& facts, auto change) {
     Answer answer = golden_answer();
     change(answer);
@@ -224,7 +224,7 @@ TEST(AnswerCodec, SurvivesRandomCorruption) {
   });
 }
 
-TEST(AnswerCodec, LargeAnswersAreOneCopy) {
+TEST(AnswerCodec, LargeAnswersAreCopiedOnce) {
   Answer answer;
   answer.view_width = answer.view_height = 2048;
   answer.family = PixelFamily::kRgb;
@@ -239,7 +239,7 @@ FragmentHeader fragment(PixelFamily family, const Rect& rect, Codec codec, bool 
   return {3, family, rect, codec, 0, lost};
 }
 
-TEST(Payload, RawSizesAreThoseOfTheSpec) {
+TEST(Payload, RawSizesMatchTheSpecification) {
   const Rect rect{2, 2, 7, 5};  // 5 x 3
   const struct {
     PixelFamily family;
@@ -253,7 +253,7 @@ TEST(Payload, RawSizesAreThoseOfTheSpec) {
   for (const auto& row : rows) EXPECT_EQ(raw_size(fragment(row.family, rect, row.codec, row.lost)), row.size);
 }
 
-TEST(Payload, PlanesLieOneAfterTheOther) {
+TEST(Payload, PlanesAreContiguous) {
   alignas(2) uint8_t bytes[120];
   const Rect rect{2, 2, 7, 5};
   const FragmentPlanes raw = raw_planes(fragment(PixelFamily::kI420, rect, Codec::kRaw, true), bytes);
@@ -283,7 +283,7 @@ TEST(Payload, ScansAreSplitAtTheirLength) {
   EXPECT_FALSE(split_scans({}, true).has_value());
 }
 
-TEST(AnswerParts, AnyOrderCompletes) {
+TEST(AnswerParts, AcceptAnyOrder) {
   AnswerParts parts;
   EXPECT_FALSE(parts.complete());
   EXPECT_TRUE(parts.add({7, 3, 10}));
@@ -295,14 +295,14 @@ TEST(AnswerParts, AnyOrderCompletes) {
   EXPECT_FALSE(parts.complete());
 }
 
-TEST(AnswerParts, AnAnswerWithoutFragmentsIsCompleteAtOnce) {
+TEST(AnswerParts, AnswerWithoutFragmentsIsComplete) {
   AnswerParts parts;
   EXPECT_TRUE(parts.add({0, 0, 0}));
   EXPECT_TRUE(parts.complete());
   EXPECT_FALSE(parts.add({0, 0, 0}));
 }
 
-TEST(AnswerParts, RepetitionsAndContradictionsChangeNothing) {
+TEST(AnswerParts, IgnoreRepetitionsAndContradictions) {
   AnswerParts parts;
   EXPECT_TRUE(parts.add({4, 4, 10}));
   EXPECT_FALSE(parts.add({4, 4, 10}));
@@ -342,7 +342,7 @@ std::vector<uint8_t> mixed() {
   return to_vector(writer.finish());
 }
 
-TEST(AnswerParser, RefersToTheBytes) {
+TEST(AnswerParser, DoesNotCopy) {
   const std::vector<uint8_t> bytes = mixed();
   std::string reason;
   const std::optional<AnswerView> view = parse_answer(bytes, &reason);
@@ -372,7 +372,7 @@ TEST(AnswerParser, RefusesEveryTruncation) {
   EXPECT_MENTIONS(reason_of_both(resized(bytes, bytes.size() + 1)), "length", "1 bytes");
 }
 
-TEST(AnswerParser, NamesWhatIsWrongWithPayloads) {
+TEST(AnswerParser, ErrorsNameThePayload) {
   const std::vector<uint8_t> bytes = mixed();
   const std::optional<AnswerView> view = parse_answer(bytes);
   const size_t jpeg = view->fragments[1].payload.data() - bytes.data();
@@ -409,7 +409,7 @@ TEST(AnswerParser, NamesWhatIsWrongWithPayloads) {
   }
 }
 
-TEST(AnswerParser, SixteenBitsBeginAtEvenOffsets) {
+TEST(AnswerParser, SixteenBitValuesStartAtEvenOffsets) {
   AnswerWriter writer(header_of_view(PixelFamily::kRgb, 8, 8), 2);
   writer.add({{}, PixelFamily::kRgb, {0, 0, 2, 1}, Codec::kRaw, 0, false});
   writer.add_sums({{}, PixelFamily::kRgb, {0, 0, 1, 1}, Codec::kRaw16, 0, false});
@@ -506,7 +506,7 @@ TEST(AnswerWriter, PayloadsAreWrittenInPlace) {
   EXPECT_EQ(view->fragments[2].payload.size(), 5u);
 }
 
-TEST(AnswerWriter, LostWeightThatIsNothingIsTakenBack) {
+TEST(AnswerWriter, EmptyPlanesOfMissingWeightAreDropped) {
   for (int which = 0; which < 8; which++) {  // bit i: fragment i has no missing weight
     AnswerWriter writer(header_of_view(kRgb, 8, 8), 3), expected(header_of_view(kRgb, 8, 8), 3);
     for (int i = 0; i < 3; i++) {
@@ -527,7 +527,7 @@ TEST(AnswerWriter, LostWeightThatIsNothingIsTakenBack) {
   EXPECT_THROW(raw.drop_missing([](size_t) { return true; }), Error);
 }
 
-TEST(AnswerWriter, FewerFragmentsThanRoomCloseUp) {
+TEST(AnswerWriter, FewerFragmentsMoveThePayloads) {
   for (int given = 0; given <= 3; given++) {
     AnswerWriter writer(header_of_view(kRgb, 8, 8), 3), exact(header_of_view(kRgb, 8, 8), given);
     for (AnswerWriter* w : {&writer, &exact})
@@ -538,7 +538,7 @@ TEST(AnswerWriter, FewerFragmentsThanRoomCloseUp) {
   }
 }
 
-TEST(AnswerWriter, UsesTheMemoryItIsGiven) {
+TEST(AnswerWriter, ReusesMemory) {
   ByteBuffer old(1000, 0xee);
   const uint8_t* const where = old.data();
   AnswerWriter writer(header_of_view(kRgb, 8, 8), 1, std::move(old));
@@ -548,7 +548,7 @@ TEST(AnswerWriter, UsesTheMemoryItIsGiven) {
   EXPECT_EQ(bytes.size(), 92u + 192);
 }
 
-TEST(AnswerWriter, RefusesWhatCannotBeRead) {
+TEST(AnswerWriter, RefusesInvalidAnswers) {
   const FragmentHeader good{{}, kRgb, {0, 0, 3, 3}, Codec::kRaw, 0, false};
   const auto changed = [&](auto change) {
     FragmentHeader f = good;

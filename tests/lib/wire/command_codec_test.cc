@@ -123,7 +123,7 @@ TEST(CommandCodec, RoundTrips) {
   }
 }
 
-TEST(CommandCodec, TypesAreToldApart) {
+TEST(CommandCodec, TypesAreDistinguished) {
   const auto index = [](const std::vector<uint8_t>& bytes) {
     const std::optional<AnyRequest> request = decode_any_request(bytes);
     return request ? static_cast<int>(request->index()) : -1;
@@ -156,7 +156,7 @@ TEST(CommandCodec, RefusesEveryTruncation) {
   }
 }
 
-TEST(CommandCodec, NamesTheFieldThatIsWrong) {
+TEST(CommandCodec, ErrorsNameTheField) {
   const uint64_t nan = std::bit_cast<uint64_t>(std::nan(""));
   const uint64_t infinity = std::bit_cast<uint64_t>(std::numeric_limits<double>::infinity());
   const WrongField warp_rows[] = {

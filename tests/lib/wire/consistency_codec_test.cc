@@ -78,7 +78,7 @@ std::string reason_of(const std::vector<uint8_t>& bytes) {
   return reason;
 }
 
-TEST(MomentsCodec, GoldenBytes) {
+TEST(ConsistencyCodec, GoldenBytes) {
   EXPECT_EQ(encoded(golden()), from_hex(kGolden));
   const std::optional<ConsistencyUnit> unit = decode_consistency(from_hex(kGolden), kShape);
   ASSERT_TRUE(unit.has_value());
@@ -87,7 +87,7 @@ TEST(MomentsCodec, GoldenBytes) {
 }
 
 // One hypothesis of 2 x 1 nodes with wide weights, and exposure gains.
-TEST(MomentsCodec, GoldenBytesOfGains) {
+TEST(ConsistencyCodec, GoldenBytesOfGains) {
   const char* const hex =
       "8f4c46410105000100000043"
       "00000007"
@@ -121,7 +121,7 @@ TEST(MomentsCodec, GoldenBytesOfGains) {
   EXPECT_EQ(read->sums()[0].luma, unit.hypotheses[0].luma);
 }
 
-TEST(MomentsCodec, LeavesOutWhatNobodySees) {
+TEST(ConsistencyCodec, OmitsInvisibleNodes) {
   ConsistencyUnit unit = golden();
   for (PhotoConsistency& moments : unit.hypotheses) moments.reset(40, 30);
   EXPECT_LT(encoded(unit).size(), 60u) << "nothing";
@@ -135,7 +135,7 @@ TEST(MomentsCodec, LeavesOutWhatNobodySees) {
 }
 
 // A unit of a few bytes may describe many nodes; the decoder allocates only the nodes with data.
-TEST(MomentsCodec, NothingIsKeptOfNodesThatNobodySees) {
+TEST(ConsistencyCodec, InvisibleNodesAllocateNoMemory) {
   std::vector<PhotoConsistency> hypotheses(kMaxHypotheses);
   for (PhotoConsistency& moments : hypotheses) moments.reset(1024, 1024);
   for (const bool any : {false, true}) {
@@ -149,7 +149,7 @@ TEST(MomentsCodec, NothingIsKeptOfNodesThatNobodySees) {
   }
 }
 
-TEST(MomentsCodec, OnlyWhatWasAskedForIsRead) {
+TEST(ConsistencyCodec, RefusesOtherShapes) {
   ConsistencyShape shape;
   const std::optional<ConsistencyHeader> header = parse_consistency_header(from_hex(kGolden), &shape);
   ASSERT_TRUE(header.has_value());
@@ -160,13 +160,13 @@ TEST(MomentsCodec, OnlyWhatWasAskedForIsRead) {
   EXPECT_FALSE(parse_consistency_header({}).has_value());
 }
 
-TEST(MomentsCodec, IsToldFromFragments) {
+TEST(ConsistencyCodec, IsDistinguishedFromFragments) {
   EXPECT_TRUE(is_consistency(from_hex(kGolden)));
   EXPECT_FALSE(parse_answer_header(from_hex(kGolden)).has_value());
   EXPECT_FALSE(is_consistency({}));
 }
 
-TEST(MomentsCodec, EveryCutAndEveryFlippedBitIsRefusedOrRead) {
+TEST(ConsistencyCodec, SurvivesTruncationAndFlippedBits) {
   const std::vector<uint8_t> whole = from_hex(kGolden);
   for (size_t size = 0; size < whole.size(); size++)
     EXPECT_FALSE(decode_consistency(std::span(whole).first(size), kShape).has_value()) << size;
@@ -180,7 +180,7 @@ TEST(MomentsCodec, EveryCutAndEveryFlippedBitIsRefusedOrRead) {
   EXPECT_FALSE(decode_consistency(longer, kShape).has_value());
 }
 
-TEST(MomentsCodec, NamesWhatIsWrong) {
+TEST(ConsistencyCodec, ErrorsNameTheProblem) {
   const auto with = [](size_t at, uint8_t value) {
     std::vector<uint8_t> bytes = from_hex(kGolden);
     bytes[at] = value;
@@ -223,7 +223,7 @@ std::vector<PhotoConsistency> seen_by(int cameras, size_t hypotheses, uint32_t s
   return sums;
 }
 
-TEST(MomentsCodec, OneCameraTakesFewBytesAndLosesNothing) {
+TEST(ConsistencyCodec, SumsOfOneCameraAreCompressedWithoutLoss) {
   const ConsistencyHeader header{7, 9, 0x1122334455667788, 3, {}};
   for (const size_t hypotheses : {1, 4, 16})
     for (const int cameras : {1, 2}) {
@@ -242,7 +242,7 @@ TEST(MomentsCodec, OneCameraTakesFewBytesAndLosesNothing) {
 }
 
 // Every weight and luma that a camera can have decodes to a distinct value or to an equal sum.
-TEST(MomentsCodec, OneCameraMayHaveAnyWeightAndLuma) {
+TEST(ConsistencyCodec, OneCameraMayHaveAnyWeightAndLuma) {
   for (int first = 0; first <= PhotoConsistency::kWeightOne; first += 256) {
     std::vector<PhotoConsistency> sum(1);
     sum[0].reset(256, 257);
@@ -262,7 +262,7 @@ TEST(MomentsCodec, OneCameraMayHaveAnyWeightAndLuma) {
   }
 }
 
-TEST(MomentsCodec, DamageToOneCamerasIsRefusedOrRead) {
+TEST(ConsistencyCodec, CompressedSumsSurviveDamage) {
   const ByteBuffer whole = encode_consistency({}, seen_by(1, 2, 5), true);
   const ConsistencyShape shape{40, 30, 2};
   const std::vector<uint8_t> bytes(whole.begin(), whole.end());

@@ -17,7 +17,7 @@ FragmentHeader raw(PixelFamily family, const Rect& rect, Codec codec = Codec::kR
   return {3, family, rect, codec, 0, lost};
 }
 
-TEST(Tiles, StripsWhereRowsFillThem) {
+TEST(Tiles, AreStripsIfRowsFillThem) {
   const std::optional<Tiling> rgb = tile_raw(raw(PixelFamily::kRgb, {10, 20, 110, 51}), 1000);
   ASSERT_TRUE(rgb.has_value());
   EXPECT_EQ(rgb->count(), 11u);  // three rows of 300 bytes each
@@ -30,7 +30,7 @@ TEST(Tiles, StripsWhereRowsFillThem) {
   EXPECT_EQ(ycc->tile(5), (Rect{10, 50, 120, 51}));
 }
 
-TEST(Tiles, ColumnsWhereNoRowFits) {
+TEST(Tiles, AreColumnsIfNoRowFits) {
   const std::optional<Tiling> rgb = tile_raw(raw(PixelFamily::kRgb, {0, 0, 1920, 2}, Codec::kRaw16), 1200);
   EXPECT_EQ(rgb->columns, 10);
   EXPECT_EQ(rgb->rows, 2);
@@ -50,7 +50,7 @@ TEST(Tiles, AreWellFilled) {
       }
 }
 
-TEST(Tiles, NotWhereAPixelDoesNotFitNorInJpeg) {
+TEST(Tiles, DoNotExistForJpegAndTooSmallSizes) {
   EXPECT_FALSE(tile_raw(raw(PixelFamily::kRgb, {0, 0, 4, 4}), 2).has_value());
   EXPECT_TRUE(tile_raw(raw(PixelFamily::kRgb, {0, 0, 4, 4}), 3).has_value());
   EXPECT_FALSE(tile_raw(raw(PixelFamily::kI420, {0, 0, 4, 4}), 5).has_value());
@@ -79,7 +79,7 @@ std::vector<uint8_t> payload_of(const FragmentHeader& f) {
   return out;
 }
 
-TEST(Tiles, TogetherAreTheFragment) {
+TEST(Tiles, CoverTheFragment) {
   std::mt19937 random(3);
   for (int round = 0; round < 400; round++) {
     const PixelFamily family = round % 2 ? PixelFamily::kRgb : PixelFamily::kI420;
@@ -112,7 +112,7 @@ TEST(Tiles, TogetherAreTheFragment) {
 
 constexpr PixelFamily kFamilies[] = {PixelFamily::kRgb, PixelFamily::kI420};
 
-TEST(FragmentCodec, EveryQualityComesBack) {
+TEST(FragmentCodec, RoundTripsEveryQuality) {
   FragmentEncoder encoder;
   for (const PixelFamily family : kFamilies)
     for (const auto& [w, h] : {std::pair{40, 30}, {96, 72}, {1, 1}})
@@ -144,7 +144,7 @@ TEST(FragmentCodec, EveryQualityComesBack) {
       }
 }
 
-TEST(FragmentCodec, PlainPixelsLieInTheCamerasImage) {
+TEST(FragmentCodec, PixelsOfACameraAreInItsImage) {
   for (const PixelFamily family : kFamilies)
     for (const int quality : {0, 90}) {
       const Fragment pixels = jpeg::patterned(family, {200, 100, 296, 172}, false, 1);
@@ -169,7 +169,7 @@ TEST(FragmentCodec, PlainPixelsLieInTheCamerasImage) {
     }
 }
 
-TEST(FragmentCodec, RefusesPlainPixelsThatCanNotBe) {
+TEST(FragmentCodec, RefusesInvalidPixelsOfACamera) {
   const Fragment pixels = jpeg::patterned(PixelFamily::kRgb, {0, 0, 8, 8}, true, 1);
   const AnswerHeader header = header_of_view(PixelFamily::kRgb, 40, 30);
   const auto encode = [&](AnswerFragment fragment) { return FragmentEncoder().encode(header, {&fragment, 1}, 0); };
@@ -180,7 +180,7 @@ TEST(FragmentCodec, RefusesPlainPixelsThatCanNotBe) {
   EXPECT_ERROR(encode({5, planes_of(whole)}), "fragments[0].rectangle", "inside");
 }
 
-TEST(FragmentCodec, DamageStaysInItsFragment) {
+TEST(FragmentCodec, DamageAffectsOneFragment) {
   const std::vector<Fragment> fragments = patterned_fragments(PixelFamily::kI420, 2, 40, 30);
   ByteBuffer bytes = FragmentEncoder().encode(header_of_view(PixelFamily::kI420, 400, 400), fragments, 90);
   const AnswerView view = parse_answer(bytes).value();
@@ -194,7 +194,7 @@ TEST(FragmentCodec, DamageStaysInItsFragment) {
   EXPECT_EQ(reason, "fragments[0].payload: damaged JPEG");
 }
 
-TEST(FragmentCodec, SumsAreUsedWhereTheyLieIfTheyCan) {
+TEST(FragmentCodec, AlignedSumsAreNotCopied) {
   const int16_t samples[6] = {-1, 2, 300, -400, 32767, -32768};
   std::vector<uint8_t> memory(32);
   FragmentView f;

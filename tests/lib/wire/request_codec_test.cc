@@ -106,7 +106,7 @@ TEST(RequestCodec, GoldenBytes) {
   EXPECT_EQ(*decoded, golden_request());
 }
 
-TEST(RequestCodec, OneOfASetSaysSoAtTheEnd) {
+TEST(RequestCodec, PositionInASetIsEncodedAtTheEnd) {
   ViewRequest request = golden_request();
   request.place = {ViewSetLayout::kQuilt, 8, 6, 47};
   std::vector<uint8_t> wanted = from_hex(kGolden);
@@ -137,7 +137,7 @@ TEST(RequestCodec, OneOfASetSaysSoAtTheEnd) {
   EXPECT_THAT(reason_of(wanted), HasSubstr("bytes left"));
 }
 
-TEST(RequestCodec, ThoseOfASetRoundTripWithMapsAndWithout) {
+TEST(RequestCodec, SetsRoundTripWithAndWithoutMaps) {
   std::mt19937 random(5);
   for (int i = 0; i < 200; i++) {
     ViewRequest r = i % 2 ? focused_request(random) : random_request(random);
@@ -179,7 +179,7 @@ TEST(RequestCodec, FocalMapsRoundTrip) {
   }
 }
 
-TEST(RequestCodec, MapsAreSmallUnlessBytesCostNothing) {
+TEST(RequestCodec, MapsAreCompressedUnlessQualityIsZero) {
   ViewRequest request = golden_request();
   auto map = std::make_shared<FocalMap>(FocalMap::for_view(request.view.width, request.view.height));
   map->from = {{0, 0, -1}, 2.5};
@@ -194,7 +194,7 @@ TEST(RequestCodec, MapsAreSmallUnlessBytesCostNothing) {
   }
 }
 
-TEST(RequestCodec, AWrongFocalMapIsRefused) {
+TEST(RequestCodec, InvalidFocalMapIsRefused) {
   std::mt19937 random(3);
   const ViewRequest good = focused_request(random);
   const auto with = [&](const std::function<void(ViewRequest&, FocalMap&)>& change) {
@@ -222,7 +222,7 @@ TEST(RequestCodec, AWrongFocalMapIsRefused) {
   }
 }
 
-TEST(RequestCodec, AMapThatServesHypothesesAlone) {
+TEST(RequestCodec, MapForHypothesesOnlyRoundTrips) {
   std::mt19937 random(5);
   ViewRequest request = focused_request(random);
   request.on_plane = false;
@@ -325,7 +325,7 @@ TEST(RequestCodec, RefusesEveryTruncation) {
   EXPECT_MENTIONS(reason_of(resized(bytes, 173)), "out_of_service", "2 cameras", "5 bytes");
 }
 
-TEST(RequestCodec, NamesTheFieldThatIsWrong) {
+TEST(RequestCodec, ErrorsNameTheField) {
   const uint64_t nan = std::bit_cast<uint64_t>(std::nan("")), two = std::bit_cast<uint64_t>(2.);
   const uint64_t infinity = std::bit_cast<uint64_t>(std::numeric_limits<double>::infinity());
   const WrongField rows[] = {
@@ -362,7 +362,7 @@ TEST(RequestCodec, NamesTheFieldThatIsWrong) {
   expect_reasons(reason_of, kGolden, rows);
 }
 
-TEST(RequestCodec, EncodesOnlyWhatIsValid) {
+TEST(RequestCodec, RefusesToEncodeInvalidRequests) {
   const auto refused = [](auto change) {
     ViewRequest request = golden_request();
     change(request);
@@ -376,7 +376,7 @@ TEST(RequestCodec, EncodesOnlyWhatIsValid) {
   refused([](ViewRequest& r) { r.out_of_service = {5, 4}; });
 }
 
-TEST(RequestCodec, APeekTellsWhatDecodingWould) {
+TEST(RequestCodec, PeekMatchesDecoding) {
   std::mt19937 random(5);
   for (int i = 0; i < 200; i++) {
     const ViewRequest request = random_request(random);
@@ -408,7 +408,7 @@ TEST(RequestCodec, SurvivesRandomCorruption) {
   });
 }
 
-TEST(RequestCodec, CostsAreThoseOfTheRequest) {
+TEST(RequestCodec, PeekedCostMatchesTheRequest) {
   std::mt19937 random(8);
   for (int i = 0; i < 300; i++) {
     const ViewRequest request = random_request(random);

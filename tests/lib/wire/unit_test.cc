@@ -25,7 +25,7 @@ TEST(Bytes, AreBigEndian) {
   EXPECT_EQ(bytes, expected);
 }
 
-TEST(Bytes, ComeBack) {
+TEST(Bytes, RoundTrip) {
   const double doubles[] = {
       0., -0., 1.5, std::numeric_limits<double>::denorm_min(), -1e300, std::numeric_limits<double>::infinity()};
   Writer out(1);
@@ -41,7 +41,7 @@ TEST(Bytes, ComeBack) {
   EXPECT_EQ(in.left(), 0u);
 }
 
-TEST(Bytes, BeyondTheEndIsNothingForGood) {
+TEST(Bytes, ReadsBeyondTheEndFail) {
   const std::vector<uint8_t> bytes = {1, 2, 3};
   Reader in(bytes);
   EXPECT_EQ(in.get<uint32_t>(), 0u);
@@ -72,7 +72,7 @@ TEST(Unit, PeekReadsBothKinds) {
   EXPECT_EQ(answer->size, kMaxAnswerBytes);
 }
 
-TEST(Unit, PeekPassesVersionsAndTypesToCome) {
+TEST(Unit, PeekAcceptsFutureVersionsAndTypes) {
   EXPECT_TRUE(peek_unit(with(kRequest, 4, 1, 2)).has_value());
   EXPECT_TRUE(peek_unit(with(kRequest, 5, 1, 4)).has_value());
   EXPECT_TRUE(peek_unit(with(kRequest, 6, 2, 0xffff)).has_value());
@@ -89,7 +89,7 @@ TEST(Unit, PeekRefusesEverythingElse) {
   EXPECT_FALSE(peek_unit(with(kAnswer, 8, 4, 0xffffffff)).has_value());
 }
 
-TEST(Unit, HeaderIsWrittenAsRead) {
+TEST(Unit, HeaderRoundTrips) {
   Writer out(kUnitHeaderBytes);
   put_unit_header(out, UnitKind::kRequest, 1, 1, 64);
   EXPECT_EQ(out.take(), kRequest);
@@ -109,7 +109,7 @@ TEST(Unit, DistanceToMagic) {
   }
 }
 
-TEST(Deflate, GoesBothWays) {
+TEST(Deflate, RoundTrips) {
   std::mt19937 random(1);
   for (const size_t size : {0, 1, 100, 100'000}) {
     std::vector<uint8_t> bytes(size);
@@ -120,7 +120,7 @@ TEST(Deflate, GoesBothWays) {
 }
 
 // Uncompressed blocks hold 65,535 bytes.
-TEST(Deflate, StoresWhatNeedNotBeSmall) {
+TEST(Deflate, StoresUncompressed) {
   std::mt19937 random(2);
   for (const size_t size : {0, 1, 65'534, 65'535, 65'536, 131'070, 200'000}) {
     std::vector<uint8_t> bytes(size);
@@ -131,7 +131,7 @@ TEST(Deflate, StoresWhatNeedNotBeSmall) {
   }
 }
 
-TEST(Deflate, RefusesWhatIsNotExactlyThat) {
+TEST(Deflate, RefusesOtherSizesAndDamage) {
   const std::vector<uint8_t> bytes(1000, 3), deflated = deflate_all(bytes);
   EXPECT_THROW(inflate_exactly(deflated, 999), Error);
   EXPECT_THROW(inflate_exactly(deflated, 1001), Error);

@@ -48,7 +48,6 @@ class ExternalContext {
   GLuint texture(int width, int height, int bytes) {
     return texture(width, height, bytes, std::vector<uint8_t>(static_cast<size_t>(width) * height * bytes, 77));
   }
-  // Returns a texture of tightly packed pixels.
   GLuint texture(int width, int height, int bytes, const std::vector<uint8_t>& pixels) {
     GLuint name = 0;
     call([&] {

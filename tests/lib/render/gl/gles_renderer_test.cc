@@ -77,7 +77,7 @@ Difference GlesRenderer::difference(const Rig& rig, const View& view, const std:
   return {most.level, most.lost, gpu().fixed_up()};
 }
 
-TEST_F(GlesRenderer, DrawsWhatTheCpuDoes) {
+TEST_F(GlesRenderer, MatchesTheCpu) {
   std::printf("%s\n", gpu().device().c_str());
   for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420})
     for (const bool map : {false, true})
@@ -134,7 +134,7 @@ TEST_F(GlesRenderer, DrawsTinyViewsAndAllScales) {
 
 // Planes and surfaces through viewpoints, arrays behind them, folded meshes, slivers: cases that the CPU decides per
 // face and cases left to the GPU's doubt mask.
-TEST_F(GlesRenderer, DrawsTheHardCases) {
+TEST_F(GlesRenderer, RendersHardCases) {
   for (const reference::HardCase& small : reference::hard_cases())
     for (const reference::HardCase& hard : {small, reference::enlarged(small, reference::kEnlarged)}) {
       Difference worst;
@@ -152,7 +152,7 @@ TEST_F(GlesRenderer, DrawsTheHardCases) {
     }
 }
 
-TEST_F(GlesRenderer, DrawsWhateverSourcesThereAre) {
+TEST_F(GlesRenderer, AcceptsAnySources) {
   constexpr int kSide = 4, kWidth = 161, kHeight = 121;
   Random random(5);
   const Rig rig = test::jittered_array(random, kSide, kWidth, kHeight, -0.2);
@@ -199,7 +199,7 @@ TEST_F(GlesRenderer, DrawsWhateverSourcesThereAre) {
 }
 
 // Samples exactly on the image border: (-0.5, y) is inside, but float precision cannot decide this.
-TEST_F(GlesRenderer, LeavesWhatItCannotTellToTheCpu) {
+TEST_F(GlesRenderer, LeavesUndecidedSamplesToTheCpu) {
   for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420}) {
     Random random(1);
     const Lens lens = Lens::pinhole(200, 79.5, 59.5);
@@ -221,7 +221,7 @@ TEST_F(GlesRenderer, LeavesWhatItCannotTellToTheCpu) {
   }
 }
 
-TEST_F(GlesRenderer, IsLostForGoodAndTheCpuGoesOn) {
+TEST_F(GlesRenderer, CpuContinuesAfterALoss) {
   std::string why;
   const auto drawer = gl::GlesRenderer::create(gl::Context::Drivers::kAny, why);
   ASSERT_TRUE(drawer) << why;
@@ -249,7 +249,7 @@ TEST_F(GlesRenderer, IsLostForGoodAndTheCpuGoesOn) {
 }
 
 // A thread that copies images for one sum may be assigned another sum meanwhile (FairScheduler).
-TEST_F(GlesRenderer, DrawsOthersWhileImagesAreCopied) {
+TEST_F(GlesRenderer, RendersWhileImagesAreCopied) {
   Random random(3);
   const Rig rig = test::jittered_array(random, 3, 160, 120, 0);
   const Mesh mesh = build_mesh(rig);
@@ -283,7 +283,7 @@ TEST_F(GlesRenderer, DrawsOthersWhileImagesAreCopied) {
   }
 }
 
-TEST_F(GlesRenderer, MayBeLostBeforeItHasDrawnAnything) {
+TEST_F(GlesRenderer, MayBeLostBeforeTheFirstDraw) {
   std::string why;
   const auto drawer = gl::GlesRenderer::create(gl::Context::Drivers::kAny, why);
   ASSERT_TRUE(drawer) << why;
@@ -302,7 +302,7 @@ TEST_F(GlesRenderer, MayBeLostBeforeItHasDrawnAnything) {
 }
 
 // Larger than the storage buffers that OpenGL ES 3.1 guarantees.
-TEST(SumDrawerLimits, LargerSumsAreTheCpus) {
+TEST(GlesRendererLimits, LargerSumsUseTheCpu) {
   gl::GlesRenderer& gpu = shared_gpu();
   Random random(6);
   const Rig rig = test::jittered_array(random, 2, 160, 120, 0);
@@ -319,7 +319,7 @@ TEST(SumDrawerLimits, LargerSumsAreTheCpus) {
   EXPECT_FALSE(gpu.is_lost());
 }
 
-TEST(SumDrawerCreation, HardwareIsNeverTheCpu) {
+TEST(GlesRendererCreation, HardwareExcludesSoftwareRenderers) {
   std::string why;
   const auto drawer = gl::GlesRenderer::create(gl::Context::Drivers::kHardware, why);
   if (drawer)
@@ -329,7 +329,7 @@ TEST(SumDrawerCreation, HardwareIsNeverTheCpu) {
 }
 
 // A renderer without uploaded images renders a view that no camera sees.
-TEST_F(GlesRenderer, BeginsWithBlindCameras) {
+TEST_F(GlesRenderer, StartsWithBlindCameras) {
   std::string why;
   const auto fresh = gl::GlesRenderer::create(gl::Context::Drivers::kAny, why);
   ASSERT_TRUE(fresh) << why;
@@ -354,7 +354,7 @@ Blending within(double aperture) { return {.kind = Blending::Kind::kAperture, .a
 Blending nearest(int count) { return {.kind = Blending::Kind::kAngle, .nearest = count}; }
 
 // Views with more than three cameras per pixel, rendered by compute shaders.
-class BlendedViews : public testing::Test {
+class GlesRendererBlending : public testing::Test {
  protected:
   void SetUp() override {
     std::string why;
@@ -378,7 +378,7 @@ class BlendedViews : public testing::Test {
 
 // Apertures from less than the pitch to the whole array, and 1 to 8 nearest cameras; planes and maps, distorted lenses,
 // borders, rotated views, nodes with some of the cameras, missing images.
-TEST_F(BlendedViews, AreTheCpus) {
+TEST_F(GlesRendererBlending, MatchTheCpu) {
   for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420}) {
     test::SumDifference worst;
     size_t fixed_up = 0;
@@ -411,7 +411,7 @@ TEST_F(BlendedViews, AreTheCpus) {
 }
 
 // Nodes with sums at odd offsets, and with more cameras than a grid point has.
-TEST_F(BlendedViews, NodesOfSomeCamerasAre) {
+TEST_F(GlesRendererBlending, NodesWithSomeCamerasMatchTheCpu) {
   int odd = 0;
   for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420}) {
     Random random(3);
@@ -440,7 +440,7 @@ TEST_F(BlendedViews, NodesOfSomeCamerasAre) {
 
 // The viewpoint at a camera, in the array's plane, and behind the array; a single camera; coincident cameras; a view
 // from a camera's pose, with borders that float cannot decide.
-TEST_F(BlendedViews, HardOnesAre) {
+TEST_F(GlesRendererBlending, HardCasesMatchTheCpu) {
   for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420})
     for (const Blending& blending : {within(0.25), nearest(4)}) {
       test::SumDifference worst;
@@ -472,7 +472,7 @@ TEST_F(BlendedViews, HardOnesAre) {
     }
 }
 
-TEST_F(BlendedViews, GoInOnePass) {
+TEST_F(GlesRendererBlending, ShareAPass) {
   for (int seed = 0; seed < 4; seed++) {
     SCOPED_TRACE(seed);
     Random random(seed);

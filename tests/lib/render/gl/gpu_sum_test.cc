@@ -73,7 +73,7 @@ INSTANTIATE_TEST_SUITE_P(, GpuSum, testing::Values(EGL_OPENGL_ES_API, EGL_OPENGL
 });
 
 // Includes the CPU's fix-ups.
-TEST_P(GpuSum, IsTheSumThatWouldHaveCome) {
+TEST_P(GpuSum, EqualsTheDownloadedSum) {
   int stayed = 0;
   size_t fixed_up = 0;
   for (int seed = 0; seed < 12; seed++) {
@@ -101,7 +101,7 @@ TEST_P(GpuSum, IsTheSumThatWouldHaveCome) {
 }
 
 // Pixels that the CPU must fix up survive renderings of other sums without doubtful pixels.
-TEST_P(GpuSum, IsDrawnForSeveralAtOnce) {
+TEST_P(GpuSum, IsRenderedForSeveralViews) {
   std::vector<std::unique_ptr<const Scene>> scenes;
   std::vector<Sum> expected;
   for (int seed = 0; seed < 6; seed++) {
@@ -139,7 +139,7 @@ struct Layout {
   bool is_interleaved = false;
 };
 
-TEST_P(GpuSum, BecomesTheCompositorsPicture) {
+TEST_P(GpuSum, BecomesThePicture) {
   const Layout of_rgb[] = {{{3, 0, 1, 2}}, {{4, 0, 1, 2}}, {{4, 2, 1, 0}}, {{4, 1, 2, 3}}, {{4, 3, 2, 1}}};
   const Layout of_i420[] = {{{}, false}, {{}, true}};
   int pictures = 0, worst_whole = 0, worst = 0;
@@ -208,7 +208,7 @@ TEST_P(GpuSum, BecomesTheCompositorsPicture) {
 
 // Several nodes in one process, each with a part of the array and a renderer in the same contexts. Bit-identical to the
 // CPU, including missing weight.
-TEST_P(GpuSum, IsAddedToThoseBesideItOnTheGpu) {
+TEST_P(GpuSum, IsAddedOnTheGpu) {
   std::string why;
   const std::shared_ptr<gl::GlesRenderer> other =
       gl::GlesRenderer::create_in(somebody_.foreign(), gl::Context::Drivers::kAny, why);
@@ -278,7 +278,7 @@ TEST_P(GpuSum, IsAddedToThoseBesideItOnTheGpu) {
   EXPECT_GT(with_loss, 5);
 }
 
-TEST_P(GpuSum, IsAddedToOthers) {
+TEST_P(GpuSum, IsAddedToOtherSums) {
   const Scene scene(1, 160, 120, PixelFamily::kI420, false, false);
   const auto stays = [&] { return scene.renderer(drawer_, true).gpu_sum(); };
   ASSERT_TRUE(stays());
@@ -331,7 +331,7 @@ TEST_P(GpuSum, IsLostWithItsGpu) {
   EXPECT_EQ(next.gpu_sum(), nullptr);
 }
 
-TEST_P(GpuSum, IsNoneOfTheCpus) {
+TEST_P(GpuSum, RefusesUnsuitableContexts) {
   std::string why;
   ExternalContext other(GetParam());
   if (drawer_->is_software()) {
@@ -343,7 +343,7 @@ TEST_P(GpuSum, IsNoneOfTheCpus) {
   EXPECT_MENTIONS(why, "context", "exists");
 }
 
-TEST_P(GpuSum, IsHeldAsLongAsItIsWanted) {
+TEST_P(GpuSum, KeepsItsMemory) {
   std::vector<std::shared_ptr<gl::GpuSum>> held;
   std::vector<std::vector<int16_t>> expected;
   for (int seed = 1; seed < 10; seed += 2) {

@@ -67,7 +67,6 @@ class TexturedImage : public GpuImage {
   }
   bool is_fetched() const override { return fetched_ > 0; }
 
-  // Returns the image on the GPU with its sampling parameters.
   ImageView view(float gain, bool sharpened) const {
     return {.family = image_.family(),
             .width = image_.width(),
@@ -160,7 +159,7 @@ INSTANTIATE_TEST_SUITE_P(, GpuImages, testing::Values(EGL_OPENGL_ES_API, EGL_OPE
 
 // Gains, sharpening and layouts on the GPU: bit-identical to images processed by the CPU and uploaded. Images are
 // downloaded only where the GPU is in doubt.
-TEST_P(GpuImages, AreSampledThere) {
+TEST_P(GpuImages, AreSampledOnTheGpu) {
   size_t images = 0;
   for (int seed = 0; seed < 24; seed++) {
     SCOPED_TRACE(seed);
@@ -182,7 +181,7 @@ TEST_P(GpuImages, AreSampledThere) {
 }
 
 // A view from a camera's pose, larger than its image: the GPU cannot decide border pixels, so the CPU must.
-TEST_P(GpuImages, ComeHereForWhatTheGpuLeavesOpen) {
+TEST_P(GpuImages, AreDownloadedForUndecidedSamples) {
   for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420}) {
     Random random(1);
     const Rig rig = test::jittered_array(random, 3, 161, 121, 0);
@@ -253,7 +252,7 @@ TEST_P(GpuImages, AreSharedByTheViewsOfAPass) {
 
 // Without a GPU, or if the GPU refuses, the CPU gets bit-identical results from downloaded images. Images that cannot
 // be downloaded are missing weight.
-TEST_P(GpuImages, ComeHereForTheCpu) {
+TEST_P(GpuImages, AreDownloadedForTheCpu) {
   for (int seed = 0; seed < 6; seed++) {
     SCOPED_TRACE(seed);
     Scene scene(somebody_, seed);
@@ -275,7 +274,7 @@ TEST_P(GpuImages, ComeHereForTheCpu) {
   EXPECT_TRUE(scene.sum_of(*there) == scene.sum_of(*here));
 }
 
-TEST_P(GpuImages, AreTriedThere) {
+TEST_P(GpuImages, AreSampledForHypotheses) {
   for (int seed = 0; seed < 8; seed++) {
     SCOPED_TRACE(seed);
     Scene scene(somebody_, seed, 320, 240);

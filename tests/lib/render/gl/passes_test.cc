@@ -19,7 +19,7 @@ using reference::Random;
 using test::Eye;
 using test::Sum;
 
-class SeveralViews : public testing::Test {
+class GlesRendererPasses : public testing::Test {
  protected:
   void SetUp() override {
     std::string why;
@@ -50,7 +50,7 @@ bool same(const ConstSumPlanes& a, const Sum& b) {
 
 // Combines views of other sizes, maps and planes, distorted or nearly empty views, missing images, images that only one
 // view has, and other resampling.
-TEST_F(SeveralViews, AreWhatEachIsAlone) {
+TEST_F(GlesRendererPasses, EqualSingleViews) {
   size_t passes = 0, views = 0, fixed_up = 0;
   for (int seed = 0; seed < 12; seed++) {
     Random random(seed);
@@ -96,7 +96,7 @@ TEST_F(SeveralViews, AreWhatEachIsAlone) {
   EXPECT_GE(passes, 12u);
 }
 
-TEST_F(SeveralViews, StayAsOnePass) {
+TEST_F(GlesRendererPasses, ShareAPass) {
   size_t fixed_up = 0;
   for (int seed = 0; seed < 6; seed++) {
     const PixelFamily family = seed % 2 ? PixelFamily::kI420 : PixelFamily::kRgb;
@@ -140,7 +140,7 @@ TEST_F(SeveralViews, StayAsOnePass) {
   EXPECT_GT(fixed_up, 0u);
 }
 
-TEST_F(SeveralViews, GoInMorePassesWhereTheyAreTooMany) {
+TEST_F(GlesRendererPasses, UseMorePassesIfNecessary) {
   GLint most = 0;
   gpu_->work([&](gl::Programs&, gl::Buffer&) {
     glGetIntegerv(GL_MAX_TEXTURE_SIZE, &most);
@@ -167,7 +167,7 @@ TEST_F(SeveralViews, GoInMorePassesWhereTheyAreTooMany) {
   }
 }
 
-TEST_F(SeveralViews, AreRefusedOneByOne) {
+TEST_F(GlesRendererPasses, AreRefusedIndividually) {
   Random random(5);
   const Rig rig = test::jittered_array(random, 3, 160, 120, 0);
   const Mesh mesh = build_mesh(rig);
