@@ -184,35 +184,24 @@ float ArrayDepth::inverse_at(const std::vector<WeightedCamera>& cameras, const V
   return best_inverse;
 }
 
-FocalMap ArrayDepth::surface(const View& view, const Plane& from, const ParallelFor& parallel) const {
+FocalMap ArrayDepth::surface(const View& view, const ParallelFor& parallel) const {
   FocalMap map = FocalMap::for_view(view.width, view.height);
-  map.from = from;
+  map.from = plane_through(view.pose.position, view.pose.rotation()[2]);
   const std::vector<WeightedCamera> cameras = cameras_around(view.pose.position);
   const double middle = (map.step - 1) / 2.0;
-  const auto node = [&](int column, int row) { return Vec2(map.step * column + middle, map.step * row + middle); };
-  std::vector<float> along_axis(static_cast<size_t>(map.columns) * map.rows), smooth(along_axis.size());
+  std::vector<float> inverse(static_cast<size_t>(map.columns) * map.rows), smooth(inverse.size());
   parallel(static_cast<size_t>(map.rows), [&](size_t row) {
     for (int i = 0; i < map.columns; i++)
-      along_axis[row * map.columns + i] = inverse_at(cameras, view, node(i, static_cast<int>(row)));
+      inverse[row * map.columns + i] =
+          inverse_at(cameras, view, {map.step * i + middle, map.step * static_cast<double>(row) + middle});
   });
-  median_filter(along_axis, map.columns, map.rows, smooth);
+  median_filter(inverse, map.columns, map.rows, smooth);
 
-  // From depths along the view's axis to distances from the plane.
-  const double eye = from.signed_distance(view.pose.position);
-  std::vector<double> inverses;
-  for (int j = 0; j < map.rows; j++)
-    for (int i = 0; i < map.columns; i++) {
-      const double inverse = smooth[static_cast<size_t>(j) * map.columns + i];
-      const std::optional<Vec2> ray = view.lens.unproject(node(i, j));
-      const double slope = glm::dot(from.normal, view.pose.rotation() * Vec3(ray.value_or(Vec2(0, 0)), 1));
-      const double distance_times_inverse = slope + eye * inverse;
-      inverses.push_back(distance_times_inverse > 0 ? inverse / distance_times_inverse : 0);
-    }
-  const auto [least, largest] = std::ranges::minmax(inverses);
+  const auto [least, largest] = std::ranges::minmax(smooth);
   map.farthest = least;
-  map.nearest = std::max(largest, least * 1.001 + 1e-6);
-  map.levels.reserve(inverses.size());
-  for (const double inverse : inverses) map.levels.push_back(map.level_of(inverse));
+  map.nearest = std::max<double>(largest, least * 1.001 + 1e-6);
+  map.levels.reserve(smooth.size());
+  for (const float value : smooth) map.levels.push_back(map.level_of(value));
   return map;
 }
 

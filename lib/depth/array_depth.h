@@ -30,10 +30,11 @@ class ArrayDepth {
   // The range of the scene that was found.
   const DepthSweep& range() const { return range_; }
 
-  // Returns the surface of a view, as distances from the plane `from`. At each node of the map, it is the nearest depth
-  // at which the depth maps of the kCameras cameras around the view agree, weighted by their confidence. A camera that
-  // sees something nearer does not count. Nodes that no camera sees have the depth `range().farthest`.
-  FocalMap surface(const View& view, const Plane& from, const ParallelFor& parallel = serial_for) const;
+  // Returns the surface of a view, as distances from the plane through the eye that faces along the view's axis. At
+  // each node of the map, it is the nearest depth at which the depth maps of the kCameras cameras around the view
+  // agree, weighted by their confidence. A camera that sees something nearer does not count. Nodes that no camera sees
+  // have the depth `range().farthest`.
+  FocalMap surface(const View& view, const ParallelFor& parallel = serial_for) const;
 
  private:
   struct Camera {

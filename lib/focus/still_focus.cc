@@ -11,6 +11,7 @@
 #include "focus/hypothesis_renderer.h"
 #include "focus/view_depths.h"
 #include "image/image_filters.h"
+#include "render/focus_range.h"
 
 namespace lf {
 
@@ -101,9 +102,14 @@ std::pair<double, double> squared_deviations(const PhotoConsistency& a, const Ph
 
 std::optional<ArrayDepth> estimate_depths(const Rig& rig, const CameraSet& cameras, const CameraImages& images,
                                           const DepthEstimator::Settings& settings, const ParallelFor& parallel) {
-  const bool is_grid = rig.topology.type == Topology::Type::kGrid;
-  if (settings.mode == FocusMode::kPlane || is_grid || cameras.size() < 2) return {};
-  const double nearest = settings.near > 0 ? 1 / settings.near : FocusArray(rig).nearest();
+  if (settings.mode == FocusMode::kPlane || cameras.size() < 2) return {};
+  const Rig used = rig_subset(rig, cameras);
+  const Mesh mesh = build_mesh(used);
+  const FocusArray array(used, mesh);
+  const std::optional<FocusRange> range =
+      estimate_focus_range(used, [&](CameraIndex i) -> const Image& { return images(cameras[i]); });
+  if (!range || array.disparity() * (1 / range->near - 1 / range->far) < kWideDisparity) return {};
+  const double nearest = settings.near > 0 ? 1 / settings.near : kNearestDepth * array.nearest();
   const double farthest = settings.far > 0 ? 1 / settings.far : 0;
   if (!(nearest > farthest)) return {};
   return ArrayDepth(rig, cameras, images, farthest, nearest, parallel);
@@ -132,9 +138,9 @@ View focus_still(const Rig& rig, const Mesh& mesh, const View& view, const Camer
   View found = displayed_view(next_request());
   if (!depths) return found;
   View measured = found, plane = view;
-  measured.focus.map = std::make_shared<const FocalMap>(depths->surface(view, array.from()));
+  measured.focus.map = std::make_shared<const FocalMap>(depths->surface(view));
   plane.focus.map = std::make_shared<const FocalMap>(
-      plane_map(view, array.from(), depths->range().nearest, depths->range().farthest));
+      plane_map(view, measured.focus.map->from, depths->range().nearest, depths->range().farthest));
   const auto [of_plane, of_measured] = squared_deviations(still.agreement(plane), still.agreement(measured));
   return of_measured < of_plane ? measured : found;
 }

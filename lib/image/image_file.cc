@@ -190,7 +190,8 @@ std::optional<HeaderSize> claimed_size(std::string_view bytes) {
 
 ImageSize checked_size(const std::string& path, std::string_view bytes) {
   const std::optional<HeaderSize> size = claimed_size(bytes);
-  if (!size || size->width < 1 || size->height < 1) throw Error(path + ": not an image that can be read, such as a JPEG or PNG file");
+  if (!size || size->width < 1 || size->height < 1) 
+    throw Error(path + ": not an image that can be read, such as a JPEG or PNG file");
   const auto [width, height] = *size;
   if (width > kMaxImageSide || height > kMaxImageSide || width * height > kMaxImagePixels)
     throw Error(path + ": is " + std::to_string(width) + "x" + std::to_string(height) + " pixels: at most " +

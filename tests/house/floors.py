@@ -19,7 +19,7 @@ FLOORS = {
         ["base"],
         ["geometry"],
         ["image", "rig", "view"],
-        ["render"],
+        ["depth", "render"],
         ["focus", "jpeg"],
         ["wire"],
         ["composite", "node", "rtp"],

@@ -116,33 +116,6 @@ TEST(ViewDepths, GainsAreRequestedAndReturned) {
   EXPECT_EQ(came.mean_of, 6u);
 }
 
-TEST(FocusStill, FindsTheSurfaceOfAPipeline) {
-  const test::ArrayOfWalls walls;
-  View view = walls.view(0);
-  view.focus.map = nullptr;
-  const DepthEstimator::Settings settings{FocusMode::kSurface, 1.2, 6};
-  const auto images = [&](CameraIndex camera) -> const Image& { return walls.images[camera]; };
-  const View focused = focus_still(walls.rig, walls.mesh, view, images, settings, 9);
-
-  DepthEstimator control(settings);
-  const FocusArray array(walls.rig);
-  ViewRequest request;
-  request.view = view;
-  for (int i = 0; i < 10; i++) {
-    std::vector<PhotoConsistency> moments;
-    if (!request.hypotheses.empty()) moments = walls.moments(request.view, request.hypotheses, walls.own);
-    const DepthEstimator::Plan plan = control.next(request, moments, array);
-    request.view = plan.view;
-    request.hypotheses = plan.hypotheses;
-    request.on_plane = plan.on_plane;
-    request.view.focus.plane = plan.plane.value_or(view.focus.plane);
-  }
-  EXPECT_FALSE(request.on_plane);
-  ASSERT_TRUE(focused.focus.map);
-  EXPECT_EQ(focused.focus.map->levels, request.view.focus.map->levels);
-  EXPECT_EQ(focus_still(walls.rig, walls.mesh, view, images, {}).focus.map, nullptr) << "a plane stays a plane";
-}
-
 }  // namespace
 
 }  // namespace lf

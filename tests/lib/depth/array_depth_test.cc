@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "depth/array_depth.h"
+
+#include <cmath>
+#include <numeric>
+
+#include <gtest/gtest.h>
+
+#include "lib/focus/array_of_walls.h"
+
+namespace lf {
+namespace {
+
+class ArrayDepthTest : public testing::Test {
+ protected:
+  ArrayDepth estimate(const CameraSet& cameras, const ParallelFor& parallel = serial_for) const {
+    return {walls_.rig, cameras, [this](CameraIndex i) -> const Image& { return walls_.images[i]; }, 0, 1.2, parallel};
+  }
+  View view() const {
+    View view = walls_.view(0);
+    view.focus.map = nullptr;
+    return view;
+  }
+  // Returns the share of nodes within 10 % of the true inverse distance, in nodes beside the step between the walls.
+  static double share_right(const View& view, const FocalMap& map) {
+    int right = 0, all = 0;
+    for (int j = 2; j < map.rows - 2; j++)
+      for (int i = 2; i < map.columns - 2; i++) {
+        const Vec2 pixel = {map.step * i + 1.5, map.step * j + 1.5};
+        const double x = view.pose.position.x + 1.5 * view.lens.unproject(pixel)->x;
+        if (std::abs(x) < 0.06) continue;
+        const double inverse = x > 0 ? 1 / 1.5 : 1 / 3.;
+        all++;
+        right += std::abs(map.inverse_of(map.levels[static_cast<size_t>(j) * map.columns + i]) / inverse - 1) < 0.1;
+      }
+    return right / static_cast<double>(all);
+  }
+
+  const test::ArrayOfWalls walls_;
+};
+
+TEST_F(ArrayDepthTest, FindsTheSurfaceOfAView) {
+  const ArrayDepth depth = estimate(walls_.own);
+  EXPECT_LT(depth.range().farthest, 1 / 3.);
+  EXPECT_GT(depth.range().farthest, 0.15);
+  EXPECT_GT(depth.range().nearest, 1 / 1.5);
+  EXPECT_LT(depth.range().nearest, 0.9);
+  const FocalMap map = depth.surface(view());
+  EXPECT_EQ(map.columns, 40);
+  EXPECT_EQ(map.rows, 30);
+  EXPECT_EQ(map.from, plane_through(view().pose.position, Vec3(0, 0, 1)));
+  EXPECT_GT(share_right(view(), map), 0.97);
+}
+
+TEST_F(ArrayDepthTest, CamerasThatAreLeftOutAreNotNeeded) {
+  CameraSet cameras = walls_.own;
+  std::erase(cameras, 4u);
+  const ArrayDepth depth = {walls_.rig, cameras,
+                            [this](CameraIndex i) -> const Image& {
+                              EXPECT_NE(i, 4u);
+                              return walls_.images[i];
+                            },
+                            0, 1.2};
+  EXPECT_GT(share_right(view(), depth.surface(view())), 0.95);
+}
+
+TEST_F(ArrayDepthTest, TwoCamerasAreEnough) { EXPECT_GT(share_right(view(), estimate({3, 4}).surface(view())), 0.8); }
+
+TEST_F(ArrayDepthTest, DoesNotDependOnThreads) {
+  const ParallelFor backwards = [](size_t count, const std::function<void(size_t)>& task) {
+    for (size_t i = count; i-- > 0;) task(i);
+  };
+  const FocalMap map = estimate(walls_.own).surface(view());
+  EXPECT_EQ(estimate(walls_.own, backwards).surface(view(), backwards), map);
+  EXPECT_EQ(estimate(walls_.own, parallel_for_all_processors()).surface(view()), map);
+}
+
+TEST_F(ArrayDepthTest, AViewOfNothingIsFar) {
+  View away = view();
+  away.pose = Pose(away.pose.position, glm::angleAxis(3.0, Vec3(0, 1, 0)));
+  const FocalMap map = estimate(walls_.own).surface(away);
+  for (const uint8_t level : map.levels) EXPECT_LE(map.inverse_of(level), 0.34);
+}
+
+TEST_F(ArrayDepthTest, ALensBeyondItsRaysIsFar) {
+  View wide = view();
+  wide.lens = Lens(LensModel::kSimpleRadial, {40, 79.5, 59.5, -0.3});  // rays beyond a radius of 1.05 fold back
+  const FocalMap map = estimate(walls_.own).surface(wide);
+  EXPECT_EQ(map.levels.size(), 40u * 30u);
+}
+
+}  // namespace
+}  // namespace lf

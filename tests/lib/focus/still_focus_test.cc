@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "focus/still_focus.h"
+
+#include <gtest/gtest.h>
+
+#include "composite/still.h"
+#include "lib/focus/array_of_walls.h"
+#include "quality/image_quality.h"
+#include "scene/scene.h"
+
+namespace lf {
+namespace {
+
+TEST(FocusStill, FindsTheSurfaceOfAPipeline) {
+  const test::ArrayOfWalls walls;
+  View view = walls.view(0);
+  view.focus.map = nullptr;
+  const DepthEstimator::Settings settings{FocusMode::kSurface, 1.2, 6};
+  const auto images = [&](CameraIndex camera) -> const Image& { return walls.images[camera]; };
+  const View focused = focus_still(walls.rig, walls.mesh, view, images, settings, 9);
+
+  DepthEstimator control(settings);
+  const FocusArray array(walls.rig);
+  ViewRequest request;
+  request.view = view;
+  for (int i = 0; i < 10; i++) {
+    std::vector<PhotoConsistency> moments;
+    if (!request.hypotheses.empty()) moments = walls.moments(request.view, request.hypotheses, walls.own);
+    const DepthEstimator::Plan plan = control.next(request, moments, array);
+    request.view = plan.view;
+    request.hypotheses = plan.hypotheses;
+    request.on_plane = plan.on_plane;
+    request.view.focus.plane = plan.plane.value_or(view.focus.plane);
+  }
+  EXPECT_FALSE(request.on_plane);
+  ASSERT_TRUE(focused.focus.map);
+  EXPECT_EQ(focused.focus.map->levels, request.view.focus.map->levels);
+  EXPECT_EQ(focus_still(walls.rig, walls.mesh, view, images, {}).focus.map, nullptr) << "a plane stays a plane";
+}
+
+// The built-in scene, filmed by 14 cameras at irregular places that are far apart.
+class IrregularArrayTest : public testing::Test {
+ protected:
+  IrregularArrayTest() {
+    rig_ = scene_rig(4, 4, 160, 120);
+    rig_.topology = {};
+    rig_.cameras.erase(rig_.cameras.begin() + 9);
+    rig_.cameras.pop_back();
+    for (CameraIndex i = 0; i < rig_.cameras.size(); i++) {
+      Camera& camera = rig_.cameras[i];
+      camera.pose.position = 6. * camera.pose.position + Vec3(0.03 * std::sin(5. * i), 0.03 * std::cos(7. * i), 0);
+      images_.push_back(render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0));
+    }
+    view_.width = 160;
+    view_.height = 120;
+    view_.lens = rig_.cameras[0].lens;
+    view_.pose.position = {0.03, -0.01, 0};
+    view_.focus.plane = focal_plane_at(view_.pose, 2);
+  }
+  double psnr(const View& focused) const {
+    const Still still = render_still(rig_, build_mesh(rig_), focused, image_of_, Resampling::kSharpened);
+    const Image truth = render_scene({view_.width, view_.height, view_.lens, view_.pose}, 0);
+    return compare(still.picture, truth, still.coverage).psnr_db;
+  }
+  View focus(const ArrayDepth* depths) const {
+    return focus_still(rig_, build_mesh(rig_), view_, image_of_, kSurface, kSettledRounds, nullptr, depths);
+  }
+  CameraSet all() const {
+    CameraSet cameras(rig_.cameras.size());
+    std::iota(cameras.begin(), cameras.end(), 0);
+    return cameras;
+  }
+
+  static constexpr DepthEstimator::Settings kSurface{.mode = FocusMode::kSurface};
+  Rig rig_;
+  std::vector<Image> images_;
+  View view_;
+  const CameraImages image_of_ = [this](CameraIndex i) -> const Image& { return images_[i]; };
+};
+
+TEST_F(IrregularArrayTest, DepthsOfTheCamerasGiveABetterPicture) {
+  const std::optional<ArrayDepth> depths = estimate_depths(rig_, all(), image_of_, kSurface);
+  ASSERT_TRUE(depths);
+  const double plane = psnr(view_), searched = psnr(focus(nullptr)), measured = psnr(focus(&*depths));
+  RecordProperty("plane_db", std::to_string(plane));
+  RecordProperty("searched_db", std::to_string(searched));
+  RecordProperty("measured_db", std::to_string(measured));
+  EXPECT_GT(measured, plane + 3);
+  EXPECT_GT(measured, searched - 0.3);
+}
+
+TEST_F(IrregularArrayTest, LimitsOfTheSearchAreKept) {
+  const std::optional<ArrayDepth> depths =
+      estimate_depths(rig_, all(), image_of_, {.mode = FocusMode::kSurface, .near = 2, .far = 4});
+  ASSERT_TRUE(depths);
+  EXPECT_GE(depths->range().farthest, 0.25);
+  EXPECT_LE(depths->range().nearest, 0.5);
+}
+
+// Depths from images of other places are useless.
+TEST_F(IrregularArrayTest, UselessDepthsAreNotShown) {
+  const CameraImages others = [this](CameraIndex i) -> const Image& { return images_[(5 * i + 3) % images_.size()]; };
+  const std::optional<ArrayDepth> depths = estimate_depths(rig_, all(), others, kSurface);
+  ASSERT_TRUE(depths);
+  EXPECT_GT(psnr(focus(&*depths)), psnr(view_) - 0.1);
+}
+
+TEST_F(IrregularArrayTest, SomeArraysNeedNoDepths) {
+  Rig near = rig_;
+  for (Camera& camera : near.cameras) camera.pose.position /= 8;
+  std::vector<Image> images;
+  for (const Camera& camera : near.cameras)
+    images.push_back(render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0));
+  const CameraImages image_of = [&](CameraIndex i) -> const Image& { return images[i]; };
+  EXPECT_FALSE(estimate_depths(near, all(), image_of, kSurface)) << "cameras side by side";
+  EXPECT_FALSE(estimate_depths(rig_, {3}, image_of_, kSurface)) << "a single camera";
+  EXPECT_FALSE(estimate_depths(rig_, all(), image_of_, {})) << "a plane";
+  EXPECT_FALSE(estimate_depths(rig_, all(), image_of_, {.mode = FocusMode::kSurface, .near = 4, .far = 2}));
+}
+
+}  // namespace
+}  // namespace lf
