@@ -6,9 +6,11 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <mutex>
 #include <optional>
 #include <sstream>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include <nlohmann/json.hpp>
@@ -17,6 +19,7 @@
 #include "base/json_value.h"
 #include "base/maths.h"
 #include "base/text.h"
+#include "base/worker_pool.h"
 #include "command_line.h"
 #include "contact_sheet.h"
 #include "image/image.h"
@@ -237,8 +240,15 @@ void run_report(const Options& options) {
 
   if (options.scene) {
     Progress progress("comparing with the ground truth", frames.count());
-    for (size_t i = 0; i < frames.count(); i++, progress.step())
-      run.psnr[i] = psnr_of(run, run.views[i], frames.read(i), plane.read(i));
+    std::mutex mutex;  // guards the files and the progress
+    lf::WorkerPool::shared()->run(std::thread::hardware_concurrency(), frames.count(), [&](size_t i) {
+      std::unique_lock lock(mutex);
+      const lf::Image on_surface = frames.read(i), on_plane = plane.read(i);
+      lock.unlock();
+      run.psnr[i] = psnr_of(run, run.views[i], on_surface, on_plane);
+      lock.lock();
+      progress.step();
+    });
   }
   const auto surface_db = mean_psnr(run.psnr, &Psnr::surface), plane_db = mean_psnr(run.psnr, &Psnr::plane);
 

@@ -12,6 +12,7 @@
 #include <set>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include <nlohmann/json.hpp>
@@ -323,20 +324,25 @@ Job film_job(const Options& options, const std::string& folder_path, const lf::R
              const std::vector<lf::ColourFault>& faults, FrameRate rate) {
   const lf::Camera& camera = rig.cameras[index];
   const lf::SceneCamera lens{camera.width, camera.height, camera.lens, camera.pose};
-  const auto frame = [=, &rig, &faults, offset = camera.time_offset](lf::SceneRenderer& film, int n) {
-    const double time = static_cast<double>(n) * rate.denominator / rate.numerator + offset;
-    return filmed(film.at(time), faults, rig, index, n);
-  };
   const fs::path folder = folder_path;
   const std::string name = camera.name;
-  const int frames = options.frames, samples = options.samples;
+  const int frames = options.frames;
+  const auto film_scene = [=, samples = options.samples, offset = camera.time_offset] {
+    std::vector<double> times;
+    for (int n = 0; n < frames; n++)
+      times.push_back(static_cast<double>(n) * rate.denominator / rate.numerator + offset);
+    return lf::SceneRenderer(lens, std::move(times), samples);
+  };
+  const auto frame = [=, &rig, &faults](lf::SceneRenderer& film, int n) {
+    return filmed(film.next(), faults, rig, index, n);
+  };
   if (options.format == "png")
     return [=](const Step& step) {
-      lf::SceneRenderer film(lens, samples);
+      lf::SceneRenderer film = film_scene();
       for (int n = 0; n < frames; n++, step()) lf::save_image(frame(film, n), (folder / frame_name(name, n)).string());
     };
   return [=, quality = options.quality](const Step& step) {
-    lf::SceneRenderer film(lens, samples);
+    lf::SceneRenderer film = film_scene();
     MjpegWriter writer((folder / (name + ".mkv")).string(), lens.width, lens.height, rate, quality);
     for (int n = 0; n < frames; n++, step()) {
       const lf::Image image = frame(film, n);

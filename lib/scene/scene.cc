@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
+#include <memory>
 #include <optional>
 #include <span>
 #include <utility>
@@ -103,76 +104,107 @@ Rgb scene_colour(const Vec3& origin, const Vec3& direction, double time) {
 
 // Keeps the previous picture to reuse unchanged pixels.
 struct SceneRenderer::State {
-  State(const SceneCamera& of, int samples_a_side) : camera(of), samples(samples_a_side), rays(camera) {
+  State(const SceneCamera& of, std::vector<double> instants, int samples_a_side)
+      : camera(of), times(std::move(instants)), samples(samples_a_side), rays(camera) {
     if (samples < 1) throw Error("samples: must be at least 1");
     const size_t pixels = static_cast<size_t>(camera.width) * camera.height;
     draft = {camera.width, camera.height, std::vector<V3>(pixels), std::vector<uint32_t>(pixels)};
+    draft_valid_until.assign(pixels, kNever);
   }
 
-  Image at(double time, bool everywhere);
-  void make_draft(const scene::Objects& objects, const scene::SceneChange* movement, int x, int y, size_t i);
-  V3 mean(const scene::Objects& objects, const scene::SceneChange* movement, int x, int y, size_t i);
-  bool is_unchanged(const scene::SceneChange& movement, const scene::HitPoint& sight) const {
-    return scene::is_unchanged(movement, V3(camera.pose.position), sight);
-  }
+  Image next(bool everywhere);
+  void start_block();
+  bool is_valid(int& valid_until, std::span<const scene::HitPoint> sights) const;
+  void make_draft(int x, int y, size_t i);
+  V3 mean(int x, int y, size_t i);
+  const scene::Objects& now() const { return block[static_cast<size_t>(picture - block_begin) + 1]; }
 
+  // Most pixels stay the same for many pictures, so a pixel is first tested for all pictures of a block at once.
+  static constexpr int kBlock = 8;
+  static constexpr int kNever = -1;
   struct Mean {
-    V3 colour;        // number of the latest picture with this mean; 0: none
-    int picture = 0;  // number of the latest picture with this mean; 0: none
+    V3 colour;
+    int valid_until = kNever;
   };
 
   const SceneCamera camera;
+  const std::vector<double> times;
   const int samples;
   const CameraRays rays;
-  int picture = 0;  // number of the latest; 0: none
-  scene::Objects objects;
+  int picture = -1;                              // number of the latest
+  int block_begin = 0;                           // number of the first picture of the block
+  std::vector<scene::Objects> block;             // at the previous picture, then at the pictures of the block
+  scene::SceneChange block_change, step_change;  // during the block; since the previous picture
   FirstPass draft;
+  std::vector<int> draft_valid_until;  // numbers of the last pictures that are known to have the same draft
   // Hit points of the draft's rays and of the means' rays. They are empty if there is only one picture.
   std::vector<scene::HitPoint> draft_sights, mean_sights;
   std::vector<Mean> means;
 };
 
-void SceneRenderer::State::make_draft(const scene::Objects& now, const scene::SceneChange* movement, int x, int y,
-                                      size_t i) {
-  if (movement && is_unchanged(*movement, draft_sights[i])) return;
-  scene::ShadowCache shadows;
-  const scene::TraceResult seen = rays.trace(now, x, y, 1, shadows);
-  draft.colour[i] = encode(seen.light);
-  draft.object[i] = seen.object;
-  if (!draft_sights.empty()) draft_sights[i] = seen.sight;
+void SceneRenderer::State::start_block() {
+  const auto begin = static_cast<size_t>(picture), end = std::min(begin + kBlock, times.size());
+  block = {scene::objects_at(times[begin > 0 ? begin - 1 : 0])};
+  for (size_t n = begin; n < end; n++) block.push_back(scene::objects_at(times[n]));
+  block_begin = picture;
+  block_change = scene::scene_change(block);
 }
 
-V3 SceneRenderer::State::mean(const scene::Objects& now, const scene::SceneChange* movement, int x, int y, size_t i) {
+// Returns true if the light of rays that hit `sights` is still valid in this picture. `valid_until` is the number of
+// the last picture that is known to have the same light; updates it.
+bool SceneRenderer::State::is_valid(int& valid_until, std::span<const scene::HitPoint> sights) const {
+  if (valid_until >= picture) return true;
+  if (valid_until == kNever || valid_until < picture - 1) return false;
+  const auto is_unchanged = [&](const scene::SceneChange& change) {
+    return std::ranges::all_of(sights,
+                               [&](const auto& s) { return scene::is_unchanged(change, V3(camera.pose.position), s); });
+  };
+  if (picture == block_begin && is_unchanged(block_change)) {
+    valid_until = block_begin + static_cast<int>(block.size()) - 2;
+    return true;
+  }
+  if (!is_unchanged(step_change)) return false;
+  valid_until = picture;
+  return true;
+}
+
+void SceneRenderer::State::make_draft(int x, int y, size_t i) {
+  if (is_valid(draft_valid_until[i], {draft_sights.data() + i, 1})) return;
+  scene::ShadowCache shadows;
+  const scene::TraceResult seen = rays.trace(now(), x, y, 1, shadows);
+  draft.colour[i] = encode(seen.light);
+  draft.object[i] = seen.object;
+  if (draft_sights.empty()) return;
+  draft_sights[i] = seen.sight;
+  draft_valid_until[i] = picture;
+}
+
+V3 SceneRenderer::State::mean(int x, int y, size_t i) {
   const auto count = static_cast<size_t>(samples) * samples;
-  if (means.empty()) return encode(rays.mean(now, x, y, samples, [](int, const scene::HitPoint&) {}));
+  if (means.empty()) return encode(rays.mean(now(), x, y, samples, [](int, const scene::HitPoint&) {}));
   const std::span sights(&mean_sights[i * count], count);
-  const bool is_kept = movement && means[i].picture == picture - 1 &&
-                       std::ranges::all_of(sights, [&](const auto& s) { return is_unchanged(*movement, s); });
-  if (!is_kept) means[i].colour = encode(rays.mean(now, x, y, samples, [&](int k, const auto& s) { sights[k] = s; }));
-  means[i].picture = picture;
+  if (is_valid(means[i].valid_until, sights)) return means[i].colour;
+  means[i] = {encode(rays.mean(now(), x, y, samples, [&](int k, const auto& s) { sights[k] = s; })), picture};
   return means[i].colour;
 }
 
-Image SceneRenderer::State::at(double time, bool everywhere) {
-  scene::Objects now = scene::objects_at(time);
-  std::optional<scene::SceneChange> moved;
-  if (picture > 0) moved = scene::scene_change(objects, now);
-  const scene::SceneChange* const movement = moved ? &*moved : nullptr;
+Image SceneRenderer::State::next(bool everywhere) {
   picture++;
+  if (picture % kBlock == 0) start_block();
+  step_change = scene::scene_change({&now() - 1, 2});
   const auto each_pixel = [&](auto&& visit) {
     for (int y = 0, i = 0; y < camera.height; y++)
       for (int x = 0; x < camera.width; x++, i++) visit(x, y, static_cast<size_t>(i));
   };
   const bool refine_all = everywhere && samples > 1;
-  if (!refine_all) each_pixel([&](int x, int y, size_t i) { make_draft(now, movement, x, y, i); });
+  if (!refine_all) each_pixel([&](int x, int y, size_t i) { make_draft(x, y, i); });
   std::vector<V3> colours = draft.colour;
   if (samples > 1) {
     const std::vector<uint8_t> refine = refine_all ? std::vector<uint8_t>(colours.size(), 1) : pixels_to_refine(draft);
     each_pixel([&](int x, int y, size_t i) {
-      if (refine[i]) colours[i] = mean(now, movement, x, y, i);
+      if (refine[i]) colours[i] = mean(x, y, i);
     });
   }
-  objects = std::move(now);
   Image image(PixelFamily::kRgb, camera.width, camera.height);
   each_pixel([&](int x, int y, size_t i) {
     for (int c = 0; c < 3; c++) image.pixel(x, y)[c] = static_cast<uint8_t>(colours[i][c] + 0.5f);
@@ -180,8 +212,8 @@ Image SceneRenderer::State::at(double time, bool everywhere) {
   return image;
 }
 
-SceneRenderer::SceneRenderer(const SceneCamera& camera, int samples)
-    : state_(std::make_unique<State>(camera, samples)) {
+SceneRenderer::SceneRenderer(const SceneCamera& camera, std::vector<double> times, int samples)
+    : state_(std::make_unique<State>(camera, std::move(times), samples)) {
   constexpr int kMostSamples = 4;  // a side; with more samples, the hit points would take too much memory
   const size_t pixels = state_->draft.colour.size();
   state_->draft_sights.resize(pixels);
@@ -190,10 +222,10 @@ SceneRenderer::SceneRenderer(const SceneCamera& camera, int samples)
   state_->mean_sights.resize(pixels * static_cast<size_t>(samples * samples));
 }
 SceneRenderer::~SceneRenderer() = default;
-Image SceneRenderer::at(double time) { return state_->at(time, false); }
+Image SceneRenderer::next() { return state_->next(false); }
 
 Image render_scene(const SceneCamera& camera, double time, int samples, bool everywhere) {
-  return SceneRenderer::State(camera, samples).at(time, everywhere);
+  return SceneRenderer::State(camera, {time}, samples).next(everywhere);
 }
 
 Rig scene_rig(int rows, int columns, int width, int height) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <vector>
 
 #include "image/image.h"
 #include "rig/rig.h"
@@ -31,14 +32,15 @@ struct SceneCamera {
 // do. Rays outside the lens are black. Runs in the calling thread. Throws Error if samples < 1.
 Image render_scene(const SceneCamera& camera, double time, int samples = 2, bool everywhere = false);
 
-// Renders pictures of one camera at successive times, with the same result as render_scene(). For speed, a pixel is
+// Renders the pictures of one camera at successive times, with the same result as render_scene(). For speed, a pixel is
 // traced again only if an object has moved in front of it or into its light since the previous picture. Not
 // thread-safe.
 class SceneRenderer {
  public:
-  explicit SceneRenderer(const SceneCamera& camera, int samples = 2);
+  SceneRenderer(const SceneCamera& camera, std::vector<double> times, int samples = 2);
   ~SceneRenderer();
-  Image at(double time);
+  // Returns the picture at the next time. May be called once for each time.
+  Image next();
 
  private:
   friend Image render_scene(const SceneCamera& camera, double time, int samples, bool everywhere);

@@ -29,54 +29,71 @@ Sphere ball_of(const Cylinder& p) {
 Sphere ball_of(const Box& b) { return {b.centre, b.radius, b.texture}; }
 Sphere ball_of(const Group& g) { return {g.centre, g.radius, {}}; }
 
-Sphere hold(const Sphere& a, const Sphere& b) {
-  return {0.5f * (a.centre + b.centre), 0.5f * glm::length(a.centre - b.centre) + std::max(a.radius, b.radius), {}};
-}
-// The distance of two moving points, each on its own segment, is largest at an end, so this capsule contains `a`
-// and `b`.
-Capsule hold(const Capsule& a, const Capsule& b) {
-  const float base = glm::length(a.base - b.base), end = glm::length(a.base + a.axis - b.base - b.axis);
-  return {0.5f * (a.base + b.base),
-          0.5f * (a.axis + b.axis),
-          0.5f * std::max(base, end) + std::max(a.radius, b.radius),
-          {}};
+using Instants = std::span<const Objects>;
+
+// Returns a sphere that contains the sphere sphere_at(o) for all instants `o`.
+template <typename SphereAt>
+Sphere hold_ball(Instants instants, const SphereAt& sphere_at) {
+  Sphere held{0.5f * (sphere_at(instants.front()).centre + sphere_at(instants.back()).centre), 0, {}};
+  for (const Objects& o : instants) {
+    const Sphere s = sphere_at(o);
+    held.radius = std::max(held.radius, glm::length(s.centre - held.centre) + s.radius);
+  }
+  return held;
 }
 
-// Sets changes[i] for each i in [first, last). Calls visit(i) if the objects differ.
+// The distance of two moving points, each on its own segment, is largest at an end, so this capsule contains capsule i
+// at all instants.
+Capsule hold_rod(Instants instants, size_t i) {
+  const Capsule &a = instants.front().capsules[i], &b = instants.back().capsules[i];
+  Capsule held{0.5f * (a.base + b.base), 0.5f * (a.axis + b.axis), 0, {}};
+  for (const Objects& o : instants) {
+    const Capsule& c = o.capsules[i];
+    const V3 base = c.base - held.base, end = base + c.axis - held.axis;
+    held.radius = std::max(held.radius, std::max(glm::length(base), glm::length(end)) + c.radius);
+  }
+  return held;
+}
+
+// Sets changes[i] for each object i in [first, last) of `list`. Calls visit(i) for each object that changes.
 template <typename Object, typename Visit>
-void visit_changes(const std::vector<Object>& before, const std::vector<Object>& after, size_t first, size_t last,
+void visit_changes(Instants instants, std::vector<Object> Objects::*list, size_t first, size_t last,
                    std::vector<bool>& changes, const Visit& visit) {
+  const std::vector<Object>& before = instants.front().*list;
   changes.resize(before.size());
   for (size_t i = first; i < last; i++) {
-    changes[i] = !same(before[i], after[i]);
+    changes[i] = std::ranges::any_of(instants, [&](const Objects& o) { return !same((o.*list)[i], before[i]); });
     if (changes[i]) visit(i);
   }
 }
 
 template <typename Object>
-void add_singles(const std::vector<Object>& before, const std::vector<Object>& after, std::vector<bool>& changes,
+void add_singles(Instants instants, std::vector<Object> Objects::*list, std::vector<bool>& changes,
                  std::vector<SceneChange::Part>& parts) {
-  visit_changes(before, after, 0, before.size(), changes, [&](size_t i) {
-    const Sphere ball = hold(ball_of(before[i]), ball_of(after[i]));
+  visit_changes(instants, list, 0, (instants.front().*list).size(), changes, [&](size_t i) {
+    const Sphere ball = hold_ball(instants, [&](const Objects& o) { return ball_of((o.*list)[i]); });
     parts.push_back({ball, {ball}, {}});
   });
 }
 
 }  // namespace
 
-SceneChange scene_change(const Objects& before, const Objects& after) {
+SceneChange scene_change(std::span<const Objects> instants) {
   SceneChange movement;
-  for (size_t g = 0; g < before.groups.size(); g++) {
-    const Group& group = before.groups[g];
-    SceneChange::Part part{hold(ball_of(group), ball_of(after.groups[g])), {}, {}};
-    visit_changes(before.spheres, after.spheres, group.first_sphere, group.last_sphere, movement.spheres,
-                  [&](size_t i) { part.balls.push_back(hold(before.spheres[i], after.spheres[i])); });
-    visit_changes(before.capsules, after.capsules, group.first_capsule, group.last_capsule, movement.capsules,
-                  [&](size_t i) { part.rods.push_back(hold(before.capsules[i], after.capsules[i])); });
-    if (!part.balls.empty() || !part.rods.empty()) movement.parts.push_back(part);
+  for (size_t g = 0; g < instants.front().groups.size(); g++) {
+    const Group& group = instants.front().groups[g];
+    SceneChange::Part part;
+    visit_changes(instants, &Objects::spheres, group.first_sphere, group.last_sphere, movement.spheres, [&](size_t i) {
+      part.balls.push_back(hold_ball(instants, [i](const Objects& o) { return o.spheres[i]; }));
+    });
+    visit_changes(instants, &Objects::capsules, group.first_capsule, group.last_capsule, movement.capsules,
+                  [&](size_t i) { part.rods.push_back(hold_rod(instants, i)); });
+    if (part.balls.empty() && part.rods.empty()) continue;
+    part.around = hold_ball(instants, [g](const Objects& o) { return ball_of(o.groups[g]); });
+    movement.parts.push_back(part);
   }
-  add_singles(before.cylinders, after.cylinders, movement.cylinders, movement.parts);
-  add_singles(before.boxes, after.boxes, movement.boxes, movement.parts);
+  add_singles(instants, &Objects::cylinders, movement.cylinders, movement.parts);
+  add_singles(instants, &Objects::boxes, movement.boxes, movement.parts);
   return movement;
 }
 

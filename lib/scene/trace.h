@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "scene/objects.h"
@@ -10,7 +11,7 @@ namespace lf::scene {
 struct SceneChange {
   std::vector<bool> spheres, capsules, cylinders, boxes;
 
-  // Contains the changed objects at both instants. Each object is inside one ball or rod, and everything is inside
+  // Contains the changed objects at all instants. Each object is inside one ball or rod, and everything is inside
   // `around`.
   struct Part {
     Sphere around;
@@ -20,7 +21,8 @@ struct SceneChange {
   std::vector<Part> parts;
 };
 
-SceneChange scene_change(const Objects& before, const Objects& after);
+// Returns what changes between the first and any later one of some successive instants.
+SceneChange scene_change(std::span<const Objects> instants);
 
 struct Ray {
   V3 origin, direction;         // unit length

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <set>
 #include <thread>
+#include <vector>
 
 #include "base/text.h"
 #include "quality/image_quality.h"
@@ -39,12 +40,13 @@ TEST(Scene, FilmEqualsSinglePictures) {
   distorted.pose.position = {0.2, -0.1, 0.3};
   for (const SceneCamera& camera : {central_camera(), distorted})
     for (const int samples : {1, 2, 3, 5}) {
-      SceneRenderer film(camera, samples);
-      double time = 0.3;
-      for (const double step : {0.0, 1 / 15.0, 1 / 15.0, 1 / 15.0, 0.0, 1 / 30.0, 0.5, 1e-4, -0.9, 1 / 15.0}) {
-        time += step;
-        ASSERT_EQ(film.at(time).data(), render_scene(camera, time, samples).data()) << samples << ", " << time;
-      }
+      std::vector<double> times = {0.3};
+      for (const double step : {1 / 15.0, 1 / 15.0, 1 / 15.0, 0.0, 1 / 30.0, 0.5, 1e-4, -0.9, 1 / 15.0})
+        times.push_back(times.back() + step);
+      for (int n = 0; n < 8; n++) times.push_back(times.back() + 1 / 60.0);
+      SceneRenderer film(camera, times, samples);
+      for (const double time : times)
+        ASSERT_EQ(film.next().data(), render_scene(camera, time, samples).data()) << samples << ", " << time;
     }
 }
 
