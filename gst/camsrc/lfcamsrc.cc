@@ -29,8 +29,8 @@
  * If the rig lists `controls` of the camera, such as exposure time, the element sets them before it opens the device.
  *
  * The stream carries the sticky event `lightfield-camera` with the camera index and the rig hash, a checksum of the
- * rig. Each frame has a #GstReferenceTimestampMeta of `timestamp/x-lightfield-capture` with its capture time. The
- * capture time is clock time for live sources and stream time otherwise, plus the time offset of the camera.
+ * rig. Each frame has a #GstReferenceTimestampMeta of `timestamp/x-lightfield-capture` with its capture time. For
+ * live sources, this is clock time; for all others, stream time. The time offset of the camera in the rig is added.
  *
  * RTSP cameras report capture times in RTCP sender reports. The element uses these times if they are plausible, so
  * synchronise the clock of the camera with this machine (NTP). Until the first report, the capture time is the arrival
