@@ -12,6 +12,7 @@
 #include "composite/still.h"
 #include "focus/hypothesis_renderer.h"
 #include "focus/still_focus.h"
+#include "focus/view_depths.h"
 #include "lib/render/production.h"
 #include "lib/render/sum_arrays.h"
 #include "quality/image_quality.h"
