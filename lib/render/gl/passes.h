@@ -21,10 +21,10 @@ namespace lf::gl {
 
 // Returns the properties of the shader program that can render the task. The caller must set its output.
 SumProgram program_of(const simd::SumTask& task);
-// Returns the number of rows of face_texels() in the tables of the task: one for each face of the plan or, if the view
-// is blended by a WeightGrid, one for each slot.
+// Returns the number of rows in the tables of the task; see FaceTexel. There is one row for each face of the plan and,
+// if the view has a WeightGrid, another row for each slot.
 size_t table_rows(const simd::SumTask& task);
-// Returns an upper bound of the number of words for the WeightGrid cells in `rect`.
+// Returns an upper bound of the number of 32-bit words for the WeightGrid cells in `rect`; see make_cells().
 size_t most_of_cells(const simd::SumTask& task, const Rect& rect);
 
 // Makes the tables that the compute shaders read for the views of a pass: which face owns each pixel, the weights of
