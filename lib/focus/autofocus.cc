@@ -16,7 +16,7 @@ constexpr double kAround = 1.5;        // range of the second stage: factor towa
 constexpr int kSweptPlanes = static_cast<int>(kMaxHypotheses) - 1;
 constexpr double kFarFocus = 3;  // the focus does not limit the search if it is this much farther than the reach
 constexpr double kInside = 0.9;  // a result is inside the range up to this fraction of kAround - 1
-constexpr double kFarthestApart = FocalMap::kMinStep / 2.0;  // between planes; pixels of disparity
+constexpr double kFarthestApart = FocalMap::kMinStep / 2.0;  // largest distance of planes; pixels of disparity
 
 }  // namespace
 

@@ -19,7 +19,7 @@ inline constexpr int kSweptPixels = 64;  // pixels
 View view_around(const View& view, const Vec2& pixel);
 
 // Turns a request for a view without a focal map into an autofocus request. The cameras then compare their images at
-// many depths, and the depth at which they agree best is the focus distance. The request gets a map of the viewer's
+// many depths, and the depth with the best agreement is the focus distance. The request gets a map of the viewer's
 // focal plane, and depth hypotheses that are planes at constant distance.
 //
 // An autofocus search has two stages. The first stage (without `found`) covers all depths from infinity to 0.3 of the

@@ -13,7 +13,7 @@
 namespace lf {
 
 // Detects ambiguous depths, for example in front of a repeated pattern, where the cameras agree through a wrong depth
-// as well as through the right one. The class keeps, for each node of the focal map, the two planes with the least
+// as well as through the right depth. The class keeps, for each node of the focal map, the two planes with the least
 // deviation that are clearly apart. It collects them from all searches and sweeps (see DepthEstimator), and then
 // estimates the error of the picture in case the surface is at the wrong one of two depths. A plain value without
 // locks.

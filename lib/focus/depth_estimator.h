@@ -19,15 +19,15 @@ namespace lf {
 enum class FocusMode {
   kPlane,    // the plane that the viewer has chosen
   kSurface,  // a surface that follows the scene; depth hypotheses refine it with every request
-  kAuto,     // such a surface, with as many hypotheses as the scene needs
+  kAuto,     // as kSurface, with as many hypotheses as the scene needs
 };
 
-// Estimates the depth of the scene in one view, from picture to picture, so that the whole picture is in focus. With
-// each request, the cameras test depth hypotheses and report how well they agree about each hypothesis
-// (PhotoConsistency). From these sums, the estimator selects the focal surface and the hypotheses of the next request.
+// Estimates the depth of the scene in one view, from picture to picture, so that the whole picture is in focus. The
+// cameras test depth hypotheses with each request and report how well they agree about each hypothesis
+// (PhotoConsistency). The estimator uses these sums to select the focal surface and the hypotheses of the next request.
 //
 // The estimator works in stages. A search tests planes over all depths, until it finds the range of the scene's depths.
-// A sweep then tests planes over this range, to find a first surface. Afterwards, rounds of a few hypotheses refine the
+// A sweep then tests planes over this range, to find a first surface. Then, rounds of a few hypotheses refine the
 // surface.
 //
 // The viewer's focal plane is shown until the cameras agree clearly better through the surface. It is shown again as
@@ -44,9 +44,9 @@ class DepthEstimator {
   // If the geometry of the array is unknown, this fraction of the viewer's focus distance is the nearest depth of the
   // search.
   static constexpr double kNearest = 0.4;
-  // The deviation of a surface is the standard deviation between the cameras' luma at a node; a wrong depth increases
-  // it. The surface is shown once its squared deviation is less than kShown of the plane's, and lower by at least
-  // kWorthShowing. It is hidden again above kHidden of the plane's. The gap between kShown and kHidden prevents
+  // The deviation of a surface is the standard deviation between the cameras' luma at a node, which a wrong depth
+  // increases. The surface is shown once its squared deviation is less than kShown of the plane's, and lower by at
+  // least kWorthShowing. It is hidden again above kHidden of the plane's. The gap between kShown and kHidden prevents
   // flicker.
   static constexpr double kShown = 0.5, kHidden = 0.65;
   // Replaces kShown for a view that is completely beside the camera mesh. A wrong depth displaces objects there instead
@@ -93,7 +93,7 @@ class DepthEstimator {
   };
   // Returns the next plan, from the answer to `request`. `moments` are the sums of the request's hypotheses, in their
   // order and with the size of the map; empty if the request has no hypotheses or they were not answered. Requests must
-  // be answered in the order in which they were sent, but any number of requests can be in flight; see LatestSurface.
+  // be answered in the order of sending, but any number of requests can be in flight; see LatestSurface.
   Plan next(const ViewRequest& request, std::span<const PhotoConsistency> moments, const FocusArray& array);
 
   // Adapts to slow nodes: reports whether a picture was complete in time. After incomplete pictures, fewer requests
@@ -185,8 +185,8 @@ class DepthEstimator {
   std::optional<DepthRange> range_;       // range of all maps, if it follows the scene
   std::vector<double> plane_deviations_;  // deviation through the best plane in each of the latest rounds
   DepthAmbiguity others_;
-  // 1 for each node at which the surface is compared with planes, see DepthSelectionParams::counted. These are the
-  // nodes inside the mesh, because a part of the view beside the mesh could hide a good surface. Empty: all nodes.
+  // 1 for each node that counts in comparisons of the surface with planes, see DepthSelectionParams::counted. These are
+  // the nodes inside the mesh, because a part of the view beside the mesh could hide a good surface. Empty: all nodes.
   std::vector<uint8_t> counted_;
   double doubt_ = 0;                           // squared error due to ambiguous depths, relative to the plane's
   bool was_better_ = false;                    // the surface was better in the last comparison with the plane

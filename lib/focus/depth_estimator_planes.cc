@@ -19,7 +19,7 @@ constexpr size_t kPlanesOfSweep = kMaxHypotheses - 2;
 // disparity if this is more. Hypotheses average over 4 x 4 pixels, so nothing is missed between planes. Near objects
 // appear larger, so near planes can be farther apart.
 constexpr double kSearchStep = 2, kSearchPart = 0.13;
-constexpr double kSweepStep = 1.5;                     // the same for a sweep
+constexpr double kSweepStep = 1.5;  // the same for a sweep
 constexpr unsigned kMostSweeps = 4;
 
 // Smallest useful difference between two levels of a focal map.
@@ -188,7 +188,7 @@ void DepthEstimator::follow_range(FocalMap& map) {
   const double end = kAtTheEnd * (map.nearest - map.farthest);
   const bool at_near_end = scene->nearest > map.nearest - end && map.nearest < reach_;
   // Objects at the near end of the range may be approaching. A single plane can fit by chance, so a search must confirm
-  // them.
+  // such objects.
   if (at_near_end && stage_ == Stage::kBetter) {
     if (rounds_to_doubt_ > 0) {
       rounds_to_doubt_--;

@@ -21,13 +21,13 @@ class DepthFeedback {
  public:
   // Receives a new estimate from the compositor.
   void announce(DepthEstimate news);
-  // Waits for an estimate that is based on request `sequence` or a later one. Returns kCame if there is one, kTooLong
-  // after `longest`, and kUnlocked if set_unlocked() ends the wait.
+  // Waits for an estimate that is based on request `sequence` or a later request. Returns kCame if there is one,
+  // kTooLong after `longest`, and kUnlocked if set_unlocked() ends the wait.
   enum class Waited { kCame, kTooLong, kUnlocked };
   Waited wait_for(uint32_t sequence, std::chrono::milliseconds longest);
   // Adds the surface, warped to the request's view, and the next hypotheses and gains to a request. Hypotheses and
   // gains are added to one request only. In a set of views, such as a stereo pair, only the request of the leading view
-  // gets them.
+  // gets hypotheses and gains.
   void apply(ViewRequest& request);
   // Returns true if apply() would add hypotheses now.
   bool has_hypotheses();
@@ -38,8 +38,8 @@ class DepthFeedback {
   void sweep_sent(uint32_t sequence);
 
   // Sets the place to focus on, in fractions of the view's width and height, for example (0.5, 0.5) for the middle.
-  // Returns the focus distance if a surface is known. Otherwise returns nothing, and the next requests start an
-  // autofocus search. `seen` is the view of a set in which the viewer has pointed at the place; all views of a set have
+  // Returns the focus distance if there is a surface. Otherwise returns nothing, and the next requests start an
+  // autofocus search. `seen` is the view of a set where the viewer has pointed at the place; all views of a set have
   // the same direction. If it is null, the place is in the view of the latest surface.
   std::optional<double> focus_at(const Vec2& place, const View* seen = nullptr);
   // Starts or ends continuous autofocus, which repeats the search at the place of focus_at(). The place is initially

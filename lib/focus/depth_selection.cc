@@ -15,8 +15,8 @@ namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
-// The hypotheses whose mean costs are compared, and the largest of their costs at each node. The cost is infinite if
-// one of them does not see the node.
+// The hypotheses that are compared by their mean costs, and the largest of their costs at each node. The cost is
+// infinite if one of them does not see the node.
 struct Compared {
   std::vector<bool> hypothesis;
   std::vector<float> most;
@@ -280,7 +280,7 @@ class NodeCounts {
 std::vector<uint8_t> DepthVotes::consistent(const FocalMap& map, const std::vector<uint8_t>& informed) const {
   constexpr double kLeastSide = 2;    // nodes; a smaller window has no neighbours
   constexpr double kSameDepth = 1.2;  // ratio of inverse distances
-  constexpr uint32_t kAgreeing = 8;   // of this many votes in the window, one must be for the same depth
+  constexpr uint32_t kAgreeing = 8;   // one of so many votes in the window must be for the same depth
   constexpr int kNoWindow = -10;      // a bin without neighbours
   std::array<int, 256> bin;           // by level
   for (int level = 0; level < 256; level++) {

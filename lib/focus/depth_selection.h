@@ -43,7 +43,7 @@ struct DepthSelectionParams {
   uint32_t jumps = 0;         // bit mask of the hypotheses that are unrelated to the surface: see kJump
 };
 
-// Selects the depth of each node of a focal map: the level of the hypothesis through which the cameras agree best. The
+// Selects the depth of each node of a focal map: the level of the hypothesis that the cameras agree about best. The
 // hypothesis should have a small deviation, averaged over nearby nodes, and a level near the levels of the neighbouring
 // nodes.
 //
@@ -54,8 +54,8 @@ struct DepthSelectionParams {
 // plus kSmoothNoise.
 //
 // Nodes with less evidence than kLittleEvidence take the levels of their neighbours. Nodes that no hypothesis sees keep
-// their level. A hypothesis does not compete at a node if fewer cameras see it there than another hypothesis. With
-// kSweep hypotheses or more, the hypotheses from the third on are the planes of a sweep, from far to near.
+// their level. A hypothesis does not compete at a node if fewer cameras see it there than another hypothesis. If there
+// are kSweep hypotheses or more, the hypotheses from the third on are the planes of a sweep, from far to near.
 inline constexpr double kLead = 0.06;
 inline constexpr float kNoise = 0.25f, kSmoothNoise = 0.1f;  // levels of luma
 inline constexpr double kSmooth = 0.4;
@@ -83,9 +83,9 @@ struct DepthRange {
 // Changes the range of the map. The level of each node becomes the level in the new range with the nearest depth.
 void set_range(const DepthRange& range, FocalMap& map);
 
-// Finds the range of the scene's depths, with a histogram of the depths of the latest rounds. Only informed nodes (see
-// DepthSelection) vote, because the levels of other nodes are random: nodes without texture, nodes that a single camera
-// sees, and nodes outside the array's coverage. A plain value without locks.
+// Finds the range of the scene's depths, with a histogram of the depths of the latest rounds. The levels of nodes
+// without texture, of nodes that a single camera sees, and of nodes outside the array's coverage are random. Therefore
+// only informed nodes (see DepthSelection) vote. A plain value without locks.
 class DepthVotes {
  public:
   // `nearest` is the largest inverse distance of the histogram, in 1/m. `smallest` is the side, in nodes, of the

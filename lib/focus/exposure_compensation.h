@@ -92,7 +92,7 @@ std::vector<uint8_t> mean_luma(const PhotoConsistency& moments, const GainSum& g
 // that cameras match before the first surface is found. Later, fewer requests do, because a measurement reads the whole
 // images of a dozen cameras.
 //
-// Only one measurement is pending at a time. Cameras keep samples for the latest mean only, and a second measurement
+// There is one pending measurement at a time. Cameras keep samples for the latest mean only, and a second measurement
 // during a correction would correct the gains twice. A plain value without locks.
 class ExposureSchedule {
  public:
@@ -120,8 +120,8 @@ class ExposureSchedule {
   unsigned asked_ = 0, interval_ = 1, pause_ = 0, awaited_ = 0;
 };
 
-// Returns the view in which cameras compare their brightness: a small view with one pixel per node of the smoothed
-// focal map of `view`, with nodes twice as far apart. `view` must have a map.
+// Returns the view for comparing the brightness of cameras: a small view with one pixel per node of the smoothed focal
+// map of `view`, with nodes twice as far apart. `view` must have a map.
 View mean_view(const View& view);
 
 // Samples luma of many cameras at the nodes of a view, to compare the brightness of cameras that are not neighbours in

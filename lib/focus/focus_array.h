@@ -10,9 +10,9 @@
 
 namespace lf {
 
-// Returns the plane from which the focal maps of an array measure distances. The plane passes through the mean of the
-// camera centres, and its normal is the mean of the camera axes. If the axes cancel out, the first camera's axis is the
-// normal. The rig must have at least one camera.
+// Returns the reference plane of an array: its focal maps contain distances from this plane. The plane passes through
+// the mean of the camera centres, and its normal is the mean of the camera axes. If the axes cancel out, the first
+// camera's axis is the normal. The rig must have at least one camera.
 Plane array_plane(const Rig& rig);
 
 // Describes how well an array can measure depth in a view, computed from the geometry of the cameras. DepthEstimator
@@ -31,7 +31,7 @@ class FocusArray {
 
   // Returns the reference plane for distances in focal maps: see array_plane().
   const Plane& from() const { return from_; }
-  // Returns the largest inverse distance, in 1/m, at which neighbouring cameras still share three quarters of their
+  // Returns the largest inverse distance, in 1/m, where neighbouring cameras still share three quarters of their
   // images. Searches stop there. 0: unknown.
   double nearest() const { return nearest_; }
   // Returns the disparity between two cameras at the distance edge(), in pixels of a camera image for each 1/m of

@@ -10,9 +10,9 @@
 
 namespace lf {
 
-// Returns the inverse distance, in 1/m, at which a line of sight meets the viewer's focal plane. `ray` is in view
-// coordinates. The distance is measured from the plane `from`, along its normal. Returns 0 if the line of sight does
-// not meet the focal plane.
+// Returns the inverse distance, in 1/m, of the point where a line of sight meets the viewer's focal plane. `ray` is in
+// view coordinates. The distance is measured from the plane `from`, along its normal. Returns 0 if the line of sight
+// does not meet the focal plane.
 double plane_inverse(const View& view, const Plane& from, const Vec3& ray);
 
 // Converts the viewer's focal plane to a focal map with a range of inverse distances (in 1/m, farthest < nearest).
@@ -25,7 +25,7 @@ std::vector<uint8_t> hypothesis_levels(const View& view, const DepthHypothesis& 
 // Does the same without the view. kFocused, which needs the viewer's focal plane, counts as kBlurred.
 std::vector<uint8_t> hypothesis_levels(const FocalMap& surface, const DepthHypothesis& hypothesis);
 
-// A range of levels of a focal map. Both ends are inclusive.
+// A range of levels of a focal map, from `first` to `last` inclusive.
 struct LevelRange {
   int first = 0, last = 255;
   bool operator==(const LevelRange&) const = default;
@@ -38,9 +38,9 @@ struct LevelRange {
 inline constexpr int kSweepPlanes = 12, kOutsideEvery = 4;
 std::vector<DepthHypothesis> hypotheses_of_round(unsigned round, const LevelRange& scene = {});
 
-// Returns the view in which hypotheses are rendered. It has one pixel for each node of the map, centred on the node,
-// because hypotheses need a low resolution only. The view is blended by the mesh. If the picture is blended by angle,
-// it is blended by the kHypothesisCameras nearest cameras.
+// Returns the view for rendering hypotheses. It has one pixel for each node of the map, centred on the node, because
+// hypotheses need a low resolution only. The view is blended by the mesh. If the picture is blended by angle, it is
+// blended by the kHypothesisCameras nearest cameras.
 inline constexpr int kHypothesisCameras = 4;
 View hypothesis_view(const View& view);
 

@@ -13,7 +13,7 @@ namespace lf {
 // The parameters of a CameraProjection in float, as input of these functions.
 struct HypothesisProjection {
   // The matrix base + inverse distance x slope maps a line of sight (u, v, 1) to camera coordinates, up to a positive
-  // factor. Both matrices are row-major.
+  // factor. The matrices are row-major.
   float base[9], slope[9];
   float fx, fy, cx, cy, k1, k2, p1, p2;
   bool distorted;
@@ -36,11 +36,11 @@ struct HypothesisRays {
 inline constexpr size_t kHypothesisPadding = 16;
 
 // Computes where the camera sees the nodes. `levels` are the depths of the nodes. The results are the positions x and y
-// in pixels of the image, and `seen`, which is 1 for visible nodes and 0 for others.
+// in pixels of the image, and `seen`, which is 1 for visible nodes and 0 for all other nodes.
 void project_hypothesis(const HypothesisProjection& projection, const HypothesisRays& rays, const uint8_t* levels,
                         float* x, float* y, uint8_t* seen);
 
-// A bounding rectangle of positions. Both ends are inclusive, and right < left means empty.
+// A bounding rectangle of positions. Its right and bottom ends are inclusive, and right < left means empty.
 struct PlaceBounds {
   int32_t left = INT32_MAX, top = INT32_MAX, right = -1, bottom = -1;
 };

@@ -33,8 +33,8 @@ int hypothesis_box(const ViewPlan& plan, CameraIndex camera, const Camera& rig_c
 Rect hypothesis_pixels(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera,
                        std::span<const std::vector<uint8_t>> hypotheses);
 
-// A camera with the nodes of the map at which it has a weight. In each row these are the nodes from the first to the
-// last with a weight, and nodes in between may have weight 0. Arrays contain the nodes row by row, and
+// A camera, and the nodes of the map where the camera has a weight. In each row these are the nodes from the first to
+// the last with a weight, and nodes in between may have weight 0. Arrays contain the nodes row by row, and
 // kHypothesisPadding unused values at the end. `job` is the RenderJob of hypothesis_view().
 struct HypothesisCamera {
   HypothesisCamera(const RenderJob& job, CameraIndex index, const Camera& rig_camera);

@@ -64,8 +64,8 @@ HWY_INLINE void rgb_luma_row(const uint8_t* HWY_RESTRICT pixel, const RgbLayout&
     out[i] = static_cast<uint8_t>((of.r * pixel[at.r] + of.g * pixel[at.g] + of.b * pixel[at.b] + 128) >> 8);
 }
 
-// Rows of luma, with kHypothesisBox - 1 more rows and columns than the values that are computed from them. `first`
-// points to the luma at row -1 and column -1.
+// Rows of luma, as input for computing values. They have kHypothesisBox - 1 more rows and columns than the values.
+// `first` points to the luma at row -1 and column -1.
 struct LumaRows {
   const uint8_t* first;
   ptrdiff_t stride;

@@ -50,8 +50,8 @@ struct HypothesisSums {
 // kHypothesisPadding unused values at the end.
 void weigh_hypothesis(const float* weight, const int16_t* values, int count, const HypothesisSums& out);
 
-// Nodes [x0, x1) in row y of the map, at which a camera has a weight. `first` is the index of the first of these nodes
-// in the camera's arrays.
+// Nodes [x0, x1) in row y of the map, where a camera has a weight. `first` is the index of the first of these nodes in
+// the camera's arrays.
 struct HypothesisRow {
   int y, x0, x1;
   int first;

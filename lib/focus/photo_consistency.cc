@@ -30,9 +30,9 @@ struct Rows {
   int columns, rows, stride;
 };
 
-// Computes the deviation of each node (see PhotoConsistency::deviation()), and a count of 1 for a valid deviation. Both
-// are 0 if the deviation is NaN or if the weight is much less than `most`, the largest weight of any hypothesis at the
-// node.
+// Computes the deviation of each node (see PhotoConsistency::deviation()), and a count of 1 for a valid deviation. The
+// results are 0 if the deviation is NaN or if the weight is much less than `most`, the largest weight of any hypothesis
+// at the node.
 void deviations(const PhotoConsistency& moments, const uint16_t* HWY_RESTRICT most, const Rows& of,
                 float* HWY_RESTRICT out, float* HWY_RESTRICT count) {
   for (int y = 0; y < of.rows; y++, most += of.columns, out += of.stride, count += of.stride) {

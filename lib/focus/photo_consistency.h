@@ -39,8 +39,8 @@ struct PhotoConsistency {
 // Returns how much light the picture through a surface loses or gains, compared with the picture through a plane. The
 // result is the squared difference of the mean luma, averaged over the quarters of the picture, in squared luma levels.
 // Defocus spreads light but loses none, so a large part of the picture is as bright through the right surface as
-// through any plane. If all cameras agree because they look past an object, the light of the object is missing. Only
-// this measure detects such a surface.
+// through any plane. If all cameras agree because they look past an object, the light of the object is missing. No
+// other measure detects such a surface.
 //
 // The measure uses nodes that all cameras see both ways, in quarters with at least a hundred such nodes. It is 0 if
 // there are no such quarters. `chosen` is the index of each node's hypothesis, which together form the surface. `plane`

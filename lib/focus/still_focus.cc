@@ -84,8 +84,8 @@ class StillArray {
   std::vector<WideLuma::Camera> seen_;
 };
 
-// Returns the mean squared deviations of two sums, over the nodes at which both have a deviation. Returns NaN if there
-// are no such nodes.
+// Returns the mean squared deviations of two sums, over the nodes where both have a deviation. Returns NaN if there are
+// no such nodes.
 std::pair<double, double> squared_deviations(const PhotoConsistency& a, const PhotoConsistency& b) {
   double sum_a = 0, sum_b = 0;
   size_t count = 0;

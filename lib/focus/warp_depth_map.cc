@@ -49,7 +49,7 @@ void carry_row(const WarpedNodes::Geometry& of, const double* HWY_RESTRICT u_row
     };
     const auto level = hn::PromoteTo(d, hn::PromoteTo(d32, hn::LoadU(d8, levels + i)));
     const auto inverse = hn::Add(set(of.farthest), hn::Mul(set(of.range), hn::Div(level, set(FocalMap::kLevels))));
-    // The same formula as in CameraProjection, in which infinity is no special case.
+    // The same formula as in CameraProjection, where infinity is no special case.
     const auto before = hn::Sub(set(1), hn::Mul(inverse, set(of.eye))), along = hn::Mul(inverse, times(of.normal));
     const auto moved = [&](int k) HWY_ATTR {
       return hn::Add(hn::Mul(before, times(of.to_from_view + 3 * k)), hn::Mul(along, set(of.offset[k])));

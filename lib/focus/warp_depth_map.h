@@ -57,11 +57,11 @@ class WarpedNodes {
 // result would have more than FocalMap::kMaxNodes nodes. `from` must have a map.
 std::shared_ptr<const FocalMap> warp_depth_map(const View& from, const View& to);
 
-// Keeps the best known focal surface of a view, and merges the results of rounds of hypotheses into it. Several
-// requests may be in flight at a time. The surface of a request then lacks the results of the rounds in flight, and its
-// own result must not undo these results. Each node therefore remembers its deviation, and keeps a better result of a
-// round that the request did not know. If every request waits for the previous answer, the surface is simply the result
-// of the latest round. A plain value without locks.
+// Keeps the best known focal surface of a view, and improves the surface with the results of rounds of hypotheses.
+// Several requests may be in flight at a time. The surface of a request then lacks the results of the rounds in flight,
+// and its own result must not undo these results. Each node therefore remembers its deviation, and keeps a better
+// result of a round that the request did not know. If every request waits for the previous answer, the surface is
+// simply the result of the latest round. A plain value without locks.
 class LatestSurface {
  public:
   static constexpr size_t kMaxInFlight = 64;  // maximum requests in flight; older requests count as lost

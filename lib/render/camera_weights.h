@@ -35,7 +35,8 @@ class WeightGrid {
     double weight;  // finite, at least 0; the scale does not matter
   };
 
-  // Which pixels of a cell take their weights from the grid: none, the pixels that no face of the mesh owns, or all.
+  // The pixels of a cell that take their weights from the grid: no pixels, the pixels that no face of the mesh owns, or
+  // all pixels.
   enum CellUse : uint8_t { kUnused = 0, kUnowned = 1, kWhole = 2 };
 
   // Creates an empty grid for a view of this size. `cells` contains the CellUse of (columns() - 1) x (rows() - 1)

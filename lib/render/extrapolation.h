@@ -14,11 +14,11 @@ namespace lf {
 // blended from the kExtrapolationCameras cameras with the most similar directions, with the weights of Blending::kAngle
 // ("nearest cameras" below).
 //
-// Beside the mesh, lines of sight pass through no face, for example because the viewer has moved out of the array. At
+// Lines of sight beside the mesh pass through no face, for example because the viewer has moved out of the array. At
 // the border of the mesh, the weights equal the weights of the mesh, which are the linear interpolation between the two
-// cameras of the border edge. With increasing distance d of the line of sight from the border, the share of the nearest
-// cameras grows as smoothstep(d / length). The length is a quarter of the median length of the border edges, but at
-// least 32 pixels of the view at the depth of the border.
+// cameras of the border edge. The share of the nearest cameras grows with the distance d of the line of sight from the
+// border, as smoothstep(d / length). The length is a quarter of the median length of the border edges, but at least 32
+// pixels of the view at the depth of the border.
 //
 // In gaps (Blending::fills_gaps), the cameras of the mesh do not see the point in focus, for example in a view from in
 // front of the array. Let v be the mean of min(40 b, 1) over these cameras, by weight, where b =

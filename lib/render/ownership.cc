@@ -50,8 +50,8 @@ class EdgeCrossing {
     slope_ = edge.y * scale;
   }
 
-  // Clips the intervals [x0, x1) of many rows to the pixels with sign * e >= 0. `v` are the rows. Rows in which
-  // rounding could matter are marked in `unclear`; find() must then evaluate the edge function.
+  // Clips the intervals [x0, x1) of many rows to the pixels with sign * e >= 0. `v` are the rows. If rounding could
+  // change the result of a row, the row is marked in `unclear`, and find() must evaluate the edge function.
   void clip_rows(int sign, std::span<const double> v, int* x0, int* x1, uint8_t* unclear) const {
     if (edge_.x == 0) {
       for (size_t i = 0; i < v.size(); i++)

@@ -137,7 +137,7 @@ void RegionBounds::Tile::add(const Tile& other) {
 }
 
 // Returns false only if the tile is completely outside a half-space. It is enough to test the corner of the tile's
-// bounds at which the linear function is largest.
+// bounds with the largest value of the linear function.
 bool RegionBounds::Tile::may_contain(std::span<const Vec3> half_planes) const {
   return std::ranges::all_of(half_planes, [this](const Vec3& h) {
     const double u = h.x > 0 ? high.x : low.x, v = h.y > 0 ? high.y : low.y;
@@ -276,7 +276,7 @@ FacePlan plan_face(const CamerasInView& cameras, const MeshFace& face, uint32_t 
       plan.edge[2] = cameras.edge(a, b);
       break;
     case 2:
-      // A strip between two cameras is the limit of a triangle whose third corner is infinitely far away, in both
+      // A strip between two cameras is the limit of a triangle with its third corner infinitely far away, in both
       // directions of `extent`.
       plan.edge[0] = -cameras.strip_edge(b, face.extent);
       plan.edge[1] = cameras.strip_edge(a, face.extent);

@@ -129,9 +129,9 @@ class ViewPlan {
   std::vector<CameraIndex> contributors() const;
 
   // The following functions describe the focal surface, the surface that the view shows in focus. A line of sight d in
-  // view coordinates meets a focal plane at the point t d with t > 0 and (focal_normal . d) t = focal_offset. With a
-  // focal map, which gives an inverse distance for each part of the view, t follows from (focal_normal . d) t = 1 /
-  // inverse distance - eye_distance, and focal_offset is 1.
+  // view coordinates meets a focal plane at the point t d with t > 0 and (focal_normal . d) t = focal_offset. A focal
+  // map gives an inverse distance for each part of the view. Then t follows from (focal_normal . d) t = 1 / inverse
+  // distance - eye_distance, and focal_offset is 1.
   const Vec3& focal_normal() const { return focal_normal_; }
   double focal_offset() const { return focal_offset_; }
   double eye_distance() const { return eye_distance_; }  // metres from the eye to the origin of distances

@@ -82,9 +82,9 @@ struct ConsistencyReadback {
 };
 
 // Renders sums on a GPU with compute shaders. Positions, weights and samples are computed in float, and each sum is
-// rounded once. Where float is not precise enough, the CPU helps in double precision, so that every view has the error
-// bounds of SumRenderer. The CPU determines which face of the mesh owns each pixel. It also renders the pixels for
-// which float cannot locate a sample accurately, or cannot decide whether the camera sees it.
+// rounded once. The CPU helps in double precision where float is not precise enough, so that every view has the error
+// bounds of SumRenderer. The CPU determines which face of the mesh owns each pixel. It also renders a pixel if float
+// cannot locate a sample accurately, or cannot decide whether the camera sees the point.
 class GlesRenderer : public std::enable_shared_from_this<GlesRenderer> {
  public:
   // Creates a renderer on the best GPU of this machine. If no GPU is suitable (or no driver at all, with
@@ -162,8 +162,8 @@ class GlesRenderer : public std::enable_shared_from_this<GlesRenderer> {
 };
 
 // Completes a sum that was read back: computes in double precision the samples that the GPU left undecided, because
-// float could not tell whether a camera sees them. The GPU marks such pixels with the missing weight kUndecided, and
-// such chroma samples with kChromaUndecided. Returns the number of these samples. `sources` are the images that the
+// float could not tell whether a camera sees the point. The GPU marks such pixels with the missing weight kUndecided,
+// and such chroma samples with kChromaUndecided. Returns the number of these samples. `sources` are the images that the
 // task was made from; images on the GPU are downloaded when needed.
 size_t cpu_fixup(const simd::SumTask& task, std::span<const Source> sources, ReadbackBuffer& sum);
 

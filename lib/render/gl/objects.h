@@ -145,7 +145,7 @@ struct Program {
   GLint planes = -1, byte_levels = -1, background = -1, channels = -1;
 };
 
-// Compiles shader programs when they are first used, and keeps them.
+// Compiles shader programs on first use, and keeps the compiled programs.
 class Programs {
  public:
   Programs() = default;

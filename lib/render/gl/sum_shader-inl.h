@@ -6,10 +6,10 @@
 // Sources of the compute shaders for sums and photo-consistency sums. compute_shader() combines them, after a header
 // that defines the constants in capitals.
 //
-// The shaders compute in float. With CAREFUL, they also bound the error of float. If the error could change the result
-// by more than the allowed error, the sample is undecided: `doubt` becomes true, and DOUBT (kUndecided) or CHROMA_DOUBT
-// (kChromaUndecided) is written instead of a sum. The CPU then computes the sample in double precision (see
-// cpu_fixup()).
+// The shaders compute in float. They also bound the error of float if CAREFUL is defined. If the error could change the
+// result by more than the allowed error, the sample is undecided: `doubt` becomes true, and DOUBT (kUndecided) or
+// CHROMA_DOUBT (kChromaUndecided) is written instead of a sum. The CPU then computes the sample in double precision
+// (see cpu_fixup()).
 namespace lf::gl {
 
 // The rendering rule of docs/architecture.md, which all shaders share: weights in a face, projection into a camera, and
@@ -365,7 +365,8 @@ void add_cells(ivec2 first, bool in_cells[4], inout vec3 sums[4], inout uint mis
 #endif
 )";
 
-// Renders the pixels of the mesh. The cameras at the corners of the face that owns a pixel contribute to it.
+// Renders the pixels of the mesh. Each pixel is blended from the cameras at the corners of the face that owns the
+// pixel.
 inline constexpr std::string_view kBlockOfFaces = R"(
 // Computes the sum of a pixel and its missing weight or DOUBT. Returns the weights of the face's cameras, 0 for cameras
 // that do not see the pixel.

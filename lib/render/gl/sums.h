@@ -15,9 +15,10 @@
 
 namespace lf::gl {
 
-// A sum in GPU memory, as the shader kBlocks of sum_shader-inl.h writes it. The context must be current for all calls.
+// A sum in GPU memory, in the layout that the shader kBlocks of sum_shader-inl.h writes. The context must be current
+// for all calls.
 struct BlockSum {
-  // Where the parts of the sum begin in `words`, in 32-bit words. missing_rows and undecided_rows have one word for
+  // The offsets of the parts of the sum in `words`, in 32-bit words. missing_rows and undecided_rows have one word for
   // each row of 2x2 blocks, so that a reader can skip rows without missing weight or undecided samples. A row with
   // missing weight or undecided samples, respectively, is marked with the number of the draw. All further parts are
   // samples.

@@ -1,7 +1,7 @@
-// SPDX-License-Identifier: LGPL-2.1-or-later
-// Included once per instruction set, see render_band.cc: sample positions in one camera's image for a view with a focal
-// map. Projects the nodes of the map exactly, decides in which cells between the nodes interpolation is accurate
-// enough, and interpolates the positions in fixed point. sum_task.h explains the terms.
+// SPDX-License-Identifier: LGPL-2.1-or-later Included once per instruction set, see render_band.cc: sample positions in
+// one camera's image for a view with a focal map. Projects the nodes of the map exactly, finds the cells that can be
+// interpolated accurately between the nodes, and interpolates the positions in fixed point. sum_task.h explains the
+// terms.
 #if defined(LF_RENDER_SIMD_CELLS_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef LF_RENDER_SIMD_CELLS_INL_H_
 #undef LF_RENDER_SIMD_CELLS_INL_H_
@@ -41,8 +41,8 @@ inline constexpr float kMostBend = 15.f / 64;
 // The error bounds hold up to this relative change of depth along a side.
 inline constexpr float kMostChange = 0.25f;
 
-// Looks up the inverse distances at the nodes of the map around a band, over the whole width of the view. Beyond the
-// map, the border nodes are repeated. `y` is the first row of the band.
+// Looks up the inverse distances at the nodes of the map around a band, over the whole width of the view. The border
+// nodes are repeated beyond the map. `y` is the first row of the band.
 inline void place_nodes(const FocalMap& map, int y, int width, CellNodes& out) {
   const int halves = (width + kBlock - 1) / kBlock * 2 + 1;
   out.resize(static_cast<size_t>(halves) + 2 * kBlock);
@@ -233,9 +233,9 @@ struct CellRow {
   float t;
 };
 
-// Rows are processed in pairs. Both rows of a pair lie between the same two rows of nodes, so they share their cells.
+// Rows are processed in pairs. The rows of a pair lie between the same two rows of nodes, so they share their cells.
 // The upper row is at t = first_t(), the lower row a quarter of a cell below, and their chroma row halfway between
-// both.
+// these rows.
 static_assert(kCell == 4 && kBandRows == 8);
 inline constexpr int cell_of_pair(int pair) { return (pair + 1) / 2; }
 inline constexpr float first_t(int pair) { return pair % 2 ? 0.125f : 0.625f; }
@@ -245,7 +245,7 @@ inline constexpr float first_t(int pair) { return pair % 2 ? 0.125f : 0.625f; }
 inline constexpr float kCellSlack = 4.f / (1 << kPositionBits);
 inline constexpr float kMostStep = kWindow - 1;  // pixels; limit of steps and bends, since 16 bits overflow at 16
 
-// One coordinate (x or y) of the four nodes of a half-block in a row of nodes, with the bends between them.
+// One coordinate (x or y) of the four nodes of a half-block in a row of nodes, with the bends of the cell sides.
 template <class D, class V = hn::Vec<D>>
 struct CellPiece {
   CellPiece(D d, const float* even, const float* odd, const float* even_bend, const float* odd_bend)
@@ -433,8 +433,8 @@ constexpr OriginTable make_origin_table() {
 }
 inline constexpr OriginTable kOrigins = make_origin_table();
 
-// The nodes above and below a pair of rows of a block, and the bends of the cell sides between them. Eight values
-// belong to a half-block: the x of four nodes and the y of four nodes.
+// The nodes above and below a pair of rows of a block, and the bends of the cell sides. Eight values belong to a
+// half-block: the x of four nodes and the y of four nodes.
 struct CellsOfPair {
   HWY_INLINE CellsOfPair(const SurfaceBand& cells, int pair, int block, size_t lane) {
     const D16 d;

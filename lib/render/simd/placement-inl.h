@@ -305,7 +305,7 @@ HWY_INLINE V most_of_block(V v) {
   return hn::Max(v, hn::Shuffle2301(v));
 }
 
-// Which ways of reading the samples are possible. A block uses the fastest way that is possible for all its planes and
+// The possible ways of reading the samples. A block uses the fastest way that is possible for all its planes and
 // halves. A flat window has three rows. A tall window has more rows, so it may extend beyond the end of the image where
 // a flat window does not.
 enum FetchBits : int32_t { kSampleBit = 1, kTallBit = 2, kFlatBit = 4 };

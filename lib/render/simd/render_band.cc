@@ -271,7 +271,7 @@ inline void add_rgb(const Slot& slot, const PairSamples& samples, const PairPlac
   }
 }
 
-// Adds a part whose samples cannot be shuffled. Returns false, without adding anything, if float cannot decide whether
+// Adds a part if its samples cannot be shuffled. Returns false, without adding anything, if float cannot decide whether
 // a sample is visible. The caller then uses add_mixed_block().
 inline bool add_part(const SumTask& task, const Part& part, const PairPlace& place, Scratch& scratch) {
   const bool project = task.exact || part.verdict == SlotBand::kProject;
@@ -311,7 +311,7 @@ inline void clear_pair(bool i420, const PairPlace& at, Scratch& scratch) {
 inline constexpr int kMostParts = kBandRows * 3 * kBlock;  // three corners of a face for every pixel
 static_assert(kMostParts >= 4 * WeightGrid::kMaxShares);   // cameras of the four points of a cell
 
-// All parts of a block: the local cameras that contribute to it.
+// All parts of a block, one for each local camera that contributes to the block.
 struct BlockParts {
   Part part[kMostParts];
   int count = 0;

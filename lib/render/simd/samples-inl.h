@@ -1,7 +1,6 @@
-// SPDX-License-Identifier: LGPL-2.1-or-later
-// Included once per instruction set, see render_band.cc: projects points of a view into one camera's image, and samples
-// the image bilinearly. The fast functions read windows of image rows with vector loads, and the others gather the
-// pixels one by one. sum_task.h explains the terms.
+// SPDX-License-Identifier: LGPL-2.1-or-later Included once per instruction set, see render_band.cc: projects points of
+// a view into one camera's image, and samples the image bilinearly. The fast functions read windows of image rows with
+// vector loads, and the slow functions gather the pixels one by one. sum_task.h explains the terms.
 #if defined(LF_RENDER_SIMD_SAMPLES_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef LF_RENDER_SIMD_SAMPLES_INL_H_
 #undef LF_RENDER_SIMD_SAMPLES_INL_H_
@@ -107,8 +106,9 @@ struct PlaneGeometry {
 inline constexpr int kWindow = 16;                           // bytes
 inline constexpr float kSlack = 3.f / (1 << kPositionBits);  // pixels; largest difference of fixed point from float
 
-// Largest third difference of the nodes for which Bessel interpolation is accurate to kGridError. The first neglected
-// term is t (t - 1) (t - 1/2) / 6 times the third difference, which is at most 0.0081 times the third difference.
+// Largest third difference of the nodes that Bessel interpolation can interpolate with an error below kGridError. The
+// first neglected term is t (t - 1) (t - 1/2) / 6 times the third difference, which is at most 0.0081 times the third
+// difference.
 inline constexpr float kLargestThird = static_cast<float>(kGridError / 0.0081);
 
 inline PlaneGeometry luma_geometry(const Slot& slot, bool i420) {
@@ -292,8 +292,8 @@ inline void interpolate_positions(const PlanePositions& at, int i, const UnitTab
   }
 }
 
-// How many of the samples with weight the camera sees. kDoubtful means that rounding of float could change the answer
-// for one of them.
+// Says whether the camera sees all samples with a weight. kDoubtful means that rounding of float could change the
+// answer for a sample.
 enum class Sight { kAll, kSome, kDoubtful };
 
 // Projects each sample in one row of a block, of luma, RGB or chroma, and clamps the positions to the image. This is
@@ -302,7 +302,8 @@ enum class Sight { kAll, kSome, kDoubtful };
 // `x` and `y` are the offset, in pixels of the view, from the pixel of `terms` to the left edge of the block and to the
 // row. `inverse` contains the inverse distances of the focal map at the samples: kBlock values, or twice the same kHalf
 // values for chroma. It is null without a map. The weights of samples that the camera does not see are moved from
-// `weight` to `lost`. Both have kBlock values. They are null for chroma, which is visible where its pixels are visible.
+// `weight` to `lost`. The arrays have kBlock values. They are null for chroma, which is visible where its pixels are
+// visible.
 //
 // If the result is kDoubtful, `weight` and `lost` are unchanged: rounding could decide whether a sample is visible, or
 // a sample cannot be read with vector loads.

@@ -29,8 +29,8 @@ inline constexpr int kBandPairs = kBandRows / 2;
 inline constexpr int kPositionBits = 11;  // fractional bits of positions relative to a block's window
 
 // A CameraProjection that is linearised around one pixel of the view, so that float is precise enough. The pixel with
-// the offset (i, j) from that pixel has the camera coordinates from + i along + j down, up to a positive factor. With a
-// focal map, (inverse distance - near) times per_from + i per_along + j per_down is added.
+// the offset (i, j) from that pixel has the camera coordinates from + i along + j down, up to a positive factor. A
+// focal map adds (inverse distance - near) times per_from + i per_along + j per_down.
 struct ProjectionTerms {
   double near = 0;
   float from[3] = {}, along[3] = {}, down[3] = {};
@@ -44,8 +44,8 @@ struct Slot {
   ImageView image;  // if its family is kNone, all weight is missing
   Rect rect;        // bounds the pixels with a weight of the camera; x0 and y0 are even
   // For RGB images, shuffle indices. `pixel_pairs` selects from two groups of eight bytes, each with a pixel and its
-  // right neighbour: R of the pixel, R of the neighbour, G of both, B of both. With three bytes per pixel, the first
-  // indices are 0 3 1 4 2 5.
+  // right neighbour: R of the pixel, R of the neighbour, then G and B in the same way. The first indices are 0 3 1 4 2
+  // 5 if pixels have three bytes.
   alignas(16) uint8_t pixel_pairs[16] = {};
   alignas(16) uint8_t pixel_taps[16] = {};  // selects from four pixels: all R, then G, then B
   const CameraProjection* projection = nullptr;
@@ -82,8 +82,8 @@ enum class Fetch : int16_t {
 
 // Positions in the image of the samples of one plane, in one row of a block. They are relative to the corner of the
 // block's window, in fixed point with kPositionBits fractional bits, so that 16 bits suffice. For example, 2048 is one
-// pixel. Exact positions are known at the edges of blocks only. In between, Bessel interpolation of four such nodes
-// gives p(t) = p0 + t D + t (t - 1)/4 S, with t = 0..1 along the block, D in dx and dy, and S in sx and sy.
+// pixel. Positions are computed exactly at the edges of blocks only. In between, Bessel interpolation of four such
+// nodes gives p(t) = p0 + t D + t (t - 1)/4 S, with t = 0..1 along the block, D in dx and dy, and S in sx and sy.
 struct WindowPositions {
   uint16_t x0, dx;
   int16_t sx, y0, dy, sy;
@@ -117,8 +117,8 @@ struct CellNodes {
   void resize(size_t n);
 };
 // Temporary data for the cells of one slot. A bend is the coefficient of the quadratic term of the interpolation along
-// a side of a cell. along_x and along_y are the bends of the upper sides, and down_x and down_y those of the left
-// sides. `doubt` is an upper bound of the position error in a cell. All are in pixels of the image.
+// a side of a cell. along_x and along_y belong to the upper sides, and down_x and down_y to the left sides. `doubt` is
+// an upper bound of the position error in a cell. All are in pixels of the image.
 struct CellWork {
   CellNodes along_x, along_y, down_x, down_y, doubt;
   void resize(size_t n);
@@ -223,8 +223,8 @@ struct Scratch {
   bool any_missing = false;
 };
 
-// Input of the renderer for one sum: the view, the faces of its pixels, and the cameras. All bands and threads share
-// it.
+// Input of the renderer for one sum: the view, the faces of its pixels, and the cameras. The task is shared by all
+// bands and threads.
 struct SumTask {
   const ViewPlan* plan = nullptr;
   const FaceRuns* runs = nullptr;
