@@ -11,12 +11,12 @@
 namespace lf {
 namespace {
 
-constexpr double kNearestMeant = 0.3;  // part of the focus distance
-constexpr double kAround = 1.5;        // range of the second stage: factor nearer and farther
+constexpr double kNearestMeant = 0.3;  // nearest depth of the first stage, as a fraction of the focus distance
+constexpr double kAround = 1.5;        // range of the second stage: factor towards near and far
 constexpr int kSweptPlanes = static_cast<int>(kMaxHypotheses) - 1;
-constexpr double kFarFocus = 3;  // ratio of focus distance to reach beyond which the focus does not limit the search
-constexpr double kInside = 0.9;  // part of kAround - 1
-constexpr double kFarthestApart = FocalMap::kMinStep / 2.0;  // pixels
+constexpr double kFarFocus = 3;  // the focus does not limit the search if it is this much farther than the reach
+constexpr double kInside = 0.9;  // a result is inside the range up to this fraction of kAround - 1
+constexpr double kFarthestApart = FocalMap::kMinStep / 2.0;  // largest distance of planes; pixels of disparity
 
 }  // namespace
 

@@ -19,8 +19,9 @@ float luma_at(const PhotoConsistency& moments, size_t node) {
 
 float squared(float value) { return value * value; }
 
-// Plausibility of the deviation `other` relative to `cost`, at most 1. Deviations between cameras that see the same
-// point are heavy-tailed, above all near silhouettes, and one level of luma is noise.
+// Returns how plausible a depth with the deviation `other` is, compared with a depth with the deviation `cost`: at most
+// 1, which means as plausible. The plausibility decreases slowly, because even cameras that see the same point can
+// deviate strongly, above all near silhouettes. One level of luma is noise.
 float plausible(float other, float cost) {
   const float part = (squared(cost) + 1) / (squared(other) + 1);
   return part < 1 ? part * std::sqrt(part) : 1;
@@ -75,7 +76,8 @@ DepthAmbiguity::Errors DepthAmbiguity::errors(const View& view, std::span<const 
                                               const PhotoConsistency& surface, const PhotoConsistency& plane) const {
   Errors errors;
   if (nodes_.empty() || !is_from(view)) return errors;
-  // Largest change of luma by exposure compensation. A larger change is another object.
+  // If luma through the viewer's plane has changed by more than exposure compensation can, the node shows another
+  // object than during add().
   constexpr float kChanged = 0.125f, kNoise = 2;
   const std::array<PhotoConsistency, 2> both{surface, plane};
   const std::vector<std::vector<float>> costs = hypothesis_costs(both, 1);

@@ -12,16 +12,20 @@
 
 namespace lf {
 
-// Remembers other depths that make the cameras agree as well as the surface does. Keeps the two best planes of each
-// node that are clearly apart, from all searches and sweeps. A plain value.
+// Detects ambiguous depths, for example in front of a repeated pattern, where the cameras agree through a wrong depth
+// as well as through the right depth. The class keeps, for each node of the focal map, the two planes with the least
+// deviation that are clearly apart. It collects them from all searches and sweeps (see DepthEstimator), and then
+// estimates the error of the picture in case the surface is at the wrong one of two depths. A plain value without
+// locks.
 class DepthAmbiguity {
  public:
-  // `apart`: smallest difference of two distinct depths, 1/m. A smaller one moves no image by more than a node.
+  // `apart` is the smallest difference between two inverse distances, in 1/m, that counts as a different depth. A
+  // smaller difference moves an image by less than the distance between two nodes.
   explicit DepthAmbiguity(double apart = 0) : apart_(apart) {}
 
-  // Adds the results of a request with planes: `levels` and `moments` of its hypotheses, where `plane` is the index of
-  // the viewer's plane, and `first` that of the first plane at a single level. Discards earlier results of another
-  // view.
+  // Adds the results of a request. `levels` and `moments` have one element for each hypothesis of the request.
+  // `of.plane` is the index of the viewer's focal plane. The hypotheses from `of.first` on are planes at a single level
+  // each. Results from another view, which were added earlier, are discarded.
   struct Sweep {
     size_t plane, first;
   };
@@ -29,20 +33,22 @@ class DepthAmbiguity {
            const Sweep& of);
 
   void clear() { nodes_.clear(); }
-  // Discards the depths outside these inverse distances, 1/m.
+  // Discards the depths outside this range of inverse distances, in 1/m, because the scene has no objects there.
   void forget_beyond(double farthest, double nearest);
 
-  // Mean squared errors, squared luma levels, of the pictures through the surface and through the viewer's plane,
-  // assuming that the surface is wrong wherever another depth explains the images as well. `surface_disagrees` and
-  // `plane_disagrees`: mean squared deviations of the cameras over the same nodes. `known`: the fraction of the visible
-  // nodes that these means cover. These are the nodes that all cameras see both ways, and where the viewer's plane
-  // shows the same as during add().
+  // Estimated errors of two pictures, through the surface and through the viewer's focal plane. The estimate assumes
+  // the worst case: the surface is wrong wherever another depth explains the images as well. All but `known` are means
+  // over the nodes that all cameras see both ways and where the picture through the viewer's plane has not changed
+  // since add(). `surface` and `plane` are mean squared errors, and `surface_disagrees` and `plane_disagrees` are the
+  // mean squared deviations between the cameras; all are in squared luma levels. `known` is the fraction of the visible
+  // nodes that these means cover.
   struct Errors {
     double surface = 0, plane = 0;
     double surface_disagrees = 0, plane_disagrees = 0;
     double known = 0;
   };
-  // `levels`, `surface` and `plane` belong to one request. All errors are 0 if `view` is not the view of the last
+  // Estimates the errors for one request. `levels` are the levels of the surface, and `surface` and `plane` are the
+  // sums through the surface and through the viewer's plane. All errors are 0 if `view` is not the view of the last
   // add().
   Errors errors(const View& view, std::span<const uint8_t> levels, const PhotoConsistency& surface,
                 const PhotoConsistency& plane) const;
@@ -53,7 +59,7 @@ class DepthAmbiguity {
   };
   struct Node {
     Depth best, other;
-    float on_plane;  // luma through the viewer's plane; NaN: unknown
+    float on_plane;  // mean luma through the viewer's plane; NaN: unknown
   };
   bool is_from(const View& view) const;
 

@@ -13,10 +13,10 @@
 namespace lf {
 namespace {
 
-// A search and an autofocus sweep have no earlier surface to start from and need larger patches: 36 pixels distinguish
-// depths that 12 pixels cannot.
+// Averaging radius of deviations in a search or an autofocus request, in nodes. They have no earlier surface to start
+// from, so they need larger patches: a patch of 36 pixels can distinguish depths that a patch of 12 pixels cannot.
 constexpr int kSearchRadius = 4;
-// Largest patch, as a part of the shorter side of a map. A larger one would merge near and far.
+// Largest patch, as a fraction of the shorter side of a map. A larger patch would contain both near and far objects.
 constexpr double kLargestPatch = 0.3;
 int search_radius(const FocalMap& map) {
   const int side = std::min(map.columns, map.rows);
@@ -27,12 +27,13 @@ int search_radius(const FocalMap& map) {
 // indistinguishable from chance.
 constexpr size_t kFewestNodes = 150;
 
-// Minimum mean evidence, over the nodes with evidence, to show a surface.
+// A surface is only shown if the mean evidence of the nodes, without nodes of zero evidence, is at least this value.
 constexpr double kEnoughEvidence = 0.15;
 
-// `least_radius`: smallest averaging radius of deviations, nodes. The radius grows if the view enlarges the cameras'
-// pixels, to cover as many of these pixels. `is_still`: the viewpoint has not moved, so a plane far from the surface
-// more likely fits by chance than because it is right.
+// Selects the depths for the answer to a request. `least_radius` is the smallest averaging radius of deviations, in
+// nodes. The radius grows if the view enlarges the cameras' pixels, so that it covers as many of these pixels.
+// `is_still` means that the viewpoint has not moved. A plane that fits far from the surface is then more likely a
+// coincidence than right.
 DepthSelection choice_of(const ViewRequest& request, std::span<const PhotoConsistency> moments, const FocusArray& array,
                          int least_radius, bool is_still, std::span<const uint8_t> counted) {
   std::vector<std::vector<uint8_t>> levels;
@@ -56,8 +57,8 @@ DepthSelection choice_of(const ViewRequest& request, std::span<const PhotoConsis
   return select_depths(map, levels, moments, terms);
 }
 
-// True if the array sees so little of a view that any surface fits. Nodes without evidence are outside the covered part
-// of the view and are ignored.
+// Returns true if a single camera contributes nearly all of the picture, so that every surface fits. Nodes without
+// evidence are outside the covered part of the view and are ignored.
 bool sees_little(const std::vector<float>& evidence) {
   const auto seen = static_cast<size_t>(std::ranges::count_if(evidence, [](float of_node) { return of_node > 0; }));
   const double all = std::accumulate(evidence.begin(), evidence.end(), 0.);
@@ -88,8 +89,10 @@ void DepthEstimator::judge(const DepthSelection& choice, const ViewRequest& requ
   }
 }
 
-// Edges gain in every round, because smoothed levels become sharp again. A round is worthwhile if the result improves,
-// or at rest, if the gain is larger than before the rest.
+// Returns true if the latest round of hypotheses was worth its cost; otherwise the estimator begins to rest. The gain
+// alone does not show this: depth edges gain in every round, because the smoothed surface blurs them and the round
+// makes them sharp again. A round is therefore worthwhile if the deviation after the round is lower than ever, or, at
+// rest, if the round gains more than before the rest.
 bool DepthEstimator::is_worthwhile(const DepthSelection& choice, double enough) {
   const double before = std::exchange(gained_before_, choice.gained), gained = std::max(before, choice.gained);
   if (state_.flat && choice.gained >= enough) return true;
@@ -106,7 +109,8 @@ bool DepthEstimator::is_worthwhile(const DepthSelection& choice, double enough) 
   return better;
 }
 
-// True if the cameras disagree much more than usual.
+// Returns true if the scene has changed, so that all depths must be searched again: the cameras disagree much more than
+// usual.
 bool DepthEstimator::is_another_scene() {
   const double now = state_.deviation;
   if (stage_ != Stage::kBetter) return false;
@@ -115,8 +119,8 @@ bool DepthEstimator::is_another_scene() {
     return false;
   }
   if (!(usual_ > 0)) usual_ = now;
-  // Moving objects make cameras disagree for a while, but a surface that is still far better than any plane is about
-  // right.
+  // Moving objects make cameras disagree for a while. A surface that is still far better than any plane is about right
+  // anyway.
   constexpr double kStillBetter = 0.2;
   if (now <= kOtherFactor * usual_ + kOtherMore || state_.bought > kStillBetter * now) {
     constexpr double kSlowly = 0.1;
@@ -149,8 +153,9 @@ void DepthEstimator::count_planes(const DepthSelection& choice, const std::vecto
   state_.bought = std::isfinite(best) ? best - choice.cost[0] : 0;
 }
 
-// Returns the squared width of the blur, relative to the side of a quarter of the picture. Blur occurs for objects at
-// the ends of the depth range, focused on the viewer's plane, with cameras `width` metres apart (0: unknown).
+// Returns how much light the viewer's plane may move by blur alone, as a fraction: the squared width of the blur,
+// relative to the side of a quarter of the picture. The blur is computed for objects at the ends of the depth range,
+// seen by cameras `width` metres apart. If `width` is 0 (unknown), returns 1.
 double DepthEstimator::moved_by_blur(const View& view, double width) {
   if (!(width > 0)) return 1;
   constexpr double kLeast = 0.05;  // light moved by noise and by differences between cameras
@@ -171,7 +176,8 @@ void DepthEstimator::compare_with_plane(const DepthSelection& choice, std::span<
   const auto plane = static_cast<size_t>(focused - hypotheses.begin());
   const double of_plane = choice.energy[plane];
   if (!(of_plane >= 0)) return;
-  // The result of a sweep has not been measured yet and looks better than it is.
+  // The deviation of a sweep's result is the smallest of many noisy values, so it looks better than the surface is. A
+  // later round measures the surface itself.
   const bool is_sweep = hypotheses.size() >= kSweep;
   const std::vector<uint8_t> surface(choice.chosen.size(), 0);
   const double disagreement = is_sweep ? choice.least_energy : choice.energy[0];
@@ -186,8 +192,9 @@ void DepthEstimator::compare_with_plane(const DepthSelection& choice, std::span<
   if (is_sweep) {
     if (sweeps_.empty() && is_clear) state_.on_plane = false;
   } else if (state_.on_plane) {
-    // A single plane for all nodes does not fit by chance. One better round may be chance: a moving viewpoint passes
-    // objects that appear and disappear.
+    // Require two better rounds in a row, unless the surface is clearly better. One better round may be chance, when a
+    // moving viewpoint passes objects that appear and disappear. If one plane suffices for all nodes, any improvement
+    // counts, because a single plane does not fit by chance.
     const double worth = state_.flat ? 0 : kWorthShowing;
     const double shown = counted_.empty() && width > array.edge() ? kShownBeside : kShown;
     const bool is_better = !is_doubtful && of_surface < shown * of_plane && of_plane - of_surface > worth;

@@ -17,98 +17,113 @@
 namespace lf {
 
 enum class FocusMode {
-  kPlane,    // on the viewer's plane
-  kSurface,  // on a surface that depth hypotheses refine with every request
-  kAuto,     // on such a surface, with as many hypotheses as the scene needs
+  kPlane,    // the plane that the viewer has chosen
+  kSurface,  // a surface that follows the scene; depth hypotheses refine it with every request
+  kAuto,     // as kSurface, with as many hypotheses as the scene needs
 };
 
-// Selects the focal surface and the depth hypotheses of the next request, picture after picture of one view. A plain
-// value without locks.
+// Estimates the depth of the scene in one view, from picture to picture, so that the whole picture is in focus. The
+// cameras test depth hypotheses with each request and report how well they agree about each hypothesis
+// (PhotoConsistency). The estimator uses these sums to select the focal surface and the hypotheses of the next request.
 //
-// The viewer's plane is shown until the cameras agree clearly better through the surface, and again as soon as they do
-// not: no picture is knowingly worse than the plane's.
+// The estimator works in stages. A search tests planes over all depths, until it finds the range of the scene's depths.
+// A sweep then tests planes over this range, to find a first surface. Then, rounds of a few hypotheses refine the
+// surface.
+//
+// The viewer's focal plane is shown until the cameras agree clearly better through the surface. It is shown again as
+// soon as they do not, so no picture should be worse than the picture through the plane. A plain value without locks.
 class DepthEstimator {
  public:
   struct Settings {
     FocusMode mode = FocusMode::kPlane;
-    // Nearest and farthest depth that the estimator searches, metres from the array. If a limit is 0, it is automatic:
-    // the first search covers all depths that the array can distinguish, and later searches follow the scene.
+    // Nearest and farthest depth that the estimator searches, in metres from the array. A limit of 0 is automatic: the
+    // first search covers all depths that the array can distinguish, and later searches follow the scene.
     double near = 0, far = 0;
     bool operator==(const Settings&) const = default;
   };
-  // If the geometry of the array is unknown, the search begins at this fraction of the viewer's focus distance.
+  // If the geometry of the array is unknown, this fraction of the viewer's focus distance is the nearest depth of the
+  // search.
   static constexpr double kNearest = 0.4;
-  // The surface is shown once its squared deviation is less than kShown of the plane's, and lower by kWorthShowing. It
-  // is hidden above kHidden of the plane's.
+  // The deviation of a surface is the standard deviation between the cameras' luma at a node, which a wrong depth
+  // increases. The surface is shown once its squared deviation is less than kShown of the plane's, and lower by at
+  // least kWorthShowing. It is hidden again above kHidden of the plane's. The gap between kShown and kHidden prevents
+  // flicker.
   static constexpr double kShown = 0.5, kHidden = 0.65;
-  // The same as kShown for a view that lies beside the camera mesh as a whole. A wrong depth displaces objects there,
-  // so the surface must be better.
+  // Replaces kShown for a view that is completely beside the camera mesh. A wrong depth displaces objects there instead
+  // of blurring them, so the surface must be better.
   static constexpr double kShownBeside = 0.4;
   static constexpr double kWorthShowing = 4;  // levels of luma, squared
-  // Factor from light lost by the surface to squared deviation, relative to the light that blur may have moved. The
-  // factor is at most 1 / kSmallestLost: the smallest relevant object covers kSmallestLost of a quarter of the picture,
-  // and its squared error is its lost light divided by this fraction.
+  // Factor that converts light that the surface loses (see moved_light()) to squared deviation. It is kMovedLight
+  // divided by the part of the light that blur alone may have moved, but at most 1 / kSmallestLost. The limit assumes
+  // that the smallest relevant object covers kSmallestLost of a quarter of the picture, so that its squared error is
+  // its lost light divided by this fraction.
   static constexpr double kMovedLight = 5;
   static constexpr double kSmallestLost = 0.01;
-  // The surface is not shown if its squared error exceeds this part of the plane's when an equally plausible depth is
-  // the true one.
+  // If another depth is as plausible as the surface's and might be the true one, the surface is only shown if its
+  // squared error is below this fraction of the plane's.
   static constexpr double kDoubtful = 0.7;
-  // After kQuietRounds rounds without improvement the estimator rests: fewer and fewer requests have hypotheses. The
-  // rest ends when a round gains more than kMoreAtRest times the gain before the rest, plus the smallest worthwhile
-  // gain.
+  // After kQuietRounds rounds without improvement, the estimator rests to save time: fewer and fewer requests have
+  // hypotheses. The rest ends with a round that gains more than kMoreAtRest times the gain before the rest, plus the
+  // smallest worthwhile gain.
   static constexpr unsigned kQuietRounds = 6;
   static constexpr double kMoreAtRest = 1.25;
   static constexpr double kWorthwhile = 0.1;  // smallest worthwhile gain, levels of luma
-  // Smallest worthwhile gain as a part of the residual.
+  // Smallest worthwhile gain, as a fraction of the residual (see DepthSelection).
   static constexpr double kWorthwhilePart = 0.05;
   static constexpr unsigned kLongestRest = 8, kLongestFlatRest = 16;  // requests from one with hypotheses to the next
-  // Largest excess of the deviation through one plane over that through the surface for the plane to suffice.
+  // A scene is flat if a single plane is as good as the surface. The deviation through the plane may exceed the
+  // deviation through the surface by this value.
   static constexpr double kFlatEnough = 0.05;  // levels of luma
-  // The scene has changed when the deviation exceeds kOtherFactor times the usual deviation plus kOtherMore levels of
-  // luma. All depths are then searched again, up to kMostLooks times.
+  // The scene has changed if the deviation exceeds kOtherFactor times the usual deviation plus kOtherMore luma levels.
+  // The estimator then searches all depths again. After kMostLooks unsuccessful searches, it accepts the new deviation
+  // as usual.
   static constexpr double kOtherFactor = 1.5, kOtherMore = 0.5;
   static constexpr unsigned kMostLooks = 3;
 
   DepthEstimator() = default;
   explicit DepthEstimator(const Settings& settings) : settings_(settings) {}
 
-  // The next request: the view of `request` with another map, or none, and hypotheses. `moments`: sums for the
-  // hypotheses of `request`, in their order and of the map's size; empty if there are none. Requests are answered in
-  // the order in which they were sent, and any number can be in flight: see LatestSurface.
+  // The plan for the next request of the view: its focal surface (the map of `view`, or no map) and the hypotheses that
+  // the cameras should test.
   struct Plan {
     View view;
     std::vector<DepthHypothesis> hypotheses;
-    bool on_plane = false;       // see ViewRequest
+    bool on_plane = false;       // show the plane instead of the map; see ViewRequest
     std::optional<Plane> plane;  // plane to show instead of the viewer's, if one plane suffices
   };
+  // Returns the next plan, from the answer to `request`. `moments` are the sums of the request's hypotheses, in their
+  // order and with the size of the map; empty if the request has no hypotheses or they were not answered. Requests must
+  // be answered in the order of sending, but any number of requests can be in flight; see LatestSurface.
   Plan next(const ViewRequest& request, std::span<const PhotoConsistency> moments, const FocusArray& array);
 
-  // Reports whether a picture was complete in time. Incomplete pictures reduce the requests with hypotheses, down to
-  // one in kMinHypotheses.
+  // Adapts to slow nodes: reports whether a picture was complete in time. After incomplete pictures, fewer requests
+  // have hypotheses, down to one in kMinHypotheses requests. After a series of complete pictures, the number rises
+  // again.
   void keep_up(bool complete);
   static constexpr unsigned kMinHypotheses = 4;
-  // Saves time: from now on at most one in `requests` requests, 1 or more, has hypotheses.
+  // Saves time by sending hypotheses less often: from now on with at most one in `requests` requests. `requests` is at
+  // least 1.
   void spare(unsigned requests) { spared_ = requests; }
 
   struct State {
-    unsigned rounds = 0;  // answered rounds of hypotheses
-    double residual = 0;  // DepthSelection::residual of the latest round
-    double gained = 0;
+    unsigned rounds = 0;       // answered rounds of hypotheses
+    double residual = 0;       // DepthSelection::residual of the latest round
+    double gained = 0;         // DepthSelection::gained of the latest round
     unsigned interval = 1;     // requests from one with hypotheses to the next
     unsigned hypotheses = 0;   // hypotheses of the next request that has any
     bool flat = false;         // one plane suffices
     bool mixed = false;        // several cameras contribute to the picture, so their brightness should match
     bool on_plane = true;      // the viewer's plane, or the sufficient one, is shown
     double deviation = 0;      // mean deviation of the cameras through the surface, levels of luma
-    double bought = 0;         // deviation through the best recently tried plane, minus `deviation`
+    double bought = 0;         // benefit of the surface: deviation through the best recent plane, minus `deviation`
     double near = 0, far = 0;  // depth range of the map, metres from the array; far may be infinite
     unsigned looks = 0;        // number of scene changes
   };
   const State& state() const { return state_; }
 
  private:
-  // kSearch: finds the scene among all depths. kSweep: finds the surface among the scene's depths. kBetter: refines the
-  // surface. kNothing: pauses, because no depths can be distinguished.
+  // The stages, see above: kSearch, kSweep, and kBetter for refinement. In kNothing, the estimator pauses because no
+  // depths can be distinguished.
   enum class Stage { kSearch, kSweep, kBetter, kNothing };
 
   void begin(const ViewRequest& request, const FocusArray& array, View& view);
@@ -137,8 +152,8 @@ class DepthEstimator {
   std::vector<DepthHypothesis> next_hypotheses(const FocalMap& map);
   bool is_automatic() const { return !(settings_.near > 0) || !(settings_.far > 0); }
 
-  // Requests from a search without a result to the next one: with a moving viewpoint, and the maximum with a resting
-  // one.
+  // After a search without a result, the estimator waits before it searches again. The wait is kMovingBackoff requests
+  // if the viewpoint moves. Otherwise the wait doubles after each search, up to kMaxBackoff requests.
   static constexpr unsigned kMovingBackoff = 16, kMaxBackoff = 256;
   static constexpr unsigned kBusyBackoff = 64;  // maximum if parts of the search were not answered
   static constexpr unsigned kMostLost = 8;      // maximum number of repeated requests in a search or sweep
@@ -157,24 +172,25 @@ class DepthEstimator {
   Pose tried_from_;     // reference pose for movements of the viewpoint
   Pose tried_with_;     // pose of the last answered request with hypotheses
   bool moved_ = false;  // the viewpoint has moved since hypotheses were last sent
-  // Requests from a search without a result to the next while the viewpoint rests. Doubles each time: the first
-  // searches come too early if the cameras are not equally bright, see ExposureSchedule.
+  // Requests from a search without a result to the next search while the viewpoint rests. The number begins small and
+  // doubles each time, because the first searches may come too early: the cameras may not be equally bright yet (see
+  // ExposureSchedule).
   unsigned backoff_ = 1;
   unsigned lost_ = 0;                          // repeated requests of this search or sweep
   int unanswered_ = 0;                         // unanswered requests of this search
-  unsigned waited_ = 0;                        // requests since a search without a result
+  unsigned waited_ = 0;                        // requests since the last search without a result
   unsigned rounds_to_doubt_ = 0, doubts_ = 4;  // rounds until a near object may trigger another search
   double flat_inverse_ = 0;                    // inverse distance of the sufficient plane, 1/m
   DepthVotes votes_;
   std::optional<DepthRange> range_;       // range of all maps, if it follows the scene
   std::vector<double> plane_deviations_;  // deviation through the best plane in each of the latest rounds
   DepthAmbiguity others_;
-  // Nodes on which the surface is compared with planes, see DepthSelectionParams::counted: the nodes inside the mesh,
-  // so that a part of the view beside the mesh cannot hide a good surface.
+  // 1 for each node that counts in comparisons of the surface with planes, see DepthSelectionParams::counted. These are
+  // the nodes inside the mesh, because a part of the view beside the mesh could hide a good surface. Empty: all nodes.
   std::vector<uint8_t> counted_;
-  double doubt_ = 0;         // squared deviation that other depths add to the surface's, as a part of the plane's
-  bool was_better_ = false;  // the surface was better in the last comparison with the plane
-  double rested_ = 0;        // deviation before the rest
+  double doubt_ = 0;                           // squared error due to ambiguous depths, relative to the plane's
+  bool was_better_ = false;                    // the surface was better in the last comparison with the plane
+  double rested_ = 0;                          // deviation before the rest
   double gained_before_ = 0, usual_gain_ = 0;  // see is_worthwhile()
   double least_reached_ = std::numeric_limits<double>::infinity();
   double usual_ = 0;       // deviation of earlier rounds; 0: unknown

@@ -7,7 +7,8 @@
 
 namespace lf {
 
-// Remembers the planes of searches and sweeps. Their first two hypotheses are the surface and the viewer's plane.
+// Stores the results of a search or a sweep in others_. Their first two hypotheses are the surface and the viewer's
+// plane, and all others are planes.
 void DepthEstimator::remember_planes(const ViewRequest& request, std::span<const PhotoConsistency> moments) {
   constexpr size_t kPlane = 1, kFirst = 2;
   if (request.hypotheses.size() < kSweep || request.hypotheses[kPlane].kind != DepthHypothesis::Kind::kFocused) return;
@@ -17,8 +18,9 @@ void DepthEstimator::remember_planes(const ViewRequest& request, std::span<const
   others_.add(request.view, levels, moments, {kPlane, kFirst});
 }
 
-// Estimates the surface's squared deviation, relative to the plane's, if the surface is wrong wherever another depth
-// fits as well. The estimate stays unchanged while the viewpoint is elsewhere.
+// Updates doubt_, the squared error of the surface that its deviation does not show, relative to the plane's squared
+// error. The estimate assumes that the surface is wrong wherever another depth fits as well. It stays unchanged while
+// the viewpoint is elsewhere than in the search or sweep.
 void DepthEstimator::doubt(const ViewRequest& request, const DepthSelection& choice,
                            std::span<const PhotoConsistency> moments, size_t plane) {
   const bool is_sweep = request.hypotheses.size() >= kSweep;
@@ -32,7 +34,7 @@ void DepthEstimator::doubt(const ViewRequest& request, const DepthSelection& cho
     }
   const std::vector<uint8_t> levels = is_sweep ? choice.levels : hypothesis_levels(request.view, request.hypotheses[0]);
   const DepthAmbiguity::Errors errors = others_.errors(request.view, levels, surface, moments[plane]);
-  constexpr double kEnough = 0.25;  // part of the nodes
+  constexpr double kEnough = 0.25;  // least fraction of the nodes for an estimate
   if (!(errors.known > kEnough) || !(errors.plane > 0) || !(errors.plane_disagrees > 0)) return;
   doubt_ = std::max(errors.surface / errors.plane - errors.surface_disagrees / errors.plane_disagrees, 0.);
 }

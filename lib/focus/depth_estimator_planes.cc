@@ -15,16 +15,17 @@ namespace {
 // planes in each request of a sweep, besides the surface and the viewer's plane
 constexpr size_t kPlanesOfSweep = kMaxHypotheses - 2;
 
-// Distance between the planes of a search. Hypotheses average over 4 x 4 pixels, so nothing is missed in between. Near
-// objects are seen larger, so near planes are farther apart.
-constexpr double kSearchStep = 2, kSearchPart = 0.13;  // pixels of disparity; part of the disparity
-constexpr double kSweepStep = 1.5;                     // the same for a sweep
+// Distance between the planes of a search: kSearchStep pixels of disparity, or the fraction kSearchPart of the
+// disparity if this is more. Hypotheses average over 4 x 4 pixels, so nothing is missed between planes. Near objects
+// appear larger, so near planes can be farther apart.
+constexpr double kSearchStep = 2, kSearchPart = 0.13;
+constexpr double kSweepStep = 1.5;  // the same for a sweep
 constexpr unsigned kMostSweeps = 4;
 
-// Smallest useful difference of two levels.
+// Smallest useful difference between two levels of a focal map.
 constexpr double kFinestLevel = 1. / 32;  // pixels of disparity
 
-// Factor by which the range exceeds the scene on both sides, to notice approaching objects.
+// The depth range of maps exceeds the range of the scene by this factor on both sides, to notice approaching objects.
 constexpr double kBeyond = 1.5;
 constexpr double kMuchOff = 2;  // largest ratio of the range to its ideal size
 
@@ -39,8 +40,8 @@ std::deque<std::vector<DepthHypothesis>> requests_of(const std::vector<int16_t>&
   return out;
 }
 
-// Returns the distance between nodes, pixels. If the view enlarges the cameras' pixels, the distance grows up to
-// kFinestNodes of these pixels.
+// Returns the distance between the nodes of the map, in pixels of the view. If the view enlarges the cameras' pixels,
+// the distance grows up to kFinestNodes of these pixels, because the cameras cannot resolve more.
 int step_for(const View& view, const FocusArray& array) {
   constexpr double kFinestNodes = 2;
   int step = FocalMap::kMinStep;
@@ -71,7 +72,7 @@ void DepthEstimator::begin(const ViewRequest& request, const FocusArray& array, 
       plane_map(request.view, array.from(), range.nearest, range.farthest, step_for(request.view, array)));
   votes_ = DepthVotes(most_reach_, kSmallest * array.spacing() * request.view.lens.fx() / map->step);
   view.focus.map = map;
-  // Distinct depths move the image by more than a node.
+  // Depths count as different if the disparity between them is more than the distance between nodes.
   others_ =
       DepthAmbiguity(array.edge() > 0 ? map->step / (array.edge() * view.lens.fx()) : range.nearest / kPlanesOfSweep);
   settling_ = kSettling;
@@ -81,7 +82,8 @@ void DepthEstimator::begin(const ViewRequest& request, const FocusArray& array, 
     sweep(*map);
 }
 
-// Objects just in front of the viewpoint are seen so large that cameras agree on them at any depth.
+// Returns the largest inverse distance to search from this viewpoint. Objects just in front of the viewpoint appear so
+// large that the cameras agree about them at any depth, so the search stops before.
 double DepthEstimator::reach_from(const View& view, const FocusArray& array) const {
   constexpr double kBeforeEye = 3;  // multiples of the distance from the viewpoint to the array
   const double eye = array.from().signed_distance(view.pose.position);
@@ -109,7 +111,7 @@ void DepthEstimator::search_around(FocalMap& map) {
 
 void DepthEstimator::end_search(const View& view, const FocusArray& array, FocalMap& map) {
   const bool found = votes_.range().has_value();
-  // A displayed surface stays during another search.
+  // A surface that is shown stays visible during another search.
   if (found) {
     follow_range(map);
   } else if (state_.on_plane) {
@@ -125,8 +127,9 @@ void DepthEstimator::end_search(const View& view, const FocusArray& array, Focal
 }
 
 void DepthEstimator::sweep(const FocalMap& map) {
-  // Some planes of a search that are far outside the scene fit by chance. Repeated structures such as bars, however,
-  // can be at another depth than their false match, so nearby planes are kept.
+  // Planes of a search that are far outside the scene fit by chance at some nodes, and are discarded. Planes near the
+  // scene are kept, because the true depth of repeated structures such as bars may be just outside the range of their
+  // false match.
   constexpr double kNearby = 2;
   if (stage_ == Stage::kSearch)
     others_.forget_beyond(map.farthest / kNearby, kNearby * map.nearest);
@@ -137,8 +140,8 @@ void DepthEstimator::sweep(const FocalMap& map) {
   LevelRange scene = scene_levels(map);
   const double per_level = (map.nearest - map.farthest) / FocalMap::kLevels;
   if (const std::optional<DepthRange> known = votes_.range(); known && disparity_ > 0) {
-    // Objects between two planes of a search get no votes. They may extend half a step beyond the scene, and votes are
-    // not exact.
+    // Objects between two planes of a search get no votes, so the scene may extend half a step beyond the planes with
+    // votes. Votes are not exact, either.
     const double step = std::max(kSearchStep / disparity_, kSearchPart * known->nearest) * 0.75;
     scene.first = std::min<int>(scene.first, map.level_of(known->farthest - step));
     scene.last = std::max<int>(scene.last, map.level_of(known->nearest + step));
@@ -152,7 +155,7 @@ void DepthEstimator::sweep(const FocalMap& map) {
   sweeps_ = requests_of(levels);
 }
 
-// Returns the levels of the scene, with a tenth more on both sides.
+// Returns the range of the scene's levels, extended by a tenth on both sides.
 LevelRange DepthEstimator::scene_levels(const FocalMap& map) const {
   constexpr int kLeastMore = 6;
   const std::optional<DepthRange> scene = votes_.range();
@@ -184,7 +187,8 @@ void DepthEstimator::follow_range(FocalMap& map) {
   constexpr double kAtTheEnd = 8 / FocalMap::kLevels;
   const double end = kAtTheEnd * (map.nearest - map.farthest);
   const bool at_near_end = scene->nearest > map.nearest - end && map.nearest < reach_;
-  // A single plane can fit by chance: only a search confirms an approaching object.
+  // Objects at the near end of the range may be approaching. A single plane can fit by chance, so a search must confirm
+  // such objects.
   if (at_near_end && stage_ == Stage::kBetter) {
     if (rounds_to_doubt_ > 0) {
       rounds_to_doubt_--;
@@ -200,8 +204,8 @@ void DepthEstimator::follow_range(FocalMap& map) {
   if (at_far_end || too_wide || too_near || stage_ == Stage::kSearch) use_range(right, map);
 }
 
-// Returns to the viewer's plane until something changes, because no depths can be distinguished. The pause is shorter
-// after a search with missing answers, for example from an overloaded machine.
+// Ends a search without a result: shows the viewer's plane and pauses, because no depths can be distinguished. The
+// pause is shorter after a search with missing answers, for example from an overloaded machine.
 void DepthEstimator::give_up() {
   stage_ = Stage::kNothing;
   state_.on_plane = true;
@@ -209,8 +213,8 @@ void DepthEstimator::give_up() {
   backoff_ = std::min(2 * backoff_, unanswered_ > 0 ? kBusyBackoff : kMaxBackoff);
 }
 
-// Repeats requests that a busy node did not answer in time, or that were lost. A search with a missing answer may find
-// nothing, and the next one may be hundreds of pictures away.
+// Repeats the hypotheses of a request that was lost or that a busy node did not answer in time. A search with a missing
+// answer may find nothing, and the next search may be hundreds of pictures away.
 void DepthEstimator::ask_again(const std::vector<DepthHypothesis>& lost) {
   if (lost.size() < kSweep || (stage_ != Stage::kSearch && stage_ != Stage::kSweep) || lost_ >= kMostLost) return;
   lost_++;
@@ -246,7 +250,8 @@ std::vector<DepthHypothesis> DepthEstimator::next_hypotheses(const FocalMap& map
   std::vector<DepthHypothesis> hypotheses;
   const unsigned round = round_++;
   if (state_.flat) {
-    // Without edges to move: planes nearby, and planes over the whole range.
+    // A flat scene has no depth edges. Instead of moving edges, test two planes next to the current plane, besides the
+    // plane of the round.
     constexpr int kNearby[] = {8, 4, 2, 1};  // levels, in turn
     hypotheses = hypotheses_of_round(round);
     hypotheses.erase(hypotheses.begin() + 1, hypotheses.end() - 1);
@@ -258,7 +263,7 @@ std::vector<DepthHypothesis> DepthEstimator::next_hypotheses(const FocalMap& map
     if (settings_.mode == FocusMode::kAuto && round_ % 3 == 0)
       hypotheses.back() = {DepthHypothesis::Kind::kPlane, median(map.levels)};
   }
-  // A sufficient plane replaces the viewer's, so kFocused would try it again.
+  // If a plane is shown instead of the viewer's, kFocused would test this plane again.
   const bool is_replaced = state_.flat && !state_.on_plane, is_due = round % kPlaneEvery == 0;
   if ((is_due || (state_.on_plane && was_better_)) && !is_replaced)
     hypotheses[state_.flat ? 1 : hypotheses.size() - 1] = {DepthHypothesis::Kind::kFocused, 0};

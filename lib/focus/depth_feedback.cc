@@ -35,8 +35,9 @@ void DepthFeedback::announce(DepthEstimate news) {
   changed_.notify_all();
 }
 
-// Several estimates can arrive between two requests, because pictures come in bursts. Hypotheses of searches and sweeps
-// are queued: all later steps depend on their results. Refinement hypotheses replace older ones.
+// Queues the hypotheses of a new estimate. Several estimates can arrive between two requests, because pictures come in
+// bursts. All hypotheses of searches and sweeps are kept, because all later steps depend on their results. Refinement
+// hypotheses replace older ones.
 void DepthFeedback::take_hypotheses(DepthEstimator::Plan& plan) {
   const auto is_of_other_levels = [](const FocalMap* a, const FocalMap* b) {
     return !a || !b || a->farthest != b->farthest || a->nearest != b->nearest || a->step != b->step ||

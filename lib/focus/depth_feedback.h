@@ -14,31 +14,40 @@
 
 namespace lf {
 
-// Feedback of a compositor about the focal surface of a view, for the view's next request. Thread-safe.
+// Passes the depth estimates of a view from the compositor, which sees the answers, to the source of the view's
+// requests. The next request then has the latest focal surface and the next hypotheses. The class also runs autofocus
+// searches. Thread-safe.
 class DepthFeedback {
  public:
+  // Receives a new estimate from the compositor.
   void announce(DepthEstimate news);
-  // Waits for an estimate from request `sequence` or later.
+  // Waits for an estimate that is based on request `sequence` or a later request. Returns kCame if there is one,
+  // kTooLong after `longest`, and kUnlocked if set_unlocked() ends the wait.
   enum class Waited { kCame, kTooLong, kUnlocked };
   Waited wait_for(uint32_t sequence, std::chrono::milliseconds longest);
-  // Adds the surface, warped to the request's view, hypotheses and gains. Hypotheses and gains are for a single
-  // request, and in a set for the leading view.
+  // Adds the surface, warped to the request's view, and the next hypotheses and gains to a request. Hypotheses and
+  // gains are added to one request only. In a set of views, such as a stereo pair, only the request of the leading view
+  // gets hypotheses and gains.
   void apply(ViewRequest& request);
-  // True if apply() would add hypotheses now.
+  // Returns true if apply() would add hypotheses now.
   bool has_hypotheses();
-  // Returns a request for an autofocus search to send beside `request`: a small view around the place. After it has a
-  // sequence number, call sweep_sent(). `rig`: the rig of the view; may be null.
+  // Returns an autofocus request to send in addition to `request`, or nothing if no search needs one now. Its view is
+  // the part of the request's view around the place to focus on. After the request has a sequence number, call
+  // sweep_sent(). `rig` is the rig of the view, or null if it is unknown.
   std::optional<ViewRequest> next_sweep(const ViewRequest& request, const Rig* rig);
   void sweep_sent(uint32_t sequence);
 
-  // Sets the place to focus on, as parts of the view's width and height. Returns the distance if a surface is known;
-  // otherwise the next requests start a search. `seen`: the view of a set that shows the place; all views of a set have
-  // the same direction. Null: the view of the latest surface.
+  // Sets the place to focus on, in fractions of the view's width and height, for example (0.5, 0.5) for the middle.
+  // Returns the focus distance if there is a surface. Otherwise returns nothing, and the next requests start an
+  // autofocus search. `seen` is the view of a set where the viewer has pointed at the place; all views of a set have
+  // the same direction. If it is null, the place is in the view of the latest surface.
   std::optional<double> focus_at(const Vec2& place, const View* seen = nullptr);
-  // Starts or ends continuous autofocus on the place (initially the middle).
+  // Starts or ends continuous autofocus, which repeats the search at the place of focus_at(). The place is initially
+  // the middle of the view.
   void follow(bool follows);
-  // Returns a newly found distance, once.
+  // Returns the focus distance that a search has found. Each result is returned only once.
   std::optional<double> take_found();
+  // If true, wait_for() returns kUnlocked at once, for example while the application stops.
   void set_unlocked(bool unlocked);
   void clear();
 
@@ -56,7 +65,7 @@ class DepthFeedback {
   std::mutex mutex_;
   std::condition_variable changed_;
   std::optional<DepthEstimate> news_;                // latest estimate, without its hypotheses
-  std::deque<std::vector<DepthHypothesis>> unsent_;  // unsent hypotheses for the map of news_, one entry per request
+  std::deque<std::vector<DepthHypothesis>> unsent_;  // hypotheses for the map of news_, one entry per request
   Vec2 place_{0.5, 0.5};
   bool follows_ = false;
   std::optional<Search> search_;
@@ -68,7 +77,8 @@ class DepthFeedback {
   bool unlocked_ = false;
 };
 
-// Focal surfaces of views for viewers that cannot receive feedback: their requests get them on the way. Thread-safe.
+// Keeps the latest depth estimates of several views, for viewers that cannot receive feedback. Their requests pass
+// through this object, which adds the surface and the hypotheses. Thread-safe.
 class RelayedDepths {
  public:
   void announce(uint32_t view_id, DepthEstimate focus);

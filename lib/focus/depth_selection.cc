@@ -15,16 +15,17 @@ namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
-// Hypotheses that are compared by their means, and the largest of their costs at each node. Infinity: one of them does
-// not see the node.
+// The hypotheses that are compared by their mean costs, and the largest of their costs at each node. The cost is
+// infinite if one of them does not see the node.
 struct Compared {
   std::vector<bool> hypothesis;
   std::vector<float> most;
 };
 
-// Means can be compared over the same nodes only. A hypothesis that does not see most of the surface's nodes, such as a
-// near plane with widely spaced cameras, would leave too few of them. Hypotheses are admitted in descending order of
-// the nodes that they share with the surface, as long as kCompared of the surface's nodes remain.
+// Selects the hypotheses to compare. Means can only be compared over the same nodes, but a hypothesis that sees few of
+// the surface's nodes, such as a near plane with widely spaced cameras, would leave too few common nodes. Hypotheses
+// are therefore added in descending order of the nodes that they share with the surface, as long as the fraction
+// kCompared of the surface's nodes remains.
 Compared compared_hypotheses(const std::vector<std::vector<float>>& costs, std::span<const uint8_t> counted) {
   constexpr double kCompared = 0.5;
   const auto num_seen = [](const std::vector<float>& most) {
@@ -57,7 +58,8 @@ Compared compared_hypotheses(const std::vector<std::vector<float>>& costs, std::
   return compared;
 }
 
-// Adds in the order of the nodes, for the same result on every machine.
+// Computes the means of DepthSelection. Adds in the order of the nodes, so that the result is the same on every
+// machine.
 void add_means(const std::vector<std::vector<float>>& costs, std::span<const uint8_t> counted, DepthSelection& choice) {
   const size_t nodes = costs[0].size(), last = costs.size() - 1;
   const auto [is_compared, most] = compared_hypotheses(costs, counted);
@@ -90,7 +92,7 @@ void add_means(const std::vector<std::vector<float>>& costs, std::span<const uin
   choice.least_energy = square / count;
 }
 
-// Returns the median of the deviations, normalised to three equal cameras.
+// Returns the median of the deviations, normalised as if three cameras with equal weights contributed to each node.
 double residual_of(const std::vector<float>& deviations, std::span<const float> evidence) {
   std::vector<float> normalised(deviations.size());
   for (size_t i = 0; i < normalised.size(); i++)
@@ -106,8 +108,10 @@ struct Round {
   bool has_evidence(size_t node) const { return terms.evidence[node] >= kLittleEvidence; }
 };
 
-// Lets each node in turn take the best hypothesis given its neighbours' levels: iterated conditional modes (Besag 1986,
-// "On the statistical analysis of dirty pictures"). The cost of a level difference grows up to one pixel of disparity.
+// Makes neighbouring nodes agree: in turn, each node takes the best hypothesis given the levels of its neighbours. This
+// is the method of iterated conditional modes (Besag 1986, "On the statistical analysis of dirty pictures"). The cost
+// of a level difference grows up to one pixel of disparity and then stays the same, so that depth edges remain
+// possible.
 void agree_with_neighbours(const Round& round, DepthSelection& choice) {
   constexpr int kPasses = 2;
   constexpr float kLeadWithoutEvidence = 0.05f;  // part of the weight of all neighbours
@@ -116,7 +120,8 @@ void agree_with_neighbours(const Round& round, DepthSelection& choice) {
   std::array<float, 256> step;  // cost of each level difference
   for (size_t d = 0; d < step.size(); d++) step[d] = std::min(static_cast<float>(d), apart);
   std::vector<uint8_t>& at = choice.levels;
-  // Nodes with a neighbour that has changed since their turn; all other nodes would choose the same again.
+  // 1 for nodes with a neighbour that has changed since their last turn. All other nodes would make the same choice
+  // again.
   std::vector<uint8_t> is_due(at.size(), 1);
   for (int pass = 0; pass < kPasses; pass++)
     for (int y = 0; y < rows; y++)
@@ -163,7 +168,7 @@ void agree_with_neighbours(const Round& round, DepthSelection& choice) {
       }
 }
 
-// True if the selected level of a node is reliable.
+// Returns true if the selected level of a node is reliable; see kMaxDeviationRatio. `least` is its deviation.
 bool is_informed(const Round& round, float least, size_t node) {
   if (round.terms.evidence[node] <= kMinEvidence) return false;
   if (!round.terms.counted.empty() && !round.terms.counted[node]) return false;
@@ -187,7 +192,8 @@ bool is_informed(const Round& round, float least, size_t node) {
   return true;
 }
 
-// Scales by a power of two, so that scaling back restores the exact costs.
+// Multiplies the costs of jumps (see kJump). A power of two as factor ensures that scaling back restores the exact
+// costs.
 void scale_jumps(const DepthSelectionParams& terms, float factor, std::vector<std::vector<float>>& costs) {
   for (size_t t = 1; t < costs.size(); t++)
     if (terms.jumps >> t & 1)
@@ -231,7 +237,7 @@ DepthSelection select_depths(const FocalMap& surface, std::span<const std::vecto
     choice.least[i] = costs[choice.chosen[i]][i];
     seen++;
     changed += choice.chosen[i] != 0;
-    // Branch-free: the selected hypothesis is unpredictable.
+    // A conditional expression instead of a branch, because branch prediction would often fail here.
     gained += choice.chosen[i] != 0 && base[i] < kInfinity ? base[i] - choice.least[i] : 0.f;
     choice.informed[i] = is_informed(round, choice.least[i], i);
   }
@@ -243,7 +249,7 @@ DepthSelection select_depths(const FocalMap& surface, std::span<const std::vecto
 
 namespace {
 
-// Summed-area table over a map's nodes.
+// A summed-area table, which counts marked nodes in any rectangle of a map in constant time.
 class NodeCounts {
  public:
   NodeCounts(const FocalMap& map, const auto& counts)
@@ -269,12 +275,12 @@ class NodeCounts {
 
 }  // namespace
 
-// Removes votes of nodes that may be near by chance only. The cameras of several triangles see a near object, so they
-// agree over a window as wide as a cell of the array at that depth.
+// Returns the votes without nodes that may appear near by chance only. The cameras of several triangles see a truly
+// near object, so they agree in a whole window of nodes, as wide as a cell of the array at that depth.
 std::vector<uint8_t> DepthVotes::consistent(const FocalMap& map, const std::vector<uint8_t>& informed) const {
   constexpr double kLeastSide = 2;    // nodes; a smaller window has no neighbours
   constexpr double kSameDepth = 1.2;  // ratio of inverse distances
-  constexpr uint32_t kAgreeing = 8;   // one of this many votes in the window must be for the same depth
+  constexpr uint32_t kAgreeing = 8;   // one of so many votes in the window must be for the same depth
   constexpr int kNoWindow = -10;      // a bin without neighbours
   std::array<int, 256> bin;           // by level
   for (int level = 0; level < 256; level++) {

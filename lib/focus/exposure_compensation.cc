@@ -19,8 +19,8 @@
 
 namespace lf {
 
-// Returns the probability that the camera has the right exposure. Its measured ratio is then normally distributed
-// (reflection and error); otherwise it is a gain, uniform over the possible range.
+// Returns the probability that the camera has the right exposure. The measured ratio is normally distributed for such a
+// camera (reflections and errors). For a camera with another exposure, it is uniform over the possible range of gains.
 float ExposureCompensation::usual(CameraIndex camera) const {
   const auto found = measured_.find(camera);
   if (found == measured_.end()) return 1;
@@ -99,15 +99,17 @@ std::vector<uint8_t> mean_luma(const PhotoConsistency& moments, const GainSum& g
 namespace {
 
 constexpr size_t kLeastNodes = 24;
-// Cameras are compared at nodes with a line of sight that crosses the array within 1.25 edges of the camera. For nodes
-// farther away, the mean comes from cameras on one side only. Reflections change along an array (by 2 % per camera in
-// one scene), and that is no gain.
+// A camera is compared with the mean only at nodes with a line of sight that crosses the array within 1.25 mesh edges
+// of the camera. At other nodes, the mean comes from cameras on one side only. Reflections change along an array (by 2
+// % per camera in one scene), so the ratio would contain this change.
 constexpr double kNear = 1.25;                            // edges
 constexpr float kNearWeight = WideLuma::kPeak * 0.4578f;  // weight at this distance
-// In a row of cameras, only two cameras are this near to a viewpoint between cameras. Then all cameras with a weight
-// are compared, and reflections may change as much as over one and a half cameras.
+// In a row of cameras, only two cameras are this near to a viewpoint between cameras. All cameras with a weight are
+// then compared. The standard deviation of reflections is larger, because they may change as much as over one and a
+// half cameras.
 constexpr float kShineFromAfar = 0.03f;
-// Nodes are no independent samples, because a whole object is in focus or not: they count as this many samples.
+// Nodes are not independent samples, because a whole object is either in focus or not. All nodes together count as this
+// number of samples.
 constexpr float kThings = 4;
 constexpr float kRounded = 0.4f;                       // standard deviation of a quotient of rounded luma, levels
 constexpr int kDarkestSeen = 8, kBrightestSeen = 250;  // luma
@@ -256,7 +258,7 @@ std::optional<BrightnessRatio> WideLuma::ratio(const Camera& seen, std::span<con
   if (mean.size() != seen.luma.size()) return std::nullopt;
   const float least = seen.is_from_afar ? 0 : kNearWeight, shine = seen.is_from_afar ? kShineFromAfar : 0;
   std::vector<float> ratios;
-  float dark = 0;  // change of the log ratio per luma level, summed over the nodes
+  float dark = 0;  // change of the log ratio for an error of one luma level, summed over the nodes
   for (size_t i = 0; i < mean.size(); i++)
     if (mean[i] != 0 && seen.weight[i] > least && seen.luma[i] >= kDarkestSeen && seen.luma[i] <= kBrightestSeen) {
       ratios.push_back(std::log(static_cast<float>(seen.luma[i]) / static_cast<float>(mean[i])));

@@ -18,39 +18,45 @@
 
 namespace lf {
 
-// Brightness of a camera relative to its reference, as a natural logarithm, and the standard deviation of this value.
+// Brightness of a camera divided by the brightness of the reference: the natural logarithm of the ratio, and the
+// standard deviation of this logarithm.
 struct BrightnessRatio {
   float log = 0, error = 0;
 };
 
-// Exposure gains. Images are divided by them so that all cameras of an array are equally bright.
+// Estimates the exposure gain of each camera of an array. Images are divided by their gains, so that all cameras are
+// equally bright and do not disagree about correct depths.
 //
-// Reflections make cameras of the same exposure differ by a few percent, and noise and defocus limit the measurement.
-// So a camera either has the right exposure and its measured ratio is reflection and error, or it has another exposure
-// and the ratio can have any value. The likelier the first case (Bayes), the smaller the part of the measured ratio
-// that becomes gain. A plain value without locks.
+// Even cameras with the same exposure differ in brightness by a few percent because of reflections, and noise and
+// defocus limit the measurement. Each camera is therefore one of two kinds. Either it has the right exposure, and its
+// measured ratio consists of reflections and errors. Or it has another exposure, and the ratio can have any value. The
+// likelier the first kind (by Bayes' rule), the smaller is the part of the measured ratio that becomes gain. A plain
+// value without locks.
 class ExposureCompensation {
  public:
   static constexpr float kLeast = 0.5f, kMost = 2;  // limits of gains; a larger difference is another fault
-  // standard deviation of the log ratio due to reflections, which reach 0.02
+  // standard deviation of the log ratio due to reflections, which change it by up to 0.02
   static constexpr float kShine = 0.007f;
   static constexpr float kUsual = 0.9f;  // part of the cameras that have the right exposure
-  // Bandwidth (logarithm) of the mean shift that finds the brightness of most cameras (Fukunaga and Hostetler 1975):
-  // each mean weights the cameras by their distance from the last one.
+  // Bandwidth, as a natural logarithm, of the mean shift that finds the brightness of most cameras (Fukunaga and
+  // Hostetler 1975). Each mean gives less weight to cameras that differ more from the previous mean.
   static constexpr float kAround = 0.03f;
-  // Trust in a camera without a measurement; right cameras have 1.
+  // trust() of a camera without a measurement. A camera that is as bright as the mean has 1.
   static constexpr float kUnknownTrust = 0.125f;
-  // Images are divided by gains from this mean on. The first mean weights all cameras equally and includes wrong
-  // exposures.
+  // Number of means before images are divided by gains. The first mean weights all cameras equally, so it includes
+  // cameras with a wrong exposure.
   static constexpr unsigned kMeans = 3;
 
   // Returns the divisor for the camera's images: 1 for a camera without a measurement.
   float of(CameraIndex camera) const { return means_ < kMeans ? 1 : likely(camera); }
-  // Returns the likeliest gain given the measurements so far, for the next mean.
+  // Returns the likeliest gain according to the measurements so far. Unlike of(), it is used immediately, for the next
+  // mean.
   float likely(CameraIndex camera) const;
-  // Returns the weight of the camera in the common mean, 0 to 1, which falls with its difference from the mean.
+  // Returns the weight of the camera in the common mean, 0 to 1. It is smaller for cameras that differ more from the
+  // mean.
   float trust(CameraIndex camera) const;
-  // Takes the ratios of cameras, divided by likely(), to a mean.
+  // Updates the gains with new measurements. Each ratio compares a camera's images, divided by likely(), with the
+  // latest mean.
   void take(const std::map<CameraIndex, BrightnessRatio>& ratios);
   const std::map<CameraIndex, BrightnessRatio>& measured() const { return measured_; }
 
@@ -61,10 +67,11 @@ class ExposureCompensation {
   unsigned means_ = 0;
 };
 
-// Sum of the cameras' log gains, each with its weight in a mean of luma times its trust. Logarithms give the geometric
-// mean, which suits factors.
+// The weighted sum of the logarithms of the cameras' gains. The weight of a camera is its weight in a mean of luma
+// times its trust(). Sums from several nodes can be added. The mean of logarithms is the geometric mean of the gains,
+// which is the suitable mean of factors.
 struct GainSum {
-  static constexpr int kWeightOne = 65536, kOctave = 256;  // weight 1; logarithm of gain 2
+  static constexpr int kWeightOne = 65536, kOctave = 256;  // weight 1; unit of log2, so that a gain of 2 is 256
   uint32_t weight = 0;
   int32_t log2 = 0;  // sum of weight x logarithm of the gain
 
@@ -74,16 +81,19 @@ struct GainSum {
   bool operator==(const GainSum&) const = default;
 };
 
-// Returns the common luma that cameras compare their own luma with, one value per node. 0: undefined, because few
-// cameras see the node, they disagree, luma changes from node to node, or it is nearly black or white. `moments`: sums
-// of luma divided by the cameras' gains. The result is scaled by the mean gain, so that the gains do not drift
-// together.
+// Returns the luma that all cameras compare their own luma with, one value for each node of the map. `moments` are sums
+// of luma divided by the cameras' gains. A value of 0 means that the node is unsuitable: few cameras see it, they
+// disagree, luma changes from node to node, or the node is nearly black or white. The result is scaled by the mean
+// gain, because otherwise all gains could slowly rise or fall together.
 std::vector<uint8_t> mean_luma(const PhotoConsistency& moments, const GainSum& gains);
 
-// Selects the requests that include a mean for the comparison of brightness. Requests without hypotheses never do. The
-// first kFirst requests do, so that cameras match before the first surface is found. Later, fewer requests do,
-// because a mean reads whole images of a dozen cameras. Only one mean is pending: cameras keep samples for the latest
-// mean only, and a second measurement during a correction would correct gains twice. A plain value without locks.
+// Decides which requests include a measurement of brightness: the mean luma of all cameras, which each camera then
+// compares with its own luma. Requests without hypotheses never include a measurement. The first kFirst requests do, so
+// that cameras match before the first surface is found. Later, fewer requests do, because a measurement reads the whole
+// images of a dozen cameras.
+//
+// There is one pending measurement at a time. Cameras keep samples for the latest mean only, and a second measurement
+// during a correction would correct the gains twice. A plain value without locks.
 class ExposureSchedule {
  public:
   static constexpr unsigned kFirst = 4;     // number of requests that try all planes: see hypotheses_of_round()
@@ -91,8 +101,8 @@ class ExposureSchedule {
   // Requests with hypotheses until a missing mean counts as lost.
   static constexpr unsigned kPatience = 30;
 
-  // True if the next request includes the mean. `has_hypotheses`: the request has hypotheses. `came`: the pending mean
-  // has arrived.
+  // Returns true if the next request includes a measurement. `has_hypotheses`: the request has hypotheses. `came`: the
+  // mean of the pending measurement has arrived.
   bool next(bool has_hypotheses, bool came) {
     if (came) awaited_ = 0;
     if (!has_hypotheses) return false;
@@ -110,24 +120,25 @@ class ExposureSchedule {
   unsigned asked_ = 0, interval_ = 1, pause_ = 0, awaited_ = 0;
 };
 
-// Returns the view in which cameras compare their brightness: one pixel per node of the smoothed focal map of `view`,
-// with nodes twice as far apart. `view` must have a map.
+// Returns the view for comparing the brightness of cameras: a small view with one pixel per node of the smoothed focal
+// map of `view`, with nodes twice as far apart. `view` must have a map.
 View mean_view(const View& view);
 
-// Samples several cameras for one view, with wider weights than the mesh's, to compare many cameras. A weight is a
-// Gaussian of the distance, in the reference plane of the map, between the camera and the line of sight. Its standard
-// deviation is the median edge of the mesh, and it is cut off at kWidest standard deviations.
+// Samples luma of many cameras at the nodes of a view, to compare the brightness of cameras that are not neighbours in
+// the mesh. The weights are therefore wider than the weights of the mesh. A weight is a Gaussian of the distance
+// between the camera and the point where the line of sight crosses the reference plane of the map. Its standard
+// deviation is the median edge of the mesh, and it is 0 beyond kWidest standard deviations.
 class WideLuma {
  public:
   static constexpr double kWidest = 2.5;
   static constexpr float kPeak = 0.125f;  // largest weight; over a grid of cameras the weights sum to 0.79
 
-  // `view`: a mean_view(). `own`: the node's cameras in service, ascending.
+  // Prepares the sampling. `view` is a mean_view(), and `own` are the node's cameras in service, ascending.
   WideLuma(const Rig& rig, const Mesh& mesh, const View& view, std::span<const CameraIndex> own);
-  // The node's cameras with a weight, ascending. see() reads their whole images.
+  // Returns the node's cameras with a weight, ascending. see() reads their whole images.
   const std::vector<CameraIndex>& cameras() const { return cameras_; }
 
-  // Samples of a camera, kept until the mean arrives.
+  // The samples of one camera, which the node keeps until the mean of all cameras arrives.
   struct Camera {
     CameraIndex camera = 0;
     std::vector<uint8_t> luma;  // divided by the camera's likely gain, one value per node
@@ -144,8 +155,8 @@ class WideLuma {
   Seen see(std::span<const Source> sources, const ExposureCompensation& gains,
            const ParallelFor& parallel = serial_for) const;
 
-  // Returns the brightness of a camera, divided by its gain, relative to the mean: the median over the nodes, or
-  // nothing if there are too few nodes. `mean`: see mean_luma().
+  // Returns the brightness of a camera, divided by its gain, relative to the mean luma of all cameras. It is the median
+  // over the nodes. Returns nothing if there are too few suitable nodes. `mean` is the result of mean_luma().
   static std::optional<BrightnessRatio> ratio(const Camera& seen, std::span<const uint8_t> mean);
   // Returns the ratio() of each camera that can be compared.
   static std::map<CameraIndex, BrightnessRatio> ratios(std::span<const Camera> seen, std::span<const uint8_t> mean);
@@ -154,8 +165,9 @@ class WideLuma {
   Camera see(const Source& source, float gain) const;
 
   ViewPlan plan_;
-  // False if only two cameras can be compared: two have no majority. If the array has no other cameras, their mean is
-  // right. Otherwise none are compared, as most of the array may be as bright as either of the two.
+  // False if only two cameras can be compared. If they differ, there is no majority to tell which one is right. If the
+  // array has no other cameras, their mean is taken as right. Otherwise no cameras are compared, because most of the
+  // array may be as bright as either of the two.
   bool most_decide_ = false;
   bool is_from_afar_ = false;  // see Camera
   std::vector<CameraIndex> cameras_;

@@ -13,7 +13,7 @@
 namespace lf {
 
 Plane array_plane(const Rig& rig) {
-  // Means of differences keep precision if the array is far from the origin.
+  // Averages differences from the first camera, which are precise even if the array is far from the origin.
   const Vec3 first = rig.cameras[0].pose.position;
   Vec3 offset(0), axis(0);
   for (const Camera& camera : rig.cameras) {
@@ -28,7 +28,8 @@ Plane array_plane(const Rig& rig) {
 
 namespace {
 
-// Returns the median distance from a camera to the nearest other one, metres; 0 if all are at one place.
+// Returns the median distance from a camera to its nearest neighbour, in metres. Returns 0 if all cameras are at one
+// place.
 double spacing_of(const Rig& rig) {
   std::vector<double> spacings;
   for (const Camera& camera : rig.cameras) {
@@ -56,7 +57,7 @@ struct SparseEvidence {
   int apart, columns;
   std::vector<float> at;
 
-  // Interpolates bilinearly to all nodes. The last points are at or beyond the last column and row.
+  // Interpolates the evidence bilinearly at all nodes. The last points are at or beyond the last column and row.
   std::vector<float> spread(const FocalMap& map) const {
     std::vector<float> evidence(map.levels.size());
     std::vector<float> row(static_cast<size_t>(columns));
@@ -75,7 +76,8 @@ struct SparseEvidence {
   }
 };
 
-// Returns sqrt(1 - sum w^2), times `scale`, for the corners of the face at each pixel of a sparse view.
+// Returns the evidence sqrt(1 - sum w^2), times `scale`, at each pixel of a sparse view, for the weights w of the
+// cameras of the pixel's face.
 std::vector<float> sparse_evidence(const RenderJob& job, double scale) {
   const View& view = job.plan().view();
   std::vector<float> evidence(static_cast<size_t>(view.width) * static_cast<size_t>(view.height));
@@ -101,7 +103,7 @@ std::vector<float> sparse_evidence(const RenderJob& job, double scale) {
   return evidence;
 }
 
-// The same at the points of a WeightGrid, for views that are not blended by the mesh.
+// Does the same at the points of a WeightGrid, for views that are not blended by the mesh.
 std::vector<float> sparse_evidence(const WeightGrid& grid, double scale) {
   std::vector<float> evidence;
   evidence.reserve(static_cast<size_t>(grid.columns()) * static_cast<size_t>(grid.rows()));
@@ -125,7 +127,8 @@ FocusArray::FocusArray(const Rig& rig, const Mesh* mesh) : from_(array_plane(rig
   const double spacing = spacing_of(rig);
   if (!(spacing > 0)) return;
   spacing_ = spacing;
-  // The cells of a grid are alike. Triangles between irregularly placed cameras reach beyond the nearest camera.
+  // In a grid of cameras, cameras one spacing apart contribute to the same pixel. In other arrays, triangles are larger
+  // than the distance to the nearest camera.
   edge_ = spacing;
   if (rig.topology.type != Topology::Type::kGrid)
     edge_ = std::max(edge_, edge_of(rig, mesh ? *mesh : mesh_.get(rig, {})));
@@ -170,15 +173,16 @@ double FocusArray::width_of(const View& view, const CameraSet& out_of_service) c
   return rig_ && edge_ > 0 ? width_beside_mesh(view, out_of_service) : edge_;
 }
 
-// If a line of sight passes beside the mesh, all cameras are on one side of the line. A wrong depth then displaces an
-// object, whereas inside the mesh a wrong depth blurs the object. Returns the root mean square over the view.
+// Returns the width for width_of() in a view with lines of sight beside the mesh. All cameras are on one side of such a
+// line of sight, so a wrong depth displaces an object, whereas inside the mesh a wrong depth blurs the object. The
+// result is the root mean square over the view.
 double FocusArray::width_beside_mesh(const View& view, const CameraSet& out_of_service) const {
   const View sparse = sparse_view(view);
   const ViewPlan plan(*rig_, mesh_without(out_of_service), sparse);
   if (!plan.blend()) return edge_;
   constexpr int kSamples = 24;  // per row and column, at most
-  // A displacement has the root mean square of a blur sqrt(12) times as wide. The cameras of a line of sight are half
-  // an edge farther away than the nearest camera.
+  // A displacement causes the same squared error as a blur that is sqrt(12) times as wide. The mean position of the
+  // cameras of a line of sight is half an edge farther away than the nearest camera.
   const double kOfDisplacement = std::sqrt(12);
   const int step = std::max({sparse.width / kSamples, sparse.height / kSamples, 1});
   const FaceIdMap owners(plan, {0, 0, sparse.width, sparse.height});

@@ -34,7 +34,7 @@ FocalMap plane_map(const View& view, const Plane& from, double nearest, double f
 
 namespace {
 
-// Applies fn(value, value before, value after) to the nodes along rows, then along columns.
+// Filters the levels with fn(value, value before, value after), first along the rows and then along the columns.
 template <class Fn>
 std::vector<uint8_t> along_both(std::vector<uint8_t> in, int columns, int rows, const Fn& fn) {
   std::vector<uint8_t> out(in.size());
@@ -90,7 +90,8 @@ std::vector<uint8_t> hypothesis_levels(const FocalMap& surface, const DepthHypot
 }
 
 std::vector<DepthHypothesis> hypotheses_of_round(unsigned round, const LevelRange& scene) {
-  // Consecutive planes are far apart: 7 of 12 is near the golden ratio, and every plane has its turn.
+  // Returns the plane of a round. Consecutive planes should be far apart, so each round advances by 7 of 12 planes,
+  // which is near the golden ratio. After 12 rounds, every plane has been tested.
   const auto plane_of = [](unsigned turn, const LevelRange& range) {
     const int plane = static_cast<int>(turn * 7 % kSweepPlanes);
     return DepthHypothesis{DepthHypothesis::Kind::kPlane,
@@ -135,8 +136,9 @@ View hypothesis_view(const View& view) {
   auto per_pixel = std::make_shared<FocalMap>(map);
   per_pixel->step = 1;
   result.focus.map = std::move(per_pixel);
-  // More cameras than kHypothesisCameras do not improve the distinction of depths. Outside the hull of the cameras only
-  // the nearest ones by angle have weights, so hypotheses must use the same cameras.
+  // More cameras than kHypothesisCameras would not improve the depths. Blending by the mesh is no alternative outside
+  // the hull of the cameras, where only the nearest cameras by angle have weights, and hypotheses must use the same
+  // cameras.
   if (result.blending.kind == Blending::Kind::kAngle)
     result.blending.nearest = std::min(result.blending.nearest, kHypothesisCameras);
   else

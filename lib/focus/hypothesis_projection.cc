@@ -32,7 +32,7 @@ HWY_INLINE CameraVectors<D> look(D d, const HypothesisProjection& camera, V<D> u
   return out;
 }
 
-// CameraProjection::project(): finds the position in the image and returns the visibility.
+// Does the same as CameraProjection::project(): computes the position in the image, and returns the visibility.
 template <class D>
 HWY_INLINE auto project(D d, const HypothesisProjection& camera, const CameraVectors<D>& at, const uint8_t* levels,
                         V<D>& x, V<D>& y) {
@@ -114,7 +114,8 @@ PlaceBounds places(const HypothesisProjection& camera, const HypothesisRays& ray
 }
 
 void weights_of_run(const double edge[3], const double step[3], int corner, int n, float* HWY_RESTRICT out) {
-  // The functions are linear and have one sign in the face. Starting at the first node keeps float precision.
+  // The functions are linear and keep their sign inside the face. Counting from the first node keeps the numbers small
+  // enough for float.
   const auto sum = static_cast<float>(edge[0] + edge[1] + edge[2]);
   const auto sum_step = static_cast<float>(step[0] + step[1] + step[2]);
   const auto one = static_cast<float>(edge[corner]), one_step = static_cast<float>(step[corner]);

@@ -166,7 +166,8 @@ ByteBuffer HypothesisCamera::levels_of(std::span<const std::vector<uint8_t>> hyp
       const size_t begin = static_cast<size_t>(row.y) * columns + row.x0;
       const auto count = static_cast<size_t>(row.x1 - row.x0);
       uint8_t* const to = &out[t * u.size()] + row.first;
-      // A copy of a constant number of bytes is faster. The next row or the padding takes the excess.
+      // A copy of a constant number of bytes is faster. The excess bytes go to the next row, which is written later, or
+      // to the padding.
       if (count <= kHypothesisPadding && begin + kHypothesisPadding <= hypotheses[t].size())
         std::memcpy(to, &hypotheses[t][begin], kHypothesisPadding);
       else

@@ -15,7 +15,8 @@
 #ifndef LF_FOCUS_BOXED_LUMA_ONCE_
 #define LF_FOCUS_BOXED_LUMA_ONCE_
 namespace lf {
-// Variables, because compilers replace a product with a constant by several shifts and additions.
+// The weights of R, G and B in luma. They are variables instead of constants, because compilers would replace the
+// products by several shifts and additions.
 struct LumaWeights {
   uint16_t r, g, b;
 };
@@ -25,7 +26,7 @@ struct LumaWeights {
 HWY_BEFORE_NAMESPACE();
 namespace lf::HWY_NAMESPACE {
 
-// Full-range BT.601, with 8 fraction bits.
+// Returns luma for full-range BT.601. The weights have 8 fraction bits.
 template <class D16, class V8>
 HWY_INLINE auto luma_of(D16 d16, const LumaWeights& of, V8 r, V8 g, V8 b) {
   const auto part = [&](V8 v, uint16_t of) HWY_ATTR { return hn::Mul(hn::PromoteTo(d16, v), hn::Set(d16, of)); };
@@ -33,13 +34,13 @@ HWY_INLINE auto luma_of(D16 d16, const LumaWeights& of, V8 r, V8 g, V8 b) {
   return hn::ShiftRight<8>(sum);
 }
 
-// `v`: values up to 255.
+// Converts 16-bit values up to 255 to bytes.
 template <class D16, class V16>
 HWY_INLINE auto to_bytes(D16 /*d16*/, V16 v) {
   return hn::DemoteTo(hn::Rebind<uint8_t, D16>(), hn::BitCast(hn::RebindToSigned<D16>(), v));
 }
 
-// kStride: channels of a pixel.
+// Computes the luma of `n` pixels, which have kStride bytes each.
 template <int kStride>
 HWY_INLINE void luma_row(const uint8_t* HWY_RESTRICT pixel, const RgbLayout& at, const LumaWeights& of, int n,
                          uint8_t* HWY_RESTRICT out) {
@@ -63,13 +64,15 @@ HWY_INLINE void rgb_luma_row(const uint8_t* HWY_RESTRICT pixel, const RgbLayout&
     out[i] = static_cast<uint8_t>((of.r * pixel[at.r] + of.g * pixel[at.g] + of.b * pixel[at.b] + 128) >> 8);
 }
 
-// Luma of rows of pixels, with kHypothesisBox - 1 more rows and columns than values. `first`: at row -1 and column -1.
+// Rows of luma, as input for computing values. They have kHypothesisBox - 1 more rows and columns than the values.
+// `first` points to the luma at row -1 and column -1.
 struct LumaRows {
   const uint8_t* first;
   ptrdiff_t stride;
 };
 
-// Computes columns of values from top to bottom, so that sums of shared rows stay in registers.
+// Computes the means of 4x4 boxes. The values are computed column by column from top to bottom, so that the sums of
+// shared rows stay in registers.
 void means(const LumaRows& luma, int width, int height, uint16_t* HWY_RESTRICT out) {
   static_assert(kHypothesisBox == 4);
   map_lanes<uint16_t>(width, [&](auto d16, int x) HWY_ATTR {
@@ -104,7 +107,7 @@ void means(const LumaRows& luma, int width, int height, uint16_t* HWY_RESTRICT o
   });
 }
 
-// Luma of pixels [x0, x1) of a row.
+// Computes the luma of pixels [x0, x1) in row y of an image.
 HWY_INLINE void read_luma(const ImageView& image, const LumaWeights& of, int y, int x0, int x1, uint8_t* out) {
   const uint8_t* const row = image.plane[0] + y * image.stride[0];
   if (image.family == PixelFamily::kI420)
@@ -113,8 +116,8 @@ HWY_INLINE void read_luma(const ImageView& image, const LumaWeights& of, int y, 
     rgb_luma_row(row + ptrdiff_t{x0} * image.layout.pixel_stride, image.layout, of, x1 - x0, out);
 }
 
-// Computes the values of `rect`. `memory`: scratch with room for the luma of rect and kHypothesisBox more rows and
-// columns.
+// Computes the values of `rect` for the smallest box. `memory` is temporary memory for the luma of `rect` with
+// kHypothesisBox more rows and columns.
 void box(const ImageView& image, const LumaWeights& of, const Rect& rect, uint8_t* memory, uint16_t* out) {
   constexpr int kBefore = kHypothesisBox / 2 - 1, kMore = kHypothesisBox - 1;
   // One more row of values, for the upper bytes.
@@ -125,7 +128,8 @@ void box(const ImageView& image, const LumaWeights& of, const Rect& rect, uint8_
           out);
     return;
   }
-  // Fills the whole buffer first: reading at other offsets directly after writing would stall.
+  // Computes the luma of all rows before the means, because reading recently written bytes at other offsets would stall
+  // the processor.
   const ptrdiff_t stride = needed.width();
   const auto row = [&](int y) { return memory + (y - needed.y0) * stride; };
   for (int y = there.y0; y < there.y1; y++) {
@@ -139,8 +143,9 @@ void box(const ImageView& image, const LumaWeights& of, const Rect& rect, uint8_
   means({memory, stride}, rect.width(), rect.height(), out);
 }
 
-// Averages the values of four boxes, `offset` to each side, into those of a box twice as large, except in the outer
-// `offset` rows and columns. Works in place, row by row, as reads are at or behind the position of writes.
+// Computes the values of boxes that are twice as large, as the means of four values `offset` columns and rows away.
+// Skips the outer `offset` rows and columns. Works in place, because values are only read at or behind the position of
+// writes.
 void widen(int width, int height, int offset, uint16_t* values) {
   const ptrdiff_t stride = width, below = 2 * offset * stride;
   const int inner = width - 2 * offset;
@@ -162,7 +167,7 @@ void widen(int width, int height, int offset, uint16_t* values) {
   }
 }
 
-// Bilinear, with 8 fraction bits.
+// Samples bilinearly at `count` positions, which have 8 fraction bits.
 void samples(const BoxedLuma& luma, const int32_t* HWY_RESTRICT x, const int32_t* HWY_RESTRICT y, int count,
              int16_t* HWY_RESTRICT out) {
   const hn::CappedTag<int32_t, kHypothesisPadding> d;
@@ -177,12 +182,12 @@ void samples(const BoxedLuma& luma, const int32_t* HWY_RESTRICT x, const int32_t
     const auto fx = hn::IfThenElseZero(seen, hn::Sub(absolute, left));
     const auto fy = hn::IfThenElseZero(seen, hn::Sub(hn::LoadU(d, y + i), top));
     const auto place = hn::Add(hn::Mul(hn::ShiftRight<8>(fy), width), hn::ShiftRight<8>(fx));
-    // A value and the one below, then both of the right neighbour. The neighbour beyond the last column or row has
-    // factor 0.
+    // Each 32-bit lane gets a value and the value below, and then both for the right neighbour. A neighbour beyond the
+    // last column or row has factor 0.
     const auto four = hn::BitCast(
         du, hn::GatherOffset(d, reinterpret_cast<const int32_t*>(luma.values.data()), hn::ShiftLeft<1>(place)));
     const auto ax = hn::And(hn::BitCast(du, fx), fraction), ay = hn::And(hn::BitCast(du, fy), fraction);
-    // Left and right in one number; neither has more than 16 bits.
+    // Interpolates vertically, for the left and the right column at once in one 32-bit number. Neither exceeds 16 bits.
     const auto both =
         hn::Add(hn::Mul(hn::And(four, bytes), hn::Sub(one, ay)), hn::Mul(hn::And(hn::ShiftRight<8>(four), bytes), ay));
     const auto sum =
@@ -197,7 +202,7 @@ void weigh(const float* HWY_RESTRICT weight, const int16_t* HWY_RESTRICT values,
   const hn::Rebind<int32_t, decltype(d)> d32;
   const hn::Rebind<int16_t, decltype(d)> d16;
   for (int i = 0; i < count; i += static_cast<int>(hn::Lanes(d))) {
-    // PhotoConsistency::luma_of() and square_of().
+    // The same as PhotoConsistency::luma_of() and square_of().
     const auto value = hn::PromoteTo(d32, hn::LoadU(d16, values + i));
     const auto all = hn::Mul(hn::LoadU(d, weight + i), hn::Set(d, PhotoConsistency::kWeightOne));
     const auto rounded = hn::ConvertTo(d32, hn::Add(all, hn::Set(d, 0.5f)));
@@ -214,13 +219,13 @@ void weigh(const float* HWY_RESTRICT weight, const int16_t* HWY_RESTRICT values,
   }
 }
 
-// Adds n sums. `room`: number of values from `to` on.
+// Adds n sums to `to`. `room` is the number of values that may be accessed from `to` on.
 HWY_INLINE void add_row(const uint16_t* HWY_RESTRICT from, int n, size_t room, uint16_t* HWY_RESTRICT to) {
   const hn::CappedTag<uint16_t, kHypothesisPadding> d;
   const hn::CappedTag<uint16_t, 1> d1;
   const int lanes = static_cast<int>(hn::Lanes(d));
   int i = 0;
-  // The last vector adds 0 behind the row, if the sums have values there.
+  // The last vector may extend beyond the row, where it adds 0, if the array has values there.
   for (; i < n && static_cast<size_t>(i + lanes) <= room; i += lanes) {
     const auto more = hn::IfThenElseZero(hn::FirstN(d, static_cast<size_t>(n - i)), hn::LoadU(d, from + i));
     hn::StoreU(hn::SaturatedAdd(hn::LoadU(d, to + i), more), d, to + i);

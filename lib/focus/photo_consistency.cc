@@ -25,13 +25,14 @@ void raise_to(const uint16_t* HWY_RESTRICT weight, int n, uint16_t* HWY_RESTRICT
   });
 }
 
-// Rows of nodes, `stride` values apart.
+// The size of a map, and the number of values from one row of nodes to the next.
 struct Rows {
   int columns, rows, stride;
 };
 
-// Computes PhotoConsistency::deviation() of the nodes and a count of 1. Writes 0 and 0 for a deviation of NaN, or a
-// weight much less than `most`.
+// Computes the deviation of each node (see PhotoConsistency::deviation()), and a count of 1 for a valid deviation. The
+// results are 0 if the deviation is NaN or if the weight is much less than `most`, the largest weight of any hypothesis
+// at the node.
 void deviations(const PhotoConsistency& moments, const uint16_t* HWY_RESTRICT most, const Rows& of,
                 float* HWY_RESTRICT out, float* HWY_RESTRICT count) {
   for (int y = 0; y < of.rows; y++, most += of.columns, out += of.stride, count += of.stride) {
@@ -55,7 +56,8 @@ void deviations(const PhotoConsistency& moments, const uint16_t* HWY_RESTRICT mo
   }
 }
 
-// Sums 2 radius + 1 values, `step` apart, with the weights of a tent; the middle one is at `from`.
+// Applies a tent filter: sums 2 radius + 1 values, `step` apart, with linearly decreasing weights on both sides of the
+// value at `from`.
 void tent(const float* HWY_RESTRICT from, ptrdiff_t step, int radius, const Rows& of, float* HWY_RESTRICT out) {
   from -= radius * step;
   for (int y = 0; y < of.rows; y++, from += of.stride, out += of.stride)
@@ -69,7 +71,8 @@ void tent(const float* HWY_RESTRICT from, ptrdiff_t step, int radius, const Rows
     });
 }
 
-// Divides the sums by the counts; infinity where `counted` is 0. `out`: without gaps between rows.
+// Divides the filtered deviations by the filtered counts. The result is infinity where `counted` is 0. `out` has no
+// gaps between rows.
 void means(const float* HWY_RESTRICT sum, const float* HWY_RESTRICT count, const float* HWY_RESTRICT counted,
            const Rows& of, float* HWY_RESTRICT out) {
   for (int y = 0; y < of.rows; y++, out += of.columns) {
@@ -82,8 +85,8 @@ void means(const float* HWY_RESTRICT sum, const float* HWY_RESTRICT count, const
   }
 }
 
-// Computes the costs of a hypothesis. `plane`: scratch memory; pointers to the first nodes, with `radius` zeros around
-// the nodes.
+// Computes the costs of a hypothesis. `plane` points to temporary arrays, at the first node. Each has `radius` zeros
+// around the nodes.
 void costs_of(const PhotoConsistency& moments, const uint16_t* most, int radius, float* const plane[5], float* out) {
   const Rows of{moments.columns, moments.rows, moments.columns + 2 * radius};
   float *const value = plane[0], *const counted = plane[1], *const sums = plane[2], *const counts = plane[3];
@@ -95,7 +98,8 @@ void costs_of(const PhotoConsistency& moments, const uint16_t* most, int radius,
   means(value, plane[4], counted, of, out);
 }
 
-// Returns how many of n values have bits below `limit`. Non-negative floats are ordered like their bits.
+// Returns how many of n values are below the float with the bits `limit`. Non-negative floats have the same order as
+// their bits as integers.
 int count_below(const float* HWY_RESTRICT values, int n, int32_t limit) {
   const hn::ScalableTag<int32_t> all;
   auto counts = hn::Zero(all);
@@ -227,7 +231,8 @@ double median_of_finite(std::span<const float> values) {
   };
   const int finite = below(std::bit_cast<int32_t>(std::numeric_limits<float>::infinity()));
   if (finite == 0) return std::numeric_limits<double>::quiet_NaN();
-  // Finds, bit by bit, the largest number that at most half of the values are below.
+  // Determines the bits of the median from the highest: the largest number such that at most half of the values are
+  // below.
   int32_t bits = 0;
   for (int32_t bit = 1 << 30; bit != 0; bit >>= 1)
     if (below(bits | bit) <= finite / 2) bits |= bit;

@@ -8,19 +8,22 @@
 
 namespace lf {
 
-// Photo-consistency sums for a depth hypothesis: sums over the cameras of weight, weight x luma and weight x luma
-// squared, for each node of the focal map. They add like colour, through any number of partial sums. Their variance is
-// the disagreement of the cameras: the "moment" statistics of space-time stereo, without transmitting images.
+// The photo-consistency sums of a depth hypothesis, which show how well the cameras agree about the depth. At each node
+// of the focal map, they are the sums over the cameras of weight, weight x luma, and weight x luma squared. Their
+// variance is the disagreement of the cameras: it is small if the depth is right. Sums of several hosts can be added
+// like colours, so depths can be tested without transmitting images. The sums correspond to the "moment" statistics of
+// space-time stereo.
 //
-// The sums have 16 bits. Weights that sum to 1 cannot overflow; larger sums (of cameras counted twice) saturate. A
-// camera's contribution is computed in integers from its rounded weight, so weight and luma determine it completely.
+// The sums have 16 bits. Weights that add up to 1 cannot overflow. Larger sums, of cameras that are counted twice,
+// saturate. A camera's contribution is computed in integers from its rounded weight, so all machines get the same sums.
 struct PhotoConsistency {
   static constexpr int kWeightOne = 32768;  // weight 1
   static constexpr int kLumaOne = 128;      // weight 1 x luma 1 of 255
   int columns = 0, rows = 0;
   std::vector<uint16_t> weight, luma, square;  // row-major; square: 1 = weight 1 x luma 1 squared
 
-  // Contribution of a camera with this weight (kWeightOne = 1) and luma (0..255) to `luma`, and from that to `square`.
+  // Return the contribution of a camera to `luma`, from its weight (in units of 1 / kWeightOne) and luma (0 to 255),
+  // and from that result its contribution to `square`.
   static uint16_t luma_of(uint16_t weight, int value) { return static_cast<uint16_t>((weight * value + 128) >> 8); }
   static uint16_t square_of(uint16_t luma, int value) { return static_cast<uint16_t>((luma * value + 64) >> 7); }
 
@@ -28,34 +31,39 @@ struct PhotoConsistency {
   void add(const PhotoConsistency& other);  // adds sums of the same size
   // Adds the sums of a rectangle of nodes; its first node is at (column, row).
   void add(const PhotoConsistency& part, int column, int row);
-  // Returns the disagreement of the cameras at a node: the standard deviation of their luma, 0..127.5. NaN if less than
-  // half of the weight is present.
+  // Returns the disagreement of the cameras at a node: the standard deviation of their luma, 0 to 127.5. Returns NaN if
+  // less than half of the weight is present.
   float deviation(size_t node) const;
 };
 
-// Returns the light that a surface loses or adds relative to a plane: the squared difference of the mean luma, averaged
-// over the quarters of the picture, levels squared. Defocus spreads light but loses none: through the right surface, a
-// large part of the picture is as bright as through any plane. If cameras agree because all of them look past an
-// object, its light is missing, and only this measure shows that.
+// Returns how much light the picture through a surface loses or gains, compared with the picture through a plane. The
+// result is the squared difference of the mean luma, averaged over the quarters of the picture, in squared luma levels.
+// Defocus spreads light but loses none, so a large part of the picture is as bright through the right surface as
+// through any plane. If all cameras agree because they look past an object, the light of the object is missing. No
+// other measure detects such a surface.
 //
-// Uses nodes that all cameras see both ways, in quarters with at least a hundred such nodes; 0 without such quarters.
-// `chosen`: hypothesis of each node of the surface. `plane`: index of the plane's hypothesis.
+// The measure uses nodes that all cameras see both ways, in quarters with at least a hundred such nodes. It is 0 if
+// there are no such quarters. `chosen` is the index of each node's hypothesis, which together form the surface. `plane`
+// is the index of the plane's hypothesis. If `counted` is not empty, only nodes with a value of 1 count.
 double moved_light(std::span<const PhotoConsistency> hypotheses, std::span<const uint8_t> chosen, size_t plane,
                    std::span<const uint8_t> counted = {});
 
-// Comparisons for select_depths(), in SIMD: bit-identical with every instruction set.
+// The functions below compare hypotheses for select_depths(). They use SIMD and give the same bits with every
+// instruction set.
 
-// Returns, for each hypothesis and node, the mean deviation of the visible nodes within `radius`. Its weights are a
-// tent, which preserves edges better than a box. Infinity if the node is not visible, or if another hypothesis has
-// clearly more weight there, because fewer cameras always agree better. `moments`: at least one, all of the same size.
+// Returns the cost of each hypothesis at each node: the mean deviation of the visible nodes within `radius` nodes.
+// Nearer nodes have more weight (a tent filter), which preserves edges better than a box. The cost is infinite if the
+// node is not visible. It is also infinite if another hypothesis has clearly more weight at the node, because fewer
+// cameras always agree better. `moments` contains at least one element, and all have the same size.
 std::vector<std::vector<float>> hypothesis_costs(std::span<const PhotoConsistency> moments, int radius);
 
-// Returns the median of the finite values, the upper one of two; NaN if there are none. `values`: neither negative nor
-// NaN.
+// Returns the median of the finite values, or the upper one of two medians. Returns NaN if there are no finite values.
+// `values` must be neither negative nor NaN.
 double median_of_finite(std::span<const float> values);
 
-// Finds the hypothesis with the least cost at each node. All but the first cost `lead` more; the first wins a tie.
-// Writes its index to `chosen` and its cost (with the lead) to `best`.
+// Finds the hypothesis with the least cost at each node. The first hypothesis has an advantage: `lead` is added to the
+// cost of all other hypotheses. The first hypothesis also wins a tie. Writes the index of the winner to `chosen`, and
+// its cost with the lead to `best`.
 void cheapest_hypotheses(std::span<const std::vector<float>> costs, std::span<const float> lead, float* best,
                          uint8_t* chosen);
 

@@ -17,7 +17,7 @@ namespace lf {
 
 namespace {
 
-// The images of an array for one view, each fetched once, and the cameras' gains.
+// The images and gains of the cameras for one view of a static scene. Each image is fetched only once.
 class StillArray {
  public:
   StillArray(const Rig& rig, const Mesh& mesh, const CameraImages& images, ExposureCompensation* gains)
@@ -84,7 +84,8 @@ class StillArray {
   std::vector<WideLuma::Camera> seen_;
 };
 
-// Returns the mean squared deviation of two sums, at the nodes where both have one. NaN: there are no such nodes.
+// Returns the mean squared deviations of two sums, over the nodes where both have a deviation. Returns NaN if there are
+// no such nodes.
 std::pair<double, double> squared_deviations(const PhotoConsistency& a, const PhotoConsistency& b) {
   double sum_a = 0, sum_b = 0;
   size_t count = 0;

@@ -9,7 +9,7 @@ namespace lf {
 
 void apply_plan(const DepthEstimator::Plan& plan, ViewRequest& request) {
   const View& view = request.view;
-  // A mean of another size is useless.
+  // The mean belongs to another size of the view and cannot be used.
   if (view.width != plan.view.width || view.height != plan.view.height) request.gains.mean.clear();
   const bool serves = !request.hypotheses.empty() || request.gains.ask || !request.gains.mean.empty();
   if (plan.plane) request.view.focus.plane = *plan.plane;

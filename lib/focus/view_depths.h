@@ -8,41 +8,43 @@
 
 namespace lf {
 
-// The focal surface and the depth hypotheses for the next request of a view.
+// The result of the depth estimation, which a compositor sends back to the source of the requests: the focal surface,
+// the hypotheses and the exposure measurement of the view's next request.
 struct DepthEstimate {
   uint32_t sequence = 0;  // number of the request that the estimate is based on
   DepthEstimator::Plan plan;
-  GainRequest gains;  // brightness matching in the next request
+  GainRequest gains;  // measurement of brightness in the next request
 };
 
-// Adds the surface of a plan to a request of the same view, warped to the request's own view. The request has no map,
-// and already has its hypotheses and gains.
+// Adds the focal surface of a plan to a request of the same view. The viewpoint may have moved, so the surface is
+// warped to the request's view. The request must not have a map, and must already have its hypotheses and gains.
 void apply_plan(const DepthEstimator::Plan& plan, ViewRequest& request);
 
-// Adds the surface of the leading view to a request for another view of a set, warped to that view. The request uses
-// gains if the leader does, and gets no hypotheses.
+// Adds the focal surface of the leading view of a set, such as a stereo pair, to the request of another view of the
+// set. The surface is warped to this view. The request uses gains if the leader's does, and gets no hypotheses.
 void apply_reference_view(const ViewRequest& leader, ViewRequest& beside);
 
-// Returns the brightness matching for the next request of a view. `use`: gains are in use. `has_hypotheses`: the
-// request has hypotheses. `brightness`, `gains`: the mean for request `sequence`; it has no size if there is no
-// mean.
+// Returns the brightness measurement for the next request of a view. `use`: exposure gains are in use.
+// `has_hypotheses`: the next request has hypotheses. `brightness` and `gains` are the sums that answer the measurement
+// in request `sequence`; `brightness` has no size if there was no measurement.
 GainRequest next_gains(ExposureSchedule& turns, bool use, bool has_hypotheses, const PhotoConsistency& brightness,
                        const GainSum& gains, uint32_t sequence);
 
-// Focal surface and brightness of one view, for callers that wait for each answer before the next request. A plain
-// value without locks.
+// Keeps one view in focus and its cameras equally bright, for callers that wait for each answer before the next
+// request. Call apply() before each request, and take() with the answers. A plain value without locks.
 class ViewDepths {
  public:
-  // `match_gains`: matches the brightness of cameras where several contribute to the picture.
+  // If `match_gains` is true, exposure gains match the brightness of the cameras wherever several cameras contribute to
+  // the picture.
   explicit ViewDepths(const DepthEstimator::Settings& settings = {}, bool match_gains = false)
       : settings_(settings), match_gains_(match_gains), control_(settings) {}
 
   const DepthEstimator::Settings& settings() const { return settings_; }
   bool matches_gains() const { return match_gains_; }
-  // Adds the surface, warped to the request's view, and the hypotheses. The view has no map.
+  // Adds the focal surface, warped to the request's view, and the next hypotheses to a request without a map.
   void apply(ViewRequest& request);
-  // Answers to a request prepared by apply(). `moments`: the sums of its hypotheses, in their order; empty if there are
-  // none. `complete`: its picture was complete.
+  // The answers to a request that apply() has prepared. `moments` are the sums of its hypotheses, in their order; empty
+  // if it has none. `complete` is true if its picture was complete.
   struct Answers {
     std::vector<PhotoConsistency> moments;
     PhotoConsistency brightness;  // without size if there is none

@@ -19,8 +19,8 @@
 HWY_BEFORE_NAMESPACE();
 namespace lf::HWY_NAMESPACE {
 
-// Finds the nodes, out of `count`, with centres within `size` around `middle`, and the node that contains `middle`:
-// [first, past).
+// Computes the range [first, past) of nodes that a footprint covers, along one axis of a map with `count` nodes: nodes
+// with centres within `size` around `middle`, and the node that contains `middle`.
 template <class D>
 HWY_INLINE void span_of(D d, hn::Vec<D> middle, hn::Vec<D> size, double count, hn::Mask<D> seen, int32_t* first,
                         int32_t* past) {
@@ -49,7 +49,7 @@ void carry_row(const WarpedNodes::Geometry& of, const double* HWY_RESTRICT u_row
     };
     const auto level = hn::PromoteTo(d, hn::PromoteTo(d32, hn::LoadU(d8, levels + i)));
     const auto inverse = hn::Add(set(of.farthest), hn::Mul(set(of.range), hn::Div(level, set(FocalMap::kLevels))));
-    // As in CameraProjection, so that infinity needs no special case.
+    // The same formula as in CameraProjection, where infinity is no special case.
     const auto before = hn::Sub(set(1), hn::Mul(inverse, set(of.eye))), along = hn::Mul(inverse, times(of.normal));
     const auto moved = [&](int k) HWY_ATTR {
       return hn::Add(hn::Mul(before, times(of.to_from_view + 3 * k)), hn::Mul(along, set(of.offset[k])));
@@ -138,7 +138,8 @@ namespace {
 
 constexpr int kHole = -1;
 
-// Fills holes along a row from both sides. Returns false if the row consists of holes.
+// Fills the holes of a row with the farther of the two levels beside the hole. Returns false if the row consists of
+// holes only.
 bool fill_row(int* row, int columns) {
   const int* const end = row + columns;
   if (std::all_of(row, const_cast<int*>(end), [](int v) { return v == kHole; })) return false;
@@ -186,7 +187,8 @@ std::shared_ptr<const FocalMap> warp_depth_map(const View& from, const View& to)
     filled[j] = fill_row(levels.data() + static_cast<size_t>(j) * carried->columns, carried->columns);
   for (int j = 0; j < carried->rows; j++) {
     if (filled[j]) continue;
-    // Copies the nearest row with content; without any, everything is far.
+    // A row without any content is a copy of the nearest row with content. If there is no such row, all nodes are at
+    // the farthest depth.
     int nearest = kHole;
     for (int k = 0; k < carried->rows; k++)
       if (filled[k] && (nearest == kHole || std::abs(k - j) < std::abs(nearest - j))) nearest = k;
@@ -209,8 +211,8 @@ void LatestSurface::leaves(const std::vector<DepthHypothesis>& hypotheses, uint3
   underway_.pop_front();
 }
 
-// Removes and returns the entry of an answered request; nothing if unknown. Requests keep their order, so earlier
-// entries are lost.
+// Removes and returns the entry of an answered request. Returns nothing if the request is unknown. Requests are
+// answered in order, so earlier entries count as lost.
 std::optional<LatestSurface::Underway> LatestSurface::answered(const ViewRequest& request) {
   const auto left = std::ranges::find(underway_, request.hypotheses, &Underway::hypotheses);
   if (left == underway_.end()) return std::nullopt;

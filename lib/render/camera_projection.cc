@@ -33,8 +33,8 @@ CameraProjection::CameraProjection(const ViewPlan& plan, CameraIndex camera, con
 namespace {
 
 constexpr int kStep = 16;  // pixels of the view between sample points
-// Pixels beyond the sampled positions that are needed. Sampling reads two more pixels, chroma reads five, and
-// interpolated positions of the fast renderer are off by less than one pixel.
+// Margin around the projected positions, in pixels. Bilinear sampling reads two more pixels, chroma reads five, and the
+// fast renderer interpolates positions with an error of less than one pixel.
 constexpr int kReach = 6;
 
 // Calls call(x, y) for points along the border of `rect`, at most kStep apart, with the corners and finally the first
@@ -55,7 +55,7 @@ bool for_border(const Rect& rect, Call call) {
 
 constexpr FocalMap::LevelRange kNoLevels{0, 0};
 
-// The middle of a chroma sample may lie outside the rectangle.
+// Returns the range of levels in `rect`, with a margin, because the middle of a chroma sample may lie outside `rect`.
 FocalMap::LevelRange levels_in(const FocalMap& map, std::span<const uint8_t> levels, const Rect& rect) {
   return map.range_of(levels, rect.x0, rect.y0, rect.x1, rect.y1);
 }
@@ -76,7 +76,8 @@ Rect source_region(const ViewPlan& plan, const Rect& rect, CameraIndex camera, c
   Vec2 low(INFINITY), high(-INFINITY);
   double largest_step = 0;
   bool known = true;
-  // A position moves along a straight line between two distances.
+  // The point on a line of sight moves along a straight line in the image (the epipolar line) if its distance changes,
+  // so it is enough to project the smallest and the largest distance.
   double distances[2] = {0, 0};
   int num_distances = 1;
   if (const FocalMap* map = plan.view().focus.map.get(); map) {

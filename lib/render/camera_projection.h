@@ -15,8 +15,9 @@
 
 namespace lf {
 
-// Finds the position in a camera's image that belongs to a pixel of the view. The pixel's line of sight d meets the
-// focal surface (the surface that is sharp), and the camera sees that point through its lens.
+// Maps pixels of a view to positions in a camera's image, where the renderer then samples the pixel's colour. The
+// pixel's line of sight d meets the focal surface (the surface in focus) at a point, and the camera sees this point
+// through its lens.
 //
 // If the focal surface is a plane, it is (p . d) t = c in view coordinates, with X_view = t d and X_camera = R X_view +
 // T. Then

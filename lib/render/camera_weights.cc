@@ -89,7 +89,7 @@ constexpr double kFacing = 0.25;      // below this cosine a camera fades, becau
 
 constexpr double kLargest = 1e12;       // angle for cameras beyond the focus
 constexpr double kReach = 1 + 1. / 16;  // relative to the (k + 1)-th penalty
-// Penalty, relative to angles, of camera pixels that are larger than the view's pixels, because they blur.
+// Penalty of camera pixels that are larger than the view's pixels, because they blur. It is relative to the angles.
 constexpr double kBlur = 0.1;
 constexpr double kMargin = 0.05;  // relative to an image's smaller side; a camera fades within this margin
 // The weight outside the image is not 0, for an eye at the camera and for pixels that no other camera sees.

@@ -35,22 +35,24 @@ class WeightGrid {
     double weight;  // finite, at least 0; the scale does not matter
   };
 
-  // The pixels of a cell with weights: none, the pixels without a face of the mesh, or all pixels.
+  // The pixels of a cell that take their weights from the grid: no pixels, the pixels that no face of the mesh owns, or
+  // all pixels.
   enum CellUse : uint8_t { kUnused = 0, kUnowned = 1, kWhole = 2 };
 
-  // Creates an empty grid for a view. `cells` has the use of (columns() - 1) x (rows() - 1) cells, row by row. Empty:
-  // all cells have weights for the pixels that no face owns.
+  // Creates an empty grid for a view of this size. `cells` contains the CellUse of (columns() - 1) x (rows() - 1)
+  // cells, row by row. If `cells` is empty, all cells are kUnowned. Then call add_point() for each point.
   WeightGrid(int width, int height, size_t num_cameras, std::vector<uint8_t> cells = {});
   static int points(int pixels) { return (pixels + kStep - 1) / kStep + 1; }
   int columns() const { return columns_; }
   int rows() const { return rows_; }
 
-  // Adds the weights at the next point in row-major order. `shares` are ascending by camera, at most kMaxShares, with
-  // at least one positive weight. They are empty for a point that no cell with weights uses.
+  // Adds the weights at the next point, in row-major order. `shares` contains at most kMaxShares cameras, ascending,
+  // and at least one positive weight. It is empty for a point that no cell with weights uses.
   void add_point(std::span<const Share> shares);
 
-  // The running sums before a camera (`before`) and with the camera (`with`) at the corners of a grid cell. The corners
-  // are the points (i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1).
+  // The weight of one camera in a cell of the grid. It consists of the running sums at the four corners of the cell,
+  // before the camera is added (`before`) and after (`with`). The corners are the points (i, j), (i + 1, j), (i, j + 1)
+  // and (i + 1, j + 1).
   struct Cell {
     std::array<int32_t, 4> before, with;
 

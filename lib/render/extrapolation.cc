@@ -18,13 +18,13 @@ namespace {
 
 constexpr int kStep = WeightGrid::kStep;
 
-// The weights change from the mesh to the nearest cameras over a part of an edge's length. The change takes at least
-// two steps of the grid, because the grid cannot represent a faster change.
+// The weights change gradually from the cameras of the mesh to the nearest cameras, over this fraction of the length of
+// a border edge. The change takes at least two steps of the grid, because the grid cannot represent a faster change.
 constexpr double kFadingPixels = 2 * kStep;
 constexpr double kFadingPart = 0.25;
 
-// A gap begins much nearer to the edge of an image than the margin in which cameras of Blending::kAngle fade: at less
-// than a pixel. Views are often as wide as the images of the cameras.
+// Makes visibility fade much nearer to the edge of an image than for Blending::kAngle, within less than a pixel. Views
+// are often as wide as the images of the cameras, and would otherwise have gaps at their borders.
 constexpr double kSharper = 40;
 
 // The border of a mesh, in view coordinates relative to the eye.
@@ -58,7 +58,7 @@ class MeshBorder {
     for (const auto& [camera, strips] : strips_of_camera)
       if (strips.first == 1)
         parts_.push_back({camera, camera, place(camera), view_from_world * strips.second, forward(camera), true});
-    // The ends of a line of cameras have no length: its strips have.
+    // The border of a line of cameras consists of points. Take the distances between its cameras instead.
     if (lengths.empty())
       for (const MeshFace& face : mesh.faces)
         if (face.corners() == 2) lengths.push_back(glm::length(place(face.camera[1]) - place(face.camera[0])));
@@ -149,6 +149,7 @@ double limited_visibility(const CameraWeights& cameras, const LineOfSight& line,
   return seen;
 }
 
+// Computes the weights of the cameras at one point of the WeightGrid; see extrapolation.h.
 class Extrapolation {
  public:
   // `border` is only needed for pixels beside the mesh.
@@ -182,7 +183,8 @@ class Extrapolation {
   }
 
  private:
-  // Sets the weights of the nearest cameras, with this sum.
+  // Sets the weights of the nearest cameras, so that they add up to `sum`. Returns true if one of them sees the point
+  // in focus.
   bool set_nearest_cameras(const LineOfSight& line, double sum, Shares& shares) {
     const bool seen = by_angle_.at(line.ray, line.focus, shares) && std::isfinite(line.focus);
     const double now = std::accumulate(shares.begin(), shares.end(), 0.0,
@@ -200,6 +202,8 @@ class Extrapolation {
   CameraWeights by_angle_;
 };
 
+// Builds the WeightGrid of extrapolated_weights(). First finds the cells that need it: cells beside the mesh, and cells
+// with gaps. Then computes the weights at their corners.
 class GridInProgress {
  public:
   GridInProgress(const ViewPlan& plan, const FaceRuns& runs)

@@ -10,25 +10,27 @@
 
 namespace lf {
 
-// Weights for the parts of a view that the camera mesh cannot show. Instead of staying empty, such pixels are
-// extrapolated from the nearest cameras, which are the cameras of Blending::kAngle with kExtrapolationCameras cameras.
+// Extrapolation fills the parts of a view that the camera mesh cannot show. Instead of staying empty, these pixels are
+// blended from the kExtrapolationCameras cameras with the most similar directions, with the weights of Blending::kAngle
+// ("nearest cameras" below).
 //
-// Beside the mesh: lines of sight that pass through no face, for example because the viewer has moved out of the array.
-// At the border of the mesh the weights equal the weights of the mesh, which are the linear interpolation between the
-// two cameras of the border edge. With increasing distance d of the line of sight from the border, the share of the
-// nearest cameras grows as smoothstep(d / length). The length is a quarter of the median length of
-// the border edges, but at least 32 pixels of the view at the depth of the border.
+// Lines of sight beside the mesh pass through no face, for example because the viewer has moved out of the array. At
+// the border of the mesh, the weights equal the weights of the mesh, which are the linear interpolation between the two
+// cameras of the border edge. The share of the nearest cameras grows with the distance d of the line of sight from the
+// border, as smoothstep(d / length). The length is a quarter of the median length of the border edges, but at least 32
+// pixels of the view at the depth of the border.
 //
-// In gaps (Blending::fills_gaps): lines of sight with cameras of the mesh that do not see the point in focus, for
-// example in a view from in front of the array. Let v be the mean of min(40 b, 1) over these cameras, by weight, with
-// b = CameraWeights::visibility(). The cameras of the mesh keep smoothstep(v / kEnoughVisibility) of their share at each
-// point of the WeightGrid. Cells with a gap are extrapolated as a whole.
+// In gaps (Blending::fills_gaps), the cameras of the mesh do not see the point in focus, for example in a view from in
+// front of the array. Let v be the mean of min(40 b, 1) over these cameras, by weight, where b =
+// CameraWeights::visibility(). At each point of the WeightGrid, the cameras of the mesh keep the fraction smoothstep(v
+// / kEnoughVisibility) of their weight, and the nearest cameras get the rest. Cells with a gap are extrapolated as a
+// whole.
 inline constexpr int kExtrapolationCameras = 8;
 inline constexpr double kEnoughVisibility = 0.25;
 
 // Returns the weights of the cameras in all pixels that must be extrapolated. Returns null if there are none, or if no
-// camera sees any of them, for example because the view looks away from the array. `plan` has the faces of the mesh, and
-// `runs` their owners in the whole view.
+// camera sees any of them, for example because the view looks away from the array. `plan` has the faces of the mesh,
+// and `runs` their owners in the whole view.
 std::shared_ptr<const WeightGrid> extrapolated_weights(const Rig& rig, const Mesh& mesh, const ViewPlan& plan,
                                                        const FaceRuns& runs, const ParallelFor& parallel);
 

@@ -38,7 +38,8 @@ bool positive_over(const Vec3& h, const Rays& rays, const Rect& rect) {
   return true;
 }
 
-// Along row v, an edge function changes its sign at x = offset + slope * v.
+// The place where an edge function changes its sign, for finding the pixels of a face row by row. Along row v, the sign
+// changes at x = offset + slope * v.
 class EdgeCrossing {
  public:
   EdgeCrossing(const Vec3& edge, const Rays& rays) : edge_(edge), rays_(&rays) {
@@ -49,8 +50,8 @@ class EdgeCrossing {
     slope_ = edge.y * scale;
   }
 
-  // Clips many rows at once to sign * e >= 0. `v` are the rows, and [x0, x1) their intervals. Rows are marked as
-  // unclear if find() must evaluate the edge function.
+  // Clips the intervals [x0, x1) of many rows to the pixels with sign * e >= 0. `v` are the rows. If rounding could
+  // change the result of a row, the row is marked in `unclear`, and find() must evaluate the edge function.
   void clip_rows(int sign, std::span<const double> v, int* x0, int* x1, uint8_t* unclear) const {
     if (edge_.x == 0) {
       for (size_t i = 0; i < v.size(); i++)
@@ -227,7 +228,7 @@ void find_runs(const ViewPlan& plan, const FacePlan& face, const Rect& rect, con
 std::vector<FaceRuns::Found> FaceRuns::find(const ViewPlan& plan, const Rect& band) const {
   std::vector<Found> found;
   found.reserve(4 * static_cast<size_t>(band.height()) * 8);
-  // Earlier runs win, so whole cells of the grid come first. The face of the grid has the last index.
+  // Runs that are inserted first win, so the whole cells of the grid come first. They belong to the last face.
   if (const WeightGrid* const grid = plan.blend(); grid && grid->has_whole_cells()) {
     const size_t last = plan.faces().size() - 1;
     find_runs(plan, plan.faces()[last], intersect(plan.faces()[last].rect, band), [&](int y, int x0, int x1) {

@@ -23,19 +23,19 @@ struct FaceRun {
   bool operator==(const FaceRun&) const = default;
 };
 
-// Finds for each pixel of a region the face (triangle of the camera mesh) that owns the pixel. The corners of this face
-// are the cameras that the pixel is blended from. The owner is the lowest-numbered face that contains the pixel's line
-// of sight and has cameras that look in its direction. An exception are the cells that ViewPlan::blend() has as a whole,
-// which belong to the face without corners. A pixel has no owner if its line of sight does not meet the focal surface in
-// front of the eye.
+// Finds for each pixel of a region the face (triangle of the camera mesh) that owns the pixel. The pixel is blended
+// from the cameras at the corners of this face. The owner is the lowest-numbered face that contains the pixel's line of
+// sight and has cameras that look in its direction. Cells of the WeightGrid ViewPlan::blend() that are used as a whole
+// are an exception: their pixels belong to the face without corners. A pixel has no owner if its line of sight does not
+// meet the focal surface in front of the eye.
 //
 // Several faces can contain a pixel if the mesh folds. All hosts must then choose the same owner, so the search among
 // all faces is exact. It also takes less time than testing the faces around each camera.
 //
 // Edge functions are linear along a row, so the pixels of a face form one run, or two if the triangle straddles the
-// eye's plane. The cost therefore grows with the number of rows and not with the number of pixels. The ends of runs
-// equal an exact evaluation of the edge functions at the pixels, so the result for a pixel does not depend on the
-// region.
+// eye's plane. The cost therefore grows with the number of rows and not with the number of pixels. The ends of the runs
+// are the same as if the edge functions were evaluated exactly at each pixel, so the owner of a pixel does not depend
+// on the region.
 class FaceRuns {
  public:
   // Finds the owners of the pixels in `region`. `parallel` speeds up views with lens distortion, which are scanned

@@ -50,8 +50,9 @@ Rig with_lenses(Rig rig, double f, double shift) {
 std::optional<double> focus_distance_of(const Rig& rig, double f) {
   const double baseline = neighbour_distance(rig);
   if (!std::isfinite(baseline)) return std::nullopt;
-  // A plane sweep only covers distances in front of the cameras. All possible distances come into this range if the
-  // images are shifted as if they converged nearby.
+  // Disparities between neighbouring images can have either sign, because the images may be shifted, but a plane sweep
+  // only covers one sign. An additional shift, as if the cameras converged nearby, brings all possible disparities into
+  // the range of the sweep. It is subtracted from the result.
   const double shift = kSweep * rig.cameras[0].width / baseline;
   const Rig swept = with_lenses(rig, f, shift);
   StillImageCache images(swept);

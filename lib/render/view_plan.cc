@@ -136,7 +136,8 @@ void RegionBounds::Tile::add(const Tile& other) {
   high = {std::max(high.x, other.high.x), std::max(high.y, other.high.y)};
 }
 
-// The maximum of a linear function over a box is at a corner.
+// Returns false only if the tile is completely outside a half-space. It is enough to test the corner of the tile's
+// bounds with the largest value of the linear function.
 bool RegionBounds::Tile::may_contain(std::span<const Vec3> half_planes) const {
   return std::ranges::all_of(half_planes, [this](const Vec3& h) {
     const double u = h.x > 0 ? high.x : low.x, v = h.y > 0 ? high.y : low.y;
@@ -275,7 +276,8 @@ FacePlan plan_face(const CamerasInView& cameras, const MeshFace& face, uint32_t 
       plan.edge[2] = cameras.edge(a, b);
       break;
     case 2:
-      // The limit of a triangle with its third corner infinitely far away in both directions of `extent`.
+      // A strip between two cameras is the limit of a triangle with its third corner infinitely far away, in both
+      // directions of `extent`.
       plan.edge[0] = -cameras.strip_edge(b, face.extent);
       plan.edge[1] = cameras.strip_edge(a, face.extent);
       break;

@@ -40,16 +40,19 @@ class Rays {
   std::shared_ptr<const Vec2[]> table_;  // row-major; null for a pinhole lens
 };
 
-// Finds which part of a view can show a region that is bounded by planes through the eye. Each plane is a half-space h,
-// and a pixel with the line of sight d = (u, v, 1) is inside if h . d >= 0 for all planes.
+// Computes the bounding rectangle, in pixels of a view, of a region such as a mesh face, so that the renderer only
+// visits pixels that can show the region. Planes through the eye bound the region: a pixel with the line of sight d =
+// (u, v, 1) is inside if h . d >= 0 for the normal h of each plane.
 class RegionBounds {
  public:
-  // `rays` and `lens` belong to the view, and `rays` must outlive this object. `parallel` visits the pixels of a
-  // distorted view.
+  // Prepares the search for a view with these lines of sight, lens and size. For a distorted lens, the constructor
+  // computes the bounds of the lines of sight in tiles of the view; `parallel` divides this work among threads. The
+  // arguments are read only during the call.
   RegionBounds(const Rays& rays, const Lens& lens, int width, int height, const ParallelFor& parallel = serial_for);
 
-  // Returns bounds that contain every pixel inside all half-spaces, even after rounding. The bounds are tight for
-  // pinhole lenses. For distorted lenses, they consist of whole tiles.
+  // Returns a rectangle that contains every pixel inside all half-spaces, even after rounding. `half_planes` are the
+  // normals h. The rectangle is tight for pinhole lenses. For distorted lenses, it consists of whole tiles. It may be
+  // empty.
   Rect bound(std::span<const Vec3> half_planes) const;
 
  private:
@@ -59,7 +62,7 @@ class RegionBounds {
     bool may_contain(std::span<const Vec3> half_planes) const;
     void add(const Tile& other);
   };
-  // A square of tiles. One test can reject the whole square.
+  // A square of 8x8 tiles. If the square as a whole is outside a half-space, its tiles need no tests.
   struct Block {
     Tile whole;
     size_t first, past;
@@ -125,9 +128,10 @@ class ViewPlan {
   // Returns the cameras that contribute to the view (with a non-empty camera_rect()), in ascending order.
   std::vector<CameraIndex> contributors() const;
 
-  // Define the depth in focus: a line of sight d meets the focal plane at the factor t > 0 with (focal_normal . d) t =
-  // focal_offset, in view coordinates. If there is a focal map (a depth for each part of the view), (focal_normal . d)
-  // t = 1 / inverse distance - eye_distance, and focal_offset is 1.
+  // The following functions describe the focal surface, the surface that the view shows in focus. A line of sight d in
+  // view coordinates meets a focal plane at the point t d with t > 0 and (focal_normal . d) t = focal_offset. A focal
+  // map gives an inverse distance for each part of the view. Then t follows from (focal_normal . d) t = 1 / inverse
+  // distance - eye_distance, and focal_offset is 1.
   const Vec3& focal_normal() const { return focal_normal_; }
   double focal_offset() const { return focal_offset_; }
   double eye_distance() const { return eye_distance_; }  // metres from the eye to the origin of distances
@@ -171,6 +175,8 @@ struct ViewWarp {
   bool operator==(const ViewWarp&) const = default;
 };
 
+// Exports a plan for cameras without the rig. The view of the plan must have a focal plane instead of a map, because a
+// map has no single homography per camera. `rig` must be the rig of the plan.
 ViewWarp view_warp(const Rig& rig, const ViewPlan& plan);
 
 // Checks a warp from an untrusted source. Throws Error with the invalid field for bad sizes, for numbers that are not

@@ -44,9 +44,10 @@ class Context {
   const std::string& device() const { return device_; }
   bool is_software() const { return software_; }
 
+  // Returns true if the driver supports the extension, for example "GL_EXT_disjoint_timer_query".
   bool has_extension(std::string_view name) const;
 
-  // Returns 0 if the context has its own display.
+  // Returns the group of contexts that share textures with this context, or 0 if the context has its own display.
   ShareGroup group() const { return external_.group; }
 
   // Runs a job while the context is current. Jobs run one at a time, and their exceptions propagate. Returns false if

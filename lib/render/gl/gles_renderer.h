@@ -26,6 +26,7 @@ class ImageAtlas;
 class Programs;
 struct SumReadback;
 
+// A sum that has been read back from the GPU, in 16-bit samples as in SumPlanes.
 struct ReadbackBuffer {
   PixelFamily family = PixelFamily::kNone;
   Rect rect;
@@ -42,9 +43,11 @@ struct ReadbackBuffer {
   bool copy_rows(int y0, int y1, const SumPlanes& out) const;
 };
 
+// Input and result of rendering one sum, for GlesRenderer::draw().
 struct GlesJob {
-  // `rect` contains the rectangles of all slots (cameras of the task). For kI420, or if `stays`, its edges are even,
-  // except at the view's right and lower edge. `sources` are the images that the task was made from.
+  // `rect` is the part of the view to render. It contains the rectangles of all slots (cameras of the task). For kI420,
+  // or if `stays`, its edges are even, except at the view's right and lower edge. `sources` are the images that the
+  // task was made from.
   const simd::SumTask* task = nullptr;
   std::span<const Source> sources;
   Rect rect;
@@ -55,11 +58,12 @@ struct GlesJob {
   std::string why_not;             // reason for failure; empty on success
 };
 
-// The input for photo-consistency sums (focus/photo_consistency.h), which show how well cameras agree about guessed
-// depths. The view has a focal map and one pixel for each map node. The cameras are sampled through several surfaces.
+// Input of GlesRenderer::draw_consistency(): the depth hypotheses to test, and the view. The result are
+// photo-consistency sums (focus/photo_consistency.h), which show how well the cameras agree about the depths. The view
+// has a focal map and one pixel for each node of the map.
 struct ConsistencyTask {
   const simd::SumTask& sums;                       // always blended by the mesh
-  std::span<const std::vector<uint8_t>> surfaces;  // for each surface, the inverse distances of the map nodes as levels
+  std::span<const std::vector<uint8_t>> surfaces;  // for each hypothesis, the level of each node
   // for each slot, the side of the box over which luma is averaged; even, pixels
   std::span<const int> boxes;
 };
@@ -78,9 +82,9 @@ struct ConsistencyReadback {
 };
 
 // Renders sums on a GPU with compute shaders. Positions, weights and samples are computed in float, and each sum is
-// rounded once. Float is not always sufficient, so the CPU does a part of the work in double precision. It determines
-// the face of each pixel. It also renders pixels if float cannot locate a sample accurately, or cannot decide whether
-// it is missing. Therefore every view has the error bounds of SumRenderer.
+// rounded once. The CPU helps in double precision where float is not precise enough, so that every view has the error
+// bounds of SumRenderer. The CPU determines which face of the mesh owns each pixel. It also renders a pixel if float
+// cannot locate a sample accurately, or cannot decide whether the camera sees the point.
 class GlesRenderer : public std::enable_shared_from_this<GlesRenderer> {
  public:
   // Creates a renderer on the best GPU of this machine. If no GPU is suitable (or no driver at all, with
@@ -157,11 +161,13 @@ class GlesRenderer : public std::enable_shared_from_this<GlesRenderer> {
   std::atomic<uint64_t> drawn_ns_ = 0;
 };
 
-// Computes in double precision the samples that the GPU left undecided: pixels with missing weight kUndecided, and
-// chroma samples kChromaUndecided. Returns the number of these samples. `sources` are the images that the task was made
-// from; images on the GPU are downloaded when needed.
+// Completes a sum that was read back: computes in double precision the samples that the GPU left undecided, because
+// float could not tell whether a camera sees the point. The GPU marks such pixels with the missing weight kUndecided,
+// and such chroma samples with kChromaUndecided. Returns the number of these samples. `sources` are the images that the
+// task was made from; images on the GPU are downloaded when needed.
 size_t cpu_fixup(const simd::SumTask& task, std::span<const Source> sources, ReadbackBuffer& sum);
 
+// Returns the number of samples that cpu_fixup() would compute.
 size_t undecided_samples(const ReadbackBuffer& sum);
 
 }  // namespace lf::gl

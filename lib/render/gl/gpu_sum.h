@@ -23,7 +23,7 @@ class Buffer;
 class Programs;
 class GlesRenderer;
 
-// Describes an 8-bit picture in GPU textures, into which a sum is converted.
+// Describes an 8-bit picture in GPU textures. GpuSum::draw() converts a sum to such a picture.
 struct GpuPicture {
   // Byte order of kRgb pixels. A fourth byte becomes 255.
   RgbLayout layout;

@@ -19,12 +19,14 @@
 
 namespace lf::gl {
 
-// Copies regions of images that are already on the GPU into the upload buffer of a pass's texture. It also divides and
-// sharpens them according to their GpuPixels, bit-identical to the CPU. The context must be current for all calls.
+// Puts camera images that are already on the GPU, for example from a hardware decoder, into the texture of a pass
+// without a download. It copies regions of the images to the buffer that the texture is then uploaded from. It also
+// divides and sharpens them according to their GpuPixels, with the same bits as on the CPU. The context must be current
+// for all calls.
 class TextureStager {
  public:
-  // Number of samples that an invocation writes at once. Regions of planes with one byte per pixel begin at whole
-  // words.
+  // Number of one-byte samples that a shader invocation writes at once, as a 32-bit word. In planes with one byte per
+  // pixel, regions therefore begin at whole words.
   static constexpr int kWord = 4;
 
   TextureStager() = default;
@@ -35,13 +37,15 @@ class TextureStager {
   // Starts filling a buffer of `bytes` bytes, until end(). On failure, returns false and sets `why` to the reason.
   bool begin(size_t bytes, Programs& programs, std::string& why);
   GLuint name() const { return bytes_.name(); }
-  // Region `part` of a plane of width x height pixels. After each row, up to one word of further pixels may be written.
+  // Region `part` of a plane with width x height pixels, and its place in the buffer. Up to one word beyond the end of
+  // each row may be overwritten.
   struct Plane {
     int index, width, height;
     Rect part;
     size_t first;  // index of the word for the first pixel of `part`
     int row;       // words from row to row
   };
+  // Copies a region of the image, between begin() and end().
   void copy(const ImageView& image, const Plane& plane);
   void end();
 
@@ -51,6 +55,7 @@ class TextureStager {
   const Program* program_ = nullptr;
 };
 
+// A view to render in a pass, with its cameras.
 struct GlesView {
   const simd::SumTask* task = nullptr;
   std::span<const Source> sources;  // images that the task was made from
@@ -63,16 +68,17 @@ struct NeededPixels {
   bool colours = true;
 };
 
-// A texture that contains the regions of camera images that the views of a pass need. GPUs are slow with many small
-// uploads, so the texture is uploaded at once. If the mesh blends, it is a few times as large as a view, regardless of
-// the number and size of the images. Otherwise its size grows with the number of cameras per pixel. An image that
-// several views need occurs once, with the union of their regions. Regions of images on the GPU are copied there.
+// A texture with the regions of camera images that the views of a pass need. GPUs are slow with many small uploads, so
+// all regions are in one texture and uploaded at once. If views are blended by the mesh, the texture is a few times as
+// large as a view, regardless of the number and size of the images. Otherwise its size grows with the number of cameras
+// per pixel. An image that several views need is uploaded only once, with the union of the regions. Images that are
+// already on the GPU are copied there.
 //
 // Calls need no context unless stated otherwise, so that the slow part, fill(), can run while the GPU renders another
 // pass.
 //
-// Samples are bytes. In kI420, the luma regions are at the top. Below are the Cb regions and, to their right, the Cr
-// regions, in the same arrangement at half the size, if colours are needed.
+// Samples are bytes. In kI420, the luma regions are at the top. If colours are needed, the Cb regions are below and the
+// Cr regions to the right of the Cb regions, both in the same arrangement at half the size.
 class ImageAtlas {
  public:
   static constexpr size_t kMaxBytes = 512'000'000;

@@ -15,10 +15,10 @@
 #include "base/memory.h"
 #include "render/gl/sum_shader.h"
 
-// OpenGL objects of GlesRenderer. The context must be current for all calls.
+// Wrappers of the OpenGL objects that GlesRenderer uses. The context must be current for all calls.
 namespace lf::gl {
 
-// A texture that is reallocated only to grow.
+// A texture that is only reallocated if a larger size is needed.
 class Texture {
  public:
   Texture() = default;
@@ -55,8 +55,8 @@ class Texture {
   int width_ = 0, height_ = 0;
 };
 
-// A buffer that is reallocated only to grow. kUpload and kRead buffers stay mapped if the driver has EXT_buffer_storage
-// or ARB_buffer_storage.
+// A buffer that is only reallocated if a larger size is needed. kUpload and kRead buffers stay mapped, which saves
+// copies, if the driver has EXT_buffer_storage or ARB_buffer_storage.
 class Buffer {
  public:
   // kTables is for small tables that change now and then, kUpload for texture uploads, kComputed for results of the
@@ -68,13 +68,13 @@ class Buffer {
   ~Buffer() {
     if (name_) glDeleteBuffers(1, &name_);
   }
-  // Makes room. The contents are lost if the buffer grows.
+  // Makes room for at least `bytes` bytes. The contents are lost if the buffer grows.
   void reserve(size_t bytes);
   // Replaces `bytes` bytes from byte `first` on. Only for kTables.
   void put(size_t first, const void* from, size_t bytes);
   GLuint name() const { return name_; }
   size_t bytes() const { return bytes_; }
-  // Returns null if the buffer is not mapped, so that OpenGL calls are needed.
+  // Returns the mapped memory, or null if the buffer is not mapped and must be accessed with OpenGL calls.
   uint8_t* memory() const { return memory_; }
 
  private:
@@ -89,13 +89,14 @@ class Buffer {
 class UploadTexture {
  public:
   void reserve(size_t bytes);
-  // Returns true if room() has at least this many bytes. has_room() and room() need no context. Fill room() before
-  // send().
+  // Returns true if the upload memory, room(), has at least this many bytes. has_room() and room() need no context.
+  // Write the pixels to room() before send().
   bool has_room(size_t bytes) const { return buffer_.bytes() >= bytes; }
   uint8_t* room() { return buffer_.memory() ? buffer_.memory() : memory_.data(); }
   // Uploads the contents of room() as packed rows, and binds the texture, which may be larger unless `exact`. If `from`
   // is not 0, uploads that buffer instead of room().
   void send(int unit, GLenum internal_format, GLenum format, int width, int height, bool exact, GLuint from = 0);
+  // Copies the first bytes of room() to another OpenGL buffer.
   void copy_to(GLuint buffer, size_t bytes);
 
  private:
@@ -104,6 +105,7 @@ class UploadTexture {
   std::vector<uint8_t> memory_;  // upload memory if the driver has no mapped buffers
 };
 
+// Texture units of the shaders.
 enum Unit { kLevels, kRays, kCentreRays, kImages, kTargets, kGpuImage };
 
 // Measures the GPU time between begin() and end() if the driver supports GL_EXT_disjoint_timer_query.
@@ -136,12 +138,14 @@ class GpuTimer {
   bool used_ = false;
 };
 
+// A compiled shader program, with the locations of its uniforms; -1 if the program does not have the uniform.
 struct Program {
   GLuint name = 0;
   GLint origin = -1, size = -1, extent = -1, chroma_places = -1, parts = -1, missing_rows = -1;
   GLint planes = -1, byte_levels = -1, background = -1, channels = -1;
 };
 
+// Compiles shader programs on first use, and keeps the compiled programs.
 class Programs {
  public:
   Programs() = default;

@@ -185,9 +185,9 @@ Rect cells_of(const Rect& rect) {
 
 size_t area(const Rect& rect) { return static_cast<size_t>(rect.width()) * rect.height(); }
 
-// Makes the cells of a view that is blended by a WeightGrid; does nothing for other views. The first words are, for
-// each cell with pixels in `rect` row by row, the index of its first camera. Then come the end of the last cell, and
-// kCellWords for each camera.
+// Encodes the WeightGrid cells in `rect` as words for the shaders; does nothing for views without a WeightGrid. First
+// comes one word for each cell, row by row: the index of its first camera. The next word is the end of the last cell.
+// Then come kCellWords words for each camera of each cell.
 void make_cells(const simd::SumTask& task, const Rect& rect, const ParallelFor& parallel,
                 std::vector<uint32_t>& values) {
   values.clear();

@@ -19,20 +19,20 @@
 
 namespace lf::gl {
 
-// Returns the program that renders the task's faces. The caller must set its output.
+// Returns the properties of the shader program that can render the task. The caller must set its output.
 SumProgram program_of(const simd::SumTask& task);
-// Returns the number of rows of face_texels() in the tables of the task: one for each face of the plan or, if the view
-// is blended by a WeightGrid, one for each slot.
+// Returns the number of rows in the tables of the task; see FaceTexel. There is one row for each face of the plan and,
+// if the view has a WeightGrid, another row for each slot.
 size_t table_rows(const simd::SumTask& task);
-// Returns an upper bound of the number of words for the WeightGrid cells in `rect`.
+// Returns an upper bound of the number of 32-bit words for the WeightGrid cells in `rect`; see make_cells().
 size_t most_of_cells(const simd::SumTask& task, const Rect& rect);
 
-// Input tables of the compute shaders for the views of a pass: the faces of pixels or the weights of cells, and the
-// tables of faces that sum_shader.h defines.
+// Makes the tables that the compute shaders read for the views of a pass: which face owns each pixel, the weights of
+// WeightGrid cells, and the geometry of each face and its cameras (sum_shader.h).
 class PassTables {
  public:
-  // Makes the tables of views. `atlas` must have laid out their images. Needs no context. `boxes` are for a single
-  // view: for each of its slots, see kCornerPerFrom.
+  // Makes the tables. `atlas` must have laid out the images of the views. `boxes` are for photo-consistency sums of a
+  // single view; see kCornerPerFrom. There is one for each slot of the view. Needs no context.
   void make(std::span<const GlesView> views, const ImageAtlas& atlas, const ParallelFor& parallel,
             std::span<const int> boxes = {});
   // Sets the words of kViewResult, which contain the location of the view's sum.
@@ -53,6 +53,7 @@ class PassTables {
   std::vector<View> views_;
 };
 
+// The CPU memory of one pass: the images and tables of the views that the GPU renders together.
 struct Pass {
   ImageAtlas atlas;
   PassTables numbers;

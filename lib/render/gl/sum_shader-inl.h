@@ -3,10 +3,17 @@
 
 #include <string_view>
 
-// Sources of the compute shaders for sums and photo-consistency sums, combined by compute_shader().
+// Sources of the compute shaders for sums and photo-consistency sums. compute_shader() combines them, after a header
+// that defines the constants in capitals.
+//
+// The shaders compute in float. They also bound the error of float if CAREFUL is defined. If the error could change the
+// result by more than the allowed error, the sample is undecided: `doubt` becomes true, and DOUBT (kUndecided) or
+// CHROMA_DOUBT (kChromaUndecided) is written instead of a sum. The CPU then computes the sample in double precision
+// (see cpu_fixup()).
 namespace lf::gl {
 
-// The rendering rule of docs/architecture.md. CAREFUL also bounds the errors of float.
+// The rendering rule of docs/architecture.md, which all shaders share: weights in a face, projection into a camera, and
+// bilinear samples.
 inline constexpr std::string_view kRule = R"(
 precision highp float;
 precision highp int;
@@ -191,7 +198,7 @@ vec2 chroma_at(int k, vec2 position) {
 uint bits(float value) { return uint(int(floor(value + 0.5))) & 0xffffu; }
 )";
 
-// Follows the rule: selects the view, and finds the face of a pixel.
+// Appended to kRule: selects the view of the pass, and finds the face that owns a pixel.
 inline constexpr std::string_view kRuns = R"(
 layout(local_size_x = GROUP, local_size_y = GROUP) in;
 
@@ -243,7 +250,9 @@ vec2 from_anchor(ivec2 at) {
 }
 )";
 
-// Follows the rule and kRuns in the shader of BlockSums. An invocation computes and writes 2x2 pixels and their chroma.
+// Appended to kRule and kRuns in the shader of BlockSums: writes the sum of a block. An invocation computes 2x2 pixels
+// and their chroma. In write_block(), `sums` are in units of 1/128 level, `chroma` in levels, and `missing_of` is the
+// missing weight in units of 1/32768 or DOUBT.
 inline constexpr std::string_view kBlocks = R"(
 // The sums of all views, with the layout of BlockSum::Parts at the offsets in of_result. missing_rows has the number of
 // the draw if a row of blocks has missing weight or undecided samples, undecided_rows if it has undecided samples.
@@ -285,7 +294,10 @@ void write_block(ivec2 first, vec3 sums[4], uint missing_of[4], vec2 chroma, boo
 }
 )";
 
-// Pixels of the face without corners: each from all cameras of its cell of the WeightGrid.
+// Renders the pixels of views, or parts of views, that take their weights from a WeightGrid. Any number of cameras can
+// contribute to a pixel. The argument `camera` of weight_in() is the position in the buffer `runs` of the kCellWords
+// words that describe a camera in the cell. The result is the camera's weight in pixel `at` of the cell, in units of
+// 1/32768.
 inline constexpr std::string_view kBlockOfCells = R"(
 #ifdef CELLS
 // WeightGrid::Cell::weight() of a camera in pixel `at` of the cell. `camera`: index of the camera's words in `runs`.
@@ -353,7 +365,8 @@ void add_cells(ivec2 first, bool in_cells[4], inout vec3 sums[4], inout uint mis
 #endif
 )";
 
-// Pixels of the mesh: each from the cameras of its face.
+// Renders the pixels of the mesh. Each pixel is blended from the cameras at the corners of the face that owns the
+// pixel.
 inline constexpr std::string_view kBlockOfFaces = R"(
 // Computes the sum of a pixel and its missing weight or DOUBT. Returns the weights of the face's cameras, 0 for cameras
 // that do not see the pixel.
@@ -440,8 +453,8 @@ void main() {
 }
 )";
 
-// Follows the rule and kRuns in the shader of ConsistencySums. An invocation computes two adjacent nodes through one
-// surface.
+// Appended to kRule and kRuns in the shader of ConsistencySums: tests depth hypotheses. An invocation computes the sums
+// of two adjacent nodes of the map through one hypothesis (called a surface here).
 inline constexpr std::string_view kConsistency = R"(
 // Levels of the nodes for each surface, four per word. Each row begins at a whole word.
 layout(std430, binding = SURFACES) readonly buffer Surfaces { uint surfaces[]; };

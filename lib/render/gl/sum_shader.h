@@ -10,6 +10,7 @@
 // of every branch.
 namespace lf::gl {
 
+// The properties of a shader program. compute_shader() generates its text.
 struct SumProgram {
   // The result of the program:
   //   kBlocksRgb, kBlocksI420: a whole sum. If float cannot decide whether a sample is missing, or cannot determine its
@@ -36,16 +37,21 @@ struct SumProgram {
 
   auto operator<=>(const SumProgram&) const = default;
 };
+// Markers in a sum for samples that float cannot decide; the CPU then computes them (see cpu_fixup()). kUndecided is a
+// missing weight, and kChromaUndecided a value of Cb. The shaders call them DOUBT and CHROMA_DOUBT.
 inline constexpr int kUndecided = 0xffff, kChromaUndecided = 0x8000;
 
-// The table `tables` has a row of texels with four components for each face. Views with a WeightGrid have a row for
-// each slot instead, with the camera in the first corner.
+// The layout of the shaders' buffer `tables`, which contains the geometry of faces and cameras. It has one row for each
+// face of the mesh, and a row consists of texels of four floats. Views with a WeightGrid also have a row for each slot,
+// with the slot's camera in the first corner.
 enum FaceTexel {
-  // x, y: origin of the row's pixels (or lines of sight, if has_rays); w: origin of inverse distances, as a level
+  // x, y: the pixel (or the line of sight, if has_rays) that all positions in the row are relative to, so that float is
+  // precise enough; w: the level that inverse distances are relative to
   kFaceAnchor,
   kFaceEdge,  // three texels: edge function k is x i + y j + z; w is 1 if the camera in that corner is local
   kFaceCorners = kFaceEdge + 3
 };
+// Texels of each corner of a face: the camera's projection and image.
 enum CornerTexel {
   kCornerFrom,   // ProjectionTerms::from; w: x of the image's offset in the atlas
   kCornerAlong,  // ProjectionTerms::along; w: CornerFlags
@@ -54,7 +60,8 @@ enum CornerTexel {
   kCornerDistortion,
   kCornerImage,  // width and height of the image in pixels, largest squared radius, y of the offset in the atlas
   kCornerTexels,
-  // These texels exist only with a focal map. ProjectionTerms::per_from; w: even side of the box for mean luma, pixels
+  // The following texels exist only with a focal map. kCornerPerFrom is ProjectionTerms::per_from; its w is the side of
+  // the box for mean luma in pixels, an even number.
   kCornerPerFrom = kCornerTexels,
   kCornerPerAlong,
   kCornerPerDown,
@@ -64,11 +71,12 @@ constexpr int corner_texels(bool has_map) { return has_map ? kMapCornerTexels : 
 constexpr int face_texels(bool has_map) { return kFaceCorners + 3 * corner_texels(has_map); }
 enum CornerFlags { kHasImage = 1 };
 
-// For each view of a pass, these 32-bit words precede the runs of all views.
+// The layout of the header of each view in the shaders' buffer `runs`, in 32-bit words. The headers of all views of the
+// pass come first, and then their runs.
 enum ViewWord {
   kViewOrigin,       // x, y of the rendered region in the view
   kViewSize = 2,     // size of that region, pixels
-  kViewRuns = 4,     // index of the view's first run
+  kViewRuns = 4,     // index in `runs` of the view's row table; see kRuns in sum_shader-inl.h
   kViewFaces,        // table row of the view's first face
   kViewLevels,       // first row of the view's focal map in the texture of levels
   kViewNodes,        // columns and rows of the map
@@ -79,18 +87,20 @@ enum ViewWord {
   kViewWords
 };
 
-// Pixels of the camera image.
+// Largest error of a sample position in float, in pixels of the camera image. Samples that may exceed it are undecided.
 inline constexpr double kMaxPositionError = 1.0 / 128;
 // Relative error of a float after five operations, because each product and sum is good to 2^-24.
 inline constexpr double kFloatRounding = 3e-7;
 // Largest error of a weight in float.
 inline constexpr double kMaxWeightError = 2e-5;
-// Distance of a focal surface from the eye, relative to its terms, below which float precision cannot decide whether
-// the surface is behind the eye.
+// If the distance between the focal surface and the eye, relative to the numbers that it is computed from, is below
+// this value, float cannot decide whether the surface is behind the eye.
 inline constexpr double kEyeMargin = 1e-5;
 
-// Words of a camera in a cell: the table row, then a word for each of the cell's four corners. It contains the running
-// sums of weights, before the camera in the low 16 bits and with the camera in the high 16 bits.
+// Number of words that describe a camera in a WeightGrid cell. The first word is the camera's table row. Then each
+// corner of the cell has a word with two running sums of weights (see WeightGrid), in units of 1 / 32768: the sum
+// before the camera in the low 16 bits, and the sum including the camera in the high 16 bits. For example, 0x60002000
+// is a weight of 1/2.
 inline constexpr int kCellWords = 5;
 
 // Bindings of a program's buffers. OpenGL ES 3.1 guarantees only four.
@@ -101,6 +111,7 @@ enum BufferBinding {
   kSurfacesBinding,
   kPictureBinding = kSurfacesBinding  // unused together
 };
+// Width and height of a work group of the shaders, in invocations.
 inline constexpr int kGroup = 8;
 
 inline bool is_of_consistency(const SumProgram& program) {
@@ -111,6 +122,7 @@ inline bool is_of_picture(const SumProgram& program) {
   return program.output == SumProgram::Output::kPictureRgb || program.output == SumProgram::Output::kPictureI420;
 }
 
+// Returns the text of a compute shader.
 std::string compute_shader(const SumProgram& program);
 
 }  // namespace lf::gl

@@ -15,10 +15,12 @@
 
 namespace lf::gl {
 
-// A sum on the GPU, as written by kBlocks of sum_shader-inl.h. The context must be current for all calls.
+// A sum in GPU memory, in the layout that the shader kBlocks of sum_shader-inl.h writes. The context must be current
+// for all calls.
 struct BlockSum {
-  // Offsets of the parts in 32-bit words. missing_rows and undecided_rows have one word per row of 2x2 blocks. The word
-  // is the number of the draw if the row has missing weight or undecided samples, respectively. All further parts are
+  // The offsets of the parts of the sum in `words`, in 32-bit words. missing_rows and undecided_rows have one word for
+  // each row of 2x2 blocks, so that a reader can skip rows without missing weight or undecided samples. A row with
+  // missing weight or undecided samples, respectively, is marked with the number of the draw. All further parts are
   // samples.
   struct Parts {
     uint32_t missing_rows = 0, undecided_rows = 0, pixels = 0, chroma = 0, lost = 0, end = 0;
@@ -35,6 +37,7 @@ struct BlockSum {
   void write_back(const ReadbackBuffer& from);
 };
 
+// Describes how read_sums() reads a sum.
 struct SumReadback {
   BlockSum* sum = nullptr;
   // Receives the sum. The caller sets family and rect to the sum's values.
@@ -47,10 +50,12 @@ struct SumReadback {
 // be current.
 bool read_sums(std::span<SumReadback> sums);
 
-// Computes sums with one shader invocation per 2x2 pixels. The context must be current for all calls except fits().
+// Renders sums on the GPU, with one shader invocation for each block of 2x2 pixels, because these share a chroma
+// sample. The context must be current for all calls except fits().
 class BlockSums {
  public:
   BlockSums() : most_words_(ComputeBuffer::most_words()) {}
+  // Returns true if shaders can write the sums of these views and read their tables, given the limits of the driver.
   bool fits(std::span<const GlesView> views) const;
   // Starts the sums of views that share one program. `numbers` and `textures` contain their input. On failure, returns
   // false and sets `why` to the reason.
@@ -74,7 +79,8 @@ class BlockSums {
   uint32_t draw_ = 0;
 };
 
-// Computes photo-consistency sums with a compute shader. The context must be current for all calls.
+// Computes photo-consistency sums (focus/photo_consistency.h) with a compute shader. The context must be current for
+// all calls.
 class ConsistencySums {
  public:
   // Starts the sums in `rect`, which contains the rectangles of all slots. `numbers` and `textures` contain the view's

@@ -1,6 +1,7 @@
-// SPDX-License-Identifier: LGPL-2.1-or-later
-// Included once per instruction set, see render_band.cc: projects the nodes of a focal map into one camera's image,
-// decides where positions may be interpolated in fixed point between nodes, and interpolates these positions.
+// SPDX-License-Identifier: LGPL-2.1-or-later Included once per instruction set, see render_band.cc: sample positions in
+// one camera's image for a view with a focal map. Projects the nodes of the map exactly, finds the cells that can be
+// interpolated accurately between the nodes, and interpolates the positions in fixed point. sum_task.h explains the
+// terms.
 #if defined(LF_RENDER_SIMD_CELLS_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef LF_RENDER_SIMD_CELLS_INL_H_
 #undef LF_RENDER_SIMD_CELLS_INL_H_
@@ -18,15 +19,16 @@
 #include "render/simd/sum_task.h"
 #include "render/sum_renderer.h"
 
-// Inverse distance is bilinear in a cell, between four nodes of the map. Positions along a side of a cell, t = 0..1
-// from p0 to p1, are p0 + t (p1 - p0) + t (1 - t) bend, with `bend` chosen to be exact in the middle. Remaining errors:
+// The interpolation and its errors. Inverse distance is bilinear in a cell, which lies between four nodes of the map.
+// Along a side of a cell from node p0 to node p1, with t = 0..1, positions are interpolated as p0 + t (p1 - p0) + t (1
+// - t) bend. The bend is chosen so that the middle is exact. Three errors remain:
 //  - division: the exact position is p0 + t z1 / z(t) (p1 - p0), which adds t (1 - t) (1/2 - t) k^2 (p1 - p0) for
 //    k = |z1 - z0| / z;
 //  - homogeneous camera coordinates have a quadratic term, the product of the pixel step a and the inverse-distance
 //    step b, which the division also bends: t (1 - t) (1/2 - t) k a b / z focal lengths;
 //  - lens: t (t - 1/2) (t - 1) / 6 of its third derivative times |p1 - p0|^3.
-// Vertical sides have a bend for each node. Rows between nodes interpolate their bend from the sides above and below,
-// because the bend is a product of two nearly linear quantities.
+// Vertical sides have a bend for each node. A row between two rows of nodes interpolates its bend linearly from the
+// sides above and below, because the bend is a product of two nearly linear quantities.
 HWY_BEFORE_NAMESPACE();
 namespace lf::simd::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
@@ -39,7 +41,8 @@ inline constexpr float kMostBend = 15.f / 64;
 // The error bounds hold up to this relative change of depth along a side.
 inline constexpr float kMostChange = 0.25f;
 
-// Computes inverse distances at the map's nodes around a band's rows, over the whole view.
+// Looks up the inverse distances at the nodes of the map around a band, over the whole width of the view. The border
+// nodes are repeated beyond the map. `y` is the first row of the band.
 inline void place_nodes(const FocalMap& map, int y, int width, CellNodes& out) {
   const int halves = (width + kBlock - 1) / kBlock * 2 + 1;
   out.resize(static_cast<size_t>(halves) + 2 * kBlock);
@@ -65,8 +68,9 @@ inline void place_nodes(const FocalMap& map, int y, int width, CellNodes& out) {
   }
 }
 
-// Projects the nodes around the band's rows from y on (NaN: not visible), and computes the bends of cell sides. The
-// first `ready` rows of nodes, and the sides below them, are already there.
+// Projects the nodes around a band into the camera's image, and computes the bends of the cell sides. `y` is the first
+// row of the band. Positions of nodes that the camera cannot see are NaN. The first `ready` rows of nodes, and the
+// sides below them, are still valid from the previous band.
 inline void project_cells(const Slot& slot, const CellNodes& inverse, size_t first, size_t count, int y, int ready,
                           SurfaceBand& out, CellWork& work) {
   const hn::CappedTag<float, kBlock> d;
@@ -132,7 +136,7 @@ inline void project_cells(const Slot& slot, const CellNodes& inverse, size_t fir
   }
 }
 
-// Bounds of the position error in a cell.
+// Computes an upper bound of the interpolation error in a cell, in pixels of the image, from the errors listed above.
 struct CellDoubt {
   explicit CellDoubt(const Slot& slot) {
     const float focal = std::max(slot.fx, slot.fy), least_focal = std::min(slot.fx, slot.fy);
@@ -154,7 +158,8 @@ struct CellDoubt {
   struct Side {
     V dx, dy, distance, change, doubt;
   };
-  // Sides from the nodes at `i` of `from` to the nodes at `j` of `to`, each with x, y, z, 1 / z and inverse distance.
+  // Computes the bound for the sides between the nodes at `i` of `from` and the nodes at `j` of `to`. The five arrays
+  // contain x, y, z, 1 / z and the inverse distance of the nodes.
   template <class D, class V = hn::Vec<D>>
   HWY_INLINE Side<V> side(D d, const float* const from[5], size_t i, const float* const to[5], size_t j,
                           float product) const {
@@ -175,7 +180,7 @@ struct CellDoubt {
   float along, down, second, third;
 };
 
-// Computes bounds of the position error in each cell of the rows of cells from `ready` on.
+// Computes the bound of the position error for each cell, in the rows of cells from `ready` on.
 inline void doubt_cells(const Slot& slot, const CellNodes& inverse, size_t first, size_t count, int ready,
                         const SurfaceBand& band, CellNodes& out) {
   const hn::CappedTag<float, kBlock> d;
@@ -190,7 +195,8 @@ inline void doubt_cells(const Slot& slot, const CellNodes& inverse, size_t first
                {band.x.odd[at].data(), band.y.odd[at].data(), band.z.odd[at].data(), band.per_z.odd[at].data(),
                 inverse.odd[k].data() + first}};
   }
-  // Bound for two horizontal sides, including the nonlinearity of the bends between both sides.
+  // Returns the bound for the upper and the lower side of a cell, including the error of interpolating the bend
+  // linearly between both sides.
   const auto between = [&](const auto& upper, const auto& lower) HWY_ATTR {
     const auto other = hn::Max(hn::Abs(hn::Sub(upper.dx, lower.dx)), hn::Abs(hn::Sub(upper.dy, lower.dy)));
     const auto change = hn::Max(upper.change, lower.change);
@@ -219,7 +225,7 @@ inline void doubt_cells(const Slot& slot, const CellNodes& inverse, size_t first
 
 #if HWY_TARGET != HWY_SCALAR
 
-// Position of a row of the view between two rows of nodes.
+// The position of a row of the view between two rows of nodes: below row k of the nodes, by the fraction t of a cell.
 struct CellRow {
   explicit CellRow(float y)
       : k(static_cast<int>((y - kBeforeCell) / kCell)), t((y - kBeforeCell) / kCell - static_cast<float>(k)) {}
@@ -227,24 +233,27 @@ struct CellRow {
   float t;
 };
 
-// A pair of rows lies between the same two rows of nodes: the upper row at first_t(), the lower row a quarter of a cell
-// below, and chroma halfway between both rows.
+// Rows are processed in pairs. The rows of a pair lie between the same two rows of nodes, so they share their cells.
+// The upper row is at t = first_t(), the lower row a quarter of a cell below, and their chroma row halfway between
+// these rows.
 static_assert(kCell == 4 && kBandRows == 8);
 inline constexpr int cell_of_pair(int pair) { return (pair + 1) / 2; }
 inline constexpr float first_t(int pair) { return pair % 2 ? 0.125f : 0.625f; }
 
-// Pixels; error of fixed point: nodes, steps and bends are rounded, vertically and horizontally.
+// Upper bound of the error of fixed-point arithmetic, in pixels. Nodes, steps and bends are each rounded, vertically
+// and horizontally.
 inline constexpr float kCellSlack = 4.f / (1 << kPositionBits);
-inline constexpr float kMostStep = kWindow - 1;  // pixels, limit of node steps and bends; 16 bits overflow at 16
+inline constexpr float kMostStep = kWindow - 1;  // pixels; limit of steps and bends, since 16 bits overflow at 16
 
-// One coordinate of a half at a row of nodes: its nodes and the bends between them.
+// One coordinate (x or y) of the four nodes of a half-block in a row of nodes, with the bends of the cell sides.
 template <class D, class V = hn::Vec<D>>
 struct CellPiece {
   CellPiece(D d, const float* even, const float* odd, const float* even_bend, const float* odd_bend)
       : node{hn::LoadU(d, even), hn::LoadU(d, odd), hn::LoadU(d, even + 1), hn::LoadU(d, odd + 1)},
         bend{hn::LoadU(d, even_bend), hn::LoadU(d, odd_bend), hn::LoadU(d, even_bend + 1)} {}
-  // Bounds of the samples. The first sample is at 5/8 of the first cell, the last at 3/8 of the last cell. The bounds
-  // are NaN if any node is NaN, which Min and Max may lose, or if steps are too large.
+  // Computes bounds of the positions of the samples. The first sample is at 5/8 of the first cell, the last at 3/8 of
+  // the last cell. The bounds are NaN if steps or bends are too large, or if any node is NaN; the sum detects such
+  // nodes, because Min and Max may ignore a NaN.
   HWY_INLINE void bounds(D d, V& low, V& high) const {
     const auto set = [d](float v) HWY_ATTR { return hn::Set(d, v); };
     const V step0 = hn::Sub(node[1], node[0]), step1 = hn::Sub(node[2], node[1]), step2 = hn::Sub(node[3], node[2]);
@@ -261,7 +270,8 @@ struct CellPiece {
   V node[4], bend[3];
 };
 
-// Packs two fixed-point values modulo 2^16. `magic` aligns the bits, see to_low_bits().
+// Converts two values to fixed point modulo 2^16 and packs them into 32 bits. `magic` aligns the bits; see
+// to_low_bits().
 template <class D, class V = hn::Vec<D>>
 HWY_INLINE auto fixed_pair(D d, V low, V high, V magic) {
   const hn::RebindToUnsigned<D> du;
@@ -277,7 +287,8 @@ HWY_INLINE void store_fixed(D d, const V x[4], V magic_x, const V y[4], V magic_
                         hn::RebindToUnsigned<D>(), reinterpret_cast<uint32_t*>(to));
 }
 
-// Computes the fixed-point nodes and the bounds of samples at row k of nodes.
+// Computes the input of the fixed-point interpolation in row k of the nodes (`nodes` and `along` of SurfaceBand), and
+// the bounds of the samples.
 inline void fix_nodes(const CellWork& work, int k, size_t halves, SurfaceBand& out) {
   const hn::CappedTag<float, kBlock> d;
   const int row = out.row(k);
@@ -310,7 +321,8 @@ inline void fix_nodes(const CellWork& work, int k, size_t halves, SurfaceBand& o
   }
 }
 
-// Computes the vertical bends and the slack of the cells below row k of nodes.
+// Computes the vertical bends (`down` of SurfaceBand) and the slack for the cells below row k of the nodes. The slack
+// is NaN if the interpolation is not accurate enough there.
 inline void fix_cells(const CellWork& work, int k, size_t halves, SurfaceBand& out) {
   const hn::CappedTag<float, kBlock> d;
   using V = hn::Vec<decltype(d)>;
@@ -356,13 +368,14 @@ inline void fix_cells(const CellWork& work, int k, size_t halves, SurfaceBand& o
   }
 }
 
-// Positions of a half's samples among the cells of a focal map: index of the previous node, and distance from this
-// node. A half has eight luma samples between four nodes, with one lookup each for x and y, and four chroma samples,
-// with a common lookup.
+// Constants for interpolating the samples of a half-block: which of the four nodes precedes each sample, and the
+// distance from this node. A half-block has eight luma samples, with one table lookup each for x and y. It has four
+// chroma samples, with a common lookup for x and y.
 struct CellTable {
-  // Byte indices into four nodes of x and four of y, in 16 bits: the nodes before and after each sample.
+  // Shuffle indices that select the nodes before and after each sample, from a vector with the x of four nodes and the
+  // y of four nodes in 16 bits.
   alignas(16) uint8_t before[kBlock], after[kBlock];
-  alignas(16) int16_t t15[kHalf], bend15[kHalf];  // t and t (1 - t), 32768 = 1
+  alignas(16) int16_t t15[kHalf], bend15[kHalf];  // t and t (1 - t); 1 is 32768
 };
 enum class CellSamples { kLumaX, kLumaY, kChroma };
 
@@ -386,7 +399,8 @@ inline constexpr CellTable kLumaXCells = make_cell_table(CellSamples::kLumaX),
                            kLumaYCells = make_cell_table(CellSamples::kLumaY),
                            kChromaCells = make_cell_table(CellSamples::kChroma);
 
-// Tables for interpolating inverse distances between a half's four nodes, in 32 bits, four samples at a time.
+// Constants for interpolating inverse distances in float between the four nodes of a half-block, for the slow path:
+// shuffle indices as in CellTable, for 32-bit values, and t.
 struct InverseTable {
   alignas(16) uint8_t before[2 * kBlock], after[2 * kBlock];
   alignas(32) float t[kHalf];
@@ -407,7 +421,8 @@ constexpr InverseTable make_inverse_table(bool chroma) {
 }
 inline constexpr InverseTable kLumaInverse = make_inverse_table(false), kChromaInverse = make_inverse_table(true);
 
-// Byte indices of window origins: four of the first half and four of the second half.
+// Shuffle indices that repeat the origins of the two windows of a block for each node: x four times and y four times,
+// for the first half-block and then for the second.
 struct OriginTable {
   alignas(32) uint8_t at[2 * kBlock];
 };
@@ -418,8 +433,8 @@ constexpr OriginTable make_origin_table() {
 }
 inline constexpr OriginTable kOrigins = make_origin_table();
 
-// Nodes of a block's halves above and below a pair of rows, and the bends of their sides. Vectors of eight values hold
-// one half.
+// The nodes above and below a pair of rows of a block, and the bends of the cell sides. Eight values belong to a
+// half-block: the x of four nodes and the y of four nodes.
 struct CellsOfPair {
   HWY_INLINE CellsOfPair(const SurfaceBand& cells, int pair, int block, size_t lane) {
     const D16 d;
@@ -435,10 +450,11 @@ struct CellsOfPair {
   V16 node, step, bend, bend_step, down;
 };
 
-// Interpolates the sample positions of one row of a pair. The chroma row is halfway between both rows.
+// Interpolates the positions of the samples in one row of a pair: first vertically, from the nodes above and below to
+// nodes in this row, and then along the row in at(). The chroma row is halfway between both rows of the pair.
 struct CellsOfRow {
-  // `eighths`: distance of the row below the upper nodes, in eighths of a cell. `origin`: origins of the windows, for
-  // each node.
+  // `eighths` is the distance from the upper nodes down to the row, in eighths of a cell. `origin` contains the origin
+  // of the window for each node.
   HWY_INLINE CellsOfRow(const CellsOfPair& pair, int eighths, V16 origin) {
     const D16 d;
     const auto t = hn::Set(d, static_cast<int16_t>(eighths << 12));
@@ -462,7 +478,8 @@ struct CellsOfRow {
 };
 HWY_INLINE int first_eighths(int pair) { return static_cast<int>(8 * first_t(pair)); }
 
-// Positions of the luma samples of a row of a pair, relative to their windows.
+// Returns the positions of the luma samples in row `row` (0 or 1) of a pair, relative to their windows. `of` are the
+// nodes of the lanes that begin at `lane`.
 HWY_INLINE FixedPositions luma_between(const SurfaceBand& cells, const CellsOfPair& of, int pair, int row, int block,
                                        size_t lane) {
   const D16 d;
@@ -481,7 +498,8 @@ HWY_INLINE FixedPositions luma_between(const SurfaceBand& cells, const CellsOfPa
   const CellsOfRow cell(of, first_eighths(pair) + 2 * row, origin);
   return {cell.at(kLumaXCells), cell.at(kLumaYCells)};
 }
-// Positions of the chroma samples of a pair, relative to their windows. `of`: the nodes at `lane`.
+// Returns the positions of the chroma samples of a pair, relative to their windows. `of` are the nodes of the lanes
+// that begin at `lane`.
 HWY_INLINE FixedPositions chroma_between(const SurfaceBand& cells, const CellsOfPair& of, int pair, int block,
                                          size_t lane) {
   const D16 d;
@@ -505,7 +523,8 @@ HWY_INLINE FixedPositions chroma_between(const SurfaceBand& cells, const CellsOf
   }
 }
 
-// Positions of the samples of a block's pair of rows if no window covers them: two rows and, in I420, their chroma.
+// Computes the positions of the samples in a pair of rows of a block, for gathering: luma of two rows and, in I420,
+// their chroma. Used if the samples do not fit in windows.
 inline void interpolate_cells(const SurfaceBand& cells, int pair, int block, bool i420, Positions out[3]) {
   const D16 d;
   const hn::CappedTag<int32_t, kBlock> d32;
@@ -535,8 +554,8 @@ inline void interpolate_cells(const SurfaceBand& cells, int pair, int block, boo
   }
 }
 
-// Interpolates the inverse distances of a block's samples in a row; for chroma twice kHalf values. `half`: index of the
-// block's first half in the view.
+// Interpolates the inverse distances at the samples of a block in one row. For chroma, the result has the same kHalf
+// values twice. `half` is the index in the view of the block's first half-block.
 inline void inverse_along(const CellNodes& inverse, const CellRow& row, size_t half, bool chroma, float* out) {
   const hn::CappedTag<float, kHalf> d;
   const hn::Repartition<uint8_t, decltype(d)> d8;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Included once per instruction set, see render_band.cc: positions of a band of a view in one camera's image, and the
-// windows that its samples are read from, for a focal plane and between the nodes of a focal map.
+// Included once per instruction set, see render_band.cc: decides, before any pixel is read, where the samples of a band
+// of a view lie in one camera's image, and how they are read. It has one variant for a focal plane and one for a focal
+// map with nodes kCell pixels apart. sum_task.h explains the terms.
 #if defined(LF_RENDER_SIMD_PLACEMENT_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef LF_RENDER_SIMD_PLACEMENT_INL_H_
 #undef LF_RENDER_SIMD_PLACEMENT_INL_H_
@@ -23,6 +24,7 @@ HWY_BEFORE_NAMESPACE();
 namespace lf::simd::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
+// Prepares the arrays for a focal plane. `pitch` is the number of nodes in a row, which are kBlock pixels apart.
 inline void lay_nodes(int pitch, SlotBand& band) {
   if (band.pitch == pitch) return;
   band.pitch = pitch;
@@ -42,6 +44,8 @@ inline void lay_nodes(int pitch, SlotBand& band) {
     }
 }
 
+// Projects the nodes of all rows of the band into the camera's image. Positions of nodes that the camera cannot see are
+// NaN.
 inline void project_nodes(const Slot& slot, int y, SlotBand& out) {
   const hn::CappedTag<float, kBlock> d;
   const ProjectionTerms terms = terms_at(slot, (out.first_block - 1) * kBlock, y);
@@ -57,7 +61,8 @@ inline void project_nodes(const Slot& slot, int y, SlotBand& out) {
   }
 }
 
-// Computes chroma positions of the same nodes, halfway between two rows: chroma sample k is at luma 2 k + 0.5.
+// Computes the chroma positions of the nodes from their luma positions, for the chroma row between two rows. Chroma
+// sample k is at luma 2 k + 0.5.
 inline void place_chroma_nodes(SlotBand& band) {
   const hn::CappedTag<float, kBlock> d;
   for (int pair = 0; pair < kBandPairs; pair++) {
@@ -73,8 +78,9 @@ inline void place_chroma_nodes(SlotBand& band) {
   }
 }
 
-// Decides from the nodes how and where the samples of `n` blocks of one plane are read. `node_z`: null for chroma,
-// which is missing where luma is.
+// Decides how the samples of `n` blocks of one plane are read, and where their windows are, for a focal plane. The
+// decision only uses the nodes at the edges of the blocks. `node_z` are the depths of the nodes. It is null for chroma,
+// which is missing where luma is missing.
 inline void place_blocks(const PlaneGeometry& plane, int n, const float* node_z, PlanePositions& out) {
   const hn::CappedTag<float, kBlock> d;
   const hn::RebindToSigned<decltype(d)> di;
@@ -152,7 +158,8 @@ inline void place_blocks(const PlaneGeometry& plane, int n, const float* node_z,
   }
 }
 
-// place_blocks() for an interior slot: all samples are visible and accurately interpolated.
+// Does the same as place_blocks() for interior rows, which need no tests, because all samples are visible and
+// accurately interpolated.
 inline void place_interior_blocks(const PlaneGeometry& plane, int n, PlanePositions& out) {
   const hn::CappedTag<float, kBlock> d;
   const hn::RebindToSigned<decltype(d)> di;
@@ -184,7 +191,7 @@ inline void place_interior_blocks(const PlaneGeometry& plane, int n, PlanePositi
   }
 }
 
-// Decides how each pair of rows of each block is processed, from all its planes.
+// Decides how each pair of rows of a block is rendered: in the slowest way that any of its planes needs.
 inline void decide(bool i420, SlotBand& band) {
   constexpr int32_t kLost = static_cast<int32_t>(Fetch::kLost), kGather = static_cast<int32_t>(Fetch::kGather);
   for (int pair = 0; pair < kBandPairs; pair++) {
@@ -262,7 +269,8 @@ inline void set_interior_rows(PixelFamily family, Slot& slot) {
   }
 }
 
-// Places a slot in a band for a focal plane, before any pixel is read. The blocks of `band` must be set.
+// Computes a SlotBand for a focal plane: where the samples of the camera are in the band that begins at row `y`, and
+// how they are read. The range of blocks in `band` must be set.
 inline void place_plane(bool i420, const Slot& slot, int y, SlotBand& band) {
   lay_nodes(band.blocks + 3, band);
   band.verdict_pitch = band.pitch;
@@ -287,7 +295,7 @@ inline void place_plane(bool i420, const Slot& slot, int y, SlotBand& band) {
 
 #if HWY_TARGET != HWY_SCALAR
 
-// The smaller (larger) value of the two halves of each block, in both lanes.
+// Return the smaller or the larger value of the two halves of each block, in the lanes of both halves.
 template <class V>
 HWY_INLINE V least_of_block(V v) {
   return hn::Min(v, hn::Shuffle2301(v));
@@ -297,23 +305,24 @@ HWY_INLINE V most_of_block(V v) {
   return hn::Max(v, hn::Shuffle2301(v));
 }
 
-// How samples may be read. A block uses what is possible for all its planes and halves. Flat windows may be too near
-// the end of the image to be tall.
+// The possible ways of reading the samples. A block uses the fastest way that is possible for all its planes and
+// halves. A flat window has three rows. A tall window has more rows, so it may extend beyond the end of the image where
+// a flat window does not.
 enum FetchBits : int32_t { kSampleBit = 1, kTallBit = 2, kFlatBit = 4 };
 
-// Bounds of the samples of a pair of rows in luma or RGB, or of its one row in a chroma plane. NaN fails every
-// comparison.
+// Bounds of the samples of a half-block in the image, for a pair of rows in luma or RGB, or for their row in a chroma
+// plane. They are NaN if the positions are unknown, so that every comparison fails and the slow path is used.
 template <class D, class V = hn::Vec<D>>
 struct CellPlace {
   V low_x, high_x, low_y, high_y;
-  V column, width;     // left column of the windows; width that their samples span
-  V last_row, height;  // larger first row of the two rows' windows; rows that samples span, the maximum
+  V column, width;     // left column of the windows, and number of columns that the samples span
+  V last_row, height;  // larger first image row of the two windows, and most image rows that one spans
   HWY_INLINE auto is_outside(D d, const PlaneGeometry& plane) const {
     return hn::Or(hn::Or(hn::Lt(high_x, hn::Set(d, -0.5f)), hn::Gt(low_x, hn::Set(d, plane.width - 0.5f))),
                   hn::Or(hn::Lt(high_y, hn::Set(d, -0.5f)), hn::Gt(low_y, hn::Set(d, plane.height - 0.5f))));
   }
-  // Returns the possible FetchBits. `widest`: horizontal limit of fixed point; `tall`: largest number of starting
-  // rows of samples in tall windows.
+  // Returns the possible FetchBits. `widest` is the number of columns that fixed point can represent, and `tall` the
+  // number of rows of a tall window that can be the upper row of a sample.
   HWY_INLINE auto fetch(D d, const PlaneGeometry& plane, float widest, float tall) const {
     const hn::RebindToSigned<D> di;
     const auto set = [d](float v) HWY_ATTR { return hn::Set(d, v); };
@@ -336,7 +345,8 @@ struct CellPlace {
   }
 };
 
-// Bounds of the samples of a pair of rows between the nodes of a focal map, for each half of a block.
+// Computes the bounds of the samples in a pair of rows, for each half of a block, from the bounds in the two rows of
+// nodes around the pair.
 template <class D>
 struct PairBounds {
   using V = hn::Vec<D>;
@@ -371,8 +381,8 @@ struct PairBounds {
     of_both.height = hn::Max(hn::Sub(bottom.upper, upper_row), hn::Sub(bottom.lower, lower_row));
   }
 
-  // Bounds of the row of chroma samples. Sample k is at luma 2 k + 0.5: horizontally within the bounds of both rows,
-  // and vertically between the rows.
+  // Returns the bounds in the chroma planes. Chroma sample k is at luma 2 k + 0.5, so it lies within the bounds of both
+  // rows horizontally, and between the rows vertically.
   HWY_INLINE CellPlace<D> in_chroma(D d) const {
     const auto to_chroma = [&](V v, float slack)
                                HWY_ATTR { return hn::MulAdd(v, hn::Set(d, 0.5f), hn::Set(d, slack - 0.25f)); };
@@ -390,7 +400,8 @@ struct PairBounds {
   }
 };
 
-// Decides how and where the pairs of rows of each block are read. Sets band.verdict like decide().
+// Decides how the pairs of rows of each block are rendered, and where their windows are, for a focal map. Sets
+// band.verdict like decide().
 inline void decide_cells(const Slot& slot, bool i420, SlotBand& band) {
   const hn::CappedTag<float, kBlock> d;
   const hn::RebindToSigned<decltype(d)> di;
@@ -456,7 +467,7 @@ inline void decide_cells(const Slot& slot, bool i420, SlotBand& band) {
   }
 }
 
-// Places a slot in a band for a focal map with nodes kCell apart.
+// Computes a SlotBand for a focal map with nodes kCell pixels apart; see place_surface().
 inline void place_cells(const Slot& slot, bool i420, int y, bool follows, const CellNodes& inverse, CellWork& work,
                         SlotBand& band) {
   SurfaceBand& out = band.surface;
@@ -474,7 +485,7 @@ inline void place_cells(const Slot& slot, bool i420, int y, bool follows, const 
 
 #else
 
-// Without vectors everything takes the slow path.
+// Without vector instructions, every sample takes the slow path.
 inline void place_cells(const Slot&, bool, int, bool, const CellNodes&, CellWork&, SlotBand& band) {
   std::ranges::fill(band.verdict, SlotBand::kProject);
   std::ranges::fill(band.surface.interior_pairs, 0);
@@ -482,9 +493,10 @@ inline void place_cells(const Slot&, bool, int, bool, const CellNodes&, CellWork
 
 #endif
 
-// Places a slot in a band for a focal map, before any pixel is read. The blocks of `band` must be set. `follows`: the
-// band directly follows the previous contents of `band`. `inverse`: null if the map's nodes are not kCell apart; every
-// sample is then projected.
+// Computes a SlotBand for a focal map: where the samples of the camera are in the band that begins at row `y`, and how
+// they are read. The range of blocks in `band` must be set. If `follows` is true, `band` contains the preceding band,
+// and its last nodes are reused. `inverse` is null if the nodes of the map are not kCell pixels apart; every sample is
+// then projected.
 inline void place_surface(bool i420, const Slot& slot, int y, bool follows, const CellNodes* inverse, CellWork& work,
                           SlotBand& band) {
   SurfaceBand& out = band.surface;

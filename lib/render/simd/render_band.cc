@@ -20,7 +20,7 @@ HWY_BEFORE_NAMESPACE();
 namespace lf::simd::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-// One camera in one block of a band.
+// One camera's contribution to a block of a band: its weights, and the positions of its samples.
 struct Part {
   const BlockWeights* weights;
   const SlotBand* band;
@@ -28,6 +28,7 @@ struct Part {
   int32_t verdict;  // SlotBand::Verdict of the pair of rows
 };
 
+// The place of a pair of rows of a block.
 struct PairPlace {
   int pair;  // index of the pair in the band
   int x, y;  // first pixel of the block and of the band
@@ -42,13 +43,13 @@ inline void sum_i420(const Part*, int, const PairPlace& at, Scratch& scratch) {
   for (int c = 1; c < 3; c++) std::fill_n(scratch.sum[at.pair][c] + at.out * kChromaBlock, kChromaBlock, 0);
 }
 
-// Without vectors everything takes the slow path.
+// Without vector instructions, every sample takes the slow path.
 inline bool add_part(const SumTask&, const Part&, const PairPlace&, Scratch&) { return false; }
 
 #else
 
-// Weights of chroma for both planes: the mean weight of four pixels, with 2^kBits = 1. `upper` and `lower` are two rows
-// of weights.
+// Returns the weights of the chroma samples, for Cb and then for Cr: the mean weight of the four pixels. 2^kBits is
+// weight 1. `upper` and `lower` are the weights of two rows of pixels.
 template <int kBits>
 HWY_INLINE V16 chroma_weights(const int16_t* upper, const int16_t* lower) {
   constexpr int kShift = 17 - kBits;  // converts the sum of four to their mean
@@ -75,10 +76,10 @@ HWY_INLINE V16 weigh_chroma(V16 samples, V16 weights) {
   return hn::MulFixedPoint15(hn::Sub(samples, hn::Set(D16(), 128 << kSumFractionBits)), weights);
 }
 
-// Prefetches these rows, because camera rows are too far apart for the hardware prefetcher.
+// Number of image rows ahead that are prefetched, because image rows are too far apart for the hardware prefetcher.
 inline constexpr int kPrefetchRows = 8;
 
-// Weighted samples of a part's pair of rows, from `lane` on: two rows of luma, and chroma.
+// The samples of a part multiplied by its weights, for a pair of rows: two rows of luma, and chroma.
 struct WeightedPair {
   V16 upper, lower, chroma;
 };
@@ -137,7 +138,8 @@ HWY_INLINE WeightedPair weigh_windows(const Part& part, int pair, size_t lane) {
           hn::MulFixedPoint15(without_offset, chroma_weights<14>(weights.w[upper], weights.w[lower]))};
 }
 
-// Computes the weighted samples of a part. kFlat promises that no part has tall windows.
+// Computes the weighted samples of a part, for the lanes that begin at `lane`. kSurface: the view has a focal map.
+// kFlat: no part has tall windows.
 template <bool kSurface, bool kFlat>
 HWY_INLINE WeightedPair weigh_pair(const Part& part, int pair, size_t lane) {
   if constexpr (kSurface && !kFlat)
@@ -145,7 +147,7 @@ HWY_INLINE WeightedPair weigh_pair(const Part& part, int pair, size_t lane) {
   return weigh_windows<kSurface, false>(part, pair, lane);
 }
 
-// The hottest loop: sums `count` parts into scratch.
+// Adds up the weighted samples of `count` parts into scratch. This is the hottest loop of the renderer.
 template <bool kSurface, bool kFlat>
 inline void sum_i420(const Part* parts, int count, const PairPlace& at, Scratch& scratch) {
   const D16 d;
@@ -167,7 +169,7 @@ inline void sum_i420(const Part* parts, int count, const PairPlace& at, Scratch&
   std::copy_n(chroma + kChromaBlock, kChromaBlock, scratch.sum[at.pair][2] + at.out * kChromaBlock);
 }
 
-// Two rows of samples and their chroma, for add_part().
+// The samples of a part that cannot be shuffled, for a pair of rows: two rows of luma or RGB, and chroma.
 struct PairSamples {
   bool any_missing = false;  // some weight is missing; otherwise `lost` is unset
   Positions at[3];
@@ -189,8 +191,8 @@ inline void interpolate_pair(const Part& part, int pair, bool i420, bool surface
   if (i420) interpolate_positions(band.chroma, pair * band.pitch + part.block, kChromaTable, out[2]);
 }
 
-// Computes the inverse distances of the samples of a block's row at y of the band. For chroma there are twice kHalf
-// values.
+// Computes the inverse distances of the focal map at the samples of a block, `y` rows below the top of the band. For
+// chroma, the result has the same kHalf values twice.
 inline void find_inverse(const FocalMap& map, const CellNodes& nodes, const PairPlace& place, float y, bool chroma,
                          float* out) {
   if (map.step == kCell) return inverse_along(nodes, CellRow(y), place.x / kHalf, chroma, out);
@@ -198,7 +200,8 @@ inline void find_inverse(const FocalMap& map, const CellNodes& nodes, const Pair
   if (chroma) std::copy_n(out, kHalf, out + kHalf);
 }
 
-// Computes positions and weights of a pair of rows. Returns false if rounding could decide about a sample.
+// Computes the positions and weights of the samples in a pair of rows. Returns false if rounding of float could decide
+// whether a sample is visible.
 inline bool find_samples(const SumTask& task, const Part& part, bool project, const PairPlace& place,
                          const CellNodes& inverse_nodes, PairSamples& out) {
   const int upper = 2 * place.pair;
@@ -268,7 +271,8 @@ inline void add_rgb(const Slot& slot, const PairSamples& samples, const PairPlac
   }
 }
 
-// Adds a part that cannot be shuffled. Returns false, without adding anything, if float cannot decide about a sample.
+// Adds a part if its samples cannot be shuffled. Returns false, without adding anything, if float cannot decide whether
+// a sample is visible. The caller then uses add_mixed_block().
 inline bool add_part(const SumTask& task, const Part& part, const PairPlace& place, Scratch& scratch) {
   const bool project = task.exact || part.verdict == SlotBand::kProject;
   PairSamples samples;
@@ -307,12 +311,12 @@ inline void clear_pair(bool i420, const PairPlace& at, Scratch& scratch) {
 inline constexpr int kMostParts = kBandRows * 3 * kBlock;  // three corners of a face for every pixel
 static_assert(kMostParts >= 4 * WeightGrid::kMaxShares);   // cameras of the four points of a cell
 
-// The parts of a block of `width` view pixels.
+// All parts of a block, one for each local camera that contributes to the block.
 struct BlockParts {
   Part part[kMostParts];
   int count = 0;
-  uint32_t interior = ~0u;  // bit p: pair p of all parts can be shuffled
-  uint32_t rows = ~0u;      // rows with non-zero weights in all parts
+  uint32_t interior = ~0u;  // bit p is set if pair p of all parts can be shuffled
+  uint32_t rows = ~0u;      // bit r is set if all parts have weights in row r
 };
 
 inline void find_parts(const SumTask& task, int block, int out, bool shuffles, const Scratch& scratch,
@@ -329,7 +333,8 @@ inline void find_parts(const SumTask& task, int block, int out, bool shuffles, c
   }
 }
 
-// `block` is the index in the view, `out` the index in the rectangle, and `y` the first row of the band.
+// Renders the sum in a block. `block` is the index of the block in the view, `out` its index in the rectangle, and `y`
+// the first row of the band.
 inline void render_block(const SumTask& task, const Rect& rect, int block, int out, int y, Scratch& scratch) {
   const View& view = task.plan->view();
   const int x = block * kBlock;
@@ -380,6 +385,7 @@ inline void render_block(const SumTask& task, const Rect& rect, int block, int o
   }
 }
 
+// Computes where the samples of a camera are in the band that begins at row y, and how they are read.
 inline void place_slot(const SumTask& task, const Slot& slot, int y, const CellNodes& inverse, CellWork& work,
                        SlotBand& band) {
   const bool i420 = task.family == PixelFamily::kI420, follows = band.y >= 0 && band.y == y - kBandRows;

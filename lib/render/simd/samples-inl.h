@@ -1,6 +1,6 @@
-// SPDX-License-Identifier: LGPL-2.1-or-later
-// Included once per instruction set, see render_band.cc: projection of points of a view into one camera's image, and
-// bilinear samples there, from windows of its rows or gathered one by one.
+// SPDX-License-Identifier: LGPL-2.1-or-later Included once per instruction set, see render_band.cc: projects points of
+// a view into one camera's image, and samples the image bilinearly. The fast functions read windows of image rows with
+// vector loads, and the slow functions gather the pixels one by one. sum_task.h explains the terms.
 #if defined(LF_RENDER_SIMD_SAMPLES_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef LF_RENDER_SIMD_SAMPLES_INL_H_
 #undef LF_RENDER_SIMD_SAMPLES_INL_H_
@@ -22,8 +22,9 @@ namespace hn = hwy::HWY_NAMESPACE;
 
 inline constexpr float kMagic = 12582912;  // 1.5 * 2^23
 
-// Rounds to the nearest integer, for |v| < 2^22, in the low bits of 32. Adding kMagic leaves no fractional bits, which
-// is cheaper than a conversion that must also handle values out of range.
+// Rounds to the nearest integer, for |v| < 2^22. The result is in the low bits of each 32-bit lane, and the high bits
+// are undefined. Adding kMagic leaves no fractional bits, which is cheaper than a conversion that must also handle
+// values out of range.
 template <class V>
 HWY_INLINE auto to_low_bits(V v) {
   const hn::DFromV<V> d;
@@ -36,14 +37,16 @@ HWY_INLINE auto to_fixed(D16, V v) {
   return hn::TruncateTo(hn::RebindToUnsigned<D16>(), to_low_bits(v));
 }
 
-// Bessel's second-difference weight, t (t - 1) / 4.
+// The weight of the second difference in Bessel's interpolation formula, at position t = 0..1 between two nodes.
 constexpr float bessel(float t) { return t * (t - 1) / 4; }
 
-// Projects points near the origin of `terms`: CameraProjection::project() in float, without the test for missing
-// samples. The terms are computed in double near the points, so that rounding errors stay small.
+// Projects pixels of a view into a camera's image, like CameraProjection::project() but in float and without the test
+// whether the camera sees the point. `terms` must be linearised near the pixels, so that rounding errors stay small.
+// Results are the position (x, y) in the image, the depth z up to a positive factor, and the squared radius r2 in
+// undistorted normalised coordinates, for the caller's test.
 struct Projection {
   Projection(const Slot& slot, const ProjectionTerms& terms) : slot(slot), terms(terms) {}
-  // `i`, `j`: columns and rows from the origin of the terms.
+  // `i` and `j` are the columns and rows from the pixel around which the terms are linearised.
   template <class D, class V = hn::Vec<D>>
   HWY_INLINE void project(D d, V i, V j, V& x, V& y, V& z, V& r2) const {
     const auto at = [&](int k) HWY_ATTR {
@@ -52,7 +55,7 @@ struct Projection {
     };
     finish(d, at(0), at(1), at(2), x, y, z, r2);
   }
-  // Projects through a focal map; `s` are inverse distances. Sets z to 0 for points behind the eye.
+  // Projects through a focal map. `s` are the inverse distances. Sets z to 0 for points behind the eye.
   template <class D, class V = hn::Vec<D>>
   HWY_INLINE void project(D d, V i, V j, V s, V& x, V& y, V& z, V& r2) const {
     const auto more = hn::Sub(s, hn::Set(d, static_cast<float>(terms.near)));
@@ -90,19 +93,22 @@ struct Projection {
   const ProjectionTerms& terms;
 };
 
-// Geometry of one plane of an image, and the sample positions along a block.
+// The geometry of one plane of an image, for deciding which of its samples the fast path may read, and the positions t
+// of the last samples of a half-block and a block.
 struct PlaneGeometry {
   float width, height;  // samples of the plane
   int32_t stride, pixel_bytes;
-  float spare_columns;                  // columns on the right that the fast path must not read
-  bool shuffles;                        // samples are adjacent bytes, and rows have at least one window
-  float t_before_half, t_half, t_last;  // t of samples 7, 8 and 15, or of the last sample of a single half
+  float spare_columns;                  // columns at the right border that the fast path must not read
+  bool shuffles;                        // windows are possible: samples are adjacent bytes, and rows are wide enough
+  float t_before_half, t_half, t_last;  // t of samples 7, 8 and 15; chroma has a single half
 };
 
 inline constexpr int kWindow = 16;                           // bytes
 inline constexpr float kSlack = 3.f / (1 << kPositionBits);  // pixels; largest difference of fixed point from float
 
-// The next term of the interpolation is t (t - 1) (t - 1/2) / 6 of the third difference, at most 0.0081 times that.
+// Largest third difference of the nodes that Bessel interpolation can interpolate with an error below kGridError. The
+// first neglected term is t (t - 1) (t - 1/2) / 6 times the third difference, which is at most 0.0081 times the third
+// difference.
 inline constexpr float kLargestThird = static_cast<float>(kGridError / 0.0081);
 
 inline PlaneGeometry luma_geometry(const Slot& slot, bool i420) {
@@ -137,10 +143,12 @@ using D16 = hn::CappedTag<int16_t, kBlock>;
 using V16 = hn::Vec<D16>;
 using DU16 = hn::RebindToUnsigned<D16>;
 
-// a + (b - a) f, f in 0..1 as 15-bit fraction. a and b are levels times 128, so differences fit.
+// Returns a + (b - a) f, where f in 0..1 has 15 fraction bits. a and b are levels times 128, so their difference fits
+// in 16 bits.
 HWY_INLINE V16 mix(V16 a, V16 b, V16 f) { return hn::Add(a, hn::MulFixedPoint15(hn::Sub(b, a), f)); }
 
-// Positions of the 16 samples along a block: t and its Bessel weight, in fixed point.
+// Constants for interpolating the positions of the 16 samples along a block: t and the Bessel weight of each sample, in
+// fixed point.
 struct UnitTable {
   alignas(64) uint16_t t16[kBlock];  // 65536 = 1
   alignas(64) int16_t t15[kBlock];   // 32768 = 1
@@ -183,18 +191,22 @@ HWY_INLINE auto by_half(uint16_t low, uint16_t high, size_t lane) {
 
 using VU16 = hn::Vec<DU16>;
 
-// a (1 - f) + b f of 16-bit values, f in 0..1 as 16-bit fraction; `rest` is the complement of f.
+// Returns a (1 - f) + b f, where f in 0..1 has 16 fraction bits. `rest` is the bitwise complement of f.
 HWY_INLINE VU16 blend(VU16 a, VU16 b, VU16 rest, VU16 f) { return hn::Add(hn::MulHigh(a, rest), hn::MulHigh(b, f)); }
 
-// Mean truncation error of sample_windows(), which is between 0 and twice this value.
+// The fixed-point arithmetic of sample_windows() truncates. Its results, with 256 units per level, are too small by
+// this value on average, and at most by twice this value.
 inline constexpr int kCutOff = 3;
 
-// Number of starting rows of samples in a window: two, or more at steps of a focal surface.
+// A bilinear sample needs two adjacent image rows. These constants are the number of rows of a window that can be the
+// upper one, so a window has one row more. For a focal plane, two are enough, because samples of a block lie nearly on
+// a straight line. If a focal map has a depth step inside the block, the samples spread over more rows.
 inline constexpr int kFlatSteps = 2, kTallSteps = 7, kTallChromaSteps = 4;
 
-// Returns the samples of a block from `lane` on, times 256, minus kCutOff. All must be inside the windows. `low` and
-// `high` are the starts of the windows of the two halves. `x` and `y` are positions in the windows, in fixed point
-// (kPositionBits).
+// Samples one row of a block, for the lanes of a vector that begins at sample `lane`. Returns levels times 256, minus
+// kCutOff on average. `low` and `high` point to the windows of the two half-blocks, and all samples must be inside
+// these windows. `x` and `y` are positions relative to the windows, in fixed point (kPositionBits). kSteps is the
+// number of rows that can be the upper row of a sample.
 template <int kSteps>
 HWY_INLINE VU16 sample_windows(VU16 x, V16 y, const uint8_t* low, const uint8_t* high, ptrdiff_t stride, size_t lane) {
   const D16 d;
@@ -225,11 +237,13 @@ HWY_INLINE VU16 sample_windows(VU16 x, V16 y, const uint8_t* low, const uint8_t*
   return blend(across(upper), across(lower), rest_y, fy);
 }
 
-// Positions in windows, in fixed point (kPositionBits).
+// The positions of samples relative to their windows, in fixed point (kPositionBits).
 struct FixedPositions {
   V16 x, y;
 };
 
+// Interpolates the positions of the samples of one row of a block, from `lane` on, for a focal plane. See
+// WindowPositions.
 HWY_INLINE FixedPositions plane_between(const WindowPositions& at, const UnitTable& table, size_t lane) {
   const D16 d;
   const DU16 du;
@@ -242,15 +256,16 @@ HWY_INLINE FixedPositions plane_between(const WindowPositions& at, const UnitTab
   return {hn::BitCast(d, x), y};
 }
 
-// Positions of all samples of a block, as integer part and 15-bit fraction. They are plane coordinates or, with
-// `corner`, relative to each half's window.
+// The positions of all samples in one row of a block, as integer part (column, row) and 15-bit fraction (fx, fy). They
+// are positions in the image plane or, if `corner` is set, relative to the window of each half-block.
 struct Positions {
   alignas(64) int32_t column[kBlock], row[kBlock];
   alignas(64) int16_t fx[kBlock], fy[kBlock];
   int32_t corner[2] = {};  // byte offsets of the halves' windows in the plane
 };
 
-// Splits positions into integer part, at most `largest` so that a neighbour exists, and fraction.
+// Splits positions into an integer part and a 15-bit fraction. The integer part is at most `largest`, so that the
+// neighbour that interpolation needs exists.
 template <class D, class V = hn::Vec<D>>
 HWY_INLINE void split(D d, V v, V largest, int32_t* whole, int16_t* fraction) {
   const hn::RebindToSigned<D> di;
@@ -261,6 +276,8 @@ HWY_INLINE void split(D d, V v, V largest, int32_t* whole, int16_t* fraction) {
   hn::Store(hn::BitCast(d16, to_fixed(d16, f)), d16, fraction);
 }
 
+// Interpolates the positions of the samples of one row of a block from the nodes, for a focal plane. `i` is the index
+// of the block in `at`.
 inline void interpolate_positions(const PlanePositions& at, int i, const UnitTable& table, Positions& out) {
   const hn::CappedTag<float, kBlock> d;
   const auto along = [&](const std::vector<float>& node, size_t lane) HWY_ATTR {
@@ -275,15 +292,21 @@ inline void interpolate_positions(const PlanePositions& at, int i, const UnitTab
   }
 }
 
-// Visibility of samples at projected positions: all, some, or too close to a limit for float.
+// Says whether the camera sees all samples with a weight. kDoubtful means that rounding of float could change the
+// answer for a sample.
 enum class Sight { kAll, kSome, kDoubtful };
 
-// Projects positions one by one, for one row of luma, RGB or chroma, and clamps them to the image. `x` and `y` are the
-// offset from the origin of `terms` to the block's left edge and to the row. The weights of missing lanes move from
-// `weight` to `lost`. Both arrays have kBlock values, or are null for chroma, which is visible where its pixels are
-// visible. `inverse` contains kBlock inverse distances of the focal map, or twice kHalf values for chroma, and is null
-// without a map. If the result is kDoubtful, nothing is changed, because rounding could decide about a sample, or its
-// bytes cannot be read.
+// Projects each sample in one row of a block, of luma, RGB or chroma, and clamps the positions to the image. This is
+// the slow path, for blocks with samples at the border of the image or behind the camera.
+//
+// `x` and `y` are the offset, in pixels of the view, from the pixel of `terms` to the left edge of the block and to the
+// row. `inverse` contains the inverse distances of the focal map at the samples: kBlock values, or twice the same kHalf
+// values for chroma. It is null without a map. The weights of samples that the camera does not see are moved from
+// `weight` to `lost`. The arrays have kBlock values. They are null for chroma, which is visible where its pixels are
+// visible.
+//
+// If the result is kDoubtful, `weight` and `lost` are unchanged: rounding could decide whether a sample is visible, or
+// a sample cannot be read with vector loads.
 inline Sight project_positions(const SumTask& task, const Slot& slot, const ProjectionTerms& terms, bool chroma,
                                float x, float y, const UnitTable& table, const float* inverse, int16_t* weight,
                                int16_t* lost, Positions& out) {
@@ -350,7 +373,8 @@ inline Sight project_positions(const SumTask& task, const Slot& slot, const Proj
   return all ? Sight::kAll : Sight::kSome;
 }
 
-// Samples anywhere inside the planes of the two halves, times 128.
+// Gathers and interpolates 16 samples of planes with one byte per sample. The two half-blocks may read different
+// planes, such as Cb and Cr. Returns levels times 128.
 HWY_INLINE void gather_bytes(const Positions& at, const uint8_t* low, const uint8_t* high, ptrdiff_t low_stride,
                              ptrdiff_t high_stride, int16_t* out) {
   alignas(64) uint16_t upper[kBlock], lower[kBlock];
@@ -373,6 +397,7 @@ HWY_INLINE void gather_bytes(const Positions& at, const uint8_t* low, const uint
   }
 }
 
+// Separates 16 pixels of R, G, B and an unused value into planes.
 HWY_INLINE void part_colours(const int16_t* pixels, int16_t out[3][kBlock]) {
   const D16 d;
   for (size_t i = 0; i < kBlock; i += hn::Lanes(d)) {
@@ -384,7 +409,7 @@ HWY_INLINE void part_colours(const int16_t* pixels, int16_t out[3][kBlock]) {
   }
 }
 
-// Samples R, G and B anywhere inside the image, times 128.
+// Gathers and interpolates 16 samples of R, G and B. Returns levels times 128.
 HWY_INLINE void gather_pixels(const Positions& at, const Slot& slot, int16_t out[3][kBlock]) {
   const uint8_t* const plane = slot.image.plane[0];
   const ptrdiff_t stride = slot.image.stride[0], pixel_stride = slot.image.layout.pixel_stride;

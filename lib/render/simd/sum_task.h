@@ -13,9 +13,13 @@
 #include "render/sum_renderer.h"
 #include "render/view_plan.h"
 
-// The data of SumRenderer's vector code. It processes a band of kBandRows rows of a view at a time, in blocks of kBlock
-// pixels that are aligned to the view. Therefore results do not depend on where a rectangle begins. A slot is a place
-// in the list of contributing cameras.
+// The data of SumRenderer's vector code. The code renders a band of kBandRows rows of the view at a time, in blocks of
+// kBlock pixels. Bands and blocks are aligned to the view, so that a pixel does not depend on where the rendered
+// rectangle begins.
+//
+// Terms: a slot is one contributing camera with its image and projection. A window is a piece of an image plane, 16
+// bytes wide, that contains the samples of half a row of a block. The fast path reads windows with vector loads and
+// selects the samples with byte shuffles ("shuffled"), instead of loading each sample separately ("gathered").
 namespace lf::simd {
 
 inline constexpr int kBlock = 16;       // pixels
@@ -24,22 +28,26 @@ inline constexpr int kBandRows = 8;     // rows of pixels; keeps a band's data i
 inline constexpr int kBandPairs = kBandRows / 2;
 inline constexpr int kPositionBits = 11;  // fractional bits of positions relative to a block's window
 
-// A CameraProjection near a position of the view, in float. Camera coordinates are from + i along + j down, plus
-// (inverse distance - near) times per_from + i per_along + j per_down.
+// A CameraProjection that is linearised around one pixel of the view, so that float is precise enough. The pixel with
+// the offset (i, j) from that pixel has the camera coordinates from + i along + j down, up to a positive factor. A
+// focal map adds (inverse distance - near) times per_from + i per_along + j per_down.
 struct ProjectionTerms {
   double near = 0;
   float from[3] = {}, along[3] = {}, down[3] = {};
   float per_from[3] = {}, per_along[3] = {}, per_down[3] = {};
 };
 
+// A camera of the task, with its image and its projection in float. Cameras without an image also have a slot, because
+// their weight counts as missing.
 struct Slot {
   CameraIndex camera = 0;
   ImageView image;  // if its family is kNone, all weight is missing
   Rect rect;        // bounds the pixels with a weight of the camera; x0 and y0 are even
-  // For RGB: byte indices into two runs of eight bytes. They select R, G and B of a run's first pixel and its right
-  // neighbour, alternating.
+  // For RGB images, shuffle indices. `pixel_pairs` selects from two groups of eight bytes, each with a pixel and its
+  // right neighbour: R of the pixel, R of the neighbour, then G and B in the same way. The first indices are 0 3 1 4 2
+  // 5 if pixels have three bytes.
   alignas(16) uint8_t pixel_pairs[16] = {};
-  alignas(16) uint8_t pixel_taps[16] = {};  // byte indices into four pixels: all R, then G, then B
+  alignas(16) uint8_t pixel_taps[16] = {};  // selects from four pixels: all R, then G, then B
   const CameraProjection* projection = nullptr;
   // Camera coordinates of pixel (x, y) of the view are from_pixel * (x, y, 1), up to a positive factor. A focal map
   // adds the inverse distance times per_inverse * (x, y, 1).
@@ -49,8 +57,9 @@ struct Slot {
   float eye_distance = 0;  // see ViewPlan
   float fx = 0, fy = 0, cx = 0, cy = 0, k1 = 0, k2 = 0, p1 = 0, p2 = 0, max_r2 = 0;
   bool radial = false, tangential = false;
-  // In these rows, all of the camera's pixels are well inside its image, nearly upright and at about its scale, so that
-  // the fastest loops can be used. See find_interior_rows().
+  // In rows [interior_y0, interior_y1) of the view, the camera's samples are far from the border of its image, and the
+  // image appears nearly upright and at about its own scale. The fastest loops can then be used without a test for each
+  // block. See find_interior_rows().
   int interior_y0 = 0, interior_y1 = 0;
   bool is_interior(int y0, int y1) const { return interior_y0 <= y0 && y1 <= interior_y1; }
 };
@@ -63,17 +72,18 @@ struct alignas(64) BlockWeights {
   uint32_t rows;  // bit r is set if row r has non-zero weights
 };
 
-// Says how the samples of one plane and row of a block are read.
+// How the samples of one plane, in one row of a block, are read. The renderer uses the fastest way that is possible.
 enum class Fetch : int16_t {
-  kMixed,  // project each sample, because some are missing, near the border, or not accurately interpolated
-  kLost,
+  kMixed,    // project each sample, because some are missing, near the border, or not accurately interpolated
+  kLost,     // none is visible to the camera, so all weight is missing
   kGather,   // read pixel by pixel; all are inside the image
   kShuffle,  // byte shuffles of 16-byte windows of three image rows
 };
 
-// Positions of the samples of one plane and row of a block, relative to its window's corner, in fixed point
-// (kPositionBits). They are p(t) = p0 + t D + t (t - 1)/4 S for t = 0..1 along the block, by Bessel interpolation of
-// four nodes.
+// Positions in the image of the samples of one plane, in one row of a block. They are relative to the corner of the
+// block's window, in fixed point with kPositionBits fractional bits, so that 16 bits suffice. For example, 2048 is one
+// pixel. Positions are computed exactly at the edges of blocks only. In between, Bessel interpolation of four such
+// nodes gives p(t) = p0 + t D + t (t - 1)/4 S, with t = 0..1 along the block, D in dx and dy, and S in sx and sy.
 struct WindowPositions {
   uint16_t x0, dx;
   int16_t sx, y0, dy, sy;
@@ -81,6 +91,7 @@ struct WindowPositions {
   int16_t half;      // columns from the corner to the window of the second half
 };
 
+// Positions of the samples of one plane in a band, with one entry for each row and block.
 struct PlanePositions {
   std::vector<float> node_x, node_y;  // positions at the left edges of blocks, starting one block before the first
   std::vector<WindowPositions> window;
@@ -89,53 +100,65 @@ struct PlanePositions {
   void resize(size_t n);
 };
 
-// If a focal map has nodes kCell pixels apart, positions are interpolated quadratically where the error is provably at
-// most kGridError (cells-inl.h). The nodes are between pixels 1 and 2 of every four, so each half of a block's row lies
-// between four nodes. Chroma has the same nodes, for each pair of rows.
+// Focal maps with the smallest distance between nodes, kCell pixels, have a fast path. The map is divided into cells
+// between four nodes. The exact position in the image is computed at the nodes, and interpolated quadratically in
+// between if the error is provably at most kGridError (cells-inl.h). The nodes are between pixels 1 and 2 of every
+// four, so each half of a block's row lies between four nodes. Chroma is interpolated from the same nodes, once for
+// each pair of rows.
 inline constexpr int kCell = FocalMap::kMinStep;
 inline constexpr int kHalf = kBlock / 2;
 inline constexpr int kCellRows = kBandRows / kCell + 2;  // rows of nodes around a band
 
-// Values at the nodes of kCellRows rows, or of the cells to the right or below, in even and odd columns. The first even
-// node is to the left of the first pixel.
+// One value for each node of a focal map in kCellRows rows, or for each cell to the right of or below a node. Even and
+// odd columns are separate, so that vectors can load every second node. The first even node is to the left of the first
+// pixel.
 struct CellNodes {
   std::vector<float> even[kCellRows], odd[kCellRows];
   void resize(size_t n);
 };
-// Temporary data of one slot's cells: bends along rows and down, and the largest error in a cell, in pixels.
+// Temporary data for the cells of one slot. A bend is the coefficient of the quadratic term of the interpolation along
+// a side of a cell. along_x and along_y belong to the upper sides, and down_x and down_y to the left sides. `doubt` is
+// an upper bound of the position error in a cell. All are in pixels of the image.
 struct CellWork {
   CellNodes along_x, along_y, down_x, down_y, doubt;
   void resize(size_t n);
 };
-// The positions of one slot in a band, for a focal map with nodes kCell apart. Half h of row k of nodes, or of the
-// cells below, is at entry(k, h). The next band reuses the last rows of nodes.
+// The positions of one camera's samples in a band, for a focal map with nodes kCell pixels apart. Values at row k of
+// the nodes, or in the cells below this row, are stored at entry(k, h) for half-block h. Rows of nodes are stored in a
+// ring, so that the next band reuses the last rows.
 struct SurfaceBand {
-  int pitch = 0;      // entries per row of halves; whole vectors and a margin
+  int pitch = 0;      // entries per row of half-blocks; whole vectors and a margin
   int first_row = 0;  // index of row 0 of nodes in the arrays
   int row(int k) const { return (first_row + k) % kCellRows; }
   size_t entry(int k, size_t half) const { return static_cast<size_t>(row(k)) * pitch + half; }
   CellNodes x, y, z, per_z;  // rows of nodes by row(); per_z: 1 / z
-  // Bounds of the samples between a half's nodes, if the whole view were at this row of nodes. NaN means outside the
-  // range of fixed point.
+  // Bounds of the samples of a half-block, computed as if the whole view were at this row of nodes. NaN means that the
+  // positions are outside the range of fixed point.
   std::vector<float> low_x, high_x, low_y, high_y;
-  // How far positions may exceed the bounds of the rows of nodes above and below. NaN means that they are not accurate.
+  // How far the positions in the cells between two rows of nodes may exceed the bounds of these two rows, because
+  // vertical sides bend. NaN means that the interpolation is not accurate enough.
   std::vector<float> slack_x, slack_y;
-  // Eight values per entry: four of x and four of y, in fixed point (kPositionBits) modulo 2^16. `nodes` are relative
-  // to an arbitrary multiple of 2^16. `along` are the bends to the right of the nodes, and the last one is 0. `down`
-  // are the bends down.
+  // Input of the interpolation: eight values per entry, the x of four nodes and then the y of four nodes, in fixed
+  // point (kPositionBits) modulo 2^16. `nodes` are positions relative to an arbitrary multiple of 2^16. `along` are the
+  // bends from each node to its right neighbour, and the last of the four is 0. `down` are the bends from each node to
+  // the node below.
   std::vector<int16_t> nodes, along, down;
-  // Byte offsets of windows, and their origins in fixed point (x in the low bits, then y). Row r, half h is at r *
-  // pitch + h, and pair p, block b at p * pitch / 2 + b. Chroma origins are in luma pixels.
+  // Windows: the byte offset in the plane, and the position of the corner in fixed point, with x in the low and y in
+  // the high 16 bits. Luma in row r and half h is at r * pitch + h. Chroma in pair p of rows and block b is at p *
+  // pitch / 2 + b. Origins of chroma windows are in luma pixels.
   std::vector<int32_t> luma_corner, chroma_corner;
   std::vector<uint32_t> luma_origin, chroma_origin;
   std::vector<int32_t> interior_pairs;  // for each block; bit p: pair p can be shuffled
   void resize(int blocks);
 };
 
-// The positions of one slot in a band. Entry (row, block) is at row * pitch + block. Rows of chroma are pairs of rows.
+// The positions of one camera's samples in a band, and how they are read. Entry (row, block) is at row * pitch + block.
+// A row of chroma samples belongs to a pair of rows.
 struct SlotBand {
-  // How a pair of rows of a block is processed. kTall means shuffled from windows of more than three rows, which only
-  // happens with a focal map.
+  // How a pair of rows of a block is rendered. kProject projects each sample. kAllMissing means that the camera sees
+  // none of the samples. kSample interpolates the positions and gathers the samples. kShuffle interpolates and
+  // shuffles. kTall is kShuffle for samples that spread over more than three rows of the image, which only happens with
+  // a focal map.
   enum Verdict : int32_t { kProject, kAllMissing, kSample, kTall, kShuffle };
 
   int y = -1;  // first row of the band; -1 if the slot has not been placed yet
@@ -157,20 +180,21 @@ struct SlotBand {
   }
 };
 
+// The weights of the cameras of one mesh face in one block of a band.
 struct FaceBlock {
   int32_t face;
-  uint8_t corners;   // bit k: corner k is local
-  bool smooth;       // see fit_weights()
+  uint8_t corners;   // bit k is set if the camera of corner k is local
+  bool smooth;       // the weights are a parabola along each row; see fit_weights()
   int32_t entry[3];  // indices of the BlockWeights of local corners
-  // If `smooth`, row r has pixels [x0, x1) of the block if bit r of `rows` is set. Their weights are w(t) = at + t rise
-  // + t (t - 1)/4 bend, with t = 0..1 along the block.
+  // Only if `smooth`. Bit r of `rows` is set if the face has pixels in row r; these are pixels [x0[r], x1[r]) of the
+  // block. The weights of a corner are w(t) = at + t rise + t (t - 1)/4 bend, with t = 0..1 along the block.
   uint32_t rows;
   uint8_t x0[kBandRows], x1[kBandRows];
-  alignas(32) uint32_t at[3][kBandRows];         // 2^30 = 1, plus kWeightOffset
-  alignas(32) uint32_t rise_bend[3][kBandRows];  // two int16_t, 2^15 = 1: rise in the low bits
+  alignas(32) uint32_t at[3][kBandRows];         // weight 1 is 2^30; kWeightOffset is added
+  alignas(32) uint32_t rise_bend[3][kBandRows];  // weight 1 is 2^15; int16_t: rise low, bend high
 };
 
-// The latest two faces of a block, because the next row mostly has the same faces.
+// A cache of the latest two faces of a block, because the next row mostly has the same faces.
 struct LastFaces {
   int32_t face[2] = {-1, -1};
   int32_t number[2] = {};  // index into Scratch::faces
@@ -186,12 +210,12 @@ struct Scratch {
   std::vector<FaceBlock> faces;
   size_t faces_used = 0;
   std::vector<LastFaces> last_faces;  // per block of the rectangle
-  // Pixels of the face without corners, for views with a WeightGrid: bit x of entry (block, row) at block * kBandRows +
-  // row.
+  // For views with a WeightGrid, which pixels belong to the face without corners. Bit x of the entry at block *
+  // kBandRows + row is set if the pixel x of the block in that row does.
   std::vector<uint16_t> grid_pixels;
   std::vector<SlotBand> bands;  // per slot
-  // The sums, in whole blocks: [row][plane] for RGB, luma [row][0] and chroma [pair][1..2]. They point to the memory
-  // below or directly to the output.
+  // The sums of the band, in whole blocks. RGB is at [row][plane]. I420 has luma at [row][0], and chroma at [pair of
+  // rows][1..2]. The pointers refer to the memory below or directly to the output.
   int16_t* sum[kBandRows][3] = {};
   uint16_t* lost[kBandRows] = {};
   std::vector<int16_t> sum_memory[kBandRows][3];
@@ -199,13 +223,14 @@ struct Scratch {
   bool any_missing = false;
 };
 
-// The whole task, which all rows and threads share.
+// Input of the renderer for one sum: the view, the faces of its pixels, and the cameras. The task is shared by all
+// bands and threads.
 struct SumTask {
   const ViewPlan* plan = nullptr;
   const FaceRuns* runs = nullptr;
   std::vector<Slot> slots;
   std::vector<int32_t> slot_of_camera;  // -1: not local
-  std::vector<uint8_t> face_corners;    // per plan.faces(); bit k: corner k is local
+  std::vector<uint8_t> face_corners;    // per plan.faces(); bit k is set if the camera of corner k is local
   PixelFamily family = PixelFamily::kNone;
   bool exact = false;
 };
@@ -247,14 +272,16 @@ struct PreparedTask {
   std::vector<CameraProjection> projections;
 };
 
-// Replaces a slot's image on a GPU by the same image in this process's memory.
+// Sets the image of a slot to a copy in CPU memory, after the image on a GPU has been downloaded. Also finds the slot's
+// interior rows again, because they depend on the strides of the image.
 void place_image(const SumTask& task, Slot& slot, const ImageView& image);
 
-// Returns the sum over the cameras of their pixels in `rect`.
+// Returns an upper bound of the work in `rect`: the number of pixels that each camera may contribute to, added up over
+// the cameras.
 size_t samples_of(const SumTask& task, const Rect& rect);
 
-// Returns the memory of the calling thread, with room for a rectangle and a number of slots. Its previous contents are
-// lost.
+// Returns the calling thread's working memory, with room for a rectangle and a number of slots. Its previous contents
+// are lost.
 Scratch& scratch_for(const Rect& rect, size_t slots);
 
 // Provides the images of a task's slots in this process's memory. The needed region of an image on a GPU is downloaded

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Included once per instruction set, see render_band.cc: the weights of all local cameras in a band.
+// Included once per instruction set, see render_band.cc: computes the weights of all local cameras in a band.
 #if defined(LF_RENDER_SIMD_WEIGHTS_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef LF_RENDER_SIMD_WEIGHTS_INL_H_
 #undef LF_RENDER_SIMD_WEIGHTS_INL_H_
@@ -19,8 +19,8 @@ HWY_BEFORE_NAMESPACE();
 namespace lf::simd::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-// If the weights of a face are smooth along a block, each row uses a parabola through three weights. Otherwise weights
-// are computed pixel by pixel.
+// The weights of a face usually vary smoothly along a block. A parabola through three exact weights then gives the
+// weights of a row. Otherwise, the weights are computed pixel by pixel.
 
 #if HWY_TARGET == HWY_SCALAR
 
@@ -29,16 +29,16 @@ inline void spread_weights(const FaceBlock&, Scratch&) {}
 
 #else
 
-// Offset of unsigned intermediate weights: 1/2, so that a weight may be slightly negative, plus half a unit for
-// rounding.
+// Intermediate weights are unsigned, and weight 1 is 2^30. This offset contains 1/2, so that a weight may be slightly
+// negative, and half a unit of the final weight for rounding.
 inline constexpr uint32_t kWeightOffset = (1u << 29) + (1u << 14);
 
-// Largest error of the parabola through the weights at t = 0, 1/2 and 1. If the sum of the edge functions changes by
-// the fraction c along a block, and the weight by `rise`, the error is at most 0.0481 c^2 rise.
+// Largest permitted error of the parabola through the weights at t = 0, 1/2 and 1. If the sum of the edge functions
+// changes by the fraction c along a block, and the weight by `rise`, the error is at most 0.0481 c^2 rise.
 inline constexpr float kLargestMiss = 1e-5f;
 
-// Fits the weights of a face in the rows from y on of the block at x. Returns false if the weights are not smooth
-// enough. The decision depends only on these arguments, so all nodes agree.
+// Fits parabolas to the weights of a face in the block at x, in all rows of the band that begins at y. Returns false if
+// the weights are not smooth enough. The decision depends only on these arguments, so all hosts make the same decision.
 inline bool fit_weights(const FacePlan& face, const Rays& rays, int x, int y, FaceBlock& out) {
   if (!rays.separable()) return false;
   const hn::CappedTag<float, kBandRows> d;
@@ -85,8 +85,9 @@ inline bool fit_weights(const FacePlan& face, const Rays& rays, int x, int y, Fa
   return hn::AllTrue(d, all);
 }
 
-// Factors of rise and bend for the even and the odd pixels of a block, as pairs with 2^15 = 1, and masks of 16 lanes
-// that begin or end anywhere.
+// Constants for evaluating the parabolas. `even` and `odd` contain the factors of rise and bend for the even and odd
+// pixels of a block, in pairs; 1 is 2^15. `from` and `to` contain masks: a load at a suitable offset gives a mask of
+// the pixels from x0 on or before x1.
 struct SpreadTable {
   alignas(64) int16_t even[kBlock], odd[kBlock];
   alignas(64) int16_t from[2 * kBlock], to[2 * kBlock];
@@ -104,6 +105,7 @@ constexpr SpreadTable make_spread_table() {
 }
 inline constexpr SpreadTable kSpread = make_spread_table();
 
+// Evaluates the parabolas of a face at the pixels of a block, and writes the weights of its local cameras.
 inline void spread_weights(const FaceBlock& face, Scratch& scratch) {
   const hn::CappedTag<int16_t, kBlock> d;
   const hn::RebindToUnsigned<decltype(d)> du;
@@ -150,6 +152,8 @@ inline void spread_weights(const FaceBlock& face, Scratch& scratch) {
 
 #endif
 
+// Returns the index in scratch.weights of a camera's weights in a block, after creating an entry with weights of 0 if
+// there is none.
 inline int32_t entry_of(Scratch& scratch, int block, int32_t slot) {
   for (int32_t i = scratch.head[block]; i >= 0; i = scratch.weights[i].next)
     if (scratch.weights[i].slot == slot) return i;
@@ -166,8 +170,8 @@ inline int32_t entry_of(Scratch& scratch, int block, int32_t slot) {
   return number;
 }
 
-// Returns the index in scratch.faces of a face in a block, after creating the entry if necessary. `block` is the index
-// in the rectangle, and (x, y) the first pixel of the block and of the band.
+// Returns the index in scratch.faces of a face in a block, and creates the entry if it does not exist. `block` is the
+// index of the block in the rectangle, and (x, y) the first pixel of the block and of the band.
 HWY_INLINE int32_t face_in_block(const SumTask& task, Scratch& scratch, int block, int x, int y, int32_t face,
                                  uint8_t corners) {
   LastFaces& last = scratch.last_faces[block];
@@ -232,6 +236,8 @@ inline void weigh(const float e[3], const float step[3], int x0, int x1, uint8_t
   }
 }
 
+// Computes the weights of a face in pixels [x, x1) of row y, pixel by pixel. The pixels are in one block and belong to
+// `run`.
 inline void weigh_exactly(const SumTask& task, const FaceRun& run, int y, int x, int x1, const FaceBlock& block,
                           Scratch& scratch) {
   const FacePlan& face = task.plan->faces()[run.face];
@@ -258,6 +264,7 @@ inline void weigh_exactly(const SumTask& task, const FaceRun& run, int y, int x,
   weigh(e, step, x - left, x1 - left, block.corners, out);
 }
 
+// Marks the pixels in scratch.grid_pixels that take their weights from the WeightGrid.
 inline void find_grid_pixels(const SumTask& task, int first_block, int blocks, int first_row, int past_row, int y,
                              Scratch& scratch) {
   static_assert(kBlock == 16, "a mask has a bit for each pixel of a block");
@@ -277,6 +284,7 @@ inline void find_grid_pixels(const SumTask& task, int first_block, int blocks, i
     }
 }
 
+// Computes the weights in a band of the pixels that take their weights from the WeightGrid.
 inline void blend_band(const SumTask& task, const Rect& rect, int y, Scratch& scratch) {
   static_assert(WeightGrid::kStep == kBlock && WeightGrid::kStep % kBandRows == 0 && WeightGrid::kOne == 1 << 15);
   const WeightGrid& grid = *task.plan->blend();
@@ -302,6 +310,7 @@ inline void blend_band(const SumTask& task, const Rect& rect, int y, Scratch& sc
   }
 }
 
+// Computes the weights in a band of the pixels that belong to a face of the mesh.
 inline void weigh_band(const SumTask& task, const Rect& rect, int y, Scratch& scratch) {
   scratch.weights_used = scratch.faces_used = 0;
   const int first_block = rect.x0 / kBlock, blocks = (rect.x1 + kBlock - 1) / kBlock - first_block;
