@@ -43,7 +43,7 @@ class AnswerJobQueue {
   // Maximum number of pixels in a batch, because all answers stay in memory until the batch is done.
   static constexpr size_t kMostPixels = 16'000'000;
 
-  // Adds a job. The queue holds a weak reference; FairScheduler owns the job, and may drop it.
+  // Adds a job. The queue holds only a weak reference, because FairScheduler owns the job and may drop old jobs.
   void add(const std::shared_ptr<AnswerJob>& job);
   // Removes the jobs that FairScheduler has dropped. Returns the number of these jobs.
   size_t forget_dropped();

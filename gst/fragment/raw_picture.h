@@ -69,7 +69,7 @@ class FrameConverter {
 };
 
 // A raw video frame in GPU memory (GstGLMemory). The GPU renderer samples the textures directly if its OpenGL context
-// shares them, and if the video needs no colour conversion. Otherwise the frame is downloaded once, and converted as by
+// shares them, and if the video needs no colour conversion. Otherwise the frame is downloaded and converted, as by
 // FrameConverter.
 class GpuPicture : public CameraPicture {
  public:

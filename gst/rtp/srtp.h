@@ -26,8 +26,7 @@ inline constexpr size_t kTagBytes = 10;  // HMAC-SHA1-80
 inline constexpr size_t kSrtpOverheadBytes = kMkiBytes + kTagBytes;
 
 // Identifies a session key: the sender (SSRC), the minute, and a random number that makes the key unique. Receivers
-// read the SSRC from the RTP header, and the other two numbers from the MKI (master key identifier) at the end of each
-// packet.
+// read the SSRC in the RTP header, and minute and nonce in the MKI (master key identifier) at the end of each packet.
 struct KeyId {
   uint32_t ssrc = 0;
   uint32_t minute = 0;  // minutes since 1970
@@ -71,9 +70,9 @@ class StandaloneElement {
   using OnBuffer = std::function<GstFlowReturn(GstBuffer*)>;
   using OnList = std::function<GstFlowReturn(GstBufferList*)>;
 
-  // Takes ownership of the floating element and starts it. `sink` and `src` are the names of its pads. `sink` may be a
-  // request pad; `src` must exist after `sink` has been requested. `caps` are the caps of the pushed data. The
-  // element's output goes to `on_buffer` and `on_list`. Throws Error if the element does not start.
+  // Starts the floating element, and takes its reference. `sink` and `src` are the names of its pads. `sink` may be a
+  // request pad; `src` must exist after `sink` has been requested. `caps` are the caps of the pushed data. `on_buffer`
+  // and `on_list` receive the output of the element. Throws Error if the element does not start.
   StandaloneElement(GstElement* element, const char* sink, const char* src, const char* caps, OnBuffer on_buffer,
                     OnList on_list = nullptr);
   ~StandaloneElement();

@@ -100,7 +100,7 @@ class RequestOutbox {
   std::deque<BufferPtr> waiting_;
 };
 
-// The queue behind the optional sink pad of lfviewrequest. With this pad, the element does not create requests, but
+// The queue behind the optional sink pad of lfviewrequest. If this pad exists, the element does not create requests. It
 // relays the requests of another viewer, and adds the depths that its compositor has found. Thread-safe.
 class RequestRelay {
  public:
@@ -170,8 +170,8 @@ class RequestStream {
 
   // Returns the encoded command that must follow a request if cameras do not have the rig (property `access`). Returns
   // an empty vector for access=self. `rig` must be the result of rig() at the time when the request was created. Throws
-  // Error if the request does not fit the rig or the command is too long. Call this from one thread; the other
-  // functions may run concurrently.
+  // Error if the request does not fit the rig or the command is too long. Call this from one thread. Other functions of
+  // the class may run concurrently.
   std::vector<uint8_t> command_for(const ViewRequest& request, const std::shared_ptr<const Rig>& rig);
 
  private:

@@ -88,8 +88,8 @@ class ViewControl {
   // Moves the view according to a GstNavigation event. The event's coordinates are pixels of a picture with columns x
   // rows views (1 x 1: a single view), and each view has this size in pixels. Returns false if the event has no effect.
   bool navigate(GstEvent* event, int view_width, int view_height, int columns = 1, int rows = 1);
-  // Returns the position of the last click, in pixels of the picture, and forgets it. A click is a press and a release
-  // of the first button without a movement in between.
+  // Returns the position of the last click in pixels of the picture, once for each click. A click is a press and a
+  // release of the first button without a movement in between.
   std::optional<Vec2> take_click() { return std::exchange(click_, std::nullopt); }
 
  private:

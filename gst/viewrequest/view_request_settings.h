@@ -22,7 +22,7 @@ struct PictureFormat {
 PictureFormat with_defaults(const PictureFormat& set, const PictureFormat& defaults);
 
 // Chooses the size and frame rate of a view, so that its pictures fit the caps that downstream accepts. Numbers in
-// `set` are fixed by the user. The other numbers are chosen as close to `defaults` as the first suitable structure of
+// `set` are fixed by the user. All unset numbers are chosen as close to `defaults` as the first suitable structure of
 // the caps allows. If the caps fix only the width or only the height, the aspect ratio is preserved. Returns nothing if
 // no structure is suitable.
 //
