@@ -10,7 +10,7 @@
 namespace lf {
 namespace {
 
-// This is slow, but only needed if a node has cameras of both families.
+// Converts I420 to RGB. This is slow, but only needed if a node has cameras of both families.
 std::shared_ptr<const ImageView> as_rgb(const ImageView& i420) {
   struct Converted {
     Image image;
