@@ -21,6 +21,8 @@ struct ReportData {
     int width = 0, height = 0;
     std::string trouble;
     std::vector<std::string> remarks;
+    // The result of `lf-calibrate solve` for this camera: the light positions that were used, and the estimated
+    // position with its uncertainty.
     struct SolveResult {
       bool found = false;
       double observations = 0, outliers = 0, rms_px = 0;
@@ -32,11 +34,13 @@ struct ReportData {
       double reflections = 0;
     };
     std::optional<SolveResult> solved;
+    // The result of `lf-calibrate colour` for this camera.
     struct ColourResult {
       bool corrected = false, stuck = false;
       double gain = 1, rms = 0, clipped = 0;
     };
     std::optional<ColourResult> coloured;
+    // The result of `lf-calibrate check` for this camera.
     struct CheckResult {
       std::string state;  // "holds", "moved", "lens", "colour", "picture" or "unknown"
       double shift_px = 0;
@@ -52,6 +56,8 @@ struct ReportData {
   struct Solve {
     double rms_px = 0, expected_px = 0, observations = 0, outliers = 0;
     std::string model, scale_from;
+    // A lens model that was tried: its BIC (Bayesian information criterion; lower is better), and its error for light
+    // positions that were not used for the fit.
     struct Trial {
       std::string model;
       double bic = 0;
@@ -61,10 +67,12 @@ struct ReportData {
     std::vector<Trial> trials;
     double near_m = 0, far_m = 0;
     int columns = 0, rows = 0;
+    // The reprojection uncertainty for points at one distance.
     struct Depth {
       double depth_m = 0, median_px = 0, worst_px = 0;
     };
     std::vector<Depth> projection;
+    // A combination of parameters that the recording determines badly, in words.
     struct Mode {
       std::string text;
       double share = 0;  // uncertainty relative to the limit; above 1, the report recommends a better recording

@@ -16,6 +16,7 @@ class Validator;
 // compile, so only command_line.cc includes its headers. Not thread-safe.
 namespace cli {
 
+// A test for the value of an option, for example Range(1, 100). A value that fails is an error of the user.
 class Check {
  public:
   explicit Check(const CLI::Validator& validator);

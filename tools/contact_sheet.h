@@ -7,6 +7,7 @@
 #include "image/image.h"
 #include "rig/still_image_cache.h"
 
+// A picture of a contact sheet, with its title.
 struct Panel {
   std::string title;
   lf::Image picture;
@@ -22,13 +23,15 @@ lf::Image camera_mosaic(const lf::Rig& rig, const lf::CameraImages& images, int 
 void write_text(lf::Image& on, const std::string& text, lf::Vec2 at, double size, bool centred = false);
 double text_width(const std::string& text, double size);  // pixels
 
-// Labels of the colour bar below a false-colour picture: the values at both ends of lf::heat_colour(), the meaning of
-// the grey lf::kNoValueGrey (omitted if empty), and further lines of text.
+// The labels of a colour bar, which explains the colours of a false-colour picture: the values at both ends of the bar
+// (see lf::heat_colour()), the meaning of grey pixels (lf::kNoValueGrey; omitted if empty), and further lines of text.
 struct ColourBar {
   std::string low, high, none;
   std::vector<std::string> lines;
 };
+// Returns the picture with a colour bar below.
 lf::Image with_colour_bar(const lf::Image& picture, const ColourBar& scale);
 
+// Arranges pictures in rows of `columns` panels, with a heading above and a line of text below.
 lf::Image make_contact_sheet(const std::string& heading, const std::vector<Panel>& panels, int columns,
                              const std::string& foot);

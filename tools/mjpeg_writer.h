@@ -28,6 +28,7 @@ inline std::string bus_error(GstElement* pipeline, GstClockTime timeout, std::st
 
 }  // namespace lf
 
+// A frame rate in frames per second. time(n) is the timestamp of frame n in nanoseconds.
 struct FrameRate {
   int numerator = 15, denominator = 1;
   GstClockTime time(uint64_t n) const {

@@ -221,7 +221,8 @@ static std::shared_ptr<lf::Recording> find_recording(LfCameraNode* self) {
   return *self->recording;
 }
 
-// The streaming threads call the tap with raw pointers, which is safe because node and camera outlive the streams.
+// Connects one camera with the recording. Streaming threads call this function with raw pointers, which is safe because
+// node and camera outlive the streams.
 static void tap_camera(LfCameraNode* self, GstElement* element, guint id) {
   LfCamSrc* camera = LF_CAM_SRC(element);
   lf_cam_src_set_tap(camera, [=](GstBuffer* buffer, GstCaps* caps, GstClockTime captured) {
@@ -273,7 +274,8 @@ struct LostCameras {
 
 }  // namespace
 
-// Returns nothing while at least one camera works or is being opened for the first time.
+// Returns the lost cameras and their reasons if no camera works. Returns nothing while at least one camera works or is
+// opened for the first time.
 static std::optional<LostCameras> lost_cameras(LfCameraNode* self) {
   LostCameras losses;
   for (const lf::ElementPtr& camera : hold_camera_locks(self)) {
@@ -318,8 +320,8 @@ static void check_cameras(LfCameraNode* self) {
                     ("No camera works:\n%s", lf::grouped_reasons(losses->reasons, "\n").c_str()), (nullptr));
 }
 
-// Waits up to kStartTimeout until each camera has a first frame or is lost, so that a failure becomes an error at
-// start, reported by has_failed().
+// Waits until each camera has delivered a frame or is lost, but at most for kStartTimeout. If no camera works,
+// has_failed() then returns true, so the state change can fail with a clear error.
 static void wait_for_cameras(LfCameraNode* self) {
   constexpr uint64_t kStartTimeout = 2'000'000'000;
   const auto is_opening = [](const lf::ElementPtr& camera) {
@@ -423,7 +425,8 @@ static void add_camera(LfCameraNode* self, const Settings& settings, const lf::R
                       static_cast<gint>(rig.cameras[index].id), nullptr);
 }
 
-// The cameras of an imported rig may be far from the built-in scene, so that all views are black.
+// Warns that cameras without a source film the built-in scene. The cameras of an imported rig may be far from this
+// scene, and all views are then black.
 static void warn_of_scene(LfCameraNode* self, const std::string& rig) {
   GST_ELEMENT_WARNING(self, RESOURCE, NOT_FOUND,
                       ("%s: no camera names an image or a source, so all cameras show the built-in scene. Add a "

@@ -261,8 +261,8 @@ static void set_by_uri(LfViewSrc* self, bool by_uri) {
   self->by_uri = by_uri;
 }
 
-// Returns false if the running node rejects the rig, for example because its cameras differ. The viewers then also keep
-// their current rig.
+// Changes the rig of the running camera node. Returns false if the node rejects the rig, for example because its
+// cameras differ. The viewers must then keep their current rig, too.
 static bool give_rig(LfViewSrc* self, const gchar* path) {
   if (GstElement* node = find_node(self)) {
     g_object_set(node, "rig", path, nullptr);
@@ -607,7 +607,8 @@ static void change_hosts(LfViewSrc* self, const Hosts& hosts) {
   set_node(self);
 }
 
-// A URI can come from an untrusted page, and launch descriptions in a rig can run any program.
+// Throws Error if a camera of the rig has a launch description as its source. The rig of a URI may come from an
+// untrusted web page, and launch descriptions can run any program.
 static void refuse_described_sources(const lf::Rig& rig, const std::string& path) {
   for (const lf::Camera& camera : rig.cameras)
     if (lf::is_launch_description(camera.source))

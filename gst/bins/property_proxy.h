@@ -7,11 +7,11 @@
 #include <span>
 #include <string_view>
 
-// Proxies are properties of a bin that forward to a child element. A bin with proxies offers the properties of its
-// children and need not declare its own.
+// Proxies are properties of a bin that forward to the property of the same name of a child element. A bin such as
+// lfviewsrc offers the properties of its children in this way, without declaring them again.
 namespace lf {
 
-// The default of a proxy that differs from the default in the child's class.
+// A default value of the bin that replaces the default value of the child's class.
 struct ProxyDefault {
   const char* name;
   gint64 value;
@@ -25,12 +25,12 @@ struct ProxyDefault {
 guint install_proxies(GObjectClass* klass, guint first_id, GType child, std::initializer_list<std::string_view> without,
                       std::initializer_list<const char*> with = {}, std::span<const ProxyDefault> defaults = {});
 
-// Sets the bin's own defaults on a new child, so that the child agrees with the proxies of the bin. Defaults of type
-// uint64 are skipped.
+// Sets the properties in `defaults` of a new child, so that the child has the default values that the proxies of the
+// bin announce. Properties of type uint64 are skipped.
 void set_defaults(GstElement* child, std::span<const ProxyDefault> defaults);
 
-// Returns true if the property of the bin is a proxy. If `child` is given, the proxy must forward to a property of that
-// class.
+// Returns true if the property of the bin is a proxy. If `child` is given, the function returns true only for proxies
+// of that class's properties.
 bool is_proxy(GParamSpec* spec, GType child = 0);
 
 // Keeps applications informed: emits `notify` on `bin` whenever a property of `child` changes that has a proxy.

@@ -17,7 +17,8 @@ namespace {
 // the upper limit.
 constexpr int kReceiveBuffer = 8 << 20;
 
-// An IPv6 socket also receives IPv4 packets.
+// Returns true if this machine supports IPv6. Receivers then listen on IPv6, because an IPv6 socket also receives IPv4
+// packets.
 bool has_ipv6() {
   std::ifstream interfaces("/proc/net/if_inet6");
   return interfaces.peek() != std::ifstream::traits_type::eof();
@@ -30,7 +31,8 @@ bool is_group(const std::string& host) {
 
 const char* text_or_null(const std::string& text) { return text.empty() ? nullptr : text.c_str(); }
 
-// A node on the loopback address sends its answers to the loopback address, so the port need not be open elsewhere.
+// Returns the address to receive the answers of a node on. If the node is on this machine, this is the loopback
+// address, so that other hosts cannot reach the port.
 HostPort place_of_answers(const NodeAddress& node) {
   std::string address = node.answer_host;
   if (address.empty() && (node.host.starts_with("127.") || node.host == "::1")) address = node.host;
@@ -100,7 +102,8 @@ GstElement* add_receiver(ScopedElements& to, const HostPort& from, const char* e
   gst_caps_unref(caps);
   GstElement* gate = to.add("lfrtpgate", name + "_gate");
   g_object_set(gate, "key-file", text_or_null(security.key_file), "peers", text_or_null(security.peers), nullptr);
-  // A viewer encrypts a request once for all of its hosts.
+  // Packets may arrive more than once in this process: members of a multicast group get the same packet, and a viewer
+  // encrypts each request only once for all hosts. Copies in different receivers must not count as replay attacks.
   const bool has_copies = is_group(from.host) || std::strcmp(encoding, "X-LIGHTFIELD-REQUEST") == 0;
   g_object_set(gate, "copies", has_copies, nullptr);
   GstElement* depay = to.add("rtplfdepay", name + "_depay");

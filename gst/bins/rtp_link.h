@@ -10,11 +10,12 @@
 
 #include "base/text.h"
 
-// Sends view requests and answers between hosts by RTP. The bins of the plugin and lf-serve use these classes.
+// Helpers for pipelines that send view requests and answers between hosts by RTP. Users are the bins of the plugin and
+// lf-serve.
 namespace lf {
 
-// A group of elements in a bin that are removed together. The destructor stops the elements and removes them from the
-// bin. Destroy the group only while no data flows.
+// Adds elements to a bin for a limited time: the destructor stops all elements that were added and removes them from
+// the bin. Destroy the object only while no data flows.
 class ScopedElements {
  public:
   explicit ScopedElements(GstBin* bin) : bin_(bin) {}
@@ -36,19 +37,20 @@ class ScopedElements {
 // buffer is too short.
 std::optional<uint32_t> view_of(GstBuffer* unit);
 
-// Defines which hosts may send packets. If `key_file` is set, every host with the key may send. Otherwise only the
-// hosts in `peers` may, as in lfrtpgate.
+// Defines which hosts may send packets to this host. If `key_file` is set, every host with the same key may send.
+// Otherwise only the hosts in `peers` may send, a list in the format of the property `peers` of lfrtpgate, for example
+// "viewer,10.0.0.7".
 struct RtpSecurity {
   std::string key_file, peers;
   bool operator==(const RtpSecurity&) const = default;
 };
 
-// Returns the settings with a value for `peers`. If neither a key nor peers are set, only `addresses` and this machine
-// may send.
+// Completes the settings: if they have neither a key nor peers, only the hosts in `addresses` and this machine may
+// send.
 RtpSecurity rtp_security_of(const RtpSecurity& settings, const std::vector<std::string>& addresses);
 
-// Posts a warning if there is no key. Without a key, senders are recognised only by their addresses, which can be
-// forged.
+// Posts a warning of `element` if there is no key, because packets are then not encrypted, and an attacker can forge
+// the address of an allowed sender.
 void warn_without_key(GstElement* element, const RtpSecurity& security);
 
 // Adds the elements that receive packets: a udpsrc with a large socket buffer, an lfrtpgate and an rtplfdepay, linked.

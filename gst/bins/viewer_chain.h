@@ -25,8 +25,8 @@ namespace lf {
 // pictures. Requests are dropped early too, because a backlog of requests would delay the feedback to the view by
 // several pictures.
 //
-// The elements belong to the bin. `ending` is the suffix of their names and must be unique per viewer ("view_0"). Not
-// thread-safe.
+// The bin owns the elements. `ending` is the suffix of their names, for example "view_0", and must be unique for each
+// viewer of the bin. Not thread-safe.
 class ViewerChain {
  public:
   ViewerChain(GstBin* bin, guint view_id, const std::string& ending);
@@ -49,8 +49,9 @@ class ViewerChain {
   // Removes all inputs of add_answers(). Call while nothing runs.
   void drop_answers();
 
-  // Makes the request queues large enough for this many requests at the same time. Call this if requests arrive in
-  // bursts. Sets of views, such as stereo pairs, adapt the queues themselves.
+  // Enlarges the request queues, so that they can hold this many requests. Call this if requests arrive in bursts,
+  // because small queues would drop requests. For sets of views, such as stereo pairs, the class enlarges the queues
+  // without this call.
   void make_room(guint requests) { make_room_in(to_cameras_, requests), make_room_in(to_compositor_, requests); }
   // Selects live operation. If live, late requests and pictures are dropped, so that nothing blocks. Call this only
   // while no data flows.
@@ -58,11 +59,12 @@ class ViewerChain {
   // Starts the elements, downstream first. Their state is locked until this call and follows the bin from then on.
   void follow_bin();
 
-  // Removes the elements from the bin, so that the bin receives none of their messages. The elements keep running until
-  // close().
+  // First step of the shutdown: removes the elements from the bin, so that the bin does not receive their messages any
+  // more. The elements keep running until close().
   void take_out();
-  // Stops the elements from downstream to upstream, which unblocks the elements further upstream. Calls `leave_cameras`
-  // between compositor and view. Do not call from a streaming thread of these elements.
+  // Second step of the shutdown: stops the elements, from downstream to upstream, because a stopped element no longer
+  // blocks upstream elements. `leave_cameras` is called after the compositor and before the view has been stopped, and
+  // must disconnect the cameras. Do not call this from a streaming thread of these elements.
   void close(const std::function<void()>& leave_cameras);
 
  private:
@@ -81,8 +83,9 @@ class ViewerChain {
   bool follows_ = false;
 };
 
-// Receives the view requests of remote viewers by RTP at one port. Each viewer of the bin then relays the requests of
-// its view id instead of generating requests. Destroy all pads of connect() first. Not thread-safe.
+// Receives the view requests of remote viewers by RTP at one port, for a bin that renders the pictures. Each viewer
+// chain of the bin then relays the requests with its view id instead of generating requests. Destroy all results of
+// connect() before this object. Not thread-safe.
 class ViewerRequests {
  public:
   ViewerRequests(GstBin* bin, const HostPort& from, const RtpSecurity& security);
@@ -94,13 +97,17 @@ class ViewerRequests {
   GstElement* split_;
 };
 
-// The cameras that all viewers of a bin share. Destroy all pads of connect() first. Not thread-safe.
+// The cameras that all viewers of a bin share, on this machine or on other hosts. connect() links the cameras with one
+// viewer, until its result is destroyed. Destroy all results of connect() before this object. Not thread-safe.
 class ViewerCameras {
  public:
   virtual ~ViewerCameras() = default;
   virtual std::unique_ptr<RequestedPads> connect(ViewerChain& viewer) = 0;
 };
 
+// Create the connection to cameras in this process (an lfcameranode in the bin), or on other hosts by RTP. `key_file`
+// is the file with the shared secret, or "". Throw Error if an element is not installed or a host name cannot be
+// resolved.
 std::unique_ptr<ViewerCameras> make_local_cameras(GstBin* bin);
 std::unique_ptr<ViewerCameras> make_remote_cameras(GstBin* bin, const std::vector<NodeAddress>& nodes,
                                                    const std::string& key_file);

@@ -31,21 +31,23 @@ struct CamSrcSettings {
   static PropertyTable<CamSrcSettings>& properties();
 };
 
-// Changes the states of the children of lfcamsrc, instead of GstBin. The reason is that a bin with a decoder reaches
-// PAUSED asynchronously. A live GstBin without preroll forwards the ASYNC_START of such a child but not its ASYNC_DONE,
-// so the pipeline would wait forever. Nothing needs to wait for these children, because a sink prerolls with the first
-// frame. Therefore their state is locked and changed here, and their async messages are dropped.
+// The functions below change the states of the children of lfcamsrc, because GstBin would make the pipeline wait
+// forever. A child that is a bin with a decoder, such as decodebin, reaches PAUSED asynchronously. A live GstBin
+// without preroll forwards the message ASYNC_START of such a child, but not its ASYNC_DONE. No element needs to wait
+// for these children, because a sink prerolls with the first frame. Therefore the functions lock the state of these
+// children, change it themselves, and drop the asynchronous messages.
 
 // Handler for GstBinClass::element_added: locks the state of a new child if the child is a bin.
 void lock_decoder(GstBin* bin, GstElement* child);
 
-// Changes the state of the bin and of its locked children. `chain_up` is change_state of the parent class. A locked
-// child that does not stop within two seconds is removed from the bin and stops in the background.
+// Changes the state of the bin and of its locked children. `chain_up` is the function change_state of the parent class.
+// A network source can take long to stop, so a locked child that does not stop within two seconds is removed from the
+// bin and continues to stop in the background.
 GstStateChangeReturn change_camera_state(GstBin* bin, GstStateChange transition,
                                          GstStateChangeReturn (*chain_up)(GstElement*, GstStateChange));
 
-// Sets new children of a bin in PAUSED or PLAYING to PAUSED, downstream elements first. See change_camera_state() for
-// the next step.
+// Start the children that were added to a bin while it is in PAUSED or PLAYING, downstream elements first. The first
+// function sets them to PAUSED, and the second to PLAYING.
 GstStateChangeReturn pause_new_children(GstBin* bin);
 GstStateChangeReturn play_new_children(GstBin* bin);
 
@@ -54,8 +56,9 @@ bool take_decoder_message(GstBin* bin, GstMessage* message);
 
 }  // namespace lf
 
-// The child elements of lfcamsrc while one camera is open, and the settings that they were created for. They change
-// from READY to PAUSED at most once; a camera that fails gets new children.
+// The child elements of lfcamsrc while its camera is open, and the settings that they were created with. Children are
+// not reused: they change from READY to PAUSED at most once, and are replaced by new children when a failed camera is
+// opened again.
 struct CamSrcSession {
   lf::CamSrcSettings settings;
   std::shared_ptr<const lf::Rig> rig;  // kept for the next camera with this rig
@@ -73,17 +76,21 @@ struct _LfCamSrc {
   lf::CameraLifecycle* service;
   std::shared_ptr<lf::LoadShedder>* shedder;
   lf::RecordingTap* tap;
-  // Take the state lock before changing the following members. `run`, `name` and `camera` also need the object lock.
+  // Hold the state lock of the element to change the following members. Changes of `run`, `name` and `camera` also need
+  // the object lock.
   CamSrcSession* run;
-  std::atomic<bool> live;  // the camera is live, as far as known yet; read by any thread
+  std::atomic<bool> live;  // the camera is live; false while unknown; read by any thread
   GstClockTime end;        // running time of the end of the previous stream
   GstClockTime round;      // duration of one loop of the film, nanoseconds; 0: unknown
+  // The number of frames that the earlier streams of this camera have delivered, which count towards num_frames.
   gint64 frames;
   guint camera;
   std::string* name;
   gint expendable;   // atomic; 1: a loss of the camera is not an error
   guint serial;      // atomic; incremented when the camera is opened, so that steps scheduled earlier are skipped
   GstClockID timer;  // next scheduled step; guarded by the object lock
+  // The number of frames that had arrived at the time `active`, including dropped frames, to detect a camera that
+  // silently stops.
   guint64 activity;
   guint64 active;  // time when `activity` last changed, lf::now_ns()
 };
@@ -94,24 +101,28 @@ struct CamSrcFailure {
   std::string text, debug;
 };
 
-// Creates the children for the current settings, in state NULL. Every failure sets `failure`. Returns false only if the
-// rig cannot be loaded or lacks the camera.
+// Opens the camera: closes it if it is open, and creates its child elements for the current settings, in state NULL. On
+// every failure, sets `failure`, and there are no children. The result is false only if the rig cannot be loaded or
+// lacks the camera, because another attempt would then be useless.
 bool lf_cam_src_open(LfCamSrc* self, std::unique_ptr<CamSrcFailure>* failure);
-// Stops the data flow between the children. The bin calls this before its children go to the state READY or are
-// removed.
+// Stops the streaming threads of the children. Call this before the children change to the state READY or are removed
+// from the bin.
 void lf_cam_src_stop_flow(LfCamSrc* self);
 void lf_cam_src_close(LfCamSrc* self);
-// Starts the last elements of the chain. Call it before the decoders start: GstBin starts elements that are not linked
-// yet in any order, so the first frame of a decoder could reach an element that is not running.
+// Sets the elements behind the decoder (CameraChain::tail) to PAUSED. Call this before the decoders start. The decoders
+// are linked only when they start, so GstBin does not know that decoders are upstream of these elements. It could start
+// a decoder first, and the first frame would reach an element that is not running.
 void lf_cam_src_start_tail(const lf::CameraChain& chain);
 
-// Returns true if an error of this camera counts as a loss of the camera, which the pipeline survives, instead of an
-// error. Defined in lfcamsrc.cc, like the next two functions.
+// Returns true if the pipeline survives a failure of this camera. The failure is then reported as a lost camera instead
+// of an error, and the camera may be opened again later. Defined in lfcamsrc.cc, like the functions below.
 bool lf_cam_src_may_be_lost(LfCamSrc* self);
-// Reports a failure. Posts an error, or the messages about a lost camera if the pipeline survives the loss.
-// Thread-safe.
+// Reports a failure of the camera: posts the message LF_CAMERA_LOST if lf_cam_src_may_be_lost(), and otherwise an
+// error. Thread-safe.
 void lf_cam_src_fail(LfCamSrc* self, const CamSrcFailure& failure);
-// For stream listeners: closes the failed camera asynchronously and schedules a retry.
+// Closes the failed camera in another thread, because the streaming thread that detects the failure cannot stop itself.
+// Then schedules the next attempt to open the camera. `serial` is LfCamSrc::serial at the time when the camera was
+// opened; the call has no effect if the camera has been opened again since then.
 void lf_cam_src_shut_down(LfCamSrc* self, guint serial);
 void lf_cam_src_post_found(LfCamSrc* self);
 void lf_cam_src_warn_overload(LfCamSrc* self, GstClockTimeDiff late);

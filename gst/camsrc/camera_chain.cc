@@ -132,8 +132,9 @@ bool gives_pictures(const std::string& uri) {
 
 constexpr char kEnd[] = "end-of-described-source";
 
-// Checks the elements again. rig/source_security.h has checked only the text, with a partial parser; this function
-// checks the result of GStreamer's parser.
+// Throws Error if a bin contains an element that is not allowed in an untrusted rig. rig/source_security.h has already
+// checked the text of the launch description, but with a partial parser. This function checks the elements that
+// GStreamer has actually created.
 void require_listed_elements(GstBin* source) {
   for (const GList* item = source->children; item; item = item->next) {
     GstElementFactory* factory = gst_element_get_factory(GST_ELEMENT(item->data));
@@ -288,7 +289,8 @@ void for_each_source_pad(GstBin* bin, F f) {
   gst_iterator_free(elements);
 }
 
-// The tags are complete when pads exist, because demuxers send orientation tags before the first picture.
+// Returns the rotation of the film that the tags of its demuxer state. Call this when the pads exist: demuxers send
+// these tags before the first picture.
 GstVideoOrientationMethod film_orientation(GstBin* bin) {
   GstVideoOrientationMethod turn = GST_VIDEO_ORIENTATION_IDENTITY;
   for_each_source_pad(bin, [&turn](GstPad* pad) {

@@ -17,21 +17,23 @@
 
 namespace lf {
 
-// Finds the capture times of a network camera from RTCP sender reports, which relate RTP timestamps to the time of day.
-// Parsers and decoders drop this information but keep the timestamps of frames, so the class stores the offset between
-// time of day and running time. Thread-safe.
+// Finds out when the frames of an RTSP camera were captured. The camera sends RTCP sender reports, which relate its RTP
+// timestamps to the time of day. Parsers and decoders drop this information but keep the timestamps of the frames.
+// Therefore this class watches the packets in front of them, and stores the offset between time of day and running
+// time. Thread-safe.
 class SenderClock : public std::enable_shared_from_this<SenderClock> {
  public:
-  // Limits for the age of a packet, to recognise cameras without the correct time of day. A packet may also be older
-  // by the latency.
+  // A report is ignored if it says that a packet was sent more than kMostAge (plus the latency) before it arrived, or
+  // more than kMostAhead after it arrived. The clock of such a camera does not show the right time of day.
   static constexpr GstClockTime kMostAge = 2 * GST_SECOND, kMostAhead = GST_SECOND / 10;
 
-  // `latency`: jitter buffer latency, nanoseconds
+  // `latency` is the latency of the jitter buffer in nanoseconds, which delays each packet.
   explicit SenderClock(GstClockTime latency) : latency_(latency) {}
 
   // Watches the packets of an rtspsrc. Call before the rtspsrc starts. Has no effect on other elements.
   void watch(GstElement* source);
-  // Processes a packet with running time `stamp`, sent at `sent` and received at `now` (time of day).
+  // Updates the offset with a packet of running time `stamp`. `sent` is the time of day when the camera sent the
+  // packet, according to its sender report, and `now` is the time of day now.
   void see(GstClockTime stamp, GstClockTime sent, GstClockTime now);
 
   // Returns the time of day when the frame with this running time was captured. Returns nothing until the first
@@ -48,8 +50,8 @@ class SenderClock : public std::enable_shared_from_this<SenderClock> {
   std::optional<GstClockTimeDiff> offset_;  // time of day minus running time
 };
 
-// Returns the source of the camera, as find_camera_source() does. URIs that denote a device have the kind kDevice
-// instead of kUri.
+// Returns the video source of the camera, as find_camera_source() does, except that a URI of a local device, such as
+// v4l2:///dev/video0, has the kind kDevice instead of kUri.
 CameraSource find_playable_source(const Rig& rig, const Camera& camera);
 
 struct ChainOptions {
@@ -64,19 +66,19 @@ struct ChainOptions {
 
 inline constexpr int kDefaultFps = 15;
 
-// The elements between a camera's source and the pad of lfcamsrc. The pads are borrowed from children of the bin.
+// The chain of elements from a camera's source to the source pad of lfcamsrc. The pads belong to child elements of the
+// bin. The elements in brackets are optional, and the words in parentheses are the pads below:
 //   source ! decoder ! (decoded) convert ! formats and size [! imagefreeze] (frames) [! videorate] [! clocksync] (out)
 // If JPEG may stay undecoded, JPEG bypasses the elements between `decoded` and `frames`:
 //   source ! (decoded) identity [! convert ! formats and size] ! identity (frames) [! videorate] [! clocksync] (out)
 struct CameraChain {
   GstPad* decoded = nullptr;  // sink pad: decoded pictures of any size
-  GstPad* frames = nullptr;   // source pad: one buffer per captured frame
+  GstPad* frames = nullptr;   // source pad: one buffer for each captured frame
   GstPad* out = nullptr;
   std::shared_ptr<std::atomic<guint64>> damaged = std::make_shared<std::atomic<guint64>>();
   GstElement* device = nullptr;         // element with controls; null except for kDevice and kBin
   std::shared_ptr<SenderClock> sender;  // null except for RTSP cameras
-  // The elements from `decoded` to `out`, which must start before all other elements. GstBin cannot find this order
-  // itself, because decoders are linked later.
+  // The elements from `decoded` to `out`, which must start before the decoder; see lf_cam_src_start_tail().
   std::vector<GstElement*> tail;
 };
 
@@ -86,13 +88,15 @@ class MissingElement : public Error {
   using Error::Error;
 };
 
-// Adds the chain of `camera` to `bin`, in state NULL. The chain needs one streaming thread if the type of the source is
-// known in advance, which excludes kDevice, kBin, kFile, kUri and stills of unknown type. Throws MissingElement, or
-// Error if the source is unusable.
+// Creates the elements that read and decode the source of `camera`, and adds them to `bin` in state NULL. The whole
+// chain runs in one streaming thread if the kind of the source determines the decoder. The kinds kDevice, kBin, kFile,
+// kUri and some stills do not, and their decoders may add threads. Throws MissingElement, or Error if the source is
+// unusable.
 CameraChain build_camera_chain(GstBin* bin, const CameraSource& source, const Camera& camera,
                                const ChainOptions& options);
 
-// Returns the rotation that the video requires (matrix of an MP4), from the tags on the pad.
+// Returns the rotation that a player must apply to the video, from the tags on the pad. Phones store upright videos as
+// rotated pictures in this way.
 GstVideoOrientationMethod orientation_of(GstPad* pad);
 inline bool is_rotated(GstPad* pad) { return orientation_of(pad) != GST_VIDEO_ORIENTATION_IDENTITY; }
 // Returns true if the bin has an audio stream. The video may then end before the file does.

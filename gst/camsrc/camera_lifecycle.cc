@@ -106,7 +106,8 @@ GstPadProbeReturn LoadShedder::on_input(GstPad* /*pad*/, GstPadProbeInfo* info, 
   return GST_PAD_PROBE_OK;
 }
 
-// Stream times have changed, and the new data begins with a key frame.
+// Ends dropping after a seek or at a new loop, because the stored timestamps do not apply to the new data, which begins
+// with a key frame.
 void LoadShedder::forget_position() {
   std::lock_guard lock(mutex_);
   skip_until_ = show_from_ = GST_CLOCK_TIME_NONE;

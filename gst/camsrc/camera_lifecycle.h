@@ -11,17 +11,21 @@
 
 namespace lf {
 
-// The state machine of one camera, with the time of the next attempt to reopen a lost camera. All times are nanoseconds
-// of a monotonic clock. Thread-safe.
+// Tracks whether one camera works, and decides when a lost camera is opened again. The delay between attempts grows
+// with the length of the outage, so that a camera with a loose cable returns quickly, but a camera that is switched off
+// costs little work. All times are nanoseconds of a monotonic clock. Thread-safe.
 class CameraLifecycle {
  public:
-  // kEnded: the source has ended regularly. kLost: the camera has failed.
+  // kEnded means that the source has delivered all its frames. kLost means that the camera has failed, and may be
+  // opened again.
   enum class State { kStopped, kOpening, kRunning, kEnded, kLost };
   static constexpr uint64_t kMinRetryDelay = 500'000'000, kMaxRetryDelay = 10'000'000'000;
 
   struct Report {
     State state = State::kStopped;
     std::string reason;  // reason of the latest loss; "" if none
+    // The number of times that the camera was lost, the number of attempts to open it again, and whether it has ever
+    // delivered a frame, since start().
     uint64_t losses = 0;
     uint64_t retries = 0;
     bool worked = false;
@@ -31,12 +35,16 @@ class CameraLifecycle {
   void stop();
   // Marks the camera as lost and stores the reason. Returns false if it was already lost.
   bool lose(const std::string& reason, uint64_t now);
-  // Returns the delay before the next attempt: a quarter of the outage so far, within kMinRetryDelay and
-  // kMaxRetryDelay. An outage continues if the camera returned for less time than the last delay.
+  // Returns the delay before the next attempt to open the camera, in nanoseconds: a quarter of the time since the
+  // outage began, but at least kMinRetryDelay and at most kMaxRetryDelay. For example, a camera that has been lost for
+  // 20 s is opened again after 5 s. If a camera works only briefly (for less time than the last delay) before it fails
+  // again, both failures count as one outage. Without this rule, a camera that fails directly after each opening would
+  // be opened every half second.
   uint64_t wait(uint64_t now);
-  void retry();  // the camera is being reopened, and stays lost until the first frame
+  void retry();  // Call when the camera is opened again; it stays lost until the first frame
   // Call at the first frame after opening. Returns true if the camera was lost, so that its return must be reported.
   bool find(uint64_t now);
+  // Call at the regular end of the source.
   void end();
 
   State state() const;
@@ -50,25 +58,29 @@ class CameraLifecycle {
 
 const char* to_string(CameraLifecycle::State state);
 
-// Drops frames of a live camera before they are decoded, if the machine cannot decode all frames. Otherwise the frames
-// of all cameras would become later and later. If output frames have been late for kMinLateTime, input is dropped until
-// a key frame that can be on time. Lateness is measured against the best frame of the camera and the latency that its
-// source states, so that delays of network and device do not count.
+// Drops frames of a live camera before they are decoded, if the machine is too slow to decode the frames of all
+// cameras. Without this class, the frames of all cameras would become later and later. The class measures how late
+// frames leave the decoder, compared with the earliest frame of the same camera and with the latency of its source.
+// Constant delays of network and device therefore do not count. If frames have been late for kMinLateTime, input is
+// dropped until the next key frame that can be decoded in time.
 //
-// Cameras of the process start dropping one after another, at least kStagger apart. Meanwhile the other cameras may be
-// able to keep up, so that no more cameras than necessary drop frames. Thread-safe.
+// The cameras of a process start to drop frames one after another, at least kStagger apart. Each camera that drops
+// frames relieves the machine, so the remaining cameras may recover, and no more cameras than necessary drop frames.
+// Thread-safe.
 class LoadShedder : public std::enable_shared_from_this<LoadShedder> {
  public:
-  // A frame may be late by two frame periods or by this time in nanoseconds, whichever is longer.
+  // A frame is on time if it is late by at most two frame periods or by this time in nanoseconds, whichever is longer.
   static constexpr GstClockTimeDiff kTolerance = 100'000'000;
-  // Frames must be late for this long, without improvement, before input is dropped; nanoseconds.
+  // Input is dropped if frames have been late for this long and their lateness has not halved; nanoseconds.
   static constexpr uint64_t kMinLateTime = 500'000'000;
+  // Minimum time between the starts of dropping of two cameras, nanoseconds.
   static constexpr uint64_t kStagger = 250'000'000;
 
   // Watches the sink pad of `element` if it is a video decoder. Call before data flows.
   void watch(GstElement* element);
 
-  // Call for a new stream. `paced`: frames can arrive early, so the best possible lateness is 0.
+  // Call this when the camera is opened. `paced` means that the source delivers frames before their time, as live
+  // playback of a file does. The least possible lateness is then 0, and need not be measured.
   void restart(bool paced);
 
   enum class Verdict {
@@ -76,15 +88,17 @@ class LoadShedder : public std::enable_shared_from_this<LoadShedder> {
     kDrop,           // the frame had entered the decoder before dropping began
     kStartDropping,  // dropping begins with this frame
   };
-  // Registers an output frame. `pts`: stream time. `late`: lateness against its running time (negative: early).
-  // `latency`: latency of the source. `period`: frame period (0: unknown). `now`: monotonic time. All in nanoseconds.
+  // Call this for each decoded frame. The result says whether to deliver or drop the frame. `pts` is the timestamp of
+  // the frame, and `late` is the time since its running time (negative: the frame is early). `latency` is the latency
+  // of the source, `period` the frame period (0: unknown), and `now` a monotonic time. All values are nanoseconds.
   Verdict see(GstClockTime pts, GstClockTimeDiff late, GstClockTime latency, GstClockTime period, uint64_t now);
 
-  // Lateness of the newest frame beyond the best case, in nanoseconds; 0 if on time.
+  // Returns how much later the newest frame left the decoder than the best frame of this camera, in nanoseconds; 0 if
+  // it was on time.
   GstClockTimeDiff behind() const;
   uint64_t dropped() const { return dropped_; }
-  // Returns the end of the newest dropped frame in stream time, or GST_CLOCK_TIME_NONE if no frame was dropped since
-  // the last call.
+  // Returns the end (timestamp plus duration) of the last frame that was dropped since the previous call, or
+  // GST_CLOCK_TIME_NONE if there is none. A looping film needs it to find its length if its last frames were dropped.
   GstClockTime take_dropped_end();
 
  private:
@@ -96,8 +110,9 @@ class LoadShedder : public std::enable_shared_from_this<LoadShedder> {
   GstClockTimeDiff best_ = G_MAXINT64, behind_ = 0;
   uint64_t late_since_ = 0;
   GstClockTimeDiff late_by_ = 0;
-  GstClockTime skip_until_ = GST_CLOCK_TIME_NONE;  // stream time until which input is dropped; NONE: no dropping
-  // stream time until which decoded frames are dropped; NONE: no dropping
+  GstClockTime skip_until_ = GST_CLOCK_TIME_NONE;  // end of the input to drop, as a timestamp; NONE: keep all
+  // End of the decoded frames to drop, as a timestamp. These frames were in the decoder when dropping began. NONE: keep
+  // all.
   GstClockTime show_from_ = GST_CLOCK_TIME_NONE;
   GstClockTime dropped_end_ = GST_CLOCK_TIME_NONE;
   std::atomic<uint64_t> dropped_ = 0;

@@ -312,7 +312,8 @@ bool CameraStream::is_shed(GstPad* pad, GstBuffer* buffer, GstClockTime stamp) {
   return verdict != Verdict::kShow;
 }
 
-// Dropped frames still advance the stream time.
+// Adds the frames that the LoadShedder has dropped at the end of a loop, because dropped frames belong to the length of
+// the film, too.
 void CameraStream::count_dropped() {
   const GstClockTime end = options_.shedder->take_dropped_end();
   if (!GST_CLOCK_TIME_IS_VALID(end)) return;
@@ -337,8 +338,9 @@ GstClockTime CameraStream::clock_time(GstClockTime stamp) const {
                                    GST_CLOCK_DIFF(*taken, now));
 }
 
-// Returns the true capture time for a running time (live) or a film time. Nothing for a live frame that waits for
-// PLAYING, because the base time is not known yet.
+// Returns the capture time of a frame, including the time offset of the camera. `taken` is the running time of a live
+// frame, or the position in the film. A live frame has no valid capture time before PLAYING, because the base time is
+// not set yet.
 GstClockTime CameraStream::capture_time(GstClockTime taken) const {
   if (live_) taken = clock_time(taken);
   const auto offset = static_cast<GstClockTimeDiff>(options_.time_offset * GST_SECOND);
@@ -448,7 +450,7 @@ GstPadProbeReturn CameraStream::on_output(GstPad* pad, GstPadProbeInfo* info) {
 
 // --- Recording -------------------------------------------------------------------------------------------------------
 //
-// Records coded pictures before they are decoded, or output frames.
+// A recording receives coded pictures in front of the decoder, and all other video as output frames.
 
 // Returns the running time (live) or film time of a picture with this timestamp. Pictures before the segment are valid,
 // because later pictures may depend on them.
@@ -463,8 +465,8 @@ std::optional<GstClockTime> CameraStream::taken_at(GstSegment segment, GstClockT
   return static_cast<GstClockTime>(std::max<gint64>(taken, 0));
 }
 
-// Holds pictures back until the first output frame. Before it, the capture time of a live picture and the progress of a
-// film are unknown.
+// Passes a coded picture to the recording. Pictures wait until the first output frame, because the capture time of a
+// live picture and the position of a reopened film are not certain before.
 GstPadProbeReturn CameraStream::on_coded(GstPad* pad, GstPadProbeInfo* info) {
   GstBuffer* picture = GST_PAD_PROBE_INFO_BUFFER(info);
   g_autoptr(GstCaps) caps = gst_pad_get_current_caps(pad);
@@ -498,7 +500,8 @@ GstPadProbeReturn CameraStream::on_jpeg(GstPad*, GstPadProbeInfo* info) {
   return GST_PAD_PROBE_DROP;
 }
 
-// The duration is taken here because a file may state it, and parsers replace it with their frame period.
+// Stores the end of the last coded picture, to find the exact length of a loop. This is done in front of the parser,
+// because the file may state the duration of its last picture, but parsers replace this duration by the frame period.
 GstPadProbeReturn CameraStream::on_parsed(GstPad* pad, GstPadProbeInfo* info) {
   const GstBuffer* picture = GST_PAD_PROBE_INFO_BUFFER(info);
   g_autoptr(GstCaps) caps = gst_pad_get_current_caps(pad);
@@ -527,7 +530,8 @@ void CameraStream::record_pending() {
 
 // --- Film position ---------------------------------------------------------------------------------------------------
 //
-// Seeks, loops, and timestamps for sources without timestamps, so that capture times are film times.
+// Seeks, loops, and timestamps for sources without timestamps. The capture time of a film's frame is its position in
+// the film, and continues to grow across loops.
 GstPadProbeReturn CameraStream::on_seek(GstPadProbeInfo* info) {
   GstEvent* event = GST_PAD_PROBE_INFO_EVENT(info);
   gdouble rate = 0;
@@ -670,7 +674,8 @@ GstEvent* CameraStream::time_segment(GstEvent* event) {
   return timed;
 }
 
-// Bytes without times come from a source that decodebin takes for pictures, but that no parser or demuxer understands.
+// Fails if the segment has no time format. This happens if decodebin takes data for pictures, but no parser or demuxer
+// understands the data.
 void CameraStream::check_format(GstEvent* event) {
   const GstSegment* segment = nullptr;
   gst_event_parse_segment(event, &segment);
@@ -681,7 +686,7 @@ void CameraStream::check_format(GstEvent* event) {
          "state a frame rate (framerate=) in the source");
 }
 
-// Returns 0 before PLAYING, when a first frame may already wait.
+// Returns the running time of the element, or 0 before PLAYING, because a first frame may already arrive then.
 GstClockTime CameraStream::running_time_now() const {
   const GstClockTime now = gst_element_get_current_running_time(owner_);
   return GST_CLOCK_TIME_IS_VALID(now) ? now : 0;

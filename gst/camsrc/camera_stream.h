@@ -19,27 +19,34 @@
 
 namespace lf {
 
-// Decides which pictures of a coded stream (such as H.264) can be recorded, and finds their capture times. Pictures
-// before the first key frame cannot be decoded, so they are left out. Pictures arrive in decoding order, which differs
-// from the display order. Not thread-safe.
+// Prepares the pictures of a coded stream, such as H.264, for a recording. Pictures before the first key frame cannot
+// be decoded, so the class leaves them out. It keeps pictures until their capture times can be computed, and corrects
+// capture times that go backwards. Pictures arrive in decoding order, which can differ from the display order. Not
+// thread-safe.
 class PendingCodedFrames {
  public:
   struct Picture {
     BufferPtr buffer;
     GstClockTime taken;
   };
-  // Maximum number of pictures that wait for the first output frame.
+  // Maximum number of pictures that wait() keeps. If there are more, all are dropped, and recording starts at the next
+  // key frame.
   static constexpr size_t kMaxPending = 300;
-  // Capture times may step back by at most this much, by jitter. A larger step means that the clock was set back.
+  // A capture time that goes back by less than this is jitter and is corrected. A larger step means that the clock was
+  // set back, so the capture time is kept.
   static constexpr GstClockTime kMaxReorder = GST_SECOND;
 
   // Returns true if the picture can be recorded, which excludes pictures before the first key frame.
   bool admits(GstBuffer* picture);
   // Discards all pending pictures. Recording restarts at the next key frame.
   void begin_again();
+  // wait() keeps a picture until its capture time can be computed, and take_waiting() returns all kept pictures. The
+  // capture time of a live picture can only be computed in PLAYING. `taken` is the running time (live) or the position
+  // in the film.
   void wait(GstBuffer* picture, GstClockTime taken);
   std::vector<Picture> take_waiting();
-  // Returns the capture time of a picture, corrected so that capture times increase with presentation times.
+  // Returns the capture time `captured` of a picture, corrected if necessary, so that a picture with a later
+  // presentation time `taken` has a later capture time.
   GstClockTime in_order(GstClockTime taken, GstClockTime captured);
 
  private:
@@ -48,23 +55,29 @@ class PendingCodedFrames {
   GstClockTime newest_taken_ = 0, newest_captured_ = 0;
 };
 
+// The properties of one camera's stream, from the rig file and from the properties of lfcamsrc.
 struct StreamOptions {
   CameraIndex camera = 0;
   uint64_t rig_hash = 0;
   int width = 0, height = 0;
   double time_offset = 0;  // seconds, added to capture times
   gint64 num_frames = -1;  // -1: unlimited
+  // Repeats a film by seeking to its beginning.
   bool seek_to_loop = false;
-  bool has_end = true;       // false: an end before `num_frames` is an error
+  bool has_end = true;       // false: an end before `num_frames` frames is an error
   bool may_be_lost = false;  // errors end the stream with LF_CAMERA_LOST instead of EOS
+  // Drops the first frames of a film that was opened again, until it has caught up with the other cameras.
   bool skips_late = false;
   GstClockTime round = 0;  // duration of one loop of the file, nanoseconds; 0: unknown
+  // Frames are ready before their time, because a live stream is played from a file.
   bool paced = false;
   GstClockTime begin = 0;  // running time that corresponds to source time 0, nanoseconds
   std::shared_ptr<LoadShedder> shedder;
   std::string place;  // prefix of errors: "rig.json: camera 5 (cam_00_05): cam_00_05.mkv"
 };
 
+// Callbacks of a CameraStream for lfcamsrc. Streaming threads call them. on_end is called if the source ends without an
+// error.
 struct StreamListener {
   // Called at most once.
   std::function<void(GQuark domain, gint code, const std::string& text)> on_error;
@@ -72,27 +85,32 @@ struct StreamListener {
   std::function<void()> on_end;
   // Called when frames are dropped before decoding, because they are late by `late`.
   std::function<void(GstClockTimeDiff late)> on_overload;
-  // Called at most once, when a looping film ends after `lasted`, which is `missing` before its stated end.
+  // Called at most once, if a looping film ends too early, for example because the file is truncated. `lasted` is the
+  // time that it lasted, and `missing` is the rest up to the duration in its header.
   std::function<void(GstClockTime lasted, GstClockTime missing)> on_truncated;
-  // Receives the data for a recording, owned by the stream, with its capture time. Coded video arrives picture by
-  // picture in front of the decoder. The decoder may drop a picture later, but other pictures may depend on this
-  // picture. Other video arrives as output frames. Empty if nothing is recorded.
+  // Receives the video for a recording, together with its capture time; the stream owns buffer and caps. Coded video,
+  // such as H.264, is taken in front of the decoder, picture by picture. This includes pictures that are dropped behind
+  // the decoder, because other pictures may need these pictures for decoding. All other video is taken as the frames
+  // that the stream delivers. The function is empty if nothing is recorded.
   std::function<void(GstBuffer* buffer, GstCaps* caps, GstClockTime captured)> on_recordable;
 };
 
-// Turns decoded pictures into the stream that lfcamsrc delivers, by probes on the pads of a chain (camera_chain.h). It
-// checks the frame size, announces the camera with LF_CAMERA_EVENT and attaches the capture time to each frame. It also
-// continues the stream across loops, and ends the stream after `num_frames`.
+// Turns decoded pictures into the stream that lfcamsrc delivers. The class installs probes on the pads of a chain
+// (camera_chain.h), because its tasks need no element of their own: checking the frame size, announcing the camera with
+// LF_CAMERA_EVENT, and attaching the capture time to each frame. It also repeats a film without a jump of the running
+// time, and ends the stream after `num_frames` frames.
 class CameraStream : public std::enable_shared_from_this<CameraStream> {
  public:
-  // `owner` provides base time and clock, and must outlive the data flow.
+  // `owner` is the lfcamsrc. It provides base time and clock, and must exist as long as data flows.
   CameraStream(GstElement* owner, const CameraChain& chain, const StreamOptions& options,
                const StreamListener& listener);
   ~CameraStream();
   CameraStream(const CameraStream&) = delete;
 
+  // Installs the probes on the pads of the chain. Call before data flows.
   void watch();
-  // Call for each element of the chain when it is created. Watches the input of a decoder or parser.
+  // Call for each element of the chain when it is created. Installs a probe on the input of a decoder (for recording,
+  // and to find damaged JPEG pictures) or parser (for the length of a looping film).
   void watch_element(GstElement* element);
   // Call before data flows if frames arrive in real time, so that capture times are clock times.
   void set_live() { live_ = true; }
@@ -100,19 +118,21 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   // before data flows in the chain.
   void stamp_arrivals(GstElement* multipartdemux);
   bool stamps_arrivals() const { return stamps_arrival_; }
+  // Ends the stream with EOS at the next frame.
   void end() { ending_ = true; }
   // Stops loops. Call before data flow stops, because demuxers cannot handle a seek during a change to READY. Does not
   // touch the chain, which belongs to the streaming threads.
   void stop();
-  // Returns true only at the first call, because later errors are consequences of the first error.
+  // Marks the stream as failed. Returns true only in the first call, because later errors are consequences of the first
+  // error and must not be reported.
   bool first_error() { return !failed_.exchange(true); }
   bool has_failed() const { return failed_; }
   bool is_opening() const { return !failed_ && !has_ended_ && frames_out_ == 0; }
   const std::string& place() const { return options_.place; }
   uint64_t frames_out() const { return static_cast<uint64_t>(frames_out_); }
   uint64_t frames_seen() const { return frames_out() + left_out_; }
-  // Running time of the next frame of a live file. The source may have no frames until then, for example because the
-  // film is truncated.
+  // Returns the running time of the next frame of a film that is played live. Until then, silence is normal and does
+  // not mean that the camera is lost, for example at the end of a truncated film.
   GstClockTime due() const { return due_; }
   GstClockTime ends_at() const { return stream_end_; }
   // Duration of one loop of the film, nanoseconds; 0: unknown. Call when no data flows.

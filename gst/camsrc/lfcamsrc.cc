@@ -366,8 +366,9 @@ static void lf_cam_src_close_lost(LfCamSrc* self) {
   lf_cam_src_schedule_retry(self);
 }
 
-// Waits for a state change in progress, but sends the event without the state lock, because frames of a file may be
-// blocked downstream until a request arrives.
+// Closes the failed camera; see cam_src_children.h. The thread waits for a state change in progress. It then sends the
+// event LF_CAMERA_LOST without the state lock, because downstream may block the frames of a file until a request
+// arrives.
 void lf_cam_src_shut_down(LfCamSrc* self, guint serial) {
   if (!lf_cam_src_may_be_lost(self)) return;
   gst_element_call_async(
@@ -474,7 +475,8 @@ static void lf_cam_src_end_lost(LfCamSrc* self) {
                        [](LfCamSrc* camera) { gst_pad_push_event(camera->src, gst_event_new_eos()); });
 }
 
-// A live frame may arrive up to one frame period after its timestamp.
+// Adds one frame period to the latency that a live camera reports, because a frame may arrive up to one period after
+// its timestamp.
 static gboolean on_query(GstPad* pad, GstObject* parent, GstQuery* query) {
   if (!gst_pad_query_default(pad, parent, query)) return FALSE;
   if (GST_QUERY_TYPE(query) != GST_QUERY_LATENCY) return TRUE;
@@ -643,8 +645,8 @@ static std::string without_period(std::string text) {
   return text;
 }
 
-// Returns the HTTP status of an error of souphttpsrc that refuses the user, "401" or "403"; otherwise "". Servers
-// choose the words of the refusal freely, and the words are the text of the error.
+// Returns "401" or "403" if an error of souphttpsrc means that the server has refused the user name or password, and
+// otherwise "". The status is needed because the text of the error contains words that the server has chosen.
 static std::string refusing_status(const GError* error, const gchar* debug) {
   if (!debug || !g_error_matches(error, GST_RESOURCE_ERROR, GST_RESOURCE_ERROR_NOT_AUTHORIZED)) return "";
   return strstr(debug, "(401), URL") ? "401" : strstr(debug, "(403), URL") ? "403" : "";

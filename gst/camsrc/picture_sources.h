@@ -20,9 +20,10 @@ struct PictureSourceOptions {
   std::shared_ptr<std::atomic<guint64>> damaged = {};
 };
 
-// Creates a source for a still, an image sequence or a JPEG stream. It is seekable, and timestamps count from 0 at the
-// frame rate. A missing or damaged picture loses only its frame, with one warning. If all pictures are bad, the source
-// posts an error.
+// Creates an element that reads a still image, an image sequence or a file with consecutive JPEG pictures, instead of
+// GStreamer's sources, which stop at the first damaged picture. A missing or damaged picture costs only its frame, and
+// the first one causes a warning. If all pictures are damaged, the element posts an error. It is seekable, and its
+// timestamps count from 0 at the frame rate.
 GstElement* new_picture_source(const CameraSource& source, const PictureSourceOptions& options);
 
 bool is_picture_source(gpointer object);

@@ -5,15 +5,16 @@
 
 namespace lf {
 
-// A codec with inter-coded pictures that Matroska can store.
+// A video codec that a recording stores without transcoding: its pictures depend on each other (such as H.264), and
+// Matroska can contain the stream.
 struct CodedVideo {
   const char* name;
-  const char* parser;  // parser that converts the stream to the form in Matroska; null if none is needed
+  const char* parser;  // parser element that makes the form `muxed`; null if none is needed
   const char* muxed;
 };
 
-// Returns null for other video, such as JPEG and raw video, if buffers may hold partial frames, and if the parser is
-// not installed.
+// Returns the codec of a stream with these caps. Returns null for all other video, such as JPEG and raw video, for
+// streams with incomplete frames per buffer (alignment=nal), and if the parser is not installed.
 const CodedVideo* find_coded_video(const GstCaps* caps);
 
 }  // namespace lf

@@ -17,8 +17,8 @@
 #define LF_REQUEST_MEDIA_TYPE "application/x-lightfield-request"
 #define LF_ANSWER_MEDIA_TYPE "application/x-lightfield-answer"
 #define LF_RIG_MEDIA_TYPE "application/x-lightfield-rig"
-// The field `parsed` means that each buffer is one unit (a request or a part of an answer). Byte streams (files, TCP)
-// lack it and need lfparse first.
+// The field `parsed` means that each buffer holds exactly one unit, which is a request or a part of an answer. Byte
+// streams from files and TCP do not have this field. The element lfparse splits a byte stream into units.
 #define LF_REQUEST_CAPS LF_REQUEST_MEDIA_TYPE ", parsed = (boolean) true"
 #define LF_ANSWER_CAPS LF_ANSWER_MEDIA_TYPE ", parsed = (boolean) true"
 #define LF_RGB_FORMATS "RGB, BGR, RGBx, BGRx, xRGB, xBGR, RGBA, BGRA, ARGB, ABGR"
@@ -31,8 +31,8 @@
 #define LF_VIDEO_CAPS(formats) \
   GST_VIDEO_CAPS_MAKE(formats) "; " GST_VIDEO_CAPS_MAKE_WITH_FEATURES(LF_GL_MEMORY, formats)
 
-// GPU video that our shaders accept. glcolorconvert converts the other texture targets that some decoders and cameras
-// use.
+// Video in GPU memory that our shaders can read, which is texture target 2D. Some decoders and cameras use other
+// texture targets, and need the element glcolorconvert.
 #define LF_CARD_VIDEO_CAPS(formats) \
   GST_VIDEO_CAPS_MAKE_WITH_FEATURES(LF_GL_MEMORY, formats) ", texture-target = (string) 2D"
 
@@ -44,9 +44,10 @@
 // are ready before their time, so none need be late).
 #define LF_CAMERA_EVENT "lightfield-camera"
 
-// LF_CAMERA_LOST is a custom downstream event of lfcamsrc: the camera has failed, and no frame follows until a new
-// segment. LF_CAMERA_LOST and LF_CAMERA_FOUND are also element messages of lfcamsrc, with the fields "camera" (uint:
-// id) and "name" (string). The message LF_CAMERA_LOST also has "reason" (string).
+// LF_CAMERA_LOST is a custom downstream event of lfcamsrc. It means that the camera has failed, and that no frame
+// follows until the next segment event. lffragment then does not wait for frames of this camera. LF_CAMERA_LOST and
+// LF_CAMERA_FOUND are also element messages of lfcamsrc, with the fields "camera" (uint: id) and "name" (string). The
+// message LF_CAMERA_LOST also has "reason" (string).
 #define LF_CAMERA_LOST "lightfield-camera-lost"
 #define LF_CAMERA_FOUND "lightfield-camera-found"
 
@@ -69,10 +70,12 @@ bool is_reverse_seek(GstEvent* event);
 
 // The caller owns the caps.
 GstCaps* unit_caps(const gchar* media_type);
-// Makes the pad accept caps without the field `parsed`, because elements outside of this plugin may omit it.
+// Makes the sink pad accept caps that do not have the field `parsed`, because elements outside of this plugin may omit
+// this field.
 void accept_unit_caps(GstPad* sink);
 
-// Returns the latency of the buffers on this sink pad in nanoseconds, or nothing if upstream is not live.
+// Queries upstream of this sink pad for its latency. Returns the minimum latency in nanoseconds, or nothing if upstream
+// is not live.
 std::optional<GstClockTime> live_latency(GstPad* sink);
 
 // Loads a rig file. All elements that load the same unchanged file share one copy in memory. Thread-safe. Throws Error
@@ -88,6 +91,7 @@ std::shared_ptr<const Rig> reload_rig(GstElement* element, const gchar* path);
 // Returns the pixel family of a raw video format, which is RGB or YCbCr. Returns kNone if lffragment does not accept
 // the format.
 PixelFamily family_of(const GstVideoInfo& info);
+// Returns the order of the channels in a pixel of RGB video, for example that BGRx has blue in the first of four bytes.
 RgbLayout rgb_layout(const GstVideoInfo& info);
 // Sets the colorimetry that all I420 of the plugin has: full-range BT.601 with centred chroma.
 void set_system_colorimetry(GstVideoInfo& info);

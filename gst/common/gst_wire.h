@@ -20,17 +20,19 @@
 // a buffer holds exactly one unit.
 namespace lf {
 
-// Creates read-only memory for a rendered answer that is still on a GPU. The contents are the payload of one 16-bit
-// fragment of the whole view. They are downloaded only if the memory is mapped, so a compositor on the same GPU never
-// needs the download. The caller owns the memory.
+// Creates a GstMemory for an answer that the GPU has rendered, so that the pixels can stay on the GPU. The pixels are
+// downloaded only if the memory is mapped; a compositor on the same GPU never maps the memory. The mapped bytes are the
+// payload of one 16-bit fragment of the whole view. The memory is read-only, and the caller owns the result.
 GstMemory* gpu_sum_memory_new(std::shared_ptr<gl::GpuSum> sum);
 
-// Returns the GPU data of an answer, which is in the second memory of its buffer. Returns null if the answer has none.
+// Returns the pixels of an answer that are on a GPU. Returns null if the answer is in system memory.
 std::shared_ptr<gl::GpuSum> gpu_sum_of(GstBuffer* answer);
 
+// Decode the unit in a buffer. Return nothing if the unit is invalid, and set *reason (may be null) to an explanation.
 std::optional<ViewRequest> decode_request_buffer(GstBuffer* buffer, std::string* reason = nullptr);
 std::optional<wire::AnyRequest> decode_any_request_buffer(GstBuffer* buffer, std::string* reason = nullptr);
-// Returns the view id of an answer without decoding the answer. Nothing for other data.
+// Returns the view id in the header of an answer, without decoding the rest. Returns nothing if the buffer is not an
+// answer.
 std::optional<uint32_t> peek_answer_view(GstBuffer* buffer);
 bool is_consistency_buffer(GstBuffer* buffer);
 std::optional<wire::AnswerPartHeader> parse_answer_buffer_header(GstBuffer* buffer, std::string* reason = nullptr);
@@ -38,7 +40,7 @@ std::optional<wire::AnswerPartHeader> parse_answer_buffer_header(GstBuffer* buff
 // Maps a buffer for reading during the lifetime of the object. Holds a reference.
 class MappedBuffer {
  public:
-  // kHead maps only the bytes before a payload on a GPU, so that the sum need not be downloaded. kAll maps everything.
+  // kHead leaves out pixels that are on a GPU, so that nothing is downloaded. kAll maps the whole buffer.
   enum class Part { kAll, kHead };
   explicit MappedBuffer(GstBuffer* buffer, Part part = Part::kAll);
   ~MappedBuffer();
@@ -52,14 +54,15 @@ class MappedBuffer {
   GstMapInfo map_{};
 };
 
-// Recycles the memory of answers. Buffers may outlive their element.
+// Memory pool for the bytes of answers. Freed buffers return their bytes to the pool, even if the element does not
+// exist any more.
 using AnswerMemory = MemoryPool<ByteBuffer>;
 
 GstBuffer* encode_request_buffer(const ViewRequest& request);
 GstBuffer* wrap_bytes(std::vector<uint8_t> bytes);
 GstBuffer* wrap_bytes(ByteBuffer bytes);
-// Returns a new buffer that the caller owns. When the buffer is freed, its bytes return to `memory`. `payload` is data
-// on a GPU that follows the bytes; null if there is none.
+// Wraps the bytes of an answer in a new buffer, which the caller owns. When the buffer is freed, its bytes return to
+// the pool `memory`. `payload` contains the pixels if they are on a GPU, and otherwise is null.
 GstBuffer* wrap_answer(ByteBuffer bytes, std::shared_ptr<AnswerMemory> memory,
                        std::shared_ptr<gl::GpuSum> payload = nullptr);
 

@@ -6,10 +6,13 @@
 
 #include <gst/gst.h>
 
-// Converts C++ exceptions to GStreamer errors, because an exception must not leave a function that GStreamer's C code
-// calls. Wrap every callback that may throw in lf::callback<>. It posts an error and returns a failure value.
+// Converts C++ exceptions to GStreamer errors. GStreamer is written in C, so an exception must not leave a function
+// that GStreamer calls. Wrap each such function that may throw in lf::callback<>, for example `klass->change_state =
+// callback<change_state>`. If the function throws, the wrapper posts an error message and returns a failure value, such
+// as GST_FLOW_ERROR.
 namespace lf {
 
+// Holds the object lock of a GstObject until unlock() or the end of the scope.
 class ObjectLock {
  public:
   explicit ObjectLock(gpointer object) : object_(GST_OBJECT(object)) { GST_OBJECT_LOCK(object_); }
@@ -25,12 +28,12 @@ class ObjectLock {
   GstObject* object_;
 };
 
-// Posts the current exception as an error of the element, or of the element that has the pad. Call in an exception
-// handler.
+// Posts the current exception as an error message. `object` is the element, or one of its pads. Call this in an
+// exception handler.
 void post_current_exception(gpointer object);
 
-// Posts the current exception as a warning, at most once per second and element. Use it in an exception handler, for
-// failures that lose only one buffer.
+// Posts the current exception as a warning, at most once per second and element, for failures that lose only one
+// buffer. Call this in an exception handler.
 void warn_of_current_exception(gpointer object);
 
 template <typename F>

@@ -14,6 +14,8 @@
 
 namespace lf {
 
+// Limits messages to one per second: try_acquire() returns true if the last success was at least one second ago. Not
+// thread-safe.
 class RateLimiter {
  public:
   bool try_acquire(uint64_t now_ns) {
@@ -45,11 +47,11 @@ class RequestGuard {
   bool set(GstElement* element, guint id, const GValue* value);
   bool get(guint id, GValue* value) const;
 
-  // Returns true if the request may be served. `client` distinguishes equal view ids of different senders. `extent` is
-  // the size of the array in metres; 0 if unknown. `paced` means that requests arrive in real time, so that their rate
-  // is limited.
+  // Returns true if the request is within the limits and may be answered. `request` is the encoded request. `extent` is
+  // the size of the array in metres, or 0 if it is unknown. `paced` means that requests arrive in real time; only then
+  // their rate is limited. `client` is a number for the sender, because different senders may use the same view ids.
   bool admits(GstElement* element, std::span<const uint8_t> request, double extent, bool paced, uint32_t client = 0);
-  // Frees the view ids of a sender that has stopped, so that other views can use its place in max-views.
+  // Forgets the views of a sender that has stopped, so that they no longer count towards max-views.
   void forget(uint32_t client);
   // Returns false, and posts a warning, if an answer is larger than any allowed request.
   bool admits_answer(GstElement* element, int width, int height);

@@ -5,9 +5,9 @@
 
 namespace lf {
 
-// Returns why the elements cannot decode a still image other than PNG and JPEG, such as a TIFF file without an
-// installed decoder or a file that is no image. Returns "" for an image with a decoder. `lf-rig check` and lfcamsrc
-// both use this function, so that they agree. Needs gst_init().
+// Checks whether GStreamer can decode a still image in a format other than PNG and JPEG. Returns "" if a decoder is
+// installed, and otherwise the reason for the user, for example that the file is not an image or needs a TIFF decoder.
+// `lf-rig check` and lfcamsrc both use this function, so their results agree. Call gst_init() first.
 std::string still_decoding_problem(const std::string& path);
 
 }  // namespace lf

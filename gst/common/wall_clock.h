@@ -13,8 +13,9 @@ namespace lf {
 // The caller owns the clock.
 GstClock* new_wall_clock();
 
-// Returns the offset from clock time to time of day, in nanoseconds. The offset is 0 until the system clock is set, and
-// for all other clocks. Changes below a millisecond are ignored.
+// Returns the time of day minus the time of `clock`, in nanoseconds. The offset is 0 for a clock from new_wall_clock()
+// until the system clock is set to another time, and always 0 for other clocks. Changes below a millisecond are
+// ignored.
 GstClockTimeDiff wall_offset(GstClock* clock);
 // Returns the offset of the element's clock, or 0 without a clock. The first element that notices a step of the system
 // clock posts a warning.

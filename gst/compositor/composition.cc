@@ -160,9 +160,9 @@ static void note_late_answer(LfCompositor* self, const lf::wire::AnswerPartHeade
   state.health.add_late(answer.rig_hash, seeing);
 }
 
-// Rejects answers that match no request, in live pipelines. An answer far ahead, or with another capture time than its
-// request, is forged or from before a restart of the viewer. Answers from files have no such times, so every answer is
-// awaited.
+// Returns true if a live answer cannot belong to a request of this view, and must be dropped. The answer is then for a
+// request far ahead of the current request, or has another capture time than the current request: it is forged, or left
+// over from before a restart of the viewer. Answers of file cameras are never dropped here.
 static bool is_unexpected(LfCompositor* self, const lf::wire::AnswerHeader& answer, int32_t ahead) {
   if (!self->state->live) return false;
   return ahead > lf::EarlyAnswers::kMostRequests ||
@@ -381,7 +381,8 @@ static void note_unseen(LfCompositor* self, const std::optional<lf::MeanCoverage
                       (nullptr));
 }
 
-// Without a rig, use the cameras of the answers.
+// Returns the cameras without an image in the current picture, for LF_VIEW_META. Without a rig, only cameras in the
+// received answers can be listed.
 static lf::CameraSet cameras_without_picture(const _LfCompositor::State& state) {
   if (!state.rig) return state.assembly.blind().cameras();
   lf::CameraSet missing;
@@ -466,8 +467,8 @@ static void note_silence(LfCompositor* self, const lf::NodeInputs& nodes) {
       (nullptr));
 }
 
-// Makes room for the next request. Probes (small extra views of the camera check) do not count for the state of nodes,
-// because pictures already do.
+// Ends the current request, so that the next request can start. Nodes that have not answered count as having missed the
+// picture. The small extra views of the camera monitor (probes) are not counted, because the pictures between them are.
 static void close_request(LfCompositor* self, const lf::NodeInputs& nodes, GstClockTime due) {
   auto& state = *self->state;
   note_silence(self, nodes);

@@ -29,11 +29,12 @@ class CompositorStats {
     kSkippedRequests,
     kUnexpectedAnswers,
     kGpuPictures,
-    kFailedPictures,  // pictures without memory or with another exception
+    kFailedPictures,  // pictures that failed, for example because memory was exhausted
     kNumCounters
   };
 
-  // Measurements of one finished picture. Times are g_get_monotonic_time(), microseconds.
+  // Measurements of one finished picture, which record() adds to the statistics. Times are microseconds, as from
+  // g_get_monotonic_time().
   struct Picture {
     uint32_t view_id = 0, sequence = 0;
     GstClockTime pts = GST_CLOCK_TIME_NONE;
@@ -43,8 +44,10 @@ class CompositorStats {
     uint64_t bytes = 0;
     uint64_t consistency_bytes = 0;  // size of the photo-consistency units
     uint64_t skew_ns = 0;      // largest absolute difference between capture time and requested time
-    int64_t answered = 0;      // arrival of the last answer, or the deadline
+    int64_t answered = 0;      // time when the last answer arrived, or the deadline passed
+    // Duration of adding the answers, microseconds.
     int64_t adding = 0;
+    // Time when the picture was finished.
     int64_t done = 0;
   };
 
@@ -52,25 +55,29 @@ class CompositorStats {
   void count(Counter counter);
   void set_out_of_service(size_t cameras);
   void set_focus(const DepthEstimator::State& state, uint64_t consistency_bytes);
-  // Adds the size of answers to the camera check. These answers are counted separately, because they are not shown.
+  // Adds the bytes of an answer that only the camera monitor needs. These answers are counted separately, because they
+  // do not become part of a picture.
   void add_monitor_bytes(uint64_t bytes);
   void set_monitor(const CameraMonitor& monitor);
+  // Record that a request has arrived, or will get no picture. record() uses the arrival time (microseconds) to compute
+  // the latency.
   void request_arrived(uint32_t sequence, int64_t time);
   void request_skipped(uint32_t sequence);
   struct Totals {
     uint64_t pictures, skipped;
   };
   Totals totals() const;
-  // Counts a picture. If `describe`, returns the structure of its element message "lightfield-view", otherwise null. A
-  // picture is not complete if no camera sees anything of the view.
+  // Adds a picture to the statistics. If `describe` is true, returns the structure for the element message
+  // "lightfield-view" about this picture, which the caller owns; otherwise returns null. A picture without any fragment
+  // does not count as complete.
   GstStructure* record(const Picture& picture, bool describe);
-  // Returns the value of the property `stats` (transfer full).
+  // Returns the value of the property `stats`. The caller owns the structure.
   GstStructure* structure() const;
 
  private:
   mutable std::mutex mutex_;
   uint64_t counters_[kNumCounters] = {};
-  uint64_t unseen_ = 0;  // pictures without fragments, but without missing parts
+  uint64_t unseen_ = 0;  // pictures of views that no camera sees: no fragments arrived, and none were expected
   std::optional<lf::MeanCoverage> coverage_;
   uint64_t pictures_ = 0, complete_ = 0, fragments_ = 0, missing_ = 0, damaged_ = 0, bytes_ = 0, max_skew_ns_ = 0,
            out_of_service_ = 0;
@@ -79,13 +86,14 @@ class CompositorStats {
   std::optional<CameraMonitor> monitor_;
   uint64_t monitor_bytes_ = 0;
   std::map<uint32_t, int64_t> arrivals_;  // arrival time by sequence number, of unanswered requests
-  // The durations are from the request to the last answer, from there to the picture, and from the request to the
-  // picture.
+  // Durations of the latest pictures: from the request to the last answer, from the last answer to the finished
+  // picture, and from the request to the finished picture.
   Percentiles answer_ns_, composite_ns_, latency_ns_;
   Percentiles add_ns_, picture_ns_;
 };
 
-// The field becomes an array of "lightfield-suspect" structures: camera (uint: index in the rig), fault (string).
+// Sets the field to an array with one structure "lightfield-suspect" for each camera that the camera monitor reports.
+// Its fields are camera (uint: index in the rig) and fault (string).
 void set_suspects(GstStructure* structure, const char* field, const std::vector<CameraMonitor::Suspect>& suspects);
 
 }  // namespace lf

@@ -78,13 +78,14 @@ struct CompositorSettings {
   LfCompositorGains gains = LF_COMPOSITOR_GAINS_AUTO;
   WeightOverlayMode show = WeightOverlayMode::kNone;
 
-  // Returns the settings for depth estimation. `auto` needs a rig, and a compositor inside a tree leaves focusing to
-  // the root.
+  // Returns the settings for depth estimation. Depths are not estimated if the property `focus` is `auto` and there is
+  // no rig. An inner compositor of a tree (partial=true) never estimates depths, because the root of the tree does.
   DepthEstimator::Settings view_depths() const;
   // Returns a warning about settings that have no effect, for the user; "" if there are none.
   std::string ignored_settings() const;
 
-  // Returns true if exposure compensation is active. `has_colour` means that the rig contains colour corrections.
+  // Returns true if exposure compensation is active. `has_colour` means that the rig contains colour corrections, which
+  // make exposure compensation unnecessary in the mode `auto`.
   bool match_gains(bool has_colour) const {
     return gains == LF_COMPOSITOR_GAINS_ON || (gains == LF_COMPOSITOR_GAINS_AUTO && !has_colour);
   }
@@ -92,7 +93,8 @@ struct CompositorSettings {
   static PropertyTable<CompositorSettings>& properties();
 
  private:
-  // Returns false, and both limits are ignored, if the near limit is not nearer than the far limit.
+  // Returns true if the limits of the focus are valid: the near limit must be nearer than the far limit (0: no limit).
+  // Otherwise both limits are ignored.
   bool has_focus_range() const { return focus_far == 0 || focus_near < focus_far; }
 };
 
@@ -129,13 +131,13 @@ struct _LfCompositor {
     // Streaming thread.
     lf::CompositorSettings settings;
     std::shared_ptr<const lf::Rig> rig;
-    std::optional<lf::ViewRequest> current;  // the current request, at the head of the request pad
+    std::optional<lf::ViewRequest> current;  // the request of the picture in progress; its buffer stays on the pad
     lf::Assembly assembly;
     uint64_t bytes = 0;
     int64_t adding = 0;
     lf::RequestHistory past;
     lf::CameraHealth health;
-    lf::CameraRanges gone;  // cameras without a frame in the latest answers, if not live
+    lf::CameraRanges gone;  // file cameras without a frame in the latest answers
     lf::CameraSet corners;  // hull of the array, see lf::mesh_exclusions()
     lf::DepthLoop focus;
     lf::ProbeScheduler turns;
@@ -144,8 +146,8 @@ struct _LfCompositor {
     lf::ViewMeta view_meta;
     bool warned_rig = false;
     bool warned_unseen = false;
-    std::optional<uint32_t> first_set;  // first sequence number of the first set
-    bool warned_unlinked = false;       // since the start or the latest successful push
+    std::optional<uint32_t> first_set;  // sequence number of the first request of the first set
+    bool warned_unlinked = false;       // already warned since the start or the latest successful push
     int64_t latency_asked_at = 0;
   } * state;
 };

@@ -20,9 +20,10 @@
 
 namespace lf {
 
-// Keeps the answers of a live node to later requests until these requests become current. This also prevents a forged
-// answer from blocking the answers behind it, because a forged answer is rejected only when its request becomes
-// current. Not thread-safe.
+// Stores answers that arrive too early. A compositor makes one picture at a time, but a fast node may already answer
+// the next requests. These answers wait here until the compositor has reached their requests, so that they do not block
+// the sink pad. A forged answer to a future request cannot block the pad either; it is rejected when its request is
+// reached. Not thread-safe.
 class EarlyAnswers {
  public:
   // An answer may be for at most this many requests after the current one, which is enough for two sets of views.
@@ -37,10 +38,10 @@ class EarlyAnswers {
 
   // Returns true if there is room for a buffer of this size. A single buffer always fits.
   bool has_room(size_t bytes) const;
-  // Takes the buffer, an answer to request `sequence`.
+  // Stores an answer to the request `sequence`, and takes its reference.
   void keep(uint32_t sequence, GstBuffer* buffer);
-  // Returns the answers to request `sequence` in order of arrival (transfer full). Drops all answers to earlier
-  // requests.
+  // Removes and returns the stored answers to the request `sequence`, in order of arrival. The caller owns the buffers.
+  // Answers to earlier requests are freed, because nothing can use them any more.
   std::vector<GstBuffer*> take(uint32_t sequence);
   void clear();
   size_t size() const { return waiting_.size(); }
@@ -54,13 +55,14 @@ class EarlyAnswers {
   size_t bytes_ = 0;
 };
 
-// The input of an lfcompositor from one camera node, behind one sink pad. It collects the node's answer to the current
-// request, keeps answers to later requests, and decides whether to wait for the node. The last part of an answer stays
-// on the pad until the picture is done, so that GstAggregator finds a buffer on every pad when all nodes have answered.
-// Use from the streaming thread, except for flushed().
+// Receives the answers of one camera node, behind one sink pad of an lfcompositor. The class passes each part of the
+// answer to the current request on, stores answers to later requests, and decides whether the picture must wait for
+// this node. The last part of an answer stays on the pad until the picture is done: GstAggregator calls aggregate()
+// when every pad has a buffer, so it then calls when all nodes have answered. Use from the streaming thread, except for
+// flushed() and detach().
 class NodeInput {
  public:
-  // The NodeInput lives as long as the pad.
+  // attach() creates the NodeInput of a new pad, which lives as long as the pad. of() returns the NodeInput.
   static void attach(GstAggregatorPad* pad);
   static NodeInput& of(GstAggregatorPad* pad);
   // Stops all access to the pad's buffers. Call from any thread, before releasing the pad. GstAggregator 1.22 would
@@ -73,14 +75,17 @@ class NodeInput {
     kLast,   // this part has been processed, and the answer to the current request is complete
     kEarly,  // this part answers a later request
   };
-  // Calls `take_unit` for each received unit, up to the last unit of the answer to request `sequence`. If `live`, sets
-  // aside answers to later requests, so that they do not block the pad.
+  // Reads the units (parts of answers, one per buffer) that have arrived, and calls `take_unit` for each, until the
+  // answer to the request `sequence` is complete. If `live` is true, answers to later requests are stored, so that they
+  // do not block the pad; otherwise they stay on the pad.
   void take(uint32_t sequence, bool live, const std::function<UnitResult(GstBuffer*)>& take_unit);
-  // For `take_unit`. Returns false if this part of the answer has already been added.
+  // For use in `take_unit`. Records a part of the answer. Returns false if the same part has already been received.
   bool add_part(const wire::AnswerPart& part) { return parts_.add(part); }
-  // The result for `take_unit` after add_part(): kLast if the answer is complete.
+  // Returns what `take_unit` must return after add_part(): kLast if the node's answer is now complete, otherwise kDone.
+  // `last_of_node` is false if the node sends a further answer to the same request.
   UnitResult part_added(bool last_of_node);
-  // Call for a late answer that arrived before the deadline. Resets the count of missed pictures.
+  // Call this for an answer that missed its picture although it arrived before the deadline. The node works, so its
+  // count of missed pictures restarts at 0, and the next picture waits for the node again.
   void was_in_time() { missed_ = 0; }
 
   // Returns true if the current picture must wait for this node. Live pipelines do not wait for a node that has missed
@@ -95,7 +100,7 @@ class NodeInput {
   void close(bool counts);
   // Drops the incomplete answer, because the current request gets no picture.
   void drop_answer();
-  // Resets the state; the buffer on the pad will be read again.
+  // Forgets what has been read for the current request. The buffer on the pad will be read again.
   void forget();
   void drop_early() { early_.clear(); }
   void drop_all();
@@ -113,7 +118,7 @@ class NodeInput {
   enum class HeadState {
     kUnread,
     kDone,
-    kEarly,  // answer to a later request: the node skipped this request
+    kEarly,  // answer to a later request, so the node has skipped the current request
   };
   GstAggregatorPad* const pad_;
   mutable std::mutex queue_mutex_;  // held while accessing the queue of pad_
@@ -127,7 +132,8 @@ class NodeInput {
   std::atomic<bool> flushed_ = false;
 };
 
-// The nodes that an lfcompositor has now. Holds references to the pads.
+// A snapshot of an lfcompositor's sink pads for answers, to iterate over their NodeInputs without the object lock.
+// Holds references to the pads.
 class NodeInputs {
  public:
   explicit NodeInputs(GstPad* request);

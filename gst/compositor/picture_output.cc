@@ -19,7 +19,8 @@
 namespace lf {
 namespace {
 
-// Other layouts get no multiview-mode, because players would show only one of their views.
+// Sets the caps fields multiview-mode and multiview-flags for the stereo layouts. All other layouts must not have these
+// fields, because players would show only one view.
 void set_multiview(GstCaps* caps, ViewSetLayout layout) {
   const bool crossed = layout == ViewSetLayout::kCrossEyed;
   const auto mode = layout == ViewSetLayout::kTopBottom           ? GST_VIDEO_MULTIVIEW_MODE_TOP_BOTTOM

@@ -23,50 +23,60 @@
 #include "view/view.h"
 
 typedef enum {
+  // Shows the incomplete picture. Pixels that lack most of their weight come from the previous picture.
   LF_COMPOSITOR_INCOMPLETE_CONCEAL,
+  // Outputs the previous picture again.
   LF_COMPOSITOR_INCOMPLETE_REPEAT,
+  // Outputs nothing.
   LF_COMPOSITOR_INCOMPLETE_DROP,
 } LfCompositorIncomplete;
 
 namespace lf {
 
-// Chooses fixed caps for pictures of width x height pixels from `downstream`, the accepted caps. Returns null if no
-// caps fit (transfer full). `family` is the pixel family (RGB or YCbCr) of the fragments, if known; `request` is the
-// pad with the frame rate. Stereo layouts have a multiview-mode in the caps. YCbCr has the range of the cameras, or
-// video range if downstream requires it for BT.601, because GstVideoConverter 1.22 would ignore the range. GPU memory
-// is chosen only if downstream accepts nothing else.
+// Chooses the fixed caps of the output for pictures of width x height pixels. `downstream` are the caps that downstream
+// accepts. `family` is the pixel family (RGB or YCbCr) that the nodes send, or kNone if it is not known yet. The frame
+// rate is taken from the caps of the pad `request`. Stereo layouts set the field multiview-mode. Returns caps that the
+// caller owns, or null if downstream accepts no suitable caps. YCbCr keeps the full range of the cameras. The range is
+// converted here to video range only if downstream requires BT.601 in video range, because GstVideoConverter 1.22 would
+// ignore the difference. GPU memory is chosen only if downstream accepts nothing else.
 GstCaps* choose_output_caps(GstCaps* downstream, GstPad* request, PixelFamily family, int width, int height,
                             ViewSetLayout layout);
 
-// Explains to the user why choose_output_caps() fails, and what to do.
+// The reason why choose_output_caps() has returned null, with advice for the user.
 struct CapsMismatch {
   bool is_of_size_or_rate = false;  // true if another size or rate would be accepted
   std::string text;
 };
 CapsMismatch explain_mismatch(const GstCaps* downstream, GstPad* request, PixelFamily family, int width, int height);
 
-// Returns video caps of this family (kNone: any family) in any kind of memory (transfer full).
+// Returns the video caps that the compositor can produce for this pixel family (kNone: for any family), in system
+// memory and in GPU memory. The caller owns the caps.
 GstCaps* offered_caps(PixelFamily family);
 
 // Returns true if all structures of the caps are in GPU memory.
 bool is_in_gpu(const GstCaps* caps);
 
-// Gives access to the textures of a picture buffer, for drawing rendered views. The access ends with the lifetime of
-// this object.
+// Draws views directly into the textures of an output buffer, so that pictures that are rendered on the GPU need no
+// download. A picture can contain several views, such as the two eyes of a stereo pair. Call draw() once for each view,
+// and then finish() before anything else uses the buffer. The textures stay mapped until the destructor.
 class GlRenderTarget {
  public:
-  // `group`: required share group of the textures.
+  // Maps the textures of the buffer `picture`. `group` is the share group of the OpenGL contexts that hold the views;
+  // the mapping fails if the textures belong to another group.
   GlRenderTarget(GstBuffer* picture, const GstVideoInfo& info, gl::ShareGroup group);
   ~GlRenderTarget();
   GlRenderTarget(const GlRenderTarget&) = delete;
   GlRenderTarget& operator=(const GlRenderTarget&) = delete;
 
-  // Returns false if rendered views cannot be drawn to the textures of the buffer.
+  // Returns false if the mapping failed. draw() must then not be called.
   explicit operator bool() const { return is_mapped_; }
   gl::ShareGroup group() const { return group_; }
-  // Starts drawing a sum at pixel (x, y). Returns false and sets `why` on failure.
+  // Makes a view from `sum` (the answers of all nodes, added up) and writes it into the textures. (x, y) is the
+  // position of the view's top-left pixel in the picture. Pixels outside the camera mesh get the colour `background`.
+  // The GPU continues to draw after this call returns. Returns false and sets `why` to the reason on failure.
   bool draw(const Accumulator& sum, const Background& background, int x, int y, std::string& why);
-  // Waits for all draw calls. Returns false and sets `why` if the result of a call is lost.
+  // Waits until the GPU has drawn all views. Returns false and sets `why` if a view could not be drawn, for example
+  // because the OpenGL context was lost.
   bool finish(std::string& why);
 
  private:
@@ -76,12 +86,14 @@ class GlRenderTarget {
   GstVideoFrame frame_;
   bool is_mapped_ = false;
   gl::GpuPicture picture_;
-  std::vector<std::shared_ptr<gl::GpuSum>> undrained_;  // unfinished draw calls; keeps their sums alive
+  std::vector<std::shared_ptr<gl::GpuSum>> undrained_;  // one entry for each unfinished draw(); keeps its sum alive
 };
 
-// The output side of an lfcompositor. It negotiates caps and memory, and makes the pictures or partial answers. It also
-// keeps the previous picture as a replacement for incomplete pictures. Errors are posted for its element. Use from the
-// streaming thread, except for is_pushing(), has_begun() and own_gpu().
+// The output side of an lfcompositor: negotiates caps and memory with downstream, makes the pictures, and pushes each
+// picture. If the compositor is part of a tree (partial=true), it makes the answer for the next compositor instead of a
+// picture. The class keeps the previous picture, which replaces an incomplete picture or fills its gaps. It posts
+// errors as messages of its element. Use it from the streaming thread, except for is_pushing(), has_begun(), own_gpu(),
+// family() and context().
 class PictureOutput {
  public:
   explicit PictureOutput(GstAggregator* element) : element_(element), own_gpu_(GST_ELEMENT(element)) {}
@@ -89,21 +101,23 @@ class PictureOutput {
   PictureOutput(const PictureOutput&) = delete;
   PictureOutput& operator=(const PictureOutput&) = delete;
 
-  // `partial` means answers instead of pictures. `request` is the pad that determines the frame rate.
+  // Prepares the class for a new stream. If `partial` is true, the output consists of answers instead of pictures. The
+  // frame rate of the output is taken from the caps of the pad `request`.
   void start(bool partial, GstPad* request);
   void stop();
-  // Forces a new segment event and drops the unfinished picture.
+  // Call this after a flush. The next output starts with a new segment event, and a half-drawn picture is dropped.
   void flush() { segment_ = {}, drop_pending(); }
 
-  // Implementations of the GstAggregatorClass functions. `follows` means that the next requests will match the
-  // downstream caps.
+  // Implement the GstAggregatorClass functions of the same names. `follows` means that lfviewrequest has received the
+  // caps of downstream and will adapt its next requests, so a mismatch of size or rate is only temporary and no error.
   void negotiate(bool follows);
   GstFlowReturn update_src_caps(GstCaps* downstream, GstCaps** caps);
   bool negotiated_src_caps(GstCaps* caps);
   bool decide_allocation(GstQuery* query);
   OwnGpu& own_gpu() { return own_gpu_; }
 
-  // Sets the overlay of the next pictures. There is none without a rig.
+  // Selects the overlay that is drawn on the next pictures, for example the camera mesh. Without a rig, no overlay is
+  // drawn.
   void show(WeightOverlayMode what, std::shared_ptr<const Rig> rig) {
     shown_ = what;
     if (rig_ == rig) return;
@@ -111,36 +125,41 @@ class PictureOutput {
     overlay_ = {};
   }
 
-  // Adds a view to the picture of its set. Returns the picture of the request if all views of the set are complete,
-  // otherwise null. *flow is then GST_FLOW_OK if other views are still missing, and otherwise the error. Sets *dropped
-  // to true if a picture will never be complete, because a new set started too early, or because the accepted size or
-  // rate has changed since the request.
+  // Draws the view of one request into the current picture. A picture contains all views of a set, such as a stereo
+  // pair. Returns the finished picture, which the caller owns, when the last view of the set has been drawn. Otherwise
+  // returns null, and *flow is GST_FLOW_OK if further views are expected, or an error. Sets *dropped to true if a
+  // picture was given up: either the next set has started before this set was complete, or downstream now accepts only
+  // another size or rate than this request has.
   GstBuffer* make_picture(Assembly& assembly, const ViewRequest& request, const Background& background,
                           GstFlowReturn* flow, bool* dropped);
-  // Returns true if the latest picture was made on the GPU that held its sums.
+  // Returns true if the GPU made the latest picture, so that no pixels were downloaded.
   bool is_on_gpu() const { return pending_.on_gpu; }
-  // Returns true if the set of the request has been started and is not complete.
+  // Returns true if other views of the request's set have been drawn, and the picture of this set is not complete yet.
   bool is_drawing(const ViewRequest& request) const {
     return pending_.buffer && pending_.first == first_of_set(request);
   }
-  // Returns the sum for the request, as the answer of node number `node`. Returns null on failure and sets *flow.
+  // Encodes the sum of all received answers as one answer from a node with the number `node`, for the next compositor
+  // of a tree. The caller owns the result. Returns null on failure and sets *flow.
   GstBuffer* make_answer(Assembly& assembly, const ViewRequest& request, guint node, CodecChoice codec,
                          GstFlowReturn* flow);
-  // Applies the property `incomplete` to an incomplete picture: keeps the picture, repeats the previous picture, or
-  // outputs none. Takes the picture.
+  // Applies the property `incomplete` to the picture that make_picture() has returned. If parts of the picture are
+  // missing, the function either keeps *picture, replaces it by a copy of the previous picture, or frees it and sets it
+  // to null. The result says which of the three happened.
   enum class OutputAction { kPicture, kRepeated, kDropped };
   OutputAction replace_incomplete(const Assembly& assembly, LfCompositorIncomplete incomplete, GstBuffer** picture);
 
-  // Uses the segment of the requests for the output.
+  // Sends the segment of the requests downstream, so that the timestamps of requests and pictures have the same
+  // meaning.
   void follow_segment(const GstSegment& requests);
-  // Pushes the buffer (transfer full) with the position `pts` in the segment. If `keep`, keeps a reference as a
-  // replacement for later pictures.
+  // Pushes a picture or answer, and takes its reference. `pts` becomes the position of the output segment. If `keep` is
+  // true, the picture is also stored as the replacement for later incomplete pictures.
   GstFlowReturn push(GstBuffer* picture, GstClockTime pts, bool keep);
   PixelFamily family() const { return offered_; }  // kNone: not known yet. Any thread
   bool is_pushing() const { return pushing_; }
   bool has_refused() const { return refused_; }
   bool has_begun() const { return negotiated_; }
-  // Returns the OpenGL context of downstream's GPU memory; null for system memory. Any thread.
+  // Returns the OpenGL context of the textures that pictures are drawn into, or null if pictures are in system memory.
+  // Any thread.
   GlContextPtr context() const;
 
  private:
@@ -166,7 +185,8 @@ class PictureOutput {
   GstSegment segment_{};
   GstVideoInfo info_{};
   std::atomic<bool> negotiated_ = false;
-  // Format of the next picture, and whether downstream accepts it (agreed_). Width 0: not known yet.
+  // The format of the next picture, which update_src_caps() offers. `agreed_` is true if downstream accepts the format.
+  // The width is 0 until the first picture.
   PixelFamily family_ = PixelFamily::kNone;
   std::atomic<PixelFamily> offered_ = PixelFamily::kNone;
   int width_ = 0, height_ = 0;
@@ -178,13 +198,16 @@ class PictureOutput {
   bool in_gpu_ = false;
   OwnGpu own_gpu_;
   PicturePool pool_;
+  // The picture of a set of views that is being drawn. `first` is the sequence number of the set's first request, and
+  // `drawn` tells for each view whether it has been drawn.
   struct PendingPicture {
     GstBuffer* buffer = nullptr;
     uint32_t first = 0;
     std::vector<bool> drawn;
     bool complete = true;
     bool on_gpu = true;
-    // The textures of the buffer while views are drawn on the GPU. Reset this before any other access to the buffer.
+    // The textures of the buffer, while the GPU draws views into the buffer. Call leave_gpu() before any other access
+    // to the buffer.
     std::unique_ptr<GlRenderTarget> textures = {};
   } pending_;
   void drop_pending() {

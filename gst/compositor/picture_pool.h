@@ -12,8 +12,9 @@ typedef struct _GstGLDisplay GstGLDisplay;
 
 namespace lf {
 
-// Provides GPU memory for pictures. It is needed if downstream requires GPU memory but offers no pool, as gldownload
-// does. Uses an OpenGL context shared by neighbours, or creates its own, as OpenGL sources do.
+// Allocates pictures in GPU memory for elements that require GPU memory but offer no buffer pool, such as gldownload.
+// The class uses the OpenGL context of a neighbouring element, if possible. Otherwise it creates a context, as the
+// OpenGL sources of GStreamer do.
 class OwnGpu {
  public:
   explicit OwnGpu(GstElement* element) : element_(element) {}
@@ -21,8 +22,8 @@ class OwnGpu {
   OwnGpu(const OwnGpu&) = delete;
   OwnGpu& operator=(const OwnGpu&) = delete;
 
-  // Returns a pool for pictures of these caps, `size` bytes each (transfer full). Returns null if there is no OpenGL.
-  // Streaming thread.
+  // Returns a buffer pool for pictures with these caps and `size` bytes each, which the caller owns. Returns null if
+  // OpenGL is not available. Streaming thread.
   GstBufferPool* pool(GstCaps* caps, guint size);
   // Releases the context. Call from the streaming thread or while it is stopped.
   void stop();
@@ -42,7 +43,9 @@ class OwnGpu {
   GstGLContext *shared_ = nullptr, *context_ = nullptr;
 };
 
-// Provides and recycles the memory of pictures. Pictures may outlive the pool. Not thread-safe.
+// Chooses the buffer pool of the output, and provides the buffers of the pictures. It is needed because a compositor
+// keeps pictures for repetition, so a small pool of downstream would run empty and block. Pictures may outlive this
+// object. Not thread-safe.
 class PicturePool {
  public:
   static constexpr guint kMostIdle = 4;  // idle buffers kept for the next pictures
@@ -52,13 +55,14 @@ class PicturePool {
   PicturePool(const PicturePool&) = delete;
   PicturePool& operator=(const PicturePool&) = delete;
 
-  // Implements GstAggregatorClass::decide_allocation: selects the pool for raw video and makes it the first pool of the
-  // query. Prefers a suitable pool of downstream. Otherwise uses an own pool, or a pool of `gpu` for GPU memory (see
-  // is_in_gpu()). Returns false if there is no memory. *context becomes the OpenGL context of the memory, or null for
-  // system memory.
+  // Implements GstAggregatorClass::decide_allocation for raw video: selects a pool and makes it the first pool of the
+  // query. The function prefers a suitable pool of downstream. Otherwise it creates a pool: `gpu` provides it for caps
+  // in GPU memory. Sets *context to the OpenGL context of the memory, or to null for system memory. Returns false if no
+  // pool can be created.
   bool decide(GstQuery* query, OwnGpu* gpu = nullptr, GlContextPtr* context = nullptr);
-  // Returns a buffer of `chosen`, the pool that decide() selected (transfer full). Never blocks, because pictures are
-  // kept for repetition: if `chosen` is exhausted, an own pool provides the buffer. Returns null if there is no memory.
+  // Returns a new buffer, which the caller owns, from the pool `chosen` that decide() has selected. Never blocks: if
+  // all buffers of `chosen` are in use, the buffer comes from a second pool without a maximum. Returns null if there is
+  // no memory.
   GstBuffer* take(GstBufferPool* chosen);
   void clear();
 

@@ -11,7 +11,8 @@
 #include "rig/rig.h"
 #include "view/view_request.h"
 
-// Name of the GstCustomMeta that describes the view that a picture shows. lfcompositor.cc documents its fields.
+// Name of the GstCustomMeta on each picture. It describes the view that the picture shows, for applications that need
+// the pose or the capture time. The documentation in lfcompositor.cc lists its fields.
 #define LF_VIEW_META "lightfield-view"
 
 namespace lf {
@@ -19,6 +20,7 @@ namespace lf {
 // Registers the meta, so that converters and encoders copy it to their output.
 void register_view_meta();
 
+// The facts about one view of a picture that the meta reports: the request, and how complete its answers were.
 struct ViewMetaEntry {
   ViewRequest request;
   std::optional<uint64_t> capture_time;
@@ -31,6 +33,8 @@ struct ViewMetaEntry {
   bool complete() const { return fragments > 0 && missing == 0 && damaged == 0; }
 };
 
+// Collects the entries of all views of a set, and attaches them to the finished picture as one LF_VIEW_META. Not
+// thread-safe.
 class ViewMeta {
  public:
   void add(ViewMetaEntry facts);
@@ -39,7 +43,7 @@ class ViewMeta {
   void clear() { views_.clear(); }
 
  private:
-  std::vector<ViewMetaEntry> views_;  // in request order: the leading view is first
+  std::vector<ViewMetaEntry> views_;  // in the order of the requests
 };
 
 }  // namespace lf

@@ -98,8 +98,8 @@ void CameraInput::start_stream(std::optional<GstClockTime> latency) {
   frames_->start_stream(live_);
 }
 
-// Call with the first frame of a new format, and not with the caps, because the event that names the camera follows the
-// caps.
+// Applies a new video format. Call this with the first frame of the format instead of with the caps, because
+// LF_CAMERA_EVENT, which names the camera, arrives after the caps.
 void CameraInput::take_format(const Format& format) {
   converter_.reset();
   format_.reset();

@@ -18,9 +18,9 @@
 
 namespace lf {
 
-// Receives the video of one camera, behind one sink pad of lffragment. It determines which camera of the rig the pad
-// belongs to, and passes the frames to the renderer of the node. Errors are posted for its element. Use from the pad's
-// streaming thread, unless noted otherwise.
+// Receives the video of one camera, behind one sink pad of lffragment. The class finds out which camera of the rig the
+// video belongs to, checks size and format, and stores the frames in a CameraFrames, where the renderer looks for
+// frames. It posts errors as messages of its element. Use from the pad's streaming thread, unless noted otherwise.
 class CameraInput {
  public:
   // `element` owns the pad. Element and pad must outlive this object.
@@ -29,7 +29,8 @@ class CameraInput {
   // Any thread.
   const std::shared_ptr<CameraFrames>& frames() const { return frames_; }
   bool is_live() const { return live_; }
-  // Returns the capture delay that this camera needs at clock time `now`, in nanoseconds; 0 if unknown.
+  // Returns how long after its capture a frame of this camera usually arrives, in nanoseconds, so that requests wait
+  // long enough (see ArrivalMonitor::needed()). 0 means unknown. `now` is the clock time.
   uint64_t needed_delay(uint64_t now) const { return arrivals_.needed(frames_->period(), now); }
   // Null if the camera is not known yet.
   std::shared_ptr<const Camera> camera() const;
@@ -37,13 +38,16 @@ class CameraInput {
   // Determines the camera from the pad's property, the stream, or the pad's number, in this order. Posts an error and
   // returns false if the rig has no such camera or the camera already has a pad.
   bool assign();
+  // Stores the camera that the stream has announced with LF_CAMERA_EVENT.
   void name(CameraIndex camera);
-  // Call if frames are ready before their time.
+  // Call this if the stream says that its frames are ready before their time ("paced" in LF_CAMERA_EVENT).
   void note_paced() { frames_->note_arrival(static_cast<int64_t>(latency_)); }
   bool set_caps(GstCaps* caps);
-  // `latency` is the latency of a live stream; nothing if the stream is not live.
+  // Call this at the start of a stream. `latency` is the latency of a live stream, or nothing if the stream is not
+  // live.
   void start_stream(std::optional<GstClockTime> latency);
-  // Takes a frame (transfer full). `segment` converts the time stamps of the buffer to a capture time; it may be null.
+  // Stores a frame, and takes its reference. If the buffer does not carry a capture time, the time is computed from its
+  // timestamp and `segment`, which may be null. Blocks for file cameras until requests need the frame.
   GstFlowReturn take(GstBuffer* buffer, const GstSegment* segment);
   // Forgets frames, format and camera. Call while the streaming thread is stopped.
   void reset();
@@ -92,15 +96,17 @@ struct _LfFragmentPad {
 };
 
 std::vector<lf::PadPtr> lf_fragment_camera_pads(LfFragment* self);
-// Sets the real-time mode of all cameras. If `before` is given, cameras in other modes stay unchanged.
+// Sets the mode of all cameras (stopped, running or finished). If `before` is given, only cameras in this mode change.
 void lf_fragment_set_mode(LfFragment* self, lf::CameraFrames::Mode mode,
                           std::optional<lf::CameraFrames::Mode> before = std::nullopt);
-// Seeks all cameras that are not live, because the requests have moved to another time. Does nothing if another client
-// has already done so for the seek `seqnum`. Does not wait for frames.
+// Sends a seek to `time` to all file cameras, because the requests have moved to another time. Several clients may
+// report the same seek, with the sequence number `seqnum`; only the first call has an effect. Does not wait for the
+// frames.
 void lf_fragment_seek_cameras(LfFragment* self, uint64_t time, guint32 seqnum);
-// Stores the OpenGL context of the latest GPU frame; null if there is none.
+// Stores the OpenGL context of the latest camera frame in GPU memory (null: none), so that the renderer can move to a
+// context that shares these textures.
 void lf_fragment_note_context(LfFragment* self, GstGLContext* context);
-// Returns the capture delay that all live cameras need at clock time `now`, in nanoseconds; 0 if unknown.
+// Returns the largest CameraInput::needed_delay() of the live cameras, in nanoseconds; 0 if unknown.
 uint64_t lf_fragment_needed_delay(LfFragment* self, uint64_t now);
-// The caller must add the pad to the element.
+// Creates a sink pad for a camera, with its CameraInput. The caller must add the pad to the element.
 GstPad* lf_fragment_camera_pad_new(LfFragment* self, GstPadTemplate* templ, const gchar* name);

@@ -25,28 +25,30 @@
 
 namespace lf {
 
-// A view request that waits for its answer, with the information that was available at its arrival.
+// A view request that waits for its answer, with everything that is needed to answer later, in another thread.
 struct AnswerJob {
   wire::AnyRequest request;
   GstClockTime pts, duration;
   LocalCompositor compositor;
+  // The estimated work of the answer; see estimated_work().
   double work = 0;
   uint64_t due = 0;  // latest useful time of a live answer, as now_ns(); 0: none
 };
 
-// The queue of requests of one client (a viewer or compositor) that wait for their answers. Requests that one GPU pass
-// can answer are taken together (see Node::can_batch_requests()). Thread-safe.
+// The waiting requests of one client (a viewer or compositor). The queue finds requests that one GPU pass can answer
+// together, such as all views of a 3D display (see Node::can_batch_requests()), because separate passes would leave
+// most of the GPU idle. Thread-safe.
 class AnswerJobQueue {
  public:
   // Maximum number of pixels in a batch, because all answers stay in memory until the batch is done.
   static constexpr size_t kMostPixels = 16'000'000;
 
-  // Adds a job. The queue holds only a weak reference.
+  // Adds a job. The queue holds only a weak reference, because FairScheduler owns the job and may drop old jobs.
   void add(const std::shared_ptr<AnswerJob>& job);
-  // Forgets jobs that their owner has released. Returns their number.
+  // Removes the jobs that FairScheduler has dropped. Returns the number of these jobs.
   size_t forget_dropped();
-  // Takes a job together with the waiting jobs that can be batched with it, or only the job if `alone`. Returns nothing
-  // if the job has already been taken.
+  // Removes a job and all waiting jobs that can be answered together with this job, and returns these jobs. If `alone`
+  // is true, only takes the job itself. Returns an empty list if the job has already been taken.
   std::vector<std::shared_ptr<AnswerJob>> take_with(const std::shared_ptr<AnswerJob>& job, bool alone);
 
  private:
@@ -62,11 +64,12 @@ class LiveAnswerQueue {
   LiveAnswerQueue(ParallelFor parallel, const Node::ClientState& common)
       : fair_(std::move(parallel), g_get_num_processors()), views_(common) {}
 
-  // Makes and pushes one answer, with the state of its view, in the answer pad's thread. Returns nothing if no answer
-  // was pushed.
+  // A function that makes and pushes one answer, with the state of its view. It is called in the thread of the answer
+  // pad. It returns nothing if no answer was pushed, for example because the answer would be too late.
   using Answer = std::function<std::optional<GstFlowReturn>(Node::ClientState&, const ParallelFor&)>;
-  // Queues an answer with its planned work. Sets *dropped to true if an older request of the view is dropped. For
-  // `of_set` see FairScheduler. Returns the flow result of the latest push.
+  // Queues an answer. `work` is its estimated work (AnswerJob::work), and `of_set` is the number of views in the
+  // request's set. If too many requests of the view are waiting, the oldest is dropped and *dropped becomes true.
+  // Returns the flow result of the latest push, so that the sender of the requests notices a stopped pipeline.
   GstFlowReturn add(GstPad* src, uint32_t view_id, double work, Answer answer, bool* dropped, size_t of_set);
   // Makes the next answer. The answer pad's thread calls this in a loop.
   void work(GstPad* src);
@@ -83,8 +86,8 @@ class LiveAnswerQueue {
   std::atomic<GstFlowReturn> flow_ = GST_FLOW_OK;
 };
 
-// Detects jumps in the requested times of one client, which cameras that are files must follow with a seek. Use from
-// the requests' streaming thread, except for is_live(). flush() and clear() may be called while that thread is stopped.
+// Detects when a client requests another part of a film, so that file cameras must seek. Use from the streaming thread
+// of the requests, except for is_live(). flush() and clear() may be called while that thread is stopped.
 class RequestPosition {
  public:
   // Starts a new segment. `live` means that requests arrive in real time.
@@ -135,8 +138,9 @@ class PadPair {
   GWeakRef request_, src_;
 };
 
-// Finds out whether the answers of a pad reach a compositor in this process. These answers need no compression. The
-// question is repeated after downstream changes. Use from the streaming thread, except for note_change().
+// Caches whether the answers of a pad reach a compositor in this process, because these answers need no compression.
+// The query is sent again only after note_change(), which must be called when downstream may have changed. Use from the
+// streaming thread, except for note_change().
 class CompositorLookup {
  public:
   void note_change() { is_new_ = true; }
@@ -160,8 +164,8 @@ class CompositorLookup {
   LocalCompositor local_;
 };
 
-// One client of lffragment, which is a viewer or compositor with its request pad and its answer pad. The two pads share
-// this object.
+// The state of one client of lffragment. A client is a viewer or compositor with its own pair of a request pad and an
+// answer pad, and the two pads share this object.
 struct Client {
   // `number` is unique within the element. `parallel` runs the tasks of live answers.
   Client(GstPad* request, GstPad* src, uint32_t number, ParallelFor parallel)
@@ -173,7 +177,8 @@ struct Client {
   RequestPosition place;
   CompositorLookup compositor;
   QosTracker qos;  // any thread
-  // number of requests of another access kind before the first valid request; streaming thread
+  // Number of requests for another kind of camera (property `access`) before the first suitable request. Streaming
+  // thread.
   unsigned wrong_access = 0;
   bool any_fits = false;
   DelayReporter delay;     // streaming thread

@@ -61,5 +61,6 @@ struct _LfFragment {
 };
 
 lf::FragmentSettings lf_fragment_settings(LfFragment* self);
-// Frees unused answer memory. Called for each frame, because requests may have stopped.
+// Frees answer memory that has not been used for a while. Camera frames trigger the call, because requests may have
+// stopped.
 void lf_fragment_trim_memory(LfFragment* self);

@@ -14,17 +14,19 @@
 
 namespace lf {
 
-// A raw video frame of one camera, in the form that the renderer reads. It has the pixel family of the node (RGB or
-// YCbCr). If the node had not chosen a family when the frame arrived, the frame has its own.
+// A raw video frame of one camera, in a layout that the renderer can read. Its pixels are usually in the pixel family
+// of the node (RGB or YCbCr). A frame that arrived before the node had chosen a family keeps its own family, and view()
+// converts the pixels.
 class RawPicture : public CameraPicture {
  public:
-  // `original` is the unconverted frame, for later requests of another family.
+  // `original` is the frame before its conversion (null: not converted), in case a request needs another family.
   RawPicture(std::shared_ptr<GstBuffer> buffer, const GstVideoInfo& info, std::shared_ptr<RawPicture> original = {})
       : buffer_(std::move(buffer)), info_(info), original_(std::move(original)) {}
   int width() const override { return info_.width; }
   int height() const override { return info_.height; }
   bool takes_work(PixelFamily family) const override { return family_of(info_) != family; }
-  // Returns the image in another pixel family. The pixels are bit-exactly the same as without an earlier conversion.
+  // Returns the image in this pixel family. If a conversion is necessary, it starts from the original frame, so the
+  // result does not depend on earlier conversions.
   std::shared_ptr<const ImageView> view(PixelFamily family, const Rect& region) override;
 
  private:
@@ -43,16 +45,16 @@ class FrameConverter {
   FrameConverter(const GstVideoInfo& input, PixelFamily family);
 
   PixelFamily family() const { return family_; }
-  // Returns true if the video has the samples of this family, in any layout.
+  // Returns true if the video needs no arithmetic for this family, but at most another order of its samples.
   static bool takes_samples_of(const GstVideoInfo& video, PixelFamily family);
-  // Takes the buffer. Returns null if the buffer cannot be mapped. `keep_original` keeps the buffer for a lossless
-  // conversion to another family.
+  // Converts a frame, and takes its reference. Returns null if the buffer cannot be mapped. If `keep_original` is true,
+  // the result keeps the buffer, so that it can be converted to another family without a second loss.
   std::shared_ptr<RawPicture> convert(GstBuffer* buffer, bool keep_original = false) const;
 
  private:
   struct Step {
     GstVideoInfo from, to;
-    // A step uses GStreamer's converter or our own. Without either, the step only changes the layout.
+    // The converter of GStreamer or our own converter. If both are unset, the step only rearranges the samples.
     std::unique_ptr<GstVideoConverter, void (*)(GstVideoConverter*)> converter;
     std::optional<YcbcrConversion> ycbcr;
   };
@@ -66,9 +68,9 @@ class FrameConverter {
   std::vector<Step> steps_;  // empty: no conversion
 };
 
-// A raw video frame in GstGLMemory textures. The renderer samples the textures directly if its context shares them, and
-// if the video has the exact samples of a pixel family, or is NV12 with these samples. Otherwise the frame is
-// downloaded and converted like FrameConverter does.
+// A raw video frame in GPU memory (GstGLMemory). The GPU renderer samples the textures directly if its OpenGL context
+// shares them, and if the video needs no colour conversion. Otherwise the frame is downloaded and converted, as by
+// FrameConverter.
 class GpuPicture : public CameraPicture {
  public:
   // Takes the buffer, which must consist of GstGLMemory.

@@ -23,19 +23,19 @@ namespace lf {
 // unchanged; raw video is encoded as JPEG. Coded video starts with a key frame, and restarts with a key frame after a
 // dropped frame.
 //
-// The file has a separate bin, so that its errors do not affect other elements. Thread-safe. close() is the only
-// function that waits for the disk.
+// The elements that write the file are in a separate bin, so that their errors do not stop the pipeline of the cameras.
+// Thread-safe. close() is the only function that waits for the disk.
 class CameraFile {
  public:
   struct Counts {
     uint64_t frames = 0;
-    uint64_t dropped = 0;  // frames that are missing in the file, for a reason in AddResult or note_dropped()
+    uint64_t dropped = 0;  // frames that are missing in the file; see AddResult and note_dropped()
   };
   enum class AddResult {
     kTaken,
     kBehind,      // disk or encoder is too slow
     kOtherCodec,  // the codec differs from the codec of the file
-    kNotLater,    // timestamp is not later than a previous frame
+    kNotLater,    // the timestamp is not later than the previous frame
     kNoKeyFrame,  // the frame depends on a frame that is not in the file
     kFailed,
   };
@@ -44,23 +44,27 @@ class CameraFile {
     bool disk_is_full = false;
   };
 
-  // `most_bytes` limits the queued data; four frames are always accepted.
+  // Prepares the file at `path`; it is created with the first frame. `most_bytes` limits the data that waits for the
+  // disk, except that four frames may always wait.
   CameraFile(const Camera& camera, const std::string& path, guint64 most_bytes);
   ~CameraFile();
   CameraFile(const CameraFile&) = delete;
   CameraFile& operator=(const CameraFile&) = delete;
 
-  // Adds a frame of JPEG, raw or coded video. The caller keeps its reference. `begins` is the start time of the
-  // recording, as text.
+  // Adds a frame. `time` is its capture time since the start of the recording, and becomes its timestamp. `begins` is
+  // the time of day of this start, as text, which the file stores. The caller keeps its reference.
   AddResult add(GstBuffer* frame, GstCaps* caps, GstClockTime time, const std::string& begins);
   // Returns true if the queue has no room for a frame of this size, because disk or encoder is too slow.
   bool is_behind(size_t bytes) const;
+  // Counts a frame that the caller has not added. Coded video then continues with the next key frame.
   void note_dropped();
+  // Returns the end of the newest frame, if its duration is the same as the duration of the previous frame.
   GstClockTime ends_at() const;
-  // Ends the newest frame at `time`. No other frame may follow.
+  // Ends the file: the newest frame lasts until `time`, so that the files of all cameras have the same length. Later
+  // frames are ignored.
   void end(GstClockTime time);
-  // Call after end(). Waits for the disk until `deadline` (g_get_monotonic_time()); the remaining data is written in
-  // the background.
+  // Call this after end(). Waits until the file is complete, but at most until `deadline` (as g_get_monotonic_time()).
+  // After the deadline, the file is closed in the background.
   void close(gint64 deadline);
 
   Counts counts() const;

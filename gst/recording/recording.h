@@ -17,10 +17,11 @@
 
 namespace lf {
 
-// Converts the capture times of live cameras to times in a recording, without a gap if the system clock is set back.
-// The camera then continues directly after its latest frame. Other cameras get the same offset, so that all stay
-// synchronised. Each camera switches when its own frames show the step, because older frames may still be on their way.
-// Times are nanoseconds. Not thread-safe.
+// Converts the capture times of live cameras to times since the start of a recording. Times in a file must increase,
+// even if the system clock is set back during the recording. The class then adds an offset, so that the camera
+// continues directly after its latest frame. All cameras get the same offset, so that they stay synchronised. Each
+// camera changes to the offset when its own frames show the step of the clock, because older frames of other cameras
+// may still be on their way. Times are nanoseconds. Not thread-safe.
 class CaptureTimeline {
  public:
   // A smaller step back is a frame out of order and not a clock change.
@@ -44,7 +45,9 @@ class CaptureTimeline {
     std::optional<gint64> stray;  // capture time of the latest frame if it is far before `newest`
     bool is_seen = false;
   };
-  // Returns true if the latest offset moves a frame at `time` closer to the frames of other cameras.
+  // Returns true if this camera should change to the offset that another camera has introduced. `time` is the time of
+  // its new frame with the present offset. The offset is right if the frame then fits better to the frames of other
+  // cameras.
   bool belongs_to_latest(gint64 time, const Camera& camera) const;
 
   gint64 begin_;
@@ -79,7 +82,8 @@ class Recording {
   void finish();
 
   CameraFile::Counts counts(uint32_t camera) const;
-  // Returns the folder, the clock time of the start, and the reason for an early end ("" if there is none).
+  // Returns a structure with the folder, the clock time of the start, and the reason if the recording has stopped early
+  // (otherwise ""). The caller owns the structure.
   GstStructure* stats() const;
 
  private:

@@ -18,12 +18,13 @@ std::vector<std::string> addresses_of(const std::string& host);
 
 // An IP address without a port, for comparisons. IPv4 addresses are mapped to IPv6 (::ffff:a.b.c.d).
 using Address = std::array<uint8_t, 16>;
-// Nothing if the socket address is not an IP address.
+// Returns the IP address of a socket address, or nothing if the socket is of another kind.
 std::optional<Address> address_of(GSocketAddress* socket);
 bool is_loopback(const Address& address);
 std::string to_text(const Address& address);
 
-// Decides which hosts may send packets: the given hosts, or, if none are given, the first loopback address that sends.
+// The list of hosts that may send packets to a receiver without a key. If the list is empty, only programs on this
+// machine may send: the first loopback address that sends a packet is accepted from then on.
 class Peers {
  public:
   Peers() = default;

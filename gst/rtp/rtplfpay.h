@@ -23,8 +23,8 @@ inline wire::UnitKind kind_of_units(const GstStructure* caps) {
   return gst_structure_has_name(caps, LF_REQUEST_MEDIA_TYPE) ? wire::UnitKind::kRequest : wire::UnitKind::kAnswer;
 }
 
-// Returns the `stats` of the base class, which other elements read (rtspsrc, rtpbin). The caller owns the structure and
-// may add fields.
+// Returns the property `stats` of the base class of a payloader or depayloader, to extend the structure. Other elements
+// (rtspsrc, rtpbin) read its fields, so they must stay. The caller owns the structure.
 inline GstStructure* base_stats(GObject* object, gpointer parent_class) {
   GObjectClass* base = G_OBJECT_CLASS(parent_class);
   GParamSpec* spec = g_object_class_find_property(base, "stats");

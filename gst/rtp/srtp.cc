@@ -163,7 +163,8 @@ void StandaloneElement::close() {
 }
 
 std::shared_ptr<ReplayProtection> ReplayProtection::of(const RtpKey& key, std::string_view purpose) {
-  // The key for minute 0 identifies the secret in this map. No packet is old enough to use this key.
+  // Key of this map: the session key for minute 0, which identifies the secret without storing the secret itself. No
+  // packet uses this session key.
   using Id = std::array<uint8_t, kMasterKeyBytes>;
   static std::mutex mutex;
   static std::map<Id, std::shared_ptr<ReplayProtection>> all;

@@ -15,8 +15,9 @@
 
 #include <gst/gst.h>
 
-// Encryption of RTP packets: the shared secret, the keys that are derived from it (lib/rtp/spec.md, "Under a key"), and
-// decryption.
+// Encryption of RTP packets with SRTP. All hosts have a file with the same secret. Each sender derives a session key
+// from the secret about once per minute, and each packet names its key, so hosts need no key exchange. lib/rtp/spec.md,
+// "Under a key", defines the format.
 namespace lf::rtp {
 
 inline constexpr size_t kMasterKeyBytes = 30;  // AES-128 counter mode key and salt
@@ -24,7 +25,8 @@ inline constexpr size_t kMkiBytes = 12;
 inline constexpr size_t kTagBytes = 10;  // HMAC-SHA1-80
 inline constexpr size_t kSrtpOverheadBytes = kMkiBytes + kTagBytes;
 
-// Identifies the key of one sender, in every packet. A sender uses a new key about every minute.
+// Identifies a session key: the sender (SSRC), the minute, and a random number that makes the key unique. Receivers
+// read the SSRC in the RTP header, and minute and nonce in the MKI (master key identifier) at the end of each packet.
 struct KeyId {
   uint32_t ssrc = 0;
   uint32_t minute = 0;  // minutes since 1970
@@ -32,7 +34,8 @@ struct KeyId {
 };
 struct SessionKey {
   std::array<uint8_t, kMasterKeyBytes> key{};
-  // consists of minute, nonce, and a check value that only holders of the secret can compute
+  // The master key identifier at the end of each packet: the minute, the nonce, and a check value that only holders of
+  // the secret can compute.
   std::array<uint8_t, kMkiBytes> mki{};
 };
 
@@ -48,7 +51,8 @@ class RtpKey {
   RtpKey(const RtpKey&) = delete;
   RtpKey& operator=(const RtpKey&) = delete;
 
-  // `purpose` is the kind of stream, so that packets of one kind are not accepted as another.
+  // Derives a session key. `purpose` is the kind of stream (requests or answers), so that an attacker cannot send a
+  // recorded request as an answer.
   SessionKey session(std::string_view purpose, const KeyId& name) const;
 
  private:
@@ -58,16 +62,17 @@ class RtpKey {
 uint32_t current_minute();
 KeyId key_id_of(uint32_t ssrc, std::span<const uint8_t, kMkiBytes> mki);
 
-// Runs a single GStreamer element that belongs to no bin. The properties and caps of the SRTP elements contain keys.
-// Outside of bins they are invisible to applications, pipeline graphs and `gst-launch-1.0 -v`. The element works in the
-// thread that pushes.
+// Runs a single GStreamer element outside of all bins, in the thread that pushes data. It keeps secrets: the properties
+// and caps of the SRTP elements contain keys, and the elements of a bin are visible to applications, in pipeline graphs
+// and in the output of `gst-launch-1.0 -v`.
 class StandaloneElement {
  public:
   using OnBuffer = std::function<GstFlowReturn(GstBuffer*)>;
   using OnList = std::function<GstFlowReturn(GstBufferList*)>;
 
-  // Takes and starts the floating element. `sink` is a static or request pad; `src` must then exist. `caps` describe
-  // the pushed data. Throws Error if the element does not start.
+  // Starts the floating element, and takes its reference. `sink` and `src` are the names of its pads. `sink` may be a
+  // request pad; `src` must exist after `sink` has been requested. `caps` are the caps of the pushed data. `on_buffer`
+  // and `on_list` receive the output of the element. Throws Error if the element does not start.
   StandaloneElement(GstElement* element, const char* sink, const char* src, const char* caps, OnBuffer on_buffer,
                     OnList on_list = nullptr);
   ~StandaloneElement();
@@ -89,14 +94,15 @@ class StandaloneElement {
   GstPad *in_, *out_;
 };
 
-// Remembers which packets of one stream have been decrypted, by their sequence numbers, to detect repetitions.
-// Thread-safe.
+// Remembers the sequence numbers of the packets of one stream that have been decrypted, to detect packets that an
+// attacker sends again. Thread-safe.
 class ReplayList {
  public:
   bool has(uint16_t sequence) const {
     const std::lock_guard lock(mutex_);
     return numbers_[sequence];
   }
+  // Records a packet. Returns false if the packet was recorded before.
   bool add(uint16_t sequence) {
     const std::lock_guard lock(mutex_);
     if (numbers_[sequence]) return false;
@@ -143,8 +149,8 @@ class SrtpDecryptor {
     kForged,  // wrong key or damaged
   };
 
-  // Decryptors that share `opened` decrypt each packet only once (null: not shared). Throws Error if srtpdec is not
-  // installed.
+  // `opened` detects replayed packets. All decryptors with the same object together decrypt each packet only once; null
+  // means that each decryptor has its own list. Throws Error if srtpdec is not installed.
   SrtpDecryptor(std::shared_ptr<const RtpKey> key, const std::string& purpose,
                 std::shared_ptr<ReplayProtection> opened);
 

@@ -23,8 +23,8 @@ G_BEGIN_DECLS
 #define LF_TYPE_VIEW_REQUEST (lf_view_request_get_type())
 G_DECLARE_FINAL_TYPE(LfViewRequest, lf_view_request, LF, VIEW_REQUEST, GstPushSrc)
 
-// Tells the element that requests are answered in this process. Answers are then uncompressed, so requests have quality
-// 0. Thread-safe.
+// Tells the element whether all nodes are in this process. If so, compressed answers would only waste time, so requests
+// have the quality 0 (uncompressed). Thread-safe.
 void lf_view_request_set_in_process(LfViewRequest* self, gboolean in_process);
 
 GST_ELEMENT_REGISTER_DECLARE(lfviewrequest)
@@ -72,8 +72,8 @@ struct _LfViewRequest {
   } * state;
 };
 
-// Defined in lfviewrequest.cc: Returns the limit that keeps mouse and keys where cameras see the scene; null if there
-// is none.
+// Defined in lfviewrequest.cc: Returns the function that limits navigation by mouse and keys to viewpoints where
+// cameras see the scene. Returns null if navigation has no limit.
 std::shared_ptr<const lf::VisibleFraction> lf_view_request_visible_share(const lf::ViewRequestSettings& settings,
                                                                          const std::shared_ptr<const lf::Rig>& rig);
 
@@ -82,8 +82,8 @@ guint lf_view_request_view_id(LfViewRequest* self);
 void lf_view_request_install_signals(GObjectClass* klass);
 // Returns the view of the current properties. Call with the object lock held, while running.
 lf::View lf_view_request_view(LfViewRequest* self);
-// Locks the view and runs `change` on the view. Then emits `notify` for the properties that have changed. Returns the
-// result of `change`.
+// Moves the view: calls `change` with the object lock held, and then emits `notify` for all properties with a new
+// value. Returns the result of `change`.
 gboolean lf_view_request_change_view(LfViewRequest* self, const std::function<gboolean(lf::ViewControl&)>& change);
 void lf_view_request_set_focus_distance(LfViewRequest* self, double distance);
 bool lf_view_request_is_navigation(GstEvent* event);
@@ -96,8 +96,8 @@ void lf_view_request_install_format(GstBaseSrcClass* klass);
 void lf_view_request_choose_format(LfViewRequest* self);
 // Makes the next pictures fit these caps as far as the properties allow. Returns FALSE if they cannot fit.
 gboolean lf_view_request_follow_caps(LfViewRequest* self, lf::SharedCaps caps);
-// Moves the view to its start. `stream` is the new stream, or null if the stream stays. Call without the object lock.
-// Throws Error, without changes, if the cameras of the rig have no mesh.
+// Moves the view to its start position. `stream` replaces the current request stream (null: keep the current stream).
+// Call without the object lock. Throws Error, without changes, if the cameras of the rig cannot be connected to a mesh.
 void lf_view_request_begin_view(LfViewRequest* self, std::unique_ptr<lf::RequestStream> stream = nullptr);
 // Negotiates the rate if it has changed. Streaming thread.
 GstFlowReturn lf_view_request_follow_rate(LfViewRequest* self);

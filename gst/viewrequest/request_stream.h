@@ -22,15 +22,17 @@
 
 namespace lf {
 
-// Makes the streaming thread of a live source wait: for the time of a request, a change of its view, or the end of a
-// seek. Waits return GST_FLOW_FLUSHING while unlocked. Thread-safe, with one waiting thread.
+// Makes the streaming thread of a live lfviewrequest wait until it is time for the next request, until the user moves
+// the view, or until a seek is complete. While unlocked (see GstBaseSrcClass::unlock), all waits return
+// GST_FLOW_FLUSHING at once. Thread-safe, but only one thread may wait.
 class RequestPacer {
  public:
   void set_unlocked(bool unlocked);
   void note_change();
   void forget_change();
-  // Waits for `time`, and if `or_change` is set, at most until the view changes. The wait comes before the view is
-  // read. GstBaseSrc would wait after create(), so a request would be a frame old when it is sent.
+  // Waits until the clock time `time`. If `or_change` is true, the wait also ends when note_change() is called. The
+  // element waits here, before it reads the view, instead of in GstBaseSrc: GstBaseSrc waits after create(), so each
+  // request would contain a viewpoint that is one frame old.
   GstFlowReturn wait_until(GstClock* clock, GstClockTime time, bool or_change = false);
 
   // Blocks requests between hold(seqnum, true) and hold(seqnum, false), while other elements take part in a seek
@@ -48,13 +50,13 @@ class RequestPacer {
   guint32 held_for_ = GST_SEQNUM_INVALID;  // the seek that blocks requests
 };
 
-// Delays each request of a stream from files until the feedback of the previous request has arrived, if a compositor
-// finds the focus. Otherwise pictures would depend on the speed of the machine. Streaming thread.
+// Makes the focus of file playback independent of the speed of the machine. If a compositor estimates depths, each
+// request waits until the compositor has sent the depths of the previous request. Use from the streaming thread.
 class FocusWait {
  public:
   FocusWait(DepthFeedback& feedback, GstPad* src) : feedback_(feedback), src_(src) {}
 
-  // Returns GST_FLOW_FLUSHING while the feedback is unlocked.
+  // Waits for the feedback to the latest request. Returns GST_FLOW_FLUSHING while the element is unlocked.
   GstFlowReturn wait(guint view_id);
   // Returns true if the next request is a warm-up, which only measures depths so that the first picture is in focus.
   // Call after wait().
@@ -68,15 +70,15 @@ class FocusWait {
  private:
   DepthFeedback& feedback_;
   GstPad* const src_;
-  std::optional<bool> has_focus_search_;  // true if a compositor finds the focus; empty: not queried yet
+  std::optional<bool> has_focus_search_;  // a compositor estimates depths; empty: not queried yet
   std::optional<uint32_t> last_;
   unsigned warm_ups_ = 0;
   bool warming_up_ = false;
 };
 
-// Queue of the buffers that follow a request, for example commands for simple cameras. They are pushed one by one,
-// because GstBaseSrc 1.22 treats a buffer list as a buffer if a live source is stopped right after creating the list.
-// Streaming thread.
+// Queue of the buffers that must follow a request, for example commands for cameras without the rig. The source creates
+// the buffers one by one instead of as a buffer list, because GstBaseSrc 1.22 treats a list as a buffer if a live
+// source is stopped right after the list was created. Use from the streaming thread.
 class RequestOutbox {
  public:
   // Takes a buffer (null: nothing) and gives it the timestamps of the request.
@@ -98,20 +100,22 @@ class RequestOutbox {
   std::deque<BufferPtr> waiting_;
 };
 
-// The optional sink pad of lfviewrequest, which makes the element a relay, and the queue of relayed requests.
-// Thread-safe.
+// The queue behind the optional sink pad of lfviewrequest. If this pad exists, the element does not create requests. It
+// relays the requests of another viewer, and adds the depths that its compositor has found. Thread-safe.
 class RequestRelay {
  public:
   ~RequestRelay() { gst_clear_caps(&caps_); }
 
-  // Borrows the pad; null means that the element generates its own requests.
+  // Sets the sink pad, which the caller owns. Null means that the element creates requests itself.
   void set_sink(GstPad* sink);
   bool is_on() const;
-  // Forward an event or query to the peer of the pad. Return false without a pad. push_upstream() takes the event.
+  // Send an event or query upstream through the sink pad. Return false if there is no sink pad. push_upstream() takes
+  // the event.
   bool push_upstream(GstEvent* event);
   bool query_upstream(GstQuery* query);
 
-  // The caps of relayed requests. take_caps() returns new caps once, owned by the caller, and otherwise null.
+  // Store the caps of the relayed requests, and fetch them for the source pad. take_caps() returns the caps once after
+  // each change, and otherwise null. The caller owns the result.
   void set_caps(GstCaps* caps);
   GstCaps* take_caps();
 
@@ -138,8 +142,8 @@ class RequestRelay {
   bool flushing_ = false, unlocked_ = false, ended_ = false;
 };
 
-// Creates the view requests of lfviewrequest, from start to stop: holds its views file, its rig and the next request.
-// Not thread-safe.
+// The part of lfviewrequest that exists between start and stop: the schedule of the requests (from a views file or a
+// frame rate), the rig, and the number of the next request. Not thread-safe.
 class RequestStream {
  public:
   explicit RequestStream(const ViewRequestSettings& settings);
@@ -147,7 +151,8 @@ class RequestStream {
   RequestSchedule schedule;  // streaming thread
   uint32_t next_number = 0;  // number of the next request; streaming thread
 
-  // Generates commands for cameras without self access; null if the cameras plan by themselves.
+  // Makes the commands for cameras that do not have the rig; null if all cameras have the rig and only need the
+  // requests (access=self).
   const CameraAccess* access() const { return access_; }
   const std::shared_ptr<const Rig>& rig() const { return rig_; }
   uint64_t rig_hash() const { return rig_hash_; }
@@ -163,9 +168,10 @@ class RequestStream {
   // Parses a list of camera ids. Unlike in tools, "" is an empty list. Throws Error.
   void set_out_of_service(const std::string& list);
 
-  // Returns the command that follows a request (property access), or nothing for self access. `rig` must be rig() at
-  // the time when the request was created. Throws Error if the request does not fit the rig or the command is too long.
-  // Call from one thread; other functions may run concurrently.
+  // Returns the encoded command that must follow a request if cameras do not have the rig (property `access`). Returns
+  // an empty vector for access=self. `rig` must be the result of rig() at the time when the request was created. Throws
+  // Error if the request does not fit the rig or the command is too long. Call this from one thread. Other functions of
+  // the class may run concurrently.
   std::vector<uint8_t> command_for(const ViewRequest& request, const std::shared_ptr<const Rig>& rig);
 
  private:

@@ -15,8 +15,9 @@
 
 namespace lf {
 
-// Receives navigation events (mouse, keys) from another branch of the pipeline. Use it for pictures from a network
-// source, which does not forward navigation events to views.
+// Intercepts navigation events (mouse, keys) at another element of the pipeline. A window sends these events upstream.
+// If the pictures come from a network source, the events end there and never reach lfviewrequest, so this class watches
+// the pads of that element.
 class NavigationTap {
  public:
   ~NavigationTap() { detach(); }
@@ -31,7 +32,8 @@ class NavigationTap {
   std::vector<std::pair<GstPad*, gulong>> probes_;
 };
 
-// A number that is part of a view: a property of lfviewrequest, and a field of set-view structures.
+// A number that is part of a view, such as the x coordinate. It is both a property of lfviewrequest and a field of the
+// structures for the signal set-view.
 struct ViewField {
   const char *name, *nick, *blurb;
   double min, max, initial;
@@ -65,26 +67,29 @@ class ViewControl {
   ViewControl();
 
   const Viewpoint& viewpoint() const { return navigator_.viewpoint(); }
-  // Angles keep the values that were set until another input turns the view.
+  // Returns the numbers of the present view. Angles are returned as they were set (for example a yaw of 360) until
+  // navigation turns the view.
   const ViewValues& values() const { return values_; }
 
   void set(int field, double value);  // `value` must be finite
   // Sets all numbers of the view in the structure, or none. Returns false for unknown fields, for values that are not
   // finite numbers, and if there are neither numbers nor focus-continuous.
   bool set_view(const GstStructure* structure);
-  // Returns the field focus-continuous. Nothing if the field is missing or not a finite number.
+  // Returns the field focus-continuous of the structure as a number, or nothing if the field is missing or not a finite
+  // number.
   static std::optional<double> focus_continuous(const GstStructure* structure);
-  // Moves the view to its start: `defaults`, except for numbers from set() or set_view(). Navigation to "home" returns
-  // here.
+  // Moves the view to its start position. Numbers that set() or set_view() have set keep their values, and all other
+  // numbers are taken from `defaults`. The navigation command "home" returns to this position.
   void begin(const Viewpoint& defaults);
-  // Limits mouse and keys so that part of the array stays visible; null means no limit.
+  // Limits navigation by mouse and keys, so that cameras see at least a part of the view. `share` computes this part;
+  // null removes the limit.
   void constrain_view(std::shared_ptr<const VisibleFraction> share);
   const std::shared_ptr<const VisibleFraction>& visible_share() const { return share_; }
-  // Applies a GstNavigation event for a picture with columns x rows views of this size in pixels. Returns false if the
-  // event has no effect.
+  // Moves the view according to a GstNavigation event. The event's coordinates are pixels of a picture with columns x
+  // rows views (1 x 1: a single view), and each view has this size in pixels. Returns false if the event has no effect.
   bool navigate(GstEvent* event, int view_width, int view_height, int columns = 1, int rows = 1);
-  // Returns the position of the last click in pixels, once. A click is a press and release of the first button without
-  // a drag.
+  // Returns the position of the last click in pixels of the picture, once for each click. A click is a press and a
+  // release of the first button without a movement in between.
   std::optional<Vec2> take_click() { return std::exchange(click_, std::nullopt); }
 
  private:

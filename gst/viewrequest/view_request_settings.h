@@ -18,15 +18,16 @@ struct PictureFormat {
   bool operator==(const PictureFormat&) const = default;
 };
 
-// Returns `set`, with values from `defaults` where `set` has none.
+// Returns `set`, with each number that is not set (0) replaced by the number in `defaults`.
 PictureFormat with_defaults(const PictureFormat& set, const PictureFormat& defaults);
 
-// Returns the format of views for elements that accept only `caps`. Numbers in `set` stay. Other numbers are as close
-// to `defaults` as the first suitable structure of the caps allows. If the caps fix only the width or the height, the
-// aspect ratio is preserved. Returns nothing if no structure is suitable.
+// Chooses the size and frame rate of a view, so that its pictures fit the caps that downstream accepts. Numbers in
+// `set` are fixed by the user. All unset numbers are chosen as close to `defaults` as the first suitable structure of
+// the caps allows. If the caps fix only the width or only the height, the aspect ratio is preserved. Returns nothing if
+// no structure is suitable.
 //
-// `set` and `defaults` describe one view, and `defaults` must be complete. A picture of `caps` has columns x rows
-// views; pictures of several views have even sides.
+// `set` and `defaults` describe one view, and `defaults` must be complete. A picture with several views has columns x
+// rows views, and the sides of such a picture are even.
 std::optional<PictureFormat> fit_to_caps(const GstCaps* caps, const PictureFormat& set, const PictureFormat& defaults,
                                          int columns, int rows);
 
@@ -36,6 +37,7 @@ inline constexpr int kDefaultViewFps = 15;  // frames per second, if neither pro
 // Type of the property "views": lf::ViewSetLayout.
 #define LF_TYPE_SET_LAYOUT (lf_set_layout_get_type())
 
+// The properties of lfviewrequest, except for the position of the view, which ViewControl stores.
 struct ViewRequestSettings : ViewSet {
   static constexpr int kDefaultWidth = 640, kDefaultHeight = 480;  // size of views without a rig, in pixels
 
@@ -48,7 +50,8 @@ struct ViewRequestSettings : ViewSet {
   guint quality = 90, nearest_cameras = 0;
   Access access = Access::kSelf;
   bool focus_continuous = false;
-  // Replaces the property of GstBaseSrc, which would also count commands. -1: unlimited.
+  // Number of requests before EOS; -1: unlimited. It replaces the property of GstBaseSrc, which would also count the
+  // commands that follow requests.
   gint num_buffers = -1;
 
   // Returns a warning about settings that have no effect in combination with other settings. Empty if there are none.

@@ -27,7 +27,8 @@ class AtomicFileWriter {
   AtomicFileWriter& operator=(const AtomicFileWriter&) = delete;
 
   void write(std::string_view bytes);
-  // For libraries that write to a descriptor. It is open until commit().
+  // Returns the file descriptor of the temporary file, for libraries that write to a descriptor. It is open until
+  // commit().
   int descriptor() const { return descriptor_; }
   // Returns when the new content is on disk under the final name.
   void commit();
@@ -66,6 +67,7 @@ class AtomicFolderUpdate {
   bool created_ = false;
 };
 
+// Removes the name of a staging folder from paths in a text, because error messages must show the final paths.
 std::string without_staging(std::string text);
 
 inline constexpr size_t kMaxSecretBytes = 65536;
@@ -79,6 +81,7 @@ std::string read_secret_file(const std::string& path, size_t most = kMaxSecretBy
 // otherwise "", also for a file that does not exist.
 std::string exposed_mode(const std::string& path);
 
+// Overwrites a secret in memory, and empties the text.
 void wipe(std::string& secret);
 
 }  // namespace lf

@@ -16,14 +16,13 @@
 
 namespace lf {
 
-// Combines the answers of all nodes into one picture. A node sends fragments: rectangles of the view with colours that
-// its cameras' blending weights have already been applied to. The accumulator adds all fragments. It then divides each
-// pixel by the weight that has arrived, which is 1 minus the missing weight, so that a picture without some cameras
-// keeps its brightness.
+// Combines the answers of all nodes into one picture. A node sends fragments: rectangles of the view, with colours that
+// are already multiplied by the blending weights of the cameras. The accumulator adds all fragments. It then divides
+// each pixel by the weight that has arrived. This weight is 1 if all cameras have contributed, and less if a camera is
+// missing, so the division keeps the brightness of the picture.
 //
-// The sums have the 16-bit format of SumPlanes. Additions saturate instead of wrapping around. The weights of valid
-// fragments add up to 1, so valid sums never saturate. With invalid input, luma and RGB still do not depend on the
-// order of the fragments. Not thread-safe.
+// The sums have the 16-bit format of SumPlanes. Additions saturate, so that forged fragments cannot cause an overflow.
+// The weights of valid fragments add up to at most 1, so valid sums never saturate. Not thread-safe.
 class Accumulator {
  public:
   // Starts a new picture and keeps the memory.
@@ -43,8 +42,8 @@ class Accumulator {
   // Uses the caller's sums directly, to save a copy of the whole picture. This works if the sums cover the whole
   // picture and nothing else is added. The sums must stay valid until reset().
   bool add_borrowed(const ConstSumPlanes& sums);
-  // Adds a sum that is in GPU memory. The sum is downloaded only if CPU data is added as well, or if the result is read
-  // on the CPU.
+  // Adds the sum of one node that is in GPU memory. The sum stays there if all sums of the picture are on the same GPU
+  // and the picture is made there, too. Otherwise it is downloaded.
   bool add_borrowed(std::shared_ptr<gl::GpuSum> sum);
   // Records that a camera did not answer: adds its blending weights to the missing weight of the pixels in `rect`.
   // resolve() then scales up the contributions of the remaining cameras. `weights` has one value for each pixel of
@@ -54,6 +53,8 @@ class Accumulator {
   // with the background colour. Without this call, these pixels are black.
   void set_uncovered(const FaceIdMap& whole_view);
 
+  // Makes the picture: divides the sums by their weights, and writes 8-bit pixels. The first function writes to `plane`
+  // (see resolve() in resolve.h); the second returns a new image.
   void resolve(const Background& background, const RgbLayout& layout, uint8_t* const plane[3],
                const ptrdiff_t stride[3], const Levels& levels = kFullLevels) const;
   Image resolve(const Background& background = {}) const;
@@ -65,9 +66,9 @@ class Accumulator {
   bool is_gone() const;
   // Returns the sum on the GPU that will render the picture. The result is only valid if share_group() is not 0.
   const gl::GpuSum& first_gpu_sum() const { return *gpu_sums_.front(); }
-  // Does the same as resolve(), but on the GPU of share_group() and into the textures of `to`. The work continues after
-  // this call: the picture is complete when GpuSum::wait() on the result returns. On failure, returns null and sets
-  // `why` to the reason.
+  // Does the same as resolve(), but on a GPU, and writes into the textures of `to`. Requires share_group() != 0. The
+  // GPU continues after this call: the picture is complete when GpuSum::wait() of the returned object returns. On
+  // failure, returns null and sets `why` to the reason.
   std::shared_ptr<gl::GpuSum> resolve_on_gpu(const Background& background, const Levels& levels, gl::GpuPicture to,
                                              std::string& why) const;
   // Returns the share of each pixel's weight that has arrived, from 0 to 1 with an accuracy of 1e-4. The share is 0

@@ -14,8 +14,10 @@
 
 namespace lf {
 
-// A set of rectangles that do not overlap, for finding out whether an area was already received. A few rectangles are
-// compared one by one; a larger number is marked in a bitmap. Not thread-safe.
+// A set of rectangles that do not overlap: the parts of a view that have been received. A new rectangle that overlaps
+// one of them is a repetition or a forgery, and must not be added twice. A few rectangles are compared one by one; for
+// more than kFew rectangles, the class uses a bitmap, so that many small rectangles do not take quadratic time. Not
+// thread-safe.
 class DisjointRects {
  public:
   static constexpr size_t kFew = 32;
@@ -34,7 +36,8 @@ class DisjointRects {
   std::vector<std::vector<uint64_t>> rows_;
 };
 
-// Records for each part of a view which cameras have contributed. Not thread-safe.
+// Records which cameras have contributed to each part of a view. The compositor can therefore reject repeated
+// contributions, and compute the missing weight of incomplete cameras. Not thread-safe.
 class Coverage {
  public:
   void clear() { *this = {}; }
@@ -43,8 +46,9 @@ class Coverage {
   // the rectangle.
   bool add(CameraIndex camera, const Rect& rect);
 
-  // Records the fragments of one answer. All fragments of the answer are sums over the same set of cameras. Nothing
-  // else may be recorded while the object exists.
+  // Records the fragments of one answer that are sums over several cameras. These fragments have the same set of
+  // cameras, so overlaps with other answers can be prepared once. While this object exists, record only through this
+  // object.
   class Sums {
    public:
     Sums(Coverage& coverage, const CameraRanges& cameras);

@@ -21,8 +21,10 @@
 
 namespace lf {
 
-// Assembles the picture of one request from the answers of any number of nodes. Answers may come in any order and in
-// several parts. Reusable for the next request. Not thread-safe.
+// Collects the answers of all nodes to one request, and combines the answers to one picture. It checks that answers fit
+// the request and each other, adds their pixels, and finds out which cameras are missing. Call begin(), then add() for
+// each answer or part, in any order, then finish(), and then read picture(). The object can be used again for the next
+// request. Not thread-safe.
 class Assembly {
  public:
   // Sets the rig of the answering cameras; it may be null if the rig is unknown. If the rig is known, this class knows
@@ -51,8 +53,8 @@ class Assembly {
   // the header that precedes the fragment.
   Verdict add_on_gpu(const wire::AnswerPartHeader& answer, std::shared_ptr<gl::GpuSum> sum);
 
-  // Completes the picture by counting the weight of absent cameras as missing. Call this once, after the last answer
-  // and before picture().
+  // Completes the picture: renders unprocessed camera pixels, and counts the weight of cameras that did not answer as
+  // missing. Call this once, after the last answer and before picture().
   //
   // `fallback` is the pixel family of the picture if no pixels have arrived. If `mark_uncovered` is true, pixels
   // outside the camera mesh show the background (see Accumulator::set_uncovered()). This takes extra time, because the

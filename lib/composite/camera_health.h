@@ -13,8 +13,9 @@
 
 namespace lf {
 
-// Remembers the latest requests of one view, to explain why an answer is late. Sequence numbers wrap around, so the
-// order of two requests is the sign of their difference. Not thread-safe.
+// Remembers the latest requests of one view, to classify answers that arrive after their picture was made. An answer
+// may be late because its node is slow, or only because the compositor did not wait for this node. Sequence numbers
+// wrap around, so the sign of the difference of two numbers tells which request is older. Not thread-safe.
 class RequestHistory {
  public:
   static constexpr size_t kMost = 32;  // number of requests that can still get late answers
@@ -22,19 +23,21 @@ class RequestHistory {
   // Records a new request. If the request precedes the last one, the viewer has restarted: the function then clears the
   // history and returns true.
   bool begin(uint32_t sequence);
-  // Records that the picture was made from the answers that had arrived by `deadline` (nanoseconds of any clock), or
-  // that the request was skipped.
+  // Record what has happened to a request. composed() means that its picture was made; answers that arrived until
+  // `deadline` (nanoseconds of any clock) would have been early enough. skipped() means that there is no picture.
   void composed(uint32_t sequence, uint64_t deadline);
   void skipped(uint32_t sequence);
   void clear();
 
   enum class Answer {
+    // The request was skipped, so no answer could be early enough.
     kToSkipped,
+    // The answer arrived after the deadline, or the request is unknown.
     kLate,
     // The answer missed the picture but arrived before the deadline, because the compositor did not wait for this node.
     kInTime,
   };
-  // Returns the reason why an answer to an earlier request arrives only now.
+  // Classifies an answer to the earlier request `sequence` that arrives at the time `now`.
   Answer judge(uint32_t sequence, uint64_t now) const;
 
  private:
@@ -62,11 +65,12 @@ class CameraHealth {
   // Expects cameras 0 to count - 1, which count as missing even if they never answer. Other cameras are only expected
   // once they have answered.
   void expect(size_t count);
-  // Sets the hash of the rig that later calls refer to; 0 (unknown) changes nothing. A new rig clears the state,
-  // because camera indices may then mean other cameras. Returns true if out_of_service() has changed.
+  // Call this before picture() with the hash of the rig that the answers were made with (0: unknown). If the rig has
+  // changed, the state of all cameras is cleared, because an index may now mean another camera. Returns true if
+  // out_of_service() has changed.
   bool use_rig(uint64_t hash);
-  // Adds cameras that answered too late for their picture but before the deadline. They work, so they count as present
-  // in the next picture. Cameras of another rig are ignored.
+  // Call this for an answer that missed its picture but arrived before the deadline (RequestHistory::Answer::kInTime).
+  // Its cameras `seeing` work, so they count as present in the next picture. Answers with another rig hash are ignored.
   void add_late(uint64_t rig, const CameraRanges& seeing);
   // Updates the state of all cameras after a picture. `seeing` are the cameras that answered in time with an image. If
   // there is no such camera, the picture is ignored, because then the fault is elsewhere, for example in the network.
@@ -88,13 +92,15 @@ class CameraHealth {
   CameraSet out_;
 };
 
-// Detects two common mistakes in a configuration: no client requests the view of this compositor, or no node answers
-// its requests. Each problem is reported once, and again if nodes stop answering later.
+// Detects two common configuration mistakes, which would otherwise only show as a missing picture: no client requests
+// the view of this compositor (wrong view id), or no node answers its requests (wrong address or link). Each problem is
+// reported once, and again if nodes stop answering later.
 //
-// All times are microseconds of the same clock and must not be 0. Requests and pictures may be handled in two different
-// threads. answered() may be called from any thread.
+// All times are microseconds of the same clock and must not be 0. asked() and request_of_other_view() may run in one
+// thread, and composed() in another. answered() may be called from any thread.
 class SilenceDetector {
  public:
+  // How long a problem must last before it is reported, microseconds.
   static constexpr int64_t kPatience = 5'000'000;
 
   // Clears the state. No other call may run at the same time.

@@ -15,15 +15,16 @@
 
 namespace lf {
 
-// Estimates the depth map of a moving view, one step per picture. Each request carries depth hypotheses (guesses of the
-// depths). The nodes answer with photo-consistency sums, which show how well the cameras agree on each guess. The loop
-// selects the best depths from these sums for the next request.
+// The compositor's part of the depth search. It estimates a depth map for a moving view, one step with each picture.
+// Each request contains depth hypotheses (guessed depths). The nodes answer with photo-consistency sums, which show how
+// well the cameras agree about each guess. The loop adds the sums of all nodes, and selects the depths and the next
+// guesses for the next request.
 //
 // Use this class if the viewer applies an estimate as soon as it is ready; each request names the estimate that it
 // uses. Use ViewDepths instead if the viewer waits for each estimate. Not thread-safe.
 class DepthLoop {
  public:
-  // Number of requests without depth hypotheses after an estimate was not used.
+  // Number of requests without a new estimate, after a client did not use the latest estimate.
   static constexpr unsigned kUnheardInterval = 15;
 
   // Clears everything except the rig.
@@ -46,18 +47,20 @@ class DepthLoop {
   // arrived.
   std::vector<ByteBuffer> units(const ViewRequest& request, uint64_t rig_hash, uint32_t node) const;
 
-  // Adapts how often requests carry depth hypotheses: at most one request in `interval`. `complete` means that all
-  // cameras answered in time for the picture. Call this before next().
+  // Adapts how often requests contain depth hypotheses, because these cost the nodes time. At most one request in
+  // `interval` will contain some. `complete` means that all cameras answered in time for the picture; if not,
+  // hypotheses become less frequent. Call this before next().
   void adapt_rate(bool complete, unsigned interval);
-  // Returns the new depth estimate for the next request, or nothing if there is no update. If `match_gains` is true,
-  // the estimate also corrects differences of the cameras' exposure in pictures that several cameras contribute to.
+  // Returns the depths and hypotheses for the next request, or nothing if the next request can use the same as
+  // `request`. If `match_gains` is true, the estimate also includes exposure compensation, as far as pixels mix several
+  // cameras.
   std::optional<DepthEstimate> next(const ViewRequest& request, const DepthEstimator::Settings& settings,
                                     bool match_gains);
   // Records whether a client has used the result of next(). If no client uses the results, for example because the
   // requests come from a file, the loop searches for depths only now and then, to save time.
   void heard(bool heard) { unheard_ = heard ? 0 : kUnheardInterval; }
-  // Returns the depths in focus from a focus sweep. `sweep` is the current request; its hypotheses must not depend on
-  // the view.
+  // Returns the depths that a sweep has found. A sweep is one request with planes at many distances as hypotheses, for
+  // example for a click on the picture. `sweep` is this request, which must be the current request.
   DepthEstimate sweep(const ViewRequest& sweep) const;
 
   const DepthEstimator::State& state() const { return control_.state(); }

@@ -34,8 +34,9 @@ struct Background {
   bool operator==(const Background&) const = default;
 };
 
-// Converts a sum (the weighted total over all cameras) to a picture. Each pixel is divided by its received weight, 1 -
-// (sum of missing weight).
+// Converts the sum of all answers to a picture. Each pixel of the sum is divided by the weight that has arrived, which
+// is 1 minus the missing weight. For example, if a camera with the weight 0.25 is missing, the remaining cameras have
+// contributed 0.75, and the pixel is divided by 0.75.
 //
 // `sum` must cover the whole view. `uncovered` has one byte per pixel without padding, which is not 0 where the
 // background shows; it may be null. The output planes are as in ImageView: kRgb in `layout` (a fourth byte is set to
@@ -86,8 +87,8 @@ void add_sum_row(uint16_t* lost, const uint16_t* in, int n);
 // less weight shows the background.
 inline constexpr int kLeastWeight = (3 * kMissingOne + 254) / 255;
 
-// Computes the factor of each pixel, so that output level = sum * scale. The factor is 0 for pixels that show the
-// background.
+// Computes the factor `scale` of each pixel from its missing weight `lost`: output level = sum * scale. The factor is 0
+// for pixels that show the background.
 void make_scales(float* scale, const uint16_t* lost, int n);
 
 // Write sums in `levels` without scaling, for gains below 1. Values are rounded to the nearest level; sums within 1/128

@@ -35,8 +35,8 @@ class ViewCoverage {
   int64_t known_at_ = 0;
 };
 
-// The overlay that shows which cameras contribute to a picture, for finding faults.
-// kContributions: each pixel in the colours of its cameras, mixed by weight, with lines between the triangles
+// The overlays that lfcompositor can draw over a picture, to find faults of the array. kContributions: each pixel in
+// the colours of its cameras, mixed by weight, with lines between the triangles
 //   of the camera mesh; see contribution_map().
 // kCoverage: the missing weight (the share of the pixel that no camera could provide), in the colours of
 //   heat_map().

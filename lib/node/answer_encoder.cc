@@ -21,9 +21,9 @@ Coding choose_coding(CodecChoice codec, bool in_process, int quality) {
   return {wire::Codec::kRaw, 0};
 }
 
-// Over a link, an entry in the fragment table takes 20 bytes and starting a scan takes some more, whereas 16 x 16 empty
-// pixels are only 4 bytes of JPEG. Within a process, a fragment costs about a microsecond, but the compositor can use a
-// single sum of the whole view without a copy.
+// If answers are sent over a network, one more fragment costs at least 20 bytes for its entry in the fragment table.
+// JPEG needs only 4 bytes for 16 x 16 empty pixels, so a fragment must save many pixels. Within a process, a fragment
+// costs only about a microsecond, but the compositor can use a single sum of the whole view without a copy.
 size_t spare_pixels(const View& view, wire::Codec codec, bool in_process) {
   if (in_process) return static_cast<size_t>(view.width) * view.height / 4;
   return codec == wire::Codec::kJpeg ? 12 * 16 * 16 : 16;

@@ -17,6 +17,7 @@ class ExposureCompensation;
 class RequestPlan;
 struct RenderOptions;
 
+// The property `codec` of lffragment: how the pixels of answers are encoded.
 enum class CodecChoice {
   kAuto,  // 16 bits per value if the compositor is in this process; otherwise JPEG of the requested quality
   kRaw,
@@ -24,6 +25,7 @@ enum class CodecChoice {
   kJpeg,  // JPEG of the requested quality, or kRaw if the quality is 0
 };
 
+// The encoding of one answer, which choose_coding() derives from the property and the request.
 struct Coding {
   wire::Codec codec = wire::Codec::kRaw;
   int quality = 0;  // JPEG quality 1 to 100; 0 for other codecs
@@ -34,11 +36,14 @@ struct Coding {
 // encoding time matters but size does not. `quality` is the JPEG quality of the request, 0 to 100.
 Coding choose_coding(CodecChoice codec, bool in_process, int quality);
 
-// Returns the number of empty pixels that take as long to send as one more fragment (see sum_tiles()). A sum is only
-// worth splitting into two fragments if this avoids more empty pixels than that number.
+// Returns the cost of one more fragment, as a number of pixels. The cameras of a node may contribute only to some parts
+// of a view, and the pixels between these parts are empty. It is only worth sending the parts as two fragments if this
+// saves more empty pixels than the returned number; see sum_tiles(). `in_process` means that the answer is not sent
+// over a network.
 size_t spare_pixels(const View& view, wire::Codec codec, bool in_process);
 
-// The photo-consistency sums of all depth hypotheses of a request.
+// The photo-consistency sums of all depth hypotheses of a request. They let the compositor judge which guessed depth is
+// right, without images.
 struct RenderedConsistency {
   ByteBuffer unit;  // message with the sums; empty if the request has no hypotheses
   GpuStatus drawing;
@@ -46,20 +51,20 @@ struct RenderedConsistency {
   uint64_t ns = 0;   // nanoseconds
 };
 
-// The answer to a request. It consists of up to three messages in sending order (the brightness of the cameras, the
-// photo-consistency sums, and the pixels) and the duration of each step.
+// The answer to a request: up to three messages, which must be sent in the order of the members (the brightness of the
+// cameras, the photo-consistency sums, and the pixels). All further members are statistics.
 struct RenderedAnswer {
   ByteBuffer brightness;  // brightness of the cameras; empty without such a request
   RenderedConsistency consistency;
   ByteBuffer bytes;
   size_t fragments = 0;
-  // The sum (the weighted total of the node's cameras), if it stays on the GPU. It is then the payload of the only
-  // fragment, in the format kRaw16, and `bytes` ends before the payload. Otherwise null.
+  // The pixels of the answer (the weighted sum of the node's cameras), if they stay on the GPU; otherwise null. The
+  // answer then has a single fragment in the format kRaw16. `bytes` contains the headers, and this is the payload.
   std::shared_ptr<gl::GpuSum> payload;
   GpuStatus drawing;
-  // The work of rendering, as a number of pixels, for predicting how long later answers take. It is the area of the
-  // bounding rectangle of the sum. Other kinds of blending count as the number of mesh-blended pixels that take equally
-  // long.
+  // The work of rendering this answer, as a number of pixels, to predict the duration of later answers. It is the area
+  // of the answer's bounding rectangle if the view uses mesh blending. Other kinds of blending are slower, so they
+  // count as the number of pixels that mesh blending renders in the same time.
   size_t pixels = 0;
   // The exposure gains that the images were divided by, or null without exposure compensation. Valid until the next
   // call of the renderer.

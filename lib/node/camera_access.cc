@@ -25,7 +25,8 @@ class WarpAccess : public CameraAccess {
     view.blending = blending(view.blending);
     return wire::WarpCommand{request, view_warp(rig, ViewPlan(rig, mesh, view))};
   }
-  // Always mesh blending. A WeightGrid would need more than one homography per camera.
+  // These cameras always use mesh blending. Other kinds of blending need the weights of a WeightGrid, which one
+  // homography per camera cannot express.
   Blending blending(const Blending&) const override { return {.extrapolates = false}; }
 };
 

@@ -7,12 +7,13 @@
 
 namespace lf {
 
-// Makes the requests for cameras that do not have the rig and therefore cannot plan a view. Instead of the view
-// request, these cameras receive one command, which contains the part of each camera (see RequestPlan). Stateless.
+// Makes the requests for simple cameras, which do not have the rig and therefore cannot compute their contribution to a
+// view. Instead of the view request, these cameras receive a command that lists for each camera what it must render or
+// send (see RequestPlan). Stateless.
 class CameraAccess {
  public:
-  // Returns the planner for this kind of camera. Returns null for cameras that have the rig, because they only need the
-  // view request.
+  // Returns the implementation for this kind of camera. Returns null for cameras that have the rig, because they only
+  // need the view request.
   static const CameraAccess* of(Access access);
 
   virtual ~CameraAccess() = default;
@@ -23,11 +24,11 @@ class CameraAccess {
   virtual Blending blending(const Blending& asked) const { return asked; }
 };
 
-// For cameras that have only their own lens parameters. Each receives triangles and a homography of the focal plane,
-// and returns its part of the sum.
+// For cameras that have only their own lens parameters (access=warp). Each camera receives its triangles of the view
+// and a homography from the focal plane to its image, and returns its weighted pixels.
 const CameraAccess& warp_access();
-// For cameras that can only deliver pixels. Each receives a rectangle of its image, and the compositor warps the
-// pixels.
+// For cameras that can only deliver pixels (access=pixels). Each camera receives a rectangle, and returns this part of
+// its image. The compositor then warps and weights the pixels.
 const CameraAccess& pixel_access();
 
 }  // namespace lf

@@ -10,7 +10,7 @@
 namespace lf {
 namespace {
 
-// This is slow, but only needed if a node has cameras of both families.
+// Converts I420 to RGB. This is slow, but only needed if a node has cameras of both families.
 std::shared_ptr<const ImageView> as_rgb(const ImageView& i420) {
   struct Converted {
     Image image;
@@ -91,8 +91,9 @@ void CameraFrames::drop_outdated() {
   while (frames_.size() > 1 && frames_[1].time <= wanted_) drop_oldest();
 }
 
-// For a file, "newest" means the current frame; otherwise the file would play to its end. The camera's thread is woken
-// only when there is room for a frame, because many views may request the same time.
+// Notes that a request needs the frame of this time. For a file, kNoTime (the newest frame) means the current frame;
+// otherwise each request would advance the file. The camera's thread is woken only if there is room for a frame,
+// because many views may request the same time.
 void CameraFrames::want(uint64_t time) {
   if (time != kNoTime) wanted_ = time;
   if (live_) return;
@@ -213,7 +214,8 @@ bool CameraFrames::is_beyond_last(uint64_t time) const {
   return time == kNoTime || time >= frames_.back().time + std::max<uint64_t>(last_period_, 1);
 }
 
-// Viewers may look back by different delays. The largest delay counts, and decays slowly.
+// Makes the history of a live camera long enough for this request. Viewers may request frames of different ages; the
+// largest age counts, and is forgotten slowly.
 void CameraFrames::extend_history(uint64_t time) {
   const uint64_t newest = frames_.back().time;
   const uint64_t reach = time < newest ? newest - time : 0;
@@ -257,7 +259,7 @@ bool CameraFrames::has_ended() const {
   return ended_;
 }
 
-// The median ignores the gap after a camera was away.
+// Uses the median, because one long gap after an outage of the camera must not change the result.
 uint64_t CameraFrames::period() const {
   std::lock_guard lock(mutex_);
   if (frames_.size() < 2) return 0;

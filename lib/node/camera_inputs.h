@@ -21,7 +21,8 @@
 
 namespace lf {
 
-// A frame as the camera's stream delivered it, in any kind of memory. Several views use the same picture, so all
+// The pixels of one camera frame, in any form: compressed, in system memory or on a GPU. The renderer asks for the form
+// that it needs, so that only needed pixels are decoded or converted. Several views use the same picture, so all
 // functions are thread-safe.
 class CameraPicture {
  public:
@@ -30,6 +31,7 @@ class CameraPicture {
   virtual int height() const = 0;
   // True if damaged data is only noticed when the damaged region is decoded.
   virtual bool is_compressed() const { return false; }
+  // Returns true if view() must decode, download or convert pixels, so that it is worth a separate thread.
   virtual bool takes_work(PixelFamily family) const = 0;
   // Returns the pixels in this family, or null on failure. They stay valid as long as the result lives. A compressed
   // picture decodes only `region`.
@@ -39,6 +41,7 @@ class CameraPicture {
   virtual const ImageView* view_on_gpu(PixelFamily, gl::ShareGroup) { return nullptr; }
 };
 
+// A JPEG frame. view() decodes only the region that the view needs.
 class JpegPicture : public CameraPicture {
  public:
   explicit JpegPicture(std::shared_ptr<JpegFrame> frame) : frame_(std::move(frame)) {}
@@ -52,9 +55,10 @@ class JpegPicture : public CameraPicture {
   const std::shared_ptr<JpegFrame> frame_;
 };
 
+// A frame of one camera with its capture time.
 struct CameraFrame {
   std::shared_ptr<CameraPicture> picture;  // null if no frame is available
-  // how much longer the frame took to arrive than the fastest frame of the stream, nanoseconds
+  // How much longer the frame took to arrive than the fastest frame of the stream, nanoseconds.
   uint64_t behind = 0;
   uint64_t time = 0;  // capture time, nanoseconds: clock time for live cameras, otherwise running time
 
@@ -63,11 +67,13 @@ struct CameraFrame {
   }
 };
 
-// The latest frames of one camera. Requests look up the frame of their time here. Thread-safe.
+// Stores the latest frames of one camera between the thread that captures frames and the threads that answer requests.
+// A request finds the frame of its time here. Thread-safe.
 //
-// A live camera never waits. It keeps the newest kLiveFrames frames, and earlier frames if they are requested, up to
-// kMaxReach and kMaxLiveBytes. A file source waits for the requests: push() blocks the streaming thread until requests
-// have moved on, and find() waits for the frame of the requested time.
+// For a live camera, no function waits. The class keeps the newest kLiveFrames frames. If requests ask for older
+// frames, for example because other cameras have a long delay, it keeps frames for a longer time, up to kMaxReach and
+// kMaxLiveBytes. For a file, frames and requests wait for each other: push() blocks the streaming thread until requests
+// need a later frame, and find() waits until the frame of the requested time has been pushed.
 class CameraFrames {
  public:
   static constexpr size_t kLiveFrames = 4, kMaxLiveFrames = 1280, kFileFrames = 2;
@@ -88,28 +94,32 @@ class CameraFrames {
     kEnded,    // file sources only: no request will come any more
   };
   PushResult push(CameraFrame frame);
-  // Reports that a frame of this time was damaged. The previous frame then also serves requests for this time.
+  // Call this instead of push() for a damaged frame with this capture time. Requests for this time then get the
+  // previous frame.
   PushResult push_damaged(uint64_t time);
-  // Sets how long after its capture the next pushed frame arrived, in nanoseconds. The delay determines how long
-  // requests should wait for frames.
+  // Sets how long after its capture the next pushed frame has arrived, in nanoseconds. push() stores the difference
+  // from the fastest frame in CameraFrame::behind, which warnings about late cameras show.
   void note_arrival(int64_t late);
   void end_stream();  // end of stream: the last frame is valid for all later times
-  // the camera failed: there is no frame after the last one until push() is called again
+  // Call this if the camera has failed. Requests for later times then find no frame, until push() is called again.
   void lose_stream();
   void set_flushing(bool flushing);  // true drops all held frames
   void clear();                      // back to the initial state, except for the mode
 
-  // Reports that requests have reached `time`, so that frames that are no longer needed can be dropped. Call this for
-  // all cameras, even if the request does not use them, because file sources would stop otherwise.
+  // Tells the camera that requests have reached `time`, so that earlier frames can be dropped. Call this for all
+  // cameras at each request, even for cameras that do not contribute: a file camera reads its next frame only when
+  // earlier frames are dropped, and would block otherwise.
   void advance(uint64_t time);
-  // Returns the frame nearest to `time` (kNoTime: the newest frame). For file sources, this waits for the frame; with
-  // `wait_for_first`, it waits for the first frame of any camera. Returns nothing if the camera has no frame or the
-  // node shuts down. Does not wait while *cancelled is true.
+  // Returns the frame with the capture time nearest to `time` (kNoTime: the newest frame). For a file, the call waits
+  // until this frame has been read. If `wait_for_first` is true, it also waits for the first frame of a live camera.
+  // Returns nothing if the camera has no frame or the node shuts down. While *cancelled is true, the call does not
+  // wait; call wake() after a change of *cancelled.
   std::optional<CameraFrame> find(uint64_t time, bool wait_for_first, const std::atomic<bool>* cancelled = nullptr);
   void wake();  // makes waiting find() calls check for cancellation
 
-  // Call this if a frame from find() turns out to be damaged in the decoded region. Returns the frame that replaces it
-  // from now on, usually the previous frame. Sets *first (may be null) to true in the first call for this frame.
+  // Call this if decoding shows that a frame from find() is damaged. Returns the frame that find() returns instead from
+  // now on, usually the previous frame, or nothing. *first (may be null) becomes true in the first call for this frame,
+  // so that each damaged frame is counted only once.
   std::optional<CameraFrame> replace_damaged(const CameraPicture* damaged, bool* first = nullptr);
 
   std::optional<CameraFrame> newest() const;
@@ -154,7 +164,7 @@ class CameraFrames {
   Mode mode_ = Mode::kStopped;
   std::deque<Held> frames_;           // ascending time
   std::vector<CameraFrame> dropped_;  // freed after unlocking
-  // the latest compressed frame that was dropped from frames_, as a replacement for damaged frames
+  // The latest compressed frame that was dropped from frames_. It can still replace a damaged frame.
   CameraFrame before_;
   bool started_ = false, live_ = false, ended_ = false, lost_ = false, flushing_ = false;
   uint64_t wanted_ = 0;
@@ -164,8 +174,9 @@ class CameraFrames {
   uint64_t last_period_ = 0;  // nanoseconds between the two newest frames
 };
 
-// The rig of a node and the inputs of its cameras. Thread-safe: cameras and the rig may change while requests are
-// answered.
+// The array as one node knows it: its rig, and the CameraFrames of the cameras that are connected to the node. Cameras
+// and rig may change while requests are answered, so each request works with an immutable snapshot (Array).
+// Thread-safe.
 class CameraInputs {
  public:
   using Frames = std::shared_ptr<CameraFrames>;
@@ -178,8 +189,9 @@ class CameraInputs {
     std::map<CameraIndex, Frames> cameras;
   };
 
-  // Sets the rig of the node. Inputs keep their camera ids. Returns a warning about inputs that are not in the rig or
-  // have another image size, or an empty text. The cameras of these inputs count as missing.
+  // Sets the rig of the node. Connected inputs keep their camera ids. If an input has a camera id that the rig lacks,
+  // or another image size than in the rig, the camera counts as missing, and the function returns a warning for the
+  // user. Otherwise it returns an empty text.
   std::string set_rig(std::shared_ptr<const Rig> rig);
   std::shared_ptr<const Camera> camera(uint32_t id) const;
 
@@ -188,6 +200,7 @@ class CameraInputs {
   // Returns false if another input already has this camera.
   bool set_camera(const Frames& frames, uint32_t id);
   void set_family(const Frames& frames, PixelFamily family);
+  // Call this for an input that will never have a camera or format, so that wait_for_all() ignores this input.
   void give_up(const Frames& frames);
   void remove(const Frames& frames);
 
@@ -199,8 +212,9 @@ class CameraInputs {
   // Wakes all threads that wait for inputs or frames, so that they check for cancellation.
   void wake();
 
-  // The pixel family of all answers; kNone before the first answer. The first answer chooses RGB if any input has RGB,
-  // otherwise I420, and other frames are converted.
+  // The pixel family of all answers, because a compositor can only add pixels of the same family. It is kNone before
+  // the first answer. choose_family() then selects RGB if any input has RGB, and otherwise I420. Frames in another
+  // family are converted.
   PixelFamily family() const { return family_; }
   PixelFamily choose_family();
   void forget_family() { family_ = PixelFamily::kNone; }

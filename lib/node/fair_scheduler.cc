@@ -10,8 +10,9 @@
 
 namespace lf {
 
-// Returns how many nanoseconds the running view may continue before `view` goes first. The result is infinite if the
-// work of the waiting request is unknown, because such a request never interrupts another.
+// Returns how long the running view may continue before the waiting request of `view` must interrupt it, in
+// nanoseconds. The result is infinite if the work of the waiting request is unknown, because such a request never
+// interrupts another.
 double FairScheduler::ahead(const View& view, uint32_t running) const {
   if (!view.waits() || view.waiting.front().work == 0) return std::numeric_limits<double>::infinity();
   const View& other = views_.at(running);

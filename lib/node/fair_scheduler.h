@@ -15,16 +15,17 @@
 
 namespace lf {
 
-// Shares the rendering thread of a node fairly among views (fair queueing), so that one expensive view does not delay
-// all views.
+// Chooses the order of the requests that a node's rendering thread answers, so that one expensive view does not delay
+// all views. The algorithm is fair queueing, as in network routers.
 //
-// The scheduler counts the time that each view has used. It chooses the view that will have used the least time after
-// its next answer. A view with less usage may even interrupt an answer in progress, between two of its parallel tasks.
-// Each view has at most one request in progress. A view that has used little time cannot save up more than kMaxCredit.
+// The scheduler counts the rendering time that each view has used. The next view is the view that will have used the
+// least time after its next answer. A view with less usage may even interrupt the answer of another view, between two
+// parallel tasks of this answer. Each view has at most one request in progress. A view that has been idle does not
+// collect an unlimited advantage, but at most kMaxCredit.
 //
-// All views that are younger than RequestLimiter::kViewTimeout (2 s) together count as one view. This view starts as
-// if it had used kMaxCredit more time than other views, so a client gains nothing by using new view ids. A view is
-// forgotten after the same time without requests.
+// A client must not get more time by inventing new view ids. Therefore all views that are younger than
+// RequestLimiter::kViewTimeout (2 s) count as one view together, which starts as if it had used kMaxCredit more time
+// than other views. A view is forgotten after the same time without requests.
 //
 // Call work() from the rendering thread. add() may be called from any thread.
 class FairScheduler {
@@ -67,8 +68,8 @@ class FairScheduler {
     std::deque<Waiting> waiting;
     bool in_flight = false;
     bool is_new = true;
-    // Virtual time: the rendering time that the view has used, in nanoseconds. For new views, counted since their first
-    // request.
+    // The rendering time that the view has used, in nanoseconds (its virtual time). For a new view, the time since its
+    // first request.
     double used = 0;
     uint64_t began = 0, asked = 0;  // time of the first and latest request, now_()
     uint64_t since = 0;

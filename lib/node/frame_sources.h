@@ -17,8 +17,9 @@
 
 namespace lf {
 
-// Finds the frames of a node's cameras for one capture time. The class finds each camera's frame only once, so that all
-// answers for this time show the same frames. Not thread-safe.
+// Finds the frames that were captured at the time of a request, for requests that are answered together. The class
+// searches for each camera's frame only once, so that all answers show the same frames even if new frames arrive
+// meanwhile. Not thread-safe.
 class FrameLookup {
  public:
   struct Options {
@@ -30,16 +31,17 @@ class FrameLookup {
     uint64_t max_skew = 0;
     const std::atomic<bool>* cancelled = nullptr;  // frames are not waited for while this is true
   };
-  // Prepares the look-up for the time of `moment`, which is the common header of the requests, and reports this time to
-  // all cameras. All arguments must outlive the object.
+  // Prepares the look-up for the time in the request header `moment`, which is the same in all requests, and tells all
+  // cameras that requests have reached this time (CameraFrames::advance()). All arguments must outlive the object.
   FrameLookup(const CameraInputs::Array& array, const RequestHeader& moment, const Options& options);
 
   // Returns the frame of one of the array's cameras, after waiting for it if necessary (see CameraFrames::find()).
   // Returns nothing if the camera has no frame near the requested time, or if its frames do not have the size in the
   // rig.
   const std::optional<CameraFrame>& find(CameraIndex camera);
-  // skew_of() returns the difference between the capture time of a frame of this camera and the requested time.
-  // time_of() converts the capture time to the time base of the requests. The results are in nanoseconds.
+  // `time` is the capture time of a frame of this camera. skew_of() returns its difference from the requested time.
+  // time_of() converts the capture time to the time base of the requests, for example to the time of day. The results
+  // are in nanoseconds.
   uint64_t skew_of(CameraIndex camera, uint64_t time) const;
   uint64_t time_of(CameraIndex camera, uint64_t time) const;
 
@@ -61,7 +63,8 @@ class FrameLookup {
   uint64_t stale_ = 0;
 };
 
-// The frames for one request. Only the needed regions are decoded.
+// The images of all cameras for one request, in the form that the renderer needs. Add the frames with add(), and then
+// call decode() once. Regions that the request does not need are not decoded.
 class FrameSources {
  public:
   // Prepares an empty list of frames. `region` returns the part of a camera's image that the request needs, because
@@ -78,9 +81,10 @@ class FrameSources {
   // needed. Call once, after the last add(). `replace` is called from the threads of `parallel`.
   void decode(PixelFamily family, const Replace& replace, const ParallelFor& parallel);
 
-  // A source has no image if its frame is missing or damaged.
+  // The result for the renderer: one entry for each add(), with the camera and its image. The entry has no image if the
+  // frame is missing or damaged.
   const std::vector<Source>& sources() const { return sources_; }
-  // Source i must have an image.
+  // Returns the capture time of the frame of sources()[i], which must have an image.
   uint64_t time(size_t i) const { return frames_[i].time; }
   // Number of images that are on the GPU and were not downloaded.
   size_t on_gpu() const;

@@ -13,8 +13,9 @@
 
 namespace lf {
 
-// Finds cameras with unsynchronised frames: their capture times are off the requested times by more than a frame
-// interval, and longer than a lost frame explains. Each change is reported once. Not thread-safe.
+// Finds cameras that are not synchronised with the requests, so that the user can be warned. A camera counts as off if
+// the capture times of its frames differ from the requested times by more than a frame interval in kRequests requests
+// in a row; a single lost frame is no reason. Each camera is reported once when it is off. Not thread-safe.
 class SkewMonitor {
  public:
   // Number of consecutive requests before a camera counts as off, and before it counts as on time again.
@@ -45,8 +46,8 @@ class SkewMonitor {
   std::map<CameraIndex, State> states_;
 };
 
-// Measures how long the frames of one camera take from capture to arrival. All times are nanoseconds of the same clock.
-// Thread-safe.
+// Measures how long the frames of one camera take from their capture to their arrival at the node, to find out how old
+// the captures must be that requests ask for. All times are nanoseconds of the same clock. Thread-safe.
 class ArrivalMonitor {
  public:
   static constexpr size_t kFrames = 128;
@@ -78,8 +79,9 @@ class ArrivalMonitor {
   uint64_t latest_ = 0;
 };
 
-// Decides when to report the capture delay of the cameras to a client: within a tenth of a second if the delay grows,
-// otherwise once per second. All times are nanoseconds of the same clock. Not thread-safe.
+// Decides when a node reports the capture delay of its cameras to a client. A larger delay is reported within a tenth
+// of a second, because requests would miss frames. Otherwise, one report per second is enough. All times are
+// nanoseconds of the same clock. Not thread-safe.
 class DelayReporter {
  public:
   static constexpr uint64_t kSecond = 1'000'000'000;

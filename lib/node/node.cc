@@ -80,7 +80,8 @@ std::string Node::skew_warning(const Rig& rig, const std::optional<SkewMonitor::
   if (!report) return "";
   const bool is_behind = report->is_late && report->behind > report->period;
   if (is_behind) {
-    // On an overloaded machine, cameras alternate between late and on time.
+    // Minimum time between two warnings about late frames. On an overloaded machine, cameras alternate between late and
+    // on time, and would cause many warnings.
     constexpr uint64_t kQuiet = 10'000'000'000;
     const uint64_t now = now_ns();
     if (client.warned_behind != 0 && now - client.warned_behind < kQuiet) return "";
@@ -179,9 +180,9 @@ static bool has_all(const std::vector<CameraIndex>& own, const CameraSet& out_of
   return true;
 }
 
-// For live sources, the compositor takes missing cameras out of service after a few frames. Results for files must not
-// depend on such timing. A node that has the whole array therefore removes cameras without a frame from the mesh at
-// once, so that their neighbours close the gap (see mesh_exclusions()).
+// Plans one view. If a live camera delivers no frames, the compositor takes it out of service after a few pictures. For
+// files, this would make the pictures depend on timing. Therefore a node that has all cameras of the array leaves
+// cameras without a frame out of the mesh at once, so that their neighbours close the gap (see mesh_exclusions()).
 Node::Planned Node::make_plan(const ViewRequest& view, const Array& array, ClientState& client,
                               const std::vector<CameraIndex>& own, const ParallelFor& parallel, FrameLookup& frames) {
   ViewRequest request = view;

@@ -92,6 +92,7 @@ class Node {
   CameraInputs& inputs() { return inputs_; }
   void set_node_id(uint32_t id) { node_id_ = id; }  // only while stopped
 
+  // The state that the node keeps for each view of a client between requests, such as the mesh and the exposure gains.
   struct ClientState {
     std::shared_ptr<const Rig> rig;
     MeshCache mesh;
@@ -106,8 +107,8 @@ class Node {
     std::shared_ptr<std::atomic<bool>> cancelled = std::make_shared<std::atomic<bool>>(false);
     std::shared_ptr<KeptImages> images = std::make_shared<KeptImages>();
   };
-  // While `cancelled` is true, answers to this client do not wait for frames. Call this to stop a client quickly. May
-  // be called from any thread.
+  // Stops or resumes waiting: while `cancelled` is true, answers to this client do not wait for frames, so that the
+  // client can be stopped quickly. May be called from any thread.
   void cancel(ClientState& client, bool cancelled);
   struct Options {
     RenderOptions render;     // without colours; these come from the rig
@@ -122,9 +123,9 @@ class Node {
     std::string warning;  // text for the user, or ""
   };
   // Answers one request of a client: waits for the frames of the requested time (see CameraFrames::find()), renders the
-  // contributions of this node's cameras, and encodes them. The answer is stored in `memory`, so that its allocation is
-  // reused. Never throws. If a request cannot be served, for example because the client uses another rig file, the
-  // answer has no image, and Reply::warning has the reason.
+  // contributions of this node's cameras, and encodes the answer. The answer is stored in `memory`, so that its
+  // allocation is reused. Never throws. If a request cannot be served, for example because the client uses another rig
+  // file, the answer has no image, and Reply::warning has the reason.
   Reply answer(const wire::AnyRequest& request, ClientState& client, const Options& options, ByteBuffer memory);
   // Answers several requests together, for example for the two eyes of a stereo pair. The answers are the same as with
   // separate calls. can_batch_requests() must be true for every two of the requests. The function calls `memory` once
@@ -168,12 +169,12 @@ class Node {
   uint32_t node_id_ = 0;
 };
 
-// Keeps the states of all views of one client, for example of several windows. Thread-safe, but all answers to one view
-// must be made in the same thread.
+// The states of all views of one client, which may show several views (for example, a stereo pair). Thread-safe, but
+// all answers to one view must be made in the same thread.
 class ClientStates {
  public:
-  // Number of views that may be in use at the same time. Twice as many states are kept, and then the least recently
-  // used state is deleted.
+  // Number of views that may be in use at the same time. The class keeps twice as many states, and deletes the least
+  // recently used state if there are more.
   static constexpr size_t kMaxViews = 64;
 
   // All views share the cancellation flag and the image memory of `common`.

@@ -23,7 +23,8 @@ using lightfield::RendererChoice;
 // Parses "cpu", "gl" or "auto"; returns nullopt for other names.
 std::optional<RendererChoice> renderer_choice(const std::string& name);
 
-// Determines whether the CPU or the GPU renders faster. They alternate on regular work until both have enough samples.
+// Measures whether the CPU or the GPU renders faster, without extra work: both render real answers alternately, until
+// each has kRounds measurements. The smallest time per pixel decides.
 class RendererTuner {
  public:
   // Number of samples needed from each renderer. The first GPU answer does not count, because it compiles shaders.
@@ -33,9 +34,10 @@ class RendererTuner {
   bool decided() const { return rounds_[0] >= kRounds && rounds_[1] >= kRounds; }
   // True if the GPU should render the next answer. The result alternates until decided().
   bool gpu_is_next() const;
-  // Adds the duration of an answer, including transfers to and from the GPU. `drawn` means that the GPU rendered it;
-  // `pixels` is the number of pixels of the sum.
+  // Adds a measurement: the duration of an answer, including transfers to and from the GPU. `drawn` is true if the GPU
+  // has rendered the answer, and `pixels` is the work (RenderedAnswer::pixels).
   void add(bool drawn, size_t pixels, uint64_t nanoseconds);
+  // Returns the smallest time of the GPU (true) or CPU (false), in nanoseconds per pixel.
   double best(bool drawn) const { return best_[drawn]; }
 
  private:
@@ -44,7 +46,8 @@ class RendererTuner {
   double best_[2] = {std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity()};
 };
 
-// Pauses the use of the GPU after it has repeatedly refused a task, because each attempt takes time.
+// Decides when to try the GPU again after a refusal. The GPU cannot render some views, for example if its memory is too
+// small, and each attempt costs time. After kMaxRefusals refusals in a row, the GPU is not used for the time kRest.
 class Backoff {
  public:
   static constexpr int kMaxRefusals = 3;
@@ -59,9 +62,10 @@ class Backoff {
   uint64_t rests_until_ = 0;
 };
 
-// Decides whether the GPU or the CPU renders an answer, and owns the GPU renderer, which is opened when the first
-// answer needs it. After a failed opening or a lost context, the GPU is not used again. After repeated refusals of a
-// task, it pauses. Thread-safe.
+// Implements the property `renderer`: decides for each answer whether the GPU or the CPU renders, and owns the GPU
+// renderer. The first answer opens the GPU renderer. If this fails, or if the OpenGL context is lost later, the CPU
+// renders all further answers. If the GPU only refuses a task, it is used again after a pause (see Backoff).
+// Thread-safe.
 class RendererSelector {
  public:
   using Open = std::function<std::unique_ptr<gl::GlesRenderer>(gl::Context::Drivers, std::string& why)>;
@@ -70,13 +74,14 @@ class RendererSelector {
   // for tests: replaces gl::GlesRenderer::create() and now_ns()
   explicit RendererSelector(Open open, Clock now = now_ns);
 
-  // Returns the GPU renderer for the next answer, or null to use the CPU. Sets `news` once to a message for the user if
-  // no GPU is available (any more) or the GPU cannot render an answer. kAuto does not report a missing GPU.
+  // Returns the GPU renderer for the next answer, or null if the CPU must render. If the GPU is missing, lost, or
+  // cannot render the view, `news` is set to a message for the user, once for each of these problems. A missing GPU is
+  // no problem for kAuto.
   std::shared_ptr<gl::GlesRenderer> open(RendererChoice choice, std::string& news);
   // Returns true if the renderer can render several views in one pass, so that answering requests together saves time.
   bool can_batch(RendererChoice choice) const;
-  // Reports how long the answer took that open() was called for. `before` is the time in nanoseconds that it took to
-  // get the images, as far as this time depends on the renderer.
+  // Call this after each answer that open() was called for, so that the durations can be compared. `before` is the time
+  // in nanoseconds for getting the images into system or GPU memory, because it depends on the renderer, too.
   void rendered(RendererChoice choice, const RenderedAnswer& answer, uint64_t before = 0);
   // Returns the GPU renderer for the depth hypotheses of the answer that open() was called for, or null to use the CPU.
   // With kAuto, hypotheses are measured separately, because they involve less rendering per uploaded image.
@@ -90,8 +95,10 @@ class RendererSelector {
   // (which may be slower), the old context stays and `why` is set.
   using OpenIn = std::function<std::unique_ptr<gl::GlesRenderer>(std::string& why)>;
   bool move_to(RendererChoice choice, gl::ShareGroup group, bool early, const OpenIn& open, std::string& why);
+  // Call this after the depth hypotheses that open_for_depth() was called for, so that the durations can be compared.
   void tried(RendererChoice choice, const RenderedConsistency& consistency);
-  // Releases a context that move_to() has opened, even if it was lost. The selector opens a new context when needed.
+  // Releases a context that move_to() has opened, because the compositor's OpenGL context may be destroyed now. The
+  // selector opens a new context when it is needed.
   void leave();
   // Describes the active renderer and the reason for the choice, for example "cpu", "gl: NVIDIA ..." or "auto: cpu,
   // there is no other: device 0: computes on the CPU". ", photo-consistency, too" at the end means that the GPU also
@@ -110,7 +117,7 @@ class RendererSelector {
   std::shared_ptr<gl::GlesRenderer> drawer_;
   std::set<gl::ShareGroup> groups_;  // groups that move_to() has tried, including failures
   std::string left_;
-  std::optional<gl::Context::Drivers> tried_;  // set after the latest attempt to open a renderer
+  std::optional<gl::Context::Drivers> tried_;  // drivers of the latest attempt to open a renderer
   std::string why_;
   bool loss_reported_ = false;
   RendererTuner tuner_;

@@ -16,9 +16,10 @@
 
 namespace lf {
 
-// Describes what a node (a process with some of the cameras) must do for one request, and which image regions it needs
-// from each camera. The answer is a sum (the weighted total of the node's cameras). If the cameras can only deliver
-// pixels, the answer is a set of original image regions instead. Immutable.
+// Everything that a node must compute for one request, before it has any image: which of its cameras contribute, which
+// image regions they need, and the weights of their pixels. Usually, the answer is the weighted sum of the node's
+// cameras. If the cameras can only deliver pixels (access=pixels), the answer consists of unprocessed image regions
+// instead. Immutable.
 class RequestPlan {
  public:
   // Plans the sum of a view, and the depth hypotheses and brightness measurements in the request. `own`
@@ -38,9 +39,9 @@ class RequestPlan {
   // Returns true if the answer shows pixels of this camera. Returns false if only the camera's brightness is measured.
   bool draws(CameraIndex camera) const;
 
-  // The functions return the region of a camera's image that is needed, so that nothing else must be decoded.
-  // answer_region() is for the answer alone. drawn_region() is for the answer and its depth hypotheses; it is empty if
-  // the camera is not in the picture. region() is for everything, including the brightness measurement.
+  // Return the region of a camera's image that the request needs, in pixels, so that nothing else is decoded.
+  // answer_region() is the region for the answer alone. drawn_region() also includes the depth hypotheses, and is empty
+  // if the answer does not use the camera. region() also includes the brightness measurement.
   Rect answer_region(CameraIndex camera) const;
   Rect drawn_region(CameraIndex camera) const;
   Rect region(CameraIndex camera) const;

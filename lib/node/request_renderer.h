@@ -26,8 +26,8 @@ namespace gl {
 class GlesRenderer;
 }
 
-// Memory for the processed images of one answer, with the same indices as the images. Each buffer has the size of the
-// camera's image.
+// Reusable memory for the processed images of one answer: after colour correction, after exposure compensation, and
+// after sharpening. Each vector has the same indices as the images, and each buffer has the size of the camera's image.
 struct ImageMemory {
   std::vector<ByteBuffer> corrected, matched, sharpened;
 
@@ -39,14 +39,17 @@ struct ImageMemory {
 // One ImageMemory is taken from the pool for each concurrent answer.
 using KeptImages = MemoryPool<ImageMemory>;
 
-// The exposure gains of a node's cameras. They are estimated separately for each view, because brightness depends on
-// the viewpoint. Not thread-safe.
+// Exposure compensation of a node: finds the gain of each camera (1.1 means 10 % too bright), and divides its images by
+// the gain. For each view, the node measures the brightness of its cameras, and a later request brings the mean
+// brightness of all nodes, which the measurement is compared with. Each view has its own gains, because the brightness
+// of a surface depends on the viewpoint. Not thread-safe.
 class GainMatcher {
  public:
   static constexpr size_t kMaxViews = 64;  // the least recently used view is forgotten
 
-  // Returns the exposure gains for the images of a request. If the request carries the mean luma that belongs to the
-  // stored measurement, the gains are updated first. A new view starts with the gains of the latest view.
+  // Returns the exposure gains for the images of a request. If the request contains the mean luma for a measurement
+  // that keep() has stored, these two values first update the gains. A new view starts with the gains of the latest
+  // view.
   const ExposureCompensation& gains_for(uint32_t view_id, const GainRequest& request);
   // Stores the node's brightness measurement for a request, until a later request brings the mean over all nodes.
   void keep(uint32_t view_id, uint32_t sequence, std::vector<WideLuma::Camera> seen);
@@ -86,9 +89,9 @@ struct RenderOptions {
   ParallelFor parallel = serial_for;
 };
 
-// Renders planned requests from the images of a node's cameras: prepares the images (colour correction, exposure gains,
-// sharpening), renders the sums, and encodes the answers. Remembers the exposure gains of one client's views. Not
-// thread-safe.
+// Makes the answers to planned requests from the images of a node's cameras. Steps: prepare the images (colour
+// correction, exposure compensation, sharpening), render the weighted sums, and encode the answers. The only state
+// between requests are the exposure gains of the client's views. Not thread-safe.
 class RequestRenderer {
  public:
   struct Work {

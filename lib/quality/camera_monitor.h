@@ -17,10 +17,11 @@
 
 namespace lf {
 
-// Detects faulty cameras in a running array. It compares each camera in turn with a prediction of its image from the
-// remaining cameras. A faulty camera also spoils the predictions of its neighbours. Therefore, when a camera becomes an
-// outlier, it is checked again together with its neighbours. The worst of them becomes a suspect, and the remaining
-// outliers are checked again without the suspect. Not thread-safe.
+// Detects faulty cameras in a running array, for example a camera that was bumped or is out of focus. It compares the
+// image of each camera in turn with a prediction from all other cameras. A camera is an outlier if its prediction is
+// much worse than usual. However, a faulty camera also spoils the predictions of its neighbours, so an outlier is
+// checked again together with its neighbours. The worst of these cameras becomes a suspect, and the remaining outliers
+// are checked again without the suspect. Not thread-safe.
 class CameraMonitor {
  public:
   enum class Fault {
@@ -43,13 +44,15 @@ class CameraMonitor {
 
   explicit CameraMonitor(const Rig& rig);
 
-  // Returns the next camera to check, or nothing if no camera is in service.
+  // Returns the camera to check next, or nothing if no camera is in service. Cameras that need a second check come
+  // first.
   std::optional<CameraIndex> next(const CameraSet& out_of_service);
   CameraSet suspected() const;
   // Returns true if all cameras in service (see next()) were checked and no second check is pending. Checks may
   // continue.
   bool is_settled() const;
-  // Takes the result of a camera's check. Unknown values are NaN, as at the corners of an array.
+  // Call this with the result of a camera's check. Values that could not be measured are NaN, for example at the
+  // corners of an array.
   void take(CameraIndex camera, const PredictionError& error);
 
   const PredictionError& error(CameraIndex camera) const { return cameras_[camera].error; }
@@ -161,8 +164,8 @@ struct Skew {
 // phase keeps changing.
 Skew camera_skew(std::span<const FrameTimeStats> cameras);
 
-// Identifies cameras: finds the camera that a person covers with a hand, because only its image changes. Not
-// thread-safe.
+// Finds out which camera a person means by waving a hand in front of a camera: only the image of this camera changes
+// strongly. Not thread-safe.
 class HandWaveDetector {
  public:
   explicit HandWaveDetector(size_t cameras) : cameras_(cameras) {}

@@ -14,11 +14,13 @@
 
 namespace lf {
 
+// Thrown if a file does not exist.
 class MissingFile : public Error {
  public:
   using Error::Error;
 };
 
+// The origin of a camera's images, as found from the texts in the rig file.
 struct CameraSource {
   enum class Kind {
     kScene,       // the built-in scene; `location` is empty
@@ -40,6 +42,7 @@ struct CameraSource {
   bool is_file() const { return kind >= Kind::kStill && kind <= Kind::kFile; }
 };
 
+// Returns the path of the image with this index (0 to count - 1) in a sequence.
 std::string sequence_file(const CameraSource& sequence, int index);
 
 // Finds out what a camera's images come from: its `source`, otherwise its `image`, otherwise the built-in scene. The

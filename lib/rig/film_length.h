@@ -11,6 +11,7 @@
 
 namespace lf {
 
+// The length of a film.
 struct FilmLength {
   size_t frames = 0;
   double seconds = 0;       // 0: the file has no timestamps
@@ -21,6 +22,7 @@ struct FilmLength {
 // can't be read. Reads the headers of all frames, but not the frames. Never throws on damaged files.
 std::optional<FilmLength> matroska_length(const std::string& path);
 
+// A film with its place in the rig file, for messages.
 struct Film {
   std::string place;  // "cameras[3].source: /films/cam_3.mkv"
   FilmLength length;

@@ -69,7 +69,8 @@ CameraSet hull_cameras(const Rig& rig);
 // If fewer than three cameras work, returns all of `lost`, because strips and points have no border.
 CameraSet mesh_exclusions(const CameraSet& lost, const CameraSet& corners, size_t num_cameras);
 
-// Keeps the camera mesh of a rig for the latest set of out-of-service cameras. Not thread-safe.
+// Builds the camera mesh of a rig only when the set of out-of-service cameras changes, because building takes
+// milliseconds. Call clear() if the rig changes. Not thread-safe.
 class MeshCache {
  public:
   const Mesh& get(const Rig& rig, const CameraSet& out_of_service);

@@ -17,8 +17,9 @@
 
 namespace lf::rtp {
 
-// Tracks the latest RTP sequence numbers of a source (RFC 3550, appendix A.1). It distinguishes duplicates from
-// reordered packets, and counts missing packets. Not thread-safe.
+// Detects duplicate and lost RTP packets of one sender by their sequence numbers, as in RFC 3550, appendix A.1. Packets
+// may arrive in another order than they were sent; a packet is a duplicate only if the same packet has already arrived.
+// Not thread-safe.
 class SequenceWindow {
  public:
   enum class Verdict {
@@ -53,9 +54,10 @@ class SequenceWindow {
   std::array<Slot, kSize> slots_;
 };
 
-// Puts together units (messages of the wire format) from chunks (their parts in single packets), which may arrive in
-// any order. Memory grows with the received bytes and never with the size in a header, so a forged header does no harm.
-// At the limit, the oldest incomplete units are dropped. Not thread-safe.
+// Puts together the units that do not fit in one packet. A sender splits such a unit (a message of the wire format)
+// into chunks of one packet each, which may arrive in any order. Memory grows with the received bytes and never with
+// the size in a header, so a forged header does no harm. If a limit is exceeded, the oldest incomplete units are
+// dropped. Not thread-safe.
 class Reassembly {
  public:
   struct Limits {
@@ -71,6 +73,7 @@ class Reassembly {
     kBad,  // the chunk contradicts earlier chunks: another unit size, or an overlap
     kTooLarge,
   };
+  // Adds a chunk from the sender with the SSRC `source`.
   Result add(uint32_t source, const Chunk& chunk, ByteBuffer& unit);
 
   void set_limits(const Limits& limits) { limits_ = limits; }
@@ -104,6 +107,7 @@ class Reassembly {
   uint64_t dropped_ = 0;
 };
 
+// The parts of an RTP packet that Depacketizer needs: SSRC, sequence number, timestamp and payload.
 struct Packet {
   uint32_t source = 0;
   uint16_t sequence = 0;

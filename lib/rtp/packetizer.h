@@ -84,18 +84,21 @@ class LruMap {
 // The following functions split a large answer into parts, which are valid units that fit in one packet. A lost packet
 // then costs only some fragments and not the whole answer. The functions are pure.
 
-// A piece is a whole fragment, or a tile of a raw fragment that is too large for a packet.
+// A piece of an answer: a whole fragment, or a tile (a rectangular part) of an uncompressed fragment that is too large
+// for a packet.
 struct Piece {
   size_t fragment = 0;
   std::optional<Rect> tile;
   size_t bytes = 0;  // of the payload
 };
 
+// The pieces that one part of the answer contains; a part is sent in one packet.
 struct Part {
   size_t first = 0, count = 0;  // numbers of the pieces; each piece becomes a fragment
   size_t bytes = 0;
 };
 
+// The division of an answer into pieces and parts.
 struct PartPlan {
   std::vector<Piece> pieces;
   std::vector<Part> parts;  // a part exceeds `max_bytes` if its only piece does
@@ -160,9 +163,9 @@ class Packetizer {
   Stats stats_;
 };
 
-// Spreads a burst of packets over time, so that they leave at a given bit rate. All times are in nanoseconds of any
-// clock. Idle time is not made up later. A packet may leave up to kMaxLead early, because such a short wait is not
-// worthwhile. Not thread-safe.
+// Spreads a burst of packets over time, so that they leave at a given bit rate and do not overflow the buffers of
+// switches and receivers. All times are in nanoseconds of any clock. After idle time, packets do not leave faster than
+// the bit rate. A packet may leave up to kMaxLead early, because such a short wait is not worthwhile. Not thread-safe.
 class Pacer {
  public:
   // Returns the departure time of the next packet, which is at least `now`. If the last departure is far in the future,

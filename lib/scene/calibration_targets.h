@@ -17,6 +17,7 @@ namespace lf {
 // This file simulates recordings for calibration with known ground truth. A light, or two lights on a rigid bar, move
 // through a dark room in front of an array. All results are pure functions of the arguments.
 
+// The properties of the lights, their movement, and the cameras.
 struct MovingLightOptions {
   double bar = 0.3;             // metres between the two lights; 0: one light
   double near = 0.8, far = 2;   // range of the bar's middle, metres in front of the array
@@ -29,6 +30,7 @@ struct MovingLightOptions {
   double noise = 3;             // standard deviation of a sample, of 255
 };
 
+// The path of the lights. Their positions are a function of the time, so all cameras see the same movement.
 class LightTrajectory {
  public:
   // Throws Error if an option is invalid, for example "far: must be more than near".
@@ -51,6 +53,8 @@ class LightTrajectory {
   std::array<Vec3, 2> lights_at(double phase) const;
 };
 
+// Renders the pictures of one camera that films the moving lights, and knows the true positions of the lights in these
+// pictures.
 class MovingLightCamera {
  public:
   MovingLightCamera(const LightTrajectory& path, const SceneCamera& camera);

@@ -8,6 +8,7 @@
 
 namespace lf::scene {
 
+// The objects that move between some instants, so that pixels without a change need not be traced again.
 struct SceneChange {
   std::vector<bool> spheres, capsules, cylinders, boxes;
 
@@ -24,11 +25,13 @@ struct SceneChange {
 // Returns what changes between the first and any later one of some successive instants.
 SceneChange scene_change(std::span<const Objects> instants);
 
+// A line of sight. Textures are averaged over the pixel, so the ray also has the directions to neighbouring samples.
 struct Ray {
   V3 origin, direction;         // unit length
   V3 dx{0, 0, 0}, dy{0, 0, 0};  // change of direction from one sample to the next
 };
 
+// The surface that a ray meets.
 struct Hit {
   float t = 0;  // along the ray, metres
   Kind kind = Kind::kNothing;
@@ -46,6 +49,7 @@ Hit intersect_scene(const Objects& objects, const Ray& ray);
 float light_visibility(const Objects& objects, const V3& point, const V3& direction, float distance, float spread,
                        Kind kind, uint32_t index);
 
+// The point that a ray has hit, to find out later whether its light has changed.
 struct HitPoint {
   V3 point;
   Kind kind = Kind::kNothing;
@@ -53,6 +57,7 @@ struct HitPoint {
   uint32_t index = 0;
 };
 
+// The light that a ray sees, and its source.
 struct TraceResult {
   V3 light;         // linear, 0..1 and above
   uint32_t object;  // differs between objects and between faces of the room

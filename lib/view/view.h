@@ -13,7 +13,7 @@
 
 namespace lf {
 
-// Says how the colour of a pixel is blended from the cameras: the cameras that contribute, and their weights. See
+// The rule for blending the colour of a pixel from the cameras: the cameras that contribute, and their weights. See
 // render/camera_weights.h.
 struct Blending {
   enum class Kind {
@@ -38,6 +38,7 @@ struct Blending {
   bool operator==(const Blending&) const = default;
 };
 
+// Everything that defines a picture except its time: size, lens, pose, the surface in focus, and the blending.
 struct View {
   int width = 0, height = 0;  // pixels, 1 to kMaxImageSize
   Lens lens;
@@ -78,6 +79,7 @@ enum class ViewSetLayout : uint8_t {
   kQuilt = 5,      // a quilt: rows from bottom to top, each from left to right; the format of lenticular displays
 };
 
+// The position of one view in a set of views that are combined in one picture.
 struct ViewSetPosition {
   static constexpr int kMaxViews = 128;
 
@@ -91,6 +93,7 @@ struct ViewSetPosition {
   // determines the focal surface (the depths in focus) of the whole set.
   bool leads() const { return index == reference_index(); }
   int reference_index() const { return (count() - 1) / 2; }
+  // Number of the view in the order of the requests: the reference view is 0, then the rest follows from left to right.
   int turn() const { return leads() ? 0 : index < reference_index() ? index + 1 : index; }
   // Column and row of the view in the combined picture, counted from the top left.
   int column() const;

@@ -12,6 +12,7 @@
 
 namespace lf {
 
+// A view of a views file.
 struct NamedView {
   std::string name;  // unique in its file; default: "view_00", "view_01", ...
   double time = 0;   // seconds
@@ -35,6 +36,7 @@ std::string views_to_json(const std::vector<NamedView>& views);
 // period; times continue to increase. Thread-safe, except for set_schedule().
 class ViewPlayback {
  public:
+  // A view to play: when to present it, for how long, and the capture time to request, in nanoseconds.
   struct Item {
     const View* view;
     uint64_t time, duration, target_time;
@@ -90,8 +92,8 @@ class RequestSchedule {
   // begun, because the timestamps of a list are computed from the view numbers.
   bool set_rate(const Schedule& schedule);
   void advance(const RequestSlot& slot);
-  // turn() returns the number of the next slot. pass(turn) skips this slot without a request, unless the schedule has
-  // moved on already.
+  // turn() returns the number of the next slot. pass(turn) skips this slot without a request. It has no effect if
+  // another slot is next by now.
   uint64_t turn() const { return index_; }
   void pass(uint64_t turn) { index_ += index_ == turn; }
 

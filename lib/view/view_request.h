@@ -38,6 +38,7 @@ inline constexpr uint64_t kNoTime = UINT64_MAX;
 // Returns the absolute difference in nanoseconds. Neither time may be kNoTime.
 inline uint64_t time_between(uint64_t a, uint64_t b) { return a > b ? a - b : b - a; }
 
+// The fields that all kinds of requests have.
 struct RequestHeader {
   uint32_t view_id = 0;
   uint32_t sequence = 0;       // increases by one with each request of the view; wraps around
@@ -105,9 +106,9 @@ class OutOfServiceRegistry {
 class ExtraRequests {
  public:
   void ask(std::vector<ViewRequest> requests);
-  // Removes the pending requests and returns them, adapted to `request`. They get its view id, time and quality, and
-  // the out-of-service cameras of all these requests. Their sequence numbers start at `next_number`, which is advanced.
-  // Requests for other rigs are dropped.
+  // Returns the pending requests once, adapted to the next request of the view, `request`. They get the view id, time
+  // and quality of `request`, and sequence numbers from `next_number`, which is advanced. Their out-of-service cameras
+  // are combined with the cameras in `request`. Requests for other rigs are dropped.
   std::vector<ViewRequest> take_for(const ViewRequest& request, uint32_t& next_number);
   void clear() { ask({}); }
 
@@ -131,6 +132,7 @@ struct RequestLimits {
   bool operator==(const RequestLimits&) const = default;
 };
 
+// The properties of a request that determine how long its answer takes.
 struct RequestCost {
   int width = 0, height = 0;  // pixels
   double aperture = 0;        // metres; 0: the view does not use aperture blending

@@ -26,13 +26,14 @@ namespace lf::wire {
 // (message) of type application/x-lightfield-answer, or as several parts in separate units. spec.md describes the
 // bytes.
 
+// The fields before the fragments of an answer: the request that it answers, and the cameras that it covers.
 struct AnswerHeader {
   uint32_t view_id = 0;
   uint32_t sequence = 0;
   int view_width = 0, view_height = 0;
   PixelFamily family = PixelFamily::kNone;  // family of all fragments; kNone if the node has no camera image yet
   uint64_t target_time = kNoTime;           // copied from the request, nanoseconds
-  // capture time of the frame that is farthest from target_time, on the same clock
+  // Capture time of the frame that is farthest from target_time, on the same clock.
   uint64_t actual_time = kNoTime;
   uint64_t rig_hash = 0;
   uint32_t node = 0;
@@ -52,13 +53,15 @@ inline AnswerHeader answer_to(const RequestHeader& request, std::pair<int, int> 
           .rig_hash = rig_hash};
 }
 
-// Says which fragments of an answer a unit contains: `count` fragments of `total`, starting at number `first`.
+// The fragments that one unit of an answer contains: `count` fragments, starting at number `first`. The whole answer
+// has `total` fragments. For example, {10, 5, 32} means fragments 10 to 14 of 32.
 struct AnswerPart {
   uint32_t first = 0, count = 0, total = 0;
   bool whole() const { return count == total; }
   bool operator==(const AnswerPart&) const = default;
 };
 
+// The header of one unit of an answer, which is sent in one or several parts.
 struct AnswerPartHeader : AnswerHeader {
   AnswerPart part;
   bool operator==(const AnswerPartHeader&) const = default;
@@ -70,19 +73,23 @@ enum class Codec : uint8_t {
   kRaw16 = 2,  // 16 bits per value, before rounding; the planes of SumPlanes in sequence
 };
 
+// Describes the payload of one fragment: its position, and how its pixels are encoded.
 struct FragmentHeader {
   // The only camera that contributes to the pixels, or nullopt if the pixels are the weighted sum of the node's
   // cameras.
   std::optional<CameraIndex> camera;
   PixelFamily family = PixelFamily::kNone;
-  // in the view for a sum, in the camera's image for a camera; x0 and y0 are even in kI420
+  // Position of the pixels, in the view if they are a sum, and otherwise in the image of `camera`. x0 and y0 are even
+  // in kI420.
   Rect rect;
   Codec codec = Codec::kRaw;
-  uint8_t quality = 0;  // 1 to 100 for JPEG, otherwise 0
+  uint8_t quality = 0;  // JPEG quality, 1 to 100; otherwise 0
+  // The payload also has the missing weight of each pixel; see split_scans().
   bool has_missing = false;
   bool operator==(const FragmentHeader&) const = default;
 };
 
+// A fragment of a parsed answer. The payload points into the bytes of the answer.
 struct FragmentView : FragmentHeader {
   std::span<const uint8_t> payload;
 };
@@ -157,8 +164,8 @@ auto in_fragment(size_t index, F f) {
   }
 }
 
-// Finds out when all fragments of an answer have arrived. Parts may arrive in any order. Memory grows with the number
-// of parts.
+// Finds out when an answer that is sent in several parts is complete. Parts may arrive in any order and repeatedly.
+// Memory grows with the number of parts.
 class AnswerParts {
  public:
   // Records an arrived part. Returns false and ignores the part if it repeats fragments or contradicts earlier parts.
@@ -207,6 +214,8 @@ class AnswerWriter {
   // payloads. The capacity of `memory` is reused and its content is discarded.
   AnswerWriter(const AnswerHeader& header, size_t max_fragments, ByteBuffer memory = {});
 
+  // Allocates memory for this many bytes of payloads, so that the planes of add_sums() stay valid while fragments are
+  // added.
   void reserve_payloads(size_t bytes);
 
   // Adds a fragment with codec kRaw or kRaw16. Returns uninitialised memory for its payload, valid until the next call.

@@ -20,9 +20,9 @@ struct ConsistencyHeader {
   uint32_t view_id = 0, sequence = 0;
   uint64_t rig_hash = 0;
   uint32_t node = 0;
-  // The exposure gains of the node's cameras, or nullopt. Gains are present in a unit for exposure compensation, which
-  // has a single hypothesis: the cameras' own view with wide weights. A unit for the depth hypotheses of a request has
-  // no gains.
+  // The exposure gains of the node's cameras, or nullopt. A unit without gains contains the sums of the request's depth
+  // hypotheses. A unit with gains is a brightness measurement for exposure compensation, which uses the same format:
+  // its only hypothesis is the current surface, and its sums are the brightness of the cameras there.
   std::optional<GainSum> gains;
   bool operator==(const ConsistencyHeader&) const = default;
 };

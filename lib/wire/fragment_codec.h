@@ -20,10 +20,12 @@ namespace lf::wire {
 // into strips of this size, so that several threads can encode and decode the strips.
 inline constexpr int kStripPixels = 1 << 16, kStripUnit = 16;
 
+// Returns the number of rows of a strip with about `pixels` pixels, a multiple of 16, so that JPEG blocks are not cut.
 inline int strip_rows(int width, int pixels = kStripPixels) {
   return std::max(pixels / width / kStripUnit, 1) * kStripUnit;
 }
 
+// Cuts a rectangle into strips of `rows` rows; the last strip may be smaller.
 inline std::vector<Rect> cut_rows(const Rect& rect, int rows) {
   std::vector<Rect> parts;
   for (int y = rect.y0; y < rect.y1; y += rows) parts.push_back({rect.x0, y, rect.x1, std::min(y + rows, rect.y1)});
@@ -59,6 +61,7 @@ void copy_tile(const FragmentView& fragment, const Rect& tile, uint8_t* to);
 // visible than errors in the pixels.
 inline constexpr int kMinMissingQuality = 90;
 
+// A fragment to encode: the planes of its pixels, and the camera if these are the unprocessed pixels of one camera.
 struct AnswerFragment {
   std::optional<CameraIndex> camera;
   FragmentPlanes planes;

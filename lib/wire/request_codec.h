@@ -60,9 +60,9 @@ struct RequestPeek {
 };
 // Returns nullopt unless `bytes` starts a request of this version. Does not check the rest.
 std::optional<RequestPeek> peek_request(std::span<const uint8_t> bytes);
-// Returns the cost of a request of any kind, so that expensive requests can be refused before memory is reserved or
-// data is inflated. For a valid unit, the result equals the cost after decoding. Missing fields count as 0, because the
-// decoder rejects such units anyway.
+// Returns the cost of an encoded request of any kind, so that expensive requests can be refused before they are
+// decoded. For a valid unit, the result is the same as the cost of the decoded request. Missing fields count as 0,
+// because the decoder rejects incomplete units.
 RequestCost peek_request_cost(std::span<const uint8_t> bytes);
 
 }  // namespace lf::wire

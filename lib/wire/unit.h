@@ -31,6 +31,7 @@ void store(uint8_t* to, T value) {
   for (size_t i = 0; i < sizeof(T); i++) to[i] = static_cast<uint8_t>(bits >> (8 * (sizeof(T) - 1 - i)));
 }
 
+// Appends numbers to a message.
 class Writer {
  public:
   explicit Writer(size_t size) { bytes_.reserve(size); }
@@ -66,8 +67,8 @@ class BufferWriter {
   uint8_t* to_;
 };
 
-// Reads values from the front of a message. A read past the end returns 0 and makes ok() false for good. A parser can
-// therefore read all fields first, but must check ok() before using the values.
+// Reads values from the front of a message. A read past the end returns 0, and ok() then stays false. A parser can
+// therefore read all fields without checks, and then must check ok() before it uses the values.
 class Reader {
  public:
   explicit Reader(std::span<const uint8_t> bytes) : bytes_(bytes) {}
@@ -136,8 +137,9 @@ struct UnitHeader {
 // Parses a unit header from the first kUnitHeaderBytes bytes. Returns nullopt if no unit starts there.
 std::optional<UnitHeader> peek_unit(std::span<const uint8_t> bytes);
 
-// Returns the number of bytes to skip up to the next magic number, at least 1. If `more_to_come`, the beginning of a
-// magic number at the end counts as well. `bytes` must not be empty.
+// Returns the number of bytes that a reader must skip after a damaged unit, which is the distance to the next magic
+// number, but at least 1. `more_to_come` means that more bytes follow: an incomplete magic number at the end is then
+// not skipped. `bytes` must not be empty.
 size_t distance_to_magic(std::span<const uint8_t> bytes, bool more_to_come);
 
 template <typename Out>
@@ -169,9 +171,10 @@ auto catch_reason(std::string* reason, F read) -> std::optional<decltype(read())
 
 // Compresses in zlib format (RFC 1950) at the fastest setting, because the data is small and encoded for every frame.
 std::vector<uint8_t> deflate_all(std::span<const uint8_t> bytes);
-// Returns zlib data in uncompressed blocks, for links where bytes cost nothing.
+// Returns the bytes in zlib format without compression, which is fast, for messages within one process.
 std::vector<uint8_t> store_all(std::span<const uint8_t> bytes);
-// Throws Error unless the result has exactly `size` bytes. Never reserves more memory than the input can inflate to.
+// Decompresses zlib data. Throws Error unless the result has exactly `size` bytes. Never reserves more memory than the
+// input can inflate to, so a forged `size` does no harm.
 std::vector<uint8_t> inflate_exactly(std::span<const uint8_t> deflated, size_t size);
 
 }  // namespace lf::wire

@@ -14,16 +14,17 @@
 
 namespace lf::cameras {
 
+// The observations of `lf-rig doctor` about one camera.
 struct CameraReport {
   CameraIndex camera = 0;
   Attachment attachment;
   std::string problem;  // error of lfcamsrc if the camera does not work; otherwise empty
   FrameTimeStats times;
   double delay = 0;  // median delay from capture to arrival, seconds
-  // offset of the capture times relative to the rest of the array, seconds; positive if this camera is late
+  // Offset of the capture times relative to the rest of the array, in seconds; positive if this camera is late.
   double phase = NAN;
   std::string format;  // format of the source, such as "JPEG" or "YUY2"; empty if unknown
-  std::string stamps;  // origin of the capture times: "source", "sender-reports" or "arrival"
+  std::string stamps;  // origin of the capture times: "source", "sender-reports" (RTCP) or "arrival"
   size_t left_undecoded = 0;
   // frames that were decoded to measure the brightness, and frames that failed to decode
   size_t decoded_frames = 0, damaged = 0;
@@ -35,12 +36,15 @@ struct CameraReport {
   std::vector<std::string> unsupported_controls;
 };
 
+// A problem of the cameras, with its remedy.
 struct DoctorFinding {
   bool error = false;   // true if rendered views will suffer; false for a warning
   std::string cameras;  // affected camera, link or array, such as "camera 3 (cam_00_03)"
   std::string what, remedy;
 };
 
+// All results of a check: planned and measured loads of the USB buses and networks, the synchronisation of the cameras,
+// and the problems.
 struct DoctorReport {
   std::vector<CameraReport> cameras;
   std::vector<LinkLoad> planned, measured;
@@ -58,15 +62,18 @@ struct DoctorOptions {
   std::function<void(double)> on_progress = {};  // 0 to 1; called on the caller's thread
 };
 
-// Opens and observes all cameras of the rig at the same time. Overloaded USB buses and networks show only if all
-// cameras run together. `path` is the file of the rig. Throws Error if a GStreamer element is not installed.
+// Opens all cameras of the rig at the same time and observes their frames, because an overloaded USB bus or network
+// only shows if all cameras run together. `path` is the file of the rig. Throws Error if a GStreamer element is not
+// installed.
 DoctorReport run_doctor(std::shared_ptr<const Rig> rig, const std::string& path, const DoctorOptions& options);
 
 // Estimates the load of each USB or network link without opening cameras. The estimate uses the image size, the frame
 // rate in the source (or `fps`) and the format, which is raw if the source specifies this and otherwise JPEG.
 std::vector<LinkLoad> planned_loads(const Rig& rig, const std::vector<CameraReport>& cameras, int fps);
+// Returns the load of each link from the bytes that the cameras have delivered.
 std::vector<LinkLoad> measured_loads(const Rig& rig, const std::vector<CameraReport>& cameras);
 
+// Derives the problems from the observations in `exam`.
 std::vector<DoctorFinding> find_problems(const Rig& rig, const DoctorReport& exam);
 
 // Returns advice for the user about `problem`, an error text of lfcamsrc. The advice depends on whether the camera's

@@ -10,9 +10,9 @@
 
 namespace lf::cameras {
 
-// Returns the length of the first video stream of a file, by demuxing the whole file without decoding; nullopt if
-// GStreamer finds no frames; zero frames if the file needs an element that is not trusted (rig/source_security.h).
-// `timed`: the file has timestamps; otherwise the file is a series of JPEG images.
+// Measures the length of the first video stream of a file: reads the whole file with GStreamer, without decoding.
+// `timed` is true for a file with timestamps, and false for a series of JPEG images. Returns nullopt if GStreamer finds
+// no frames. The result has zero frames if the file needs an element that is not allowed (rig/source_security.h).
 std::optional<FilmLength> demuxed_length(const std::string& path, bool timed);
 
 // Returns an error for each still that the elements cannot decode, although other programs may.

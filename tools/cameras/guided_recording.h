@@ -17,9 +17,9 @@
 
 namespace lf::cameras {
 
-// Tells a person who moves lights in front of the cameras which image regions are still missing. For this purpose it
-// tracks the lights during the recording. One thread of low priority examines a few downscaled frames per second of
-// each camera, so that the recording loses no frames.
+// Finds the image regions that a moved light has not reached yet, during the recording for a calibration, so that the
+// person who moves the light knows where to go next. One thread of low priority examines a few downscaled frames per
+// second of each camera, so that the recording loses no frames.
 class LightTracker {
  public:
   LightTracker(const Rig& rig, int lights);
@@ -29,6 +29,8 @@ class LightTracker {
   // Copies a frame for detection. Thread-safe; call on the thread that delivers the frame.
   void see(const CameraFrame& frame);
 
+  // Return the progress as text for the person, the regions that the light has reached in the image of a camera, and a
+  // text with the missing regions of a camera.
   std::string summary() const;
   CoverageGrid places(CameraIndex camera) const;
   std::string wanted(CameraIndex camera) const;

@@ -42,9 +42,10 @@ struct StuckControl {
   std::string control;
   std::string why;  // for example "the picture stays the same", or the error of the camera
 };
-// Finds controls that have no effect. Opens all cameras with `controls`, then once more for each control with another
-// value, and compares the images: by brightness for exposure and gain, by colour for white balance. Focus is not
-// checked. `on_step` receives a description of each step.
+// Finds cameras that ignore a control, as many webcams do. The function opens all cameras with `controls`, and then
+// again for each control with another value of this control. An exposure or gain with an effect changes the brightness
+// of the image, and a white balance changes its colour. Focus is not checked. `on_step` receives a description of each
+// step.
 std::vector<StuckControl> find_stuck_controls(const Rig& rig, const ControlValues& controls, const LockOptions& options,
                                               const std::function<void(const std::string&)>& on_step = {});
 

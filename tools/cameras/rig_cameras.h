@@ -87,7 +87,8 @@ class RigCameras {
 
 std::string name_of(const Camera& camera);
 
-// A temporary copy of a rig file. Relative paths are adapted to the new location. The destructor deletes the file.
+// A temporary copy of a changed rig, as a file that lfcamsrc can open. Relative paths are adapted to the new location.
+// The destructor deletes the file.
 class TemporaryRig {
  public:
   // `original` is the JSON of the rig file with all fields, such as controls (rig/rig_json.h); `path` is the file. The
@@ -107,6 +108,7 @@ class TemporaryRig {
 
 }  // namespace lf::cameras
 
+// A capture device of this machine.
 struct VideoDevice {
   std::string name;
   std::string source;   // value of `source` in a rig file: a URI or a launch description

@@ -21,6 +21,8 @@ std::string normal_origin(const std::string& text);
 // Error if `text` is not a host name.
 std::string normal_host(const std::string& text);
 
+// Decides whether an HTTP request may use the server, by its headers: the token, and the web page that the request
+// comes from. Immutable and therefore thread-safe.
 class Access {
  public:
   // `token` is the token that clients must send; empty if they need none. `origins` are allowed in addition to the

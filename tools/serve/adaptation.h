@@ -26,9 +26,9 @@ struct ReceptionReport {
   int32_t lost = 0;      // number of lost packets minus duplicates
 };
 
-// Computes the packet loss of a viewer from consecutive RTCP receiver reports. The field "fraction lost" of the reports
-// is unusable. Browsers also send a report with each request for lost packets, so a fraction covers only two or three
-// packets.
+// Computes the packet loss of a viewer from the packet counts in consecutive RTCP receiver reports. The field "fraction
+// lost" of the reports is unusable: browsers send a report with each request for lost packets, so this fraction covers
+// only two or three packets.
 class PacketLoss {
  public:
   // `reports` contains the latest report of each stream. Returns the fraction of packets, 0 to 1, that were lost since
@@ -52,10 +52,10 @@ class PacketLoss {
   double loss_ = 0;
 };
 
-// Protects a viewer's pipeline from harmful packets of its browser. The SRTP decoder and the RTP session keep state for
-// each SSRC (stream id), the decoder even for packets that it cannot authenticate. RTCP feedback of format 5 (RFC 6051)
-// deadlocks the RTP session of GStreamer 1.22. One transport-wide congestion control packet makes it keep up to 65,536
-// records.
+// Protects a viewer's pipeline from harmful packets of its browser. There are three attacks. Packets with many SSRCs
+// (stream ids) exhaust the memory, because the SRTP decoder and the RTP session keep state for each SSRC, the decoder
+// even for packets that it cannot authenticate. RTCP feedback of format 5 (RFC 6051) deadlocks the RTP session of
+// GStreamer 1.22. One packet of transport-wide congestion control makes the session keep up to 65,536 records.
 //
 // Times are g_get_monotonic_time(). Not thread-safe.
 class RtcpFilter {
@@ -78,9 +78,9 @@ class RtcpFilter {
   TokenBucket packets_{kPerSecond, kAtOnce};
 };
 
-// Decides which requests of a viewer are sent to the cameras, and tracks requests without an answer. If the machine or
-// the network is too slow for the frame rate, requests are skipped. The frame rate then drops, but pictures stay
-// complete and current. Without pacing, queues would fill, and all pictures would be late.
+// Limits the number of a viewer's requests that are in flight, that is, sent to the cameras but not answered. If the
+// machine or the network is too slow for the frame rate, further requests are skipped. The frame rate then drops, but
+// pictures stay complete and current. Without this limit, queues would fill, and all pictures would be late.
 //
 // Thread-safe. Times are request times in nanoseconds and must not decrease.
 class RequestPacer {
@@ -108,13 +108,15 @@ class RequestPacer {
     in_flight_.push_back(time);
     return true;
   }
-  // Returns the fraction of the requests due since the previous call that were sent; 1 if none was due.
+  // Returns how many of the requests that were due since the previous call have been sent, as a fraction; 1 if none was
+  // due.
   double kept() {
     const std::lock_guard lock(mutex_);
     const double part = wanted_ > 0 ? static_cast<double>(made_) / static_cast<double>(wanted_) : 1;
     wanted_ = made_ = 0;
     return part;
   }
+  // Call this when the picture of this time is complete. Earlier requests do not count as in flight any more.
   void end(uint64_t time) {
     const std::lock_guard lock(mutex_);
     while (!in_flight_.empty() && in_flight_.front() <= time) in_flight_.pop_front();
@@ -188,11 +190,11 @@ class QualityControl {
   bool wants_key_frame_ = false;
 };
 
-// Reduces the load in steps, for all viewers equally, if the machine is too slow. The steps are fewer depth hypotheses
-// (surfaces that are tested to find the depth), then half the frame rate, then half the size.
-// The load is reduced by a step if requests are skipped while the processors are busy. It rises again by a step after a
-// while if the processors have enough reserve. If this proves wrong, the next attempt waits twice as long. Call
-// update() once a second.
+// Reduces the quality in steps, equally for all viewers, if the machine is too slow. The steps are: fewer depth
+// hypotheses (guessed depths, which the cameras test), then half the frame rate, then half the size. The load is
+// reduced by a step if requests are skipped while the processors are busy. It rises again by a step after a while if
+// the processors have enough reserve. If this proves wrong, the next attempt waits twice as long. Call update() once a
+// second.
 class LoadShedding {
  public:
   static constexpr double kMinMadeShare = 0.9;  // fraction of sent requests below which the machine is too slow
@@ -239,6 +241,7 @@ class LoadShedding {
 // Measures the load of all processors of this machine, from /proc/stat.
 class ProcessorLoad {
  public:
+  // Returns the load since the previous call, from 0 (idle) to 1.
   double update() {
     std::ifstream stat("/proc/stat");
     std::string name;
@@ -260,8 +263,9 @@ class ProcessorLoad {
   uint64_t all_ = 0, idle_ = 0;
 };
 
-// Returns the phase of a viewer's requests within the frame period, 0 to 1. If all viewers sent their requests at the
-// same time, each request would wait for the pictures of all other viewers.
+// Returns when a viewer sends its requests within each frame period, as a fraction from 0 to 1. The times of the
+// viewers are evenly spread. If all viewers sent their requests at the same time, each request would wait for the
+// pictures of all other viewers.
 inline double request_phase(uint32_t view) {
   constexpr double kGoldenRatio = 0.6180339887498949;
   const double turns = kGoldenRatio * view;

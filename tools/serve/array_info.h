@@ -14,6 +14,7 @@
 
 namespace lf::serve {
 
+// The number of cameras, and of the cameras that deliver frames.
 struct CameraStates {
   uint32_t count = 0, working = 0;  // cameras that are not known to be lost
 };

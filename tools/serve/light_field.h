@@ -76,6 +76,7 @@ class LightField {
   CameraStates cameras() const { return states_; }
   void update_camera_states();
 
+  // Registers a viewer: `on_answer` receives all further answers to requests with this view id.
   void join(uint32_t view, OnAnswer on_answer);
   void leave(uint32_t view);         // When this function has returned, on_answer is not called any more.
   void request(GstBuffer* request);  // takes a reference

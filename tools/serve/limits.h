@@ -14,12 +14,14 @@
 
 namespace lf::serve {
 
+// The properties of lfcompositor that control the focus, for all viewers.
 struct FocusSettings {
   std::string mode = "auto";
   double near = 0, far = 0;  // properties "focus-near" and "focus-far", metres from the array
   std::string gains;         // property "gains"; empty: its default
 };
 
+// The limits for viewers, from the options of lf-serve.
 struct Limits {
   int viewers = 8;  // maximum number of views; a stereo viewer needs two
   int address_views = 2;
@@ -49,6 +51,7 @@ inline int best_bit_rate(int width, int height, const Limits& limits) {
   return static_cast<int>(std::min<double>(limits.bit_rate, std::max(most, 300000.0)));
 }
 
+// The view that a browser requests in the URL of its offer.
 struct ViewParams {
   int width = 640, height = 480;  // per eye, pixels
   double eye_distance = 0;        // distance between the eyes, metres; 0: a single eye
@@ -131,14 +134,16 @@ class AddressLimit {
   std::list<std::string> order_;
 };
 
-// Decides which viewers may watch. A seat is the right to one view; a stereo viewer takes two seats. Each address has a
-// maximum number of views. If no seat is free, viewers wait in a queue and must present their ticket repeatedly.
+// Decides which viewers may watch if there are more viewers than the server can serve. A seat is the right to one view;
+// a stereo viewer takes two seats. Each address has a maximum number of views. If no seat is free, viewers get a ticket
+// for a place in a queue, and must present the ticket repeatedly to keep this place.
 //
 // A client that never connects must not keep others out. Viewers that have not connected yet therefore share at most a
 // quarter of all seats. If a new viewer would exceed this quarter, a viewer that has not connected after
 // kConnectTimeout loses its seats. If there is none, a viewer of the address with the most unconnected views does.
 //
-// There are no clocks and locks; times are g_get_monotonic_time(), microseconds.
+// The class reads no clock, so that it can be tested: all times are arguments, in microseconds as from
+// g_get_monotonic_time(). Not thread-safe.
 class AdmissionControl {
  public:
   // microseconds until an unconnected viewer may lose its seats

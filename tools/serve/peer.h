@@ -23,11 +23,13 @@ namespace lf::serve {
 // not be logged.
 inline constexpr char kOfferRejected[] = "the offer can't be answered";
 
+// The quality of the connection, as the browser reports it: packet loss and round-trip time.
 struct LinkReport {
   double loss = 0;        // 0 to 1
   double round_trip = 0;  // seconds; 0: unknown
 };
 
+// The network path for the packets of a viewer.
 struct Route {
   std::string address;  // local address that sends and receives packets; empty: any
   std::vector<std::string> ice_servers;
@@ -84,6 +86,7 @@ class Peer : public std::enable_shared_from_this<Peer> {
   // Closes the encrypted connection (DTLS), so that the browser notices the end at once. Packets must still be sent, so
   // the pipeline must continue to run during the call.
   void close_dtls();
+  // Requests a LinkReport from webrtcbin, for Callbacks::on_report.
   void ask_for_report();
 
  private:

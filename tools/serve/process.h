@@ -39,11 +39,14 @@ inline void on_main_thread(std::function<void()> job) {
   g_source_unref(source);
 }
 
-// Destroys objects on separate threads. Thread-safe.
+// Destroys objects on separate threads, because stopping a pipeline can take seconds and would block the main thread.
+// Thread-safe.
 class Teardowns {
  public:
+  // Calls `end`, which destroys an object, on a new thread.
   void add(std::function<void()> end);
   size_t size() const;
+  // Waits until all threads have finished, but at most for this time. Returns true if all have finished.
   bool wait(std::chrono::milliseconds longest) const;
 
  private:
