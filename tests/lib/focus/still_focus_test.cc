@@ -42,17 +42,16 @@ TEST(FocusStill, FindsTheSurfaceOfAPipeline) {
 class IrregularArrayTest : public testing::Test {
  protected:
   IrregularArrayTest() {
-    rig_ = scene_rig(4, 4, 160, 120);
+    rig_ = scene_rig(4, 4, 320, 240);
     rig_.topology = {};
     rig_.cameras.erase(rig_.cameras.begin() + 9);
     rig_.cameras.pop_back();
     for (CameraIndex i = 0; i < rig_.cameras.size(); i++) {
       Camera& camera = rig_.cameras[i];
-      camera.pose.position = 6. * camera.pose.position + Vec3(0.03 * std::sin(5. * i), 0.03 * std::cos(7. * i), 0);
-      images_.push_back(render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0));
+      camera.pose.position = 4. * camera.pose.position + Vec3(0.03 * std::sin(5. * i), 0.03 * std::cos(7. * i), 0);
     }
-    view_.width = 160;
-    view_.height = 120;
+    view_.width = 320;
+    view_.height = 240;
     view_.lens = rig_.cameras[0].lens;
     view_.pose.position = {0.03, -0.01, 0};
     view_.focus.plane = focal_plane_at(view_.pose, 2);
@@ -65,6 +64,16 @@ class IrregularArrayTest : public testing::Test {
   View focus(const ArrayDepth* depths) const {
     return focus_still(rig_, build_mesh(rig_), view_, image_of_, kSurface, kSettledRounds, nullptr, depths);
   }
+  // The images are the same for all tests, and take a second.
+  const std::vector<Image>& filmed() const {
+    static const std::vector<Image> images = [&] {
+      std::vector<Image> filmed;
+      for (const Camera& camera : rig_.cameras)
+        filmed.push_back(render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0));
+      return filmed;
+    }();
+    return images;
+  }
   CameraSet all() const {
     CameraSet cameras(rig_.cameras.size());
     std::iota(cameras.begin(), cameras.end(), 0);
@@ -73,9 +82,8 @@ class IrregularArrayTest : public testing::Test {
 
   static constexpr DepthEstimator::Settings kSurface{.mode = FocusMode::kSurface};
   Rig rig_;
-  std::vector<Image> images_;
   View view_;
-  const CameraImages image_of_ = [this](CameraIndex i) -> const Image& { return images_[i]; };
+  const CameraImages image_of_ = [this](CameraIndex i) -> const Image& { return filmed()[i]; };
 };
 
 TEST_F(IrregularArrayTest, DepthsOfTheCamerasGiveABetterPicture) {
@@ -99,7 +107,7 @@ TEST_F(IrregularArrayTest, LimitsOfTheSearchAreKept) {
 
 // Depths from images of other places are useless.
 TEST_F(IrregularArrayTest, UselessDepthsAreNotShown) {
-  const CameraImages others = [this](CameraIndex i) -> const Image& { return images_[(5 * i + 3) % images_.size()]; };
+  const CameraImages others = [this](CameraIndex i) -> const Image& { return filmed()[(5 * i + 3) % filmed().size()]; };
   const std::optional<ArrayDepth> depths = estimate_depths(rig_, all(), others, kSurface);
   ASSERT_TRUE(depths);
   EXPECT_GT(psnr(focus(&*depths)), psnr(view_) - 0.1);
