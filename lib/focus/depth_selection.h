@@ -80,7 +80,7 @@ struct DepthRange {
   bool operator==(const DepthRange&) const = default;
 };
 
-// Changes the range of the map. The level of each node becomes the level in the new range with the nearest depth.
+// Changes the range of the map. Each node gets the level of the new range that is closest to its depth.
 void set_range(const DepthRange& range, FocalMap& map);
 
 // Finds the range of the scene's depths, with a histogram of the depths of the latest rounds. The levels of nodes

@@ -58,7 +58,7 @@ struct GlesJob {
   std::string why_not;             // reason for failure; empty on success
 };
 
-// Input of GlesRenderer::draw_consistency(): the depth hypotheses to test, and the view. The result are
+// Input of GlesRenderer::draw_consistency(): the depth hypotheses to test, and the view. The results are
 // photo-consistency sums (focus/photo_consistency.h), which show how well the cameras agree about the depths. The view
 // has a focal map and one pixel for each node of the map.
 struct ConsistencyTask {
