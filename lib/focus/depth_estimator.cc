@@ -153,7 +153,7 @@ void DepthEstimator::count_planes(const DepthSelection& choice, const std::vecto
   state_.bought = std::isfinite(best) ? best - choice.cost[0] : 0;
 }
 
-// Returns how much light the viewer's plane may move by blur alone, as a fraction: the squared width of the blur,
+// Returns the fraction of the light that blur through the viewer's plane may move. It is the squared width of the blur,
 // relative to the side of a quarter of the picture. The blur is computed for objects at the ends of the depth range,
 // seen by cameras `width` metres apart. If `width` is 0 (unknown), returns 1.
 double DepthEstimator::moved_by_blur(const View& view, double width) {

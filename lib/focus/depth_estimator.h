@@ -59,8 +59,8 @@ class DepthEstimator {
   // its lost light divided by this fraction.
   static constexpr double kMovedLight = 5;
   static constexpr double kSmallestLost = 0.01;
-  // If another depth is as plausible as the surface's and might be the true one, the surface is only shown if its
-  // squared error is below this fraction of the plane's.
+  // A surface is doubtful where another depth is as plausible. It is only shown if its squared error, assuming that the
+  // other depth is true, is below this fraction of the plane's.
   static constexpr double kDoubtful = 0.7;
   // After kQuietRounds rounds without improvement, the estimator rests to save time: fewer and fewer requests have
   // hypotheses. The rest ends with a round that gains more than kMoreAtRest times the gain before the rest, plus the
@@ -92,8 +92,8 @@ class DepthEstimator {
     std::optional<Plane> plane;  // plane to show instead of the viewer's, if one plane suffices
   };
   // Returns the next plan, from the answer to `request`. `moments` are the sums of the request's hypotheses, in their
-  // order and with the size of the map; empty if the request has no hypotheses or they were not answered. Requests must
-  // be answered in the order of sending, but any number of requests can be in flight; see LatestSurface.
+  // order and with the size of the map. It is empty if the request has no hypotheses or they were not answered.
+  // Requests must be answered in the order of sending, but any number of requests can be in flight; see LatestSurface.
   Plan next(const ViewRequest& request, std::span<const PhotoConsistency> moments, const FocusArray& array);
 
   // Adapts to slow nodes: reports whether a picture was complete in time. After incomplete pictures, fewer requests

@@ -36,8 +36,8 @@ void DepthFeedback::announce(DepthEstimate news) {
 }
 
 // Queues the hypotheses of a new estimate. Several estimates can arrive between two requests, because pictures come in
-// bursts. All hypotheses of searches and sweeps are kept, because all later steps depend on their results. Refinement
-// hypotheses replace older ones.
+// bursts. The hypotheses of searches and sweeps are queued (up to kMostUnsent requests), because all later steps depend
+// on their results. Refinement hypotheses replace older refinement hypotheses.
 void DepthFeedback::take_hypotheses(DepthEstimator::Plan& plan) {
   const auto is_of_other_levels = [](const FocalMap* a, const FocalMap* b) {
     return !a || !b || a->farthest != b->farthest || a->nearest != b->nearest || a->step != b->step ||

@@ -22,10 +22,10 @@ struct Compared {
   std::vector<float> most;
 };
 
-// Selects the hypotheses to compare. Means can only be compared over the same nodes, but a hypothesis that sees few of
-// the surface's nodes, such as a near plane with widely spaced cameras, would leave too few common nodes. Hypotheses
-// are therefore added in descending order of the nodes that they share with the surface, as long as the fraction
-// kCompared of the surface's nodes remains.
+// Selects the hypotheses to compare. Means can only be compared over the same nodes. A hypothesis that sees few of the
+// surface's nodes would leave too few common nodes, for example a near plane if cameras are far apart. Hypotheses are
+// therefore added in descending order of the nodes that they share with the surface, as long as the fraction kCompared
+// of the surface's nodes remains.
 Compared compared_hypotheses(const std::vector<std::vector<float>>& costs, std::span<const uint8_t> counted) {
   constexpr double kCompared = 0.5;
   const auto num_seen = [](const std::vector<float>& most) {

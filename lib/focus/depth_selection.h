@@ -48,8 +48,8 @@ struct DepthSelectionParams {
 // nodes.
 //
 // `hypotheses` contains the levels of each hypothesis, and `moments` its sums. hypotheses[0] is the smoothed surface.
-// It has an advantage (lead), so that undecided nodes become smooth: the deviation of every other hypothesis counts as
-// larger by kLead of the median deviation, plus kNoise, which is the deviation that the rounding of sums alone can
+// It has an advantage (lead), so that undecided nodes become smooth. The lead is added to the deviation of every other
+// hypothesis. It is kLead of the median deviation, plus kNoise, the deviation that the rounding of sums alone can
 // cause. A node that differs from its neighbours by a pixel of disparity or more costs kSmooth of the median deviation,
 // plus kSmoothNoise.
 //
@@ -60,10 +60,10 @@ inline constexpr double kLead = 0.06;
 inline constexpr float kNoise = 0.25f, kSmoothNoise = 0.1f;  // levels of luma
 inline constexpr double kSmooth = 0.4;
 inline constexpr float kLittleEvidence = 0.25f;
-// A node is informed (see DepthSelection) if it has more evidence than kMinEvidence, and its deviation plus kLumaNoise
-// luma levels is less than kMaxDeviationRatio of the deviation at a wrong depth. In a sweep, it must also be less than
-// kUnique of the deviation of every plane that is not adjacent to the best plane, because one of many planes can fit by
-// chance.
+// A node is informed (see DepthSelection) under these conditions. It has more evidence than kMinEvidence. Its deviation
+// plus kLumaNoise luma levels is less than kMaxDeviationRatio of the deviation at a wrong depth. In a sweep, one of
+// many planes can fit by chance. The deviation must then also be less than kUnique of the deviation of every plane that
+// is not adjacent to the best plane.
 inline constexpr float kLumaNoise = 0.5f, kMaxDeviationRatio = 0.3f, kUnique = 0.6f, kMinEvidence = 0.35f;
 inline constexpr size_t kSweep = 7;
 // A jump is a hypothesis that is unrelated to the surface, such as a plane far from it (see
@@ -80,7 +80,7 @@ struct DepthRange {
   bool operator==(const DepthRange&) const = default;
 };
 
-// Changes the range of the map. The level of each node becomes the level in the new range with the nearest depth.
+// Changes the range of the map. Each node gets the level of the new range that is closest to its depth.
 void set_range(const DepthRange& range, FocalMap& map);
 
 // Finds the range of the scene's depths, with a histogram of the depths of the latest rounds. The levels of nodes

@@ -100,8 +100,8 @@ namespace {
 
 constexpr size_t kLeastNodes = 24;
 // A camera is compared with the mean only at nodes with a line of sight that crosses the array within 1.25 mesh edges
-// of the camera. At other nodes, the mean comes from cameras on one side only. Reflections change along an array (by 2
-// % per camera in one scene), so the ratio would contain this change.
+// of the camera. At other nodes, the mean comes from cameras on one side only. Reflections change along an array, in
+// one scene by 2 % per camera, so the ratio would contain this change.
 constexpr double kNear = 1.25;                            // edges
 constexpr float kNearWeight = WideLuma::kPeak * 0.4578f;  // weight at this distance
 // In a row of cameras, only two cameras are this near to a viewpoint between cameras. All cameras with a weight are

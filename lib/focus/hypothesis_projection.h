@@ -60,12 +60,12 @@ PlaceBounds place_hypotheses(const HypothesisProjection& projection, const Hypot
 // are the functions at the first node, and `step` their increments from node to node. No function may change its sign
 // between the nodes. `out` has padding.
 //
-// The error is at most (6 r + 3) 2^-24, with any instruction set. r is the ratio of the sum at the first node to the
-// sum at the evaluated node, but at least 1; it is 1 if the array is parallel to the view. Proof: the first value f of
-// a function, its k steps, their product (if it is rounded) and the value g at the k-th node each have a relative error
-// of 2^-24. f and g have the same sign, so the k steps are at most the larger of them, and the function has an error of
-// at most (f + 2 max(f, g) + g) 2^-24. Relative to the sum, the error of the corner's function is (3 r + 1) 2^-24. The
-// sum has the same error, multiplied by the weight (at most 1). The quotient is rounded last.
+// The error is at most (6 r + 3) 2^-24, with any instruction set. Here, r is the ratio of the sum at the first node to
+// the sum at the evaluated node, but at least 1. It is 1 if the array is parallel to the view. Proof: the first value f
+// of a function, its k steps, their product (if it is rounded) and the value g at the k-th node each have a relative
+// error of 2^-24. The signs of f and g are equal, so the k steps are at most the larger of them, and the function has
+// an error of at most (f + 2 max(f, g) + g) 2^-24. Relative to the sum, the error of the corner's function is (3 r + 1)
+// 2^-24. The sum has the same error, multiplied by the weight (at most 1). The quotient is rounded last.
 void weigh_run(const double edge[3], const double step[3], int corner, int n, float* out);
 
 }  // namespace lf

@@ -25,8 +25,8 @@ HypothesisProjection hypothesis_projection(const ViewPlan& plan, CameraIndex cam
 
 // Returns the side of the box that low-passes luma, in pixels: the power of two that is nearest to the distance between
 // the nodes in the camera's image. A smaller box would cause aliasing. The distance is measured in the middle of the
-// camera's part of the view (or of the whole view, if this part is empty) and in the middle of the map's range. `plan`
-// is the plan of hypothesis_view().
+// camera's part of the view and in the middle of the map's range. If the camera has no part, the middle of the whole
+// view is used. `plan` is the plan of hypothesis_view().
 int hypothesis_box(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera);
 // Returns the region of a camera's image that the hypotheses sample, like needed_pixels(). `plan` is the plan of
 // hypothesis_view().
@@ -54,7 +54,7 @@ struct HypothesisCamera {
 };
 
 // Samples the images in `sources` through each hypothesis, and adds the contributions to its photo-consistency sums.
-// hypotheses[i] contains the levels of a hypothesis, and sums[i] its sums; both have the size of the view's map. `job`
+// The levels of hypothesis i are in hypotheses[i], and its sums in sums[i]. Each has the size of the view's map. `job`
 // is the RenderJob of hypothesis_view(). Luma is rounded to 8 bits first, as in transmission. The result does not
 // depend on `parallel`. Throws Error like SumRenderer.
 //

@@ -22,8 +22,8 @@ struct PhotoConsistency {
   int columns = 0, rows = 0;
   std::vector<uint16_t> weight, luma, square;  // row-major; square: 1 = weight 1 x luma 1 squared
 
-  // Return the contribution of a camera to `luma`, from its weight (in units of 1 / kWeightOne) and luma (0 to 255),
-  // and from that result its contribution to `square`.
+  // Returns the contribution of a camera to `luma`, from its weight in units of 1 / kWeightOne and its luma `value`, 0
+  // to 255. square_of() returns its contribution to `square`, from the result of luma_of().
   static uint16_t luma_of(uint16_t weight, int value) { return static_cast<uint16_t>((weight * value + 128) >> 8); }
   static uint16_t square_of(uint16_t luma, int value) { return static_cast<uint16_t>((luma * value + 64) >> 7); }
 

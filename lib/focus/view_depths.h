@@ -8,8 +8,8 @@
 
 namespace lf {
 
-// The result of the depth estimation, which a compositor sends back to the source of the requests: the focal surface,
-// the hypotheses and the exposure measurement of the view's next request.
+// The result of the depth estimation, for the view's next request: its focal surface, hypotheses and exposure
+// measurement. The compositor sends the result back to the source of the requests.
 struct DepthEstimate {
   uint32_t sequence = 0;  // number of the request that the estimate is based on
   DepthEstimator::Plan plan;

@@ -19,8 +19,8 @@
 HWY_BEFORE_NAMESPACE();
 namespace lf::HWY_NAMESPACE {
 
-// Computes the range [first, past) of nodes that a footprint covers, along one axis of a map with `count` nodes: nodes
-// with centres within `size` around `middle`, and the node that contains `middle`.
+// Computes the range [first, past) of nodes that a footprint covers, along one axis of a map with `count` nodes. It
+// covers the nodes with centres within `size` around `middle`, and the node that contains `middle`.
 template <class D>
 HWY_INLINE void span_of(D d, hn::Vec<D> middle, hn::Vec<D> size, double count, hn::Mask<D> seen, int32_t* first,
                         int32_t* past) {

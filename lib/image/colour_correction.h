@@ -86,10 +86,12 @@ inline constexpr int kSrgb[kPatches][3] = {
 
 }  // namespace checker
 
-// Applies a ColourModel to images of one camera and family. Immutable.
-// The model is an affine function of the colour, plus a residual from a table of 32 x 32 x 32 colours, in I420 once for
-// 2 x 2 pixels. All instruction sets give the same bits. The mean error against double precision is 0.3 levels,
-// including 0.25 of rounding. 1 % of the most saturated and dark colours differ by more than 1 level, at most by 6.
+// Applies a ColourModel to the images of one camera, all of one family. Immutable.
+//
+// For speed, the model is approximated by an affine function of the colour, plus a residual from a table of 32 x 32 x
+// 32 colours. In I420, each 2 x 2 pixels share a residual. All instruction sets give the same bits. The mean error
+// against double precision is 0.3 levels, including 0.25 of rounding. 1 % of the most saturated and dark colours differ
+// by more than 1 level, at most by 6.
 class ColourCorrection {
  public:
   // `centre` is the principal point in pixels. `family` must not be kNone, and `model` must be valid.

@@ -19,6 +19,7 @@ namespace lf {
 // 0.5.
 enum class PixelFamily : uint8_t { kNone = 0, kRgb = 1, kI420 = 2 };
 
+// The byte order of RGB pixels, for example {4, 2, 1, 0} for BGRx: bytes per pixel, and the byte of each channel.
 struct RgbLayout {
   int pixel_stride = 3;
   int r = 0, g = 1, b = 2;
@@ -27,10 +28,10 @@ struct RgbLayout {
 
 class GpuImage;
 
-// Says where pixels are on a GPU, and how to process them before sampling.
+// The pixels of an image on a GPU, and the processing that they need before sampling.
 struct GpuPixels {
   const GpuImage* image = nullptr;  // null if the pixels are in memory and already processed
-  float gain = 1;                   // divisor, see divide_by_gain(); 1: none
+  float gain = 1;                   // exposure gain to divide by, see divide_by_gain(); 1: none
   bool sharpened = false;           // after the division, see sharpen()
   auto operator<=>(const GpuPixels&) const = default;
 };
@@ -71,6 +72,7 @@ class Image {
   std::vector<uint8_t> data_;
 };
 
+// Returns the number of samples of an image without padding: RGB, or Y, Cb and Cr planes.
 size_t packed_size(PixelFamily family, int width, int height);
 
 // Convert in full-range BT.601 (JFIF). to_i420() averages chroma over 2x2 pixels, and to_rgb() takes the nearest
@@ -89,6 +91,8 @@ enum class Resampling {
   kSharpened,  // bilinear, on sharpened images (image/image_filters.h)
 };
 
+// A camera image in OpenGL textures, for example from a hardware decoder. The owner of the textures implements this
+// interface. A renderer on the same GPU uses the textures directly, and the CPU downloads them with fetch().
 class GpuImage {
  public:
   virtual ~GpuImage() = default;
@@ -109,6 +113,7 @@ class GpuImage {
   virtual bool is_fetched() const = 0;
 };
 
+// Memory for the result of fetched(), which callers can reuse for the next image.
 struct FetchBuffers {
   ByteBuffer divided, sharpened;
 };
@@ -150,6 +155,7 @@ class YcbcrConversion {
 // Walt and N. Smith 2015). Values are clamped to 0..1.
 std::array<uint8_t, 3> heat_colour(double share);
 
+// Grey level of heat maps for NaN.
 inline constexpr uint8_t kNoValueGrey = 96;
 
 // Opacity of the underlay's luma where a heat map is black.

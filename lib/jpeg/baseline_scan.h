@@ -54,6 +54,7 @@ class BitReader {
   unsigned available_ = 0;
 };
 
+// A decoded symbol and the length of its code.
 struct HuffmanSymbol {
   uint8_t code_bits = 0;  // 0 for an invalid code
   uint8_t symbol = 0;
@@ -144,6 +145,8 @@ inline bool read_dc(BitReader& reader, const DcTable& table, int32_t& predictor)
   return true;
 }
 
+// An AC symbol: the number of coefficients that it covers (or kEnd or kNone of AcTable), and the bits of its code and
+// of its value.
 struct AcSymbol {
   unsigned steps, code_bits, size;
 };

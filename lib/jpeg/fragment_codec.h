@@ -15,6 +15,7 @@ namespace lf::jpeg {
 // Pixels along a side of a coding unit: an MCU of 4:2:0 for pixels, and a block for missing weight.
 inline constexpr int kPixelUnit = 16, kMissingUnit = 8;
 
+// Rounds a size up to whole coding units.
 inline int padded(int size, int unit) { return (size + unit - 1) / unit * unit; }
 
 struct CodedSize {

@@ -23,6 +23,7 @@ struct HuffmanSpec {
 const HuffmanSpec& standard_dc(int chroma);
 const HuffmanSpec& standard_ac(int chroma);
 
+// A colour component of a frame, with the numbers of its quantisation and Huffman tables.
 struct Component {
   uint8_t id = 0;
   uint8_t h = 1, v = 1;  // blocks of an MCU along x and y; both 1 if this is the only component

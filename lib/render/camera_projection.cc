@@ -76,8 +76,8 @@ Rect source_region(const ViewPlan& plan, const Rect& rect, CameraIndex camera, c
   Vec2 low(INFINITY), high(-INFINITY);
   double largest_step = 0;
   bool known = true;
-  // The point on a line of sight moves along a straight line in the image (the epipolar line) if its distance changes,
-  // so it is enough to project the smallest and the largest distance.
+  // If the distance of a point on a line of sight changes, the point moves along a straight line in the image (the
+  // epipolar line). Projecting the smallest and the largest distance is therefore enough.
   double distances[2] = {0, 0};
   int num_distances = 1;
   if (const FocalMap* map = plan.view().focus.map.get(); map) {

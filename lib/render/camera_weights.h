@@ -168,12 +168,13 @@ class CameraWeights {
   std::vector<double> weights_;
 };
 
-// The line of sight (u, v, 1) of a pixel, and the distance to the focus in units of its length; may be infinite.
+// The line of sight (u, v, 1) of a pixel. The point in focus is at `focus` times this vector; may be infinite.
 struct LineOfSight {
   Vec2 ray;
   double focus = 0;
 };
-// Positions outside the view are allowed. If the lens has no line of sight there, uses a position nearer to the middle.
+// Returns the line of sight of a position in a view, in pixels. Positions outside the view are allowed. If the lens has
+// no line of sight there, uses a position nearer to the middle.
 LineOfSight line_of_sight(const ViewPlan& plan, const Vec2& pixel);
 
 // Computes the WeightGrid of a view that is not blended by the mesh. Cost: points x cameras.

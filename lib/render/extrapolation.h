@@ -22,8 +22,8 @@ namespace lf {
 //
 // In gaps (Blending::fills_gaps), the cameras of the mesh do not see the point in focus, for example in a view from in
 // front of the array. Let v be the mean of min(40 b, 1) over these cameras, by weight, where b =
-// CameraWeights::visibility(). At each point of the WeightGrid, the cameras of the mesh keep the fraction smoothstep(v
-// / kEnoughVisibility) of their weight, and the nearest cameras get the rest. Cells with a gap are extrapolated as a
+// CameraWeights::visibility(). The cameras of the mesh keep the fraction smoothstep(v / kEnoughVisibility) of their
+// weight, at each point of the WeightGrid. The nearest cameras get the rest. Cells with a gap are extrapolated as a
 // whole.
 inline constexpr int kExtrapolationCameras = 8;
 inline constexpr double kEnoughVisibility = 0.25;

@@ -34,8 +34,7 @@ struct FaceRun {
 //
 // Edge functions are linear along a row, so the pixels of a face form one run, or two if the triangle straddles the
 // eye's plane. The cost therefore grows with the number of rows and not with the number of pixels. The ends of the runs
-// are the same as if the edge functions were evaluated exactly at each pixel, so the owner of a pixel does not depend
-// on the region.
+// agree with an evaluation of the edge functions at each pixel, so the owner of a pixel does not depend on the region.
 class FaceRuns {
  public:
   // Finds the owners of the pixels in `region`. `parallel` speeds up views with lens distortion, which are scanned

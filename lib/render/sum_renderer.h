@@ -22,6 +22,7 @@ class GpuSum;
 class GlesRenderer;
 }  // namespace gl
 
+// One camera of a sum, with its image.
 struct Source {
   CameraIndex camera = 0;  // index of the camera in the plan's rig
   const Camera* rig_camera = nullptr;
@@ -48,7 +49,7 @@ struct GpuStatus {
   std::string why_not;   // the reason, if `drawn` is false
 };
 
-// Renders the weighted total of the images of some cameras, warped into one view. If these are all cameras of the view,
+// Renders the weighted sum of the images of some cameras, warped into one view. If these are all cameras of the view,
 // the sum is the picture. Products of weight and colour are added in registers, in 16 bits with 7 fractional bits, so
 // that rounding to 8 bits happens only once, at the end. The code uses portable SIMD (Highway): SSE2, SSE4, AVX2,
 // AVX-512 or NEON, as the processor supports.

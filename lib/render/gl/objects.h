@@ -55,7 +55,7 @@ class Texture {
   int width_ = 0, height_ = 0;
 };
 
-// A buffer that is only reallocated if a larger size is needed. kUpload and kRead buffers stay mapped, which saves
+// A buffer that is only reallocated if a larger size is needed. Buffers for kUpload and kRead stay mapped, which saves
 // copies, if the driver has EXT_buffer_storage or ARB_buffer_storage.
 class Buffer {
  public:

@@ -27,8 +27,8 @@ size_t table_rows(const simd::SumTask& task);
 // Returns an upper bound of the number of 32-bit words for the WeightGrid cells in `rect`; see make_cells().
 size_t most_of_cells(const simd::SumTask& task, const Rect& rect);
 
-// Makes the tables that the compute shaders read for the views of a pass: which face owns each pixel, the weights of
-// WeightGrid cells, and the geometry of each face and its cameras (sum_shader.h).
+// Makes the tables that the compute shaders read for the views of a pass (sum_shader.h). They contain the face that
+// owns each pixel, the weights of WeightGrid cells, and the geometry of each face and its cameras.
 class PassTables {
  public:
   // Makes the tables. `atlas` must have laid out the images of the views. `boxes` are for photo-consistency sums of a

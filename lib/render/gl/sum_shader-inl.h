@@ -6,10 +6,9 @@
 // Sources of the compute shaders for sums and photo-consistency sums. compute_shader() combines them, after a header
 // that defines the constants in capitals.
 //
-// The shaders compute in float. They also bound the error of float if CAREFUL is defined. If the error could change the
-// result by more than the allowed error, the sample is undecided: `doubt` becomes true, and DOUBT (kUndecided) or
-// CHROMA_DOUBT (kChromaUndecided) is written instead of a sum. The CPU then computes the sample in double precision
-// (see cpu_fixup()).
+// The shaders compute in float. They also bound the error of float if CAREFUL is defined. If it is too large, the
+// sample is undecided: the variable `doubt` becomes true. The shader then writes DOUBT (kUndecided) as missing weight,
+// or CHROMA_DOUBT (kChromaUndecided) as chroma. The CPU then computes the sample in double precision (see cpu_fixup()).
 namespace lf::gl {
 
 // The rendering rule of docs/architecture.md, which all shaders share: weights in a face, projection into a camera, and

@@ -12,9 +12,8 @@ namespace lf::gl {
 
 // The properties of a shader program. compute_shader() generates its text.
 struct SumProgram {
-  // The result of the program:
-  //   kBlocksRgb, kBlocksI420: a whole sum. If float cannot decide whether a sample is missing, or cannot determine its
-  //     position to kMaxPositionError, the missing weight is kUndecided and Cb is kChromaUndecided.
+  // What the program computes:
+  //   kBlocksRgb, kBlocksI420: a whole sum, with undecided samples (see kUndecided).
   //   kConsistencyRgb, kConsistencyI420: photo-consistency sums (focus/photo_consistency.h) from RGB or luma.
   //   kPictureRgb, kPictureI420: a picture made from a sum.
   //   kAdded: the total of two sums.
@@ -37,16 +36,17 @@ struct SumProgram {
 
   auto operator<=>(const SumProgram&) const = default;
 };
-// Markers in a sum for samples that float cannot decide; the CPU then computes them (see cpu_fixup()). kUndecided is a
-// missing weight, and kChromaUndecided a value of Cb. The shaders call them DOUBT and CHROMA_DOUBT.
+// Markers in a sum for samples that float cannot decide: whether the camera sees the point, or where the sample is (to
+// kMaxPositionError). The CPU then computes these samples; see cpu_fixup(). The marker kUndecided is a missing weight,
+// and kChromaUndecided a value of Cb. The shaders call them DOUBT and CHROMA_DOUBT.
 inline constexpr int kUndecided = 0xffff, kChromaUndecided = 0x8000;
 
 // The layout of the shaders' buffer `tables`, which contains the geometry of faces and cameras. It has one row for each
 // face of the mesh, and a row consists of texels of four floats. Views with a WeightGrid also have a row for each slot,
 // with the slot's camera in the first corner.
 enum FaceTexel {
-  // x, y: the pixel (or the line of sight, if has_rays) that all positions in the row are relative to, so that float is
-  // precise enough; w: the level that inverse distances are relative to
+  // The anchor of the row. x, y: a pixel, or a line of sight if has_rays; w: a level of the focal map. Positions and
+  // inverse distances in the row are relative to the anchor, so that float is precise enough.
   kFaceAnchor,
   kFaceEdge,  // three texels: edge function k is x i + y j + z; w is 1 if the camera in that corner is local
   kFaceCorners = kFaceEdge + 3
@@ -93,14 +93,14 @@ inline constexpr double kMaxPositionError = 1.0 / 128;
 inline constexpr double kFloatRounding = 3e-7;
 // Largest error of a weight in float.
 inline constexpr double kMaxWeightError = 2e-5;
-// If the distance between the focal surface and the eye, relative to the numbers that it is computed from, is below
-// this value, float cannot decide whether the surface is behind the eye.
+// Least distance of the focal surface from the eye, relative to the numbers that it is computed from. If it is smaller,
+// float cannot decide whether the surface is behind the eye.
 inline constexpr double kEyeMargin = 1e-5;
 
 // Number of words that describe a camera in a WeightGrid cell. The first word is the camera's table row. Then each
-// corner of the cell has a word with two running sums of weights (see WeightGrid), in units of 1 / 32768: the sum
-// before the camera in the low 16 bits, and the sum including the camera in the high 16 bits. For example, 0x60002000
-// is a weight of 1/2.
+// corner of the cell has a word with two running sums of weights (see WeightGrid), in units of 1 / 32768. The low 16
+// bits are the sum without the camera, and the high 16 bits the sum including the camera. For example, 0x60002000 is a
+// weight of 1/2.
 inline constexpr int kCellWords = 5;
 
 // Bindings of a program's buffers. OpenGL ES 3.1 guarantees only four.

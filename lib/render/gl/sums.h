@@ -18,10 +18,10 @@ namespace lf::gl {
 // A sum in GPU memory, in the layout that the shader kBlocks of sum_shader-inl.h writes. The context must be current
 // for all calls.
 struct BlockSum {
-  // The offsets of the parts of the sum in `words`, in 32-bit words. missing_rows and undecided_rows have one word for
-  // each row of 2x2 blocks, so that a reader can skip rows without missing weight or undecided samples. A row with
-  // missing weight or undecided samples, respectively, is marked with the number of the draw. All further parts are
-  // samples.
+  // The offsets of the parts of the sum in `words`, in 32-bit words. The parts missing_rows and undecided_rows have one
+  // word for each row of 2x2 blocks, so that a reader can skip rows without missing weight or undecided samples. A row
+  // with missing weight or undecided samples, respectively, is marked with the number of the draw. All further parts
+  // are samples.
   struct Parts {
     uint32_t missing_rows = 0, undecided_rows = 0, pixels = 0, chroma = 0, lost = 0, end = 0;
   };

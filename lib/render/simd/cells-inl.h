@@ -1,7 +1,7 @@
-// SPDX-License-Identifier: LGPL-2.1-or-later Included once per instruction set, see render_band.cc: sample positions in
-// one camera's image for a view with a focal map. Projects the nodes of the map exactly, finds the cells that can be
-// interpolated accurately between the nodes, and interpolates the positions in fixed point. sum_task.h explains the
-// terms.
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Included once per instruction set, see render_band.cc: sample positions in one camera's image for a view with a focal
+// map. Projects the nodes of the map exactly, and finds the cells where interpolation is accurate enough. There, it
+// interpolates the positions in fixed point. The terms are explained in sum_task.h.
 #if defined(LF_RENDER_SIMD_CELLS_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef LF_RENDER_SIMD_CELLS_INL_H_
 #undef LF_RENDER_SIMD_CELLS_INL_H_
@@ -20,8 +20,8 @@
 #include "render/sum_renderer.h"
 
 // The interpolation and its errors. Inverse distance is bilinear in a cell, which lies between four nodes of the map.
-// Along a side of a cell from node p0 to node p1, with t = 0..1, positions are interpolated as p0 + t (p1 - p0) + t (1
-// - t) bend. The bend is chosen so that the middle is exact. Three errors remain:
+// Positions along a side of a cell, from node p0 to node p1, are p0 + t (p1 - p0) + t (1 - t) bend with t = 0..1. The
+// bend is chosen so that the middle is exact. Three errors remain:
 //  - division: the exact position is p0 + t z1 / z(t) (p1 - p0), which adds t (1 - t) (1/2 - t) k^2 (p1 - p0) for
 //    k = |z1 - z0| / z;
 //  - homogeneous camera coordinates have a quadratic term, the product of the pixel step a and the inverse-distance
@@ -450,8 +450,9 @@ struct CellsOfPair {
   V16 node, step, bend, bend_step, down;
 };
 
-// Interpolates the positions of the samples in one row of a pair: first vertically, from the nodes above and below to
-// nodes in this row, and then along the row in at(). The chroma row is halfway between both rows of the pair.
+// Interpolates the positions of the samples in one row of a pair. The constructor interpolates vertically, from the
+// nodes above and below to nodes in this row. Then at() interpolates along the row. The chroma row is halfway between
+// both rows of the pair.
 struct CellsOfRow {
   // `eighths` is the distance from the upper nodes down to the row, in eighths of a cell. `origin` contains the origin
   // of the window for each node.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Included once per instruction set, see render_band.cc: decides, before any pixel is read, where the samples of a band
-// of a view lie in one camera's image, and how they are read. It has one variant for a focal plane and one for a focal
+// Included once per instruction set, see render_band.cc: decides where the samples of a band of a view lie in one
+// camera's image, and how they are read. No pixel is read yet. It has one variant for a focal plane and one for a focal
 // map with nodes kCell pixels apart. sum_task.h explains the terms.
 #if defined(LF_RENDER_SIMD_PLACEMENT_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef LF_RENDER_SIMD_PLACEMENT_INL_H_

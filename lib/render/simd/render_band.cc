@@ -271,8 +271,8 @@ inline void add_rgb(const Slot& slot, const PairSamples& samples, const PairPlac
   }
 }
 
-// Adds a part if its samples cannot be shuffled. Returns false, without adding anything, if float cannot decide whether
-// a sample is visible. The caller then uses add_mixed_block().
+// Adds a part with samples that cannot be shuffled. Returns false, without adding anything, if float cannot decide
+// whether a sample is visible. The caller then uses add_mixed_block().
 inline bool add_part(const SumTask& task, const Part& part, const PairPlace& place, Scratch& scratch) {
   const bool project = task.exact || part.verdict == SlotBand::kProject;
   PairSamples samples;

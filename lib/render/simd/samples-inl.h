@@ -1,6 +1,7 @@
-// SPDX-License-Identifier: LGPL-2.1-or-later Included once per instruction set, see render_band.cc: projects points of
-// a view into one camera's image, and samples the image bilinearly. The fast functions read windows of image rows with
-// vector loads, and the slow functions gather the pixels one by one. sum_task.h explains the terms.
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Included once per instruction set, see render_band.cc: projects points of a view into one camera's image, and samples
+// the image bilinearly. The fast functions read windows of image rows with vector loads, and the slow functions gather
+// the pixels one by one. The terms are explained in sum_task.h.
 #if defined(LF_RENDER_SIMD_SAMPLES_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef LF_RENDER_SIMD_SAMPLES_INL_H_
 #undef LF_RENDER_SIMD_SAMPLES_INL_H_
@@ -42,8 +43,8 @@ constexpr float bessel(float t) { return t * (t - 1) / 4; }
 
 // Projects pixels of a view into a camera's image, like CameraProjection::project() but in float and without the test
 // whether the camera sees the point. `terms` must be linearised near the pixels, so that rounding errors stay small.
-// Results are the position (x, y) in the image, the depth z up to a positive factor, and the squared radius r2 in
-// undistorted normalised coordinates, for the caller's test.
+// Results are the position (x, y) in the image and, for the caller's test, the depth z up to a positive factor and the
+// squared radius r2 in undistorted normalised coordinates.
 struct Projection {
   Projection(const Slot& slot, const ProjectionTerms& terms) : slot(slot), terms(terms) {}
   // `i` and `j` are the columns and rows from the pixel around which the terms are linearised.
@@ -93,8 +94,8 @@ struct Projection {
   const ProjectionTerms& terms;
 };
 
-// The geometry of one plane of an image, for deciding which of its samples the fast path may read, and the positions t
-// of the last samples of a half-block and a block.
+// The geometry of one plane of an image, for deciding which samples the fast path may read. Also the positions t of the
+// last samples of a half-block and a block.
 struct PlaneGeometry {
   float width, height;  // samples of the plane
   int32_t stride, pixel_bytes;

@@ -44,8 +44,8 @@ struct Slot {
   ImageView image;  // if its family is kNone, all weight is missing
   Rect rect;        // bounds the pixels with a weight of the camera; x0 and y0 are even
   // For RGB images, shuffle indices. `pixel_pairs` selects from two groups of eight bytes, each with a pixel and its
-  // right neighbour: R of the pixel, R of the neighbour, then G and B in the same way. The first indices are 0 3 1 4 2
-  // 5 if pixels have three bytes.
+  // right neighbour. It selects R of the pixel, R of the neighbour, then G and B in the same way. The first indices are
+  // 0 3 1 4 2 5 if pixels have three bytes.
   alignas(16) uint8_t pixel_pairs[16] = {};
   alignas(16) uint8_t pixel_taps[16] = {};  // selects from four pixels: all R, then G, then B
   const CameraProjection* projection = nullptr;
@@ -57,9 +57,9 @@ struct Slot {
   float eye_distance = 0;  // see ViewPlan
   float fx = 0, fy = 0, cx = 0, cy = 0, k1 = 0, k2 = 0, p1 = 0, p2 = 0, max_r2 = 0;
   bool radial = false, tangential = false;
-  // In rows [interior_y0, interior_y1) of the view, the camera's samples are far from the border of its image, and the
-  // image appears nearly upright and at about its own scale. The fastest loops can then be used without a test for each
-  // block. See find_interior_rows().
+  // In rows [interior_y0, interior_y1) of the view, the camera's samples are far from the border of its image. The
+  // image also appears nearly upright and at about its own scale. The fastest loops can then be used without a test for
+  // each block. See find_interior_rows().
   int interior_y0 = 0, interior_y1 = 0;
   bool is_interior(int y0, int y1) const { return interior_y0 <= y0 && y1 <= interior_y1; }
 };
@@ -117,8 +117,8 @@ struct CellNodes {
   void resize(size_t n);
 };
 // Temporary data for the cells of one slot. A bend is the coefficient of the quadratic term of the interpolation along
-// a side of a cell. along_x and along_y belong to the upper sides, and down_x and down_y to the left sides. `doubt` is
-// an upper bound of the position error in a cell. All are in pixels of the image.
+// a side of a cell. The bends along_x and along_y belong to the upper sides, and down_x and down_y to the left sides.
+// `doubt` is an upper bound of the position error in a cell. All are in pixels of the image.
 struct CellWork {
   CellNodes along_x, along_y, down_x, down_y, doubt;
   void resize(size_t n);
@@ -155,10 +155,10 @@ struct SurfaceBand {
 // The positions of one camera's samples in a band, and how they are read. Entry (row, block) is at row * pitch + block.
 // A row of chroma samples belongs to a pair of rows.
 struct SlotBand {
-  // How a pair of rows of a block is rendered. kProject projects each sample. kAllMissing means that the camera sees
-  // none of the samples. kSample interpolates the positions and gathers the samples. kShuffle interpolates and
-  // shuffles. kTall is kShuffle for samples that spread over more than three rows of the image, which only happens with
-  // a focal map.
+  // How a pair of rows of a block is rendered. For kProject, each sample is projected. For kAllMissing, the camera sees
+  // none of the samples. For kSample, positions are interpolated and samples are gathered. For kShuffle, positions are
+  // interpolated and samples are shuffled. The same holds for kTall, if samples spread over more than three rows of the
+  // image, which only happens with a focal map.
   enum Verdict : int32_t { kProject, kAllMissing, kSample, kTall, kShuffle };
 
   int y = -1;  // first row of the band; -1 if the slot has not been placed yet
