@@ -76,8 +76,8 @@ struct StreamOptions {
   std::string place;  // prefix of errors: "rig.json: camera 5 (cam_00_05): cam_00_05.mkv"
 };
 
-// Callbacks of a CameraStream for lfcamsrc. Streaming threads call them. on_end is called if the source ends without an
-// error.
+// Functions of lfcamsrc that a CameraStream calls, in a streaming thread. on_end is called if the source ends without
+// an error.
 struct StreamListener {
   // Called at most once.
   std::function<void(GQuark domain, gint code, const std::string& text)> on_error;
