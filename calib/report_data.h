@@ -56,8 +56,8 @@ struct ReportData {
   struct Solve {
     double rms_px = 0, expected_px = 0, observations = 0, outliers = 0;
     std::string model, scale_from;
-    // A lens model that was tried: its BIC (Bayesian information criterion; lower is better), and its error for light
-    // positions that were not used for the fit.
+    // A lens model that was tried: its BIC (Bayesian information criterion; lower is better), and its RMS error in
+    // pixels for observations that were left out of the fit.
     struct Trial {
       std::string model;
       double bic = 0;
@@ -67,12 +67,13 @@ struct ReportData {
     std::vector<Trial> trials;
     double near_m = 0, far_m = 0;
     int columns = 0, rows = 0;
-    // The reprojection uncertainty for points at one distance.
+    // The predicted error of projecting a new point at this distance into a camera, for the median camera and the worst
+    // camera.
     struct Depth {
       double depth_m = 0, median_px = 0, worst_px = 0;
     };
     std::vector<Depth> projection;
-    // A combination of parameters that the recording determines badly, in words.
+    // A deformation of the array that the recording may not determine well, in words.
     struct Mode {
       std::string text;
       double share = 0;  // uncertainty relative to the limit; above 1, the report recommends a better recording

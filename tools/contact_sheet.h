@@ -23,8 +23,9 @@ lf::Image camera_mosaic(const lf::Rig& rig, const lf::CameraImages& images, int 
 void write_text(lf::Image& on, const std::string& text, lf::Vec2 at, double size, bool centred = false);
 double text_width(const std::string& text, double size);  // pixels
 
-// The labels of a colour bar, which explains the colours of a false-colour picture: the values at both ends of the bar
-// (see lf::heat_colour()), the meaning of grey pixels (lf::kNoValueGrey; omitted if empty), and further lines of text.
+// The labels of a colour bar, which explains the colours of a false-colour picture (lf::heat_colour()). `low` and
+// `high` are the values at its ends, `none` is the meaning of grey pixels (lf::kNoValueGrey; omitted if empty), and
+// `lines` are further lines of text.
 struct ColourBar {
   std::string low, high, none;
   std::vector<std::string> lines;

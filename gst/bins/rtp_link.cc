@@ -31,7 +31,7 @@ bool is_group(const std::string& host) {
 
 const char* text_or_null(const std::string& text) { return text.empty() ? nullptr : text.c_str(); }
 
-// Returns the address to receive the answers of a node on. If the node is on this machine, this is the loopback
+// Returns the address to receive the answers of a node on. If the node is on a loopback address, this is the same
 // address, so that other hosts cannot reach the port.
 HostPort place_of_answers(const NodeAddress& node) {
   std::string address = node.answer_host;

@@ -126,8 +126,8 @@ void link(GstPad* src, GstPad* sink) {
   if (!linked) throw Error("a viewer can't be linked with the cameras");
 }
 
-// A probe for latency events: adapts the capacity of a live queue to the latency of the pipeline. Pictures are rendered
-// when their answers arrive, and then wait in this queue until their display time.
+// A probe for latency events, which makes the capacity of a live queue as long as the latency of the pipeline. Pictures
+// are rendered when their answers arrive, and then wait in this queue until their display time.
 GstPadProbeReturn follow_latency(GstPad* pad, GstPadProbeInfo* info, gpointer) {
   GstEvent* event = gst_pad_probe_info_get_event(info);
   if (GST_EVENT_TYPE(event) != GST_EVENT_LATENCY) return GST_PAD_PROBE_OK;

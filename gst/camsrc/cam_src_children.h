@@ -95,6 +95,7 @@ struct _LfCamSrc {
   guint64 active;  // time when `activity` last changed, lf::now_ns()
 };
 
+// An error of a camera: domain and code of a GError, its text, and details for developers.
 struct CamSrcFailure {
   GQuark domain = 0;
   gint code = 0;
@@ -103,7 +104,7 @@ struct CamSrcFailure {
 
 // Opens the camera: closes it if it is open, and creates its child elements for the current settings, in state NULL. On
 // every failure, sets `failure`, and there are no children. The result is false only if the rig cannot be loaded or
-// lacks the camera, because another attempt would then be useless.
+// lacks the camera; this is an error even for a camera that may be lost.
 bool lf_cam_src_open(LfCamSrc* self, std::unique_ptr<CamSrcFailure>* failure);
 // Stops the streaming threads of the children. Call this before the children change to the state READY or are removed
 // from the bin.
@@ -120,9 +121,11 @@ bool lf_cam_src_may_be_lost(LfCamSrc* self);
 // Reports a failure of the camera: posts the message LF_CAMERA_LOST if lf_cam_src_may_be_lost(), and otherwise an
 // error. Thread-safe.
 void lf_cam_src_fail(LfCamSrc* self, const CamSrcFailure& failure);
-// Closes the failed camera in another thread, because the streaming thread that detects the failure cannot stop itself.
-// Then schedules the next attempt to open the camera. `serial` is LfCamSrc::serial at the time when the camera was
-// opened; the call has no effect if the camera has been opened again since then.
+// Shuts a failed camera down, or does nothing if it must not be lost (see lf_cam_src_may_be_lost()). Sends
+// LF_CAMERA_LOST downstream. If the camera will be opened again, also closes it and schedules the next attempt. This
+// happens in another thread, because the streaming thread that detects the failure cannot stop itself. `serial` is
+// LfCamSrc::serial at the time when the camera was opened; the call has no effect if the camera has been opened again
+// since then.
 void lf_cam_src_shut_down(LfCamSrc* self, guint serial);
 void lf_cam_src_post_found(LfCamSrc* self);
 void lf_cam_src_warn_overload(LfCamSrc* self, GstClockTimeDiff late);

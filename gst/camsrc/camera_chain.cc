@@ -132,8 +132,8 @@ bool gives_pictures(const std::string& uri) {
 
 constexpr char kEnd[] = "end-of-described-source";
 
-// Throws Error if a bin contains an element that is not allowed in an untrusted rig. rig/source_security.h has already
-// checked the text of the launch description, but with a partial parser. This function checks the elements that
+// Throws Error if a bin contains an element that is not allowed in an untrusted rig. The text of the launch description
+// has already been checked, but with a partial parser (rig/source_security.h). This function checks the elements that
 // GStreamer has actually created.
 void require_listed_elements(GstBin* source) {
   for (const GList* item = source->children; item; item = item->next) {

@@ -36,12 +36,12 @@ class CameraLifecycle {
   // Marks the camera as lost and stores the reason. Returns false if it was already lost.
   bool lose(const std::string& reason, uint64_t now);
   // Returns the delay before the next attempt to open the camera, in nanoseconds: a quarter of the time since the
-  // outage began, but at least kMinRetryDelay and at most kMaxRetryDelay. For example, a camera that has been lost for
-  // 20 s is opened again after 5 s. If a camera works only briefly (for less time than the last delay) before it fails
-  // again, both failures count as one outage. Without this rule, a camera that fails directly after each opening would
-  // be opened every half second.
+  // outage began, but at least kMinRetryDelay and at most kMaxRetryDelay. For example, if a camera has been lost for 20
+  // s, the next attempt follows after another 5 s. If a camera works only briefly (for less time than the last delay)
+  // before it fails again, both failures count as one outage. Without this rule, a camera that fails directly after
+  // each opening would be opened every half second.
   uint64_t wait(uint64_t now);
-  void retry();  // Call when the camera is opened again; it stays lost until the first frame
+  void retry();  // call at each attempt; the camera stays lost until the first frame
   // Call at the first frame after opening. Returns true if the camera was lost, so that its return must be reported.
   bool find(uint64_t now);
   // Call at the regular end of the source.

@@ -62,7 +62,8 @@ GstPadProbeReturn refuse(GstPadProbeInfo* info, GstFlowReturn reason) {
   return GST_PAD_PROBE_HANDLED;
 }
 
-// Replaces a segment-done event that is not expected by EOS. Takes and returns a reference.
+// Makes an EOS event from a segment-done event, which ends a film that is not repeated any more. Downstream expects
+// EOS, because it has not sent the segment seek. Takes and returns a reference.
 GstEvent* as_end(GstEvent* event) {
   GstEvent* end = gst_event_new_eos();
   gst_event_set_seqnum(end, gst_event_get_seqnum(event));

@@ -76,8 +76,8 @@ struct StreamOptions {
   std::string place;  // prefix of errors: "rig.json: camera 5 (cam_00_05): cam_00_05.mkv"
 };
 
-// Callbacks of a CameraStream for lfcamsrc. Streaming threads call them. on_end is called if the source ends without an
-// error.
+// Functions of lfcamsrc that a CameraStream calls, in a streaming thread. on_end is called if the source ends without
+// an error.
 struct StreamListener {
   // Called at most once.
   std::function<void(GQuark domain, gint code, const std::string& text)> on_error;
@@ -95,10 +95,10 @@ struct StreamListener {
   std::function<void(GstBuffer* buffer, GstCaps* caps, GstClockTime captured)> on_recordable;
 };
 
-// Turns decoded pictures into the stream that lfcamsrc delivers. The class installs probes on the pads of a chain
-// (camera_chain.h), because its tasks need no element of their own: checking the frame size, announcing the camera with
-// LF_CAMERA_EVENT, and attaching the capture time to each frame. It also repeats a film without a jump of the running
-// time, and ends the stream after `num_frames` frames.
+// Turns decoded pictures into the stream that lfcamsrc delivers. The class works by probes on the pads of a chain
+// (camera_chain.h). It checks the frame size, announces the camera with LF_CAMERA_EVENT, and attaches the capture time
+// to each frame. It also repeats a film without a jump of the running time, and ends the stream after `num_frames`
+// frames.
 class CameraStream : public std::enable_shared_from_this<CameraStream> {
  public:
   // `owner` is the lfcamsrc. It provides base time and clock, and must exist as long as data flows.

@@ -366,9 +366,9 @@ static void lf_cam_src_close_lost(LfCamSrc* self) {
   lf_cam_src_schedule_retry(self);
 }
 
-// Closes the failed camera; see cam_src_children.h. The thread waits for a state change in progress. It then sends the
-// event LF_CAMERA_LOST without the state lock, because downstream may block the frames of a file until a request
-// arrives.
+// Shuts the failed camera down; see cam_src_children.h. The new thread waits for a state change in progress. It then
+// sends the event LF_CAMERA_LOST without the state lock, because downstream may block the frames of a file until a
+// request arrives.
 void lf_cam_src_shut_down(LfCamSrc* self, guint serial) {
   if (!lf_cam_src_may_be_lost(self)) return;
   gst_element_call_async(

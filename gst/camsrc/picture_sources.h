@@ -20,12 +20,12 @@ struct PictureSourceOptions {
   std::shared_ptr<std::atomic<guint64>> damaged = {};
 };
 
-// Creates an element that reads a still image, an image sequence or a file with consecutive JPEG pictures, instead of
-// GStreamer's sources, which stop at the first damaged picture. A missing or damaged picture costs only its frame, and
-// the first one causes a warning. If all pictures are damaged, the element posts an error. It is seekable, and its
-// timestamps count from 0 at the frame rate.
+// Creates an element that reads a still image, an image sequence or a file with consecutive JPEG pictures. A missing or
+// damaged picture loses only its frame, with one warning. If all pictures are damaged, the element posts an error. It
+// is seekable, and its timestamps count from 0 at the frame rate.
 GstElement* new_picture_source(const CameraSource& source, const PictureSourceOptions& options);
 
+// Returns true if new_picture_source() has created this element.
 bool is_picture_source(gpointer object);
 
 // Creates a source that films the built-in scene with one camera: an endless stream of RGB frames at fps_n / fps_d > 0.

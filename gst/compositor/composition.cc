@@ -161,8 +161,8 @@ static void note_late_answer(LfCompositor* self, const lf::wire::AnswerPartHeade
 }
 
 // Returns true if a live answer cannot belong to a request of this view, and must be dropped. The answer is then for a
-// request far ahead of the current request, or has another capture time than the current request: it is forged, or left
-// over from before a restart of the viewer. Answers of file cameras are never dropped here.
+// request far ahead of the current request, or has another capture time. It is either forged, or left over from before
+// a restart of the viewer. Answers of file cameras are never dropped here.
 static bool is_unexpected(LfCompositor* self, const lf::wire::AnswerHeader& answer, int32_t ahead) {
   if (!self->state->live) return false;
   return ahead > lf::EarlyAnswers::kMostRequests ||
@@ -468,7 +468,8 @@ static void note_silence(LfCompositor* self, const lf::NodeInputs& nodes) {
 }
 
 // Ends the current request, so that the next request can start. Nodes that have not answered count as having missed the
-// picture. The small extra views of the camera monitor (probes) are not counted, because the pictures between them are.
+// picture. Probes (small extra views for the camera monitor) are not counted, because the pictures of the view already
+// are.
 static void close_request(LfCompositor* self, const lf::NodeInputs& nodes, GstClockTime due) {
   auto& state = *self->state;
   note_silence(self, nodes);

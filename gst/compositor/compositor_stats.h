@@ -39,12 +39,12 @@ class CompositorStats {
     uint32_t view_id = 0, sequence = 0;
     GstClockTime pts = GST_CLOCK_TIME_NONE;
     unsigned fragments = 0, missing = 0, damaged = 0;
-    // Share of the view that cameras see, 0 to 1. Negative if unknown, because the compositor has no rig.
+    // Share of the view that cameras see. Nothing if the compositor has no rig.
     std::optional<lf::MeanCoverage> coverage;
     uint64_t bytes = 0;
     uint64_t consistency_bytes = 0;  // size of the photo-consistency units
-    uint64_t skew_ns = 0;      // largest absolute difference between capture time and requested time
-    int64_t answered = 0;      // time when the last answer arrived, or the deadline passed
+    uint64_t skew_ns = 0;            // largest absolute difference between capture time and requested time
+    int64_t answered = 0;            // time when the last answer arrived, or the deadline passed
     // Duration of adding the answers, microseconds.
     int64_t adding = 0;
     // Time when the picture was finished.

@@ -81,7 +81,7 @@ struct CompositorSettings {
   // Returns the settings for depth estimation. Depths are not estimated if the property `focus` is `auto` and there is
   // no rig. An inner compositor of a tree (partial=true) never estimates depths, because the root of the tree does.
   DepthEstimator::Settings view_depths() const;
-  // Returns a warning about settings that have no effect, for the user; "" if there are none.
+  // Returns a warning for the user about settings that have no effect, or "" if all settings have an effect.
   std::string ignored_settings() const;
 
   // Returns true if exposure compensation is active. `has_colour` means that the rig contains colour corrections, which

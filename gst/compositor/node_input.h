@@ -57,9 +57,9 @@ class EarlyAnswers {
 
 // Receives the answers of one camera node, behind one sink pad of an lfcompositor. The class passes each part of the
 // answer to the current request on, stores answers to later requests, and decides whether the picture must wait for
-// this node. The last part of an answer stays on the pad until the picture is done: GstAggregator calls aggregate()
-// when every pad has a buffer, so it then calls when all nodes have answered. Use from the streaming thread, except for
-// flushed() and detach().
+// this node. The last part of an answer stays on the pad until the picture is done. GstAggregator calls aggregate()
+// when every pad has a buffer, which therefore means that all nodes have answered. Use from the streaming thread,
+// except for flushed() and detach().
 class NodeInput {
  public:
   // attach() creates the NodeInput of a new pad, which lives as long as the pad. of() returns the NodeInput.

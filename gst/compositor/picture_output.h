@@ -22,6 +22,7 @@
 #include "render/gl/gpu_sum.h"
 #include "view/view.h"
 
+// Values of the property `incomplete`, which selects the output of lfcompositor if parts of a picture are missing.
 typedef enum {
   // Shows the incomplete picture. Pixels that lack most of their weight come from the previous picture.
   LF_COMPOSITOR_INCOMPLETE_CONCEAL,
@@ -128,8 +129,8 @@ class PictureOutput {
   // Draws the view of one request into the current picture. A picture contains all views of a set, such as a stereo
   // pair. Returns the finished picture, which the caller owns, when the last view of the set has been drawn. Otherwise
   // returns null, and *flow is GST_FLOW_OK if further views are expected, or an error. Sets *dropped to true if a
-  // picture was given up: either the next set has started before this set was complete, or downstream now accepts only
-  // another size or rate than this request has.
+  // picture will never be complete. This happens if the next set starts too early, or if downstream now accepts only
+  // another size or rate.
   GstBuffer* make_picture(Assembly& assembly, const ViewRequest& request, const Background& background,
                           GstFlowReturn* flow, bool* dropped);
   // Returns true if the GPU made the latest picture, so that no pixels were downloaded.

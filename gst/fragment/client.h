@@ -36,8 +36,8 @@ struct AnswerJob {
 };
 
 // The waiting requests of one client (a viewer or compositor). The queue finds requests that one GPU pass can answer
-// together, such as all views of a 3D display (see Node::can_batch_requests()), because separate passes would leave
-// most of the GPU idle. Thread-safe.
+// together, such as all views of a 3D display. Separate passes would leave most of the GPU idle. See
+// Node::can_batch_requests(). Thread-safe.
 class AnswerJobQueue {
  public:
   // Maximum number of pixels in a batch, because all answers stay in memory until the batch is done.

@@ -62,9 +62,9 @@ class RtpKey {
 uint32_t current_minute();
 KeyId key_id_of(uint32_t ssrc, std::span<const uint8_t, kMkiBytes> mki);
 
-// Runs a single GStreamer element outside of all bins, in the thread that pushes data. It keeps secrets: the properties
-// and caps of the SRTP elements contain keys, and the elements of a bin are visible to applications, in pipeline graphs
-// and in the output of `gst-launch-1.0 -v`.
+// Runs a single GStreamer element outside of all bins, in the thread that pushes data. The properties and caps of the
+// SRTP elements contain keys. In a bin, these would be visible to applications, in pipeline graphs and in the output of
+// `gst-launch-1.0 -v`.
 class StandaloneElement {
  public:
   using OnBuffer = std::function<GstFlowReturn(GstBuffer*)>;

@@ -76,9 +76,9 @@ class FocusWait {
   bool warming_up_ = false;
 };
 
-// Queue of the buffers that must follow a request, for example commands for cameras without the rig. The source creates
-// the buffers one by one instead of as a buffer list, because GstBaseSrc 1.22 treats a list as a buffer if a live
-// source is stopped right after the list was created. Use from the streaming thread.
+// Queue of the buffers that must follow a request, for example commands for cameras without the rig. The buffers are
+// pushed one by one and not as a buffer list, because of a bug: GstBaseSrc 1.22 treats a list as a buffer if a live
+// source is stopped right after creating the list. Use from the streaming thread.
 class RequestOutbox {
  public:
   // Takes a buffer (null: nothing) and gives it the timestamps of the request.

@@ -32,6 +32,7 @@ class Accumulator {
   int width() const { return width_; }
   int height() const { return height_; }
 
+  // Returns true if a fragment with this family and rectangle can be added.
   bool fits(PixelFamily family, const Rect& rect) const;
   // Adds a fragment to the sums. Returns false and adds nothing if the fragment does not fit: it must have the
   // picture's pixel family and lie inside the picture. In kI420 it must start at an even pixel. The planes of a

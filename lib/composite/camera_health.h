@@ -23,8 +23,8 @@ class RequestHistory {
   // Records a new request. If the request precedes the last one, the viewer has restarted: the function then clears the
   // history and returns true.
   bool begin(uint32_t sequence);
-  // Record what has happened to a request. composed() means that its picture was made; answers that arrived until
-  // `deadline` (nanoseconds of any clock) would have been early enough. skipped() means that there is no picture.
+  // Record what has happened to a request. composed() means that its picture was made. Answers up to `deadline`
+  // (nanoseconds of any clock) would have been early enough for this picture. skipped() means that there is no picture.
   void composed(uint32_t sequence, uint64_t deadline);
   void skipped(uint32_t sequence);
   void clear();
@@ -92,9 +92,9 @@ class CameraHealth {
   CameraSet out_;
 };
 
-// Detects two common configuration mistakes, which would otherwise only show as a missing picture: no client requests
-// the view of this compositor (wrong view id), or no node answers its requests (wrong address or link). Each problem is
-// reported once, and again if nodes stop answering later.
+// Detects two common configuration mistakes, which both lead to a missing picture. Either no client requests the view
+// of this compositor (wrong view id), or no node answers its requests (wrong address or link). Each problem is reported
+// once, and again if nodes stop answering later.
 //
 // All times are microseconds of the same clock and must not be 0. asked() and request_of_other_view() may run in one
 // thread, and composed() in another. answered() may be called from any thread.

@@ -17,7 +17,7 @@ class ExposureCompensation;
 class RequestPlan;
 struct RenderOptions;
 
-// The property `codec` of lffragment: how the pixels of answers are encoded.
+// Values of the property `codec` of lffragment and lfcompositor, which selects the encoding of the pixels in answers.
 enum class CodecChoice {
   kAuto,  // 16 bits per value if the compositor is in this process; otherwise JPEG of the requested quality
   kRaw,

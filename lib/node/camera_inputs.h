@@ -72,8 +72,8 @@ struct CameraFrame {
 //
 // For a live camera, no function waits. The class keeps the newest kLiveFrames frames. If requests ask for older
 // frames, for example because other cameras have a long delay, it keeps frames for a longer time, up to kMaxReach and
-// kMaxLiveBytes. For a file, frames and requests wait for each other: push() blocks the streaming thread until requests
-// need a later frame, and find() waits until the frame of the requested time has been pushed.
+// kMaxLiveBytes. For a file, frames and requests wait for each other. push() blocks the streaming thread until requests
+// need a later frame. find() waits until the frame of the requested time has been pushed.
 class CameraFrames {
  public:
   static constexpr size_t kLiveFrames = 4, kMaxLiveFrames = 1280, kFileFrames = 2;
@@ -107,7 +107,7 @@ class CameraFrames {
   void clear();                      // back to the initial state, except for the mode
 
   // Tells the camera that requests have reached `time`, so that earlier frames can be dropped. Call this for all
-  // cameras at each request, even for cameras that do not contribute: a file camera reads its next frame only when
+  // cameras at each request, even for cameras that do not contribute. A file camera reads its next frame only when
   // earlier frames are dropped, and would block otherwise.
   void advance(uint64_t time);
   // Returns the frame with the capture time nearest to `time` (kNoTime: the newest frame). For a file, the call waits
@@ -122,6 +122,7 @@ class CameraFrames {
   // so that each damaged frame is counted only once.
   std::optional<CameraFrame> replace_damaged(const CameraPicture* damaged, bool* first = nullptr);
 
+  // Returns the newest frame, without waiting.
   std::optional<CameraFrame> newest() const;
   bool is_live() const;
   // Returns true after the end of the stream. No frame is too old then, because no newer frame will come.

@@ -71,7 +71,7 @@ class FairScheduler {
     // The rendering time that the view has used, in nanoseconds (its virtual time). For a new view, the time since its
     // first request.
     double used = 0;
-    uint64_t began = 0, asked = 0;  // time of the first and latest request, now_()
+    uint64_t began = 0, asked = 0;  // times of the first and the latest request, now_()
     uint64_t since = 0;
     bool waits() const { return !waiting.empty() && !in_flight; }
     double end() const { return used + waiting.front().work; }  // usage after the next answer

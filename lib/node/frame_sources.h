@@ -31,7 +31,7 @@ class FrameLookup {
     uint64_t max_skew = 0;
     const std::atomic<bool>* cancelled = nullptr;  // frames are not waited for while this is true
   };
-  // Prepares the look-up for the time in the request header `moment`, which is the same in all requests, and tells all
+  // Prepares the look-up for the time in the request header `moment`, which is the same in all requests. Also tells all
   // cameras that requests have reached this time (CameraFrames::advance()). All arguments must outlive the object.
   FrameLookup(const CameraInputs::Array& array, const RequestHeader& moment, const Options& options);
 

@@ -14,8 +14,8 @@
 namespace lf {
 
 // Finds cameras that are not synchronised with the requests, so that the user can be warned. A camera counts as off if
-// the capture times of its frames differ from the requested times by more than a frame interval in kRequests requests
-// in a row; a single lost frame is no reason. Each camera is reported once when it is off. Not thread-safe.
+// its frames are more than about a frame interval away from the requested times, in kRequests requests in a row. A
+// single lost frame is therefore not reported. Each camera is reported once when it is off. Not thread-safe.
 class SkewMonitor {
  public:
   // Number of consecutive requests before a camera counts as off, and before it counts as on time again.
@@ -46,8 +46,9 @@ class SkewMonitor {
   std::map<CameraIndex, State> states_;
 };
 
-// Measures how long the frames of one camera take from their capture to their arrival at the node, to find out how old
-// the captures must be that requests ask for. All times are nanoseconds of the same clock. Thread-safe.
+// Measures how long the frames of one camera take from their capture to their arrival at the node. The result
+// determines how old a capture must be before a client requests this capture. All times are nanoseconds of the same
+// clock. Thread-safe.
 class ArrivalMonitor {
  public:
   static constexpr size_t kFrames = 128;

@@ -17,8 +17,8 @@ namespace lf {
 // robust technique for matching two uncalibrated images", 1995). A match fits the geometry if it lies near the epipolar
 // line of its corner, on the part of that line that belongs to points in front of the camera.
 
-// The matches between the images of two neighbouring cameras. Matches that every direction of the baseline would
-// explain are not counted, such as matches of very distant points.
+// The matches between the images of two neighbouring cameras. Matches of very distant points are not counted, because
+// such points are at the same place in both images for any positions of the cameras.
 struct EpipolarPair {
   enum class Verdict {
     kUnknown,      // too few matches, or the matches disagree

@@ -27,8 +27,9 @@ struct Film {
   std::string place;  // "cameras[3].source: /films/cam_3.mkv"
   FilmLength length;
 };
-// Returns a warning for each film that is cut off or has another length than most films. A single film may not differ
-// by a frame; several films may differ by two frames or 1 %, as recordings of free-running cameras do.
+// Returns a warning for each film that is cut off or has another length than most films. If several films differ, up to
+// two frames or 1 % are tolerated, because recordings of cameras that are not synchronised differ by so much. If only a
+// single film differs, a difference of one frame is already reported.
 std::vector<RigFinding> compare_film_lengths(const std::vector<Film>& films);
 
 }  // namespace lf

@@ -52,14 +52,16 @@ inline bool segments_cross(IntPoint a, IntPoint b, IntPoint c, IntPoint d) {
          ((a_side > 0 && b_side < 0) || (a_side < 0 && b_side > 0));
 }
 
-// Integer coordinates for camera centres, identical on every IEEE machine. Axes use doubles with +, -, *, / and sqrt in
-// a fixed order, scale factors are powers of two, and all decisions use integers.
+// All hosts must compute the same mesh, so camera positions are converted to integers, and the triangulation decides
+// only by integers. The conversion gives the same integers on every machine with IEEE doubles: it uses only +, -, *, /
+// and sqrt in a fixed order, and scale factors that are powers of two.
 
 // Centres relative to their mean, scaled by a power of two so that every component is within +-1.
 struct CameraCentres {
   std::vector<Vec3> at;
-  // Resolution of the integers in the same units, a power of two: 2^-23. Coarser if the array is so far from the origin
-  // that rounding noise of doubles would look like structure: a few times their spacing there.
+  // Step of the integer coordinates in the units of `at`, a power of two. It is usually 2^-23. The step is larger if
+  // the array is very far from the origin of the world, because the positions then have large rounding errors. It is a
+  // few times these errors, so that the errors do not affect the mesh.
   double quantum = 0x1p-23;
 };
 // Quantises camera positions, which are in metres. Throws Error ("cameras[i].position: ...") if a position is not
@@ -105,7 +107,8 @@ inline Triangle canonical_triangle(const Triangle& t) {
 // O(n log n) plus the flips: 1024 points take a few milliseconds.
 std::vector<Triangle> delaunay(std::span<const IntPoint> points);
 
-// A connected part of a camera's link (the edges opposite the camera in its triangles), as cameras in walking order.
+// A connected part of a camera's link. The link consists of the edges opposite the camera in its triangles, so it
+// surrounds the hole that removing the camera would leave. The cameras are in the order along these edges.
 struct LinkPart {
   std::vector<CameraIndex> camera;
   bool closed = false;  // true: a ring around an inner camera; false: a chain, as at the border of the mesh
@@ -131,20 +134,20 @@ struct MeshEdge {
   IntPoint from_at, to_at;
 };
 
-// Fills the hole by clipping ears. An ear is a triangle (previous, tip, next) of neighbours on the outline, with area
-// and on the left of the outline. It contains no other vertex of the outline or of `around`, except at a corner. Its
-// new edge crosses no edge of `around` and does not exist yet in the same direction. The next ear has the fewest
-// outline vertices inside its circumcircle (a Delaunay triangle has none), then the tip with the lowest index. Ends
-// when the polygon is filled or no ear is left: a chain without bays, or an outline that crosses itself (the rest stays
-// open). Triangles have the outline's orientation, start at their lowest index and are in clipping order. Cost: O(n^2 +
-// n |around|).
+// Fills a hole in the mesh with triangles, by clipping ears one after another. An ear is a triangle of three neighbours
+// on the outline (previous, tip, next) that lies in the hole. It must have an area and must not contain another vertex
+// of the outline or of `around`, except at a corner. Its new edge must not cross an edge of `around`, and must not
+// exist yet in the same direction. The next ear is the ear with the fewest outline vertices inside its circumcircle
+// (none for a Delaunay triangle), and among equals the ear with the lowest tip index. The function stops when the hole
+// is filled or no ear is left; the rest of an outline that crosses itself stays open. Returns the triangles in clipping
+// order, with the outline's orientation, starting at their lowest index. Cost: O(n^2 + n |around|).
 std::vector<Triangle> clip_ears(const Outline& outline, std::span<const MeshEdge> around);
 
-// Removes `camera` from the mesh. Its triangles are erased, the rest keep their order, and the triangles that fill the
-// hole are appended in clipping order (see clip_ears()), with the same orientation. The fill uses the local plane
-// normal to the sum of the erased triangles' area vectors (`plane` if that sum vanishes), with the array's quantum. At
-// the border of the mesh, bays in the chain of neighbours are filled, clear of other faces. The hole stays open if the
-// mesh around the camera is not a surface. `plane`: the best-fit plane of `centres`.
+// Removes `camera` from the mesh and fills the hole. Its triangles are erased, all other triangles keep their order,
+// and the new triangles are appended in the order of clip_ears(), with the same orientation. The hole is projected onto
+// the mean plane of the erased triangles, or, if they have no area, onto `plane`, the best-fit plane of `centres`. At
+// the border of the mesh, only bays between neighbours of the camera are filled, without overlaps with other faces. The
+// hole stays open if the mesh around the camera is not a surface.
 void remove_camera(std::vector<Triangle>& faces, CameraIndex camera, const CameraCentres& centres,
                    const PlaneAxes& plane);
 

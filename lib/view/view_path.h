@@ -81,8 +81,9 @@ class RequestSchedule {
   void seek(uint64_t running_time);  // continues with the request at this running time; not for live schedules
   // Returns the next request, or nothing after the end.
   std::optional<RequestSlot> next() const;
-  // Returns the next request of a live stream at clock time `now`. The request must therefore be sent `capture_delay`
-  // later, at clock time base_time + pts + capture_delay.
+  // Returns the next request of a live stream, at clock time `now`. Its timestamp `pts` is the running time of the
+  // capture that it requests. It must be sent when this capture is `capture_delay` old, at the clock time base_time +
+  // pts + capture_delay.
   std::optional<RequestSlot> next_live(uint64_t now, uint64_t base_time, uint64_t capture_delay) const;
   // Returns a request to send at clock time `now`, before the slot from next_live() is due, for example because the
   // user has moved the view. The request shows the newest capture that is at least `capture_delay` old. An earlier

@@ -21,8 +21,8 @@ struct ConsistencyHeader {
   uint64_t rig_hash = 0;
   uint32_t node = 0;
   // The exposure gains of the node's cameras, or nullopt. A unit without gains contains the sums of the request's depth
-  // hypotheses. A unit with gains is a brightness measurement for exposure compensation, which uses the same format:
-  // its only hypothesis is the current surface, and its sums are the brightness of the cameras there.
+  // hypotheses. A unit with gains is a brightness measurement for exposure compensation, in the same format. Its only
+  // hypothesis is the smoothed current surface, and its sums are the brightness of the cameras there.
   std::optional<GainSum> gains;
   bool operator==(const ConsistencyHeader&) const = default;
 };

@@ -29,7 +29,7 @@ class Mosaic {
   // Processes a raw or JPEG frame of the camera with this id; unknown ids are ignored. `now` is the time of a monotonic
   // clock in seconds.
   void see(uint32_t id, GstBuffer* buffer, GstCaps* caps, double now);
-  // Swaps the tiles of two cameras, after their devices were swapped in the rig.
+  // Swaps the images of two cameras, after their devices were swapped in the rig.
   void swap(uint32_t a, uint32_t b);
 
   // Returns the latest complete mosaic as a JPEG file. A background thread encodes at most ten mosaics per second, so

@@ -53,9 +53,9 @@ class PacketLoss {
 };
 
 // Protects a viewer's pipeline from harmful packets of its browser. There are three attacks. Packets with many SSRCs
-// (stream ids) exhaust the memory, because the SRTP decoder and the RTP session keep state for each SSRC, the decoder
-// even for packets that it cannot authenticate. RTCP feedback of format 5 (RFC 6051) deadlocks the RTP session of
-// GStreamer 1.22. One packet of transport-wide congestion control makes the session keep up to 65,536 records.
+// (stream ids) exhaust the memory, because the SRTP decoder and the RTP session keep state for each SSRC. The decoder
+// does so even for packets that it cannot authenticate. RTCP feedback of format 5 (RFC 6051) deadlocks the RTP session
+// of GStreamer 1.22. One packet of transport-wide congestion control makes the session keep up to 65,536 records.
 //
 // Times are g_get_monotonic_time(). Not thread-safe.
 class RtcpFilter {

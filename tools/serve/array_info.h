@@ -14,7 +14,7 @@
 
 namespace lf::serve {
 
-// The number of cameras, and of the cameras that deliver frames.
+// The number of all cameras, and the number of cameras that work.
 struct CameraStates {
   uint32_t count = 0, working = 0;  // cameras that are not known to be lost
 };

@@ -14,6 +14,8 @@
 
 namespace lf::serve {
 
+// Helpers for HTTP messages: read a request header (null if missing), set a response header, send a response, and
+// answer a CORS preflight request with the allowed methods.
 const char* header(SoupServerMessage* message, const char* name);
 void set_header(SoupServerMessage* message, const char* name, const std::string& value);
 void respond(SoupServerMessage* message, guint status, const char* type, const std::string& body);

@@ -68,8 +68,8 @@ using SdpPtr = std::unique_ptr<GstSDPMessage, FreeSdp>;
 // pictures to smooth their intervals. docs/performance.md has the latency that this saves.
 inline constexpr char kPlayoutDelayUri[] = "http://www.webrtc.org/experiments/rtp-hdrext/playout-delay";
 
-// An SDP offer of a browser. Parsing rejects everything that webrtcbin would accept without a check, although it is
-// harmful or cannot work.
+// A checked SDP offer of a browser. webrtcbin accepts offers that are harmful or cannot work, so parse_offer() checks
+// each offer first, and rejects such offers.
 struct Offer {
   static constexpr size_t kMaxBytes = 65536;
   static constexpr guint kMaxMedia = 16;

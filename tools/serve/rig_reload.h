@@ -32,7 +32,7 @@ class RigFileMonitor {
 
 // Applies changes of the rig file to the running light field and its viewers, for example after a calibration. An
 // invalid file changes nothing. If only poses or colours have changed, pictures continue. If cameras or sources differ,
-// the old cameras are closed and the new ones opened, and pictures pause meanwhile. Main thread only.
+// the old cameras are closed and the new cameras are opened; pictures pause until then. Main thread only.
 class RigReloader {
  public:
   // The arguments must outlive this object. Throws Error if the file cannot be watched.

@@ -14,7 +14,8 @@
 
 namespace lf::serve {
 
-// All current viewers, with unguessable session names. Main thread only.
+// Creates, finds and closes the viewers of lf-serve. Each viewer has a session with an unguessable name, because the
+// name is sufficient to close the session. Main thread only.
 class Sessions {
  public:
   // Receives the SDP answer, or an empty text and the reason for the failure.
