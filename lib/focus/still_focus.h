@@ -28,7 +28,8 @@ inline constexpr double kNearestDepth = 1.5;
 
 // Estimates the depths of `cameras` (ascending) for focus_still(), within the limits of the settings. Returns nothing
 // if they would not help: the cameras are close together (see kWideDisparity), there are fewer than two, or the focus
-// is a plane. This takes about a second per camera; see ArrayDepth.
+// is a plane. Cameras whose image cannot be read do not contribute. This takes about a second per camera; see
+// ArrayDepth.
 std::optional<ArrayDepth> estimate_depths(const Rig& rig, const CameraSet& cameras, const CameraImages& images,
                                           const DepthEstimator::Settings& settings,
                                           const ParallelFor& parallel = serial_for);
