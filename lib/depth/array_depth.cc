@@ -12,9 +12,10 @@ namespace lf {
 
 namespace {
 
-// Images are reduced by this factor, or more if a reduced image would have more than kMaxPixels pixels.
+// Images are reduced by this factor, or more if a reduced image would have more than kMaxPixels pixels, or all of them
+// together more than kMaxTotalPixels, of 16 bytes each.
 constexpr int kDivisor = 2;
-constexpr double kMaxPixels = 1 << 19;
+constexpr double kMaxPixels = 1 << 19, kMaxTotalPixels = 1 << 25;
 // Planes are this far apart in the image of the median neighbour, in pixels of the reduced images.
 constexpr double kPlaneDistance = 1;
 constexpr int kMinPlanes = 12, kMaxPlanes = 128;
@@ -26,7 +27,8 @@ int divisor_of(const Rig& rig, const CameraSet& cameras) {
   double pixels = 0;
   for (const CameraIndex i : cameras)
     pixels = std::max(pixels, static_cast<double>(rig.cameras[i].width) * rig.cameras[i].height);
-  return std::max(kDivisor, static_cast<int>(std::ceil(std::sqrt(pixels / kMaxPixels))));
+  const double limit = std::min(kMaxPixels, kMaxTotalPixels / static_cast<double>(cameras.size()));
+  return std::max(kDivisor, static_cast<int>(std::ceil(std::sqrt(pixels / limit))));
 }
 
 // Returns the places in `images` of up to `count` cameras around one camera, the nearest first. Cameras in different

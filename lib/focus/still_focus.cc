@@ -7,6 +7,7 @@
 #include <numeric>
 #include <utility>
 
+#include "base/text.h"
 #include "focus/hypothesis_levels.h"
 #include "focus/hypothesis_renderer.h"
 #include "focus/view_depths.h"
@@ -99,6 +100,33 @@ std::pair<double, double> squared_deviations(const PhotoConsistency& a, const Ph
   return {sum_a / static_cast<double>(count), sum_b / static_cast<double>(count)};
 }
 
+bool can_read(const CameraImages& images, CameraIndex camera) {
+  try {
+    images(camera);
+    return true;
+  } catch (const Error&) {
+    return false;
+  }
+}
+
+// Returns true if the cameras are so far apart that depth maps of the cameras are better than the search: see
+// kWideDisparity. False if the depths of the scene cannot be estimated, or an image for this estimate cannot be read.
+bool is_wide(const Rig& rig, const FocusArray& array, const CameraImages& images) {
+  Image converted;
+  const CameraImages in_rgb = [&](CameraIndex camera) -> const Image& {
+    const Image& image = images(camera);
+    if (image.family() != PixelFamily::kI420) return image;
+    converted = to_rgb(image);
+    return converted;
+  };
+  try {
+    const std::optional<FocusRange> range = estimate_focus_range(rig, in_rgb);
+    return range && array.disparity() * (1 / range->near - 1 / range->far) >= kWideDisparity;
+  } catch (const Error&) {
+    return false;  // the caller reports the image when a view needs it
+  }
+}
+
 }  // namespace
 
 std::optional<ArrayDepth> estimate_depths(const Rig& rig, const CameraSet& cameras, const CameraImages& images,
@@ -107,13 +135,15 @@ std::optional<ArrayDepth> estimate_depths(const Rig& rig, const CameraSet& camer
   const Rig used = rig_subset(rig, cameras);
   const Mesh mesh = build_mesh(used);
   const FocusArray array(used, mesh);
-  const std::optional<FocusRange> range =
-      estimate_focus_range(used, [&](CameraIndex i) -> const Image& { return images(cameras[i]); });
-  if (!range || array.disparity() * (1 / range->near - 1 / range->far) < kWideDisparity) return {};
   const double nearest = settings.near > 0 ? 1 / settings.near : kNearestDepth * array.nearest();
   const double farthest = settings.far > 0 ? 1 / settings.far : 0;
-  if (!(nearest > farthest)) return {};
-  return ArrayDepth(rig, cameras, images, farthest, nearest, parallel);
+  if (!(nearest > farthest) || !is_wide(used, array, [&](CameraIndex i) -> const Image& { return images(cameras[i]); }))
+    return {};
+  CameraSet readable;
+  for (const CameraIndex camera : cameras)
+    if (can_read(images, camera)) readable.push_back(camera);
+  if (readable.size() < 2) return {};
+  return ArrayDepth(rig, readable, images, farthest, nearest, parallel);
 }
 
 View focus_still(const Rig& rig, const Mesh& mesh, const View& view, const CameraImages& images,

@@ -29,7 +29,8 @@ inline constexpr double kNearestDepth = 1.5;
 
 // Estimates a depth map for each of `cameras` (ascending), for focus_still(), within the limits of the settings. Takes
 // about a second per camera; see ArrayDepth. Returns nothing if depth maps would not help: the cameras are close
-// together (see kWideDisparity), there are fewer than two, or the focus is a plane.
+// together (see kWideDisparity), there are fewer than two, or the focus is a plane. Cameras whose image cannot be read
+// do not contribute.
 std::optional<ArrayDepth> estimate_depths(const Rig& rig, const CameraSet& cameras, const CameraImages& images,
                                           const DepthEstimator::Settings& settings,
                                           const ParallelFor& parallel = serial_for);

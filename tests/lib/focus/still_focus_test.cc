@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "base/text.h"
 #include "composite/still.h"
 #include "lib/focus/array_of_walls.h"
 #include "quality/image_quality.h"
@@ -103,6 +104,25 @@ TEST_F(IrregularArrayTest, LimitsOfTheSearchAreKept) {
   ASSERT_TRUE(depths);
   EXPECT_GE(depths->range().farthest, 0.25);
   EXPECT_LE(depths->range().nearest, 0.5);
+}
+
+TEST_F(IrregularArrayTest, ImagesMayBeI420) {
+  std::vector<Image> images;
+  for (const Image& image : filmed()) images.push_back(to_i420(image));
+  const CameraImages image_of = [&](CameraIndex i) -> const Image& { return images[i]; };
+  const std::optional<ArrayDepth> depths = estimate_depths(rig_, all(), image_of, kSurface);
+  ASSERT_TRUE(depths);
+  EXPECT_GT(psnr(focus(&*depths)), psnr(view_) + 3);
+}
+
+TEST_F(IrregularArrayTest, ACameraWithoutAnImageDoesNotContribute) {
+  const CameraImages image_of = [this](CameraIndex i) -> const Image& {
+    if (i == 0) throw Error("camera 0: has no image");
+    return filmed()[i];
+  };
+  const std::optional<ArrayDepth> depths = estimate_depths(rig_, all(), image_of, kSurface);
+  ASSERT_TRUE(depths);
+  EXPECT_GT(psnr(focus(&*depths)), psnr(view_) + 3);
 }
 
 // Depths from images of other places are useless.
