@@ -79,7 +79,7 @@ class Assembly {
   unsigned damaged() const { return damaged_; }
   // Number of cameras with missing or damaged contributions. Valid after finish(), and 0 without a rig.
   unsigned missing() const { return missing_; }
-  // True if no part is missing or damaged, as far as known.
+  // True if the picture has the contributions of all its cameras, as far as known.
   bool complete() const { return missing_ == 0 && damaged_ == 0; }
   // Cameras of the received answers that had images.
   const CameraRanges& seeing() const { return seeing_; }
@@ -87,8 +87,8 @@ class Assembly {
   const CameraRanges& cameras() const { return cameras_; }
   // Cameras of the received answers that had no images.
   CameraRanges blind() const;
-  // skew() returns the largest difference between the capture time and the requested time of all answers, in
-  // nanoseconds. actual_time() returns the capture time of the answer with this difference, or kNoTime if unknown.
+  // skew() returns by how much the capture times of the answers differ from the requested time at most, in nanoseconds.
+  // actual_time() returns the capture time of the answer that differs most, or kNoTime if unknown.
   uint64_t skew() const { return skew_; }
   uint64_t actual_time() const { return actual_time_; }
   uint64_t rig_hash() const { return expected_rig_; }  // 0 before the first answer
