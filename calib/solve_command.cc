@@ -81,7 +81,7 @@ void track(const TrackArguments& options) {
   terminal::print("%s: %zu of %zu cameras\n", options.out.c_str(), useful, all);
   if (useful < all)
     throw lf::Error(std::to_string(all - useful) + " of " + std::to_string(all) +
-                    " cameras did not see the light move, so " + options.out + " does not contain them");
+                    " cameras did not see the light move and are not in " + options.out);
 }
 
 }  // namespace

@@ -53,8 +53,8 @@ class WeightOverlay {
     uint8_t* plane[3] = {};
     ptrdiff_t stride[3] = {};
   };
-  // Draws the overlay `what` over the picture. `seeing` are the cameras that contributed; the weight of all other
-  // cameras is missing.
+  // Draws the overlay `what` over the picture. `seeing` are the cameras that contributed. All other cameras
+  // have missing weight.
   void draw(WeightOverlayMode what, const Rig& rig, const ViewRequest& request, const CameraRanges& seeing,
             const Picture& picture);
 

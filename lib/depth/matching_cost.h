@@ -9,10 +9,10 @@
 
 namespace lf {
 
-// Compares an image with the images of neighbouring cameras at hypothetical depths. The cost of a depth is the
-// difference of luma and gradients, truncated to limit the influence of occlusions and reflections, and averaged over
-// the better half of the neighbours, because something may be in front of the point for the others. It is in levels of
-// luma, 0 to kMax.
+// Compares an image with the images of neighbouring cameras at hypothetical depths. The cost of a depth is
+// the difference of luma and gradients, in levels of luma, 0 to kMax. Differences are truncated to limit the influence
+// of reflections. The cost is the mean over the better half of the neighbours, because an object may hide the point
+// from the other half.
 //
 // Costs are bit-identical with every instruction set. Not thread-safe.
 class MatchingCost {

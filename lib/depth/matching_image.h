@@ -37,8 +37,8 @@ struct MatchingImage {
 MatchingImage matching_image(const Camera& camera, const ImageView& image, int divisor);
 
 // Maps pixels of one image with known depth into another image: a pixel (x, y) at the inverse depth d (1/Z, in 1/m)
-// falls on (p.x / p.z, p.y / p.z) with p = at(x, y) + d * parallax. Points with p.z <= 0 are behind the other camera.
-// p.z / d is the depth Z in the other camera.
+// falls on (p.x / p.z, p.y / p.z) with p = at(x, y) + d * parallax. The depth of the point in
+// the other camera is p.z / d. A point with p.z <= 0 is behind this camera.
 struct PixelMapping {
   std::array<std::array<float, 3>, 3> rows;  // at(x, y) = rows * (x, y, 1)
   std::array<float, 3> parallax;

@@ -207,7 +207,7 @@ struct RigidTransform {
   Vec3 translation{0, 0, 0};
 
   Vec3 operator()(const Vec3& x) const { return rotation * x + translation; }
-  RigidTransform operator*(const RigidTransform& first) const;  // applies `first`, then *this
+  RigidTransform operator*(const RigidTransform& first) const;  // applies `first`, then this transform
   RigidTransform inverse() const;
 };
 

@@ -59,8 +59,8 @@ class MovingLightCamera {
  public:
   MovingLightCamera(const LightTrajectory& path, const SceneCamera& camera);
 
-  // Returns a picture of the lights, whose exposure is centred at `time`: grey, stored as RGB, with gamma 2 like the
-  // pictures of the built-in scene. `seed` selects the sensor noise, so use another seed for each picture.
+  // Returns a picture of the lights, with the exposure centred at `time`. The picture is grey, stored as RGB, and has
+  // gamma 2, like the pictures of the built-in scene. `seed` selects the sensor noise, so use another seed for each picture.
   Image picture(double time, uint64_t seed) const;
   // Returns the mean position of each light's centre during the exposure and the positions of the reflections if there
   // is a window. Lights outside the picture have no value.

@@ -150,8 +150,8 @@ void SceneRenderer::State::start_block() {
   block_change = scene::scene_change(block);
 }
 
-// Returns true if the light of rays that hit `sights` is still valid in this picture. `valid_until` is the number of
-// the last picture that is known to have the same light; updates it.
+// Returns true if the light of rays that hit `sights` is still valid in this picture. The light is valid until
+// picture number `valid_until`, which the function updates.
 bool SceneRenderer::State::is_valid(int& valid_until, std::span<const scene::HitPoint> sights) const {
   if (valid_until >= picture) return true;
   if (valid_until == kNever || valid_until < picture - 1) return false;

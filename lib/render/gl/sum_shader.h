@@ -12,8 +12,8 @@ namespace lf::gl {
 
 // The properties of a shader program. compute_shader() generates its text.
 struct SumProgram {
-  // What the program computes:
-  //   kBlocksRgb, kBlocksI420: a whole sum, with undecided samples (see kUndecided).
+  // The result of the program:
+  //   kBlocksRgb, kBlocksI420: a whole sum, which can have undecided samples (see kUndecided).
   //   kConsistencyRgb, kConsistencyI420: photo-consistency sums (focus/photo_consistency.h) from RGB or luma.
   //   kPictureRgb, kPictureI420: a picture made from a sum.
   //   kAdded: the total of two sums.
