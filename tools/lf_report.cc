@@ -10,7 +10,6 @@
 #include <optional>
 #include <sstream>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include <nlohmann/json.hpp>
@@ -241,7 +240,7 @@ void run_report(const Options& options) {
   if (options.scene) {
     Progress progress("comparing with the ground truth", frames.count());
     std::mutex mutex;  // guards the files and the progress
-    lf::WorkerPool::shared()->run(std::thread::hardware_concurrency(), frames.count(), [&](size_t i) {
+    lf::parallel_for_all_processors()(frames.count(), [&](size_t i) {
       std::unique_lock lock(mutex);
       const lf::Image on_surface = frames.read(i), on_plane = plane.read(i);
       lock.unlock();
