@@ -68,13 +68,13 @@ ArrayDepth::ArrayDepth(const Rig& rig, const CameraSet& cameras, const CameraIma
                        double nearest, const ParallelFor& parallel) {
   range_ = {.farthest = farthest, .nearest = nearest};
   const int divisor = divisor_of(rig, cameras);
-  estimate(rig, cameras, images, 2 * divisor, range_, parallel);
+  estimate(rig, cameras, images, 2 * divisor, parallel);
   range_ = confident_range();
-  estimate(rig, cameras, images, divisor, range_, parallel);
+  estimate(rig, cameras, images, divisor, parallel);
 }
 
 void ArrayDepth::estimate(const Rig& rig, const CameraSet& cameras, const CameraImages& images, int divisor,
-                          const DepthSweep& range, const ParallelFor& parallel) {
+                          const ParallelFor& parallel) {
   cameras_.clear();
   cameras_.resize(cameras.size());
   std::vector<const MatchingImage*> all;
@@ -85,16 +85,15 @@ void ArrayDepth::estimate(const Rig& rig, const CameraSet& cameras, const Camera
   std::vector<std::vector<const MatchingImage*>> beside(cameras.size());
   for (size_t i = 0; i < cameras.size(); i++) {
     for (const size_t other : cameras_beside(all, i, kMatched)) beside[i].push_back(all[other]);
-    range_.planes = std::max(range_.planes, planes_of(*all[i], beside[i], range));
+    range_.planes = std::max(range_.planes, planes_of(*all[i], beside[i], range_));
   }
-  const DepthSweep searched = range_;
   parallel(cameras_.size(),
-           [&](size_t i) { cameras_[i].depth = estimate_depth(cameras_[i].image, beside[i], searched); });
+           [&](size_t i) { cameras_[i].depth = estimate_depth(cameras_[i].image, beside[i], range_); });
   parallel(cameras_.size(), [&](size_t i) {
     std::vector<DepthNeighbour> neighbours;
     for (const size_t other : cameras_beside(all, i, kChecked))
       neighbours.push_back({&cameras_[other].image, &cameras_[other].depth});
-    cameras_[i].depth.confidence = check_consistency(cameras_[i].image, cameras_[i].depth, neighbours, searched.step());
+    cameras_[i].depth.confidence = check_consistency(cameras_[i].image, cameras_[i].depth, neighbours, range_.step());
   });
 }
 

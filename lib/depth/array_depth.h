@@ -46,7 +46,7 @@ class ArrayDepth {
     float weight;
   };
   void estimate(const Rig& rig, const CameraSet& cameras, const CameraImages& images, int divisor,
-                const DepthSweep& range, const ParallelFor& parallel);
+                const ParallelFor& parallel);
   // Returns the range that most of the confident depths are in.
   DepthSweep confident_range() const;
   std::vector<WeightedCamera> cameras_around(const Vec3& eye) const;

@@ -19,9 +19,8 @@ class MatchingCost {
  public:
   static constexpr float kMaxLuma = 10, kMaxGradient = 4;  // truncation: levels, and levels per pixel
   static constexpr float kMax = 0.5f * kMaxLuma + 0.5f * 2 * kMaxGradient;
-  static constexpr int kMaxNeighbours = 8;
 
-  // The images must outlive the object. At least one neighbour, at most kMaxNeighbours.
+  // The images must outlive the object. There must be at least one neighbour.
   MatchingCost(const MatchingImage& image, std::span<const MatchingImage* const> neighbours);
 
   // Writes the cost of an inverse depth (1/m) for each pixel. Both spans have a value per pixel of the image. A
