@@ -10,26 +10,26 @@ const kHeight = 960;  // maximum height of the picture of an eye, pixels
 
 const kVertex = `#version 300 es
 in vec2 corner;
-out vec2 place;
+out vec2 display_position;
 void main() {
-  place = corner;
+  display_position = corner;
   gl_Position = vec4(corner, 0, 1);
 }`;
 
 // Maps a position on the display to the position in the eye's picture on the same line of sight.
 const kFragment = `#version 300 es
 precision highp float;
-uniform sampler2D both;
+uniform sampler2D stereo_picture;
 uniform mat3 picture_from_display;
 uniform vec2 half_size;  // of the picture, at distance 1
 uniform float side;
-in vec2 place;
+in vec2 display_position;
 out vec4 colour;
 void main() {
-  vec3 line = picture_from_display * vec3(place, 1);
+  vec3 line = picture_from_display * vec3(display_position, 1);
   vec2 at = 0.5 + 0.5 * line.xy / line.z / half_size;
   bool inside = line.z > 0.0 && all(equal(at, clamp(at, 0.0, 1.0)));
-  colour = inside ? vec4(texture(both, vec2((at.x + side) / 2.0, at.y)).rgb, 1) : vec4(0, 0, 0, 1);
+  colour = inside ? vec4(texture(stereo_picture, vec2((at.x + side) / 2.0, at.y)).rgb, 1) : vec4(0, 0, 0, 1);
 }`;
 
 export const headsets = async () => await navigator.xr?.isSessionSupported?.('immersive-vr').catch(() => false) ?? false;

@@ -6,9 +6,10 @@
 // Sources of the compute shaders for sums and photo-consistency sums. compute_shader() combines them, after a header
 // that defines the constants in capitals.
 //
-// The shaders compute in float. They also bound the error of float if CAREFUL is defined. If it is too large, the
-// sample is undecided: the variable `doubt` becomes true. The shader then writes DOUBT (kUndecided) as missing weight,
-// or CHROMA_DOUBT (kChromaUndecided) as chroma. The CPU then computes the sample in double precision (see cpu_fixup()).
+// The shaders compute in float. If CAREFUL is defined, they also compute a bound of the rounding error. If the bound is
+// too large, the sample is undecided: the variable `undecided` becomes true, and the shader writes UNDECIDED
+// (kUndecided) as missing weight, or CHROMA_UNDECIDED (kChromaUndecided) as chroma. The CPU then computes the sample in
+// double precision (see cpu_fixup()).
 namespace lf::gl {
 
 // The rendering rule of docs/architecture.md, which all shaders share: weights in a face, projection into a camera, and
@@ -32,32 +33,32 @@ vec4 map_scale; // MapScale: pixels per node; inverse distance of level 0, and p
 vec4 edge(int k) { return FACE(FACE_EDGE + k); }
 vec4 corner(int k, int texel) { return FACE(FACE_CORNERS + k * CORNER_TEXELS + texel); }
 
-bool doubt = false;
+bool undecided = false;
 
 // Returns the weights of the face's cameras, 0 for remote cameras. `d`: see from_anchor().
 vec3 weights_at(vec2 d) {
-  vec3 e, ours;
+  vec3 e, is_local;
   float terms = 0.0;
   for (int k = 0; k < 3; k++) {
-    vec3 part = vec3(edge(k).xy * d, edge(k).z);
-    e[k] = part.x + (part.y + part.z);
-    ours[k] = edge(k).w;
+    vec3 products = vec3(edge(k).xy * d, edge(k).z);
+    e[k] = products.x + (products.y + products.z);
+    is_local[k] = edge(k).w;
 #ifdef CAREFUL
-    terms += dot(abs(part), vec3(1.0));
+    terms += dot(abs(products), vec3(1.0));
 #endif
   }
   float sum = e.x + e.y + e.z;
 #ifdef CAREFUL
-  doubt = doubt || !(terms * FLOAT_ROUNDING < MAX_WEIGHT_ERROR * abs(sum));
+  undecided = undecided || !(terms * FLOAT_ROUNDING < MAX_WEIGHT_ERROR * abs(sum));
 #endif
-  return clamp(e / sum, 0.0, 1.0) * ours;
+  return clamp(e / sum, 0.0, 1.0) * is_local;
 }
 
 // Interpolates 2x2 texels in the order of textureGather(): (0, 1), (1, 1), (1, 0), (0, 0). The gather coordinate must
 // be the corner that the texels share: (x + 1, y + 1) / size for the upper left texel (x, y).
-float bilinear(vec4 gathered, vec2 part) {
-  vec2 column = mix(gathered.wx, gathered.zy, part.x);
-  return mix(column.x, column.y, part.y);
+float bilinear(vec4 gathered, vec2 fraction) {
+  vec2 column = mix(gathered.wx, gathered.zy, fraction.x);
+  return mix(column.x, column.y, fraction.y);
 }
 
 #ifdef MAP
@@ -66,25 +67,25 @@ float level_at(vec2 pixel) {
   vec2 at = clamp((pixel + 0.5) / map_scale.x - 0.5, vec2(0.0), vec2(nodes - 1));
   ivec2 cell = min(ivec2(at), max(nodes - 2, 0));
   ivec2 corner = cell + ivec2(1, 1 + first_level_row);
-  vec4 around = vec4(textureGather(levels, vec2(corner) / vec2(textureSize(levels, 0))));
-  return bilinear(around, at - vec2(cell)) - FACE(0).w;
+  vec4 texels = vec4(textureGather(levels, vec2(corner) / vec2(textureSize(levels, 0))));
+  return bilinear(texels, at - vec2(cell)) - FACE(0).w;
 }
 #else
 float level_at(vec2 pixel) { return 0.0; }
 #endif
 
-// Returns the point in the coordinates of camera k, up to a positive factor. `nearer`: inverse distance relative to the
-// face's anchor.
-vec3 camera_point(int k, vec2 d, float nearer) {
+// Returns the point in the coordinates of camera k, up to a positive factor. `inverse_distance`:
+// relative to the face's anchor.
+vec3 camera_point(int k, vec2 d, float inverse_distance) {
   vec3 x = corner(k, CORNER_FROM).xyz + (d.x * corner(k, CORNER_ALONG).xyz + d.y * corner(k, CORNER_DOWN).xyz);
 #ifdef MAP
-  x += nearer * (corner(k, CORNER_PER_FROM).xyz +
+  x += inverse_distance * (corner(k, CORNER_PER_FROM).xyz +
                  (d.x * corner(k, CORNER_PER_ALONG).xyz + d.y * corner(k, CORNER_PER_DOWN).xyz));
 #endif
   return x;
 }
 
-vec2 through_lens(int k, vec2 u) {
+vec2 image_from_ray(int k, vec2 u) {
   vec4 lens = corner(k, CORNER_LENS);
 #ifdef DISTORTED
   vec4 b = corner(k, CORNER_DISTORTION);
@@ -95,51 +96,52 @@ vec2 through_lens(int k, vec2 u) {
 }
 
 #ifdef CAREFUL
-const int kLost = 0, kSeen = 1, kUnknown = 2;
+const int kInvisible = 0, kVisible = 1, kUnknown = 2;
 
-// Projects the point in focus into camera k. kLost: the camera does not see the point. kUnknown: float cannot decide,
-// or the error of `position` may exceed MAX_POSITION_ERROR. `beyond`: positions outside the image are valid as well.
-int project(int k, vec2 d, float level, bool beyond, out vec2 position) {
+// Projects the point in focus into camera k. kInvisible: the camera does not see the point. kUnknown: float cannot
+// decide, or the error of `position` may exceed MAX_POSITION_ERROR. `allow_outside`: positions outside the image are
+// valid as well.
+int project(int k, vec2 d, float level, bool allow_outside, out vec2 position) {
   position = vec2(0.0);
-  if ((int(corner(k, CORNER_ALONG).w) & HAS_IMAGE) == 0) return kLost;
+  if ((int(corner(k, CORNER_ALONG).w) & HAS_IMAGE) == 0) return kInvisible;
   vec3 terms = abs(corner(k, CORNER_FROM).xyz) + abs(d.x * corner(k, CORNER_ALONG).xyz) +
                abs(d.y * corner(k, CORNER_DOWN).xyz);
-  float nearer = 0.0;
+  float inverse_distance = 0.0;
 #ifdef MAP
-  nearer = level * map_scale.z;
+  inverse_distance = level * map_scale.z;
   float eye = (map_scale.y + (level + FACE(0).w) * map_scale.z) * map_scale.w;
-  if (abs(1.0 - eye) <= EYE_DOUBT * (1.0 + abs(eye))) return kUnknown;
-  if (eye > 1.0) return kLost; // the surface is behind the eye
-  terms += abs(nearer) * (abs(corner(k, CORNER_PER_FROM).xyz) + abs(d.x * corner(k, CORNER_PER_ALONG).xyz) +
+  if (abs(1.0 - eye) <= EYE_MARGIN * (1.0 + abs(eye))) return kUnknown;
+  if (eye > 1.0) return kInvisible; // the surface is behind the eye
+  terms += abs(inverse_distance) * (abs(corner(k, CORNER_PER_FROM).xyz) + abs(d.x * corner(k, CORNER_PER_ALONG).xyz) +
                           abs(d.y * corner(k, CORNER_PER_DOWN).xyz));
 #endif
-  vec3 x = camera_point(k, d, nearer), rounding = FLOAT_ROUNDING * terms;
-  if (!(x.z > rounding.z)) return x.z < -rounding.z ? kLost : kUnknown;
-  vec2 u = x.xy / x.z, off = (rounding.xy + abs(u) * rounding.z) / x.z;
+  vec3 x = camera_point(k, d, inverse_distance), rounding = FLOAT_ROUNDING * terms;
+  if (!(x.z > rounding.z)) return x.z < -rounding.z ? kInvisible : kUnknown;
+  vec2 u = x.xy / x.z, error = (rounding.xy + abs(u) * rounding.z) / x.z;
   vec4 lens = corner(k, CORNER_LENS), image = corner(k, CORNER_IMAGE);
 #ifdef DISTORTED
   vec4 b = corner(k, CORNER_DISTORTION);
   if (b != vec4(0.0)) {
-    float r2 = dot(u, u), near = 2.0 * dot(abs(u), off) + 4e-6 * image.z;
-    if (r2 - near > image.z) return kLost;
+    float r2 = dot(u, u), near = 2.0 * dot(abs(u), error) + 4e-6 * image.z;
+    if (r2 - near > image.z) return kInvisible;
     if (!(r2 + near < image.z)) return kUnknown;
-    off *= 1.0 + 3.0 * abs(b.x) * r2 + 5.0 * abs(b.y) * r2 * r2 + 6.0 * (abs(b.z) + abs(b.w)) * sqrt(r2);
+    error *= 1.0 + 3.0 * abs(b.x) * r2 + 5.0 * abs(b.y) * r2 * r2 + 6.0 * (abs(b.z) + abs(b.w)) * sqrt(r2);
   }
 #endif
-  position = through_lens(k, u);
-  off = lens.xy * off + 2e-7 * (abs(position - lens.zw) + abs(lens.zw));
+  position = image_from_ray(k, u);
+  error = lens.xy * error + 2e-7 * (abs(position - lens.zw) + abs(lens.zw));
   vec2 last = image.xy - 0.5;
-  if (!beyond) {
-    if (any(lessThan(position + off, vec2(-0.5))) || any(greaterThan(position - off, last))) return kLost;
-    if (!(all(greaterThan(position - off, vec2(-0.5))) && all(lessThan(position + off, last)))) return kUnknown;
+  if (!allow_outside) {
+    if (any(lessThan(position + error, vec2(-0.5))) || any(greaterThan(position - error, last))) return kInvisible;
+    if (!(all(greaterThan(position - error, vec2(-0.5))) && all(lessThan(position + error, last)))) return kUnknown;
   }
-  return max(off.x, off.y) < MAX_POSITION_ERROR ? kSeen : kUnknown;
+  return max(error.x, error.y) < MAX_POSITION_ERROR ? kVisible : kUnknown;
 }
 #endif
 
-// Returns the upper left of the four pixels to interpolate, and reduces `position` to the fraction. Positions beyond
-// the centres of the outer pixels are clamped.
-ivec2 pixel_before(inout vec2 position, vec2 image_size) {
+// Returns the upper left of the four pixels to interpolate, and reduces `position` to the fraction. Positions
+// beyond the centres of the outer pixels are clamped.
+ivec2 upper_left_pixel(inout vec2 position, vec2 image_size) {
 #ifdef CAREFUL
   position = clamp(position, vec2(0.0), image_size - 1.0);
   ivec2 first = min(ivec2(position), max(ivec2(image_size) - 2, ivec2(0)));
@@ -151,7 +153,7 @@ ivec2 pixel_before(inout vec2 position, vec2 image_size) {
 }
 
 // Returns the offset of the camera's image (kI420: its luma) in the atlas.
-ivec2 place_of(int k) { return ivec2(corner(k, CORNER_FROM).w, corner(k, CORNER_IMAGE).w); }
+ivec2 atlas_offset(int k) { return ivec2(corner(k, CORNER_FROM).w, corner(k, CORNER_IMAGE).w); }
 
 // Clamps, because branch-free code may fetch texels at arbitrary positions for cameras that do not see the point.
 #ifdef CAREFUL
@@ -163,34 +165,34 @@ ivec2 place_of(int k) { return ivec2(corner(k, CORNER_FROM).w, corner(k, CORNER_
 uniform highp sampler2D images; // the atlas
 uniform ivec4 chroma_places;    // kI420: offsets of Cb and Cr in the atlas
 
-// Bilinear samples, 0 to 1. `place`: offset of the image in the atlas.
-#define TEXEL(at) texelFetch(images, IN_ATLAS(place + (at)), 0)
+// Bilinear samples, 0 to 1. `offset`: offset of the image in the atlas.
+#define TEXEL(at) texelFetch(images, IN_ATLAS(offset + (at)), 0)
 #ifdef RGB
 vec3 rgb_of(int k, vec4 bytes) {
   int order = int(corner(k, CORNER_DOWN).w);
   return vec3(bytes[order & 3], bytes[(order >> 2) & 3], bytes[order >> 4]);
 }
 vec3 colour_at(int k, vec2 position) {
-  ivec2 place = place_of(k), first = pixel_before(position, corner(k, CORNER_IMAGE).xy);
+  ivec2 offset = atlas_offset(k), first = upper_left_pixel(position, corner(k, CORNER_IMAGE).xy);
   vec3 upper = mix(rgb_of(k, TEXEL(first)), rgb_of(k, TEXEL(first + ivec2(1, 0))), position.x);
   vec3 lower = mix(rgb_of(k, TEXEL(first + ivec2(0, 1))), rgb_of(k, TEXEL(first + 1)), position.x);
   return mix(upper, lower, position.y);
 }
 #else
-float sampled_byte(ivec2 place, vec2 image_size, vec2 position) {
-  ivec2 first = pixel_before(position, image_size);
-  return bilinear(textureGather(images, vec2(place + first + 1) / vec2(textureSize(images, 0))), position);
+float sampled_byte(ivec2 offset, vec2 image_size, vec2 position) {
+  ivec2 first = upper_left_pixel(position, image_size);
+  return bilinear(textureGather(images, vec2(offset + first + 1) / vec2(textureSize(images, 0))), position);
 }
 vec3 colour_at(int k, vec2 position) {
-  return vec3(sampled_byte(place_of(k), corner(k, CORNER_IMAGE).xy, position));
+  return vec3(sampled_byte(atlas_offset(k), corner(k, CORNER_IMAGE).xy, position));
 }
 // Returns Cb and Cr in levels, with grey = 0. `position`: in the luma image.
 vec2 chroma_at(int k, vec2 position) {
   vec2 image_size = floor((corner(k, CORNER_IMAGE).xy + 1.0) / 2.0);
-  ivec2 place = place_of(k) / 2;
+  ivec2 offset = atlas_offset(k) / 2;
   position = (position - 0.5) / 2.0;
-  return 255.0 * vec2(sampled_byte(place + chroma_places.xy, image_size, position),
-                      sampled_byte(place + chroma_places.zw, image_size, position)) - 128.0;
+  return 255.0 * vec2(sampled_byte(offset + chroma_places.xy, image_size, position),
+                      sampled_byte(offset + chroma_places.zw, image_size, position)) - 128.0;
 }
 #endif
 
@@ -206,7 +208,7 @@ layout(local_size_x = GROUP, local_size_y = GROUP) in;
 layout(std430, binding = RUNS) readonly buffer Runs { uint runs[]; };
 uint first_row;    // index in `runs` of the view's first row
 int first_face;    // table row of the view's first face
-uint of_result[6]; // location of the view's sum: kViewResult
+uint result_layout[6]; // location of the view's sum: kViewResult
 uint cells;        // index in `runs` of the view's first cell
 int first_slot;    // table row of the view's first slot, after its last face; only with cells
 
@@ -219,7 +221,7 @@ void begin_view(uint view) {
   first_level_row = int(runs[head + VIEW_LEVELS]);
   nodes = ivec2(runs[head + VIEW_NODES], runs[head + VIEW_NODES + 1u]);
   for (uint i = 0u; i < 4u; i++) map_scale[i] = uintBitsToFloat(runs[head + VIEW_SCALE + i]);
-  for (uint i = 0u; i < 6u; i++) of_result[i] = runs[head + VIEW_RESULT + i];
+  for (uint i = 0u; i < 6u; i++) result_layout[i] = runs[head + VIEW_RESULT + i];
   cells = runs[head + VIEW_CELLS];
   first_slot = int(runs[head + VIEW_SLOTS]);
 }
@@ -250,21 +252,21 @@ vec2 from_anchor(ivec2 at) {
 )";
 
 // Appended to kRule and kRuns in the shader of BlockSums: writes the sum of a block. An invocation computes 2x2 pixels
-// and their chroma. In write_block(), `sums` are in units of 1/128 level, `chroma` in levels, and `missing_of` is the
-// missing weight in units of 1/32768 or DOUBT.
+// and their chroma. In write_block(), `sums` are in units of 1/128 level, `chroma` in levels, and `missing_bits` is
+// the missing weight in units of 1/32768 or UNDECIDED.
 inline constexpr std::string_view kBlocks = R"(
-// The sums of all views, with the layout of BlockSum::Parts at the offsets in of_result. missing_rows has the number of
-// the draw if a row of blocks has missing weight or undecided samples, undecided_rows if it has undecided samples.
-// Other values there are stale. The samples are as in ReadbackBuffer, two per word.
+// The sums of all views, with the layout of BlockSum::Parts at the offsets in result_layout. missing_rows has the
+// number of the draw if a row of blocks has missing weight or undecided samples, undecided_rows if it has undecided
+// samples. Other values in these two parts are stale. The samples are as in ReadbackBuffer, two per word.
 layout(std430, binding = RESULT) writeonly buffer Result { uint result[]; };
 
-// `first`: first pixel of the block. `sums`: in units of 1/128 level. `missing_of`: 32768 = weight 1, or DOUBT.
+// `first`: first pixel of the block. `sums`: in units of 1/128 level. `missing_bits`: 32768 = weight 1, or UNDECIDED.
 // `chroma`: in levels.
-void write_block(ivec2 first, vec3 sums[4], uint missing_of[4], vec2 chroma, bool chroma_doubt) {
+void write_block(ivec2 first, vec3 sums[4], uint missing_bits[4], vec2 chroma, bool chroma_undecided) {
   ivec2 block = first / 2;
   uint row_words = uint(size.x + 1) / 2u;
   uint any_missing = 0u;
-  bool any_doubt = false;
+  bool any_undecided = false;
   for (int j = 0; j < 2; j++) {
     int y = first.y + j, left = 2 * j;
     if (y >= size.y) break;
@@ -272,24 +274,25 @@ void write_block(ivec2 first, vec3 sums[4], uint missing_of[4], vec2 chroma, boo
 #ifdef RGB
     for (int i = 0; i < 2; i++) {
       vec3 sum = sums[left + i];
-      uint at = of_result[2] + 4u * word + 2u * uint(i);
+      uint at = result_layout[2] + 4u * word + 2u * uint(i);
       result[at] = bits(sum.r) | bits(sum.g) << 16;
       result[at + 1u] = bits(sum.b);
     }
 #else
-    result[of_result[2] + word] = bits(sums[left].x) | bits(sums[left + 1].x) << 16;
+    result[result_layout[2] + word] = bits(sums[left].x) | bits(sums[left + 1].x) << 16;
 #endif
-    result[of_result[4] + word] = missing_of[left] | missing_of[left + 1] << 16;
-    any_missing |= missing_of[left] | missing_of[left + 1];
-    any_doubt = any_doubt || missing_of[left] == uint(DOUBT) || missing_of[left + 1] == uint(DOUBT);
+    result[result_layout[4] + word] = missing_bits[left] | missing_bits[left + 1] << 16;
+    any_missing |= missing_bits[left] | missing_bits[left + 1];
+    for (int i = 0; i < 2; i++) any_undecided = any_undecided || missing_bits[left + i] == uint(UNDECIDED);
   }
 #ifndef RGB
   uint chroma_bits = bits(128.0 * chroma.x) | bits(128.0 * chroma.y) << 16;
-  result[of_result[3] + uint(block.y) * row_words + uint(block.x)] = chroma_doubt ? uint(CHROMA_DOUBT) : chroma_bits;
-  any_doubt = any_doubt || chroma_doubt;
+  if (chroma_undecided) chroma_bits = uint(CHROMA_UNDECIDED);
+  result[result_layout[3] + uint(block.y) * row_words + uint(block.x)] = chroma_bits;
+  any_undecided = any_undecided || chroma_undecided;
 #endif
-  if (any_missing != 0u || any_doubt) result[of_result[0] + uint(block.y)] = of_result[5];
-  if (any_doubt) result[of_result[1] + uint(block.y)] = of_result[5];
+  if (any_missing != 0u || any_undecided) result[result_layout[0] + uint(block.y)] = result_layout[5];
+  if (any_undecided) result[result_layout[1] + uint(block.y)] = result_layout[5];
 }
 )";
 
@@ -303,24 +306,25 @@ inline constexpr std::string_view kBlockOfCells = R"(
 int weight_in(uint camera, ivec2 at) {
   int level[2], size = 1 << CELL_BITS;
   for (int i = 0; i < 2; i++) {
-    int of[4];
-    for (uint p = 0u; p < 4u; p++) of[p] = int((runs[camera + 1u + p] >> (16 * i)) & 0xffffu);
-    int left = of[0] * (size - at.y) + of[2] * at.y, right = of[1] * (size - at.y) + of[3] * at.y;
+    int corners[4];
+    for (uint p = 0u; p < 4u; p++) corners[p] = int((runs[camera + 1u + p] >> (16 * i)) & 0xffffu);
+    int left = corners[0] * (size - at.y) + corners[2] * at.y;
+    int right = corners[1] * (size - at.y) + corners[3] * at.y;
     level[i] = (left * size + (right - left) * at.x + (1 << (2 * CELL_BITS - 1))) >> (2 * CELL_BITS);
   }
   return level[1] - level[0];
 }
 
 // Sets the sums and the missing weights of the pixels in `in_cells`, and adds the block's chroma.
-void add_cells(ivec2 first, bool in_cells[4], inout vec3 sums[4], inout uint missing_of[4], inout vec2 chroma,
-               inout bool chroma_doubt) {
-  ivec2 last = min(first + 1, size - 1); // at the view's end there is no other
+void add_cells(ivec2 first, bool in_cells[4], inout vec3 sums[4], inout uint missing_bits[4], inout vec2 chroma,
+               inout bool chroma_undecided) {
+  ivec2 last = min(first + 1, size - 1); // the block may extend beyond the view
   float pixels = float((last.x - first.x + 1) * (last.y - first.y + 1));
   bool is_undecided[4];
-  int lost[4];
+  int missing[4];
   for (int n = 0; n < 4; n++) {
     is_undecided[n] = false;
-    lost[n] = 0;
+    missing[n] = 0;
   }
   ivec2 first_cell = origin >> CELL_BITS, cell = ((first + origin) >> CELL_BITS) - first_cell,
         all_cells = ((origin + size - 1) >> CELL_BITS) - first_cell + 1;
@@ -328,37 +332,37 @@ void add_cells(ivec2 first, bool in_cells[4], inout vec3 sums[4], inout uint mis
   for (uint c = runs[entry]; c < runs[entry + 1u]; c++) {
     uint camera = cameras + uint(CELL_WORDS) * c;
     face_row = first_slot + int(runs[camera]);
-    float seen = 0.0;
+    float visible_weight = 0.0;
     for (int n = 0; n < 4; n++) {
       ivec2 at = first + ivec2(n & 1, n >> 1);
       int weight = in_cells[n] ? weight_in(camera, (at + origin) & ((1 << CELL_BITS) - 1)) : 0;
       if (weight == 0) continue;
       vec2 position = vec2(0.0);
-      int sight = project(0, from_anchor(at), level_at(vec2(at + origin)), false, position);
-      if (sight == kUnknown) is_undecided[n] = chroma_doubt = true;
-      if (sight == kLost) lost[n] += weight;
-      if (sight != kSeen) continue;
+      int visibility = project(0, from_anchor(at), level_at(vec2(at + origin)), false, position);
+      if (visibility == kUnknown) is_undecided[n] = chroma_undecided = true;
+      if (visibility == kInvisible) missing[n] += weight;
+      if (visibility != kVisible) continue;
       sums[n] += float(weight) * colour_at(0, position);
-      seen += float(weight);
+      visible_weight += float(weight);
     }
 #ifndef RGB
-    if (!(seen > 0.0)) continue;
+    if (!(visible_weight > 0.0)) continue;
 #ifdef RAYS
     vec2 centre = texelFetch(centre_rays, first / 2, 0).xy;
 #else
     vec2 centre = vec2(first + last) / 2.0 + vec2(origin) - FACE(0).xy;
 #endif
     vec2 position = vec2(0.0);
-    if (project(0, centre, level_at(vec2(first + origin) + 0.5), true, position) == kSeen)
-      chroma += seen / float(WEIGHT_ONE) / pixels * chroma_at(0, position);
+    if (project(0, centre, level_at(vec2(first + origin) + 0.5), true, position) == kVisible)
+      chroma += visible_weight / float(WEIGHT_ONE) / pixels * chroma_at(0, position);
     else
-      chroma_doubt = true;
+      chroma_undecided = true;
 #endif
   }
   for (int n = 0; n < 4; n++) {
     if (!in_cells[n]) continue;
     sums[n] *= 255.0 * 128.0 / float(WEIGHT_ONE);
-    missing_of[n] = is_undecided[n] ? uint(DOUBT) : uint(lost[n]);
+    missing_bits[n] = is_undecided[n] ? uint(UNDECIDED) : uint(missing[n]);
   }
 }
 #endif
@@ -367,24 +371,24 @@ void add_cells(ivec2 first, bool in_cells[4], inout vec3 sums[4], inout uint mis
 // Renders the pixels of the mesh. Each pixel is blended from the cameras at the corners of the face that owns the
 // pixel.
 inline constexpr std::string_view kBlockOfFaces = R"(
-// Computes the sum of a pixel and its missing weight or DOUBT. Returns the weights of the face's cameras, 0 for cameras
-// that do not see the pixel.
-vec3 weights_of(ivec2 at, out vec3 sum, out uint missing_bits) {
+// Computes the sum of a pixel and its missing weight or UNDECIDED. Returns the weights of the face's cameras, 0 for
+// cameras that do not see the pixel.
+vec3 blend_pixel(ivec2 at, out vec3 sum, out uint missing_bits) {
   vec2 d = from_anchor(at);
-  doubt = false;
+  undecided = false;
   vec3 w = weights_at(d);
-  float level = level_at(vec2(at + origin)), lost = 0.0;
+  float level = level_at(vec2(at + origin)), missing = 0.0;
   sum = vec3(0.0);
   for (int k = 0; k < 3; k++) {
     vec2 position = vec2(0.0);
-    int sight = w[k] > 0.0 ? project(k, d, level, false, position) : kSeen;
-    doubt = doubt || sight == kUnknown;
-    if (sight == kLost) lost += w[k];
-    if (sight != kSeen) w[k] = 0.0;
+    int visibility = w[k] > 0.0 ? project(k, d, level, false, position) : kVisible;
+    undecided = undecided || visibility == kUnknown;
+    if (visibility == kInvisible) missing += w[k];
+    if (visibility != kVisible) w[k] = 0.0;
     if (w[k] > 0.0) sum += w[k] * colour_at(k, position);
   }
   sum *= 255.0 * 128.0;
-  missing_bits = doubt ? uint(DOUBT) : bits(32768.0 * lost);
+  missing_bits = undecided ? uint(UNDECIDED) : bits(32768.0 * missing);
   return w;
 }
 
@@ -394,12 +398,12 @@ void main() {
   if (any(greaterThanEqual(first, size))) return;
   int owner[4];
   vec3 sums[4];
-  uint missing_of[4];
+  uint missing_bits[4];
   for (int n = 0; n < 4; n++) {
     ivec2 at = first + ivec2(n & 1, n >> 1);
     owner[n] = all(lessThan(at, size)) ? face_at(at) : -1;
     sums[n] = vec3(0.0);
-    missing_of[n] = 0u;
+    missing_bits[n] = 0u;
   }
 #ifdef CELLS
   bool in_cells[4];
@@ -409,9 +413,9 @@ void main() {
   }
 #endif
   vec2 chroma = vec2(0.0);
-  bool chroma_doubt = false;
+  bool chroma_undecided = false;
 #ifndef RGB
-  ivec2 last = min(first + 1, size - 1); // at the view's end there is no other
+  ivec2 last = min(first + 1, size - 1); // the block may extend beyond the view
   float pixels = float((last.x - first.x + 1) * (last.y - first.y + 1));
 #endif
   for (int n = 0; n < 4; n++) {
@@ -422,9 +426,9 @@ void main() {
     vec3 weights = vec3(0.0);
     for (int m = n; m < 4; m++)
       if (owner[m] == face_row) {
-        weights += weights_of(first + ivec2(m & 1, m >> 1), sums[m], missing_of[m]);
+        weights += blend_pixel(first + ivec2(m & 1, m >> 1), sums[m], missing_bits[m]);
 #ifndef RGB
-        chroma_doubt = chroma_doubt || doubt;
+        chroma_undecided = chroma_undecided || undecided;
 #endif
       }
 #ifndef RGB
@@ -438,17 +442,17 @@ void main() {
     for (int k = 0; k < 3; k++) {
       if (!(weights[k] > 0.0)) continue;
       vec2 position = vec2(0.0);
-      if (project(k, centre, level, true, position) == kSeen)
+      if (project(k, centre, level, true, position) == kVisible)
         chroma += weights[k] / pixels * chroma_at(k, position);
       else
-        chroma_doubt = true;
+        chroma_undecided = true;
     }
 #endif
   }
 #ifdef CELLS
-  add_cells(first, in_cells, sums, missing_of, chroma, chroma_doubt);
+  add_cells(first, in_cells, sums, missing_bits, chroma, chroma_undecided);
 #endif
-  write_block(first, sums, missing_of, chroma, chroma_doubt);
+  write_block(first, sums, missing_bits, chroma, chroma_undecided);
 }
 )";
 
@@ -470,7 +474,7 @@ bool sees(int k, vec2 d, float level, out vec2 position) {
   vec3 x = camera_point(k, d, (level - FACE(0).w) * map_scale.z);
   vec2 u = x.xy / x.z;
   vec4 image = corner(k, CORNER_IMAGE);
-  position = through_lens(k, u);
+  position = image_from_ray(k, u);
   bool is_before_eye = x.z > 0.0 && (map_scale.y + level * map_scale.z) * map_scale.w < 1.0;
   bool seen = is_before_eye && (int(corner(k, CORNER_ALONG).w) & HAS_IMAGE) != 0;
 #ifdef DISTORTED
@@ -482,7 +486,7 @@ bool sees(int k, vec2 d, float level, out vec2 position) {
 // Returns luma in levels. Pixels outside the image are clamped to its edge.
 int luma_at(int k, ivec2 pixel) {
   ivec2 last = ivec2(corner(k, CORNER_IMAGE).xy) - 1;
-  ivec2 at = place_of(k) + clamp(pixel, ivec2(0), last);
+  ivec2 at = atlas_offset(k) + clamp(pixel, ivec2(0), last);
   vec4 bytes = texelFetch(images, clamp(at, ivec2(0), textureSize(images, 0) - 1), 0);
 #ifdef RGB
   ivec3 rgb = ivec3(255.0 * rgb_of(k, bytes) + 0.5);
@@ -494,7 +498,7 @@ int luma_at(int k, ivec2 pixel) {
 
 // Returns the rounded means of 4x4 boxes around the lower right corners of four pixels: `at`, and its right, lower and
 // lower right neighbours.
-ivec4 means_of_sixteen(int k, ivec2 at) {
+ivec4 means_of_4x4_boxes(int k, ivec2 at) {
   ivec4 sums = ivec4(8);
   for (int j = -1; j < 4; j++) {
     int middle = luma_at(k, at + ivec2(0, j)) + luma_at(k, at + ivec2(1, j)) + luma_at(k, at + ivec2(2, j));
@@ -505,15 +509,15 @@ ivec4 means_of_sixteen(int k, ivec2 at) {
   return sums >> 4;
 }
 
-// Returns the means of boxes with a side of `box` pixels around the same corners as means_of_sixteen(). The mean of a
+// Returns the means of boxes with a side of `box` pixels around the same corners as means_of_4x4_boxes(). The mean of a
 // box larger than 4x4 is the rounded mean of its quarters. The loop visits the 4x4 boxes in Z-order and finishes each
 // larger box after its last quarter.
 ivec4 means_of_boxes(int k, ivec2 at, int box) {
   ivec4 sums[3] = ivec4[3](ivec4(0), ivec4(0), ivec4(0)), means = ivec4(0);
   for (int n = 0; n < box * box / 16; n++) {
-    ivec2 place = at;
-    for (int m = 0; 8 << m <= box; m++) place += (2 << m) * (2 * ivec2(n >> (2 * m) & 1, n >> (2 * m + 1) & 1) - 1);
-    means = means_of_sixteen(k, place);
+    ivec2 centre = at;
+    for (int m = 0; 8 << m <= box; m++) centre += (2 << m) * (2 * ivec2(n >> (2 * m) & 1, n >> (2 * m + 1) & 1) - 1);
+    means = means_of_4x4_boxes(k, centre);
     for (int m = 0; 8 << m <= box; m++) {
       sums[m] += means;
       if ((n >> (2 * m) & 3) != 3) break;
@@ -529,8 +533,8 @@ ivec4 means_of_boxes(int k, ivec2 at, int box) {
 uint sampled_luma(int k, vec2 position) {
   ivec2 at = ivec2(256.0 * clamp(position - 0.5, vec2(0.0), corner(k, CORNER_IMAGE).xy - 1.0));
   ivec4 means = means_of_boxes(k, at >> 8, int(corner(k, CORNER_PER_FROM).w));
-  ivec2 part = at & 255, sides = means.xz * (256 - part.x) + means.yw * part.x;
-  return uint((sides.x * (256 - part.y) + sides.y * part.y + (1 << 15)) >> 16);
+  ivec2 fraction = at & 255, sides = means.xz * (256 - fraction.x) + means.yw * fraction.x;
+  return uint((sides.x * (256 - fraction.y) + sides.y * fraction.y + (1 << 15)) >> 16);
 }
 
 // Returns the sums of weight, luma and square over a node's cameras.

@@ -42,9 +42,9 @@ float missing_at(ivec2 at) {
 }
 
 // Returns the factor from a sum to levels; 0: the pixel shows the background.
-float scale_of(float lost) {
-  float left = 32768.0 - lost;
-  return left >= background.w ? 256.0 / left : 0.0;
+float scale_of(float missing) {
+  float remaining = 32768.0 - missing;
+  return remaining >= background.w ? 256.0 / remaining : 0.0;
 }
 
 uint byte_of(float level) { return uint(clamp(level + 0.5, 0.0, 255.0)); }
@@ -82,14 +82,14 @@ void main() {
 }
 #else
 // Totals of a chroma sample's pixels: their number, missing weight, and the number that show the background.
-struct Block { float pixels, lost, hidden; };
+struct Block { float pixels, missing, hidden; };
 
 float luma_at(ivec2 at, inout Block block) {
   block.pixels += 1.0;
   float shown = 0.0;
   if (is_in_sum(at)) {
-    float lost = missing_at(at), scale = scale_of(lost);
-    block.lost += min(lost, 32768.0);
+    float missing = missing_at(at), scale = scale_of(missing);
+    block.missing += min(missing, 32768.0);
     if (scale == 0.0) block.hidden += 1.0;
     shown = scale > 0.0 ? scale * value(parts.x + word_of(at), at.x & 1) : background.x;
   }
@@ -102,7 +102,7 @@ uvec2 chroma_at(ivec2 at, Block block) {
     uint word = parts.y + word_of(ivec2(at.x, at.y / 2));
     sums = vec2(value(word, 0), value(word, 1));
   }
-  float scale = scale_of(block.lost / block.pixels), share = scale > 0.0 ? block.hidden / block.pixels : 1.0;
+  float scale = scale_of(block.missing / block.pixels), share = scale > 0.0 ? block.hidden / block.pixels : 1.0;
   vec2 shown = mix(clamp(scale * sums, -128.0, 127.0), background.yz, share);
   return uvec2(byte_of(128.0 + byte_levels.z * shown.x), byte_of(128.0 + byte_levels.z * shown.y));
 }
@@ -165,21 +165,22 @@ const uint kAdd = 0u, kAddMissing = 1u;
 void main() {
   ivec2 at = ivec2(gl_GlobalInvocationID.xy);
   if (any(greaterThanEqual(at, size))) return;
-  uint to = parts.z + uint(at.y) * parts.w + uint(at.x);
+  uint target = parts.z + uint(at.y) * parts.w + uint(at.x);
   if (planes.x > kAddMissing) {
-    result[to] = 0u;
+    result[target] = 0u;
     return;
   }
-  uint more = part[parts.x + uint(at.y) * parts.y + uint(at.x)], before = result[to];
+  uint addend = part[parts.x + uint(at.y) * parts.y + uint(at.x)], previous = result[target];
   if (planes.x == kAdd) {
-    ivec2 a = ivec2(bitfieldExtract(int(before), 0, 16), int(before) >> 16);
-    ivec2 b = ivec2(bitfieldExtract(int(more), 0, 16), int(more) >> 16);
+    ivec2 a = ivec2(bitfieldExtract(int(previous), 0, 16), int(previous) >> 16);
+    ivec2 b = ivec2(bitfieldExtract(int(addend), 0, 16), int(addend) >> 16);
     uvec2 sum = uvec2(clamp(a + b, -32768, 32767)) & 0xffffu;
-    result[to] = sum.x | sum.y << 16;
+    result[target] = sum.x | sum.y << 16;
   } else {
-    uvec2 a = uvec2(before & 0xffffu, before >> 16), b = uvec2(more & 0xffffu, more >> 16), sum = min(a + b, 0xffffu);
-    result[to] = sum.x | sum.y << 16;
-    if (result[to] != 0u) result[planes.y + uint(at.y) / 2u] = planes.w;
+    uvec2 a = uvec2(previous & 0xffffu, previous >> 16), b = uvec2(addend & 0xffffu, addend >> 16);
+    uvec2 sum = min(a + b, 0xffffu);
+    result[target] = sum.x | sum.y << 16;
+    if (result[target] != 0u) result[planes.y + uint(at.y) / 2u] = planes.w;
   }
 }
 )";
@@ -198,7 +199,7 @@ uniform uvec4 parts;    // first word and words per row in `result`
 uniform ivec4 channels; // texture channel of the plane (-1: RGB); gain_factor() (0: do not divide); its zero level;
                         // 1: sharpen
 
-ivec4 divided(ivec2 at) {
+ivec4 divided_by_gain(ivec2 at) {
   vec4 texel = texelFetch(gpu_image, clamp(at, ivec2(0), size - 1), 0);
   ivec4 value = ivec4(floor(255.0 * (channels.x < 0 ? texel : vec4(texel[max(channels.x, 0)])) + 0.5));
   if (channels.y == 0) return value;
@@ -206,12 +207,12 @@ ivec4 divided(ivec2 at) {
   return clamp(((product + 16) >> 5) + channels.z, 0, 255);
 }
 
-uvec4 made(ivec2 at) {
-  ivec4 value = divided(at);
+uvec4 filtered(ivec2 at) {
+  ivec4 value = divided_by_gain(at);
   if (channels.w != 0) {
-    ivec4 around = divided(at - ivec2(1, 0)) + divided(at + ivec2(1, 0)) + divided(at - ivec2(0, 1)) +
-                   divided(at + ivec2(0, 1));
-    value = clamp(value + ((SHARPENING * (4 * value - around) + 128) >> 8), 0, 255);
+    ivec4 neighbours = divided_by_gain(at - ivec2(1, 0)) + divided_by_gain(at + ivec2(1, 0)) +
+                       divided_by_gain(at - ivec2(0, 1)) + divided_by_gain(at + ivec2(0, 1));
+    value = clamp(value + ((SHARPENING * (4 * value - neighbours) + 128) >> 8), 0, 255);
   }
   return uvec4(value);
 }
@@ -221,9 +222,9 @@ void main() {
   if (any(greaterThanEqual(word, extent))) return;
   uvec4 bytes;
   if (channels.x < 0) {
-    bytes = made(origin + word);
+    bytes = filtered(origin + word);
   } else {
-    for (int n = 0; n < 4; n++) bytes[n] = made(origin + ivec2(4 * word.x + n, word.y)).x;
+    for (int n = 0; n < 4; n++) bytes[n] = filtered(origin + ivec2(4 * word.x + n, word.y)).x;
   }
   result[parts.x + uint(word.y) * parts.y + uint(word.x)] = bytes.x | bytes.y << 8 | bytes.z << 16 | bytes.w << 24;
 }
@@ -286,12 +287,12 @@ std::string head(const SumProgram& program) {
   define_word("VIEW_WORDS", kViewWords);
   define(text, "HAS_IMAGE", int{kHasImage});
   define(text, "SHARPENING", kSharpeningFactor);
-  define(text, "DOUBT", kUndecided);
-  define(text, "CHROMA_DOUBT", kChromaUndecided);
+  define(text, "UNDECIDED", kUndecided);
+  define(text, "CHROMA_UNDECIDED", kChromaUndecided);
   declare(text, "MAX_POSITION_ERROR", kMaxPositionError);
   declare(text, "FLOAT_ROUNDING", kFloatRounding * 1e6, " * 1e-6");
   declare(text, "MAX_WEIGHT_ERROR", kMaxWeightError);
-  declare(text, "EYE_DOUBT", kEyeMargin);
+  declare(text, "EYE_MARGIN", kEyeMargin);
   return text;
 }
 

@@ -38,7 +38,7 @@ struct SumProgram {
 };
 // Markers in a sum for samples that float cannot decide: whether the camera sees the point, or where the sample is (to
 // kMaxPositionError). The CPU then computes these samples; see cpu_fixup(). The marker kUndecided is a missing weight,
-// and kChromaUndecided a value of Cb. The shaders call them DOUBT and CHROMA_DOUBT.
+// and kChromaUndecided a value of Cb. The shaders call them UNDECIDED and CHROMA_UNDECIDED.
 inline constexpr int kUndecided = 0xffff, kChromaUndecided = 0x8000;
 
 // The layout of the shaders' buffer `tables`, which contains the geometry of faces and cameras. It has one row for each
