@@ -442,8 +442,9 @@ int main(int argc, char** argv) {
       ->needs(leave_one_out);
   cli::Option* aperture = app.add_option(
       "--aperture", options.aperture,
-      "Diameter of a synthetic aperture, in metres. All cameras within the aperture contribute to a pixel, so objects "
-      "out of focus blur as behind a large lens (default: the three cameras around the line of sight contribute)");
+      "Diameter of a synthetic aperture, in metres. All cameras within the aperture contribute to a pixel. With "
+      "--focus plane, objects out of focus blur as behind a large lens (default: the three cameras around the line of "
+      "sight contribute)");
   app.add_option("--nearest-cameras", options.nearest_cameras,
                  "Number of cameras that contribute to a pixel. The cameras with the most similar view of the point "
                  "are selected, by angle, resolution and field of view. This suits irregular arrays (default: the "

@@ -34,9 +34,10 @@
  * have the size of the rig's cameras, and the rate is 15/1.
  *
  * By default each pixel is blended from three cameras, the corners of a triangle in the mesh of the array. If
- * `aperture` is set, all cameras within a synthetic aperture of that diameter contribute, so that objects out of focus
- * blur. If `nearest-cameras` is set, the cameras with the most similar viewing direction contribute. These properties
- * also apply to views of a file. `access=warp` always uses three cameras.
+ * `aperture` is set, all cameras within a synthetic aperture of that diameter contribute. With a focal plane
+ * (`lfcompositor focus=plane`), objects out of focus then blur. If `nearest-cameras` is set, the cameras with the most
+ * similar viewing direction contribute. These properties also apply to views of a file. `access=warp` always uses three
+ * cameras.
  *
  * After each picture, lfcompositor sends feedback with the upstream event "lightfield-feedback": the focal surface (the
  * depths) for the next request, cameras that are out of service, and extra requests (`lfcompositor monitor-interval`).

@@ -121,13 +121,13 @@ const std::array<ViewField, kNumViewFields> kViewFields = {{
      kMinFovDeg, kMaxFovDeg, 45},
     {"focus-distance", "Focus distance",
      "Distance of the focal plane from the viewpoint along the optical axis, in metres. Objects at this distance are "
-     "sharp. Nearer and farther objects are blurred, unless the lfcompositor uses a focal "
+     "sharp. Nearer and farther objects appear double or blurred, unless the lfcompositor uses a focal "
      "surface (its property focus)",
      kMinFocus, kMaxFocus, 2},
     {"aperture", "Aperture",
-     "Diameter of the synthetic aperture, in metres. All cameras within this diameter contribute to a pixel, so "
-     "objects out of focus blur as with a large lens (0: each pixel is blended from three cameras, and the whole scene "
-     "looks sharp if the depths are right)",
+     "Diameter of the synthetic aperture, in metres. All cameras within this diameter contribute to a pixel. If the "
+     "lfcompositor uses a focal plane (focus=plane), objects out of focus blur as with a large lens. With a focal "
+     "surface, objects at all depths stay sharp (0: each pixel is blended from three cameras)",
      0, Blending::kMaxAperture, 0},
 }};
 
