@@ -283,7 +283,7 @@ VideoScan watch(const std::string& folder, const lf::Rig& rig, const lf::Camera&
       // Timestamps that do not increase indicate a damaged recording.
       auto& frames = watched.sights.frames;
       if (frames.empty() || picture.time > frames.back().time)
-        frames.push_back({picture.time, detector.look(picture.samples, picture.stride)});
+        frames.push_back({picture.time, detector.detect(picture.samples, picture.stride)});
       progress(picture.progress);
       return true;
     });

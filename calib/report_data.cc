@@ -181,30 +181,30 @@ TypicalErrors typical_errors(const ReportData& data) {
 
 class CameraGrader {
  public:
-  CameraGrader(const ReportData& data, const ReportData::Camera& camera, const TypicalErrors& usual)
-      : data_(data), camera_(camera), usual_(usual) {}
+  CameraGrader(const ReportData& data, const ReportData::Camera& camera, const TypicalErrors& typical)
+      : data_(data), camera_(camera), typical_(typical) {}
 
   ReportVerdict::Camera run() {
-    if (!camera_.trouble.empty()) say(Grade::kBad, camera_.trouble);
+    if (!camera_.trouble.empty()) add_reason(Grade::kBad, camera_.trouble);
     for (const ReportData::Finding& finding : data_.findings_of(camera_.id))
       if (finding.severity != "note") {
         // A calibration with colour problems is valid, but cameras with such problems spoil rendered views.
         const bool spoils = finding.code == "stuck-exposure" || finding.code == "black-camera";
-        say(finding.severity == "error" || spoils ? Grade::kBad : Grade::kFair, finding.text);
+        add_reason(finding.severity == "error" || spoils ? Grade::kBad : Grade::kFair, finding.text);
       }
     if (camera_.solved) geometry(*camera_.solved);
     if (camera_.coloured) colour(*camera_.coloured);
     if (camera_.checked) check(*camera_.checked);
     if (verdict_.grade != Grade::kBad)
-      for (const std::string& remark : camera_.remarks) say(Grade::kFair, remark);
-    std::ranges::stable_sort(said_, [](const auto& a, const auto& b) { return a.first > b.first; });
-    for (auto& [grade, what] : said_) verdict_.reasons.push_back(std::move(what));
+      for (const std::string& remark : camera_.remarks) add_reason(Grade::kFair, remark);
+    std::ranges::stable_sort(reasons_, [](const auto& a, const auto& b) { return a.first > b.first; });
+    for (auto& [grade, what] : reasons_) verdict_.reasons.push_back(std::move(what));
     return std::move(verdict_);
   }
 
  private:
   // The page shows a reason beside the camera's name, so the name is removed from the reason.
-  void say(Grade grade, std::string what) {
+  void add_reason(Grade grade, std::string what) {
     verdict_.grade = std::max(verdict_.grade, grade);
     const std::string name = "camera " + std::to_string(camera_.id);
     if (what.starts_with(name)) {
@@ -212,53 +212,56 @@ class CameraGrader {
       if (what.starts_with(" (") && what.find(')') != std::string::npos) what = what.substr(what.find(')') + 1);
       what = what.substr(std::min(what.find_first_not_of(": "), what.size()));
     }
-    for (const auto& [other, before] : said_)
+    for (const auto& [other, before] : reasons_)
       if (before == what) return;
-    said_.emplace_back(grade, what);
+    reasons_.emplace_back(grade, what);
   }
 
   void geometry(const ReportData::Camera::SolveResult& solved) {
     if (!solved.found) {
-      if (verdict_.grade != Grade::kBad) say(Grade::kBad, "could not be placed, so it is not in the calibrated rig");
+      if (verdict_.grade != Grade::kBad)
+        add_reason(Grade::kBad, "could not be placed, so it is not in the calibrated rig");
       return;
     }
-    if (solved.rms_px > kSmall && solved.rms_px > kLargeResidual * usual_.rms)
-      say(Grade::kFair, format_text("residuals of %.2f px, %.1f times the median: did it move, or is autofocus on?",
-                                    solved.rms_px, solved.rms_px / usual_.rms));
+    if (solved.rms_px > kSmall && solved.rms_px > kLargeResidual * typical_.rms)
+      add_reason(Grade::kFair,
+                 format_text("residuals of %.2f px, %.1f times the median: did it move, or is autofocus on?",
+                             solved.rms_px, solved.rms_px / typical_.rms));
     if (solved.outliers > kManyOutliers * solved.observations)
-      say(Grade::kFair, format_text("%.0f %% of its observations are outliers",
-                                    100 * solved.outliers / std::max(1.0, solved.observations)));
+      add_reason(Grade::kFair, format_text("%.0f %% of its observations are outliers",
+                                           100 * solved.outliers / std::max(1.0, solved.observations)));
     if (const auto covered = camera_.covered(); covered && *covered < kMinCoverageShare)
-      say(Grade::kFair,
-          format_text("the light covered %.0f %% of the image: its lens is extrapolated elsewhere", 100 * *covered));
+      add_reason(Grade::kFair, format_text("the light covered %.0f %% of the image: its lens is extrapolated elsewhere",
+                                           100 * *covered));
     if (const auto size = camera_.ellipsoid();
-        size && *size > kLargeEllipsoid * usual_.ellipsoid && usual_.ellipsoid > 0)
-      say(Grade::kFair, format_text("its position is uncertain by %.1f mm (median camera: %.1f mm)", 1e3 * *size,
-                                    1e3 * usual_.ellipsoid));
+        size && *size > kLargeEllipsoid * typical_.ellipsoid && typical_.ellipsoid > 0)
+      add_reason(Grade::kFair, format_text("its position is uncertain by %.1f mm (median camera: %.1f mm)", 1e3 * *size,
+                                           1e3 * typical_.ellipsoid));
   }
 
   void colour(const ReportData::Camera::ColourResult& coloured) {
     if (coloured.stuck && verdict_.grade != Grade::kBad)
-      say(Grade::kBad, format_text("its exposure is stuck: %.0f %% of the median brightness", 100 * coloured.gain));
+      add_reason(Grade::kBad,
+                 format_text("its exposure is stuck: %.0f %% of the median brightness", 100 * coloured.gain));
     else if (!coloured.stuck && !coloured.corrected)
-      say(Grade::kFair, "its colours are not corrected: it saw too little of the chart, or overlaps too little");
-    else if (!coloured.stuck && coloured.rms > kColourOff && coloured.rms > kColourLarge * usual_.colour)
-      say(Grade::kFair, format_text("its colours differ from other cameras by %.1f of 255", coloured.rms));
+      add_reason(Grade::kFair, "its colours are not corrected: it saw too little of the chart, or overlaps too little");
+    else if (!coloured.stuck && coloured.rms > kColourOff && coloured.rms > kColourLarge * typical_.colour)
+      add_reason(Grade::kFair, format_text("its colours differ from other cameras by %.1f of 255", coloured.rms));
   }
 
   void check(const ReportData::Camera::CheckResult& checked) {
     if (verdict_.grade == Grade::kBad || checked.state == "holds") return;
     if (checked.state == "moved" || checked.state == "lens")
-      say(Grade::kBad, format_text("its image has moved by %.1f pixels since calibration", checked.shift_px));
-    else if (checked.state == "unknown" && said_.empty())
-      say(Grade::kFair, "the check had too little data of this camera");
+      add_reason(Grade::kBad, format_text("its image has moved by %.1f pixels since calibration", checked.shift_px));
+    else if (checked.state == "unknown" && reasons_.empty())
+      add_reason(Grade::kFair, "the check had too little data of this camera");
   }
 
   const ReportData& data_;
   const ReportData::Camera& camera_;
-  const TypicalErrors& usual_;
+  const TypicalErrors& typical_;
   ReportVerdict::Camera verdict_;
-  std::vector<std::pair<Grade, std::string>> said_;
+  std::vector<std::pair<Grade, std::string>> reasons_;
 };
 
 std::string headline_of(const ReportData& data, const ReportVerdict& verdict) {
@@ -282,10 +285,10 @@ const char* name_of(Grade grade) { return grade == Grade::kGood ? "good" : grade
 
 ReportVerdict grade_calibration(const ReportData& data) {
   ReportVerdict verdict;
-  const TypicalErrors usual = typical_errors(data);
+  const TypicalErrors typical = typical_errors(data);
   std::set<std::string> said, of_cameras;
   for (const ReportData::Camera& camera : data.cameras) {
-    verdict.cameras.push_back(CameraGrader(data, camera, usual).run());
+    verdict.cameras.push_back(CameraGrader(data, camera, typical).run());
     for (const ReportData::Finding& finding : data.findings_of(camera.id)) of_cameras.insert(finding.text);
   }
   const auto add = [&](const std::string& what) {

@@ -107,9 +107,10 @@ class Link {
     lf::wire::AnswerHeader header = lf::wire::answer_to(request_, {view.width, view.height}, request_.rig_hash);
     header.family = lf::PixelFamily::kI420;
     header.cameras = lf::CameraRanges(array_.cameras);
-    std::string news;
-    options_.gpu = gpu_.open(choice_, news);
-    if (!news.empty()) throw lf::Error("the GPU renderer cannot be measured, because it is not available: " + news);
+    std::string warning;
+    options_.gpu = gpu_.open(choice_, warning);
+    if (!warning.empty())
+      throw lf::Error("the GPU renderer cannot be measured, because it is not available: " + warning);
     lf::RenderedAnswer rendered =
         renderer_.render({&plan, std::move(header)}, sources, options_, scratch_, std::move(bytes_));
     gpu_.rendered(choice_, rendered);

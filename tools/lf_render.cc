@@ -204,14 +204,14 @@ class Renderer {
     return out;
   }
   Rendered still(const std::string& name, const lf::Mesh& mesh, const lf::View& focused) {
-    lf::RenderedAnswer told{.pixels = static_cast<size_t>(focused.width) * focused.height};
+    lf::RenderedAnswer answer{.pixels = static_cast<size_t>(focused.width) * focused.height};
     const std::shared_ptr<lf::gl::GlesRenderer> gpu = gpu_renderer();
     const Clock::time_point start = Clock::now();
     const double read_before = reading_;
     lf::Still still = lf::render_still(rig_, mesh, focused, image_of_, options_.sampled(), {}, gpu.get());
-    told.drawing = still.drawing;
-    told.render_ns = static_cast<uint64_t>(1e6 * (ms_since(start) - (reading_ - read_before)));
-    gpu_.rendered(choice_, told);
+    answer.drawing = still.drawing;
+    answer.render_ns = static_cast<uint64_t>(1e6 * (ms_since(start) - (reading_ - read_before)));
+    gpu_.rendered(choice_, answer);
     Rendered out{
         .row{name}, .focused = focused, .rgb = in_rgb(std::move(still.picture)), .coverage = std::move(still.coverage)};
     out.row.coverage = covered_fraction(out.coverage);
@@ -229,9 +229,9 @@ class Renderer {
     return image.family() == lf::PixelFamily::kI420 ? lf::to_rgb(image) : std::move(image);
   }
   std::shared_ptr<lf::gl::GlesRenderer> gpu_renderer() {
-    std::string news;
-    std::shared_ptr<lf::gl::GlesRenderer> gpu = gpu_.open(choice_, news);
-    if (!news.empty()) terminal::print_error("lf-render: %s\n", news.c_str());
+    std::string warning;
+    std::shared_ptr<lf::gl::GlesRenderer> gpu = gpu_.open(choice_, warning);
+    if (!warning.empty()) terminal::print_error("lf-render: %s\n", warning.c_str());
     return gpu;
   }
   const lf::Image& read(lf::CameraIndex camera) {

@@ -15,7 +15,7 @@
 // seconds instead. Not thread-safe.
 class Progress {
  public:
-  Progress(std::string what, size_t total) : what_(std::move(what)), total_(total), visible_(isatty(STDERR_FILENO)) {}
+  Progress(std::string what, size_t total) : label_(std::move(what)), total_(total), visible_(isatty(STDERR_FILENO)) {}
   Progress(const Progress&) = delete;
   ~Progress() { finish(); }
 
@@ -23,25 +23,26 @@ class Progress {
     done_++;
     if (total_ > 0) reach(static_cast<double>(done_) / static_cast<double>(total_));
   }
-  // Moves the bar to the completed fraction `share` (0 to 1). The bar never moves back. `doing` names the current step.
-  void reach(double share, const std::string& doing = "") {
+  // Moves the bar to the completed fraction `share` (0 to 1). The bar never moves back. `step_name` names the current
+  // step.
+  void reach(double share, const std::string& step_name = "") {
     const int percent = std::max(shown_, static_cast<int>(100 * std::clamp(share, 0.0, 1.0)));
     if (!visible_) {
       const auto now = std::chrono::steady_clock::now();
       if (now - last_line_ < std::chrono::seconds(10)) return;
       last_line_ = now;
       const double passed = std::chrono::duration<double>(now - begun_).count();
-      std::fprintf(stderr, "%s: %d %%", what_.c_str(), percent);
+      std::fprintf(stderr, "%s: %d %%", label_.c_str(), percent);
       if (share > 0) std::fprintf(stderr, ", about %.0f s left", passed * (1 - share) / share);
       std::fprintf(stderr, "\n");
       return;
     }
-    if (percent == shown_ && doing == doing_) return;
+    if (percent == shown_ && step_name == step_) return;
     shown_ = percent;
-    doing_ = doing;
+    step_ = step_name;
     const int filled = percent * kWidth / 100;
-    std::fprintf(stderr, "\r%s [%s%s] %3d %%%s%s\033[K", what_.c_str(), std::string(filled, '#').c_str(),
-                 std::string(kWidth - filled, '.').c_str(), percent, doing.empty() ? "" : "  ", doing.c_str());
+    std::fprintf(stderr, "\r%s [%s%s] %3d %%%s%s\033[K", label_.c_str(), std::string(filled, '#').c_str(),
+                 std::string(kWidth - filled, '.').c_str(), percent, step_name.empty() ? "" : "  ", step_name.c_str());
     std::fflush(stderr);
   }
   void finish() {
@@ -51,7 +52,7 @@ class Progress {
 
  private:
   static constexpr int kWidth = 40;
-  std::string what_, doing_;
+  std::string label_, step_;
   size_t total_, done_ = 0;
   int shown_ = -1;
   bool visible_;

@@ -263,7 +263,7 @@ static void set_by_uri(LfViewSrc* self, bool by_uri) {
 
 // Changes the rig of the running camera node. Returns false if the node rejects the rig, for example because its
 // cameras differ. The viewers must then keep their current rig, too.
-static bool give_rig(LfViewSrc* self, const gchar* path) {
+static bool set_rig_of_elements(LfViewSrc* self, const gchar* path) {
   if (GstElement* node = find_node(self)) {
     g_object_set(node, "rig", path, nullptr);
     g_autofree gchar* taken = nullptr;
@@ -278,7 +278,7 @@ static bool give_rig(LfViewSrc* self, const gchar* path) {
   return true;
 }
 
-static void give_live(LfViewSrc* self, gboolean live) {
+static void set_live_of_elements(LfViewSrc* self, gboolean live) {
   for (auto& [name, viewer] : self->inside->viewers) viewer->chain.set_live(live);
   set_node(self);
 }
@@ -294,10 +294,10 @@ static void lf_view_src_set_property(GObject* object, guint id, const GValue* va
     return;
   }
   const std::lock_guard lock(self->inside->mutex);
-  if (lf::is_named(pspec, "rig") && !give_rig(self, g_value_get_string(value))) return;
+  if (lf::is_named(pspec, "rig") && !set_rig_of_elements(self, g_value_get_string(value))) return;
   Properties::set(object, id, value, pspec);
   if (lf::is_named(pspec, "rig")) set_by_uri(self, false);
-  if (lf::is_named(pspec, "is-live")) give_live(self, g_value_get_boolean(value));
+  if (lf::is_named(pspec, "is-live")) set_live_of_elements(self, g_value_get_boolean(value));
   if (lf::is_named(pspec, "record") || lf::is_named(pspec, "renderer") || lf::is_named(pspec, "trusted"))
     set_node(self);
 }

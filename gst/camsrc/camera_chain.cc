@@ -112,7 +112,7 @@ namespace {
 using Kind = CameraSource::Kind;
 
 // Returns true if the source element of the URI has a pad with pictures, rather than with bytes or packets.
-bool gives_pictures(const std::string& uri) {
+bool has_picture_pad(const std::string& uri) {
   GstElement* source = gst_element_make_from_uri(GST_URI_SRC, uri.c_str(), nullptr, nullptr);
   if (!source) return false;
   gst_object_ref_sink(source);
@@ -426,7 +426,7 @@ class UnparsedBytes {
   void add(size_t bytes) { bytes_ += bytes; }
   void clear() { bytes_ = 0; }
   bool exceeds_limit() const { return bytes_ > kMost; }
-  bool tell() { return !logged_.exchange(true); }
+  bool should_log() { return !logged_.exchange(true); }
 
  private:
   std::atomic<size_t> bytes_ = 0;
@@ -441,7 +441,7 @@ GstPadProbeReturn count_bytes(GstPad* pad, GstPadProbeInfo* info, gpointer data)
                      : gst_buffer_get_size(GST_PAD_PROBE_INFO_BUFFER(info)));
   if (!unused.exceeds_limit()) return GST_PAD_PROBE_OK;
   GstElement* source = gst_pad_get_parent_element(pad);
-  if (source && unused.tell())
+  if (source && unused.should_log())
     GST_ELEMENT_ERROR(source, STREAM, DEMUX,
                       ("more than %zu MB received without a picture: check that the URI is a video in a supported "
                        "format",
@@ -649,7 +649,7 @@ void add_reader(GstBin* bin, const CameraSource& source, const Camera& camera, c
 
 CameraSource find_playable_source(const Rig& rig, const Camera& camera) {
   CameraSource source = find_camera_source(rig, camera);
-  if (source.kind == CameraSource::Kind::kUri && gives_pictures(source.location))
+  if (source.kind == CameraSource::Kind::kUri && has_picture_pad(source.location))
     source.kind = CameraSource::Kind::kDevice;
   return source;
 }

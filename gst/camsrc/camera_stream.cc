@@ -386,7 +386,7 @@ GstPadProbeReturn CameraStream::on_output_event(GstPad* pad, GstEvent* event) {
       return live_ ? GST_PAD_PROBE_OK : GST_PAD_PROBE_DROP;
     case GST_EVENT_SEGMENT:
       announced_ = eos_sent_ = false;
-      if (!sought_.exchange(false)) return GST_PAD_PROBE_OK;
+      if (!external_seek_pending_.exchange(false)) return GST_PAD_PROBE_OK;
       frames_out_ = 0;
       ending_ = false;
       return GST_PAD_PROBE_OK;
@@ -422,7 +422,7 @@ bool CameraStream::is_too_late(GstBuffer* buffer) {
     if (nearly_since_ == 0) nearly_since_ = now;
     is_on_time_ = now >= nearly_since_ + kSettleTime;
   }
-  left_out_ += !is_on_time_;
+  skipped_frames_ += !is_on_time_;
   return !is_on_time_;
 }
 
@@ -546,7 +546,7 @@ GstPadProbeReturn CameraStream::on_seek(GstPadProbeInfo* info) {
   const guint32 seqnum = gst_event_get_seqnum(event);
   const std::lock_guard lock(seeking_);
   if (failed_ || stopping_) return GST_PAD_PROBE_DROP;
-  sought_ = true;
+  external_seek_pending_ = true;
   if (!options_.seek_to_loop) return GST_PAD_PROBE_OK;
   // Maps a position in a later loop to the start of the film.
   gint64 duration = 0;

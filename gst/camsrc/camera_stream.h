@@ -130,7 +130,7 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   bool is_opening() const { return !failed_ && !has_ended_ && frames_out_ == 0; }
   const std::string& place() const { return options_.place; }
   uint64_t frames_out() const { return static_cast<uint64_t>(frames_out_); }
-  uint64_t frames_seen() const { return frames_out() + left_out_; }
+  uint64_t frames_seen() const { return frames_out() + skipped_frames_; }
   // Returns the running time of the next frame of a film that is played live. Until then, silence is normal and does
   // not mean that the camera is lost, for example at the end of a truncated film.
   GstClockTime due() const { return due_; }
@@ -184,11 +184,11 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   std::atomic<bool> live_ = false, stamps_arrival_ = false;
   std::atomic<bool> ending_ = false, stopping_ = false, failed_ = false, has_ended_ = false;
   std::atomic<gint64> frames_out_ = 0;
-  std::atomic<uint64_t> left_out_ = 0;
+  std::atomic<uint64_t> skipped_frames_ = 0;
   std::atomic<GstClockTime> due_ = 0;
   std::mutex seeking_;
   std::atomic<guint32> loop_seqnum_ = GST_SEQNUM_INVALID;
-  std::atomic<bool> sought_ = false;  // an external seek has arrived since the latest segment
+  std::atomic<bool> external_seek_pending_ = false;  // an external seek has arrived since the latest segment
   // Stream times of the last coded picture (in presentation order) of this loop: begin, and end if the file states a
   // duration. NONE: unknown.
   std::atomic<GstClockTime> segment_begin_ = GST_CLOCK_TIME_NONE, segment_end_ = GST_CLOCK_TIME_NONE;

@@ -137,7 +137,7 @@ struct _LfPictureSrc {
   lf::PictureSourceOptions* options;
   // Used by the streaming thread only:
   guint64 next;
-  guint64 bad_in_row;
+  guint64 consecutive_bad;
   bool has_warned, has_looked_at_exif;
   GstVideoInfo info;
 };
@@ -153,7 +153,7 @@ static gboolean lf_picture_src_negotiate(GstBaseSrc*) { return TRUE; }
 
 static gboolean lf_picture_src_start(GstBaseSrc* base) {
   LfPictureSrc* self = LF_PICTURE_SRC(base);
-  self->next = self->bad_in_row = 0;
+  self->next = self->consecutive_bad = 0;
   self->has_warned = self->has_looked_at_exif = false;
   gst_video_info_init(&self->info);
   return TRUE;
@@ -167,7 +167,7 @@ static gboolean lf_picture_src_do_seek(GstBaseSrc* base, GstSegment* segment) {
   self->next = schedule_of(self).index_at(segment->position);
   const std::optional<guint64> count = self->pictures->count();
   if (!self->options->loop && count) self->next = std::min(self->next, *count - 1);
-  self->bad_in_row = 0;
+  self->consecutive_bad = 0;
   segment->start = segment->time = segment->position = schedule_of(self).instant(self->next);
   return TRUE;
 }
@@ -297,9 +297,9 @@ static GstFlowReturn make_picture(LfPictureSrc* self, guint64 index, GstBuffer**
 static bool skip_bad_picture(LfPictureSrc* self, guint64 index, const char* reason) {
   const std::optional<guint64> count = self->pictures->count();
   if (self->options->damaged) ++*self->options->damaged;
-  self->bad_in_row++;
+  self->consecutive_bad++;
   self->next++;
-  if (count && self->bad_in_row >= *count) {
+  if (count && self->consecutive_bad >= *count) {
     GST_ELEMENT_ERROR(self, STREAM, DECODE, ("%s%s", self->pictures->name_of(index).c_str(), reason),
                       ("none of %" G_GUINT64_FORMAT " pictures can be shown", *count));
     return false;
@@ -331,7 +331,7 @@ static GstFlowReturn make_frame(LfPictureSrc* self, GstBuffer** out) {
   GST_BUFFER_PTS(*out) = schedule.instant(self->next);
   GST_BUFFER_DURATION(*out) = schedule.instant(self->next + 1) - schedule.instant(self->next);
   self->next++;
-  self->bad_in_row = 0;
+  self->consecutive_bad = 0;
   return GST_FLOW_OK;
 }
 

@@ -72,9 +72,9 @@ gl::ShareGroup share_group(GstGLContext* context) {
 
 gl::Context::External share(GstGLContext* context, std::string& why) {
   why = "no context available";
-  const GlContextPtr ours = owned(gst_gl_context_new(context->display));
+  const GlContextPtr own_context = owned(gst_gl_context_new(context->display));
   GError* error = nullptr;
-  if (!ours || !gst_gl_context_create(ours.get(), context, &error)) {
+  if (!own_context || !gst_gl_context_create(own_context.get(), context, &error)) {
     if (error) why = error->message;
     g_clear_error(&error);
     return {};
@@ -82,11 +82,11 @@ gl::Context::External share(GstGLContext* context, std::string& why) {
   using Job = std::function<void()>;
   // The group id is taken first, because `context` may be destroyed before the new context.
   share_group(context);
-  const gl::ShareGroup group = share_group(ours.get());
+  const gl::ShareGroup group = share_group(own_context.get());
   why.clear();
-  return {[ours](const Job& job) {
+  return {[own_context](const Job& job) {
             gst_gl_context_thread_add(
-                ours.get(), [](GstGLContext*, gpointer data) { (*static_cast<const Job*>(data))(); },
+                own_context.get(), [](GstGLContext*, gpointer data) { (*static_cast<const Job*>(data))(); },
                 const_cast<Job*>(&job));
             return true;
           },

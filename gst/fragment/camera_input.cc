@@ -378,7 +378,7 @@ static gint64 seek_position(const lf::PadPtr& pad, uint64_t time) {
 
 void lf_fragment_seek_cameras(LfFragment* self, uint64_t time, guint32 seqnum) {
   const std::lock_guard seeking(self->state->seeking);
-  if (!self->state->sought.is_new(seqnum)) return;
+  if (!self->state->seek_filter.is_new(seqnum)) return;
   std::vector<lf::PadPtr> pads = lf_fragment_camera_pads(self);
   std::erase_if(pads, [](const lf::PadPtr& pad) { return input_of(pad).is_live(); });
   lf_fragment_set_mode(self, lf::CameraFrames::Mode::kRunning, lf::CameraFrames::Mode::kFinished);

@@ -47,7 +47,7 @@ struct _LfFragment {
     lf::RendererSelector gpu;
     std::shared_ptr<lf::WorkerPool> workers = lf::WorkerPool::shared();
     std::mutex seeking;  // held while seeking the cameras
-    lf::SeekFilter sought;
+    lf::SeekFilter seek_filter;
 
     // Guarded by the object lock.
     lf::FragmentSettings settings;

@@ -414,13 +414,13 @@ static lf::Node::Options options_of(LfFragment* self, const Settings& settings, 
   render.in_process = compositor.is_there;
   render.group = compositor.group;
   if (settings.renderer != lf::RendererChoice::kCpu) move_gpu(self, settings.renderer, compositor);
-  std::string news;
-  render.gpu = self->state->gpu.open(settings.renderer, news);
+  std::string warning;
+  render.gpu = self->state->gpu.open(settings.renderer, warning);
   render.depth_gpu = self->state->gpu.open_for_depth(settings.renderer);
   // Another client may have moved the renderer in between. Images are prepared for a single renderer, so both must be
   // the same.
   if (render.gpu && render.depth_gpu != render.gpu) render.depth_gpu.reset();
-  if (!news.empty()) GST_ELEMENT_WARNING(self, RESOURCE, NOT_FOUND, ("%s.", news.c_str()), (nullptr));
+  if (!warning.empty()) GST_ELEMENT_WARNING(self, RESOURCE, NOT_FOUND, ("%s.", warning.c_str()), (nullptr));
   return options;
 }
 

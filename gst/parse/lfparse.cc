@@ -257,7 +257,7 @@ constexpr std::string_view kBlank = " \t\r\n";
 
 // Skips blanks, then tests for `word`. If the text continues with `word`, advances `at` behind the word and returns
 // true.
-bool goes_on(std::string_view text, size_t& at, std::string_view word) {
+bool skip_token(std::string_view text, size_t& at, std::string_view word) {
   at = std::min(text.find_first_not_of(kBlank, at), text.size());
   if (!text.substr(at).starts_with(word)) return false;
   at += word.size();
@@ -281,11 +281,11 @@ void find_rig(GstTypeFind* find, gpointer) {
   constexpr guint kFew = 64, kMost = 4 << 20;
   constexpr std::string_view kKey = "\"format\"";
   size_t at = 0;
-  if (!goes_on(peek_text(find, kFew), at, "{")) return;
+  if (!skip_token(peek_text(find, kFew), at, "{")) return;
   const std::string_view text = peek_text(find, kMost);
   for (at = text.find(kKey); at != text.npos; at = text.find(kKey, at)) {
     at += kKey.size();
-    if (goes_on(text, at, ":") && goes_on(text, at, "\"lightfield-rig\"")) {
+    if (skip_token(text, at, ":") && skip_token(text, at, "\"lightfield-rig\"")) {
       gst_type_find_suggest_empty_simple(find, GST_TYPE_FIND_MAXIMUM, LF_RIG_MEDIA_TYPE);
       return;
     }

@@ -76,9 +76,9 @@ struct Settings {
 };
 
 enum PacketResult { kPassed, kMalformed, kUnsealed, kStale, kReplayed, kForged, kUnknownSenders, kNumPacketResults };
-constexpr std::array<const char*, kNumPacketResults> kFateNames = {"passed",   "malformed", "unsealed",       "stale",
-                                                                   "replayed", "forged",    "unknown-senders"};
-constexpr std::array<const char*, kNumPacketResults> kFateWords = {
+constexpr std::array<const char*, kNumPacketResults> kResultNames = {"passed",   "malformed", "unsealed",       "stale",
+                                                                     "replayed", "forged",    "unknown-senders"};
+constexpr std::array<const char*, kNumPacketResults> kResultTexts = {
     "",
     "not RTP, or too short for SRTP",
     "not encrypted: the sender has no key-file, or another key-file and a wrong clock",
@@ -158,7 +158,8 @@ static void count(LfRtpGate* self, PacketResult fate, const std::optional<lf::Ad
   const std::string from = sender ? " of " + lf::to_text(*sender) : "";
   GST_ELEMENT_WARNING(
       self, RESOURCE, READ,
-      ("Packets%s are dropped: %s. (Further drops are counted in stats.)", from.c_str(), kFateWords[fate]), (nullptr));
+      ("Packets%s are dropped: %s. (Further drops are counted in stats.)", from.c_str(), kResultTexts[fate]),
+      (nullptr));
 }
 
 static GstFlowReturn lf_rtp_gate_chain(GstPad*, GstObject* parent, GstBuffer* packet) {
@@ -249,7 +250,7 @@ static GstStructure* stats_of(LfRtpGate* self) {
   const lf::ObjectLock lock(self);
   GstStructure* stats = gst_structure_new("lightfield-gate-stats", "streams", G_TYPE_UINT64, self->streams, nullptr);
   for (guint fate = 0; fate < kNumPacketResults; fate++)
-    gst_structure_set(stats, kFateNames[fate], G_TYPE_UINT64, self->counts[fate], nullptr);
+    gst_structure_set(stats, kResultNames[fate], G_TYPE_UINT64, self->counts[fate], nullptr);
   return stats;
 }
 

@@ -320,7 +320,8 @@ static gboolean take_feedback(LfViewRequest* self, GstEvent* event, const lf::Vi
 static gboolean lf_view_request_event(GstBaseSrc* base, GstEvent* event) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
   if (lf::is_reverse_seek(event)) return FALSE;
-  if (GST_EVENT_TYPE(event) == GST_EVENT_SEEK && !self->state->sought.is_new(gst_event_get_seqnum(event))) return TRUE;
+  if (GST_EVENT_TYPE(event) == GST_EVENT_SEEK && !self->state->seek_filter.is_new(gst_event_get_seqnum(event)))
+    return TRUE;
   if (bool held = false; lf::parse_hold(event, &held)) return hold(self, event, held);
   if (GstClockTime delay; lf::parse_capture_delay(event, &delay)) return take_delay(self, event, delay);
   if (const auto feedback = lf::parse_view_feedback(event)) return take_feedback(self, event, *feedback);
@@ -676,7 +677,7 @@ static gboolean lf_view_request_stop(GstBaseSrc* base) {
   state.stream.reset();
   lock.unlock();
   state.turn.forget_seek();
-  state.sought.clear();
+  state.seek_filter.clear();
   state.outbox.clear();
   state.focus_wait.clear();
   state.warned_commands = false;

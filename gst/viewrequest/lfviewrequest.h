@@ -43,7 +43,7 @@ struct _LfViewRequest {
 
     // Thread-safe:
     lf::RequestPacer turn;
-    lf::SeekFilter sought;
+    lf::SeekFilter seek_filter;
     lf::OutOfServiceRegistry out_of_service;
     lf::ExtraRequests extra;
     lf::DepthFeedback focus;

@@ -146,8 +146,8 @@ RenderedAnswer LocalNode::answer(const ViewRequest& request, const std::vector<l
       const auto place = static_cast<size_t>(std::ranges::lower_bound(own_, camera) - own_.begin());
       sources.push_back({camera, &rig_->cameras[camera], images[place]});
     }
-  std::string news;
-  options.gpu = gpu_.open(choice_, news);
+  std::string warning;
+  options.gpu = gpu_.open(choice_, warning);
   options.depth_gpu = gpu_.open_for_depth(choice_);
   RenderedAnswer answer = renderer_.render({&plan, std::move(header)}, sources, options, scratch_, std::move(memory));
   gpu_.rendered(choice_, answer);

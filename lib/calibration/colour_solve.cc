@@ -389,11 +389,11 @@ class ColourSolver {
     find_stuck();
     choose_terms();
     progress("fitting " + solution_.terms.name() + " to all patches");
-    const ColourFit fit = fit_colours(rig_, samples_, solution_.terms, apart_, {}, &best_);
+    const ColourFit fit = fit_colours(rig_, samples_, solution_.terms, stuck_, {}, &best_);
     for (size_t i = 0; i < rig_.cameras.size(); i++)
-      solution_.models.push_back(enough_[i] ? std::optional(fit.models[i]) : std::nullopt);
-    tell_of_cameras();
-    tell_of_all();
+      solution_.models.push_back(has_samples_[i] ? std::optional(fit.models[i]) : std::nullopt);
+    report_cameras();
+    report_array();
     return std::move(solution_);
   }
 
@@ -422,9 +422,9 @@ class ColourSolver {
     for (size_t i = 0; i < rig_.cameras.size(); i++) {
       ColourSolution::Camera& camera = solution_.cameras[i];
       if (all[i] > 0) camera.clipped = static_cast<double>(clipped[i]) / static_cast<double>(all[i]);
-      enough_.push_back(camera.samples >= kMinColourSamples);
-      good += enough_.back();
-      if (enough_.back()) continue;
+      has_samples_.push_back(camera.samples >= kMinColourSamples);
+      good += has_samples_.back();
+      if (has_samples_.back()) continue;
       if (all[i] >= kMinColourSamples)
         find(Finding::Severity::kWarning, brightest[i] < 20 ? "black-camera" : "clipped-camera",
              name_of(rig_.cameras[i]) +
@@ -449,18 +449,18 @@ class ColourSolver {
     progress("comparing brightness");
     const ColourFit fit = fit_colours(rig_, samples_, {}, {}, training_);
     std::vector<double> exposures, off;
-    for (size_t i = 0; i < enough_.size(); i++)
-      if (enough_[i]) exposures.push_back(fit.log_exposure[i]);
+    for (size_t i = 0; i < has_samples_.size(); i++)
+      if (has_samples_[i]) exposures.push_back(fit.log_exposure[i]);
     const double middle = median(exposures);
     for (const double e : exposures) off.push_back(std::abs(e - middle));
     const double limit = std::max(kStuck, 4 * 1.4826 * median(off));
-    apart_.assign(enough_.size(), false);
-    others_ = enough_;
-    for (size_t i = 0; i < enough_.size(); i++) {
-      if (enough_[i]) solution_.cameras[i].gain = std::exp((fit.log_exposure[i] - middle) / kPictureGamma);
-      if (!enough_[i] || std::abs(fit.log_exposure[i] - middle) <= limit) continue;
-      solution_.cameras[i].is_stuck = apart_[i] = true;
-      others_[i] = false;
+    stuck_.assign(has_samples_.size(), false);
+    usable_ = has_samples_;
+    for (size_t i = 0; i < has_samples_.size(); i++) {
+      if (has_samples_[i]) solution_.cameras[i].gain = std::exp((fit.log_exposure[i] - middle) / kPictureGamma);
+      if (!has_samples_[i] || std::abs(fit.log_exposure[i] - middle) <= limit) continue;
+      solution_.cameras[i].is_stuck = stuck_[i] = true;
+      usable_[i] = false;
     }
   }
 
@@ -471,11 +471,11 @@ class ColourSolver {
   void choose_terms() {
     const auto try_terms = [&](const ColourTerms& terms, const ColourFit* start) {
       progress("trying " + terms.name());
-      ColourFit fit = fit_colours(rig_, samples_, terms, apart_, training_, start);
-      solution_.trials.push_back({terms, held_out(fit.models, others_)});
+      ColourFit fit = fit_colours(rig_, samples_, terms, stuck_, training_, start);
+      solution_.trials.push_back({terms, held_out(fit.models, usable_)});
       return fit;
     };
-    solution_.before = held_out(std::vector<ColourModel>(rig_.cameras.size()), others_);
+    solution_.before = held_out(std::vector<ColourModel>(rig_.cameras.size()), usable_);
     best_ = try_terms({}, nullptr);
     ColourDifferences best = solution_.trials.back().held_out;
     constexpr bool ColourTerms::*kTerms[] = {&ColourTerms::balance, &ColourTerms::vignetting, &ColourTerms::black,
@@ -506,7 +506,7 @@ class ColourSolver {
   double rms_of(size_t camera, const std::vector<ColourModel>& models) const {
     std::vector<std::array<std::vector<double>, 3>> seen(samples_.patches);
     for (const ColourSample& sample : samples_.all) {
-      if (!held_out_[sample.patch] || !others_[sample.camera] || sample.camera == camera) continue;
+      if (!held_out_[sample.patch] || !usable_[sample.camera] || sample.camera == camera) continue;
       const Vec3 level = corrected_level(rig_.cameras[sample.camera], models[sample.camera], sample);
       for (size_t c = 0; c < 3; c++)
         if (sample.usable[c]) seen[sample.patch][c].push_back(level[static_cast<int>(c)]);
@@ -527,14 +527,14 @@ class ColourSolver {
     return count == 0 ? 0 : std::sqrt(squares / static_cast<double>(count));
   }
 
-  void tell_of_cameras() {
+  void report_cameras() {
     std::vector<double> usual;
-    for (size_t i = 0; i < others_.size(); i++)
-      if (others_[i]) usual.push_back(solution_.cameras[i].rms);
+    for (size_t i = 0; i < usable_.size(); i++)
+      if (usable_[i]) usual.push_back(solution_.cameras[i].rms);
     const double others = usual.empty() ? 0 : median(usual);
     for (size_t i = 0; i < rig_.cameras.size(); i++) {
       const ColourSolution::Camera& camera = solution_.cameras[i];
-      if (!enough_[i]) continue;
+      if (!has_samples_[i]) continue;
       if (camera.is_stuck) {
         const double light = std::pow(camera.gain, kPictureGamma);
         find(Finding::Severity::kWarning, "stuck-exposure",
@@ -553,7 +553,7 @@ class ColourSolver {
     }
   }
 
-  void tell_of_all() {
+  void report_array() {
     if (solution_.after.pairs < 50)
       find(Finding::Severity::kWarning, "few-patches",
            "only " + std::to_string(solution_.after.pairs) +
@@ -571,7 +571,7 @@ class ColourSolver {
   const ColourSamples& samples_;
   const ColourSolveOptions& options_;
   std::vector<bool> held_out_, training_;      // per patch
-  std::vector<bool> enough_, others_, apart_;  // per camera; others_: enough samples, and not stuck
+  std::vector<bool> has_samples_, usable_, stuck_;  // per camera; usable_: enough samples, and not stuck
   ColourFit best_;
   ColourSolution solution_;
 };

@@ -107,7 +107,7 @@ namespace {
 
 using Severity = Finding::Severity;
 
-constexpr double kNothingLearnt = 0.8;  // ratio to the prior sigma
+constexpr double kUninformative = 0.8;  // ratio to the prior sigma
 constexpr double kSoftDepth = 0.01;     // share of the depth
 constexpr double kSoftPosition = 0.1;   // in units of the distance between neighbours
 constexpr double kSoftRotation = 0.01;  // radians
@@ -308,7 +308,7 @@ class Diagnosis {
         const int row = u.camera_row[used[rank]] + 6 + t;
         const auto before = static_cast<Eigen::Index>(rank * terms + t);
         mean[row] = mean_before[before] = 1 / n;
-        alone += u.covariance(row, row) > kNothingLearnt * kNothingLearnt * u.prior_covariance(before, before);
+        alone += u.covariance(row, row) > kUninformative * kUninformative * u.prior_covariance(before, before);
         const double expected =
             scene().measured(used[rank], k) ? scene().lens_priors[used[rank]]->mean[k] : scene().batch.mean[k];
         offset += (scene().cameras[used[rank]].lens_terms()[k] - expected) / n;
@@ -316,7 +316,7 @@ class Diagnosis {
       const double after = u.sigma_of(mean), before = std::sqrt(mean_before.dot(u.prior_covariance * mean_before));
       const double f = scene().cameras[used[0]].lens_terms()[kF];
       const std::string size = k == kF ? format_text("+-%.2g %%", after / f * 100) : format_text("+-%.2g", after);
-      if (after > kNothingLearnt * before)
+      if (after > kUninformative * before)
         add(scene().measured(k) ? Severity::kWarning : Severity::kError, kCodes[k],
             format_text("%s: the tracks do not determine the mean of all cameras: %s%s", kNames[k], size.c_str(),
                         k <= kCy && !tracks_.bar ? "; use a bar with two lights" : ""));

@@ -124,7 +124,7 @@ LightDetector::LightDetector(int width, int height) : width_(width), height_(hei
                 " pixels can't be searched: width and height must be 16 to 16384");
 }
 
-std::vector<LightDetection> LightDetector::look(const uint8_t* grey, ptrdiff_t stride) {
+std::vector<LightDetection> LightDetector::detect(const uint8_t* grey, ptrdiff_t stride) {
   const size_t pixels = static_cast<size_t>(width_) * height_;
   if (record_.frames++ == 0) {
     background_.resize(pixels), difference_.resize(pixels), lit_.assign(pixels, 0);
@@ -552,9 +552,9 @@ LightCoverage::LightCoverage(const Rig& rig, int lights) : rig_(rig), lights_(st
   }
 }
 
-void LightCoverage::look(CameraIndex index, double time, const std::vector<LightDetection>& sights) {
+void LightCoverage::add_frame(CameraIndex index, double time, const std::vector<LightDetection>& sights) {
   Camera& camera = cameras_[index];
-  camera.looks++;
+  camera.num_frames++;
   camera.lit |= !sights.empty();
   Vec2 sum(0);
   const size_t seen = std::min(sights.size(), lights_);
@@ -562,25 +562,25 @@ void LightCoverage::look(CameraIndex index, double time, const std::vector<Light
     camera.places.come(sights[i].pixel);
     sum += sights[i].pixel;
   }
-  const std::optional<Look> before = camera.last;
+  const std::optional<TimedPosition> before = camera.last;
   camera.last.reset();
   if (seen < lights_) return;
-  camera.last = Look{time, sum / static_cast<double>(seen)};
+  camera.last = TimedPosition{time, sum / static_cast<double>(seen)};
   if (before && time > before->time && time - before->time < kLongest) measure_depth(index, *before, *camera.last);
 }
 
-void LightCoverage::measure_depth(CameraIndex index, const Look& before, const Look& now) {
+void LightCoverage::measure_depth(CameraIndex index, const TimedPosition& before, const TimedPosition& now) {
   const lf::Camera& planned = rig_.cameras[index];
   std::optional<CameraIndex> farthest;
   double distance = 0;
   for (CameraIndex i = 0; i < cameras_.size(); i++) {
-    const std::optional<Look>& look = cameras_[i].last;
+    const std::optional<TimedPosition>& look = cameras_[i].last;
     if (i == index || !look || look->time < before.time || look->time > now.time) continue;
     const double d = glm::length(rig_.cameras[i].pose.position - planned.pose.position);
     if (d > distance) farthest = i, distance = d;
   }
   if (!farthest) return;
-  const Look& other = *cameras_[*farthest].last;
+  const TimedPosition& other = *cameras_[*farthest].last;
   const double t = (other.time - before.time) / (now.time - before.time);
   const auto of_this = planned.lens.unproject(before.pixel + t * (now.pixel - before.pixel));
   const auto of_other = rig_.cameras[*farthest].lens.unproject(other.pixel);
@@ -627,7 +627,7 @@ std::string LightCoverage::summary() const {
   double share = 0;
   for (CameraIndex i = 0; i < cameras_.size(); i++) {
     const Camera& camera = cameras_[i];
-    if (camera.looks == 0) continue;
+    if (camera.num_frames == 0) continue;
     looked++;
     share += camera.places.share();
     if (!camera.lit) {

@@ -35,7 +35,7 @@ class LightDetector {
 
   // Returns the lights of the next frame, brightest first, at most kMaxDetections. The first frame only initialises the
   // background. `grey` has 8 bits per pixel and `stride` bytes per row.
-  std::vector<LightDetection> look(const uint8_t* grey, ptrdiff_t stride);
+  std::vector<LightDetection> detect(const uint8_t* grey, ptrdiff_t stride);
   const LightDetectorStats& record() const { return record_; }
 
   static constexpr size_t kMaxDetections = 8;
@@ -130,7 +130,7 @@ class LightCoverage {
 
   // Adds the detections of a camera at `time` (seconds, increasing for each camera). A few frames per second are
   // enough. Cameras without frames do not appear in the directions.
-  void look(CameraIndex camera, double time, const std::vector<LightDetection>& sights);
+  void add_frame(CameraIndex camera, double time, const std::vector<LightDetection>& sights);
 
   const CoverageGrid& places(CameraIndex camera) const { return cameras_[camera].places; }
   // Returns the direction along a camera's axis that the light has not covered: "nearer", "farther", or "" if both are
@@ -144,21 +144,21 @@ class LightCoverage {
   std::string summary() const;
 
  private:
-  struct Look {
+  struct TimedPosition {
     double time = 0;
     Vec2 pixel{0, 0};
   };
   struct Camera {
     explicit Camera(const lf::Camera& planned) : places(planned.width, planned.height) {}
     CoverageGrid places;
-    size_t looks = 0;
+    size_t num_frames = 0;
     bool lit = false;
-    std::optional<Look> last;
+    std::optional<TimedPosition> last;
     std::vector<double> depths;  // metres along the camera's axis, unordered
   };
   std::string most_wanted(CameraIndex camera) const;
   // Triangulates the light, interpolated between two frames of a camera, with the last frame of another camera.
-  void measure_depth(CameraIndex camera, const Look& before, const Look& now);
+  void measure_depth(CameraIndex camera, const TimedPosition& before, const TimedPosition& now);
 
   Rig rig_;
   size_t lights_;

@@ -351,7 +351,7 @@ class LightSolver {
   void step(const std::string& what) {
     if (options_.solve.progress) options_.solve.progress(what);
   }
-  double reach() const { return std::max(kLightReach, kReachSigmas * left_); }
+  double reach() const { return std::max(kLightReach, kReachSigmas * residual_sigma_); }
 
   // The spacing is at least the frame interval of the slowest camera, so that instants are independent.
   void choose_instants(size_t reference) {
@@ -408,7 +408,7 @@ class LightSolver {
     for (size_t i = 0; i < paths_.size(); i++) clocks.cameras[i].middle = middle_of(clocks.stamp, observations, i);
     adjust(scene_, observations, Inliers(observations.size(), true), o, &clocks);
     Samples read = samples_of(now, clocks);
-    left_ = robust_sigma(std::move(read.left));
+    residual_sigma_ = robust_sigma(std::move(read.left));
     // A pose also absorbs part of a step, so the size of a suspected step is estimated together with everything else.
     if (settled_) {
       ClockAdjustment stepped = clocks;
@@ -517,7 +517,7 @@ class LightSolver {
   std::vector<LightCandidates> candidates_;
   Reconstruction scene_;
   AdjustmentOptions model_;
-  double left_ = 1;       // sigma of residuals, pixels
+  double residual_sigma_ = 1;  // sigma of residuals, pixels
   bool settled_ = false;  // true if clocks are nearly correct
   LightSolution result_;
 };

@@ -106,7 +106,7 @@ class LayoutAligner {
   }
 
   // Assigns cameras by position, independent of names.
-  LayoutAlignment as_they_stand(const std::vector<size_t>& own) const {
+  LayoutAlignment align_by_position(const std::vector<size_t>& own) const {
     LayoutAlignment now{whole(own), own, {}, 0, 0};
     std::vector<size_t> before;
     for (int round = 0; round < kAlignmentRounds && before != now.place; round++) {
@@ -260,7 +260,7 @@ LayoutAlignment align_to_layout(const std::vector<Pose>& found, const std::vecto
   const LayoutAligner fit(found, layout, scale, common_turn);
   LayoutAlignment best = fit.as_named(own);
   if (fit.score(best) < static_cast<double>(found.size()) - kClearlyBetter) {
-    LayoutAlignment other = fit.as_they_stand(own);
+    LayoutAlignment other = fit.align_by_position(own);
     if (fit.score(other) > fit.score(best) + kClearlyBetter) best = std::move(other);
   }
   fit.name_places(best, own);

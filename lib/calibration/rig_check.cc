@@ -18,7 +18,7 @@ namespace {
 
 constexpr double kPlaceReach = 6;      // maximum reprojection error of an inlier, pixels
 constexpr size_t kMinSights = 12;      // 24 equations for the 6 pose parameters
-constexpr double kStandsOut = 4;       // ratio to the median displacement of cameras
+constexpr double kOutlierRatio = 4;    // ratio to the median displacement of cameras
 constexpr double kCertain = 5;         // sigmas
 constexpr double kMinFocal = 2e-3;     // relative
 constexpr double kBetterByLens = 0.8;  // maximum ratio of residuals with and without a focal length change
@@ -26,7 +26,7 @@ constexpr int kMaxCheckRounds = 8, kSteps = 25;
 constexpr int kPose = 6, kWithFocal = 7;
 
 // A camera's observation of a light position from other cameras.
-struct Sighting {
+struct PointObservation {
   Vec3 at;  // in camera coordinates, with the rig's pose
   Vec2 pixel;
 };
@@ -49,9 +49,9 @@ struct ChangeFit {
   double left = 0;
 };
 
-double median_residual(const Camera& camera, const std::vector<Sighting>& sightings, const Change& change) {
+double median_residual(const Camera& camera, const std::vector<PointObservation>& observations, const Change& change) {
   std::vector<double> lengths;
-  for (const Sighting& s : sightings) {
+  for (const PointObservation& s : observations) {
     const auto pixel = projected(camera, s.at, change);
     lengths.push_back(pixel ? glm::length(*pixel - s.pixel) : 1e3);
   }
@@ -60,15 +60,15 @@ double median_residual(const Camera& camera, const std::vector<Sighting>& sighti
 
 // Fits a pose change, and a focal length change if `terms` is kWithFocal, to the observations: Gauss-Newton with Cauchy
 // weights, scaled by the current residuals.
-ChangeFit fit_change(const Camera& camera, const std::vector<Sighting>& sightings, int terms) {
+ChangeFit fit_change(const Camera& camera, const std::vector<PointObservation>& observations, int terms) {
   ChangeFit fit;
   using Information = Eigen::Matrix<double, kWithFocal, kWithFocal>;
   Information information;
   for (int step = 0; step < kSteps; step++) {
-    const double scale = std::max(0.02, 2 * median_residual(camera, sightings, fit.change));
+    const double scale = std::max(0.02, 2 * median_residual(camera, observations, fit.change));
     information = 1e-9 * Information::Identity();
     Change gradient = Change::Zero();
-    for (const Sighting& s : sightings) {
+    for (const PointObservation& s : observations) {
       const auto now = projected(camera, s.at, fit.change);
       if (!now) continue;
       Eigen::Matrix<double, 2, kWithFocal> by = Eigen::Matrix<double, 2, kWithFocal>::Zero();
@@ -92,7 +92,7 @@ ChangeFit fit_change(const Camera& camera, const std::vector<Sighting>& sighting
     fit.change += moved;
     if (moved.norm() < 1e-10) break;
   }
-  fit.left = median_residual(camera, sightings, fit.change);
+  fit.left = median_residual(camera, observations, fit.change);
   // For normal errors in x and y, the median length is 1.1774 sigmas.
   fit.sigma = information.inverse().diagonal().cwiseMax(0).cwiseSqrt() * (fit.left / 1.1774);
   for (int k = terms; k < kWithFocal; k++) fit.sigma[k] = 0;
@@ -134,7 +134,7 @@ class Checker {
     for (int round = 0; round < kMaxCheckRounds; round++) {
       place_lights();
       for (size_t i = 0; i < cameras_.size(); i++) judge(i);
-      if (!leave_out_the_worst()) break;
+      if (!remove_worst_cameras()) break;
     }
     return finish();
   }
@@ -147,12 +147,12 @@ class Checker {
       if (const auto found = triangulate(states_, tracks_, lists_[j], kPlaceReach); found && found->agreement > 2)
         points_[j] = found->point;
     }
-    sightings_.assign(cameras_.size(), {});
+    observations_.assign(cameras_.size(), {});
     for (size_t j = 0; j < lists_.size(); j++)
       for (const uint32_t index : lists_[j]) {
         const Observation& o = tracks_.observations[index];
         if (points_[j])
-          sightings_[o.camera].push_back({cameras_[o.camera].pose.camera_from_world(*points_[j]), o.pixel});
+          observations_[o.camera].push_back({cameras_[o.camera].pose.camera_from_world(*points_[j]), o.pixel});
       }
     if (std::ranges::none_of(points_, [](const auto& point) { return point.has_value(); }))
       throw Error(
@@ -164,7 +164,7 @@ class Checker {
     RigCheck::Camera& result = result_[i];
     result = {};
     result.id = cameras_[i].id;
-    const std::vector<Sighting>& seen = sightings_[i];
+    const std::vector<PointObservation>& seen = observations_[i];
     result.sights = seen.size();
     if (seen.size() < kMinSights) return;
     result.state = RigCheck::State::kHolds;
@@ -176,7 +176,7 @@ class Checker {
         with_focal.left < kBetterByLens * fit.left && focal > kMinFocal && focal > kCertain * with_focal.sigma[6];
     if (lens) fit = with_focal, result.focal_change = fit.change[6];
     std::vector<double> shifts;
-    for (const Sighting& s : seen) {
+    for (const PointObservation& s : seen) {
       const auto then = projected(cameras_[i], s.at, Change::Zero()), now = projected(cameras_[i], s.at, fit.change);
       if (then && now) shifts.push_back(glm::length(*now - *then));
     }
@@ -193,11 +193,11 @@ class Checker {
       if (states_[i].used && result_[i].state != RigCheck::State::kUnknown) shifts.push_back(result_[i].shift_px);
     return shifts.empty() ? 0 : median(std::move(shifts));
   }
-  double bound() const { return std::max(kMinShift, kStandsOut * usual_shift()); }
+  double bound() const { return std::max(kMinShift, kOutlierRatio * usual_shift()); }
 
   // Excludes the cameras with the largest displacements, which bias the light positions. Readmits cameras that fit
   // again. Returns true if the selection changed.
-  bool leave_out_the_worst() {
+  bool remove_worst_cameras() {
     const double most = bound();
     double worst = 0;
     size_t used = 0;
@@ -256,7 +256,7 @@ class Checker {
   std::vector<Camera> cameras_;
   std::vector<CameraState> states_;  // `used`: contributes to the light positions
   std::vector<std::optional<Vec3>> points_;
-  std::vector<std::vector<Sighting>> sightings_;
+  std::vector<std::vector<PointObservation>> observations_;
   std::vector<RigCheck::Camera> result_ = std::vector<RigCheck::Camera>(tracks_.cameras.size());
 };
 

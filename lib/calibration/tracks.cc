@@ -229,7 +229,7 @@ MultiCamSelfCal load_multicamselfcal(const std::string& directory, double first_
 
 namespace {
 
-LightDetection parse_sight(const JsonValue& value, const LightDetections::Camera& camera) {
+LightDetection parse_detection(const JsonValue& value, const LightDetections::Camera& camera) {
   const std::vector<JsonValue> v = value.elements(4);
   LightDetection sight;
   sight.pixel = {v[0].number(), v[1].number()};
@@ -268,7 +268,7 @@ std::optional<LightDetections> parse_light_detections(const std::string& text, c
       LightDetections::Frame frame{parts[0].number(), {}};
       if (!camera.frames.empty() && !(frame.time > camera.frames.back().time))
         parts[0].fail("must be later than the previous frame");
-      for (size_t i = 1; i < parts.size(); i++) frame.sights.push_back(parse_sight(parts[i], camera));
+      for (size_t i = 1; i < parts.size(); i++) frame.sights.push_back(parse_detection(parts[i], camera));
       camera.frames.push_back(std::move(frame));
     }
   }

@@ -22,7 +22,7 @@ constexpr double kAnyDistance = 1;  // metres; in any plane in front of the came
 constexpr double kSameRate = 0.01;  // relative difference of periods
 constexpr double kForget = 12;       // seconds
 constexpr double kMinChange = 0.08;  // relative to the full range; a hand covers most of the image
-constexpr double kStandsOut = 1.8;   // relative to the second-largest change
+constexpr double kMinRatio = 1.8;    // relative to the second-largest change
 
 std::vector<CameraIndex> nearest_to(const Rig& rig, CameraIndex camera) {
   std::vector<CameraIndex> others;
@@ -374,7 +374,7 @@ std::optional<size_t> HandWaveDetector::found() const {
     if (cameras_[i].change > cameras_[most].change) most = i;
   for (size_t i = 0; i < cameras_.size(); i++)
     if (i != most) next = std::max(next, cameras_[i].change);
-  if (cameras_.empty() || cameras_[most].change < kMinChange || cameras_[most].change < kStandsOut * next)
+  if (cameras_.empty() || cameras_[most].change < kMinChange || cameras_[most].change < kMinRatio * next)
     return std::nullopt;
   return most;
 }

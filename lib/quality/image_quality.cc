@@ -138,7 +138,7 @@ namespace {
 constexpr int kMaxRounds = 12;
 constexpr double kSettled = 1e-3;       // pixels
 constexpr double kUsualError = 20;      // scale of the Cauchy weight, of 255
-constexpr double kTellsNothing = 1e-9;  // minimum determinant, relative to the product of the diagonal
+constexpr double kMinDeterminant = 1e-9;  // minimum determinant, relative to the product of the diagonal
 constexpr double kFarthest = 10;        // maximum shift, pixels
 constexpr double kMinCoverageShare = 0.25;
 constexpr int kPartsAcross = 4, kPartsDown = 3;
@@ -207,7 +207,7 @@ std::optional<Fit> fit(const Luma& predicted, const Luma& seen, const std::vecto
       right += weight * residual * row;
     }
     const double size = normal[0][0] * normal[1][1] * normal[2][2];
-    if (!(std::abs(glm::determinant(normal)) > kTellsNothing * size)) return std::nullopt;
+    if (!(std::abs(glm::determinant(normal)) > kMinDeterminant * size)) return std::nullopt;
     const Vec3 change = glm::inverse(normal) * right;
     fit.gain += change.x;
     fit.shift += Vec2(change.y, change.z);

@@ -263,7 +263,7 @@ const MeshFace* nearest_face(const Rig& rig, const Mesh& mesh, const Vec3& posit
 }
 
 // Returns true if the cameras surround a scene, so that their mean axis is meaningless.
-bool looks_all_ways(const Rig& rig) {
+bool is_omnidirectional(const Rig& rig) {
   constexpr double kLeastMean = 0.3;
   Vec3 sum(0);
   for (const Camera& camera : rig.cameras) sum += camera.pose.forward();
@@ -311,7 +311,7 @@ bool VisibleFraction::sees_all(const Viewpoint& viewpoint, double aspect, const 
 Viewpoint VisibleFraction::home(double aspect, double focus_distance, const ViewSet& set) const {
   Viewpoint v = default_viewpoint(rig_, focus_distance);
   const MeshFace* const face = nearest_face(rig_, mesh_, v.pose.position);
-  if (face && looks_all_ways(rig_)) {
+  if (face && is_omnidirectional(rig_)) {
     // If the cameras surround a scene, a camera of the face gives the right direction.
     v.pose.orientation = rig_.cameras[face->camera[0]].pose.orientation;
     v = clamped(v);

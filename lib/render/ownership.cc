@@ -51,8 +51,8 @@ class EdgeCrossing {
   }
 
   // Clips the intervals [x0, x1) of many rows to the pixels with sign * e >= 0. `v` are the rows. If rounding could
-  // change the result of a row, the row is marked in `unclear`, and find() must evaluate the edge function.
-  void clip_rows(int sign, std::span<const double> v, int* x0, int* x1, uint8_t* unclear) const {
+  // change the result of a row, the row is marked in `undecided`, and find() must evaluate the edge function.
+  void clip_rows(int sign, std::span<const double> v, int* x0, int* x1, uint8_t* undecided) const {
     if (edge_.x == 0) {
       for (size_t i = 0; i < v.size(); i++)
         if (sign * FacePlan::evaluate(edge_, {0, v[i]}) < 0) x1[i] = x0[i];
@@ -60,12 +60,12 @@ class EdgeCrossing {
     }
     const bool at_least = (edge_.x > 0) == (sign > 0);
     for (size_t i = 0; i < v.size(); i++) {
-      const double x = offset_ + slope_ * v[i], doubt = doubt_at(v[i]);
+      const double x = offset_ + slope_ * v[i], error_bound = error_bound_at(v[i]);
       const double limited = x > -kFar ? (x < kFar ? x : kFar) : -kFar;  // maps NaN to -kFar
       constexpr double kWhole = 0x1.8p52;                                // adding this rounds to an integer
       const double nearest = (limited + kWhole) - kWhole;
       const int end = static_cast<int>(nearest) + (limited > nearest ? 1 : 0);
-      unclear[i] |= !(doubt < kMostDoubt) | !(std::abs(limited - nearest) > doubt);
+      undecided[i] |= !(error_bound < kMaxErrorBound) | !(std::abs(limited - nearest) > error_bound);
       if (at_least)
         x0[i] = std::max(x0[i], end);
       else
@@ -88,11 +88,11 @@ class EdgeCrossing {
       ends.value = FacePlan::evaluate(edge_, {0, v});
       return true;
     }
-    const double x = offset_ + slope_ * v, doubt = doubt_at(v);
-    if (!(doubt < kMostDoubt)) return false;
+    const double x = offset_ + slope_ * v, error_bound = error_bound_at(v);
+    if (!(error_bound < kMaxErrorBound)) return false;
     ends.rising = edge_.x > 0;
     const double limited = std::clamp(x, -kFar, kFar), nearest = std::nearbyint(limited);
-    if (std::abs(limited - nearest) > doubt) {
+    if (std::abs(limited - nearest) > error_bound) {
       ends.first = ends.past = static_cast<int>(std::ceil(limited));
       return true;
     }
@@ -109,8 +109,10 @@ class EdgeCrossing {
 
  private:
   static constexpr double kRounding = 1e-13;  // relative to the terms of the sums; far above rounding
-  static constexpr double kMostDoubt = 1e-3, kFar = 1e6;
-  double doubt_at(double v) const { return kRounding * (std::abs(offset_) + std::abs(slope_ * v) + kMaxImageSize); }
+  static constexpr double kMaxErrorBound = 1e-3, kFar = 1e6;
+  double error_bound_at(double v) const {
+    return kRounding * (std::abs(offset_) + std::abs(slope_ * v) + kMaxImageSize);
+  }
 
   Vec3 edge_;
   const Rays* rays_;
@@ -206,17 +208,17 @@ void find_runs(const ViewPlan& plan, const FacePlan& face, const Rect& rect, con
   constexpr int kRows = 64;
   double v[kRows];
   int x0[kRows], x1[kRows];
-  uint8_t unclear[kRows];
+  uint8_t undecided[kRows];
   for (int y = rect.y0; y < rect.y1; y += kRows) {
     const int rows = std::min(rect.y1 - y, kRows);
     for (int i = 0; i < rows; i++) v[i] = rays.at(0, y + i).y;
     std::fill_n(x0, rows, rect.x0);
     std::fill_n(x1, rows, rect.x1);
-    std::fill_n(unclear, rows, 0);
+    std::fill_n(undecided, rows, 0);
     for (const EdgeCrossing& crossing : linear.crossing)
-      crossing.clip_rows(sign, {v, static_cast<size_t>(rows)}, x0, x1, unclear);
+      crossing.clip_rows(sign, {v, static_cast<size_t>(rows)}, x0, x1, undecided);
     for (int i = 0; i < rows; i++)
-      if (unclear[i])
+      if (undecided[i])
         find_in_row(linear, y + i, {rect.x0, rect.x1}, fn);
       else if (x0[i] < x1[i])
         fn(y + i, x0[i], x1[i]);

@@ -64,7 +64,7 @@ void SumRenderer::draw(std::span<SumRenderer* const> renderers, gl::GlesRenderer
   for (size_t i = 0; i < orders.size(); i++) {
     State& state = *drawn[i]->state_;
     state.drawn = std::move(orders[i].drawn);
-    state.gpu_sum = std::move(orders[i].stayed);
+    state.gpu_sum = std::move(orders[i].kept_sum);
     state.drawing.drawn = orders[i].why_not.empty();
     // If a view has too many cameras per pixel, the GPU may still render other views.
     state.drawing.refused = !state.drawing.drawn && state.task.plan->view().blending.is_mesh();

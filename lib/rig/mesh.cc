@@ -220,31 +220,31 @@ struct CameraAxes {
   CameraCentres centres;
 };
 
-std::optional<CameraAxes> looks_of(const Rig& rig) {
+std::optional<CameraAxes> camera_axes(const Rig& rig) {
   std::vector<Vec3> positions;
-  CameraAxes looks;
+  CameraAxes axes;
   for (const Camera& camera : rig.cameras) {
     positions.push_back(camera.pose.position);
-    looks.forward.push_back(camera.pose.forward());
+    axes.forward.push_back(camera.pose.forward());
   }
-  looks.centres = normalised_centres(positions);
-  looks.at = looks.centres.at;
+  axes.centres = normalised_centres(positions);
+  axes.at = axes.centres.at;
   const auto finite = [](const Vec3& v) { return is_finite(v); };
-  if (!std::ranges::all_of(looks.at, finite) || !std::ranges::all_of(looks.forward, finite)) return std::nullopt;
-  return looks;
+  if (!std::ranges::all_of(axes.at, finite) || !std::ranges::all_of(axes.forward, finite)) return std::nullopt;
+  return axes;
 }
 
 // True if the viewing directions of all corners cross the triangle to the same side. `side` 0 allows either side;
 // otherwise it selects the side relative to `outwards`.
-bool look_through(const CameraAxes& looks, const Triangle& t, int side, const Vec3& outwards) {
-  Vec3 normal = relative_normal(looks.at[t[0]], looks.at[t[1]], looks.at[t[2]]);
+bool cameras_face(const CameraAxes& axes, const Triangle& t, int side, const Vec3& outwards) {
+  Vec3 normal = relative_normal(axes.at[t[0]], axes.at[t[1]], axes.at[t[2]]);
   const double height = glm::length(normal);
   if (!(height >= kThinTriangle)) return false;
   normal /= height;
   if (side != 0 && glm::dot(normal, outwards) < 0) normal = -normal;
   double least = 1, most = -1;
   for (const CameraIndex i : t) {
-    const double cosine = glm::dot(normal, looks.forward[i]);
+    const double cosine = glm::dot(normal, axes.forward[i]);
     least = std::min(least, cosine);
     most = std::max(most, cosine);
   }
@@ -259,11 +259,11 @@ struct Fit {
 
 // Marks cameras that are close to a marked one, relative to the length of edges. A triangulation uses only one of them
 // if they have the same position on its plane.
-void mark_close_cameras(const CameraAxes& looks, double edge, std::vector<bool>& marks) {
+void mark_close_cameras(const CameraAxes& axes, double edge, std::vector<bool>& marks) {
   constexpr double kClose = 0.1;
   using Cell = std::array<int64_t, 3>;
   const auto cell_of = [&](size_t i) {
-    const Vec3 at = looks.at[i] / (kClose * edge);
+    const Vec3 at = axes.at[i] / (kClose * edge);
     return Cell{std::llround(at.x), std::llround(at.y), std::llround(at.z)};
   };
   std::set<Cell> marked;
@@ -276,25 +276,24 @@ void mark_close_cameras(const CameraAxes& looks, double edge, std::vector<bool>&
   }
 }
 
-Fit fit_of(const CameraAxes& looks, const std::vector<Triangle>& triangles) {
-  std::vector<bool> looks_through(looks.at.size());
+Fit fit_of(const CameraAxes& axes, const std::vector<Triangle>& triangles) {
+  std::vector<bool> is_facing(axes.at.size());
   double good = 0, whole = 0;
   std::vector<double> edges;
   for (const Triangle& t : triangles) {
     // Cameras that are close together, at different depths, form small steep triangles that hardly any view looks
     // through.
-    const double area = glm::length(glm::cross(looks.at[t[1]] - looks.at[t[0]], looks.at[t[2]] - looks.at[t[0]])) / 2;
-    if (glm::length(relative_normal(looks.at[t[0]], looks.at[t[1]], looks.at[t[2]])) >= kThinTriangle) whole += area;
-    if (!look_through(looks, t, 0, {})) continue;
+    const double area = glm::length(glm::cross(axes.at[t[1]] - axes.at[t[0]], axes.at[t[2]] - axes.at[t[0]])) / 2;
+    if (glm::length(relative_normal(axes.at[t[0]], axes.at[t[1]], axes.at[t[2]])) >= kThinTriangle) whole += area;
+    if (!cameras_face(axes, t, 0, {})) continue;
     good += area;
-    for (const CameraIndex i : t) looks_through[i] = true;
-    edges.push_back(glm::length(looks.at[t[1]] - looks.at[t[0]]));
+    for (const CameraIndex i : t) is_facing[i] = true;
+    edges.push_back(glm::length(axes.at[t[1]] - axes.at[t[0]]));
   }
-  if (!edges.empty()) mark_close_cameras(looks, median(std::move(edges)), looks_through);
+  if (!edges.empty()) mark_close_cameras(axes, median(std::move(edges)), is_facing);
   Fit fit;
   if (whole > 0) fit.triangles = good / whole;
-  fit.cameras =
-      static_cast<double>(std::ranges::count(looks_through, true)) / static_cast<double>(looks_through.size());
+  fit.cameras = static_cast<double>(std::ranges::count(is_facing, true)) / static_cast<double>(is_facing.size());
   return fit;
 }
 
@@ -306,35 +305,35 @@ std::vector<Triangle> triangles_of(const Mesh& mesh) {
 }
 
 // True for cameras in a row, or on an arc of less than half a circle, that look across the row.
-bool is_row(const CameraAxes& looks) {
-  const Vec3 line = principal_axes(looks.at).x;
+bool is_row(const CameraAxes& axes) {
+  const Vec3 line = principal_axes(axes.at).x;
   Vec3 forward(0);
-  for (const Vec3& f : looks.forward) forward += f;
+  for (const Vec3& f : axes.forward) forward += f;
   Vec3 up = glm::cross(line, forward);
-  if (!(glm::length(up) > 1e-6 * static_cast<double>(looks.at.size()))) return false;
+  if (!(glm::length(up) > 1e-6 * static_cast<double>(axes.at.size()))) return false;
   up = glm::normalize(up);
   const Vec3 ahead = glm::normalize(glm::cross(up, line));
   double left = INFINITY, right = -INFINITY, low = INFINITY, high = -INFINITY;
-  for (size_t i = 0; i < looks.at.size(); i++) {
-    if (!(glm::dot(looks.forward[i], ahead) > 0)) return false;
-    const double along = glm::dot(looks.at[i], line), height = glm::dot(looks.at[i], up);
+  for (size_t i = 0; i < axes.at.size(); i++) {
+    if (!(glm::dot(axes.forward[i], ahead) > 0)) return false;
+    const double along = glm::dot(axes.at[i], line), height = glm::dot(axes.at[i], up);
     left = std::min(left, along), right = std::max(right, along);
     low = std::min(low, height), high = std::max(high, height);
   }
-  return high - low < kFlatRow * (right - left) / static_cast<double>(looks.at.size() - 1);
+  return high - low < kFlatRow * (right - left) / static_cast<double>(axes.at.size() - 1);
 }
 
 // Returns the least-squares nearest point to all optical axes, or nullopt if the axes are nearly parallel.
-std::optional<Vec3> centre_of_axes(const CameraAxes& looks) {
+std::optional<Vec3> centre_of_axes(const CameraAxes& axes) {
   Mat3 sum(0.0);
   Vec3 right_side(0);
-  for (size_t i = 0; i < looks.at.size(); i++) {
-    const Mat3 across = Mat3(1) - glm::outerProduct(looks.forward[i], looks.forward[i]);
+  for (size_t i = 0; i < axes.at.size(); i++) {
+    const Mat3 across = Mat3(1) - glm::outerProduct(axes.forward[i], axes.forward[i]);
     sum += across;
-    right_side += across * looks.at[i];
+    right_side += across * axes.at[i];
   }
-  sum /= static_cast<double>(looks.at.size());
-  right_side /= static_cast<double>(looks.at.size());
+  sum /= static_cast<double>(axes.at.size());
+  right_side /= static_cast<double>(axes.at.size());
   if (!(glm::determinant(sum) > 1e-6)) return std::nullopt;
   return glm::inverse(sum) * right_side;
 }
@@ -379,19 +378,19 @@ void close_hull(std::vector<Triangle>& triangles) {
   }
 }
 
-std::vector<Triangle> triangles_around(const CameraAxes& looks, bool& inwards) {
-  const std::optional<Vec3> centre = centre_of_axes(looks);
+std::vector<Triangle> triangles_around(const CameraAxes& axes, bool& inwards) {
+  const std::optional<Vec3> centre = centre_of_axes(axes);
   if (!centre) return {};
   std::vector<Vec3> directions;
   std::vector<CameraIndex> cameras;
   double sum = 0;
-  for (size_t i = 0; i < looks.at.size(); i++) {
-    const Vec3 from_centre = looks.at[i] - *centre;
+  for (size_t i = 0; i < axes.at.size(); i++) {
+    const Vec3 from_centre = axes.at[i] - *centre;
     const double distance = glm::length(from_centre);
     if (!(distance > 1e-6)) continue;
     directions.push_back(from_centre / distance);
     cameras.push_back(static_cast<CameraIndex>(i));
-    sum += glm::dot(directions.back(), looks.forward[i]);
+    sum += glm::dot(directions.back(), axes.forward[i]);
   }
   if (cameras.size() < 3) return {};
   inwards = sum < 0;
@@ -411,7 +410,7 @@ std::vector<Triangle> triangles_around(const CameraAxes& looks, bool& inwards) {
   for (const Triangle& t : triangles) {
     const Triangle named = canonical_triangle({cameras[t[0]], cameras[t[1]], cameras[t[2]]});
     const Vec3 outwards = directions[t[0]] + directions[t[1]] + directions[t[2]];
-    if (look_through(looks, named, inwards ? -1 : 1, outwards)) kept.push_back(named);
+    if (cameras_face(axes, named, inwards ? -1 : 1, outwards)) kept.push_back(named);
   }
   std::ranges::sort(kept);
   kept.erase(std::unique(kept.begin(), kept.end()), kept.end());
@@ -422,25 +421,25 @@ std::vector<Triangle> triangles_around(const CameraAxes& looks, bool& inwards) {
 
 double share_facing_cameras(const Rig& rig, const Mesh& mesh) {
   const std::vector<Triangle> triangles = triangles_of(mesh);
-  const std::optional<CameraAxes> looks = looks_of(rig);
-  return triangles.empty() || !looks ? 1 : fit_of(*looks, triangles).triangles;
+  const std::optional<CameraAxes> axes = camera_axes(rig);
+  return triangles.empty() || !axes ? 1 : fit_of(*axes, triangles).triangles;
 }
 
 std::vector<std::string> fit_topology(Rig& rig) {
   if (rig.topology.type != Topology::Type::kDelaunay || rig.cameras.size() < 3) return {};
-  const std::optional<CameraAxes> looks = looks_of(rig);
-  if (!looks) return {};
+  const std::optional<CameraAxes> axes = camera_axes(rig);
+  if (!axes) return {};
   const std::vector<Triangle> flat = triangles_of(build_mesh(rig));
   if (flat.empty()) return {};
-  if (is_row(*looks)) {
+  if (is_row(*axes)) {
     rig.topology = {Topology::Type::kTriangles, 0, 0, {}};
     return {"the cameras form a row, so the topology has no triangles and views blend along the row"};
   }
-  const double share = fit_of(*looks, flat).both();
+  const double share = fit_of(*axes, flat).both();
   if (share >= kSuits) return {};
   bool inwards = false;
-  std::vector<Triangle> around = triangles_around(*looks, inwards);
-  if (const double share_around = fit_of(*looks, around).both(); share_around > share) {
+  std::vector<Triangle> around = triangles_around(*axes, inwards);
+  if (const double share_around = fit_of(*axes, around).both(); share_around > share) {
     rig.topology = {Topology::Type::kTriangles, 0, 0, {}};
     rig.topology.triangles = std::move(around);
     return {std::string("the cameras surround a point and look ") + (inwards ? "at it" : "away from it") +
@@ -456,15 +455,15 @@ std::vector<std::string> fit_topology(Rig& rig) {
 std::optional<GridFault> find_grid_fault(const Rig& rig) {
   const Topology& grid = rig.topology;
   if (grid.type != Topology::Type::kGrid || grid.rows < 2 || grid.columns < 2) return std::nullopt;
-  const std::optional<CameraAxes> looks = looks_of(rig);
-  if (!looks) return std::nullopt;
+  const std::optional<CameraAxes> axes = camera_axes(rig);
+  if (!axes) return std::nullopt;
   const std::vector<Triangle> triangles = triangles_of(build_mesh(rig));
   // For each triangle, the side that its cameras look to: 1 or -1, or 0 for a flat triangle.
   std::vector<int> sides;
   int balance = 0;
   for (const Triangle& t : triangles) {
-    const Vec3 normal = relative_normal(looks->at[t[0]], looks->at[t[1]], looks->at[t[2]]);
-    const double cosine = glm::dot(normal, looks->forward[t[0]] + looks->forward[t[1]] + looks->forward[t[2]]);
+    const Vec3 normal = relative_normal(axes->at[t[0]], axes->at[t[1]], axes->at[t[2]]);
+    const double cosine = glm::dot(normal, axes->forward[t[0]] + axes->forward[t[1]] + axes->forward[t[2]]);
     sides.push_back(glm::length(normal) < kMaxFolded ? 0 : cosine > 0 ? 1 : -1);
     balance += sides.back();
   }

@@ -433,8 +433,8 @@ TraceResult trace(const Objects& o, const Ray& ray, ShadowCache& shadows) {
   }
   V3 light = finish.albedo * (V3(1.0f, 0.95f, 0.86f) * key + V3(0.90f, 0.96f, 1.06f) * ambient);
   if (finish.gloss > 0 && key > 0) {
-    const float shine = std::max(0.0f, dot(hit.normal, glm::normalize(l - ray.direction)));
-    const float p2 = shine * shine, p4 = p2 * p2, p8 = p4 * p4, p16 = p8 * p8;
+    const float n_dot_h = std::max(0.0f, dot(hit.normal, glm::normalize(l - ray.direction)));
+    const float p2 = n_dot_h * n_dot_h, p4 = p2 * p2, p8 = p4 * p4, p16 = p8 * p8;
     light += V3(finish.gloss * key / cosine * 0.5f * p16 * p16 * p8);
   }
   return {light, object, {s.point, hit.kind, cosine > 0, hit.index}};

@@ -107,12 +107,12 @@ RequestLimiter::Refusal RequestLimiter::check(uint64_t view, const RequestCost& 
     if (views_.size() >= limits.views) return kViews;
   }
   View& state = known != views_.end() ? known->second : views_.emplace(view, View{now}).first->second;
-  if (now > state.last) state.spare = std::min(1.0, state.spare + static_cast<double>(now - state.last) * 1e-9);
+  if (now > state.last) state.credit = std::min(1.0, state.credit + static_cast<double>(now - state.last) * 1e-9);
   state.last = std::max(state.last, now);
   if (limits.requests_per_second > 0) {
     const double share = 1.0 / limits.requests_per_second;
-    if (state.spare < share * (1 - 1e-9)) return kRate;
-    state.spare -= share;
+    if (state.credit < share * (1 - 1e-9)) return kRate;
+    state.credit -= share;
   }
   return check_cost(cost, limits, extent);
 }

@@ -172,7 +172,7 @@ class RequestLimiter {
  private:
   struct View {
     uint64_t last = 0;
-    double spare = 1;  // credit for requests, refilled to 1 within a second; each request uses a part
+    double credit = 1;  // credit for requests, refilled to 1 within a second; each request uses a part
   };
   std::map<uint64_t, View> views_;
 };

@@ -441,7 +441,7 @@ TEST_F(Watching, TracksTheLightsOfARecording) {
       rig, path, dir_ / "films", {.seconds = 6, .shown = [&](const cameras::CameraFrame& frame) { watch.see(frame); }},
       [](double) { return true; });
   for (const cameras::RecordedCamera& one : recorded) EXPECT_EQ(one.problem, "");
-  const uint64_t looks = watch.looks();
+  const uint64_t looks = watch.frames_processed();
   EXPECT_GT(looks, 4u * 10);
   EXPECT_LE(looks, 4u * 32) << "five a second";
   std::printf("%.2f ms of CPU time per 640x480 frame\n", 1e3 * watch.busy() / static_cast<double>(looks));

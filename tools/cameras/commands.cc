@@ -114,7 +114,7 @@ class Identify {
         cameras_(copy_.rig(), copy_.path(), {.decode = false, .trusted = options.trusted},
                  [this](const CameraFrame& frame) {
                    mosaic_.see(rig_.cameras[place_of_[frame.camera]].id, gst_sample_get_buffer(frame.sample),
-                               gst_sample_get_caps(frame.sample), frame.came);
+                               gst_sample_get_caps(frame.sample), frame.arrival_time);
                  }),
         server_(options.port, {[this] { return mosaic_.jpeg(cameras_.now()); }, [this] { return state(); },
                                [this](uint32_t a, uint32_t b) { return swap(a, b); }}) {

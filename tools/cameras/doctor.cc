@@ -33,12 +33,12 @@ struct FrameMonitor {
 
   void see(const CameraFrame& frame) {
     const std::lock_guard lock(mutex);
-    if (std::isnan(first)) first = frame.came;
-    if (frame.came < first + kSettle) return;
+    if (std::isnan(first)) first = frame.arrival_time;
+    if (frame.arrival_time < first + kSettle) return;
     taken.push_back(frame.taken);
-    delays.push_back(frame.came - frame.taken);
-    if (frame.came - looked < kLookEvery) return;
-    looked = frame.came;
+    delays.push_back(frame.arrival_time - frame.taken);
+    if (frame.arrival_time - looked < kLookEvery) return;
+    looked = frame.arrival_time;
     decoded_frames++;
     try {
       brightness = brightness_of(rgb_of(frame.sample));

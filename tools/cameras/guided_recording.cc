@@ -21,7 +21,7 @@ namespace {
 
 constexpr double kEvery = 0.2;    // seconds between examined frames of a camera; meanwhile, a light moves about 0.1 m
 constexpr int kLeastWidth = 240;  // minimum width of downscaled frames, pixels
-constexpr int kGivesWay = 10;     // nice(1) increment of the detection thread
+constexpr int kNiceIncrement = 10;  // nice(1) increment of the detection thread
 
 int smaller_of(const Camera& camera) {
   int smaller = 8;
@@ -71,8 +71,8 @@ LightTracker::~LightTracker() {
 
 void LightTracker::see(const CameraFrame& frame) {
   CameraState& one = *all_[frame.camera];
-  if (one.full || frame.came < one.next) return;
-  one.next = frame.came + kEvery;
+  if (one.full || frame.arrival_time < one.next) return;
+  one.next = frame.arrival_time + kEvery;
   one.taken = frame.taken;
   try {
     one.jpeg.clear();
@@ -92,7 +92,7 @@ void LightTracker::see(const CameraFrame& frame) {
 void LightTracker::work() {
   // On Linux, this changes the priority of the calling thread only. Elsewhere it changes the whole process, which does
   // no harm.
-  setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kGivesWay);
+  setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kNiceIncrement);
   std::unique_lock lock(mutex_);
   while (true) {
     frame_arrived_.wait(lock, [&] { return ending_ || !waiting_.empty(); });
@@ -100,12 +100,12 @@ void LightTracker::work() {
     const CameraIndex camera = waiting_.front();
     waiting_.erase(waiting_.begin());
     lock.unlock();
-    look(camera);
+    process_frame(camera);
     lock.lock();
   }
 }
 
-void LightTracker::look(CameraIndex camera) {
+void LightTracker::process_frame(CameraIndex camera) {
   CameraState& one = *all_[camera];
   const double begun = processor_seconds();
   std::vector<LightDetection> sights;
@@ -113,17 +113,17 @@ void LightTracker::look(CameraIndex camera) {
     if (!one.jpeg.empty()) one.grey = decode_jpeg_luma(one.jpeg, one.smaller);
     if (!one.detector) one.detector.emplace(one.width = one.grey.width, one.height = one.grey.height);
     if (one.width == one.grey.width && one.height == one.grey.height)
-      sights = one.detector->look(one.grey.samples.data(), one.grey.width);
+      sights = one.detector->detect(one.grey.samples.data(), one.grey.width);
   } catch (const Error&) {
   }
   for (LightDetection& sight : sights) sight.pixel = static_cast<double>(one.smaller) * (sight.pixel + 0.5) - 0.5;
   {
     const std::lock_guard lock(mutex_);
-    coverage_.look(camera, one.taken, sights);
+    coverage_.add_frame(camera, one.taken, sights);
   }
   one.full = false;
   busy_ = busy_ + processor_seconds() - begun;
-  looks_++;
+  frames_processed_++;
 }
 
 std::string LightTracker::summary() const {

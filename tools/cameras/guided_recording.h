@@ -35,12 +35,12 @@ class LightTracker {
   CoverageGrid places(CameraIndex camera) const;
   std::string wanted(CameraIndex camera) const;
   double busy() const { return busy_; }
-  uint64_t looks() const { return looks_; }
+  uint64_t frames_processed() const { return frames_processed_; }
 
  private:
   struct CameraState;
   void work();
-  void look(CameraIndex camera);
+  void process_frame(CameraIndex camera);
 
   Rig rig_;
   std::vector<std::unique_ptr<CameraState>> all_;
@@ -50,7 +50,7 @@ class LightTracker {
   std::vector<CameraIndex> waiting_;
   bool ending_ = false;
   std::atomic<double> busy_ = 0;
-  std::atomic<uint64_t> looks_ = 0;
+  std::atomic<uint64_t> frames_processed_ = 0;
   std::thread thread_;
 };
 

@@ -79,9 +79,9 @@ void Mosaic::see(uint32_t id, GstBuffer* buffer, GstCaps* caps, double now) {
     Tile* const seen = find(id);
     if (!seen) return;
     Tile& tile = *seen;
-    const double since = now - tile.came, share = 1 - std::exp(-since / kRateMemory);
+    const double since = now - tile.arrival_time, share = 1 - std::exp(-since / kRateMemory);
     tile.rate = since > kSilent ? 0 : tile.rate + share * (1 / std::max(since, 1e-4) - tile.rate);
-    tile.came = now;
+    tile.arrival_time = now;
     if (now > watched_ + kLooksOn ||
         now < tile.looked + std::max(kLeastEvery, kEvery * static_cast<double>(tiles_.size())))
       return;
@@ -105,7 +105,7 @@ void Mosaic::swap(uint32_t a, uint32_t b) {
   Tile *const first = find(a), *const second = find(b);
   if (!first || !second) return;
   std::swap(first->small, second->small);
-  std::swap(first->came, second->came);
+  std::swap(first->arrival_time, second->arrival_time);
   std::swap(first->rate, second->rate);
   waves_ = HandWaveDetector(tiles_.size());
 }
@@ -175,7 +175,7 @@ nlohmann::json Mosaic::state(double now, const std::function<std::string(uint32_
   nlohmann::json cameras = nlohmann::json::array();
   for (size_t i = 0; i < tiles_.size(); i++) {
     const Tile& tile = tiles_[i];
-    const bool silent = now - tile.came > kSilent;
+    const bool silent = now - tile.arrival_time > kSilent;
     std::string why;
     if (silent) why = problem(tile.id);
     if (silent && why.empty()) why = "no frames";

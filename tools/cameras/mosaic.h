@@ -49,7 +49,7 @@ class Mosaic {
     uint32_t id = 0;
     int column = 0, row = 0;
     Image small;
-    double looked = -1e9, came = -1e9, rate = 0;
+    double looked = -1e9, arrival_time = -1e9, rate = 0;
   };
   Tile* find(uint32_t id);
   void encode();

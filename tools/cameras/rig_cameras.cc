@@ -166,11 +166,11 @@ struct RigCameras::CameraState {
     auto* one = static_cast<CameraState*>(data);
     GstSample* sample = gst_app_sink_pull_sample(sink);
     if (!sample) return GST_FLOW_OK;
-    CameraFrame frame{.camera = one->index, .sample = sample, .came = one->cameras->now()};
+    CameraFrame frame{.camera = one->index, .sample = sample, .arrival_time = one->cameras->now()};
     GstCaps* reference = gst_caps_from_string(kCaptureTime);
     const auto* meta = gst_buffer_get_reference_timestamp_meta(gst_sample_get_buffer(sample), reference);
     gst_caps_unref(reference);
-    frame.taken = meta ? seconds(meta->timestamp) : frame.came;
+    frame.taken = meta ? seconds(meta->timestamp) : frame.arrival_time;
     one->frames++;
     if (one->cameras->on_frame_) one->cameras->on_frame_(frame);
     gst_sample_unref(sample);

@@ -37,7 +37,7 @@ void link(GstElement* from, GstElement* to) {
     throw Error(std::string(GST_OBJECT_NAME(from)) + " cannot be linked with " + GST_OBJECT_NAME(to));
 }
 
-void say_of_cameras(const std::string& text) { say(text.starts_with("cameras") ? text : "cameras: " + text); }
+void log_camera_message(const std::string& text) { say(text.starts_with("cameras") ? text : "cameras: " + text); }
 
 GstElement* child_of(const ElementPtr& pipeline, const std::string& name) {
   return ElementPtr(gst_bin_get_by_name(GST_BIN(pipeline.get()), name.c_str())).get();
@@ -99,7 +99,7 @@ void LightField::start(std::function<void(const std::string&)> on_error) {
     const bool is_error = GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR;
     gst_message_unref(message);
     if (!is_error) {
-      say_of_cameras(text);
+      log_camera_message(text);
       continue;
     }
     gst_object_unref(bus);
@@ -181,7 +181,7 @@ gboolean LightField::bus_message(GstBus*, GstMessage* message, gpointer data) {
   if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR)
     self->on_error_(text_of(message));
   else if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_WARNING)
-    say_of_cameras(text_of(message));
+    log_camera_message(text_of(message));
   else if (gst_message_has_name(message, "lightfield-camera-found"))
     say(std::string("cameras: ") + GST_OBJECT_NAME(GST_MESSAGE_SRC(message)) + " is back");
   return G_SOURCE_CONTINUE;
@@ -251,13 +251,13 @@ std::vector<size_t> LightField::silent_nodes() const {
   std::vector<size_t> silent;
   if (local_ || now - last_request_ > kSilence) return silent;
   for (const auto& answers : answers_)
-    if (now - std::max<int64_t>(answers->heard, asked_since_) > kSilence) silent.push_back(answers->node);
+    if (now - std::max<int64_t>(answers->last_answer_time, active_since_) > kSilence) silent.push_back(answers->node);
   return silent;
 }
 
 void LightField::request(GstBuffer* request) {
   const int64_t now = g_get_monotonic_time();
-  if (now - last_request_.exchange(now) > kSilence) asked_since_ = now;
+  if (now - last_request_.exchange(now) > kSilence) active_since_ = now;
   // The timestamps refer to the viewer's pipeline and mean nothing in this pipeline.
   GstBuffer* buffer = gst_buffer_copy(request);
   GST_BUFFER_PTS(buffer) = GST_CLOCK_TIME_NONE;
@@ -267,7 +267,7 @@ void LightField::request(GstBuffer* request) {
 GstFlowReturn LightField::take_answer(GstAppSink* sink, gpointer data) {
   Answers* answers = static_cast<Answers*>(data);
   LightField* self = answers->field;
-  answers->heard = g_get_monotonic_time();
+  answers->last_answer_time = g_get_monotonic_time();
   GstSample* sample = gst_app_sink_pull_sample(sink);
   if (!sample) return GST_FLOW_OK;
   GstBuffer* buffer = gst_sample_get_buffer(sample);

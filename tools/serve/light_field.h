@@ -91,7 +91,7 @@ class LightField {
   struct Answers {
     LightField* field = nullptr;
     size_t node = 0;
-    std::atomic<int64_t> heard = 0;  // g_get_monotonic_time() of the last answer
+    std::atomic<int64_t> last_answer_time = 0;  // g_get_monotonic_time() of the last answer
   };
   GstStateChangeReturn play();
   static GstFlowReturn take_answer(GstAppSink* sink, gpointer data);
@@ -121,7 +121,7 @@ class LightField {
   std::map<uint32_t, OnAnswer> views_;
   std::atomic<uint64_t> bytes_ = 0;
   std::atomic<CameraStates> states_ = CameraStates{};
-  std::atomic<int64_t> last_request_ = 0, asked_since_ = 0;
+  std::atomic<int64_t> last_request_ = 0, active_since_ = 0;
 };
 
 }  // namespace lf::serve

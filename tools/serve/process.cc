@@ -24,14 +24,14 @@ void say(const std::string& said) {
   const std::string line = redacted_location(said);
   static std::mutex mutex;
   static TokenBucket lines(kLinesPerSecond, kLinesAtOnce);
-  static uint64_t left_away = 0;
+  static uint64_t suppressed = 0;
   const std::lock_guard lock(mutex);
   if (!lines.take(g_get_monotonic_time())) {
-    left_away++;
+    suppressed++;
     return;
   }
-  if (left_away > 0) std::printf("%llu lines suppressed\n", static_cast<unsigned long long>(left_away));
-  left_away = 0;
+  if (suppressed > 0) std::printf("%llu lines suppressed\n", static_cast<unsigned long long>(suppressed));
+  suppressed = 0;
   std::printf("%s\n", printable(line).c_str());
 }
 

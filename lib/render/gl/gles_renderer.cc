@@ -23,7 +23,7 @@ struct GlesRenderer::Objects {
   ViewTextures textures;
   Programs programs;
   BlockSums blocks;
-  ConsistencySums moments;
+  ConsistencySums consistency_sums;
   Buffer scratch{Buffer::Use::kComputed};
   GpuTimer stopwatch;
   GLint max_size = 0;
@@ -52,10 +52,10 @@ std::unique_ptr<GlesRenderer> GlesRenderer::create_in(Context::External foreign,
 
 std::unique_ptr<GlesRenderer> GlesRenderer::create_on(std::unique_ptr<Context> context, std::string& why) {
   if (!context) return nullptr;
-  std::unique_ptr<GlesRenderer> drawer(new GlesRenderer(std::move(context)));
+  std::unique_ptr<GlesRenderer> renderer(new GlesRenderer(std::move(context)));
   bool is_fit = false;
-  drawer->context_->run([&] { is_fit = drawer->prepare(why); });
-  return is_fit ? std::move(drawer) : nullptr;
+  renderer->context_->run([&] { is_fit = renderer->prepare(why); });
+  return is_fit ? std::move(renderer) : nullptr;
 }
 
 // Compile one program here to reject unsuitable drivers early.
@@ -152,13 +152,13 @@ bool GlesRenderer::finish(std::span<GlesJob> orders, std::span<SumReadback> read
   bool any = false, is_there = true;
   for (size_t i = 0; i < orders.size(); i++) {
     fixed_up_ += fixed_up[i];
-    any = any || (orders[i].stays && fixed_up[i] > 0);
+    any = any || (orders[i].keep_on_gpu && fixed_up[i] > 0);
   }
   if (!any) return true;
   // Another renderer may add these sums as soon as they are published.
   const auto write_back = [&] {
     for (size_t i = 0; i < orders.size(); i++)
-      if (orders[i].stays && fixed_up[i] > 0) readings[i].sum->write_back(*readings[i].out);
+      if (orders[i].keep_on_gpu && fixed_up[i] > 0) readings[i].sum->write_back(*readings[i].out);
     is_there = wait_for_gpu();
   };
   if (context_->run(write_back) && is_there) return true;
@@ -193,9 +193,9 @@ void GlesRenderer::draw_pass(std::span<GlesJob> orders, const ParallelFor& paral
   const auto begin = [&] { return o.blocks.begin(views, pass->numbers, o.textures, o.programs, o.stopwatch, why); };
   for (size_t i = 0; i < orders.size(); i++) {
     GlesJob& order = orders[i];
-    ReadbackBuffer* const out = order.stays ? &open[i] : &order.drawn;
+    ReadbackBuffer* const out = order.keep_on_gpu ? &open[i] : &order.drawn;
     *out = {.family = order.task->family, .rect = order.rect};
-    readings[i] = {.out = out, .only_undecided = order.stays};
+    readings[i] = {.out = out, .only_undecided = order.keep_on_gpu};
   }
   const auto read_all = [&] {
     sums.assign(o.blocks.latest().begin(), o.blocks.latest().end());
@@ -206,9 +206,9 @@ void GlesRenderer::draw_pass(std::span<GlesJob> orders, const ParallelFor& paral
     return refuse_all(why);
   for (size_t i = 0; i < orders.size(); i++) {
     const View& view = orders[i].task->plan->view();
-    if (orders[i].stays)
-      orders[i].stayed = std::make_shared<GpuSum>(shared_from_this(), std::move(sums[i]),
-                                                  Rect{0, 0, view.width, view.height}, readings[i].any_missing);
+    if (orders[i].keep_on_gpu)
+      orders[i].kept_sum = std::make_shared<GpuSum>(shared_from_this(), std::move(sums[i]),
+                                                    Rect{0, 0, view.width, view.height}, readings[i].any_missing);
   }
 }
 
@@ -255,9 +255,9 @@ bool GlesRenderer::draw_consistency(const ConsistencyTask& task, std::span<const
     return refuse(why, "the cameras' images are too large");
   pass->numbers.make({&view, 1}, pass->atlas, parallel, task.boxes);
   const auto begin = [&] {
-    return o.moments.begin(task, out.rect, pass->numbers, o.textures, o.programs, o.stopwatch, why);
+    return o.consistency_sums.begin(task, out.rect, pass->numbers, o.textures, o.programs, o.stopwatch, why);
   };
-  const auto read_all = [&] { return o.moments.read(out); };
+  const auto read_all = [&] { return o.consistency_sums.read(out); };
   drawn_ns_ = 0;
   return draw_now({&view, 1}, pass->atlas, parallel, begin, read_all, why);
 }

@@ -46,15 +46,15 @@ struct ReadbackBuffer {
 // Input and result of rendering one sum, for GlesRenderer::draw().
 struct GlesJob {
   // `rect` is the part of the view to render. It contains the rectangles of all slots (cameras of the task). For kI420,
-  // or if `stays`, its edges are even, except at the view's right and lower edge. `sources` are the images that the
-  // task was made from.
+  // or if `keep_on_gpu`, its edges are even, except at the view's right and lower edge. `sources` are the images that
+  // the task was made from.
   const simd::SumTask* task = nullptr;
   std::span<const Source> sources;
   Rect rect;
-  bool stays = false;  // keep the sum on the GPU; a shared_ptr must then own the renderer
+  bool keep_on_gpu = false;  // keep the sum on the GPU; a shared_ptr must then own the renderer
 
-  ReadbackBuffer drawn;            // result if not `stays`
-  std::shared_ptr<GpuSum> stayed;  // result if `stays`
+  ReadbackBuffer drawn;              // result if not `keep_on_gpu`
+  std::shared_ptr<GpuSum> kept_sum;  // result if `keep_on_gpu`
   std::string why_not;             // reason for failure; empty on success
 };
 

@@ -11,8 +11,9 @@
 
 namespace lf::gl {
 
-GpuSum::GpuSum(std::shared_ptr<GlesRenderer> drawer, std::shared_ptr<BlockSum> sum, const Rect& view, bool has_missing)
-    : drawer_(std::move(drawer)), sum_(std::move(sum)), view_(view), has_missing_(has_missing) {}
+GpuSum::GpuSum(std::shared_ptr<GlesRenderer> renderer, std::shared_ptr<BlockSum> sum, const Rect& view,
+               bool has_missing)
+    : renderer_(std::move(renderer)), sum_(std::move(sum)), view_(view), has_missing_(has_missing) {}
 
 GpuSum::~GpuSum() = default;
 
@@ -20,16 +21,16 @@ PixelFamily GpuSum::family() const { return sum_->family; }
 
 const Rect& GpuSum::rect() const { return sum_->rect; }
 
-ShareGroup GpuSum::group() const { return drawer_->group(); }
+ShareGroup GpuSum::group() const { return renderer_->group(); }
 
 ConstSumPlanes GpuSum::fetch() {
   const std::lock_guard lock(mutex_);
   if (!memory_.empty()) return fetched_;
   ReadbackBuffer drawn{.family = sum_->family, .rect = sum_->rect};
-  const bool is_there = drawer_->work([&](Programs&, Buffer&) {
+  const bool is_there = renderer_->work([&](Programs&, Buffer&) {
     SumReadback reading{sum_.get(), &drawn};
     if (read_sums({&reading, 1})) return true;
-    drawer_->mark_lost();
+    renderer_->mark_lost();
     return false;
   });
   is_gone_ = !is_there;
@@ -58,9 +59,9 @@ std::shared_ptr<GpuSum> GpuSum::add(std::span<const std::shared_ptr<GpuSum>> sum
     parts.push_back(sum->sum_);
     has_missing = has_missing || sum->has_missing_;
   }
-  std::shared_ptr<BlockSum> all = first.drawer_->add(parts, first.view_, why);
+  std::shared_ptr<BlockSum> all = first.renderer_->add(parts, first.view_, why);
   if (!all) return nullptr;
-  auto sum = std::make_shared<GpuSum>(first.drawer_, std::move(all), first.view_, has_missing);
+  auto sum = std::make_shared<GpuSum>(first.renderer_, std::move(all), first.view_, has_missing);
   sum->parts_ = std::move(parts);
   return sum;
 }
@@ -152,7 +153,7 @@ bool GpuSum::draw(const GpuPicture& picture, std::string& why) {
 bool GpuSum::wait(std::string& why) {
   const auto wait = [&](Programs&, Buffer&) {
     if (wait_for_gpu()) return true;
-    drawer_->mark_lost();
+    renderer_->mark_lost();
     why = "the GPU does not answer";
     return false;
   };
@@ -160,8 +161,8 @@ bool GpuSum::wait(std::string& why) {
 }
 
 bool GpuSum::work(const std::function<bool(Programs&, Buffer&)>& job, std::string& why) {
-  if (drawer_->work(job)) return true;
-  if (why.empty()) why = drawer_->is_lost() ? "the context is lost" : "OpenGL reports an error";
+  if (renderer_->work(job)) return true;
+  if (why.empty()) why = renderer_->is_lost() ? "the context is lost" : "OpenGL reports an error";
   return false;
 }
 

@@ -48,7 +48,7 @@ struct GpuPicture {
 class GpuSum {
  public:
   // `view` is the rectangle of the whole view. The view's pixels outside the sum are 0.
-  GpuSum(std::shared_ptr<GlesRenderer> drawer, std::shared_ptr<BlockSum> sum, const Rect& view, bool has_missing);
+  GpuSum(std::shared_ptr<GlesRenderer> renderer, std::shared_ptr<BlockSum> sum, const Rect& view, bool has_missing);
   ~GpuSum();
   GpuSum(const GpuSum&) = delete;
   GpuSum& operator=(const GpuSum&) = delete;
@@ -75,12 +75,12 @@ class GpuSum {
   // Waits for all pictures that were started from sums of the same renderer. If they failed, returns false and sets
   // `why` to the reason.
   bool wait(std::string& why);
-  bool has_same_renderer(const GpuSum& other) const { return drawer_ == other.drawer_; }
+  bool has_same_renderer(const GpuSum& other) const { return renderer_ == other.renderer_; }
 
  private:
   bool work(const std::function<bool(Programs& programs, Buffer& scratch)>& job, std::string& why);
 
-  const std::shared_ptr<GlesRenderer> drawer_;  // outlives its sums
+  const std::shared_ptr<GlesRenderer> renderer_;  // outlives its sums
   const std::shared_ptr<BlockSum> sum_;
   const Rect view_;
   const bool has_missing_;

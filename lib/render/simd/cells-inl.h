@@ -137,8 +137,8 @@ inline void project_cells(const Slot& slot, const CellNodes& inverse, size_t fir
 }
 
 // Computes an upper bound of the interpolation error in a cell, in pixels of the image, from the errors listed above.
-struct CellDoubt {
-  explicit CellDoubt(const Slot& slot) {
+struct CellErrorBound {
+  explicit CellErrorBound(const Slot& slot) {
     const float focal = std::max(slot.fx, slot.fy), least_focal = std::min(slot.fx, slot.fy);
     // u| and |v| inside the image, with a margin for lens distortion.
     const float reach = 1.5f / least_focal *
@@ -156,7 +156,7 @@ struct CellDoubt {
   }
   template <class V>
   struct Side {
-    V dx, dy, distance, change, doubt;
+    V dx, dy, distance, change, error_bound;
   };
   // Computes the bound for the sides between the nodes at `i` of `from` and the nodes at `j` of `to`. The five arrays
   // contain x, y, z, 1 / z and the inverse distance of the nodes.
@@ -171,20 +171,20 @@ struct CellDoubt {
     out.distance = hn::Max(hn::Abs(out.dx), hn::Abs(out.dy));
     out.change = hn::Mul(hn::Abs(difference(2)), per_z);
     const auto term = hn::Mul(hn::Mul(hn::Set(d, product), hn::Abs(difference(4))), per_z);
-    out.doubt = hn::Mul(hn::Mul(hn::Set(d, kMostThird), out.change), hn::MulAdd(out.change, out.distance, term));
+    out.error_bound = hn::Mul(hn::Mul(hn::Set(d, kMostThird), out.change), hn::MulAdd(out.change, out.distance, term));
     const auto cube = hn::Mul(out.distance, hn::Mul(out.distance, out.distance));
-    out.doubt = hn::MulAdd(hn::Set(d, third), cube, out.doubt);
-    out.doubt = hn::IfThenElse(hn::Lt(out.change, hn::Set(d, kMostChange)), out.doubt, hn::Set(d, 1.f));
+    out.error_bound = hn::MulAdd(hn::Set(d, third), cube, out.error_bound);
+    out.error_bound = hn::IfThenElse(hn::Lt(out.change, hn::Set(d, kMostChange)), out.error_bound, hn::Set(d, 1.f));
     return out;
   }
   float along, down, second, third;
 };
 
 // Computes the bound of the position error for each cell, in the rows of cells from `ready` on.
-inline void doubt_cells(const Slot& slot, const CellNodes& inverse, size_t first, size_t count, int ready,
-                        const SurfaceBand& band, CellNodes& out) {
+inline void bound_cell_errors(const Slot& slot, const CellNodes& inverse, size_t first, size_t count, int ready,
+                              const SurfaceBand& band, CellNodes& out) {
   const hn::CappedTag<float, kBlock> d;
-  const CellDoubt bound(slot);
+  const CellErrorBound bound(slot);
   struct Row {
     const float *even[5], *odd[5];
   } rows[kCellRows];
@@ -202,7 +202,7 @@ inline void doubt_cells(const Slot& slot, const CellNodes& inverse, size_t first
     const auto change = hn::Max(upper.change, lower.change);
     const auto by_lens = hn::Mul(hn::Set(d, 0.5f * bound.second), other);
     return hn::MulAdd(hn::Mul(hn::Set(d, kMostBend * kMostBend), hn::Add(change, by_lens)), other,
-                      hn::Max(upper.doubt, lower.doubt));
+                      hn::Max(upper.error_bound, lower.error_bound));
   };
   for (size_t i = 0; i < count; i += hn::Lanes(d)) {
     const auto even_to_odd = [&](int k)
@@ -212,9 +212,9 @@ inline void doubt_cells(const Slot& slot, const CellNodes& inverse, size_t first
     auto upper_even = even_to_odd(ready), upper_odd = odd_to_even(ready);
     for (int k = ready; k + 1 < kCellRows; k++) {
       const auto lower_even = even_to_odd(k + 1), lower_odd = odd_to_even(k + 1);
-      const auto left = bound.side(d, rows[k].even, i, rows[k + 1].even, i, bound.down).doubt;
-      const auto middle = bound.side(d, rows[k].odd, i, rows[k + 1].odd, i, bound.down).doubt;
-      const auto right = bound.side(d, rows[k].even, i + 1, rows[k + 1].even, i + 1, bound.down).doubt;
+      const auto left = bound.side(d, rows[k].even, i, rows[k + 1].even, i, bound.down).error_bound;
+      const auto middle = bound.side(d, rows[k].odd, i, rows[k + 1].odd, i, bound.down).error_bound;
+      const auto right = bound.side(d, rows[k].even, i + 1, rows[k + 1].even, i + 1, bound.down).error_bound;
       hn::StoreU(hn::Add(between(upper_even, lower_even), hn::Max(left, middle)), d, out.even[k].data() + i);
       hn::StoreU(hn::Add(between(upper_odd, lower_odd), hn::Max(middle, right)), d, out.odd[k].data() + i);
       upper_even = lower_even;
@@ -352,11 +352,12 @@ inline void fix_cells(const CellWork& work, int k, size_t halves, SurfaceBand& o
     };
     const auto most_x = most(x), most_y = most(y);
     const auto largest = hn::Max(hn::Max(most_x, most_y), hn::Max(step(out.x), step(out.y)));
-    const float *const even = work.doubt.even[k].data() + i, *const odd = work.doubt.odd[k].data() + i;
+    const float *const even = work.error_bound.even[k].data() + i, *const odd = work.error_bound.odd[k].data() + i;
     // NaN fails every comparison, but Max may lose a NaN.
-    const auto doubt = hn::Add(hn::Max(hn::Max(hn::LoadU(d, even), hn::LoadU(d, odd)), hn::LoadU(d, even + 1)),
-                               hn::Mul(hn::Zero(d), hn::Add(sum(x), sum(y))));
-    const auto good = hn::And(hn::Lt(doubt, set(static_cast<float>(kGridError))), hn::Lt(largest, set(kMostStep)));
+    const auto error_bound = hn::Add(hn::Max(hn::Max(hn::LoadU(d, even), hn::LoadU(d, odd)), hn::LoadU(d, even + 1)),
+                                     hn::Mul(hn::Zero(d), hn::Add(sum(x), sum(y))));
+    const auto good =
+        hn::And(hn::Lt(error_bound, set(static_cast<float>(kGridError))), hn::Lt(largest, set(kMostStep)));
     const auto slack = [&](V of) HWY_ATTR {
       return hn::IfThenElse(good, hn::MulAdd(set(kMostBend), of, set(kCellSlack)), hn::NaN(d));
     };

@@ -33,7 +33,7 @@ inline void lay_nodes(int pitch, SlotBand& band) {
     band.luma.resize(padded);
     band.chroma.resize(padded);
     band.node_z.resize(padded);
-    band.verdict.resize(padded);
+    band.method.resize(padded);
   }
   band.columns.assign(padded, 0);
   band.rows.assign(padded, 0);
@@ -112,7 +112,7 @@ inline void place_blocks(const PlaneGeometry& plane, int n, const float* node_z,
     // NaN fails every comparison and remains kMixed.
     const auto smooth = hn::And(hn::Lt(third_x, largest_third), hn::Lt(third_y, largest_third));
     const auto inside =
-        hn::And(hn::And(hn::Ge(low_x, set(0)), hn::Lt(high_x, set(plane.width - 1 - plane.spare_columns))),
+        hn::And(hn::And(hn::Ge(low_x, set(0)), hn::Lt(high_x, set(plane.width - 1 - plane.border_columns))),
                 hn::And(hn::Ge(low_y, set(0)), hn::Lt(high_y, set(plane.height - 1))));
     auto fetch = hn::IfThenElse(hn::And(inside, smooth), code(Fetch::kGather), code(Fetch::kMixed));
     if (node_z) {
@@ -198,13 +198,13 @@ inline void decide(bool i420, SlotBand& band) {
     const int32_t* const upper = band.luma.fetch.data() + 2 * pair * band.pitch;
     const int32_t* const lower = upper + band.pitch;
     const int32_t* const chroma = i420 ? band.chroma.fetch.data() + pair * band.pitch : upper;
-    int32_t* __restrict const verdict = band.verdict.data() + pair * band.pitch;
+    int32_t* __restrict const method = band.method.data() + pair * band.pitch;
     for (int i = 0; i < band.blocks; i++) {
       const int32_t least_luma = std::min(upper[i], lower[i]), least = std::min(least_luma, chroma[i]);
       const bool lost = least_luma == kLost && std::max(upper[i], lower[i]) == kLost;
       int32_t v = least > kGather ? SlotBand::kShuffle : SlotBand::kSample;
       v = least < kGather ? SlotBand::kProject : v;
-      verdict[i] = lost ? SlotBand::kAllMissing : v;
+      method[i] = lost ? SlotBand::kAllMissing : v;
     }
   }
 }
@@ -273,7 +273,7 @@ inline void set_interior_rows(PixelFamily family, Slot& slot) {
 // how they are read. The range of blocks in `band` must be set.
 inline void place_plane(bool i420, const Slot& slot, int y, SlotBand& band) {
   lay_nodes(band.blocks + 3, band);
-  band.verdict_pitch = band.pitch;
+  band.method_pitch = band.pitch;
   band.mapped = false;
   project_nodes(slot, y, band);
   const int luma_entries = band.pitch * kBandRows - 3, chroma_entries = band.pitch * kBandPairs - 3;
@@ -327,7 +327,7 @@ struct CellPlace {
     const hn::RebindToSigned<D> di;
     const auto set = [d](float v) HWY_ATTR { return hn::Set(d, v); };
     const auto inside =
-        hn::And(hn::And(hn::Ge(low_x, set(0)), hn::Lt(high_x, set(plane.width - 1 - plane.spare_columns))),
+        hn::And(hn::And(hn::Ge(low_x, set(0)), hn::Lt(high_x, set(plane.width - 1 - plane.border_columns))),
                 hn::And(hn::Ge(low_y, set(0)), hn::Lt(high_y, set(plane.height - 1))));
     const auto fits = hn::And(hn::Lt(width, set(widest)), hn::Lt(height, set(kWindow - 1)));
     const auto good = hn::And(inside, fits);
@@ -401,7 +401,7 @@ struct PairBounds {
 };
 
 // Decides how the pairs of rows of each block are rendered, and where their windows are, for a focal map. Sets
-// band.verdict like decide().
+// band.method like decide().
 inline void decide_cells(const Slot& slot, bool i420, SlotBand& band) {
   const hn::CappedTag<float, kBlock> d;
   const hn::RebindToSigned<decltype(d)> di;
@@ -457,10 +457,10 @@ inline void decide_cells(const Slot& slot, bool i420, SlotBand& band) {
       const auto common = hn::And(fetch, hn::Shuffle2301(fetch));
       const auto when = [&](int least, int v, auto otherwise)
                             HWY_ATTR { return hn::IfThenElse(hn::Gt(common, code(least - 1)), code(v), otherwise); };
-      const auto verdict = when(kFlatBit, SlotBand::kShuffle,
-                                when(kTallBit, SlotBand::kTall, when(kSampleBit, SlotBand::kSample, missing_block)));
-      store_blocks(verdict, band.verdict.data() + pair * band.verdict_pitch + i / 2);
-      const auto shuffled = hn::Eq(verdict, code(SlotBand::kShuffle));
+      const auto method = when(kFlatBit, SlotBand::kShuffle,
+                               when(kTallBit, SlotBand::kTall, when(kSampleBit, SlotBand::kSample, missing_block)));
+      store_blocks(method, band.method.data() + pair * band.method_pitch + i / 2);
+      const auto shuffled = hn::Eq(method, code(SlotBand::kShuffle));
       interior = hn::Or(interior, hn::IfThenElseZero(shuffled, code(1 << pair)));
     }
     store_blocks(interior, out.interior_pairs.data() + i / 2);
@@ -477,7 +477,7 @@ inline void place_cells(const Slot& slot, bool i420, int y, bool follows, const 
   const int ready_cells = std::max(ready - 1, 0);
   out.first_row = (y / kCell + kCellRows - 1) % kCellRows;
   project_cells(slot, inverse, first, halves + 1, y, ready, out, work);
-  doubt_cells(slot, inverse, first, halves + 1, ready_cells, out, work.doubt);
+  bound_cell_errors(slot, inverse, first, halves + 1, ready_cells, out, work.error_bound);
   for (int k = ready; k < kCellRows; k++) fix_nodes(work, k, halves, out);
   for (int k = ready_cells; k + 1 < kCellRows; k++) fix_cells(work, k, halves, out);
   decide_cells(slot, i420, band);
@@ -487,7 +487,7 @@ inline void place_cells(const Slot& slot, bool i420, int y, bool follows, const 
 
 // Without vector instructions, every sample takes the slow path.
 inline void place_cells(const Slot&, bool, int, bool, const CellNodes&, CellWork&, SlotBand& band) {
-  std::ranges::fill(band.verdict, SlotBand::kProject);
+  std::ranges::fill(band.method, SlotBand::kProject);
   std::ranges::fill(band.surface.interior_pairs, 0);
 }
 
@@ -503,10 +503,10 @@ inline void place_surface(bool i420, const Slot& slot, int y, bool follows, cons
   band.interior = false;
   band.mapped = true;
   out.resize(band.blocks);
-  band.verdict_pitch = out.pitch / 2;
-  band.verdict.resize(std::max(band.verdict.size(), static_cast<size_t>(band.verdict_pitch) * kBandPairs));
+  band.method_pitch = out.pitch / 2;
+  band.method.resize(std::max(band.method.size(), static_cast<size_t>(band.method_pitch) * kBandPairs));
   if (inverse) return place_cells(slot, i420, y, follows, *inverse, work, band);
-  std::ranges::fill(band.verdict, SlotBand::kProject);
+  std::ranges::fill(band.method, SlotBand::kProject);
   std::ranges::fill(out.interior_pairs, 0);
 }
 

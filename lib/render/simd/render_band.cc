@@ -25,7 +25,7 @@ struct Part {
   const BlockWeights* weights;
   const SlotBand* band;
   int32_t block;
-  int32_t verdict;  // SlotBand::Verdict of the pair of rows
+  int32_t method;  // SlotBand::SampleMethod of the pair of rows
 };
 
 // The place of a pair of rows of a block.
@@ -143,7 +143,7 @@ HWY_INLINE WeightedPair weigh_windows(const Part& part, int pair, size_t lane) {
 template <bool kSurface, bool kFlat>
 HWY_INLINE WeightedPair weigh_pair(const Part& part, int pair, size_t lane) {
   if constexpr (kSurface && !kFlat)
-    if (part.verdict == SlotBand::kTall) return weigh_windows<true, true>(part, pair, lane);
+    if (part.method == SlotBand::kTall) return weigh_windows<true, true>(part, pair, lane);
   return weigh_windows<kSurface, false>(part, pair, lane);
 }
 
@@ -219,19 +219,19 @@ inline bool find_samples(const SumTask& task, const Part& part, bool project, co
     const float y = static_cast<float>(upper) + (chroma ? 0.5f : static_cast<float>(i));
     int16_t *const weight = chroma ? nullptr : out.weight[i], *const lost = chroma ? nullptr : out.lost[i];
     const UnitTable& table = chroma ? kChromaTable : kLumaTable;
-    Sight sight;
+    Visibility visibility;
     if (map) {
       alignas(64) float inverse[kBlock];
       find_inverse(*map, inverse_nodes, place, y, chroma, inverse);
       const float from_top = static_cast<float>(place.y - slot.rect.y0 / kBandRows * kBandRows) + y;
-      sight = project_positions(task, slot, slot.terms, chroma, static_cast<float>(kBlock * part.block), from_top,
-                                table, inverse, weight, lost, out.at[i]);
+      visibility = project_positions(task, slot, slot.terms, chroma, static_cast<float>(kBlock * part.block), from_top,
+                                     table, inverse, weight, lost, out.at[i]);
     } else {
-      sight = project_positions(task, slot, terms_at(slot, place.x, place.y + y), chroma, 0, 0, table, nullptr, weight,
-                                lost, out.at[i]);
+      visibility = project_positions(task, slot, terms_at(slot, place.x, place.y + y), chroma, 0, 0, table, nullptr,
+                                     weight, lost, out.at[i]);
     }
-    if (sight == Sight::kDoubtful) return false;
-    out.any_missing = out.any_missing || sight == Sight::kSome;
+    if (visibility == Visibility::kUnknown) return false;
+    out.any_missing = out.any_missing || visibility == Visibility::kSome;
   }
   return true;
 }
@@ -274,7 +274,7 @@ inline void add_rgb(const Slot& slot, const PairSamples& samples, const PairPlac
 // Adds a part with samples that cannot be shuffled. Returns false, without adding anything, if float cannot decide
 // whether a sample is visible. The caller then uses add_mixed_block().
 inline bool add_part(const SumTask& task, const Part& part, const PairPlace& place, Scratch& scratch) {
-  const bool project = task.exact || part.verdict == SlotBand::kProject;
+  const bool project = task.exact || part.method == SlotBand::kProject;
   PairSamples samples;
   if (!find_samples(task, part, project, place, scratch.inverse, samples)) return false;
   scratch.any_missing = scratch.any_missing || samples.any_missing;
@@ -362,16 +362,16 @@ inline void render_block(const SumTask& task, const Rect& rect, int block, int o
     for (int i = 0; i < all.count; i++) {
       Part part = all.part[i];
       if (!(part.weights->rows >> (2 * pair) & 3)) continue;
-      if (part.verdict != SlotBand::kAllMissing) {
+      if (part.method != SlotBand::kAllMissing) {
         if (alone)
-          part.verdict = SlotBand::kProject;
+          part.method = SlotBand::kProject;
         else if (!part.band->interior)
-          part.verdict = part.band->verdict[pair * part.band->verdict_pitch + part.block];
+          part.method = part.band->method[pair * part.band->method_pitch + part.block];
       }
-      if (part.verdict == SlotBand::kAllMissing)
+      if (part.method == SlotBand::kAllMissing)
         add_missing_weight(*part.weights, place, scratch);
-      else if (shuffles && part.verdict >= SlotBand::kTall)
-        shuffled[num_shuffled++] = part, flat = flat && part.verdict == SlotBand::kShuffle;
+      else if (shuffles && part.method >= SlotBand::kTall)
+        shuffled[num_shuffled++] = part, flat = flat && part.method == SlotBand::kShuffle;
       else
         slow[num_slow++] = part;
     }

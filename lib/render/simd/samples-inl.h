@@ -99,7 +99,7 @@ struct Projection {
 struct PlaneGeometry {
   float width, height;  // samples of the plane
   int32_t stride, pixel_bytes;
-  float spare_columns;                  // columns at the right border that the fast path must not read
+  float border_columns;                 // columns at the right border that the fast path must not read
   bool shuffles;                        // windows are possible: samples are adjacent bytes, and rows are wide enough
   float t_before_half, t_half, t_last;  // t of samples 7, 8 and 15; chroma has a single half
 };
@@ -118,7 +118,7 @@ inline PlaneGeometry luma_geometry(const Slot& slot, bool i420) {
           .height = static_cast<float>(image.height),
           .stride = static_cast<int32_t>(image.stride[0]),
           .pixel_bytes = i420 ? 1 : image.layout.pixel_stride,
-          .spare_columns = i420 ? 0.f : 1.f,
+          .border_columns = i420 ? 0.f : 1.f,
           .shuffles = i420 && image.width >= kWindow,
           .t_before_half = 7.f / kBlock,
           .t_half = 8.f / kBlock,
@@ -131,7 +131,7 @@ inline PlaneGeometry chroma_geometry(const Slot& slot) {
           .height = static_cast<float>(chroma_size(image.height)),
           .stride = static_cast<int32_t>(image.stride[1]),
           .pixel_bytes = 1,
-          .spare_columns = 0,
+          .border_columns = 0,
           .shuffles = chroma_size(image.width) >= kWindow && image.stride[1] == image.stride[2],
           .t_before_half = 14.5f / kBlock,
           .t_half = 0,  // Cb and Cr have one half each
@@ -293,9 +293,9 @@ inline void interpolate_positions(const PlanePositions& at, int i, const UnitTab
   }
 }
 
-// Says whether the camera sees all samples with a weight. kDoubtful means that rounding of float could change the
+// Says whether the camera sees all samples with a weight. kUnknown means that rounding of float could change the
 // answer for a sample.
-enum class Sight { kAll, kSome, kDoubtful };
+enum class Visibility { kAll, kSome, kUnknown };
 
 // Projects each sample in one row of a block, of luma, RGB or chroma, and clamps the positions to the image. This is
 // the slow path, for blocks with samples at the border of the image or behind the camera.
@@ -306,21 +306,21 @@ enum class Sight { kAll, kSome, kDoubtful };
 // `weight` to `lost`. The arrays have kBlock values. They are null for chroma, which is visible where its pixels are
 // visible.
 //
-// If the result is kDoubtful, `weight` and `lost` are unchanged: rounding could decide whether a sample is visible, or
+// If the result is kUnknown, `weight` and `lost` are unchanged: rounding could decide whether a sample is visible, or
 // a sample cannot be read with vector loads.
-inline Sight project_positions(const SumTask& task, const Slot& slot, const ProjectionTerms& terms, bool chroma,
-                               float x, float y, const UnitTable& table, const float* inverse, int16_t* weight,
-                               int16_t* lost, Positions& out) {
+inline Visibility project_positions(const SumTask& task, const Slot& slot, const ProjectionTerms& terms, bool chroma,
+                                    float x, float y, const UnitTable& table, const float* inverse, int16_t* weight,
+                                    int16_t* lost, Positions& out) {
   const hn::CappedTag<float, kBlock> d;
   const hn::RebindToSigned<decltype(d)> di;
   const hn::Rebind<int16_t, decltype(d)> d16;
   const Projection projection(slot, terms);
   const float width = static_cast<float>(chroma ? chroma_size(slot.image.width) : slot.image.width);
   const float height = static_cast<float>(chroma ? chroma_size(slot.image.height) : slot.image.height);
-  if (width < 2 || height < 2) return Sight::kDoubtful;
+  if (width < 2 || height < 2) return Visibility::kUnknown;
   const auto set = [&](float v) HWY_ATTR { return hn::Set(d, v); };
   constexpr float kUndecided = 1.f / 128;  // pixels; far above the rounding of float
-  bool doubtful = false, all = true;
+  bool undecided = false, all = true;
   alignas(64) int16_t seen_weight[kBlock] = {}, missing_weight[kBlock] = {};
   for (size_t lane = 0; lane < kBlock; lane += hn::Lanes(d)) {
     hn::Vec<decltype(d)> px, py, z, r2;
@@ -343,7 +343,7 @@ inline Sight project_positions(const SumTask& task, const Slot& slot, const Proj
       const auto clear =
           hn::And(hn::Gt(hn::Abs(depth), set(kUndecided)),
                   hn::And(hn::Gt(hn::Abs(z), set(1e-3f)), hn::Gt(to_fold, set(1e-3f * std::min(slot.max_r2, 1e3f)))));
-      doubtful = doubtful || !hn::AllFalse(d, hn::AndNot(clear, weighs));
+      undecided = undecided || !hn::AllFalse(d, hn::AndNot(clear, weighs));
       const auto w_seen = hn::IfThenElseZero(hn::RebindMask(di, seen), w);
       hn::Store(hn::DemoteTo(d16, w_seen), d16, seen_weight + lane);
       hn::Store(hn::DemoteTo(d16, hn::Sub(w, w_seen)), d16, missing_weight + lane);
@@ -352,7 +352,7 @@ inline Sight project_positions(const SumTask& task, const Slot& slot, const Proj
       px = hn::Mul(hn::Sub(px, set(0.5f)), set(0.5f));
       py = hn::Mul(hn::Sub(py, set(0.5f)), set(0.5f));
       // A chroma sample may lie behind the camera although some of its pixels are in front.
-      doubtful = doubtful || !hn::AllTrue(d, in_front);
+      undecided = undecided || !hn::AllTrue(d, in_front);
     }
     // Samples that are not in front have no weight, so any position will do.
     const auto good = hn::And(in_front, hn::And(hn::Eq(px, px), hn::Eq(py, py)));
@@ -365,13 +365,13 @@ inline Sight project_positions(const SumTask& task, const Slot& slot, const Proj
   // The bytes after the last pixel are outside the buffer if pixels have three bytes.
   if (task.family == PixelFamily::kRgb && slot.image.layout.pixel_stride < 4)
     for (int i = 0; i < kBlock; i++)
-      doubtful = doubtful || (out.row[i] + 2 >= slot.image.height && out.column[i] + 2 >= slot.image.width);
-  if (doubtful) return Sight::kDoubtful;
+      undecided = undecided || (out.row[i] + 2 >= slot.image.height && out.column[i] + 2 >= slot.image.width);
+  if (undecided) return Visibility::kUnknown;
   if (weight && !all) {
     std::copy_n(seen_weight, kBlock, weight);
     std::copy_n(missing_weight, kBlock, lost);
   }
-  return all ? Sight::kAll : Sight::kSome;
+  return all ? Visibility::kAll : Visibility::kSome;
 }
 
 // Gathers and interpolates 16 samples of planes with one byte per sample. The two half-blocks may read different

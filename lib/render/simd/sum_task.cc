@@ -23,8 +23,8 @@ void CellNodes::resize(size_t n) {
 }
 
 void CellWork::resize(size_t n) {
-  if (doubt.even[0].size() >= n) return;
-  for (CellNodes* nodes : {&along_x, &along_y, &down_x, &down_y, &doubt}) nodes->resize(n);
+  if (error_bound.even[0].size() >= n) return;
+  for (CellNodes* nodes : {&along_x, &along_y, &down_x, &down_y, &error_bound}) nodes->resize(n);
 }
 
 void SurfaceBand::resize(int blocks) {

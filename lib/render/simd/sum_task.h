@@ -118,9 +118,9 @@ struct CellNodes {
 };
 // Temporary data for the cells of one slot. A bend is the coefficient of the quadratic term of the interpolation along
 // a side of a cell. The bends along_x and along_y belong to the upper sides, and down_x and down_y to the left sides.
-// `doubt` is an upper bound of the position error in a cell. All are in pixels of the image.
+// `error_bound` is an upper bound of the position error in a cell. All are in pixels of the image.
 struct CellWork {
-  CellNodes along_x, along_y, down_x, down_y, doubt;
+  CellNodes along_x, along_y, down_x, down_y, error_bound;
   void resize(size_t n);
 };
 // The positions of one camera's samples in a band, for a focal map with nodes kCell pixels apart. Values at row k of
@@ -159,21 +159,21 @@ struct SlotBand {
   // none of the samples. For kSample, positions are interpolated and samples are gathered. For kShuffle, positions are
   // interpolated and samples are shuffled. The same holds for kTall, if samples spread over more than three rows of the
   // image, which only happens with a focal map.
-  enum Verdict : int32_t { kProject, kAllMissing, kSample, kTall, kShuffle };
+  enum SampleMethod : int32_t { kProject, kAllMissing, kSample, kTall, kShuffle };
 
   int y = -1;  // first row of the band; -1 if the slot has not been placed yet
   const Slot* slot = nullptr;
-  bool interior = false;  // all verdicts are kShuffle
+  bool interior = false;  // all methods are kShuffle
   bool mapped = false;
   int first_block = 0, blocks = 0;
   int pitch = 0;                     // blocks + 3 nodes
   std::vector<float> columns, rows;  // positions of the nodes for this pitch, in pixels from the first node
   std::vector<float> node_z;
   PlanePositions luma, chroma;   // `luma` also has the positions of RGB
-  std::vector<int32_t> verdict;  // Verdict of pair p of block b at p * verdict_pitch + b
-  int verdict_pitch = 0;
+  std::vector<int32_t> method;   // SampleMethod of pair p of block b at p * method_pitch + b
+  int method_pitch = 0;
   SurfaceBand surface;  // positions with a focal map, instead of the above
-  // Bit p is set if the verdict of pair p of a block is kShuffle. May be incomplete.
+  // Bit p is set if the method of pair p of a block is kShuffle. May be incomplete.
   uint32_t interior_pairs(int block) const {
     if (interior) return ~0u;
     return mapped ? static_cast<uint32_t>(surface.interior_pairs[block]) : 0;

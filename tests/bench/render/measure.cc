@@ -389,9 +389,9 @@ Spread in_blocks(const Scene& scene, bool shuffled_alone, const Visit& visit) {
       target::place_plane(true, slot, y, band);
       for (int row = std::max(slot.rect.y0 - y, 0); row < std::min(slot.rect.y1 - y, simd::kBandRows); row++)
         for (int block = 0; block < band.blocks; block++) {
-          const int verdict = band.interior ? simd::SlotBand::kShuffle
-                                            : band.verdict[static_cast<size_t>(row / 2 * band.pitch + block)];
-          if (verdict == simd::SlotBand::kShuffle || (!shuffled_alone && verdict == simd::SlotBand::kSample))
+          const int method =
+              band.interior ? simd::SlotBand::kShuffle : band.method[static_cast<size_t>(row / 2 * band.pitch + block)];
+          if (method == simd::SlotBand::kShuffle || (!shuffled_alone && method == simd::SlotBand::kSample))
             visit(Place{slot, band, ready.job.plan().rays(), row, block}, errors);
         }
     }

@@ -35,7 +35,7 @@ Errors errors_of(const MovingLightOptions& options, LightDetector& detector, int
   Errors errors;
   for (int n = 0; n < frames; n++) {
     const double time = n / 15.0;
-    const auto sights = detector.look(grey(lights.picture(time, static_cast<uint64_t>(n))).data(), camera.width);
+    const auto sights = detector.detect(grey(lights.picture(time, static_cast<uint64_t>(n))).data(), camera.width);
     const auto places = lights.places(time);
     for (int light = 0; light < path.num_lights() && n > 20; light++) {
       const auto& place = places[static_cast<size_t>(light)];
@@ -101,7 +101,7 @@ TEST(LightDetector, FindsNoLightsInABlackRoom) {
   LightDetector detector(320, 240);
   size_t most = 0;
   for (int n = 0; n < 60; n++)
-    most = std::max(most, detector.look(grey(lights.picture(n / 30.0, static_cast<uint64_t>(n))).data(), 320).size());
+    most = std::max(most, detector.detect(grey(lights.picture(n / 30.0, static_cast<uint64_t>(n))).data(), 320).size());
   EXPECT_EQ(most, 1u);
 }
 
@@ -113,7 +113,7 @@ TEST(LightDetector, FindsReflectionsNearLights) {
   std::vector<LightDetection> sights;
   const Rig rig = scene_rig(3, 3);
   const MovingLightCamera lights(LightTrajectory(rig, options), {320, 240, rig.cameras[4].lens, rig.cameras[4].pose});
-  for (int n = 0; n < 3; n++) sights = detector.look(grey(lights.picture(n / 30.0, 7)).data(), 320);
+  for (int n = 0; n < 3; n++) sights = detector.detect(grey(lights.picture(n / 30.0, 7)).data(), 320);
   ASSERT_EQ(sights.size(), 4u);
   for (const LightDetection& sight : sights) EXPECT_GE(sights[0].brightness, sight.brightness);
 }
@@ -129,7 +129,7 @@ std::vector<uint8_t> squares(std::initializer_list<std::pair<int, int>> places, 
 TEST(LightDetector, StaticLightsAreBackground) {
   LightDetector detector(320, 240);
   for (int n = 0; n < 10; n++) {
-    const auto sights = detector.look(squares({{200, 50}, {40 + 5 * n, 100}}).data(), 320);
+    const auto sights = detector.detect(squares({{200, 50}, {40 + 5 * n, 100}}).data(), 320);
     if (n == 0) {
       EXPECT_TRUE(sights.empty());
       continue;
@@ -143,14 +143,14 @@ TEST(LightDetector, StaticLightsAreBackground) {
 
 TEST(LightDetector, LightsAtTheBorderAreSkipped) {
   LightDetector detector(320, 240);
-  detector.look(squares({}).data(), 320);
-  EXPECT_TRUE(detector.look(squares({{0, 100}}).data(), 320).empty());
+  detector.detect(squares({}).data(), 320);
+  EXPECT_TRUE(detector.detect(squares({{0, 100}}).data(), 320).empty());
 }
 
 TEST(LightDetector, FrameWithManyBrightPixelsIsBusy) {
   LightDetector detector(320, 240);
-  detector.look(squares({}).data(), 320);
-  EXPECT_TRUE(detector.look(squares({{50, 50}}, 120).data(), 320).empty());
+  detector.detect(squares({}).data(), 320);
+  EXPECT_TRUE(detector.detect(squares({{50, 50}}, 120).data(), 320).empty());
   EXPECT_EQ(detector.record().busy, 1u);
   EXPECT_EQ(detector.record().lit, 0u);
 }
@@ -192,7 +192,7 @@ class Film {
         const bool sees = std::ranges::find(blind, i) == blind.end() && pixel && pixel->x > 0 && pixel->y > 0 &&
                           pixel->x < 320 && pixel->y < 240;
         if (sees) sights.push_back({*pixel, 0.1, 100});
-        coverage.look(i, time_ + 0.2 * looks * t, sights);
+        coverage.add_frame(i, time_ + 0.2 * looks * t, sights);
       }
     time_ += 0.2 * looks;
   }
@@ -240,7 +240,7 @@ TEST(LightCoverage, OnePlaneDoesNotCoverTheDepth) {
       const double t = (n + i / 4.0) / 20;
       const Camera& camera = built.cameras[i];
       const Vec3 point = Vec3(-0.3, -0.3, 2) + t * Vec3(0.6, 0.6, 0.1);
-      by_plan.look(i, 4 * t, {{*camera.lens.project(camera.pose.camera_from_world(point)), 0.1, 100}});
+      by_plan.add_frame(i, 4 * t, {{*camera.lens.project(camera.pose.camera_from_world(point)), 0.1, 100}});
     }
   EXPECT_EQ(by_plan.depth_wanted(0), "nearer");
 }
@@ -276,9 +276,9 @@ TEST(LightCoverage, TracksABarInSmallPictures) {
               static_cast<uint8_t>((picture.pixel(2 * x, 2 * y)[0] + picture.pixel(2 * x + 1, 2 * y)[0] +
                                     picture.pixel(2 * x, 2 * y + 1)[0] + picture.pixel(2 * x + 1, 2 * y + 1)[0]) /
                                    4);
-      std::vector<LightDetection> sights = detectors[i].look(small.data(), 160);
+      std::vector<LightDetection> sights = detectors[i].detect(small.data(), 160);
       for (LightDetection& sight : sights) sight.pixel = 2.0 * sight.pixel + Vec2(0.5, 0.5);
-      coverage.look(i, time, sights);
+      coverage.add_frame(i, time, sights);
       for (const auto& place : lights[i].places(time))
         if (place) truth[i].come(*place);
     }
