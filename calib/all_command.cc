@@ -50,7 +50,7 @@ class StepRunner {
     std::string name;
     std::vector<std::string> arguments;
     std::vector<std::string> inputs;   // input files, and folders including their files
-    std::vector<std::string> outputs;  // output files
+    std::vector<std::string> outputs;
   };
   // Runs the step unless it is up to date, and prints the last line of its output. Returns false if the step fails
   // without writing all outputs. The error is then on standard error and in failure().

@@ -36,7 +36,6 @@ std::string beginning_of(const fs::path& path, size_t most) {
   return bytes;
 }
 
-// True if the file contains a second JPEG image after the first.
 bool has_second_jpeg(const fs::path& path) {
   constexpr size_t kMostBytes = size_t{32} << 20;
   return beginning_of(path, kMostBytes).find("\xff\xd9\xff\xd8") != std::string::npos;

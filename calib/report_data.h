@@ -34,13 +34,11 @@ struct ReportData {
       double reflections = 0;
     };
     std::optional<SolveResult> solved;
-    // The result of `lf-calibrate colour` for this camera.
     struct ColourResult {
       bool corrected = false, stuck = false;
       double gain = 1, rms = 0, clipped = 0;
     };
     std::optional<ColourResult> coloured;
-    // The result of `lf-calibrate check` for this camera.
     struct CheckResult {
       std::string state;  // "holds", "moved", "lens", "colour", "picture" or "unknown"
       double shift_px = 0;

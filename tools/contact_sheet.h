@@ -7,7 +7,6 @@
 #include "image/image.h"
 #include "rig/still_image_cache.h"
 
-// A picture of a contact sheet, with its title.
 struct Panel {
   std::string title;
   lf::Image picture;
@@ -30,7 +29,6 @@ struct ColourBar {
   std::string low, high, none;
   std::vector<std::string> lines;
 };
-// Returns the picture with a colour bar below.
 lf::Image with_colour_bar(const lf::Image& picture, const ColourBar& scale);
 
 // Arranges pictures in rows of `columns` panels, with a heading above and a line of text below.

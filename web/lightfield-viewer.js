@@ -7,7 +7,6 @@
 import { fromScript, numberIn, toScript, viewOf } from './src/view.js';
 import { Viewer } from './src/viewer.js';
 
-// Attributes that have a property of the same meaning.
 const kTexts = { src: 'src', token: 'token', poster: 'poster', alt: 'alt', eyes: 'eyes', path: 'path' };
 const kSwitches = { controls: 'controls', autoplay: 'autoplay', shares: 'share' };
 const kNumbers = { eyeDistance: 'eye-distance', maxWidth: 'max-width' };

@@ -54,7 +54,6 @@ class SenderClock : public std::enable_shared_from_this<SenderClock> {
 // v4l2:///dev/video0, has the kind kDevice instead of kUri.
 CameraSource find_playable_source(const Rig& rig, const Camera& camera);
 
-// The properties of lfcamsrc that determine the elements of a chain.
 struct ChainOptions {
   int fps_n = 0, fps_d = 1;  // 0/1: rate of the source, or kDefaultFps if it has no rate
   bool live = false;         // frames are synchronised to the clock

@@ -62,7 +62,6 @@ struct StreamOptions {
   int width = 0, height = 0;
   double time_offset = 0;  // seconds, added to capture times
   gint64 num_frames = -1;  // -1: unlimited
-  // Repeats a film by seeking to its beginning.
   bool seek_to_loop = false;
   bool has_end = true;       // false: an end before `num_frames` frames is an error
   bool may_be_lost = false;  // errors end the stream with LF_CAMERA_LOST instead of EOS

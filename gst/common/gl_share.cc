@@ -16,7 +16,6 @@ GlContextPtr owned(gpointer context) {
           }};
 }
 
-// All known live contexts.
 class Groups {
  public:
   gl::ShareGroup of(GstGLContext* context) {

@@ -13,7 +13,7 @@ namespace lf {
 namespace {
 
 constexpr GstClockTimeDiff kIgnored = GST_MSECOND;               // smaller steps are ignored
-constexpr GstClockTimeDiff kMinReportedStep = 20 * GST_MSECOND;  // smaller steps are not reported
+constexpr GstClockTimeDiff kMinReportedStep = 20 * GST_MSECOND;
 constexpr GstClockTimeDiff kSure = GST_MSECOND / 10;             // maximum time between two readings
 
 GstClockTimeDiff time_of_day() {

@@ -30,7 +30,6 @@ struct AnswerJob {
   wire::AnyRequest request;
   GstClockTime pts, duration;
   LocalCompositor compositor;
-  // The estimated work of the answer; see estimated_work().
   double work = 0;
   uint64_t due = 0;  // latest useful time of a live answer, as now_ns(); 0: none
 };

@@ -121,7 +121,6 @@ struct AdjustmentSummary {
 
 using Inliers = std::vector<char>;  // per observation: true if it takes part
 
-// Clocks that are adjusted together with the scene.
 struct ClockAdjustment {
   // Correction of the clock of one camera. `terms` are an offset in seconds, a drift in seconds per second about the
   // stamp `middle`, and an additional offset in seconds from the stamp `step_at` on (infinity: no step).

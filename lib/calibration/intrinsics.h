@@ -52,7 +52,6 @@ void check_charuco_board(const CharucoBoard& board);
 // line.
 std::optional<BoardView> find_charuco(const Image& image, const CharucoBoard& board);
 
-// Selects frames of a moving board for a calibration.
 class KeyframeSelector {
  public:
   explicit KeyframeSelector(int width) : width_(width) {}  // image width, pixels

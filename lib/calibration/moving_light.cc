@@ -517,7 +517,7 @@ class LightSolver {
   std::vector<LightCandidates> candidates_;
   Reconstruction scene_;
   AdjustmentOptions model_;
-  double residual_sigma_ = 1;  // sigma of residuals, pixels
+  double residual_sigma_ = 1;  // pixels
   bool settled_ = false;  // true if clocks are nearly correct
   LightSolution result_;
 };

@@ -42,7 +42,6 @@ LightAssociation associate_by_brightness(const Tracks& cameras, const std::vecto
 LightAssociation associate_by_geometry(const Tracks& cameras, const std::vector<LightCandidates>& candidates,
                                        const std::vector<CameraState>& states, double reach);
 
-// Cameras and clocks, estimated from detections of a moving light.
 struct LightSolution {
   Tracks tracks;                 // lights at common instants, without reflections
   std::vector<double> instants;  // true times of the positions of `tracks`, seconds
@@ -62,7 +61,6 @@ struct LightSolveOptions {
 // Estimates cameras and clocks. Throws Error if there is no solution.
 LightSolution solve_lights(const LightDetections& sights, const LightSolveOptions& options);
 
-// Returns problems of clocks and detections.
 std::vector<Finding> diagnose_clocks(const LightSolution& solution);
 
 // Adds members to the cameras of a calibration_report(). If the clock is known, these are "time_offset_ms",

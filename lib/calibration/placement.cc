@@ -87,7 +87,6 @@ class LayoutAligner {
     return sum;
   }
 
-  // Assigns cameras by name.
   LayoutAlignment as_named(const std::vector<size_t>& own) const {
     LayoutAlignment best = refine(similarity_of(own, all()), own);
     double most = score(best);
@@ -105,7 +104,6 @@ class LayoutAligner {
     return best;
   }
 
-  // Assigns cameras by position, independent of names.
   LayoutAlignment align_by_position(const std::vector<size_t>& own) const {
     LayoutAlignment now{whole(own), own, {}, 0, 0};
     std::vector<size_t> before;

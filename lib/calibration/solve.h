@@ -10,7 +10,6 @@
 
 namespace lf {
 
-// The distortion parameters to estimate.
 struct DistortionModel {
   int terms = 0;            // number of radial terms: 0, 1 (k1) or 2 (k1 and k2)
   bool shared = false;      // radial terms are about equal in all cameras

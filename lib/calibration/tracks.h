@@ -11,7 +11,6 @@
 
 namespace lf {
 
-// The position of a light in the image of one camera.
 struct Observation {
   uint32_t camera = 0;    // index into Tracks::cameras
   uint32_t position = 0;  // number of the light's or bar's position, from 0

@@ -54,7 +54,6 @@ class BitReader {
   unsigned available_ = 0;
 };
 
-// A decoded symbol and the length of its code.
 struct HuffmanSymbol {
   uint8_t code_bits = 0;  // 0 for an invalid code
   uint8_t symbol = 0;

@@ -138,7 +138,7 @@ namespace {
 constexpr int kMaxRounds = 12;
 constexpr double kSettled = 1e-3;       // pixels
 constexpr double kUsualError = 20;      // scale of the Cauchy weight, of 255
-constexpr double kMinDeterminant = 1e-9;  // minimum determinant, relative to the product of the diagonal
+constexpr double kMinDeterminant = 1e-9;  // relative to the product of the diagonal
 constexpr double kFarthest = 10;        // maximum shift, pixels
 constexpr double kMinCoverageShare = 0.25;
 constexpr int kPartsAcross = 4, kPartsDown = 3;

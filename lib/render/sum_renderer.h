@@ -22,7 +22,6 @@ class GpuSum;
 class GlesRenderer;
 }  // namespace gl
 
-// One camera of a sum, with its image.
 struct Source {
   CameraIndex camera = 0;  // index of the camera in the plan's rig
   const Camera* rig_camera = nullptr;
@@ -34,7 +33,6 @@ struct Source {
 // Checks that an image has the size that the rig gives for its camera. Throws Error otherwise.
 void check_image(const Camera& camera, const ImageView& image);
 
-// Selects how positions in camera images are computed.
 enum class Coordinates {
   kExact,  // projected for every pixel, in float
   // projected every 16 pixels of a row, or at the nodes of a focal map; interpolated where accurate to kGridError
@@ -42,7 +40,6 @@ enum class Coordinates {
 };
 inline constexpr double kGridError = 1.0 / 512;  // pixels of the camera image
 
-// Says whether the GPU rendered a sum.
 struct GpuStatus {
   bool drawn = false;
   bool refused = false;  // the GPU tried and failed

@@ -14,7 +14,6 @@
 
 namespace lf {
 
-// Thrown if a file does not exist.
 class MissingFile : public Error {
  public:
   using Error::Error;

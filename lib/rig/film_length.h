@@ -11,7 +11,6 @@
 
 namespace lf {
 
-// The length of a film.
 struct FilmLength {
   size_t frames = 0;
   double seconds = 0;       // 0: the file has no timestamps

@@ -98,7 +98,6 @@ struct Part {
   size_t bytes = 0;
 };
 
-// The division of an answer into pieces and parts.
 struct PartPlan {
   std::vector<Piece> pieces;
   std::vector<Part> parts;  // a part exceeds `max_bytes` if its only piece does

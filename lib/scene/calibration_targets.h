@@ -17,7 +17,6 @@ namespace lf {
 // This file simulates recordings for calibration with known ground truth. A light, or two lights on a rigid bar, move
 // through a dark room in front of an array. All results are pure functions of the arguments.
 
-// The properties of the lights, their movement, and the cameras.
 struct MovingLightOptions {
   double bar = 0.3;             // metres between the two lights; 0: one light
   double near = 0.8, far = 2;   // range of the bar's middle, metres in front of the array

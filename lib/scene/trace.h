@@ -31,7 +31,6 @@ struct Ray {
   V3 dx{0, 0, 0}, dy{0, 0, 0};  // change of direction from one sample to the next
 };
 
-// The surface that a ray meets.
 struct Hit {
   float t = 0;  // along the ray, metres
   Kind kind = Kind::kNothing;
@@ -57,7 +56,6 @@ struct HitPoint {
   uint32_t index = 0;
 };
 
-// The light that a ray sees, and its source.
 struct TraceResult {
   V3 light;         // linear, 0..1 and above
   uint32_t object;  // differs between objects and between faces of the room

@@ -12,7 +12,6 @@
 
 namespace lf {
 
-// A view of a views file.
 struct NamedView {
   std::string name;  // unique in its file; default: "view_00", "view_01", ...
   double time = 0;   // seconds

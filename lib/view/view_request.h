@@ -38,7 +38,6 @@ inline constexpr uint64_t kNoTime = UINT64_MAX;
 // Returns the absolute difference in nanoseconds. Neither time may be kNoTime.
 inline uint64_t time_between(uint64_t a, uint64_t b) { return a > b ? a - b : b - a; }
 
-// The fields that all kinds of requests have.
 struct RequestHeader {
   uint32_t view_id = 0;
   uint32_t sequence = 0;       // increases by one with each request of the view; wraps around
@@ -117,7 +116,6 @@ class ExtraRequests {
   std::vector<ViewRequest> requests_;
 };
 
-// Limits that protect a node from requests that cost too much.
 struct RequestLimits {
   // width x height of a view; the views of a set may together have kSetFactor times as many pixels
   uint64_t pixels = uint64_t{4096} * 2304;
@@ -172,7 +170,7 @@ class RequestLimiter {
  private:
   struct View {
     uint64_t last = 0;
-    double credit = 1;  // credit for requests, refilled to 1 within a second; each request uses a part
+    double credit = 1;  // refilled to 1 within a second; each request uses a part
   };
   std::map<uint64_t, View> views_;
 };

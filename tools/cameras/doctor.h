@@ -14,7 +14,6 @@
 
 namespace lf::cameras {
 
-// The observations of `lf-rig doctor` about one camera.
 struct CameraReport {
   CameraIndex camera = 0;
   Attachment attachment;
@@ -36,7 +35,6 @@ struct CameraReport {
   std::vector<std::string> unsupported_controls;
 };
 
-// A problem of the cameras, with its remedy.
 struct DoctorFinding {
   bool error = false;   // true if rendered views will suffer; false for a warning
   std::string cameras;  // affected camera, link or array, such as "camera 3 (cam_00_03)"

@@ -90,8 +90,7 @@ void LightTracker::see(const CameraFrame& frame) {
 }
 
 void LightTracker::work() {
-  // On Linux, this changes the priority of the calling thread only. Elsewhere it changes the whole process, which does
-  // no harm.
+  // On Linux, this changes the priority of the calling thread only.
   setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kNiceIncrement);
   std::unique_lock lock(mutex_);
   while (true) {

@@ -18,7 +18,6 @@ struct Link {
   double camera_capacity = 0;  // maximum for a single camera, bytes per second; 0: the capacity of the link
 };
 
-// How a camera is attached to this machine.
 struct Attachment {
   // Canonical name of the device, which is equal for all sources that open the same device. Empty for devices that
   // several sources may open.
@@ -36,7 +35,6 @@ Attachment find_attachment(const Rig& rig, const Camera& camera, const std::stri
 // At higher speeds, the capacity is the rate without 8b/10b coding and headers.
 Link usb_link(int bus, int speed);
 
-// The data rate that the cameras on one link need.
 struct LinkLoad {
   Link link;
   std::vector<CameraIndex> cameras;

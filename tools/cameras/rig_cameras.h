@@ -35,7 +35,7 @@ struct CameraFrame {
   CameraIndex camera = 0;
   GstSample* sample = nullptr;  // borrowed; RGB in any channel order, I420 or JPEG, in the image size of the rig
   double taken = 0;             // capture time on the common clock, including the rig's time offset, seconds
-  double arrival_time = 0;      // arrival time on the same clock, seconds
+  double arrival_time = 0;      // on the same clock, seconds
 };
 
 // Opens and runs the cameras of a rig together, each through its own lfcamsrc, on one common clock. A camera that fails
@@ -108,7 +108,6 @@ class TemporaryRig {
 
 }  // namespace lf::cameras
 
-// A capture device of this machine.
 struct VideoDevice {
   std::string name;
   std::string source;   // value of `source` in a rig file: a URI or a launch description

@@ -14,7 +14,6 @@
 
 namespace lf::serve {
 
-// The number of all cameras, and the number of cameras that work.
 struct CameraStates {
   uint32_t count = 0, working = 0;  // cameras that are not known to be lost
 };

@@ -91,7 +91,7 @@ class LightField {
   struct Answers {
     LightField* field = nullptr;
     size_t node = 0;
-    std::atomic<int64_t> last_answer_time = 0;  // g_get_monotonic_time() of the last answer
+    std::atomic<int64_t> last_answer_time = 0;  // g_get_monotonic_time()
   };
   GstStateChangeReturn play();
   static GstFlowReturn take_answer(GstAppSink* sink, gpointer data);

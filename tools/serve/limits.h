@@ -21,7 +21,6 @@ struct FocusSettings {
   std::string gains;         // property "gains"; empty: its default
 };
 
-// The limits for viewers, from the options of lf-serve.
 struct Limits {
   int viewers = 8;  // maximum number of views; a stereo viewer needs two
   int address_views = 2;

@@ -29,7 +29,6 @@ struct LinkReport {
   double round_trip = 0;  // seconds; 0: unknown
 };
 
-// The network path for the packets of a viewer.
 struct Route {
   std::string address;  // local address that sends and receives packets; empty: any
   std::vector<std::string> ice_servers;

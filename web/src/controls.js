@@ -38,7 +38,6 @@ export class Controls {
     this.settle();
   }
 
-  // True if the attribute `controls` is set and no camera path plays.
   get flies() { return this.viewer.host.hasAttribute('controls') && this.viewer.path === null; }
   get isHeld() { return this.viewer.host.matches(':focus-within') || this.viewer.host.matches(':fullscreen'); }
   navigate(event) {

@@ -55,7 +55,6 @@ class TextureStager {
   const Program* program_ = nullptr;
 };
 
-// A view to render in a pass, with its cameras.
 struct GlesView {
   const simd::SumTask* task = nullptr;
   std::span<const Source> sources;  // images that the task was made from

@@ -105,7 +105,6 @@ class UploadTexture {
   std::vector<uint8_t> memory_;  // upload memory if the driver has no mapped buffers
 };
 
-// Texture units of the shaders.
 enum Unit { kLevels, kRays, kCentreRays, kImages, kTargets, kGpuImage };
 
 // Measures the GPU time between begin() and end() if the driver supports GL_EXT_disjoint_timer_query.

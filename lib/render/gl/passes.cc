@@ -108,7 +108,6 @@ void add_no_corner(Tables& tables, bool has_map) {
   }
 }
 
-// The origin of a row of the tables.
 struct RowAnchor {
   Vec2 at;
   double near;  // at that pixel

@@ -122,7 +122,6 @@ inline bool is_of_picture(const SumProgram& program) {
   return program.output == SumProgram::Output::kPictureRgb || program.output == SumProgram::Output::kPictureI420;
 }
 
-// Returns the text of a compute shader.
 std::string compute_shader(const SumProgram& program);
 
 }  // namespace lf::gl

@@ -37,7 +37,6 @@ struct BlockSum {
   void write_back(const ReadbackBuffer& from);
 };
 
-// Describes how read_sums() reads a sum.
 struct SumReadback {
   BlockSum* sum = nullptr;
   // Receives the sum. The caller sets family and rect to the sum's values.

@@ -28,7 +28,6 @@ struct Part {
   int32_t method;  // SlotBand::SampleMethod of the pair of rows
 };
 
-// The place of a pair of rows of a block.
 struct PairPlace {
   int pair;  // index of the pair in the band
   int x, y;  // first pixel of the block and of the band
