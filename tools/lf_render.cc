@@ -163,8 +163,8 @@ class Renderer {
   Renderer(const lf::Rig& rig, const Options& options)
       : rig_(rig), options_(options), images_(rig, options.i420 ? lf::PixelFamily::kI420 : lf::PixelFamily::kRgb) {}
 
-  // Estimates the depths of the cameras in service, if the focal surfaces need them. --leave-one-out does without,
-  // because the cameras would have to be compared again for each view.
+  // Estimates the depths of the cameras in service, if the focal surfaces need them. --leave-one-out does not use these
+  // depths, because the cameras would have to be compared again for each view.
   void estimate_depths(const lf::CameraSet& out_of_service) {
     if (options_.focus == "plane") return;
     const auto all = std::views::iota(lf::CameraIndex{0}, static_cast<lf::CameraIndex>(rig_.cameras.size()));
@@ -182,8 +182,8 @@ class Renderer {
     };
     depths_ = lf::estimate_depths(rig_, cameras, image_of_, options_.surface, parallel);
   }
-  // Adds a focal surface (the depth of each pixel) to the view, if the options select this. Exposure gains are not
-  // compensated for --leave-one-out, which compares the cameras with each other.
+  // Adds a focal surface (the depth of each pixel) to the view if the option --focus surface is set. Exposure gains are
+  // not compensated for --leave-one-out, which compares the cameras with each other.
   lf::View focused(const lf::Mesh& mesh, const lf::View& view) {
     gains_ = {};
     if (options_.focus == "plane") return view;

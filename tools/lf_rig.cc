@@ -63,8 +63,8 @@ void print_notes(const std::vector<std::string>& notes) {
   for (const std::string& note : notes) terminal::print("note: %s\n", note.c_str());
 }
 
-// Throws Error if the output would replace another file than a rig file. The other file is probably an input, for
-// example the imported file or a picture of a camera.
+// Throws Error if the output would replace another file than a rig file. Such a file is probably an input, for example
+// the imported file or a picture of a camera.
 void require_replaceable(const std::string& out) {
   std::error_code ignored;
   if (!fs::is_regular_file(out, ignored) || fs::file_size(out, ignored) == 0 || lf::is_rig_file(out)) return;

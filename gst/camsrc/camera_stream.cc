@@ -409,9 +409,9 @@ GstPadProbeReturn CameraStream::on_output_end(GstPad* pad) {
   return GST_PAD_PROBE_DROP;
 }
 
-// Drops frames of a reopened film until it has caught up with the other cameras, because late frames would increase the
-// capture delay of all viewers. If the stream is less than one second late and does not catch up within another second,
-// the machine is too slow, and frames are accepted.
+// Drops late frames of a reopened film until the film has caught up, because late frames would increase the capture
+// delay of all viewers. If the stream is less than one second late and does not catch up within another second, the
+// machine is too slow, and frames are accepted.
 bool CameraStream::is_too_late(GstBuffer* buffer) {
   constexpr GstClockTime kLate = GST_SECOND / 20, kSettleTime = GST_SECOND;
   if (!options_.skips_late || is_on_time_) return false;
@@ -454,7 +454,7 @@ GstPadProbeReturn CameraStream::on_output(GstPad* pad, GstPadProbeInfo* info) {
 // A recording receives coded pictures in front of the decoder, and all other video as output frames.
 
 // Returns the running time (live) or film time of a picture with this timestamp. Pictures before the segment are valid,
-// because later pictures may depend on them.
+// because later pictures may refer to these pictures.
 std::optional<GstClockTime> CameraStream::taken_at(GstSegment segment, GstClockTime stamp) const {
   if (segment.format != GST_FORMAT_TIME || !GST_CLOCK_TIME_IS_VALID(stamp)) return std::nullopt;
   if (round_start_ > 0) segment.base = round_start_;

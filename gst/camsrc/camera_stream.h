@@ -65,7 +65,7 @@ struct StreamOptions {
   bool seek_to_loop = false;
   bool has_end = true;       // false: an end before `num_frames` frames is an error
   bool may_be_lost = false;  // errors end the stream with LF_CAMERA_LOST instead of EOS
-  // Drops the first frames of a film that was opened again, until it has caught up with the other cameras.
+  // Drops the first frames of a reopened film, until the film has caught up with the other cameras.
   bool skips_late = false;
   GstClockTime round = 0;  // duration of one loop of the file, nanoseconds; 0: unknown
   // Frames are ready before their time, because a live stream is played from a file.

@@ -166,7 +166,7 @@ void lf_cam_src_set_tap(LfCamSrc* self, const lf::RecordingTap& tap) { *self->ta
 
 // --- Loss and retry --------------------------------------------------------------------------------------------------
 //
-// A camera that may be lost is closed after a failure and reopened later. Both steps run in their own threads, because
+// A camera that may be lost is closed after a failure and reopened later. Each step runs in its own thread, because
 // streaming threads must not change states. Each step holds the state lock. A step does nothing if the element was
 // stopped or reopened after the step was scheduled.
 

@@ -184,8 +184,8 @@ static gboolean lf_picture_src_query(GstBaseSrc* base, GstQuery* query) {
   return TRUE;
 }
 
-// Warns that the EXIF orientation is ignored. Only the first camera of the process warns, because an array may have
-// hundreds.
+// Warns that the EXIF orientation is ignored. The process warns only once, because an array may have hundreds of
+// cameras.
 static void warn_orientation(LfPictureSrc* self, std::span<const uint8_t> bytes, const std::string& name) {
   if (self->has_looked_at_exif) return;
   self->has_looked_at_exif = true;

@@ -42,7 +42,7 @@ class RequestGuard {
  public:
   static constexpr guint kLimits = 100;  // property id; other properties of the class have lower ids
   static void install(GObjectClass* klass);
-  // Implement the property `limits` of the element. Both functions return false if the id belongs to another property.
+  // Implement the property `limits` of the element. Both functions return false for the ids of all other properties.
   // Warnings about wrong values are posted at once if the element is running, otherwise when it starts.
   bool set(GstElement* element, guint id, const GValue* value);
   bool get(guint id, GValue* value) const;

@@ -91,7 +91,7 @@ Recording::Recording(GstElement* owner, const std::string& folder, const Rig& ri
 Recording::~Recording() { finish(); }
 
 // The rig.json also has the cameras of other nodes, so that recordings of several hosts can be merged into one folder.
-// It has no time offsets, because the timestamps in the files include them.
+// It has no time offsets, because the timestamps in the files include these offsets.
 void Recording::save(const Rig& rig, const std::string& rig_file) const {
   Rig recorded = rig;
   std::error_code error;
@@ -115,7 +115,7 @@ void Recording::update_rig(const Rig& rig, const std::string& rig_file) {
 }
 
 // Returns the time in the camera's file; nothing if the frame is from before the recording. Films keep their times.
-// Coded pictures from shortly before the start get the time 0, because later pictures depend on them.
+// Coded pictures from shortly before the start get the time 0, because later pictures refer to these pictures.
 std::optional<GstClockTime> Recording::time_of(uint32_t camera, GstClockTime captured, bool live, bool coded) {
   std::unique_lock lock(mutex_);
   if (!timeline_) {

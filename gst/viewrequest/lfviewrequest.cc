@@ -34,10 +34,10 @@
  * have the size of the rig's cameras, and the rate is 15/1.
  *
  * By default each pixel is blended from three cameras, the corners of a triangle in the mesh of the array. If
- * `aperture` is set, all cameras within a synthetic aperture of that diameter contribute. With a focal plane
- * (`lfcompositor focus=plane`), objects out of focus then blur. If `nearest-cameras` is set, the cameras with the most
- * similar viewing direction contribute. These properties also apply to views of a file. `access=warp` always uses three
- * cameras.
+ * `aperture` is set, all cameras within a synthetic aperture of that diameter contribute. Objects out of focus then
+ * blur if the compositor uses a focal plane (`lfcompositor focus=plane`). If `nearest-cameras` is set, the cameras with
+ * the most similar viewing direction contribute. These properties also apply to views of a file. `access=warp` always
+ * uses three cameras.
  *
  * After each picture, lfcompositor sends feedback with the upstream event "lightfield-feedback": the focal surface (the
  * depths) for the next request, cameras that are out of service, and extra requests (`lfcompositor monitor-interval`).
@@ -46,7 +46,7 @@
  *
  * If the sink pad is linked, the element is a relay. Instead of making requests, it forwards the requests of viewers
  * and adds the list of cameras that are out of service. Use a relay on a compositor host behind a network. A live relay
- * also adds focal surfaces from lfcompositor if no viewer accepts them.
+ * also adds focal surfaces from lfcompositor if no viewer accepts these surfaces.
  *
  * Some cameras are too simple to answer view requests (see `lffragment access`). Set `access` for such cameras. A
  * command for these cameras then follows every request, with the transformations of their images or the image regions

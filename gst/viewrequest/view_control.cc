@@ -126,8 +126,8 @@ const std::array<ViewField, kNumViewFields> kViewFields = {{
      kMinFocus, kMaxFocus, 2},
     {"aperture", "Aperture",
      "Diameter of the synthetic aperture, in metres. All cameras within this diameter contribute to a pixel. If the "
-     "lfcompositor uses a focal plane (focus=plane), objects out of focus blur as with a large lens. With a focal "
-     "surface, objects at all depths stay sharp (0: each pixel is blended from three cameras)",
+     "lfcompositor uses a focal plane (focus=plane), objects out of focus blur as with a large lens. Otherwise "
+     "objects at all depths stay sharp (0: each pixel is blended from three cameras)",
      0, Blending::kMaxAperture, 0},
 }};
 

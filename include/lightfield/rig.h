@@ -121,8 +121,8 @@ struct View {
   std::optional<Lens> lens = {};  // replaces fov_y by any lens, which may have distortion or be off centre
   // metres along the optical axis to the plane in focus, which is perpendicular to the axis
   double focus_distance = 2;
-  // Diameter of the simulated lens, in metres. With Focus::kPlane, everything off the focal plane is blurred, as by a
-  // real lens of this size. With a focal surface, all depths stay sharp. 0: three cameras per pixel.
+  // Diameter of the simulated lens, in metres. If the focus is Focus::kPlane, everything off the focal plane is
+  // blurred, as by a real lens of this size. Otherwise all depths stay sharp. 0: three cameras per pixel.
   double aperture = 0;
 };
 

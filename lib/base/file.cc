@@ -319,7 +319,7 @@ void AtomicFolderUpdate::commit() {
 }
 
 std::string read_secret_file(const std::string& path, size_t most) {
-  // Without O_NONBLOCK, opening a FIFO blocks until another process writes to it.
+  // Opening a FIFO without O_NONBLOCK blocks until another process writes to the FIFO.
   const Descriptor file(open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC | O_NOCTTY));
   struct stat status {};
   if (file < 0 || fstat(file, &status) != 0) fail_to_read(path, std::strerror(errno));

@@ -14,7 +14,7 @@ inline constexpr size_t kMaxFileBytes = size_t{1} << 29;
 std::string read_file(const std::string& path, size_t most_bytes = kMaxFileBytes);
 
 // Replaces a file atomically, so that readers see either the old content or the complete new content.
-// The new content goes to a temporary file in the same folder, and commit() renames that file. Without commit(),
+// Writes the new content to a temporary file in the same folder. commit() renames the temporary file. Without commit(),
 // nothing changes. The file keeps its mode and owner. If `path` is a symbolic link, the link stays and its target is
 // replaced. A link of another user in a world-writable folder is an error, because it could redirect the output. The
 // same holds for links to folders in `path`. A device or a FIFO is written to directly. All functions throw Error with

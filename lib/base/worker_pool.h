@@ -12,9 +12,8 @@
 
 namespace lf {
 
-// Runs a number of tasks, usually in parallel: calls task(0) to task(count - 1) once each, in any order and on any
-// threads, and returns after the last one. If a task throws, the exception is rethrown in the caller after all tasks
-// have run.
+// Calls task(0) to task(count - 1) once each, usually in parallel, in any order and on any threads. Returns when all
+// tasks have finished. If a task throws, the exception is rethrown in the caller after all tasks have run.
 using ParallelFor = std::function<void(size_t count, const std::function<void(size_t)>& task)>;
 
 inline void serial_for(size_t count, const std::function<void(size_t)>& task) {
@@ -24,7 +23,8 @@ inline void serial_for(size_t count, const std::function<void(size_t)>& task) {
 // A pool of threads that all nodes of a process share. Thread-safe.
 class WorkerPool {
  public:
-  // Returns the pool of this process. The first call creates it, and releasing the last reference destroys it.
+  // Returns the pool of this process. The first call creates the pool, and releasing the last reference destroys the
+  // pool.
   static std::shared_ptr<WorkerPool> shared();
 
   WorkerPool() = default;

@@ -135,7 +135,7 @@ struct ClockAdjustment {
 };
 
 // Bundle adjustment: changes the cameras, the light positions and, if `clocks` is not null, the clocks of `scene` so
-// that the reprojection errors become minimal. Observation i takes part if use[i] is true, its camera is used and its
+// that the reprojection errors become minimal. Observation i is used if use[i] is true, its camera is used and its
 // light position is known. The observations determine only the differences between clocks, so weak priors fix the
 // common part of all clocks.
 AdjustmentSummary adjust(Reconstruction& scene, const std::vector<Observation>& observations, const Inliers& use,

@@ -149,8 +149,8 @@ std::vector<ColourSample> find_colour_checker(const Image& rgb, CameraIndex came
 }
 
 void remove_misread_charts(std::vector<ColourSample>& samples) {
-  // With the faults of scene/calibration_targets.h, correlations of one camera's charts differ by up to 0.01; misread
-  // charts are lower by 0.03 and more.
+  // The correlations of one camera's charts differ by up to 0.01 if the camera has the faults of
+  // scene/calibration_targets.h. Misread charts have correlations that are lower by at least 0.03.
   constexpr double kLess = 0.02;
   const auto chart_of = [](const ColourSample& sample) { return sample.patch / checker::kPatches; };
   std::vector<double> all, likenesses;  // per chart; per sample, of its chart

@@ -26,8 +26,8 @@ struct ColourSample {
 struct ColourSamples {
   size_t cameras = 0;
   uint32_t patches = 0;
-  // Columns and rows of the chart, or 0 without a chart. With a chart, patch p and patch p + columns x rows are the
-  // same patch at different positions of the chart. Without a chart, all patches are different.
+  // Columns and rows of the chart, or 0 without a chart. If the samples come from a chart, patch p and patch p +
+  // columns x rows are the same patch at different positions of the chart. Without a chart, all patches are different.
   int chart_columns = 0, chart_rows = 0;
   std::vector<ColourSample> all;
 };

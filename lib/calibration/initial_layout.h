@@ -51,8 +51,8 @@ double layout_from_disparities(Reconstruction& scene, const Tracks& tracks);
 // that are already known). Returns the number of placed cameras.
 int global_layout(Reconstruction& scene, const Tracks& tracks, double threshold);
 
-// Places the cameras of any rig (incremental structure from motion): the best pair by its essential matrix, then one
-// camera after the other by resection. Returns the number of placed cameras.
+// Places the cameras of any rig (incremental structure from motion). Starts with the best pair by its essential matrix,
+// then adds single cameras by resection. Returns the number of placed cameras.
 int incremental_layout(Reconstruction& scene, const Tracks& tracks, double threshold);
 
 // Triangulates the lights from the poses of the cameras. If the lights are on bars, the scene is scaled so that each

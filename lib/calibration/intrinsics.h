@@ -56,8 +56,8 @@ class KeyframeSelector {
  public:
   explicit KeyframeSelector(int width) : width_(width) {}  // image width, pixels
 
-  // Call this for each frame with a detected board, in order. Returns true if the frame is good for the calibration:
-  // the board stands still and is at a new position.
+  // Call this for each frame with a detected board, in order. Returns true if the calibration should use the frame: the
+  // board is stationary and at a new position.
   bool take(const BoardView& view);
 
  private:

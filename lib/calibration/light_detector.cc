@@ -528,7 +528,7 @@ constexpr double kThrough = 1.6;  // minimum ratio of far to near depth
 constexpr double kNear = 1.5;     // near distance, in array sizes
 constexpr size_t kNamed = 2;
 
-// Returns the depth in front of `a` at which its ray is nearest to the ray of `b`; rays are (u, v, 1).
+// Returns the depth from camera `a` of the point on its ray that is nearest to the ray of `b`. Rays are (u, v, 1).
 std::optional<double> depth_before(const Pose& a, const Vec2& of_a, const Pose& b, const Vec2& of_b) {
   const Vec3 p = a.rotation() * Vec3(of_a, 1), q = b.rotation() * Vec3(of_b, 1), way = b.position - a.position;
   const Vec3 across = glm::cross(p, q);

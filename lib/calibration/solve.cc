@@ -177,8 +177,8 @@ class RigSolver {
   }
 
   void free_lenses() {
-    // Free principal points absorb correlated errors of features, and focal lengths follow. Therefore principal points
-    // are shared unless the model selection frees them.
+    // Free principal points absorb correlated errors of features, and focal lengths follow. Principal points therefore
+    // have a common value, unless the model selection estimates each principal point.
     if (may_be_alike()) solution_.model.shared[kCx] = solution_.model.shared[kCy] = true;
     if (!scene().measured(kF)) {
       robust_shared_f(sample_, 1);

@@ -47,8 +47,9 @@ struct Pose {
 Pose look_at(const Vec3& eye, const Vec3& target, const Vec3& down);
 
 // An orientation for users, in degrees: right-handed rotations about the camera's axes, yaw first, R = Ry(yaw)
-// Rx(pitch) Rz(roll). With x right, y down and z forward, yaw > 0 turns right, pitch > 0 looks up, and roll > 0 turns
-// the camera clockwise (seen from behind). If all are zero, the camera is aligned with the world axes.
+// Rx(pitch) Rz(roll). The axes are x right, y down and z forward. A positive yaw turns right, a positive pitch looks
+// up, and a positive roll turns the camera clockwise (seen from behind). If all are zero, the camera is aligned with
+// the world axes.
 struct EulerAngles {
   double yaw = 0, pitch = 0, roll = 0;
 };

@@ -85,8 +85,8 @@ struct DcTable {
   std::array<uint32_t, 1 << kBits> entries;
 };
 
-// A lookup table for AC codes, indexed by the next kBits bits. Besides the first symbol, an entry describes the chain
-// of all complete symbols in these bits, so that a block can be skipped with a few lookups.
+// A lookup table for AC codes, indexed by the next kBits bits. An entry describes the first symbol, and the chain of
+// all complete symbols in these bits, so that a block can be skipped with a few lookups.
 struct AcTable {
   static constexpr int kBits = 11;
   // The chain: bits of its codes and values, and number of its coefficients (0 to 63). kEnd is added to the number if

@@ -161,8 +161,8 @@ std::optional<Image> decode_rgb(std::span<const uint8_t> frame, std::string* rea
   return run_decoder(frame, reason, out, [&](jpeg_decompress_struct& info) { read_rgb(info, out, memory); });
 }
 
-// Fills an I420 image MCU by MCU, in uninitialised memory of the pool. Not thread-safe, except that pixels of other
-// MCUs may be read during a write().
+// Fills an I420 image MCU by MCU, in uninitialised memory of the pool. Not thread-safe. However, pixels of other MCUs
+// may be read during a write().
 class I420Writer {
  public:
   // `header` must have one_baseline_scan, and must outlive the writer.

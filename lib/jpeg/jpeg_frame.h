@@ -34,12 +34,11 @@ class I420Writer;
 class McuStream;
 }  // namespace jpeg
 
-// A camera's compressed frame. Only the requested regions are decoded, because a view usually needs only a part of each
+// A camera's compressed frame. Decodes only the requested regions, because a view usually needs only a part of each
 // image. Pixels are I420 and bit-identical to libjpeg's JDCT_ISLOW. Chroma of full resolution along an axis is
 // averaged, grey gets chroma 128, and RGB and CMYK are converted. Thread-safe: several views may share a frame, and
-// calls wait while another call decodes.
-// Baseline frames are decoded in whole MCUs. Other frames, such as progressive ones, are decoded as a whole when the
-// first region is requested.
+// calls wait while another call decodes. Baseline frames are decoded in whole MCUs. Other frames, such as progressive
+// ones, are decoded as a whole when the first region is requested.
 class JpegFrame {
  public:
   // Reads the headers, and keeps `bytes` alive through `owner`. Returns null and sets *reason to a text for users in

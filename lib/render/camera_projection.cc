@@ -102,7 +102,7 @@ Rect source_region(const ViewPlan& plan, const Rect& rect, CameraIndex camera, c
   }
   // NaN and infinity must be ruled out before the conversion to int.
   if (!known || !std::isfinite(low.x + low.y + high.x + high.y)) return whole;
-  // Between sample points, a curved border bulges by less than a sixteenth of their distance, except for lenses with
+  // A curved border bulges between two sample points by less than a sixteenth of their distance, except for lenses with
   // extreme distortion.
   const Vec2 margin(largest_step / 16 + kReach);
   low = glm::max(low - margin, Vec2(0));

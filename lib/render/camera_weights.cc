@@ -222,7 +222,7 @@ bool CameraWeights::by_angle(const Vec3& d, const Vec3& in_focus) {
   if (!(unit > 0)) unit = 1;
   const double view_pixel = glm::length(in_focus) / view_focal_;
 
-  // Penalties only add to angles, so the loop can stop once the nearest cameras are known.
+  // Penalties only increase angles, so the loop stops as soon as no further camera can be among the nearest.
   double bound = kInf;  // T of the formula
   bool seen = false;
   const auto smallest_first = [this](size_t n) {

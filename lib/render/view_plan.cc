@@ -220,8 +220,7 @@ Rect RegionBounds::bound_tiles(std::span<const Vec3> half_planes) const {
 
 namespace {
 
-// Cameras as seen by a view. Only differences of world positions are rotated, so that arrays at 1e6 m keep their
-// precision.
+// Cameras as seen by a view. Rotates only differences of world positions, so that arrays at 1e6 m keep their precision.
 class CamerasInView {
  public:
   CamerasInView(const Rig& rig, const Pose& world_from_view)

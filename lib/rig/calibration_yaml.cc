@@ -333,7 +333,8 @@ RigidTransform place_of(const JsonValue& camera, const RigidTransform* before, u
   return {};
 }
 
-// Compares the pose by the chain of cameras with the camera's own pose relative to the IMU, if the file has both.
+// Compares the pose from the chain of cameras with the camera's own pose relative to the IMU, if the file has both
+// poses.
 void check_imu_pose(const JsonValue& camera, const std::string& name, const RigidTransform& place,
                     std::vector<std::string>& notes) {
   constexpr double kMaxMetres = 0.002, kMaxDegrees = 0.5;  // more than rounding to 4 digits

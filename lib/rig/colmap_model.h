@@ -8,8 +8,8 @@
 
 #include "geometry/pose.h"
 
-// The cameras and images of a COLMAP model, with unconverted numbers in COLMAP's conventions. import_colmap() makes a
-// rig of them. A model is a folder with cameras.txt and images.txt, or with cameras.bin and images.bin
+// The cameras and images of a COLMAP model, with unconverted numbers in COLMAP's conventions. import_colmap() converts
+// a model to a rig. A model is a folder with cameras.txt and images.txt, or with cameras.bin and images.bin
 // (https://colmap.github.io/format.html). Its 3D points are not needed.
 namespace lf {
 
@@ -35,7 +35,7 @@ struct ColmapModel {
 };
 
 // Reads the model in a folder. If the folder has a text model and a binary model, the text model is read, because
-// people edit it. Throws Error with a remedy if the folder has no model.
+// people edit text files. Throws Error with a remedy if the folder has no model.
 ColmapModel read_colmap_model(const std::string& directory);
 
 // The four files. The 2D points of images are checked for syntax and dropped. The work and the memory are proportional

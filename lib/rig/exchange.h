@@ -142,9 +142,9 @@ RigExport export_colmap(const Rig& rig, const std::string& directory);
 // length in pixels. Lengths have the unit of the COLMAP model.
 //
 // Makes a pinhole camera for each image in the folder `images` ("": the folder images in `directory`), in the order of
-// the names. The principal point is the middle of the image. Reduced images, such as those in images_4, get a shorter
-// focal length. If there is no folder `images`, the videos in `directory` are the sources of the cameras, as in the
-// Neural 3D Video dataset. A note names the depths. Throws Error with the file and the image.
+// the names. The principal point is the middle of the image. Reduced images, such as the images in images_4, get a
+// shorter focal length. If there is no folder `images`, the videos in `directory` are the sources of the cameras, as in
+// the Neural 3D Video dataset. A note names the depths. Throws Error with the file and the image.
 RigImport import_llff(const std::string& directory, const std::string& images = "");
 
 class ImageSearch {

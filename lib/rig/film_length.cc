@@ -34,7 +34,7 @@ enum ElementId : uint32_t {
 constexpr uint64_t kVideo = 1;  // TrackType
 constexpr uint64_t kUnknownSize = std::numeric_limits<uint64_t>::max();
 
-// Elements with elements of interest. The reader enters these elements and skips all others.
+// Parent elements that the reader enters. It skips all other elements.
 bool is_parent(uint32_t id) {
   return id == kSegment || id == kInfo || id == kTracks || id == kTrackEntry || id == kCluster || id == kBlockGroup;
 }

@@ -94,8 +94,8 @@ std::vector<MeshFace> make_strips(const Rig& rig, std::span<const CameraIndex> i
 // face that its line of sight crosses. If these cameras look along the face instead of through it, they do not see the
 // scene behind the face, and its pixels stay black.
 
-// Returns the share of triangles (by area, 0 to 1) whose cameras look through the triangle. Ignores very thin
-// triangles. Returns 1 for a mesh without triangles, because strips and points suit every direction.
+// Returns the share of the mesh area (0 to 1) in triangles with cameras that look through the triangle. Ignores very
+// thin triangles. Returns 1 for a mesh without triangles, because strips and points suit every direction.
 double share_facing_cameras(const Rig& rig, const Mesh& mesh);
 
 // Replaces a Delaunay topology that does not suit the cameras, and returns notes about the change:

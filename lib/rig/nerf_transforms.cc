@@ -186,7 +186,7 @@ const std::set<std::string_view> kNerfKeys = {"frames",
                                               "enable_depth_loading",
                                               "n_extra_learnable_dims"};
 
-// Adds a note for each coefficient that only some frames have, because the other frames use 0.
+// Adds a note for each coefficient that only some frames have. Frames without the coefficient use 0.
 void note_missing_coefficients(const JsonValue& file, const std::vector<JsonValue>& frames,
                                std::vector<std::string>& notes) {
   for (const char* key : {"k1", "k2", "p1", "p2", "distortion_params"}) {

@@ -277,7 +277,7 @@ std::map<uint32_t, Controls> parse_controls(const json& rig, const std::string& 
 
 std::map<uint32_t, Controls> load_controls(const std::string& path) {
   const std::string text = read_text_file(path);
-  // Most files have no controls, so skip parsing them.
+  // Most files have no controls and are not parsed.
   if (text.find("\"controls\"") == std::string::npos) return {};
   return parse_controls(parse_json(text, path), path);
 }

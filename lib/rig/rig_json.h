@@ -32,9 +32,10 @@ void save_rig(const Rig& rig, const std::string& path, const nlohmann::json* ori
 void save_rig_like(const std::string& original_path, const Rig& rig, const std::string& path);
 std::string rig_to_json(const Rig& rig, const nlohmann::json* original = nullptr);
 
-// Settings for a camera, by name: a number, or nullopt for "auto" in the file. A setting is applied if the camera's
-// source supports it. The known names are exposure (seconds), gain and focus (units of the source), white_balance
-// (kelvin) and mains_frequency (hertz; 0: no lamps). Other names and their units are specific to the source.
+// Settings for a camera, by name: a number, or nullopt for "auto" in the file. A setting is ignored if the camera's
+// source does not support this control. The known names are exposure (seconds), gain and focus (units of the source),
+// white_balance (kelvin) and mains_frequency (hertz; 0: no lamps). Other names and their units are specific to the
+// source.
 using Controls = std::map<std::string, std::optional<double>>;
 
 // Return the "controls" of a rig file by camera id, without cameras that have none. (Controls are not part of Rig.)

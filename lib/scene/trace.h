@@ -88,8 +88,8 @@ class ShadowCache {
 // `shadows` must belong to the pixel of this ray.
 TraceResult trace(const Objects& objects, const Ray& ray, ShadowCache& shadows);
 
-// Returns true if the ray from `origin` that hit `sight` before the movement sees the same light afterwards. May return
-// false for an unchanged ray, which only costs time.
+// `sight` is the hit point of a ray from `origin` before the movement. Returns true if the ray sees the same light
+// after the movement. May return false for an unchanged ray, which only costs time.
 bool is_unchanged(const SceneChange& movement, const V3& origin, const HitPoint& sight);
 
 }  // namespace lf::scene

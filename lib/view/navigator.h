@@ -41,9 +41,9 @@ Viewpoint default_viewpoint(const Rig& rig, double focus_distance = 0);
 // the diameter of the array.
 inline constexpr double kOrbitPerHeight = 1 / kFocusPerExtent;
 
-// Like default_viewpoint(), but from a point behind the array, so that the user sees the cameras. All cameras that look
-// forward are inside the view, with a margin of a tenth of its width and height. The focal plane stays `focus_distance`
-// from the array. `aspect` is width over height.
+// Returns a viewpoint behind the array with the direction of default_viewpoint(), so that the user sees the cameras.
+// All cameras that look forward are inside the view, with a margin of a tenth of its width and height. The focal plane
+// stays `focus_distance` from the array. `aspect` is width over height.
 Viewpoint viewpoint_behind(const Rig& rig, double aspect, double focus_distance = 0);
 // Returns the camera nearest to the mean position, or the lowest index if several are equally near.
 CameraIndex middle_camera(const Rig& rig);

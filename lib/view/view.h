@@ -28,7 +28,7 @@ struct Blending {
   double aperture = 0;  // kAperture only: diameter of the circle, metres
   int nearest = 0;      // kAngle only: number of cameras, 1 to kMaxNearest
   // kMesh only: true if pixels with lines of sight that pass beside the mesh are extrapolated from the nearest cameras
-  // instead of staying empty. Not transmitted: it is false for probes and true for all other requests.
+  // instead of staying empty. This field is not transmitted. It is false for probes and true for all other requests.
   bool extrapolates = true;
   // kMesh only, with `extrapolates`: true if pixels inside the mesh are extrapolated, too, where the cameras of their
   // face do not see the scene. The wire has no such field, so all requests have true.

@@ -18,8 +18,8 @@ struct NamedView {
   View view;
 };
 
-// Read a views file ("format": "lightfield-views", "version": 1), which holds a camera path. Both throw Error with the
-// file name and the place if the file is invalid or has no views, or if a time decreases.
+// Read a views file ("format": "lightfield-views", "version": 1), which holds a camera path. Both functions throw Error
+// if the file is invalid or has no views, or if a time decreases. The message has the file name and the place.
 std::vector<NamedView> load_views(const std::string& path);
 std::vector<NamedView> parse_views(const std::string& text, const std::string& name);
 // Writes views with model, params and focal_plane, so that no information of a loaded path is lost.

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Searches random situations (arrays, viewpoints, sizes, scenes, faults) for one in which a focal surface shows a worse
-// picture than the viewer's plane by more than kLaw. Prints the worst situations, and with --out writes their pictures
-// (truth, plane, surface). Exits with 1 if it finds a violation.
+// Tests random arrays, viewpoints, sizes, scenes and faults. Searches for a case in which the picture with a focal
+// surface is worse than with the viewer's plane by more than kLaw. Prints the worst situations, and with --out writes
+// their pictures (truth, plane, surface). Exits with 1 if it finds a violation.
 #include <algorithm>
 #include <array>
 #include <cmath>

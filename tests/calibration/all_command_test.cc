@@ -188,8 +188,8 @@ TEST_F(AllCommand, ErrorsNameTheRemedy) {
   }
 }
 
-// An array that deviates from its plan records a bar, a chart and the built-in scene. The pictures of the calibrated
-// rig must be as good as pictures of the true rig.
+// An array that deviates from its plan records a bar, a chart and the built-in scene. Pictures with the calibrated rig
+// must have the same quality as pictures with the true rig.
 TEST(CalibrationRun, PicturesMatchTheTrueRig) {
   const TempDir dir;
   const sim::PlannedArray array(3, 3, 240, 180);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
-// lfviewsrc shows the same pictures as its elements linked one by one.
+// lfviewsrc shows the same pictures as a pipeline of its single elements.
 #include <gmock/gmock.h>
 #include <gst/video/navigation.h>
 #include <gtest/gtest.h>

@@ -133,7 +133,7 @@ class RecordingReplayTest : public testing::TestWithParam<const char*> {
     save_views(views, dir_ / "views.json");
     return dir_ / "views.json";
   }
-  // Returns the duration for which all cameras have frames, in seconds.
+  // Returns the duration of the recording in which all cameras have frames, in seconds.
   double length() const {
     GstClockTime end = GST_CLOCK_TIME_NONE;
     for (int camera = 0; camera < 9; camera++) {

@@ -142,8 +142,8 @@ TEST_F(ViewersTest, ViewersMoveAndStallIndependently) {
   EXPECT_NE(x_of(v1), x1);
   EXPECT_EQ(x_of(v2), x2);
 
-  // A stalled viewer must not reduce the rate of the first. Both rates are from one run; external load may disturb a
-  // second of the run, so a later second counts as well.
+  // A stalled viewer must not reduce the rate of the first. Both rates are from one run. A later second counts as well,
+  // because other processes may disturb a single second.
   const int before = pictures_in(shown[0], 1);
   const ElementPtr s2 = child(pipeline.get(), "s2");
   GstPad* stalled = gst_element_get_static_pad(s2.get(), "sink");

@@ -67,10 +67,10 @@ class Contribution {
   CameraProjection projection_;
 };
 
-// Like for_each(), for an I420 image and a chroma-aligned rectangle. Calls luma(index, weight, value) and lost(index,
-// weight) per pixel and chroma(index, cb, cr) per chroma sample, with weighted values and indices into planes of the
-// rectangle's size. Chroma has the mean valid weight of its (up to four) luma pixels, so that the sum over all cameras
-// covers luma and chroma equally.
+// Does the same as for_each(), for an I420 image and a chroma-aligned rectangle. Calls luma(index, weight, value) and
+// lost(index, weight) per pixel and chroma(index, cb, cr) per chroma sample, with weighted values and indices into
+// planes of the rectangle's size. Chroma has the mean valid weight of its (up to four) luma pixels, so that the sum
+// over all cameras covers luma and chroma equally.
 template <class Luma, class Lost, class Chroma>
 bool for_each_i420(const Contribution& contribution, const ImageView& image, const Rect& rect, const Luma& luma,
                    const Lost& lost, const Chroma& chroma) {

@@ -61,7 +61,8 @@ class ReferenceLens {
   std::optional<P2> project(const V3& x_camera) const;
   // Returns a pixel's line of sight (u, v, 1); nullopt if no ray projects to the pixel.
   std::optional<P2> line_of_sight(const P2& pixel) const;
-  // Returns the first undistorted radius at which r (1 + k1 r^2 + k2 r^4) stops growing; infinity if there is none.
+  // Returns the smallest undistorted radius where r (1 + k1 r^2 + k2 r^4) stops growing; infinity if it grows
+  // everywhere.
   Real fold_radius() const { return fold_; }
 
  private:

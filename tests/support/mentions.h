@@ -11,8 +11,8 @@
 
 #include <gtest/gtest.h>
 
-// Matches a text with a line that contains each of the facts, in any order, whatever words are between them. A place in
-// the line states one fact only, and a number is a whole one: "4" is not in "14" or "40".
+// Matches a text with a line that contains all facts, in any order. A place in the line states one fact only, and a
+// number is a whole one: "4" is not in "14" or "40".
 class Mentions {
  public:
   using is_gtest_matcher = void;

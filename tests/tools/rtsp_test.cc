@@ -40,7 +40,7 @@ using test::RtspServer;
 // A JPEG film that an RTSP server streams in a loop with its timestamps. Must outlive the server.
 class LiveFilm {
  public:
-  // `hold`: number of frames, at 15 per second, for which each image is repeated; 0: the timestamps of the file.
+  // `hold`: number of frames per image, at 15 frames per second; 0: the timestamps of the file.
   explicit LiveFilm(const std::string& path, int hold = 0) {
     GstElement* pipeline = gst_parse_launch(
         ("filesrc location=" + path + " ! matroskademux ! image/jpeg ! appsink name=sink sync=false").c_str(), nullptr);

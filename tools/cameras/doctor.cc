@@ -323,8 +323,8 @@ void look_for_shared_devices(const Rig& rig, const DoctorReport& exam, FindingLi
   }
 }
 
-// Checks the measured loads. An overloaded link delivers less data than planned, so raw formats are checked by the
-// planned load, which is exact for them.
+// Checks the measured loads. An overloaded link delivers less data than planned. Raw formats are therefore checked by
+// the planned load, which is exact.
 void look_at_links(const DoctorReport& exam, FindingList& findings) {
   for (const LinkLoad& planned : exam.planned) {
     const auto measured = std::find_if(exam.measured.begin(), exam.measured.end(),

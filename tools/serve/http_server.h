@@ -101,8 +101,8 @@ class HttpServer {
   HttpServer(const HttpServer&) = delete;
 
   std::string url() const;
-  // Sets the reason why viewers have to wait until serve(): lf-scene films the built-in scene, with the progress, or
-  // the cameras open.
+  // Sets the reason why viewers wait until serve(): lf-scene films the built-in scene (with the progress), or the
+  // cameras are being opened.
   void show_filming(double progress) { filming_progress_ = progress; }
   void show_starting() { filming_progress_.reset(); }
   // Starts to serve views of the light field. The arguments must stay valid until stop().

@@ -31,7 +31,7 @@ GstPromise* promise(Reply reply) {
 
 bool is_error(const GstStructure* reply) { return reply && gst_structure_has_field(reply, "error"); }
 
-// Signal handlers may run after the peer is gone, so they hold a weak reference.
+// Signal handlers hold a weak reference, because a handler may run after the peer was destroyed.
 using Weak = std::weak_ptr<Peer>;
 
 template <typename Handler>

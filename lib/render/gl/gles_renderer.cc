@@ -126,8 +126,8 @@ bool GlesRenderer::draw_now(std::span<const GlesView> views, ImageAtlas& atlas, 
   });
 }
 
-// Returns how many of the first orders can share a pass. The same program must render all these orders, so that a sum
-// does not depend on the other sums of the pass.
+// Returns how many of the first orders can share a pass. One program must render all these orders, so that a sum does
+// not depend on the other sums of the pass.
 size_t GlesRenderer::together(std::span<const GlesJob> orders) const {
   const simd::SumTask& first = *orders.front().task;
   const SumProgram program = program_of(first);

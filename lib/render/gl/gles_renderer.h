@@ -101,10 +101,10 @@ class GlesRenderer : public std::enable_shared_from_this<GlesRenderer> {
   // Renders sums. If the GPU cannot render a sum, because a size is beyond its limits or the context is lost, sets the
   // sum's why_not.
   //
-  // Successive sums share a pass if one program and one texture can serve them. Their images must fit in one atlas and
-  // have the same family. All or none of the views must have focal maps, their cameras must be of the same kinds, and
-  // no view may be distorted. An image that several sums need is uploaded once. The result of a sum does not depend on
-  // its pass.
+  // Successive sums share a pass if the same program and texture can render these sums. Their images must fit in one
+  // atlas and have the same family. All or none of the views must have focal maps, their cameras must be of the same
+  // kinds, and no view may be distorted. An image that several sums need is uploaded once. The result of a sum does not
+  // depend on its pass.
   //
   // Thread-safe, also inside the `parallel` jobs of another draw(). Images are copied while other sums are rendered,
   // but only one pass is rendered at a time.

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Included once per instruction set, see render_band.cc: projects points of a view into one camera's image, and samples
-// the image bilinearly. The fast functions read windows of image rows with vector loads, and the slow functions gather
-// the pixels one by one. The terms are explained in sum_task.h.
+// the image bilinearly. The fast functions read windows of image rows with vector loads. The slow functions gather
+// single pixels. The terms are explained in sum_task.h.
 #if defined(LF_RENDER_SIMD_SAMPLES_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef LF_RENDER_SIMD_SAMPLES_INL_H_
 #undef LF_RENDER_SIMD_SAMPLES_INL_H_

@@ -201,7 +201,7 @@ void add_nodes(const MethodOptions& options, std::vector<MethodKind>& kinds) {
   }
 }
 
-// The baseline: the same view in OpenCV, as an expert would write it. For every camera, over the tight rectangle of its
+// The baseline: the same view, rendered with efficient OpenCV calls. For every camera, over the tight rectangle of its
 // part: warpPerspective, multiply by weights, add; 8-bit BGR, bilinear, one thread. Everything that depends on the view
 // alone (rectangles, homographies, weights, maps) is computed in advance at no cost, and missing weight is not
 // compensated.

@@ -18,7 +18,7 @@
 namespace lf::bench {
 namespace {
 
-// Returns true if `a` is as good as `b` in all three figures, and better in at least one figure.
+// Returns true if `a` dominates `b`: not worse in any of the three figures, and better in at least one.
 bool dominates(const Row& a, const Row& b) {
   constexpr double kMeasurable = 1.01;
   const bool faster = a.ns_per_output_pixel * kMeasurable < b.ns_per_output_pixel;
@@ -106,7 +106,8 @@ void print_table(const std::vector<Row>& rows) {
 }
 
 void print_pareto(const std::vector<Row>& rows) {
-  // Number of natural situations with a measurement of a setting, and number of them in which it is a Pareto point.
+  // Number of natural situations in which a setting was measured, and in how many of these the setting is
+  // Pareto-optimal.
   struct Count {
     int measured = 0, pareto = 0;
     bool is_default = false;

@@ -126,8 +126,8 @@ class Survey {
     return static_cast<double>(errors.back().pixels) >= kLeastCover * static_cast<double>(most_);
   }
 
-  // Returns the plane that has a fraction `part` of the blocks behind it. A block's weight is the drop of its error at
-  // its best plane: blocks without texture or without a distinct best plane have no weight.
+  // Returns the plane in front of a fraction `part` of the blocks. A block's weight is the drop of its error at its
+  // best plane: blocks without texture or without a distinct best plane have no weight.
   double inverse_at(double part) const {
     const double all = std::accumulate(evidence_.begin(), evidence_.end(), 0.0);
     size_t k = 0;

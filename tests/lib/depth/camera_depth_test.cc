@@ -28,7 +28,7 @@ class CameraDepthTest : public testing::Test {
     const Vec3 near = image.pose.position + image.pose.rotation() * (1.5 * image.ray(x, y));
     return near.x > 0 ? 1 / 1.5 : 1 / 3.;
   }
-  // Returns the share of pixels whose depth is within half a step of the true one.
+  // Returns the share of pixels with a depth error of at most half a step.
   double share_right(size_t camera, const CameraDepth& depth) const {
     const MatchingImage& image = images_[camera];
     int right = 0;

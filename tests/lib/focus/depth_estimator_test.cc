@@ -35,7 +35,7 @@ struct Loop {
       hypotheses += request.hypotheses.size();
       request.sequence++;
       const DepthEstimator::Plan plan = control.next(request, moments, array);
-      // Like lfviewrequest, omits the surface if no picture and no hypothesis needs the map.
+      // Omits the surface if no picture and no hypothesis needs the map, as lfviewrequest does.
       request.view = viewers;
       request.out_of_service = out_of_service;
       request.hypotheses = plan.hypotheses;

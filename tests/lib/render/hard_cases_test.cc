@@ -55,9 +55,8 @@ TEST(HardCases, AreWithinTheErrorBoundsInLargePictures) {
     expect_within_bounds(reference::enlarged(hard, reference::kEnlarged), subjects);
 }
 
-// A viewer may be at a failed border camera, where rounding decides on which side of the border the viewpoint is. The
-// border belongs to the array (weights >= 0), so the whole picture must be visible, with the weights of the border's
-// two ends.
+// If a viewer is at a failed border camera, rounding decides on which side of the border the viewpoint is. The border
+// belongs to the array (weights >= 0), so the whole picture must be visible, with the weights of the border's two ends.
 TEST(EyeOnTheBorder, SeesTheWholePicture) {
   double largest = 0;
   for (int trial = 0; trial < 200; trial++) {

@@ -23,7 +23,7 @@ constexpr double kFocal = 35;
 
 using Numbers = std::vector<double>;
 
-// Returns the 17 numbers of a pose, as LLFF's imgs2poses.py writes them.
+// Returns the 17 numbers of a pose in the order of LLFF's imgs2poses.py.
 Numbers numbers_of(const Pose& pose, double width = kWidth, double height = kHeight, double f = kFocal) {
   const Vec3 columns[] = {pose.down(), pose.right(), -pose.forward(), pose.position, Vec3(height, width, f)};
   Numbers numbers;
@@ -66,7 +66,7 @@ class LlffTest : public testing::Test {
     dir_.write("images/notes.txt", "");
     write(npy<double>(numbers_, header(5)));
   }
-  // The order of the bytes is that of the poses.
+  // The byte order is the same as for the poses.
   static std::string name(int i) { return "images/IMG_" + std::to_string(2 * i + 3) + ".png"; }
   void write(const std::string& bytes) const { dir_.write("poses_bounds.npy", bytes); }
   std::string import_fails() const {
@@ -168,7 +168,7 @@ TEST_F(LlffTest, MissingFilesAreNamed) {
   EXPECT_ERROR(import_llff(dir_.path(), dir_ / "none"), "none: can't be read");
 }
 
-// The poses of a real capture, written as LLFF writes them.
+// The poses of a real capture, in LLFF's file format.
 TEST(Llff, ImportsARealCapture) {
   const std::filesystem::path data = std::filesystem::path(LF_SOURCE_ROOT) / "../shared/data/fern";
   if (!std::filesystem::exists(data)) GTEST_SKIP() << "needs ../shared/data";

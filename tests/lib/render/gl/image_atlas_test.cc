@@ -95,7 +95,8 @@ class GpuImages : public testing::TestWithParam<EGLenum> {
     ASSERT_TRUE(gpu_) << why;
   }
 
-  // A view with most images on the GPU, and a view with the same images in main memory as the CPU processes them.
+  // Two views of the same images. Most images of the first view are on the GPU. All images of the second view are in
+  // main memory, processed by the CPU.
   struct Scene {
     Scene(ExternalContext& somebody, int seed, int width = 150, int height = 111)
         : random(seed),
