@@ -833,6 +833,7 @@ static bool lf_fragment_start(LfFragment* self) {
   }
   state.node.set_node_id(settings.node);
   state.node.inputs().forget_family();
+  state.node.forget_depths();
   state.guard.start(GST_ELEMENT(self));
   lf::ObjectLock lock(self);
   for (Client* client : state.clients) {

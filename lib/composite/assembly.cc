@@ -288,7 +288,13 @@ std::string add_consistency(std::span<const uint8_t> unit, const wire::Consisten
   } else if (answers.moments.empty()) {
     answers.moments = came->sums();
   } else {
-    came->add_to(answers.moments);
+    for (size_t t = 0; t < came->hypotheses.size(); t++) {
+      PhotoConsistency& sum = answers.moments[t];
+      if (request.hypotheses[t].kind == DepthHypothesis::Kind::kMeasured)
+        sum.take_heavier(came->hypotheses[t], came->rect.x0, came->rect.y0);
+      else
+        sum.add(came->hypotheses[t], came->rect.x0, came->rect.y0);
+    }
   }
   return {};
 }

@@ -3,10 +3,14 @@
 
 #include <algorithm>
 #include <array>
+#include <bitset>
 #include <cmath>
+#include <cstdlib>
+#include <limits>
 #include <numeric>
 #include <optional>
 #include <span>
+#include <utility>
 
 namespace lf {
 
@@ -22,6 +26,35 @@ constexpr int kMinPlanes = 12, kMaxPlanes = 128;
 // The scene's range contains the confident depths between these percentiles.
 constexpr double kLowest = 0.005, kHighest = 0.995;
 constexpr float kConfident = 0.5f;
+// Number of updates that together test all planes, after which the depths of an unchanged image stay.
+constexpr int kUpdates = 4;
+// Depths that start with coarser ones test one in this number of planes.
+constexpr int kSparsePlanes = 2;
+// The first depths are coarser than the last by a factor of 2, or 4 if the images are then still this wide, in pixels.
+constexpr int kMinCoarseWidth = 80;
+
+// Returns the depths of an image for the pixels of a larger image of the same camera.
+std::vector<float> enlarged(const MatchingImage& image, const std::vector<float>& inverse,
+                            const MatchingImage& larger) {
+  std::vector<float> out(larger.size());
+  for (int y = 0; y < larger.height; y++)
+    for (int x = 0; x < larger.width; x++) {
+      const int column = std::min(x * image.width / larger.width, image.width - 1);
+      const int row = std::min(y * image.height / larger.height, image.height - 1);
+      out[static_cast<size_t>(y) * larger.width + x] = inverse[static_cast<size_t>(row) * image.width + column];
+    }
+  return out;
+}
+
+// Returns true if more than a small part of the pixels differs by more than noise.
+bool differs(const MatchingImage& a, const MatchingImage& b) {
+  constexpr int kNoise = 12 * MatchingImage::kUnit;
+  constexpr double kPart = 0.005;
+  if (a.size() != b.size()) return true;
+  size_t different = 0;
+  for (size_t i = 0; i < a.size(); i++) different += std::abs(a.pixels[i][0] - b.pixels[i][0]) > kNoise;
+  return static_cast<double>(different) > kPart * static_cast<double>(a.size());
+}
 
 int divisor_of(const Rig& rig, const CameraSet& cameras) {
   double pixels = 0;
@@ -64,44 +97,111 @@ int planes_of(const MatchingImage& image, std::span<const MatchingImage* const> 
 
 }  // namespace
 
-ArrayDepth::ArrayDepth(const Rig& rig, const CameraSet& cameras, const CameraImages& images, double farthest,
+ArrayDepth::ArrayDepth(const Rig& rig, const CameraSet& cameras, const MatchedImages& images, double farthest,
                        double nearest, const ParallelFor& parallel) {
-  range_ = {.farthest = farthest, .nearest = nearest};
-  const int divisor = divisor_of(rig, cameras);
-  estimate(rig, cameras, images, 2 * divisor, parallel);
-  range_ = confident_range();
-  estimate(rig, cameras, images, divisor, parallel);
+  *this = coarse(rig, cameras, images, farthest, nearest, parallel);
+  while (!is_finest(rig)) *this = finer(rig, images, parallel);
 }
 
-void ArrayDepth::estimate(const Rig& rig, const CameraSet& cameras, const CameraImages& images, int divisor,
-                          const ParallelFor& parallel) {
-  cameras_.clear();
-  cameras_.resize(cameras.size());
-  std::vector<const MatchingImage*> all;
-  for (size_t i = 0; i < cameras.size(); i++) {
-    cameras_[i].image = matching_image(rig.cameras[cameras[i]], images(cameras[i]).view(), divisor);
-    all.push_back(&cameras_[i].image);
+ArrayDepth ArrayDepth::coarse(const Rig& rig, const CameraSet& cameras, const MatchedImages& images, double farthest,
+                              double nearest, const ParallelFor& parallel) {
+  ArrayDepth depth;
+  depth.range_ = {.farthest = farthest, .nearest = nearest};
+  const int divisor = divisor_of(rig, cameras);
+  int width = 0;
+  for (const CameraIndex camera : cameras) width = std::max(width, rig.cameras[camera].width);
+  const int factor = width / (4 * divisor) >= kMinCoarseWidth ? 4 : 2;
+  depth.estimate(rig, cameras, images, factor * divisor, nullptr, parallel);
+  depth.range_ = depth.confident_range();
+  return depth;
+}
+
+bool ArrayDepth::is_finest(const Rig& rig) const { return divisor_ <= divisor_of(rig, cameras()); }
+
+ArrayDepth ArrayDepth::finer(const Rig& rig, const MatchedImages& images, const ParallelFor& parallel) const {
+  ArrayDepth depth;
+  depth.range_ = {.farthest = range_.farthest, .nearest = range_.nearest};
+  depth.estimate(rig, cameras(), images, divisor_ / 2, this, parallel);
+  return depth;
+}
+
+ArrayDepth ArrayDepth::updated(const Rig& rig, const CameraSet& cameras, const MatchedImages& images,
+                               const ParallelFor& parallel) const {
+  ArrayDepth depth;
+  depth.range_ = range_;
+  depth.estimate(rig, cameras, images, divisor_, this, parallel);
+  return depth;
+}
+
+CameraSet ArrayDepth::cameras() const {
+  CameraSet indices;
+  for (const auto& camera : cameras_) indices.push_back(camera->index);
+  return indices;
+}
+
+void ArrayDepth::estimate(const Rig& rig, const CameraSet& cameras, const MatchedImages& images, int divisor,
+                          const ArrayDepth* before, const ParallelFor& parallel) {
+  divisor_ = divisor;
+  const size_t count = cameras.size();
+  std::vector<std::shared_ptr<Camera>> estimated(count);
+  std::vector<std::shared_ptr<const Camera>> known(count);  // the cameras before, or null
+  std::vector<const MatchingImage*> all(count);
+  std::vector<char> is_new(count);
+  for (size_t i = 0; i < count; i++) {
+    estimated[i] = std::make_shared<Camera>();
+    estimated[i]->index = cameras[i];
+    estimated[i]->image = matching_image(rig.cameras[cameras[i]], images(cameras[i]), divisor);
+    all[i] = &estimated[i]->image;
+    if (before) {
+      const auto found =
+          std::ranges::find(before->cameras_, cameras[i], [](const auto& camera) { return camera->index; });
+      if (found != before->cameras_.end()) known[i] = *found;
+    }
+    is_new[i] = !known[i] || differs(known[i]->image, *all[i]);
   }
-  std::vector<std::vector<const MatchingImage*>> beside(cameras.size());
-  for (size_t i = 0; i < cameras.size(); i++) {
-    for (const size_t other : cameras_beside(all, i, kMatched)) beside[i].push_back(all[other]);
-    range_.planes = std::max(range_.planes, planes_of(*all[i], beside[i], range_));
-  }
-  parallel(cameras_.size(),
-           [&](size_t i) { cameras_[i].depth = estimate_depth(cameras_[i].image, beside[i], range_); });
-  parallel(cameras_.size(), [&](size_t i) {
+  std::vector<std::vector<size_t>> beside(count);
+  for (size_t i = 0; i < count; i++) beside[i] = cameras_beside(all, i, std::max(kMatched, kChecked));
+  const auto images_beside = [&](size_t i) {
+    std::vector<const MatchingImage*> neighbours;
+    for (const size_t other : std::span(beside[i]).first(std::min<size_t>(kMatched, beside[i].size())))
+      neighbours.push_back(all[other]);
+    return neighbours;
+  };
+  if (range_.planes == 0)
+    for (size_t i = 0; i < count; i++)
+      range_.planes = std::max(range_.planes, planes_of(*all[i], images_beside(i), range_));
+  parallel(count, [&](size_t i) {
+    Camera& camera = *estimated[i];
+    const bool is_stale = is_new[i] || std::ranges::any_of(beside[i], [&](size_t other) { return is_new[other]; });
+    const int rounds = is_stale ? kUpdates : known[i]->unsettled;
+    if (rounds == 0) return;
+    if (!known[i]) {
+      camera.depth = estimate_depth(camera.image, images_beside(i), range_);
+    } else if (before->divisor_ == divisor) {
+      camera.unsettled = rounds - 1;
+      camera.depth =
+          update_depth(camera.image, images_beside(i), range_, known[i]->depth.inverse, kUpdates, rounds % kUpdates);
+    } else {
+      camera.depth = update_depth(camera.image, images_beside(i), range_,
+                                  enlarged(known[i]->image, known[i]->depth.inverse, camera.image), kSparsePlanes, 0);
+    }
+  });
+  for (size_t i = 0; i < count; i++) cameras_.push_back(estimated[i]->depth.inverse.empty() ? known[i] : estimated[i]);
+  parallel(count, [&](size_t i) {
+    if (cameras_[i] == known[i]) return;
     std::vector<DepthNeighbour> neighbours;
-    for (const size_t other : cameras_beside(all, i, kChecked))
-      neighbours.push_back({&cameras_[other].image, &cameras_[other].depth});
-    cameras_[i].depth.confidence = check_consistency(cameras_[i].image, cameras_[i].depth, neighbours, range_.step());
+    for (const size_t other : std::span(beside[i]).first(std::min<size_t>(kChecked, beside[i].size())))
+      neighbours.push_back({&cameras_[other]->image, &cameras_[other]->depth});
+    estimated[i]->depth.confidence =
+        check_consistency(estimated[i]->image, estimated[i]->depth, neighbours, range_.step());
   });
 }
 
 DepthSweep ArrayDepth::confident_range() const {
   std::vector<float> depths;
-  for (const Camera& camera : cameras_)
-    for (size_t i = 0; i < camera.depth.inverse.size(); i++)
-      if (camera.depth.confidence[i] >= kConfident) depths.push_back(camera.depth.inverse[i]);
+  for (const auto& camera : cameras_)
+    for (size_t i = 0; i < camera->depth.inverse.size(); i++)
+      if (camera->depth.confidence[i] >= kConfident) depths.push_back(camera->depth.inverse[i]);
   DepthSweep range = range_;
   range.planes = 0;
   if (depths.empty()) return range;
@@ -118,91 +218,183 @@ DepthSweep ArrayDepth::confident_range() const {
 std::vector<ArrayDepth::WeightedCamera> ArrayDepth::cameras_around(const Vec3& eye) const {
   std::vector<size_t> order(cameras_.size());
   std::iota(order.begin(), order.end(), 0);
-  const auto distance = [&](size_t i) { return glm::distance(cameras_[i].image.pose.position, eye); };
+  const auto distance = [&](size_t i) { return glm::distance(cameras_[i]->image.pose.position, eye); };
   std::ranges::stable_sort(order, {}, distance);
   const size_t count = std::min<size_t>(kCameras, order.size());
   const double beyond = order.size() > count ? distance(order[count]) : 2 * distance(order[count - 1]);
   std::vector<WeightedCamera> chosen;
   for (size_t k = 0; k < count; k++) {
     const double share = beyond > 0 ? distance(order[k]) / beyond : 0;
-    chosen.push_back({&cameras_[order[k]], static_cast<float>(std::sqrt((1 - share) / (share + 0.02)))});
+    chosen.push_back({cameras_[order[k]].get(), static_cast<float>(std::sqrt((1 - share) / (share + 0.02)))});
   }
   return chosen;
 }
 
-float ArrayDepth::inverse_at(const std::vector<WeightedCamera>& cameras, const View& view, const Vec2& pixel) const {
-  constexpr float kTolerance = 1.5f;  // steps
-  constexpr float kLeastConfidence = 0.1f;
-  // The first peak above kAccepted is taken, once the agreement has fallen to half of it.
-  constexpr float kAccepted = 0.3f;
-  constexpr int kPerStep = 2;
-  const std::optional<Vec2> normalised = view.lens.unproject(pixel);
-  if (!normalised) return static_cast<float>(range_.farthest);
-  const Vec3 ray = view.pose.rotation() * Vec3(*normalised, 1);
+// Finds the points of one view's surface. Only depths that one of the cameras has measured near a line of sight are
+// tested; these are a tenth of all depths.
+class ArrayDepth::ViewPoints {
+ public:
+  ViewPoints(const View& view, const FocalMap& map, std::vector<WeightedCamera> cameras, const DepthSweep& range)
+      : view_(view), map_(map), cameras_(std::move(cameras)), camera_step_(static_cast<float>(range.step())) {
+    const Mat3 to_view = glm::transpose(view.pose.rotation());
+    // The range as seen from the eye, which may be in front of the cameras or behind.
+    double forward = 0;
+    for (const auto& [camera, weight] : cameras_)
+      forward -=
+          (to_view * (camera->image.pose.position - view.pose.position)).z / static_cast<double>(cameras_.size());
+    const auto from_eye = [&](double inverse) { return inverse / std::max(1 - inverse * forward, 1. / kMostNearer); };
+    farthest_ = from_eye(range.farthest);
+    const double nearest = from_eye(range.nearest);
+    steps_ =
+        std::clamp(static_cast<int>(std::ceil((nearest - farthest_) / range.step() * kPerStep)) + 1, 2, kMostSteps);
+    step_ = (nearest - farthest_) / (steps_ - 1);
+    measured_.resize(static_cast<size_t>(map.columns) * map.rows);
+    for (const auto& [camera, weight] : cameras_) add(*camera);
+  }
 
-  // The line of sight in each camera's image.
-  struct Line {
-    Vec3 far, parallax;
-  };
-  std::array<Line, kCameras> lines;
-  for (size_t k = 0; k < cameras.size(); k++) {
-    const MatchingImage& image = cameras[k].camera->image;
-    const Mat3 to_camera = glm::transpose(image.pose.rotation());
-    const auto project = [&](const Vec3& v) {
-      return Vec3(image.focal * v.x + image.centre.x * v.z, image.focal * v.y + image.centre.y * v.z, v.z);
+  // Sets the inverse distances from the plane of the map for a row of nodes. They are 0 where no camera sees anything.
+  void find(int row, float* inverse) const {
+    const double middle = (map_.step - 1) / 2.0, eye = map_.from.signed_distance(view_.pose.position);
+    const Mat3 to_world = view_.pose.rotation();
+    for (int i = 0; i < map_.columns; i++) {
+      const std::optional<Vec2> normalised = view_.lens.unproject({map_.step * i + middle, map_.step * row + middle});
+      if (!normalised) continue;
+      const Vec3 ray = to_world * Vec3(*normalised, 1);
+      const double depth = find_on(ray, measured_[row * map_.columns + i]);
+      const double distance = eye * depth + glm::dot(map_.from.normal, ray);  // times the depth
+      inverse[i] = distance > 0 ? static_cast<float>(depth / distance) : 0;
+    }
+  }
+
+ private:
+  static constexpr int kPerStep = 2;         // tested depths for each step of the cameras' range
+  static constexpr int kMostSteps = 512;     // tested depths
+  static constexpr double kMostNearer = 4;   // largest ratio of inverse distances from the eye and from the cameras
+  static constexpr float kTolerance = 1.5f;  // steps of the cameras' range
+  using Depths = std::bitset<kMostSteps>;
+
+  // Marks the depths around those that a camera has measured, at the nodes where they appear.
+  void add(const Camera& camera) {
+    const MatchingImage& image = camera.image;
+    const Mat3 turn = glm::transpose(view_.pose.rotation()) * image.pose.rotation();
+    const Vec3 shift = glm::transpose(view_.pose.rotation()) * (image.pose.position - view_.pose.position);
+    // The nodes that a pixel covers, from its centre, and the depths that agree with it.
+    const double size = view_.lens.fx() / (image.focal * map_.step);
+    const int around = static_cast<int>(std::ceil(kTolerance * static_cast<float>(kPerStep)));
+    for (int y = 0; y < image.height; y++)
+      for (int x = 0; x < image.width; x++) {
+        const double inverse = camera.depth.inverse[static_cast<size_t>(y) * image.width + x];
+        const Vec3 point = turn * image.ray(x, y) + inverse * shift;  // times the depth
+        if (!(point.z > 0)) continue;
+        const std::optional<Vec2> at = view_.lens.project(point);
+        if (!at) continue;
+        const double reach = std::min(0.5 * size * std::max(1., 1 / point.z), kMostNodes) + 0.01;
+        const Vec2 node = (*at + 0.5) / static_cast<double>(map_.step) - 0.5;
+        const int left = std::max(static_cast<int>(std::floor(node.x - reach + 0.5)), 0);
+        const int right = std::min(static_cast<int>(std::floor(node.x + reach + 0.5)), map_.columns - 1);
+        const int top = std::max(static_cast<int>(std::floor(node.y - reach + 0.5)), 0);
+        const int bottom = std::min(static_cast<int>(std::floor(node.y + reach + 0.5)), map_.rows - 1);
+        if (left > right || top > bottom) continue;
+        const int depth = static_cast<int>(std::lround((inverse / point.z - farthest_) / step_));
+        const int first = std::max(depth - around, 0), last = std::min(depth + around, steps_ - 1);
+        for (int j = top; j <= bottom; j++)
+          for (int i = left; i <= right; i++) {
+            Depths& depths = measured_[static_cast<size_t>(j) * map_.columns + i];
+            for (int k = first; k <= last; k++) depths.set(k);
+          }
+      }
+  }
+
+  // Returns the inverse depth, along the view's axis, of the surface on a line of sight. The line's direction is in
+  // world coordinates. Returns 0 if no camera sees anything there.
+  double find_on(const Vec3& ray, const Depths& depths) const {
+    constexpr float kLeastConfidence = 0.1f;
+    // The first peak above kAccepted is taken, once the agreement has fallen to half of it.
+    constexpr float kAccepted = 0.3f;
+    constexpr double kInfinite = 1e-6;  // 1/m
+    // The line of sight in each camera's image.
+    struct Line {
+      Vec3 far, parallax;
     };
-    lines[k] = {project(to_camera * ray), project(to_camera * (view.pose.position - image.pose.position))};
+    std::array<Line, kCameras> lines;
+    for (size_t k = 0; k < cameras_.size(); k++) {
+      const MatchingImage& image = cameras_[k].camera->image;
+      const Mat3 to_camera = glm::transpose(image.pose.rotation());
+      const auto project = [&](const Vec3& v) {
+        return Vec3(image.focal * v.x + image.centre.x * v.z, image.focal * v.y + image.centre.y * v.z, v.z);
+      };
+      lines[k] = {project(to_camera * ray), project(to_camera * (view_.pose.position - image.pose.position))};
+    }
+    float most = 0;
+    double found = 0;
+    for (int i = steps_ - 1; i >= 0; i--) {
+      if (!depths[i]) {
+        if (most > kAccepted) break;
+        continue;
+      }
+      const double inverse = farthest_ + i * step_;
+      float agreeing = 0, seeing = 0, present = 0;
+      for (size_t k = 0; k < cameras_.size(); k++) {
+        const auto& [camera, weight] = cameras_[k];
+        const MatchingImage& image = camera->image;
+        const Vec3 at = lines[k].far + inverse * lines[k].parallax;
+        if (!(at.z > 0)) continue;
+        const double x = at.x / at.z + 0.5, y = at.y / at.z + 0.5;
+        if (!(x >= 0 && y >= 0 && x < image.width && y < image.height)) continue;
+        const size_t at_pixel = static_cast<size_t>(y) * image.width + static_cast<size_t>(x);
+        const float behind = static_cast<float>(inverse / at.z - camera->depth.inverse[at_pixel]) / camera_step_;
+        const float trust = weight * std::max(kLeastConfidence, camera->depth.confidence[at_pixel]);
+        present += weight;
+        agreeing += trust * std::max(0.f, 1 - std::abs(behind) / kTolerance);
+        if (behind > -kTolerance) seeing += trust;
+      }
+      if (!(seeing > 0)) continue;
+      // Agreement of a small part of the cameras is not reliable.
+      const float agreement = agreeing / seeing * std::min(1.f, seeing / (0.1f * present));
+      if (agreement > most) {
+        most = agreement;
+        found = std::max(inverse, kInfinite);
+      }
+      if (most > kAccepted && agreement < most / 2) break;
+    }
+    return found;
   }
 
-  const double step = range_.step() / kPerStep;
-  float best = 0, best_inverse = static_cast<float>(range_.farthest);
-  for (int i = kPerStep * (range_.planes - 1); i >= 0; i--) {
-    const double inverse = range_.farthest + i * step;
-    float agreeing = 0, seeing = 0, present = 0;
-    for (size_t k = 0; k < cameras.size(); k++) {
-      const auto& [camera, weight] = cameras[k];
-      const MatchingImage& image = camera->image;
-      const Vec3 at = lines[k].far + inverse * lines[k].parallax;
-      if (!(at.z > 0)) continue;
-      const double x = at.x / at.z + 0.5, y = at.y / at.z + 0.5;
-      if (!(x >= 0 && y >= 0 && x < image.width && y < image.height)) continue;
-      const size_t at_pixel = static_cast<size_t>(y) * image.width + static_cast<size_t>(x);
-      const auto behind = static_cast<float>((inverse / at.z - camera->depth.inverse[at_pixel]) / range_.step());
-      const float trust = weight * std::max(kLeastConfidence, camera->depth.confidence[at_pixel]);
-      present += weight;
-      agreeing += trust * std::max(0.f, 1 - std::abs(behind) / kTolerance);
-      if (behind > -kTolerance) seeing += trust;
-    }
-    if (!(seeing > 0)) continue;
-    // Agreement of a small part of the cameras is not reliable.
-    const float agreement = agreeing / seeing * std::min(1.f, seeing / (0.1f * present));
-    if (agreement > best) {
-      best = agreement;
-      best_inverse = static_cast<float>(inverse);
-    }
-    if (best > kAccepted && agreement < best / 2) break;
-  }
-  return best_inverse;
-}
+  static constexpr double kMostNodes = 8;  // largest distance of the nodes that a pixel covers from its centre
+  const View& view_;
+  const FocalMap& map_;
+  const std::vector<WeightedCamera> cameras_;
+  const float camera_step_;  // 1/m
+  double farthest_ = 0, step_ = 0;
+  int steps_ = 0;
+  std::vector<Depths> measured_;  // of each node
+};
 
 FocalMap ArrayDepth::surface(const View& view, const ParallelFor& parallel) const {
   FocalMap map = FocalMap::for_view(view.width, view.height);
   map.from = plane_through(view.pose.position, view.pose.rotation()[2]);
-  const std::vector<WeightedCamera> cameras = cameras_around(view.pose.position);
-  const double middle = (map.step - 1) / 2.0;
+  return surface(view, map, parallel);
+}
+
+FocalMap ArrayDepth::surface(const View& view, const FocalMap& like, const ParallelFor& parallel) const {
+  FocalMap map{.from = like.from, .step = like.step, .columns = like.columns, .rows = like.rows};
   std::vector<float> inverse(static_cast<size_t>(map.columns) * map.rows), smooth(inverse.size());
-  parallel(static_cast<size_t>(map.rows), [&](size_t row) {
-    for (int i = 0; i < map.columns; i++)
-      inverse[row * map.columns + i] =
-          inverse_at(cameras, view, {map.step * i + middle, map.step * static_cast<double>(row) + middle});
-  });
+  const ViewPoints points(view, map, cameras_around(view.pose.position), range_);
+  parallel(static_cast<size_t>(map.rows),
+           [&](size_t row) { points.find(static_cast<int>(row), &inverse[row * map.columns]); });
   median_filter(inverse, map.columns, map.rows, smooth);
 
-  const auto [least, largest] = std::ranges::minmax(smooth);
-  map.farthest = least;
+  float least = std::numeric_limits<float>::infinity(), largest = 0;
+  for (const float value : smooth) {
+    if (value > 0) least = std::min(least, value);
+    largest = std::max(largest, value);
+  }
+  if (!(largest > 0)) least = largest = static_cast<float>(range_.farthest);
   map.nearest = std::max<double>(largest, least * 1.001 + 1e-6);
+  // Level 1 is `least`, unless this would be beyond infinity.
+  map.farthest = std::max(least - (map.nearest - least) / (FocalMap::kLevels - 1), 0.);
   map.levels.reserve(smooth.size());
-  for (const float value : smooth) map.levels.push_back(map.level_of(value));
+  for (const float value : smooth) map.levels.push_back(value > 0 ? std::max<uint8_t>(map.level_of(value), 1) : 0);
   return map;
 }
 

@@ -1,15 +1,19 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <functional>
+#include <memory>
 #include <vector>
 
 #include "base/worker_pool.h"
 #include "depth/camera_depth.h"
 #include "rig/mesh.h"
-#include "rig/still_image_cache.h"
 #include "view/view.h"
 
 namespace lf {
+
+// Returns the image of a camera, in memory and with the camera's size, valid until the next call.
+using MatchedImages = std::function<ImageView(CameraIndex)>;
 
 // The depths that the cameras of an array see at one time, and the surface of the scene for any view. Each camera has a
 // depth map of its own, matched against the cameras around it, so that the surface has sharp edges where the images
@@ -20,40 +24,64 @@ class ArrayDepth {
   // surface of a view.
   static constexpr int kMatched = 6, kChecked = 6, kCameras = 8;
 
-  // Estimates the depths of `cameras` (ascending) from their images, which must have the rig's sizes. `nearest` and
-  // `farthest` limit the search, as inverse distances from the cameras in 1/m. The scene's own range is found first, at
-  // a quarter of the resolution. The time is proportional to the number of pixels: about 1.5 s for each camera of
-  // 1008x756 pixels in one thread. `parallel` distributes the cameras.
-  ArrayDepth(const Rig& rig, const CameraSet& cameras, const CameraImages& images, double farthest, double nearest,
+  // Estimates the depths of `cameras` (ascending) from their images, in steps: coarse() and finer(). The time is
+  // proportional to the number of pixels: about 0.7 s for each camera of 1008x756 pixels in one thread. `parallel`
+  // distributes the cameras.
+  ArrayDepth(const Rig& rig, const CameraSet& cameras, const MatchedImages& images, double farthest, double nearest,
              const ParallelFor& parallel = serial_for);
+  // Finds the depths at an eighth of the resolution, or a quarter for small images, and the range of the scene.
+  // `nearest` and `farthest` limit the search, as inverse distances from the cameras in 1/m.
+  static ArrayDepth coarse(const Rig& rig, const CameraSet& cameras, const MatchedImages& images, double farthest,
+                           double nearest, const ParallelFor& parallel = serial_for);
+  // Estimates the depths of the same images at twice the resolution of this object, within the range that was found.
+  ArrayDepth finer(const Rig& rig, const MatchedImages& images, const ParallelFor& parallel = serial_for) const;
+  // Returns true at half the resolution of the images (or less for very large images), where finer() must not be
+  // called.
+  bool is_finest(const Rig& rig) const;
+  // Returns the depths at another time, or of other cameras, at the resolution and in the range of this object. A
+  // camera whose image and neighbours have changed by no more than noise keeps its depths. For other images, the search
+  // starts with the depths before, which takes a third of the time.
+  ArrayDepth updated(const Rig& rig, const CameraSet& cameras, const MatchedImages& images,
+                     const ParallelFor& parallel = serial_for) const;
 
   // The range of the scene that was found.
   const DepthSweep& range() const { return range_; }
+  CameraSet cameras() const;
+  // Returns true if updated() has kept the depths of all cameras.
+  bool shares_all(const ArrayDepth& before) const { return cameras_ == before.cameras_; }
 
-  // Returns the surface of a view, as distances from the plane through the eye that faces along the view's axis. At
-  // each node of the map, it is the nearest depth at which the depth maps of the kCameras cameras around the view
-  // agree, weighted by their confidence. A camera that sees something nearer does not count. Nodes that no camera sees
-  // have the depth `range().farthest`.
+  // Returns the surface of a view, with the size, the step and the plane `from` of a focal map of the view. Each level
+  // is the nearest depth at which the depth maps of the kCameras cameras around the view agree, weighted by their
+  // confidence. A camera that sees something nearer does not count. Nodes that no camera sees, and only these, have
+  // level 0, which is at least as far as all others.
+  FocalMap surface(const View& view, const FocalMap& map, const ParallelFor& parallel = serial_for) const;
+  // Does the same for a map of the finest step, with distances from the plane through the eye that faces along the
+  // view's axis.
   FocalMap surface(const View& view, const ParallelFor& parallel = serial_for) const;
 
  private:
   struct Camera {
+    CameraIndex index = 0;
     MatchingImage image;
     CameraDepth depth;
+    int unsettled = 0;  // updates that the depths need although the image does not change any more
   };
   struct WeightedCamera {
     const Camera* camera;
     float weight;
   };
-  void estimate(const Rig& rig, const CameraSet& cameras, const CameraImages& images, int divisor,
-                const ParallelFor& parallel);
+  class ViewPoints;
+
+  ArrayDepth() = default;
+  void estimate(const Rig& rig, const CameraSet& cameras, const MatchedImages& images, int divisor,
+                const ArrayDepth* before, const ParallelFor& parallel);
   // Returns the range that most of the confident depths are in.
   DepthSweep confident_range() const;
   std::vector<WeightedCamera> cameras_around(const Vec3& eye) const;
-  float inverse_at(const std::vector<WeightedCamera>& cameras, const View& view, const Vec2& pixel) const;
 
-  std::vector<Camera> cameras_;
+  std::vector<std::shared_ptr<const Camera>> cameras_;
   DepthSweep range_;
+  int divisor_ = 1;  // camera pixels for each pixel of the depth maps, along rows and columns
 };
 
 }  // namespace lf

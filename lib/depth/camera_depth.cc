@@ -15,7 +15,7 @@ namespace {
 // The guided filter: radius of its windows, pixels, and the variance of luma that counts as an edge.
 constexpr int kRadius = 2;
 constexpr float kEdgeVariance = 10;
-constexpr int kRefinements = 16;
+constexpr int kRefinements = 16, kUpdateRefinements = 8;
 
 using Values = std::vector<float>;
 
@@ -118,12 +118,17 @@ class DepthSearch {
         costs_(image.size()),
         least_(image.size(), std::numeric_limits<float>::infinity()) {}
 
-  Values run() {
-    for (int i = 0; i < range_.planes; i++) {
+  void start_with(const Values& inverse) {
+    hypothesis_ = inverse;
+    test();
+  }
+
+  Values run(int first_plane, int every, int refinements) {
+    for (int i = first_plane; i < range_.planes; i += every) {
       std::ranges::fill(hypothesis_, static_cast<float>(range_.farthest + i * range_.step()));
       test();
     }
-    for (int round = 0; round < kRefinements; round++) refine(round);
+    for (int round = 0; round < refinements; round++) refine(round);
     select_of_nine(inverse_, image_.width, image_.height, Choice::kMedian, hypothesis_);
     return std::move(hypothesis_);
   }
@@ -181,7 +186,15 @@ void median_filter(const std::vector<float>& in, int width, int height, std::vec
 CameraDepth estimate_depth(const MatchingImage& image, std::span<const MatchingImage* const> neighbours,
                            const DepthSweep& range) {
   if (neighbours.empty()) return {Values(image.size(), static_cast<float>(range.farthest)), {}};
-  return {DepthSearch(image, neighbours, range).run(), {}};
+  return {DepthSearch(image, neighbours, range).run(0, 1, kRefinements), {}};
+}
+
+CameraDepth update_depth(const MatchingImage& image, std::span<const MatchingImage* const> neighbours,
+                         const DepthSweep& range, const std::vector<float>& before, int turns, int turn) {
+  if (neighbours.empty()) return {before, {}};
+  DepthSearch search(image, neighbours, range);
+  search.start_with(before);
+  return {search.run(turn, turns, kUpdateRefinements), {}};
 }
 
 std::vector<float> check_consistency(const MatchingImage& image, const CameraDepth& depth,

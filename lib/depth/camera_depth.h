@@ -32,6 +32,11 @@ struct CameraDepth {
 CameraDepth estimate_depth(const MatchingImage& image, std::span<const MatchingImage* const> neighbours,
                            const DepthSweep& range);
 
+// Does the same, starting with an estimate of the inverse depth of each pixel. Tests only every `turns`-th plane
+// of the range, from number `turn` on, so that `turns` calls with the same image test all planes.
+CameraDepth update_depth(const MatchingImage& image, std::span<const MatchingImage* const> neighbours,
+                         const DepthSweep& range, const std::vector<float>& before, int turns, int turn);
+
 // Returns the confidence of a camera's depths: see CameraDepth. Depths agree if they differ by less than 1.5 steps of
 // the range. A neighbour with a nearer depth does not count, because it may see something in front of the point.
 struct DepthNeighbour {

@@ -36,9 +36,7 @@ constexpr double kEnoughEvidence = 0.15;
 // coincidence than right.
 DepthSelection choice_of(const ViewRequest& request, std::span<const PhotoConsistency> moments, const FocusArray& array,
                          int least_radius, bool is_still, std::span<const uint8_t> counted) {
-  std::vector<std::vector<uint8_t>> levels;
-  for (const DepthHypothesis& hypothesis : request.hypotheses)
-    levels.push_back(hypothesis_levels(request.view, hypothesis));
+  const std::vector<std::vector<uint8_t>> levels = hypothesis_levels(request.view, request.hypotheses);
   const FocalMap& map = *request.view.focus.map;
   const std::vector<float> evidence = array.evidence(request.view, request.out_of_service);
   constexpr double kMostRadius = 4;
@@ -134,6 +132,7 @@ bool DepthEstimator::is_another_scene() {
   }
   looks_++;
   state_.looks++;
+  can_measure_ = true;
   state_.flat = false;
   state_.interval = 1;
   quiet_ = round_ = 0;
@@ -196,11 +195,13 @@ void DepthEstimator::compare_with_plane(const DepthSelection& choice, std::span<
     // moving viewpoint passes objects that appear and disappear. If one plane suffices for all nodes, any improvement
     // counts, because a single plane does not fit by chance.
     const double worth = state_.flat ? 0 : kWorthShowing;
-    const double shown = counted_.empty() && width > array.edge() ? kShownBeside : kShown;
+    const double shown = stage_ == Stage::kMeasured                 ? kMeasuredShown
+                         : counted_.empty() && width > array.edge() ? kShownBeside
+                                                                    : kShown;
     const bool is_better = !is_doubtful && of_surface < shown * of_plane && of_plane - of_surface > worth;
     if (is_better && (is_clear || was_better_)) state_.on_plane = false;
     was_better_ = is_better;
-  } else if (is_doubtful || of_surface > kHidden * of_plane) {
+  } else if (is_doubtful || of_surface > (stage_ == Stage::kMeasured ? kMeasuredHidden : kHidden) * of_plane) {
     state_.on_plane = true;
   }
 }
@@ -252,8 +253,33 @@ void DepthEstimator::take(const ViewRequest& request, std::span<const PhotoConsi
   }
 }
 
-DepthEstimator::Plan DepthEstimator::next(const ViewRequest& request, std::span<const PhotoConsistency> moments,
+// Compares the measured surface of a request with the viewer's plane. Returns false if it has been worse for a while.
+bool DepthEstimator::compare_measured(const ViewRequest& request, std::span<const PhotoConsistency> moments,
+                                      const FocusArray& array) {
+  counted_ = array.inside_mesh(request.view, request.out_of_service);
+  const DepthSelection choice = choice_of(request, moments, array, 1, false, counted_);
+  if (choice.cost.empty() || !(choice.cost[0] >= 0)) return true;
+  state_.rounds++;
+  state_.residual = choice.residual;
+  state_.gained = 0;
+  state_.deviation = choice.cost[0];
+  state_.bought = choice.cost.back() - choice.cost[0];
+  compare_with_plane(choice, moments, request, array);
+  worse_ = state_.on_plane ? worse_ + 1 : 0;
+  return worse_ < kSettling;
+}
+
+DepthEstimator::Plan DepthEstimator::next(const ViewRequest& answered, std::span<const PhotoConsistency> moments,
                                           const FocusArray& array) {
+  ViewRequest request = answered;
+  const PhotoConsistency* measured = nullptr;
+  if (measures_depth(request.hypotheses)) {
+    request.hypotheses.pop_back();
+    if (moments.size() > request.hypotheses.size()) {
+      measured = &moments.back();
+      moments = moments.first(moments.size() - 1);
+    }
+  }
   Plan plan{.view = request.view};
   const std::shared_ptr<const FocalMap>& map = request.view.focus.map;
   if (settings_.mode == FocusMode::kPlane) {
@@ -277,7 +303,15 @@ DepthEstimator::Plan DepthEstimator::next(const ViewRequest& request, std::span<
   if (!is_first && map && moments.empty() && !request.hypotheses.empty()) latest_.lose(request);
   if (!is_first && map && !moments.empty()) {
     auto better = std::make_shared<FocalMap>(*map);
-    take(request, moments, array, *better);
+    const bool is_measured = measured && take_measured(*measured, request, *better);
+    if (is_measured || stage_ == Stage::kMeasured || request.hypotheses.size() == 1) {
+      latest_.lose(request);
+      if (stage_ == Stage::kMeasured && !compare_measured(request, moments, array)) end_measured(*better);
+      if (!is_measured)
+        if (std::shared_ptr<const FocalMap> latest = latest_.seen_from(request.view)) *better = *latest;
+    } else {
+      take(request, moments, array, *better);
+    }
     plan.view.focus.map = std::move(better);
   } else if (std::shared_ptr<const FocalMap> latest = latest_.seen_from(request.view); latest && !is_first) {
     plan.view.focus.map = std::move(latest);
@@ -298,7 +332,11 @@ DepthEstimator::Plan DepthEstimator::next(const ViewRequest& request, std::span<
   state_.near = 1 / next.nearest;
   state_.far = 1 / next.farthest;
   plan.hypotheses = next_hypotheses(next);
-  if (!plan.hypotheses.empty()) latest_.leaves(plan.hypotheses, request.sequence);
+  if (!plan.hypotheses.empty()) {
+    std::vector<DepthHypothesis> tested = plan.hypotheses;
+    if (measures_depth(tested)) tested.pop_back();
+    latest_.leaves(tested, request.sequence);
+  }
   // If one camera contributes nearly all of the picture, every surface seems to fit but only displaces the image.
   const bool little = sees_little(array.evidence(plan.view, request.out_of_service));
   plan.on_plane = state_.on_plane || state_.flat || little;

@@ -16,6 +16,12 @@
 
 namespace lf {
 
+// Above this disparity, in pixels of the camera images, depth maps of the individual cameras give better pictures than
+// the search with hypotheses. It is the disparity between cameras that contribute to the same pixel, over the depths of
+// the scene. Measured (docs/quality.md): at 10 pixels, the search is better by 1 to 2 dB; at 25, both are equal; from
+// 35 on, the depth maps are better by 1.4 to 6 dB.
+inline constexpr double kWideDisparity = 30;
+
 enum class FocusMode {
   kPlane,    // the plane that the viewer has chosen
   kSurface,  // a surface that follows the scene; depth hypotheses refine it with every request
@@ -28,7 +34,8 @@ enum class FocusMode {
 //
 // The estimator works in stages. A search tests planes over all depths, until it finds the range of the scene's depths.
 // A sweep then tests planes over this range, to find a first surface. Then, rounds of a few hypotheses refine the
-// surface.
+// surface. If the search finds that the cameras are far apart (see kWideDisparity), or finds no depths, the estimator
+// asks the cameras for the surface that their own depth maps show, and uses that surface from then on.
 //
 // The viewer's focal plane is shown until the cameras agree clearly better through the surface. It is shown again as
 // soon as they do not, so no picture should be worse than the picture through the plane. A plain value without locks.
@@ -52,6 +59,8 @@ class DepthEstimator {
   // Replaces kShown for a view that is completely beside the camera mesh. A wrong depth displaces objects there instead
   // of blurring them, so the surface must be better.
   static constexpr double kShownBeside = 0.4;
+  // The same for a surface that the cameras have measured. Its edges are sharp, and their share of the picture small.
+  static constexpr double kMeasuredShown = 0.9, kMeasuredHidden = 1;
   static constexpr double kWorthShowing = 4;  // levels of luma, squared
   // Factor that converts light that the surface loses (see moved_light()) to squared deviation. It is kMovedLight
   // divided by the part of the light that blur alone may have moved, but at most 1 / kSmallestLost. The limit assumes
@@ -92,8 +101,9 @@ class DepthEstimator {
     std::optional<Plane> plane;  // plane to show instead of the viewer's, if one plane suffices
   };
   // Returns the next plan, from the answer to `request`. `moments` are the sums of the request's hypotheses, in their
-  // order and with the size of the map. It is empty if the request has no hypotheses or they were not answered.
-  // Requests must be answered in the order of sending, but any number of requests can be in flight; see LatestSurface.
+  // order and with the size of the map. The sums of kMeasured may be missing. It is empty if the request has no
+  // hypotheses or they were not answered. Requests must be answered in the order of sending, but any number of requests
+  // can be in flight; see LatestSurface.
   Plan next(const ViewRequest& request, std::span<const PhotoConsistency> moments, const FocusArray& array);
 
   // Adapts to slow nodes: reports whether a picture was complete in time. After incomplete pictures, fewer requests
@@ -123,8 +133,8 @@ class DepthEstimator {
 
  private:
   // The stages, see above: kSearch, kSweep, and kBetter for refinement. In kNothing, the estimator pauses because no
-  // depths can be distinguished.
-  enum class Stage { kSearch, kSweep, kBetter, kNothing };
+  // depths can be distinguished. In kMeasured, the surface is the one that the cameras measure.
+  enum class Stage { kSearch, kSweep, kBetter, kNothing, kMeasured };
 
   void begin(const ViewRequest& request, const FocusArray& array, View& view);
   double reach_from(const View& view, const FocusArray& array) const;
@@ -136,6 +146,11 @@ class DepthEstimator {
   void sweep(const FocalMap& map);
   void take(const ViewRequest& request, std::span<const PhotoConsistency> moments, const FocusArray& array,
             FocalMap& map);
+  bool take_measured(const PhotoConsistency& measured, const ViewRequest& request, FocalMap& map);
+  bool compare_measured(const ViewRequest& request, std::span<const PhotoConsistency> moments, const FocusArray& array);
+  void rest_if_unchanged(const ViewRequest& request, const FocalMap& map);
+  void end_measured(FocalMap& map);
+  std::vector<DepthHypothesis> with_measured(std::vector<DepthHypothesis> hypotheses);
   void compare_with_plane(const DepthSelection& choice, std::span<const PhotoConsistency> moments,
                           const ViewRequest& request, const FocusArray& array);
   static double moved_by_blur(const View& view, double width);
@@ -158,6 +173,9 @@ class DepthEstimator {
   static constexpr unsigned kBusyBackoff = 64;  // maximum if parts of the search were not answered
   static constexpr unsigned kMostLost = 8;      // maximum number of repeated requests in a search or sweep
   static constexpr unsigned kSettling = 8;      // refinement rounds until a new surface has settled
+  // The cameras are asked for their surface with every kMeasuredEvery-th request, kMostAsked times after a search. It
+  // takes them some seconds to measure the first one.
+  static constexpr unsigned kMeasuredEvery = 4, kMostAsked = 64;
 
   Settings settings_;
   State state_;
@@ -202,6 +220,10 @@ class DepthEstimator {
   unsigned spared_ = 1;    // the same, set by spare()
   unsigned in_time_ = 0;   // pictures in a row that were complete in time
   unsigned held_ = 0;      // requests since the last request that was allowed to have hypotheses
+  unsigned asked_ =
+      kMostAsked * kMeasuredEvery;  // requests since the last search that could have asked for the measured surface
+  bool can_measure_ = true;         // false after the measured surface was not good enough for this scene
+  unsigned worse_ = 0;              // rounds in a row in which the measured surface was worse than the plane
   unsigned looks_ = 0;     // unsuccessful searches in a row for a changed scene
 };
 

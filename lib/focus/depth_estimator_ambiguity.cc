@@ -12,9 +12,7 @@ namespace lf {
 void DepthEstimator::remember_planes(const ViewRequest& request, std::span<const PhotoConsistency> moments) {
   constexpr size_t kPlane = 1, kFirst = 2;
   if (request.hypotheses.size() < kSweep || request.hypotheses[kPlane].kind != DepthHypothesis::Kind::kFocused) return;
-  std::vector<std::vector<uint8_t>> levels;
-  for (const DepthHypothesis& hypothesis : request.hypotheses)
-    levels.push_back(hypothesis_levels(request.view, hypothesis));
+  const std::vector<std::vector<uint8_t>> levels = hypothesis_levels(request.view, request.hypotheses);
   others_.add(request.view, levels, moments, {kPlane, kFirst});
 }
 

@@ -110,7 +110,9 @@ void DepthEstimator::search_around(FocalMap& map) {
 }
 
 void DepthEstimator::end_search(const View& view, const FocusArray& array, FocalMap& map) {
-  const bool found = votes_.range().has_value();
+  const std::optional<DepthRange> scene = votes_.range();
+  const bool found = scene.has_value();
+  if (can_measure_ && (!found || disparity_ * (scene->nearest - scene->farthest) >= kWideDisparity)) asked_ = 0;
   // A surface that is shown stays visible during another search.
   if (found) {
     follow_range(map);
@@ -232,7 +234,7 @@ std::vector<DepthHypothesis> DepthEstimator::next_hypotheses(const FocalMap& map
   }
   if (stage_ == Stage::kNothing) {
     waited_ += passed;
-    if (waited_ < (moved_ ? kMovingBackoff : backoff_)) return {};
+    if (waited_ < (moved_ ? kMovingBackoff : backoff_)) return with_measured({});
     moved_ = false;
     search(map);
     return next_hypotheses(map);
@@ -244,11 +246,15 @@ std::vector<DepthHypothesis> DepthEstimator::next_hypotheses(const FocalMap& map
   constexpr unsigned kMovingFlatRest = 4;
   const unsigned moving_rest = state_.flat ? std::min(state_.interval, kMovingFlatRest) : 1;
   skipped_ += passed;
-  if (skipped_ < (moved_ ? moving_rest : state_.interval)) return {};
+  if (skipped_ < (moved_ ? moving_rest : state_.interval)) return with_measured({});
   moved_ = false;
   skipped_ = 0;
   std::vector<DepthHypothesis> hypotheses;
   const unsigned round = round_++;
+  if (stage_ == Stage::kMeasured)
+    return {{DepthHypothesis::Kind::kBlurred, 0},
+            {DepthHypothesis::Kind::kFocused, 0},
+            {DepthHypothesis::Kind::kMeasured, 0}};
   if (state_.flat) {
     // A flat scene has no depth edges. Instead of moving edges, test two planes next to the current plane, besides the
     // plane of the round.
@@ -268,6 +274,14 @@ std::vector<DepthHypothesis> DepthEstimator::next_hypotheses(const FocalMap& map
   if ((is_due || (state_.on_plane && was_better_)) && !is_replaced)
     hypotheses[state_.flat ? 1 : hypotheses.size() - 1] = {DepthHypothesis::Kind::kFocused, 0};
   state_.hypotheses = static_cast<unsigned>(hypotheses.size());
+  return with_measured(std::move(hypotheses));
+}
+
+// Adds the measured surface to the hypotheses of a request, if the cameras should be asked for it.
+std::vector<DepthHypothesis> DepthEstimator::with_measured(std::vector<DepthHypothesis> hypotheses) {
+  if (asked_ >= kMostAsked * kMeasuredEvery || asked_++ % kMeasuredEvery != 0) return hypotheses;
+  if (hypotheses.empty()) hypotheses.push_back({DepthHypothesis::Kind::kBlurred, 0});
+  hypotheses.push_back({DepthHypothesis::Kind::kMeasured, 0});
   return hypotheses;
 }
 

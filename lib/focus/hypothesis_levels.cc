@@ -81,11 +81,19 @@ std::vector<uint8_t> hypothesis_levels(const FocalMap& surface, const DepthHypot
                                   static_cast<uint8_t>(std::clamp<int>(hypothesis.value, 0, 255)));
     case DepthHypothesis::Kind::kBlurred:
     case DepthHypothesis::Kind::kFocused:
+    case DepthHypothesis::Kind::kMeasured:
     case DepthHypothesis::Kind::kShifted: break;
   }
   std::vector<uint8_t> levels = blurred(surface, surface.levels);
   if (hypothesis.kind == DepthHypothesis::Kind::kShifted)
     for (uint8_t& level : levels) level = static_cast<uint8_t>(std::clamp(level + hypothesis.value, 0, 255));
+  return levels;
+}
+
+std::vector<std::vector<uint8_t>> hypothesis_levels(const View& view, std::span<const DepthHypothesis> hypotheses) {
+  std::vector<std::vector<uint8_t>> levels;
+  for (const DepthHypothesis& hypothesis : hypotheses)
+    if (hypothesis.kind != DepthHypothesis::Kind::kMeasured) levels.push_back(hypothesis_levels(view, hypothesis));
   return levels;
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "geometry/pose.h"
@@ -24,6 +25,10 @@ FocalMap plane_map(const View& view, const Plane& from, double nearest, double f
 std::vector<uint8_t> hypothesis_levels(const View& view, const DepthHypothesis& hypothesis);
 // Does the same without the view. kFocused, which needs the viewer's focal plane, counts as kBlurred.
 std::vector<uint8_t> hypothesis_levels(const FocalMap& surface, const DepthHypothesis& hypothesis);
+
+// Computes the depth maps of several hypotheses of a request, in their order. Omits kMeasured, which must be the last:
+// only nodes with depth maps know its levels.
+std::vector<std::vector<uint8_t>> hypothesis_levels(const View& view, std::span<const DepthHypothesis> hypotheses);
 
 // A range of levels of a focal map, from `first` to `last` inclusive.
 struct LevelRange {

@@ -165,6 +165,18 @@ void PhotoConsistency::add(const PhotoConsistency& part, int column, int row) {
   }
 }
 
+void PhotoConsistency::take_heavier(const PhotoConsistency& part, int column, int row) {
+  for (int y = 0; y < part.rows; y++)
+    for (int x = 0; x < part.columns; x++) {
+      const size_t from = static_cast<size_t>(y) * part.columns + x;
+      const size_t to = (static_cast<size_t>(row) + y) * columns + column + x;
+      if (part.weight[from] <= weight[to]) continue;
+      weight[to] = part.weight[from];
+      luma[to] = part.luma[from];
+      square[to] = part.square[from];
+    }
+}
+
 float PhotoConsistency::deviation(size_t node) const {
   const float w = static_cast<float>(weight[node]) / kWeightOne;
   if (!(w >= 0.5f)) return std::numeric_limits<float>::quiet_NaN();

@@ -31,6 +31,9 @@ struct PhotoConsistency {
   void add(const PhotoConsistency& other);  // adds sums of the same size
   // Adds the sums of a rectangle of nodes; its first node is at (column, row).
   void add(const PhotoConsistency& part, int column, int row);
+  // Replaces the sums of the nodes of a rectangle where the weights of `part` are larger. This merges the surfaces that
+  // several hosts have measured (see DepthHypothesis::Kind::kMeasured).
+  void take_heavier(const PhotoConsistency& part, int column, int row);
   // Returns the disagreement of the cameras at a node: the standard deviation of their luma, 0 to 127.5. Returns NaN if
   // less than half of the weight is present.
   float deviation(size_t node) const;

@@ -28,11 +28,9 @@ class StillArray {
   }
 
   std::vector<PhotoConsistency> moments(const ViewRequest& request) {
-    std::vector<PhotoConsistency> sums(request.hypotheses.size());
-    if (sums.empty()) return sums;
-    std::vector<std::vector<uint8_t>> levels;
-    for (const DepthHypothesis& hypothesis : request.hypotheses)
-      levels.push_back(hypothesis_levels(request.view, hypothesis));
+    if (request.hypotheses.empty()) return {};
+    const std::vector<std::vector<uint8_t>> levels = hypothesis_levels(request.view, request.hypotheses);
+    std::vector<PhotoConsistency> sums(levels.size());
     for (PhotoConsistency& sum : sums) sum.reset(request.view.focus.map->columns, request.view.focus.map->rows);
     const RenderJob job(rig_, mesh_, hypothesis_view(request.view), all_);
     std::vector<Source> sources = sources_of(job.cameras());
@@ -143,7 +141,8 @@ std::optional<ArrayDepth> estimate_depths(const Rig& rig, const CameraSet& camer
   for (const CameraIndex camera : cameras)
     if (can_read(images, camera)) readable.push_back(camera);
   if (readable.size() < 2) return {};
-  return ArrayDepth(rig, readable, images, farthest, nearest, parallel);
+  return ArrayDepth(
+      rig, readable, [&](CameraIndex i) { return images(i).view(); }, farthest, nearest, parallel);
 }
 
 View focus_still(const Rig& rig, const Mesh& mesh, const View& view, const CameraImages& images,

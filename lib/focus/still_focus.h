@@ -17,12 +17,6 @@ inline constexpr int kSettledRounds = 12;
 // Number of rounds until the exposure gains have settled, too.
 inline constexpr int kMatchedRounds = 24;
 
-// Above this disparity, in pixels of the camera images, depth maps of the individual cameras give better pictures than
-// the search with hypotheses. It is the disparity between cameras that contribute to the same pixel, over the depths of
-// the scene. Measured (docs/quality.md): at 10 pixels, the search is better by 1 to 2 dB; at 25, both are equal; from
-// 35 on, the depth maps are better by 1.4 to 6 dB.
-inline constexpr double kWideDisparity = 30;
-
 // Depths are estimated up to this multiple of the inverse distance FocusArray::nearest(). Neighbouring cameras share
 // five eighths of their images there.
 inline constexpr double kNearestDepth = 1.5;

@@ -3,9 +3,12 @@
 
 #include <algorithm>
 #include <iterator>
+#include <limits>
+#include <optional>
 
 #include "base/schedule.h"
 #include "base/text.h"
+#include "focus/warp_depth_map.h"
 #include "node/frame_sources.h"
 #include "render/gl/gles_renderer.h"
 #include "wire/answer_codec.h"
@@ -132,6 +135,7 @@ std::vector<Node::Reply> Node::answer(std::span<const wire::AnyRequest* const> r
     client.mesh.clear();
     client.watch = {};
     client.renderer.clear();
+    client.tracked.reset();
     client.gone.clear();
     client.warned_of = 0;
   }
@@ -314,6 +318,22 @@ uint64_t Node::describe(const Planned& planned, const FrameSources& sources, con
   return worst_skew;
 }
 
+// Adds the surface that the cameras have measured to the work for a request.
+void Node::add_measured(const Array& array, const View& view, bool live, FrameLookup& frames, ClientState& client,
+                        const ParallelFor& parallel, RequestRenderer::Work& work) {
+  const std::optional<View> measured =
+      live ? depths_.surface(client.tracked, view)
+           : depths_.measure(
+                 array, view, [&frames](CameraIndex camera) { return frames.find(camera); }, *client.cancelled,
+                 parallel);
+  if (!measured) return;
+  work.measured = warp_depth_map(*measured, view);
+  double distance = std::numeric_limits<double>::infinity();
+  for (const auto& [camera, frames] : array.cameras)
+    distance = std::min(distance, glm::distance(array.rig->cameras[camera].pose.position, view.pose.position));
+  if (array.extent > 0) work.measured_weight = static_cast<float>(array.extent / (array.extent + distance));
+}
+
 std::vector<Node::Reply> Node::render(std::span<const wire::AnyRequest* const> requests, const Array& array,
                                       ClientState& client, const Options& options,
                                       std::span<const wire::AnswerHeader> headers, const AllocateMemory& memory,
@@ -348,6 +368,8 @@ std::vector<Node::Reply> Node::render(std::span<const wire::AnyRequest* const> r
     work.has_images = std::ranges::any_of(sources.sources(), [&](const Source& source) {
       return source.image.family != PixelFamily::kNone && work.plan->has(source.camera);
     });
+    if (const View* const measured = work.plan->measured_view())
+      add_measured(array, *measured, live, frames, client, parallel, work);
     worst_skew = std::max(worst_skew, describe(plans[i], sources, frames, own, absent, work.header));
     plan_ns += plans[i].ns;
   }

@@ -18,6 +18,7 @@
 #include "base/worker_pool.h"
 #include "focus/exposure_compensation.h"
 #include "node/camera_inputs.h"
+#include "node/depth_tracker.h"
 #include "node/frame_sources.h"
 #include "node/frame_timing.h"
 #include "node/request_renderer.h"
@@ -90,6 +91,8 @@ class Node {
  public:
   NodeStats& stats() { return stats_; }
   CameraInputs& inputs() { return inputs_; }
+  // Forgets the depths of the cameras. Call this when the cameras stop.
+  void forget_depths() { depths_.clear(); }
   void set_node_id(uint32_t id) { node_id_ = id; }  // only while stopped
 
   // The state that the node keeps for each view of a client between requests, such as the mesh and the exposure gains.
@@ -99,6 +102,7 @@ class Node {
     SkewMonitor watch;
     RequestRenderer renderer;
     WorkEstimate estimate;
+    std::shared_ptr<DepthTracker::TrackedView> tracked;
     CameraSet gone;              // cameras without a frame for the latest request; see make_plan()
     uint64_t warned_of = 0;      // hash of the rig that the client was last warned about
     uint64_t warned_behind = 0;  // time of the latest warning about late frames, now_ns(); 0: none yet
@@ -162,10 +166,13 @@ class Node {
   void decode(FrameSources& sources, const Array& array, PixelFamily family, const ParallelFor& parallel);
   uint64_t describe(const Planned& planned, const FrameSources& sources, const FrameLookup& frames,
                     const std::vector<CameraIndex>& own, const CameraSet& absent, wire::AnswerHeader& header);
+  void add_measured(const Array& array, const View& view, bool live, FrameLookup& frames, ClientState& client,
+                    const ParallelFor& parallel, RequestRenderer::Work& work);
   std::string skew_warning(const Rig& rig, const std::optional<SkewMonitor::Report>& report, ClientState& client) const;
 
   NodeStats stats_;
   CameraInputs inputs_;
+  DepthTracker depths_{inputs_};
   uint32_t node_id_ = 0;
 };
 

@@ -25,8 +25,8 @@ RequestPlan::RequestPlan(const Rig& rig, const Mesh& mesh, const ViewRequest& re
   }
   if (request.hypotheses.empty()) return;
   hypothesis_job_.emplace(rig, mesh, hypothesis_view(request.view), own, parallel);
-  for (const DepthHypothesis& hypothesis : request.hypotheses)
-    hypotheses_.push_back(hypothesis_levels(request.view, hypothesis));
+  if (measures_depth(request.hypotheses)) measured_view_ = request.view;
+  hypotheses_ = hypothesis_levels(request.view, request.hypotheses);
 }
 
 RequestPlan::RequestPlan(const Rig& rig, const wire::WarpCommand& command, std::span<const CameraIndex> own,

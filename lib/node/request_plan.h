@@ -52,10 +52,13 @@ class RequestPlan {
   // answer_region() describes.
   const RenderJob* sum() const { return sum_ ? &*sum_ : nullptr; }
   int quality() const { return quality_; }
-  // The depth levels of each hypothesis (a guess of the depths), and the job that evaluates the hypotheses. The job is
-  // null without hypotheses. The resulting photo-consistency sums are sent before the answer.
+  // The depth levels of each hypothesis (a guess of the depths) except kMeasured, and the job that evaluates the
+  // hypotheses. The job is null without hypotheses. The resulting photo-consistency sums are sent before the answer.
   const std::vector<std::vector<uint8_t>>& hypotheses() const { return hypotheses_; }
   const RenderJob* hypothesis_job() const { return hypothesis_job_ ? &*hypothesis_job_ : nullptr; }
+  // Returns the view with the map whose surface the cameras' depth maps show, for the hypothesis kMeasured. Returns
+  // null without this hypothesis.
+  const View* measured_view() const { return measured_view_ ? &*measured_view_ : nullptr; }
   const GainRequest* gains() const { return gains_.use || gains_.ask ? &gains_ : nullptr; }
   const WideLuma* wide() const { return wide_ ? &*wide_ : nullptr; }
 
@@ -68,6 +71,7 @@ class RequestPlan {
   std::vector<Rect> pixels_;  // regions of cameras_; used if there is no sum_
   std::optional<RenderJob> hypothesis_job_;
   std::vector<std::vector<uint8_t>> hypotheses_;
+  std::optional<View> measured_view_;
   GainRequest gains_;
   std::optional<WideLuma> wide_;
 };

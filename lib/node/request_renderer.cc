@@ -93,8 +93,8 @@ using Works = std::span<const RequestRenderer::Work>;
 
 Rect united(Works works, CameraIndex camera, Rect (RequestPlan::*part)(CameraIndex) const) {
   Rect all;
-  for (const auto& [plan, header, has_images] : works)
-    if (plan->has(camera)) all = unite(all, (plan->*part)(camera));
+  for (const RequestRenderer::Work& work : works)
+    if (work.plan->has(camera)) all = unite(all, (work.plan->*part)(camera));
   return all;
 }
 
@@ -128,6 +128,23 @@ wire::ConsistencyHeader consistency_header(const wire::AnswerHeader& header, con
   return {header.view_id, header.sequence, header.rig_hash, header.node, gains};
 }
 
+// Returns the sums of the hypothesis kMeasured at the nodes of a view's map, from a measured surface that is already
+// warped to the view. The node weighs less the farther its cameras are away. The sums are 0 without a surface.
+PhotoConsistency measured_sums(const View& view, const FocalMap* measured, float weight) {
+  const FocalMap& map = *view.focus.map;
+  PhotoConsistency sums;
+  sums.reset(map.columns, map.rows);
+  if (!measured || measured->levels.size() != sums.weight.size()) return sums;
+  const auto known = static_cast<uint16_t>(std::lround(weight * PhotoConsistency::kWeightOne));
+  for (size_t i = 0; i < sums.weight.size(); i++) {
+    const uint8_t level = map.level_of(measured->inverse_of(measured->levels[i]));
+    sums.weight[i] = measured->levels[i] > 0 ? known : 0;
+    sums.luma[i] = PhotoConsistency::luma_of(sums.weight[i], level);
+    sums.square[i] = PhotoConsistency::square_of(sums.luma[i], level);
+  }
+  return sums;
+}
+
 RenderedConsistency render_consistency(const RequestRenderer::Work& work, const std::vector<Source>& images,
                                        const RenderOptions& options) {
   const RenderJob* const job = work.plan->hypothesis_job();
@@ -138,8 +155,11 @@ RenderedConsistency render_consistency(const RequestRenderer::Work& work, const 
   std::vector<PhotoConsistency> sums(hypotheses.size());
   for (PhotoConsistency& sum : sums) sum.reset(view.width, view.height);
   RenderedConsistency rendered{.nodes = hypotheses.size() * view.width * view.height};
-  rendered.drawing =
-      add_consistency(*job, images_of(work, images), hypotheses, sums, options.parallel, options.depth_gpu.get());
+  if (!hypotheses.empty())
+    rendered.drawing =
+        add_consistency(*job, images_of(work, images), hypotheses, sums, options.parallel, options.depth_gpu.get());
+  if (const View* const measured = work.plan->measured_view())
+    sums.push_back(measured_sums(*measured, work.measured.get(), work.measured_weight));
   rendered.ns = now_ns() - begun;
   rendered.unit = wire::encode_consistency(consistency_header(work.header, {}), sums, !options.in_process);
   return rendered;
@@ -154,9 +174,9 @@ std::vector<Source> resampled(Works works, const RenderOptions& options, std::ve
     Source& source = sampled[i];
     if (source.image.family == PixelFamily::kNone) return;
     Rect shown;
-    for (const auto& [plan, header, has_images] : works)
-      if (plan->has(source.camera) && plan->shows_detail(source.camera))
-        shown = unite(shown, plan->answer_region(source.camera));
+    for (const RequestRenderer::Work& work : works)
+      if (work.plan->has(source.camera) && work.plan->shows_detail(source.camera))
+        shown = unite(shown, work.plan->answer_region(source.camera));
     if (shown.empty()) return;
     if (source.image.on_gpu.image)
       source.image.on_gpu.sharpened = true;
@@ -176,9 +196,10 @@ struct Drawn {
 void draw(Works works, const std::vector<Source>& images, const std::vector<Source>& sampled,
           const RenderOptions& options, std::vector<Drawn>& drawn) {
   options.parallel(works.size(), [&](size_t i) {
-    const auto& [plan, header, has_images] = works[i];
+    const RequestPlan* const plan = works[i].plan;
+    const wire::AnswerHeader& header = works[i].header;
     auto& [sources, sum, ns] = drawn[i];
-    for (size_t k = 0; has_images && k < images.size(); k++)
+    for (size_t k = 0; works[i].has_images && k < images.size(); k++)
       if (const CameraIndex camera = images[k].camera; plan->draws(camera))
         sources.push_back(plan->shows_detail(camera) ? sampled[k] : images[k]);
     if (!plan->sum() || header.family == PixelFamily::kNone) return;
@@ -203,7 +224,8 @@ void draw(Works works, const std::vector<Source>& images, const std::vector<Sour
 
 void encode(const RequestRenderer::Work& work, Drawn& drawn, const RenderOptions& options, ByteBuffer memory,
             RenderedAnswer& answer) {
-  const auto& [plan, header, has_images] = work;
+  const RequestPlan* const plan = work.plan;
+  const wire::AnswerHeader& header = work.header;
   if (plan->sum() && !drawn.sum) {
     answer.bytes = wire::AnswerWriter(header, 0, std::move(memory)).finish();
     return;
@@ -248,7 +270,8 @@ RenderedAnswer RequestRenderer::render(const Work& work, std::span<const Source>
 
 void RequestRenderer::match_gains(Works works, const RenderOptions& options, std::vector<ByteBuffer>& memory,
                                   std::vector<Source>& images, std::vector<RenderedAnswer>& answers) {
-  const auto& [plan, header, has_images] = works.front();
+  const RequestPlan* const plan = works.front().plan;
+  const wire::AnswerHeader& header = works.front().header;
   const ExposureCompensation& gains = gains_.gains_for(header.view_id, *plan->gains());
   std::optional<WideLuma::Seen> seen;
   if (plan->wide()) seen = plan->wide()->see(images_of(works.front(), images), gains, options.parallel);

@@ -100,6 +100,10 @@ class RequestRenderer {
     // Returns false if no camera of the plan has an image. The answer is then empty instead of reporting missing
     // weight.
     bool has_images = true;
+    // The surface that the cameras have measured, warped to RequestPlan::measured_view(), or null; and how much it
+    // counts beside the surfaces of other nodes, 0 to 1.
+    std::shared_ptr<const FocalMap> measured = {};
+    float measured_weight = 1;
   };
   // Answers several requests that use the same images. A GPU renders several views per pass. Each answer is the same as
   // for its request alone, for any options.parallel. Brightness is only measured if there is a single request.

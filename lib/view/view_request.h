@@ -24,6 +24,10 @@ struct DepthHypothesis {
     kNearer = 2,   // the maximum over each node of the map and its eight neighbours, smoothed
     kShifted = 3,  // the current surface, smoothed, and moved nearer by `value` levels
     kPlane = 4,
+    // The surface that the depth maps of the cameras show (see ArrayDepth). It can only be the last hypothesis of a
+    // request. Its sums are not photo-consistency sums: they contain the agreement of the cameras as `weight`, and the
+    // level of the surface in place of luma. Nodes without depth maps answer with 0.
+    kMeasured = 5,
     kFocused = 6,
   };
   Kind kind = Kind::kBlurred;
@@ -75,6 +79,11 @@ struct ViewRequest : RequestHeader {
   GainRequest gains;
   bool operator==(const ViewRequest&) const = default;
 };
+
+// Returns true if the last hypothesis of a request is the measured surface.
+inline bool measures_depth(const std::vector<DepthHypothesis>& hypotheses) {
+  return !hypotheses.empty() && hypotheses.back().kind == DepthHypothesis::Kind::kMeasured;
+}
 
 // Returns the view with the focal surface that its picture is rendered on.
 inline View displayed_view(const ViewRequest& request) {

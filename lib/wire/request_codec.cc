@@ -87,7 +87,6 @@ namespace {
 
 constexpr uint8_t kFocalPlane = 0, kFocalMap = 1;
 constexpr uint8_t kUseGains = 1, kAskMean = 2, kMeanFollows = 4, kOnPlane = 8;
-constexpr uint8_t kLayers = 5;     // kind of depth hypothesis, reserved
 constexpr int kBlendingShift = 4;  // position of the blending kind in the same byte
 constexpr size_t kPoseBytes = 7 * 8, kPlaneBytes = 4 * 8, kInFrontBytes = 3 * 8;
 
@@ -112,6 +111,9 @@ void check(const ViewRequest& request) {
   if (request.hypotheses.size() > kMaxHypotheses)
     throw Error("depth hypotheses: at most " + std::to_string(kMaxHypotheses) + ", not " +
                 std::to_string(request.hypotheses.size()));
+  for (size_t i = 0; i + 1 < request.hypotheses.size(); i++)
+    if (request.hypotheses[i].kind == DepthHypothesis::Kind::kMeasured)
+      throw Error("depth hypotheses: kind 5 must be the last");
   if (!request.hypotheses.empty() && !request.view.focus.map) throw Error("depth hypotheses: require a focal map");
   if (request.on_plane && !request.view.focus.map) throw Error("depth hypotheses: on a plane, require a focal map");
   check_gains(request);
@@ -197,7 +199,7 @@ void read_map(Reader& in, ViewRequest& request) {
   request.hypotheses.resize(in.get<uint8_t>());
   for (DepthHypothesis& hypothesis : request.hypotheses) {
     const uint8_t kind = in.get<uint8_t>();
-    if (kind > static_cast<uint8_t>(DepthHypothesis::Kind::kFocused) || kind == kLayers)
+    if (kind > static_cast<uint8_t>(DepthHypothesis::Kind::kFocused))
       throw Error("depth hypotheses: kind " + std::to_string(kind) + " is unknown");
     hypothesis.kind = static_cast<DepthHypothesis::Kind>(kind);
     hypothesis.value = static_cast<int16_t>(in.get<uint16_t>());

@@ -211,9 +211,7 @@ class Array {
   std::vector<PhotoConsistency> moments(const ViewRequest& request) {
     if (request.hypotheses.empty() || !request.view.focus.map) return {};
     const FocalMap& map = *request.view.focus.map;
-    std::vector<std::vector<uint8_t>> levels;
-    for (const DepthHypothesis& hypothesis : request.hypotheses)
-      levels.push_back(hypothesis_levels(request.view, hypothesis));
+    const std::vector<std::vector<uint8_t>> levels = hypothesis_levels(request.view, request.hypotheses);
     std::vector<PhotoConsistency> sums(levels.size());
     for (PhotoConsistency& sum : sums) sum.reset(map.columns, map.rows);
     const RenderJob job(s_.rig, mesh_, hypothesis_view(request.view), own_);

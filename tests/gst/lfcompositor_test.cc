@@ -391,9 +391,7 @@ class LfCompositorHypothesesTest : public LfCompositorTest {
     const RenderJob job(array_.rig(), build_mesh(array_.rig()), hypothesis_view(asked_.view), {{0}});
     Image grey(PixelFamily::kRgb, ArrayFixture::kWidth, ArrayFixture::kHeight);
     std::ranges::fill(grey.data(), uint8_t{200});
-    std::vector<std::vector<uint8_t>> levels;
-    for (const DepthHypothesis& hypothesis : asked_.hypotheses)
-      levels.push_back(hypothesis_levels(asked_.view, hypothesis));
+    const std::vector<std::vector<uint8_t>> levels = hypothesis_levels(asked_.view, asked_.hypotheses);
     std::vector<PhotoConsistency> sums(levels.size());
     for (PhotoConsistency& sum : sums) sum.reset(asked_.view.focus.map->columns, asked_.view.focus.map->rows);
     add_consistency(job, {{Source{0, &array_.rig().cameras[0], grey.view()}}}, levels, sums);

@@ -295,9 +295,7 @@ class Renderer {
   std::vector<PhotoConsistency> moments(const ViewRequest& request, size_t number, Picture& cost) {
     if (request.hypotheses.empty()) return {};
     const uint64_t begun = now_ns();
-    std::vector<std::vector<uint8_t>> levels;
-    for (const DepthHypothesis& hypothesis : request.hypotheses)
-      levels.push_back(hypothesis_levels(request.view, hypothesis));
+    const std::vector<std::vector<uint8_t>> levels = hypothesis_levels(request.view, request.hypotheses);
     std::vector<PhotoConsistency> sums(levels.size());
     for (PhotoConsistency& sum : sums) sum.reset(request.view.focus.map->columns, request.view.focus.map->rows);
     const RenderJob job(case_.rig, mesh_, hypothesis_view(request.view), own_);

@@ -502,6 +502,23 @@ TEST_F(HypothesisAnswersTest, SumsAddUp) {
   EXPECT_EQ(answers_.brightness.columns, 0);
 }
 
+// The surfaces that nodes have measured are not added: at each node of the map, the heaviest counts.
+TEST_F(HypothesisAnswersTest, MeasuredSurfacesAreMerged) {
+  request_.hypotheses[1].kind = DepthHypothesis::Kind::kMeasured;
+  const auto measured = [](uint16_t weight, uint16_t luma) {
+    PhotoConsistency sums = moments(4, 2, luma);
+    sums.weight = {weight, weight, weight, weight, weight, weight, weight, 0};
+    return sums;
+  };
+  EXPECT_EQ(add({moments(4, 2, 10), measured(50, 20)}), "");
+  EXPECT_EQ(add({moments(4, 2, 1), measured(80, 7)}), "");
+  EXPECT_EQ(add({moments(4, 2, 1), measured(60, 9)}), "");
+  EXPECT_EQ(answers_.moments[0].luma[3], 12);
+  EXPECT_EQ(answers_.moments[1].luma[3], 7);
+  EXPECT_EQ(answers_.moments[1].weight[3], 80);
+  EXPECT_EQ(answers_.moments[1].weight[7], 0);
+}
+
 TEST_F(HypothesisAnswersTest, RequestedBrightnessAddsUp) {
   const GainSum gains{.weight = 3, .log2 = -4};
   EXPECT_NE(add({moments(2, 1, 10)}, gains), "") << "not requested";

@@ -14,7 +14,7 @@ namespace {
 class ArrayDepthTest : public testing::Test {
  protected:
   ArrayDepth estimate(const CameraSet& cameras, const ParallelFor& parallel = serial_for) const {
-    return {walls_.rig, cameras, [this](CameraIndex i) -> const Image& { return walls_.images[i]; }, 0, 1.2, parallel};
+    return {walls_.rig, cameras, images_, 0, 1.2, parallel};
   }
   View view() const {
     View view = walls_.view(0);
@@ -37,6 +37,7 @@ class ArrayDepthTest : public testing::Test {
   }
 
   const test::ArrayOfWalls walls_;
+  const MatchedImages images_ = [this](CameraIndex i) { return walls_.images[i].view(); };
 };
 
 TEST_F(ArrayDepthTest, FindsTheSurfaceOfAView) {
@@ -56,9 +57,9 @@ TEST_F(ArrayDepthTest, CamerasThatAreLeftOutAreNotNeeded) {
   CameraSet cameras = walls_.own;
   std::erase(cameras, 4u);
   const ArrayDepth depth = {walls_.rig, cameras,
-                            [this](CameraIndex i) -> const Image& {
+                            [this](CameraIndex i) {
                               EXPECT_NE(i, 4u);
-                              return walls_.images[i];
+                              return walls_.images[i].view();
                             },
                             0, 1.2};
   EXPECT_GT(share_right(view(), depth.surface(view())), 0.95);
@@ -73,6 +74,69 @@ TEST_F(ArrayDepthTest, DoesNotDependOnThreads) {
   const FocalMap map = estimate(walls_.own).surface(view());
   EXPECT_EQ(estimate(walls_.own, backwards).surface(view(), backwards), map);
   EXPECT_EQ(estimate(walls_.own, parallel_for_all_processors()).surface(view()), map);
+}
+
+TEST_F(ArrayDepthTest, EachStepDoublesTheResolution) {
+  ArrayDepth depth = ArrayDepth::coarse(walls_.rig, walls_.own, images_, 0, 1.2);
+  int steps = 0;
+  for (; !depth.is_finest(walls_.rig); steps++) depth = depth.finer(walls_.rig, images_);
+  EXPECT_EQ(steps, 1);
+  EXPECT_EQ(depth.surface(view()), estimate(walls_.own).surface(view()));
+}
+
+TEST_F(ArrayDepthTest, DistancesAreFromThePlaneOfTheMap) {
+  const ArrayDepth depth = estimate(walls_.own);
+  View from_behind = view();
+  from_behind.pose.position.z = -0.5;
+  FocalMap like = FocalMap::for_view(160, 120, 8);
+  like.from = {{0, 0, 1}, 0};
+  const FocalMap map = depth.surface(from_behind, like);
+  EXPECT_EQ(map.step, 8);
+  EXPECT_EQ(map.from, like.from);
+  const auto inverse_at = [&](int x, int y) {
+    return map.inverse_of(map.levels[static_cast<size_t>(y) * map.columns + x]);
+  };
+  EXPECT_NEAR(inverse_at(5, 7), 1 / 3., 0.03);
+  EXPECT_NEAR(inverse_at(15, 7), 1 / 1.5, 0.05);
+}
+
+TEST_F(ArrayDepthTest, UnchangedImagesKeepTheirDepths) {
+  ArrayDepth depth = estimate(walls_.own);
+  std::vector<Image> noisy = walls_.images;
+  for (Image& image : noisy)
+    for (size_t i = 0; i < image.data().size(); i++)
+      image.data()[i] = static_cast<uint8_t>(image.data()[i] + static_cast<int>(i * 7919 % 9) - 4);
+  const ArrayDepth next = depth.updated(walls_.rig, walls_.own, [&](CameraIndex i) { return noisy[i].view(); });
+  EXPECT_TRUE(next.shares_all(depth));
+}
+
+// The walls come nearer by a third.
+TEST_F(ArrayDepthTest, UpdatesFollowTheScene) {
+  const test::ArrayOfWalls later(false, 1.33);
+  const MatchedImages images = [&](CameraIndex i) { return later.images[i].view(); };
+  ArrayDepth depth = estimate(walls_.own);
+  const auto is_near = [&](const FocalMap& map) {
+    const size_t middle = static_cast<size_t>(map.rows / 2) * map.columns + map.columns / 4;
+    return std::abs(map.inverse_of(map.levels[middle]) - 1.33 / 3) < 0.04;
+  };
+  EXPECT_FALSE(is_near(depth.surface(view())));
+  int updates = 0;
+  for (; updates < 8; updates++) {
+    ArrayDepth next = depth.updated(later.rig, walls_.own, images);
+    const bool is_same = next.shares_all(depth);
+    depth = std::move(next);
+    if (is_same) break;
+  }
+  EXPECT_TRUE(is_near(depth.surface(view())));
+  EXPECT_LE(updates, 5) << "then the depths rest";
+}
+
+TEST_F(ArrayDepthTest, ANewCameraJoins) {
+  CameraSet some = walls_.own;
+  some.pop_back();
+  const ArrayDepth depth = estimate(some).updated(walls_.rig, walls_.own, images_);
+  EXPECT_EQ(depth.cameras(), walls_.own);
+  EXPECT_GT(share_right(view(), depth.surface(view())), 0.95);
 }
 
 TEST_F(ArrayDepthTest, AViewOfNothingIsFar) {

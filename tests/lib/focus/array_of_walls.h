@@ -59,9 +59,8 @@ struct ArrayOfWalls {
   std::vector<PhotoConsistency> moments(const View& view, const std::vector<DepthHypothesis>& hypotheses,
                                         const std::vector<CameraIndex>& cameras,
                                         const CameraSet& out_of_service = {}) const {
-    std::vector<std::vector<uint8_t>> levels;
-    for (const DepthHypothesis& hypothesis : hypotheses) levels.push_back(hypothesis_levels(view, hypothesis));
-    std::vector<PhotoConsistency> sums(hypotheses.size());
+    const std::vector<std::vector<uint8_t>> levels = hypothesis_levels(view, hypotheses);
+    std::vector<PhotoConsistency> sums(levels.size());
     for (PhotoConsistency& sum : sums) sum.reset(view.focus.map->columns, view.focus.map->rows);
     const Mesh in_service = build_mesh(rig, out_of_service);
     const RenderJob job(rig, in_service, hypothesis_view(view), cameras);

@@ -66,9 +66,7 @@ TEST(Autofocus, IgnoresRepeatedPatterns) {
         request.view.focus.plane = focal_plane_at(request.view.pose, begin);
         request.view = view_around(request.view, pixel);
         add_focus_sweep(request, from, found, sweep_reach(rig, request.view));
-        std::vector<std::vector<uint8_t>> levels;
-        for (const DepthHypothesis& hypothesis : request.hypotheses)
-          levels.push_back(hypothesis_levels(request.view, hypothesis));
+        const std::vector<std::vector<uint8_t>> levels = hypothesis_levels(request.view, request.hypotheses);
         std::vector<PhotoConsistency> sums(levels.size());
         for (PhotoConsistency& sum : sums) sum.reset(request.view.focus.map->columns, request.view.focus.map->rows);
         add_consistency(RenderJob(rig, mesh, hypothesis_view(request.view), own), sources, levels, sums);

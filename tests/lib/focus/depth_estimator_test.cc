@@ -398,6 +398,148 @@ TEST(DepthEstimator, DepthsOutsideTheSceneAreDiscarded) {
   EXPECT_FALSE(control.state().on_plane);
 }
 
+// An array with a wide baseline in front of a wall at 20 m and, in the right half of the view, a wall at 1.5 m. Its
+// cameras may measure the surface themselves.
+class WideArrayTest : public testing::Test {
+ protected:
+  static constexpr double kLeft = 1 / 20., kRight = 1 / 1.5;  // 1/m
+  static constexpr auto kMeasured = DepthHypothesis::Kind::kMeasured;
+
+  WideArrayTest() {
+    request_.view = ArrayOfWalls().view(0);
+    request_.view.pose.position = {0.02, -0.03, 0};
+    request_.view.focus = {.plane = plane_through({0, 0, 20}, {0, 0, -1})};
+  }
+
+  static Rig wide_rig() {
+    Rig rig = ArrayOfWalls().rig;
+    const double factor = FocusArray(rig).nearest() / (1.05 * kRight);
+    for (Camera& camera : rig.cameras) camera.pose.position *= factor;
+    return rig;
+  }
+  double truth(const FocalMap& map, size_t node) const {
+    return 2 * static_cast<int>(node % map.columns) < map.columns ? kLeft : right_;
+  }
+  PhotoConsistency consistency(const DepthHypothesis& hypothesis) const {
+    const FocalMap& map = *request_.view.focus.map;
+    PhotoConsistency out;
+    out.reset(map.columns, map.rows);
+    const std::vector<uint8_t> levels = hypothesis_levels(request_.view, hypothesis);
+    for (size_t i = 0; i < levels.size(); i++) {
+      const double off = array_.disparity() * std::abs(map.inverse_of(levels[i]) - truth(map, i));
+      const double deviation = std::min(30., 2 + 2 * off);
+      out.weight[i] = PhotoConsistency::kWeightOne;
+      out.luma[i] = 100 * PhotoConsistency::kLumaOne;
+      out.square[i] = static_cast<uint16_t>(std::lround(100 * 100 + deviation * deviation));
+    }
+    return out;
+  }
+  PhotoConsistency measured() const {
+    const FocalMap& map = *request_.view.focus.map;
+    PhotoConsistency out;
+    out.reset(map.columns, map.rows);
+    for (size_t i = 0; measures_ && i < out.weight.size(); i++) {
+      out.weight[i] = PhotoConsistency::kWeightOne;
+      out.luma[i] = PhotoConsistency::luma_of(out.weight[i], map.level_of(truth(map, i) * error_));
+    }
+    return out;
+  }
+  void run(int requests) {
+    for (int i = 0; i < requests; i++) {
+      std::vector<PhotoConsistency> sums;
+      for (const DepthHypothesis& hypothesis : request_.hypotheses)
+        sums.push_back(hypothesis.kind == kMeasured ? measured() : consistency(hypothesis));
+      with_hypotheses_ += !request_.hypotheses.empty();
+      asked_ += measures_depth(request_.hypotheses);
+      request_.sequence++;
+      const DepthEstimator::Plan plan = control_.next(request_, sums, array_);
+      request_.view = plan.view;
+      request_.hypotheses = plan.hypotheses;
+    }
+  }
+  // Returns the mean difference between the surface and the scene, in pixels of disparity.
+  double error() const {
+    const FocalMap& map = *request_.view.focus.map;
+    double sum = 0;
+    for (size_t i = 0; i < map.levels.size(); i++)
+      sum += array_.disparity() * std::abs(map.inverse_of(map.levels[i]) - truth(map, i));
+    return sum / static_cast<double>(map.levels.size());
+  }
+
+  const Rig rig_ = wide_rig();
+  const FocusArray array_{rig_};
+  DepthEstimator control_{{.mode = FocusMode::kSurface}};
+  ViewRequest request_;
+  double right_ = kRight;
+  bool measures_ = false;
+  double error_ = 1;  // factor of the measured inverse distances
+  int asked_ = 0, with_hypotheses_ = 0;
+};
+
+TEST_F(WideArrayTest, TheMeasuredSurfaceIsShown) {
+  run(30);
+  ASSERT_GT(array_.disparity() * (kRight - kLeft), kWideDisparity);
+  EXPECT_GT(asked_, 2) << control_.state().near << " " << control_.state().far;
+  EXPECT_LT(asked_, 10);
+  EXPECT_FALSE(control_.state().on_plane) << "the surface of the search";
+  measures_ = true;
+  asked_ = 0;
+  run(10);
+  EXPECT_GT(asked_, 4);
+  EXPECT_FALSE(control_.state().on_plane);
+  EXPECT_LT(error(), 0.2);
+}
+
+TEST_F(WideArrayTest, ItIsRequestedLessOftenAtRest) {
+  measures_ = true;
+  run(40);
+  ASSERT_LT(error(), 0.2);
+  asked_ = 0;
+  run(40);
+  EXPECT_EQ(asked_, 5);
+  request_.view.pose.position.x += 0.1;
+  run(2);
+  EXPECT_EQ(asked_, 6) << "at once when the viewer moves";
+}
+
+TEST_F(WideArrayTest, ItFollowsTheScene) {
+  measures_ = true;
+  run(40);
+  right_ = 0.9 * kRight;
+  run(20);
+  EXPECT_LT(error(), 0.2);
+  EXPECT_FALSE(control_.state().on_plane);
+}
+
+TEST_F(WideArrayTest, AWrongSurfaceIsNotShown) {
+  measures_ = true;
+  error_ = 0.5;
+  run(60);
+  EXPECT_LT(error(), 2) << "the search has found the surface";
+  EXPECT_FALSE(control_.state().on_plane);
+  asked_ = 0;
+  run(100);
+  EXPECT_EQ(asked_, 0) << "the cameras are wrong";
+}
+
+TEST_F(WideArrayTest, WithoutMeasurementsTheSearchGoesOn) {
+  measures_ = true;
+  run(40);
+  measures_ = false;
+  run(150);
+  EXPECT_LT(error(), 2);
+  EXPECT_FALSE(control_.state().on_plane);
+  EXPECT_FALSE(measures_depth(request_.hypotheses));
+}
+
+TEST(DepthEstimator, CamerasSideBySideMeasureNothing) {
+  Loop loop(FocusMode::kAuto, false, 0, 0);
+  for (int i = 0; i < 100; i++) {
+    loop.run(1);
+    EXPECT_FALSE(measures_depth(loop.request.hypotheses));
+  }
+}
+
 TEST(DepthEstimator, FocusesPartOfAView) {
   Loop loop(FocusMode::kSurface, false, 0, 0);
   View& view = loop.viewers;

@@ -85,9 +85,8 @@ Image chequered_blocks(Random&, int width, int height) {
 }
 
 std::vector<std::vector<uint8_t>> some_hypotheses(Random& random, const View& view) {
-  std::vector<std::vector<uint8_t>> hypotheses;
-  for (const DepthHypothesis& hypothesis : hypotheses_of_round(random.integer(0, 20)))
-    hypotheses.push_back(hypothesis_levels(view, hypothesis));
+  const std::vector<std::vector<uint8_t>> hypotheses =
+      hypothesis_levels(view, hypotheses_of_round(random.integer(0, 20)));
   return hypotheses;
 }
 
@@ -259,9 +258,7 @@ TEST(GpuConsistency, FindsTheSameSurface) {
         focus.apply(request);
         ViewDepths::Answers answers;
         if (!request.hypotheses.empty()) {
-          std::vector<std::vector<uint8_t>> levels;
-          for (const DepthHypothesis& hypothesis : request.hypotheses)
-            levels.push_back(hypothesis_levels(request.view, hypothesis));
+          const std::vector<std::vector<uint8_t>> levels = hypothesis_levels(request.view, request.hypotheses);
           answers.moments.resize(levels.size());
           for (PhotoConsistency& of : answers.moments)
             of.reset(request.view.focus.map->columns, request.view.focus.map->rows);

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
+#include "focus/hypothesis_levels.h"
 #include "wire/request_codec.h"
 #include "support/mentions.h"
 
@@ -247,7 +248,7 @@ TEST(RequestCodec, MapForHypothesesOnlyRoundTrips) {
   EXPECT_THROW(encode_request(without), Error) << "without a map";
   request.view.focus.map = nullptr;
   EXPECT_THROW(encode_request(request), Error);
-  for (const int kind : {5, 7, 255}) {
+  for (const int kind : {7, 255}) {
     // The only hypothesis of kind 6 is followed by its value, 0.
     std::vector<uint8_t> unknown = bytes;
     const auto at = std::ranges::search(unknown, std::array<uint8_t, 7>{2, 0, 0, 0, 6, 0, 0});
@@ -255,6 +256,15 @@ TEST(RequestCodec, MapForHypothesesOnlyRoundTrips) {
     at[4] = static_cast<uint8_t>(kind);
     EXPECT_MENTIONS(reason_of(unknown), "depth hypotheses", std::to_string(kind), "unknown");
   }
+}
+
+TEST(RequestCodec, TheMeasuredSurfaceIsTheLastHypothesis) {
+  ViewRequest request = golden_request();
+  request.view.focus.map = std::make_shared<FocalMap>(plane_map(request.view, request.view.focus.plane, 1, 0.1));
+  request.hypotheses = {{DepthHypothesis::Kind::kBlurred, 0}, {DepthHypothesis::Kind::kMeasured, 0}};
+  EXPECT_EQ(decode_request(encode_request(request)), request);
+  std::ranges::reverse(request.hypotheses);
+  EXPECT_THROW(encode_request(request), Error);
 }
 
 TEST(RequestCodec, RoundTrips) {

@@ -1,0 +1,252 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "node/depth_tracker.h"
+
+#include <algorithm>
+#include <chrono>
+#include <map>
+#include <utility>
+#include <vector>
+
+#include "base/schedule.h"
+#include "base/text.h"
+#include "focus/focus_array.h"
+#include "focus/still_focus.h"
+
+namespace lf {
+
+namespace {
+
+constexpr std::chrono::milliseconds kShortestPause{20};
+// Time from a comparison of images that have not changed to the next one, in multiples of its duration.
+constexpr uint64_t kRestingPart = 4;
+
+// Frames of cameras, decoded one at a time.
+class DecodedFrames {
+ public:
+  DecodedFrames(const CameraInputs::Array& array, const CameraSet& cameras, PixelFamily family,
+                const DepthTracker::FindFrame& find)
+      : array_(array), family_(family == PixelFamily::kNone ? PixelFamily::kRgb : family) {
+    for (const CameraIndex camera : cameras)
+      if (std::optional<CameraFrame> frame = find(camera); frame && frame->fits(array.rig->cameras[camera]))
+        frames_[camera] = std::move(*frame);
+  }
+
+  CameraSet cameras() const {
+    CameraSet cameras;
+    for (const auto& [camera, frame] : frames_) cameras.push_back(camera);
+    return cameras;
+  }
+
+  // Returns the image of a camera, which is valid until the next call. Throws DamagedFrame.
+  struct DamagedFrame {};
+  ImageView operator()(CameraIndex camera) {
+    CameraPicture& picture = *frames_.at(camera).picture;
+    const Rect whole{0, 0, picture.width(), picture.height()};
+    image_ = picture.view(family_, whole);
+    if (!image_) {
+      frames_.erase(camera);
+      throw DamagedFrame();
+    }
+    const ColourCorrection* const correction =
+        array_.colours && array_.colours->any() ? array_.colours->of(camera, family_) : nullptr;
+    return correction ? correction->apply(*image_, whole, corrected_) : *image_;
+  }
+
+ private:
+  const CameraInputs::Array& array_;
+  const PixelFamily family_;
+  std::map<CameraIndex, CameraFrame> frames_;
+  std::shared_ptr<const ImageView> image_;
+  ByteBuffer corrected_;
+};
+
+// Returns the cameras of a node that are nearest to the viewpoints, in ascending order.
+CameraSet cameras_around(const CameraInputs::Array& array, const std::vector<Vec3>& eyes) {
+  CameraSet chosen;
+  for (const Vec3& eye : eyes) {
+    std::vector<std::pair<double, CameraIndex>> by_distance;
+    for (const auto& [camera, frames] : array.cameras)
+      by_distance.emplace_back(glm::distance(array.rig->cameras[camera].pose.position, eye), camera);
+    std::ranges::sort(by_distance);
+    for (size_t i = 0; i < by_distance.size() && i < DepthTracker::kCamerasOfView; i++)
+      if (const CameraIndex camera = by_distance[i].second;
+          chosen.size() < DepthTracker::kMostCameras && std::ranges::find(chosen, camera) == chosen.end())
+        chosen.push_back(camera);
+  }
+  std::ranges::sort(chosen);
+  return chosen;
+}
+
+// Thrown by the function that stoppable() returns.
+struct Stopped {};
+
+// Runs the tasks of `parallel` in small groups. Throws Stopped between groups if `is_stopped` returns true.
+ParallelFor stoppable(const ParallelFor& parallel, std::function<bool()> is_stopped) {
+  return [&parallel, is_stopped = std::move(is_stopped)](size_t count, const std::function<void(size_t)>& task) {
+    const size_t group = std::max(std::thread::hardware_concurrency(), 1u);
+    for (size_t first = 0; first < count; first += group) {
+      if (is_stopped()) throw Stopped();
+      parallel(std::min(group, count - first), [&](size_t i) { task(first + i); });
+    }
+  };
+}
+
+}  // namespace
+
+DepthTracker::~DepthTracker() {
+  thread_.request_stop();
+  changed_.notify_all();
+}
+
+std::optional<View> DepthTracker::surface(std::shared_ptr<TrackedView>& tracked, const View& view) {
+  const FocalMap& map = *view.focus.map;
+  if (static_cast<size_t>(map.columns) * map.rows > kMaxNodes) return {};
+  const std::lock_guard lock(mutex_);
+  if (!tracked) tracked = std::make_shared<TrackedView>();
+  tracked->used = now_ns();
+  tracked->is_new = tracked->is_new || !(tracked->wanted.pose == view.pose && tracked->wanted.lens == view.lens);
+  tracked->wanted = view;
+  if (std::ranges::find(views_, tracked) == views_.end()) {
+    if (views_.size() >= kMaxViews) return {};
+    tracked->found.reset();
+    tracked->is_new = true;
+    views_.push_back(tracked);
+  }
+  if (!thread_.joinable()) thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
+  changed_.notify_all();
+  return tracked->found;
+}
+
+void DepthTracker::clear() {
+  const std::lock_guard lock(mutex_);
+  views_.clear();
+  generation_++;
+}
+
+// Waits until a view is tracked. Returns false if the thread should end.
+bool DepthTracker::wait_for_views(const std::stop_token& stop) {
+  std::unique_lock lock(mutex_);
+  const auto has_any = [this] {
+    const uint64_t now = now_ns();
+    std::erase_if(views_, [now](const auto& view) { return now - view->used > kTimeout; });
+    return !views_.empty();
+  };
+  if (!has_any()) generation_++;
+  return changed_.wait(lock, stop, has_any);
+}
+
+std::vector<Vec3> DepthTracker::eyes() {
+  const std::lock_guard lock(mutex_);
+  std::vector<Vec3> eyes;
+  for (const auto& view : views_) eyes.push_back(view->wanted.pose.position);
+  return eyes;
+}
+
+// Estimates the depths of `cameras` from their frames. Returns true if they have changed. Calls show_step() after each
+// step of the first estimate except the first and the last.
+bool DepthTracker::update_depths(const CameraInputs::Array& array, const CameraSet& cameras, const FindFrame& find,
+                                 const ParallelFor& parallel, const std::function<void()>& show_step) {
+  if (rig_ != array.rig) depths_.reset();
+  rig_ = array.rig;
+  DecodedFrames frames(array, cameras, inputs_.family(), find);
+  const MatchedImages images = [&](CameraIndex camera) { return frames(camera); };
+  while (frames.cameras().size() >= 2) {
+    try {
+      if (depths_) {
+        ArrayDepth depths = depths_->updated(*rig_, frames.cameras(), images, parallel);
+        const bool has_changed = !depths.shares_all(*depths_);
+        depths_ = std::move(depths);
+        return has_changed;
+      }
+      const double nearest = kNearestDepth * FocusArray(*rig_).nearest();
+      depths_ = ArrayDepth::coarse(*rig_, frames.cameras(), images, 0, nearest, parallel);
+      while (!depths_->is_finest(*rig_)) {
+        depths_ = depths_->finer(*rig_, images, parallel);
+        if (!depths_->is_finest(*rig_)) show_step();
+      }
+      return true;
+    } catch (const DecodedFrames::DamagedFrame&) {
+      depths_.reset();
+    }
+  }
+  return false;
+}
+
+std::optional<View> DepthTracker::measure(const CameraInputs::Array& array, const View& view, const FindFrame& find,
+                                          const std::atomic<bool>& cancelled, const ParallelFor& parallel) {
+  const FocalMap& map = *view.focus.map;
+  if (static_cast<size_t>(map.columns) * map.rows > kMaxNodes) return {};
+  const std::lock_guard lock(work_mutex_);
+  try {
+    update_depths(array, cameras_around(array, {view.pose.position}), find,
+                  stoppable(parallel, [&cancelled] { return cancelled.load(); }), [] {});
+  } catch (const Stopped&) {
+    depths_.reset();
+  }
+  if (!depths_) return {};
+  View measured = view;
+  measured.focus.map = std::make_shared<const FocalMap>(depths_->surface(view, map, parallel));
+  return measured;
+}
+
+// Measures the surfaces of all views, or only of those that have moved.
+void DepthTracker::update_surfaces(bool all) {
+  if (!depths_) return;
+  Views views;
+  {
+    const std::lock_guard lock(mutex_);
+    views = views_;
+  }
+  for (const auto& tracked : views) {
+    View view;
+    {
+      const std::lock_guard lock(mutex_);
+      if (!all && !tracked->is_new) continue;
+      view = tracked->wanted;
+      tracked->is_new = false;
+    }
+    view.focus.map = std::make_shared<const FocalMap>(depths_->surface(view, *view.focus.map));
+    const std::lock_guard lock(mutex_);
+    if (generation_of_depths_ == generation_) tracked->found = std::move(view);
+  }
+}
+
+// Updates the depths if it is time, and the surfaces of the live views. Throws Stopped.
+void DepthTracker::work(const std::stop_token& stop) {
+  const std::lock_guard lock(work_mutex_);
+  {
+    const std::lock_guard of_views(mutex_);
+    if (generation_of_depths_ != generation_) depths_.reset();
+    generation_of_depths_ = generation_;
+  }
+  const auto array = inputs_.array();
+  const uint64_t begun = now_ns();
+  bool has_changed = false;
+  if (array->rig && (begun >= next_update_ || !depths_)) {
+    // Nothing else makes the picture sharp, so the first depths may use all processors.
+    const ParallelFor parallel = depths_ ? serial_for : parallel_for_all_processors();
+    has_changed = update_depths(
+        *array, cameras_around(*array, eyes()),
+        [&array](CameraIndex camera) { return array->cameras.at(camera)->newest(); },
+        stoppable(parallel, [&stop] { return stop.stop_requested(); }), [this] { update_surfaces(true); });
+    const uint64_t now = now_ns();
+    next_update_ = now + (has_changed ? 1 : kRestingPart) * (now - begun);
+  }
+  update_surfaces(has_changed);
+}
+
+void DepthTracker::run(const std::stop_token& stop) {
+  while (wait_for_views(stop)) {
+    const uint64_t begun = now_ns();
+    try {
+      work(stop);
+    } catch (const Stopped&) {
+      return;
+    }
+    const auto worked = std::chrono::nanoseconds(now_ns() - begun);
+    std::unique_lock lock(mutex_);
+    changed_.wait_for(lock, stop, std::max<std::chrono::nanoseconds>(worked, kShortestPause), [] { return false; });
+  }
+}
+
+}  // namespace lf

@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <stop_token>
+#include <thread>
+#include <vector>
+
+#include "depth/array_depth.h"
+#include "node/camera_inputs.h"
+#include "view/view.h"
+
+namespace lf {
+
+// Measures the surfaces of views with the depth maps of a node's cameras, for arrays with wide baselines (see kMeasured
+// in DepthHypothesis). Thread-safe.
+class DepthTracker {
+ public:
+  // Depth maps are estimated for this number of cameras around each viewpoint, and in total.
+  static constexpr size_t kCamerasOfView = 16, kMostCameras = 48;
+  // The work for a live view ends this long after its last call of surface(), nanoseconds.
+  static constexpr uint64_t kTimeout = 2'000'000'000;
+  // Live views that are tracked at the same time. Further views get no surface.
+  static constexpr size_t kMaxViews = 32;
+  // Views with more nodes get no surface.
+  static constexpr size_t kMaxNodes = size_t{1} << 18;
+
+  // A live view whose surface is measured. The members are private to the tracker.
+  struct TrackedView {
+    View wanted;
+    uint64_t used = 0;          // now_ns() of the last call of surface()
+    std::optional<View> found;  // with the measured surface as map
+    bool is_new = true;         // `wanted` has changed since `found`
+  };
+
+  // `inputs` must outlive this object.
+  explicit DepthTracker(CameraInputs& inputs) : inputs_(inputs) {}
+  ~DepthTracker();
+
+  // Returns a view of the same live viewer, a moment before, with the surface that the cameras have measured. Its map
+  // is like ArrayDepth::surface(). Returns nothing if there is none yet. Never waits. `view` must have a map. `tracked`
+  // is the state of this viewer, initially null.
+  //
+  // A thread of the tracker does the work, at most half of the time. As long as the images do not change, it only
+  // compares them.
+  std::optional<View> surface(std::shared_ptr<TrackedView>& tracked, const View& view);
+  // Measures the surface of a view of films or stills, from the frames that `find` returns, and returns the view with
+  // this surface. It takes as long as necessary, so that the pictures of films do not depend on the speed of the
+  // machine: some 20 ms for each camera of 320x240 pixels, and several times as long for the first view. Returns
+  // nothing if there are no frames, or if `cancelled` becomes true.
+  using FindFrame = std::function<std::optional<CameraFrame>(CameraIndex)>;
+  std::optional<View> measure(const CameraInputs::Array& array, const View& view, const FindFrame& find,
+                              const std::atomic<bool>& cancelled, const ParallelFor& parallel);
+  // Forgets the live views and their depths. Does not wait for work in progress, whose result is dropped.
+  void clear();
+
+ private:
+  using Views = std::vector<std::shared_ptr<TrackedView>>;
+
+  void run(const std::stop_token& stop);
+  void work(const std::stop_token& stop);
+  bool wait_for_views(const std::stop_token& stop);
+  std::vector<Vec3> eyes();
+  bool update_depths(const CameraInputs::Array& array, const CameraSet& cameras, const FindFrame& find,
+                     const ParallelFor& parallel, const std::function<void()>& show_step);
+  void update_surfaces(bool all);
+
+  CameraInputs& inputs_;
+
+  std::mutex work_mutex_;  // held during estimates; guards the members up to next_update_
+  std::optional<ArrayDepth> depths_;
+  std::shared_ptr<const Rig> rig_;  // of depths_
+  uint64_t generation_of_depths_ = 0;
+  uint64_t next_update_ = 0;  // now_ns()
+
+  std::mutex mutex_;  // locked after work_mutex_; guards the members up to generation_
+  std::condition_variable_any changed_;
+  Views views_;
+  uint64_t generation_ = 0;  // increases if the depths must be forgotten
+
+  std::jthread thread_;  // started by the first call of surface()
+};
+
+}  // namespace lf

@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "node/depth_tracker.h"
+
+#include <chrono>
+#include <cmath>
+#include <memory>
+#include <thread>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "lib/focus/array_of_walls.h"
+
+namespace lf {
+namespace {
+
+using std::chrono_literals::operator""ms;
+
+class StillPicture : public CameraPicture {
+ public:
+  explicit StillPicture(const Image& image) : image_(image) {}
+  int width() const override { return image_.width(); }
+  int height() const override { return image_.height(); }
+  bool takes_work(PixelFamily) const override { return false; }
+  std::shared_ptr<const ImageView> view(PixelFamily, const Rect&) override {
+    return std::make_shared<const ImageView>(image_.view());
+  }
+
+ private:
+  const Image& image_;
+};
+
+class DamagedPicture : public StillPicture {
+ public:
+  using StillPicture::StillPicture;
+  std::shared_ptr<const ImageView> view(PixelFamily, const Rect&) override { return nullptr; }
+};
+
+class DepthTrackerTest : public testing::Test {
+ protected:
+  DepthTrackerTest() {
+    inputs_.set_rig(std::make_shared<const Rig>(walls_.rig));
+    for (CameraIndex i = 0; i < walls_.rig.cameras.size(); i++) {
+      const auto frames = std::make_shared<CameraFrames>();
+      frames->set_mode(CameraFrames::Mode::kRunning);
+      frames->start_stream(true);
+      inputs_.add(frames);
+      inputs_.set_camera(frames, walls_.rig.cameras[i].id);
+      inputs_.set_family(frames, PixelFamily::kRgb);
+      frames_.push_back(frames);
+    }
+    inputs_.choose_family();
+    inputs_.set_running(true);
+  }
+  void push(const std::vector<Image>& images, uint64_t time) {
+    for (size_t i = 0; i < frames_.size(); i++)
+      frames_[i]->push({.picture = std::make_shared<StillPicture>(images[i]), .time = time});
+  }
+  // Asks until `is_right` accepts the surface. Returns nothing if this does not happen.
+  template <class Fn>
+  std::optional<View> wait_for(const View& view, const Fn& is_right) {
+    for (int i = 0; i < 2000; i++, std::this_thread::sleep_for(10ms))
+      if (std::optional<View> found = tracker_.surface(tracked_, view); found && is_right(*found)) return found;
+    return {};
+  }
+  // Returns true if the walls are at their depths, in the left and in the right half of the view.
+  static bool shows_walls(const View& view, double nearer = 1) {
+    const FocalMap& map = *view.focus.map;
+    const auto is_at = [&](double part, double inverse) {
+      const size_t at = static_cast<size_t>(map.rows / 2) * map.columns + static_cast<size_t>(part * map.columns);
+      return std::abs(map.inverse_of(map.levels[at]) / inverse - 1) < 0.1;
+    };
+    return is_at(0.2, nearer / 3) && is_at(0.8, nearer / 1.5);
+  }
+
+  const test::ArrayOfWalls walls_;
+  CameraInputs inputs_;
+  std::vector<CameraInputs::Frames> frames_;
+  std::shared_ptr<DepthTracker::TrackedView> tracked_;
+  DepthTracker tracker_{inputs_};
+};
+
+TEST_F(DepthTrackerTest, MeasuresTheSurfaceOfAView) {
+  push(walls_.images, 1'000'000'000);
+  const View view = walls_.view(0);
+  const std::optional<View> found = wait_for(view, [](const View& view) { return shows_walls(view); });
+  ASSERT_TRUE(found);
+  EXPECT_EQ(found->pose, view.pose);
+  EXPECT_EQ(found->focus.map->from, view.focus.map->from);
+  EXPECT_EQ(found->focus.map->levels.size(), view.focus.map->levels.size());
+}
+
+TEST_F(DepthTrackerTest, FollowsTheViewer) {
+  push(walls_.images, 1'000'000'000);
+  View view = walls_.view(0);
+  ASSERT_TRUE(wait_for(view, [](const View& view) { return shows_walls(view); }));
+  view.pose.position.x += 0.01;
+  EXPECT_TRUE(wait_for(view, [&](const View& found) { return found.pose == view.pose && shows_walls(found); }));
+}
+
+TEST_F(DepthTrackerTest, FollowsTheScene) {
+  push(walls_.images, 1'000'000'000);
+  ASSERT_TRUE(wait_for(walls_.view(0), [](const View& view) { return shows_walls(view); }));
+  const test::ArrayOfWalls nearer(false, 1.3);
+  push(nearer.images, 2'000'000'000);
+  EXPECT_TRUE(wait_for(walls_.view(0), [](const View& view) { return shows_walls(view, 1.3); }));
+}
+
+TEST_F(DepthTrackerTest, ACameraWithDamagedFramesIsLeftOut) {
+  push(walls_.images, 1'000'000'000);
+  frames_[4]->push({.picture = std::make_shared<DamagedPicture>(walls_.images[4]), .time = 2'000'000'000});
+  EXPECT_TRUE(wait_for(walls_.view(0), [](const View& view) { return shows_walls(view); }));
+}
+
+TEST_F(DepthTrackerTest, ACameraWithFramesOfAnotherSizeIsLeftOut) {
+  push(walls_.images, 1'000'000'000);
+  const Image small(PixelFamily::kRgb, 80, 60);
+  frames_[4]->push({.picture = std::make_shared<StillPicture>(small), .time = 2'000'000'000});
+  EXPECT_TRUE(wait_for(walls_.view(0), [](const View& view) { return shows_walls(view); }));
+}
+
+TEST_F(DepthTrackerTest, FilmsAreMeasuredAtOnce) {
+  const std::atomic<bool> cancelled = false;
+  const auto of = [](const test::ArrayOfWalls& walls) {
+    return [&walls](CameraIndex camera) {
+      return CameraFrame{.picture = std::make_shared<StillPicture>(walls.images[camera])};
+    };
+  };
+  const View view = walls_.view(0);
+  const std::optional<View> found = tracker_.measure(*inputs_.array(), view, of(walls_), cancelled, serial_for);
+  ASSERT_TRUE(found);
+  EXPECT_TRUE(shows_walls(*found));
+  const test::ArrayOfWalls nearer(false, 1.3);
+  std::optional<View> later;
+  for (int i = 0; i < 4; i++) later = tracker_.measure(*inputs_.array(), view, of(nearer), cancelled, serial_for);
+  ASSERT_TRUE(later);
+  EXPECT_TRUE(shows_walls(*later, 1.3));
+}
+
+TEST_F(DepthTrackerTest, MeasuringCanBeCancelled) {
+  const std::atomic<bool> cancelled = true;
+  const auto find = [this](CameraIndex camera) {
+    return CameraFrame{.picture = std::make_shared<StillPicture>(walls_.images[camera])};
+  };
+  EXPECT_FALSE(tracker_.measure(*inputs_.array(), walls_.view(0), find, cancelled, serial_for));
+}
+
+TEST_F(DepthTrackerTest, WithoutFramesThereIsNoSurface) {
+  for (int i = 0; i < 10; i++, std::this_thread::sleep_for(10ms))
+    EXPECT_FALSE(tracker_.surface(tracked_, walls_.view(0)));
+}
+
+TEST_F(DepthTrackerTest, ClearForgetsTheSurface) {
+  push(walls_.images, 1'000'000'000);
+  ASSERT_TRUE(wait_for(walls_.view(0), [](const View&) { return true; }));
+  tracker_.clear();
+  EXPECT_FALSE(tracker_.surface(tracked_, walls_.view(0)));
+  EXPECT_TRUE(wait_for(walls_.view(0), [](const View& view) { return shows_walls(view); })) << "it is measured again";
+}
+
+TEST_F(DepthTrackerTest, TooManyViewsAndTooManyNodesGetNoSurface) {
+  push(walls_.images, 1'000'000'000);
+  ASSERT_TRUE(wait_for(walls_.view(0), [](const View&) { return true; }));
+  std::vector<std::shared_ptr<DepthTracker::TrackedView>> others(DepthTracker::kMaxViews);
+  for (auto& other : others) tracker_.surface(other, walls_.view(0));
+  EXPECT_EQ(others.back()->wanted.width, walls_.view(0).width);
+  EXPECT_FALSE(tracker_.surface(others.back(), walls_.view(0)));
+  View large = walls_.view(0);
+  FocalMap map = FocalMap::for_view(4096, 4096);
+  map.levels.resize(static_cast<size_t>(map.columns) * map.rows);
+  large.focus.map = std::make_shared<const FocalMap>(map);
+  EXPECT_FALSE(tracker_.surface(tracked_, large));
+}
+
+}  // namespace
+}  // namespace lf
