@@ -191,42 +191,51 @@ void run(Arguments a) {
 
 int main(int argc, char** argv) {
   Arguments a;
-  cli::App app("Measures what a focal surface brings over the best single plane. Without --rig on the built-in scene.",
-               "bench-surface");
+  cli::App app(
+      "Measures how much a focal surface improves pictures over the best single plane. Uses the built-in scene without "
+      "--rig.",
+      "bench-surface");
   app.add_option("--rig", a.rig, "Rig file with still images");
-  app.add_option("--views", a.views,
-                 "Views (views.json); without, some of the cameras are left out and made from others")
+  app.add_option(
+         "--views", a.views,
+         "Views to render (views.json). Without this option, some cameras are held out and predicted from the others")
       ->needs(app.add_option("--truth", a.truth, "Folder with NAME.png of each view"));
-  app.add_option("--held-out", a.held_out, "How many cameras to make")->check(cli::PositiveNumber);
+  app.add_option("--held-out", a.held_out, "Number of cameras to hold out")->check(cli::PositiveNumber);
   app.add_option("--near", a.options.focus.near,
-                 "Nearest distance, metres from the array (default: found, for planes with the truth and by the "
-                 "surface on its own)")
+                 "Nearest distance, in metres from the array (default: for planes estimated from the ground truth, for "
+                 "the surface by its own search)")
       ->check(cli::PositiveNumber);
-  app.add_option("--far", a.options.focus.far, "Farthest distance (default: found)")->check(cli::PositiveNumber);
-  app.add_option("--start", a.options.start, "Distance of the viewer's plane (default: in the middle of the scene)")
+  app.add_option("--far", a.options.focus.far, "Farthest distance, in metres (default: as for --near)")
+      ->check(cli::PositiveNumber);
+  app.add_option("--start", a.options.start,
+                 "Distance of the viewer's plane, in metres (default: the middle of the scene)")
       ->check(cli::PositiveNumber);
   app.add_flag("--automatic", a.automatic,
-               "The surface finds its range all the same: --near and --far are for planes alone");
-  app.add_option("--rounds", a.options.rounds, "Pictures from the viewer's plane on")->check(cli::PositiveNumber);
-  app.add_option("--mode", a.mode, "surface or auto")->check(cli::IsMember({"surface", "auto"}));
-  app.add_option("--resampling", a.resampling, "How images are sampled: bilinear or sharpened")
+               "Use --near and --far for planes only, so that the surface finds its own range");
+  app.add_option("--rounds", a.options.rounds, "Number of pictures, starting with the viewer's plane")
+      ->check(cli::PositiveNumber);
+  app.add_option("--mode", a.mode, "Mode of the depth estimation")->check(cli::IsMember({"surface", "auto"}));
+  app.add_option("--resampling", a.resampling, "Resampling of the camera images")
       ->check(cli::IsMember({"bilinear", "sharpened"}));
-  app.add_flag("--gains", a.options.gains, "Cameras match their brightness to their mean");
-  app.add_option("--noise", a.faults.noise, "Standard deviation of noise, of 255");
+  app.add_flag("--gains", a.options.gains, "Compensate for cameras with different brightness");
+  app.add_option("--noise", a.faults.noise, "Standard deviation of the noise to add, in levels of 255");
   app.add_option("--gain-error", a.faults.gain_error, "Relative error of the brightness of every fourth camera");
-  app.add_option("--pointing-error", a.faults.pointing_error, "Of the camera in the middle, degrees");
-  app.add_option("--moving", a.moving, "Pictures per second of the built-in scene as it moves");
+  app.add_option("--pointing-error", a.faults.pointing_error, "Pointing error of the camera in the middle, in degrees");
+  app.add_option("--moving", a.moving, "Frame rate for the moving built-in scene, per second");
   app.add_option("--eye-step", a.eye_step, "Moving scene: movement of the viewpoint per picture, in pitches");
   app.add_option("--seconds", a.seconds, "Moving scene: duration")->check(cli::PositiveNumber);
   cli::Option* acceptance =
-      app.add_flag("--acceptance", a.acceptance, "Scene after scene what surfaces promise: table, plots (--out), JSON");
-  app.add_option("--only", a.accepting.only, "With --acceptance: these scenes")->needs(acceptance);
-  app.add_option("--data", a.accepting.data, "With --acceptance: folder with toys and chess, measured as well")
+      app.add_flag("--acceptance", a.acceptance,
+                   "Measure all difficult scenes: prints a table, writes plots (--out) and JSON (--json)");
+  app.add_option("--only", a.accepting.only, "Scenes to measure with --acceptance (default: all)")->needs(acceptance);
+  app.add_option("--data", a.accepting.data,
+                 "Folder with the scenes toys and chess, which --acceptance then also measures")
       ->needs(acceptance);
-  app.add_option("--most-views", a.accepting.views, "With --acceptance: of each scene")
+  app.add_option("--most-views", a.accepting.views, "Maximum number of views of each scene for --acceptance")
       ->needs(acceptance)
       ->check(cli::PositiveNumber);
-  app.add_option("--out", a.out, "Folder for pictures, maps and a plot of speed against error (gnuplot draws it)");
-  app.add_option("--json", a.json, "Write figures to this file as well");
+  app.add_option("--out", a.out,
+                 "Folder for pictures, depth maps and a plot of speed against error (requires gnuplot)");
+  app.add_option("--json", a.json, "JSON file that also receives the results");
   return cli::run_tool(app, argc, argv, [&] { run(a); });
 }
