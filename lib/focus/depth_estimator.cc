@@ -306,7 +306,7 @@ DepthEstimator::Plan DepthEstimator::next(const ViewRequest& answered, std::span
     const bool is_measured = measured && take_measured(*measured, request, *better);
     if (is_measured || stage_ == Stage::kMeasured || request.hypotheses.size() == 1) {
       latest_.lose(request);
-      if (stage_ == Stage::kMeasured && !compare_measured(request, moments, array)) end_measured(*better);
+      if (stage_ == Stage::kMeasured && !compare_measured(request, moments, array)) end_measured(false, *better);
       if (!is_measured)
         if (std::shared_ptr<const FocalMap> latest = latest_.seen_from(request.view)) *better = *latest;
     } else {

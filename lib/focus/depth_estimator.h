@@ -149,7 +149,7 @@ class DepthEstimator {
   bool take_measured(const PhotoConsistency& measured, const ViewRequest& request, FocalMap& map);
   bool compare_measured(const ViewRequest& request, std::span<const PhotoConsistency> moments, const FocusArray& array);
   void rest_if_unchanged(const ViewRequest& request, const FocalMap& map);
-  void end_measured(FocalMap& map);
+  void end_measured(bool ask_again, FocalMap& map);
   std::vector<DepthHypothesis> with_measured(std::vector<DepthHypothesis> hypotheses);
   void compare_with_plane(const DepthSelection& choice, std::span<const PhotoConsistency> moments,
                           const ViewRequest& request, const FocusArray& array);

@@ -40,7 +40,7 @@ bool DepthEstimator::take_measured(const PhotoConsistency& measured, const ViewR
   constexpr double kEnough = 0.1;  // least part of the nodes
   const MeasuredLevels found = levels_of(measured);
   if (static_cast<double>(found.sorted.size()) < kEnough * static_cast<double>(found.levels.size())) {
-    if (stage_ == Stage::kMeasured && ++lost_ > kMostLost) end_measured(map);
+    if (stage_ == Stage::kMeasured && ++lost_ > kMostLost) end_measured(true, map);
     return false;
   }
   const auto level_at = [&](double part) {
@@ -50,7 +50,7 @@ bool DepthEstimator::take_measured(const PhotoConsistency& measured, const ViewR
   DepthRange scene{map.inverse_of(first), map.inverse_of(last)};
   if (disparity_ * (scene.nearest - scene.farthest) < kWideDisparity) {
     asked_ = kMostAsked * kMeasuredEvery;
-    if (stage_ == Stage::kMeasured) end_measured(map);
+    if (stage_ == Stage::kMeasured) end_measured(false, map);
     return false;
   }
   if (stage_ != Stage::kMeasured) {
@@ -99,11 +99,12 @@ void DepthEstimator::rest_if_unchanged(const ViewRequest& request, const FocalMa
   }
 }
 
-// Returns to the search, because the cameras measure no surface any more, a wrong one, or a shallow one.
-void DepthEstimator::end_measured(FocalMap& map) {
+// Returns to the search. If `ask_again` is true, the cameras will be asked again after the search, because they have
+// stopped measuring. Otherwise their surface was wrong or shallow, and they are not asked until the scene changes.
+void DepthEstimator::end_measured(bool ask_again, FocalMap& map) {
   state_.interval = 1;
   quiet_ = 0;
-  can_measure_ = false;
+  can_measure_ = ask_again;
   search_around(map);
 }
 
