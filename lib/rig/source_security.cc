@@ -79,7 +79,11 @@ class DescriptionReader {
 
  private:
   static bool is_space(char c) { return std::isspace(static_cast<unsigned char>(c)); }
-  static std::string quoted(std::string_view text) { return "\"" + std::string(text) + "\""; }
+  static std::string quoted(std::string_view text) {
+    std::string out = "\"";
+    out += text;
+    return out += '"';
+  }
 
   void skip_spaces() {
     while (at_ < text_.size() && is_space(text_[at_])) at_++;
