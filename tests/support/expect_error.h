@@ -3,6 +3,7 @@
 
 #include <functional>
 #include <string>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -17,6 +18,12 @@ inline std::string text_of_error(const std::function<void()>& action) {
   }
   return "no lf::Error was thrown";
 }
+
+// A row of a table: an invalid text and the facts that its error mentions.
+struct InvalidText {
+  std::string text;
+  std::vector<std::string> facts;
+};
 
 // Expects an lf::Error with a text that mentions these facts. gmock's ThrowsMessage compiles several times as slowly.
 #define EXPECT_ERROR(statement, ...) EXPECT_MENTIONS(text_of_error([&] { (void)(statement); }), __VA_ARGS__)

@@ -173,7 +173,10 @@ std::shared_ptr<JpegFrame> open_jpeg(const std::vector<uint8_t>& jpeg, std::stri
   // Allocated with the exact size, so that sanitizers detect reads past the end.
   const auto copy = std::make_shared<std::vector<uint8_t>>(jpeg);
   copy->shrink_to_fit();
-  return JpegFrame::open(copy, *copy, reason);
+  std::string error;
+  std::shared_ptr<JpegFrame> frame = JpegFrame::open(copy, *copy, reason ? reason : &error);
+  if (!frame && !reason) throw std::runtime_error(error);
+  return frame;
 }
 
 }  // namespace lf::test

@@ -44,6 +44,7 @@ struct RawPlanes {
 RawPlanes decode_raw(std::span<const uint8_t> jpeg);
 Image to_i420(const RawPlanes& raw);
 
+// Without `reason`, throws std::runtime_error if the frame cannot be opened.
 std::shared_ptr<JpegFrame> open_jpeg(const std::vector<uint8_t>& jpeg, std::string* reason = nullptr);
 
 }  // namespace lf::test

@@ -10,14 +10,20 @@
 
 namespace lf::test {
 
-// Renders each camera of the built-in scene at `time` (seconds; `samples` as in render_scene()). Writes NAME.png files
-// and rig.json. Returns the images.
-inline std::vector<Image> save_photographs(Rig& rig, const TempDir& folder, double time, int samples = 2) {
+// Renders the built-in scene for each camera at `time` (seconds; `samples` as in render_scene()).
+inline std::vector<Image> scene_images(const Rig& rig, double time = 0, int samples = 1) {
   std::vector<Image> images;
-  for (Camera& camera : rig.cameras) {
-    camera.image = camera.name + ".png";
-    images.push_back(render_scene({camera.width, camera.height, camera.lens, camera.pose}, time, samples));
-    save_image(images.back(), folder / camera.image);
+  for (const Camera& c : rig.cameras)
+    images.push_back(render_scene({c.width, c.height, c.lens, c.pose}, time, samples));
+  return images;
+}
+
+// Writes the images of the scene as NAME.png, and rig.json. Returns the images.
+inline std::vector<Image> save_photographs(Rig& rig, const TempDir& folder, double time, int samples = 2) {
+  std::vector<Image> images = scene_images(rig, time, samples);
+  for (size_t i = 0; i < images.size(); i++) {
+    rig.cameras[i].image = rig.cameras[i].name + ".png";
+    save_image(images[i], folder / rig.cameras[i].image);
   }
   save_rig(rig, folder / "rig.json");
   return images;

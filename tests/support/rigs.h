@@ -14,6 +14,7 @@
 #include "rig/mesh.h"
 #include "rig/rig.h"
 #include "rig/triangulation.h"
+#include "view/view.h"
 
 namespace lf::test {
 
@@ -96,6 +97,12 @@ inline CameraSet random_set(std::mt19937& random, CameraIndex n, size_t count) {
   CameraSet set;
   std::sample(all.begin(), all.end(), std::back_inserter(set), count, random);
   return set;
+}
+
+// Returns a view that looks along +z, with a vertical field of view in degrees. `focus`: metres.
+inline View view_from(const Vec3& position, int width, int height, double fov_y, double focus) {
+  const Pose pose{.position = position};
+  return {width, height, Lens::from_fov_y(fov_y, width, height), pose, {focal_plane_at(pose, focus)}};
 }
 
 // Exact checks of triangles with integer corners.

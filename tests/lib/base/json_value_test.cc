@@ -13,10 +13,7 @@ namespace lf {
 namespace {
 
 TEST(ParseJson, SyntaxErrorsNameLineAndPlace) {
-  struct {
-    const char* text;
-    std::vector<std::string> facts;
-  } const cases[] = {
+  const InvalidText cases[] = {
       {"", {"f.json", "JSON", "line 1", "column 1"}},
       {"hello", {"f.json", "JSON", "line 1"}},
       {"{\"a\": [1, {\"b\": tru}]}", {"f.json", "a[1].b", "JSON", "line 1", "column 20"}},
@@ -79,7 +76,8 @@ TEST(JsonValue, ErrorsNameTheProblemAndThePlace) {
 }
 
 TEST(TextFile, RoundTripsAndReplacesFiles) {
-  const std::string path = testing::TempDir() + "lf_text_file_test.txt";
+  const TempDir dir;
+  const std::string path = dir / "file.txt";
   write_text_file("first, and longer", path);
   const std::string text("a\0b\r\n\xff", 6);
   write_text_file(text, path);
@@ -87,15 +85,12 @@ TEST(TextFile, RoundTripsAndReplacesFiles) {
   EXPECT_FALSE(std::filesystem::exists(path + ".part"));
   write_text_file("", path);
   EXPECT_EQ(read_text_file(path), "");
-  std::filesystem::remove(path);
 }
 
 TEST(TextFile, ErrorsNameTheFile) {
-  const std::string directory = testing::TempDir();
-  EXPECT_ERROR(read_text_file(directory + "no_such_file"), "no_such_file", "No such file");
-  EXPECT_ERROR(read_text_file(directory), "read", "folder");
-  EXPECT_ERROR(write_text_file("", directory + "no_such_folder/x"), "no_such_folder/x", "written");
   const TempDir dir;
+  EXPECT_ERROR(read_text_file(dir / "no_such_file"), "no_such_file", "No such file");
+  EXPECT_ERROR(read_text_file(dir.path()), "read", "folder");
   EXPECT_ERROR(read_text_file(dir.write("wide.yml", "\xff\xfe{")), "wide.yml", "UTF-16");
 }
 

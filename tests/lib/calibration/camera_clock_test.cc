@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "calibration/camera_clock.h"
 
-#include <cmath>
 #include <random>
 
 #include <gtest/gtest.h>

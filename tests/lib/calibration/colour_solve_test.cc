@@ -16,7 +16,6 @@
 namespace lf {
 namespace {
 
-
 // Returns the output of a faulty camera for a level of the scene, in double precision and without noise.
 Vec3 seen_by(const ColourFault& fault, const Vec3& level, double r2) {
   Vec3 out;
@@ -85,8 +84,7 @@ bool has(const ColourSolution& solution, const std::string& code, const std::vec
 }
 
 TEST(ColourSolve, CorrectsAllFaults) {
-  Recording recording;
-  recording.faults = random_faults(9, 3);
+  const Recording recording{.faults = random_faults(9, 3)};
   const ColourSolution solution = solve_colours(recording.rig, recording.samples());
   EXPECT_GT(solution.before.median, 5);
   EXPECT_LE(solution.after.median, 1);
@@ -98,8 +96,7 @@ TEST(ColourSolve, CorrectsAllFaults) {
 }
 
 TEST(ColourSolve, EstimatesVignettingToTwoPercent) {
-  Recording recording;
-  recording.faults = random_faults(9, 4);
+  Recording recording{.faults = random_faults(9, 4)};
   for (ColourFault& fault : recording.faults) fault.vignetting = {-0.25, -0.05};
   const ColourSolution solution = solve_colours(recording.rig, recording.samples());
   for (size_t i = 0; i < 9; i++)
@@ -126,8 +123,7 @@ TEST(ColourSolve, SelectsNoMoreTermsThanFaults) {
 }
 
 TEST(ColourSolve, MeanCorrectionIsNeutral) {
-  Recording recording;
-  recording.faults = random_faults(9, 5, {.vignetting = 0});
+  Recording recording{.faults = random_faults(9, 5, {.vignetting = 0})};
   // A fault that all cameras share is part of the array's colours.
   for (ColourFault& fault : recording.faults) fault.gain *= 0.8, fault.balance.x *= 1.1;
   const ColourSolution solution = solve_colours(recording.rig, recording.samples());
@@ -139,8 +135,7 @@ TEST(ColourSolve, MeanCorrectionIsNeutral) {
 }
 
 TEST(ColourSolve, NamesCamerasWithAStuckExposure) {
-  Recording recording;
-  recording.faults = random_faults(9, 6);
+  Recording recording{.faults = random_faults(9, 6)};
   recording.faults[5].gain = kStuckGain;
   const ColourSolution solution = solve_colours(recording.rig, recording.samples());
   for (size_t i = 0; i < 9; i++) EXPECT_EQ(solution.cameras[i].is_stuck, i == 5) << i;
@@ -164,8 +159,7 @@ TEST(ColourSolve, DarkCamerasHaveMoreNoise) {
 }
 
 TEST(ColourSolve, IsRobustToOutliers) {
-  Recording recording;
-  recording.faults = random_faults(9, 7);
+  const Recording recording{.faults = random_faults(9, 7)};
   ColourSamples samples = recording.samples();
   std::mt19937 random(8);
   // One sample in 20 is arbitrary, as with a hand in front of the chart or specular reflections.

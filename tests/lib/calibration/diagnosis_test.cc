@@ -20,18 +20,15 @@ using testing::Not;
 
 class DiagnosisTest : public testing::Test {
  protected:
-  DiagnosisTest() {
-    array_.rows = array_.columns = 4;
-    truth_ = sim::make_array(array_, 1);
-    path_.bar = 0.3;
-    watched_ = sim::watch(truth_, path_, 2);
-    options_.distortion = DistortionModel{2, true};
-    placement_.bar_length = 0.3;
-  }
   std::vector<Finding> findings() {
     const Solution solution = solve_tracks(watched_.tracks, options_);
     return diagnose(solution, watched_.tracks, options_,
                     place_solution(solution, watched_.tracks, options_, placement_));
+  }
+  std::string all_findings() {
+    std::string all;
+    for (const Finding& f : findings()) all += f.code + ": " + f.text + "\n";
+    return all;
   }
   std::vector<std::string> codes() {
     std::vector<std::string> list;
@@ -39,12 +36,10 @@ class DiagnosisTest : public testing::Test {
       if (f.severity != Finding::Severity::kNote) list.push_back(f.code);
     return list;
   }
-  sim::ArrayOptions array_;
-  sim::PathOptions path_;
-  Rig truth_;
-  sim::Watched watched_;
-  SolveOptions options_;
-  PlacementOptions placement_;
+  Rig truth_ = sim::make_array({.rows = 4, .columns = 4}, 1);
+  sim::Watched watched_ = sim::watch(truth_, {.bar = 0.3}, 2);
+  SolveOptions options_{.distortion = DistortionModel{2, true}};
+  PlacementOptions placement_{.bar_length = 0.3};
 };
 
 TEST_F(DiagnosisTest, GoodBarHasNoFindings) {
@@ -59,9 +54,7 @@ TEST_F(DiagnosisTest, LateCameraIsNamedWithItsDelay) {
     if (o.camera == 6) o.position += 2;
   std::erase_if(watched_.tracks.observations,
                 [&](const Observation& o) { return o.position >= watched_.tracks.num_positions; });
-  std::string all;
-  for (const Finding& f : findings()) all += f.code + ": " + f.text + "\n";
-  EXPECT_THAT(all, mentions("late-camera", "camera 6", "2 frames"));
+  EXPECT_THAT(all_findings(), mentions("late-camera", "camera 6", "2 frames"));
   watched_.tracks.ordered = false;  // features have no frames
   EXPECT_THAT(codes(), Not(Contains("late-camera")));
 }
@@ -86,10 +79,9 @@ TEST_F(DiagnosisTest, ContradictedPriorIsReported) {
 }
 
 TEST_F(DiagnosisTest, OneLightLeavesTheDepthUncertain) {
-  array_.pointing_jitter = array_.position_jitter = 0;
-  path_.bar = 0, placement_.bar_length = 0, placement_.pitch = 0.06;
-  truth_ = sim::make_array(array_, 1);
-  watched_ = sim::watch(truth_, path_, 2);
+  placement_.bar_length = 0, placement_.pitch = 0.06;
+  truth_ = sim::make_array({.rows = 4, .columns = 4, .position_jitter = 0, .pointing_jitter = 0}, 1);
+  watched_ = sim::watch(truth_, {}, 2);
   EXPECT_THAT(codes(), Contains("soft-depth"));
 }
 
@@ -118,8 +110,7 @@ TEST_F(DiagnosisTest, WrongOrderIsNamedWithARemedy) {
 TEST_F(DiagnosisTest, WithoutAPriorNoFindingNamesOne) {
   for (Observation& o : watched_.tracks.observations)
     if (o.camera == 3) o.pixel = {std::fmod(o.pixel.y * 37, 320), std::fmod(o.pixel.x * 41, 240)};
-  std::string all;
-  for (const Finding& f : findings()) all += f.code + ": " + f.text + "\n";
+  const std::string all = all_findings();
   EXPECT_THAT(all, mentions("camera-not-found", "camera 3"));
   EXPECT_THAT(all, Not(HasSubstr("prior")));
 }
@@ -137,9 +128,7 @@ MovingScene motion_in(const Case& how, uint64_t seed, std::vector<Finding>* find
   array.rows = array.columns = 4;
   if (how.other_k1) array.k2_spread = 0.1;
   const Rig truth = sim::make_array(array, seed);
-  sim::PathOptions path;
-  path.positions = 300, path.noise = 0.1;
-  sim::Watched watched = sim::watch(truth, path, seed + 1);
+  sim::Watched watched = sim::watch(truth, {.positions = 300, .noise = 0.1}, seed + 1);
   watched.tracks.ordered = false;
   std::mt19937_64 random(seed);
   std::normal_distribution<double> normal;

@@ -98,10 +98,7 @@ TEST(DisparityFactorisation, TooFewDetectionsGiveNothing) {
 class InitialLayoutTest : public testing::Test {
  protected:
   Reconstruction watch(double bar, double outliers) {
-    sim::PathOptions path;
-    path.bar = bar;
-    path.outliers = outliers;
-    tracks_ = sim::watch(truth_, path, 2).tracks;
+    tracks_ = sim::watch(truth_, {.bar = bar, .outliers = outliers}, 2).tracks;
     Reconstruction scene = make_scene(tracks_, {});
     for (CameraState& camera : scene.cameras) camera.lens_terms()[kF] = 420;
     scene.batch_mean[kF] = 420;
@@ -164,20 +161,13 @@ TEST_F(InitialLayoutTest, BarsAreTheUnitOfLength) {
 class ResectionTest : public testing::Test {
  protected:
   // All cameras but camera 5 are at their true poses; a quarter of the observations of camera 5 is wrong.
-  void SetUp() override {
-    sim::ArrayOptions array;
-    array.rows = array.columns = 3;
-    truth_ = sim::make_array(array, 1);
-    sim::PathOptions path;
-    path.outliers = 0.25;
-    watched_ = sim::watch(truth_, path, 2);
-    scene_ = sim::true_scene(truth_, watched_, {});
+  ResectionTest() {
     scene_.cameras[5].used = false;
     scene_.cameras[5].set_pose({{9, 9, 9}, {1, 0, 0, 0}});
   }
-  Rig truth_;
-  sim::Watched watched_;
-  Reconstruction scene_;
+  const Rig truth_ = sim::make_array({.rows = 3, .columns = 3}, 1);
+  sim::Watched watched_ = sim::watch(truth_, {.outliers = 0.25}, 2);
+  Reconstruction scene_ = sim::true_scene(truth_, watched_, {});
 };
 
 TEST_F(ResectionTest, PlacesACameraFromItsObservations) {
@@ -219,10 +209,8 @@ using sim::Around;
 class PairsLayoutTest : public testing::TestWithParam<std::tuple<Around, double>> {
  protected:
   PairsLayoutTest() {
-    sim::PathOptions path;
-    path.shape = sim::PathOptions::Shape::kBall;
-    path.near = 0.5, path.bar = std::get<1>(GetParam());
-    path.missed = 0.3, path.outliers = 0.1;
+    sim::PathOptions path{.near = 0.5, .shape = sim::PathOptions::Shape::kBall, .missed = 0.3, .outliers = 0.1};
+    path.bar = std::get<1>(GetParam());
     tracks_ = sim::watch(truth_, path, 2).tracks;
   }
   double error(const Reconstruction& scene) {
@@ -238,16 +226,13 @@ class PairsLayoutTest : public testing::TestWithParam<std::tuple<Around, double>
   Tracks tracks_;
 };
 
-TEST_P(PairsLayoutTest, GlobalLayout) {
-  Reconstruction scene = with_approximate_lenses();
-  EXPECT_EQ(global_layout(scene, tracks_, 8), 14);
-  EXPECT_LE(error(scene), 0.1);
-}
-
-TEST_P(PairsLayoutTest, IncrementalLayout) {
-  Reconstruction scene = with_approximate_lenses();
-  EXPECT_EQ(incremental_layout(scene, tracks_, 8), 14);
-  EXPECT_LE(error(scene), 0.1);
+TEST_P(PairsLayoutTest, GlobalAndIncrementalLayout) {
+  for (const auto layout : {global_layout, incremental_layout}) {
+    SCOPED_TRACE(layout == global_layout ? "global" : "incremental");
+    Reconstruction scene = with_approximate_lenses();
+    EXPECT_EQ(layout(scene, tracks_, 8), 14);
+    EXPECT_LE(error(scene), 0.1);
+  }
 }
 
 TEST_P(PairsLayoutTest, SolvesFromTheLayout) {
@@ -264,10 +249,8 @@ INSTANTIATE_TEST_SUITE_P(Rigs, PairsLayoutTest,
 
 TEST(PairsLayout, FailsWithoutEnoughCommonObservations) {
   const Rig truth = sim::make_rig_around(Around::kRing, 4, 1);
-  sim::PathOptions path;
-  path.shape = sim::PathOptions::Shape::kBall;
-  path.near = 0.5, path.positions = 8;
-  const Tracks tracks = sim::watch(truth, path, 2).tracks;
+  const Tracks tracks =
+      sim::watch(truth, {.positions = 8, .near = 0.5, .shape = sim::PathOptions::Shape::kBall}, 2).tracks;
   Reconstruction scene = make_scene(tracks, {});
   EXPECT_EQ(global_layout(scene, tracks, 8), 0);
   EXPECT_EQ(incremental_layout(scene, tracks, 8), 0);

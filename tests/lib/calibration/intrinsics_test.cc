@@ -19,14 +19,14 @@ TEST(Checkerboard, FindsCornersToAFractionOfAPixel) {
   const Lens lens(LensModel::kRadial, {420, 319.5, 239.5, -0.2, 0.05});
   std::mt19937 random(3);
   const Pose pose = board_pose(random, 0.6);
-  const auto found = find_checkerboard(picture_of_board(lens, pose, 640, 480, is_white_on_checkerboard), kTestBoard);
-  ASSERT_TRUE(found);
+  const auto found =
+      find_checkerboard(picture_of_board(lens, pose, 640, 480, is_white_on_checkerboard), kTestBoard).value();
   double worst = 0;
-  for (size_t i = 0; i < found->size(); i++) {
+  for (size_t i = 0; i < found.size(); i++) {
     const Vec2 truth = *lens.project(pose.world_from_camera(Vec3(kTestBoard.corner(i), 0)));
     // A half turn leaves the board unchanged: OpenCV may count from the opposite end.
-    const double other = glm::length(found->at(found->size() - 1 - i) - truth);
-    worst = std::max(worst, std::min(glm::length(found->at(i) - truth), other));
+    const double other = glm::length(found.at(found.size() - 1 - i) - truth);
+    worst = std::max(worst, std::min(glm::length(found.at(i) - truth), other));
   }
   EXPECT_LT(worst, 0.1);
 }
@@ -56,14 +56,13 @@ const Lens kLens(LensModel::kRadial, {620, 319.5, 239.5, -0.2, 0.05});
 
 TEST(Charuco, IdentifiesCornersOfAPartialBoard) {
   const Pose pose{Vec3(-0.17, -0.1, 0.22), glm::angleAxis(0.3, Vec3(0.6, 0.8, 0))};
-  const auto view = find_charuco(picture_of_board(kLens, pose, 640, 480, is_white), kBoard);
-  ASSERT_TRUE(view);
-  EXPECT_GT(view->corners.size(), 12u);
-  EXPECT_LT(view->corners.size(), kTestBoard.num_corners());
-  ASSERT_EQ(view->ids.size(), view->corners.size());
-  for (size_t i = 0; i < view->corners.size(); i++) {
-    const Vec2 truth = *kLens.project(pose.world_from_camera(Vec3(kTestBoard.corner(view->id(i)), 0)));
-    EXPECT_LT(glm::length(view->corners[i] - truth), 0.25) << view->id(i);
+  const auto view = find_charuco(picture_of_board(kLens, pose, 640, 480, is_white), kBoard).value();
+  EXPECT_GT(view.corners.size(), 12u);
+  EXPECT_LT(view.corners.size(), kTestBoard.num_corners());
+  ASSERT_EQ(view.ids.size(), view.corners.size());
+  for (size_t i = 0; i < view.corners.size(); i++) {
+    const Vec2 truth = *kLens.project(pose.world_from_camera(Vec3(kTestBoard.corner(view.id(i)), 0)));
+    EXPECT_LT(glm::length(view.corners[i] - truth), 0.25) << view.id(i);
   }
 }
 
@@ -183,9 +182,8 @@ TEST(Intrinsics, SelectsJustifiedTerms) {
   using enum LensModel;
   for (const Lens& lens : {Lens(kSimplePinhole, {420, 322, 236}), Lens(kSimpleRadial, {420, 322, 236, -0.1}),
                            Lens(kRadial, {420, 322, 236, -0.25, 0.1})}) {
-    IntrinsicsOptions options;
-    options.free_board = false;
-    const IntrinsicsResult result = calibrate_intrinsics(board_views(lens, 12, 0.1, 7), kTestBoard, 640, 480, options);
+    const IntrinsicsResult result =
+        calibrate_intrinsics(board_views(lens, 12, 0.1, 7), kTestBoard, 640, 480, {.free_board = false});
     EXPECT_EQ(result.fit.model.lens, lens.model()) << result.fit.model.name();
     EXPECT_EQ(result.models.size(), 4u);
     EXPECT_EQ(result.covariance.parameters.size(), static_cast<size_t>(lens.num_params()));
@@ -197,9 +195,7 @@ TEST(Intrinsics, BadViewIsNamedAndRemoved) {
   const Lens lens(LensModel::kRadial, {420, 322, 236, -0.2, 0.05});
   std::vector<BoardView> views = board_views(lens, 12, 0.1, 7);
   views[5].corners[17] += Vec2(6, -4);
-  IntrinsicsOptions options;
-  options.lens = LensModel::kRadial;
-  options.free_board = false;
+  const IntrinsicsOptions options{.lens = LensModel::kRadial, .free_board = false};
   const IntrinsicsResult result = calibrate_intrinsics(views, kTestBoard, 640, 480, options);
   for (size_t i = 0; i < views.size(); i++) EXPECT_EQ(result.views[i].used, i != 5) << result.views[i].name;
   EXPECT_GT(result.views[5].rms, 0.5);
@@ -208,9 +204,7 @@ TEST(Intrinsics, BadViewIsNamedAndRemoved) {
 
 TEST(Intrinsics, UntiltedBoardDoesNotDetermineTheFocalLength) {
   const Lens lens(LensModel::kSimplePinhole, {420, 322, 236});
-  IntrinsicsOptions options;
-  options.lens = LensModel::kSimplePinhole;
-  options.free_board = false;
+  const IntrinsicsOptions options{.lens = LensModel::kSimplePinhole, .free_board = false};
   try {
     const IntrinsicsResult result =
         calibrate_intrinsics(board_views(lens, 8, 0.1, 5, 0.01), kTestBoard, 640, 480, options);
@@ -233,9 +227,7 @@ TEST(Intrinsics, CalibratesOpenCvsSampleImages) {
     ASSERT_TRUE(corners) << name;
     views.push_back({name, *corners});
   }
-  IntrinsicsOptions options;
-  options.lens = LensModel::kRadial;
-  options.free_board = false;
+  const IntrinsicsOptions options{.lens = LensModel::kRadial, .free_board = false};
   const IntrinsicsResult result = calibrate_intrinsics(views, board, 640, 480, options);
   EXPECT_TRUE(std::all_of(result.views.begin(), result.views.end(), [](const auto& view) { return view.used; }));
   EXPECT_LE(result.fit.rms, 0.21) << "0.39 with left_intrinsics.yml";

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <cmath>
-#include <optional>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -60,10 +59,8 @@ Errors errors_of(const MovingLightOptions& options, LightDetector& detector, int
 
 TEST(LightDetector, PositionErrorsMatchTheSigmas) {
   for (const double power : {0.1, 0.4, 1.0, 2.0, 4.0, 8.0}) {
-    MovingLightOptions options;
-    options.power = power;
     LightDetector detector(320, 240);
-    const Errors errors = errors_of(options, detector);
+    const Errors errors = errors_of({.power = power}, detector);
     EXPECT_GT(errors.count, 200);
     EXPECT_EQ(errors.missed, 0u) << power;
     EXPECT_LE(errors.rms(), power < 0.2 ? 0.05 : 0.03) << power;
@@ -74,30 +71,23 @@ TEST(LightDetector, PositionErrorsMatchTheSigmas) {
 }
 
 TEST(LightDetector, IsAccurateForLongExposuresAndLargeLights) {
-  MovingLightOptions options;
-  options.exposure = 1.0 / 30;
-  LightDetector blurred(320, 240);
-  EXPECT_LE(errors_of(options, blurred).rms(), 0.03);
-  options.radius = 0.015, options.power = 10;
-  LightDetector large(320, 240);
-  EXPECT_LE(errors_of(options, large).rms(), 0.03);
+  LightDetector blurred(320, 240), large(320, 240);
+  EXPECT_LE(errors_of({.exposure = 1.0 / 30}, blurred).rms(), 0.03);
+  EXPECT_LE(errors_of({.radius = 0.015, .power = 10, .exposure = 1.0 / 30}, large).rms(), 0.03);
 }
 
 TEST(LightDetector, FaintLightsAreFoundInNoise) {
-  MovingLightOptions options;
-  options.power = 0.05, options.noise = 5;
   LightDetector detector(320, 240);
-  const Errors errors = errors_of(options, detector);
+  const Errors errors = errors_of({.power = 0.05, .noise = 5}, detector);
   EXPECT_LE(static_cast<double>(errors.missed), 0.02 * errors.count);
   EXPECT_LE(errors.rms(), 0.15);
 }
 
 // Black is clipped, so half of the noise is invisible; the rest must not be detected as lights.
 TEST(LightDetector, FindsNoLightsInABlackRoom) {
-  MovingLightOptions options;
-  options.ambient = 0, options.bar = 0;
   const Rig rig = scene_rig(1, 2);
-  const MovingLightCamera lights(LightTrajectory(rig, options), {320, 240, rig.cameras[0].lens, rig.cameras[0].pose});
+  const LightTrajectory path(rig, {.bar = 0, .ambient = 0});
+  const MovingLightCamera lights(path, {320, 240, rig.cameras[0].lens, rig.cameras[0].pose});
   LightDetector detector(320, 240);
   size_t most = 0;
   for (int n = 0; n < 60; n++)
@@ -106,8 +96,7 @@ TEST(LightDetector, FindsNoLightsInABlackRoom) {
 }
 
 TEST(LightDetector, FindsReflectionsNearLights) {
-  MovingLightOptions options;
-  options.reflection = 0.6;
+  const MovingLightOptions options{.reflection = 0.6};
   LightDetector detector(320, 240);
   EXPECT_EQ(errors_of(options, detector).missed, 0u);
   std::vector<LightDetection> sights;

@@ -12,9 +12,7 @@ namespace {
 
 TEST(Triangulation, IsRobustToOutliers) {
   const Rig truth = sim::make_array({}, 1);
-  sim::PathOptions path;
-  path.outliers = 0.3, path.noise = 0;
-  const sim::Watched watched = sim::watch(truth, path, 2);
+  const sim::Watched watched = sim::watch(truth, {.noise = 0, .outliers = 0.3}, 2);
   const Reconstruction expected = sim::true_scene(truth, watched, {});
   Reconstruction scene = expected;
   scene.targets.assign(scene.targets.size(), {});
@@ -27,9 +25,7 @@ TEST(Triangulation, IsRobustToOutliers) {
 
 TEST(Triangulation, BarsHaveUnitLength) {
   const Rig truth = sim::make_array({}, 1);
-  sim::PathOptions path;
-  path.bar = 0.3, path.noise = 0;
-  const sim::Watched watched = sim::watch(truth, path, 2);
+  const sim::Watched watched = sim::watch(truth, {.bar = 0.3, .noise = 0}, 2);
   Reconstruction scene = sim::true_scene(truth, watched, {});
   scene.targets.assign(scene.targets.size(), {});
   triangulate_targets(scene, watched.tracks, 4);
@@ -50,10 +46,8 @@ TEST(Triangulation, NeedsTwoObservations) {
 
 TEST(RelativePoses, AreAccurateForKnownLenses) {
   const Rig truth = sim::make_rig_around(sim::Around::kRing, 10, 1);
-  sim::PathOptions path;
-  path.shape = sim::PathOptions::Shape::kBall;
-  path.near = 0.5, path.missed = 0.2;
-  const sim::Watched watched = sim::watch(truth, path, 2);
+  const sim::Watched watched =
+      sim::watch(truth, {.near = 0.5, .shape = sim::PathOptions::Shape::kBall, .missed = 0.2}, 2);
   const Reconstruction scene = sim::true_scene(truth, watched, {});
   const auto pairs = relative_poses(scene, watched.tracks, 1);
   EXPECT_GE(pairs.size(), 25u);

@@ -44,6 +44,10 @@ Array make(int rows, int columns, uint64_t seed, const std::vector<size_t>& at =
   return array;
 }
 
+LayoutAlignment aligned(const Array& array) {
+  return align_to_layout(array.found, array.layout, array.own, std::nullopt, 0);
+}
+
 std::vector<size_t> in_order(size_t n) {
   std::vector<size_t> order(n);
   std::iota(order.begin(), order.end(), 0);
@@ -57,7 +61,7 @@ TEST(LayoutAlignment, FindsSwappedCameras) {
     std::mt19937_64 random(seed);
     for (size_t swaps = 1 + seed % 3; swaps > 0; swaps--) std::swap(at[random() % at.size()], at[random() % at.size()]);
     const Array array = make(rows, columns, seed, at);
-    const LayoutAlignment found = align_to_layout(array.found, array.layout, array.own, std::nullopt, 0);
+    const LayoutAlignment found = aligned(array);
     EXPECT_EQ(found.place, at) << "seed " << seed;
     EXPECT_NEAR(found.layout_from_scene.scale / array.layout_from_found.scale, 1, 0.06) << "seed " << seed;
   }
@@ -72,17 +76,16 @@ TEST(LayoutAlignment, FindsTheOrderOfAllCameras) {
     else
       for (size_t i = 0; i < 16; i++) at[i] = i / 4 * 4 + 3 - i % 4;
     const Array array = make(4, 4, seed, at);
-    const LayoutAlignment found = align_to_layout(array.found, array.layout, array.own, std::nullopt, 0);
-    EXPECT_EQ(found.place, at) << "seed " << seed;
+    EXPECT_EQ(aligned(array).place, at) << "seed " << seed;
   }
 }
 
 TEST(LayoutAlignment, MisplacedCameraDoesNotRotateTheFrame) {
   for (uint64_t seed = 0; seed < 50; seed++) {
     Array array = make(3, 3, seed);
-    const LayoutAlignment right = align_to_layout(array.found, array.layout, array.own, std::nullopt, 0);
+    const LayoutAlignment right = aligned(array);
     array.found[4].position += 0.2 / array.layout_from_found.scale * (array.found[4].rotation() * Vec3(0.3, 0.2, 1));
-    const LayoutAlignment found = align_to_layout(array.found, array.layout, array.own, std::nullopt, 0);
+    const LayoutAlignment found = aligned(array);
     EXPECT_EQ(found.place, array.own) << "seed " << seed;
     EXPECT_FALSE(found.fits[4]) << "seed " << seed;
     EXPECT_NEAR(found.layout_from_scene.scale / right.layout_from_scene.scale, 1, 0.02) << "seed " << seed;
@@ -93,7 +96,7 @@ TEST(LayoutAlignment, CameraAtThePlaceOfAMissingCamera) {
   Array array = make(3, 3, 3);
   array.found[2] = array.found[8];
   array.found.pop_back(), array.own.pop_back();
-  const LayoutAlignment found = align_to_layout(array.found, array.layout, array.own, std::nullopt, 0);
+  const LayoutAlignment found = aligned(array);
   std::vector<size_t> expected = array.own;
   expected[2] = 8;
   EXPECT_EQ(found.place, expected);
@@ -110,7 +113,7 @@ TEST(LayoutAlignment, OrientationsStabiliseTheFrame) {
         const Quat q = s.rotation * glm::conjugate(array.layout_from_found.rotation);
         return std::pow(2 * std::sqrt(q.x * q.x + q.y * q.y + q.z * q.z) * 180 / M_PI, 2) / kArrays;
       };
-      both += off(align_to_layout(array.found, array.layout, array.own, std::nullopt, 0).layout_from_scene);
+      both += off(aligned(array).layout_from_scene);
       centres += off(align(array.found, array.layout));
     }
     std::printf("%dx%d: %.2f degrees, by centres alone %.2f\n", side, side, std::sqrt(both), std::sqrt(centres));
@@ -130,18 +133,16 @@ TEST(LayoutAlignment, AlignsRings) {
   const Similarity moved{0.3, glm::angleAxis(2.0, glm::normalize(Vec3(1, 2, 3))), {4, 5, 6}};
   for (const Camera& camera : ring.cameras) layout.push_back(camera.pose), found.push_back(moved(camera.pose));
   std::swap(found[3], found[9]);
-  const LayoutAlignment aligned = align_to_layout(found, layout, own, std::nullopt, 0);
+  const LayoutAlignment alignment = align_to_layout(found, layout, own, std::nullopt, 0);
   std::swap(own[3], own[9]);
-  EXPECT_EQ(aligned.place, own);
-  EXPECT_NEAR(aligned.layout_from_scene.scale, 1 / 0.3, 1e-3);
+  EXPECT_EQ(alignment.place, own);
+  EXPECT_NEAR(alignment.layout_from_scene.scale, 1 / 0.3, 1e-3);
 }
 
 class PlacementTest : public testing::Test {
  protected:
   void SetUp() override {
-    sim::PathOptions path;
-    path.bar = 0.3;
-    const sim::Watched watched = sim::watch(truth_, path, 2);
+    const sim::Watched watched = sim::watch(truth_, {.bar = 0.3}, 2);
     tracks_ = watched.tracks;
     solution_.scene = sim::true_scene(truth_, watched, {});
     const Similarity moved{1, glm::angleAxis(1.0, Vec3(0, 0.6, 0.8)), {1, 2, 3}};
@@ -161,9 +162,12 @@ TEST_F(PlacementTest, EachSourceOfTheScale) {
   bar.bar_length = 0.3;
   pitch.pitch = 0.06;
   known.distance = {3, 60, true_distance_};
-  EXPECT_NEAR(distance(place_solution(solution_, tracks_, {}, bar).world_from_scene, 3, 60), true_distance_, 1e-9);
-  EXPECT_NEAR(distance(place_solution(solution_, tracks_, {}, known).world_from_scene, 3, 60), true_distance_, 1e-9);
-  EXPECT_NEAR(distance(place_solution(solution_, tracks_, {}, pitch).world_from_scene, 3, 60), true_distance_, 0.03);
+  const auto placed = [&](const PlacementOptions& options) {
+    return distance(place_solution(solution_, tracks_, {}, options).world_from_scene, 3, 60);
+  };
+  EXPECT_NEAR(placed(bar), true_distance_, 1e-9);
+  EXPECT_NEAR(placed(known), true_distance_, 1e-9);
+  EXPECT_NEAR(placed(pitch), true_distance_, 0.03);
   EXPECT_EQ(place_solution(solution_, tracks_, {}, {}).scale_from, "");
   known.distance->a = 99;
   EXPECT_THROW(place_solution(solution_, tracks_, {}, known), Error);

@@ -14,14 +14,8 @@ namespace {
 
 class SceneTest : public testing::Test {
  protected:
-  SceneTest() {
-    array_.rows = array_.columns = 4;
-    truth_ = sim::make_array(array_, 1);
-    watched_ = sim::watch(truth_, {}, 2);
-  }
-  sim::ArrayOptions array_;
-  Rig truth_;
-  sim::Watched watched_;
+  const Rig truth_ = sim::make_array({.rows = 4, .columns = 4}, 1);
+  sim::Watched watched_ = sim::watch(truth_, {}, 2);
   SolveOptions options_;
 };
 
@@ -89,8 +83,6 @@ constexpr double kPositionSigma = 2e-4, kTurnSigma = 2e-4;  // metres, radians
 class PosePriorsTest : public testing::Test {
  protected:
   PosePriorsTest() {
-    array_.rows = array_.columns = 5;
-    truth_ = sim::make_array(array_, 1);
     options_.prior = truth_;
     options_.distortion = DistortionModel{2, true};
     std::mt19937_64 random(3);
@@ -113,9 +105,7 @@ class PosePriorsTest : public testing::Test {
     std::string findings;
   };
   Result solve(double bar) {
-    sim::PathOptions path;
-    path.bar = bar;
-    const sim::Watched watched = sim::watch(truth_, path, 2);
+    const sim::Watched watched = sim::watch(truth_, {.bar = bar}, 2);
     Result result;
     result.solution = solve_tracks(watched.tracks, options_);
     const Uncertainty& u = result.solution.uncertainty;
@@ -131,8 +121,7 @@ class PosePriorsTest : public testing::Test {
     return result;
   }
 
-  sim::ArrayOptions array_;
-  Rig truth_;
+  const Rig truth_ = sim::make_array({.rows = 5, .columns = 5}, 1);
   SolveOptions options_;
 };
 
@@ -161,5 +150,4 @@ TEST_F(PosePriorsTest, WrongPoseIsNamedAndLeftOut) {
 }
 
 }  // namespace
-
 }  // namespace lf

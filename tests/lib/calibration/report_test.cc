@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <cmath>
 
-#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
@@ -116,12 +115,6 @@ TEST_F(ReportTest, EmptySolutionHasFiniteFigures) {
 constexpr double kBar = 0.3;
 constexpr uint64_t kArrays = 6;
 
-sim::ArrayOptions small_array() {
-  sim::ArrayOptions options;
-  options.rows = options.columns = 3;
-  return options;
-}
-
 struct Solved {
   Rig truth;
   Solution solution;
@@ -129,17 +122,12 @@ struct Solved {
 };
 
 Solved solve(uint64_t seed, double bar) {
-  Solved s{sim::make_array(small_array(), seed), {}, {}};
-  sim::PathOptions path;
-  path.bar = bar;
-  const Tracks tracks = sim::watch(s.truth, path, seed + 100).tracks;
-  SolveOptions options;
+  Solved s{sim::make_array({.rows = 3, .columns = 3}, seed), {}, {}};
+  const Tracks tracks = sim::watch(s.truth, {.bar = bar}, seed + 100).tracks;
   // The estimated model errors are valid only if the model is correct.
-  options.distortion = DistortionModel{2, false};
+  const SolveOptions options{.distortion = DistortionModel{2, false}};
   s.solution = solve_tracks(tracks, options);
-  PlacementOptions placement;
-  if (bar > 0) placement.bar_length = bar;
-  s.placement = place_solution(s.solution, tracks, options, placement);
+  s.placement = place_solution(s.solution, tracks, options, {.bar_length = bar});
   return s;
 }
 

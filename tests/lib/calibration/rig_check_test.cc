@@ -12,20 +12,16 @@
 namespace lf {
 namespace {
 
+using testing::ElementsAre;
+using testing::Field;
 using testing::HasSubstr;
 
 constexpr double kDegree = M_PI / 180;
 
-Rig array() {
-  sim::ArrayOptions options;
-  options.rows = options.columns = 3;
-  return sim::make_array(options, 3);
-}
+Rig array() { return sim::make_array({.rows = 3, .columns = 3}, 3); }
 
-Tracks film(const Rig& rig, double noise = 0.05) {
-  sim::PathOptions path;
-  path.bar = 0.3, path.noise = noise, path.missed = 0.1, path.outliers = 0.05;
-  return sim::watch(rig, path, 7).tracks;
+Tracks film(const Rig& rig) {
+  return sim::watch(rig, {.bar = 0.3, .noise = 0.05, .missed = 0.1, .outliers = 0.05}, 7).tracks;
 }
 
 // Rotates a camera about its own axes, then shifts the camera along them by `metres`.
@@ -113,9 +109,7 @@ TEST(RigCheck, FindsAChangedLens) {
   EXPECT_EQ(moved(check), std::vector<uint32_t>{2});
   EXPECT_EQ(check.cameras[2].state, RigCheck::State::kLens);
   EXPECT_NEAR(check.cameras[2].focal_change, 0.02, 0.003);
-  const auto findings = diagnose_check(rig, check, 0);
-  ASSERT_EQ(findings.size(), 1u);
-  EXPECT_THAT(findings[0].text, mentions("focal length", "+2."));
+  EXPECT_THAT(diagnose_check(rig, check, 0), ElementsAre(Field(&Finding::text, mentions("focal length", "+2."))));
 }
 
 TEST(RigCheck, UnseenCameraIsUnknown) {
@@ -124,10 +118,9 @@ TEST(RigCheck, UnseenCameraIsUnknown) {
   std::erase_if(tracks.observations, [](const Observation& o) { return o.camera == 6; });
   const RigCheck check = check_calibration(rig, tracks);
   EXPECT_EQ(check.cameras[6].state, RigCheck::State::kUnknown);
-  const auto findings = diagnose_check(rig, check, 0.25);
-  ASSERT_EQ(findings.size(), 2u);
-  EXPECT_EQ(findings[0].code, "unseen-camera");
-  EXPECT_EQ(findings[1].code, "wrong-scale") << "the bar is 0.3 m long";
+  EXPECT_THAT(diagnose_check(rig, check, 0.25),
+              ElementsAre(Field(&Finding::code, "unseen-camera"), Field(&Finding::code, "wrong-scale")))
+      << "the bar is 0.3 m long";
 }
 
 TEST(RigCheck, BentRigIsLost) {

@@ -7,7 +7,6 @@
 
 #include <gtest/gtest.h>
 
-#include "base/text.h"
 #include "geometry/pose.h"
 #include "support/expect_error.h"
 
@@ -95,8 +94,8 @@ TEST(EulerAngles, PolesKeepTheOrientation) {
     }
 }
 
-FocalMap map_of(int width, int height) {
-  FocalMap map = FocalMap::for_view(width, height);
+FocalMap map_of(int width, int height, int step = FocalMap::kMinStep) {
+  FocalMap map = FocalMap::for_view(width, height, step);
   map.farthest = 0.25;
   map.nearest = 2;
   for (int i = 0; i < map.columns * map.rows; i++) map.levels.push_back(static_cast<uint8_t>(i * 37));
@@ -139,10 +138,7 @@ TEST(FocalMap, LargeViewsHaveCoarserMaps) {
 
 TEST(FocalMap, RefinedIsTheSameSurfaceToHalfALevel) {
   for (const auto& [width, height, step] : {std::array{333, 117, 8}, {2048, 96, 16}, {70, 70, 64}, {9, 9, 8}}) {
-    FocalMap map = FocalMap::for_view(width, height, step);
-    map.farthest = 0.25;
-    map.nearest = 2;
-    for (int i = 0; i < map.columns * map.rows; i++) map.levels.push_back(static_cast<uint8_t>(i * 37));
+    const FocalMap map = map_of(width, height, step);
     const FocalMap fine = map.refined(width, height);
     ASSERT_EQ(fine.step, FocalMap::kMinStep);
     EXPECT_NO_THROW(validate({Plane{{0, 0, 1}, 0}, std::make_shared<FocalMap>(fine)}, width, height));
@@ -172,18 +168,11 @@ TEST(FocalSurface, ErrorsNameTheProblem) {
   };
   EXPECT_NO_THROW(validate(with([](FocalMap&) {}), 22, 13));
   const std::function<void(FocalMap&)> bad[] = {
-      [](FocalMap& m) { m.step = 0; },
-      [](FocalMap& m) { m.step = 65; },
-      [](FocalMap& m) { m.columns++; },
-      [](FocalMap& m) { m.levels.pop_back(); },
-      [](FocalMap& m) { m.farthest = -1; },
-      [](FocalMap& m) { m.nearest = m.farthest; },
-      [](FocalMap& m) { m.nearest = INFINITY; },
-      [](FocalMap& m) { m.farthest = NAN; },
-      [](FocalMap& m) {
-        m.from.normal = {0, 0, 2};
-      },
-      [](FocalMap& m) { m.from.d = NAN; },
+      [](FocalMap& m) { m.step = 0; },           [](FocalMap& m) { m.step = 65; },
+      [](FocalMap& m) { m.columns++; },          [](FocalMap& m) { m.levels.pop_back(); },
+      [](FocalMap& m) { m.farthest = -1; },      [](FocalMap& m) { m.nearest = m.farthest; },
+      [](FocalMap& m) { m.nearest = INFINITY; }, [](FocalMap& m) { m.farthest = NAN; },
+      [](FocalMap& m) { m.from.normal *= 2; },   [](FocalMap& m) { m.from.d = NAN; },
   };
   for (const auto& change : bad) EXPECT_ERROR(validate(with(change), 22, 13), "focal_map: ");
 }

@@ -7,7 +7,6 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <hwy/highway.h>
 
 #include "image/colour_correction.h"
 #include "support/every_target.h"
@@ -250,12 +249,8 @@ TEST(ColourCorrection, PartsEqualTheWhole) {
             const bool in_pair = !rgb && c == 0 && px / 2 < (part.x1 + 1) / 2 && y / 2 < (part.y1 + 1) / 2 &&
                                  px >= part.x0 && y >= part.y0;
             const int value = out.plane[c][y * out.stride[c] + x];
-            if (in) {
-              ASSERT_EQ(value, whole.plane(c)[static_cast<ptrdiff_t>(y) * (rgb ? 3 * w : w) + x])
-                  << "plane " << c << " at " << x << "," << y;
-            } else if (!in_pair) {
-              ASSERT_EQ(value, 77) << "plane " << c << " at " << x << "," << y;
-            }
+            const int expected = in ? whole.plane(c)[static_cast<ptrdiff_t>(y) * (rgb ? 3 * w : w) + x] : 77;
+            ASSERT_TRUE(value == expected || (in_pair && !in)) << "plane " << c << " at " << x << "," << y;
           }
       }
     }

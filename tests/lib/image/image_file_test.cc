@@ -1,8 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <algorithm>
-#include <cstring>
-#include <fstream>
-#include <iterator>
 #include <span>
 #include <string>
 #include <vector>
@@ -28,9 +25,9 @@ Image gradient(int width, int height) {
   for (int y = 0; y < height; y++)
     for (int x = 0; x < width; x++) {
       uint8_t* pixel = image.pixel(x, y);
-      pixel[0] = static_cast<uint8_t>(40 * x);
-      pixel[1] = static_cast<uint8_t>(40 * y);
-      pixel[2] = 200;
+      pixel[0] = static_cast<uint8_t>(3 * x);
+      pixel[1] = static_cast<uint8_t>(200 - 2 * y);
+      pixel[2] = 77;
     }
   return image;
 }
@@ -70,8 +67,19 @@ TEST(ImageFile, ReadsTheSizeAndThePixelsOfAllFormats) {
 
 TEST(ImageFile, RoundTrips) {
   const TempDir dir;
-  save_image(gradient(6, 5), dir / "a.png");
-  EXPECT_EQ(load_image(dir / "a.png").data(), gradient(6, 5).data());
+  for (const auto& [width, height] : {std::pair(1, 1), {6, 5}, {7, 3}, {64, 48}}) {
+    save_image(gradient(width, height), dir / "a.png");
+    const Image back = load_image(dir / "a.png");
+    EXPECT_EQ(back.width(), width);
+    EXPECT_EQ(back.height(), height);
+    EXPECT_EQ(back.data(), gradient(width, height).data());
+  }
+  const Image image = gradient(64, 48);
+  save_image(image, dir / "a.jpg");
+  const Image jpeg = load_image(dir / "a.jpg");
+  double sum = 0;
+  for (size_t i = 0; i < image.data().size(); i++) sum += std::abs(image.data()[i] - jpeg.data()[i]);
+  EXPECT_LT(sum / static_cast<double>(image.data().size()), 3) << "JPEG keeps colours";
   EXPECT_ERROR(save_image(gradient(6, 5), dir / "none/a.png"), "none/a.png", "written");
   EXPECT_ERROR(save_image(gradient(6, 5), dir / "a.unknown"), "a.unknown: ");
 }
@@ -123,7 +131,7 @@ TEST(ImageFile, RefusesOtherFilesAndTruncatedHeaders) {
         "\xff\xd8\xff\xe0\xff\xff"s, "BM"s, "II*\0"s, "II*\0\xff\xff\xff\xff"s, "RIFF1234WEBP"s, "RIFF1234WEBPVP8 "s,
         "#?RADIANCE\n"s, "#?RADIANCE\n\n-Y"s, "P6 -3 5 255\n"s, "P6 0 0 255\n"s, "<VRTDataset/>"s}) {
     dir.write("file", bytes);
-    EXPECT_ERROR(load_image(dir / "file"), "file", "image", "read");
+    EXPECT_ERROR(load_image(dir / "file"), "file", "not an image", "read");
   }
   EXPECT_ERROR(load_image(dir / "none"), "none", "no such");
   EXPECT_ERROR(load_image("/dev/zero"), "/dev/zero", "regular file");

@@ -1,8 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <cmath>
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -12,7 +9,6 @@
 #include "support/expect_error.h"
 
 namespace lf {
-
 namespace {
 
 TEST(Image, PackedSizesCountOddEdges) {
@@ -71,54 +67,6 @@ TEST(Image, GreysRoundTrip) {
   EXPECT_EQ(to_rgb(to_i420(rgb)).data(), rgb.data());
 }
 
-class ImageIo : public testing::Test {
- protected:
-  void SetUp() override { std::filesystem::create_directories(directory_); }
-  void TearDown() override { std::filesystem::remove_all(directory_); }
-  std::string path(const std::string& name) const { return directory_ + "/" + name; }
-  static Image pattern(int width, int height) {
-    Image image(PixelFamily::kRgb, width, height);
-    for (int y = 0; y < height; y++)
-      for (int x = 0; x < width; x++) {
-        image.pixel(x, y)[0] = static_cast<uint8_t>(3 * x);
-        image.pixel(x, y)[1] = static_cast<uint8_t>(200 - 2 * y);
-        image.pixel(x, y)[2] = 77;
-      }
-    return image;
-  }
-
- private:
-  std::string directory_ =
-      testing::TempDir() + "lf_image_io_test_" + testing::UnitTest::GetInstance()->current_test_info()->name();
-};
-
-TEST_F(ImageIo, PngKeepsEveryValue) {
-  for (const auto& [w, h] : {std::pair(1, 1), std::pair(7, 3), std::pair(64, 48)}) {
-    save_image(pattern(w, h), path("a.png"));
-    const Image back = load_image(path("a.png"));
-    EXPECT_EQ(back.width(), w);
-    EXPECT_EQ(back.height(), h);
-    EXPECT_EQ(back.data(), pattern(w, h).data());
-  }
-}
-
-TEST_F(ImageIo, JpegKeepsColours) {
-  const Image image = pattern(64, 48);
-  save_image(image, path("a.jpg"));
-  const Image back = load_image(path("a.jpg"));
-  double sum = 0;
-  for (size_t i = 0; i < image.data().size(); i++) sum += std::abs(image.data()[i] - back.data()[i]);
-  EXPECT_LT(sum / image.data().size(), 3);
-}
-
-TEST_F(ImageIo, ErrorsNameTheFile) {
-  EXPECT_ERROR(load_image(path("none.png")), "none.png", "no such");
-  std::ofstream(path("text.png")) << "this is not a picture";
-  EXPECT_ERROR(load_image(path("text.png")), "text.png", "not an image");
-  EXPECT_ERROR(save_image(pattern(2, 2), path("no_such_folder/a.png")), "no_such_folder/a.png: ");
-  EXPECT_ERROR(save_image(pattern(2, 2), path("a.unknown")), "a.unknown: ");
-}
-
 struct Colour {
   double r, g, b;  // 0 to 1
 };
@@ -157,12 +105,17 @@ Image converted(const YcbcrFormat& kind, const Image& in) {
   return out;
 }
 
+Image noise(int width, int height, reference::Random& random) {
+  Image image(PixelFamily::kI420, width, height);
+  for (uint8_t& value : image.data()) value = static_cast<uint8_t>(random.uniform(0, 256));
+  return image;
+}
+
 TEST(YcbcrConversion, IsExactToALevel) {
   reference::Random random(21);
   for (const YcbcrFormat& kind : kKinds)
     for (const auto& [width, height] : {std::pair{32, 18}, {17, 9}, {1, 1}, {2, 7}}) {
-      Image in(PixelFamily::kI420, width, height);
-      for (uint8_t& value : in.data()) value = static_cast<uint8_t>(random.uniform(0, 256));
+      const Image in = noise(width, height, random);
       const Image out = converted(kind, in);
       const int cw = chroma_size(width), ch = chroma_size(height);
       const auto chroma = [&](int plane, int x, int y) {
@@ -185,8 +138,7 @@ TEST(YcbcrConversion, IsExactToALevel) {
 
 TEST(YcbcrConversion, SameFormatIsUnchanged) {
   reference::Random random(22);
-  Image in(PixelFamily::kI420, 30, 22);
-  for (uint8_t& value : in.data()) value = static_cast<uint8_t>(random.uniform(0, 256));
+  const Image in = noise(30, 22, random);
   EXPECT_EQ(converted({}, in).data(), in.data());
 }
 

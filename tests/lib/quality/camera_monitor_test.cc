@@ -131,8 +131,7 @@ TEST(CameraProbe, SeesEveryFourthPixelOfTheCamera) {
   rig.cameras[4].pose.orientation = glm::normalize(Quat(1, 0.01, 0.02, 0));
   const Camera& camera = rig.cameras[4];
   const Image image = render_scene({320, 240, camera.lens, camera.pose}, 0);
-  View focused{.width = 64, .height = 48, .lens = Lens::pinhole(50, 31.5, 23.5), .pose = {}, .focus = {}};
-  focused.focus.plane = focal_plane_at(focused.pose, kSceneMiddle);
+  const View focused{64, 48, Lens::pinhole(50, 31.5, 23.5), {}, {focal_plane_at({}, kSceneMiddle)}};
   const CameraProbe probe = make_probe(rig, 4, focused, {1, 7});
   EXPECT_TRUE(probe.seen.probe && probe.predicted.probe);
   EXPECT_EQ(probe.seen.view.width, 80);
@@ -153,8 +152,7 @@ TEST(CameraProbe, IsNotLargerThanItsCamera) {
   Rig rig = scene_rig(2, 2, 50, 37);
   rig.cameras[1].width = 1921;
   rig.cameras[1].height = 1081;
-  View focused{.width = 8, .height = 8, .lens = Lens::pinhole(8, 3.5, 3.5), .pose = {}, .focus = {}};
-  focused.focus.plane = focal_plane_at(focused.pose, 1);
+  const View focused{8, 8, Lens::pinhole(8, 3.5, 3.5), {}, {focal_plane_at({}, 1)}};
   const View small = make_probe(rig, 0, focused, {0}).predicted.view, large = make_probe(rig, 1, focused, {}).seen.view;
   EXPECT_EQ(small.width, 50);
   EXPECT_EQ(small.height, 37);
@@ -168,8 +166,7 @@ using TurnResult = ProbeScheduler::TurnResult;
 class ProbeSchedulerTest : public testing::Test {
  protected:
   ProbeSchedulerTest() {
-    shown_.view = {.width = 64, .height = 48, .lens = Lens::pinhole(50, 31.5, 23.5), .pose = {}, .focus = {}};
-    shown_.view.focus.plane = focal_plane_at(shown_.view.pose, kSceneMiddle);
+    shown_.view = {64, 48, Lens::pinhole(50, 31.5, 23.5), {}, {focal_plane_at({}, kSceneMiddle)}};
   }
   CoverageImage picture(const ViewRequest& probe, double gain = 1) const {
     const View& view = probe.view;
@@ -202,14 +199,13 @@ TEST_F(ProbeSchedulerTest, WaitsForLostProbes) {
 TEST_F(ProbeSchedulerTest, IgnoresOtherProbes) {
   ViewRequest other;
   EXPECT_FALSE(turns_.expects(other)) << "no probe pending";
-  const auto probe = turns_.next(rig_, shown_, 1);
-  ASSERT_TRUE(probe);
-  other = probe->seen;
+  const auto probe = turns_.next(rig_, shown_, 1).value();
+  other = probe.seen;
   other.view.pose.position.x += 1;
   EXPECT_FALSE(turns_.expects(other)) << "not a probe";
-  EXPECT_TRUE(turns_.expects(probe->seen)) << "the probe is unaffected";
-  EXPECT_FALSE(turns_.expects(probe->predicted)) << "nothing to compare with";
-  EXPECT_FALSE(turns_.expects(probe->seen)) << "the probe is over";
+  EXPECT_TRUE(turns_.expects(probe.seen)) << "the probe is unaffected";
+  EXPECT_FALSE(turns_.expects(probe.predicted)) << "nothing to compare with";
+  EXPECT_FALSE(turns_.expects(probe.seen)) << "the probe is over";
   EXPECT_EQ(turns_.monitor()->turns(), 0u);
 }
 
@@ -226,9 +222,8 @@ TEST_F(ProbeSchedulerTest, DarkCameraBecomesSuspect) {
   constexpr CameraIndex kDark = 4;
   TurnResult latest = TurnResult::kBothProbes;
   for (size_t i = 0; i < 4 * rig_.cameras.size() && latest != TurnResult::kSuspectsChanged; i++) {
-    const auto probe = turns_.next(rig_, shown_, 1);
-    ASSERT_TRUE(probe);
-    latest = turn(*probe, probe->camera == kDark ? 0.8 : 1);
+    const auto probe = turns_.next(rig_, shown_, 1).value();
+    latest = turn(probe, probe.camera == kDark ? 0.8 : 1);
   }
   EXPECT_EQ(latest, TurnResult::kSuspectsChanged);
   EXPECT_EQ(turns_.monitor()->suspects(),

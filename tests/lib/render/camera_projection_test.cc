@@ -6,19 +6,14 @@
 #include "geometry/pose.h"
 #include "reference/generators.h"
 #include "scene/scene.h"
+#include "support/rigs.h"
 
 namespace lf {
-
 namespace {
 
 View view_at(const Vec3& eye, double focus) {
-  View view;
-  view.width = 40;
-  view.height = 30;
-  view.lens = Lens::from_fov_y(40, 40, 30);
-  view.pose = look_at(eye, Vec3(0.1, 0, 3), Vec3(0, 1, 0));
-  view.focus.plane = focal_plane_at(view.pose, focus);
-  return view;
+  const Pose pose = look_at(eye, Vec3(0.1, 0, 3), Vec3(0, 1, 0));
+  return {40, 30, Lens::from_fov_y(40, 40, 30), pose, {focal_plane_at(pose, focus)}};
 }
 
 TEST(CameraProjection, ProjectsTheFocalPoint) {
@@ -58,12 +53,8 @@ TEST(CameraProjection, PointsBehindTheCameraAreInvisible) {
 
 TEST(CameraProjection, TheImageEndsHalfAPixelBeyondItsOuterCentres) {
   Rig rig = scene_rig(2, 2, 64, 48);
-  View view;
-  view.width = 64;
-  view.height = 48;
-  view.lens = rig.cameras[0].lens;
-  view.pose = rig.cameras[0].pose;
-  view.focus.plane = focal_plane_at(view.pose, 2);
+  const Camera& camera = rig.cameras[0];
+  const View view{64, 48, camera.lens, camera.pose, {focal_plane_at(camera.pose, 2)}};
   const ViewPlan plan(rig, build_mesh(rig), view);
   const CameraProjection projection(plan, 0, rig.cameras[0]);
   const Lens& lens = view.lens;
@@ -77,13 +68,6 @@ TEST(CameraProjection, TheImageEndsHalfAPixelBeyondItsOuterCentres) {
   EXPECT_FALSE(sees(63.501, 0));
   EXPECT_FALSE(sees(0, 47.501));
 }
-
-}  // namespace
-}  // namespace lf
-
-namespace lf::test {
-
-namespace {
 
 int area(const Rect& rect) { return rect.empty() ? 0 : rect.width() * rect.height(); }
 
@@ -151,12 +135,7 @@ TEST(SourceRegion, ContainsEverySample) {
 
 TEST(SourceRegion, IsTight) {
   const Rig rig = scene_rig(8, 8, 640, 480);
-  View view;
-  view.width = 640;
-  view.height = 480;
-  view.lens = Lens::from_fov_y(33, 640, 480);
-  view.pose.position = Vec3(0.01, 0.02, -0.6);
-  view.focus.plane = focal_plane_at(view.pose, kSceneMiddle);
+  const View view = test::view_from({0.01, 0.02, -0.6}, 640, 480, 33, kSceneMiddle);
   const ViewPlan plan(rig, build_mesh(rig), view);
   int needed = 0, decoded = 0;
   for (const CameraIndex camera : plan.contributors()) {
@@ -166,13 +145,6 @@ TEST(SourceRegion, IsTight) {
   EXPECT_GT(needed, 0);
   EXPECT_LT(decoded, needed * 1.4);
 }
-
-}  // namespace
-}  // namespace lf::test
-
-namespace lf {
-
-namespace {
 
 class PixelForPixelTest : public testing::Test {
  protected:
@@ -229,5 +201,4 @@ TEST_F(PixelForPixelTest, CoarseViewsShowNoDetail) {
 }
 
 }  // namespace
-
 }  // namespace lf

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <random>
 
 #include <gtest/gtest.h>
@@ -13,7 +14,6 @@
 #include "support/rigs.h"
 
 namespace lf {
-
 namespace {
 
 Rig grid(int rows, int columns) { return test::camera_grid(rows, columns, 0.1, 64, 64, 60); }
@@ -25,6 +25,19 @@ View from_behind(const Rig& rig, double distance) {
   view.pose.position = {far_corner.x / 2, far_corner.y / 2, -distance};
   view.blending.extrapolates = false;
   return view;
+}
+
+struct Scene {
+  Scene(const Rig& rig, const View& view) : plan(rig, build_mesh(rig), view), owners(plan, {0, 0, 64, 64}) {}
+  ViewPlan plan;
+  FaceIdMap owners;
+};
+
+double sum_of(const std::vector<float>& values) { return std::accumulate(values.begin(), values.end(), 0.0); }
+
+int light(const Image& image, int x, int y) {
+  const uint8_t* const pixel = image.pixel(x, y);
+  return pixel[0] + pixel[1] + pixel[2];
 }
 
 TEST(CameraColours, NeighboursDiffer) {
@@ -41,9 +54,7 @@ TEST(CameraColours, NeighboursDiffer) {
 
 TEST(ValidWeights, AreTheWeightsWithoutMissingOnes) {
   const Rig rig = grid(2, 2);
-  const View view = from_behind(rig, 0.5);
-  const ViewPlan plan(rig, build_mesh(rig), view);
-  const FaceIdMap owners(plan, {0, 0, 64, 64});
+  const auto [plan, owners] = Scene(rig, from_behind(rig, 0.5));
   const Rect rect = plan.camera_rect(0);
   ASSERT_FALSE(rect.empty());
   // The full weight of a camera that sees everything; no weight of a camera that looks away.
@@ -55,10 +66,8 @@ TEST(ValidWeights, AreTheWeightsWithoutMissingOnes) {
 
 TEST(MeanCoverage, IsTheMeanOfTheCoverage) {
   const Rig rig = grid(3, 3);
-  const View view = from_behind(rig, 0.4);
-  const ViewPlan plan(rig, build_mesh(rig), view);
-  double sum = 0;
-  for (const float c : view_coverage(rig, plan, FaceIdMap(plan, {0, 0, 64, 64}))) sum += c;
+  const auto [plan, owners] = Scene(rig, from_behind(rig, 0.4));
+  const double sum = sum_of(view_coverage(rig, plan, owners));
   EXPECT_NEAR(mean_coverage(rig, plan, 64, 64).seen, sum / (64 * 64), 1e-9);
   EXPECT_NEAR(mean_coverage(rig, plan, 24, 12).seen, sum / (64 * 64), 0.02);
   EXPECT_GT(sum, 0);
@@ -68,8 +77,7 @@ TEST(PixelShares, ListTheCamerasOfAPixel) {
   Rig rig = grid(3, 3);
   rig.cameras[1].pose.orientation = Quat(0.995, 0, 0.0998, 0);
   rig.cameras[1].lens = Lens::pinhole(600, 31.5, 31.5);
-  const View view = from_behind(rig, 0.4);
-  const ViewPlan plan(rig, build_mesh(rig), view);
+  const ViewPlan plan(rig, build_mesh(rig), from_behind(rig, 0.4));
   EXPECT_TRUE(pixel_shares(rig, plan, 0, 0).empty()) << "beside the array";
   // 0.03 m left of the centre camera and 0.02 m above: on the triangle (1, 4, 3).
   const int x = static_cast<int>(31.5 - 0.03 / 0.4 * 64), y = static_cast<int>(31.5 - 0.02 / 0.4 * 64);
@@ -96,7 +104,7 @@ TEST(ContributionMap, EveryCameraHasItsColour) {
   EXPECT_NEAR(p[0], colours[4].r, 45);
   EXPECT_NEAR(p[1], colours[4].g, 45);
   EXPECT_NEAR(p[2], colours[4].b, 45);
-  EXPECT_EQ(map.pixel(1, 1)[0] + map.pixel(1, 1)[1] + map.pixel(1, 1)[2], 0);
+  EXPECT_EQ(light(map, 1, 1), 0);
 }
 
 TEST(ContributionMap, OutlinesTheFaces) {
@@ -104,13 +112,9 @@ TEST(ContributionMap, OutlinesTheFaces) {
   const View view = from_behind(rig, 0.15);
   const Image map = contribution_map(rig, build_mesh(rig), view);
   // The cell's diagonal runs from camera 1 (upper right) to camera 2 (lower left), through the centre.
-  const auto light = [&](int x, int y) {
-    const uint8_t* p = map.pixel(x, y);
-    return p[0] + p[1] + p[2];
-  };
   for (int k = -15; k <= 15; k++) {
-    EXPECT_LT(light(31 + k, 32 - k), 100) << k;
-    EXPECT_GT(light(31 + k - 5, 32 - k - 5), 150) << k;
+    EXPECT_LT(light(map, 31 + k, 32 - k), 100) << k;
+    EXPECT_GT(light(map, 31 + k - 5, 32 - k - 5), 150) << k;
   }
 }
 
@@ -130,9 +134,7 @@ TEST(ContributionMap, UnderlayShowsThrough) {
 TEST(ContributionMap, WorksWithoutTriangles) {
   for (const int columns : {1, 2, 4}) {
     const Rig rig = grid(1, columns);
-    View view = from_behind(rig, 0.3);
-    const Image map = contribution_map(rig, build_mesh(rig), view);
-    EXPECT_GT(map.pixel(30, 30)[0] + map.pixel(30, 30)[1] + map.pixel(30, 30)[2], 60) << columns;
+    EXPECT_GT(light(contribution_map(rig, build_mesh(rig), from_behind(rig, 0.3)), 30, 30), 60) << columns;
   }
 }
 
@@ -193,6 +195,12 @@ TEST(VisibleFraction, OneCameraAndARow) {
   EXPECT_EQ(VisibleFraction(row)(moved(row, {0.3, 0, 0}), kAspect), 0);
 }
 
+ptrdiff_t dark_pixels(const Rig& rig, const Mesh& mesh, const View& view) {
+  const ViewPlan plan(rig, mesh, view);
+  const std::vector<float> seen = view_coverage(rig, plan, FaceIdMap(plan, {0, 0, view.width, view.height}));
+  return std::ranges::count_if(seen, [](float s) { return s <= 0; });
+}
+
 TEST(VisibleFraction, HomeFitsTheAspectRatio) {
   for (const double error : {0.0, 2.0}) {
     Rig rig = array(4, 6);
@@ -210,10 +218,8 @@ TEST(VisibleFraction, HomeFitsTheAspectRatio) {
       }
       EXPECT_GT(std::max(high, high * aspect / kAspect), 0.85 * camera) << aspect;
       const int height = 240, width = static_cast<int>(std::lround(height * aspect));
-      const ViewPlan plan(rig, mesh, make_view(home, width, height));
-      const std::vector<float> seen = view_coverage(rig, plan, FaceIdMap(plan, {0, 0, width, height}));
       // These pixels are smaller than the pixels that determined the home view.
-      EXPECT_EQ(std::ranges::count_if(seen, [](float s) { return s <= 0; }), 0) << aspect;
+      EXPECT_EQ(dark_pixels(rig, mesh, make_view(home, width, height)), 0) << aspect;
       EXPECT_LT(glm::length(home.pose.position - default_viewpoint(rig).pose.position), 0.06) << "pitch 0.1 m";
     }
   }
@@ -237,9 +243,8 @@ TEST(VisibleFraction, HomeOfASetHasNoDarkView) {
         EXPECT_NEAR(home.pose.position.x, default_viewpoint(rig).pose.position.x, 1e-9);
         const int height = 120, width = static_cast<int>(std::lround(height * aspect));
         for (int eye = 0; eye < set.place(0).count(); eye++) {
-          const ViewPlan plan(rig, mesh, set.view(make_view(home, width, height), set.place(eye)));
-          const std::vector<float> seen = view_coverage(rig, plan, FaceIdMap(plan, {0, 0, width, height}));
-          EXPECT_EQ(std::ranges::count_if(seen, [](float s) { return s <= 0; }), 0) << eye << " " << aspect;
+          const View view = set.view(make_view(home, width, height), set.place(eye));
+          EXPECT_EQ(dark_pixels(rig, mesh, view), 0) << eye << " " << aspect;
         }
       }
 }
@@ -258,9 +263,7 @@ TEST(VisibleFraction, HomeOfARingIsTheDefault) {
 TEST(MissingWeights, ComplementTheCoverage) {
   Rig rig = grid(3, 3);
   rig.cameras[4].pose.orientation = Quat(0, 0, 1, 0);  // looks back: its weight is lost
-  const View view = from_behind(rig, 0.3);
-  const ViewPlan plan(rig, build_mesh(rig), view);
-  const FaceIdMap owners(plan, {0, 0, 64, 64});
+  const auto [plan, owners] = Scene(rig, from_behind(rig, 0.3));
   const std::vector<float> lost = missing_weights(rig, plan, owners), seen = view_coverage(rig, plan, owners);
   int outside = 0, some = 0;
   for (int y = 0; y < 64; y++)
@@ -281,15 +284,12 @@ TEST(MissingWeights, ComplementTheCoverage) {
 TEST(CameraContributions, MatchThePositionsSeenFromBehind) {
   const Rig rig = grid(3, 3);
   const View view = from_behind(rig, 0.5);
-  const ViewPlan plan(rig, build_mesh(rig), view);
-  const FaceIdMap owners(plan, {0, 0, 64, 64});
+  const auto [plan, owners] = Scene(rig, view);
   const std::vector<CameraFootprint> places = camera_footprints(rig, plan, owners);
   ASSERT_EQ(places.size(), 9u);
   double sum = 0;
   for (const CameraFootprint& place : places) sum += place.weight;
-  double coverage = 0;
-  for (const float c : view_coverage(rig, plan, owners)) coverage += c;
-  EXPECT_NEAR(sum, coverage, 1e-2);
+  EXPECT_NEAR(sum, sum_of(view_coverage(rig, plan, owners)), 1e-2);
   // The centre camera's hat is symmetric.
   const Vec2 middle = *view.lens.project(view.pose.camera_from_world(rig.cameras[4].pose.position));
   EXPECT_NEAR(glm::length(places[4].middle - middle), 0, 0.2);
@@ -298,5 +298,4 @@ TEST(CameraContributions, MatchThePositionsSeenFromBehind) {
 }
 
 }  // namespace
-
 }  // namespace lf

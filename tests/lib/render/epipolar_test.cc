@@ -2,22 +2,16 @@
 #include "render/epipolar.h"
 
 #include <cmath>
-#include <numeric>
 #include <random>
 
 #include <gtest/gtest.h>
 
 #include "scene/scene.h"
 #include "support/expect_error.h"
+#include "support/photographs.h"
 
 namespace lf {
 namespace {
-
-std::vector<Image> filmed(const Rig& rig) {
-  std::vector<Image> images;
-  for (const Camera& c : rig.cameras) images.push_back(render_scene({c.width, c.height, c.lens, c.pose}, 0, 1));
-  return images;
-}
 
 std::vector<Image> waves(const Rig& rig, double depth, double length) {
   std::vector<Image> images;
@@ -73,7 +67,7 @@ TEST(EpipolarImage, RowsShowOneLineOfEachCamera) {
     camera.pose.position += Vec3(off(random), off(random), off(random));
     camera.pose.orientation = quat_from_euler({degrees(random), degrees(random), degrees(random)});
   }
-  const std::vector<Image> images = filmed(rig);
+  const std::vector<Image> images = test::scene_images(rig);
   for (const bool is_row : {true, false}) {
     const std::vector<CameraIndex> line = is_row ? row_of_cameras(rig, 1) : column_of_cameras(rig, 2);
     const int width = 120, stripe = 3, height = stripe * static_cast<int>(line.size());
@@ -142,12 +136,9 @@ TEST(EpipolarImage, RefusesInvalidOptions) {
   EXPECT_ERROR(row_of_cameras(rig, 2), "row 2", "0 to 1");
   EXPECT_ERROR(column_of_cameras(rig, -1), "column -1", "0 to 2");
   const EpipolarOptions good{.distance = 2, .width = 20, .height = 30};
-  EpipolarOptions options = good;
-  options.distance = 0;
-  EXPECT_ERROR(epipolar_image(rig, line, of(images), options), "distance", "positive");
-  options = good;
-  options.width = 0;
-  EXPECT_ERROR(epipolar_image(rig, line, of(images), options), "width");
+  EXPECT_ERROR(epipolar_image(rig, line, of(images), {.distance = 0, .width = 20, .height = 30}), "distance",
+               "positive");
+  EXPECT_ERROR(epipolar_image(rig, line, of(images), {.distance = 2, .width = 0, .height = 30}), "width");
   EXPECT_ERROR(epipolar_image(rig, {3}, of(images), good), "two cameras");
   EXPECT_ERROR(epipolar_image(rig, {3, 3}, of(images), good), "different places");
   EXPECT_ERROR(epipolar_image(rig, line, of(small), good), "sizes");

@@ -7,7 +7,6 @@
 #include <cmath>
 #include <cstdio>
 #include <map>
-#include <optional>
 #include <utility>
 
 #include <gtest/gtest.h>
@@ -23,6 +22,7 @@ namespace {
 using reference::Random;
 using reference::Real;
 using reference::V3;
+using test::Production;
 
 constexpr int kWidth = 93, kHeight = 71, kStep = WeightGrid::kStep;
 
@@ -35,15 +35,18 @@ View view_from(const Vec3& eye, const Quat& turn = {1, 0, 0, 0}) {
   return view;
 }
 
-bool is_beside(const ViewPlan& plan, const FaceIdMap& owners, int x, int y) {
-  const int32_t owner = owners.at(x, y);
-  return owner != FaceIdMap::kNone && !plan.faces()[owner].has_corners();
+bool is_beside(const Production& p, int x, int y) {
+  const int32_t owner = p.owners.at(x, y);
+  return owner != FaceIdMap::kNone && !p.plan.faces()[owner].has_corners();
 }
 
-std::vector<double> weights_at(const ViewPlan& plan, const FaceIdMap& owners, int x, int y) {
+double weight_at(const Production& p, CameraIndex camera, int x, int y) {
+  return CameraCorners(p.plan, camera).weight_at(p.plan, p.owners, x, y);
+}
+
+std::vector<double> weights_at(const Production& p, int x, int y) {
   std::vector<double> weights;
-  for (CameraIndex i = 0; i < plan.num_cameras(); i++)
-    weights.push_back(CameraCorners(plan, i).weight_at(plan, owners, x, y));
+  for (CameraIndex i = 0; i < p.plan.num_cameras(); i++) weights.push_back(weight_at(p, i, x, y));
   return weights;
 }
 
@@ -113,15 +116,15 @@ TEST(Extrapolation, WeightsFollowTheFormula) {
     const Mesh mesh = build_mesh(rig);
     View view = view_from(random.point_in_box(2) - Vec3(0, 0, 0.5), random.small_rotation(0.3));
     view.blending.fills_gaps = false;
-    const ViewPlan plan(rig, mesh, view);
+    const Production production(rig, mesh, view);
+    const ViewPlan& plan = production.plan;
     if (!plan.blend()) continue;
-    const FaceIdMap owners(plan, test::whole(view));
     View angle = view;
     angle.blending = {.kind = Blending::Kind::kAngle, .nearest = kExtrapolationCameras};
     const reference::ReferenceBlending by_angle(rig, mesh, angle, kStep);
     for (int y = 0; y < kHeight; y += kStep)
       for (int x = 0; x < kWidth; x += kStep) {
-        if (!is_beside(plan, owners, x, y)) continue;
+        if (!is_beside(production, x, y)) continue;
         const std::vector<Real> expected = expected_weights(rig, mesh, view, plan.rays().at(x, y), by_angle.at(x, y));
         for (CameraIndex i = 0; i < rig.cameras.size(); i++) {
           const double weight = static_cast<double>(plan.blend()->weight(i, x, y)) / WeightGrid::kOne;
@@ -142,18 +145,14 @@ TEST(Extrapolation, AllPixelsInFocusHaveTheWholeWeight) {
     const Rig rig = reference::random_rig(random);
     View view = reference::random_view(random, rig, kWidth, kHeight);
     view.blending = {};
-    const ViewPlan plan(rig, build_mesh(rig), view);
-    const FaceIdMap owners(plan, test::whole(view));
+    const Production production(rig, build_mesh(rig), view);
     std::vector<float> sum(static_cast<size_t>(kWidth) * kHeight);
-    for (const CameraIndex camera : plan.contributors()) {
-      const Rect rect = plan.camera_rect(camera);
-      const std::vector<float> weights = pixel_weights(plan, owners, camera, rect);
-      for (int y = rect.y0, i = 0; y < rect.y1; y++)
-        for (int x = rect.x0; x < rect.x1; x++, i++) sum[static_cast<size_t>(y) * kWidth + x] += weights[i];
-    }
+    for (const auto& own : production.own_weights())
+      for (size_t i = 0; i < sum.size(); i++) sum[i] += own.weight[i];
     for (int y = 0; y < kHeight; y++)
       for (int x = 0; x < kWidth; x++)
-        ASSERT_NEAR(sum[static_cast<size_t>(y) * kWidth + x], owners.at(x, y) == FaceIdMap::kNone ? 0 : 1, 1e-4)
+        ASSERT_NEAR(sum[static_cast<size_t>(y) * kWidth + x], production.owners.at(x, y) == FaceIdMap::kNone ? 0 : 1,
+                    1e-4)
             << x << ", " << y;
   }
 }
@@ -167,24 +166,21 @@ TEST(Extrapolation, PixelsInsideTheMeshStayTheSame) {
     const Mesh mesh = build_mesh(rig);
     View view = reference::random_view(random, rig, kWidth, kHeight);
     view.blending.extrapolates = false;
-    const ViewPlan before(rig, mesh, view);
-    EXPECT_EQ(before.blend(), nullptr);
+    const Production before(rig, mesh, view);
+    EXPECT_EQ(before.plan.blend(), nullptr);
     view.blending.extrapolates = true;
     view.blending.fills_gaps = false;
-    const ViewPlan plan(rig, mesh, view);
-    const FaceIdMap owners_before(before, test::whole(view)), owners(plan, test::whole(view));
+    const Production now(rig, mesh, view);
     for (int y = 0; y < kHeight; y++)
       for (int x = 0; x < kWidth; x++) {
-        if (owners_before.at(x, y) == FaceIdMap::kNone) {
-          beside += is_beside(plan, owners, x, y);
+        if (before.owners.at(x, y) == FaceIdMap::kNone) {
+          beside += is_beside(now, x, y);
           continue;
         }
         inside++;
-        ASSERT_EQ(owners.at(x, y), owners_before.at(x, y));
-        for (const CameraIndex camera : plan.faces()[owners.at(x, y)].camera)
-          if (camera != MeshFace::kNone)
-            ASSERT_EQ(CameraCorners(plan, camera).weight_at(plan, owners, x, y),
-                      CameraCorners(before, camera).weight_at(before, owners_before, x, y));
+        ASSERT_EQ(now.owners.at(x, y), before.owners.at(x, y));
+        for (const CameraIndex camera : now.plan.faces()[now.owners.at(x, y)].camera)
+          ASSERT_TRUE(camera == MeshFace::kNone || weight_at(now, camera, x, y) == weight_at(before, camera, x, y));
       }
   }
   EXPECT_GT(inside, 10000);
@@ -215,9 +211,7 @@ class Gaps : public testing::Test {
     return view;
   }
   // The weight of the cameras that see the pixel.
-  static std::vector<float> seen(const Rig& rig, const ViewPlan& plan) {
-    return view_coverage(rig, plan, FaceIdMap(plan, test::whole(plan.view())));
-  }
+  std::vector<float> seen(const Production& p) const { return view_coverage(rig_, p.plan, p.owners); }
 
   Rig rig_;
   Mesh mesh_;
@@ -225,13 +219,13 @@ class Gaps : public testing::Test {
 };
 
 TEST_F(Gaps, AreFilledIfOtherCamerasSeeThePoint) {
-  const ViewPlan before(rig_, mesh_, with_gaps()), plan(rig_, mesh_, view_);
-  const std::vector<float> seen_before = seen(rig_, before), seen_now = seen(rig_, plan);
+  const Production before(rig_, mesh_, with_gaps()), now(rig_, mesh_, view_);
+  const std::vector<float> seen_before = seen(before), seen_now = seen(now);
   // The reference: a point can be seen if it is in the image of any camera.
   int empty_before = 0, empty_now = 0, visible = 0;
   for (int y = 0, i = 0; y < kHeight; y++)
     for (int x = 0; x < kWidth; x++, i++) {
-      const LineOfSight line = line_of_sight(plan, Vec2(x, y));
+      const LineOfSight line = line_of_sight(now.plan, Vec2(x, y));
       const Vec3 point = view_.pose.world_from_camera(line.focus * Vec3(line.ray, 1));
       const bool is_visible = std::ranges::any_of(rig_.cameras, [&](const Camera& camera) {
         const auto pixel = camera.lens.project(camera.pose.camera_from_world(point));
@@ -248,13 +242,12 @@ TEST_F(Gaps, AreFilledIfOtherCamerasSeeThePoint) {
 }
 
 TEST_F(Gaps, PixelsOfOtherCellsStayTheSame) {
-  const ViewPlan before(rig_, mesh_, with_gaps()), plan(rig_, mesh_, view_);
-  const FaceIdMap owners_before(before, test::whole(view_)), owners(plan, test::whole(view_));
-  const std::vector<float> seen_before = seen(rig_, before);
+  const Production before(rig_, mesh_, with_gaps()), now(rig_, mesh_, view_);
+  const std::vector<float> seen_before = seen(before);
   int same = 0, filled = 0;
   for (int y = 0; y < kHeight; y++)
     for (int x = 0; x < kWidth; x++) {
-      if (is_beside(plan, owners, x, y)) {
+      if (is_beside(now, x, y)) {
         // The renderer fills only cells with a corner in a gap.
         filled++;
         bool near_gap = false;
@@ -265,16 +258,16 @@ TEST_F(Gaps, PixelsOfOtherCellsStayTheSame) {
         continue;
       }
       same++;
-      ASSERT_EQ(owners.at(x, y), owners_before.at(x, y));
+      ASSERT_EQ(now.owners.at(x, y), before.owners.at(x, y));
     }
   EXPECT_GT(same, 500);
   EXPECT_GT(filled, 500);
 }
 
 TEST_F(Gaps, WeightsFollowTheFormulaAtPoints) {
-  const ViewPlan before(rig_, mesh_, with_gaps()), plan(rig_, mesh_, view_);
+  const Production before(rig_, mesh_, with_gaps()), now(rig_, mesh_, view_);
+  const ViewPlan& plan = now.plan;
   ASSERT_NE(plan.blend(), nullptr);
-  const FaceIdMap owners_before(before, test::whole(view_)), owners(plan, test::whole(view_));
   View angle = view_;
   angle.blending = {.kind = Blending::Kind::kAngle, .nearest = kExtrapolationCameras};
   const reference::ReferenceBlending by_angle(rig_, mesh_, angle, kStep);
@@ -282,8 +275,8 @@ TEST_F(Gaps, WeightsFollowTheFormulaAtPoints) {
   int compared = 0, faded = 0;
   for (int y = 0; y < kHeight; y += kStep)
     for (int x = 0; x < kWidth; x += kStep) {
-      if (!is_beside(plan, owners, x, y)) continue;
-      const std::vector<double> mesh_weights = weights_at(before, owners_before, x, y);
+      if (!is_beside(now, x, y)) continue;
+      const std::vector<double> mesh_weights = weights_at(before, x, y);
       const LineOfSight line = line_of_sight(plan, Vec2(x, y));
       const Vec3 point = view_.pose.world_from_camera(line.focus * Vec3(line.ray, 1));
       double visible = 0;
@@ -313,12 +306,11 @@ TEST_F(Gaps, WeightsFollowTheFormulaAtPoints) {
 
 // Hosts render different regions of a view.
 TEST_F(Gaps, OwnersDoNotDependOnTheRegion) {
-  const ViewPlan plan(rig_, mesh_, view_);
-  const FaceIdMap owners(plan, test::whole(view_));
+  const Production whole(rig_, mesh_, view_);
   for (const Rect& region : {Rect{10, 3, 57, 44}, Rect{0, 40, kWidth, 41}, Rect{31, 0, 33, kHeight}}) {
-    const FaceIdMap part(plan, region);
+    const FaceIdMap part(whole.plan, region);
     for (int y = region.y0; y < region.y1; y++)
-      for (int x = region.x0; x < region.x1; x++) ASSERT_EQ(part.at(x, y), owners.at(x, y)) << x << ", " << y;
+      for (int x = region.x0; x < region.x1; x++) ASSERT_EQ(part.at(x, y), whole.owners.at(x, y)) << x << ", " << y;
   }
 }
 
@@ -329,16 +321,15 @@ TEST(Extrapolation, IsContinuousAtTheBorder) {
   for (int n = 0; n < 40; n++) {
     // The border of the array, at x = 0.75, moves over the view.
     const View view = view_from({0.75 + 0.01 * n - 0.2, 0.03, -1.1});
-    const ViewPlan plan(rig, build_mesh(rig), view);
-    ASSERT_NE(plan.blend(), nullptr);
-    const FaceIdMap owners(plan, test::whole(view));
+    const Production production(rig, build_mesh(rig), view);
+    ASSERT_NE(production.plan.blend(), nullptr);
     const int y = kHeight / 2;
-    std::vector<double> last = weights_at(plan, owners, 0, y);
+    std::vector<double> last = weights_at(production, 0, y);
     for (int x = 1; x < kWidth; x++) {
-      const std::vector<double> now = weights_at(plan, owners, x, y);
+      const std::vector<double> now = weights_at(production, x, y);
       double change = 0;
       for (size_t i = 0; i < now.size(); i++) change = std::max(change, std::abs(now[i] - last[i]));
-      const int gridded = is_beside(plan, owners, x, y) + is_beside(plan, owners, x - 1, y);
+      const int gridded = is_beside(production, x, y) + is_beside(production, x - 1, y);
       double& most = gridded == 0 ? inside : gridded == 1 ? across : beside;
       most = std::max(most, change);
       last = now;
@@ -356,14 +347,13 @@ TEST(Extrapolation, RowContinuesBeyondItsEnds) {
   rig.topology = {};
   rig.topology.type = Topology::Type::kDelaunay;
   const View view = view_from({1.4, 0, -0.5});
-  const ViewPlan plan(rig, build_mesh(rig), view);
-  ASSERT_NE(plan.blend(), nullptr);
-  const FaceIdMap owners(plan, test::whole(view));
+  const Production production(rig, build_mesh(rig), view);
+  ASSERT_NE(production.plan.blend(), nullptr);
   int beside = 0;
   for (int x = 0; x < kWidth; x++)
     for (int y = 0; y < kHeight; y++) {
-      ASSERT_NE(owners.at(x, y), FaceIdMap::kNone);
-      beside += is_beside(plan, owners, x, y);
+      ASSERT_NE(production.owners.at(x, y), FaceIdMap::kNone);
+      beside += is_beside(production, x, y);
     }
   EXPECT_GT(beside, 100);
 }

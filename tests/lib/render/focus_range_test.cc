@@ -37,11 +37,10 @@ TEST(FocusRange, FindsTheNearAndTheFarWall) {
     static Image image;
     return image = film(rig.cameras[i], true);
   };
-  const std::optional<FocusRange> found = estimate_focus_range(rig, images);
-  ASSERT_TRUE(found);
+  const auto found = estimate_focus_range(rig, images).value();
   // Samples are whole pixels, and a pixel of disparity is 11 % of the near distance.
-  EXPECT_NEAR(found->near, 0.8, 0.09);
-  EXPECT_NEAR(found->far, 2.0, 0.2);
+  EXPECT_NEAR(found.near, 0.8, 0.09);
+  EXPECT_NEAR(found.far, 2.0, 0.2);
 }
 
 TEST(FocusRange, NothingWithoutTextureOrASecondPosition) {

@@ -15,6 +15,7 @@
 #include "render/ownership.h"
 #include "rig/rig_json.h"
 #include "support/fragments.h"
+#include "support/rigs.h"
 
 namespace lf {
 namespace {
@@ -31,12 +32,7 @@ Rig square_array(Random& random) {
 }
 
 View view_from(const Vec3& eye, double fov_y, double focus, int width = 160, int height = 120) {
-  View view;
-  view.width = width;
-  view.height = height;
-  view.lens = Lens::from_fov_y(fov_y, width, height);
-  view.pose.position = eye;
-  view.focus.plane = plane_through({0, 0, focus}, {0, 0, -1});
+  View view = test::view_from(eye, width, height, fov_y, focus - eye.z);
   view.blending.extrapolates = false;
   return view;
 }
@@ -51,8 +47,6 @@ std::vector<View> views() {
   out.back().lens = Lens(LensModel::kRadial, {140, 79, 60, -0.2, 0.03});
   return out;
 }
-
-// --- 1: partition of unity -------------------------------------------------------------------------------------------
 
 Rig wide_array(Random& random) {
   Rig rig = square_array(random);
@@ -129,8 +123,6 @@ TEST(PartitionOfUnity, WhiteIs254Or255InEightBits) {
     EXPECT_GT(owned, 1000u);
   }
 }
-
-// --- 2: a view at a camera is its image ------------------------------------------------------------------------------
 
 // Returns planes that every line of sight of the view meets in front.
 std::vector<Plane> planes_in_front(Random& random, const View& view, int n) {
@@ -233,8 +225,6 @@ TEST(ViewAtACamera, IsItsPhotograph) {
   }
 }
 
-// --- 3: the focal plane is sharp -------------------------------------------------------------------------------------
-
 // A texture in the plane n . x = c: waves along two directions.
 struct Texture {
   static constexpr double kAmplitude = 55;
@@ -316,8 +306,6 @@ TEST(FocalPlane, IsRenderedSharp) {
   }
 }
 
-// --- 4: one process or eight -----------------------------------------------------------------------------------------
-
 // Renders as one process does: a separate plan with only the ownership that its cameras need.
 std::vector<Fragment> render_part(const Rig& rig, const View& view, const std::vector<CameraIndex>& cameras,
                                   const std::vector<Image>& images) {
@@ -377,8 +365,6 @@ TEST(Split, OverATreeOfPartialSumsIsBitExact) {
     EXPECT_EQ(root.resolve().data(), one.picture_of_parts(images).data());
   }
 }
-
-// --- 5: bytes do not grow with the number of cameras -----------------------------------------------------------------
 
 TEST(Bytes, DoNotGrowWithTheNumberOfCameras) {
   Random random(9);

@@ -28,7 +28,7 @@ constexpr double kMargin = 1e-9;
 
 // The sum of all weights is 0 or 1, independent of the reference.
 TEST(RandomRigs, NoPixelIsCountedTwiceOrMissed) {
-  int64_t pixels = 0, owned = 0, folded_views = 0, rigs_of_view = 0;
+  long pixels = 0, owned = 0, folded_views = 0, rigs_of_view = 0;
   double largest_weight_error = 0, largest_sum_error = 0;
   for (int i = 0; i < kRigs; i++) {
     Random random(i);
@@ -97,10 +97,8 @@ TEST(RandomRigs, NoPixelIsCountedTwiceOrMissed) {
     }
     folded_views += containing > 1;
   }
-  std::printf(
-      "%d rigs, %lld of them in view, %lld with several faces in the middle of the view; %lld pixels, %lld owned\n",
-      kRigs, static_cast<long long>(rigs_of_view), static_cast<long long>(folded_views), static_cast<long long>(pixels),
-      static_cast<long long>(owned));
+  std::printf("%d rigs, %ld of them in view, %ld with several faces in the middle of the view; %ld pixels, %ld owned\n",
+              kRigs, rigs_of_view, folded_views, pixels, owned);
   std::printf("largest weight error %.2g (bound %.0g), largest |sum - 1| %.2g (bound 1e-6)\n", largest_weight_error,
               kWeightBound, largest_sum_error);
   EXPECT_LE(largest_sum_error, 1e-6);
@@ -109,7 +107,7 @@ TEST(RandomRigs, NoPixelIsCountedTwiceOrMissed) {
 }
 
 TEST(RandomRigs, MissingWeightMatchesTheReference) {
-  int64_t compared = 0, lost = 0;
+  long compared = 0, lost = 0;
   double largest = 0;
   for (int i = 0; i < 1000; i++) {
     Random random(kRigs + i);
@@ -128,13 +126,11 @@ TEST(RandomRigs, MissingWeightMatchesTheReference) {
       largest = std::max(largest, error);
     }
   }
-  std::printf("%lld pixels (%lld with missing weight): largest error of valid and missing weight %.2g (bound %.0g)\n",
-              static_cast<long long>(compared), static_cast<long long>(lost), largest, kWeightBound);
+  std::printf("%ld pixels (%ld with missing weight): largest error of valid and missing weight %.2g (bound %.0g)\n",
+              compared, lost, largest, kWeightBound);
   EXPECT_LE(largest, kWeightBound);
   EXPECT_GT(lost, compared / 20);
 }
-
-// --- rectangles ------------------------------------------------------------------------------------------------------
 
 class SubPixels {
  public:
@@ -177,7 +173,7 @@ bool has_area(const Rig& rig, const MeshFace& face) {
 // Every side of a face's rectangle is within a pixel of the face for a pinhole. Rare exceptions are slivers between all
 // sampled points.
 TEST(RandomRigs, RectanglesAreTight) {
-  int64_t sides = 0, touched = 0, area = 0, least = 0;
+  long sides = 0, touched = 0, area = 0, least = 0;
   for (int i = 0; i < 600; i++) {
     Random random(2 * kRigs + i);
     const Rig rig = reference::random_rig(random);
@@ -199,15 +195,15 @@ TEST(RandomRigs, RectanglesAreTight) {
       for (int y = r.y0; y < r.y1; y++)
         for (int x = r.x0; x < r.x1; x++)
           if (points.holds(face.face, x, y)) smallest = unite(smallest, {x, y, x + 1, y + 1});
-      area += static_cast<int64_t>(r.width()) * r.height();
-      least += static_cast<int64_t>(smallest.width()) * smallest.height();
+      area += static_cast<long>(r.width()) * r.height();
+      least += static_cast<long>(smallest.width()) * smallest.height();
     }
   }
   const double fraction = static_cast<double>(touched) / static_cast<double>(sides);
   const double factor = static_cast<double>(area) / static_cast<double>(least);
   std::printf(
-      "%lld sides, %.4f of them touched (bound 0.99); area of all rectangles / least possible: %.4f (bound 1.1)\n",
-      static_cast<long long>(sides), fraction, factor);
+      "%ld sides, %.4f of them touched (bound 0.99); area of all rectangles / least possible: %.4f (bound 1.1)\n",
+      sides, fraction, factor);
   EXPECT_GE(fraction, 0.99);
   EXPECT_LE(factor, 1.1);
 }
@@ -244,7 +240,7 @@ TEST(RandomRigs, FragmentsAreNoLargerThanTheirWeights) {
 
 // Rectangles planned without pixel tests consist of whole tiles for distorted lenses, which bounds the excess.
 TEST(RandomRigs, RectanglesOfDistortedViewsAreNotMuchLarger) {
-  int64_t area = 0, least = 0;
+  long area = 0, least = 0;
   for (int i = 0; i < 40; i++) {
     Random random(3 * kRigs + i);
     const Rig rig = reference::random_rig(random);
@@ -255,13 +251,13 @@ TEST(RandomRigs, RectanglesOfDistortedViewsAreNotMuchLarger) {
     const FaceIdMap owners(plan, test::whole(view));
     for (const CameraIndex camera : plan.contributors()) {
       const Rect& r = plan.camera_rect(camera);
-      area += static_cast<int64_t>(r.width()) * r.height();
+      area += static_cast<long>(r.width()) * r.height();
     }
     view.lens = Lens::pinhole(130, 79.5, 59.5);
     const ViewPlan straight(rig, mesh, view);
     for (const CameraIndex camera : straight.contributors()) {
       const Rect& r = straight.camera_rect(camera);
-      least += static_cast<int64_t>(r.width()) * r.height();
+      least += static_cast<long>(r.width()) * r.height();
     }
   }
   const double factor = static_cast<double>(area) / static_cast<double>(least);

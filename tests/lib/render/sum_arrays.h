@@ -3,11 +3,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <memory>
+#include <stdexcept>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "lib/render/production.h"
 #include "reference/generators.h"
+#include "render/gl/gles_renderer.h"
 #include "render/sum_renderer.h"
 
 namespace lf::test {
@@ -87,6 +92,43 @@ inline std::shared_ptr<const FocalMap> depths(reference::Random& random, const V
       map.levels.push_back(static_cast<uint8_t>(rough ? random.integer(0, 255) : slope + (nearer ? 100 : 0)));
     }
   return std::make_shared<FocalMap>(std::move(map));
+}
+
+inline Image checkerboard(reference::Random& /*random*/, int width, int height) {
+  Image image(PixelFamily::kRgb, width, height);
+  for (int y = 0; y < height; y++)
+    for (int x = 0; x < width; x++)
+      for (int c = 0; c < 3; c++) image.pixel(x, y)[c] = (x + y) % 2 ? 255 : 0;
+  return image;
+}
+
+inline std::vector<Image> in_family(PixelFamily family, std::vector<Image> rgb) {
+  return family == PixelFamily::kI420 ? i420_of(rgb) : rgb;
+}
+
+inline const char* name_of(PixelFamily family) { return family == PixelFamily::kI420 ? "I420" : "RGB"; }
+
+// Returns one of four arrays of 9 to 36 cameras, and a view into the array. `mapped`: with a focal surface.
+inline std::pair<Rig, View> array_and_view(int trial, reference::Random& random, bool mapped) {
+  const int side = 3 + trial, width = trial % 2 ? 157 : 320, height = trial % 2 ? 121 : 240;
+  const Rig rig = jittered_array(random, side, width, height, trial % 3 == 0 ? 0 : -0.25);
+  View view = view_into(rig, side, width, height, random.small_rotation(0.2));
+  if (mapped) view.focus.map = depths(random, view, trial == 1 ? 7 : FocalMap::kMinStep, trial == 2);
+  return {rig, view};
+}
+
+// Returns the number of views that a random test renders: LF_SCALES in the environment, or `otherwise`.
+inline int number_of_views(int otherwise) {
+  const char* const number = std::getenv("LF_SCALES");
+  return number ? std::atoi(number) : otherwise;
+}
+
+// Accepts any driver. setup.sh installs a software renderer.
+inline std::unique_ptr<gl::GlesRenderer> new_gpu() {
+  std::string why;
+  auto gpu = gl::GlesRenderer::create(gl::Context::Drivers::kAny, why);
+  if (!gpu) throw std::runtime_error("no OpenGL ES 3.1: " + why);
+  return gpu;
 }
 
 struct Eye {

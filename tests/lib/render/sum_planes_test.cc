@@ -8,7 +8,6 @@
 #include "composite/resolve.h"
 
 namespace lf {
-
 namespace {
 
 TEST(SumRounding, MissingWeightIsExact) {
@@ -55,5 +54,4 @@ TEST(SumRounding, FragmentsRoundTripThroughSums) {
 }
 
 }  // namespace
-
 }  // namespace lf

@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
 #include <memory>
 #include <numbers>
 #include <numeric>
@@ -14,7 +13,6 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-#include "base/text.h"
 #include "lib/render/production.h"
 #include "lib/render/sum_arrays.h"
 #include "reference/float_renderer.h"
@@ -29,20 +27,14 @@ namespace lf {
 namespace {
 
 using reference::Random;
-using test::depths, test::jittered_array, test::sources_of, test::Sum, test::view_into;
-
-Image checkerboard(Random& random, int width, int height) {
-  Image image(PixelFamily::kRgb, width, height);
-  for (int y = 0; y < height; y++)
-    for (int x = 0; x < width; x++)
-      for (int c = 0; c < 3; c++) image.pixel(x, y)[c] = (x + y) % 2 ? 255 : 0;
-  (void)random;
-  return image;
-}
+using test::checkerboard, test::depths, test::jittered_array, test::sources_of, test::Sum, test::view_into;
 
 struct Worst {
   double level = 0, chroma = 0, lost = 0;
-  int64_t pixels = 0;
+  long pixels = 0;
+  void print(const std::string& of) const {
+    std::printf("%s: level error %.3f, chroma %.3f, lost %.2g, %ld pixels\n", of.c_str(), level, chroma, lost, pixels);
+  }
 };
 
 // Sums of render_float() over the view, per plane: R, G, B or Y, Cb, Cr.
@@ -83,7 +75,7 @@ void compare(const Rig& rig, const View& view, const std::vector<Image>& rgb, Pi
              Coordinates coordinates, Worst& worst) {
   const Mesh mesh = build_mesh(rig);
   const test::Production production(rig, mesh, view);
-  const std::vector<Image> images = family == PixelFamily::kI420 ? test::i420_of(rgb) : rgb;
+  const std::vector<Image> images = test::in_family(family, rgb);
   const FloatSum expected(rig, production, images);
   const FaceRuns runs(production.plan, test::whole(view));
   auto sources = sources_of(rig, production.plan, images);
@@ -122,19 +114,12 @@ void expect_within_bound(PixelFamily family, Coordinates coordinates, bool hard,
   Worst worst;
   for (int trial = 0; trial < 4; trial++) {
     Random random(trial);
-    const int side = 3 + trial, width = trial % 2 ? 157 : 320, height = trial % 2 ? 121 : 240;
-    const Rig rig = jittered_array(random, side, width, height, trial % 3 == 0 ? 0 : -0.25);
-    View view = view_into(rig, side, width, height, random.small_rotation(0.2));
-    if (mapped) view.focus.map = depths(random, view, trial == 1 ? 7 : FocalMap::kMinStep, trial == 2);
+    const auto [rig, view] = test::array_and_view(trial, random, mapped);
     const auto images = images_of(rig, random, hard ? checkerboard : reference::smooth_image);
     compare(rig, view, images, family, coordinates, worst);
   }
-  std::printf("%s %-5s %-12s: level error %.3f, chroma %.3f, lost %.2g, %ld pixels\n",
-              family == PixelFamily::kI420 ? "I420" : "RGB ",
-              mapped                              ? "map"
-              : coordinates == Coordinates::kGrid ? "grid"
-                                                  : "exact",
-              hard ? "checkerboard" : "smooth", worst.level, worst.chroma, worst.lost, long(worst.pixels));
+  const std::string kind = mapped ? "map" : coordinates == Coordinates::kGrid ? "grid" : "exact";
+  worst.print(test::name_of(family) + (" " + kind) + (hard ? " checkerboard" : " smooth"));
   EXPECT_LE(worst.level, hard ? 0.75 : 0.2);
   EXPECT_LE(worst.chroma, hard ? 0.75 : 0.2);
   EXPECT_LE(worst.lost, 1e-4);
@@ -144,14 +129,9 @@ TEST(SumRenderer, IsWithinTheErrorBound) {
   test::on_every_target([] {
     for (const PixelFamily family : {PixelFamily::kI420, PixelFamily::kRgb})
       for (const Coordinates coordinates : {Coordinates::kGrid, Coordinates::kExact})
-        for (const bool hard : {false, true}) expect_within_bound(family, coordinates, hard, false);
-  });
-}
-
-TEST(SumRenderer, IsWithinTheErrorBoundWithAFocalMap) {
-  test::on_every_target([] {
-    for (const PixelFamily family : {PixelFamily::kI420, PixelFamily::kRgb})
-      for (const bool hard : {false, true}) expect_within_bound(family, Coordinates::kGrid, hard, true);
+        for (const bool hard : {false, true})
+          for (const bool mapped : {false, true})
+            if (!mapped || coordinates == Coordinates::kGrid) expect_within_bound(family, coordinates, hard, mapped);
   });
 }
 
@@ -213,9 +193,8 @@ TEST(SumRenderer, IsWithinTheErrorBoundWithManyCameras) {
           const auto images = images_of(rig, random, reference::smooth_image);
           compare(rig, view, images, family, trial == 2 ? Coordinates::kExact : Coordinates::kGrid, worst);
         }
-        std::printf("%s kind %d %.1f m: level error %.3f, chroma %.3f, lost %.2g, %ld pixels\n",
-                    family == PixelFamily::kI420 ? "I420" : "RGB ", static_cast<int>(blending.kind), blending.aperture,
-                    worst.level, worst.chroma, worst.lost, long(worst.pixels));
+        worst.print(test::name_of(family) + (" kind " + std::to_string(static_cast<int>(blending.kind))) + " " +
+                    std::to_string(blending.aperture) + " m");
         EXPECT_LE(worst.level, 0.15);
         EXPECT_LE(worst.chroma, 0.15);
         EXPECT_LE(worst.lost, 1e-4);
@@ -237,7 +216,7 @@ TEST(SumRenderer, SixtyFourCamerasOfWhiteAreWhite) {
     for (const int colour : {7, 4, 2, 1}) {  // bits: R, G, B
       Image one(PixelFamily::kRgb, 160, 120);
       for (size_t i = 0; i < one.data().size(); i++) one.data()[i] = colour >> (2 - i % 3) & 1 ? 255 : 0;
-      const std::vector<Image> rgb(64, one), images = family == PixelFamily::kI420 ? test::i420_of(rgb) : rgb;
+      const std::vector<Image> images = test::in_family(family, std::vector<Image>(64, one));
       const std::vector<Source> sources = sources_of(rig, production.plan, images);
       const Rect whole = test::whole(view);
       Sum all(family, whole), first(family, whole), second(family, whole);
@@ -255,11 +234,10 @@ TEST(SumRenderer, SixtyFourCamerasOfWhiteAreWhite) {
           const double expected =
               chroma ? images[0].plane(c)[0] - 128 : images[0].data()[family == PixelFamily::kRgb ? c : 0];
           const double lost = chroma ? 0 : (all.lost[i]) / double{kMissingOne};
-          if (!chroma) {
-            ASSERT_NEAR(all.memory[c][i] / 128., expected * (1 - lost), 0.3);
-          }
           if (chroma) {
             ASSERT_LE(std::abs(all.memory[c][i] / 128.), std::abs(expected) + 0.5);
+          } else {
+            ASSERT_NEAR(all.memory[c][i] / 128., expected * (1 - lost), 0.3);
           }
         }
     }
@@ -311,8 +289,7 @@ TEST(SumRenderer, ReadsNothingOutsideOfImages) {
         if (trial % 4) view.focus.map = depths(random, view, FocalMap::kMinStep, trial % 4 == 3);
         const Mesh mesh = build_mesh(rig);
         const test::Production production(rig, mesh, view);
-        const auto rgb = images_of(rig, random, reference::noise_image);
-        const std::vector<Image> images = family == PixelFamily::kI420 ? test::i420_of(rgb) : rgb;
+        const std::vector<Image> images = test::in_family(family, images_of(rig, random, reference::noise_image));
         const std::vector<Source> sources = sources_of(rig, production.plan, images);
         for (const bool at_front : {false, true}) {
           std::vector<std::unique_ptr<GuardedImage>> guarded;
@@ -349,8 +326,8 @@ class SumScales : public testing::Test {
       Worst worst;
       compare(rig, view, images, family, Coordinates::kGrid, worst);
       EXPECT_LE(std::max(worst.level, worst.chroma), 0.15)
-          << "scale " << scale << ", view " << n << ", turned by " << turn << (mapped ? ", map" : ", plane")
-          << (family == PixelFamily::kI420 ? ", I420" : ", RGB");
+          << "scale " << scale << ", view " << n << ", turned by " << turn << (mapped ? ", map, " : ", plane, ")
+          << test::name_of(family);
       EXPECT_LE(worst.lost, 1e-4) << "scale " << scale << ", view " << n;
       worst_.level = std::max(worst_.level, worst.level);
       worst_.chroma = std::max(worst_.chroma, worst.chroma);
@@ -365,8 +342,7 @@ class SumScales : public testing::Test {
 
 // `LF_SCALES`: number of scales.
 TEST_F(SumScales, AreWithinTheErrorBound) {
-  const char* const asked = std::getenv("LF_SCALES");
-  const int scales = asked ? std::atoi(asked) : 250;
+  const int scales = test::number_of_views(250);
   constexpr double kLeast = 0.15, kLargest = 6;
   for (int n = 0; n < scales; n++) {
     Random random(n);
@@ -432,9 +408,7 @@ TEST(SumTiles, ContainEveryPixelOnce) {
       }
       for (size_t i = 0; i < wanted.size(); i++) {
         ASSERT_LE(there[i], 1) << i;
-        if (wanted[i]) {
-          ASSERT_EQ(there[i], 1) << i % view.width << ", " << i / view.width;
-        }
+        ASSERT_GE(there[i], wanted[i]) << i % view.width << ", " << i / view.width;
       }
       EXPECT_TRUE(std::ranges::is_sorted(tiles, {}, &Rect::y0));
       EXPECT_LE(tiles.size(), before) << "fewer tiles";
@@ -447,8 +421,7 @@ TEST(SumTiles, OneCameraSendsLessThanItsBounds) {
   Random random(3);
   const Rig rig = jittered_array(random, 5, 64, 48, -0.2);
   const View view = view_into(rig, 5, 320, 240, random.small_rotation(0));
-  const std::vector<CameraIndex> own{12};
-  const RenderJob job(rig, build_mesh(rig), view, own);
+  const RenderJob job(rig, build_mesh(rig), view, std::vector<CameraIndex>{12});
   const Rect bounds = CameraCorners(job.plan(), 12).owned(job.runs(), job.plan().camera_rect(12));
   const std::vector<Rect> tight = tiles_of(job, PixelFamily::kRgb, 0);
   EXPECT_GT(tight.size(), 3u);
@@ -474,19 +447,15 @@ View view_from(const Vec3& position) {
           {plane_through({0, 0, kSceneMiddle}, {0, 0, 1})}};
 }
 
-TEST(SumTiles, AllCamerasAreOneRectangle) {
+TEST(SumTiles, OfAllCamerasAndOfInvisibleCameras) {
   const Rig rig = scene_rig(4, 4, 64, 48);
+  const auto tiles = [&](const Vec3& position, const std::vector<CameraIndex>& own, PixelFamily family) {
+    return tiles_of({rig, build_mesh(rig), view_from(position), own}, family, 0);
+  };
   std::vector<CameraIndex> all(16);
   std::iota(all.begin(), all.end(), 0);
-  EXPECT_EQ(tiles_of({rig, build_mesh(rig), view_from({0, 0, -0.01}), all}, PixelFamily::kI420, 0),
-            (std::vector<Rect>{{0, 0, 96, 64}}));
-}
-
-TEST(SumTiles, InvisibleCamerasHaveNoTiles) {
-  const Rig rig = scene_rig(4, 4, 64, 48);
-  EXPECT_TRUE(
-      tiles_of({rig, build_mesh(rig), view_from({5, 0, -0.01}), std::vector<CameraIndex>{0, 1}}, PixelFamily::kRgb, 0)
-          .empty());
+  EXPECT_THAT(tiles({0, 0, -0.01}, all, PixelFamily::kI420), testing::ElementsAre(Rect{0, 0, 96, 64}));
+  EXPECT_THAT(tiles({5, 0, -0.01}, {0, 1}, PixelFamily::kRgb), testing::IsEmpty());
 }
 
 }  // namespace

@@ -11,6 +11,8 @@
 #include "quality/image_quality.h"
 #include "reference/generators.h"
 #include "scene/scene.h"
+#include "support/photographs.h"
+#include "support/rigs.h"
 
 namespace lf {
 namespace synthetic_aperture_test {
@@ -55,12 +57,7 @@ class SyntheticAperture : public testing::Test {
     for (const Camera& camera : rig_.cameras) images_.push_back(picture_of(camera.lens, camera.pose, foliage));
   }
   static View view(double focus, const Blending& blending) {
-    View view;
-    view.width = kWidth;
-    view.height = kHeight;
-    view.lens = Lens::from_fov_y(24, kWidth, kHeight);
-    view.pose.position = {0.013, -0.017, 0};
-    view.focus.plane = plane_through({0, 0, focus}, {0, 0, -1});
+    View view = test::view_from({0.013, -0.017, 0}, kWidth, kHeight, 24, focus);
     view.blending = blending;
     return view;
   }
@@ -160,18 +157,13 @@ TEST(ByAngle, ImprovesUnstructuredArrays) {
     rig.cameras.push_back(reference::make_camera(i, width, height, lens, {place, random.small_rotation(0.05)}));
   }
   rig.topology = {};
-  std::vector<Image> images;
-  for (const Camera& c : rig.cameras) images.push_back(render_scene({c.width, c.height, c.lens, c.pose}, 0, 1));
+  const std::vector<Image> images = test::scene_images(rig);
   const Mesh mesh = build_mesh(rig);
   double gain = 0, covered = 0;
   constexpr int kViews = 3;
   for (int i = 0; i < kViews; i++) {
-    View view;
-    view.width = 200;
-    view.height = 150;
-    view.lens = Lens::from_fov_y(35, view.width, view.height);
-    view.pose.position = random.point_in_box(0.05) - Vec3(0, 0, 0.1);
-    view.focus.plane = plane_through({0, 0, kSceneMiddle}, {0, 0, -1});
+    const Vec3 eye = random.point_in_box(0.05) - Vec3(0, 0, 0.1);
+    View view = test::view_from(eye, 200, 150, 35, kSceneMiddle - eye.z);
     const Image truth = render_scene({view.width, view.height, view.lens, view.pose}, 0, 2);
     const auto still = [&](const Blending& blending) {
       view.blending = blending;

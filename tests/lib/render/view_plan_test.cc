@@ -12,6 +12,7 @@
 #include "scene/scene.h"
 #include "support/expect_error.h"
 #include "support/fragments.h"
+#include "support/rigs.h"
 
 namespace lf {
 namespace {
@@ -32,10 +33,9 @@ TEST(Rays, DistortedRaysProjectBackToTheirPixels) {
   for (int y = 0; y < 16; y++)
     for (int x = 0; x < 20; x++) {
       const Vec2 ray = rays.at(x, y);
-      const std::optional<Vec2> pixel = lens.project(Vec3(ray, 1));
-      ASSERT_TRUE(pixel) << x << ", " << y;
-      EXPECT_NEAR(pixel->x, x, 1e-9);
-      EXPECT_NEAR(pixel->y, y, 1e-9);
+      const auto pixel = lens.project(Vec3(ray, 1)).value();
+      EXPECT_NEAR(pixel.x, x, 1e-9);
+      EXPECT_NEAR(pixel.y, y, 1e-9);
     }
 }
 
@@ -101,19 +101,29 @@ Rect brute_force(const Rays& rays, const std::vector<Vec3>& half_planes) {
 
 bool holds(const Rect& outer, const Rect& inner) { return inner.empty() || unite(outer, inner) == outer; }
 
+std::vector<Vec3> random_half_planes(int count, std::mt19937& random) {
+  std::uniform_real_distribution<double> normal(-1, 1);
+  std::vector<Vec3> half_planes;
+  for (int i = 0; i < count; i++) half_planes.emplace_back(normal(random), normal(random), 0.4 * normal(random));
+  return half_planes;
+}
+
+struct Bounded {
+  explicit Bounded(const Lens& lens, int width = kWidth, int height = kHeight)
+      : rays(lens, width, height), bounds(rays, lens, width, height) {}
+  Rays rays;
+  RegionBounds bounds;
+};
+
 class RegionBoundsTest : public testing::TestWithParam<double> {};
 
 TEST_P(RegionBoundsTest, ContainsEveryPixelAndIsTight) {
-  const Lens lens(LensModel::kSimpleRadial, {60, (kWidth - 1) / 2.0, (kHeight - 1) / 2.0, GetParam()});
-  const Rays rays(lens, kWidth, kHeight);
-  const RegionBounds bounds(rays, lens, kWidth, kHeight);
+  const Bounded view(Lens(LensModel::kSimpleRadial, {60, (kWidth - 1) / 2.0, (kHeight - 1) / 2.0, GetParam()}));
   std::mt19937 random(5);
-  std::uniform_real_distribution<double> normal(-1, 1);
   int seen = 0;
   for (int i = 0; i < 3000; i++) {
-    std::vector<Vec3> half_planes;
-    for (int k = 0; k < 1 + i % 4; k++) half_planes.emplace_back(normal(random), normal(random), 0.4 * normal(random));
-    const Rect exact = brute_force(rays, half_planes), bound = bounds.bound(half_planes);
+    const std::vector<Vec3> half_planes = random_half_planes(1 + i % 4, random);
+    const Rect exact = brute_force(view.rays, half_planes), bound = view.bounds.bound(half_planes);
     ASSERT_TRUE(holds(bound, exact)) << i;
     if (exact.empty()) continue;
     seen++;
@@ -130,15 +140,11 @@ INSTANTIATE_TEST_SUITE_P(Lenses, RegionBoundsTest, testing::Values(0.0, -0.2, 0.
 
 TEST(RegionBounds, GroupsOfTilesChangeNothing) {
   constexpr int kWide = 400, kTall = 300, kTile = 16;
-  const Lens lens(LensModel::kRadial, {150, 180, 140, -0.3, 0.05});
-  const Rays rays(lens, kWide, kTall);
-  const RegionBounds bounds(rays, lens, kWide, kTall);
+  const Bounded view(Lens(LensModel::kRadial, {150, 180, 140, -0.3, 0.05}), kWide, kTall);
   std::mt19937 random(6);
-  std::uniform_real_distribution<double> normal(-1, 1);
   int smaller = 0;
   for (int i = 0; i < 1000; i++) {
-    std::vector<Vec3> half_planes;
-    for (int k = 0; k < 1 + i % 4; k++) half_planes.emplace_back(normal(random), normal(random), 0.4 * normal(random));
+    const std::vector<Vec3> half_planes = random_half_planes(1 + i % 4, random);
     Rect by_tiles;
     for (int y = 0; y < kTall; y += kTile)
       for (int x = 0; x < kWide; x += kTile) {
@@ -146,7 +152,7 @@ TEST(RegionBounds, GroupsOfTilesChangeNothing) {
         Vec2 low(INFINITY), high(-INFINITY);
         for (int py = tile.y0; py < tile.y1; py++)
           for (int px = tile.x0; px < tile.x1; px++)
-            if (const Vec2 ray = rays.at(px, py); !std::isnan(ray.x)) {
+            if (const Vec2 ray = view.rays.at(px, py); !std::isnan(ray.x)) {
               low = glm::min(low, ray);
               high = glm::max(high, ray);
             }
@@ -155,59 +161,44 @@ TEST(RegionBounds, GroupsOfTilesChangeNothing) {
         };
         if (low.x <= high.x && std::ranges::all_of(half_planes, may_contain)) by_tiles = unite(by_tiles, tile);
       }
-    ASSERT_EQ(bounds.bound(half_planes), by_tiles) << i;
+    ASSERT_EQ(view.bounds.bound(half_planes), by_tiles) << i;
     smaller += by_tiles != Rect{0, 0, kWide, kTall};
   }
   EXPECT_GT(smaller, 500);
 }
 
 TEST(RegionBounds, NoHalfPlanesIsTheWholeView) {
-  const Lens lens = Lens::pinhole(60, 34.5, 24.5);
-  const Rays rays(lens, kWidth, kHeight);
-  EXPECT_EQ(RegionBounds(rays, lens, kWidth, kHeight).bound({}), (Rect{0, 0, kWidth, kHeight}));
+  EXPECT_EQ(Bounded(Lens::pinhole(60, 34.5, 24.5)).bounds.bound({}), (Rect{0, 0, kWidth, kHeight}));
 }
 
 TEST(RegionBounds, EdgesThroughPixelCentresAreInside) {
-  const Lens lens = Lens::pinhole(50, 0, 0);
-  const Rays rays(lens, kWidth, kHeight);
-  const RegionBounds bounds(rays, lens, kWidth, kHeight);
   const Vec3 half_planes[] = {{1, 0, -10 / 50.0}, {-1, 0, 20 / 50.0}, {0, 1, -5 / 50.0}, {0, -1, 5 / 50.0}};
-  EXPECT_EQ(bounds.bound(half_planes), (Rect{10, 5, 21, 6}));
+  EXPECT_EQ(Bounded(Lens::pinhole(50, 0, 0)).bounds.bound(half_planes), (Rect{10, 5, 21, 6}));
 }
 
 // Coordinates from a network may be as large as doubles allow.
 TEST(RegionBounds, OverflowsBoundNothing) {
-  const Lens lens = Lens::pinhole(60, (kWidth - 1) / 2.0, (kHeight - 1) / 2.0);
-  const Rays rays(lens, kWidth, kHeight);
-  const RegionBounds bounds(rays, lens, kWidth, kHeight);
+  const Bounded view(Lens::pinhole(60, (kWidth - 1) / 2.0, (kHeight - 1) / 2.0));
   constexpr double kInf = std::numeric_limits<double>::infinity();
   for (const Vec3& h :
        {Vec3(1e308, 1e308, -1e308) * 10.0, Vec3(kInf, 0, -1), Vec3(NAN, 0, 1), Vec3(0, 1e308, 1.7e308)}) {
     const std::vector<Vec3> half_planes{{1, 0, 0.2}, h};
-    EXPECT_EQ(bounds.bound(half_planes), (Rect{0, 0, kWidth, kHeight}));
+    EXPECT_EQ(view.bounds.bound(half_planes), (Rect{0, 0, kWidth, kHeight}));
   }
 }
 
 TEST(RegionBounds, StayInTheViewForAnyPrincipalPoint) {
   for (const double centre : {3e85, -3e85, 3e9, -3e9}) {
-    const Lens lens = Lens::pinhole(60, centre, centre);
-    const Rays rays(lens, kWidth, kHeight);
+    const Bounded view(Lens::pinhole(60, centre, centre));
     const std::vector<Vec3> half_planes{{1, 0.5, 0.2}};
-    const Rect bound = RegionBounds(rays, lens, kWidth, kHeight).bound(half_planes);
-    EXPECT_TRUE(holds(bound, brute_force(rays, half_planes))) << centre;
+    const Rect bound = view.bounds.bound(half_planes);
+    EXPECT_TRUE(holds(bound, brute_force(view.rays, half_planes))) << centre;
     EXPECT_TRUE(bound.empty() || holds({0, 0, kWidth, kHeight}, bound)) << centre;
   }
 }
 
-// invariants_test.cc and hard_cases_test.cc test the invariants and the hard cases.
-
 View middle_view(int width = 60, int height = 45) {
-  View view;
-  view.width = width;
-  view.height = height;
-  view.lens = Lens::from_fov_y(20, width, height);
-  view.pose.position = Vec3(0, 0, -0.3);
-  view.focus.plane = focal_plane_at(view.pose, 2.5);
+  View view = test::view_from({0, 0, -0.3}, width, height, 20, 2.5);
   view.blending.extrapolates = false;
   return view;
 }
@@ -300,11 +291,7 @@ TEST(ViewPlan, ChromaAlignedCoversWholeSamples) {
 class ViewWarpTest : public testing::Test {
  protected:
   ViewWarpTest() : rig_(scene_rig(3, 3, 64, 48)) {
-    view_.width = 60;
-    view_.height = 40;
-    view_.lens = Lens::from_fov_y(30, 60, 40);
-    view_.pose.position = Vec3(0.01, 0.02, -0.1);
-    view_.focus.plane = focal_plane_at(view_.pose, kSceneMiddle);
+    view_ = test::view_from({0.01, 0.02, -0.1}, 60, 40, 30, kSceneMiddle);
     view_.blending.extrapolates = false;
   }
   ViewWarp warp() const { return view_warp(rig_, ViewPlan(rig_, build_mesh(rig_), view_)); }
@@ -332,18 +319,17 @@ TEST_F(ViewWarpTest, RefusesUnknownCameras) { EXPECT_ERROR(ViewPlan(warp(), 5), 
 
 TEST_F(ViewWarpTest, CamerasMustMatchTheCorners) {
   EXPECT_NO_THROW(validate(warp()));
-  ViewWarp bad = warp();
-  bad.cameras.pop_back();
-  EXPECT_ERROR(validate(bad), "cameras:", "corners");
-  bad = warp();
-  bad.faces[1].camera[2] = bad.faces[1].camera[0];
-  EXPECT_ERROR(validate(bad), "triangles[1].corners", "different cameras");
-  bad = warp();
-  bad.faces[0].rect.x1 = 61;
-  EXPECT_ERROR(validate(bad), "triangles[0].rectangle", "inside");
-  bad = warp();
-  bad.cameras[2].camera_from_ray[1][1] = NAN;
-  EXPECT_ERROR(validate(bad), "cameras[2].matrix", "finite");
+  const auto error_with = [&](void (*spoil)(ViewWarp&)) {
+    ViewWarp bad = warp();
+    spoil(bad);
+    return text_of_error([&] { validate(bad); });
+  };
+  EXPECT_MENTIONS(error_with([](ViewWarp& w) { w.cameras.pop_back(); }), "cameras:", "corners");
+  EXPECT_MENTIONS(error_with([](ViewWarp& w) { w.faces[1].camera[2] = w.faces[1].camera[0]; }), "triangles[1].corners",
+                  "different cameras");
+  EXPECT_MENTIONS(error_with([](ViewWarp& w) { w.faces[0].rect.x1 = 61; }), "triangles[0].rectangle", "inside");
+  EXPECT_MENTIONS(error_with([](ViewWarp& w) { w.cameras[2].camera_from_ray[1][1] = NAN; }), "cameras[2].matrix",
+                  "finite");
 }
 
 }  // namespace

@@ -8,18 +8,18 @@
 #include "rig/still_image_cache.h"
 #include "support/expect_error.h"
 #include "support/jpeg_samples.h"
+#include "support/rigs.h"
 #include "support/temp_dir.h"
 
 namespace lf {
 namespace {
 
-namespace fs = std::filesystem;
 using Kind = CameraSource::Kind;
 
 const std::string kPng = "\x89PNG\r\n\x1a\n and more", kMatroska = "\x1a\x45\xdf\xa3 and more";
 
-std::string jpeg(unsigned seed) {
-  const auto bytes = test::encode_jpeg(test::noisy_picture(32, 16, seed), {});
+std::string jpeg(unsigned seed, int height = 16) {
+  const auto bytes = test::encode_jpeg(test::noisy_picture(32, height, seed), {});
   return {bytes.begin(), bytes.end()};
 }
 
@@ -114,15 +114,8 @@ TEST_F(CameraSourceTest, MissingFirstPictureIsAnError) {
 }
 
 Rig three_cameras(const std::string& directory) {
-  Rig rig;
-  for (int i = 0; i < 3; i++) {
-    Camera camera;
-    camera.id = static_cast<uint32_t>(100 + i);
-    camera.width = 32;
-    camera.height = 24;
-    camera.image = "cam_" + std::to_string(i) + ".png";
-    rig.cameras.push_back(camera);
-  }
+  Rig rig = test::camera_grid(1, 3, 0.1, 32, 24, 30, 100);
+  for (int i = 0; i < 3; i++) rig.cameras[i].image = "cam_" + std::to_string(i) + ".png";
   rig.directory = directory;
   return rig;
 }
@@ -133,26 +126,13 @@ Image picture(int seed, int width = 32, int height = 24) {
   return image;
 }
 
-class Folder {
- public:
-  Folder() : path_(fs::path(testing::TempDir()) / testing::UnitTest::GetInstance()->current_test_info()->name()) {
-    fs::remove_all(path_);
-    fs::create_directories(path_);
-  }
-  ~Folder() { fs::remove_all(path_); }
-  std::string path(const std::string& name = "") const { return (path_ / name).string(); }
-
- private:
-  fs::path path_;
-};
-
 TEST(StillImageCache, LoadsOnDemandAndLimitsMemory) {
-  const Folder folder;
-  Rig rig = three_cameras(folder.path());
-  for (int i = 0; i < 3; i++) save_image(picture(i), folder.path(rig.cameras[i].image));
+  const TempDir dir;
+  Rig rig = three_cameras(dir.path());
+  for (int i = 0; i < 3; i++) save_image(picture(i), dir / rig.cameras[i].image);
   StillImageCache images(rig, PixelFamily::kRgb, 2 * 32 * 24 * 3);
   for (CameraIndex i = 0; i < 3; i++) EXPECT_EQ(images.get(i).data(), picture(static_cast<int>(i)).data());
-  for (int i = 0; i < 3; i++) fs::remove(folder.path(rig.cameras[i].image));
+  for (int i = 0; i < 3; i++) std::filesystem::remove(dir / rig.cameras[i].image);
   EXPECT_EQ(images.get(1).data(), picture(1).data());
   EXPECT_EQ(images.get(2).data(), picture(2).data());
   EXPECT_ERROR(images.get(0), "no such image");  // evicted before
@@ -166,9 +146,9 @@ TEST(StillImageCache, HasImagesIfEveryCameraNamesOne) {
 }
 
 TEST(StillImageCache, ReturnsI420IfRequested) {
-  const Folder folder;
-  const Rig rig = three_cameras(folder.path());
-  save_image(picture(0), folder.path("cam_0.png"));
+  const TempDir dir;
+  const Rig rig = three_cameras(dir.path());
+  save_image(picture(0), dir / "cam_0.png");
   EXPECT_EQ(StillImageCache(rig, PixelFamily::kI420).get(0).data(), to_i420(picture(0)).data());
 }
 
@@ -176,14 +156,13 @@ TEST(StillImageCache, RotatedImagesAreReported) {
   using namespace std::string_literals;
   const TempDir dir;
   Rig rig = three_cameras(dir.path());
-  const auto bytes = test::encode_jpeg(test::noisy_picture(32, 24, 1), {});
-  std::string jpeg(bytes.begin(), bytes.end());
+  std::string rotated = jpeg(1, 24);
   for (Camera& camera : rig.cameras) camera.image = "upright.jpg";
-  dir.write("upright.jpg", jpeg);
+  dir.write("upright.jpg", rotated);
   EXPECT_EQ(orientation_notice(rig), "");
   // an EXIF segment with orientation 3, rotated by 180 degrees
-  jpeg.insert(2, "\xff\xe1\0\x22"s + "Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x03\0\0\0\0\0\0"s);
-  dir.write("rotated.jpg", jpeg);
+  rotated.insert(2, "\xff\xe1\0\x22"s + "Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x03\0\0\0\0\0\0"s);
+  dir.write("rotated.jpg", rotated);
   rig.cameras[1].image = rig.cameras[2].image = "rotated.jpg";
   EXPECT_EQ(orientation_notice(rig).find("cameras[1].image: " + dir / "rotated.jpg" + ": "), 0u);
   EXPECT_TRUE(orientation_notice(rig).ends_with("; 1 more"));
@@ -193,14 +172,14 @@ TEST(StillImageCache, RotatedImagesAreReported) {
 }
 
 TEST(StillImageCache, ErrorsNameCameraAndFile) {
-  const Folder folder;
-  Rig rig = three_cameras(folder.path());
+  const TempDir dir;
+  Rig rig = three_cameras(dir.path());
   rig.cameras[0].image = "";
-  save_image(picture(0, 31, 24), folder.path("cam_2.png"));
+  save_image(picture(0, 31, 24), dir / "cam_2.png");
   StillImageCache images(rig);
   EXPECT_ERROR(images.get(0), "camera 100", "no image");
-  EXPECT_ERROR(images.get(1), "camera 101: " + folder.path("cam_1.png"));
-  EXPECT_ERROR(images.get(2), "camera 102", folder.path("cam_2.png"), "31x24", "32x24");
+  EXPECT_ERROR(images.get(1), "camera 101: " + dir / "cam_1.png");
+  EXPECT_ERROR(images.get(2), "camera 102", dir / "cam_2.png", "31x24", "32x24");
 }
 
 }  // namespace

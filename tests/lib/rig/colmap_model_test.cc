@@ -15,6 +15,19 @@ namespace {
 using test::bytes_of;
 
 const std::map<uint32_t, ColmapCamera> kOneCamera = {{1, {"PINHOLE", 4, 3, {5, 5, 2, 1.5}, 2}}};
+// Numbers that lose bits if a file has too few digits.
+const std::map<uint32_t, ColmapCamera> kExactCameras = {{3, {"SIMPLE_RADIAL", 4, 3, {1e3 / 7, 2, 1.5, -1e-17}, 1}},
+                                                        {1, {"OPENCV", 640, 480, {5, 6, 2, 1.5, 1, 2, 3, 4}, 2}}};
+const ColmapImage kExactImage = {.id = 8,
+                                 .camera_id = 3,
+                                 .q = glm::normalize(Quat(0.1, -0.2, 0.3, 0.4)),
+                                 .t = {1 / 3.0, -5e-324, 1.7976931348623157e308},
+                                 .name = "left/a b.png"};
+
+struct ColmapBinary : testing::Test {
+  const TempDir dir;
+};
+using ColmapText = ColmapBinary;
 
 std::string pinhole(uint32_t id, uint64_t width = 4, double f = 5) {
   return bytes_of(id, int32_t{1}, width, uint64_t{3}, f, 5.0, 2.0, 1.5);
@@ -30,8 +43,7 @@ std::string points(uint64_t count) {
   return bytes;
 }
 
-TEST(ColmapBinary, ReadsCamerasOfEveryModel) {
-  const TempDir dir;
+TEST_F(ColmapBinary, ReadsCamerasOfEveryModel) {
   // The number of parameters of each model, in COLMAP's order.
   constexpr size_t kParams[] = {3, 4, 4, 5, 8, 8, 12, 5, 4, 5, 12};
   std::string bytes = bytes_of(uint64_t{std::size(kParams)});
@@ -61,25 +73,15 @@ TEST(ColmapBinary, ReadsCamerasOfEveryModel) {
   }
 }
 
-TEST(ColmapBinary, ReadsTheSameAsText) {
-  const TempDir dir;
-  const std::map<uint32_t, ColmapCamera> cameras = {{3, {"SIMPLE_RADIAL", 4, 3, {1e3 / 7, 2, 1.5, -1e-17}, 1}},
-                                                    {1, {"OPENCV", 640, 480, {5, 6, 2, 1.5, 1, 2, 3, 4}, 2}}};
-  ColmapImage image;
-  image.id = 8;
-  image.camera_id = 3;
-  image.q = glm::normalize(Quat(0.1, -0.2, 0.3, 0.4));
-  image.t = {1 / 3.0, -5e-324, 1.7976931348623157e308};
-  image.name = "left/a b.png";
-  const auto back = read_colmap_cameras_binary(dir.write("cameras.bin", test::colmap_cameras_binary(cameras)));
-  EXPECT_EQ(colmap_cameras_text(back), colmap_cameras_text(cameras));
+TEST_F(ColmapBinary, ReadsTheSameAsText) {
+  const auto back = read_colmap_cameras_binary(dir.write("cameras.bin", test::colmap_cameras_binary(kExactCameras)));
+  EXPECT_EQ(colmap_cameras_text(back), colmap_cameras_text(kExactCameras));
   const auto images =
-      read_colmap_images_binary(dir.write("images.bin", test::colmap_images_binary({image}, 2)), cameras);
-  EXPECT_EQ(colmap_images_text(images), colmap_images_text({image}));
+      read_colmap_images_binary(dir.write("images.bin", test::colmap_images_binary({kExactImage}, 2)), kExactCameras);
+  EXPECT_EQ(colmap_images_text(images), colmap_images_text({kExactImage}));
 }
 
-TEST(ColmapBinary, ReadsImagesWithAndWithoutPoints) {
-  const TempDir dir;
+TEST_F(ColmapBinary, ReadsImagesWithAndWithoutPoints) {
   const auto images =
       read_colmap_images_binary(dir.write("images.bin", bytes_of(uint64_t{2}) + image(9, "left/2021-05-19 20.jpg", 2) +
                                                             points(3) + image(4, "b.png") + points(0)),
@@ -94,54 +96,46 @@ TEST(ColmapBinary, ReadsImagesWithAndWithoutPoints) {
   EXPECT_EQ(images[0].name, "b.png");
 }
 
-TEST(ColmapBinary, ErrorsNameFileAndByte) {
-  const TempDir dir;
+TEST_F(ColmapBinary, ErrorsNameFileAndByte) {
   const double nan = std::nan("");
-  struct {
-    std::string bytes;
-    const char* message;
-  } const cameras[] = {
-      {"", "byte 0: the file is truncated within the number of cameras"},
-      {bytes_of(uint64_t{2}) + pinhole(1), "byte 64: the file is truncated within CAMERA_ID"},
-      {bytes_of(uint64_t{1}) + pinhole(1).substr(0, 40), "byte 48: the file is truncated within PARAMS[]"},
-      {bytes_of(uint64_t{1}) + pinhole(1) + "x", "byte 64: more data follows"},
-      {bytes_of(uint64_t{2}) + pinhole(1) + pinhole(1), "CAMERA_ID 1 occurs twice"},
-      {bytes_of(uint64_t{1}) + pinhole(1, 16385), "WIDTH must be an integer from 1 to 16384, but is 16385"},
-      {bytes_of(uint64_t{1}) + pinhole(1, 4, nan), "PARAMS[] must be finite"},
-      {bytes_of(uint64_t{1}, uint32_t{1}, int32_t{11}), "unknown lens model 11"},
-      {bytes_of(uint64_t{1}, uint32_t{1}, int32_t{-1}), "unknown lens model -1"},
+  const std::string one = bytes_of(uint64_t{1}), two = bytes_of(uint64_t{2});
+  const InvalidText cameras[] = {
+      {"", {"byte 0: the file is truncated within the number of cameras"}},
+      {two + pinhole(1), {"byte 64: the file is truncated within CAMERA_ID"}},
+      {one + pinhole(1).substr(0, 40), {"byte 48: the file is truncated within PARAMS[]"}},
+      {one + pinhole(1) + "x", {"byte 64: more data follows"}},
+      {two + pinhole(1) + pinhole(1), {"CAMERA_ID 1 occurs twice"}},
+      {one + pinhole(1, 16385), {"WIDTH must be an integer from 1 to 16384, but is 16385"}},
+      {one + pinhole(1, 4, nan), {"PARAMS[] must be finite"}},
+      {bytes_of(uint64_t{1}, uint32_t{1}, int32_t{11}), {"unknown lens model 11"}},
+      {bytes_of(uint64_t{1}, uint32_t{1}, int32_t{-1}), {"unknown lens model -1"}},
   };
   for (const auto& c : cameras) {
-    const std::string path = dir.write("cameras.bin", c.bytes);
+    const std::string path = dir.write("cameras.bin", c.text);
     EXPECT_ERROR(read_colmap_cameras_binary(path), path);
-    EXPECT_ERROR(read_colmap_cameras_binary(path), c.message);
+    EXPECT_ERROR(read_colmap_cameras_binary(path), c.facts);
   }
-  struct {
-    std::string bytes;
-    const char* message;
-  } const images[] = {
-      {bytes_of(uint64_t{1}) + image(1, "a.png"), "truncated within the number of POINTS2D[]"},
-      {bytes_of(uint64_t{1}) + image(1, "a.png").substr(0, 66), "truncated within NAME"},
-      {bytes_of(uint64_t{1}) + image(1, "a.png") + bytes_of(UINT64_MAX), "truncated within POINTS2D[]"},
-      {bytes_of(UINT64_MAX) + image(1, "a.png") + points(1), "truncated within IMAGE_ID"},
-      {bytes_of(uint64_t{1}) + image(1, "") + points(0), "NAME is empty"},
-      {bytes_of(uint64_t{1}) + image(1, "caf\xe9.png") + points(0), "NAME is not UTF-8"},
-      {bytes_of(uint64_t{1}) + image(1, "a.png", 0) + points(0), "QW, QX, QY, QZ are all 0"},
-      {bytes_of(uint64_t{1}) + image(1, "a.png", nan) + points(0), "QW must be finite"},
-      {bytes_of(uint64_t{1}) + image(1, "a.png", 1, 7) + points(0), "CAMERA_ID 7 is not in cameras.bin"},
-      {bytes_of(uint64_t{2}) + image(1, "a.png") + points(0) + image(1, "b.png") + points(0),
-       "IMAGE_ID 1 occurs twice"},
-      {bytes_of(uint64_t{1}) + image(1, "a.png") + points(1) + "x", "more data follows"},
+  const InvalidText images[] = {
+      {one + image(1, "a.png"), {"truncated within the number of POINTS2D[]"}},
+      {one + image(1, "a.png").substr(0, 66), {"truncated within NAME"}},
+      {one + image(1, "a.png") + bytes_of(UINT64_MAX), {"truncated within POINTS2D[]"}},
+      {bytes_of(UINT64_MAX) + image(1, "a.png") + points(1), {"truncated within IMAGE_ID"}},
+      {one + image(1, "") + points(0), {"NAME is empty"}},
+      {one + image(1, "caf\xe9.png") + points(0), {"NAME is not UTF-8"}},
+      {one + image(1, "a.png", 0) + points(0), {"QW, QX, QY, QZ are all 0"}},
+      {one + image(1, "a.png", nan) + points(0), {"QW must be finite"}},
+      {one + image(1, "a.png", 1, 7) + points(0), {"CAMERA_ID 7 is not in cameras.bin"}},
+      {two + image(1, "a.png") + points(0) + image(1, "b.png") + points(0), {"IMAGE_ID 1 occurs twice"}},
+      {one + image(1, "a.png") + points(1) + "x", {"more data follows"}},
   };
   for (const auto& c : images) {
-    const std::string path = dir.write("images.bin", c.bytes);
+    const std::string path = dir.write("images.bin", c.text);
     EXPECT_ERROR(read_colmap_images_binary(path, kOneCamera), path);
-    EXPECT_ERROR(read_colmap_images_binary(path, kOneCamera), c.message);
+    EXPECT_ERROR(read_colmap_images_binary(path, kOneCamera), c.facts);
   }
 }
 
-TEST(ColmapText, ReadsCamerasOfEveryModel) {
-  const TempDir dir;
+TEST_F(ColmapText, ReadsCamerasOfEveryModel) {
   const auto cameras = read_colmap_cameras_text(dir.write("cameras.txt",
                                                           "\xef\xbb\xbf# a comment\n"
                                                           "\n"
@@ -158,8 +152,7 @@ TEST(ColmapText, ReadsCamerasOfEveryModel) {
   EXPECT_EQ(cameras.at(3).params.back(), 12);
 }
 
-TEST(ColmapText, ReadsImagesWithAndWithoutPoints) {
-  const TempDir dir;
+TEST_F(ColmapText, ReadsImagesWithAndWithoutPoints) {
   const auto images = read_colmap_images_text(dir.write("images.txt",
                                                         "# a comment\n"
                                                         "9 0.6 0 0.8 0 1 2 3 1 2021-05-19 20.23.45.jpg\r\n"
@@ -179,32 +172,22 @@ TEST(ColmapText, ReadsImagesWithAndWithoutPoints) {
   EXPECT_EQ(images[2].name, "c");
 }
 
-TEST(ColmapText, RoundTripsToTheLastBit) {
-  const TempDir dir;
-  const std::map<uint32_t, ColmapCamera> cameras = {{3, {"SIMPLE_RADIAL", 4, 3, {1e3 / 7, 2, 1.5, -1e-17}, 1}}};
-  ColmapImage image;
-  image.id = 8;
-  image.camera_id = 3;
-  image.q = glm::normalize(Quat(0.1, -0.2, 0.3, 0.4));
-  image.t = {1 / 3.0, -5e-324, 1.7976931348623157e308};
-  image.name = "a b.png";
-  const auto back = read_colmap_cameras_text(dir.write("cameras.txt", colmap_cameras_text(cameras)));
-  EXPECT_EQ(back.at(3).params, cameras.at(3).params);
+TEST_F(ColmapText, RoundTripsToTheLastBit) {
+  const auto back = read_colmap_cameras_text(dir.write("cameras.txt", colmap_cameras_text(kExactCameras)));
+  EXPECT_EQ(back.at(3).params, kExactCameras.at(3).params);
   EXPECT_EQ(back.at(3).model, "SIMPLE_RADIAL");
-  const auto images = read_colmap_images_text(dir.write("images.txt", colmap_images_text({image})), cameras);
+  const auto images =
+      read_colmap_images_text(dir.write("images.txt", colmap_images_text({kExactImage})), kExactCameras);
   ASSERT_EQ(images.size(), 1u);
-  EXPECT_EQ(images[0].id, image.id);
-  EXPECT_EQ(images[0].camera_id, image.camera_id);
-  EXPECT_EQ(images[0].q, image.q);
-  EXPECT_EQ(images[0].t, image.t);
-  EXPECT_EQ(images[0].name, image.name);
+  EXPECT_EQ(images[0].id, kExactImage.id);
+  EXPECT_EQ(images[0].camera_id, kExactImage.camera_id);
+  EXPECT_EQ(images[0].q, kExactImage.q);
+  EXPECT_EQ(images[0].t, kExactImage.t);
+  EXPECT_EQ(images[0].name, kExactImage.name);
 }
 
-TEST(ColmapText, ErrorsNameFileAndLine) {
-  struct {
-    const char* line;
-    std::vector<std::string> facts;
-  } const cameras[] = {
+TEST_F(ColmapText, ErrorsNameFileAndLine) {
+  const InvalidText cameras[] = {
       {"x PINHOLE 4 3 5 5 2 1.5", {"CAMERA_ID", "integer", "0 to 4294967295", "\"x\""}},
       {"-1 PINHOLE 4 3 5 5 2 1.5", {"CAMERA_ID", "integer"}},
       {"1", {"MODEL", "missing"}},
@@ -219,16 +202,12 @@ TEST(ColmapText, ErrorsNameFileAndLine) {
       {"1 PINHOLE 4 3 1e999 5 2 1.5", {"PARAMS[]", "finite", "number", "1e999"}},
       {"2 PINHOLE 4 3 5 5 2 1.5", {"CAMERA_ID 2", "twice"}},
   };
-  const TempDir dir;
   for (const auto& c : cameras) {
-    const std::string path = dir.write("cameras.txt", std::string("#\n2 PINHOLE 4 3 5 5 2 1.5\n") + c.line + "\n");
+    const std::string path = dir.write("cameras.txt", "#\n2 PINHOLE 4 3 5 5 2 1.5\n" + c.text + "\n");
     EXPECT_ERROR(read_colmap_cameras_text(path), path, "line 3:");
     EXPECT_ERROR(read_colmap_cameras_text(path), c.facts);
   }
-  struct {
-    const char* line;
-    std::vector<std::string> facts;
-  } const images[] = {
+  const InvalidText images[] = {
       {"1 1 0 0 0 0 0 0 1", {"NAME", "missing"}},
       {"1 1 0 0 0 0 0 0 1 caf\xe9.png", {"NAME", "UTF-8"}},
       {"1 1 0 0 0 0 0", {"TZ", "missing"}},
@@ -238,7 +217,7 @@ TEST(ColmapText, ErrorsNameFileAndLine) {
       {"2 1 0 0 0 0 0 0 1 a.png", {"IMAGE_ID 2", "twice"}},
   };
   for (const auto& c : images) {
-    const std::string path = dir.write("images.txt", std::string("2 1 0 0 0 0 0 0 1 z.png\n\n") + c.line + "\n");
+    const std::string path = dir.write("images.txt", "2 1 0 0 0 0 0 0 1 z.png\n\n" + c.text + "\n");
     EXPECT_ERROR(read_colmap_images_text(path, kOneCamera), path, "line 3:");
     EXPECT_ERROR(read_colmap_images_text(path, kOneCamera), c.facts);
   }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <filesystem>
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "image/image.h"
@@ -16,15 +17,25 @@
 namespace lf {
 namespace {
 
-TEST(ImageSearch, FindsByNameAndSuffix) {
+using testing::ElementsAre;
+
+constexpr char kImage[] = "1 1 0 0 0 0 0 0 1 a.png\n\n";
+
+struct Colmap : testing::Test {
+  void write_model(const std::string& cameras, const std::string& images = kImage) const {
+    dir.write("cameras.txt", cameras);
+    dir.write("images.txt", images);
+  }
+  RigImport import_model(const ColmapImportOptions& options = {}) const { return import_colmap(dir.path(), options); }
   const TempDir dir;
+};
+using ImageSearchTest = Colmap;
+
+TEST_F(ImageSearchTest, FindsByNameAndSuffix) {
   for (const char* name : {"1.jpg", "11.jpg", "20.23.45.jpg", "left/a.png", "right/a.png", "left/b.png", "x_c.png"})
     dir.write(name, "");
   const ImageSearch search(dir.path());
-  struct {
-    const char* name;
-    const char* file;
-  } const cases[] = {
+  const std::pair<const char*, const char*> cases[] = {
       {"1.jpg", "1.jpg"},
       {"11.jpg", "11.jpg"},
       {"./left/../1.jpg", "1.jpg"},
@@ -35,11 +46,10 @@ TEST(ImageSearch, FindsByNameAndSuffix) {
       {"c.png", "x_c.png"},
       {"frame 1.jpg", "1.jpg"},
   };
-  for (const auto& c : cases) EXPECT_EQ(search.find(c.name), dir / c.file) << c.name;
+  for (const auto& [name, file] : cases) EXPECT_EQ(search.find(name), dir / file) << name;
 }
 
-TEST(ImageSearch, MissingAndAmbiguousNamesAreErrors) {
-  const TempDir dir;
+TEST_F(ImageSearchTest, MissingAndAmbiguousNamesAreErrors) {
   for (const char* name : {"1.jpg", "left/a.png", "right/a.png", "x_c.png", "y_c.png"}) dir.write(name, "");
   const ImageSearch search(dir.path());
   EXPECT_ERROR(search.find("2.jpg"), dir.path(), "no image", "2.jpg");
@@ -54,26 +64,17 @@ TEST(ImageSearch, MissingAndAmbiguousNamesAreErrors) {
   EXPECT_ERROR(ImageSearch(dir / "1.jpg"), "1.jpg", "read");
 }
 
-TEST(ImageSearch, LongNamesAreFast) {
-  const TempDir dir;
+TEST_F(ImageSearchTest, LongNamesAreFast) {
   dir.write("1.jpg", "");
   const ImageSearch search(dir.path());
   EXPECT_ERROR(search.find(std::string(1 << 20, ' ') + "1.jpg"), "no image");
 }
 
-constexpr char kImage[] = "1 1 0 0 0 0 0 0 1 a.png\n\n";
-
-void write_model(const TempDir& dir, const std::string& cameras, const std::string& images) {
-  dir.write("cameras.txt", cameras);
-  dir.write("images.txt", images);
-}
-
-TEST(Colmap, ConventionsOfPixelsAndPoses) {
-  const TempDir dir;
+TEST_F(Colmap, ConventionsOfPixelsAndPoses) {
   // camera_from_world: a quarter turn about y, then one metre along x.
-  write_model(dir, "1 SIMPLE_RADIAL 320 240 400 160 120 0.1\n",
+  write_model("1 SIMPLE_RADIAL 320 240 400 160 120 0.1\n",
               "7 0.70710678118654752 0 0.70710678118654752 0 1 0 0 1 a b.png\n\n");
-  const RigImport result = import_colmap(dir.path());
+  const RigImport result = import_model();
   ASSERT_EQ(result.rig.cameras.size(), 1u);
   const Camera& camera = result.rig.cameras[0];
   EXPECT_EQ(camera.id, 7u);
@@ -89,8 +90,7 @@ TEST(Colmap, ConventionsOfPixelsAndPoses) {
   EXPECT_EQ(result.notes.size(), 1u) << "sizes were not checked";
 }
 
-TEST(Colmap, RoundTripsEveryModelWithin1e9Pixels) {
-  const TempDir dir;
+TEST_F(Colmap, RoundTripsEveryModelWithin1e9Pixels) {
   const Rig rig = mixed_rig();
   const RigExport result = export_colmap(rig, dir / "new/model");
   EXPECT_LE(result.max_error, 1e-9);
@@ -109,19 +109,17 @@ TEST(Colmap, RoundTripsEveryModelWithin1e9Pixels) {
   }
 }
 
-TEST(Colmap, RoundTripsNamesWithoutImages) {
-  const TempDir dir;
+TEST_F(Colmap, RoundTripsNamesWithoutImages) {
   Rig rig = mixed_rig();
   for (Camera& camera : rig.cameras) camera.image = "";
   rig.cameras[0].name = "20.23.45";
   export_colmap(rig, dir.path());
-  const Rig back = import_colmap(dir.path()).rig;
+  const Rig back = import_model().rig;
   EXPECT_EQ(back.cameras[0].name, "20.23.45");
   EXPECT_EQ(back.cameras[0].image, "");
 }
 
-TEST(Colmap, ExportReportsLosses) {
-  const TempDir dir;
+TEST_F(Colmap, ExportReportsLosses) {
   Rig rig = mixed_rig();
   rig.topology = {Topology::Type::kGrid, 1, 5, {}};
   rig.cameras[1].source = "rtsp://host/1";
@@ -133,16 +131,14 @@ TEST(Colmap, ExportReportsLosses) {
   EXPECT_LE(result.max_error, 1e-9);  // Pose::rotation() normalises, so the norm has no effect
 }
 
-TEST(Colmap, ExportRefusesUnreadableNames) {
-  const TempDir dir;
+TEST_F(Colmap, ExportRefusesUnreadableNames) {
   Rig rig = mixed_rig();
-  rig.cameras[1].image = "a b.png";
+  Camera& camera = rig.cameras[1];
+  camera.image = "a b.png";
   EXPECT_ERROR(export_colmap(rig, dir.path()), "camera 19", "COLMAP", "a b.png", "first space");
-  rig = mixed_rig();
-  rig.cameras[1].image = rig.cameras[0].image;
+  camera.image = rig.cameras[0].image;
   EXPECT_ERROR(export_colmap(rig, dir.path()), "camera 19", "cam_0.png", "camera 20");
-  rig = mixed_rig();
-  rig.cameras[1].image = rig.cameras[1].name = "";
+  camera.image = camera.name = "";
   EXPECT_ERROR(export_colmap(rig, dir.path()), "camera 19", "no name");
   rig = mixed_rig();
   rig.cameras[1].id = UINT32_MAX;
@@ -152,15 +148,10 @@ TEST(Colmap, ExportRefusesUnreadableNames) {
   EXPECT_ERROR(export_colmap(mixed_rig(), dir / "file/x"), "file/x", "made");
 }
 
-TEST(Colmap, UnsupportedLensesAreErrorsWithTheCamera) {
-  const TempDir dir;
-  write_model(dir, "1 FULL_OPENCV 4 3 5 5 2 1.5 -0.1 0.01 0.001 0.002 0 0 0 0\n", kImage);
-  EXPECT_EQ(import_colmap(dir.path()).rig.cameras[0].lens,
-            Lens(LensModel::kOpenCv, {5, 5, 1.5, 1, -0.1, 0.01, 0.001, 0.002}));
-  struct {
-    const char* camera;
-    std::vector<std::string> facts;
-  } const cases[] = {
+TEST_F(Colmap, UnsupportedLensesAreErrorsWithTheCamera) {
+  write_model("1 FULL_OPENCV 4 3 5 5 2 1.5 -0.1 0.01 0.001 0.002 0 0 0 0\n");
+  EXPECT_EQ(import_model().rig.cameras[0].lens, Lens(LensModel::kOpenCv, {5, 5, 1.5, 1, -0.1, 0.01, 0.001, 0.002}));
+  const InvalidText cases[] = {
       {"1 FULL_OPENCV 4 3 5 5 2 1.5 -0.1 0.01 0.001 0.002 0 0 1e-9 0", {"FULL_OPENCV", "colmap image_undistorter"}},
       {"1 OPENCV_FISHEYE 4 3 5 5 2 1.5 0 0 0 0", {"hold", "OPENCV_FISHEYE"}},
       {"1 FOV 4 3 5 5 2 1.5 0", {"hold", "FOV"}},
@@ -170,111 +161,95 @@ TEST(Colmap, UnsupportedLensesAreErrorsWithTheCamera) {
       {"1 PINHOLE 4 3 5 0 2 1.5", {"params[1]", "focal length", "positive"}},
   };
   for (const auto& c : cases) {
-    write_model(dir, c.camera, kImage);
-    EXPECT_ERROR(import_colmap(dir.path()), dir / "cameras.txt" + ": camera 1: ");
-    EXPECT_ERROR(import_colmap(dir.path()), c.facts);
+    write_model(c.text);
+    EXPECT_ERROR(import_model(), dir / "cameras.txt" + ": camera 1: ");
+    EXPECT_ERROR(import_model(), c.facts);
   }
-  write_model(dir, "1 DIVISION 4 3 5 5 2 1.5 0", kImage);
-  EXPECT_ERROR(import_colmap(dir.path()), "DIVISION", "colmap image_undistorter");
+  write_model("1 DIVISION 4 3 5 5 2 1.5 0");
+  EXPECT_ERROR(import_model(), "DIVISION", "colmap image_undistorter");
 }
 
-TEST(Colmap, SizesOfImageFilesMustAgree) {
-  const TempDir dir;
-  write_model(dir, "1 PINHOLE 4 3 5 5 2 1.5\n", kImage);
+TEST_F(Colmap, SizesOfImageFilesMustAgree) {
+  write_model("1 PINHOLE 4 3 5 5 2 1.5\n");
   std::filesystem::create_directories(dir / "images");
-  EXPECT_ERROR(import_colmap(dir.path()), "images", "no image", "a.png");
+  EXPECT_ERROR(import_model(), "images", "no image", "a.png");
   save_image(Image(PixelFamily::kRgb, 4, 3), dir / "images/a.png");
-  EXPECT_EQ(import_colmap(dir.path()).rig.cameras[0].image, std::filesystem::proximate(dir / "images/a.png"));
-  EXPECT_TRUE(import_colmap(dir.path()).notes.empty());
+  EXPECT_EQ(import_model().rig.cameras[0].image, std::filesystem::proximate(dir / "images/a.png"));
+  EXPECT_TRUE(import_model().notes.empty());
   save_image(Image(PixelFamily::kRgb, 8, 2), dir / "images/a.png");
-  EXPECT_ERROR(import_colmap(dir.path()), dir / "images/a.png", "8x2", "model", "camera 1", "4x3",
-               "--undistorted");
+  EXPECT_ERROR(import_model(), dir / "images/a.png", "8x2", "model", "camera 1", "4x3", "--undistorted");
   save_image(Image(PixelFamily::kRgb, 2, 2), dir / "images/a.png");
   for (const bool undistorted : {false, true})
-    EXPECT_ERROR(import_colmap(dir.path(), {.images = dir / "images", .undistorted = undistorted}), "2x2",
-                 "model", "camera 1", "4x3", "scaled copy");
+    EXPECT_ERROR(import_model({.images = dir / "images", .undistorted = undistorted}), "2x2", "model", "camera 1",
+                 "4x3", "scaled copy");
   dir.write("images/a.png", "not a picture");
-  EXPECT_ERROR(import_colmap(dir.path()), dir / "images/a.png");
-  EXPECT_ERROR(import_colmap(dir.path(), {dir / "nowhere"}), "nowhere", "read");
+  EXPECT_ERROR(import_model(), dir / "images/a.png");
+  EXPECT_ERROR(import_model({dir / "nowhere"}), "nowhere", "read");
 }
 
-TEST(Colmap, UndistortedImagesHavePinholes) {
-  const TempDir dir;
-  write_model(dir, "1 SIMPLE_RADIAL 8 6 5 4 3 0.1\n2 OPENCV_FISHEYE 8 6 5 6 4 2 0 0 0 1\n",
+TEST_F(Colmap, UndistortedImagesHavePinholes) {
+  write_model("1 SIMPLE_RADIAL 8 6 5 4 3 0.1\n2 OPENCV_FISHEYE 8 6 5 6 4 2 0 0 0 1\n",
               "1 1 0 0 0 0 0 0 1 day 1.png\n\n2 1 0 0 0 0 0 0 2 day 2.png\n\n");
   const ColmapImportOptions options = {dir / "files", true};
-  EXPECT_ERROR(import_colmap(dir.path(), {"", true}), "give", "folder");
-  std::filesystem::create_directories(dir / "files");
-  save_image(Image(PixelFamily::kRgb, 7, 5), dir / "files/1.png");
+  EXPECT_ERROR(import_model({"", true}), "give", "folder");
+  save_image(Image(PixelFamily::kRgb, 7, 5), dir.write("files/1.png", ""));
   save_image(Image(PixelFamily::kRgb, 16, 12), dir / "files/2.png");
-  const RigImport result = import_colmap(dir.path(), options);
+  const RigImport result = import_model(options);
   ASSERT_EQ(result.rig.cameras.size(), 2u);
   EXPECT_EQ(result.rig.cameras[0].width, 7);
   EXPECT_EQ(result.rig.cameras[0].height, 5);
   EXPECT_EQ(result.rig.cameras[0].lens, Lens(LensModel::kPinhole, {5, 5, 3, 2})) << "the centre stays the centre";
   EXPECT_EQ(result.rig.cameras[1].lens, Lens(LensModel::kPinhole, {5, 6, 7.5, 3.5}));
-  ASSERT_EQ(result.notes.size(), 1u);
-  EXPECT_MENTIONS(result.notes[0], "2", "model", "1.png", "day 1.png", "...");
+  EXPECT_THAT(result.notes, ElementsAre(mentions("2", "model", "1.png", "day 1.png", "...")));
 
-  write_model(dir, "1 PINHOLE 8 6 5 5 4 3\n", "1 1 0 0 0 0 0 0 1 day 1.png\n\n2 1 0 0 0 0 0 0 1 night 1.png\n\n");
-  EXPECT_ERROR(import_colmap(dir.path(), options), "1.png", "two images", "day 1.png", "night 1.png");
+  write_model("1 PINHOLE 8 6 5 5 4 3\n", "1 1 0 0 0 0 0 0 1 day 1.png\n\n2 1 0 0 0 0 0 0 1 night 1.png\n\n");
+  EXPECT_ERROR(import_model(options), "1.png", "two images", "day 1.png", "night 1.png");
 }
 
 // COLMAP's workspace has the folders images and sparse/0.
-TEST(Colmap, NamesTheImageFolderOfAWorkspace) {
-  const TempDir dir;
-  std::filesystem::create_directories(dir / "w/sparse/0");
+TEST_F(Colmap, NamesTheImageFolderOfAWorkspace) {
   std::filesystem::create_directories(dir / "w/images");
   dir.write("w/sparse/0/cameras.txt", "1 PINHOLE 4 3 5 5 2 1.5\n");
   dir.write("w/sparse/0/images.txt", kImage);
-  const std::vector<std::string> notes = import_colmap(dir / "w/sparse/0").notes;
-  ASSERT_FALSE(notes.empty());
-  EXPECT_NE(notes[0].find("--images " + dir / "w/images"), std::string::npos) << notes[0];
+  EXPECT_THAT(import_colmap(dir / "w/sparse/0").notes.at(0), testing::HasSubstr("--images " + dir / "w/images"));
   EXPECT_ERROR(import_colmap(dir / "w/sparse/0/cameras.txt"), "is a file");
   save_image(Image(PixelFamily::kRgb, 3, 4), dir / "w/images/a.png");
   EXPECT_ERROR(import_colmap(dir / "w/sparse/0", {.images = dir / "w/images"}), "EXIF");
 }
 
-TEST(Colmap, GridIsInTheOrderOfNames) {
-  const TempDir dir;
-  write_model(dir, "1 PINHOLE 8 6 5 5 4 3\n",
+TEST_F(Colmap, GridIsInTheOrderOfNames) {
+  write_model("1 PINHOLE 8 6 5 5 4 3\n",
               "1 1 0 0 0 0 1 0 1 cam9.png\n\n2 1 0 0 0 0 0 0 1 cam1.png\n\n3 1 0 0 0 1 1 0 1 cam10.png\n\n"
               "4 1 0 0 0 1 0 0 1 cam2.png\n\n");
-  const Rig rig = import_colmap(dir.path(), {"", false, 2, 2}).rig;
+  const Rig rig = import_model({"", false, 2, 2}).rig;
   EXPECT_EQ(rig.topology.type, Topology::Type::kGrid);
   EXPECT_EQ(rig.topology.rows, 2);
   EXPECT_EQ(rig.topology.columns, 2);
   std::string names;
   for (const Camera& camera : rig.cameras) names += camera.name;
   EXPECT_EQ(names, "cam1cam2cam9cam10") << "by number";
-  EXPECT_ERROR(import_colmap(dir.path(), {"", false, 2, 3}), "images.txt", "4 images", "2x3");
+  EXPECT_ERROR(import_model({"", false, 2, 3}), "images.txt", "4 images", "2x3");
 }
 
-TEST(Colmap, GridOfMisplacedCamerasIsRefused) {
-  const TempDir dir;
+TEST_F(Colmap, GridOfMisplacedCamerasIsRefused) {
   std::string images;
   for (int i = 0; i < 12; i++)
     images += std::to_string(i + 1) + " 1 0 0 0 " + std::to_string(-(i / 3)) + " " + std::to_string(-(i % 3)) +
               " 0 1 c" + std::to_string(i) + ".png\n\n";
-  write_model(dir, "1 PINHOLE 8 6 5 5 4 3\n", images);
-  EXPECT_EQ(import_colmap(dir.path(), {"", false, 4, 3}).rig.topology.rows, 4) << "rows and columns are swapped";
-  const std::string error = text_of_error([&] { import_colmap(dir.path(), {"", false, 3, 4}); });
-  EXPECT_MENTIONS(error, "order", "3x4");
-  EXPECT_NE(error.find("--grid"), std::string::npos) << error;
+  write_model("1 PINHOLE 8 6 5 5 4 3\n", images);
+  EXPECT_EQ(import_model({"", false, 4, 3}).rig.topology.rows, 4) << "rows and columns are swapped";
+  EXPECT_ERROR(import_model({"", false, 3, 4}), "order", "3x4");
+  EXPECT_ERROR(import_model({"", false, 3, 4}), "--grid");
 }
 
-TEST(Colmap, ImagesMissingInTheModelAreNamed) {
-  const TempDir dir;
-  write_model(dir, "1 PINHOLE 4.0 3 5 5 2 1.5\n", kImage);
-  std::filesystem::create_directories(dir / "images");
+TEST_F(Colmap, ImagesMissingInTheModelAreNamed) {
+  write_model("1 PINHOLE 4.0 3 5 5 2 1.5\n");
   for (const char* name : {"images/a.png", "images/b.png", "images/c.png"})
-    save_image(Image(PixelFamily::kRgb, 4, 3), dir / name);
-  const std::vector<std::string> notes = import_colmap(dir.path()).notes;
-  ASSERT_EQ(notes.size(), 1u);
-  EXPECT_MENTIONS(notes[0], "2 of 3", dir / "images", "model", "left out");
+    save_image(Image(PixelFamily::kRgb, 4, 3), dir.write(name, ""));
+  EXPECT_THAT(import_model().notes, ElementsAre(mentions("2 of 3", dir / "images", "model", "left out")));
 }
 
-TEST(Colmap, BinaryModelsMakeTheSameRig) {
+TEST_F(Colmap, BinaryModelsMakeTheSameRig) {
   const TempDir text, binary;
   Rig rig = mixed_rig();
   for (size_t i = 0; i < rig.cameras.size(); i++) rig.cameras[i].id = static_cast<uint32_t>(i);
@@ -289,27 +264,25 @@ TEST(Colmap, BinaryModelsMakeTheSameRig) {
   EXPECT_EQ(import_colmap(text.path()).notes.size(), of_text.notes.size() + 1) << "of the binary model";
 }
 
-TEST(Colmap, MissingAndEmptyModels) {
-  const TempDir dir;
-  EXPECT_ERROR(import_colmap(dir.path()), "cameras.txt", "read", "positions");
+TEST_F(Colmap, MissingAndEmptyModels) {
+  EXPECT_ERROR(import_model(), "cameras.txt", "read", "positions");
   dir.write("sparse/0/cameras.txt", "");
-  EXPECT_ERROR(import_colmap(dir.path()), "model", dir / "sparse/0");
+  EXPECT_ERROR(import_model(), "model", dir / "sparse/0");
   dir.write("llff/poses_bounds.npy", "");
   EXPECT_ERROR(import_colmap(dir / "llff"), "llff", "lf-rig import llff");
   dir.write("cameras.bin", "");
-  EXPECT_ERROR(import_colmap(dir.path()), "cameras.bin", "byte 0");
-  write_model(dir, "1 PINHOLE 8 6 5 5 4 3\n", "# none\n");
-  EXPECT_ERROR(import_colmap(dir.path()), "images.txt: no images");
+  EXPECT_ERROR(import_model(), "cameras.bin", "byte 0");
+  write_model("1 PINHOLE 8 6 5 5 4 3\n", "# none\n");
+  EXPECT_ERROR(import_model(), "images.txt: no images");
 }
 
-TEST(Colmap, RoundTripsTheRealRigs) {
+TEST_F(Colmap, RoundTripsTheRealRigs) {
   const std::filesystem::path data = std::filesystem::path(LF_SOURCE_ROOT) / "../shared/data";
   if (!std::filesystem::exists(data)) GTEST_SKIP() << "needs ../shared/data";
   for (const char* name : {"chess", "toys"}) {
-    const TempDir dir;
     const Rig rig = load_rig(data / name / "rig.json");
-    EXPECT_LE(export_colmap(rig, dir.path()).max_error, 1e-9);
-    const Rig back = import_colmap(dir.path()).rig;
+    EXPECT_LE(export_colmap(rig, dir / name).max_error, 1e-9);
+    const Rig back = import_colmap(dir / name).rig;
     for (const double distance : {1.0, 10.0, 100.0}) EXPECT_LE(max_reprojection_error(rig, back, distance), 1e-9);
   }
 }

@@ -12,21 +12,17 @@
 #include "base/text.h"
 #include "scene/scene.h"
 #include "support/mentions.h"
+#include "support/photographs.h"
 
 namespace lf {
 namespace {
 
+using test::scene_images;
 using testing::ElementsAre;
 using testing::IsEmpty;
 using Verdict = EpipolarPair::Verdict;
 
 constexpr int kWidth = 240, kHeight = 180;
-
-std::vector<Image> filmed(const Rig& rig, double time = 0) {
-  std::vector<Image> images;
-  for (const Camera& c : rig.cameras) images.push_back(render_scene({c.width, c.height, c.lens, c.pose}, time, 1));
-  return images;
-}
 
 EpipolarCheck check(const Rig& rig, const std::vector<Image>& images) {
   return check_epipolar_geometry(rig, [&](CameraIndex i) -> const Image& { return images[i]; });
@@ -46,7 +42,7 @@ class EpipolarGeometry : public testing::Test {
     return rig;
   }
   static const std::vector<Image>& images() {
-    static const std::vector<Image> images = filmed(array());
+    static const std::vector<Image> images = scene_images(array());
     return images;
   }
   static void expect_contradiction(const Rig& rig, const std::vector<Image>& images) {
@@ -79,7 +75,7 @@ TEST_F(EpipolarGeometry, FitsTheImages) {
 }
 
 TEST_F(EpipolarGeometry, FitsAlthoughTheSceneMoves) {
-  std::vector<Image> pictures = filmed(array(), kScenePeriod / 2);
+  std::vector<Image> pictures = scene_images(array(), kScenePeriod / 2);
   for (size_t i = 0; i < pictures.size(); i += 2) pictures[i] = images()[i];
   expect_no_contradiction(check(array(), pictures));
 }
@@ -105,7 +101,7 @@ TEST_F(EpipolarGeometry, NamesSwappedCameras) {
 
 TEST_F(EpipolarGeometry, NamesSwappedCamerasOfARow) {
   const Rig row = scene_rig(1, 8, kWidth, kHeight);
-  std::vector<Image> pictures = filmed(row);
+  std::vector<Image> pictures = scene_images(row);
   std::swap(pictures[3], pictures[4]);
   EXPECT_THAT(check(row, pictures).misplaced, ElementsAre(3u, 4u));
 }
@@ -158,7 +154,7 @@ TEST_F(EpipolarGeometry, ContradictsOtherAxes) {
 
 TEST_F(EpipolarGeometry, ComparesTwoCameras) {
   const Rig rig = scene_rig(1, 2, kWidth, kHeight);
-  std::vector<Image> pictures = filmed(rig);
+  std::vector<Image> pictures = scene_images(rig);
   expect_no_contradiction(check(rig, pictures));
   EXPECT_EQ(check(rig, pictures).count(Verdict::kFits), 1u);
   std::swap(pictures[0], pictures[1]);
@@ -167,14 +163,14 @@ TEST_F(EpipolarGeometry, ComparesTwoCameras) {
 
 TEST_F(EpipolarGeometry, IsUnknownForOneCamera) {
   const Rig rig = scene_rig(1, 1, kWidth, kHeight);
-  EXPECT_THAT(check(rig, filmed(rig)).pairs, IsEmpty());
+  EXPECT_THAT(check(rig, scene_images(rig)).pairs, IsEmpty());
 }
 
 TEST_F(EpipolarGeometry, IsUnknownForWideBaselines) {
   for (const double radius : {1.0, 3.0}) {
     CylinderRigOptions options{2, 12, 0.3, radius, radius > 2, 45, kWidth, kHeight};
     const Rig rig = make_cylinder_rig(options);
-    expect_no_contradiction(check(rig, filmed(rig)));
+    expect_no_contradiction(check(rig, scene_images(rig)));
   }
 }
 

@@ -9,13 +9,11 @@
 #include "rig/exchange.h"
 #include "rig/rig_json.h"
 #include "support/expect_error.h"
-#include "support/rigs.h"
 #include "support/temp_dir.h"
 
 namespace lf {
 namespace {
 
-using testing::AllOf;
 using testing::HasSubstr;
 
 constexpr int kWidth = 40, kHeight = 30;
@@ -70,13 +68,9 @@ class LlffTest : public testing::Test {
   static std::string name(int i) { return "images/IMG_" + std::to_string(2 * i + 3) + ".png"; }
   void write(const std::string& bytes) const { dir_.write("poses_bounds.npy", bytes); }
   std::string import_fails() const {
-    try {
-      import_llff(dir_.path());
-    } catch (const Error& error) {
-      EXPECT_THAT(error.what(), HasSubstr(dir_.path()));
-      return error.what();
-    }
-    return "no error";
+    const std::string error = text_of_error([&] { import_llff(dir_.path()); });
+    EXPECT_THAT(error, HasSubstr(dir_.path()));
+    return error;
   }
 
   const TempDir dir_;
@@ -99,7 +93,7 @@ TEST_F(LlffTest, ReadsPosesLensesAndDepths) {
       EXPECT_LT(glm::length(camera.pose.down() - poses_[i].down()), 1e-6);
       EXPECT_EQ(camera.lens, Lens::pinhole(kFocal, (kWidth - 1) / 2.0, (kHeight - 1) / 2.0));
     }
-    EXPECT_THAT(import.notes, testing::Contains(AllOf(HasSubstr("1.5"), HasSubstr("20"), HasSubstr("focus-near"))));
+    EXPECT_THAT(import.notes, testing::Contains(mentions("1.5", "20", "focus-near")));
   }
 }
 
@@ -120,10 +114,7 @@ TEST_F(LlffTest, DamagedFilesAreRefused) {
     changed[index] = value;
     return npy<double>(changed, header(5));
   };
-  struct {
-    std::string bytes;
-    const char* fact;
-  } const cases[] = {
+  const std::pair<std::string, const char*> cases[] = {
       {"", "NumPy"},
       {"poses", "NumPy"},
       {good.substr(0, 40), "header"},
@@ -140,14 +131,14 @@ TEST_F(LlffTest, DamagedFilesAreRefused) {
       {with(4, -1), "image 0: height"},
       {with(4, kHeight * 2), "40x60"},
   };
-  for (const auto& c : cases) {
-    write(c.bytes);
-    EXPECT_THAT(import_fails(), HasSubstr(c.fact));
+  for (const auto& [bytes, fact] : cases) {
+    write(bytes);
+    EXPECT_THAT(import_fails(), HasSubstr(fact));
   }
   Numbers mirrored = numbers_;
   for (const size_t row : {0, 5, 10}) mirrored[row] *= -1;
   write(npy<double>(mirrored, header(5)));
-  EXPECT_THAT(import_fails(), AllOf(HasSubstr("image 0"), HasSubstr("left-handed")));
+  EXPECT_THAT(import_fails(), mentions("image 0", "left-handed"));
 }
 
 TEST_F(LlffTest, VideosAreSources) {
@@ -159,7 +150,7 @@ TEST_F(LlffTest, VideosAreSources) {
   EXPECT_EQ(rig.cameras[3].image, "");
   EXPECT_EQ(rig.cameras[3].height, kHeight);
   dir_.write("cam05.MP4", "");
-  EXPECT_THAT(import_fails(), AllOf(HasSubstr("5 poses"), HasSubstr("6 videos")));
+  EXPECT_THAT(import_fails(), mentions("5 poses", "6 videos"));
 }
 
 TEST_F(LlffTest, MissingFilesAreNamed) {

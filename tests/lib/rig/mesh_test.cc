@@ -16,16 +16,9 @@
 namespace lf {
 namespace {
 
-using test::as_grid;
-using test::as_triangles;
-using test::corners;
-using test::expect_planar;
-using test::grid_faces;
-using test::grid_points;
-using test::random_set;
-using test::rig_at;
-using test::twice_area;
+using namespace test;
 using testing::ElementsAre;
+using testing::HasSubstr;
 using testing::IsEmpty;
 
 constexpr CameraIndex kNone = MeshFace::kNone;
@@ -138,9 +131,8 @@ TEST(MeshOfGrid, InnerHolesAreFilledAfterTheOldFaces) {
     EXPECT_EQ(twice_area(points, faces), twice_area(points, whole));
     EXPECT_EQ(faces.size(), whole.size() - 2 * lost.size());
     std::vector<Triangle> kept;
-    for (const Triangle& t : whole) {
+    for (const Triangle& t : whole)
       if (!contains_any(t, lost)) kept.push_back(t);
-    }
     ASSERT_GE(faces.size(), kept.size());
     EXPECT_TRUE(std::equal(kept.begin(), kept.end(), faces.begin()));
     for (size_t i = kept.size(); i < faces.size(); ++i) EXPECT_EQ(faces[i], canonical_triangle(faces[i]));
@@ -170,9 +162,7 @@ TEST(MeshOfGrid, DoesNotDependOnSizePositionAndTilt) {
   }
   const Pose tilted{{5, 6, 7}, glm::normalize(Quat(0.4, 0.5, -0.6, 0.1))};
   Rig rig = as_grid(rig_at(points), 6, 7);
-  for (Camera& camera : rig.cameras) {
-    camera.pose = {tilted.world_from_camera(camera.pose.position), tilted.orientation};
-  }
+  for (Camera& camera : rig.cameras) camera.pose = {tilted.world_from_camera(camera.pose.position), tilted.orientation};
   EXPECT_EQ(corners(build_mesh(rig, lost)), expected);
 }
 
@@ -212,6 +202,8 @@ TEST(MeshOfDelaunay, IsDelaunayOfTheCamerasInService) {
     for (Triangle& t : expected) t = {index[t[0]], index[t[1]], index[t[2]]};
     EXPECT_EQ(corners(build_mesh(rig_at(points), lost)), expected);
   }
+  const auto thousand = grid_points(32, 32, 1000, 490);
+  EXPECT_EQ(corners(build_mesh(rig_at(thousand))), delaunay(thousand));
 }
 
 TEST(MeshOfDelaunay, RegularGridsAtAnyTiltTakeTheDiagonalWithTheLowestIndex) {
@@ -224,9 +216,8 @@ TEST(MeshOfDelaunay, RegularGridsAtAnyTiltTakeTheDiagonalWithTheLowestIndex) {
     expected.push_back({a, a + 9, a + 8});
   }
   EXPECT_EQ(corners(build_mesh(rig)), expected);
-  for (Camera& camera : rig.cameras) {
+  for (Camera& camera : rig.cameras)
     camera.pose = {tilted.world_from_camera(camera.pose.position * 0.1), tilted.orientation};
-  }
   EXPECT_EQ(corners(build_mesh(rig)), expected);
 }
 
@@ -241,9 +232,8 @@ TEST(MeshOfDelaunay, RenumberingTheCamerasRenamesTheFaces) {
   std::vector<Vec3> renumbered(60);
   for (int i = 0; i < 60; ++i) renumbered[new_index[i]] = positions[i];
   std::vector<Triangle> expected;
-  for (const Triangle& t : corners(build_mesh(rig_at(positions)))) {
+  for (const Triangle& t : corners(build_mesh(rig_at(positions))))
     expected.push_back(canonical_triangle({new_index[t[0]], new_index[t[1]], new_index[t[2]]}));
-  }
   std::sort(expected.begin(), expected.end());
   EXPECT_EQ(corners(build_mesh(rig_at(renumbered))), expected);
 }
@@ -252,11 +242,6 @@ TEST(MeshOfDelaunay, UsesTheLowestOfCoincidentCameras) {
   const Rig rig = rig_at(std::vector<IntPoint>{{0, 0}, {9, 0}, {0, 9}, {9, 0}});
   EXPECT_THAT(corners(build_mesh(rig)), ElementsAre(Triangle{0, 1, 2}));
   EXPECT_THAT(corners(build_mesh(rig, {1})), ElementsAre(Triangle{0, 3, 2}));
-}
-
-TEST(MeshOfDelaunay, HandlesThousandCameras) {
-  const auto points = grid_points(32, 32, 1000, 490);
-  EXPECT_EQ(corners(build_mesh(rig_at(points))), delaunay(points));
 }
 
 // Every topology without a remaining triangle of positive area.
@@ -281,9 +266,8 @@ TEST(MeshWithoutTriangles, CollinearCamerasAreStrips) {
   for (const double scale : {1e-6, 1.0, 1e6}) {
     for (const double distance : {0.0, 1e6}) {
       std::vector<Vec3> positions;
-      for (const double at : {0.0, 0.31, 0.57, 0.58, 1.0, 1.31}) {
+      for (const double at : {0.0, 0.31, 0.57, 0.58, 1.0, 1.31})
         positions.push_back(Vec3(distance, -distance, distance / 3) + scale * at * direction);
-      }
       const Rig rig = rig_at(positions);
       const std::vector<Triangle> strips{{0, 1, kNone}, {1, 2, kNone}, {2, 3, kNone}, {3, 4, kNone}, {4, 5, kNone}};
       EXPECT_EQ(corners(build_mesh(rig)), strips) << scale << " at " << distance;
@@ -341,18 +325,10 @@ Mesh strips(const Rig& rig, std::vector<CameraIndex> in_service = {}) {
   return {make_strips(rig, in_service, normalised_centres(positions))};
 }
 
-TEST(Strips, SingleCameraIsAPoint) {
-  const Mesh mesh = strips(rig_at(std::vector<Vec3>{{3, 4, 5}}));
-  ASSERT_EQ(mesh.faces.size(), 1u);
-  EXPECT_EQ(mesh.faces[0].corners(), 1);
-  EXPECT_EQ(mesh.faces[0].camera[0], 0u);
-}
-
-TEST(Strips, TwoCamerasAreAStripAcrossTheirLine) {
+TEST(Strips, OfOneAndTwoCameras) {
+  EXPECT_THAT(corners(strips(rig_at(std::vector<Vec3>{{3, 4, 5}}))), ElementsAre(Triangle{0, kNone, kNone}));
   const Mesh mesh = strips(rig_at(std::vector<Vec3>{{3, 4, 5}, {4, 4, 5}}));
-  ASSERT_EQ(mesh.faces.size(), 1u);
-  EXPECT_EQ(mesh.faces[0].corners(), 2);
-  EXPECT_THAT(corners(mesh), ElementsAre(Triangle{0, 1, kNone}));
+  ASSERT_THAT(corners(mesh), ElementsAre(Triangle{0, 1, kNone}));
   EXPECT_NEAR(glm::length(mesh.faces[0].extent - Vec3(0, 1, 0)), 0, 1e-15);  // forward x line
 }
 
@@ -378,13 +354,10 @@ TEST(Strips, UseTheLowestOfCoincidentCameras) {
   EXPECT_THAT(corners(strips(rig_at(std::vector<Vec3>(3, Vec3(7, 7, 7))))), ElementsAre(Triangle{0, kNone, kNone}));
 }
 
-TEST(Strips, ExtendDownwardsIfCamerasLookAlongTheLine) {
-  const Mesh mesh = strips(rig_at(std::vector<Vec3>{{0, 0, 0}, {0, 0, 1}, {0, 0, 2}}));
-  ASSERT_EQ(mesh.faces.size(), 2u);
-  EXPECT_NEAR(glm::length(mesh.faces[0].extent - Vec3(0, 1, 0)), 0, 1e-15);
-}
-
-TEST(Strips, HaveAnExtentIfAxesCancel) {
+TEST(Strips, HaveAnExtentIfCamerasLookAlongTheLineOrAxesCancel) {
+  const Mesh along = strips(rig_at(std::vector<Vec3>{{0, 0, 0}, {0, 0, 1}, {0, 0, 2}}));
+  ASSERT_EQ(along.faces.size(), 2u);
+  EXPECT_NEAR(glm::length(along.faces[0].extent - Vec3(0, 1, 0)), 0, 1e-15) << "downwards";
   Rig rig = rig_at(std::vector<Vec3>{{0, 0, 0}, {1, 0, 0}, {2, 0, 0}, {3, 0, 0}});
   const Quat turns[4] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}, {0, 0, 0, 1}};  // axes cancel
   for (int i = 0; i < 4; ++i) rig.cameras[i].pose.orientation = turns[i];
@@ -420,9 +393,7 @@ TEST(MeshFit, RingGetsTrianglesAroundIt) {
     const Rig ring = make_cylinder_rig({2, 12, 0.3, 1.5, inwards, 60});
     Rig found = without_topology(ring);
     EXPECT_LT(share_facing_cameras(found, build_mesh(found)), 0.5) << "Delaunay triangulates across the ring";
-    const std::vector<std::string> notes = fit_topology(found);
-    ASSERT_EQ(notes.size(), 1u);
-    EXPECT_NE(notes[0].find(inwards ? "look at" : "look away"), std::string::npos) << notes[0];
+    EXPECT_THAT(fit_topology(found), ElementsAre(HasSubstr(inwards ? "look at" : "look away")));
     ASSERT_EQ(found.topology.type, Topology::Type::kTriangles);
     EXPECT_EQ(found.topology.triangles.size(), ring.topology.triangles.size()) << "none at the open ends";
     EXPECT_EQ(share_facing_cameras(found, build_mesh(found)), 1);
@@ -494,9 +465,7 @@ TEST(MeshFit, NotesAnUnsuitableMesh) {
   Rig ring = inward(2, 12);
   ring.cameras.resize(12);  // the upper row
   ring.topology = {};
-  const std::vector<std::string> notes = fit_topology(ring);
-  ASSERT_EQ(notes.size(), 1u);
-  EXPECT_NE(notes[0].find("two rows"), std::string::npos) << notes[0];
+  EXPECT_THAT(fit_topology(ring), ElementsAre(HasSubstr("two rows")));
 }
 
 TEST(MeshFit, AcceptsExtremePositions) {
@@ -520,11 +489,10 @@ TEST(GridFault, NamesCamerasInTheWrongOrder) {
   EXPECT_FALSE(find_grid_fault(turned));
 
   std::swap(rig.cameras[5].pose, rig.cameras[10].pose);
-  const auto fault = find_grid_fault(rig);
-  ASSERT_TRUE(fault);
-  EXPECT_EQ(fault->triangles, 18u);
-  EXPECT_GT(fault->folded, 0u);
-  EXPECT_NE(fault->text.find("cam_0"), std::string::npos) << fault->text;
+  const auto fault = find_grid_fault(rig).value();
+  EXPECT_EQ(fault.triangles, 18u);
+  EXPECT_GT(fault.folded, 0u);
+  EXPECT_THAT(fault.text, HasSubstr("cam_0"));
 
   Rig wrong_shape = make_grid_rig({2, 8, 0.1, 60});
   wrong_shape.topology.rows = wrong_shape.topology.columns = 4;

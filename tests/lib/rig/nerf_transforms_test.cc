@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "image/image.h"
@@ -14,16 +15,25 @@
 namespace lf {
 namespace {
 
-constexpr char kIdentity[] = R"("transform_matrix": [[1, 0, 0, 7], [0, 1, 0, 8], [0, 0, 1, 9], [0, 0, 0, 1]])";
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::StartsWith;
+
+const std::string kIdentity = R"("transform_matrix": [[1, 0, 0, 7], [0, 1, 0, 8], [0, 0, 1, 9], [0, 0, 0, 1]])";
+
+struct Nerf : testing::Test {
+  RigImport read(const std::string& text) const { return import_nerf(dir.write("t.json", text)); }
+  const TempDir dir;
+};
 
 std::string one_frame(const std::string& top, const std::string& frame = "") {
   return "{" + top + R"("frames": [{"file_path": "./images/a.png", )" + frame + kIdentity + "}]}";
 }
 
-TEST(Nerf, ConventionsOfPixelsAndAxes) {
-  const TempDir dir;
-  dir.write("t.json", one_frame(R"("fl_x": 400, "fl_y": 410, "cx": 160, "cy": 120, "w": 320, "h": 240, )"));
-  const Camera camera = import_nerf(dir / "t.json").rig.cameras.at(0);
+TEST_F(Nerf, ConventionsOfPixelsAndAxes) {
+  const std::string t = one_frame(R"("fl_x": 400, "fl_y": 410, "cx": 160, "cy": 120, "w": 320, "h": 240, )");
+  const Camera camera = read(t).rig.cameras.at(0);
   EXPECT_EQ(camera.lens, Lens(LensModel::kPinhole, {400, 410, 159.5, 119.5}));
   EXPECT_EQ(camera.pose.position, Vec3(7, 8, 9));
   EXPECT_LT(glm::length(camera.pose.forward() - Vec3(0, 0, -1)), 1e-15) << "NeRF looks along -z";
@@ -33,28 +43,24 @@ TEST(Nerf, ConventionsOfPixelsAndAxes) {
   EXPECT_EQ(camera.image, dir / "images/a.png");
 }
 
-TEST(Nerf, ReadsTheOriginalNerfFiles) {
-  const TempDir dir;
-  dir.write("t.json",
-            R"({"camera_angle_x": 1.0, "frames": [{"file_path": "./train/r_0", )" + std::string(kIdentity) + "}]}");
-  EXPECT_ERROR(import_nerf(dir / "t.json"), "train/r_0");
-  dir.write("train/x", "");
-  save_image(Image(PixelFamily::kRgb, 8, 6), dir / "train/r_0.png");
-  const Camera camera = import_nerf(dir / "t.json").rig.cameras.at(0);
+TEST_F(Nerf, ReadsTheOriginalNerfFiles) {
+  const std::string text = R"({"camera_angle_x": 1.0, "frames": [{"file_path": "./train/r_0", )" + kIdentity + "}]}";
+  EXPECT_ERROR(read(text), "train/r_0");
+  save_image(Image(PixelFamily::kRgb, 8, 6), dir.write("train/r_0.png", ""));
+  const Camera camera = read(text).rig.cameras.at(0);
   EXPECT_EQ(camera.width, 8);
   EXPECT_EQ(camera.lens, Lens::pinhole(4 / std::tan(0.5), 3.5, 2.5));
 }
 
-TEST(Nerf, TooLongFileNamesDoNotExist) {
-  const TempDir dir;
+TEST_F(Nerf, TooLongFileNamesDoNotExist) {
   const std::string name(300, 'a');
-  dir.write("t.json", R"({"w": 4, "h": 3, "fl_x": 5, "frames": [{"file_path": ")" + name + "\", " + kIdentity + "}]}");
-  EXPECT_EQ(import_nerf(dir / "t.json").rig.cameras.at(0).image, dir / name);
+  const std::string text =
+      R"({"w": 4, "h": 3, "fl_x": 5, "frames": [{"file_path": ")" + name + "\", " + kIdentity + "}]}";
+  EXPECT_EQ(read(text).rig.cameras.at(0).image, dir / name);
   EXPECT_ERROR(load_image(dir / name), "no such image");
 }
 
-TEST(Nerf, RoundTripsEveryModelWithin1e9Pixels) {
-  const TempDir dir;
+TEST_F(Nerf, RoundTripsEveryModelWithin1e9Pixels) {
   const Rig rig = mixed_rig();
   const RigExport result = export_nerf(rig, dir / "t.json");
   EXPECT_LE(result.max_error, 1e-9);
@@ -63,93 +69,73 @@ TEST(Nerf, RoundTripsEveryModelWithin1e9Pixels) {
   EXPECT_EQ(back.cameras[3].name, "cam_3");
 }
 
-TEST(Nerf, UnsupportedFeaturesAreErrorsWithThePlace) {
-  const TempDir dir;
+TEST_F(Nerf, UnsupportedFeaturesAreErrorsWithThePlace) {
   const std::string size = R"("w": 4, "h": 3, )";
-  const auto error = [&](const std::string& text) {
-    dir.write("t.json", text);
-    return text_of_error([&] { import_nerf(dir / "t.json"); });
-  };
   const std::string file = dir / "t.json";
   const auto refuses = [&](const std::string& text, const std::string& place) {
-    const std::string what = error(text);
-    EXPECT_EQ(what.find(file + ": " + place + ": "), 0u) << what;
-    EXPECT_MENTIONS(what, "cannot hold");
-    EXPECT_NE(what.find("undistort"), std::string::npos) << what;
+    EXPECT_THAT(text_of_error([&] { read(text); }),
+                AllOf(StartsWith(file + ": " + place + ": "), HasSubstr("cannot hold"), HasSubstr("undistort")));
   };
   refuses(one_frame(size + R"("fl_x": 5, "camera_model": "OPENCV_FISHEYE", )"), "camera_model");
   refuses(one_frame(size + R"("fl_x": 5, )", R"("k3": 0.1, )"), "frames[0].k3");
   refuses(one_frame(size + R"("fl_x": 5, "is_fisheye": true, )"), "is_fisheye");
   refuses(one_frame(size + R"("fl_x": 5, "sk_x": 0.1, )"), "sk_x");
-  EXPECT_MENTIONS(error(one_frame(size + R"("fl_x": 5, "distortion_params": [0.1, 0, 0.2, 0, 0, 0], )")),
-                  "distortion_params", "k3", "k4", "0");
-  EXPECT_MENTIONS(error(one_frame(size)), file, "frames[0]", "fl_x", "camera_angle_x");
-  EXPECT_MENTIONS(error(one_frame(size + R"("fl_x": 0, )")), file, "frames[0]", "fl_x is 0");
-  EXPECT_MENTIONS(error(R"({"frames": []})"), file, "frames", "empty");
+  EXPECT_ERROR(read(one_frame(size + R"("fl_x": 5, "distortion_params": [0.1, 0, 0.2, 0, 0, 0], )")),
+               "distortion_params", "k3", "k4", "0");
+  EXPECT_ERROR(read(one_frame(size)), file, "frames[0]", "fl_x", "camera_angle_x");
+  EXPECT_ERROR(read(one_frame(size + R"("fl_x": 0, )")), file, "frames[0]", "fl_x is 0");
+  EXPECT_ERROR(read(R"({"frames": []})"), file, "frames", "empty");
 }
 
-TEST(Nerf, WholeNumbersMayBeFloats) {
-  const TempDir dir;
-  dir.write("t.json",
-            one_frame(R"("fl_x": 400, "w": 1080.0, "h": 1920.0, "aabb_scale": 4, )", R"("sharpness": 3.5, )"));
-  const RigImport result = import_nerf(dir / "t.json");
+TEST_F(Nerf, WholeNumbersMayBeFloats) {
+  const RigImport result =
+      read(one_frame(R"("fl_x": 400, "w": 1080.0, "h": 1920.0, "aabb_scale": 4, )", R"("sharpness": 3.5, )"));
   EXPECT_EQ(result.rig.cameras.at(0).width, 1080);
   EXPECT_EQ(result.rig.cameras.at(0).height, 1920);
   EXPECT_TRUE(result.notes.empty());
 }
 
-TEST(Nerf, ReadsNerfstudioFiles) {
-  const TempDir dir;
-  dir.write("t.json", one_frame(R"("w": 640, "h": 480, "fl_x": 400, "camera_model": "OPENCV", "k3": 0, "k4": 0.0,
+TEST_F(Nerf, ReadsNerfstudioFiles) {
+  const RigImport result =
+      read(one_frame(R"("w": 640, "h": 480, "fl_x": 400, "camera_model": "OPENCV", "k3": 0, "k4": 0.0,
       "distortion_params": [-0.1, 0.02, 0, 0, 0.001, -0.002], "ply_file_path": "sparse.ply",
       "applied_transform": [[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0]], "applied_scale": 0.5, )",
-                                R"("colmap_im_id": 3, "mask_path": "m.png", )"));
-  const RigImport result = import_nerf(dir / "t.json");
+                     R"("colmap_im_id": 3, "mask_path": "m.png", )"));
   const Camera& camera = result.rig.cameras.at(0);
   EXPECT_EQ(camera.lens, Lens(LensModel::kOpenCv, {400, 400, 319.5, 239.5, -0.1, 0.02, 0.001, -0.002}));
   // The transform turns (x, y, z) to (x, z, -y); the frame is at (7, 8, 9), scaled by a half.
   EXPECT_LT(glm::length(camera.pose.position - Vec3(14, -18, 16)), 1e-12);
-  ASSERT_EQ(result.notes.size(), 2u);
-  EXPECT_MENTIONS(result.notes[0], "not read", "mask_path");
-  EXPECT_MENTIONS(result.notes[1], "applied_transform", "applied_scale");
+  EXPECT_THAT(result.notes,
+              ElementsAre(mentions("not read", "mask_path"), mentions("applied_transform", "applied_scale")));
 }
 
-TEST(Nerf, CoefficientsOfSomeFramesAreNoted) {
-  const TempDir dir;
+TEST_F(Nerf, CoefficientsOfSomeFramesAreNoted) {
   const std::string frame = R"({"file_path": "a.png", "w": 320, "h": 240, "fl_x": 400, "cx": 160, "cy": 120, )";
   const auto notes_of = [&](const std::string& top, const std::string& first) {
-    dir.write("t.json", "{" + top + R"("frames": [)" + frame + first + kIdentity + "}, " + frame + kIdentity + "}]}");
-    return import_nerf(dir / "t.json").notes;
+    return read("{" + top + R"("frames": [)" + frame + first + kIdentity + "}, " + frame + kIdentity + "}]}").notes;
   };
   EXPECT_TRUE(notes_of("", "").empty());
   EXPECT_TRUE(notes_of(R"("k1": 0.1, )", R"("k1": 0.2, )").empty()) << "the other frame has the file's";
-  const std::vector<std::string> notes = notes_of("", R"("k1": 0.2, )");
-  ASSERT_EQ(notes.size(), 1u);
-  EXPECT_NE(notes[0].find("1 of 2 frames"), std::string::npos);
-  EXPECT_NE(notes[0].find("k1"), std::string::npos);
+  EXPECT_THAT(notes_of("", R"("k1": 0.2, )"), ElementsAre(mentions("1 of 2 frames", "k1")));
 }
 
-TEST(Nerf, FramesWithDifferentTimesAreErrors) {
-  const TempDir dir;
-  const auto frames = [&](const char* a, const char* b) {
-    const std::string frame = std::string(R"({"file_path": "a", "time": %, )") + kIdentity + "}";
-    const auto at = [&](const char* time) {
-      std::string text = frame;
-      return text.replace(text.find('%'), 1, time);
-    };
-    return dir.write("t.json", R"({"w": 4, "h": 3, "fl_x": 5, "frames": [)" + at(a) + "," + at(b) + "]}");
+TEST_F(Nerf, FramesWithDifferentTimesAreErrors) {
+  const auto at = [](const std::string& time) {
+    return R"({"file_path": "a", "time": )" + time + ", " + kIdentity + "}";
   };
-  EXPECT_ERROR(import_nerf(frames("0", "0.5")), "frames[1].time", "0.5", "0");
-  EXPECT_EQ(import_nerf(frames("0.5", "0.5")).rig.cameras.size(), 2u);
+  const auto read_frames = [&](const std::string& a, const std::string& b) {
+    return read(R"({"w": 4, "h": 3, "fl_x": 5, "frames": [)" + at(a) + "," + at(b) + "]}");
+  };
+  EXPECT_ERROR(read_frames("0", "0.5"), "frames[1].time", "0.5", "0");
+  EXPECT_EQ(read_frames("0.5", "0.5").rig.cameras.size(), 2u);
 }
 
-TEST(Nerf, ParsesManyFramesInLinearTime) {
-  const TempDir dir;
+TEST_F(Nerf, ParsesManyFramesInLinearTime) {
   std::string text = R"({"w": 4, "h": 3, "fl_x": 5, "frames": [)";
   for (size_t i = 0; i <= kMaxCameras; i++)
     text +=
         std::string(i ? "," : "") + R"({"file_path": "f)" + std::to_string(i) + R"(", "odd": 1, )" + kIdentity + "}";
-  EXPECT_ERROR(import_nerf(dir.write("t.json", text + "]}")), "frames", "65535 cameras");
+  EXPECT_ERROR(read(text + "]}"), "frames", "65535 cameras");
 }
 
 }  // namespace

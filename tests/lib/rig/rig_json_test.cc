@@ -40,24 +40,37 @@ json good_rig() {
 
 Rig parse(const json& rig) { return parse_rig(rig.dump(), "r.json"); }
 
+void expect_same(const Camera& camera, const Camera& expected) {
+  EXPECT_EQ(camera.id, expected.id);
+  EXPECT_EQ(camera.name, expected.name);
+  EXPECT_EQ(camera.width, expected.width);
+  EXPECT_EQ(camera.height, expected.height);
+  EXPECT_EQ(camera.lens, expected.lens);
+  EXPECT_EQ(camera.pose, expected.pose);
+  EXPECT_EQ(camera.image, expected.image);
+  EXPECT_EQ(camera.source, expected.source);
+  EXPECT_EQ(camera.time_offset, expected.time_offset);
+  EXPECT_EQ(camera.colour, expected.colour);
+}
+
 TEST(RigJson, ReadsEveryMember) {
   const Rig rig = parse_rig(good_rig().dump(), "r.json", "folder");
   ASSERT_EQ(rig.cameras.size(), 4u);
   EXPECT_EQ(rig.directory, "folder");
   const Camera& camera = rig.cameras[1];
-  EXPECT_EQ(camera.id, 3u);
-  EXPECT_EQ(camera.name, "cam");
-  EXPECT_EQ(camera.width, 320);
-  EXPECT_EQ(camera.height, 240);
-  EXPECT_EQ(camera.lens, Lens(LensModel::kRadial, {400, 159.5, 119.5, -0.1, 0.01}));
-  EXPECT_EQ(camera.pose.position, Vec3(1, 0, 1e6 / 7));
-  EXPECT_EQ(camera.image, "cam.png");
-  EXPECT_EQ(camera.source, "v4l2:///dev/video0");
-  EXPECT_EQ(camera.time_offset, -0.0125);
-  EXPECT_EQ(camera.colour, (ColourModel{.black = {4, 5.5, -1},
-                                        .gamma = 2.25,
-                                        .matrix = {1.1, 0, 0, 0.01, 1, -0.02, 0, 0, 0.9},
-                                        .vignetting = {-0.3, 0.05}}));
+  expect_same(camera, {.id = 3,
+                       .name = "cam",
+                       .width = 320,
+                       .height = 240,
+                       .lens = Lens(LensModel::kRadial, {400, 159.5, 119.5, -0.1, 0.01}),
+                       .pose = {{1, 0, 1e6 / 7}, {1, 0, 0, 0}},
+                       .image = "cam.png",
+                       .source = "v4l2:///dev/video0",
+                       .time_offset = -0.0125,
+                       .colour = ColourModel{.black = {4, 5.5, -1},
+                                             .gamma = 2.25,
+                                             .matrix = {1.1, 0, 0, 0.01, 1, -0.02, 0, 0, 0.9},
+                                             .vignetting = {-0.3, 0.05}}});
   EXPECT_EQ(rig.cameras[0].source, "");
   EXPECT_EQ(rig.cameras[0].colour, std::nullopt);
   EXPECT_EQ(rig.topology.rows, 2);
@@ -83,6 +96,7 @@ TEST(RigJson, AcceptsTinyAndLargeImages) {
 }
 
 TEST(RigJson, RoundTripsToTheLastBit) {
+  const TempDir dir;
   Rig rig = parse(good_rig());
   rig.cameras[0].pose.position = {1 / 3.0, 5e-324, -1.7976931348623157e308};
   rig.cameras[1].pose.orientation = glm::normalize(Quat(0.1, -0.2, 0.3, 0.4));
@@ -92,21 +106,11 @@ TEST(RigJson, RoundTripsToTheLastBit) {
   for (const Topology& topology :
        {rig.topology, Topology{}, Topology{Topology::Type::kTriangles, 0, 0, {{0, 1, 2}, {3, 2, 1}}}}) {
     rig.topology = topology;
-    const std::string path = testing::TempDir() + "lf_rig_json_test.json";
-    save_rig(rig, path);
-    const Rig back = load_rig(path);
-    std::filesystem::remove(path);
+    save_rig(rig, dir / "rig.json");
+    const Rig back = load_rig(dir / "rig.json");
     EXPECT_EQ(back.hash(), rig.hash());
-    EXPECT_EQ(back.directory + "/", testing::TempDir());
-    for (size_t i = 0; i < rig.cameras.size(); i++) {
-      EXPECT_EQ(back.cameras[i].id, rig.cameras[i].id);
-      EXPECT_EQ(back.cameras[i].name, rig.cameras[i].name);
-      EXPECT_EQ(back.cameras[i].lens, rig.cameras[i].lens);
-      EXPECT_EQ(back.cameras[i].pose, rig.cameras[i].pose);
-      EXPECT_EQ(back.cameras[i].image, rig.cameras[i].image);
-      EXPECT_EQ(back.cameras[i].source, rig.cameras[i].source);
-      EXPECT_EQ(back.cameras[i].time_offset, rig.cameras[i].time_offset);
-    }
+    EXPECT_EQ(back.directory, dir.path());
+    for (size_t i = 0; i < rig.cameras.size(); i++) expect_same(back.cameras[i], rig.cameras[i]);
     EXPECT_EQ(back.topology.type, topology.type);
     EXPECT_EQ(back.topology.triangles, topology.triangles);
   }
@@ -148,10 +152,8 @@ TEST(RigJson, ColourHasDefaultsAndDoesNotAffectTheHash) {
 }
 
 TEST(RigJson, ErrorsNameThePlace) {
-  struct {
-    const char* patch;  // merged into the good file; null removes a key
-    std::vector<std::string> facts;
-  } const files[] = {
+  // Patches, merged into the good file; null removes a key.
+  const InvalidText files[] = {
       {R"({"format": null})", {"\"format\"", "missing"}},
       {R"({"format": 7})", {"format", "string"}},
       {R"({"format": "lightfield-views"})", {"format", "lightfield-rig", "lightfield-views"}},
@@ -181,19 +183,17 @@ TEST(RigJson, ErrorsNameThePlace) {
        {"topology.triangles[0]", "different cameras"}},
       {R"({"topology": {"type": "triangles", "triangles": [0, 1, 2]}})", {"topology.triangles[0]", "array"}},
   };
-  for (const auto& c : files) {
+  for (const InvalidText& c : files) {
     json file = good_rig();
-    file.merge_patch(json::parse(c.patch));
+    file.merge_patch(json::parse(c.text));
     EXPECT_ERROR(parse(file), "r.json:");
     EXPECT_ERROR(parse(file), c.facts);
   }
 }
 
 TEST(RigJson, ErrorsNameTheCameraAndItsMember) {
-  struct {
-    const char* patch;  // merged into cameras[3]
-    std::vector<std::string> facts;
-  } const cases[] = {
+  // Patches, merged into cameras[3].
+  const InvalidText cases[] = {
       {R"({"id": null})", {"cameras[3]", "\"id\"", "missing"}},
       {R"({"id": "3"})", {"cameras[3].id", "integer", "string"}},
       {R"({"id": -1})", {"cameras[3].id", "0 to 4294967295", "-1"}},
@@ -239,9 +239,9 @@ TEST(RigJson, ErrorsNameTheCameraAndItsMember) {
       {R"({"colour": {"matrix": [1, 0, 0, 0, 1, 0, 0, 0, 0]}})", {"cameras[3].colour.matrix", "determinant"}},
       {R"({"colour": {"vignetting": [-1, 0]}})", {"cameras[3].colour.vignetting", "0.25 to 2.5"}},
   };
-  for (const auto& c : cases) {
+  for (const InvalidText& c : cases) {
     json file = good_rig();
-    file["cameras"][3].merge_patch(json::parse(c.patch));
+    file["cameras"][3].merge_patch(json::parse(c.text));
     EXPECT_ERROR(parse(file), "r.json:");
     EXPECT_ERROR(parse(file), c.facts);
   }
@@ -353,25 +353,21 @@ TEST(SwapDevices, SwapsOnlyPropertiesOfTheDevice) {
   rig.cameras[0].source = "v4l2:///dev/video0";
   rig.cameras[0].time_offset = 0.01;
   rig.cameras[2].width = 16;
-  nlohmann::json json = nlohmann::json::parse(rig_to_json(rig));
-  json["cameras"][2]["covariance"] = {1, 2};
-  swap_devices(json, 0, 2);
-  const Rig swapped = parse_rig(json.dump(), "r");
-  for (size_t i = 0; i < 3; i++) {
-    EXPECT_EQ(swapped.cameras[i].id, rig.cameras[i].id);
-    EXPECT_EQ(swapped.cameras[i].name, rig.cameras[i].name);
-    EXPECT_EQ(swapped.cameras[i].pose, rig.cameras[i].pose);
-  }
-  EXPECT_EQ(swapped.cameras[2].source, "v4l2:///dev/video0");
-  EXPECT_EQ(swapped.cameras[2].time_offset, 0.01);
-  EXPECT_EQ(swapped.cameras[0].source, "");
-  EXPECT_EQ(swapped.cameras[0].width, 16);
-  EXPECT_TRUE(json["cameras"][0].contains("covariance"));
-  EXPECT_FALSE(json["cameras"][2].contains("covariance"));
-  const nlohmann::json before = json;
-  swap_devices(json, 1, 1);
-  EXPECT_EQ(json, before);
-  EXPECT_ERROR(swap_devices(json, 0, 9), "camera 9");
+  json text = json::parse(rig_to_json(rig));
+  text["cameras"][2]["covariance"] = {1, 2};
+  swap_devices(text, 0, 2);
+  const Rig swapped = parse_rig(text.dump(), "r");
+  Camera &first = rig.cameras[0], &last = rig.cameras[2];
+  std::swap(first.source, last.source);
+  std::swap(first.time_offset, last.time_offset);
+  std::swap(first.width, last.width);
+  for (size_t i = 0; i < 3; i++) expect_same(swapped.cameras[i], rig.cameras[i]);
+  EXPECT_TRUE(text["cameras"][0].contains("covariance"));
+  EXPECT_FALSE(text["cameras"][2].contains("covariance"));
+  const json before = text;
+  swap_devices(text, 1, 1);
+  EXPECT_EQ(text, before);
+  EXPECT_ERROR(swap_devices(text, 0, 9), "camera 9");
 }
 
 }  // namespace

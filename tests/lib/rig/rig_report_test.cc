@@ -127,9 +127,7 @@ TEST_F(CheckRig, WarnsOfImplausibleLenses) {
     return check(rig);
   };
   const auto finding = [](const std::string& begin, const std::string& value, const std::string& cause) {
-    return ElementsAre(testing::AllOf(testing::StartsWith(begin + ": cameras[0].params (cam_00_00): "),
-                                      testing::HasSubstr(value), testing::HasSubstr(cause),
-                                      testing::HasSubstr("5 more")));
+    return ElementsAre(mentions(begin + ": cameras[0].params (cam_00_00): ", value, cause, "5 more"));
   };
   EXPECT_THAT(with(Lens::pinhole(387, 159.5, 119.5)), IsEmpty());
   EXPECT_THAT(with(Lens(LensModel::kRadial, {387, 150, 130, -0.15, 0.03})), IsEmpty());
@@ -152,9 +150,8 @@ TEST_F(CheckRig, WarnsOfTimeOffsetsOfOtherUnits) {
 TEST_F(CheckRig, WarnsOfEqualNamesAndPlaces) {
   rig_.cameras[3].name = rig_.cameras[1].name;
   rig_.cameras[5].pose.position = rig_.cameras[1].pose.position + Vec3(0, 0, 1e-12);
-  const std::vector<std::string> found = check(rig_);
-  EXPECT_THAT(found, testing::Contains(mentions("warning", "cameras[3].name", "cam_00_01", "cameras[1]")));
-  EXPECT_THAT(found, testing::Contains(mentions("warning", "cameras[5].position", "cameras[1]")));
+  EXPECT_THAT(check(rig_), testing::IsSupersetOf({mentions("warning", "cameras[3].name", "cam_00_01", "cameras[1]"),
+                                                  mentions("warning", "cameras[5].position", "cameras[1]")}));
 }
 
 TEST_F(CheckRig, WarnsOfSlivers) {

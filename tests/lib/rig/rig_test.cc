@@ -13,6 +13,7 @@
 #include "rig/rig.h"
 #include "rig/rig_json.h"
 #include "support/expect_error.h"
+#include "support/rigs.h"
 #include "support/temp_dir.h"
 
 namespace lf {
@@ -21,20 +22,8 @@ namespace {
 using testing::ElementsAre;
 
 Rig grid(int rows, int columns) {
-  Rig rig;
-  for (int i = 0; i < rows * columns; i++) {
-    Camera camera;
-    camera.id = 100 + i;
-    camera.name = "cam " + std::to_string(i);
-    camera.width = 320;
-    camera.height = 240;
-    camera.lens = Lens(LensModel::kRadial, {400, 159.5, 119.5, 0, 0});
-    camera.pose.position = {i % columns, i / columns, 0};
-    rig.cameras.push_back(camera);
-  }
-  rig.topology.type = Topology::Type::kGrid;
-  rig.topology.rows = rows;
-  rig.topology.columns = columns;
+  Rig rig = test::camera_grid(rows, columns, 1, 320, 240, 400, 100);
+  for (Camera& camera : rig.cameras) camera.lens = Lens(LensModel::kRadial, {400, 159.5, 119.5, 0, 0});
   return rig;
 }
 
@@ -120,10 +109,7 @@ TEST(RebasePaths, PathsStayValidInTheNewFolder) {
   std::filesystem::create_directories(dir / "b/c");
   std::filesystem::create_directory_symlink(dir / "b/c", dir / "link");
   struct {
-    const char* from;
-    const char* path;
-    const char* to;
-    const char* expected;
+    const char *from, *path, *to, *expected;
   } const cases[] = {
       {"a", "images/x.png", "a", "images/x.png"},
       {"a", "images/x.png", "b/c", "../../a/images/x.png"},
@@ -215,10 +201,7 @@ TEST(CameraList, NamesCamerasById) {
 }
 
 TEST(CameraList, ErrorsNameTheInvalidPart) {
-  struct {
-    const char* list;
-    std::vector<std::string> facts;
-  } const cases[] = {
+  const InvalidText cases[] = {
       {"99", {"camera list \"99\"", "\"99\"", "id 99"}},
       {"100,106-108", {"106-108", "id 108"}},
       {"100-4294967295", {"100-4294967295", "id 108"}},
@@ -233,7 +216,7 @@ TEST(CameraList, ErrorsNameTheInvalidPart) {
       {"100 101", {"\"100 101\"", "camera id"}},
       {"4294967296", {"\"4294967296\"", "camera id"}},
   };
-  for (const auto& c : cases) EXPECT_ERROR(parse_camera_list(grid(2, 4), c.list), c.facts);
+  for (const auto& c : cases) EXPECT_ERROR(parse_camera_list(grid(2, 4), c.text), c.facts);
 }
 
 const GridRigOptions kGood = {2, 3, 0.1, 90, 640, 480};
@@ -404,29 +387,20 @@ TEST(CylinderRig, IsAroundItsAxisWithAClosedMesh) {
 }
 
 TEST(CylinderRig, RefusesInvalidOptions) {
-  const CylinderRigOptions good{.rows = 2, .columns = 3, .pitch = 0.1, .radius = 1, .fov_y_deg = 50};
-  EXPECT_EQ(make_cylinder_rig(good).cameras.size(), 6u);
-  CylinderRigOptions options = good;
-  options.rows = 1;
-  EXPECT_ERROR(make_cylinder_rig(options), "rows", "2");
-  options = good;
-  options.columns = 2;
-  EXPECT_ERROR(make_cylinder_rig(options), "columns", "3");
-  options = good;
-  options.radius = 0;
-  EXPECT_ERROR(make_cylinder_rig(options), "radius", "positive");
-  options = good;
-  options.pitch = -1;
-  EXPECT_ERROR(make_cylinder_rig(options), "pitch", "positive");
+  const auto make = [](int rows, int columns, double pitch, double radius) {
+    return make_cylinder_rig({.rows = rows, .columns = columns, .pitch = pitch, .radius = radius, .fov_y_deg = 50});
+  };
+  EXPECT_EQ(make(2, 3, 0.1, 1).cameras.size(), 6u);
+  EXPECT_ERROR(make(1, 3, 0.1, 1), "rows", "2");
+  EXPECT_ERROR(make(2, 2, 0.1, 1), "columns", "3");
+  EXPECT_ERROR(make(2, 3, 0.1, 0), "radius", "positive");
+  EXPECT_ERROR(make(2, 3, -1, 1), "pitch", "positive");
 }
 
 Rig rig_of(int cameras, const std::function<Vec3(int)>& place) {
-  Rig rig;
-  for (int i = 0; i < cameras; i++) {
-    rig.cameras.emplace_back();
-    rig.cameras.back().pose.position = place(i);
-  }
-  return rig;
+  std::vector<Vec3> positions;
+  for (int i = 0; i < cameras; i++) positions.push_back(place(i));
+  return test::rig_at(positions);
 }
 
 void expect_as_all_pairs(const Rig& rig) {
@@ -461,7 +435,7 @@ TEST(CameraDistances, MatchAllPairs) {
 }
 
 TEST(CameraDistances, AreZeroForOneCamera) {
-  const Rig rig = rig_of(1, [](int) { return Vec3(1, 2, 3); });
+  const Rig rig = test::rig_at(std::vector{Vec3(1, 2, 3)});
   EXPECT_EQ(largest_distance(rig), 0);
   EXPECT_EQ(mean_nearest_distance(rig), 0);
 }

@@ -14,10 +14,7 @@ namespace lf {
 namespace {
 
 void write_images(const TempDir& dir, std::initializer_list<const char*> names) {
-  for (const char* name : names) {
-    dir.write(name, "");
-    save_image(Image(PixelFamily::kRgb, 8, 6), dir / name);
-  }
+  for (const char* name : names) save_image(Image(PixelFamily::kRgb, 8, 6), dir.write(name, ""));
 }
 
 TEST(StanfordNames, YPrecedesXAndPointsDown) {

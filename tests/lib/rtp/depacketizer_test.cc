@@ -8,74 +8,64 @@
 #include <gtest/gtest.h>
 
 #include "lib/rtp/rtp_test.h"
-#include "lib/wire/wire_test.h"
 #include "rtp/depacketizer.h"
 
 namespace lf::rtp {
 namespace {
 
-using Verdict = SequenceWindow::Verdict;
-
-Verdict add(SequenceWindow& window, int sequence, uint32_t timestamp = 7) {
-  return window.add(static_cast<uint16_t>(sequence), timestamp);
+// Adds packets. Returns a letter for each: N(ew), D(uplicate), R(estarted).
+std::string add(SequenceWindow& window, std::initializer_list<int> sequences, uint32_t timestamp = 7) {
+  using Verdict = SequenceWindow::Verdict;
+  std::string letters;
+  for (const int sequence : sequences) {
+    const Verdict verdict = window.add(static_cast<uint16_t>(sequence), timestamp);
+    letters += verdict == Verdict::kNew ? 'N' : verdict == Verdict::kDuplicate ? 'D' : 'R';
+  }
+  return letters;
 }
 
 TEST(SequenceWindow, CountsGapsUntilTheyAreFilled) {
   SequenceWindow window;
-  for (const int s : {65533, 65534, 1, 3}) EXPECT_EQ(add(window, s), Verdict::kNew);
+  EXPECT_EQ(add(window, {65533, 65534, 1, 3}), "NNNN");
   EXPECT_EQ(window.lost(), 3u);  // 65535, 0, 2
-  EXPECT_EQ(add(window, 2), Verdict::kNew);
-  EXPECT_EQ(add(window, 65535), Verdict::kNew);
+  EXPECT_EQ(add(window, {2, 65535}), "NN");
   EXPECT_EQ(window.lost(), 1u);
-  EXPECT_EQ(add(window, 65532), Verdict::kNew);  // earlier than the first packet: never counted as missing
+  EXPECT_EQ(add(window, {65532}), "N") << "earlier than the first packet: never counted as missing";
   EXPECT_EQ(window.lost(), 1u);
 }
 
 TEST(SequenceWindow, DetectsDuplicates) {
   SequenceWindow window;
   for (int s = 0; s < 3 * SequenceWindow::kSize; s++) {
-    EXPECT_EQ(add(window, s), Verdict::kNew);
-    EXPECT_EQ(add(window, s), Verdict::kDuplicate);
-    for (const int back : {1, 5, SequenceWindow::kSize - 1})
-      EXPECT_TRUE(s < back || add(window, s - back) == Verdict::kDuplicate);
+    EXPECT_EQ(add(window, {s, s}), "ND");
+    for (const int back : {1, 5, SequenceWindow::kSize - 1}) EXPECT_TRUE(s < back || add(window, {s - back}) == "D");
   }
   EXPECT_EQ(window.lost(), 0u);
 }
 
 TEST(SequenceWindow, LongGap) {
   SequenceWindow window;
-  add(window, 0);
-  EXPECT_EQ(add(window, 2000), Verdict::kNew);
+  EXPECT_EQ(add(window, {0, 2000}), "NN");
   EXPECT_EQ(window.lost(), 1999u);
-  for (int s = 2000 - SequenceWindow::kSize + 1; s < 2000; s++) EXPECT_EQ(add(window, s), Verdict::kNew);
+  for (int s = 2000 - SequenceWindow::kSize + 1; s < 2000; s++) EXPECT_EQ(add(window, {s}), "N");
   EXPECT_EQ(window.lost(), 1999u - SequenceWindow::kSize + 1);
 }
 
 TEST(SequenceWindow, DetectsARestartedSender) {
   for (const int from : {30000, 100 - SequenceWindow::kSize - 5, -20000}) {
     SequenceWindow window;
-    add(window, 100);
-    EXPECT_EQ(add(window, from), Verdict::kNew);  // may be a stray packet
-    EXPECT_EQ(add(window, from + 1), Verdict::kRestarted);
-    EXPECT_EQ(add(window, from + 1), Verdict::kDuplicate);
-    EXPECT_EQ(add(window, from + 3), Verdict::kNew);
+    EXPECT_EQ(add(window, {100, from, from + 1, from + 1, from + 3}), "NNRDN") << "the second may be a stray packet";
     EXPECT_EQ(window.lost(), 1u);
   }
   SequenceWindow window;
-  add(window, 100);
-  EXPECT_EQ(add(window, 30000), Verdict::kNew);
-  EXPECT_EQ(add(window, 101), Verdict::kNew);
-  EXPECT_EQ(add(window, 30001), Verdict::kNew);
-  EXPECT_EQ(add(window, 100), Verdict::kDuplicate);
+  EXPECT_EQ(add(window, {100, 30000, 101, 30001, 100}), "NNNND");
   EXPECT_EQ(window.lost(), 0u);
 }
 
 TEST(SequenceWindow, EqualNumbersWithOtherTimestampsAreNew) {
   SequenceWindow window;
-  for (int s = 100; s < 120; s++) add(window, s, 1000);
-  EXPECT_EQ(add(window, 105, 9000), Verdict::kRestarted);
-  EXPECT_EQ(add(window, 106, 9000), Verdict::kNew);
-  EXPECT_EQ(add(window, 105, 9000), Verdict::kDuplicate);
+  for (int s = 100; s < 120; s++) add(window, {s}, 1000);
+  EXPECT_EQ(add(window, {105, 106, 105}, 9000), "RND");
   EXPECT_EQ(window.lost(), 0u);
 }
 
@@ -243,16 +233,29 @@ TEST(Depacketizer, ReceivesSentUnits) {
   EXPECT_GT(chunks.depacketizer.stats().chunks, 6u);
 }
 
+using Damage = std::function<void(Link&, std::mt19937&)>;
+
 // Faults and attacks, and the expected effect. Received units must always be valid.
 struct Row {
   const char* name;
-  std::function<void(Link&, std::mt19937&)> damage;
+  Damage damage;
   bool all_come;                                     // every fragment arrives once
   bool none_twice;                                   // no fragment arrives twice
   uint64_t Depacketizer::Stats::*counted = nullptr;  // must count at least once
 };
 
 void flip(Bytes& bytes, size_t at, std::mt19937& random) { bytes[at] ^= static_cast<uint8_t>(1 << random() % 8); }
+
+Damage of_each_payload(const std::function<void(Bytes&, std::mt19937&)>& change) {
+  return [change](Link& link, std::mt19937& random) {
+    for (OnWire& packet : link) change(packet.payload, random);
+  };
+}
+
+void double_packets(Link& link) {
+  const Link once = link;
+  link.insert(link.end(), once.begin(), once.end());
+}
 
 const Row kRows[] = {
     {"nothing", [](Link&, std::mt19937&) {}, true, true},
@@ -267,60 +270,34 @@ const Row kRows[] = {
      true, true},
     {"reversed", [](Link& link, std::mt19937&) { std::ranges::reverse(link); }, true, true},
     {"shuffled", [](Link& link, std::mt19937& random) { std::ranges::shuffle(link, random); }, true, true},
-    {"doubled",
-     [](Link& link, std::mt19937&) {
-       const size_t n = link.size();
-       for (size_t i = 0; i < n; i++) link.push_back(link[i]);
-     },
-     true, true, &Depacketizer::Stats::duplicates},
+    {"doubled", [](Link& link, std::mt19937&) { double_packets(link); }, true, true, &Depacketizer::Stats::duplicates},
     {"doubled and shuffled",
      [](Link& link, std::mt19937& random) {
-       const size_t n = link.size();
-       for (size_t i = 0; i < n; i++) link.push_back(link[i]);
+       double_packets(link);
        std::ranges::shuffle(link, random);
      },
      true, true, &Depacketizer::Stats::duplicates},
     {"cut short",
-     [](Link& link, std::mt19937& random) {
-       for (OnWire& packet : link) packet.payload.resize(random() % packet.payload.size());
-     },
+     of_each_payload([](Bytes& payload, std::mt19937& random) { payload.resize(random() % payload.size()); }), false,
+     true, &Depacketizer::Stats::bad_units},
+    {"overlong", of_each_payload([](Bytes& payload, std::mt19937&) { payload.insert(payload.end(), 100, 0x8f); }),
      false, true, &Depacketizer::Stats::bad_units},
-    {"overlong",
-     [](Link& link, std::mt19937&) {
-       for (OnWire& packet : link) packet.payload.insert(packet.payload.end(), 100, 0x8f);
-     },
-     false, true, &Depacketizer::Stats::bad_units},
-    {"another version",
-     [](Link& link, std::mt19937&) {
-       for (OnWire& packet : link) packet.payload[0] = static_cast<uint8_t>(packet.payload[0] + 0x10);
-     },
-     false, true, &Depacketizer::Stats::bad_packets},
-    {"an unknown kind",
-     [](Link& link, std::mt19937&) {
-       for (OnWire& packet : link) packet.payload[0] |= 0x0e;
-     },
-     false, true, &Depacketizer::Stats::bad_packets},
-    {"empty",
-     [](Link& link, std::mt19937&) {
-       for (OnWire& packet : link) packet.payload.clear();
-     },
-     false, true, &Depacketizer::Stats::bad_packets},
-    {"flipped bits in front",
-     [](Link& link, std::mt19937& random) {
-       for (OnWire& packet : link)
-         flip(packet.payload, random() % std::min<size_t>(packet.payload.size(), 100), random);
-     },
+    {"another version", of_each_payload([](Bytes& payload, std::mt19937&) { payload[0] += 0x10; }), false, true,
+     &Depacketizer::Stats::bad_packets},
+    {"an unknown kind", of_each_payload([](Bytes& payload, std::mt19937&) { payload[0] |= 0x0e; }), false, true,
+     &Depacketizer::Stats::bad_packets},
+    {"empty", of_each_payload([](Bytes& payload, std::mt19937&) { payload.clear(); }), false, true,
+     &Depacketizer::Stats::bad_packets},
+    {"flipped bits in front", of_each_payload([](Bytes& payload, std::mt19937& random) {
+       flip(payload, random() % std::min<size_t>(payload.size(), 100), random);
+     }),
      false, false},
     {"flipped bits anywhere",
-     [](Link& link, std::mt19937& random) {
-       for (OnWire& packet : link) flip(packet.payload, random() % packet.payload.size(), random);
-     },
+     of_each_payload([](Bytes& payload, std::mt19937& random) { flip(payload, random() % payload.size(), random); }),
      false, false},
-    {"noise",
-     [](Link& link, std::mt19937& random) {
-       for (OnWire& packet : link)
-         for (uint8_t& byte : packet.payload) byte = static_cast<uint8_t>(random());
-     },
+    {"noise", of_each_payload([](Bytes& payload, std::mt19937& random) {
+       for (uint8_t& byte : payload) byte = static_cast<uint8_t>(random());
+     }),
      false, true, &Depacketizer::Stats::bad_packets},
 };
 

@@ -26,43 +26,33 @@ TEST(PayloadFormat, GoldenBytes) {
 
 TEST(PayloadFormat, RoundTrips) {
   const std::vector<uint8_t> units = from_hex("1000aabb");
-  const std::optional<ParsedPayload> parsed = parse_payload(units);
-  ASSERT_TRUE(parsed.has_value());
-  EXPECT_FALSE(parsed->chunk.has_value());
-  EXPECT_EQ(parsed->units.data(), units.data() + 2);
-  EXPECT_EQ(parsed->units.size(), 2u);
+  const ParsedPayload parsed = parse_payload(units).value();
+  EXPECT_FALSE(parsed.chunk.has_value());
+  EXPECT_EQ(parsed.units.data(), units.data() + 2);
+  EXPECT_EQ(parsed.units.size(), 2u);
 
   const std::vector<uint8_t> bytes = from_hex("11001234000000100000001301ff03");
-  const std::optional<ParsedPayload> chunk = parse_payload(bytes);
-  ASSERT_TRUE(chunk.has_value() && chunk->chunk.has_value());
-  EXPECT_EQ(chunk->chunk->unit, 0x1234);
-  EXPECT_EQ(chunk->chunk->offset, 16u);
-  EXPECT_EQ(chunk->chunk->size, 19u);
-  EXPECT_EQ(chunk->chunk->bytes.size(), 3u);
+  const auto chunk = parse_payload(bytes).value().chunk.value();
+  EXPECT_EQ(chunk.unit, 0x1234);
+  EXPECT_EQ(chunk.offset, 16u);
+  EXPECT_EQ(chunk.size, 19u);
+  EXPECT_EQ(chunk.bytes.size(), 3u);
 }
 
 TEST(PayloadFormat, RefusesInvalidPayloads) {
-  for (const char* hex : {
-           "",
-           "10",
-           "1000",
-           "11",
-           "1100",
-           "1001aabb",  // truncated; reserved
-           "2000aabb",
-           "0000aabb",
-           "1200aabb",
-           "ff00aabb",  // version, kind
-           "110012340000001000000013",
-           "1100123400000010000000",          // empty chunk, half a header
-           "1101123400000000000000130a",      // reserved
-           "11001234000000000000000baa",      // a unit smaller than its header
-           "11001234000000110000001301ff03",  // beyond the unit
-           "1100123400000014000000130a",
-           "11001234ffffffff000000130a",
-           "11001234ffffffffffffffff0a",
-       })
-    EXPECT_FALSE(parse_payload(from_hex(hex)).has_value()) << hex;
+  const std::pair<const char*, std::vector<const char*>> cases[] = {
+      {"truncated", {"", "10", "1000", "11", "1100"}},
+      {"reserved bits", {"1001aabb", "1101123400000000000000130a"}},
+      {"version or kind", {"2000aabb", "0000aabb", "1200aabb", "ff00aabb"}},
+      {"empty chunk", {"110012340000001000000013"}},
+      {"half a header", {"1100123400000010000000"}},
+      {"unit smaller than its header", {"11001234000000000000000baa"}},
+      {"beyond the unit",
+       {"11001234000000110000001301ff03", "1100123400000014000000130a", "11001234ffffffff000000130a",
+        "11001234ffffffffffffffff0a"}},
+  };
+  for (const auto& [name, payloads] : cases)
+    for (const char* hex : payloads) EXPECT_FALSE(parse_payload(from_hex(hex)).has_value()) << name << ": " << hex;
   EXPECT_TRUE(parse_payload(from_hex("11001234fffffffeffffffff0a")).has_value());
 }
 
@@ -90,16 +80,15 @@ TEST(LruMap, ValuesDoNotMove) {
 
 TEST(PartPlan, PartsAreFullAndHaveThePlannedSizes) {
   const Bytes unit = answer(60, 40, 30, 75);
-  const wire::AnswerView view = wire::parse_answer(unit).value();
-  const std::optional<PartPlan> plan = plan_parts(view, 1386);
-  ASSERT_TRUE(plan.has_value());
-  EXPECT_EQ(plan->total, 60u);
+  const wire::AnswerView view = wire::parsed(unit);
+  const PartPlan plan = plan_parts(view, 1386).value();
+  EXPECT_EQ(plan.total, 60u);
   size_t largest_piece = 0;
-  for (const Piece& piece : plan->pieces) largest_piece = std::max(largest_piece, piece.bytes + 20);
-  for (const Part& part : plan->parts) {
-    EXPECT_EQ(write_part(view, *plan, part, {}).size(), part.bytes);
+  for (const Piece& piece : plan.pieces) largest_piece = std::max(largest_piece, piece.bytes + 20);
+  for (const Part& part : plan.parts) {
+    EXPECT_EQ(write_part(view, plan, part, {}).size(), part.bytes);
     EXPECT_TRUE(part.count == 1 || part.bytes <= 1386u);
-    EXPECT_TRUE(&part == &plan->parts.back() || part.bytes > 1386 - largest_piece);
+    EXPECT_TRUE(&part == &plan.parts.back() || part.bytes > 1386 - largest_piece);
   }
 }
 
@@ -112,16 +101,15 @@ TEST(PartPlan, SixteenBitValuesStartAtEvenOffsets) {
                [](ByteBuffer& out) { append(out, Bytes(501, 0x55)); });
   writer.add({{}, header.family, {0, 0, 4, 4}, wire::Codec::kRaw16, 0, false});
   const Bytes unit = to_bytes(writer.finish());
-  const wire::AnswerView view = wire::parse_answer(unit).value();
-  const std::optional<PartPlan> plan = plan_parts(view, 800);
-  ASSERT_TRUE(plan.has_value());
-  EXPECT_EQ(plan->parts.size(), 3u);
-  for (const Part& part : plan->parts) EXPECT_TRUE(wire::parse_answer(write_part(view, *plan, part, {})).has_value());
+  const wire::AnswerView view = wire::parsed(unit);
+  const PartPlan plan = plan_parts(view, 800).value();
+  EXPECT_EQ(plan.parts.size(), 3u);
+  for (const Part& part : plan.parts) EXPECT_TRUE(wire::parse_answer(write_part(view, plan, part, {})).has_value());
 }
 
 TEST(PartPlan, EmptyAnswerHasOnePart) {
   const Bytes unit = answer(0, 1, 1, 0);
-  const wire::AnswerView view = wire::parse_answer(unit).value();
+  const wire::AnswerView view = wire::parsed(unit);
   const std::optional<PartPlan> plan = plan_parts(view, 500);
   ASSERT_EQ(plan->parts.size(), 1u);
   EXPECT_EQ(to_bytes(write_part(view, *plan, plan->parts[0], {})), unit);
@@ -157,7 +145,7 @@ TEST(Packetizer, PartsAreAnswersThatCountTheirFragments) {
   cameras.append({40, 50});
   for (const size_t max_payload : {400, 700, 1388, 8900}) {
     const Bytes unit = answer(60, 40, 30, 75, PixelFamily::kI420, cameras);
-    const wire::AnswerView whole = wire::parse_answer(unit).value();
+    const wire::AnswerView whole = wire::parsed(unit);
     const std::vector<Sent> packets = packetize(UnitKind::kAnswer, unit, max_payload);
     uint32_t next = 0;
     std::vector<wire::FragmentView> got;
@@ -175,13 +163,11 @@ TEST(Packetizer, PartsAreAnswersThatCountTheirFragments) {
         parts.push_back(to_bytes(made));
       else
         continue;
-      std::string reason;
-      const std::optional<wire::AnswerView> part = wire::parse_answer(parts.back(), &reason);
-      ASSERT_TRUE(part.has_value()) << reason;
-      EXPECT_EQ(static_cast<const wire::AnswerHeader&>(*part), static_cast<const wire::AnswerHeader&>(whole));
-      EXPECT_EQ(part->part, (wire::AnswerPart{next, part->part.count, 60}));
-      next += part->part.count;
-      got.insert(got.end(), part->fragments.begin(), part->fragments.end());
+      const wire::AnswerView part = wire::parsed(parts.back());
+      EXPECT_EQ(static_cast<const wire::AnswerHeader&>(part), static_cast<const wire::AnswerHeader&>(whole));
+      EXPECT_EQ(part.part, (wire::AnswerPart{next, part.part.count, 60}));
+      next += part.part.count;
+      got.insert(got.end(), part.fragments.begin(), part.fragments.end());
     }
     EXPECT_EQ(reassembly.units(), 0u);
     ASSERT_EQ(got.size(), whole.fragments.size());
@@ -198,7 +184,7 @@ TEST(Packetizer, RawFragmentsBecomeTilesThatFit) {
   for (const Bytes& unit : units) {
     for (const size_t max_payload : {kMinPayloadBytes, size_t{1388}}) {
       Packetizer packetizer(UnitKind::kAnswer);
-      const wire::AnswerView whole = wire::parse_answer(unit).value();
+      const wire::AnswerView whole = wire::parsed(unit);
       Samples expected, got;
       add_samples(whole, expected);
       uint32_t next = 0, total = 0;
@@ -207,13 +193,11 @@ TEST(Packetizer, RawFragmentsBecomeTilesThatFit) {
         const std::vector<Bytes> parts = units_in(packet.payload);
         if (parts.empty()) continue;  // a JPEG larger than the smallest packets
         ASSERT_EQ(parts.size(), 1u);
-        std::string reason;
-        const std::optional<wire::AnswerView> part = wire::parse_answer(parts[0], &reason);
-        ASSERT_TRUE(part.has_value()) << reason;
-        EXPECT_GE(part->part.first, next);
-        next = part->part.first + part->part.count;
-        total = part->part.total;
-        add_samples(*part, got);
+        const wire::AnswerView part = wire::parsed(parts[0]);
+        EXPECT_GE(part.part.first, next);
+        next = part.part.first + part.part.count;
+        total = part.part.total;
+        add_samples(part, got);
       }
       EXPECT_LE(next, total);
       EXPECT_GT(packetizer.stats().tiles, 10u);
@@ -335,8 +319,7 @@ constexpr int kViewSize = 16 * 31 / 2;
 
 size_t entropy_coded_bytes(const Bytes& unit) {
   size_t bytes = 0;
-  for (const wire::AnswerView answer = wire::parse_answer(unit).value();
-       const wire::FragmentView& f : answer.fragments) {
+  for (const wire::AnswerView answer = wire::parsed(unit); const wire::FragmentView& f : answer.fragments) {
     const wire::Scans scans = wire::split_scans(f.payload, f.has_missing).value();
     bytes += scans.pixels.size() + scans.lost.size();
   }

@@ -9,11 +9,7 @@
 namespace lf {
 namespace {
 
-MovingLightOptions quiet() {
-  MovingLightOptions options;
-  options.noise = 0, options.ambient = 0, options.power = 0.5;
-  return options;
-}
+MovingLightOptions quiet() { return {.power = 0.5, .ambient = 0, .noise = 0}; }
 
 MovingLightCamera camera_of(const Rig& rig, const MovingLightOptions& options) {
   return {LightTrajectory(rig, options), {320, 240, rig.cameras[0].lens, rig.cameras[0].pose}};
@@ -94,9 +90,7 @@ TEST(Lights, NoiseHasTheRequestedLevelAndSeed) {
 }
 
 TEST(Lights, InvalidOptionsAreErrors) {
-  MovingLightOptions options;
-  options.far = 0.5;
-  EXPECT_ERROR(LightTrajectory(scene_rig(1, 2), options), "far", "near");
+  EXPECT_ERROR(LightTrajectory(scene_rig(1, 2), {.far = 0.5}), "far", "near");
   EXPECT_ERROR(LightTrajectory(Rig(), {}), "no cameras");
 }
 

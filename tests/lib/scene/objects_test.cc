@@ -127,9 +127,8 @@ TEST(Pattern, CosineOfTurns) {
 }
 
 TEST(Pattern, Floor) {
-  for (const float x : {-3.0f, -2.5f, -0.25f, 0.0f, 0.5f, 0.999f, 1.0f, 1.5f, 1000.75f}) {
+  for (const float x : {-3.0f, -2.5f, -0.25f, 0.0f, 0.5f, 0.999f, 1.0f, 1.5f, 1000.75f})
     EXPECT_EQ(floor_of(x), std::floor(x)) << x;
-  }
 }
 
 TEST(Pattern, FilteredPatternsAreAverages) {
@@ -253,5 +252,4 @@ TEST(Texture, AlbedosAreRealistic) {
 }
 
 }  // namespace
-
 }  // namespace lf::scene

@@ -17,14 +17,11 @@ namespace lf {
 namespace {
 
 View test_view() {
-  View view;
-  view.width = 37;
-  view.height = 23;
-  view.lens = Lens(LensModel::kRadial, {40, 17, 12, -0.1, 0.01});
-  view.pose.position = {0.3, -0.2, -0.5};
-  view.pose.orientation = glm::normalize(Quat(1, 0.1, -0.2, 0.05));
-  view.focus.plane = plane_through({0, 0, 2}, glm::normalize(Vec3(0.2, 0.1, 1)));
-  return view;
+  return {37,
+          23,
+          Lens(LensModel::kRadial, {40, 17, 12, -0.1, 0.01}),
+          {{0.3, -0.2, -0.5}, glm::normalize(Quat(1, 0.1, -0.2, 0.05))},
+          {plane_through({0, 0, 2}, glm::normalize(Vec3(0.2, 0.1, 1)))}};
 }
 
 Vec3 point_at(const View& view, int x, int y, double depth) {

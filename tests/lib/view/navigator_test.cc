@@ -6,6 +6,7 @@
 #include <random>
 
 #include "geometry/pose.h"
+#include "support/rigs.h"
 
 namespace lf {
 namespace {
@@ -21,49 +22,32 @@ Viewpoint arbitrary_viewpoint() {
 }
 
 Rig array(int rows, int columns, double pitch, const Pose& world_from_array) {
-  Rig rig;
-  for (int r = 0; r < rows; r++)
-    for (int c = 0; c < columns; c++) {
-      Camera camera;
-      camera.width = 320;
-      camera.height = 240;
-      camera.lens = Lens(LensModel::kRadial, {400, 159.5, 119.5, -0.1, 0.01});
-      camera.pose.position =
-          world_from_array.world_from_camera({(c - (columns - 1) / 2.0) * pitch, (r - (rows - 1) / 2.0) * pitch, 0});
-      camera.pose.orientation = world_from_array.orientation;
-      rig.cameras.push_back(camera);
-    }
+  Rig rig = test::camera_grid(rows, columns, pitch, 320, 240, 400);
+  const Vec3 middle = rig.cameras.back().pose.position / 2.0;
+  for (Camera& camera : rig.cameras) {
+    camera.lens = Lens(LensModel::kRadial, {400, 159.5, 119.5, -0.1, 0.01});
+    camera.pose = {world_from_array.world_from_camera(camera.pose.position - middle), world_from_array.orientation};
+  }
   return rig;
 }
 
 TEST(Navigator, OrbitKeepsThePivotAndItsDistance) {
+  const Pose home = arbitrary_viewpoint().pose;
   Navigator n(arbitrary_viewpoint());
   const Vec3 pivot = n.pivot();
   n.orbit(0.25, 0);
   EXPECT_LT(distance(n.pivot(), pivot), 1e-14);
   EXPECT_EQ(n.viewpoint().focus_distance, 3);
-  // About the home view's vertical axis: the viewpoint keeps its height ...
-  EXPECT_NEAR(
-      glm::dot(n.viewpoint().pose.position - arbitrary_viewpoint().pose.position, arbitrary_viewpoint().pose.down()), 0,
-      1e-14);
-  const Vec3 before = arbitrary_viewpoint().pose.position - pivot, after = n.viewpoint().pose.position - pivot;
+  const Vec3 before = home.position - pivot, after = n.viewpoint().pose.position - pivot;
   EXPECT_NEAR(glm::dot(before, after) / 9, std::cos(0.25 * kOrbitPerHeight), 1e-14);
-  // ... and moves to the left, so that the scene follows the mouse to the right.
-  EXPECT_LT(
-      glm::dot(n.viewpoint().pose.position - arbitrary_viewpoint().pose.position, arbitrary_viewpoint().pose.right()),
-      -0.1);
+  // About the home view's vertical axis: the viewpoint keeps its height, and moves to the left, so that the scene
+  // follows the mouse to the right.
+  EXPECT_NEAR(glm::dot(after - before, home.down()), 0, 1e-14);
+  EXPECT_LT(glm::dot(after - before, home.right()), -0.1);
 }
 
 TEST(Navigator, DragAcrossTheViewCrossesTheArray) {
-  Rig rig;
-  for (const double x : {-0.5, 0.5}) {
-    Camera camera;
-    camera.height = 240;
-    camera.lens = Lens::pinhole(400, 159.5, 119.5);
-    camera.pose.position = Vec3(x, 0, 0);
-    rig.cameras.push_back(camera);
-  }
-  Navigator n(default_viewpoint(rig));
+  Navigator n(default_viewpoint(array(1, 2, 1, {})));
   n.orbit(1, 0);
   EXPECT_NEAR(glm::length(n.viewpoint().pose.position), 1, 0.01);
 }
@@ -138,18 +122,18 @@ TEST(Navigator, KeysMatchTheDocumentation) {
                       {"plus", "minus", {0, 0, 0}},
                       {"bracketleft", "bracketright", {0, 0, 0}},
                       {"KP_Add", "KP_Subtract", {0, 0, 0}}};
+  const Pose home = arbitrary_viewpoint().pose;
   for (const Row& row : rows) {
     Navigator n(arbitrary_viewpoint());
     ASSERT_TRUE(n.key(row.key)) << row.key;
     EXPECT_FALSE(n.viewpoint() == n.home()) << row.key;
-    const Vec3 moved = n.viewpoint().pose.position - arbitrary_viewpoint().pose.position;
+    const Vec3 moved = n.viewpoint().pose.position - home.position;
     if (row.moved_towards == Vec3(0))
       EXPECT_EQ(glm::length(moved), 0) << row.key;
     else
-      EXPECT_GT(glm::dot(glm::normalize(moved), arbitrary_viewpoint().pose.rotation() * row.moved_towards), 0.99)
-          << row.key;
+      EXPECT_GT(glm::dot(glm::normalize(moved), home.rotation() * row.moved_towards), 0.99) << row.key;
     ASSERT_TRUE(n.key(row.opposite)) << row.opposite;
-    EXPECT_LT(distance(n.viewpoint().pose.position, arbitrary_viewpoint().pose.position), 1e-14) << row.key;
+    EXPECT_LT(distance(n.viewpoint().pose.position, home.position), 1e-14) << row.key;
     EXPECT_NEAR(n.viewpoint().fov_y_deg, 40, 1e-12);
     EXPECT_NEAR(n.viewpoint().focus_distance, 3, 1e-12);
   }

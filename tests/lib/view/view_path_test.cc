@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <filesystem>
-
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
@@ -8,8 +6,8 @@
 #include "geometry/pose.h"
 #include "render/contribution_map.h"
 #include "support/expect_error.h"
-#include "support/mentions.h"
 #include "support/rigs.h"
+#include "support/temp_dir.h"
 #include "view/navigator.h"
 #include "view/view_path.h"
 
@@ -47,10 +45,9 @@ TEST(ViewsJson, RoundTripsToTheLastBit) {
   views[0].view.pose.position = {1 / 3.0, -1e-300, 1e6 / 7};
   views[0].view.pose.orientation = glm::normalize(Quat(0.1, 0.2, 0.3, 0.4));
   views[1].time = 1 / 3.0;
-  const std::string path = testing::TempDir() + "lf_views_json_test.json";
-  save_views(views, path);
-  const std::vector<NamedView> back = load_views(path);
-  std::filesystem::remove(path);
+  const TempDir dir;
+  save_views(views, dir / "views.json");
+  const std::vector<NamedView> back = load_views(dir / "views.json");
   ASSERT_EQ(back.size(), views.size());
   for (size_t i = 0; i < views.size(); i++) {
     EXPECT_EQ(back[i].name, views[i].name);
@@ -60,10 +57,8 @@ TEST(ViewsJson, RoundTripsToTheLastBit) {
 }
 
 TEST(ViewsJson, ErrorsNameThePlace) {
-  struct {
-    const char* patch;  // merged into the good file; null removes a key
-    std::vector<std::string> facts;
-  } const files[] = {
+  // Patches, merged into the good file; null removes a key.
+  const InvalidText files[] = {
       {R"({"format": null})", {"v.json", "\"format\"", "missing"}},
       {R"({"format": "lightfield-rig"})", {"v.json", "format", "lightfield-views", "lightfield-rig"}},
       {R"({"version": 2})", {"v.json", "version", "1 to 1", "2"}},
@@ -74,7 +69,7 @@ TEST(ViewsJson, ErrorsNameThePlace) {
   };
   for (const auto& c : files) {
     json file = good_views();
-    file.merge_patch(json::parse(c.patch));
+    file.merge_patch(json::parse(c.text));
     EXPECT_ERROR(parse_views(file.dump(), "v.json"), c.facts);
   }
   struct {
@@ -206,13 +201,12 @@ TEST(RequestSchedule, OneRequestPerFrame) {
   EXPECT_FALSE(schedule.from_file());
   EXPECT_FALSE(schedule.end());
   for (uint64_t i = 0; i < 3; i++) {
-    const auto slot = schedule.next();
-    ASSERT_TRUE(slot);
-    EXPECT_EQ(slot->pts, i * kFrame);
-    EXPECT_EQ(slot->duration, kFrame);
-    EXPECT_EQ(slot->target_time, slot->pts);
-    EXPECT_FALSE(slot->view);
-    schedule.advance(*slot);
+    const RequestSlot slot = schedule.next().value();
+    EXPECT_EQ(slot.pts, i * kFrame);
+    EXPECT_EQ(slot.duration, kFrame);
+    EXPECT_EQ(slot.target_time, slot.pts);
+    EXPECT_FALSE(slot.view);
+    schedule.advance(slot);
   }
   schedule.seek(kSecond + 1);
   EXPECT_EQ(schedule.next()->pts, kSecond + kFrame);
@@ -262,20 +256,18 @@ TEST(RequestSchedule, IgnoresTimestampsOfAnotherBaseTime) {
   constexpr uint64_t kBase = 1000 * kSecond;
   RequestSchedule schedule(kTenth);
   schedule.advance(*schedule.next_live(kBase, 0, 0));
-  const auto slot = schedule.next_live(kBase + kSecond, kBase, 0);
-  ASSERT_TRUE(slot);
-  EXPECT_EQ(slot->target_time, kBase + kSecond);
-  EXPECT_EQ(slot->pts, kSecond);
+  const RequestSlot slot = schedule.next_live(kBase + kSecond, kBase, 0).value();
+  EXPECT_EQ(slot.target_time, kBase + kSecond);
+  EXPECT_EQ(slot.pts, kSecond);
 }
 
 TEST(RequestSchedule, LiveRequestsTheNewestOldEnoughInstant) {
   constexpr uint64_t kBase = 1000 * kSecond, kDelay = 30'000'000;
   RequestSchedule schedule(kTenth);
-  const auto slot = schedule.next_live(kBase + 5 * kFrame + kDelay + 1, kBase, kDelay);
-  ASSERT_TRUE(slot);
-  EXPECT_EQ(slot->target_time, kBase + 5 * kFrame);
-  EXPECT_EQ(slot->pts, 5 * kFrame);
-  schedule.advance(*slot);
+  const RequestSlot slot = schedule.next_live(kBase + 5 * kFrame + kDelay + 1, kBase, kDelay).value();
+  EXPECT_EQ(slot.target_time, kBase + 5 * kFrame);
+  EXPECT_EQ(slot.pts, 5 * kFrame);
+  schedule.advance(slot);
   EXPECT_EQ(schedule.next_live(kBase + 5 * kFrame + kDelay + 2, kBase, kDelay)->pts, 6 * kFrame) << "no repetition";
   EXPECT_EQ(schedule.next_live(kBase + 9 * kFrame + kDelay, kBase, kDelay)->pts, 9 * kFrame)
       << "past requests are skipped";
@@ -397,24 +389,15 @@ TEST(ViewPath, SamplesIncludeBothEnds) {
 }
 
 TEST(ViewPath, ErrorsNameTheKey) {
-  const auto text = [](std::vector<NamedView> k) -> std::string {
-    try {
-      ViewPath path(std::move(k));
-    } catch (const Error& e) {
-      return e.what();
-    }
-    return "";
-  };
-  EXPECT_MENTIONS(text({}), "views", "one view");
+  EXPECT_ERROR(ViewPath({}), "views", "one view");
   std::vector<NamedView> k = keys();
-  k[2].time = k[1].time;
-  EXPECT_MENTIONS(text(k), "views[2].time", "previous view");
-  k = keys();
-  k[1].view.width = 321;
-  EXPECT_MENTIONS(text(k), "views[1].width", "height", "first view");
-  k = keys();
   k[3].view.lens = Lens(LensModel::kPinhole, {100, 100, 0, 0});
-  EXPECT_MENTIONS(text(k), "views[3].model", "first view");
+  EXPECT_ERROR(ViewPath(k), "views[3].model", "first view");
+  k[1].view.width = 321;
+  EXPECT_ERROR(ViewPath(k), "views[1].width", "height", "first view");
+  k = keys();
+  k[2].time = k[1].time;
+  EXPECT_ERROR(ViewPath(k), "views[2].time", "previous view");
   EXPECT_THROW(ViewPath(keys()).sample(0), Error);
 }
 
@@ -448,15 +431,18 @@ TEST(Tour, GoesToTheFarFocusSmoothly) {
   EXPECT_LT(longest_step, 0.03);
 }
 
+void expect_covered(const Rig& rig, const View& view) {
+  const ViewPlan plan(rig, build_mesh(rig), view);
+  for (const float c : view_coverage(rig, plan, FaceIdMap(plan, {0, 0, 64, 48}))) ASSERT_GT(c, 0.999f);
+}
+
 TEST(Tour, ArrayCoversEveryView) {
   // Far focus, so that the array limits the coverage, not the cameras' fields of view.
   for (const auto& [rows, columns] : {std::pair{5, 5}, {3, 9}, {1, 6}, {1, 2}}) {
     const Rig rig = grid(rows, columns);
-    const Mesh mesh = build_mesh(rig);
     for (const NamedView& view : make_tour(rig, {50, 80}, {.frames = 15})) {
-      const ViewPlan plan(rig, mesh, view.view);
-      const std::vector<float> coverage = view_coverage(rig, plan, FaceIdMap(plan, {0, 0, 64, 48}));
-      for (const float c : coverage) ASSERT_GT(c, 0.999f) << rows << "x" << columns << " at " << view.time;
+      SCOPED_TRACE(testing::Message() << rows << "x" << columns << " at " << view.time);
+      expect_covered(rig, view.view);
     }
   }
 }
@@ -464,7 +450,6 @@ TEST(Tour, ArrayCoversEveryView) {
 TEST(Tour, ArrayCoversTheViewsOfASet) {
   for (const auto& [rows, columns] : {std::pair{5, 5}, {3, 9}, {1, 6}}) {
     const Rig rig = grid(rows, columns);
-    const Mesh mesh = build_mesh(rig);
     const double width = glm::distance(rig.cameras.front().pose.position, rig.cameras[columns - 1].pose.position);
     for (const double share : {0.2, 0.5}) {
       ViewSet set;
@@ -474,11 +459,8 @@ TEST(Tour, ArrayCoversTheViewsOfASet) {
       double farthest = 0;
       for (const NamedView& view : make_tour(rig, {50, 80}, {.frames = 15, .room = set.eye_distance})) {
         farthest = std::max(farthest, std::abs(view.view.pose.position.x - rig.cameras[columns / 2].pose.position.x));
-        for (const int eye : {0, 1}) {
-          const ViewPlan plan(rig, mesh, set.view(view.view, set.place(eye)));
-          const std::vector<float> coverage = view_coverage(rig, plan, FaceIdMap(plan, {0, 0, 64, 48}));
-          for (const float c : coverage) ASSERT_GT(c, 0.999f) << rows << "x" << columns << " at " << view.time;
-        }
+        SCOPED_TRACE(testing::Message() << rows << "x" << columns << " at " << view.time);
+        for (const int eye : {0, 1}) expect_covered(rig, set.view(view.view, set.place(eye)));
       }
       EXPECT_GT(farthest, 0.1 * width) << "the path still moves";
     }

@@ -110,8 +110,7 @@ TEST(RequestLimiter, LimitsTheWorkOfTheLens) {
   EXPECT_EQ(check(2048, 1152, 60), RequestLimiter::kNone) << "a quarter of the pixels";
   EXPECT_EQ(check(2048, 1152, 70), RequestLimiter::kLens);
   EXPECT_THAT(refusal_text(RequestLimiter::kLens, {.width = 4096, .height = 2304, .lens_steps = 55.3}, limits, 0),
-              testing::AllOf(testing::HasSubstr("55 steps"), testing::HasSubstr("4096x2304"),
-                             testing::HasSubstr("max-pixels")));
+              mentions("55 steps", "4096x2304", "max-pixels"));
 }
 
 TEST(RequestLimiter, LimitsTheRateOfEachView) {
@@ -147,14 +146,13 @@ TEST(RequestLimiter, LimitsTheNumberOfViews) {
 }
 
 TEST(RequestLimiter, RefusalNamesTheLimit) {
-  using testing::HasSubstr;
   const RequestLimits limits;
   EXPECT_THAT(refusal_text(RequestLimiter::kPixels, {16384, 16384, 0, 0}, limits, 0),
-              testing::AllOf(HasSubstr("16384x16384"), HasSubstr("9437184 of max-pixels")));
+              mentions("16384x16384", "9437184 of max-pixels"));
   EXPECT_THAT(refusal_text(RequestLimiter::kAperture, {1, 1, 2.5, 0}, limits, 0.7),
-              testing::AllOf(HasSubstr("2.5 m"), HasSubstr("0.7 m"), HasSubstr("max-aperture")));
+              mentions("2.5 m", "0.7 m", "max-aperture"));
   EXPECT_THAT(refusal_text(RequestLimiter::kPixels, {4096, 2304, 0, 0, 5, 1}, limits, 0),
-              testing::AllOf(mentions("4096x2304", "5 times"), HasSubstr("set 4 times")));
+              mentions("4096x2304", "5 times", "set 4 times"));
   EXPECT_THAT(refusal_text(RequestLimiter::kRate, kSmall, limits, 0), mentions("500 requests"));
 }
 

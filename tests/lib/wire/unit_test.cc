@@ -59,17 +59,14 @@ const std::vector<uint8_t> kRequest = from_hex("8f4c46510101000100000040");
 const std::vector<uint8_t> kAnswer = from_hex("8f4c46410101000040000000");
 
 TEST(Unit, PeekReadsBothKinds) {
-  const std::optional<UnitHeader> request = peek_unit(kRequest);
-  ASSERT_TRUE(request.has_value());
-  EXPECT_EQ(request->kind, UnitKind::kRequest);
-  EXPECT_EQ(request->size, 64u);
-  EXPECT_EQ(request->version, 1);
-  EXPECT_EQ(request->type, 1);
-  EXPECT_EQ(request->flags, 1);
-  const std::optional<UnitHeader> answer = peek_unit(kAnswer);
-  ASSERT_TRUE(answer.has_value());
-  EXPECT_EQ(answer->kind, UnitKind::kAnswer);
-  EXPECT_EQ(answer->size, kMaxAnswerBytes);
+  const UnitHeader request = peek_unit(kRequest).value(), answer = peek_unit(kAnswer).value();
+  EXPECT_EQ(request.kind, UnitKind::kRequest);
+  EXPECT_EQ(request.size, 64u);
+  EXPECT_EQ(request.version, 1);
+  EXPECT_EQ(request.type, 1);
+  EXPECT_EQ(request.flags, 1);
+  EXPECT_EQ(answer.kind, UnitKind::kAnswer);
+  EXPECT_EQ(answer.size, kMaxAnswerBytes);
 }
 
 TEST(Unit, PeekAcceptsFutureVersionsAndTypes) {

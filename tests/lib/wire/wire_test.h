@@ -6,6 +6,7 @@
 #include <optional>
 #include <random>
 #include <span>
+#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -129,11 +130,10 @@ struct WrongField {
   uint64_t value;
   std::vector<std::string> facts;
 };
-inline void expect_reasons(std::string (*reason_of)(const std::vector<uint8_t>&), const char* golden,
+inline void expect_reasons(std::string (*reason_of)(const std::vector<uint8_t>&), const std::vector<uint8_t>& golden,
                            std::span<const WrongField> rows) {
   for (const WrongField& row : rows)
-    EXPECT_MENTIONS(reason_of(with(from_hex(golden), row.offset, row.size, row.value)), row.facts)
-        << "offset " << row.offset;
+    EXPECT_MENTIONS(reason_of(with(golden, row.offset, row.size, row.value)), row.facts) << "offset " << row.offset;
 }
 
 // Returns the reason why `decode` refuses the bytes; tests decoding with and without a reason argument.
@@ -162,6 +162,14 @@ void expect_corruption_survived(const std::vector<std::vector<uint8_t>>& units, 
   }
   EXPECT_GT(accepted, 10'000);
   EXPECT_LT(accepted, 90'000);
+}
+
+// Returns a valid answer, or throws the reason why the answer is invalid.
+inline AnswerView parsed(std::span<const uint8_t> bytes) {
+  std::string reason;
+  std::optional<AnswerView> answer = parse_answer(bytes, &reason);
+  if (!answer) throw std::runtime_error(reason);
+  return *std::move(answer);
 }
 
 inline AnswerHeader header_of_view(PixelFamily family, int width, int height) {

@@ -7,10 +7,13 @@
 #include <gtest/gtest.h>
 
 #include <functional>
+#include <memory>
 #include <stdexcept>
+#include <string>
 #include <vector>
 
 #include "render/gl/context.h"
+#include "render/gl/gles_renderer.h"
 
 namespace lf::test {
 
@@ -86,6 +89,25 @@ class ExternalContext {
   EGLContext context_ = EGL_NO_CONTEXT;
   EGLenum api_ = EGL_OPENGL_ES_API;
   bool is_gone_ = false;
+};
+
+// Tests with a renderer in an application's context: in OpenGL ES, and in OpenGL, the default of windows.
+class InExternalContext : public testing::TestWithParam<EGLenum> {
+ public:
+  static std::string name_of(const testing::TestParamInfo<EGLenum>& api) {
+    return api.param == EGL_OPENGL_ES_API ? "OpenGlEs" : "OpenGl";
+  }
+
+ protected:
+  std::shared_ptr<gl::GlesRenderer> new_renderer() {
+    std::string why;
+    std::shared_ptr<gl::GlesRenderer> gpu =
+        gl::GlesRenderer::create_in(somebody_.foreign(), gl::Context::Drivers::kAny, why);
+    if (!gpu) throw std::runtime_error(why);
+    return gpu;
+  }
+  ExternalContext somebody_{GetParam()};
+  std::shared_ptr<gl::GlesRenderer> gpu_ = new_renderer();
 };
 
 }  // namespace lf::test

@@ -8,7 +8,6 @@
 #include <atomic>
 #include <cmath>
 #include <cstdio>
-#include <functional>
 #include <span>
 #include <thread>
 
@@ -29,15 +28,8 @@ using reference::Random;
 using test::ExternalContext;
 using test::Sum;
 
-// In OpenGL ES, and in OpenGL, the default of windows.
-class GpuSum : public testing::TestWithParam<EGLenum> {
+class GpuSum : public test::InExternalContext {
  protected:
-  void SetUp() override {
-    std::string why;
-    drawer_ = gl::GlesRenderer::create_in(somebody_.foreign(), gl::Context::Drivers::kAny, why);
-    ASSERT_TRUE(drawer_) << why;
-  }
-
   // A view of an array; with `lost`, two cameras have no picture and one sees only half.
   struct Scene {
     Scene(int seed, int width, int height, PixelFamily family, bool lost, bool is_turned)
@@ -45,8 +37,7 @@ class GpuSum : public testing::TestWithParam<EGLenum> {
           rig(test::jittered_array(random, 3, 160, 120, seed % 2 ? -0.25 : 0)),
           view(test::view_into(rig, 3, width, height, random.small_rotation(is_turned ? 0.5 : 0.05))),
           production(rig, build_mesh(rig), view),
-          rgb(images_of(rig, random, reference::smooth_image)),
-          images(family == PixelFamily::kI420 ? test::i420_of(rgb) : rgb),
+          images(test::in_family(family, images_of(rig, random, reference::smooth_image))),
           sources(test::sources_of(rig, production.plan, images)),
           family(family) {
       if (lost && sources.size() > 4) sources[1].image = sources[4].image = {.family = PixelFamily::kNone};
@@ -60,31 +51,23 @@ class GpuSum : public testing::TestWithParam<EGLenum> {
     Rig rig;
     View view;
     test::Production production;
-    std::vector<Image> rgb, images;
+    std::vector<Image> images;
     std::vector<Source> sources;
     PixelFamily family;
   };
-
-  ExternalContext somebody_{GetParam()};
-  std::shared_ptr<gl::GlesRenderer> drawer_;
 };
-INSTANTIATE_TEST_SUITE_P(, GpuSum, testing::Values(EGL_OPENGL_ES_API, EGL_OPENGL_API), [](const auto& of) {
-  return std::string(of.param == EGL_OPENGL_ES_API ? "OpenGlEs" : "OpenGl");
-});
+INSTANTIATE_TEST_SUITE_P(, GpuSum, testing::Values(EGL_OPENGL_ES_API, EGL_OPENGL_API), GpuSum::name_of);
 
-// Includes the CPU's fix-ups.
 TEST_P(GpuSum, EqualsTheDownloadedSum) {
-  int stayed = 0;
   size_t fixed_up = 0;
   for (int seed = 0; seed < 12; seed++) {
     const PixelFamily family = seed % 2 ? PixelFamily::kI420 : PixelFamily::kRgb;
     const Scene scene(seed, seed % 3 ? 157 : 160, seed % 3 ? 121 : 120, family, seed % 4 == 1, seed % 5 == 2);
-    const SumRenderer came = scene.renderer(drawer_, false), stays = scene.renderer(drawer_, true);
+    const SumRenderer came = scene.renderer(gpu_, false), stays = scene.renderer(gpu_, true);
     ASSERT_TRUE(came.drawing().drawn && stays.drawing().drawn) << came.drawing().why_not << stays.drawing().why_not;
     EXPECT_EQ(came.gpu_sum(), nullptr);
     ASSERT_TRUE(stays.gpu_sum());
-    stayed++;
-    fixed_up += drawer_->fixed_up();
+    fixed_up += gpu_->fixed_up();
     const ConstSumPlanes sum = stays.gpu_sum()->fetch();
     EXPECT_EQ(sum.plane[0], stays.gpu_sum()->fetch().plane[0]) << "fetched once";
     ASSERT_EQ(sum.rect, stays.gpu_sum()->rect());
@@ -96,7 +79,6 @@ TEST_P(GpuSum, EqualsTheDownloadedSum) {
       for (size_t i = 0; i < expected.memory[c].size(); i++) ASSERT_EQ(sum.plane[c][i], expected.memory[c][i]) << i;
     for (size_t i = 0; sum.lost && i < expected.lost.size(); i++) ASSERT_EQ(sum.lost[i], expected.lost[i]) << i;
   }
-  EXPECT_EQ(stayed, 12);
   EXPECT_GT(fixed_up, 0u);
 }
 
@@ -107,7 +89,7 @@ TEST_P(GpuSum, IsRenderedForSeveralViews) {
   for (int seed = 0; seed < 6; seed++) {
     const PixelFamily family = seed % 2 ? PixelFamily::kI420 : PixelFamily::kRgb;
     scenes.push_back(std::make_unique<const Scene>(seed, 157, 121, family, seed % 4 == 1, seed % 3 == 2));
-    const SumRenderer came = scenes.back()->renderer(drawer_, false);
+    const SumRenderer came = scenes.back()->renderer(gpu_, false);
     const Rect rect = chroma_aligned(came.rect(), scenes.back()->view);
     expected.emplace_back(family, rect);
     came.render_rows(rect.y0, rect.y1, expected.back().planes);
@@ -116,7 +98,7 @@ TEST_P(GpuSum, IsRenderedForSeveralViews) {
   const auto draw = [&](size_t first) {
     for (size_t i = 0; i < 4 * scenes.size(); i++) {
       const size_t of = (first + i) % scenes.size();
-      const auto sum = scenes[of]->renderer(drawer_, true).gpu_sum();
+      const auto sum = scenes[of]->renderer(gpu_, true).gpu_sum();
       if (!sum) continue;
       stayed++;
       const ConstSumPlanes planes = sum->fetch();
@@ -148,7 +130,7 @@ TEST_P(GpuSum, BecomesThePicture) {
     const bool rgb = seed % 2;
     const int width = 148 + 4 * (seed % 3) + seed % 7, height = 110 + seed % 5;
     const Scene scene(seed, width, height, rgb ? PixelFamily::kRgb : PixelFamily::kI420, seed % 4 < 2, seed % 5 == 2);
-    const SumRenderer stays = scene.renderer(drawer_, true);
+    const SumRenderer stays = scene.renderer(gpu_, true);
     if (!stays.gpu_sum()) continue;
     const Layout& layout = rgb ? of_rgb[seed / 2 % 5] : of_i420[seed / 2 % 2];
     const Background background = seed % 3 ? Background{200, 30, 90} : Background{};
@@ -210,9 +192,7 @@ TEST_P(GpuSum, BecomesThePicture) {
 // CPU, including missing weight.
 TEST_P(GpuSum, IsAddedOnTheGpu) {
   std::string why;
-  const std::shared_ptr<gl::GlesRenderer> other =
-      gl::GlesRenderer::create_in(somebody_.foreign(), gl::Context::Drivers::kAny, why);
-  ASSERT_TRUE(other) << why;
+  const std::shared_ptr<gl::GlesRenderer> other = new_renderer();
   int smaller = 0, with_loss = 0;
   for (int seed = 0; seed < 24; seed++) {
     SCOPED_TRACE(seed);
@@ -230,7 +210,7 @@ TEST_P(GpuSum, IsAddedOnTheGpu) {
                      : static_cast<int>(source.camera) * nodes / 9 == node)
           own.push_back(source);
       const SumRenderer renderer(scene.production.plan, scene.production.owners.runs(), own, family,
-                                 Coordinates::kExact, (node % 2 ? other : drawer_).get(), serial_for, true);
+                                 Coordinates::kExact, (node % 2 ? other : gpu_).get(), serial_for, true);
       if (renderer.rect().empty()) continue;
       ASSERT_TRUE(renderer.gpu_sum()) << renderer.drawing().why_not;
       for (int i = 0; i < (seed % 6 == 5 ? 3 : 1); i++) {
@@ -280,7 +260,7 @@ TEST_P(GpuSum, IsAddedOnTheGpu) {
 
 TEST_P(GpuSum, IsAddedToOtherSums) {
   const Scene scene(1, 160, 120, PixelFamily::kI420, false, false);
-  const auto stays = [&] { return scene.renderer(drawer_, true).gpu_sum(); };
+  const auto stays = [&] { return scene.renderer(gpu_, true).gpu_sum(); };
   ASSERT_TRUE(stays());
   Accumulator twice, after;
   for (Accumulator* sum : {&twice, &after}) sum->reset(scene.family, 160, 120);
@@ -312,7 +292,7 @@ TEST_P(GpuSum, IsAddedToOtherSums) {
 // Holders of a lost sum see all weight missing.
 TEST_P(GpuSum, IsLostWithItsGpu) {
   const Scene scene(1, 160, 120, PixelFamily::kI420, false, false);
-  const auto sum = scene.renderer(drawer_, true).gpu_sum();
+  const auto sum = scene.renderer(gpu_, true).gpu_sum();
   ASSERT_TRUE(sum);
   somebody_.leave();
   std::string why;
@@ -325,8 +305,8 @@ TEST_P(GpuSum, IsLostWithItsGpu) {
   ASSERT_TRUE(nothing.lost);
   EXPECT_EQ(nothing.lost[0], kMissingOne);
   EXPECT_EQ(nothing.lost[160 * 120 - 1], kMissingOne);
-  EXPECT_TRUE(drawer_->is_lost());
-  const SumRenderer next = scene.renderer(drawer_, true);
+  EXPECT_TRUE(gpu_->is_lost());
+  const SumRenderer next = scene.renderer(gpu_, true);
   EXPECT_TRUE(next.drawing().refused);
   EXPECT_EQ(next.gpu_sum(), nullptr);
 }
@@ -334,9 +314,9 @@ TEST_P(GpuSum, IsLostWithItsGpu) {
 TEST_P(GpuSum, RefusesUnsuitableContexts) {
   std::string why;
   ExternalContext other(GetParam());
-  if (drawer_->is_software()) {
+  if (gpu_->is_software()) {
     EXPECT_EQ(gl::GlesRenderer::create_in(other.foreign(), gl::Context::Drivers::kHardware, why), nullptr);
-    EXPECT_MENTIONS(why, drawer_->device(), "CPU");
+    EXPECT_MENTIONS(why, gpu_->device(), "CPU");
   }
   other.leave();
   EXPECT_EQ(gl::GlesRenderer::create_in(other.foreign(), gl::Context::Drivers::kAny, why), nullptr);
@@ -349,14 +329,14 @@ TEST_P(GpuSum, KeepsItsMemory) {
   for (int seed = 1; seed < 10; seed += 2) {
     const Scene scene(seed, 160, 120, PixelFamily::kI420, false, false);
     Sum came(PixelFamily::kI420, test::whole(scene.view));
-    scene.renderer(drawer_, false).render_rows(0, 120, came.planes);
-    const auto sum = scene.renderer(drawer_, true).gpu_sum();
+    scene.renderer(gpu_, false).render_rows(0, 120, came.planes);
+    const auto sum = scene.renderer(gpu_, true).gpu_sum();
     if (!sum) continue;
     held.push_back(sum);
     expected.emplace_back(came.memory[0].begin(), came.memory[0].end());
   }
   ASSERT_GE(held.size(), 3u);
-  drawer_.reset();
+  gpu_.reset();
   for (size_t i = 0; i < held.size(); i++) {
     const ConstSumPlanes sum = held[i]->fetch();
     EXPECT_TRUE(std::equal(expected[i].begin(), expected[i].end(), sum.plane[0]));

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <atomic>
-#include <cstdio>
 #include <list>
 #include <memory>
 #include <vector>
@@ -87,14 +86,8 @@ class TexturedImage : public GpuImage {
   mutable std::atomic<int> fetched_ = 0, waited_ = 0;
 };
 
-class GpuImages : public testing::TestWithParam<EGLenum> {
+class GpuImages : public test::InExternalContext {
  protected:
-  void SetUp() override {
-    std::string why;
-    gpu_ = gl::GlesRenderer::create_in(somebody_.foreign(), gl::Context::Drivers::kAny, why);
-    ASSERT_TRUE(gpu_) << why;
-  }
-
   // Two views of the same images. Most images of the first view are on the GPU. All images of the second view are in
   // main memory, processed by the CPU.
   struct Scene {
@@ -105,8 +98,7 @@ class GpuImages : public testing::TestWithParam<EGLenum> {
           view(test::view_into(rig, 3, width, height, random.small_rotation(seed % 2 ? 0.05 : 0.5))) {
       if (seed % 5 == 1) view.focus.map = test::depths(random, view, FocalMap::kMinStep, true);
       production = std::make_unique<const test::Production>(rig, build_mesh(rig), view);
-      const auto rgb = images_of(rig, random, reference::smooth_image);
-      images = family == PixelFamily::kI420 ? test::i420_of(rgb) : rgb;
+      images = test::in_family(family, images_of(rig, random, reference::smooth_image));
       here = there = test::sources_of(rig, production->plan, images);
       for (size_t i = 0; i < here.size(); i++) {
         if (random.integer(0, 7) == 0) {
@@ -150,13 +142,8 @@ class GpuImages : public testing::TestWithParam<EGLenum> {
     std::list<ByteBuffer> memory;
     std::vector<Source> here, there;
   };
-
-  ExternalContext somebody_{GetParam()};
-  std::shared_ptr<gl::GlesRenderer> gpu_;
 };
-INSTANTIATE_TEST_SUITE_P(, GpuImages, testing::Values(EGL_OPENGL_ES_API, EGL_OPENGL_API), [](const auto& of) {
-  return std::string(of.param == EGL_OPENGL_ES_API ? "OpenGlEs" : "OpenGl");
-});
+INSTANTIATE_TEST_SUITE_P(, GpuImages, testing::Values(EGL_OPENGL_ES_API, EGL_OPENGL_API), GpuImages::name_of);
 
 // Gains, sharpening and layouts on the GPU: bit-identical to images processed by the CPU and uploaded. Images are
 // downloaded only where the GPU is in doubt.
@@ -191,8 +178,7 @@ TEST_P(GpuImages, AreDownloadedForUndecidedSamples) {
     view.pose.position = middle.pose.position;
     view.lens = Lens::pinhole(middle.lens.fx(), middle.lens.cx() + 20.5, middle.lens.cy() + 20.5);
     const test::Production production(rig, build_mesh(rig), view);
-    const auto rgb = images_of(rig, random, reference::smooth_image);
-    const std::vector<Image> images = family == PixelFamily::kI420 ? test::i420_of(rgb) : rgb;
+    const std::vector<Image> images = test::in_family(family, images_of(rig, random, reference::smooth_image));
     std::vector<Source> here = test::sources_of(rig, production.plan, images), there = here;
     std::list<TexturedImage> on_gpu;
     std::list<ByteBuffer> memory;

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <memory>
-#include <string>
 #include <vector>
 
 #include <GLES3/gl31.h>
@@ -21,12 +20,6 @@ using test::Sum;
 
 class GlesRendererPasses : public testing::Test {
  protected:
-  void SetUp() override {
-    std::string why;
-    gpu_ = gl::GlesRenderer::create(gl::Context::Drivers::kAny, why);
-    ASSERT_TRUE(gpu_) << why;
-  }
-
   using Eyes = std::vector<std::unique_ptr<Eye>>;
 
   std::vector<std::unique_ptr<SumRenderer>> draw(const Eyes& eyes, bool keep_on_gpu = false,
@@ -38,7 +31,17 @@ class GlesRendererPasses : public testing::Test {
     return renderers;
   }
 
-  std::shared_ptr<gl::GlesRenderer> gpu_;
+  void expect_same_alone(const Eyes& eyes, const std::vector<std::unique_ptr<SumRenderer>>& together) {
+    for (size_t i = 0; i < eyes.size(); i++) {
+      SCOPED_TRACE(testing::Message() << "view " << i);
+      const auto alone = eyes[i]->renderer(gpu_.get());
+      ASSERT_EQ(together[i]->drawing().drawn, alone->drawing().drawn) << together[i]->drawing().why_not;
+      EXPECT_TRUE(alone->drawing().drawn || alone->rect().empty());
+      EXPECT_TRUE(eyes[i]->sum_of(*together[i]) == eyes[i]->sum_of(*alone));
+    }
+  }
+
+  const std::shared_ptr<gl::GlesRenderer> gpu_ = test::new_gpu();  // sums on the GPU share it
 };
 
 bool same(const ConstSumPlanes& a, const Sum& b) {
@@ -58,10 +61,7 @@ TEST_F(GlesRendererPasses, EqualSingleViews) {
     const PixelFamily family = seed % 2 ? PixelFamily::kI420 : PixelFamily::kRgb;
     const Rig rig = test::jittered_array(random, kSide, 161, 120, seed % 3 ? -0.2 : 0);
     const Mesh mesh = build_mesh(rig);
-    const auto images_like = [&] {
-      const auto rgb = images_of(rig, random, reference::smooth_image);
-      return family == PixelFamily::kI420 ? test::i420_of(rgb) : rgb;
-    };
+    const auto images_like = [&] { return test::in_family(family, images_of(rig, random, reference::smooth_image)); };
     const std::vector<Image> images = images_like(), others = images_like();
     Eyes eyes;
     for (int i = 0; i < 7; i++) {
@@ -73,9 +73,8 @@ TEST_F(GlesRendererPasses, EqualSingleViews) {
         view.focus.map = test::depths(random, view, random.integer(4, 9), i == 3);
       if (mixed && i == 4) view.lens = Lens(LensModel::kSimpleRadial, {1.25 * width, 50, 40, -0.1});
       Eye& eye = *eyes.emplace_back(std::make_unique<Eye>(rig, mesh, view, i == 5 ? others : images, family));
-      for (Source& source : eye.sources) {
+      for (Source& source : eye.sources)
         if (i == 2 && source.camera % 5 == 0) source.image = {.family = PixelFamily::kNone};
-      }
       if (i == 1) eye.sources.resize(1);
     }
     const auto together = draw(eyes);
@@ -84,13 +83,8 @@ TEST_F(GlesRendererPasses, EqualSingleViews) {
     EXPECT_LE(gpu_->passes(), are_alike ? 2 : eyes.size()) << "one of another's samples";
     views += eyes.size();
     fixed_up += gpu_->fixed_up();
-    for (size_t i = 0; i < eyes.size(); i++) {
-      SCOPED_TRACE(testing::Message() << "seed " << seed << ", view " << i);
-      const auto alone = eyes[i]->renderer(gpu_.get());
-      ASSERT_EQ(together[i]->drawing().drawn, alone->drawing().drawn) << together[i]->drawing().why_not;
-      EXPECT_TRUE(alone->drawing().drawn || alone->rect().empty());
-      EXPECT_TRUE(eyes[i]->sum_of(*together[i]) == eyes[i]->sum_of(*alone));
-    }
+    SCOPED_TRACE(seed);
+    expect_same_alone(eyes, together);
   }
   std::printf("%zu views in %zu passes, %zu fixed up\n", views, passes, fixed_up);
   EXPECT_GE(passes, 12u);
@@ -103,8 +97,7 @@ TEST_F(GlesRendererPasses, ShareAPass) {
     Random random(seed);
     const Rig rig = test::jittered_array(random, 4, 160, 120, -0.2);
     const Mesh mesh = build_mesh(rig);
-    const auto rgb = images_of(rig, random, reference::smooth_image);
-    const std::vector<Image> images = family == PixelFamily::kI420 ? test::i420_of(rgb) : rgb;
+    const std::vector<Image> images = test::in_family(family, images_of(rig, random, reference::smooth_image));
     Eyes eyes;
     for (int i = 0; i < 9; i++) {
       View view = test::view_into(rig, 4, 140, 100, i % 4 == 1 ? random.small_rotation(0.9) : Quat(1, 0, 0, 0));
@@ -138,6 +131,27 @@ TEST_F(GlesRendererPasses, ShareAPass) {
   }
   std::printf("%zu fixed up\n", fixed_up);
   EXPECT_GT(fixed_up, 0u);
+}
+
+// Views with more than three cameras per pixel are in another pass.
+TEST_F(GlesRendererPasses, ViewsWithBlendingShareAPass) {
+  for (int seed = 0; seed < 4; seed++) {
+    SCOPED_TRACE(seed);
+    Random random(seed);
+    const PixelFamily family = seed % 2 ? PixelFamily::kI420 : PixelFamily::kRgb;
+    const Rig rig = test::jittered_array(random, 4, 161, 120, -0.2);
+    const std::vector<Image> images = test::in_family(family, images_of(rig, random, reference::smooth_image));
+    Eyes eyes;
+    for (int i = 0; i < 6; i++) {
+      View view = test::view_into(rig, 4, random.integer(33, 150), random.integer(30, 120), random.small_rotation(0.1));
+      if (seed > 1) view.focus.map = test::depths(random, view, 8, false);
+      if (i < 4) view.blending = i % 2 ? make_blending(0.15, 0) : make_blending(0, 3);
+      eyes.push_back(std::make_unique<Eye>(rig, build_mesh(rig), view, images, family));
+    }
+    const auto together = draw(eyes);
+    EXPECT_EQ(gpu_->passes(), 2u);
+    expect_same_alone(eyes, together);
+  }
 }
 
 TEST_F(GlesRendererPasses, UseMorePassesIfNecessary) {
