@@ -1,19 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <cmath>
-#include <cstdlib>
-#include <numeric>
-#include <thread>
-
-#include <lightfield/node.h>
-
+#include "reference/renderer.h"
 #include "api/api_fixture.h"
 #include "composite/accumulator.h"
-#include "reference/generators.h"
-#include "reference/renderer.h"
 #include "render/ownership.h"
 #include "render/sum_renderer.h"
-#include "support/mentions.h"
 
 namespace lightfield {
 namespace {

@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <cmath>
-
 #include "api/api_fixture.h"
 #include "base/json_value.h"
-#include "support/mentions.h"
 #include "support/temp_dir.h"
 
 namespace lightfield {

@@ -1,31 +1,17 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <arpa/inet.h>
-#include <sys/socket.h>
-#include <unistd.h>
 
-#include <chrono>
-#include <filesystem>
-#include <string>
-#include <thread>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
 #include "base/json_value.h"
 #include "calibration/simulator.h"
 #include "calibration/tracks.h"
 #include "rig/rig_json.h"
-#include "support/mentions.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
 
 namespace lf {
 namespace {
-
-using testing::AllOf;
-using testing::HasSubstr;
-using testing::Not;
 
 // lf-calibrate check on later tracks and recordings, and on output of the running monitor.
 

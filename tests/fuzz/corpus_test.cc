@@ -1,18 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Runs every fuzz target on its seeds, on new inputs that tests/fuzz.sh has found (corpus/), and on truncated and
 // corrupted copies of both.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
-#include <random>
-#include <vector>
 
 #include "fuzz/fuzz.h"
 #include "fuzz/gst_start.h"
 #include "fuzz/seeds.h"
+#include "support/test.h"
 
 namespace lf::fuzz {
 namespace {

@@ -1,10 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "gst/array_fixture.h"
 
-#include <cstring>
-
-#include "rig/rig_json.h"
-
 namespace lf::test {
 namespace {
 

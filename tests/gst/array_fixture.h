@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <string>
-#include <vector>
-
 #include "gst/gst_test.h"
 #include "rig/rig.h"
 #include "rig/rig_json.h"

@@ -1,11 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "../gst/camsrc/camera_controls.h"
 
-#include <gst/gst.h>
-#include <gtest/gtest.h>
 #include <linux/videodev2.h>
-
-#include <map>
 
 #include "gst/gst_test.h"
 

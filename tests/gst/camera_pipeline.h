@@ -1,17 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <algorithm>
-#include <functional>
-#include <string>
-#include <vector>
-
-#include <gst/gst.h>
-#include <gst/video/video.h>
-#include <gtest/gtest.h>
-
 #include "../gst/common/common.h"
 #include "gst/camera_files.h"
+#include "support/test.h"
 
 namespace lf::test {
 

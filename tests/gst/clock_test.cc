@@ -2,16 +2,10 @@
 //
 // Pipelines that share only a clock: each has its own base time.
 #include <gst/app/gstappsrc.h>
-#include <gtest/gtest.h>
-
-#include <mutex>
-#include <string>
-#include <vector>
 
 #include "base/schedule.h"
 #include "common/wall_clock.h"
 #include "gst/array_fixture.h"
-#include "gst/gst_test.h"
 #include "support/answers.h"
 
 namespace lf::test {

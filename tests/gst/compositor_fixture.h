@@ -1,18 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <algorithm>
-#include <functional>
-#include <string>
-#include <utility>
-#include <vector>
-
 #include <gst/base/gstaggregator.h>
 #include <gst/video/video.h>
-#include <gtest/gtest.h>
 
 #include "gst/array_fixture.h"
-#include "gst/gst_test.h"
 #include "support/answers.h"
 #include "wire/request_codec.h"
 

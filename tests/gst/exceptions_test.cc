@@ -2,13 +2,8 @@
 //
 // Exceptions become errors or refusals, never reach GStreamer's C code, and leave no lock held. Tests make each
 // allocation fail in turn with a replaced operator new.
-#include <gmock/gmock.h>
 #include <gst/video/video.h>
-#include <gtest/gtest.h>
 
-#include <atomic>
-#include <cstdlib>
-#include <functional>
 #include <new>
 
 #include "gst/array_fixture.h"
@@ -336,7 +331,7 @@ TEST_F(Exceptions, ArePostedAsErrors) {
   ASSERT_TRUE(message);
   g_autoptr(GError) error = nullptr;
   gst_message_parse_error(message, &error, nullptr);
-  EXPECT_THAT(error->message, testing::HasSubstr("memory"));
+  EXPECT_THAT(error->message, HasSubstr("memory"));
   gst_message_unref(message);
   gst_element_set_bus(element.get(), nullptr);
   EXPECT_EQ(gst_element_set_state(element.get(), GST_STATE_NULL), GST_STATE_CHANGE_SUCCESS);

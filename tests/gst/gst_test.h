@@ -4,10 +4,7 @@
 #include <gst/check/gstharness.h>
 #include <gst/gst.h>
 
-#include <cstdint>
-#include <memory>
-#include <string>
-#include <vector>
+#include "support/test.h"
 
 // Shared helpers of the element tests. main() in gst_test.cc restricts GStreamer to the plugin of this build and the
 // system plugins, and makes every GLib critical fatal.

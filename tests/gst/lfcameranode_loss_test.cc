@@ -1,30 +1,15 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // Cameras of a node that fail and recover.
-#include <algorithm>
-#include <atomic>
-#include <filesystem>
-#include <fstream>
 
-#include <gmock/gmock.h>
 #include <gst/video/gstvideodecoder.h>
-#include <unistd.h>
 
 #include "gst/loss_fixture.h"
 #include "gst/rtsp_server.h"
-#include "support/mentions.h"
 #include "support/process.h"
 
 namespace lf::test {
 namespace {
-
-using testing::AllOf;
-using testing::Contains;
-using testing::Each;
-using testing::ElementsAre;
-using testing::HasSubstr;
-using testing::IsEmpty;
-using testing::Not;
 
 TEST_F(LossTest, MissingFileIsOpenedWhenItAppears) {
   const std::string late = files->path("late.mkv");

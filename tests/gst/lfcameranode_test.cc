@@ -1,31 +1,16 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <filesystem>
-#include <functional>
-#include <string>
-#include <vector>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <sys/mount.h>
 
 #include "bins/lfcameranode.h"
 #include "gst/array_fixture.h"
-#include "gst/camera_files.h"
-#include "gst/gst_test.h"
 #include "gst/loss_fixture.h"
-#include "rig/rig_json.h"
 #include "support/answers.h"
-#include "support/mentions.h"
 #include "support/recorded.h"
 #include "support/temp_dir.h"
 #include "wire/request_codec.h"
 
 namespace lf::test {
 namespace {
-
-using testing::ElementsAre;
-using testing::HasSubstr;
-using testing::IsEmpty;
 
 std::vector<std::string> cameras(int first, int last, const std::string& why) {
   std::vector<std::string> reasons;
@@ -315,7 +300,7 @@ TEST_F(LfCameraNodeTest, RigWithoutPicturesIsReportedOnce) {
     return texts;
   };
   EXPECT_THAT(warnings(array_.rig_path()),
-              ElementsAre(testing::AllOf(HasSubstr(array_.rig_path()), HasSubstr("built-in scene"))));
+              ElementsAre(AllOf(HasSubstr(array_.rig_path()), HasSubstr("built-in scene"))));
   const TempDir dir;
   for (Camera& camera : rig.cameras) camera.source = "videotestsrc is-live=true";
   save_rig(rig, dir / "rig.json");
@@ -338,7 +323,7 @@ TEST_F(LfCameraNodeTest, RigWithTheSameCamerasIsAcceptedWhileRunning) {
   EXPECT_EQ(seeing(ask(1, calibrated.hash())).size(), 4u);
   for (const ModifiedRig* other : {&moved, &smaller}) {
     g_object_set(node_.get(), "rig", other->path().c_str(), nullptr);
-    EXPECT_THAT(warnings_on(bus.get()), testing::AllOf(HasSubstr(other->path()), HasSubstr("restart this node")));
+    EXPECT_THAT(warnings_on(bus.get()), AllOf(HasSubstr(other->path()), HasSubstr("restart this node")));
     g_autofree gchar* kept = nullptr;
     g_object_get(node_.get(), "rig", &kept, nullptr);
     EXPECT_EQ(kept, calibrated.path());
@@ -427,7 +412,7 @@ TEST_F(LfCameraNodeRecordingTest, ExistingRecordingIsNotOverwritten) {
     if (first)
       EXPECT_TRUE(eventually([&] { return recorded(node.get(), 0) > 5; }));
     else
-      EXPECT_THAT(pipeline.errors(), testing::ElementsAre(mentions(folder(), "recording")));
+      EXPECT_THAT(pipeline.errors(), ElementsAre(mentions(folder(), "recording")));
     pipeline.set_state(GST_STATE_NULL);
     EXPECT_GT(read_recorded(file(0)).times.size(), 4u);
   }
@@ -522,7 +507,7 @@ TEST_F(LfCameraNodeRecordingTest, LfviewsrcRecordsItsCameras) {
 
   const WatchedPipeline elsewhere(source + "2 nodes=127.0.0.1:27433:27434 ! fakesink", GST_STATE_NULL);
   EXPECT_EQ(elsewhere.set_state(GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE);
-  EXPECT_THAT(elsewhere.errors(), testing::ElementsAre(mentions("record", "other hosts")));
+  EXPECT_THAT(elsewhere.errors(), ElementsAre(mentions("record", "other hosts")));
 }
 
 }  // namespace

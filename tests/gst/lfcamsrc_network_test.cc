@@ -1,36 +1,16 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <atomic>
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
-#include <functional>
-#include <iterator>
-#include <string>
-#include <thread>
-#include <vector>
-
 #include <arpa/inet.h>
-#include <gmock/gmock.h>
-#include <gst/gst.h>
-#include <gtest/gtest.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
-#include <unistd.h>
 
-#include "../gst/common/common.h"
 #include "gst/camera_pipeline.h"
-#include "gst/gst_test.h"
 #include "gst/loss_fixture.h"
 #include "gst/rtsp_server.h"
-#include "support/mentions.h"
 #include "support/recorded.h"
 #include "support/temp_dir.h"
 
 namespace lf::test {
 namespace {
-
-using testing::HasSubstr;
 
 // Network cameras: an RTSP server on loopback, if gst-rtsp-server is installed.
 
@@ -99,7 +79,7 @@ TEST_F(RtspTest, CaptureTimesComeFromSenderReports) {
     return how ? how : "";
   };
   ASSERT_NE(gst_element_set_state(pipeline.get(), GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE);
-  EXPECT_THAT(capture_time(), testing::AnyOf("arrival", "sender-reports"));
+  EXPECT_THAT(capture_time(), AnyOf("arrival", "sender-reports"));
   for (int i = 0; i < 600 && capture_time() != "sender-reports"; ++i) g_usleep(50000);
   EXPECT_EQ(capture_time(), "sender-reports");
 
@@ -448,9 +428,6 @@ TEST_F(CamSrcHttpTest, EndlessResponseIsAbandoned) {
   camera.set_state(GST_STATE_NULL);
   EXPECT_LT(g_get_monotonic_time() - begin, 10'000'000);
 }
-
-using testing::ElementsAre;
-using testing::IsEmpty;
 
 class RetryTest : public LossTest {
  protected:

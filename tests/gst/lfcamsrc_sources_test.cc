@@ -1,31 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <chrono>
-#include <cmath>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
-#include <ostream>
-#include <string>
-#include <vector>
-
-#include <gmock/gmock.h>
-#include <gst/gst.h>
-#include <gst/video/video.h>
-#include <gtest/gtest.h>
-
-#include "../gst/common/common.h"
 #include "../gst/common/still_decoder.h"
 #include "gst/camera_pipeline.h"
 #include "gst/gst_test.h"
-#include "image/image.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
-#include "support/mentions.h"
 
 namespace lf::test {
 namespace {
-
-using testing::HasSubstr;
 
 enum class Moves { kYes, kNo, kScene };
 struct SourceCase {
@@ -229,7 +210,7 @@ TEST_F(CamSrcElementsTest, ErrorsNameThePlace) {
   };
   for (const auto& [source, text] : cases) {
     const std::string error = CameraPipeline("trusted=true rig=" + rig_with_source(source)).play();
-    EXPECT_THAT(error, ::testing::AllOf(::testing::HasSubstr("camera 0 (cam_0): "), ::testing::HasSubstr(text)));
+    EXPECT_THAT(error, AllOf(HasSubstr("camera 0 (cam_0): "), HasSubstr(text)));
   }
 }
 
@@ -238,7 +219,7 @@ TEST_F(CamSrcElementsTest, UnlistedElementsNeedTrust) {
   const std::string picture = "videotestsrc num-buffers=3 ! video/x-raw,format=RGB,width=64,height=48 ! ";
   const std::string writes = "tee name=t t. ! queue ! filesink location=\"" + written + "\" t. ! queue";
   const std::string error = CameraPipeline("rig=" + rig_with_source(picture + writes)).play();
-  EXPECT_THAT(error, ::testing::AllOf(mentions("camera 0", "cam_0", "tee"), ::testing::HasSubstr("trusted=true")));
+  EXPECT_THAT(error, AllOf(mentions("camera 0", "cam_0", "tee"), HasSubstr("trusted=true")));
   EXPECT_FALSE(std::filesystem::exists(written));
   EXPECT_EQ(CameraPipeline("trusted=true rig=" + rig_with_source(picture + writes)).play(), "EOS");
   EXPECT_TRUE(std::filesystem::exists(written)) << "otherwise the test proves nothing";
@@ -373,7 +354,7 @@ TEST_F(CamSrcFilesTest, OnlyDamagedPicturesAreAnError) {
     for (const std::string source : {"broken_%d", "broken_1"})
       for (const std::string loop : {"false", "true"})
         EXPECT_THAT(CameraPipeline("loop=" + loop + " rig=" + rig_with_source(source + ending)).play(),
-                    ::testing::AllOf(HasSubstr("camera 0 (cam_0): "), HasSubstr("broken_"), HasSubstr("damaged")))
+                    AllOf(HasSubstr("camera 0 (cam_0): "), HasSubstr("broken_"), HasSubstr("damaged")))
             << source << ending;
   }
 }
@@ -500,12 +481,12 @@ TEST_F(CamSrcFilesTest, UndecodableStillNamesFormatAndRemedy) {
         .play();
   };
   write("page.jpg", "<!DOCTYPE html>\n<html><head><title>404</title></head><body>Not found</body></html>\n");
-  EXPECT_THAT(play("page.jpg"), testing::AllOf(HasSubstr("page.jpg"), HasSubstr("not an image")));
+  EXPECT_THAT(play("page.jpg"), AllOf(HasSubstr("page.jpg"), HasSubstr("not an image")));
   save_texture("still.tif", 1);
   const bool has_decoder = still_decoding_problem(files->path("still.tif")).empty();
   EXPECT_THAT(play("still.tif"),
               has_decoder ? testing::Matcher<std::string>("EOS")
-                          : testing::AllOf(HasSubstr("still.tif"), HasSubstr("image/tiff"), HasSubstr("JPEG or PNG")));
+                          : AllOf(HasSubstr("still.tif"), HasSubstr("image/tiff"), HasSubstr("JPEG or PNG")));
 }
 
 // The built-in scene would appear as a ghost in every view.

@@ -1,30 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <atomic>
-#include <cmath>
-#include <filesystem>
-#include <fstream>
-#include <functional>
-#include <mutex>
-#include <string>
-#include <vector>
-
-#include <gmock/gmock.h>
-#include <gst/gst.h>
-#include <gst/video/video.h>
-#include <gtest/gtest.h>
-
-#include "../gst/common/common.h"
 #include "gst/camera_pipeline.h"
 #include "gst/gst_test.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
-#include "support/mentions.h"
 
 namespace lf::test {
 namespace {
-
-using testing::HasSubstr;
 
 // uridecodebin reaches PAUSED asynchronously, a live camera immediately: the pipeline must not wait for either.
 TEST_F(CamSrcTest, DecodersDoNotDelayALivePipeline) {
@@ -441,7 +422,7 @@ TEST_F(CamSrcTest, NeverRevealsPasswords) {
       g_autofree gchar* text = gst_structure_to_string(stats);
       camera.set_state(GST_STATE_NULL);
       EXPECT_GT(listener.problems(), 0) << "problems to report";
-      EXPECT_THAT(listener.said() + text, ::testing::Not(HasSubstr("Hunter2Secret")));
+      EXPECT_THAT(listener.said() + text, Not(HasSubstr("Hunter2Secret")));
     }
 }
 
@@ -566,7 +547,7 @@ TEST_F(DeviceTest, ErrorsNameThePlace) {
   EXPECT_THAT(CameraPipeline("framerate=25/1 trusted=true rig=" + small).play(), mentions("62x48", "25/1"));
   if (!ElementPtr(gst_element_factory_make("v4l2src", nullptr))) GTEST_SKIP() << "v4l2src is not installed";
   EXPECT_THAT(CameraPipeline("rig=" + rig_with_source("v4l2:///dev/video-none")).play(),
-              testing::AllOf(mentions("camera 0", "cam_0", "v4l2:///dev/video-none"), HasSubstr("Cannot identify")));
+              AllOf(mentions("camera 0", "cam_0", "v4l2:///dev/video-none"), HasSubstr("Cannot identify")));
 }
 
 }  // namespace

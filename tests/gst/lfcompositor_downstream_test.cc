@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // Negotiation with downstream: memory and formats of pictures, and QoS.
-#include <gmock/gmock.h>
-#include <gst/video/video.h>
-#include <gtest/gtest.h>
 
 #include "gst/compositor_fixture.h"
 

@@ -1,27 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <atomic>
-#include <string>
-#include <thread>
-#include <utility>
-#include <vector>
-
-#include <gmock/gmock.h>
 #include <gst/check/gsttestclock.h>
-#include <gtest/gtest.h>
 
 #include "common/custom_events.h"
 #include "composite/camera_health.h"
-#include "gst/array_fixture.h"
 #include "gst/compositor_fixture.h"
 #include "support/fragments.h"
-#include "wire/answer_codec.h"
 
 namespace lf::test {
 namespace {
-
-using testing::ElementsAre;
-using testing::HasSubstr;
-using testing::IsEmpty;
 
 constexpr uint64_t kNow = 1000 * GST_SECOND, kLatency = 40 * GST_MSECOND;
 

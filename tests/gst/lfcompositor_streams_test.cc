@@ -1,16 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // Irregular input streams of lfcompositor: other views, missing timestamps, ends at different times.
-#include <gmock/gmock.h>
 
-#include <atomic>
-#include <functional>
-#include <thread>
-#include <utility>
-
-#include "gst/array_fixture.h"
 #include "gst/compositor_fixture.h"
-#include "support/mentions.h"
 
 namespace lf::test {
 namespace {
@@ -257,7 +249,7 @@ TEST_F(LfCompositorStreamsTest, ViewOutsideTheArrayIsCounted) {
   for (uint32_t i = 1; i < 4; i++) EXPECT_EQ(show(i, true), std::pair(false, 0.0));
   EXPECT_EQ(stat(element_.get(), "complete"), 1u);
   EXPECT_EQ(stat(element_.get(), "unseen"), 3u);
-  EXPECT_THAT(warnings, testing::ElementsAre(mentions("No camera", "view 0")));
+  EXPECT_THAT(warnings, ElementsAre(mentions("No camera", "view 0")));
   EXPECT_EQ(stat(element_.get(), "missing-fragments"), 0u);
   gst_element_set_bus(element_.get(), nullptr);
   gst_object_unref(bus);

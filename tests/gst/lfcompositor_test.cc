@@ -1,26 +1,15 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <functional>
-#include <random>
-
-#include <gmock/gmock.h>
 #include <gst/video/navigation.h>
-#include <gtest/gtest.h>
 
 #include "focus/hypothesis_levels.h"
 #include "focus/hypothesis_renderer.h"
 #include "gst/compositor_fixture.h"
 #include "node/camera_access.h"
-#include "node/request_renderer.h"
-#include "support/mentions.h"
-#include "wire/answer_codec.h"
 #include "wire/command_codec.h"
 #include "wire/consistency_codec.h"
-#include "wire/fragment_codec.h"
 
 namespace lf::test {
 namespace {
-
-using testing::HasSubstr;
 
 TEST_F(LfCompositorTest, AddsTheAnswerOfOneNode) {
   start(1);

@@ -1,21 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <fstream>
-#include <iterator>
-#include <map>
-#include <numeric>
-#include <random>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "composite/accumulator.h"
 #include "gst/fragment_fixture.h"
 #include "image/image.h"
 #include "image/image_filters.h"
 #include "render/ownership.h"
 #include "render/sum_renderer.h"
-#include "support/answers.h"
 
 namespace lf::test {
 namespace {
@@ -128,7 +117,7 @@ TEST_F(LfFragmentTest, AnswersDoNotDependOnTheOrderOfCameras) {
       EXPECT_EQ(decoded->family, test.family);
       EXPECT_EQ(seeing(*decoded).size(), 4u);
     }
-    EXPECT_THAT(answers, testing::Each(answers[0]));
+    EXPECT_THAT(answers, Each(answers[0]));
   }
 }
 
@@ -285,7 +274,7 @@ TEST_F(LfFragmentResamplingTest, PicturesEqualTheLibrarysForEveryChoice) {
     EXPECT_EQ(add_answer(assembly, answer), Assembly::Verdict::kAdded);
     const std::vector<uint8_t> picture = assembly.picture().resolve().data();
     EXPECT_EQ(picture, rendered(asked, resampling).data()) << nick;
-    EXPECT_THAT(pictures, testing::Not(testing::Contains(picture))) << nick;
+    EXPECT_THAT(pictures, Not(Contains(picture))) << nick;
     pictures.push_back(picture);
   }
 }
@@ -326,7 +315,7 @@ TEST_F(LfFragmentResamplingTest, RenderersDifferByAtMostOneLevel) {
     if (std::string(renderer) != "auto") {  // "auto" depends on the machine
       EXPECT_EQ(stat(element_.get(), "drawn"), drawn + (std::string(renderer) == "gl" ? 1 : 0));
     }
-    EXPECT_THAT(says(), testing::StartsWith(renderer));
+    EXPECT_THAT(says(), StartsWith(renderer));
     const std::vector<uint8_t> picture = assembly.picture().resolve().data();
     const std::vector<uint8_t> expected = rendered(asked, Resampling::kSharpened).data();
     ASSERT_EQ(picture.size(), expected.size());

@@ -1,30 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <atomic>
-#include <cstdio>
-#include <filesystem>
-#include <fstream>
-#include <random>
-#include <thread>
-
-#include <gmock/gmock.h>
 #include <gst/video/video.h>
-#include <gtest/gtest.h>
 
 #include "base/schedule.h"
 #include "common/custom_events.h"
 #include "common/wall_clock.h"
-#include "gst/array_fixture.h"
 #include "gst/fragment_fixture.h"
-#include "support/answers.h"
-#include "support/mentions.h"
 
 namespace lf::test {
 namespace {
-
-using testing::ElementsAre;
-using testing::HasSubstr;
-using testing::IsEmpty;
 
 TEST_F(LfFragmentTest, UsesTheFrameNearestToTheRequestedTime) {
   start(4);
@@ -328,8 +311,8 @@ TEST_F(LfFragmentClockTest, StoppedCameraIsBlind) {
   }
   EXPECT_EQ(stat(element_.get(), "stale-frames"), 10u);
   EXPECT_EQ(stat(element_.get(), "missing-frames"), 10u);
-  EXPECT_THAT(warnings(), testing::ElementsAre(testing::AllOf(mentions("node 7"), HasSubstr("camera 2 "),
-                                                              mentions("100 ms"), HasSubstr("too old"))));
+  EXPECT_THAT(warnings(),
+              ElementsAre(AllOf(mentions("node 7"), HasSubstr("camera 2 "), mentions("100 ms"), HasSubstr("too old"))));
   ViewRequest without = array_.request(20, at(19));
   without.absolute_time = true;
   without.out_of_service = {2};
@@ -345,8 +328,7 @@ TEST_F(LfFragmentClockTest, UnsynchronisedNodeIsReportedOnce) {
     for (size_t i = 0; i < 4; i++) push_taken(i, kEpoch + k * kFrame + 700 * GST_MSECOND);
     ask(static_cast<uint32_t>(k), kEpoch + k * kFrame);
   }
-  EXPECT_THAT(warnings(), testing::ElementsAre(
-                              testing::AllOf(mentions("node 7"), mentions("camera 0, 1, 2, 3"), HasSubstr("too new"))));
+  EXPECT_THAT(warnings(), ElementsAre(AllOf(mentions("node 7"), mentions("camera 0, 1, 2, 3"), HasSubstr("too new"))));
 }
 
 // --- Cameras and clients that come and go, and rigs that are replaced ------------------------------------------------
@@ -646,7 +628,7 @@ TEST_F(LfFragmentRigTest, EveryAnswerUsesOneRig) {
   std::thread reloading([&] {
     for (int i = 0; !done; i++) set("rig", i % 2 ? array_.rig_path().c_str() : other.path().c_str());
   });
-  for (int i = 0; i < 300; i++) EXPECT_THAT(ask(), testing::AnyOf(before, after));
+  for (int i = 0; i < 300; i++) EXPECT_THAT(ask(), AnyOf(before, after));
   done = true;
   reloading.join();
 }

@@ -1,24 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "../gst/common/common.h"
 #include "gst/fragment_fixture.h"
 #include "gst/rtp_fixture.h"
 #include "node/camera_access.h"
-#include "rtp/packetizer.h"
-#include "support/answers.h"
-#include "support/mentions.h"
-#include "wire/answer_codec.h"
 #include "wire/command_codec.h"
-#include "wire/request_codec.h"
 
 namespace lf::test {
 namespace {
-
-using testing::ElementsAre;
-using testing::HasSubstr;
-using testing::IsEmpty;
 
 TEST_F(LfFragmentTest, AnswersContainAllCameras) {
   start(4);
@@ -117,7 +105,7 @@ TEST_F(LfFragmentTest, AnswersDoNotDependOnThreads) {
       const BufferPtr buffer(gst_harness_pull(harness_.get()));
       answers.push_back(to_bytes(buffer.get()));
     }
-    EXPECT_THAT(answers, testing::Each(answers[0])) << codec;
+    EXPECT_THAT(answers, Each(answers[0])) << codec;
   }
 }
 

@@ -1,16 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <gmock/gmock.h>
-#include <gst/check/gstharness.h>
 #include <gst/video/video.h>
-#include <gtest/gtest.h>
 
 #include "gst/gst_test.h"
-#include "support/mentions.h"
 #include "view/view.h"
 
 namespace lf::test {
 namespace {
-
 
 constexpr int kColumns = 3, kRows = 2, kWidth = 48, kHeight = 24;
 const LenticularDisplay kDisplay{.lens_pitch = 5.5, .slant = -11, .centre = 0.25};

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // lfnodesink, connected to lfviewsrc.
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <sys/stat.h>
 
 #include "gst/lfviewsrc_fixture.h"
@@ -10,8 +8,6 @@
 
 namespace lf::test {
 namespace {
-
-using testing::HasSubstr;
 
 class LfViewSrcOnHostsTest : public LfViewSrcTest {
  protected:

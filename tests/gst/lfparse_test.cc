@@ -1,9 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <gst/base/gsttypefindhelper.h>
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <random>
 
 #include "gst/gst_test.h"
 #include "support/answers.h"

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // lfrtpseal and lfrtpgate, with and without the shared key.
-#include <gmock/gmock.h>
 #include <gst/net/gstnetaddressmeta.h>
 #include <sys/stat.h>
 
@@ -10,10 +9,6 @@
 
 namespace lf::test {
 namespace {
-
-using testing::AllOf;
-using testing::HasSubstr;
-using testing::Not;
 
 constexpr size_t kHeader = 12;
 const std::string kSecret = "0123456789abcdef0123456789abcdef-secret";
@@ -280,7 +275,7 @@ TEST_F(LfRtpGateTest, DroppedPacketsAreReportedOnce) {
                         Case{sealed_by_others(key_.path(), now - 100), "stale", "clocks"},
                         Case{rtp_packet(0, 1), "malformed", "SRTP"}}) {
     RtpElement fresh(gate(key_).c_str(), kRtpAnswerCaps);
-    EXPECT_THAT(warnings(fresh, c.packet), testing::ElementsAre(HasSubstr(c.words)));
+    EXPECT_THAT(warnings(fresh, c.packet), ElementsAre(HasSubstr(c.words)));
     EXPECT_EQ(stat(fresh.element(), c.fate), 100u) << c.words;
   }
 }

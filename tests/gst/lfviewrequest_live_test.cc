@@ -1,11 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <gtest/gtest.h>
-
 #include "common/custom_events.h"
 #include "gst/array_fixture.h"
 #include "gst/view_request_source.h"
 #include "node/camera_access.h"
-#include "support/mentions.h"
 #include "wire/command_codec.h"
 
 namespace lf::test {

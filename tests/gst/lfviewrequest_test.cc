@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <gmock/gmock.h>
 #include <gst/controller/gstdirectcontrolbinding.h>
 #include <gst/controller/gstinterpolationcontrolsource.h>
 #include <gst/video/navigation.h>
@@ -8,7 +7,6 @@
 #include "gst/view_request_source.h"
 #include "node/camera_access.h"
 #include "render/contribution_map.h"
-#include "support/mentions.h"
 #include "wire/command_codec.h"
 
 namespace lf::test {
@@ -362,7 +360,7 @@ TEST(LfViewRequestProperties, IgnoredSettingsAreReported) {
     ASSERT_NE(gst_element_set_state(pipeline.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE) << c.properties;
     g_autoptr(GstBus) bus = gst_element_get_bus(pipeline.get());
     const std::string told = warnings_on(bus);
-    EXPECT_THAT(told, testing::HasSubstr(c.words)) << c.properties;
+    EXPECT_THAT(told, HasSubstr(c.words)) << c.properties;
     EXPECT_EQ(told.empty(), c.words.empty()) << c.properties << ": " << told;
     const ElementPtr view(gst_bin_get_by_name(GST_BIN(pipeline.get()), "v"));
     g_object_set(view.get(), "quality", 80, nullptr);
@@ -654,7 +652,7 @@ TEST(LfViewRequestNavigation, WindowInAnotherBranchMovesTheView) {
   gst_object_unref(window);
   gst_object_unref(view);
   EXPECT_THAT(run(launch("lfviewrequest navigation-element=nobody ! fakesink").get(), 5),
-              testing::HasSubstr("no element \"nobody\""));
+              HasSubstr("no element \"nobody\""));
 }
 
 }  // namespace

@@ -1,16 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <gtest/gtest.h>
-
-#include <atomic>
-#include <functional>
-#include <map>
-#include <memory>
-#include <string>
-
 #include "gst/array_fixture.h"
-#include "gst/gst_test.h"
 
 namespace lf::test {
 

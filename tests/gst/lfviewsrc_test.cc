@@ -1,23 +1,14 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <set>
-
-#include <gmock/gmock.h>
 #include <gst/video/navigation.h>
 #include <gst/video/video.h>
-#include <gtest/gtest.h>
 
-#include "gst/array_fixture.h"
 #include "gst/lfviewsrc_fixture.h"
 #include "node/renderer_selector.h"
-#include "support/mentions.h"
 #include "view/view_path.h"
 #include "wire/request_codec.h"
 
 namespace lf::test {
 namespace {
-
-using testing::AllOf;
-using testing::HasSubstr;
 
 void press(GstElement* sink, const char* key) {
   const PadPtr pad(gst_element_get_static_pad(sink, "sink"));
@@ -408,8 +399,8 @@ TEST_F(LfViewSrcCapsTest, RunningPadOffersOnlyItsFormats) {
   const bool is_rgb =
       std::string(gst_structure_get_string(gst_caps_get_structure(current.get(), 0), "format")) != "I420";
   g_autofree gchar* text = gst_caps_to_string(offered.get());
-  EXPECT_THAT(text, testing::Not(HasSubstr(is_rgb ? "NV12" : "RGBA"))) << "of the other family";
-  EXPECT_THAT(text, testing::Not(HasSubstr("lightfield-answer")));
+  EXPECT_THAT(text, Not(HasSubstr(is_rgb ? "NV12" : "RGBA"))) << "of the other family";
+  EXPECT_THAT(text, Not(HasSubstr("lightfield-answer")));
 }
 
 // Warm-up requests find the surface before the first picture, even if depth hypotheses are rare.
@@ -590,7 +581,7 @@ TEST_F(LfViewSrcCapsTest, ReasonForDarkPicturesIsCorrect) {
   }
   gst_element_set_state(pipeline.get(), GST_STATE_NULL);
   gst_object_unref(bus);
-  EXPECT_THAT(warnings, AllOf(HasSubstr("out of service"), testing::Not(HasSubstr("outside the array"))));
+  EXPECT_THAT(warnings, AllOf(HasSubstr("out of service"), Not(HasSubstr("outside the array"))));
 }
 
 TEST_F(LfViewSrcCapsTest, ActionSetsContinuousFocus) {

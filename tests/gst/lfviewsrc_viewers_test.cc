@@ -1,16 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // Viewers of an lfviewsrc that are added, removed, stalled and left unlinked while others play.
-#include <algorithm>
-#include <fstream>
-#include <set>
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
-#include "gst/array_fixture.h"
 #include "gst/lfviewsrc_fixture.h"
 #include "scene/scene.h"
 #include "support/process.h"
@@ -18,8 +11,6 @@
 
 namespace lf::test {
 namespace {
-
-using testing::HasSubstr;
 
 std::set<std::string> child_names(GstElement* bin) {
   std::set<std::string> names;

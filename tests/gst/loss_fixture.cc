@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "gst/loss_fixture.h"
 
-#include <cstdlib>
-
 namespace lf::test {
 namespace {
 

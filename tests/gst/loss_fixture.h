@@ -1,19 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <array>
-#include <atomic>
-#include <functional>
-#include <map>
-#include <memory>
-#include <mutex>
-#include <stdexcept>
-#include <string>
-#include <vector>
-
-#include <gst/gst.h>
-#include <gtest/gtest.h>
-
 #include "gst/camera_files.h"
 #include "gst/gst_test.h"
 

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "compositor/node_input.h"
 
-#include <gtest/gtest.h>
-
 #include "gst/compositor_fixture.h"
 
 namespace lf::test {

@@ -1,23 +1,17 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "compositor/picture_output.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <semaphore>
 
 #include "common/common.h"
 #include "gst/compositor_fixture.h"
 #include "scene/scene.h"
-#include "support/answers.h"
-#include "support/mentions.h"
 #include "view/navigator.h"
 
 namespace lf::test {
 namespace {
 
 using OutputAction = PictureOutput::OutputAction;
-using testing::HasSubstr;
 
 class PictureOutputTest : public testing::Test {
  protected:

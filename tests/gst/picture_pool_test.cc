@@ -2,11 +2,6 @@
 #include "compositor/picture_pool.h"
 
 #include <gst/video/video.h>
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <set>
-#include <vector>
 
 #include "gst/gst_test.h"
 

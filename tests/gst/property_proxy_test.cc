@@ -1,10 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // Bins forward proxy properties to their children and read them back from there.
-#include <string>
-#include <vector>
-
-#include <gtest/gtest.h>
 
 #include "gst/gst_test.h"
 

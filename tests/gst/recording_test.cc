@@ -1,17 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <atomic>
-#include <filesystem>
-#include <functional>
 #include <future>
 
-#include <gtest/gtest.h>
 #include <sys/stat.h>
 
 #include "base/text.h"
-#include "gst/gst_test.h"
 #include "recording/recording.h"
 #include "rig/rig_json.h"
-#include "support/mentions.h"
 #include "support/recorded.h"
 #include "support/temp_dir.h"
 

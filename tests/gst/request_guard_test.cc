@@ -1,18 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "common/request_guard.h"
-#include "support/mentions.h"
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include <string>
-#include <vector>
+#include "support/test.h"
 
 namespace lf {
 namespace {
-
-using testing::ElementsAre;
-using testing::IsEmpty;
 
 class LimitsTest : public testing::Test {
  protected:

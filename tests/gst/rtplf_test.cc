@@ -1,19 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <random>
-#include <thread>
-
-#include <gmock/gmock.h>
 #include <gst/check/gsttestclock.h>
 
 #include "gst/rtp_fixture.h"
-#include "lib/wire/wire_test.h"
-#include "support/mentions.h"
 
 namespace lf::test {
 namespace {
-
-using testing::HasSubstr;
 
 TEST(RtpLfPay, PacketsOfAnAnswer) {
   for (const int mtu : {300, 1400, 9000}) {
@@ -58,7 +49,7 @@ TEST(RtpLfPay, Caps) {
   EXPECT_THAT(requests.caps(), HasSubstr("framerate=(string)30/1"));
   RtpElement variable("rtplfpay", "application/x-lightfield-request, framerate=(fraction)0/1");
   variable.push(rtp::request(1));
-  EXPECT_THAT(variable.caps(), testing::Not(HasSubstr("framerate")));
+  EXPECT_THAT(variable.caps(), Not(HasSubstr("framerate")));
 }
 
 TEST(RtpLfPay, AcceptsEveryOfferedPayloadType) {

@@ -5,7 +5,6 @@
 #include <gst/rtsp-server/rtsp-server.h>
 #endif
 
-#include <string>
 #include <thread>
 
 #include "gst/camera_files.h"

@@ -1,14 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // One thread uses elements while another thread stops the pipeline. A bug hangs the test or reads freed memory, which
 // sanitizers detect (tests/sanitize.sh).
-#include <gst/gst.h>
-#include <gtest/gtest.h>
 
-#include <atomic>
 #include <future>
-#include <memory>
-#include <string>
-#include <thread>
 
 #include "gst/gst_test.h"
 

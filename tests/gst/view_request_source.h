@@ -1,13 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <gst/check/gstharness.h>
-#include <gst/gst.h>
-#include <gtest/gtest.h>
-
-#include <string>
-#include <vector>
-
 #include "geometry/pose.h"
 #include "gst/gst_test.h"
 #include "rig/rig_json.h"

@@ -1,19 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "network/array_network.h"
 
-#include <algorithm>
-#include <chrono>
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
-#include <stdexcept>
-#include <thread>
-
 #include <fcntl.h>
 #include <signal.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include "pipelines/gst_launch.h"
 #include "rig/rig_json.h"

@@ -1,25 +1,15 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // Access to the cameras of a host on a shared network: pipelines/ with and without keys.
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/stat.h>
-
-#include <fstream>
-#include <thread>
 
 #include "network/array_network.h"
 #include "rig/rig_json.h"
 #include "support/run_program.h"
-#include "support/temp_dir.h"
 
 namespace lf::test {
 namespace {
-
-using testing::AllOf;
-using testing::HasSubstr;
-using testing::Not;
 
 constexpr char kComplete[] = "complete=(boolean)true";
 constexpr char kAnybody[] = "anyone on this network";

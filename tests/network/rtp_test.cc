@@ -1,25 +1,14 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // Requests and answers through GStreamer's own network elements, over the loopback interface.
-#include <array>
-#include <cstdio>
-#include <filesystem>
-#include <fstream>
-#include <sstream>
-#include <string>
-#include <thread>
-#include <vector>
 
 #include <gio/gio.h>
-#include <gmock/gmock.h>
 #include <gst/app/gstappsink.h>
 #include <gst/app/gstappsrc.h>
 #include <gst/sdp/gstsdpmessage.h>
 
 #include "base/json_value.h"
-#include "gst/gst_test.h"
 #include "gst/rtp_fixture.h"
-#include "lib/rtp/rtp_test.h"
 #include "support/run_program.h"
 
 namespace lf::test {
@@ -329,7 +318,7 @@ TEST(RtpLinks, CapsSurviveSdp) {
     gst_sdp_media_new(&media);
     ASSERT_EQ(gst_sdp_media_set_media_from_caps(before.get(), media), GST_SDP_OK);
     gchar* text = gst_sdp_media_as_text(media);
-    EXPECT_THAT(text, testing::HasSubstr("a=rtpmap:96 X-LIGHTFIELD-"));
+    EXPECT_THAT(text, HasSubstr("a=rtpmap:96 X-LIGHTFIELD-"));
     g_free(text);
     CapsPtr after(gst_sdp_media_get_caps_from_media(media, 96));
     gst_sdp_media_free(media);
@@ -438,8 +427,8 @@ TEST_F(Tshark, FindsNeitherLossNorJitterByTheRightClock) {
   };
   const std::string found = "X-LIGHTFIELD-ANSWER +" + std::to_string(packets_.size()) +
                             " +0 \\(0\\.0%\\) +[0-9.]+ +[0-9.]+ +[0-9.]+ +0\\.000 +0\\.000 +0\\.000";
-  EXPECT_THAT(streams(90000), testing::ContainsRegex(found));
-  EXPECT_THAT(streams(48000), testing::Not(testing::ContainsRegex(found)));
+  EXPECT_THAT(streams(90000), ContainsRegex(found));
+  EXPECT_THAT(streams(48000), Not(ContainsRegex(found)));
 }
 
 }  // namespace

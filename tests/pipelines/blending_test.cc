@@ -2,16 +2,12 @@
 //
 // Blending of more than three cameras per pixel in file pipelines, compared with the library: one or two nodes, each
 // kind of camera access, and a focal surface.
-#include <gtest/gtest.h>
 
 #include "composite/still.h"
 #include "image/image.h"
 #include "pipelines/gst_launch.h"
 #include "quality/image_quality.h"
-#include "rig/rig_json.h"
-#include "scene/scene.h"
 #include "support/photographs.h"
-#include "support/temp_dir.h"
 #include "view/view_path.h"
 
 namespace lf::test {

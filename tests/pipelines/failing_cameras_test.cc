@@ -1,28 +1,16 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // Launch lines and scripts with failing cameras and with cameras from the rig.
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cstdio>
-#include <fstream>
-#include <iterator>
-#include <set>
 
 #include "gst/camera_files.h"
 #include "gst/gst_test.h"
 #include "pipelines/gst_launch.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
-#include "support/mentions.h"
 #include "view/view_path.h"
 
 namespace lf::test {
 namespace {
-
-using testing::HasSubstr;
-using testing::Not;
 
 class FailingCamerasTest : public testing::Test {
  protected:
@@ -44,9 +32,9 @@ TEST_F(FailingCamerasTest, OneFailingCameraDoesNotEndThePipeline) {
                        " post-messages=true ! fakesink sync=false",
                    "-m"),
         0,
-        testing::AllOf(HasSubstr("lightfield-camera-lost, camera=(uint)1, name=(string)cam_1"),
-                       HasSubstr("WARNING: from element"), mentions("nowhere.mkv", "no such", "out of service"),
-                       HasSubstr("Got EOS")));
+        AllOf(HasSubstr("lightfield-camera-lost, camera=(uint)1, name=(string)cam_1"),
+              HasSubstr("WARNING: from element"), mentions("nowhere.mkv", "no such", "out of service"),
+              HasSubstr("Got EOS")));
   }
 }
 

@@ -1,29 +1,18 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // The focal surface found in file pipelines, compared with ground truth and between hosts.
-#include <chrono>
-#include <cmath>
 #include <condition_variable>
-#include <filesystem>
-#include <functional>
-#include <mutex>
-#include <set>
 #include <tuple>
-#include <vector>
 
 #include <gst/video/video.h>
-#include <gtest/gtest.h>
 
 #include "common/custom_events.h"
 #include "gst/gst_test.h"
 #include "image/image.h"
 #include "pipelines/gst_launch.h"
 #include "quality/image_quality.h"
-#include "rig/rig_json.h"
-#include "scene/scene.h"
 #include "support/photographs.h"
 #include "support/process.h"
-#include "support/temp_dir.h"
 #include "view/view_path.h"
 #include "wire/request_codec.h"
 

@@ -7,11 +7,6 @@
 #include <gst/app/gstappsink.h>
 #include <gst/gl/egl/gstgldisplay_egl.h>
 #include <gst/gl/gl.h>
-#include <gtest/gtest.h>
-
-#include <cstdlib>
-#include <string>
-#include <vector>
 
 #include "gst/gst_test.h"
 #include "rig/rig_json.h"

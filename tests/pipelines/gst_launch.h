@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <string>
-
 #include "support/run_program.h"
 
 // gst-launch-1.0 with this build's plugin.

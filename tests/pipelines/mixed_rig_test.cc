@@ -1,13 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // Cameras of different size, rate, format and colour in one rig.
-#include <cmath>
-#include <cstdio>
-#include <string>
-#include <vector>
 
 #include <gst/gst.h>
-#include <gtest/gtest.h>
 
 #include "gst/camera_files.h"
 #include "image/colour_correction.h"

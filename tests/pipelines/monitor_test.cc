@@ -1,12 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // The live camera monitor on an array with defective cameras and on a good array.
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <map>
 
 #include "geometry/pose.h"
 #include "gst/gst_test.h"
@@ -19,8 +13,6 @@
 namespace lf::test {
 namespace {
 
-using testing::ElementsAre;
-using testing::IsEmpty;
 using testing::Pair;
 using Suspects = std::map<guint, std::string>;  // index and fault
 

@@ -1,30 +1,18 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // lfviewsrc shows the same pictures as its elements linked one by one.
-#include <gmock/gmock.h>
 #include <gst/video/navigation.h>
-#include <gtest/gtest.h>
-
-#include <atomic>
-#include <fstream>
-#include <iterator>
 
 #include "gst/gst_test.h"
 #include "image/image.h"
 #include "pipelines/gst_launch.h"
-#include "rig/rig_json.h"
-#include "scene/scene.h"
 #include "support/photographs.h"
 #include "support/process.h"
-#include "support/temp_dir.h"
 #include "view/navigator.h"
 #include "view/view_path.h"
 
 namespace lf::test {
 namespace {
-
-using testing::HasSubstr;
-using testing::Not;
 
 std::vector<uint8_t> read_bytes(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
@@ -126,7 +114,7 @@ TEST_F(OneLine, NothingLeaks) {
     const Outcome run = gst_launch(line, "-q", "GST_TRACERS=leaks GST_DEBUG=GST_TRACER:7,leaks:7 GST_DEBUG_NO_COLOR=1");
     EXPECT_EQ(run.status, 0) << run.output;
     EXPECT_THAT(run.output, HasSubstr("object-alive, type-name=(string)%s"));
-    EXPECT_THAT(run.output, Not(testing::ContainsRegex("object-alive, type-name=.string.[A-Za-z]"))) << line;
+    EXPECT_THAT(run.output, Not(ContainsRegex("object-alive, type-name=.string.[A-Za-z]"))) << line;
   }
 }
 

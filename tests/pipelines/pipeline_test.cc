@@ -1,12 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // gst-launch-1.0 on files, compared with the library without GStreamer and with ground truth.
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
-#include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <regex>
 
 #include "composite/accumulator.h"
@@ -15,16 +10,11 @@
 #include "quality/image_quality.h"
 #include "render/ownership.h"
 #include "render/sum_renderer.h"
-#include "rig/rig_json.h"
-#include "scene/scene.h"
 #include "support/photographs.h"
-#include "support/temp_dir.h"
 #include "view/view_path.h"
 
 namespace lf::test {
 namespace pipeline_test {
-
-using testing::HasSubstr;
 
 std::vector<uint8_t> read_bytes(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
@@ -224,22 +214,21 @@ TEST_F(StillArray, NothingLeaks) {
                                  "GST_TRACERS=leaks GST_DEBUG=GST_TRACER:7,leaks:7 GST_DEBUG_NO_COLOR=1");
   ASSERT_EQ(run.status, 0) << run.output;
   EXPECT_THAT(run.output, HasSubstr("object-alive, type-name=(string)%s"));  // the tracer works and logs its format
-  EXPECT_THAT(run.output, testing::Not(testing::ContainsRegex("object-alive, type-name=.string.[A-Za-z]")));
+  EXPECT_THAT(run.output, Not(ContainsRegex("object-alive, type-name=.string.[A-Za-z]")));
 }
 
 // A camera that fails to open is out of service: its neighbours fill in, and a warning gives the reason.
 TEST_F(StillArray, MissingImageIsNamed) {
   std::filesystem::remove(dir_ / "cam_01_01.png");
   test::expect_outcome(gst_launch(files_in_files_out(rig, views, out), ""), 0,
-                       testing::AllOf(HasSubstr("WARNING"), HasSubstr("cam_01_01.png")));
+                       AllOf(HasSubstr("WARNING"), HasSubstr("cam_01_01.png")));
   EXPECT_TRUE(std::filesystem::exists(dir_ / "out_00.png"));
 }
 
 TEST_F(StillArray, ImageOfAnotherSizeIsNamed) {
   save_image(Image(PixelFamily::kRgb, 81, 60), dir_ / "cam_02_00.png");
-  test::expect_outcome(
-      gst_launch(files_in_files_out(rig, views, out), ""), 0,
-      testing::AllOf(HasSubstr("WARNING"), HasSubstr("cam_02_00"), HasSubstr("81x60"), HasSubstr("80x60")));
+  test::expect_outcome(gst_launch(files_in_files_out(rig, views, out), ""), 0,
+                       AllOf(HasSubstr("WARNING"), HasSubstr("cam_02_00"), HasSubstr("81x60"), HasSubstr("80x60")));
 }
 
 TEST_F(StillArray, ViewsFileWithoutViewsIsNamed) {

@@ -1,21 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Checks statements of the documents about elements and tools, and runs their launch lines as written.
-#include <gst/gst.h>
 
-#include <algorithm>
-#include <atomic>
 #include <cctype>
-#include <cstdlib>
-#include <filesystem>
-#include <mutex>
 #include <regex>
-#include <set>
-#include <sstream>
-#include <string>
-#include <vector>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include "base/json_value.h"
 #include "gst/gst_test.h"
@@ -111,7 +98,7 @@ TEST(Readme, LinksAreValid) {
               anchor += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
           headings += "#" + anchor + "\n";
         }
-      EXPECT_THAT(headings, testing::HasSubstr((*i)[2].str() + "\n")) << name << ": " << (*i)[0];
+      EXPECT_THAT(headings, HasSubstr((*i)[2].str() + "\n")) << name << ": " << (*i)[0];
     }
   }
 }
@@ -245,7 +232,7 @@ TEST(Readme, LaunchLinesCauseNoWarnings) {
         if (run == 0 || each_time.contains(text)) both.insert(text);
       each_time = both;
     }
-    EXPECT_THAT(each_time, testing::IsEmpty()) << line;
+    EXPECT_THAT(each_time, IsEmpty()) << line;
   }
 }
 
@@ -272,7 +259,7 @@ TEST(Readme, OneLineSuffices) {
   EXPECT_EQ(run_line(lines[0], 1, 8), "");
   EXPECT_TRUE(fs::exists("view_007.png"));
   EXPECT_EQ(run_line(lines[1], 2, 5), "");
-  EXPECT_THAT(lines[2], testing::HasSubstr("playbin uri=lf://$PWD/rig.json"));
+  EXPECT_THAT(lines[2], HasSubstr("playbin uri=lf://$PWD/rig.json"));
   const std::string text = document(kReadme), begin = "\ngst-launch-1.0 ";
   const size_t first = text.find(begin) + begin.size();
   EXPECT_EQ(run_line(text.substr(first, text.find('\n', first) - first), 1, 5), "") << "the very first line";

@@ -1,19 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // Played recordings show the same pictures as live, repeatedly, and also after the recording process was killed.
-#include <gmock/gmock.h>
-#include <gst/app/gstappsink.h>
-#include <gtest/gtest.h>
 #include <signal.h>
 #include <spawn.h>
 #include <sys/wait.h>
 
-#include <cstdlib>
-#include <filesystem>
-#include <set>
-
 #include "gst/camera_files.h"
-#include "gst/gst_test.h"
 #include "rig/rig_json.h"
 #include "support/recorded.h"
 #include "support/temp_dir.h"

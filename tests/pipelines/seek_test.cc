@@ -2,12 +2,6 @@
 //
 // Pictures after a seek are bit-identical to playback from the start.
 #include <gst/app/gstappsink.h>
-#include <gtest/gtest.h>
-
-#include <cstdlib>
-#include <optional>
-#include <string>
-#include <vector>
 
 #include "gst/gst_test.h"
 #include "rig/rig_json.h"

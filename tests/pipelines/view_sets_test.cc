@@ -2,22 +2,12 @@
 //
 // Sets of views in one picture, compared with single views, geometry, and ground truth.
 #include <gst/app/gstappsink.h>
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <cstdio>
-#include <fstream>
-#include <iterator>
 
 #include "gst/gst_test.h"
 #include "image/image.h"
 #include "pipelines/gst_launch.h"
 #include "quality/image_quality.h"
-#include "rig/rig_json.h"
-#include "scene/scene.h"
-#include "support/mentions.h"
 #include "support/photographs.h"
-#include "support/temp_dir.h"
 #include "view/view.h"
 #include "view/view_path.h"
 

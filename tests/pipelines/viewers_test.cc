@@ -2,18 +2,12 @@
 //
 // Several viewers of one node in one process, and pipelines that start and stop.
 #include <gst/video/video.h>
-#include <gtest/gtest.h>
-
-#include <atomic>
-#include <cstdlib>
 
 #include "gst/gst_test.h"
 #include "image/image.h"
 #include "pipelines/gst_launch.h"
-#include "scene/scene.h"
 #include "support/photographs.h"
 #include "support/process.h"
-#include "support/temp_dir.h"
 #include "view/navigator.h"
 #include "view/view_path.h"
 

@@ -2,12 +2,6 @@
 #pragma once
 
 #include <gst/app/gstappsink.h>
-#include <gst/gst.h>
-
-#include <algorithm>
-#include <cstdint>
-#include <string>
-#include <vector>
 
 #include "gst/gst_test.h"
 

@@ -1,17 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <sys/mount.h>
 
-#include <cstdlib>
-#include <filesystem>
-#include <string>
-
 #include "gst/camera_files.h"
-#include "gst/gst_test.h"
 #include "recording/camera_file.h"
 #include "rig/rig_json.h"
-#include "support/mentions.h"
 #include "support/recorded.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
@@ -20,8 +12,6 @@ namespace lf::test {
 namespace {
 
 namespace fs = std::filesystem;
-using testing::AllOf;
-using testing::HasSubstr;
 
 class LfArchive : public testing::Test {
  protected:

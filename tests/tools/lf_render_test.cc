@@ -1,28 +1,17 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <filesystem>
-#include <fstream>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <opencv2/imgcodecs.hpp>
 #include <nlohmann/json.hpp>
 
 #include "base/json_value.h"
 #include "image/image.h"
-#include "rig/rig_json.h"
-#include "scene/scene.h"
-#include "support/mentions.h"
 #include "support/photographs.h"
 #include "support/run_program.h"
-#include "support/temp_dir.h"
 #include "view/view_path.h"
 
 namespace lf {
 namespace {
 
 namespace fs = std::filesystem;
-using testing::HasSubstr;
 
 class LfRender : public testing::Test {
  protected:

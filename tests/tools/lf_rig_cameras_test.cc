@@ -1,16 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Runs the lf-rig commands that open cameras, with simulated cameras: elements, files and RTSP servers.
-#include <cmath>
-#include <cstdio>
 #include <ctime>
-#include <filesystem>
 
-#include <gmock/gmock.h>
 #include <gst/app/gstappsink.h>
-#include <gtest/gtest.h>
-#include <netinet/in.h>
-#include <sys/socket.h>
-#include <unistd.h>
 #include <nlohmann/json.hpp>
 
 #include "base/json_value.h"
@@ -19,22 +11,16 @@
 #include "cameras/guided_recording.h"
 #include "cameras/mosaic.h"
 #include "cameras/recorder.h"
-#include "gst/camera_files.h"
 #include "gst/rtsp_server.h"
 #include "image/image.h"
 #include "mjpeg_writer.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
-#include "support/mentions.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
 
 namespace lf {
 namespace {
-
-using testing::AllOf;
-using testing::HasSubstr;
-using testing::Not;
 
 Outcome lf_rig(const std::string& arguments, const TempDir& dir) {
   g_setenv("GST_PLUGIN_PATH", LF_PLUGIN_DIR, FALSE);

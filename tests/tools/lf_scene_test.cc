@@ -3,19 +3,13 @@
 #include <gst/app/gstappsink.h>
 #include <gst/gst.h>
 #include <gst/video/video.h>
-#include <gtest/gtest.h>
 
-#include <cmath>
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "image/image.h"
 #include "quality/image_quality.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
-#include "support/mentions.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
 #include "view/view_path.h"

@@ -1,27 +1,17 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Runs lf-show with a small array in the built-in scene: all images, and errors.
-#include <algorithm>
-#include <filesystem>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include "base/maths.h"
 #include "image/image.h"
-#include "rig/rig_json.h"
-#include "scene/scene.h"
-#include "support/mentions.h"
 #include "support/photographs.h"
 #include "support/recorded.h"
 #include "support/run_program.h"
-#include "support/temp_dir.h"
 #include "view/view_path.h"
 
 namespace lf {
 namespace {
 
 namespace fs = std::filesystem;
-using testing::HasSubstr;
 
 class LfShow : public testing::Test {
  protected:
@@ -130,7 +120,7 @@ TEST_F(LfShow, ShowsDifferencesFromTheTruth) {
   EXPECT_THAT(out.output, HasSubstr("PSNR "));
   // The view of a corner camera is extrapolated.
   test::expect_outcome(run("difference --rig rig.json --held-out-camera 0 --out corner.png"), 0,
-                       testing::AllOf(HasSubstr("left out"), HasSubstr("PSNR 2")));
+                       AllOf(HasSubstr("left out"), HasSubstr("PSNR 2")));
   const Camera& camera = rig_.cameras[6];
   save_views({{"at", 0, {96, 72, camera.lens, camera.pose, {focal_plane_at(camera.pose, 2)}}}}, path("v.json"));
   const Outcome same =

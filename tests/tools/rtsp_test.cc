@@ -1,21 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Records and calibrates network cameras, each behind an RTSP server.
-#include <algorithm>
-#include <chrono>
-#include <cmath>
-#include <cstdio>
-#include <filesystem>
-#include <memory>
-#include <stdexcept>
-#include <string>
-#include <vector>
 
-#include <gmock/gmock.h>
 #if LF_HAS_RTSP_SERVER
 #include <gst/app/gstappsink.h>
 #include <gst/app/gstappsrc.h>
 #endif
-#include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
 #include "base/json_value.h"
@@ -23,15 +12,11 @@
 #include "gst/rtsp_server.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
-#include "support/mentions.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
 
 namespace lf {
 namespace {
-
-using testing::HasSubstr;
-using testing::Not;
 
 #if LF_HAS_RTSP_SERVER
 

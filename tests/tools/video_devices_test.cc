@@ -2,13 +2,9 @@
 #include "../../tools/cameras/rig_cameras.h"
 
 #include <gst/gst.h>
-#include <gtest/gtest.h>
-
-#include <filesystem>
-#include <string>
-#include <vector>
 
 #include "support/temp_dir.h"
+#include "support/test.h"
 
 // A fake device provider with devices of several systems, out of order.
 namespace {

@@ -1,30 +1,17 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Camera failures: lf-serve and its viewers continue without the failed camera.
-#include <algorithm>
-#include <filesystem>
-#include <fstream>
-#include <memory>
-#include <string>
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <sys/stat.h>
 
 #include "base/json_value.h"
-#include "gst/camera_files.h"
 #include "gst/gst_test.h"
 #include "gst/rtsp_server.h"
 #include "pipelines/gst_launch.h"
-#include "support/mentions.h"
-#include "support/run_program.h"
 #include "web/served.h"
 #include "web/whep_client.h"
 
 namespace lf::test {
 namespace {
-
-using testing::HasSubstr;
-using testing::Not;
 
 class LfServeCameras : public testing::Test {
  protected:
@@ -108,10 +95,10 @@ TEST_F(LfServeCameras, NeverRevealsPasswords) {
   const WhepClient client({.url = served.url()});
   EXPECT_TRUE(has_message(client, "\"cameras\""));
   for (const char* path : {"", "mosaic.json", "metrics", "healthz", "array.json", "rig.json"})
-    EXPECT_THAT(get(served, path), ::testing::Not(HasSubstr("Hunter2"))) << path;
-  for (const std::string& message : client.messages()) EXPECT_THAT(message, ::testing::Not(HasSubstr("Hunter2")));
+    EXPECT_THAT(get(served, path), Not(HasSubstr("Hunter2"))) << path;
+  for (const std::string& message : client.messages()) EXPECT_THAT(message, Not(HasSubstr("Hunter2")));
   EXPECT_EQ(served.stop(), 0);
-  EXPECT_THAT(served.said(), ::testing::Not(HasSubstr("Hunter2")));
+  EXPECT_THAT(served.said(), Not(HasSubstr("Hunter2")));
 }
 
 TEST_F(LfServeCameras, ReadablePasswordsCauseAWarning) {
@@ -126,7 +113,7 @@ TEST_F(LfServeCameras, ReadablePasswordsCauseAWarning) {
   Served closed(Served::ExistingRig{served.rig()});
   ASSERT_NE(closed.url(), "") << closed.said();
   EXPECT_EQ(closed.stop(), 0);
-  EXPECT_THAT(closed.said(), ::testing::Not(HasSubstr("chmod")));
+  EXPECT_THAT(closed.said(), Not(HasSubstr("chmod")));
   std::filesystem::permissions(served.rig(), perms::others_read, perm_options::add);
   const Outcome outcome = run_program("lf-rig", "check " + served.rig());
   EXPECT_EQ(outcome.status, 0) << outcome.output;
@@ -150,7 +137,7 @@ TEST_F(LfServeCameras, UnlistedElementsNeedTrust) {
   Served refused({}, edit);
   EXPECT_EQ(refused.url(), "");
   EXPECT_EQ(refused.stop(), 1);
-  EXPECT_THAT(refused.said(), ::testing::AllOf(mentions("source", "tee"), HasSubstr("--trust-rig")));
+  EXPECT_THAT(refused.said(), AllOf(mentions("source", "tee"), HasSubstr("--trust-rig")));
   EXPECT_FALSE(std::filesystem::exists(mark));
   Served served({"--trust-rig"}, edit);
   EXPECT_NE(served.url(), "") << served.said();

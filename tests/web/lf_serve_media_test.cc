@@ -1,26 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Media of viewers, and the effect of viewers on each other.
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-#include <libsoup/soup.h>
 
-#include <algorithm>
-#include <filesystem>
-#include <functional>
-#include <memory>
-
-#include "support/mentions.h"
 #include "support/recorded.h"
-#include "support/temp_dir.h"
 #include "web/offers.h"
 #include "web/served.h"
 #include "web/whep_client.h"
 
 namespace lf::test {
 namespace {
-
-using testing::HasSubstr;
-using testing::Not;
 
 class LfServeMedia : public testing::Test {
  protected:

@@ -1,25 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // lf-serve from the network, without a browser.
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-#include <libsoup/soup.h>
-#include <unistd.h>
 
-#include <cstdlib>
-#include <filesystem>
-#include <map>
-#include <memory>
 #include <regex>
-#include <vector>
 
-#include "support/mentions.h"
 #include "web/offers.h"
 #include "web/served.h"
 
 namespace lf::test {
 namespace {
-
-using testing::HasSubstr;
 
 using Headers = std::map<std::string, std::string>;
 
@@ -170,7 +158,7 @@ TEST_F(LfServe, AnswersAnOfferAndEndsTheSession) {
   EXPECT_THAT(answer.body, HasSubstr("a=rtpmap:108 H264/90000"));
   EXPECT_THAT(answer.body, HasSubstr(" 127.0.0.1 "));
   EXPECT_THAT(answer.body, HasSubstr("a=ssrc:"));
-  EXPECT_THAT(answer.body, testing::Not(HasSubstr("ssrc-group:FID 0"))) << "browsers show black";
+  EXPECT_THAT(answer.body, Not(HasSubstr("ssrc-group:FID 0"))) << "browsers show black";
   const std::string location = answer.headers.at("Location");
   EXPECT_EQ(location.size(), sizeof("/whep/") - 1 + 32) << location;
   EXPECT_EQ(metric(served, "viewers"), "1");
@@ -343,7 +331,7 @@ TEST_F(LfServe, SendsIceServersOnlyToAuthorisedClients) {
   EXPECT_EQ(answer.status, 201u);
   EXPECT_EQ(answer.headers.at("Link"), link);
   EXPECT_EQ(served.stop(), 0);
-  EXPECT_THAT(served.said(), testing::Not(HasSubstr("password")));
+  EXPECT_THAT(served.said(), Not(HasSubstr("password")));
   Served none({"--ice-server", "turn:127.0.0.1:9"});
   EXPECT_EQ(none.stop(), 1);
   EXPECT_THAT(none.said(), HasSubstr("--ice-credentials"));
@@ -572,7 +560,7 @@ TEST_F(LfServe, IdleConnectionsDoNotDisplaceOthers) {
     slow.send("GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n");
     flood(100);
     slow.send("\r\n");
-    EXPECT_THAT(slow.read(), testing::StartsWith("HTTP/1.1 200")) << honest;
+    EXPECT_THAT(slow.read(), StartsWith("HTTP/1.1 200")) << honest;
   }
 }
 
@@ -606,12 +594,12 @@ TEST_F(LfServe, RefusesDuplicateHeaders) {
     client.send("GET /array.json HTTP/1.1\r\n" + headers + "\r\n");
     return client.read();
   };
-  EXPECT_THAT(answer("Host: 127.0.0.1\r\n"), testing::StartsWith("HTTP/1.1 200"));
+  EXPECT_THAT(answer("Host: 127.0.0.1\r\n"), StartsWith("HTTP/1.1 200"));
   for (const char* twice : {"Host: evil.example\r\nHost: 127.0.0.1\r\n", "Host: 127.0.0.1\r\nhost: evil.example\r\n",
                             "Host: 127.0.0.1\r\nOrigin: http://127.0.0.1\r\nOrigin: http://evil.example\r\n",
                             "Host: 127.0.0.1\r\nSec-Fetch-Site: cross-site\r\nSec-Fetch-Site: none\r\n"}) {
     const std::string refused = answer(twice);
-    EXPECT_THAT(refused, testing::StartsWith("HTTP/1.1 400")) << twice;
+    EXPECT_THAT(refused, StartsWith("HTTP/1.1 400")) << twice;
     EXPECT_EQ(refused.find("\"cameras\""), refused.npos) << twice;
   }
 }
@@ -666,7 +654,7 @@ TEST_F(LfServe, ExplainsUnusableOffers) {
     EXPECT_TRUE(response.status == 201 || (response.status >= 400 && response.status < 500)) << response.status << bad;
     if (response.status == 201) continue;  // webrtcbin accepts more than required
     EXPECT_EQ(response.headers.at("Content-Type"), "application/problem+json") << response.body;
-    EXPECT_THAT(response.body, testing::Not(testing::AnyOf(HasSubstr("webrtcbin"), HasSubstr("gst")))) << bad;
+    EXPECT_THAT(response.body, Not(AnyOf(HasSubstr("webrtcbin"), HasSubstr("gst")))) << bad;
   }
   EXPECT_EQ(ask(served, "GET", "healthz").status, 200u);
   EXPECT_EQ(served.stop(), 0) << served.said();
@@ -698,16 +686,15 @@ TEST_F(LfServe, WarnsOfUnprotectedAccess) {
   Served open({"--listen", "0.0.0.0", "--insecure"});
   ASSERT_NE(open.url(), "") << open.said();
   EXPECT_EQ(open.stop(), 0);
-  EXPECT_THAT(open.said(),
-              testing::AllOf(mentions("warning", "no token", "http://0.0.0.0:"), HasSubstr("--token-file")));
+  EXPECT_THAT(open.said(), AllOf(mentions("warning", "no token", "http://0.0.0.0:"), HasSubstr("--token-file")));
   Served here;
   EXPECT_EQ(here.stop(), 0);
-  EXPECT_THAT(here.said(), testing::Not(HasSubstr("no token")));
+  EXPECT_THAT(here.said(), Not(HasSubstr("no token")));
   const TempDir dir;
   dir.write_secret("token", "0123456789abcdef0123456789abcdef");
   Served closed({"--listen", "0.0.0.0", "--insecure", "--token-file", dir / "token"});
   EXPECT_EQ(closed.stop(), 0);
-  EXPECT_THAT(closed.said(), testing::Not(HasSubstr("no token")));
+  EXPECT_THAT(closed.said(), Not(HasSubstr("no token")));
 }
 
 }  // namespace

@@ -1,15 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <cstring>
 #include <ctime>
-#include <random>
 
 #include <gst/gst.h>
-#include <gtest/gtest.h>
 
 #include "base/text.h"
 #include "serve/offer.h"
-#include "support/mentions.h"
 #include "support/process.h"
+#include "support/test.h"
 #include "web/offers.h"
 
 namespace lf::serve {

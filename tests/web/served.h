@@ -1,23 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <gtest/gtest.h>
 #include <libsoup/soup.h>
 
-#include <algorithm>
-#include <functional>
-#include <mutex>
-#include <optional>
-#include <string>
-#include <thread>
-#include <vector>
-
 #include "image/image.h"
-#include "rig/rig_json.h"
-#include "scene/scene.h"
 #include "support/photographs.h"
 #include "support/process.h"
-#include "support/temp_dir.h"
+#include "support/test.h"
 
 namespace lf::test {
 
