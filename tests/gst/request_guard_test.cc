@@ -7,7 +7,6 @@ namespace {
 
 class LimitsTest : public testing::Test {
  protected:
-  void SetUp() override { gst_init(nullptr, nullptr); }
   RequestLimits parse(const char* text) {
     g_autoptr(GstStructure) structure = gst_structure_from_string(text, nullptr);
     EXPECT_TRUE(structure) << text;

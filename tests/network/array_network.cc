@@ -53,11 +53,6 @@ Image rgb_image(const uint8_t* bytes) {
   return image;
 }
 
-std::vector<uint8_t> read_bytes(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
-
 }  // namespace
 
 double now_seconds() {
@@ -303,8 +298,7 @@ Image ArrayNetwork::next_picture(int view, uint32_t* sequence) {
   while (now_seconds() < begun + 30) {
     const std::vector<Picture> all = pictures(view);
     for (size_t k = before; k < all.size(); k++) {
-      const std::string path = file(std::to_string(view) + "-" + std::to_string(k) + ".rgb");
-      const std::vector<uint8_t> bytes = read_bytes(path);
+      const std::vector<uint8_t> bytes = read_bytes(file(std::to_string(view) + "-" + std::to_string(k) + ".rgb"));
       if (!all[k].complete || bytes.size() != 3u * kWidth * kHeight) continue;
       *sequence = all[k].sequence;
       return rgb_image(bytes.data());

@@ -3,7 +3,6 @@
 
 #include <signal.h>
 
-#include "base/maths.h"
 #include "network/array_network.h"
 #include "quality/image_quality.h"
 #include "support/test.h"

@@ -15,4 +15,9 @@ inline Outcome gst_launch(const std::string& line, const std::string& options = 
                    " </dev/null");
 }
 
+// Runs a launch line that must succeed.
+inline void expect_runs(const std::string& line, const std::source_location& where = std::source_location::current()) {
+  expect_outcome(gst_launch(line), 0, testing::_, where);
+}
+
 }  // namespace lf::test

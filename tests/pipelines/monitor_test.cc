@@ -48,19 +48,14 @@ class MonitoredArray : public testing::Test {
   void watch(const std::string& nodes, const std::string& compositor = "", const std::string& viewer = "") {
     constexpr uint64_t kTurns = 75;
     const std::string rate = kFallsBehind ? "10/1" : "100/1";  // a machine that falls behind skips probes
-    const ElementPtr pipeline = launch(
+    const PipelinePtr pipeline = launch(
         "lfviewrequest name=v is-live=true framerate=" + rate + " width=64 height=48 focus-distance=2.2" + rig() + " " +
         viewer + " ! tee name=r  r. ! queue ! c.request  lfcompositor name=c latency=2000000000 monitor-interval=1" +
         rig() + " " + compositor + " ! fakesink sync=false" + nodes);
-    ASSERT_TRUE(pipeline);
     gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
-    const ElementPtr c(gst_bin_get_by_name(GST_BIN(pipeline.get()), "c"));
-    for (int i = 0; i < 600 && stat(c.get(), "monitor-turns") < kTurns; i++) g_usleep(50'000);
-    GstStructure* stats = nullptr;
-    g_object_get(c.get(), "stats", &stats, nullptr);
-    stats_.reset(stats);
-    gst_element_set_state(pipeline.get(), GST_STATE_NULL);
-    EXPECT_GE(count("monitor-turns"), kTurns);
+    const ElementPtr c = child_of(pipeline.get(), "c");
+    EXPECT_TRUE(eventually([&] { return stat(c.get(), "monitor-turns") >= kTurns; }));
+    stats_ = stats_of(c.get());
   }
   uint64_t count(const char* field) const {
     guint64 value = 0;

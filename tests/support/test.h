@@ -51,4 +51,27 @@ using testing::IsEmpty;
 using testing::Not;
 using testing::StartsWith;
 
+inline bool contains(const std::string& text, const std::string& words) { return text.find(words) != text.npos; }
+
+// Waits until the condition is true. Returns false if it still isn't after `seconds`.
+template <typename Condition>
+bool eventually(const Condition& condition, double seconds = 60) {
+  using std::chrono::milliseconds;
+  const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
+  for (milliseconds pause(1); !condition(); pause = std::min(2 * pause, milliseconds(20))) {
+    if (std::chrono::steady_clock::now() > end) return false;
+    std::this_thread::sleep_for(pause);
+  }
+  return true;
+}
+
+inline std::string read_binary(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+inline std::vector<uint8_t> read_bytes(const std::string& path) {
+  const std::string bytes = read_binary(path);
+  return {bytes.begin(), bytes.end()};
+}
+
 }  // namespace lf

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "image/image.h"
 #include "support/photographs.h"
 #include "support/run_program.h"
 

@@ -2,11 +2,8 @@
 #include <sys/stat.h>
 #include <nlohmann/json.hpp>
 
-#include "base/json_value.h"
-#include "image/image.h"
 #include "support/photographs.h"
 #include "support/run_program.h"
-#include "view/view_path.h"
 
 namespace lf {
 namespace {

@@ -97,7 +97,6 @@ TEST_F(LfRig, CheckFailsOnlyOnErrors) {
 
 // The live elements and lf-rig check must agree about stills.
 TEST_F(LfRig, CheckNamesUndecodableStills) {
-  gst_init(nullptr, nullptr);
   write_rig();
   Rig rig = load_rig(dir / "in/rig.json");
   rig.cameras[4].image = "images/cam.tif";
