@@ -5,7 +5,6 @@
 
 #include <Eigen/Dense>
 
-#include "calibration/adjustment.h"
 #include "calibration/multiview_geometry.h"
 #include "calibration/simulator.h"
 #include "support/test.h"

@@ -3,10 +3,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "base/json_value.h"
 #include "calibration/simulator.h"
 #include "rig/rig_json.h"
-#include "scene/scene.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
 

@@ -2,7 +2,6 @@
 // The table of hard cases: each must end with the right solution or with a finding that names the fault.
 
 #include "base/text.h"
-#include "calibration/adjustment.h"
 #include "calibration/diagnosis.h"
 #include "calibration/simulator.h"
 #include "support/test.h"

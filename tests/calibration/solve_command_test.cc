@@ -4,10 +4,7 @@
 #include <glog/logging.h>
 #include <nlohmann/json.hpp>
 
-#include "base/json_value.h"
-#include "calibration/adjustment.h"
 #include "calibration/simulator.h"
-#include "calibration/tracks.h"
 #include "rig/rig_json.h"
 #include "solver_log.h"
 #include "support/run_program.h"

@@ -20,11 +20,6 @@ std::vector<std::filesystem::path> inputs_of(const std::string& target) {
   return paths;
 }
 
-Bytes read(const std::filesystem::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
-
 class Corpus : public testing::TestWithParam<std::string> {
  protected:
   // Exactly as long as the data, so that a sanitizer detects reads beyond the end.
@@ -55,7 +50,7 @@ TEST_P(Corpus, ReplaysWithoutFailures) {
   ASSERT_FALSE(paths.empty());
   for (const std::filesystem::path& path : paths) {
     SCOPED_TRACE(path.filename());
-    run_damaged(read(path), random);
+    run_damaged(read_bytes(path), random);
   }
 }
 
