@@ -4,19 +4,10 @@
 #include <lightfield/node.h>
 #include <lightfield/renderer.h>
 
-#include <cmath>
-#include <functional>
-#include <string>
-#include <vector>
-
-#include <gtest/gtest.h>
-
-#include "image/image.h"
 #include "lib/focus/array_of_walls.h"
 #include "reference/generators.h"
 #include "rig/rig_json.h"
-#include "support/mentions.h"
-#include "view/view.h"
+#include "support/test.h"
 
 namespace lightfield::test {
 

@@ -3,8 +3,6 @@
 
 #include "api/api_fixture.h"
 
-#include <cmath>
-
 #include "calibration/simulator.h"
 
 namespace lightfield {

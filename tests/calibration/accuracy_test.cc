@@ -2,25 +2,12 @@
 // Compares solutions with the theoretical optimum: 8x8 cameras, 100 positions, 0.2 pixels of noise, over the seeds
 // LF_SEEDS=FIRST-LAST (default: 1-20). LF_RESULTS=FILE stores one line per seed and skips the seeds in the file, so
 // that a long run can be resumed, or shared by several processes.
-#include <algorithm>
-#include <atomic>
-#include <chrono>
-#include <cmath>
-#include <cstdio>
-#include <cstdlib>
-#include <fstream>
-#include <map>
-#include <mutex>
-#include <sstream>
-#include <string>
-#include <thread>
 
-#include <gtest/gtest.h>
 #include <Eigen/Dense>
 
-#include "calibration/adjustment.h"
 #include "calibration/multiview_geometry.h"
 #include "calibration/simulator.h"
+#include "support/test.h"
 
 namespace lf::sim {
 namespace {

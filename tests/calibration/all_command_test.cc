@@ -1,27 +1,15 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // lf-calibrate all: from recordings to a rig and a report, and its errors for unusable recordings.
-#include <cstdio>
-#include <filesystem>
-#include <fstream>
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "base/json_value.h"
 #include "calibration/simulator.h"
 #include "rig/rig_json.h"
-#include "scene/scene.h"
-#include "support/mentions.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
 
 namespace lf {
 namespace {
-
-using testing::AllOf;
-using testing::HasSubstr;
-using testing::Not;
 
 namespace fs = std::filesystem;
 

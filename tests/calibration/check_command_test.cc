@@ -1,31 +1,15 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <arpa/inet.h>
-#include <sys/socket.h>
-#include <unistd.h>
 
-#include <chrono>
-#include <filesystem>
-#include <string>
-#include <thread>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "base/json_value.h"
 #include "calibration/simulator.h"
-#include "calibration/tracks.h"
 #include "rig/rig_json.h"
-#include "support/mentions.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
 
 namespace lf {
 namespace {
-
-using testing::AllOf;
-using testing::HasSubstr;
-using testing::Not;
 
 // lf-calibrate check on later tracks and recordings, and on output of the running monitor.
 
@@ -70,8 +54,7 @@ TEST_F(CheckCommand, ExitStatusIsTheVerdict) {
   film(rig_);
   const Outcome holds = check("--tracks tracks.json --bar 0.3 --json check.json");
   EXPECT_EQ(holds.status, 0) << holds.output;
-  EXPECT_THAT(holds.output, mentions("rig.json holds", "9 of 9"));
-  EXPECT_THAT(holds.output, HasSubstr("bar         300."));
+  EXPECT_THAT(holds.output, AllOf(mentions("rig.json holds", "9 of 9"), HasSubstr("bar 300.")));
 
   Rig now = rig_;
   now.cameras[4].pose.orientation = now.cameras[4].pose.orientation * glm::angleAxis(0.01, Vec3(0, 1, 0));
@@ -174,9 +157,7 @@ class SlowServer {
 
 TEST_F(CheckCommand, TimesOutForASlowServer) {
   const SlowServer server;
-  const Outcome outcome = check("--monitor " + server.address());
-  EXPECT_EQ(outcome.status, 2);
-  EXPECT_THAT(outcome.output, AllOf(HasSubstr(server.address()), mentions("20 s")));
+  test::expect_outcome(check("--monitor " + server.address()), 2, AllOf(HasSubstr(server.address()), mentions("20 s")));
 }
 
 class ReportCommand : public testing::Test {
@@ -206,9 +187,7 @@ TEST_F(ReportCommand, PageIsSelfContained) {
   EXPECT_THAT(html, AllOf(HasSubstr("A &lt;rig&gt; &amp; more"), HasSubstr("<svg "), HasSubstr("What to do"),
                           HasSubstr("prefers-color-scheme: dark")));
   // The page loads no external resources.
-  EXPECT_THAT(html, Not(HasSubstr("http")));
-  EXPECT_THAT(html, Not(HasSubstr("src=")));
-  EXPECT_THAT(html, Not(HasSubstr("<script")));
+  EXPECT_THAT(html, AllOf(Not(HasSubstr("http")), Not(HasSubstr("src=")), Not(HasSubstr("<script"))));
   EXPECT_THAT(html, Not(HasSubstr("nan")));
   for (const char* part : {"Residuals", "Coverage", "ellipsoids", "light positions", "Depth scale"})
     EXPECT_THAT(html, HasSubstr(part));

@@ -1,10 +1,4 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <cmath>
-#include <cstdlib>
-#include <filesystem>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
 #include "base/json_value.h"
@@ -17,15 +11,11 @@
 #include "rig/rig_json.h"
 #include "scene/calibration_targets.h"
 #include "scene/scene.h"
-#include "support/mentions.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
 
 namespace lf {
 namespace {
-
-using testing::AllOf;
-using testing::HasSubstr;
 
 class ColourCommand : public testing::Test {
  protected:

@@ -1,13 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // The table of hard cases: each must end with the right solution or with a finding that names the fault.
-#include <cstdio>
-
-#include <gtest/gtest.h>
 
 #include "base/text.h"
-#include "calibration/adjustment.h"
 #include "calibration/diagnosis.h"
 #include "calibration/simulator.h"
+#include "support/test.h"
 
 namespace lf::sim {
 namespace {

@@ -1,21 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <cstdlib>
-#include <filesystem>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include "image/image.h"
 #include "rig/rig_json.h"
 #include "support/board_views.h"
-#include "support/mentions.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
 
 namespace lf {
 namespace {
-
-using testing::HasSubstr;
 
 TEST(IntrinsicsCommand, UsesStillBoardsOfAVideo) {
   const TempDir dir;
@@ -38,7 +28,7 @@ TEST(IntrinsicsCommand, UsesStillBoardsOfAVideo) {
   test::expect_outcome(
       run_program("lf-calibrate", "intrinsics 'file://" + location + "/board.avi' --board 8x6 --out lens.json",
                   location),
-      0, testing::AllOf(mentions("view 8 of 20"), HasSubstr("board.avi frame 1: ")));
+      0, AllOf(mentions("view 8 of 20"), HasSubstr("board.avi frame 1: ")));
   const Lens found = load_rig(dir / "lens.json").cameras.at(0).lens;
   EXPECT_NEAR(found.fx(), 420, 2);
   EXPECT_NEAR(found.cx(), 319.5, 2);

@@ -1,11 +1,4 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <array>
-#include <cmath>
-#include <cstdio>
-#include <filesystem>
-#include <map>
-
-#include <gtest/gtest.h>
 #include <Eigen/Geometry>
 #include <Eigen/SVD>
 #include <nlohmann/json.hpp>
@@ -22,6 +15,7 @@
 #include "render/sum_renderer.h"
 #include "rig/rig.h"
 #include "rig/rig_json.h"
+#include "support/test.h"
 #include "view/view_path.h"
 
 namespace lf {

@@ -1,28 +1,17 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <csignal>
-#include <filesystem>
-#include <set>
 
 #include <glog/logging.h>
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-#include <sys/wait.h>
-#include <unistd.h>
 #include <nlohmann/json.hpp>
 
-#include "base/json_value.h"
-#include "calibration/adjustment.h"
 #include "calibration/simulator.h"
-#include "calibration/tracks.h"
 #include "rig/rig_json.h"
 #include "solver_log.h"
-#include "support/mentions.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
 
 namespace lf {
 namespace {
-
 
 sim::ArrayOptions small_array() {
   sim::ArrayOptions array;

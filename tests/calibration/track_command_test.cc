@@ -1,27 +1,15 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // lf-calibrate track and solve, from rendered recordings to a rig.
-#include <cmath>
-#include <cstdlib>
-#include <filesystem>
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "base/json_value.h"
-#include "calibration/adjustment.h"
 #include "calibration/simulator.h"
-#include "calibration/tracks.h"
 #include "rig/rig_json.h"
-#include "support/mentions.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
 
 namespace lf {
 namespace {
-
-using testing::HasSubstr;
-using testing::Not;
 
 Rig array() {
   sim::ArrayOptions options;
@@ -45,7 +33,7 @@ TEST(TrackCommand, CalibratesFromRecordingsOfABar) {
   record(dir, truth, "--framerate 30,15 --seconds 7,6 --noise 3 --exposure 0.012 --reflection 0.3");
   test::expect_outcome(
       run_program("lf-calibrate", "track true.json --recordings rec --bar --out tracks.json", dir.path()), 0,
-      testing::AllOf(mentions("tracks.json", "5 of 5 cameras"), mentions("camera 2", "5.9 s", "7.0 s")));
+      AllOf(mentions("tracks.json", "5 of 5 cameras"), mentions("camera 2", "5.9 s", "7.0 s")));
 
   // Compares with the truth from lf-scene: every detection is a light, within the stated precision.
   const auto found = parse_light_detections(read_text_file(dir / "tracks.json"), "tracks.json");
@@ -68,7 +56,7 @@ TEST(TrackCommand, CalibratesFromRecordingsOfABar) {
 
   test::expect_outcome(
       run_program("lf-calibrate", "solve --tracks tracks.json --bar 0.3 --out rig.json --json report.json", dir.path()),
-      0, testing::AllOf(HasSubstr("clocks      offsets"), mentions("rig.json", "5 of 5 cameras")));
+      0, AllOf(HasSubstr("clocks      offsets"), mentions("rig.json", "5 of 5 cameras")));
   const Rig rig = load_rig(dir / "rig.json");
   std::vector<Pose> a, b;
   double mean = 0, squares = 0;
@@ -105,9 +93,7 @@ TEST(TrackCommand, UnusableRecordingsAreNamed) {
   const Outcome one = run_program("lf-calibrate", "track true.json --recordings rec --out tracks.json", dir.path());
   EXPECT_EQ(one.status, 1) << one.output;
   const auto who = [&](int i) { return "camera " + std::to_string(truth.cameras[static_cast<size_t>(i)].id) + " ("; };
-  EXPECT_THAT(one.output, HasSubstr(who(1)));
-  EXPECT_THAT(one.output, mentions("black", "lens"));
-  EXPECT_THAT(one.output, mentions("room", "not dark"));
+  EXPECT_THAT(one.output, AllOf(HasSubstr(who(1)), mentions("black", "lens"), mentions("room", "not dark")));
   EXPECT_THAT(one.output, mentions("2 of 5", "tracks.json"));
   EXPECT_TRUE(std::filesystem::exists(dir / "tracks.json"));
 
@@ -117,10 +103,9 @@ TEST(TrackCommand, UnusableRecordingsAreNamed) {
   dir.write("rec/" + truth.cameras[2].name + ".mkv", "this is no video");
   std::filesystem::remove(name(3));
   std::filesystem::copy(name(4), dir / "rec/" + truth.cameras[4].name + ".mp4");  // a second file for this camera
-  test::expect_outcome(
-      run_program("lf-calibrate", "track true.json --recordings rec --out tracks.json", dir.path()), 1,
-      testing::AllOf(HasSubstr("shows no light: "), mentions("no recording", truth.cameras[3].name + ".*"),
-                     mentions("both films", truth.cameras[4].name), mentions("two cameras", "light")));
+  test::expect_outcome(run_program("lf-calibrate", "track true.json --recordings rec --out tracks.json", dir.path()), 1,
+                       AllOf(HasSubstr("shows no light: "), mentions("no recording", truth.cameras[3].name + ".*"),
+                             mentions("both films", truth.cameras[4].name), mentions("two cameras", "light")));
   EXPECT_FALSE(std::filesystem::exists(dir / "tracks.json"));
 }
 

@@ -1,18 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Runs every fuzz target on its seeds, on new inputs that tests/fuzz.sh has found (corpus/), and on truncated and
 // corrupted copies of both.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
-#include <random>
-#include <vector>
 
 #include "fuzz/fuzz.h"
 #include "fuzz/gst_start.h"
 #include "fuzz/seeds.h"
+#include "support/test.h"
 
 namespace lf::fuzz {
 namespace {
@@ -25,11 +18,6 @@ std::vector<std::filesystem::path> inputs_of(const std::string& target) {
     paths.push_back(entry.path());
   std::sort(paths.begin(), paths.end());
   return paths;
-}
-
-Bytes read(const std::filesystem::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), {}};
 }
 
 class Corpus : public testing::TestWithParam<std::string> {
@@ -62,7 +50,7 @@ TEST_P(Corpus, ReplaysWithoutFailures) {
   ASSERT_FALSE(paths.empty());
   for (const std::filesystem::path& path : paths) {
     SCOPED_TRACE(path.filename());
-    run_damaged(read(path), random);
+    run_damaged(read_bytes(path), random);
   }
 }
 

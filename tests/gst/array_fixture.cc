@@ -1,10 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "gst/array_fixture.h"
 
-#include <cstring>
-
-#include "rig/rig_json.h"
-
 namespace lf::test {
 namespace {
 
@@ -25,11 +21,9 @@ Rig make_rig() {
   return rig;
 }
 
-std::vector<uint8_t> bytes_of(const std::string& text) { return {text.begin(), text.end()}; }
-
 }  // namespace
 
-ArrayFixture::ArrayFixture() : rig_(make_rig()), file_(bytes_of(rig_to_json(rig_)), ".json") {}
+ArrayFixture::ArrayFixture() : rig_(make_rig()), file_(rig_to_json(rig_), ".json") {}
 
 ViewRequest ArrayFixture::request(uint32_t sequence, uint64_t time, uint32_t view_id) const {
   ViewRequest request;
@@ -44,6 +38,15 @@ ViewRequest ArrayFixture::request(uint32_t sequence, uint64_t time, uint32_t vie
   request.view.focus.plane = focal_plane_at(request.view.pose, 10);
   request.rig_hash = rig_.hash();
   return request;
+}
+
+std::shared_ptr<const FocalMap> flat_surface(const View& view) {
+  FocalMap map = FocalMap::for_view(view.width, view.height);
+  map.from = {{0, 0, 1}, 0};
+  map.farthest = 0.05;
+  map.nearest = 0.3;
+  map.levels.assign(static_cast<size_t>(map.columns) * map.rows, 51);
+  return std::make_shared<FocalMap>(std::move(map));
 }
 
 std::string ArrayFixture::caps(const char* format) {

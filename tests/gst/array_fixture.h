@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <string>
-#include <vector>
-
 #include "gst/gst_test.h"
 #include "rig/rig.h"
 #include "rig/rig_json.h"
@@ -34,19 +31,18 @@ class ArrayFixture {
   TempFile file_;
 };
 
+// Returns a focal surface of uniform depth for a view.
+std::shared_ptr<const FocalMap> flat_surface(const View& view);
+
 class ModifiedRig {
  public:
   template <typename Change>
-  ModifiedRig(Rig rig, Change change) : rig_((change(rig), rig)), file_(bytes(), ".json") {}
+  ModifiedRig(Rig rig, Change change) : rig_((change(rig), rig)), file_(rig_to_json(rig_), ".json") {}
   const std::string& path() const { return file_.path(); }
   const Rig& rig() const { return rig_; }
   uint64_t hash() const { return rig_.hash(); }
 
  private:
-  std::vector<uint8_t> bytes() const {
-    const std::string text = rig_to_json(rig_);
-    return {text.begin(), text.end()};
-  }
   Rig rig_;
   TempFile file_;
 };

@@ -1,11 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "../gst/camsrc/camera_controls.h"
 
-#include <gst/gst.h>
-#include <gtest/gtest.h>
 #include <linux/videodev2.h>
-
-#include <map>
 
 #include "gst/gst_test.h"
 
@@ -13,8 +9,7 @@ namespace lf::test {
 namespace {
 
 std::string text_of(GstStructure* structure) {
-  g_autofree gchar* text = gst_structure_to_string(structure);
-  gst_structure_free(structure);
+  g_autofree gchar* text = gst_structure_to_string(StructurePtr(structure).get());
   return text;
 }
 
@@ -55,20 +50,17 @@ TEST(CameraControls, SetPropertiesOfAllElementsInABin) {
   gst_object_ref_sink(bin.get());
   const Controls wanted = {{"brightness", 0.25}, {"sleep-time", 70.2}, {"exposure", 0.1}, {"nothing", 3}};
   apply_controls(bin.get(), wanted);
-  GstStructure* controls = read_controls(bin.get(), wanted);
-  GstStructure* values = read_control_values(bin.get(), wanted);
+  const StructurePtr controls(read_controls(bin.get(), wanted)), values(read_control_values(bin.get(), wanted));
   double number = 0;
-  EXPECT_TRUE(gst_structure_get_double(controls, "sleep-time", &number));
+  EXPECT_TRUE(gst_structure_get_double(controls.get(), "sleep-time", &number));
   EXPECT_EQ(number, 70);
-  EXPECT_TRUE(gst_structure_get_double(values, "brightness", &number));
+  EXPECT_TRUE(gst_structure_get_double(values.get(), "brightness", &number));
   EXPECT_EQ(number, 0.25);
   gboolean taken = TRUE;
   for (const char* name : {"exposure", "nothing"}) {
-    EXPECT_TRUE(gst_structure_get_boolean(controls, name, &taken) && !taken) << name;
-    EXPECT_FALSE(gst_structure_has_field(values, name));
+    EXPECT_TRUE(gst_structure_get_boolean(controls.get(), name, &taken) && !taken) << name;
+    EXPECT_FALSE(gst_structure_has_field(values.get(), name));
   }
-  gst_structure_free(controls);
-  gst_structure_free(values);
 }
 
 // Controls do not apply to a source that is a launch line: the line itself sets all properties.
@@ -76,17 +68,10 @@ TEST(CameraControls, DoNotChangeLaunchLines) {
   const ElementPtr source(gst_element_factory_make("v4l2src", nullptr));
   if (!source) GTEST_SKIP() << "v4l2src is not installed";
   gst_object_ref_sink(source.get());
-  GstStructure* own = gst_structure_from_string("c,contrast=7,gain=1", nullptr);
-  g_object_set(source.get(), "extra-controls", own, nullptr);
-  gst_structure_free(own);
+  gst_util_set_object_arg(G_OBJECT(source.get()), "extra-controls", "c,contrast=7,gain=1");
   apply_controls(source.get(), {{"gain", 5}});
-  GstStructure* all = nullptr;
-  g_object_get(source.get(), "extra-controls", &all, nullptr);
-  int contrast = 0, gain = 0;
-  EXPECT_TRUE(gst_structure_get_int(all, "contrast", &contrast) && gst_structure_get_int(all, "gain", &gain));
-  EXPECT_EQ(contrast, 7);
-  EXPECT_EQ(gain, 5);
-  gst_structure_free(all);
+  EXPECT_THAT(text_of(get<GstStructure*>(source.get(), "extra-controls")),
+              AllOf(HasSubstr("contrast=(int)7"), HasSubstr(" gain=(int)5")));
 }
 
 }  // namespace

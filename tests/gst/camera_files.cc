@@ -1,14 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "gst/camera_files.h"
 
-#include <gst/gst.h>
-
-#include <algorithm>
-#include <filesystem>
-#include <fstream>
-#include <stdexcept>
-
-#include "gst/gst_test.h"
 #include "image/image.h"
 #include "rig/rig_json.h"
 

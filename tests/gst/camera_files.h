@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <functional>
-#include <string>
-
+#include "gst/gst_test.h"
 #include "rig/rig.h"
 
 namespace lf::test {

@@ -1,17 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <algorithm>
-#include <functional>
-#include <string>
-#include <vector>
-
-#include <gst/gst.h>
-#include <gst/video/video.h>
-#include <gtest/gtest.h>
-
 #include "../gst/common/common.h"
 #include "gst/camera_files.h"
+#include "support/test.h"
 
 namespace lf::test {
 
@@ -31,58 +23,35 @@ class CameraPipeline {
   explicit CameraPipeline(const std::string& properties, const std::string& middle = "") {
     const std::string line = "lfcamsrc name=camera " + properties + " ! " + (middle.empty() ? "" : middle + " ! ") +
                              "fakesink name=sink sync=false enable-last-sample=false";
-    g_autoptr(GError) error = nullptr;
-    pipeline_ = gst_parse_launch(line.c_str(), &error);
-    if (!pipeline_ || error) throw std::runtime_error(line + ": " + (error ? error->message : "?"));
-    camera_ = gst_bin_get_by_name(GST_BIN(pipeline_), "camera");
-    GstElement* sink = gst_bin_get_by_name(GST_BIN(pipeline_), "sink");
-    pad_ = gst_element_get_static_pad(sink, "sink");
-    gst_object_unref(sink);
-    gst_pad_add_probe(pad_,
-                      static_cast<GstPadProbeType>(GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_EVENT_BOTH |
-                                                   GST_PAD_PROBE_TYPE_EVENT_FLUSH),
-                      on_data, this, nullptr);
+    pipeline_ = launch(line);
+    camera_ = child_of(pipeline(), "camera");
+    pad_ = pad_of(child_of(pipeline(), "sink").get(), "sink");
+    constexpr auto kData =
+        GstPadProbeType(GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_EVENT_BOTH | GST_PAD_PROBE_TYPE_EVENT_FLUSH);
+    gst_pad_add_probe(pad(), kData, on_data, this, nullptr);
   }
-  ~CameraPipeline() {
-    gst_element_set_state(pipeline_, GST_STATE_NULL);
-    gst_object_unref(pad_);
-    gst_object_unref(camera_);
-    gst_object_unref(pipeline_);
-  }
+  ~CameraPipeline() { set_state(GST_STATE_NULL); }
   CameraPipeline(const CameraPipeline&) = delete;
-  CameraPipeline& operator=(const CameraPipeline&) = delete;
 
-  GstStateChangeReturn set_state(GstState state) { return gst_element_set_state(pipeline_, state); }
+  GstStateChangeReturn set_state(GstState state) { return gst_element_set_state(pipeline(), state); }
   bool reach(GstState state) {
     set_state(state);
-    const GstStateChangeReturn result = gst_element_get_state(pipeline_, nullptr, nullptr, 10 * GST_SECOND);
+    const GstStateChangeReturn result = gst_element_get_state(pipeline(), nullptr, nullptr, 10 * GST_SECOND);
     return result == GST_STATE_CHANGE_SUCCESS || result == GST_STATE_CHANGE_NO_PREROLL;
   }
   // Returns "EOS", the text of the first error, or "timeout". Earlier warnings are in `warnings`.
   std::string wait(GstClockTime timeout = 20 * GST_SECOND) {
-    GstBus* bus = gst_element_get_bus(pipeline_);
+    g_autoptr(GstBus) bus = gst_element_get_bus(pipeline());
     const gint64 end = g_get_monotonic_time() + static_cast<gint64>(timeout / GST_USECOND);
-    GstMessage* message = nullptr;
     for (;;) {
       const gint64 left = std::max<gint64>(0, end - g_get_monotonic_time());
-      message = gst_bus_timed_pop_filtered(
-          bus, static_cast<GstClockTime>(left) * GST_USECOND,
-          static_cast<GstMessageType>(GST_MESSAGE_EOS | GST_MESSAGE_ERROR | GST_MESSAGE_WARNING));
-      if (!message || GST_MESSAGE_TYPE(message) != GST_MESSAGE_WARNING) break;
-      g_autoptr(GError) warning = nullptr;
-      gst_message_parse_warning(message, &warning, nullptr);
-      warnings += warning->message;
-      gst_clear_message(&message);
+      constexpr auto kAny = GstMessageType(GST_MESSAGE_EOS | GST_MESSAGE_ERROR | GST_MESSAGE_WARNING);
+      const MessagePtr message(gst_bus_timed_pop_filtered(bus, static_cast<GstClockTime>(left) * GST_USECOND, kAny));
+      if (!message) return "timeout";
+      if (GST_MESSAGE_TYPE(message.get()) == GST_MESSAGE_EOS) return "EOS";
+      if (GST_MESSAGE_TYPE(message.get()) == GST_MESSAGE_ERROR) return text_of(message.get());
+      warnings += text_of(message.get());
     }
-    gst_object_unref(bus);
-    std::string text = message ? "EOS" : "timeout";
-    if (message && GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR) {
-      g_autoptr(GError) error = nullptr;
-      gst_message_parse_error(message, &error, nullptr);
-      text = error->message;
-    }
-    gst_clear_message(&message);
-    return text;
   }
   std::string play() {
     set_state(GST_STATE_PLAYING);
@@ -91,9 +60,9 @@ class CameraPipeline {
     return text;
   }
 
-  GstElement* pipeline() { return pipeline_; }
-  GstElement* camera() { return camera_; }
-  GstPad* pad() { return pad_; }
+  GstElement* pipeline() { return pipeline_.get(); }
+  GstElement* camera() { return camera_.get(); }
+  GstPad* pad() { return pad_.get(); }
   // Read these members only in state NULL, or while no data flows.
   std::vector<Frame> frames;
   std::vector<std::string> items;  // event names, or "buffer"
@@ -126,16 +95,14 @@ class CameraPipeline {
   }
 
   void take_frame(GstBuffer* buffer, GstPad* pad) {
-    GstEvent* event = gst_pad_get_sticky_event(pad, GST_EVENT_SEGMENT, 0);
+    const EventPtr event(gst_pad_get_sticky_event(pad, GST_EVENT_SEGMENT, 0));
     const GstSegment* segment = nullptr;
-    gst_event_parse_segment(event, &segment);
+    gst_event_parse_segment(event.get(), &segment);
     Frame frame{};
     frame.running_time = gst_segment_to_running_time(segment, GST_FORMAT_TIME, GST_BUFFER_PTS(buffer));
-    gst_event_unref(event);
-    GstCaps* reference = gst_caps_from_string(LF_CAPTURE_TIME_CAPS);
-    const GstReferenceTimestampMeta* meta = gst_buffer_get_reference_timestamp_meta(buffer, reference);
+    const CapsPtr reference(gst_caps_from_string(LF_CAPTURE_TIME_CAPS));
+    const GstReferenceTimestampMeta* meta = gst_buffer_get_reference_timestamp_meta(buffer, reference.get());
     frame.capture_time = meta ? meta->timestamp : GST_CLOCK_TIME_NONE;
-    gst_caps_unref(reference);
     GstVideoFrame picture;
     ASSERT_TRUE(gst_video_frame_map(&picture, &info, buffer, GST_MAP_READ));
     frame.level = *static_cast<uint8_t*>(GST_VIDEO_FRAME_COMP_DATA(&picture, 0));
@@ -145,9 +112,9 @@ class CameraPipeline {
     frames.push_back(frame);
   }
 
-  GstElement* pipeline_;
-  GstElement* camera_;
-  GstPad* pad_;
+  PipelinePtr pipeline_;
+  ElementPtr camera_;
+  PadPtr pad_;
 };
 
 class CamSrcTest : public ::testing::Test {

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <gtest/gtest.h>
-
 #include "camsrc/camera_stream.h"
 #include "gst/gst_test.h"
 

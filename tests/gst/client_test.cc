@@ -1,11 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <chrono>
-#include <map>
-#include <thread>
-
-#include <gtest/gtest.h>
-
 #include "fragment/client.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

@@ -2,16 +2,9 @@
 //
 // Pipelines that share only a clock: each has its own base time.
 #include <gst/app/gstappsrc.h>
-#include <gtest/gtest.h>
 
-#include <mutex>
-#include <string>
-#include <vector>
-
-#include "base/schedule.h"
 #include "common/wall_clock.h"
 #include "gst/array_fixture.h"
-#include "gst/gst_test.h"
 #include "support/answers.h"
 
 namespace lf::test {
@@ -27,26 +20,12 @@ struct Answers {
   std::vector<wire::Answer> seen;
 };
 
-GstPadProbeReturn note_answer(GstPad*, GstPadProbeInfo* info, gpointer data) {
-  auto* answers = static_cast<Answers*>(data);
-  auto answer = wire::decode_answer(to_bytes(GST_PAD_PROBE_INFO_BUFFER(info)));
-  std::lock_guard lock(answers->mutex);
-  if (answer) answers->seen.push_back(std::move(*answer));
-  return GST_PAD_PROBE_OK;
-}
-
-GstPadProbeReturn relay(GstPad*, GstPadProbeInfo* info, gpointer appsrc) {
-  // appsrc sets new timestamps
-  gst_app_src_push_buffer(GST_APP_SRC(appsrc), gst_buffer_copy(GST_PAD_PROBE_INFO_BUFFER(info)));
-  return GST_PAD_PROBE_OK;
-}
-
-void probe(GstElement* pipeline, const char* element, const char* pad_name, GstPadProbeCallback callback,
-           gpointer data) {
-  const ElementPtr owner(gst_bin_get_by_name(GST_BIN(pipeline), element));
-  GstPad* pad = gst_element_get_static_pad(owner.get(), pad_name);
-  gst_pad_add_probe(pad, GST_PAD_PROBE_TYPE_BUFFER, callback, data, nullptr);
-  gst_object_unref(pad);
+void note_answers(GstElement* node, Answers& answers) {
+  on_buffers(node, "src", [&answers](GstBuffer* buffer) {
+    auto answer = wire::decode_answer(to_bytes(buffer));
+    std::lock_guard lock(answers.mutex);
+    if (answer) answers.seen.push_back(std::move(*answer));
+  });
 }
 
 // Node and viewer pipelines have different base times and share only the realtime clock, like hosts synchronised by
@@ -54,32 +33,31 @@ void probe(GstElement* pipeline, const char* element, const char* pad_name, GstP
 TEST(ClockSelect, NodeAndViewerMeetOnTheSchedule) {
   const ArrayFixture array;
   const std::string rig = " is-live=true framerate=5/1 rig=" + array.rig_path() + " ";
-  const ElementPtr node = launch(
+  const PipelinePtr node = launch(
       "clockselect. ( clock-id=realtime appsrc name=in is-live=true format=time "
       "caps=application/x-lightfield-request ! lfcameranode name=n" +
       rig + "! fakesink sync=false async=false )");
-  const ElementPtr viewer = launch("clockselect. ( clock-id=realtime lfviewrequest name=r capture-delay=1000000000" +
-                                   rig + "! fakesink sync=false )");
-  ASSERT_TRUE(viewer && node);
+  const PipelinePtr viewer = launch("clockselect. ( clock-id=realtime lfviewrequest name=r capture-delay=1000000000" +
+                                    rig + "! fakesink sync=false )");
   ASSERT_TRUE(play(node.get()));
   ASSERT_TRUE(play(viewer.get()));
   EXPECT_NE(gst_element_get_base_time(viewer.get()), gst_element_get_base_time(node.get()));
 
   Answers answers;
-  const ElementPtr in(gst_bin_get_by_name(GST_BIN(node.get()), "in"));
-  probe(node.get(), "n", "src", note_answer, &answers);
-  probe(viewer.get(), "r", "src", relay, in.get());
+  const ElementPtr in = child_of(node.get(), "in");
+  note_answers(child_of(node.get(), "n").get(), answers);
+  on_buffers(child_of(viewer.get(), "r").get(), "src", [&](GstBuffer* buffer) {
+    gst_app_src_push_buffer(GST_APP_SRC(in.get()), gst_buffer_copy(buffer));  // appsrc sets new timestamps
+  });
   const uint64_t half = Schedule(5, 1).period() / 2;
-  size_t near = 0;
-  for (int i = 0; i < 1200 && near < 10; i++) {
-    g_usleep(50000);
+  const auto is_near = [half](const wire::Answer& answer) {
+    return answer.fragments.size() > 0 && answer.actual_time != kNoTime &&
+           time_between(answer.actual_time, answer.target_time) <= half;
+  };
+  EXPECT_TRUE(eventually([&] {
     std::lock_guard lock(answers.mutex);
-    near = 0;
-    for (const wire::Answer& answer : answers.seen)
-      near += answer.fragments.size() > 0 && answer.actual_time != kNoTime &&
-              time_between(answer.actual_time, answer.target_time) <= half;
-  }
-  EXPECT_GE(near, 10u);
+    return std::ranges::count_if(answers.seen, is_near) >= 10;
+  }));
   gst_element_set_state(viewer.get(), GST_STATE_NULL);
   gst_element_set_state(node.get(), GST_STATE_NULL);
 }
@@ -88,24 +66,18 @@ TEST(ClockSelect, NodeAndViewerMeetOnTheSchedule) {
 TEST(ClockSelect, RealtimeReachesRequestsAndFrames) {
   const ArrayFixture array;
   const std::string rig = " rig=" + array.rig_path() + " is-live=true framerate=5/1 ";
-  const ElementPtr pipeline = launch("clockselect. ( clock-id=realtime lfviewrequest capture-delay=1000000000" + rig +
-                                     "! lfcameranode name=n" + rig + "! fakesink sync=false )");
-  ASSERT_TRUE(pipeline);
+  const PipelinePtr pipeline = launch("clockselect. ( clock-id=realtime lfviewrequest capture-delay=1000000000" + rig +
+                                      "! lfcameranode name=n" + rig + "! fakesink sync=false )");
   Answers answers;
-  probe(pipeline.get(), "n", "src", note_answer, &answers);
+  note_answers(child_of(pipeline.get(), "n").get(), answers);
   const auto before = static_cast<uint64_t>(g_get_real_time()) * GST_USECOND;
   ASSERT_TRUE(play(pipeline.get()));
-  size_t near = 0;
-  for (int i = 0; i < 1200 && near < 5; i++) {
-    g_usleep(50000);
+  EXPECT_TRUE(eventually([&] {
     std::lock_guard lock(answers.mutex);
-    near = 0;
-    for (const wire::Answer& answer : answers.seen) {
-      EXPECT_GT(answer.target_time + GST_SECOND, before);
-      near += answer.actual_time == answer.target_time;  // the scene is captured on the schedule
-    }
-  }
-  EXPECT_GE(near, 5u);
+    for (const wire::Answer& answer : answers.seen) EXPECT_GT(answer.target_time + GST_SECOND, before);
+    // The scene is captured on the schedule.
+    return std::ranges::count_if(answers.seen, [](const auto& a) { return a.actual_time == a.target_time; }) >= 5;
+  }));
   gst_element_set_state(pipeline.get(), GST_STATE_NULL);
 }
 
@@ -140,28 +112,23 @@ TEST(WallClock, ContinuesWhenTheTimeOfDayIsSet) {
 }
 
 TEST(WallClock, StepIsReportedOnce) {
-  const ElementPtr pipeline = launch("fakesrc name=e ! fakesink");
+  const PipelinePtr pipeline = launch("fakesrc name=e ! fakesink");
   g_autoptr(GstClock) clock = new_wall_clock();
-  const ElementPtr e(gst_bin_get_by_name(GST_BIN(pipeline.get()), "e"));
+  const ElementPtr e = child_of(pipeline.get(), "e");
   gst_element_set_clock(e.get(), clock);
   set_day(clock, -40 * static_cast<GstClockTimeDiff>(GST_SECOND));
   for (int i = 0; i < 5; i++) EXPECT_LT(wall_offset(e.get()), 0);
   g_autoptr(GstBus) bus = gst_element_get_bus(pipeline.get());
-  const std::vector<std::string> told = all_warnings_on(bus);
-  ASSERT_EQ(told.size(), 1u);
-  EXPECT_NE(told[0].find("back by 40.0"), std::string::npos) << told[0];
+  EXPECT_THAT(all_warnings_on(bus), ElementsAre(HasSubstr("back by 40.0")));
 }
 
 TEST(Clocks, CamerasNodesAndRequestsProvideNoClock) {
   const ArrayFixture array;
   for (const std::string element : {"lfcamsrc", "lfcameranode", "lfviewrequest"}) {
-    const ElementPtr pipeline =
+    const PipelinePtr pipeline =
         launch(element + " name=e is-live=true rig=" + array.rig_path() + " ! fakesink async=false");
-    ASSERT_TRUE(pipeline);
     ASSERT_TRUE(play(pipeline.get())) << element;
-    const ElementPtr e(gst_bin_get_by_name(GST_BIN(pipeline.get()), "e"));
-    EXPECT_EQ(gst_element_provide_clock(e.get()), nullptr) << element;
-    gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+    EXPECT_EQ(gst_element_provide_clock(child_of(pipeline.get(), "e").get()), nullptr) << element;
   }
 }
 

@@ -1,18 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <algorithm>
-#include <functional>
-#include <string>
-#include <utility>
-#include <vector>
-
 #include <gst/base/gstaggregator.h>
 #include <gst/video/video.h>
-#include <gtest/gtest.h>
 
 #include "gst/array_fixture.h"
-#include "gst/gst_test.h"
 #include "support/answers.h"
 #include "wire/request_codec.h"
 
@@ -33,7 +25,9 @@ class LfCompositorTest : public testing::Test {
  protected:
   void start(int nodes, const std::vector<std::pair<std::string, std::string>>& properties = {},
              const char* sink_caps = nullptr) {
-    element_.reset(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make("lfcompositor", nullptr))));
+    nodes_.clear();
+    harness_.reset();
+    element_ = make_element("lfcompositor");
     for (const auto& [name, value] : properties)
       gst_util_set_object_arg(G_OBJECT(element_.get()), name.c_str(), value.c_str());
     harness_.reset(gst_harness_new_with_element(element_.get(), "request", "src"));
@@ -65,15 +59,20 @@ class LfCompositorTest : public testing::Test {
     return node_answer(rig, request, cameras, image);
   }
 
-  void push(int node, const wire::Answer& answer) {
-    ASSERT_EQ(gst_harness_push(nodes_[static_cast<size_t>(node)].get(), to_buffer(wire::encode_answer(answer))),
-              GST_FLOW_OK);
+  void push(size_t node, const std::vector<uint8_t>& bytes) {
+    ASSERT_EQ(gst_harness_push(nodes_[node].get(), to_buffer(bytes)), GST_FLOW_OK);
   }
+  void push(size_t node, const wire::Answer& answer) { push(node, wire::encode_answer(answer)); }
 
+  // Sends a request and the answer of node 0.
+  void request_and_answer(const ViewRequest& asked, const std::vector<CameraIndex>& cameras, uint8_t grey = 200,
+                          PixelFamily family = PixelFamily::kRgb) {
+    request(asked);
+    push(0, answer_of(asked, cameras, grey, family));
+  }
   ViewRequest ask_and_answer(uint32_t sequence, uint64_t time, const std::vector<CameraIndex>& cameras) {
     const ViewRequest asked = array_.request(sequence, time);
-    request(asked);
-    push(0, answer_of(asked, cameras));
+    request_and_answer(asked, cameras);
     return asked;
   }
 

@@ -1,25 +1,19 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <memory>
-
-#include <gtest/gtest.h>
-
 #include "common/custom_events.h"
+#include "gst/array_fixture.h"
 
 namespace lf::test {
 namespace {
 
-using EventPtr = std::unique_ptr<GstEvent, void (*)(GstEvent*)>;
-
 // Copies the event, as elements do to make it writable.
 std::shared_ptr<const ViewFeedback> round_trip(const ViewFeedback& feedback) {
-  const EventPtr event(view_feedback_event(feedback), gst_event_unref);
-  const EventPtr copy(gst_event_copy(event.get()), gst_event_unref);
+  const EventPtr event(view_feedback_event(feedback)), copy(gst_event_copy(event.get()));
   EXPECT_EQ(parse_view_feedback(copy.get()), parse_view_feedback(event.get())) << "shared";
   return parse_view_feedback(copy.get());
 }
 
 EventPtr custom_event(GstStructure* structure) {
-  return {gst_event_new_custom(GST_EVENT_CUSTOM_UPSTREAM, structure), gst_event_unref};
+  return EventPtr(gst_event_new_custom(GST_EVENT_CUSTOM_UPSTREAM, structure));
 }
 
 ViewRequest example_request() {
@@ -37,12 +31,7 @@ TEST(ViewFeedback, RoundTripsEachPart) {
   DepthEstimator::Plan plan{
       .view = request.view, .hypotheses = {{DepthHypothesis::Kind::kPlane, 200}}, .on_plane = true};
   plan.plane = Plane{{0, 0, 1}, 1.5};
-  FocalMap map = FocalMap::for_view(64, 48);
-  map.farthest = 0.05;
-  map.nearest = 0.3;
-  map.levels.assign(static_cast<size_t>(map.columns) * map.rows, 51);
-  map.from = {{0, 0, 1}, 0};
-  plan.view.focus.map = std::make_shared<FocalMap>(map);
+  plan.view.focus.map = flat_surface(request.view);
   ViewRequest probe = request;
   probe.probe = true;
   const ViewFeedback sent{.view_id = 7,
@@ -58,7 +47,7 @@ TEST(ViewFeedback, RoundTripsEachPart) {
   EXPECT_EQ(came->focus->plan.on_plane, plan.on_plane);
   EXPECT_EQ(came->focus->plan.plane, plan.plane);
   ASSERT_TRUE(came->focus->plan.view.focus.map);
-  EXPECT_EQ(*came->focus->plan.view.focus.map, map);
+  EXPECT_EQ(*came->focus->plan.view.focus.map, *plan.view.focus.map);
   EXPECT_TRUE(came->focus->gains.use);
   EXPECT_EQ(came->out_of_service, sent.out_of_service);
   EXPECT_EQ(came->extra_requests, sent.extra_requests);
@@ -80,8 +69,7 @@ TEST(ViewFeedback, OtherEventsAreIgnored) {
   EXPECT_FALSE(parse_view_feedback(custom_event(gst_structure_new_empty("another")).get()));
   EXPECT_FALSE(parse_view_feedback(custom_event(gst_structure_new_empty(LF_VIEW_FEEDBACK_EVENT)).get()))
       << "no feedback";
-  const EventPtr eos(gst_event_new_eos(), gst_event_unref);
-  EXPECT_FALSE(parse_view_feedback(eos.get()));
+  EXPECT_FALSE(parse_view_feedback(EventPtr(gst_event_new_eos()).get()));
 }
 
 TEST(ViewFeedback, OtherFieldsAreIgnored) {

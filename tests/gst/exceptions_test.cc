@@ -2,13 +2,8 @@
 //
 // Exceptions become errors or refusals, never reach GStreamer's C code, and leave no lock held. Tests make each
 // allocation fail in turn with a replaced operator new.
-#include <gmock/gmock.h>
 #include <gst/video/video.h>
-#include <gtest/gtest.h>
 
-#include <atomic>
-#include <cstdlib>
-#include <functional>
 #include <new>
 
 #include "gst/array_fixture.h"
@@ -60,7 +55,7 @@ namespace {
 class Exceptions : public testing::Test {
  protected:
   // Reads the rig in advance: nlohmann::json terminates the program if a destructor cannot allocate.
-  Exceptions() : has_rig_(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make("lffragment", nullptr)))) {
+  Exceptions() {
     set_rig(has_rig_.get());
     EXPECT_EQ(gst_element_set_state(has_rig_.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_SUCCESS);
   }
@@ -71,7 +66,7 @@ class Exceptions : public testing::Test {
     int places = 0;
     for (bool reached_end = false; !reached_end; places++) {
       ASSERT_LT(places, 20000);
-      ElementPtr element(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make(factory, nullptr))));
+      ElementPtr element = make_element(factory);
       ASSERT_TRUE(element);
       if (prepare) prepare(element.get());
       left = places;
@@ -94,7 +89,7 @@ class Exceptions : public testing::Test {
   }
 
   ArrayFixture array_;
-  ElementPtr has_rig_;
+  const ElementPtr has_rig_ = make_element("lffragment");
   int places_ = 0;
 };
 
@@ -106,12 +101,9 @@ TEST_F(Exceptions, InProperties) {
     SCOPED_TRACE(factory);
     each_place(factory, [&](GstElement* element) {
       set_rig(element);
-      GstStructure* stats = nullptr;
-      if (g_object_class_find_property(G_OBJECT_GET_CLASS(element), "stats"))
-        g_object_get(element, "stats", &stats, nullptr);
-      if (stats) gst_structure_free(stats);
+      if (g_object_class_find_property(G_OBJECT_GET_CLASS(element), "stats")) stats_of(element);
       guint count = 0;
-      GParamSpec** specs = g_object_class_list_properties(G_OBJECT_GET_CLASS(element), &count);
+      g_autofree GParamSpec** specs = g_object_class_list_properties(G_OBJECT_GET_CLASS(element), &count);
       for (guint i = 0; i < count; i++) {
         if (!(specs[i]->flags & G_PARAM_READABLE) || !(specs[i]->flags & G_PARAM_WRITABLE)) continue;
         if (g_str_equal(specs[i]->name, "parent")) continue;
@@ -120,7 +112,6 @@ TEST_F(Exceptions, InProperties) {
         if (G_IS_VALUE(&value)) g_object_set_property(G_OBJECT(element), specs[i]->name, &value);
         if (G_IS_VALUE(&value)) g_value_unset(&value);
       }
-      g_free(specs);
     });
   }
   EXPECT_GT(places_, 20);
@@ -179,16 +170,15 @@ TEST_F(Exceptions, InAnswers) {
       "lffragment",
       [&](GstElement* element) {
         gst_element_set_state(element, GST_STATE_PAUSED);
-        GstPad* request = gst_element_get_static_pad(element, "request");
+        const PadPtr request = pad_of(element, "request");
         push_start(camera, caps.c_str());
         gst_pad_chain(camera, gst_buffer_ref(frame.get()));
         gst_pad_send_event(camera, gst_event_new_eos());
-        push_start(request, kRequestCaps);
-        GstBuffer* buffer = gst_buffer_new_memdup(bytes.data(), bytes.size());
+        push_start(request.get(), kRequestCaps);
+        GstBuffer* buffer = to_buffer(bytes);
         GST_BUFFER_PTS(buffer) = 0;
-        gst_pad_chain(request, buffer);
-        gst_pad_send_event(request, gst_event_new_eos());
-        gst_object_unref(request);
+        gst_pad_chain(request.get(), buffer);
+        gst_pad_send_event(request.get(), gst_event_new_eos());
         gst_element_release_request_pad(element, camera);
         gst_clear_object(&camera);
       },
@@ -208,7 +198,7 @@ TEST_F(Exceptions, LoseOnlyOneAnswer) {
       "lffragment",
       [&](GstElement*) {
         const auto ask = [&](size_t i) {
-          GstBuffer* buffer = gst_buffer_new_memdup(requests[i].data(), requests[i].size());
+          GstBuffer* buffer = to_buffer(requests[i]);
           GST_BUFFER_PTS(buffer) = 0;
           return gst_harness_push(harness.get(), buffer);
         };
@@ -245,7 +235,7 @@ TEST_F(Exceptions, InComposition) {
   const std::vector<uint8_t> request_bytes = wire::encode_request(asked), answer_bytes = wire::encode_answer(answer);
   const auto pass = [](GstPad* pad, const char* caps, const std::vector<uint8_t>& bytes) {
     push_start(pad, caps);
-    GstBuffer* buffer = gst_buffer_new_memdup(bytes.data(), bytes.size());
+    GstBuffer* buffer = to_buffer(bytes);
     GST_BUFFER_PTS(buffer) = 0;
     gst_pad_chain(pad, buffer);
     gst_pad_send_event(pad, gst_event_new_eos());
@@ -255,11 +245,9 @@ TEST_F(Exceptions, InComposition) {
       "lfcompositor",
       [&](GstElement* element) {
         gst_element_set_state(element, GST_STATE_PLAYING);
-        GstPad* request = gst_element_get_static_pad(element, "request");
         pass(node, kAnswerCaps, answer_bytes);
-        pass(request, kRequestCaps, request_bytes);
+        pass(pad_of(element, "request").get(), kRequestCaps, request_bytes);
         gst_element_set_state(element, GST_STATE_READY);
-        gst_object_unref(request);
         gst_element_release_request_pad(element, node);
         gst_clear_object(&node);
       },
@@ -274,17 +262,12 @@ TEST_F(Exceptions, InRequests) {
       "lfviewrequest",
       [](GstElement* element) {
         gst_element_set_state(element, GST_STATE_PLAYING);
-        gboolean done = FALSE;
-        GstStructure* view = gst_structure_new("view", "x", G_TYPE_DOUBLE, 0.25, nullptr);
-        g_signal_emit_by_name(element, "set-view", view, &done);
-        gst_structure_free(view);
-        GstPad* src = gst_element_get_static_pad(element, "src");
-        gst_pad_send_event(src, gst_event_new_seek(1, GST_FORMAT_TIME, GST_SEEK_FLAG_FLUSH, GST_SEEK_TYPE_SET, 0,
-                                                   GST_SEEK_TYPE_NONE, -1));
-        GstQuery* query = gst_query_new_latency();
-        gst_pad_query(src, query);
-        gst_query_unref(query);
-        gst_object_unref(src);
+        emit(element, "set-view", StructurePtr(gst_structure_new("view", "x", G_TYPE_DOUBLE, 0.25, nullptr)).get());
+        const PadPtr src = pad_of(element, "src");
+        gst_pad_send_event(src.get(), gst_event_new_seek(1, GST_FORMAT_TIME, GST_SEEK_FLAG_FLUSH, GST_SEEK_TYPE_SET, 0,
+                                                         GST_SEEK_TYPE_NONE, -1));
+        g_autoptr(GstQuery) query = gst_query_new_latency();
+        gst_pad_query(src.get(), query);
         gst_element_set_state(element, GST_STATE_READY);
       },
       [&](GstElement* element) { set_rig(element); });
@@ -305,17 +288,10 @@ TEST_F(Exceptions, LoseOnlyOneRequest) {
     passed.requests = 0;
     set_rig(element);
     g_object_set(element, "num-buffers", kRequests, nullptr);
-    GstPad* src = gst_element_get_static_pad(element, "src");
-    gst_pad_add_probe(src, GST_PAD_PROBE_TYPE_BUFFER, pass, &passed, nullptr);
-    gst_object_unref(src);
+    gst_pad_add_probe(pad_of(element, "src").get(), GST_PAD_PROBE_TYPE_BUFFER, pass, &passed, nullptr);
     HarnessPtr harness(gst_harness_new_with_element(element, nullptr, "src"));
     gst_harness_play(harness.get());
-    for (bool ended = false; !ended;) {
-      GstEvent* event = gst_harness_pull_event(harness.get());
-      ASSERT_TRUE(event);
-      ended = GST_EVENT_TYPE(event) == GST_EVENT_EOS;
-      gst_event_unref(event);
-    }
+    ASSERT_TRUE(reaches_eos(harness.get()));
     const int rest = left.exchange(-1);
     EXPECT_EQ(passed.requests, kRequests);
     harness.reset();
@@ -325,20 +301,13 @@ TEST_F(Exceptions, LoseOnlyOneRequest) {
 }
 
 TEST_F(Exceptions, ArePostedAsErrors) {
-  const ElementPtr element(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make("lffragment", nullptr))));
+  const ElementPtr element = make_element("lffragment");
   set_rig(element.get());
-  const std::unique_ptr<GstBus, Unref<gst_object_unref>> bus(gst_bus_new());
-  gst_element_set_bus(element.get(), bus.get());
+  const ElementBus bus(element.get());
   left = 0;
   EXPECT_EQ(gst_element_set_state(element.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE);
   left = -1;
-  GstMessage* message = gst_bus_pop_filtered(bus.get(), GST_MESSAGE_ERROR);
-  ASSERT_TRUE(message);
-  g_autoptr(GError) error = nullptr;
-  gst_message_parse_error(message, &error, nullptr);
-  EXPECT_THAT(error->message, testing::HasSubstr("memory"));
-  gst_message_unref(message);
-  gst_element_set_bus(element.get(), nullptr);
+  EXPECT_THAT(bus.errors(), ElementsAre(HasSubstr("memory")));
   EXPECT_EQ(gst_element_set_state(element.get(), GST_STATE_NULL), GST_STATE_CHANGE_SUCCESS);
   EXPECT_EQ(gst_element_set_state(element.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_SUCCESS)
       << "recovered";

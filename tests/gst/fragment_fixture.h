@@ -1,13 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <string>
-#include <utility>
-#include <vector>
-
 #include "gst/array_fixture.h"
 #include "support/answers.h"
 #include "wire/request_codec.h"
@@ -16,8 +9,11 @@ namespace lf::test {
 
 class LfFragmentTest : public testing::Test {
  protected:
-  void start(int cameras, const char* format = "RGB", bool live = false) {
-    element_.reset(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make("lffragment", nullptr))));
+  // Starts a new element.
+  virtual void start(int cameras, const char* format = "RGB", bool live = false) {
+    cameras_.clear();
+    harness_.reset();
+    element_ = make_element("lffragment");
     g_object_set(element_.get(), "rig", array_.rig_path().c_str(), "node", 7u, nullptr);
     harness_.reset(gst_harness_new_with_element(element_.get(), "request", "src"));
     gst_harness_set_live(harness_.get(), FALSE);
@@ -30,15 +26,32 @@ class LfFragmentTest : public testing::Test {
     gst_harness_set_src_caps_str(harness_.get(), "application/x-lightfield-request,framerate=10/1");
   }
 
+  // Starts cameras and sends a uniform frame of each.
+  void start_showing(uint8_t value, int cameras = 4) {
+    start(cameras);
+    push_frames(value, 0);
+  }
+
   void set(const char* property, const char* value) {
     gst_util_set_object_arg(G_OBJECT(element_.get()), property, value);
   }
 
+  static void push_frame(const HarnessPtr& camera, uint8_t value, uint64_t time, const char* format = "RGB") {
+    ASSERT_EQ(gst_harness_push(camera.get(), ArrayFixture::frame(format, value, time)), GST_FLOW_OK);
+  }
   void push_frames(uint8_t value, uint64_t time, const char* format = "RGB") {
-    for (const HarnessPtr& camera : cameras_)
-      ASSERT_EQ(gst_harness_push(camera.get(), ArrayFixture::frame(format, value, time)), GST_FLOW_OK);
+    for (const HarnessPtr& camera : cameras_) push_frame(camera, value, time, format);
+  }
+  // Makes the requests a live stream, so the element waits for no camera.
+  void make_live() {
+    gst_harness_set_live(harness_.get(), TRUE);
+    push_segment(harness_.get());
+  }
+  void end_cameras() {
+    for (const HarnessPtr& camera : cameras_) gst_harness_push_event(camera.get(), gst_event_new_eos());
   }
 
+  GstFlowReturn push(const std::vector<uint8_t>& bytes) { return gst_harness_push(harness_.get(), to_buffer(bytes)); }
   GstFlowReturn request(const ViewRequest& request) {
     GstBuffer* buffer = to_buffer(wire::encode_request(request));
     GST_BUFFER_PTS(buffer) = request.target_time;
@@ -46,6 +59,11 @@ class LfFragmentTest : public testing::Test {
     return gst_harness_push(harness_.get(), buffer);
   }
 
+  // Returns the answer to a request.
+  wire::Answer answer_to(const ViewRequest& asked) {
+    EXPECT_EQ(request(asked), GST_FLOW_OK);
+    return pull();
+  }
   wire::Answer pull() {
     const BufferPtr buffer(gst_harness_pull(harness_.get()));
     if (!buffer) {
@@ -73,19 +91,9 @@ class LfFragmentTest : public testing::Test {
     bus_.reset(gst_bus_new());
     gst_element_set_bus(element_.get(), bus_.get());
   }
-  std::vector<std::string> warnings(GstMessageType type = GST_MESSAGE_WARNING) {
-    std::vector<std::string> texts;
-    while (GstMessage* message = gst_bus_pop_filtered(bus_.get(), type)) {
-      g_autoptr(GError) error = nullptr;
-      const auto parse = type == GST_MESSAGE_WARNING ? gst_message_parse_warning : gst_message_parse_error;
-      parse(message, &error, nullptr);
-      texts.emplace_back(error->message);
-      gst_message_unref(message);
-    }
-    return texts;
-  }
+  std::vector<std::string> warnings(GstMessageType type = GST_MESSAGE_WARNING) { return texts_on(bus_.get(), type); }
 
-  std::unique_ptr<GstBus, Unref<gst_object_unref>> bus_;
+  BusPtr bus_;
   ArrayFixture array_;
   ElementPtr element_;
   std::vector<HarnessPtr> cameras_;

@@ -1,13 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "gst/gst_test.h"
 
-#include <gtest/gtest.h>
-#include <unistd.h>
-
-#include <algorithm>
-#include <filesystem>
-#include <fstream>
-
 #include "support/select_files.h"
 
 namespace lf::test {
@@ -20,68 +13,79 @@ std::vector<uint8_t> to_bytes(GstBuffer* buffer) {
   return bytes;
 }
 
-ElementPtr launch(const std::string& line) {
-  GError* error = nullptr;
-  GstElement* pipeline = gst_parse_launch_full(line.c_str(), nullptr, GST_PARSE_FLAG_FATAL_ERRORS, &error);
-  if (error) ADD_FAILURE() << line << ": " << error->message;
-  g_clear_error(&error);
-  return ElementPtr(pipeline);
+ElementPtr make_element(const char* factory) {
+  return ElementPtr(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make(factory, nullptr))));
+}
+
+ElementPtr child_of(GstElement* bin, const std::string& name) {
+  return ElementPtr(gst_bin_get_by_name(GST_BIN(bin), name.c_str()));
+}
+
+PadPtr pad_of(GstElement* element, const char* name) { return PadPtr(gst_element_get_static_pad(element, name)); }
+
+void on_buffers(GstElement* element, const char* pad, std::function<void(GstBuffer*)> see) {
+  using See = std::function<void(GstBuffer*)>;
+  const auto probe = [](GstPad*, GstPadProbeInfo* info, gpointer data) {
+    (*static_cast<See*>(data))(GST_PAD_PROBE_INFO_BUFFER(info));
+    return GST_PAD_PROBE_OK;
+  };
+  gst_pad_add_probe(pad_of(element, pad).get(), GST_PAD_PROBE_TYPE_BUFFER, probe, new See(std::move(see)),
+                    [](gpointer data) { delete static_cast<See*>(data); });
+}
+
+PipelinePtr launch(const std::string& line) {
+  g_autoptr(GError) error = nullptr;
+  PipelinePtr pipeline(gst_parse_launch_full(line.c_str(), nullptr, GST_PARSE_FLAG_FATAL_ERRORS, &error));
+  if (!pipeline) throw std::runtime_error(line + ": " + error->message);
+  return pipeline;
 }
 
 std::string run(GstElement* pipeline, double seconds) {
   gst_element_set_state(pipeline, GST_STATE_PLAYING);
-  GstBus* bus = gst_element_get_bus(pipeline);
-  GstMessage* message = gst_bus_timed_pop_filtered(bus, static_cast<GstClockTime>(seconds * GST_SECOND),
-                                                   static_cast<GstMessageType>(GST_MESSAGE_EOS | GST_MESSAGE_ERROR));
-  std::string result;
-  if (!message) {
-    result = "timeout";
-  } else if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR) {
-    GError* error = nullptr;
-    gchar* debug = nullptr;
-    gst_message_parse_error(message, &error, &debug);
+  g_autoptr(GstBus) bus = gst_element_get_bus(pipeline);
+  const MessagePtr message(gst_bus_timed_pop_filtered(bus, static_cast<GstClockTime>(seconds * GST_SECOND),
+                                                      GstMessageType(GST_MESSAGE_EOS | GST_MESSAGE_ERROR)));
+  std::string result = message ? "" : "timeout";
+  if (message && GST_MESSAGE_TYPE(message.get()) == GST_MESSAGE_ERROR) {
+    g_autoptr(GError) error = nullptr;
+    g_autofree gchar* debug = nullptr;
+    gst_message_parse_error(message.get(), &error, &debug);
     result = std::string(error->message) + " (" + (debug ? debug : "") + ")";
-    g_clear_error(&error);
-    g_free(debug);
   }
-  if (message) gst_message_unref(message);
-  gst_object_unref(bus);
   gst_element_set_state(pipeline, GST_STATE_NULL);
   return result;
 }
 
-std::string run(const std::string& line, double seconds) {
-  const ElementPtr pipeline = launch(line);
-  return pipeline ? run(pipeline.get(), seconds) : "no pipeline";
-}
+std::string run(const std::string& line, double seconds) { return run(launch(line).get(), seconds); }
 
 std::string caps_of(GstPad* pad) {
   const CapsPtr caps(gst_pad_get_current_caps(pad));
   if (!caps) return "";
-  gchar* text = gst_caps_to_string(caps.get());
-  const std::string out = text;
-  g_free(text);
-  return out;
+  g_autofree gchar* text = gst_caps_to_string(caps.get());
+  return text;
 }
 
 uint64_t stat(GstElement* element, const char* field) {
-  GstStructure* stats = nullptr;
-  g_object_get(element, "stats", &stats, nullptr);
-  const StructurePtr owner(stats);
+  const StructurePtr stats = stats_of(element);
   guint64 value = 0;
-  if (!stats || !gst_structure_get_uint64(stats, field, &value)) ADD_FAILURE() << "stats have no " << field;
+  if (!stats || !gst_structure_get_uint64(stats.get(), field, &value)) ADD_FAILURE() << "stats have no " << field;
   return value;
 }
 
-std::vector<std::string> all_warnings_on(GstBus* bus) {
+std::string text_of(GstMessage* message) {
+  g_autoptr(GError) error = nullptr;
+  const bool warns = GST_MESSAGE_TYPE(message) == GST_MESSAGE_WARNING;
+  (warns ? gst_message_parse_warning : gst_message_parse_error)(message, &error, nullptr);
+  return error->message;
+}
+
+std::vector<std::string> texts_on(GstBus* bus, GstMessageType type) {
   std::vector<std::string> texts;
-  while (g_autoptr(GstMessage) message = gst_bus_pop_filtered(bus, GST_MESSAGE_WARNING)) {
-    g_autoptr(GError) error = nullptr;
-    gst_message_parse_warning(message, &error, nullptr);
-    texts.emplace_back(error->message);
-  }
+  while (const MessagePtr message{gst_bus_pop_filtered(bus, type)}) texts.push_back(text_of(message.get()));
   return texts;
 }
+
+std::vector<std::string> all_warnings_on(GstBus* bus) { return texts_on(bus, GST_MESSAGE_WARNING); }
 
 std::string warnings_on(GstBus* bus) {
   std::string all;
@@ -89,15 +93,27 @@ std::string warnings_on(GstBus* bus) {
   return all;
 }
 
+std::string warnings_of(GstElement* pipeline) {
+  g_autoptr(GstBus) bus = gst_element_get_bus(pipeline);
+  return warnings_on(bus);
+}
+
 bool reaches_eos(GstHarness* harness) {
-  bool ended = false;
-  while (!ended) {
-    GstEvent* event = gst_harness_pull_event(harness);  // times out after a minute
-    if (!event) break;
-    ended = GST_EVENT_TYPE(event) == GST_EVENT_EOS;
-    gst_event_unref(event);
-  }
-  return ended;
+  while (const EventPtr event{gst_harness_pull_event(harness)})  // times out after a minute
+    if (GST_EVENT_TYPE(event.get()) == GST_EVENT_EOS) return true;
+  return false;
+}
+
+void push_segment(GstHarness* harness) {
+  GstSegment segment;
+  gst_segment_init(&segment, GST_FORMAT_TIME);
+  gst_harness_push_event(harness, gst_event_new_segment(&segment));
+}
+
+void flush(GstHarness* harness) {
+  gst_harness_push_event(harness, gst_event_new_flush_start());
+  gst_harness_push_event(harness, gst_event_new_flush_stop(TRUE));
+  push_segment(harness);
 }
 
 TempFile::TempFile(const std::vector<uint8_t>& bytes, const std::string& ending) {

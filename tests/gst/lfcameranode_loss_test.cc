@@ -1,87 +1,68 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // Cameras of a node that fail and recover.
-#include <algorithm>
-#include <atomic>
-#include <filesystem>
-#include <fstream>
 
-#include <gmock/gmock.h>
 #include <gst/video/gstvideodecoder.h>
-#include <unistd.h>
 
 #include "gst/loss_fixture.h"
 #include "gst/rtsp_server.h"
-#include "support/mentions.h"
 #include "support/process.h"
 
 namespace lf::test {
 namespace {
-
-using testing::AllOf;
-using testing::Contains;
-using testing::Each;
-using testing::ElementsAre;
-using testing::HasSubstr;
-using testing::IsEmpty;
-using testing::Not;
 
 TEST_F(LossTest, MissingFileIsOpenedWhenItAppears) {
   const std::string late = files->path("late.mkv");
   const WatchedPipeline pipeline(line(rig(3, [](guint id) { return id == 1 ? "late.mkv" : "mjpeg.mkv"; })),
                                  GST_STATE_NULL);
   ASSERT_NE(pipeline.set_state(GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE);
-  const ElementPtr node = pipeline.child("n"), compositor = pipeline.child("c0");
+  const ElementPtr compositor = pipeline.child("c0");
   EXPECT_TRUE(eventually([&] { return pipeline.out_of_service() == 1; }));
   EXPECT_TRUE(eventually([&] { return stat(compositor.get(), "pictures") > 20; }));
   EXPECT_EQ(pipeline.lost(1), 1) << "one message, many attempts";
   EXPECT_THAT(pipeline.reason(1), AllOf(HasSubstr("camera 1 (cam_1)"), mentions(late, "no such")));
   EXPECT_THAT(pipeline.losses(), ElementsAre(mentions(late, "no such", "out of service")));
-  EXPECT_TRUE(eventually([&] { return camera_stats(node.get(), 1).retries > 1; }));
-  EXPECT_EQ(camera_stats(node.get(), 1).state, "lost");
-  EXPECT_THAT(camera_stats(node.get(), 1).reason, HasSubstr("no such file"));
-  EXPECT_EQ(camera_stats(node.get(), 0).state, "running");
+  EXPECT_TRUE(eventually([&] { return pipeline.camera(1).retries > 1; }));
+  EXPECT_EQ(pipeline.camera(1).state, "lost");
+  EXPECT_THAT(pipeline.camera(1).reason, HasSubstr("no such file"));
+  EXPECT_EQ(pipeline.camera(0).state, "running");
 
   std::filesystem::copy(files->path("mjpeg.mkv"), late);
   EXPECT_TRUE(eventually([&] { return pipeline.found(1) == 1; }));
   EXPECT_TRUE(eventually([&] { return pipeline.out_of_service() == 0; }));
-  EXPECT_EQ(camera_stats(node.get(), 1).state, "running");
-  EXPECT_EQ(camera_stats(node.get(), 1).losses, 1u);
+  EXPECT_EQ(pipeline.camera(1).state, "running");
+  EXPECT_EQ(pipeline.camera(1).losses, 1u);
   pipeline.stop();
   std::filesystem::remove(late);
 }
 
 TEST_F(LossTest, HalfOfTheCamerasFailTogether) {
   const WatchedPipeline pipeline(line(devices(4)));
-  const ElementPtr node = pipeline.child("n"), sink = pipeline.child("s0");
-  Pictures pictures(sink.get());
+  Pictures pictures(pipeline);
   EXPECT_TRUE(eventually([&] { return pictures.count() > 10; }));
   for (const size_t id : {1, 3}) failing_device(id).broken = true;
   EXPECT_TRUE(eventually([&] { return pipeline.out_of_service() == 2; }));
   EXPECT_THAT(pipeline.reason(3), mentions("failing://3", "Device 3"));
-  for (const int id : {1, 3}) EXPECT_TRUE(eventually([&] { return camera_stats(node.get(), id).retries > 0; }));
-  const int before = pictures.count();
-  EXPECT_TRUE(eventually([&] { return pictures.count() > before + 10; }));
-  EXPECT_THAT(camera_stats(node.get(), 1).reason, HasSubstr("Device 1 is busy"));
+  for (const int id : {1, 3}) EXPECT_TRUE(eventually([&] { return pipeline.camera(id).retries > 0; }));
+  EXPECT_TRUE(pictures.has_more(10));
+  EXPECT_THAT(pipeline.camera(1).reason, HasSubstr("Device 1 is busy"));
   // A missing rig file must not matter while a camera is lost.
   const std::string rig_file = files->path("loss.json");
   std::filesystem::rename(rig_file, rig_file + ".gone");
-  const uint64_t tried = camera_stats(node.get(), 1).retries;
-  EXPECT_TRUE(eventually([&] { return camera_stats(node.get(), 1).retries > tried; }));
-  EXPECT_THAT(camera_stats(node.get(), 1).reason, mentions("loss.json", "no such"));
+  const uint64_t tried = pipeline.camera(1).retries;
+  EXPECT_TRUE(eventually([&] { return pipeline.camera(1).retries > tried; }));
+  EXPECT_THAT(pipeline.camera(1).reason, mentions("loss.json", "no such"));
   std::filesystem::rename(rig_file + ".gone", rig_file);
   for (const size_t id : {1, 3}) failing_device(id).broken = false;
   EXPECT_TRUE(
       eventually([&] { return pipeline.found(1) == 1 && pipeline.found(3) == 1 && pipeline.out_of_service() == 0; }));
-  pipeline.set_state(GST_STATE_NULL);
+  pipeline.stop();
   EXPECT_EQ(pipeline.losses().size(), 2u);
-  EXPECT_THAT(pipeline.errors(), IsEmpty());
 }
 
 TEST_F(LossTest, EndOfALiveStreamIsALoss) {
   const WatchedPipeline pipeline(line(devices(2)));
-  const ElementPtr node = pipeline.child("n");
-  EXPECT_TRUE(eventually([&] { return camera_stats(node.get(), 1).state == "running"; }));
+  EXPECT_TRUE(eventually([&] { return pipeline.camera(1).state == "running"; }));
   failing_device(1).ends = true;
   EXPECT_TRUE(eventually([&] { return pipeline.lost(1) >= 1; }));
   EXPECT_THAT(pipeline.reason(1), HasSubstr("the stream ended"));
@@ -92,8 +73,7 @@ TEST_F(LossTest, EndOfALiveStreamIsALoss) {
 
 TEST_F(LossTest, SilentCameraIsLost) {
   const WatchedPipeline pipeline(line(devices(2)));
-  const ElementPtr node = pipeline.child("n");
-  EXPECT_TRUE(eventually([&] { return camera_stats(node.get(), 1).state == "running"; }));
+  EXPECT_TRUE(eventually([&] { return pipeline.camera(1).state == "running"; }));
   failing_device(1).stalls = true;
   EXPECT_TRUE(eventually([&] { return pipeline.lost(1) == 1; }));
   EXPECT_THAT(pipeline.reason(1), mentions("failing://1", "5 s"));
@@ -104,15 +84,13 @@ TEST_F(LossTest, SilentCameraIsLost) {
   g_usleep(7000000);
   pipeline.set_state(GST_STATE_PLAYING);
   EXPECT_TRUE(eventually([&] { return pipeline.out_of_service() == 0; }));
-  pipeline.set_state(GST_STATE_NULL);
+  pipeline.stop();
   EXPECT_EQ(pipeline.lost(0) + pipeline.lost(1), 1);
-  EXPECT_THAT(pipeline.errors(), IsEmpty());
 }
 
 TEST_F(LossTest, WithoutRetryACameraStaysLost) {
   const WatchedPipeline pipeline(line(devices(2), 1, "is-live=true retry=false"));
-  const ElementPtr node = pipeline.child("n");
-  EXPECT_TRUE(eventually([&] { return camera_stats(node.get(), 1).state == "running"; }));
+  EXPECT_TRUE(eventually([&] { return pipeline.camera(1).state == "running"; }));
   failing_device(1).broken = true;
   EXPECT_TRUE(eventually([&] { return pipeline.out_of_service() == 1; }));
   failing_device(1).broken = false;
@@ -126,24 +104,16 @@ TEST_F(LossTest, WithoutRetryACameraStaysLost) {
 }
 
 std::vector<uint8_t> picture_at(GstElement* sink) {
-  GstSample* sample = nullptr;
-  g_object_get(sink, "last-sample", &sample, nullptr);
-  if (!sample) return {};
-  GstMapInfo map;
-  gst_buffer_map(gst_sample_get_buffer(sample), &map, GST_MAP_READ);
-  std::vector<uint8_t> bytes(map.data, map.data + map.size);
-  gst_buffer_unmap(gst_sample_get_buffer(sample), &map);
-  gst_sample_unref(sample);
-  return bytes;
+  g_autoptr(GstSample) sample = get<GstSample*>(sink, "last-sample");
+  return sample ? to_bytes(gst_sample_get_buffer(sample)) : std::vector<uint8_t>{};
 }
 
 // Viewers keep the last picture, and one warning names the reason.
 TEST_F(LossTest, NodeWaitsIfAllCamerasAreLost) {
   const WatchedPipeline pipeline(line(devices(3)));
-  const ElementPtr node = pipeline.child("n"), sink = pipeline.child("s0");
-  Pictures pictures(sink.get());
-  for (const int id : {0, 1, 2})
-    EXPECT_TRUE(eventually([&] { return camera_stats(node.get(), id).state == "running"; }));
+  const ElementPtr sink = pipeline.child("s0");
+  Pictures pictures(pipeline);
+  for (const int id : {0, 1, 2}) EXPECT_TRUE(eventually([&] { return pipeline.camera(id).state == "running"; }));
   EXPECT_TRUE(eventually([&] { return pictures.count() > 20 && pipeline.out_of_service() == 0; }));
   const std::vector<uint8_t> before = picture_at(sink.get()), black(before.size(), 0);
   EXPECT_NE(before, std::vector<uint8_t>(before.size(), before[0])) << "partly visible";
@@ -153,15 +123,12 @@ TEST_F(LossTest, NodeWaitsIfAllCamerasAreLost) {
     EXPECT_TRUE(eventually([&] { return pipeline.no_camera_count() == round; }));
     EXPECT_THAT(pipeline.no_camera_reason(), AllOf(HasSubstr("camera 0 (cam_0)"), HasSubstr("Device 2 is")));
     // The cameras fail at different times, so the last picture may come from the last working cameras.
-    const auto pictures_later = [&](int more) {
-      return eventually([&, then = pictures.count()] { return pictures.count() > then + more; });
-    };
-    EXPECT_TRUE(pictures_later(5));
+    EXPECT_TRUE(pictures.has_more(5));
     const std::vector<uint8_t> kept = picture_at(sink.get());
     EXPECT_NE(kept, black);
-    EXPECT_TRUE(pictures_later(10));
+    EXPECT_TRUE(pictures.has_more(10));
     EXPECT_EQ(picture_at(sink.get()), kept);
-    EXPECT_TRUE(eventually([&] { return camera_stats(node.get(), 0).retries > 0; }));
+    EXPECT_TRUE(eventually([&] { return pipeline.camera(0).retries > 0; }));
     for (const size_t id : {0, 1, 2}) failing_device(id).broken = false;
     for (const guint id : {0, 1, 2}) EXPECT_TRUE(eventually([&] { return pipeline.found(id) == round; }));
     EXPECT_TRUE(eventually([&] { return pipeline.out_of_service() == 0 && picture_at(sink.get()) == before; }));
@@ -183,8 +150,7 @@ TEST_F(LossTest, NoWorkingCameraIsAnErrorWithAllReasons) {
 
 // A non-live node does not wait for damaged files: each ends early and the rest play on.
 TEST_F(LossTest, DamagedFilesDoNotEndThePipeline) {
-  std::ifstream in(files->path("mjpeg.mkv"), std::ios::binary);
-  const std::string film((std::istreambuf_iterator<char>(in)), {});
+  const std::string film = read_binary(files->path("mjpeg.mkv"));
   std::ofstream(files->path("cut.mkv"), std::ios::binary) << film.substr(0, film.size() / 2);
   std::string damaged = film;
   std::fill(damaged.begin() + static_cast<long>(film.size() / 2),
@@ -207,10 +173,10 @@ TEST_F(LossTest, DamagedFilesDoNotEndThePipeline) {
       EXPECT_TRUE(eventually([&] { return pipeline.has_ended(); }));
       EXPECT_THAT(pipeline.errors(), IsEmpty());
       EXPECT_EQ(stat(node.get(), "answers"), 12u);
-      EXPECT_EQ(camera_stats(node.get(), 1).retries, 0u);
+      EXPECT_EQ(pipeline.camera(1).retries, 0u);
       const bool never_worked = file[0] == 'n' || file[0] == 'p';
       if (never_worked) {
-        EXPECT_EQ(camera_stats(node.get(), 1).losses, 1u);
+        EXPECT_EQ(pipeline.camera(1).losses, 1u);
         EXPECT_EQ(stat(node.get(), "missing-frames"), 12u) << "frames of the other cameras";
       }
     }
@@ -232,11 +198,10 @@ TEST_F(LossTest, GapInALoopIsNotALoss) {
                                      " ! lfcameranode is-live=true loop=true name=n rig=" + path +
                                      " ! fakesink sync=false",
                                  GST_STATE_NULL);
-  const ElementPtr node = pipeline.child("n");
   pipeline.set_state(GST_STATE_PLAYING);
   g_usleep(8'500'000);  // longer than one loop period; the last 7 s are missing
-  EXPECT_EQ(camera_stats(node.get(), 1).losses, 0u);
-  EXPECT_EQ(camera_stats(node.get(), 1).state, "running");
+  EXPECT_EQ(pipeline.camera(1).losses, 0u);
+  EXPECT_EQ(pipeline.camera(1).state, "running");
   EXPECT_EQ(pipeline.lost(0) + pipeline.lost(1), 0);
   pipeline.stop();
 }
@@ -248,18 +213,16 @@ TEST_F(LossTest, LastFrameOfAFileRepeats) {
                                      " ! lfcameranode is-live=true name=n rig=" + path +
                                      " ! fakesink name=s0 sync=false",
                                  GST_STATE_NULL);
-  const ElementPtr node = pipeline.child("n"), sink = pipeline.child("s0");
-  Pictures answers(sink.get());
+  Pictures answers(pipeline);
   pipeline.set_state(GST_STATE_PLAYING);
-  EXPECT_TRUE(eventually([&] { return camera_stats(node.get(), 1).state == "ended"; }));
+  EXPECT_TRUE(eventually([&] { return pipeline.camera(1).state == "ended"; }));
   EXPECT_TRUE(eventually([&, then = answers.count()] { return answers.count() > then + 20; }));
   pipeline.stop();
   EXPECT_THAT(pipeline.warnings(), IsEmpty());
 }
 
 TEST_F(LossTest, StateChangesAtEveryStageOfALoss) {
-  const ElementPtr pipeline = launch(line(devices(3)));
-  ASSERT_TRUE(pipeline);
+  const PipelinePtr pipeline = launch(line(devices(3)));
   for (int i = 0; i < 30; i++) {
     failing_device(1).frames_at_most = 1 + i % 3;
     failing_device(2).broken = i % 4 == 0;
@@ -293,7 +256,7 @@ TEST_F(LossTest, HundredLossesLeakNothing) {
   std::printf("%d returns: resident memory grew by %ld KiB after the first 40, open files from %ld to %ld\n", returns(),
               grown, files_then, count_of("fd"));
   for (guint id = 0; id <= kFailing; id++) {
-    const ElementPtr camera = child(node.get(), "camera" + std::to_string(id));
+    const ElementPtr camera = child_of(node.get(), "camera" + std::to_string(id));
     GST_OBJECT_LOCK(camera.get());
     const int children = GST_BIN_NUMCHILDREN(camera.get());
     GST_OBJECT_UNLOCK(camera.get());
@@ -339,18 +302,15 @@ TEST_F(RtspLossTest, ServerRestartsWithTwoViewers) {
     const std::string uri = scheme + server->uri("/jpeg").substr(4);
     const WatchedPipeline pipeline(line(rig(3, [&](guint id) { return id == 1 ? uri : "mjpeg.mkv"; }), 2,
                                         "is-live=true loop=true latency=50000000"));
-    const ElementPtr node = pipeline.child("n"), s0 = pipeline.child("s0"), s1 = pipeline.child("s1");
-    Pictures first(s0.get()), second(s1.get());
-    EXPECT_TRUE(
-        eventually([&] { return camera_stats(node.get(), 1).state == "running" && pipeline.out_of_service() == 0; }));
+    Pictures first(pipeline), second(pipeline, "s1");
+    EXPECT_TRUE(eventually([&] { return pipeline.camera(1).state == "running" && pipeline.out_of_service() == 0; }));
     EXPECT_TRUE(eventually([&] { return first.count() > 10 && second.count() > 10; }));
     first.forget_pause();
     second.forget_pause();
     server.reset();
     EXPECT_TRUE(eventually([&] { return pipeline.lost(1) == 1 && pipeline.out_of_service() == 1; }));
-    EXPECT_TRUE(eventually([&] { return camera_stats(node.get(), 1).retries > 0; }));
-    const int before = second.count();
-    EXPECT_TRUE(eventually([&] { return second.count() > before + 10; }));
+    EXPECT_TRUE(eventually([&] { return pipeline.camera(1).retries > 0; }));
+    EXPECT_TRUE(second.has_more(10));
     server = std::make_unique<RtspServer>(port);
     ASSERT_EQ(server->port(), port);
     const gint64 back = g_get_monotonic_time();
@@ -360,9 +320,8 @@ TEST_F(RtspLossTest, ServerRestartsWithTwoViewers) {
                 scheme.c_str(), first.longest_pause(), second.longest_pause(),
                 static_cast<int>((g_get_monotonic_time() - back) / 1000));
     EXPECT_LT(std::max(first.longest_pause(), second.longest_pause()), 2000);
-    pipeline.set_state(GST_STATE_NULL);
+    pipeline.stop();
     EXPECT_EQ(pipeline.losses().size(), 1u);
-    EXPECT_THAT(pipeline.errors(), IsEmpty());
   }
 }
 
@@ -371,15 +330,9 @@ std::atomic<gulong> slowness = 0;
 
 void slow_down(GstBin*, GstBin*, GstElement* element, gpointer) {
   if (!GST_IS_VIDEO_DECODER(element)) return;
-  GstPad* sink = gst_element_get_static_pad(element, "sink");
-  gst_pad_add_probe(
-      sink, GST_PAD_PROBE_TYPE_BUFFER,
-      [](GstPad*, GstPadProbeInfo*, gpointer) {
-        if (slowness > 0) g_usleep(slowness);
-        return GST_PAD_PROBE_OK;
-      },
-      nullptr, nullptr);
-  gst_object_unref(sink);
+  on_buffers(element, "sink", [](GstBuffer*) {
+    if (slowness > 0) g_usleep(slowness);
+  });
 }
 
 class OverloadTest : public LossTest {
@@ -411,8 +364,7 @@ TEST_F(OverloadTest, FramesAreDroppedBeforeDecoding) {
   g_signal_connect(pipeline.get(), "deep-element-added", G_CALLBACK(slow_down), nullptr);
   pipeline.set_state(GST_STATE_PLAYING);
   const ElementPtr node = pipeline.child("n");
-  for (const int id : {0, 1, 2})
-    EXPECT_TRUE(eventually([&] { return camera_stats(node.get(), id).state == "running"; }));
+  for (const int id : {0, 1, 2}) EXPECT_TRUE(eventually([&] { return pipeline.camera(id).state == "running"; }));
   slowness = 100000;
   // longer than frames would be on time without dropping
   EXPECT_TRUE(eventually([&] { return dropped(node.get()) > 60; }));
@@ -442,21 +394,19 @@ TEST_F(OverloadTest, NetworkCamerasDropFrames) {
   const WatchedPipeline pipeline(line(rig(2, [&](guint id) { return id == 1 ? uri : "mjpeg.mkv"; })), GST_STATE_NULL);
   g_signal_connect(pipeline.get(), "deep-element-added", G_CALLBACK(slow_down), nullptr);
   pipeline.set_state(GST_STATE_PLAYING);
-  const ElementPtr node = pipeline.child("n");
-  EXPECT_TRUE(eventually([&] { return camera_stats(node.get(), 1).state == "running"; }));
+  EXPECT_TRUE(eventually([&] { return pipeline.camera(1).state == "running"; }));
   g_usleep(1500000);
-  EXPECT_EQ(camera_stats(node.get(), 1).dropped, 0u) << "a delay is not lateness";
+  EXPECT_EQ(pipeline.camera(1).dropped, 0u) << "a delay is not lateness";
   slowness = 50000;
-  EXPECT_TRUE(eventually([&] { return camera_stats(node.get(), 1).dropped > 30; }));
+  EXPECT_TRUE(eventually([&] { return pipeline.camera(1).dropped > 30; }));
   slowness = 0;
   EXPECT_TRUE(eventually([&] {
-    const uint64_t before = camera_stats(node.get(), 1).dropped;
+    const uint64_t before = pipeline.camera(1).dropped;
     g_usleep(1500000);
-    return camera_stats(node.get(), 1).dropped == before && pipeline.out_of_service() == 0;
+    return pipeline.camera(1).dropped == before && pipeline.out_of_service() == 0;
   }));
-  pipeline.set_state(GST_STATE_NULL);
+  pipeline.stop();
   EXPECT_EQ(pipeline.lost(1), 0);
-  EXPECT_THAT(pipeline.errors(), IsEmpty());
 }
 
 // A node that was late for so long that the compositor stopped waiting for it recovers, even if requests are farther
@@ -470,14 +420,13 @@ TEST_F(OverloadTest, CompositorWaitsAgainForAStalledNode) {
       " ! fakesink sync=false async=false");
   const ElementPtr compositor = pipeline.child("c"), node = pipeline.child("n");
   EXPECT_TRUE(eventually([&] { return stat(compositor.get(), "complete") > 2; }));
-  GstPad* answers = gst_element_get_static_pad(node.get(), "src");
+  const PadPtr answers = pad_of(node.get(), "src");
   const gulong stall = gst_pad_add_probe(
-      answers, GST_PAD_PROBE_TYPE_BLOCK_DOWNSTREAM,
+      answers.get(), GST_PAD_PROBE_TYPE_BLOCK_DOWNSTREAM,
       [](GstPad*, GstPadProbeInfo*, gpointer) { return GST_PAD_PROBE_OK; }, nullptr, nullptr);
   const uint64_t incomplete = stat(compositor.get(), "incomplete");
   EXPECT_TRUE(eventually([&] { return stat(compositor.get(), "incomplete") > incomplete + 12; }));
-  gst_pad_remove_probe(answers, stall);
-  gst_object_unref(answers);
+  gst_pad_remove_probe(answers.get(), stall);
   const uint64_t complete = stat(compositor.get(), "complete"), missed = stat(compositor.get(), "incomplete");
   EXPECT_TRUE(eventually([&] { return stat(compositor.get(), "complete") > complete + 2; }));
   EXPECT_LT(stat(compositor.get(), "incomplete") - missed, 10u) << "5 at best, 20 without a timely check";
@@ -493,7 +442,7 @@ TEST_F(OverloadTest, NonLiveFilesDeliverAllFrames) {
   pipeline.set_state(GST_STATE_PLAYING);
   EXPECT_TRUE(eventually([&] { return pipeline.has_ended(); }));
   const ElementPtr node = pipeline.child("n");
-  EXPECT_EQ(camera_stats(node.get(), 0).dropped + camera_stats(node.get(), 1).dropped, 0u);
+  EXPECT_EQ(pipeline.camera(0).dropped + pipeline.camera(1).dropped, 0u);
   EXPECT_EQ(stat(node.get(), "missing-frames"), 0u);
 }
 

@@ -1,31 +1,16 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <filesystem>
-#include <functional>
-#include <string>
-#include <vector>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <sys/mount.h>
 
 #include "bins/lfcameranode.h"
 #include "gst/array_fixture.h"
-#include "gst/camera_files.h"
-#include "gst/gst_test.h"
 #include "gst/loss_fixture.h"
-#include "rig/rig_json.h"
 #include "support/answers.h"
-#include "support/mentions.h"
 #include "support/recorded.h"
 #include "support/temp_dir.h"
 #include "wire/request_codec.h"
 
 namespace lf::test {
 namespace {
-
-using testing::ElementsAre;
-using testing::HasSubstr;
-using testing::IsEmpty;
 
 std::vector<std::string> cameras(int first, int last, const std::string& why) {
   std::vector<std::string> reasons;
@@ -62,7 +47,7 @@ TEST(GroupedReasons, DifferentReasonsStaySeparate) {
 class LfCameraNodeTest : public testing::Test {
  protected:
   GstElement* make(const std::function<void(GstElement*)>& set = [](GstElement*) {}) {
-    node_.reset(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make("lfcameranode", nullptr))));
+    node_ = make_element("lfcameranode");
     g_object_set(node_.get(), "rig", array_.rig_path().c_str(), "node", 7u, "framerate", 10, 1, nullptr);
     set(node_.get());
     return node_.get();
@@ -72,11 +57,10 @@ class LfCameraNodeTest : public testing::Test {
     gst_harness_set_live(harness_.get(), FALSE);  // answers wait for their frames
     gst_harness_set_src_caps_str(harness_.get(), "application/x-lightfield-request,framerate=10/1");
   }
-  wire::Answer ask(uint32_t sequence) { return ask(sequence, array_.rig().hash()); }
-  wire::Answer ask(uint32_t sequence, uint64_t rig_hash) {
+  wire::Answer ask(uint32_t sequence, std::optional<uint64_t> rig_hash = {}) {
     const uint64_t time = sequence * 100 * GST_MSECOND;
     ViewRequest asked = array_.request(sequence, time);
-    asked.rig_hash = rig_hash;
+    asked.rig_hash = rig_hash.value_or(asked.rig_hash);
     GstBuffer* buffer = to_buffer(wire::encode_request(asked));
     GST_BUFFER_PTS(buffer) = time;
     EXPECT_EQ(gst_harness_push(harness_.get(), buffer), GST_FLOW_OK);
@@ -86,24 +70,13 @@ class LfCameraNodeTest : public testing::Test {
     EXPECT_TRUE(decoded) << reason;
     return decoded.value_or(wire::Answer{});
   }
-  static std::vector<CameraIndex> cameras_of(const wire::Answer& answer) { return seeing(answer); }
-
   // Changes the state of a pipeline with the node. Returns "" or the text of the error message.
   static std::string error_of(const std::string& properties, GstStateChangeReturn* result) {
-    const ElementPtr pipeline = launch("lfcameranode name=n " + properties + " ! fakesink");
+    const PipelinePtr pipeline = launch("lfcameranode name=n " + properties + " ! fakesink");
     *result = gst_element_set_state(pipeline.get(), GST_STATE_PAUSED);
-    GstBus* bus = gst_element_get_bus(pipeline.get());
-    GstMessage* message = gst_bus_timed_pop_filtered(bus, 5 * GST_SECOND, GST_MESSAGE_ERROR);
-    gst_object_unref(bus);
-    std::string text;
-    if (message) {
-      g_autoptr(GError) error = nullptr;
-      gst_message_parse_error(message, &error, nullptr);
-      text = error->message;
-      gst_message_unref(message);
-    }
-    gst_element_set_state(pipeline.get(), GST_STATE_NULL);
-    return text;
+    g_autoptr(GstBus) bus = gst_element_get_bus(pipeline.get());
+    const MessagePtr message(gst_bus_timed_pop_filtered(bus, 5 * GST_SECOND, GST_MESSAGE_ERROR));
+    return message ? text_of(message.get()) : "";
   }
 
   ArrayFixture array_;
@@ -120,7 +93,7 @@ TEST_F(LfCameraNodeTest, AnswersWithAllItsCameras) {
     EXPECT_EQ(answer.sequence, sequence);
     EXPECT_EQ(answer.rig_hash, array_.rig().hash());
     EXPECT_EQ(answer.actual_time, sequence * 100 * GST_MSECOND) << "frame at the requested time";
-    EXPECT_THAT(cameras_of(answer), ElementsAre(0, 1, 2, 3));
+    EXPECT_THAT(seeing(answer), ElementsAre(0, 1, 2, 3));
   }
   EXPECT_EQ(stat(node_.get(), "answers"), 3u);
 }
@@ -134,13 +107,11 @@ TEST_F(LfCameraNodeTest, ElementsThatMayWriteFilesNeedTrust) {
   EXPECT_EQ(error_of("trusted=true rig=" + described.path(), &result), "");
   EXPECT_NE(result, GST_STATE_CHANGE_FAILURE);
   for (const char* factory : {"lfnodesink", "lfviewsrc"}) {
-    const ElementPtr bin(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make(factory, nullptr))));
+    const ElementPtr bin = make_element(factory);
     g_object_set(bin.get(), "trusted", TRUE, "rig", described.path().c_str(), nullptr);
     gst_element_set_state(bin.get(), GST_STATE_READY);
-    const ElementPtr node(gst_bin_get_by_name(GST_BIN(bin.get()), "node"));
-    gboolean trusted = FALSE;
-    if (node) g_object_get(node.get(), "trusted", &trusted, nullptr);
-    EXPECT_TRUE(trusted) << factory;
+    const ElementPtr node = child_of(bin.get(), "node");
+    EXPECT_TRUE(node && get<gboolean>(node.get(), "trusted")) << factory;
     gst_element_set_state(bin.get(), GST_STATE_NULL);
   }
 }
@@ -160,15 +131,15 @@ TEST_F(LfCameraNodeTest, FurtherClientsHaveSeparatePads) {
     const BufferPtr answer(gst_harness_pull(other.get()));
     ASSERT_TRUE(answer);
     EXPECT_EQ(wire::decode_answer(to_bytes(answer.get())).value().sequence, 77u);
-    EXPECT_EQ(cameras_of(ask(static_cast<uint32_t>(i))).size(), 4u);
+    EXPECT_EQ(seeing(ask(static_cast<uint32_t>(i))).size(), 4u);
   }
-  EXPECT_EQ(gst_element_get_static_pad(node_.get(), "src_5"), nullptr) << "released with the harness";
+  EXPECT_FALSE(pad_of(node_.get(), "src_5")) << "released with the harness";
 }
 
 TEST_F(LfCameraNodeTest, AnswersWithTheListedCameras) {
   make([](GstElement* node) { g_object_set(node, "cameras", "1,3", nullptr); });
   play();
-  EXPECT_THAT(cameras_of(ask(0)), ElementsAre(1, 3));
+  EXPECT_THAT(seeing(ask(0)), ElementsAre(1, 3));
 }
 
 TEST_F(LfCameraNodeTest, PropertiesReachTheCameras) {
@@ -176,25 +147,16 @@ TEST_F(LfCameraNodeTest, PropertiesReachTheCameras) {
     g_object_set(element, "framerate", 7, 2, "is-live", TRUE, "loop", TRUE, "cameras", "2", nullptr);
   });
   ASSERT_EQ(gst_element_set_state(node, GST_STATE_READY), GST_STATE_CHANGE_SUCCESS);
-  const ElementPtr camera(gst_bin_get_by_name(GST_BIN(node), "camera2"));
+  const ElementPtr camera = child_of(node, "camera2");
   ASSERT_TRUE(camera);
-  guint id = 0;
   gint numerator = 0, denominator = 0;
-  gboolean live = FALSE, loop = FALSE;
-  g_autofree gchar* rig = nullptr;
-  g_object_get(camera.get(), "camera", &id, "is-live", &live, "loop", &loop, "rig", &rig, nullptr);
-  GValue rate = G_VALUE_INIT;
-  g_value_init(&rate, GST_TYPE_FRACTION);
-  g_object_get_property(G_OBJECT(camera.get()), "framerate", &rate);
-  numerator = gst_value_get_fraction_numerator(&rate);
-  denominator = gst_value_get_fraction_denominator(&rate);
-  g_value_unset(&rate);
-  EXPECT_EQ(id, 2u);
-  EXPECT_EQ(rig, array_.rig_path());
+  g_object_get(camera.get(), "framerate", &numerator, &denominator, nullptr);
+  EXPECT_EQ(get<guint>(camera.get(), "camera"), 2u);
+  EXPECT_EQ(get<std::string>(camera.get(), "rig"), array_.rig_path());
   EXPECT_EQ(numerator, 7);
   EXPECT_EQ(denominator, 2);
-  EXPECT_TRUE(live);
-  EXPECT_TRUE(loop);
+  EXPECT_TRUE(get<gboolean>(camera.get(), "is-live"));
+  EXPECT_TRUE(get<gboolean>(camera.get(), "loop"));
   gst_element_set_state(node, GST_STATE_NULL);
 }
 
@@ -218,7 +180,7 @@ TEST_F(LfCameraNodeTest, StopsWhileItsCamerasAreBlocked) {
     }
     ASSERT_EQ(GST_BIN_NUMCHILDREN(node), 1) << "only lffragment stays";
   }
-  const ElementPtr fragment(gst_bin_get_by_name(GST_BIN(node), "fragment"));
+  const ElementPtr fragment = child_of(node, "fragment");
   EXPECT_EQ(fragment->numsinkpads, 1) << "camera pads are released";
 }
 
@@ -238,18 +200,17 @@ TEST_F(LfCameraNodeTest, PropertiesSetInReadyCount) {
   EXPECT_EQ(GST_BIN_NUMCHILDREN(node), 5);
   g_object_set(node, "cameras", "0-1", nullptr);
   play();
-  EXPECT_THAT(cameras_of(ask(0)), ElementsAre(0, 1));
+  EXPECT_THAT(seeing(ask(0)), ElementsAre(0, 1));
 }
 
 TEST_F(LfCameraNodeTest, FilesLoop) {
   const CameraFiles files;
   const std::string rig = files.save("rig.json", 3, [](Camera& camera) { camera.source = "mjpeg.mkv"; });
-  const ElementPtr pipeline =
+  const PipelinePtr pipeline =
       launch("lfviewrequest name=r num-buffers=20 framerate=15/1 width=64 height=48 ! lfcameranode rig=" + rig +
              " loop=true name=n ! fakesink sync=false");
-  ASSERT_TRUE(pipeline);
   ASSERT_EQ(run(pipeline.get()), "");
-  const ElementPtr node(gst_bin_get_by_name(GST_BIN(pipeline.get()), "n"));
+  const ElementPtr node = child_of(pipeline.get(), "n");
   EXPECT_EQ(stat(node.get(), "answers"), 20u) << "of 6 frames in each file";
   EXPECT_EQ(stat(node.get(), "missing-frames"), 0u);
 }
@@ -259,20 +220,18 @@ TEST_F(LfCameraNodeTest, JpegCamerasStartAndStop) {
   const CameraFiles files;
   for (const std::string source : {"mjpeg.mkv", "jpeg_%02d.jpg", "mjpeg.avi"}) {
     const std::string rig = files.save("rig.json", 3, [&](Camera& camera) { camera.source = source; });
-    const ElementPtr pipeline =
+    const PipelinePtr pipeline =
         launch("lfviewrequest rig=" + rig +
                " is-live=true framerate=30/1 ! tee name=r  r. ! queue ! n.request  "
                "lfcameranode name=n is-live=true loop=true rig=" +
                rig + " ! queue ! c.sink_0  r. ! queue ! c.request  lfcompositor name=c ! fakesink");
-    ASSERT_TRUE(pipeline);
     for (int i = 0; i < 12; ++i) {
       ASSERT_NE(gst_element_set_state(pipeline.get(), GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE) << source;
       g_usleep(static_cast<gulong>(4000 * i));
       if (i == 11) {
-        const ElementPtr node(gst_bin_get_by_name(GST_BIN(pipeline.get()), "n"));
-        const ElementPtr compositor(gst_bin_get_by_name(GST_BIN(pipeline.get()), "c"));
-        for (int k = 0; k < 100 && stat(compositor.get(), "pictures") <= 12; k++) g_usleep(50000);
-        EXPECT_GT(stat(compositor.get(), "pictures"), 12u) << source;
+        const ElementPtr node = child_of(pipeline.get(), "n");
+        const ElementPtr compositor = child_of(pipeline.get(), "c");
+        EXPECT_TRUE(eventually([&] { return stat(compositor.get(), "pictures") > 12; })) << source;
         EXPECT_EQ(stat(node.get(), "damaged-frames"), 0u) << source;
         EXPECT_GT(stat(node.get(), "decode-ns-p99"), 0u) << source;
       }
@@ -306,16 +265,13 @@ TEST_F(LfCameraNodeTest, ErrorsNameThePlace) {
 TEST_F(LfCameraNodeTest, RigWithoutPicturesIsReportedOnce) {
   Rig rig = array_.rig();
   const auto warnings = [](const std::string& rig_path) {
-    const ElementPtr pipeline = launch("lfcameranode rig=" + rig_path + " ! fakesink");
+    const PipelinePtr pipeline = launch("lfcameranode rig=" + rig_path + " ! fakesink");
     gst_element_set_state(pipeline.get(), GST_STATE_PAUSED);
-    GstBus* bus = gst_element_get_bus(pipeline.get());
-    const std::vector<std::string> texts = all_warnings_on(bus);
-    gst_object_unref(bus);
-    gst_element_set_state(pipeline.get(), GST_STATE_NULL);
-    return texts;
+    g_autoptr(GstBus) bus = gst_element_get_bus(pipeline.get());
+    return all_warnings_on(bus);
   };
   EXPECT_THAT(warnings(array_.rig_path()),
-              ElementsAre(testing::AllOf(HasSubstr(array_.rig_path()), HasSubstr("built-in scene"))));
+              ElementsAre(AllOf(HasSubstr(array_.rig_path()), HasSubstr("built-in scene"))));
   const TempDir dir;
   for (Camera& camera : rig.cameras) camera.source = "videotestsrc is-live=true";
   save_rig(rig, dir / "rig.json");
@@ -331,17 +287,14 @@ TEST_F(LfCameraNodeTest, RigWithTheSameCamerasIsAcceptedWhileRunning) {
   });
   make();
   play();
-  const std::unique_ptr<GstBus, Unref<gst_object_unref>> bus(gst_bus_new());
-  gst_element_set_bus(node_.get(), bus.get());
+  const ElementBus bus(node_.get());
   EXPECT_EQ(seeing(ask(0)).size(), 4u);
   g_object_set(node_.get(), "rig", calibrated.path().c_str(), nullptr);
   EXPECT_EQ(seeing(ask(1, calibrated.hash())).size(), 4u);
   for (const ModifiedRig* other : {&moved, &smaller}) {
     g_object_set(node_.get(), "rig", other->path().c_str(), nullptr);
-    EXPECT_THAT(warnings_on(bus.get()), testing::AllOf(HasSubstr(other->path()), HasSubstr("restart this node")));
-    g_autofree gchar* kept = nullptr;
-    g_object_get(node_.get(), "rig", &kept, nullptr);
-    EXPECT_EQ(kept, calibrated.path());
+    EXPECT_THAT(bus.warnings(), AllOf(HasSubstr(other->path()), HasSubstr("restart this node")));
+    EXPECT_EQ(get<std::string>(node_.get(), "rig"), calibrated.path());
     EXPECT_EQ(seeing(ask(2, calibrated.hash())).size(), 4u);
   }
 }
@@ -360,15 +313,13 @@ class LfCameraNodeRecordingTest : public LossTest {
     return line(rig, 1, "is-live=true loop=true record=" + folder() + " " + more);
   }
   static uint64_t count(GstElement* node, int id, const char* field) {
-    GstStructure* stats = nullptr;
-    g_object_get(node, "stats", &stats, nullptr);
-    const StructurePtr owner(stats);
+    const StructurePtr stats = stats_of(node);
     const auto inner = [](const GstStructure* outer, const std::string& name) {
       return gst_value_get_structure(gst_structure_get_value(outer, name.c_str()));
     };
     guint64 value = 0;
-    EXPECT_TRUE(
-        gst_structure_get_uint64(inner(inner(stats, "cameras"), "camera-" + std::to_string(id)), field, &value));
+    const GstStructure* camera = inner(inner(stats.get(), "cameras"), "camera-" + std::to_string(id));
+    EXPECT_TRUE(gst_structure_get_uint64(camera, field, &value));
     return value;
   }
   static uint64_t recorded(GstElement* node, int id) { return count(node, id, "recorded"); }
@@ -427,7 +378,7 @@ TEST_F(LfCameraNodeRecordingTest, ExistingRecordingIsNotOverwritten) {
     if (first)
       EXPECT_TRUE(eventually([&] { return recorded(node.get(), 0) > 5; }));
     else
-      EXPECT_THAT(pipeline.errors(), testing::ElementsAre(mentions(folder(), "recording")));
+      EXPECT_THAT(pipeline.errors(), ElementsAre(mentions(folder(), "recording")));
     pipeline.set_state(GST_STATE_NULL);
     EXPECT_GT(read_recorded(file(0)).times.size(), 4u);
   }
@@ -435,9 +386,9 @@ TEST_F(LfCameraNodeRecordingTest, ExistingRecordingIsNotOverwritten) {
 
 // In PAUSED nothing more is written, so the file is in the state that a killed process would leave.
 TEST_F(LfCameraNodeRecordingTest, AllFramesButTheNewestAreOnDisk) {
-  const ElementPtr pipeline = launch(line_of(rig(2, [](guint) { return "mjpeg.mkv"; })));
+  const PipelinePtr pipeline = launch(line_of(rig(2, [](guint) { return "mjpeg.mkv"; })));
   gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
-  const ElementPtr node = child(pipeline.get(), "n");
+  const ElementPtr node = child_of(pipeline.get(), "n");
   EXPECT_TRUE(eventually([&] { return recorded(node.get(), 0) > 20 && recorded(node.get(), 1) > 20; }));
   gst_element_set_state(pipeline.get(), GST_STATE_PAUSED);
   g_usleep(200000);
@@ -448,7 +399,6 @@ TEST_F(LfCameraNodeRecordingTest, AllFramesButTheNewestAreOnDisk) {
       return read_recorded(dir_ / "copy.mkv").times.size() >= frames - 1;
     })) << frames;
   }
-  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
 }
 
 TEST_F(LfCameraNodeRecordingTest, ReturningCameraContinuesItsFile) {
@@ -476,19 +426,17 @@ TEST_F(LfCameraNodeRecordingTest, FullDiskEndsOnlyTheRecording) {
     GTEST_SKIP() << "a small disk can't be mounted here";
   {
     const WatchedPipeline pipeline(line(devices(2), 1, "is-live=true record=" + dir_ / "disk/r"), GST_STATE_NULL);
-    const ElementPtr bus_owner = pipeline.child("n"), sink = pipeline.child("s0");
-    Pictures pictures(sink.get());
+    const ElementPtr bus_owner = pipeline.child("n");
+    Pictures pictures(pipeline);
     pipeline.set_state(GST_STATE_PLAYING);
     const auto has_stopped = [&] {
       const std::vector<std::string> warnings = pipeline.warnings();
       return std::ranges::count_if(warnings, [&](const std::string& text) {
-        return text.find(dir_ / "disk/r" + ": recording has stopped: ") != std::string::npos &&
-               text.find("No space left") != std::string::npos;
+        return contains(text, dir_ / "disk/r" + ": recording has stopped: ") && contains(text, "No space left");
       });
     };
     EXPECT_TRUE(eventually([&] { return has_stopped() == 1; }));
-    const int then = pictures.count();
-    EXPECT_TRUE(eventually([&] { return pictures.count() > then + 10; }));
+    EXPECT_TRUE(pictures.has_more(10));
     EXPECT_EQ(has_stopped(), 1) << "one message only";
     pipeline.stop();
     EXPECT_GT(read_recorded(dir_ / "disk/r/camera0.mkv").times.size(), 10u);
@@ -513,16 +461,16 @@ TEST_F(LfCameraNodeRecordingTest, FileSourceIsRecordedUnchanged) {
 TEST_F(LfCameraNodeRecordingTest, LfviewsrcRecordsItsCameras) {
   const std::string source =
       "lfviewsrc name=v trusted=true rig=" + devices(2) + " width=64 height=48 record=" + folder();
-  const ElementPtr pipeline = launch(source + " ! fakesink sync=false");
+  const PipelinePtr pipeline = launch(source + " ! fakesink sync=false");
   gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
-  const ElementPtr node = child(pipeline.get(), "node");
+  const ElementPtr node = child_of(pipeline.get(), "node");
   EXPECT_TRUE(eventually([&] { return recorded(node.get(), 0) > 5 && recorded(node.get(), 1) > 5; }));
   gst_element_set_state(pipeline.get(), GST_STATE_NULL);
   EXPECT_GT(read_recorded(file(1)).times.size(), 4u);
 
   const WatchedPipeline elsewhere(source + "2 nodes=127.0.0.1:27433:27434 ! fakesink", GST_STATE_NULL);
   EXPECT_EQ(elsewhere.set_state(GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE);
-  EXPECT_THAT(elsewhere.errors(), testing::ElementsAre(mentions("record", "other hosts")));
+  EXPECT_THAT(elsewhere.errors(), ElementsAre(mentions("record", "other hosts")));
 }
 
 }  // namespace

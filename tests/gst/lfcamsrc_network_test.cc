@@ -1,36 +1,16 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <atomic>
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
-#include <functional>
-#include <iterator>
-#include <string>
-#include <thread>
-#include <vector>
-
 #include <arpa/inet.h>
-#include <gmock/gmock.h>
-#include <gst/gst.h>
-#include <gtest/gtest.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
-#include <unistd.h>
 
-#include "../gst/common/common.h"
 #include "gst/camera_pipeline.h"
-#include "gst/gst_test.h"
 #include "gst/loss_fixture.h"
 #include "gst/rtsp_server.h"
-#include "support/mentions.h"
 #include "support/recorded.h"
 #include "support/temp_dir.h"
 
 namespace lf::test {
 namespace {
-
-using testing::HasSubstr;
 
 // Network cameras: an RTSP server on loopback, if gst-rtsp-server is installed.
 
@@ -55,11 +35,9 @@ class RtspTest : public ::testing::Test {
       camera.width = width;
     });
   }
-  static CameraFiles* files;
-  static RtspServer* server;
+  static inline CameraFiles* files = nullptr;
+  static inline RtspServer* server = nullptr;
 };
-CameraFiles* RtspTest::files = nullptr;
-RtspServer* RtspTest::server = nullptr;
 
 TEST_F(RtspTest, FramesAreLiveAndOnTheClock) {
   for (const std::string path : {"/jpeg", "/h264"}) {
@@ -87,47 +65,31 @@ TEST_F(RtspTest, FramesAreLiveAndOnTheClock) {
 
 // Frames carry the server's time of day as soon as sender reports arrive.
 TEST_F(RtspTest, CaptureTimesComeFromSenderReports) {
-  const ElementPtr pipeline =
+  const PipelinePtr pipeline =
       launch("lfcamsrc name=c latency=50000000 rig=" + rig("/jpeg") + " ! fakesink name=s sync=false");
-  ASSERT_TRUE(pipeline);
-  const ElementPtr camera(gst_bin_get_by_name(GST_BIN(pipeline.get()), "c"));
+  const ElementPtr camera = child_of(pipeline.get(), "c");
   const auto capture_time = [&]() -> std::string {
-    GstStructure* stats = nullptr;
-    g_object_get(camera.get(), "stats", &stats, nullptr);
-    const StructurePtr owned(stats);
-    const gchar* how = gst_structure_get_string(stats, "capture-time");
+    const StructurePtr stats = stats_of(camera.get());
+    const gchar* how = gst_structure_get_string(stats.get(), "capture-time");
     return how ? how : "";
   };
   ASSERT_NE(gst_element_set_state(pipeline.get(), GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE);
-  EXPECT_THAT(capture_time(), testing::AnyOf("arrival", "sender-reports"));
-  for (int i = 0; i < 600 && capture_time() != "sender-reports"; ++i) g_usleep(50000);
-  EXPECT_EQ(capture_time(), "sender-reports");
+  EXPECT_THAT(capture_time(), AnyOf("arrival", "sender-reports"));
+  EXPECT_TRUE(eventually([&] { return capture_time() == "sender-reports"; })) << capture_time();
 
   // The pipeline uses the server's clock, so the age of frames is correct.
-  const ElementPtr sink(gst_bin_get_by_name(GST_BIN(pipeline.get()), "s"));
-  GstPad* pad = gst_element_get_static_pad(sink.get(), "sink");
-  static std::atomic<int> frames, wrong;
-  frames = wrong = 0;
-  gst_pad_add_probe(
-      pad, GST_PAD_PROBE_TYPE_BUFFER,
-      [](GstPad* at, GstPadProbeInfo* info, gpointer) {
-        GstCaps* reference = gst_caps_new_empty_simple("timestamp/x-lightfield-capture");
-        const auto* meta = gst_buffer_get_reference_timestamp_meta(GST_PAD_PROBE_INFO_BUFFER(info), reference);
-        gst_caps_unref(reference);
-        GstElement* element = gst_pad_get_parent_element(at);
-        GstClock* clock = gst_element_get_clock(element);
-        const GstClockTimeDiff age = meta && clock ? GST_CLOCK_DIFF(meta->timestamp, gst_clock_get_time(clock))
-                                                   : -static_cast<gint64>(GST_SECOND);
-        if (age < -static_cast<gint64>(GST_SECOND / 10) || age > static_cast<gint64>(3 * GST_SECOND)) wrong++;
-        gst_object_unref(clock);
-        gst_object_unref(element);
-        frames++;
-        return GST_PAD_PROBE_OK;
-      },
-      nullptr, nullptr);
-  gst_object_unref(pad);
-  for (int i = 0; i < 600 && frames < 10; ++i) g_usleep(50000);
-  EXPECT_GE(frames, 10);
+  const ElementPtr sink = child_of(pipeline.get(), "s");
+  std::atomic<int> frames = 0, wrong = 0;
+  on_buffers(sink.get(), "sink", [&](GstBuffer* buffer) {
+    const CapsPtr reference(gst_caps_new_empty_simple("timestamp/x-lightfield-capture"));
+    const auto* meta = gst_buffer_get_reference_timestamp_meta(buffer, reference.get());
+    g_autoptr(GstClock) clock = gst_element_get_clock(sink.get());
+    const GstClockTimeDiff age =
+        meta && clock ? GST_CLOCK_DIFF(meta->timestamp, gst_clock_get_time(clock)) : -static_cast<gint64>(GST_SECOND);
+    if (age < -static_cast<gint64>(GST_SECOND / 10) || age > static_cast<gint64>(3 * GST_SECOND)) wrong++;
+    frames++;
+  });
+  EXPECT_TRUE(eventually([&] { return frames >= 10; })) << frames;
   EXPECT_EQ(wrong, 0);
   gst_element_set_state(pipeline.get(), GST_STATE_NULL);
 }
@@ -146,11 +108,11 @@ TEST_F(RtspTest, NodeRecordsCodedPicturesUnchanged) {
   if (CameraFiles::h264_encoder().empty()) GTEST_SKIP() << "no encoder and decoder of H.264 are installed";
   const TempDir dir;
   const std::string other = dir / "other.mkv", folder = dir / "recording";
-  const ElementPtr client = launch("rtspsrc latency=50 location=" + server->uri("/h264") +
-                                   " ! rtph264depay ! h264parse ! matroskamux ! filesink location=" + other);
-  const ElementPtr pipeline = launch("lfcameranode name=n is-live=true latency=50000000 rig=" + rig("/h264") +
-                                     " record=" + folder + " ! fakesink async=false");
-  const ElementPtr node(gst_bin_get_by_name(GST_BIN(pipeline.get()), "n"));
+  const PipelinePtr client = launch("rtspsrc latency=50 location=" + server->uri("/h264") +
+                                    " ! rtph264depay ! h264parse ! matroskamux ! filesink location=" + other);
+  const PipelinePtr pipeline = launch("lfcameranode name=n is-live=true latency=50000000 rig=" + rig("/h264") +
+                                      " record=" + folder + " ! fakesink async=false");
+  const ElementPtr node = child_of(pipeline.get(), "n");
   const auto size = [&](const std::string& file) {
     std::error_code error;
     const auto bytes = std::filesystem::file_size(file, error);
@@ -162,10 +124,8 @@ TEST_F(RtspTest, NodeRecordsCodedPicturesUnchanged) {
   EXPECT_TRUE(eventually([&] { return size(folder + "/camera0.mkv") >= 3000; }));
   gst_element_set_state(pipeline.get(), GST_STATE_NULL);
   gst_element_send_event(client.get(), gst_event_new_eos());
-  const std::unique_ptr<GstBus, Unref<gst_object_unref>> bus(gst_element_get_bus(client.get()));
-  GstMessage* end = gst_bus_timed_pop_filtered(bus.get(), 60 * GST_SECOND, GST_MESSAGE_EOS);
-  EXPECT_TRUE(end);
-  gst_clear_message(&end);
+  g_autoptr(GstBus) bus = gst_element_get_bus(client.get());
+  EXPECT_TRUE(MessagePtr(gst_bus_timed_pop_filtered(bus, 60 * GST_SECOND, GST_MESSAGE_EOS)));
   gst_element_set_state(client.get(), GST_STATE_NULL);
   const RecordedFile recorded = read_recorded(folder + "/camera0.mkv");
   const auto came = slices_of(read_recorded(other)), kept = slices_of(recorded);
@@ -187,22 +147,19 @@ TEST_F(RtspTest, NodeRecordsCodedPicturesUnchanged) {
 TEST_F(RtspTest, NodeWithNetworkCameraAndFile) {
   const std::string rig = files->save(
       "mixed.json", 2, [](Camera& camera) { camera.source = camera.id == 0 ? server->uri("/jpeg") : "mjpeg.mkv"; });
-  const ElementPtr pipeline =
+  const PipelinePtr pipeline =
       launch("lfviewrequest is-live=true framerate=15/1 capture-delay=400000000 rig=" + rig +
              " ! lfcameranode name=n is-live=true loop=true latency=100000000 rig=" + rig + " ! fakesink");
-  ASSERT_TRUE(pipeline);
   ASSERT_NE(gst_element_set_state(pipeline.get(), GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE);
-  const ElementPtr node(gst_bin_get_by_name(GST_BIN(pipeline.get()), "n"));
+  const ElementPtr node = child_of(pipeline.get(), "n");
   uint64_t whole = 0, answers = 0, missing = 0;
-  for (int i = 0; i < 300 && whole < 10; ++i) {
+  EXPECT_TRUE(eventually([&] {
     const uint64_t missing_now = stat(node.get(), "missing-frames"), answers_now = stat(node.get(), "answers");
     if (missing_now == missing) whole += answers_now - answers;
     missing = missing_now;
     answers = answers_now;
-    g_usleep(50000);
-  }
-  EXPECT_GE(whole, 10u);
-  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+    return whole >= 10;
+  })) << whole;
 }
 
 // --- HTTP ------------------------------------------------------------------------------------------------------------
@@ -281,10 +238,8 @@ class MjpegServer : public Server {
  private:
   static std::vector<std::string> load(const CameraFiles& files) {
     std::vector<std::string> pictures;
-    for (int k = 0; k < kFrames; k++) {
-      std::ifstream file(files.path("jpeg_0" + std::to_string(k) + ".jpg"), std::ios::binary);
-      pictures.emplace_back(std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>());
-    }
+    for (int k = 0; k < kFrames; k++)
+      pictures.push_back(read_binary(files.path("jpeg_0" + std::to_string(k) + ".jpg")));
     return pictures;
   }
 };
@@ -347,9 +302,7 @@ TEST_F(CamSrcHttpTest, CameraWithoutPicturesIsAnError) {
       while (send(nothing)) sent += nothing.size();
     });
     CameraPipeline camera("is-live=true rig=" + rig_with_source(server.uri()));
-    camera.set_state(GST_STATE_PLAYING);
-    EXPECT_THAT(camera.wait(20 * GST_SECOND), mentions("64 MB", "picture"));
-    camera.set_state(GST_STATE_NULL);
+    EXPECT_THAT(camera.play(), mentions("64 MB", "picture"));
     EXPECT_LT(sent, size_t{1} << 30);
   }
 }
@@ -364,11 +317,8 @@ TEST_F(CamSrcHttpTest, BytesWithoutTimesAreAnError) {
       }
     });
     CameraPipeline camera("is-live=true decode=" + decode + " rig=" + rig_with_source(server.uri()));
-    camera.set_state(GST_STATE_PLAYING);
-    const std::string text = camera.wait(20 * GST_SECOND);
-    EXPECT_THAT(text, HasSubstr("camera 0 (cam_0)")) << decode;
-    EXPECT_THAT(text, HasSubstr(decode == "false" ? "without times" : "without a picture"));
-    camera.set_state(GST_STATE_NULL);
+    EXPECT_THAT(camera.play(), AllOf(HasSubstr("camera 0 (cam_0)"),
+                                     HasSubstr(decode == "false" ? "without times" : "without a picture")));
   }
 }
 
@@ -403,8 +353,7 @@ TEST_F(CamSrcHttpTest, RtpWithoutMarkerBitsIsAnError) {
   stopping = true;
   packets.join();
   close(sender);
-  EXPECT_THAT(text, HasSubstr("camera 0 (cam_0)"));
-  EXPECT_THAT(text, mentions("64 MB", "picture"));
+  EXPECT_THAT(text, AllOf(HasSubstr("camera 0 (cam_0)"), mentions("64 MB", "picture")));
 }
 
 // Servers choose the words of a refusal freely.
@@ -414,9 +363,7 @@ TEST_F(CamSrcHttpTest, RefusalStatesTheHttpStatus) {
       send("HTTP/1.0 " + status + "\r\nWWW-Authenticate: Basic realm=\"camera\"\r\n\r\n");
     });
     CameraPipeline camera("is-live=true rig=" + rig_with_source(server.uri()));
-    camera.set_state(GST_STATE_PLAYING);
-    EXPECT_THAT(camera.wait(20 * GST_SECOND), mentions("/stream", "HTTP", status.substr(0, 3), status.substr(4)));
-    camera.set_state(GST_STATE_NULL);
+    EXPECT_THAT(camera.play(), mentions("/stream", "HTTP", status.substr(0, 3), status.substr(4)));
   }
 }
 
@@ -428,9 +375,7 @@ TEST_F(CamSrcHttpTest, PlaylistCannotOpenLocalFiles) {
         files->path("mjpeg.mkv") + "\n#EXT-X-ENDLIST\n");
   });
   CameraPipeline camera("is-live=true rig=" + rig_with_source(server.uri()));
-  camera.set_state(GST_STATE_PLAYING);
-  EXPECT_THAT(camera.wait(20 * GST_SECOND), mentions("playlist", "this machine"));
-  camera.set_state(GST_STATE_NULL);
+  EXPECT_THAT(camera.play(), mentions("playlist", "this machine"));
   EXPECT_TRUE(camera.frames.empty());
 }
 
@@ -449,13 +394,18 @@ TEST_F(CamSrcHttpTest, EndlessResponseIsAbandoned) {
   EXPECT_LT(g_get_monotonic_time() - begin, 10'000'000);
 }
 
-using testing::ElementsAre;
-using testing::IsEmpty;
-
 class RetryTest : public LossTest {
  protected:
   static std::string camera(const std::string& properties) {
     return "lfcamsrc name=camera " + properties + " ! fakesink name=sink sync=false";
+  }
+  // Returns the running time of the last frame.
+  static GstClockTime time_shown(GstElement* sink) {
+    g_autoptr(GstSample) sample = get<GstSample*>(sink, "last-sample");
+    EXPECT_TRUE(sample);
+    return sample ? gst_segment_to_running_time(gst_sample_get_segment(sample), GST_FORMAT_TIME,
+                                                GST_BUFFER_PTS(gst_sample_get_buffer(sample)))
+                  : 0;
   }
 };
 
@@ -471,16 +421,15 @@ TEST_F(RetryTest, WithoutRetryALossIsAnError) {
 TEST_F(RetryTest, FailingDeviceIsReopened) {
   failing_device(0).frames_at_most = 10;
   const WatchedPipeline pipeline(camera("retry=true trusted=true rig=" + devices(1)));
-  const ElementPtr sink = pipeline.child("sink"), camera = pipeline.child("camera");
-  Pictures frames(sink.get());
+  const ElementPtr camera = pipeline.child("camera");
+  Pictures frames(pipeline, "sink");
   EXPECT_TRUE(eventually([&] { return frames.count() >= 30; }));
   EXPECT_GE(pipeline.lost(0), 2);
   EXPECT_GE(pipeline.found(0), 2);
   EXPECT_EQ(camera_stats(camera.get()).retries, static_cast<uint64_t>(pipeline.found(0))) << "each attempt succeeds";
   failing_device(0).frames_at_most = 0;
-  pipeline.set_state(GST_STATE_NULL);
+  pipeline.stop();
   EXPECT_EQ(camera_stats(camera.get()).state, "stopped");
-  EXPECT_THAT(pipeline.errors(), IsEmpty());
 }
 
 // After days, decoding everything that a looping file has shown since would take too long.
@@ -496,16 +445,11 @@ TEST_F(RetryTest, LoopingFileResumesInItsCurrentLoop) {
   gst_object_unref(clock);
   pipeline.set_state(GST_STATE_PLAYING);
   const ElementPtr sink = pipeline.child("sink");
-  Pictures frames(sink.get());
+  Pictures frames(pipeline, "sink");
   EXPECT_TRUE(eventually([&] { return pipeline.lost(0) == 1; }));
   std::filesystem::copy(files->path("mjpeg.mkv"), late);
   EXPECT_TRUE(eventually([&] { return pipeline.found(0) == 1 && frames.count() > 5; }));
-  g_autoptr(GstSample) sample = nullptr;
-  g_object_get(sink.get(), "last-sample", &sample, nullptr);
-  ASSERT_TRUE(sample);
-  const GstClockTime shown = gst_segment_to_running_time(gst_sample_get_segment(sample), GST_FORMAT_TIME,
-                                                         GST_BUFFER_PTS(gst_sample_get_buffer(sample)));
-  EXPECT_GE(shown, kRunning);
+  EXPECT_GE(time_shown(sink.get()), kRunning);
   pipeline.stop();
   std::filesystem::remove(late);
 }
@@ -520,16 +464,12 @@ TEST_F(RetryTest, ReopenedFileIsNotLate) {
   const WatchedPipeline pipeline(
       camera("is-live=true loop=true retry=true rig=" + rig(1, [](guint) { return "late-long.mkv"; })));
   const ElementPtr sink = pipeline.child("sink");
-  Pictures frames(sink.get());
+  Pictures frames(pipeline, "sink");
   EXPECT_TRUE(eventually([&] { return pipeline.lost(0) == 1; }));
   g_usleep(2'000'000);
   std::filesystem::copy(whole, late);
   EXPECT_TRUE(eventually([&] { return frames.count() > 0; }));
-  g_autoptr(GstSample) first = nullptr;
-  g_object_get(sink.get(), "last-sample", &first, nullptr);
-  ASSERT_TRUE(first);
-  const GstClockTime taken = gst_segment_to_running_time(gst_sample_get_segment(first), GST_FORMAT_TIME,
-                                                         GST_BUFFER_PTS(gst_sample_get_buffer(first)));
+  const GstClockTime taken = time_shown(sink.get());
   EXPECT_LT(gst_element_get_current_running_time(pipeline.get()), taken + GST_SECOND / 2);
   pipeline.stop();
 }
@@ -549,8 +489,7 @@ TEST_F(RetryTest, MissingDeviceIsLive) {
 TEST_F(RetryTest, RunningTimeContinues) {
   const std::string path = rig(1, [](guint) { return "late.mkv"; });
   const WatchedPipeline pipeline(camera("retry=true rig=" + path));
-  const ElementPtr sink = pipeline.child("sink");
-  Pictures frames(sink.get());
+  Pictures frames(pipeline, "sink");
   EXPECT_TRUE(eventually([&] { return pipeline.lost(0) == 1; }));
   std::filesystem::copy(files->path("mjpeg.mkv"), files->path("late.mkv"));
   EXPECT_TRUE(eventually([&] { return pipeline.has_ended(); })) << "at its end";

@@ -1,31 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <chrono>
-#include <cmath>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
-#include <ostream>
-#include <string>
-#include <vector>
-
-#include <gmock/gmock.h>
-#include <gst/gst.h>
-#include <gst/video/video.h>
-#include <gtest/gtest.h>
-
-#include "../gst/common/common.h"
 #include "../gst/common/still_decoder.h"
 #include "gst/camera_pipeline.h"
-#include "gst/gst_test.h"
-#include "image/image.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
-#include "support/mentions.h"
 
 namespace lf::test {
 namespace {
-
-using testing::HasSubstr;
 
 enum class Moves { kYes, kNo, kScene };
 struct SourceCase {
@@ -125,8 +105,7 @@ TEST_P(CamSrcSourceTest, StartsAndStopsManyTimes) {
     ASSERT_EQ(camera.frames.size(), 2u) << i;
   }
   // A thread of a decoder may hold a reference for a moment longer.
-  for (int i = 0; i < 200 && GST_OBJECT_REFCOUNT_VALUE(camera.camera()) > 2; i++) g_usleep(10'000);
-  EXPECT_EQ(GST_OBJECT_REFCOUNT_VALUE(camera.camera()), 2) << "the pipeline's and ours";
+  EXPECT_TRUE(eventually([&] { return GST_OBJECT_REFCOUNT_VALUE(camera.camera()) == 2; })) << "the pipeline's and ours";
 }
 
 TEST_P(CamSrcSourceTest, LoopsWithContinuousRunningTime) {
@@ -164,12 +143,11 @@ TEST_P(CamSrcSourceTest, LiveFramesArriveOnTime) {
   ASSERT_EQ(camera.set_state(GST_STATE_PLAYING), GST_STATE_CHANGE_ASYNC);
   ASSERT_EQ(gst_element_get_state(camera.pipeline(), nullptr, nullptr, 10 * GST_SECOND), GST_STATE_CHANGE_SUCCESS);
 
-  GstQuery* query = gst_query_new_latency();
+  g_autoptr(GstQuery) query = gst_query_new_latency();
   ASSERT_TRUE(gst_pad_peer_query(camera.pad(), query));
   gboolean live = FALSE;
   GstClockTime latency = 0;
   gst_query_parse_latency(query, &live, &latency, nullptr);
-  gst_query_unref(query);
   EXPECT_TRUE(live);
   EXPECT_GE(latency, GST_SECOND / kRate);
   EXPECT_LT(latency, 3 * GST_SECOND / kRate);
@@ -229,7 +207,7 @@ TEST_F(CamSrcElementsTest, ErrorsNameThePlace) {
   };
   for (const auto& [source, text] : cases) {
     const std::string error = CameraPipeline("trusted=true rig=" + rig_with_source(source)).play();
-    EXPECT_THAT(error, ::testing::AllOf(::testing::HasSubstr("camera 0 (cam_0): "), ::testing::HasSubstr(text)));
+    EXPECT_THAT(error, AllOf(HasSubstr("camera 0 (cam_0): "), HasSubstr(text)));
   }
 }
 
@@ -238,7 +216,7 @@ TEST_F(CamSrcElementsTest, UnlistedElementsNeedTrust) {
   const std::string picture = "videotestsrc num-buffers=3 ! video/x-raw,format=RGB,width=64,height=48 ! ";
   const std::string writes = "tee name=t t. ! queue ! filesink location=\"" + written + "\" t. ! queue";
   const std::string error = CameraPipeline("rig=" + rig_with_source(picture + writes)).play();
-  EXPECT_THAT(error, ::testing::AllOf(mentions("camera 0", "cam_0", "tee"), ::testing::HasSubstr("trusted=true")));
+  EXPECT_THAT(error, AllOf(mentions("camera 0", "cam_0", "tee"), HasSubstr("trusted=true")));
   EXPECT_FALSE(std::filesystem::exists(written));
   EXPECT_EQ(CameraPipeline("trusted=true rig=" + rig_with_source(picture + writes)).play(), "EOS");
   EXPECT_TRUE(std::filesystem::exists(written)) << "otherwise the test proves nothing";
@@ -283,23 +261,11 @@ class CamSrcFilesTest : public CamSrcTest {
         for (int c = 0; c < 3; c++) image.pixel(x, y)[c] = static_cast<uint8_t>((x * 7 + y * 5 * c + seed * 40) % 256);
     save_image(image, files->path(name));
   }
-  static std::string read(const std::string& name) {
-    std::ifstream file(files->path(name), std::ios::binary);
-    return {std::istreambuf_iterator<char>(file), {}};
-  }
+  static std::string read(const std::string& name) { return read_binary(files->path(name)); }
   static void write(const std::string& name, const std::string& bytes) {
     std::ofstream(files->path(name), std::ios::binary) << bytes;
   }
 };
-
-guint64 count_of_damaged(CameraPipeline& camera) {
-  GstStructure* taken = nullptr;
-  g_object_get(camera.camera(), "stats", &taken, nullptr);
-  const StructurePtr stats(taken);
-  guint64 damaged = 0;
-  EXPECT_TRUE(gst_structure_get_uint64(stats.get(), "damaged", &damaged));
-  return damaged;
-}
 
 TEST_F(CamSrcFilesTest, DamagedPictureLosesOnlyItsFrame) {
   for (const std::string ending : {".png", ".jpg"}) {
@@ -310,7 +276,7 @@ TEST_F(CamSrcFilesTest, DamagedPictureLosesOnlyItsFrame) {
       camera.set_state(GST_STATE_PLAYING);
       ASSERT_EQ(camera.wait(), "EOS");
       EXPECT_THAT(camera.warnings, HasSubstr("damaged_4" + ending)) << "names the file";
-      EXPECT_GE(count_of_damaged(camera), loop == "true" ? 2u : 1u);
+      EXPECT_GE(stat(camera.camera(), "damaged"), loop == "true" ? 2u : 1u);
       camera.set_state(GST_STATE_NULL);
       ASSERT_EQ(camera.frames.size(), loop == "true" ? 10u : 5u);
       for (size_t k = 0; k < camera.frames.size(); k++) {
@@ -328,34 +294,23 @@ TEST_F(CamSrcFilesTest, TruncatedJpegLosesOnlyItsFrame) {
   cut("film_4.jpg", 0.5);
   const std::string caps = "image/jpeg,parsed=true,framerate=15/1,width=" + std::to_string(CameraFiles::kWidth) +
                            ",height=" + std::to_string(CameraFiles::kHeight);
-  GstElement* muxer = gst_parse_launch(
-      ("appsrc name=in format=time caps=" + caps + " ! matroskamux ! filesink location=" + files->path("cut.mkv"))
-          .c_str(),
-      nullptr);
-  ASSERT_TRUE(muxer);
-  g_autoptr(GstElement) in = gst_bin_get_by_name(GST_BIN(muxer), "in");
-  gst_element_set_state(muxer, GST_STATE_PLAYING);
-  GstFlowReturn flow = GST_FLOW_OK;
+  const PipelinePtr muxer = launch("appsrc name=in format=time caps=" + caps +
+                                   " ! matroskamux ! filesink location=" + files->path("cut.mkv"));
+  const ElementPtr in = child_of(muxer.get(), "in");
+  gst_element_set_state(muxer.get(), GST_STATE_PLAYING);
   for (int i = 0; i < 6; i++) {
-    const std::string bytes = read("film_" + std::to_string(i) + ".jpg");
-    GstBuffer* buffer = gst_buffer_new_memdup(bytes.data(), bytes.size());
-    GST_BUFFER_PTS(buffer) = static_cast<GstClockTime>(i) * kPeriod;
-    GST_BUFFER_DURATION(buffer) = kPeriod;
-    g_signal_emit_by_name(in, "push-buffer", buffer, &flow);
-    gst_buffer_unref(buffer);
+    const BufferPtr buffer(to_buffer(read_bytes(files->path("film_" + std::to_string(i) + ".jpg"))));
+    GST_BUFFER_PTS(buffer.get()) = static_cast<GstClockTime>(i) * kPeriod;
+    GST_BUFFER_DURATION(buffer.get()) = kPeriod;
+    emit(in.get(), "push-buffer", buffer.get());
   }
-  g_signal_emit_by_name(in, "end-of-stream", &flow);
-  g_autoptr(GstBus) bus = gst_element_get_bus(muxer);
-  g_autoptr(GstMessage) end = gst_bus_timed_pop_filtered(
-      bus, 20 * GST_SECOND, static_cast<GstMessageType>(GST_MESSAGE_EOS | GST_MESSAGE_ERROR));
-  ASSERT_TRUE(end && GST_MESSAGE_TYPE(end) == GST_MESSAGE_EOS);
-  gst_element_set_state(muxer, GST_STATE_NULL);
-  gst_object_unref(muxer);
+  emit(in.get(), "end-of-stream");
+  ASSERT_EQ(run(muxer.get()), "");
 
   CameraPipeline camera("rig=" + rig_with_source("cut.mkv"));
   camera.set_state(GST_STATE_PLAYING);
   ASSERT_EQ(camera.wait(), "EOS");
-  EXPECT_EQ(count_of_damaged(camera), 1u);
+  EXPECT_EQ(stat(camera.camera(), "damaged"), 1u);
   camera.set_state(GST_STATE_NULL);
   ASSERT_EQ(camera.frames.size(), 5u);
   for (size_t k = 0; k < 5; k++)
@@ -373,7 +328,7 @@ TEST_F(CamSrcFilesTest, OnlyDamagedPicturesAreAnError) {
     for (const std::string source : {"broken_%d", "broken_1"})
       for (const std::string loop : {"false", "true"})
         EXPECT_THAT(CameraPipeline("loop=" + loop + " rig=" + rig_with_source(source + ending)).play(),
-                    ::testing::AllOf(HasSubstr("camera 0 (cam_0): "), HasSubstr("broken_"), HasSubstr("damaged")))
+                    AllOf(HasSubstr("camera 0 (cam_0): "), HasSubstr("broken_"), HasSubstr("damaged")))
             << source << ending;
   }
 }
@@ -386,10 +341,8 @@ TEST_F(CamSrcFilesTest, ErrorBeforePlayingFailsTheStateChange) {
   for (const std::string source : {"half.png", "nothing.avi"})
     for (const std::string line : {"lfcamsrc rig=", "lfviewsrc is-live=false num-buffers=1 rig="})
       for (int i = 0; i < 5; i++) {
-        const ElementPtr pipeline = launch(line + rig_with_source(source) + " ! fakesink");
-        ASSERT_TRUE(pipeline);
+        const PipelinePtr pipeline = launch(line + rig_with_source(source) + " ! fakesink");
         EXPECT_EQ(gst_element_set_state(pipeline.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE) << line << source;
-        gst_element_set_state(pipeline.get(), GST_STATE_NULL);
       }
 }
 
@@ -500,12 +453,12 @@ TEST_F(CamSrcFilesTest, UndecodableStillNamesFormatAndRemedy) {
         .play();
   };
   write("page.jpg", "<!DOCTYPE html>\n<html><head><title>404</title></head><body>Not found</body></html>\n");
-  EXPECT_THAT(play("page.jpg"), testing::AllOf(HasSubstr("page.jpg"), HasSubstr("not an image")));
+  EXPECT_THAT(play("page.jpg"), AllOf(HasSubstr("page.jpg"), HasSubstr("not an image")));
   save_texture("still.tif", 1);
   const bool has_decoder = still_decoding_problem(files->path("still.tif")).empty();
   EXPECT_THAT(play("still.tif"),
               has_decoder ? testing::Matcher<std::string>("EOS")
-                          : testing::AllOf(HasSubstr("still.tif"), HasSubstr("image/tiff"), HasSubstr("JPEG or PNG")));
+                          : AllOf(HasSubstr("still.tif"), HasSubstr("image/tiff"), HasSubstr("JPEG or PNG")));
 }
 
 // The built-in scene would appear as a ghost in every view.

@@ -1,44 +1,22 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <atomic>
-#include <cmath>
-#include <filesystem>
-#include <fstream>
-#include <functional>
-#include <mutex>
-#include <string>
-#include <vector>
-
-#include <gmock/gmock.h>
-#include <gst/gst.h>
-#include <gst/video/video.h>
-#include <gtest/gtest.h>
-
-#include "../gst/common/common.h"
 #include "gst/camera_pipeline.h"
-#include "gst/gst_test.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
-#include "support/mentions.h"
 
 namespace lf::test {
 namespace {
 
-using testing::HasSubstr;
-
 // uridecodebin reaches PAUSED asynchronously, a live camera immediately: the pipeline must not wait for either.
 TEST_F(CamSrcTest, DecodersDoNotDelayALivePipeline) {
   const std::string camera = "lfcamsrc is-live=true loop=true rig=" + rig_with_source("mjpeg.avi") + " ! queue ! ";
-  const ElementPtr pipeline = launch("funnel name=all ! fakesink name=sink  " + camera + "all.  " + camera + "all.  " +
-                                     camera + "all.  " + camera + "all.");
-  ASSERT_TRUE(pipeline);
+  const PipelinePtr pipeline = launch("funnel name=all ! fakesink name=sink  " + camera + "all.  " + camera + "all.  " +
+                                      camera + "all.  " + camera + "all.");
   for (int i = 0; i < 60; ++i) {
     gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
     GstState state = GST_STATE_NULL;
     ASSERT_EQ(gst_element_get_state(pipeline.get(), &state, nullptr, 10 * GST_SECOND), GST_STATE_CHANGE_SUCCESS) << i;
     ASSERT_EQ(state, GST_STATE_PLAYING) << i;
-    const ElementPtr sink(gst_bin_get_by_name(GST_BIN(pipeline.get()), "sink"));
-    ASSERT_EQ(GST_STATE(sink.get()), GST_STATE_PLAYING) << i;
+    ASSERT_EQ(GST_STATE(child_of(pipeline.get(), "sink").get()), GST_STATE_PLAYING) << i;
     gst_element_set_state(pipeline.get(), GST_STATE_NULL);
   }
 }
@@ -83,24 +61,18 @@ TEST_F(CamSrcTest, LiveSceneFollowsTheClockSchedule) {
 // Otherwise the pipeline cannot find a valid latency.
 TEST_F(CamSrcTest, MaximumLatencyIsNotBelowTheMinimum) {
   for (const std::string source : {"", "mjpeg.mkv"}) {
-    const ElementPtr pipeline =
+    const PipelinePtr pipeline =
         launch("lfcamsrc name=camera is-live=true loop=true rig=" + rig_with_source(source) + " ! fakesink");
-    ASSERT_TRUE(pipeline);
     gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
     gst_element_get_state(pipeline.get(), nullptr, nullptr, 10 * GST_SECOND);
-    const ElementPtr camera(gst_bin_get_by_name(GST_BIN(pipeline.get()), "camera"));
-    GstPad* src = gst_element_get_static_pad(camera.get(), "src");
-    GstQuery* query = gst_query_new_latency();
-    ASSERT_TRUE(gst_pad_query(src, query));
+    g_autoptr(GstQuery) query = gst_query_new_latency();
+    ASSERT_TRUE(gst_pad_query(pad_of(child_of(pipeline.get(), "camera").get(), "src").get(), query));
     gboolean live = FALSE;
     GstClockTime least = 0, most = 0;
     gst_query_parse_latency(query, &live, &least, &most);
     EXPECT_TRUE(live) << source;
     EXPECT_GE(least, GST_SECOND / 15) << source;
     EXPECT_GE(most, least) << source;
-    gst_query_unref(query);
-    gst_object_unref(src);
-    gst_element_set_state(pipeline.get(), GST_STATE_NULL);
   }
 }
 
@@ -139,7 +111,7 @@ TEST_F(CamSrcTest, LoopsNeedNoFlush) {
     }
   } count;
   constexpr int kRounds = 8;
-  CameraPipeline camera("rig=" + rig_with([](Camera& c) { c.source = "mjpeg.mkv"; }) +
+  CameraPipeline camera("rig=" + rig_with_source("mjpeg.mkv") +
                         " loop=true num-frames=" + std::to_string(kRounds * kFrames));
   ASSERT_TRUE(camera.reach(GST_STATE_READY));
   GstIterator* demuxers = gst_bin_iterate_all_by_element_factory_name(GST_BIN(camera.camera()), "matroskademux");
@@ -159,12 +131,9 @@ TEST_F(CamSrcTest, LoopsNeedNoFlush) {
   }
   EXPECT_EQ(count.flushes, 1);
   EXPECT_GE(count.segment_ends, kRounds - 2);
-  GstBus* bus = gst_element_get_bus(camera.pipeline());
+  g_autoptr(GstBus) bus = gst_element_get_bus(camera.pipeline());
   constexpr auto kSegments = GstMessageType(GST_MESSAGE_SEGMENT_START | GST_MESSAGE_SEGMENT_DONE);
-  GstMessage* message = gst_bus_pop_filtered(bus, kSegments);
-  EXPECT_EQ(message, nullptr) << "no segment seek";
-  gst_clear_message(&message);
-  gst_object_unref(bus);
+  EXPECT_FALSE(MessagePtr(gst_bus_pop_filtered(bus, kSegments))) << "no segment seek";
 }
 
 // Files of one array loop with a common period, even if one is truncated.
@@ -204,7 +173,7 @@ TEST_F(CamSrcTest, FileWithAudioLoopsAtTheEndOfTheVideo) {
 }
 
 TEST_F(CamSrcTest, LoopsAfterASeekHaveFilmTimes) {
-  CameraPipeline camera("rig=" + rig_with([](Camera& c) { c.source = "mjpeg.mkv"; }) + " loop=true num-frames=20");
+  CameraPipeline camera("rig=" + rig_with_source("mjpeg.mkv") + " loop=true num-frames=20");
   ASSERT_TRUE(camera.reach(GST_STATE_PAUSED));
   constexpr auto kFlags = GstSeekFlags(GST_SEEK_FLAG_FLUSH | GST_SEEK_FLAG_ACCURATE);
   ASSERT_TRUE(gst_element_seek_simple(camera.pipeline(), GST_FORMAT_TIME, kFlags, 3 * kPeriod));
@@ -255,25 +224,16 @@ TEST_F(CamSrcTest, JpegStaysJpegWithoutDecoding) {
                 "")
           << source << " " << framerate;
     }
-  EXPECT_THAT(run("lfcamsrc decode=false rig=" +
-                  files->save("wrong.json", 1,
-                              [](Camera& camera) {
-                                camera.source = "jpeg_%02d.jpg";
-                                camera.width = 65;
-                              }) +
-                  " ! fakesink"),
-              mentions("64x48", "65x48"));
   // The size is read from the first valid picture.
   std::ofstream(files->path("begins_00.jpg")) << "\xff\xd8\xff\xe0 and no more of a picture";
   std::filesystem::copy(files->path("jpeg_00.jpg"), files->path("begins_01.jpg"));
-  EXPECT_THAT(run("lfcamsrc decode=false rig=" +
-                  files->save("damaged.json", 1,
-                              [](Camera& camera) {
-                                camera.source = "begins_%02d.jpg";
-                                camera.width = 65;
-                              }) +
-                  " ! fakesink"),
-              mentions("64x48", "65x48"));
+  for (const std::string source : {"jpeg_%02d.jpg", "begins_%02d.jpg"}) {
+    const std::string wrong = files->save("wrong.json", 1, [&](Camera& camera) {
+      camera.source = source;
+      camera.width = 65;
+    });
+    EXPECT_THAT(run("lfcamsrc decode=false rig=" + wrong + " ! fakesink"), mentions("64x48", "65x48")) << source;
+  }
   for (const std::string source : {"raw.mkv", "png_%d.png"}) {  // raw frames and PNG have no decoder to bypass
     EXPECT_EQ(run("lfcamsrc decode=false rig=" + rig_with_source(source) + " ! video/x-raw ! fakesink sync=false"), "")
         << source;
@@ -377,7 +337,7 @@ class Listener {
     const gint64 end = g_get_monotonic_time() + static_cast<gint64>(patience / GST_USECOND);
     for (bool going = true; going;) {
       const gint64 left = std::max<gint64>(0, end - g_get_monotonic_time());
-      GstMessage* message = gst_bus_timed_pop(bus, static_cast<GstClockTime>(left) * GST_USECOND);
+      g_autoptr(GstMessage) message = gst_bus_timed_pop(bus, static_cast<GstClockTime>(left) * GST_USECOND);
       if (!message) break;
       going = GST_MESSAGE_TYPE(message) != GST_MESSAGE_ERROR;
       if (const GstStructure* structure = gst_message_get_structure(message)) {
@@ -392,7 +352,6 @@ class Listener {
       if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_WARNING) gst_message_parse_warning(message, &error, &debug);
       if (error) add(error->message);
       if (debug) add(debug);
-      gst_message_unref(message);
     }
   }
   int problems() const { return problems_; }
@@ -436,12 +395,10 @@ TEST_F(CamSrcTest, NeverRevealsPasswords) {
       CameraPipeline camera("rig=" + rig_with_source(source) + " trusted=true retry=" + retry);
       camera.set_state(GST_STATE_PLAYING);
       listener.read(camera.pipeline(), (*retry == 't' ? 1 : 3) * GST_SECOND);
-      g_autoptr(GstStructure) stats = nullptr;
-      g_object_get(camera.camera(), "stats", &stats, nullptr);
-      g_autofree gchar* text = gst_structure_to_string(stats);
+      g_autofree gchar* text = gst_structure_to_string(stats_of(camera.camera()).get());
       camera.set_state(GST_STATE_NULL);
       EXPECT_GT(listener.problems(), 0) << "problems to report";
-      EXPECT_THAT(listener.said() + text, ::testing::Not(HasSubstr("Hunter2Secret")));
+      EXPECT_THAT(listener.said() + text, Not(HasSubstr("Hunter2Secret")));
     }
 }
 
@@ -463,19 +420,15 @@ struct FakeWebcamClass {
   GstBinClass parent_class;
 };
 
-GstURIType uri_type(GType) { return GST_URI_SRC; }
-const gchar* const* uri_protocols(GType) {
-  static const gchar* const protocols[] = {"webcam", nullptr};
-  return protocols;
-}
-gchar* get_uri(GstURIHandler*) { return g_strdup("webcam://"); }
-gboolean set_uri(GstURIHandler*, const gchar*, GError**) { return TRUE; }
 void uri_handler_init(gpointer iface, gpointer) {
   auto* handler = static_cast<GstURIHandlerInterface*>(iface);
-  handler->get_type = uri_type;
-  handler->get_protocols = uri_protocols;
-  handler->get_uri = get_uri;
-  handler->set_uri = set_uri;
+  handler->get_type = [](GType) { return GST_URI_SRC; };
+  handler->get_protocols = [](GType) -> const gchar* const* {
+    static const gchar* const protocols[] = {"webcam", nullptr};
+    return protocols;
+  };
+  handler->get_uri = [](GstURIHandler*) { return g_strdup("webcam://"); };
+  handler->set_uri = [](GstURIHandler*, const gchar*, GError**) -> gboolean { return TRUE; };
 }
 
 G_DEFINE_TYPE_WITH_CODE(FakeWebcam, fake_webcam, GST_TYPE_BIN,
@@ -509,9 +462,7 @@ void choose_format(GstPad* ghost, GstPad*, gpointer data) {
   g_object_set(filter, "caps", raw, nullptr);
   gst_bin_add_many(GST_BIN(self), test, filter, coder, nullptr);
   gst_element_link_many(test, filter, coder, nullptr);
-  GstPad* target = gst_element_get_static_pad(coder, "src");
-  gst_ghost_pad_set_target(GST_GHOST_PAD(ghost), target);
-  gst_object_unref(target);
+  gst_ghost_pad_set_target(GST_GHOST_PAD(ghost), pad_of(coder, "src").get());
   for (GstCaps* c : {asked, mine, caps, raw}) gst_caps_unref(c);
 }
 
@@ -566,7 +517,7 @@ TEST_F(DeviceTest, ErrorsNameThePlace) {
   EXPECT_THAT(CameraPipeline("framerate=25/1 trusted=true rig=" + small).play(), mentions("62x48", "25/1"));
   if (!ElementPtr(gst_element_factory_make("v4l2src", nullptr))) GTEST_SKIP() << "v4l2src is not installed";
   EXPECT_THAT(CameraPipeline("rig=" + rig_with_source("v4l2:///dev/video-none")).play(),
-              testing::AllOf(mentions("camera 0", "cam_0", "v4l2:///dev/video-none"), HasSubstr("Cannot identify")));
+              AllOf(mentions("camera 0", "cam_0", "v4l2:///dev/video-none"), HasSubstr("Cannot identify")));
 }
 
 }  // namespace

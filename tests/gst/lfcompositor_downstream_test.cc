@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // Negotiation with downstream: memory and formats of pictures, and QoS.
-#include <gmock/gmock.h>
-#include <gst/video/video.h>
-#include <gtest/gtest.h>
 
 #include "gst/compositor_fixture.h"
 
@@ -19,16 +16,12 @@ class LfCompositorDownstreamTest : public LfCompositorTest {
 
   // Downstream answers ALLOCATION queries with `pool_`, or fails the query if `fails_`.
   void answer_allocation() {
-    GstPad* src = gst_element_get_static_pad(element_.get(), "src");
-    gst_pad_add_probe(src, static_cast<GstPadProbeType>(GST_PAD_PROBE_TYPE_QUERY_DOWNSTREAM | GST_PAD_PROBE_TYPE_PUSH),
-                      on_query, this, nullptr);
-    gst_object_unref(src);
+    constexpr auto kQueries = GstPadProbeType(GST_PAD_PROBE_TYPE_QUERY_DOWNSTREAM | GST_PAD_PROBE_TYPE_PUSH);
+    gst_pad_add_probe(pad_of(element_.get(), "src").get(), kQueries, on_query, this, nullptr);
   }
 
   BufferPtr picture(uint32_t sequence, PixelFamily family = PixelFamily::kRgb) {
-    const ViewRequest asked = array_.request(sequence, sequence * kFrame);
-    request(asked);
-    push(0, answer_of(asked, {0, 1, 2, 3}, 200, family));
+    request_and_answer(array_.request(sequence, sequence * kFrame), {0, 1, 2, 3}, 200, family);
     return BufferPtr(gst_harness_pull(harness_.get()));
   }
 
@@ -40,6 +33,27 @@ class LfCompositorDownstreamTest : public LfCompositorTest {
     for (Fragment& fragment : answer.fragments)
       for (size_t i = 0; i < fragment.pixels.size(); i++) fragment.pixels[i] ^= static_cast<uint8_t>(i * 5 % 16);
     push(0, answer);
+  }
+
+  // Returns the bytes of a picture with these downstream caps, without row padding; chroma as planes.
+  std::vector<uint8_t> planar_with(const char* sink_caps) {
+    nodes_.clear();
+    start(1, {{"background", "0xff4080c0"}}, sink_caps);
+    ask_and_answer();
+    const BufferPtr picture(gst_harness_pull(harness_.get()));
+    const CapsPtr caps(gst_pad_get_current_caps(harness_->sinkpad));
+    EXPECT_TRUE(gst_video_info_from_caps(&info_, caps.get()));
+    EXPECT_EQ(info_.colorimetry.matrix, GST_VIDEO_COLOR_MATRIX_BT601);
+    GstVideoFrame frame;
+    EXPECT_TRUE(gst_video_frame_map(&frame, &info_, picture.get(), GST_MAP_READ));
+    std::vector<uint8_t> bytes;
+    for (guint c = 0; c < 3; c++)
+      for (gint y = 0; y < GST_VIDEO_FRAME_COMP_HEIGHT(&frame, c); y++)
+        for (gint x = 0; x < GST_VIDEO_FRAME_COMP_WIDTH(&frame, c); x++)
+          bytes.push_back(static_cast<const uint8_t*>(GST_VIDEO_FRAME_COMP_DATA(
+              &frame, c))[y * GST_VIDEO_FRAME_COMP_STRIDE(&frame, c) + x * GST_VIDEO_FRAME_COMP_PSTRIDE(&frame, c)]);
+    gst_video_frame_unmap(&frame);
+    return bytes;
   }
 
   static GstPadProbeReturn on_query(GstPad*, GstPadProbeInfo* info, gpointer data) {
@@ -61,6 +75,7 @@ class LfCompositorDownstreamTest : public LfCompositorTest {
   guint most_ = 0;
   bool fails_ = false;
   int queries_ = 0;
+  GstVideoInfo info_{};  // of planar_with()
 };
 
 TEST_F(LfCompositorDownstreamTest, PicturesUseTheOfferedMemory) {
@@ -126,34 +141,12 @@ TEST_F(LfCompositorDownstreamTest, PartialAnswersHaveTheirOwnCapsAndMemory) {
   EXPECT_EQ(caps_of(harness_->sinkpad), "application/x-lightfield-answer, parsed=(boolean)true");
 }
 
-// Returns the picture's bytes without row padding; chroma as planes.
-std::vector<uint8_t> planar(GstBuffer* buffer, const GstVideoInfo& info) {
-  GstVideoFrame frame;
-  EXPECT_TRUE(gst_video_frame_map(&frame, &info, buffer, GST_MAP_READ));
-  std::vector<uint8_t> bytes;
-  for (guint c = 0; c < 3; c++)
-    for (gint y = 0; y < GST_VIDEO_FRAME_COMP_HEIGHT(&frame, c); y++)
-      for (gint x = 0; x < GST_VIDEO_FRAME_COMP_WIDTH(&frame, c); x++)
-        bytes.push_back(static_cast<const uint8_t*>(GST_VIDEO_FRAME_COMP_DATA(
-            &frame, c))[y * GST_VIDEO_FRAME_COMP_STRIDE(&frame, c) + x * GST_VIDEO_FRAME_COMP_PSTRIDE(&frame, c)]);
-  gst_video_frame_unmap(&frame);
-  return bytes;
-}
-
 TEST_F(LfCompositorDownstreamTest, Nv12IsI420InAnotherLayout) {
   std::vector<uint8_t> pictures[2];
   for (const bool nv12 : {false, true}) {
-    nodes_.clear();
-    start(1, {{"background", "0xff4080c0"}}, nv12 ? "video/x-raw,format=NV12" : "video/x-raw,format=I420");
-    ask_and_answer();
-    const BufferPtr picture(gst_harness_pull(harness_.get()));
+    pictures[nv12] = planar_with(nv12 ? "video/x-raw,format=NV12" : "video/x-raw,format=I420");
     EXPECT_EQ(output_format(), nv12 ? "NV12" : "I420");
-    const CapsPtr caps(gst_pad_get_current_caps(harness_->sinkpad));
-    GstVideoInfo info;
-    ASSERT_TRUE(gst_video_info_from_caps(&info, caps.get()));
-    EXPECT_EQ(info.colorimetry.range, GST_VIDEO_COLOR_RANGE_0_255);
-    EXPECT_EQ(info.colorimetry.matrix, GST_VIDEO_COLOR_MATRIX_BT601);
-    pictures[nv12] = planar(picture.get(), info);
+    EXPECT_EQ(info_.colorimetry.range, GST_VIDEO_COLOR_RANGE_0_255);
   }
   EXPECT_EQ(pictures[0], pictures[1]);
   EXPECT_NE(std::ranges::min(pictures[0]), std::ranges::max(pictures[0]));
@@ -162,17 +155,8 @@ TEST_F(LfCompositorDownstreamTest, Nv12IsI420InAnotherLayout) {
 TEST_F(LfCompositorDownstreamTest, VideoHasTheRequestedRange) {
   std::vector<uint8_t> pictures[2];
   for (const bool video : {false, true}) {
-    nodes_.clear();
-    start(1, {{"background", "0xff4080c0"}},
-          video ? "video/x-raw,format=I420,colorimetry=bt601; video/x-raw" : "video/x-raw");
-    ask_and_answer();
-    const BufferPtr picture(gst_harness_pull(harness_.get()));
-    const CapsPtr caps(gst_pad_get_current_caps(harness_->sinkpad));
-    GstVideoInfo info;
-    ASSERT_TRUE(gst_video_info_from_caps(&info, caps.get()));
-    EXPECT_EQ(info.colorimetry.range, video ? GST_VIDEO_COLOR_RANGE_16_235 : GST_VIDEO_COLOR_RANGE_0_255);
-    EXPECT_EQ(info.colorimetry.matrix, GST_VIDEO_COLOR_MATRIX_BT601);
-    pictures[video] = planar(picture.get(), info);
+    pictures[video] = planar_with(video ? "video/x-raw,format=I420,colorimetry=bt601; video/x-raw" : "video/x-raw");
+    EXPECT_EQ(info_.colorimetry.range, video ? GST_VIDEO_COLOR_RANGE_16_235 : GST_VIDEO_COLOR_RANGE_0_255);
   }
   const size_t luma = pictures[0].size() / 3 * 2;
   ASSERT_EQ(pictures[0].size(), pictures[1].size());
@@ -194,27 +178,17 @@ GstEvent* late_by(GstClockTimeDiff diff, GstClockTime timestamp) {
   return gst_event_new_qos(GST_QOS_TYPE_UNDERFLOW, 2, diff, timestamp);
 }
 
-GstEvent* for_view(GstEvent* event, guint view_id) {
-  gst_structure_set(gst_event_writable_structure(event), "lightfield-view-id", G_TYPE_UINT, view_id, nullptr);
-  return event;
-}
-
 class LfCompositorQosTest : public LfCompositorTest {
  protected:
   void start_two_frames_late(GstClockTime timestamp) {
     start(1, {{"view-id", "3"}});
-    bus_.reset(gst_bus_new());
-    gst_element_set_bus(element_.get(), bus_.get());
+    bus_.emplace(element_.get());
     gst_harness_query_latency(harness_.get());
     push_upstream(late_by(2 * kFrame, timestamp));
   }
   void push_upstream(GstEvent* event) { gst_harness_push_upstream_event(harness_.get(), event); }
-  void one(uint32_t sequence) {
-    const ViewRequest asked = array_.request(sequence, sequence * kFrame, 3);
-    request(asked);
-    push(0, answer_of(asked, {0, 1, 2, 3}));
-  }
-  std::unique_ptr<GstBus, Unref<gst_object_unref>> bus_;
+  void one(uint32_t sequence) { request_and_answer(array_.request(sequence, sequence * kFrame, 3), {0, 1, 2, 3}); }
+  std::optional<ElementBus> bus_;
 };
 
 TEST_F(LfCompositorQosTest, LatePicturesAreSkippedAndReported) {
@@ -227,17 +201,16 @@ TEST_F(LfCompositorQosTest, LatePicturesAreSkippedAndReported) {
   EXPECT_EQ(stat(element_.get(), "incomplete"), 0u);
   EXPECT_EQ(stat(element_.get(), "late-answers"), 0u);
   for (uint64_t i = 2; i < 5; i++) {
-    GstMessage* message = gst_bus_pop_filtered(bus_.get(), GST_MESSAGE_QOS);
+    const MessagePtr message(gst_bus_pop_filtered(bus_->get(), GST_MESSAGE_QOS));
     ASSERT_TRUE(message);
     gboolean live = TRUE;
     guint64 running = 0, stream = 0, pts = 0, duration = 0, processed = 0, dropped = 0;
     gint64 jitter = 0;
     gdouble proportion = 0;
     GstFormat format{};
-    gst_message_parse_qos(message, &live, &running, &stream, &pts, &duration);
-    gst_message_parse_qos_values(message, &jitter, &proportion, nullptr);
-    gst_message_parse_qos_stats(message, &format, &processed, &dropped);
-    gst_message_unref(message);
+    gst_message_parse_qos(message.get(), &live, &running, &stream, &pts, &duration);
+    gst_message_parse_qos_values(message.get(), &jitter, &proportion, nullptr);
+    gst_message_parse_qos_stats(message.get(), &format, &processed, &dropped);
     EXPECT_FALSE(live);
     EXPECT_EQ(running, i * kFrame);
     EXPECT_EQ(pts, i * kFrame);
@@ -254,12 +227,10 @@ TEST_F(LfCompositorQosTest, LatePicturesAreSkippedAndReported) {
 TEST_F(LfCompositorQosTest, CurrentRequestIsSkipped) {
   start(2, {{"view-id", "3"}});
   const ViewRequest first = array_.request(1, kFrame, 3), second = array_.request(3, 3 * kFrame, 3);
-  request(first);
-  push(0, answer_of(first, {0, 1}));
+  request_and_answer(first, {0, 1});
   push_upstream(late_by(kFrame, kFrame));
   push(1, answer_of(first, {}));
-  request(second);
-  push(0, answer_of(second, {0, 1}));
+  request_and_answer(second, {0, 1});
   push(1, answer_of(second, {2, 3}));
   pull();
   EXPECT_EQ(last_pts_, 3 * kFrame);
@@ -273,19 +244,20 @@ TEST_F(LfCompositorQosTest, QosEventsNameTheView) {
   pull();
   push_upstream(late_by(kFrame, 0));
   std::optional<guint> view_id;
-  while (GstEvent* event = gst_harness_try_pull_upstream_event(nodes_[0].get())) {
+  while (const EventPtr event{gst_harness_try_pull_upstream_event(nodes_[0].get())}) {
     guint of = 0;
-    if (GST_EVENT_TYPE(event) == GST_EVENT_QOS &&
-        gst_structure_get_uint(gst_event_get_structure(event), "lightfield-view-id", &of))
+    if (GST_EVENT_TYPE(event.get()) == GST_EVENT_QOS &&
+        gst_structure_get_uint(gst_event_get_structure(event.get()), "lightfield-view-id", &of))
       view_id = of;
-    gst_event_unref(event);
   }
   EXPECT_EQ(view_id, 3u);
 }
 
 TEST_F(LfCompositorQosTest, QosOfOtherViewsIsIgnored) {
   start(1, {{"view-id", "3"}});
-  push_upstream(for_view(late_by(20 * kFrame, 0), 4));
+  GstEvent* other = late_by(20 * kFrame, 0);
+  gst_structure_set(gst_event_writable_structure(other), "lightfield-view-id", G_TYPE_UINT, 4u, nullptr);
+  push_upstream(other);
   one(1);
   pull();
   EXPECT_EQ(last_pts_, kFrame);
@@ -297,9 +269,7 @@ TEST_F(LfCompositorQosTest, FlushClearsQos) {
     gst_harness_push_event(harness, gst_event_new_flush_start());
   for (GstHarness* harness : {harness_.get(), nodes_[0].get()}) {
     gst_harness_push_event(harness, gst_event_new_flush_stop(TRUE));
-    GstSegment segment;
-    gst_segment_init(&segment, GST_FORMAT_TIME);
-    gst_harness_push_event(harness, gst_event_new_segment(&segment));
+    push_segment(harness);
   }
   one(1);
   one(9);
@@ -310,16 +280,12 @@ TEST_F(LfCompositorQosTest, FlushClearsQos) {
 // Runs from the sink to the nodes; showing a picture takes five frame intervals.
 TEST(Qos, SlowSinkReducesTheWorkOfCameras) {
   const ArrayFixture array;
-  const ElementPtr pipeline = launch("lfviewrequest rig=" + array.rig_path() +
-                                     " num-buffers=60 framerate=50/1 ! tee name=r  r. ! queue ! n.request  "
-                                     "lfcameranode name=n rig=" +
-                                     array.rig_path() +
-                                     " ! c.sink_0  r. ! queue ! c.request  "
-                                     "lfcompositor name=c rig=" +
-                                     array.rig_path() + " ! identity sleep-time=100000 ! fakesink sync=true qos=true");
-  ASSERT_TRUE(pipeline);
-  const ElementPtr node(gst_bin_get_by_name(GST_BIN(pipeline.get()), "n"));
-  const ElementPtr compositor(gst_bin_get_by_name(GST_BIN(pipeline.get()), "c"));
+  const std::string rig = " rig=" + array.rig_path();
+  const PipelinePtr pipeline = launch("lfviewrequest num-buffers=60 framerate=50/1" + rig +
+                                      " ! tee name=r  r. ! queue ! n.request  lfcameranode name=n" + rig +
+                                      " ! c.sink_0  r. ! queue ! c.request  lfcompositor name=c" + rig +
+                                      " ! identity sleep-time=100000 ! fakesink sync=true qos=true");
+  const ElementPtr node = child_of(pipeline.get(), "n"), compositor = child_of(pipeline.get(), "c");
   EXPECT_EQ(run(pipeline.get(), 60), "");
   EXPECT_GT(stat(node.get(), "skipped"), 10u);
   EXPECT_GT(stat(compositor.get(), "skipped"), 10u);

@@ -1,27 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <atomic>
-#include <string>
-#include <thread>
-#include <utility>
-#include <vector>
-
-#include <gmock/gmock.h>
 #include <gst/check/gsttestclock.h>
-#include <gtest/gtest.h>
 
 #include "common/custom_events.h"
 #include "composite/camera_health.h"
-#include "gst/array_fixture.h"
 #include "gst/compositor_fixture.h"
 #include "support/fragments.h"
-#include "wire/answer_codec.h"
 
 namespace lf::test {
 namespace {
-
-using testing::ElementsAre;
-using testing::HasSubstr;
-using testing::IsEmpty;
 
 constexpr uint64_t kNow = 1000 * GST_SECOND, kLatency = 40 * GST_MSECOND;
 
@@ -30,6 +16,7 @@ class LfCompositorLiveTest : public LfCompositorTest {
  protected:
   void start_live(int nodes, const std::vector<std::pair<std::string, std::string>>& properties = {}) {
     live_ = TRUE;
+    sequence_ = 0;
     start(nodes, properties);
     g_object_set(element_.get(), "latency", kLatency, nullptr);
     gst_harness_use_testclock(harness_.get());
@@ -44,6 +31,12 @@ class LfCompositorLiveTest : public LfCompositorTest {
     gst_harness_set_time(harness_.get(), asked.target_time);
     request(asked);
     return asked;
+  }
+
+  // Two nodes answer with the whole array, the second first.
+  void push_both(const ViewRequest& asked) {
+    push(1, answer_of(asked, {2, 3}));
+    push(0, answer_of(asked, {0, 1}));
   }
 
   // Advances the clock past the deadline of the latest request.
@@ -72,10 +65,9 @@ class LfCompositorLiveTest : public LfCompositorTest {
 
   std::vector<CameraSet> announced() {
     std::vector<CameraSet> sets;
-    while (GstEvent* event = gst_harness_try_pull_upstream_event(harness_.get())) {
-      const std::shared_ptr<const ViewFeedback> feedback = parse_view_feedback(event);
+    while (const EventPtr event{gst_harness_try_pull_upstream_event(harness_.get())}) {
+      const std::shared_ptr<const ViewFeedback> feedback = parse_view_feedback(event.get());
       if (feedback && feedback->out_of_service && feedback->view_id == 0) sets.push_back(*feedback->out_of_service);
-      gst_event_unref(event);
     }
     return sets;
   }
@@ -102,8 +94,7 @@ TEST_F(LfCompositorLiveTest, FollowsGrowingLatency) {
 
 TEST_F(LfCompositorLiveTest, PictureIsOutputAtTheDeadlineWithoutASilentNode) {
   start_live(2, {{"rig", array_.rig_path()}});
-  const ViewRequest asked = ask();
-  push(0, answer_of(asked, {0, 1, 2}));
+  push(0, answer_of(ask(), {0, 1, 2}));
   pass_deadline();
   pull();
   EXPECT_EQ(stat(element_.get(), "missing-fragments"), 1u);
@@ -161,8 +152,7 @@ TEST_F(LfCompositorLiveTest, StoppedNodeIsSkippedAndReturns) {
 TEST_F(LfCompositorLiveTest, BlindCameraIsTakenOutOfService) {
   start_live(1, {{"max-missed", "1"}});
   for (int i = 0; i < 3; i++) {
-    const ViewRequest asked = ask();
-    wire::Answer answer = answer_of(asked, i == 0 ? CameraSet{0, 1, 2, 3} : CameraSet{0, 1, 2});
+    wire::Answer answer = answer_of(ask(), i == 0 ? CameraSet{0, 1, 2, 3} : CameraSet{0, 1, 2});
     answer.cameras = CameraRanges(CameraSet{0, 1, 2, 3});
     if (i > 0) answer.blind = CameraRanges(CameraSet{3});
     push(0, answer);
@@ -207,9 +197,6 @@ TEST_F(LfCompositorLiveTest, IncompletePicturesAreRepeatedOrDropped) {
     EXPECT_EQ(last_pts_, asked.target_time);
     EXPECT_EQ(stat(element_.get(), "incomplete"), 1u);
     EXPECT_EQ(stat(element_.get(), "dropped"), options == "drop" ? 1u : 0u);
-    nodes_.clear();
-    harness_.reset();
-    sequence_ = 0;
   }
 }
 
@@ -234,8 +221,7 @@ TEST_F(LfCompositorLiveTest, PartsMayBeReorderedAndDuplicated) {
     const ViewRequest asked = ask();
     push(0, answer_of(asked, {0}));
     const auto parts = in_parts(answer_of(asked, {1, 2, 3}));
-    for (const size_t i : order)
-      ASSERT_EQ(gst_harness_push(nodes_[1].get(), to_buffer(std::vector<uint8_t>(parts[i]))), GST_FLOW_OK);
+    for (const size_t i : order) push(1, parts[i]);
     EXPECT_GE(range(pull()).first, 199);
   }
   EXPECT_EQ(stat(element_.get(), "repeated-answers"), 1u);
@@ -247,8 +233,7 @@ TEST_F(LfCompositorLiveTest, LostPartIsConcealedAtTheDeadline) {
   start_live(2, {{"rig", array_.rig_path()}});
   const ViewRequest asked = ask();
   push(0, answer_of(asked, {0}));
-  const auto parts = in_parts(answer_of(asked, {1, 2, 3}));
-  ASSERT_EQ(gst_harness_push(nodes_[1].get(), to_buffer(std::vector<uint8_t>(parts[1]))), GST_FLOW_OK);
+  push(1, in_parts(answer_of(asked, {1, 2, 3}))[1]);
   pass_deadline();
   const std::vector<uint8_t> picture = pull();
   EXPECT_EQ(stat(element_.get(), "missing-fragments"), 3u);
@@ -277,13 +262,11 @@ TEST_F(LfCompositorChangeTest, DoesNotWaitForARemovedNode) {
   add_node(1, false);
   asked = array_.request(1, kFrame);
   const ViewRequest next = array_.request(2, 2 * kFrame);
-  request(asked);
-  push(0, answer_of(asked, {0, 1, 2}));
+  request_and_answer(asked, {0, 1, 2});
   push(1, answer_of(next, {3}));
   LfCompositorTest::pull();
   EXPECT_EQ(stat(element_.get(), "missing-fragments"), 2u);
-  request(next);
-  push(0, answer_of(next, {0, 1, 2}));
+  request_and_answer(next, {0, 1, 2});
   EXPECT_GE(range(LfCompositorTest::pull()).first, 199);
   EXPECT_EQ(stat(element_.get(), "missing-fragments"), 2u);
 }
@@ -292,8 +275,7 @@ TEST_F(LfCompositorChangeTest, AnswersOfARemovedNodeAreShown) {
   start(2, {{"rig", array_.rig_path()}});
   const ViewRequest asked = array_.request(0, 0);
   request(asked);
-  push(1, answer_of(asked, {2, 3}));
-  push(0, answer_of(asked, {0, 1}));
+  push_both(asked);
   remove_node(1);
   EXPECT_GE(range(LfCompositorTest::pull()).first, 199);
 }
@@ -301,8 +283,7 @@ TEST_F(LfCompositorChangeTest, AnswersOfARemovedNodeAreShown) {
 TEST_F(LfCompositorChangeTest, NeighboursFillInForARemovedLiveNode) {
   start_live(2, {{"rig", array_.rig_path()}, {"max-missed", "2"}});
   ViewRequest asked = ask();
-  push(1, answer_of(asked, {2, 3}));
-  push(0, answer_of(asked, {0, 1}));
+  push_both(asked);
   EXPECT_GE(range(pull()).first, 199);
   remove_node(1);
   for (int i = 0; i < 3; i++) {
@@ -329,8 +310,7 @@ TEST_F(LfCompositorChangeTest, NeighboursFillInForARemovedLiveNode) {
   }
   EXPECT_THAT(announced(), ElementsAre(CameraSet{}));
   asked = ask();
-  push(1, answer_of(asked, {2, 3}));
-  push(0, answer_of(asked, {0, 1}));
+  push_both(asked);
   EXPECT_GE(range(pull()).first, 199);
   EXPECT_EQ(stat(element_.get(), "missing-fragments"), missing);
 }
@@ -399,9 +379,6 @@ TEST_F(LfCompositorChangeTest, NoPictureMixesTwoRigs) {
       EXPECT_TRUE(step < 4 || range(picture).first >= 218);
     }
     EXPECT_EQ(stat(element_.get(), "complete"), 3u);
-    nodes_.clear();
-    harness_.reset();
-    sequence_ = 0;
   } while (std::next_permutation(order.begin(), order.end()));
 }
 
@@ -431,16 +408,13 @@ TEST_F(LfCompositorChangeTest, CamerasOutOfServiceAreForgottenWithTheirRig) {
 
 TEST_F(LfCompositorChangeTest, UnreadableRigChangesNothing) {
   start(1, {{"rig", array_.rig_path()}});
-  const std::unique_ptr<GstBus, Unref<gst_object_unref>> bus(gst_bus_new());
-  gst_element_set_bus(element_.get(), bus.get());
+  const ElementBus bus(element_.get());
   set_rig("/nowhere/rig.json");
-  EXPECT_THAT(warnings_on(bus.get()), HasSubstr("/nowhere/rig.json"));
+  EXPECT_THAT(bus.warnings(), HasSubstr("/nowhere/rig.json"));
   ask_and_answer(0, 0, {0, 1, 2});
   LfCompositorTest::pull();
   EXPECT_EQ(stat(element_.get(), "missing-fragments"), 1u);
-  g_autofree gchar* kept = nullptr;
-  g_object_get(element_.get(), "rig", &kept, nullptr);
-  EXPECT_EQ(kept, array_.rig_path());
+  EXPECT_EQ(get<std::string>(element_.get(), "rig"), array_.rig_path());
 }
 
 // Unsolicited answers, forged or left over from a restarted viewer, cost at most one picture.
@@ -514,8 +488,7 @@ TEST_F(CompositorLimitsTest, RestartedViewerIsServedAtOnce) {
   for (uint32_t i = 0; i < 20; i++) {
     ViewRequest asked = array_.request(i, kNow + (time + i) * kFrame);
     gst_harness_set_time(harness_.get(), asked.target_time);
-    request(asked);
-    push(0, answer_of(asked, {0, 1}));
+    request_and_answer(asked, {0, 1});
     push(1, answer_of(asked, {2, 3}));
     EXPECT_FALSE(pull().empty());
   }
@@ -559,12 +532,7 @@ TEST_F(CompositorLimitsTest, EachLimitIsConfigurableAndCounted) {
   expect_refused(wide, "refused-aperture");
 
   ViewRequest curious = next();
-  FocalMap map = FocalMap::for_view(curious.view.width, curious.view.height);
-  map.from = {{0, 0, 1}, 0};
-  map.farthest = 0.05;
-  map.nearest = 0.3;
-  map.levels.assign(static_cast<size_t>(map.columns) * map.rows, 51);
-  curious.view.focus.map = std::make_shared<FocalMap>(std::move(map));
+  curious.view.focus.map = flat_surface(curious.view);
   curious.hypotheses = {{DepthHypothesis::Kind::kBlurred, 0}, {DepthHypothesis::Kind::kPlane, 200}};
   set_limits("limits,max-hypotheses=1");
   expect_refused(curious, "refused-hypotheses");

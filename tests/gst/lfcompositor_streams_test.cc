@@ -1,24 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // Irregular input streams of lfcompositor: other views, missing timestamps, ends at different times.
-#include <gmock/gmock.h>
 
-#include <atomic>
-#include <functional>
-#include <thread>
-#include <utility>
-
-#include "gst/array_fixture.h"
 #include "gst/compositor_fixture.h"
-#include "support/mentions.h"
 
 namespace lf::test {
 namespace {
-
-bool becomes_true(const std::function<bool()>& done, int seconds = 20) {
-  for (int i = 0; i < seconds * 100 && !done(); i++) g_usleep(10000);
-  return done();
-}
 
 class LfCompositorStreamsTest : public LfCompositorTest {
  protected:
@@ -42,7 +29,7 @@ class LfCompositorStreamsTest : public LfCompositorTest {
 TEST_F(LfCompositorStreamsTest, AnswersToOtherViewsDoNotBlock) {
   start(1);
   push_many(answer_of(array_.request(0, 0, 7), {0}), 500);
-  EXPECT_TRUE(becomes_true([&] { return pushed_ == 500; })) << "stopped taking answers after " << pushed_;
+  EXPECT_TRUE(eventually([&] { return pushed_ == 500; })) << "stopped taking answers after " << pushed_;
 }
 
 TEST_F(LfCompositorStreamsTest, RequestsOfOtherViewsDoNotBlock) {
@@ -52,10 +39,10 @@ TEST_F(LfCompositorStreamsTest, RequestsOfOtherViewsDoNotBlock) {
     for (uint32_t i = 0; i < 500; i++) {
       GstBuffer* buffer = to_buffer(wire::encode_request(array_.request(i, i * kFrame, 7)));
       GST_BUFFER_PTS(buffer) = i * kFrame;
-      if (gst_harness_push(harness_.get(), buffer) == GST_FLOW_OK) taken++;
+      taken += gst_harness_push(harness_.get(), buffer) == GST_FLOW_OK;
     }
   });
-  EXPECT_TRUE(becomes_true([&] { return taken == 500; })) << "stopped taking requests after " << taken;
+  EXPECT_TRUE(eventually([&] { return taken == 500; })) << "stopped taking requests after " << taken;
   gst_element_set_state(element_.get(), GST_STATE_NULL);
   requests.join();
 }
@@ -64,7 +51,7 @@ TEST_F(LfCompositorStreamsTest, AnswersWithoutTimestampsAreBounded) {
   start(1);
   push_many(answer_of(array_.request(0, 0), {0}), 1000);
   int before = -1;
-  EXPECT_TRUE(becomes_true([&] {
+  EXPECT_TRUE(eventually([&] {
     const bool rests = pushed_ == before;
     before = pushed_;
     g_usleep(300000);
@@ -76,25 +63,19 @@ TEST_F(LfCompositorStreamsTest, AnswersWithoutTimestampsAreBounded) {
 
 TEST_F(LfCompositorStreamsTest, PartialCannotChangeWhileRunning) {
   start(1, {{"rig", array_.rig_path()}});
-  GstBus* bus = gst_bus_new();
-  gst_element_set_bus(element_.get(), bus);
+  const ElementBus bus(element_.get());
   ask_and_answer(0, 0, {0, 1, 2, 3});
   const size_t size = pull().size();
   const std::string caps = caps_of(harness_->sinkpad);
   g_object_set(element_.get(), "partial", TRUE, nullptr);
-  gboolean partial = TRUE;
-  g_object_get(element_.get(), "partial", &partial, nullptr);
-  EXPECT_FALSE(partial);
-  EXPECT_THAT(warnings_on(bus), mentions("partial", "changed"));
+  EXPECT_FALSE(get<gboolean>(element_.get(), "partial"));
+  EXPECT_THAT(bus.warnings(), mentions("partial", "changed"));
   ask_and_answer(1, kFrame, {0, 1, 2, 3});
   EXPECT_EQ(pull().size(), size);
   EXPECT_EQ(caps_of(harness_->sinkpad), caps);
   gst_element_set_state(element_.get(), GST_STATE_READY);
   g_object_set(element_.get(), "partial", TRUE, nullptr);
-  g_object_get(element_.get(), "partial", &partial, nullptr);
-  EXPECT_TRUE(partial) << "allowed in READY";
-  gst_element_set_bus(element_.get(), nullptr);
-  gst_object_unref(bus);
+  EXPECT_TRUE(get<gboolean>(element_.get(), "partial")) << "allowed in READY";
 }
 
 TEST_F(LfCompositorStreamsTest, EosOfTheRequestsEndsTheOutput) {
@@ -104,15 +85,10 @@ TEST_F(LfCompositorStreamsTest, EosOfTheRequestsEndsTheOutput) {
   GstEvent* eos = gst_event_new_eos();
   const guint32 seqnum = gst_event_get_seqnum(eos);
   gst_harness_push_event(harness_.get(), eos);
-  for (bool came = false; !came;) {
-    GstEvent* event = gst_harness_pull_event(harness_.get());
-    ASSERT_TRUE(event);
-    came = GST_EVENT_TYPE(event) == GST_EVENT_EOS;
-    if (came) {
-      EXPECT_EQ(gst_event_get_seqnum(event), seqnum);
-    }
-    gst_event_unref(event);
-  }
+  EventPtr event(gst_harness_pull_event(harness_.get()));
+  while (event && GST_EVENT_TYPE(event.get()) != GST_EVENT_EOS) event.reset(gst_harness_pull_event(harness_.get()));
+  ASSERT_TRUE(event);
+  EXPECT_EQ(gst_event_get_seqnum(event.get()), seqnum);
 }
 
 TEST_F(LfCompositorStreamsTest, PausesAfterTheEnd) {
@@ -120,13 +96,11 @@ TEST_F(LfCompositorStreamsTest, PausesAfterTheEnd) {
   ask_and_answer(0, 0, {0});
   pull();
   for (GstHarness* each : {harness_.get(), nodes_[0].get()}) gst_harness_push_event(each, gst_event_new_eos());
-  GstPad* src = gst_element_get_static_pad(element_.get(), "src");
-  EXPECT_TRUE(becomes_true([src] { return gst_pad_get_task_state(src) == GST_TASK_PAUSED; }));
+  EXPECT_TRUE(
+      eventually([&] { return gst_pad_get_task_state(pad_of(element_.get(), "src").get()) == GST_TASK_PAUSED; }));
   int ends = 0;
-  while (GstEvent* event = gst_harness_try_pull_event(harness_.get())) {
-    ends += GST_EVENT_TYPE(event) == GST_EVENT_EOS;
-    gst_event_unref(event);
-  }
+  while (const EventPtr event{gst_harness_try_pull_event(harness_.get())})
+    ends += GST_EVENT_TYPE(event.get()) == GST_EVENT_EOS;
   EXPECT_EQ(ends, 1);
   GstSegment segment;
   gst_segment_init(&segment, GST_FORMAT_TIME);
@@ -143,39 +117,23 @@ TEST_F(LfCompositorStreamsTest, PausesAfterTheEnd) {
   push_to_all([&] { return gst_event_new_segment(&segment); });
   ask_and_answer(1, kFrame, {0});
   EXPECT_FALSE(pull().empty());
-  gst_object_unref(src);
 }
 
 TEST_F(LfCompositorStreamsTest, UnlinkedPadCausesAWarningAndCanBeRelinked) {
   start(1);
-  GstBus* bus = gst_bus_new();
-  gst_element_set_bus(element_.get(), bus);
+  const ElementBus bus(element_.get());
   const auto show = [&](uint32_t i) { ask_and_answer(i, i * kFrame, {0}); };
   show(0);
   pull();
-  GstPad* src = gst_element_get_static_pad(element_.get(), "src");
-  ASSERT_TRUE(gst_pad_unlink(src, harness_->sinkpad));
+  const PadPtr src = pad_of(element_.get(), "src");
+  ASSERT_TRUE(gst_pad_unlink(src.get(), harness_->sinkpad));
   for (uint32_t i = 1; i < 4; i++) show(i);
-  guint64 pictures = 0;
-  EXPECT_TRUE(becomes_true([&] {
-    g_autoptr(GstStructure) stats = nullptr;
-    g_object_get(element_.get(), "stats", &stats, nullptr);
-    gst_structure_get_uint64(stats, "pictures", &pictures);
-    return pictures == 4;
-  })) << pictures;
-  ASSERT_EQ(gst_pad_link(src, harness_->sinkpad), GST_PAD_LINK_OK);
+  EXPECT_TRUE(eventually([&] { return stat(element_.get(), "pictures") == 4; }));
+  ASSERT_EQ(gst_pad_link(src.get(), harness_->sinkpad), GST_PAD_LINK_OK);
   show(4);
   pull();
   EXPECT_EQ(last_pts_, 4 * kFrame);
-  int warnings = 0;
-  while (GstMessage* message = gst_bus_pop_filtered(bus, GST_MESSAGE_WARNING)) {
-    warnings++;
-    gst_message_unref(message);
-  }
-  EXPECT_EQ(warnings, 1);
-  gst_element_set_bus(element_.get(), nullptr);
-  gst_object_unref(bus);
-  gst_object_unref(src);
+  EXPECT_EQ(all_warnings_on(bus.get()).size(), 1u);
 }
 
 TEST_F(LfCompositorStreamsTest, PicturesAreInTheSegmentOfTheRequests) {
@@ -188,13 +146,12 @@ TEST_F(LfCompositorStreamsTest, PicturesAreInTheSegmentOfTheRequests) {
   ask_and_answer(0, 6 * kFrame, {0});
   pull();
   EXPECT_EQ(last_pts_, 6 * kFrame);
-  GstEvent* event = gst_pad_get_sticky_event(harness_->sinkpad, GST_EVENT_SEGMENT, 0);
+  const EventPtr event(gst_pad_get_sticky_event(harness_->sinkpad, GST_EVENT_SEGMENT, 0));
   const GstSegment* out = nullptr;
-  gst_event_parse_segment(event, &out);
+  gst_event_parse_segment(event.get(), &out);
   EXPECT_EQ(out->start, segment.start);
   EXPECT_EQ(out->time, segment.time);
   EXPECT_EQ(out->stop, segment.stop);
-  gst_event_unref(event);
 }
 
 TEST_F(LfCompositorStreamsTest, PicturesHaveCaptureTimes) {
@@ -210,45 +167,36 @@ TEST_F(LfCompositorStreamsTest, PicturesHaveCaptureTimes) {
 
 TEST_F(LfCompositorStreamsTest, ViewWithoutRequestsIsReportedOnce) {
   start(1, {{"view-id", "3"}});
-  GstBus* bus = gst_bus_new();
-  gst_element_set_bus(element_.get(), bus);
+  const ElementBus bus(element_.get());
   std::vector<std::string> warnings;
   for (uint32_t i = 0; i < 160; i++) {
     request(array_.request(i, i * kFrame, 7));
     g_usleep(50000);
-    for (const std::string& text : all_warnings_on(bus)) warnings.push_back(text);
+    for (const std::string& text : all_warnings_on(bus.get())) warnings.push_back(text);
   }
-  ASSERT_EQ(warnings.size(), 1u);
-  EXPECT_THAT(warnings[0], mentions("No client", "view 3"));
-  gst_element_set_bus(element_.get(), nullptr);
-  gst_object_unref(bus);
+  EXPECT_THAT(warnings, ElementsAre(mentions("No client", "view 3")));
 }
 
 TEST_F(LfCompositorStreamsTest, ViewOutsideTheArrayIsCounted) {
   start(1, {{"rig", array_.rig_path()}, {"post-messages", "true"}});
-  GstBus* bus = gst_bus_new();
-  gst_element_set_bus(element_.get(), bus);
+  const ElementBus bus(element_.get());
   std::vector<std::string> warnings;
   const auto show = [&](uint32_t i, bool away) {
     ViewRequest asked = array_.request(i, i * kFrame);
     if (away) asked.view.pose.position.x += 1000;
-    request(asked);
-    push(0, answer_of(asked, {0, 1, 2, 3}));
+    request_and_answer(asked, {0, 1, 2, 3});
     pull();
-    GstMessage* message = nullptr;
-    while ((message = gst_bus_pop_filtered(bus, GstMessageType(GST_MESSAGE_ELEMENT | GST_MESSAGE_WARNING))) &&
-           GST_MESSAGE_TYPE(message) == GST_MESSAGE_WARNING) {
-      g_autoptr(GError) error = nullptr;
-      gst_message_parse_warning(message, &error, nullptr);
-      warnings.emplace_back(error->message);
-      gst_message_unref(message);
-    }
+    const auto pop = [&] {
+      return MessagePtr(gst_bus_pop_filtered(bus.get(), GstMessageType(GST_MESSAGE_ELEMENT | GST_MESSAGE_WARNING)));
+    };
+    MessagePtr message = pop();
+    for (; message && GST_MESSAGE_TYPE(message.get()) == GST_MESSAGE_WARNING; message = pop())
+      warnings.push_back(text_of(message.get()));
     EXPECT_TRUE(message);
     gboolean complete = -1;
     double coverage = -1;
-    gst_structure_get(gst_message_get_structure(message), "complete", G_TYPE_BOOLEAN, &complete, "coverage",
+    gst_structure_get(gst_message_get_structure(message.get()), "complete", G_TYPE_BOOLEAN, &complete, "coverage",
                       G_TYPE_DOUBLE, &coverage, nullptr);
-    gst_message_unref(message);
     return std::pair(complete != FALSE, coverage);
   };
   const auto [complete, coverage] = show(0, false);
@@ -257,10 +205,8 @@ TEST_F(LfCompositorStreamsTest, ViewOutsideTheArrayIsCounted) {
   for (uint32_t i = 1; i < 4; i++) EXPECT_EQ(show(i, true), std::pair(false, 0.0));
   EXPECT_EQ(stat(element_.get(), "complete"), 1u);
   EXPECT_EQ(stat(element_.get(), "unseen"), 3u);
-  EXPECT_THAT(warnings, testing::ElementsAre(mentions("No camera", "view 0")));
+  EXPECT_THAT(warnings, ElementsAre(mentions("No camera", "view 0")));
   EXPECT_EQ(stat(element_.get(), "missing-fragments"), 0u);
-  gst_element_set_bus(element_.get(), nullptr);
-  gst_object_unref(bus);
 }
 
 // Data queued on the restarted node's pad is dropped; the pads of other nodes are undisturbed.
@@ -270,15 +216,10 @@ TEST_F(LfCompositorStreamsTest, FlushAffectsOneNode) {
     const ViewRequest asked = array_.request(i, i * kFrame);
     request(asked);
     const size_t flushed = i % 2;
-    push(static_cast<int>(flushed), answer_of(asked, {0, 1}, 7));
-    GstHarness* harness = nodes_[flushed].get();
-    gst_harness_push_event(harness, gst_event_new_flush_start());
-    gst_harness_push_event(harness, gst_event_new_flush_stop(TRUE));
-    GstSegment segment;
-    gst_segment_init(&segment, GST_FORMAT_TIME);
-    gst_harness_push_event(harness, gst_event_new_segment(&segment));
-    push(static_cast<int>(flushed), answer_of(asked, {0, 1}));
-    push(static_cast<int>(1 - flushed), answer_of(asked, {2, 3}));
+    push(flushed, answer_of(asked, {0, 1}, 7));
+    flush(nodes_[flushed].get());
+    push(flushed, answer_of(asked, {0, 1}));
+    push(1 - flushed, answer_of(asked, {2, 3}));
     EXPECT_GE(range(pull()).first, 199) << i;
   }
   EXPECT_EQ(stat(element_.get(), "complete"), 20u);
@@ -300,8 +241,7 @@ TEST_F(LfCompositorStreamsTest, RestartUsesTheLatestRig) {
   }
   asked = array_.request(1, 0);
   asked.rig_hash = 0;  // the compositor's rig applies
-  request(asked);
-  push(0, answer_of(asked, {0, 1, 2, 3}));
+  request_and_answer(asked, {0, 1, 2, 3});
   EXPECT_GE(range(pull()).first, 199);
   EXPECT_EQ(stat(element_.get(), "rig-mismatches"), 0u);
 }

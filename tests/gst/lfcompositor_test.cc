@@ -1,26 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <functional>
-#include <random>
-
-#include <gmock/gmock.h>
 #include <gst/video/navigation.h>
-#include <gtest/gtest.h>
 
-#include "focus/hypothesis_levels.h"
 #include "focus/hypothesis_renderer.h"
 #include "gst/compositor_fixture.h"
 #include "node/camera_access.h"
-#include "node/request_renderer.h"
-#include "support/mentions.h"
-#include "wire/answer_codec.h"
-#include "wire/command_codec.h"
-#include "wire/consistency_codec.h"
-#include "wire/fragment_codec.h"
 
 namespace lf::test {
 namespace {
-
-using testing::HasSubstr;
 
 TEST_F(LfCompositorTest, AddsTheAnswerOfOneNode) {
   start(1);
@@ -40,12 +26,10 @@ TEST_F(LfCompositorTest, EveryStageIsTimed) {
     pull();
   }
   for (const std::string stage : {"answer", "add", "picture", "composite", "latency"}) {
-    const uint64_t p50 = stat(element_.get(), (stage + "-ns-p50").c_str());
-    const uint64_t p95 = stat(element_.get(), (stage + "-ns-p95").c_str());
-    const uint64_t p99 = stat(element_.get(), (stage + "-ns-p99").c_str());
-    EXPECT_LE(p50, p95) << stage;
-    EXPECT_LE(p95, p99) << stage;
-    EXPECT_LE(p99, stat(element_.get(), "latency-ns-p99")) << stage;
+    const auto share = [&](const char* name) { return stat(element_.get(), (stage + name).c_str()); };
+    EXPECT_LE(share("-ns-p50"), share("-ns-p95")) << stage;
+    EXPECT_LE(share("-ns-p95"), share("-ns-p99")) << stage;
+    EXPECT_LE(share("-ns-p99"), stat(element_.get(), "latency-ns-p99")) << stage;
   }
 }
 
@@ -56,7 +40,7 @@ TEST_F(LfCompositorTest, TwoNodesMakeTheSamePictureAsOne) {
   for (size_t i = 0; i < noise.data().size(); i++) noise.data()[i] = static_cast<uint8_t>(i * 2654435761u >> 24);
   const auto push_sums = [&](size_t node, const std::vector<CameraIndex>& cameras) {
     const ByteBuffer bytes = node_answer_bytes(array_.rig(), asked, cameras, noise, CodecChoice::kRaw16);
-    ASSERT_EQ(gst_harness_push(nodes_[node].get(), to_buffer({bytes.begin(), bytes.end()})), GST_FLOW_OK);
+    push(node, std::vector<uint8_t>{bytes.begin(), bytes.end()});
   };
   request(asked);
   push_sums(0, {0, 1, 2, 3});
@@ -82,23 +66,18 @@ TEST_F(LfCompositorTest, ComposesBySequenceNotByArrival) {
   start(2);
   // the sequence number wraps around
   const ViewRequest first = array_.request(UINT32_MAX, 0), second = array_.request(0, kFrame);
-  request(first);
-  push(0, answer_of(first, {0, 2}, 10));
+  request_and_answer(first, {0, 2}, 10);
   push(1, answer_of(second, {1, 3}, 250));
-  const std::vector<uint8_t> dark = pull();
-  EXPECT_LE(range(dark).second, 11);
-  request(second);
-  push(0, answer_of(second, {0, 2}, 250));
+  EXPECT_LE(range(pull()).second, 11);
+  request_and_answer(second, {0, 2}, 250);
   EXPECT_GE(range(pull()).first, 248);
 }
 
 TEST_F(LfCompositorTest, OtherViewsAreIgnored) {
   start(1, {{"view-id", "2"}});
   const ViewRequest other = array_.request(0, 0, 1), own = array_.request(0, 0, 2);
-  request(other);
-  push(0, answer_of(other, {0, 1, 2, 3}, 10));
-  request(own);
-  push(0, answer_of(own, {0, 1, 2, 3}, 100));
+  request_and_answer(other, {0, 1, 2, 3}, 10);
+  request_and_answer(own, {0, 1, 2, 3}, 100);
   EXPECT_GE(range(pull()).first, 99);
   EXPECT_EQ(stat(element_.get(), "pictures"), 1u);
 }
@@ -113,7 +92,7 @@ TEST_F(LfCompositorTest, DamagedFragmentsAreCountedAndSkipped) {
     start(1, {{"rig", array_.rig_path()}});
     if (damage) std::ranges::copy(marker, bytes.begin() + (view.fragments[0].payload.data() - bytes.data()) + 4);
     request(asked);
-    ASSERT_EQ(gst_harness_push(nodes_[0].get(), to_buffer({bytes.begin(), bytes.end()})), GST_FLOW_OK);
+    push(0, std::vector<uint8_t>{bytes.begin(), bytes.end()});
     const std::vector<uint8_t> picture = pull();
     if (!damage) {
       EXPECT_GE(range(picture).first, 190);
@@ -124,8 +103,6 @@ TEST_F(LfCompositorTest, DamagedFragmentsAreCountedAndSkipped) {
     EXPECT_EQ(stat(element_.get(), "fragments"), answer.fragments.size() - damage);
     EXPECT_EQ(stat(element_.get(), "incomplete"), damage ? 1u : 0u);
     EXPECT_EQ(stat(element_.get(), "bad-answers"), 0u);
-    nodes_.clear();
-    harness_.reset();
   }
 }
 
@@ -136,7 +113,7 @@ TEST_F(LfCompositorTest, LateAndForeignAnswersAreCounted) {
   other_rig.rig_hash ^= 1;
   request(asked);
   push(0, answer_of(old, {0, 1, 2, 3}));
-  ASSERT_EQ(gst_harness_push(nodes_[0].get(), to_buffer({9, 9, 9})), GST_FLOW_OK);
+  push(0, std::vector<uint8_t>{9, 9, 9});
   push(0, other_rig);
   EXPECT_EQ(range(pull()).second, 0);
   EXPECT_EQ(stat(element_.get(), "late-answers"), 1u);
@@ -151,8 +128,7 @@ TEST_F(LfCompositorTest, OtherCamerasFillInForAMissingCamera) {
   EXPECT_EQ(stat(element_.get(), "missing-fragments"), 1u);
   EXPECT_EQ(stat(element_.get(), "incomplete"), 1u);
   // Camera 3 is the far corner: near the centre, cameras 0 to 2 have most of the weight and restore the grey.
-  const size_t middle = (6 * 16 + 8) * 3;
-  EXPECT_NEAR(picture[middle], 200, 6);
+  EXPECT_NEAR(picture[(6 * 16 + 8) * 3], 200, 6);
 }
 
 TEST_F(LfCompositorTest, RendersPixelsOfCameras) {
@@ -176,9 +152,8 @@ TEST_F(LfCompositorTest, RendersPixelsOfCameras) {
     with_rig ? start(1, {{"rig", array_.rig_path()}}) : start(1);
     request(asked);
     ASSERT_EQ(gst_harness_push(harness_.get(), to_buffer(wire::encode_any_request(command))), GST_FLOW_OK);
-    ASSERT_EQ(gst_harness_push(nodes_[0].get(), to_buffer({pixels.begin(), pixels.end()})), GST_FLOW_OK);
-    const std::vector<uint8_t> picture = pull();
-    EXPECT_EQ(range(picture), with_rig ? std::pair(200, 200) : std::pair(0, 0));
+    push(0, std::vector<uint8_t>{pixels.begin(), pixels.end()});
+    EXPECT_EQ(range(pull()), with_rig ? std::pair(200, 200) : std::pair(0, 0));
     EXPECT_EQ(stat(element_.get(), "bad-answers"), with_rig ? 0u : 1u);
     EXPECT_EQ(stat(element_.get(), "bad-requests"), 0u);
     EXPECT_EQ(stat(element_.get(), "missing-fragments"), 0u);
@@ -199,14 +174,12 @@ TEST_F(LfCompositorTest, I420StaysI420AndSizeMayChange) {
   ViewRequest asked = array_.request(0, 0);
   asked.view.width = 15;
   asked.view.height = 11;
-  request(asked);
-  push(0, answer_of(asked, {0, 1, 2, 3}, 90, PixelFamily::kI420));
+  request_and_answer(asked, {0, 1, 2, 3}, 90, PixelFamily::kI420);
   EXPECT_GE(pull()[0], 89);
   EXPECT_EQ(output_format(), "I420");
   ViewRequest larger = array_.request(1, kFrame);
   larger.view.width = 20;
-  request(larger);
-  push(0, answer_of(larger, {0, 1, 2, 3}));
+  request_and_answer(larger, {0, 1, 2, 3});
   EXPECT_EQ(pull().size(), 20u * 12 * 3);
   EXPECT_EQ(output_format(), "RGB");
 }
@@ -227,44 +200,29 @@ TEST_F(LfCompositorTest, EndOfRequestsEndsTheOutput) {
 
 TEST_F(LfCompositorTest, NavigationIsSentToTheRequestsWithTheViewId) {
   start(1, {{"view-id", "6"}});
-  gst_harness_push_upstream_event(
-      harness_.get(), gst_event_new_navigation(gst_structure_new("application/x-gst-navigation", "event", G_TYPE_STRING,
-                                                                 "mouse-move", "pointer_x", G_TYPE_DOUBLE, 1.0,
-                                                                 "pointer_y", G_TYPE_DOUBLE, 2.0, nullptr)));
-  GstEvent* event = nullptr;
+  gst_harness_push_upstream_event(harness_.get(),
+                                  gst_navigation_event_new_mouse_move(1, 2, GST_NAVIGATION_MODIFIER_NONE));
+  EventPtr event;
   for (int i = 0; i < 10; i++) {
-    event = gst_harness_try_pull_upstream_event(harness_.get());
-    if (!event || GST_EVENT_TYPE(event) == GST_EVENT_NAVIGATION) break;
-    gst_event_unref(event);
+    event.reset(gst_harness_try_pull_upstream_event(harness_.get()));
+    if (!event || GST_EVENT_TYPE(event.get()) == GST_EVENT_NAVIGATION) break;
   }
   ASSERT_TRUE(event);
   guint view = 0;
-  EXPECT_TRUE(gst_structure_get_uint(gst_event_get_structure(event), "lightfield-view-id", &view));
+  EXPECT_TRUE(gst_structure_get_uint(gst_event_get_structure(event.get()), "lightfield-view-id", &view));
   EXPECT_EQ(view, 6u);
-  gst_event_unref(event);
-  while (GstEvent* other = gst_harness_try_pull_upstream_event(nodes_[0].get())) {
-    EXPECT_NE(GST_EVENT_TYPE(other), GST_EVENT_NAVIGATION);
-    gst_event_unref(other);
-  }
+  while (const EventPtr other{gst_harness_try_pull_upstream_event(nodes_[0].get())})
+    EXPECT_NE(GST_EVENT_TYPE(other.get()), GST_EVENT_NAVIGATION);
 }
 
 TEST_F(LfCompositorTest, ErrorsNameThePlace) {
   start(1, {}, "video/x-raw,format=I420");
   const ViewRequest asked = array_.request(0, 0);
-  GstBus* bus = gst_bus_new();
-  gst_element_set_bus(element_.get(), bus);
-  request(asked);
-  push(0, answer_of(asked, {0, 1, 2, 3}));
-  GstMessage* message = gst_bus_timed_pop_filtered(bus, 5 * GST_SECOND, GST_MESSAGE_ERROR);
+  const ElementBus bus(element_.get());
+  request_and_answer(asked, {0, 1, 2, 3});
+  const MessagePtr message(gst_bus_timed_pop_filtered(bus.get(), 5 * GST_SECOND, GST_MESSAGE_ERROR));
   ASSERT_TRUE(message);
-  GError* error = nullptr;
-  gst_message_parse_error(message, &error, nullptr);
-  EXPECT_THAT(error->message, HasSubstr("videoconvert"));
-  g_clear_error(&error);
-  gst_message_unref(message);
-  gst_element_set_bus(element_.get(), nullptr);
-  gst_object_unref(bus);
-
+  EXPECT_THAT(text_of(message.get()), HasSubstr("videoconvert"));
   EXPECT_THAT(run("lfcompositor rig=/nowhere/rig.json ! fakesink", 5), HasSubstr("/nowhere/rig.json"));
 }
 
@@ -276,21 +234,15 @@ class LfCompositorTreeTest : public LfCompositorTest {
           {{"partial", "true"}, {"rig", array_.rig_path()}, {"codec", codec}, {"node", std::to_string(node)}});
     request(asked);
     for (size_t i = 0; i < answers.size(); i++) push(static_cast<int>(i), answers[i]);
-    std::vector<uint8_t> out = pull();
-    nodes_.clear();
-    harness_.reset();
-    return out;
+    return pull();
   }
 
   std::vector<uint8_t> root(const ViewRequest& asked, const std::vector<std::vector<uint8_t>>& answers) {
     start(static_cast<int>(answers.size()), {{"rig", array_.rig_path()}});
     request(asked);
-    for (size_t i = 0; i < answers.size(); i++)
-      EXPECT_EQ(gst_harness_push(nodes_[i].get(), to_buffer(std::vector<uint8_t>(answers[i]))), GST_FLOW_OK);
+    for (size_t i = 0; i < answers.size(); i++) push(i, answers[i]);
     std::vector<uint8_t> picture = pull();
     missing_ = stat(element_.get(), "missing-fragments");
-    nodes_.clear();
-    harness_.reset();
     return picture;
   }
 
@@ -362,14 +314,11 @@ TEST(LfCompositorSettings, IgnoredSettingsAreReported) {
                         Case{"monitor-interval=8", "monitor-interval: "}, Case{"gains=on", "gains: "},
                         Case{"show=coverage", "show: only"}, Case{rig + " show=coverage", ""},
                         Case{rig + " gains=on focus=plane node=1 focus-near=2 focus-far=1", "nearer"}}) {
-    const ElementPtr pipeline = launch("lfcompositor " + c.properties + " ! fakesink async=false");
-    ASSERT_TRUE(pipeline);
+    const PipelinePtr pipeline = launch("lfcompositor " + c.properties + " ! fakesink async=false");
     ASSERT_NE(gst_element_set_state(pipeline.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE);
-    g_autoptr(GstBus) bus = gst_element_get_bus(pipeline.get());
-    const std::string told = warnings_on(bus);
+    const std::string told = warnings_of(pipeline.get());
     EXPECT_THAT(told, HasSubstr(c.words)) << c.properties;
     EXPECT_EQ(told.empty(), c.words.empty()) << c.properties << ": " << told;
-    gst_element_set_state(pipeline.get(), GST_STATE_NULL);
   }
 }
 
@@ -377,12 +326,7 @@ TEST(LfCompositorSettings, IgnoredSettingsAreReported) {
 class LfCompositorHypothesesTest : public LfCompositorTest {
  protected:
   LfCompositorHypothesesTest() : asked_(array_.request(0, 0)) {
-    FocalMap map = FocalMap::for_view(asked_.view.width, asked_.view.height);
-    map.from = {{0, 0, 1}, 0};
-    map.farthest = 0.05;
-    map.nearest = 0.3;
-    map.levels.assign(static_cast<size_t>(map.columns) * map.rows, 51);
-    asked_.view.focus.map = std::make_shared<FocalMap>(std::move(map));
+    asked_.view.focus.map = flat_surface(asked_.view);
     asked_.hypotheses = {{DepthHypothesis::Kind::kBlurred, 0}, {DepthHypothesis::Kind::kPlane, 200}};
     start(1, {{"rig", array_.rig_path()}, {"focus", "surface"}, {"focus-near", "3"}, {"focus-far", "20"}});
   }
@@ -411,7 +355,7 @@ class LfCompositorHypothesesTest : public LfCompositorTest {
   std::pair<std::vector<uint8_t>, uint64_t> picture_after(const std::vector<uint8_t>& unit) {
     const uint64_t before = stat(element_.get(), "bad-answers");
     request(asked_);
-    EXPECT_EQ(gst_harness_push(nodes_[0].get(), to_buffer(unit)), GST_FLOW_OK);
+    push(0, unit);
     push(0, answer_of(asked_, {0, 1, 2, 3}));
     const std::vector<uint8_t> picture = pull();
     asked_.sequence++;
@@ -425,19 +369,17 @@ class LfCompositorHypothesesTest : public LfCompositorTest {
 // If no element uses the focal surface, the search runs only occasionally.
 TEST_F(LfCompositorHypothesesTest, FeedbackIsRareIfUnused) {
   static int told = 0;
+  static bool heeds = false;
   asked_.view.focus.map.reset();
   asked_.hypotheses.clear();
   for (const bool heeded : {false, true}) {
     told = 0;
+    heeds = heeded;
     gst_pad_set_event_function(
-        harness_->srcpad, heeded ? +[](GstPad*, GstObject*, GstEvent* event) -> gboolean {
+        harness_->srcpad, +[](GstPad*, GstObject*, GstEvent* event) -> gboolean {
           told += gst_event_has_name(event, "lightfield-feedback");
           gst_event_unref(event);
-          return TRUE;
-        } : +[](GstPad*, GstObject*, GstEvent* event) -> gboolean {
-          told += gst_event_has_name(event, "lightfield-feedback");
-          gst_event_unref(event);
-          return FALSE;
+          return heeds;
         });
     constexpr int kPictures = 40;
     for (int i = 0; i < kPictures; i++) {
@@ -458,72 +400,42 @@ TEST_F(LfCompositorHypothesesTest, UnexpectedUnitsAreCountedAndDropped) {
   EXPECT_EQ(bad, 0u);
   EXPECT_GE(range(picture).first, 199);
   EXPECT_EQ(picture_after(unit(seen(), false)), std::pair(picture, uint64_t{0})) << "in the other form";
-  const struct {
-    const char* what;
-    std::function<std::vector<uint8_t>()> unit;
-  } cases[] = {
-      {"of another size",
-       [&] {
-         PhotoConsistency wide;
-         wide.reset(seen()[0].columns + 1, seen()[0].rows);
-         return unit({wide, wide});
-       }},
-      {"one hypothesis too few",
-       [&] {
-         std::vector<PhotoConsistency> sums = seen();
-         sums.pop_back();
-         return unit(sums);
-       }},
-      {"of another rig",
-       [&] {
-         wire::ConsistencyHeader other = header();
-         other.rig_hash ^= 1;
-         return unit(seen(), other);
-       }},
-      {"cut off",
-       [&] {
-         std::vector<uint8_t> bytes = unit(seen());
-         bytes.resize(bytes.size() - 5);
-         return bytes;
-       }},
-      {"a header and no more",
-       [&] {
-         std::vector<uint8_t> bytes = unit(seen());
-         bytes.resize(20);
-         return bytes;
-       }},
-      {"bytes too many",
-       [&] {
-         std::vector<uint8_t> bytes = unit(seen());
-         bytes.push_back(0);
-         return bytes;
-       }},
-      {"of bytes that do not inflate",
-       [&] {
-         std::vector<uint8_t> bytes = unit(seen());
-         std::mt19937 random(1);
-         for (size_t i = 46; i < bytes.size(); i++) bytes[i] = static_cast<uint8_t>(random());
-         return bytes;
-       }},
+  const auto expect_dropped = [&, &expected = picture](const std::vector<uint8_t>& bad_unit, const char* what) {
+    const auto [after, dropped] = picture_after(bad_unit);
+    EXPECT_EQ(after, expected) << what;
+    EXPECT_EQ(dropped, 1u) << what;
   };
-  for (const auto& test : cases) {
-    const auto [after, dropped] = picture_after(test.unit());
-    EXPECT_EQ(after, picture) << test.what;
-    EXPECT_EQ(dropped, 1u) << test.what;
-  }
+  PhotoConsistency wide;
+  wide.reset(seen()[0].columns + 1, seen()[0].rows);
+  expect_dropped(unit({wide, wide}), "of another size");
+  expect_dropped(unit({seen()[0]}), "one hypothesis too few");
+  wire::ConsistencyHeader other = header();
+  other.rig_hash ^= 1;
+  expect_dropped(unit(seen(), other), "of another rig");
+  // Returns the unit with another size; new bytes are 0.
+  const auto resized = [&](auto size_of) {
+    std::vector<uint8_t> bytes = unit(seen());
+    bytes.resize(size_of(bytes.size()));
+    return bytes;
+  };
+  expect_dropped(resized([](size_t size) { return size - 5; }), "cut off");
+  expect_dropped(resized([](size_t) { return 20; }), "a header and no more");
+  expect_dropped(resized([](size_t size) { return size + 1; }), "bytes too many");
+  std::vector<uint8_t> noise = unit(seen());
+  std::mt19937 random(1);
+  for (size_t i = 46; i < noise.size(); i++) noise[i] = static_cast<uint8_t>(random());
+  expect_dropped(noise, "of bytes that do not inflate");
 }
 
 TEST_F(LfCompositorHypothesesTest, ReversedFocusRangeIsIgnoredAndReported) {
-  g_autoptr(GstBus) bus = gst_bus_new();
-  gst_element_set_bus(element_.get(), bus);
+  const ElementBus bus(element_.get());
   const auto set = [&](const char* name, double metres) { g_object_set(element_.get(), name, metres, nullptr); };
   set("focus-far", 2);
-  EXPECT_THAT(warnings_on(bus), mentions("focus-near", "3 m", "focus-far", "2 m"));
+  EXPECT_THAT(bus.warnings(), mentions("focus-near", "3 m", "focus-far", "2 m"));
   g_object_set(element_.get(), "post-messages", TRUE, nullptr);
-  EXPECT_EQ(warnings_on(bus), "") << "warns once";
+  EXPECT_EQ(bus.warnings(), "") << "warns once";
   set("focus-near", 1);
-  EXPECT_EQ(warnings_on(bus), "");
-  gst_element_set_bus(element_.get(), nullptr);
+  EXPECT_EQ(bus.warnings(), "");
 }
 
 TEST_F(LfCompositorHypothesesTest, UnitsWithoutHypothesesAreDropped) {

@@ -1,30 +1,20 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <fstream>
-#include <iterator>
-#include <map>
-#include <numeric>
-#include <random>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include "composite/accumulator.h"
 #include "gst/fragment_fixture.h"
-#include "image/image.h"
 #include "image/image_filters.h"
-#include "render/ownership.h"
-#include "render/sum_renderer.h"
-#include "support/answers.h"
 
 namespace lf::test {
 namespace {
 
+GstBuffer* stamped(const std::vector<uint8_t>& bytes, uint64_t time) {
+  GstBuffer* buffer = to_buffer(bytes);
+  GST_BUFFER_PTS(buffer) = time;
+  return buffer;
+}
+
 TEST_F(LfFragmentTest, I420StaysI420) {
   start(4, "I420");
   push_frames(120, 0, "I420");
-  ASSERT_EQ(request(array_.request(0, 0)), GST_FLOW_OK);
-  const wire::Answer answer = pull();
+  const wire::Answer answer = answer_to(array_.request(0, 0));
   EXPECT_EQ(answer.family, PixelFamily::kI420);
   EXPECT_EQ(seeing(answer).size(), 4u);
 }
@@ -35,8 +25,6 @@ TEST_F(LfFragmentTest, Nv12AndGreyNeedNoConversion) {
     for (const bool grey : {false, true}) {
       std::vector<std::vector<uint8_t>> answers;
       for (const bool planar : {true, false}) {
-        cameras_.clear();
-        harness_.reset();
         start(4, nullptr);
         std::mt19937 random(7);
         for (const HarnessPtr& camera : cameras_) {
@@ -57,9 +45,7 @@ TEST_F(LfFragmentTest, Nv12AndGreyNeedNoConversion) {
                                    (system && !grey ? ",chroma-site=jpeg" : "");
           if (grey && !system) continue;  // grey has no matrix
           gst_harness_set_src_caps_str(camera.get(), caps.c_str());
-          GstBuffer* frame = to_buffer(planar ? i420 : other);
-          GST_BUFFER_PTS(frame) = 0;
-          ASSERT_EQ(gst_harness_push(camera.get(), frame), GST_FLOW_OK) << caps;
+          ASSERT_EQ(gst_harness_push(camera.get(), stamped(planar ? i420 : other, 0)), GST_FLOW_OK) << caps;
         }
         if (grey && std::string(colorimetry) != "1:4:0:0") break;
         ASSERT_EQ(request(array_.request(0, 0)), GST_FLOW_OK);
@@ -84,8 +70,7 @@ TEST_F(LfFragmentTest, LimitedRangeIsConverted) {
                                "video/x-raw,format=I420,width=32,height=24,framerate=10/1,colorimetry=bt601");
   gst_harness_push(cameras_[0].get(), ArrayFixture::frame("I420", 235, 0));  // white in limited range
   const ViewRequest asked = array_.request(0, 0);
-  ASSERT_EQ(request(asked), GST_FLOW_OK);
-  const wire::Answer answer = pull();
+  const wire::Answer answer = answer_to(asked);
   ASSERT_EQ(answer.fragments.size(), 1u);
   // At the largest weight of camera 0, its luma is that weight times 255, not 235.
   Rig rig = array_.rig();
@@ -107,17 +92,13 @@ TEST_F(LfFragmentTest, AnswersDoNotDependOnTheOrderOfCameras) {
   for (const auto& test : cases) {
     std::vector<std::vector<uint8_t>> answers;
     for (const std::vector<size_t>& order : {std::vector<size_t>{0, 1, 2, 3}, {3, 2, 1, 0}, {1, 2, 0, 3}}) {
-      cameras_.clear();
-      harness_.reset();
       start(4, nullptr);
       for (const size_t i : order) {
         gst_harness_set_src_caps_str(cameras_[i].get(), test.caps[i].c_str());
         std::mt19937 random(static_cast<unsigned>(i));
         std::vector<uint8_t> pixels(32 * 24 * (test.caps[i] == rgb ? 6 : 3) / 2);
         std::ranges::generate(pixels, [&random] { return static_cast<uint8_t>(random() % 256); });
-        GstBuffer* frame = to_buffer(pixels);
-        GST_BUFFER_PTS(frame) = 0;
-        ASSERT_EQ(gst_harness_push(cameras_[i].get(), frame), GST_FLOW_OK);
+        ASSERT_EQ(gst_harness_push(cameras_[i].get(), stamped(pixels, 0)), GST_FLOW_OK);
       }
       ASSERT_EQ(request(array_.request(0, 0)), GST_FLOW_OK);
       const BufferPtr answer(gst_harness_pull(harness_.get()));
@@ -128,34 +109,22 @@ TEST_F(LfFragmentTest, AnswersDoNotDependOnTheOrderOfCameras) {
       EXPECT_EQ(decoded->family, test.family);
       EXPECT_EQ(seeing(*decoded).size(), 4u);
     }
-    EXPECT_THAT(answers, testing::Each(answers[0]));
+    EXPECT_THAT(answers, Each(answers[0]));
   }
 }
 
 std::vector<uint8_t> grey_jpeg(uint8_t value) {
   Image image(PixelFamily::kRgb, ArrayFixture::kWidth, ArrayFixture::kHeight);
   std::fill(image.data().begin(), image.data().end(), value);
-  const TempFile file({}, ".jpg");
+  const TempFile file("", ".jpg");
   save_image(image, file.path());
-  std::ifstream in(file.path(), std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
+  return read_bytes(file.path());
 }
-GstBuffer* stamped(const std::vector<uint8_t>& bytes, uint64_t time) {
-  GstBuffer* buffer = to_buffer(bytes);
-  GST_BUFFER_PTS(buffer) = time;
-  return buffer;
-}
-
 class LfFragmentJpegTest : public LfFragmentTest {
  protected:
   void start_jpeg(int cameras) {
-    start(0);
-    for (int i = 0; i < cameras; i++) {
-      cameras_.emplace_back(
-          gst_harness_new_with_element(element_.get(), ("sink_" + std::to_string(i)).c_str(), nullptr));
-      gst_harness_set_live(cameras_.back().get(), FALSE);
-      gst_harness_set_src_caps_str(cameras_.back().get(), "image/jpeg,framerate=10/1");
-    }
+    start(cameras, nullptr);
+    for (const HarnessPtr& camera : cameras_) gst_harness_set_src_caps_str(camera.get(), "image/jpeg,framerate=10/1");
   }
   void push_jpeg(const std::vector<uint8_t>& bytes, uint64_t time) {
     for (const HarnessPtr& camera : cameras_)
@@ -163,8 +132,7 @@ class LfFragmentJpegTest : public LfFragmentTest {
   }
   int grey_at(uint64_t time) {
     const ViewRequest asked = array_.request(static_cast<uint32_t>(time / kFrame), time);
-    EXPECT_EQ(request(asked), GST_FLOW_OK);
-    const wire::Answer answer = pull();
+    const wire::Answer answer = answer_to(asked);
     EXPECT_EQ(answer.family, PixelFamily::kI420);
     Assembly assembly;
     assembly.begin(asked);
@@ -201,15 +169,13 @@ TEST_F(LfFragmentJpegTest, PreviousFrameReplacesADamagedOne) {
 }
 
 TEST_F(LfFragmentJpegTest, JpegIsConvertedIfOtherCamerasAreRgb) {
-  start(3);
-  push_frames(200, 0);
+  start_showing(200, 3);
   cameras_.emplace_back(gst_harness_new_with_element(element_.get(), "sink_3", nullptr));
   gst_harness_set_live(cameras_.back().get(), FALSE);
   gst_harness_set_src_caps_str(cameras_.back().get(), "image/jpeg,framerate=10/1");
   ASSERT_EQ(gst_harness_push(cameras_.back().get(), stamped(grey_jpeg(200), 0)), GST_FLOW_OK);
   const ViewRequest asked = array_.request(0, 0);
-  ASSERT_EQ(request(asked), GST_FLOW_OK);
-  const wire::Answer answer = pull();
+  const wire::Answer answer = answer_to(asked);
   EXPECT_EQ(answer.family, PixelFamily::kRgb);
   EXPECT_EQ(seeing(answer).size(), 4u);
   const auto [low, high] = picture_range(asked, answer);
@@ -233,14 +199,19 @@ class LfFragmentResamplingTest : public LfFragmentTest {
   void start_with_images() {
     start(4);
     set("codec", "raw16");
-    for (size_t i = 0; i < cameras_.size(); i++) {
-      GstBuffer* frame = to_buffer(images_[i].data());
-      GST_BUFFER_PTS(frame) = 0;
-      GST_BUFFER_DURATION(frame) = kFrame;
-      ASSERT_EQ(gst_harness_push(cameras_[i].get(), frame), GST_FLOW_OK);
-    }
+    for (size_t i = 0; i < cameras_.size(); i++)
+      ASSERT_EQ(gst_harness_push(cameras_[i].get(), stamped(images_[i].data(), 0)), GST_FLOW_OK);
   }
 
+  // Returns the picture of the element's answer.
+  Image picture_of(const ViewRequest& asked) {
+    Assembly assembly;
+    assembly.begin(asked);
+    EXPECT_EQ(add_answer(assembly, answer_to(asked)), Assembly::Verdict::kAdded);
+    return assembly.picture().resolve();
+  }
+
+  // Returns the picture that the library renders.
   Image rendered(const ViewRequest& asked, Resampling resampling) const {
     const Rect whole{0, 0, ArrayFixture::kWidth, ArrayFixture::kHeight};
     std::vector<CameraIndex> all(4);
@@ -278,14 +249,9 @@ TEST_F(LfFragmentResamplingTest, PicturesEqualTheLibrarysForEveryChoice) {
   std::vector<std::vector<uint8_t>> pictures;
   for (const auto& [nick, resampling] : choices) {
     set("resampling", nick.c_str());
-    ASSERT_EQ(request(asked), GST_FLOW_OK);
-    const wire::Answer answer = pull();
-    Assembly assembly;
-    assembly.begin(asked);
-    EXPECT_EQ(add_answer(assembly, answer), Assembly::Verdict::kAdded);
-    const std::vector<uint8_t> picture = assembly.picture().resolve().data();
+    const std::vector<uint8_t> picture = picture_of(asked).data();
     EXPECT_EQ(picture, rendered(asked, resampling).data()) << nick;
-    EXPECT_THAT(pictures, testing::Not(testing::Contains(picture))) << nick;
+    EXPECT_THAT(pictures, Not(Contains(picture))) << nick;
     pictures.push_back(picture);
   }
 }
@@ -296,12 +262,9 @@ TEST_F(LfFragmentResamplingTest, CoarseViewsAreNotSharpened) {
   for (const double scale : {1.0, 0.5}) {
     const Lens& lens = array_.rig().cameras[0].lens;
     asked.view.lens = Lens::pinhole(scale * lens.fy(), (asked.view.width - 1) / 2.0, (asked.view.height - 1) / 2.0);
-    ASSERT_EQ(request(asked), GST_FLOW_OK);
-    Assembly assembly;
-    assembly.begin(asked);
-    EXPECT_EQ(add_answer(assembly, pull()), Assembly::Verdict::kAdded);
+    const Image drawn_picture = picture_of(asked);
     const Resampling expected = scale < 0.75 ? Resampling::kBilinear : Resampling::kSharpened;
-    EXPECT_EQ(assembly.picture().resolve().data(), rendered(asked, expected).data()) << scale;
+    EXPECT_EQ(drawn_picture.data(), rendered(asked, expected).data()) << scale;
     asked.sequence++;
   }
 }
@@ -309,25 +272,18 @@ TEST_F(LfFragmentResamplingTest, CoarseViewsAreNotSharpened) {
 TEST_F(LfFragmentResamplingTest, RenderersDifferByAtMostOneLevel) {
   start_with_images();
   ViewRequest asked = array_.request(0, 0);
-  const auto says = [this] {
-    GstStructure* stats = nullptr;
-    g_object_get(element_.get(), "stats", &stats, nullptr);
-    const std::string renderer = gst_structure_get_string(stats, "renderer");
-    gst_structure_free(stats);
-    return renderer;
+  const auto says = [this]() -> std::string {
+    return gst_structure_get_string(stats_of(element_.get()).get(), "renderer");
   };
   for (const char* renderer : {"gl", "cpu", "gl", "auto"}) {
     set("renderer", renderer);
     const uint64_t drawn = stat(element_.get(), "drawn");
-    ASSERT_EQ(request(asked), GST_FLOW_OK);
-    Assembly assembly;
-    assembly.begin(asked);
-    EXPECT_EQ(add_answer(assembly, pull()), Assembly::Verdict::kAdded);
+    const Image drawn_picture = picture_of(asked);
     if (std::string(renderer) != "auto") {  // "auto" depends on the machine
       EXPECT_EQ(stat(element_.get(), "drawn"), drawn + (std::string(renderer) == "gl" ? 1 : 0));
     }
-    EXPECT_THAT(says(), testing::StartsWith(renderer));
-    const std::vector<uint8_t> picture = assembly.picture().resolve().data();
+    EXPECT_THAT(says(), StartsWith(renderer));
+    const std::vector<uint8_t>& picture = drawn_picture.data();
     const std::vector<uint8_t> expected = rendered(asked, Resampling::kSharpened).data();
     ASSERT_EQ(picture.size(), expected.size());
     for (size_t i = 0; i < picture.size(); i++) ASSERT_LE(std::abs(picture[i] - expected[i]), 1) << i;
@@ -336,15 +292,12 @@ TEST_F(LfFragmentResamplingTest, RenderersDifferByAtMostOneLevel) {
 }
 
 TEST_F(LfFragmentResamplingTest, NodeForwardsTheProperty) {
-  const ElementPtr node(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make("lfcameranode", nullptr))));
+  const ElementPtr node = make_element("lfcameranode");
   gst_util_set_object_arg(G_OBJECT(node.get()), "resampling", "bilinear");
-  const ElementPtr fragment(gst_bin_get_by_name(GST_BIN(node.get()), "fragment"));
+  const ElementPtr fragment = child_of(node.get(), "fragment");
   ASSERT_TRUE(fragment);
-  for (GstElement* element : {node.get(), fragment.get()}) {
-    gint value = 0;
-    g_object_get(element, "resampling", &value, nullptr);
-    EXPECT_EQ(value, static_cast<gint>(Resampling::kBilinear));
-  }
+  for (GstElement* element : {node.get(), fragment.get()})
+    EXPECT_EQ(get<gint>(element, "resampling"), static_cast<gint>(Resampling::kBilinear));
 }
 
 }  // namespace

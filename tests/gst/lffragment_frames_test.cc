@@ -1,49 +1,27 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <atomic>
-#include <cstdio>
-#include <filesystem>
-#include <fstream>
-#include <random>
-#include <thread>
-
-#include <gmock/gmock.h>
 #include <gst/video/video.h>
-#include <gtest/gtest.h>
 
-#include "base/schedule.h"
 #include "common/custom_events.h"
 #include "common/wall_clock.h"
-#include "gst/array_fixture.h"
 #include "gst/fragment_fixture.h"
-#include "support/answers.h"
-#include "support/mentions.h"
 
 namespace lf::test {
 namespace {
 
-using testing::ElementsAre;
-using testing::HasSubstr;
-using testing::IsEmpty;
-
 TEST_F(LfFragmentTest, UsesTheFrameNearestToTheRequestedTime) {
-  start(4);
-  push_frames(10, 0);
+  start_showing(10);
   push_frames(250, kFrame);
   const ViewRequest early = array_.request(0, kFrame * 4 / 10), late = array_.request(1, kFrame * 6 / 10);
-  ASSERT_EQ(request(early), GST_FLOW_OK);
-  const wire::Answer first = pull();
+  const wire::Answer first = answer_to(early);
   EXPECT_EQ(first.actual_time, 0u);
   EXPECT_LE(picture_range(early, first).second, 11);
-  ASSERT_EQ(request(late), GST_FLOW_OK);
-  const wire::Answer second = pull();
+  const wire::Answer second = answer_to(late);
   EXPECT_EQ(second.actual_time, kFrame);
   EXPECT_GE(picture_range(late, second).first, 248);
 }
 
 TEST_F(LfFragmentTest, WaitsForTheFrameOfAFile) {
-  start(4);
-  push_frames(10, 0);
+  start_showing(10);
   std::thread cameras([this] {
     g_usleep(50000);
     push_frames(90, kFrame);
@@ -72,9 +50,7 @@ TEST_F(LfFragmentTest, FilesAreReadAtTheSpeedOfRequests) {
   start(1);
   std::atomic<int> pushed{0};
   std::thread camera([this, &pushed] {
-    for (int i = 0; i < 6; i++, pushed++)
-      ASSERT_EQ(gst_harness_push(cameras_[0].get(), ArrayFixture::frame("RGB", 9, static_cast<uint64_t>(i) * kFrame)),
-                GST_FLOW_OK);
+    for (int i = 0; i < 6; i++, pushed++) push_frame(cameras_[0], 9, static_cast<uint64_t>(i) * kFrame);
   });
   g_usleep(100000);
   EXPECT_LE(pushed, 2);
@@ -84,11 +60,9 @@ TEST_F(LfFragmentTest, FilesAreReadAtTheSpeedOfRequests) {
 }
 
 TEST_F(LfFragmentTest, LastFrameOfAFileRepeats) {
-  start(4);
-  push_frames(10, 0);
-  for (const HarnessPtr& camera : cameras_) gst_harness_push_event(camera.get(), gst_event_new_eos());
-  ASSERT_EQ(request(array_.request(0, 50 * kFrame)), GST_FLOW_OK);
-  const wire::Answer answer = pull();
+  start_showing(10);
+  end_cameras();
+  const wire::Answer answer = answer_to(array_.request(0, 50 * kFrame));
   EXPECT_EQ(seeing(answer).size(), 4u);
   EXPECT_EQ(answer.actual_time, 0u);
 }
@@ -97,10 +71,8 @@ TEST_F(LfFragmentTest, LiveCamerasAreNeverWaitedFor) {
   start(4, "RGB", true);
   set("max-skew", "0");
   for (int i = 0; i < 20; i++) push_frames(static_cast<uint8_t>(i), static_cast<uint64_t>(i) * kFrame);
-  ASSERT_EQ(request(array_.request(0, 100 * kFrame)), GST_FLOW_OK);
-  EXPECT_EQ(pull().actual_time, 19 * kFrame);
-  ASSERT_EQ(request(array_.request(1, 18 * kFrame)), GST_FLOW_OK);
-  EXPECT_EQ(pull().actual_time, 18 * kFrame);
+  EXPECT_EQ(answer_to(array_.request(0, 100 * kFrame)).actual_time, 19 * kFrame);
+  EXPECT_EQ(answer_to(array_.request(1, 18 * kFrame)).actual_time, 18 * kFrame);
 }
 
 // V4L2 cameras stall if downstream holds all of their few buffers.
@@ -126,10 +98,7 @@ TEST_F(LfFragmentTest, CameraWithAFixedPoolNeverRunsOutOfBuffers) {
       GST_BUFFER_PTS(buffer) = i * kFrame;
       ASSERT_EQ(gst_harness_push(cameras_[0].get(), buffer), GST_FLOW_OK);
     }
-    const ViewRequest asked = array_.request(0, 37 * kFrame);
-    ASSERT_EQ(request(asked), GST_FLOW_OK);
-    const wire::Answer answer = pull();
-    EXPECT_EQ(answer.actual_time, 37 * kFrame) << "frames unchanged by copying";
+    EXPECT_EQ(answer_to(array_.request(0, 37 * kFrame)).actual_time, 37 * kFrame) << "frames unchanged by copying";
     gst_buffer_pool_set_active(pool, FALSE);
     gst_object_unref(pool);
   }
@@ -174,23 +143,17 @@ class LfFragmentClockTest : public LfFragmentTest {
     gst_element_set_base_time(element_.get(), base);
     base_ = base;
   }
-  void push_taken(size_t camera, uint64_t clock_time) {
-    ASSERT_EQ(gst_harness_push(cameras_[camera].get(), ArrayFixture::frame("RGB", 200, clock_time - base_)),
-              GST_FLOW_OK);
-  }
+  void push_taken(size_t camera, uint64_t clock_time) { push_frame(cameras_[camera], 200, clock_time - base_); }
   wire::Answer ask(uint32_t sequence, uint64_t clock_time) {
     ViewRequest asked = array_.request(sequence, clock_time);
     asked.absolute_time = true;
-    EXPECT_EQ(request(asked), GST_FLOW_OK);
-    return pull();
+    return answer_to(asked);
   }
   uint64_t base_ = 0;
 };
 
 TEST_F(LfFragmentClockTest, CaptureTimesDoNotDependOnTheBaseTime) {
   for (const uint64_t base : {kEpoch - 3 * GST_SECOND, kEpoch - 3600 * GST_SECOND + 12345, uint64_t{0}}) {
-    cameras_.clear();
-    harness_.reset();
     start_at(base, 4);
     for (uint64_t k = 0; k < 4; k++)
       for (size_t i = 0; i < 4; i++) push_taken(i, kEpoch + k * kFrame + 7 * GST_MSECOND);
@@ -228,8 +191,6 @@ TEST_F(LfFragmentClockTest, FreeRunningCamerasStayWithinHalfAFrame) {
   std::mt19937 random(5);
   const auto chance = [&random] { return std::uniform_real_distribution<>(0, 1)(random); };
   for (const double loss : {0.0, 0.03}) {
-    cameras_.clear();
-    harness_.reset();
     start_at(kEpoch - 1234567891, 4);
     struct Event {
       uint64_t when;
@@ -293,10 +254,7 @@ TEST_F(LfFragmentClockTest, FreeRunningCamerasStayWithinHalfAFrame) {
 // The reported capture delay is the latency of the slowest camera plus half a frame interval.
 TEST_F(LfFragmentClockTest, ReportsTheCaptureDelayOfTheCameras) {
   start_at(kEpoch, 2);
-  gst_harness_set_live(harness_.get(), TRUE);
-  GstSegment segment;
-  gst_segment_init(&segment, GST_FORMAT_TIME);
-  gst_harness_push_event(harness_.get(), gst_event_new_segment(&segment));
+  make_live();
   gst_harness_use_testclock(harness_.get());
   for (uint64_t k = 0; k < 5; k++) {
     gst_harness_set_time(harness_.get(), kEpoch + k * kFrame + 20 * GST_MSECOND);
@@ -306,10 +264,8 @@ TEST_F(LfFragmentClockTest, ReportsTheCaptureDelayOfTheCameras) {
   }
   ask(0, kEpoch + 4 * kFrame);
   GstClockTime told = 0, delay = 0;
-  while (GstEvent* event = gst_harness_try_pull_upstream_event(harness_.get())) {
-    if (parse_capture_delay(event, &delay)) told = delay;
-    gst_event_unref(event);
-  }
+  while (const EventPtr event{gst_harness_try_pull_upstream_event(harness_.get())})
+    if (parse_capture_delay(event.get(), &delay)) told = delay;
   EXPECT_EQ(told, 70 * GST_MSECOND + kFrame / 2);
 }
 
@@ -328,8 +284,8 @@ TEST_F(LfFragmentClockTest, StoppedCameraIsBlind) {
   }
   EXPECT_EQ(stat(element_.get(), "stale-frames"), 10u);
   EXPECT_EQ(stat(element_.get(), "missing-frames"), 10u);
-  EXPECT_THAT(warnings(), testing::ElementsAre(testing::AllOf(mentions("node 7"), HasSubstr("camera 2 "),
-                                                              mentions("100 ms"), HasSubstr("too old"))));
+  EXPECT_THAT(warnings(),
+              ElementsAre(AllOf(mentions("node 7"), HasSubstr("camera 2 "), mentions("100 ms"), HasSubstr("too old"))));
   ViewRequest without = array_.request(20, at(19));
   without.absolute_time = true;
   without.out_of_service = {2};
@@ -345,15 +301,14 @@ TEST_F(LfFragmentClockTest, UnsynchronisedNodeIsReportedOnce) {
     for (size_t i = 0; i < 4; i++) push_taken(i, kEpoch + k * kFrame + 700 * GST_MSECOND);
     ask(static_cast<uint32_t>(k), kEpoch + k * kFrame);
   }
-  EXPECT_THAT(warnings(), testing::ElementsAre(
-                              testing::AllOf(mentions("node 7"), mentions("camera 0, 1, 2, 3"), HasSubstr("too new"))));
+  EXPECT_THAT(warnings(), ElementsAre(AllOf(mentions("node 7"), mentions("camera 0, 1, 2, 3"), HasSubstr("too new"))));
 }
 
 // --- Cameras and clients that come and go, and rigs that are replaced ------------------------------------------------
 
 class LfFragmentChangeTest : public LfFragmentTest {
  protected:
-  void start(int cameras, const char* format = "RGB", bool live = false) {
+  void start(int cameras, const char* format = "RGB", bool live = false) override {
     LfFragmentTest::start(cameras, format, live);
     listen();
   }
@@ -374,39 +329,30 @@ class LfFragmentChangeTest : public LfFragmentTest {
   static GstFlowReturn push(const HarnessPtr& to, const ViewRequest& request) {
     return gst_harness_push(to.get(), to_buffer(wire::encode_request(request)));
   }
-  std::vector<CameraIndex> cameras_in(const ViewRequest& asked) {
-    EXPECT_EQ(request(asked), GST_FLOW_OK);
-    return seeing(pull());
-  }
+  std::vector<CameraIndex> cameras_in(const ViewRequest& asked) { return seeing(answer_to(asked)); }
 };
 
 TEST_F(LfFragmentChangeTest, CameraJoinsWithItsFirstFrame) {
-  start(3);
-  push_frames(60, 0);
-  gst_harness_set_live(harness_.get(), TRUE);
-  GstSegment segment;
-  gst_segment_init(&segment, GST_FORMAT_TIME);
-  // live stream: the element waits for no camera
-  gst_harness_push_event(harness_.get(), gst_event_new_segment(&segment));
+  start_showing(60, 3);
+  make_live();
   cameras_.push_back(join(3));
   EXPECT_THAT(cameras_in(array_.request(0, 0)), ElementsAre(0, 1, 2));
-  gst_harness_push(cameras_[3].get(), ArrayFixture::frame("RGB", 60, 0));
+  push_frame(cameras_[3], 60, 0);
   EXPECT_THAT(cameras_in(array_.request(1, 0)), ElementsAre(0, 1, 2, 3));
 }
 
 TEST_F(LfFragmentChangeTest, CameraLeavesDuringARequestAndReturns) {
-  start(4);
-  push_frames(60, 0);
+  start_showing(60);
   std::vector<CameraIndex> answered;
   std::thread asking([&] { answered = cameras_in(array_.request(0, kFrame)); });
-  for (int i = 0; i < 3; i++) gst_harness_push(cameras_[i].get(), ArrayFixture::frame("RGB", 60, kFrame));
+  for (int i = 0; i < 3; i++) push_frame(cameras_[i], 60, kFrame);
   g_usleep(20000);
   cameras_.pop_back();
   asking.join();
   EXPECT_THAT(answered, ElementsAre(0, 1, 2));
   EXPECT_THAT(cameras_in(array_.request(1, kFrame)), ElementsAre(0, 1, 2));
   cameras_.push_back(join(3));
-  gst_harness_push(cameras_[3].get(), ArrayFixture::frame("RGB", 60, kFrame));
+  push_frame(cameras_[3], 60, kFrame);
   EXPECT_THAT(cameras_in(array_.request(2, kFrame)), ElementsAre(0, 1, 2, 3));
 }
 
@@ -418,27 +364,22 @@ TEST_F(LfFragmentChangeTest, CameraLeavesWhileItsStreamIsBlocked) {
     for (; flow == GST_FLOW_OK && pushed < 10; pushed++)
       flow = gst_harness_push(cameras_[0].get(), ArrayFixture::frame("RGB", 60, pushed * kFrame));
   });
-  for (int i = 0; i < 5000 && pushed == 0; i++) g_usleep(1000);
+  EXPECT_TRUE(eventually([&] { return pushed > 0; }));
   g_usleep(20000);
-  GstPad* pad = gst_element_get_static_pad(element_.get(), "sink_0");
-  gst_element_release_request_pad(element_.get(), pad);
+  gst_element_release_request_pad(element_.get(), pad_of(element_.get(), "sink_0").get());
   streaming.join();
   EXPECT_EQ(flow, GST_FLOW_FLUSHING);
-  gst_object_unref(pad);
 }
 
 TEST_F(LfFragmentChangeTest, ClientLeavesWhileItsRequestWaits) {
-  start(4);
-  push_frames(60, 0);
+  start_showing(60);
   HarnessPtr other = requester(3);
   std::thread asking([&] { EXPECT_EQ(push(other, array_.request(0, kFrame)), GST_FLOW_FLUSHING); });
-  for (int i = 0; i < 5000 && stat(element_.get(), "requests") == 0; i++) g_usleep(1000);
+  EXPECT_TRUE(eventually([&] { return stat(element_.get(), "requests") > 0; }));
   g_usleep(20000);
-  GstPad* pad = gst_element_get_static_pad(element_.get(), "request_3");
-  gst_element_release_request_pad(element_.get(), pad);
+  gst_element_release_request_pad(element_.get(), pad_of(element_.get(), "request_3").get());
   asking.join();
-  gst_object_unref(pad);
-  EXPECT_EQ(gst_element_get_static_pad(element_.get(), "src_3"), nullptr);
+  EXPECT_FALSE(pad_of(element_.get(), "src_3"));
   EXPECT_EQ(cameras_in(array_.request(0, 0)).size(), 4u);
 }
 
@@ -452,8 +393,7 @@ TEST_F(LfFragmentChangeTest, CamerasEndWithTheLastClient) {
 }
 
 TEST_F(LfFragmentChangeTest, CamerasAndClientsAreAddedAndRemovedWhilePlaying) {
-  start(3);
-  push_frames(60, 0);
+  start_showing(60, 3);
   std::atomic<bool> done = false;
   std::thread cameras([&] {
     while (!done) {
@@ -480,9 +420,7 @@ TEST_F(LfFragmentChangeTest, CamerasAndClientsAreAddedAndRemovedWhilePlaying) {
 class LfFragmentRigTest : public LfFragmentChangeTest {
  protected:
   void push_unlike_frames() {
-    for (size_t i = 0; i < cameras_.size(); i++)
-      ASSERT_EQ(gst_harness_push(cameras_[i].get(), ArrayFixture::frame("RGB", static_cast<uint8_t>(50 + 60 * i), 0)),
-                GST_FLOW_OK);
+    for (size_t i = 0; i < cameras_.size(); i++) push_frame(cameras_[i], static_cast<uint8_t>(50 + 60 * i), 0);
   }
   std::vector<uint8_t> ask() {
     ViewRequest asked = array_.request(0, 0);
@@ -490,6 +428,11 @@ class LfFragmentRigTest : public LfFragmentChangeTest {
     EXPECT_EQ(request(asked), GST_FLOW_OK);
     const BufferPtr buffer(gst_harness_pull(harness_.get()));
     return buffer ? to_bytes(buffer.get()) : std::vector<uint8_t>{};
+  }
+  ViewRequest request_with(const ModifiedRig& rig, uint32_t sequence, uint64_t time) const {
+    ViewRequest asked = array_.request(sequence, time);
+    asked.rig_hash = rig.hash();
+    return asked;
   }
   std::vector<uint8_t> answer_with(const std::string& rig) {
     LfFragmentRigTest::start(4);
@@ -499,11 +442,14 @@ class LfFragmentRigTest : public LfFragmentChangeTest {
     for (const HarnessPtr& camera : cameras_)
       gst_harness_set_src_caps_str(camera.get(), ArrayFixture::caps("RGB").c_str());
     push_unlike_frames();
-    const std::vector<uint8_t> answer = ask();
-    cameras_.clear();
-    harness_.reset();
-    return answer;
+    return ask();
   }
+
+  const ModifiedRig calibrated_{array_.rig(), [](Rig& rig) { rig.cameras[0].lens = Lens::pinhole(33, 15, 12); }};
+  const ModifiedRig larger_{array_.rig(), [](Rig& rig) {
+                              rig.cameras[2].width = 48;
+                              rig.cameras[2].lens = Lens::pinhole(30, 23.5, 11.5);
+                            }};
 };
 
 TEST_F(LfFragmentRigTest, NewRigIsUsedFromTheNextRequest) {
@@ -524,22 +470,16 @@ TEST_F(LfFragmentRigTest, NewRigIsUsedFromTheNextRequest) {
     set("rig", array_.rig_path().c_str());
     EXPECT_EQ(ask(), before);
     EXPECT_THAT(warnings(), IsEmpty());
-    cameras_.clear();
-    harness_.reset();
   }
 }
 
 TEST_F(LfFragmentRigTest, RequestsForAnotherRigAreCountedAndReportedOnce) {
-  const ModifiedRig other(array_.rig(), [](Rig& rig) { rig.cameras[0].lens = Lens::pinhole(33, 15, 12); });
-  start(4);
-  push_frames(60, 0);
-  set("rig", other.path().c_str());
+  start_showing(60);
+  set("rig", calibrated_.path().c_str());
   for (uint32_t i = 0; i < 3; i++) EXPECT_THAT(cameras_in(array_.request(i, 0)), IsEmpty());
   EXPECT_EQ(stat(element_.get(), "rig-mismatches"), 3u);
   EXPECT_THAT(warnings(), ElementsAre(HasSubstr("another rig")));
-  ViewRequest asked = array_.request(3, 0);
-  asked.rig_hash = other.hash();
-  EXPECT_EQ(cameras_in(asked).size(), 4u);
+  EXPECT_EQ(cameras_in(request_with(calibrated_, 3, 0)).size(), 4u);
 }
 
 TEST_F(LfFragmentRigTest, CameraMissingInTheNewRigDoesNotContribute) {
@@ -547,31 +487,21 @@ TEST_F(LfFragmentRigTest, CameraMissingInTheNewRigDoesNotContribute) {
     rig.cameras.erase(rig.cameras.begin() + 1);
     rig.topology = {};
   });
-  start(4);
-  push_frames(60, 0);
+  start_showing(60);
   set("rig", without.path().c_str());
   EXPECT_THAT(warnings(), ElementsAre(HasSubstr("no camera 1,")));
-  ViewRequest asked = array_.request(0, 0);
-  asked.rig_hash = without.hash();
-  EXPECT_THAT(cameras_in(asked), ElementsAre(0, 1, 2));
-  EXPECT_EQ(gst_harness_push(cameras_[1].get(), ArrayFixture::frame("RGB", 60, kFrame)), GST_FLOW_OK);
+  EXPECT_THAT(cameras_in(request_with(without, 0, 0)), ElementsAre(0, 1, 2));
+  push_frame(cameras_[1], 60, kFrame);
   set("rig", array_.rig_path().c_str());
   EXPECT_THAT(cameras_in(array_.request(1, 0)), ElementsAre(0, 1, 2, 3));
   EXPECT_THAT(warnings(), IsEmpty());
 }
 
 TEST_F(LfFragmentRigTest, CameraOfAnotherSizeIsMissingUntilItsVideoFits) {
-  const ModifiedRig larger(array_.rig(), [](Rig& rig) {
-    rig.cameras[2].width = 48;
-    rig.cameras[2].lens = Lens::pinhole(30, 23.5, 11.5);
-  });
-  start(4);
-  push_frames(60, 0);
-  set("rig", larger.path().c_str());
+  start_showing(60);
+  set("rig", larger_.path().c_str());
   EXPECT_THAT(warnings(), ElementsAre(mentions("image size", "camera 2")));
-  ViewRequest asked = array_.request(0, 0);
-  asked.rig_hash = larger.hash();
-  EXPECT_THAT(cameras_in(asked), ElementsAre(0, 1, 3));
+  EXPECT_THAT(cameras_in(request_with(larger_, 0, 0)), ElementsAre(0, 1, 3));
   EXPECT_EQ(stat(element_.get(), "missing-frames"), 1u);
   gst_harness_set_src_caps_str(cameras_[2].get(), "video/x-raw,format=RGB,width=48,height=24,framerate=10/1");
   for (size_t i = 0; i < 4; i++) {
@@ -579,30 +509,21 @@ TEST_F(LfFragmentRigTest, CameraOfAnotherSizeIsMissingUntilItsVideoFits) {
     GST_BUFFER_PTS(frame) = kFrame;
     ASSERT_EQ(gst_harness_push(cameras_[i].get(), frame), GST_FLOW_OK);
   }
-  asked.target_time = kFrame;
-  EXPECT_THAT(cameras_in(asked), ElementsAre(0, 1, 2, 3));
+  EXPECT_THAT(cameras_in(request_with(larger_, 0, kFrame)), ElementsAre(0, 1, 2, 3));
 }
 
 // The camera's stream restarts after a loss: the mismatch was reported already.
 TEST_F(LfFragmentRigTest, CameraThatDoesNotFitTheNewRigMayRestart) {
-  const ModifiedRig larger(array_.rig(), [](Rig& rig) {
-    rig.cameras[2].width = 48;
-    rig.cameras[2].lens = Lens::pinhole(30, 23.5, 11.5);
-  });
-  start(4);
-  push_frames(60, 0);
-  set("rig", larger.path().c_str());
+  start_showing(60);
+  set("rig", larger_.path().c_str());
   const CapsPtr caps(gst_pad_get_current_caps(cameras_[2]->srcpad));
   gst_harness_push_event(cameras_[2].get(), gst_event_new_caps(caps.get()));
   push_frames(60, kFrame);
-  ViewRequest asked = array_.request(0, kFrame);
-  asked.rig_hash = larger.hash();
-  EXPECT_THAT(cameras_in(asked), ElementsAre(0, 1, 3));
+  EXPECT_THAT(cameras_in(request_with(larger_, 0, kFrame)), ElementsAre(0, 1, 3));
 }
 
 TEST_F(LfFragmentRigTest, ChangeOfVideoSizeIsAnError) {
-  start(4);
-  push_frames(60, 0);
+  start_showing(60);
   gst_harness_set_src_caps_str(cameras_[2].get(), "video/x-raw,format=RGB,width=48,height=24,framerate=10/1");
   EXPECT_EQ(gst_harness_push(cameras_[2].get(), to_buffer(std::vector<uint8_t>(48 * 24 * 3, 60))),
             GST_FLOW_NOT_NEGOTIATED);
@@ -610,28 +531,21 @@ TEST_F(LfFragmentRigTest, ChangeOfVideoSizeIsAnError) {
 }
 
 TEST_F(LfFragmentRigTest, UnreadableRigChangesNothing) {
-  const TempFile broken({'{', '}'}, ".json");
-  start(4);
-  push_frames(60, 0);
+  const TempFile broken("{}", ".json");
+  start_showing(60);
   for (const std::string& path : {std::string("/nowhere/rig.json"), broken.path()}) {
     set("rig", path.c_str());
     EXPECT_THAT(warnings(), ElementsAre(HasSubstr(path)));
-    g_autofree gchar* kept = nullptr;
-    g_object_get(element_.get(), "rig", &kept, nullptr);
-    EXPECT_EQ(kept, array_.rig_path());
+    EXPECT_EQ(get<std::string>(element_.get(), "rig"), array_.rig_path());
     EXPECT_EQ(cameras_in(array_.request(0, 0)).size(), 4u);
   }
 }
 
 TEST_F(LfFragmentRigTest, ChangedRigFileIsReadAgain) {
-  const ModifiedRig other(array_.rig(), [](Rig& rig) { rig.cameras[0].lens = Lens::pinhole(33, 15, 12); });
-  start(4);
-  push_frames(60, 0);
-  std::filesystem::copy_file(other.path(), array_.rig_path(), std::filesystem::copy_options::overwrite_existing);
+  start_showing(60);
+  std::filesystem::copy_file(calibrated_.path(), array_.rig_path(), std::filesystem::copy_options::overwrite_existing);
   set("rig", array_.rig_path().c_str());
-  ViewRequest asked = array_.request(0, 0);
-  asked.rig_hash = other.hash();
-  EXPECT_EQ(cameras_in(asked).size(), 4u);
+  EXPECT_EQ(cameras_in(request_with(calibrated_, 0, 0)).size(), 4u);
 }
 
 TEST_F(LfFragmentRigTest, EveryAnswerUsesOneRig) {
@@ -646,7 +560,7 @@ TEST_F(LfFragmentRigTest, EveryAnswerUsesOneRig) {
   std::thread reloading([&] {
     for (int i = 0; !done; i++) set("rig", i % 2 ? array_.rig_path().c_str() : other.path().c_str());
   });
-  for (int i = 0; i < 300; i++) EXPECT_THAT(ask(), testing::AnyOf(before, after));
+  for (int i = 0; i < 300; i++) EXPECT_THAT(ask(), AnyOf(before, after));
   done = true;
   reloading.join();
 }

@@ -1,31 +1,16 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "../gst/common/common.h"
 #include "gst/fragment_fixture.h"
 #include "gst/rtp_fixture.h"
 #include "node/camera_access.h"
-#include "rtp/packetizer.h"
-#include "support/answers.h"
-#include "support/mentions.h"
-#include "wire/answer_codec.h"
-#include "wire/command_codec.h"
-#include "wire/request_codec.h"
 
 namespace lf::test {
 namespace {
 
-using testing::ElementsAre;
-using testing::HasSubstr;
-using testing::IsEmpty;
-
 TEST_F(LfFragmentTest, AnswersContainAllCameras) {
-  start(4);
-  push_frames(200, 0);
+  start_showing(200);
   const ViewRequest asked = array_.request(5, 0);
-  ASSERT_EQ(request(asked), GST_FLOW_OK);
-  const wire::Answer answer = pull();
+  const wire::Answer answer = answer_to(asked);
   EXPECT_EQ(answer.sequence, 5u);
   EXPECT_EQ(answer.node, 7u);
   EXPECT_EQ(answer.rig_hash, array_.rig().hash());
@@ -38,13 +23,11 @@ TEST_F(LfFragmentTest, AnswersContainAllCameras) {
 }
 
 TEST_F(LfFragmentTest, AnswersContainAllCamerasWithEveryCodec) {
-  start(4);
-  push_frames(200, 0);
+  start_showing(200);
   const ViewRequest asked = array_.request(5, 0);
   for (const char* codec : {"auto", "raw", "raw16", "jpeg"}) {
     set("codec", codec);
-    ASSERT_EQ(request(asked), GST_FLOW_OK);
-    const wire::Answer answer = pull();
+    const wire::Answer answer = answer_to(asked);
     EXPECT_GE(answer.fragments.size(), 1u) << codec;
     const auto [low, high] = picture_range(asked, answer);
     EXPECT_GE(low, 199) << codec;
@@ -53,17 +36,15 @@ TEST_F(LfFragmentTest, AnswersContainAllCamerasWithEveryCodec) {
 }
 
 TEST_F(LfFragmentTest, AnswersOnlyRequestsOfItsAccess) {
-  start(4);
-  push_frames(200, 0);
+  start_showing(200);
   const ViewRequest asked = array_.request(5, 0);
   const Mesh mesh = build_mesh(array_.rig());
-  const auto push = [&](const std::vector<uint8_t>& bytes) {
-    ASSERT_EQ(gst_harness_push(harness_.get(), to_buffer(bytes)), GST_FLOW_OK);
-  };
   const auto push_all = [&] {
-    push(wire::encode_request(asked));
-    for (const Access access : {Access::kWarp, Access::kPixels})
-      push(wire::encode_any_request(CameraAccess::of(access)->command(array_.rig(), mesh, asked)));
+    ASSERT_EQ(push(wire::encode_request(asked)), GST_FLOW_OK);
+    for (const Access access : {Access::kWarp, Access::kPixels}) {
+      const wire::AnyRequest command = CameraAccess::of(access)->command(array_.rig(), mesh, asked);
+      ASSERT_EQ(push(wire::encode_any_request(command)), GST_FLOW_OK);
+    }
   };
   const auto pull_bytes = [&] {
     const BufferPtr buffer(gst_harness_pull(harness_.get()));
@@ -89,24 +70,22 @@ TEST_F(LfFragmentTest, AnswersOnlyRequestsOfItsAccess) {
 }
 
 TEST_F(LfFragmentTest, UnfitCommandsGetEmptyAnswers) {
-  start(4);
-  push_frames(200, 0);
+  start_showing(200);
   set("access", "pixels");
   const ViewRequest asked = array_.request(5, 0);
   const int width = ArrayFixture::kWidth;
   wire::PixelCommand command{asked, 16, 12, {{2, {width - 2, 0, width + 2, 2}}}};
-  ASSERT_EQ(gst_harness_push(harness_.get(), to_buffer(wire::encode_command(command))), GST_FLOW_OK);
+  ASSERT_EQ(push(wire::encode_command(command)), GST_FLOW_OK);
   EXPECT_TRUE(pull().fragments.empty());
   EXPECT_EQ(stat(element_.get(), "bad-requests"), 1u);
   command.rig_hash ^= 1;
-  ASSERT_EQ(gst_harness_push(harness_.get(), to_buffer(wire::encode_command(command))), GST_FLOW_OK);
+  ASSERT_EQ(push(wire::encode_command(command)), GST_FLOW_OK);
   EXPECT_TRUE(pull().fragments.empty());
   EXPECT_EQ(stat(element_.get(), "rig-mismatches"), 1u);
 }
 
 TEST_F(LfFragmentTest, AnswersDoNotDependOnThreads) {
-  start(4);
-  push_frames(137, 0);
+  start_showing(137);
   const ViewRequest asked = array_.request(5, 0);
   for (const char* codec : {"raw16", "jpeg"}) {
     set("codec", codec);
@@ -117,7 +96,7 @@ TEST_F(LfFragmentTest, AnswersDoNotDependOnThreads) {
       const BufferPtr buffer(gst_harness_pull(harness_.get()));
       answers.push_back(to_bytes(buffer.get()));
     }
-    EXPECT_THAT(answers, testing::Each(answers[0])) << codec;
+    EXPECT_THAT(answers, Each(answers[0])) << codec;
   }
 }
 
@@ -129,12 +108,10 @@ TEST_F(LfFragmentTest, CameraWithoutFrameIsMissingInTheSum) {
     gst_child_proxy_set(GST_CHILD_PROXY(element_.get()), property.c_str(), i, nullptr);
   }
   gst_element_set_state(element_.get(), GST_STATE_PLAYING);
-  for (size_t i = 1; i < 4; i++)
-    ASSERT_EQ(gst_harness_push(cameras_[i].get(), ArrayFixture::frame("RGB", 200, 0)), GST_FLOW_OK);
+  for (size_t i = 1; i < 4; i++) push_frame(cameras_[i], 200, 0);
   gst_harness_set_live(harness_.get(), TRUE);
   const ViewRequest asked = array_.request(5, 0);
-  ASSERT_EQ(request(asked), GST_FLOW_OK);
-  const wire::Answer answer = pull();
+  const wire::Answer answer = answer_to(asked);
   EXPECT_TRUE(std::ranges::any_of(answer.fragments, [](const Fragment& f) { return !f.lost.empty(); }));
   EXPECT_EQ(seeing(answer), (std::vector<CameraIndex>{1, 2, 3}));
   EXPECT_GE(picture_range(asked, answer).first, 195) << "other cameras fill in";
@@ -160,13 +137,6 @@ TEST_F(LfFragmentTest, JpegHasTheRequestedQuality) {
   }
 }
 
-GstPadProbeReturn note_codec(GstPad*, GstPadProbeInfo* info, gpointer data) {
-  const std::vector<uint8_t> bytes = to_bytes(GST_PAD_PROBE_INFO_BUFFER(info));
-  const auto answer = wire::parse_answer(bytes);
-  if (answer && !answer->fragments.empty()) *static_cast<wire::Codec*>(data) = answer->fragments[0].codec;
-  return GST_PAD_PROBE_OK;
-}
-
 TEST_F(LfFragmentTest, CodecFollowsTheLink) {
   const struct {
     const char* downstream;
@@ -176,24 +146,23 @@ TEST_F(LfFragmentTest, CodecFollowsTheLink) {
       {"queue ! fakesink", wire::Codec::kJpeg},
   };
   for (const auto& test : cases) {
-    const ElementPtr pipeline =
+    const PipelinePtr pipeline =
         launch("lfviewrequest num-buffers=3 framerate=15/1 rig=" + array_.rig_path() +
                " ! tee name=r  r. ! queue ! n.request  lfcameranode name=n rig=" + array_.rig_path() + " ! " +
                test.downstream + "  r. ! queue ! c.request  lfcompositor name=c ! fakesink");
-    ASSERT_TRUE(pipeline) << test.downstream;
-    const ElementPtr node(gst_bin_get_by_name(GST_BIN(pipeline.get()), "n"));
-    GstPad* src = gst_element_get_static_pad(node.get(), "src");
     wire::Codec codec = wire::Codec::kRaw;
-    gst_pad_add_probe(src, GST_PAD_PROBE_TYPE_BUFFER, note_codec, &codec, nullptr);
-    gst_object_unref(src);
+    on_buffers(child_of(pipeline.get(), "n").get(), "src", [&](GstBuffer* buffer) {
+      const std::vector<uint8_t> bytes = to_bytes(buffer);
+      const auto answer = wire::parse_answer(bytes);
+      if (answer && !answer->fragments.empty()) codec = answer->fragments[0].codec;
+    });
     EXPECT_EQ(run(pipeline.get(), 10), "") << test.downstream;
     EXPECT_EQ(codec, test.codec) << test.downstream;
   }
 }
 
 TEST_F(LfFragmentTest, AnswersCarryTheRequestsTimestamp) {
-  start(4);
-  push_frames(10, 0);
+  start_showing(10);
   push_frames(20, kFrame);
   ASSERT_EQ(request(array_.request(0, kFrame)), GST_FLOW_OK);
   pull();
@@ -201,37 +170,29 @@ TEST_F(LfFragmentTest, AnswersCarryTheRequestsTimestamp) {
 }
 
 TEST_F(LfFragmentTest, RequestForAnotherRigGetsNoPicture) {
-  start(4);
-  push_frames(10, 0);
+  start_showing(10);
   ViewRequest foreign = array_.request(0, 0);
   foreign.rig_hash ^= 1;
-  ASSERT_EQ(request(foreign), GST_FLOW_OK);
-  EXPECT_TRUE(pull().fragments.empty());
+  EXPECT_TRUE(answer_to(foreign).fragments.empty());
   EXPECT_EQ(stat(element_.get(), "rig-mismatches"), 1u);
 }
 
 TEST_F(LfFragmentTest, GarbageIsCountedAndDropped) {
-  start(4);
-  push_frames(10, 0);
-  ASSERT_EQ(gst_harness_push(harness_.get(), to_buffer({1, 2, 3})), GST_FLOW_OK);
+  start_showing(10);
+  ASSERT_EQ(push({1, 2, 3}), GST_FLOW_OK);
   EXPECT_EQ(gst_harness_buffers_in_queue(harness_.get()), 0u);
   EXPECT_EQ(stat(element_.get(), "bad-requests"), 1u);
   ViewRequest unknown_camera = array_.request(1, 0);
   unknown_camera.out_of_service = {99};
-  ASSERT_EQ(request(unknown_camera), GST_FLOW_OK);
-  EXPECT_TRUE(pull().fragments.empty());
+  EXPECT_TRUE(answer_to(unknown_camera).fragments.empty());
   EXPECT_EQ(stat(element_.get(), "bad-requests"), 2u);
 }
 
 TEST_F(LfFragmentTest, EosOfTheRequestsEndsAnswersAndCameras) {
-  start(4);
-  push_frames(10, 0);
+  start_showing(10);
   gst_harness_push_event(harness_.get(), gst_event_new_eos());
-  while (GstEvent* event = gst_harness_try_pull_event(harness_.get())) {
-    const bool eos = GST_EVENT_TYPE(event) == GST_EVENT_EOS;
-    gst_event_unref(event);
-    if (eos) break;
-  }
+  while (const EventPtr event{gst_harness_try_pull_event(harness_.get())})
+    if (GST_EVENT_TYPE(event.get()) == GST_EVENT_EOS) break;
   EXPECT_EQ(gst_harness_push(cameras_[0].get(), ArrayFixture::frame("RGB", 1, kFrame)), GST_FLOW_EOS);
 }
 
@@ -243,8 +204,7 @@ TEST_F(LfFragmentTest, CameraLatencyDoesNotAffectRequests) {
 }
 
 TEST_F(LfFragmentTest, FurtherClientsHaveSeparatePads) {
-  start(4);
-  push_frames(77, 0);
+  start_showing(77);
   const HarnessPtr second(gst_harness_new_with_element(element_.get(), "request_3", "src_3"));
   gst_harness_set_src_caps_str(second.get(), "application/x-lightfield-request");
   ASSERT_EQ(gst_harness_push(second.get(), to_buffer(wire::encode_request(array_.request(9, 0)))), GST_FLOW_OK);
@@ -255,27 +215,16 @@ TEST_F(LfFragmentTest, FurtherClientsHaveSeparatePads) {
 }
 
 TEST_F(LfFragmentTest, ErrorsNameThePlace) {
-  const struct {
-    std::string line;
-    std::vector<std::string> facts;
-  } cases[] = {
+  const std::string node = " lffragment name=n rig=" + array_.rig_path() + " ! fakesink",
+                    video = "videotestsrc num-buffers=1 ! video/x-raw,";
+  const std::pair<std::string, std::vector<std::string>> cases[] = {
       {"lffragment ! fakesink", {"property", "\"rig\""}},
       {"lffragment rig=/nowhere/rig.json ! fakesink", {"/nowhere/rig.json"}},
-      {"videotestsrc num-buffers=1 ! video/x-raw,format=RGB,width=31,height=24 ! n.sink_0 lffragment name=n rig=" +
-           array_.rig_path() + " ! fakesink",
-       {"31x24", array_.rig_path(), "32x24"}},
-      {"videotestsrc num-buffers=1 ! video/x-raw,format=RGB,width=32,height=24 ! n.sink_9 lffragment name=n rig=" +
-           array_.rig_path() + " ! fakesink",
-       {"camera 9"}},
-      {"videotestsrc num-buffers=1 ! video/x-raw,width=48,height=24 ! jpegenc ! n.sink_0 lffragment name=n rig=" +
-           array_.rig_path() + " ! fakesink",
-       {"48x24", array_.rig_path(), "32x24"}},
+      {video + "format=RGB,width=31,height=24 ! n.sink_0" + node, {"31x24", array_.rig_path(), "32x24"}},
+      {video + "format=RGB,width=32,height=24 ! n.sink_9" + node, {"camera 9"}},
+      {video + "width=48,height=24 ! jpegenc ! n.sink_0" + node, {"48x24", array_.rig_path(), "32x24"}},
   };
-  for (const auto& test : cases) {
-    const ElementPtr pipeline = launch(test.line);
-    ASSERT_TRUE(pipeline) << test.line;
-    EXPECT_THAT(run(pipeline.get(), 5), mentions(test.facts)) << test.line;
-  }
+  for (const auto& [line, facts] : cases) EXPECT_THAT(run(line, 5), mentions(facts)) << line;
 }
 
 TEST_F(LfFragmentTest, StreamNamesItsCamera) {
@@ -283,8 +232,7 @@ TEST_F(LfFragmentTest, StreamNamesItsCamera) {
   GstStructure* name = gst_structure_new(LF_CAMERA_EVENT, "camera", G_TYPE_UINT, 3u, nullptr);
   gst_harness_push_event(cameras_[0].get(), gst_event_new_custom(GST_EVENT_CUSTOM_DOWNSTREAM_STICKY, name));
   push_frames(60, 0);
-  ASSERT_EQ(request(array_.request(0, 0)), GST_FLOW_OK);
-  const wire::Answer answer = pull();
+  const wire::Answer answer = answer_to(array_.request(0, 0));
   EXPECT_FALSE(answer.fragments.empty());
   EXPECT_EQ(seeing(answer), std::vector<CameraIndex>{3});
 }
@@ -295,9 +243,8 @@ TEST_F(LfFragmentTest, StreamNamesItsCamera) {
 class FragmentLimitsTest : public LfFragmentTest {
  protected:
   void SetUp() override {
-    start(4);
-    push_frames(100, 0);
-    for (const HarnessPtr& camera : cameras_) gst_harness_push_event(camera.get(), gst_event_new_eos());
+    start_showing(100);
+    end_cameras();
     listen();
   }
   ViewRequest asked(uint32_t view_id) { return array_.request(sequence_++, 0, view_id); }
@@ -331,19 +278,13 @@ TEST_F(FragmentLimitsTest, ExpensiveRequestsAreRefusedAndCounted) {
   // At most once a second.
   const std::vector<std::string> told = warnings();
   ASSERT_GE(told.size(), 1u);
-  EXPECT_THAT(told[0], mentions("View 2", "16384x16384"));
-  EXPECT_THAT(told[0], HasSubstr("max-pixels"));
+  EXPECT_THAT(told[0], AllOf(mentions("View 2", "16384x16384"), HasSubstr("max-pixels")));
   EXPECT_LT(told.size(), 4u);
 }
 
 TEST_F(FragmentLimitsTest, MoreHypothesesThanAllowedAreRefused) {
   ViewRequest curious = asked(1);
-  FocalMap map = FocalMap::for_view(curious.view.width, curious.view.height);
-  map.from = {{0, 0, 1}, 0};
-  map.farthest = 0.05;
-  map.nearest = 0.3;
-  map.levels.assign(static_cast<size_t>(map.columns) * map.rows, 51);
-  curious.view.focus.map = std::make_shared<FocalMap>(std::move(map));
+  curious.view.focus.map = flat_surface(curious.view);
   curious.hypotheses = {{DepthHypothesis::Kind::kBlurred, 0}, {DepthHypothesis::Kind::kPlane, 200}};
   set("limits", "limits,max-hypotheses=1");
   EXPECT_FALSE(is_answered(curious));
@@ -366,27 +307,21 @@ TEST_F(FragmentLimitsTest, WrongLimitsAreReportedAndIgnored) {
 
 // Without a bus the message would be lost.
 TEST_F(LfFragmentTest, WrongLimitsAreReportedAtStart) {
-  const ElementPtr fragment = launch("lffragment rig=" + array_.rig_path() + " limits=limits,max-views=none");
-  ASSERT_TRUE(fragment);
-  g_autoptr(GstBus) bus = gst_bus_new();
-  gst_element_set_bus(fragment.get(), bus);
+  const PipelinePtr fragment = launch("lffragment rig=" + array_.rig_path() + " limits=limits,max-views=none");
+  const ElementBus bus(fragment.get());
   EXPECT_EQ(gst_element_set_state(fragment.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_SUCCESS);
-  EXPECT_THAT(warnings_on(bus), mentions("max-views", "1 to 65536", "none"));
-  gst_element_set_state(fragment.get(), GST_STATE_NULL);
-  gst_element_set_bus(fragment.get(), nullptr);
+  EXPECT_THAT(bus.warnings(), mentions("max-views", "1 to 65536", "none"));
 }
 
 TEST_F(FragmentLimitsTest, AnswersArePostedIfRequested) {
-  g_autoptr(GstBus) bus = gst_bus_new();
-  gst_element_set_bus(element_.get(), bus);
   EXPECT_TRUE(is_answered(asked(3)));
-  EXPECT_EQ(gst_bus_pop_filtered(bus, GST_MESSAGE_ELEMENT), nullptr);
+  EXPECT_EQ(gst_bus_pop_filtered(bus_.get(), GST_MESSAGE_ELEMENT), nullptr);
   set("post-messages", "true");
   const ViewRequest second = asked(4);
   EXPECT_TRUE(is_answered(second));
-  g_autoptr(GstMessage) message = gst_bus_pop_filtered(bus, GST_MESSAGE_ELEMENT);
+  const MessagePtr message(gst_bus_pop_filtered(bus_.get(), GST_MESSAGE_ELEMENT));
   ASSERT_TRUE(message);
-  const GstStructure* answer = gst_message_get_structure(message);
+  const GstStructure* answer = gst_message_get_structure(message.get());
   EXPECT_STREQ(gst_structure_get_name(answer), "lightfield-answer");
   guint view = 0, sequence = 0, fragments = 0;
   guint64 bytes = 0;
@@ -396,7 +331,6 @@ TEST_F(FragmentLimitsTest, AnswersArePostedIfRequested) {
   EXPECT_EQ(sequence, second.sequence);
   EXPECT_GT(fragments, 0u);
   EXPECT_GT(bytes, 0u);
-  gst_element_set_bus(element_.get(), nullptr);
 }
 
 // Smaller strips lose less with a lost packet; the minimum is 16 rows.
@@ -408,8 +342,7 @@ TEST_F(FragmentLimitsTest, StripsHaveLimitedPixels) {
   const auto fragments = [&](const char* pixels) {
     set("strip-pixels", pixels);
     large.sequence = sequence_++;
-    EXPECT_EQ(request(large), GST_FLOW_OK);
-    return pull().fragments.size();
+    return answer_to(large).fragments.size();
   };
   const size_t whole = fragments("65536"), strips = fragments("2048");
   EXPECT_EQ(whole, 1u);
@@ -425,23 +358,15 @@ TEST_F(FragmentLimitsTest, ExpensiveLensesAreRefused) {
   strange.view.width = strange.view.height = 20;
   EXPECT_TRUE(is_answered(strange)) << "few pixels are cheap with any lens";
   EXPECT_EQ(stat(element_.get(), "refused-lens"), 1u);
-  const std::vector<std::string> told = warnings();
-  ASSERT_EQ(told.size(), 1u);
-  EXPECT_THAT(told[0], HasSubstr("distortion"));
+  EXPECT_THAT(warnings(), ElementsAre(HasSubstr("distortion")));
 }
 
 // An ordinary view is served between the steps of planning a view with an extreme lens.
 TEST_F(FragmentLimitsTest, OtherViewsInterruptAnExpensiveLens) {
-  gst_harness_set_live(harness_.get(), TRUE);
-  GstSegment segment;
-  gst_segment_init(&segment, GST_FORMAT_TIME);
-  gst_harness_push_event(harness_.get(), gst_event_new_segment(&segment));
+  make_live();
   // a shorter limit would skip the view as soon as its rendering time is measured
   set("max-delay", "60000000000");
-  for (int i = 0; i < 5; i++) {
-    EXPECT_EQ(request(asked(1)), GST_FLOW_OK);
-    pull();
-  }
+  for (int i = 0; i < 5; i++) answer_to(asked(1));
   for (int i = 0; i < 3; i++) {
     ViewRequest strange = asked(2);
     strange.view.width = 1800;
@@ -470,22 +395,17 @@ TEST_F(FragmentLimitsTest, NonLiveRequestsHaveNoRateLimit) {
 // The rendering time of a view with few or no visible pixels must not predict other views: a second per pixel would
 // stop all pictures.
 TEST_F(FragmentLimitsTest, TinyRequestsDoNotAffectOtherViews) {
-  gst_harness_set_live(harness_.get(), TRUE);
-  GstSegment segment;
-  gst_segment_init(&segment, GST_FORMAT_TIME);
-  gst_harness_push_event(harness_.get(), gst_event_new_segment(&segment));
+  make_live();
   set("max-delay", "20000000000");
   for (int i = 0; i < 20; i++) {
     ViewRequest tiny = asked(2);
     tiny.view.width = tiny.view.height = 1;
     tiny.view.lens = Lens::from_fov_y(20, 1, 1);
-    EXPECT_EQ(request(tiny), GST_FLOW_OK);
-    pull();
+    answer_to(tiny);
     ViewRequest ordinary = asked(1);
     ordinary.view.width = ordinary.view.height = 1500;
     ordinary.view.lens = Lens::from_fov_y(20, 1500, 1500);
-    EXPECT_EQ(request(ordinary), GST_FLOW_OK);
-    EXPECT_FALSE(pull().fragments.empty()) << i;
+    EXPECT_FALSE(answer_to(ordinary).fragments.empty()) << i;
   }
   EXPECT_EQ(stat(element_.get(), "skipped"), 0u);
 }
@@ -543,45 +463,34 @@ TEST(RtpLfDepayLimits, RequestsBeyondALimitAreDropped) {
 
 TEST(RtpLfDepayLimits, AnswersOfTooLargeViewsAreDropped) {
   RtpElement depay("rtplfdepay limits=limits,max-pixels=1000", kRtpAnswerCaps);
-  g_autoptr(GstBus) bus = gst_bus_new();
-  gst_element_set_bus(depay.element(), bus);
+  const ElementBus bus(depay.element());
   depay.push(packet_of({rtp::answer(1, 20, 20, 80)}, 1));
   EXPECT_THAT(depay.units(), IsEmpty());
-  EXPECT_THAT(warnings_on(bus), HasSubstr("max-pixels (1000)"));
-  gst_element_set_bus(depay.element(), nullptr);
+  EXPECT_THAT(bus.warnings(), HasSubstr("max-pixels (1000)"));
   EXPECT_EQ(stat(depay.element(), "refused-pixels"), 1u);
 }
 
 // --- Quality of service ----------------------------------------------------------------------------------------------
 // QoS events report late pictures; the node skips requests that would be late.
 
-GstEvent* late_by(GstClockTimeDiff diff, GstClockTime timestamp) {
-  return gst_event_new_qos(GST_QOS_TYPE_UNDERFLOW, 2, diff, timestamp);
-}
-
-GstEvent* for_view(GstEvent* event, guint view_id) {
-  gst_structure_set(gst_event_writable_structure(event), "lightfield-view-id", G_TYPE_UINT, view_id, nullptr);
-  return event;
-}
-
 using LfFragmentQosTest = LfFragmentTest;
 
 TEST_F(LfFragmentQosTest, LateRequestsAreAnsweredWithoutFragments) {
-  start(4);
-  push_frames(100, 0);
-  for (const HarnessPtr& camera : cameras_) gst_harness_push_event(camera.get(), gst_event_new_eos());
-  const auto answer_to = [&](uint32_t sequence, uint32_t view_id) {
-    EXPECT_EQ(request(array_.request(sequence, sequence * kFrame, view_id)), GST_FLOW_OK);
-    return pull();
+  start_showing(100);
+  end_cameras();
+  const auto answer_for = [&](uint32_t sequence, uint32_t view_id) {
+    return answer_to(array_.request(sequence, sequence * kFrame, view_id));
   };
-  EXPECT_FALSE(answer_to(0, 3).fragments.empty());
-  gst_harness_push_upstream_event(harness_.get(), for_view(late_by(kFrame, 0), 3));  // skips two frames to catch up
-  const wire::Answer skipped = answer_to(1, 3);
+  EXPECT_FALSE(answer_for(0, 3).fragments.empty());
+  GstEvent* late = gst_event_new_qos(GST_QOS_TYPE_UNDERFLOW, 2, kFrame, 0);
+  gst_structure_set(gst_event_writable_structure(late), "lightfield-view-id", G_TYPE_UINT, 3u, nullptr);
+  gst_harness_push_upstream_event(harness_.get(), late);  // skips two frames to catch up
+  const wire::Answer skipped = answer_for(1, 3);
   EXPECT_TRUE(skipped.fragments.empty());
   EXPECT_EQ(skipped.sequence, 1u);
   EXPECT_EQ(skipped.rig_hash, array_.rig().hash());
-  EXPECT_FALSE(answer_to(1, 4).fragments.empty()) << "another view is not late";
-  EXPECT_FALSE(answer_to(2, 3).fragments.empty());
+  EXPECT_FALSE(answer_for(1, 4).fragments.empty()) << "another view is not late";
+  EXPECT_FALSE(answer_for(2, 3).fragments.empty());
   EXPECT_EQ(stat(element_.get(), "skipped"), 1u);
   EXPECT_EQ(stat(element_.get(), "answers"), 4u);
   EXPECT_EQ(stat(element_.get(), "missing-frames"), 0u);

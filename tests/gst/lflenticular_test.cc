@@ -1,16 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <gmock/gmock.h>
-#include <gst/check/gstharness.h>
 #include <gst/video/video.h>
-#include <gtest/gtest.h>
 
 #include "gst/gst_test.h"
-#include "support/mentions.h"
 #include "view/view.h"
 
 namespace lf::test {
 namespace {
-
 
 constexpr int kColumns = 3, kRows = 2, kWidth = 48, kHeight = 24;
 const LenticularDisplay kDisplay{.lens_pitch = 5.5, .slant = -11, .centre = 0.25};
@@ -34,26 +29,23 @@ class LfLenticular : public testing::Test {
 
   GstFlowReturn push() {
     gst_harness_set_src_caps(harness_, rgb(kWidth, kHeight));
-    GstBuffer* buffer = gst_buffer_new_memdup(quilt_.data().data(), quilt_.data().size());
+    GstBuffer* buffer = to_buffer(quilt_.data());
     GST_BUFFER_PTS(buffer) = 5 * GST_SECOND;
     return gst_harness_push(harness_, buffer);
   }
   void expect_picture(int width, int height, const LenticularDisplay& display = kDisplay) {
-    GstBuffer* out = gst_harness_pull(harness_);
+    const BufferPtr out(gst_harness_pull(harness_));
     ASSERT_TRUE(out);
-    EXPECT_EQ(GST_BUFFER_PTS(out), 5 * GST_SECOND);
+    EXPECT_EQ(GST_BUFFER_PTS(out.get()), 5 * GST_SECOND);
     GstVideoInfo info;
     gst_video_info_set_format(&info, GST_VIDEO_FORMAT_RGB, width, height);
-    ASSERT_EQ(gst_buffer_get_size(out), GST_VIDEO_INFO_SIZE(&info));
+    const std::vector<uint8_t> bytes = to_bytes(out.get());
+    ASSERT_EQ(bytes.size(), GST_VIDEO_INFO_SIZE(&info));
     const ptrdiff_t stride = GST_VIDEO_INFO_PLANE_STRIDE(&info, 0);
     std::vector<uint8_t> expected(GST_VIDEO_INFO_SIZE(&info));
     interleave_views(display, {quilt_.view(), kColumns, kRows}, width, height, stride, expected.data());
-    GstMapInfo map;
-    ASSERT_TRUE(gst_buffer_map(out, &map, GST_MAP_READ));
     for (int y = 0; y < height; y++)
-      EXPECT_TRUE(std::equal(map.data + y * stride, map.data + y * stride + 3 * width, &expected[y * stride])) << y;
-    gst_buffer_unmap(out, &map);
-    gst_buffer_unref(out);
+      EXPECT_TRUE(std::equal(&bytes[y * stride], &bytes[y * stride] + 3 * width, &expected[y * stride])) << y;
   }
 
   GstHarness* harness_ = nullptr;
@@ -80,17 +72,9 @@ TEST_F(LfLenticular, OutputHasTheSizeOfAViewByDefault) {
 
 TEST_F(LfLenticular, WrongQuiltSizeIsAnError) {
   g_object_set(harness_->element, "columns", 5, nullptr);
-  GstBus* bus = gst_bus_new();
-  gst_element_set_bus(harness_->element, bus);
+  const ElementBus bus(harness_->element);
   EXPECT_EQ(push(), GST_FLOW_ERROR);
-  GstMessage* message = gst_bus_pop_filtered(bus, GST_MESSAGE_ERROR);
-  ASSERT_TRUE(message);
-  g_autoptr(GError) error = nullptr;
-  gst_message_parse_error(message, &error, nullptr);
-  EXPECT_THAT(error->message, mentions("48x24", "5 columns", "2 rows"));
-  gst_message_unref(message);
-  gst_element_set_bus(harness_->element, nullptr);
-  gst_object_unref(bus);
+  EXPECT_THAT(bus.errors(), ElementsAre(mentions("48x24", "5 columns", "2 rows")));
 }
 
 }  // namespace

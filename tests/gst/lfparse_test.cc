@@ -1,9 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <gst/base/gsttypefindhelper.h>
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <random>
 
 #include "gst/gst_test.h"
 #include "support/answers.h"
@@ -99,7 +95,7 @@ TEST(LfParse, UnparsedBytesLinkOnlyToLfparse) {
     const CapsPtr unparsed(gst_caps_from_string((caps + ",parsed=false").c_str()));
     const CapsPtr unsaid(gst_caps_from_string(caps.c_str()));
     for (const char* name : {"lfcompositor", "lffragment", "rtplfpay", "lfviewrequest", "lfparse"}) {
-      const ElementPtr element(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make(name, nullptr))));
+      const ElementPtr element = make_element(name);
       const bool takes_all = std::string(name) == "lfparse";
       const bool of_pad = takes_all || std::string(name) == "rtplfpay";
       const char* pad_name = of_pad || std::string(name) == "lfviewrequest"                         ? "sink"
@@ -107,12 +103,11 @@ TEST(LfParse, UnparsedBytesLinkOnlyToLfparse) {
                                                                                                     : "request";
       if (std::string(kind) == "answer" && (pad_name == std::string("request") || name == std::string("lfviewrequest")))
         continue;
-      GstPad* pad = gst_element_get_static_pad(element.get(), pad_name);
-      if (!pad) pad = gst_element_request_pad_simple(element.get(), pad_name);
+      PadPtr pad = pad_of(element.get(), pad_name);
+      if (!pad) pad.reset(gst_element_request_pad_simple(element.get(), pad_name));
       ASSERT_TRUE(pad) << name;
-      EXPECT_EQ(gst_pad_query_accept_caps(pad, unparsed.get()), takes_all) << name << " " << kind;
-      EXPECT_TRUE(gst_pad_query_accept_caps(pad, unsaid.get())) << name << " " << kind;
-      gst_object_unref(pad);
+      EXPECT_EQ(gst_pad_query_accept_caps(pad.get(), unparsed.get()), takes_all) << name << " " << kind;
+      EXPECT_TRUE(gst_pad_query_accept_caps(pad.get(), unsaid.get())) << name << " " << kind;
     }
   }
 }
@@ -266,13 +261,8 @@ TEST(LfParse, OnlyGarbageIsAnError) {
 
 Units units_of(const std::string& line) {
   Units units;
-  const ElementPtr pipeline = launch(line + " ! fakesink name=sink signal-handoffs=true");
-  if (!pipeline) return units;
-  const ElementPtr sink(gst_bin_get_by_name(GST_BIN(pipeline.get()), "sink"));
-  g_signal_connect(sink.get(), "handoff", G_CALLBACK(+[](GstElement*, GstBuffer* buffer, GstPad*, gpointer user_data) {
-                     static_cast<Units*>(user_data)->push_back(to_bytes(buffer));
-                   }),
-                   &units);
+  const PipelinePtr pipeline = launch(line + " ! fakesink name=sink");
+  on_buffers(child_of(pipeline.get(), "sink").get(), "sink", [&](GstBuffer* b) { units.push_back(to_bytes(b)); });
   EXPECT_EQ(run(pipeline.get()), "") << line;
   return units;
 }
@@ -317,7 +307,7 @@ TEST(LfTypeFind, DistinguishesRequestsAndAnswers) {
   cut.resize(4096);
   EXPECT_EQ(type_of(cut), Found("application/x-lightfield-answer", GST_TYPE_FIND_LIKELY));
   cut[2] = 'x';
-  EXPECT_EQ(type_of(cut).first.find("lightfield"), std::string::npos);
+  EXPECT_THAT(type_of(cut).first, Not(HasSubstr("lightfield")));
 }
 
 TEST(LfTypeFind, FindsRigsWithTheFormatAnywhere) {

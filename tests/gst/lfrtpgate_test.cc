@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // lfrtpseal and lfrtpgate, with and without the shared key.
-#include <gmock/gmock.h>
 #include <gst/net/gstnetaddressmeta.h>
-#include <sys/stat.h>
 
 #include "gst/rtp_fixture.h"
 #include "rtp/srtp.h"
@@ -11,19 +9,8 @@
 namespace lf::test {
 namespace {
 
-using testing::AllOf;
-using testing::HasSubstr;
-using testing::Not;
-
 constexpr size_t kHeader = 12;
 const std::string kSecret = "0123456789abcdef0123456789abcdef-secret";
-
-Bytes text(const std::string& characters) { return {characters.begin(), characters.end()}; }
-
-class KeyFile : public TempFile {
- public:
-  explicit KeyFile(const std::string& secret) : TempFile(text(secret)) { chmod(path().c_str(), 0600); }
-};
 
 Bytes rtp_packet(uint16_t sequence, size_t payload, bool marker = true) {
   Bytes bytes = {0x80, 0x60, 0, 0, 0, 0, 0, 1, 0, 0, 0, 7};
@@ -48,9 +35,9 @@ class LfRtpGateTest : public testing::Test {
     EXPECT_EQ(gate.push(packet), GST_FLOW_OK);
     return gate.units().size();
   }
-  static std::string gate(const KeyFile& key) { return "lfrtpgate key-file=" + key.path(); }
+  static std::string gate(const TempFile& key) { return "lfrtpgate key-file=" + key.path(); }
 
-  const KeyFile key_{kSecret}, other_{kSecret + "!"};
+  const TempFile key_{kSecret}, other_{kSecret + "!"};
   RtpElement seal_{("lfrtpseal key-file=" + key_.path()).c_str(), kRtpAnswerCaps};
   RtpElement gate_{gate(key_).c_str(), kRtpAnswerCaps};
 };
@@ -118,10 +105,8 @@ TEST_F(LfRtpGateTest, RejectsPacketsWithoutTheKey) {
 // The caps may be set after the gate.
 TEST_F(LfRtpGateTest, RejectsPacketsWithoutCaps) {
   RtpElement uncapped(gate(key_).c_str(), nullptr);
-  gst_pad_push_event(uncapped.h()->srcpad, gst_event_new_stream_start("packets"));
-  GstSegment segment;
-  gst_segment_init(&segment, GST_FORMAT_TIME);
-  gst_pad_push_event(uncapped.h()->srcpad, gst_event_new_segment(&segment));
+  gst_harness_push_event(uncapped.h(), gst_event_new_stream_start("packets"));
+  push_segment(uncapped.h());
   for (const Bytes& packet : {rtp_packet(1, 100), sealed(rtp_packet(2, 100))}) {
     EXPECT_EQ(uncapped.push(packet), GST_FLOW_NOT_NEGOTIATED);
     EXPECT_EQ(uncapped.units().size(), 0u);
@@ -224,27 +209,21 @@ TEST_F(LfRtpGateTest, RejectsPacketsOfOtherMinutes) {
 }
 
 TEST_F(LfRtpGateTest, KeyIsNotVisible) {
-  ElementPtr pipeline =
+  PipelinePtr pipeline =
       launch("appsrc name=in format=time caps=" + std::string("application/x-rtp,encoding-name=JPEG") +
              " ! lfrtpseal name=s key-file=" + key_.path() + " ! lfrtpgate name=g key-file=" + key_.path() +
              " ! fakesink sync=false async=false");
   gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
-  const ElementPtr in(gst_bin_get_by_name(GST_BIN(pipeline.get()), "in")),
-      gate(gst_bin_get_by_name(GST_BIN(pipeline.get()), "g"));
-  GstFlowReturn flow = GST_FLOW_OK;
-  GstBuffer* packet = to_buffer(rtp_packet(0, 30));
-  g_signal_emit_by_name(in.get(), "push-buffer", packet, &flow);
-  gst_buffer_unref(packet);
-  for (int i = 0; i < 1000 && stat(gate.get(), "passed") == 0; i++) g_usleep(10000);
-  EXPECT_EQ(stat(gate.get(), "passed"), 1u);
+  const ElementPtr in = child_of(pipeline.get(), "in"), gate = child_of(pipeline.get(), "g");
+  emit(in.get(), "push-buffer", BufferPtr(to_buffer(rtp_packet(0, 30))).get());
+  EXPECT_TRUE(eventually([&] { return stat(gate.get(), "passed") == 1; }));
   g_autofree gchar* picture = gst_debug_bin_to_dot_data(GST_BIN(pipeline.get()), GST_DEBUG_GRAPH_SHOW_ALL);
   EXPECT_THAT(picture, AllOf(HasSubstr(key_.path()), Not(HasSubstr(kSecret)), Not(HasSubstr("srtp-key")),
                              Not(HasSubstr("srtpenc")), Not(HasSubstr("srtpdec"))));
-  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
 }
 
 TEST_F(LfRtpGateTest, KeyErrorsNameTheProblem) {
-  const TempFile few(text("few"));
+  const TempFile few("few");
   struct Case {
     std::string element, words;
   };
@@ -257,13 +236,9 @@ TEST_F(LfRtpGateTest, KeyErrorsNameTheProblem) {
 }
 
 std::vector<std::string> warnings(RtpElement& gate, const Bytes& packet) {
-  GstBus* bus = gst_bus_new();
-  gst_element_set_bus(gate.element(), bus);
+  const ElementBus bus(gate.element());
   for (int i = 0; i < 100; i++) gate.push(packet);
-  std::vector<std::string> texts = all_warnings_on(bus);
-  gst_element_set_bus(gate.element(), nullptr);
-  gst_object_unref(bus);
-  return texts;
+  return all_warnings_on(bus.get());
 }
 
 TEST_F(LfRtpGateTest, DroppedPacketsAreReportedOnce) {
@@ -280,7 +255,7 @@ TEST_F(LfRtpGateTest, DroppedPacketsAreReportedOnce) {
                         Case{sealed_by_others(key_.path(), now - 100), "stale", "clocks"},
                         Case{rtp_packet(0, 1), "malformed", "SRTP"}}) {
     RtpElement fresh(gate(key_).c_str(), kRtpAnswerCaps);
-    EXPECT_THAT(warnings(fresh, c.packet), testing::ElementsAre(HasSubstr(c.words)));
+    EXPECT_THAT(warnings(fresh, c.packet), ElementsAre(HasSubstr(c.words)));
     EXPECT_EQ(stat(fresh.element(), c.fate), 100u) << c.words;
   }
 }

@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <gtest/gtest.h>
 
 #include "common/custom_events.h"
 #include "gst/array_fixture.h"
 #include "gst/view_request_source.h"
 #include "node/camera_access.h"
-#include "support/mentions.h"
 #include "wire/command_codec.h"
 
 namespace lf::test {
@@ -34,15 +32,11 @@ TEST(LfViewRequestLive, EagerRequestsFollowChangesOfTheView) {
   source.set("framerate", 10, 1, "capture-delay", 30 * kMs, "eager", TRUE);
   source.play_live();
   // First the wait until a request may leave, then the wait for the next scheduled request.
-  const auto pass_wait = [&source] {
-    EXPECT_TRUE(gst_harness_wait_for_clock_id_waits(source.harness(), 1, 30));
-    EXPECT_TRUE(gst_harness_crank_single_clock_wait(source.harness()));
-  };
-  pass_wait();
-  pass_wait();
+  source.pass_wait();
+  source.pass_wait();
   EXPECT_EQ(source.pull().pts, 0u) << "unchanged";
   EXPECT_EQ(source.clock_time(), 30 * kMs);
-  pass_wait();
+  source.pass_wait();
   EXPECT_EQ(source.clock_time(), 55 * kMs);
   EXPECT_TRUE(gst_harness_wait_for_clock_id_waits(source.harness(), 1, 30));
   gst_harness_set_time(source.harness(), 80 * kMs);
@@ -52,13 +46,13 @@ TEST(LfViewRequestLive, EagerRequestsFollowChangesOfTheView) {
   EXPECT_EQ(early.request.target_time, 0u) << "newest time that is old enough";
   // This request replaces the scheduled one; the next may leave at 155.
   source.set("yaw", 8.0);
-  pass_wait();
+  source.pass_wait();
   const Unit soon = source.pull();
   EXPECT_EQ(soon.pts, 125 * kMs);
   EXPECT_EQ(source.clock_time(), 155 * kMs);
   EXPECT_EQ(soon.request.target_time, 100 * kMs);
-  pass_wait();
-  pass_wait();
+  source.pass_wait();
+  source.pass_wait();
   const Unit regular = source.pull();
   EXPECT_EQ(regular.pts, 300 * kMs);
   EXPECT_EQ(source.clock_time(), 330 * kMs);
@@ -93,7 +87,7 @@ TEST(LfViewRequestLive, RigIsReloadedWhileRunning) {
   source.set("rig", second.path().c_str());
   EXPECT_MENTIONS(source.pop_message(GST_MESSAGE_WARNING), "rig stays");
   source.set("rig", "/nowhere/rig.json");
-  EXPECT_NE(source.pop_message(GST_MESSAGE_WARNING).find("/nowhere/rig.json"), std::string::npos);
+  EXPECT_THAT(source.pop_message(GST_MESSAGE_WARNING), HasSubstr("/nowhere/rig.json"));
   source.next_live();
   unit = source.next_live();
   EXPECT_EQ(unit.request.rig_hash, first.hash());
@@ -127,28 +121,24 @@ TEST(LfViewRequestLive, MissedInstantsAreSkipped) {
   EXPECT_EQ(source.next_live().request.target_time, 700 * kMs);
 }
 
+// Returns the minimum and maximum latency of a live source.
+std::pair<GstClockTime, GstClockTime> latencies_of(GstHarness* harness) {
+  g_autoptr(GstQuery) query = gst_query_new_latency();
+  EXPECT_TRUE(gst_pad_peer_query(harness->sinkpad, query));
+  gboolean live = FALSE;
+  std::pair<GstClockTime, GstClockTime> latencies;
+  gst_query_parse_latency(query, &live, &latencies.first, &latencies.second);
+  EXPECT_TRUE(live);
+  return latencies;
+}
+
+GstClockTime latency_of(Source& source) { return latencies_of(source.harness()).first; }
+
 TEST(LfViewRequestLive, CaptureDelayIsLatency) {
   Source source;
   source.set("framerate", 20, 1, "capture-delay", 200 * kMs);
   source.play_live();
-  GstQuery* query = gst_query_new_latency();
-  ASSERT_TRUE(gst_pad_peer_query(source.harness()->sinkpad, query));
-  gboolean live;
-  GstClockTime min, max;
-  gst_query_parse_latency(query, &live, &min, &max);
-  gst_query_unref(query);
-  EXPECT_TRUE(live);
-  EXPECT_EQ(min, 200 * kMs);
-  EXPECT_EQ(max, 250 * kMs);
-}
-
-GstClockTime latency_of(Source& source) {
-  GstQuery* query = gst_query_new_latency();
-  EXPECT_TRUE(gst_pad_peer_query(source.harness()->sinkpad, query));
-  GstClockTime min = 0;
-  gst_query_parse_latency(query, nullptr, &min, nullptr);
-  gst_query_unref(query);
-  return min;
+  EXPECT_EQ(latencies_of(source.harness()), std::pair(200 * kMs, 250 * kMs));
 }
 
 TEST(LfViewRequestLive, AutomaticCaptureDelayFollowsTheNodes) {
@@ -221,42 +211,24 @@ TEST(LfViewRequestLive, EosAndStopNeverWaitForTheClock) {
 class Pipeline {
  public:
   explicit Pipeline(const std::string& line) : pipeline_(launch(line)) {
-    GstElement* sink = gst_bin_get_by_name(GST_BIN(pipeline_.get()), "sink");
-    GstPad* pad = gst_element_get_static_pad(sink, "sink");
-    gst_pad_add_probe(pad, GST_PAD_PROBE_TYPE_BUFFER, note, this, nullptr);
-    gst_object_unref(pad);
-    gst_object_unref(sink);
+    on_buffers(child_of(pipeline_.get(), "sink").get(), "sink", [this](GstBuffer* buffer) {
+      const std::lock_guard lock(mutex_);
+      stamps_.push_back(GST_BUFFER_PTS(buffer));
+      more_.notify_one();
+    });
   }
-  ~Pipeline() {
-    gst_element_set_state(pipeline_.get(), GST_STATE_NULL);
-    g_mutex_clear(&mutex_);
-    g_cond_clear(&cond_);
-  }
+  ~Pipeline() { pipeline_.reset(); }
   GstStateChangeReturn set_state(GstState state) { return gst_element_set_state(pipeline_.get(), state); }
   std::vector<GstClockTime> wait(size_t count) {
-    g_mutex_lock(&mutex_);
-    const gint64 deadline = g_get_monotonic_time() + 30 * G_TIME_SPAN_SECOND;
-    while (stamps_.size() < count && g_cond_wait_until(&cond_, &mutex_, deadline)) {
-    }
-    const std::vector<GstClockTime> stamps = stamps_;
-    g_mutex_unlock(&mutex_);
-    EXPECT_GE(stamps.size(), count);
-    return stamps;
+    std::unique_lock lock(mutex_);
+    EXPECT_TRUE(more_.wait_for(lock, std::chrono::seconds(30), [&] { return stamps_.size() >= count; }));
+    return stamps_;
   }
 
  private:
-  static GstPadProbeReturn note(GstPad*, GstPadProbeInfo* info, gpointer data) {
-    auto* self = static_cast<Pipeline*>(data);
-    g_mutex_lock(&self->mutex_);
-    self->stamps_.push_back(GST_BUFFER_PTS(GST_PAD_PROBE_INFO_BUFFER(info)));
-    g_cond_signal(&self->cond_);
-    g_mutex_unlock(&self->mutex_);
-    return GST_PAD_PROBE_OK;
-  }
-
-  ElementPtr pipeline_;
-  GMutex mutex_{};
-  GCond cond_{};
+  PipelinePtr pipeline_;
+  std::mutex mutex_;
+  std::condition_variable more_;
   std::vector<GstClockTime> stamps_;
 };
 
@@ -306,7 +278,7 @@ TEST(LfViewRequestStates, SequencesAndTimesRestart) {
 class LfViewRequestRelay : public testing::Test {
  protected:
   void start(bool live = false) {
-    element_.reset(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make("lfviewrequest", nullptr))));
+    element_ = make_element("lfviewrequest");
     g_object_set(element_.get(), "is-live", live, nullptr);
     harness_.reset(gst_harness_new_with_element(element_.get(), "sink", "src"));
     gst_harness_set_src_caps_str(harness_.get(), "application/x-lightfield-request,framerate=30/1");
@@ -376,14 +348,7 @@ TEST_F(LfViewRequestRelay, ReportsTheLatencyOfRelayedRequests) {
     start(true);
     gst_harness_set_live(harness_.get(), upstream_is_live);
     gst_harness_set_upstream_latency(harness_.get(), 200 * kMs);
-    GstQuery* query = gst_query_new_latency();
-    ASSERT_TRUE(gst_pad_peer_query(harness_->sinkpad, query));
-    gboolean live = FALSE;
-    GstClockTime min = 0;
-    gst_query_parse_latency(query, &live, &min, nullptr);
-    gst_query_unref(query);
-    EXPECT_TRUE(live);
-    EXPECT_EQ(min, upstream_is_live ? 200 * kMs : 0);
+    EXPECT_EQ(latencies_of(harness_.get()).first, upstream_is_live ? 200 * kMs : 0);
   }
 }
 
@@ -433,13 +398,8 @@ TEST_F(LfViewRequestRelay, AddsFocalSurfacesThatNoViewerAccepts) {
     ViewRequest asked = request(1, 0);
     push(asked);
     EXPECT_EQ(pull(), asked);
-    FocalMap map = FocalMap::for_view(asked.view.width, asked.view.height);
-    map.from = {{0, 0, 1}, 0};
-    map.farthest = 0.05;
-    map.nearest = 0.3;
-    map.levels.assign(static_cast<size_t>(map.columns) * map.rows, 51);
     DepthEstimator::Plan plan{asked.view, {{DepthHypothesis::Kind::kPlane, 200}}};
-    plan.view.focus.map = std::make_shared<FocalMap>(std::move(map));
+    plan.view.focus.map = flat_surface(asked.view);
     const ViewFeedback feedback{.view_id = asked.view_id, .focus = DepthEstimate{asked.sequence, plan, asked.gains}};
     EXPECT_EQ(gst_harness_push_upstream_event(harness_.get(), view_feedback_event(feedback)), live);
 

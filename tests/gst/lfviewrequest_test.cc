@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <gmock/gmock.h>
 #include <gst/controller/gstdirectcontrolbinding.h>
 #include <gst/controller/gstinterpolationcontrolsource.h>
 #include <gst/video/navigation.h>
@@ -8,7 +7,6 @@
 #include "gst/view_request_source.h"
 #include "node/camera_access.h"
 #include "render/contribution_map.h"
-#include "support/mentions.h"
 #include "wire/command_codec.h"
 
 namespace lf::test {
@@ -39,12 +37,11 @@ TEST(LfViewRequestFile, ListHasOneTimestampPerFrame) {
 TEST(LfViewRequestFile, PathKeepsItsTimes) {
   FileSource source(test_views({0.5, 1, 3}));
   source.play();
-  const GstClockTime times[] = {500 * kMs, 1000 * kMs, 3000 * kMs}, durations[] = {500 * kMs, 2000 * kMs, 2000 * kMs};
-  for (int i = 0; i < 3; i++) {
+  for (const auto& [time, duration] : {std::pair(500, 500), std::pair(1000, 2000), std::pair(3000, 2000)}) {
     const Unit unit = source.pull();
-    EXPECT_EQ(unit.pts, times[i]);
-    EXPECT_EQ(unit.duration, durations[i]);
-    EXPECT_EQ(unit.request.target_time, times[i]);
+    EXPECT_EQ(unit.pts, time * kMs);
+    EXPECT_EQ(unit.duration, duration * kMs) << time;
+    EXPECT_EQ(unit.request.target_time, time * kMs);
     EXPECT_FALSE(unit.request.absolute_time);
   }
   EXPECT_TRUE(source.wait_eos());
@@ -134,14 +131,11 @@ TEST(ExceptionGuard, ExceptionsBecomePostedErrors) {
 }
 
 TEST(LfViewRequest, CaptureDelayIsAutomaticOrAtMostAMinute) {
-  GstElement* element = gst_element_factory_make("lfviewrequest", nullptr);
-  gst_object_ref_sink(element);
-  GParamSpec* spec = g_object_class_find_property(G_OBJECT_GET_CLASS(element), "capture-delay");
+  GParamSpec* spec = g_object_class_find_property(G_OBJECT_GET_CLASS(Source().element()), "capture-delay");
   ASSERT_TRUE(G_IS_PARAM_SPEC_INT64(spec));
   EXPECT_EQ(G_PARAM_SPEC_INT64(spec)->minimum, -1);
   EXPECT_EQ(G_PARAM_SPEC_INT64(spec)->maximum, gint64{60} * GST_SECOND);
   EXPECT_EQ(G_PARAM_SPEC_INT64(spec)->default_value, -1);
-  gst_object_unref(element);
 }
 
 TEST(LfViewRequestFile, LivePathKeepsItsTimes) {
@@ -184,18 +178,17 @@ TEST(LfViewRequestFile, ErrorsNameFileAndPlace) {
     const std::string path = files.write(row.name, row.text);
     source.set(row.property, path.c_str());
     const std::string error = error_of(source);
-    EXPECT_NE(error.find(path), std::string::npos) << row.name << ": " << error;
-    EXPECT_EQ(error.find("location: ") != std::string::npos, row.property == std::string("location")) << error;
+    EXPECT_THAT(error, HasSubstr(path)) << row.name;
+    EXPECT_EQ(contains(error, "location: "), row.property == std::string("location")) << error;
     EXPECT_EQ(source.pop_message(GST_MESSAGE_ERROR), "") << "no other error hides the reason";
-    for (const std::string& part : row.expected)
-      EXPECT_NE(error.find(part), std::string::npos) << row.name << ": " << error;
+    for (const std::string& part : row.expected) EXPECT_THAT(error, HasSubstr(part)) << row.name;
   }
   for (const char* property : {"location", "rig"}) {
     Source source;
     source.set(property, (files / "none.json").c_str());
     const std::string error = error_of(source);
-    EXPECT_NE(error.find("none.json"), std::string::npos) << property;
-    EXPECT_EQ(error.find("lf-path can make") != std::string::npos, property == std::string("location")) << error;
+    EXPECT_THAT(error, HasSubstr("none.json")) << property;
+    EXPECT_EQ(contains(error, "lf-path can make"), property == std::string("location")) << error;
     gst_element_set_state(source.element(), GST_STATE_NULL);
     source.set(property, nullptr, "num-buffers", 1);
     source.play();
@@ -226,8 +219,7 @@ TEST(LfViewRequestProperties, AreDocumentedAndViewIsControllable) {
 }
 
 TEST(LfViewRequestProperties, ApertureAndNearestCamerasApplyToTheNextRequest) {
-  Source source;
-  set_test_viewpoint(source);
+  TestSource source;
   source.set("num-buffers", 5);
   source.set("nearest-cameras", 3);
   source.play();
@@ -235,13 +227,9 @@ TEST(LfViewRequestProperties, ApertureAndNearestCamerasApplyToTheNextRequest) {
 }
 
 TEST(LfViewRequestProperties, ApertureIsPartOfTheView) {
-  Source source;
-  set_test_viewpoint(source);
-  gboolean done = FALSE;
-  GstStructure* view = gst_structure_new("view", "aperture", G_TYPE_DOUBLE, 0.25, nullptr);
-  g_signal_emit_by_name(source.element(), "set-view", view, &done);
-  gst_structure_free(view);
-  EXPECT_TRUE(done);
+  TestSource source;
+  const StructurePtr view(gst_structure_new("view", "aperture", G_TYPE_DOUBLE, 0.25, nullptr));
+  EXPECT_TRUE(emit(source.element(), "set-view", view.get()));
   EXPECT_EQ(source.get("aperture"), 0.25);
   source.set("num-buffers", 1, "nearest-cameras", 3);
   source.play();
@@ -256,8 +244,7 @@ TEST(LfViewRequestFile, PropertiesSelectTheBlending) {
 }
 
 TEST(LfViewRequestProperties, DefineTheView) {
-  Source source;
-  set_test_viewpoint(source);
+  TestSource source;
   source.set("view-id", 3u, "quality", 80u, "framerate", 30000, 1001, "num-buffers", 3);
   source.play();
   for (uint32_t i = 0; i < 3; i++) {
@@ -272,11 +259,8 @@ TEST(LfViewRequestProperties, DefineTheView) {
     EXPECT_FALSE(unit.request.absolute_time);
   }
   EXPECT_TRUE(source.wait_eos());
-  GstCaps* caps = gst_pad_get_current_caps(source.harness()->sinkpad);
-  gchar* text = gst_caps_to_string(caps);
-  EXPECT_STREQ(text, "application/x-lightfield-request, parsed=(boolean)true, framerate=(fraction)30000/1001");
-  g_free(text);
-  gst_caps_unref(caps);
+  EXPECT_EQ(caps_of(source.harness()->sinkpad),
+            "application/x-lightfield-request, parsed=(boolean)true, framerate=(fraction)30000/1001");
 }
 
 TEST(LfViewRequestProperties, AnglesKeepTheirValuesStraightUp) {
@@ -336,8 +320,7 @@ TEST(LfViewRequestProperties, OutOfServiceChangesWhilePlaying) {
   source.set("out-of-service", "13");
   EXPECT_EQ(source.next_live().request.out_of_service, (CameraSet{3}));
   source.set("out-of-service", "13,99");
-  const std::string warning = source.pop_message(GST_MESSAGE_WARNING);
-  EXPECT_NE(warning.find("99"), std::string::npos) << warning;
+  EXPECT_THAT(source.pop_message(GST_MESSAGE_WARNING), HasSubstr("99"));
   EXPECT_EQ(source.next_live().request.out_of_service, (CameraSet{3}));
   source.set("out-of-service", nullptr);
   EXPECT_EQ(source.next_live().request.out_of_service, CameraSet{});
@@ -357,17 +340,13 @@ TEST(LfViewRequestProperties, IgnoredSettingsAreReported) {
         Case{"loop=true", "loop: "}, Case{"view-cone=7", "view-cone: "}, Case{"columns=3", "columns and rows"},
         Case{"views=row columns=3 eye-distance=0.01", ""}, Case{"views=quilt columns=3 rows=2 view-cone=7", ""},
         Case{"views=row rows=2", "columns and rows"}}) {
-    const ElementPtr pipeline = launch("lfviewrequest name=v " + c.properties + " ! fakesink async=false");
-    ASSERT_TRUE(pipeline);
+    const PipelinePtr pipeline = launch("lfviewrequest name=v " + c.properties + " ! fakesink async=false");
     ASSERT_NE(gst_element_set_state(pipeline.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE) << c.properties;
-    g_autoptr(GstBus) bus = gst_element_get_bus(pipeline.get());
-    const std::string told = warnings_on(bus);
-    EXPECT_THAT(told, testing::HasSubstr(c.words)) << c.properties;
+    const std::string told = warnings_of(pipeline.get());
+    EXPECT_THAT(told, HasSubstr(c.words)) << c.properties;
     EXPECT_EQ(told.empty(), c.words.empty()) << c.properties << ": " << told;
-    const ElementPtr view(gst_bin_get_by_name(GST_BIN(pipeline.get()), "v"));
-    g_object_set(view.get(), "quality", 80, nullptr);
-    EXPECT_EQ(warnings_on(bus), "") << "warns once";
-    gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+    g_object_set(child_of(pipeline.get(), "v").get(), "quality", 80, nullptr);
+    EXPECT_EQ(warnings_of(pipeline.get()), "") << "warns once";
   }
 }
 
@@ -377,12 +356,11 @@ TEST(LfViewRequestProperties, OutOfServiceNeedsCamerasOfTheRig) {
   Source source;
   source.set("out-of-service", "1");
   EXPECT_EQ(gst_element_set_state(source.element(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE);
-  EXPECT_NE(source.pop_message(GST_MESSAGE_ERROR).find("out-of-service: requires"), std::string::npos);
+  EXPECT_THAT(source.pop_message(GST_MESSAGE_ERROR), HasSubstr("out-of-service: requires"));
   gst_element_set_state(source.element(), GST_STATE_NULL);
   source.set("rig", (files / "rig.json").c_str());
   EXPECT_EQ(gst_element_set_state(source.element(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE);
-  const std::string error = source.pop_message(GST_MESSAGE_ERROR);
-  EXPECT_NE(error.find("camera list \"1\""), std::string::npos) << error;
+  EXPECT_THAT(source.pop_message(GST_MESSAGE_ERROR), HasSubstr("camera list \"1\""));
 }
 
 std::pair<ViewRequest, wire::AnyRequest> request_and_command(const char* access, const CameraSet& out = {}) {
@@ -439,8 +417,7 @@ constexpr auto kShift = GST_NAVIGATION_MODIFIER_SHIFT_MASK;
 constexpr auto kControl = GST_NAVIGATION_MODIFIER_CONTROL_MASK;
 
 TEST(LfViewRequestNavigation, EachEventMovesTheNextRequest) {
-  Source source;
-  set_test_viewpoint(source);
+  TestSource source;
   source.play_live();
   Navigator expected(test_viewpoint());
   expect_near(source.next_live().request.view, make_view(expected.viewpoint(), 320, 200));
@@ -495,8 +472,7 @@ TEST(LfViewRequestNavigation, EachEventMovesTheNextRequest) {
 
 // Pointer coordinates are relative to the whole picture; the pointer selects one view of the set.
 TEST(LfViewRequestNavigation, PointerSelectsAViewOfTheSet) {
-  Source source;
-  set_test_viewpoint(source);
+  TestSource source;
   gst_util_set_object_arg(G_OBJECT(source.element()), "views", "top-bottom");
   source.set("eye-distance", 0.0);
   source.play_live();
@@ -513,11 +489,8 @@ TEST(LfViewRequestNavigation, PointerSelectsAViewOfTheSet) {
   EXPECT_TRUE(source.send(gst_navigation_event_new_mouse_move(100, 210, kPlain)));
   expected.orbit(0, 20 / 200.0);
   check("a drag from view to view");
-  gboolean done = FALSE;
-  for (const auto& [y, inside] : {std::pair<double, gboolean>(399, TRUE), std::pair<double, gboolean>(401, FALSE)}) {
-    g_signal_emit_by_name(source.element(), "focus-at", 10.0, y, &done);
-    EXPECT_EQ(done, inside) << y;
-  }
+  EXPECT_TRUE(emit(source.element(), "focus-at", 10.0, 399.0));
+  EXPECT_FALSE(emit(source.element(), "focus-at", 10.0, 401.0));
 }
 
 // Returns how far a drag over twice the picture height moves the viewpoint, metres.
@@ -546,8 +519,7 @@ TEST(LfViewRequestNavigation, StaysWhereTheArrayIsVisible) {
 }
 
 TEST(LfViewRequestNavigation, InvalidEventsAndOtherViewsAreIgnored) {
-  Source source;
-  set_test_viewpoint(source);
+  TestSource source;
   source.set("view-id", 2u);
   source.play_live();
   const View view = source.next_live().request.view;
@@ -582,8 +554,7 @@ TEST(LfViewRequestNavigation, ViewsOfAFileDoNotMove) {
 }
 
 TEST(LfViewRequestNavigation, CustomEventsSetTheView) {
-  Source source;
-  set_test_viewpoint(source);
+  TestSource source;
   source.play_live();
   source.next_live();
   EXPECT_TRUE(source.send(tagged(view_event(", x=(double)7, yaw=(int)90, focus-distance=(double)0.5"), 0)));
@@ -602,8 +573,7 @@ TEST(LfViewRequestNavigation, CustomEventsSetTheView) {
 }
 
 TEST(LfViewRequestNavigation, SignalSetsTheViewAndNotifies) {
-  Source source;
-  set_test_viewpoint(source);
+  TestSource source;
   source.play_live();
   source.next_live();
   std::string notified;
@@ -611,11 +581,8 @@ TEST(LfViewRequestNavigation, SignalSetsTheViewAndNotifies) {
                      *static_cast<std::string*>(data) += std::string(pspec->name) + " ";
                    }),
                    &notified);
-  const auto set_view = [&](GstStructure* structure) {
-    gboolean done = FALSE;
-    g_signal_emit_by_name(source.element(), "set-view", structure, &done);
-    gst_structure_free(structure);
-    return done;
+  const auto set_view = [&](GstStructure* view) {
+    return emit(source.element(), "set-view", StructurePtr(view).get());
   };
   EXPECT_TRUE(set_view(gst_structure_new("view", "z", G_TYPE_DOUBLE, 4.0, "roll", G_TYPE_DOUBLE, 0.0, "x",
                                          G_TYPE_DOUBLE, 1.0, nullptr)));
@@ -629,32 +596,22 @@ TEST(LfViewRequestNavigation, SignalSetsTheViewAndNotifies) {
   expect_near(source.next_live().request.view, make_view(expected, 320, 200));
   notified.clear();
   source.send(gst_navigation_event_new_key_press("plus", kPlain));
-  EXPECT_NE(notified.find("fov"), std::string::npos) << notified;
+  EXPECT_THAT(notified, HasSubstr("fov"));
 }
 
 // Navigation events of a window that shows pictures of another host do not reach this source upstream.
 TEST(LfViewRequestNavigation, WindowInAnotherBranchMovesTheView) {
-  const ElementPtr pipeline = launch(
+  const PipelinePtr pipeline = launch(
       "lfviewrequest name=v is-live=true navigation-element=pictures ! fakesink  videotestsrc is-live=true ! "
       "identity name=pictures ! fakesink name=window");
   ASSERT_NE(gst_element_set_state(pipeline.get(), GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE);
   gst_element_get_state(pipeline.get(), nullptr, nullptr, 10 * GST_SECOND);
-  GstElement* view = gst_bin_get_by_name(GST_BIN(pipeline.get()), "v");
-  GstElement* window = gst_bin_get_by_name(GST_BIN(pipeline.get()), "window");
-  GstPad* pad = gst_element_get_static_pad(window, "sink");
-  double before = 0, after = 0;
-  g_object_get(view, "z", &before, nullptr);
-  gst_pad_push_event(pad,
-                     gst_event_new_navigation(gst_structure_new("application/x-gst-navigation", "event", G_TYPE_STRING,
-                                                                "key-press", "key", G_TYPE_STRING, "w", nullptr)));
-  g_object_get(view, "z", &after, nullptr);
-  EXPECT_GT(after, before);
-  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
-  gst_object_unref(pad);
-  gst_object_unref(window);
-  gst_object_unref(view);
+  const ElementPtr view = child_of(pipeline.get(), "v"), window = child_of(pipeline.get(), "window");
+  const double before = get<double>(view.get(), "z");
+  gst_pad_push_event(pad_of(window.get(), "sink").get(), gst_navigation_event_new_key_press("w", kPlain));
+  EXPECT_GT(get<double>(view.get(), "z"), before);
   EXPECT_THAT(run(launch("lfviewrequest navigation-element=nobody ! fakesink").get(), 5),
-              testing::HasSubstr("no element \"nobody\""));
+              HasSubstr("no element \"nobody\""));
 }
 
 }  // namespace

@@ -1,49 +1,17 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <gtest/gtest.h>
-
-#include <atomic>
-#include <functional>
-#include <map>
-#include <memory>
-#include <string>
-
 #include "gst/array_fixture.h"
-#include "gst/gst_test.h"
 
 namespace lf::test {
 
-using PadPtr = std::unique_ptr<GstPad, Unref<gst_object_unref>>;
-
 inline constexpr double kTimeoutSeconds = 30;  // seconds; loaded machines are slow
-
-inline bool becomes_true(const std::function<bool()>& what) {
-  for (double t = 0; t < kTimeoutSeconds; t += 0.01) {
-    if (what()) return true;
-    g_usleep(10000);
-  }
-  return what();
-}
-
-inline ElementPtr make(const char* factory) {
-  return ElementPtr(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make(factory, nullptr))));
-}
-
-inline ElementPtr launch_pipeline(const std::string& line) {
-  ElementPtr launched = launch(line);
-  if (!launched || GST_IS_PIPELINE(launched.get())) return launched;
-  GstElement* pipeline = gst_pipeline_new(nullptr);
-  gst_bin_add(GST_BIN(pipeline), launched.release());
-  return ElementPtr(pipeline);
-}
 
 class LfViewSrcTest : public testing::Test {
  protected:
   // Plays a pipeline with an lfviewsrc "v" with these properties, followed by `behind`.
   void play(const std::string& properties, const std::string& behind = "v.src ! fakesink name=s sync=false") {
     pipeline_ = launch("lfviewsrc name=v rig=" + array_.rig_path() + " framerate=30/1 " + properties + " " + behind);
-    ASSERT_TRUE(pipeline_);
     for (const char* sink : {"s", "t"})
       if (const ElementPtr element = child(sink)) count(element.get(), sink);
     ASSERT_NE(gst_element_set_state(pipeline_.get(), GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE) << error();
@@ -58,42 +26,27 @@ class LfViewSrcTest : public testing::Test {
 
   void drop() {
     gst_element_set_state(pipeline_.get(), GST_STATE_NULL);
-    GstBus* bus = gst_element_get_bus(pipeline_.get());
+    g_autoptr(GstBus) bus = gst_element_get_bus(pipeline_.get());
     gst_bus_set_flushing(bus, TRUE);
-    gst_object_unref(bus);
     pipeline_.reset();
   }
 
   std::string error() {
-    GstBus* bus = gst_element_get_bus(pipeline_.get());
-    GstMessage* message = gst_bus_pop_filtered(bus, GST_MESSAGE_ERROR);
-    gst_object_unref(bus);
-    if (!message) return "";
-    g_autoptr(GError) error = nullptr;
-    gst_message_parse_error(message, &error, nullptr);
-    gst_message_unref(message);
-    return error->message;
+    g_autoptr(GstBus) bus = gst_element_get_bus(pipeline_.get());
+    const MessagePtr message(gst_bus_pop_filtered(bus, GST_MESSAGE_ERROR));
+    return message ? text_of(message.get()) : "";
   }
-  ElementPtr child(const std::string& name) const {
-    return ElementPtr(gst_bin_get_by_name(GST_BIN(pipeline_.get()), name.c_str()));
-  }
+  ElementPtr child(const std::string& name) const { return child_of(pipeline_.get(), name); }
   template <typename T = double>
   T get(const std::string& element, const char* property) const {
-    T value{};
-    g_object_get(child(element).get(), property, &value, nullptr);
-    return value;
+    return test::get<T>(child(element).get(), property);
   }
   void count(GstElement* sink, const std::string& name) {
-    const PadPtr pad(gst_element_get_static_pad(sink, "sink"));
-    const auto probe = [](GstPad*, GstPadProbeInfo*, gpointer counter) {
-      ++*static_cast<std::atomic<int>*>(counter);
-      return GST_PAD_PROBE_OK;
-    };
-    gst_pad_add_probe(pad.get(), GST_PAD_PROBE_TYPE_BUFFER, probe, &shown_[name], nullptr);
+    on_buffers(sink, "sink", [&shown = shown_[name]](GstBuffer*) { ++shown; });
   }
   bool more(const std::string& sink, int pictures = 5) {
     const int before = shown_[sink];
-    return becomes_true([&] { return shown_[sink] >= before + pictures; });
+    return eventually([&] { return shown_[sink] >= before + pictures; });
   }
   // Adds a viewer and its sink while playing. Returns the viewer's pad.
   PadPtr add_viewer(const std::string& sink_name) {
@@ -103,7 +56,7 @@ class LfViewSrcTest : public testing::Test {
     g_object_set(sink, "sync", FALSE, "async", FALSE, nullptr);
     gst_bin_add(GST_BIN(pipeline_.get()), sink);
     count(sink, sink_name);
-    const PadPtr in(gst_element_get_static_pad(sink, "sink"));
+    const PadPtr in = pad_of(sink, "sink");
     gst_element_sync_state_with_parent(sink);
     EXPECT_EQ(gst_pad_link(pad.get(), in.get()), GST_PAD_LINK_OK);
     return pad;
@@ -116,7 +69,7 @@ class LfViewSrcTest : public testing::Test {
   }
 
   ArrayFixture array_;
-  ElementPtr pipeline_;
+  PipelinePtr pipeline_;
   std::map<std::string, std::atomic<int>> shown_;
 };
 

@@ -1,34 +1,25 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <set>
-
-#include <gmock/gmock.h>
 #include <gst/video/navigation.h>
 #include <gst/video/video.h>
-#include <gtest/gtest.h>
 
-#include "gst/array_fixture.h"
 #include "gst/lfviewsrc_fixture.h"
 #include "node/renderer_selector.h"
-#include "support/mentions.h"
 #include "view/view_path.h"
 #include "wire/request_codec.h"
 
 namespace lf::test {
 namespace {
 
-using testing::AllOf;
-using testing::HasSubstr;
-
 void press(GstElement* sink, const char* key) {
-  const PadPtr pad(gst_element_get_static_pad(sink, "sink"));
+  const PadPtr pad = pad_of(sink, "sink");
   gst_pad_push_event(pad.get(), gst_navigation_event_new_key_press(key, GST_NAVIGATION_MODIFIER_NONE));
 }
 
 TEST_F(LfViewSrcTest, HasThePropertiesOfItsChildren) {
-  const ElementPtr bin = make("lfviewsrc");
+  const ElementPtr bin = make_element("lfviewsrc");
   size_t copies = 0;
   for (const char* name : {"view", "compositor"}) {
-    const ElementPtr element(gst_bin_get_by_name(GST_BIN(bin.get()), name));
+    const ElementPtr element = child_of(bin.get(), name);
     ASSERT_TRUE(element) << name;
     guint count = 0;
     g_autofree GParamSpec** specs = g_object_class_list_properties(G_OBJECT_GET_CLASS(element.get()), &count);
@@ -58,7 +49,7 @@ TEST_F(LfViewSrcTest, HasThePropertiesOfItsChildren) {
 }
 
 TEST_F(LfViewSrcTest, PropertiesAreForwardedToTheChildren) {
-  const ElementPtr bin = make("lfviewsrc");
+  const ElementPtr bin = make_element("lfviewsrc");
   std::string notified;
   g_signal_connect(bin.get(), "notify", G_CALLBACK(+[](GObject*, GParamSpec* spec, gpointer text) {
                      *static_cast<std::string*>(text) += std::string(spec->name) + " ";
@@ -79,13 +70,12 @@ TEST_F(LfViewSrcTest, PropertiesAreForwardedToTheChildren) {
   gst_child_proxy_set(GST_CHILD_PROXY(bin.get()), "view::yaw", 7.0, "compositor::max-missed", 9u, "node::cameras",
                       "0-2", nullptr);
   EXPECT_EQ(notified, "yaw max-missed ") << "once each";
-  guint missed = 0;
-  g_object_get(bin.get(), "max-missed", &missed, nullptr);
+  guint missed = test::get<guint>(bin.get(), "max-missed");
   EXPECT_EQ(missed, 9u);
 
-  GstPad* pad = gst_element_request_pad_simple(bin.get(), "src_7");
+  PadPtr pad(gst_element_request_pad_simple(bin.get(), "src_7"));
   ASSERT_TRUE(pad);
-  EXPECT_STREQ(GST_PAD_NAME(pad), "src_7");
+  EXPECT_STREQ(GST_PAD_NAME(pad.get()), "src_7");
   gint width = 0;
   gst_child_proxy_get(GST_CHILD_PROXY(bin.get()), "view_7::x", &x, "view_7::width", &width, "compositor_7::max-missed",
                       &missed, nullptr);
@@ -106,32 +96,25 @@ TEST_F(LfViewSrcTest, PropertiesAreForwardedToTheChildren) {
   gint renderer = 0;
   gst_child_proxy_get(GST_CHILD_PROXY(bin.get()), "node::renderer", &renderer, nullptr);
   EXPECT_EQ(renderer, static_cast<gint>(RendererChoice::kAuto));
-  gst_element_release_request_pad(bin.get(), pad);
-  gst_object_unref(pad);
-  EXPECT_EQ(gst_element_get_static_pad(bin.get(), "src_7"), nullptr);
+  gst_element_release_request_pad(bin.get(), pad.get());
+  pad.reset();
+  EXPECT_FALSE(pad_of(bin.get(), "src_7"));
 }
 
 TEST_F(LfViewSrcTest, EndsWithItsViews) {
-  const ElementPtr pipeline = launch("lfviewsrc rig=" + array_.rig_path() +
-                                     " is-live=false num-buffers=20 name=v ! fakesink name=s sync=false");
-  ASSERT_TRUE(pipeline);
+  const PipelinePtr pipeline = launch("lfviewsrc rig=" + array_.rig_path() +
+                                      " is-live=false num-buffers=20 name=v ! fakesink name=s sync=false");
   for (int i = 0; i < 2; i++) EXPECT_EQ(run(pipeline.get(), kTimeoutSeconds), "") << i;
 }
 
 // Compression would cost a tenth of the CPU time of a quilt.
 TEST_F(LfViewSrcTest, RequestsForLocalCamerasAreNotCompressed) {
-  const ElementPtr pipeline = launch("lfviewsrc rig=" + array_.rig_path() +
-                                     " is-live=false num-buffers=3 quality=90 name=v ! fakesink sync=false");
-  ASSERT_TRUE(pipeline);
-  const ElementPtr view(gst_bin_get_by_name(GST_BIN(pipeline.get()), "view"));
-  const PadPtr requests(gst_element_get_static_pad(view.get(), "src"));
+  const PipelinePtr pipeline = launch("lfviewsrc rig=" + array_.rig_path() +
+                                      " is-live=false num-buffers=3 quality=90 name=v ! fakesink sync=false");
+  const ElementPtr view = child_of(pipeline.get(), "view");
   std::atomic<int> qualities[101] = {};
-  const auto count = [](GstPad*, GstPadProbeInfo* info, gpointer of) {
-    const auto request = wire::decode_request(to_bytes(GST_PAD_PROBE_INFO_BUFFER(info)));
-    static_cast<std::atomic<int>*>(of)[request.value().quality]++;
-    return GST_PAD_PROBE_OK;
-  };
-  gst_pad_add_probe(requests.get(), GST_PAD_PROBE_TYPE_BUFFER, count, qualities, nullptr);
+  on_buffers(view.get(), "src",
+             [&](GstBuffer* buffer) { qualities[wire::decode_request(to_bytes(buffer)).value().quality]++; });
   EXPECT_EQ(run(pipeline.get(), kTimeoutSeconds), "");
   EXPECT_GE(qualities[0], 3);
   EXPECT_EQ(qualities[90], 0);
@@ -140,18 +123,12 @@ TEST_F(LfViewSrcTest, RequestsForLocalCamerasAreNotCompressed) {
 // The camera looks away from the array, so only the marking colours the picture.
 TEST_F(LfViewSrcTest, ShowsContributions) {
   const auto red_of = [&](const std::string& show) {
-    const ElementPtr pipeline = launch("lfviewsrc rig=" + array_.rig_path() +
-                                       " is-live=false num-buffers=2 width=64 height=48 yaw=180 constrain-view=false " +
-                                       show + " ! video/x-raw,format=RGB ! fakesink name=s sync=false");
-    EXPECT_TRUE(pipeline);
-    const ElementPtr sink(gst_bin_get_by_name(GST_BIN(pipeline.get()), "s"));
-    const PadPtr pad(gst_element_get_static_pad(sink.get(), "sink"));
+    const PipelinePtr pipeline =
+        launch("lfviewsrc rig=" + array_.rig_path() +
+               " is-live=false num-buffers=2 width=64 height=48 yaw=180 constrain-view=false " + show +
+               " ! video/x-raw,format=RGB ! fakesink name=s sync=false");
     std::atomic<int> red = -1;  // first pixel of the latest picture
-    const auto note = [](GstPad*, GstPadProbeInfo* info, gpointer of) {
-      *static_cast<std::atomic<int>*>(of) = to_bytes(GST_PAD_PROBE_INFO_BUFFER(info))[0];
-      return GST_PAD_PROBE_OK;
-    };
-    gst_pad_add_probe(pad.get(), GST_PAD_PROBE_TYPE_BUFFER, note, &red, nullptr);
+    on_buffers(child_of(pipeline.get(), "s").get(), "sink", [&](GstBuffer* buffer) { red = to_bytes(buffer)[0]; });
     EXPECT_EQ(run(pipeline.get(), kTimeoutSeconds), "");
     return red.load();
   };
@@ -190,12 +167,7 @@ TEST_F(LfViewSrcTest, SetIsOnePictureAndMovesTogether) {
        "v.src_0 ! queue ! fakesink name=t sync=false");
   ASSERT_TRUE(more("s"));
   ASSERT_TRUE(more("t"));
-  const auto caps = [&](const char* sink) {
-    const PadPtr pad(gst_element_get_static_pad(child(sink).get(), "sink"));
-    const CapsPtr now(gst_pad_get_current_caps(pad.get()));
-    g_autofree gchar* text = gst_caps_to_string(now.get());
-    return std::string(text);
-  };
+  const auto caps = [&](const char* sink) { return caps_of(pad_of(child(sink).get(), "sink").get()); };
   EXPECT_THAT(caps("s"), HasSubstr("width=(int)128, height=(int)48"));
   EXPECT_THAT(caps("s"), HasSubstr("multiview-mode=(string)side-by-side"));
   EXPECT_THAT(caps("t"), HasSubstr("width=(int)128")) << "a new viewer gets the settings";
@@ -206,7 +178,7 @@ TEST_F(LfViewSrcTest, SetIsOnePictureAndMovesTogether) {
 
   gst_util_set_object_arg(G_OBJECT(child("v").get()), "views", "quilt");
   g_object_set(child("v").get(), "columns", 4, "rows", 3, nullptr);
-  EXPECT_TRUE(becomes_true([&] { return caps("s").find("width=(int)256, height=(int)144") != std::string::npos; }));
+  EXPECT_TRUE(eventually([&] { return caps("s").find("width=(int)256, height=(int)144") != std::string::npos; }));
   EXPECT_EQ(caps("s").find("multiview-mode=(string)side-by-side"), std::string::npos);
   ASSERT_TRUE(more("s"));
   EXPECT_EQ(get<guint>("to_cameras", "max-size-buffers"), 4u * 12) << "room for as many capture times";
@@ -216,31 +188,25 @@ TEST_F(LfViewSrcTest, SetIsOnePictureAndMovesTogether) {
 TEST_F(LfViewSrcTest, EyesOutsideTheArrayAreReported) {
   play("width=64 height=48 views=quilt columns=4 rows=2 eye-distance=20");
   ASSERT_TRUE(more("s", 1));
-  g_autoptr(GstBus) bus = gst_element_get_bus(pipeline_.get());
-  EXPECT_THAT(warnings_on(bus), mentions("8 views", "view 0", "outside"));
+  EXPECT_THAT(warnings_of(pipeline_.get()), mentions("8 views", "view 0", "outside"));
 }
 
 // An application that writes a file must learn that it will get no pictures.
 TEST_F(LfViewSrcTest, RefusalOfAllRequestsIsAnError) {
-  const ElementPtr pipeline = launch("lfviewsrc rig=" + array_.rig_path() +
-                                     " is-live=false num-buffers=3 limits=limits,max-pixels=100 ! fakesink sync=false");
-  ASSERT_TRUE(pipeline);
+  const PipelinePtr pipeline =
+      launch("lfviewsrc rig=" + array_.rig_path() +
+             " is-live=false num-buffers=3 limits=limits,max-pixels=100 ! fakesink sync=false");
   EXPECT_THAT(run(pipeline.get(), kTimeoutSeconds), HasSubstr("no picture"));
 }
 
 TEST_F(LfViewSrcTest, ActionsSetTheView) {
   play("");
   ASSERT_TRUE(more("s"));
-  gboolean done = FALSE;
-  GstStructure* view = gst_structure_new("view", "x", G_TYPE_DOUBLE, 0.07, nullptr);
-  g_signal_emit_by_name(child("v").get(), "set-view", view, &done);
-  gst_structure_free(view);
-  EXPECT_TRUE(done);
+  const StructurePtr view(gst_structure_new("view", "x", G_TYPE_DOUBLE, 0.07, nullptr));
+  EXPECT_TRUE(emit(child("v").get(), "set-view", view.get()));
   EXPECT_EQ(get("v", "x"), 0.07);
-  g_signal_emit_by_name(child("v").get(), "focus-at", 10.0, 10.0, &done);
-  EXPECT_TRUE(done);
-  g_signal_emit_by_name(child("v").get(), "focus-at", double{NAN}, 10.0, &done);
-  EXPECT_FALSE(done);
+  EXPECT_TRUE(emit(child("v").get(), "focus-at", 10.0, 10.0));
+  EXPECT_FALSE(emit(child("v").get(), "focus-at", double{NAN}, 10.0));
 }
 
 TEST_F(LfViewSrcTest, StartsAndStopsAtEveryStage) {
@@ -272,7 +238,6 @@ TEST_F(LfViewSrcTest, ErrorsNameTheProblem) {
         Case{rig + " location=none.json", "location: none.json:"},
         Case{rig + " location=" + array_.rig_path(), "\"lightfield-views\""}}) {
     pipeline_ = launch("lfviewsrc name=v " + c.properties + " ! fakesink");
-    ASSERT_TRUE(pipeline_);
     // gst_parse_launch() of GStreamer 1.22 leaks a reference to a child set in the launch line.
     if (c.cameras[0]) gst_child_proxy_set(GST_CHILD_PROXY(child("v").get()), "node::cameras", c.cameras, nullptr);
     EXPECT_EQ(gst_element_set_state(pipeline_.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE) << c.properties;
@@ -287,10 +252,8 @@ TEST_F(LfViewSrcTest, NewRigIsAcceptedByAllElementsOrNone) {
   play("", "v.src ! fakesink name=s  v.src_0 ! fakesink name=t");
   ASSERT_TRUE(more("t"));
   const auto expect_rig = [&](const std::string& path) {
-    for (const char* name : {"v", "view", "compositor", "node", "view_0", "compositor_0"}) {
-      g_autofree gchar* rig = get<gchar*>(name, "rig");
-      EXPECT_EQ(rig, path) << name;
-    }
+    for (const char* name : {"v", "view", "compositor", "node", "view_0", "compositor_0"})
+      EXPECT_EQ(get<std::string>(name, "rig"), path) << name;
   };
   g_object_set(child("v").get(), "rig", calibrated.path().c_str(), nullptr);
   expect_rig(calibrated.path());
@@ -305,9 +268,7 @@ TEST_F(LfViewSrcTest, UriNamesTheRig) {
   const ElementPtr bin(gst_element_make_from_uri(GST_URI_SRC, ("lf://" + array_.rig_path()).c_str(), nullptr, &error));
   ASSERT_TRUE(bin) << error->message;
   gst_object_ref_sink(bin.get());
-  g_autofree gchar* rig = nullptr;
-  g_object_get(bin.get(), "rig", &rig, nullptr);
-  EXPECT_EQ(rig, array_.rig_path());
+  EXPECT_EQ(test::get<std::string>(bin.get(), "rig"), array_.rig_path());
   g_autofree gchar* uri = gst_uri_handler_get_uri(GST_URI_HANDLER(bin.get()));
   EXPECT_EQ(uri, "lf://" + array_.rig_path());
   EXPECT_FALSE(gst_uri_handler_set_uri(GST_URI_HANDLER(bin.get()), "lf://rig.json", &error));
@@ -320,21 +281,13 @@ TEST_F(LfViewSrcTest, UriDoesNotOpenLaunchDescriptions) {
   const ModifiedRig described(array_.rig(), [](Rig& rig) { rig.cameras[1].source = "videotestsrc ! identity"; });
   const ElementPtr bin(gst_element_make_from_uri(GST_URI_SRC, ("lf://" + described.path()).c_str(), nullptr, nullptr));
   gst_object_ref_sink(bin.get());
-  GstBus* bus = gst_bus_new();
-  gst_element_set_bus(bin.get(), bus);
+  const ElementBus bus(bin.get());
   EXPECT_EQ(gst_element_set_state(bin.get(), GST_STATE_READY), GST_STATE_CHANGE_FAILURE);
-  GstMessage* message = gst_bus_pop_filtered(bus, GST_MESSAGE_ERROR);
-  ASSERT_TRUE(message);
-  g_autoptr(GError) error = nullptr;
-  gst_message_parse_error(message, &error, nullptr);
-  gst_message_unref(message);
-  EXPECT_THAT(error->message, mentions("camera 1", "elements", "URI"));
+  EXPECT_THAT(bus.errors(), ElementsAre(mentions("camera 1", "elements", "URI")));
   gst_element_set_state(bin.get(), GST_STATE_NULL);
   g_object_set(bin.get(), "rig", described.path().c_str(), nullptr);
   EXPECT_EQ(gst_element_set_state(bin.get(), GST_STATE_READY), GST_STATE_CHANGE_SUCCESS);
   gst_element_set_state(bin.get(), GST_STATE_NULL);
-  gst_element_set_bus(bin.get(), nullptr);
-  gst_object_unref(bus);
 }
 
 // Sizes and rates negotiated with downstream, and metas that identify the view of a picture.
@@ -344,23 +297,22 @@ class LfViewSrcCapsTest : public LfViewSrcTest {
     return "lfviewsrc name=v rig=" + array_.rig_path() + " " + properties;
   }
   std::string film(const std::string& properties, const std::string& caps, const std::string& behind = "") {
-    const ElementPtr pipeline = launch(view_source("is-live=false num-buffers=3 " + properties) + " ! " + behind +
-                                       caps + " ! fakesink name=s sync=false");
-    if (!pipeline) return "no pipeline";
+    const PipelinePtr pipeline = launch(view_source("is-live=false num-buffers=3 " + properties) + " ! " + behind +
+                                        caps + " ! fakesink name=s sync=false");
     std::string seen;
-    const ElementPtr sink(gst_bin_get_by_name(GST_BIN(pipeline.get()), "s"));
-    const PadPtr pad(gst_element_get_static_pad(sink.get(), "sink"));
-    const auto note = [](GstPad* of, GstPadProbeInfo*, gpointer text) {
-      *static_cast<std::string*>(text) = caps_of(of);
-      return GST_PAD_PROBE_OK;
-    };
-    gst_pad_add_probe(pad.get(), GST_PAD_PROBE_TYPE_BUFFER, note, &seen, nullptr);
+    const ElementPtr sink = child_of(pipeline.get(), "s");
+    const PadPtr pad = pad_of(sink.get(), "sink");
+    on_buffers(sink.get(), "sink", [&](GstBuffer*) { seen = caps_of(pad.get()); });
     const std::string error = run(pipeline.get(), kTimeoutSeconds);
     return error.empty() ? seen : error;
   }
-  std::string caps_at(const std::string& sink) {
-    const PadPtr pad(gst_element_get_static_pad(child(sink).get(), "sink"));
-    return caps_of(pad.get());
+  std::string caps_at(const std::string& sink) { return caps_of(pad_of(child(sink).get(), "sink").get()); }
+  // Calls `see` with the meta of each picture that has one.
+  static void on_metas(GstElement* pipeline, const std::function<void(const GstStructure*)>& see) {
+    on_buffers(child_of(pipeline, "s").get(), "sink", [see](GstBuffer* buffer) {
+      GstCustomMeta* meta = gst_buffer_get_custom_meta(buffer, "lightfield-view");
+      if (meta) see(gst_custom_meta_get_structure(meta));
+    });
   }
   void filter(const std::string& name, const std::string& caps) {
     gst_util_set_object_arg(G_OBJECT(child(name).get()), "caps", caps.c_str());
@@ -397,39 +349,31 @@ TEST_F(LfViewSrcCapsTest, ErrorsNameTheRefusedFormat) {
 
 TEST_F(LfViewSrcCapsTest, RunningPadOffersOnlyItsFormats) {
   pipeline_ = launch(view_source("") + " v.src ! fakesink name=s sync=false");
-  ASSERT_TRUE(pipeline_);
   count(child("s").get(), "s");
   ASSERT_NE(gst_element_set_state(pipeline_.get(), GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE) << error();
   ASSERT_TRUE(more("s")) << error();
-  const PadPtr compositor(gst_element_get_static_pad(child("compositor").get(), "src"));
+  const PadPtr compositor = pad_of(child("compositor").get(), "src");
   const CapsPtr offered(gst_pad_query_caps(compositor.get(), nullptr)),
       current(gst_pad_get_current_caps(compositor.get()));
   ASSERT_TRUE(current && gst_caps_can_intersect(offered.get(), current.get()));
-  const bool is_rgb =
-      std::string(gst_structure_get_string(gst_caps_get_structure(current.get(), 0), "format")) != "I420";
+  const bool is_rgb = !contains(caps_of(compositor.get()), "I420");
   g_autofree gchar* text = gst_caps_to_string(offered.get());
-  EXPECT_THAT(text, testing::Not(HasSubstr(is_rgb ? "NV12" : "RGBA"))) << "of the other family";
-  EXPECT_THAT(text, testing::Not(HasSubstr("lightfield-answer")));
+  EXPECT_THAT(text, Not(HasSubstr(is_rgb ? "NV12" : "RGBA"))) << "of the other family";
+  EXPECT_THAT(text, Not(HasSubstr("lightfield-answer")));
 }
 
 // Warm-up requests find the surface before the first picture, even if depth hypotheses are rare.
 TEST_F(LfViewSrcCapsTest, FirstPictureOfAFileIsFocused) {
   std::string shown[2];
   for (const int interval : {1, 5}) {
-    const ElementPtr pipeline =
+    const PipelinePtr pipeline =
         launch(view_source("is-live=false num-buffers=1 focus=surface width=128 height=96 depth-interval=") +
                std::to_string(interval) + " ! fakesink name=s sync=false");
-    ASSERT_TRUE(pipeline);
-    const ElementPtr sink(gst_bin_get_by_name(GST_BIN(pipeline.get()), "s"));
-    const PadPtr pad(gst_element_get_static_pad(sink.get(), "sink"));
-    const auto note = [](GstPad*, GstPadProbeInfo* info, gpointer text) {
-      GstCustomMeta* meta = gst_buffer_get_custom_meta(GST_PAD_PROBE_INFO_BUFFER(info), "lightfield-view");
-      const GValue* focus = meta ? gst_structure_get_value(gst_custom_meta_get_structure(meta), "focus") : nullptr;
+    on_metas(pipeline.get(), [&](const GstStructure* meta) {
+      const GValue* focus = gst_structure_get_value(meta, "focus");
       g_autofree gchar* written = focus ? gst_structure_to_string(gst_value_get_structure(focus)) : nullptr;
-      *static_cast<std::string*>(text) = written ? written : "";
-      return GST_PAD_PROBE_OK;
-    };
-    gst_pad_add_probe(pad.get(), GST_PAD_PROBE_TYPE_BUFFER, note, &shown[interval == 1 ? 0 : 1], nullptr);
+      shown[interval == 1 ? 0 : 1] = written ? written : "";
+    });
     ASSERT_EQ(run(pipeline.get(), kTimeoutSeconds), "");
   }
   EXPECT_THAT(shown[0], HasSubstr("surface"));
@@ -442,12 +386,7 @@ TEST_F(LfViewSrcCapsTest, ViewsOfAFileKeepTheirSizes) {
   view.view = array_.request(0, 0).view;
   view.view.width = 40;
   view.view.height = 20;
-  const TempFile path(
-      [&] {
-        const std::string text = views_to_json({view});
-        return std::vector<uint8_t>(text.begin(), text.end());
-      }(),
-      ".json");
+  const TempFile path(views_to_json({view}), ".json");
   const std::string properties = "location=" + path.path();
   EXPECT_THAT(film(properties, "video/x-raw,framerate=25/1"), is_video(40, 20, "25/1"));
   EXPECT_THAT(film(properties, "video/x-raw,width=96,height=64"), AllOf(HasSubstr("40x20"), HasSubstr("location")));
@@ -458,7 +397,6 @@ TEST_F(LfViewSrcCapsTest, CapsMayChangeWhilePlaying) {
                      " v.src ! capsfilter name=f caps=video/x-raw,width=96,height=64,framerate=30/1 ! "
                      "fakesink name=s sync=false  "
                      "v.src_0 ! capsfilter name=g caps=video/x-raw,width=48,height=48 ! fakesink name=t sync=false");
-  ASSERT_TRUE(pipeline_);
   for (const char* sink : {"s", "t"}) count(child(sink).get(), sink);
   ASSERT_NE(gst_element_set_state(pipeline_.get(), GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE) << error();
   ASSERT_TRUE(more("s") && more("t")) << error();
@@ -466,12 +404,12 @@ TEST_F(LfViewSrcCapsTest, CapsMayChangeWhilePlaying) {
   EXPECT_THAT(caps_at("t"), is_video(48, 48, "15/1"));
   for (const auto& [width, rate] : {std::pair{64, "20/1"}, std::pair{128, "30/1"}, std::pair{32, "60/1"}}) {
     filter("f", "video/x-raw,width=" + std::to_string(width) + ",height=64,framerate=" + rate);
-    EXPECT_TRUE(becomes_true([&] { return testing::Value(caps_at("s"), is_video(width, 64, rate)); }))
+    EXPECT_TRUE(eventually([&] { return testing::Value(caps_at("s"), is_video(width, 64, rate)); }))
         << width << ": " << caps_at("s") << error();
     EXPECT_TRUE(more("s")) << error();
   }
   filter("f", "video/x-raw");
-  EXPECT_TRUE(becomes_true([&] { return testing::Value(caps_at("s"), is_video(32, 24, "15/1")); }))
+  EXPECT_TRUE(eventually([&] { return testing::Value(caps_at("s"), is_video(32, 24, "15/1")); }))
       << caps_at("s") << error();
   EXPECT_THAT(caps_at("t"), is_video(48, 48, "15/1")) << "caps are per viewer";
   EXPECT_TRUE(more("t"));
@@ -480,18 +418,9 @@ TEST_F(LfViewSrcCapsTest, CapsMayChangeWhilePlaying) {
 TEST_F(LfViewSrcCapsTest, PicturesIdentifyTheirView) {
   const std::string line = view_source("is-live=false num-buffers=2 focus=plane focus-distance=3") +
                            " ! queue ! videoconvert ! video/x-raw,format=BGRx ! queue ! fakesink name=s sync=false";
-  const ElementPtr pipeline = launch(line);
-  ASSERT_TRUE(pipeline);
+  const PipelinePtr pipeline = launch(line);
   std::vector<StructurePtr> metas;
-  const ElementPtr sink(gst_bin_get_by_name(GST_BIN(pipeline.get()), "s"));
-  const PadPtr pad(gst_element_get_static_pad(sink.get(), "sink"));
-  const auto note = [](GstPad*, GstPadProbeInfo* info, gpointer all) {
-    if (GstCustomMeta* meta = gst_buffer_get_custom_meta(GST_PAD_PROBE_INFO_BUFFER(info), "lightfield-view"))
-      static_cast<std::vector<StructurePtr>*>(all)->emplace_back(
-          gst_structure_copy(gst_custom_meta_get_structure(meta)));
-    return GST_PAD_PROBE_OK;
-  };
-  gst_pad_add_probe(pad.get(), GST_PAD_PROBE_TYPE_BUFFER, note, &metas, nullptr);
+  on_metas(pipeline.get(), [&](const GstStructure* meta) { metas.emplace_back(gst_structure_copy(meta)); });
   ASSERT_EQ(run(pipeline.get(), kTimeoutSeconds), "");
   ASSERT_EQ(metas.size(), 2u);
   const GstStructure* meta = metas[1].get();
@@ -500,12 +429,10 @@ TEST_F(LfViewSrcCapsTest, PicturesIdentifyTheirView) {
   EXPECT_EQ(sequence, 1u);
   const GValue* position = gst_structure_get_value(meta, "position");
   ASSERT_TRUE(position && gst_value_array_get_size(position) == 3);
-  const ElementPtr v(gst_bin_get_by_name(GST_BIN(pipeline.get()), "v"));
+  const ElementPtr v = child_of(pipeline.get(), "v");
   for (guint i = 0; i < 3; i++) {
     constexpr const char* kAxes[] = {"x", "y", "z"};
-    gdouble at = 0;
-    g_object_get(v.get(), kAxes[i], &at, nullptr);
-    EXPECT_EQ(g_value_get_double(gst_value_array_get_value(position, i)), at) << kAxes[i];
+    EXPECT_EQ(g_value_get_double(gst_value_array_get_value(position, i)), test::get<gdouble>(v.get(), kAxes[i])) << i;
   }
   ASSERT_EQ(gst_value_array_get_size(gst_structure_get_value(meta, "orientation")), 4u);
   GstStructure *lens = nullptr, *focus = nullptr;
@@ -531,23 +458,17 @@ TEST_F(LfViewSrcCapsTest, PicturesIdentifyTheirView) {
 }
 
 TEST_F(LfViewSrcCapsTest, QuiltsIdentifyAllViews) {
-  const ElementPtr pipeline = launch(view_source("is-live=false num-buffers=1 views=row columns=3 eye-distance=0.01") +
-                                     " ! fakesink name=s sync=false");
-  ASSERT_TRUE(pipeline);
+  const PipelinePtr pipeline = launch(view_source("is-live=false num-buffers=1 views=row columns=3 eye-distance=0.01") +
+                                      " ! fakesink name=s sync=false");
   std::vector<double> x;
-  const ElementPtr sink(gst_bin_get_by_name(GST_BIN(pipeline.get()), "s"));
-  const PadPtr pad(gst_element_get_static_pad(sink.get(), "sink"));
-  const auto note = [](GstPad*, GstPadProbeInfo* info, gpointer all) {
-    GstCustomMeta* meta = gst_buffer_get_custom_meta(GST_PAD_PROBE_INFO_BUFFER(info), "lightfield-view");
-    const GValue* views = meta ? gst_structure_get_value(gst_custom_meta_get_structure(meta), "views") : nullptr;
+  on_metas(pipeline.get(), [&](const GstStructure* meta) {
+    const GValue* views = gst_structure_get_value(meta, "views");
     for (guint i = 0; views && i < gst_value_array_get_size(views); i++) {
       const GstStructure* one = gst_value_get_structure(gst_value_array_get_value(views, i));
       const GValue* position = gst_structure_get_value(one, "position");
-      static_cast<std::vector<double>*>(all)->push_back(g_value_get_double(gst_value_array_get_value(position, 0)));
+      x.push_back(g_value_get_double(gst_value_array_get_value(position, 0)));
     }
-    return GST_PAD_PROBE_OK;
-  };
-  gst_pad_add_probe(pad.get(), GST_PAD_PROBE_TYPE_BUFFER, note, &x, nullptr);
+  });
   ASSERT_EQ(run(pipeline.get(), kTimeoutSeconds), "");
   ASSERT_EQ(x.size(), 3u);
   EXPECT_NEAR(x[1] - x[0], 0.01, 1e-9);
@@ -560,58 +481,39 @@ TEST_F(LfViewSrcCapsTest, PartialAnswersIntoAVideoFilterAreAnError) {
 
 TEST_F(LfViewSrcCapsTest, SendsCommandsForSimpleCameras) {
   for (const char* access : {"warp", "pixels"}) {
-    const ElementPtr pipeline =
+    const PipelinePtr pipeline =
         launch(view_source("is-live=false num-buffers=2") + " node::access=" + access + " ! fakesink sync=false");
-    ASSERT_TRUE(pipeline);
     EXPECT_EQ(run(pipeline.get(), kTimeoutSeconds), "") << access;
-    const ElementPtr compositor(gst_bin_get_by_name(GST_BIN(pipeline.get()), "compositor"));
-    EXPECT_EQ(stat(compositor.get(), "complete"), 2u) << access;
+    EXPECT_EQ(stat(child_of(pipeline.get(), "compositor").get(), "complete"), 2u) << access;
   }
 }
 
 TEST_F(LfViewSrcCapsTest, ReasonForDarkPicturesIsCorrect) {
-  const ElementPtr pipeline =
+  const PipelinePtr pipeline =
       launch(view_source("is-live=false num-buffers=2 out-of-service=0-3") + " ! fakesink sync=false");
-  ASSERT_TRUE(pipeline);
-  GstBus* bus = gst_element_get_bus(pipeline.get());
+  g_autoptr(GstBus) bus = gst_element_get_bus(pipeline.get());
   gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
   std::string warnings;
-  for (bool ended = false; !ended;) {
-    constexpr auto kAny = GstMessageType(GST_MESSAGE_EOS | GST_MESSAGE_ERROR | GST_MESSAGE_WARNING);
-    GstMessage* message =
-        gst_bus_timed_pop_filtered(bus, static_cast<GstClockTime>(kTimeoutSeconds) * GST_SECOND, kAny);
-    ended = !message || GST_MESSAGE_TYPE(message) != GST_MESSAGE_WARNING;
-    if (!ended) {
-      g_autoptr(GError) warning = nullptr;
-      gst_message_parse_warning(message, &warning, nullptr);
-      warnings += warning->message;
-    }
-    if (message) gst_message_unref(message);
+  constexpr auto kAny = GstMessageType(GST_MESSAGE_EOS | GST_MESSAGE_ERROR | GST_MESSAGE_WARNING);
+  while (const MessagePtr message{gst_bus_timed_pop_filtered(bus, GstClockTime(kTimeoutSeconds) * GST_SECOND, kAny)}) {
+    if (GST_MESSAGE_TYPE(message.get()) != GST_MESSAGE_WARNING) break;
+    warnings += text_of(message.get());
   }
   gst_element_set_state(pipeline.get(), GST_STATE_NULL);
-  gst_object_unref(bus);
-  EXPECT_THAT(warnings, AllOf(HasSubstr("out of service"), testing::Not(HasSubstr("outside the array"))));
+  EXPECT_THAT(warnings, AllOf(HasSubstr("out of service"), Not(HasSubstr("outside the array"))));
 }
 
 TEST_F(LfViewSrcCapsTest, ActionSetsContinuousFocus) {
-  const ElementPtr v = make("lfviewsrc");
-  const auto set_view = [&](GstStructure* view) {
-    gboolean done = FALSE;
-    g_signal_emit_by_name(v.get(), "set-view", view, &done);
-    gst_structure_free(view);
-    return done;
-  };
-  gboolean follows = FALSE;
+  const ElementPtr v = make_element("lfviewsrc");
+  const auto set_view = [&](GstStructure* view) { return emit(v.get(), "set-view", StructurePtr(view).get()); };
+  const auto follows = [&] { return test::get<gboolean>(v.get(), "focus-continuous"); };
   EXPECT_TRUE(set_view(gst_structure_new("view", "focus-continuous", G_TYPE_INT, 1, "x", G_TYPE_DOUBLE, 0.1, nullptr)));
-  g_object_get(v.get(), "focus-continuous", &follows, nullptr);
-  EXPECT_TRUE(follows);
+  EXPECT_TRUE(follows());
   EXPECT_TRUE(set_view(gst_structure_new("view", "focus-continuous", G_TYPE_BOOLEAN, FALSE, nullptr)));
-  g_object_get(v.get(), "focus-continuous", &follows, nullptr);
-  EXPECT_FALSE(follows);
+  EXPECT_FALSE(follows());
   EXPECT_FALSE(
       set_view(gst_structure_new("view", "focus-continuous", G_TYPE_INT, 1, "x", G_TYPE_STRING, "far", nullptr)));
-  g_object_get(v.get(), "focus-continuous", &follows, nullptr);
-  EXPECT_FALSE(follows) << "all or nothing";
+  EXPECT_FALSE(follows()) << "all or nothing";
 }
 
 }  // namespace

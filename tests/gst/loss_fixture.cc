@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "gst/loss_fixture.h"
 
-#include <cstdlib>
-
 namespace lf::test {
 namespace {
 
@@ -15,22 +13,20 @@ struct SourceClass {
   GstBinClass parent_class;
 };
 
-GstURIType uri_type(GType) { return GST_URI_SRC; }
-const gchar* const* uri_protocols(GType) {
-  static const gchar* const protocols[] = {"failing", nullptr};
-  return protocols;
-}
-gchar* get_uri(GstURIHandler* self) { return g_strdup_printf("failing://%zu", reinterpret_cast<Source*>(self)->id); }
-gboolean set_uri(GstURIHandler* self, const gchar* uri, GError**) {
-  reinterpret_cast<Source*>(self)->id = std::strtoul(uri + sizeof("failing://") - 1, nullptr, 10);
-  return TRUE;
-}
 void uri_handler_init(gpointer iface, gpointer) {
   auto* handler = static_cast<GstURIHandlerInterface*>(iface);
-  handler->get_type = uri_type;
-  handler->get_protocols = uri_protocols;
-  handler->get_uri = get_uri;
-  handler->set_uri = set_uri;
+  handler->get_type = [](GType) { return GST_URI_SRC; };
+  handler->get_protocols = [](GType) -> const gchar* const* {
+    static const gchar* const protocols[] = {"failing", nullptr};
+    return protocols;
+  };
+  handler->get_uri = [](GstURIHandler* self) {
+    return g_strdup_printf("failing://%zu", reinterpret_cast<Source*>(self)->id);
+  };
+  handler->set_uri = [](GstURIHandler* self, const gchar* uri, GError**) -> gboolean {
+    reinterpret_cast<Source*>(self)->id = std::strtoul(uri + sizeof("failing://") - 1, nullptr, 10);
+    return TRUE;
+  };
 }
 
 G_DEFINE_TYPE_WITH_CODE(Source, failing_source, GST_TYPE_BIN,
@@ -79,17 +75,14 @@ void failing_source_init(Source* self) {
   GstElement* filter = gst_element_factory_make("capsfilter", nullptr);
   gst_util_set_object_arg(G_OBJECT(test), "pattern", "white");
   g_object_set(test, "is-live", TRUE, nullptr);
-  GstCaps* caps = gst_static_pad_template_get_caps(&source_template);
-  g_object_set(filter, "caps", caps, nullptr);
-  gst_caps_unref(caps);
+  const CapsPtr caps(gst_static_pad_template_get_caps(&source_template));
+  g_object_set(filter, "caps", caps.get(), nullptr);
   gst_bin_add_many(GST_BIN(self), test, filter, nullptr);
   gst_element_link(test, filter);
-  GstPad* target = gst_element_get_static_pad(filter, "src");
-  gst_pad_add_probe(target, GST_PAD_PROBE_TYPE_BUFFER, on_frame, self, nullptr);
-  GstPadTemplate* pad_template = gst_static_pad_template_get(&source_template);
-  gst_element_add_pad(GST_ELEMENT(self), gst_ghost_pad_new_from_template("src", target, pad_template));
-  gst_object_unref(pad_template);
-  gst_object_unref(target);
+  const PadPtr target = pad_of(filter, "src");
+  gst_pad_add_probe(target.get(), GST_PAD_PROBE_TYPE_BUFFER, on_frame, self, nullptr);
+  g_autoptr(GstPadTemplate) pad_template = gst_static_pad_template_get(&source_template);
+  gst_element_add_pad(GST_ELEMENT(self), gst_ghost_pad_new_from_template("src", target.get(), pad_template));
 }
 
 }  // namespace

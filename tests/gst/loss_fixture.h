@@ -1,21 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <array>
-#include <atomic>
-#include <functional>
-#include <map>
-#include <memory>
-#include <mutex>
-#include <stdexcept>
-#include <string>
-#include <vector>
-
-#include <gst/gst.h>
-#include <gtest/gtest.h>
-
 #include "gst/camera_files.h"
-#include "gst/gst_test.h"
 
 namespace lf::test {
 
@@ -48,61 +34,39 @@ void register_failing_camera();
 class BusLog {
  public:
   explicit BusLog(GstElement* pipeline) : pipeline_(pipeline), bus_(gst_element_get_bus(pipeline)) {
-    gst_bus_set_sync_handler(bus_, on_message, this, nullptr);
+    gst_bus_set_sync_handler(bus_.get(), on_message, this, nullptr);
   }
-  ~BusLog() {
-    gst_bus_set_sync_handler(bus_, nullptr, nullptr, nullptr);
-    gst_object_unref(bus_);
-  }
+  ~BusLog() { gst_bus_set_sync_handler(bus_.get(), nullptr, nullptr, nullptr); }
   BusLog(const BusLog&) = delete;
-  BusLog& operator=(const BusLog&) = delete;
 
-  int lost(guint camera) const { return count(lost_, camera); }
-  int found(guint camera) const { return count(found_, camera); }
-  std::string reason(guint camera) const {
-    std::lock_guard lock(mutex_);
-    const auto found = reasons_.find(camera);
-    return found == reasons_.end() ? "" : found->second;
-  }
+  int lost(guint camera) const { return copy(lost_)[camera]; }
+  int found(guint camera) const { return copy(found_)[camera]; }
+  std::string reason(guint camera) const { return copy(reasons_)[camera]; }
   std::vector<std::string> warnings() const { return copy(warnings_); }
   // Returns the warnings about losses: slow machines cause other warnings.
   std::vector<std::string> losses() const {
     std::vector<std::string> texts = warnings();
-    std::erase_if(texts, [](const std::string& text) { return text.find("out of service") == std::string::npos; });
+    std::erase_if(texts, [](const std::string& text) { return !contains(text, "out of service"); });
     return texts;
   }
   std::vector<std::string> errors() const { return copy(errors_); }
   bool has_ended() const { return ended_; }
   // How often all cameras were reported lost, and the latest reason.
   int no_camera_count() const { return no_camera_count_; }
-  std::string no_camera_reason() const {
-    std::lock_guard lock(mutex_);
-    return no_camera_reason_;
-  }
+  std::string no_camera_reason() const { return copy(no_camera_reason_); }
   size_t out_of_service() const { return out_of_service_; }
 
  private:
-  int count(const std::map<guint, int>& of, guint camera) const {
+  template <typename T>
+  T copy(const T& value) const {
     std::lock_guard lock(mutex_);
-    const auto found = of.find(camera);
-    return found == of.end() ? 0 : found->second;
-  }
-  std::vector<std::string> copy(const std::vector<std::string>& texts) const {
-    std::lock_guard lock(mutex_);
-    return texts;
-  }
-  static std::string text_of(GstMessage* message, void (*parse)(GstMessage*, GError**, gchar**)) {
-    g_autoptr(GError) error = nullptr;
-    parse(message, &error, nullptr);
-    return error->message;
+    return value;
   }
   static GstBusSyncReply on_message(GstBus*, GstMessage* message, gpointer data) {
     auto* self = static_cast<BusLog*>(data);
     std::lock_guard lock(self->mutex_);
-    if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_WARNING)
-      self->warnings_.push_back(text_of(message, gst_message_parse_warning));
-    if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR)
-      self->errors_.push_back(text_of(message, gst_message_parse_error));
+    if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_WARNING) self->warnings_.push_back(text_of(message));
+    if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR) self->errors_.push_back(text_of(message));
     const GstStructure* structure =
         GST_MESSAGE_TYPE(message) == GST_MESSAGE_ELEMENT ? gst_message_get_structure(message) : nullptr;
     guint camera = 0;
@@ -130,7 +94,7 @@ class BusLog {
   }
 
   GstElement* pipeline_;
-  GstBus* bus_;
+  const BusPtr bus_;
   mutable std::mutex mutex_;
   std::map<guint, int> lost_, found_;
   std::map<guint, std::string> reasons_;
@@ -141,54 +105,20 @@ class BusLog {
   std::atomic<bool> ended_ = false;
 };
 
-struct OwnPipeline {
-  ElementPtr pipeline;
-};
-
-class WatchedPipeline : OwnPipeline, public BusLog {
- public:
-  explicit WatchedPipeline(const std::string& line, GstState state = GST_STATE_PLAYING)
-      : OwnPipeline{launch(line)}, BusLog(get() ? get() : throw std::runtime_error("no pipeline")) {
-    if (state != GST_STATE_NULL) set_state(state);
-  }
-  ~WatchedPipeline() { set_state(GST_STATE_NULL); }
-
-  GstElement* get() const { return pipeline.get(); }
-  ElementPtr child(const std::string& name) const {
-    return ElementPtr(gst_bin_get_by_name(GST_BIN(get()), name.c_str()));
-  }
-  GstStateChangeReturn set_state(GstState state) const { return gst_element_set_state(get(), state); }
-  void stop() const {
-    set_state(GST_STATE_NULL);
-    EXPECT_EQ(errors(), std::vector<std::string>());
-  }
-};
-
-// Polls; returns false after 40 seconds.
-inline bool eventually(const std::function<bool()>& done) {
-  for (const gint64 end = g_get_monotonic_time() + 40 * G_USEC_PER_SEC; g_get_monotonic_time() < end;) {
-    if (done()) return true;
-    g_usleep(10000);
-  }
-  return false;
-}
-
 // Stats of a camera: an entry of `cameras` in a node's stats, or (without an id) all of lfcamsrc's stats.
 struct CameraStats {
   std::string state, reason;
   uint64_t losses = 0, retries = 0, dropped = 0;
 };
 inline CameraStats camera_stats(GstElement* element, int id = -1) {
-  GstStructure* all = nullptr;
-  g_object_get(element, "stats", &all, nullptr);
-  const StructurePtr owner(all);
-  const GstStructure* one = all;
+  const StructurePtr all = stats_of(element);
+  const GstStructure* one = all.get();
   if (id >= 0) {
     const auto inner = [](const GstStructure* outer, const std::string& name) {
       const GValue* value = gst_structure_get_value(outer, name.c_str());
       return value ? gst_value_get_structure(value) : nullptr;
     };
-    one = inner(all, "cameras");
+    one = inner(all.get(), "cameras");
     if (one) one = inner(one, "camera-" + std::to_string(id));
   }
   CameraStats stats;
@@ -203,6 +133,28 @@ inline CameraStats camera_stats(GstElement* element, int id = -1) {
   EXPECT_TRUE(gst_structure_get_uint64(one, "dropped", &stats.dropped));
   return stats;
 }
+
+struct OwnPipeline {
+  PipelinePtr pipeline;
+};
+
+class WatchedPipeline : OwnPipeline, public BusLog {
+ public:
+  explicit WatchedPipeline(const std::string& line, GstState state = GST_STATE_PLAYING)
+      : OwnPipeline{launch(line)}, BusLog(get()) {
+    if (state != GST_STATE_NULL) set_state(state);
+  }
+  ~WatchedPipeline() { set_state(GST_STATE_NULL); }
+
+  GstElement* get() const { return pipeline.get(); }
+  ElementPtr child(const std::string& name) const { return child_of(get(), name); }
+  CameraStats camera(int id) const { return camera_stats(child("n").get(), id); }
+  GstStateChangeReturn set_state(GstState state) const { return gst_element_set_state(get(), state); }
+  void stop() const {
+    set_state(GST_STATE_NULL);
+    EXPECT_EQ(errors(), std::vector<std::string>());
+  }
+};
 
 class LossTest : public testing::Test {
  protected:
@@ -239,19 +191,16 @@ class LossTest : public testing::Test {
     }
     return text;
   }
-  static ElementPtr child(GstElement* bin, const std::string& name) {
-    return ElementPtr(gst_bin_get_by_name(GST_BIN(bin), name.c_str()));
-  }
-
   static inline CameraFiles* files = nullptr;
 };
 
 // Counts the pictures of a sink and measures the longest interval between two.
 class Pictures {
  public:
-  explicit Pictures(GstElement* sink) : pad_(gst_element_get_static_pad(sink, "sink")) {
+  explicit Pictures(const WatchedPipeline& pipeline, const char* sink = "s0")
+      : pad_(pad_of(pipeline.child(sink).get(), "sink")) {
     probe_ = gst_pad_add_probe(
-        pad_, GST_PAD_PROBE_TYPE_BUFFER,
+        pad_.get(), GST_PAD_PROBE_TYPE_BUFFER,
         [](GstPad*, GstPadProbeInfo*, gpointer data) {
           auto* self = static_cast<Pictures*>(data);
           const gint64 now = g_get_monotonic_time();
@@ -261,19 +210,18 @@ class Pictures {
         },
         this, nullptr);
   }
-  ~Pictures() {
-    gst_pad_remove_probe(pad_, probe_);
-    gst_object_unref(pad_);
-  }
+  ~Pictures() { gst_pad_remove_probe(pad_.get(), probe_); }
   Pictures(const Pictures&) = delete;
-  Pictures& operator=(const Pictures&) = delete;
 
   int count() const { return count_; }
+  bool has_more(int more) const {
+    return eventually([&, then = count()] { return count() > then + more; });
+  }
   int longest_pause() const { return static_cast<int>(pause_ / 1000); }
   void forget_pause() { pause_ = 0; }
 
  private:
-  GstPad* pad_;
+  const PadPtr pad_;
   gulong probe_;
   std::atomic<int> count_ = 0;
   std::atomic<gint64> last_ = 0, pause_ = 0;

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "compositor/node_input.h"
 
-#include <gtest/gtest.h>
-
 #include "gst/compositor_fixture.h"
 
 namespace lf::test {
@@ -37,8 +35,7 @@ class NodeInputTest : public testing::Test {
     GST_BUFFER_PTS(unit) = 0;
     ASSERT_EQ(gst_harness_push(harness_.get(), unit), GST_FLOW_OK);
     // GstAggregator's thread takes the caps and the segment from the queue before the first buffer.
-    for (int i = 0; i < 5000 && !has_buffer(); i++) g_usleep(1000);
-    ASSERT_TRUE(has_buffer());
+    ASSERT_TRUE(eventually([&] { return has_buffer(); }));
   }
   std::vector<int> take(uint8_t sequence, bool live = false) {
     std::vector<int> parts;

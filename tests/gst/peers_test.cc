@@ -2,7 +2,6 @@
 #include "rtp/peers.h"
 
 #include <gio/gio.h>
-#include <gtest/gtest.h>
 
 #include "support/expect_error.h"
 

@@ -1,23 +1,17 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "compositor/picture_output.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <semaphore>
 
 #include "common/common.h"
 #include "gst/compositor_fixture.h"
 #include "scene/scene.h"
-#include "support/answers.h"
-#include "support/mentions.h"
 #include "view/navigator.h"
 
 namespace lf::test {
 namespace {
 
 using OutputAction = PictureOutput::OutputAction;
-using testing::HasSubstr;
 
 class PictureOutputTest : public testing::Test {
  protected:
@@ -81,18 +75,12 @@ class PictureOutputTest : public testing::Test {
   // Returns the error if downstream accepts only these caps, or "".
   std::string refusal(const char* sink_caps) {
     begin(false, sink_caps);
-    GstBus* bus = gst_bus_new();
-    gst_element_set_bus(element_, bus);
+    const ElementBus bus(element_);
     answer({0, 1, 2, 3}, 100);
     const BufferPtr picture(make());
     EXPECT_EQ(flow_ == GST_FLOW_NOT_NEGOTIATED, output_->has_refused());
-    GstMessage* message = gst_bus_pop_filtered(bus, GST_MESSAGE_ERROR);
-    g_autoptr(GError) error = nullptr;
-    if (message) gst_message_parse_error(message, &error, nullptr);
-    gst_clear_message(&message);
-    gst_element_set_bus(element_, nullptr);
-    gst_object_unref(bus);
-    return error ? error->message : "";
+    const std::vector<std::string> errors = bus.errors();
+    return errors.empty() ? "" : errors[0];
   }
   // Returns the uniform picture that view `index` completes; null while views of the set are missing.
   GstBuffer* add_view(const ViewSet& set, int index, uint32_t first, uint8_t grey) {
@@ -142,8 +130,7 @@ TEST_F(PictureOutputTest, PicturesHaveCapsThatDownstreamAccepts) {
   ASSERT_TRUE(out);
   EXPECT_EQ(GST_BUFFER_PTS(out.get()), GST_SECOND);
   EXPECT_EQ(middle(out.get()), 100);
-  EXPECT_NE(caps_of(harness_->sinkpad).find("format=(string)BGR, width=(int)32, height=(int)16"), std::string::npos)
-      << caps_of(harness_->sinkpad);
+  EXPECT_THAT(caps_of(harness_->sinkpad), HasSubstr("format=(string)BGR, width=(int)32, height=(int)16"));
 }
 
 TEST_F(PictureOutputTest, SizeChangesAreRenegotiated) {
@@ -279,7 +266,7 @@ TEST_F(PictureOutputTest, StereoPairsHaveAMultiviewMode) {
     EXPECT_EQ(middle(picture, set.place(1)), 200);
     ASSERT_EQ(push(picture, first * GST_SECOND), GST_FLOW_OK);
     gst_buffer_unref(gst_harness_pull(harness_.get()));
-    EXPECT_NE(caps_of(harness_->sinkpad).find(words), std::string::npos) << caps_of(harness_->sinkpad);
+    EXPECT_THAT(caps_of(harness_->sinkpad), HasSubstr(words));
     first += 2;
   }
 }

@@ -2,11 +2,6 @@
 #include "compositor/picture_pool.h"
 
 #include <gst/video/video.h>
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <set>
-#include <vector>
 
 #include "gst/gst_test.h"
 
@@ -39,11 +34,10 @@ class PicturePoolTest : public testing::Test {
     gst_clear_object(&offered_);
   }
   bool decide() {
-    GstQuery* query = gst_query_new_allocation(picture_caps().get(), TRUE);
+    g_autoptr(GstQuery) query = gst_query_new_allocation(picture_caps().get(), TRUE);
     if (offered_) gst_query_add_allocation_pool(query, offered_, kSize, least_, most_);
     const bool decided = pool_.decide(query);
     if (decided) gst_query_parse_nth_allocation_pool(query, 0, &chosen_, nullptr, nullptr, nullptr);
-    gst_query_unref(query);
     return decided;
   }
   void offer(GType type) {

@@ -76,12 +76,8 @@ void thing_class_init(ThingClass* klass) {
 
 class PropertyTableTest : public testing::Test {
  protected:
-  void SetUp() override {
-    gst_init(nullptr, nullptr);
-    thing_ = static_cast<Thing*>(g_object_new(thing_get_type(), nullptr));
-  }
-  void TearDown() override { g_object_unref(thing_); }
-  Thing* thing_ = nullptr;
+  ~PropertyTableTest() override { g_object_unref(thing_); }
+  Thing* thing_ = static_cast<Thing*>(g_object_new(thing_get_type(), nullptr));
 };
 
 TEST_F(PropertyTableTest, InitialValueOfAFieldIsTheDefault) {

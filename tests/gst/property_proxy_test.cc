@@ -1,10 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // Bins forward proxy properties to their children and read them back from there.
-#include <string>
-#include <vector>
-
-#include <gtest/gtest.h>
 
 #include "gst/gst_test.h"
 
@@ -56,7 +52,7 @@ std::vector<ElementPtr> parts_with(GstElement* bin, const char* name) {
 void expect_inside(const char* factory, const std::vector<const char*>& names) {
   for (const char* name : names) {
     SCOPED_TRACE(std::string(factory) + " " + name);
-    const ElementPtr bin(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make(factory, nullptr))));
+    const ElementPtr bin = make_element(factory);
     GParamSpec* spec = g_object_class_find_property(G_OBJECT_GET_CLASS(bin.get()), name);
     ASSERT_TRUE(spec);
     GValue value = G_VALUE_INIT;

@@ -1,17 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <atomic>
-#include <filesystem>
-#include <functional>
 #include <future>
 
-#include <gtest/gtest.h>
 #include <sys/stat.h>
 
 #include "base/text.h"
-#include "gst/gst_test.h"
 #include "recording/recording.h"
 #include "rig/rig_json.h"
-#include "support/mentions.h"
+#include "support/expect_error.h"
 #include "support/recorded.h"
 #include "support/temp_dir.h"
 
@@ -116,14 +111,12 @@ class RecordingTest : public testing::Test {
   }
   BufferPtr frame(size_t bytes = 1000) const { return BufferPtr(to_buffer(std::vector<uint8_t>(bytes, 7))); }
   GstCaps* jpeg() const { return jpeg_.get(); }
-  std::string text_of(GstMessageType type) const {
-    GstMessage* message = gst_bus_timed_pop_filtered(bus_.get(), 0, type);
-    if (!message) return "";
-    g_autoptr(GError) error = nullptr;
-    gst_message_parse_warning(message, &error, nullptr);
-    gst_message_unref(message);
-    return error->message;
+  // Returns the next warning, "" if there is none.
+  std::string warning() const {
+    const MessagePtr message(gst_bus_pop_filtered(bus_.get(), GST_MESSAGE_WARNING));
+    return message ? text_of(message.get()) : "";
   }
+  RecordedFile recorded(int camera) const { return read_recorded(dir_ / "r/camera" + std::to_string(camera) + ".mkv"); }
 
   // Calls add() with frame times until it returns true, for at most 20 seconds.
   static void add_until(const std::function<bool(GstClockTime)>& add) {
@@ -133,12 +126,8 @@ class RecordingTest : public testing::Test {
 
   TempDir dir_;
   Rig rig_;
-  ElementPtr owner_ = launch("fakesink");
-  std::unique_ptr<GstBus, Unref<gst_object_unref>> bus_ = [this] {
-    GstBus* bus = gst_bus_new();
-    gst_element_set_bus(owner_.get(), bus);
-    return std::unique_ptr<GstBus, Unref<gst_object_unref>>(bus);
-  }();
+  PipelinePtr owner_ = launch("fakesink");
+  const ElementBus bus_{owner_.get()};
   CapsPtr jpeg_{gst_caps_from_string("image/jpeg,width=64,height=48,framerate=30/1")};
 };
 
@@ -164,7 +153,7 @@ TEST_F(RecordingTest, TimesAreCaptureTimesFromOneStart) {
   const auto expect_near = [=](GstClockTime a, GstClockTime b) { EXPECT_LE(a > b ? a - b : b - a, kTick); };
   const GstClockTime end = 7 * GST_SECOND + 30 * kPeriod;
   for (int camera = 0; camera < 3; camera++) {
-    const RecordedFile file = read_recorded(dir_ / "r/camera" + std::to_string(camera) + ".mkv");
+    const RecordedFile file = recorded(camera);
     ASSERT_EQ(file.times.size(), camera == 0 ? 90u : camera == 1 ? 30u : 20u);
     expect_near(file.times.front(), camera == 0 ? 0 : camera == 1 ? 7 * GST_SECOND : 3 * GST_MSECOND);
     if (camera == 2) expect_near(file.times[10], 5 * GST_SECOND + 3 * GST_MSECOND);
@@ -189,12 +178,11 @@ TEST_F(RecordingTest, ContinuesWhenTheClockIsSetBack) {
   EXPECT_EQ(recording->counts(0).frames, 19u);
   EXPECT_EQ(recording->counts(0).dropped, 2u) << "the first frame after the change, and the next";
   EXPECT_EQ(recording->counts(1).dropped, 0u);
-  const std::string told = text_of(GST_MESSAGE_WARNING);
-  EXPECT_MENTIONS(told, "/r", "clock", "3600.0 s");
-  EXPECT_EQ(text_of(GST_MESSAGE_WARNING), "") << "one warning only";
+  EXPECT_MENTIONS(warning(), "/r", "clock", "3600.0 s");
+  EXPECT_EQ(warning(), "") << "one warning only";
   recording->finish();
   for (int camera = 0; camera < 3; camera++) {
-    const std::vector<GstClockTime> times = read_recorded(dir_ / "r/camera" + std::to_string(camera) + ".mkv").times;
+    const std::vector<GstClockTime> times = recorded(camera).times;
     std::vector<GstClockTime> expected;
     for (GstClockTime i = camera == 2 ? 15 : 0; i < 20; i++)
       if (camera != 0 || i != 10) expected.push_back(i * kPeriod);
@@ -226,24 +214,16 @@ TEST_F(RecordingTest, RigNamesTheFiles) {
 }
 
 TEST_F(RecordingTest, NothingIsOverwritten) {
-  const auto problem = [&](const std::string& folder) -> std::string {
-    try {
-      record(folder);
-      return "";
-    } catch (const Error& error) {
-      return error.what();
-    }
-  };
   dir_.write("a/rig.json", "mine");
-  EXPECT_MENTIONS(problem("a"), "/a", "recording", "rig.json");
+  EXPECT_ERROR(record("a"), "/a", "recording", "rig.json");
   EXPECT_EQ(std::filesystem::file_size(dir_ / "a/rig.json"), 4u);
   dir_.write("b/camera1.mkv", "mine, too");
-  EXPECT_NE(problem("b").find("(camera1.mkv)"), std::string::npos) << problem("b");
+  EXPECT_ERROR(record("b"), "(camera1.mkv)");
   EXPECT_FALSE(std::filesystem::exists(dir_ / "b/rig.json"));
   dir_.write("file", "");
-  EXPECT_NE(problem("file/r").find("can't be made"), std::string::npos) << problem("file/r");
-  EXPECT_EQ(problem("c"), "");
-  EXPECT_EQ(problem("c"), "") << "an empty recording can be replaced";
+  EXPECT_ERROR(record("file/r"), "can't be made");
+  EXPECT_NO_THROW(record("c"));
+  EXPECT_NO_THROW(record("c")) << "an empty recording can be replaced";
 }
 
 // A pipe without a reader acts as a disk that hangs.
@@ -262,37 +242,34 @@ TEST_F(RecordingTest, HangingDiskDoesNotBlock) {
   EXPECT_GT(hanging.frames, 60u) << "a third of 256 MB queued";
   EXPECT_LT(hanging.frames, 90u);
   EXPECT_EQ(other.dropped, 0u);
-  const std::string told = text_of(GST_MESSAGE_WARNING);
-  EXPECT_MENTIONS(told, "/r", "disk", "slow");
-  EXPECT_NE(told.find("camera 1 (cam_00_01)"), std::string::npos) << told;
-  EXPECT_EQ(text_of(GST_MESSAGE_WARNING), "") << "one warning only";
+  EXPECT_THAT(warning(), AllOf(mentions("/r", "disk", "slow"), HasSubstr("camera 1 (cam_00_01)")));
+  EXPECT_EQ(warning(), "") << "one warning only";
   recording.reset();
   EXPECT_LT(g_get_monotonic_time() - start, 60 * G_USEC_PER_SEC);
-  EXPECT_EQ(read_recorded(dir_ / "r/camera2.mkv").times.size(), size_t{kFrames});
+  EXPECT_EQ(recorded(2).times.size(), size_t{kFrames});
   // Unblocks the thread that opens the pipe.
-  const ElementPtr reader = launch("filesrc location=" + dir_ / "r/camera1.mkv" + " ! fakesink");
+  const PipelinePtr reader = launch("filesrc location=" + dir_ / "r/camera1.mkv" + " ! fakesink");
   gst_element_set_state(reader.get(), GST_STATE_PLAYING);
   g_usleep(200000);
-  gst_element_set_state(reader.get(), GST_STATE_NULL);
 }
 
 TEST_F(RecordingTest, UnwritableFolderStopsAndIsReportedOnce) {
   const auto recording = record("r");
   std::filesystem::remove_all(dir_ / "r");
-  GstMessage* message = nullptr;
+  MessagePtr message;
   add_until([&](GstClockTime time) {
     for (uint32_t camera = 0; camera < 3; camera++) recording->add(camera, frame().get(), jpeg(), time, true);
-    return (message = gst_bus_pop_filtered(bus_.get(), GST_MESSAGE_ELEMENT)) != nullptr;
+    message.reset(gst_bus_pop_filtered(bus_.get(), GST_MESSAGE_ELEMENT));
+    return message != nullptr;
   });
   ASSERT_TRUE(message);
-  EXPECT_TRUE(gst_message_has_name(message, "lightfield-recording-stopped"));
-  EXPECT_STREQ(gst_structure_get_string(gst_message_get_structure(message), "folder"), (dir_ / "r").c_str());
-  const std::string reason = gst_structure_get_string(gst_message_get_structure(message), "reason");
-  EXPECT_NE(reason.find("r/camera"), std::string::npos) << reason;
-  gst_message_unref(message);
+  EXPECT_TRUE(gst_message_has_name(message.get(), "lightfield-recording-stopped"));
+  const GstStructure* stopped = gst_message_get_structure(message.get());
+  EXPECT_STREQ(gst_structure_get_string(stopped, "folder"), (dir_ / "r").c_str());
+  EXPECT_THAT(gst_structure_get_string(stopped, "reason"), HasSubstr("r/camera"));
   recording->finish();
-  EXPECT_NE(text_of(GST_MESSAGE_WARNING).find("recording has stopped"), std::string::npos);
-  EXPECT_EQ(text_of(GST_MESSAGE_WARNING), "");
+  EXPECT_THAT(warning(), HasSubstr("recording has stopped"));
+  EXPECT_EQ(warning(), "");
 }
 
 // The folder is writable, so only one camera's file fails.
@@ -303,10 +280,9 @@ TEST_F(RecordingTest, FailingFileEndsAlone) {
   GstClockTime last = 0;
   add_until([&](GstClockTime time) {
     for (const uint32_t camera : {0, 1}) recording->add(camera, frame().get(), jpeg(), last = time, true);
-    return !(told = text_of(GST_MESSAGE_WARNING)).empty();
+    return !(told = warning()).empty();
   });
-  EXPECT_MENTIONS(told, "camera 1", "cam_00_01", "recorded");
-  EXPECT_NE(told.find("/r/camera1.mkv: "), std::string::npos) << told;
+  EXPECT_THAT(told, AllOf(mentions("camera 1", "cam_00_01", "recorded"), HasSubstr("/r/camera1.mkv: ")));
   const uint64_t dropped = recording->counts(1).dropped;
   for (GstClockTime i = 1; i <= 10; i++)
     for (uint32_t camera = 0; camera < 3; camera++)
@@ -315,9 +291,9 @@ TEST_F(RecordingTest, FailingFileEndsAlone) {
   const uint64_t frames = recording->counts(0).frames;
   recording->finish();
   EXPECT_GT(frames, 10u);
-  EXPECT_EQ(read_recorded(dir_ / "r/camera0.mkv").times.size(), frames);
-  EXPECT_EQ(read_recorded(dir_ / "r/camera2.mkv").times.size(), 10u) << "late camera";
-  EXPECT_EQ(text_of(GST_MESSAGE_WARNING), "") << "no second warning";
+  EXPECT_EQ(recorded(0).times.size(), frames);
+  EXPECT_EQ(recorded(2).times.size(), 10u) << "late camera";
+  EXPECT_EQ(warning(), "") << "no second warning";
 }
 
 // Applications may stop the recording from the callback.
@@ -360,9 +336,9 @@ TEST_F(RecordingTest, RawVideoIsEncoded) {
   EXPECT_EQ(recording->counts(0).dropped, 0u);
   for (GstClockTime i = 0; i < 10; i++) recording->add(1, frame().get(), jpeg(), i * kPeriod, true);
   recording->finish();
-  EXPECT_EQ(read_recorded(dir_ / "r/camera0.mkv").times.size(), 10u);
-  EXPECT_EQ(read_recorded(dir_ / "r/camera1.mkv").times.size(), 10u);
-  EXPECT_EQ(text_of(GST_MESSAGE_WARNING), "");
+  EXPECT_EQ(recorded(0).times.size(), 10u);
+  EXPECT_EQ(recorded(1).times.size(), 10u);
+  EXPECT_EQ(warning(), "");
 }
 
 // VP8: the recording does not parse its pictures.
@@ -380,7 +356,7 @@ TEST_F(RecordingTest, CodedVideoResumesWithKeyFrames) {
   EXPECT_EQ(add(true), 1u);
   EXPECT_EQ(add(false), 2u);
   EXPECT_EQ(add(true, jpeg()), 2u);
-  EXPECT_NE(text_of(GST_MESSAGE_WARNING).find("changed to image/jpeg"), std::string::npos);
+  EXPECT_THAT(warning(), HasSubstr("changed to image/jpeg"));
   EXPECT_EQ(add(false), 2u) << "a reference frame is missing";
   EXPECT_EQ(add(true), 3u);
   EXPECT_EQ(add(true, nullptr, 10 * kPeriod), 3u) << "displayed before its predecessor";
@@ -390,12 +366,12 @@ TEST_F(RecordingTest, CodedVideoResumesWithKeyFrames) {
   EXPECT_EQ(add(false), 6u);
   EXPECT_EQ(recording->counts(0).dropped, 5u);
   recording->finish();
-  const RecordedFile file = read_recorded(dir_ / "r/camera0.mkv");
+  const RecordedFile file = recorded(0);
   EXPECT_EQ(file.kind, "video/x-vp8");
   ASSERT_EQ(file.keys.size(), 6u);
   EXPECT_EQ(std::vector(file.keys.begin(), file.keys.end() - 1), (std::vector{true, false, true, true, false}))
       << "the muxer marks the last frame only";
-  EXPECT_EQ(text_of(GST_MESSAGE_WARNING), "");
+  EXPECT_EQ(warning(), "");
 }
 
 // Decoding order differs from display order, and the key frame precedes the start of the recording.
@@ -411,13 +387,13 @@ TEST_F(RecordingTest, CodedVideoKeepsItsOrder) {
   }
   recording->add(1, frame().get(), jpeg(), kBegin + GST_SECOND, true);
   recording->finish();
-  const RecordedFile file = read_recorded(dir_ / "r/camera0.mkv");
+  const RecordedFile file = recorded(0);
   std::vector<double> periods;
   for (const GstClockTime time : file.times) periods.push_back(static_cast<double>(time) / kPeriod);
   const std::vector<double> expected = {0, 1.5, 0, 0.5, 4.5, 2.5, 3.5};
   ASSERT_EQ(periods.size(), expected.size());
   for (size_t i = 0; i < expected.size(); i++) EXPECT_NEAR(periods[i], expected[i], 0.001) << i;
-  EXPECT_NEAR(static_cast<double>(file.end), static_cast<double>(read_recorded(dir_ / "r/camera1.mkv").end), 2e4)
+  EXPECT_NEAR(static_cast<double>(file.end), static_cast<double>(recorded(1).end), 2e4)
       << "the last displayed picture lasts to the end";
 }
 
@@ -434,10 +410,9 @@ TEST_F(RecordingTest, ChangeOfCodecIsReported) {
     add(camera, first, 5);
     EXPECT_EQ(recording->counts(camera).frames, 2u);
     EXPECT_EQ(recording->counts(camera).dropped, 3u);
-    const std::string told = text_of(GST_MESSAGE_WARNING);
-    EXPECT_MENTIONS(told, first ? "cam_00_00" : "cam_00_01", first ? "image/jpeg" : "video/x-raw");
-    EXPECT_EQ(told.find("too slow"), std::string::npos) << told;
-    EXPECT_EQ(text_of(GST_MESSAGE_WARNING), "") << "one warning only";
+    EXPECT_THAT(warning(), AllOf(mentions(first ? "cam_00_00" : "cam_00_01", first ? "image/jpeg" : "video/x-raw"),
+                                 Not(HasSubstr("too slow"))));
+    EXPECT_EQ(warning(), "") << "one warning only";
   }
 }
 

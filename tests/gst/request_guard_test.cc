@@ -1,22 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "common/request_guard.h"
-#include "support/mentions.h"
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include <string>
-#include <vector>
+#include "support/test.h"
 
 namespace lf {
 namespace {
 
-using testing::ElementsAre;
-using testing::IsEmpty;
-
 class LimitsTest : public testing::Test {
  protected:
-  void SetUp() override { gst_init(nullptr, nullptr); }
   RequestLimits parse(const char* text) {
     g_autoptr(GstStructure) structure = gst_structure_from_string(text, nullptr);
     EXPECT_TRUE(structure) << text;

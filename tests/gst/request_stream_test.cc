@@ -2,7 +2,6 @@
 #include <future>
 
 #include <gst/check/gsttestclock.h>
-#include <gtest/gtest.h>
 
 #include "common/custom_events.h"
 #include "gst/gst_test.h"

@@ -2,10 +2,6 @@
 #pragma once
 
 #include <gst/rtp/gstrtpbuffer.h>
-#include <gtest/gtest.h>
-
-#include <string>
-#include <vector>
 
 #include "gst/gst_test.h"
 #include "lib/rtp/rtp_test.h"

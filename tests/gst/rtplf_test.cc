@@ -1,19 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <random>
-#include <thread>
-
-#include <gmock/gmock.h>
 #include <gst/check/gsttestclock.h>
 
 #include "gst/rtp_fixture.h"
-#include "lib/wire/wire_test.h"
-#include "support/mentions.h"
 
 namespace lf::test {
 namespace {
-
-using testing::HasSubstr;
 
 TEST(RtpLfPay, PacketsOfAnAnswer) {
   for (const int mtu : {300, 1400, 9000}) {
@@ -54,11 +45,10 @@ TEST(RtpLfPay, Caps) {
                                         "encoding-name=(string)X-LIGHTFIELD-ANSWER, payload=(int)96"));
   RtpElement requests("rtplfpay", kRequestCaps);
   requests.push(rtp::request(1));
-  EXPECT_THAT(requests.caps(), HasSubstr("X-LIGHTFIELD-REQUEST"));
-  EXPECT_THAT(requests.caps(), HasSubstr("framerate=(string)30/1"));
+  EXPECT_THAT(requests.caps(), AllOf(HasSubstr("X-LIGHTFIELD-REQUEST"), HasSubstr("framerate=(string)30/1")));
   RtpElement variable("rtplfpay", "application/x-lightfield-request, framerate=(fraction)0/1");
   variable.push(rtp::request(1));
-  EXPECT_THAT(variable.caps(), testing::Not(HasSubstr("framerate")));
+  EXPECT_THAT(variable.caps(), Not(HasSubstr("framerate")));
 }
 
 TEST(RtpLfPay, AcceptsEveryOfferedPayloadType) {
@@ -80,20 +70,17 @@ TEST(RtpLfPay, TimeLimitsAreReadOnly) {
     GParamSpec* spec = g_object_class_find_property(G_OBJECT_GET_CLASS(pay.element()), name);
     ASSERT_TRUE(spec) << name;
     EXPECT_FALSE(spec->flags & G_PARAM_WRITABLE) << name;
-    gint64 now = 77;
-    g_object_get(pay.element(), name, &now, nullptr);
-    EXPECT_EQ(now, value) << name;
+    EXPECT_EQ(get<gint64>(pay.element(), name), value) << name;
   }
 }
 
 TEST(RtpLfPay, StatsIncludeTheBaseClass) {
   RtpElement pay("rtplfpay ssrc=77", kAnswerCaps);
   pay.push(rtp::answer(1, 10, 10, 0));
-  GstStructure* stats = nullptr;
-  g_object_get(pay.element(), "stats", &stats, nullptr);
-  const StructurePtr owner(stats);
+  const StructurePtr stats = stats_of(pay.element());
   guint ssrc = 0, clock_rate = 0;
-  EXPECT_TRUE(gst_structure_get(stats, "ssrc", G_TYPE_UINT, &ssrc, "clock-rate", G_TYPE_UINT, &clock_rate, nullptr));
+  EXPECT_TRUE(
+      gst_structure_get(stats.get(), "ssrc", G_TYPE_UINT, &ssrc, "clock-rate", G_TYPE_UINT, &clock_rate, nullptr));
   EXPECT_EQ(ssrc, 77u);
   EXPECT_EQ(clock_rate, 90000u);
 }
@@ -112,21 +99,15 @@ TEST(RtpLfPay, DropsInvalidUnits) {
 
 TEST(RtpLfPay, TooSmallMtuIsAnError) {
   RtpElement pay("rtplfpay mtu=200", kAnswerCaps);
-  GstBus* bus = gst_bus_new();
-  gst_element_set_bus(pay.element(), bus);
+  const ElementBus bus(pay.element());
   EXPECT_EQ(pay.push(rtp::answer(1, 10, 10, 0)), GST_FLOW_ERROR);
-  GstMessage* message = gst_bus_pop_filtered(bus, GST_MESSAGE_ERROR);
+  const MessagePtr message(gst_bus_pop_filtered(bus.get(), GST_MESSAGE_ERROR));
   ASSERT_TRUE(message);
-  GError* error = nullptr;
-  gchar* debug = nullptr;
-  gst_message_parse_error(message, &error, &debug);
+  g_autoptr(GError) error = nullptr;
+  g_autofree gchar* debug = nullptr;
+  gst_message_parse_error(message.get(), &error, &debug);
   EXPECT_THAT(error->message, HasSubstr("200"));
   EXPECT_THAT(debug, mentions("mtu", "268"));
-  g_clear_error(&error);
-  g_free(debug);
-  gst_message_unref(message);
-  gst_element_set_bus(pay.element(), nullptr);
-  gst_object_unref(bus);
   RtpElement smallest("rtplfpay mtu=268", kAnswerCaps);
   EXPECT_EQ(smallest.push(rtp::answer(3, 30, 30, 50)), GST_FLOW_OK);
 }
@@ -144,11 +125,7 @@ TEST(RtpLfPay, RequestsAreRepeatedUntilAFlush) {
     pay.push(rtp::request(static_cast<uint32_t>(i)), i * GST_MSECOND);
     EXPECT_EQ(bytes(), std::min<size_t>(i + 1, 3) * one);
   }
-  gst_harness_push_event(pay.h(), gst_event_new_flush_start());
-  gst_harness_push_event(pay.h(), gst_event_new_flush_stop(TRUE));
-  GstSegment segment;
-  gst_segment_init(&segment, GST_FORMAT_TIME);
-  gst_harness_push_event(pay.h(), gst_event_new_segment(&segment));
+  flush(pay.h());
   pay.push(rtp::request(9));
   EXPECT_EQ(bytes(), one);
 }
@@ -187,7 +164,7 @@ TEST(RtpLfPay, FlushesAndStopsWhilePacing) {
   for (const bool stop : {false, true}) {
     RtpElement pay("rtplfpay max-bitrate=8000", kAnswerCaps);
     gst_harness_use_testclock(pay.h());
-    GstTestClock* clock = gst_harness_get_testclock(pay.h());
+    g_autoptr(GstTestClock) clock = gst_harness_get_testclock(pay.h());
     gst_harness_play(pay.h());
     std::thread pushing([&] { EXPECT_EQ(pay.push(rtp::answer(1, 390, 390, 95)), GST_FLOW_FLUSHING); });
     gst_test_clock_wait_for_next_pending_id(clock, nullptr);
@@ -196,7 +173,6 @@ TEST(RtpLfPay, FlushesAndStopsWhilePacing) {
     else
       gst_harness_push_event(pay.h(), gst_event_new_flush_start());
     pushing.join();
-    gst_object_unref(clock);
   }
 }
 
@@ -286,8 +262,7 @@ TEST(RtpLfDepay, AcceptsBufferLists) {
 
 TEST(RtpLfDepay, ForeignPacketsAreCountedAndReportedOnce) {
   RtpElement depay("rtplfdepay", kRtpAnswerCaps);
-  GstBus* bus = gst_bus_new();
-  gst_element_set_bus(depay.element(), bus);
+  const ElementBus bus(depay.element());
   std::mt19937 random(1);
   Bytes good = rtp_packets({rtp::answer(1, 20, 20, 0)})[0];
   for (int i = 0; i < 2000; i++) {
@@ -300,13 +275,10 @@ TEST(RtpLfDepay, ForeignPacketsAreCountedAndReportedOnce) {
   EXPECT_TRUE(depay.units().empty());
   EXPECT_GT(stat(depay.element(), "bad-rtp"), 500u);
   EXPECT_GT(stat(depay.element(), "bad-units") + stat(depay.element(), "duplicates"), 500u);
-  GstMessage* told = gst_bus_pop(bus);
+  const MessagePtr told(gst_bus_pop(bus.get()));
   ASSERT_TRUE(told);
-  EXPECT_EQ(GST_MESSAGE_TYPE(told), GST_MESSAGE_WARNING);
-  gst_message_unref(told);
-  EXPECT_FALSE(gst_bus_have_pending(bus));
-  gst_element_set_bus(depay.element(), nullptr);
-  gst_object_unref(bus);
+  EXPECT_EQ(GST_MESSAGE_TYPE(told.get()), GST_MESSAGE_WARNING);
+  EXPECT_FALSE(gst_bus_have_pending(bus.get()));
 }
 
 TEST(RtpLfDepay, MalformedHeaderExtensionsDoNotHangIt) {
@@ -334,12 +306,10 @@ TEST(RtpLfDepay, IgnoresJitterbufferEvents) {
   RtpElement depay("rtplfdepay", kRtpAnswerCaps);
   const std::vector<Bytes> packets = rtp_packets({rtp::answer_with_sum(100, 100, false)});
   depay.push(packets[0]);
-  while (GstEvent* event = gst_harness_try_pull_event(depay.h())) gst_event_unref(event);
-  gst_harness_push_event(
-      depay.h(), gst_event_new_custom(GST_EVENT_CUSTOM_DOWNSTREAM,
-                                      gst_structure_new("GstRTPPacketLost", "seqnum", G_TYPE_UINT, 65531u, "timestamp",
-                                                        G_TYPE_UINT64, guint64{0}, "duration", G_TYPE_UINT64,
-                                                        guint64{0}, "retry", G_TYPE_UINT, 0u, nullptr)));
+  while (EventPtr(gst_harness_try_pull_event(depay.h()))) continue;
+  GstStructure* lost = gst_structure_from_string(
+      "GstRTPPacketLost,seqnum=(uint)65531,timestamp=(guint64)0,duration=(guint64)0,retry=(uint)0", nullptr);
+  gst_harness_push_event(depay.h(), gst_event_new_custom(GST_EVENT_CUSTOM_DOWNSTREAM, lost));
   EXPECT_FALSE(gst_harness_try_pull_event(depay.h()));
   depay.push(packets[2]);
   EXPECT_EQ(depay.units().size(), 2u);
@@ -348,16 +318,12 @@ TEST(RtpLfDepay, IgnoresJitterbufferEvents) {
 
 TEST(RtpLfDepay, IncompleteUnitsEndWithTheStream) {
   const std::vector<Bytes> packets = rtp_packets({rtp::answer(1, 390, 390, 90)});
-  for (const bool flush : {false, true}) {
+  for (const bool flushes : {false, true}) {
     RtpElement depay("rtplfdepay", kRtpAnswerCaps);
     depay.push(packets[0]);
     depay.push(packets[1]);
-    if (flush) {
-      gst_harness_push_event(depay.h(), gst_event_new_flush_start());
-      gst_harness_push_event(depay.h(), gst_event_new_flush_stop(TRUE));
-      GstSegment segment;
-      gst_segment_init(&segment, GST_FORMAT_TIME);
-      gst_harness_push_event(depay.h(), gst_event_new_segment(&segment));
+    if (flushes) {
+      flush(depay.h());
       for (const Bytes& packet : packets) depay.push(packet);
       EXPECT_EQ(depay.units().size(), 1u);
       EXPECT_EQ(stat(depay.element(), "duplicates"), 0u);
@@ -384,11 +350,8 @@ TEST(RtpLfDepay, CountsAsALink) { EXPECT_FALSE(passes_in_process_query("rtplfdep
 TEST(RtpLfDepay, StatsIncludeTheBaseClass) {
   RtpElement depay("rtplfdepay", kRtpAnswerCaps);
   depay.push(rtp_packets({rtp::answer(1, 10, 10, 0)}, false, 1234)[0]);
-  GstStructure* stats = nullptr;
-  g_object_get(depay.element(), "stats", &stats, nullptr);
-  const StructurePtr owner(stats);
   guint seqnum = 0;
-  EXPECT_TRUE(gst_structure_get_uint(stats, "seqnum", &seqnum));
+  EXPECT_TRUE(gst_structure_get_uint(stats_of(depay.element()).get(), "seqnum", &seqnum));
   EXPECT_EQ(seqnum, 1234u);
 }
 

@@ -5,7 +5,6 @@
 #include <gst/rtsp-server/rtsp-server.h>
 #endif
 
-#include <string>
 #include <thread>
 
 #include "gst/camera_files.h"
@@ -69,25 +68,22 @@ class RtspServer {
 
  private:
   static void disable_sender_reports(GstRTSPMedia* media, gpointer) {
-    GstElement* element = gst_rtsp_media_get_element(media);
-    GstObject* pipeline = gst_object_get_parent(GST_OBJECT(element));
+    g_autoptr(GstElement) element = gst_rtsp_media_get_element(media);
+    g_autoptr(GstObject) pipeline = gst_object_get_parent(GST_OBJECT(element));
     GstIterator* bins = gst_bin_iterate_all_by_element_factory_name(GST_BIN(pipeline), "rtpbin");
     GValue bin = G_VALUE_INIT;
     if (gst_iterator_next(bins, &bin) == GST_ITERATOR_OK) {
-      GstPad* reports = gst_element_get_static_pad(GST_ELEMENT(g_value_get_object(&bin)), "send_rtcp_src_0");
+      const PadPtr reports = pad_of(GST_ELEMENT(g_value_get_object(&bin)), "send_rtcp_src_0");
       gst_pad_add_probe(
-          reports, GST_PAD_PROBE_TYPE_BUFFER, [](GstPad*, GstPadProbeInfo*, gpointer) { return GST_PAD_PROBE_DROP; },
-          nullptr, nullptr);
-      gst_object_unref(reports);
+          reports.get(), GST_PAD_PROBE_TYPE_BUFFER,
+          [](GstPad*, GstPadProbeInfo*, gpointer) { return GST_PAD_PROBE_DROP; }, nullptr, nullptr);
       g_value_unset(&bin);
     }
     gst_iterator_free(bins);
-    gst_object_unref(pipeline);
-    gst_object_unref(element);
   }
 
   void mount(const char* path, const std::string& coder, bool reports = true) {
-    GstRTSPMountPoints* mounts = gst_rtsp_server_get_mount_points(server_);
+    g_autoptr(GstRTSPMountPoints) mounts = gst_rtsp_server_get_mount_points(server_);
     GstRTSPMediaFactory* factory = gst_rtsp_media_factory_new();
     const std::string line =
         "( videotestsrc is-live=true pattern=white ! video/x-raw,format=I420,width=64,height=48,framerate=30/1 ! " +
@@ -100,7 +96,6 @@ class RtspServer {
                        }),
                        nullptr);
     gst_rtsp_mount_points_add_factory(mounts, path, factory);
-    g_object_unref(mounts);
   }
 
   GMainContext* context_;

@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <gtest/gtest.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include "gst/gst_test.h"
 #include "rtp/srtp.h"
@@ -12,12 +10,10 @@ namespace {
 
 using test::TempFile;
 
-std::vector<uint8_t> text(const std::string& characters) { return {characters.begin(), characters.end()}; }
-
 const std::string kSecret(32, 'k');
 
 TEST(RtpKey, IgnoresWhiteSpaceInTheFile) {
-  const TempFile plain(text(kSecret)), spaced(text("\n " + kSecret + " \r\n")), other(text(kSecret + "k"));
+  const TempFile plain(kSecret), spaced("\n " + kSecret + " \r\n"), other(kSecret + "k");
   const KeyId name{1, 2, 3};
   const SessionKey session = RtpKey(plain.path()).session("A", name);
   EXPECT_EQ(RtpKey(spaced.path()).session("A", name).key, session.key);
@@ -26,7 +22,7 @@ TEST(RtpKey, IgnoresWhiteSpaceInTheFile) {
 
 // Test vector of lib/rtp/spec.md, computed with another program.
 TEST(RtpKey, MatchesTheSpecification) {
-  const TempFile file(text(kSecret));
+  const TempFile file(kSecret);
   const SessionKey session = RtpKey(file.path()).session("X-LIGHTFIELD-ANSWER", {0x11223344, 29000000, 0x55667788});
   const std::array<uint8_t, 12> mki = {0x01, 0xba, 0x81, 0x40, 0x55, 0x66, 0x77, 0x88, 0xb7, 0x9d, 0x5e, 0x09};
   const std::array<uint8_t, 30> key = {0x44, 0xc4, 0x2e, 0xfb, 0x7b, 0xfd, 0x84, 0x9d, 0x42, 0xdb,
@@ -37,7 +33,7 @@ TEST(RtpKey, MatchesTheSpecification) {
 }
 
 TEST(RtpKey, EachStreamHasItsOwnKey) {
-  const TempFile file(text(kSecret));
+  const TempFile file(kSecret);
   const RtpKey key(file.path());
   const SessionKey one = key.session("A", {1, 2, 3});
   EXPECT_EQ(key.session("A", {1, 2, 3}).key, one.key);
@@ -55,7 +51,7 @@ TEST(RtpKey, EachStreamHasItsOwnKey) {
 TEST(RtpKey, ErrorsNameTheFile) {
   EXPECT_ERROR(RtpKey("/nobody/key"), "/nobody/key", "No such file");
   EXPECT_ERROR(RtpKey("/tmp"), "/tmp", "regular file");
-  const TempFile empty({}), few(text(std::string(31, 'k') + std::string(40, ' '))), many(text(std::string(4097, 'k')));
+  const TempFile empty(""), few(std::string(31, 'k') + std::string(40, ' ')), many(std::string(4097, 'k'));
   for (const TempFile* bad : {&empty, &few, &many}) EXPECT_ERROR(RtpKey(bad->path()), bad->path(), "32 to");
 }
 
@@ -68,7 +64,7 @@ TEST(RtpKey, DoesNotWaitForAFifo) {
 }
 
 TEST(RtpKey, RefusesAFileThatOtherUsersCanRead) {
-  const TempFile file(text(kSecret));
+  const TempFile file(kSecret);
   for (const mode_t mode : {0640, 0644, 0604}) {
     ASSERT_EQ(chmod(file.path().c_str(), mode), 0);
     EXPECT_ERROR(RtpKey(file.path()), "chmod 600", file.path());

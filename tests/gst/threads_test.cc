@@ -1,21 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // One thread uses elements while another thread stops the pipeline. A bug hangs the test or reads freed memory, which
 // sanitizers detect (tests/sanitize.sh).
-#include <gst/gst.h>
-#include <gtest/gtest.h>
 
-#include <atomic>
 #include <future>
-#include <memory>
-#include <string>
-#include <thread>
 
 #include "gst/gst_test.h"
 
 namespace lf::test {
 namespace {
-
-using PadPtr = std::unique_ptr<GstPad, Unref<gst_object_unref>>;
 
 // A slow signal handler watches the view while its viewer is removed.
 struct Watching {
@@ -31,12 +23,12 @@ struct Watching {
 };
 
 TEST(Threads, ViewerIsRemovedDuringNavigation) {
-  ElementPtr pipeline = launch(
+  PipelinePtr pipeline = launch(
       "lfviewrequest name=v is-live=true navigation-element=pictures ! fakesink  videotestsrc is-live=true ! "
       "identity name=pictures ! fakesink");
-  ElementPtr pictures(gst_bin_get_by_name(GST_BIN(pipeline.get()), "pictures"));
-  const PadPtr pad(gst_element_get_static_pad(pictures.get(), "src"));
-  ElementPtr view(gst_bin_get_by_name(GST_BIN(pipeline.get()), "v"));
+  ElementPtr pictures = child_of(pipeline.get(), "pictures");
+  const PadPtr pad = pad_of(pictures.get(), "src");
+  ElementPtr view = child_of(pipeline.get(), "v");
   GWeakRef alive;
   g_weak_ref_init(&alive, view.get());
   ASSERT_NE(gst_element_set_state(pipeline.get(), GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE);
@@ -81,9 +73,8 @@ class Asking {
  private:
   void ask() {
     while (!done_) {
-      GstQuery* query = gst_query_new_latency();
+      g_autoptr(GstQuery) query = gst_query_new_latency();
       gst_pad_query(pad_.get(), query);
-      gst_query_unref(query);
       if (GST_PAD_IS_SINK(pad_.get())) continue;
       gst_pad_send_event(pad_.get(), gst_event_new_navigation(gst_structure_new_empty("application/x-gst-navigation")));
     }
@@ -94,10 +85,10 @@ class Asking {
 };
 
 TEST(Threads, RelayPadIsReleasedDuringQueries) {
-  const ElementPtr relay(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make("lfviewrequest", nullptr))));
+  const ElementPtr relay = make_element("lfviewrequest");
   g_object_set(relay.get(), "is-live", TRUE, nullptr);
   gst_element_set_state(relay.get(), GST_STATE_PAUSED);
-  const PadPtr src(gst_element_get_static_pad(relay.get(), "src"));
+  const PadPtr src = pad_of(relay.get(), "src");
   {
     const Asking asking(src.get());
     for (int i = 0; i < 300; i++) {
@@ -115,12 +106,12 @@ TEST(Threads, RelayPadIsReleasedDuringQueries) {
 }
 
 TEST(Threads, ClientIsRemovedDuringRequests) {
-  const ElementPtr node(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make("lffragment", nullptr))));
+  const ElementPtr node = make_element("lffragment");
   for (int i = 0; i < 100; i++) {
     const PadPtr request(gst_element_request_pad_simple(node.get(), "request_%u"));
     ASSERT_TRUE(request);
     const std::string number = std::string(GST_PAD_NAME(request.get())).substr(sizeof("request") - 1);
-    const PadPtr src(gst_element_get_static_pad(node.get(), ("src" + number).c_str()));
+    const PadPtr src = pad_of(node.get(), ("src" + number).c_str());
     const Asking of_answers(src.get()), of_requests(request.get());
     g_thread_yield();
     gst_element_release_request_pad(node.get(), request.get());

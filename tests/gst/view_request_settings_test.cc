@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <memory>
-
-#include <gtest/gtest.h>
-
 #include "viewrequest/view_request_settings.h"
+#include "support/test.h"
 
 namespace lf::test {
 namespace {

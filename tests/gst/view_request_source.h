@@ -1,13 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <gst/check/gstharness.h>
-#include <gst/gst.h>
-#include <gtest/gtest.h>
-
-#include <string>
-#include <vector>
-
 #include "geometry/pose.h"
 #include "gst/gst_test.h"
 #include "rig/rig_json.h"
@@ -58,118 +51,80 @@ struct Unit {
 // One lfviewrequest in a harness, with its own bus.
 class Source {
  public:
-  Source() : element_(gst_element_factory_make("lfviewrequest", nullptr)), bus_(gst_bus_new()) {
-    gst_object_ref_sink(element_);
-    gst_element_set_bus(element_, bus_);
-  }
   ~Source() {
-    if (harness_) gst_harness_teardown(harness_);
-    gst_element_set_state(element_, GST_STATE_NULL);
-    gst_element_set_bus(element_, nullptr);
-    gst_object_unref(element_);
-    gst_object_unref(bus_);
+    harness_.reset();
+    gst_element_set_state(element(), GST_STATE_NULL);
   }
-  GstElement* element() const { return element_; }
-  GstHarness* harness() const { return harness_; }
+  GstElement* element() const { return element_.get(); }
+  GstHarness* harness() const { return harness_.get(); }
 
   template <typename... Args>
   Source& set(const char* name, Args... args) {
-    g_object_set(element_, name, args..., nullptr);
+    g_object_set(element(), name, args..., nullptr);
     return *this;
   }
-  double get(const char* name) const {
-    double value = 0;
-    g_object_get(element_, name, &value, nullptr);
-    return value;
-  }
+  double get(const char* name) const { return test::get<double>(element(), name); }
 
   // For sources that are not live: needs num-buffers or a file, otherwise fills memory.
   void play() {
-    harness_ = gst_harness_new_with_element(element_, nullptr, "src");
-    gst_harness_play(harness_);
+    harness_.reset(gst_harness_new_with_element(element(), nullptr, "src"));
+    gst_harness_play(harness());
   }
   void play_live(GstClockTime clock_time = 0) {
     set("is-live", TRUE);
-    harness_ = gst_harness_new_with_element(element_, nullptr, "src");
+    harness_.reset(gst_harness_new_with_element(element(), nullptr, "src"));
     // the harness may have started it, because the element has an optional sink pad
-    gst_element_set_state(element_, GST_STATE_NULL);
-    gst_harness_use_testclock(harness_);
-    gst_harness_set_time(harness_, clock_time);
-    gst_harness_play(harness_);
+    gst_element_set_state(element(), GST_STATE_NULL);
+    gst_harness_use_testclock(harness());
+    gst_harness_set_time(harness(), clock_time);
+    gst_harness_play(harness());
   }
 
   Unit pull() {
-    Unit unit{};
-    GstBuffer* buffer = gst_harness_pull(harness_);  // times out after a minute
+    const BufferPtr buffer(gst_harness_pull(harness()));  // times out after a minute
     EXPECT_TRUE(buffer);
-    if (!buffer) return unit;
-    unit.pts = GST_BUFFER_PTS(buffer);
-    unit.duration = GST_BUFFER_DURATION(buffer);
-    unit.bytes = to_bytes(buffer);
-    gst_buffer_unref(buffer);
+    if (!buffer) return {};
+    Unit unit{{}, to_bytes(buffer.get()), GST_BUFFER_PTS(buffer.get()), GST_BUFFER_DURATION(buffer.get())};
     std::string reason;
     const auto request = wire::decode_request(unit.bytes, &reason);
     EXPECT_TRUE(request) << reason;
-    if (request) unit.request = *request;
+    unit.request = request.value_or(ViewRequest{});
     return unit;
   }
   // Live: advances the clock to the next request.
   Unit next_live() {
-    EXPECT_TRUE(gst_harness_wait_for_clock_id_waits(harness_, 1, 30));
-    EXPECT_TRUE(gst_harness_crank_single_clock_wait(harness_));
+    pass_wait();
     return pull();
   }
+  // Waits until the element waits for the clock, and advances the clock to the end of this wait.
+  void pass_wait() {
+    EXPECT_TRUE(gst_harness_wait_for_clock_id_waits(harness(), 1, 30));
+    EXPECT_TRUE(gst_harness_crank_single_clock_wait(harness()));
+  }
   GstClockTime clock_time() const {
-    GstClock* clock = gst_element_get_clock(element_);
-    const GstClockTime time = gst_clock_get_time(clock);
-    gst_object_unref(clock);
-    return time;
+    g_autoptr(GstClock) clock = gst_element_get_clock(element());
+    return gst_clock_get_time(clock);
   }
-  bool wait_eos() {
-    for (int i = 0; i < 3000; i++) {
-      GstEvent* event = gst_harness_try_pull_event(harness_);
-      if (!event) {
-        g_usleep(10000);
-        continue;
-      }
-      const bool eos = GST_EVENT_TYPE(event) == GST_EVENT_EOS;
-      gst_event_unref(event);
-      if (eos) return true;
-    }
-    return false;
-  }
-  bool send(GstEvent* event) { return gst_harness_push_upstream_event(harness_, event); }
+  bool wait_eos() { return reaches_eos(harness()); }
+  bool send(GstEvent* event) { return gst_harness_push_upstream_event(harness(), event); }
 
   // Returns true if such a message was posted since the last call.
   bool has_message(GstMessageType type) {
     bool any = false;
-    while (GstMessage* message = gst_bus_pop_filtered(bus_, type)) {
-      gst_message_unref(message);
-      any = true;
-    }
+    while (MessagePtr(gst_bus_pop_filtered(bus_.get(), type))) any = true;
     return any;
   }
 
   // Returns the first message's text, "" if there is none. GstBaseSrc posts a second error if a source fails to start.
   std::string pop_message(GstMessageType type) {
-    GstMessage* message = gst_bus_pop_filtered(bus_, type);
-    if (!message) return "";
-    GError* error = nullptr;
-    if (type == GST_MESSAGE_ERROR)
-      gst_message_parse_error(message, &error, nullptr);
-    else
-      gst_message_parse_warning(message, &error, nullptr);
-    const std::string text = error->message;
-    g_error_free(error);
-    do gst_message_unref(message);
-    while ((message = gst_bus_pop_filtered(bus_, type)));
-    return text;
+    const std::vector<std::string> texts = texts_on(bus_.get(), type);
+    return texts.empty() ? "" : texts[0];
   }
 
  private:
-  GstElement* element_;
-  GstBus* bus_;
-  GstHarness* harness_ = nullptr;
+  const ElementPtr element_ = make_element("lfviewrequest");
+  const ElementBus bus_{element()};
+  HarnessPtr harness_;
 };
 
 class FileSource : public Source {
@@ -212,9 +167,13 @@ inline Viewpoint test_viewpoint() {
   return v;
 }
 
-inline void set_test_viewpoint(Source& source) {
-  source.set("x", 1.0, "y", -2.0, "z", 0.5, "yaw", 35.0, "pitch", -20.0, "roll", 10.0, "fov", 40.0, "focus-distance",
-             3.0, "width", 320, "height", 200);
-}
+// Starts at test_viewpoint().
+class TestSource : public Source {
+ public:
+  TestSource() {
+    set("x", 1.0, "y", -2.0, "z", 0.5, "yaw", 35.0, "pitch", -20.0, "roll", 10.0, "fov", 40.0, "focus-distance", 3.0,
+        "width", 320, "height", 200);
+  }
+};
 
 }  // namespace lf::test

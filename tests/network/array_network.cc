@@ -1,19 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "network/array_network.h"
 
-#include <algorithm>
-#include <chrono>
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
-#include <stdexcept>
-#include <thread>
-
 #include <fcntl.h>
 #include <signal.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include "pipelines/gst_launch.h"
 #include "rig/rig_json.h"
@@ -62,11 +51,6 @@ Image rgb_image(const uint8_t* bytes) {
   Image image(PixelFamily::kRgb, ArrayNetwork::kWidth, ArrayNetwork::kHeight);
   std::copy_n(bytes, image.data().size(), image.data().begin());
   return image;
-}
-
-std::vector<uint8_t> read_bytes(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), {}};
 }
 
 }  // namespace
@@ -314,8 +298,7 @@ Image ArrayNetwork::next_picture(int view, uint32_t* sequence) {
   while (now_seconds() < begun + 30) {
     const std::vector<Picture> all = pictures(view);
     for (size_t k = before; k < all.size(); k++) {
-      const std::string path = file(std::to_string(view) + "-" + std::to_string(k) + ".rgb");
-      const std::vector<uint8_t> bytes = read_bytes(path);
+      const std::vector<uint8_t> bytes = read_bytes(file(std::to_string(view) + "-" + std::to_string(k) + ".rgb"));
       if (!all[k].complete || bytes.size() != 3u * kWidth * kHeight) continue;
       *sequence = all[k].sequence;
       return rgb_image(bytes.data());

@@ -1,18 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // The complete system on separate hosts, as in Figure 2 of the paper, started by the scripts of pipelines/.
-#include <gtest/gtest.h>
 
 #include <signal.h>
 
-#include <algorithm>
-#include <cstdio>
-#include <cstdlib>
-#include <thread>
-
-#include "base/maths.h"
-#include "image/image.h"
 #include "network/array_network.h"
 #include "quality/image_quality.h"
+#include "support/test.h"
 
 namespace lf::test {
 namespace {

@@ -1,25 +1,14 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // Access to the cameras of a host on a shared network: pipelines/ with and without keys.
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <signal.h>
-#include <sys/stat.h>
-
-#include <fstream>
-#include <thread>
 
 #include "network/array_network.h"
 #include "rig/rig_json.h"
 #include "support/run_program.h"
-#include "support/temp_dir.h"
 
 namespace lf::test {
 namespace {
-
-using testing::AllOf;
-using testing::HasSubstr;
-using testing::Not;
 
 constexpr char kComplete[] = "complete=(boolean)true";
 constexpr char kAnybody[] = "anyone on this network";
@@ -29,18 +18,13 @@ class Keys : public testing::Test {
   void SetUp() override {
     if (const std::string reason = Network::unavailable(); !reason.empty()) GTEST_SKIP() << reason;
     network_ = std::make_unique<Network>(std::vector<std::string>{"cameras", "viewer", "stranger"});
-    const Outcome filmed = run_program(
-        "lf-scene", "--out '" + folder_.path() + "' --grid 2x2 --frames 1 --samples 1 --width 80 --height 60");
-    ASSERT_EQ(filmed.status, 0) << filmed.output;
+    expect_outcome(
+        run_program("lf-scene", "--out . --grid 2x2 --frames 1 --samples 1 --width 80 --height 60", folder_.path()), 0);
     Rig rig = load_rig(folder_ / "rig.json");
     for (Camera& camera : rig.cameras) camera.source.clear();  // use the first frame, a still image, forever
     save_rig(rig, folder_ / "rig.json");
-    write_key("key", kSecret);
-    write_key("other-key", "another secret of thirty-two or more");
-  }
-  void write_key(const std::string& name, const std::string& secret) {
-    std::ofstream(folder_ / name) << secret << "\n";
-    chmod((folder_ / name).c_str(), 0600);
+    folder_.write_secret("key", std::string(kSecret) + "\n");
+    folder_.write_secret("other-key", "another secret of thirty-two or more\n");
   }
   std::unique_ptr<Process> start(const std::string& host, std::vector<std::string> command) {
     command.insert(command.begin(), {"env", "GST_PLUGIN_PATH=" LF_PLUGIN_DIR,
@@ -96,8 +80,7 @@ TEST_P(WrongKeys, CannotRead) {
   EXPECT_THAT(viewer->text(), Not(HasSubstr(kComplete)));
 }
 INSTANTIATE_TEST_SUITE_P(Each, WrongKeys,
-                         testing::Values(std::pair{"key", "other-key"}, std::pair{"key", ""}, std::pair{"", "key"}),
-                         [](const auto& info) { return std::to_string(info.index); });
+                         testing::Values(std::pair{"key", "other-key"}, std::pair{"key", ""}, std::pair{"", "key"}));
 
 TEST_F(Keys, WithoutAKeyTheReceiverOfAnswersMaySendRequests) {
   const auto node = start_cameras(""), viewer = start_viewer("", cameras());
@@ -136,8 +119,7 @@ TEST_P(ManInTheMiddle, CannotTamper) {
 INSTANTIATE_TEST_SUITE_P(Each, ManInTheMiddle,
                          testing::Values(std::pair{"identity", "replayed"},
                                          std::pair{"rndbuffersize min=30 max=31", "not RTP"},
-                                         std::pair{"rndbuffersize min=300 max=301", "not encrypted: "}),
-                         [](const auto& info) { return std::to_string(info.index); });
+                                         std::pair{"rndbuffersize min=300 max=301", "not encrypted: "}));
 
 TEST_F(Keys, CompositorHostsAndViewersShareAKey) {
   const auto node = start_cameras("key", "", "stranger");
@@ -157,12 +139,7 @@ TEST_F(Keys, CompositorHostsAndViewersShareAKey) {
                  "buffer-mode=unbuffered sync=false async=false location=" + shown);
   EXPECT_TRUE(compositor->wait_for(kComplete, 10)) << compositor->text();
   EXPECT_THAT(compositor->text(), AllOf(HasSubstr("view-id=(uint)3"), Not(HasSubstr(kAnybody))));
-  const auto pictures = [&] {
-    struct stat status {};
-    return stat(shown.c_str(), &status) == 0 && status.st_size > 0;
-  };
-  for (int i = 0; i < 1000 && !pictures(); i++) std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  EXPECT_TRUE(pictures()) << viewer->text();
+  EXPECT_TRUE(eventually([&] { return !read_binary(shown).empty(); })) << viewer->text();
   for (const Process* process : {node.get(), compositor.get(), viewer.get()})
     EXPECT_THAT(process->text(), AllOf(Not(HasSubstr(kSecret)), Not(HasSubstr("are dropped"))));
 }

@@ -1,25 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // Requests and answers through GStreamer's own network elements, over the loopback interface.
-#include <array>
-#include <cstdio>
-#include <filesystem>
-#include <fstream>
-#include <sstream>
-#include <string>
-#include <thread>
-#include <vector>
 
 #include <gio/gio.h>
-#include <gmock/gmock.h>
 #include <gst/app/gstappsink.h>
 #include <gst/app/gstappsrc.h>
 #include <gst/sdp/gstsdpmessage.h>
 
-#include "base/json_value.h"
-#include "gst/gst_test.h"
 #include "gst/rtp_fixture.h"
-#include "lib/rtp/rtp_test.h"
 #include "support/run_program.h"
 
 namespace lf::test {
@@ -31,29 +19,16 @@ constexpr char kRequests[] = "application/x-lightfield-request,framerate=30/1";
 class Running {
  public:
   explicit Running(const std::string& line) : pipeline_(launch(line)) {}
-  ~Running() {
-    if (pipeline_) gst_element_set_state(pipeline_.get(), GST_STATE_NULL);
-  }
-  Running(const Running&) = delete;
   void play() { gst_element_set_state(pipeline_.get(), GST_STATE_PLAYING); }
   GstElement* get() { return pipeline_.get(); }
-  ElementPtr child(const char* name) { return ElementPtr(gst_bin_get_by_name(GST_BIN(pipeline_.get()), name)); }
+  ElementPtr child(const char* name) { return child_of(pipeline_.get(), name); }
   std::string error() {
-    const std::unique_ptr<GstBus, Unref<gst_object_unref>> bus(gst_element_get_bus(pipeline_.get()));
-    GstMessage* message = gst_bus_pop_filtered(bus.get(), GST_MESSAGE_ERROR);
-    if (!message) return "";
-    GError* error = nullptr;
-    gchar* debug = nullptr;
-    gst_message_parse_error(message, &error, &debug);
-    const std::string text = std::string(error->message) + " (" + (debug ? debug : "") + ")";
-    g_clear_error(&error);
-    g_free(debug);
-    gst_message_unref(message);
-    return text;
+    g_autoptr(GstBus) bus = gst_element_get_bus(pipeline_.get());
+    return testing::PrintToString(texts_on(bus, GST_MESSAGE_ERROR));
   }
 
  private:
-  ElementPtr pipeline_;
+  PipelinePtr pipeline_;
 };
 
 class Receiver : public Running {
@@ -63,19 +38,16 @@ class Receiver : public Running {
   const std::vector<std::vector<uint8_t>>& take(size_t count, double seconds = 5) {
     const ElementPtr out = child("out");
     while (buffers_.size() < count) {
-      GstSample* sample =
+      g_autoptr(GstSample) sample =
           gst_app_sink_try_pull_sample(GST_APP_SINK(out.get()), static_cast<GstClockTime>(seconds * GST_SECOND));
       if (!sample) break;
       buffers_.push_back(to_bytes(gst_sample_get_buffer(sample)));
-      gst_sample_unref(sample);
     }
     return buffers_;
   }
   std::string port(const char* name = "udp") {
     gst_element_set_state(get(), GST_STATE_PAUSED);
-    gint port = 0;
-    g_object_get(child(name).get(), "port", &port, nullptr);
-    return std::to_string(port);
+    return std::to_string(lf::test::get<gint>(child(name).get(), "port"));
   }
 
  private:
@@ -202,30 +174,27 @@ TEST(RtpLinks, Tcp) {
 }
 
 GstStructure* find_source(GstElement* rtpbin, const std::function<bool(const GstStructure*)>& wanted) {
-  GObject* session = nullptr;
+  g_autoptr(GObject) session = nullptr;
   g_signal_emit_by_name(rtpbin, "get-internal-session", 0, &session);
   GstStructure* found = nullptr;
   if (!session) return found;
-  GstStructure* stats = nullptr;
-  g_object_get(session, "stats", &stats, nullptr);
-  const auto* sources = static_cast<GValueArray*>(g_value_get_boxed(gst_structure_get_value(stats, "source-stats")));
+  const StructurePtr stats = stats_of(session);
+  const GValue* array = gst_structure_get_value(stats.get(), "source-stats");
+  const auto* sources = static_cast<GValueArray*>(g_value_get_boxed(array));
   G_GNUC_BEGIN_IGNORE_DEPRECATIONS
   for (guint i = 0; i < sources->n_values && !found; i++) {
     const GstStructure* source = gst_value_get_structure(g_value_array_get_nth(const_cast<GValueArray*>(sources), i));
     if (wanted(source)) found = gst_structure_copy(source);
   }
   G_GNUC_END_IGNORE_DEPRECATIONS
-  gst_structure_free(stats);
-  g_object_unref(session);
   return found;
 }
 
 void report_often(GstElement* rtpbin) {
-  GObject* session = nullptr;
+  g_autoptr(GObject) session = nullptr;
   g_signal_emit_by_name(rtpbin, "get-internal-session", 0, &session);
   ASSERT_TRUE(session);
   g_object_set(session, "rtcp-min-interval", guint64{50 * GST_MSECOND}, nullptr);
-  g_object_unref(session);
 }
 
 TEST(RtpLinks, RtpbinReportsLosses) {
@@ -241,21 +210,18 @@ TEST(RtpLinks, RtpbinReportsLosses) {
       port + " bin.send_rtcp_src_0 ! udpsink host=127.0.0.1 sync=false async=false port=" + rtcp_port +
       " udpsrc name=udp port=0 address=127.0.0.1 caps=application/x-rtcp ! bin.recv_rtcp_sink_0");
   gst_element_set_state(sender.get(), GST_STATE_PAUSED);
-  gint back = 0;
-  g_object_get(sender.child("udp").get(), "port", &back, nullptr);
+  const gint back = get<gint>(sender.child("udp").get(), "port");
   g_object_set(receiver.child("reports").get(), "port", back, nullptr);
   const ElementPtr sending_bin = sender.child("bin"), receiving_bin = receiver.child("bin");
   report_often(sending_bin.get());
   report_often(receiving_bin.get());
   int count = 0;
-  GstPad* loss = gst_element_get_static_pad(receiver.child("loss").get(), "sink");
   gst_pad_add_probe(
-      loss, GST_PAD_PROBE_TYPE_BUFFER,
+      pad_of(receiver.child("loss").get(), "sink").get(), GST_PAD_PROBE_TYPE_BUFFER,
       [](GstPad*, GstPadProbeInfo*, gpointer data) {
         return ++*static_cast<int*>(data) % 10 == 5 ? GST_PAD_PROBE_DROP : GST_PAD_PROBE_OK;
       },
       &count, nullptr);
-  gst_object_unref(loss);
   receiver.play();
   sender.play();
   const Units units = small_answers(60);
@@ -307,7 +273,7 @@ std::string with_port(std::string sdp, const std::string& port) {
 TEST(RtpLinks, ReceiverStartsFromAnSdpFile) {
   const std::string port = std::to_string(free_port(SOCK_DGRAM));
   const std::string sdp = with_port(read_text_file(LF_SOURCE_ROOT "/pipelines/answers.sdp"), port);
-  const TempFile file({sdp.begin(), sdp.end()}, ".sdp");
+  const TempFile file(sdp, ".sdp");
   Receiver receiver("filesrc location=" + file.path() + " ! sdpdemux latency=20 ! rtplfdepay" + kOut);
   receiver.play();
   Sender sender(kAnswers, "rtplfpay ! udpsink host=127.0.0.1 port=" + port);
@@ -320,7 +286,7 @@ TEST(RtpLinks, ReceiverStartsFromAnSdpFile) {
 
 TEST(RtpLinks, CapsSurviveSdp) {
   for (const char* caps : {kAnswers, kRequests}) {
-    const ElementPtr pay(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make("rtplfpay", nullptr))));
+    const ElementPtr pay = make_element("rtplfpay");
     const HarnessPtr harness(gst_harness_new_with_element(pay.get(), "sink", "src"));
     gst_harness_set_src_caps_str(harness.get(), caps);
     gst_harness_push(harness.get(), to_buffer(caps == kAnswers ? small_answers(1)[0] : requests(1)[0]));
@@ -328,14 +294,13 @@ TEST(RtpLinks, CapsSurviveSdp) {
     GstSDPMedia* media = nullptr;
     gst_sdp_media_new(&media);
     ASSERT_EQ(gst_sdp_media_set_media_from_caps(before.get(), media), GST_SDP_OK);
-    gchar* text = gst_sdp_media_as_text(media);
-    EXPECT_THAT(text, testing::HasSubstr("a=rtpmap:96 X-LIGHTFIELD-"));
-    g_free(text);
+    g_autofree gchar* text = gst_sdp_media_as_text(media);
+    EXPECT_THAT(text, HasSubstr("a=rtpmap:96 X-LIGHTFIELD-"));
     CapsPtr after(gst_sdp_media_get_caps_from_media(media, 96));
     gst_sdp_media_free(media);
     ASSERT_TRUE(after);
     gst_structure_set_name(gst_caps_get_structure(after.get(), 0), "application/x-rtp");
-    const ElementPtr depay(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make("rtplfdepay", nullptr))));
+    const ElementPtr depay = make_element("rtplfdepay");
     const HarnessPtr receiver(gst_harness_new_with_element(depay.get(), "sink", "src"));
     gst_harness_set_src_caps(receiver.get(), after.release());
     const CapsPtr expected(gst_caps_from_string((std::string(caps) + ",parsed=true").c_str())),
@@ -389,11 +354,8 @@ Bytes announcement(int clock_rate) {
 }
 
 std::string tshark(const std::string& arguments) {
-  FILE* pipe = popen(("tshark " + arguments + " 2>/dev/null").c_str(), "r");
-  std::string out;
-  std::array<char, 4096> buffer;
-  while (const size_t n = fread(buffer.data(), 1, buffer.size(), pipe)) out.append(buffer.data(), n);
-  return pclose(pipe) == 0 ? out : "failed: " + out;
+  const Outcome outcome = run_shell("{ tshark " + arguments + " 2>/dev/null; }");
+  return outcome.status == 0 ? outcome.output : "failed: " + outcome.output;
 }
 
 // Returns ten answers of several packets each, 40 ms apart, without network delay.
@@ -438,8 +400,8 @@ TEST_F(Tshark, FindsNeitherLossNorJitterByTheRightClock) {
   };
   const std::string found = "X-LIGHTFIELD-ANSWER +" + std::to_string(packets_.size()) +
                             " +0 \\(0\\.0%\\) +[0-9.]+ +[0-9.]+ +[0-9.]+ +0\\.000 +0\\.000 +0\\.000";
-  EXPECT_THAT(streams(90000), testing::ContainsRegex(found));
-  EXPECT_THAT(streams(48000), testing::Not(testing::ContainsRegex(found)));
+  EXPECT_THAT(streams(90000), ContainsRegex(found));
+  EXPECT_THAT(streams(48000), Not(ContainsRegex(found)));
 }
 
 }  // namespace

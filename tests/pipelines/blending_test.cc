@@ -2,17 +2,11 @@
 //
 // Blending of more than three cameras per pixel in file pipelines, compared with the library: one or two nodes, each
 // kind of camera access, and a focal surface.
-#include <gtest/gtest.h>
 
 #include "composite/still.h"
-#include "image/image.h"
 #include "pipelines/gst_launch.h"
 #include "quality/image_quality.h"
-#include "rig/rig_json.h"
-#include "scene/scene.h"
 #include "support/photographs.h"
-#include "support/temp_dir.h"
-#include "view/view_path.h"
 
 namespace lf::test {
 namespace {
@@ -23,20 +17,13 @@ class BlendedArray : public testing::Test {
     rig_ = scene_rig(4, 4, 96, 72);
     images_ = save_photographs(rig_, dir_, 0, 1);
     rig_ = load_rig(dir_ / "rig.json");
-    for (int i = 0; i < kViews; i++) {
-      NamedView view{"view_" + std::to_string(i), i / 15., {}};
-      view.view.width = 101;
-      view.view.height = 75;
-      view.view.lens = Lens::from_fov_y(30, 101, 75);
-      view.view.pose.position = Vec3(0.01 * i, -0.005 * i, -0.02 * i);
-      view.view.focus.plane = focal_plane_at(view.view.pose, kSceneMiddle);
-      views_.push_back(view);
-    }
-    save_views(views_, dir_ / "views.json");
+    for (int i = 0; i < kViews; i++)
+      views_.push_back(view_at(Vec3(0.01, -0.005, -0.02) * double(i), 101, 75, 30, kSceneMiddle));
+    save_views(path_of(views_, 1 / 15.0), dir_ / "views.json");
   }
 
   Image expected(int i, const Blending& blending) const {
-    View view = views_[static_cast<size_t>(i)].view;
+    View view = views_[static_cast<size_t>(i)];
     view.blending = blending;
     return render_still(rig_, build_mesh(rig_), view,
                         [this](CameraIndex camera) -> const Image& { return images_[camera]; })
@@ -50,11 +37,9 @@ class BlendedArray : public testing::Test {
   // Returns the pictures that `nodes` and a compositor with these properties make.
   std::vector<Image> pictures(const std::string& request, const std::string& nodes,
                               const std::string& compositor = "focus=plane") {
-    test::expect_outcome(
-        gst_launch("lfviewrequest location=" + dir_ / "views.json" + " rig=" + dir_ / "rig.json" + " " + request +
-                   " ! tee name=r r. ! queue ! c.request lfcompositor name=c rig=" + dir_ / "rig.json" + " " +
-                   compositor + " ! videoconvert ! pngenc ! multifilesink location=" + dir_ / "%d.png" + nodes),
-        0);
+    expect_runs("lfviewrequest location=" + dir_ / "views.json" + " rig=" + dir_ / "rig.json" + " " + request +
+                " ! tee name=r r. ! queue ! c.request lfcompositor name=c rig=" + dir_ / "rig.json" + " " + compositor +
+                " ! videoconvert ! pngenc ! multifilesink location=" + dir_ / "%d.png" + nodes);
     std::vector<Image> out;
     for (int i = 0; i < kViews; i++) out.push_back(load_image(dir_ / (std::to_string(i) + ".png")));
     return out;
@@ -64,7 +49,7 @@ class BlendedArray : public testing::Test {
   TempDir dir_;
   Rig rig_;
   std::vector<Image> images_;
-  std::vector<NamedView> views_;
+  std::vector<View> views_;
 };
 
 const struct {

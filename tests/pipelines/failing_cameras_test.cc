@@ -1,28 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // Launch lines and scripts with failing cameras and with cameras from the rig.
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cstdio>
-#include <fstream>
-#include <iterator>
-#include <set>
 
 #include "gst/camera_files.h"
-#include "gst/gst_test.h"
 #include "pipelines/gst_launch.h"
-#include "rig/rig_json.h"
-#include "scene/scene.h"
-#include "support/mentions.h"
-#include "view/view_path.h"
+#include "support/photographs.h"
 
 namespace lf::test {
 namespace {
-
-using testing::HasSubstr;
-using testing::Not;
 
 class FailingCamerasTest : public testing::Test {
  protected:
@@ -44,9 +29,9 @@ TEST_F(FailingCamerasTest, OneFailingCameraDoesNotEndThePipeline) {
                        " post-messages=true ! fakesink sync=false",
                    "-m"),
         0,
-        testing::AllOf(HasSubstr("lightfield-camera-lost, camera=(uint)1, name=(string)cam_1"),
-                       HasSubstr("WARNING: from element"), mentions("nowhere.mkv", "no such", "out of service"),
-                       HasSubstr("Got EOS")));
+        AllOf(HasSubstr("lightfield-camera-lost, camera=(uint)1, name=(string)cam_1"),
+              HasSubstr("WARNING: from element"), mentions("nowhere.mkv", "no such", "out of service"),
+              HasSubstr("Got EOS")));
   }
 }
 
@@ -56,25 +41,18 @@ TEST_F(FailingCamerasTest, MissingFilesAreOutOfService) {
   constexpr int kPictures = 10;
   Rig rig = scene_rig(3, 3, 96, 72);
   for (Camera& camera : rig.cameras) camera.image.clear();
-  std::vector<NamedView> path;
-  for (int i = 0; i < kPictures; i++) {
-    View view{.width = 128, .height = 96, .lens = Lens::from_fov_y(25, 128, 96), .pose = {}, .focus = {}};
-    view.pose.position = {i < 5 ? 0 : 0.005, i < 5 ? 0 : 0.004, i % 5 * -0.03};  // at camera 4 first
-    view.focus.plane = focal_plane_at(view.pose, 2.2);
-    path.push_back({"view_" + std::to_string(i), 0.1 * i, view});
-  }
-  save_views(path, files_.path("views.json"));
+  std::vector<View> views;
+  for (int i = 0; i < kPictures; i++)  // at camera 4 first
+    views.push_back(view_at({i < 5 ? 0 : 0.005, i < 5 ? 0 : 0.004, i % 5 * -0.03}, 128, 96, 25, 2.2));
+  save_views(path_of(views, 0.1), files_.path("views.json"));
   const auto pictures = [&](const std::set<uint32_t>& missing, const std::string& settings) {
     Rig of_files = rig;
     for (Camera& camera : of_files.cameras)
       if (missing.contains(camera.id)) camera.source = "nowhere.mkv";
     save_rig(of_files, files_.path("array.json"));
-    test::expect_outcome(gst_launch("lfviewsrc is-live=false rig=" + files_.path("array.json") +
-                                    " location=" + files_.path("views.json") + " " + settings +
-                                    " ! filesink location=" + files_.path("pictures")),
-                         0);
-    std::ifstream file(files_.path("pictures"), std::ios::binary);
-    return std::string(std::istreambuf_iterator<char>(file), {});
+    expect_runs("lfviewsrc is-live=false rig=" + files_.path("array.json") + " location=" + files_.path("views.json") +
+                " " + settings + " ! filesink location=" + files_.path("pictures"));
+    return read_binary(files_.path("pictures"));
   };
   for (const auto& [missing, list] : {std::pair<std::set<uint32_t>, std::string>{{4}, "4"}, {{1, 4, 5}, "1,4-5"}}) {
     const std::string without = pictures({}, "view::out-of-service=" + list), lost = pictures(missing, "");
@@ -103,9 +81,7 @@ TEST_F(FailingCamerasTest, CameraHostHasAllCamerasByDefault) {
   char buffer[4096];
   while (const size_t n = fread(buffer, 1, sizeof buffer, pipe)) output.append(buffer, n);
   pclose(pipe);
-  EXPECT_THAT(output, HasSubstr("new-state=(GstState)playing"));
-  EXPECT_THAT(output, HasSubstr("camera2"));
-  EXPECT_THAT(output, Not(HasSubstr("ERROR")));
+  EXPECT_THAT(output, AllOf(HasSubstr("new-state=(GstState)playing"), HasSubstr("camera2"), Not(HasSubstr("ERROR"))));
 }
 
 }  // namespace

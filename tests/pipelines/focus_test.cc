@@ -1,30 +1,16 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // The focal surface found in file pipelines, compared with ground truth and between hosts.
-#include <chrono>
-#include <cmath>
-#include <condition_variable>
-#include <filesystem>
-#include <functional>
-#include <mutex>
-#include <set>
 #include <tuple>
-#include <vector>
 
 #include <gst/video/video.h>
-#include <gtest/gtest.h>
 
 #include "common/custom_events.h"
 #include "gst/gst_test.h"
-#include "image/image.h"
 #include "pipelines/gst_launch.h"
 #include "quality/image_quality.h"
-#include "rig/rig_json.h"
-#include "scene/scene.h"
 #include "support/photographs.h"
 #include "support/process.h"
-#include "support/temp_dir.h"
-#include "view/view_path.h"
 #include "wire/request_codec.h"
 
 namespace lf::test {
@@ -41,28 +27,19 @@ class FocusedArray : public testing::Test {
   }
 
   void look_at(int width, int height, const Lens& lens) {
-    View view;
-    view.width = width;
-    view.height = height;
+    View view = view_at({0.003, -0.002, 0}, width, height, 30, kSceneMiddle);
     view.lens = lens;
-    view.pose.position = {0.003, -0.002, 0};
-    view.focus.plane = focal_plane_at(view.pose, kSceneMiddle);
     truth_ = render_scene({view.width, view.height, view.lens, view.pose}, 0.5);
-    std::vector<NamedView> path;
-    for (int i = 0; i < kPictures; i++) path.push_back({"view_" + std::to_string(i), i / 15.0, view});
-    save_views(path, dir_ / "views.json");
+    save_views(path_of(std::vector<View>(kPictures, view), 1 / 15.0), dir_ / "views.json");
   }
 
   // Returns the pictures of a pipeline with these compositor properties and nodes.
   std::vector<Image> pictures(const std::string& name, const std::string& compositor, const std::string& nodes,
                               const std::string& viewer = "") {
     std::filesystem::create_directories(std::string(dir_ / name));
-    test::expect_outcome(
-        gst_launch("lfviewrequest location=" + dir_ / "views.json" + " " + viewer +
-                   " ! tee name=r  r. ! queue ! c.request  lfcompositor name=c rig=" + dir_ / "rig.json" + " " +
-                   compositor + " ! videoconvert ! pngenc ! multifilesink location=" + dir_ / name + "/%02d.png " +
-                   nodes),
-        0);
+    expect_runs("lfviewrequest location=" + dir_ / "views.json" + " " + viewer +
+                " ! tee name=r  r. ! queue ! c.request  lfcompositor name=c rig=" + dir_ / "rig.json" + " " +
+                compositor + " ! videoconvert ! pngenc ! multifilesink location=" + dir_ / name + "/%02d.png " + nodes);
     std::vector<Image> out;
     for (int i = 0; i < kPictures; i++)
       out.push_back(load_image(dir_ / name + "/" + (i < 10 ? "0" : "") + std::to_string(i) + ".png"));
@@ -223,13 +200,8 @@ class LiveViewer {
                          " " + focus + " ! fakesink name=s sync=false")) {
     gst_element_set_state(pipeline_.get(), GST_STATE_PLAYING);
   }
-  ~LiveViewer() { gst_element_set_state(pipeline_.get(), GST_STATE_NULL); }
-  ElementPtr element(const char* name) const { return ElementPtr(gst_bin_get_by_name(GST_BIN(pipeline_.get()), name)); }
-  double focus_distance() const {
-    double distance = 0;
-    g_object_get(element("v").get(), "focus-distance", &distance, nullptr);
-    return distance;
-  }
+  ElementPtr element(const char* name) const { return child_of(pipeline_.get(), name); }
+  double focus_distance() const { return get<double>(element("v").get(), "focus-distance"); }
   void click(double x, double y) const {
     const ElementPtr sink = element("s");
     gst_element_send_event(sink.get(),
@@ -237,30 +209,22 @@ class LiveViewer {
     gst_element_send_event(sink.get(),
                            gst_navigation_event_new_mouse_button_release(1, x, y, GST_NAVIGATION_MODIFIER_NONE));
   }
-  static bool becomes_true(const std::function<bool()>& what) {
-    for (int i = 0; i < 200 && !what(); i++) g_usleep(50'000);
-    return what();
-  }
 
  private:
-  ElementPtr pipeline_;
+  PipelinePtr pipeline_;
 };
 
 TEST_F(FocusedArray, StatsHaveTheGains) {
   const auto gain = [](const LiveViewer& viewer) {
-    GstStructure *stats = nullptr, *gains = nullptr;
-    g_object_get(viewer.element("n").get(), "stats", &stats, nullptr);
+    const StructurePtr stats = stats_of(viewer.element("n").get());
+    const GValue* gains = gst_structure_get_value(stats.get(), "gains");
     double gain = 0;
-    if (gst_structure_get(stats, "gains", GST_TYPE_STRUCTURE, &gains, nullptr)) {
-      gst_structure_get_double(gains, "camera-5", &gain);
-      gst_structure_free(gains);
-    }
-    gst_structure_free(stats);
+    if (gains) gst_structure_get_double(gst_value_get_structure(gains), "camera-5", &gain);
     return gain;
   };
   const std::string surface = "focus=surface focus-near=1 focus-far=6";
   const LiveViewer matched(dir_ / "rig.json", surface), plain(dir_ / "rig.json", surface + " gains=off");
-  EXPECT_TRUE(LiveViewer::becomes_true([&] { return std::abs(gain(matched) - 1) < 0.05; })) << gain(matched);
+  EXPECT_TRUE(eventually([&] { return std::abs(gain(matched) - 1) < 0.05; })) << gain(matched);
   EXPECT_EQ(gain(plain), 0) << "none without a request";
 }
 
@@ -269,18 +233,10 @@ TEST_F(FocusedArray, ClickFocusesOnTheObject) {
     SCOPED_TRACE(focus);
     const bool on_plane = std::string(focus) == "focus=plane";
     const LiveViewer viewer(dir_ / "rig.json", focus);
-    const auto rounds = [&] {
-      GstStructure* stats = nullptr;
-      g_object_get(viewer.element("c").get(), "stats", &stats, nullptr);
-      guint64 rounds = 0;
-      gst_structure_get_uint64(stats, "focus-rounds", &rounds);
-      gst_structure_free(stats);
-      return rounds;
-    };
     // While some cameras have no picture yet, the agreement of a few cameras is unreliable.
-    ASSERT_TRUE(LiveViewer::becomes_true([&] { return stat(viewer.element("c").get(), "complete") >= 3; }));
+    ASSERT_TRUE(eventually([&] { return stat(viewer.element("c").get(), "complete") >= 3; }));
     if (!on_plane) {
-      ASSERT_TRUE(LiveViewer::becomes_true([&] { return rounds() >= 14; }));
+      ASSERT_TRUE(eventually([&] { return stat(viewer.element("c").get(), "focus-rounds") >= 14; }));
     }
     for (const auto& [x, y, distance] : {std::tuple(20, 20, kSceneFar), {32, 85, kSceneNear}}) {
       viewer.click(x, y);
@@ -290,11 +246,9 @@ TEST_F(FocusedArray, ClickFocusesOnTheObject) {
         if (kFallsBehind && (!on_plane || ++looks % 300 == 0)) viewer.click(x, y);
         return std::abs(viewer.focus_distance() / distance - 1) < 0.15;
       };
-      EXPECT_TRUE(LiveViewer::becomes_true(is_there)) << viewer.focus_distance() << " m, not " << distance;
+      EXPECT_TRUE(eventually(is_there)) << viewer.focus_distance() << " m, not " << distance;
     }
-    gboolean done = TRUE;
-    g_signal_emit_by_name(viewer.element("v").get(), "focus-at", std::nan(""), 1.0, &done);
-    EXPECT_FALSE(done);
+    EXPECT_FALSE(emit(viewer.element("v").get(), "focus-at", std::nan(""), 1.0));
   }
 }
 
@@ -305,15 +259,14 @@ constexpr std::chrono::seconds kLongest{90};
 // feedback has arrived. The run is therefore the same on a busy machine.
 class Lockstep {
  public:
-  Lockstep(GstElement* viewer, GstElement* sink) : src_(gst_element_get_static_pad(viewer, "src")) {
+  Lockstep(GstElement* viewer, GstElement* sink) : src_(pad_of(viewer, "src")) {
     g_object_set(sink, "signal-handoffs", TRUE, nullptr);
     g_signal_connect(sink, "handoff", G_CALLBACK(on_picture), this);
-    gst_pad_add_probe(src_, GST_PAD_PROBE_TYPE_BUFFER, on_request, this, nullptr);
-    take_event_ = GST_PAD_EVENTFUNC(src_);
-    gst_pad_set_event_function(src_, on_event);
-    gst_pad_set_element_private(src_, this);
+    on_buffers(viewer, "src", [this](GstBuffer* buffer) { on_request(buffer); });
+    take_event_ = GST_PAD_EVENTFUNC(src_.get());
+    gst_pad_set_event_function(src_.get(), on_event);
+    gst_pad_set_element_private(src_.get(), this);
   }
-  ~Lockstep() { gst_object_unref(src_); }
   Lockstep(const Lockstep&) = delete;
 
  private:
@@ -339,22 +292,20 @@ class Lockstep {
     }
     return done;
   }
-  static GstPadProbeReturn on_request(GstPad*, GstPadProbeInfo* info, gpointer data) {
-    auto* self = static_cast<Lockstep*>(data);
-    const auto request = wire::decode_request(to_bytes(GST_PAD_PROBE_INFO_BUFFER(info)));
-    if (!request || request->warmup) return GST_PAD_PROBE_OK;  // a warm-up request makes no picture
-    std::unique_lock lock(self->mutex_);
+  void on_request(GstBuffer* buffer) {
+    const auto request = wire::decode_request(to_bytes(buffer));
+    if (!request || request->warmup) return;  // a warm-up request makes no picture
+    std::unique_lock lock(mutex_);
     if (request->probe) {  // leaves right after its request
-      self->sweeps_awaited_.insert(request->sequence);
-      return GST_PAD_PROBE_OK;
+      sweeps_awaited_.insert(request->sequence);
+      return;
     }
-    const auto is_answered = [self] { return self->pictures_awaited_ == 0 && self->sweeps_awaited_.empty(); };
-    EXPECT_TRUE(self->changed_.wait_for(lock, kLongest, is_answered)) << request->sequence;
-    self->pictures_awaited_++;
-    return GST_PAD_PROBE_OK;
+    const auto is_answered = [this] { return pictures_awaited_ == 0 && sweeps_awaited_.empty(); };
+    EXPECT_TRUE(changed_.wait_for(lock, kLongest, is_answered)) << request->sequence;
+    pictures_awaited_++;
   }
 
-  GstPad* src_;
+  const PadPtr src_;
   GstPadEventFunction take_event_;
   std::mutex mutex_;
   std::condition_variable changed_;
@@ -366,9 +317,7 @@ class Lockstep {
 class FollowedPlace : public testing::TestWithParam<const char*> {
  protected:
   static void note(GObject* viewer, GParamSpec*, gpointer data) {
-    double distance = 0;
-    g_object_get(viewer, "focus-distance", &distance, nullptr);
-    static_cast<std::vector<double>*>(data)->push_back(distance);
+    static_cast<std::vector<double>*>(data)->push_back(get<double>(viewer, "focus-distance"));
   }
   TempDir dir_;
 };
@@ -376,21 +325,18 @@ class FollowedPlace : public testing::TestWithParam<const char*> {
 TEST_P(FollowedPlace, StaysInFocusAsItMoves) {
   save_rig(scene_rig(2, 2, 120, 90), dir_ / "rig.json");
   const std::string rig = " rig=" + dir_ / "rig.json", small = " ! queue max-size-buffers=1 ! ";
-  const ElementPtr pipeline = launch(
+  const PipelinePtr pipeline = launch(
       "lfviewrequest name=v focus-continuous=true focus-distance=30 x=0 y=0 fov=33.4 framerate=8/1 num-buffers=58" +
       rig + " ! tee name=r  r." + small + "n.request  lfcameranode name=n" + rig + small + "c.sink_0  r." + small +
       "c.request  lfcompositor name=c" + rig + " " + GetParam() + " ! fakesink name=s sync=false");
-  ASSERT_TRUE(pipeline);
-  const ElementPtr viewer(gst_bin_get_by_name(GST_BIN(pipeline.get()), "v"));
-  const ElementPtr sink(gst_bin_get_by_name(GST_BIN(pipeline.get()), "s"));
+  const ElementPtr viewer = child_of(pipeline.get(), "v");
+  const ElementPtr sink = child_of(pipeline.get(), "s");
   const Lockstep lockstep(viewer.get(), sink.get());
   std::vector<double> distances;
   g_signal_connect(viewer.get(), "notify::focus-distance", G_CALLBACK(note), &distances);
   gst_element_set_state(pipeline.get(), GST_STATE_PAUSED);
   ASSERT_EQ(gst_element_get_state(pipeline.get(), nullptr, nullptr, 20 * GST_SECOND), GST_STATE_CHANGE_SUCCESS);
-  gboolean done = FALSE;
-  g_signal_emit_by_name(viewer.get(), "focus-at", 51.0, 39.0, &done);
-  EXPECT_TRUE(done);
+  EXPECT_TRUE(emit(viewer.get(), "focus-at", 51.0, 39.0));
   EXPECT_EQ(run(pipeline.get(), 100), "");
   // The figure is there, 2 m away, from 1.2 s to 3.1 s and from 5.2 s to 7.1 s; otherwise the wall, 5 m away. The run
   // ends at 7.25 s, possibly before the focus has returned to the wall.

@@ -7,18 +7,10 @@
 #include <gst/app/gstappsink.h>
 #include <gst/gl/egl/gstgldisplay_egl.h>
 #include <gst/gl/gl.h>
-#include <gtest/gtest.h>
-
-#include <cstdlib>
-#include <string>
-#include <vector>
 
 #include "gst/gst_test.h"
-#include "rig/rig_json.h"
-#include "scene/scene.h"
+#include "support/photographs.h"
 #include "support/process.h"
-#include "support/temp_dir.h"
-#include "view/view_path.h"
 
 namespace lf::test {
 namespace {
@@ -54,14 +46,9 @@ class GlMemory : public testing::Test {
     ASSERT_NE(display_, EGL_NO_DISPLAY);
     ASSERT_TRUE(eglInitialize(display_, nullptr, nullptr));
     save_array("rig.json", "");
-    std::vector<NamedView> path;
-    for (int i = 0; i < kPictures; i++) {
-      View view{.width = 128, .height = 96, .lens = Lens::from_fov_y(25, 128, 96), .pose = {}, .focus = {}};
-      view.pose.position = {0.01 + 0.001 * i, 0.01, 0};
-      view.focus.plane = focal_plane_at(view.pose, 2.2);
-      path.push_back({"view_" + std::to_string(i), 0.1 * i, view});
-    }
-    save_views(path, dir_ / "views.json");
+    std::vector<View> views;
+    for (int i = 0; i < kPictures; i++) views.push_back(view_at({0.01 + 0.001 * i, 0.01, 0}, 128, 96, 25, 2.2));
+    save_views(path_of(views, 0.1), dir_ / "views.json");
   }
 
   // Saves a rig of four cameras with this source; "": the built-in scene.
@@ -75,41 +62,29 @@ class GlMemory : public testing::Test {
   }
 
   void share_display(GstElement* pipeline) {
-    GstContext* context = gst_context_new(GST_GL_DISPLAY_CONTEXT_TYPE, TRUE);
-    GstGLDisplay* shared = GST_GL_DISPLAY(gst_gl_display_egl_new_with_egl_display(display_));
+    g_autoptr(GstContext) context = gst_context_new(GST_GL_DISPLAY_CONTEXT_TYPE, TRUE);
+    g_autoptr(GstGLDisplay) shared = GST_GL_DISPLAY(gst_gl_display_egl_new_with_egl_display(display_));
     gst_context_set_gl_display(context, shared);
     gst_element_set_context(pipeline, context);
-    gst_context_unref(context);
-    gst_object_unref(shared);
   }
 
   // Returns the pictures at the appsink `out` and expects the error `error`.
   std::vector<std::vector<uint8_t>> pictures(const std::string& line, const std::string& error = "") {
     SCOPED_TRACE(line);
     std::vector<std::vector<uint8_t>> all;
-    const ElementPtr pipeline = launch(line + " ! appsink name=out sync=false");
-    if (!pipeline) return all;
+    const PipelinePtr pipeline = launch(line + " ! appsink name=out sync=false");
     share_display(pipeline.get());
     watch(GST_BIN(pipeline.get()));
-    const ElementPtr sink(gst_bin_get_by_name(GST_BIN(pipeline.get()), "out"));
+    const ElementPtr sink = child_of(pipeline.get(), "out");
     gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
-    GstBus* bus = gst_element_get_bus(pipeline.get());
+    g_autoptr(GstBus) bus = gst_element_get_bus(pipeline.get());
     std::string came;
     const gint64 end = g_get_monotonic_time() + 20 * G_TIME_SPAN_SECOND;
     while (came.empty() && !gst_app_sink_is_eos(GST_APP_SINK(sink.get())) && g_get_monotonic_time() < end) {
-      if (GstSample* sample = gst_app_sink_try_pull_sample(GST_APP_SINK(sink.get()), GST_SECOND / 20)) {
-        all.push_back(to_bytes(gst_sample_get_buffer(sample)));
-        gst_sample_unref(sample);
-      }
-      if (GstMessage* message = gst_bus_pop_filtered(bus, GST_MESSAGE_ERROR)) {
-        GError* details = nullptr;
-        gst_message_parse_error(message, &details, nullptr);
-        came = details->message;
-        g_error_free(details);
-        gst_message_unref(message);
-      }
+      g_autoptr(GstSample) sample = gst_app_sink_try_pull_sample(GST_APP_SINK(sink.get()), GST_SECOND / 20);
+      if (sample) all.push_back(to_bytes(gst_sample_get_buffer(sample)));
+      if (const auto errors = texts_on(bus, GST_MESSAGE_ERROR); !errors.empty()) came = errors[0];
     }
-    gst_object_unref(bus);
     EXPECT_EQ(came, error);
     made_in_it_ = sum_of(GST_BIN(pipeline.get()), "lfcompositor", "gpu-pictures");
     together_ = sum_of(GST_BIN(pipeline.get()), "lffragment", "together");
@@ -123,12 +98,7 @@ class GlMemory : public testing::Test {
     GstIterator* elements = gst_bin_iterate_all_by_element_factory_name(pipeline, kind);
     GValue item = G_VALUE_INIT;
     while (gst_iterator_next(elements, &item) == GST_ITERATOR_OK) {
-      GstStructure* stats = nullptr;
-      guint64 count = 0;
-      g_object_get(g_value_get_object(&item), "stats", &stats, nullptr);
-      gst_structure_get_uint64(stats, name, &count);
-      gst_structure_free(stats);
-      all += count;
+      all += stat(GST_ELEMENT(g_value_get_object(&item)), name);
       g_value_reset(&item);
     }
     g_value_unset(&item);
@@ -140,10 +110,7 @@ class GlMemory : public testing::Test {
     std::string renderer;
     GstIterator* nodes = gst_bin_iterate_all_by_element_factory_name(pipeline, "lffragment");
     const auto ask = [](const GValue* item, gpointer out) {
-      GstStructure* stats = nullptr;
-      g_object_get(g_value_get_object(item), "stats", &stats, nullptr);
-      *static_cast<std::string*>(out) = gst_structure_get_string(stats, "renderer");
-      gst_structure_free(stats);
+      *static_cast<std::string*>(out) = gst_structure_get_string(stats_of(g_value_get_object(item)).get(), "renderer");
     };
     gst_iterator_foreach(nodes, ask, &renderer);
     gst_iterator_free(nodes);
@@ -161,15 +128,10 @@ class GlMemory : public testing::Test {
     came_ = in_gpu_ = 0;
     const ElementPtr element(gst_bin_get_by_name(pipeline, "look"));
     if (!element) return;
-    GstPad* pad = gst_element_get_static_pad(element.get(), "sink");
-    const auto look = [](GstPad*, GstPadProbeInfo* info, gpointer data) {
-      auto* const self = static_cast<GlMemory*>(data);
-      self->came_++;
-      if (gst_is_gl_memory(gst_buffer_peek_memory(GST_PAD_PROBE_INFO_BUFFER(info), 0))) self->in_gpu_++;
-      return GST_PAD_PROBE_OK;
-    };
-    gst_pad_add_probe(pad, GST_PAD_PROBE_TYPE_BUFFER, look, this, nullptr);
-    gst_object_unref(pad);
+    on_buffers(element.get(), "sink", [this](GstBuffer* buffer) {
+      came_++;
+      in_gpu_ += gst_is_gl_memory(gst_buffer_peek_memory(buffer, 0));
+    });
   }
   // Returns the pictures of four cameras with the caps filters `in` before the node and `out` after the compositor.
   // `node`: additional node properties.
@@ -319,9 +281,8 @@ TEST_P(GlMemoryCycles, LeakNothing) {
   const int cycles = setting ? std::atoi(setting) : GetParam() ? 8 : 24;
   save_array("rig.json", "videotestsrc pattern=ball ! video/x-raw,format=RGBA,width=96,height=72" +
                              std::string(GetParam() ? " ! glupload" : ""));
-  const ElementPtr pipeline = launch("lfviewsrc is-live=false focus=plane renderer=gl rig=" + dir_ / "rig.json" +
-                                     " width=96 height=72 ! video/x-raw,format=RGBA ! glupload ! fakesink");
-  ASSERT_TRUE(pipeline);
+  const PipelinePtr pipeline = launch("lfviewsrc is-live=false focus=plane renderer=gl rig=" + dir_ / "rig.json" +
+                                      " width=96 height=72 ! video/x-raw,format=RGBA ! glupload ! fakesink");
   share_display(pipeline.get());
   long warm = 0;
   ptrdiff_t idle = 0;

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <string>
-
 #include "support/run_program.h"
 
 // gst-launch-1.0 with this build's plugin.
@@ -15,6 +13,11 @@ inline Outcome gst_launch(const std::string& line, const std::string& options = 
   return run_shell("GST_PLUGIN_PATH=" LF_PLUGIN_DIR " GST_REGISTRY=" LF_PLUGIN_DIR "/test-registry.bin " + environment +
                    " timeout -k 5 " + std::to_string(seconds) + " gst-launch-1.0 " + options + " " + line +
                    " </dev/null");
+}
+
+// Runs a launch line that must succeed.
+inline void expect_runs(const std::string& line, const std::source_location& where = std::source_location::current()) {
+  expect_outcome(gst_launch(line), 0, testing::_, where);
 }
 
 }  // namespace lf::test

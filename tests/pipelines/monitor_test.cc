@@ -1,12 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // The live camera monitor on an array with defective cameras and on a good array.
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <map>
 
 #include "geometry/pose.h"
 #include "gst/gst_test.h"
@@ -19,8 +13,6 @@
 namespace lf::test {
 namespace {
 
-using testing::ElementsAre;
-using testing::IsEmpty;
 using testing::Pair;
 using Suspects = std::map<guint, std::string>;  // index and fault
 
@@ -56,19 +48,14 @@ class MonitoredArray : public testing::Test {
   void watch(const std::string& nodes, const std::string& compositor = "", const std::string& viewer = "") {
     constexpr uint64_t kTurns = 75;
     const std::string rate = kFallsBehind ? "10/1" : "100/1";  // a machine that falls behind skips probes
-    const ElementPtr pipeline = launch(
+    const PipelinePtr pipeline = launch(
         "lfviewrequest name=v is-live=true framerate=" + rate + " width=64 height=48 focus-distance=2.2" + rig() + " " +
         viewer + " ! tee name=r  r. ! queue ! c.request  lfcompositor name=c latency=2000000000 monitor-interval=1" +
         rig() + " " + compositor + " ! fakesink sync=false" + nodes);
-    ASSERT_TRUE(pipeline);
     gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
-    const ElementPtr c(gst_bin_get_by_name(GST_BIN(pipeline.get()), "c"));
-    for (int i = 0; i < 600 && stat(c.get(), "monitor-turns") < kTurns; i++) g_usleep(50'000);
-    GstStructure* stats = nullptr;
-    g_object_get(c.get(), "stats", &stats, nullptr);
-    stats_.reset(stats);
-    gst_element_set_state(pipeline.get(), GST_STATE_NULL);
-    EXPECT_GE(count("monitor-turns"), kTurns);
+    const ElementPtr c = child_of(pipeline.get(), "c");
+    EXPECT_TRUE(eventually([&] { return stat(c.get(), "monitor-turns") >= kTurns; }));
+    stats_ = stats_of(c.get());
   }
   uint64_t count(const char* field) const {
     guint64 value = 0;

@@ -1,35 +1,18 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // gst-launch-1.0 on files, compared with the library without GStreamer and with ground truth.
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
-#include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <regex>
 
 #include "composite/accumulator.h"
-#include "image/image.h"
 #include "pipelines/gst_launch.h"
 #include "quality/image_quality.h"
 #include "render/ownership.h"
 #include "render/sum_renderer.h"
-#include "rig/rig_json.h"
-#include "scene/scene.h"
 #include "support/photographs.h"
-#include "support/temp_dir.h"
-#include "view/view_path.h"
 
 namespace lf::test {
 namespace pipeline_test {
-
-using testing::HasSubstr;
-
-std::vector<uint8_t> read_bytes(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
 
 // Renders a view of a still array with the library: the expected picture of the pipeline.
 Image render_without_gstreamer(const Rig& rig, const View& view, const std::vector<Image>& images) {
@@ -70,29 +53,19 @@ class StillArray : public testing::Test {
     images_ = save_photographs(rig_, dir_, 0, 1);
     rig_ = load_rig(dir_ / "rig.json");
     const double focus[] = {kSceneNear, kSceneMiddle, kSceneFar};
-    for (int i = 0; i < 3; i++) {
-      NamedView view{"view_" + std::to_string(i), 0, {}};
-      view.view.width = 100;
-      view.view.height = 75;
-      view.view.lens = Lens::from_fov_y(30, 100, 75);
-      view.view.pose.position = Vec3(0.01 * i, -0.005 * i, -0.02 * i);
-      view.view.focus.plane = focal_plane_at(view.view.pose, focus[i]);
-      views_.push_back(view);
-    }
-    save_views(views_, views);
+    std::vector<View> path;
+    for (int i = 0; i < 3; i++) path.push_back(view_at(Vec3(0.01, -0.005, -0.02) * double(i), 100, 75, 30, focus[i]));
+    save_views(path_of(path, 0), views);
     views_ = load_views(views);
   }
 
   void write_requests(const std::string& properties = "") {
-    test::expect_outcome(
-        gst_launch("lfviewrequest rig=" + rig + properties + " location=" + views + " ! filesink location=" + requests),
-        0);
+    expect_runs("lfviewrequest rig=" + rig + properties + " location=" + views + " ! filesink location=" + requests);
   }
   void composite_files() {
-    test::expect_outcome(gst_launch("filesrc location=" + requests + " ! lfparse ! c.request filesrc location=" +
-                                    answers + " ! lfparse ! c.sink_0 lfcompositor name=c focus=plane rig=" + rig +
-                                    " ! videoconvert ! pngenc ! multifilesink location=" + out),
-                         0);
+    expect_runs("filesrc location=" + requests + " ! lfparse ! c.request filesrc location=" + answers +
+                " ! lfparse ! c.sink_0 lfcompositor name=c focus=plane rig=" + rig +
+                " ! videoconvert ! pngenc ! multifilesink location=" + out);
   }
   std::vector<Quality> qualities() {
     std::vector<Quality> all;
@@ -111,24 +84,18 @@ class StillArray : public testing::Test {
 };
 
 TEST_F(StillArray, PipelineMakesTheLibrarysPictures) {
-  test::expect_outcome(gst_launch(files_in_files_out(rig, views, out)), 0);
+  expect_runs(files_in_files_out(rig, views, out));
   for (const Quality& quality : qualities()) EXPECT_EQ(quality.max_error, 0);
   EXPECT_FALSE(std::filesystem::exists(dir_ / "out_03.png"));
 }
 
 TEST_F(StillArray, TwoNodesMakeTheSamePicturesAsOne) {
-  ASSERT_EQ(gst_launch("lfviewrequest location=" + views +
-                       " ! tee name=r r. ! queue ! n.request lfcameranode name=n rig=" + rig +
-                       " ! c.sink_0 r. ! queue ! c.request lfcompositor name=c ! filesink location=" + dir_ / "one.raw")
-                .status,
-            0);
-  test::expect_outcome(
-      gst_launch(
-          "lfviewrequest location=" + views +
-          " ! tee name=r r. ! queue ! a.request lfcameranode name=a node=0 cameras=0-3 rig=" + rig +
-          " ! queue ! c.sink_0 r. ! queue ! b.request lfcameranode name=b node=1 cameras=4-8 rig=" + rig +
-          " ! queue ! c.sink_1 r. ! queue ! c.request lfcompositor name=c ! filesink location=" + dir_ / "two.raw"),
-      0);
+  expect_runs("lfviewrequest location=" + views + " ! tee name=r r. ! queue ! n.request lfcameranode name=n rig=" +
+              rig + " ! c.sink_0 r. ! queue ! c.request lfcompositor name=c ! filesink location=" + dir_ / "one.raw");
+  expect_runs("lfviewrequest location=" + views +
+              " ! tee name=r r. ! queue ! a.request lfcameranode name=a node=0 cameras=0-3 rig=" + rig +
+              " ! queue ! c.sink_0 r. ! queue ! b.request lfcameranode name=b node=1 cameras=4-8 rig=" + rig +
+              " ! queue ! c.sink_1 r. ! queue ! c.request lfcompositor name=c ! filesink location=" + dir_ / "two.raw");
   const std::vector<uint8_t> one = read_bytes(dir_ / "one.raw");
   EXPECT_EQ(one.size(), 3u * 100 * 75 * 3);
   EXPECT_EQ(one, read_bytes(dir_ / "two.raw"));
@@ -136,11 +103,9 @@ TEST_F(StillArray, TwoNodesMakeTheSamePicturesAsOne) {
 
 TEST_F(StillArray, RequestsAndAnswersTravelThroughFiles) {
   write_requests();
-  test::expect_outcome(
-      gst_launch("filesrc location=" + requests +
-                 " blocksize=97 ! lfparse ! n.request lfcameranode name=n resampling=bilinear codec=raw16 rig=" + rig +
-                 " ! filesink location=" + answers),
-      0);
+  expect_runs("filesrc location=" + requests +
+              " blocksize=97 ! lfparse ! n.request lfcameranode name=n resampling=bilinear codec=raw16 rig=" + rig +
+              " ! filesink location=" + answers);
   composite_files();
   for (const Quality& quality : qualities()) EXPECT_EQ(quality.max_error, 0);
 }
@@ -149,10 +114,8 @@ TEST_F(StillArray, EveryCodecTravelsThroughFiles) {
   write_requests();
   size_t auto_bytes = 0;
   for (const std::string codec : {"auto", "raw", "raw16", "jpeg"}) {
-    test::expect_outcome(gst_launch("filesrc location=" + requests +
-                                    " ! lfparse ! lfcameranode name=n resampling=bilinear codec=" + codec +
-                                    " rig=" + rig + " ! filesink location=" + answers),
-                         0);
+    expect_runs("filesrc location=" + requests + " ! lfparse ! lfcameranode name=n resampling=bilinear codec=" + codec +
+                " rig=" + rig + " ! filesink location=" + answers);
     composite_files();
     if (codec == "auto") auto_bytes = std::filesystem::file_size(answers);
     if (codec == "raw") {
@@ -165,11 +128,10 @@ TEST_F(StillArray, EveryCodecTravelsThroughFiles) {
 
 TEST_F(StillArray, RtpChangesNoPicture) {
   const std::string link = " ! rtplfpay mtu=700 ! rtplfdepay ! ";
-  test::expect_outcome(gst_launch("lfviewrequest location=" + views + " rig=" + rig + " ! tee name=r r. ! queue" +
-                                  link + "n.request lfcameranode name=n resampling=bilinear codec=raw16 rig=" + rig +
-                                  link + "c.sink_0 r. ! queue ! c.request lfcompositor name=c focus=plane rig=" + rig +
-                                  " ! videoconvert ! pngenc ! multifilesink location=" + out),
-                       0);
+  expect_runs("lfviewrequest location=" + views + " rig=" + rig + " ! tee name=r r. ! queue" + link +
+              "n.request lfcameranode name=n resampling=bilinear codec=raw16 rig=" + rig + link +
+              "c.sink_0 r. ! queue ! c.request lfcompositor name=c focus=plane rig=" + rig +
+              " ! videoconvert ! pngenc ! multifilesink location=" + out);
   for (const Quality& quality : qualities()) EXPECT_EQ(quality.max_error, 0);
 }
 
@@ -177,15 +139,12 @@ TEST_F(StillArray, RtpChangesNoPicture) {
 TEST_F(StillArray, CommandsMakeTheSamePictures) {
   const auto pictures = [&](const std::string& access, const std::string& node, const std::string& quality = "0") {
     const std::string focus = access == "self" ? "focus=plane" : "focus=auto";
-    test::expect_outcome(
-        gst_launch("lfviewrequest location=" + views + " rig=" + rig + " access=" + access + " quality=" + quality +
-                   " ! tee name=r r. ! queue ! a.request lfcameranode name=a node=0 cameras=0-3 " + node +
-                   " access=" + access + " rig=" + rig +
-                   " ! queue ! c.sink_0 r. ! queue ! b.request lfcameranode name=b node=1 cameras=4-8 " + node +
-                   " access=" + access + " rig=" + rig +
-                   " ! queue ! c.sink_1 r. ! queue ! c.request lfcompositor name=c " + focus + " rig=" + rig +
-                   " ! videoconvert ! pngenc ! multifilesink location=" + dir_ / (access + "_%d.png")),
-        0);
+    expect_runs(
+        "lfviewrequest location=" + views + " rig=" + rig + " access=" + access + " quality=" + quality +
+        " ! tee name=r r. ! queue ! a.request lfcameranode name=a node=0 cameras=0-3 " + node + " access=" + access +
+        " rig=" + rig + " ! queue ! c.sink_0 r. ! queue ! b.request lfcameranode name=b node=1 cameras=4-8 " + node +
+        " access=" + access + " rig=" + rig + " ! queue ! c.sink_1 r. ! queue ! c.request lfcompositor name=c " +
+        focus + " rig=" + rig + " ! videoconvert ! pngenc ! multifilesink location=" + dir_ / (access + "_%d.png"));
     std::vector<Image> images;
     for (size_t i = 0; i < views_.size(); i++)
       images.push_back(load_image(dir_ / (access + "_" + std::to_string(i) + ".png")));
@@ -209,11 +168,9 @@ TEST_F(StillArray, CommandsMakeTheSamePictures) {
 TEST_F(StillArray, CommandsTravelThroughFiles) {
   for (const std::string access : {"warp", "pixels"}) {
     write_requests(" access=" + access);
-    test::expect_outcome(
-        gst_launch("filesrc location=" + requests +
-                   " blocksize=997 ! lfparse ! n.request lfcameranode name=n resampling=bilinear access=" + access +
-                   " codec=raw16 rig=" + rig + " ! filesink location=" + answers),
-        0);
+    expect_runs("filesrc location=" + requests +
+                " blocksize=997 ! lfparse ! n.request lfcameranode name=n resampling=bilinear access=" + access +
+                " codec=raw16 rig=" + rig + " ! filesink location=" + answers);
     composite_files();
     for (const Quality& quality : qualities()) EXPECT_EQ(quality.max_error, 0) << access;
   }
@@ -224,22 +181,21 @@ TEST_F(StillArray, NothingLeaks) {
                                  "GST_TRACERS=leaks GST_DEBUG=GST_TRACER:7,leaks:7 GST_DEBUG_NO_COLOR=1");
   ASSERT_EQ(run.status, 0) << run.output;
   EXPECT_THAT(run.output, HasSubstr("object-alive, type-name=(string)%s"));  // the tracer works and logs its format
-  EXPECT_THAT(run.output, testing::Not(testing::ContainsRegex("object-alive, type-name=.string.[A-Za-z]")));
+  EXPECT_THAT(run.output, Not(ContainsRegex("object-alive, type-name=.string.[A-Za-z]")));
 }
 
 // A camera that fails to open is out of service: its neighbours fill in, and a warning gives the reason.
 TEST_F(StillArray, MissingImageIsNamed) {
   std::filesystem::remove(dir_ / "cam_01_01.png");
   test::expect_outcome(gst_launch(files_in_files_out(rig, views, out), ""), 0,
-                       testing::AllOf(HasSubstr("WARNING"), HasSubstr("cam_01_01.png")));
+                       AllOf(HasSubstr("WARNING"), HasSubstr("cam_01_01.png")));
   EXPECT_TRUE(std::filesystem::exists(dir_ / "out_00.png"));
 }
 
 TEST_F(StillArray, ImageOfAnotherSizeIsNamed) {
   save_image(Image(PixelFamily::kRgb, 81, 60), dir_ / "cam_02_00.png");
-  test::expect_outcome(
-      gst_launch(files_in_files_out(rig, views, out), ""), 0,
-      testing::AllOf(HasSubstr("WARNING"), HasSubstr("cam_02_00"), HasSubstr("81x60"), HasSubstr("80x60")));
+  test::expect_outcome(gst_launch(files_in_files_out(rig, views, out), ""), 0,
+                       AllOf(HasSubstr("WARNING"), HasSubstr("cam_02_00"), HasSubstr("81x60"), HasSubstr("80x60")));
 }
 
 TEST_F(StillArray, ViewsFileWithoutViewsIsNamed) {
@@ -274,27 +230,17 @@ TEST_F(StillArray, OddTinyAndOneCameraViewsRender) {
 // The moving built-in scene as MJPEG files, seen from between the cameras.
 TEST(FilmPipeline, MovingScene) {
   const TempDir dir;
-  ASSERT_EQ(std::system((LF_TOOLS_DIR "/lf-scene --grid 3x3 --width 160 --height 120 --frames 6 --framerate 15 --out " +
-                         dir.path() + " >/dev/null 2>&1")
-                            .c_str()),
-            0);
-  std::vector<NamedView> views;
-  for (int i = 0; i < 6; i++) {
-    NamedView view{"view_" + std::to_string(i), i / 15.0, {}};
-    view.view.width = 160;
-    view.view.height = 120;
-    view.view.lens = Lens::from_fov_y(28, 160, 120);
-    view.view.pose.position = Vec3(0.004 * i, 0.004, -0.01);
-    view.view.focus.plane = focal_plane_at(view.view.pose, kSceneMiddle);
-    views.push_back(view);
-  }
+  expect_outcome(
+      run_program("lf-scene", "--grid 3x3 --width 160 --height 120 --frames 6 --framerate 15 --out .", dir.path()), 0);
+  std::vector<View> path;
+  for (int i = 0; i < 6; i++) path.push_back(view_at({0.004 * i, 0.004, -0.01}, 160, 120, 28, kSceneMiddle));
+  const std::vector<NamedView> views = path_of(path, 1 / 15.0);
   save_views(views, dir / "views.json");
   const std::string line =
       "lfviewrequest location=" + dir / "views.json" +
       " ! tee name=r r. ! queue ! n.request lfcameranode name=n rig=" + dir / "rig.json" +
       " ! c.sink_0 r. ! queue ! c.request lfcompositor name=c ! video/x-raw,format=I420 ! filesink location=";
-  const Outcome run = gst_launch(line + dir / "a.raw");
-  ASSERT_EQ(run.status, 0) << run.output;
+  expect_runs(line + dir / "a.raw");
   const std::vector<uint8_t> film = read_bytes(dir / "a.raw");
   const size_t frame_bytes = packed_size(PixelFamily::kI420, 160, 120);
   ASSERT_EQ(film.size(), 6 * frame_bytes);
@@ -311,8 +257,7 @@ TEST(FilmPipeline, MovingScene) {
   ASSERT_EQ(gst_launch(line + dir / "b.raw").status, 0);
   EXPECT_EQ(film, read_bytes(dir / "b.raw"));
   // Region decoding gives the same pixels as decoding whole frames.
-  test::expect_outcome(
-      gst_launch(std::regex_replace(line, std::regex("lfcameranode"), "lfcameranode decode=true") + dir / "c.raw"), 0);
+  expect_runs(std::regex_replace(line, std::regex("lfcameranode"), "lfcameranode decode=true") + dir / "c.raw");
   EXPECT_EQ(film, read_bytes(dir / "c.raw"));
 }
 
@@ -320,7 +265,7 @@ TEST(ChessPipeline, MakesTheLibrarysPictures) {
   const std::string data = LF_SOURCE_ROOT "/../shared/data/chess/";
   if (!std::filesystem::exists(data + "rig.json")) GTEST_SKIP() << "no chess data beside the checkout";
   const TempDir dir;
-  test::expect_outcome(gst_launch(files_in_files_out(data + "rig.json", data + "views.json", dir / "out_%02d.png")), 0);
+  expect_runs(files_in_files_out(data + "rig.json", data + "views.json", dir / "out_%02d.png"));
   const Rig rig = load_rig(data + "rig.json");
   std::vector<Image> images;
   for (const Camera& camera : rig.cameras) images.push_back(load_image(rig.resolve(camera.image)));

@@ -1,21 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Checks statements of the documents about elements and tools, and runs their launch lines as written.
-#include <gst/gst.h>
 
-#include <algorithm>
-#include <atomic>
 #include <cctype>
-#include <cstdlib>
-#include <filesystem>
-#include <mutex>
 #include <regex>
-#include <set>
-#include <sstream>
-#include <string>
-#include <vector>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include "base/json_value.h"
 #include "gst/gst_test.h"
@@ -111,7 +98,7 @@ TEST(Readme, LinksAreValid) {
               anchor += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
           headings += "#" + anchor + "\n";
         }
-      EXPECT_THAT(headings, testing::HasSubstr((*i)[2].str() + "\n")) << name << ": " << (*i)[0];
+      EXPECT_THAT(headings, HasSubstr((*i)[2].str() + "\n")) << name << ": " << (*i)[0];
     }
   }
 }
@@ -121,26 +108,16 @@ TEST(Readme, LinksAreValid) {
 class FilmFolder {
  public:
   FilmFolder() : before_(fs::current_path()) {
-    const std::string tools = LF_TOOLS_DIR, scene = folder_ / "scene";
-    const std::string film = tools + "/lf-scene --out '" + scene + "' --width 48 --height 36 --frames 8 >&2";
-    const std::string path =
-        tools + "/lf-path --rig '" + scene + "/rig.json' --out '" + scene + "/views.json' --frames 8 >&2";
-    ready_ = std::system(film.c_str()) == 0 && std::system(path.c_str()) == 0;
-    if (ready_) fs::current_path(scene);
+    test::expect_outcome(run_program("lf-scene", "--out scene --width 48 --height 36 --frames 8", folder_.path()), 0);
+    fs::current_path(folder_ / "scene");
+    test::expect_outcome(run_program("lf-path", "--rig rig.json --out views.json --frames 8"), 0);
   }
   ~FilmFolder() { fs::current_path(before_); }
-  bool ready() const { return ready_; }
 
  private:
   TempDir folder_;
   fs::path before_;
-  bool ready_ = false;
 };
-
-GstPadProbeReturn count_buffer(GstPad*, GstPadProbeInfo*, gpointer count) {
-  (*static_cast<std::atomic<int>*>(count))++;
-  return GST_PAD_PROBE_OK;
-}
 
 // Collects GStreamer's log from warning level, without numbers and without messages that every pipeline logs.
 class ProcessOutput {
@@ -181,19 +158,15 @@ class ProcessOutput {
 std::string run_line(std::string line, size_t expected_sinks, int pictures) {
   line = std::regex_replace(line, std::regex("autovideosink"), "fakesink sync=true");
   line = std::regex_replace(line, std::regex("\\\\([()])"), "$1");  // shell escapes
-  const test::ElementPtr owner = test::launch(line);
+  const test::PipelinePtr owner = test::launch(line);
   GstElement* pipeline = owner.get();
-  if (!pipeline) return "not a pipeline";
   std::vector<std::atomic<int>> counts(expected_sinks);
   size_t sinks = 0;
   GstIterator* all = gst_bin_iterate_sinks(GST_BIN(pipeline));
   GValue item = G_VALUE_INIT;
   while (gst_iterator_next(all, &item) == GST_ITERATOR_OK) {
-    if (sinks < expected_sinks) {
-      GstPad* pad = gst_element_get_static_pad(GST_ELEMENT(g_value_get_object(&item)), "sink");
-      gst_pad_add_probe(pad, GST_PAD_PROBE_TYPE_BUFFER, count_buffer, &counts[sinks], nullptr);
-      gst_object_unref(pad);
-    }
+    if (sinks < expected_sinks)
+      test::on_buffers(GST_ELEMENT(g_value_get_object(&item)), "sink", [&n = counts[sinks]](GstBuffer*) { n++; });
     sinks++;
     g_value_reset(&item);
   }
@@ -202,38 +175,30 @@ std::string run_line(std::string line, size_t expected_sinks, int pictures) {
   std::string result = sinks == expected_sinks ? "" : std::to_string(sinks) + " sinks";
 
   gst_element_set_state(pipeline, GST_STATE_PLAYING);
-  GstBus* bus = gst_element_get_bus(pipeline);
+  g_autoptr(GstBus) bus = gst_element_get_bus(pipeline);
   const auto enough = [&] {
     return std::all_of(counts.begin(), counts.end(), [&](const std::atomic<int>& n) { return n >= pictures; });
   };
   bool ended = false;
   const gint64 deadline = g_get_monotonic_time() + 60 * G_USEC_PER_SEC;
   // Finite lines run to EOS, so that the files they write are complete.
-  const auto has = [&line](const char* words) { return line.find(words) != std::string::npos; };
-  const bool endless = has("is-live=true") || (has("lfviewsrc") && !has("is-live=false"));
+  const bool endless =
+      contains(line, "is-live=true") || (contains(line, "lfviewsrc") && !contains(line, "is-live=false"));
   while (result.empty() && !ended && !(endless && enough())) {
-    GstMessage* message =
-        gst_bus_timed_pop_filtered(bus, 50 * GST_MSECOND, GstMessageType(GST_MESSAGE_ERROR | GST_MESSAGE_EOS));
-    if (message && GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR) {
-      GError* error = nullptr;
-      gst_message_parse_error(message, &error, nullptr);
-      result = error->message;
-      g_clear_error(&error);
-    }
+    const test::MessagePtr message(
+        gst_bus_timed_pop_filtered(bus, 50 * GST_MSECOND, GstMessageType(GST_MESSAGE_ERROR | GST_MESSAGE_EOS)));
     ended = message != nullptr;
-    gst_clear_message(&message);
+    if (ended && GST_MESSAGE_TYPE(message.get()) == GST_MESSAGE_ERROR) result = test::text_of(message.get());
     if (g_get_monotonic_time() > deadline) result = "no end after a minute";
   }
   if (result.empty() && !enough()) result = "ended after " + std::to_string(counts[0]) + " buffers";
   gst_element_set_state(pipeline, GST_STATE_NULL);
-  gst_object_unref(bus);
   return result;
 }
 
 // A busy machine causes occasional warnings about lateness: only messages of every run count.
 TEST(Readme, LaunchLinesCauseNoWarnings) {
   const FilmFolder folder;
-  ASSERT_TRUE(folder.ready());
   for (const std::string& line : launch_lines(kReadme, "Launch lines")) {
     const size_t sinks = line.find("view-id=1") == std::string::npos ? 1 : 2;
     Names each_time;
@@ -245,13 +210,12 @@ TEST(Readme, LaunchLinesCauseNoWarnings) {
         if (run == 0 || each_time.contains(text)) both.insert(text);
       each_time = both;
     }
-    EXPECT_THAT(each_time, testing::IsEmpty()) << line;
+    EXPECT_THAT(each_time, IsEmpty()) << line;
   }
 }
 
 TEST(Readme, LaunchLinesWork) {
   const FilmFolder folder;
-  ASSERT_TRUE(folder.ready());
   const std::vector<std::string> lines = launch_lines(kReadme, "Launch lines");
   ASSERT_EQ(lines.size(), 5u);
   EXPECT_EQ(run_line(lines[0], 1, 8), "");
@@ -266,13 +230,12 @@ TEST(Readme, LaunchLinesWork) {
 // Except for lines for several hosts, which tests/pipelines/one_line_test.cc runs on one host.
 TEST(Readme, OneLineSuffices) {
   const FilmFolder folder;
-  ASSERT_TRUE(folder.ready());
   const std::vector<std::string> lines = launch_lines(kEmbedding, "One line");
   ASSERT_GE(lines.size(), 3u);
   EXPECT_EQ(run_line(lines[0], 1, 8), "");
   EXPECT_TRUE(fs::exists("view_007.png"));
   EXPECT_EQ(run_line(lines[1], 2, 5), "");
-  EXPECT_THAT(lines[2], testing::HasSubstr("playbin uri=lf://$PWD/rig.json"));
+  EXPECT_THAT(lines[2], HasSubstr("playbin uri=lf://$PWD/rig.json"));
   const std::string text = document(kReadme), begin = "\ngst-launch-1.0 ";
   const size_t first = text.find(begin) + begin.size();
   EXPECT_EQ(run_line(text.substr(first, text.find('\n', first) - first), 1, 5), "") << "the very first line";

@@ -1,21 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // Played recordings show the same pictures as live, repeatedly, and also after the recording process was killed.
-#include <gmock/gmock.h>
-#include <gst/app/gstappsink.h>
-#include <gtest/gtest.h>
 #include <signal.h>
 #include <spawn.h>
-#include <sys/wait.h>
-
-#include <cstdlib>
-#include <filesystem>
-#include <set>
 
 #include "gst/camera_files.h"
-#include "gst/gst_test.h"
 #include "rig/rig_json.h"
 #include "support/recorded.h"
+#include "support/run_program.h"
 #include "support/temp_dir.h"
 #include "view/navigator.h"
 #include "view/view_path.h"
@@ -27,10 +19,9 @@ namespace {
 
 constexpr int kRate = 15;
 
-using Bytes = std::vector<uint8_t>;
 struct Picture {
   GstClockTime pts = GST_CLOCK_TIME_NONE, captured = GST_CLOCK_TIME_NONE;
-  Bytes bytes;
+  std::vector<uint8_t> bytes;
   bool operator==(const Picture&) const = default;
 };
 
@@ -38,49 +29,35 @@ Picture picture_of(GstSample* sample) {
   GstBuffer* buffer = gst_sample_get_buffer(sample);
   const CapsPtr reference(gst_caps_from_string("timestamp/x-lightfield-capture"));
   const GstReferenceTimestampMeta* meta = gst_buffer_get_reference_timestamp_meta(buffer, reference.get());
-  Picture picture{GST_BUFFER_PTS(buffer), meta ? meta->timestamp : GST_CLOCK_TIME_NONE, to_bytes(buffer)};
-  gst_sample_unref(sample);
-  return picture;
-}
-
-ElementPtr child(const ElementPtr& bin, const char* name) {
-  return ElementPtr(gst_bin_get_by_name(GST_BIN(bin.get()), name));
+  return {GST_BUFFER_PTS(buffer), meta ? meta->timestamp : GST_CLOCK_TIME_NONE, to_bytes(buffer)};
 }
 
 // Returns the pictures up to EOS, or at most this many.
-std::vector<Picture> pictures_of(const ElementPtr& pipeline, size_t most = SIZE_MAX) {
+std::vector<Picture> pictures_of(const PipelinePtr& pipeline, size_t most = SIZE_MAX) {
   gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
-  const ElementPtr sink = child(pipeline, "s");
+  const ElementPtr sink = child_of(pipeline.get(), "s");
   std::vector<Picture> pictures;
   while (pictures.size() < most) {
-    GstSample* sample = gst_app_sink_try_pull_sample(GST_APP_SINK(sink.get()), 20 * GST_SECOND);
+    g_autoptr(GstSample) sample = gst_app_sink_try_pull_sample(GST_APP_SINK(sink.get()), 20 * GST_SECOND);
     if (!sample) break;
     pictures.push_back(picture_of(sample));
   }
   return pictures;
 }
 
-std::vector<Picture> pictures_of(ElementPtr&& pipeline) {
-  const ElementPtr played = std::move(pipeline);
-  std::vector<Picture> pictures = pictures_of(played);
-  gst_element_set_state(played.get(), GST_STATE_NULL);
-  return pictures;
-}
-
 // Returns the PTS of complete pictures according to the compositor: each camera has answered with its nearest frame. If
 // a busy machine answers exceptionally late, the node has dropped that frame and shows the next.
-std::set<GstClockTime> timestamps_of_whole(const ElementPtr& pipeline) {
-  const std::unique_ptr<GstBus, Unref<gst_object_unref>> bus(gst_element_get_bus(pipeline.get()));
+std::set<GstClockTime> timestamps_of_whole(const PipelinePtr& pipeline) {
+  g_autoptr(GstBus) bus = gst_element_get_bus(pipeline.get());
   std::set<GstClockTime> whole;
-  while (GstMessage* message = gst_bus_pop_filtered(bus.get(), GST_MESSAGE_ELEMENT)) {
-    const GstStructure* view = gst_message_get_structure(message);
+  while (const MessagePtr message{gst_bus_pop_filtered(bus, GST_MESSAGE_ELEMENT)}) {
+    const GstStructure* view = gst_message_get_structure(message.get());
     gboolean complete = FALSE;
     guint64 pts = 0, skew = 0;
     if (gst_structure_get(view, "complete", G_TYPE_BOOLEAN, &complete, "pts", G_TYPE_UINT64, &pts, "skew-ns",
                           G_TYPE_UINT64, &skew, nullptr) &&
         complete && skew < GST_SECOND / kRate / 2)
       whole.insert(pts);
-    gst_message_unref(message);
   }
   return whole;
 }
@@ -96,10 +73,11 @@ class RecordingReplayTest : public testing::TestWithParam<const char*> {
   // Nine synchronised cameras, with files of both formats.
   static void SetUpTestSuite() {
     scene = new TempDir;
-    const std::string command = std::string(LF_TOOLS_DIR) + "/lf-scene --out '" + *scene / "s" +
-                                "' --grid 3x3 --width 48 --height 36 --framerate " + std::to_string(kRate) +
-                                " --frames 20 >&2";
-    ASSERT_EQ(std::system(command.c_str()), 0);
+    expect_outcome(
+        run_program("lf-scene",
+                    "--out s --grid 3x3 --width 48 --height 36 --frames 20 --framerate " + std::to_string(kRate),
+                    scene->path()),
+        0);
     if (CameraFiles::h264_encoder().empty()) return;
     const std::string folder = *scene / "h264";
     std::filesystem::create_directory(folder);
@@ -149,20 +127,16 @@ class RecordingReplayTest : public testing::TestWithParam<const char*> {
     return save(times);
   }
   void record(double seconds) const {
-    const ElementPtr pipeline = launch("lfcameranode name=n is-live=true loop=true rig=" + rig() +
-                                       " record=" + folder() + " ! fakesink async=false");
-    const ElementPtr node(gst_bin_get_by_name(GST_BIN(pipeline.get()), "n"));
+    const PipelinePtr pipeline = launch("lfcameranode name=n is-live=true loop=true rig=" + rig() +
+                                        " record=" + folder() + " ! fakesink async=false");
+    const ElementPtr node = child_of(pipeline.get(), "n");
     gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
     const auto enough = static_cast<uint64_t>(seconds * kRate);
-    for (int i = 0; i < 1200 && least_recorded(node.get()) < enough; i++) g_usleep(50000);
-    EXPECT_GE(least_recorded(node.get()), enough);
-    gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+    EXPECT_TRUE(eventually([&] { return least_recorded(node.get()) >= enough; })) << least_recorded(node.get());
   }
   static uint64_t least_recorded(GstElement* node) {
-    GstStructure* all = nullptr;
-    g_object_get(node, "stats", &all, nullptr);
-    const StructurePtr owner(all);
-    const GValue* cameras = gst_structure_get_value(all, "cameras");
+    const StructurePtr all = stats_of(node);
+    const GValue* cameras = gst_structure_get_value(all.get(), "cameras");
     uint64_t least = G_MAXUINT64;
     for (int camera = 0; camera < 9; camera++) {
       const std::string name = "camera-" + std::to_string(camera);
@@ -182,7 +156,7 @@ TEST_P(RecordingReplayTest, ShowsTheLivePictures) {
   std::vector<Picture> live;
   guint64 begin = 0;
   {
-    const ElementPtr pipeline =
+    const PipelinePtr pipeline =
         launch(line("is-live=true capture-delay=500000000 loop=true framerate=15/1 location=" + save({0}),
                     "is-live=true loop=true rig=" + rig() + " record=" + folder(),
                     "post-messages=true latency=1000000000 rig=" + rig()));
@@ -190,13 +164,9 @@ TEST_P(RecordingReplayTest, ShowsTheLivePictures) {
     const std::set<GstClockTime> whole = timestamps_of_whole(pipeline);
     ASSERT_EQ(live.size(), 60u);
     std::erase_if(live, [&](const Picture& picture) { return !whole.contains(picture.pts); });
-    const ElementPtr node = child(pipeline, "n");
-    GstStructure* stats = nullptr;
-    g_object_get(node.get(), "stats", &stats, nullptr);
-    const StructurePtr owner(stats);
-    const GstStructure* recording = gst_value_get_structure(gst_structure_get_value(stats, "recording"));
+    const StructurePtr stats = stats_of(child_of(pipeline.get(), "n").get());
+    const GstStructure* recording = gst_value_get_structure(gst_structure_get_value(stats.get(), "recording"));
     ASSERT_TRUE(gst_structure_get_uint64(recording, "begin", &begin));
-    gst_element_set_state(pipeline.get(), GST_STATE_NULL);
   }
   // The first pictures may contain cameras that had just started.
   std::erase_if(live, [&](const Picture& picture) { return picture.captured < begin + GST_SECOND; });
@@ -221,19 +191,17 @@ TEST_P(RecordingReplayTest, IsSeekable) {
   const std::string views = path();
   const std::vector<Picture> truth = pictures_of(launch(replay(views)));
   ASSERT_GT(truth.size(), 20u);
-  const ElementPtr player = launch(replay(views)), sink = child(player, "s");
+  const PipelinePtr player = launch(replay(views));
+  const ElementPtr sink = child_of(player.get(), "s");
   for (const size_t to : {20u, 3u, 11u}) {
     gst_element_set_state(player.get(), GST_STATE_PAUSED);
     ASSERT_EQ(gst_element_get_state(player.get(), nullptr, nullptr, 20 * GST_SECOND), GST_STATE_CHANGE_SUCCESS);
     ASSERT_TRUE(gst_element_seek_simple(player.get(), GST_FORMAT_TIME, GST_SEEK_FLAG_FLUSH,
                                         static_cast<gint64>(to) * 100 * GST_MSECOND));
-    GstSample* sample = gst_app_sink_try_pull_preroll(GST_APP_SINK(sink.get()), 20 * GST_SECOND);
+    g_autoptr(GstSample) sample = gst_app_sink_try_pull_preroll(GST_APP_SINK(sink.get()), 20 * GST_SECOND);
     ASSERT_TRUE(sample);
-    gst_sample_unref(sample);
-    const std::vector<Picture> rest = pictures_of(player);
-    EXPECT_TRUE(rest == std::vector(truth.begin() + static_cast<ptrdiff_t>(to), truth.end())) << to;
+    EXPECT_TRUE(pictures_of(player) == std::vector(truth.begin() + static_cast<ptrdiff_t>(to), truth.end())) << to;
   }
-  gst_element_set_state(player.get(), GST_STATE_NULL);
 }
 
 // All cameras loop with a common period.
@@ -268,7 +236,7 @@ TEST_P(RecordingReplayTest, IsCompleteAfterAKill) {
     return error ? uintmax_t{0} : bytes;
   };
   const uintmax_t frame = std::filesystem::file_size(std::filesystem::path(rig()).parent_path() / "cam_00_00.mkv") / 20;
-  for (int i = 0; i < 4000 && size(8) < 40 * frame; i++) g_usleep(10000);
+  EXPECT_TRUE(eventually([&] { return size(8) >= 40 * frame; }));
   kill(process, SIGKILL);
   int status = 0;
   waitpid(process, &status, 0);

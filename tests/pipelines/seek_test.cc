@@ -2,18 +2,11 @@
 //
 // Pictures after a seek are bit-identical to playback from the start.
 #include <gst/app/gstappsink.h>
-#include <gtest/gtest.h>
-
-#include <cstdlib>
-#include <optional>
-#include <string>
-#include <vector>
 
 #include "gst/gst_test.h"
-#include "rig/rig_json.h"
-#include "support/temp_dir.h"
+#include "support/photographs.h"
+#include "support/run_program.h"
 #include "view/navigator.h"
-#include "view/view_path.h"
 
 namespace lf::test {
 namespace seek_test {
@@ -29,12 +22,9 @@ struct Picture {
 };
 
 Picture picture_of(GstSample* sample) {
-  Picture picture;
   GstBuffer* buffer = gst_sample_get_buffer(sample);
-  picture.time = gst_segment_to_stream_time(gst_sample_get_segment(sample), GST_FORMAT_TIME, GST_BUFFER_PTS(buffer));
-  picture.bytes = to_bytes(buffer);
-  gst_sample_unref(sample);
-  return picture;
+  const GstSegment* segment = gst_sample_get_segment(sample);
+  return {gst_segment_to_stream_time(segment, GST_FORMAT_TIME, GST_BUFFER_PTS(buffer)), to_bytes(buffer)};
 }
 
 // Plays a path through an array of cameras that read files.
@@ -44,19 +34,18 @@ class Player {
     watch(sink);
     bus_.reset(gst_element_get_bus(pipeline_.get()));
   }
-  ~Player() { set_state(GST_STATE_NULL); }
-  void watch(const char* sink) { sink_.reset(gst_bin_get_by_name(GST_BIN(pipeline_.get()), sink)); }
+  void watch(const char* sink) { sink_ = child_of(pipeline_.get(), sink); }
   void set_state(GstState state) { gst_element_set_state(pipeline_.get(), state); }
 
   std::optional<Picture> preroll() {
-    GstSample* sample = gst_app_sink_try_pull_preroll(GST_APP_SINK(sink_.get()), kPatience);
+    g_autoptr(GstSample) sample = gst_app_sink_try_pull_preroll(GST_APP_SINK(sink_.get()), kPatience);
     return sample ? std::optional(picture_of(sample)) : std::nullopt;
   }
   std::vector<Picture> rest(size_t most = SIZE_MAX) {
     set_state(GST_STATE_PLAYING);
     std::vector<Picture> pictures;
     while (pictures.size() < most) {
-      GstSample* sample = gst_app_sink_try_pull_sample(GST_APP_SINK(sink_.get()), kPatience);
+      g_autoptr(GstSample) sample = gst_app_sink_try_pull_sample(GST_APP_SINK(sink_.get()), kPatience);
       if (!sample) break;
       pictures.push_back(picture_of(sample));
     }
@@ -73,16 +62,14 @@ class Player {
   }
   bool is_eos() const { return gst_app_sink_is_eos(GST_APP_SINK(sink_.get())); }
   bool waits_for(GstMessageType type, int seconds = 20) {
-    GstMessage* message = gst_bus_timed_pop_filtered(bus_.get(), seconds * GST_SECOND, type);
-    const bool came = message != nullptr;
-    gst_clear_message(&message);
-    return came;
+    return MessagePtr(gst_bus_timed_pop_filtered(bus_.get(), seconds * GST_SECOND, type)) != nullptr;
   }
   GstElement* pipeline() const { return pipeline_.get(); }
 
  private:
-  ElementPtr pipeline_, sink_;
-  std::unique_ptr<GstBus, Unref<gst_object_unref>> bus_;
+  PipelinePtr pipeline_;
+  ElementPtr sink_;
+  BusPtr bus_;
 };
 
 // The parameter selects the cameras' source.
@@ -90,10 +77,9 @@ class SeekTest : public testing::TestWithParam<const char*> {
  protected:
   void SetUp() override {
     const std::string kind = GetParam();
-    std::string command = std::string(LF_TOOLS_DIR) + "/lf-scene --out '" + dir_ / "scene" +
-                          "' --grid 2x2 --width 48 --height 36 --framerate " + std::to_string(kRate) + " --frames " +
-                          std::to_string(kFrames) + (kind == "sequence" ? " --format png" : "") + " >&2";
-    ASSERT_EQ(std::system(command.c_str()), 0);
+    const std::string arguments = "--out scene --grid 2x2 --width 48 --height 36 --framerate " + std::to_string(kRate) +
+                                  " --frames " + std::to_string(kFrames) + (kind == "sequence" ? " --format png" : "");
+    expect_outcome(run_program("lf-scene", arguments, dir_.path()), 0);
     rig_ = dir_ / "scene/rig.json";
     if (kind == "scene" || kind == "stills") {
       Rig rig = load_rig(rig_);
@@ -103,14 +89,10 @@ class SeekTest : public testing::TestWithParam<const char*> {
       }
       save_rig(rig, rig_);
     }
-    std::vector<NamedView> views;
-    const Viewpoint home = default_viewpoint(load_rig(rig_));
-    for (int i = 0; i < kFrames; i++) {
-      Viewpoint v = home;
-      v.pose.position.x += 1e-3 * i;
-      views.push_back({"view_" + std::to_string(i), static_cast<double>(i) / kRate, make_view(v, 48, 36)});
-    }
-    save_views(views, dir_ / "views.json");
+    std::vector<View> views;
+    Viewpoint v = default_viewpoint(load_rig(rig_));
+    for (int i = 0; i < kFrames; i++, v.pose.position.x += 1e-3) views.push_back(make_view(v, 48, 36));
+    save_views(path_of(views, 1.0 / kRate), dir_ / "views.json");
   }
   std::string line(int nodes = 1) const {
     std::string text = "lfviewrequest framerate=" + std::to_string(kRate) + "/1 location=" + dir_ / "views.json" +
@@ -209,7 +191,7 @@ TEST_P(SeekTest, SegmentSeeksContinue) {
 // identical.
 TEST_P(SeekTest, FocalSurfaceIsTheSameAfterASeek) {
   const auto set_rig = [this](const Player& player) {
-    const ElementPtr compositor(gst_bin_get_by_name(GST_BIN(player.pipeline()), "c"));
+    const ElementPtr compositor = child_of(player.pipeline(), "c");
     g_object_set(compositor.get(), "rig", rig_.c_str(), nullptr);
   };
   Player player(line());
@@ -339,12 +321,11 @@ INSTANTIATE_TEST_SUITE_P(Sources, PauseTest, testing::Values("film"));
 
 // Recorded answers do not follow a seek, although the requests would.
 TEST(SeekRefused, IfAnswersComeFromElsewhere) {
-  const ElementPtr pipeline = launch(
+  const PipelinePtr pipeline = launch(
       "lfviewrequest num-buffers=3 ! c.request  appsrc caps=application/x-lightfield-answer ! c.sink_0  "
       "lfcompositor name=c ! fakesink async=false");
   gst_element_set_state(pipeline.get(), GST_STATE_PAUSED);
   EXPECT_FALSE(gst_element_seek_simple(pipeline.get(), GST_FORMAT_TIME, GST_SEEK_FLAG_FLUSH, GST_SECOND));
-  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
 }
 
 }  // namespace seek_test

@@ -2,24 +2,11 @@
 //
 // Sets of views in one picture, compared with single views, geometry, and ground truth.
 #include <gst/app/gstappsink.h>
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <cstdio>
-#include <fstream>
-#include <iterator>
 
 #include "gst/gst_test.h"
-#include "image/image.h"
 #include "pipelines/gst_launch.h"
 #include "quality/image_quality.h"
-#include "rig/rig_json.h"
-#include "scene/scene.h"
-#include "support/mentions.h"
 #include "support/photographs.h"
-#include "support/temp_dir.h"
-#include "view/view.h"
-#include "view/view_path.h"
 
 namespace lf::test {
 namespace {
@@ -30,13 +17,7 @@ class ViewSets : public testing::Test {
  protected:
   // A view from between the cameras, focused at a distance in metres.
   static View view(double focus, int width = kWidth, int height = kHeight) {
-    View view;
-    view.width = width;
-    view.height = height;
-    view.lens = Lens::from_fov_y(30, width, height);
-    view.pose.position = {0.003, -0.002, 0};
-    view.focus.plane = focal_plane_at(view.pose, focus);
-    return view;
+    return view_at({0.003, -0.002, 0}, width, height, 30, focus);
   }
   // Saves an array with the moving built-in scene.
   void film(int side, int width = kWidth, int height = kHeight) {
@@ -45,8 +26,8 @@ class ViewSets : public testing::Test {
     save_rig(rig_, dir_ / "rig.json");
   }
   void save(const std::string& name, const std::vector<View>& views, const std::vector<double>& times) {
-    std::vector<NamedView> path;
-    for (size_t i = 0; i < views.size(); i++) path.push_back({"view_" + std::to_string(i), times[i], views[i]});
+    std::vector<NamedView> path = path_of(views, 0);
+    for (size_t i = 0; i < views.size(); i++) path[i].time = times[i];
     save_views(path, dir_ / name);
   }
   // Returns the concatenated RGB pictures of the views in a file.
@@ -57,8 +38,7 @@ class ViewSets : public testing::Test {
                    " ! videoconvert ! video/x-raw,format=RGB ! filesink location=" + out);
     EXPECT_EQ(run.status, 0) << run.output;
     EXPECT_EQ(run.output, "");
-    std::ifstream file(out, std::ios::binary);
-    return {std::istreambuf_iterator<char>(file), {}};
+    return read_bytes(out);
   }
   static Image part(const uint8_t* whole, const ViewSetPosition& place, int width = kWidth, int height = kHeight) {
     Image image(PixelFamily::kRgb, width, height);
@@ -207,11 +187,10 @@ TEST_F(ViewSets, SeekAndEnd) {
   const std::vector<uint8_t> straight = pictures("middle.json", set);
   const size_t bytes = size_t{2} * 3 * kWidth * kHeight;
   ASSERT_EQ(straight.size(), 10 * bytes);
-  const ElementPtr pipeline =
+  const PipelinePtr pipeline =
       launch("lfviewsrc is-live=false rig=" + dir_ / "rig.json" + " location=" + dir_ / "middle.json" + " " + set +
              " ! videoconvert ! video/x-raw,format=RGB ! appsink name=s sync=false");
-  ASSERT_TRUE(pipeline);
-  const ElementPtr sink(gst_bin_get_by_name(GST_BIN(pipeline.get()), "s"));
+  const ElementPtr sink = child_of(pipeline.get(), "s");
   const auto pull = [&] { return gst_app_sink_try_pull_sample(GST_APP_SINK(sink.get()), 30 * GST_SECOND); };
   gst_element_set_state(pipeline.get(), GST_STATE_PAUSED);
   ASSERT_EQ(gst_element_get_state(pipeline.get(), nullptr, nullptr, 30 * GST_SECOND), GST_STATE_CHANGE_SUCCESS);
@@ -221,12 +200,11 @@ TEST_F(ViewSets, SeekAndEnd) {
                                         static_cast<gint64>(to * GST_SECOND / 10)));
     gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
     for (size_t i = to; i < (to == 6 ? size_t{8} : size_t{10}); i++) {
-      GstSample* sample = pull();
+      g_autoptr(GstSample) sample = pull();
       ASSERT_TRUE(sample) << to << " " << i;
       const std::vector<uint8_t> picture = to_bytes(gst_sample_get_buffer(sample));
       EXPECT_TRUE(std::equal(picture.begin(), picture.end(), straight.begin() + static_cast<ptrdiff_t>(i * bytes)))
           << to << " " << i;
-      gst_sample_unref(sample);
     }
   }
   EXPECT_FALSE(pull());

@@ -1,21 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // Several viewers of one node in one process, and pipelines that start and stop.
-#include <gst/video/video.h>
-#include <gtest/gtest.h>
-
-#include <atomic>
-#include <cstdlib>
+#include <gst/video/navigation.h>
 
 #include "gst/gst_test.h"
-#include "image/image.h"
 #include "pipelines/gst_launch.h"
-#include "scene/scene.h"
 #include "support/photographs.h"
 #include "support/process.h"
-#include "support/temp_dir.h"
 #include "view/navigator.h"
-#include "view/view_path.h"
 
 namespace lf::test {
 namespace {
@@ -30,8 +22,7 @@ class ViewersTest : public testing::Test {
   std::string viewer(int id) const {
     const std::string n = std::to_string(id);
     return " t. ! queue leaky=downstream ! c" + n + ".sink_0  r. ! queue leaky=downstream ! c" + n +
-           ".request  lfcompositor name=c" + n + " view-id=" + n + " ! fakesink name=s" + n +
-           " sync=false signal-handoffs=true";
+           ".request  lfcompositor name=c" + n + " view-id=" + n + " ! fakesink name=s" + n + " sync=false";
   }
   std::string requests(int id) const {
     return " lfviewrequest name=v" + std::to_string(id) + " view-id=" + std::to_string(id) +
@@ -45,28 +36,23 @@ class ViewersTest : public testing::Test {
 TEST_F(ViewersTest, PathsOfDifferentLengthsEnd) {
   const auto path = [&](int frames) {
     const std::string file = dir_ / (std::to_string(frames) + ".json");
-    std::vector<NamedView> views;
-    for (int i = 0; i < frames; i++) {
-      Viewpoint v;
-      v.pose.position.x = 1e-4 * i;
-      views.push_back({"view_" + std::to_string(i), i / 75.0, make_view(v, 64, 48)});
-    }
-    save_views(views, file);
+    std::vector<View> views;
+    Viewpoint v;
+    for (int i = 0; i < frames; i++, v.pose.position.x += 1e-4) views.push_back(make_view(v, 64, 48));
+    save_views(path_of(views, 1 / 75.0), file);
     return " lfviewrequest location=" + file;
   };
   const auto view = [](const std::string& id) {
     return " r. ! queue ! c" + id + ".request  t. ! queue ! c" + id + ".sink_0  lfcompositor name=c" + id +
            " view-id=" + id + " ! queue ! fakesink name=s" + id + " sync=false async=false";
   };
-  const ElementPtr pipeline =
+  const PipelinePtr pipeline =
       launch("funnel name=f ! tee name=r" + path(3) + " view-id=0 ! f." + path(300) +
              " view-id=1 ! f.  r. ! queue ! n.request  lfcameranode name=n rig=" + dir_ / "rig.json" + " ! tee name=t" +
              view("0") + view("1"));
-  ASSERT_TRUE(pipeline);
   EXPECT_EQ(run(pipeline.get(), 60), "");
   for (const auto& [name, expected] : {std::pair("c0", 3u), std::pair("c1", 300u)}) {
-    const ElementPtr compositor(gst_bin_get_by_name(GST_BIN(pipeline.get()), name));
-    EXPECT_EQ(stat(compositor.get(), "pictures"), expected) << name;
+    EXPECT_EQ(stat(child_of(pipeline.get(), name).get(), "pictures"), expected) << name;
   }
 }
 
@@ -82,22 +68,16 @@ TEST_F(ViewersTest, EndingOrFailingViewerDoesNotAffectOthers) {
       };
       const std::string sink = " sync=false async=false";
       const std::string first = std::string(end).starts_with("fakesink") ? end + sink : end + (" ! fakesink" + sink);
-      const ElementPtr pipeline =
+      const PipelinePtr pipeline =
           launch("funnel name=f ! tee name=r  r. ! queue ! n.request  lfcameranode name=n rig=" + dir_ / "rig.json" +
                  " ! tee name=t" + view("0", first) + view("1", "fakesink" + sink));
-      ASSERT_TRUE(pipeline);
-      const ElementPtr other(gst_bin_get_by_name(GST_BIN(pipeline.get()), "c1"));
+      const ElementPtr other = child_of(pipeline.get(), "c1");
       gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
-      for (int i = 0; i < 12000 && stat(other.get(), "pictures") < kEnough; i++) g_usleep(10000);
-      EXPECT_GE(stat(other.get(), "pictures"), kEnough) << end << ", live: " << live;
-      gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+      EXPECT_TRUE(eventually([&] { return stat(other.get(), "pictures") >= kEnough; }, 120))
+          << end << ", live: " << live;
     }
   }
 }
-
-ElementPtr child(GstElement* bin, const char* name) { return ElementPtr(gst_bin_get_by_name(GST_BIN(bin), name)); }
-
-void count_handoff(GstElement*, GstBuffer*, GstPad*, gpointer counter) { ++*static_cast<std::atomic<int>*>(counter); }
 
 int pictures_in(std::atomic<int>& counter, double seconds) {
   const int before = counter;
@@ -107,48 +87,36 @@ int pictures_in(std::atomic<int>& counter, double seconds) {
 
 // Returns true if this many more pictures arrive, regardless of the time a busy machine takes.
 bool has_more(const std::atomic<int>& counter, int more) {
-  const int wanted = counter + more;
-  for (int i = 0; i < 600 && counter < wanted; i++) g_usleep(100000);
-  return counter >= wanted;
+  return eventually([&, wanted = counter + more] { return counter >= wanted; });
 }
 
 TEST_F(ViewersTest, ViewersMoveAndStallIndependently) {
-  const ElementPtr pipeline =
+  const PipelinePtr pipeline =
       launch(requests(1) + requests(2) +
              " funnel name=f ! tee name=r  r. ! queue ! n.request  lfcameranode name=n rig=" + dir_ / "rig.json" +
              " ! tee name=t " + viewer(1) + viewer(2));
-  ASSERT_TRUE(pipeline);
   std::atomic<int> shown[2] = {0, 0};
-  for (int i : {0, 1}) {
-    const ElementPtr sink = child(pipeline.get(), i == 0 ? "s1" : "s2");
-    g_signal_connect(sink.get(), "handoff", G_CALLBACK(count_handoff), &shown[i]);
-  }
+  for (int i : {0, 1})
+    on_buffers(child_of(pipeline.get(), i == 0 ? "s1" : "s2").get(), "sink", [&, i](GstBuffer*) { ++shown[i]; });
   gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
   ASSERT_EQ(gst_element_get_state(pipeline.get(), nullptr, nullptr, 60 * GST_SECOND), GST_STATE_CHANGE_SUCCESS);
   for (const int i : {0, 1}) EXPECT_TRUE(has_more(shown[i], 8)) << i;
 
-  const ElementPtr v1 = child(pipeline.get(), "v1"), v2 = child(pipeline.get(), "v2"), c1 = child(pipeline.get(), "c1");
-  const auto x_of = [](const ElementPtr& element) {
-    gdouble x = 0;
-    g_object_get(element.get(), "x", &x, nullptr);
-    return x;
-  };
+  const auto child = [&](const char* name) { return child_of(pipeline.get(), name); };
+  const ElementPtr v1 = child("v1"), v2 = child("v2");
+  const auto x_of = [](const ElementPtr& element) { return get<gdouble>(element.get(), "x"); };
   const double x1 = x_of(v1), x2 = x_of(v2);
-  GstPad* src = gst_element_get_static_pad(c1.get(), "src");
-  gst_pad_send_event(src,
-                     gst_event_new_navigation(gst_structure_new("application/x-gst-navigation", "event", G_TYPE_STRING,
-                                                                "key-press", "key", G_TYPE_STRING, "Right", nullptr)));
-  gst_object_unref(src);
+  gst_pad_send_event(pad_of(child("c1").get(), "src").get(),
+                     gst_navigation_event_new_key_press("Right", GST_NAVIGATION_MODIFIER_NONE));
   EXPECT_NE(x_of(v1), x1);
   EXPECT_EQ(x_of(v2), x2);
 
   // A stalled viewer must not reduce the rate of the first. Both rates are from one run. A later second counts as well,
   // because other processes may disturb a single second.
   const int before = pictures_in(shown[0], 1);
-  const ElementPtr s2 = child(pipeline.get(), "s2");
-  GstPad* stalled = gst_element_get_static_pad(s2.get(), "sink");
+  const PadPtr stalled = pad_of(child("s2").get(), "sink");
   const gulong probe = gst_pad_add_probe(
-      stalled, GST_PAD_PROBE_TYPE_BLOCK_DOWNSTREAM,
+      stalled.get(), GST_PAD_PROBE_TYPE_BLOCK_DOWNSTREAM,
       [](GstPad*, GstPadProbeInfo*, gpointer) { return GST_PAD_PROBE_OK; }, nullptr, nullptr);
   pictures_in(shown[1], 0.3);
   const int stalled_before = shown[1];
@@ -156,8 +124,7 @@ TEST_F(ViewersTest, ViewersMoveAndStallIndependently) {
   for (int i = 0; i < 20 && !keeps_rate; i++) keeps_rate = pictures_in(shown[0], 1) >= before / 2;
   EXPECT_TRUE(keeps_rate) << before << " pictures a second before";
   EXPECT_LE(shown[1] - stalled_before, 1);
-  gst_pad_remove_probe(stalled, probe);
-  gst_object_unref(stalled);
+  gst_pad_remove_probe(stalled.get(), probe);
   EXPECT_TRUE(has_more(shown[1], 3)) << "the rate recovers";
   gst_element_set_state(pipeline.get(), GST_STATE_NULL);
 }
@@ -166,10 +133,9 @@ TEST_F(ViewersTest, ViewersMoveAndStallIndependently) {
 TEST_F(ViewersTest, StartsAndStopsWithoutGrowing) {
   const char* setting = std::getenv("LF_CYCLES");
   const int cycles = setting ? std::atoi(setting) : 40;
-  const ElementPtr pipeline =
+  const PipelinePtr pipeline =
       launch(requests(1) + " funnel name=f ! tee name=r  r. ! queue ! n.request  lfcameranode name=n rig=" +
              dir_ / "rig.json" + " ! tee name=t " + viewer(1));
-  ASSERT_TRUE(pipeline);
   long warm = 0;
   for (int i = 0; i < cycles; i++) {
     if (i == cycles / 4) warm = resident_kib();

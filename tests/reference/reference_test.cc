@@ -1,7 +1,4 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <cmath>
-
 #include <gtest/gtest.h>
 
 #include "base/text.h"
@@ -9,7 +6,6 @@
 #include "reference/float_renderer.h"
 #include "reference/generators.h"
 #include "reference/renderer.h"
-#include "rig/rig.h"
 
 namespace lf::reference {
 namespace {

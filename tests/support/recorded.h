@@ -2,19 +2,14 @@
 #pragma once
 
 #include <gst/app/gstappsink.h>
-#include <gst/gst.h>
-
-#include <algorithm>
-#include <cstdint>
-#include <string>
-#include <vector>
 
 #include "gst/gst_test.h"
 
 namespace lf::test {
 
 struct RecordedFile {
-  std::string kind;
+  CapsPtr caps;
+  std::string kind;  // the name of the caps
   std::vector<GstClockTime> times;
   std::vector<bool> keys;
   std::vector<std::vector<uint8_t>> frames;
@@ -23,22 +18,21 @@ struct RecordedFile {
 
 inline RecordedFile read_recorded(const std::string& path) {
   RecordedFile file;
-  const ElementPtr pipeline =
+  const PipelinePtr pipeline =
       launch("filesrc location=" + path + " ! matroskademux name=d d.video_0 ! appsink name=s sync=false");
   gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
-  const ElementPtr sink(gst_bin_get_by_name(GST_BIN(pipeline.get()), "s"));
-  while (GstSample* sample = gst_app_sink_try_pull_sample(GST_APP_SINK(sink.get()), 10 * GST_SECOND)) {
+  const ElementPtr sink = child_of(pipeline.get(), "s");
+  while (g_autoptr(GstSample) sample = gst_app_sink_try_pull_sample(GST_APP_SINK(sink.get()), 10 * GST_SECOND)) {
     GstBuffer* frame = gst_sample_get_buffer(sample);
     file.times.push_back(
         gst_segment_to_stream_time(gst_sample_get_segment(sample), GST_FORMAT_TIME, GST_BUFFER_PTS(frame)));
     if (GST_BUFFER_DURATION_IS_VALID(frame))
       file.end = std::max(file.end, file.times.back() + GST_BUFFER_DURATION(frame));
-    file.kind = gst_structure_get_name(gst_caps_get_structure(gst_sample_get_caps(sample), 0));
+    file.caps.reset(gst_caps_ref(gst_sample_get_caps(sample)));
+    file.kind = gst_structure_get_name(gst_caps_get_structure(file.caps.get(), 0));
     file.keys.push_back(!GST_BUFFER_FLAG_IS_SET(frame, GST_BUFFER_FLAG_DELTA_UNIT));
     file.frames.push_back(to_bytes(frame));
-    gst_sample_unref(sample);
   }
-  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
   return file;
 }
 

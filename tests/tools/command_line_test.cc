@@ -1,19 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <regex>
-#include <sstream>
-#include <string>
-#include <string_view>
-#include <vector>
 
-#include "support/mentions.h"
 #include "support/run_program.h"
 
 namespace lf {
 namespace {
-
 
 std::vector<std::string> in_help(const std::string& help, const std::string& expression) {
   std::vector<std::string> words;

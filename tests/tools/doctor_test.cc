@@ -1,19 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <filesystem>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "../../tools/cameras/doctor.h"
 #include "../../tools/cameras/links.h"
-#include "support/mentions.h"
 #include "support/temp_dir.h"
+#include "support/test.h"
 
 namespace lf::cameras {
 namespace {
-
-using testing::AllOf;
-using testing::HasSubstr;
 
 struct Healthy {
   explicit Healthy(int count) : rig(make_grid_rig({1, count, 0.1, 60, 640, 480})) {

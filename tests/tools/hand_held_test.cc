@@ -2,15 +2,7 @@
 // Hand-held photographs, rendered with the default focal surface. The surface must never be worse than the plane.
 // ../shared/data/kettle: renders the view of each camera without this camera and compares.
 // ../shared/data/fern: views with a photograph, two of them outside the hull of the cameras.
-#include <algorithm>
-#include <cstdio>
-#include <filesystem>
-#include <map>
-#include <optional>
-#include <string>
-#include <vector>
 
-#include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
 #include "base/json_value.h"

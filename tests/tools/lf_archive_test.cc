@@ -1,17 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <sys/mount.h>
 
-#include <cstdlib>
-#include <filesystem>
-#include <string>
-
 #include "gst/camera_files.h"
-#include "gst/gst_test.h"
 #include "recording/camera_file.h"
 #include "rig/rig_json.h"
-#include "support/mentions.h"
 #include "support/recorded.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
@@ -20,8 +12,6 @@ namespace lf::test {
 namespace {
 
 namespace fs = std::filesystem;
-using testing::AllOf;
-using testing::HasSubstr;
 
 class LfArchive : public testing::Test {
  protected:
@@ -84,16 +74,14 @@ TEST_F(LfArchive, KeepsTimesAndStart) {
   }
   save_rig(rig, dir_ / "recording/rig.json");
   test::expect_outcome(run("recording --out archive"), 0);
-  const ElementPtr pipeline = launch("filesrc location=" + dir_ / "archive/camera0.mkv" +
-                                     " ! matroskademux name=d d.subtitle_0 ! queue ! appsink name=s sync=false "
-                                     "d.video_0 ! fakesink");
+  const PipelinePtr pipeline = launch("filesrc location=" + dir_ / "archive/camera0.mkv" +
+                                      " ! matroskademux name=d d.subtitle_0 ! queue ! appsink name=s sync=false "
+                                      "d.video_0 ! fakesink");
   gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
-  const ElementPtr sink(gst_bin_get_by_name(GST_BIN(pipeline.get()), "s"));
-  GstSample* text = gst_app_sink_try_pull_sample(GST_APP_SINK(sink.get()), 10 * GST_SECOND);
+  const ElementPtr sink = child_of(pipeline.get(), "s");
+  g_autoptr(GstSample) text = gst_app_sink_try_pull_sample(GST_APP_SINK(sink.get()), 10 * GST_SECOND);
   ASSERT_TRUE(text);
   const std::vector<uint8_t> bytes = to_bytes(gst_sample_get_buffer(text));
-  gst_sample_unref(text);
-  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
   EXPECT_EQ(std::string(bytes.begin(), bytes.end()), begins);
   for (const std::string camera : {"0", "1"}) {
     const RecordedFile before = read_recorded(dir_ / "recording/camera" + camera + ".mkv"),

@@ -1,21 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <sstream>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include "image/image.h"
-#include "rig/rig_json.h"
-#include "scene/scene.h"
-#include "support/mentions.h"
 #include "support/photographs.h"
 #include "support/run_program.h"
-#include "support/temp_dir.h"
 
 namespace lf {
 namespace {
-
-using testing::HasSubstr;
 
 class LfBench : public testing::Test {
  protected:
@@ -45,7 +33,7 @@ TEST_F(LfBench, NamesTheRenderer) {
   EXPECT_THAT(gl.output, HasSubstr("\ndrawn by gl: "));
   EXPECT_LE(figures(gl.output, "16-bit sums, focal surface").at(3), 1);
   EXPECT_THAT(run("--rig rig.json --held-out 0 --renderer auto").output, HasSubstr("\ndrawn by auto: "));
-  EXPECT_THAT(run("--rig rig.json --held-out 0").output, testing::Not(HasSubstr("drawn by")));
+  EXPECT_THAT(run("--rig rig.json --held-out 0").output, Not(HasSubstr("drawn by")));
 }
 
 TEST_F(LfBench, ReportsSpeedBytesErrorAndQuality) {

@@ -1,17 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "rig/rig_json.h"
 #include "scene/scene.h"
-#include "support/mentions.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
 #include "view/view_path.h"
 
 namespace lf {
 namespace {
-
 
 double depth(const View& view) { return -view.focus.plane.d / view.focus.plane.normal.z; }
 

@@ -1,32 +1,18 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <filesystem>
-#include <fstream>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <opencv2/imgcodecs.hpp>
 #include <nlohmann/json.hpp>
 
-#include "base/json_value.h"
-#include "image/image.h"
-#include "rig/rig_json.h"
-#include "scene/scene.h"
-#include "support/mentions.h"
 #include "support/photographs.h"
 #include "support/run_program.h"
-#include "support/temp_dir.h"
-#include "view/view_path.h"
 
 namespace lf {
 namespace {
 
 namespace fs = std::filesystem;
-using testing::HasSubstr;
 
 class LfRender : public testing::Test {
  protected:
-  void SetUp() override {
+  LfRender() {
     // 2x3 cameras, each with a uniform grey; ids from 10.
     for (int i = 0; i < 6; i++) {
       Camera camera;
@@ -54,7 +40,6 @@ class LfRender : public testing::Test {
     const Camera& c = rig_.cameras[camera];
     return {name, 0, {c.width, c.height, c.lens, c.pose, {plane_through({0, 0, 5}, {0, 0, 1})}}};
   }
-  void write(const std::string& name, const std::string& text) const { std::ofstream(path(name)) << text; }
   std::string path(const std::string& name) const { return folder_ / name; }
 
   int run(const std::string& more = "", const std::string& rig = "rig.json") {
@@ -118,8 +103,7 @@ TEST_F(LfRender, FiguresAreNullWithoutTruth) {
 TEST_F(LfRender, CamerasOutOfServiceDoNotContribute) {
   save_views({view_at("v", 0)}, path("views.json"));
   ASSERT_EQ(run("--cameras 13"), 0) << output_;
-  const Image out = picture("v");
-  EXPECT_EQ(out.pixel(20, 15)[0], grey_of(3));
+  EXPECT_EQ(picture("v").pixel(20, 15)[0], grey_of(3));
   ASSERT_EQ(run("--cameras 10,13"), 0) << output_;
   EXPECT_NEAR(picture("v").pixel(20, 15)[0], grey_of(0), 6);
 }
@@ -175,7 +159,7 @@ TEST_F(LfRender, OddTinyAndEmptyViews) {
 TEST_F(LfRender, ErrorsNameFileAndPlace) {
   save_views({view_at("v", 0)}, path("views.json"));
   expect_failure("", {"no.json", "can't be read"}, "no.json");
-  write("half.json", text("rig.json").substr(0, 300));
+  folder_.write("half.json", text("rig.json").substr(0, 300));
   expect_failure("", {"half.json: cameras[", "not valid JSON"}, "half.json");
   expect_failure("--cameras 10,99", {"\"99\"", "id 99"});
   expect_failure("--every 0", {"every"});
@@ -187,7 +171,7 @@ TEST_F(LfRender, ErrorsNameFileAndPlace) {
   fs::remove(path("cam0.png"));
   expect_failure("", {"camera 10 (cam0): ", "cam0.png", "no such"});
 
-  write("views.json", R"({"format": "lightfield-views", "version": 1, "views": []})");
+  folder_.write("views.json", R"({"format": "lightfield-views", "version": 1, "views": []})");
   expect_failure("", {"views.json: views"});
   save_views({view_at("../v", 0)}, path("views.json"));
   expect_failure("", {"views.json: views[0].name: "});

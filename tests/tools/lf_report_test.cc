@@ -1,27 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <cmath>
-#include <filesystem>
-#include <fstream>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <sys/stat.h>
 #include <nlohmann/json.hpp>
 
-#include "base/json_value.h"
-#include "image/image.h"
-#include "rig/rig_json.h"
-#include "scene/scene.h"
-#include "support/mentions.h"
 #include "support/photographs.h"
 #include "support/run_program.h"
-#include "support/temp_dir.h"
-#include "view/view_path.h"
 
 namespace lf {
 namespace {
-
-using testing::HasSubstr;
 
 constexpr int kWidth = 33, kHeight = 24;  // rows are padded in the raw video
 

@@ -1,43 +1,26 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Runs the lf-rig commands that open cameras, with simulated cameras: elements, files and RTSP servers.
-#include <cmath>
-#include <cstdio>
 #include <ctime>
-#include <filesystem>
 
-#include <gmock/gmock.h>
-#include <gst/app/gstappsink.h>
-#include <gtest/gtest.h>
-#include <netinet/in.h>
-#include <sys/socket.h>
-#include <unistd.h>
 #include <nlohmann/json.hpp>
 
-#include "base/json_value.h"
 #include "base/text.h"
 #include "calibration/tracks.h"
 #include "cameras/guided_recording.h"
 #include "cameras/mosaic.h"
 #include "cameras/recorder.h"
-#include "gst/camera_files.h"
 #include "gst/rtsp_server.h"
-#include "image/image.h"
 #include "mjpeg_writer.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
-#include "support/mentions.h"
+#include "support/recorded.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
 
 namespace lf {
 namespace {
 
-using testing::AllOf;
-using testing::HasSubstr;
-using testing::Not;
-
 Outcome lf_rig(const std::string& arguments, const TempDir& dir) {
-  g_setenv("GST_PLUGIN_PATH", LF_PLUGIN_DIR, FALSE);
   return run_program("lf-rig", arguments, dir.path());
 }
 
@@ -103,7 +86,6 @@ TEST(LfRigDoctor, ReportsGoodCameras) {
 }
 
 TEST(LfRigCheck, NamesTruncatedFilms) {
-  gst_init(nullptr, nullptr);
   const test::CameraFiles films;
   const TempDir dir;
   const auto check = [&](const std::vector<std::string>& sources) {
@@ -221,13 +203,11 @@ TEST(LfRigTrust, NoCommandRevealsPasswords) {
 
 TEST(LfRigDoctor, ReportsNetworkCameras) {
   if (test::kRtspServerMissing) GTEST_SKIP() << test::kRtspServerMissing;
-  gst_init(nullptr, nullptr);
   const TempDir dir;
   {
     const test::RtspServer server;
     write_rig(dir, {server.uri("/jpeg")});
-    const Outcome outcome = lf_rig("doctor rig.json --seconds 2 --json", dir);
-    const auto report = nlohmann::json::parse(outcome.output);
+    const auto report = nlohmann::json::parse(lf_rig("doctor rig.json --seconds 2 --json", dir).output);
     const auto& camera = report["cameras"][0];
     EXPECT_EQ(camera["format"], "JPEG by RTP");
     EXPECT_GT(camera["frames"], 10);
@@ -286,25 +266,14 @@ TEST(LfRigSnapshot, UsesTheFramesNearestToOneInstant) {
 
 // Returns the frame timestamps of a film in seconds, as read by calibration.
 std::vector<double> stamps_of(const std::string& film) {
+  const test::RecordedFile file = test::read_recorded(film);
+  EXPECT_EQ(file.kind, "image/jpeg");
   std::vector<double> stamps;
-  GstElement* pipeline = gst_parse_launch(
-      ("filesrc location=" + film + " ! matroskademux ! image/jpeg ! appsink name=sink sync=false").c_str(), nullptr);
-  GstElement* sink = gst_bin_get_by_name(GST_BIN(pipeline), "sink");
-  gst_element_set_state(pipeline, GST_STATE_PLAYING);
-  while (GstSample* sample = gst_app_sink_pull_sample(GST_APP_SINK(sink))) {
-    const GstClockTime time = gst_segment_to_stream_time(gst_sample_get_segment(sample), GST_FORMAT_TIME,
-                                                         GST_BUFFER_PTS(gst_sample_get_buffer(sample)));
-    stamps.push_back(static_cast<double>(time) / GST_SECOND);
-    gst_sample_unref(sample);
-  }
-  gst_element_set_state(pipeline, GST_STATE_NULL);
-  gst_object_unref(sink);
-  gst_object_unref(pipeline);
+  for (const GstClockTime time : file.times) stamps.push_back(static_cast<double>(time) / GST_SECOND);
   return stamps;
 }
 
 TEST(LfRigRecord, RecordsAllCamerasOnOneClock) {
-  gst_init(nullptr, nullptr);
   const TempDir dir;
   const std::string live = "videotestsrc is-live=true pattern=red ! video/x-raw,framerate=";
   write_rig(dir, {live + "30/1", live + "15/1 ! jpegenc", "none.mkv"});
@@ -346,7 +315,6 @@ TEST(LfRigRecord, KeepsOldFilmsUntilNewOnesAreComplete) {
 
 // The first frame of each unsynchronised camera comes some time after the start of the recording.
 TEST(LfRigRecord, FilmsShareOneStartTime) {
-  gst_init(nullptr, nullptr);
   const TempDir dir;
   const std::vector<double> times = {0.0217, 0.0884, 0.1551, 1.1};
   MjpegWriter writer(dir / "film.mkv", 64, 48, FrameRate{0, 1}, 90);
@@ -361,7 +329,6 @@ TEST(LfRigRecord, FilmsShareOneStartTime) {
 // The first sender report shifts the timestamps of a network camera: its film starts after the report.
 TEST(LfRigRecord, WaitsForTheTimesOfNetworkCameras) {
   if (test::kRtspServerMissing) GTEST_SKIP() << test::kRtspServerMissing;
-  gst_init(nullptr, nullptr);
   const TempDir dir;
   {
     const test::RtspServer server;
@@ -374,10 +341,8 @@ TEST(LfRigRecord, WaitsForTheTimesOfNetworkCameras) {
     EXPECT_EQ(outcome.output.find("are arrival times", note + 1), std::string::npos) << outcome.output;
     const std::vector<double> stamps = stamps_of(dir / "films/cam_00_00.mkv");
     ASSERT_GT(stamps.size(), 10u);
-    for (const double stamp : stamps) {
-      const double off = std::remainder(stamp - stamps.back(), 1.0 / 30);
-      EXPECT_LE(std::abs(off), 0.0025) << "at " << stamp << " s";
-    }
+    for (const double stamp : stamps)
+      EXPECT_LE(std::abs(std::remainder(stamp - stamps.back(), 1.0 / 30)), 0.0025) << "at " << stamp << " s";
   }
   test::RtspServer::clean_up();
 }
@@ -421,10 +386,6 @@ TEST(LfRigLock, NeedsACameraThatReportsControls) {
 // Uses films of a moving bar as cameras. Checks the detected positions during filming, and the cost.
 class Watching : public testing::Test {
  protected:
-  Watching() {
-    g_setenv("GST_PLUGIN_PATH", LF_PLUGIN_DIR, FALSE);
-    gst_init(nullptr, nullptr);
-  }
   void film(const Rig& rig, const std::string& arguments) {
     save_rig(rig, dir_ / "rig.json");
     test::expect_outcome(run_program("lf-scene", "lights --rig rig.json --out lights " + arguments, dir_.path()), 0);

@@ -2,14 +2,7 @@
 #include <sys/resource.h>
 #include <sys/stat.h>
 
-#include <cmath>
-#include <filesystem>
-#include <functional>
-#include <random>
-
-#include <gmock/gmock.h>
 #include <gst/gst.h>
-#include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
 #include "base/json_value.h"
@@ -18,7 +11,6 @@
 #include "rig/exchange.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
-#include "support/mentions.h"
 #include "support/process.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
@@ -28,7 +20,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using test::expect_outcome;
-using testing::HasSubstr;
 
 const fs::path kData = fs::path(LF_SOURCE_ROOT) / "../shared/data";
 
@@ -106,7 +97,6 @@ TEST_F(LfRig, CheckFailsOnlyOnErrors) {
 
 // The live elements and lf-rig check must agree about stills.
 TEST_F(LfRig, CheckNamesUndecodableStills) {
-  gst_init(nullptr, nullptr);
   write_rig();
   Rig rig = load_rig(dir / "in/rig.json");
   rig.cameras[4].image = "images/cam.tif";
@@ -116,7 +106,7 @@ TEST_F(LfRig, CheckNamesUndecodableStills) {
     expect_outcome(lf_rig("check in/rig.json"), 0);
   else
     expect_outcome(lf_rig("check in/rig.json"), 1,
-                   testing::AllOf(HasSubstr("error: cameras[4].image: "), HasSubstr("JPEG or PNG")));
+                   AllOf(HasSubstr("error: cameras[4].image: "), HasSubstr("JPEG or PNG")));
 }
 
 TEST_F(LfRig, CheckComparesImagesWithTheGeometry) {
@@ -220,7 +210,7 @@ TEST_F(LfRig, SubsetKeepsGridPathsAndUnknownKeys) {
 TEST_F(LfRig, ColmapRoundTrip) {
   write_rig();
   expect_outcome(lf_rig("export colmap in/rig.json model"), 0,
-                 testing::AllOf(mentions("note", "topology"), mentions("model", "9 images", "error")));
+                 AllOf(mentions("note", "topology"), mentions("model", "9 images", "error")));
   expect_outcome(lf_rig("import colmap model --images in --grid 3x3 --out back.json"), 0);
   const Rig rig = load_rig(dir / "in/rig.json"), back = load_rig(dir / "back.json");
   EXPECT_LE(max_reprojection_error(rig, back, 1), 1e-9);
@@ -272,7 +262,7 @@ TEST_F(LfRig, ImportWarnsOfImpossibleLenses) {
   dir.write("t.json", R"({"w": 320, "h": 240, "fl_x": 3.87, "frames": [{"transform_matrix":
       [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}]})");
   expect_outcome(lf_rig("import nerf t.json --out rig.json"), 0,
-                 testing::AllOf(HasSubstr("rig.json: warning: cameras[0].params"), HasSubstr("3.87 px")));
+                 AllOf(HasSubstr("rig.json: warning: cameras[0].params"), HasSubstr("3.87 px")));
 }
 
 TEST_F(LfRig, StanfordNamesUseTheRequestedUnit) {

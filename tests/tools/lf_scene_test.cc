@@ -1,24 +1,14 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Runs lf-scene: its output is complete, matches the rig file, and shows the scene.
 #include <gst/app/gstappsink.h>
-#include <gst/gst.h>
 #include <gst/video/video.h>
-#include <gtest/gtest.h>
 
-#include <cmath>
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "image/image.h"
+#include "gst/gst_test.h"
 #include "quality/image_quality.h"
-#include "rig/rig_json.h"
-#include "scene/scene.h"
-#include "support/mentions.h"
+#include "support/photographs.h"
 #include "support/run_program.h"
-#include "support/temp_dir.h"
-#include "view/view_path.h"
 
 namespace lf {
 namespace {
@@ -27,8 +17,6 @@ namespace fs = std::filesystem;
 
 class LfScene : public testing::Test {
  protected:
-  void SetUp() override { gst_init(nullptr, nullptr); }
-
   int run(const std::string& arguments) {
     const Outcome outcome = run_program("lf-scene", arguments);
     output_ = outcome.output;
@@ -42,7 +30,7 @@ class LfScene : public testing::Test {
   }
   static void expect_whole(const fs::path& folder) {
     for (const fs::directory_entry& entry : fs::recursive_directory_iterator(folder))
-      EXPECT_EQ(entry.path().filename().string().find("part"), std::string::npos) << entry.path();
+      EXPECT_THAT(entry.path().filename().string(), Not(HasSubstr("part"))) << entry.path();
   }
 
   const TempDir temp_dir_;
@@ -56,18 +44,17 @@ struct Frame {
 };
 
 std::vector<Frame> decode(const std::string& file, std::string& colorimetry) {
-  const std::string line = "filesrc location=\"" + file +
-                           "\" ! matroskademux ! jpegdec ! video/x-raw,format=I420 ! appsink name=s sync=false";
-  GstElement* pipeline = gst_parse_launch(line.c_str(), nullptr);
-  GstElement* sink = gst_bin_get_by_name(GST_BIN(pipeline), "s");
-  gst_element_set_state(pipeline, GST_STATE_PLAYING);
+  const test::PipelinePtr pipeline =
+      test::launch("filesrc location=\"" + file +
+                   "\" ! matroskademux ! jpegdec ! video/x-raw,format=I420 ! appsink name=s sync=false");
+  const test::ElementPtr sink = test::child_of(pipeline.get(), "s");
+  gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
   std::vector<Frame> frames;
-  while (GstSample* sample = gst_app_sink_try_pull_sample(GST_APP_SINK(sink), 10 * GST_SECOND)) {
+  while (g_autoptr(GstSample) sample = gst_app_sink_try_pull_sample(GST_APP_SINK(sink.get()), 10 * GST_SECOND)) {
     GstVideoInfo info;
     gst_video_info_from_caps(&info, gst_sample_get_caps(sample));
-    gchar* name = gst_video_colorimetry_to_string(&info.colorimetry);
+    g_autofree gchar* name = gst_video_colorimetry_to_string(&info.colorimetry);
     colorimetry = name ? name : "";
-    g_free(name);
     GstVideoFrame frame;
     gst_video_frame_map(&frame, &info, gst_sample_get_buffer(sample), GST_MAP_READ);
     Image image(PixelFamily::kI420, info.width, info.height);
@@ -79,11 +66,7 @@ std::vector<Frame> decode(const std::string& file, std::string& colorimetry) {
     gst_video_frame_unmap(&frame);
     frames.push_back(
         {std::move(image), static_cast<double>(GST_BUFFER_PTS(gst_sample_get_buffer(sample))) / GST_SECOND});
-    gst_sample_unref(sample);
   }
-  gst_element_set_state(pipeline, GST_STATE_NULL);
-  gst_object_unref(sink);
-  gst_object_unref(pipeline);
   return frames;
 }
 
@@ -134,20 +117,14 @@ TEST_F(LfScene, FilmsImageSequencesOfAnyRig) {
 }
 
 TEST_F(LfScene, WritesGroundTruth) {
-  NamedView view;
-  view.name = "first";
-  view.view.width = 64;
-  view.view.height = 48;
-  view.view.lens = Lens::from_fov_y(40, 64, 48);
-  view.view.focus.plane = focal_plane_at(view.view.pose, 2);
-  NamedView second = view;
-  second.name = "second";
-  second.time = 1.5;
-  second.view.pose.position = {0.05, 0, 0.1};
-  save_views({view, second}, path("views.json"));
+  const View still = test::view_at({}, 64, 48, 40, 2);
+  View moved = still;
+  moved.pose.position = {0.05, 0, 0.1};
+  const std::vector<NamedView> views = {{"first", 0, still}, {"second", 1.5, moved}};
+  save_views(views, path("views.json"));
   const std::string arguments = out("o") + "--grid 1x1 --width 32 --height 24 --frames 1 --format png --truth '";
   ASSERT_EQ(run(arguments + path("views.json") + "'"), 0) << output_;
-  for (const NamedView& v : {view, second}) {
+  for (const NamedView& v : views) {
     const Image truth = load_image(path("o/truth/" + v.name + ".png"));
     EXPECT_EQ(truth.data(), render_scene({64, 48, v.view.lens, v.view.pose}, v.time).data()) << v.name;
   }
@@ -178,13 +155,10 @@ TEST_F(LfScene, FailedRunKeepsTheOldRecording) {
   ASSERT_EQ(run(out("o") + "--grid 1x2 --width 16 --height 16 --frames 2"), 0) << output_;
   fs::remove(path("o/cam_00_01.mkv"));
   fs::create_directories(path("o/cam_00_01.mkv/in-the-way"));
-  const auto content = [&](const char* name) {
-    std::ifstream file(path(name), std::ios::binary);
-    return std::string(std::istreambuf_iterator<char>(file), {});
-  };
+  const auto content = [&](const char* name) { return read_binary(path(name)); };
   const std::string rig = content("o/rig.json"), film = content("o/cam_00_00.mkv");
   EXPECT_EQ(run(out("o") + "--grid 1x2 --width 24 --height 16 --frames 3"), 1);
-  EXPECT_NE(output_.find("cam_00_01.mkv"), std::string::npos) << output_;
+  EXPECT_THAT(output_, HasSubstr("cam_00_01.mkv"));
   EXPECT_EQ(content("o/rig.json"), rig);
   EXPECT_EQ(content("o/cam_00_00.mkv"), film);
 }
@@ -208,14 +182,12 @@ class LfSceneLights : public LfScene {
       film.darkest = std::min<int>(film.darkest, frame.plane(0)[i]);
       film.brightest = std::max<int>(film.brightest, frame.plane(0)[i]);
     }
-    std::ifstream in(path(name + "/lights.json"));
-    const auto lights = nlohmann::json::parse(in)["cameras"][0]["frames"][0];
+    const auto lights = nlohmann::json::parse(read_binary(path(name + "/lights.json")))["cameras"][0]["frames"][0];
     film.apart = std::hypot(lights[1][0].get<double>() - lights[2][0].get<double>(),
                             lights[1][1].get<double>() - lights[2][1].get<double>());
     return film;
   }
   void SetUp() override {
-    LfScene::SetUp();
     ASSERT_EQ(run("--grid 2x2 --width 96 --height 72 --frames 1 --format png " + out("film")), 0) << output_;
   }
   int films_ = 0;

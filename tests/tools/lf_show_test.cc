@@ -1,27 +1,14 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Runs lf-show with a small array in the built-in scene: all images, and errors.
-#include <algorithm>
-#include <filesystem>
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include "base/maths.h"
-#include "image/image.h"
-#include "rig/rig_json.h"
-#include "scene/scene.h"
-#include "support/mentions.h"
 #include "support/photographs.h"
 #include "support/recorded.h"
 #include "support/run_program.h"
-#include "support/temp_dir.h"
-#include "view/view_path.h"
 
 namespace lf {
 namespace {
 
 namespace fs = std::filesystem;
-using testing::HasSubstr;
 
 class LfShow : public testing::Test {
  protected:
@@ -32,14 +19,9 @@ class LfShow : public testing::Test {
   std::string path(const std::string& name) const { return folder_ / name; }
   Outcome run(const std::string& arguments) const { return run_program("lf-show", arguments, folder_.path()); }
   void save_path(double step) const {
-    std::vector<NamedView> views;
-    for (int i = 0; i < 3; i++) {
-      View view{48, 36, Lens::from_fov_y(30, 48, 36), {}, {}};
-      view.pose.position.x = step * i;
-      view.focus.plane = focal_plane_at(view.pose, 2);
-      views.push_back({"v" + std::to_string(i), 0, view});
-    }
-    save_views(views, path("v.json"));
+    std::vector<View> views;
+    for (int i = 0; i < 3; i++) views.push_back(test::view_at({step * i, 0, 0}, 48, 36, 30, 2));
+    save_views(test::path_of(views, 0), path("v.json"));
   }
   Image picture(const std::string& arguments) const {
     test::expect_outcome(run(arguments + " --rig rig.json --out out.png"), 0);
@@ -92,8 +74,7 @@ TEST_F(LfShow, CoverageDistinguishesMissingWeightFromNoCamera) {
   EXPECT_GT(all.height(), 72) << "a scale below";
   EXPECT_NEAR(all.pixel(48, 36)[0], all.pixel(48, 36)[1], 6) << "no missing weight: dim and grey";
   // The cameras do not cover the outer parts of a wide view.
-  const Image wide = picture("coverage --focus plane --fov 90");
-  EXPECT_EQ(wide.pixel(2, 2)[2], heat_colour(1)[2]);
+  EXPECT_EQ(picture("coverage --focus plane --fov 90").pixel(2, 2)[2], heat_colour(1)[2]);
   const Image beside = picture("coverage --focus plane --move 0.05,0,-0.3");
   EXPECT_NE(light(beside, 94, 36), 3 * kNoValueGrey) << "pixels beside the mesh are extrapolated";
 }
@@ -122,21 +103,15 @@ TEST_F(LfShow, SweepFocusesOnSuccessivePlanes) {
 }
 
 TEST_F(LfShow, ShowsDifferencesFromTheTruth) {
-  const Outcome scene = run("difference --rig rig.json --scene --out scene.png");
-  ASSERT_EQ(scene.status, 0) << scene.output;
-  EXPECT_THAT(scene.output, HasSubstr("PSNR 2"));
-  const Outcome out = run("difference --rig rig.json --held-out-camera 5 --out left.png");
-  ASSERT_EQ(out.status, 0) << out.output;
-  EXPECT_THAT(out.output, HasSubstr("PSNR "));
+  test::expect_outcome(run("difference --rig rig.json --scene --out scene.png"), 0, HasSubstr("PSNR 2"));
+  test::expect_outcome(run("difference --rig rig.json --held-out-camera 5 --out left.png"), 0, HasSubstr("PSNR "));
   // The view of a corner camera is extrapolated.
   test::expect_outcome(run("difference --rig rig.json --held-out-camera 0 --out corner.png"), 0,
-                       testing::AllOf(HasSubstr("left out"), HasSubstr("PSNR 2")));
+                       AllOf(HasSubstr("left out"), HasSubstr("PSNR 2")));
   const Camera& camera = rig_.cameras[6];
   save_views({{"at", 0, {96, 72, camera.lens, camera.pose, {focal_plane_at(camera.pose, 2)}}}}, path("v.json"));
-  const Outcome same =
-      run("difference --rig rig.json --views v.json --focus plane --truth " + camera.image + " --out same.png");
-  ASSERT_EQ(same.status, 0) << same.output;
-  EXPECT_THAT(same.output, HasSubstr("SSIM 1.0000"));
+  const std::string same = "difference --rig rig.json --views v.json --focus plane --out same.png --truth ";
+  test::expect_outcome(run(same + camera.image), 0, HasSubstr("SSIM 1.0000"));
   EXPECT_EQ(count(load_image(path("same.png")), {0, 0, 96, 72}, 20), 0);
   expect_failure("difference --rig rig.json --out o.png", {"--truth", "--scene", "--held-out-camera"});
   expect_failure("difference --rig rig.json --out o.png --held-out-camera 99", {"99"});
@@ -185,7 +160,6 @@ TEST_F(LfShow, ScaleOfDifferencesHasTheRequestedEnd) {
 }
 
 TEST_F(LfShow, FilmsHaveTheRequestedRate) {
-  gst_init(nullptr, nullptr);
   save_path(0);
   for (const std::string command :
        {"contributions --views v.json --focus plane", "coverage --views v.json --focus plane",

@@ -3,20 +3,15 @@
 // controls.
 #include "../../tools/cameras/lock.h"
 
-#include <gmock/gmock.h>
 #include <gst/base/gstpushsrc.h>
-#include <gst/gst.h>
 #include <gst/video/video.h>
-#include <gtest/gtest.h>
 
-#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "../../tools/cameras/doctor.h"
 #include "base/text.h"
 #include "gst/gst_test.h"
 #include "rig/rig_json.h"
-#include "support/mentions.h"
 #include "support/temp_dir.h"
 
 namespace lf::cameras {
@@ -139,8 +134,7 @@ TEST_F(LockTest, NamesACameraThatIgnoresControls) {
   std::vector<std::string> found;
   for (const StuckControl& one : find_stuck_controls(rig, values, quick()))
     found.push_back(std::to_string(one.camera) + " " + one.control + ": " + one.why);
-  EXPECT_THAT(found,
-              testing::ElementsAre(mentions("1 exposure", "picture stays"), mentions("1 gain", "picture stays")));
+  EXPECT_THAT(found, ElementsAre(mentions("1 exposure", "picture stays"), mentions("1 gain", "picture stays")));
 }
 
 TEST_F(LockTest, FailingCameraIsNamed) {
@@ -148,7 +142,7 @@ TEST_F(LockTest, FailingCameraIsNamed) {
   const auto found = find_stuck_controls(rig, {{"exposure", 0.012}}, quick());
   ASSERT_EQ(found.size(), 1u);
   EXPECT_EQ(found[0].camera, 1u);
-  EXPECT_THAT(found[0].why, testing::HasSubstr("nosuchelement"));
+  EXPECT_THAT(found[0].why, HasSubstr("nosuchelement"));
   rig = rig_of({"nosuchelement"});
   EXPECT_THROW(choose_controls(rig, quick()), Error);
 }

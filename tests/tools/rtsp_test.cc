@@ -1,37 +1,20 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Records and calibrates network cameras, each behind an RTSP server.
-#include <algorithm>
-#include <chrono>
-#include <cmath>
-#include <cstdio>
-#include <filesystem>
-#include <memory>
-#include <stdexcept>
-#include <string>
-#include <vector>
 
-#include <gmock/gmock.h>
 #if LF_HAS_RTSP_SERVER
-#include <gst/app/gstappsink.h>
 #include <gst/app/gstappsrc.h>
 #endif
-#include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "base/json_value.h"
 #include "calibration/simulator.h"
 #include "gst/rtsp_server.h"
 #include "rig/rig_json.h"
-#include "scene/scene.h"
-#include "support/mentions.h"
+#include "support/recorded.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
 
 namespace lf {
 namespace {
-
-using testing::HasSubstr;
-using testing::Not;
 
 #if LF_HAS_RTSP_SERVER
 
@@ -42,63 +25,46 @@ class LiveFilm {
  public:
   // `hold`: number of frames per image, at 15 frames per second; 0: the timestamps of the file.
   explicit LiveFilm(const std::string& path, int hold = 0) {
-    GstElement* pipeline = gst_parse_launch(
-        ("filesrc location=" + path + " ! matroskademux ! image/jpeg ! appsink name=sink sync=false").c_str(), nullptr);
-    GstElement* sink = gst_bin_get_by_name(GST_BIN(pipeline), "sink");
-    gst_element_set_state(pipeline, GST_STATE_PLAYING);
-    while (GstSample* sample = gst_app_sink_pull_sample(GST_APP_SINK(sink))) {
-      if (!caps_) caps_ = gst_caps_copy(gst_sample_get_caps(sample));
-      const GstClockTime pts = GST_BUFFER_PTS(gst_sample_get_buffer(sample));
+    const test::RecordedFile file = test::read_recorded(path);
+    for (size_t k = 0; k < file.frames.size(); k++)
       for (int i = 0; i < std::max(1, hold); i++)
-        frames_.push_back({gst_buffer_ref(gst_sample_get_buffer(sample)),
-                           hold ? gst_util_uint64_scale(frames_.size(), GST_SECOND, kHeldRate) : pts});
-      gst_sample_unref(sample);
-    }
-    gst_element_set_state(pipeline, GST_STATE_NULL);
-    gst_object_unref(sink);
-    gst_object_unref(pipeline);
+        frames_.push_back(
+            {file.frames[k], hold ? gst_util_uint64_scale(frames_.size(), GST_SECOND, kHeldRate) : file.times[k]});
     if (frames_.size() < 2) throw std::runtime_error(path + ": no film");
     length_ = frames_.back().time - frames_.front().time + frames_[1].time - frames_[0].time;
-    if (hold && caps_) gst_caps_set_simple(caps_, "framerate", GST_TYPE_FRACTION, kHeldRate, 1, nullptr);
-  }
-  ~LiveFilm() {
-    for (const Frame& frame : frames_) gst_buffer_unref(frame.buffer);
-    if (caps_) gst_caps_unref(caps_);
+    caps_.reset(gst_caps_copy(file.caps.get()));
+    if (hold) gst_caps_set_simple(caps_.get(), "framerate", GST_TYPE_FRACTION, kHeldRate, 1, nullptr);
   }
   LiveFilm(const LiveFilm&) = delete;
-  LiveFilm& operator=(const LiveFilm&) = delete;
 
   // Films that start at the same past time of the system clock show the same instant.
   void serve(GstRTSPServer* server, const std::string& path, GstClockTime begin) {
     begin_ = begin;
-    GstRTSPMountPoints* mounts = gst_rtsp_server_get_mount_points(server);
+    g_autoptr(GstRTSPMountPoints) mounts = gst_rtsp_server_get_mount_points(server);
     GstRTSPMediaFactory* factory = gst_rtsp_media_factory_new();
     gst_rtsp_media_factory_set_launch(factory, "( appsrc name=film is-live=true format=time ! rtpjpegpay name=pay0 )");
     gst_rtsp_media_factory_set_shared(factory, TRUE);
     g_signal_connect(factory, "media-configure",
                      G_CALLBACK(+[](GstRTSPMediaFactory*, GstRTSPMedia* media, gpointer film) {
-                       GstElement* element = gst_rtsp_media_get_element(media);
-                       GstElement* source = gst_bin_get_by_name_recurse_up(GST_BIN(element), "film");
-                       g_object_set(source, "caps", static_cast<LiveFilm*>(film)->caps_, nullptr);
+                       g_autoptr(GstElement) element = gst_rtsp_media_get_element(media);
+                       g_autoptr(GstElement) source = gst_bin_get_by_name_recurse_up(GST_BIN(element), "film");
+                       g_object_set(source, "caps", static_cast<LiveFilm*>(film)->caps_.get(), nullptr);
                        g_signal_connect(source, "need-data", G_CALLBACK(need_data), film);
-                       gst_object_unref(source);
-                       gst_object_unref(element);
                      }),
                      this);
     gst_rtsp_mount_points_add_factory(mounts, path.c_str(), factory);
-    g_object_unref(mounts);
   }
 
  private:
   static constexpr int kHeldRate = 15;
   struct Frame {
-    GstBuffer* buffer;
+    std::vector<uint8_t> bytes;
     GstClockTime time;
   };
 
   static void need_data(GstElement* source, guint, gpointer data) {
     const auto* film = static_cast<LiveFilm*>(data);
-    GstClock* clock = gst_element_get_clock(source);
+    g_autoptr(GstClock) clock = gst_element_get_clock(source);
     if (!clock) return;
     const GstClockTime now = gst_clock_get_time(clock), base = gst_element_get_base_time(source);
     GstClockTime round = film->begin_ + (now - film->begin_) / film->length_ * film->length_, due = 0;
@@ -106,15 +72,13 @@ class LiveFilm {
     while ((due = round + frame->time) <= now || due < base)
       if (++frame == film->frames_.end()) frame = film->frames_.begin(), round += film->length_;
     g_usleep((due - now) / 1000);
-    GstBuffer* buffer = gst_buffer_copy(frame->buffer);
+    GstBuffer* buffer = test::to_buffer(frame->bytes);
     GST_BUFFER_PTS(buffer) = due - base;
-    GST_BUFFER_DTS(buffer) = GST_CLOCK_TIME_NONE;
     gst_app_src_push_buffer(GST_APP_SRC(source), buffer);
-    gst_object_unref(clock);
   }
 
   GstClockTime begin_ = 0, length_ = 0;
-  GstCaps* caps_ = nullptr;
+  test::CapsPtr caps_;
   std::vector<Frame> frames_;
 };
 
@@ -124,9 +88,8 @@ class FilmServers {
   FilmServers(Rig rig, const std::string& folder, int hold = 0) : rig_(std::move(rig)) {
     for (const Camera& camera : rig_.cameras)
       films_.push_back(std::make_unique<LiveFilm>(folder + "/" + camera.name + ".mkv", hold));
-    GstClock* clock = gst_system_clock_obtain();
+    g_autoptr(GstClock) clock = gst_system_clock_obtain();
     const GstClockTime begin = gst_clock_get_time(clock);
-    gst_object_unref(clock);
     for (size_t i = 0; i < films_.size(); i++) {
       servers_.push_back(std::make_unique<RtspServer>());
       films_[i]->serve(servers_[i]->server(), "/film", begin);
@@ -149,8 +112,6 @@ class FilmServers {
 // Unsynchronised network cameras, at 15 and 30 frames/s, film a moving bar. lf-rig records them through RTSP, and
 // lf-calibrate must find the delay of each camera.
 TEST(RtspOffsets, AreFoundToHalfAMillisecond) {
-  g_setenv("GST_PLUGIN_PATH", LF_PLUGIN_DIR, FALSE);
-  gst_init(nullptr, nullptr);
   const TempDir dir;
   Rig truth = scene_rig(2, 2, 240, 176);
   const double offsets[] = {0.033, -0.033, 0.02, -0.011};
@@ -195,8 +156,6 @@ Outcome timed(const std::string& name, const std::string& arguments, const TempD
 }
 
 void rehearse(int rows, int columns) {
-  g_setenv("GST_PLUGIN_PATH", LF_PLUGIN_DIR, FALSE);
-  gst_init(nullptr, nullptr);
   const TempDir dir;
   const sim::PlannedArray array(rows, columns, 320, 240);
   const std::string stuck = std::to_string(array.stuck()), name = array.truth.cameras[array.stuck()].name;

@@ -2,13 +2,9 @@
 #include "../../tools/cameras/rig_cameras.h"
 
 #include <gst/gst.h>
-#include <gtest/gtest.h>
-
-#include <filesystem>
-#include <string>
-#include <vector>
 
 #include "support/temp_dir.h"
+#include "support/test.h"
 
 // A fake device provider with devices of several systems, out of order.
 namespace {
@@ -72,7 +68,6 @@ void fake_provider_init(FakeProvider*) {}
 class VideoDevices : public testing::Test {
  protected:
   static void SetUpTestSuite() {
-    gst_init(nullptr, nullptr);
     // Exclude real cameras of the machine.
     GList* providers = gst_device_provider_factory_list_get_device_providers(GST_RANK_NONE);
     for (GList* item = providers; item; item = item->next)

@@ -1,12 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <chrono>
-#include <random>
-#include <vector>
-
-#include <gtest/gtest.h>
-
 #include "serve/adaptation.h"
+#include "support/test.h"
 
 namespace lf::serve {
 namespace {

@@ -4,7 +4,7 @@ import { createServer } from 'node:http';
 import { readFile, writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
 import { artefacts, close, closeClean, compare, connectBrowser, expect, half, launchBrowser, launchBrowserServer,
-  makeRig, newPage, openPage, openShown, patience, picture, rendered, runTests, serve, setView, shown, start,
+  makeRig, newPage, openPage, openShown, picture, rendered, runTests, serve, setView, shown, start,
   stateOf, throughRelay, until, viewFile } from './harness.mjs';
 
 const size = { width: 640, height: 480 };
@@ -89,14 +89,11 @@ async function linkKeyboardNamesAndSize() {
   await page.focus('lightfield-viewer video');
   const kept = await setView(page, { fov: (await stateOf(page)).fov });
   await page.setViewportSize({ width: 320, height: 240 });
-  await page.waitForFunction(() => inside().video.videoWidth === 320, null,
-    { timeout: patience });
+  await page.waitForFunction(() => inside().video.videoWidth === 320);
   const state = await setView(page, { fov: kept.fov });
   expect(state.yaw === kept.yaw && state['focus-distance'] === kept['focus-distance'], 'a new size keeps the view');
   await page.keyboard.press('i');
-  await page.waitForFunction(
-    () => inside().root.querySelector('pre.figures').textContent
-      .includes('frames/s'));
+  await page.waitForFunction(() => inside().root.querySelector('pre.figures').textContent.includes('frames/s'));
   await close(page, served);
 }
 
@@ -108,8 +105,7 @@ async function showsItsCameras() {
   await setView(page, { x: x + 0.01, y: y - 0.02, z: z - 0.4, yaw: 3, pitch: -4, roll: 5 });
   await page.keyboard.press('Tab');
   await page.keyboard.press('c');
-  await page.waitForFunction(() => inside().cameras.makers.length, null,
-    { timeout: patience });
+  await page.waitForFunction(() => inside().cameras.makers.length);
   const drawn = await page.evaluate(() => {
     const { canvas } = inside().cameras;
     return canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data.filter(value => value).length;
@@ -123,8 +119,7 @@ async function showsItsCameras() {
     return [box.x + box.width / 2 + focal * x / z, box.y + box.height / 2 + focal * y / z];
   }, [x, y, z]);
   await page.mouse.move(...at);
-  const words = () => page.evaluate(
-    () => inside().root.querySelector('pre.makers').textContent);
+  const words = () => page.evaluate(() => inside().root.querySelector('pre.makers').textContent);
   await until(async () => new RegExp(`^${cameras[5].name} (9\\d|100) %`).test(await words()),
     `${cameras[5].name} makes the pixel at ${at}`);
   await page.keyboard.press('i');
@@ -143,8 +138,7 @@ async function twoEyes() {
   const half = { width: 320, height: 480 };
   const choose = async (mode, width) => {
     await page.getByLabel('Eyes').selectOption(mode);
-    await page.waitForFunction(width => inside().video.videoWidth === width, width,
-      { timeout: patience });
+    await page.waitForFunction(width => inside().video.videoWidth === width, width);
     return setView(page, { x: 0.01, yaw: 2, roll: 3, 'focus-distance': 1.5 });
   };
   const side = await choose('side', 640);
@@ -196,8 +190,7 @@ async function clickFocuses() {
   await page.getByRole('button', { name: 'Follow' }).press('Enter');
   expect(!await page.evaluate(() => inside().flight.follows), 'it ends');
   await page.getByLabel('Eyes').selectOption('side');
-  await page.waitForFunction(() => inside().video.videoWidth === 640, null,
-    { timeout: patience });
+  await page.waitForFunction(() => inside().video.videoWidth === 640);
   await shown(page, 20);
   await setView(page, { 'focus-distance': 3 });
   await focuses(320 + 207, 190, 1.9, 2.5);
@@ -256,7 +249,7 @@ async function headset() {
   await page.waitForFunction(() => {
     const { flight: { seen }, video } = inside();
     return video.videoWidth > video.videoHeight * 1.5 && Math.abs(seen?.yaw + 0.05 * 180 / Math.PI) < 1e-3;
-  }, null, { timeout: patience });
+  });
   await page.evaluate(async () => {  // the encoder sharpens a still image over several frames
     const { video } = inside();
     for (let i = 0; i < 30; i++) await new Promise(done => video.requestVideoFrameCallback(done));
@@ -307,7 +300,7 @@ async function headsetOfLayers() {
   await page.waitForFunction(() => {
     const { flight: { seen }, video } = inside();
     return video.videoWidth > video.videoHeight * 1.5 && Math.abs(seen?.yaw + 0.05 * 180 / Math.PI) < 1e-3 && quad.transform;
-  }, null, { timeout: patience });
+  });
   const { layout, isVideo, layers, lines, eye, most } = await page.evaluate(async () => {
     await new Promise(done => session.requestAnimationFrame(done));
     const { headset, flight: { seen }, video } = inside(), { transform: { position: p, orientation: q }, width, height } = quad;
@@ -504,8 +497,7 @@ async function lossyNetwork() {
 async function stalledAndKilled() {
   const served = await serve(...rig);
   const page = await openShown(browser, served.url, { width: 320, height: 240 }, 10);
-  const frames = () => page.evaluate(
-    () => inside().video.getVideoPlaybackQuality().totalVideoFrames);
+  const frames = () => page.evaluate(() => inside().video.getVideoPlaybackQuality().totalVideoFrames);
   for (const signal of ['SIGSTOP', 'SIGKILL']) {
     const server = await launchBrowserServer(), other = await connectBrowser(server);
     await shown(await openPage(other, served.url, { width: 320, height: 240 }), 5);
@@ -580,8 +572,7 @@ async function fiveLines() {
   const page = await openShown(browser, origin, size, 5);
   await expectTruth(page, await setView(page, { yaw: 1 }), { width: 320, height: 240 }, 'in another page');
   await page.getByRole('button', { name: 'Cameras' }).press('Enter');
-  await page.waitForFunction(() => inside().cameras.array, null,
-    { timeout: patience });
+  await page.waitForFunction(() => inside().cameras.array);
   expect(!page.problems.length, page.problems.join('; '));
   await page.context().close();
   const file = join(folder, 'mine.html');

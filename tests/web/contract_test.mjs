@@ -2,7 +2,7 @@
 // Checks the contract of web/README.md and lightfield-viewer.d.ts: every attribute, property, method and event.
 import { readFile, writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
-import { closeClean, compare, expect, half, launchBrowser, makeRig, newPage, openShown, patience, picture,
+import { closeClean, compare, expect, half, launchBrowser, makeRig, newPage, openShown, picture,
   runTests, serve, shown, site, source, until, viewFile } from './harness.mjs';
 
 const folder = await makeRig('4x4'), rigFile = join(folder, 'rig.json');
@@ -24,7 +24,7 @@ async function open(served, attributes, { hash = '', before = '', inside: slotte
   page.on('request', request => /\/whep(\?|$)/.test(request.url()) && request.method() === 'POST' && page.asked.push(new URL(request.url())));
   page.toldOf = name => page.evaluate(name => told.filter(([told]) => told === name).map(([, detail]) => detail), name);
   page.view = () => page.evaluate(() => v.view);
-  page.loads = () => page.waitForFunction(() => globalThis.v?.loaded && v.view, null, { timeout: patience });
+  page.loads = () => page.waitForFunction(() => globalThis.v?.loaded && v.view);
   page.leaves = async () => {
     expect(!page.problems.length, page.problems.join('; '));
     await page.context().close();
@@ -120,7 +120,7 @@ async function homeView() {
     v.goHome();
     v.play();
   });
-  await page.waitForFunction(() => v.connected, null, { timeout: patience });
+  await page.waitForFunction(() => v.connected);
   await isAt(page, { yaw: 1.5 }, 'paused, it goes home, too');
   await page.leaves();
   await served.stop();
@@ -183,13 +183,13 @@ async function eyes() {
   expect(same.psnr > 35, `both eyes see the same: ${same.psnr}`);
   await page.evaluate(() => v.eyeDistance = 0.1);
   await until(() => page.asked.at(-1).searchParams.get('eye-distance') === '0.1', 'another distance is asked for');
-  await page.waitForFunction(() => v.connected, null, { timeout: patience });
+  await page.waitForFunction(() => v.connected);
   const apart = await sides();
   expect(apart.psnr < same.psnr - 5 && apart.psnr < 30, `eyes apart see more: ${apart.psnr}`);
   await page.evaluate(() => v.eyeDistance = null);
   await until(() => page.asked.at(-1).searchParams.get('eye-distance') === '0.063', 'without it 63 mm');
   await page.evaluate(() => v.eyes = 'anaglyph');
-  await page.waitForFunction(() => v.connected && inside().anaglyph.canvas.checkVisibility() && inside().twoEyes, null, { timeout: patience });
+  await page.waitForFunction(() => v.connected && inside().anaglyph.canvas.checkVisibility() && inside().twoEyes);
   await page.evaluate(() => v.eyes = 'one');
   await until(() => !page.asked.at(-1).searchParams.has('eye-distance'), 'one eye has none');
   await page.leaves();
@@ -212,7 +212,7 @@ async function paths() {
   await page.evaluate(() => v.goHome());
   expect(await page.evaluate(() => v.view) === null, 'there is no view');
   await page.evaluate(() => v.path = null);
-  await page.waitForFunction(() => v.connected && v.view, null, { timeout: patience });
+  await page.waitForFunction(() => v.connected && v.view);
   await isAt(page, { yaw: 3 }, 'without path it begins where view says');
   await page.evaluate(() => Object.assign(v, { path: '', src: '', token: '' }));
   expect(isNear((await page.evaluate(() => v.setView({ yaw: 2 }))).yaw, 2), 'empty attributes are as none');
@@ -300,7 +300,7 @@ async function streams() {
   const viewers = await served.metric('viewers_total');
   await page.evaluate(() => v.reconnect());
   await until(async () => await served.metric('viewers_total') === viewers + 1, 'reconnect() asks for another stream');
-  await page.waitForFunction(() => v.connected && told.filter(([name]) => name === 'connected').length === 2, null, { timeout: patience });
+  await page.waitForFunction(() => v.connected && told.filter(([name]) => name === 'connected').length === 2);
   expect((await page.toldOf('disconnected'))[0].reason, 'disconnected says why');
   await isAt(page, { yaw: 2 }, 'where it was');
 
@@ -316,7 +316,7 @@ async function streams() {
   const paused = await reads();
   expect(paused.paused && !paused.connected && paused.loaded && !paused.connection, JSON.stringify(paused));
   await page.evaluate(() => v.autoplay = true);
-  await page.waitForFunction(() => v.connected, null, { timeout: patience });
+  await page.waitForFunction(() => v.connected);
   await page.leaves();
   await served.stop();
 }
@@ -333,7 +333,7 @@ async function iceServers() {
     };</script>` });
   await page.loads();
   await page.evaluate(() => v.iceServers = [{ urls: 'stun:b.example' }]);
-  await page.waitForFunction(() => gathered.length === 2 && v.connected, null, { timeout: patience });
+  await page.waitForFunction(() => gathered.length === 2 && v.connected);
   const gathered = await page.evaluate(() => JSON.stringify([globalThis.gathered, v.iceServers]));
   expect(gathered === '[[[{"urls":"stun:a.example"}],[{"urls":"stun:b.example"}]],[{"urls":"stun:b.example"}]]', gathered);
   await page.leaves();
@@ -388,11 +388,11 @@ async function trustedTypes() {
       return violations.splice(0).length === 1 || 'the event comes later';
     }
   }), 'the policy holds');
-  await page.waitForFunction(() => v.view, null, { timeout: patience });
+  await page.waitForFunction(() => v.view);
   await page.locator('lightfield-viewer video').focus();
   for (const [key, part] of [['c', 'canvas.cameras'], ['i', 'pre.figures'], ['?', '.guide']]) {
     await page.keyboard.press(key);
-    await page.waitForFunction(part => inside().root.querySelector(part).checkVisibility(), part, { timeout: patience });
+    await page.waitForFunction(part => inside().root.querySelector(part).checkVisibility(), part);
     if (key === '?') await page.screenshot({ path: join(process.env.LF_ARTEFACTS, 'trusted-types.png') });
     await page.keyboard.press(key);
   }

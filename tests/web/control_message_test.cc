@@ -4,7 +4,6 @@
 
 #include <gst/gst.h>
 #include <gst/video/video.h>
-#include <gtest/gtest.h>
 
 namespace lf::serve {
 namespace {

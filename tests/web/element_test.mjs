@@ -5,7 +5,7 @@ import { cp, mkdir, readFile, rm, writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
 import { promisify } from 'node:util';
 import { artefacts, close, closeClean, compare, expect, launchBrowser, makeFolder, makeRig, newPage, openPage,
-  openShown, patience, picture, rendered, runTests, serve, setView, shown, site, source, stateOf, until,
+  openShown, picture, rendered, runTests, serve, setView, shown, site, source, stateOf, until,
   viewFile } from './harness.mjs';
 
 const run = promisify(execFile);
@@ -78,13 +78,13 @@ async function twoElements() {
     new MutationObserver(list => written.push(...list.map(({ attributeName, target }) => `${target.id} ${attributeName}`)))
       .observe(document, { attributes: true, subtree: true });
   });
-  await two.waitForFunction(() => inside(a)?.flight.seen && a.loaded, null, { timeout: patience });
+  await two.waitForFunction(() => inside(a)?.flight.seen && a.loaded);
   const view = id => two.evaluate(id => document.getElementById(id).view, id);
   await until(async () => Math.abs((await view('a')).yaw - 2) < 1e-6, 'the attribute view says where to begin');
   expect(await two.evaluate(() => b.paused && !b.connected && !b.loaded), 'without autoplay it waits');
   expect(await served.metric('viewers') === 1, 'and asks for nothing');
   await two.locator('#b').getByRole('button', { name: 'Watch' }).click();
-  await two.waitForFunction(() => b.loaded, null, { timeout: patience });
+  await two.waitForFunction(() => b.loaded);
   await two.evaluate(() => a.setView({ yaw: -1 }));
   expect(Math.abs((await view('a')).yaw + 1) < 1e-6 && Math.abs((await view('b')).yaw) < 1e-6, 'each has a view of its own');
   expect(!await two.locator('#b').getByRole('slider').count(), 'without controls there are none');
@@ -98,13 +98,13 @@ async function twoElements() {
     b.setAttribute('view', 'x=0.02 focus-distance=3');
   });
   // Checks the requested size, because a busy server may send less.
-  const asks = width => two.waitForFunction(width => b.connected && inside(b).stream.asked.width === width, width, { timeout: patience });
+  const asks = width => two.waitForFunction(width => b.connected && inside(b).stream.asked.width === width, width);
   await asks(160);
   await until(async () => Math.abs((await view('b')).x - 0.02) < 1e-6 && (await view('b')).focusDistance === 3, 'view goes there');
   await two.getByRole('application', { name: 'A globe' }).waitFor();
   expect(await two.locator('#b').getByRole('slider').count() === 1, 'controls come');
   await two.evaluate(() => b.eyes = 'side');
-  await two.waitForFunction(() => b.connected && inside(b).twoEyes, null, { timeout: patience });
+  await two.waitForFunction(() => b.connected && inside(b).twoEyes);
   await asks(160);
   await two.evaluate(() => {
     b.eyes = null;
@@ -154,7 +154,7 @@ async function rerendered() {
     globalThis.anew = () => render(props(), 2);
   </script>`) });
   const react = await openPage(browser, mine.origin, size);
-  await react.waitForFunction(() => globalThis.c?.loaded, null, { timeout: patience });
+  await react.waitForFunction(() => globalThis.c?.loaded);
   const yaw = () => react.evaluate(() => c.view.yaw);
   await until(async () => Math.abs(await yaw() - 1) < 1e-6, 'what was set before the element was defined counts');
   await react.evaluate(() => c.setView({ yaw: -2 }));
@@ -165,7 +165,7 @@ async function rerendered() {
     clearInterval(timer);
     anew();
   });
-  await react.waitForFunction(() => c.key === 2 && c.loaded, null, { timeout: patience });
+  await react.waitForFunction(() => c.key === 2 && c.loaded);
   await until(async () => await served.metric('viewers') === 1, 'the one before has left');
   await closeClean(react, served);
   mine.close();
@@ -179,7 +179,7 @@ async function framed() {
     <p style="height: 3000px">below</p>`) }, null, 'localhost');
   const tab = await openPage(browser, outer.origin, { width: 700, height: 600 });
   const frame = tab.frame({ url: `${inner.origin}/` });
-  await frame.waitForFunction(() => globalThis.viewer?.loaded, null, { timeout: patience });
+  await frame.waitForFunction(() => globalThis.viewer?.loaded);
   expect(await tab.evaluate(() => { try { return frames[0].document, false; } catch { return true; } }), 'of another origin');
   const fov = () => frame.evaluate(() => viewer.view.fov), home = await fov();
   const scrolled = () => tab.evaluate(() => scrollY);
@@ -338,7 +338,7 @@ async function application() {
   const render = props => page.evaluate(props => app.render(props), props);
   const isAt = (wanted, what) => until(async () => Math.abs(await yaw() - wanted) < 1e-6, what);
 
-  await page.waitForFunction(() => globalThis.app?.element?.loaded, null, { timeout: patience })
+  await page.waitForFunction(() => globalThis.app?.element?.loaded)
     .catch(async error => { throw new Error(`no picture: ${await page.evaluate(() => document.body.innerHTML)}; ${page.problems}; ${error.message}`); });
   await isAt(1, 'the prop says where to begin');
   expect((await told()).includes('first 320x240'), `its listeners hear: ${await told()}`);
@@ -368,7 +368,7 @@ async function application() {
   const gone = await page.evaluate(() => (globalThis.first = app.element).isConnected);
   expect(!gone, 'it is off the page');
   await render({ shown: true, eyes: 'side' });
-  await page.waitForFunction(() => app.element !== first && app.element.loaded, null, { timeout: patience });
+  await page.waitForFunction(() => app.element !== first && app.element.loaded);
   await isAt(2, 'mounted again it is where the prop says');
   expect(await page.evaluate(() => inside(app.element).twoEyes), 'with two eyes');
   await render({ src: 'http://127.0.0.1:9/whep' });

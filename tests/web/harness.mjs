@@ -167,8 +167,7 @@ export async function openPage(browser, url, size, options) {
 
 export async function shown(page, frames = 1) {
   await page.waitForFunction(
-    n => globalThis.inside?.()?.video.getVideoPlaybackQuality().totalVideoFrames >= n, frames,
-    { timeout: patience }).catch(async error => {
+    n => globalThis.inside?.()?.video.getVideoPlaybackQuality().totalVideoFrames >= n, frames).catch(async error => {
     const status = await page.evaluate(() => inside()?.status.textContent);
     throw new Error(`no picture: ${status}; ${page.problems}; ${error.message}`);
   });
@@ -211,7 +210,7 @@ export async function settled(page) {
 }
 
 export async function stateOf(page) {
-  await page.waitForFunction(() => inside().flight.state, null, { timeout: patience });
+  await page.waitForFunction(() => inside().flight.state);
   return page.evaluate(() => inside().flight.state);
 }
 

@@ -1,36 +1,16 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Camera failures: lf-serve and its viewers continue without the failed camera.
-#include <algorithm>
-#include <filesystem>
-#include <fstream>
-#include <memory>
-#include <string>
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-#include <sys/stat.h>
-
-#include "base/json_value.h"
-#include "gst/camera_files.h"
-#include "gst/gst_test.h"
 #include "gst/rtsp_server.h"
 #include "pipelines/gst_launch.h"
-#include "support/mentions.h"
-#include "support/run_program.h"
 #include "web/served.h"
 #include "web/whep_client.h"
 
 namespace lf::test {
 namespace {
 
-using testing::HasSubstr;
-using testing::Not;
-
 class LfServeCameras : public testing::Test {
  protected:
-  bool says(const Served& served, const std::vector<std::string>& facts) {
-    return becomes([&] { return testing::Value(served.said(), mentions(facts)); });
-  }
   static bool receives_pictures(const WhepClient& client) {
     const uint64_t before = client.pictures();
     return becomes([&] { return client.pictures() >= before + 15; });
@@ -38,10 +18,9 @@ class LfServeCameras : public testing::Test {
   static bool has_message(const WhepClient& client, const std::string& text) {
     return becomes([&] {
       const std::vector<std::string> messages = client.messages();
-      const auto last = std::find_if(messages.rbegin(), messages.rend(), [](const std::string& message) {
-        return message.find("\"statistics\"") != std::string::npos;
-      });
-      return last != messages.rend() && last->find(text) != std::string::npos;
+      const auto last = std::find_if(messages.rbegin(), messages.rend(),
+                                     [](const std::string& message) { return contains(message, "\"statistics\""); });
+      return last != messages.rend() && contains(*last, text);
     });
   }
   static void expect_one_viewer_and_clean_exit(Served& served) {
@@ -53,17 +32,15 @@ class LfServeCameras : public testing::Test {
 };
 
 TEST_F(LfServeCameras, MissingAndDamagedFilesDoNotEndTheServer) {
-  std::ifstream in(files_.path("mjpeg.mkv"), std::ios::binary);
-  std::string film((std::istreambuf_iterator<char>(in)), {});
+  std::string film = read_binary(files_.path("mjpeg.mkv"));
   std::fill(film.begin() + static_cast<long>(film.size() / 2), film.begin() + static_cast<long>(film.size() * 3 / 4),
             '\x5a');
   std::ofstream(files_.path("damaged.mkv"), std::ios::binary) << film;
   // Larger than the readers' buffers.
-  const Outcome launched = gst_launch(
+  expect_runs(
       "videotestsrc pattern=snow num-buffers=150 ! video/x-raw,format=I420,width=64,height=48,framerate=15/1 "
       "! jpegenc quality=100 ! matroskamux ! filesink location=" +
       files_.path("emptied.mkv"));
-  ASSERT_EQ(launched.status, 0) << launched.output;
   Served served({}, [this](Rig& rig) {
     rig.cameras[0].source = files_.path("mjpeg.mkv");
     rig.cameras[1].source = files_.path("nowhere.mkv");
@@ -71,29 +48,16 @@ TEST_F(LfServeCameras, MissingAndDamagedFilesDoNotEndTheServer) {
     rig.cameras[3].source = files_.path("emptied.mkv");
   });
   ASSERT_NE(served.url(), "") << served.said();
-  EXPECT_TRUE(says(served, {"nowhere.mkv", "no such", "out of service"}));
+  EXPECT_TRUE(served.says({"nowhere.mkv", "no such", "out of service"}));
   const WhepClient client({.url = served.url()});
   EXPECT_TRUE(receives_pictures(client));
   std::filesystem::resize_file(files_.path("emptied.mkv"), 0);
-  EXPECT_TRUE(says(served, {"emptied.mkv"})) << served.said();
+  EXPECT_TRUE(served.says({"emptied.mkv"})) << served.said();
   EXPECT_TRUE(receives_pictures(client));
   std::filesystem::copy(files_.path("mjpeg.mkv"), files_.path("nowhere.mkv"));
-  EXPECT_TRUE(says(served, {"camera1 is back"})) << served.said();
+  EXPECT_TRUE(served.says({"camera1 is back"})) << served.said();
   EXPECT_TRUE(receives_pictures(client));
   expect_one_viewer_and_clean_exit(served);
-}
-
-std::string get(const Served& served, const std::string& path) {
-  SoupSession* session = soup_session_new();
-  SoupMessage* message = soup_message_new("GET", (served.url() + path).c_str());
-  GBytes* bytes = soup_session_send_and_read(session, message, nullptr, nullptr);
-  gsize size = 0;
-  const char* data = bytes ? static_cast<const char*>(g_bytes_get_data(bytes, &size)) : nullptr;
-  const std::string text(data ? data : "", size);
-  if (bytes) g_bytes_unref(bytes);
-  g_object_unref(message);
-  g_object_unref(session);
-  return text;
 }
 
 TEST_F(LfServeCameras, NeverRevealsPasswords) {
@@ -103,15 +67,15 @@ TEST_F(LfServeCameras, NeverRevealsPasswords) {
     rig.cameras[1].source = "rtspsrc location=rtsp://127.0.0.1:1/ user-pw=Hunter2Secret ! decodebin";
   });
   ASSERT_NE(served.url(), "") << served.said();
-  EXPECT_TRUE(says(served, {"127.0.0.1:1/stream"}));
-  EXPECT_TRUE(becomes([&] { return get(served, "mosaic.json").find("127.0.0.1:1/stream") != std::string::npos; }));
+  EXPECT_TRUE(served.says({"127.0.0.1:1/stream"}));
+  EXPECT_TRUE(becomes([&] { return contains(served.get("mosaic.json"), "127.0.0.1:1/stream"); }));
   const WhepClient client({.url = served.url()});
   EXPECT_TRUE(has_message(client, "\"cameras\""));
   for (const char* path : {"", "mosaic.json", "metrics", "healthz", "array.json", "rig.json"})
-    EXPECT_THAT(get(served, path), ::testing::Not(HasSubstr("Hunter2"))) << path;
-  for (const std::string& message : client.messages()) EXPECT_THAT(message, ::testing::Not(HasSubstr("Hunter2")));
+    EXPECT_THAT(served.get(path), Not(HasSubstr("Hunter2"))) << path;
+  for (const std::string& message : client.messages()) EXPECT_THAT(message, Not(HasSubstr("Hunter2")));
   EXPECT_EQ(served.stop(), 0);
-  EXPECT_THAT(served.said(), ::testing::Not(HasSubstr("Hunter2")));
+  EXPECT_THAT(served.said(), Not(HasSubstr("Hunter2")));
 }
 
 TEST_F(LfServeCameras, ReadablePasswordsCauseAWarning) {
@@ -126,15 +90,13 @@ TEST_F(LfServeCameras, ReadablePasswordsCauseAWarning) {
   Served closed(Served::ExistingRig{served.rig()});
   ASSERT_NE(closed.url(), "") << closed.said();
   EXPECT_EQ(closed.stop(), 0);
-  EXPECT_THAT(closed.said(), ::testing::Not(HasSubstr("chmod")));
+  EXPECT_THAT(closed.said(), Not(HasSubstr("chmod")));
   std::filesystem::permissions(served.rig(), perms::others_read, perm_options::add);
-  const Outcome outcome = run_program("lf-rig", "check " + served.rig());
-  EXPECT_EQ(outcome.status, 0) << outcome.output;
-  EXPECT_THAT(outcome.output, mentions("rig.json", "warning", "cameras[1]", "password"));
-  EXPECT_THAT(outcome.output, mentions("chmod 600", served.rig()));
+  expect_outcome(run_program("lf-rig", "check " + served.rig()), 0,
+                 AllOf(mentions("rig.json", "warning", "cameras[1]", "password"), mentions("chmod 600", served.rig())));
   Served again(Served::ExistingRig{served.rig()});
   ASSERT_NE(again.url(), "") << again.said();
-  EXPECT_TRUE(says(again, {"chmod 600", served.rig()})) << again.said();
+  EXPECT_TRUE(again.says({"chmod 600", served.rig()})) << again.said();
   EXPECT_EQ(again.stop(), 0);
 }
 
@@ -143,14 +105,13 @@ TEST_F(LfServeCameras, UnlistedElementsNeedTrust) {
   const auto edit = [&](Rig& rig) {
     rig.cameras[0].source =
         "videotestsrc is-live=true ! video/x-raw,format=RGB,width=64,height=48,framerate=15/1 ! tee name=t t. ! queue "
-        "! "
-        "filesink location=" +
+        "! filesink location=" +
         mark + " t. ! queue";
   };
   Served refused({}, edit);
   EXPECT_EQ(refused.url(), "");
   EXPECT_EQ(refused.stop(), 1);
-  EXPECT_THAT(refused.said(), ::testing::AllOf(mentions("source", "tee"), HasSubstr("--trust-rig")));
+  EXPECT_THAT(refused.said(), AllOf(mentions("source", "tee"), HasSubstr("--trust-rig")));
   EXPECT_FALSE(std::filesystem::exists(mark));
   Served served({"--trust-rig"}, edit);
   EXPECT_NE(served.url(), "") << served.said();
@@ -169,12 +130,12 @@ TEST_F(LfServeCameras, CameraServerMayRestart) {
   const WhepClient client({.url = served.url()});
   EXPECT_TRUE(receives_pictures(client));
   server.reset();
-  EXPECT_TRUE(says(served, {"/jpeg"})) << served.said();
+  EXPECT_TRUE(served.says({"/jpeg"})) << served.said();
   EXPECT_THAT(served.said(), HasSubstr("out of service"));
   EXPECT_TRUE(has_message(client, "\"cameras\":{\"count\":4,\"working\":3}"));
   EXPECT_TRUE(receives_pictures(client));
   server = std::make_unique<RtspServer>(port);
-  EXPECT_TRUE(says(served, {"camera2 is back"})) << served.said();
+  EXPECT_TRUE(served.says({"camera2 is back"})) << served.said();
   EXPECT_TRUE(receives_pictures(client));
   expect_one_viewer_and_clean_exit(served);
 }
@@ -190,7 +151,7 @@ TEST_F(LfServeCameras, AllCameraServersMayRestart) {
   const WhepClient client({.url = served.url()});
   EXPECT_TRUE(has_message(client, "\"cameras\":{\"count\":4,\"working\":4}"));
   server.reset();
-  EXPECT_TRUE(says(served, {"No camera works"})) << served.said();
+  EXPECT_TRUE(served.says({"No camera works"})) << served.said();
   EXPECT_TRUE(has_message(client, "\"cameras\":{\"count\":4,\"working\":0}"));
   EXPECT_TRUE(receives_pictures(client)) << "with the last picture";
   server = std::make_unique<RtspServer>(port);
@@ -207,8 +168,7 @@ TEST_F(LfServeCameras, ChangedRigIsAppliedWithoutARestart) {
   const WhepClient client({.url = served.url()});
   const auto told = [&] {
     const std::vector<std::string> messages = client.messages();
-    return std::count_if(messages.begin(), messages.end(),
-                         [](const std::string& text) { return text.find("\"rig\"") != std::string::npos; });
+    return std::ranges::count_if(messages, [](const std::string& text) { return contains(text, "\"rig\""); });
   };
   EXPECT_TRUE(receives_pictures(client));
   Rig rig = load_rig(served.rig());
@@ -224,18 +184,18 @@ TEST_F(LfServeCameras, ChangedRigIsAppliedWithoutARestart) {
   EXPECT_TRUE(receives_pictures(client));
 
   write_text_file("{ not yet", served.rig());
-  EXPECT_TRUE(says(served, {"old rig"})) << served.said();
+  EXPECT_TRUE(served.says({"old rig"})) << served.said();
   EXPECT_TRUE(receives_pictures(client));
 
   for (Camera& camera : rig.cameras) camera.source = files_.path("mjpeg.mkv");
   save_rig(rig, served.rig());
-  EXPECT_TRUE(says(served, {"rig file", "other cameras"})) << served.said();
+  EXPECT_TRUE(served.says({"rig file", "other cameras"})) << served.said();
   EXPECT_TRUE(becomes([&] { return told() == 3; })) << served.said();
   EXPECT_TRUE(receives_pictures(client)) << served.said();
 
   for (Camera& camera : rig.cameras) camera.source = files_.path("nowhere.mkv");
   save_rig(rig, served.rig());
-  EXPECT_TRUE(says(served, {"no pictures", "rig file"})) << served.said();
+  EXPECT_TRUE(served.says({"no pictures", "rig file"})) << served.said();
   for (Camera& camera : rig.cameras) camera.source = files_.path("mjpeg.mkv");
   save_rig(rig, served.rig());
   EXPECT_TRUE(receives_pictures(client)) << served.said();
@@ -248,39 +208,24 @@ TEST_F(LfServeCameras, ImpossibleOptionsAreErrors) {
   EXPECT_THAT(run_program("lf-serve", "--focus-near 5 --focus-far 1").output, mentions("--focus-near", "--focus-far"));
 }
 
-class KeyFile : public TempFile {
- public:
-  explicit KeyFile(char character) : TempFile(std::vector<uint8_t>(40, static_cast<uint8_t>(character))) {
-    chmod(path().c_str(), 0600);
-  }
-};
-
 class LfServeNodes : public testing::Test {
  protected:
-  void start_host(const std::string& rig, const KeyFile& key) {
+  void start_host(const std::string& rig, const TempFile& key) {
     host_ = launch("lfnodesink name=n rig=" + rig + " listen=127.0.0.1:" + std::to_string(there_) +
                    " answers=127.0.0.1:" + std::to_string(here_) + " key-file=" + key.path());
-    ASSERT_TRUE(host_);
     ASSERT_NE(gst_element_set_state(host_.get(), GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE);
   }
-  void stop_host() {
-    if (host_) gst_element_set_state(host_.get(), GST_STATE_NULL);
-    host_.reset();
-  }
-  void TearDown() override { stop_host(); }
-  uint64_t requests(const char* field) {
-    const ElementPtr gate(gst_bin_get_by_name(GST_BIN(host_.get()), "requests0_gate"));
-    return stat(gate.get(), field);
-  }
-  std::vector<std::string> options(const KeyFile& key) const {
+  void stop_host() { host_.reset(); }
+  uint64_t requests(const char* field) { return stat(child_of(host_.get(), "requests0_gate").get(), field); }
+  std::vector<std::string> options(const TempFile& key) const {
     return {"--nodes", "127.0.0.1:" + std::to_string(there_) + ":127.0.0.1:" + std::to_string(here_), "--key-file",
             key.path()};
   }
   static double camera_bytes(const Served& served) { return std::stod(served.metric("camera_bytes_total")); }
 
   const int there_ = free_port(SOCK_DGRAM), here_ = free_port(SOCK_DGRAM);
-  const KeyFile key_{'k'}, other_{'o'};
-  ElementPtr host_;
+  const TempFile key_{std::string(40, 'k')}, other_{std::string(40, 'o')};
+  PipelinePtr host_;
 };
 
 TEST_F(LfServeNodes, ServeClientsWithTheKey) {
@@ -307,11 +252,9 @@ TEST_F(LfServeNodes, AreNamedWhenTheyDoNotAnswer) {
   EXPECT_THAT(served.said(), Not(HasSubstr(name + " does not")));
   stop_host();
   EXPECT_TRUE(becomes([&] { return served.metric(metric) == "1"; }));
-  EXPECT_TRUE(
-      becomes([&] { return served.said().find("cameras: " + name + " does not answer\n") != std::string::npos; }));
+  EXPECT_TRUE(becomes([&] { return contains(served.said(), "cameras: " + name + " does not answer\n"); }));
   start_host(served.rig(), key_);
-  EXPECT_TRUE(
-      becomes([&] { return served.said().find("cameras: " + name + " answers again\n") != std::string::npos; }));
+  EXPECT_TRUE(becomes([&] { return contains(served.said(), "cameras: " + name + " answers again\n"); }));
   EXPECT_EQ(served.metric(metric), "0");
 }
 

@@ -1,17 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Media of viewers, and the effect of viewers on each other.
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-#include <libsoup/soup.h>
 
-#include <algorithm>
-#include <filesystem>
-#include <functional>
-#include <memory>
-
-#include "support/mentions.h"
 #include "support/recorded.h"
-#include "support/temp_dir.h"
 #include "web/offers.h"
 #include "web/served.h"
 #include "web/whep_client.h"
@@ -19,13 +9,8 @@
 namespace lf::test {
 namespace {
 
-using testing::HasSubstr;
-using testing::Not;
-
 class LfServeMedia : public testing::Test {
  protected:
-  static void SetUpTestSuite() { gst_init(nullptr, nullptr); }
-
   static std::unique_ptr<WhepClient> watch(const Served& served, WhepClient::Options options = {}) {
     options.url = served.url();
     return std::make_unique<WhepClient>(options);
@@ -56,8 +41,7 @@ TEST_F(LfServeMedia, UsesTheCodecOfTheOffer) {
   WhepClient::Options vp8;
   vp8.vp8 = true;
   const auto first = watch(served), second = watch(served, vp8);
-  EXPECT_THAT(first->answer(), HasSubstr("H264/90000"));
-  EXPECT_THAT(first->answer(), HasSubstr("profile-level-id=42e01f"));
+  EXPECT_THAT(first->answer(), AllOf(HasSubstr("H264/90000"), HasSubstr("profile-level-id=42e01f")));
   EXPECT_THAT(second->answer(), HasSubstr("VP8/90000"));
   EXPECT_TRUE(receives_pictures(*first));
   EXPECT_TRUE(receives_pictures(*second));
@@ -191,9 +175,8 @@ TEST_F(LfServeMedia, BitRateFollowsTheNetwork) {
 }
 
 TEST_F(LfServeMedia, UsesTheEncoderWithTheHighestRank) {
-  GstElementFactory* factory = gst_element_factory_find("openh264enc");
+  g_autoptr(GstElementFactory) factory = gst_element_factory_find("openh264enc");
   if (!factory) GTEST_SKIP() << "no openh264enc";
-  gst_object_unref(factory);
   g_setenv("GST_PLUGIN_FEATURE_RANK", "openh264enc:512", TRUE);
   Served served;
   g_unsetenv("GST_PLUGIN_FEATURE_RANK");
@@ -201,7 +184,7 @@ TEST_F(LfServeMedia, UsesTheEncoderWithTheHighestRank) {
   client->send("{}");
   const auto says = [&](const char* text) {
     return becomes([&] {
-      return std::ranges::any_of(client->messages(), [&](const std::string& m) { return m.find(text) != m.npos; });
+      return std::ranges::any_of(client->messages(), [&](const std::string& m) { return contains(m, text); });
     });
   };
   EXPECT_TRUE(says("\"encoder\":\"openh264enc\""));
@@ -215,9 +198,8 @@ TEST_F(LfServeMedia, EarlyMessagesAreProcessed) {
   for (int i = 0; i < 5; i++) {
     WhepClient::Options options;
     options.first_message =
-        "{\"id\":1,\"request\":{\"type\":\"customUpstreamEvent\",\"structureName\":\"lightfield-view-request\","
-        "\"structure\":"
-        "{\"yaw\":1.5}}}";
+        R"({"id":1,"request":{"type":"customUpstreamEvent","structureName":"lightfield-view-request",)"
+        R"("structure":{"yaw":1.5}}})";
     const auto client = watch(served, options);
     EXPECT_TRUE(becomes([&] { return last_statistic(*client, "yaw") == 1.5; })) << last_statistic(*client, "yaw");
   }
@@ -225,21 +207,11 @@ TEST_F(LfServeMedia, EarlyMessagesAreProcessed) {
 
 TEST_F(LfServeMedia, UnconnectedViewersCauseNoRequests) {
   Served served;
-  SoupSession* session = soup_session_new();
-  SoupMessage* message = soup_message_new("POST", (served.url() + "whep").c_str());
-  const std::string offer = browser_offer();
-  GBytes* body = g_bytes_new(offer.data(), offer.size());
-  soup_message_set_request_body_from_bytes(message, "application/sdp", body);
-  GBytes* answer = soup_session_send_and_read(session, message, nullptr, nullptr);
-  EXPECT_EQ(soup_message_get_status(message), 201u);
+  EXPECT_EQ(served.ask("POST", "whep", browser_offer()).status, 201u);
   EXPECT_EQ(served.metric("viewers"), "1");
   g_usleep(1000000);
   for (const char* name : {"pictures_total", "camera_bytes_total", "video_bytes_total"})
     EXPECT_EQ(served.metric(name), "0") << name;
-  if (answer) g_bytes_unref(answer);
-  g_bytes_unref(body);
-  g_object_unref(message);
-  g_object_unref(session);
 }
 
 TEST_F(LfServeMedia, SecondDataChannelEndsTheViewer) {
@@ -258,22 +230,15 @@ TEST_F(LfServeMedia, SecondDataChannelEndsTheViewer) {
 TEST_F(LfServeMedia, AbortedConnectsDoNotDisturbOthers) {
   Served served({"--viewers", "200", "--address-views", "200", "--connects", "1000"});
   const auto client = watch(served);
-  GUri* uri = g_uri_parse(served.url().c_str(), G_URI_FLAGS_NONE, nullptr);
-  const std::string host = "127.0.0.1:" + std::to_string(g_uri_get_port(uri)), body = browser_offer();
-  g_uri_unref(uri);
+  const std::string host = served.url().substr(7, served.url().size() - 8), body = browser_offer();
   const std::string request = "POST /whep HTTP/1.1\r\nHost: " + host + "\r\nContent-Type: application/sdp\r\n" +
                               "Content-Length: " + std::to_string(body.size()) + "\r\n\r\n" + body;
-  GSocketClient* connector = g_socket_client_new();
   const uint64_t before = client->pictures();
   for (int i = 0; i < 100; i++) {
-    GSocketConnection* connection = g_socket_client_connect_to_host(connector, host.c_str(), 80, nullptr, nullptr);
-    ASSERT_TRUE(connection);
-    g_output_stream_write_all(g_io_stream_get_output_stream(G_IO_STREAM(connection)), request.data(),
-                              request.size() * static_cast<size_t>(i % 3) / 2, nullptr, nullptr, nullptr);
+    Client aborted(served);
+    aborted.send(request.substr(0, request.size() * static_cast<size_t>(i % 3) / 2));
     g_usleep(static_cast<gulong>(i % 5) * 10000);
-    g_object_unref(connection);
   }
-  g_object_unref(connector);
   EXPECT_GT(client->pictures(), before) << "none meanwhile";
   EXPECT_TRUE(becomes([&] { return served.metric("viewers") == "1"; }));
   EXPECT_TRUE(receives_pictures(*client));
@@ -286,30 +251,28 @@ TEST_F(LfServeMedia, InvalidMessagesAreRefused) {
   const std::string move =
       R"({"id":1,"request":{"type":"customUpstreamEvent","structureName":"lightfield-view-request",)"
       R"("structure":{"x":0.01}}})";
-  const std::string table[] = {" ",
-                               "x",
-                               "{}",
-                               "[]",
-                               "null",
-                               "{\"id\":-1}",
-                               "{\"id\":1e99,\"request\":{}}",
-                               with(move, "0.01", "1e999"),
-                               with(move, "0.01", "\"0\""),
-                               with(move, "0.01", "null"),
-                               with(move, "lightfield-view-request", "GstForceKeyUnit"),
-                               with(move, "\"x\"", "\"lightfield-view-id\""),
-                               with(move, "\"x\"", "\"\""),
-                               with(move, "{\"x\":0.01}", "[1]"),
-                               with(move, "customUpstreamEvent", "navigationEvent"),
-                               std::string(3000, '['),
-                               std::string(60000, ' '),
-                               move.substr(0, move.size() / 2)};
+  std::vector<std::string> table = {" ",
+                                    "x",
+                                    "{}",
+                                    "[]",
+                                    "null",
+                                    "{\"id\":-1}",
+                                    "{\"id\":1e99,\"request\":{}}",
+                                    std::string(3000, '['),
+                                    std::string(60000, ' '),
+                                    move.substr(0, move.size() / 2)};
+  using Change = std::pair<const char*, const char*>;
+  for (const auto& [from, to] :
+       {Change("0.01", "1e999"), Change("0.01", "\"0\""), Change("0.01", "null"),
+        Change("lightfield-view-request", "GstForceKeyUnit"), Change("\"x\"", "\"lightfield-view-id\""),
+        Change("\"x\"", "\"\""), Change("{\"x\":0.01}", "[1]"), Change("customUpstreamEvent", "navigationEvent")})
+    table.push_back(with(move, from, to));
   for (const std::string& text : table) client->send(text);
   client->send(move);
   EXPECT_TRUE(becomes([&] {
-    return std::ranges::any_of(client->messages(), [](const std::string& m) { return m.find("applied") != m.npos; });
+    return std::ranges::any_of(client->messages(), [](const std::string& m) { return contains(m, "applied"); });
   }));
-  EXPECT_EQ(served.metric("refused_messages_total"), std::to_string(std::size(table)));
+  EXPECT_EQ(served.metric("refused_messages_total"), std::to_string(table.size()));
   for (int i = 0; i < 2000; i++) client->send(move);
   EXPECT_TRUE(receives_pictures(*client));
   EXPECT_EQ(served.stop(), 0);
@@ -353,7 +316,7 @@ TEST_F(LfServeMedia, MoreMessagesThanAllowedAreDropped) {
     EXPECT_TRUE(receives_pictures(*client));
     EXPECT_EQ(served.metric("refused_messages_total") == "0", !few) << served.metric("refused_messages_total");
     EXPECT_EQ(served.stop(), 0);
-    EXPECT_EQ(served.said().find("messages are ignored") != std::string::npos, few);
+    EXPECT_EQ(contains(served.said(), "messages are ignored"), few);
   }
 }
 

@@ -1,14 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "serve/limits.h"
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
+#include "support/test.h"
 
 namespace lf::serve {
 namespace {
-
-using testing::ElementsAre;
-using testing::IsEmpty;
 
 constexpr int64_t kSecond = 1000000;
 

@@ -1,21 +1,20 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 import { readFile, writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
-import { artefacts, closeClean, expect, launchBrowser, makeRig, openShown, patience, runTests, serve, until } from './harness.mjs';
+import { artefacts, closeClean, expect, launchBrowser, makeRig, openShown, runTests, serve, until } from './harness.mjs';
 
 const kTurned = 6;
 const folder = await makeRig('5x5');
 const file = join(folder, 'rig.json'), good = await readFile(file, 'utf8');
 const browser = await launchBrowser();
 
-const words = page => page.evaluate(
-  () => inside().root.querySelector('.monitor pre').textContent);
+const words = page => page.evaluate(() => inside().root.querySelector('.monitor pre').textContent);
 const turns = page => page.evaluate(() => inside().monitor.report?.turns ?? 0);
 
 async function open(...options) {
   const served = await serve('--rig', file, '--connects', '100', '--focus', '2.2', ...options);
   const page = await openShown(browser, new URL('#x=0.02&y=0.01', served.url).href, { width: 800, height: 500 }, 5);
-  await page.waitForFunction(() => inside().statistics.monitored !== undefined, null, { timeout: patience });
+  await page.waitForFunction(() => inside().statistics.monitored !== undefined);
   await page.keyboard.press('m');
   return { served, page };
 }
@@ -59,7 +58,7 @@ async function goodCamerasAreNotSuspected() {
 
 async function noPanelWithoutMonitor() {
   const viewer = await open(), { page } = viewer;
-  await page.waitForFunction(() => inside().statistics.monitored === false, null, { timeout: patience });
+  await page.waitForFunction(() => inside().statistics.monitored === false);
   expect(!await page.getByRole('button', { name: 'Quality' }).count(), 'a button for nothing');
   await page.keyboard.press('m');
   expect(await page.evaluate(() => inside().monitor.box.hidden), 'a panel of nothing');

@@ -1,15 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <cstring>
 #include <ctime>
-#include <random>
 
 #include <gst/gst.h>
-#include <gtest/gtest.h>
 
 #include "base/text.h"
 #include "serve/offer.h"
-#include "support/mentions.h"
 #include "support/process.h"
+#include "support/test.h"
 #include "web/offers.h"
 
 namespace lf::serve {
@@ -33,7 +30,7 @@ TEST(IceServers, RelaysAreTheAddressesOfTurnServers) {
       "me word");
   testing::internal::CaptureStdout();
   const std::set<std::string> found = servers.relays();
-  EXPECT_NE(testing::internal::GetCapturedStdout().find("turn:[nowhere: "), std::string::npos);
+  EXPECT_THAT(testing::internal::GetCapturedStdout(), HasSubstr("turn:[nowhere: "));
   EXPECT_TRUE(found.contains("192.0.2.2"));
   EXPECT_TRUE(found.contains("2001:db8::1"));
   EXPECT_TRUE(found.contains("127.0.0.1") || found.contains("::1"));
@@ -190,8 +187,7 @@ TEST(Offer, RefusesUnusableOffersWithTheReason) {
       {with(with(good, "42e01f", "640c1f"), "VP8/", "VP9/"), "codec"},
       {with(with(good, "mode=1", "mode=2"), "VP8/", "VP9/"), "codec"},
       {with(good, "a=rtpmap", "a=rtpmop"), "codec"}};
-  for (const auto& [text, why] : table)
-    EXPECT_NE(refused(text).find(why), std::string::npos) << why << ": " << refused(text);
+  for (const auto& [text, why] : table) EXPECT_THAT(refused(text), HasSubstr(why));
   EXPECT_EQ(refused(good), "");
 }
 

@@ -6,7 +6,7 @@ import { copyFile, mkdir, readFile, writeFile } from 'node:fs/promises';
 import { createServer } from 'node:http';
 import { join } from 'node:path';
 import { promisify } from 'node:util';
-import { artefacts, closeClean, compare, expect, launchBrowser, makeRig, newPage, openPage, patience, rendered,
+import { artefacts, closeClean, compare, expect, launchBrowser, makeRig, newPage, openPage, rendered,
   runTests, serve, setView, shown, source, start, until, viewFile } from './harness.mjs';
 
 async function janus() {
@@ -50,8 +50,8 @@ libjanus_websockets.so" }`);
     const browser = await launchBrowser();
     for (const who of ['first', 'second']) {
       const page = await openPage(browser, url, size);
-      await page.waitForFunction(() => document.querySelector('video').getVideoPlaybackQuality().totalVideoFrames > 45,
-        null, { timeout: patience }).catch(async error => {
+      const frames = () => document.querySelector('video').getVideoPlaybackQuality().totalVideoFrames > 45;
+      await page.waitForFunction(frames).catch(async error => {
         throw new Error(`no picture: ${await page.textContent('#status')}; ${page.problems}; ${error.message}`);
       });
       const png = await page.evaluate(() => {
