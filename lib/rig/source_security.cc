@@ -331,10 +331,10 @@ std::string redacted_location(const std::string& source) {
       const size_t path = std::min(text.find_first_of("/ \t\r\n\"'<>`", i), text.size());
       shown += text.substr(i, path - i);
       i = std::min(text.find_first_of(kEndOfUri, path), text.size());
-      if (i > path) shown += "/" + std::string(kHidden);
+      if (i > path) shown.append("/").append(kHidden);
     } else if (text.substr(i).starts_with(kNotSet) && text.find(kTo, i) != text.npos) {
       shown += text.substr(i, text.find(kTo, i) + kTo.size() - i);
-      shown += std::string(kHidden) + "\"";
+      shown.append(kHidden).append("\"");
       i = text.size();
     } else if (is_name_character(text[i])) {
       size_t end = i;

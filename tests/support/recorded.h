@@ -8,7 +8,7 @@
 namespace lf::test {
 
 struct RecordedFile {
-  CapsPtr caps;
+  std::shared_ptr<GstCaps> caps;
   std::string kind;  // the name of the caps
   std::vector<GstClockTime> times;
   std::vector<bool> keys;
@@ -28,7 +28,7 @@ inline RecordedFile read_recorded(const std::string& path) {
         gst_segment_to_stream_time(gst_sample_get_segment(sample), GST_FORMAT_TIME, GST_BUFFER_PTS(frame)));
     if (GST_BUFFER_DURATION_IS_VALID(frame))
       file.end = std::max(file.end, file.times.back() + GST_BUFFER_DURATION(frame));
-    file.caps.reset(gst_caps_ref(gst_sample_get_caps(sample)));
+    file.caps.reset(gst_caps_ref(gst_sample_get_caps(sample)), gst_caps_unref);
     file.kind = gst_structure_get_name(gst_caps_get_structure(file.caps.get(), 0));
     file.keys.push_back(!GST_BUFFER_FLAG_IS_SET(frame, GST_BUFFER_FLAG_DELTA_UNIT));
     file.frames.push_back(to_bytes(frame));
