@@ -54,7 +54,7 @@ TEST_F(CheckCommand, ExitStatusIsTheVerdict) {
   film(rig_);
   const Outcome holds = check("--tracks tracks.json --bar 0.3 --json check.json");
   EXPECT_EQ(holds.status, 0) << holds.output;
-  EXPECT_THAT(holds.output, AllOf(mentions("rig.json holds", "9 of 9"), HasSubstr("bar 300.")));
+  EXPECT_THAT(holds.output, AllOf(mentions("rig.json holds", "9 of 9"), HasSubstr("bar         300.")));
 
   Rig now = rig_;
   now.cameras[4].pose.orientation = now.cameras[4].pose.orientation * glm::angleAxis(0.01, Vec3(0, 1, 0));
