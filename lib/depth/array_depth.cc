@@ -111,7 +111,7 @@ ArrayDepth ArrayDepth::coarse(const Rig& rig, const CameraSet& cameras, const Ma
   int width = 0;
   for (const CameraIndex camera : cameras) width = std::max(width, rig.cameras[camera].width);
   const int factor = width / (4 * divisor) >= kMinCoarseWidth ? 4 : 2;
-  depth.estimate(rig, cameras, images, factor * divisor, nullptr, parallel);
+  depth.estimate(rig, cameras, {}, images, factor * divisor, nullptr, parallel);
   depth.range_ = depth.confident_range();
   return depth;
 }
@@ -121,15 +121,15 @@ bool ArrayDepth::is_finest(const Rig& rig) const { return divisor_ <= divisor_of
 ArrayDepth ArrayDepth::finer(const Rig& rig, const MatchedImages& images, const ParallelFor& parallel) const {
   ArrayDepth depth;
   depth.range_ = {.farthest = range_.farthest, .nearest = range_.nearest};
-  depth.estimate(rig, cameras(), images, divisor_ / 2, this, parallel);
+  depth.estimate(rig, cameras(), {}, images, divisor_ / 2, this, parallel);
   return depth;
 }
 
-ArrayDepth ArrayDepth::updated(const Rig& rig, const CameraSet& cameras, const MatchedImages& images,
-                               const ParallelFor& parallel) const {
+ArrayDepth ArrayDepth::updated(const Rig& rig, const CameraSet& cameras, const CameraSet& unchanged,
+                               const MatchedImages& images, const ParallelFor& parallel) const {
   ArrayDepth depth;
   depth.range_ = range_;
-  depth.estimate(rig, cameras, images, divisor_, this, parallel);
+  depth.estimate(rig, cameras, unchanged, images, divisor_, this, parallel);
   return depth;
 }
 
@@ -139,8 +139,9 @@ CameraSet ArrayDepth::cameras() const {
   return indices;
 }
 
-void ArrayDepth::estimate(const Rig& rig, const CameraSet& cameras, const MatchedImages& images, int divisor,
-                          const ArrayDepth* before, const ParallelFor& parallel) {
+void ArrayDepth::estimate(const Rig& rig, const CameraSet& cameras, const CameraSet& unchanged,
+                          const MatchedImages& images, int divisor, const ArrayDepth* before,
+                          const ParallelFor& parallel) {
   divisor_ = divisor;
   const size_t count = cameras.size();
   std::vector<std::shared_ptr<Camera>> estimated(count);
@@ -148,15 +149,19 @@ void ArrayDepth::estimate(const Rig& rig, const CameraSet& cameras, const Matche
   std::vector<const MatchingImage*> all(count);
   std::vector<char> is_new(count);
   for (size_t i = 0; i < count; i++) {
-    estimated[i] = std::make_shared<Camera>();
-    estimated[i]->index = cameras[i];
-    estimated[i]->image = matching_image(rig.cameras[cameras[i]], images(cameras[i]), divisor);
-    all[i] = &estimated[i]->image;
     if (before) {
       const auto found =
           std::ranges::find(before->cameras_, cameras[i], [](const auto& camera) { return camera->index; });
       if (found != before->cameras_.end()) known[i] = *found;
     }
+    if (known[i] && std::ranges::binary_search(unchanged, cameras[i])) {
+      all[i] = &known[i]->image;
+      continue;
+    }
+    estimated[i] = std::make_shared<Camera>();
+    estimated[i]->index = cameras[i];
+    estimated[i]->image = matching_image(rig.cameras[cameras[i]], images(cameras[i]), divisor);
+    all[i] = &estimated[i]->image;
     is_new[i] = !known[i] || differs(known[i]->image, *all[i]);
   }
   std::vector<std::vector<size_t>> beside(count);
@@ -171,10 +176,11 @@ void ArrayDepth::estimate(const Rig& rig, const CameraSet& cameras, const Matche
     for (size_t i = 0; i < count; i++)
       range_.planes = std::max(range_.planes, planes_of(*all[i], images_beside(i), range_));
   parallel(count, [&](size_t i) {
-    Camera& camera = *estimated[i];
     const bool is_stale = is_new[i] || std::ranges::any_of(beside[i], [&](size_t other) { return is_new[other]; });
     const int rounds = is_stale ? kUpdates : known[i]->unsettled;
     if (rounds == 0) return;
+    if (!estimated[i]) estimated[i] = std::make_shared<Camera>(*known[i]);
+    Camera& camera = *estimated[i];
     if (!known[i]) {
       camera.depth = estimate_depth(camera.image, images_beside(i), range_);
     } else if (before->divisor_ == divisor) {
@@ -186,7 +192,8 @@ void ArrayDepth::estimate(const Rig& rig, const CameraSet& cameras, const Matche
                                   enlarged(known[i]->image, known[i]->depth.inverse, camera.image), kSparsePlanes, 0);
     }
   });
-  for (size_t i = 0; i < count; i++) cameras_.push_back(estimated[i]->depth.inverse.empty() ? known[i] : estimated[i]);
+  for (size_t i = 0; i < count; i++)
+    cameras_.push_back(estimated[i] && !estimated[i]->depth.inverse.empty() ? estimated[i] : known[i]);
   parallel(count, [&](size_t i) {
     if (cameras_[i] == known[i]) return;
     std::vector<DepthNeighbour> neighbours;
@@ -249,7 +256,19 @@ class ArrayDepth::ViewPoints {
         std::clamp(static_cast<int>(std::ceil((nearest - farthest_) / range.step() * kPerStep)) + 1, 2, kMostSteps);
     step_ = (nearest - farthest_) / (steps_ - 1);
     measured_.resize(static_cast<size_t>(map.columns) * map.rows);
-    for (const auto& [camera, weight] : cameras_) add(*camera);
+    for (const auto& [camera, weight] : cameras_) {
+      const MatchingImage& image = camera->image;
+      const Mat3 to_camera = glm::transpose(image.pose.rotation());
+      const Mat3 to_image = Mat3(image.focal, 0, 0, 0, image.focal, 0, image.centre.x, image.centre.y, 1) * to_camera;
+      projections_.push_back({to_image, to_image * (view.pose.position - image.pose.position)});
+      add(*camera);
+    }
+    // Depths agree with the measured ones around them.
+    constexpr int kAround = static_cast<int>(kTolerance * kPerStep + 0.5f);
+    for (Depths& depths : measured_) {
+      const Depths exact = depths;
+      for (int k = 1; k <= kAround; k++) depths |= exact << k | exact >> k;
+    }
   }
 
   // Sets the inverse distances from the plane of the map for a row of nodes. They are 0 where no camera sees anything.
@@ -273,14 +292,12 @@ class ArrayDepth::ViewPoints {
   static constexpr float kTolerance = 1.5f;  // steps of the cameras' range
   using Depths = std::bitset<kMostSteps>;
 
-  // Marks the depths around those that a camera has measured, at the nodes where they appear.
+  // Marks the depths that a camera has measured, at the nodes where they appear.
   void add(const Camera& camera) {
     const MatchingImage& image = camera.image;
     const Mat3 turn = glm::transpose(view_.pose.rotation()) * image.pose.rotation();
     const Vec3 shift = glm::transpose(view_.pose.rotation()) * (image.pose.position - view_.pose.position);
-    // The nodes that a pixel covers, from its centre, and the depths that agree with it.
-    const double size = view_.lens.fx() / (image.focal * map_.step);
-    const int around = static_cast<int>(std::ceil(kTolerance * static_cast<float>(kPerStep)));
+    const double size = view_.lens.fx() / (image.focal * map_.step);  // of a pixel, in nodes
     for (int y = 0; y < image.height; y++)
       for (int x = 0; x < image.width; x++) {
         const double inverse = camera.depth.inverse[static_cast<size_t>(y) * image.width + x];
@@ -296,12 +313,9 @@ class ArrayDepth::ViewPoints {
         const int bottom = std::min(static_cast<int>(std::floor(node.y + reach + 0.5)), map_.rows - 1);
         if (left > right || top > bottom) continue;
         const int depth = static_cast<int>(std::lround((inverse / point.z - farthest_) / step_));
-        const int first = std::max(depth - around, 0), last = std::min(depth + around, steps_ - 1);
         for (int j = top; j <= bottom; j++)
-          for (int i = left; i <= right; i++) {
-            Depths& depths = measured_[static_cast<size_t>(j) * map_.columns + i];
-            for (int k = first; k <= last; k++) depths.set(k);
-          }
+          for (int i = left; i <= right; i++)
+            measured_[static_cast<size_t>(j) * map_.columns + i].set(std::clamp(depth, 0, steps_ - 1));
       }
   }
 
@@ -312,19 +326,8 @@ class ArrayDepth::ViewPoints {
     // The first peak above kAccepted is taken, once the agreement has fallen to half of it.
     constexpr float kAccepted = 0.3f;
     constexpr double kInfinite = 1e-6;  // 1/m
-    // The line of sight in each camera's image.
-    struct Line {
-      Vec3 far, parallax;
-    };
-    std::array<Line, kCameras> lines;
-    for (size_t k = 0; k < cameras_.size(); k++) {
-      const MatchingImage& image = cameras_[k].camera->image;
-      const Mat3 to_camera = glm::transpose(image.pose.rotation());
-      const auto project = [&](const Vec3& v) {
-        return Vec3(image.focal * v.x + image.centre.x * v.z, image.focal * v.y + image.centre.y * v.z, v.z);
-      };
-      lines[k] = {project(to_camera * ray), project(to_camera * (view_.pose.position - image.pose.position))};
-    }
+    std::array<Vec3, kCameras> far;     // the line of sight at infinity, in each camera's image
+    for (size_t k = 0; k < cameras_.size(); k++) far[k] = projections_[k].to_image * ray;
     float most = 0;
     double found = 0;
     for (int i = steps_ - 1; i >= 0; i--) {
@@ -337,7 +340,7 @@ class ArrayDepth::ViewPoints {
       for (size_t k = 0; k < cameras_.size(); k++) {
         const auto& [camera, weight] = cameras_[k];
         const MatchingImage& image = camera->image;
-        const Vec3 at = lines[k].far + inverse * lines[k].parallax;
+        const Vec3 at = far[k] + inverse * projections_[k].parallax;
         if (!(at.z > 0)) continue;
         const double x = at.x / at.z + 0.5, y = at.y / at.z + 0.5;
         if (!(x >= 0 && y >= 0 && x < image.width && y < image.height)) continue;
@@ -365,6 +368,13 @@ class ArrayDepth::ViewPoints {
   const FocalMap& map_;
   const std::vector<WeightedCamera> cameras_;
   const float camera_step_;  // 1/m
+  // Of each camera: a line of sight at the inverse depth d falls on (p.x / p.z, p.y / p.z) with p = to_image * line + d
+  // * parallax.
+  struct Projection {
+    Mat3 to_image;
+    Vec3 parallax;
+  };
+  std::vector<Projection> projections_;
   double farthest_ = 0, step_ = 0;
   int steps_ = 0;
   std::vector<Depths> measured_;  // of each node

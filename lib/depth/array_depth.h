@@ -40,8 +40,9 @@ class ArrayDepth {
   bool is_finest(const Rig& rig) const;
   // Returns the depths at another time, or of other cameras, at the resolution and in the range of this object. A
   // camera whose image and neighbours have changed by no more than noise keeps its depths. For other images, the search
-  // starts with the depths before, which takes a third of the time.
-  ArrayDepth updated(const Rig& rig, const CameraSet& cameras, const MatchedImages& images,
+  // starts with the depths before, which takes a third of the time. The images of cameras in `unchanged` (ascending)
+  // are not fetched, because they are known to be the same as before.
+  ArrayDepth updated(const Rig& rig, const CameraSet& cameras, const CameraSet& unchanged, const MatchedImages& images,
                      const ParallelFor& parallel = serial_for) const;
 
   // The range of the scene that was found.
@@ -73,8 +74,8 @@ class ArrayDepth {
   class ViewPoints;
 
   ArrayDepth() = default;
-  void estimate(const Rig& rig, const CameraSet& cameras, const MatchedImages& images, int divisor,
-                const ArrayDepth* before, const ParallelFor& parallel);
+  void estimate(const Rig& rig, const CameraSet& cameras, const CameraSet& unchanged, const MatchedImages& images,
+                int divisor, const ArrayDepth* before, const ParallelFor& parallel);
   // Returns the range that most of the confident depths are in.
   DepthSweep confident_range() const;
   std::vector<WeightedCamera> cameras_around(const Vec3& eye) const;

@@ -37,6 +37,8 @@ class DecodedFrames {
     return cameras;
   }
 
+  const std::map<CameraIndex, CameraFrame>& frames() const { return frames_; }
+
   // Returns the image of a camera, which is valid until the next call. Throws DamagedFrame.
   struct DamagedFrame {};
   ImageView operator()(CameraIndex camera) {
@@ -142,20 +144,42 @@ std::vector<Vec3> DepthTracker::eyes() {
   return eyes;
 }
 
+// Returns true if the frame is the one that the depths of the camera were estimated from.
+bool DepthTracker::is_unchanged(CameraIndex camera, const CameraFrame& frame) const {
+  const auto known = pictures_.find(camera);
+  return known != pictures_.end() && frame.picture && known->second.lock() == frame.picture;
+}
+
 // Estimates the depths of `cameras` from their frames. Returns true if they have changed. Calls show_step() after each
 // step of the first estimate except the first and the last.
 bool DepthTracker::update_depths(const CameraInputs::Array& array, const CameraSet& cameras, const FindFrame& find,
                                  const ParallelFor& parallel, const std::function<void()>& show_step) {
   if (rig_ != array.rig) depths_.reset();
   rig_ = array.rig;
-  DecodedFrames frames(array, cameras, inputs_.family(), find);
+  if (!depths_) pictures_.clear();
+  CameraSet tracked = cameras;
+  // Other cameras cost nothing as long as their frames stay the same.
+  for (const auto& [camera, picture] : pictures_)
+    if (tracked.size() < kMostCameras && array.cameras.contains(camera) && !std::ranges::binary_search(cameras, camera))
+      if (const std::optional<CameraFrame> frame = find(camera); frame && is_unchanged(camera, *frame))
+        tracked.push_back(camera);
+  std::ranges::sort(tracked);
+  DecodedFrames frames(array, tracked, inputs_.family(), find);
   const MatchedImages images = [&](CameraIndex camera) { return frames(camera); };
+  CameraSet unchanged;
+  for (const auto& [camera, frame] : frames.frames())
+    if (is_unchanged(camera, frame)) unchanged.push_back(camera);
+  const auto remember_pictures = [&] {
+    pictures_.clear();
+    for (const auto& [camera, frame] : frames.frames()) pictures_[camera] = frame.picture;
+  };
   while (frames.cameras().size() >= 2) {
     try {
       if (depths_) {
-        ArrayDepth depths = depths_->updated(*rig_, frames.cameras(), images, parallel);
+        ArrayDepth depths = depths_->updated(*rig_, frames.cameras(), unchanged, images, parallel);
         const bool has_changed = !depths.shares_all(*depths_);
         depths_ = std::move(depths);
+        remember_pictures();
         return has_changed;
       }
       const double nearest = kNearestDepth * FocusArray(*rig_).nearest();
@@ -164,9 +188,11 @@ bool DepthTracker::update_depths(const CameraInputs::Array& array, const CameraS
         depths_ = depths_->finer(*rig_, images, parallel);
         if (!depths_->is_finest(*rig_)) show_step();
       }
+      remember_pictures();
       return true;
     } catch (const DecodedFrames::DamagedFrame&) {
       depths_.reset();
+      unchanged.clear();
     }
   }
   return false;

@@ -5,6 +5,7 @@
 #include <condition_variable>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -69,6 +70,7 @@ class DepthTracker {
   std::vector<Vec3> eyes();
   bool update_depths(const CameraInputs::Array& array, const CameraSet& cameras, const FindFrame& find,
                      const ParallelFor& parallel, const std::function<void()>& show_step);
+  bool is_unchanged(CameraIndex camera, const CameraFrame& frame) const;
   void update_surfaces(bool all);
 
   CameraInputs& inputs_;
@@ -76,6 +78,7 @@ class DepthTracker {
   std::mutex work_mutex_;  // held during estimates; guards the members up to next_update_
   std::optional<ArrayDepth> depths_;
   std::shared_ptr<const Rig> rig_;  // of depths_
+  std::map<CameraIndex, std::weak_ptr<const CameraPicture>> pictures_;  // that depths_ were estimated from
   uint64_t generation_of_depths_ = 0;
   uint64_t next_update_ = 0;  // now_ns()
 

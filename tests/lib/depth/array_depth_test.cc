@@ -106,8 +106,17 @@ TEST_F(ArrayDepthTest, UnchangedImagesKeepTheirDepths) {
   for (Image& image : noisy)
     for (size_t i = 0; i < image.data().size(); i++)
       image.data()[i] = static_cast<uint8_t>(image.data()[i] + static_cast<int>(i * 7919 % 9) - 4);
-  const ArrayDepth next = depth.updated(walls_.rig, walls_.own, [&](CameraIndex i) { return noisy[i].view(); });
+  const ArrayDepth next = depth.updated(walls_.rig, walls_.own, {}, [&](CameraIndex i) { return noisy[i].view(); });
   EXPECT_TRUE(next.shares_all(depth));
+}
+
+TEST_F(ArrayDepthTest, ImagesThatAreKnownAreNotFetched) {
+  const ArrayDepth depth = estimate(walls_.own);
+  const MatchedImages none = [](CameraIndex camera) -> ImageView {
+    ADD_FAILURE() << "camera " << camera;
+    return {};
+  };
+  EXPECT_TRUE(depth.updated(walls_.rig, walls_.own, walls_.own, none).shares_all(depth));
 }
 
 // The walls come nearer by a third.
@@ -122,7 +131,7 @@ TEST_F(ArrayDepthTest, UpdatesFollowTheScene) {
   EXPECT_FALSE(is_near(depth.surface(view())));
   int updates = 0;
   for (; updates < 8; updates++) {
-    ArrayDepth next = depth.updated(later.rig, walls_.own, images);
+    ArrayDepth next = depth.updated(later.rig, walls_.own, {}, images);
     const bool is_same = next.shares_all(depth);
     depth = std::move(next);
     if (is_same) break;
@@ -134,7 +143,7 @@ TEST_F(ArrayDepthTest, UpdatesFollowTheScene) {
 TEST_F(ArrayDepthTest, ANewCameraJoins) {
   CameraSet some = walls_.own;
   some.pop_back();
-  const ArrayDepth depth = estimate(some).updated(walls_.rig, walls_.own, images_);
+  const ArrayDepth depth = estimate(some).updated(walls_.rig, walls_.own, {}, images_);
   EXPECT_EQ(depth.cameras(), walls_.own);
   EXPECT_GT(share_right(view(), depth.surface(view())), 0.95);
 }

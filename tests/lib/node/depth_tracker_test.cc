@@ -137,6 +137,33 @@ TEST_F(DepthTrackerTest, FilmsAreMeasuredAtOnce) {
   EXPECT_TRUE(shows_walls(*later, 1.3));
 }
 
+TEST_F(DepthTrackerTest, TheSameFramesAreNotDecodedAgain) {
+  class Counted : public StillPicture {
+   public:
+    Counted(const Image& image, int& views) : StillPicture(image), views_(views) {}
+    std::shared_ptr<const ImageView> view(PixelFamily family, const Rect& region) override {
+      views_++;
+      return StillPicture::view(family, region);
+    }
+
+   private:
+    int& views_;
+  };
+  int views = 0;
+  std::vector<CameraFrame> frames;
+  for (const Image& image : walls_.images) frames.push_back({.picture = std::make_shared<Counted>(image, views)});
+  const std::atomic<bool> cancelled = false;
+  const auto find = [&](CameraIndex camera) { return frames[camera]; };
+  View view = walls_.view(0);
+  ASSERT_TRUE(tracker_.measure(*inputs_.array(), view, find, cancelled, serial_for));
+  const int first = views;
+  view.pose.position.x += 0.01;
+  const std::optional<View> moved = tracker_.measure(*inputs_.array(), view, find, cancelled, serial_for);
+  ASSERT_TRUE(moved);
+  EXPECT_TRUE(shows_walls(*moved));
+  EXPECT_EQ(views, first);
+}
+
 TEST_F(DepthTrackerTest, MeasuringCanBeCancelled) {
   const std::atomic<bool> cancelled = true;
   const auto find = [this](CameraIndex camera) {
