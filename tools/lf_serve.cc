@@ -402,8 +402,12 @@ void add_server_options(cli::App& app, Options& o) {
                  "TCP port of the web page (0: the system selects a free port, and lf-serve prints the address)")
       ->capture_default_str()
       ->check(cli::Range(0, 65535));
-  app.add_option("--tls-certificate", o.server.certificate)->type_name("FILE.pem");
-  app.add_option("--tls-key", o.server.key)->type_name("FILE.pem");
+  app.add_option("--tls-certificate", o.server.certificate,
+                 "File with the certificate chain for HTTPS, in PEM format. It also requires --tls-key")
+      ->type_name("FILE.pem");
+  app.add_option("--tls-key", o.server.key,
+                 "File with the private key of the certificate, in PEM format. Other users must not be able to read it")
+      ->type_name("FILE.pem");
   app.add_flag("--insecure", o.server.insecure,
                "Allow unencrypted HTTP on addresses other than loopback. Use this only in a trusted network, or behind "
                "a proxy that adds TLS");

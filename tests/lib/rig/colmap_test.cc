@@ -67,7 +67,9 @@ TEST_F(ImageSearchTest, MissingAndAmbiguousNamesAreErrors) {
 TEST_F(ImageSearchTest, LongNamesAreFast) {
   dir.write("1.jpg", "");
   const ImageSearch search(dir.path());
-  EXPECT_ERROR(search.find(std::string(1 << 20, ' ') + "1.jpg"), "no image");
+  std::string name(1 << 20, ' ');
+  name += "1.jpg";
+  EXPECT_ERROR(search.find(name), "no image");
 }
 
 TEST_F(Colmap, ConventionsOfPixelsAndPoses) {
