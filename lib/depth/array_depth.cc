@@ -297,7 +297,7 @@ class ArrayDepth::ViewPoints {
     const MatchingImage& image = camera.image;
     const Mat3 turn = glm::transpose(view_.pose.rotation()) * image.pose.rotation();
     const Vec3 shift = glm::transpose(view_.pose.rotation()) * (image.pose.position - view_.pose.position);
-    const double size = view_.lens.fx() / (image.focal * map_.step);  // of a pixel, in nodes
+    const double size = view_.lens.fx() / (image.focal * map_.step);  // side of a pixel, in nodes
     for (int y = 0; y < image.height; y++)
       for (int x = 0; x < image.width; x++) {
         const double inverse = camera.depth.inverse[static_cast<size_t>(y) * image.width + x];

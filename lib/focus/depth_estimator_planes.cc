@@ -277,7 +277,7 @@ std::vector<DepthHypothesis> DepthEstimator::next_hypotheses(const FocalMap& map
   return with_measured(std::move(hypotheses));
 }
 
-// Adds the measured surface to the hypotheses of a request, if the cameras should be asked for it.
+// Adds the hypothesis kMeasured to a request if the measured surface is due.
 std::vector<DepthHypothesis> DepthEstimator::with_measured(std::vector<DepthHypothesis> hypotheses) {
   if (asked_ >= kMostAsked * kMeasuredEvery || asked_++ % kMeasuredEvery != 0) return hypotheses;
   if (hypotheses.empty()) hypotheses.push_back({DepthHypothesis::Kind::kBlurred, 0});

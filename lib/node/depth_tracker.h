@@ -36,7 +36,7 @@ class DepthTracker {
   struct TrackedView {
     View wanted;
     uint64_t used = 0;          // now_ns() of the last call of surface()
-    std::optional<View> found;  // with the measured surface as map
+    std::optional<View> found;  // its map is the measured surface
     bool is_new = true;         // `wanted` has changed since `found`
   };
 
@@ -48,8 +48,8 @@ class DepthTracker {
   // is like ArrayDepth::surface(). Returns nothing if there is none yet. Never waits. `view` must have a map. `tracked`
   // is the state of this viewer, initially null.
   //
-  // A thread of the tracker does the work, at most half of the time. As long as the images do not change, it only
-  // compares them.
+  // A thread of the tracker does the work, at most half of the time. The thread only compares the images while they do
+  // not change.
   std::optional<View> surface(std::shared_ptr<TrackedView>& tracked, const View& view);
   // Measures the surface of a view of films or stills, from the frames that `find` returns, and returns the view with
   // this surface. It takes as long as necessary, so that the pictures of films do not depend on the speed of the
@@ -58,7 +58,7 @@ class DepthTracker {
   using FindFrame = std::function<std::optional<CameraFrame>(CameraIndex)>;
   std::optional<View> measure(const CameraInputs::Array& array, const View& view, const FindFrame& find,
                               const std::atomic<bool>& cancelled, const ParallelFor& parallel);
-  // Forgets the live views and their depths. Does not wait for work in progress, whose result is dropped.
+  // Forgets the live views and their depths. Does not wait for work in progress, and drops its result.
   void clear();
 
  private:
@@ -78,7 +78,7 @@ class DepthTracker {
   std::mutex work_mutex_;  // held during estimates; guards the members up to next_update_
   std::optional<ArrayDepth> depths_;
   std::shared_ptr<const Rig> rig_;  // of depths_
-  std::map<CameraIndex, std::weak_ptr<const CameraPicture>> pictures_;  // that depths_ were estimated from
+  std::map<CameraIndex, std::weak_ptr<const CameraPicture>> pictures_;  // the images behind depths_
   uint64_t generation_of_depths_ = 0;
   uint64_t next_update_ = 0;  // now_ns()
 

@@ -111,8 +111,8 @@ TEST_F(ViewersTest, ViewersMoveAndStallIndependently) {
   EXPECT_NE(x_of(v1), x1);
   EXPECT_EQ(x_of(v2), x2);
 
-  // A stalled viewer must not reduce the rate of the first. Both rates are from one run. A later second counts as well,
-  // because other processes may disturb a single second.
+  // A stalled viewer must not reduce the rate of the first. The test measures both rates in the same run. A later second
+  // counts as well, because other processes may disturb a single second.
   const int before = pictures_in(shown[0], 1);
   const PadPtr stalled = pad_of(child("s2").get(), "sink");
   const gulong probe = gst_pad_add_probe(

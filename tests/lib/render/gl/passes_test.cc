@@ -41,7 +41,7 @@ class GlesRendererPasses : public testing::Test {
     }
   }
 
-  const std::shared_ptr<gl::GlesRenderer> gpu_ = test::new_gpu();  // sums on the GPU share it
+  const std::shared_ptr<gl::GlesRenderer> gpu_ = test::new_gpu();  // all sums on the GPU use this renderer
 };
 
 bool same(const ConstSumPlanes& a, const Sum& b) {
