@@ -144,6 +144,13 @@ std::vector<Vec3> DepthTracker::eyes() {
   return eyes;
 }
 
+// Drops the depths from before the last call of clear(). The caller holds work_mutex_.
+void DepthTracker::forget_if_cleared() {
+  const std::lock_guard lock(mutex_);
+  if (generation_of_depths_ != generation_) depths_.reset();
+  generation_of_depths_ = generation_;
+}
+
 // Returns true if the frame is the one that the depths of the camera were estimated from.
 bool DepthTracker::is_unchanged(CameraIndex camera, const CameraFrame& frame) const {
   const auto known = pictures_.find(camera);
@@ -173,6 +180,7 @@ bool DepthTracker::update_depths(const CameraInputs::Array& array, const CameraS
     pictures_.clear();
     for (const auto& [camera, frame] : frames.frames()) pictures_[camera] = frame.picture;
   };
+  const bool is_first = !depths_;
   while (frames.cameras().size() >= 2) {
     try {
       if (depths_) {
@@ -190,9 +198,8 @@ bool DepthTracker::update_depths(const CameraInputs::Array& array, const CameraS
       }
       remember_pictures();
       return true;
-    } catch (const DecodedFrames::DamagedFrame&) {
-      depths_.reset();
-      unchanged.clear();
+    } catch (const DecodedFrames::DamagedFrame&) {  // the camera is left out
+      if (is_first) depths_.reset();
     }
   }
   return false;
@@ -203,6 +210,7 @@ std::optional<View> DepthTracker::measure(const CameraInputs::Array& array, cons
   const FocalMap& map = *view.focus.map;
   if (static_cast<size_t>(map.columns) * map.rows > kMaxNodes) return {};
   const std::lock_guard lock(work_mutex_);
+  forget_if_cleared();
   try {
     update_depths(array, cameras_around(array, {view.pose.position}), find,
                   stoppable(parallel, [&cancelled] { return cancelled.load(); }), [] {});
@@ -240,11 +248,7 @@ void DepthTracker::update_surfaces(bool all) {
 // Updates the depths if it is time, and the surfaces of the live views. Throws Stopped.
 void DepthTracker::work(const std::stop_token& stop) {
   const std::lock_guard lock(work_mutex_);
-  {
-    const std::lock_guard of_views(mutex_);
-    if (generation_of_depths_ != generation_) depths_.reset();
-    generation_of_depths_ = generation_;
-  }
+  forget_if_cleared();
   const auto array = inputs_.array();
   const uint64_t begun = now_ns();
   bool has_changed = false;

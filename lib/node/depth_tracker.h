@@ -58,7 +58,7 @@ class DepthTracker {
   using FindFrame = std::function<std::optional<CameraFrame>(CameraIndex)>;
   std::optional<View> measure(const CameraInputs::Array& array, const View& view, const FindFrame& find,
                               const std::atomic<bool>& cancelled, const ParallelFor& parallel);
-  // Forgets the live views and their depths. Does not wait for work in progress, and drops its result.
+  // Forgets all views and depths. Does not wait for work in progress, and drops its result.
   void clear();
 
  private:
@@ -70,6 +70,7 @@ class DepthTracker {
   std::vector<Vec3> eyes();
   bool update_depths(const CameraInputs::Array& array, const CameraSet& cameras, const FindFrame& find,
                      const ParallelFor& parallel, const std::function<void()>& show_step);
+  void forget_if_cleared();
   bool is_unchanged(CameraIndex camera, const CameraFrame& frame) const;
   void update_surfaces(bool all);
 

@@ -162,6 +162,16 @@ TEST_F(DepthTrackerTest, TheSameFramesAreNotDecodedAgain) {
   ASSERT_TRUE(moved);
   EXPECT_TRUE(shows_walls(*moved));
   EXPECT_EQ(views, first);
+
+  frames[4].picture = std::make_shared<DamagedPicture>(walls_.images[4]);
+  const std::optional<View> damaged = tracker_.measure(*inputs_.array(), view, find, cancelled, serial_for);
+  ASSERT_TRUE(damaged);
+  EXPECT_TRUE(shows_walls(*damaged));
+  EXPECT_EQ(views, first) << "a damaged frame concerns its camera only";
+
+  tracker_.clear();
+  ASSERT_TRUE(tracker_.measure(*inputs_.array(), view, find, cancelled, serial_for));
+  EXPECT_GT(views, first) << "all depths are forgotten";
 }
 
 TEST_F(DepthTrackerTest, MeasuringCanBeCancelled) {
