@@ -34,7 +34,7 @@ using nlohmann::json;
 
 constexpr guint kPatience = 10;                    // seconds without data until the request fails
 constexpr std::chrono::seconds kWholeRequest{20};  // for the whole answer, so that a slow server can't block for ever
-constexpr size_t kMostBytes = size_t{32} << 20;
+constexpr size_t kMaxBytes = size_t{32} << 20;
 
 // Cancels a request that takes longer than kWholeRequest.
 class Deadline {
@@ -75,8 +75,8 @@ std::string read_body(GInputStream* stream, const std::string& address, Deadline
     if (count < 0) fail(address, *error);
     if (count == 0) return body;
     body.append(part, 0, static_cast<size_t>(count));
-    if (body.size() > kMostBytes)
-      throw lf::Error(address + ": the answer has more than " + std::to_string(kMostBytes) +
+    if (body.size() > kMaxBytes)
+      throw lf::Error(address + ": the answer has more than " + std::to_string(kMaxBytes) +
                       " bytes; check that the address is of lf-serve");
   }
 }

@@ -37,8 +37,8 @@ std::string beginning_of(const fs::path& path, size_t most) {
 }
 
 bool has_second_jpeg(const fs::path& path) {
-  constexpr size_t kMostBytes = size_t{32} << 20;
-  return beginning_of(path, kMostBytes).find("\xff\xd9\xff\xd8") != std::string::npos;
+  constexpr size_t kMaxBytes = size_t{32} << 20;
+  return beginning_of(path, kMaxBytes).find("\xff\xd9\xff\xd8") != std::string::npos;
 }
 
 FileKind kind_of(const fs::path& path) {

@@ -12,7 +12,7 @@ namespace {
 
 constexpr int kPanelWidth = 480, kPanelHeight = 360, kGap = 16, kTitleHeight = 30, kHeadingHeight = 52,
               kFootHeight = 36;
-constexpr int kMostTiles = 16;
+constexpr int kMaxTiles = 16;
 constexpr double kCapital = 21;
 constexpr int kScaleGap = 8, kBarHeight = 12, kLineHeight = 18;
 constexpr double kSmall = 9;
@@ -52,7 +52,7 @@ lf::Image camera_mosaic(const lf::Rig& rig, const lf::CameraImages& images, int 
     columns = rig.topology.columns;
     rows = rig.topology.rows;
   }
-  const std::vector<int> xs = evenly(columns, kMostTiles), ys = evenly(rows, kMostTiles);
+  const std::vector<int> xs = evenly(columns, kMaxTiles), ys = evenly(rows, kMaxTiles);
   const int tile_width = std::max(1, width / static_cast<int>(xs.size()));
   const int tile_height = std::max(1, tile_width * rig.cameras[0].height / rig.cameras[0].width);
   lf::Image mosaic(lf::PixelFamily::kRgb, tile_width * static_cast<int>(xs.size()),

@@ -51,7 +51,7 @@ double ArchivedFilm::psnr() const {
 
 // interval of key frames, in frames; a seek decodes at most this many
 constexpr int kKeyFrames = 30;
-constexpr guint64 kMostBytes = 8 << 20;
+constexpr guint64 kMaxBytes = 8 << 20;
 constexpr gint64 kPatience = 600 * G_USEC_PER_SEC;  // maximum time to write the remaining data at the end, microseconds
 // maximum rounding of times in both files together, nanoseconds; see CameraFile
 constexpr GstClockTime kTicks = 30'000;
@@ -244,7 +244,7 @@ ArchivedFilm archive_film(const Camera& camera, const std::string& film, const s
     archived.is_copy = true;
     archived.frames = contents.frames;
   } else {
-    CameraFile file(camera, out, kMostBytes);
+    CameraFile file(camera, out, kMaxBytes);
     archived.frames =
         encode(film, contents, quantizer, file, out, [&](double share) { on_progress(kEncoding * share); });
     archived.unreadable = contents.frames - archived.frames;

@@ -281,7 +281,7 @@ class Predictor {
   // Returns the verdict of the camera monitor. Call this after all cameras in service have been predicted.
   lf::CameraMonitor watch() {
     lf::CameraMonitor monitor(rig_);
-    const size_t most = kMostTurns * rig_.cameras.size();
+    const size_t most = kMaxTurns * rig_.cameras.size();
     for (auto camera = monitor.next(out_); camera && monitor.turns() < most; camera = monitor.next(out_)) {
       lf::CameraSet without;
       std::ranges::set_union(out_, monitor.suspected(), std::back_inserter(without));
@@ -301,7 +301,7 @@ class Predictor {
   }
 
  private:
-  static constexpr size_t kMostTurns = 10;
+  static constexpr size_t kMaxTurns = 10;
 
   static lf::CameraSet with(lf::CameraSet cameras, lf::CameraIndex camera) {
     const auto place = std::ranges::lower_bound(cameras, camera);

@@ -149,10 +149,10 @@ int run_info(const Arguments& arguments) {
 }
 
 void check_home_view(const Rig& rig, std::vector<lf::RigFinding>& findings) {
-  constexpr double kLeastSeen = 0.5;
+  constexpr double kMinSeen = 0.5;
   const double aspect = static_cast<double>(rig.cameras[0].width) / rig.cameras[0].height;
   const lf::VisibleFraction visible(rig);
-  if (const double seen = visible(visible.home(aspect), aspect); seen < kLeastSeen)
+  if (const double seen = visible(visible.home(aspect), aspect); seen < kMinSeen)
     findings.push_back(
         {lf::RigFinding::Severity::kWarning,
          lf::format_text("topology: cameras see only %.0f %% of the first view: they look along the mesh "

@@ -357,7 +357,7 @@ void lf_cam_src_close(LfCamSrc* self) {
 // Refuses rigs that contain themselves. A camera may be a view of another light field, so such a rig would recurse
 // without end. The function counts the enclosing cameras.
 static void require_shallow(LfCamSrc* self) {
-  constexpr int kMostInside = 1;
+  constexpr int kMaxInside = 1;
   int inside = 0;
   GstObject* object = GST_OBJECT(gst_object_ref(self));
   while (GstObject* parent = gst_object_get_parent(object)) {
@@ -366,7 +366,7 @@ static void require_shallow(LfCamSrc* self) {
     if (LF_IS_CAM_SRC(object)) inside++;
   }
   gst_object_unref(object);
-  if (inside > kMostInside)
+  if (inside > kMaxInside)
     throw lf::Error(
         "cameras are nested views of light fields: does a rig contain itself? Use "
         "a device or a file as the source of the camera, instead of lf:///...");

@@ -62,7 +62,7 @@ void forget(gpointer self, GClosure*) { delete static_cast<std::shared_ptr<Sende
 void SenderClock::see(GstClockTime stamp, GstClockTime sent, GstClockTime now) {
   const GstClockTimeDiff age = GST_CLOCK_DIFF(sent, now);
   const bool true_enough =
-      age >= -static_cast<GstClockTimeDiff>(kMostAhead) && age <= static_cast<GstClockTimeDiff>(latency_ + kMostAge);
+      age >= -static_cast<GstClockTimeDiff>(kMaxAhead) && age <= static_cast<GstClockTimeDiff>(latency_ + kMaxAge);
   const std::lock_guard lock(mutex_);
   offset_.reset();
   if (true_enough) offset_ = GST_CLOCK_DIFF(stamp, sent);

@@ -23,9 +23,9 @@ namespace lf {
 // time. Thread-safe.
 class SenderClock : public std::enable_shared_from_this<SenderClock> {
  public:
-  // A report is ignored if it says that a packet was sent more than kMostAge (plus the latency) before it arrived, or
-  // more than kMostAhead after it arrived. The clock of such a camera does not show the right time of day.
-  static constexpr GstClockTime kMostAge = 2 * GST_SECOND, kMostAhead = GST_SECOND / 10;
+  // A report is ignored if it says that a packet was sent more than kMaxAge (plus the latency) before it arrived, or
+  // more than kMaxAhead after it arrived. The clock of such a camera does not show the right time of day.
+  static constexpr GstClockTime kMaxAge = 2 * GST_SECOND, kMaxAhead = GST_SECOND / 10;
 
   // `latency` is the latency of the jitter buffer in nanoseconds, which delays each packet.
   explicit SenderClock(GstClockTime latency) : latency_(latency) {}

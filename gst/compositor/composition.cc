@@ -80,8 +80,8 @@ static void refresh_latency(LfCompositor* self) {
   const GstClockTime expected = gst_element_get_base_time(GST_ELEMENT(self)) + time + latency - MIN(own, latency);
   const int64_t asked = g_get_monotonic_time();
   if (now <= expected + 2 * GST_MSECOND) return;
-  if (state.latency_asked_at != 0 && asked < state.latency_asked_at + G_USEC_PER_SEC / 10) return;
-  state.latency_asked_at = asked;
+  if (state.latency_query_time != 0 && asked < state.latency_query_time + G_USEC_PER_SEC / 10) return;
+  state.latency_query_time = asked;
   GstQuery* query = gst_query_new_latency();
   gst_pad_query(GST_AGGREGATOR_SRC_PAD(self), query);
   gst_query_unref(query);
@@ -165,7 +165,7 @@ static void note_late_answer(LfCompositor* self, const lf::wire::AnswerPartHeade
 // a restart of the viewer. Answers of file cameras are never dropped here.
 static bool is_unexpected(LfCompositor* self, const lf::wire::AnswerHeader& answer, int32_t ahead) {
   if (!self->state->live) return false;
-  return ahead > lf::EarlyAnswers::kMostRequests ||
+  return ahead > lf::EarlyAnswers::kMaxRequests ||
          (ahead == 0 && answer.target_time != self->state->current->target_time);
 }
 
@@ -212,7 +212,7 @@ static Taken take_consistency(LfCompositor* self, GstBuffer* buffer) {
     GST_WARNING_OBJECT(self, "dropped photo-consistency sums: %s", taken.problem.c_str());
     state.stats.count(CompositorStats::kBadAnswers);
   }
-  const bool stray = taken.ahead > lf::EarlyAnswers::kMostRequests && state.live;
+  const bool stray = taken.ahead > lf::EarlyAnswers::kMaxRequests && state.live;
   if (stray) state.stats.count(CompositorStats::kUnexpectedAnswers);
   return taken.ahead > 0 && !stray ? Taken::kEarly : Taken::kDone;
 }
@@ -255,8 +255,9 @@ bool lf_compositor_announce_caps(LfCompositor* self) {
 static void find_focus(LfCompositor* self) {
   auto& state = *self->state;
   lf::ViewRequest seen = *state.current;  // the request without the cameras that had no frame
-  if (!state.gone.empty() && state.rig) {
-    lf::CameraRanges out(lf::mesh_exclusions(state.gone.cameras(), state.corners, state.rig->cameras.size()));
+  if (!state.cameras_without_frame.empty() && state.rig) {
+    lf::CameraRanges out(
+        lf::mesh_exclusions(state.cameras_without_frame.cameras(), state.corners, state.rig->cameras.size()));
     out.add(lf::CameraRanges(seen.out_of_service));
     seen.out_of_service = out.cameras();
   }
@@ -264,7 +265,7 @@ static void find_focus(LfCompositor* self) {
       seen, state.settings.view_depths(), state.settings.match_gains(state.rig && state.rig->has_colour()));
   if (!found) return;
   state.stats.set_focus(state.focus.state(), state.focus.bytes());
-  state.focus.heard(tell(self, {.view_id = state.current->view_id, .focus = std::move(found)}));
+  state.focus.set_accepted(tell(self, {.view_id = state.current->view_id, .focus = std::move(found)}));
 }
 
 // Call after composing a request. Requests the small extra view of the next camera check if the check is due.
@@ -477,7 +478,7 @@ static void close_request(LfCompositor* self, const lf::NodeInputs& nodes, GstCl
   const bool counts = !state.current->probe && state.current->place.leads();
   for (lf::NodeInput* node : nodes) node->close(counts);
   if (lf_compositor_is_live(self) && !state.current->probe) state.past.composed(state.current->sequence, due);
-  state.gone = lf_compositor_is_live(self) ? lf::CameraRanges() : state.assembly.blind();
+  state.cameras_without_frame = lf_compositor_is_live(self) ? lf::CameraRanges() : state.assembly.blind();
   if (lf_compositor_is_live(self) && counts) {
     const bool reset = state.health.use_rig(state.assembly.rig_hash());
     if (state.health.picture(state.assembly.seeing()) || reset) announce_out_of_service(self);
@@ -612,7 +613,7 @@ static void apply_new_rig(LfCompositor* self) {
   lock.unlock();
   if (!rig) return;
   lf_compositor_use_rig(self, *rig);
-  state.gone = {};
+  state.cameras_without_frame = {};
   if (!state.settings.partial) state.health.expect(*rig ? (*rig)->cameras.size() : 0);
   if (*rig) use_rig_for_health(self, (*rig)->hash());
 }

@@ -9,7 +9,7 @@
 namespace lf {
 namespace {
 
-constexpr size_t kMostInFlight = 256;  // limit for requests that are never answered
+constexpr size_t kMaxInFlight = 256;  // limit for requests that are never answered
 
 uint64_t nanoseconds(int64_t from, int64_t to) { return to > from ? static_cast<uint64_t>(to - from) * 1000 : 0; }
 
@@ -84,7 +84,7 @@ void CompositorStats::set_monitor(const CameraMonitor& monitor) {
 
 void CompositorStats::request_arrived(uint32_t sequence, int64_t time) {
   std::lock_guard lock(mutex_);
-  if (arrivals_.size() >= kMostInFlight) arrivals_.clear();
+  if (arrivals_.size() >= kMaxInFlight) arrivals_.clear();
   arrivals_[sequence] = time;
 }
 
@@ -174,11 +174,11 @@ GstStructure* CompositorStats::structure() const {
   set("focus-rounds", focus_.rounds);
   set("focus-interval", focus_.interval);
   set("focus-hypotheses", focus_.hypotheses);
-  set("focus-scene-changes", focus_.looks);
+  set("focus-scene-changes", focus_.scene_changes);
   set("consistency-bytes", consistency_bytes_);
   gst_structure_set(stats, "focus-residual", G_TYPE_DOUBLE, focus_.residual, "focus-improvement", G_TYPE_DOUBLE,
                     focus_.gained, "focus-flat", G_TYPE_BOOLEAN, focus_.flat, "focus-deviation", G_TYPE_DOUBLE,
-                    focus_.deviation, "focus-over-plane", G_TYPE_DOUBLE, focus_.bought, "focus-near", G_TYPE_DOUBLE,
+                    focus_.deviation, "focus-over-plane", G_TYPE_DOUBLE, focus_.over_plane, "focus-near", G_TYPE_DOUBLE,
                     focus_.near, "focus-far", G_TYPE_DOUBLE, focus_.far, nullptr);
   set("monitor-turns", monitor_ ? monitor_->turns() : 0);
   set("monitor-bytes", monitor_bytes_);

@@ -722,12 +722,12 @@ static gboolean lf_compositor_start(GstAggregator* agg) {
   warn_ignored_settings(self);
   state.health = lf::CameraHealth(settings.max_missed);
   if (state.rig && !settings.partial) state.health.expect(state.rig->cameras.size());
-  state.gone = {};
+  state.cameras_without_frame = {};
   state.current.reset();
   state.request_flushed = state.over = false;
   state.warned_unseen = state.warned_unlinked = false;
   state.first_set.reset();
-  state.latency_asked_at = 0;
+  state.latency_query_time = 0;
   state.silence.clear();
   for (lf::NodeInput* node : lf::NodeInputs(self->request)) node->silence().clear();
   state.output.start(settings.partial, self->request);

@@ -137,7 +137,7 @@ struct _LfCompositor {
     int64_t adding = 0;
     lf::RequestHistory past;
     lf::CameraHealth health;
-    lf::CameraRanges gone;  // file cameras without a frame in the latest answers
+    lf::CameraRanges cameras_without_frame;  // file cameras without a frame in the latest answers
     lf::CameraSet corners;  // hull of the array, see lf::mesh_exclusions()
     lf::DepthLoop focus;
     lf::ProbeScheduler turns;
@@ -148,7 +148,7 @@ struct _LfCompositor {
     bool warned_unseen = false;
     std::optional<uint32_t> first_set;  // sequence number of the first request of the first set
     bool warned_unlinked = false;       // already warned since the start or the latest successful push
-    int64_t latency_asked_at = 0;
+    int64_t latency_query_time = 0;
   } * state;
 };
 

@@ -23,7 +23,7 @@ uint32_t sequence_of(GstBuffer* unit) {
 }  // namespace
 
 bool EarlyAnswers::has_room(size_t bytes) const {
-  return waiting_.empty() || (waiting_.size() < kMostUnits && bytes_ + bytes <= kMostBytes);
+  return waiting_.empty() || (waiting_.size() < kMaxUnits && bytes_ + bytes <= kMaxBytes);
 }
 
 void EarlyAnswers::keep(uint32_t sequence, GstBuffer* buffer) {
@@ -94,7 +94,7 @@ bool NodeInput::take_early(uint32_t sequence, const std::function<UnitResult(Gst
 
 void NodeInput::take(uint32_t sequence, bool live, const std::function<UnitResult(GstBuffer*)>& take_unit) {
   if (flushed_.exchange(false)) {
-    seen_ = nullptr;
+    parsed_buffer_ = nullptr;
     early_.clear();
     if (head_ != HeadState::kDone) head_ = HeadState::kUnread;
   }
@@ -106,7 +106,7 @@ void NodeInput::take(uint32_t sequence, bool live, const std::function<UnitResul
   // Holds a reference, because the pad may be flushed or released meanwhile.
   while (const BufferPtr head = peek()) {
     GstBuffer* buffer = head.get();
-    if (buffer == seen_) return;
+    if (buffer == parsed_buffer_) return;
     const UnitResult taken = take_unit(buffer);
     if (taken == UnitResult::kDone) {
       pop();
@@ -114,7 +114,7 @@ void NodeInput::take(uint32_t sequence, bool live, const std::function<UnitResul
     }
     head_ = taken == UnitResult::kLast ? HeadState::kDone : HeadState::kEarly;
     const bool aside = taken == UnitResult::kEarly && live && early_.has_room(gst_buffer_get_size(buffer));
-    seen_ = aside ? nullptr : buffer;
+    parsed_buffer_ = aside ? nullptr : buffer;
     if (!aside) return;
     if (BufferPtr popped = pop()) {
       const uint32_t of = sequence_of(popped.get());
@@ -137,27 +137,27 @@ bool NodeInput::is_awaited(bool live, unsigned max_missed) const {
 
 bool NodeInput::has_unread() const {
   const BufferPtr head = peek();
-  return head && head.get() != seen_ && head_ != HeadState::kDone;
+  return head && head.get() != parsed_buffer_ && head_ != HeadState::kDone;
 }
 
 void NodeInput::close(bool counts) {
-  const bool took_part = head_ == HeadState::kDone;
-  missed_ = took_part || has_ended() ? 0 : missed_ + counts;
-  if (!took_part) return;
+  const bool answered = head_ == HeadState::kDone;
+  missed_ = answered || has_ended() ? 0 : missed_ + counts;
+  if (!answered) return;
   drop_answer();
   head_ = HeadState::kUnread;
 }
 
 void NodeInput::drop_answer() {
-  if (head_ != HeadState::kDone || !seen_ || flushed_) return;
+  if (head_ != HeadState::kDone || !parsed_buffer_ || flushed_) return;
   head_ = HeadState::kUnread;
-  seen_ = nullptr;
+  parsed_buffer_ = nullptr;
   pop();
 }
 
 void NodeInput::forget() {
   head_ = HeadState::kUnread;
-  seen_ = nullptr;
+  parsed_buffer_ = nullptr;
   parts_.clear();
 }
 

@@ -27,9 +27,9 @@ namespace lf {
 class EarlyAnswers {
  public:
   // An answer may be for at most this many requests after the current one, which is enough for two sets of views.
-  static constexpr int32_t kMostRequests = 64 + 2 * ViewSetPosition::kMaxViews;
-  static constexpr size_t kMostBytes = size_t{64} << 20;
-  static constexpr size_t kMostUnits = 4096;
+  static constexpr int32_t kMaxRequests = 64 + 2 * ViewSetPosition::kMaxViews;
+  static constexpr size_t kMaxBytes = size_t{64} << 20;
+  static constexpr size_t kMaxUnits = 4096;
 
   EarlyAnswers() = default;
   ~EarlyAnswers() { clear(); }
@@ -124,7 +124,7 @@ class NodeInput {
   mutable std::mutex queue_mutex_;  // held while accessing the queue of pad_
   bool detached_ = false;
   HeadState head_ = HeadState::kUnread;
-  GstBuffer* seen_ = nullptr;  // the buffer that head_ describes; not owned
+  GstBuffer* parsed_buffer_ = nullptr;  // the buffer that head_ describes; not owned
   wire::AnswerParts parts_;
   EarlyAnswers early_;
   SilenceDetector silence_;  // see SilenceDetector for thread safety

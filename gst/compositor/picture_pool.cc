@@ -45,7 +45,7 @@ GstFlowReturn acquire(GstBufferPool* pool, GstBuffer** buffer, GstBufferPoolAcqu
 void release(GstBufferPool* pool, GstBuffer* buffer) {
   LfTrimmingPool* self = trimming_pool(pool);
   const gint in_use = g_atomic_int_add(&self->in_use, -1) - 1;
-  if (g_atomic_int_get(&self->buffers) - in_use > static_cast<gint>(lf::PicturePool::kMostIdle))
+  if (g_atomic_int_get(&self->buffers) - in_use > static_cast<gint>(lf::PicturePool::kMaxIdle))
     GST_BUFFER_FLAG_SET(buffer, GST_BUFFER_FLAG_TAG_MEMORY);
   base_class()->release_buffer(pool, buffer);
 }
@@ -173,7 +173,7 @@ bool PicturePool::decide(GstQuery* query, OwnGpu* gpu, GlContextPtr* context) {
     if (!chosen) continue;
     // Limits unlimited pools, which would otherwise keep the memory of a burst forever. Our own pool takes over beyond
     // the limit, but provides no GPU memory.
-    most = !may_be_own ? 0 : most == 0 ? least + kMostIdle : most;
+    most = !may_be_own ? 0 : most == 0 ? least + kMaxIdle : most;
     chosen_size = MAX(their_size, size);
     if (!configure(chosen, caps, chosen_size, least, most, memory)) gst_clear_object(&chosen);
   }

@@ -48,7 +48,7 @@ class OwnGpu {
 // object. Not thread-safe.
 class PicturePool {
  public:
-  static constexpr guint kMostIdle = 4;  // idle buffers kept for the next pictures
+  static constexpr guint kMaxIdle = 4;  // idle buffers kept for the next pictures
 
   PicturePool() = default;
   ~PicturePool() { clear(); }

@@ -40,7 +40,7 @@ struct Settings : lf::LenticularDisplay {
 
   static lf::PropertyTable<Settings>& properties() {
     using S = Settings;
-    constexpr double kMostPixels = 16384, kMostSlant = 80, kMostCentre = 1e6;
+    constexpr double kMaxPixels = 16384, kMaxSlant = 80, kMaxCentre = 1e6;
     static lf::PropertyTable<S> table = {
         lf::property<&S::columns>(
             lf::kWhilePlaying, "columns", "Columns",
@@ -57,16 +57,16 @@ struct Settings : lf::LenticularDisplay {
             "Width of a lens along a row of the display, in display pixels. Data sheets usually state p lenses per "
             "inch, D pixels per inch and the slant a. The width is then D / (p cos a). A wrong width shows bands that "
             "move across the picture",
-            0.5, kMostPixels),
+            0.5, kMaxPixels),
         lf::inherited_property<S, &S::slant>(lf::kWhilePlaying, "slant", "Slant",
                                              "Angle between the lenses and the vertical, in degrees, as in the data "
                                              "sheet of the display. Positive angles lean to the right",
-                                             -kMostSlant, kMostSlant),
+                                             -kMaxSlant, kMaxSlant),
         lf::inherited_property<S, &S::centre>(
             lf::kWhilePlaying, "centre", "Centre",
             "Distance of a lens centre to the right of the display centre, in lens widths. Adjust it until the "
             "middle view is visible from straight ahead",
-            -kMostCentre, kMostCentre),
+            -kMaxCentre, kMaxCentre),
         lf::inherited_property<S, &S::reversed>(lf::kWhilePlaying, "reversed", "Reversed",
                                                 "Reverse order of the views behind each lens. Set this if near objects "
                                                 "appear far away, and far objects appear near")};

@@ -29,7 +29,7 @@ std::vector<std::shared_ptr<AnswerJob>> AnswerJobQueue::take_with(const std::sha
   std::erase_if(waiting_, [&](const auto& waiting) {
     const std::shared_ptr<AnswerJob> other = waiting.lock();
     if (!other) return true;
-    if (!Node::can_batch_requests(job->request, other->request) || pixels + pixels_of(*other) > kMostPixels)
+    if (!Node::can_batch_requests(job->request, other->request) || pixels + pixels_of(*other) > kMaxPixels)
       return false;
     pixels += pixels_of(*other);
     taken.push_back(other);

@@ -40,7 +40,7 @@ struct AnswerJob {
 class AnswerJobQueue {
  public:
   // Maximum number of pixels in a batch, because all answers stay in memory until the batch is done.
-  static constexpr size_t kMostPixels = 16'000'000;
+  static constexpr size_t kMaxPixels = 16'000'000;
 
   // Adds a job. The queue holds only a weak reference, because FairScheduler owns the job and may drop old jobs.
   void add(const std::shared_ptr<AnswerJob>& job);

@@ -50,7 +50,7 @@ CaptureTimeline::Place CaptureTimeline::place(uint32_t number, GstClockTime capt
 
 namespace {
 
-constexpr guint64 kMostBytes = 256 << 20;
+constexpr guint64 kMaxBytes = 256 << 20;
 constexpr gint64 kFinishTimeout = 5 * G_USEC_PER_SEC;
 
 std::string file_name(const Camera& camera) { return "camera" + std::to_string(camera.id) + ".mkv"; }
@@ -84,7 +84,7 @@ Recording::Recording(GstElement* owner, const std::string& folder, const Rig& ri
     const Camera& camera = rig.cameras[index];
     Track& track = tracks_[camera.id];
     track.name = "camera " + std::to_string(camera.id) + (camera.name.empty() ? "" : " (" + camera.name + ")");
-    track.file = std::make_unique<CameraFile>(camera, folder + "/" + file_name(camera), kMostBytes / cameras.size());
+    track.file = std::make_unique<CameraFile>(camera, folder + "/" + file_name(camera), kMaxBytes / cameras.size());
   }
 }
 

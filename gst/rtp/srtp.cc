@@ -267,7 +267,7 @@ SrtpDecryptor::Result SrtpDecryptor::open(GstBuffer* packet, GstBuffer** opened)
   const SessionKey session = key_->session(purpose_, name);
   if (session.mki != header->mki) return refuse(Result::kForged);
   forget_old(now);
-  if (streams_.size() >= kMostStreams) return refuse(Result::kForged);
+  if (streams_.size() >= kMaxStreams) return refuse(Result::kForged);
   auto stream = std::make_unique<Stream>(
       Stream{name.minute, session.mki, shared_ ? shared_->of_stream(name) : std::make_shared<ReplayList>()});
   if (stream->seen->has(header->sequence)) return refuse(Result::kReplayed);

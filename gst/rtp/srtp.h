@@ -160,7 +160,7 @@ class SrtpDecryptor {
 
  private:
   // Maximum number of recent streams. A sender starts a stream each minute, or every 65536 packets.
-  static constexpr size_t kMostStreams = 1024;
+  static constexpr size_t kMaxStreams = 1024;
   struct Stream {
     uint32_t minute;
     std::array<uint8_t, kMkiBytes> mki;

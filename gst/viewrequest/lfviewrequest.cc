@@ -649,10 +649,10 @@ static GstFlowReturn make_buffer(LfViewRequest* self, GstBuffer** out) {
 
 // An exception loses only the current request. Repeated exceptions end the stream.
 static GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out) {
-  constexpr int kMostInARow = 32;
+  constexpr int kMaxInARow = 32;
   LfViewRequest* self = LF_VIEW_REQUEST(push);
   GstBuffer* made = nullptr;
-  for (int i = 0; i < kMostInARow; i++) {
+  for (int i = 0; i < kMaxInARow; i++) {
     const uint64_t turn = self->state->stream->schedule.turn();
     try {
       const GstFlowReturn flow = make_buffer(self, &made);

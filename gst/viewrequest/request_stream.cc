@@ -96,14 +96,14 @@ GstFlowReturn RequestPacer::wait_for_seek() {
 }
 
 GstFlowReturn FocusWait::wait(guint view_id) {
-  using Waited = DepthFeedback::Waited;
+  using WaitResult = DepthFeedback::WaitResult;
   constexpr std::chrono::milliseconds kLongest{5000};
   if (!has_focus_search_) has_focus_search_ = finds_focus(src_, view_id);
   if (!*has_focus_search_ || !last_) return GST_FLOW_OK;
   bool paused = true;
   while (paused) {
-    const Waited waited = feedback_.wait_for(*last_, kLongest);
-    if (waited != Waited::kTooLong) return waited == Waited::kCame ? GST_FLOW_OK : GST_FLOW_FLUSHING;
+    const WaitResult waited = feedback_.wait_for(*last_, kLongest);
+    if (waited != WaitResult::kTimeout) return waited == WaitResult::kAvailable ? GST_FLOW_OK : GST_FLOW_FLUSHING;
     // Keeps waiting while the output is paused, because results must not depend on the duration of the pause.
     finds_focus(src_, view_id, &paused);
   }

@@ -273,7 +273,7 @@ namespace {
 using S = ViewRequestSettings;
 
 constexpr gint64 kMaxCaptureDelay = 60 * GST_SECOND;
-constexpr double kMostEyeDistance = 1e6;
+constexpr double kMaxEyeDistance = 1e6;
 
 Property<S> frame_rate_property() {
   return fraction_property<&S::fps_n, &S::fps_d>(
@@ -391,7 +391,7 @@ PropertyTable<S>& ViewRequestSettings::properties() {
                                               "Distance between neighbouring eyes (the viewpoints of the views), in "
                                               "metres. A larger distance gives a stronger impression of depth. The "
                                               "default is the distance between the eyes of a person",
-                                              0.0, kMostEyeDistance),
+                                              0.0, kMaxEyeDistance),
       inherited_property<S, &S::cone>(
           kWhilePlaying, "view-cone", "View cone",
           "Angle between the outermost eyes (viewpoints), seen from the middle of the focal plane, in degrees. Set it "

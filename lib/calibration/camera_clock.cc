@@ -140,7 +140,7 @@ constexpr double kWholeFrame = 0.25;  // allowed deviation of a step from whole 
 constexpr double kChangeGain = 60;    // minimum decrease of the robust cost for a step or a drift
 constexpr double kHint = 25;          // the same, for a suspected step
 constexpr double kDriftSigmas = 6;
-constexpr size_t kLeastSide = 8;
+constexpr size_t kMinSide = 8;
 
 struct ClockLine {
   double value = 0, slope = 0;
@@ -195,7 +195,7 @@ double value_of(const std::vector<ClockSample>& samples, size_t from, size_t to)
 }
 
 size_t best_split(const std::vector<ClockSample>& samples, size_t from, size_t to, double scale, double least) {
-  if (to - from < 2 * kLeastSide) return 0;
+  if (to - from < 2 * kMinSide) return 0;
   const auto cost = [&](size_t a, size_t b) {
     const double value = value_of(samples, a, b);
     double sum = 0;
@@ -205,7 +205,7 @@ size_t best_split(const std::vector<ClockSample>& samples, size_t from, size_t t
   const double whole = cost(from, to);
   double best = least;
   size_t at = 0;
-  for (size_t i = from + kLeastSide; i + kLeastSide <= to; i++) {
+  for (size_t i = from + kMinSide; i + kMinSide <= to; i++) {
     const double gain = whole - cost(from, i) - cost(i, to);
     if (gain > best) best = gain, at = i;
   }
@@ -227,7 +227,7 @@ void find_steps(const std::vector<ClockSample>& samples, size_t from, size_t to,
 }  // namespace
 
 double refine_clock(CameraClock& clock, std::vector<ClockSample> samples, double frame_time, double shown) {
-  if (samples.size() < kLeastSide) return 0;
+  if (samples.size() < kMinSide) return 0;
   std::sort(samples.begin(), samples.end(), [](const auto& a, const auto& b) { return a.stamp < b.stamp; });
   clock.known = true;
   // Removes the current steps and drift from the samples, because they are estimated again.
@@ -253,7 +253,7 @@ double refine_clock(CameraClock& clock, std::vector<ClockSample> samples, double
 }
 
 std::optional<double> suspected_step(std::vector<ClockSample> samples) {
-  if (samples.size() < 2 * kLeastSide) return std::nullopt;
+  if (samples.size() < 2 * kMinSide) return std::nullopt;
   std::sort(samples.begin(), samples.end(), [](const auto& a, const auto& b) { return a.stamp < b.stamp; });
   const size_t at = best_split(samples, 0, samples.size(), scale_of(samples), kHint);
   if (at == 0) return std::nullopt;

@@ -170,7 +170,7 @@ namespace {
 constexpr int kRadius = 4, kPatchPixels = (2 * kRadius + 1) * (2 * kRadius + 1);
 constexpr int kViewDepths = 64;
 constexpr size_t kSearched = 6;      // neighbours for the depth search
-constexpr double kLeastTexture = 3;  // standard deviation of a window, levels; above camera noise
+constexpr double kMinTexture = 3;    // standard deviation of a window, levels; above camera noise
 constexpr double kAgrees = 0.9;
 constexpr double kMaxDeviation = 5;  // levels; RMS difference of matching windows after brightness correction
 constexpr size_t kMinViewCameras = 3;
@@ -329,7 +329,7 @@ class Sampler {
 
   void add(const Vec2& pixel, CameraIndex reference, const std::vector<CameraIndex>& near, ColourSamples& samples) {
     Window window;
-    if (!luma_[reference].window(pixel, kLeastTexture, window)) return;
+    if (!luma_[reference].window(pixel, kMinTexture, window)) return;
     const std::optional<Vec2> ray = rig_.cameras[reference].lens.unproject(pixel);
     if (!ray) return;
     const double first = 1 / farthest_, last = 1 / nearest_;
@@ -341,7 +341,7 @@ class Sampler {
       for (const CameraIndex other : near) {
         Window there;
         const std::optional<Vec2> at = seen_at(rig_.cameras[other], x);
-        if (!at || !luma_[other].window(*at, kLeastTexture / 2, there)) continue;
+        if (!at || !luma_[other].window(*at, kMinTexture / 2, there)) continue;
         sum += correlation(window, there);
         count++;
       }
@@ -364,7 +364,7 @@ class Sampler {
       if (images_[i].width() == 0) continue;
       const std::optional<Vec2> at = seen_at(rig_.cameras[i], x);
       Window there;
-      if (!at || !luma_[i].window(*at, kLeastTexture / 2, there) || !agree(window, there)) continue;
+      if (!at || !luma_[i].window(*at, kMinTexture / 2, there) || !agree(window, there)) continue;
       auto sample = sample_around(images_[i], *at);
       if (!sample) continue;
       sample->camera = i;

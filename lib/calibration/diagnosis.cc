@@ -22,7 +22,7 @@ constexpr double kAlike = 0.7;             // minimum explained share of a track
 constexpr double kSure = 25;               // minimum explained squared residuals, in squared sigmas
 // If one camera has a larger share of the squared times, its pose is wrong, not its time.
 constexpr double kAlone = 0.5;
-constexpr int kMostLeftOut = 4;
+constexpr int kMaxLeftOut = 4;
 
 struct MovingObservation {
   Eigen::Index camera;
@@ -64,7 +64,7 @@ Eigen::VectorXd times_of(const std::vector<MovingTrack>& tracks, size_t cameras)
   for (const MovingTrack& track : tracks)
     for (const MovingObservation& a : track.sights)
       for (const MovingObservation& b : track.sights) common(a.camera, b.camera) += glm::dot(a.error, b.error);
-  for (int left_out = 0; left_out <= kMostLeftOut; left_out++) {
+  for (int left_out = 0; left_out <= kMaxLeftOut; left_out++) {
     const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(common);
     const Eigen::VectorXd times = eigen.eigenvectors().col(n - 1);
     Eigen::Index alone;

@@ -183,7 +183,7 @@ constexpr double kMaxDifference = 12;  // mean difference over a window, grey le
 // Minimum correlation of a track's patches. A lower value means that the patch contains the edge of an object in front
 // of another.
 constexpr double kCorrelation = 0.95;
-constexpr size_t kLeastForEpipolar = 20;
+constexpr size_t kMinForEpipolar = 20;
 constexpr size_t kMinTracks = 20;
 
 using Pyramid = std::vector<cv::Mat>;
@@ -304,7 +304,7 @@ class Tracker {
       to.push_back(there[i]);
     }
     std::vector<uint8_t> agrees(kept.size(), 1);
-    if (kept.size() >= kLeastForEpipolar)
+    if (kept.size() >= kMinForEpipolar)
       cv::findFundamentalMat(from, to, cv::USAC_MAGSAC, options_.epipolar, 0.999, 1000, agrees);
     for (size_t k = 0; k < kept.size(); k++)
       if (k < agrees.size() && agrees[k]) tracks[kept[k]].seen.emplace_back(camera, to[k]);

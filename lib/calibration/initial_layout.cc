@@ -17,7 +17,7 @@ namespace {
 
 constexpr int kDisparitySamples = 200;
 constexpr int kDisparityRounds = 12;
-constexpr int kLeastCommon = 6;  // detections that two cameras must share
+constexpr int kMinCommon = 6;  // detections that two cameras must share
 
 double weight_of(double squared_error, double threshold) {
   const double w = threshold * threshold / (threshold * threshold + squared_error);
@@ -119,7 +119,7 @@ class Factorisation {
     std::vector<std::optional<double>> t(by_column_.size());
     for (size_t i = 0; i < by_camera_.size(); i++) {
       const auto list = differences(i);
-      if (i == reference || list.size() < kLeastCommon) continue;
+      if (i == reference || list.size() < kMinCommon) continue;
       double score = 0;
       Vec2 origin(0, 0), along(0, 0);
       for (int sample = 0; sample < kDisparitySamples; sample++) {
@@ -135,7 +135,7 @@ class Factorisation {
           agree += 1 - off * off / (threshold_ * threshold_);
           places.push_back(glm::dot(u, y - a));
         }
-        if (places.size() < kLeastCommon) continue;
+        if (places.size() < kMinCommon) continue;
         std::sort(places.begin(), places.end());
         const double range = places[places.size() - 1 - places.size() / 5] - places[places.size() / 5];
         const double s = agree * std::min(range, 20 * threshold_);
@@ -156,7 +156,7 @@ class Factorisation {
       std::vector<LinePoint> points;
       for (const auto& [column, y] : differences(i))
         if (t[column]) points.push_back({*t[column], y});
-      if (points.size() < kLeastCommon) continue;
+      if (points.size() < kMinCommon) continue;
       const DisparityLine line = fit_line(points, threshold_, random_);
       if (line.score < std::max(4.0, 0.25 * static_cast<double>(points.size()))) continue;
       factors_.cameras[i].centre = -line.slope;
@@ -223,7 +223,7 @@ class Factorisation {
       const auto& column = factors_.columns[s.column];
       if (column.known) points.push_back({column.disparity, s.uv - column.direction});
     }
-    if (points.size() < kLeastCommon) return;
+    if (points.size() < kMinCommon) return;
     DisparityLine line{camera.turn, -camera.centre};
     if (search || !known_[i]) {
       const DisparityLine found = fit_line(points, threshold_, random_);

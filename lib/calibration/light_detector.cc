@@ -22,7 +22,7 @@ using Eigen::Matrix2d, Eigen::Vector2d;
 
 constexpr double kMinNoise = 0.4;  // grey levels; samples are integers
 constexpr float kAbove = 5;        // detection threshold, sigmas over the background
-constexpr float kLeastAbove = 4;   // grey levels
+constexpr float kMinAbove = 4;     // grey levels
 constexpr double kClear = 10;      // minimum signal-to-noise ratio of a light
 constexpr int kMinPixels = 2;      // above the threshold; single pixels are hot pixels
 constexpr double kBusy = 0.05;     // share of bright pixels that no light reaches
@@ -156,7 +156,7 @@ std::vector<LightDetection> LightDetector::detect(const uint8_t* grey, ptrdiff_t
   const double noise = std::max(kMinNoise, std::min(std::max(quantile(0.8413), quantile(0.9772) / 2), 4 * small + 1.5));
   record_.noise += (noise - record_.noise) / static_cast<double>(std::min<size_t>(record_.frames - 1, 30));
 
-  std::vector<Blob> blobs = find_blobs(std::max(kLeastAbove, kAbove * static_cast<float>(record_.noise)));
+  std::vector<Blob> blobs = find_blobs(std::max(kMinAbove, kAbove * static_cast<float>(record_.noise)));
   std::vector<LightDetection> sights;
   std::erase_if(blobs, [&](Blob& blob) { return !refine(blob, {}, grey, stride); });
   std::sort(blobs.begin(), blobs.end(), [](const Blob& a, const Blob& b) { return a.flux > b.flux; });
@@ -336,7 +336,7 @@ void LightDetector::update_noise(const std::vector<Blob>& blobs) {
 void LightDetector::learn(const uint8_t* grey, ptrdiff_t stride) {
   const auto noise = static_cast<float>(record_.noise);
   const float step = noise * std::max(kLast, kFirst / static_cast<float>(record_.frames)),
-              gone = std::max(2 * kLeastAbove, 6 * noise);
+              gone = std::max(2 * kMinAbove, 6 * noise);
   for (int y = 0; y < height_; y++)
     for (int x = 0; x < width_; x++) {
       const size_t i = static_cast<size_t>(y) * width_ + x;

@@ -582,7 +582,7 @@ namespace {
 
 constexpr double kBlack = 20, kBlackBrightest = 40;  // grey levels of an empty frame; video black may be 16
 constexpr double kBright = 50;                       // grey levels of a room that is not dark
-constexpr double kMostBusy = 0.2;                    // share of the frames
+constexpr double kMaxBusy = 0.2;                     // share of the frames
 constexpr double kMinCoverageShare = 0.5;
 constexpr double kShorter = 0.9;  // relative to the longest recording
 
@@ -597,7 +597,7 @@ std::optional<std::string> trouble_of(const LightDetections::Camera& camera, con
   if (record.frames < 3) return "has only " + std::to_string(record.frames) + " frames";
   if (record.background < kBlack && record.brightest < kBlackBrightest && record.lit == 0)
     return "is black from beginning to end: is there a cap on the lens, or is the exposure far too short?";
-  if (static_cast<double>(record.busy) > kMostBusy * frames)
+  if (static_cast<double>(record.busy) > kMaxBusy * frames)
     return format_text(
         "is full of changes in %.0f %% of its frames, so lights cannot be detected: darken the room, lock the "
         "exposure, and keep people and screens out of view",

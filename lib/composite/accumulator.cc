@@ -219,7 +219,7 @@ std::shared_ptr<gl::GpuSum> Accumulator::resolve_on_gpu(const Background& backgr
   to.gain = levels.gain;
   to.offset = levels.offset;
   to.chroma_gain = levels.chroma_gain;
-  to.least_weight = kLeastWeight;
+  to.least_weight = kMinWeight;
   const float r = background.r, g = background.g, b = background.b;
   const YCbCr ycbcr = ycbcr_of(r, g, b);
   const bool rgb = family_ == PixelFamily::kRgb;

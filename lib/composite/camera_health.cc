@@ -49,17 +49,17 @@ bool CameraHealth::use_rig(uint64_t hash) {
   const bool any = !out_.empty();
   cameras_.clear();
   out_.clear();
-  seen_late_ = {};
+  late_cameras_ = {};
   expect(expected_);
   return any;
 }
 
 void CameraHealth::add_late(uint64_t rig, const CameraRanges& seeing) {
-  if (rig_ == 0 || rig == rig_) seen_late_.add(seeing);
+  if (rig_ == 0 || rig == rig_) late_cameras_.add(seeing);
 }
 
 bool CameraHealth::picture(CameraRanges seeing) {
-  seeing.add(std::exchange(seen_late_, {}));
+  seeing.add(std::exchange(late_cameras_, {}));
   if (max_missed_ == 0 || seeing.empty()) return false;
   cameras_.resize(std::max(cameras_.size(), size_t{seeing.ranges().back().last} + 1));
   bool changed = false;

@@ -87,7 +87,7 @@ class CameraHealth {
   unsigned max_missed_;
   uint64_t rig_ = 0;
   size_t expected_ = 0;
-  CameraRanges seen_late_;
+  CameraRanges late_cameras_;
   std::vector<Camera> cameras_;
   CameraSet out_;
 };
@@ -106,15 +106,15 @@ class SilenceDetector {
   // Clears the state. No other call may run at the same time.
   void clear() {
     others_since_ = silent_since_ = composed_at_ = 0;
-    asked_ = answered_ = reported_ = ever_answered_ = false;
+    requested_ = answered_ = reported_ = ever_answered_ = false;
   }
-  void asked() { asked_ = true; }
+  void asked() { requested_ = true; }
   // Call this for each request of another view. Returns true once if all requests for the duration of kPatience were
   // for other views, so that the user can be warned.
   bool request_of_other_view(int64_t now) {
     if (others_since_ == 0) others_since_ = now;
-    if (asked_ || now < others_since_ + kPatience) return false;
-    asked_ = true;
+    if (requested_ || now < others_since_ + kPatience) return false;
+    requested_ = true;
     return true;
   }
   void answered() { answered_ = true; }
@@ -136,7 +136,7 @@ class SilenceDetector {
 
  private:
   int64_t others_since_ = 0;
-  bool asked_ = false;
+  bool requested_ = false;
   std::atomic<bool> answered_ = false;
   int64_t silent_since_ = 0, composed_at_ = 0;
   bool reported_ = false, ever_answered_ = false;

@@ -46,14 +46,14 @@ std::vector<ByteBuffer> DepthLoop::units(const ViewRequest& request, uint64_t ri
 }
 
 void DepthLoop::adapt_rate(bool complete, unsigned interval) {
-  control_.keep_up(complete);
-  control_.spare(interval);
+  control_.adapt_interval(complete);
+  control_.set_min_interval(interval);
 }
 
 std::optional<DepthEstimate> DepthLoop::next(const ViewRequest& shown, const DepthEstimator::Settings& settings,
                                              bool match_gains) {
-  if (!shown.view.focus.map && unheard_ > 0) {
-    unheard_--;
+  if (!shown.view.focus.map && requests_until_retry_ > 0) {
+    requests_until_retry_--;
     return {};
   }
   const bool on_plane = settings.mode == FocusMode::kPlane;

@@ -25,7 +25,7 @@ namespace lf {
 class DepthLoop {
  public:
   // Number of requests without a new estimate, after a client did not use the latest estimate.
-  static constexpr unsigned kUnheardInterval = 15;
+  static constexpr unsigned kRetryInterval = 15;
 
   // Clears everything except the rig.
   void clear();
@@ -58,7 +58,7 @@ class DepthLoop {
                                     bool match_gains);
   // Records whether a client has used the result of next(). If no client uses the results, for example because the
   // requests come from a file, the loop searches for depths only now and then, to save time.
-  void heard(bool heard) { unheard_ = heard ? 0 : kUnheardInterval; }
+  void set_accepted(bool set_accepted) { requests_until_retry_ = set_accepted ? 0 : kRetryInterval; }
   // Returns the depths that a sweep has found. A sweep is one request with planes at many distances as hypotheses, for
   // example for a click on the picture. `sweep` is this request, which must be the current request.
   DepthEstimate sweep(const ViewRequest& sweep) const;
@@ -74,7 +74,7 @@ class DepthLoop {
   DepthEstimator control_;
   std::optional<FocusArray> array_;
   ExposureSchedule exposure_schedule_;
-  unsigned unheard_ = 0;  // number of requests until the next search
+  unsigned requests_until_retry_ = 0;  // number of requests until the next search
 };
 
 }  // namespace lf

@@ -77,7 +77,7 @@ void scales_of(float* HWY_RESTRICT scale, const uint16_t* HWY_RESTRICT lost, int
     const hn::Rebind<uint16_t, decltype(d)> d16;
     const auto missing_weight = hn::ConvertTo(d, hn::PromoteTo(d32, hn::LoadU(d16, lost + i)));
     const auto left = hn::Sub(hn::Set(d, kMissingOne), missing_weight);
-    const auto enough = hn::Ge(left, hn::Set(d, kLeastWeight));
+    const auto enough = hn::Ge(left, hn::Set(d, kMinWeight));
     const auto one = hn::Set(d, kMissingOne / static_cast<float>(1 << kSumFractionBits));
     hn::StoreU(hn::IfThenElseZero(enough, hn::Div(one, left)), d, scale + i);
   });
@@ -136,7 +136,7 @@ void chroma_scales_of(float* HWY_RESTRICT scale, float* HWY_RESTRICT share, cons
   constexpr float kOne = kMissingOne / static_cast<float>(1 << kSumFractionBits);
   for (int i = 0; i < n; i++) {
     const float left = kMissingOne - static_cast<float>(lost[i]) / pixels;
-    const float enough = left < kLeastWeight ? 0.f : 1.f, some = left < kLeastWeight ? 1.f : left;
+    const float enough = left < kMinWeight ? 0.f : 1.f, some = left < kMinWeight ? 1.f : left;
     scale[i] = enough * (kOne / some);
     share[i] = (1 - enough) + enough * (static_cast<float>(hidden[i]) / pixels);
   }

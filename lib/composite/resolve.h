@@ -85,7 +85,7 @@ void add_sum_row(uint16_t* lost, const uint16_t* in, int n);
 
 // Smallest weight of a pixel that still shows its own colour, in units of kMissingOne: 3/255, rounded up. A pixel with
 // less weight shows the background.
-inline constexpr int kLeastWeight = (3 * kMissingOne + 254) / 255;
+inline constexpr int kMinWeight = (3 * kMissingOne + 254) / 255;
 
 // Computes the factor `scale` of each pixel from its missing weight `lost`: output level = sum * scale. The factor is 0
 // for pixels that show the background.

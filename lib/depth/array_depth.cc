@@ -249,11 +249,10 @@ class ArrayDepth::ViewPoints {
     for (const auto& [camera, weight] : cameras_)
       forward -=
           (to_view * (camera->image.pose.position - view.pose.position)).z / static_cast<double>(cameras_.size());
-    const auto from_eye = [&](double inverse) { return inverse / std::max(1 - inverse * forward, 1. / kMostNearer); };
+    const auto from_eye = [&](double inverse) { return inverse / std::max(1 - inverse * forward, 1. / kMaxNearer); };
     farthest_ = from_eye(range.farthest);
     const double nearest = from_eye(range.nearest);
-    steps_ =
-        std::clamp(static_cast<int>(std::ceil((nearest - farthest_) / range.step() * kPerStep)) + 1, 2, kMostSteps);
+    steps_ = std::clamp(static_cast<int>(std::ceil((nearest - farthest_) / range.step() * kPerStep)) + 1, 2, kMaxSteps);
     step_ = (nearest - farthest_) / (steps_ - 1);
     measured_.resize(static_cast<size_t>(map.columns) * map.rows);
     for (const auto& [camera, weight] : cameras_) {
@@ -287,10 +286,10 @@ class ArrayDepth::ViewPoints {
 
  private:
   static constexpr int kPerStep = 2;         // tested depths for each step of the cameras' range
-  static constexpr int kMostSteps = 512;     // tested depths
-  static constexpr double kMostNearer = 4;   // largest ratio of inverse distances from the eye and from the cameras
+  static constexpr int kMaxSteps = 512;      // tested depths
+  static constexpr double kMaxNearer = 4;    // largest ratio of inverse distances from the eye and from the cameras
   static constexpr float kTolerance = 1.5f;  // steps of the cameras' range
-  using Depths = std::bitset<kMostSteps>;
+  using Depths = std::bitset<kMaxSteps>;
 
   // Marks the depths that a camera has measured, at the nodes where they appear.
   void add(const Camera& camera) {
@@ -305,7 +304,7 @@ class ArrayDepth::ViewPoints {
         if (!(point.z > 0)) continue;
         const std::optional<Vec2> at = view_.lens.project(point);
         if (!at) continue;
-        const double reach = std::min(0.5 * size * std::max(1., 1 / point.z), kMostNodes) + 0.01;
+        const double reach = std::min(0.5 * size * std::max(1., 1 / point.z), kMaxNodes) + 0.01;
         const Vec2 node = (*at + 0.5) / static_cast<double>(map_.step) - 0.5;
         const int left = std::max(static_cast<int>(std::floor(node.x - reach + 0.5)), 0);
         const int right = std::min(static_cast<int>(std::floor(node.x + reach + 0.5)), map_.columns - 1);
@@ -322,7 +321,7 @@ class ArrayDepth::ViewPoints {
   // Returns the inverse depth, along the view's axis, of the surface on a line of sight. The line's direction is in
   // world coordinates. Returns 0 if no camera sees anything there.
   double find_on(const Vec3& ray, const Depths& depths) const {
-    constexpr float kLeastConfidence = 0.1f;
+    constexpr float kMinConfidence = 0.1f;
     // The first peak above kAccepted is taken, once the agreement has fallen to half of it.
     constexpr float kAccepted = 0.3f;
     constexpr double kInfinite = 1e-6;  // 1/m
@@ -346,7 +345,7 @@ class ArrayDepth::ViewPoints {
         if (!(x >= 0 && y >= 0 && x < image.width && y < image.height)) continue;
         const size_t at_pixel = static_cast<size_t>(y) * image.width + static_cast<size_t>(x);
         const float behind = static_cast<float>(inverse / at.z - camera->depth.inverse[at_pixel]) / camera_step_;
-        const float trust = weight * std::max(kLeastConfidence, camera->depth.confidence[at_pixel]);
+        const float trust = weight * std::max(kMinConfidence, camera->depth.confidence[at_pixel]);
         present += weight;
         agreeing += trust * std::max(0.f, 1 - std::abs(behind) / kTolerance);
         if (behind > -kTolerance) seeing += trust;
@@ -363,7 +362,7 @@ class ArrayDepth::ViewPoints {
     return found;
   }
 
-  static constexpr double kMostNodes = 8;  // largest distance of the nodes that a pixel covers from its centre
+  static constexpr double kMaxNodes = 8;  // largest distance of the nodes that a pixel covers from its centre
   const View& view_;
   const FocalMap& map_;
   const std::vector<WeightedCamera> cameras_;

@@ -39,12 +39,12 @@ DepthSelection choice_of(const ViewRequest& request, std::span<const PhotoConsis
   const std::vector<std::vector<uint8_t>> levels = hypothesis_levels(request.view, request.hypotheses);
   const FocalMap& map = *request.view.focus.map;
   const std::vector<float> evidence = array.evidence(request.view, request.out_of_service);
-  constexpr double kMostRadius = 4;
+  constexpr double kMaxRadius = 4;
   const double larger = array.focal() > 0 ? request.view.lens.fx() / array.focal() * FocalMap::kMinStep / map.step : 1;
   DepthSelectionParams terms{
       .evidence = evidence,
       .counted = counted,
-      .radius = std::max(least_radius, static_cast<int>(std::lround(std::min(larger, kMostRadius))))};
+      .radius = std::max(least_radius, static_cast<int>(std::lround(std::min(larger, kMaxRadius))))};
   if (array.disparity() > 0)
     terms.levels_a_pixel = FocalMap::kLevels / (array.disparity() * (map.nearest - map.farthest));
   if (is_still && request.hypotheses.size() < kSweep)
@@ -80,9 +80,9 @@ void DepthEstimator::judge(const DepthSelection& choice, const ViewRequest& requ
   }
   if (state_.flat) std::ranges::fill(map.levels, map.level_of(flat_inverse_));
   if (worthwhile) {
-    quiet_ = 0;
+    rounds_without_gain_ = 0;
     state_.interval = 1;
-  } else if (++quiet_ >= kQuietRounds) {
+  } else if (++rounds_without_gain_ >= kQuietRounds) {
     state_.interval = std::min(2 * state_.interval, state_.flat ? kLongestFlatRest : kLongestRest);
   }
 }
@@ -95,15 +95,16 @@ bool DepthEstimator::is_worthwhile(const DepthSelection& choice, double enough) 
   const double before = std::exchange(gained_before_, choice.gained), gained = std::max(before, choice.gained);
   if (state_.flat && choice.gained >= enough) return true;
   if (state_.interval > 1) {
-    if (gained < kMoreAtRest * usual_gain_ + enough && choice.cost[0] < kMoreAtRest * rested_ + enough) return false;
-    least_reached_ = std::numeric_limits<double>::infinity();
+    if (gained < kMoreAtRest * usual_gain_ + enough && choice.cost[0] < kMoreAtRest * rest_deviation_ + enough)
+      return false;
+    least_deviation_ = std::numeric_limits<double>::infinity();
     return true;
   }
   usual_gain_ = gained;
-  rested_ = choice.cost[0];
+  rest_deviation_ = choice.cost[0];
   const double reached = choice.cost[0] - choice.gained;
-  const bool better = reached < least_reached_ - enough;
-  if (better) least_reached_ = reached;
+  const bool better = reached < least_deviation_ - enough;
+  if (better) least_deviation_ = reached;
   return better;
 }
 
@@ -112,32 +113,32 @@ bool DepthEstimator::is_worthwhile(const DepthSelection& choice, double enough) 
 bool DepthEstimator::is_another_scene() {
   const double now = state_.deviation;
   if (stage_ != Stage::kBetter) return false;
-  if (settling_ > 0) {
-    settling_--;
+  if (settling_rounds_ > 0) {
+    settling_rounds_--;
     return false;
   }
-  if (!(usual_ > 0)) usual_ = now;
+  if (!(mean_deviation_ > 0)) mean_deviation_ = now;
   // Moving objects make cameras disagree for a while. A surface that is still far better than any plane is about right
   // anyway.
   constexpr double kStillBetter = 0.2;
-  if (now <= kOtherFactor * usual_ + kOtherMore || state_.bought > kStillBetter * now) {
+  if (now <= kOtherFactor * mean_deviation_ + kOtherMore || state_.over_plane > kStillBetter * now) {
     constexpr double kSlowly = 0.1;
-    usual_ += kSlowly * (now - usual_);
-    looks_ = 0;
+    mean_deviation_ += kSlowly * (now - mean_deviation_);
+    failed_searches_ = 0;
     return false;
   }
-  if (looks_ >= kMostLooks) {  // accept the new deviation
-    usual_ = now;
+  if (failed_searches_ >= kMaxFailedSearches) {  // accept the new deviation
+    mean_deviation_ = now;
     return false;
   }
-  looks_++;
-  state_.looks++;
+  failed_searches_++;
+  state_.scene_changes++;
   can_measure_ = true;
   state_.flat = false;
   state_.interval = 1;
-  quiet_ = round_ = 0;
-  least_reached_ = std::numeric_limits<double>::infinity();
-  settling_ = kSettling + static_cast<unsigned>(latest_.underway());
+  rounds_without_gain_ = round_ = 0;
+  least_deviation_ = std::numeric_limits<double>::infinity();
+  settling_rounds_ = kSettling + static_cast<unsigned>(latest_.underway());
   return true;
 }
 
@@ -149,7 +150,7 @@ void DepthEstimator::count_planes(const DepthSelection& choice, const std::vecto
   plane_deviations_.push_back(least);
   if (plane_deviations_.size() > kSweepPlanes) plane_deviations_.erase(plane_deviations_.begin());
   const double best = *std::ranges::min_element(plane_deviations_);
-  state_.bought = std::isfinite(best) ? best - choice.cost[0] : 0;
+  state_.over_plane = std::isfinite(best) ? best - choice.cost[0] : 0;
 }
 
 // Returns the fraction of the light that blur through the viewer's plane may move. It is the squared width of the blur,
@@ -206,22 +207,22 @@ void DepthEstimator::compare_with_plane(const DepthSelection& choice, std::span<
   }
 }
 
-void DepthEstimator::keep_up(bool complete) {
+void DepthEstimator::adapt_interval(bool complete) {
   constexpr unsigned kRecovered = 30;  // pictures
   if (!complete) {
-    load_ = std::min(2 * load_, kMinHypotheses);
-    in_time_ = 0;
-  } else if (++in_time_ >= kRecovered) {
-    load_ = std::max(load_ / 2, 1u);
-    in_time_ = 0;
+    load_interval_ = std::min(2 * load_interval_, kMinHypotheses);
+    consecutive_on_time_ = 0;
+  } else if (++consecutive_on_time_ >= kRecovered) {
+    load_interval_ = std::max(load_interval_ / 2, 1u);
+    consecutive_on_time_ = 0;
   }
 }
 
 void DepthEstimator::take(const ViewRequest& request, std::span<const PhotoConsistency> moments,
                           const FocusArray& array, FocalMap& map) {
-  const bool is_still = request.view.pose == tried_with_;
+  const bool is_still = request.view.pose == last_hypothesis_pose_;
   if (stage_ == Stage::kSearch) unanswered_--;
-  tried_with_ = request.view.pose;
+  last_hypothesis_pose_ = request.view.pose;
   counted_ = array.inside_mesh(request.view, request.out_of_service);
   if (static_cast<size_t>(std::ranges::count(counted_, 1)) < kFewestNodes) counted_.clear();
   DepthSelection choice =
@@ -263,7 +264,7 @@ bool DepthEstimator::compare_measured(const ViewRequest& request, std::span<cons
   state_.residual = choice.residual;
   state_.gained = 0;
   state_.deviation = choice.cost[0];
-  state_.bought = choice.cost.back() - choice.cost[0];
+  state_.over_plane = choice.cost.back() - choice.cost[0];
   compare_with_plane(choice, moments, request, array);
   worse_ = state_.on_plane ? worse_ + 1 : 0;
   return worse_ < kSettling;
@@ -316,16 +317,16 @@ DepthEstimator::Plan DepthEstimator::next(const ViewRequest& answered, std::span
   } else if (std::shared_ptr<const FocalMap> latest = latest_.seen_from(request.view); latest && !is_first) {
     plan.view.focus.map = std::move(latest);
   }
-  for (const std::vector<DepthHypothesis>& lost : latest_.take_lost(request.sequence)) ask_again(lost);
+  for (const std::vector<DepthHypothesis>& lost : latest_.take_lost(request.sequence)) requeue(lost);
   // A search ends when all of its requests are answered or lost.
   if (stage_ == Stage::kSearch && sweeps_.empty() && latest_.underway() == 0) {
     auto searched = std::make_shared<FocalMap>(*plan.view.focus.map);
     end_search(request.view, array, *searched);
     plan.view.focus.map = std::move(searched);
   }
-  if (const double apart = glm::length(plan.view.pose.position - tried_from_.position); apart > 0) {
-    moved_ = moved_ || apart > 0.25 * array.spacing() || !(tried_from_.orientation == plan.view.pose.orientation);
-    if (moved_) tried_from_ = plan.view.pose;
+  if (const double apart = glm::length(plan.view.pose.position - reference_pose_.position); apart > 0) {
+    moved_ = moved_ || apart > 0.25 * array.spacing() || !(reference_pose_.orientation == plan.view.pose.orientation);
+    if (moved_) reference_pose_ = plan.view.pose;
   }
   latest_.set(plan.view);
   const FocalMap& next = *plan.view.focus.map;

@@ -84,10 +84,10 @@ class DepthEstimator {
   // deviation through the surface by this value.
   static constexpr double kFlatEnough = 0.05;  // levels of luma
   // The scene has changed if the deviation exceeds kOtherFactor times the usual deviation plus kOtherMore luma levels.
-  // The estimator then searches all depths again. After kMostLooks unsuccessful searches, it accepts the new deviation
-  // as usual.
+  // The estimator then searches all depths again. After kMaxFailedSearches unsuccessful searches, it accepts the new
+  // deviation as usual.
   static constexpr double kOtherFactor = 1.5, kOtherMore = 0.5;
-  static constexpr unsigned kMostLooks = 3;
+  static constexpr unsigned kMaxFailedSearches = 3;
 
   DepthEstimator() = default;
   explicit DepthEstimator(const Settings& settings) : settings_(settings) {}
@@ -109,11 +109,11 @@ class DepthEstimator {
   // Adapts to slow nodes: reports whether a picture was complete in time. After incomplete pictures, fewer requests
   // have hypotheses, down to one in kMinHypotheses requests. After a series of complete pictures, the number rises
   // again.
-  void keep_up(bool complete);
+  void adapt_interval(bool complete);
   static constexpr unsigned kMinHypotheses = 4;
   // Saves time by sending hypotheses less often: from now on with at most one in `requests` requests. `requests` is at
   // least 1.
-  void spare(unsigned requests) { spared_ = requests; }
+  void set_min_interval(unsigned requests) { min_interval_ = requests; }
 
   struct State {
     unsigned rounds = 0;       // answered rounds of hypotheses
@@ -125,9 +125,9 @@ class DepthEstimator {
     bool mixed = false;        // several cameras contribute to the picture, so their brightness should match
     bool on_plane = true;      // the viewer's plane, or the sufficient one, is shown
     double deviation = 0;      // mean deviation of the cameras through the surface, levels of luma
-    double bought = 0;         // benefit of the surface: deviation through the best recent plane, minus `deviation`
+    double over_plane = 0;     // benefit of the surface: deviation through the best recent plane, minus `deviation`
     double near = 0, far = 0;  // depth range of the map, metres from the array; far may be infinite
-    unsigned looks = 0;        // number of scene changes
+    unsigned scene_changes = 0;  // number of scene changes
   };
   const State& state() const { return state_; }
 
@@ -142,14 +142,14 @@ class DepthEstimator {
   void search_around(FocalMap& map);
   void end_search(const View& view, const FocusArray& array, FocalMap& map);
   void give_up();
-  void ask_again(const std::vector<DepthHypothesis>& lost);
+  void requeue(const std::vector<DepthHypothesis>& lost);
   void sweep(const FocalMap& map);
   void take(const ViewRequest& request, std::span<const PhotoConsistency> moments, const FocusArray& array,
             FocalMap& map);
   bool take_measured(const PhotoConsistency& measured, const ViewRequest& request, FocalMap& map);
   bool compare_measured(const ViewRequest& request, std::span<const PhotoConsistency> moments, const FocusArray& array);
   void rest_if_unchanged(const ViewRequest& request, const FocalMap& map);
-  void end_measured(bool ask_again, FocalMap& map);
+  void end_measured(bool requeue, FocalMap& map);
   std::vector<DepthHypothesis> with_measured(std::vector<DepthHypothesis> hypotheses);
   void compare_with_plane(const DepthSelection& choice, std::span<const PhotoConsistency> moments,
                           const ViewRequest& request, const FocusArray& array);
@@ -171,24 +171,24 @@ class DepthEstimator {
   // if the viewpoint moves. Otherwise the wait doubles after each search, up to kMaxBackoff requests.
   static constexpr unsigned kMovingBackoff = 16, kMaxBackoff = 256;
   static constexpr unsigned kBusyBackoff = 64;  // maximum if parts of the search were not answered
-  static constexpr unsigned kMostLost = 8;      // maximum number of repeated requests in a search or sweep
+  static constexpr unsigned kMaxLost = 8;       // maximum number of repeated requests in a search or sweep
   static constexpr unsigned kSettling = 8;      // refinement rounds until a new surface has settled
-  // The cameras are asked for their surface with every kMeasuredEvery-th request, kMostAsked times after a search. It
+  // The cameras are asked for their surface with every kMeasuredEvery-th request, kMaxAsked times after a search. It
   // takes them some seconds to measure the first one.
-  static constexpr unsigned kMeasuredEvery = 4, kMostAsked = 64;
+  static constexpr unsigned kMeasuredEvery = 4, kMaxAsked = 64;
 
   Settings settings_;
   State state_;
   LatestSurface latest_;
   bool begun_ = false;
-  double most_reach_ = 0;  // largest inverse distance that the array can resolve, 1/m
+  double max_inverse_distance_ = 0;  // largest inverse distance that the array can resolve, 1/m
   double reach_ = 0;       // largest inverse distance to search from the current viewpoint, 1/m
   double disparity_ = 0;   // pixels per 1/m; 0: unknown
   Stage stage_ = Stage::kBetter;
   // unsent hypotheses of the stage, one entry per request
   std::deque<std::vector<DepthHypothesis>> sweeps_;
-  Pose tried_from_;     // reference pose for movements of the viewpoint
-  Pose tried_with_;     // pose of the last answered request with hypotheses
+  Pose reference_pose_;        // reference pose for movements of the viewpoint
+  Pose last_hypothesis_pose_;  // pose of the last answered request with hypotheses
   bool moved_ = false;  // the viewpoint has moved since hypotheses were last sent
   // Requests from a search without a result to the next search while the viewpoint rests. The number begins small and
   // doubles each time, because the first searches may come too early: the cameras may not be equally bright yet (see
@@ -197,7 +197,7 @@ class DepthEstimator {
   unsigned lost_ = 0;                          // repeated requests of this search or sweep
   int unanswered_ = 0;                         // unanswered requests of this search
   unsigned waited_ = 0;                        // requests since the last search without a result
-  unsigned rounds_to_doubt_ = 0, doubts_ = 4;  // rounds until a near object may trigger another search
+  unsigned rounds_until_recheck_ = 0, recheck_interval_ = 4;  // rounds until a near object may trigger another search
   double flat_inverse_ = 0;                    // inverse distance of the sufficient plane, 1/m
   DepthVotes votes_;
   std::optional<DepthRange> range_;       // range of all maps, if it follows the scene
@@ -208,23 +208,23 @@ class DepthEstimator {
   std::vector<uint8_t> counted_;
   double doubt_ = 0;                           // squared error due to ambiguous depths, relative to the plane's
   bool was_better_ = false;                    // the surface was better in the last comparison with the plane
-  double rested_ = 0;                          // deviation before the rest
+  double rest_deviation_ = 0;                  // deviation before the rest
   double gained_before_ = 0, usual_gain_ = 0;  // see is_worthwhile()
-  double least_reached_ = std::numeric_limits<double>::infinity();
-  double usual_ = 0;       // deviation of earlier rounds; 0: unknown
+  double least_deviation_ = std::numeric_limits<double>::infinity();
+  double mean_deviation_ = 0;  // deviation of earlier rounds; 0: unknown
   unsigned round_ = 0;     // number of the round, for hypotheses_of_round()
-  unsigned quiet_ = 0;     // rounds in a row without a worthwhile gain
+  unsigned rounds_without_gain_ = 0;  // rounds in a row without a worthwhile gain
   unsigned skipped_ = 0;   // requests since the last hypotheses
-  unsigned settling_ = 0;  // rounds until deviations are meaningful again
-  unsigned load_ = 1;      // interval of the requests that may have hypotheses: see keep_up()
-  unsigned spared_ = 1;    // the same, set by spare()
-  unsigned in_time_ = 0;   // pictures in a row that were complete in time
-  unsigned held_ = 0;      // requests since the last request that was allowed to have hypotheses
-  unsigned asked_ =
-      kMostAsked * kMeasuredEvery;  // requests since the last search that could have asked for the measured surface
+  unsigned settling_rounds_ = 0;            // rounds until deviations are meaningful again
+  unsigned load_interval_ = 1;              // interval of the requests that may have hypotheses: see adapt_interval()
+  unsigned min_interval_ = 1;               // the same, set by set_min_interval()
+  unsigned consecutive_on_time_ = 0;        // pictures in a row that were complete in time
+  unsigned requests_since_hypotheses_ = 0;  // requests since the last request that was allowed to have hypotheses
+  unsigned requests_since_search_ =
+      kMaxAsked * kMeasuredEvery;   // requests since the last search that could have asked for the measured surface
   bool can_measure_ = true;         // false after the measured surface was not good enough for this scene
   unsigned worse_ = 0;              // rounds in a row in which the measured surface was worse than the plane
-  unsigned looks_ = 0;     // unsuccessful searches in a row for a changed scene
+  unsigned failed_searches_ = 0;    // unsuccessful searches in a row for a changed scene
 };
 
 }  // namespace lf

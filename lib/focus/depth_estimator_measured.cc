@@ -40,7 +40,7 @@ bool DepthEstimator::take_measured(const PhotoConsistency& measured, const ViewR
   constexpr double kEnough = 0.1;  // least part of the nodes
   const MeasuredLevels found = levels_of(measured);
   if (static_cast<double>(found.sorted.size()) < kEnough * static_cast<double>(found.levels.size())) {
-    if (stage_ == Stage::kMeasured && ++lost_ > kMostLost) end_measured(true, map);
+    if (stage_ == Stage::kMeasured && ++lost_ > kMaxLost) end_measured(true, map);
     return false;
   }
   const auto level_at = [&](double part) {
@@ -49,20 +49,20 @@ bool DepthEstimator::take_measured(const PhotoConsistency& measured, const ViewR
   const uint8_t first = level_at(kLowest), last = level_at(kHighest);
   DepthRange scene{map.inverse_of(first), map.inverse_of(last)};
   if (disparity_ * (scene.nearest - scene.farthest) < kWideDisparity) {
-    asked_ = kMostAsked * kMeasuredEvery;
+    requests_since_search_ = kMaxAsked * kMeasuredEvery;
     if (stage_ == Stage::kMeasured) end_measured(false, map);
     return false;
   }
   if (stage_ != Stage::kMeasured) {
     stage_ = Stage::kMeasured;
-    asked_ = kMostAsked * kMeasuredEvery;
+    requests_since_search_ = kMaxAsked * kMeasuredEvery;
     worse_ = 0;
     sweeps_.clear();
     others_.clear();
     doubt_ = 0;
     was_better_ = state_.flat = false;
     state_.interval = 1;
-    quiet_ = 0;
+    rounds_without_gain_ = 0;
   }
   lost_ = 0;
   map.levels = found.levels;
@@ -92,19 +92,19 @@ void DepthEstimator::rest_if_unchanged(const ViewRequest& request, const FocalMa
     for (size_t i = 0; i < map.levels.size(); i++) changed += std::abs(map.levels[i] - before->levels[i]) > kSame;
   }
   if (static_cast<double>(changed) > kPart * static_cast<double>(map.levels.size())) {
-    quiet_ = 0;
+    rounds_without_gain_ = 0;
     state_.interval = 1;
-  } else if (++quiet_ >= kQuietRounds) {
+  } else if (++rounds_without_gain_ >= kQuietRounds) {
     state_.interval = std::min(2 * state_.interval, kLongestRest);
   }
 }
 
-// Returns to the search. If `ask_again` is true, the cameras will be asked again after the search, because they have
+// Returns to the search. If `requeue` is true, the cameras will be asked again after the search, because they have
 // stopped measuring. Otherwise their surface was wrong or shallow, and they are not asked until the scene changes.
-void DepthEstimator::end_measured(bool ask_again, FocalMap& map) {
+void DepthEstimator::end_measured(bool requeue, FocalMap& map) {
   state_.interval = 1;
-  quiet_ = 0;
-  can_measure_ = ask_again;
+  rounds_without_gain_ = 0;
+  can_measure_ = requeue;
   search_around(map);
 }
 

@@ -20,7 +20,7 @@ constexpr size_t kPlanesOfSweep = kMaxHypotheses - 2;
 // appear larger, so near planes can be farther apart.
 constexpr double kSearchStep = 2, kSearchPart = 0.13;
 constexpr double kSweepStep = 1.5;  // the same for a sweep
-constexpr unsigned kMostSweeps = 4;
+constexpr unsigned kMaxSweeps = 4;
 
 // Smallest useful difference between two levels of a focal map.
 constexpr double kFinestLevel = 1. / 32;  // pixels of disparity
@@ -56,26 +56,26 @@ constexpr unsigned kPlaneEvery = 4;  // refinement rounds from one that tries th
 
 void DepthEstimator::begin(const ViewRequest& request, const FocusArray& array, View& view) {
   DepthEstimator fresh(settings_);
-  fresh.load_ = load_;
+  fresh.load_interval_ = load_interval_;
   *this = std::move(fresh);
   begun_ = true;
-  tried_from_ = request.view.pose;
+  reference_pose_ = request.view.pose;
   const double focused = plane_inverse(request.view, array.from(), {0, 0, 1});
   const double distance = focused > 0 ? 1 / focused : 1;
   disparity_ = array.disparity();
-  most_reach_ = array.nearest() > 0 ? array.nearest() : 1 / (kNearest * distance);
+  max_inverse_distance_ = array.nearest() > 0 ? array.nearest() : 1 / (kNearest * distance);
   reach_ = reach_from(request.view, array);
   DepthRange range{settings_.far > 0 ? 1 / settings_.far : 0, settings_.near > 0 ? 1 / settings_.near : reach_};
   if (!(range.nearest > range.farthest)) range.nearest = 2 * range.farthest;
-  most_reach_ = std::max(most_reach_, range.nearest);
+  max_inverse_distance_ = std::max(max_inverse_distance_, range.nearest);
   const auto map = std::make_shared<FocalMap>(
       plane_map(request.view, array.from(), range.nearest, range.farthest, step_for(request.view, array)));
-  votes_ = DepthVotes(most_reach_, kSmallest * array.spacing() * request.view.lens.fx() / map->step);
+  votes_ = DepthVotes(max_inverse_distance_, kSmallest * array.spacing() * request.view.lens.fx() / map->step);
   view.focus.map = map;
   // Depths count as different if the disparity between them is more than the distance between nodes.
   others_ =
       DepthAmbiguity(array.edge() > 0 ? map->step / (array.edge() * view.lens.fx()) : range.nearest / kPlanesOfSweep);
-  settling_ = kSettling;
+  settling_rounds_ = kSettling;
   if (is_automatic())
     search(*map);
   else
@@ -87,7 +87,8 @@ void DepthEstimator::begin(const ViewRequest& request, const FocusArray& array, 
 double DepthEstimator::reach_from(const View& view, const FocusArray& array) const {
   constexpr double kBeforeEye = 3;  // multiples of the distance from the viewpoint to the array
   const double eye = array.from().signed_distance(view.pose.position);
-  return eye > 0 && !(settings_.near > 0) ? std::min(most_reach_, 1 / (kBeforeEye * eye)) : most_reach_;
+  return eye > 0 && !(settings_.near > 0) ? std::min(max_inverse_distance_, 1 / (kBeforeEye * eye))
+                                          : max_inverse_distance_;
 }
 
 void DepthEstimator::search(const FocalMap& map) {
@@ -95,11 +96,11 @@ void DepthEstimator::search(const FocalMap& map) {
   lost_ = 0;
   votes_.clear();
   others_.clear();
-  const double pixels = disparity_ > 0 ? disparity_ : kMostSweeps * kPlanesOfSweep * kSearchStep / reach_;
+  const double pixels = disparity_ > 0 ? disparity_ : kMaxSweeps * kPlanesOfSweep * kSearchStep / reach_;
   std::vector<int16_t> levels;
   for (double at = map.farthest * pixels; at <= map.nearest * pixels; at += std::max(kSearchStep, kSearchPart * at))
     levels.push_back(map.level_of(at / pixels));
-  if (levels.size() > kMostSweeps * kPlanesOfSweep) levels.resize(kMostSweeps * kPlanesOfSweep);
+  if (levels.size() > kMaxSweeps * kPlanesOfSweep) levels.resize(kMaxSweeps * kPlanesOfSweep);
   sweeps_ = requests_of(levels);
   unanswered_ = static_cast<int>(sweeps_.size());
 }
@@ -112,7 +113,8 @@ void DepthEstimator::search_around(FocalMap& map) {
 void DepthEstimator::end_search(const View& view, const FocusArray& array, FocalMap& map) {
   const std::optional<DepthRange> scene = votes_.range();
   const bool found = scene.has_value();
-  if (can_measure_ && (!found || disparity_ * (scene->nearest - scene->farthest) >= kWideDisparity)) asked_ = 0;
+  if (can_measure_ && (!found || disparity_ * (scene->nearest - scene->farthest) >= kWideDisparity))
+    requests_since_search_ = 0;
   // A surface that is shown stays visible during another search.
   if (found) {
     follow_range(map);
@@ -159,11 +161,11 @@ void DepthEstimator::sweep(const FocalMap& map) {
 
 // Returns the range of the scene's levels, extended by a tenth on both sides.
 LevelRange DepthEstimator::scene_levels(const FocalMap& map) const {
-  constexpr int kLeastMore = 6;
+  constexpr int kMinMore = 6;
   const std::optional<DepthRange> scene = votes_.range();
   if (!scene) return {};
   const int first = map.level_of(scene->farthest), last = map.level_of(scene->nearest);
-  const int more = std::max((last - first) / 10, kLeastMore);
+  const int more = std::max((last - first) / 10, kMinMore);
   return {std::max(first - more, 0), std::min(last + more, 255)};
 }
 
@@ -192,11 +194,11 @@ void DepthEstimator::follow_range(FocalMap& map) {
   // Objects at the near end of the range may be approaching. A single plane can fit by chance, so a search must confirm
   // such objects.
   if (at_near_end && stage_ == Stage::kBetter) {
-    if (rounds_to_doubt_ > 0) {
-      rounds_to_doubt_--;
+    if (rounds_until_recheck_ > 0) {
+      rounds_until_recheck_--;
     } else {
-      rounds_to_doubt_ = doubts_;
-      doubts_ = std::min(2 * doubts_, kMaxBackoff);
+      rounds_until_recheck_ = recheck_interval_;
+      recheck_interval_ = std::min(2 * recheck_interval_, kMaxBackoff);
       return search_around(map);
     }
   }
@@ -217,15 +219,16 @@ void DepthEstimator::give_up() {
 
 // Repeats the hypotheses of a request that was lost or that a busy node did not answer in time. A search with a missing
 // answer may find nothing, and the next search may be hundreds of pictures away.
-void DepthEstimator::ask_again(const std::vector<DepthHypothesis>& lost) {
-  if (lost.size() < kSweep || (stage_ != Stage::kSearch && stage_ != Stage::kSweep) || lost_ >= kMostLost) return;
+void DepthEstimator::requeue(const std::vector<DepthHypothesis>& lost) {
+  if (lost.size() < kSweep || (stage_ != Stage::kSearch && stage_ != Stage::kSweep) || lost_ >= kMaxLost) return;
   lost_++;
   sweeps_.push_back(lost);
 }
 
 std::vector<DepthHypothesis> DepthEstimator::next_hypotheses(const FocalMap& map) {
-  if (++held_ < std::max(load_, spared_)) return {};
-  const unsigned passed = std::exchange(held_, 0);  // requests since the last one that could have had hypotheses
+  if (++requests_since_hypotheses_ < std::max(load_interval_, min_interval_)) return {};
+  const unsigned passed =
+      std::exchange(requests_since_hypotheses_, 0);  // requests since the last one that could have had hypotheses
   if (!sweeps_.empty()) {
     std::vector<DepthHypothesis> hypotheses = std::move(sweeps_.front());
     sweeps_.pop_front();
@@ -279,7 +282,8 @@ std::vector<DepthHypothesis> DepthEstimator::next_hypotheses(const FocalMap& map
 
 // Adds the hypothesis kMeasured to a request if the measured surface is due.
 std::vector<DepthHypothesis> DepthEstimator::with_measured(std::vector<DepthHypothesis> hypotheses) {
-  if (asked_ >= kMostAsked * kMeasuredEvery || asked_++ % kMeasuredEvery != 0) return hypotheses;
+  if (requests_since_search_ >= kMaxAsked * kMeasuredEvery || requests_since_search_++ % kMeasuredEvery != 0)
+    return hypotheses;
   if (hypotheses.empty()) hypotheses.push_back({DepthHypothesis::Kind::kBlurred, 0});
   hypotheses.push_back({DepthHypothesis::Kind::kMeasured, 0});
   return hypotheses;

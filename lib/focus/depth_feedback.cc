@@ -14,40 +14,42 @@ namespace lf {
 namespace {
 
 constexpr uint32_t kPatience = 30;  // requests until a sweep counts as lost
-constexpr int kMostLost = 3;        // lost sweeps until a search ends
+constexpr int kMaxLost = 3;         // lost sweeps until a search ends
 constexpr uint32_t kRest = 8;       // requests between sweeps in continuous autofocus
-constexpr size_t kMostSwept = 8;
-constexpr size_t kMostUnsent = 8;  // requests
+constexpr size_t kMaxSwept = 8;
+constexpr size_t kMaxUnsent = 8;   // requests
 constexpr double kSame = 0.02;     // part of a distance; smaller changes are ignored
 
 }  // namespace
 
 void DepthFeedback::announce(DepthEstimate news) {
   const std::lock_guard lock(mutex_);
-  if (std::ranges::find(swept_, news.sequence) != swept_.end()) {
-    if (search_ && search_->asked == news.sequence) see_sweep(news);
+  if (std::ranges::find(sweep_sequences_, news.sequence) != sweep_sequences_.end()) {
+    if (search_ && search_->sequence == news.sequence) see_sweep(news);
   } else {
     take_hypotheses(news.plan);
-    news_ = std::move(news);
-    if (follows_ && news_->plan.view.focus.map)
-      if (const auto distance = focus_distance_at(news_->plan.view, pixel_of(news_->plan.view))) find(*distance);
+    latest_estimate_ = std::move(news);
+    if (follows_ && latest_estimate_->plan.view.focus.map)
+      if (const auto distance = focus_distance_at(latest_estimate_->plan.view, pixel_of(latest_estimate_->plan.view)))
+        find(*distance);
   }
   changed_.notify_all();
 }
 
 // Queues the hypotheses of a new estimate. Several estimates can arrive between two requests, because pictures come in
-// bursts. The hypotheses of searches and sweeps are queued (up to kMostUnsent requests), because all later steps depend
+// bursts. The hypotheses of searches and sweeps are queued (up to kMaxUnsent requests), because all later steps depend
 // on their results. Refinement hypotheses replace older refinement hypotheses.
 void DepthFeedback::take_hypotheses(DepthEstimator::Plan& plan) {
   const auto is_of_other_levels = [](const FocalMap* a, const FocalMap* b) {
     return !a || !b || a->farthest != b->farthest || a->nearest != b->nearest || a->step != b->step ||
            !(a->from == b->from);
   };
-  if (news_ && is_of_other_levels(news_->plan.view.focus.map.get(), plan.view.focus.map.get())) unsent_.clear();
+  if (latest_estimate_ && is_of_other_levels(latest_estimate_->plan.view.focus.map.get(), plan.view.focus.map.get()))
+    unsent_.clear();
   if (plan.hypotheses.empty()) return;
   std::erase_if(unsent_, [](const std::vector<DepthHypothesis>& hypotheses) { return hypotheses.size() < kSweep; });
   unsent_.push_back(std::exchange(plan.hypotheses, {}));
-  if (unsent_.size() > kMostUnsent) unsent_.pop_front();
+  if (unsent_.size() > kMaxUnsent) unsent_.pop_front();
 }
 
 Vec2 DepthFeedback::pixel_of(const View& view) const {
@@ -64,7 +66,7 @@ void DepthFeedback::see_sweep(const DepthEstimate& news) {
   const Vec2 middle((view.width - 1) / 2.0, (view.height - 1) / 2.0);
   const std::optional<double> distance = view.focus.map ? focus_distance_at(view, middle) : std::nullopt;
   const std::optional<double> around = search_->found;
-  search_->asked.reset();
+  search_->sequence.reset();
   if (distance && !around) {
     search_->found = distance;
   } else if (distance && (!follows_ || is_inside_sweep(*distance, *around))) {
@@ -81,9 +83,9 @@ std::optional<double> DepthFeedback::focus_at(const Vec2& place, const View* see
   const std::lock_guard lock(mutex_);
   place_ = place;
   latest_.reset();
-  if (news_ && news_->plan.view.focus.map) {
-    View view = seen ? *seen : news_->plan.view;
-    if (seen) view.focus.map = warp_depth_map(news_->plan.view, view);
+  if (latest_estimate_ && latest_estimate_->plan.view.focus.map) {
+    View view = seen ? *seen : latest_estimate_->plan.view;
+    if (seen) view.focus.map = warp_depth_map(latest_estimate_->plan.view, view);
     return focus_distance_at(view, pixel_of(view));
   }
   search_ = Search{};
@@ -101,13 +103,15 @@ std::optional<double> DepthFeedback::take_found() {
   return std::exchange(found_, std::nullopt);
 }
 
-DepthFeedback::Waited DepthFeedback::wait_for(uint32_t sequence, std::chrono::milliseconds longest) {
+DepthFeedback::WaitResult DepthFeedback::wait_for(uint32_t sequence, std::chrono::milliseconds longest) {
   std::unique_lock lock(mutex_);
   // Sequence numbers wrap: the sign of the difference gives the order.
-  const auto is_there = [&] { return news_ && static_cast<int32_t>(news_->sequence - sequence) >= 0; };
+  const auto is_there = [&] {
+    return latest_estimate_ && static_cast<int32_t>(latest_estimate_->sequence - sequence) >= 0;
+  };
   changed_.wait_for(lock, longest, [&] { return unlocked_ || is_there(); });
-  if (unlocked_) return Waited::kUnlocked;
-  return is_there() ? Waited::kCame : Waited::kTooLong;
+  if (unlocked_) return WaitResult::kUnlocked;
+  return is_there() ? WaitResult::kAvailable : WaitResult::kTimeout;
 }
 
 bool DepthFeedback::has_hypotheses() {
@@ -120,11 +124,11 @@ std::optional<ViewRequest> DepthFeedback::next_sweep(const ViewRequest& request,
   requests_++;
   if (request.view.focus.map) return std::nullopt;
   if (!search_ && follows_ && requests_ >= kRest) search_ = Search{latest_, {}, 0};
-  if (search_ && search_->asked && requests_ > kPatience) {
-    search_->asked.reset();
-    if (++search_->lost >= kMostLost) search_.reset();
+  if (search_ && search_->sequence && requests_ > kPatience) {
+    search_->sequence.reset();
+    if (++search_->lost >= kMaxLost) search_.reset();
   }
-  if (!search_ || search_->asked) return std::nullopt;
+  if (!search_ || search_->sequence) return std::nullopt;
   requests_ = 0;
   ViewRequest sweep = request;
   sweep.gains = {};
@@ -137,9 +141,9 @@ std::optional<ViewRequest> DepthFeedback::next_sweep(const ViewRequest& request,
 
 void DepthFeedback::sweep_sent(uint32_t sequence) {
   const std::lock_guard lock(mutex_);
-  if (search_) search_->asked = sequence;
-  swept_.push_back(sequence);
-  if (swept_.size() > kMostSwept) swept_.pop_front();
+  if (search_) search_->sequence = sequence;
+  sweep_sequences_.push_back(sequence);
+  if (sweep_sequences_.size() > kMaxSwept) sweep_sequences_.pop_front();
 }
 
 void DepthFeedback::apply(ViewRequest& request) {
@@ -149,15 +153,15 @@ void DepthFeedback::apply(ViewRequest& request) {
     const View& view = request.view;
     now_ =
         -view.focus.plane.signed_distance(view.pose.position) / glm::dot(view.focus.plane.normal, view.pose.forward());
-    if (!news_ || !news_->plan.view.focus.map) return;
+    if (!latest_estimate_ || !latest_estimate_->plan.view.focus.map) return;
     search_.reset();
     if (!unsent_.empty() && request.place.leads()) {
       request.hypotheses = std::move(unsent_.front());
       unsent_.pop_front();
     }
-    request.gains = {.use = news_->gains.use};
-    if (request.place.leads()) std::swap(request.gains, news_->gains);
-    plan = news_->plan;
+    request.gains = {.use = latest_estimate_->gains.use};
+    if (request.place.leads()) std::swap(request.gains, latest_estimate_->gains);
+    plan = latest_estimate_->plan;
   }
   apply_plan(plan, request);
 }
@@ -170,10 +174,10 @@ void DepthFeedback::set_unlocked(bool unlocked) {
 
 void DepthFeedback::clear() {
   const std::lock_guard lock(mutex_);
-  news_.reset();
+  latest_estimate_.reset();
   unsent_.clear();
   search_.reset();
-  swept_.clear();
+  sweep_sequences_.clear();
   found_.reset();
   latest_.reset();
 }

@@ -21,10 +21,10 @@ class DepthFeedback {
  public:
   // Receives a new estimate from the compositor.
   void announce(DepthEstimate news);
-  // Waits for an estimate that is based on request `sequence` or a later request. Returns kCame if there is one,
-  // kTooLong after `longest`, and kUnlocked if set_unlocked() ends the wait.
-  enum class Waited { kCame, kTooLong, kUnlocked };
-  Waited wait_for(uint32_t sequence, std::chrono::milliseconds longest);
+  // Waits for an estimate that is based on request `sequence` or a later request. Returns kAvailable if there is one,
+  // kTimeout after `longest`, and kUnlocked if set_unlocked() ends the wait.
+  enum class WaitResult { kAvailable, kTimeout, kUnlocked };
+  WaitResult wait_for(uint32_t sequence, std::chrono::milliseconds longest);
   // Adds the surface, warped to the request's view, and the next hypotheses and gains to a request. Hypotheses and
   // gains are added to one request only. In a set of views, such as a stereo pair, only the request of the leading view
   // gets hypotheses and gains.
@@ -54,7 +54,7 @@ class DepthFeedback {
  private:
   struct Search {
     std::optional<double> found;    // distance found by the first stage; nothing: not yet
-    std::optional<uint32_t> asked;  // number of the sweep request in flight
+    std::optional<uint32_t> sequence;  // number of the sweep request in flight
     int lost = 0;                   // lost requests of the search
   };
   void see_sweep(const DepthEstimate& news);
@@ -64,12 +64,14 @@ class DepthFeedback {
 
   std::mutex mutex_;
   std::condition_variable changed_;
-  std::optional<DepthEstimate> news_;                // latest estimate, without its hypotheses
-  std::deque<std::vector<DepthHypothesis>> unsent_;  // hypotheses for the map of news_, one entry per request
+  std::optional<DepthEstimate> latest_estimate_;  // latest estimate, without its hypotheses
+  std::deque<std::vector<DepthHypothesis>>
+      unsent_;  // hypotheses for the map of latest_estimate_, one entry per request
   Vec2 place_{0.5, 0.5};
   bool follows_ = false;
   std::optional<Search> search_;
-  std::deque<uint32_t> swept_;  // numbers of the latest sweeps, newest last; their results are no surfaces of the view
+  std::deque<uint32_t>
+      sweep_sequences_;         // numbers of the latest sweeps, newest last; their results are no surfaces of the view
   uint32_t requests_ = 0;       // requests since the latest sweep
   std::optional<double> found_;
   std::optional<double> latest_;  // last distance found at place_

@@ -278,14 +278,14 @@ class NodeCounts {
 // Returns the votes without nodes that may appear near by chance only. The cameras of several triangles see a truly
 // near object, so they agree in a whole window of nodes, as wide as a cell of the array at that depth.
 std::vector<uint8_t> DepthVotes::consistent(const FocalMap& map, const std::vector<uint8_t>& informed) const {
-  constexpr double kLeastSide = 2;    // nodes; a smaller window has no neighbours
+  constexpr double kMinSide = 2;      // nodes; a smaller window has no neighbours
   constexpr double kSameDepth = 1.2;  // ratio of inverse distances
   constexpr uint32_t kAgreeing = 8;   // one of so many votes in the window must be for the same depth
   constexpr int kNoWindow = -10;      // a bin without neighbours
   std::array<int, 256> bin;           // by level
   for (int level = 0; level < 256; level++) {
     const double side = smallest_ * map.inverse_of(level);
-    bin[level] = side < kLeastSide ? kNoWindow : static_cast<int>(std::log(side) / std::log(kSameDepth));
+    bin[level] = side < kMinSide ? kNoWindow : static_cast<int>(std::log(side) / std::log(kSameDepth));
   }
   std::array<bool, 256> is_voted{};
   for (size_t i = 0; i < informed.size(); i++) is_voted[map.levels[i]] |= informed[i] != 0;
@@ -343,16 +343,16 @@ std::optional<DepthRange> DepthVotes::range() const {
 
 namespace {
 
-constexpr int kMostLevel = static_cast<int>(FocalMap::kLevels);
+constexpr int kMaxLevel = static_cast<int>(FocalMap::kLevels);
 
 }  // namespace
 
 void set_range(const DepthRange& range, FocalMap& map) {
-  std::array<uint8_t, kMostLevel + 1> level{};
+  std::array<uint8_t, kMaxLevel + 1> level{};
   const FocalMap before = {.from = map.from, .farthest = map.farthest, .nearest = map.nearest, .levels = {}};
   map.farthest = range.farthest;
   map.nearest = range.nearest;
-  for (int i = 0; i <= kMostLevel; i++) level[i] = map.level_of(before.inverse_of(i));
+  for (int i = 0; i <= kMaxLevel; i++) level[i] = map.level_of(before.inverse_of(i));
   for (uint8_t& at : map.levels) at = level[at];
 }
 

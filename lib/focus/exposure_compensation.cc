@@ -53,9 +53,9 @@ void ExposureCompensation::take(const std::map<CameraIndex, BrightnessRatio>& ra
 
 namespace {
 
-constexpr int kLeastWeight = static_cast<int>(PhotoConsistency::kWeightOne * ExposureCompensation::kUnknownTrust / 6);
+constexpr int kMinWeight = static_cast<int>(PhotoConsistency::kWeightOne * ExposureCompensation::kUnknownTrust / 6);
 constexpr float kDarkest = 16, kBrightest = 240;             // luma
-constexpr float kMostDeviation = 0.25f, kMostChange = 0.5f;  // part of the mean
+constexpr float kMaxDeviation = 0.25f, kMaxChange = 0.5f;    // part of the mean
 
 }  // namespace
 
@@ -78,11 +78,11 @@ std::vector<uint8_t> mean_luma(const PhotoConsistency& moments, const GainSum& g
   const float scale = gains.mean();
   std::vector<float> mean(moments.weight.size());
   for (size_t i = 0; i < mean.size(); i++) {
-    if (moments.weight[i] < kLeastWeight) continue;
+    if (moments.weight[i] < kMinWeight) continue;
     const float weight = static_cast<float>(moments.weight[i]) / PhotoConsistency::kWeightOne;
     const float value = static_cast<float>(moments.luma[i]) / PhotoConsistency::kLumaOne / weight;
     const float variance = static_cast<float>(moments.square[i]) / weight - value * value;
-    if (variance <= kMostDeviation * kMostDeviation * value * value) mean[i] = scale * value;
+    if (variance <= kMaxDeviation * kMaxDeviation * value * value) mean[i] = scale * value;
   }
   std::vector<uint8_t> levels(mean.size());
   for (int y = 1; y + 1 < rows; y++)
@@ -90,7 +90,7 @@ std::vector<uint8_t> mean_luma(const PhotoConsistency& moments, const GainSum& g
       const size_t i = static_cast<size_t>(y) * columns + x;
       const auto around = {mean[i - 1], mean[i], mean[i + 1], mean[i - columns], mean[i + columns]};
       if (!(mean[i] >= kDarkest && mean[i] <= kBrightest)) continue;
-      if (std::max(around) - std::min(around) > kMostChange * mean[i]) continue;
+      if (std::max(around) - std::min(around) > kMaxChange * mean[i]) continue;
       levels[i] = static_cast<uint8_t>(std::lround(mean[i]));
     }
   return levels;
@@ -98,7 +98,7 @@ std::vector<uint8_t> mean_luma(const PhotoConsistency& moments, const GainSum& g
 
 namespace {
 
-constexpr size_t kLeastNodes = 24;
+constexpr size_t kMinNodes = 24;
 // A camera is compared with the mean only at nodes with a line of sight that crosses the array within 1.25 mesh edges
 // of the camera. At other nodes, the mean comes from cameras on one side only. Reflections change along an array, in
 // one scene by 2 % per camera, so the ratio would contain this change.
@@ -264,7 +264,7 @@ std::optional<BrightnessRatio> WideLuma::ratio(const Camera& seen, std::span<con
       ratios.push_back(std::log(static_cast<float>(seen.luma[i]) / static_cast<float>(mean[i])));
       dark += 1 / static_cast<float>(mean[i]);
     }
-  if (ratios.size() < kLeastNodes) return std::nullopt;
+  if (ratios.size() < kMinNodes) return std::nullopt;
   std::ranges::sort(ratios);
   const size_t n = ratios.size();
   const float deviation = (ratios[3 * n / 4] - ratios[n / 4]) / 1.35f;  // normal distribution with these quartiles

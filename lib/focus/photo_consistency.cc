@@ -188,7 +188,7 @@ double moved_light(std::span<const PhotoConsistency> hypotheses, std::span<const
                    std::span<const uint8_t> counted) {
   constexpr int kAllWeight = PhotoConsistency::kWeightOne * 15 / 16;
   constexpr double kLuma = static_cast<double>(PhotoConsistency::kWeightOne) / PhotoConsistency::kLumaOne;
-  constexpr int kLeastNodes = 100;  // fewer nodes are dominated by objects at the border
+  constexpr int kMinNodes = 100;  // fewer nodes are dominated by objects at the border
   const PhotoConsistency& through = hypotheses[plane];
   double moved[4] = {};
   int nodes[4] = {};
@@ -206,7 +206,7 @@ double moved_light(std::span<const PhotoConsistency> hypotheses, std::span<const
   double squares = 0;
   int all = 0;
   for (int q = 0; q < 4; q++) {
-    if (nodes[q] < kLeastNodes) continue;
+    if (nodes[q] < kMinNodes) continue;
     squares += moved[q] * moved[q] / nodes[q];
     all += nodes[q];
   }

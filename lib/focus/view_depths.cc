@@ -53,7 +53,7 @@ void ViewDepths::apply(ViewRequest& request) {
 }
 
 void ViewDepths::take(const ViewRequest& request, const Answers& answers, const FocusArray& array) {
-  control_.keep_up(answers.complete);
+  control_.adapt_interval(answers.complete);
   plan_ = control_.next(request, answers.moments, array);
   gains_ = next_gains(turns_, match_gains_ && control_.state().mixed, !plan_->hypotheses.empty(), answers.brightness,
                       answers.gains, request.sequence);

@@ -66,10 +66,10 @@ int on_tiff_warning(TIFF*, void* data, const char*, const char* format, va_list 
 }
 
 void decode_all(TIFF* tiff, TiffFile& file) {
-  constexpr tmsize_t kMostBytes = tmsize_t{1} << 31;  // 160 million pixels with three channels of 32 bits
+  constexpr tmsize_t kMaxBytes = tmsize_t{1} << 31;  // 160 million pixels with three channels of 32 bits
   const bool tiled = TIFFIsTiled(tiff);
   const tmsize_t size = tiled ? TIFFTileSize(tiff) : TIFFStripSize(tiff);
-  if (size <= 0 || size > kMostBytes) {
+  if (size <= 0 || size > kMaxBytes) {
     if (file.problem.empty()) file.problem = "its parts have no valid size";
     return;
   }

@@ -293,7 +293,7 @@ class Model {
  public:
   Model(const ColourModel& model, PixelFamily family) : model_(model), family_(family) {
     for (int i = 0; i <= kSteps; i++) {
-      light_.push_back(decode_gamma(kMostLevel * i / kSteps, model.gamma));
+      light_.push_back(decode_gamma(kMaxLevel * i / kSteps, model.gamma));
       const double root = kMaxRoot * i / kSteps;
       level_.push_back(encode_gamma(root * root));
     }
@@ -301,7 +301,7 @@ class Model {
   Vec3 operator()(const Vec3& channels) const {
     const Vec3 rgb = to_rgb(family_, channels);
     double light[3];
-    for (int c = 0; c < 3; c++) light[c] = read(light_, (rgb[c] - model_.black[c]) / kMostLevel);
+    for (int c = 0; c < 3; c++) light[c] = read(light_, (rgb[c] - model_.black[c]) / kMaxLevel);
     Vec3 out;
     for (int c = 0; c < 3; c++) {
       const double* const row = &model_.matrix[static_cast<size_t>(3 * c)];
@@ -315,7 +315,7 @@ class Model {
  private:
   static constexpr int kSteps = 4096;
   // Corners of the YCbCr cube are far outside of RGB.
-  static constexpr double kMostLevel = 640, kMaxRoot = 16;
+  static constexpr double kMaxLevel = 640, kMaxRoot = 16;
 
   // `place` is -1 to 1; the function is odd.
   static double read(const std::vector<double>& table, double place) {
@@ -381,7 +381,7 @@ int16_t fixed(double value, int bits) {
 }
 
 constexpr double kMaxSlope = 1.99;   // below 2, so that the slope times the vignetting factor fits 13 fraction bits
-constexpr double kLeastRest = 0.25;  // levels; smaller residuals are ignored
+constexpr double kMinRest = 0.25;    // levels; smaller residuals are ignored
 
 }  // namespace
 
@@ -491,7 +491,7 @@ void ColourCorrection::fit(const ColourModel& model) {
         if (std::min({colour.x, colour.y, colour.z}) >= 0 && std::max({colour.x, colour.y, colour.z}) <= 255)
           most = std::max({most, std::abs(rest.x), std::abs(rest.y), std::abs(rest.z)});
       }
-  if (most < kLeastRest) tables_.rest.clear();
+  if (most < kMinRest) tables_.rest.clear();
 }
 
 void ColourCorrection::tabulate_factor(const ColourModel& model, int width, int height, const Vec2& centre) {

@@ -14,7 +14,7 @@
 namespace lf::jpeg {
 namespace {
 
-constexpr size_t kLeastRoom = 4096;  // minimum growth of the output, bytes
+constexpr size_t kMinRoom = 4096;  // minimum growth of the output, bytes
 
 // Copies a row and repeats its last sample up to the padded width. The decoder discards the padding, and repeated
 // samples cost the fewest bits.
@@ -130,7 +130,7 @@ class FragmentEncoder::Picture {
     destination_.free_in_buffer = kind_ == Kind::kLost ? kMissingHeader : kPixelHeader;
   }
   boolean grow_output() {
-    const size_t used = out_->size(), room = std::max(kLeastRoom, used / 2);
+    const size_t used = out_->size(), room = std::max(kMinRoom, used / 2);
     try {
       out_->resize(used + room);
     } catch (const std::bad_alloc&) {

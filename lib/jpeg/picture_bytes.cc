@@ -70,7 +70,7 @@ bool read_png(png_structp png, png_infop info, PngInput& input, Image& out, std:
 // Returns true if a PNG has many more compressed bytes than its pixels can need. Files with excess data are refused,
 // because libpng would inflate everything after the last row.
 bool has_excess_data(Bytes bytes) {
-  constexpr size_t kFirstChunk = 8, kMostPerPixel = 8, kSlack = 1 << 16;  // RGBA of 16 bits
+  constexpr size_t kFirstChunk = 8, kMaxPerPixel = 8, kSlack = 1 << 16;  // RGBA of 16 bits
   const auto number_at = [&](size_t at) {
     return size_t{bytes[at]} << 24 | size_t{bytes[at + 1]} << 16 | size_t{bytes[at + 2]} << 8 | bytes[at + 3];
   };
@@ -79,7 +79,7 @@ bool has_excess_data(Bytes bytes) {
   size_t compressed = 0;
   for (size_t at = kFirstChunk; at + 12 <= bytes.size(); at += 12 + number_at(at))  // length, kind, data, checksum
     if (std::memcmp(&bytes[at + 4], "IDAT", 4) == 0) compressed += number_at(at);
-  return compressed > pixels * kMostPerPixel + kSlack;
+  return compressed > pixels * kMaxPerPixel + kSlack;
 }
 
 Image decode_png(Bytes bytes) {

@@ -24,7 +24,7 @@ Coding choose_coding(CodecChoice codec, bool in_process, int quality) {
 // If answers are sent over a network, one more fragment costs at least 20 bytes for its entry in the fragment table.
 // JPEG needs only 4 bytes for 16 x 16 empty pixels, so a fragment must save many pixels. Within a process, a fragment
 // costs only about a microsecond, but the compositor can use a single sum of the whole view without a copy.
-size_t spare_pixels(const View& view, wire::Codec codec, bool in_process) {
+size_t max_extra_pixels(const View& view, wire::Codec codec, bool in_process) {
   if (in_process) return static_cast<size_t>(view.width) * view.height / 4;
   return codec == wire::Codec::kJpeg ? 12 * 16 * 16 : 16;
 }
@@ -154,7 +154,7 @@ void encode_sum(const wire::AnswerHeader& header, const RequestPlan& plan, std::
   std::vector<CameraIndex> cameras;
   for (const Source& source : sources) cameras.push_back(source.camera);
   const std::vector<Rect> tiles = sum_tiles(job.plan(), job.runs(), cameras, header.family,
-                                            spare_pixels(job.plan().view(), coding.codec, options.in_process));
+                                            max_extra_pixels(job.plan().view(), coding.codec, options.in_process));
   if (coding.codec == wire::Codec::kRaw16)
     return encode_sums16(header, sum, tiles, options.parallel, std::move(memory), answer);
   const std::vector<Fragment> strips = render_strips(sum, tiles, header.family, options.strip_pixels, options.parallel);

@@ -40,7 +40,7 @@ Coding choose_coding(CodecChoice codec, bool in_process, int quality);
 // of a view, and the pixels between these parts are empty. It is only worth sending the parts as two fragments if this
 // saves more empty pixels than the returned number; see sum_tiles(). `in_process` means that the answer is not sent
 // over a network.
-size_t spare_pixels(const View& view, wire::Codec codec, bool in_process);
+size_t max_extra_pixels(const View& view, wire::Codec codec, bool in_process);
 
 // The photo-consistency sums of all depth hypotheses of a request. They let the compositor judge which guessed depth is
 // right, without images.

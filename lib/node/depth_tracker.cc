@@ -72,7 +72,7 @@ CameraSet cameras_around(const CameraInputs::Array& array, const std::vector<Vec
     std::ranges::sort(by_distance);
     for (size_t i = 0; i < by_distance.size() && i < DepthTracker::kCamerasOfView; i++)
       if (const CameraIndex camera = by_distance[i].second;
-          chosen.size() < DepthTracker::kMostCameras && std::ranges::find(chosen, camera) == chosen.end())
+          chosen.size() < DepthTracker::kMaxTrackedCameras && std::ranges::find(chosen, camera) == chosen.end())
         chosen.push_back(camera);
   }
   std::ranges::sort(chosen);
@@ -167,7 +167,8 @@ bool DepthTracker::update_depths(const CameraInputs::Array& array, const CameraS
   CameraSet tracked = cameras;
   // Other cameras cost nothing as long as their frames stay the same.
   for (const auto& [camera, picture] : pictures_)
-    if (tracked.size() < kMostCameras && array.cameras.contains(camera) && !std::ranges::binary_search(cameras, camera))
+    if (tracked.size() < kMaxTrackedCameras && array.cameras.contains(camera) &&
+        !std::ranges::binary_search(cameras, camera))
       if (const std::optional<CameraFrame> frame = find(camera); frame && is_unchanged(camera, *frame))
         tracked.push_back(camera);
   std::ranges::sort(tracked);

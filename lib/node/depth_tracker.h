@@ -24,7 +24,7 @@ namespace lf {
 class DepthTracker {
  public:
   // Depth maps are estimated for this number of cameras around each viewpoint, and in total.
-  static constexpr size_t kCamerasOfView = 16, kMostCameras = 48;
+  static constexpr size_t kCamerasOfView = 16, kMaxTrackedCameras = 48;
   // The work for a live view ends this long after its last call of surface(), nanoseconds.
   static constexpr uint64_t kTimeout = 2'000'000'000;
   // Live views that are tracked at the same time. Further views get no surface.

@@ -8,7 +8,7 @@
 namespace lf {
 
 FrameLookup::FrameLookup(const CameraInputs::Array& array, const RequestHeader& moment, const Options& options)
-    : array_(array), moment_(moment), options_(options) {
+    : array_(array), request_time_(moment), options_(options) {
   for (const auto& [camera, frames] : array.cameras) frames->advance(wanted_of(*frames));
 }
 
@@ -16,16 +16,16 @@ FrameLookup::FrameLookup(const CameraInputs::Array& array, const RequestHeader& 
 // requests the running time.
 uint64_t FrameLookup::convert(uint64_t time, bool of_live_frame, bool to_request) const {
   if (time == kNoTime) return time;
-  const auto offset = static_cast<uint64_t>(moment_.absolute_time ? options_.wall_offset : 0);  // modulo 2^64
-  const bool from_clock = to_request ? of_live_frame : moment_.absolute_time,
-             to_clock = to_request ? moment_.absolute_time : of_live_frame;
+  const auto offset = static_cast<uint64_t>(request_time_.absolute_time ? options_.wall_offset : 0);  // modulo 2^64
+  const bool from_clock = to_request ? of_live_frame : request_time_.absolute_time,
+             to_clock = to_request ? request_time_.absolute_time : of_live_frame;
   if (!to_request) time -= offset;
   if (from_clock != to_clock) time = to_clock ? time + options_.base_time : time - std::min(time, options_.base_time);
   return to_request ? time + offset : time;
 }
 
 uint64_t FrameLookup::wanted_of(const CameraFrames& frames) const {
-  return convert(moment_.target_time, frames.is_live(), false);
+  return convert(request_time_.target_time, frames.is_live(), false);
 }
 
 uint64_t FrameLookup::skew_of(CameraIndex camera, uint64_t time) const {

@@ -56,7 +56,7 @@ class FrameLookup {
   std::optional<CameraFrame> look_for(CameraIndex camera);
 
   const CameraInputs::Array& array_;
-  const RequestHeader& moment_;
+  const RequestHeader& request_time_;
   const Options options_;
   std::map<CameraIndex, std::optional<CameraFrame>> found_;
   std::vector<SkewMonitor::Frame> skews_;

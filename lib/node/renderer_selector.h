@@ -55,11 +55,11 @@ class Backoff {
 
   // Records an attempt. `now` is nanoseconds of a monotonic clock.
   void add(bool refused, uint64_t now);
-  bool is_exhausted(uint64_t now) const { return now < rests_until_; }
+  bool is_exhausted(uint64_t now) const { return now < retry_time_; }
 
  private:
   int refusals_ = 0;
-  uint64_t rests_until_ = 0;
+  uint64_t retry_time_ = 0;
 };
 
 // Implements the property `renderer`: decides for each answer whether the GPU or the CPU renders, and owns the GPU
@@ -108,13 +108,13 @@ class RendererSelector {
  private:
   bool is_open(RendererChoice choice, std::string& news);
   bool draws(RendererChoice choice) const { return choice == RendererChoice::kGl || tuner_.gpu_is_next(); }
-  bool is_in_race() const { return drawer_ && !drawer_->is_lost() && !drawer_->is_software(); }
+  bool is_in_race() const { return renderer_ && !renderer_->is_lost() && !renderer_->is_software(); }
   std::string explain_answers(RendererChoice choice) const;
 
   const Open open_;
   const Clock now_;
   mutable std::mutex mutex_;
-  std::shared_ptr<gl::GlesRenderer> drawer_;
+  std::shared_ptr<gl::GlesRenderer> renderer_;
   std::set<gl::ShareGroup> groups_;  // groups that move_to() has tried, including failures
   std::string left_;
   std::optional<gl::Context::Drivers> tried_;  // drivers of the latest attempt to open a renderer
@@ -125,7 +125,7 @@ class RendererSelector {
   RendererTuner depth_tuner_;
   Backoff depth_backoff_;
   bool draws_consistency_ = false;
-  std::string why_not_;                     // why the latest answer was not rendered by the GPU
+  std::string failure_reason_;              // why the latest answer was not rendered by the GPU
   std::string refusal_, reported_refusal_;  // latest refusal, and the refusal that was last reported to the user
 };
 

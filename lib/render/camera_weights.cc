@@ -84,7 +84,7 @@ double at_most(double largest, double value) { return value < largest ? value : 
 constexpr double kFarthest = 1e300;
 
 constexpr size_t kLeast = 4;          // minimum number of cameras with a weight
-constexpr double kLeastReach = 1.25;  // relative to the squared distance of the last of these cameras
+constexpr double kMinReach = 1.25;    // relative to the squared distance of the last of these cameras
 constexpr double kFacing = 0.25;      // below this cosine a camera fades, because its axis is nearly at a right angle
 
 constexpr double kLargest = 1e12;       // angle for cameras beyond the focus
@@ -179,9 +179,9 @@ void CameraWeights::within_aperture(const Vec3& d) {
   };
   double reach = blending_.aperture / 2 * (blending_.aperture / 2);
   const size_t wanted = std::min(kLeast, candidates_.size());
-  const auto is_near = [&](const Candidate& candidate) { return candidate.penalty - least <= reach / kLeastReach; };
+  const auto is_near = [&](const Candidate& candidate) { return candidate.penalty - least <= reach / kMinReach; };
   if (static_cast<size_t>(std::ranges::count_if(candidates_, is_near)) < wanted)
-    reach = kLeastReach * (nth(wanted - 1) - least);
+    reach = kMinReach * (nth(wanted - 1) - least);
   if (candidates_.size() > WeightGrid::kMaxShares) {
     reach = std::min(reach, nth(WeightGrid::kMaxShares) - least);
     candidates_.resize(WeightGrid::kMaxShares);

@@ -264,10 +264,10 @@ const MeshFace* nearest_face(const Rig& rig, const Mesh& mesh, const Vec3& posit
 
 // Returns true if the cameras surround a scene, so that their mean axis is meaningless.
 bool is_omnidirectional(const Rig& rig) {
-  constexpr double kLeastMean = 0.3;
+  constexpr double kMinMean = 0.3;
   Vec3 sum(0);
   for (const Camera& camera : rig.cameras) sum += camera.pose.forward();
-  return glm::length(sum) < kLeastMean * static_cast<double>(rig.cameras.size());
+  return glm::length(sum) < kMinMean * static_cast<double>(rig.cameras.size());
 }
 
 }  // namespace

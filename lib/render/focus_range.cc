@@ -16,10 +16,10 @@ constexpr size_t kNeighbours = 4;
 constexpr int kBlock = 12, kStep = 2;  // side of a block and spacing of its samples, pixels
 constexpr int kTriedPlanes = 96;
 constexpr double kLargestDisparity = 0.25;  // relative to the image width, for the two most distant cameras
-constexpr double kLeastTexture = 8;         // mean absolute deviation of a block's luma, 0..255
+constexpr double kMinTexture = 8;           // mean absolute deviation of a block's luma, 0..255
 // largest difference of the best plane, relative to the median over all planes
 constexpr double kDistinct = 0.5;
-constexpr size_t kLeastBlocks = 8;
+constexpr size_t kMinBlocks = 8;
 
 struct Grey {
   int width = 0, height = 0;
@@ -73,7 +73,7 @@ bool textured(const std::vector<Sample>& samples) {
   double mean = 0, deviation = 0;
   for (const Sample& s : samples) mean += s.luma / static_cast<double>(samples.size());
   for (const Sample& s : samples) deviation += std::abs(s.luma - mean) / static_cast<double>(samples.size());
-  return deviation > kLeastTexture;
+  return deviation > kMinTexture;
 }
 
 }  // namespace
@@ -126,7 +126,7 @@ std::optional<FocusRange> estimate_focus_range(const Rig& rig, const CameraImage
       std::nth_element(differences.begin(), differences.begin() + kTriedPlanes / 2, differences.end());
       if (least < kDistinct * differences[kTriedPlanes / 2]) found.push_back(best_distance);
     }
-  if (found.size() < kLeastBlocks) return std::nullopt;
+  if (found.size() < kMinBlocks) return std::nullopt;
   std::sort(found.begin(), found.end());
   return FocusRange{found[found.size() / 10], found[found.size() - 1 - found.size() / 10]};
 }

@@ -130,7 +130,7 @@ const char* simd_target_name() { return simd::target_name(); }
 
 namespace {
 
-constexpr int kLeastGap = 16;
+constexpr int kMinGap = 16;
 
 // The rectangles of one row of tiles, from left to right. Rectangles that are less than `gap` pixels apart are merged.
 class TileRow {
@@ -198,11 +198,11 @@ void check_image(const Camera& camera, const ImageView& image) {
 }
 
 std::vector<Rect> sum_tiles(const ViewPlan& plan, const FaceRuns& runs, std::span<const CameraIndex> cameras,
-                            PixelFamily family, size_t spare_pixels) {
+                            PixelFamily family, size_t max_extra_pixels) {
   const View& view = plan.view();
   const Rect& region = runs.region();
   const std::vector<bool> own = own_faces(plan, cameras);
-  const int gap = std::clamp<int>(static_cast<int>(spare_pixels / kTileRows), kLeastGap, view.width);
+  const int gap = std::clamp<int>(static_cast<int>(max_extra_pixels / kTileRows), kMinGap, view.width);
   std::vector<Rect> tiles;
   for (int y = region.y0 / kTileRows * kTileRows; y < region.y1; y += kTileRows) {
     TileRow row_of_tiles(gap);
@@ -213,7 +213,7 @@ std::vector<Rect> sum_tiles(const ViewPlan& plan, const FaceRuns& runs, std::spa
       const Rect rect = family == PixelFamily::kI420 ? chroma_aligned(rects[i], view) : rects[i];
       const auto may_grow = [&](const Rect& tile) {
         const Rect grown = unite(tile, rect);
-        return tile.y1 <= y && tile.y1 > y - kTileRows && area(grown) <= area(tile) + area(rect) + spare_pixels &&
+        return tile.y1 <= y && tile.y1 > y - kTileRows && area(grown) <= area(tile) + area(rect) + max_extra_pixels &&
                (i + 1 == rects.size() || grown.x1 < rects[i + 1].x0) &&
                std::ranges::none_of(
                    tiles, [&](const Rect& other) { return other != tile && !intersect(other, grown).empty(); });

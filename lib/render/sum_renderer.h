@@ -102,12 +102,12 @@ const char* simd_target_name();
 // every pixel with a weight of one of `cameras` (ascending), and are sorted by their upper edges. In kI420 they consist
 // of whole chroma samples. `runs` must cover the contributions of the cameras.
 //
-// A rectangle is merged with its neighbour if this adds at most `spare_pixels` pixels without weight. Choose the number
-// of pixels that take as long to send as another rectangle. For example, a camera contributes to an area that is about
-// a hexagon. A small number divides the hexagon into rectangles of kTileRows rows, each as wide as the hexagon is
+// A rectangle is merged with its neighbour if this adds at most `max_extra_pixels` pixels without weight. Choose the
+// number of pixels that take as long to send as another rectangle. For example, a camera contributes to an area that is
+// about a hexagon. A small number divides the hexagon into rectangles of kTileRows rows, each as wide as the hexagon is
 // there. A large number gives one rectangle around the hexagon.
 std::vector<Rect> sum_tiles(const ViewPlan& plan, const FaceRuns& runs, std::span<const CameraIndex> cameras,
-                            PixelFamily family, size_t spare_pixels);
+                            PixelFamily family, size_t max_extra_pixels);
 
 // Rectangles begin and end at multiples of this number of rows, except at the top and bottom, because a JPEG has whole
 // MCUs.

@@ -35,14 +35,14 @@ class RayTables {
     size_t pixels = 0, kept = 0;
     for (const Entry& entry : entries_) {
       pixels += static_cast<size_t>(entry.width) * static_cast<size_t>(entry.height);
-      if (pixels > kMostPixels) break;
+      if (pixels > kMaxPixels) break;
       kept++;
     }
     entries_.resize(kept);
   }
 
  private:
-  static constexpr size_t kMostPixels = size_t{1} << 22;
+  static constexpr size_t kMaxPixels = size_t{1} << 22;
   struct Entry {
     Lens lens;
     int width, height;

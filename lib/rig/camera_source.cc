@@ -82,8 +82,8 @@ std::vector<uint8_t> first_bytes(std::ifstream& file, size_t count) {
 }
 
 bool has_second_picture(std::ifstream& file, uintmax_t size) {
-  constexpr size_t kHeaders = 1 << 16, kMostBytes = 1 << 26;
-  for (size_t count = 1 << 20; count <= kMostBytes; count *= 2) {
+  constexpr size_t kHeaders = 1 << 16, kMaxBytes = 1 << 26;
+  for (size_t count = 1 << 20; count <= kMaxBytes; count *= 2) {
     const std::vector<uint8_t> bytes = first_bytes(file, count);
     const std::optional<size_t> end = jpeg_end(bytes);
     const bool is_all = bytes.size() == size;
@@ -171,8 +171,8 @@ int count_pictures(const CameraSource& sequence) {
 }
 
 std::string file_behind_gap(const CameraSource& sequence) {
-  constexpr int kLeastLook = 256;
-  for (int ahead = 1; ahead <= std::max(kLeastLook, sequence.count); ahead++)
+  constexpr int kMinLook = 256;
+  for (int ahead = 1; ahead <= std::max(kMinLook, sequence.count); ahead++)
     if (std::string file = sequence_file(sequence, sequence.count + ahead); exists(file)) return file;
   return "";
 }
@@ -181,10 +181,10 @@ std::string file_behind_gap(const CameraSource& sequence) {
 // cameras that start with 0. Compares a few cameras only, so that the cost does not grow with the array.
 void require_first_picture(const Rig& rig, const std::string& text, const CameraSource& sequence) {
   if (sequence.first == 0) return;
-  constexpr int kMostOthers = 3;
+  constexpr int kMaxOthers = 3;
   int others = 0;
   for (const Camera& camera : rig.cameras) {
-    if (others == kMostOthers) return;
+    if (others == kMaxOthers) return;
     if (camera.source == text || camera.source.find('%') == std::string::npos) continue;
     others++;
     CameraSource other = pattern_of(rig, camera.source).value_or(CameraSource{.first = 1});

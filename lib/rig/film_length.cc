@@ -165,12 +165,12 @@ std::vector<RigFinding> compare_film_lengths(const std::vector<Film>& films) {
   const auto count = std::ranges::count_if(films, [&](const Film& film) { return differs(film, frame / 2); });
   const bool is_alone = count == 1 && films.size() > 2;
   const double tolerance = is_alone ? frame / 2 : std::max(2.5 * frame, 0.01 * length_of(usual));
-  constexpr size_t kMostFindings = 8;
+  constexpr size_t kMaxFindings = 8;
   size_t more = 0;
   for (const Film& film : films) {
     const bool is_other = differs(film, tolerance), is_shorter = length_of(film) < length_of(usual);
     if (!is_other && !film.length.is_cut_off) continue;
-    if (findings.size() == kMostFindings && ++more) continue;
+    if (findings.size() == kMaxFindings && ++more) continue;
     std::string text =
         film.place + (film.length.is_cut_off ? " is truncated after " : " has ") + length_text(film.length, " frames");
     if (is_other) text += std::string(", most others have ") + length_text(usual.length, "");

@@ -322,7 +322,7 @@ RigSummary summarize(const Rig& rig) {
 std::vector<RigFinding> check_lenses(const Rig& rig) {
   constexpr double kShortestFocal = 0.1;  // relative to the side; 157 degrees
   constexpr double kMiddle = 0.25;        // half of the middle half
-  constexpr double kLeastShare = 0.1;     // a smaller part of a picture is of no use
+  constexpr double kMinShare = 0.1;       // a smaller part of a picture is of no use
   SharedFinding focal(Severity::kWarning), centre(Severity::kWarning), fold(Severity::kWarning),
       blank(Severity::kError);
   for (size_t i = 0; i < rig.cameras.size(); i++) {
@@ -351,7 +351,7 @@ std::vector<RigFinding> check_lenses(const Rig& rig) {
                           lens.k2(), radius)
             : format_text("(k1 %.6g, k2 %.6g, p1 %.6g, p2 %.6g) is not invertible in the whole picture", lens.k1(),
                           lens.k2(), lens.p1(), lens.p2());
-    (share < kLeastShare ? blank : fold)
+    (share < kMinShare ? blank : fold)
         .add(i, place + format_text("the distortion %s, so only %.0f %% of the picture of %s can be used. Are the "
                                     "coefficients of another lens model or lens?",
                                     cause.c_str(), 100 * share, size.c_str()));

@@ -214,10 +214,10 @@ Image SceneRenderer::State::next(bool everywhere) {
 
 SceneRenderer::SceneRenderer(const SceneCamera& camera, std::vector<double> times, int samples)
     : state_(std::make_unique<State>(camera, std::move(times), samples)) {
-  constexpr int kMostSamples = 4;  // a side; with more samples, the hit points would take too much memory
+  constexpr int kMaxSamples = 4;  // a side; with more samples, the hit points would take too much memory
   const size_t pixels = state_->draft.colour.size();
   state_->draft_sights.resize(pixels);
-  if (samples < 2 || samples > kMostSamples) return;
+  if (samples < 2 || samples > kMaxSamples) return;
   state_->means.resize(pixels);
   state_->mean_sights.resize(pixels * static_cast<size_t>(samples * samples));
 }

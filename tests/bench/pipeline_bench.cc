@@ -32,7 +32,7 @@ namespace {
 constexpr int kCameras = 64;
 // Maximum number of pixels to render, because 1080p for all cameras takes minutes. Larger arrays share images between
 // neighbours.
-constexpr int kMostFilmed = 12'000'000;
+constexpr int kMaxFilmed = 12'000'000;
 
 struct Row {
   std::string name;
@@ -47,7 +47,7 @@ class Film {
  public:
   Film(int width, int height, bool jpeg) {
     Rig rig = bench::make_array({kCameras, width, height});
-    const int filmed = std::clamp(kMostFilmed / (width * height), 1, kCameras);
+    const int filmed = std::clamp(kMaxFilmed / (width * height), 1, kCameras);
     for (int i = 0; i < kCameras; i++) {
       const int shared = i * filmed / kCameras;
       const bool first = i == 0 || (i - 1) * filmed / kCameras != shared;

@@ -80,10 +80,10 @@ constexpr uint8_t kPicture[] = {  // a PNG of 1 x 1
     0x48, 0xaf, 0xa4, 0x71, 0x00, 0x00, 0x00, 0x00, 0x49, 0x45, 0x4e, 0x44, 0xae, 0x42, 0x60, 0x82};
 
 lf::RigImport import_names(const std::string& text) {
-  constexpr size_t kMostFiles = 32, kLongestName = 200;
+  constexpr size_t kMaxFiles = 32, kLongestName = 200;
   const TempDir folder;
   size_t files = 0;
-  for (size_t begin = 0; begin < text.size() && files < kMostFiles; files++) {
+  for (size_t begin = 0; begin < text.size() && files < kMaxFiles; files++) {
     const size_t end = std::min(text.find('\n', begin), text.size());
     const std::string name = text.substr(begin, std::min(end - begin, kLongestName));
     begin = end + 1;

@@ -84,7 +84,7 @@ class Libjpeg {
   // picture: a mean of twice white, or so many that the 16-bit integer inverse DCT (libjpeg's and ours) overflows.
   bool is_out_of_range() {
     constexpr int kMost = 32767 / 4 / 1.39;  // four fractional bits, sums of up to 1.39 of each
-    constexpr int kMostMean = 2048;
+    constexpr int kMaxMean = 2048;
     if (setjmp(in_errors_.jump)) return false;
     jvirt_barray_ptr* const coefficients = begin_coefficients();
     for (int c = 0; c < info_.num_components; c++) {
@@ -96,7 +96,7 @@ class Libjpeg {
         for (JDIMENSION x = 0; x < component.width_in_blocks; x++) {
           int64_t sum = 0;
           for (int k = 0; k < 64; k++) sum += std::abs(int64_t{row[0][x][k]} * quant.quantval[k]);
-          if (sum > kMost || std::abs(row[0][x][0]) > kMostMean) return true;
+          if (sum > kMost || std::abs(row[0][x][0]) > kMaxMean) return true;
         }
       }
     }

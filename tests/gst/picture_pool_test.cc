@@ -74,7 +74,7 @@ TEST_F(PicturePoolTest, MemoryOfABurstIsFreed) {
         [](gpointer count, GstMiniObject*) { ++*static_cast<int*>(count); }, &freed);
   }
   burst.clear();
-  constexpr int kIdle = PicturePool::kMostIdle;
+  constexpr int kIdle = PicturePool::kMaxIdle;
   EXPECT_EQ(freed, 50 - kIdle);
   for (int i = 0; i < kIdle; i++) burst.push_back(take());
   EXPECT_EQ(freed, 50 - kIdle);
@@ -104,7 +104,7 @@ TEST_F(PicturePoolTest, UnlimitedPoolsAreLimited) {
   std::vector<BufferPtr> burst;
   for (int i = 0; i < 50; i++) burst.push_back(take());
   const auto theirs = std::ranges::count_if(burst, [&](const BufferPtr& b) { return b->pool == offered_; });
-  EXPECT_EQ(theirs, least_ + PicturePool::kMostIdle);
+  EXPECT_EQ(theirs, least_ + PicturePool::kMaxIdle);
 }
 
 TEST_F(PicturePoolTest, ExhaustedPoolDoesNotBlock) {

@@ -17,7 +17,7 @@ namespace fs = std::filesystem;
 
 const fs::path kKettle = fs::path(LF_SOURCE_ROOT) / "../shared/data/kettle";
 const fs::path kFern = fs::path(LF_SOURCE_ROOT) / "../shared/data/fern";
-constexpr double kLeastCompared = 5;  // minimum coverage of an image, in percent
+constexpr double kMinCompared = 5;    // minimum coverage of an image, in percent
 constexpr double kSlack = 0.1;        // dB
 
 // Returns the PSNR in dB at the position of an excluded camera, or nullopt if the coverage is too low.
@@ -31,7 +31,7 @@ std::optional<double> held_out_psnr(const TempDir& dir, uint32_t id, const char*
   if (begin == std::string::npos ||
       std::sscanf(outcome.output.c_str() + begin, "left out: PSNR %lf dB, SSIM %lf, at most %d of 255, %lf %% compared",
                   &psnr, &ssim, &most, &compared) != 4 ||
-      compared < kLeastCompared)
+      compared < kMinCompared)
     return std::nullopt;
   return psnr;
 }
@@ -71,7 +71,7 @@ std::map<std::string, double> render_fern(const TempDir& dir, const std::string&
   std::map<std::string, double> found;
   const nlohmann::json table = nlohmann::json::parse(read_text_file(dir / "table.json"));
   for (const nlohmann::json& view : table["views"])
-    if (100 * view["coverage"].get<double>() >= kLeastCompared) found[view["name"]] = view["psnr_db"];
+    if (100 * view["coverage"].get<double>() >= kMinCompared) found[view["name"]] = view["psnr_db"];
   return found;
 }
 

@@ -288,7 +288,7 @@ TEST(RtcpFilter, AcceptsRtcpOfAFewSendersAndNoRtp) {
   }
   size_t passed = 0;
   for (uint32_t ssrc = 0; ssrc < 100; ssrc++) passed += filter.accept_encrypted(packet(201, 0, 0, ssrc), 1000);
-  EXPECT_EQ(passed, RtcpFilter::kMostSenders);
+  EXPECT_EQ(passed, RtcpFilter::kMaxSenders);
   EXPECT_TRUE(filter.accept_encrypted(packet(201, 0, 0, 0), 1000)) << "admitted requests continue";
   EXPECT_FALSE(filter.accept_encrypted({}, 1000));
   EXPECT_FALSE(filter.accept_encrypted(Bytes(7, 0x80), 1000));

@@ -437,7 +437,7 @@ namespace {
 
 using nlohmann::ordered_json;
 
-constexpr size_t kMostLines = 24;
+constexpr size_t kMaxLines = 24;
 
 std::string size_of(const Camera& camera) { return std::to_string(camera.width) + "x" + std::to_string(camera.height); }
 
@@ -509,7 +509,7 @@ std::string text_report(const Rig& rig, const DoctorReport& exam) {
   std::set<std::string> troubled;
   for (const DoctorFinding& finding : exam.findings) troubled.insert(finding.cameras);
   std::string page = link_table(exam.measured, "measured") + kHeader;
-  if (exam.cameras.size() <= kMostLines)
+  if (exam.cameras.size() <= kMaxLines)
     for (const CameraReport& camera : exam.cameras) page += line_of(rig, camera);
   else
     page += groups_of(rig, exam, troubled);

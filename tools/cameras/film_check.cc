@@ -18,7 +18,7 @@
 namespace lf::cameras {
 namespace {
 
-constexpr uintmax_t kMostBytes = uintmax_t{1} << 30;  // a disk reads this in about ten seconds
+constexpr uintmax_t kMaxBytes = uintmax_t{1} << 30;  // a disk reads this in about ten seconds
 
 struct FrameCounter {
   std::mutex mutex;
@@ -158,7 +158,7 @@ std::vector<RigFinding> check_films(const Rig& rig) {
       length = matroska_length(source.location);
     } else if (source.kind == Kind::kFile || source.kind == Kind::kJpegStream) {
       std::error_code ignored;
-      if (std::filesystem::file_size(source.location, ignored) > kMostBytes) continue;
+      if (std::filesystem::file_size(source.location, ignored) > kMaxBytes) continue;
       length = demuxed_length(source.location, source.kind == Kind::kFile);
     } else {
       continue;

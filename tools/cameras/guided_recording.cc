@@ -20,12 +20,12 @@ namespace lf::cameras {
 namespace {
 
 constexpr double kEvery = 0.2;    // seconds between examined frames of a camera; meanwhile, a light moves about 0.1 m
-constexpr int kLeastWidth = 240;  // minimum width of downscaled frames, pixels
+constexpr int kMinWidth = 240;    // minimum width of downscaled frames, pixels
 constexpr int kNiceIncrement = 10;  // nice(1) increment of the detection thread
 
 int smaller_of(const Camera& camera) {
   int smaller = 8;
-  while (smaller > 1 && camera.width / smaller < kLeastWidth) smaller /= 2;
+  while (smaller > 1 && camera.width / smaller < kMinWidth) smaller /= 2;
   return smaller;
 }
 

@@ -15,8 +15,8 @@
 namespace lf::cameras {
 namespace {
 
-// The seconds between two thumbnails of a camera are kEvery times the number of cameras, and at least kLeastEvery.
-constexpr double kEvery = 0.01, kLeastEvery = 0.15;
+// The seconds between two thumbnails of a camera are kEvery times the number of cameras, and at least kMinEvery.
+constexpr double kEvery = 0.01, kMinEvery = 0.15;
 // Thumbnails are made for this many seconds after a request. A page requests a mosaic every 0.2 s; a single request
 // must not decode all cameras many times.
 constexpr double kLooksOn = 1;
@@ -83,7 +83,7 @@ void Mosaic::see(uint32_t id, GstBuffer* buffer, GstCaps* caps, double now) {
     tile.rate = since > kSilent ? 0 : tile.rate + share * (1 / std::max(since, 1e-4) - tile.rate);
     tile.arrival_time = now;
     if (now > watched_ + kLooksOn ||
-        now < tile.looked + std::max(kLeastEvery, kEvery * static_cast<double>(tiles_.size())))
+        now < tile.looked + std::max(kMinEvery, kEvery * static_cast<double>(tiles_.size())))
       return;
     tile.looked = now;
   }

@@ -28,10 +28,10 @@ bool RtcpFilter::accept_encrypted(std::span<const uint8_t> packet, int64_t now) 
   if (packet.empty()) return false;
   if (packet[0] < 128 || packet[0] > 191) return true;
   const bool is_rtcp = packet.size() >= kHeader && packet[1] >= 192 && packet[1] <= 223;
-  if (!is_rtcp || packet.size() > kMostBytes || !packets_.take(now)) return false;
+  if (!is_rtcp || packet.size() > kMaxBytes || !packets_.take(now)) return false;
   const uint32_t sender = sender_of(packet);
   if (senders_.contains(sender)) return true;
-  if (senders_.size() >= kMostSenders) return false;
+  if (senders_.size() >= kMaxSenders) return false;
   senders_.insert(sender);
   return true;
 }

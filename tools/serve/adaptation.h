@@ -60,9 +60,9 @@ class PacketLoss {
 // Times are g_get_monotonic_time(). Not thread-safe.
 class RtcpFilter {
  public:
-  static constexpr size_t kMostSenders = 8;                 // maximum number of SSRCs per browser
+  static constexpr size_t kMaxSenders = 8;                  // maximum number of SSRCs per browser
   static constexpr double kPerSecond = 200, kAtOnce = 400;  // rate limit of RTCP packets: per second, and burst
-  static constexpr size_t kMostBytes = 1500;
+  static constexpr size_t kMaxBytes = 1500;
 
   // Decides whether a packet from the network passes, before its decryption (RFC 7983). DTLS passes. RTCP passes from a
   // few SSRCs at a limited rate. RTP is dropped, because browsers only receive video.
@@ -139,8 +139,8 @@ class QualityControl {
   // increase of the round-trip time over its minimum that indicates a queue, seconds
   static constexpr double kQueueing = 0.1;
   static constexpr double kDecrease = 0.75, kIncrease = 1.08;
-  // H.264 shows blocks in moving regions below kLeastBitsPerPixel. kHysteresis prevents oscillation between two steps.
-  static constexpr double kLeastBitsPerPixel = 0.05, kHysteresis = 1.25;
+  // H.264 shows blocks in moving regions below kMinBitsPerPixel. kHysteresis prevents oscillation between two steps.
+  static constexpr double kMinBitsPerPixel = 0.05, kHysteresis = 1.25;
   // If the first packets after a change of the size are lost, browsers decode the next H.264 key frame in the old size
   // and do not notice. While packets are lost, key frames are therefore repeated once a second, for this many seconds.
   static constexpr int kKeyFrameRepeats = 5;
@@ -177,7 +177,7 @@ class QualityControl {
   static constexpr double kShare[] = {1, 1.0 / 2, 1.0 / 8};  // fraction of the pixel rate at each step
   static constexpr int kLastStep = 2;
 
-  double needed(int step) const { return kLeastBitsPerPixel * pixels_ * kShare[step]; }
+  double needed(int step) const { return kMinBitsPerPixel * pixels_ * kShare[step]; }
   void choose_step() {
     while (step_ < kLastStep && now_ < needed(step_)) step_++;
     while (step_ > 0 && (now_ >= most_ || now_ >= kHysteresis * needed(step_ - 1)) && now_ >= needed(step_ - 1))

@@ -330,7 +330,7 @@ void Connections::start_handshakes() {
       }
     }
     if (!next) break;
-    if (running >= kMostHandshakes) {
+    if (running >= kMaxHandshakes) {
       if (now - oldest->since < kHandshakeSlice) break;
       end(*oldest->state);
     } else if (!handshake_limit_.take(next->state->subscriber, now)) {

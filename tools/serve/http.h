@@ -70,15 +70,15 @@ class Refusals {
 // request and kResponse seconds to read the response. Slower connections are closed. At most kMost connections are
 // open; for one more, choose_victim() selects a connection to close. Main thread only.
 //
-// A TLS handshake costs the main thread some 10 ms, so handshakes are limited, too. At most kMostHandshakes run at a
+// A TLS handshake costs the main thread some 10 ms, so handshakes are limited, too. At most kMaxHandshakes run at a
 // time, and each subscriber (an IPv4 address or an IPv6 /64 network) gets kHandshakesPerSecond. The next handshake is
 // the latest waiting one of the subscriber with the fewest connections. If others wait, a handshake is closed after
 // kHandshakeSlice.
 class Connections {
  public:
-  // GLib runs handshakes in a pool that starts with 10 threads. kMostHandshakes is smaller, so that no handshake waits
+  // GLib runs handshakes in a pool that starts with 10 threads. kMaxHandshakes is smaller, so that no handshake waits
   // for a thread.
-  static constexpr size_t kMost = 256, kMostHandshakes = 8;
+  static constexpr size_t kMost = 256, kMaxHandshakes = 8;
   static constexpr double kHandshakesPerSecond = 20, kHandshakesAtOnce = 40;
   static constexpr int64_t kHandshakeSlice = 300000;                       // microseconds
   static constexpr int64_t kHandshake = 5, kRequest = 10, kResponse = 30;  // seconds

@@ -37,7 +37,7 @@ struct Limits {
   double connects_per_second = 2;  // connections per address, after the first `connect_burst`
   double connect_burst = 40;
   // bits per pixel above which the video does not improve; limits the bit rate below `bit_rate`
-  static constexpr double kMostBitsPerPixel = 0.22;
+  static constexpr double kMaxBitsPerPixel = 0.22;
   static constexpr int kMinSize = 64;     // pixels per side
   static constexpr double kSilence = 5;   // seconds without a packet until a viewer is removed
   static constexpr double kConnect = 15;  // seconds from the offer within which a viewer must connect
@@ -46,7 +46,7 @@ struct Limits {
 };
 
 inline int best_bit_rate(int width, int height, const Limits& limits) {
-  const double most = Limits::kMostBitsPerPixel * width * height * limits.framerate;
+  const double most = Limits::kMaxBitsPerPixel * width * height * limits.framerate;
   return static_cast<int>(std::min<double>(limits.bit_rate, std::max(most, 300000.0)));
 }
 

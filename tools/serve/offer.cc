@@ -252,12 +252,12 @@ bool encodes(std::string_view rtpmap, std::string_view encoding) {
 // from 96.
 bool find_codec(const GstSDPMedia* media, const std::array<Format, kPayloadTypes>& formats, VideoCodec codec,
                 Offer& offer) {
-  constexpr size_t kLeastPayloadType = 96;
+  constexpr size_t kMinPayloadType = 96;
   std::bitset<kPayloadTypes> seen;
   for (guint i = 0; i < gst_sdp_media_formats_len(media); i++) {
     std::string_view text = gst_sdp_media_get_format(media, i);
     const auto number = take_payload(text);
-    if (!number || !text.empty() || *number < kLeastPayloadType || seen[*number]) continue;
+    if (!number || !text.empty() || *number < kMinPayloadType || seen[*number]) continue;
     seen.set(*number);
     const auto& [map, parameters] = formats[*number];
     std::string profile;

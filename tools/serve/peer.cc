@@ -414,8 +414,8 @@ void Peer::send(const std::string& text) {
   GstWebRTCDataChannelState state;
   guint64 waiting = 0;
   g_object_get(channel, "ready-state", &state, "buffered-amount", &waiting, nullptr);
-  constexpr guint64 kMostWaiting = 65536;
-  if (state == GST_WEBRTC_DATA_CHANNEL_STATE_OPEN && waiting < kMostWaiting)
+  constexpr guint64 kMaxWaiting = 65536;
+  if (state == GST_WEBRTC_DATA_CHANNEL_STATE_OPEN && waiting < kMaxWaiting)
     gst_webrtc_data_channel_send_string(channel, text.c_str());
   g_object_unref(channel);
 }

@@ -16,7 +16,7 @@ namespace {
 using nlohmann::json;
 
 // Maximum number of requests in flight. Over a network, a round trip may take longer than a frame.
-constexpr int kMostLocal = 2, kMostRemote = 4;
+constexpr int kMaxLocal = 2, kMaxRemote = 4;
 
 uint64_t count_in(const GstStructure* stats, const char* name) {
   guint64 value = 0;
@@ -32,7 +32,7 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, C
       max_aperture_(settings.max_aperture),
       callbacks_(std::move(callbacks)),
       began_(g_get_monotonic_time()),
-      pacer_(field.is_local() ? kMostLocal : kMostRemote),
+      pacer_(field.is_local() ? kMaxLocal : kMaxRemote),
       quality_(settings.least_bit_rate, settings.most_bit_rate,
                static_cast<double>(settings.eye.width) * settings.eye.height * settings.eye.framerate),
       messages_(settings.messages_per_second, 2 * settings.messages_per_second) {

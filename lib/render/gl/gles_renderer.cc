@@ -67,7 +67,7 @@ bool GlesRenderer::prepare(std::string& why) {
 
 // Maximum samples per dispatch for views that are blended by a WeightGrid: for several views, and for a single view.
 // The driver of a slow GPU may assume a hang if there is more work.
-static constexpr size_t kMostSamples = 64'000'000, kMostSamplesOfOne = 256'000'000;
+static constexpr size_t kMaxSamples = 64'000'000, kMaxSamplesOfOne = 256'000'000;
 // Maximum projections in double that one CPU thread computes for such a view.
 static constexpr size_t kMaxFixedUp = 4'000'000;
 
@@ -87,7 +87,7 @@ bool GlesRenderer::fits(std::span<const GlesView> views, std::string& why) const
     if (std::max({view.rect.width(), view.rect.height(), level_rows}) > o.max_size)
       return refuse(why, "the view is too large");
   }
-  if (samples > (views.size() > 1 ? kMostSamples : kMostSamplesOfOne))
+  if (samples > (views.size() > 1 ? kMaxSamples : kMaxSamplesOfOne))
     return refuse(why, "too many cameras contribute to each pixel");
   return true;
 }

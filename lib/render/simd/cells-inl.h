@@ -35,11 +35,11 @@ namespace hn = hwy::HWY_NAMESPACE;
 
 // position of the first node, pixels from the first pixel of the band or block
 inline constexpr float kBeforeCell = -2.5f;
-inline constexpr float kMostThird = 0.0482f;  // maximum of t (1 - t) (1/2 - t)
+inline constexpr float kMaxThird = 0.0482f;  // maximum of t (1 - t) (1/2 - t)
 // Maximum of t (1 - t) at pixels, which are at odd eighths of a cell.
-inline constexpr float kMostBend = 15.f / 64;
+inline constexpr float kMaxBend = 15.f / 64;
 // The error bounds hold up to this relative change of depth along a side.
-inline constexpr float kMostChange = 0.25f;
+inline constexpr float kMaxChange = 0.25f;
 
 // Looks up the inverse distances at the nodes of the map around a band, over the whole width of the view. The border
 // nodes are repeated beyond the map. `y` is the first row of the band.
@@ -152,7 +152,7 @@ struct CellErrorBound {
     // Derivatives of r + k1 r^3 + k2 r^5 and of the tangential terms, per pixel.
     const float k1 = std::abs(slot.k1), k2 = std::abs(slot.k2), tangential = std::abs(slot.p1) + std::abs(slot.p2);
     second = ((8 * k1 + 24 * k2 * reach * reach) * reach + 6 * tangential) / least_focal;
-    third = kMostThird / 6 * (6 * k1 + 60 * k2 * reach * reach) / (least_focal * least_focal);
+    third = kMaxThird / 6 * (6 * k1 + 60 * k2 * reach * reach) / (least_focal * least_focal);
   }
   template <class V>
   struct Side {
@@ -171,10 +171,10 @@ struct CellErrorBound {
     out.distance = hn::Max(hn::Abs(out.dx), hn::Abs(out.dy));
     out.change = hn::Mul(hn::Abs(difference(2)), per_z);
     const auto term = hn::Mul(hn::Mul(hn::Set(d, product), hn::Abs(difference(4))), per_z);
-    out.error_bound = hn::Mul(hn::Mul(hn::Set(d, kMostThird), out.change), hn::MulAdd(out.change, out.distance, term));
+    out.error_bound = hn::Mul(hn::Mul(hn::Set(d, kMaxThird), out.change), hn::MulAdd(out.change, out.distance, term));
     const auto cube = hn::Mul(out.distance, hn::Mul(out.distance, out.distance));
     out.error_bound = hn::MulAdd(hn::Set(d, third), cube, out.error_bound);
-    out.error_bound = hn::IfThenElse(hn::Lt(out.change, hn::Set(d, kMostChange)), out.error_bound, hn::Set(d, 1.f));
+    out.error_bound = hn::IfThenElse(hn::Lt(out.change, hn::Set(d, kMaxChange)), out.error_bound, hn::Set(d, 1.f));
     return out;
   }
   float along, down, second, third;
@@ -201,7 +201,7 @@ inline void bound_cell_errors(const Slot& slot, const CellNodes& inverse, size_t
     const auto other = hn::Max(hn::Abs(hn::Sub(upper.dx, lower.dx)), hn::Abs(hn::Sub(upper.dy, lower.dy)));
     const auto change = hn::Max(upper.change, lower.change);
     const auto by_lens = hn::Mul(hn::Set(d, 0.5f * bound.second), other);
-    return hn::MulAdd(hn::Mul(hn::Set(d, kMostBend * kMostBend), hn::Add(change, by_lens)), other,
+    return hn::MulAdd(hn::Mul(hn::Set(d, kMaxBend * kMaxBend), hn::Add(change, by_lens)), other,
                       hn::Max(upper.error_bound, lower.error_bound));
   };
   for (size_t i = 0; i < count; i += hn::Lanes(d)) {
@@ -243,7 +243,7 @@ inline constexpr float first_t(int pair) { return pair % 2 ? 0.125f : 0.625f; }
 // Upper bound of the error of fixed-point arithmetic, in pixels. Nodes, steps and bends are each rounded, vertically
 // and horizontally.
 inline constexpr float kCellSlack = 4.f / (1 << kPositionBits);
-inline constexpr float kMostStep = kWindow - 1;  // pixels; limit of steps and bends, since 16 bits overflow at 16
+inline constexpr float kMaxStep = kWindow - 1;  // pixels; limit of steps and bends, since 16 bits overflow at 16
 
 // One coordinate (x or y) of the four nodes of a half-block in a row of nodes, with the bends of the cell sides.
 template <class D, class V = hn::Vec<D>>
@@ -262,8 +262,8 @@ struct CellPiece {
     const auto most = hn::Max(hn::Max(hn::Abs(step0), hn::Abs(step1)), hn::Max(hn::Abs(step2), bends));
     const auto sum = hn::Add(hn::Add(hn::Add(node[0], node[1]), hn::Add(node[2], node[3])),
                              hn::Add(hn::Add(bend[0], bend[1]), bend[2]));
-    const auto good = hn::And(hn::Lt(most, set(kMostStep)), hn::Eq(sum, sum));
-    const auto slack = hn::IfThenElse(good, hn::Mul(set(kMostBend), bends), hn::NaN(d));
+    const auto good = hn::And(hn::Lt(most, set(kMaxStep)), hn::Eq(sum, sum));
+    const auto slack = hn::IfThenElse(good, hn::Mul(set(kMaxBend), bends), hn::NaN(d));
     low = hn::Sub(hn::Min(hn::Min(begin, end), hn::Min(node[1], node[2])), slack);
     high = hn::Add(hn::Max(hn::Max(begin, end), hn::Max(node[1], node[2])), slack);
   }
@@ -356,10 +356,9 @@ inline void fix_cells(const CellWork& work, int k, size_t halves, SurfaceBand& o
     // NaN fails every comparison, but Max may lose a NaN.
     const auto error_bound = hn::Add(hn::Max(hn::Max(hn::LoadU(d, even), hn::LoadU(d, odd)), hn::LoadU(d, even + 1)),
                                      hn::Mul(hn::Zero(d), hn::Add(sum(x), sum(y))));
-    const auto good =
-        hn::And(hn::Lt(error_bound, set(static_cast<float>(kGridError))), hn::Lt(largest, set(kMostStep)));
+    const auto good = hn::And(hn::Lt(error_bound, set(static_cast<float>(kGridError))), hn::Lt(largest, set(kMaxStep)));
     const auto slack = [&](V of) HWY_ATTR {
-      return hn::IfThenElse(good, hn::MulAdd(set(kMostBend), of, set(kCellSlack)), hn::NaN(d));
+      return hn::IfThenElse(good, hn::MulAdd(set(kMaxBend), of, set(kCellSlack)), hn::NaN(d));
     };
     const size_t at = out.entry(k, i);
     hn::StoreU(slack(most_x), d, out.slack_x.data() + at);

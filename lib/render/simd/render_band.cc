@@ -307,12 +307,12 @@ inline void clear_pair(bool i420, const PairPlace& at, Scratch& scratch) {
   for (int c = 1; c < 3 && i420; c++) std::fill_n(scratch.sum[at.pair][c] + at.out * kChromaBlock, kChromaBlock, 0);
 }
 
-inline constexpr int kMostParts = kBandRows * 3 * kBlock;  // three corners of a face for every pixel
-static_assert(kMostParts >= 4 * WeightGrid::kMaxShares);   // cameras of the four points of a cell
+inline constexpr int kMaxParts = kBandRows * 3 * kBlock;  // three corners of a face for every pixel
+static_assert(kMaxParts >= 4 * WeightGrid::kMaxShares);   // cameras of the four points of a cell
 
 // All parts of a block, one for each local camera that contributes to the block.
 struct BlockParts {
-  Part part[kMostParts];
+  Part part[kMaxParts];
   int count = 0;
   uint32_t interior = ~0u;  // bit p is set if pair p of all parts can be shuffled
   uint32_t rows = ~0u;      // bit r is set if all parts have weights in row r
@@ -345,7 +345,7 @@ inline void render_block(const SumTask& task, const Rect& rect, int block, int o
   const bool shuffles = i420 && separable && !odd_column && !task.exact && HWY_TARGET != HWY_SCALAR;
   BlockParts all;
   find_parts(task, block, out, shuffles, scratch, all);
-  Part shuffled[kMostParts], slow[kMostParts];
+  Part shuffled[kMaxParts], slow[kMaxParts];
   for (int pair = 0; pair < kBandPairs && y + 2 * pair < rect.y1; pair++) {
     if (y + 2 * pair + 1 < rect.y0) continue;
     const PairPlace place{pair, x, y, out};

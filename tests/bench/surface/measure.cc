@@ -31,7 +31,7 @@ namespace lf::focus {
 namespace {
 
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
-constexpr double kLeastCover = 0.5;  // fraction of the maximum coverage over all planes
+constexpr double kMinCover = 0.5;  // fraction of the maximum coverage over all planes
 
 int squared_error(const Image& a, const Image& b, size_t pixel) {
   int sum = 0;
@@ -63,7 +63,7 @@ std::optional<size_t> best_of(std::span<const Error2> errors) {
   for (const Error2& error : errors) most = std::max(most, error.pixels);
   std::optional<size_t> best;
   for (size_t k = 0; k < errors.size(); k++) {
-    if (errors[k].pixels == 0 || static_cast<double>(errors[k].pixels) < kLeastCover * static_cast<double>(most))
+    if (errors[k].pixels == 0 || static_cast<double>(errors[k].pixels) < kMinCover * static_cast<double>(most))
       continue;
     if (!best || errors[k].mean() < errors[*best].mean()) best = k;
   }
@@ -123,7 +123,7 @@ class Survey {
     std::vector<float>& of_blocks = blocks_.emplace_back();
     for (int y = 0; y + kBlock <= thin_.view.height; y += kNext)
       for (int x = 0; x + kBlock <= thin_.view.width; x += kNext) of_blocks.push_back(block(picture, x, y));
-    return static_cast<double>(errors.back().pixels) >= kLeastCover * static_cast<double>(most_);
+    return static_cast<double>(errors.back().pixels) >= kMinCover * static_cast<double>(most_);
   }
 
   // Returns the plane in front of a fraction `part` of the blocks. A block's weight is the drop of its error at its

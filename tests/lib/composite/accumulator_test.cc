@@ -12,7 +12,7 @@
 namespace lf::test {
 namespace {
 
-constexpr double kLeastWeight = 3 * kMissingOne / 255.;
+constexpr double kMinWeight = 3 * kMissingOne / 255.;
 
 class Reference {
  public:
@@ -68,7 +68,7 @@ class Reference {
               share += hidden(i);
             }
           const double left = kMissingOne - lost / n;
-          share = left < kLeastWeight ? 1 : share / n;
+          share = left < kMinWeight ? 1 : share / n;
           const size_t i = chroma_at(p, x, y);
           const double colour = share == 1 ? 0 : std::clamp(sum_[i] * kMissingOne / left, -128., 127.);
           out[i] = std::clamp(128 + colour * (1 - share) + back[1 + p] * share, 0., 255.);
@@ -77,7 +77,7 @@ class Reference {
   }
 
  private:
-  bool hidden(size_t i) const { return kMissingOne - lost_[i] < kLeastWeight; }
+  bool hidden(size_t i) const { return kMissingOne - lost_[i] < kMinWeight; }
   size_t chroma_at(int plane, int x, int y) const {
     const size_t luma = static_cast<size_t>(width_) * height_;
     const size_t chroma = static_cast<size_t>(chroma_size(width_)) * chroma_size(height_);

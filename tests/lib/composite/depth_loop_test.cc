@@ -56,7 +56,7 @@ TEST_F(DepthLoopTest, FindsTheSurfaceFromConsistencyUnits) {
     found = finder_.next(request, kSurface, true);
     ASSERT_TRUE(found);
     EXPECT_EQ(found->sequence, request.sequence);
-    finder_.heard(true);
+    finder_.set_accepted(true);
   }
   ASSERT_TRUE(request.view.focus.map);
   EXPECT_NEAR(request.view.focus.map->inverse_at(20, 60), 1 / 3., 0.05);
@@ -122,10 +122,10 @@ TEST_F(DepthLoopTest, PlaneModeReportsOnlyTheChangeToAPlane) {
 
 TEST_F(DepthLoopTest, UnusedEstimatesAreRare) {
   unsigned said = 0;
-  for (unsigned i = 0; i < 2 * (DepthLoop::kUnheardInterval + 1); i++)
+  for (unsigned i = 0; i < 2 * (DepthLoop::kRetryInterval + 1); i++)
     if (finder_.next(turn({}), kSurface, false)) {
       said++;
-      finder_.heard(false);
+      finder_.set_accepted(false);
     }
   EXPECT_EQ(said, 2u);
 }

@@ -164,7 +164,7 @@ TEST(DepthEstimator, DroppedSearchRequestsAreRepeated) {
 
 TEST(DepthEstimator, RecoversSoonAfterAnOverload) {
   Loop loop(FocusMode::kSurface, false, 0, 0);
-  loop.control.spare(8);
+  loop.control.set_min_interval(8);
   loop.loses = true;
   loop.run(3000);
   loop.loses = false;
@@ -178,7 +178,7 @@ TEST(DepthEstimator, OverloadDoesNotProlongTheRest) {
   Loop loop(FocusMode::kAuto, false);
   loop.run(100);
   ASSERT_EQ(loop.control.state().interval, DepthEstimator::kLongestRest);
-  loop.control.spare(8);
+  loop.control.set_min_interval(8);
   const unsigned before = loop.control.state().rounds;
   loop.run(80);
   EXPECT_GE(loop.control.state().rounds - before, 9u);
@@ -222,13 +222,13 @@ TEST(DepthEstimator, FlatSceneNeedsFewHypotheses) {
   loop.run(64);
   // A hypothesis costs at most a 16th of the picture's samples, at the same number of bits: 2 % are 20 hypotheses.
   EXPECT_LE(loop.hypotheses, 0.02 * 64 * 16);
-  EXPECT_NEAR(loop.control.state().bought, 0, DepthEstimator::kFlatEnough) << "no gain from a surface";
+  EXPECT_NEAR(loop.control.state().over_plane, 0, DepthEstimator::kFlatEnough) << "no gain from a surface";
 }
 
 TEST(DepthEstimator, ReportsTheAdvantageOfTheSurface) {
   Loop loop(FocusMode::kSurface, false);
   loop.run(20);
-  EXPECT_GT(loop.control.state().bought, 1);
+  EXPECT_GT(loop.control.state().over_plane, 1);
   EXPECT_EQ(loop.control.state().hypotheses, 4u);
 }
 
@@ -242,7 +242,7 @@ TEST(DepthEstimator, DepthRangeFollowsTheScene) {
     EXPECT_GT(loop.right(), 0.97);
     EXPECT_LT(loop.control.state().near, 1.5);
     EXPECT_GT(loop.control.state().far, 3);
-    EXPECT_EQ(loop.control.state().looks, 0u);
+    EXPECT_EQ(loop.control.state().scene_changes, 0u);
   }
   Loop flat(FocusMode::kAuto, true, 0, 0);
   flat.run(30);
@@ -274,7 +274,7 @@ TEST(DepthEstimator, FindsTheSurfaceFromADistantPlane) {
       loop.run(40);
       EXPECT_GT(loop.right(), 0.97);
       EXPECT_TRUE(loop.shows_surface());
-      EXPECT_EQ(loop.control.state().looks, 0u);
+      EXPECT_EQ(loop.control.state().scene_changes, 0u);
     }
 }
 
@@ -450,7 +450,7 @@ class WideArrayTest : public testing::Test {
       for (const DepthHypothesis& hypothesis : request_.hypotheses)
         sums.push_back(hypothesis.kind == kMeasured ? measured() : consistency(hypothesis));
       with_hypotheses_ += !request_.hypotheses.empty();
-      asked_ += measures_depth(request_.hypotheses);
+      requests_since_search_ += measures_depth(request_.hypotheses);
       request_.sequence++;
       const DepthEstimator::Plan plan = control_.next(request_, sums, array_);
       request_.view = plan.view;
@@ -473,19 +473,19 @@ class WideArrayTest : public testing::Test {
   double right_ = kRight;
   bool measures_ = false;
   double error_ = 1;  // factor of the measured inverse distances
-  int asked_ = 0, with_hypotheses_ = 0;
+  int requests_since_search_ = 0, with_hypotheses_ = 0;
 };
 
 TEST_F(WideArrayTest, TheMeasuredSurfaceIsShown) {
   run(30);
   ASSERT_GT(array_.disparity() * (kRight - kLeft), kWideDisparity);
-  EXPECT_GT(asked_, 2) << control_.state().near << " " << control_.state().far;
-  EXPECT_LT(asked_, 10);
+  EXPECT_GT(requests_since_search_, 2) << control_.state().near << " " << control_.state().far;
+  EXPECT_LT(requests_since_search_, 10);
   EXPECT_FALSE(control_.state().on_plane) << "the surface of the search";
   measures_ = true;
-  asked_ = 0;
+  requests_since_search_ = 0;
   run(10);
-  EXPECT_GT(asked_, 4);
+  EXPECT_GT(requests_since_search_, 4);
   EXPECT_FALSE(control_.state().on_plane);
   EXPECT_LT(error(), 0.2);
 }
@@ -494,12 +494,12 @@ TEST_F(WideArrayTest, ItIsRequestedLessOftenAtRest) {
   measures_ = true;
   run(40);
   ASSERT_LT(error(), 0.2);
-  asked_ = 0;
+  requests_since_search_ = 0;
   run(40);
-  EXPECT_EQ(asked_, 5);
+  EXPECT_EQ(requests_since_search_, 5);
   request_.view.pose.position.x += 0.1;
   run(2);
-  EXPECT_EQ(asked_, 6) << "at once when the viewer moves";
+  EXPECT_EQ(requests_since_search_, 6) << "at once when the viewer moves";
 }
 
 TEST_F(WideArrayTest, ItFollowsTheScene) {
@@ -517,9 +517,9 @@ TEST_F(WideArrayTest, AWrongSurfaceIsNotShown) {
   run(60);
   EXPECT_LT(error(), 2) << "the search has found the surface";
   EXPECT_FALSE(control_.state().on_plane);
-  asked_ = 0;
+  requests_since_search_ = 0;
   run(100);
-  EXPECT_EQ(asked_, 0) << "the cameras are wrong";
+  EXPECT_EQ(requests_since_search_, 0) << "the cameras are wrong";
 }
 
 TEST_F(WideArrayTest, WithoutMeasurementsTheSearchGoesOn) {
@@ -597,7 +597,7 @@ TEST(DepthEstimator, FindsASceneOutsideTheRange) {
       loop.walls = ArrayOfWalls(false, nearer);
       loop.run(60);
       EXPECT_GT(loop.right(), 0.95);
-      EXPECT_GE(loop.control.state().looks, 1u);
+      EXPECT_GE(loop.control.state().scene_changes, 1u);
     }
   }
 }
@@ -638,7 +638,7 @@ TEST(DepthEstimator, RequestsInFlightMakeOneSurface) {
         EXPECT_GT(loop.least_right(), 0.97) << i;
         loop.run_delayed(1);
       }
-      EXPECT_EQ(loop.control.state().looks, 0u);
+      EXPECT_EQ(loop.control.state().scene_changes, 0u);
     }
 }
 
@@ -653,8 +653,8 @@ TEST(DepthEstimator, FindsASceneOutsideTheRangeWithRequestsInFlight) {
         loop.run_delayed(60 + 6 * underway);
         EXPECT_GT(loop.least_right(), 0.95);
         const DepthEstimator::State& state = loop.control.state();
-        EXPECT_GE(state.looks, 1u);
-        EXPECT_LE(state.looks, DepthEstimator::kMostLooks) << "not one per request in flight";
+        EXPECT_GE(state.scene_changes, 1u);
+        EXPECT_LE(state.scene_changes, DepthEstimator::kMaxFailedSearches) << "not one per request in flight";
         EXPECT_LT(state.near, 1.5 / nearer);
         EXPECT_GT(state.far, 3 / nearer);
       }
@@ -672,16 +672,16 @@ TEST(DepthEstimator, KeepsAGivenRange) {
 TEST(DepthEstimator, LatePicturesReduceHypotheses) {
   Loop punctual(FocusMode::kSurface, false), late(FocusMode::kSurface, false);
   for (int i = 0; i < 60; i++) {
-    punctual.control.keep_up(true);
+    punctual.control.adapt_interval(true);
     punctual.run(1);
-    late.control.keep_up(false);
+    late.control.adapt_interval(false);
     late.run(1);
   }
   EXPECT_LE(late.hypotheses, punctual.hypotheses / 2);
   EXPECT_GT(late.right(), 0.95) << "the surface converges nevertheless";
   late.hypotheses = 0;
   for (int i = 0; i < 180; i++) {
-    late.control.keep_up(true);
+    late.control.adapt_interval(true);
     late.run(1);
   }
   EXPECT_GT(late.hypotheses, 4 * 60u) << "rate restored";
@@ -691,7 +691,7 @@ TEST(DepthEstimator, SpareReducesHypotheses) {
   Loop all(FocusMode::kSurface, false), spared(FocusMode::kSurface, false);
   for (int i = 0; i < 120; i++) {
     all.run(1);
-    spared.control.spare(4);
+    spared.control.set_min_interval(4);
     spared.run(1);
   }
   EXPECT_LE(spared.hypotheses, all.hypotheses / 3);

@@ -11,7 +11,7 @@
 namespace lf {
 namespace {
 
-using Waited = DepthFeedback::Waited;
+using WaitResult = DepthFeedback::WaitResult;
 constexpr std::chrono::milliseconds kShort{5};
 
 class DepthFeedbackTest : public testing::Test {
@@ -135,13 +135,14 @@ TEST_F(DepthFeedbackTest, SearchHypothesesAreQueued) {
 }
 
 TEST_F(DepthFeedbackTest, WaitsForTheEstimateOfARequest) {
-  EXPECT_EQ(feedback_.wait_for(0xffffffff, kShort), Waited::kTooLong);
+  EXPECT_EQ(feedback_.wait_for(0xffffffff, kShort), WaitResult::kTimeout);
   std::thread compositor([&] { feedback_.announce(found(1)); });
-  EXPECT_EQ(feedback_.wait_for(0xffffffff, std::chrono::minutes(1)), Waited::kCame) << "numbers wrap: 1 is later";
+  EXPECT_EQ(feedback_.wait_for(0xffffffff, std::chrono::minutes(1)), WaitResult::kAvailable)
+      << "numbers wrap: 1 is later";
   compositor.join();
-  EXPECT_EQ(feedback_.wait_for(2, kShort), Waited::kTooLong);
+  EXPECT_EQ(feedback_.wait_for(2, kShort), WaitResult::kTimeout);
   feedback_.set_unlocked(true);
-  EXPECT_EQ(feedback_.wait_for(1, kShort), Waited::kUnlocked);
+  EXPECT_EQ(feedback_.wait_for(1, kShort), WaitResult::kUnlocked);
 }
 
 TEST_F(DepthFeedbackTest, FocusesAtOnceWithASurface) {

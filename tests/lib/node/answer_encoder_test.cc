@@ -36,10 +36,10 @@ TEST(Coding, EmptyPixelsAreAvoidedOnLinks) {
   View view;
   view.width = 640;
   view.height = 480;
-  const size_t raw16 = spare_pixels(view, wire::Codec::kRaw16, false);
-  const size_t jpeg = spare_pixels(view, wire::Codec::kJpeg, false);
+  const size_t raw16 = max_extra_pixels(view, wire::Codec::kRaw16, false);
+  const size_t jpeg = max_extra_pixels(view, wire::Codec::kJpeg, false);
   EXPECT_LT(raw16, jpeg);
-  EXPECT_LT(jpeg, spare_pixels(view, wire::Codec::kRaw16, true));
+  EXPECT_LT(jpeg, max_extra_pixels(view, wire::Codec::kRaw16, true));
 }
 
 void two_threads(size_t count, const std::function<void(size_t)>& task) {

@@ -88,7 +88,7 @@ double rounding_bound(const reference::Pixel& pixel, double colour) {
   const double left = pixel.coverage - 0.5 * lost / 255;
   return (0.5 * valid + colour * 0.5 * lost / 255) / left + 1;
 }
-constexpr double kLeastCompared = 0.05;
+constexpr double kMinCompared = 0.05;
 
 class Chess : public testing::Test {
  protected:
@@ -129,7 +129,7 @@ TEST_F(Chess, EveryViewMatchesTheReferenceQuality) {
       int error = 0;
       for (int c = 0; c < 3; c++) {
         error = std::max(error, std::abs(p[c] - q[c]));
-        if (pixel.coverage > kLeastCompared) {
+        if (pixel.coverage > kMinCompared) {
           ASSERT_LE(std::abs(p[c] - q[c]), rounding_bound(pixel, pixel.colour[c])) << view.name << " pixel " << i;
         }
       }

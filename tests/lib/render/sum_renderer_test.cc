@@ -359,8 +359,8 @@ TEST_F(SumScales, TwoPixelsPerPixelAreWithinTheErrorBound) {
   }
 }
 
-std::vector<Rect> tiles_of(const RenderJob& job, PixelFamily family, size_t spare_pixels) {
-  return sum_tiles(job.plan(), job.runs(), job.cameras(), family, spare_pixels);
+std::vector<Rect> tiles_of(const RenderJob& job, PixelFamily family, size_t max_extra_pixels) {
+  return sum_tiles(job.plan(), job.runs(), job.cameras(), family, max_extra_pixels);
 }
 
 size_t area(const Rect& rect) { return static_cast<size_t>(rect.width()) * rect.height(); }
