@@ -30,8 +30,10 @@
  *
  * A picture is finished when every node has answered. In a live pipeline, the compositor waits only until the deadline
  * of the picture, which is `latency` after the request. The property `incomplete` selects the output if an answer is
- * still missing then. If `rig` is set, the remaining cameras compensate for missing fragments. The compositor ignores
- * requests and answers of views other than `view-id`, so that one `tee` can feed several compositors.
+ * still missing then. If all answers arrive after the deadlines, the compositor increases `latency` to at most 2.5
+ * times its value, and posts a LATENCY message. If `rig` is set, the remaining cameras compensate for missing
+ * fragments. The compositor ignores requests and answers of views other than `view-id`, so that one `tee` can feed
+ * several compositors.
  *
  * A camera that misses more than `max-missed` consecutive pictures is out of service. The compositor announces this
  * upstream with the custom event "lightfield-feedback", and lfviewrequest names the camera in later requests. All nodes
@@ -728,6 +730,8 @@ static gboolean lf_compositor_start(GstAggregator* agg) {
   state.warned_unseen = state.warned_unlinked = false;
   state.first_set.reset();
   state.latency_query_time = 0;
+  state.pictures_without_answers = state.answers_after_deadline = 0;
+  state.set_latency = GST_CLOCK_TIME_NONE;
   state.silence.clear();
   for (lf::NodeInput* node : lf::NodeInputs(self->request)) node->silence().clear();
   state.output.start(settings.partial, self->request);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <memory>
 #include <optional>
 #include <span>
@@ -24,6 +25,9 @@ namespace lf {
 // uses. Use ViewDepths instead if the viewer waits for each estimate. Not thread-safe.
 class DepthLoop {
  public:
+  // Requests whose sums may arrive after their pictures, and the pictures that the loop waits for them.
+  static constexpr size_t kMaxPending = 8;
+  static constexpr unsigned kPatience = 12;
   // Number of requests without a new estimate, after a client did not use the latest estimate.
   static constexpr unsigned kRetryInterval = 15;
 
@@ -41,6 +45,7 @@ class DepthLoop {
     int32_t ahead = 0;
     std::string problem;
   };
+  // The sums of earlier requests are kept for a later call of next(), if they were missing from their pictures.
   Taken take(std::span<const uint8_t> unit, const ViewRequest& request);
   // Returns the received photo-consistency sums as messages of a single node, for a compositor that answers another
   // compositor. These messages must be sent before the answer of this node. The result is empty if no sums have
@@ -48,12 +53,12 @@ class DepthLoop {
   std::vector<ByteBuffer> units(const ViewRequest& request, uint64_t rig_hash, uint32_t node) const;
 
   // Adapts how often requests contain depth hypotheses, because these cost the nodes time. At most one request in
-  // `interval` will contain some. `complete` means that all cameras answered in time for the picture; if not,
+  // `interval` will contain some. `complete` means that the nodes answered in time for the picture; if not,
   // hypotheses become less frequent. Call this before next().
   void adapt_rate(bool complete, unsigned interval);
   // Returns the depths and hypotheses for the next request, or nothing if the next request can use the same as
-  // `request`. If `match_gains` is true, the estimate also includes exposure compensation, as far as pixels mix several
-  // cameras.
+  // `request`. They are based on an earlier request if its sums were late. If `match_gains` is true, the estimate also
+  // includes exposure compensation, as far as pixels mix several cameras.
   std::optional<DepthEstimate> next(const ViewRequest& request, const DepthEstimator::Settings& settings,
                                     bool match_gains);
   // Records whether a client has used the result of next(). If no client uses the results, for example because the
@@ -67,6 +72,13 @@ class DepthLoop {
   uint64_t bytes() const { return bytes_; }
 
  private:
+  struct Pending {
+    ViewRequest request;
+    ViewDepths::Answers answers;
+    unsigned age = 0;  // pictures since its own
+  };
+  std::optional<Pending> take_pending(const ViewRequest& request);
+
   std::shared_ptr<const Rig> rig_;
   ViewDepths::Answers answers_;
   uint64_t bytes_ = 0;
@@ -74,6 +86,8 @@ class DepthLoop {
   DepthEstimator control_;
   std::optional<FocusArray> array_;
   ExposureSchedule exposure_schedule_;
+  bool is_complete_ = true;            // see adapt_rate()
+  std::deque<Pending> pending_;        // requests without an estimate, in the order of sending
   unsigned requests_until_retry_ = 0;  // number of requests until the next search
 };
 

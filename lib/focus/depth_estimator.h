@@ -173,8 +173,8 @@ class DepthEstimator {
   static constexpr unsigned kBusyBackoff = 64;  // maximum if parts of the search were not answered
   static constexpr unsigned kMaxLost = 8;       // maximum number of repeated requests in a search or sweep
   static constexpr unsigned kSettling = 8;      // refinement rounds until a new surface has settled
-  // The cameras are asked for their surface with every kMeasuredEvery-th request, kMaxAsked times after a search. It
-  // takes them some seconds to measure the first one.
+  // The cameras are asked for their surface with every kMeasuredEvery-th request, until kMaxAsked requests have been
+  // answered since the search. It takes them some seconds to measure the first one.
   static constexpr unsigned kMeasuredEvery = 4, kMaxAsked = 64;
 
   Settings settings_;
@@ -220,8 +220,8 @@ class DepthEstimator {
   unsigned min_interval_ = 1;               // the same, set by set_min_interval()
   unsigned consecutive_on_time_ = 0;        // pictures in a row that were complete in time
   unsigned requests_since_hypotheses_ = 0;  // requests since the last request that was allowed to have hypotheses
-  unsigned requests_since_search_ =
-      kMaxAsked * kMeasuredEvery;   // requests since the last search that could have asked for the measured surface
+  unsigned requests_since_search_ = 0;      // those that could have asked for the measured surface
+  unsigned measured_answers_ = kMaxAsked;   // answers since the search to requests for the measured surface
   bool can_measure_ = true;         // false after the measured surface was not good enough for this scene
   unsigned worse_ = 0;              // rounds in a row in which the measured surface was worse than the plane
   unsigned failed_searches_ = 0;    // unsuccessful searches in a row for a changed scene
