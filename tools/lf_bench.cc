@@ -254,8 +254,8 @@ void print_quality(const Array& array, const Options& options) {
                                              depths ? &*depths : nullptr);
     lf::Quality quality[2];
     for (const bool through_surface : {false, true}) {
-      const lf::Still still =
-          lf::render_still(rig, mesh, through_surface ? surface : view, array.images, lf::Resampling::kSharpened);
+      const lf::Still still = lf::render_still(rig, mesh, through_surface ? surface : view, array.images,
+                                               lf::Resampling::kSharpened, {}, nullptr, depths ? &*depths : nullptr);
       quality[through_surface] = lf::compare(still.picture, array.rgb[camera], still.coverage);
     }
     const std::string name = at.name.empty() ? "camera " + std::to_string(at.id) : at.name;

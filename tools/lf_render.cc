@@ -208,7 +208,8 @@ class Renderer {
     const std::shared_ptr<lf::gl::GlesRenderer> gpu = gpu_renderer();
     const Clock::time_point start = Clock::now();
     const double read_before = reading_;
-    lf::Still still = lf::render_still(rig_, mesh, focused, image_of_, options_.sampled(), {}, gpu.get());
+    lf::Still still = lf::render_still(rig_, mesh, focused, image_of_, options_.sampled(), {}, gpu.get(),
+                                       depths_ ? &*depths_ : nullptr);
     answer.drawing = still.drawing;
     answer.render_ns = static_cast<uint64_t>(1e6 * (ms_since(start) - (reading_ - read_before)));
     gpu_.rendered(choice_, answer);

@@ -186,8 +186,10 @@ lf::View ViewOptions::focused(const Scene& scene, const lf::Mesh& mesh, const st
                          depths ? &*depths : nullptr);
 }
 
-lf::Still picture_of(const Scene& scene, const lf::Mesh& mesh, const lf::View& focused) {
-  return lf::render_still(scene.rig, mesh, focused, scene.images, lf::Resampling::kSharpened);
+lf::Still picture_of(const Scene& scene, const lf::Mesh& mesh, const std::optional<lf::ArrayDepth>& depths,
+                     const lf::View& focused) {
+  return lf::render_still(scene.rig, mesh, focused, scene.images, lf::Resampling::kSharpened, {}, nullptr,
+                          depths ? &*depths : nullptr);
 }
 
 constexpr int kFilmQuality = 90;
@@ -355,7 +357,7 @@ void show_contributions(const Options& options) {
   const std::optional<lf::ArrayDepth> depths = options.view.depths(scene);
   show_views(options.output, views, [&](const lf::NamedView& named) {
     const lf::View view = options.view.focused(scene, scene.mesh, depths, named.view);
-    const lf::Image picture = picture_of(scene, scene.mesh, view).picture;
+    const lf::Image picture = picture_of(scene, scene.mesh, {}, view).picture;
     lf::Image map = lf::contribution_map(scene.rig, scene.mesh, view, &picture);
     if (options.ids) write_ids(map, scene, view);
     return map;
@@ -368,7 +370,7 @@ void show_coverage(const Options& options) {
   const std::optional<lf::ArrayDepth> depths = options.view.depths(scene);
   show_views(options.output, views, [&](const lf::NamedView& named) {
     const lf::View view = options.view.focused(scene, scene.mesh, depths, named.view);
-    const lf::Image picture = picture_of(scene, scene.mesh, view).picture;
+    const lf::Image picture = picture_of(scene, scene.mesh, {}, view).picture;
     const lf::ViewPlan plan(scene.rig, scene.mesh, view);
     const lf::FaceIdMap owners(plan, {0, 0, view.width, view.height});
     const std::vector<float> lost = lf::missing_weights(scene.rig, plan, owners);
@@ -425,7 +427,7 @@ void show_sweep(const Options& options) {
   const lf::View view = options.view.views(scene, false)[0].view;
   const auto views = lf::make_focus_sweep(view, range, options.planes);
   show_views(options.output, views,
-             [&](const lf::NamedView& named) { return picture_of(scene, scene.mesh, named.view).picture; });
+             [&](const lf::NamedView& named) { return picture_of(scene, scene.mesh, {}, named.view).picture; });
   terminal::print("%d planes from %.4g to %.4g m\n", options.planes, range.near, range.far);
 }
 
@@ -487,7 +489,7 @@ void show_difference(const DifferenceOptions& options) {
   const std::optional<lf::ArrayDepth> depths = options.view.depths(scene, held_out);
   show_views(options.output, views, [&](const lf::NamedView& named) {
     const lf::Image truth = truth_of(options, scene, named, number++);
-    const lf::Still still = picture_of(scene, mesh, options.view.focused(scene, mesh, depths, named.view));
+    const lf::Still still = picture_of(scene, mesh, depths, options.view.focused(scene, mesh, depths, named.view));
     const lf::Quality quality = lf::compare(still.picture, truth, still.coverage);
     const std::vector<float> off = lf::differences(still.picture, truth, still.coverage);
     const std::vector<std::string> texts =

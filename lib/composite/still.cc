@@ -2,16 +2,19 @@
 #include "composite/still.h"
 
 #include <numeric>
+#include <optional>
 
 #include "image/image_filters.h"
 #include "render/camera_projection.h"
+#include "render/contribution_map.h"
 #include "render/ownership.h"
 #include "render/sum_renderer.h"
 
 namespace lf {
 
 Still render_still(const Rig& rig, const Mesh& mesh, const View& view, const CameraImages& images,
-                   Resampling resampling, const Background& background, gl::GlesRenderer* gpu) {
+                   Resampling resampling, const Background& background, gl::GlesRenderer* gpu,
+                   const ArrayDepth* depths) {
   std::vector<CameraIndex> all(rig.cameras.size());
   std::iota(all.begin(), all.end(), 0);
   const RenderJob job(rig, mesh, view, all);
@@ -30,6 +33,11 @@ Still render_still(const Rig& rig, const Mesh& mesh, const View& view, const Cam
     if (camera == job.cameras().front()) sum.reset(source.image.family, view.width, view.height);
     if (resampling == Resampling::kSharpened && shows_detail(view, rig_camera))
       source.image = sharpen(source.image, needed_pixels(job.plan(), camera, rig_camera), sharp);
+    std::optional<VisibilityMask> visibility;
+    if (const FocalMap* const map = view.focus.map.get(); depths && map && map->measured)
+      visibility = depths->visibility(job.plan().view(), camera,
+                                      sum_tiles(job.plan(), job.runs(), {&camera, 1}, PixelFamily::kRgb, 0));
+    source.visibility = visibility ? &*visibility : nullptr;
     const SumRenderer renderer(job.plan(), job.runs(), {&source, 1}, sum.family(), Coordinates::kGrid, gpu);
     still.drawing = renderer.drawing();
     const Rect rect = renderer.rect();
@@ -41,8 +49,10 @@ Still render_still(const Rig& rig, const Mesh& mesh, const View& view, const Cam
     sum.add(packed_sums<const int16_t, const uint16_t>(sum.family(), rect, samples.data(),
                                                        any_missing ? lost.data() : nullptr));
   }
-  sum.set_uncovered(FaceIdMap(job.plan(), {0, 0, view.width, view.height}));
-  still.coverage = sum.coverage();
+  const FaceIdMap owners(job.plan(), {0, 0, view.width, view.height});
+  sum.set_uncovered(owners);
+  // What hides the surface from a camera does not reduce the coverage.
+  still.coverage = depths ? view_coverage(rig, job.plan(), owners) : sum.coverage();
   still.picture = sum.resolve(background);
   return still;
 }

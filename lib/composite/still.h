@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "composite/accumulator.h"
+#include "depth/array_depth.h"
 #include "image/image.h"
 #include "render/sum_renderer.h"
 #include "rig/mesh.h"
@@ -26,9 +27,10 @@ struct Still {
 // contributing camera; all images must have the same family, otherwise Error is thrown.
 //
 // With `resampling` kSharpened, images are sharpened if the view shows detail that bilinear sampling loses (see
-// render/camera_projection.h). `gpu` is the GPU renderer to use (see SumRenderer); null means the CPU.
+// render/camera_projection.h). If the cameras have measured the view's surface (see FocalMap::measured), `depths` tell
+// which cameras see it; may be null. `gpu` is the GPU renderer to use (see SumRenderer); null means the CPU.
 Still render_still(const Rig& rig, const Mesh& mesh, const View& view, const CameraImages& images,
                    Resampling resampling = Resampling::kBilinear, const Background& background = {},
-                   gl::GlesRenderer* gpu = nullptr);
+                   gl::GlesRenderer* gpu = nullptr, const ArrayDepth* depths = nullptr);
 
 }  // namespace lf

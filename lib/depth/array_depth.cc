@@ -321,9 +321,9 @@ class ArrayDepth::ViewPoints {
   // Returns the inverse depth, along the view's axis, of the surface on a line of sight. The line's direction is in
   // world coordinates. Returns 0 if no camera sees anything there.
   double find_on(const Vec3& ray, const Depths& depths) const {
-    constexpr float kMinConfidence = 0.1f;
-    // The first peak above kAccepted is taken, once the agreement has fallen to half of it.
-    constexpr float kAccepted = 0.3f;
+    constexpr float kMinConfidence = 0.05f;
+    // The first peak above kAccepted is taken, once the agreement has fallen to this part of it.
+    constexpr float kAccepted = 0.2f, kFallen = 0.8f;
     constexpr double kInfinite = 1e-6;  // 1/m
     std::array<Vec3, kCameras> far;     // the line of sight at infinity, in each camera's image
     for (size_t k = 0; k < cameras_.size(); k++) far[k] = projections_[k].to_image * ray;
@@ -357,7 +357,7 @@ class ArrayDepth::ViewPoints {
         most = agreement;
         found = std::max(inverse, kInfinite);
       }
-      if (most > kAccepted && agreement < most / 2) break;
+      if (most > kAccepted && agreement < kFallen * most) break;
     }
     return found;
   }
@@ -379,6 +379,94 @@ class ArrayDepth::ViewPoints {
   std::vector<Depths> measured_;  // of each node
 };
 
+namespace {
+
+// Tests whether a camera sees points of a view's focal surface.
+class VisibilityTest {
+ public:
+  VisibilityTest(const View& view, const MatchingImage& image, const std::vector<float>& inverse, double step)
+      : image_(image), inverse_(inverse), per_step_(static_cast<float>(1 / step)) {
+    const FocalMap& map = *view.focus.map;
+    const Mat3 to_world = view.pose.rotation(), to_camera = glm::transpose(image.pose.rotation());
+    const Mat3 to_image = Mat3(image.focal, 0, 0, 0, image.focal, 0, image.centre.x, image.centre.y, 1) * to_camera;
+    image_from_ray_ = to_image * to_world;
+    parallax_ = to_image * (view.pose.position - image.pose.position);
+    normal_ = glm::transpose(to_world) * map.from.normal;
+    const double eye = map.from.signed_distance(view.pose.position);
+    for (size_t level = 0; level < depth_.size(); level++) {
+      const double from_plane = map.inverse_of(static_cast<double>(level));
+      depth_[level] = static_cast<float>(from_plane / (1 - from_plane * eye));
+    }
+  }
+
+  // Returns the part of the camera's pixels around the point that do not see anything nearer, 0 to 1. The point is on
+  // the line of sight `ray` of the view, with Z = 1.
+  float operator()(const glm::vec3& ray, uint8_t level) const {
+    // A point is hidden by depths that are nearer by more than kHiddenBy steps of the range, and visible up to one step
+    // less.
+    constexpr float kHiddenBy = 2.5f;
+    const float depth = depth_[level] * glm::dot(normal_, ray);  // inverse
+    const glm::vec3 at = image_from_ray_ * ray + depth * parallax_;
+    if (!(at.z > 0 && depth >= 0)) return 1;
+    const float per_z = 1 / at.z, x = at.x * per_z, y = at.y * per_z;
+    if (!(x >= 0 && y >= 0 && x < static_cast<float>(image_.width - 1) && y < static_cast<float>(image_.height - 1)))
+      return 1;
+    const int left = static_cast<int>(x), top = static_cast<int>(y);
+    const float* const tap = &inverse_[static_cast<size_t>(top) * image_.width + left];
+    const float own = depth * per_z;
+    const auto sees = [&](float measured) { return std::clamp((own - measured) * per_step_ + kHiddenBy, 0.f, 1.f); };
+    const float u = x - static_cast<float>(left), v = y - static_cast<float>(top);
+    return (1 - v) * ((1 - u) * sees(tap[0]) + u * sees(tap[1])) +
+           v * ((1 - u) * sees(tap[image_.width]) + u * sees(tap[image_.width + 1]));
+  }
+
+ private:
+  const MatchingImage& image_;
+  const std::vector<float>& inverse_;
+  const float per_step_;
+  // A line of sight at the inverse depth d falls on (p.x / p.z, p.y / p.z) with p = image_from_ray_ * ray + d *
+  // parallax_.
+  glm::mat3 image_from_ray_;
+  glm::vec3 parallax_, normal_;
+  std::array<float, 256> depth_;  // of each level, for a line of sight along the normal of the map's plane
+};
+
+}  // namespace
+
+std::optional<VisibilityMask> ArrayDepth::visibility(const View& view, CameraIndex index,
+                                                     std::span<const Rect> parts) const {
+  const auto found = std::ranges::find(cameras_, index, [](const auto& camera) { return camera->index; });
+  if (found == cameras_.end() || !view.focus.map) return {};
+  const FocalMap& map = *view.focus.map;
+  VisibilityMask mask{map.columns, map.rows, {}};
+  mask.nodes.assign(map.levels.size(), VisibilityMask::kVisible);
+  const VisibilityTest visible(view, (*found)->image, (*found)->depth.inverse, range_.step());
+  const auto step = static_cast<float>(map.step);
+  const Lens& lens = view.lens;
+  const bool is_pinhole = !lens.has_distortion();
+  const auto per_fx = static_cast<float>(1 / lens.fx()), per_fy = static_cast<float>(1 / lens.fy());
+  const auto cx = static_cast<float>(lens.cx()), cy = static_cast<float>(lens.cy());
+  for (const Rect& part : parts) {
+    const int right = std::min(FocalMap::nodes(part.x1, map.step) + 1, map.columns);
+    const int bottom = std::min(FocalMap::nodes(part.y1, map.step) + 1, map.rows);
+    for (int j = std::max(part.y0 / map.step - 1, 0); j < bottom; j++)
+      for (int i = std::max(part.x0 / map.step - 1, 0); i < right; i++) {
+        const float x = (static_cast<float>(i) + 0.5f) * step - 0.5f, y = (static_cast<float>(j) + 0.5f) * step - 0.5f;
+        glm::vec3 ray((x - cx) * per_fx, (y - cy) * per_fy, 1);
+        if (!is_pinhole) {
+          const std::optional<Vec2> through_lens = lens.unproject({x, y});
+          if (!through_lens) continue;
+          ray = {through_lens->x, through_lens->y, 1};
+        }
+        const size_t node = static_cast<size_t>(j) * map.columns + i;
+        const float seen = visible(ray, map.levels[node]);
+        constexpr float kRange = VisibilityMask::kVisible - VisibilityMask::kHidden;
+        mask.nodes[node] = static_cast<uint8_t>(VisibilityMask::kHidden + kRange * seen + 0.5f);
+      }
+  }
+  return mask;
+}
+
 FocalMap ArrayDepth::surface(const View& view, const ParallelFor& parallel) const {
   FocalMap map = FocalMap::for_view(view.width, view.height);
   map.from = plane_through(view.pose.position, view.pose.rotation()[2]);
@@ -386,7 +474,9 @@ FocalMap ArrayDepth::surface(const View& view, const ParallelFor& parallel) cons
 }
 
 FocalMap ArrayDepth::surface(const View& view, const FocalMap& like, const ParallelFor& parallel) const {
-  FocalMap map{.from = like.from, .step = like.step, .columns = like.columns, .rows = like.rows};
+  FocalMap map = like;
+  map.levels.clear();
+  map.measured = true;
   std::vector<float> inverse(static_cast<size_t>(map.columns) * map.rows), smooth(inverse.size());
   const ViewPoints points(view, map, cameras_around(view.pose.position), range_);
   parallel(static_cast<size_t>(map.rows),

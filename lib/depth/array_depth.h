@@ -3,12 +3,15 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
+#include <span>
 #include <vector>
 
 #include "base/worker_pool.h"
 #include "depth/camera_depth.h"
 #include "rig/mesh.h"
 #include "view/view.h"
+#include "view/visibility_mask.h"
 
 namespace lf {
 
@@ -59,6 +62,11 @@ class ArrayDepth {
   // Does the same for a map of the finest step, with distances from the plane through the eye that faces along the
   // view's axis.
   FocalMap surface(const View& view, const ParallelFor& parallel = serial_for) const;
+
+  // Returns which nodes of a view's focal map a camera sees. Something hides a node if the camera's depth map is nearer
+  // there by more than the tolerance of surface(). Only nodes around the pixels of `parts` are tested; the others count
+  // as visible. Returns nothing if the camera has no depth map, or the view no focal map.
+  std::optional<VisibilityMask> visibility(const View& view, CameraIndex camera, std::span<const Rect> parts) const;
 
  private:
   struct Camera {

@@ -278,6 +278,7 @@ DepthEstimator::Plan DepthEstimator::next(const ViewRequest& answered, std::span
     request.hypotheses.pop_back();
     if (moments.size() > request.hypotheses.size()) {
       measured = &moments.back();
+      measured_answers_++;
       moments = moments.first(moments.size() - 1);
     }
   }
@@ -327,6 +328,11 @@ DepthEstimator::Plan DepthEstimator::next(const ViewRequest& answered, std::span
   if (const double apart = glm::length(plan.view.pose.position - reference_pose_.position); apart > 0) {
     moved_ = moved_ || apart > 0.25 * array.spacing() || !(reference_pose_.orientation == plan.view.pose.orientation);
     if (moved_) reference_pose_ = plan.view.pose;
+  }
+  if (const FocalMap& map = *plan.view.focus.map; map.measured != (stage_ == Stage::kMeasured)) {
+    auto marked = std::make_shared<FocalMap>(map);
+    marked->measured = stage_ == Stage::kMeasured;
+    plan.view.focus.map = std::move(marked);
   }
   latest_.set(plan.view);
   const FocalMap& next = *plan.view.focus.map;

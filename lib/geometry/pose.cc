@@ -78,6 +78,7 @@ FocalMap FocalMap::refined(int width, int height) const {
   fine.from = from;
   fine.farthest = farthest;
   fine.nearest = nearest;
+  fine.measured = measured;
   fine.levels.resize(static_cast<size_t>(fine.columns) * static_cast<size_t>(fine.rows));
   // Interpolates in integer arithmetic. A fine node is (2 i + 1 - ratio) / (2 ratio) coarse nodes from the first coarse
   // node.

@@ -71,6 +71,9 @@ struct FocalMap {
   int columns = 0, rows = 0;
   double farthest = 0, nearest = 0;  // inverse distances of levels 0 and 255, 1/m
   std::vector<uint8_t> levels;       // row by row
+  // The depth maps of the cameras have found the surface, so each camera can tell whether something hides the surface
+  // from it (see VisibilityMask).
+  bool measured = false;
 
   static constexpr double kLevels = 255;
 

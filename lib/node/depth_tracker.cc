@@ -7,6 +7,9 @@
 #include <utility>
 #include <vector>
 
+#include <sys/resource.h>
+#include <unistd.h>
+
 #include "base/schedule.h"
 #include "base/text.h"
 #include "focus/focus_array.h"
@@ -122,7 +125,13 @@ std::optional<View> DepthTracker::surface(std::shared_ptr<TrackedView>& tracked,
 void DepthTracker::clear() {
   const std::lock_guard lock(mutex_);
   views_.clear();
+  latest_.reset();
   generation_++;
+}
+
+std::optional<ArrayDepth> DepthTracker::depths() const {
+  const std::lock_guard lock(mutex_);
+  return latest_;
 }
 
 // Waits until a view is tracked. Returns false if the thread should end.
@@ -206,8 +215,9 @@ bool DepthTracker::update_depths(const CameraInputs::Array& array, const CameraS
   return false;
 }
 
-std::optional<View> DepthTracker::measure(const CameraInputs::Array& array, const View& view, const FindFrame& find,
-                                          const std::atomic<bool>& cancelled, const ParallelFor& parallel) {
+std::optional<DepthTracker::Measured> DepthTracker::measure(const CameraInputs::Array& array, const View& view,
+                                                            const FindFrame& find, const std::atomic<bool>& cancelled,
+                                                            const ParallelFor& parallel) {
   const FocalMap& map = *view.focus.map;
   if (static_cast<size_t>(map.columns) * map.rows > kMaxNodes) return {};
   const std::lock_guard lock(work_mutex_);
@@ -221,7 +231,9 @@ std::optional<View> DepthTracker::measure(const CameraInputs::Array& array, cons
   if (!depths_) return {};
   View measured = view;
   measured.focus.map = std::make_shared<const FocalMap>(depths_->surface(view, map, parallel));
-  return measured;
+  const std::lock_guard result_lock(mutex_);
+  if (generation_of_depths_ == generation_) latest_ = depths_;
+  return Measured{std::move(measured), *depths_};
 }
 
 // Measures the surfaces of all views, or only of those that have moved.
@@ -231,6 +243,7 @@ void DepthTracker::update_surfaces(bool all) {
   {
     const std::lock_guard lock(mutex_);
     views = views_;
+    if (generation_of_depths_ == generation_) latest_ = depths_;
   }
   for (const auto& tracked : views) {
     View view;
@@ -255,7 +268,10 @@ void DepthTracker::work(const std::stop_token& stop) {
   bool has_changed = false;
   if (array->rig && (begun >= next_update_ || !depths_)) {
     // Nothing else makes the picture sharp, so the first depths may use all processors.
-    const ParallelFor parallel = depths_ ? serial_for : parallel_for_all_processors();
+    const ParallelFor on_all_processors = [this](size_t count, const std::function<void(size_t)>& task) {
+      workers_.run(std::max(std::thread::hardware_concurrency(), 1u), count, task);
+    };
+    const ParallelFor parallel = depths_ ? serial_for : on_all_processors;
     has_changed = update_depths(
         *array, cameras_around(*array, eyes()),
         [&array](CameraIndex camera) { return array->cameras.at(camera)->newest(); },
@@ -267,6 +283,9 @@ void DepthTracker::work(const std::stop_token& stop) {
 }
 
 void DepthTracker::run(const std::stop_token& stop) {
+  // Pictures must not wait for depths. The threads of workers_ are created by this thread, and inherit its priority.
+  constexpr int kNiceness = 10;
+  setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kNiceness);
   while (wait_for_views(stop)) {
     const uint64_t begun = now_ns();
     try {

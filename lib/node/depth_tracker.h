@@ -13,6 +13,7 @@
 #include <thread>
 #include <vector>
 
+#include "base/worker_pool.h"
 #include "depth/array_depth.h"
 #include "node/camera_inputs.h"
 #include "view/view.h"
@@ -26,7 +27,7 @@ class DepthTracker {
   // Depth maps are estimated for this number of cameras around each viewpoint, and in total.
   static constexpr size_t kCamerasOfView = 16, kMaxTrackedCameras = 48;
   // The work for a live view ends this long after its last call of surface(), nanoseconds.
-  static constexpr uint64_t kTimeout = 2'000'000'000;
+  static constexpr uint64_t kTimeout = 10'000'000'000;
   // Live views that are tracked at the same time. Further views get no surface.
   static constexpr size_t kMaxViews = 32;
   // Views with more nodes get no surface.
@@ -48,16 +49,22 @@ class DepthTracker {
   // is like ArrayDepth::surface(). Returns nothing if there is none yet. Never waits. `view` must have a map. `tracked`
   // is the state of this viewer, initially null.
   //
-  // A thread of the tracker does the work, at most half of the time. The thread only compares the images while they do
+  // A thread of low priority does the work, at most half of the time. The thread only compares the images while they do
   // not change.
   std::optional<View> surface(std::shared_ptr<TrackedView>& tracked, const View& view);
+  // Returns the depths that the latest surface came from, or nothing if there is none yet. Never waits.
+  std::optional<ArrayDepth> depths() const;
   // Measures the surface of a view of films or stills, from the frames that `find` returns, and returns the view with
-  // this surface. It takes as long as necessary, so that the pictures of films do not depend on the speed of the
-  // machine: some 20 ms for each camera of 320x240 pixels, and several times as long for the first view. Returns
-  // nothing if there are no frames, or if `cancelled` becomes true.
+  // this surface, and the depths that it comes from. It takes as long as necessary, so that the pictures of films do
+  // not depend on the speed of the machine: some 20 ms for each camera of 320x240 pixels, and several times as long for
+  // the first view. Returns nothing if there are no frames, or if `cancelled` becomes true.
   using FindFrame = std::function<std::optional<CameraFrame>(CameraIndex)>;
-  std::optional<View> measure(const CameraInputs::Array& array, const View& view, const FindFrame& find,
-                              const std::atomic<bool>& cancelled, const ParallelFor& parallel);
+  struct Measured {
+    View view;
+    ArrayDepth depths;
+  };
+  std::optional<Measured> measure(const CameraInputs::Array& array, const View& view, const FindFrame& find,
+                                  const std::atomic<bool>& cancelled, const ParallelFor& parallel);
   // Forgets all views and depths. Does not wait for work in progress, and drops its result.
   void clear();
 
@@ -83,11 +90,13 @@ class DepthTracker {
   uint64_t generation_of_depths_ = 0;
   uint64_t next_update_ = 0;  // now_ns()
 
-  std::mutex mutex_;  // locked after work_mutex_; guards the members up to generation_
+  mutable std::mutex mutex_;  // locked after work_mutex_; guards the members up to generation_
   std::condition_variable_any changed_;
   Views views_;
+  std::optional<ArrayDepth> latest_;  // the depths behind the latest surfaces
   uint64_t generation_ = 0;  // increases if the depths must be forgotten
 
+  WorkerPool workers_;   // for thread_
   std::jthread thread_;  // started by the first call of surface()
 };
 

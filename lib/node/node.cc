@@ -318,15 +318,24 @@ uint64_t Node::describe(const Planned& planned, const FrameSources& sources, con
   return worst_skew;
 }
 
-// Adds the surface that the cameras have measured to the work for a request.
-void Node::add_measured(const Array& array, const View& view, bool live, FrameLookup& frames, ClientState& client,
+// Adds the surface that the cameras have measured to the work for a request, if the request asks for it. Adds the
+// depths of the cameras if the request shows such a surface.
+void Node::add_measured(const Array& array, bool live, FrameLookup& frames, ClientState& client,
                         const ParallelFor& parallel, RequestRenderer::Work& work) {
-  const std::optional<View> measured =
-      live ? depths_.surface(client.tracked, view)
-           : depths_.measure(
-                 array, view, [&frames](CameraIndex camera) { return frames.find(camera); }, *client.cancelled,
-                 parallel);
+  std::optional<View> measured;
+  if (const View* const view = work.plan->measured_view(); view && live) {
+    measured = depths_.surface(client.tracked, *view);
+  } else if (view) {
+    std::optional<DepthTracker::Measured> result = depths_.measure(
+        array, *view, [&frames](CameraIndex camera) { return frames.find(camera); }, *client.cancelled, parallel);
+    if (result) measured = std::move(result->view);
+    if (result) work.depths = std::move(result->depths);
+  }
+  if (const RenderJob* const sum = work.plan->sum(); sum && !work.depths)
+    if (const FocalMap* const map = sum->plan().view().focus.map.get(); map && map->measured)
+      work.depths = depths_.depths();
   if (!measured) return;
+  const View& view = *work.plan->measured_view();
   work.measured = warp_depth_map(*measured, view);
   double distance = std::numeric_limits<double>::infinity();
   for (const auto& [camera, frames] : array.cameras)
@@ -368,8 +377,7 @@ std::vector<Node::Reply> Node::render(std::span<const wire::AnyRequest* const> r
     work.has_images = std::ranges::any_of(sources.sources(), [&](const Source& source) {
       return source.image.family != PixelFamily::kNone && work.plan->has(source.camera);
     });
-    if (const View* const measured = work.plan->measured_view())
-      add_measured(array, *measured, live, frames, client, parallel, work);
+    add_measured(array, live, frames, client, parallel, work);
     worst_skew = std::max(worst_skew, describe(plans[i], sources, frames, own, absent, work.header));
     plan_ns += plans[i].ns;
   }

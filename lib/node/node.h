@@ -166,7 +166,7 @@ class Node {
   void decode(FrameSources& sources, const Array& array, PixelFamily family, const ParallelFor& parallel);
   uint64_t describe(const Planned& planned, const FrameSources& sources, const FrameLookup& frames,
                     const std::vector<CameraIndex>& own, const CameraSet& absent, wire::AnswerHeader& header);
-  void add_measured(const Array& array, const View& view, bool live, FrameLookup& frames, ClientState& client,
+  void add_measured(const Array& array, bool live, FrameLookup& frames, ClientState& client,
                     const ParallelFor& parallel, RequestRenderer::Work& work);
   std::string skew_warning(const Rig& rig, const std::optional<SkewMonitor::Report>& report, ClientState& client) const;
 

@@ -188,9 +188,25 @@ std::vector<Source> resampled(Works works, const RenderOptions& options, std::ve
 
 struct Drawn {
   std::vector<Source> sources;
+  std::vector<std::optional<VisibilityMask>> visibility;  // of sources
   std::optional<SumRenderer> sum;  // empty if the answer has unwarped pixels, or no camera has an image yet
   uint64_t ns = 0;                 // nanoseconds
 };
+
+// Finds out which part of the surface each camera sees, if the cameras have measured the surface.
+void add_visibility(const RequestRenderer::Work& work, const ParallelFor& parallel, std::vector<Source>& sources,
+                    std::vector<std::optional<VisibilityMask>>& visibility) {
+  const RenderJob& job = *work.plan->sum();
+  const ViewPlan& plan = job.plan();
+  const FocalMap* const map = plan.view().focus.map.get();
+  if (!work.depths || !map || !map->measured) return;
+  visibility.resize(sources.size());
+  parallel(sources.size(), [&](size_t i) {
+    const std::vector<Rect> parts = sum_tiles(plan, job.runs(), {&sources[i].camera, 1}, PixelFamily::kRgb, 0);
+    visibility[i] = work.depths->visibility(plan.view(), sources[i].camera, parts);
+    if (visibility[i]) sources[i].visibility = &*visibility[i];
+  });
+}
 
 // `sampled` are the images for plans that show detail.
 void draw(Works works, const std::vector<Source>& images, const std::vector<Source>& sampled,
@@ -198,12 +214,13 @@ void draw(Works works, const std::vector<Source>& images, const std::vector<Sour
   options.parallel(works.size(), [&](size_t i) {
     const RequestPlan* const plan = works[i].plan;
     const wire::AnswerHeader& header = works[i].header;
-    auto& [sources, sum, ns] = drawn[i];
+    auto& [sources, visibility, sum, ns] = drawn[i];
     for (size_t k = 0; works[i].has_images && k < images.size(); k++)
       if (const CameraIndex camera = images[k].camera; plan->draws(camera))
         sources.push_back(plan->shows_detail(camera) ? sampled[k] : images[k]);
     if (!plan->sum() || header.family == PixelFamily::kNone) return;
     const uint64_t begun = now_ns();
+    add_visibility(works[i], options.parallel, sources, visibility);
     const bool is_in_group =
         options.in_process && options.gpu && options.group != 0 && options.gpu->group() == options.group;
     const Coding coding = choose_coding(options.codec, options.in_process, plan->quality());

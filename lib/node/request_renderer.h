@@ -6,11 +6,13 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "base/memory.h"
 #include "base/worker_pool.h"
+#include "depth/array_depth.h"
 #include "focus/exposure_compensation.h"
 #include "image/image.h"
 #include "node/answer_encoder.h"
@@ -104,6 +106,9 @@ class RequestRenderer {
     // counts beside the surfaces of other nodes, 0 to 1.
     std::shared_ptr<const FocalMap> measured = {};
     float measured_weight = 1;
+    // The depths of the cameras, or nothing. If the cameras have measured the surface of the view, the depths tell
+    // which cameras see it.
+    std::optional<ArrayDepth> depths = {};
   };
   // Answers several requests that use the same images. A GPU renders several views per pass. Each answer is the same as
   // for its request alone, for any options.parallel. Brightness is only measured if there is a single request.

@@ -50,20 +50,33 @@ class WeightGrid {
   // and at least one positive weight. It is empty for a point that no cell with weights uses.
   void add_point(std::span<const Share> shares);
 
+  // The weight of one camera in a row of a cell: the running sums at the ends of the row, times kStep, without the
+  // camera and with it.
+  struct CellRow {
+    static constexpr int kHalf = 1 << (2 * kStepBits - 1);  // for rounding
+    int32_t left_before, right_before, left, right;
+
+    // Returns the weight in a pixel of the row, in units of 1 / kOne.
+    int32_t weight(int x) const { return level(left, right, x) - level(left_before, right_before, x); }
+
+   private:
+    static int32_t level(int32_t left, int32_t right, int x) {
+      return (left * kStep + (right - left) * x + kHalf) >> (2 * kStepBits);
+    }
+  };
   // The weight of one camera in a cell of the grid. It consists of the running sums at the four corners of the cell,
   // before the camera is added (`before`) and after (`with`). The corners are the points (i, j), (i + 1, j), (i, j + 1)
   // and (i + 1, j + 1).
   struct Cell {
     std::array<int32_t, 4> before, with;
 
-    // Returns the weight in pixel (x, y) of the cell, in units of 1 / kOne. x and y are 0 to kStep - 1.
-    int weight(int x, int y) const { return level(with, x, y) - level(before, x, y); }
-
-   private:
-    static int level(const std::array<int32_t, 4>& at, int x, int y) {
-      const int32_t left = at[0] * (kStep - y) + at[2] * y, right = at[1] * (kStep - y) + at[3] * y;
-      return (left * kStep + (right - left) * x + (1 << (2 * kStepBits - 1))) >> (2 * kStepBits);
+    // Returns the weights in row y of the cell, and in pixel (x, y). x and y are 0 to kStep - 1.
+    CellRow row(int y) const {
+      const auto between = [y](int32_t upper, int32_t lower) { return upper * (kStep - y) + lower * y; };
+      return {between(before[0], before[2]), between(before[1], before[3]), between(with[0], with[2]),
+              between(with[1], with[3])};
     }
+    int weight(int x, int y) const { return row(y).weight(x); }
   };
   // Finds the camera's weights at the corners of cell (i, j). Returns false if the camera has no weight at any of its
   // four corners, or if the cell has no weights. i < columns() - 1, j < rows() - 1.

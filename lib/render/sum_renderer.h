@@ -14,6 +14,7 @@
 #include "render/sum_planes.h"
 #include "render/view_plan.h"
 #include "rig/rig.h"
+#include "view/visibility_mask.h"
 
 namespace lf {
 
@@ -28,6 +29,9 @@ struct Source {
   // The image must have the camera's size. If its family is kNone, there is no image, and the camera's weight is
   // missing. The image may be in textures of the GPU that renders the sum; the CPU downloads it when needed.
   ImageView image;
+  // The part of the focal surface that the camera sees, or null if this is not known. Must have the size of the view's
+  // focal map, and is only used if the map's nodes are FocalMap::kMinStep apart. The GPU ignores it.
+  const VisibilityMask* visibility = nullptr;
 };
 
 // Checks that an image has the size that the rig gives for its camera. Throws Error otherwise.

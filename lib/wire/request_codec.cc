@@ -85,7 +85,7 @@ Lens read_lens(Reader& in, uint8_t model_code) {
 
 namespace {
 
-constexpr uint8_t kFocalPlane = 0, kFocalMap = 1;
+constexpr uint8_t kFocalPlane = 0, kFocalMap = 1, kMeasuredMap = 2;  // kinds of focal surfaces
 constexpr uint8_t kUseGains = 1, kAskMean = 2, kMeanFollows = 4, kOnPlane = 8;
 constexpr int kBlendingShift = 4;  // position of the blending kind in the same byte
 constexpr size_t kPoseBytes = 7 * 8, kPlaneBytes = 4 * 8, kInFrontBytes = 3 * 8;
@@ -189,13 +189,14 @@ void put_map(Writer& out, const FocalMap& map, std::span<const uint8_t> deflated
   out.put_bytes(deflated);
 }
 
-void read_map(Reader& in, ViewRequest& request) {
+void read_map(Reader& in, bool measured, ViewRequest& request) {
   View& view = request.view;
   auto map = std::make_shared<FocalMap>();
   map->from = get_plane(in);
   map->farthest = in.get<double>();
   map->nearest = in.get<double>();
   map->step = in.get<uint8_t>();
+  map->measured = measured;
   request.hypotheses.resize(in.get<uint8_t>());
   for (DepthHypothesis& hypothesis : request.hypotheses) {
     const uint8_t kind = in.get<uint8_t>();
@@ -249,8 +250,8 @@ ViewRequest read_request(std::span<const uint8_t> bytes) {
 
   view.lens = read_lens(in, model_code);
 
-  if (surface > kFocalMap) throw Error("focal surface: kind " + std::to_string(surface) + " is not supported");
-  if (gains > kUseGains && surface != kFocalMap) throw Error("gains: require a focal map");
+  if (surface > kMeasuredMap) throw Error("focal surface: kind " + std::to_string(surface) + " is not supported");
+  if (gains > kUseGains && surface == kFocalPlane) throw Error("gains: require a focal map");
   request.on_plane = gains & kOnPlane;
   request.gains.use = gains & kUseGains;
   request.gains.ask = gains & kAskMean;
@@ -267,12 +268,12 @@ ViewRequest read_request(std::span<const uint8_t> bytes) {
                wanted = blended + (of_set ? kSetBytes : 0);
   if (in.left() >= cameras && in.left() < wanted)
     throw Error(std::string(in.left() < blended ? "blending" : "set") + ": the request ends before this field ends");
-  if (surface == kFocalMap ? in.left() < wanted : in.left() != wanted)
+  if (surface != kFocalPlane ? in.left() < wanted : in.left() != wanted)
     throw Error("out_of_service: " + std::to_string(count) + " cameras do not fill the " + std::to_string(in.left()) +
                 " bytes left");
   request.out_of_service.reserve(count);
   for (uint32_t i = 0; i < count; i++) request.out_of_service.push_back(in.get<uint16_t>());
-  if (surface == kFocalMap) read_map(in, request);
+  if (surface != kFocalPlane) read_map(in, surface == kMeasuredMap, request);
   if (gains & kMeanFollows) read_mean(in, *view.focus.map, request.gains);
   read_blending(in, view.blending);
   if (of_set) read_place(in, request.place);
@@ -306,7 +307,7 @@ std::vector<uint8_t> encode_request(const ViewRequest& request) {
   Writer out(size);
   put_request_head(out, kViewRequestType, request, view.width, view.height, size, of_set ? kInSet : 0);
   out.put(static_cast<uint8_t>(view.lens.model()));
-  out.put(map ? kFocalMap : kFocalPlane);
+  out.put(!map ? kFocalPlane : map->measured ? kMeasuredMap : kFocalMap);
   out.put(static_cast<uint8_t>((gains.use ? kUseGains : 0) | (gains.ask ? kAskMean : 0) |
                                (gains.mean.empty() ? 0 : kMeanFollows) | (request.on_plane ? kOnPlane : 0) |
                                static_cast<int>(view.blending.kind) << kBlendingShift));
@@ -357,7 +358,7 @@ RequestCost peek_request_cost(std::span<const uint8_t> bytes) {
   cost.by_angle = blending == static_cast<uint8_t>(Blending::Kind::kAngle);
   in.get_bytes(kPlaneBytes);
   in.get_bytes(2 * size_t{in.get<uint32_t>()});
-  if (surface == kFocalMap) {
+  if (surface != kFocalPlane) {
     in.get_bytes(kPlaneBytes + 8 + 8 + 1);
     cost.hypotheses = in.get<uint8_t>();
   }

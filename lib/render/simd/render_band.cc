@@ -412,6 +412,7 @@ void RenderBand(const SumTask& task, const Rect& rect, int y, Scratch& scratch) 
       place_slot(task, slot, y, scratch.inverse, scratch.cells, scratch.bands[number]);
     }
   for (uint16_t* lost : scratch.lost) std::fill_n(lost, blocks * kBlock, 0);
+  if (task.has_visibility) apply_visibility(task, rect, y, scratch);
   for (int i = 0; i < blocks; i++) render_block(task, rect, first_block + i, i, y, scratch);
 }
 

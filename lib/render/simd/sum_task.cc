@@ -102,6 +102,9 @@ Slot make_slot(const ViewPlan& plan, const Camera& camera, const Source& source,
   Slot slot;
   slot.camera = source.camera;
   slot.image = source.image;
+  const FocalMap* const map = plan.view().focus.map.get();
+  if (source.visibility && map && map->step == kCell && source.visibility->nodes.size() == map->levels.size())
+    slot.visibility = source.visibility;
   if (family == PixelFamily::kRgb) pick_pixels(source.image.layout, slot);
   slot.rect = plan.camera_rect(source.camera);
   if (family == PixelFamily::kI420) slot.rect = chroma_aligned(slot.rect, plan.view());
@@ -166,6 +169,7 @@ PreparedTask::PreparedTask(const ViewPlan& plan, const FaceRuns& runs, std::span
     projections.emplace_back(plan, source.camera, camera);
     task.slot_of_camera[source.camera] = static_cast<int32_t>(task.slots.size());
     task.slots.push_back(make_slot(plan, camera, source, family, projections.back()));
+    task.has_visibility = task.has_visibility || task.slots.back().visibility;
     rect = unite(rect, task.slots.back().rect);
   }
   task.face_corners.reserve(plan.faces().size());

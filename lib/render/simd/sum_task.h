@@ -42,6 +42,7 @@ struct ProjectionTerms {
 struct Slot {
   CameraIndex camera = 0;
   ImageView image;  // if its family is kNone, all weight is missing
+  const VisibilityMask* visibility = nullptr;  // reduces the weights, see Source; may be null
   Rect rect;        // bounds the pixels with a weight of the camera; x0 and y0 are even
   // For RGB images, shuffle indices. `pixel_pairs` selects from two groups of eight bytes, each with a pixel and its
   // right neighbour. It selects R of the pixel, R of the neighbour, then G and B in the same way. The first indices are
@@ -233,6 +234,7 @@ struct SumTask {
   std::vector<uint8_t> face_corners;    // per plan.faces(); bit k is set if the camera of corner k is local
   PixelFamily family = PixelFamily::kNone;
   bool exact = false;
+  bool has_visibility = false;  // some slots have a visibility mask
 };
 
 // Computes rows y to y + kBandRows - 1, clipped to `rect`, into scratch.sum and scratch.lost. They must have room for

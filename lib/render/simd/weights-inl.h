@@ -284,6 +284,21 @@ inline void find_grid_pixels(const SumTask& task, int first_block, int blocks, i
     }
 }
 
+// Computes the weights of all pixels in a row of a cell, like WeightGrid::CellRow::weight().
+HWY_INLINE void grid_weights(const WeightGrid::CellRow& row, int16_t out[kBlock]) {
+  const hn::CappedTag<int32_t, kBlock> d;
+  const hn::Rebind<int16_t, decltype(d)> d16;
+  for (size_t i = 0; i < kBlock; i += hn::Lanes(d)) {
+    const auto x = hn::Iota(d, static_cast<int32_t>(i));
+    const auto level = [&](int32_t left, int32_t right) HWY_ATTR {
+      const auto first = hn::Set(d, left * WeightGrid::kStep + WeightGrid::CellRow::kHalf);
+      return hn::ShiftRight<2 * WeightGrid::kStepBits>(hn::Add(first, hn::Mul(x, hn::Set(d, right - left))));
+    };
+    const auto weight = hn::Sub(level(row.left, row.right), level(row.left_before, row.right_before));
+    hn::StoreU(hn::DemoteTo(d16, hn::Min(weight, hn::Set(d, 32767))), d16, out + i);
+  }
+}
+
 // Computes the weights in a band of the pixels that take their weights from the WeightGrid.
 inline void blend_band(const SumTask& task, const Rect& rect, int y, Scratch& scratch) {
   static_assert(WeightGrid::kStep == kBlock && WeightGrid::kStep % kBandRows == 0 && WeightGrid::kOne == 1 << 15);
@@ -301,9 +316,13 @@ inline void blend_band(const SumTask& task, const Rect& rect, int y, Scratch& sc
       BlockWeights& entry = scratch.weights[entry_of(scratch, block - first_block, number)];
       for (int r = first_row; r < past_row; r++) {
         if (pixels[r] == 0) continue;
-        for (int x = 0; x < kBlock; x++)
-          if (pixels[r] >> x & 1)
-            entry.w[r][x] = static_cast<int16_t>(std::min(cell.weight(x, (y + r) % WeightGrid::kStep), 32767));
+        const WeightGrid::CellRow row = cell.row((y + r) % WeightGrid::kStep);
+        if (pixels[r] == 0xffff) {
+          grid_weights(row, entry.w[r]);
+        } else {
+          for (int x = 0; x < kBlock; x++)
+            if (pixels[r] >> x & 1) entry.w[r][x] = static_cast<int16_t>(std::min(row.weight(x), 32767));
+        }
         entry.rows |= 1u << r;
       }
     }
@@ -346,6 +365,73 @@ inline void weigh_band(const SumTask& task, const Rect& rect, int y, Scratch& sc
   for (size_t i = 0; i < scratch.faces_used; i++)
     if (scratch.faces[i].smooth) spread_weights(scratch.faces[i], scratch);
   if (task.plan->blend()) blend_band(task, rect, y, scratch);
+}
+
+// The place of a pixel between two nodes of a focal map with a node for every kCell pixels: the index of the first of
+// them, counted from the node before the block, and the distance from it in eighths.
+struct NodePlace {
+  constexpr explicit NodePlace(int pixel) : node((2 * pixel + 5) / 8), eighths((2 * pixel + 5) % 8) {}
+  int node, eighths;
+};
+static_assert(kCell == 4, "pixels are at odd eighths between nodes");
+
+// Multiplies the weights of a block by a visibility mask, and adds the rest to the missing weight. `x` and `y` are the
+// first pixel, and `lost` the missing weight of each row at this pixel. Returns true if any weight has changed.
+inline bool mask_block(const VisibilityMask& mask, int x, int y, BlockWeights& weights,
+                       uint16_t* const lost[kBandRows]) {
+  constexpr int kColumns = kBlock / kCell + 2;  // nodes around the block
+  int16_t nodes[kCellRows][kColumns];
+  int hidden = 0;
+  for (int k = 0; k < kCellRows; k++) {
+    const int j = std::clamp(y / kCell + k - 1, 0, mask.rows - 1);
+    const uint8_t* const row = &mask.nodes[static_cast<size_t>(j) * mask.columns];
+    for (int i = 0; i < kColumns; i++) {
+      nodes[k][i] = row[std::clamp(x / kCell + i - 1, 0, mask.columns - 1)];
+      hidden |= VisibilityMask::kVisible - nodes[k][i];
+    }
+  }
+  if (hidden == 0) return false;
+  const hn::CappedTag<int16_t, kBlock> d;
+  const hn::RebindToUnsigned<decltype(d)> du;
+  for (int r = 0; r < kBandRows; r++) {
+    if (!(weights.rows >> r & 1)) continue;
+    const NodePlace down(r);
+    int16_t between[kColumns];  // 8 * kVisible is 1
+    for (int i = 0; i < kColumns; i++)
+      between[i] =
+          static_cast<int16_t>((8 - down.eighths) * nodes[down.node][i] + down.eighths * nodes[down.node + 1][i]);
+    alignas(64) int16_t seen[kBlock];  // 64 * kVisible is 1
+    for (int i = 0; i < kBlock; i++) {
+      const NodePlace along(i);
+      seen[i] =
+          static_cast<int16_t>((8 - along.eighths) * between[along.node] + along.eighths * between[along.node + 1]);
+    }
+    for (size_t i = 0; i < kBlock; i += hn::Lanes(d)) {
+      const auto v = hn::Load(d, seen + i), w = hn::Load(d, weights.w[r] + i);
+      // 64 * 255 becomes 32767.
+      const auto part = hn::Add(hn::Add(v, v), hn::ShiftRight<7>(v));
+      const auto reduced = hn::Min(hn::MulFixedPoint15(w, part), w);
+      hn::Store(reduced, d, weights.w[r] + i);
+      const auto before = hn::LoadU(du, lost[r] + i);
+      hn::StoreU(hn::SaturatedAdd(before, hn::BitCast(du, hn::Sub(w, reduced))), du, lost[r] + i);
+    }
+  }
+  return true;
+}
+
+// Multiplies the weights of slots with a visibility mask by its values, and counts the rest as missing weight.
+// scratch.lost must be initialised.
+inline void apply_visibility(const SumTask& task, const Rect& rect, int y, Scratch& scratch) {
+  const int first_block = rect.x0 / kBlock, blocks = (rect.x1 + kBlock - 1) / kBlock - first_block;
+  for (int block = 0; block < blocks; block++) {
+    uint16_t* lost[kBandRows];
+    for (int r = 0; r < kBandRows; r++) lost[r] = scratch.lost[r] + block * kBlock;
+    for (int32_t i = scratch.head[block]; i >= 0; i = scratch.weights[i].next) {
+      BlockWeights& weights = scratch.weights[i];
+      const VisibilityMask* const mask = task.slots[weights.slot].visibility;
+      if (mask && mask_block(*mask, (first_block + block) * kBlock, y, weights, lost)) scratch.any_missing = true;
+    }
+  }
 }
 
 }  // namespace lf::simd::HWY_NAMESPACE

@@ -63,6 +63,13 @@ class DepthTrackerTest : public testing::Test {
       if (std::optional<View> found = tracker_.surface(tracked_, view); found && is_right(*found)) return found;
     return {};
   }
+  std::optional<View> measure(const View& view, const DepthTracker::FindFrame& find,
+                              const std::atomic<bool>& cancelled) {
+    std::optional<DepthTracker::Measured> measured =
+        tracker_.measure(*inputs_.array(), view, find, cancelled, serial_for);
+    if (!measured) return {};
+    return std::move(measured->view);
+  }
   // Returns true if the walls are at their depths, in the left and in the right half of the view.
   static bool shows_walls(const View& view, double nearer = 1) {
     const FocalMap& map = *view.focus.map;
@@ -127,12 +134,12 @@ TEST_F(DepthTrackerTest, FilmsAreMeasuredAtOnce) {
     };
   };
   const View view = walls_.view(0);
-  const std::optional<View> found = tracker_.measure(*inputs_.array(), view, of(walls_), cancelled, serial_for);
+  const std::optional<View> found = measure(view, of(walls_), cancelled);
   ASSERT_TRUE(found);
   EXPECT_TRUE(shows_walls(*found));
   const test::ArrayOfWalls nearer(false, 1.3);
   std::optional<View> later;
-  for (int i = 0; i < 4; i++) later = tracker_.measure(*inputs_.array(), view, of(nearer), cancelled, serial_for);
+  for (int i = 0; i < 4; i++) later = measure(view, of(nearer), cancelled);
   ASSERT_TRUE(later);
   EXPECT_TRUE(shows_walls(*later, 1.3));
 }
@@ -155,22 +162,22 @@ TEST_F(DepthTrackerTest, TheSameFramesAreNotDecodedAgain) {
   const std::atomic<bool> cancelled = false;
   const auto find = [&](CameraIndex camera) { return frames[camera]; };
   View view = walls_.view(0);
-  ASSERT_TRUE(tracker_.measure(*inputs_.array(), view, find, cancelled, serial_for));
+  ASSERT_TRUE(measure(view, find, cancelled));
   const int first = views;
   view.pose.position.x += 0.01;
-  const std::optional<View> moved = tracker_.measure(*inputs_.array(), view, find, cancelled, serial_for);
+  const std::optional<View> moved = measure(view, find, cancelled);
   ASSERT_TRUE(moved);
   EXPECT_TRUE(shows_walls(*moved));
   EXPECT_EQ(views, first);
 
   frames[4].picture = std::make_shared<DamagedPicture>(walls_.images[4]);
-  const std::optional<View> damaged = tracker_.measure(*inputs_.array(), view, find, cancelled, serial_for);
+  const std::optional<View> damaged = measure(view, find, cancelled);
   ASSERT_TRUE(damaged);
   EXPECT_TRUE(shows_walls(*damaged));
   EXPECT_EQ(views, first) << "a damaged frame concerns its camera only";
 
   tracker_.clear();
-  ASSERT_TRUE(tracker_.measure(*inputs_.array(), view, find, cancelled, serial_for));
+  ASSERT_TRUE(measure(view, find, cancelled));
   EXPECT_GT(views, first) << "all depths are forgotten";
 }
 
@@ -179,7 +186,7 @@ TEST_F(DepthTrackerTest, MeasuringCanBeCancelled) {
   const auto find = [this](CameraIndex camera) {
     return CameraFrame{.picture = std::make_shared<StillPicture>(walls_.images[camera])};
   };
-  EXPECT_FALSE(tracker_.measure(*inputs_.array(), walls_.view(0), find, cancelled, serial_for));
+  EXPECT_FALSE(measure(walls_.view(0), find, cancelled));
 }
 
 TEST_F(DepthTrackerTest, WithoutFramesThereIsNoSurface) {
