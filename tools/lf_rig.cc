@@ -247,6 +247,8 @@ Format formats[] = {
     {"colmap", "DIR", "a COLMAP model (cameras and images, .txt or .bin)",
      [](const Arguments& a) { return lf::import_colmap(a.other, a.colmap); },
      [](const Rig& rig, const Arguments& a) { return lf::export_colmap(rig, a.other); }},
+    {"hci", "DIR", "a scene of the 4D Light Field Benchmark (parameters.cfg, and input_Cam000.png, ...)",
+     [](const Arguments& a) { return lf::import_hci(a.other); }, nullptr},
     {"kalibr", "FILE", "Kalibr's camchain.yaml", [](const Arguments& a) { return lf::import_kalibr(a.other); },
      [](const Rig& rig, const Arguments& a) { return lf::export_kalibr(rig, a.other); }},
     {"llff", "DIR", "an LLFF capture (poses_bounds.npy, and a folder images)",

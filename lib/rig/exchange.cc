@@ -232,6 +232,11 @@ Pose pose_of_world_from_camera(const RigidTransform& motion) {
   return {motion.translation, glm::normalize(glm::quat_cast(motion.rotation))};
 }
 
+Mat3 rotation_from_euler(const Vec3& angles) {
+  return glm::mat3_cast(glm::angleAxis(angles.z, Vec3(0, 0, 1)) * glm::angleAxis(angles.y, Vec3(0, 1, 0)) *
+                        glm::angleAxis(angles.x, Vec3(1, 0, 0)));
+}
+
 Mat3 nearest_rotation(const Mat3& matrix, const JsonValue& value) {
   const Mat3 square = glm::transpose(matrix) * matrix;
   double error = 0;

@@ -17,7 +17,8 @@
 #include "geometry/pose.h"
 #include "rig/rig.h"
 
-// Imports and exports rigs in the formats of other programs: Kalibr, NeRF, the Stanford archive, COLMAP, LLFF, OpenCV.
+// Imports and exports rigs in the formats of other programs: Kalibr, NeRF, the Stanford archive, COLMAP, LLFF, the 4D
+// Light Field Benchmark, OpenCV.
 namespace lf {
 
 // Converts the first document of a YAML text to JSON, so that JsonValue can read it and report places. Plain scalars
@@ -147,6 +148,18 @@ RigExport export_colmap(const Rig& rig, const std::string& directory);
 // the Neural 3D Video dataset. A note names the depths. Throws Error with the file and the image.
 RigImport import_llff(const std::string& directory, const std::string& images = "");
 
+// The 4D Light Field Benchmark (Honauer et al. 2016, https://lightfield-analysis.uni-konstanz.de), as written by its
+// Blender add-on: parameters.cfg, an INI file, and the images input_Cam000.png, input_Cam001.png, ..., row by row from
+// the top left.
+//   [intrinsics]  focal_length_mm, sensor_size_mm (of the longer side), image_resolution_x_px, image_resolution_y_px
+//   [extrinsics]  num_cams_x, num_cams_y, baseline_mm (between neighbours), focus_distance_m (0: infinity),
+//                 center_cam_x_m, _y_m, _z_m and center_cam_rx_rad, _ry_rad, _rz_rad: Blender's location and Euler
+//                 angles in the order XYZ; the camera looks along its -z axis, and the z axis of the world points up
+//   [meta]        disp_min, disp_max: disparities between neighbours in pixels, positive in front of the focus distance
+// All cameras have the same orientation, and points at the focus distance are at the same pixel in all images. The
+// world of the rig has Blender's axes x, -z, y. A note has the depths of the scene. Throws Error with file and place.
+RigImport import_hci(const std::string& directory);
+
 class ImageSearch {
  public:
   // Lists the files of a folder and its subfolders. Throws Error if `directory` is not a folder.
@@ -214,6 +227,9 @@ struct RigidTransform {
 RigidTransform camera_from_world(const Pose& pose);
 Pose pose_of_camera_from_world(const RigidTransform& motion);
 Pose pose_of_world_from_camera(const RigidTransform& motion);
+
+// Returns Rz(angles.z) Ry(angles.y) Rx(angles.x). The angles are in radians.
+Mat3 rotation_from_euler(const Vec3& angles);
 
 // Returns the rotation nearest to `matrix`. Calls value.fail() if the difference is larger than rounding to 4 digits
 // explains.

@@ -94,8 +94,19 @@ lf::RigImport import_names(const std::string& text) {
   return lf::import_stanford(folder.path(), {.f = 1});
 }
 
+// `text` is parameters.cfg; the images have 1 x 1 pixels.
+lf::RigImport import_benchmark(const std::string& text) {
+  static const TempDir folder;
+  for (const char* number : {"000", "001", "002", "003"})
+    folder.write("input_Cam" + std::string(number) + ".png",
+                 {reinterpret_cast<const char*>(kPicture), sizeof(kPicture)});
+  folder.write("parameters.cfg", text);
+  return lf::import_hci(folder.path());
+}
+
 lf::RigImport import(const TempDir& folder, char kind, const std::string& text) {
   if (kind == 's') return import_names(text);
+  if (kind == 'h') return import_benchmark(text);
   if (kind == 'b') {
     const size_t size = text.empty() ? 0 : std::min(size_t{8} * static_cast<uint8_t>(text[0]), text.size() - 1);
     static const TempDir binary;  // without cameras.txt, which would be preferred
@@ -111,10 +122,10 @@ lf::RigImport import(const TempDir& folder, char kind, const std::string& text) 
     const int side = kind == 'g' ? 2 : 0;
     return lf::import_colmap(folder.path(), {.rows = side, .columns = side});
   }
-  if (kind == 'k' || kind == 'n') {
-    const std::string path = folder.write("input", text);
-    return kind == 'k' ? lf::import_kalibr(path) : lf::import_nerf(path);
-  }
+  using Importer = lf::RigImport(const std::string& path);
+  const std::pair<char, Importer*> importers[] = {{'k', lf::import_kalibr}, {'n', lf::import_nerf}};
+  for (const auto& [letter, importer] : importers)
+    if (kind == letter) return importer(folder.write("input", text));
   folder.write("extrinsics.yml", second);
   return lf::import_opencv_yaml(folder.write("input", first));
 }
@@ -123,9 +134,9 @@ lf::RigImport import(const TempDir& folder, char kind, const std::string& text) 
 
 // Files of other programs: the first letter selects the importer, the text follows. c, g: COLMAP's cameras.txt and
 // images.txt, separated by a form feed, g as a grid of 2x2; b: COLMAP's cameras.bin, with its size divided by 8 in the
-// first byte, and images.bin; k: Kalibr; n: NeRF; o: OpenCV, with extrinsics.yml after a
-// form feed; s: file names of a Stanford archive folder, one per line. Every accepted rig can be written, read again
-// and meshed.
+// first byte, and images.bin; h: parameters.cfg of the 4D Light Field Benchmark; k: Kalibr; n: NeRF; o:
+// OpenCV, with extrinsics.yml after a form feed; s: file names of a Stanford archive folder, one per line. Every
+// accepted rig can be written, read again and meshed.
 LF_FUZZ_TARGET(import)(const uint8_t* data, size_t size) {
   static const TempDir folder;
   if (size == 0) return 0;

@@ -114,6 +114,12 @@ void add_texts(std::vector<Bytes>& json, std::vector<Bytes>& import) {
            "%YAML:1.0\n---\nimage_size: [8, 6]\nM1" + matrix + "M2" + matrix +
                "D1: { rows: 1, cols: 5, data: [0.1, 0, 0, 0, 0] }\n\f%YAML:1.0\n---\nR: { rows: 3, cols: 3, data: "
                "[1, 0, 0, 0, 1, 0, 0, 0, 1] }\nT: { rows: 3, cols: 1, data: [-0.1, 0, 0] }\n");
+  add_text(import, 'h',
+           "[intrinsics]\nfocal_length_mm = 100.0\nimage_resolution_x_px = 1\nimage_resolution_y_px = 1\n"
+           "sensor_size_mm = 35.0\nfstop = 8\n\n[extrinsics]\nnum_cams_x = 2\nnum_cams_y = 2\nbaseline_mm = 25.0\n"
+           "focus_distance_m = 4.25\ncenter_cam_x_m = -2.4\ncenter_cam_y_m = 0\ncenter_cam_z_m = 1\n"
+           "center_cam_rx_rad = 1.32\ncenter_cam_ry_rad = -4e-08\ncenter_cam_rz_rad = -0.6\noffset = 0.01\n"
+           "# notes\n[meta]\nscene = cotton\ndisp_min = -1.6\ndisp_max = 1.5\n");
   add_text(import, 's', "out_00_00_-1.5_2.0_.png\nout_00_01_-1.5_3.0_.png\nout_01_00_-2.5_2_.jpg\nnotes.txt");
 }
 
