@@ -253,6 +253,8 @@ Format formats[] = {
      [](const Rig& rig, const Arguments& a) { return lf::export_kalibr(rig, a.other); }},
     {"llff", "DIR", "an LLFF capture (poses_bounds.npy, and a folder images)",
      [](const Arguments& a) { return lf::import_llff(a.other, a.colmap.images); }, nullptr},
+    {"mrcal", "PATH", "mrcal's .cameramodel files (a file, or a folder with a file for each camera)",
+     [](const Arguments& a) { return lf::import_mrcal(a.other); }, nullptr},
     {"nerf", "FILE", "NeRF's transforms.json", [](const Arguments& a) { return lf::import_nerf(a.other); },
      [](const Rig& rig, const Arguments& a) { return lf::export_nerf(rig, a.other); }},
     {"opencv", "FILE", "OpenCV's YAML (camera_matrix, distortion_coefficients, R, T)",

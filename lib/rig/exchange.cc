@@ -99,7 +99,7 @@ class Builder : public YAML::EventHandler {
 
 }  // namespace
 
-json parse_yaml(const std::string& text, const std::string& name) {
+json parse_yaml(const std::string& text, const std::string& name, const char* language) {
   Builder builder;
   try {
     std::istringstream stream(text);
@@ -107,7 +107,7 @@ json parse_yaml(const std::string& text, const std::string& name) {
     parser.HandleNextDocument(builder);
   } catch (const YAML::Exception& e) {
     const std::string line = e.mark.is_null() ? "" : "line " + std::to_string(e.mark.line + 1) + ": ";
-    throw Error(name + ": " + line + "not valid YAML: " + e.msg);
+    throw Error(name + ": " + line + "not valid " + language + ": " + e.msg);
   }
   return std::move(builder.root);
 }
@@ -235,6 +235,11 @@ Pose pose_of_world_from_camera(const RigidTransform& motion) {
 Mat3 rotation_from_euler(const Vec3& angles) {
   return glm::mat3_cast(glm::angleAxis(angles.z, Vec3(0, 0, 1)) * glm::angleAxis(angles.y, Vec3(0, 1, 0)) *
                         glm::angleAxis(angles.x, Vec3(1, 0, 0)));
+}
+
+Mat3 rotation_from_vector(const Vec3& vector) {
+  const double angle = glm::length(vector);
+  return angle > 0 ? glm::mat3_cast(glm::angleAxis(angle, vector / angle)) : Mat3(1);
 }
 
 Mat3 nearest_rotation(const Mat3& matrix, const JsonValue& value) {

@@ -18,13 +18,13 @@
 #include "rig/rig.h"
 
 // Imports and exports rigs in the formats of other programs: Kalibr, NeRF, the Stanford archive, COLMAP, LLFF, the 4D
-// Light Field Benchmark, OpenCV.
+// Light Field Benchmark, mrcal, OpenCV.
 namespace lf {
 
 // Converts the first document of a YAML text to JSON, so that JsonValue can read it and report places. Plain scalars
 // that are numeric become numbers, and tags are dropped. Throws Error with the line for aliases, non-scalar keys and
-// duplicate keys. `name` is the file name in messages.
-nlohmann::json parse_yaml(const std::string& text, const std::string& name);
+// duplicate keys. `name` is the file name in messages, and `language` names the syntax if it is a subset of YAML.
+nlohmann::json parse_yaml(const std::string& text, const std::string& name, const char* language = "YAML");
 
 // Returns a number as text that every YAML reader parses as a number, for example "400.0" or "1.0e-09". (PyYAML reads
 // "1e-09" as a string.)
@@ -160,6 +160,17 @@ RigImport import_llff(const std::string& directory, const std::string& images = 
 // world of the rig has Blender's axes x, -z, y. A note has the depths of the scene. Throws Error with file and place.
 RigImport import_hci(const std::string& directory);
 
+// mrcal's .cameramodel files (https://mrcal.secretsauce.net/cameramodels.html), one for each camera: a dictionary of
+// Python with
+//   'lens_model' (newer: 'lensmodel'): 'LENSMODEL_PINHOLE' or 'LENSMODEL_OPENCV4'; also OPENCV5, OPENCV8 and OPENCV12
+//     if all terms beyond p2 are 0
+//   'intrinsics': [fx, fy, cx, cy, k1, k2, p1, p2, ...]; 'imagersize': [width, height]
+//   'extrinsics' (newer: 'rt_cam_ref'): a Rodrigues vector r and a translation t, x_camera = R(r) x_reference + t
+// Pixel coordinates and camera axes are the same as in a rig. `path` is a file, or a folder with files *.cameramodel,
+// which are read in the natural order of their names. The name of a camera is the file name without its extension.
+// Throws Error with file and place.
+RigImport import_mrcal(const std::string& path);
+
 class ImageSearch {
  public:
   // Lists the files of a folder and its subfolders. Throws Error if `directory` is not a folder.
@@ -230,6 +241,8 @@ Pose pose_of_world_from_camera(const RigidTransform& motion);
 
 // Returns Rz(angles.z) Ry(angles.y) Rx(angles.x). The angles are in radians.
 Mat3 rotation_from_euler(const Vec3& angles);
+// Returns the rotation by |vector| radians about the axis `vector`, like cv::Rodrigues().
+Mat3 rotation_from_vector(const Vec3& vector);
 
 // Returns the rotation nearest to `matrix`. Calls value.fail() if the difference is larger than rounding to 4 digits
 // explains.

@@ -123,7 +123,8 @@ lf::RigImport import(const TempDir& folder, char kind, const std::string& text) 
     return lf::import_colmap(folder.path(), {.rows = side, .columns = side});
   }
   using Importer = lf::RigImport(const std::string& path);
-  const std::pair<char, Importer*> importers[] = {{'k', lf::import_kalibr}, {'n', lf::import_nerf}};
+  const std::pair<char, Importer*> importers[] = {
+      {'k', lf::import_kalibr}, {'m', lf::import_mrcal}, {'n', lf::import_nerf}};
   for (const auto& [letter, importer] : importers)
     if (kind == letter) return importer(folder.write("input", text));
   folder.write("extrinsics.yml", second);
@@ -134,7 +135,7 @@ lf::RigImport import(const TempDir& folder, char kind, const std::string& text) 
 
 // Files of other programs: the first letter selects the importer, the text follows. c, g: COLMAP's cameras.txt and
 // images.txt, separated by a form feed, g as a grid of 2x2; b: COLMAP's cameras.bin, with its size divided by 8 in the
-// first byte, and images.bin; h: parameters.cfg of the 4D Light Field Benchmark; k: Kalibr; n: NeRF; o:
+// first byte, and images.bin; h: parameters.cfg of the 4D Light Field Benchmark; k: Kalibr; m: mrcal; n: NeRF; o:
 // OpenCV, with extrinsics.yml after a form feed; s: file names of a Stanford archive folder, one per line. Every
 // accepted rig can be written, read again and meshed.
 LF_FUZZ_TARGET(import)(const uint8_t* data, size_t size) {

@@ -120,6 +120,10 @@ void add_texts(std::vector<Bytes>& json, std::vector<Bytes>& import) {
            "focus_distance_m = 4.25\ncenter_cam_x_m = -2.4\ncenter_cam_y_m = 0\ncenter_cam_z_m = 1\n"
            "center_cam_rx_rad = 1.32\ncenter_cam_ry_rad = -4e-08\ncenter_cam_rz_rad = -0.6\noffset = 0.01\n"
            "# notes\n[meta]\nscene = cotton\ndisp_min = -1.6\ndisp_max = 1.5\n");
+  add_text(import, 'm',
+           "# a note\n{\n 'lens_model': 'LENSMODEL_OPENCV5',\n 'intrinsics': [ 9., 9, 4, 3, 0.1, 0, 1e-3, -2e-3, 0,],\n"
+           " 'valid_intrinsics_region': [\n [ 0, 1 ],\n],\n # extrinsics are rt_fromref\n 'extrinsics': [ 2e-2, -3e-1, "
+           "-1e-2, 1., 2, -3., ],\n 'imagersize': [ 8, 6 ],\n 'optimization_inputs': b'P)h}]',\n}\n");
   add_text(import, 's', "out_00_00_-1.5_2.0_.png\nout_00_01_-1.5_3.0_.png\nout_01_00_-2.5_2_.jpg\nnotes.txt");
 }
 

@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <filesystem>
+#include <set>
+
+#include <nlohmann/json.hpp>
+
+#include "base/json_value.h"
+#include "base/text.h"
+#include "rig/exchange.h"
+
+namespace lf {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr size_t kOurTerms = 4;  // k1 k2 p1 p2
+
+// A file is a dictionary of Python. Without the b of its byte strings, this is a flow mapping of YAML.
+nlohmann::json parse_dictionary(const std::string& text, const std::string& path) {
+  std::string yaml;
+  char quote = 0;  // of the current string
+  bool is_comment = false, has_ended = false;
+  int depth = 0, line = 1;
+  for (size_t i = 0; i < text.size(); i++) {
+    const char c = text[i], next = i + 1 < text.size() ? text[i + 1] : '\0';
+    line += c == '\n';
+    if (is_comment) {
+      is_comment = c != '\n';
+    } else if (quote) {
+      if (c == quote) quote = 0;
+    } else if (c == '#') {
+      is_comment = true;
+      yaml += ' ';  // YAML requires a space before the comment
+    } else {
+      if (has_ended && !std::isspace(static_cast<unsigned char>(c)))
+        throw Error(path + ": line " + std::to_string(line) + ": has text after the dictionary");
+      if (c == 'b' && (next == '\'' || next == '"')) continue;
+      if (c == '\'' || c == '"') quote = c;
+      depth += (c == '{' || c == '[') - (c == '}' || c == ']');
+      has_ended |= depth == 0 && c == '}';
+    }
+    yaml += c;
+  }
+  return parse_yaml(yaml, path, "Python");
+}
+
+const std::set<std::string_view> kKnownKeys = {
+    // Keys that the importer reads.
+    "lens_model", "lensmodel", "intrinsics", "extrinsics", "rt_cam_ref", "imagersize",
+    // Keys without effect on a rig.
+    "valid_intrinsics_region", "optimization_inputs", "icam_intrinsics", "covariance_intrinsics"};
+
+Lens parse_mrcal_lens(const JsonValue& file) {
+  const JsonValue model = file.find("lensmodel") ? file.at("lensmodel") : file.at("lens_model");
+  const std::string name = model.text();
+  const std::pair<const char*, size_t> models[] = {{"LENSMODEL_PINHOLE", 4},
+                                                   {"LENSMODEL_OPENCV4", 8},
+                                                   {"LENSMODEL_OPENCV5", 9},
+                                                   {"LENSMODEL_OPENCV8", 12},
+                                                   {"LENSMODEL_OPENCV12", 16}};
+  const std::string remedy =
+      "; calibrate with LENSMODEL_OPENCV4, convert the model with mrcal-convert-lensmodel --sampled LENSMODEL_OPENCV4, "
+      "or the pictures with mrcal-reproject-image --to-pinhole";
+  const auto* const found = std::ranges::find(models, name, [](const auto& known) { return std::string(known.first); });
+  if (found == std::end(models)) model.fail("a rig cannot hold the lens model \"" + name + "\"" + remedy);
+  const JsonValue place = file.at("intrinsics");
+  std::vector<double> k;
+  for (const JsonValue& number : place.elements(found->second)) k.push_back(number.number());
+  for (size_t i = 4 + kOurTerms; i < k.size(); i++)
+    if (k[i] != 0)
+      place.fail("element " + std::to_string(i) + " is not 0, and a rig cannot hold this distortion term of " + name +
+                 remedy);
+  k.resize(std::min(k.size(), 4 + kOurTerms));
+  try {
+    return lens_from_opencv({k[0], k[1], k[2], k[3]}, {k.begin() + 4, k.end()});
+  } catch (const Error& e) {
+    place.fail(e.what());
+  }
+}
+
+Camera parse_camera(const std::string& path, std::vector<std::string>& notes) {
+  nlohmann::json root = parse_dictionary(read_text_file(path), path);
+  const JsonValue file(root, path);
+  Camera camera;
+  camera.name = fs::path(path).stem().string();
+  const std::vector<JsonValue> size = file.at("imagersize").elements(2);
+  camera.width = static_cast<int>(size[0].integer(1, kMaxImageSize));
+  camera.height = static_cast<int>(size[1].integer(1, kMaxImageSize));
+  camera.lens = parse_mrcal_lens(file);
+  const JsonValue place = file.find("rt_cam_ref") ? file.at("rt_cam_ref") : file.at("extrinsics");
+  std::array<double, 6> rt;
+  const std::vector<JsonValue> values = place.elements(rt.size());
+  std::ranges::transform(values, rt.begin(), [](const JsonValue& value) { return value.number(); });
+  camera.pose = pose_of_camera_from_world({rotation_from_vector({rt[0], rt[1], rt[2]}), {rt[3], rt[4], rt[5]}});
+  root.erase("lens_model");  // check_foreign_keys() does not know mrcal's names of lens models
+  for (const std::string& note : check_foreign_keys(root, path, kKnownKeys)) notes.push_back(path + ": " + note);
+  return camera;
+}
+
+}  // namespace
+
+RigImport import_mrcal(const std::string& path) {
+  std::vector<std::string> paths;
+  std::error_code error;
+  if (fs::is_directory(path, error)) {
+    for (fs::directory_iterator it(path, error), end; !error && it != end; it.increment(error))
+      if (it->path().extension() == ".cameramodel") paths.push_back(it->path().string());
+    if (error) throw Error(path + ": can't be read: " + error.message());
+    if (paths.empty()) throw Error(path + ": contains no file *.cameramodel");
+    if (paths.size() > kMaxCameras)
+      throw Error(path + ": has too many files; a rig has at most " + std::to_string(kMaxCameras) + " cameras");
+    std::ranges::sort(paths, natural_less);
+  } else {
+    paths.push_back(path);
+  }
+  RigImport result;
+  for (const std::string& file : paths) {
+    result.rig.cameras.push_back(parse_camera(file, result.notes));
+    result.rig.cameras.back().id = static_cast<uint32_t>(result.rig.cameras.size()) - 1;
+  }
+  return with_topology(std::move(result));
+}
+
+}  // namespace lf
