@@ -244,6 +244,8 @@ struct Format {
 };
 
 Format formats[] = {
+    {"caliscope", "FILE", "Caliscope's camera_array.toml",
+     [](const Arguments& a) { return lf::import_caliscope(a.other, a.colmap.undistorted); }, nullptr},
     {"colmap", "DIR", "a COLMAP model (cameras and images, .txt or .bin)",
      [](const Arguments& a) { return lf::import_colmap(a.other, a.colmap); },
      [](const Rig& rig, const Arguments& a) { return lf::export_colmap(rig, a.other); }},
@@ -287,6 +289,10 @@ void add_formats(cli::App& app, Arguments& arguments) {
   colmap->add_flag("--undistorted", arguments.colmap.undistorted,
                    "The image files are already undistorted, for example by COLMAP's image_undistorter. The rig then "
                    "uses pinhole lenses, and takes the image size from each file");
+  import->get_subcommand("caliscope")
+      ->add_flag("--undistorted", arguments.colmap.undistorted,
+                 "The videos are already undistorted with the same camera matrix, as by OpenCV's undistort(). The rig "
+                 "then uses pinhole lenses");
   colmap
       ->add_option("--grid", arguments.grid,
                    "Rows and columns of the array, for example 4x8. The cameras are assigned to the grid in the order "

@@ -18,7 +18,7 @@
 #include "rig/rig.h"
 
 // Imports and exports rigs in the formats of other programs: Kalibr, NeRF, the Stanford archive, COLMAP, LLFF, the 4D
-// Light Field Benchmark, mrcal, OpenCV.
+// Light Field Benchmark, mrcal, Caliscope, OpenCV.
 namespace lf {
 
 // Converts the first document of a YAML text to JSON, so that JsonValue can read it and report places. Plain scalars
@@ -170,6 +170,16 @@ RigImport import_hci(const std::string& directory);
 // which are read in the natural order of their names. The name of a camera is the file name without its extension.
 // Throws Error with file and place.
 RigImport import_mrcal(const std::string& path);
+
+// Caliscope's camera_array.toml (https://github.com/mprib/caliscope): a table [cameras.N] for each camera, with
+//   cam_id (older: port); size = [width, height]; matrix (3x3); distortions = [k1, k2, p1, p2, k3]; fisheye
+//   rotation (a Rodrigues vector or 3x3) and translation: x_camera = R x_world + t, metres
+//   ignore: the camera is not used
+// Pixel coordinates and axes are the same as in a rig. Caliscope always calibrates k3, which a rig cannot hold. If
+// `undistorted`, the videos were undistorted with the same matrix, so that `distortions` have no effect, and the lenses
+// are pinholes. Cameras without a pose and ignored cameras are left out, with a note. The id is cam_id. Throws Error
+// with file and place.
+RigImport import_caliscope(const std::string& path, bool undistorted = false);
 
 class ImageSearch {
  public:

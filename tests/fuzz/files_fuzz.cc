@@ -127,6 +127,7 @@ lf::RigImport import(const TempDir& folder, char kind, const std::string& text) 
       {'k', lf::import_kalibr}, {'m', lf::import_mrcal}, {'n', lf::import_nerf}};
   for (const auto& [letter, importer] : importers)
     if (kind == letter) return importer(folder.write("input", text));
+  if (kind == 't' || kind == 'u') return lf::import_caliscope(folder.write("input", text), kind == 'u');
   folder.write("extrinsics.yml", second);
   return lf::import_opencv_yaml(folder.write("input", first));
 }
@@ -136,8 +137,9 @@ lf::RigImport import(const TempDir& folder, char kind, const std::string& text) 
 // Files of other programs: the first letter selects the importer, the text follows. c, g: COLMAP's cameras.txt and
 // images.txt, separated by a form feed, g as a grid of 2x2; b: COLMAP's cameras.bin, with its size divided by 8 in the
 // first byte, and images.bin; h: parameters.cfg of the 4D Light Field Benchmark; k: Kalibr; m: mrcal; n: NeRF; o:
-// OpenCV, with extrinsics.yml after a form feed; s: file names of a Stanford archive folder, one per line. Every
-// accepted rig can be written, read again and meshed.
+// OpenCV, with extrinsics.yml after a form feed; s: file names of a Stanford archive folder, one per line; t, u:
+// Caliscope, u with undistorted videos. Every accepted rig can be written, read again and
+// meshed.
 LF_FUZZ_TARGET(import)(const uint8_t* data, size_t size) {
   static const TempDir folder;
   if (size == 0) return 0;

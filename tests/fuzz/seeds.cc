@@ -124,6 +124,13 @@ void add_texts(std::vector<Bytes>& json, std::vector<Bytes>& import) {
            "# a note\n{\n 'lens_model': 'LENSMODEL_OPENCV5',\n 'intrinsics': [ 9., 9, 4, 3, 0.1, 0, 1e-3, -2e-3, 0,],\n"
            " 'valid_intrinsics_region': [\n [ 0, 1 ],\n],\n # extrinsics are rt_fromref\n 'extrinsics': [ 2e-2, -3e-1, "
            "-1e-2, 1., 2, -3., ],\n 'imagersize': [ 8, 6 ],\n 'optimization_inputs': b'P)h}]',\n}\n");
+  const std::string table =
+      "size = [8, 6]\nmatrix = [[9.0, 0.0, 4.0], [0.0, 9.0, 3.0], # fy\n [0.0, 0.0, 1.0]]\n"
+      "translation = [0.1, 0.2, 1.5]\nignore = false\nerror = \"null\"\n";
+  for (const char kind : {'t', 'u'})
+    add_text(import, kind,
+             "[cameras.0]\nrotation = [0.3, -0.7, 1.1]\ndistortions = [-0.3, 0.1, 1e-3, 2e-3, 0.0]\n" + table +
+                 "\n[cameras.10]\nrotation = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\n" + table);
   add_text(import, 's', "out_00_00_-1.5_2.0_.png\nout_00_01_-1.5_3.0_.png\nout_01_00_-2.5_2_.jpg\nnotes.txt");
 }
 

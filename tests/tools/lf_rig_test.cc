@@ -278,9 +278,19 @@ TEST_F(LfRig, StanfordNamesUseTheRequestedUnit) {
   EXPECT_NEAR(glm::distance(smaller.cameras[0].pose.position, smaller.cameras[1].pose.position), pitch / 10, 1e-9);
 }
 
+TEST_F(LfRig, ImportsCaliscopeWithUndistortedVideos) {
+  dir.write("camera_array.toml",
+            "[cameras.1]\nsize = [640, 480]\nmatrix = [[600, 0, 320], [0, 601, 240], [0, 0, 1]]\n"
+            "distortions = [0.1, 0, 0, 0, 0.02]\nrotation = [0, 0, 0]\ntranslation = [0, 0, 1]\n");
+  const std::string import = "import caliscope camera_array.toml --out rig.json";
+  expect_outcome(lf_rig(import), 1, mentions("camera_array.toml", "cameras.1.distortions", "k3", "--undistorted"));
+  expect_outcome(lf_rig(import + " --undistorted"), 0, mentions("rig.json", "1 camera"));
+  EXPECT_EQ(load_rig(dir / "rig.json").cameras.at(0).lens, Lens(LensModel::kPinhole, {600, 601, 320, 240}));
+}
+
 TEST_F(LfRig, ListsTheCommandsIfNoneIsGiven) {
   const auto formats =
-      mentions("lf-rig import:", "colmap", "hci", "kalibr", "llff", "mrcal", "nerf", "opencv", "stanford");
+      mentions("lf-rig import:", "caliscope", "colmap", "hci", "kalibr", "llff", "mrcal", "nerf", "opencv", "stanford");
   expect_outcome(lf_rig("import 'my model' --grid 2x2 --out rig.json"), 1,
                  AllOf(formats, HasSubstr("\"lf-rig import colmap 'my model' --grid 2x2 --out rig.json\""),
                        HasSubstr("lf-rig import --help")));
