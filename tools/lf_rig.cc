@@ -255,6 +255,8 @@ Format formats[] = {
      [](const Rig& rig, const Arguments& a) { return lf::export_kalibr(rig, a.other); }},
     {"llff", "DIR", "an LLFF capture (poses_bounds.npy, and a folder images)",
      [](const Arguments& a) { return lf::import_llff(a.other, a.colmap.images); }, nullptr},
+    {"miv", "FILE", "a JSON camera file of MPEG's RVS and TMIV (MPEG Immersive Video)",
+     [](const Arguments& a) { return lf::import_miv(a.other); }, nullptr},
     {"mrcal", "PATH", "mrcal's .cameramodel files (a file, or a folder with a file for each camera)",
      [](const Arguments& a) { return lf::import_mrcal(a.other); }, nullptr},
     {"nerf", "FILE", "NeRF's transforms.json", [](const Arguments& a) { return lf::import_nerf(a.other); },

@@ -18,7 +18,7 @@
 #include "rig/rig.h"
 
 // Imports and exports rigs in the formats of other programs: Kalibr, NeRF, the Stanford archive, COLMAP, LLFF, the 4D
-// Light Field Benchmark, mrcal, Caliscope, OpenCV.
+// Light Field Benchmark, mrcal, Caliscope, MPEG Immersive Video, OpenCV.
 namespace lf {
 
 // Converts the first document of a YAML text to JSON, so that JsonValue can read it and report places. Plain scalars
@@ -180,6 +180,17 @@ RigImport import_mrcal(const std::string& path);
 // are pinholes. Cameras without a pose and ignored cameras are left out, with a note. The id is cam_id. Throws Error
 // with file and place.
 RigImport import_caliscope(const std::string& path, bool undistorted = false);
+
+// The JSON camera files of MPEG's Reference View Synthesizer (RVS) and Test Model for Immersive Video (TMIV): a list
+// "cameras" with
+//   Name; Resolution: [width, height]; Projection: "Perspective"; Focal: [fx, fy]; Principle_point: [cx, cy]
+//   Position: [x, y, z] and Rotation: [yaw, pitch, roll] in degrees, Rz(yaw) Ry(pitch) Rx(roll), world from camera.
+//     The axes of world and camera are x forward, y left, z up.
+//   Depth_range: [near, far], in the unit of Position; far = 1000 means infinity
+// Pixel centres are at (0.5, 0.5). The world of the rig has the axes right, down and forward of this world. Cameras
+// with the name "viewport" (an output), and cameras that "sourceCameraNames" does not list, are left out, with a note.
+// The files do not refer to the pictures. Throws Error with file and place.
+RigImport import_miv(const std::string& path);
 
 class ImageSearch {
  public:

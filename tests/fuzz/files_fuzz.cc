@@ -124,7 +124,7 @@ lf::RigImport import(const TempDir& folder, char kind, const std::string& text) 
   }
   using Importer = lf::RigImport(const std::string& path);
   const std::pair<char, Importer*> importers[] = {
-      {'k', lf::import_kalibr}, {'m', lf::import_mrcal}, {'n', lf::import_nerf}};
+      {'k', lf::import_kalibr}, {'m', lf::import_mrcal}, {'n', lf::import_nerf}, {'v', lf::import_miv}};
   for (const auto& [letter, importer] : importers)
     if (kind == letter) return importer(folder.write("input", text));
   if (kind == 't' || kind == 'u') return lf::import_caliscope(folder.write("input", text), kind == 'u');
@@ -138,7 +138,7 @@ lf::RigImport import(const TempDir& folder, char kind, const std::string& text) 
 // images.txt, separated by a form feed, g as a grid of 2x2; b: COLMAP's cameras.bin, with its size divided by 8 in the
 // first byte, and images.bin; h: parameters.cfg of the 4D Light Field Benchmark; k: Kalibr; m: mrcal; n: NeRF; o:
 // OpenCV, with extrinsics.yml after a form feed; s: file names of a Stanford archive folder, one per line; t, u:
-// Caliscope, u with undistorted videos. Every accepted rig can be written, read again and
+// Caliscope, u with undistorted videos; v: MPEG Immersive Video. Every accepted rig can be written, read again and
 // meshed.
 LF_FUZZ_TARGET(import)(const uint8_t* data, size_t size) {
   static const TempDir folder;

@@ -131,6 +131,13 @@ void add_texts(std::vector<Bytes>& json, std::vector<Bytes>& import) {
     add_text(import, kind,
              "[cameras.0]\nrotation = [0.3, -0.7, 1.1]\ndistortions = [-0.3, 0.1, 1e-3, 2e-3, 0.0]\n" + table +
                  "\n[cameras.10]\nrotation = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\n" + table);
+  add_text(import, 'v',
+           R"({"Content_name": "a", "lengthsInMeters": true, "sourceCameraNames": ["v0", "v1"], "cameras": [
+    {"Name": "v0", "Position": [0, 0.5, 0], "Rotation": [20, -10, 5], "Depth_range": [0.5, 2], "Resolution": [8, 6],
+     "Projection": "Perspective", "Focal": [9, 9], "Principle_point": [4, 3]},
+    {"Name": "v1", "Position": [0, 0, 0], "Rotation": [0, 0, 0], "Depth_range": [0.5, 1000], "Resolution": [8, 6],
+     "Projection": "Perspective", "Focal": [9, 8.5], "Principle_point": [4.5, 3], "Depthmap": 1},
+    {"Name": "viewport", "Projection": "Equirectangular"}]})");
   add_text(import, 's', "out_00_00_-1.5_2.0_.png\nout_00_01_-1.5_3.0_.png\nout_01_00_-2.5_2_.jpg\nnotes.txt");
 }
 

@@ -289,8 +289,8 @@ TEST_F(LfRig, ImportsCaliscopeWithUndistortedVideos) {
 }
 
 TEST_F(LfRig, ListsTheCommandsIfNoneIsGiven) {
-  const auto formats =
-      mentions("lf-rig import:", "caliscope", "colmap", "hci", "kalibr", "llff", "mrcal", "nerf", "opencv", "stanford");
+  const auto formats = mentions("lf-rig import:", "caliscope", "colmap", "hci", "kalibr", "llff", "miv", "mrcal",
+                                "nerf", "opencv", "stanford");
   expect_outcome(lf_rig("import 'my model' --grid 2x2 --out rig.json"), 1,
                  AllOf(formats, HasSubstr("\"lf-rig import colmap 'my model' --grid 2x2 --out rig.json\""),
                        HasSubstr("lf-rig import --help")));

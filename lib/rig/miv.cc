@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <set>
+
+#include <nlohmann/json.hpp>
+
+#include "base/json_value.h"
+#include "base/text.h"
+#include "rig/exchange.h"
+
+namespace lf {
+namespace {
+
+constexpr double kPixelCentre = 0.5;     // of the top-left pixel
+constexpr double kInfiniteDepth = 1000;  // in RVS
+
+const std::set<std::string_view> kKnownKeys = {
+    // Keys that the importer reads.
+    "cameras", "sourceCameraNames", "Name", "Resolution", "Projection", "Focal", "Principle_point", "Position",
+    "Rotation", "Depth_range", "lengthsInMeters",
+    // Keys without effect on a rig.
+    "Version", "Content_name", "contentName", "BoundingBox_center", "Fps", "fps", "Frames_number", "frameCount",
+    "Informative", "Depthmap", "Background", "BitDepthColor", "BitDepthDepth", "ColorSpace", "DepthColorSpace",
+    "HasInvalidDepth", "Multi_depth_range", "DisplacementMethod"};
+
+// Converts from the axes forward, left, up to the axes right, down, forward.
+Vec3 turned(const Vec3& v) { return {-v.y, -v.z, v.x}; }
+
+std::array<double, 2> parse_pair(const JsonValue& value) {
+  const std::vector<JsonValue> pair = value.elements(2);
+  return {pair[0].number(), pair[1].number()};
+}
+
+Camera parse_camera(const JsonValue& value) {
+  Camera camera;
+  camera.name = value.at("Name").name();
+  const JsonValue projection = value.at("Projection");
+  if (projection.text() != "Perspective")
+    projection.fail("a rig cannot hold the projection \"" + projection.text() + "\", only \"Perspective\"");
+  const std::vector<JsonValue> size = value.at("Resolution").elements(2);
+  camera.width = static_cast<int>(size[0].integer(1, kMaxImageSize));
+  camera.height = static_cast<int>(size[1].integer(1, kMaxImageSize));
+  const JsonValue focal = value.at("Focal");
+  const auto [fx, fy] = parse_pair(focal);
+  const auto [cx, cy] = parse_pair(value.at("Principle_point"));
+  try {
+    camera.lens = lens_from_opencv({fx, fy, cx - kPixelCentre, cy - kPixelCentre}, {});
+  } catch (const Error& e) {
+    focal.fail(e.what());
+  }
+  const Vec3 degrees = value.at("Rotation").vec3();
+  const Mat3 axes = rotation_from_euler(Vec3(degrees.z, degrees.y, degrees.x) * (M_PI / 180));
+  // The columns of `axes` are the camera's axes forward, left and up.
+  camera.pose = pose_of_world_from_camera(
+      {Mat3(turned(-axes[1]), turned(-axes[2]), turned(axes[0])), turned(value.at("Position").vec3())});
+  return camera;
+}
+
+// Collects the depths of the cameras for a note.
+class DepthRange {
+ public:
+  void add(const JsonValue& camera) {
+    const auto value = camera.find("Depth_range");
+    if (!value) return;
+    const auto [near, far] = parse_pair(*value);
+    if (!(near > 0 && far > near)) value->fail("must be [near, far] with 0 < near < far");
+    near_ = std::min(near_, near);
+    far_ = std::max(far_, far);
+  }
+  void add_note(std::vector<std::string>& notes, const char* unit) const {
+    if (far_ == 0) return;
+    notes.push_back(
+        far_ < kInfiniteDepth
+            ? format_text("the scene is from %.4g to %.4g %s away (focus-near, focus-far)", near_, far_, unit)
+            : format_text("the scene begins %.4g %s away (focus-near)", near_, unit));
+  }
+
+ private:
+  double near_ = HUGE_VAL, far_ = 0;
+};
+
+}  // namespace
+
+RigImport import_miv(const std::string& path) {
+  const nlohmann::json root = parse_json(read_text_file(path), path);
+  const JsonValue file(root, path), cameras = file.at("cameras");
+  std::optional<std::set<std::string>> sources;
+  if (const auto names = file.find("sourceCameraNames")) {
+    sources.emplace();
+    for (const JsonValue& name : names->elements())
+      if (!sources->insert(name.text()).second) name.fail("occurs twice; remove one of the two names");
+  }
+  RigImport result;
+  result.notes = check_foreign_keys(root, path, kKnownKeys);
+  const auto in_metres = file.find("lengthsInMeters");
+  const bool has_scale = !in_metres || in_metres->flag();
+  if (!has_scale) result.notes.push_back("lengths have an unknown unit, which is taken as metres");
+  DepthRange depths;
+  std::string left_out;
+  std::set<std::string> names;
+  for (const JsonValue& value : cameras.elements()) {
+    const std::string name = value.at("Name").name();
+    if (!names.insert(name).second) value.at("Name").fail("is the name of two cameras");
+    if (sources ? !sources->contains(name) : name == "viewport") {
+      left_out += (left_out.empty() ? "" : ", ") + name;
+      continue;
+    }
+    result.rig.cameras.push_back(parse_camera(value));
+    result.rig.cameras.back().id = static_cast<uint32_t>(result.rig.cameras.size()) - 1;
+    depths.add(value);
+  }
+  if (sources)
+    for (const std::string& name : *sources)
+      if (!names.contains(name)) file.at("sourceCameraNames").fail("\"" + name + "\" is not in the list of cameras");
+  if (result.rig.cameras.empty() || result.rig.cameras.size() > kMaxCameras)
+    cameras.fail("must have 1 to " + std::to_string(kMaxCameras) + " cameras, but has " +
+                 std::to_string(result.rig.cameras.size()));
+  if (!left_out.empty()) result.notes.push_back("cameras that are not sources were left out: " + left_out);
+  depths.add_note(result.notes, has_scale ? "m" : "units");
+  return with_topology(std::move(result));
+}
+
+}  // namespace lf
