@@ -262,7 +262,7 @@ Format formats[] = {
     {"nerf", "FILE", "NeRF's transforms.json", [](const Arguments& a) { return lf::import_nerf(a.other); },
      [](const Rig& rig, const Arguments& a) { return lf::export_nerf(rig, a.other); }},
     {"opencv", "FILE", "OpenCV's YAML (camera_matrix, distortion_coefficients, R, T)",
-     [](const Arguments& a) { return lf::import_opencv_yaml(a.other); },
+     [](const Arguments& a) { return lf::import_opencv_yaml(a.other, a.colmap.undistorted); },
      [](const Rig& rig, const Arguments& a) { return lf::export_opencv_yaml(rig, a.other); }},
     {"stanford", "DIR", "images with file names of the Stanford light field archive (out_00_01_Y_X_.png)",
      [](const Arguments& a) { return lf::import_stanford_pictures(a.other, a.stanford); },
@@ -291,10 +291,10 @@ void add_formats(cli::App& app, Arguments& arguments) {
   colmap->add_flag("--undistorted", arguments.colmap.undistorted,
                    "The image files are already undistorted, for example by COLMAP's image_undistorter. The rig then "
                    "uses pinhole lenses, and takes the image size from each file");
-  import->get_subcommand("caliscope")
-      ->add_flag("--undistorted", arguments.colmap.undistorted,
-                 "The videos are already undistorted with the same camera matrix, as by OpenCV's undistort(). The rig "
-                 "then uses pinhole lenses");
+  for (const char* name : {"caliscope", "opencv"})
+    import->get_subcommand(name)->add_flag("--undistorted", arguments.colmap.undistorted,
+                                           "The pictures are already undistorted with the same camera matrix, as by "
+                                           "OpenCV's undistort(). The rig then uses pinhole lenses");
   colmap
       ->add_option("--grid", arguments.grid,
                    "Rows and columns of the array, for example 4x8. The cameras are assigned to the grid in the order "

@@ -116,6 +116,7 @@ std::optional<RigidTransform> parse_motion(const JsonValue& value) {
 
 class MissingDistortion {
  public:
+  explicit MissingDistortion(bool is_expected) : is_expected_(is_expected) {}
   std::optional<JsonValue> find(const JsonValue& value, const char* key, const std::string& place) {
     const auto terms = value.find(key);
     if (terms) return terms;
@@ -123,12 +124,13 @@ class MissingDistortion {
     return std::nullopt;
   }
   void add_note(std::vector<std::string>& notes) const {
-    if (cameras_ == 0) return;
+    if (cameras_ == 0 || is_expected_) return;
     notes.push_back(first_ + (cameras_ > 1 ? " and " + std::to_string(cameras_ - 1) + " more are" : " is") +
                     " missing: the lens is treated as free of distortion");
   }
 
  private:
+  const bool is_expected_;
   std::string first_;
   size_t cameras_ = 0;
 };
@@ -154,7 +156,11 @@ const std::set<std::string_view> kOpenCvKeys = {
     "dt", "R1", "R2", "P1", "P2", "Q", "distortion_model", "camera_model", "calibration_time", "nframes",
     "nr_of_frames", "board_width", "board_height", "square_size", "marker_size", "aspectRatio", "flags",
     "avg_reprojection_error", "per_view_reprojection_errors", "extrinsic_parameters", "image_points", "grid_points",
-    "rectification_matrix", "fisheye_model"};
+    "rectification_matrix", "fisheye_model",
+    // Keys of the multi-view calibration.
+    "image_sizes", "Ks", "distortions", "Rs", "rvecs", "Ts", "cam_ids", "models", "is_fisheye", "rvecs0", "tvecs0",
+    "errors_per_frame", "errors_per_camera", "output_pairs", "pattern_points", "detection_mask", "image_names",
+    "sizes"};
 
 // The first camera may lack R and T, and is then at the origin of the world, with the axes of the world. All other
 // cameras need both keys.
@@ -170,10 +176,11 @@ void require_places(const std::vector<JsonValue>& cameras) {
 }
 
 // Parses the two cameras of OpenCV's stereo sample, which writes R and T to extrinsics.yml.
-std::vector<Camera> parse_stereo(const JsonValue& file, const fs::path& directory, std::vector<std::string>& notes) {
+std::vector<Camera> parse_stereo(const JsonValue& file, const fs::path& directory, bool undistorted,
+                                 std::vector<std::string>& notes) {
   std::vector<Camera> cameras(2);
   for (Camera& camera : cameras) parse_size(file, camera);
-  MissingDistortion missing;
+  MissingDistortion missing(undistorted);
   cameras[0].lens = parse_opencv_lens(file.at("M1"), missing.find(file, "D1", ""));
   cameras[1].lens = parse_opencv_lens(file.at("M2"), missing.find(file, "D2", ""));
   missing.add_note(notes);
@@ -197,18 +204,35 @@ std::vector<Camera> parse_stereo(const JsonValue& file, const fs::path& director
   return cameras;
 }
 
-RigImport parse_opencv_yaml(const std::string& text, const std::string& path) {
+// Removes all keys that describe distortion, which has no effect on undistorted pictures.
+void remove_distortion(nlohmann::json& value) {
+  if (value.is_object()) {
+    for (const char* key : {"distortion_coefficients", "distortion_model", "camera_model", "fisheye_model", "D1", "D2",
+                            "distortions", "models", "is_fisheye"})
+      value.erase(key);
+    if (value.contains("cameras")) remove_distortion(value["cameras"]);
+  } else if (value.is_array()) {
+    for (nlohmann::json& element : value) remove_distortion(element);
+  }
+}
+
+RigImport parse_opencv_yaml(const std::string& text, const std::string& path, bool undistorted) {
   if (text.starts_with("<?xml"))
     throw Error(path +
                 ": this is an XML file, but the importer reads YAML. Save it with the extension .yml, so that "
                 "cv::FileStorage writes YAML");
-  const nlohmann::json root = parse_yaml(text, path);
+  nlohmann::json root = parse_yaml(text, path);
+  if (undistorted) remove_distortion(root);
   const JsonValue file(root, path);
   const fs::path directory = fs::path(path).parent_path();
   RigImport result;
   Rig& rig = result.rig;
+  if (file.find("Ks")) {
+    rig.cameras = parse_opencv_multiview(root, path, undistorted);
+    root.erase("is_fisheye");  // all elements are 0
+  }
   result.notes = check_foreign_keys(root, path, kOpenCvKeys);
-  MissingDistortion missing;
+  MissingDistortion missing(undistorted);
   if (const auto cameras = file.find("cameras")) {
     const std::vector<JsonValue> values = cameras->elements();
     if (values.empty() || values.size() > kMaxCameras)
@@ -217,12 +241,13 @@ RigImport parse_opencv_yaml(const std::string& text, const std::string& path) {
     for (size_t i = 0; i < values.size(); i++)
       rig.cameras.push_back(parse_camera(values[i], "cameras[" + std::to_string(i) + "]", directory, missing));
   } else if (file.find("M1") || file.find("M2")) {
-    rig.cameras = parse_stereo(file, directory, result.notes);
-  } else {
+    rig.cameras = parse_stereo(file, directory, undistorted, result.notes);
+  } else if (rig.cameras.empty()) {
     if (!file.find("camera_matrix"))
       file.fail(
-          "has none of the keys cameras, camera_matrix (OpenCV's calibration sample, ROS) and M1 (OpenCV's stereo "
-          "sample); write the camera as camera_matrix, distortion_coefficients, image_width and image_height");
+          "has none of the keys cameras, camera_matrix (OpenCV's calibration sample, ROS), M1 (OpenCV's stereo "
+          "sample) and Ks (OpenCV's multi-view calibration); write the camera as camera_matrix, "
+          "distortion_coefficients, image_width and image_height");
     rig.cameras.push_back(parse_camera(file, "", directory, missing));
   }
   missing.add_note(result.notes);
@@ -340,8 +365,7 @@ void check_imu_pose(const JsonValue& camera, const std::string& name, const Rigi
   constexpr double kMaxMetres = 0.002, kMaxDegrees = 0.5;  // more than rounding to 4 digits
   const auto from_imu = camera.find("T_cam_imu"), to_imu = camera.find("T_imu_cam");
   if (!camera.find("T_cn_cnm1") || (!from_imu && !to_imu)) return;
-  const RigidTransform other =
-      from_imu ? parse_rigid_transform(*from_imu).inverse() : parse_rigid_transform(*to_imu);
+  const RigidTransform other = from_imu ? parse_rigid_transform(*from_imu).inverse() : parse_rigid_transform(*to_imu);
   const RigidTransform difference = other.inverse() * place;
   const Mat3& turn = difference.rotation;
   const double cosine = (turn[0][0] + turn[1][1] + turn[2][2] - 1) / 2;
@@ -427,12 +451,14 @@ std::string kalibr_text(const Rig& rig) {
 
 }  // namespace
 
-RigImport import_opencv_yaml(const std::string& path) {
-  return with_topology(parse_opencv_yaml(read_text_file(path), path));
+RigImport import_opencv_yaml(const std::string& path, bool undistorted) {
+  return with_topology(parse_opencv_yaml(read_text_file(path), path, undistorted));
 }
 
 RigExport export_opencv_yaml(const Rig& rig, const std::string& path) {
-  return export_text(rig, path, opencv_yaml_text, parse_opencv_yaml);
+  return export_text(rig, path, opencv_yaml_text, [](const std::string& text, const std::string& name) {
+    return parse_opencv_yaml(text, name, false);
+  });
 }
 
 RigImport import_kalibr(const std::string& path) { return with_topology(parse_kalibr(read_text_file(path), path)); }

@@ -234,8 +234,13 @@ class ImageSearch {
 // - camera_matrix at the top level, as written by OpenCV's calibration sample and ROS: one camera at the origin;
 // - M1, D1, M2, D2, R, T, as written by OpenCV's stereo sample: two cameras. R and T may be in extrinsics.yml next to
 //   the file. The file must hold the size: image_width and image_height, or image_size: [width, height].
-// All functions throw Error with file and place. Terms beyond p2 must be 0.
-RigImport import_opencv_yaml(const std::string& path);
+// - image_sizes, Ks, distortions, Rs (older: rvecs), Ts, models (older: is_fisheye) and cam_ids, as written by OpenCV's
+//   multiview_calibration.py: any number of cameras, in the coordinates of the first.
+// All functions throw Error with file and place. Terms beyond p2 must be 0. If `undistorted`, the pictures were
+// undistorted with the same camera matrices, so that the distortion is ignored, and the lenses are pinholes.
+RigImport import_opencv_yaml(const std::string& path, bool undistorted = false);
+// Parses a file with Ks. `path` is the file name in messages.
+std::vector<Camera> parse_opencv_multiview(const nlohmann::json& root, const std::string& path, bool undistorted);
 RigExport export_opencv_yaml(const Rig& rig, const std::string& path);
 
 // Lenses and poses in the conventions that OpenCV, Kalibr and NeRF files share.

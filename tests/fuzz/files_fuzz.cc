@@ -129,7 +129,7 @@ lf::RigImport import(const TempDir& folder, char kind, const std::string& text) 
     if (kind == letter) return importer(folder.write("input", text));
   if (kind == 't' || kind == 'u') return lf::import_caliscope(folder.write("input", text), kind == 'u');
   folder.write("extrinsics.yml", second);
-  return lf::import_opencv_yaml(folder.write("input", first));
+  return lf::import_opencv_yaml(folder.write("input", first), kind == 'p');
 }
 
 }  // namespace
@@ -137,9 +137,9 @@ lf::RigImport import(const TempDir& folder, char kind, const std::string& text) 
 // Files of other programs: the first letter selects the importer, the text follows. c, g: COLMAP's cameras.txt and
 // images.txt, separated by a form feed, g as a grid of 2x2; b: COLMAP's cameras.bin, with its size divided by 8 in the
 // first byte, and images.bin; h: parameters.cfg of the 4D Light Field Benchmark; k: Kalibr; m: mrcal; n: NeRF; o:
-// OpenCV, with extrinsics.yml after a form feed; s: file names of a Stanford archive folder, one per line; t, u:
-// Caliscope, u with undistorted videos; v: MPEG Immersive Video. Every accepted rig can be written, read again and
-// meshed.
+// OpenCV, with extrinsics.yml after a form feed; p: OpenCV with undistorted pictures; s: file names of a Stanford
+// archive folder, one per line; t, u: Caliscope, u with undistorted videos; v: MPEG Immersive Video. Every accepted rig
+// can be written, read again and meshed.
 LF_FUZZ_TARGET(import)(const uint8_t* data, size_t size) {
   static const TempDir folder;
   if (size == 0) return 0;

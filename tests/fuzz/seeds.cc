@@ -114,6 +114,14 @@ void add_texts(std::vector<Bytes>& json, std::vector<Bytes>& import) {
            "%YAML:1.0\n---\nimage_size: [8, 6]\nM1" + matrix + "M2" + matrix +
                "D1: { rows: 1, cols: 5, data: [0.1, 0, 0, 0, 0] }\n\f%YAML:1.0\n---\nR: { rows: 3, cols: 3, data: "
                "[1, 0, 0, 0, 1, 0, 0, 0, 1] }\nT: { rows: 3, cols: 1, data: [-0.1, 0, 0] }\n");
+  for (const char kind : {'o', 'p'})
+    add_text(
+        import, kind,
+        "%YAML:1.0\n---\nRs: { rows: 2, cols: 3, dt: 3d, data: [1, 0, 0, 0, 1, 0, 0, 0, 1, 1, 0, 0, 0, 1, 0, 0, 0, "
+        "1] }\ndistortions: { rows: 10, cols: 1, data: [0.1, 0, 0, 0, 0, 0, 0, 0, 0, 0] }\nKs: { sizes: [2, 3, "
+        "3], data: [9, 0, 4, 0, 9, 3, 0, 0, 1, 9, 0, 4, 0, 9, 3, 0, 0, 1] }\nTs: { rows: 2, cols: 3, data: [0, 0, "
+        "0, -0.5, 0, 0] }\nmodels: { rows: 2, cols: 1, data: [0, 0] }\nimage_sizes: { rows: 2, cols: 2, data: [8, "
+        "6, 8, 6] }\ncam_ids: \"a,b\"\n");
   add_text(import, 'h',
            "[intrinsics]\nfocal_length_mm = 100.0\nimage_resolution_x_px = 1\nimage_resolution_y_px = 1\n"
            "sensor_size_mm = 35.0\nfstop = 8\n\n[extrinsics]\nnum_cams_x = 2\nnum_cams_y = 2\nbaseline_mm = 25.0\n"
