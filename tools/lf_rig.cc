@@ -5,6 +5,7 @@
 #include <charconv>
 #include <cstdio>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <tuple>
 #include <vector>
@@ -45,6 +46,7 @@ struct Arguments {
   bool devices = false;
   std::string rig, other, out, cameras;
   int every = 0;
+  std::optional<int> frame;
   lf::ColmapImportOptions colmap;
   lf::StanfordOptions stanford{.focus_distance = -1};  // unknown
 };
@@ -291,6 +293,12 @@ void add_formats(cli::App& app, Arguments& arguments) {
   colmap->add_flag("--undistorted", arguments.colmap.undistorted,
                    "The image files are already undistorted, for example by COLMAP's image_undistorter. The rig then "
                    "uses pinhole lenses, and takes the image size from each file");
+  colmap
+      ->add_option("--frame", arguments.frame,
+                   "FRAME_ID of the only frame to import, for a model with rigs of cameras (COLMAP 3.12 or newer). A "
+                   "frame has the images of all cameras at one instant. Without this option, each image of the model "
+                   "becomes a camera")
+      ->check(cli::NonNegativeNumber);
   for (const char* name : {"caliscope", "opencv"})
     import->get_subcommand(name)->add_flag("--undistorted", arguments.colmap.undistorted,
                                            "The pictures are already undistorted with the same camera matrix, as by "
@@ -329,6 +337,7 @@ int run_conversion(Arguments& arguments) {
   for (const Format& format : formats) {
     if (*format.import) {
       require_replaceable(arguments.out);
+      if (arguments.frame) arguments.colmap.frame = static_cast<uint32_t>(*arguments.frame);
       if (!arguments.grid.empty()) parse_grid(arguments.grid, arguments.colmap.rows, arguments.colmap.columns);
       return finish_import(arguments, format.read(arguments));
     }

@@ -93,9 +93,8 @@ Lens lens_of(const ColmapCamera& camera) {
       std::all_of(camera.params.begin() + 8, camera.params.end(), [](double k) { return k == 0; }))
     model = LensModel::kOpenCv;
   if (!model)
-    throw Error(
-        "a rig cannot hold its " + camera.model +
-        " lens; run colmap image_undistorter, and import the model in its folder sparse");
+    throw Error("a rig cannot hold its " + camera.model +
+                " lens; run colmap image_undistorter, and import the model in its folder sparse");
   std::array<double, Lens::kMaxParams> params{};
   std::copy_n(camera.params.begin(), lens_model_num_params(*model), params.begin());
   params[camera.num_focal] -= kColmapPixelCentre;
@@ -162,10 +161,25 @@ void check_grid(const Rig& rig, const std::string& path, std::vector<std::string
   notes.push_back(text);
 }
 
+// Removes all images that are not in the frame `id`.
+void select_frame(const std::string& directory, uint32_t id, ColmapModel& model) {
+  const std::map<uint32_t, std::set<uint32_t>> frames = read_colmap_frames(directory, model);
+  const auto frame = frames.find(id);
+  const std::string place = directory + ": frame " + std::to_string(id);
+  if (frame == frames.end())
+    throw Error(place + " does not exist" +
+                (frames.empty() ? ", because the model has no frames"
+                                : "; the frames are from " + std::to_string(frames.begin()->first) + " to " +
+                                      std::to_string(frames.rbegin()->first)));
+  std::erase_if(model.images, [&](const ColmapImage& image) { return !frame->second.contains(image.id); });
+  if (model.images.empty()) throw Error(place + " has no image with a pose");
+}
+
 }  // namespace
 
 RigImport import_colmap(const std::string& directory, const ColmapImportOptions& options) {
   ColmapModel model = read_colmap_model(directory);
+  if (options.frame) select_frame(directory, *options.frame, model);
   const std::string &cameras_path = model.cameras_path, &images_path = model.images_path;
   const std::map<uint32_t, ColmapCamera>& cameras = model.cameras;
   std::vector<ColmapImage>& images = model.images;
@@ -240,8 +254,8 @@ RigImport import_colmap(const std::string& directory, const ColmapImportOptions&
     result.rig.cameras.push_back(camera);
   }
   if (num_renamed > 0)
-    result.notes.push_back(std::to_string(num_renamed) + " image files have other names than in the model: " +
-                           renamed + (num_renamed > 1 ? ", ..." : ""));
+    result.notes.push_back(std::to_string(num_renamed) + " image files have other names than in the model: " + renamed +
+                           (num_renamed > 1 ? ", ..." : ""));
   if (search && search->size() > images.size())
     result.notes.push_back(std::to_string(search->size() - images.size()) + " of " + std::to_string(search->size()) +
                            " files in " + folder + " are not in the model and were left out");

@@ -239,6 +239,69 @@ ColmapModel read_colmap_model(const std::string& directory) {
   return model;
 }
 
+namespace {
+
+using Frames = std::map<uint32_t, std::set<uint32_t>>;
+
+template <typename Reader>
+std::set<uint32_t>& add_frame(const Reader& reader, uint32_t id, Frames& frames) {
+  const auto [frame, is_new] = frames.emplace(id, std::set<uint32_t>());
+  if (!is_new) reader.fail("FRAME_ID " + std::to_string(id) + " occurs twice, but every frame needs its own");
+  return frame->second;
+}
+
+constexpr const char* kPose[] = {"QW", "QX", "QY", "QZ", "TX", "TY", "TZ"};  // of the rig
+
+Frames read_frames_text(const std::string& path) {
+  Frames frames;
+  LineReader reader(path);
+  while (reader.next_data()) {
+    std::set<uint32_t>& images = add_frame(reader, reader.integer("FRAME_ID", 0, UINT32_MAX), frames);
+    reader.integer("RIG_ID", 0, UINT32_MAX);
+    for (const char* what : kPose) reader.number(what);
+    const uint32_t count = reader.integer("NUM_DATA_IDS", 0, UINT32_MAX);
+    for (uint32_t i = 0; i < count; i++) {
+      const bool is_camera = reader.word("SENSOR_TYPE") == "CAMERA";
+      reader.integer("SENSOR_ID", 0, UINT32_MAX);
+      const uint32_t id = reader.integer("DATA_ID", 0, UINT32_MAX);
+      if (is_camera) images.insert(id);
+    }
+    if (!reader.at_end()) reader.fail("more data follows the last DATA_ID");
+  }
+  return frames;
+}
+
+Frames read_frames_binary(const std::string& path) {
+  constexpr int32_t kCamera = 0;  // COLMAP's SensorType
+  Frames frames;
+  ByteReader reader(path);
+  const uint64_t num_frames = reader.value<uint64_t>("the number of frames");
+  for (uint64_t n = 0; n < num_frames; n++) {
+    std::set<uint32_t>& images = add_frame(reader, reader.value<uint32_t>("FRAME_ID"), frames);
+    reader.value<uint32_t>("RIG_ID");
+    for (const char* what : kPose) reader.number(what);
+    const uint32_t count = reader.value<uint32_t>("NUM_DATA_IDS");
+    for (uint32_t i = 0; i < count; i++) {
+      const bool is_camera = reader.value<int32_t>("SENSOR_TYPE") == kCamera;
+      reader.value<uint32_t>("SENSOR_ID");
+      const uint64_t id = reader.value<uint64_t>("DATA_ID");
+      if (is_camera && id > UINT32_MAX) reader.fail("DATA_ID " + std::to_string(id) + " is not the id of an image");
+      if (is_camera) images.insert(static_cast<uint32_t>(id));
+    }
+  }
+  if (!reader.at_end()) reader.fail("more data follows the last frame");
+  return frames;
+}
+
+}  // namespace
+
+Frames read_colmap_frames(const std::string& directory, const ColmapModel& model) {
+  const std::string path = path_in(directory, model.is_binary ? "frames.bin" : "frames.txt");
+  if (std::error_code ignored; !fs::exists(path, ignored))
+    throw Error(path + ": does not exist. COLMAP writes frames since version 3.12");
+  return model.is_binary ? read_frames_binary(path) : read_frames_text(path);
+}
+
 std::map<uint32_t, ColmapCamera> read_colmap_cameras_text(const std::string& path) {
   std::map<uint32_t, ColmapCamera> cameras;
   LineReader reader(path);

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <map>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -37,6 +38,11 @@ struct ColmapModel {
 // Reads the model in a folder. If the folder has a text model and a binary model, the text model is read, because
 // people edit text files. Throws Error with a remedy if the folder has no model.
 ColmapModel read_colmap_model(const std::string& directory);
+
+// Reads frames.txt or frames.bin of a model in the same form as `model`, which COLMAP writes since version 3.12.
+// Returns the ids of the images of each frame, by FRAME_ID. A frame has the images of a rig of cameras at one instant.
+// Throws Error with the file and the line or byte, also if there is no such file.
+std::map<uint32_t, std::set<uint32_t>> read_colmap_frames(const std::string& directory, const ColmapModel& model);
 
 // The four files. The 2D points of images are checked for syntax and dropped. The work and the memory are proportional
 // to the size of a file. Throws Error with the file and the line or byte.

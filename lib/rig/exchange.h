@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <set>
 #include <string>
 #include <string_view>
@@ -126,6 +127,8 @@ struct ColmapImportOptions {
   // Size of a grid that the cameras form in natural order of their names (see natural_less()). Error is thrown if the
   // cells are not side by side in space. 0 keeps the order of the model, with a topology by fit_topology().
   int rows = 0, columns = 0;
+  // FRAME_ID of the only frame to import. A frame has the images of a rig of cameras at one instant.
+  std::optional<uint32_t> frame;
 };
 
 // Makes a camera for each image: id = IMAGE_ID, name = NAME without its extension. If no image file has exactly this

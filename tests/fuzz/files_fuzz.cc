@@ -116,6 +116,14 @@ lf::RigImport import(const TempDir& folder, char kind, const std::string& text) 
   }
   const size_t end = std::min(text.find('\f'), text.size());
   const std::string first = text.substr(0, end), second = end < text.size() ? text.substr(end + 1) : "";
+  if (kind == 'f') {
+    const size_t third = std::min(second.find('\f'), second.size());
+    static const TempDir frames;
+    frames.write("cameras.txt", first);
+    frames.write("images.txt", second.substr(0, third));
+    frames.write("frames.txt", third < second.size() ? second.substr(third + 1) : "");
+    return lf::import_colmap(frames.path(), {.frame = 6});
+  }
   if (kind == 'c' || kind == 'g') {
     folder.write("cameras.txt", first);
     folder.write("images.txt", second);
@@ -136,10 +144,10 @@ lf::RigImport import(const TempDir& folder, char kind, const std::string& text) 
 
 // Files of other programs: the first letter selects the importer, the text follows. c, g: COLMAP's cameras.txt and
 // images.txt, separated by a form feed, g as a grid of 2x2; b: COLMAP's cameras.bin, with its size divided by 8 in the
-// first byte, and images.bin; h: parameters.cfg of the 4D Light Field Benchmark; k: Kalibr; m: mrcal; n: NeRF; o:
-// OpenCV, with extrinsics.yml after a form feed; p: OpenCV with undistorted pictures; s: file names of a Stanford
-// archive folder, one per line; t, u: Caliscope, u with undistorted videos; v: MPEG Immersive Video. Every accepted rig
-// can be written, read again and meshed.
+// first byte, and images.bin; f: frame 6 of COLMAP's cameras.txt, images.txt and frames.txt; h: parameters.cfg of the
+// 4D Light Field Benchmark; k: Kalibr; m: mrcal; n: NeRF; o: OpenCV, with extrinsics.yml after a form feed; p: OpenCV
+// with undistorted pictures; s: file names of a Stanford archive folder, one per line; t, u: Caliscope, u with
+// undistorted videos; v: MPEG Immersive Video. Every accepted rig can be written, read again and meshed.
 LF_FUZZ_TARGET(import)(const uint8_t* data, size_t size) {
   static const TempDir folder;
   if (size == 0) return 0;

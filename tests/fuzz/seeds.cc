@@ -89,6 +89,7 @@ void add_texts(std::vector<Bytes>& json, std::vector<Bytes>& import) {
   const std::string model = read_text_file(folder / "cameras.txt") + "\f" + read_text_file(folder / "images.txt");
   add_text(import, 'c', model);
   add_text(import, 'g', model);
+  add_text(import, 'f', model + "\f6 1 1 0 0 0 0.5 0 -2e-1 2 CAMERA 1 1 IMU 1 2\n7 1 1 0 0 0 0 0 0 0\n");
   const ColmapModel colmap = read_colmap_model(folder.path());
   const std::string cameras = test::colmap_cameras_binary(colmap.cameras);
   add_text(import, 'b', static_cast<char>(cameras.size() / 8) + cameras + test::colmap_images_binary(colmap.images, 2));

@@ -278,6 +278,15 @@ TEST_F(LfRig, StanfordNamesUseTheRequestedUnit) {
   EXPECT_NEAR(glm::distance(smaller.cameras[0].pose.position, smaller.cameras[1].pose.position), pitch / 10, 1e-9);
 }
 
+TEST_F(LfRig, ImportsOneFrameOfColmap) {
+  dir.write("model/cameras.txt", "1 PINHOLE 640 480 500 500 320 240\n");
+  dir.write("model/images.txt", "1 1 0 0 0 0 0 0 1 0.png\n\n2 1 0 0 0 1 0 0 1 1.png\n\n");
+  dir.write("model/frames.txt", "5 1 1 0 0 0 0 0 0 1 CAMERA 1 1\n6 1 1 0 0 0 1 0 0 1 CAMERA 1 2\n");
+  expect_outcome(lf_rig("import colmap model --frame 6 --out rig.json"), 0, mentions("rig.json", "1 camera"));
+  EXPECT_EQ(load_rig(dir / "rig.json").cameras.at(0).id, 2u);
+  expect_outcome(lf_rig("import colmap model --frame 7 --out rig.json"), 1, mentions("frame 7", "5", "6"));
+}
+
 TEST_F(LfRig, ImportsCaliscopeWithUndistortedVideos) {
   dir.write("camera_array.toml",
             "[cameras.1]\nsize = [640, 480]\nmatrix = [[600, 0, 320], [0, 601, 240], [0, 0, 1]]\n"

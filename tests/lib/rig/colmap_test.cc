@@ -266,6 +266,63 @@ TEST_F(Colmap, BinaryModelsMakeTheSameRig) {
   EXPECT_EQ(import_colmap(text.path()).notes.size(), of_text.notes.size() + 1) << "of the binary model";
 }
 
+// Two frames of a rig with two cameras, in COLMAP's documentation of frames.txt. The second camera of frame 7 was not
+// registered.
+TEST_F(Colmap, AFrameIsOneInstantOfARig) {
+  write_model("1 PINHOLE 640 480 500 500 320 240\n2 PINHOLE 640 480 510 510 320 240\n",
+              "1 1 0 0 0 0 0 0 1 left/0.png\n\n2 1 0 0 0 -1 0 0 2 right/0.png\n\n3 1 0 0 0 0 0 -5 1 left/1.png\n\n");
+  const std::string frames =
+      "# FRAME_ID, RIG_ID, RIG_FROM_WORLD[QW, QX, QY, QZ, TX, TY, TZ], NUM_DATA_IDS, DATA_IDS[] as (SENSOR_TYPE, "
+      "SENSOR_ID, DATA_ID)\n6 1 1 0 0 0 0 0 0 2 CAMERA 1 1 CAMERA 2 2\n7 1 1 0 0 0 0 0 -5 3 CAMERA 1 3 CAMERA 2 4 IMU "
+      "1 2\n";
+  dir.write("frames.txt", frames);
+  EXPECT_EQ(import_model().rig.cameras.size(), 3u) << "every image is a camera";
+  const Rig rig = import_model({.frame = 6}).rig;
+  ASSERT_EQ(rig.cameras.size(), 2u);
+  EXPECT_EQ(rig.cameras[1].name, "right/0");
+  EXPECT_EQ(rig.cameras[1].pose.position, Vec3(1, 0, 0));
+  EXPECT_EQ(import_model({.frame = 7}).rig.cameras.at(0).id, 3u);
+  EXPECT_ERROR(import_model({.frame = 8}), dir.path(), "frame 8", "from 6 to 7");
+
+  const TempDir binary;
+  const ColmapModel model = read_colmap_model(dir.path());
+  binary.write("cameras.bin", test::colmap_cameras_binary(model.cameras));
+  binary.write("images.bin", test::colmap_images_binary(model.images));
+  EXPECT_ERROR(import_colmap(binary.path(), {.frame = 6}), "frames.bin", "3.12");
+  const auto frame = [](uint32_t id) {
+    return test::bytes_of(id, uint32_t{1}, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, uint32_t{2}, int32_t{0}, uint32_t{1},
+                          uint64_t{id - 5}, int32_t{1}, uint32_t{1}, uint64_t{2});
+  };
+  const std::string bytes = test::bytes_of(uint64_t{2}) + frame(6) + frame(8);
+  binary.write("frames.bin", bytes);
+  const Rig other = import_colmap(binary.path(), {.frame = 8}).rig;
+  ASSERT_EQ(other.cameras.size(), 1u) << "the other sensor is not a camera";
+  EXPECT_EQ(other.cameras[0].id, 3u);
+
+  const InvalidText texts[] = {
+      {frames + "6 1 1 0 0 0 0 0 0 0\n", {"line 4", "FRAME_ID 6", "twice"}},
+      {"6 1 1 0 0 0 0 0 0 2 CAMERA 1 1\n", {"line 1", "SENSOR_TYPE", "missing"}},
+      {"6 1 1 0 0 0 0 0 nan 0\n", {"line 1", "TZ", "finite"}},
+      {"6 1 1 0 0 0 0 0 0 0 5\n", {"line 1", "more data"}},
+      {"6 1 1 0 0 0 0 0 0 0\n", {"frame 6", "no image"}},
+      {"", {"frame 6", "no frames"}},
+  };
+  for (const auto& [text, facts] : texts) {
+    dir.write("frames.txt", text);
+    EXPECT_THAT(text_of_error([&] { import_model({.frame = 6}); }), Mentions(facts));
+  }
+  const InvalidText files[] = {
+      {bytes.substr(0, bytes.size() - 1), {"frames.bin", "byte", "truncated within DATA_ID"}},
+      {bytes + "x", {"frames.bin", "byte", "more data"}},
+      {test::bytes_of(uint64_t{2}) + frame(6) + frame(6), {"frames.bin", "FRAME_ID 6", "twice"}},
+      {test::bytes_of(~uint64_t{0}), {"frames.bin", "truncated within FRAME_ID"}},
+  };
+  for (const auto& [text, facts] : files) {
+    binary.write("frames.bin", text);
+    EXPECT_THAT(text_of_error([&] { import_colmap(binary.path(), {.frame = 6}); }), Mentions(facts));
+  }
+}
+
 TEST_F(Colmap, MissingAndEmptyModels) {
   EXPECT_ERROR(import_model(), "cameras.txt", "read", "positions");
   dir.write("sparse/0/cameras.txt", "");
