@@ -141,9 +141,9 @@ Lens parse_caliscope_lens(const JsonValue& camera) {
   std::vector<double> distortion;
   if (const auto terms = camera.find("distortions")) {
     for (const JsonValue& number : terms->elements()) distortion.push_back(number.number());
-    constexpr size_t kOurTerms = 4, kMostTerms = 5;  // k1 k2 p1 p2 k3
-    if (distortion.size() != kOurTerms && distortion.size() != kMostTerms) terms->fail("must be [k1, k2, p1, p2, k3]");
-    if (distortion.size() == kMostTerms && distortion.back() != 0)
+    constexpr size_t kOurTerms = 4, kMaxTerms = 5;  // k1 k2 p1 p2 k3
+    if (distortion.size() != kOurTerms && distortion.size() != kMaxTerms) terms->fail("must be [k1, k2, p1, p2, k3]");
+    if (distortion.size() == kMaxTerms && distortion.back() != 0)
       terms->fail("k3 is " + number_text(distortion.back()) +
                   ", and a rig cannot hold this term. Undistort the videos with cv2.undistort() and the same matrix, "
                   "and import the file with --undistorted");
