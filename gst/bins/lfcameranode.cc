@@ -6,7 +6,7 @@
  * @short_description: cameras of a rig as one node that answers view requests
  *
  * lfcameranode opens some or all cameras of a rig and answers view requests. An answer contains the sum of the cameras:
- * for each pixel of the view, the weighted total of the images of this node's cameras. Use the element on a host with
+ * for each pixel of the view, the weighted sum of the images of this node's cameras. Use the element on a host with
  * cameras, or with lfviewrequest and lfcompositor in one pipeline.
  *
  * The bin contains one #element-lfcamsrc per camera and one #element-lffragment. View requests arrive at the pad

@@ -42,7 +42,7 @@
  * If `listen` is set, viewers on other hosts choose the views: their requests arrive by RTP, for example from
  * `lfviewrequest ! rtplfpay ! lfrtpseal ! udpsink`. `src` then shows view 0, `src_0` view 1, and so on. Use `listen` on
  * a host that renders pictures for remote viewers. If `partial` is also set, `src` delivers partial answers instead of
- * pictures: the weighted total of the cameras, as the input of another compositor.
+ * pictures: the weighted sum of the cameras, as the input of another compositor.
  *
  * If `key-file` names the same file on all hosts, packets are encrypted and authenticated (#element-lfrtpseal). Without
  * a key file, answers are accepted from the addresses of `nodes` and requests from the addresses of `peers`. Anyone on

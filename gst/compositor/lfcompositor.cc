@@ -265,9 +265,9 @@ PropertyTable<CompositorSettings>& CompositorSettings::properties() {
                                0, G_MAXUINT),
       property<&S::partial>(
           kWhileReady, "partial", "Partial",
-          "Output of partial answers instead of pictures. A partial answer is the weighted total of the images of all "
-          "cameras below this compositor, and is an input of another compositor. Use this for a tree of compositors, "
-          "for example with one compositor for each rack of hosts. This needs `rig`"),
+          "If true, the element outputs partial answers instead of pictures. A partial answer is the weighted sum of "
+          "the images of all cameras that feed this compositor. Another compositor takes it as its input. Use this for "
+          "a tree of compositors, for example with one compositor for each rack of hosts. It requires `rig`"),
       property<&S::node>(
           kWhileReady, "node", "Node",
           "Number that identifies this compositor in its partial answers. Give all nodes and compositors below one "

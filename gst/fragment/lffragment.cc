@@ -218,11 +218,11 @@ PropertyTable<FragmentSettings>& FragmentSettings::properties() {
       property<&S::max_delay>(kWhilePlaying, "max-delay", "Largest delay",
                               "Maximum time from the arrival of a live request to its answer, in nanoseconds (0: "
                               "unlimited). The element estimates the time from earlier answers, and skips the request "
-                              "if the limit would be exceeded. Set this if a late picture is useless to the viewers",
+                              "if the estimate exceeds the limit. Set this if viewers have no use for late pictures",
                               0, G_MAXINT64),
       property<&S::renderer>(kWhilePlaying, "renderer", "Renderer",
-                             "Processor that renders the answers: CPU or GPU. The pictures of both are almost the "
-                             "same: colours in the format of the cameras differ by at most 1 of 255. The property "
+                             "Processor that renders the answers: CPU or GPU. Both give almost identical pictures: "
+                             "in the colour format of the cameras, values differ by at most 1 of 255. The property "
                              "stats shows which processor is in use, and why",
                              LF_TYPE_FRAGMENT_RENDERER),
   };

@@ -39,7 +39,7 @@ std::optional<ColourSample> sample_quad(const Image& rgb, const std::array<Vec2,
 
 // Finds the 24 patches of a colour chart (image/colour_correction.h) in an RGB image, in any orientation, with OpenCV's
 // mcc module. The patches are numbered from `first_patch`, a multiple of 24; patches outside the image are left out.
-// Returns nothing if there is no chart or if it is smaller than 60 pixels.
+// The result is empty if there is no chart, or if the chart is smaller than 60 pixels.
 std::vector<ColourSample> find_colour_checker(const Image& rgb, CameraIndex camera, uint32_t first_patch);
 
 // Removes charts that were misread because their patch positions are wrong. These charts correlate less with the

@@ -26,9 +26,9 @@ struct BoxedLuma {
   // to get four neighbours.
   UninitializedVector<uint16_t> values;
 };
-// Computes the low-passed values of `rect`, which must be inside the image. `box` is the side of the box in pixels.
-// Values of larger boxes are the rounded means of four boxes of half the size. All instruction sets give the same
-// result.
+// Computes the low-pass filtered luma in `rect`, which must be inside the image. The filter is a mean over a square of
+// `box` x `box` pixels. A box larger than kHypothesisBox is the rounded mean of the four half-size boxes inside it. The
+// result is identical for every instruction set.
 void box_luma(const ImageView& image, const Rect& rect, BoxedLuma& out, int box = kHypothesisBox);
 
 // The luma of a camera at the nodes of a hypothesis, sampled bilinearly from a BoxedLuma and rounded to 8 bits. It is

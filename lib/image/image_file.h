@@ -42,8 +42,9 @@ int exif_orientation(std::span<const uint8_t> bytes);
 // Returns a message that this project ignores the EXIF orientation, or an empty text for orientation 1.
 std::string orientation_notice(int orientation);
 
-// Finds the end of a JPEG in a stream of pictures. Returns the position after the EOI marker of the JPEG at the start
-// of `bytes`, or where another picture begins before. Returns nothing if the end is not in `bytes`. Reads only markers.
+// Finds the end of a JPEG in a stream of pictures. `bytes` must start with a JPEG. Returns the position after its EOI
+// marker, or the position where the next picture starts, if there is no such marker before it. Returns nothing if
+// `bytes` does not contain the end. Parses only the markers, and does not decode the picture.
 std::optional<size_t> jpeg_end(std::span<const uint8_t> bytes);
 // Returns true if a file that begins with `bytes` is a Motion JPEG stream, which consists of whole JPEG pictures of one
 // size. A second picture that belongs to a still, such as a preview or a gain map (MPF), does not count.

@@ -149,6 +149,33 @@ TEST_F(LfCompositorLiveTest, StoppedNodeIsSkippedAndReturns) {
   EXPECT_EQ(stat(element_.get(), "missing-fragments"), 6u);
 }
 
+// Answers that always arrive after the deadline. The picture must not stand still, and a node that is late alone must
+// not delay the picture.
+TEST_F(LfCompositorLiveTest, LatencyIncreasesIfAllAnswersAreLate) {
+  for (const int nodes : {1, 2}) {
+    start_live(nodes, {{"rig", array_.rig_path()}, {"max-missed", "2"}});
+    const auto latency = [&] {
+      guint64 value = 0;
+      g_object_get(element_.get(), "latency", &value, nullptr);
+      return value;
+    };
+    for (int i = 0; i < 30; i++) {
+      const ViewRequest asked = ask();
+      if (nodes == 2) push(1, answer_of(asked, {2, 3}));
+      pass_deadline();
+      pull();
+      gst_harness_set_time(harness_.get(), asked.target_time + 3 * kLatency);
+      push(0, answer_of(asked, {0, 1}));
+    }
+    if (nodes == 1) {
+      EXPECT_GT(latency(), kLatency);
+      EXPECT_LE(latency(), 5 * kLatency / 2);
+    } else {
+      EXPECT_EQ(latency(), kLatency);
+    }
+  }
+}
+
 TEST_F(LfCompositorLiveTest, BlindCameraIsTakenOutOfService) {
   start_live(1, {{"max-missed", "1"}});
   for (int i = 0; i < 3; i++) {

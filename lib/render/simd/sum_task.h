@@ -13,9 +13,9 @@
 #include "render/sum_renderer.h"
 #include "render/view_plan.h"
 
-// The data of SumRenderer's vector code. The code renders a band of kBandRows rows of the view at a time, in blocks of
-// kBlock pixels. Bands and blocks are aligned to the view, so that a pixel does not depend on where the rendered
-// rectangle begins.
+// Data that the vector code of SumRenderer uses. The code renders one band of kBandRows rows of the view at a time, and
+// divides the band into blocks of kBlock pixels. Bands and blocks are aligned to the view, so that a pixel does not
+// depend on where the rendered rectangle begins.
 //
 // Terms: a slot is one contributing camera with its image and projection. A window is a piece of an image plane, 16
 // bytes wide, that contains the samples of half a row of a block. The fast path reads windows with vector loads and
@@ -81,10 +81,12 @@ enum class Fetch : int16_t {
   kShuffle,  // byte shuffles of 16-byte windows of three image rows
 };
 
-// Positions in the image of the samples of one plane, in one row of a block. They are relative to the corner of the
-// block's window, in fixed point with kPositionBits fractional bits, so that 16 bits suffice. For example, 2048 is one
-// pixel. Positions are computed exactly at the edges of blocks only. In between, Bessel interpolation of four such
-// nodes gives p(t) = p0 + t D + t (t - 1)/4 S, with t = 0..1 along the block, D in dx and dy, and S in sx and sy.
+// Shows where in a plane of the image the samples of one row of a block are. Positions are relative to the corner of
+// the block's window, in fixed point with kPositionBits fractional bits, so that 16 bits suffice. For example, 2048 is
+// one pixel. Exact positions are computed only at the edges of blocks. Positions inside a block are interpolated from
+// the exact positions at the four nearest edges (Bessel interpolation): p(t) = p0 + t D + t (t - 1)/4 S, where t is 0
+// to 1 along the block. D is the difference between the edges of the block (dx and dy), and S is the sum of the second
+// differences at both edges (sx and sy).
 struct WindowPositions {
   uint16_t x0, dx;
   int16_t sx, y0, dy, sy;

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "composite/depth_loop.h"
 
+#include <deque>
+#include <utility>
+
 #include <gtest/gtest.h>
 
 #include "lib/focus/array_of_walls.h"
@@ -128,6 +131,38 @@ TEST_F(DepthLoopTest, UnusedEstimatesAreRare) {
       finder_.set_accepted(false);
     }
   EXPECT_EQ(said, 2u);
+}
+
+// The sums of each request arrive two pictures late, or never.
+TEST_F(DepthLoopTest, LateSumsAreUsed) {
+  for (const bool arrive : {true, false}) {
+    finder_.clear();
+    std::deque<std::pair<uint32_t, ByteBuffer>> underway;
+    std::optional<DepthEstimate> found;
+    ViewRequest request;
+    for (int i = 0; i < 60; i++) {
+      request = turn(found);
+      if (underway.size() > 2) {
+        const auto [sequence, unit] = std::move(underway.front());
+        underway.pop_front();
+        if (arrive && !unit.empty()) {
+          const DepthLoop::Taken taken = finder_.take({unit.data(), unit.size()}, request);
+          EXPECT_EQ(taken.ahead, static_cast<int32_t>(sequence - request.sequence));
+          EXPECT_EQ(taken.problem, "");
+        }
+      }
+      underway.emplace_back(request.sequence, request.hypotheses.empty() ? ByteBuffer() : std::move(unit_));
+      finder_.adapt_rate(false, 1);
+      found = finder_.next(request, kSurface, false);
+      ASSERT_TRUE(found);
+      finder_.set_accepted(true);
+    }
+    EXPECT_EQ(finder_.state().rounds > 5, arrive);
+    if (!arrive) continue;
+    ASSERT_TRUE(request.view.focus.map);
+    EXPECT_NEAR(request.view.focus.map->inverse_at(20, 60), 1 / 3., 0.05);
+    EXPECT_NEAR(request.view.focus.map->inverse_at(140, 60), 1 / 1.5, 0.05);
+  }
 }
 
 }  // namespace

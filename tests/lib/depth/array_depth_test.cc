@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "depth/array_depth.h"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 #include <gtest/gtest.h>
@@ -160,6 +162,51 @@ TEST_F(ArrayDepthTest, ALensBeyondItsRaysIsFar) {
   wide.lens = Lens(LensModel::kSimpleRadial, {40, 79.5, 59.5, -0.3});  // rays beyond a radius of 1.05 fold back
   const FocalMap map = estimate(walls_.own).surface(wide);
   EXPECT_EQ(map.levels.size(), 40u * 30u);
+}
+
+// A camera on the right sees the edge of the near wall where a view from the left sees the far wall.
+TEST_F(ArrayDepthTest, FindsOutWhatACameraSees) {
+  constexpr CameraIndex kRight = 5;
+  const double camera = walls_.rig.cameras[kRight].pose.position.x;
+  View seen = walls_.view(60);
+  seen.pose.position.x = -camera;
+  auto map = std::make_shared<FocalMap>(*seen.focus.map);
+  std::vector<double> on_far_wall, on_near_wall;  // x of each node; NaN: on the other wall
+  for (size_t i = 0; i < map->levels.size(); i++) {
+    const Vec2 pixel = {map->step * (static_cast<double>(i % map->columns)) + 1.5, 1.5};
+    const double u = seen.lens.unproject(pixel)->x, near = seen.pose.position.x + 1.5 * u;
+    const double nan = std::numeric_limits<double>::quiet_NaN();
+    on_near_wall.push_back(near > 0 ? near : nan);
+    on_far_wall.push_back(near > 0 ? nan : seen.pose.position.x + 3 * u);
+    if (near > 0) map->levels[i] = 170;
+  }
+  seen.focus.map = map;
+  const ArrayDepth depth = estimate(walls_.own);
+  const Rect whole{0, 0, seen.width, seen.height};
+  const std::optional<VisibilityMask> mask = depth.visibility(seen, kRight, {&whole, 1});
+  ASSERT_TRUE(mask);
+  ASSERT_EQ(mask->nodes.size(), map->levels.size());
+  double hidden = 0, visible = 0;
+  int of_hidden = 0, of_visible = 0;
+  for (size_t i = 0; i < mask->nodes.size(); i++) {
+    if (std::abs(on_far_wall[i]) < 0.5 * camera) {
+      hidden += mask->nodes[i];
+      of_hidden++;
+    } else if (on_far_wall[i] < -2 * camera || on_near_wall[i] > camera) {
+      visible += mask->nodes[i];
+      of_visible++;
+    }
+  }
+  ASSERT_GT(of_hidden, 20);
+  ASSERT_GT(of_visible, 500);
+  EXPECT_LT(hidden / of_hidden, 100);
+  EXPECT_GT(visible / of_visible, 250);
+
+  const std::optional<VisibilityMask> untested = depth.visibility(seen, kRight, {});
+  ASSERT_TRUE(untested);
+  EXPECT_EQ(std::ranges::count(untested->nodes, VisibilityMask::kVisible), std::ssize(untested->nodes));
+  EXPECT_FALSE(depth.visibility(seen, 99, {&whole, 1})) << "an unknown camera";
+  EXPECT_FALSE(depth.visibility(view(), kRight, {&whole, 1})) << "no focal map";
 }
 
 }  // namespace

@@ -202,6 +202,66 @@ TEST(SumRenderer, IsWithinTheErrorBoundWithManyCameras) {
   });
 }
 
+// A mask multiplies the sum of its camera, and the rest of the weight is missing.
+TEST(SumRenderer, VisibilityReducesTheWeightOfACamera) {
+  test::on_every_target([] {
+    for (const PixelFamily family : {PixelFamily::kI420, PixelFamily::kRgb})
+      for (const Blending blending : {kMesh, kByAngle}) {
+        Random random(11);
+        const Rig rig = jittered_array(random, 4, 93, 71, -0.1);
+        View view = view_into(rig, 4, 93, 71, random.small_rotation(0.1));
+        view.blending = blending;
+        view.focus.map = depths(random, view, FocalMap::kMinStep, false);
+        const std::vector<Image> images = test::in_family(family, images_of(rig, random, reference::smooth_image));
+        const test::Production production(rig, build_mesh(rig), view);
+        const FaceRuns runs(production.plan, test::whole(view));
+        std::vector<Source> sources = sources_of(rig, production.plan, images);
+        std::vector<VisibilityMask> masks(sources.size(), {view.focus.map->columns, view.focus.map->rows, {}});
+        const size_t pixels = static_cast<size_t>(view.width) * view.height;
+        std::vector<double> expected(pixels), lost(pixels);
+        for (size_t i = 0; i < sources.size(); i++) {
+          for (size_t node = 0; node < view.focus.map->levels.size(); node++)
+            masks[i].nodes.push_back(static_cast<uint8_t>(
+                random.uniform(0, 1) < 0.3 ? random.uniform(VisibilityMask::kHidden, 255) : VisibilityMask::kVisible));
+          FocalMap seen = *view.focus.map;  // interpolates like the mask
+          seen.levels = masks[i].nodes;
+          seen.farthest = 0;
+          seen.nearest = 1;
+          const SumRenderer alone(production.plan, runs, {&sources[i], 1}, family);
+          const Rect& rect = alone.rect();
+          Sum sum(family, rect);
+          alone.render_rows(rect.y0, rect.y1, sum.planes);
+          const std::vector<float> weights = pixel_weights(production.plan, production.owners, sources[i].camera, rect);
+          for (int y = rect.y0; y < rect.y1; y++)
+            for (int x = rect.x0; x < rect.x1; x++) {
+              const size_t at = static_cast<size_t>(y - rect.y0) * rect.width() + (x - rect.x0);
+              const size_t pixel = static_cast<size_t>(y) * view.width + x;
+              const double part = seen.inverse_at(x, y);
+              expected[pixel] += part * sum.planes.plane[0][(y - rect.y0) * sum.planes.stride[0] + x - rect.x0] / 128.;
+              lost[pixel] += part * sum.missing_weight(x, y) + (1 - part) * weights[at];
+            }
+        }
+        for (size_t i = 0; i < sources.size(); i++) sources[i].visibility = &masks[i];
+        const SumRenderer renderer(production.plan, runs, sources, family);
+        const Rect& rect = renderer.rect();
+        Sum sum(family, rect);
+        EXPECT_TRUE(renderer.render_rows(rect.y0, rect.y1, sum.planes));
+        Worst worst;
+        for (int y = rect.y0; y < rect.y1; y++)
+          for (int x = rect.x0; x < rect.x1; x++) {
+            const size_t pixel = static_cast<size_t>(y) * view.width + x;
+            const int16_t value = sum.planes.plane[0][(y - rect.y0) * sum.planes.stride[0] + x - rect.x0];
+            worst.level = std::max(worst.level, std::abs(value / 128. - expected[pixel]));
+            worst.lost = std::max(worst.lost, std::abs(sum.missing_weight(x, y) - lost[pixel]));
+            worst.pixels++;
+          }
+        worst.print(test::name_of(family) + std::string(" with masks"));
+        EXPECT_LE(worst.level, 0.2);
+        EXPECT_LE(worst.lost, 5e-4);
+      }
+  });
+}
+
 TEST(SumRenderer, SixtyFourCamerasOfWhiteAreWhite) {
   Random random(3);
   const Rig rig = jittered_array(random, 8, 160, 120, 0);

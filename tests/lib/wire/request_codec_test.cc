@@ -83,6 +83,7 @@ ViewRequest focused_request(std::mt19937& random) {
   map.from = {{0, 0.6, -0.8}, 3.25};
   map.farthest = 0.125;
   map.nearest = 4;
+  map.measured = map.step % 2 == 0;
   for (int i = 0; i < map.columns * map.rows; i++) map.levels.push_back(static_cast<uint8_t>(random() % 5 * 50));
   r.view.focus.map = std::make_shared<FocalMap>(map);
   for (size_t i = random() % (kMaxHypotheses + 1); i > 0; i--)
