@@ -362,17 +362,18 @@ void add_all_command(cli::App& app, int& status) {
   command
       ->add_option(
           "RIG", o->rig,
-          "Rig file with the nominal positions of the cameras, such as lf-rig new writes. The file is not modified")
+          "Rig file with the nominal positions of the cameras, for example from lf-rig new. The file is not modified")
       ->required();
   command
-      ->add_option("--lights", o->lights,
-                   "Folder with a recording NAME.* of each camera, showing a light that moves through the dark")
+      ->add_option(
+          "--lights", o->lights,
+          "Folder with a recording NAME.* of each camera. The recordings show a light that moves through the dark")
       ->required()
       ->type_name("DIR");
-  cli::Option* record =
-      command->add_option("--record", o->record,
-                          "First record with the cameras of RIG, for this many seconds each. The command prompts for "
-                          "the light, the board and the chart, and reports image regions that they have not reached");
+  cli::Option* record = command->add_option(
+      "--record", o->record,
+      "Record with the cameras of RIG first, for this many seconds per recording. The command prompts for the light, "
+      "the board and the chart, and reports image regions that they have not reached");
   record->type_name("SECONDS")->check(cli::PositiveNumber);
   command
       ->add_option("--page", o->page,
@@ -399,8 +400,8 @@ void add_all_command(cli::App& app, int& status) {
       ->needs(boards);
   command
       ->add_option("--charuco", o->charuco,
-                   "Name of the ArUco dictionary that the markers of a ChArUco board belong to, for example 5X5_100. "
-                   "Without this option, the board is a plain checkerboard")
+                   "ArUco dictionary of the markers on a ChArUco board, for example 5X5_100. Without this option, the "
+                   "board is a plain checkerboard")
       ->type_name("5X5_100")
       ->needs(boards);
   command

@@ -290,29 +290,29 @@ int check(const CheckArguments& o) {
 
 void add_check_command(cli::App& app, int& status) {
   const auto o = std::make_shared<CheckArguments>();
-  cli::App* command =
-      app.add_subcommand("check",
-                         "Checks whether a calibrated rig still holds, and reports cameras that have moved. The check "
-                         "uses a later recording of a moving light, or the camera monitor of lf-serve. The exit status "
-                         "is 0 if the rig holds, 1 if it does not, and 2 after an error or with too little data");
+  cli::App* command = app.add_subcommand(
+      "check",
+      "Checks whether the calibration of a rig still holds, and reports cameras that have moved. The check uses a "
+      "later recording of a moving light, or the camera monitor of lf-serve. The exit status is 0 if the calibration "
+      "holds, 1 if it does not, and 2 after an error or with too little data");
   command->add_option("RIG", o->rig, "Calibrated rig file to check")->required();
   cli::App* what = command->add_option_group("source of the check");
-  what->add_option("--recordings", o->recordings,
-                   "Folder with a recording NAME.* of each camera, showing a light that moves through the dark")
+  what->add_option(
+          "--recordings", o->recordings,
+          "Folder with a recording NAME.* of each camera. The recordings show a light that moves through the dark")
       ->type_name("DIR");
   what->add_option("--tracks", o->tracks,
-                   "JSON file with the tracks of such a recording, which are the positions of the light in all images. "
-                   "lf-calibrate track writes this file")
+                   "JSON file with the tracks of such a recording (the positions of the light in all images), written "
+                   "by lf-calibrate track")
       ->type_name("FILE");
   cli::Option* monitor = what->add_option("--monitor", o->monitor,
-                                          "Address of an lf-serve that shows this rig with --monitor 30, for example "
+                                          "URL of an lf-serve that shows this rig with --monitor 30, for example "
                                           "http://127.0.0.1:8080. A saved monitor.json of this server works, too")
                              ->type_name("URL|FILE");
   what->require_option(1);
   command
       ->add_option("--token-file", o->token_file,
-                   "File with the bearer token, the same file as in --token-file of "
-                   "lf-serve. It is required if lf-serve uses a token")
+                   "File with the bearer token, as for --token-file of lf-serve. Required if lf-serve uses a token")
       ->type_name("FILE")
       ->needs(monitor);
   command
@@ -322,7 +322,7 @@ void add_check_command(cli::App& app, int& status) {
           "checked, too")
       ->check(cli::PositiveNumber)
       ->excludes(monitor);
-  command->add_option("--json", o->json, "JSON file that receives the report, the input of lf-calibrate report")
+  command->add_option("--json", o->json, "JSON file that receives the report, for lf-calibrate report")
       ->type_name("FILE");
   command->callback([o, &status] {
     try {

@@ -287,18 +287,16 @@ void add_colour_command(cli::App& app) {
                                          "black level, gain, colour matrix, gamma and vignetting of each camera");
   command->add_option("RIG", o->rig, "Calibrated rig file of the array")->required()->type_name("RIG");
   command
-      ->add_option("--recording", o->recording,
-                   "Images to estimate the colours from: a folder with one video or image for each camera, with the "
-                   "name of the camera as its file name, or another rig file with sources or images. By default, the "
-                   "sources and images of RIG are used")
+      ->add_option(
+          "--recording", o->recording,
+          "Images for the colour estimation: a folder with one video or image per camera, named after the camera, or "
+          "another rig file with sources or images. By default, the sources and images of RIG are used")
       ->type_name("DIR|RIG");
   command
-      ->add_option(
-          "--from", o->from,
-          "Method that estimates the corrections. chart uses images of a colour chart with 24 patches. "
-          "views needs no chart: it compares the colours of scene points that several cameras "
-          "see, so the geometry of the rig must be calibrated. auto uses chart if the images show a chart, and "
-          "views otherwise")
+      ->add_option("--from", o->from,
+                   "Estimation method. chart uses images of a colour chart with 24 patches. views needs no chart: it "
+                   "compares the colours of scene points that several cameras see, so the geometry of the rig must be "
+                   "calibrated. auto uses chart if the images show a chart, and views otherwise")
       ->capture_default_str()
       ->check(cli::IsMember({"auto", "chart", "views"}));
   command
@@ -311,7 +309,7 @@ void add_colour_command(cli::App& app) {
   command->add_option("--out", o->out, "Rig file to write, with the colour corrections. This may be RIG")
       ->required()
       ->type_name("RIG");
-  command->add_option("--json", o->json, "JSON file that receives the report, the input of lf-calibrate report")
+  command->add_option("--json", o->json, "JSON file that receives the report, for lf-calibrate report")
       ->type_name("FILE");
   command->callback([o] { measure(*o); });
 }

@@ -291,12 +291,12 @@ void add_intrinsics_command(cli::App& app) {
       ->add_option("--square", o->square,
                    "Side length of a square of the board, in metres. It affects only reported distances, not the lens")
       ->check(cli::PositiveNumber);
-  cli::Option* charuco = command
-                             ->add_option("--charuco", o->charuco,
-                                          "Name of the ArUco dictionary that the markers of a ChArUco board belong to, "
-                                          "for example 5X5_100. Without this option, the board is a plain "
-                                          "checkerboard. A ChArUco board need not be completely visible")
-                             ->type_name("5X5_100");
+  cli::Option* charuco =
+      command
+          ->add_option("--charuco", o->charuco,
+                       "ArUco dictionary of the markers on a ChArUco board, for example 5X5_100. Without this option, "
+                       "the board is a plain checkerboard. A ChArUco board need not be completely visible")
+          ->type_name("5X5_100");
   command
       ->add_option("--marker", o->marker,
                    "Side length of a marker of the ChArUco board, as a fraction of the side of a square. For example, "
@@ -313,16 +313,13 @@ void add_intrinsics_command(cli::App& app) {
                       "Rig file that contains the camera. All other cameras are copied to --out unchanged (default: "
                       "--out becomes a rig with this camera only)");
   cli::add_trust_option(*command, o->trusted);
-  command
-      ->add_option("--camera", o->camera,
-                   "Id of the camera that is calibrated, as in the "
-                   "rig file of --rig")
+  command->add_option("--camera", o->camera, "Id of the camera to calibrate, as in the rig file of --rig")
       ->capture_default_str();
   command
       ->add_option("--out", o->out,
                    "Rig file to write, with the calibrated lens. This may be the "
                    "file of --rig")
       ->required();
-  command->add_option("--json", o->json, "JSON file that receives the report, the input of lf-calibrate report");
+  command->add_option("--json", o->json, "JSON file that receives the report, for lf-calibrate report");
   command->callback([o] { calibrate(*o); });
 }

@@ -51,7 +51,7 @@ void add_report_command(cli::App& app) {
       ->required();
   command
       ->add_option("--out", o->out,
-                   "HTML page to write. It contains all styles and figures, so this single file can be passed on")
+                   "HTML page to write. It contains all styles and figures, so you can share this single file")
       ->capture_default_str();
   command->add_option("--title", o->title, "Title of the page (default: the name of the folder of the first FILE)");
   command->callback([o] { write_report(*o); });
@@ -108,7 +108,7 @@ void add_features_command(cli::App& app) {
                    "larger value keeps fewer, but more reliable corners")
       ->capture_default_str()
       ->check(cli::Range(2, static_cast<int>(lf::kMaxCameras)));
-  command->add_option("--out", o->out, "JSON file that receives the tracks, the input of solve")->required();
+  command->add_option("--out", o->out, "JSON file that receives the tracks, for lf-calibrate solve")->required();
   command->callback([o] { find_features(*o); });
 }
 

@@ -98,10 +98,10 @@ void add_track_command(cli::App& app) {
                    "Folder with a recording NAME.* of each camera (default: the sources of the rig)")
       ->type_name("DIR");
   command->add_flag("--bar", o->bar,
-                    "The recordings show two lights on a rigid bar, instead of a single light. The "
-                    "known distance of the lights then gives the scale of the rig");
-  command->add_option("--out", o->out, "JSON file that receives the tracks, the input of solve")->required();
-  command->add_option("--json", o->json, "JSON file that receives the report, the input of lf-calibrate report")
+                    "The recordings show two lights on a rigid bar, instead of a single light. The known distance "
+                    "between the lights then gives the scale of the rig");
+  command->add_option("--out", o->out, "JSON file that receives the tracks, for lf-calibrate solve")->required();
+  command->add_option("--json", o->json, "JSON file that receives the report, for lf-calibrate report")
       ->type_name("FILE");
   command
       ->add_option("--threads", o->threads,
@@ -275,8 +275,8 @@ void add_solve_command(cli::App& app) {
           ->excludes(bar);
   command
       ->add_option("--distance", o->distance,
-                   "Ids of two cameras and the distance between them, in metres. It determines the scale of the rig; "
-                   "for example, 0,7,0.84")
+                   "Ids of two cameras and the distance between them, in metres, for example 0,7,0.84. It determines "
+                   "the scale of the rig")
       ->type_name("ID,ID,METRES")
       ->excludes(bar)
       ->excludes(pitch);
@@ -287,7 +287,7 @@ void add_solve_command(cli::App& app) {
                               ->capture_default_str()
                               ->check(cli::IsMember({0, 1}));
   command->add_option("--out", o->out, "Rig file to write, with the estimated cameras")->required()->type_name("RIG");
-  command->add_option("--json", o->json, "JSON file that receives the report, the input of lf-calibrate report")
+  command->add_option("--json", o->json, "JSON file that receives the report, for lf-calibrate report")
       ->type_name("FILE");
   command->callback([o] { solve(*o); });
 }

@@ -363,16 +363,15 @@ int main(int argc, char** argv) {
       "plays like the original recording. Prints the file sizes and the PSNR of luma.",
       "lf-archive");
   app.add_option("RECORDING", o.recording,
-                 "Folder or rig file of a recording. A rig file that names Matroska films as sources works, too")
+                 "Folder or rig file of a recording. A rig file with Matroska films as sources works, too")
       ->required()
       ->check(cli::ExistingPath);
   app.add_option("--out", o.out, "Folder to write. It must not contain a recording yet")
       ->required()
       ->type_name("FOLDER");
-  app.add_option(
-         "--quantizer", o.quantizer,
-         "Quantizer of x264, which sets a constant quality. Smaller values give better quality and larger files; an "
-         "increase by 6 about halves the size")
+  app.add_option("--quantizer", o.quantizer,
+                 "Quantizer of x264, which sets a constant quality. Smaller values give better quality and larger "
+                 "files; an increase of 6 about halves the file size")
       ->capture_default_str()
       ->check(cli::Range(1, 51));
   return cli::run_tool(app, argc, argv, [&] { run(o); });

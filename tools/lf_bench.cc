@@ -287,7 +287,7 @@ int main(int argc, char** argv) {
       "lf-bench");
   app.add_option(
       "--rig", o.rig,
-      "Rig file with one still image per camera, all taken at the same time, such as lf-rig snapshot writes");
+      "Rig file with one still image per camera, all taken at the same time, for example from lf-rig snapshot");
   app.add_option("--size", o.size,
                  "Size of the rendered views in pixels, for example 1280x720 (default: the size of a "
                  "camera image)")
@@ -307,11 +307,11 @@ int main(int argc, char** argv) {
       ->capture_default_str()
       ->check(cli::Range(1, 100));
   app.add_option("--renderer", o.renderer,
-                 "Processor that renders the views. cpu: the vector instructions of the CPU. gl: a GPU, by OpenGL ES. "
-                 "auto: the faster of both on this machine")
+                 "Processor that renders the views. cpu: the CPU, with vector instructions. gl: a GPU, through OpenGL "
+                 "ES. auto: the faster of the two on this machine")
       ->capture_default_str()
       ->check(cli::IsMember({"cpu", "gl", "auto"}));
-  app.add_option("--seconds", o.seconds, "Duration of each timing, in seconds. Longer timings vary less")
+  app.add_option("--seconds", o.seconds, "Duration of each measurement, in seconds. Longer measurements vary less")
       ->capture_default_str()
       ->check(cli::PositiveNumber);
   return cli::run_tool(app, argc, argv, [&] {

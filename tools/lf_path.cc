@@ -78,8 +78,8 @@ int main(int argc, char** argv) {
   app.add_option("--height", o.tour.height, "Height of the views, in pixels (0: the height of the camera images)")
       ->check(cli::Range(0, lf::kMaxImageSize));
   app.add_option("--room", o.tour.room,
-                 "Distance between the outermost eyes of a multi-view display, in metres. The path stays this much "
-                 "farther from the sides of the array, so that all eyes remain inside")
+                 "Distance between the outermost eyes of a multi-view display, in metres. The path keeps this "
+                 "additional distance from the sides of the array, so that all eyes remain inside")
       ->capture_default_str()
       ->check(cli::NonNegativeNumber);
   return cli::run_tool(app, argc, argv, [&] { run(o); });

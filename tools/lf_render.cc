@@ -400,10 +400,10 @@ int main(int argc, char** argv) {
   cli::App app("Renders stills of a light field from the images that its rig file names.", "lf-render");
   app.add_option("--rig", options.rig, "Rig file (rig.json) with one still image per camera")->required();
   cli::Option* views = app.add_option("--views", options.views, "Views file (views.json) with the views to render");
-  cli::Option* leave_one_out =
-      app.add_flag("--leave-one-out", options.leave_one_out,
-                   "Check the cameras instead of rendering views. Each camera is rendered from the remaining cameras "
-                   "and compared with its own image, and cameras that differ unusually are reported as faulty");
+  cli::Option* leave_one_out = app.add_flag(
+      "--leave-one-out", options.leave_one_out,
+      "Check the cameras instead of rendering views. Each camera image is rendered from the remaining cameras and "
+      "compared with the real image. Cameras with unusually large differences are reported as faulty");
   views->excludes(leave_one_out);
   app.add_option("--out", options.out, "Folder that receives NAME.png for each view. It is created if necessary")
       ->required();
@@ -441,19 +441,19 @@ int main(int argc, char** argv) {
                  "Distance of the focal plane for --leave-one-out, in metres (default: estimated from the images)")
       ->check(cli::PositiveNumber)
       ->needs(leave_one_out);
-  cli::Option* aperture = app.add_option(
-      "--aperture", options.aperture,
-      "Diameter of a synthetic aperture, in metres. All cameras within the aperture contribute to a pixel. With "
-      "--focus plane, objects out of focus blur as behind a large lens (default: the three cameras around the line of "
-      "sight contribute)");
-  app.add_option("--nearest-cameras", options.nearest_cameras,
-                 "Number of cameras that contribute to a pixel. The cameras with the most similar view of the point "
-                 "are selected, by angle, resolution and field of view. This suits irregular arrays (default: the "
-                 "three cameras around the line of sight)")
+  cli::Option* aperture =
+      app.add_option("--aperture", options.aperture,
+                     "Diameter of a synthetic aperture, in metres. All cameras within the aperture contribute to a "
+                     "pixel. With --focus plane, objects out of focus blur as with a large lens (default: the three "
+                     "cameras around the line of sight contribute)");
+  app.add_option(
+         "--nearest-cameras", options.nearest_cameras,
+         "Number of cameras that contribute to a pixel. The cameras with the most similar angle, resolution and field "
+         "of view are selected. Use this for irregular arrays (default: the three cameras around the line of sight)")
       ->excludes(aperture);
   app.add_option("--resampling", options.resampling,
-                 "Sampling of the camera images at positions between their pixels. sharpened restores most of the "
-                 "detail that bilinear sampling loses, but takes more time")
+                 "Interpolation of the camera images between pixel positions. sharpened restores most of the detail "
+                 "that bilinear interpolation loses, but takes more time")
       ->capture_default_str()
       ->check(cli::IsMember({"bilinear", "sharpened"}));
   cli::Option* gains = app.add_option("--gains", options.gains,
@@ -464,8 +464,8 @@ int main(int argc, char** argv) {
                            ->check(cli::IsMember({"auto", "on", "off"}))
                            ->excludes(leave_one_out);
   app.add_option("--renderer", options.renderer,
-                 "Processor that renders the views. cpu: the vector instructions of the CPU. gl: a GPU, by OpenGL ES. "
-                 "auto: the faster of both on this machine")
+                 "Processor that renders the views. cpu: the CPU, with vector instructions. gl: a GPU, through OpenGL "
+                 "ES. auto: the faster of the two on this machine")
       ->capture_default_str()
       ->check(cli::IsMember({"cpu", "gl", "auto"}));
   app.add_flag("--i420", options.i420,

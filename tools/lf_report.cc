@@ -305,17 +305,15 @@ int main(int argc, char** argv) {
       ->required()
       ->type_name("VIEWS.json");
   app.add_option("--frames", o.frames,
-                 "Rendered pictures as raw RGB video, as filesink writes it behind "
-                 "video/x-raw,format=RGB")
+                 "Rendered pictures as raw RGB video, written by a filesink after video/x-raw,format=RGB")
       ->required();
   app.add_option("--plane", o.plane,
                  "Pictures of the same views, rendered with lfcompositor focus=plane, as raw RGB video. The report "
                  "compares these pictures with --frames")
       ->required();
-  app.add_option(
-         "--log", o.log,
-         "Output of gst-launch-1.0 -m, which contains the messages of the pipeline. Begin each line with the time of "
-         "day in seconds, such as bash's $EPOCHREALTIME")
+  app.add_option("--log", o.log,
+                 "Output of gst-launch-1.0 -m, which contains the messages of the pipeline. Each line must begin with "
+                 "the time of day in seconds, for example from bash's $EPOCHREALTIME")
       ->required();
   app.add_option("--live-log", o.live_log,
                  "Output of a run with live cameras, in the format of --log. The latency is then taken from this run "

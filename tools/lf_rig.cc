@@ -255,7 +255,7 @@ Format formats[] = {
      [](const Arguments& a) { return lf::import_hci(a.other); }, nullptr},
     {"kalibr", "FILE", "Kalibr's camchain.yaml", [](const Arguments& a) { return lf::import_kalibr(a.other); },
      [](const Rig& rig, const Arguments& a) { return lf::export_kalibr(rig, a.other); }},
-    {"llff", "DIR", "an LLFF capture (poses_bounds.npy, and a folder images)",
+    {"llff", "DIR", "an LLFF capture (poses_bounds.npy and the folder images)",
      [](const Arguments& a) { return lf::import_llff(a.other, a.colmap.images); }, nullptr},
     {"miv", "FILE", "a JSON camera file of MPEG's RVS and TMIV (MPEG Immersive Video)",
      [](const Arguments& a) { return lf::import_miv(a.other); }, nullptr},
@@ -294,10 +294,10 @@ void add_formats(cli::App& app, Arguments& arguments) {
                    "The image files are already undistorted, for example by COLMAP's image_undistorter. The rig then "
                    "uses pinhole lenses, and takes the image size from each file");
   colmap
-      ->add_option("--frame", arguments.frame,
-                   "FRAME_ID of the only frame to import, for a model with rigs of cameras (COLMAP 3.12 or newer). A "
-                   "frame has the images of all cameras at one instant. Without this option, each image of the model "
-                   "becomes a camera")
+      ->add_option(
+          "--frame", arguments.frame,
+          "FRAME_ID of the frame to import, for a model with rigs of cameras (COLMAP 3.12 or newer). A frame contains "
+          "the images of all cameras at one instant. Without this option, each image of the model becomes a camera")
       ->check(cli::NonNegativeNumber);
   for (const char* name : {"caliscope", "opencv"})
     import->get_subcommand(name)->add_flag("--undistorted", arguments.colmap.undistorted,
@@ -415,11 +415,11 @@ int main(int argc, char** argv) {
   make->add_flag("--devices", arguments.devices,
                  "Use the connected cameras as sources, in the order of their ports. This finds all cameras known to "
                  "GStreamer, for example from v4l2, libcamera and Aravis. Without this option, the rig file has no "
-                 "sources, and you add them yourself");
+                 "sources, and you must add them yourself");
   make->add_option("--out", arguments.out, "Rig file to write")->required();
 
   cli::App* info = app.add_subcommand(
-      "info", "Describes a rig: number of cameras, shape, extent and distances of neighbouring cameras");
+      "info", "Describes a rig: number of cameras, shape, extent and distances between neighbouring cameras");
   info->add_option("RIG", arguments.rig, "Rig file")->required();
 
   cli::App* check = app.add_subcommand(

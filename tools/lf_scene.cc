@@ -46,8 +46,8 @@ struct FaultOptions {
     cli::Option* faults =
         app.add_option("--faults", seed,
                        "Seed of random colour faults, which simulate uncalibrated cameras. The faults are brightness "
-                       "by up to 8 %, white balance by up to 5 %, black level, gamma, crosstalk, up to 30 % of "
-                       "vignetting, and noise. The true values are written to colours.json")
+                       "errors of up to 8 %, white balance errors of up to 5 %, vignetting of up to 30 %, black level, "
+                       "gamma, crosstalk and noise. The true values are written to colours.json")
             ->type_name("SEED")
             ->check(cli::Range(0, 1000000));
     app.add_option(
@@ -116,7 +116,7 @@ cli::App* add_chart_command(cli::App& app) {
   cli::App* command = app.add_subcommand("chart",
                                          "Films a colour chart with 24 patches at several positions in front of the "
                                          "array, as test material for lf-calibrate colour");
-  command->add_option("--rig", o->rig, "Rig file with the cameras that film the chart")
+  command->add_option("--rig", o->rig, "Rig file of the cameras that film the chart")
       ->required()
       ->type_name("RIG.json");
   command->add_option("--out", o->out, "Folder that receives rig.json and a film for each camera")
@@ -225,7 +225,7 @@ cli::App* add_lights_command(cli::App& app) {
                          "Films a light, or a bar with two lights, that moves through the dark, as test material for "
                          "lf-calibrate track. Writes the film DIR/NAME.mkv for each camera. The ground truth is in "
                          "DIR/rig.json, with the time offsets of RIG, and in DIR/lights.json");
-  command->add_option("--rig", o->rig, "Rig file with the cameras that film")->required()->type_name("RIG.json");
+  command->add_option("--rig", o->rig, "Rig file of the cameras to simulate")->required()->type_name("RIG.json");
   command->add_option("--out", o->out, "Folder to write")->required()->type_name("DIR");
   command->add_option("--bar", o->lights.bar, "Distance between two lights on a bar, in metres (0: one light)")
       ->capture_default_str()
@@ -448,17 +448,16 @@ int main(int argc, char** argv) {
                  "Folder to write. It receives rig.json, the films and the ground truth. This option "
                  "is required")
       ->type_name("DIR");
-  cli::Option* rig = app.add_option("--rig", o.rig, "Rig file with the cameras that film")->type_name("RIG.json");
+  cli::Option* rig = app.add_option("--rig", o.rig, "Rig file of the cameras to simulate")->type_name("RIG.json");
   app.add_option("--grid", o.grid,
-                 "Rows and columns of the scene's own array of cameras, for example 8x8. It is used "
-                 "without --rig")
+                 "Rows and columns of the built-in camera array, for example 8x8. This array is used without --rig")
       ->type_name("RxC")
       ->capture_default_str()
       ->excludes(rig);
-  app.add_option("--width", o.width, "Image width of the cameras of the scene's own array, in pixels")
+  app.add_option("--width", o.width, "Image width of the cameras in the built-in array, in pixels")
       ->capture_default_str()
       ->excludes(rig);
-  app.add_option("--height", o.height, "Image height of the cameras of the scene's own array, in pixels")
+  app.add_option("--height", o.height, "Image height of the cameras in the built-in array, in pixels")
       ->capture_default_str()
       ->excludes(rig);
   app.add_option("--frames", o.frames)->capture_default_str()->check(cli::Range(1, 1000000));

@@ -388,8 +388,8 @@ void add_camera_options(cli::App& app, Options& o) {
                  "File with the secret that encrypts the packets between this machine and the hosts of --nodes. The "
                  "secret has 32 or more random characters and must be the same on all of these machines");
   app.add_option("--record", o.record,
-                 "Folder that receives a recording of all cameras, with one file per camera. You can play the "
-                 "recording later: pass its rig.json to --rig")
+                 "Folder that receives a recording of all cameras, with one file per camera. To play the recording "
+                 "later, pass its rig.json to --rig")
       ->type_name("FOLDER");
 }
 
@@ -466,9 +466,9 @@ void add_view_options(cli::App& app, Options& o) {
       ->capture_default_str()
       ->check(cli::Range(1, 120));
   app.add_option("--capture-delay", o.capture_delay_ms,
-                 "Time between the capture of a frame and a request for it, in milliseconds. It must exceed the "
-                 "latency of the cameras. Otherwise the requested frames have not arrived yet, and pictures become "
-                 "incomplete (default: 100, or 300 with RTSP cameras)")
+                 "Time from the capture of a frame to the request for it, in milliseconds. It must exceed the latency "
+                 "of the cameras. Otherwise the requested frames have not arrived yet, and pictures become incomplete "
+                 "(default: 100, or 300 with RTSP cameras)")
       ->check(cli::Range(0, 10000));
   app.add_option(
          "--focus", o.limits.focus,
@@ -483,7 +483,7 @@ void add_view_options(cli::App& app, Options& o) {
       ->check(cli::IsMember({"plane", "surface", "auto"}));
   app.add_option("--focus-near", o.limits.focus_settings.near,
                  "Minimum distance of objects from the array, in metres, for the depth estimation of --focus-mode. Set "
-                 "this if nothing is closer, because a smaller depth range gives more reliable results (default: "
+                 "this if the distance is known, because a smaller depth range gives more reliable results (default: "
                  "depends on the scene)")
       ->check(cli::PositiveNumber);
   app.add_option(
@@ -496,14 +496,14 @@ void add_view_options(cli::App& app, Options& o) {
                  "prevents visible seams between cameras (default: on unless the rig has colour models)")
       ->check(cli::IsMember({"on", "off", "auto"}));
   app.add_option("--resampling", o.resampling,
-                 "Sampling of the camera images at positions between their pixels. sharpened restores most of the "
-                 "detail that bilinear sampling loses, but takes more time. The hosts of --nodes ignore this option; "
-                 "set the property at their lfcameranode instead")
+                 "Interpolation of the camera images between pixel positions. sharpened restores most of the detail "
+                 "that bilinear interpolation loses, but takes more time. The hosts of --nodes ignore this option; set "
+                 "the property at their lfcameranode instead")
       ->capture_default_str()
       ->check(cli::IsMember({"bilinear", "sharpened"}));
   app.add_option("--renderer", o.renderer,
-                 "Processor that renders the views. cpu: the vector instructions of the CPU. gl: a GPU, by OpenGL ES. "
-                 "auto: the faster of both on this machine. This option does not affect the hosts of --nodes")
+                 "Processor that renders the views. cpu: the CPU, with vector instructions. gl: a GPU, through OpenGL "
+                 "ES. auto: the faster of the two on this machine. This option does not affect the hosts of --nodes")
       ->capture_default_str()
       ->check(cli::IsMember({"cpu", "gl", "auto"}));
   app.add_option("--monitor", o.limits.monitor,
@@ -532,7 +532,7 @@ void add_view_options(cli::App& app, Options& o) {
       ->check(cli::Range(100000, 100000000));
   app.add_option("--message-rate", o.limits.messages_per_second,
                  "Maximum number of control messages per second from each viewer, such as mouse movements. The server "
-                 "ignores further messages, because one viewer must not overload the server")
+                 "ignores further messages, so that no viewer can overload the server")
       ->capture_default_str()
       ->check(cli::Range(1, 10000));
   app.add_option("--connects", o.limits.connects_per_second,

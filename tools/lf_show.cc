@@ -88,7 +88,7 @@ double Scene::estimated_focus() const {
 }
 
 void ViewOptions::add_to(cli::App& command, bool is_sweep) {
-  command.add_option("--rig", rig, "Rig file with one still image per camera, such as lf-rig snapshot writes")
+  command.add_option("--rig", rig, "Rig file with one still image per camera, for example from lf-rig snapshot")
       ->required();
   cli::Option* file = command.add_option(
       "--views", file_,
@@ -564,15 +564,15 @@ int main(int argc, char** argv) {
   o.output.add_to(*contributions);
 
   cli::App* coverage = add_command(app, "coverage",
-                                   "Shows how much of each pixel the cameras cannot see: the total weight of cameras "
-                                   "that should contribute to the pixel, but do not see its point",
+                                   "Shows how much of each pixel is missing: the total weight of the cameras that "
+                                   "should contribute to the pixel, but do not see its point",
                                    o, show_coverage);
   o.view.add_to(*coverage);
   o.output.add_to(*coverage);
 
   cli::App* epi = add_command(app, "epi",
-                              "Draws an epipolar-plane image: the images of one scene line in a row or column of "
-                              "cameras, below each other. The slope of an edge shows its depth",
+                              "Draws an epipolar-plane image. It stacks the images of one scene line in a row or "
+                              "column of cameras. The slope of an edge shows its depth",
                               o, show_epipolar);
   epi->add_option("--rig", o.view.rig, "Rig file of a camera grid with one still image per camera")->required();
   cli::Option* row =

@@ -100,11 +100,11 @@ struct CameraNodeSettings {
 PropertyTable<CameraNodeSettings>& CameraNodeSettings::properties() {
   using S = CameraNodeSettings;
   static PropertyTable<S> table = {
-      property<&S::rig>(kWhilePlaying, "rig", "Rig",
-                        "Path of the rig file (rig.json), which describes all cameras of the array. If the property "
-                        "is set while the element runs, the file is loaded again and used from the next request on. "
-                        "Its cameras and sources must not change then, and new time offsets take effect at the next "
-                        "start"),
+      property<&S::rig>(
+          kWhilePlaying, "rig", "Rig",
+          "Path of the rig file (rig.json), which describes all cameras of the array. If the property is set while the "
+          "element runs, the element loads the file again and uses it from the next request on. The new file must have "
+          "the same cameras and sources. New time offsets take effect at the next start"),
       property<&S::cameras>(kWhileReady, "cameras", "Cameras",
                             "Ids of the cameras that this node opens, as a list of numbers and ranges. For example, "
                             "\"0-15,20\" selects 17 cameras (empty: all cameras of the rig)",
@@ -114,39 +114,39 @@ PropertyTable<CameraNodeSettings>& CameraNodeSettings::properties() {
           "Frame rate of each camera, in frames per second. The element drops or repeats frames of videos to get "
           "this rate (0/1: rate of the source, or 15/1 if the source has none)",
           0, 1),
-      property<&S::is_live>(kWhileReady, "is-live", "Is live",
-                            "Real-time playback of files and stills, as if they were live cameras: the pipeline clock "
-                            "decides which frame is current. If false, the node reads each frame when a request needs "
-                            "it, so that the output is the same on every machine. Devices and network cameras are live "
-                            "in any case"),
-      property<&S::loop>(kWhileReady, "loop", "Loop",
-                         "Endless repetition of videos and image sequences. If false, "
-                         "each camera ends with its file"),
+      property<&S::is_live>(
+          kWhileReady, "is-live", "Is live",
+          "If true, the node plays files and stills in real time, as if they were live cameras. The pipeline clock "
+          "then determines the current frame. If false, the node reads each frame when a request needs it, so the "
+          "output is the same on every machine. Devices and network cameras are always live"),
+      property<&S::loop>(
+          kWhileReady, "loop", "Loop",
+          "If true, videos and image sequences repeat endlessly. If false, each camera ends with its file"),
       property<&S::node>(kWhileReady, "node", "Node",
-                         "Number that identifies this node in its answers. Give each node of an array a different "
-                         "number, so that compositors can tell their answers apart",
+                         "Number that identifies this node in its answers. It must be unique in the array, because "
+                         "compositors use it to distinguish the nodes",
                          0u, G_MAXUINT),
-      property<&S::decode>(kWhileReady, "decode", "Decode",
-                           "Decoding of complete JPEG frames, and download of GPU frames to system memory, as soon as "
-                           "a frame arrives. By default only the regions that a request needs are decoded, which "
-                           "usually takes less time"),
-      property<&S::latency>(kWhileReady, "latency", "Latency",
-                            "Size of the jitter buffer of network cameras (RTSP), in nanoseconds. Packets that arrive "
-                            "later than this are lost, so increase it if pictures of a camera are damaged. Every frame "
-                            "then arrives later by the same time",
-                            guint64{0}, guint64{60 * GST_SECOND}),
+      property<&S::decode>(
+          kWhileReady, "decode", "Decode",
+          "If true, the node decodes complete JPEG frames and downloads GPU frames to system memory as soon as they "
+          "arrive. If false, it decodes only the regions that a request needs, which usually takes less time"),
+      property<&S::latency>(
+          kWhileReady, "latency", "Latency",
+          "Size of the jitter buffer for network cameras (RTSP), in nanoseconds. Packets that arrive later than this "
+          "are lost, so increase it if pictures of a camera are damaged. A larger buffer delays every frame",
+          guint64{0}, guint64{60 * GST_SECOND}),
       property<&S::retry>(kWhileReady, "retry", "Retry",
-                          "Reopening of live cameras after a failure. The first attempt follows after half a second, "
-                          "and the time between later attempts grows to ten seconds. If false, a failed live camera "
-                          "stays lost. Cameras that are not live, such as files, always stay lost"),
-      property<&S::record>(kWhileReady, "record", "Record",
-                           "Folder for a recording of all cameras. The recording consists of one file per camera and "
-                           "a rig.json that plays them back in this element. The folder must not contain a rig.json "
-                           "yet (empty: no recording)"),
-      property<&S::trusted>(kWhileReady, "trusted", "Trusted",
-                            "Permission for the rig file to run any GStreamer element. Set this only for rig files "
-                            "from people that you trust. If false, a launch description in the rig may contain only "
-                            "sources, converters and decoders from a fixed list"),
+                          "If true, the node reopens live cameras after a failure. The first attempt follows after "
+                          "half a second, and the time between later attempts grows to ten seconds. If false, a failed "
+                          "live camera stays lost. Cameras that are not live, such as files, always stay lost"),
+      property<&S::record>(
+          kWhileReady, "record", "Record",
+          "Folder that receives a recording of all cameras. The recording consists of one file per camera and a "
+          "rig.json, which plays in this element. The folder must not contain a rig.json yet (empty: no recording)"),
+      property<&S::trusted>(
+          kWhileReady, "trusted", "Trusted",
+          "If true, the rig file may run any GStreamer element. Set this only for rig files from people you trust. If "
+          "false, launch descriptions in the rig may contain only sources, converters and decoders from a fixed list"),
   };
   return table;
 }
@@ -619,12 +619,12 @@ static void lf_camera_node_class_init(LfCameraNodeClass* klass) {
 
   const guint next_id = Properties::install(
       object_class,
-      "Counters of lffragment, and a structure for each camera. Its field state is opening, running, ended, lost or "
-      "stopped, and reason describes the latest loss. losses, retries and dropped count losses, attempts to reopen the "
-      "camera, and frames that were skipped. capture-time names the origin of the capture times, as in the stats of "
-      "lfcamsrc. During a recording, each of these structures also has the number of recorded and unrecorded frames. "
-      "The structure recording then has folder, begin (clock time of timestamp 0 for live frames) and reason (if the "
-      "recording has ended)");
+      "Counters of lffragment, and a structure for each camera. In this structure, state is opening, running, ended, "
+      "lost or stopped, and reason describes the latest loss. losses counts the losses, retries counts the attempts to "
+      "reopen the camera, and dropped counts skipped frames. capture-time names the origin of the capture times, as in "
+      "the `stats` of lfcamsrc. During a recording, the structure also contains the numbers of recorded and unrecorded "
+      "frames. The structure recording then contains folder, begin (clock time of timestamp 0 for live frames) and "
+      "reason (if the recording has ended)");
   object_class->set_property = lf::callback<lf_camera_node_set_property>;
   object_class->get_property = lf::callback<lf_camera_node_get_property>;
   lf::install_proxies(object_class, next_id, LF_TYPE_FRAGMENT, {"rig", "node", "stats"});
@@ -638,10 +638,10 @@ static void lf_camera_node_class_init(LfCameraNodeClass* klass) {
   gst_element_class_add_static_pad_template(element_class, &more_request_template);
   gst_element_class_add_static_pad_template(element_class, &src_template);
   gst_element_class_add_static_pad_template(element_class, &more_src_template);
-  gst_element_class_set_static_metadata(
-      element_class, "Light field camera node", "Filter/Video",
-      "Answers view requests with the sum of a range of cameras: one lfcamsrc per camera and one lffragment",
-      "gst-lightfield");
+  gst_element_class_set_static_metadata(element_class, "Light field camera node", "Filter/Video",
+                                        "Answers view requests with the weighted sum of the images of its cameras. "
+                                        "This bin contains one lfcamsrc per camera and one lffragment",
+                                        "gst-lightfield");
 }
 
 static void lf_camera_node_init(LfCameraNode* self) {

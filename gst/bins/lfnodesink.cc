@@ -61,18 +61,18 @@ struct Settings : lf::RtpSecurity {
                                  "each client (viewer or compositor host). An item is a local UDP port such as 6000, "
                                  "ADDRESS:PORT, or a multicast GROUP:PORT. This property is required"),
         lf::property<&S::answers>(lf::kWhileReady, "answers", "Answers",
-                                  "Comma-separated list of the addresses that the answers are sent to, each as "
-                                  "HOST:PORT. The first item is the client that uses the first item of listen, and so "
-                                  "on, so both lists have the same length. This property is required"),
+                                  "Comma-separated list of the addresses that receive the answers, each as HOST:PORT. "
+                                  "The first item belongs to the client of the first item in `listen`, and so on, so "
+                                  "both lists have the same length. This property is required"),
         lf::inherited_property<S, &S::key_file>(
             lf::kWhileReady, "key-file", "Key file",
-            "Path of the file with the secret that all hosts share, 32 or more random characters. Packets are then "
-            "encrypted, and only hosts with the same file can send requests (empty: no encryption)"),
+            "Path of the file with the secret that all hosts share (32 or more random characters). Packets are then "
+            "encrypted, and only hosts with the same secret can send requests (empty: no encryption)"),
         lf::inherited_property<S, &S::peers>(
             lf::kWhileReady, "peers", "Peers",
             "Comma-separated list of the hosts that may send requests, as names, addresses or networks such as "
-            "10.0.0.0/24. If the list is empty, key-file decides: every host with the key may send requests. If there "
-            "is no key either, only this machine and the hosts in answers may send requests"),
+            "10.0.0.0/24. If the list is empty, every host with the secret in `key-file` may send requests. Without a "
+            "key file, only this machine and the hosts in `answers` may send requests"),
     };
     return table;
   }
@@ -269,12 +269,11 @@ static void lf_node_sink_class_init(LfNodeSinkClass* klass) {
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
   object_class->dispose = lf_node_sink_dispose;
   object_class->finalize = lf_node_sink_finalize;
-  const guint first_copy =
-      Properties::install(object_class,
-                          "Counters of lfcameranode, and a structure requests with one structure for each client "
-                          "(requests0, requests1, ...). The structure of a client counts the packets that passed, the "
-                          "packets that were dropped, by reason, and the requests that exceeded a limit. These are the "
-                          "counters of lfrtpgate and rtplfdepay");
+  const guint first_copy = Properties::install(
+      object_class,
+      "Counters of lfcameranode, and the structure requests, which contains one structure for each client (requests0, "
+      "requests1, ...). The structure of a client counts the packets that passed, the packets that were dropped, by "
+      "reason, and the requests that exceeded a limit. These are the counters of lfrtpgate and rtplfdepay");
   object_class->set_property = lf::callback<lf_node_sink_set_property>;
   object_class->get_property = lf::callback<lf_node_sink_get_property>;
   const guint next =
@@ -288,7 +287,8 @@ static void lf_node_sink_class_init(LfNodeSinkClass* klass) {
   element_class->provide_clock = lf::callback<lf_node_sink_provide_clock>;
   gst_element_class_set_static_metadata(
       element_class, "Light field node sink", "Sink/Network/Video",
-      "Serves the cameras of this machine to lfviewsrc on other hosts: answers view requests by RTP", "gst-lightfield");
+      "Serves the cameras of this machine to lfviewsrc on other hosts, and answers their view requests over RTP",
+      "gst-lightfield");
 }
 
 static void lf_node_sink_init(LfNodeSink* self) {

@@ -176,11 +176,10 @@ GST_ELEMENT_REGISTER_DEFINE_WITH_CODE(lfviewsrc, "lfviewsrc", GST_RANK_NONE, LF_
 lf::PropertyTable<Settings>& Settings::properties() {
   using S = Settings;
   static lf::PropertyTable<S> table = {
-      lf::property<&S::rig>(
-          lf::kWhilePlaying, "rig", "Rig",
-          "Path of the rig file (rig.json), which describes the cameras of the array. This property is required. If "
-          "it is set while the element runs, the file is loaded again and used from the next request on. Its cameras "
-          "and sources must not change then"),
+      lf::property<&S::rig>(lf::kWhilePlaying, "rig", "Rig",
+                            "Path of the rig file (rig.json), which describes the cameras of the array. This property "
+                            "is required. If it is set while the element runs, the element loads the file again and "
+                            "uses it from the next request on. The new file must have the same cameras and sources"),
       lf::inherited_property<S, &S::nodes>(
           lf::kWhileReady, "nodes", "Nodes",
           "Comma-separated list of the hosts that run the cameras, each with an lfnodesink. An item is "
@@ -190,38 +189,36 @@ lf::PropertyTable<Settings>& Settings::properties() {
       lf::inherited_property<S, &S::listen>(
           lf::kWhileReady, "listen", "Listen",
           "Address that receives the view requests of viewers on other hosts: a local UDP port, ADDRESS:PORT or a "
-          "multicast GROUP:PORT. The pad src then delivers the pictures of view 0, the pad src_0 delivers view 1, and "
-          "so on (empty: this element makes its own requests)"),
+          "multicast GROUP:PORT. The `src` pad then delivers the pictures of view 0, the `src_0` pad delivers view 1, "
+          "and so on (empty: this element makes its own requests)"),
       lf::inherited_property<S, &S::key_file>(
           lf::kWhileReady, "key-file", "Key file",
-          "Path of the file with the secret that all hosts share, 32 or more random characters. If it is set, all "
-          "packets from and to the hosts of nodes and listen are encrypted (empty: no encryption)"),
+          "Path of the file with the secret that all hosts share (32 or more random characters). If it is set, all "
+          "packets to and from the hosts of `nodes` and `listen` are encrypted (empty: no encryption)"),
       lf::inherited_property<S, &S::peers>(
           lf::kWhileReady, "peers", "Peers",
-          "Comma-separated list of the hosts that may send requests to the address in listen, as names, addresses or "
-          "networks such as 10.0.0.0/24. If the list is empty, key-file decides: every host with the key may send "
-          "requests. If there is no key either, only this machine may, from the first loopback address (such as "
-          "127.0.0.1) that a request arrives from"),
+          "Comma-separated list of the hosts that may send requests to the address in `listen`, as names, addresses or "
+          "networks such as 10.0.0.0/24. If the list is empty, every host with the secret in `key-file` may send "
+          "requests. Without a key file, only this machine may send requests, from the first loopback address (such as "
+          "127.0.0.1) that sends one"),
       lf::property<&S::is_live>(lf::kWhileReady, "is-live", "Is live",
-                                "Live operation: the pictures are rendered in real time and synchronised to the "
-                                "pipeline clock. If false, pictures are rendered as fast as downstream consumes them, "
-                                "for example to write a file. Cameras on other hosts (nodes) are always live and "
-                                "require true"),
+                                "If true, the element renders pictures in real time, synchronised to the pipeline "
+                                "clock. If false, it renders pictures as fast as downstream consumes them, for example "
+                                "to write a file. Cameras on other hosts (`nodes`) are always live and require true"),
       lf::property<&S::record>(
           lf::kWhileReady, "record", "Record",
-          "Folder for a recording of the cameras of this machine. The recording consists of one file per camera and "
-          "a rig.json for playback. The folder must not contain a rig.json yet. Remote cameras are recorded on their "
-          "own host, by lfnodesink (empty: no recording)"),
-      lf::property<&S::renderer>(lf::kWhilePlaying, "renderer", "Renderer",
-                                 "Processor that renders the contribution of local cameras to each view: CPU or GPU. "
-                                 "This is the property renderer of lfcameranode. Cameras on other hosts use the "
-                                 "setting of their own lfnodesink",
-                                 LF_TYPE_FRAGMENT_RENDERER),
+          "Folder that receives a recording of the cameras of this machine. The recording consists of one file per "
+          "camera and a rig.json for playback. The folder must not contain a rig.json yet. Remote cameras are recorded "
+          "on their own host, by lfnodesink (empty: no recording)"),
+      lf::property<&S::renderer>(
+          lf::kWhilePlaying, "renderer", "Renderer",
+          "Processor that renders the contribution of local cameras to each view: CPU or GPU. This property sets the "
+          "`renderer` property of lfcameranode. Cameras on other hosts use the setting of their own lfnodesink",
+          LF_TYPE_FRAGMENT_RENDERER),
       lf::property<&S::trusted>(
           lf::kWhileReady, "trusted", "Trusted",
-          "Permission for the rig file to run any GStreamer element. Set this only for rig files from people that "
-          "you trust. If false, a launch description in the rig may contain only sources, converters and decoders "
-          "from a fixed list"),
+          "If true, the rig file may run any GStreamer element. Set this only for rig files from people you trust. If "
+          "false, launch descriptions in the rig may contain only sources, converters and decoders from a fixed list"),
   };
   return table;
 }
@@ -377,8 +374,8 @@ static void install_actions(GObjectClass* klass) {
    * @src: the element
    * @view: the view, as for lfviewrequest
    *
-   * Moves the view of `src`, like the action of the same name of lfviewrequest. To move the view of `src_0`, use its
-   * child "view_0".
+   * Moves the view of the `src` pad, like the `set-view` action of lfviewrequest. To move the view of `src_0`, emit
+   * the action of the child "view_0".
    *
    * Returns: %FALSE if @view has no known field.
    */
@@ -388,10 +385,10 @@ static void install_actions(GObjectClass* klass) {
   /**
    * LfViewSrc::focus-at:
    * @src: the element
-   * @x: column in pixels; for a set of views, a column of the whole picture relative to its first view
-   * @y: row in pixels, in the same frame of reference
+   * @x: column in pixels; for a set of views, a column of the whole picture
+   * @y: row in pixels; for a set of views, a row of the whole picture
    *
-   * Focuses the view of `src` at a pixel, like the action of the same name of lfviewrequest.
+   * Focuses the view of the `src` pad at a pixel, like the `focus-at` action of lfviewrequest.
    *
    * Returns: %FALSE if the view cannot be focused there.
    */
@@ -739,10 +736,10 @@ static void lf_view_src_class_init(LfViewSrcClass* klass) {
   element_class->provide_clock = lf::callback<lf_view_src_provide_clock>;
   element_class->send_event = lf::callback<lf_view_src_send_event>;
   install_pads(element_class);
-  gst_element_class_set_static_metadata(
-      element_class, "Light field view source", "Source/Video",
-      "Renders an interactive view of a light field: lfviewrequest, the cameras of a rig and lfcompositor in one bin",
-      "gst-lightfield");
+  gst_element_class_set_static_metadata(element_class, "Light field view source", "Source/Video",
+                                        "Renders an interactive view of a light field. This bin combines "
+                                        "lfviewrequest, the cameras of a rig and lfcompositor",
+                                        "gst-lightfield");
 }
 
 static void lf_view_src_init(LfViewSrc* self) {

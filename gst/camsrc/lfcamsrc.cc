@@ -98,48 +98,47 @@ lf::PropertyTable<Settings>& Settings::properties() {
                         "Path of the rig file (rig.json), which describes the cameras of "
                         "the array: their sources, lenses and poses. This property is "
                         "required"),
-      property<&S::camera>(kWhileReady, "camera", "Camera",
-                           "Id of the camera that this element opens, as in the field "
-                           "id of the rig file. The first camera "
-                           "usually has the id 0",
-                           0u, G_MAXUINT),
+      property<&S::camera>(
+          kWhileReady, "camera", "Camera",
+          "Id of the camera to open, as in the `id` field of the rig file. The first camera usually has the id 0", 0u,
+          G_MAXUINT),
       fraction_property<&S::fps_n, &S::fps_d>(
           kWhileReady, "framerate", "Frame rate",
           "Frame rate, in frames per second. The element drops or repeats frames of videos to get this rate (0/1: "
           "rate of the source, or 15/1 for stills, image sequences and the built-in scene)",
           0, 1),
-      property<&S::is_live>(kWhileReady, "is-live", "Is live",
-                            "Real-time playback of files and stills, as if they were live devices: the pipeline clock "
-                            "decides when each frame is output. If false, frames are output as fast as downstream "
-                            "consumes them, for example to convert a file. Devices and network cameras are live in any "
-                            "case"),
+      property<&S::is_live>(
+          kWhileReady, "is-live", "Is live",
+          "If true, the element plays files and stills in real time, as if they were live devices. The pipeline clock "
+          "then determines when each frame is output. If false, frames are output as fast as downstream consumes them, "
+          "for example to convert a file. Devices and network cameras are always live"),
       property<&S::loop>(kWhileReady, "loop", "Loop",
-                         "Endless repetition of videos and image sequences. The running time continues across each "
+                         "If true, videos and image sequences repeat endlessly. The running time continues across each "
                          "restart, so downstream sees one continuous stream. If false, the stream ends with the file"),
       property<&S::num_frames>(kWhileReady, "num-frames", "Number of frames",
                                "Length of the stream, in frames. Set this to get a short test stream from a camera or "
                                "a still (-1: the stream ends with its source, so stills and the built-in scene never "
                                "end)",
                                gint64{-1}, G_MAXINT64),
-      property<&S::decode>(
-          kWhileReady, "decode", "Decode",
-          "Decoding of JPEG video, and download of GPU frames to system memory, so that the output is always raw "
-          "video. If false, JPEG video and GPU frames pass unchanged. This saves time in front of lffragment, which "
-          "decodes only the regions that it needs"),
-      property<&S::latency>(kWhileReady, "latency", "Latency",
-                            "Size of the jitter buffer of network cameras (RTSP), in nanoseconds. Increase it if "
-                            "packets of the camera arrive late and its pictures are damaged. Every frame then arrives "
-                            "later by the same time",
-                            guint64{0}, guint64{60 * GST_SECOND}),
-      property<&S::retry>(kWhileReady, "retry", "Retry",
-                          "Reopening of the camera after a failure. The first attempt follows after half a second, and "
-                          "the time between later attempts grows to ten seconds. The element posts the message "
-                          "lightfield-camera-lost at the beginning of the outage, and lightfield-camera-found at its "
-                          "end. If false, a failure of the camera is an error and stops the pipeline"),
-      property<&S::trusted>(kWhileReady, "trusted", "Trusted",
-                            "Permission for the rig file to run any GStreamer element. Set this only for rig files "
-                            "from people that you trust. If false, a launch description in the rig may contain only "
-                            "sources, converters and decoders from a fixed list"),
+      property<&S::decode>(kWhileReady, "decode", "Decode",
+                           "If true, the element decodes JPEG video and downloads GPU frames to system memory, so the "
+                           "output is always raw video. If false, JPEG video and GPU frames pass unchanged. This saves "
+                           "time in front of lffragment, which decodes only the regions that it needs"),
+      property<&S::latency>(
+          kWhileReady, "latency", "Latency",
+          "Size of the jitter buffer for network cameras (RTSP), in nanoseconds. Increase it if packets of the camera "
+          "arrive late and its pictures are damaged. A larger buffer delays every frame",
+          guint64{0}, guint64{60 * GST_SECOND}),
+      property<&S::retry>(
+          kWhileReady, "retry", "Retry",
+          "If true, the element reopens the camera after a failure. The first attempt follows after half a second, and "
+          "the time between later attempts grows to ten seconds. The element posts the message lightfield-camera-lost "
+          "at the beginning of the outage, and lightfield-camera-found at its end. If false, a failure of the camera "
+          "is an error and stops the pipeline"),
+      property<&S::trusted>(
+          kWhileReady, "trusted", "Trusted",
+          "If true, the rig file may run any GStreamer element. Set this only for rig files from people you trust. If "
+          "false, launch descriptions in the rig may contain only sources, converters and decoders from a fixed list"),
   };
   return table;
 }
@@ -768,13 +767,13 @@ static void lf_cam_src_class_init(LfCamSrcClass* klass) {
 
   lf::Properties<settings_of, stats_of>::install(
       object_class,
-      "State of the camera, with these fields. state is stopped, opening, running, ended or lost. reason describes the "
-      "latest loss, losses counts the losses and retries the attempts to reopen the camera. dropped counts frames that "
-      "were skipped because this machine is too slow. damaged counts pictures that can't be decoded. capture-time "
+      "State of the camera. The field state is stopped, opening, running, ended or lost. reason describes the latest "
+      "loss, losses counts the losses, and retries counts the attempts to reopen the camera. dropped counts frames "
+      "that were skipped because this machine is too slow. damaged counts pictures that can't be decoded. capture-time "
       "names the origin of the capture times: source (timestamps of the source), sender-reports (RTCP reports of an "
-      "RTSP camera), or arrival (the arrival of the packets, used until the first report). controls lists the known "
-      "controls, such as exposure time, and the values in the rig: a number, auto, or FALSE if the camera lacks the "
-      "control. control-values has the current values of these controls");
+      "RTSP camera), or arrival (the arrival of the packets, used until the first report). controls contains the known "
+      "controls, such as exposure time, and the controls in the rig. Each value is a number, auto, or FALSE if the "
+      "camera lacks the control. control-values contains the current numbers of these controls");
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   element_class->change_state = lf::callback<lf_cam_src_change_state>;
@@ -785,7 +784,7 @@ static void lf_cam_src_class_init(LfCamSrcClass* klass) {
   gst_element_class_add_static_pad_template(element_class, &src_template);
   gst_element_class_set_static_metadata(
       element_class, "Light field camera source", "Source/Video",
-      "One camera of a rig as a video source: device, file, still, image sequence or the built-in scene",
+      "Outputs the video of one camera of a rig, from a device, file, still, image sequence or the built-in scene",
       "gst-lightfield");
 }
 

@@ -67,9 +67,9 @@ bool set_limit(const LimitRow& row, const GValue* value, Field& field) {
 
 std::string description() {
   std::string text =
-      "Upper limits for the requests of other hosts and viewers, which protect this machine against overload. The "
-      "value is a structure, for example limits,max-pixels=4000000. Fields that are not given keep their defaults. The "
-      "element refuses requests beyond a limit, and counts the refusals in stats. The fields are";
+      "Upper limits for the requests of other hosts and viewers, which protect this machine from overload. The value "
+      "is a structure, for example limits,max-pixels=4000000. Missing fields have their default values. The `stats` "
+      "property counts refused requests. The element refuses requests that exceed one of these limits";
   const char* separator = ": ";
   const RequestLimits limits;
   for_each_limit(limits, [&](const LimitRow& row, auto) {

@@ -153,9 +153,7 @@ GType lf_compositor_incomplete_get_type(void) {
         "and the previous picture fills empty pixels",
         "conceal"},
        {LF_COMPOSITOR_INCOMPLETE_REPEAT,
-        "Repeat the previous picture. If there is none, the output is as "
-        "with conceal",
-        "repeat"},
+        "Repeat the previous picture. If there is no previous picture, do the same as conceal", "repeat"},
        {LF_COMPOSITOR_INCOMPLETE_DROP, "Output no picture for this request", "drop"}});
   return type;
 }
@@ -164,8 +162,7 @@ GType lf_compositor_focus_get_type(void) {
   static const GType type = lf::register_enum<lf::FocusMode>(
       "LfCompositorFocus",
       {{lf::FocusMode::kPlane,
-        "One focal plane, at the distance that the request names. Objects at other distances "
-        "are blurred or appear double",
+        "One focal plane, at the distance in the request. Objects at other distances are blurred or appear double",
         "plane"},
        {lf::FocusMode::kSurface, "A depth for each pixel (a focal surface), updated with every request", "surface"},
        {lf::FocusMode::kAuto, "A depth for each pixel (a focal surface), updated as often as the scene needs",
@@ -192,8 +189,8 @@ GType lf_compositor_gains_get_type(void) {
          "applied first",
          "on"},
         {LF_COMPOSITOR_GAINS_AUTO,
-         "Exposure compensation, unless the rig file already has colour corrections, such as "
-         "lf-calibrate colour writes",
+         "Exposure compensation, unless the rig file already has colour corrections, for example from lf-calibrate "
+         "colour",
          "auto"},
         {0, nullptr, nullptr}};
     return g_enum_register_static("LfCompositorGains", values);
@@ -242,65 +239,63 @@ PropertyTable<CompositorSettings>& CompositorSettings::properties() {
                             0, G_MAXUINT),
       property<&S::rig>(kWhilePlaying, "rig", "Rig",
                         "Path of the rig file (rig.json), which describes the cameras of the array. The compositor "
-                        "needs a rig to compensate for missing cameras, to notice cameras that have never answered, to "
+                        "needs a rig to compensate for missing cameras, to detect cameras that have never answered, to "
                         "estimate depths, and to show `background` in areas that no camera sees. If the property is "
-                        "set while the element runs, the file is used from the next request on"),
+                        "set while the element runs, the new rig applies from the next request on"),
       property<&S::background>(kWhilePlaying, "background", "Background",
                                "Colour of pixels that no camera sees, as 0xAARRGGBB. For example, 0xff808080 is medium "
-                               "grey. The alpha value is ignored. This needs `rig`",
+                               "grey. The alpha value is ignored. Requires `rig`",
                                0, G_MAXUINT32),
-      property<&S::post_messages>(kWhilePlaying, "post-messages", "Post messages",
-                                  "Posting of an element message \"lightfield-view\" for every picture. The message "
-                                  "contains sizes and durations, for example the latency. Set this to measure a "
-                                  "pipeline"),
+      property<&S::post_messages>(
+          kWhilePlaying, "post-messages", "Post messages",
+          "If true, the element posts an element message \"lightfield-view\" for every picture. The message contains "
+          "sizes and durations, such as the latency. Use it to measure a pipeline"),
       property<&S::incomplete>(kWhilePlaying, "incomplete", "Incomplete",
-                               "Output if parts of the picture have not arrived at the deadline of its request (see "
-                               "latency). This occurs only in live pipelines, where an answer can be late or lost",
+                               "Selects the output if parts of a picture have not arrived by its deadline (see "
+                               "`latency`). This happens only in live pipelines, where an answer can be late or lost",
                                LF_TYPE_COMPOSITOR_INCOMPLETE),
-      property<&S::max_missed>(kWhileReady, "max-missed", "Max missed",
-                               "Maximum number of consecutive pictures that may lack a camera or a node in a live "
-                               "pipeline (0: unlimited). After more pictures without a camera, other cameras replace "
-                               "the camera. After more pictures without a node, the compositor no longer waits for "
-                               "this node. Cameras and nodes return when their answers arrive in time again",
-                               0, G_MAXUINT),
+      property<&S::max_missed>(
+          kWhileReady, "max-missed", "Max missed",
+          "Maximum number of consecutive pictures that a camera or a node may miss in a live pipeline (0: unlimited). "
+          "If a camera misses more pictures, other cameras replace it. If a node misses more pictures, the compositor "
+          "no longer waits for it. Cameras and nodes return to service when their answers arrive in time again",
+          0, G_MAXUINT),
       property<&S::partial>(
           kWhileReady, "partial", "Partial",
           "If true, the element outputs partial answers instead of pictures. A partial answer is the weighted sum of "
-          "the images of all cameras that feed this compositor. Another compositor takes it as its input. Use this for "
-          "a tree of compositors, for example with one compositor for each rack of hosts. It requires `rig`"),
-      property<&S::node>(
-          kWhileReady, "node", "Node",
-          "Number that identifies this compositor in its partial answers. Give all nodes and compositors below one "
-          "compositor different numbers, so that it can tell their answers apart",
-          0, G_MAXUINT),
-      property<&S::codec>(kWhilePlaying, "codec", "Codec",
-                          "Encoding of the pixels in partial answers (see partial). "
-                          "Compression (JPEG) saves network bandwidth but costs time "
-                          "on both hosts, and it changes the picture slightly. "
-                          "Pictures are never compressed",
-                          LF_TYPE_FRAGMENT_CODEC),
+          "the images of all cameras that feed this compositor. Another compositor takes it as input. Use this for a "
+          "tree of compositors, for example with one compositor for each rack of hosts. Requires `rig`"),
+      property<&S::node>(kWhileReady, "node", "Node",
+                         "Number that identifies this compositor in its partial answers. All nodes and compositors "
+                         "that feed the same compositor must have different numbers",
+                         0, G_MAXUINT),
+      property<&S::codec>(
+          kWhilePlaying, "codec", "Codec",
+          "Pixel encoding of partial answers (see `partial`). JPEG compression saves network bandwidth, but costs "
+          "computing time on both hosts and changes the picture slightly. Pictures are never compressed",
+          LF_TYPE_FRAGMENT_CODEC),
       property<&S::focus>(
           kWhilePlaying, "focus", "Focus",
-          "Focus of the picture: one focal plane for the whole picture, or a separate depth for each pixel (a focal "
-          "surface), which makes the whole picture sharp. The compositor estimates these depths by comparing the "
-          "cameras at several distances, and sends them to the lfviewrequest of the view. Without `rig`, auto means "
-          "plane",
+          "Selects between one focal plane for the whole picture and a focal surface, which has a depth for each pixel "
+          "and makes the whole picture sharp. The compositor estimates these depths by comparing the camera images at "
+          "several distances, and sends them to the lfviewrequest of the view. Without `rig`, auto means plane",
           LF_TYPE_COMPOSITOR_FOCUS),
       property<&S::focus_near>(
           kWhilePlaying, "focus-near", "Focus near",
-          "Nearest distance in the search for the focal surface, in metres from the array. Set this if the range of "
-          "depths is known, because the search is then faster and makes fewer errors (0: adapts to the scene, starting "
-          "at the nearest distance that the array can measure)",
+          "Nearest distance that the search for the focal surface tests, in metres from the array. Set this if the "
+          "range of depths is known, because the search is then faster and makes fewer errors (0: the distance adapts "
+          "to the scene, starting at the nearest distance that the array can measure)",
           0, kMaxFocus),
-      property<&S::focus_far>(kWhilePlaying, "focus-far", "Focus far",
-                              "Farthest distance in the search for the focal surface, in metres from the array. See "
-                              "focus-near (0: adapts to the scene, starting at infinity)",
-                              0, kMaxFocus),
+      property<&S::focus_far>(
+          kWhilePlaying, "focus-far", "Focus far",
+          "Farthest distance that the search for the focal surface tests, in metres from the array. See also "
+          "`focus-near` (0: the distance adapts to the scene, starting at infinity)",
+          0, kMaxFocus),
       property<&S::monitor_interval>(
           kWhilePlaying, "monitor-interval", "Monitor interval",
-          "Number of requests between two camera checks (0: no checks). Use this to find cameras that are out of "
-          "adjustment. A check predicts a small image of one camera from its neighbours and compares it with the real "
-          "image. `stats` lists the results and the suspicious cameras. This needs `rig`",
+          "Number of requests between two camera checks, which find cameras that are out of adjustment (0: no checks). "
+          "A check predicts a small image of one camera from its neighbours and compares it with the real image. "
+          "`stats` lists the results and the suspicious cameras. Requires `rig`",
           0, G_MAXUINT16),
       property<&S::depth_interval>(kWhilePlaying, "depth-interval", "Depth interval",
                                    "Minimum number of requests between two updates of the focal surface. A larger "
@@ -309,14 +304,14 @@ PropertyTable<CompositorSettings>& CompositorSettings::properties() {
                                    1, G_MAXUINT16),
       property<&S::gains>(
           kWhilePlaying, "gains", "Gains",
-          "Compensation for cameras that are brighter or darker than the rest of the array, for example because of "
-          "automatic exposure. It prevents visible seams between the parts of the picture that come from different "
-          "cameras. The estimation of the gains needs the focal surface (the depth of each pixel), so there is no "
-          "compensation if focus is plane. The property stats of lffragment lists the gains",
+          "Exposure compensation for cameras that are brighter or darker than the rest of the array, for example "
+          "because of automatic exposure. It prevents visible seams between the contributions of different cameras. "
+          "The gains are estimated with the focal surface (the depth of each pixel), so there is no compensation if "
+          "`focus` is plane. The `stats` property of lffragment lists the gains",
           LF_TYPE_COMPOSITOR_GAINS),
       property<&S::show>(kWhilePlaying, "show", "Show",
-                         "Overlay on the pictures that shows how the cameras contribute to each pixel. Use it to check "
-                         "an array for cameras that are missing, hidden or misplaced. This needs `rig`",
+                         "Overlay that shows how the cameras contribute to each pixel. Use it to find cameras that are "
+                         "missing, hidden or misplaced. Requires `rig`",
                          LF_TYPE_COMPOSITOR_SHOW),
   };
   return table;
@@ -392,18 +387,19 @@ static void install_properties(GObjectClass* klass) {
   Properties::install(
       klass,
       "Counters since the start, measurements and durations. Pictures are counted as complete, incomplete, unseen (no "
-      "camera sees anything of the view), repeated, dropped or failed (no memory). gpu-pictures counts those that were "
-      "made on a GPU. Requests are counted as skipped (too late, according to QoS events) or refused, by the exceeded "
-      "limit: refused-pixels, -aperture, -hypotheses, -rate, -views, -lens. Fragments, which are the parts of the "
-      "answers, are counted as missing or damaged. Answers are counted as late, repeated, bad or unexpected (without a "
-      "request), together with their bytes and the cameras out of service. coverage is the share of the latest view "
-      "that cameras see (with `rig`). max-skew-ns is the largest capture-time error. The fields of the focal surface "
-      "count the rounds of the depth search and their bytes. focus-residual is the disagreement of the cameras, in "
-      "255ths, and focus-improvement its latest reduction. focus-interval is the number of requests per update, and "
-      "focus-flat is true if one plane is enough. monitor-turns counts the checks of the camera monitor; their bytes "
-      "are counted, too. For each camera, the monitor compares a prediction with the image, and lists the PSNR, the "
-      "gain and the shift in pixels of the small view. A suspicious camera also has its fault (colour, direction or "
-      "picture). The latency of each stage has p50, p95 and p99 over the latest 1024 pictures, in nanoseconds");
+      "camera sees any part of the view), repeated, dropped or failed (no memory). gpu-pictures counts the pictures "
+      "that a GPU has made. Requests are counted as skipped (too late, according to QoS events) or refused, by the "
+      "exceeded limit: refused-pixels, -aperture, -hypotheses, -rate, -views, -lens. Fragments, which are the parts of "
+      "the answers, are counted as missing or damaged. Answers are counted as late, repeated, bad or unexpected "
+      "(without a request). bytes counts the bytes of answers, and out-of-service is the number of cameras out of "
+      "service. coverage is the share of the latest view that cameras see (with `rig`). max-skew-ns is the largest "
+      "capture-time error. The fields of the focal surface count the rounds of the depth search and their bytes. "
+      "focus-residual is the disagreement between the cameras, in 255ths, and focus-improvement is its latest "
+      "reduction. focus-interval is the number of requests per update, and focus-flat is true if one plane is enough. "
+      "monitor-turns and monitor-bytes count the camera checks and their bytes. For each camera, the checks compare a "
+      "prediction with the image and report the PSNR, the gain and the shift in pixels of the small view. A suspicious "
+      "camera also has its fault (colour, direction or picture). The latency of each stage has p50, p95 and p99 over "
+      "the latest 1024 pictures, in nanoseconds");
   lf::RequestGuard::install(klass);
   klass->set_property = lf::callback<lf_compositor_set_property>;
   klass->get_property = lf::callback<lf_compositor_get_property>;

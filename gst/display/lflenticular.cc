@@ -42,34 +42,33 @@ struct Settings : lf::LenticularDisplay {
     using S = Settings;
     constexpr double kMaxPixels = 16384, kMaxSlant = 80, kMaxCentre = 1e6;
     static lf::PropertyTable<S> table = {
-        lf::property<&S::columns>(
-            lf::kWhilePlaying, "columns", "Columns",
-            "Number of columns in the input quilt. A quilt is one picture that contains a grid of views, each from a "
-            "slightly different viewpoint. Set the same number as in the source of the quilt, for example the property "
-            "columns of lfviewsrc",
-            1, lf::ViewSetPosition::kMaxViews),
+        lf::property<&S::columns>(lf::kWhilePlaying, "columns", "Columns",
+                                  "Number of columns in the input quilt. A quilt is one picture that contains a grid "
+                                  "of views, each from a slightly different viewpoint. Use the same number as the "
+                                  "source of the quilt, for example the `columns` property of lfviewsrc",
+                                  1, lf::ViewSetPosition::kMaxViews),
         lf::property<&S::rows>(lf::kWhilePlaying, "rows", "Rows",
-                               "Number of rows in the input quilt. Set the same number as in the source of the quilt. "
+                               "Number of rows in the input quilt. Use the same number as the source of the quilt. "
                                "View 0 is at the bottom left",
                                1, lf::ViewSetPosition::kMaxViews),
         lf::inherited_property<S, &S::lens_pitch>(
             lf::kWhilePlaying, "lens-pitch", "Lens pitch",
-            "Width of a lens along a row of the display, in display pixels. Data sheets usually state p lenses per "
-            "inch, D pixels per inch and the slant a. The width is then D / (p cos a). A wrong width shows bands that "
-            "move across the picture",
+            "Width of a lens along a pixel row of the display, in pixels. Data sheets usually state p lenses per inch, "
+            "D pixels per inch and the slant a. The width is then D / (p cos a). A wrong width causes bands that move "
+            "across the picture",
             0.5, kMaxPixels),
         lf::inherited_property<S, &S::slant>(lf::kWhilePlaying, "slant", "Slant",
                                              "Angle between the lenses and the vertical, in degrees, as in the data "
-                                             "sheet of the display. Positive angles lean to the right",
+                                             "sheet of the display. At positive angles, the lenses lean to the right",
                                              -kMaxSlant, kMaxSlant),
         lf::inherited_property<S, &S::centre>(
             lf::kWhilePlaying, "centre", "Centre",
-            "Distance of a lens centre to the right of the display centre, in lens widths. Adjust it until the "
-            "middle view is visible from straight ahead",
+            "Horizontal distance from the centre of the display to the centre of a lens, in lens widths, positive to "
+            "the right. Adjust it until the middle view is visible from straight ahead",
             -kMaxCentre, kMaxCentre),
         lf::inherited_property<S, &S::reversed>(lf::kWhilePlaying, "reversed", "Reversed",
-                                                "Reverse order of the views behind each lens. Set this if near objects "
-                                                "appear far away, and far objects appear near")};
+                                                "If true, the order of the views behind each lens is reversed. Set "
+                                                "this if near objects appear far away, and far objects appear near")};
     return table;
   }
 };

@@ -230,9 +230,11 @@ void CameraInput::reset() {
 G_DEFINE_FINAL_TYPE(LfFragmentPad, lf_fragment_pad, GST_TYPE_PAD)
 
 lf::PropertyTable<LfFragmentPadSettings>& LfFragmentPadSettings::properties() {
-  static lf::PropertyTable<LfFragmentPadSettings> table = {lf::property<&LfFragmentPadSettings::camera>(
-      lf::kWhileReady, "camera", "Camera",
-      "Id of the pad's camera in the rig (-1: from the stream of lfcamsrc, otherwise the pad's number)", -1, G_MAXINT)};
+  static lf::PropertyTable<LfFragmentPadSettings> table = {
+      lf::property<&LfFragmentPadSettings::camera>(lf::kWhileReady, "camera", "Camera",
+                                                   "Id of the camera of this pad, as in the rig file (-1: the id that "
+                                                   "an upstream lfcamsrc announces, or else the number of the pad)",
+                                                   -1, G_MAXINT)};
   return table;
 }
 

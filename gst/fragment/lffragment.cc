@@ -123,18 +123,16 @@ GType lf_fragment_codec_get_type(void) {
   static const GType type = lf::register_enum<lf::CodecChoice>(
       "LfFragmentCodec",
       {{lf::CodecChoice::kAuto,
-        "Uncompressed if the compositor is in this process, otherwise JPEG of the quality that the request names",
-        "auto"},
+        "Uncompressed if the compositor is in this process, otherwise JPEG with the quality in the request", "auto"},
        {lf::CodecChoice::kRaw,
         "Uncompressed, 8 bits per colour value. This needs the least computing time, but more "
         "bandwidth than JPEG",
         "raw"},
        {lf::CodecChoice::kRaw16,
-        "Uncompressed, 16 bits per colour value. Values are rounded only once, when the picture is made, so this is "
-        "the most exact and largest format",
+        "Uncompressed, 16 bits per colour value. Values are rounded only once, when the picture is made, so this "
+        "format is the most accurate, but also the largest",
         "raw16"},
-       {lf::CodecChoice::kJpeg, "JPEG of the quality that the request names, or uncompressed if that quality is 0",
-        "jpeg"}});
+       {lf::CodecChoice::kJpeg, "JPEG with the quality in the request, or uncompressed if this quality is 0", "jpeg"}});
   return type;
 }
 
@@ -151,11 +149,9 @@ GType lf_fragment_resampling_get_type(void) {
 GType lf_fragment_renderer_get_type(void) {
   static const GType type = lf::register_enum<lf::RendererChoice>(
       "LfFragmentRenderer",
-      {{lf::RendererChoice::kCpu, "The CPU, with the widest vector instructions that it has", "cpu"},
+      {{lf::RendererChoice::kCpu, "The CPU, with its widest vector instructions", "cpu"},
        {lf::RendererChoice::kGl,
-        "A GPU, by OpenGL ES 3.1. A display is not needed. Without a driver, the CPU "
-        "is used",
-        "gl"},
+        "A GPU, through OpenGL ES 3.1. No display is needed. Without a driver, the CPU renders the answers", "gl"},
        {lf::RendererChoice::kAuto,
         "The faster of the two, measured on the first answers. OpenGL drivers that compute on the CPU are never used",
         "auto"}});
@@ -169,61 +165,60 @@ PropertyTable<FragmentSettings>& FragmentSettings::properties() {
   static PropertyTable<S> table = {
       property<&S::rig>(kWhilePlaying, "rig", "Rig",
                         "Path of the rig file (rig.json), which describes all cameras of the array. This property is "
-                        "required. If it is set while the element runs, the file is used from the next request on, and "
-                        "each pad keeps the camera with the same id"),
-      property<&S::node>(
-          kWhileReady, "node", "Node",
-          "Number that identifies this node (this element with its cameras) in its answers. Give each node of an array "
-          "a different number, so that compositors can tell their answers apart",
-          0, G_MAXUINT),
+                        "required. If it is set while the element runs, the new rig applies from the next request on. "
+                        "Each pad keeps the camera with the same id"),
+      property<&S::node>(kWhileReady, "node", "Node",
+                         "Number that identifies this node (this element with its cameras) in its answers. It must be "
+                         "unique in the array, because compositors use it to distinguish the nodes",
+                         0, G_MAXUINT),
       property<&S::codec>(kWhilePlaying, "codec", "Codec",
-                          "Encoding of the pixels in answers. Compression (JPEG) saves network bandwidth but costs "
-                          "time on both hosts, and it changes the picture slightly",
+                          "Pixel encoding of the answers. JPEG compression saves network bandwidth, but costs "
+                          "computing time on both hosts and changes the picture slightly",
                           LF_TYPE_FRAGMENT_CODEC),
-      property<&S::threads>(kWhilePlaying, "threads", "Threads",
-                            "Maximum number of threads that render one answer. Reduce it to leave processors to other "
-                            "programs. All lffragment elements of a process share the same threads (0: number of "
-                            "processors)",
-                            0, 256),
+      property<&S::threads>(
+          kWhilePlaying, "threads", "Threads",
+          "Maximum number of threads that render one answer. Reduce it to leave processors for other programs. All "
+          "lffragment elements of a process share the same threads (0: number of processors)",
+          0, 256),
       property<&S::max_skew>(kWhilePlaying, "max-skew", "Largest skew",
                              "Maximum difference between the requested and the actual capture time of a live frame, in "
                              "nanoseconds (0: unlimited). A camera without a frame in this range does not contribute "
                              "to the view, and other cameras replace its contribution. Increase it if cameras deliver "
                              "frames slowly or irregularly",
                              0, G_MAXINT64),
-      property<&S::strip_pixels>(kWhilePlaying, "strip-pixels", "Pixels of a strip",
-                                 "Approximate number of pixels in a fragment. A fragment is a part of the view that is "
-                                 "sent as a whole, so a lost packet costs one fragment. Smaller fragments therefore "
-                                 "make a lost packet less visible, but need more bytes. A fragment has at least 16 "
-                                 "rows. The property has no effect on answers with 16 bits per value (see codec)",
-                                 1, 1 << 28),
-      property<&S::post_messages>(kWhilePlaying, "post-messages", "Post messages",
-                                  "Posting of an element message \"lightfield-answer\" for every answer. The message "
-                                  "contains sizes and durations, for example the rendering time. Set this to measure a "
-                                  "pipeline"),
+      property<&S::strip_pixels>(
+          kWhilePlaying, "strip-pixels", "Pixels of a strip",
+          "Approximate number of pixels in a fragment. A fragment is a part of the view that is sent as a whole, so a "
+          "lost packet costs one fragment. Smaller fragments make packet loss less visible, but need more bytes. A "
+          "fragment has at least 16 rows. This property has no effect on answers with 16 bits per value (see `codec`)",
+          1, 1 << 28),
+      property<&S::post_messages>(
+          kWhilePlaying, "post-messages", "Post messages",
+          "If true, the element posts an element message \"lightfield-answer\" for every answer. The message contains "
+          "sizes and durations, such as the rendering time. Use it to measure a pipeline"),
       property<&S::access>(
           kWhilePlaying, "access", "Access",
-          "How much of a view the cameras compute by themselves. Use self, the default, if the cameras know the whole "
-          "rig. The two other values are for simple cameras, and need an lfviewrequest with the same setting. If warp "
-          "is set, cameras know only their own lens, and lfviewrequest sends the transformation of each image into the "
-          "view. If pixels is set, cameras only deliver the image regions that lfviewrequest names. An lfcompositor "
-          "with a rig then transforms these pixels",
+          "Selects how much of the rendering the cameras do. With self, the cameras know the whole rig and answer view "
+          "requests. The two other values are for simple cameras, and lfviewrequest must have the same setting. With "
+          "warp, cameras know only their own lens, and lfviewrequest sends them the transformation of each image into "
+          "the view. With pixels, cameras only deliver the image regions that lfviewrequest names, and an lfcompositor "
+          "with a rig transforms these pixels",
           LF_TYPE_ACCESS),
       property<&S::resampling>(
           kWhilePlaying, "resampling", "Resampling",
-          "Interpolation of camera images at positions between their pixels. Bilinear interpolation alone blurs the "
-          "view slightly, and sharpened restores most of the lost detail for some more time. If access is pixels, the "
+          "Interpolation of the camera images between pixel positions. Bilinear interpolation blurs the view slightly. "
+          "The value sharpened restores most of the lost detail, but takes more time. If `access` is pixels, the "
           "compositor samples the images, and this property has no effect",
           LF_TYPE_FRAGMENT_RESAMPLING),
       property<&S::max_delay>(kWhilePlaying, "max-delay", "Largest delay",
                               "Maximum time from the arrival of a live request to its answer, in nanoseconds (0: "
                               "unlimited). The element estimates the time from earlier answers, and skips the request "
-                              "if the estimate exceeds the limit. Set this if viewers have no use for late pictures",
+                              "if the estimate exceeds the limit. Set this if viewers cannot use late pictures",
                               0, G_MAXINT64),
       property<&S::renderer>(kWhilePlaying, "renderer", "Renderer",
-                             "Processor that renders the answers: CPU or GPU. Both give almost identical pictures: "
-                             "in the colour format of the cameras, values differ by at most 1 of 255. The property "
-                             "stats shows which processor is in use, and why",
+                             "Processor that renders the answers: CPU or GPU. Both give almost identical pictures. In "
+                             "the colour format of the cameras, values differ by at most 1 of 255. The `stats` "
+                             "property shows the processor in use and the reason",
                              LF_TYPE_FRAGMENT_RENDERER),
   };
   return table;
@@ -282,14 +277,14 @@ static void lf_fragment_get_property(GObject* object, guint id, GValue* value, G
 static void lf_fragment_install_properties(GObjectClass* object_class) {
   Properties::install(
       object_class,
-      "Counters since the start, and durations in nanoseconds. Refused requests are counted by the exceeded limit: "
-      "refused-pixels, -aperture, -hypotheses, -rate, -views, -lens. Answers are counted as skipped (the picture would "
-      "have been too late), drawn (by OpenGL) and together (drawn together with other views of a set). fragments and "
-      "bytes count the parts of the answers and their size. Camera frames are counted as gpu-frames (used in GPU "
-      "memory, without a download), missing-frames, stale-frames (missing because of max-skew) and damaged-frames. "
-      "max-skew-ns is the largest capture-time error. The field renderer names the processor in use and the reason. "
-      "There are durations of waiting for frames, decoding, rendering and encoding, and of the whole answer "
-      "(answer-ns). Each has the latest value, and p50, p95 and p99 over the latest 1024 answers");
+      "Counters since the start, and durations in nanoseconds. The counters refused-pixels, -aperture, -hypotheses, "
+      "-rate, -views and -lens count refused requests by the exceeded limit. Answers are counted as skipped (the "
+      "picture would have been too late), drawn (rendered by OpenGL) and together (rendered together with other views "
+      "of a set). fragments and bytes count the parts of the answers and their size. Camera frames are counted as "
+      "gpu-frames (used in GPU memory, without a download), missing-frames, stale-frames (missing because of max-skew) "
+      "and damaged-frames. max-skew-ns is the largest capture-time error. renderer names the processor in use and the "
+      "reason. The durations cover waiting for frames, decoding, rendering, encoding and the whole answer (answer-ns). "
+      "Each has the latest value, and p50, p95 and p99 over the latest 1024 answers");
   lf::RequestGuard::install(object_class);
   object_class->set_property = lf::callback<lf_fragment_set_property>;
   object_class->get_property = lf::callback<lf_fragment_get_property>;

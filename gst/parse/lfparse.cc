@@ -48,9 +48,9 @@ struct Settings {
   static lf::PropertyTable<Settings>& properties() {
     static lf::PropertyTable<Settings> table = {lf::property<&Settings::max_size_bytes>(
         lf::kWhilePlaying, "max-size-bytes", "Maximum size in bytes",
-        "Maximum size of a unit, which is one request or one part of an answer, in bytes. Larger units are skipped as "
-        "damaged. Increase it only for very large views, because a damaged stream can claim any size. Requests never "
-        "have more than 1 MiB",
+        "Maximum size of a unit (one request or one part of an answer), in bytes. The element skips larger units as "
+        "damaged. Increase it only for very large views, because a damaged stream can claim any size. Requests are "
+        "never larger than 1 MiB",
         guint{lf::wire::kUnitHeaderBytes}, guint{lf::wire::kMaxAnswerBytes})};
     return table;
   }

@@ -56,19 +56,19 @@ struct Settings {
     static lf::PropertyTable<Settings> table = {
         lf::property<&Settings::key_file>(
             lf::kWhileReady, "key-file", "Key file",
-            "Path of the file with the secret that all hosts share, 32 or more random characters. If it is set, the "
+            "Path of the file with the secret that all hosts share (32 or more random characters). If it is set, the "
             "element decrypts packets and drops every packet that lfrtpseal has not encrypted with the same secret "
             "(empty: packets are not encrypted)"),
         lf::property<&Settings::peers>(
             lf::kWhileReady, "peers", "Peers",
             "Comma-separated list of the hosts that may send packets, as names, addresses or networks such as "
-            "10.0.0.0/24. If the list is empty, key-file decides: every host with the key may send. If there is no key "
-            "either, only this machine may send, from the first loopback address (such as 127.0.0.1) that a packet "
-            "arrives from"),
+            "10.0.0.0/24. If the list is empty, every host with the secret in `key-file` may send packets. Without a "
+            "key file, only this machine may send packets, from the first loopback address (such as 127.0.0.1) that "
+            "sends one"),
         lf::property<&Settings::copies>(
             lf::kWhileReady, "copies", "Copies",
-            "Permission for other lfrtpgate elements of this process to receive the same packets. Set this if several "
-            "of them listen to one multicast group. By default, only the first element accepts a packet. Otherwise an "
+            "If true, several lfrtpgate elements of this process can accept the same packet. Set this if these "
+            "elements listen to one multicast group. If false, only the first element accepts a packet, because an "
             "attacker could record a packet and send it again to another element"),
     };
     return table;
@@ -275,9 +275,9 @@ static void lf_rtp_gate_class_init(LfRtpGateClass* klass) {
   element_class->change_state = lf::callback<lf_rtp_gate_change_state>;
   gst_element_class_add_static_pad_template(element_class, &sink_template);
   gst_element_class_add_static_pad_template(element_class, &src_template);
-  gst_element_class_set_static_metadata(element_class, "Light field RTP gate", "Filter/Network/SRTP",
-                                        "Accepts RTP packets of senders with the key or with an allowed address",
-                                        "gst-lightfield");
+  gst_element_class_set_static_metadata(
+      element_class, "Light field RTP gate", "Filter/Network/SRTP",
+      "Forwards only RTP packets from senders with the shared key or an allowed address", "gst-lightfield");
 }
 
 static void lf_rtp_gate_init(LfRtpGate* self) {

@@ -47,7 +47,7 @@ struct Settings {
   static lf::PropertyTable<Settings>& properties() {
     static lf::PropertyTable<Settings> table = {lf::property<&Settings::key_file>(
         lf::kWhileReady, "key-file", "Key file",
-        "Path of the file with the secret that all hosts share, 32 or more random characters. The receiving lfrtpgate "
+        "Path of the file with the secret that all hosts share (32 or more random characters). The receiving lfrtpgate "
         "needs the same file (empty: packets pass unchanged, without encryption)")};
     return table;
   }

@@ -44,8 +44,8 @@ struct Settings {
     static lf::PropertyTable<Settings> table = {lf::property<&Settings::max_size_bytes>(
         lf::kWhilePlaying, "max-size-bytes", "Maximum size in bytes",
         "Maximum memory for messages with missing packets, in bytes. A message is a request or a part of an answer, "
-        "and usually consists of several packets. If more memory is needed, the oldest incomplete messages are "
-        "dropped. Increase the value if incomplete-units in stats grows although no packets are lost",
+        "and usually consists of several packets. If more memory is needed, the element drops the oldest incomplete "
+        "messages. Increase the value if incomplete-units in `stats` grows although no packets are lost",
         guint64{1 << 16}, guint64{lf::wire::kMaxAnswerBytes})};
     return table;
   }
@@ -267,10 +267,10 @@ static void lf_rtp_depay_class_init(LfRtpDepayClass* klass) {
   Properties::install(
       object_class,
       "Statistics of GstRTPBaseDepayload, and counters since the start (all uint64). A unit is one complete message, "
-      "and a chunk is a packet with a part of a unit. These fields count what was received: packets, bytes (of "
-      "payloads), units (forwarded), chunks, repeated (requests that had arrived before) and lost (packets, according "
-      "to gaps in sequence numbers). These fields count what was dropped: duplicates (packets), bad-rtp (not RTP), "
-      "bad-packets (unknown payload), bad-chunks (inconsistent, or of a unit that is too large), bad-units (invalid), "
+      "and a chunk is a packet with a part of a unit. These fields count received data: packets, bytes (of payloads), "
+      "units (forwarded), chunks, repeated (requests that had arrived before) and lost (packets, according to gaps in "
+      "sequence numbers). These fields count dropped data: duplicates (packets), bad-rtp (not RTP), bad-packets "
+      "(unknown payload), bad-chunks (inconsistent, or of a unit that is too large), bad-units (invalid), "
       "incomplete-units (missing chunks), superseded (requests with more than two newer requests in the same packet) "
       "and refused (requests beyond a limit). Refused requests are also counted by limit: refused-pixels, -aperture, "
       "-hypotheses, -rate, -views, -lens");

@@ -55,8 +55,8 @@ struct Settings {
     static lf::PropertyTable<Settings> table = {lf::property<&Settings::max_bitrate>(
         lf::kWhilePlaying, "max-bitrate", "Maximum bitrate",
         "Maximum sending rate for the packets of an answer, in bits per second. Set it below the capacity of the "
-        "slowest link on the way to the receiver. Otherwise packets are lost there when several nodes send at the same "
-        "time (0: no limit)",
+        "slowest link to the receiver. Otherwise this link loses packets when several nodes send at the same time (0: "
+        "no limit)",
         guint64{0}, G_MAXUINT64)};
     return table;
   }
@@ -330,7 +330,7 @@ static void lf_rtp_pay_class_init(LfRtpPayClass* klass) {
   gst_element_class_add_static_pad_template(element_class, &sink_template);
   gst_element_class_add_static_pad_template(element_class, &src_template);
   gst_element_class_set_static_metadata(element_class, "Light field RTP payloader", "Codec/Payloader/Network/RTP",
-                                        "Puts light field requests or answers into RTP packets",
+                                        "Splits light field requests or answers into RTP packets",
                                         "gst-lightfield developers");
 
   GstRTPBasePayloadClass* base_class = GST_RTP_BASE_PAYLOAD_CLASS(klass);

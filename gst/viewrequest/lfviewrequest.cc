@@ -237,12 +237,11 @@ static void install_properties(GObjectClass* klass) {
   g_object_class_override_property(klass, PROP_NUM_BUFFERS, "num-buffers");
   g_object_class_install_property(
       klass, PROP_IS_LIVE,
-      g_param_spec_boolean("is-live", "Is live",
-                           "Live operation: requests are sent in real time, by the pipeline "
-                           "clock. Set this for live cameras. If false, requests are sent as "
-                           "fast as the pipeline answers them, for example to write a "
-                           "file",
-                           FALSE, GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_READY)));
+      g_param_spec_boolean(
+          "is-live", "Is live",
+          "If true, the element sends requests in real time, according to the pipeline clock. Set this for live "
+          "cameras. If false, it sends requests as fast as the pipeline answers them, for example to write a file",
+          FALSE, GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_READY)));
 }
 
 static bool push_upstream(LfViewRequest* self, GstEvent* event) {
@@ -798,9 +797,9 @@ static void lf_view_request_class_init(LfViewRequestClass* klass) {
   element_class->post_message = lf::callback<lf_view_request_post_message>;
   gst_element_class_set_static_metadata(
       element_class, "Light field view request source", "Source",
-      "Virtual camera of one viewer, as a stream of view requests: from a camera path (location), properties, mouse "
-      "and keys, or the action set-view with a structure of optional fields (x, y, z, yaw, pitch, roll, fov, "
-      "focus-distance, aperture)",
+      "Sends view requests for the virtual camera of one viewer. The view comes from a camera path (location), "
+      "properties, mouse and keys, or the set-view action, which takes a structure with optional fields (x, y, z, yaw, "
+      "pitch, roll, fov, focus-distance, aperture)",
       "gst-lightfield");
 
   GstBaseSrcClass* base_class = GST_BASE_SRC_CLASS(klass);

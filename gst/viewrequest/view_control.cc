@@ -117,12 +117,12 @@ const std::array<ViewField, kNumViewFields> kViewFields = {{
     {"roll", "Roll",
      "Rotation of the view clockwise about its optical axis, in degrees. It is applied after yaw and pitch", -360, 360,
      0},
-    {"fov", "Field of view", "Vertical field of view, in degrees. A smaller angle shows less of the scene, but larger",
-     kMinFovDeg, kMaxFovDeg, 45},
+    {"fov", "Field of view", "Vertical field of view, in degrees. A smaller angle magnifies the scene", kMinFovDeg,
+     kMaxFovDeg, 45},
     {"focus-distance", "Focus distance",
      "Distance of the focal plane from the viewpoint along the optical axis, in metres. Objects at this distance are "
-     "sharp. Nearer and farther objects appear double or blurred, unless the lfcompositor uses a focal "
-     "surface (its property focus)",
+     "sharp. Nearer and farther objects appear double or blurred, unless the lfcompositor uses a focal surface (its "
+     "`focus` property)",
      kMinFocus, kMaxFocus, 2},
     {"aperture", "Aperture",
      "Diameter of the synthetic aperture, in metres. All cameras within this diameter contribute to a pixel. If the "
@@ -371,8 +371,8 @@ void lf_view_request_install_signals(GObjectClass* klass) {
    * @view: a structure with any name and any of the fields x, y, z, yaw, pitch, roll, fov, focus-distance, aperture as
    * numbers, and focus-continuous (0 or 1)
    *
-   * Moves the view from the next request on. Values are clamped to the ranges of the properties. Views of a file do not
-   * move.
+   * Moves the view, starting with the next request. Values are clamped to the ranges of the properties. Views from a
+   * file do not move.
    *
    * Returns: %FALSE, without changes, if @view has none of these fields, has unknown fields, or has a value that is not
    * a finite number.
@@ -384,15 +384,15 @@ void lf_view_request_install_signals(GObjectClass* klass) {
   /**
    * LfViewRequest::focus-at:
    * @request: the element
-   * @x: column in pixels; for a set of views, a column of the whole picture relative to its first view
-   * @y: row in pixels, in the same frame of reference
+   * @x: column in pixels; for a set of views, a column of the whole picture
+   * @y: row in pixels; for a set of views, a row of the whole picture
    *
-   * Sets the focal plane to the depth at a pixel, like a click on the picture. This is immediate if the lfcompositor
-   * has a focal surface. Otherwise it takes until two small views have swept all depths. If `focus-continuous` is
-   * set, the point then stays in focus.
+   * Sets the focal plane to the depth at a pixel, like a click on the picture. If the lfcompositor has a focal surface,
+   * the change is immediate. Otherwise the element first requests two additional small views, which sweep all depths.
+   * If `focus-continuous` is set, the point then stays in focus.
    *
-   * Returns: %FALSE if the pixel is outside of the view, the view comes from a file, the element is not running, or its
-   * cameras do not have self access (`access`).
+   * Returns: %FALSE if the pixel is outside the view, the view comes from a file, the element is not running, or
+   * `access` is not self.
    */
   g_signal_new_class_handler("focus-at", G_TYPE_FROM_CLASS(klass), GSignalFlags(G_SIGNAL_RUN_LAST | G_SIGNAL_ACTION),
                              G_CALLBACK(lf::callback<lf_view_request_focus_at>), nullptr, nullptr, nullptr,

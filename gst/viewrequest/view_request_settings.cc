@@ -278,8 +278,8 @@ constexpr double kMaxEyeDistance = 1e6;
 Property<S> frame_rate_property() {
   return fraction_property<&S::fps_n, &S::fps_d>(
       kWhileReady, "framerate", "Frame rate",
-      "Rate of requests and pictures, per second. Views of a file keep their own times (0/1: rate in the caps "
-      "downstream of the lfcompositor of this view, or 15/1 if they have none)",
+      "Rate of the requests and pictures, per second. Views from a file keep their own times (0/1: the rate in the "
+      "caps downstream of this view's lfcompositor, or 15/1 if they contain none)",
       0, 1);
 }
 
@@ -316,105 +316,108 @@ PropertyTable<S>& ViewRequestSettings::properties() {
                              "Path of a file with the views to request (views.json), for example a camera path from "
                              "lf-path. If empty, the properties define the view"),
       property<&S::rig>(kWhilePlaying, "rig", "Rig",
-                        "Path of the rig file (rig.json), which describes the cameras of the array. Requests carry a "
-                        "checksum of the rig, so that nodes with another rig file notice the difference. View "
-                        "properties that are not set get values that suit the array. If the property is set while the "
-                        "element runs, the file is loaded again and used from the next request on"),
+                        "Path of the rig file (rig.json), which describes the cameras of the array. Requests contain a "
+                        "checksum of the rig, so that nodes detect a different rig file. View properties that are not "
+                        "set get values that suit the array. If the property is set while the element runs, the "
+                        "element loads the file again and uses it from the next request on"),
       property<&S::view_id>(kWhileReady, "view-id", "View id",
-                            "Number of this view, which connects requests and answers. Set the same number at the "
-                            "lfcompositor of the view, and different numbers for viewers that share cameras",
+                            "Number that identifies this view in requests and answers. The lfcompositor of the view "
+                            "must have the same number, and viewers that share cameras must have different numbers",
                             0, G_MAXUINT),
-      property<&S::width>(
-          kWhilePlaying, "width", "Width",
-          "Width of the view, in pixels. Views of a file have their own sizes (0: width in the caps downstream of the "
-          "lfcompositor of this view. If they have none, the width of the cameras in the rig, or 640 without a rig)",
-          0, kMaxImageSize),
+      property<&S::width>(kWhilePlaying, "width", "Width",
+                          "Width of the view, in pixels. Views from a file have their own sizes (0: the width in the "
+                          "caps downstream of this view's lfcompositor. If they contain none, the width of the cameras "
+                          "in the rig, or 640 without a rig)",
+                          0, kMaxImageSize),
       property<&S::height>(kWhilePlaying, "height", "Height",
-                           "Height of the view, in pixels. Views of a file have their own sizes (0: height in the caps "
-                           "downstream of the lfcompositor of this view. If they have none, the height of the cameras "
-                           "in the rig, or 480 without a rig)",
+                           "Height of the view, in pixels. Views from a file have their own sizes (0: the height in "
+                           "the caps downstream of this view's lfcompositor. If they contain none, the height of the "
+                           "cameras in the rig, or 480 without a rig)",
                            0, kMaxImageSize),
       frame_rate_property(),
       property<&S::capture_delay>(
           kWhileReady, "capture-delay", "Capture delay",
-          "Time between the capture of a live frame and the request for it, in nanoseconds. It must be long enough for "
-          "frames to reach the nodes; otherwise nodes answer with frames that are too old. The element reports the "
+          "Time from the capture of a live frame to the request for it, in nanoseconds. It must be long enough for "
+          "frames to reach the nodes; otherwise the nodes answer with frames that are too old. The element reports the "
           "delay as latency (-1: the delay that the nodes in this process measure. The element posts a LATENCY message "
           "whenever this value changes)",
           gint64{-1}, kMaxCaptureDelay),
       property<&S::navigation>(
           kWhilePlaying, "navigation", "Navigation",
-          "Movement of the view by mouse and keys (GstNavigation events). A drag orbits, a shift-drag pans, the wheel "
-          "zooms, and ctrl-wheel focuses. The keys are arrows, w s a d q e, + -, [ ] and r"),
+          "If true, mouse and keys (GstNavigation events) move the view. A drag orbits, a shift-drag pans, the wheel "
+          "zooms, and ctrl-wheel focuses. The keys are the arrows, w s a d q e, + -, [ ] and r"),
       property<&S::constrain_view>(
           kWhilePlaying, "constrain-view", "Constrain view",
-          "Limit that keeps the view where the cameras can see. The view then starts inside the mesh of the array (the "
-          "triangles of neighbouring cameras), with a field of view that the cameras cover completely. Mouse and keys "
-          "stop before more than a twentieth of the view is lost, except for movements with shift. This requires rig"),
+          "If true, the view stays in the range that the cameras can see. It starts inside the mesh of the array (the "
+          "triangles of neighbouring cameras), with a field of view that the cameras cover completely. Movements by "
+          "mouse and keys stop before more than a twentieth of the view is lost, except with the shift key. Requires "
+          "`rig`"),
       property<&S::quality>(kWhilePlaying, "quality", "Quality",
-                            "JPEG quality of answers that cross the network, from 1 to 100. A lower value needs less "
-                            "bandwidth, but shows more compression artefacts (0: uncompressed)",
+                            "JPEG quality of answers that cross the network, from 1 to 100. A lower value saves "
+                            "bandwidth, but causes more compression artefacts (0: uncompressed)",
                             0, 100),
       property<&S::out_of_service>(kWhilePlaying, "out-of-service", "Out of service",
                                    "Ids of cameras that must not contribute to the view, as a list of numbers and "
-                                   "ranges such as \"0-3,7\". Their neighbours contribute instead. This requires rig"),
-      property<&S::navigation_element>(kWhileReady, "navigation-element", "Navigation element",
-                                       "Name of an element of this pipeline that the pictures pass through, for "
-                                       "example a decoder. Set this if the pictures come from another host. Mouse and "
-                                       "key events of the window reach that element, and then still move the view"),
+                                   "ranges such as \"0-3,7\". Their neighbours contribute instead. Requires `rig`"),
+      property<&S::navigation_element>(
+          kWhileReady, "navigation-element", "Navigation element",
+          "Name of an element of this pipeline that the pictures pass through, for example a decoder. Mouse and key "
+          "events that reach this element then move the view. Set this if the pictures come from another host"),
       property<&S::access>(kWhileReady, "access", "Access",
-                           "How much of a view the cameras compute by themselves. Set the same value at the lffragment "
-                           "of the cameras. Cameras with self know the rig and need only the view request. If warp or "
-                           "pixels is set, this element also sends the transformations of the camera images, or the "
-                           "image regions to deliver. These two values require rig",
+                           "Selects how much of the rendering the cameras do. Set the same value for the lffragment of "
+                           "the cameras. With self, the cameras know the rig and need only the view requests. With "
+                           "warp, this element also sends the transformations of the camera images. With pixels, it "
+                           "also sends the image regions to deliver. The values warp and pixels require `rig`",
                            LF_TYPE_ACCESS),
-      property<&S::eager>(kWhilePlaying, "eager", "Eager",
-                          "Early requests when a live view changes, for example by the mouse. The request then asks "
-                          "for the newest frames. It is sent a quarter of a frame after the previous instant of the "
-                          "schedule, instead of at the next instant. This shortens the reaction to mouse and keys. The "
-                          "number of requests stays the same. Views of a file are not affected"),
+      property<&S::eager>(
+          kWhilePlaying, "eager", "Eager",
+          "If true, a change of a live view, for example by the mouse, causes an early request for the newest frames. "
+          "The element sends this request before the next instant of the schedule, at the earliest a quarter of a "
+          "frame after the previous instant. This shortens the reaction to mouse and keys, but the number of requests "
+          "stays the same. Views from a file are not affected"),
       inherited_property<S, &S::layout>(kWhilePlaying, "views", "Views",
                                         "Arrangement of several views in one picture, for stereo or light field "
                                         "displays. Their viewpoints (the eyes) lie in a horizontal row around the "
-                                        "viewpoint of this element. Width and height are the size of each view",
+                                        "viewpoint of this element. `width` and `height` are the size of each view",
                                         LF_TYPE_SET_LAYOUT),
       inherited_property<S, &S::columns>(kWhilePlaying, "columns", "Columns",
-                                         "Number of views side by side in the picture. It has an effect only if views "
-                                         "is row or quilt. More views allow a larger viewing angle, but each view "
-                                         "takes rendering time",
+                                         "Number of views side by side in the picture, if `views` is row or quilt. "
+                                         "More views allow a larger viewing angle, but each view takes rendering time",
                                          1, ViewSetPosition::kMaxViews),
-      inherited_property<S, &S::rows>(kWhilePlaying, "rows", "Rows",
-                                      "Number of rows of views in the picture. It has an effect only if views is "
-                                      "quilt. A quilt has rows times columns views",
-                                      1, ViewSetPosition::kMaxViews),
-      inherited_property<S, &S::eye_distance>(kWhilePlaying, "eye-distance", "Eye distance",
-                                              "Distance between neighbouring eyes (the viewpoints of the views), in "
-                                              "metres. A larger distance gives a stronger impression of depth. The "
-                                              "default is the distance between the eyes of a person",
-                                              0.0, kMaxEyeDistance),
-      inherited_property<S, &S::cone>(
-          kWhilePlaying, "view-cone", "View cone",
-          "Angle between the outermost eyes (viewpoints), seen from the middle of the focal plane, in degrees. Set it "
-          "to the viewing cone in the data sheet of the display. It replaces eye-distance (0: use eye-distance)",
-          0.0, 179.0),
+      inherited_property<S, &S::rows>(
+          kWhilePlaying, "rows", "Rows",
+          "Number of rows of views in the picture, if `views` is quilt. A quilt has `rows` times `columns` views", 1,
+          ViewSetPosition::kMaxViews),
+      inherited_property<S, &S::eye_distance>(
+          kWhilePlaying, "eye-distance", "Eye distance",
+          "Distance between neighbouring eyes (the viewpoints of the views), in metres. A larger distance gives a "
+          "stronger impression of depth. The default is the distance between human eyes",
+          0.0, kMaxEyeDistance),
+      inherited_property<S, &S::cone>(kWhilePlaying, "view-cone", "View cone",
+                                      "Angle between the outermost eyes (viewpoints), seen from the middle of the "
+                                      "focal plane, in degrees. Set it to the viewing cone in the data sheet of the "
+                                      "display. It replaces `eye-distance` (0: `eye-distance` applies)",
+                                      0.0, 179.0),
       inherited_property<S, &S::converged>(
           kWhilePlaying, "converged", "Converged",
-          "Shift of the views relative to each other, so that objects in the focal plane appear at the depth of the "
-          "screen. Set this to false for headsets, which need parallel lines of sight"),
+          "If true, the views are shifted so that objects in the focal plane appear at the depth of the screen. Set "
+          "this to false for headsets, which require parallel lines of sight"),
       property<&S::focus_continuous>(
           kWhilePlaying, kFocusContinuous, "Focus continuous",
-          "Focus that follows a point while the scene moves: the point of the last click or of the last signal "
-          "focus-at. Initially this point is the middle of the picture. Its depth comes from the focal surface of the "
-          "lfcompositor. If there is none, every eighth request measures the depth with an additional small view"),
+          "If true, the focus follows a point while the scene moves. This is the point of the last click or `focus-at` "
+          "signal, initially the middle of the picture. Its depth comes from the focal surface of the lfcompositor. "
+          "Without a focal surface, the element requests an additional small view with every eighth request, to "
+          "measure the depth"),
       property<&S::nearest_cameras>(
           kWhilePlaying, "nearest-cameras", "Nearest cameras",
-          "Approximate number of cameras that contribute to a pixel. Cameras are selected by how similar their "
-          "direction, resolution and field of view are to those of the view. Use this for irregular arrays; 4 is a "
-          "good value. It has no effect if aperture is set (0: each pixel is blended from the three cameras of a "
-          "triangle in the mesh of the array)",
+          "Approximate number of cameras that contribute to a pixel. The cameras that match the view best in "
+          "direction, resolution and field of view are selected. Use this for irregular arrays; 4 is a good value. It "
+          "has no effect if `aperture` is set (0: each pixel is blended from the three cameras of a triangle in the "
+          "mesh of the array)",
           0, Blending::kMaxNearest),
-      property<&S::loop>(kWhileReady, "loop", "Loop",
-                         "Endless repetition of the views in location. If false, the stream ends after the last view"),
+      property<&S::loop>(
+          kWhileReady, "loop", "Loop",
+          "If true, the views in `location` repeat endlessly. If false, the stream ends after the last view"),
   };
   return table;
 }

@@ -74,8 +74,8 @@ void add_doctor_command(cli::App& app, int& status) {
   command->add_option("RIG", o->rig, "Rig file with the sources of the cameras")->required();
   command
       ->add_option("--seconds", o->exam.seconds,
-                   "Observation time, in seconds, counted from the moment when all "
-                   "cameras deliver frames. A longer observation finds rarer problems")
+                   "Observation time, in seconds, starting when all cameras deliver frames. A longer observation finds "
+                   "rarer problems")
       ->capture_default_str()
       ->check(cli::Range(1.0, 600.0));
   command
@@ -87,7 +87,7 @@ void add_doctor_command(cli::App& app, int& status) {
   command
       ->add_option("--fps", o->exam.fps,
                    "Frame rate to request from V4L2 and other devices, in frames per second. Set this to test a rate "
-                   "before it is written into the rig (default: the device decides)")
+                   "before you write it into the rig (default: the device decides)")
       ->check(cli::Range(1, 1000));
   command->add_flag("--json", o->json, "Print the report as JSON, for scripts");
   cli::add_trust_option(*command, o->exam.trusted);
@@ -214,9 +214,8 @@ void add_identify_command(cli::App& app) {
       "Serves a web page with live images of all cameras, to find out which camera is where. A hand in front of a "
       "camera highlights its tile, and the tile can be dragged to its place in the array");
   command
-      ->add_option(
-          "RIG", o->rig,
-          "Rig file with the sources of the cameras. When tiles are swapped, the sources are swapped in this file")
+      ->add_option("RIG", o->rig,
+                   "Rig file with the sources of the cameras. Swapping two tiles swaps their sources in this file")
       ->required();
   command
       ->add_option("--port", o->port,
@@ -305,8 +304,8 @@ void add_lock_command(cli::App& app, int& status) {
       ->check(cli::IsMember({50, 60}));
   command
       ->add_option("--settle", o->lock.settle,
-                   "Time that the automatic controls get to adjust to the light, in "
-                   "seconds. Increase it if the exposure still changes after this time")
+                   "Time for the automatic controls to adjust to the light, in seconds. Increase it if the exposure "
+                   "still changes after this time")
       ->capture_default_str()
       ->check(cli::Range(0.1, 120.0));
   command->add_flag("--no-check", o->no_check,
@@ -358,8 +357,8 @@ int record_films(RecordArguments options) {
 void add_record_command(cli::App& app, int& status) {
   const auto o = std::make_shared<RecordArguments>();
   cli::App* command = app.add_subcommand("record",
-                                         "Records all cameras on one common clock, as input of lf-calibrate. The exit "
-                                         "status is 1 if the recording of a camera is missing");
+                                         "Records all cameras with a common clock, for lf-calibrate. The exit status "
+                                         "is 1 if the recording of a camera is missing");
   command->add_option("RIG", o->rig, "Rig file with the sources of the cameras")->required();
   command
       ->add_option("--out", o->out,
