@@ -42,9 +42,10 @@ std::optional<ColourSample> sample_quad(const Image& rgb, const std::array<Vec2,
 // The result is empty if there is no chart, or if the chart is smaller than 60 pixels.
 std::vector<ColourSample> find_colour_checker(const Image& rgb, CameraIndex camera, uint32_t first_patch);
 
-// Removes charts that were misread because their patch positions are wrong. These charts correlate less with the
-// nominal colours than most charts. `samples` belong to one camera and are ordered by chart. Nothing is removed if
-// there are fewer than three charts.
+// Removes charts that were misread because their patches were located at wrong positions. Such charts are recognised
+// by their measured colours, which correlate less with the nominal colours of the patches than those of most other
+// charts. All elements of `samples` must come from one camera, ordered by chart. If there are fewer than three charts,
+// none is removed.
 void remove_misread_charts(std::vector<ColourSample>& samples);
 
 // Samples colours of the scene in overlapping views, so that no chart is needed. For each textured window of 9 x 9

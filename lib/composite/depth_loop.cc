@@ -63,8 +63,8 @@ void DepthLoop::adapt_rate(bool complete, unsigned interval) {
 std::optional<DepthLoop::Pending> DepthLoop::take_pending(const ViewRequest& request) {
   for (Pending& pending : pending_) pending.age++;
   const bool may_come = !request.hypotheses.empty() && answers_.moments.empty() && !is_complete_;
-  if (pending_.empty() && !may_come) return Pending{request, answers_};
-  if (!request.hypotheses.empty()) pending_.push_back({request, answers_});
+  if (pending_.empty() && !may_come) return Pending{request, std::move(answers_)};
+  if (!request.hypotheses.empty()) pending_.push_back({request, std::move(answers_)});
   const Pending& first = pending_.front();
   if (first.answers.moments.empty() && first.age < kPatience && pending_.size() <= kMaxPending) return {};
   Pending next = std::move(pending_.front());

@@ -23,12 +23,13 @@ class DepthAmbiguity {
   // smaller difference moves an image by less than the distance between two nodes.
   explicit DepthAmbiguity(double apart = 0) : apart_(apart) {}
 
-  // Adds the results of a request. `levels` and `moments` have one element for each hypothesis of the request.
-  // `of.plane` is the index of the viewer's focal plane. The hypotheses from `of.first` on are planes at a single level
-  // each. Results from another view, which were added earlier, are discarded.
+  // The order of a request's hypotheses.
   struct Sweep {
-    size_t plane, first;
+    size_t plane;  // index of the viewer's focal plane
+    size_t first;  // index of the first plane with a single level; all later hypotheses are such planes
   };
+  // Adds the results of one request. `levels` and `moments` each have one element for each hypothesis of the request.
+  // If earlier results belong to a different view, they are discarded first.
   void add(const View& view, std::span<const std::vector<uint8_t>> levels, std::span<const PhotoConsistency> moments,
            const Sweep& of);
 

@@ -199,7 +199,7 @@ void add_visibility(const RequestRenderer::Work& work, const ParallelFor& parall
   const RenderJob& job = *work.plan->sum();
   const ViewPlan& plan = job.plan();
   const FocalMap* const map = plan.view().focus.map.get();
-  if (!work.depths || !map || !map->measured) return;
+  if (!work.depths || !map || !map->measured || map->step != FocalMap::kMinStep) return;
   visibility.resize(sources.size());
   parallel(sources.size(), [&](size_t i) {
     const std::vector<Rect> parts = sum_tiles(plan, job.runs(), {&sources[i].camera, 1}, PixelFamily::kRgb, 0);

@@ -26,8 +26,9 @@ class GlesRenderer;
 struct Source {
   CameraIndex camera = 0;  // index of the camera in the plan's rig
   const Camera* rig_camera = nullptr;
-  // The image must have the camera's size. If its family is kNone, there is no image, and the camera's weight is
-  // missing. The image may be in textures of the GPU that renders the sum; the CPU downloads it when needed.
+  // The image must have the size that the rig states for the camera. The family kNone means that the camera has no
+  // image; its weight then counts as missing. The image may be stored in textures of the GPU that renders the sum. If
+  // the CPU renders the sum instead, the image is downloaded first.
   ImageView image;
   // The part of the focal surface that the camera sees, or null if this is not known. Must have the size of the view's
   // focal map, and is only used if the map's nodes are FocalMap::kMinStep apart. The GPU ignores it.

@@ -58,9 +58,9 @@ struct Slot {
   float eye_distance = 0;  // see ViewPlan
   float fx = 0, fy = 0, cx = 0, cy = 0, k1 = 0, k2 = 0, p1 = 0, p2 = 0, max_r2 = 0;
   bool radial = false, tangential = false;
-  // In rows [interior_y0, interior_y1) of the view, the camera's samples are far from the border of its image. The
-  // image also appears nearly upright and at about its own scale. The fastest loops can then be used without a test for
-  // each block. See find_interior_rows().
+  // Rows [interior_y0, interior_y1) of the view, in which all samples are taken far from the border of the camera's
+  // image, and the image appears nearly upright and at nearly its original size. In these rows, the fastest loops can
+  // run without a test of each block. See find_interior_rows().
   int interior_y0 = 0, interior_y1 = 0;
   bool is_interior(int y0, int y1) const { return interior_y0 <= y0 && y1 <= interior_y1; }
 };
@@ -146,9 +146,9 @@ struct SurfaceBand {
   // bends from each node to its right neighbour, and the last of the four is 0. `down` are the bends from each node to
   // the node below.
   std::vector<int16_t> nodes, along, down;
-  // Windows: the byte offset in the plane, and the position of the corner in fixed point, with x in the low and y in
-  // the high 16 bits. Luma in row r and half h is at r * pitch + h. Chroma in pair p of rows and block b is at p *
-  // pitch / 2 + b. Origins of chroma windows are in luma pixels.
+  // For each window, its byte offset in the plane, and the position of its corner in fixed point, with x in the low and
+  // y in the high 16 bits. The luma window of row r and half-block h is at index r * pitch + h. The chroma window of
+  // the pair p of rows and of block b is at index p * pitch / 2 + b. Origins of chroma windows are in luma pixels.
   std::vector<int32_t> luma_corner, chroma_corner;
   std::vector<uint32_t> luma_origin, chroma_origin;
   std::vector<int32_t> interior_pairs;  // for each block; bit p: pair p can be shuffled
