@@ -325,7 +325,7 @@ TEST(RequestCodec, ErrorsNameTheField) {
       {40, 1, 101, {"quality", "0 to 100", "101"}},
       {41, 1, 5, {"lens model", "5"}},
       {41, 1, 4, {"focal_plane", "ends"}},
-      {42, 1, 2, {"focal surface", "kind 2"}},
+      {42, 1, 3, {"focal surface", "kind 3"}},
       {43, 1, 8, {"gains", "focal map"}},
       {43, 1, 0x10, {"blending", "ends"}},
       {43, 1, 0x30, {"blending", "kind 3"}},
