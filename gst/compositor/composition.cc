@@ -153,7 +153,7 @@ static void note_late_answer(LfCompositor* self, const lf::wire::AnswerPartHeade
   const lf::RequestHistory::Answer late = state.past.judge(answer.sequence, clock_time(self));
   if (late == lf::RequestHistory::Answer::kToSkipped) return;
   state.stats.count(CompositorStats::kLateAnswers);
-  state.answers_after_deadline += late == lf::RequestHistory::Answer::kLate;
+  state.late_answers++;
   if (late != lf::RequestHistory::Answer::kInTime) return;
   node.was_in_time();
   lf::CameraRanges seeing = answer.cameras;
@@ -531,9 +531,9 @@ static void adapt_latency(LfCompositor* self, bool any_answered) {
   constexpr unsigned kAnswers = 5;    // late answers meanwhile
   constexpr double kFactor = 1.5, kMaxFactor = 2.5;
   auto& state = *self->state;
-  if (any_answered) state.pictures_without_answers = state.answers_after_deadline = 0;
+  if (any_answered) state.pictures_without_answers = state.late_answers = 0;
   if (any_answered || ++state.pictures_without_answers < kPictures) return;
-  const bool are_late = std::exchange(state.answers_after_deadline, 0) >= kAnswers;
+  const bool are_late = std::exchange(state.late_answers, 0) >= kAnswers;
   state.pictures_without_answers = 0;
   if (!are_late) return;
   GstClockTime latency = 0;

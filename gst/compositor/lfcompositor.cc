@@ -726,7 +726,7 @@ static gboolean lf_compositor_start(GstAggregator* agg) {
   state.warned_unseen = state.warned_unlinked = false;
   state.first_set.reset();
   state.latency_query_time = 0;
-  state.pictures_without_answers = state.answers_after_deadline = 0;
+  state.pictures_without_answers = state.late_answers = 0;
   state.set_latency = GST_CLOCK_TIME_NONE;
   state.silence.clear();
   for (lf::NodeInput* node : lf::NodeInputs(self->request)) node->silence().clear();
