@@ -211,8 +211,10 @@ std::string likely_line(const std::vector<CLI::App*>& commands, std::vector<std:
   return line;
 }
 
-// Explains a command line that lacks a command of `parser` or of one of its commands. Returns "" for other errors.
-std::string explain_missing_command(CLI::App& parser, int argc, char** argv) {
+// Explains a command line that lacks a command of `parser` or of one of its commands. Returns "" for other errors. If
+// the command is optional, it is missing if there are unknown arguments (`has_extras`) and a similar command knows
+// them.
+std::string explain_missing_command(CLI::App& parser, int argc, char** argv, bool has_extras) {
   CLI::App* app = &parser;
   std::string name = parser.get_name();
   std::vector<std::string> words(argv + std::min(argc, 1), argv + argc);
@@ -221,13 +223,15 @@ std::string explain_missing_command(CLI::App& parser, int argc, char** argv) {
     name += " " + app->get_name();
     if (!words.empty()) words.erase(words.begin());
   }
-  if (app->get_require_subcommand_min() == 0) return "";
+  const bool is_optional = app->get_require_subcommand_min() == 0;
+  if (is_optional && !has_extras) return "";
   std::vector<CLI::App*> commands = app->get_subcommands({});
   std::erase_if(commands, [](CLI::App* command) { return command->get_name().empty(); });  // groups of options
   std::string names;
   for (size_t i = 0; i < commands.size(); i++)
     names += (i == 0 ? "" : i + 1 < commands.size() ? ", " : " or ") + commands[i]->get_name();
   const std::string line = likely_line(commands, words);
+  if (is_optional && line.empty()) return "";
   return name + ": needs one of the commands " + names +
          (line.empty() ? "" : "; did you mean \"" + name + line + "\"?") + " (see " + name + " --help)";
 }
@@ -243,7 +247,8 @@ int run_tool(App& app, int argc, char** argv, const std::function<void()>& job,
     return 0;
   } catch (const CLI::ParseError& e) {
     if (e.get_exit_code() == 0) return parser.exit(e);
-    if (const std::string missing = explain_missing_command(parser, argc, argv); !missing.empty()) {
+    const bool has_extras = dynamic_cast<const CLI::ExtrasError*>(&e) != nullptr;
+    if (const std::string missing = explain_missing_command(parser, argc, argv, has_extras); !missing.empty()) {
       terminal::print_error("%s\n", printable(missing).c_str());
       return 1;
     }

@@ -25,6 +25,7 @@
 #include "rig/camera_source.h"
 #include "rig/epipolar_check.h"
 #include "rig/exchange.h"
+#include "rig/import_format.h"
 #include "rig/rig.h"
 #include "rig/rig_json.h"
 #include "rig/rig_report.h"
@@ -215,7 +216,14 @@ int run_subset(const Arguments& arguments) {
   return 0;
 }
 
-int finish_import(const Arguments& arguments, const lf::RigImport& result) {
+// Returns an explanation of the unit of lengths for a format without a metric unit, otherwise "".
+std::string unit_note(const std::string& format) {
+  if (format == "stanford") return " (option --unit: the unit of the file names)";
+  if (format == "colmap" || format == "llff" || format == "nerf") return " (one unit of the file is taken as a metre)";
+  return "";
+}
+
+int finish_import(const Arguments& arguments, const std::string& format, const lf::RigImport& result) {
   print_notes(result.notes);
   if (lf::has_no_pictures(result.rig))
     terminal::print(
@@ -225,6 +233,8 @@ int finish_import(const Arguments& arguments, const lf::RigImport& result) {
     terminal::print("note: %s\n", notice.c_str());
   print_findings(lf::check_lenses(result.rig), arguments.out);
   save(result.rig, arguments.out);
+  if (const std::string text = lf::arrangement_text(result.rig); !text.empty())
+    terminal::print("%s: %s%s\n", arguments.out.c_str(), text.c_str(), unit_note(format).c_str());
   return 0;
 }
 
@@ -271,13 +281,20 @@ Format formats[] = {
      [](const Rig& rig, const Arguments& a) { return lf::export_stanford(rig, a.other, a.stanford.unit); }},
 };
 
-void add_formats(cli::App& app, Arguments& arguments) {
-  cli::App* import = app.add_subcommand("import", "Converts files of another program to a rig file");
+// Returns the command "import", which finds the format if it is used without a command for a format.
+cli::App* add_formats(cli::App& app, Arguments& arguments) {
+  cli::App* import = app.add_subcommand(
+      "import",
+      "Converts files of another program to a rig file. Without a command, it finds the format of PATH by its files "
+      "and contents. The commands have further options");
   cli::App* exports = app.add_subcommand("export", "Converts a rig file to files of another program");
-  import->require_subcommand(1);
+  import->add_option("PATH", arguments.other, "File or folder to read, of any of the formats");
+  import->add_option("--out", arguments.out, "Rig file to write. PATH and --out are required without a command");
+  import->require_subcommand(0, 1);
   exports->require_subcommand(1);
   for (Format& format : formats) {
     format.import = import->add_subcommand(format.name, std::string("From ") + format.about);
+    format.import->excludes_options_of(*import);
     format.import->add_option(format.place, arguments.other, "File or folder to read")->required();
     format.import->add_option("--out", arguments.out, "Rig file to write")->required();
     if (!format.write) continue;
@@ -326,6 +343,7 @@ void add_formats(cli::App& app, Arguments& arguments) {
                      "Length of one unit of the camera positions in the file names, in metres. For example, give 0.001 "
                      "if the positions are in millimetres")
         ->capture_default_str();
+  return import;
 }
 
 bool converts() {
@@ -339,7 +357,7 @@ int run_conversion(Arguments& arguments) {
       require_replaceable(arguments.out);
       if (arguments.frame) arguments.colmap.frame = static_cast<uint32_t>(*arguments.frame);
       if (!arguments.grid.empty()) parse_grid(arguments.grid, arguments.colmap.rows, arguments.colmap.columns);
-      return finish_import(arguments, format.read(arguments));
+      return finish_import(arguments, format.name, format.read(arguments));
     }
     if (format.export_ && *format.export_) {
       const Rig rig = lf::load_rig(arguments.rig);
@@ -349,6 +367,31 @@ int run_conversion(Arguments& arguments) {
     }
   }
   return 1;
+}
+
+// Imports a file or folder of a format that the user did not give.
+int run_import(Arguments& arguments) {
+  if (arguments.other.empty() || arguments.out.empty()) {
+    std::string names;
+    for (const Format& format : formats) names += (names.empty() ? "" : ", ") + std::string(format.name);
+    throw lf::Error("import: needs PATH and --out, or one of the commands " + names + " (see lf-rig import --help)");
+  }
+  require_replaceable(arguments.out);
+  const lf::ImportFormat found = lf::find_import_format(arguments.other);
+  const Format* const format = std::ranges::find(formats, found.name, &Format::name);
+  arguments.other = found.path;
+  arguments.colmap.images = found.images;
+  lf::RigImport result;
+  try {
+    result = format->read(arguments);
+  } catch (const lf::Error& e) {
+    throw lf::Error(std::string(e.what()) + " (" + found.sign + " shows the format " + found.name +
+                    "; to give options, use \"" + lf::import_command(found) + "\")");
+  }
+  terminal::print("%s: %zu %s from %s%s\n", format->name, result.rig.cameras.size(),
+                  result.rig.cameras.size() == 1 ? "camera" : "cameras", found.sign.c_str(),
+                  found.images.empty() ? "" : (", images in " + found.images).c_str());
+  return finish_import(arguments, found.name, result);
 }
 
 }  // namespace
@@ -440,7 +483,7 @@ int main(int argc, char** argv) {
   which->require_option(1);
   subset->add_option("--out", arguments.out, "Rig file to write")->required();
 
-  add_formats(app, arguments);
+  const cli::App* import = add_formats(app, arguments);
 
   int status = 0;
   add_doctor_command(app, status);
@@ -459,6 +502,8 @@ int main(int argc, char** argv) {
       status = run_subset(arguments);
     } else if (converts()) {
       status = run_conversion(arguments);
+    } else if (*import) {
+      status = run_import(arguments);
     }
   });
   return failed ? failed : status;

@@ -319,6 +319,17 @@ RigSummary summarize(const Rig& rig) {
   return summary;
 }
 
+std::string arrangement_text(const Rig& rig) {
+  if (rig.cameras.size() < 2) return "";
+  const Topology& topology = rig.topology;
+  std::string shape = "irregular arrangement";
+  if (topology.type == Topology::Type::kGrid && topology.rows > 1 && topology.columns > 1)
+    shape = "grid of " + size_text(topology.rows, topology.columns);
+  else if (std::ranges::none_of(build_mesh(rig).faces, [](const MeshFace& face) { return face.corners() == 3; }))
+    shape = "row";
+  return shape + ", " + short_text(mean_nearest_distance(rig)) + " m between neighbouring cameras";
+}
+
 std::vector<RigFinding> check_lenses(const Rig& rig) {
   constexpr double kShortestFocal = 0.1;  // relative to the side; 157 degrees
   constexpr double kMiddle = 0.25;        // half of the middle half

@@ -19,6 +19,11 @@ struct RigSummary {
 };
 RigSummary summarize(const Rig& rig);
 
+// Returns the arrangement of the cameras and mean_nearest_distance(), such as "grid of 4x8, 0.1 m between neighbouring
+// cameras". The arrangement is a grid, a row if the mesh has no triangles, or irregular. Returns "" for a single
+// camera.
+std::string arrangement_text(const Rig& rig);
+
 struct RigFinding {
   enum class Severity { kWarning, kError };
   Severity severity;

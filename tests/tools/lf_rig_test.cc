@@ -297,13 +297,62 @@ TEST_F(LfRig, ImportsCaliscopeWithUndistortedVideos) {
   EXPECT_EQ(load_rig(dir / "rig.json").cameras.at(0).lens, Lens(LensModel::kPinhole, {600, 601, 320, 240}));
 }
 
+TEST_F(LfRig, ImportFindsTheFormat) {
+  write_rig();
+  const Rig rig = load_rig(dir / "in/rig.json");
+  expect_outcome(lf_rig("export colmap in/rig.json scene/sparse/0"), 0);
+  fs::create_directories(dir / "scene/images");
+  fs::rename(dir / "in/images", dir / "scene/images/images");
+  expect_outcome(lf_rig("import scene --out scene/rig.json"), 0,
+                 AllOf(mentions("colmap: 9 cameras from scene/sparse/0/images.txt, images in scene/images"),
+                       mentions("scene/rig.json", "irregular", "0.1 m", "unit")));
+  const std::string found = read_text_file(dir / "scene/rig.json");
+  expect_outcome(lf_rig("import colmap scene/sparse/0 --images scene/images --out scene/rig.json"), 0);
+  EXPECT_EQ(read_text_file(dir / "scene/rig.json"), found);
+
+  // The rig file in the same folder does not make the format ambiguous, but the files of another program do.
+  expect_outcome(lf_rig("import scene --out scene/rig.json"), 0);
+  dir.write("scene/transforms.json", "{}");
+  expect_outcome(lf_rig("import scene --out x.json"), 1,
+                 mentions("\"lf-rig import colmap scene/sparse/0 --images scene/images\"",
+                          "\"lf-rig import nerf scene/transforms.json\""));
+  expect_outcome(lf_rig("import scene/transforms.json --out x.json"), 1,
+                 mentions("scene/transforms.json: ", "frames", "shows the format nerf"));
+  expect_outcome(lf_rig("import scene/rig.json --out x.json"), 1, mentions("scene/rig.json", "already a rig file"));
+  expect_outcome(lf_rig("import scene/images --out x.json"), 1, mentions("scene/images: ", "poses_bounds.npy"));
+  expect_outcome(lf_rig("import scene --out scene/transforms.json"), 1, HasSubstr("not a rig file"));
+  expect_outcome(lf_rig("import --out x.json colmap scene/sparse/0 --out x.json"), 1, mentions("colmap", "--out"));
+  EXPECT_FALSE(fs::exists(dir / "x.json"));
+
+  for (const char* format : {"kalibr", "nerf", "opencv"}) {
+    expect_outcome(lf_rig(std::string("export ") + format + " plain.json chain"), 0);
+    expect_outcome(lf_rig("import chain --out back.json"), 0,
+                   HasSubstr(std::string(format) + ": 9 cameras from chain"));
+    EXPECT_LE(max_reprojection_error(rig, load_rig(dir / "back.json"), 1), 1e-9) << format;
+  }
+}
+
+TEST_F(LfRig, ImportDescribesTheArrangement) {
+  write_rig();
+  expect_outcome(lf_rig("export colmap in/rig.json model"), 0);
+  expect_outcome(lf_rig("import colmap model --images in --grid 3x3 --out back.json"), 0,
+                 mentions("back.json: grid of 3x3, 0.1 m between neighbouring cameras", "unit"));
+  expect_outcome(lf_rig("new --line 4 --pitch 0.25 --fov 60 --out row.json"), 0);
+  expect_outcome(lf_rig("export kalibr row.json chain.yaml"), 0);
+  expect_outcome(lf_rig("import kalibr chain.yaml --out back.json"), 0,
+                 HasSubstr("back.json: row, 0.25 m between neighbouring cameras\n"));
+}
+
 TEST_F(LfRig, ListsTheCommandsIfNoneIsGiven) {
   const auto formats = mentions("lf-rig import:", "caliscope", "colmap", "hci", "kalibr", "llff", "miv", "mrcal",
                                 "nerf", "opencv", "stanford");
   expect_outcome(lf_rig("import 'my model' --grid 2x2 --out rig.json"), 1,
                  AllOf(formats, HasSubstr("\"lf-rig import colmap 'my model' --grid 2x2 --out rig.json\""),
                        HasSubstr("lf-rig import --help")));
-  expect_outcome(lf_rig("import model --out rig.json"), 1, AllOf(formats, HasSubstr("lf-rig import --help")));
+  for (const char* arguments : {"", " model", " --out rig.json"})
+    expect_outcome(lf_rig(std::string("import") + arguments), 1,
+                   mentions("import: needs PATH and --out", "caliscope", "stanford", "lf-rig import --help"));
+  expect_outcome(lf_rig("import model --out rig.json"), 1, mentions("model", "No such file"));
   expect_outcome(lf_rig("import --unit=1 model"), 1, HasSubstr("lf-rig import stanford --unit=1 model"));
   expect_outcome(lf_rig("import colmpa model --out rig.json"), 1,
                  HasSubstr("lf-rig import colmap model --out rig.json"));

@@ -196,6 +196,17 @@ TEST(Summary, MeasuresTheArray) {
                                           mentions("RADIAL", "24 px", "5 cameras", "32x48", "64x48")));
 }
 
+TEST(Summary, NamesTheArrangement) {
+  Rig rig = make_grid_rig({2, 3, 0.1, 90, 64, 48});
+  EXPECT_EQ(arrangement_text(rig), "grid of 2x3, 0.1 m between neighbouring cameras");
+  rig.topology = {};
+  EXPECT_EQ(arrangement_text(rig), "irregular arrangement, 0.1 m between neighbouring cameras");
+  rig.topology = {Topology::Type::kTriangles, 0, 0, {}};
+  EXPECT_EQ(arrangement_text(rig), "row, 0.1 m between neighbouring cameras");
+  EXPECT_EQ(arrangement_text(make_grid_rig({1, 3, 0.25, 90, 64, 48})), "row, 0.25 m between neighbouring cameras");
+  EXPECT_EQ(arrangement_text(make_grid_rig({1, 1, 0.1, 90, 64, 48})), "");
+}
+
 TEST(Summary, SummarisesOneCamera) {
   const RigSummary summary = summarize(make_grid_rig({1, 1, 0.1, 90, 64, 48}));
   EXPECT_EQ(summary.extent, Vec3(0, 0, 0));
