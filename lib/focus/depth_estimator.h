@@ -18,9 +18,9 @@ namespace lf {
 
 // Above this disparity, in pixels of the camera images, depth maps of the individual cameras give better pictures than
 // the search with hypotheses. It is the disparity between cameras that contribute to the same pixel, over the depths of
-// the scene. Measured (docs/quality.md): at 10 pixels, the search is better by 1 to 2 dB; at 25, both are equal; from
-// 35 on, the depth maps are better by 1.4 to 6 dB.
-inline constexpr double kWideDisparity = 30;
+// the scene. Measured (docs/quality.md): at 10 pixels, the search is better by 0.5 to 1.6 dB; at 25, the depth maps are
+// better by 0.9 dB, and from 50 on by 3.3 to 8 dB.
+inline constexpr double kWideDisparity = 20;
 
 enum class FocusMode {
   kPlane,    // the plane that the viewer has chosen
