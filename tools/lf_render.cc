@@ -170,14 +170,24 @@ class Renderer {
     const auto all = std::views::iota(lf::CameraIndex{0}, static_cast<lf::CameraIndex>(rig_.cameras.size()));
     lf::CameraSet cameras;
     std::ranges::set_difference(all, out_of_service, std::back_inserter(cameras));
-    Progress progress("estimating depths", 4 * cameras.size());
+    // Each resolution has two calls, an estimate and a quick check, and four times the pixels of the previous one. Wide
+    // images have three resolutions, others two.
+    constexpr int kWide = 640;
+    const bool is_wide =
+        std::ranges::any_of(rig_.cameras, [](const lf::Camera& camera) { return camera.width >= kWide; });
+    const double total = static_cast<double>(cameras.size()) * (is_wide ? 1 + 4 + 16 : 1 + 4);
+    Progress progress("estimating depths", 0);
     std::mutex mutex;
+    int calls = 0;
+    double done = 0;
     const lf::ParallelFor all_processors = lf::parallel_for_all_processors();
     const lf::ParallelFor parallel = [&](size_t count, const std::function<void(size_t)>& task) {
+      const double weight = calls % 2 == 0 ? std::pow(4, calls / 2) : 0;
+      calls++;
       all_processors(count, [&](size_t i) {
         task(i);
         const std::lock_guard lock(mutex);
-        progress.step();
+        progress.reach((done += weight) / total);
       });
     };
     depths_ = lf::estimate_depths(rig_, cameras, image_of_, options_.surface, parallel);

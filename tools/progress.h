@@ -33,7 +33,7 @@ class Progress {
       last_line_ = now;
       const double passed = std::chrono::duration<double>(now - begun_).count();
       std::fprintf(stderr, "%s: %d %%", label_.c_str(), percent);
-      if (share > 0) std::fprintf(stderr, ", about %.0f s left", passed * (1 - share) / share);
+      if (share > 0) std::fprintf(stderr, ", about %.0f s left", passed * std::max(1 - share, 0.0) / share);
       std::fprintf(stderr, "\n");
       return;
     }
