@@ -31,9 +31,9 @@
  * A picture is finished when every node has answered. In a live pipeline, the compositor waits only until the deadline
  * of the picture, which is `latency` after the request. The property `incomplete` selects the output if an answer is
  * still missing then. If all answers arrive after the deadlines, the compositor increases `latency` to at most 2.5
- * times its value, and posts a LATENCY message. If `rig` is set, the remaining cameras compensate for missing
- * fragments. The compositor ignores requests and answers of views other than `view-id`, so that one `tee` can feed
- * several compositors.
+ * times its value until it stops, and posts a LATENCY message. If `rig` is set, the remaining cameras compensate for
+ * missing fragments. The compositor ignores requests and answers of views other than `view-id`, so that one `tee` can
+ * feed several compositors.
  *
  * A camera that misses more than `max-missed` consecutive pictures is out of service. The compositor announces this
  * upstream with the custom event "lightfield-feedback", and lfviewrequest names the camera in later requests. All nodes
@@ -754,6 +754,9 @@ static gboolean lf_compositor_stop(GstAggregator* agg) {
   LfCompositor* self = LF_COMPOSITOR(agg);
   lf_compositor_forget_request(self);
   drop_early_answers(self);
+  if (const GstClockTime latency = std::exchange(self->state->set_latency, GST_CLOCK_TIME_NONE);
+      GST_CLOCK_TIME_IS_VALID(latency))
+    g_object_set(self, "latency", latency, nullptr);
   self->state->output.stop();
   return TRUE;
 }

@@ -168,6 +168,8 @@ TEST_F(LfCompositorLiveTest, LatencyIncreasesIfAllAnswersAreLate) {
     }
     EXPECT_EQ(latency() > kLatency, nodes == 1);
     EXPECT_LE(latency(), 5 * kLatency / 2);
+    gst_element_set_state(element_.get(), GST_STATE_READY);
+    EXPECT_EQ(latency(), kLatency) << "the next start begins with the value of the application";
   }
 }
 
