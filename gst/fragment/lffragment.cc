@@ -216,7 +216,7 @@ PropertyTable<FragmentSettings>& FragmentSettings::properties() {
                               "if the estimate exceeds the limit. Set this if viewers cannot use late pictures",
                               0, G_MAXINT64),
       property<&S::renderer>(kWhilePlaying, "renderer", "Renderer",
-                             "Processor that renders the answers: CPU or GPU. Both give almost identical pictures. In "
+                             "Processor that renders the answers: CPU or GPU. The pictures are almost identical. In "
                              "the colour format of the cameras, values differ by at most 1 of 255. The `stats` "
                              "property shows the processor in use and the reason",
                              LF_TYPE_FRAGMENT_RENDERER),

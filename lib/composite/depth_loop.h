@@ -25,7 +25,7 @@ namespace lf {
 // uses. Use ViewDepths instead if the viewer waits for each estimate. Not thread-safe.
 class DepthLoop {
  public:
-  // Requests whose sums may arrive after their pictures, and the pictures that the loop waits for them.
+  // The maximum number of requests with late sums, and the maximum wait for the sums of a request, in pictures.
   static constexpr size_t kMaxPending = 8;
   static constexpr unsigned kPatience = 12;
   // Number of requests without a new estimate, after a client did not use the latest estimate.
@@ -63,7 +63,7 @@ class DepthLoop {
                                     bool match_gains);
   // Records whether a client has used the result of next(). If no client uses the results, for example because the
   // requests come from a file, the loop searches for depths only now and then, to save time.
-  void set_accepted(bool set_accepted) { requests_until_retry_ = set_accepted ? 0 : kRetryInterval; }
+  void set_accepted(bool accepted) { requests_until_retry_ = accepted ? 0 : kRetryInterval; }
   // Returns the depths that a sweep has found. A sweep is one request with planes at many distances as hypotheses, for
   // example for a click on the picture. `sweep` is this request, which must be the current request.
   DepthEstimate sweep(const ViewRequest& sweep) const;

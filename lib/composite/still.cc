@@ -51,7 +51,7 @@ Still render_still(const Rig& rig, const Mesh& mesh, const View& view, const Cam
   }
   const FaceIdMap owners(job.plan(), {0, 0, view.width, view.height});
   sum.set_uncovered(owners);
-  // What hides the surface from a camera does not reduce the coverage.
+  // A mask reduces the weight of a camera, but not the coverage.
   still.coverage = depths ? view_coverage(rig, job.plan(), owners) : sum.coverage();
   still.picture = sum.resolve(background);
   return still;
