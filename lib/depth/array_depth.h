@@ -64,8 +64,8 @@ class ArrayDepth {
   FocalMap surface(const View& view, const ParallelFor& parallel = serial_for) const;
 
   // Returns which nodes of a view's focal map a camera sees. Something hides a node if the camera's depth map is nearer
-  // there by more than the tolerance of surface(). Only nodes around the pixels of `parts` are tested; the others count
-  // as visible. Returns nothing if the camera has no depth map, or the view no focal map.
+  // there by more than the tolerance of surface(). The test covers the nodes around the pixels of `parts`. All other
+  // nodes count as visible. Returns nothing if the camera has no depth map, or the view no focal map.
   std::optional<VisibilityMask> visibility(const View& view, CameraIndex camera, std::span<const Rect> parts) const;
 
  private:

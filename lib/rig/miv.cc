@@ -13,7 +13,7 @@
 namespace lf {
 namespace {
 
-constexpr double kPixelCentre = 0.5;     // of the top-left pixel
+constexpr double kPixelCentre = 0.5;     // position of the centre of the top-left pixel
 constexpr double kInfiniteDepth = 1000;  // in RVS
 
 const std::set<std::string_view> kKnownKeys = {

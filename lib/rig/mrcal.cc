@@ -21,7 +21,7 @@ constexpr size_t kOurTerms = 4;  // k1 k2 p1 p2
 // A file is a dictionary of Python. Without the b of its byte strings, this is a flow mapping of YAML.
 nlohmann::json parse_dictionary(const std::string& text, const std::string& path) {
   std::string yaml;
-  char quote = 0;  // of the current string
+  char quote = 0;  // the quotation mark that ends the current string
   bool is_comment = false, has_ended = false;
   int depth = 0, line = 1;
   for (size_t i = 0; i < text.size(); i++) {
