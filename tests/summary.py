@@ -14,10 +14,15 @@ import sys
 import xml.etree.ElementTree as ElementTree
 
 
+def short_name(name):
+    """Meson calls a program "SUITES / NAME" if it belongs to a suite."""
+    return name.rpartition(' / ')[2]
+
+
 def programs_of(logs):
-    """Returns {name: result} for all programs. The logs name a program "SUITES / NAME"."""
+    """Returns {name: result} for all programs."""
     with open(f'{logs}.json', encoding='utf-8') as log:
-        return {program['name'].rpartition(' / ')[2]: program['result'] for program in map(json.loads, log)}
+        return {short_name(program['name']): program['result'] for program in map(json.loads, log)}
 
 
 def failed_of(programs):
@@ -33,7 +38,7 @@ def cases_of(logs):
         # "PROJECT.PROGRAM.SUITE" for GoogleTest, "PROJECT.PROGRAM" for TAP, "PROJECT" for programs without cases.
         names = suite.get('name', '').split('.')
         for case in suite.iter('testcase'):
-            yield names[1] if len(names) > 1 else case.get('name'), case
+            yield short_name(names[1] if len(names) > 1 else case.get('name')), case
 
 
 def main(logs, again=None):

@@ -17,9 +17,10 @@ def write_logs(path, programs):
     """Writes logs. `programs`: {name: (result, protocol, {case: result})}; a crashed program has no cases."""
     lines, suites = [], []
     for name, (result, protocol, cases) in programs.items():
-        lines.append(json.dumps({"name": f"lightfield:web+threads / {name}", "result": result}))
-        suite = {"gtest": f"lightfield.{name}.Suite", "tap": f"lightfield.{name}", "exitcode": "lightfield"}[protocol]
-        inner = "".join(CASES[outcome].format(case) for case, outcome in cases.items())
+        program = f"lightfield:web+threads / {name}"
+        lines.append(json.dumps({"name": program, "result": result}))
+        suite = {"gtest": f"lightfield.{program}.Suite", "tap": f"lightfield.{program}", "exitcode": "lightfield"}[protocol]
+        inner = "".join(CASES[outcome].format(program if protocol == "exitcode" else case) for case, outcome in cases.items())
         suites.append(f"<testsuite name='{suite}'>{inner}</testsuite>")
     pathlib.Path(f"{path}.json").write_text("\n".join(lines))
     pathlib.Path(f"{path}.junit.xml").write_text(f"<testsuites>{''.join(suites)}</testsuites>")
