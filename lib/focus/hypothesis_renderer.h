@@ -58,6 +58,9 @@ struct HypothesisCamera {
 // is the RenderJob of hypothesis_view(). Luma is rounded to 8 bits first, as in transmission. The result does not
 // depend on `parallel`. Throws Error like SumRenderer.
 //
+// If sources have a visibility mask, the first hypothesis must be the surface of the view, and the masks reduce the
+// weights of its contributions. A GPU ignores the masks.
+//
 // `gpu` is used where possible (for its errors see GlesRenderer::draw_consistency()), otherwise the CPU. Returns
 // whether the GPU was used.
 GpuStatus add_consistency(const RenderJob& job, std::span<const Source> sources,

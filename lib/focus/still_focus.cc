@@ -27,7 +27,9 @@ class StillArray {
     std::iota(all_.begin(), all_.end(), 0);
   }
 
-  std::vector<PhotoConsistency> moments(const ViewRequest& request) {
+  // If the cameras have measured the view's surface, `depths` tell which cameras see it, for the first hypothesis; may
+  // be null.
+  std::vector<PhotoConsistency> moments(const ViewRequest& request, const ArrayDepth* depths = nullptr) {
     if (request.hypotheses.empty()) return {};
     const std::vector<std::vector<uint8_t>> levels = hypothesis_levels(request.view, request.hypotheses);
     std::vector<PhotoConsistency> sums(levels.size());
@@ -35,6 +37,12 @@ class StillArray {
     const RenderJob job(rig_, mesh_, hypothesis_view(request.view), all_);
     std::vector<Source> sources = sources_of(job.cameras());
     std::vector<ByteBuffer> divided(sources.size());
+    std::vector<std::optional<VisibilityMask>> visibility(sources.size());
+    for (size_t i = 0; i < sources.size() && depths; i++) {
+      visibility[i] =
+          depths->visibility(job.plan().view(), sources[i].camera, {{job.plan().camera_rect(sources[i].camera)}});
+      if (visibility[i]) sources[i].visibility = &*visibility[i];
+    }
     for (size_t i = 0; i < sources.size() && gains_ && request.gains.use; i++) {
       const float gain = gains_->of(sources[i].camera);
       if (std::abs(gain - 1) < kGainTolerance) continue;
@@ -46,9 +54,9 @@ class StillArray {
   }
 
   // Returns how well the cameras agree about the surface of a view with a map: see PhotoConsistency.
-  PhotoConsistency agreement(const View& view) {
+  PhotoConsistency agreement(const View& view, const ArrayDepth* depths = nullptr) {
     ViewRequest request{.view = view, .hypotheses = {{DepthHypothesis::Kind::kBlurred, 0}}};
-    return std::move(moments(request).front());
+    return std::move(moments(request, depths).front());
   }
 
   // Updates the gains from the mean in the request, and computes the next mean if requested.
@@ -83,12 +91,15 @@ class StillArray {
   std::vector<WideLuma::Camera> seen_;
 };
 
-// Returns the mean squared deviations of two sums, over the nodes where both have a deviation. Returns NaN if there are
-// no such nodes.
+// Returns the mean squared deviations of two sums, over the nodes where both have a deviation and the same cameras.
+// This excludes nodes that something hides from some cameras, because fewer cameras always agree better. Returns NaN if
+// there are no such nodes.
 std::pair<double, double> squared_deviations(const PhotoConsistency& a, const PhotoConsistency& b) {
+  constexpr int kMissingWeight = PhotoConsistency::kWeightOne / 16;
   double sum_a = 0, sum_b = 0;
   size_t count = 0;
   for (size_t i = 0; i < a.weight.size(); i++) {
+    if (std::abs(a.weight[i] - b.weight[i]) > kMissingWeight) continue;
     const double of_a = a.deviation(i), of_b = b.deviation(i);
     if (std::isnan(of_a) || std::isnan(of_b)) continue;
     sum_a += of_a * of_a;
@@ -171,7 +182,7 @@ View focus_still(const Rig& rig, const Mesh& mesh, const View& view, const Camer
   measured.focus.map = std::make_shared<const FocalMap>(depths->surface(view));
   plane.focus.map = std::make_shared<const FocalMap>(
       plane_map(view, measured.focus.map->from, depths->range().nearest, depths->range().farthest));
-  const auto [of_plane, of_measured] = squared_deviations(still.agreement(plane), still.agreement(measured));
+  const auto [of_plane, of_measured] = squared_deviations(still.agreement(plane), still.agreement(measured, depths));
   return of_measured < of_plane ? measured : found;
 }
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <iterator>
 #include <optional>
 #include <utility>
@@ -145,6 +146,22 @@ PhotoConsistency measured_sums(const View& view, const FocalMap* measured, float
   return sums;
 }
 
+using Visibility = std::vector<std::optional<VisibilityMask>>;
+
+// Finds out which part of the surface of a job's view each camera sees, if the cameras have measured the surface.
+// Covers `parts` of each camera's part of the view. `visibility` holds the masks.
+void add_visibility(const RequestRenderer::Work& work, const RenderJob& job,
+                    const std::function<std::vector<Rect>(CameraIndex)>& parts, const ParallelFor& parallel,
+                    std::vector<Source>& sources, Visibility& visibility) {
+  const View& view = job.plan().view();
+  if (!work.depths || !view.focus.map || !view.focus.map->measured) return;
+  visibility.resize(sources.size());
+  parallel(sources.size(), [&](size_t i) {
+    visibility[i] = work.depths->visibility(view, sources[i].camera, parts(sources[i].camera));
+    if (visibility[i]) sources[i].visibility = &*visibility[i];
+  });
+}
+
 RenderedConsistency render_consistency(const RequestRenderer::Work& work, const std::vector<Source>& images,
                                        const RenderOptions& options) {
   const RenderJob* const job = work.plan->hypothesis_job();
@@ -155,9 +172,13 @@ RenderedConsistency render_consistency(const RequestRenderer::Work& work, const 
   std::vector<PhotoConsistency> sums(hypotheses.size());
   for (PhotoConsistency& sum : sums) sum.reset(view.width, view.height);
   RenderedConsistency rendered{.nodes = hypotheses.size() * view.width * view.height};
-  if (!hypotheses.empty())
-    rendered.drawing =
-        add_consistency(*job, images_of(work, images), hypotheses, sums, options.parallel, options.depth_gpu.get());
+  if (!hypotheses.empty()) {
+    std::vector<Source> sources = images_of(work, images);
+    Visibility visibility;
+    const auto part = [job](CameraIndex camera) { return std::vector{job->plan().camera_rect(camera)}; };
+    if (!options.depth_gpu) add_visibility(work, *job, part, options.parallel, sources, visibility);
+    rendered.drawing = add_consistency(*job, sources, hypotheses, sums, options.parallel, options.depth_gpu.get());
+  }
   if (const View* const measured = work.plan->measured_view())
     sums.push_back(measured_sums(*measured, work.measured.get(), work.measured_weight));
   rendered.ns = now_ns() - begun;
@@ -188,25 +209,10 @@ std::vector<Source> resampled(Works works, const RenderOptions& options, std::ve
 
 struct Drawn {
   std::vector<Source> sources;
-  std::vector<std::optional<VisibilityMask>> visibility;  // of sources
+  Visibility visibility;           // of sources
   std::optional<SumRenderer> sum;  // empty if the answer has unwarped pixels, or no camera has an image yet
   uint64_t ns = 0;                 // nanoseconds
 };
-
-// Finds out which part of the surface each camera sees, if the cameras have measured the surface.
-void add_visibility(const RequestRenderer::Work& work, const ParallelFor& parallel, std::vector<Source>& sources,
-                    std::vector<std::optional<VisibilityMask>>& visibility) {
-  const RenderJob& job = *work.plan->sum();
-  const ViewPlan& plan = job.plan();
-  const FocalMap* const map = plan.view().focus.map.get();
-  if (!work.depths || !map || !map->measured || map->step != FocalMap::kMinStep) return;
-  visibility.resize(sources.size());
-  parallel(sources.size(), [&](size_t i) {
-    const std::vector<Rect> parts = sum_tiles(plan, job.runs(), {&sources[i].camera, 1}, PixelFamily::kRgb, 0);
-    visibility[i] = work.depths->visibility(plan.view(), sources[i].camera, parts);
-    if (visibility[i]) sources[i].visibility = &*visibility[i];
-  });
-}
 
 // `sampled` are the images for plans that show detail.
 void draw(Works works, const std::vector<Source>& images, const std::vector<Source>& sampled,
@@ -220,7 +226,13 @@ void draw(Works works, const std::vector<Source>& images, const std::vector<Sour
         sources.push_back(plan->shows_detail(camera) ? sampled[k] : images[k]);
     if (!plan->sum() || header.family == PixelFamily::kNone) return;
     const uint64_t begun = now_ns();
-    add_visibility(works[i], options.parallel, sources, visibility);
+    const RenderJob& job = *plan->sum();
+    const auto tiles = [&job](CameraIndex camera) {
+      return sum_tiles(job.plan(), job.runs(), {&camera, 1}, PixelFamily::kRgb, 0);
+    };
+    const FocalMap* const map = job.plan().view().focus.map.get();
+    if (map && map->step == FocalMap::kMinStep)
+      add_visibility(works[i], job, tiles, options.parallel, sources, visibility);
     const bool is_in_group =
         options.in_process && options.gpu && options.group != 0 && options.gpu->group() == options.group;
     const Coding coding = choose_coding(options.codec, options.in_process, plan->quality());

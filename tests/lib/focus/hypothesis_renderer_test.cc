@@ -205,6 +205,35 @@ TEST(HypothesisRenderer, SumsMatchTheRule) {
   EXPECT_LT(worst_mean, 1.5) << "two roundings to 8 bits, and to 256ths of a pixel";
 }
 
+TEST(HypothesisRenderer, MasksReduceTheWeightsOfTheSurfaceOnly) {
+  const ArrayOfWalls walls;
+  const View view = walls.view(60);
+  const FocalMap& map = *view.focus.map;
+  const std::vector<DepthHypothesis> hypotheses{{kBlurred, 0}, {kPlane, 170}};
+  const std::vector<std::vector<uint8_t>> levels = hypothesis_levels(view, hypotheses);
+  const RenderJob job(walls.rig, walls.mesh, hypothesis_view(view), walls.own);
+  std::vector<VisibilityMask> masks(walls.own.size(), {map.columns, map.rows, {}});
+  std::vector<double> expected(map.levels.size());
+  std::vector<Source> sources;
+  for (const CameraIndex camera : job.cameras()) {
+    for (size_t i = 0; i < map.levels.size(); i++)
+      masks[camera].nodes.push_back(static_cast<uint8_t>(VisibilityMask::kHidden + (37 * i + 11 * camera) % 192));
+    const std::vector<PhotoConsistency> own = walls.moments(view, hypotheses, {camera});
+    for (size_t i = 0; i < expected.size(); i++) expected[i] += own[0].weight[i] * masks[camera].nodes[i] / 255.;
+    sources.push_back(walls.sources()[camera]);
+    sources.back().visibility = &masks[camera];
+  }
+  std::vector<PhotoConsistency> masked(hypotheses.size());
+  for (PhotoConsistency& sum : masked) sum.reset(map.columns, map.rows);
+  add_consistency(job, sources, levels, masked);
+  for (size_t i = 0; i < expected.size(); i++)
+    ASSERT_NEAR(masked[0].weight[i], expected[i], 3) << i << ": three cameras, each rounded twice";
+  const std::vector<PhotoConsistency> whole = walls.moments(view, hypotheses, walls.own);
+  EXPECT_EQ(masked[1].weight, whole[1].weight);
+  EXPECT_EQ(masked[1].luma, whole[1].luma);
+  EXPECT_EQ(masked[1].square, whole[1].square);
+}
+
 TEST(HypothesisRenderer, PartsOfAnArrayAddUpToTheWhole) {
   const ArrayOfWalls walls;
   const View view = walls.view(60);

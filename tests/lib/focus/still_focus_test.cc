@@ -133,6 +133,43 @@ TEST_F(IrregularArrayTest, UselessDepthsAreNotShown) {
   EXPECT_GT(psnr(focus(&*depths)), psnr(view_) - 0.1);
 }
 
+// Cameras disagree about a wall that a box hides from some of them. The comparison with the plane, which shows the box
+// sharp and the wall blurred, ignores these places.
+TEST(FocusStill, HiddenPlacesDoNotCount) {
+  Rig rig = scene_rig(4, 3, 160, 120);
+  rig.topology = {};
+  std::vector<Image> images;
+  for (Camera& camera : rig.cameras) {
+    camera.pose.position *= 4.;
+    Image& image = images.emplace_back(PixelFamily::kRgb, camera.width, camera.height);
+    for (int y = 0; y < camera.height; y++)
+      for (int x = 0; x < camera.width; x++) {
+        const Vec3 d(*camera.lens.unproject({x, y}), 1);
+        const Vec3 box = camera.pose.position + 1.2 * d, wall = camera.pose.position + 3. * d;
+        const bool hits_box = std::abs(box.x) < 0.1 && std::abs(box.y) < 0.1;
+        const Vec3& at = hits_box ? box : wall;
+        const double texture = std::sin(41 * at.x + 17 * at.y) + std::sin(53 * at.y - 29 * at.x);
+        const double luma = hits_box ? 20 + 4 * texture : 200 + 20 * texture;
+        for (int c = 0; c < 3; c++)
+          image.data()[3 * (static_cast<size_t>(y) * camera.width + x) + c] = static_cast<uint8_t>(std::lround(luma));
+      }
+  }
+  const CameraImages image_of = [&](CameraIndex i) -> const Image& { return images[i]; };
+  View view;
+  view.width = 160;
+  view.height = 120;
+  view.lens = rig.cameras[0].lens;
+  view.focus.plane = focal_plane_at(view.pose, 1.2);
+  CameraSet all(rig.cameras.size());
+  std::iota(all.begin(), all.end(), 0);
+  constexpr DepthEstimator::Settings kSurface{.mode = FocusMode::kSurface};
+  const ArrayDepth depths(
+      rig, all, [&](CameraIndex i) { return images[i].view(); }, 0.1, 1.2);
+  const View focused = focus_still(rig, build_mesh(rig), view, image_of, kSurface, 0, nullptr, &depths);
+  ASSERT_TRUE(focused.focus.map);
+  EXPECT_TRUE(focused.focus.map->measured);
+}
+
 TEST_F(IrregularArrayTest, SomeArraysNeedNoDepths) {
   Rig near = rig_;
   for (Camera& camera : near.cameras) camera.pose.position /= 8;
