@@ -65,21 +65,25 @@ class DecodedFrames {
   ByteBuffer corrected_;
 };
 
-// Returns the cameras of a node that are nearest to the viewpoints, in ascending order.
-CameraSet cameras_around(const CameraInputs::Array& array, const std::vector<Vec3>& eyes) {
-  CameraSet chosen;
-  for (const Vec3& eye : eyes) {
-    std::vector<std::pair<double, CameraIndex>> by_distance;
-    for (const auto& [camera, frames] : array.cameras)
-      by_distance.emplace_back(glm::distance(array.rig->cameras[camera].pose.position, eye), camera);
-    std::ranges::sort(by_distance);
-    for (size_t i = 0; i < by_distance.size() && i < DepthTracker::kCamerasOfView; i++)
-      if (const CameraIndex camera = by_distance[i].second;
-          chosen.size() < DepthTracker::kMaxTrackedCameras && std::ranges::find(chosen, camera) == chosen.end())
-        chosen.push_back(camera);
-  }
-  std::ranges::sort(chosen);
-  return chosen;
+// Adds the cameras of a view to `chosen`. `with_others` is explained at kCamerasOfView.
+void add_cameras(const CameraInputs::Array& array, const Vec3& eye, const std::vector<CameraIndex>& contributing,
+                 bool with_others, CameraSet& chosen) {
+  std::vector<std::pair<double, CameraIndex>> by_distance;
+  for (const auto& [camera, frames] : array.cameras)
+    by_distance.emplace_back(glm::distance(array.rig->cameras[camera].pose.position, eye), camera);
+  std::ranges::sort(by_distance);
+  std::vector<CameraIndex> of_view;
+  const auto add = [&](CameraIndex camera) {
+    if (of_view.size() < DepthTracker::kCamerasOfView && std::ranges::find(of_view, camera) == of_view.end())
+      of_view.push_back(camera);
+  };
+  for (size_t i = 0; i < by_distance.size() && i < DepthTracker::kNearest; i++) add(by_distance[i].second);
+  for (const CameraIndex camera : contributing)
+    if (array.cameras.contains(camera)) add(camera);
+  for (size_t i = 0; i < by_distance.size() && with_others; i++) add(by_distance[i].second);
+  for (const CameraIndex camera : of_view)
+    if (chosen.size() < DepthTracker::kMaxTrackedCameras && std::ranges::find(chosen, camera) == chosen.end())
+      chosen.push_back(camera);
 }
 
 // Thrown by the function that stoppable() returns.
@@ -103,7 +107,8 @@ DepthTracker::~DepthTracker() {
   changed_.notify_all();
 }
 
-std::optional<View> DepthTracker::surface(std::shared_ptr<TrackedView>& tracked, const View& view) {
+std::optional<View> DepthTracker::surface(std::shared_ptr<TrackedView>& tracked, const View& view,
+                                          const std::vector<CameraIndex>& contributing) {
   const FocalMap& map = *view.focus.map;
   if (static_cast<size_t>(map.columns) * map.rows > kMaxNodes) return {};
   const std::lock_guard lock(mutex_);
@@ -111,6 +116,7 @@ std::optional<View> DepthTracker::surface(std::shared_ptr<TrackedView>& tracked,
   tracked->used = now_ns();
   tracked->is_new = tracked->is_new || !(tracked->wanted.pose == view.pose && tracked->wanted.lens == view.lens);
   tracked->wanted = view;
+  tracked->contributing = contributing;
   if (std::ranges::find(views_, tracked) == views_.end()) {
     if (views_.size() >= kMaxViews) return {};
     tracked->found.reset();
@@ -146,11 +152,16 @@ bool DepthTracker::wait_for_views(const std::stop_token& stop) {
   return changed_.wait(lock, stop, has_any);
 }
 
-std::vector<Vec3> DepthTracker::eyes() {
-  const std::lock_guard lock(mutex_);
-  std::vector<Vec3> eyes;
-  for (const auto& view : views_) eyes.push_back(view->wanted.pose.position);
-  return eyes;
+// Returns the cameras of all live views, in ascending order.
+CameraSet DepthTracker::cameras_of_views(const CameraInputs::Array& array, bool with_others) {
+  CameraSet cameras;
+  {
+    const std::lock_guard lock(mutex_);
+    for (const auto& view : views_)
+      add_cameras(array, view->wanted.pose.position, view->contributing, with_others, cameras);
+  }
+  std::ranges::sort(cameras);
+  return cameras;
 }
 
 // Drops the depths from before the last call of clear(). The caller holds work_mutex_.
@@ -216,15 +227,18 @@ bool DepthTracker::update_depths(const CameraInputs::Array& array, const CameraS
 }
 
 std::optional<DepthTracker::Measured> DepthTracker::measure(const CameraInputs::Array& array, const View& view,
+                                                            const std::vector<CameraIndex>& contributing,
                                                             const FindFrame& find, const std::atomic<bool>& cancelled,
                                                             const ParallelFor& parallel) {
   const FocalMap& map = *view.focus.map;
   if (static_cast<size_t>(map.columns) * map.rows > kMaxNodes) return {};
   const std::lock_guard lock(work_mutex_);
   forget_if_cleared();
+  CameraSet cameras;
+  add_cameras(array, view.pose.position, contributing, true, cameras);
+  std::ranges::sort(cameras);
   try {
-    update_depths(array, cameras_around(array, {view.pose.position}), find,
-                  stoppable(parallel, [&cancelled] { return cancelled.load(); }), [] {});
+    update_depths(array, cameras, find, stoppable(parallel, [&cancelled] { return cancelled.load(); }), [] {});
   } catch (const Stopped&) {
     depths_.reset();
   }
@@ -273,7 +287,7 @@ void DepthTracker::work(const std::stop_token& stop) {
     };
     const ParallelFor parallel = depths_ ? serial_for : on_all_processors;
     has_changed = update_depths(
-        *array, cameras_around(*array, eyes()),
+        *array, cameras_of_views(*array, depths_.has_value()),
         [&array](CameraIndex camera) { return array->cameras.at(camera)->newest(); },
         stoppable(parallel, [&stop] { return stop.stop_requested(); }), [this] { update_surfaces(true); });
     const uint64_t now = now_ns();

@@ -24,8 +24,10 @@ namespace lf {
 // in DepthHypothesis). Thread-safe.
 class DepthTracker {
  public:
-  // Depth maps are estimated for this number of cameras around each viewpoint, and in total.
-  static constexpr size_t kCamerasOfView = 16, kMaxTrackedCameras = 48;
+  // Depth maps are estimated for this number of cameras of each view, and in total. These are the kNearest cameras
+  // around the viewpoint, those that contribute to the picture, and others around the viewpoint. A live view starts
+  // without the others, so that its picture is sharp sooner.
+  static constexpr size_t kCamerasOfView = 16, kNearest = 8, kMaxTrackedCameras = 48;
   // The work for a live view ends this long after its last call of surface(), nanoseconds.
   static constexpr uint64_t kTimeout = 10'000'000'000;
   // Live views that are tracked at the same time. Further views get no surface.
@@ -36,9 +38,10 @@ class DepthTracker {
   // A live view whose surface is measured. The members are private to the tracker.
   struct TrackedView {
     View wanted;
-    uint64_t used = 0;          // now_ns() of the last call of surface()
-    std::optional<View> found;  // its map is the measured surface
-    bool is_new = true;         // `wanted` has changed since `found`
+    std::vector<CameraIndex> contributing;  // in descending order of their parts of the picture
+    uint64_t used = 0;                      // now_ns() of the last call of surface()
+    std::optional<View> found;              // its map is the measured surface
+    bool is_new = true;                     // `wanted` has changed since `found`
   };
 
   // `inputs` must outlive this object.
@@ -46,12 +49,14 @@ class DepthTracker {
   ~DepthTracker();
 
   // Returns a view of the same live viewer, a moment before, with the surface that the cameras have measured. Its map
-  // is like ArrayDepth::surface(). Returns nothing if there is none yet. Never waits. `view` must have a map. `tracked`
-  // is the state of this viewer, initially null.
+  // is like ArrayDepth::surface(). Returns nothing if there is none yet. Never waits. `view` must have a map.
+  // `contributing` are the node's cameras that contribute to the picture, in descending order of their parts of it.
+  // `tracked` is the state of this viewer, initially null.
   //
   // A thread of low priority does the work, at most half of the time. The thread only compares the images while they do
   // not change.
-  std::optional<View> surface(std::shared_ptr<TrackedView>& tracked, const View& view);
+  std::optional<View> surface(std::shared_ptr<TrackedView>& tracked, const View& view,
+                              const std::vector<CameraIndex>& contributing);
   // Returns the depths that the latest surface came from, or nothing if there is none yet. Never waits.
   std::optional<ArrayDepth> depths() const;
   // Measures the surface of a view of films or stills, from the frames that `find` returns, and returns the view with
@@ -63,7 +68,8 @@ class DepthTracker {
     View view;
     ArrayDepth depths;
   };
-  std::optional<Measured> measure(const CameraInputs::Array& array, const View& view, const FindFrame& find,
+  std::optional<Measured> measure(const CameraInputs::Array& array, const View& view,
+                                  const std::vector<CameraIndex>& contributing, const FindFrame& find,
                                   const std::atomic<bool>& cancelled, const ParallelFor& parallel);
   // Forgets all views and depths. Does not wait for work in progress, and drops its result.
   void clear();
@@ -74,7 +80,7 @@ class DepthTracker {
   void run(const std::stop_token& stop);
   void work(const std::stop_token& stop);
   bool wait_for_views(const std::stop_token& stop);
-  std::vector<Vec3> eyes();
+  CameraSet cameras_of_views(const CameraInputs::Array& array, bool with_others);
   bool update_depths(const CameraInputs::Array& array, const CameraSet& cameras, const FindFrame& find,
                      const ParallelFor& parallel, const std::function<void()>& show_step);
   void forget_if_cleared();
@@ -85,7 +91,7 @@ class DepthTracker {
 
   std::mutex work_mutex_;  // held during estimates; guards the members up to next_update_
   std::optional<ArrayDepth> depths_;
-  std::shared_ptr<const Rig> rig_;  // of depths_
+  std::shared_ptr<const Rig> rig_;                                      // of depths_
   std::map<CameraIndex, std::weak_ptr<const CameraPicture>> pictures_;  // the images behind depths_
   uint64_t generation_of_depths_ = 0;
   uint64_t next_update_ = 0;  // now_ns()
@@ -94,7 +100,7 @@ class DepthTracker {
   std::condition_variable_any changed_;
   Views views_;
   std::optional<ArrayDepth> latest_;  // the depths behind the latest surfaces
-  uint64_t generation_ = 0;  // increases if the depths must be forgotten
+  uint64_t generation_ = 0;           // increases if the depths must be forgotten
 
   WorkerPool workers_;   // for thread_
   std::jthread thread_;  // started by the first call of surface()

@@ -319,21 +319,24 @@ uint64_t Node::describe(const Planned& planned, const FrameSources& sources, con
 }
 
 // Adds the surface that the cameras have measured to the work for a request, if the request asks for it. Adds the
-// depths of the cameras if the request shows such a surface.
+// depths of the cameras if the request shows or tests such a surface.
 void Node::add_measured(const Array& array, bool live, FrameLookup& frames, ClientState& client,
                         const ParallelFor& parallel, RequestRenderer::Work& work) {
   std::optional<View> measured;
   if (const View* const view = work.plan->measured_view(); view && live) {
-    measured = depths_.surface(client.tracked, *view);
+    measured = depths_.surface(client.tracked, *view, work.plan->by_part());
   } else if (view) {
     std::optional<DepthTracker::Measured> result = depths_.measure(
-        array, *view, [&frames](CameraIndex camera) { return frames.find(camera); }, *client.cancelled, parallel);
+        array, *view, work.plan->by_part(), [&frames](CameraIndex camera) { return frames.find(camera); },
+        *client.cancelled, parallel);
     if (result) measured = std::move(result->view);
     if (result) work.depths = std::move(result->depths);
   }
-  if (const RenderJob* const sum = work.plan->sum(); sum && !work.depths)
-    if (const FocalMap* const map = sum->plan().view().focus.map.get(); map && map->measured)
-      work.depths = depths_.depths();
+  const auto is_measured = [](const RenderJob* job) {
+    return job && job->plan().view().focus.map && job->plan().view().focus.map->measured;
+  };
+  if (!work.depths && (is_measured(work.plan->sum()) || is_measured(work.plan->hypothesis_job())))
+    work.depths = depths_.depths();
   if (!measured) return;
   const View& view = *work.plan->measured_view();
   work.measured = warp_depth_map(*measured, view);

@@ -52,6 +52,17 @@ bool RequestPlan::draws(CameraIndex camera) const {
   return std::ranges::binary_search(sum_ ? sum_->cameras() : cameras_, camera);
 }
 
+std::vector<CameraIndex> RequestPlan::by_part() const {
+  if (!sum_) return {};
+  std::vector<CameraIndex> cameras = sum_->cameras();
+  const auto part = [this](CameraIndex camera) {
+    const Rect& rect = sum_->plan().camera_rect(camera);
+    return -static_cast<int64_t>(rect.width()) * rect.height();
+  };
+  std::ranges::stable_sort(cameras, {}, part);
+  return cameras;
+}
+
 Rect RequestPlan::answer_region(CameraIndex camera) const {
   if (sum_) return needed_pixels(sum_->plan(), camera, rig_.cameras[camera]);
   return pixels_[static_cast<size_t>(std::ranges::lower_bound(cameras_, camera) - cameras_.begin())];

@@ -59,6 +59,8 @@ class RequestPlan {
   // Returns the view with the map whose surface the cameras' depth maps show, for the hypothesis kMeasured. Returns
   // null without this hypothesis.
   const View* measured_view() const { return measured_view_ ? &*measured_view_ : nullptr; }
+  // Returns the cameras that contribute to the picture, in descending order of their parts of it.
+  std::vector<CameraIndex> by_part() const;
   const GainRequest* gains() const { return gains_.use || gains_.ask ? &gains_ : nullptr; }
   const WideLuma* wide() const { return wide_ ? &*wide_ : nullptr; }
 

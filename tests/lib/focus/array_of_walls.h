@@ -11,11 +11,11 @@
 
 namespace lf::test {
 
-// 3 x 3 cameras in front of a textured wall at 3 m and, in its right half (x > 0), a wall at 1.5 m; all distances
-// divided by `times_nearer`. The texture is smooth, so sampling errors do not matter.
+// `side` x `side` cameras in front of a textured wall at 3 m and, in its right half (x > 0), a wall at 1.5 m; all
+// distances divided by `times_nearer`. The texture is smooth, so sampling errors do not matter.
 struct ArrayOfWalls {
-  explicit ArrayOfWalls(bool flat = false, double times_nearer = 1)
-      : is_flat(flat), nearer(times_nearer), rig(scene_rig(3, 3, 160, 120)), mesh(build_mesh(rig)) {
+  explicit ArrayOfWalls(bool flat = false, double times_nearer = 1, int side = 3)
+      : is_flat(flat), nearer(times_nearer), rig(scene_rig(side, side, 160, 120)), mesh(build_mesh(rig)) {
     for (const Camera& camera : rig.cameras) {
       Image image(PixelFamily::kRgb, camera.width, camera.height);
       for (int y = 0; y < camera.height; y++)

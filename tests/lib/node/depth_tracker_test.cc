@@ -38,7 +38,7 @@ class DamagedPicture : public StillPicture {
 
 class DepthTrackerTest : public testing::Test {
  protected:
-  DepthTrackerTest() {
+  explicit DepthTrackerTest(int side = 3) : walls_(false, 1, side) {
     inputs_.set_rig(std::make_shared<const Rig>(walls_.rig));
     for (CameraIndex i = 0; i < walls_.rig.cameras.size(); i++) {
       const auto frames = std::make_shared<CameraFrames>();
@@ -60,13 +60,13 @@ class DepthTrackerTest : public testing::Test {
   template <class Fn>
   std::optional<View> wait_for(const View& view, const Fn& is_right) {
     for (int i = 0; i < 2000; i++, std::this_thread::sleep_for(10ms))
-      if (std::optional<View> found = tracker_.surface(tracked_, view); found && is_right(*found)) return found;
+      if (std::optional<View> found = tracker_.surface(tracked_, view, {}); found && is_right(*found)) return found;
     return {};
   }
   std::optional<View> measure(const View& view, const DepthTracker::FindFrame& find,
                               const std::atomic<bool>& cancelled) {
     std::optional<DepthTracker::Measured> measured =
-        tracker_.measure(*inputs_.array(), view, find, cancelled, serial_for);
+        tracker_.measure(*inputs_.array(), view, {}, find, cancelled, serial_for);
     if (!measured) return {};
     return std::move(measured->view);
   }
@@ -181,6 +181,37 @@ TEST_F(DepthTrackerTest, TheSameFramesAreNotDecodedAgain) {
   EXPECT_GT(views, first) << "all depths are forgotten";
 }
 
+class LargeDepthTrackerTest : public DepthTrackerTest {
+ protected:
+  LargeDepthTrackerTest() : DepthTrackerTest(5) {}
+  // Returns true if camera 24, far from the viewpoint, has depths.
+  static bool has_last(const std::optional<ArrayDepth>& depths) {
+    return depths && std::ranges::binary_search(depths->cameras(), 24u);
+  }
+};
+
+TEST_F(LargeDepthTrackerTest, CamerasThatContributeHaveDepths) {
+  View view = walls_.view(0);
+  view.pose.position = walls_.rig.cameras[0].pose.position;
+  const auto find = [this](CameraIndex camera) {
+    return CameraFrame{.picture = std::make_shared<StillPicture>(walls_.images[camera])};
+  };
+  const std::atomic<bool> cancelled = false;
+  for (const bool contributes : {false, true}) {
+    tracker_.clear();
+    const std::vector<CameraIndex> contributing(contributes, 24u);
+    const auto measured = tracker_.measure(*inputs_.array(), view, contributing, find, cancelled, serial_for);
+    ASSERT_TRUE(measured);
+    EXPECT_EQ(measured->depths.cameras().size(), DepthTracker::kCamerasOfView);
+    EXPECT_EQ(has_last(measured->depths), contributes) << "a film";
+  }
+  tracker_.clear();
+  push(walls_.images, 1'000'000'000);
+  for (int i = 0; i < 2000 && !tracker_.depths(); i++, std::this_thread::sleep_for(10ms))
+    tracker_.surface(tracked_, view, {24});
+  EXPECT_TRUE(has_last(tracker_.depths())) << "live, from the start";
+}
+
 TEST_F(DepthTrackerTest, MeasuringCanBeCancelled) {
   const std::atomic<bool> cancelled = true;
   const auto find = [this](CameraIndex camera) {
@@ -191,14 +222,14 @@ TEST_F(DepthTrackerTest, MeasuringCanBeCancelled) {
 
 TEST_F(DepthTrackerTest, WithoutFramesThereIsNoSurface) {
   for (int i = 0; i < 10; i++, std::this_thread::sleep_for(10ms))
-    EXPECT_FALSE(tracker_.surface(tracked_, walls_.view(0)));
+    EXPECT_FALSE(tracker_.surface(tracked_, walls_.view(0), {}));
 }
 
 TEST_F(DepthTrackerTest, ClearForgetsTheSurface) {
   push(walls_.images, 1'000'000'000);
   ASSERT_TRUE(wait_for(walls_.view(0), [](const View&) { return true; }));
   tracker_.clear();
-  EXPECT_FALSE(tracker_.surface(tracked_, walls_.view(0)));
+  EXPECT_FALSE(tracker_.surface(tracked_, walls_.view(0), {}));
   EXPECT_TRUE(wait_for(walls_.view(0), [](const View& view) { return shows_walls(view); })) << "it is measured again";
 }
 
@@ -206,14 +237,14 @@ TEST_F(DepthTrackerTest, TooManyViewsAndTooManyNodesGetNoSurface) {
   push(walls_.images, 1'000'000'000);
   ASSERT_TRUE(wait_for(walls_.view(0), [](const View&) { return true; }));
   std::vector<std::shared_ptr<DepthTracker::TrackedView>> others(DepthTracker::kMaxViews);
-  for (auto& other : others) tracker_.surface(other, walls_.view(0));
+  for (auto& other : others) tracker_.surface(other, walls_.view(0), {});
   EXPECT_EQ(others.back()->wanted.width, walls_.view(0).width);
-  EXPECT_FALSE(tracker_.surface(others.back(), walls_.view(0)));
+  EXPECT_FALSE(tracker_.surface(others.back(), walls_.view(0), {}));
   View large = walls_.view(0);
   FocalMap map = FocalMap::for_view(4096, 4096);
   map.levels.resize(static_cast<size_t>(map.columns) * map.rows);
   large.focus.map = std::make_shared<const FocalMap>(map);
-  EXPECT_FALSE(tracker_.surface(tracked_, large));
+  EXPECT_FALSE(tracker_.surface(tracked_, large, {}));
 }
 
 }  // namespace
