@@ -173,9 +173,9 @@ class DepthEstimator {
   static constexpr unsigned kBusyBackoff = 64;  // maximum if parts of the search were not answered
   static constexpr unsigned kMaxLost = 8;       // maximum number of repeated requests in a search or sweep
   static constexpr unsigned kSettling = 8;      // refinement rounds until a new surface has settled
-  // The cameras are asked for their surface with every kMeasuredEvery-th request, until kMaxAsked requests have been
-  // answered since the search. It takes them some seconds to measure the first one.
-  static constexpr unsigned kMeasuredEvery = 4, kMaxAsked = 64;
+  // The cameras are asked for their surface with every kMeasuredEvery-th request, and after kOftenAsked answers less
+  // often. It takes them some seconds to measure the first one, or a minute on a busy machine.
+  static constexpr unsigned kMeasuredEvery = 4, kOftenAsked = 64, kMeasuredSeldom = 32;
 
   Settings settings_;
   State state_;
@@ -221,7 +221,8 @@ class DepthEstimator {
   unsigned consecutive_on_time_ = 0;        // pictures in a row that were complete in time
   unsigned requests_since_hypotheses_ = 0;  // requests since the last request that was allowed to have hypotheses
   unsigned requests_since_search_ = 0;      // those that could have asked for the measured surface
-  unsigned measured_answers_ = kMaxAsked;   // answers since the search to requests for the measured surface
+  bool wants_measured_ = false;             // the search found that the measured surface may be better
+  unsigned measured_answers_ = 0;           // answers since the search to requests for the measured surface
   bool can_measure_ = true;         // false after the measured surface was not good enough for this scene
   unsigned worse_ = 0;              // rounds in a row in which the measured surface was worse than the plane
   unsigned failed_searches_ = 0;    // unsuccessful searches in a row for a changed scene

@@ -49,13 +49,13 @@ bool DepthEstimator::take_measured(const PhotoConsistency& measured, const ViewR
   const uint8_t first = level_at(kLowest), last = level_at(kHighest);
   DepthRange scene{map.inverse_of(first), map.inverse_of(last)};
   if (disparity_ * (scene.nearest - scene.farthest) < kWideDisparity) {
-    measured_answers_ = kMaxAsked;
+    wants_measured_ = false;
     if (stage_ == Stage::kMeasured) end_measured(false, map);
     return false;
   }
   if (stage_ != Stage::kMeasured) {
     stage_ = Stage::kMeasured;
-    measured_answers_ = kMaxAsked;
+    wants_measured_ = false;
     worse_ = 0;
     sweeps_.clear();
     others_.clear();

@@ -113,8 +113,8 @@ void DepthEstimator::search_around(FocalMap& map) {
 void DepthEstimator::end_search(const View& view, const FocusArray& array, FocalMap& map) {
   const std::optional<DepthRange> scene = votes_.range();
   const bool found = scene.has_value();
-  if (can_measure_ && (!found || disparity_ * (scene->nearest - scene->farthest) >= kWideDisparity))
-    requests_since_search_ = measured_answers_ = 0;
+  wants_measured_ = can_measure_ && (!found || disparity_ * (scene->nearest - scene->farthest) >= kWideDisparity);
+  requests_since_search_ = measured_answers_ = 0;
   // A surface that is shown stays visible during another search.
   if (found) {
     follow_range(map);
@@ -282,7 +282,8 @@ std::vector<DepthHypothesis> DepthEstimator::next_hypotheses(const FocalMap& map
 
 // Adds the hypothesis kMeasured to a request if the measured surface is due.
 std::vector<DepthHypothesis> DepthEstimator::with_measured(std::vector<DepthHypothesis> hypotheses) {
-  if (measured_answers_ >= kMaxAsked || requests_since_search_++ % kMeasuredEvery != 0) return hypotheses;
+  const unsigned every = measured_answers_ < kOftenAsked ? kMeasuredEvery : kMeasuredSeldom;
+  if (!wants_measured_ || requests_since_search_++ % every != 0) return hypotheses;
   if (hypotheses.empty()) hypotheses.push_back({DepthHypothesis::Kind::kBlurred, 0});
   hypotheses.push_back({DepthHypothesis::Kind::kMeasured, 0});
   return hypotheses;

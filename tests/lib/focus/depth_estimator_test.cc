@@ -534,6 +534,14 @@ TEST_F(WideArrayTest, WithoutMeasurementsTheSearchGoesOn) {
   EXPECT_LT(error(), 0.2) << "the cameras measure again";
 }
 
+TEST_F(WideArrayTest, CamerasMayTakeLongToMeasure) {
+  run(600);
+  measures_ = true;
+  run(40);
+  EXPECT_LT(error(), 0.2);
+  EXPECT_FALSE(control_.state().on_plane);
+}
+
 TEST(DepthEstimator, CamerasSideBySideMeasureNothing) {
   Loop loop(FocusMode::kAuto, false, 0, 0);
   for (int i = 0; i < 100; i++) {
