@@ -249,8 +249,9 @@ GpuStatus add_consistency(const RenderJob& job, std::span<const Source> sources,
     seeing.push_back(source);
   }
   GpuStatus drawing;
-  // GPUs only draw hypotheses of views that are blended by the mesh.
-  if (gpu && !job.plan().blend() && !seeing.empty() && !hypotheses.empty()) {
+  // GPUs only draw hypotheses of views that are blended by the mesh, without masks.
+  const bool has_masks = std::ranges::any_of(seeing, [](const Source& source) { return source.visibility != nullptr; });
+  if (gpu && !job.plan().blend() && !has_masks && !seeing.empty() && !hypotheses.empty()) {
     drawing.drawn = draw(*gpu, job, seeing, hypotheses, sums, parallel, drawing.why_not);
     drawing.refused = !drawing.drawn;
     if (drawing.drawn) return drawing;

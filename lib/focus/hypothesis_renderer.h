@@ -59,7 +59,7 @@ struct HypothesisCamera {
 // depend on `parallel`. Throws Error like SumRenderer.
 //
 // If sources have a visibility mask, the first hypothesis must be the surface of the view, and the masks reduce the
-// weights of its contributions. A GPU ignores the masks.
+// weights of its contributions.
 //
 // `gpu` is used where possible (for its errors see GlesRenderer::draw_consistency()), otherwise the CPU. Returns
 // whether the GPU was used.

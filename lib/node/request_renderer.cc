@@ -176,7 +176,7 @@ RenderedConsistency render_consistency(const RequestRenderer::Work& work, const 
     std::vector<Source> sources = images_of(work, images);
     Visibility visibility;
     const auto part = [job](CameraIndex camera) { return std::vector{job->plan().camera_rect(camera)}; };
-    if (!options.depth_gpu) add_visibility(work, *job, part, options.parallel, sources, visibility);
+    add_visibility(work, *job, part, options.parallel, sources, visibility);
     rendered.drawing = add_consistency(*job, sources, hypotheses, sums, options.parallel, options.depth_gpu.get());
   }
   if (const View* const measured = work.plan->measured_view())

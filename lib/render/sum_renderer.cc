@@ -52,8 +52,12 @@ void SumRenderer::draw(std::span<SumRenderer* const> renderers, gl::GlesRenderer
   std::vector<SumRenderer*> drawn;
   std::vector<gl::GlesJob> orders;
   for (SumRenderer* const renderer : renderers) {
-    const State& state = *renderer->state_;
+    State& state = *renderer->state_;
     if (renderer->rect_.empty()) continue;
+    if (state.task.has_visibility) {
+      state.drawing.why_not = "something hides parts of the surface from some cameras";
+      continue;
+    }
     drawn.push_back(renderer);
     // Sums that may be added on the GPU must begin at even pixels, like cells.
     const bool is_even = state.keep_on_gpu || state.task.plan->blend();

@@ -31,7 +31,7 @@ struct Source {
   // the CPU renders the sum instead, the image is downloaded first.
   ImageView image;
   // The part of the focal surface that the camera sees, or null if this is not known. Must have the size of the view's
-  // focal map, and is only used if the map's nodes are FocalMap::kMinStep apart. Sums on a GPU ignore the mask.
+  // focal map, and is only used if the map's nodes are FocalMap::kMinStep apart. The CPU renders sums with masks.
   const VisibilityMask* visibility = nullptr;
 };
 

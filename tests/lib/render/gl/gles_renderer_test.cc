@@ -87,6 +87,32 @@ TEST_F(GlesRenderer, MatchesTheCpu) {
       }
 }
 
+TEST_F(GlesRenderer, TheCpuRendersSumsWithMasks) {
+  Random random(3);
+  const auto [rig, view] = test::array_and_view(0, random, true);
+  const auto images = test::in_family(PixelFamily::kRgb, images_of(rig, random, reference::smooth_image));
+  Eye eye(rig, build_mesh(rig), view, images, PixelFamily::kRgb);
+  const FocalMap& map = *view.focus.map;
+  ASSERT_EQ(map.step, FocalMap::kMinStep);
+  VisibilityMask mask{map.columns, map.rows, std::vector<uint8_t>(map.levels.size(), VisibilityMask::kHidden)};
+  const auto unmasked = eye.renderer();
+  eye.sources[0].visibility = &mask;
+  const auto cpu = eye.renderer(), masked = eye.renderer();
+  SumRenderer* const both[] = {unmasked.get(), masked.get()};
+  SumRenderer::draw(both, gpu(), serial_for);
+  EXPECT_TRUE(unmasked->drawing().drawn) << unmasked->drawing().why_not;
+  EXPECT_FALSE(masked->drawing().drawn);
+  EXPECT_FALSE(masked->drawing().refused) << "the GPU may render other sums";
+  EXPECT_THAT(masked->drawing().why_not, mentions("hides"));
+  const Rect whole = test::whole(view);
+  Sum a(PixelFamily::kRgb, whole), b(PixelFamily::kRgb, whole);
+  EXPECT_TRUE(cpu->render_rows(0, view.height, a.planes));
+  EXPECT_TRUE(masked->render_rows(0, view.height, b.planes));
+  const test::SumDifference difference = test::difference_of(a, b);
+  EXPECT_EQ(difference.level, 0);
+  EXPECT_EQ(difference.lost, 0);
+}
+
 // Views a few pixels wide, with pixels as wide as faces, exercise incomplete blocks. Other views see camera pixels
 // enlarged or reduced. `LF_SCALES` sets the number of views.
 TEST_F(GlesRenderer, DrawsTinyViewsAndAllScales) {
