@@ -74,10 +74,12 @@ bool FairScheduler::add(uint32_t view, uint64_t work, Answer answer, bool* dropp
     state.used = new_views_usage_;
   }
   if (state.waiting.empty()) enqueue(state);
-  state.waiting.push_back({static_cast<double>(work), std::move(answer)});
-  const bool too_many = state.waiting.size() > kMaxQueued + 2 * (of_set - 1);
-  if (too_many) state.waiting.pop_front();
+  state.waiting.push_back({static_cast<double>(work), std::move(answer), now});
+  const size_t most = state.overloaded && of_set == 1 ? 1 : kMaxQueued + 2 * (of_set - 1);
+  const bool too_many = state.waiting.size() > most;
+  if (too_many) state.dropped_at = now;
   if (dropped) *dropped = too_many;
+  while (state.waiting.size() > most) state.waiting.pop_front();
   if (depth_ > 0) look_ahead();
   changed_.notify_all();
   return true;
@@ -111,9 +113,26 @@ void FairScheduler::charge_running() {
   since_ = now;
 }
 
+// Finds out whether a view is overloaded, from the wait of its request that is answered now.
+void FairScheduler::note_wait(View& view, uint64_t arrived) {
+  const uint64_t now = now_();
+  if (view.overloaded) {
+    view.overloaded = now <= view.dropped_at + kOverload;
+    view.long_waits_since = 0;
+  } else if (now <= arrived + kLongWait) {
+    view.long_waits_since = 0;
+  } else if (view.long_waits_since == 0) {
+    view.long_waits_since = now;
+  } else if (now > view.long_waits_since + kOverload) {
+    view.overloaded = true;
+    view.dropped_at = now;
+  }
+}
+
 void FairScheduler::answer(Views::iterator first, std::unique_lock<std::mutex>& lock) {
   const uint32_t view = first->first;
   View& state = first->second;
+  note_wait(state, state.waiting.front().arrived);
   const Answer make = std::move(state.waiting.front().answer);
   state.waiting.pop_front();
   state.since = order_++;

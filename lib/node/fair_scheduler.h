@@ -33,6 +33,10 @@ class FairScheduler {
   // Maximum number of waiting requests of a view; the newest are kept. In a set of views, each further view of the set
   // adds room for two more.
   static constexpr size_t kMaxQueued = 8;
+  // A view is overloaded if each of its requests has waited longer than kLongWait, for the time kOverload. Only its
+  // newest request is then kept, because answers to older requests would all be too late (compare CoDel, RFC 8289). The
+  // overload ends after the same time without a dropped request.
+  static constexpr uint64_t kLongWait = 50'000'000, kOverload = 250'000'000;  // nanoseconds
   static constexpr int kMaxDepth = 8;           // nested interruptions
   static constexpr double kMaxCredit = 0.25e9;  // largest usage deficit of a view, nanoseconds of work
 
@@ -44,7 +48,8 @@ class FairScheduler {
   using Answer = std::function<void(const ParallelFor&)>;
   // Adds a request. `work` is the estimated duration of the answer in nanoseconds, or 0 if unknown; the request then
   // never interrupts another. `of_set` is the number of views in the request's set. If too many requests of the view
-  // are waiting, the oldest is dropped and *dropped (may be null) becomes true. Returns false while stopped.
+  // are waiting, or the view is overloaded, old requests are dropped and *dropped (may be null) becomes true. Returns
+  // false while stopped.
   bool add(uint32_t view, uint64_t work, Answer answer, bool* dropped = nullptr, size_t of_set = 1);
   // Waits for a request and answers this request. Requests of other views may interrupt the answer; they are answered
   // first. Returns false once the scheduler is stopped. Exceptions of an answer propagate and do not affect later
@@ -63,6 +68,7 @@ class FairScheduler {
   struct Waiting {
     double work;
     Answer answer;
+    uint64_t arrived;  // now_()
   };
   struct View {
     std::deque<Waiting> waiting;
@@ -73,6 +79,9 @@ class FairScheduler {
     double used = 0;
     uint64_t began = 0, asked = 0;  // times of the first and the latest request, now_()
     uint64_t since = 0;
+    uint64_t long_waits_since = 0;  // now_(); 0: the latest answer did not wait long
+    uint64_t dropped_at = 0;        // time of the latest dropped request, now_()
+    bool overloaded = false;
     bool waits() const { return !waiting.empty() && !in_flight; }
     double end() const { return used + waiting.front().work; }  // usage after the next answer
   };
@@ -88,6 +97,7 @@ class FairScheduler {
   Views::iterator first_waiting();
   void charge_running();
   void enqueue(View& view);
+  void note_wait(View& view, uint64_t arrived);
   void answer(Views::iterator first, std::unique_lock<std::mutex>& lock);
   bool is_urgent() const;                                                                // takes no lock
   void run_tasks(uint32_t view, size_t count, const std::function<void(size_t)>& task);  // caller does not hold mutex_

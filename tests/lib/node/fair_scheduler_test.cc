@@ -210,6 +210,37 @@ TEST(FairScheduler, KeepsTheNewestRequestsOfAView) {
   EXPECT_EQ(done, (std::vector<int>{4, 5, 6, 7, 8, 9, 10, 11}));
 }
 
+// Answers that take 1.5 times the interval of the requests. The newest request waits less than an interval.
+TEST(FairScheduler, OverloadedViewAnswersItsNewestRequest) {
+  Simulation overloaded(every(66, 100, 1, kEnd));
+  overloaded.run(kEnd);
+  EXPECT_LE(overloaded.p95(1), 66u + 100u + 1u);
+  EXPECT_GT(overloaded.dropped(), 80u);
+  EXPECT_NEAR(static_cast<double>(overloaded.answered(1)) * 100, kEnd, 500);
+}
+
+// A stall delays the requests of 200 ms. All of them are answered.
+TEST(FairScheduler, ShortDelaysAreNoOverload) {
+  std::vector<Simulation::Asked> asked = every(33, 15, 1, kEnd);
+  for (Simulation::Asked& one : asked)
+    if (one.at % 3'000 < 200) one.at += 200 - one.at % 3'000;
+  Simulation stalling(asked);
+  stalling.run(kEnd);
+  EXPECT_EQ(stalling.dropped(), 0u);
+  EXPECT_EQ(stalling.answered(1), asked.size());
+}
+
+TEST(FairScheduler, OverloadEnds) {
+  std::vector<Simulation::Asked> asked = every(66, 100, 1, kEnd / 2);
+  for (uint64_t at = kEnd / 2 + 500; at < kEnd; at += 66) asked.push_back({at, 20, 1});
+  Simulation recovering(asked);
+  recovering.run(kEnd / 2 + 500);
+  const size_t dropped = recovering.dropped();
+  EXPECT_GT(dropped, 0u);
+  recovering.run(kEnd);
+  EXPECT_EQ(recovering.dropped(), dropped);
+}
+
 TEST(FairScheduler, SetsHaveRoom) {
   constexpr size_t kViews = 48;
   FairScheduler answers;
