@@ -153,7 +153,7 @@ static void note_late_answer(LfCompositor* self, const lf::wire::AnswerPartHeade
   const lf::RequestHistory::Answer late = state.past.judge(answer.sequence, clock_time(self));
   if (late == lf::RequestHistory::Answer::kToSkipped) return;
   state.stats.count(CompositorStats::kLateAnswers);
-  state.late_answers++;
+  state.latency.add_late_answer();
   if (late != lf::RequestHistory::Answer::kInTime) return;
   node.was_in_time();
   lf::CameraRanges seeing = answer.cameras;
@@ -524,30 +524,6 @@ static void replace_incomplete(LfCompositor* self, GstBuffer** picture) {
   }
 }
 
-// Waits longer for answers from now on if all of them arrive after the deadline. Otherwise, the picture would not
-// change any more, although the nodes work. A single slow node does not delay the picture.
-static void adapt_latency(LfCompositor* self, bool any_answered) {
-  constexpr unsigned kPictures = 10;  // pictures in a row without any answer in time
-  constexpr unsigned kAnswers = 5;    // late answers meanwhile
-  constexpr double kFactor = 1.5, kMaxFactor = 2.5;
-  auto& state = *self->state;
-  if (any_answered) state.pictures_without_answers = state.late_answers = 0;
-  if (any_answered || ++state.pictures_without_answers < kPictures) return;
-  const bool are_late = std::exchange(state.late_answers, 0) >= kAnswers;
-  state.pictures_without_answers = 0;
-  if (!are_late) return;
-  GstClockTime latency = 0;
-  g_object_get(self, "latency", &latency, nullptr);
-  if (!GST_CLOCK_TIME_IS_VALID(state.set_latency)) state.set_latency = latency;
-  const auto longest = static_cast<GstClockTime>(kMaxFactor * static_cast<double>(state.set_latency));
-  const GstClockTime longer = std::min(static_cast<GstClockTime>(kFactor * static_cast<double>(latency)), longest);
-  if (longer <= latency) return;
-  GST_WARNING_OBJECT(self,
-                     "all answers arrive after the deadline of their pictures: latency increases to %" GST_TIME_FORMAT,
-                     GST_TIME_ARGS(longer));
-  g_object_set(self, "latency", longer, nullptr);
-}
-
 // Returns true if the nodes have answered the current request in time. A node that has stopped answering does not count
 // as long as others answer.
 static bool is_in_time(LfCompositor* self, const lf::NodeInputs& nodes) {
@@ -557,6 +533,26 @@ static bool is_in_time(LfCompositor* self, const lf::NodeInputs& nodes) {
   };
   return state.assembly.complete() && std::ranges::none_of(nodes, is_awaited) &&
          std::ranges::any_of(nodes, [](const lf::NodeInput* node) { return node->has_answered(); });
+}
+
+// Adapts the latency after a picture with the deadline `due`; see LatencyControl.
+static void adapt_latency(LfCompositor* self, const lf::NodeInputs& nodes, GstClockTime due) {
+  const bool any_answered = std::ranges::any_of(nodes, [](const lf::NodeInput* node) { return node->has_answered(); });
+  const GstClockTime now = clock_time(self);
+  std::optional<uint64_t> spare;
+  if (GST_CLOCK_TIME_IS_VALID(due) && GST_CLOCK_TIME_IS_VALID(now) && now <= due && is_in_time(self, nodes))
+    spare = due - now;
+  GstClockTime latency = 0;
+  g_object_get(self, "latency", &latency, nullptr);
+  const GstClockTime next = self->state->latency.next(latency, any_answered, spare);
+  if (next == latency) return;
+  if (next > latency)
+    GST_WARNING_OBJECT(
+        self, "all answers arrive after the deadline of their pictures: latency increases to %" GST_TIME_FORMAT,
+        GST_TIME_ARGS(next));
+  else
+    GST_INFO_OBJECT(self, "answers arrive early: latency decreases to %" GST_TIME_FORMAT, GST_TIME_ARGS(next));
+  g_object_set(self, "latency", next, nullptr);
 }
 
 static GstFlowReturn finish_request(LfCompositor* self, const lf::NodeInputs& nodes) {
@@ -571,8 +567,7 @@ static GstFlowReturn finish_request(LfCompositor* self, const lf::NodeInputs& no
     return GST_FLOW_OK;
   }
   const bool leads = state.current->place.leads();
-  if (leads && !partial && lf_compositor_is_live(self))
-    adapt_latency(self, std::ranges::any_of(nodes, [](lf::NodeInput* node) { return node->has_answered(); }));
+  if (leads && !partial && lf_compositor_is_live(self)) adapt_latency(self, nodes, due);
   // Warm-up requests ignore the interval, because otherwise the first picture would appear before the focal surface is
   // found.
   const guint depth_interval = state.current->warmup ? 1 : state.settings.depth_interval;

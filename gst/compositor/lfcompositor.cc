@@ -30,10 +30,11 @@
  *
  * A picture is finished when every node has answered. In a live pipeline, the compositor waits only until the deadline
  * of the picture, which is `latency` after the request. The property `incomplete` selects the output if an answer is
- * still missing then. If all answers arrive after the deadlines, the compositor increases `latency` to at most 2.5
- * times its value until it stops, and posts a LATENCY message. If `rig` is set, the remaining cameras compensate for
- * missing fragments. The compositor ignores requests and answers of views other than `view-id`, so that one `tee` can
- * feed several compositors.
+ * still missing then. If all answers arrive after the deadlines, for example on a busy machine, the compositor
+ * increases `latency` to at most 6 times its value. It decreases `latency` again when answers arrive early, and
+ * restores it when it stops. After each change, it posts a LATENCY message. If `rig` is set, the remaining cameras
+ * compensate for missing fragments. The compositor ignores requests and answers of views other than `view-id`, so that
+ * one `tee` can feed several compositors.
  *
  * A camera that misses more than `max-missed` consecutive pictures is out of service. The compositor announces this
  * upstream with the custom event "lightfield-feedback", and lfviewrequest names the camera in later requests. All nodes
@@ -726,8 +727,7 @@ static gboolean lf_compositor_start(GstAggregator* agg) {
   state.warned_unseen = state.warned_unlinked = false;
   state.first_set.reset();
   state.latency_query_time = 0;
-  state.pictures_without_answers = state.late_answers = 0;
-  state.set_latency = GST_CLOCK_TIME_NONE;
+  state.latency.clear();
   state.silence.clear();
   for (lf::NodeInput* node : lf::NodeInputs(self->request)) node->silence().clear();
   state.output.start(settings.partial, self->request);
@@ -754,9 +754,8 @@ static gboolean lf_compositor_stop(GstAggregator* agg) {
   LfCompositor* self = LF_COMPOSITOR(agg);
   lf_compositor_forget_request(self);
   drop_early_answers(self);
-  if (const GstClockTime latency = std::exchange(self->state->set_latency, GST_CLOCK_TIME_NONE);
-      GST_CLOCK_TIME_IS_VALID(latency))
-    g_object_set(self, "latency", latency, nullptr);
+  if (const std::optional<GstClockTime> latency = self->state->latency.clear())
+    g_object_set(self, "latency", *latency, nullptr);
   self->state->output.stop();
   return TRUE;
 }

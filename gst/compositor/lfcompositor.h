@@ -18,6 +18,7 @@
 #include "composite/assembly.h"
 #include "composite/camera_health.h"
 #include "composite/depth_loop.h"
+#include "composite/latency_control.h"
 #include "composite/view_weights.h"
 #include "compositor/compositor_stats.h"
 #include "compositor/node_input.h"
@@ -149,8 +150,7 @@ struct _LfCompositor {
     std::optional<uint32_t> first_set;  // sequence number of the first request of the first set
     bool warned_unlinked = false;       // already warned since the start or the latest successful push
     int64_t latency_query_time = 0;
-    unsigned pictures_without_answers = 0, late_answers = 0;            // see adapt_latency()
-    GstClockTime set_latency = GST_CLOCK_TIME_NONE;                     // the latency that adapt_latency() has replaced
+    lf::LatencyControl latency;
   } * state;
 };
 

@@ -3,6 +3,7 @@
 
 #include "common/custom_events.h"
 #include "composite/camera_health.h"
+#include "composite/latency_control.h"
 #include "gst/compositor_fixture.h"
 #include "support/fragments.h"
 
@@ -167,7 +168,7 @@ TEST_F(LfCompositorLiveTest, LatencyIncreasesIfAllAnswersAreLate) {
       push(0, answer_of(asked, {0, 1}));
     }
     EXPECT_EQ(latency() > kLatency, nodes == 1);
-    EXPECT_LE(latency(), 5 * kLatency / 2);
+    EXPECT_LE(latency(), lf::LatencyControl::kMost * kLatency);
     gst_element_set_state(element_.get(), GST_STATE_READY);
     EXPECT_EQ(latency(), kLatency) << "the next start begins with the value of the application";
   }
