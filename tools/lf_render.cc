@@ -33,6 +33,7 @@
 #include "rig/still_image_cache.h"
 #include "terminal.h"
 #include "view/depth_image.h"
+#include "view/point_cloud.h"
 #include "view/view_path.h"
 
 namespace {
@@ -118,7 +119,7 @@ struct Options {
   std::string rig, views, out, truth, cameras, json;
   int every = 1;
   double distance = 0;  // distance of the focal plane, metres
-  bool i420 = false, leave_one_out = false, depth = false;
+  bool i420 = false, leave_one_out = false, depth = false, ply = false;
   std::string focus = "surface", resampling = "sharpened", gains = "auto", renderer = "cpu";
   double aperture = 0;  // metres
   int nearest_cameras = 0;
@@ -369,6 +370,16 @@ void leave_one_out(const lf::Rig& rig, const Options& options) {
   if (!options.json.empty()) write_json(rows, options.json);
 }
 
+// `path` is the path of the files without their extension.
+void save_depths(const Rendered& rendered, const Options& options, const std::string& path) {
+  const lf::DepthImage depth = lf::depth_image(rendered.focused, rendered.coverage);
+  if (options.depth) {
+    lf::save_depth_png(depth, path + ".depth.png");
+    lf::save_depth_pfm(depth, path + ".depth.pfm");
+  }
+  if (options.ply) lf::save_ply(lf::point_cloud(rendered.focused, depth, rendered.rgb.view()), path + ".ply");
+}
+
 void run(const Options& options) {
   lf::Rig rig = lf::load_rig(options.rig);
   if (options.every != 1) rig = lf::subsample_grid(rig, options.every);
@@ -390,11 +401,7 @@ void run(const Options& options) {
     Rendered out = renderer.render(view.name, mesh, view.view);
     if (!options.truth.empty()) out.row.quality = quality_against(out, options.truth + "/" + view.name + ".png");
     lf::save_image(out.rgb, options.out + "/" + view.name + ".png");
-    if (options.depth) {
-      const lf::DepthImage depth = lf::depth_image(out.focused, out.coverage);
-      lf::save_depth_png(depth, options.out + "/" + view.name + ".depth.png");
-      lf::save_depth_pfm(depth, options.out + "/" + view.name + ".depth.pfm");
-    }
+    if (options.depth || options.ply) save_depths(out, options, options.out + "/" + view.name);
     rows.push_back(out.row);
     progress.step();
   }
@@ -420,6 +427,10 @@ int main(int argc, char** argv) {
   app.add_flag("--depth", options.depth,
                "Also write the depth of each pixel, as NAME.depth.png (16 bits, in millimetres) and NAME.depth.pfm "
                "(floating point, in metres). Depths are along the optical axis of the view; 0 means unknown")
+      ->excludes(leave_one_out);
+  app.add_flag("--ply", options.ply,
+               "Also write the points of the surface with their colours as NAME.ply, in metres and in the coordinates "
+               "of the rig. Pixels at depth edges are left out")
       ->excludes(leave_one_out);
   app.add_option("--truth", options.truth,
                  "Folder with the expected picture of each view as NAME.png, for example from lf-scene --truth. The "

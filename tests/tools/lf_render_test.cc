@@ -208,11 +208,12 @@ TEST(LfRenderFocus, WritesDepths) {
   save_views({view}, folder / "views.json");
   const auto depths = [&](const std::string& more) {
     test::expect_outcome(
-        run_program("lf-render", "--rig rig.json --views views.json --out out --depth " + more, folder.path()), 0);
+        run_program("lf-render", "--rig rig.json --views views.json --out out --depth --ply " + more, folder.path()), 0);
     const cv::Mat png = cv::imread(folder / "out/v.depth.png", cv::IMREAD_UNCHANGED);
     EXPECT_EQ(png.type(), CV_16UC1);
     EXPECT_EQ(png.size(), cv::Size(160, 120));
     EXPECT_EQ(fs::file_size(folder / "out/v.depth.pfm"), std::string("Pf\n160 120\n-1\n").size() + 160 * 120 * 4);
+    EXPECT_GT(fs::file_size(folder / "out/v.ply"), 15u * 160 * 120 / 2);
     double least = 0, most = 0;
     cv::minMaxLoc(png, &least, &most, nullptr, nullptr, png > 0);  // the cameras do not see all corners
     EXPECT_GT(cv::countNonZero(png), 160 * 120 / 2);
