@@ -1,20 +1,21 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // The implementation of the element, made of several parts.
 
-import { ControlBar } from './bar.js';
-import { Overscroll, Vignette } from './border.js';
-import { Cameras } from './cameras.js';
-import { Token } from './connection.js';
-import { Controls } from './controls.js';
-import { Figures } from './figures.js';
-import { ViewNavigation } from './flight.js';
-import { Headset, headsets } from './headset.js';
-import { makeStage, style } from './markup.js';
-import { MonitorPanel } from './monitor.js';
-import { StatusMessage } from './notice.js';
-import { Anaglyph, kModes, Picture } from './picture.js';
-import { VisibilityWatcher, Stream } from './stream.js';
-import { numberIn, Share, viewOf } from './view.js';
+import {ControlBar} from './bar.js';
+import {Overscroll, Vignette} from './border.js';
+import {Cameras} from './cameras.js';
+import {Token} from './connection.js';
+import {Controls} from './controls.js';
+import {Figures} from './figures.js';
+import {ViewNavigation} from './flight.js';
+import {Headset, headsets} from './headset.js';
+import {makeStage, style} from './markup.js';
+import {MonitorPanel} from './monitor.js';
+import {StatusMessage} from './notice.js';
+import {Anaglyph, kModes, Picture} from './picture.js';
+import {Redraw} from './redraw.js';
+import {Stream, VisibilityWatcher} from './stream.js';
+import {numberIn, Share, viewOf} from './view.js';
 
 const kEyeDistance = 0.063;  // metres
 const kOneEye = 1e-6;        // minimum eye distance to request, metres; the server interprets 0 as a single eye
@@ -57,6 +58,7 @@ export class Viewer {
     this.controls = new Controls(this);
     this.share = new Share(this, find('.share'));
     this.token = new Token(this);
+    this.redraw = new Redraw(this, find('canvas.redrawn'));
     this.anaglyph = new Anaglyph(find('canvas.anaglyph'), this.video);
     this.sight = new VisibilityWatcher(host, seen => this.stream.see(seen || this.mode === 'headset'));
     this.stream.seen = false;
@@ -230,13 +232,17 @@ export class Viewer {
   }
 
   opened() {
+    this.redraw.begin();
     this.twoEyes = this.mode !== 'one';
     this.flight.resume({ ...this.start, ...this.share.view });
   }
 
   take(message) {
     this.notice.answered();
-    if (message.type === 'ControlResponseMessage' && message.error) this.flight.refused(message.id, message.error);
+    if (message.type === 'ControlResponseMessage') {
+      if (message.error) this.flight.refused(message.id, message.error);
+      this.redraw.answered(message.id, message.error);
+    }
     if (message.type !== 'InfoMessage') return;
     const { statistics, applied, view, pixel, rig } = message.info;
     if (rig) {
@@ -252,6 +258,7 @@ export class Viewer {
       this.tell('statistics', statistics);
     }
     if (view) this.flight.take(view, applied);
+    if (view) this.redraw.confirm(view, applied?.id);
     if (view && applied) this.elastic.applied(applied.id, view);
     if (applied) this.panel.applied(applied);
   }
@@ -268,6 +275,7 @@ export class Viewer {
       this.frames();
       if (!this.stream.connection?.hasTrack) return;
       this.flight.show(frame);
+      this.redraw.show(frame);
       this.notice.shown();
       this.panel.frame(now, frame);
       this.vignette.draw(now);
