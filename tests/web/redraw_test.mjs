@@ -178,6 +178,39 @@ async function predictionsAreExact() {
   await closeClean(page, served);
 }
 
+// Without WebGL, and after the loss of its context, the video is shown.
+async function worksWithoutWebGl() {
+  const served = await serve(...rig);
+  const without = await openShown(browser, served.url, size, 30, { before: () => {
+    const { getContext } = HTMLCanvasElement.prototype;
+    HTMLCanvasElement.prototype.getContext = function (type, ...more) {
+      return type === 'webgl2' ? null : getContext.call(this, type, ...more);
+    };
+  } });
+  await without.waitForFunction(() => inside().redraw.latest && inside().redraw.prediction.base);
+  await setView(without, { x: 0.02 });
+  expect(await without.evaluate(() => inside().redraw.isImpossible && inside().redraw.canvas.hidden), 'pictures are redrawn');
+  expect(!without.problems.length, without.problems.join('; '));
+  await without.context().close();
+
+  const page = await openShown(browser, served.url, size, 30);
+  await page.waitForFunction(() => inside().redraw.latest && inside().redraw.prediction.base);
+  await redrawn(page, { x: 0.02 });
+  await page.evaluate(async () => {
+    const { redraw } = inside(), context = redraw.painter.gl.getExtension('WEBGL_lose_context');
+    const next = name => new Promise(done => redraw.canvas.addEventListener(name, done, { once: true }));
+    const lost = next('webglcontextlost'), restored = next('webglcontextrestored');
+    context.loseContext();
+    await lost;
+    if (!redraw.canvas.hidden) throw new Error('the canvas hides the video');
+    setTimeout(() => context.restoreContext());
+    await restored;
+  });
+  await rests(page);
+  await redrawn(page, { x: -0.02 });
+  await closeClean(page, served);
+}
+
 async function movementsDoNotWait() {
   const served = await serve(...rig);
   for (const roundTrip of [0, 100, 200]) {
@@ -248,6 +281,7 @@ await runTests([
   ['damaged surfaces are refused', damagedSurfacesAreRefused],
   ['the mesh keeps the picture', meshKeepsThePicture],
   ['predictions are exact', predictionsAreExact],
+  ['works without WebGL', worksWithoutWebGl],
   ['movements do not wait for the server', movementsDoNotWait],
   ['redrawn pictures are better than stale ones', redrawnPicturesAreBetterThanStaleOnes],
 ]);

@@ -15,8 +15,8 @@ namespace lf::serve {
 // Returns the view of a picture from its meta "lightfield-view" (see lfcompositor). Returns nothing for sets of views.
 std::optional<View> view_of_picture(const GstStructure* picture);
 
-// Makes the messages of the data channel "surface". With each picture, a viewer gets the surface that the picture shows
-// (wire::PictureSurface), so that its page can redraw the picture from a new viewpoint without waiting for the server.
+// Makes the messages of the data channel "surface". A message contains the surface that a picture shows
+// (wire::PictureSurface), so that the page can redraw the picture from a new viewpoint without waiting for the server.
 //
 // The messages take at most kShare of the bits of the video. If there are not enough bits while the view moves, the
 // surface gets a lower resolution. While the view rests, the surface is sent in full resolution, when it has changed

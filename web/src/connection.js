@@ -114,9 +114,9 @@ export class Connection extends EventTarget {
     this.channel.onclose = () => this.lose();
     this.channel.onmessage = event => this.take(event.data);
     // A late surface is useless, so it is not sent again.
-    const surfaces = peer.createDataChannel('surface', {ordered: false, maxRetransmits: 0});
+    const surfaces = peer.createDataChannel('surface', { ordered: false, maxRetransmits: 0 });
     surfaces.binaryType = 'arraybuffer';
-    surfaces.onmessage = event => this.dispatchEvent(new CustomEvent('surface', {detail: event.data}));
+    surfaces.onmessage = event => this.dispatchEvent(new CustomEvent('surface', { detail: event.data }));
     peer.ontrack = event => {
       if ('jitterBufferTarget' in event.receiver) event.receiver.jitterBufferTarget = 0;
       if ('playoutDelayHint' in event.receiver) event.receiver.playoutDelayHint = 0;
@@ -170,7 +170,7 @@ export class Connection extends EventTarget {
     this.sent.set(id, { time: performance.now(), by });
     this.sent.delete(id - kMaxPending);
     this.channel.send(JSON.stringify({ id, mid: null, request }));
-    this.dispatchEvent(new CustomEvent('sent', {detail: {id, request}}));
+    this.dispatchEvent(new CustomEvent('sent', { detail: { id, request } }));
     return id;
   }
 

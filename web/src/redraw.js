@@ -5,13 +5,15 @@
 //
 // While the picture shows the requested view, the <video> itself is visible and nothing is drawn.
 
-import {Prediction} from './prediction.js';
-import {clipMatrix, decodeSurface, displacement, kVertexFloats, makeMesh} from './surface.js';
-import {axesOf, kFields} from './view.js';
+import { Prediction } from './prediction.js';
+import { clipMatrix, decodeSurface, displacement, kVertexFloats, makeMesh } from './surface.js';
+import { axesOf, kFields } from './view.js';
 
 const kKept = 64;       // surfaces that wait for their picture
 const kSame = 0.05;     // pixels; the picture counts as the picture of the requested view
-const kReach = 0.4;     // maximum movement of points of the picture, picture widths; beyond, the video is shown
+// Maximum movement of points of the picture, in picture widths: for a jump to another view, and for a continued movement.
+// Beyond, the video is shown.
+const kReach = 0.4, kContinuedReach = 1;
 const kBlend = 100;     // milliseconds until a wrong prediction is corrected
 const kFade = 80;       // milliseconds until the redrawn picture has given way to the video
 const kBlur = 3;        // blur in the gaps that a movement opens: level of detail
@@ -45,7 +47,7 @@ void main() {
 class Painter {
   constructor(canvas) {
     this.canvas = canvas;
-    const gl = this.gl = canvas.getContext('webgl2', {alpha: false, antialias: false});
+    const gl = this.gl = canvas.getContext('webgl2', { alpha: false, antialias: false });
     if (!gl) throw new Error('no WebGL 2');
     const program = gl.createProgram();
     for (const [type, text] of [[gl.VERTEX_SHADER, kVertex], [gl.FRAGMENT_SHADER, kFragment]]) {
@@ -74,20 +76,20 @@ class Painter {
   }
 
   load(video) {
-    const {gl} = this;
+    const { gl } = this;
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB, gl.RGB, gl.UNSIGNED_BYTE, video);
     gl.generateMipmap(gl.TEXTURE_2D);
   }
   use(surface) {
     if (surface === this.surface) return;
-    const {gl} = this, mesh = this.mesh = makeMesh(surface);
+    const { gl } = this, mesh = this.mesh = makeMesh(surface);
     this.surface = surface;
     gl.bufferData(gl.ARRAY_BUFFER, mesh.vertices, gl.STREAM_DRAW);
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, mesh.triangles, gl.STREAM_DRAW);
   }
   // Draws the picture of the camera `from`, as the camera `to` sees it.
   draw(from, to) {
-    const {gl, canvas, mesh, places, surface} = this;
+    const { gl, canvas, mesh, places, surface } = this;
     if (canvas.width !== to.width || canvas.height !== to.height) [canvas.width, canvas.height] = [to.width, to.height];
     gl.viewport(0, 0, to.width, to.height);
     gl.uniformMatrix4fv(places.clip_from_ray, false, clipMatrix(from, to, kNearest / Math.max(surface.nearest, 1e-9)));
@@ -129,9 +131,11 @@ export class Redraw {
     this.drawn = 0;  // pictures that were redrawn, for statistics
     canvas.addEventListener('webglcontextlost', event => {
       event.preventDefault();
+      this.isLost = true;
       this.painter = null;
       this.hide();
     });
+    canvas.addEventListener('webglcontextrestored', () => this.isLost = false);
     this.begin();
   }
   // Forgets the previous connection.
@@ -144,21 +148,21 @@ export class Redraw {
 
   // Takes a message of the data channel "surface".
   take(message) {
-    const {surfaces} = this;
+    const { surfaces } = this;
     decodeSurface(message).then(surface => {
       if (surfaces !== this.surfaces) return;
       surfaces.set(surface.timestamp, surface);
       if (surfaces.size > kKept) surfaces.delete(surfaces.keys().next().value);
       this.latest = surface;
       if (this.picture?.timestamp === surface.timestamp)
-        this.picture = {timestamp: surface.timestamp, surface, camera: surface.camera};
+        this.picture = { timestamp: surface.timestamp, surface, camera: surface.camera };
       this.wake();
     }, error => console.warn(`lightfield-viewer: ${error.message}`));
   }
 
-  sent({id, request}) {
-    const {video, flight} = this.viewer;
-    this.prediction.sent(id, request, {width: video.videoWidth || 1, height: video.videoHeight || 1}, flight.home);
+  sent({ id, request }) {
+    const { video, flight } = this.viewer;
+    this.prediction.sent(id, request, { width: video.videoWidth || 1, height: video.videoHeight || 1 }, flight.home);
     this.wake();
   }
   answered(id, error) { this.prediction.answer(id, error); }
@@ -167,24 +171,24 @@ export class Redraw {
     const before = this.painted && this.target();
     this.prediction.confirm(view, id);
     this.correction = null;
-    if (before) this.correction = {fields: difference(before, this.prediction.now), began: performance.now()};
+    if (before) this.correction = { fields: difference(before, this.prediction.now), began: performance.now() };
     this.wake();
   }
   // Returns the view to draw, or null.
   target() {
-    const {prediction: {now}, correction} = this;
+    const { prediction: { now }, correction } = this;
     const left = correction ? 1 - (performance.now() - correction.began) / kBlend : 0;
     if (left <= 0) this.correction = null;
     if (!now || left <= 0) return now;
-    return {...now, ...Object.fromEntries(kFields.map(name => [name, now[name] + left * correction.fields[name]]))};
+    return { ...now, ...Object.fromEntries(kFields.map(name => [name, now[name] + left * correction.fields[name]])) };
   }
 
   // A new picture is on the screen.
-  show({rtpTimestamp}) {
-    const {seen} = this.viewer.flight, {videoWidth, videoHeight} = this.viewer.video;
+  show({ rtpTimestamp }) {
+    const { seen } = this.viewer.flight, { videoWidth, videoHeight } = this.viewer.video;
     const surface = this.surfaces.get(rtpTimestamp), last = surface ?? this.latest;
     this.picture = last && (surface || seen) ?
-        {timestamp: rtpTimestamp, surface: last, camera: surface?.camera ?? cameraOf(seen, videoWidth, videoHeight)} :
+        { timestamp: rtpTimestamp, surface: last, camera: surface?.camera ?? cameraOf(seen, videoWidth, videoHeight) } :
         null;
     this.isLoaded = false;
     if (this.painted) this.load();
@@ -192,8 +196,9 @@ export class Redraw {
   }
 
   get isPossible() {
-    const {viewer} = this;
-    return viewer.mode === 'one' && viewer.path === null && viewer.cameras.canvas.hidden && !this.isImpossible;
+    const { viewer } = this;
+    return viewer.mode === 'one' && viewer.path === null && viewer.cameras.canvas.hidden &&
+      !this.isLost && !this.isImpossible;
   }
   // Reads the picture on the screen once.
   load() {
@@ -201,13 +206,13 @@ export class Redraw {
     this.painter.load(this.viewer.video);
     this.isLoaded = true;
   }
-  // Returns the camera to draw, or null if the video shows the requested view or cannot be redrawn for it.
+  // Returns the camera to draw. Returns null if the video shows the requested view, or if the view is too far away.
   wanted() {
-    const view = this.picture && this.isPossible && this.target(), {video} = this.viewer;
+    const view = this.picture && this.isPossible && this.target(), { video } = this.viewer;
     if (!view || !video.videoWidth) return null;
-    const camera = cameraOf(view, video.videoWidth, video.videoHeight), {surface, camera: from} = this.picture;
+    const camera = cameraOf(view, video.videoWidth, video.videoHeight), { surface, camera: from } = this.picture;
     const pixels = displacement(from, camera, surface.nearest);
-    return pixels < kSame || pixels > kReach * from.width ? null : camera;
+    return pixels < kSame || pixels > (this.painted ? kContinuedReach : kReach) * from.width ? null : camera;
   }
 
   wake() {

@@ -22,7 +22,7 @@ function predicted(levels, at, i, j, columns) {
 }
 
 async function inflate(bytes, size) {
-  const {writable, readable} = new DecompressionStream('deflate'), writer = writable.getWriter(),
+  const { writable, readable } = new DecompressionStream('deflate'), writer = writable.getWriter(),
                    reader = readable.getReader();
   const out = new Uint8Array(size);
   // Errors also reach the reader.
@@ -30,7 +30,7 @@ async function inflate(bytes, size) {
   writer.close().catch(() => {});
   let at = 0;
   for (;;) {
-    const {done, value} = await reader.read();
+    const { done, value } = await reader.read();
     if (done) break;
     if (at + value.length > size) throw new RangeError('the surface has too many nodes');
     out.set(value, at);
@@ -47,7 +47,7 @@ export async function decodeSurface(buffer) {
   if (buffer.byteLength <= kHeaderBytes || buffer.byteLength > kMaxBytes || data.getUint8(0) !== kVersion)
     throw new RangeError('not a surface of version 1');
   const [step, width, height, columns, rows] = [2, 8, 10, 12, 14].map(at => data.getUint16(at));
-  const numbers = Array.from({length: 13}, (_, i) => data.getFloat64(16 + 8 * i));
+  const numbers = Array.from({ length: 13 }, (_, i) => data.getFloat64(16 + 8 * i));
   const [x, y, z, qw, qx, qy, qz, fx, fy, cx, cy, farthest, nearest] = numbers;
   const nodes = columns * rows;
   if (!numbers.every(Number.isFinite) || !(fx > 0 && fy > 0 && farthest >= 0 && nearest >= farthest) || !step ||
@@ -64,7 +64,7 @@ export async function decodeSurface(buffer) {
   };
   return {
     timestamp: data.getUint32(4),
-    camera: {position: [x, y, z], axes, width, height, fx, fy, cx, cy},
+    camera: { position: [x, y, z], axes, width, height, fx, fy, cx, cy },
     step,
     columns,
     rows,
@@ -84,7 +84,7 @@ function line(count, step, size) {
   }
   places.push(Math.max((1 + kBeyond) * size, places.at(-1)));
   nodes.push(count - 1);
-  return {places, nodes};
+  return { places, nodes };
 }
 
 // For each node, returns the index of the node that lies behind it: the farthest of the near neighbours if there is an
@@ -127,7 +127,7 @@ function smoothed(levels, columns, rows) {
 // Makes two meshes of a surface, as vertices and triangles. The mesh in front is cut at edges: there, each corner of a
 // cell keeps its own depth up to the middle of the cell. The mesh behind fills the gaps that a movement opens: near an
 // edge it has the depth and the colour of the farther side.
-export function makeMesh({camera: {width, height}, step, columns, rows, farthest, nearest, levels}) {
+export function makeMesh({ camera: { width, height }, step, columns, rows, farthest, nearest, levels }) {
   const inverses =
       Float32Array.from(smoothed(levels, columns, rows), level => farthest + (nearest - farthest) * level / 255);
   const isEdge = (low, high) => high - low > kEdge * high && high - low > kEdgeOfNearest * nearest;

@@ -44,7 +44,7 @@ export function axesOf({ yaw, pitch, roll }) {
 }
 
 // Returns the angles of these axes, in degrees: the inverse of axesOf().
-export function anglesOf({right, down, forward}) {
+export function anglesOf({ right, down, forward }) {
   const degrees = 180 / Math.PI;
   return {
     yaw: Math.atan2(forward[0], forward[2]) * degrees,

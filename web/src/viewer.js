@@ -1,21 +1,21 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // The implementation of the element, made of several parts.
 
-import {ControlBar} from './bar.js';
-import {Overscroll, Vignette} from './border.js';
-import {Cameras} from './cameras.js';
-import {Token} from './connection.js';
-import {Controls} from './controls.js';
-import {Figures} from './figures.js';
-import {ViewNavigation} from './flight.js';
-import {Headset, headsets} from './headset.js';
-import {makeStage, style} from './markup.js';
-import {MonitorPanel} from './monitor.js';
-import {StatusMessage} from './notice.js';
-import {Anaglyph, kModes, Picture} from './picture.js';
-import {Redraw} from './redraw.js';
-import {Stream, VisibilityWatcher} from './stream.js';
-import {numberIn, Share, viewOf} from './view.js';
+import { ControlBar } from './bar.js';
+import { Overscroll, Vignette } from './border.js';
+import { Cameras } from './cameras.js';
+import { Token } from './connection.js';
+import { Controls } from './controls.js';
+import { Figures } from './figures.js';
+import { ViewNavigation } from './flight.js';
+import { Headset, headsets } from './headset.js';
+import { makeStage, style } from './markup.js';
+import { MonitorPanel } from './monitor.js';
+import { StatusMessage } from './notice.js';
+import { Anaglyph, kModes, Picture } from './picture.js';
+import { Redraw } from './redraw.js';
+import { Stream, VisibilityWatcher } from './stream.js';
+import { numberIn, Share, viewOf } from './view.js';
 
 const kEyeDistance = 0.063;  // metres
 const kOneEye = 1e-6;        // minimum eye distance to request, metres; the server interprets 0 as a single eye
