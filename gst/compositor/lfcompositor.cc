@@ -95,7 +95,12 @@
  *   pixels).
  * - focus (structure): mode (string: plane or surface), plane (array of 4 doubles: a, b, c, d with
  *   a x + b y + c z + d = 0), distance (double: distance of that plane along the optical axis, metres); in mode surface
- *   also nearest and farthest (double, metres from the array).
+ *   also nearest and farthest (double, metres from the array) and map.
+ * - focus.map (structure): the surface in focus, as a grid of inverse distances. Node (i, j) is at the pixel position
+ *   ((i + 1/2) step - 1/2, (j + 1/2) step - 1/2), and the depth between nodes is interpolated. step, columns, rows
+ *   (int); levels (GBytes: one byte per node, row by row); inverse-farthest and inverse-nearest (double, 1/metres: the
+ *   inverse distances of levels 0 and 255); from (array of 4 doubles: the plane that distances are measured from, along
+ *   its normal).
  * - aperture (double, metres; 0: none), nearest-cameras (int; 0: three, by the mesh).
  * - coverage (double: share of the view that cameras can see; with `rig`).
  * - extrapolated (double: part of `coverage` that is beside the camera mesh, where the nearest cameras fill in).

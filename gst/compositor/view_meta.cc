@@ -61,10 +61,30 @@ GstStructure* lens_of(const View& view) {
   return lens;
 }
 
+// The levels stay in the memory of the map, which the bytes keep alive.
+GBytes* levels_of(const std::shared_ptr<const FocalMap>& map) {
+  return g_bytes_new_with_free_func(
+      map->levels.data(), map->levels.size(),
+      [](gpointer data) { delete static_cast<std::shared_ptr<const FocalMap>*>(data); },
+      new std::shared_ptr<const FocalMap>(map));
+}
+
+GstStructure* map_of(const std::shared_ptr<const FocalMap>& map) {
+  GBytes* levels = levels_of(map);
+  GstStructure* structure =
+      gst_structure_new("lightfield-focal-map", "step", G_TYPE_INT, map->step, "columns", G_TYPE_INT, map->columns,
+                        "rows", G_TYPE_INT, map->rows, "inverse-farthest", G_TYPE_DOUBLE, map->farthest,
+                        "inverse-nearest", G_TYPE_DOUBLE, map->nearest, "levels", G_TYPE_BYTES, levels, nullptr);
+  g_bytes_unref(levels);
+  const double from[] = {map->from.normal.x, map->from.normal.y, map->from.normal.z, map->from.d};
+  set_numbers(structure, "from", from);
+  return structure;
+}
+
 GstStructure* focus_of(const ViewRequest& request) {
   const View& view = request.view;
   const Plane& plane = view.focus.plane;
-  const FocalMap* map = request.on_plane ? nullptr : view.focus.map.get();
+  const std::shared_ptr<const FocalMap> map = request.on_plane ? nullptr : view.focus.map;
   GstStructure* focus =
       gst_structure_new("lightfield-focus", "mode", G_TYPE_STRING, map ? "surface" : "plane", nullptr);
   const double numbers[] = {plane.normal.x, plane.normal.y, plane.normal.z, plane.d};
@@ -75,6 +95,7 @@ GstStructure* focus_of(const ViewRequest& request) {
   const auto [farthest, nearest] = std::ranges::minmax(map->levels);
   gst_structure_set(focus, "nearest", G_TYPE_DOUBLE, 1 / map->inverse_of(nearest), "farthest", G_TYPE_DOUBLE,
                     1 / map->inverse_of(farthest), nullptr);
+  take_structure(focus, "map", map_of(map));
   return focus;
 }
 

@@ -12,10 +12,12 @@
 #include "support/colmap_binary.h"
 #include "support/jpeg_samples.h"
 #include "support/temp_dir.h"
+#include "view/navigator.h"
 #include "view/view_path.h"
 #include "web/offers.h"
 #include "wire/command_codec.h"
 #include "wire/consistency_codec.h"
+#include "wire/surface_codec.h"
 #include "wire/unit.h"
 
 namespace lf::fuzz {
@@ -227,6 +229,14 @@ std::map<std::string, std::vector<Bytes>> seeds() {
     all["request"].push_back(unit);
     all["packetizer"].push_back(join({{0, 1}, unit}));
   }
+  View shown = make_view({}, 96, 64);
+  all["surface"].push_back(wire::encode_surface(*wire::picture_surface(shown, 1)));
+  FocalMap slope = FocalMap::for_view(shown.width, shown.height);
+  slope.nearest = 1;
+  for (int i = 0; i < slope.columns * slope.rows; i++)
+    slope.levels.push_back(static_cast<uint8_t>(i % slope.columns * 8));
+  shown.focus.map = std::make_shared<FocalMap>(std::move(slope));
+  all["surface"].push_back(wire::encode_surface(*wire::picture_surface(shown, 0xffffff00)));
   all["depacketizer"].push_back(packets(wire::UnitKind::kAnswer, answers, 600));
   all["depacketizer"].push_back(packets(wire::UnitKind::kRequest, requests, 1388));
   const auto add_whole = [&all](const char* target, const std::string& text) {

@@ -12,6 +12,7 @@
 #include "wire/consistency_codec.h"
 #include "wire/fragment_codec.h"
 #include "wire/request_codec.h"
+#include "wire/surface_codec.h"
 #include "wire/unit.h"
 
 namespace {
@@ -161,5 +162,19 @@ LF_FUZZ_TARGET(moments)(const uint8_t* data, size_t size) {
     moments.add(same[t]);
     for (size_t i = 0; i < moments.weight.size(); i++) moments.deviation(i);
   }
+  return 0;
+}
+
+// Surfaces of pictures: decoded messages survive encoding unchanged, also after the grid has been halved.
+LF_FUZZ_TARGET(surface)(const uint8_t* data, size_t size) {
+  using namespace lf;
+  std::string reason;
+  auto surface = wire::decode_surface({data, size}, &reason);
+  fuzz::require(surface || !reason.empty());
+  if (!surface) return 0;
+  do {
+    fuzz::require(surface->levels.size() <= wire::PictureSurface::kMaxNodes);
+    fuzz::require(wire::decode_surface(wire::encode_surface(*surface)) == surface);
+  } while (wire::halve(*surface));
   return 0;
 }

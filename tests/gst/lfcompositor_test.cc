@@ -190,6 +190,47 @@ TEST_F(LfCompositorTest, DownstreamSelectsAFormatOfTheFamily) {
   EXPECT_EQ(pull().size(), 16u * 12 * 4);
 }
 
+const GstStructure* structure_in(const GstStructure* structure, const char* field) {
+  const GValue* value = gst_structure_get_value(structure, field);
+  return value && GST_VALUE_HOLDS_STRUCTURE(value) ? gst_value_get_structure(value) : nullptr;
+}
+
+TEST_F(LfCompositorTest, PicturesCarryTheFocalSurfaceOfTheirRequest) {
+  start(1);
+  for (uint32_t i = 0; i < 3; i++) {
+    ViewRequest asked = array_.request(i, i * kFrame);
+    FocalMap map = *flat_surface(asked.view);
+    for (size_t k = 0; k < map.levels.size(); k++) map.levels[k] = static_cast<uint8_t>(50 + 10 * i + k);
+    asked.view.focus.map = std::make_shared<FocalMap>(map);
+    asked.on_plane = i == 2;
+    request_and_answer(asked, {0, 1, 2, 3});
+    const BufferPtr picture(gst_harness_pull(harness_.get()));
+    ASSERT_TRUE(picture);
+    GstCustomMeta* meta = gst_buffer_get_custom_meta(picture.get(), "lightfield-view");
+    ASSERT_TRUE(meta);
+    const GstStructure* focus = structure_in(gst_custom_meta_get_structure(meta), "focus");
+    ASSERT_TRUE(focus);
+    const GstStructure* shown = structure_in(focus, "map");
+    if (asked.on_plane) {
+      EXPECT_FALSE(shown) << "the picture shows a plane";
+      continue;
+    }
+    ASSERT_TRUE(shown);
+    int step = 0, columns = 0, rows = 0;
+    double farthest = 0, nearest = 0;
+    GBytes* levels = nullptr;
+    ASSERT_TRUE(gst_structure_get(shown, "step", G_TYPE_INT, &step, "columns", G_TYPE_INT, &columns, "rows", G_TYPE_INT,
+                                  &rows, "inverse-farthest", G_TYPE_DOUBLE, &farthest, "inverse-nearest", G_TYPE_DOUBLE,
+                                  &nearest, "levels", G_TYPE_BYTES, &levels, nullptr));
+    EXPECT_EQ(std::tuple(step, columns, rows), std::tuple(map.step, map.columns, map.rows));
+    EXPECT_EQ(std::pair(farthest, nearest), std::pair(map.farthest, map.nearest));
+    gsize size = 0;
+    const auto* bytes = static_cast<const uint8_t*>(g_bytes_get_data(levels, &size));
+    EXPECT_EQ(std::vector<uint8_t>(bytes, bytes + size), map.levels);
+    g_bytes_unref(levels);
+  }
+}
+
 TEST_F(LfCompositorTest, EndOfRequestsEndsTheOutput) {
   start(1);
   ask_and_answer(0, 0, {0, 1, 2, 3});

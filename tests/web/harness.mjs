@@ -325,9 +325,9 @@ export async function site(pages, root, host = '127.0.0.1', headers = {}) {
 }
 
 // Simulates a bad network between a page and its lf-serve. The page's next connection uses a relay that drops
-// `relay.loss` of the media packets in both directions.
+// `relay.loss` of the media packets in both directions, and delays all packets by `relay.delay` milliseconds.
 export async function throughRelay(page) {
-  const relay = { loss: 0, passed: 0, lost: 0, close: () => sockets.forEach(socket => socket.close()) };
+  const relay = { loss: 0, delay: 0, passed: 0, lost: 0, close: () => sockets.splice(0).forEach(socket => socket.close()) };
   const sockets = [];
   await page.route('**/whep?*', async route => {
     const response = await route.fetch();
@@ -346,11 +346,12 @@ export async function throughRelay(page) {
       relay[media ? 'lost' : 'passed']++;
       return media;
     };
+    const later = send => relay.delay > 0 ? setTimeout(() => sockets.length && send(), relay.delay) : send();
     near.on('message', (packet, { port }) => {
       browser = port;
-      if (!lost(packet)) far.send(packet, server, '127.0.0.1');
+      if (!lost(packet)) later(() => far.send(packet, server, '127.0.0.1'));
     });
-    far.on('message', packet => browser && !lost(packet) && near.send(packet, browser, '127.0.0.1'));
+    far.on('message', packet => browser && !lost(packet) && later(() => near.send(packet, browser, '127.0.0.1')));
     for (const socket of [near, far]) {
       socket.bind(0, '127.0.0.1');
       await once(socket, 'listening');

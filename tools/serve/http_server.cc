@@ -461,6 +461,7 @@ std::string HttpServer::metrics() const {
   put("camera_bytes_total", "counter", "Bytes of answers from the cameras.", field_->answer_bytes());
   put("composed_bytes_total", "counter", "Bytes of answers used in pictures.", counters.answer_bytes);
   put("video_bytes_total", "counter", "Bytes of RTP packets for browsers.", counters.video_bytes);
+  put("surface_bytes_total", "counter", "Bytes of messages with surfaces for browsers.", counters.surface_bytes);
   put("refused_messages_total", "counter", "Data channel messages that were invalid or above the rate limit.",
       counters.refused_messages);
   put("resident_bytes", "gauge", "Memory of the process.", resident_bytes());

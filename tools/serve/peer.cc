@@ -15,6 +15,8 @@
 namespace lf::serve {
 namespace {
 
+constexpr int kMaxStreams = 2;  // SCTP streams: the data channels "control" and "surface"
+
 using Reply = std::function<void(const GstStructure*)>;
 
 // Returns a promise for one call of webrtcbin, which takes ownership. `reply` runs on a thread of webrtcbin and
@@ -164,6 +166,7 @@ std::shared_ptr<Peer> Peer::make(GstElement* webrtc, Offer offer, uint32_t ssrc,
 Peer::~Peer() {
   if (channel_) g_signal_handlers_disconnect_matched(channel_, G_SIGNAL_MATCH_DETAIL, 0, 0, nullptr, nullptr, nullptr);
   g_clear_object(&channel_);
+  g_clear_object(&surface_channel_);
   gst_clear_object(&dtls_);
   gst_object_unref(webrtc_);
 }
@@ -254,7 +257,7 @@ void Peer::watch_element(GstElement* element) {
         element, "pad-added",
         +[](GstElement*, GstPad*, gpointer data) {
           const auto peer = peer_of(data);
-          if (peer && ++peer->streams_ > 1) peer->fail("it opens more than one data channel");
+          if (peer && ++peer->streams_ > kMaxStreams) peer->fail("it opens too many data channels");
         },
         weak_from_this());
   if (type == "nicesrc")
@@ -393,6 +396,11 @@ void Peer::open_channel(GstWebRTCDataChannel* channel) {
   g_autofree gchar* label = nullptr;
   g_object_get(channel, "label", &label, nullptr);
   const std::lock_guard lock(mutex_);
+  if (!surface_channel_ && g_strcmp0(label, "surface") == 0) {
+    surface_channel_ = static_cast<GstWebRTCDataChannel*>(g_object_ref(channel));
+    takes_surfaces_ = true;
+    return;
+  }
   if (channel_ || g_strcmp0(label, "control") != 0) return fail("it opens an unknown data channel");
   channel_ = static_cast<GstWebRTCDataChannel*>(g_object_ref(channel));
   connect(
@@ -404,19 +412,37 @@ void Peer::open_channel(GstWebRTCDataChannel* channel) {
       weak_from_this());
 }
 
-void Peer::send(const std::string& text) {
+// Returns a new reference to a channel, or null if it is not open, or if at least `max_waiting` bytes wait to be sent.
+GstWebRTCDataChannel* Peer::open_for_sending(GstWebRTCDataChannel* Peer::*which, uint64_t max_waiting) {
   GstWebRTCDataChannel* channel = nullptr;
   {
     const std::lock_guard lock(mutex_);
-    if (!channel_) return;
-    channel = static_cast<GstWebRTCDataChannel*>(g_object_ref(channel_));
+    if (!(this->*which)) return nullptr;
+    channel = static_cast<GstWebRTCDataChannel*>(g_object_ref(this->*which));
   }
   GstWebRTCDataChannelState state;
   guint64 waiting = 0;
   g_object_get(channel, "ready-state", &state, "buffered-amount", &waiting, nullptr);
-  constexpr guint64 kMaxWaiting = 65536;
-  if (state == GST_WEBRTC_DATA_CHANNEL_STATE_OPEN && waiting < kMaxWaiting)
-    gst_webrtc_data_channel_send_string(channel, text.c_str());
+  if (state == GST_WEBRTC_DATA_CHANNEL_STATE_OPEN && waiting < max_waiting) return channel;
+  g_object_unref(channel);
+  return nullptr;
+}
+
+void Peer::send(const std::string& text) {
+  constexpr uint64_t kMaxWaiting = 65536;
+  GstWebRTCDataChannel* channel = open_for_sending(&Peer::channel_, kMaxWaiting);
+  if (!channel) return;
+  gst_webrtc_data_channel_send_string(channel, text.c_str());
+  g_object_unref(channel);
+}
+
+void Peer::send_surface(std::span<const uint8_t> message) {
+  constexpr uint64_t kMaxWaiting = 4096;  // later messages are more useful than waiting ones
+  GstWebRTCDataChannel* channel = open_for_sending(&Peer::surface_channel_, kMaxWaiting);
+  if (!channel) return;
+  GBytes* bytes = g_bytes_new(message.data(), message.size());
+  gst_webrtc_data_channel_send_data(channel, bytes);
+  g_bytes_unref(bytes);
   g_object_unref(channel);
 }
 

@@ -8,6 +8,7 @@
 #include <memory>
 #include <mutex>
 #include <set>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -38,9 +39,10 @@ struct Route {
 // and detects that the browser has left. The answer is possible before there is video. The video must later arrive at
 // the pad of the webrtcbin with the SSRC `ssrc`.
 //
-// The peer protects the server from hostile browsers. It accepts only one data channel, "control", on one SCTP stream,
-// because each further stream would cost threads and memory. A browser that opens more, or has another certificate than
-// its offer, fails, and its packets are dropped. RtcpFilter drops packets that the server does not need.
+// The peer protects the server from hostile browsers. It accepts only the data channels "control" and "surface", each
+// once, because each further SCTP stream would cost threads and memory. A browser that opens more, or has another
+// certificate than its offer, fails, and its packets are dropped. RtcpFilter drops packets that the server does not
+// need.
 //
 // Create a peer on the main thread. Callbacks run on the main thread, except on_message. A peer may be destroyed on any
 // thread.
@@ -74,6 +76,11 @@ class Peer : public std::enable_shared_from_this<Peer> {
   bool connected() const { return connected_; }
   // Sends a text on the data channel "control". Does nothing if the channel is not open. Thread-safe.
   void send(const std::string& text);
+  // Sends a message on the data channel "surface". Drops the message if the browser has not opened the channel, or if
+  // earlier messages still wait. Thread-safe.
+  void send_surface(std::span<const uint8_t> message);
+  // Returns true if the browser has opened the data channel "surface". Thread-safe.
+  bool takes_surfaces() const { return takes_surfaces_; }
   // Sets the bit rate of the video, which also limits retransmissions. Otherwise a browser could cause unlimited
   // traffic with small requests. Thread-safe.
   void set_bit_rate(int bits_per_second);
@@ -103,6 +110,7 @@ class Peer : public std::enable_shared_from_this<Peer> {
   void fail(const std::string& why);
   void call_back(std::function<void(Peer&)> what);
   void open_channel(GstWebRTCDataChannel* channel);
+  GstWebRTCDataChannel* open_for_sending(GstWebRTCDataChannel* Peer::*which, uint64_t max_waiting);
   void watch_element(GstElement* element);
   bool take(GstBuffer* packet);
   static GstPadProbeReturn on_retransmission_request(GstPad* pad, GstPadProbeInfo* info, gpointer data);
@@ -114,12 +122,12 @@ class Peer : public std::enable_shared_from_this<Peer> {
   Callbacks callbacks_;
   std::atomic<int64_t> last_packet_time_ = 0;
   std::atomic<int> streams_ = 0;
-  std::atomic<bool> connected_ = false, answered_ = false, failed_ = false;
+  std::atomic<bool> connected_ = false, answered_ = false, failed_ = false, takes_surfaces_ = false;
   // True if the certificate of the peer does not match the offer. All packets are then dropped, because the peer may be
   // an attacker.
   std::atomic<bool> certificate_mismatch_ = false;
   std::mutex mutex_;
-  GstWebRTCDataChannel* channel_ = nullptr;
+  GstWebRTCDataChannel *channel_ = nullptr, *surface_channel_ = nullptr;
   GstElement* dtls_ = nullptr;
   RtcpFilter rtcp_;
   TokenBucket retransmit_limit_{kRetransmitBurst, kRetransmitBurst}, key_frame_limit_{kKeyFrames, kKeyFramesAtOnce};

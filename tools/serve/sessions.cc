@@ -32,6 +32,7 @@ void add(Viewer::ViewerCounters& sum, const Viewer::ViewerCounters& counters) {
   sum.incomplete += counters.incomplete;
   sum.answer_bytes += counters.answer_bytes;
   sum.video_bytes += counters.video_bytes;
+  sum.surface_bytes += counters.surface_bytes;
   sum.refused_messages += counters.refused_messages;
 }
 

@@ -24,6 +24,10 @@ uint64_t count_in(const GstStructure* stats, const char* name) {
   return value;
 }
 
+uint32_t rtp_timestamp(GstClockTime running_time) {
+  return static_cast<uint32_t>(gst_util_uint64_scale_int(running_time, 90000, GST_SECOND));
+}
+
 }  // namespace
 
 Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, Callbacks callbacks)
@@ -52,6 +56,7 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, C
   view_pipeline_ =
       std::make_unique<ViewerPipeline>(video_, field, settings.eye, [this](GstClockTime time) { requested(time); });
   update_pacer();
+  watch_encoder();
 
   const uint32_t ssrc = std::max<uint32_t>(g_random_int(), 1);
   GstElement* payloader = find("payloader");
@@ -160,6 +165,33 @@ void Viewer::update_pacer() {
   gst_object_unref(pictures);
 }
 
+void Viewer::watch_encoder() {
+  GstPad* encoded = gst_element_get_static_pad(encoder_, "src");
+  gst_pad_add_probe(
+      encoded, GST_PAD_PROBE_TYPE_BUFFER,
+      [](GstPad* pad, GstPadProbeInfo* info, gpointer data) {
+        static_cast<Viewer*>(data)->send_surface(pad, GST_PAD_PROBE_INFO_BUFFER(info));
+        return GST_PAD_PROBE_OK;
+      },
+      this, nullptr);
+  gst_object_unref(encoded);
+}
+
+void Viewer::send_surface(GstPad* encoded, GstBuffer* picture) {
+  GstCustomMeta* meta = peer_->takes_surfaces() ? gst_buffer_get_custom_meta(picture, "lightfield-view") : nullptr;
+  GstEvent* event = meta ? gst_pad_get_sticky_event(encoded, GST_EVENT_SEGMENT, 0) : nullptr;
+  if (!event) return;
+  const GstSegment* segment = nullptr;
+  gst_event_parse_segment(event, &segment);
+  const GstClockTime time = gst_segment_to_running_time(segment, GST_FORMAT_TIME, GST_BUFFER_PTS(picture));
+  gst_event_unref(event);
+  const std::vector<uint8_t> message =
+      surfaces_.message(gst_custom_meta_get_structure(meta), rtp_timestamp(time), gst_buffer_get_size(picture));
+  if (message.empty()) return;
+  surface_bytes_ += message.size();
+  peer_->send_surface(message);
+}
+
 gboolean Viewer::bus_message(GstBus*, GstMessage* message, gpointer data) {
   Viewer* self = static_cast<Viewer*>(data);
   switch (GST_MESSAGE_TYPE(message)) {
@@ -185,9 +217,8 @@ void Viewer::requested(GstClockTime time) {
     }
   }
   if (!applied) return;
-  const auto stamp = static_cast<uint32_t>(gst_util_uint64_scale_int(time, 90000, GST_SECOND));
-  peer_->send(info_message(
-      json{{"applied", {{"id", *applied}, {"rtpTimestamp", stamp}}}, {"view", view_pipeline_->numbers()}}));
+  peer_->send(info_message(json{{"applied", {{"id", *applied}, {"rtpTimestamp", rtp_timestamp(time)}}},
+                                {"view", view_pipeline_->numbers()}}));
 }
 
 void Viewer::control(const std::string& text) {
@@ -301,6 +332,7 @@ void Viewer::report(const LinkReport& link) {
                {"addMs", ms("add-ns-p50")},
                {"pictureMs", ms("latency-ns-p50")},
                {"videoBytes", video_bytes_.load()},
+               {"surfaceBytes", surface_bytes_.load()},
                {"bitRate", quality_.bits_per_second()},
                {"frameRate", settings_.eye.framerate / (1 + pictures_left_out())},
                {"sizeDivisor", size_divisor()},
@@ -351,6 +383,7 @@ MonitorReport Viewer::monitor() const {
 
 Viewer::ViewerCounters Viewer::counters() const {
   ViewerCounters counters{.video_bytes = video_bytes_,
+                          .surface_bytes = surface_bytes_,
                           .refused_messages = refused_messages_,
                           .bits_per_second = quality_.bits_per_second()};
   GstStructure* stats = view_pipeline_->stats();

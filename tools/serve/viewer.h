@@ -18,6 +18,7 @@
 #include "serve/light_field.h"
 #include "serve/limits.h"
 #include "serve/peer.h"
+#include "serve/surface_sender.h"
 #include "serve/viewer_pipeline.h"
 
 namespace lf::serve {
@@ -64,7 +65,7 @@ class Viewer {
   bool connected() const { return peer_ && peer_->connected(); }
 
   struct ViewerCounters {
-    uint64_t pictures = 0, incomplete = 0, answer_bytes = 0, video_bytes = 0, refused_messages = 0;
+    uint64_t pictures = 0, incomplete = 0, answer_bytes = 0, video_bytes = 0, surface_bytes = 0, refused_messages = 0;
     int bits_per_second = 0;
   };
   ViewerCounters counters() const;
@@ -79,6 +80,8 @@ class Viewer {
   void apply_quality();
   GstClockTime running_time() const;
   void requested(GstClockTime time);
+  void watch_encoder();
+  void send_surface(GstPad* encoded, GstBuffer* picture);
   void report(const LinkReport& link);
   int pictures_left_out() const { return std::max(quality_.pictures_left_out(), load_shedding_.pictures_left_out()); }
   int size_divisor() const { return std::max(quality_.size_divisor(), load_shedding_.size_divisor()); }
@@ -101,7 +104,8 @@ class Viewer {
   double busy_ = 0;
   std::string encoder_name_;
   uint64_t video_bytes_reported_ = 0;
-  std::atomic<uint64_t> video_bytes_ = 0, refused_messages_ = 0;
+  SurfaceSender surfaces_;  // thread of the encoder only
+  std::atomic<uint64_t> video_bytes_ = 0, surface_bytes_ = 0, refused_messages_ = 0;
 
   std::mutex mutex_;  // guards the members below
   TokenBucket messages_;

@@ -53,6 +53,7 @@ json json_report(const GstStructure* structure) {
   json object = json::object();
   for (gint i = 0; i < gst_structure_n_fields(structure); i++) {
     const gchar* name = gst_structure_nth_field_name(structure, static_cast<guint>(i));
+    if (gst_structure_get_field_type(structure, name) == G_TYPE_BYTES) continue;  // too long for a report
     object[camel_case(name)] = json_report(gst_structure_get_value(structure, name));
   }
   return object;

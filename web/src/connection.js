@@ -88,8 +88,8 @@ export class Refusal extends Error {
   }
 }
 
-// The WHEP session of a viewer, with its data channel "control". Events are "open", "message" (detail: object) and
-// "lost" (detail: error).
+// The WHEP session of a viewer, with its data channels "control" and "surface". Events are "open", "message" (detail:
+// object), "surface" (detail: ArrayBuffer), "sent" (detail: id and request) and "lost" (detail: error).
 export class Connection extends EventTarget {
   constructor(video) {
     super();
@@ -113,6 +113,10 @@ export class Connection extends EventTarget {
     };
     this.channel.onclose = () => this.lose();
     this.channel.onmessage = event => this.take(event.data);
+    // A late surface is useless, so it is not sent again.
+    const surfaces = peer.createDataChannel('surface', { ordered: false, maxRetransmits: 0 });
+    surfaces.binaryType = 'arraybuffer';
+    surfaces.onmessage = event => this.dispatchEvent(new CustomEvent('surface', { detail: event.data }));
     peer.ontrack = event => {
       if ('jitterBufferTarget' in event.receiver) event.receiver.jitterBufferTarget = 0;
       if ('playoutDelayHint' in event.receiver) event.receiver.playoutDelayHint = 0;
@@ -166,6 +170,7 @@ export class Connection extends EventTarget {
     this.sent.set(id, { time: performance.now(), by });
     this.sent.delete(id - kMaxPending);
     this.channel.send(JSON.stringify({ id, mid: null, request }));
+    this.dispatchEvent(new CustomEvent('sent', { detail: { id, request } }));
     return id;
   }
 

@@ -3,7 +3,7 @@
 // direction of the view that it was rendered for, which hides latency. If the browser supports media layers, its
 // compositor shows the video at the display's own rate; otherwise a shader does.
 
-import { axesOf, dot } from './view.js';
+import { anglesOf, axesOf, dot } from './view.js';
 
 const kFar = 100;     // distance of the layer in metres; there, the eye distance is less than a quarter of a pixel
 const kHeight = 960;  // maximum height of the picture of an eye, pixels
@@ -45,12 +45,7 @@ function axesOfXr({ x, y, z, w }) {
 const combine = ({ right, down, forward }, [x, y, z]) =>
   right.map((_, k) => x * right[k] + y * down[k] + z * forward[k]);
 const turned = (base, axes) =>
-  ({ right: combine(base, axes.right), down: combine(base, axes.down), forward: combine(base, axes.forward) });
-function anglesOf({ right, down, forward }) {
-  const degrees = 180 / Math.PI;
-  return { yaw: Math.atan2(forward[0], forward[2]) * degrees, pitch: Math.asin(-forward[1]) * degrees,
-    roll: Math.atan2(right[1], down[1]) * degrees };
-}
+    ({ right: combine(base, axes.right), down: combine(base, axes.down), forward: combine(base, axes.forward) });
 // Converts a rotation, given by the columns of its matrix, to a quaternion. Uses the numerically best of four formulas.
 function quaternionOf([m00, m10, m20], [m01, m11, m21], [m02, m12, m22]) {
   const [x, y, z, w] = [1 + m00 - m11 - m22, 1 - m00 + m11 - m22, 1 - m00 - m11 + m22, 1 + m00 + m11 + m22];

@@ -34,11 +34,14 @@ const kDescription = 'Click to focus, double-click to return to the start, press
 function makePicture() {
   const video = make('video', { part: 'video', autoplay: true, playsinline: true, muted: true });
   video.muted = true;  // the attribute alone mutes only parsed elements
-  return make('div', { class: 'picture' },
-    video,
-    ...['anaglyph', 'cameras', 'last'].map(name => make('canvas', { class: name, hidden: true, ...kUnseen })),
-    make('div', { class: 'poster' }, make('slot', { name: 'poster' }, make('img', { part: 'poster', alt: '', hidden: true }))),
-    make('div', { class: 'frame' }));
+  return make(
+      'div', {class: 'picture'}, video,
+      ...['redrawn', 'anaglyph', 'cameras', 'last'].map(
+          name => make('canvas', {class: name, hidden: true, ...kUnseen})),
+      make(
+          'div', {class: 'poster'},
+          make('slot', {name: 'poster'}, make('img', {part: 'poster', alt: '', hidden: true}))),
+      make('div', {class: 'frame'}));
 }
 
 const makeStatus = () => make('div', { class: 'status', role: 'status', hidden: true },
@@ -142,8 +145,8 @@ export const style = `
   :host([controls]) video:active { cursor: grabbing; }
   :host([controls]) .idle video { cursor: none; }
   canvas { position: absolute; inset: 0; width: 100%; height: 100%; pointer-events: none; z-index: 1; }
-  canvas.anaglyph, canvas.last { object-fit: contain; z-index: 0; }
-  .fills video, .fills canvas.anaglyph, .fills canvas.last { object-fit: cover; }
+  canvas.redrawn, canvas.anaglyph, canvas.last { object-fit: contain; z-index: 0; }
+  .fills video, .fills canvas:is(.redrawn, .anaglyph, .last) { object-fit: cover; }
   .poster, ::slotted([slot=poster]) { position: absolute; inset: 0; width: 100%; height: 100%; }
   .poster { z-index: 0; }
   .poster img { width: 100%; height: 100%; object-fit: contain; display: block; }

@@ -48,6 +48,8 @@ export class Stream {
     this.timer = null;
     const { viewer } = this, connection = this.connection = new Connection(viewer.video);
     connection.addEventListener('message', event => viewer.take(event.detail));
+    connection.addEventListener('surface', event => viewer.redraw.take(event.detail));
+    connection.addEventListener('sent', event => viewer.redraw.sent(event.detail));
     connection.addEventListener('lost', event => this.lost(connection, event.detail));
     connection.addEventListener('open', () => {
       this.retry = 0;

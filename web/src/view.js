@@ -43,6 +43,16 @@ export function axesOf({ yaw, pitch, roll }) {
   };
 }
 
+// Returns the angles of these axes, in degrees: the inverse of axesOf().
+export function anglesOf({ right, down, forward }) {
+  const degrees = 180 / Math.PI;
+  return {
+    yaw: Math.atan2(forward[0], forward[2]) * degrees,
+    pitch: Math.asin(Math.max(-1, Math.min(1, -forward[1]))) * degrees,
+    roll: Math.atan2(right[1], down[1]) * degrees
+  };
+}
+
 export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 
 // Converts a world point to the axes of the view. The eye is `eyeOffset` metres to the right of the view.

@@ -13,7 +13,8 @@ import { makeStage, style } from './markup.js';
 import { MonitorPanel } from './monitor.js';
 import { StatusMessage } from './notice.js';
 import { Anaglyph, kModes, Picture } from './picture.js';
-import { VisibilityWatcher, Stream } from './stream.js';
+import { Redraw } from './redraw.js';
+import { Stream, VisibilityWatcher } from './stream.js';
 import { numberIn, Share, viewOf } from './view.js';
 
 const kEyeDistance = 0.063;  // metres
@@ -57,6 +58,7 @@ export class Viewer {
     this.controls = new Controls(this);
     this.share = new Share(this, find('.share'));
     this.token = new Token(this);
+    this.redraw = new Redraw(this, find('canvas.redrawn'));
     this.anaglyph = new Anaglyph(find('canvas.anaglyph'), this.video);
     this.sight = new VisibilityWatcher(host, seen => this.stream.see(seen || this.mode === 'headset'));
     this.stream.seen = false;
@@ -230,13 +232,17 @@ export class Viewer {
   }
 
   opened() {
+    this.redraw.begin();
     this.twoEyes = this.mode !== 'one';
     this.flight.resume({ ...this.start, ...this.share.view });
   }
 
   take(message) {
     this.notice.answered();
-    if (message.type === 'ControlResponseMessage' && message.error) this.flight.refused(message.id, message.error);
+    if (message.type === 'ControlResponseMessage') {
+      if (message.error) this.flight.refused(message.id, message.error);
+      this.redraw.answered(message.id, message.error);
+    }
     if (message.type !== 'InfoMessage') return;
     const { statistics, applied, view, pixel, rig } = message.info;
     if (rig) {
@@ -252,6 +258,7 @@ export class Viewer {
       this.tell('statistics', statistics);
     }
     if (view) this.flight.take(view, applied);
+    if (view) this.redraw.confirm(view, applied?.id);
     if (view && applied) this.elastic.applied(applied.id, view);
     if (applied) this.panel.applied(applied);
   }
@@ -268,6 +275,7 @@ export class Viewer {
       this.frames();
       if (!this.stream.connection?.hasTrack) return;
       this.flight.show(frame);
+      this.redraw.show(frame);
       this.notice.shown();
       this.panel.frame(now, frame);
       this.vignette.draw(now);
