@@ -9,6 +9,7 @@
 #include "rtp/rtplfpay.h"
 #include "viewrequest/lfviewrequest.h"
 
+GST_ELEMENT_REGISTER_DECLARE(lfdepth)
 GST_ELEMENT_REGISTER_DECLARE(lflenticular)
 GST_ELEMENT_REGISTER_DECLARE(lfnodesink)
 GST_ELEMENT_REGISTER_DECLARE(lfparse)
@@ -23,6 +24,7 @@ static gboolean plugin_init(GstPlugin* plugin) {
   ok &= GST_ELEMENT_REGISTER(lfcameranode, plugin);
   ok &= GST_ELEMENT_REGISTER(lfcamsrc, plugin);
   ok &= GST_ELEMENT_REGISTER(lfcompositor, plugin);
+  ok &= GST_ELEMENT_REGISTER(lfdepth, plugin);
   ok &= GST_ELEMENT_REGISTER(lffragment, plugin);
   ok &= GST_ELEMENT_REGISTER(lflenticular, plugin);
   ok &= GST_ELEMENT_REGISTER(lfnodesink, plugin);

@@ -12,33 +12,28 @@
 #include "base/text.h"
 
 namespace lf {
-namespace {
-
-// Returns the depth of the focal surface on a line of sight. `ray` is in coordinates of the view, with z = 1.
-double depth_on(const View& view, const Mat3& world_from_view, const Vec3& ray, double x, double y) {
-  const FocalMap* const map = view.focus.map.get();
-  // The points of the line at depth t are eye + t direction.
-  const Vec3 direction = world_from_view * ray;
-  const Plane& plane = map ? map->from : view.focus.plane;
-  const double distance = map ? 1 / map->inverse_at(x, y) : 0;  // from the plane
-  return (distance - plane.signed_distance(view.pose.position)) / glm::dot(plane.normal, direction);
-}
-
-}  // namespace
 
 DepthImage depth_image(const View& view, std::span<const float> coverage) {
   DepthImage image{view.width, view.height, {}};
   image.depths.assign(static_cast<size_t>(view.width) * view.height, 0);
-  const Mat3 world_from_view = view.pose.rotation();
-  for (int y = 0; y < view.height; y++)
+  const FocalMap* const map = view.focus.map.get();
+  const Plane& plane = map ? map->from : view.focus.plane;
+  // The points of a line of sight at depth t are eye + t (world_from_view * ray). Depths are measured from the plane.
+  const double eye = plane.signed_distance(view.pose.position);
+  const Vec3 normal = glm::transpose(view.pose.rotation()) * plane.normal;
+  std::vector<float> inverse(static_cast<size_t>(view.width));
+  for (int y = 0; y < view.height; y++) {
+    if (map) map->inverse_row(0, 1, y, view.width, inverse.data());
     for (int x = 0; x < view.width; x++) {
       const size_t i = static_cast<size_t>(y) * view.width + x;
       if (!coverage.empty() && !(coverage[i] > 0)) continue;
       const std::optional<Vec2> at = view.lens.unproject({x, y});
       if (!at) continue;
-      const auto depth = static_cast<float>(depth_on(view, world_from_view, Vec3(*at, 1), x, y));
+      const double distance = map ? 1 / static_cast<double>(inverse[static_cast<size_t>(x)]) : 0;
+      const auto depth = static_cast<float>((distance - eye) / glm::dot(normal, Vec3(*at, 1)));
       if (depth > 0) image.depths[i] = depth;
     }
+  }
   return image;
 }
 
