@@ -10,9 +10,21 @@ const folder = await makeRig('6x6');
 const rig = ['--rig', join(folder, 'rig.json'), '--connects', '100'];
 const browser = await launchBrowser();
 
+// The page does not use WebGL in software, but these tests may have no GPU.
+function allowSoftware() {
+  const { getContext } = HTMLCanvasElement.prototype, { getParameter } = WebGL2RenderingContext.prototype;
+  HTMLCanvasElement.prototype.getContext = function (type, options) {
+    return getContext.call(this, type, { ...options, failIfMajorPerformanceCaveat: false });
+  };
+  WebGL2RenderingContext.prototype.getParameter = function (name) {
+    const value = getParameter.call(this, name);
+    return /SwiftShader|llvmpipe/.test(value) ? 'a GPU' : value;
+  };
+}
+
 // Opens the page behind a network with this round trip, in milliseconds.
 async function openDelayed(served, roundTrip) {
-  const page = await newPage(browser, size);
+  const page = await newPage(browser, size, { before: allowSoftware });
   const relay = await throughRelay(page);
   await page.goto(served.url);
   await shown(page, 30);
@@ -40,7 +52,7 @@ async function redrawn(page, view) {
 
 async function atRestTheVideoIsShown() {
   const served = await serve(...rig);
-  const page = await openShown(browser, served.url, size, 30);
+  const page = await openShown(browser, served.url, size, 30, { before: allowSoftware });
   await page.waitForFunction(() => inside().redraw.latest);
   await setView(page, { x: 0.01 });
   await rests(page);
@@ -53,7 +65,7 @@ async function atRestTheVideoIsShown() {
 
 async function surfacesBelongToTheirPictures() {
   const served = await serve(...rig);
-  const page = await openShown(browser, served.url, size, 30);
+  const page = await openShown(browser, served.url, size, 30, { before: allowSoftware });
   const counts = await page.evaluate(async () => {
     const { redraw, video, flight } = inside(), shown = [], counts = { pictures: 0, paired: 0, worst: 0 };
     for (let i = 0; i < 40; i++) {
@@ -85,7 +97,7 @@ async function surfacesBelongToTheirPictures() {
 async function damagedSurfacesAreRefused() {
   const { decodeSurface, makeMesh } = await import(join(source, 'web/src/surface.js'));
   const served = await serve(...rig);
-  const page = await openShown(browser, served.url, size, 30);
+  const page = await openShown(browser, served.url, size, 30, { before: allowSoftware });
   const message = Uint8Array.from(await page.evaluate(() => new Promise(done => inside().stream.connection.addEventListener(
     'surface', ({ detail }) => done([...new Uint8Array(detail)]), { once: true }))));
   const surface = await decodeSurface(message.buffer), { vertices, triangles } = makeMesh(surface);
@@ -131,7 +143,7 @@ async function meshKeepsThePicture() {
 // The page predicts the view of the server exactly, where the cameras do not limit the view.
 async function predictionsAreExact() {
   const served = await serve(...rig);
-  const page = await openShown(browser, served.url, size, 30);
+  const page = await openShown(browser, served.url, size, 30, { before: allowSoftware });
   await page.waitForFunction(() => inside().redraw.prediction.base && inside().flight.home);
   await page.keyboard.press('Tab');
   let worst = 0;
@@ -178,22 +190,17 @@ async function predictionsAreExact() {
   await closeClean(page, served);
 }
 
-// Without WebGL, and after the loss of its context, the video is shown.
+// With WebGL in software only, and after the loss of its context, the video is shown.
 async function worksWithoutWebGl() {
   const served = await serve(...rig);
-  const without = await openShown(browser, served.url, size, 30, { before: () => {
-    const { getContext } = HTMLCanvasElement.prototype;
-    HTMLCanvasElement.prototype.getContext = function (type, ...more) {
-      return type === 'webgl2' ? null : getContext.call(this, type, ...more);
-    };
-  } });
+  const without = await openShown(browser, served.url, size, 30);
   await without.waitForFunction(() => inside().redraw.latest && inside().redraw.prediction.base);
   await setView(without, { x: 0.02 });
   expect(await without.evaluate(() => inside().redraw.isImpossible && inside().redraw.canvas.hidden), 'pictures are redrawn');
   expect(!without.problems.length, without.problems.join('; '));
   await without.context().close();
 
-  const page = await openShown(browser, served.url, size, 30);
+  const page = await openShown(browser, served.url, size, 30, { before: allowSoftware });
   await page.waitForFunction(() => inside().redraw.latest && inside().redraw.prediction.base);
   await redrawn(page, { x: 0.02 });
   await page.evaluate(async () => {
