@@ -227,6 +227,19 @@ TEST_F(LfServeMedia, UnknownDataChannelEndsTheViewer) {
   EXPECT_THAT(served.said(), HasSubstr("data channel"));
 }
 
+TEST_F(LfServeMedia, SurfacesOfPicturesHaveTheirOwnChannel) {
+  Served served;
+  const auto client = watch(served);
+  client->send("{}");
+  EXPECT_EQ(served.metric("surface_bytes_total"), "0") << "nobody has opened the channel";
+  client->open_channel("surface");
+  EXPECT_TRUE(becomes([&] { return served.metric("surface_bytes_total") != "0"; }));
+  EXPECT_TRUE(receives_pictures(*client));
+  EXPECT_EQ(served.metric("viewers"), "1");
+  client->open_channel("surface");
+  EXPECT_TRUE(becomes([&] { return served.metric("viewers") == "0"; })) << "a second channel of this name";
+}
+
 TEST_F(LfServeMedia, AbortedConnectsDoNotDisturbOthers) {
   Served served({"--viewers", "200", "--address-views", "200", "--connects", "1000"});
   const auto client = watch(served);

@@ -19,6 +19,8 @@ const kFade = 80;       // milliseconds until the redrawn picture has given way 
 const kBlur = 3;        // blur in the gaps that a movement opens: level of detail
 const kNearest = 0.25;  // points nearer than this share of the nearest distance of the surface are not drawn
 
+const kSoftware = /SwiftShader|llvmpipe|softpipe|Software|Basic Render/;
+
 const kVertex = `#version 300 es
 layout(location = 0) in vec3 place;  // pixel position in the picture, and inverse depth
 layout(location = 1) in vec2 from;   // pixel position of the colour
@@ -43,12 +45,17 @@ void main() {
   colour = vec4(textureLod(picture, at, blur).rgb * (1.0 - smoothstep(0.05, 0.3, max(beyond.x, beyond.y))), 1);
 }`;
 
-// Draws the meshes of a surface with WebGL 2. Throws an error if there is no WebGL 2.
+// Returns the name of the GPU or of the software that draws.
+const rendererOf = gl =>
+  gl.getParameter(gl.getExtension('WEBGL_debug_renderer_info')?.UNMASKED_RENDERER_WEBGL ?? gl.RENDERER);
+
+// Draws the meshes of a surface with WebGL 2. Throws an error if there is no WebGL 2, or only in software, which would slow
+// down the video and the input.
 class Painter {
   constructor(canvas) {
     this.canvas = canvas;
-    const gl = this.gl = canvas.getContext('webgl2', { alpha: false, antialias: false });
-    if (!gl) throw new Error('no WebGL 2');
+    const gl = this.gl = canvas.getContext('webgl2', { alpha: false, antialias: false, failIfMajorPerformanceCaveat: true });
+    if (!gl || kSoftware.test(rendererOf(gl))) throw new Error('no WebGL 2 on a GPU');
     const program = gl.createProgram();
     for (const [type, text] of [[gl.VERTEX_SHADER, kVertex], [gl.FRAGMENT_SHADER, kFragment]]) {
       const shader = gl.createShader(type);
@@ -149,6 +156,7 @@ export class Redraw {
   // Takes a message of the data channel "surface".
   take(message) {
     const { surfaces } = this;
+    if (this.isImpossible) return;
     decodeSurface(message).then(surface => {
       if (surfaces !== this.surfaces) return;
       surfaces.set(surface.timestamp, surface);
@@ -233,7 +241,7 @@ export class Redraw {
       this.painter.use(this.picture.surface);
       this.painter.draw(this.picture.camera, camera);
     } catch (error) {
-      console.warn(`lightfield-viewer: pictures are not redrawn: ${error.message}`);
+      console.info(`lightfield-viewer: pictures are not redrawn: ${error.message}`);
       this.isImpossible = true;
       return this.hide();
     }
