@@ -12,9 +12,6 @@
 
 namespace lf::serve {
 
-// Returns the view of a picture from its meta "lightfield-view" (see lfcompositor). Returns nothing for sets of views.
-std::optional<View> view_of_picture(const GstStructure* picture);
-
 // Makes the messages of the data channel "surface". A message contains the surface that a picture shows
 // (wire::PictureSurface), so that the page can redraw the picture from a new viewpoint without waiting for the server.
 //
