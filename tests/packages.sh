@@ -3,6 +3,8 @@
 # Builds the Debian packages in build/packages, installs them in a fresh Debian 12 and runs debian/tests there: a camera
 # node, then lf-serve. Prints the seconds of each step. Needs root, a Debian mirror and the packages of `tools` below.
 #   tests/packages.sh [--built]   --built: with the packages that are already in build/packages
+# With the environment DEB_CXXFLAGS_SET= DEB_CFLAGS_SET= DEB_CPPFLAGS_SET= the flags are those of build/, not Debian's,
+# and ccache reuses the objects of build/.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 tools=(debhelper devscripts help2man iproute2 lintian mkdocs mmdebstrap)
@@ -17,12 +19,13 @@ if [[ ! ${LF_ROOT:-} ]]; then
   exit
 fi
 
-packages=build/packages
+packages=build/packages cache=build/apt-archives  # the next run need not download packages
 step() { # NAME COMMAND...
   local begun=$SECONDS name=$1
   shift
   "$@" >"$packages/log" 2>&1 || { tail -n 60 "$packages/log"; echo "not ok - $name"; exit 1; }
   echo "ok - $name ($((SECONDS - begun)) s)"
+  sed -n '/^# /p' "$packages/log"
 }
 
 # Without debug information and folder names, so that ccache helps in every checkout.
@@ -55,11 +58,11 @@ smoke() { # NAME
 }
 
 step "Debian 12" mmdebstrap --quiet --variant=apt --skip=cleanup/apt/lists bookworm "$root"
-mkdir -p "$root/packages"
+mkdir -p "$root/packages" "$cache"
 cp "$packages"/*.deb "$root/packages/"
 mount -t proc proc "$root/proc"
 mount --bind /dev "$root/dev"
-mount --bind /var/cache/apt/archives "$root/var/cache/apt/archives"
+mount --bind "$cache" "$root/var/cache/apt/archives"
 paths_of() { for name; do ls "$root/packages/${name}_"*; done | sed "s|^$root||"; }  # in the chroot
 compiler='(g\+\+|gcc|cpp|clang|tcc)(-[0-9.]+)?'
 forbidden="$compiler|libopencv-calib3d.*"
