@@ -3,8 +3,6 @@
 # Builds the Debian packages in build/packages, installs them in a fresh Debian 12 and runs debian/tests there: a camera
 # node, then lf-serve. Prints the seconds of each step. Needs root, a Debian mirror and the packages of `tools` below.
 #   tests/packages.sh [--built]   --built: with the packages that are already in build/packages
-# With the environment DEB_CXXFLAGS_SET= DEB_CFLAGS_SET= DEB_CPPFLAGS_SET= the flags are those of build/, not Debian's,
-# and ccache reuses the objects of build/.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 tools=(debhelper devscripts help2man iproute2 lintian mkdocs mmdebstrap)
@@ -31,7 +29,8 @@ step() { # NAME COMMAND...
 # Without debug information and folder names, so that ccache helps in every checkout.
 build() {
   git ls-files -z | xargs -0 cp --parents -t "$packages/source" || return
-  (cd "$packages/source" && DEB_CXXFLAGS_STRIP=-g DEB_CFLAGS_STRIP=-g PATH=/usr/lib/ccache:$PATH \
+  (cd "$packages/source" && PATH=/usr/lib/ccache:$PATH CCACHE_SLOPPINESS=pch_defines,time_macros,locale \
+    DEB_CXXFLAGS_STRIP=-g DEB_CFLAGS_STRIP=-g \
     DEB_BUILD_OPTIONS="noautodbgsym reproducible=-fixfilepath,-fixdebugpath" dpkg-buildpackage -b -uc -us)
 }
 if [[ ${1:-} != --built ]]; then
