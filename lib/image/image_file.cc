@@ -17,7 +17,6 @@
 
 #include <opencv2/core/utils/logger.hpp>
 #include <opencv2/imgcodecs.hpp>
-#include <opencv2/imgproc.hpp>
 
 #include "base/file.h"
 #include "base/text.h"
@@ -249,14 +248,6 @@ Image decode_image(const std::string& path, const std::string& bytes, ImageSize 
   return image;
 }
 
-// OpenCV needs a mutable copy in BGR order.
-cv::Mat to_bgr(const Image& rgb) {
-  const cv::Mat from(rgb.height(), rgb.width(), CV_8UC3, const_cast<uint8_t*>(rgb.data().data()));
-  cv::Mat bgr;
-  cv::cvtColor(from, bgr, cv::COLOR_RGB2BGR);
-  return bgr;
-}
-
 }  // namespace
 
 ImageSize load_image_size(const std::string& path) { return checked_size(path, read_image_file(path)); }
@@ -273,32 +264,6 @@ Image load_image_of_size(const std::string& path, ImageSize expected) {
     throw Error(path + ": has " + size_text(size.width, size.height) + " pixels, the rig says " +
                 size_text(expected.width, expected.height));
   return decode_image(path, bytes, size);
-}
-
-void save_image(const Image& rgb, const std::string& path) {
-  const cv::Mat bgr = to_bgr(rgb);
-  std::vector<uint8_t> bytes;
-  bool coded = false;
-  try {
-    coded = cv::imencode(std::filesystem::path(path).extension().string(), bgr, bytes);
-  } catch (const cv::Exception& e) {
-    throw Error(path + ": " + e.what());
-  }
-  if (!coded) throw Error(path + ": can't be written");
-  AtomicFileWriter file(path);
-  file.write({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
-  file.commit();
-}
-
-std::vector<uint8_t> encode_jpeg(const Image& rgb, int quality) {
-  if (rgb.family() != PixelFamily::kRgb || rgb.data().empty()) throw Error("only RGB images can be encoded");
-  std::vector<uint8_t> bytes;
-  try {
-    cv::imencode(".jpg", to_bgr(rgb), bytes, {cv::IMWRITE_JPEG_QUALITY, quality});
-  } catch (const cv::Exception& error) {
-    throw Error(error.what());
-  }
-  return bytes;
 }
 
 GreyImage decode_jpeg_luma(const std::vector<uint8_t>& bytes, int smaller) {

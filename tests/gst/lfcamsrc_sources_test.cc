@@ -3,6 +3,7 @@
 #include "gst/camera_pipeline.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
+#include "support/tiff_file.h"
 
 namespace lf::test {
 namespace {
@@ -253,14 +254,15 @@ class CamSrcFilesTest : public CamSrcTest {
         files->path(name),
         static_cast<uintmax_t>(share * static_cast<double>(std::filesystem::file_size(files->path(name)))));
   }
-  // Writes a textured picture: uniform ones compress to files too small to truncate.
-  static void save_texture(const std::string& name, int seed) {
+  // Uniform pictures would compress to files too small to truncate.
+  static Image texture(int seed) {
     Image image(PixelFamily::kRgb, CameraFiles::kWidth, CameraFiles::kHeight);
     for (int y = 0; y < image.height(); y++)
       for (int x = 0; x < image.width(); x++)
         for (int c = 0; c < 3; c++) image.pixel(x, y)[c] = static_cast<uint8_t>((x * 7 + y * 5 * c + seed * 40) % 256);
-    save_image(image, files->path(name));
+    return image;
   }
+  static void save_texture(const std::string& name, int seed) { save_image(texture(seed), files->path(name)); }
   static std::string read(const std::string& name) { return read_binary(files->path(name)); }
   static void write(const std::string& name, const std::string& bytes) {
     std::ofstream(files->path(name), std::ios::binary) << bytes;
@@ -454,7 +456,7 @@ TEST_F(CamSrcFilesTest, UndecodableStillNamesFormatAndRemedy) {
   };
   write("page.jpg", "<!DOCTYPE html>\n<html><head><title>404</title></head><body>Not found</body></html>\n");
   EXPECT_THAT(play("page.jpg"), AllOf(HasSubstr("page.jpg"), HasSubstr("not an image")));
-  save_texture("still.tif", 1);
+  save_tiff(texture(1), files->path("still.tif"));
   const bool has_decoder = still_decoding_problem(files->path("still.tif")).empty();
   EXPECT_THAT(play("still.tif"),
               has_decoder ? testing::Matcher<std::string>("EOS")

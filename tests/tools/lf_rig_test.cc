@@ -14,6 +14,7 @@
 #include "support/process.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
+#include "support/tiff_file.h"
 
 namespace lf {
 namespace {
@@ -100,7 +101,7 @@ TEST_F(LfRig, CheckNamesUndecodableStills) {
   write_rig();
   Rig rig = load_rig(dir / "in/rig.json");
   rig.cameras[4].image = "images/cam.tif";
-  save_image(Image(PixelFamily::kRgb, 8, 6), dir / "in/images/cam.tif");
+  save_tiff(Image(PixelFamily::kRgb, 8, 6), dir / "in/images/cam.tif");
   save_rig(rig, dir / "in/rig.json");
   if (still_decoding_problem(dir / "in/images/cam.tif").empty())
     expect_outcome(lf_rig("check in/rig.json"), 0);

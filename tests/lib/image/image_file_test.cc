@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <algorithm>
+#include <random>
 #include <span>
 #include <string>
 #include <vector>
@@ -7,6 +8,7 @@
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 #include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
 
 #include "base/file.h"
 #include "image/image_file.h"
@@ -81,7 +83,28 @@ TEST(ImageFile, RoundTrips) {
   for (size_t i = 0; i < image.data().size(); i++) sum += std::abs(image.data()[i] - jpeg.data()[i]);
   EXPECT_LT(sum / static_cast<double>(image.data().size()), 3) << "JPEG keeps colours";
   EXPECT_ERROR(save_image(gradient(6, 5), dir / "none/a.png"), "none/a.png", "written");
-  EXPECT_ERROR(save_image(gradient(6, 5), dir / "a.unknown"), "a.unknown: ");
+  EXPECT_ERROR(save_image(gradient(6, 5), dir / "a.unknown"), "a.unknown: ", ".png or .jpg");
+  EXPECT_ERROR(save_image(Image(), dir / "a.png"), "a.png: ", "RGB");
+}
+
+TEST(ImageFile, EncodesTheSamePixelsAsOpenCv) {
+  const TempDir dir;
+  std::mt19937 random(1);
+  for (const auto& [width, height] : {std::pair(1, 1), {17, 9}, {64, 48}, {321, 243}}) {
+    Image image(PixelFamily::kRgb, width, height);
+    for (uint8_t& sample : image.data()) sample = static_cast<uint8_t>(random());
+    cv::Mat bgr;
+    cv::cvtColor(cv::Mat(height, width, CV_8UC3, image.data().data()), bgr, cv::COLOR_RGB2BGR);
+    save_image(image, dir / "a.PNG");
+    EXPECT_EQ(load_image(dir / "a.PNG").data(), image.data());
+    for (int quality : {1, 50, 85, 95, 100}) {
+      std::vector<uint8_t> expected;
+      ASSERT_TRUE(cv::imencode(".jpg", bgr, expected, {cv::IMWRITE_JPEG_QUALITY, quality}));
+      EXPECT_EQ(decode_still(encode_jpeg(image, quality), PixelFamily::kRgb).data(),
+                decode_still(expected, PixelFamily::kRgb).data())
+          << width << "x" << height << ", quality " << quality;
+    }
+  }
 }
 
 TEST(ImageFile, RefusesHugeSizesBeforeDecoding) {
