@@ -259,8 +259,18 @@ int april_corner(const CalibrationBoard& board, int tag, int corner) {
   return row * board.grid_columns() + column;
 }
 
-// Small black squares touch the corners of Kalibr's tags, so that blurred tags look connected. A brighter neighbourhood
-// separates them.
+// Moves the corners of an outline outwards, by `distance` pixels along each side.
+void grow(std::vector<cv::Point2f>& outline, float distance) {
+  const std::vector<cv::Point2f> before = outline;
+  for (size_t k = 0; k < 4; k++)
+    for (const size_t other : {(k + 1) % 4, (k + 3) % 4}) {
+      const cv::Point2f side = before[k] - before[other];
+      outline[k] += side * (distance / std::max(1.0F, static_cast<float>(cv::norm(side))));
+    }
+}
+
+// Small black squares touch the corners of Kalibr's tags, so that blurred tags look connected. A maximum filter
+// separates tags, and makes them smaller.
 FoundMarkers find_tags(const cv::Mat& grey, const CalibrationBoard& board) {
   std::vector<std::vector<cv::Point2f>> places(static_cast<size_t>(board.columns) * board.rows);
   for (size_t tag = 0; tag < places.size(); tag++)
@@ -271,14 +281,15 @@ FoundMarkers find_tags(const cv::Mat& grey, const CalibrationBoard& board) {
   FoundMarkers best;
   for (const int border : {kKalibrBorder, kUsualBorder}) {
     if (!best.markers.empty()) break;
-    for (const int separation : {0, 3, 5}) {
-      cv::Mat separated = grey;
-      if (separation > 0) cv::dilate(grey, separated, cv::Mat::ones(separation, separation, CV_8U));
+    for (const int separation : {1, 3, 5}) {
+      cv::Mat separated;
+      cv::dilate(grey, separated, cv::Mat::ones(separation, separation, CV_8U));
       const cv::Ptr<cv::aruco::DetectorParameters> parameters = cv::aruco::DetectorParameters::create();
       parameters->markerBorderBits = border;
       std::vector<std::vector<cv::Point2f>> outlines;
       std::vector<int> ids;
       cv::aruco::detectMarkers(separated, dictionary_of(board), outlines, ids, parameters);
+      for (auto& outline : outlines) grow(outline, static_cast<float>(separation - 1) / 2);
       FoundMarkers found = sort_markers(outlines, ids, places, 1.1 * (1 + board.gap));
       const bool better = found.markers.size() > best.markers.size() ||
                           (best.markers.empty() && found.foreign > best.foreign);
