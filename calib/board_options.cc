@@ -54,9 +54,7 @@ lf::CalibrationBoard parse_board(const BoardOptions& options) {
     throw lf::Error("--board " + options.size +
                     ": must be the number of inner corners (or of tags) along x and y, such as 9x6");
   using Kind = lf::CalibrationBoard::Kind;
-  board.kind = options.gap > 0            ? Kind::kAprilGrid
-               : !options.charuco.empty() ? Kind::kCharuco
-                                          : Kind::kCheckerboard;
+  board.kind = options.gap > 0 ? Kind::kAprilGrid : !options.charuco.empty() ? Kind::kCharuco : Kind::kCheckerboard;
   board.square = options.square;
   board.dictionary = options.charuco;
   board.marker = options.marker;

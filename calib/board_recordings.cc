@@ -18,7 +18,7 @@
 
 namespace {
 
-constexpr double kFastest = 0.02;   // movement between two frames, relative to the image width
+constexpr double kFastest = 0.02;    // movement between two frames, relative to the image width
 constexpr double kLongestGap = 0.2;  // seconds between two frames; the board may do anything in longer gaps
 constexpr double kSameTime = 1e-3;   // seconds; a frame at this distance shows the instant
 constexpr int kColumns = 8, kRows = 6;
@@ -26,7 +26,7 @@ constexpr int kColumns = 8, kRows = 6;
 struct CameraViews {
   BoardRecordings::Camera counts;
   int width = 0, height = 0;
-  std::map<std::string, lf::BoardView> pictures;  // by the number in the name
+  std::map<std::string, lf::BoardView> pictures;         // by the number in the name
   std::vector<std::pair<size_t, lf::BoardView>> frames;  // by instant
 };
 
@@ -209,7 +209,8 @@ BoardRecordings detect_boards(const lf::Rig& rig, const std::string& folder, con
     (lf::is_uri(sources.back()[0]) ? videos : with_pictures)++;
   }
   if (videos > 0 && with_pictures > 0)
-    throw lf::Error(folder + " has videos of some cameras and pictures of others, so their instants cannot be compared");
+    throw lf::Error(folder +
+                    " has videos of some cameras and pictures of others, so their instants cannot be compared");
   std::vector<double> times;
   if (videos > 0) times = instants_of(sources[0][0], instants);
 

@@ -11,9 +11,9 @@
 // The views of a board that were found in the recordings of several cameras.
 struct BoardRecordings {
   struct Camera {
-    size_t pictures = 0, views = 0;        // searched and found
-    std::array<size_t, 3> misses{};        // pictures without the board, per BoardMiss
-    double coverage = 0;                   // share of the image that corners cover
+    size_t pictures = 0, views = 0;  // searched and found
+    std::array<size_t, 3> misses{};  // pictures without the board, per BoardMiss
+    double coverage = 0;             // share of the image that corners cover
   };
   lf::BoardSightings sightings;
   std::vector<Camera> cameras;

@@ -37,8 +37,9 @@ lf::Rig rig_of_folder(const std::string& folder) {
     camera.width = camera.height = 0;
   }
   if (rig.cameras.size() < 2)
-    throw lf::Error(folder + ": has recordings of fewer than two cameras. Each camera needs a video NAME.* or a folder "
-                             "NAME with pictures");
+    throw lf::Error(folder +
+                    ": has recordings of fewer than two cameras. Each camera needs a video NAME.* or a folder "
+                    "NAME with pictures");
   if (rig.cameras.size() > lf::kMaxCameras)
     throw lf::Error(folder + ": has recordings of " + std::to_string(rig.cameras.size()) + " cameras, the maximum is " +
                     std::to_string(lf::kMaxCameras));

@@ -48,7 +48,8 @@ class SolveProgress {
       if (step.starts_with("clocks: round")) between_ = std::min(65.0, std::max(between_, 30.0) + 3);
     }
     static const std::map<std::string, double> kShares = {
-        {"lens of each camera", 0.02}, {"first layout: boards", 0.1}, {"lenses", 0.15}, {"distortion", 0.3}, {"final adjustment", 0.7}, {"uncertainty", 0.9}};
+        {"lens of each camera", 0.02}, {"first layout: boards", 0.1}, {"lenses", 0.15},
+        {"distortion", 0.3},           {"final adjustment", 0.7},     {"uncertainty", 0.9}};
     const auto share = kShares.find(step);
     const double in_turn = share == kShares.end() ? 0 : share->second;
     const double from = !has_clocks_ || between_ == 0 ? 0 : between_;

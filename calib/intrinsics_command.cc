@@ -236,8 +236,7 @@ void calibrate(const IntrinsicsArguments& options) {
   how.progress = [](const std::string& step) { terminal::print_error("%s\n", step.c_str()); };
   how.progress("searching for the board");
   const Images images = find_boards(options, board);
-  if (images.views.empty())
-    throw lf::Error("no image shows the " + board.name() + ". " + advice_for(board));
+  if (images.views.empty()) throw lf::Error("no image shows the " + board.name() + ". " + advice_for(board));
   const IntrinsicsResult result = lf::calibrate_intrinsics(images.views, board, images.width, images.height, how);
   print(result, images);
   save(options, result, images);

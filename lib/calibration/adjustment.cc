@@ -153,17 +153,15 @@ AdjustmentSummary adjust(Reconstruction& scene, const std::vector<Observation>& 
     if (!use[i] || !camera.used || !target.has(o.light) || !residual(camera, target, o)) continue;
     if (clocks) {
       ClockAdjustment::Camera& clock = clocks->cameras[o.camera];
-      ceres::CostFunction* cost =
-          with_kind(target.kind, [&]<TargetState::Kind kKind>() -> ceres::CostFunction* {
-            return new ClockedCost<kKind>(camera, target, o, options.sigma, clocks->velocity[i],
-                                          clock.by(clocks->stamp[i]));
-          });
+      ceres::CostFunction* cost = with_kind(target.kind, [&]<TargetState::Kind kKind>() -> ceres::CostFunction* {
+        return new ClockedCost<kKind>(camera, target, o, options.sigma, clocks->velocity[i],
+                                      clock.by(clocks->stamp[i]));
+      });
       problem.AddResidualBlock(cost, loss.get(), camera.v.data(), target.v.data(), clock.terms.data());
     } else {
-      ceres::CostFunction* cost =
-          with_kind(target.kind, [&]<TargetState::Kind kKind>() -> ceres::CostFunction* {
-            return new ReprojectionCost<kKind>(camera, target, o, options.sigma);
-          });
+      ceres::CostFunction* cost = with_kind(target.kind, [&]<TargetState::Kind kKind>() -> ceres::CostFunction* {
+        return new ReprojectionCost<kKind>(camera, target, o, options.sigma);
+      });
       problem.AddResidualBlock(cost, loss.get(), camera.v.data(), target.v.data());
     }
     camera_used[o.camera] = target_used[o.position] = true;
@@ -441,8 +439,7 @@ class Builder {
  private:
   int num_terms() const { return static_cast<int>(result_.lens_terms.size()); }
   bool has_rigid_targets() const {
-    return std::any_of(scene_.targets.begin(), scene_.targets.end(),
-                       [](const TargetState& t) { return t.is_rigid(); });
+    return std::any_of(scene_.targets.begin(), scene_.targets.end(), [](const TargetState& t) { return t.is_rigid(); });
   }
 
   // Inverts the information with the unobserved similarities removed: P (S + K K')^-1 P', P the projection onto

@@ -51,7 +51,7 @@ struct TargetState {
   enum class Kind : uint8_t { kNone, kPoint, kBar, kBoard };
   std::array<double, 7> v{};
   Kind kind = Kind::kNone;
-  uint32_t light = 0;                               // kPoint only: which light of the bar it is
+  uint32_t light = 0;                                // kPoint only: which light of the bar it is
   std::shared_ptr<const std::vector<Vec3>> corners;  // kBoard only: Tracks::board
 
   bool is_rigid() const { return kind == Kind::kBar || kind == Kind::kBoard; }

@@ -73,7 +73,8 @@ void refine_corners(const cv::Mat& grey, std::vector<cv::Point2f>& corners, int 
 // something hides them. `spacing` is as for window_of().
 void refine_view(const cv::Mat& grey, BoardView& view, double spacing) {
   std::vector<cv::Point2f> corners;
-  for (const Vec2& corner : view.corners) corners.emplace_back(static_cast<float>(corner.x), static_cast<float>(corner.y));
+  for (const Vec2& corner : view.corners)
+    corners.emplace_back(static_cast<float>(corner.x), static_cast<float>(corner.y));
   if (corners.empty()) return;
   const int window = window_of(spacing);
   refine_corners(grey, corners, window);
@@ -173,8 +174,8 @@ struct CharucoLayout {
   explicit CharucoLayout(const CalibrationBoard& b) {
     const int columns = b.columns + 1, rows = b.rows + 1;
     if (b.legacy && rows % 2 == 0) extra_rows = 1, extra_markers = columns / 2;
-    board = cv::aruco::CharucoBoard::create(columns, rows + extra_rows, 1, static_cast<float>(b.marker),
-                                            dictionary_of(b));
+    board =
+        cv::aruco::CharucoBoard::create(columns, rows + extra_rows, 1, static_cast<float>(b.marker), dictionary_of(b));
   }
 };
 
@@ -291,8 +292,8 @@ FoundMarkers find_tags(const cv::Mat& grey, const CalibrationBoard& board) {
       cv::aruco::detectMarkers(separated, dictionary_of(board), outlines, ids, parameters);
       for (auto& outline : outlines) grow(outline, static_cast<float>(separation - 1) / 2);
       FoundMarkers found = sort_markers(outlines, ids, places, 1.1 * (1 + board.gap));
-      const bool better = found.markers.size() > best.markers.size() ||
-                          (best.markers.empty() && found.foreign > best.foreign);
+      const bool better =
+          found.markers.size() > best.markers.size() || (best.markers.empty() && found.foreign > best.foreign);
       if (better) best = std::move(found);
       if (best.markers.size() == places.size()) return best;
     }

@@ -21,11 +21,11 @@ namespace {
 constexpr size_t kMinLensViews = 4, kMaxLensViews = 16;  // views for the first lens of a camera
 constexpr double kLeastFocal = 0.2, kMostFocal = 20;     // plausible focal lengths, relative to the image width
 constexpr size_t kMinPoseCorners = 4;
-constexpr double kAmbiguous = 2;         // the second pose of a board counts if its error is at most this many times larger
-constexpr double kPoorView = 10;         // pixels; a view with a larger error shows something else
-constexpr double kFits = 8;              // pixels; residual of a corner in a first layout
-constexpr double kSameTurn = 0.05;       // radians; agreement of two relative poses
-constexpr double kSameShift = 0.05;      // relative to the distance of the board
+constexpr double kAmbiguous = 2;     // the second pose of a board counts if its error is at most this many times larger
+constexpr double kPoorView = 10;     // pixels; a view with a larger error shows something else
+constexpr double kFits = 8;          // pixels; residual of a corner in a first layout
+constexpr double kSameTurn = 0.05;   // radians; agreement of two relative poses
+constexpr double kSameShift = 0.05;  // relative to the distance of the board
 constexpr size_t kMaxPairInstants = 60;  // per pair of cameras
 constexpr size_t kMaxSources = 8;        // views of an instant that may give the pose of the board
 

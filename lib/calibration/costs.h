@@ -207,8 +207,8 @@ class ReprojectionCost : public ceres::SizedCostFunction<2, CameraState::kSize, 
       if constexpr (kBar) j.template rightCols<3>() = projection::bar_side(light_) * by_point;
       if constexpr (kBoard) {
         const double* board = blocks[1];
-        const Eigen::Vector3d from_middle =
-            Eigen::Quaterniond(board[3], board[4], board[5], board[6]) * Eigen::Vector3d(corner_.x, corner_.y, corner_.z);
+        const Eigen::Vector3d from_middle = Eigen::Quaterniond(board[3], board[4], board[5], board[6]) *
+                                            Eigen::Vector3d(corner_.x, corner_.y, corner_.z);
         Eigen::Matrix<double, 2, 3> by_turn;
         for (int r = 0; r < 2; r++) by_turn.row(r) = from_middle.cross(Eigen::Vector3d(by_point.row(r)));
         j.template rightCols<4>() = 4 * by_turn * CameraManifold::quaternion_steps(board + 3).transpose();

@@ -136,8 +136,8 @@ ZhangFit fit_zhang(const std::vector<BoardView>& views, const CalibrationBoard& 
   fit.matrix = cv::Mat::eye(3, 3, CV_64F);
   std::vector<cv::Point3f> corners = nominal;
   try {
-    cv::calibrateCameraRO(objects, images, {width, height}, model.free_board ? board.grid_columns() - 1 : -1, fit.matrix,
-                          fit.distortion, fit.rotations, fit.translations, corners, flags_of(model.lens),
+    cv::calibrateCameraRO(objects, images, {width, height}, model.free_board ? board.grid_columns() - 1 : -1,
+                          fit.matrix, fit.distortion, fit.rotations, fit.translations, corners, flags_of(model.lens),
                           {cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 100, 1e-12});
   } catch (const cv::Exception& e) {
     throw Error("the views do not determine a lens: " + e.err);

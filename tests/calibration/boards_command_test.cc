@@ -74,11 +74,11 @@ TEST(BoardsCommand, CalibratesACharucoBoard) {
   board.legacy = board.inverted = true;
   photograph_board(truth, board, dir / "boards");
   const std::string options = " --board 7x5 --square 0.03 --charuco 5X5_100 --marker 0.7";
-  test::expect_outcome(run_program("lf-calibrate",
-                                   "boards boards" + options +
-                                       " --legacy --inverted --threads 2 --out rig.json --json boards.json",
-                                   dir.path()),
-                       0, mentions("rig.json: 3 of 3 cameras", "cam_00_00", "residuals"));
+  test::expect_outcome(
+      run_program("lf-calibrate",
+                  "boards boards" + options + " --legacy --inverted --threads 2 --out rig.json --json boards.json",
+                  dir.path()),
+      0, mentions("rig.json: 3 of 3 cameras", "cam_00_00", "residuals"));
   const Rig found = load_rig(dir / "rig.json");
   EXPECT_LT(position_error(found, truth), 2e-3);
   EXPECT_EQ(found.cameras[2].name, truth.cameras[2].name);
@@ -118,9 +118,9 @@ TEST(BoardsCommand, CalibratesAnAprilGridInVideos) {
     const std::string name = truth.cameras[i].name;
     const std::string make = "gst-launch-1.0 -q multifilesrc location='" + dir / "stills" + "/" + name +
                              "/%d.png' caps=image/png,framerate=1/1 ! pngdec ! videoconvert ! videorate ! "
-                             "video/x-raw,framerate=" + (i == 1 ? "15" : "10") +
-                             "/1 ! jpegenc quality=98 ! matroskamux ! filesink location='" + dir / "boards" + "/" +
-                             name + ".mkv'";
+                             "video/x-raw,framerate=" +
+                             (i == 1 ? "15" : "10") + "/1 ! jpegenc quality=98 ! matroskamux ! filesink location='" +
+                             dir / "boards" + "/" + name + ".mkv'";
     ASSERT_EQ(std::system(make.c_str()), 0);
   }
   test::expect_outcome(

@@ -28,9 +28,9 @@ inline void draw_marker(cv::Mat& print, int dictionary, int id, const cv::Rect& 
 }
 
 struct Print {
-  cv::Mat picture;       // dark on white
-  double per_unit = 0;   // pixels per square or tag
-  Vec2 first{0, 0};      // pixel edge of corner 0
+  cv::Mat picture;      // dark on white
+  double per_unit = 0;  // pixels per square or tag
+  Vec2 first{0, 0};     // pixel edge of corner 0
 };
 
 // A ChArUco board with markers of 0.7 squares of the dictionary 5X5_100. New boards begin with a black square at the
@@ -49,8 +49,8 @@ inline Print print_charuco(const CalibrationBoard& board) {
       if (black)
         print.picture(square) = 0;
       else
-        draw_marker(print.picture, cv::aruco::DICT_5X5_100, id++,
-                    {square.x + inset, square.y + inset, side, side}, 1, false);
+        draw_marker(print.picture, cv::aruco::DICT_5X5_100, id++, {square.x + inset, square.y + inset, side, side}, 1,
+                    false);
     }
   if (board.inverted) cv::bitwise_not(print.picture, print.picture);
   return print;

@@ -17,6 +17,8 @@ namespace {
 
 using Kind = CalibrationBoard::Kind;
 
+constexpr double kTolerance = 0.3;  // pixels, for the worst corner of a rendered board
+
 const Lens kLens(LensModel::kRadial, {620, 319.5, 239.5, -0.2, 0.05});
 const CalibrationBoard kCheckerboard{.columns = 8, .rows = 5, .square = 0.03};
 const CalibrationBoard kCharuco{
@@ -30,8 +32,8 @@ CalibrationBoard legacy(CalibrationBoard board) {
 
 // The middle of the board at `at`, turned about its axes.
 Pose pose_of(const CalibrationBoard& board, const Vec3& at, double pitch, double yaw, double roll) {
-  const Quat turn = glm::angleAxis(pitch, Vec3(1, 0, 0)) * glm::angleAxis(yaw, Vec3(0, 1, 0)) *
-                    glm::angleAxis(roll, Vec3(0, 0, 1));
+  const Quat turn =
+      glm::angleAxis(pitch, Vec3(1, 0, 0)) * glm::angleAxis(yaw, Vec3(0, 1, 0)) * glm::angleAxis(roll, Vec3(0, 0, 1));
   const Vec2 middle = board.corner(board.num_corners() - 1) / 2.0;
   return {at - glm::mat3_cast(turn) * Vec3(middle, 0), turn};
 }
@@ -56,7 +58,7 @@ TEST(FindBoard, NumbersAllCornersOfEachKind) {
       const auto view = find_board(picture_of(board, pose), board);
       ASSERT_TRUE(view) << board.name() << ", roll " << roll;
       EXPECT_EQ(view->corners.size(), board.num_corners()) << board.name() << ", roll " << roll;
-      EXPECT_LT(worst_error(board, *view, pose), 0.25) << board.name() << ", roll " << roll;
+      EXPECT_LT(worst_error(board, *view, pose), kTolerance) << board.name() << ", roll " << roll;
     }
   }
 }
@@ -78,7 +80,7 @@ TEST(FindBoard, FindsInvertedCharuco) {
   const auto view = find_board(picture, board);
   ASSERT_TRUE(view);
   EXPECT_EQ(view->corners.size(), board.num_corners());
-  EXPECT_LT(worst_error(board, *view, pose), 0.25);
+  EXPECT_LT(worst_error(board, *view, pose), kTolerance);
   BoardMiss miss;
   EXPECT_FALSE(find_board(picture, kCharuco, &miss));
   EXPECT_EQ(miss, BoardMiss::kNothing);
@@ -91,7 +93,7 @@ TEST(FindBoard, MarkersIdentifyPartsOfABoard) {
     ASSERT_TRUE(view) << board.name();
     EXPECT_GT(view->corners.size(), 9u) << board.name();
     EXPECT_LT(view->corners.size(), board.num_corners()) << board.name();
-    EXPECT_LT(worst_error(board, *view, pose), 0.3) << board.name();
+    EXPECT_LT(worst_error(board, *view, pose), kTolerance) << board.name();
   }
 }
 
@@ -144,7 +146,7 @@ TEST(FindBoard, LayoutsOfOddRowsAreEqual) {
   for (const CalibrationBoard& description : {board, legacy(board)}) {
     const auto view = find_board(picture, description);
     ASSERT_TRUE(view);
-    EXPECT_LT(worst_error(board, *view, pose), 0.25);
+    EXPECT_LT(worst_error(board, *view, pose), kTolerance);
   }
 }
 
@@ -154,8 +156,8 @@ TEST(FindBoard, PartialBoardsCalibrateALens) {
   size_t parts = 0;
   for (int i = 0; i < 10; i++) {
     std::uniform_real_distribution<double> uniform(-1, 1);
-    const Pose pose = pose_of(kCharuco, Vec3(0.06 * uniform(random), 0.05 * uniform(random), 0.26), 0.6 * uniform(random),
-                              0.6 * uniform(random), uniform(random));
+    const Pose pose = pose_of(kCharuco, Vec3(0.06 * uniform(random), 0.05 * uniform(random), 0.26),
+                              0.6 * uniform(random), 0.6 * uniform(random), uniform(random));
     if (auto view = find_board(picture_of(kCharuco, pose), kCharuco)) {
       parts += view->corners.size() < kCharuco.num_corners();
       views.push_back(std::move(*view));

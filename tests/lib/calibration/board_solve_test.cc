@@ -44,7 +44,8 @@ double position_error(const BoardSolution& solved, const Rig& truth) {
   }
   const Similarity s = align(found, expected, true);
   double sum = 0;
-  for (size_t i = 0; i < found.size(); i++) sum += std::pow(glm::length(s(found[i]).position - expected[i].position), 2);
+  for (size_t i = 0; i < found.size(); i++)
+    sum += std::pow(glm::length(s(found[i]).position - expected[i].position), 2);
   return std::sqrt(sum / static_cast<double>(found.size()));
 }
 

@@ -90,8 +90,7 @@ TEST(ReprojectionCost, PointsBehindTheCameraFail) {
   const double target[] = {0, 0, -1};
   const double* blocks[] = {camera.v.data(), target};
   double error[2];
-  EXPECT_FALSE(
-      ReprojectionCost<TargetState::Kind::kPoint>(camera, {}, {}, 1).Evaluate(blocks, error, nullptr));
+  EXPECT_FALSE(ReprojectionCost<TargetState::Kind::kPoint>(camera, {}, {}, 1).Evaluate(blocks, error, nullptr));
 }
 
 TEST(PosePriorCost, IsTheDeviationInSigmas) {
