@@ -179,6 +179,8 @@ TEST(BoardsCommand, CalibratesFourWebcams) {
   std::printf("rms of inliers %.3f px, median %.3f px, outliers %d of %d\n", report["inliers"]["rms_px"].get<double>(),
               report["median_px"].get<double>(), report["outliers"].get<int>(), report["observations"].get<int>());
   const Rig rig = load_rig(dir / "rig.json");
+  EXPECT_LT(report["median_px"], 0.45);
+  EXPECT_NEAR(glm::length(rig.cameras[0].pose.position - rig.cameras[2].pose.position), 0.533, 0.005);
   for (size_t a = 0; a < 4; a++)
     for (size_t b = a + 1; b < 4; b++)
       std::printf("cameras %zu and %zu: %.4f m\n", a, b,
