@@ -17,6 +17,7 @@
 // subcommand with its options and callback. A callback throws lf::Error if the command fails. Commands with results
 // other than success and failure set `status`, the exit status of the program.
 void add_all_command(cli::App& app, int& status);
+void add_boards_command(cli::App& app);
 void add_check_command(cli::App& app, int& status);
 void add_colour_command(cli::App& app);
 void add_intrinsics_command(cli::App& app);
@@ -47,7 +48,8 @@ class SolveProgress {
       if (step.starts_with("clocks: round")) between_ = std::min(65.0, std::max(between_, 30.0) + 3);
     }
     static const std::map<std::string, double> kShares = {
-        {"lenses", 0.15}, {"distortion", 0.3}, {"final adjustment", 0.7}, {"uncertainty", 0.9}};
+        {"lens of each camera", 0.02}, {"first layout: boards", 0.1}, {"lenses", 0.15},
+        {"distortion", 0.3},           {"final adjustment", 0.7},     {"uncertainty", 0.9}};
     const auto share = kShares.find(step);
     const double in_turn = share == kShares.end() ? 0 : share->second;
     const double from = !has_clocks_ || between_ == 0 ? 0 : between_;

@@ -15,6 +15,7 @@
 
 #include "base/json_value.h"
 #include "base/text.h"
+#include "board_options.h"
 #include "calibration/intrinsics.h"
 #include "commands.h"
 #include "image/image.h"
@@ -29,8 +30,8 @@ using nlohmann::ordered_json;
 
 struct IntrinsicsArguments {
   std::vector<std::string> images;
-  std::string board, charuco, model = "auto", rig, out, json;
-  double square = 1, marker = lf::CharucoBoard().marker;
+  BoardOptions board;
+  std::string model = "auto", rig, out, json;
   uint32_t camera = 0;
   int views = 20;
   bool trusted = false;
@@ -90,29 +91,11 @@ void for_each_frame(const Video& video_source, const std::function<bool(const lf
              : "; check that the camera is plugged in and that no other program uses it, or run lf-rig doctor"));
 }
 
-lf::Checkerboard parse_board(const IntrinsicsArguments& options) {
-  lf::Checkerboard board;
-  board.square = options.square;
-  char rest = 0;
-  if (std::sscanf(options.board.c_str(), "%dx%d%c", &board.columns, &board.rows, &rest) != 2 || board.columns < 3 ||
-      board.rows < 3 || board.columns > 100 || board.rows > 100)
-    throw lf::Error("--board " + options.board + ": must be the number of inner corners along x and y, such as 9x6");
-  return board;
-}
-
 struct Images {
   int width = 0, height = 0;
   std::vector<lf::BoardView> views;
   std::vector<std::string> without_board;
 };
-
-std::optional<lf::BoardView> find_board(const IntrinsicsArguments& options, const lf::Checkerboard& board,
-                                        const lf::Image& image) {
-  if (!options.charuco.empty()) return lf::find_charuco(image, {board, options.charuco, options.marker});
-  auto corners = lf::find_checkerboard(image, board);
-  if (!corners) return std::nullopt;
-  return lf::BoardView{"", std::move(*corners), {}};
-}
 
 void check_size(Images& found, const lf::Image& image, const std::string& name) {
   if (found.width == 0) {
@@ -126,13 +109,13 @@ void check_size(Images& found, const lf::Image& image, const std::string& name) 
 }
 
 // Collects views of the board from a video or a live camera. The board must not move for a moment in each view.
-void watch(const IntrinsicsArguments& options, const lf::Checkerboard& board, const Video& video, Images& found) {
+void watch(const IntrinsicsArguments& options, const lf::CalibrationBoard& board, const Video& video, Images& found) {
   std::optional<lf::KeyframeSelector> chooser;
   int kept = 0, frame = 0;
   for_each_frame(video, [&](const lf::Image& image) {
     check_size(found, image, video.name);
     if (!chooser) chooser.emplace(image.width());
-    auto view = find_board(options, board, image);
+    auto view = lf::find_board(image, board);
     if (view && chooser->take(*view)) {
       view->name = video.name + " frame " + std::to_string(frame);
       found.views.push_back(std::move(*view));
@@ -144,9 +127,8 @@ void watch(const IntrinsicsArguments& options, const lf::Checkerboard& board, co
   if (kept == 0) found.without_board.push_back(video.name);
 }
 
-Images find_boards(const IntrinsicsArguments& options, const lf::Checkerboard& board) {
+Images find_boards(const IntrinsicsArguments& options, const lf::CalibrationBoard& board) {
   Images found;
-  if (!options.charuco.empty()) lf::check_charuco_board({board, options.charuco, options.marker});
   if (options.images.empty() && options.rig.empty())
     throw lf::Error("nothing to calibrate: give images or videos of the board, or --rig for a live camera");
   const auto is_video = [](const std::string& path) { return path.find("://") != std::string::npos; };
@@ -162,7 +144,7 @@ Images find_boards(const IntrinsicsArguments& options, const lf::Checkerboard& b
     }
     const lf::Image image = lf::load_image(path);
     check_size(found, image, path);
-    if (auto view = find_board(options, board, image)) {
+    if (auto view = lf::find_board(image, board)) {
       view->name = path;
       found.views.push_back(std::move(*view));
     } else {
@@ -242,7 +224,7 @@ void save(const IntrinsicsArguments& options, const IntrinsicsResult& result, co
 }
 
 void calibrate(const IntrinsicsArguments& options) {
-  const lf::Checkerboard board = parse_board(options);
+  const lf::CalibrationBoard board = parse_board(options.board);
   lf::IntrinsicsOptions how;
   if (options.model != "auto") {
     how.lens = lf::lens_model_from_name(options.model);
@@ -254,10 +236,7 @@ void calibrate(const IntrinsicsArguments& options) {
   how.progress = [](const std::string& step) { terminal::print_error("%s\n", step.c_str()); };
   how.progress("searching for the board");
   const Images images = find_boards(options, board);
-  if (images.views.empty())
-    throw lf::Error("no image shows the board of " + options.board +
-                    " inner corners. Check that --board counts the corners between squares, not the squares. The board "
-                    "must be flat, in even light, and completely visible in the image");
+  if (images.views.empty()) throw lf::Error("no image shows the " + board.name() + ". " + advice_for(board));
   const IntrinsicsResult result = lf::calibrate_intrinsics(images.views, board, images.width, images.height, how);
   print(result, images);
   save(options, result, images);
@@ -281,29 +260,7 @@ void add_intrinsics_command(cli::App& app) {
                                      "board still for a moment in each position")
                         ->capture_default_str()
                         ->check(cli::Range(3, 1000));
-  command
-      ->add_option("--board", o->board,
-                   "Number of inner corners of the board along x and y, for example 9x6. Inner corners are points "
-                   "where four squares meet")
-      ->required()
-      ->type_name("CxR");
-  command
-      ->add_option("--square", o->square,
-                   "Side length of a square of the board, in metres. It affects only reported distances, not the lens")
-      ->check(cli::PositiveNumber);
-  cli::Option* charuco =
-      command
-          ->add_option("--charuco", o->charuco,
-                       "ArUco dictionary of the markers on a ChArUco board, for example 5X5_100. Without this option, "
-                       "the board is a plain checkerboard. A ChArUco board need not be completely visible")
-          ->type_name("5X5_100");
-  command
-      ->add_option("--marker", o->marker,
-                   "Side length of a marker of the ChArUco board, as a fraction of the side of a square. For example, "
-                   "0.75 for markers of 30 mm in squares of 40 mm")
-      ->capture_default_str()
-      ->check(cli::Range(0.01, 0.99))
-      ->needs(charuco);
+  add_board_options(*command, o->board);
   command
       ->add_option(
           "--model", o->model,

@@ -123,6 +123,7 @@ int main(int argc, char** argv) {
   lf::capture_solver_messages();
   int status = 0;
   add_all_command(app, status);
+  add_boards_command(app);
   add_check_command(app, status);
   add_colour_command(app);
   add_features_command(app);

@@ -7,6 +7,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <set>
 #include <system_error>
 #include <vector>
 
@@ -131,6 +132,19 @@ std::vector<std::string> board_images(const std::string& folder, const lf::Camer
   require_one(films, camera, "films");
   if (films.empty()) return {};
   return {"file://" + fs::absolute(films[0]).string()};
+}
+
+std::vector<std::string> board_cameras(const std::string& folder) {
+  check_folder(folder);
+  std::set<std::string> names;
+  for (const auto& entry : fs::directory_iterator(folder))
+    if (entry.is_directory() && !files_in(entry.path().string(), [](const fs::path&) { return true; }).stills.empty())
+      names.insert(entry.path().filename().string());
+  for (const std::string& film : files_in(folder, [](const fs::path&) { return true; }).films)
+    names.insert(fs::path(film).stem().string());
+  std::vector<std::string> sorted(names.begin(), names.end());
+  std::ranges::sort(sorted, lf::natural_less);
+  return sorted;
 }
 
 void check_folder(const std::string& folder) {

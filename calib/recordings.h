@@ -29,6 +29,10 @@ lf::Rig with_recordings(const std::string& folder, lf::Rig rig);
 // lf::Error if there are two videos.
 std::vector<std::string> board_images(const std::string& folder, const lf::Camera& camera);
 
+// Returns the cameras of a folder with board images: the names of all subfolders that contain stills and of all videos,
+// in natural order.
+std::vector<std::string> board_cameras(const std::string& folder);
+
 // Throws lf::Error if `folder` is given but is not a folder.
 void check_folder(const std::string& folder);
 

@@ -13,14 +13,12 @@
 #include <nlohmann/json.hpp>
 
 #include "base/json_value.h"
-#include "base/text.h"
-#include "calibration/diagnosis.h"
 #include "calibration/moving_light.h"
-#include "calibration/report.h"
 #include "calibration/tracks.h"
 #include "commands.h"
 #include "recordings.h"
 #include "rig/rig_json.h"
+#include "solution_output.h"
 #include "terminal.h"
 
 namespace {
@@ -138,47 +136,6 @@ lf::PlacementOptions::Distance parse_distance(const std::string& text) {
   return d;
 }
 
-json load_prior(const std::string& path, lf::SolveOptions& options) {
-  json original = lf::parse_json(lf::read_text_file(path), path);
-  options.prior = lf::load_rig(path);
-  for (const lf::JsonValue& camera : lf::JsonValue(original, path).at("cameras").elements())
-    options.prior_covariances.push_back(lf::parse_camera_covariance(camera));
-  return original;
-}
-
-void print_summary(const json& report) {
-  for (const json& trial : report["models"])
-    terminal::print("tried       %-18s BIC %9.1f  transfer %s%s\n", trial["model"].get<std::string>().c_str(),
-                    trial["bic"].get<double>(),
-                    trial["transfer_px"].is_null() ? "-" : (trial["transfer_px"].dump().substr(0, 6) + " px").c_str(),
-                    trial["chosen"].get<bool>() ? "  chosen" : "");
-  terminal::print("distortion  %s\n", report["model"].get<std::string>().c_str());
-  terminal::print(
-      "residuals   mean %.3f px, median %.3f px, rms %.3f px over all; rms %.3f px without outliers (expected "
-      "%.3f)\n",
-      report["mean_px"].get<double>(), report["median_px"].get<double>(), report["rms_px"].get<double>(),
-      report["inliers"]["rms_px"].get<double>(), report["expected_rms_px"].get<double>());
-  terminal::print("outliers    %zu of %zu observations\n", report["outliers"].get<size_t>(),
-                  report["observations"].get<size_t>());
-  for (const json& finding : report["findings"])
-    terminal::print("%s: %s\n", finding["severity"].get<std::string>().c_str(),
-                    finding["text"].get<std::string>().c_str());
-}
-
-void print_clocks(const lf::LightSolution& lights) {
-  double least = 0, most = 0, sigma = 0;
-  size_t reflections = 0;
-  for (size_t i = 0; i < lights.clocks.size(); i++) {
-    if (!lights.clocks[i].known) continue;
-    least = std::min(least, lights.clocks[i].offset), most = std::max(most, lights.clocks[i].offset);
-    sigma = std::max(sigma, lights.clocks[i].sigma);
-    reflections += lights.reflections[i];
-  }
-  terminal::print("clocks      offsets %+.2f to %+.2f ms, each +-%.2f ms at most\n", 1e3 * least, 1e3 * most,
-                  1e3 * sigma);
-  if (reflections > 0) terminal::print("reflections %zu detections left out\n", reflections);
-}
-
 void solve(const SolveArguments& o) {
   lf::SolveOptions options;
   options.distortion = distortion_of(o.distortion);
@@ -205,36 +162,8 @@ void solve(const SolveArguments& o) {
     tracks = lights->tracks;
   }
   const lf::Solution solution = lights ? std::move(lights->solution) : lf::solve_tracks(tracks, options);
-  const lf::Placement placement = lf::place_solution(solution, tracks, options, placement_options);
-  std::vector<lf::Finding> findings = diagnose(solution, tracks, options, placement);
-  if (lights)
-    for (lf::Finding& finding : lf::diagnose_clocks(*lights)) findings.push_back(std::move(finding));
-  auto report = calibration_report(solution, tracks, placement, findings);
-  if (lights) lf::add_clocks(*lights, report);
-  original = lf::rig_record(solution, tracks, placement, std::move(original), "lf-calibrate solve");
-  lf::Rig rig = lf::make_rig(solution, tracks, options, placement);
-  if (lights)
-    for (size_t i = 0; i < tracks.cameras.size(); i++)
-      if (const auto index = rig.index_of_id(tracks.cameras[i].id); index && lights->clocks[i].known)
-        rig.cameras[*index].time_offset = lights->clocks[i].offset;
-  lf::add_details(solution, tracks, placement, rig, report);
-  progress.finish();
-  lf::rebase_paths(rig, std::filesystem::path(o.out).parent_path().string());
-  lf::save_rig(rig, o.out, &original);
-  if (!o.json.empty()) lf::write_text_file(report.dump(1) + "\n", o.json);
-  print_summary(json::parse(report.dump()));
-  if (lights) print_clocks(*lights);
-  std::string missing;
-  size_t found = 0;
-  for (size_t i = 0; i < tracks.cameras.size(); i++) {
-    found += solution.scene.cameras[i].used;
-    if (!solution.scene.cameras[i].used)
-      missing += (missing.empty() ? "" : ", ") + std::to_string(tracks.cameras[i].id);
-  }
-  terminal::print("%s: %zu of %zu cameras\n", o.out.c_str(), found, tracks.cameras.size());
-  if (!missing.empty())
-    throw lf::Error(std::to_string(tracks.cameras.size() - found) + " of " + std::to_string(tracks.cameras.size()) +
-                    " cameras are missing in " + o.out + " (" + missing + "): see the findings above");
+  save_solution({solution, tracks, options, placement_options, lights ? &*lights : nullptr, {}}, std::move(original),
+                "lf-calibrate solve", o.out, o.json, progress);
 }
 
 }  // namespace

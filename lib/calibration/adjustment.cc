@@ -37,10 +37,21 @@ void CameraState::set_lens(const Lens& lens) {
 }
 
 Vec3 TargetState::point(uint32_t which) const {
-  if (kind != Kind::kBar) return {v[0], v[1], v[2]};
   double p[3];
-  projection::bar_end(v.data(), which, p);
+  switch (kind) {
+    case Kind::kBar: projection::bar_end(v.data(), which, p); break;
+    case Kind::kBoard: projection::board_corner(v.data(), &(*corners)[which].x, p); break;
+    default: return {v[0], v[1], v[2]};
+  }
   return {p[0], p[1], p[2]};
+}
+
+void TargetState::set_board(const Pose& world_from_board, std::shared_ptr<const std::vector<Vec3>> board_corners) {
+  const Quat q = glm::normalize(world_from_board.orientation);
+  for (int i = 0; i < 3; i++) v[i] = world_from_board.position[i];
+  v[3] = q.w, v[4] = q.x, v[5] = q.y, v[6] = q.z;
+  kind = Kind::kBoard;
+  corners = std::move(board_corners);
 }
 
 bool Reconstruction::measured(int term) const {
@@ -130,7 +141,8 @@ bool all_measured(const Reconstruction& scene, size_t camera) {
 AdjustmentSummary adjust(Reconstruction& scene, const std::vector<Observation>& observations, const Inliers& use,
                          const AdjustmentOptions& options, ClockAdjustment* clocks) {
   CameraManifold camera_manifold(options.free, options.free_poses);
-  ceres::ProductManifold<ceres::EuclideanManifold<3>, ceres::SphereManifold<3>> bar_manifold;
+  BarManifold bar_manifold;
+  BoardManifold board_manifold;
   const std::unique_ptr<ceres::LossFunction> loss = make_loss(options);
   ceres::Problem problem(borrowed());
   std::vector<char> camera_used(scene.cameras.size()), target_used(scene.targets.size());
@@ -139,22 +151,17 @@ AdjustmentSummary adjust(Reconstruction& scene, const std::vector<Observation>& 
     CameraState& camera = scene.cameras[o.camera];
     TargetState& target = scene.targets[o.position];
     if (!use[i] || !camera.used || !target.has(o.light) || !residual(camera, target, o)) continue;
-    const bool bar = target.kind == TargetState::Kind::kBar;
     if (clocks) {
       ClockAdjustment::Camera& clock = clocks->cameras[o.camera];
-      const auto by = clock.by(clocks->stamp[i]);
-      ceres::CostFunction* cost;
-      if (bar)
-        cost = new ClockedCost<true>(camera, o, options.sigma, clocks->velocity[i], by);
-      else
-        cost = new ClockedCost<false>(camera, o, options.sigma, clocks->velocity[i], by);
+      ceres::CostFunction* cost = with_kind(target.kind, [&]<TargetState::Kind kKind>() -> ceres::CostFunction* {
+        return new ClockedCost<kKind>(camera, target, o, options.sigma, clocks->velocity[i],
+                                      clock.by(clocks->stamp[i]));
+      });
       problem.AddResidualBlock(cost, loss.get(), camera.v.data(), target.v.data(), clock.terms.data());
     } else {
-      ceres::CostFunction* cost;
-      if (bar)
-        cost = new ReprojectionCost<true>(camera, o, options.sigma);
-      else
-        cost = new ReprojectionCost<false>(camera, o, options.sigma);
+      ceres::CostFunction* cost = with_kind(target.kind, [&]<TargetState::Kind kKind>() -> ceres::CostFunction* {
+        return new ReprojectionCost<kKind>(camera, target, o, options.sigma);
+      });
       problem.AddResidualBlock(cost, loss.get(), camera.v.data(), target.v.data());
     }
     camera_used[o.camera] = target_used[o.position] = true;
@@ -208,19 +215,20 @@ AdjustmentSummary adjust(Reconstruction& scene, const std::vector<Observation>& 
       problem.AddResidualBlock(
           new ceres::AutoDiffCostFunction<ClockPriorCost, kNumClockTerms, kNumClockTerms>(new ClockPriorCost), nullptr,
           clocks->cameras[i].terms.data());
-  bool has_bar = false;
+  bool rigid = false;
   for (size_t i = 0; i < scene.targets.size(); i++) {
     if (!target_used[i]) continue;
-    has_bar |= scene.targets[i].kind == TargetState::Kind::kBar;
+    rigid |= scene.targets[i].is_rigid();
     double* block = scene.targets[i].v.data();
     if (scene.targets[i].kind == TargetState::Kind::kBar) problem.SetManifold(block, &bar_manifold);
+    if (scene.targets[i].kind == TargetState::Kind::kBoard) problem.SetManifold(block, &board_manifold);
     if (options.free_targets)
       blocks.targets.push_back(block);
     else
       problem.SetParameterBlockConstant(block);
   }
 
-  const bool free_metres = has_pose_priors && has_bar;
+  const bool free_metres = has_pose_priors && rigid;
   if (has_pose_priors && !free_metres) problem.SetParameterBlockConstant(&scene.metres);
 
   ceres::Solver::Options solver;
@@ -306,19 +314,21 @@ class Builder {
   void add(const Observation& o) {
     const CameraState& camera = scene_.cameras[o.camera];
     const TargetState& target = scene_.targets[o.position];
-    const bool bar = target.kind == TargetState::Kind::kBar;
     Eigen::Matrix<double, 2, CameraState::kSize, Eigen::RowMajor> by_camera;
-    RowMajor by_target(2, bar ? 6 : 3);
+    RowMajor by_target(2, target_size(target.kind));
     double error[2];
     double* jacobians[2] = {by_camera.data(), by_target.data()};
     const double* blocks[2] = {camera.v.data(), target.v.data()};
-    if (bar) {
-      if (!ReprojectionCost<true>(camera, o, options_.sigma).Evaluate(blocks, error, jacobians)) return;
-      RowMajor steps(6, 5);
-      bar_manifold_.PlusJacobian(target.v.data(), steps.data());
+    const bool visible = with_kind(target.kind, [&]<TargetState::Kind kKind>() {
+      return ReprojectionCost<kKind>(camera, target, o, options_.sigma).Evaluate(blocks, error, jacobians);
+    });
+    if (!visible) return;
+    if (target.is_rigid()) {
+      const bool bar = target.kind == TargetState::Kind::kBar;
+      const ceres::Manifold& manifold = bar ? static_cast<const ceres::Manifold&>(bar_manifold_) : board_manifold_;
+      RowMajor steps(manifold.AmbientSize(), manifold.TangentSize());
+      manifold.PlusJacobian(target.v.data(), steps.data());
       by_target = RowMajor(by_target * steps);
-    } else {
-      if (!ReprojectionCost<false>(camera, o, options_.sigma).Evaluate(blocks, error, jacobians)) return;
     }
     const RowMajor c = by_camera * camera_steps_[o.camera];
     const int row = result_.camera_row[o.camera], n = result_.camera_size;
@@ -326,7 +336,7 @@ class Builder {
     TargetInformation& t = targets_[o.position];
     if (t.rows.empty()) t.own = MatrixXd::Zero(by_target.cols(), by_target.cols());
     t.own += by_target.transpose() * by_target;
-    // A camera may see both lights of a bar.
+    // A camera may see both lights of a bar, and many corners of a board.
     const auto seen = std::find(t.rows.rbegin(), t.rows.rend(), row);
     if (seen == t.rows.rend()) {
       t.rows.push_back(row);
@@ -389,7 +399,7 @@ class Builder {
   }
 
   void add_pose_priors(int metres_row) {
-    const bool bars = has_bars();
+    const bool rigid = has_rigid_targets();
     for (size_t i = 0; i < scene_.pose_priors.size(); i++) {
       const int row = result_.camera_row[i];
       if (row < 0 || !scene_.pose_priors[i]) continue;
@@ -402,7 +412,7 @@ class Builder {
       const Eigen::Matrix<double, 7, 7> own = by_step.transpose() * by_step;
       information_.block<6, 6>(row, row) += own.topLeftCorner<6, 6>();
       pose_priors_ = true;
-      if (!bars) continue;
+      if (!rigid) continue;
       information_.block<6, 1>(row, metres_row) += own.topRightCorner<6, 1>();
       information_.block<1, 6>(metres_row, row) += own.bottomLeftCorner<1, 6>();
       information_(metres_row, metres_row) += own(6, 6);
@@ -428,9 +438,8 @@ class Builder {
 
  private:
   int num_terms() const { return static_cast<int>(result_.lens_terms.size()); }
-  bool has_bars() const {
-    return std::any_of(scene_.targets.begin(), scene_.targets.end(),
-                       [](const TargetState& t) { return t.kind == TargetState::Kind::kBar; });
+  bool has_rigid_targets() const {
+    return std::any_of(scene_.targets.begin(), scene_.targets.end(), [](const TargetState& t) { return t.is_rigid(); });
   }
 
   // Inverts the information with the unobserved similarities removed: P (S + K K')^-1 P', P the projection onto
@@ -463,8 +472,8 @@ class Builder {
       weighted.middleRows(row + 3, 3) = gauge.middleRows(row + 3, 3);
     }
     const MatrixXd overlap = gauge.transpose() * weighted;
-    // A bar of unit length fixes the scale. Pose priors leave no gauge freedom.
-    for (int g = 0; g < (pose_priors_ ? 0 : has_bars() ? 6 : 7); g++) {
+    // A target of known size fixes the scale. Pose priors leave no gauge freedom.
+    for (int g = 0; g < (pose_priors_ ? 0 : has_rigid_targets() ? 6 : 7); g++) {
       const Eigen::VectorXd k = weighted.col(g) / weighted.col(g).norm();
       const double firm = k.cwiseAbs2().dot(information_.diagonal());
       information_ += firm * k * k.transpose();
@@ -487,7 +496,8 @@ class Builder {
   const Reconstruction& scene_;
   const AdjustmentOptions& options_;
   CameraManifold manifold_;
-  ceres::ProductManifold<ceres::EuclideanManifold<3>, ceres::SphereManifold<3>> bar_manifold_;
+  BarManifold bar_manifold_;
+  BoardManifold board_manifold_;
   std::vector<RowMajor> camera_steps_;
   MatrixXd information_;
   bool pose_priors_ = false;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -42,17 +43,24 @@ struct CameraState {
   void set_lens(const Lens& lens);
 };
 
-// The position of the calibration target at one instant. The target is a moving light, or a bar with a light at each
-// end. A bar is stored as its centre and its direction (unit vector). The length of the bar is the unit of length of
-// the scene.
+// The position of the calibration target at one instant. The target is a moving light, a bar with a light at each end,
+// or a board with corners. A bar is stored as its centre and its direction (unit vector), a board as the position of
+// its middle and its orientation (quaternion w x y z). The unit of length of the scene is the length of the bar, or
+// metres for a board.
 struct TargetState {
-  enum class Kind : uint8_t { kNone, kPoint, kBar };
-  std::array<double, 6> v{};
+  enum class Kind : uint8_t { kNone, kPoint, kBar, kBoard };
+  std::array<double, 7> v{};
   Kind kind = Kind::kNone;
-  uint32_t light = 0;  // kPoint only: which light of the bar it is
+  uint32_t light = 0;                                // kPoint only: which light of the bar it is
+  std::shared_ptr<const std::vector<Vec3>> corners;  // kBoard only: Tracks::board
 
-  bool has(uint32_t which) const { return kind == Kind::kBar || (kind == Kind::kPoint && light == which); }
+  bool is_rigid() const { return kind == Kind::kBar || kind == Kind::kBoard; }
+  bool has(uint32_t which) const {
+    return kind == Kind::kBar || (kind == Kind::kPoint && light == which) ||
+           (kind == Kind::kBoard && which < corners->size());
+  }
   Vec3 point(uint32_t which) const;
+  void set_board(const Pose& world_from_board, std::shared_ptr<const std::vector<Vec3>> board_corners);
 };
 
 // Prior knowledge of one lens, for example from images of a checkerboard. It consists of a mean and the square root W
@@ -91,7 +99,7 @@ struct Reconstruction {
   std::array<double, kNumLensTerms> batch_mean{};
   // Per camera, or empty. Set only after the scene has been aligned with the frame of the priors.
   std::vector<std::optional<PosePrior>> pose_priors;
-  double metres = 1;  // metres per unit of length of the scene; estimated if the unit is the length of the bar
+  double metres = 1;  // metres of the priors per unit of length of the scene; estimated if the targets are rigid
 
   // True if the prior has measured the term in this camera, or in any camera. Otherwise the batch prior applies.
   bool measured(size_t camera, int term) const { return lens_priors[camera] && lens_priors[camera]->known[term]; }

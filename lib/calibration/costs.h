@@ -64,6 +64,13 @@ inline double bar_side(unsigned light) { return light == 0 ? -0.5 : 0.5; }
 inline void bar_end(const double* bar, unsigned light, double* point) {
   for (int i = 0; i < 3; i++) point[i] = bar[i] + bar_side(light) * bar[3 + i];
 }
+
+// Position of a corner of a board; `corner` is in board axes.
+inline void board_corner(const double* board, const double* corner, double* point) {
+  const double inverse[4] = {board[3], -board[4], -board[5], -board[6]};
+  rotate_to_camera(inverse, corner, point);
+  for (int i = 0; i < 3; i++) point[i] += board[i];
+}
 }  // namespace lf::projection
 
 namespace lf {
@@ -122,14 +129,36 @@ class CameraManifold : public ceres::Manifold {
   int lens_[kNumLensTerms];
 };
 
-// Reprojection error of a point or of one end of a bar, in sigmas.
-template <bool kBar>
-class ReprojectionCost : public ceres::SizedCostFunction<2, CameraState::kSize, kBar ? 6 : 3> {
+// Number of the coordinates in TargetState::v that a kind of target uses.
+constexpr int target_size(TargetState::Kind kind) {
+  return kind == TargetState::Kind::kBoard ? 7 : kind == TargetState::Kind::kBar ? 6 : 3;
+}
+
+// Calls f.operator()<kind>().
+template <class F>
+auto with_kind(TargetState::Kind kind, const F& f) {
+  using Kind = TargetState::Kind;
+  switch (kind) {
+    case Kind::kBar: return f.template operator()<Kind::kBar>();
+    case Kind::kBoard: return f.template operator()<Kind::kBoard>();
+    default: return f.template operator()<Kind::kPoint>();
+  }
+}
+
+using BarManifold = ceres::ProductManifold<ceres::EuclideanManifold<3>, ceres::SphereManifold<3>>;
+using BoardManifold = ceres::ProductManifold<ceres::EuclideanManifold<3>, ceres::QuaternionManifold>;
+
+// Reprojection error of a point, of one end of a bar or of a corner of a board, in sigmas.
+template <TargetState::Kind kKind>
+class ReprojectionCost : public ceres::SizedCostFunction<2, CameraState::kSize, target_size(kKind)> {
+  static constexpr bool kBar = kKind == TargetState::Kind::kBar, kBoard = kKind == TargetState::Kind::kBoard;
+
  public:
-  ReprojectionCost(const CameraState& camera, const Observation& observation, double sigma)
+  ReprojectionCost(const CameraState& camera, const TargetState& target, const Observation& observation, double sigma)
       : camera_(camera),
         pixel_(observation.pixel),
         light_(observation.light),
+        corner_(kBoard ? (*target.corners)[observation.light] : Vec3(0, 0, 0)),
         weight_(1 / (sigma * observation.sigma)) {}
 
   bool Evaluate(const double* const* blocks, double* error, double** jacobians) const override {
@@ -137,6 +166,9 @@ class ReprojectionCost : public ceres::SizedCostFunction<2, CameraState::kSize, 
     double end[3], pixel[2];
     if constexpr (kBar) {
       projection::bar_end(blocks[1], light_, end);
+      point = end;
+    } else if constexpr (kBoard) {
+      projection::board_corner(blocks[1], &corner_.x, end);
       point = end;
     }
     const Eigen::Vector3d from_centre(point[0] - state[4], point[1] - state[5], point[2] - state[6]);
@@ -146,15 +178,16 @@ class ReprojectionCost : public ceres::SizedCostFunction<2, CameraState::kSize, 
     if (!projection::project_in_camera(in_camera.data(), state + 7, camera_.aspect, pixel,
                                        jacobians ? &slopes : nullptr))
       return false;
-    if (jacobians) differentiate(state, from_centre, slopes, jacobians);
+    if (jacobians) differentiate(blocks, from_centre, slopes, jacobians);
     error[0] = (pixel[0] - pixel_.x) * weight_;
     error[1] = (pixel[1] - pixel_.y) * weight_;
     return true;
   }
 
  private:
-  void differentiate(const double* state, const Eigen::Vector3d& from_centre, const projection::PixelJacobian& slopes,
-                     double** jacobians) const {
+  void differentiate(const double* const* blocks, const Eigen::Vector3d& from_centre,
+                     const projection::PixelJacobian& slopes, double** jacobians) const {
+    const double* state = blocks[0];
     const Eigen::Matrix<double, 2, 3> by_camera_axes = weight_ * slopes.by_point;
     const Eigen::Matrix3d world_from_camera =
         Eigen::Quaterniond(state[0], state[1], state[2], state[3]).toRotationMatrix();
@@ -169,27 +202,36 @@ class ReprojectionCost : public ceres::SizedCostFunction<2, CameraState::kSize, 
       j.rightCols<kNumLensTerms>() = weight_ * slopes.by_lens;
     }
     if (jacobians[1]) {
-      Eigen::Map<Eigen::Matrix<double, 2, kBar ? 6 : 3, Eigen::RowMajor>> j(jacobians[1]);
+      Eigen::Map<Eigen::Matrix<double, 2, target_size(kKind), Eigen::RowMajor>> j(jacobians[1]);
       j.template leftCols<3>() = by_point;
       if constexpr (kBar) j.template rightCols<3>() = projection::bar_side(light_) * by_point;
+      if constexpr (kBoard) {
+        const double* board = blocks[1];
+        const Eigen::Vector3d from_middle = Eigen::Quaterniond(board[3], board[4], board[5], board[6]) *
+                                            Eigen::Vector3d(corner_.x, corner_.y, corner_.z);
+        Eigen::Matrix<double, 2, 3> by_turn;
+        for (int r = 0; r < 2; r++) by_turn.row(r) = from_middle.cross(Eigen::Vector3d(by_point.row(r)));
+        j.template rightCols<4>() = 4 * by_turn * CameraManifold::quaternion_steps(board + 3).transpose();
+      }
     }
   }
 
   const CameraState& camera_;
   Vec2 pixel_;
   uint32_t light_;
+  Vec3 corner_;  // in board axes
   double weight_;
 };
 
 // A ReprojectionCost for a moving light and an unknown clock. Each second added to the clock means that the frame shows
 // an earlier moment, so the light is displaced by -velocity.
 inline constexpr int kNumClockTerms = 3;
-template <bool kBar>
-class ClockedCost : public ceres::SizedCostFunction<2, CameraState::kSize, kBar ? 6 : 3, kNumClockTerms> {
+template <TargetState::Kind kKind>
+class ClockedCost : public ceres::SizedCostFunction<2, CameraState::kSize, target_size(kKind), kNumClockTerms> {
  public:
-  ClockedCost(const CameraState& camera, const Observation& observation, double sigma, const Vec2& velocity,
-              const std::array<double, kNumClockTerms>& by)
-      : still_(camera, observation, sigma) {
+  ClockedCost(const CameraState& camera, const TargetState& target, const Observation& observation, double sigma,
+              const Vec2& velocity, const std::array<double, kNumClockTerms>& by)
+      : still_(camera, target, observation, sigma) {
     const double weight = 1 / (sigma * observation.sigma);
     for (int k = 0; k < kNumClockTerms; k++) by_terms_(0, k) = weight * velocity.x * by[k];
     for (int k = 0; k < kNumClockTerms; k++) by_terms_(1, k) = weight * velocity.y * by[k];
@@ -205,7 +247,7 @@ class ClockedCost : public ceres::SizedCostFunction<2, CameraState::kSize, kBar 
   }
 
  private:
-  ReprojectionCost<kBar> still_;
+  ReprojectionCost<kKind> still_;
   Eigen::Matrix<double, 2, kNumClockTerms> by_terms_;
 };
 

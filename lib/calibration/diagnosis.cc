@@ -145,13 +145,15 @@ class Diagnosis {
   void add(Severity severity, const char* code, std::string what) {
     findings_.push_back({severity, code, std::move(what)});
   }
+  const char* target() const { return tracks_.board.empty() ? "light" : "board"; }
   unsigned id(size_t camera) const { return tracks_.cameras[camera].id; }
   const Reconstruction& scene() const { return solution_.scene; }
 
   void judge_camera(size_t i) {
     const auto& list = by_camera_[i];
     if (list.empty()) {
-      add(Severity::kError, "dead-camera", format_text("camera %u never saw the light: it is not in the rig", id(i)));
+      add(Severity::kError, "dead-camera",
+          format_text("camera %u never saw the %s: it is not in the rig", id(i), target()));
       return;
     }
     size_t outliers = 0;
@@ -236,7 +238,9 @@ class Diagnosis {
       names += members.size() > 8 ? " ...}" : "}";
     }
     add(Severity::kError, "disconnected-groups",
-        "these groups of cameras never see the light at the same time, so their relative poses are unknown: " + names);
+        format_text("these groups of cameras never see the %s at the same time, so their relative poses are unknown: ",
+                    target()) +
+            names);
   }
 
   // Reports cameras at another camera's place in the prior rig. Each cycle of the permutation is one finding.
@@ -319,7 +323,7 @@ class Diagnosis {
       if (after > kUninformative * before)
         add(scene().measured(k) ? Severity::kWarning : Severity::kError, kCodes[k],
             format_text("%s: the tracks do not determine the mean of all cameras: %s%s", kNames[k], size.c_str(),
-                        k <= kCy && !tracks_.bar ? "; use a bar with two lights" : ""));
+                        k <= kCy && !tracks_.rigid_targets() ? "; use a bar with two lights" : ""));
       else if (alone > 0)
         add(Severity::kNote, kCodes[k],
             format_text("%s: the tracks did not reduce the uncertainty of the prior in %zu of %zu cameras", kNames[k],
@@ -357,17 +361,19 @@ class Diagnosis {
       poses.push_back(scene().cameras[i].pose());
     }
     const double depth = u.sigma_of(mean) / f, pitch = neighbour_distance(poses);
-    const char* cure = tracks_.bar ? "move the bar closer, and through a larger range of depths"
-                                   : "use a bar with two lights, or measure the lenses first";
+    const bool board = !tracks_.board.empty();
+    const char* cure = board         ? "tilt the board more, and show it closer and at more depths"
+                       : tracks_.bar ? "move the bar closer, and through a larger range of depths"
+                                     : "use a bar with two lights, or measure the lenses first";
     if (!(depth < kSoftDepth))
       add(Severity::kWarning, "soft-depth",
           format_text("depth scale and focal lengths are uncertain by %.2g %%: %s", depth * 100, cure));
     const double shift = std::sqrt(position / n) / pitch, turn = std::sqrt(rotation / n);
     if (!(shift < kSoftPosition))
       add(Severity::kError, "soft-positions",
-          format_text("positions are uncertain by %.2g of the distance between neighbours: move the light closer, and "
+          format_text("positions are uncertain by %.2g of the distance between neighbours: move the %s closer, and "
                       "through a volume, not along a plane or a line",
-                      shift));
+                      shift, target()));
     if (!(turn < kSoftRotation))
       add(Severity::kWarning, "soft-rotations",
           format_text("orientations are uncertain by %.2g degrees: %s", turn * 180 / M_PI, cure));

@@ -4,129 +4,15 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <map>
-#include <set>
 
 #include <Eigen/Dense>
-#include <opencv2/aruco/charuco.hpp>
 #include <opencv2/calib3d.hpp>
-#include <opencv2/imgproc.hpp>
 
 #include "base/maths.h"
 #include "base/text.h"
 
 namespace lf {
-namespace {
-
-// The search window must not reach the next corner, which would bias the result.
-constexpr double kWindowOfSpacing = 0.4;
-constexpr int kMinWindow = 2, kMaxWindow = 15;  // half widths, pixels
-
-double least_spacing(const std::vector<cv::Point2f>& corners, int columns) {
-  double least = std::numeric_limits<double>::infinity();
-  for (size_t i = 0; i < corners.size(); i++) {
-    if ((i + 1) % columns != 0) least = std::min(least, cv::norm(corners[i + 1] - corners[i]));
-    if (i + columns < corners.size()) least = std::min(least, cv::norm(corners[i + columns] - corners[i]));
-  }
-  return least;
-}
-
-}  // namespace
-
-std::optional<std::vector<Vec2>> find_checkerboard(const Image& image, const Checkerboard& board) {
-  const cv::Mat rgb(image.height(), image.width(), CV_8UC3, const_cast<uint8_t*>(image.data().data()));
-  cv::Mat grey;
-  cv::cvtColor(rgb, grey, cv::COLOR_RGB2GRAY);
-  std::vector<cv::Point2f> corners;
-  if (!cv::findChessboardCorners(grey, {board.columns, board.rows}, corners,
-                                 cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE))
-    return std::nullopt;
-  const int window =
-      std::clamp(static_cast<int>(kWindowOfSpacing * least_spacing(corners, board.columns)), kMinWindow, kMaxWindow);
-  cv::cornerSubPix(grey, corners, {window, window}, {-1, -1},
-                   {cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 100, 1e-4});
-  std::vector<Vec2> result;
-  for (const cv::Point2f& corner : corners) result.emplace_back(corner.x, corner.y);
-  return result;
-}
-
-namespace {
-
-constexpr size_t kMinCorners = 6;  // per view; two more than pose estimation needs
-
-using Name = std::pair<const char*, cv::aruco::PREDEFINED_DICTIONARY_NAME>;
-constexpr std::array kDictionaries = {Name("4X4_50", cv::aruco::DICT_4X4_50),
-                                      Name("4X4_100", cv::aruco::DICT_4X4_100),
-                                      Name("4X4_250", cv::aruco::DICT_4X4_250),
-                                      Name("4X4_1000", cv::aruco::DICT_4X4_1000),
-                                      Name("5X5_50", cv::aruco::DICT_5X5_50),
-                                      Name("5X5_100", cv::aruco::DICT_5X5_100),
-                                      Name("5X5_250", cv::aruco::DICT_5X5_250),
-                                      Name("5X5_1000", cv::aruco::DICT_5X5_1000),
-                                      Name("6X6_50", cv::aruco::DICT_6X6_50),
-                                      Name("6X6_100", cv::aruco::DICT_6X6_100),
-                                      Name("6X6_250", cv::aruco::DICT_6X6_250),
-                                      Name("6X6_1000", cv::aruco::DICT_6X6_1000),
-                                      Name("7X7_50", cv::aruco::DICT_7X7_50),
-                                      Name("7X7_100", cv::aruco::DICT_7X7_100),
-                                      Name("7X7_250", cv::aruco::DICT_7X7_250),
-                                      Name("7X7_1000", cv::aruco::DICT_7X7_1000),
-                                      Name("ARUCO_ORIGINAL", cv::aruco::DICT_ARUCO_ORIGINAL)};
-
-cv::Ptr<cv::aruco::Dictionary> dictionary_of(const CharucoBoard& board) {
-  for (const auto& [name, id] : kDictionaries)
-    if (board.dictionary == name) return cv::aruco::getPredefinedDictionary(id);
-  std::string names;
-  for (const auto& [name, id] : kDictionaries) names += (names.empty() ? "" : ", ") + std::string(name);
-  throw Error("there is no marker dictionary " + board.dictionary + ": " + names);
-}
-
-// Units are squares.
-cv::Ptr<cv::aruco::CharucoBoard> opencv_board(const CharucoBoard& board) {
-  return cv::aruco::CharucoBoard::create(board.corners.columns + 1, board.corners.rows + 1, 1,
-                                         static_cast<float>(board.marker), dictionary_of(board));
-}
-
-}  // namespace
-
-void check_charuco_board(const CharucoBoard& board) {
-  if (!(board.marker > 0 && board.marker < 1))
-    throw Error(
-        "the markers of a ChArUco board must be smaller than its squares; give their side as a fraction below 1");
-  const int markers = (board.corners.columns + 1) * (board.corners.rows + 1) / 2;
-  if (const int known = dictionary_of(board)->bytesList.rows; known < markers)
-    throw Error("dictionary " + board.dictionary + " has " + std::to_string(known) + " markers, the board " +
-                std::to_string(markers));
-}
-
-std::optional<BoardView> find_charuco(const Image& image, const CharucoBoard& board) {
-  const cv::Mat rgb(image.height(), image.width(), CV_8UC3, const_cast<uint8_t*>(image.data().data()));
-  cv::Mat grey;
-  cv::cvtColor(rgb, grey, cv::COLOR_RGB2GRAY);
-  const cv::Ptr<cv::aruco::CharucoBoard> markers = opencv_board(board);
-  std::vector<std::vector<cv::Point2f>> outlines;
-  std::vector<int> marker_ids, corner_ids;
-  cv::aruco::detectMarkers(grey, markers->dictionary, outlines, marker_ids);
-  if (marker_ids.empty()) return std::nullopt;
-  std::vector<cv::Point2f> corners;
-  cv::aruco::interpolateCornersCharuco(outlines, marker_ids, grey, markers, corners, corner_ids);
-  BoardView view;
-  std::set<int> columns, rows;
-  for (size_t i = 0; i < corners.size(); i++) {
-    // Positions are in squares from the board's outer corner, independent of OpenCV's corner order.
-    const cv::Point3f at = markers->chessboardCorners[corner_ids[i]];
-    const int column = static_cast<int>(std::lround(at.x)) - 1, row = static_cast<int>(std::lround(at.y)) - 1;
-    columns.insert(column);
-    rows.insert(row);
-    view.ids.push_back(row * board.corners.columns + column);
-    // The aruco module puts pixel edges, not pixel centres, at integers.
-    view.corners.emplace_back(corners[i].x - 0.5, corners[i].y - 0.5);
-  }
-  if (view.corners.size() < kMinCorners || columns.size() < 2 || rows.size() < 2) return std::nullopt;
-  return view;
-}
-
 namespace {
 
 constexpr double kStillBoard = 0.003;  // relative to the image width, per frame; 1 pixel of 320
@@ -217,8 +103,8 @@ Eigen::MatrixXd lens_columns(LensModel model, const Eigen::MatrixXd& all) {
 
 // True if cv::calibrateCameraRO() estimates this coordinate. The gauge fixes corner 0, the last corner of the first
 // row, and the depth of the last corner.
-bool is_free(size_t corner, int axis, const Checkerboard& board) {
-  if (corner == 0 || corner == static_cast<size_t>(board.columns) - 1) return false;
+bool is_free(size_t corner, int axis, const CalibrationBoard& board) {
+  if (corner == 0 || corner == static_cast<size_t>(board.grid_columns()) - 1) return false;
   return !(axis == 2 && corner == board.num_corners() - 1);
 }
 
@@ -228,7 +114,7 @@ double length_of(const cv::Point2f& p) { return std::hypot(p.x, p.y); }
 
 std::string ZhangModel::name() const { return std::string(lens_model_name(lens)) + (free_board ? ", board free" : ""); }
 
-ZhangFit fit_zhang(const std::vector<BoardView>& views, const Checkerboard& board, int width, int height,
+ZhangFit fit_zhang(const std::vector<BoardView>& views, const CalibrationBoard& board, int width, int height,
                    const ZhangModel& model) {
   if (views.size() < 3)
     throw Error("at least 3 views of the board are needed, there are " + std::to_string(views.size()));
@@ -250,8 +136,8 @@ ZhangFit fit_zhang(const std::vector<BoardView>& views, const Checkerboard& boar
   fit.matrix = cv::Mat::eye(3, 3, CV_64F);
   std::vector<cv::Point3f> corners = nominal;
   try {
-    cv::calibrateCameraRO(objects, images, {width, height}, model.free_board ? board.columns - 1 : -1, fit.matrix,
-                          fit.distortion, fit.rotations, fit.translations, corners, flags_of(model.lens),
+    cv::calibrateCameraRO(objects, images, {width, height}, model.free_board ? board.grid_columns() - 1 : -1,
+                          fit.matrix, fit.distortion, fit.rotations, fit.translations, corners, flags_of(model.lens),
                           {cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 100, 1e-12});
   } catch (const cv::Exception& e) {
     throw Error("the views do not determine a lens: " + e.err);
@@ -350,7 +236,7 @@ constexpr double kModelGain = 0.995;  // held-out error of a larger model, relat
 constexpr double kMaxFocalDeviation = 0.01;   // relative to the focal length
 constexpr double kMaxCentreDeviation = 0.01;  // relative to the image width
 
-double cross_validate(const std::vector<BoardView>& views, const Checkerboard& board, int width, int height,
+double cross_validate(const std::vector<BoardView>& views, const CalibrationBoard& board, int width, int height,
                       const ZhangModel& model) {
   const size_t folds = std::min(kFolds, views.size());
   if (views.size() - (views.size() + folds - 1) / folds < kMinViews) return NAN;
@@ -385,7 +271,24 @@ std::string percent(double part) { return format_text("%.2g %%", 100 * part); }
 
 }  // namespace
 
-IntrinsicsResult calibrate_intrinsics(const std::vector<BoardView>& views, const Checkerboard& board, int width,
+GoodViews fit_good_views(const std::vector<BoardView>& views, const CalibrationBoard& board, int width, int height,
+                         const ZhangModel& model) {
+  GoodViews result;
+  result.rms.resize(views.size());
+  for (size_t i = 0; i < views.size(); i++) result.used.push_back(i);
+  std::vector<BoardView> good = views;
+  for (;;) {
+    result.fit = fit_zhang(good, board, width, height, model);
+    const std::vector<double>& rms = result.fit.view_rms;
+    for (size_t i = 0; i < rms.size(); i++) result.rms[result.used[i]] = rms[i];
+    const auto worst = std::max_element(rms.begin(), rms.end()) - rms.begin();
+    if (good.size() == kMinViews || rms[worst] <= kBadView * median(rms)) return result;
+    good.erase(good.begin() + worst);
+    result.used.erase(result.used.begin() + worst);
+  }
+}
+
+IntrinsicsResult calibrate_intrinsics(const std::vector<BoardView>& views, const CalibrationBoard& board, int width,
                                       int height, const IntrinsicsOptions& options) {
   const auto step = [&](const std::string& what) {
     if (options.progress) options.progress(what);
@@ -396,17 +299,13 @@ IntrinsicsResult calibrate_intrinsics(const std::vector<BoardView>& views, const
   // Bad views would favour any model that adapts to their errors, so they are removed first.
   step("looking for bad views");
   const ZhangModel first{LensModel::kRadial, false};
-  std::vector<size_t> used(views.size());
-  for (size_t i = 0; i < used.size(); i++) used[i] = i;
-  std::vector<BoardView> good = views;
-  for (;;) {
-    const ZhangFit fit = fit_zhang(good, board, width, height, first);
-    const auto worst = std::max_element(fit.view_rms.begin(), fit.view_rms.end()) - fit.view_rms.begin();
-    if (good.size() == kMinViews || fit.view_rms[worst] <= kBadView * median(fit.view_rms)) break;
-    result.views[used[worst]].used = false;
-    result.views[used[worst]].rms = fit.view_rms[worst];
-    good.erase(good.begin() + worst);
-    used.erase(used.begin() + worst);
+  const GoodViews robust = fit_good_views(views, board, width, height, first);
+  const std::vector<size_t>& used = robust.used;
+  std::vector<BoardView> good;
+  for (size_t i = 0; i < views.size(); i++) {
+    result.views[i].used = std::ranges::binary_search(used, i);
+    result.views[i].rms = robust.rms[i];
+    if (result.views[i].used) good.push_back(views[i]);
   }
 
   std::optional<IntrinsicsResult::Model> best;

@@ -6,51 +6,11 @@
 #include <string>
 #include <vector>
 
-#include "base/maths.h"
 #include "calibration/adjustment.h"
+#include "calibration/board_detection.h"
 #include "geometry/lens.h"
-#include "image/image.h"
 
 namespace lf {
-
-// A flat checkerboard. Its corners are the inner corners, where four squares meet, counted row by row.
-struct Checkerboard {
-  int columns = 0, rows = 0;  // number of inner corners; a chess board has 7x7
-  double square = 1;          // side of a square in metres, or 1 if only the lens matters
-
-  size_t num_corners() const { return static_cast<size_t>(columns) * rows; }
-  Vec2 corner(size_t i) const {
-    return Vec2(static_cast<double>(i % columns), static_cast<double>(i / columns)) * square;
-  }
-};
-
-struct BoardView {
-  std::string name;           // image name for messages
-  std::vector<Vec2> corners;  // pixels
-  std::vector<int> ids;       // indices of the corners on the board; empty: all corners, in order
-
-  size_t id(size_t i) const { return ids.empty() ? i : static_cast<size_t>(ids[i]); }
-};
-
-// Returns the corners of the board in an RGB image with subpixel accuracy, or nullopt if the board is missing or partly
-// hidden.
-std::optional<std::vector<Vec2>> find_checkerboard(const Image& image, const Checkerboard& board);
-
-// A ChArUco board, drawn as by OpenCV 4.6. Markers identify the corners, so partial views count, up to the image border
-// where lens distortion is largest.
-struct CharucoBoard {
-  Checkerboard corners;
-  std::string dictionary;  // ArUco dictionary: "4X4_50", "5X5_100", ... "7X7_1000", "ARUCO_ORIGINAL"
-  double marker = 0.5;     // side of a marker relative to a square
-};
-
-// Checks a description of a board. Throws Error if the dictionary is unknown or too small for the board, or if the
-// markers fill their squares.
-void check_charuco_board(const CharucoBoard& board);
-
-// Returns the visible corners in an RGB image with subpixel accuracy, or nullopt if there are too few or all are on one
-// line.
-std::optional<BoardView> find_charuco(const Image& image, const CharucoBoard& board);
 
 class KeyframeSelector {
  public:
@@ -90,8 +50,17 @@ struct ZhangFit {
 
 // Fits the lens, the poses and, depending on the model, the board to at least 3 views of the same size. Throws Error if
 // the views do not determine the lens.
-ZhangFit fit_zhang(const std::vector<BoardView>& views, const Checkerboard& board, int width, int height,
+ZhangFit fit_zhang(const std::vector<BoardView>& views, const CalibrationBoard& board, int width, int height,
                    const ZhangModel& model);
+
+// A fit without bad views: views whose error is several times larger than the median are removed one at a time.
+struct GoodViews {
+  ZhangFit fit;              // of the good views
+  std::vector<size_t> used;  // indices of the good views, increasing
+  std::vector<double> rms;   // of all views in pixels; for a bad view, in the last fit that included the view
+};
+GoodViews fit_good_views(const std::vector<BoardView>& views, const CalibrationBoard& board, int width, int height,
+                         const ZhangModel& model);
 
 // Validates a lens with a view that was left out of the fit: returns the RMS reprojection error of this view in pixels.
 // The fit to this view adjusts only the pose of the board.
@@ -125,7 +94,7 @@ struct IntrinsicsResult {
 };
 
 // Calibrates the lens of a camera from views of a board. Throws Error if the views do not determine a lens.
-IntrinsicsResult calibrate_intrinsics(const std::vector<BoardView>& views, const Checkerboard& board, int width,
+IntrinsicsResult calibrate_intrinsics(const std::vector<BoardView>& views, const CalibrationBoard& board, int width,
                                       int height, const IntrinsicsOptions& options = {});
 
 }  // namespace lf

@@ -63,7 +63,10 @@ double inlier_sigma(const Reconstruction& scene, const std::vector<Observation>&
     }
   double parameters = -7;
   for (size_t j = 0; j < target_used.size(); j++)
-    if (target_used[j]) parameters += scene.targets[j].kind == TargetState::Kind::kBar ? 5 : 3;
+    if (target_used[j]) {
+      const TargetState::Kind kind = scene.targets[j].kind;
+      parameters += kind == TargetState::Kind::kBoard ? 6 : kind == TargetState::Kind::kBar ? 5 : 3;
+    }
   // A parameter with a prior counts by the share of its information that comes from observations, and as one half at
   // first.
   const Uncertainty& u = uncertainty;
@@ -217,7 +220,7 @@ HalfSolution solve_half(const Reconstruction& whole, const Tracks& tracks, const
     from.push_back(scene.cameras[i].pose());
     to.push_back(whole.cameras[i].pose());
   }
-  const Similarity s = align(from, to, tracks.bar);
+  const Similarity s = align(from, to, tracks.rigid_targets());
   half.cameras = std::move(scene.cameras);
   for (CameraState& camera : half.cameras) camera.set_pose(s(camera.pose()));
   return half;

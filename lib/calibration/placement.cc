@@ -329,7 +329,10 @@ Placement place_solution(const Solution& solution, const Tracks& tracks, const S
   }
   Placement result;
   double scale = 0;
-  if (placement.bar_length > 0) {
+  if (!tracks.board.empty()) {
+    scale = 1;
+    result.scale_from = "the board's size";
+  } else if (placement.bar_length > 0) {
     if (!tracks.bar)
       throw Error("the bar's length is given, but the tracks are of one light; run the step track again with --bar");
     scale = placement.bar_length;

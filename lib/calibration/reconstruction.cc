@@ -27,6 +27,14 @@ BatchPrior usual(int width, int height) {
   return batch;
 }
 
+// Views of a board determine each lens, so lenses need not be alike. These sigmas only keep terms finite that no view
+// determines.
+void widen(BatchPrior& batch, int width) {
+  const double f = batch.mean[kF];
+  batch.width = {f, 0.2 * width, 0.2 * width, 1, 1, 0.1, 0.1};
+  batch.spread = batch.width;
+}
+
 // Returns the square root of the information matrix (upper triangular) for the terms of `covariance` at `index`, with
 // the sigmas `least` added. Rows and columns of missing terms are zero. Returns nullopt if all terms are missing, or if
 // the covariance is singular.
@@ -105,6 +113,7 @@ Reconstruction make_scene(const Tracks& tracks, const SolveOptions& options) {
     for (int k = 0; k < kNumLensTerms; k++) scene.batch.mean[k] = sum[k] / static_cast<double>(tracks.cameras.size());
     scene.batch.width[kF] = 0.1 * scene.batch.mean[kF];
   }
+  if (!tracks.board.empty()) widen(scene.batch, tracks.cameras[0].width);
   scene.batch_mean = scene.batch.mean;
   return scene;
 }
@@ -167,17 +176,21 @@ double contradiction(const PoseEstimate& known, const Pose& pose, const CameraCo
   return largest;
 }
 
-void move_scene(Reconstruction& scene, const Similarity& s, double bar) {
-  const double scale = s.scale / bar;
-  const Similarity moved{scale, s.rotation, s.translation / bar};
+// `unit` is the size of the scene's unit of length in the frame of the priors, metres.
+void move_scene(Reconstruction& scene, const Similarity& s, double unit) {
+  const Similarity moved{s.scale / unit, s.rotation, s.translation / unit};
   for (CameraState& camera : scene.cameras)
     if (camera.used) camera.set_pose(moved(camera.pose()));
   for (TargetState& target : scene.targets) {
     const Vec3 at = moved(Vec3(target.v[0], target.v[1], target.v[2]));
+    if (target.kind == TargetState::Kind::kBoard) {
+      target.set_board({at, moved.rotation * Quat(target.v[3], target.v[4], target.v[5], target.v[6])}, target.corners);
+      continue;
+    }
     const Vec3 along = moved.rotation * Vec3(target.v[3], target.v[4], target.v[5]);
     for (int i = 0; i < 3; i++) target.v[i] = at[i], target.v[3 + i] = along[i];
   }
-  scene.metres = bar;
+  scene.metres = unit;
 }
 
 }  // namespace
@@ -207,7 +220,7 @@ PosePriorResult use_pose_priors(Reconstruction& scene, const Tracks& tracks, con
   }
   if (list.size() < kMinGroupCameras) return use;
   const Similarity s = frame_of(scene, list);
-  move_scene(scene, s, tracks.bar ? s.scale : 1);
+  move_scene(scene, s, tracks.rigid_targets() ? s.scale : 1);
   scene.pose_priors.assign(scene.cameras.size(), std::nullopt);
   for (const PoseEstimate& known : list) scene.pose_priors[known.camera] = known.prior;
   use.any = true;

@@ -25,6 +25,7 @@ constexpr double kCoarse = 8;           // pixels; tolerance of a first layout
 constexpr double kSolveSettled = 0.05;  // change of sigma
 constexpr size_t kMaxInitialObservations = 4000;
 constexpr size_t kMinPositions = 50;
+constexpr size_t kMaxInitialCorners = 20000, kMinCorners = 12;
 
 struct PairLayout {
   const char* name;
@@ -33,7 +34,14 @@ struct PairLayout {
 constexpr PairLayout kPairLayouts[] = {{"averaged pairs", global_layout}, {"a pair", incremental_layout}};
 
 // Keeps every nth position: enough for poses and for the selection of a lens model.
+// Boards have many corners, so each position keeps some of its corners.
 Tracks subsample_tracks(Tracks tracks, size_t enough = kMaxInitialObservations) {
+  if (!tracks.board.empty()) {
+    const size_t n = std::min(tracks.observations.size() / (kMaxInitialCorners), tracks.board.size() / kMinCorners);
+    if (n > 1)
+      std::erase_if(tracks.observations, [&](const Observation& o) { return (o.light + o.position) % n != 0; });
+    return tracks;
+  }
   const size_t n = std::min(tracks.observations.size() / enough, tracks.num_positions / kMinPositions);
   if (n > 1) std::erase_if(tracks.observations, [&](const Observation& o) { return o.position % n != 0; });
   return tracks;
@@ -46,9 +54,14 @@ class RigSolver {
     solution_.scene = make_scene(tracks, options);
   }
 
-  Solution run() {
-    find_layout();
-    complete();
+  Solution run(std::optional<Reconstruction> layout) {
+    if (layout) {
+      scene() = std::move(*layout);
+      robust(sample_, {}, 3, 8);
+    } else {
+      find_layout();
+      complete();
+    }
     step("lenses");
     free_lenses();
     step("final adjustment");
@@ -62,7 +75,8 @@ class RigSolver {
     step("uncertainty");
     judge();
     if (!tracks_.ordered) compare_halves();
-    retriangulate_weak_targets(scene(), tracks_, solution_.model.sigma, solution_.sigma, solution_.inliers);
+    if (tracks_.board.empty())
+      retriangulate_weak_targets(scene(), tracks_, solution_.model.sigma, solution_.sigma, solution_.inliers);
     return std::move(solution_);
   }
 
@@ -180,7 +194,9 @@ class RigSolver {
     // Free principal points absorb correlated errors of features, and focal lengths follow. Principal points therefore
     // have a common value, unless the model selection estimates each principal point.
     if (may_be_alike()) solution_.model.shared[kCx] = solution_.model.shared[kCy] = true;
-    if (!scene().measured(kF)) {
+    if (!tracks_.board.empty()) {
+      robust(sample_, {true, true, true, true, true}, 3, 8);
+    } else if (!scene().measured(kF)) {
       robust_shared_f(sample_, 1);
       robust(sample_, {true, true, true}, 1);
     }
@@ -203,6 +219,11 @@ class RigSolver {
       solution_.distortion.tangential = choose_tangential(scene(), sample_, solution_.distortion, solution_.model,
                                                           num_observations, solution_.trials);
       apply_model(solution_.distortion, solution_.model);
+    }
+    if (!tracks_.board.empty()) {
+      robust(tracks_, solution_.model.free, 2, 8);
+      drop_poor_cameras(scene(), tracks_.observations, std::max(2.0, 6 * sigma_now()));
+      return;
     }
     before_ = count_used();
     try_left_out_cameras();
@@ -347,7 +368,13 @@ std::string DistortionModel::name() const {
          (shared && !tangential ? ", alike" : ", per camera");
 }
 
-Solution solve_tracks(const Tracks& tracks, const SolveOptions& options) { return RigSolver(tracks, options).run(); }
+Solution solve_tracks(const Tracks& tracks, const SolveOptions& options) {
+  return RigSolver(tracks, options).run(std::nullopt);
+}
+
+Solution solve_from_layout(Reconstruction layout, const Tracks& tracks, const SolveOptions& options) {
+  return RigSolver(tracks, options).run(std::move(layout));
+}
 
 namespace {
 
@@ -381,7 +408,11 @@ ModelFit fit_model(Reconstruction scene, const Tracks& tracks, AdjustmentOptions
 
 std::vector<size_t> hold_out(const Tracks& tracks, const ModelFit& best) {
   std::vector<int> sights(tracks.num_positions * 2);
-  const auto light = [&](size_t i) { return tracks.observations[i].position * 2 + tracks.observations[i].light; };
+  // The other corners of a board tell where a corner is.
+  const auto light = [&](size_t i) {
+    const Observation& o = tracks.observations[i];
+    return o.position * 2 + (tracks.board.empty() ? o.light : 0);
+  };
   const Inliers good = within(best.lengths, kOutlier, best.sigma);
   std::vector<size_t> order;
   for (size_t i = 0; i < good.size(); i++)

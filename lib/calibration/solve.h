@@ -44,7 +44,7 @@ struct Solution {
   AdjustmentOptions model;
   DistortionModel distortion;
   std::vector<ModelTrial> trials;  // tested models; empty if the model was given
-  std::string start;               // method that gave the first layout
+  std::string start;               // method that gave the first layout; empty if the layout was given
   Uncertainty uncertainty;
   double disagreement = 0;                 // disagreement_of_halves(), or 0 if not computed
   std::vector<size_t> contradicted_poses;  // cameras that contradict the covariance of the prior rig
@@ -53,6 +53,10 @@ struct Solution {
 // Estimates poses, lenses and light positions from tracks, without scale and frame (see place_solution()). Throws Error
 // if there is no solution.
 Solution solve_tracks(const Tracks& tracks, const SolveOptions& options);
+
+// Estimates the same from a first layout: a scene with the poses of cameras and targets and with approximate lenses,
+// for example of solve_boards().
+Solution solve_from_layout(Reconstruction layout, const Tracks& tracks, const SolveOptions& options);
 
 // Sets which lens terms the solver may change, and which terms all cameras share, according to a distortion model.
 void apply_model(const DistortionModel& model, AdjustmentOptions& options);

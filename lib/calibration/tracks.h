@@ -14,13 +14,13 @@ namespace lf {
 struct Observation {
   uint32_t camera = 0;    // index into Tracks::cameras
   uint32_t position = 0;  // number of the light's or bar's position, from 0
-  uint32_t light = 0;     // index of the light on the bar: 0 or 1; always 0 without a bar
+  uint32_t light = 0;     // light on the bar (0 or 1), or corner of the board; 0 for single lights
   Vec2 pixel{0, 0};       // (0, 0) is the centre of the top-left pixel
   double sigma = 1;       // standard deviation of x and y; only the ratio to other observations matters
 };
 
-// Observations of a light, or of two lights on a rigid bar, that moves through a sequence of positions. For features of
-// a static scene, each feature is a position. Copyable.
+// Observations of a light, of two lights on a rigid bar, or of the corners of a calibration board, that moves through a
+// sequence of positions. For features of a static scene, each feature is a position. Copyable.
 struct Tracks {
   struct Camera {
     uint32_t id = 0;
@@ -31,6 +31,12 @@ struct Tracks {
   bool ordered = true;  // true: one position per frame, in the order of time; false: features
   size_t num_positions = 0;
   std::vector<Observation> observations;
+  // Corners of the board in its own axes, around its middle, in metres. Empty unless the target is a board. Files of
+  // tracks have no boards.
+  std::vector<Vec3> board;
+
+  // True if the target has a known shape, so that its size determines the scale of the scene.
+  bool rigid_targets() const { return bar || !board.empty(); }
 };
 
 // Checks tracks that come from a file or from an application. Throws Error if an index is out of range, a pixel is not

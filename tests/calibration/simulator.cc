@@ -2,6 +2,7 @@
 #include "calibration/simulator.h"
 
 #include <cmath>
+#include <map>
 
 #include "calibration/adjustment.h"
 #include "calibration/reconstruction.h"
@@ -82,8 +83,63 @@ Rig make_rig_around(Around shape, int count, uint64_t seed) {
   return rig;
 }
 
+namespace {
+
+// Adds what a camera sees of a point.
+void observe(const Rig& truth, const PathOptions& options, const Vec3& point, Observation o, Random& random,
+             Watched& watched) {
+  const Camera& camera = truth.cameras[o.camera];
+  const bool missed = uniform(random, 0, 1) < options.missed;
+  const auto pixel = camera.lens.project(camera.pose.camera_from_world(point));
+  if (missed || !pixel || pixel->x < -0.5 || pixel->y < -0.5 || pixel->x > camera.width - 0.5 ||
+      pixel->y > camera.height - 0.5)
+    return;
+  o.pixel = *pixel + Vec2(normal(random, options.noise), normal(random, options.noise));
+  const bool outlier = uniform(random, 0, 1) < options.outliers;
+  if (outlier) o.pixel = {uniform(random, 0, camera.width - 1), uniform(random, 0, camera.height - 1)};
+  watched.tracks.observations.push_back(o);
+  watched.good.push_back(!outlier);
+}
+
+Watched watch_board(const Rig& truth, const PathOptions& options, Random& random) {
+  Watched watched;
+  const CalibrationBoard& board = *options.board;
+  Vec2 middle(0, 0);
+  for (size_t i = 0; i < board.num_corners(); i++) middle += board.corner(i) / static_cast<double>(board.num_corners());
+  for (size_t i = 0; i < board.num_corners(); i++) watched.tracks.board.emplace_back(board.corner(i) - middle, 0);
+  watched.tracks.num_positions = static_cast<size_t>(options.positions);
+  for (const Camera& camera : truth.cameras) watched.tracks.cameras.push_back({camera.id, camera.width, camera.height});
+  for (int j = 0; j < options.positions; j++) {
+    const Vec3 at = place(truth, options, j, random);
+    const Quat turn = glm::angleAxis(uniform(random, -0.6, 0.6), Vec3(1, 0, 0)) *
+                      glm::angleAxis(uniform(random, -0.6, 0.6), Vec3(0, 1, 0)) *
+                      glm::angleAxis(uniform(random, -M_PI, M_PI), Vec3(0, 0, 1));
+    watched.boards.push_back({at, turn});
+    for (uint32_t i = 0; i < truth.cameras.size(); i++)
+      for (uint32_t corner = 0; corner < watched.tracks.board.size(); corner++)
+        observe(truth, options, watched.boards.back().world_from_camera(watched.tracks.board[corner]),
+                {i, static_cast<uint32_t>(j), corner}, random, watched);
+  }
+  return watched;
+}
+
+}  // namespace
+
+BoardSightings sightings_of(const Tracks& tracks, const CalibrationBoard& board) {
+  std::map<std::pair<uint32_t, uint32_t>, BoardView> views;
+  for (const Observation& o : tracks.observations) {
+    BoardView& view = views[{o.camera, o.position}];
+    view.corners.push_back(o.pixel);
+    view.ids.push_back(static_cast<int>(o.light));
+  }
+  BoardSightings sightings{board, tracks.cameras, tracks.num_positions, {}};
+  for (auto& [key, view] : views) sightings.sightings.push_back({key.first, key.second, std::move(view)});
+  return sightings;
+}
+
 Watched watch(const Rig& truth, const PathOptions& options, uint64_t seed) {
   Random random(seed);
+  if (options.board) return watch_board(truth, options, random);
   Watched watched;
   Tracks& tracks = watched.tracks;
   tracks.bar = options.bar > 0;
@@ -97,22 +153,9 @@ Watched watch(const Rig& truth, const PathOptions& options, uint64_t seed) {
       lights[0] -= half, lights[1] += half;
     }
     watched.lights.insert(watched.lights.end(), lights, lights + (tracks.bar ? 2 : 1));
-    for (uint32_t i = 0; i < truth.cameras.size(); i++) {
-      const Camera& camera = truth.cameras[i];
-      for (uint32_t light = 0; light < (tracks.bar ? 2u : 1u); light++) {
-        Observation o{i, static_cast<uint32_t>(j), light};
-        const bool missed = uniform(random, 0, 1) < options.missed;
-        const auto pixel = camera.lens.project(camera.pose.camera_from_world(lights[light]));
-        if (missed || !pixel || pixel->x < -0.5 || pixel->y < -0.5 || pixel->x > camera.width - 0.5 ||
-            pixel->y > camera.height - 0.5)
-          continue;
-        o.pixel = *pixel + Vec2(normal(random, options.noise), normal(random, options.noise));
-        const bool outlier = uniform(random, 0, 1) < options.outliers;
-        if (outlier) o.pixel = {uniform(random, 0, camera.width - 1), uniform(random, 0, camera.height - 1)};
-        tracks.observations.push_back(o);
-        watched.good.push_back(!outlier);
-      }
-    }
+    for (uint32_t i = 0; i < truth.cameras.size(); i++)
+      for (uint32_t light = 0; light < (tracks.bar ? 2u : 1u); light++)
+        observe(truth, options, lights[light], {i, static_cast<uint32_t>(j), light}, random, watched);
   }
   return watched;
 }
@@ -142,7 +185,9 @@ Reconstruction true_scene(const Rig& truth, const Watched& watched, const SolveO
     scene.cameras[i].set_lens(truth.cameras[i].lens);
     scene.cameras[i].used = true;
   }
-  for (size_t j = 0; j < scene.targets.size(); j++) {
+  const auto corners = std::make_shared<const std::vector<Vec3>>(watched.tracks.board);
+  for (size_t j = 0; j < watched.boards.size(); j++) scene.targets[j].set_board(watched.boards[j], corners);
+  for (size_t j = 0; j < scene.targets.size() && watched.boards.empty(); j++) {
     TargetState& target = scene.targets[j];
     target.kind = bar ? TargetState::Kind::kBar : TargetState::Kind::kPoint;
     const Vec3 a = watched.lights[bar ? 2 * j : j] / unit, b = watched.lights[bar ? 2 * j + 1 : j] / unit;

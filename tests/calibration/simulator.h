@@ -5,6 +5,7 @@
 #include <random>
 #include <vector>
 
+#include "calibration/board_solve.h"
 #include "calibration/solve.h"
 #include "rig/rig.h"
 #include "scene/calibration_targets.h"
@@ -29,6 +30,7 @@ struct PathOptions {
   double near = 0.8, far = 3;  // metres
   Shape shape = Shape::kVolume;
   double bar = 0;                   // metres between two lights; 0: one light
+  std::optional<CalibrationBoard> board;  // instead of lights, tilted by up to 0.6 radians
   double noise = 0.2;               // pixels, x and y each
   double missed = 0, outliers = 0;  // fractions of the observations
 };
@@ -42,9 +44,13 @@ Rig make_rig_around(Around shape, int count, uint64_t seed);
 struct Watched {
   Tracks tracks;
   std::vector<Vec3> lights;  // per position; with a bar, both ends in turn
+  std::vector<Pose> boards;  // per position
   Inliers good;              // observations that are not outliers
 };
 Watched watch(const Rig& truth, const PathOptions& options, uint64_t seed);
+
+// Returns the observations of a board as the views of each camera.
+BoardSightings sightings_of(const Tracks& tracks, const CalibrationBoard& board);
 
 // Simulated results of Zhang's method for the lenses, with errors of these sigmas; poses are from a nominal grid.
 struct LensSigmas {

@@ -10,7 +10,7 @@
 
 namespace lf {
 
-inline constexpr Checkerboard kTestBoard = {8, 6, 0.03};
+inline const CalibrationBoard kTestBoard = {8, 6, 0.03};
 
 // Returns a random pose of the board in camera coordinates: about 0.4 m away, tilted by up to `tilt` radians.
 inline Pose board_pose(std::mt19937& random, double tilt) {

@@ -10,21 +10,21 @@ constexpr int kNumFree = 6 + kNumLensTerms;  // steps of a pose (rotation, posit
 
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-template <bool kBar>
-void expect_derivatives(const CameraState& camera, const std::array<double, 6>& target, uint32_t light) {
+template <TargetState::Kind kKind>
+void expect_derivatives(const CameraState& camera, const TargetState& target, uint32_t light) {
   Observation observation;
   observation.light = light, observation.pixel = {100, 80};
-  const ReprojectionCost<kBar> cost(camera, observation, 0.5);
+  const ReprojectionCost<kKind> cost(camera, target, observation, 0.5);
   const CameraManifold manifold({true, true, true, true, true, true, true}, true);
-  const auto error_at = [&](const CameraState& c, const std::array<double, 6>& t) {
-    const double* blocks[] = {c.v.data(), t.data()};
+  const auto error_at = [&](const CameraState& c, const TargetState& t) {
+    const double* blocks[] = {c.v.data(), t.v.data()};
     Eigen::Vector2d error;
     EXPECT_TRUE(cost.Evaluate(blocks, error.data(), nullptr));
     return error;
   };
-  RowMajor by_camera(2, CameraState::kSize), by_target(2, kBar ? 6 : 3), steps(CameraState::kSize, kNumFree);
+  RowMajor by_camera(2, CameraState::kSize), by_target(2, target_size(kKind)), steps(CameraState::kSize, kNumFree);
   double* jacobians[] = {by_camera.data(), by_target.data()};
-  const double* blocks[] = {camera.v.data(), target.data()};
+  const double* blocks[] = {camera.v.data(), target.v.data()};
   Eigen::Vector2d error;
   ASSERT_TRUE(cost.Evaluate(blocks, error.data(), jacobians));
   EXPECT_LE((error - error_at(camera, target)).norm(), 1e-12);
@@ -41,9 +41,25 @@ void expect_derivatives(const CameraState& camera, const std::array<double, 6>& 
     const Eigen::Vector2d difference = (error_at(more, target) - error_at(less, target)) / (2 * kStep);
     EXPECT_LE((difference - along.col(k)).norm(), 1e-5 * (1 + difference.norm())) << "step " << k;
   }
+  // The quaternion of a board moves along its manifold only.
+  RowMajor target_steps = RowMajor::Identity(by_target.cols(), by_target.cols());
+  const BoardManifold board_manifold;
+  const bool board = kKind == TargetState::Kind::kBoard;
+  if (board) {
+    target_steps.resize(7, 6);
+    board_manifold.PlusJacobian(target.v.data(), target_steps.data());
+  }
+  by_target = RowMajor(by_target * target_steps);
   for (int k = 0; k < by_target.cols(); k++) {
-    auto more = target, less = target;
-    more[k] += kStep, less[k] -= kStep;
+    TargetState more = target, less = target;
+    Eigen::VectorXd step = Eigen::VectorXd::Zero(by_target.cols());
+    for (const auto& [state, sign] : {std::pair(&more, 1), std::pair(&less, -1)}) {
+      step[k] = sign * kStep;
+      if (board)
+        board_manifold.Plus(target.v.data(), step.data(), state->v.data());
+      else
+        state->v[k] += step[k];
+    }
     const Eigen::Vector2d difference = (error_at(camera, more) - error_at(camera, less)) / (2 * kStep);
     EXPECT_LE((difference - by_target.col(k)).norm(), 1e-5 * (1 + difference.norm())) << "coordinate " << k;
   }
@@ -53,13 +69,19 @@ TEST(ReprojectionCost, DerivativesAreCorrect) {
   CameraState camera;
   camera.set_pose({{0.3, -0.2, 0.1}, glm::angleAxis(0.7, glm::normalize(Vec3(1, 2, -1)))});
   const Vec3 ahead = camera.pose().position + camera.pose().orientation * Vec3(0.2, -0.3, 1.5);
-  const std::array<double, 6> target{ahead.x, ahead.y, ahead.z, 0.36, 0.48, 0.8};
+  using Kind = TargetState::Kind;
+  TargetState target, board;
+  target.v = {ahead.x, ahead.y, ahead.z, 0.36, 0.48, 0.8};
+  board.set_board({ahead, glm::angleAxis(0.9, glm::normalize(Vec3(-1, 2, 0.5)))},
+                  std::make_shared<const std::vector<Vec3>>(std::vector<Vec3>{{0, 0, 0}, {0.1, -0.2, 0}}));
   for (const Lens& lens : {Lens(LensModel::kRadial, {420, 160, 120, -0.15, 0.03}),
                            Lens(LensModel::kOpenCv, {420, 430, 160, 120, -0.15, 0.03, 0.01, -0.02})}) {
     camera.set_lens(lens);
-    expect_derivatives<false>(camera, target, 0);
-    expect_derivatives<true>(camera, target, 0);
-    expect_derivatives<true>(camera, target, 1);
+    expect_derivatives<Kind::kPoint>(camera, target, 0);
+    for (const uint32_t light : {0, 1}) {
+      expect_derivatives<Kind::kBar>(camera, target, light);
+      expect_derivatives<Kind::kBoard>(camera, board, light);
+    }
   }
 }
 
@@ -68,7 +90,7 @@ TEST(ReprojectionCost, PointsBehindTheCameraFail) {
   const double target[] = {0, 0, -1};
   const double* blocks[] = {camera.v.data(), target};
   double error[2];
-  EXPECT_FALSE(ReprojectionCost<false>(camera, {}, 1).Evaluate(blocks, error, nullptr));
+  EXPECT_FALSE(ReprojectionCost<TargetState::Kind::kPoint>(camera, {}, {}, 1).Evaluate(blocks, error, nullptr));
 }
 
 TEST(PosePriorCost, IsTheDeviationInSigmas) {

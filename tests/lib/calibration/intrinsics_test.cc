@@ -4,7 +4,6 @@
 #include <filesystem>
 
 #include <gtest/gtest.h>
-#include <opencv2/aruco/charuco.hpp>
 
 #include "calibration/intrinsics.h"
 #include "image/image.h"
@@ -14,88 +13,6 @@
 
 namespace lf {
 namespace {
-
-TEST(Checkerboard, FindsCornersToAFractionOfAPixel) {
-  const Lens lens(LensModel::kRadial, {420, 319.5, 239.5, -0.2, 0.05});
-  std::mt19937 random(3);
-  const Pose pose = board_pose(random, 0.6);
-  const auto found =
-      find_checkerboard(picture_of_board(lens, pose, 640, 480, is_white_on_checkerboard), kTestBoard).value();
-  double worst = 0;
-  for (size_t i = 0; i < found.size(); i++) {
-    const Vec2 truth = *lens.project(pose.world_from_camera(Vec3(kTestBoard.corner(i), 0)));
-    // A half turn leaves the board unchanged: OpenCV may count from the opposite end.
-    const double other = glm::length(found.at(found.size() - 1 - i) - truth);
-    worst = std::max(worst, std::min(glm::length(found.at(i) - truth), other));
-  }
-  EXPECT_LT(worst, 0.1);
-}
-
-TEST(Checkerboard, ReturnsNothingWithoutABoard) {
-  EXPECT_FALSE(find_checkerboard(Image(PixelFamily::kRgb, 320, 240), kTestBoard));
-}
-
-const CharucoBoard kBoard = {kTestBoard, "5X5_100", 0.7};
-
-// The board as OpenCV prints it, with a white border.
-bool is_white(const Vec2& at) {
-  constexpr int kSquare = 40;
-  static const cv::Mat print = [] {
-    cv::Mat image;
-    cv::aruco::CharucoBoard::create(kTestBoard.columns + 1, kTestBoard.rows + 1, 1, 0.7F,
-                                    cv::aruco::getPredefinedDictionary(cv::aruco::DICT_5X5_100))
-        ->draw({kSquare * (kTestBoard.columns + 1), kSquare * (kTestBoard.rows + 1)}, image);
-    return image;
-  }();
-  const int x = static_cast<int>(std::floor((at.x + 1) * kSquare)),
-            y = static_cast<int>(std::floor((at.y + 1) * kSquare));
-  return x < 0 || y < 0 || x >= print.cols || y >= print.rows || print.at<uint8_t>(y, x) > 127;
-}
-
-const Lens kLens(LensModel::kRadial, {620, 319.5, 239.5, -0.2, 0.05});
-
-TEST(Charuco, IdentifiesCornersOfAPartialBoard) {
-  const Pose pose{Vec3(-0.17, -0.1, 0.22), glm::angleAxis(0.3, Vec3(0.6, 0.8, 0))};
-  const auto view = find_charuco(picture_of_board(kLens, pose, 640, 480, is_white), kBoard).value();
-  EXPECT_GT(view.corners.size(), 12u);
-  EXPECT_LT(view.corners.size(), kTestBoard.num_corners());
-  ASSERT_EQ(view.ids.size(), view.corners.size());
-  for (size_t i = 0; i < view.corners.size(); i++) {
-    const Vec2 truth = *kLens.project(pose.world_from_camera(Vec3(kTestBoard.corner(view.id(i)), 0)));
-    EXPECT_LT(glm::length(view.corners[i] - truth), 0.25) << view.id(i);
-  }
-}
-
-TEST(Charuco, PartialBoardsCalibrateALens) {
-  std::mt19937 random(4);
-  std::vector<BoardView> views;
-  size_t parts = 0;
-  for (int i = 0; i < 10; i++) {
-    Pose pose = board_pose(random, 0.6);
-    pose.position *= 0.6;
-    if (auto view = find_charuco(picture_of_board(kLens, pose, 640, 480, is_white), kBoard)) {
-      parts += view->corners.size() < kTestBoard.num_corners();
-      views.push_back(std::move(*view));
-    }
-  }
-  ASSERT_GE(views.size(), 8u);
-  EXPECT_GE(parts, 3u);
-  const IntrinsicsResult result = calibrate_intrinsics(views, kTestBoard, 640, 480);
-  EXPECT_LT(result.fit.rms, 0.15);
-  EXPECT_FALSE(result.fit.model.free_board);
-  EXPECT_NEAR(result.fit.lens.fx(), 620, 0.5);
-  EXPECT_NEAR(result.fit.lens.cx(), 319.5, 0.3);
-  EXPECT_NEAR(result.fit.lens.cy(), 239.5, 0.3);
-  EXPECT_NEAR(result.fit.lens.k1(), -0.2, 0.005);
-}
-
-TEST(Charuco, ReturnsNothingWithoutABoard) { EXPECT_FALSE(find_charuco(Image(PixelFamily::kRgb, 320, 240), kBoard)); }
-
-TEST(Charuco, ImpossibleBoardsAreErrors) {
-  EXPECT_ERROR(check_charuco_board({kTestBoard, "5X5", 0.7}), "5X5", "4X4_50");
-  EXPECT_ERROR(check_charuco_board({{12, 10, 1}, "5X5_50", 0.7}), "50 markers", "71");
-  EXPECT_ERROR(check_charuco_board({kTestBoard, "5X5_100", 1}), "smaller", "squares");
-}
 
 BoardView at(double x, std::vector<int> ids = {0, 1, 2, 3}) {
   BoardView view{"", {}, ids};
@@ -218,14 +135,14 @@ TEST(Intrinsics, UntiltedBoardDoesNotDetermineTheFocalLength) {
 TEST(Intrinsics, CalibratesOpenCvsSampleImages) {
   const std::filesystem::path folder = "/usr/share/doc/opencv-doc/examples/data";
   if (!std::filesystem::exists(folder / "left01.jpg")) GTEST_SKIP() << "needs Debian's opencv-doc: " << folder;
-  const Checkerboard board{9, 6, 0.025};
+  const CalibrationBoard board{9, 6, 0.025};
   std::vector<BoardView> views;
   for (int i = 1; i <= 14; i++) {
     if (i == 10) continue;
     const std::string name = "left" + std::string(i < 10 ? "0" : "") + std::to_string(i) + ".jpg";
-    const auto corners = find_checkerboard(load_image((folder / name).string()), board);
-    ASSERT_TRUE(corners) << name;
-    views.push_back({name, *corners});
+    const auto view = find_board(load_image((folder / name).string()), board);
+    ASSERT_TRUE(view) << name;
+    views.push_back({name, view->corners});
   }
   const IntrinsicsOptions options{.lens = LensModel::kRadial, .free_board = false};
   const IntrinsicsResult result = calibrate_intrinsics(views, board, 640, 480, options);

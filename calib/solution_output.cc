@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "solution_output.h"
+
+#include <algorithm>
+#include <filesystem>
+
+#include "base/json_value.h"
+#include "base/text.h"
+#include "calibration/diagnosis.h"
+#include "calibration/report.h"
+#include "rig/rig_json.h"
+#include "terminal.h"
+
+namespace {
+
+using nlohmann::json;
+
+void print_summary(const json& report) {
+  for (const json& trial : report["models"])
+    terminal::print("tried       %-18s BIC %9.1f  transfer %s%s\n", trial["model"].get<std::string>().c_str(),
+                    trial["bic"].get<double>(),
+                    trial["transfer_px"].is_null() ? "-" : (trial["transfer_px"].dump().substr(0, 6) + " px").c_str(),
+                    trial["chosen"].get<bool>() ? "  chosen" : "");
+  terminal::print("distortion  %s\n", report["model"].get<std::string>().c_str());
+  terminal::print(
+      "residuals   mean %.3f px, median %.3f px, rms %.3f px over all; rms %.3f px without outliers (expected "
+      "%.3f)\n",
+      report["mean_px"].get<double>(), report["median_px"].get<double>(), report["rms_px"].get<double>(),
+      report["inliers"]["rms_px"].get<double>(), report["expected_rms_px"].get<double>());
+  terminal::print("outliers    %zu of %zu observations\n", report["outliers"].get<size_t>(),
+                  report["observations"].get<size_t>());
+  for (const json& finding : report["findings"])
+    terminal::print("%s: %s\n", finding["severity"].get<std::string>().c_str(),
+                    finding["text"].get<std::string>().c_str());
+}
+
+void print_clocks(const lf::LightSolution& lights) {
+  double least = 0, most = 0, sigma = 0;
+  size_t reflections = 0;
+  for (size_t i = 0; i < lights.clocks.size(); i++) {
+    if (!lights.clocks[i].known) continue;
+    least = std::min(least, lights.clocks[i].offset), most = std::max(most, lights.clocks[i].offset);
+    sigma = std::max(sigma, lights.clocks[i].sigma);
+    reflections += lights.reflections[i];
+  }
+  terminal::print("clocks      offsets %+.2f to %+.2f ms, each +-%.2f ms at most\n", 1e3 * least, 1e3 * most,
+                  1e3 * sigma);
+  if (reflections > 0) terminal::print("reflections %zu detections left out\n", reflections);
+}
+
+void require_all(const SolvedCameras& solved, const std::string& out) {
+  const auto& cameras = solved.solution.scene.cameras;
+  std::string missing;
+  size_t found = 0;
+  for (size_t i = 0; i < cameras.size(); i++) {
+    found += cameras[i].used;
+    if (!cameras[i].used) missing += (missing.empty() ? "" : ", ") + std::to_string(solved.tracks.cameras[i].id);
+  }
+  terminal::print("%s: %zu of %zu cameras\n", out.c_str(), found, cameras.size());
+  if (!missing.empty())
+    throw lf::Error(std::to_string(cameras.size() - found) + " of " + std::to_string(cameras.size()) +
+                    " cameras are missing in " + out + " (" + missing + "): see the findings above");
+}
+
+}  // namespace
+
+nlohmann::json load_prior(const std::string& path, lf::SolveOptions& options) {
+  json original = lf::parse_json(lf::read_text_file(path), path);
+  options.prior = lf::load_rig(path);
+  for (const lf::JsonValue& camera : lf::JsonValue(original, path).at("cameras").elements())
+    options.prior_covariances.push_back(lf::parse_camera_covariance(camera));
+  return original;
+}
+
+void save_solution(const SolvedCameras& solved, json original, const std::string& program, const std::string& out,
+                   const std::string& report_file, SolveProgress& progress) {
+  const auto& [solution, tracks, options, placement_options, lights, names] = solved;
+  const lf::Placement placement = lf::place_solution(solution, tracks, options, placement_options);
+  std::vector<lf::Finding> findings = diagnose(solution, tracks, options, placement);
+  if (lights)
+    for (lf::Finding& finding : lf::diagnose_clocks(*lights)) findings.push_back(std::move(finding));
+  auto report = calibration_report(solution, tracks, placement, findings);
+  if (lights) lf::add_clocks(*lights, report);
+  original = lf::rig_record(solution, tracks, placement, std::move(original), program);
+  lf::Rig rig = lf::make_rig(solution, tracks, options, placement);
+  for (size_t i = 0; i < tracks.cameras.size(); i++) {
+    const auto index = rig.index_of_id(tracks.cameras[i].id);
+    if (!index) continue;
+    if (lights && lights->clocks[i].known) rig.cameras[*index].time_offset = lights->clocks[i].offset;
+    if (i < names.size()) rig.cameras[*index].name = names[i];
+  }
+  lf::add_details(solution, tracks, placement, rig, report);
+  progress.finish();
+  lf::rebase_paths(rig, std::filesystem::path(out).parent_path().string());
+  lf::save_rig(rig, out, &original);
+  if (!report_file.empty()) lf::write_text_file(report.dump(1) + "\n", report_file);
+  print_summary(json::parse(report.dump()));
+  if (lights) print_clocks(*lights);
+  require_all(solved, out);
+}

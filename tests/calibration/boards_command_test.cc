@@ -1,0 +1,191 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/videoio.hpp>
+
+#include "calibration/adjustment.h"
+#include "geometry/pose.h"
+#include "rig/rig_json.h"
+#include "support/printed_boards.h"
+#include "support/run_program.h"
+#include "support/temp_dir.h"
+
+namespace lf {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+constexpr int kInstants = 10;
+const CalibrationBoard kCharuco{.columns = 8,
+                                .rows = 5,
+                                .square = 0.03,
+                                .kind = CalibrationBoard::Kind::kCharuco,
+                                .dictionary = "5X5_100",
+                                .marker = 0.7};
+
+Rig three_cameras() {
+  Rig rig = make_grid_rig({1, 3, 0.1, 50, 480, 360});
+  for (size_t i = 0; i < rig.cameras.size(); i++) {
+    rig.cameras[i].lens = Lens(LensModel::kRadial, {420 + 5.0 * static_cast<double>(i), 240, 180, -0.1, 0.02});
+    rig.cameras[i].pose.orientation = glm::angleAxis(0.05 - 0.05 * static_cast<double>(i), Vec3(0, 1, 0));
+    rig.cameras[i].pose.position.z += 0.01 * static_cast<double>(i);
+  }
+  return rig;
+}
+
+// Photographs of a board in `folder`/NAME/NUMBER.png.
+void photograph_board(const Rig& rig, const CalibrationBoard& board, const std::string& folder) {
+  const test::Print print = test::print_of(board);
+  std::mt19937 random(2);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  for (const Camera& camera : rig.cameras) fs::create_directories(fs::path(folder) / camera.name);
+  for (int n = 0; n < kInstants; n++) {
+    const Quat turn = glm::angleAxis(0.6 * uniform(random), Vec3(1, 0, 0)) *
+                      glm::angleAxis(0.6 * uniform(random), Vec3(0, 1, 0)) *
+                      glm::angleAxis(uniform(random), Vec3(0, 0, 1));
+    const Vec3 at(0.06 * uniform(random), 0.05 * uniform(random), 0.5 + 0.12 * uniform(random));
+    const Vec2 middle = board.corner(board.num_corners() - 1) / 2.0;
+    const Pose world_from_board{at - glm::mat3_cast(turn) * Vec3(middle, 0), turn};
+    for (const Camera& camera : rig.cameras) {
+      const Quat inverse = glm::conjugate(camera.pose.orientation);
+      const Pose camera_from_board{camera.pose.camera_from_world(world_from_board.position), inverse * turn};
+      save_image(test::photograph(print, board.square, camera.lens, camera_from_board, camera.width, camera.height),
+                 fs::path(folder) / camera.name / (std::to_string(n) + ".png"));
+    }
+  }
+}
+
+double position_error(const Rig& found, const Rig& truth) {
+  std::vector<Pose> a, b;
+  for (size_t i = 0; i < truth.cameras.size(); i++)
+    a.push_back(found.cameras.at(i).pose), b.push_back(truth.cameras[i].pose);
+  const Similarity s = align(a, b, true);
+  double worst = 0;
+  for (size_t i = 0; i < a.size(); i++) worst = std::max(worst, glm::length(s(a[i]).position - b[i].position));
+  return worst;
+}
+
+TEST(BoardsCommand, CalibratesACharucoBoard) {
+  const TempDir dir;
+  const Rig truth = three_cameras();
+  CalibrationBoard board = kCharuco;
+  board.columns = 7;
+  board.legacy = board.inverted = true;
+  photograph_board(truth, board, dir / "boards");
+  const std::string options = " --board 7x5 --square 0.03 --charuco 5X5_100 --marker 0.7";
+  test::expect_outcome(
+      run_program("lf-calibrate",
+                  "boards boards" + options + " --legacy --inverted --threads 2 --out rig.json --json boards.json",
+                  dir.path()),
+      0, mentions("rig.json: 3 of 3 cameras", "cam_00_00", "residuals"));
+  const Rig found = load_rig(dir / "rig.json");
+  EXPECT_LT(position_error(found, truth), 2e-3);
+  EXPECT_EQ(found.cameras[2].name, truth.cameras[2].name);
+  for (size_t i = 0; i < 3; i++) EXPECT_NEAR(found.cameras[i].lens.fx(), truth.cameras[i].lens.fx(), 4) << i;
+  const json report = parse_json(read_text_file(dir / "boards.json"), "boards.json");
+  EXPECT_EQ(report["scale_from"], "the board's size");
+  EXPECT_LT(report["inliers"]["rms_px"], 0.2);
+  EXPECT_EQ(report["cameras"][1]["position_covariance"].size(), 3u);
+  const json rig = parse_json(read_text_file(dir / "rig.json"), "rig.json");
+  EXPECT_GE(rig["cameras"][0]["covariance"]["parameters"].size(), 9u);
+  test::expect_outcome(run_program("lf-calibrate", "report boards.json --out report.html", dir.path()), 0,
+                       mentions("report.html"));
+
+  // The same with the layout of a nominal rig, which defines the frame.
+  save_rig(truth, dir / "nominal.json");
+  test::expect_outcome(
+      run_program("lf-calibrate",
+                  "boards boards" + options + " --legacy --inverted --prior nominal.json --out again.json", dir.path()),
+      0, mentions("again.json: 3 of 3 cameras"));
+  EXPECT_LT(glm::length(load_rig(dir / "again.json").cameras[0].pose.position - truth.cameras[0].pose.position), 5e-3);
+
+  // The other layout does not fit the markers.
+  test::expect_outcome(
+      run_program("lf-calibrate", "boards boards" + options + " --inverted --out wrong.json", dir.path()), 1,
+      mentions("markers", "7x5", "--board", "--legacy"));
+  EXPECT_FALSE(fs::exists(dir / "wrong.json"));
+}
+
+TEST(BoardsCommand, CalibratesAnAprilGridInVideos) {
+  const TempDir dir;
+  const Rig truth = three_cameras();
+  photograph_board(truth, {.columns = 5, .rows = 4, .square = 0.045, .kind = CalibrationBoard::Kind::kAprilGrid},
+                   dir / "stills");
+  // Videos at different rates: the board stands still for a moment in each position.
+  fs::create_directories(dir / "boards");
+  for (size_t i = 0; i < truth.cameras.size(); i++) {
+    const std::string name = truth.cameras[i].name;
+    const std::string make = "gst-launch-1.0 -q multifilesrc location='" + dir / "stills" + "/" + name +
+                             "/%d.png' caps=image/png,framerate=1/1 ! pngdec ! videoconvert ! videorate ! "
+                             "video/x-raw,framerate=" +
+                             (i == 1 ? "15" : "10") + "/1 ! jpegenc quality=98 ! matroskamux ! filesink location='" +
+                             dir / "boards" + "/" + name + ".mkv'";
+    ASSERT_EQ(std::system(make.c_str()), 0);
+  }
+  test::expect_outcome(
+      run_program("lf-calibrate",
+                  "boards boards --board 5x4 --square 0.045 --april-grid 0.3 --instants 40 --out rig.json", dir.path()),
+      0, mentions("rig.json: 3 of 3 cameras"));
+  EXPECT_LT(position_error(load_rig(dir / "rig.json"), truth), 2e-3);
+}
+
+TEST(BoardsCommand, ErrorsNameTheProblem) {
+  const TempDir dir;
+  for (const char* path : {"boards/a/1.png", "boards/b/1.png", "alone/a/1.png"}) {
+    fs::create_directories(fs::path(dir / path).parent_path());
+    save_image(Image(PixelFamily::kRgb, 64, 48), dir / path);
+  }
+  const auto expect_failure = [&](const std::string& options, const std::vector<std::string>& facts) {
+    test::expect_outcome(run_program("lf-calibrate", "boards --square 0.03 --out rig.json " + options, dir.path()), 1,
+                         mentions(facts));
+    EXPECT_FALSE(fs::exists(dir / "rig.json"));
+  };
+  expect_failure("boards --board 9x6", {"no picture", "9x6", "--board"});
+  expect_failure("boards --board 9x6 --charuco 5X5_100", {"no picture", "ChArUco", "5X5_100", "--inverted"});
+  expect_failure("boards --board 9x6 --charuco 5X5", {"--board 9x6", "dictionary 5X5"});
+  expect_failure("boards --board 9", {"--board 9", "inner corners"});
+  expect_failure("alone --board 9x6", {"alone", "fewer than two cameras"});
+  expect_failure("nowhere --board 9x6", {"nowhere", "not a folder"});
+  EXPECT_NE(run_program("lf-calibrate", "boards boards --board 9x6 --out rig.json", dir.path()).status, 0);
+  save_rig(make_grid_rig({1, 2, 0.1, 60, 64, 48}), dir / "two.json");
+  expect_failure("boards --board 9x6 --prior two.json", {"cam_00_00", "neither a video", "nor images"});
+}
+
+// Four webcams that look inward, 1280x720. Caliscope's result is in camera_array.toml: distances of the cameras in
+// metres. Its films need a decoder for MPEG-4, which OpenCV has.
+const fs::path kWebcams = fs::path(LF_SOURCE_ROOT) / "../shared/data/webcams/calibration/extrinsic";
+
+TEST(BoardsCommand, CalibratesFourWebcams) {
+  if (!fs::exists(kWebcams)) GTEST_SKIP() << kWebcams << " is not there";
+  const TempDir dir;
+  for (int camera = 0; camera < 4; camera++) {
+    const std::string name = "cam_" + std::to_string(camera);
+    cv::VideoCapture film((kWebcams / (name + ".mp4")).string(), cv::CAP_FFMPEG);
+    if (!film.isOpened()) GTEST_SKIP() << "OpenCV cannot decode " << name << ".mp4";
+    fs::create_directories(fs::path(dir / "boards") / name);
+    cv::Mat picture;
+    for (int n = 0; film.read(picture); n++)
+      cv::imwrite(dir / "boards" + "/" + name + "/" + std::to_string(n) + ".png", picture,
+                  {cv::IMWRITE_PNG_COMPRESSION, 1});
+  }
+  test::expect_outcome(
+      run_program("lf-calibrate",
+                  "boards boards --board 3x4 --square 0.054 --charuco 4X4_1000 --marker 0.75 --inverted --out rig.json "
+                  "--json boards.json",
+                  dir.path()),
+      0, mentions("rig.json: 4 of 4 cameras"));
+  const json report = parse_json(read_text_file(dir / "boards.json"), "boards.json");
+  std::printf("rms of inliers %.3f px, median %.3f px, outliers %d of %d\n", report["inliers"]["rms_px"].get<double>(),
+              report["median_px"].get<double>(), report["outliers"].get<int>(), report["observations"].get<int>());
+  const Rig rig = load_rig(dir / "rig.json");
+  EXPECT_LT(report["median_px"], 0.45);
+  EXPECT_NEAR(glm::length(rig.cameras[0].pose.position - rig.cameras[2].pose.position), 0.533, 0.005);
+  for (size_t a = 0; a < 4; a++)
+    for (size_t b = a + 1; b < 4; b++)
+      std::printf("cameras %zu and %zu: %.4f m\n", a, b,
+                  glm::length(rig.cameras[a].pose.position - rig.cameras[b].pose.position));
+}
+
+}  // namespace
+}  // namespace lf
