@@ -83,7 +83,7 @@ WarpCommand random_warp(std::mt19937& random) {
   c.warp.in_front = vec();
   std::array<double, Lens::kMaxParams> params;
   for (double& p : params) p = std::abs(number(random)) + 1;
-  c.warp.lens = Lens(*lens_model_from_code(random() % 5), params);
+  c.warp.lens = Lens(*lens_model_from_code(random() % 10), params);
   c.warp.faces.clear();
   c.warp.cameras.clear();
   const uint32_t triangles = random() % 6;

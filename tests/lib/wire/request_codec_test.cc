@@ -58,7 +58,7 @@ ViewRequest random_request(std::mt19937& random) {
   for (double& p : params) p = 1000 * number(random);
   params[0] = std::abs(params[0]) + 1;
   params[1] = std::abs(params[1]) + 1;
-  r.view.lens = Lens(*lens_model_from_code(random() % 5), params);
+  r.view.lens = Lens(*lens_model_from_code(random() % 10), params);
   r.view.pose.position = {1e6 * number(random), number(random), 1e-6 * number(random)};
   r.view.pose.orientation =
       glm::normalize(Quat(number(random), number(random), number(random), number(random) + 1.001));
