@@ -161,7 +161,7 @@ TEST(CommandCodec, ErrorsNameTheField) {
       {6, 2, 8, {"flags", "bits 8"}},
       {36, 2, 0, {"width", "1 to 16384 pixels", "0"}},
       {40, 1, 101, {"quality", "0 to 100", "101"}},
-      {41, 1, 9, {"lens model", "9"}},
+      {41, 1, 10, {"lens model", "10"}},
       {42, 2, 1, {"reserved", "0", "1"}},
       {44, 8, nan, {"in_front", "finite"}},
       {68, 8, 0, {"params[0]", "focal length", "positive"}},

@@ -323,7 +323,7 @@ TEST(RequestCodec, ErrorsNameTheField) {
       {36, 2, 0, {"width", "1 to 16384 pixels", "0"}},
       {38, 2, 16385, {"height", "1 to 16384 pixels", "16385"}},
       {40, 1, 101, {"quality", "0 to 100", "101"}},
-      {41, 1, 5, {"lens model", "5"}},
+      {41, 1, 10, {"lens model", "10"}},
       {41, 1, 4, {"focal_plane", "ends"}},
       {42, 1, 3, {"focal surface", "kind 3"}},
       {43, 1, 8, {"gains", "focal map"}},
