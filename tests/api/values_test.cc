@@ -47,7 +47,8 @@ TEST(ApiRig, KeepsEveryLensModel) {
   cameras[2].lens.s2 = 0.05;
   const std::string json = Rig(cameras).json();
   const Rig rig = parse_rig(json);
-  EXPECT_MENTIONS(json, "\"FULL_OPENCV\"", "\"OPENCV_FISHEYE\"", "\"THIN_PRISM_FISHEYE\"", "\"PINHOLE\"");
+  for (const char* model : {"FULL_OPENCV", "OPENCV_FISHEYE", "THIN_PRISM_FISHEYE", "PINHOLE"})
+    EXPECT_NE(json.find("\"" + std::string(model) + "\""), std::string::npos) << model;
   for (size_t i = 0; i < cameras.size(); i++) {
     const Lens is = rig.camera(i).lens, was = cameras[i].lens;
     EXPECT_EQ(std::vector({is.k1, is.k2, is.k3, is.k4, is.k5, is.k6, is.p1, is.p2, is.s1, is.s2}),
