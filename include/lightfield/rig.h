@@ -35,13 +35,23 @@ struct Pose {
 // axis, which points down. Throws Error if both points are equal or the line of sight is vertical.
 Pose look_at(const Vec3& eye, const Vec3& target);
 
-// Maps camera coordinates (X, Y, Z) to pixels with Brown's distortion model, like OpenCV's calib3d and COLMAP's OPENCV
-// model. The centre of the top-left pixel is (0, 0). With u = X / Z, v = Y / Z and r^2 = u^2 + v^2:
-//   u' = u (1 + k1 r^2 + k2 r^4) + 2 p1 u v + p2 (r^2 + 2 u^2),  v' = v (1 + ...) + p1 (r^2 + 2 v^2) + 2 p2 u v
-// and the pixel is (fx u' + cx, fy v' + cy).
+// Maps camera coordinates (X, Y, Z) to pixels, like OpenCV and COLMAP. The centre of the top-left pixel is (0, 0). With
+// u = X / Z, v = Y / Z and r^2 = u^2 + v^2:
+//   u' = u g + 2 p1 u v + p2 (r^2 + 2 u^2),  v' = v g + p1 (r^2 + 2 v^2) + 2 p2 u v,
+//   g = (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6)
+// and the pixel is (fx u' + cx, fy v' + cy). This is COLMAP's model FULL_OPENCV, and OPENCV if k3 to k6 are 0.
+//
+// If `fisheye`, (u, v) is first multiplied by atan(r) / r, and r is then the length of the product. The other terms are
+//   g = 1 + k1 r^2 + k2 r^4 + k3 r^6 + k4 r^8
+// and s1 r^2 is added to u', s2 r^2 to v'. This is COLMAP's model THIN_PRISM_FISHEYE, and OPENCV_FISHEYE if p1, p2, s1
+// and s2 are 0. Points with Z <= 0 are outside the picture, so the field of view is a little less than 180 degrees.
 struct Lens {
   double fx = 1, fy = 1, cx = 0, cy = 0;  // pixels; fx and fy must be positive
   double k1 = 0, k2 = 0, p1 = 0, p2 = 0;
+  double k3 = 0, k4 = 0;
+  double k5 = 0, k6 = 0;  // 0 if fisheye
+  double s1 = 0, s2 = 0;  // 0 unless fisheye
+  bool fisheye = false;
 };
 
 // The colour calibration of a camera, which maps its colours to the common colours of the array. If v is a colour of

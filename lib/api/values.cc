@@ -33,7 +33,15 @@ std::string name_of(const Camera& camera, CameraIndex index) {
 Pose to_pose(const lightfield::Pose& pose) { return {to_vec(pose.position), to_quat(pose.orientation)}; }
 
 Lens to_lens(const lightfield::Lens& lens) {
-  const auto& [fx, fy, cx, cy, k1, k2, p1, p2] = lens;
+  const auto& [fx, fy, cx, cy, k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, fisheye] = lens;
+  if (fisheye) {
+    if (k5 != 0 || k6 != 0) throw Error("k5 and k6: must be 0 for a fisheye lens");
+    if (p1 == 0 && p2 == 0 && s1 == 0 && s2 == 0) return {LensModel::kOpenCvFisheye, {fx, fy, cx, cy, k1, k2, k3, k4}};
+    return {LensModel::kThinPrismFisheye, {fx, fy, cx, cy, k1, k2, p1, p2, k3, k4, s1, s2}};
+  }
+  if (s1 != 0 || s2 != 0) throw Error("s1 and s2: must be 0, except for a fisheye lens");
+  if (k3 != 0 || k4 != 0 || k5 != 0 || k6 != 0)
+    return {LensModel::kFullOpenCv, {fx, fy, cx, cy, k1, k2, p1, p2, k3, k4, k5, k6}};
   if (k1 == 0 && k2 == 0 && p1 == 0 && p2 == 0) return {LensModel::kPinhole, {fx, fy, cx, cy}};
   return {LensModel::kOpenCv, {fx, fy, cx, cy, k1, k2, p1, p2}};
 }
@@ -71,7 +79,22 @@ lightfield::Pose from_pose(const Pose& pose) {
 }
 
 lightfield::Lens from_lens(const Lens& lens) {
-  return {lens.fx(), lens.fy(), lens.cx(), lens.cy(), lens.k1(), lens.k2(), lens.p1(), lens.p2()};
+  const Distortion<double>& from = lens.distortion();
+  return {.fx = lens.fx(),
+          .fy = lens.fy(),
+          .cx = lens.cx(),
+          .cy = lens.cy(),
+          .k1 = from.k[0],
+          .k2 = from.k[1],
+          .p1 = from.p1,
+          .p2 = from.p2,
+          .k3 = from.k[2],
+          .k4 = from.fisheye ? from.k[3] : from.d[0],
+          .k5 = from.d[1],
+          .k6 = from.d[2],
+          .s1 = from.s1,
+          .s2 = from.s2,
+          .fisheye = from.fisheye};
 }
 
 lightfield::Image from_image(Image image) {

@@ -30,6 +30,9 @@ Lens CameraState::lens() const {
 }
 
 void CameraState::set_lens(const Lens& lens) {
+  if (lens.distortion().is_general)
+    throw Error("cannot calibrate with lenses of the model " + std::string(lens_model_name(lens.model())) +
+                "; the calibration supports lenses up to COLMAP's model OPENCV");
   aspect = lens.fy() / lens.fx();
   double* t = lens_terms();
   t[kF] = lens.fx(), t[kCx] = lens.cx(), t[kCy] = lens.cy(), t[kK1] = lens.k1(), t[kK2] = lens.k2();

@@ -83,7 +83,7 @@ Lens lens_of(LensModel model, const cv::Mat& k, const cv::Mat& distortion) {
     case LensModel::kPinhole: return Lens(model, {fx, fy, cx, cy});
     case LensModel::kSimpleRadial: return Lens(model, {fx, cx, cy, d(0)});
     case LensModel::kRadial: return Lens(model, {fx, cx, cy, d(0), d(1)});
-    case LensModel::kOpenCv: break;
+    default: break;
   }
   return Lens(model, {fx, fy, cx, cy, d(0), d(1), d(2), d(3)});
 }
@@ -293,6 +293,10 @@ IntrinsicsResult calibrate_intrinsics(const std::vector<BoardView>& views, const
   const auto step = [&](const std::string& what) {
     if (options.progress) options.progress(what);
   };
+  if (options.lens && *options.lens != LensModel::kPinhole &&
+      std::ranges::find(kLenses, *options.lens) == std::end(kLenses))
+    throw Error("lens: cannot calibrate the model " + std::string(lens_model_name(*options.lens)) +
+                "; use SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL or OPENCV");
   IntrinsicsResult result;
   for (const BoardView& view : views) result.views.push_back({view.name});
 

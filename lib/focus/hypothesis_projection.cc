@@ -7,6 +7,7 @@
 #include <hwy/highway.h>
 
 #include "base/for_lanes-inl.h"
+#include "geometry/distort-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace lf::HWY_NAMESPACE {
@@ -47,16 +48,8 @@ HWY_INLINE auto project(D d, const HypothesisProjection& camera, const CameraVec
   const auto per_z = hn::Div(one, z);
   auto u = hn::Mul(hn::MulAdd(inverse, at.slope[0], at.base[0]), per_z);
   auto v = hn::Mul(hn::MulAdd(inverse, at.slope[1], at.base[1]), per_z);
-  if (camera.distorted) {
-    const auto set = [&](float value) HWY_ATTR { return hn::Set(d, value); };
-    const auto uu = hn::Mul(u, u), vv = hn::Mul(v, v), uv2 = hn::Mul(hn::Add(u, u), v), r2 = hn::Add(uu, vv);
-    const auto stretch = hn::MulAdd(r2, hn::MulAdd(r2, set(camera.k2), set(camera.k1)), one);
-    const auto across = hn::MulAdd(set(camera.p1), uv2, hn::Mul(set(camera.p2), hn::Add(r2, hn::Add(uu, uu))));
-    const auto down = hn::MulAdd(set(camera.p2), uv2, hn::Mul(set(camera.p1), hn::Add(r2, hn::Add(vv, vv))));
-    seen = hn::And(seen, hn::Le(r2, set(camera.max_r2)));
-    u = hn::MulAdd(u, stretch, across);
-    v = hn::MulAdd(v, stretch, down);
-  }
+  if (camera.is_distorted)
+    seen = hn::And(seen, hn::Le(distort<true>(d, camera.distortion, u, v), hn::Set(d, camera.distortion.max_r2)));
   x = hn::MulAdd(u, hn::Set(d, camera.fx), hn::Set(d, camera.cx));
   y = hn::MulAdd(v, hn::Set(d, camera.fy), hn::Set(d, camera.cy));
   seen = hn::And(seen, hn::And(hn::Ge(x, half), hn::Le(x, hn::Add(hn::Set(d, camera.width), half))));

@@ -4,6 +4,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "geometry/lens.h"
+
 namespace lf {
 
 // Vectorised functions that project the nodes of depth hypotheses into the image of one camera. They use float, because
@@ -15,9 +17,9 @@ struct HypothesisProjection {
   // The matrix base + inverse distance x slope maps a line of sight (u, v, 1) to camera coordinates, up to a positive
   // factor. The matrices are row-major.
   float base[9], slope[9];
-  float fx, fy, cx, cy, k1, k2, p1, p2;
-  bool distorted;
-  float max_r2;         // largest valid r^2 of undistorted coordinates
+  float fx, fy, cx, cy;
+  Distortion<float> distortion;
+  bool is_distorted;
   float width, height;  // size of the camera's image, pixels
   // The inverse distance of a level is farthest + level x per_level. `eye_distance` is the distance of the viewpoint
   // from the reference plane.

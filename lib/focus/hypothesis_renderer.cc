@@ -28,12 +28,8 @@ HypothesisProjection hypothesis_projection(const ViewPlan& plan, CameraIndex cam
   projection.fy = static_cast<float>(lens.fy());
   projection.cx = static_cast<float>(lens.cx());
   projection.cy = static_cast<float>(lens.cy());
-  projection.k1 = static_cast<float>(lens.k1());
-  projection.k2 = static_cast<float>(lens.k2());
-  projection.p1 = static_cast<float>(lens.p1());
-  projection.p2 = static_cast<float>(lens.p2());
-  projection.distorted = lens.has_distortion();
-  projection.max_r2 = static_cast<float>(std::min(lens.max_radius() * lens.max_radius(), 1e30));
+  projection.distortion = lens.distortion().as<float>();
+  projection.is_distorted = lens.has_distortion();
   projection.width = static_cast<float>(rig_camera.width);
   projection.height = static_cast<float>(rig_camera.height);
   const FocalMap& map = *plan.view().focus.map;

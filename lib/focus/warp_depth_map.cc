@@ -15,6 +15,7 @@
 #include <hwy/highway.h>
 
 #include "base/for_lanes-inl.h"
+#include "geometry/distort-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace lf::HWY_NAMESPACE {
@@ -57,16 +58,8 @@ void carry_row(const WarpedNodes::Geometry& of, const double* HWY_RESTRICT u_row
     const auto z = moved(2);
     auto seen = hn::Gt(z, hn::Zero(d));
     auto x = hn::Div(moved(0), z), y = hn::Div(moved(1), z);
-    if (of.distorted) {  // Lens::distort()
-      const auto xx = hn::Mul(x, x), yy = hn::Mul(y, y), r2 = hn::Add(xx, yy);
-      const auto radial = hn::Add(set(1), hn::Mul(r2, hn::Add(set(of.k1), hn::Mul(r2, set(of.k2)))));
-      const auto twice_xy = [&](double p) HWY_ATTR { return hn::Mul(hn::Mul(set(2 * p), x), y); };
-      const auto square = [&](double p, auto at) HWY_ATTR { return hn::Mul(set(p), hn::Add(r2, hn::Add(at, at))); };
-      seen = hn::And(seen, hn::Le(r2, set(of.max_r2)));
-      const auto across = hn::Add(hn::Add(hn::Mul(x, radial), twice_xy(of.p1)), square(of.p2, xx));
-      y = hn::Add(hn::Add(hn::Mul(y, radial), square(of.p1, yy)), twice_xy(of.p2));
-      x = across;
-    }
+    if (of.is_distorted)
+      seen = hn::And(seen, hn::Le(distort<false>(d, of.distortion, x, y), set(of.distortion.max_r2)));
     const auto larger = hn::Div(hn::Mul(set(of.zoom), before), z);
     const auto node = [&](auto at, double f, double c) HWY_ATTR {
       return hn::Mul(hn::Add(hn::Add(hn::Mul(set(f), at), set(c)), set(0.5)), set(of.per_step));
@@ -102,12 +95,8 @@ WarpedNodes::WarpedNodes(const View& from, const View& to, int columns, int rows
   geometry_.fy = lens.fy();
   geometry_.cx = lens.cx();
   geometry_.cy = lens.cy();
-  geometry_.k1 = lens.k1();
-  geometry_.k2 = lens.k2();
-  geometry_.p1 = lens.p1();
-  geometry_.p2 = lens.p2();
-  geometry_.max_r2 = lens.max_radius() * lens.max_radius();
-  geometry_.distorted = lens.has_distortion();
+  geometry_.distortion = lens.distortion();
+  geometry_.is_distorted = lens.has_distortion();
   geometry_.zoom = lens.fx() / from.lens.fx();
   geometry_.per_step = 1 / static_cast<double>(map.step);
   geometry_.columns = columns;

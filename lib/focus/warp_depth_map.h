@@ -39,8 +39,9 @@ class WarpedNodes {
     double to_from_view[9];                         // row-major
     double offset[3], normal[3];                    // offset in coordinates of `to`, normal in coordinates of `from`
     double eye, farthest, range;                    // inverse distance = farthest + range x (level / 255)
-    double fx, fy, cx, cy, k1, k2, p1, p2, max_r2;  // the lens of `to`
-    bool distorted;
+    double fx, fy, cx, cy;                          // the lens of `to`
+    Distortion<double> distortion;
+    bool is_distorted;
     double zoom, per_step, columns, rows;
   };
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <optional>
 #include <string_view>
 
@@ -13,18 +14,58 @@
 namespace lf {
 
 // COLMAP's camera models with COLMAP's names. The values are the codes on the wire.
-enum class LensModel { kSimplePinhole = 0, kPinhole = 1, kSimpleRadial = 2, kRadial = 3, kOpenCv = 4 };
+enum class LensModel {
+  kSimplePinhole = 0,
+  kPinhole = 1,
+  kSimpleRadial = 2,
+  kRadial = 3,
+  kOpenCv = 4,
+  kOpenCvFisheye = 5,
+  kFullOpenCv = 6,
+  kSimpleRadialFisheye = 7,
+  kRadialFisheye = 8,
+  kThinPrismFisheye = 9
+};
+
+// The distortion of a lens, in a form that covers all models. With r^2 = u^2 + v^2, undistorted normalised coordinates
+// (u, v) become (a, b) = (u, v), or for a fisheye lens (a, b) = (u, v) atan(r) / r. With q = a^2 + b^2, the distorted
+// coordinates are
+//   a' = a g + 2 p1 a b + p2 (q + 2 a^2) + s1 q,  b' = b g + p1 (q + 2 b^2) + 2 p2 a b + s2 q,
+//   g = (1 + k[0] q + k[1] q^2 + k[2] q^3 + k[3] q^4) / (1 + d[0] q + d[1] q^2 + d[2] q^3).
+template <typename T>
+struct Distortion {
+  bool fisheye = false;
+  std::array<T, 4> k{};
+  std::array<T, 3> d{};
+  T p1 = 0, p2 = 0, s1 = 0, s2 = 0;
+  T max_r2 = 0;  // largest r^2: rays beyond it count as outside. See Lens::max_radius().
+  // Which terms are not 0. is_general: the lens needs more than the terms k[0], k[1], p1 and p2 of the model OPENCV.
+  bool is_general = false, is_rational = false, is_tangential = false, is_prism = false;
+
+  template <typename To>
+  Distortion<To> as() const {
+    Distortion<To> to{.fisheye = fisheye};
+    to.is_general = is_general, to.is_rational = is_rational;
+    to.is_tangential = is_tangential, to.is_prism = is_prism;
+    for (size_t i = 0; i < k.size(); i++) to.k[i] = static_cast<To>(k[i]);
+    for (size_t i = 0; i < d.size(); i++) to.d[i] = static_cast<To>(d[i]);
+    to.p1 = static_cast<To>(p1), to.p2 = static_cast<To>(p2);
+    to.s1 = static_cast<To>(s1), to.s2 = static_cast<To>(s2);
+    to.max_r2 = static_cast<To>(max_r2 < T{1e30} ? max_r2 : T{1e30});
+    return to;
+  }
+};
 
 // Maps camera coordinates to pixels. (0, 0) is the centre of the top-left pixel.
 //
-// A point (X, Y, Z) with Z > 0 has undistorted normalised coordinates (u, v) = (X/Z, Y/Z). With r^2 = u^2 + v^2, lens
-// distortion (COLMAP's models.h, OpenCV's calib3d) gives
-//   u' = u (1 + k1 r^2 + k2 r^4) + 2 p1 u v + p2 (r^2 + 2 u^2),  v' = v (1 + ...) + p1 (r^2 + 2 v^2) + 2 p2 u v
-// and the pixel is (fx u' + cx, fy v' + cy). At some radius, r (1 + k1 r^2 + k2 r^4) may stop growing, so that rays
-// beyond it would fold back into the image. Rays beyond this radius count as outside.
+// A point (X, Y, Z) with Z > 0 has undistorted normalised coordinates (u, v) = (X/Z, Y/Z). Lens distortion (Distortion,
+// COLMAP's models.h, OpenCV's calib3d) gives (a', b'), and the pixel is (fx a' + cx, fy b' + cy). At some radius, the
+// radial part g sqrt(q) may stop growing, so that rays beyond it would fold back into the image. Rays beyond this
+// radius count as outside. Points with Z <= 0 count as outside as well, so the field of view of a fisheye lens is a
+// little less than 180 degrees. Pixels of a fisheye image beyond this field have no ray.
 class Lens {
  public:
-  static constexpr int kMaxParams = 8;
+  static constexpr int kMaxParams = 12;
   static constexpr int kMaxRadialSteps = 100, kMaxNewtonSteps = 50;  // iteration limits of undistort()
 
   Lens() : Lens(LensModel::kSimplePinhole, {1, 0, 0}) {}
@@ -46,15 +87,28 @@ class Lens {
   double fy() const { return fy_; }
   double cx() const { return cx_; }
   double cy() const { return cy_; }
-  double k1() const { return k1_; }
-  double k2() const { return k2_; }
-  double p1() const { return p1_; }
-  double p2() const { return p2_; }
-  bool has_distortion() const { return k1_ != 0 || k2_ != 0 || p1_ != 0 || p2_ != 0; }
+  // The first terms of distortion(). They are the only terms of the models up to OPENCV.
+  double k1() const { return distortion_.k[0]; }
+  double k2() const { return distortion_.k[1]; }
+  double p1() const { return distortion_.p1; }
+  double p2() const { return distortion_.p2; }
+  const Distortion<double>& distortion() const { return distortion_; }
+  bool has_distortion() const { return has_distortion_; }
   Lens shifted(const Vec2& pixels) const;
   // Returns the radius in undistorted coordinates beyond which rays would fold back into the image, and therefore count
-  // as outside. The radius is infinite if rays never fold back.
+  // as outside. The radius is infinite if rays never fold back, or kFisheyeRadius for a fisheye lens.
   double max_radius() const { return max_radius_; }
+  static constexpr double kFisheyeRadius = 1e6;  // 1e-6 radians from 90 degrees
+  // Returns true if rays fold back before the end of the field of view.
+  bool folds() const { return max_radius_ < (distortion_.fisheye ? kFisheyeRadius : INFINITY); }
+
+  // Bounds of the derivatives of the distorted coordinates (a', b') by (a, b), in any direction.
+  struct Steepness {
+    double least = 1, first = 1, second = 0, third = 0;  // `least`: smallest first derivative of the radial part
+    double rounding = 1;  // by how much cancellation of terms increases the relative rounding error of g
+  };
+  // Measures the bounds at samples of the field that a distorted radius covers, with a margin.
+  Steepness steepness(double distorted_radius) const;
 
   // Maps undistorted to distorted normalised coordinates. Returns nothing beyond max_radius().
   std::optional<Vec2> distort(const Vec2& undistorted) const;
@@ -72,11 +126,18 @@ class Lens {
   std::optional<Vec2> unproject(const Vec2& pixel) const;
 
  private:
+  void read_distortion();
+  // Returns the length of (a, b) where the radial part is `target`, or infinity if there is no such length.
+  double solve_radial(double target, int* steps) const;
+  Vec2 bend(const Vec2& ab) const;  // the distorted coordinates of (a, b)
+
   LensModel model_;
   std::array<double, kMaxParams> params_{};
   double fx_, fy_, cx_, cy_;
-  double k1_ = 0, k2_ = 0, p1_ = 0, p2_ = 0;
-  double max_radius_;
+  Distortion<double> distortion_;
+  bool has_distortion_;
+  double max_radius_;  // of (u, v)
+  double max_length_;  // of (a, b)
 };
 
 std::string_view lens_model_name(LensModel model);

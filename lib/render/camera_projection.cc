@@ -77,13 +77,14 @@ Rect source_region(const ViewPlan& plan, const Rect& rect, CameraIndex camera, c
   double largest_step = 0;
   bool known = true;
   // If the distance of a point on a line of sight changes, the point moves along a straight line in the image (the
-  // epipolar line). Projecting the smallest and the largest distance is therefore enough.
-  double distances[2] = {0, 0};
+  // epipolar line). Projecting the smallest and the largest distance is therefore enough. Fisheye lenses bend the line.
+  constexpr int kBentDistances = 9;
+  double distances[kBentDistances] = {};
   int num_distances = 1;
   if (const FocalMap* map = plan.view().focus.map.get(); map) {
-    distances[0] = map->inverse_of(levels.least);
-    distances[1] = map->inverse_of(levels.largest);
-    num_distances = levels.least == levels.largest ? 1 : 2;
+    if (levels.least != levels.largest) num_distances = rig_camera.lens.distortion().fisheye ? kBentDistances : 2;
+    const double first = map->inverse_of(levels.least), last = map->inverse_of(levels.largest);
+    for (int k = 0; k < num_distances; k++) distances[k] = first + (last - first) * k / std::max(num_distances - 1, 1);
   }
   // Walk around the border for each distance, because homographies and lenses map the inside of `rect` to the inside of
   // its border.

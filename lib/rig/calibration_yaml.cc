@@ -19,7 +19,9 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kDistortionSizes[] = {4, 5, 8, 12, 14};  // sizes that cv::calibrateCamera writes
-constexpr int kOurTerms = 4;                           // k1 k2 p1 p2
+constexpr size_t kFisheyeTerms = 4;                    // k1 k2 k3 k4
+// Values of distortion_model and keys that mean OpenCV's fisheye lens.
+const std::set<std::string_view> kFisheyeWords = {"equidistant", "fisheye", "fisheye_model"};
 
 struct Matrix {
   int rows, columns;
@@ -42,8 +44,15 @@ Matrix parse_matrix(const JsonValue& value, int rows, int columns) {
   return matrix;
 }
 
+// Returns true for ROS' distortion_model equidistant and for fisheye_model 1 of OpenCV's calibration sample.
+bool is_fisheye(const JsonValue& camera) {
+  if (const auto flag = camera.find("fisheye_model")) return flag->number() != 0;
+  const auto model = camera.find("distortion_model");
+  return model && kFisheyeWords.contains(model->text());
+}
+
 // `place` is the camera matrix; `distortion_terms` are the coefficients, if there are any.
-Lens parse_opencv_lens(const JsonValue& place, const std::optional<JsonValue>& distortion_terms) {
+Lens parse_opencv_lens(const JsonValue& place, const std::optional<JsonValue>& distortion_terms, bool fisheye) {
   const std::vector<double> k = parse_matrix(place, 3, 3).data;
   if (k[1] != 0 || k[3] != 0 || k[6] != 0 || k[7] != 0 || k[8] != 1)
     place.fail(std::string("must be [fx, 0, cx, 0, fy, cy, 0, 0, 1], because a rig cannot hold skew; ") +
@@ -56,16 +65,10 @@ Lens parse_opencv_lens(const JsonValue& place, const std::optional<JsonValue>& d
     if ((terms.rows != 1 && terms.columns != 1) ||
         std::find(std::begin(kDistortionSizes), std::end(kDistortionSizes), size) == std::end(kDistortionSizes))
       value->fail("must be a row or a column of 4, 5, 8, 12 or 14 distortion coefficients");
-    for (int i = kOurTerms; i < size; i++)
-      if (distortion[i] != 0) {
-        const std::string term = i == kOurTerms ? "k3" : "term " + std::to_string(i);
-        value->fail(term +
-                    " is not 0, and a rig cannot hold this term; calibrate only with k1, k2, p1 and p2 "
-                    "(CALIB_FIX_K3), or undistort the pictures first");
-      }
+    while (fisheye && distortion.size() > kFisheyeTerms && distortion.back() == 0) distortion.pop_back();
   }
   try {
-    return lens_from_opencv({k[0], k[4], k[2], k[5]}, distortion);
+    return (fisheye ? lens_from_opencv_fisheye : lens_from_opencv)({k[0], k[4], k[2], k[5]}, distortion);
   } catch (const Error& e) {
     place.fail(e.what());
   }
@@ -140,7 +143,8 @@ Camera parse_camera(const JsonValue& value, const std::string& place, const fs::
                     MissingDistortion& missing) {
   Camera camera;
   parse_size(value, camera);
-  camera.lens = parse_opencv_lens(value.at("camera_matrix"), missing.find(value, "distortion_coefficients", place));
+  camera.lens = parse_opencv_lens(value.at("camera_matrix"), missing.find(value, "distortion_coefficients", place),
+                                  is_fisheye(value));
   camera.pose = pose_of_camera_from_world(parse_motion(value).value_or(RigidTransform()));
   for (const char* key : {"camera_name", "name"})
     if (const auto name = value.find(key)) camera.name = name->text();
@@ -181,8 +185,8 @@ std::vector<Camera> parse_stereo(const JsonValue& file, const fs::path& director
   std::vector<Camera> cameras(2);
   for (Camera& camera : cameras) parse_size(file, camera);
   MissingDistortion missing(undistorted);
-  cameras[0].lens = parse_opencv_lens(file.at("M1"), missing.find(file, "D1", ""));
-  cameras[1].lens = parse_opencv_lens(file.at("M2"), missing.find(file, "D2", ""));
+  cameras[0].lens = parse_opencv_lens(file.at("M1"), missing.find(file, "D1", ""), is_fisheye(file));
+  cameras[1].lens = parse_opencv_lens(file.at("M2"), missing.find(file, "D2", ""), is_fisheye(file));
   missing.add_note(notes);
   std::optional<RigidTransform> second_from_first = parse_motion(file);
   if (!second_from_first) {
@@ -194,7 +198,7 @@ std::vector<Camera> parse_stereo(const JsonValue& file, const fs::path& director
     const nlohmann::json root = parse_yaml(read_text_file(beside), beside);
     const JsonValue extrinsics(root, beside);
     for (const char* key : {"R", "T"}) extrinsics.at(key);  // both are required
-    for (const std::string& note : check_foreign_keys(root, beside, kOpenCvKeys)) notes.push_back(note);
+    for (const std::string& note : check_foreign_keys(root, beside, kOpenCvKeys, kFisheyeWords)) notes.push_back(note);
     second_from_first = parse_motion(extrinsics);
     notes.push_back("R and T come from " + beside);
   }
@@ -229,9 +233,9 @@ RigImport parse_opencv_yaml(const std::string& text, const std::string& path, bo
   Rig& rig = result.rig;
   if (file.find("Ks")) {
     rig.cameras = parse_opencv_multiview(root, path, undistorted);
-    root.erase("is_fisheye");  // all elements are 0
+    root.erase("is_fisheye");
   }
-  result.notes = check_foreign_keys(root, path, kOpenCvKeys);
+  result.notes = check_foreign_keys(root, path, kOpenCvKeys, kFisheyeWords);
   MissingDistortion missing(undistorted);
   if (const auto cameras = file.find("cameras")) {
     const std::vector<JsonValue> values = cameras->elements();
@@ -258,6 +262,14 @@ RigImport parse_opencv_yaml(const std::string& text, const std::string& path, bo
   return result;
 }
 
+std::vector<double> terms_of(const Camera& camera) {
+  try {
+    return opencv_terms(camera.lens);
+  } catch (const Error& e) {
+    throw_camera_error(camera, e.what());
+  }
+}
+
 std::string opencv_yaml_text(const Rig& rig) {
   cv::FileStorage file(".yaml", cv::FileStorage::WRITE | cv::FileStorage::MEMORY);
   file << "cameras"
@@ -270,7 +282,10 @@ std::string opencv_yaml_text(const Rig& rig) {
     if (!camera.image.empty()) file << "image" << camera.image;
     file << "image_width" << camera.width << "image_height" << camera.height;
     file << "camera_matrix" << cv::Mat_<double>({3, 3}, {lens.fx(), 0, lens.cx(), 0, lens.fy(), lens.cy(), 0, 0, 1});
-    file << "distortion_coefficients" << cv::Mat_<double>({4, 1}, {lens.k1(), lens.k2(), lens.p1(), lens.p2()});
+    if (lens.distortion().fisheye)
+      file << "distortion_model"
+           << "equidistant";
+    file << "distortion_coefficients" << cv::Mat_<double>(terms_of(camera), true);
     cv::Mat_<double> r(3, 3), t(3, 1);
     for (int row = 0; row < 3; row++) {
       for (int column = 0; column < 3; column++) r(row, column) = motion.rotation[column][row];
@@ -306,20 +321,21 @@ void require(const JsonValue& value, std::initializer_list<std::string> known) {
 Lens parse_kalibr_lens(const JsonValue& camera) {
   require(camera.at("camera_model"), {"pinhole"});
   const JsonValue model = camera.at("distortion_model");
-  require(model, {"radtan", "none"});
+  require(model, {"radtan", "equidistant", "none"});
   const JsonValue place = camera.at("intrinsics");
   const std::vector<double> k = numbers(place);
   if (k.size() != 4)
     place.fail(std::string("must be [fx, fy, cx, cy]") +
                (k.size() == 8 ? ", but has 8 numbers. Write decimals with a point, not with a comma" : ""));
   std::vector<double> distortion;
-  if (model.text() == "radtan") {
+  const bool fisheye = model.text() == "equidistant";
+  if (model.text() != "none") {
     const JsonValue terms = camera.at("distortion_coeffs");
     distortion = numbers(terms);
-    if (distortion.size() != 4) terms.fail("must be [k1, k2, p1, p2]");
+    if (distortion.size() != 4) terms.fail(fisheye ? "must be [k1, k2, k3, k4]" : "must be [k1, k2, p1, p2]");
   }
   try {
-    return lens_from_opencv({k[0], k[1], k[2], k[3]}, distortion);
+    return (fisheye ? lens_from_opencv_fisheye : lens_from_opencv)({k[0], k[1], k[2], k[3]}, distortion);
   } catch (const Error& e) {
     place.fail(e.what());
   }
@@ -386,7 +402,7 @@ RigImport parse_kalibr(const std::string& text, const std::string& path) {
                                       "T_cn_cnm1",    "T_imu_cam",    "timeshift_cam_imu"};
   for (const auto& [number, key] : cameras) known.insert(key);
   RigImport result;
-  result.notes = check_foreign_keys(root, path, known);
+  result.notes = check_foreign_keys(root, path, known, {"equidistant"});
   std::map<uint32_t, RigidTransform> places;
   bool has_imu = false;  // positions are relative to the IMU
   for (const auto& [number, key] : cameras) {
@@ -440,8 +456,10 @@ std::string kalibr_text(const Rig& rig) {
     }
     line("camera_model", "pinhole");
     line("intrinsics", list({lens.fx(), lens.fy(), lens.cx(), lens.cy()}));
-    line("distortion_model", "radtan");
-    line("distortion_coeffs", list({lens.k1(), lens.k2(), lens.p1(), lens.p2()}));
+    const std::vector<double> terms = terms_of(camera);
+    if (terms.size() != 4) throw_camera_error(camera, "Kalibr cannot hold distortion terms beyond k1, k2, p1 and p2");
+    line("distortion_model", lens.distortion().fisheye ? "equidistant" : "radtan");
+    line("distortion_coeffs", list({terms[0], terms[1], terms[2], terms[3]}));
     line("resolution", "[" + std::to_string(camera.width) + ", " + std::to_string(camera.height) + "]");
     line("rostopic", nlohmann::json("/" + camera.name + kTopicEnd).dump());
     if (camera.time_offset != 0) line("timeshift_cam_imu", yaml_number(camera.time_offset));

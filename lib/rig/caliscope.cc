@@ -138,19 +138,17 @@ Lens parse_caliscope_lens(const JsonValue& camera) {
   const std::vector<double> k = parse_matrix(place);
   if (k[1] != 0 || k[3] != 0 || k[6] != 0 || k[7] != 0 || k[8] != 1)
     place.fail("must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], because a rig cannot hold skew");
+  const auto fisheye = camera.find("fisheye");
+  const bool is_fisheye = fisheye && fisheye->flag();
   std::vector<double> distortion;
   if (const auto terms = camera.find("distortions")) {
     for (const JsonValue& number : terms->elements()) distortion.push_back(number.number());
-    constexpr size_t kOurTerms = 4, kMaxTerms = 5;  // k1 k2 p1 p2 k3
-    if (distortion.size() != kOurTerms && distortion.size() != kMaxTerms) terms->fail("must be [k1, k2, p1, p2, k3]");
-    if (distortion.size() == kMaxTerms && distortion.back() != 0)
-      terms->fail("k3 is " + number_text(distortion.back()) +
-                  ", and a rig cannot hold this term. Undistort the videos with cv2.undistort() and the same matrix, "
-                  "and import the file with --undistorted");
-    distortion.resize(kOurTerms);
+    if (distortion.size() != 4 && (is_fisheye || distortion.size() != 5))
+      terms->fail(is_fisheye ? "must be [k1, k2, k3, k4]" : "must be [k1, k2, p1, p2, k3]");
   }
   try {
-    return lens_from_opencv({k[0], k[4], k[2], k[5]}, distortion);
+    return is_fisheye ? lens_from_opencv_fisheye({k[0], k[4], k[2], k[5]}, distortion)
+                      : lens_from_opencv({k[0], k[4], k[2], k[5]}, distortion);
   } catch (const Error& e) {
     place.fail(e.what());
   }
@@ -201,7 +199,7 @@ RigImport import_caliscope(const std::string& path, bool undistorted) {
     known.insert(key);
   }
   RigImport result;
-  result.notes = check_foreign_keys(root, path, known);
+  result.notes = check_foreign_keys(root, path, known, {"fisheye"});
   std::string without_pose, ignored;
   for (const auto& [id, key] : keys) {
     const JsonValue value = cameras.at(key.c_str());

@@ -88,10 +88,7 @@ constexpr uint32_t kMaxColmapId = 2147483646;  // COLMAP's database checks id < 
 
 // Returns the lens of the model. Its parameters equal COLMAP's except for the position of pixel centres.
 Lens lens_of(const ColmapCamera& camera) {
-  std::optional<LensModel> model = lens_model_from_name(camera.model);
-  if (!model && camera.model == "FULL_OPENCV" &&
-      std::all_of(camera.params.begin() + 8, camera.params.end(), [](double k) { return k == 0; }))
-    model = LensModel::kOpenCv;
+  const std::optional<LensModel> model = lens_model_from_name(camera.model);
   if (!model)
     throw Error("a rig cannot hold its " + camera.model +
                 " lens; run colmap image_undistorter, and import the model in its folder sparse");

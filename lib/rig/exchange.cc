@@ -204,15 +204,40 @@ constexpr double kRotationTolerance = 1e-3;  // limit for an element of R^T R; a
 }  // namespace
 
 Lens lens_from_opencv(const PinholeParams& pinhole, const std::vector<double>& distortion) {
+  constexpr size_t kTerms = 8;
   const auto [fx, fy, cx, cy] = pinhole;
   const auto term = [&](size_t i) { return i < distortion.size() ? distortion[i] : 0.0; };
+  for (size_t i = kTerms; i < distortion.size(); i++)
+    if (distortion[i] != 0)
+      throw Error("distortion term " + std::to_string(i) +
+                  " (thin prism or tilt) is not 0, and a rig cannot hold this term; " + kUndistortRemedy);
   const double k1 = term(0), k2 = term(1), p1 = term(2), p2 = term(3);
+  if (term(4) != 0 || term(5) != 0 || term(6) != 0 || term(7) != 0)
+    return Lens(LensModel::kFullOpenCv, {fx, fy, cx, cy, k1, k2, p1, p2, term(4), term(5), term(6), term(7)});
   const bool radial = k1 != 0 || k2 != 0;
   if (p1 != 0 || p2 != 0 || (radial && fx != fy)) return Lens(LensModel::kOpenCv, {fx, fy, cx, cy, k1, k2, p1, p2});
   if (fx != fy) return Lens(LensModel::kPinhole, {fx, fy, cx, cy});
   if (!radial) return Lens::pinhole(fx, cx, cy);
   if (k2 == 0) return Lens(LensModel::kSimpleRadial, {fx, cx, cy, k1});
   return Lens(LensModel::kRadial, {fx, cx, cy, k1, k2});
+}
+
+Lens lens_from_opencv_fisheye(const PinholeParams& pinhole, const std::vector<double>& distortion) {
+  const auto [fx, fy, cx, cy] = pinhole;
+  if (distortion.size() != 4) throw Error("a fisheye lens must have the distortion terms k1, k2, k3 and k4");
+  return Lens(LensModel::kOpenCvFisheye, {fx, fy, cx, cy, distortion[0], distortion[1], distortion[2], distortion[3]});
+}
+
+std::vector<double> opencv_terms(const Lens& lens) {
+  const Distortion<double>& of = lens.distortion();
+  if (of.fisheye) {
+    if (of.is_tangential || of.is_prism)
+      throw Error("OpenCV's fisheye lenses have no tangential and thin-prism terms, unlike the lens model " +
+                  std::string(lens_model_name(lens.model())));
+    return {of.k.begin(), of.k.end()};
+  }
+  if (!of.is_general) return {of.k[0], of.k[1], of.p1, of.p2};
+  return {of.k[0], of.k[1], of.p1, of.p2, of.k[2], of.d[0], of.d[1], of.d[2]};
 }
 
 RigidTransform RigidTransform::operator*(const RigidTransform& first) const {
@@ -366,7 +391,9 @@ std::string short_dump(const json& value) {
 
 class KeyChecker {
  public:
-  KeyChecker(const std::string& path, const std::set<std::string_view>& known) : path_(path), known_(known) {}
+  KeyChecker(const std::string& path, const std::set<std::string_view>& known,
+             const std::set<std::string_view>& supported)
+      : path_(path), known_(known), supported_(supported) {}
 
   // `is_known` is false inside an unknown value, so that its keys are not listed again.
   void check(const json& value, bool is_known = true) {
@@ -425,20 +452,21 @@ class KeyChecker {
     if (std::find(std::begin(kModelKeys), std::end(kModelKeys), key) != std::end(kModelKeys)) {
       if (value.is_string() && !is_neutral(value) &&
           std::find(std::begin(kPinholes), std::end(kPinholes), lower_case(value.get<std::string>())) ==
-              std::end(kPinholes))
-        fail("a rig cannot hold the lens model " + short_dump(value) +
-             ", only pinhole lenses with the distortion terms k1, k2, p1 and p2; " + kUndistortRemedy);
+              std::end(kPinholes) &&
+          !supported_.contains(lower_case(value.get<std::string>())))
+        fail("the lens model " + short_dump(value) + " cannot be imported; " + kUndistortRemedy);
       return;
     }
     const std::string name = lower_case(key);
+    if (supported_.contains(name)) return;
     for (const UnsupportedKey& danger : kDangers)
       if ((danger.anywhere ? name.find(danger.text) != std::string::npos : name == danger.text) && !is_neutral(value))
-        fail("is " + short_dump(value) + ", which means " + danger.meaning + " that a rig cannot hold; " +
+        fail("is " + short_dump(value) + ", which means " + danger.meaning + ". Such cameras cannot be imported; " +
              danger.remedy);
   }
 
   const std::string& path_;
-  const std::set<std::string_view>& known_;
+  const std::set<std::string_view>&known_, &supported_;
   std::vector<Step> place_;
   std::map<std::string, size_t> unknown_;
 };
@@ -446,8 +474,9 @@ class KeyChecker {
 }  // namespace
 
 std::vector<std::string> check_foreign_keys(const json& root, const std::string& path,
-                                            const std::set<std::string_view>& known) {
-  KeyChecker checker(path, known);
+                                            const std::set<std::string_view>& known,
+                                            const std::set<std::string_view>& supported) {
+  KeyChecker checker(path, known, supported);
   checker.check(root);
   return checker.notes();
 }

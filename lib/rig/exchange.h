@@ -67,22 +67,24 @@ RigExport export_text(const Rig& rig, const std::string& path, std::string (*tex
 double max_reprojection_error(const Rig& a, const Rig& b, double distance);
 
 // Kalibr's camchain.yaml (https://github.com/ethz-asl/kalibr/wiki/yaml-formats): cam0, cam1, ..., each with
-//   camera_model: pinhole; intrinsics: [fx, fy, cx, cy]; distortion_model: radtan (k1 k2 p1 p2) or none;
+//   camera_model: pinhole; intrinsics: [fx, fy, cx, cy];
+//   distortion_model: radtan (k1 k2 p1 p2), equidistant (k1 k2 k3 k4) or none;
 //   distortion_coeffs; resolution: [width, height]; rostopic;
 //   T_cn_cnm1 (from cam1 on): camera n from camera n - 1, metres; T_cam_imu (or its inverse, T_imu_cam): camera from
 //   the body's frame; timeshift_cam_imu: the camera's time_offset, seconds.
-// Pixel coordinates and axes are the same as in a rig. Other lens models (omni, eucm, ds; equidistant, fov) are
-// rejected. The world is the IMU frame if the first camera has T_cam_imu, otherwise the first camera's frame. Camera
-// numbers may have gaps; the camera after a gap needs T_cam_imu. The id is the camera number, and the name is the topic
-// without a leading "/" and a trailing "/image_raw". All functions throw Error with file and place.
+// Pixel coordinates and axes are the same as in a rig. Other lens models (omni, eucm, ds; fov) are rejected. The world
+// is the IMU frame if the first camera has T_cam_imu, otherwise the first camera's frame. Camera numbers may have gaps;
+// the camera after a gap needs T_cam_imu. The id is the camera number, and the name is the topic without a leading "/"
+// and a trailing "/image_raw". All functions throw Error with file and place.
 RigImport import_kalibr(const std::string& path);
 // T_cam_imu holds the rig's world. Kalibr numbers cameras from 0 and cannot hold images and sources.
 RigExport export_kalibr(const Rig& rig, const std::string& path);
 
 // NeRF's transforms.json as read and written by instant-ngp and nerfstudio. A camera is an element of "frames":
 //   file_path, transform_matrix (4x4, world from camera; the camera's x right, y up, z back)
-// The lens is in the frame, or at the top level for all frames: camera_model (OPENCV, PINHOLE, SIMPLE_PINHOLE), fl_x,
-// fl_y, cx, cy, w, h, k1, k2, p1, p2 (or nerfstudio's distortion_params); or only camera_angle_x (radians). Pixel
+// The lens is in the frame, or at the top level for all frames: camera_model (OPENCV, OPENCV_FISHEYE, PINHOLE,
+// SIMPLE_PINHOLE) or is_fisheye, fl_x, fl_y, cx, cy, w, h, k1, k2, p1, p2, k3, k4 (or nerfstudio's distortion_params:
+// k1 k2 k3 k4 p1 p2); or only camera_angle_x (radians). k4 and p1, p2 must be 0 where the lens has no such term. Pixel
 // centres are at (0.5, 0.5). nerfstudio's applied_transform and applied_scale are undone, which restores the units of
 // the capture; these are taken as metres. instant-ngp's scale and offset do not affect the poses in the file. Rejects
 // other lens models and terms, and frames with different "time", because a rig is a single instant. If w and h are
@@ -165,8 +167,8 @@ RigImport import_hci(const std::string& directory);
 
 // mrcal's .cameramodel files (https://mrcal.secretsauce.net/cameramodels.html), one for each camera: a dictionary of
 // Python with
-//   'lens_model' (newer: 'lensmodel'): 'LENSMODEL_PINHOLE' or 'LENSMODEL_OPENCV4'; also OPENCV5, OPENCV8 and OPENCV12
-//     if all terms beyond p2 are 0
+//   'lens_model' (newer: 'lensmodel'): 'LENSMODEL_PINHOLE' or 'LENSMODEL_OPENCV4', OPENCV5, OPENCV8; also OPENCV12 if
+//     all terms beyond k6 are 0
 //   'intrinsics': [fx, fy, cx, cy, k1, k2, p1, p2, ...]; 'imagersize': [width, height]
 //   'extrinsics' (newer: 'rt_cam_ref'): a Rodrigues vector r and a translation t, x_camera = R(r) x_reference + t
 // Pixel coordinates and camera axes are the same as in a rig. `path` is a file, or a folder with files *.cameramodel,
@@ -175,13 +177,13 @@ RigImport import_hci(const std::string& directory);
 RigImport import_mrcal(const std::string& path);
 
 // Caliscope's camera_array.toml (https://github.com/mprib/caliscope): a table [cameras.N] for each camera, with
-//   cam_id (older: port); size = [width, height]; matrix (3x3); distortions = [k1, k2, p1, p2, k3]; fisheye
+//   cam_id (older: port); size = [width, height]; matrix (3x3)
+//   fisheye; distortions = [k1, k2, p1, p2, k3], or [k1, k2, k3, k4] of a fisheye lens
 //   rotation (a Rodrigues vector or 3x3) and translation: x_camera = R x_world + t, metres
 //   ignore: the camera is not used
-// Pixel coordinates and axes are the same as in a rig. Caliscope always calibrates k3, which a rig cannot hold. If
-// `undistorted`, the videos were undistorted with the same matrix, so that `distortions` have no effect, and the lenses
-// are pinholes. Cameras without a pose and ignored cameras are left out, with a note. The id is cam_id. Throws Error
-// with file and place.
+// Pixel coordinates and axes are the same as in a rig. If `undistorted`, the videos were undistorted with the same
+// matrix, so that `distortions` have no effect, and the lenses are pinholes. Cameras without a pose and ignored cameras
+// are left out, with a note. The id is cam_id. Throws Error with file and place.
 RigImport import_caliscope(const std::string& path, bool undistorted = false);
 
 // The JSON camera files of MPEG's Reference View Synthesizer (RVS) and Test Model for Immersive Video (TMIV): a list
@@ -239,8 +241,9 @@ class ImageSearch {
 //   the file. The file must hold the size: image_width and image_height, or image_size: [width, height].
 // - image_sizes, Ks, distortions, Rs (older: rvecs), Ts, models (older: is_fisheye) and cam_ids, as written by OpenCV's
 //   multiview_calibration.py: any number of cameras, in the coordinates of the first.
-// All functions throw Error with file and place. Terms beyond p2 must be 0. If `undistorted`, the pictures were
-// undistorted with the same camera matrices, so that the distortion is ignored, and the lenses are pinholes.
+// distortion_model is equidistant (ROS), fisheye_model is 1 (OpenCV's sample) or models has a 1 for a fisheye lens with
+// k1 k2 k3 k4. All functions throw Error with file and place. Terms beyond k6 must be 0. If `undistorted`, the pictures
+// were undistorted with the same camera matrices, so that the distortion is ignored, and the lenses are pinholes.
 RigImport import_opencv_yaml(const std::string& path, bool undistorted = false);
 // Parses a file with Ks. `path` is the file name in messages.
 std::vector<Camera> parse_opencv_multiview(const nlohmann::json& root, const std::string& path, bool undistorted);
@@ -250,9 +253,15 @@ RigExport export_opencv_yaml(const Rig& rig, const std::string& path);
 
 using PinholeParams = std::array<double, 4>;
 
-// Returns a lens with the distortion terms k1, k2, p1, p2 (missing terms are 0), in the simplest model that holds these
-// terms. The centre of the top-left pixel is (0, 0). Throws Error.
+// Returns a lens with the distortion terms k1, k2, p1, p2, k3, k4, k5, k6 of OpenCV (missing terms are 0), in the
+// simplest model that holds these terms. The centre of the top-left pixel is (0, 0). Throws Error, also if OpenCV's
+// further terms (thin prism, tilt) are not 0.
 Lens lens_from_opencv(const PinholeParams& pinhole, const std::vector<double>& distortion);
+// Returns a lens of OpenCV's fisheye module, with the terms k1, k2, k3, k4.
+Lens lens_from_opencv_fisheye(const PinholeParams& pinhole, const std::vector<double>& distortion);
+// Returns the distortion terms of a lens in OpenCV's order: k1 k2 p1 p2, or also k3 k4 k5 k6 if some of these are not
+// 0; k1 k2 k3 k4 for a fisheye lens. Throws Error for terms that OpenCV's fisheye module does not have.
+std::vector<double> opencv_terms(const Lens& lens);
 
 // A rigid transform: x -> rotation x + translation.
 struct RigidTransform {
@@ -289,9 +298,11 @@ std::string rigid_transform_text(const RigidTransform& motion);
 // tangential distortion.
 //
 // Returns a note with the harmless keys that are not in `known`, or nothing. `known` lists the keys that the importer
-// reads and the keys that have no effect on a rig. `path` is the file name in messages.
+// reads and the keys that have no effect on a rig. `supported` are keys and lens models, in lower case, that this
+// importer supports although others do not. `path` is the file name in messages.
 std::vector<std::string> check_foreign_keys(const nlohmann::json& root, const std::string& path,
-                                            const std::set<std::string_view>& known);
+                                            const std::set<std::string_view>& known,
+                                            const std::set<std::string_view>& supported = {});
 
 // The remedy at the end of messages about a lens that a rig cannot hold.
 extern const char kUndistortRemedy[];

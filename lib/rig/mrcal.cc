@@ -16,8 +16,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr size_t kOurTerms = 4;  // k1 k2 p1 p2
-
 // A file is a dictionary of Python. Without the b of its byte strings, this is a flow mapping of YAML.
 nlohmann::json parse_dictionary(const std::string& text, const std::string& path) {
   std::string yaml;
@@ -62,22 +60,17 @@ Lens parse_mrcal_lens(const JsonValue& file) {
                                                    {"LENSMODEL_OPENCV8", 12},
                                                    {"LENSMODEL_OPENCV12", 16}};
   const std::string remedy =
-      "; calibrate with LENSMODEL_OPENCV4, convert the model with mrcal-convert-lensmodel --sampled LENSMODEL_OPENCV4, "
+      "; calibrate with LENSMODEL_OPENCV8, convert the model with mrcal-convert-lensmodel --sampled LENSMODEL_OPENCV8, "
       "or the pictures with mrcal-reproject-image --to-pinhole";
   const auto* const found = std::ranges::find(models, name, [](const auto& known) { return std::string(known.first); });
   if (found == std::end(models)) model.fail("a rig cannot hold the lens model \"" + name + "\"" + remedy);
   const JsonValue place = file.at("intrinsics");
   std::vector<double> k;
   for (const JsonValue& number : place.elements(found->second)) k.push_back(number.number());
-  for (size_t i = 4 + kOurTerms; i < k.size(); i++)
-    if (k[i] != 0)
-      place.fail("element " + std::to_string(i) + " is not 0, and a rig cannot hold this distortion term of " + name +
-                 remedy);
-  k.resize(std::min(k.size(), 4 + kOurTerms));
   try {
     return lens_from_opencv({k[0], k[1], k[2], k[3]}, {k.begin() + 4, k.end()});
   } catch (const Error& e) {
-    place.fail(e.what());
+    place.fail(e.what() + remedy);
   }
 }
 

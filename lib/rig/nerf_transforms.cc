@@ -40,16 +40,27 @@ class Frame {
   const JsonValue &frame_, &file_;
 };
 
-// Returns k1, k2, p1, p2, from separate keys or from nerfstudio's distortion_params [k1, k2, k3, k4, p1, p2].
-std::vector<double> distortion_of(const Frame& frame) {
+constexpr char kFisheyeModel[] = "OPENCV_FISHEYE";
+
+bool is_fisheye(const Frame& frame) {
+  const auto flag = frame.find("is_fisheye"), model = frame.find("camera_model");
+  return (flag && flag->flag()) || (model && model->text() == kFisheyeModel);
+}
+
+// Returns the terms in OpenCV's order, from separate keys or from nerfstudio's distortion_params [k1, k2, k3, k4, p1,
+// p2]. The terms are k1 k2 k3 k4 for a fisheye lens, otherwise k1 k2 p1 p2 k3.
+std::vector<double> distortion_of(const Frame& frame, bool fisheye) {
+  std::vector<double> k;
   if (const auto params = frame.find("distortion_params")) {
-    std::vector<double> k;
     for (const JsonValue& value : params->elements(6)) k.push_back(value.number());
-    if (k[2] != 0 || k[3] != 0)
-      params->fail(std::string("k3 and k4 must be 0, because a rig cannot hold these terms; ") + kUndistortRemedy);
-    return {k[0], k[1], k[4], k[5]};
+  } else {
+    for (const char* key : {"k1", "k2", "k3", "k4", "p1", "p2"}) k.push_back(frame.number(key, 0));
   }
-  return {frame.number("k1", 0), frame.number("k2", 0), frame.number("p1", 0), frame.number("p2", 0)};
+  if (fisheye && (k[4] != 0 || k[5] != 0))
+    throw Error(std::string("a fisheye lens must have p1 = p2 = 0; ") + kUndistortRemedy);
+  if (fisheye) return {k[0], k[1], k[2], k[3]};
+  if (k[3] != 0) throw Error(std::string("k4 must be 0, because a rig cannot hold this term; ") + kUndistortRemedy);
+  return {k[0], k[1], k[4], k[5], k[2]};
 }
 
 Lens parse_lens(const Frame& frame, const JsonValue& place, int width, int height) {
@@ -62,9 +73,11 @@ Lens parse_lens(const Frame& frame, const JsonValue& place, int width, int heigh
   double fy = frame.number("fl_y", 0);
   if (fy == 0) fy = !frame.find("fl_x") && angle_y > 0 && angle_y < M_PI ? height / 2.0 / std::tan(angle_y / 2) : fx;
   try {
-    return lens_from_opencv({fx, fy, frame.number("cx", width / 2.0) - kNerfPixelCentre,
-                             frame.number("cy", height / 2.0) - kNerfPixelCentre},
-                            distortion_of(frame));
+    const bool fisheye = is_fisheye(frame);
+    return (fisheye ? lens_from_opencv_fisheye : lens_from_opencv)(
+        {fx, fy, frame.number("cx", width / 2.0) - kNerfPixelCentre,
+         frame.number("cy", height / 2.0) - kNerfPixelCentre},
+        distortion_of(frame, fisheye));
   } catch (const Error& e) {
     place.fail(e.what());
   }
@@ -189,7 +202,7 @@ const std::set<std::string_view> kNerfKeys = {"frames",
 // Adds a note for each coefficient that only some frames have. Frames without the coefficient use 0.
 void note_missing_coefficients(const JsonValue& file, const std::vector<JsonValue>& frames,
                                std::vector<std::string>& notes) {
-  for (const char* key : {"k1", "k2", "p1", "p2", "distortion_params"}) {
+  for (const char* key : {"k1", "k2", "p1", "p2", "k3", "k4", "distortion_params"}) {
     if (file.find(key)) continue;
     const auto missing = std::ranges::count_if(frames, [&](const JsonValue& frame) { return !frame.find(key); });
     if (missing > 0 && static_cast<size_t>(missing) < frames.size())
@@ -207,7 +220,7 @@ RigImport parse_nerf(const std::string& text, const std::string& path) {
   if (values.empty()) frames.fail("must not be empty");
   if (values.size() > kMaxCameras)
     frames.fail("has too many frames; a rig has at most " + std::to_string(kMaxCameras) + " cameras");
-  result.notes = check_foreign_keys(root, path, kNerfKeys);
+  result.notes = check_foreign_keys(root, path, kNerfKeys, {"opencv_fisheye", "is_fisheye", "k3", "k4"});
   note_missing_coefficients(file, values, result.notes);
   const AppliedTransform applied(file, result.notes);
   SingleTimeCheck instant;
@@ -219,7 +232,30 @@ RigImport parse_nerf(const std::string& text, const std::string& path) {
   return result;
 }
 
+// Adds the distortion terms of a lens to a frame. The camera model is common to all frames.
+void put_distortion(const Camera& camera, bool fisheye, ordered_json& frame) {
+  const Lens& lens = camera.lens;
+  if (!lens.has_distortion() && !fisheye) return;
+  if (lens.distortion().fisheye != fisheye)
+    throw_camera_error(camera, "the format cannot hold fisheye lenses beside other lenses");
+  std::vector<double> terms;
+  try {
+    terms = opencv_terms(lens);
+  } catch (const Error& e) {
+    throw_camera_error(camera, e.what());
+  }
+  if (fisheye) {
+    frame.update(ordered_json{{"k1", terms[0]}, {"k2", terms[1]}, {"k3", terms[2]}, {"k4", terms[3]}});
+    return;
+  }
+  terms.resize(8);
+  if (lens.distortion().is_rational) throw_camera_error(camera, "the format cannot hold the terms k4, k5 and k6");
+  frame.update(ordered_json{{"k1", terms[0]}, {"k2", terms[1]}, {"p1", terms[2]}, {"p2", terms[3]}});
+  if (terms[4] != 0) frame["k3"] = terms[4];
+}
+
 std::string nerf_text(const Rig& rig) {
+  const bool fisheye = !rig.cameras.empty() && rig.cameras.front().lens.distortion().fisheye;
   ordered_json frames = ordered_json::array();
   for (const Camera& camera : rig.cameras) {
     const Lens& lens = camera.lens;
@@ -230,8 +266,7 @@ std::string nerf_text(const Rig& rig) {
                           {"fl_y", lens.fy()},
                           {"cx", lens.cx() + kNerfPixelCentre},
                           {"cy", lens.cy() + kNerfPixelCentre}};
-    if (lens.has_distortion())
-      frame.update(ordered_json{{"k1", lens.k1()}, {"k2", lens.k2()}, {"p1", lens.p1()}, {"p2", lens.p2()}});
+    put_distortion(camera, fisheye, frame);
     const Mat3 rotation = turned(camera.pose.rotation());
     ordered_json rows = ordered_json::array();
     for (int r = 0; r < 3; r++)
@@ -240,7 +275,8 @@ std::string nerf_text(const Rig& rig) {
     frame["transform_matrix"] = rows;
     frames.push_back(frame);
   }
-  std::string text = "{\"camera_model\": \"OPENCV\",\n \"frames\": [\n";
+  std::string text =
+      std::string("{\"camera_model\": \"") + (fisheye ? kFisheyeModel : "OPENCV") + "\",\n \"frames\": [\n";
   for (size_t i = 0; i < frames.size(); i++) text += "  " + frames[i].dump() + (i + 1 < frames.size() ? ",\n" : "\n");
   return text + "]}\n";
 }

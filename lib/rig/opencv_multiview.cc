@@ -12,8 +12,6 @@
 namespace lf {
 namespace {
 
-constexpr size_t kOurTerms = 4;  // k1 k2 p1 p2
-
 // Returns the elements of a matrix, with its rows, columns and channels in this order. OpenCV writes arrays of matrices
 // as a matrix with several channels, or as a matrix with several dimensions.
 std::vector<double> parse_elements(const JsonValue& matrix) {
@@ -29,25 +27,37 @@ std::vector<double> parse_elements(const JsonValue& file, const char* key, size_
   return elements;
 }
 
-// Returns the distortion terms of all cameras. Throws Error for fisheye lenses and for terms that a rig cannot hold.
-std::vector<std::vector<double>> parse_distortions(const JsonValue& file, size_t cameras) {
-  const std::string remedy =
-      "; undistort the pictures with the same camera matrices, and import the file with --undistorted";
+constexpr char kUndistortedRemedy[] =
+    "; undistort the pictures with the same camera matrices, and import the file with --undistorted";
+
+struct DistortionTerms {
+  bool is_fisheye = false;
+  std::vector<double> terms;
+};
+
+// Returns the distortion terms of all cameras. The rows of fisheye cameras may have zeros after their four terms.
+std::vector<DistortionTerms> parse_distortions(const JsonValue& file, size_t cameras) {
+  constexpr size_t kLeast = 4;  // k1 k2 p1 p2, or k1 k2 k3 k4
+  std::vector<DistortionTerms> distortions(cameras);
   for (const char* key : {"models", "is_fisheye"})
-    if (file.find(key))
-      for (const double model : parse_elements(file, key, cameras))
-        if (model != 0) file.at(key).fail("a rig cannot hold fisheye lenses" + remedy);
+    if (file.find(key)) {
+      const std::vector<double> models = parse_elements(file, key, cameras);
+      for (size_t i = 0; i < cameras; i++) {
+        if (models[i] != 0 && models[i] != 1) file.at(key).fail("must have 0 (pinhole) or 1 (fisheye) for each camera");
+        distortions[i].is_fisheye |= models[i] == 1;
+      }
+    }
   const JsonValue place = file.at("distortions");
   const std::vector<double> all = parse_elements(place);
   const size_t terms = all.size() / cameras;
-  if (terms * cameras != all.size() || terms < kOurTerms)
-    place.fail("must have the same number of terms for each of the " + std::to_string(cameras) + " cameras" + remedy);
-  std::vector<std::vector<double>> distortions;
-  for (auto it = all.begin(); it != all.end(); it += static_cast<std::ptrdiff_t>(terms)) {
-    distortions.emplace_back(it, it + kOurTerms);
-    if (std::any_of(it + kOurTerms, it + static_cast<std::ptrdiff_t>(terms), [](double k) { return k != 0; }))
-      place.fail("camera " + std::to_string(distortions.size() - 1) +
-                 " has terms beyond k1, k2, p1 and p2, which a rig cannot hold" + remedy);
+  if (terms * cameras != all.size() || terms < kLeast)
+    place.fail("must have the same number of terms for each of the " + std::to_string(cameras) + " cameras" +
+               kUndistortedRemedy);
+  for (size_t i = 0; i < cameras; i++) {
+    std::vector<double>& own = distortions[i].terms;
+    own.assign(all.begin() + static_cast<std::ptrdiff_t>(i * terms),
+               all.begin() + static_cast<std::ptrdiff_t>((i + 1) * terms));
+    while (distortions[i].is_fisheye && own.size() > kLeast && own.back() == 0) own.pop_back();
   }
   return distortions;
 }
@@ -81,7 +91,7 @@ std::vector<Camera> parse_opencv_multiview(const nlohmann::json& root, const std
   if (!has_matrices && rotations.size() != 3 * count)
     rotation.fail("must have a rotation matrix or vector for each of the " + std::to_string(count) + " cameras");
   const std::vector<double> translations = parse_elements(file, "Ts", 3 * count);
-  std::vector<std::vector<double>> distortions(count);
+  std::vector<DistortionTerms> distortions(count);
   if (!undistorted) distortions = parse_distortions(file, count);
   const std::vector<std::string> names = parse_names(root);
 
@@ -100,9 +110,10 @@ std::vector<Camera> parse_opencv_multiview(const nlohmann::json& root, const std
     if (k[1] != 0 || k[3] != 0 || k[6] != 0 || k[7] != 0 || k[8] != 1)
       file.at("Ks").fail(place + " must have [fx, 0, cx, 0, fy, cy, 0, 0, 1], because a rig cannot hold skew");
     try {
-      camera.lens = lens_from_opencv({k[0], k[4], k[2], k[5]}, distortions[i]);
+      const auto& [is_fisheye, terms] = distortions[i];
+      camera.lens = (is_fisheye ? lens_from_opencv_fisheye : lens_from_opencv)({k[0], k[4], k[2], k[5]}, terms);
     } catch (const Error& e) {
-      file.at("Ks").fail(place + ": " + e.what());
+      file.at("Ks").fail(place + ": " + e.what() + (undistorted ? "" : kUndistortedRemedy));
     }
     const double *const r = &rotations[(has_matrices ? 9 : 3) * i], *const t = &translations[3 * i];
     camera.pose = pose_of_camera_from_world(

@@ -127,8 +127,9 @@ std::string cause_of_principal_point(const Camera& camera) {
 
 // Returns the distance between the principal point and the fold of the distortion, in pixels.
 double fold_radius(const Lens& lens) {
-  const double r = lens.max_radius();
-  return std::min(lens.fx(), lens.fy()) * r * (1 + r * r * (lens.k1() + r * r * lens.k2()));
+  if (!lens.folds()) return INFINITY;
+  const std::optional<Vec2> edge = lens.distort({lens.max_radius() * (1 - 1e-9), 0});
+  return edge ? std::min(lens.fx(), lens.fy()) * edge->x : INFINITY;
 }
 
 // Returns the share of pixels with a line of sight, measured at 17 x 17 positions from corner to corner.
@@ -344,9 +345,11 @@ std::vector<RigFinding> check_lenses(const Rig& rig) {
     if (lens.fx() < kShortestFocal * camera.width || lens.fy() < kShortestFocal * camera.height) {
       const bool wide = lens.fx() / camera.width < lens.fy() / camera.height;
       const double f = wide ? lens.fx() : lens.fy(), side = wide ? camera.width : camera.height;
-      focal.add(i, place + format_text("the focal length of %.6g px gives a picture of %s a field of view of %.0f "
-                                       "degrees. Is the focal length in millimetres or normalised? A rig has pixels",
-                                       f, size.c_str(), 2 * std::atan(side / 2 / f) * 180 / M_PI));
+      focal.add(i,
+                place + format_text("the focal length of %.6g px gives a picture of %s a field of view of %.0f "
+                                    "degrees. Is the focal length in millimetres or normalised? A rig has pixels",
+                                    f, size.c_str(),
+                                    (lens.distortion().fisheye ? side / f : 2 * std::atan(side / 2 / f)) * 180 / M_PI));
     }
     if (std::abs(lens.cx() + 0.5 - camera.width / 2.0) > kMiddle * camera.width ||
         std::abs(lens.cy() + 0.5 - camera.height / 2.0) > kMiddle * camera.height)
@@ -355,13 +358,17 @@ std::vector<RigFinding> check_lenses(const Rig& rig) {
                                         lens.cx(), lens.cy(), size.c_str(), cause_of_principal_point(camera).c_str()));
     if (has_ray_at_corners(camera)) continue;
     const double share = share_with_rays(camera), radius = fold_radius(lens);
-    // Without a fold by k1 and k2, the tangential terms are the cause.
+    // The corners of a fisheye picture may be beyond the field of view.
+    if (lens.distortion().fisheye && !lens.folds() && share >= kMinShare) continue;
+    // Without a radial fold, the tangential terms are the cause.
+    std::string terms = format_text("k1 %.6g, k2 %.6g", lens.k1(), lens.k2());
+    if (lens.distortion().is_general)
+      terms = lens_model_name(lens.model());
+    else if (!lens.folds())
+      terms += format_text(", p1 %.6g, p2 %.6g", lens.p1(), lens.p2());
     const std::string cause =
-        std::isfinite(radius)
-            ? format_text("(k1 %.6g, k2 %.6g) folds the picture at %.0f px from the principal point", lens.k1(),
-                          lens.k2(), radius)
-            : format_text("(k1 %.6g, k2 %.6g, p1 %.6g, p2 %.6g) is not invertible in the whole picture", lens.k1(),
-                          lens.k2(), lens.p1(), lens.p2());
+        lens.folds() ? format_text("(%s) folds the picture at %.0f px from the principal point", terms.c_str(), radius)
+                     : format_text("(%s) is not invertible in the whole picture", terms.c_str());
     (share < kMinShare ? blank : fold)
         .add(i, place + format_text("the distortion %s, so only %.0f %% of the picture of %s can be used. Are the "
                                     "coefficients of another lens model or lens?",

@@ -37,6 +37,30 @@ TEST(ApiRig, KeepsAllMembers) {
   EXPECT_NE(triangles.hash(), rig.hash());
 }
 
+TEST(ApiRig, KeepsEveryLensModel) {
+  std::vector<Camera> cameras = four_cameras();
+  cameras[0].lens = {.fx = 150, .fy = 151, .cx = 80, .cy = 60, .k1 = 0.1, .k2 = 0.2, .p1 = 0.01, .p2 = 0.02, .k3 = 0.3,
+                     .k4 = 0.4, .k5 = 0.5, .k6 = 0.6};
+  cameras[1].lens = {.fx = 150, .fy = 151, .cx = 80, .cy = 60, .k1 = 0.1, .k2 = 0.2, .k3 = 0.3, .k4 = 0.4,
+                     .fisheye = true};
+  cameras[2].lens = cameras[1].lens;
+  cameras[2].lens.s2 = 0.05;
+  const std::string json = Rig(cameras).json();
+  const Rig rig = parse_rig(json);
+  for (const char* model : {"FULL_OPENCV", "OPENCV_FISHEYE", "THIN_PRISM_FISHEYE", "PINHOLE"})
+    EXPECT_NE(json.find("\"" + std::string(model) + "\""), std::string::npos) << model;
+  for (size_t i = 0; i < cameras.size(); i++) {
+    const Lens is = rig.camera(i).lens, was = cameras[i].lens;
+    EXPECT_EQ(std::vector({is.k1, is.k2, is.k3, is.k4, is.k5, is.k6, is.p1, is.p2, is.s1, is.s2}),
+              std::vector({was.k1, was.k2, was.k3, was.k4, was.k5, was.k6, was.p1, was.p2, was.s1, was.s2}));
+    EXPECT_EQ(is.fisheye, was.fisheye);
+  }
+  cameras[1].lens.k5 = 0.1;
+  EXPECT_API_ERROR(Rig{cameras}, "cameras[1].lens", "k5", "fisheye");
+  cameras[1].lens = {.s1 = 0.1};
+  EXPECT_API_ERROR(Rig{cameras}, "cameras[1].lens", "s1", "fisheye");
+}
+
 TEST(ApiRig, FilesKeepUnknownKeys) {
   const TempDir dir;
   std::string text = Rig(four_cameras()).json();

@@ -116,10 +116,8 @@ void render_all(const SumRenderer& renderer, const SumPlanes& out, const Paralle
            [&](size_t i) { benchmark::DoNotOptimize(renderer.render_rows(bands[i].y0, bands[i].y1, out)); });
 }
 
-void Sum(benchmark::State& state, PixelFamily family, bool distorted, Coordinates coordinates, bool surface = false,
-         gl::GlesRenderer* gpu = nullptr) {
-  const auto& size = kSizes[state.range(0)];
-  Scene scene(static_cast<int>(state.range(1)), size[0], size[1], distorted, family);
+void time_sum(benchmark::State& state, Scene& scene, PixelFamily family, Coordinates coordinates, bool surface,
+              gl::GlesRenderer* gpu) {
   if (surface) scene.view.focus.map = room_depths(scene.view);
   const ViewPlan plan(scene.rig, scene.mesh, scene.view);
   const FaceRuns runs(plan, {0, 0, scene.view.width, scene.view.height});
@@ -149,6 +147,13 @@ void Sum(benchmark::State& state, PixelFamily family, bool distorted, Coordinate
   state.counters["least_ns_per_pixel"] =
       static_cast<double>(least) / (static_cast<double>(out.rect.width()) * out.rect.height());
   if (gpu) state.counters["drawn_ns_per_pixel"] = drawn_ns / static_cast<double>(pixels);
+}
+
+void Sum(benchmark::State& state, PixelFamily family, bool distorted, Coordinates coordinates, bool surface = false,
+         gl::GlesRenderer* gpu = nullptr) {
+  const auto& size = kSizes[state.range(0)];
+  Scene scene(static_cast<int>(state.range(1)), size[0], size[1], distorted, family);
+  time_sum(state, scene, family, coordinates, surface, gpu);
 }
 BENCHMARK_CAPTURE(Sum, i420_grid, PixelFamily::kI420, true, Coordinates::kGrid)
     ->ArgsProduct({{0, 1, 2, 3}, {4, 8, 16}});
@@ -233,6 +238,36 @@ void StayedSum(benchmark::State& state) {
   state.SetItemsProcessed(state.iterations() * int64_t{scene.view.width} * scene.view.height);
 }
 BENCHMARK(StayedSum)->ArgsProduct({{0, 1, 2, 3, 4}})->MeasureProcessCPUTime()->UseRealTime();
+
+// Lens models with the same scale in the middle of the image. Arguments: size, focal surface, lens in the view instead
+// of the cameras, GPU.
+void LensSum(benchmark::State& state, LensModel model) {
+  static std::string why;
+  static const auto gpu = gl::GlesRenderer::create(gl::Context::Drivers::kAny, why);
+  const auto& size = kSizes[state.range(0)];
+  Scene scene(8, size[0], size[1], false, PixelFamily::kI420);
+  const auto with_model = [&](const Lens& from) {
+    const double f = from.fx(), cx = from.cx(), cy = from.cy();
+    if (model == LensModel::kOpenCv) return Lens(model, {f, f, cx, cy, -0.15, 0.03, 1e-3, -1e-3});
+    if (model == LensModel::kFullOpenCv)
+      return Lens(model, {f, f, cx, cy, 0.15, 0.03, 1e-3, -1e-3, 0.01, 0.3, 0.05, 0.01});
+    if (model == LensModel::kOpenCvFisheye) return Lens(model, {f, f, cx, cy, 0.02, -0.01, 0.003, -3e-4});
+    return Lens(model, {f, f, cx, cy, 0.02, -0.01, 1e-3, -1e-3, 0.003, -3e-4, 1e-3, 2e-3});
+  };
+  if (state.range(2)) scene.view.lens = with_model(scene.view.lens);
+  for (Camera& camera : scene.rig.cameras)
+    if (!state.range(2)) camera.lens = with_model(camera.lens);
+  time_sum(state, scene, PixelFamily::kI420, Coordinates::kGrid, state.range(1) != 0,
+           state.range(3) ? gpu.get() : nullptr);
+}
+void lens_arguments(benchmark::internal::Benchmark* benchmark) {
+  benchmark->ArgsProduct({{0, 1, 3}, {0, 1}, {0}, {0}})->ArgsProduct({{1}, {0}, {1}, {0}});
+  benchmark->ArgsProduct({{1}, {0, 1}, {0}, {1}})->UseRealTime();
+}
+BENCHMARK_CAPTURE(LensSum, OPENCV, LensModel::kOpenCv)->Apply(lens_arguments);
+BENCHMARK_CAPTURE(LensSum, FULL_OPENCV, LensModel::kFullOpenCv)->Apply(lens_arguments);
+BENCHMARK_CAPTURE(LensSum, OPENCV_FISHEYE, LensModel::kOpenCvFisheye)->Apply(lens_arguments);
+BENCHMARK_CAPTURE(LensSum, THIN_PRISM_FISHEYE, LensModel::kThinPrismFisheye)->Apply(lens_arguments);
 
 // A display's 45 views of 512x512 through a surface at one instant, several per pass; `stays`: as one picture on the
 // GPU.

@@ -142,14 +142,23 @@ Lens random_lens(Random& random, int width, int height) {
   const double f = width * random.uniform(0.5, 1.5), cx = (width - 1) / 2.0 + random.uniform(-2, 2),
                cy = (height - 1) / 2.0 + random.uniform(-2, 2);
   const double k1 = random.uniform(-0.3, 0.2), k2 = random.uniform(-0.05, 0.1);
-  switch (random.integer(0, 4)) {
+  const double fy = f * random.uniform(0.9, 1.1);
+  const auto small = [&] { return random.uniform(-0.01, 0.01); };
+  switch (random.integer(0, 9)) {
+    case 5: return Lens(LensModel::kOpenCvFisheye, {f / 2, fy / 2, cx, cy, k1 / 4, k2 / 4, small(), small()});
+    case 6:
+      return Lens(LensModel::kFullOpenCv,
+                  {f, fy, cx, cy, k1 + 0.3, k2 + 0.1, small(), small(), small(), 0.3, 0.1, small()});
+    case 7:
+      return Lens(LensModel::kThinPrismFisheye,
+                  {f / 2, fy / 2, cx, cy, k1 / 4, k2 / 4, small(), small(), small(), small(), small(), small()});
+    case 8: return Lens(LensModel::kSimpleRadialFisheye, {f / 2, cx, cy, k1 / 4});
+    case 9: return Lens(LensModel::kRadialFisheye, {f / 2, cx, cy, k1 / 4, k2 / 4});
     case 0: return Lens(LensModel::kSimplePinhole, {f, cx, cy});
-    case 1: return Lens(LensModel::kPinhole, {f, f * random.uniform(0.9, 1.1), cx, cy});
+    case 1: return Lens(LensModel::kPinhole, {f, fy, cx, cy});
     case 2: return Lens(LensModel::kSimpleRadial, {f, cx, cy, k1});
     case 3: return Lens(LensModel::kRadial, {f, cx, cy, k1, k2});
-    default:
-      return Lens(LensModel::kOpenCv, {f, f * random.uniform(0.9, 1.1), cx, cy, k1, k2, random.uniform(-0.01, 0.01),
-                                       random.uniform(-0.01, 0.01)});
+    default: return Lens(LensModel::kOpenCv, {f, fy, cx, cy, k1, k2, small(), small()});
   }
 }
 
@@ -509,6 +518,23 @@ std::vector<HardCase> hard_cases() {
   add("lens that folds, in the cameras", [](Random& r) {
     Rig rig = array();
     for (Camera& camera : rig.cameras) camera.lens = Lens(LensModel::kRadial, {40, 31.5, 23.5, -0.4, 0.02});
+    return turned(rig, view_at({0.1, 0.2, -0.4}), r);
+  });
+  add("fisheye of 180 degrees, in the view", [](Random& r) {
+    View view = view_at({0.1, 0.2, -0.4});
+    view.lens = Lens(LensModel::kOpenCvFisheye, {12, 12, 23.5, 17.5, 0, 0, 0, 0});
+    return turned(array(), view, r);
+  });
+  add("fisheye of 180 degrees, in the cameras", [](Random& r) {
+    Rig rig = array();
+    for (Camera& camera : rig.cameras)
+      camera.lens = Lens(LensModel::kOpenCvFisheye, {15, 15, 31.5, 23.5, 0.02, 0, 0, 0});
+    return turned(rig, view_at({0.1, 0.2, -0.4}), r);
+  });
+  add("rational lens, in the cameras", [](Random& r) {
+    Rig rig = array();
+    for (Camera& camera : rig.cameras)
+      camera.lens = Lens(LensModel::kFullOpenCv, {40, 41, 31.5, 23.5, 0.5, -0.1, 1e-3, -2e-3, 0.02, 0.4, 0.05, 0.01});
     return turned(rig, view_at({0.1, 0.2, -0.4}), r);
   });
   add("orientations 1e-6 off unit norm", [](Random& r) {

@@ -23,88 +23,122 @@ Real bisect(Real low, Real high, const Predicate& beyond) {
   }
 }
 
-// The slope of r (1 + k1 r^2 + k2 r^4) is a parabola in q = r^2 that starts at 1: its first zero is before the vertex
-// if the parabola opens upwards, and is unique if the parabola opens downwards.
-Real find_fold(Real k1, Real k2) {
-  const auto slope = [&](Real q) { return 1 + q * (3 * k1 + q * 5 * k2); };
-  Real end = 1;
-  if (k2 > 0) {
-    end = -3 * k1 / (10 * k2);
-    if (!(end > 0) || slope(end) > 0) return kInfinity;
-  } else if (k2 < 0 || k1 < 0) {
-    while (slope(end) > 0) end *= 2;
-  } else {
-    return kInfinity;
+constexpr Real kFisheyeRadius = 1e6L;  // Lens::kFisheyeRadius
+
+Real polynomial(const std::array<Real, 5>& terms, Real x) {
+  Real sum = 0, power = 1;
+  for (const Real term : terms) {
+    sum += term * power;
+    power *= x;
   }
-  return std::sqrt(bisect(0, end, [&](Real q) { return slope(q) <= 0; }));
+  return sum;
 }
 
 }  // namespace
 
 ReferenceLens::ReferenceLens(const lf::Lens& lens) {
   const auto& p = lens.params();
+  const bool one_focal = lens.model() == LensModel::kSimplePinhole || lens.model() == LensModel::kSimpleRadial ||
+                         lens.model() == LensModel::kRadial || lens.model() == LensModel::kSimpleRadialFisheye ||
+                         lens.model() == LensModel::kRadialFisheye;
+  fx_ = p[0];
+  fy_ = p[one_focal ? 0 : 1];
+  cx_ = p[one_focal ? 1 : 2];
+  cy_ = p[one_focal ? 2 : 3];
   switch (lens.model()) {
     case LensModel::kSimplePinhole:
+    case LensModel::kPinhole: break;
     case LensModel::kSimpleRadial:
+    case LensModel::kSimpleRadialFisheye: numerator_ = {1, p[3]}; break;
     case LensModel::kRadial:
-      fx_ = fy_ = p[0];
-      cx_ = p[1];
-      cy_ = p[2];
-      if (lens.model() != LensModel::kSimplePinhole) k1_ = p[3];
-      if (lens.model() == LensModel::kRadial) k2_ = p[4];
-      break;
-    case LensModel::kPinhole:
+    case LensModel::kRadialFisheye: numerator_ = {1, p[3], p[4]}; break;
+    case LensModel::kOpenCvFisheye: numerator_ = {1, p[4], p[5], p[6], p[7]}; break;
     case LensModel::kOpenCv:
-      fx_ = p[0];
-      fy_ = p[1];
-      cx_ = p[2];
-      cy_ = p[3];
-      if (lens.model() == LensModel::kOpenCv) {
-        k1_ = p[4];
-        k2_ = p[5];
-        p1_ = p[6];
-        p2_ = p[7];
-      }
+    case LensModel::kFullOpenCv:
+      numerator_ = {1, p[4], p[5], p[8]};
+      denominator_ = {1, p[9], p[10], p[11]};
       break;
+    case LensModel::kThinPrismFisheye:
+      numerator_ = {1, p[4], p[5], p[8], p[9]};
+      s1_ = p[10];
+      s2_ = p[11];
   }
-  fold_ = find_fold(k1_, k2_);
+  if (lens.model() == LensModel::kOpenCv || lens.model() == LensModel::kFullOpenCv ||
+      lens.model() == LensModel::kThinPrismFisheye) {
+    p1_ = p[6];
+    p2_ = p[7];
+  }
+  fisheye_ = lens.model() == LensModel::kOpenCvFisheye || lens.model() == LensModel::kSimpleRadialFisheye ||
+             lens.model() == LensModel::kRadialFisheye || lens.model() == LensModel::kThinPrismFisheye;
+  longest_ = find_fold();
+  fold_ = longest_;
+  if (fisheye_) {
+    longest_ = std::min(longest_, std::atan(kFisheyeRadius));
+    fold_ = std::tan(longest_);
+  }
 }
 
-P2 ReferenceLens::distort(const P2& u) const {
+Real ReferenceLens::grown(Real length) const {
+  return length * polynomial(numerator_, length * length) / polynomial(denominator_, length * length);
+}
+
+// Looks for the fold in steps of 1 / 2000 and of 2 %.
+Real ReferenceLens::find_fold() const {
+  constexpr Real kLargest = 1e9L;
+  if (numerator_ == std::array<Real, 5>{1} && denominator_ == numerator_) return kInfinity;
+  const auto stops = [&](Real r) {
+    const Real q = r * r, d = polynomial(denominator_, q);
+    Real up = 0, down = 0, power = 1;  // derivatives by q
+    for (size_t i = 1; i < numerator_.size(); i++, power *= q) {
+      up += static_cast<Real>(i) * numerator_[i] * power;
+      down += static_cast<Real>(i) * denominator_[i] * power;
+    }
+    const Real n = polynomial(numerator_, q);
+    return !(d > 0) || !(n * d + 2 * q * (up * d - n * down) > 0);
+  };
+  for (Real r = 0; r < kLargest;) {
+    const Real next = std::max(r + Real{1} / 2000, r * Real{1.02L});
+    if (stops(next)) return bisect(r, next, stops);
+    r = next;
+  }
+  return kInfinity;
+}
+
+P2 ReferenceLens::bend(const P2& u) const {
   const Real r2 = u.x * u.x + u.y * u.y;
-  const Real radial = 1 + k1_ * r2 + k2_ * r2 * r2;
-  return {u.x * radial + 2 * p1_ * u.x * u.y + p2_ * (r2 + 2 * u.x * u.x),
-          u.y * radial + 2 * p2_ * u.x * u.y + p1_ * (r2 + 2 * u.y * u.y)};
+  const Real radial = polynomial(numerator_, r2) / polynomial(denominator_, r2);
+  return {u.x * radial + 2 * p1_ * u.x * u.y + p2_ * (r2 + 2 * u.x * u.x) + s1_ * r2,
+          u.y * radial + 2 * p2_ * u.x * u.y + p1_ * (r2 + 2 * u.y * u.y) + s2_ * r2};
 }
 
 std::optional<P2> ReferenceLens::project(const V3& x) const {
   if (!(x.z > 0)) return std::nullopt;
-  const P2 u{x.x / x.z, x.y / x.z};
-  if (std::hypot(u.x, u.y) > fold_) return std::nullopt;
-  const P2 d = distort(u);
+  P2 u{x.x / x.z, x.y / x.z};
+  const Real r = std::hypot(u.x, u.y);
+  if (r > fold_) return std::nullopt;
+  if (fisheye_ && r > 0) u = {u.x * std::atan(r) / r, u.y * std::atan(r) / r};
+  const P2 d = bend(u);
   return P2{fx_ * d.x + cx_, fy_ * d.y + cy_};
 }
 
 std::optional<P2> ReferenceLens::line_of_sight(const P2& pixel) const {
   const P2 target{(pixel.x - cx_) / fx_, (pixel.y - cy_) / fy_};
-  if (k1_ == 0 && k2_ == 0 && p1_ == 0 && p2_ == 0) return target;
-  const bool radial_only = p1_ == 0 && p2_ == 0;
+  const bool radial_only = p1_ == 0 && p2_ == 0 && s1_ == 0 && s2_ == 0;
+  if (radial_only && !fisheye_ && std::isinf(longest_) && grown(1) == 1) return target;
 
-  const auto grown = [&](Real r) { return r + k1_ * r * r * r + k2_ * r * r * r * r * r; };
   const Real length = std::hypot(target.x, target.y);
-  Real end = fold_;
+  Real end = longest_;
   if (std::isinf(end))
     for (end = 1; grown(end) < length;) end *= 2;
   if (radial_only && grown(end) < length) return std::nullopt;
   const Real r = length > 0 ? bisect(0, end, [&](Real x) { return grown(x) >= length; }) : 0;
   P2 u = length > 0 ? P2{target.x * r / length, target.y * r / length} : P2{};
-  if (radial_only) return u;
 
-  for (int i = 0; i < 60; i++) {
+  for (int i = 0; i < 60 && !radial_only; i++) {
     constexpr Real kStep = 1e-6L;
-    const P2 at = distort(u);
-    const P2 right = distort({u.x + kStep, u.y}), left = distort({u.x - kStep, u.y});
-    const P2 down = distort({u.x, u.y + kStep}), up = distort({u.x, u.y - kStep});
+    const P2 at = bend(u);
+    const P2 right = bend({u.x + kStep, u.y}), left = bend({u.x - kStep, u.y});
+    const P2 down = bend({u.x, u.y + kStep}), up = bend({u.x, u.y - kStep});
     const Real xx = (right.x - left.x) / (2 * kStep), xy = (down.x - up.x) / (2 * kStep);
     const Real yx = (right.y - left.y) / (2 * kStep), yy = (down.y - up.y) / (2 * kStep);
     const Real det = xx * yy - xy * yx;
@@ -112,9 +146,12 @@ std::optional<P2> ReferenceLens::line_of_sight(const P2& pixel) const {
     u.x += (yy * miss.x - xy * miss.y) / det;
     u.y += (xx * miss.y - yx * miss.x) / det;
   }
-  const P2 check = distort(u);
-  if (!(std::hypot(check.x - target.x, check.y - target.y) < 1e-15L * (1 + length))) return std::nullopt;
-  if (std::hypot(u.x, u.y) > fold_) return std::nullopt;
+  const P2 check = bend(u);
+  if (!radial_only && !(std::hypot(check.x - target.x, check.y - target.y) < 1e-15L * (1 + length)))
+    return std::nullopt;
+  const Real found = std::hypot(u.x, u.y);
+  if (found > longest_) return std::nullopt;
+  if (fisheye_ && found > 0) return P2{u.x * std::tan(found) / found, u.y * std::tan(found) / found};
   return u;
 }
 

@@ -51,8 +51,8 @@ struct P2 {
   Real x = 0, y = 0;
 };
 
-// The lens models of docs/architecture.md, from a Lens's model and parameters alone. Equations are solved by bisection or by
-// Newton's method on differences: slow but simple.
+// The lens models of docs/architecture.md, from a Lens's model and parameters alone. Equations are solved by bisection
+// or by Newton's method on differences: slow but simple.
 class ReferenceLens {
  public:
   explicit ReferenceLens(const lf::Lens& lens);
@@ -61,16 +61,20 @@ class ReferenceLens {
   std::optional<P2> project(const V3& x_camera) const;
   // Returns a pixel's line of sight (u, v, 1); nullopt if no ray projects to the pixel.
   std::optional<P2> line_of_sight(const P2& pixel) const;
-  // Returns the smallest undistorted radius where r (1 + k1 r^2 + k2 r^4) stops growing; infinity if it grows
+  // Returns the smallest undistorted radius where the distorted radius stops growing; infinity if it grows
   // everywhere.
   Real fold_radius() const { return fold_; }
 
  private:
-  P2 distort(const P2& undistorted) const;
+  Real grown(Real length) const;  // radial distortion of a length of (a, b); see geometry/lens.h
+  Real find_fold() const;         // as such a length
+  P2 bend(const P2& ab) const;
 
   Real fx_, fy_, cx_, cy_;
-  Real k1_ = 0, k2_ = 0, p1_ = 0, p2_ = 0;
-  Real fold_;
+  bool fisheye_ = false;
+  std::array<Real, 5> numerator_ = {1}, denominator_ = {1};  // of the powers of r^2
+  Real p1_ = 0, p2_ = 0, s1_ = 0, s2_ = 0;
+  Real fold_, longest_;  // of (u, v) and of (a, b)
 };
 
 // The weights of a view blended by aperture or angle, as stated in render/camera_weights.h, in 80-bit floating point

@@ -92,8 +92,12 @@ void add_corner(Tables& tables, const simd::SumTask& task, const simd::Slot& slo
   tables.add(terms.along, flags);
   tables.add(terms.down, layout.r + 4 * layout.g + 16 * layout.b);
   tables.add(slot.fx, slot.fy, slot.cx, slot.cy);
-  tables.add(slot.k1, slot.k2, slot.p1, slot.p2);
-  tables.add(slot.image.width, slot.image.height, slot.max_r2, place.y);
+  const Distortion<float>& lens = slot.distortion;
+  tables.add(lens.k[0], lens.k[1], lens.p1, lens.p2);
+  tables.add(lens.k[2], lens.k[3], lens.d[0], lens.d[1]);
+  tables.add(lens.d[2], lens.s1, lens.s2, lens.fisheye);
+  tables.add(std::min(slot.steepness.first, 1e9), std::min(slot.steepness.rounding, 1e9), lens.is_general, 0);
+  tables.add(slot.image.width, slot.image.height, lens.max_r2, place.y);
   if (!has_map) return;
   tables.add(terms.per_from, box);
   tables.add(terms.per_along, 0);
@@ -233,8 +237,11 @@ SumProgram program_of(const simd::SumTask& task) {
   program.has_map = task.plan->view().focus.map != nullptr;
   program.has_rays = !task.plan->rays().separable();
   program.has_cells = task.plan->blend() != nullptr;
+  using enum SumProgram::Distortion;
   for (const simd::Slot& slot : task.slots)
-    program.is_distorted = program.is_distorted || slot.radial || slot.tangential;
+    program.distortion = std::max(program.distortion, slot.distortion.is_general ? kGeneral
+                                                      : slot.is_distorted        ? kOpenCv
+                                                                                 : kNone);
   return program;
 }
 

@@ -85,9 +85,32 @@ vec3 camera_point(int k, vec2 d, float inverse_distance) {
   return x;
 }
 
+#ifdef GENERAL
+// Returns atan(r) / r; see angle_ratio() in distort-inl.h.
+float angle_ratio(float r2) {
+  float h = 2.0 / (1.0 + sqrt(1.0 + r2)), x = 2.0 * h - 1.0;
+  float sum = 1.0805795e-5;
+  sum = sum * x + 3.6454024e-5;
+  sum = sum * x + 1.0065994e-4;
+  sum = sum * x + 3.5564846e-4;
+  sum = sum * x + 1.3160437e-3;
+  sum = sum * x + 5.0323736e-3;
+  sum = sum * x + 2.0851817e-2;
+  sum = sum * x + 0.10187643;
+  sum = sum * x + 0.87041975;
+  return h * sum;
+}
+#endif
+
 vec2 image_from_ray(int k, vec2 u) {
   vec4 lens = corner(k, CORNER_LENS);
-#ifdef DISTORTED
+#ifdef GENERAL
+  vec4 b = corner(k, CORNER_DISTORTION), g = corner(k, CORNER_GENERAL), prism = corner(k, CORNER_PRISM);
+  if (prism.w != 0.0) u *= angle_ratio(dot(u, u));
+  float q = dot(u, u);
+  float radial = (1.0 + q * (b.x + q * (b.y + q * (g.x + q * g.y)))) / (1.0 + q * (g.z + q * (g.w + q * prism.x)));
+  u = u * radial + 2.0 * u.x * u.y * b.zw + b.wz * (q + 2.0 * u * u) + q * prism.yz;
+#elif defined(DISTORTED)
   vec4 b = corner(k, CORNER_DISTORTION);
   float r2 = dot(u, u);
   u = u * (1.0 + r2 * (b.x + r2 * b.y)) + 2.0 * u.x * u.y * b.zw + b.wz * (r2 + 2.0 * u * u);
@@ -119,7 +142,24 @@ int project(int k, vec2 d, float level, bool allow_outside, out vec2 position) {
   if (!(x.z > rounding.z)) return x.z < -rounding.z ? kInvisible : kUnknown;
   vec2 u = x.xy / x.z, error = (rounding.xy + abs(u) * rounding.z) / x.z;
   vec4 lens = corner(k, CORNER_LENS), image = corner(k, CORNER_IMAGE);
-#ifdef DISTORTED
+  float rounding_of_lens = 1.0;
+#ifdef GENERAL
+  // A camera without distortion has an unlimited r^2, and its bounds are 1.
+  vec4 steepness = corner(k, CORNER_STEEPNESS), prism = corner(k, CORNER_PRISM);
+  float r2 = dot(u, u), near = 2.0 * dot(abs(u), error) + 4e-6 * image.z;
+  if (r2 - near > image.z) return kInvisible;
+  if (!(r2 + near < image.z)) return kUnknown;
+  // The error of the depth moves u along the radius, where the angle grows more slowly.
+  if (prism.w != 0.0)
+    error = angle_ratio(r2) * rounding.xy / x.z + abs(u) / (1.0 + r2) * (rounding.z / x.z);
+  vec4 b = corner(k, CORNER_DISTORTION);
+  if (steepness.z != 0.0) {
+    error = vec2(steepness.x * length(error));
+    rounding_of_lens = 1.0 + steepness.y;
+  } else {
+    error *= 1.0 + 3.0 * abs(b.x) * r2 + 5.0 * abs(b.y) * r2 * r2 + 6.0 * (abs(b.z) + abs(b.w)) * sqrt(r2);
+  }
+#elif defined(DISTORTED)
   vec4 b = corner(k, CORNER_DISTORTION);
   if (b != vec4(0.0)) {
     float r2 = dot(u, u), near = 2.0 * dot(abs(u), error) + 4e-6 * image.z;
@@ -129,7 +169,7 @@ int project(int k, vec2 d, float level, bool allow_outside, out vec2 position) {
   }
 #endif
   position = image_from_ray(k, u);
-  error = lens.xy * error + 2e-7 * (abs(position - lens.zw) + abs(lens.zw));
+  error = lens.xy * error + 2e-7 * (rounding_of_lens * abs(position - lens.zw) + abs(lens.zw));
   vec2 last = image.xy - 0.5;
   if (!allow_outside) {
     if (any(lessThan(position + error, vec2(-0.5))) || any(greaterThan(position - error, last))) return kInvisible;

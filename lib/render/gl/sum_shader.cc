@@ -247,7 +247,8 @@ std::string head(const SumProgram& program) {
   if (!is_of_consistency(program)) text += "#define CAREFUL\n";
   if (program.has_map) text += "#define MAP\n";
   if (program.has_rays) text += "#define RAYS\n";
-  if (program.is_distorted) text += "#define DISTORTED\n";
+  if (program.distortion != SumProgram::Distortion::kNone) text += "#define DISTORTED\n";
+  if (program.distortion == SumProgram::Distortion::kGeneral) text += "#define GENERAL\n";
   if (program.has_cells) text += "#define CELLS\n";
   define(text, "CELL_BITS", WeightGrid::kStepBits);
   define(text, "WEIGHT_ONE", WeightGrid::kOne);
@@ -267,6 +268,9 @@ std::string head(const SumProgram& program) {
   define(text, "CORNER_DOWN", int{kCornerDown});
   define(text, "CORNER_LENS", int{kCornerLens});
   define(text, "CORNER_DISTORTION", int{kCornerDistortion});
+  define(text, "CORNER_GENERAL", int{kCornerGeneral});
+  define(text, "CORNER_PRISM", int{kCornerPrism});
+  define(text, "CORNER_STEEPNESS", int{kCornerSteepness});
   define(text, "CORNER_IMAGE", int{kCornerImage});
   define(text, "CORNER_PER_FROM", int{kCornerPerFrom});
   define(text, "CORNER_PER_ALONG", int{kCornerPerAlong});

@@ -31,7 +31,8 @@ struct SumProgram {
   } output = Output::kBlocksRgb;
   bool has_map = false;
   bool has_rays = false;      // the lines of sight come from a texture
-  bool is_distorted = false;  // at least one camera has lens distortion
+  // The models of the cameras' lenses: pinholes, up to COLMAP's OPENCV, or at least one other model.
+  enum class Distortion { kNone, kOpenCv, kGeneral } distortion = Distortion::kNone;
   bool has_cells = false;     // weights come from a WeightGrid instead of the mesh; only for kBlocks
 
   auto operator<=>(const SumProgram&) const = default;
@@ -53,12 +54,15 @@ enum FaceTexel {
 };
 // Texels of each corner of a face: the camera's projection and image.
 enum CornerTexel {
-  kCornerFrom,   // ProjectionTerms::from; w: x of the image's offset in the atlas
-  kCornerAlong,  // ProjectionTerms::along; w: CornerFlags
-  kCornerDown,   // ProjectionTerms::down; w for RGB: byte index of red, + 4 * green, + 16 * blue
-  kCornerLens,   // fx, fy, cx, cy
-  kCornerDistortion,
-  kCornerImage,  // width and height of the image in pixels, largest squared radius, y of the offset in the atlas
+  kCornerFrom,        // ProjectionTerms::from; w: x of the image's offset in the atlas
+  kCornerAlong,       // ProjectionTerms::along; w: CornerFlags
+  kCornerDown,        // ProjectionTerms::down; w for RGB: byte index of red, + 4 * green, + 16 * blue
+  kCornerLens,        // fx, fy, cx, cy
+  kCornerDistortion,  // k[0], k[1], p1, p2 of Distortion
+  kCornerGeneral,     // k[2], k[3], d[0], d[1]
+  kCornerPrism,       // d[2], s1, s2; 1: fisheye
+  kCornerSteepness,   // Lens::Steepness: first, rounding; 1 if the lens is_general, otherwise unused
+  kCornerImage,       // width and height of the image in pixels, largest squared radius, y of the offset in the atlas
   kCornerTexels,
   // The following texels exist only with a focal map. kCornerPerFrom is ProjectionTerms::per_from; its w is the side of
   // the box for mean luma in pixels, an even number.

@@ -27,6 +27,9 @@
 //  - homogeneous camera coordinates have a quadratic term, the product of the pixel step a and the inverse-distance
 //    step b, which the division also bends: t (1 - t) (1/2 - t) k a b / z focal lengths;
 //  - lens: t (t - 1/2) (t - 1) / 6 of its third derivative times |p1 - p0|^3.
+// Lenses beyond the model OPENCV have larger errors, with further products of these terms. For a fisheye lens, z is the
+// distance from the camera instead of the depth, because its positions are smooth functions of the direction of a
+// point. See Bends.
 // Vertical sides have a bend for each node. A row between two rows of nodes interpolates its bend linearly from the
 // sides above and below, because the bend is a product of two nearly linear quantities.
 HWY_BEFORE_NAMESPACE();
@@ -82,9 +85,10 @@ inline void project_cells(const Slot& slot, const CellNodes& inverse, size_t fir
     const auto at = hn::MulAdd(hn::Iota(d, static_cast<float>(i)), hn::Set(d, 2.f * kCell), hn::Set(d, column));
     V r2;
     projection.project(d, at, hn::Set(d, row), s, x, y, z, r2);
-    const auto seen = hn::And(hn::Gt(z, hn::Zero(d)), hn::Le(r2, hn::Set(d, slot.max_r2)));
+    const auto seen = hn::And(hn::Gt(z, hn::Zero(d)), hn::Le(r2, hn::Set(d, slot.distortion.max_r2)));
     x = hn::IfThenElse(seen, x, hn::NaN(d));
     y = hn::IfThenElse(seen, y, hn::NaN(d));
+    if (slot.distortion.fisheye) z = hn::Mul(z, hn::Sqrt(hn::Add(hn::Set(d, 1.f), r2)));  // distance instead of depth
   };
   // Returns the bend that makes the midpoint exact.
   const auto bend = [&](V middle, V from, V to)
@@ -149,8 +153,23 @@ struct CellErrorBound {
     };
     along = product(slot.terms.per_along);
     down = product(slot.terms.per_down);
+    const Distortion<float>& of = slot.distortion;
+    is_general = of.is_general;
+    if (is_general) {
+      const Bends bends(slot.steepness, of.fisheye);
+      const float least = std::max(static_cast<float>(slot.steepness.least), 1e-6f) * least_focal;
+      const auto norm = [](const float per[3]) { return std::hypot(per[0], per[1], per[2]); };
+      const float scale = kCell * focal * bends.first, far = std::hypot(1.f, reach / least * least_focal);
+      along = scale * norm(slot.terms.per_along) * (of.fisheye ? 1 : far);
+      down = scale * norm(slot.terms.per_down) * (of.fisheye ? 1 : far);
+      per_pixel = 1 / least;
+      stretch = focal * bends.first * per_pixel;
+      second = focal * bends.second * per_pixel * per_pixel;
+      third = kMaxThird / 6 * focal * bends.third * per_pixel * per_pixel * per_pixel;
+      return;
+    }
     // Derivatives of r + k1 r^3 + k2 r^5 and of the tangential terms, per pixel.
-    const float k1 = std::abs(slot.k1), k2 = std::abs(slot.k2), tangential = std::abs(slot.p1) + std::abs(slot.p2);
+    const float k1 = std::abs(of.k[0]), k2 = std::abs(of.k[1]), tangential = std::abs(of.p1) + std::abs(of.p2);
     second = ((8 * k1 + 24 * k2 * reach * reach) * reach + 6 * tangential) / least_focal;
     third = kMaxThird / 6 * (6 * k1 + 60 * k2 * reach * reach) / (least_focal * least_focal);
   }
@@ -172,12 +191,22 @@ struct CellErrorBound {
     out.change = hn::Mul(hn::Abs(difference(2)), per_z);
     const auto term = hn::Mul(hn::Mul(hn::Set(d, product), hn::Abs(difference(4))), per_z);
     out.error_bound = hn::Mul(hn::Mul(hn::Set(d, kMaxThird), out.change), hn::MulAdd(out.change, out.distance, term));
+    if (is_general) {
+      const auto angle = hn::Mul(hn::Set(d, per_pixel), out.distance);
+      const auto more = hn::MulAdd(hn::Set(d, second), out.distance, hn::Mul(hn::Set(d, stretch), out.change));
+      const auto by_lens = hn::MulAdd(hn::Mul(out.change, out.distance), more, hn::Mul(angle, term));
+      out.error_bound = hn::MulAdd(hn::Set(d, kMaxThird), by_lens, out.error_bound);
+      out.change = hn::Max(out.change, angle);
+    }
     const auto cube = hn::Mul(out.distance, hn::Mul(out.distance, out.distance));
     out.error_bound = hn::MulAdd(hn::Set(d, third), cube, out.error_bound);
     out.error_bound = hn::IfThenElse(hn::Lt(out.change, hn::Set(d, kMaxChange)), out.error_bound, hn::Set(d, 1.f));
     return out;
   }
   float along, down, second, third;
+  bool is_general;
+  float per_pixel = 0,
+        stretch = 1;  // only if is_general. per_pixel: largest change of (u, v) or of the angle per pixel
 };
 
 // Computes the bound of the position error for each cell, in the rows of cells from `ready` on.

@@ -54,7 +54,7 @@ inline void project_nodes(const Slot& slot, int y, SlotBand& out) {
   for (size_t i = 0; i < nodes; i += lanes) {
     hn::Vec<decltype(d)> px, py, z, r2;
     projection.project(d, hn::LoadU(d, out.columns.data() + i), hn::LoadU(d, out.rows.data() + i), px, py, z, r2);
-    const auto seen = hn::And(hn::Gt(z, hn::Zero(d)), hn::Le(r2, hn::Set(d, slot.max_r2)));
+    const auto seen = hn::And(hn::Gt(z, hn::Zero(d)), hn::Le(r2, hn::Set(d, slot.distortion.max_r2)));
     hn::StoreU(hn::IfThenElse(seen, px, hn::NaN(d)), d, out.luma.node_x.data() + i);
     hn::StoreU(hn::IfThenElse(seen, py, hn::NaN(d)), d, out.luma.node_y.data() + i);
     hn::StoreU(z, d, out.node_z.data() + i);
@@ -79,9 +79,10 @@ inline void place_chroma_nodes(SlotBand& band) {
 }
 
 // Decides how the samples of `n` blocks of one plane are read, and where their windows are, for a focal plane. The
-// decision only uses the nodes at the edges of the blocks. `node_z` are the depths of the nodes. It is null for chroma,
-// which is missing where luma is missing.
-inline void place_blocks(const PlaneGeometry& plane, int n, const float* node_z, PlanePositions& out) {
+// decision only uses the nodes at the edges of the blocks. `longest_block` is as in Slot. `node_z` are the depths of
+// the nodes. It is null for chroma, which is missing where luma is missing.
+inline void place_blocks(const PlaneGeometry& plane, float longest_block, int n, const float* node_z,
+                         PlanePositions& out) {
   const hn::CappedTag<float, kBlock> d;
   const hn::RebindToSigned<decltype(d)> di;
   const hn::RebindToUnsigned<decltype(d)> du;
@@ -110,7 +111,8 @@ inline void place_blocks(const PlaneGeometry& plane, int n, const float* node_z,
     const auto low_y = hn::Sub(hn::Min(y0, last_y), bulge_y), high_y = hn::Add(hn::Max(y0, last_y), bulge_y);
 
     // NaN fails every comparison and remains kMixed.
-    const auto smooth = hn::And(hn::Lt(third_x, largest_third), hn::Lt(third_y, largest_third));
+    const auto smooth = hn::And(hn::And(hn::Lt(third_x, largest_third), hn::Lt(third_y, largest_third)),
+                                hn::Lt(hn::Max(hn::Abs(dx), hn::Abs(dy)), set(longest_block)));
     const auto inside =
         hn::And(hn::And(hn::Ge(low_x, set(0)), hn::Lt(high_x, set(plane.width - 1 - plane.border_columns))),
                 hn::And(hn::Ge(low_y, set(0)), hn::Lt(high_y, set(plane.height - 1))));
@@ -230,7 +232,7 @@ inline void set_interior_rows(PixelFamily family, Slot& slot) {
       hn::Vec<decltype(d)> px, py, z, r2;
       const auto column = hn::Add(hn::Iota(d, 0.f), set(static_cast<float>(i)));
       projection.project(d, hn::Mul(column, set(kBlock)), set(static_cast<float>(j * kBlock)), px, py, z, r2);
-      const auto good = hn::And(hn::Gt(z, set(1e-3f)), hn::Le(r2, set(0.9f * slot.max_r2)));
+      const auto good = hn::And(hn::Gt(z, set(1e-3f)), hn::Le(r2, set(0.9f * slot.distortion.max_r2)));
       all = hn::And(all, hn::Or(hn::Ge(column, set(static_cast<float>(columns))), good));
       hn::StoreU(px, d, &x[static_cast<size_t>(j) * pitch + i]);
       hn::StoreU(py, d, &y[static_cast<size_t>(j) * pitch + i]);
@@ -242,7 +244,7 @@ inline void set_interior_rows(PixelFamily family, Slot& slot) {
   constexpr float kLargestSecond = 0.75f;
   constexpr float kRoom = 3;
   const float right = static_cast<float>(image.width - 1) - kRoom, bottom = static_cast<float>(image.height) - 8;
-  constexpr float kLargestStep = 1.7f;
+  const float longest_block = std::min(1.7f * kBlock, slot.longest_block);
   const auto interior = [&](int j, int i) {
     const size_t at = static_cast<size_t>(j) * pitch + i;
     const auto bends = [&](const std::vector<float>& v, size_t step) {
@@ -251,7 +253,7 @@ inline void set_interior_rows(PixelFamily family, Slot& slot) {
     if (!(x[at] > kRoom && x[at] < right && y[at] > kRoom && y[at] < bottom)) return false;
     if (bends(x, 1) || bends(y, 1) || bends(x, pitch) || bends(y, pitch)) return false;
     const float dx = x[at + 1] - x[at], dy = y[at + 1] - y[at];
-    if (!(dx > 0.25f * kBlock && dx < kLargestStep * kBlock && std::abs(dy) < 0.8f)) return false;
+    if (!(dx > 0.25f * kBlock && dx < longest_block && std::abs(dy) < 0.8f)) return false;
     if (i + 2 >= columns) return true;
     const float third_x = x[at + 2] - x[at - 1] - 3 * dx, third_y = y[at + 2] - y[at - 1] - 3 * dy;
     return std::abs(third_x) < 0.5f * kLargestThird && std::abs(third_y) < 0.5f * kLargestThird;
@@ -285,10 +287,10 @@ inline void place_plane(bool i420, const Slot& slot, int y, SlotBand& band) {
     place_interior_blocks(chroma_geometry(slot), chroma_entries, band.chroma);
     return;
   }
-  place_blocks(luma, luma_entries, band.node_z.data(), band.luma);
+  place_blocks(luma, slot.longest_block, luma_entries, band.node_z.data(), band.luma);
   if (i420) {
     place_chroma_nodes(band);
-    place_blocks(chroma_geometry(slot), chroma_entries, nullptr, band.chroma);
+    place_blocks(chroma_geometry(slot), slot.longest_block / 2, chroma_entries, nullptr, band.chroma);
   }
   decide(i420, band);
 }

@@ -324,10 +324,11 @@ inline void find_parts(const SumTask& task, int block, int out, bool shuffles, c
   for (int32_t i = scratch.head[out]; i >= 0; i = scratch.weights[i].next) {
     const BlockWeights& weights = scratch.weights[i];
     const SlotBand& band = scratch.bands[weights.slot];
-    const bool seen = task.slots[weights.slot].image.family != PixelFamily::kNone;
+    const Slot& slot = task.slots[weights.slot];
+    const bool seen = slot.image.family != PixelFamily::kNone;
     parts.part[parts.count++] = {&weights, &band, block - band.first_block,
                                  seen ? SlotBand::kShuffle : SlotBand::kAllMissing};
-    parts.interior &= shuffles && seen ? band.interior_pairs(block - band.first_block) : 0;
+    parts.interior &= shuffles && seen && !slot.needs_double ? band.interior_pairs(block - band.first_block) : 0;
     parts.rows &= weights.rows;
   }
 }
@@ -362,7 +363,7 @@ inline void render_block(const SumTask& task, const Rect& rect, int block, int o
       Part part = all.part[i];
       if (!(part.weights->rows >> (2 * pair) & 3)) continue;
       if (part.method != SlotBand::kAllMissing) {
-        if (alone)
+        if (alone || part.band->slot->needs_double)
           part.method = SlotBand::kProject;
         else if (!part.band->interior)
           part.method = part.band->method[pair * part.band->method_pitch + part.block];
@@ -379,7 +380,7 @@ inline void render_block(const SumTask& task, const Rect& rect, int block, int o
     else
       clear_pair(i420, place, scratch);
     for (int i = 0; i < num_slow; i++)
-      if (alone || !add_part(task, slow[i], place, scratch))
+      if (alone || slow[i].band->slot->needs_double || !add_part(task, slow[i], place, scratch))
         add_mixed_block(task, *slow[i].weights, pair, x, out, rect.y1, y, scratch);
   }
 }

@@ -14,6 +14,7 @@
 
 #include <hwy/highway.h>
 
+#include "geometry/distort-inl.h"
 #include "render/simd/sum_task.h"
 #include "render/sum_renderer.h"
 
@@ -76,17 +77,8 @@ struct Projection {
     const auto inverse = hn::Div(hn::Set(d, 1.f), z);
     const auto u = hn::Mul(x_camera, inverse), v = hn::Mul(y_camera, inverse);
     auto du = u, dv = v;
-    r2 = hn::MulAdd(u, u, hn::Mul(v, v));
-    if (slot.radial) {
-      const auto stretch = hn::MulAdd(r2, hn::MulAdd(r2, hn::Set(d, slot.k2), hn::Set(d, slot.k1)), hn::Set(d, 1.f));
-      du = hn::Mul(u, stretch);
-      dv = hn::Mul(v, stretch);
-      if (slot.tangential) {
-        const auto two_uv = hn::Mul(hn::Add(u, u), v), p1 = hn::Set(d, slot.p1), p2 = hn::Set(d, slot.p2);
-        du = hn::MulAdd(p2, hn::MulAdd(hn::Add(u, u), u, r2), hn::MulAdd(p1, two_uv, du));
-        dv = hn::MulAdd(p1, hn::MulAdd(hn::Add(v, v), v, r2), hn::MulAdd(p2, two_uv, dv));
-      }
-    }
+    r2 = slot.is_distorted ? lf::HWY_NAMESPACE::distort<true>(d, slot.distortion, du, dv)
+                           : hn::MulAdd(u, u, hn::Mul(v, v));
     x = hn::MulAdd(du, hn::Set(d, slot.fx), hn::Set(d, slot.cx));
     y = hn::MulAdd(dv, hn::Set(d, slot.fy), hn::Set(d, slot.cy));
   }
@@ -329,7 +321,7 @@ inline Visibility project_positions(const SumTask& task, const Slot& slot, const
       projection.project(d, column, row, hn::LoadU(d, inverse + lane), px, py, z, r2);
     else
       projection.project(d, column, row, px, py, z, r2);
-    const auto in_front = hn::And(hn::Gt(z, hn::Zero(d)), hn::Le(r2, set(slot.max_r2)));
+    const auto in_front = hn::And(hn::Gt(z, hn::Zero(d)), hn::Le(r2, set(slot.distortion.max_r2)));
     if (weight) {
       // distance inside the image; negative outside
       const auto depth = hn::Min(hn::Min(hn::Add(px, set(0.5f)), hn::Sub(set(width - 0.5f), px)),
@@ -339,10 +331,10 @@ inline Visibility project_positions(const SumTask& task, const Slot& slot, const
       const auto seen = hn::And(in_front, hn::Gt(depth, hn::Zero(d)));
       // Near the eye's plane, the lens's fold and the border, float cannot decide, so these samples are computed in
       // double.
-      const auto to_fold = hn::Abs(hn::Sub(r2, set(slot.max_r2)));
-      const auto clear =
-          hn::And(hn::Gt(hn::Abs(depth), set(kUndecided)),
-                  hn::And(hn::Gt(hn::Abs(z), set(1e-3f)), hn::Gt(to_fold, set(1e-3f * std::min(slot.max_r2, 1e3f)))));
+      const auto to_fold = hn::Abs(hn::Sub(r2, set(slot.distortion.max_r2)));
+      const auto clear = hn::And(hn::Gt(hn::Abs(depth), set(kUndecided)),
+                                 hn::And(hn::Gt(hn::Abs(z), set(1e-3f)),
+                                         hn::Gt(to_fold, set(1e-3f * std::min(slot.distortion.max_r2, 1e3f)))));
       undecided = undecided || !hn::AllFalse(d, hn::AndNot(clear, weighs));
       const auto w_seen = hn::IfThenElseZero(hn::RebindMask(di, seen), w);
       hn::Store(hn::DemoteTo(d16, w_seen), d16, seen_weight + lane);

@@ -94,7 +94,22 @@ void pick_pixels(const RgbLayout& layout, Slot& slot) {
 void search_interior_rows(const ViewPlan& plan, PixelFamily family, Slot& slot) {
   slot.interior_y0 = slot.interior_y1 = 0;
   const bool is_here = slot.image.plane[0] || slot.image.family == PixelFamily::kNone;
-  if (is_here && plan.rays().separable() && !slot.projection->has_map()) find_interior_rows(family, slot);
+  if (is_here && plan.rays().separable() && !slot.projection->has_map() && !slot.needs_double)
+    find_interior_rows(family, slot);
+}
+
+void measure_steepness(const Camera& camera, Slot& slot) {
+  const Lens& lens = camera.lens;
+  const double half_x = std::max(lens.cx(), camera.width - lens.cx()) + 1,
+               half_y = std::max(lens.cy(), camera.height - lens.cy()) + 1;
+  slot.steepness = lens.steepness(std::hypot(half_x / lens.fx(), half_y / lens.fy()));
+  // The next term of Bessel's formula is at most 0.0234 times the fourth difference. Fourth derivatives are about twice
+  // the third derivatives.
+  const double focal = std::max(lens.fx(), lens.fy()), least = slot.steepness.least * std::min(lens.fx(), lens.fy());
+  const double fourth = 0.0234 * 2 * focal * Bends(slot.steepness, slot.distortion.fisheye).third;
+  slot.longest_block = static_cast<float>(least * std::pow(kGridError / std::max(fourth, 1e-30), 0.25));
+  constexpr double kFloat = 1.0 / (1 << 24), kLargestError = 1.0 / 256;  // pixels
+  slot.needs_double = !(kFloat * slot.steepness.rounding * std::hypot(half_x, half_y) < kLargestError);
 }
 
 Slot make_slot(const ViewPlan& plan, const Camera& camera, const Source& source, PixelFamily family,
@@ -123,14 +138,10 @@ Slot make_slot(const ViewPlan& plan, const Camera& camera, const Source& source,
   slot.fy = static_cast<float>(lens.fy());
   slot.cx = static_cast<float>(lens.cx());
   slot.cy = static_cast<float>(lens.cy());
-  slot.k1 = static_cast<float>(lens.k1());
-  slot.k2 = static_cast<float>(lens.k2());
-  slot.p1 = static_cast<float>(lens.p1());
-  slot.p2 = static_cast<float>(lens.p2());
-  slot.tangential = lens.p1() != 0 || lens.p2() != 0;
-  slot.radial = lens.has_distortion();
-  // Slightly less than the radius of the lens's fold, so that rounding does not cross the fold.
-  slot.max_r2 = static_cast<float>(std::min(lens.max_radius() * lens.max_radius() * (1 - 1e-6), 1e30));
+  slot.distortion = lens.distortion().as<float>();
+  slot.distortion.max_r2 = static_cast<float>(std::min(lens.distortion().max_r2 * (1 - 1e-6), 1e30));
+  slot.is_distorted = lens.has_distortion();
+  if (slot.distortion.is_general) measure_steepness(camera, slot);
   search_interior_rows(plan, family, slot);
   return slot;
 }

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <memory>
 #include <span>
 #include <vector>
 
+#include "geometry/lens.h"
 #include "geometry/pose.h"
 #include "image/image.h"
 #include "render/camera_projection.h"
@@ -37,6 +39,24 @@ struct ProjectionTerms {
   float per_from[3] = {}, per_along[3] = {}, per_down[3] = {};
 };
 
+// Bounds of the derivatives of a position in the image, in focal lengths, by (u, v), or for a fisheye lens by the
+// direction of the point. A point on a straight line then moves on a great circle with angular velocity w and relative
+// change e of its distance: w' = -2 e w and w'' = 6 e^2 w - 2 w^3. The first three derivatives of (u, v) atan(r) / r
+// along a great circle are at most pi/2.
+struct Bends {
+  Bends(const Lens::Steepness& of, bool fisheye)
+      : first(static_cast<float>(of.first)),
+        second(static_cast<float>(of.second)),
+        third(static_cast<float>(of.third)) {
+    if (!fisheye) return;
+    constexpr float kMost = 1.5708f;
+    third = kMost * (kMost * (kMost * third + 3 * second) + 3 * first);
+    second = kMost * (kMost * second + first);
+    first *= kMost;
+  }
+  float first, second, third;
+};
+
 // A camera of the task, with its image and its projection in float. Cameras without an image also have a slot, because
 // their weight counts as missing.
 struct Slot {
@@ -56,8 +76,13 @@ struct Slot {
   Mat3 per_inverse{0};
   ProjectionTerms terms;   // with a focal map: at the first pixel of the first block and band of `rect`
   float eye_distance = 0;  // see ViewPlan
-  float fx = 0, fy = 0, cx = 0, cy = 0, k1 = 0, k2 = 0, p1 = 0, p2 = 0, max_r2 = 0;
-  bool radial = false, tangential = false;
+  float fx = 0, fy = 0, cx = 0, cy = 0;
+  Distortion<float> distortion;  // max_r2 is slightly less than in the lens, so that rounding does not cross the fold
+  bool is_distorted = false;
+  Lens::Steepness steepness;  // in the image; only for lenses with Distortion::is_general
+  // Longest block, in pixels of the image, where the third differences of positions bound the interpolation error.
+  float longest_block = INFINITY;
+  bool needs_double = false;  // terms of the distortion cancel, so that float is not precise enough
   // Rows [interior_y0, interior_y1) of the view, in which all samples are taken far from the border of the camera's
   // image, and the image appears nearly upright and at nearly its original size. In these rows, the fastest loops can
   // run without a test of each block. See find_interior_rows().

@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "lib/focus/random_rays.h"
+#include "lib/render/sum_arrays.h"
 #include "support/every_target.h"
 
 namespace lf {
@@ -47,6 +48,43 @@ TEST(HypothesisRow, FixedPointPlacesMatchPositions) {
     });
   }
   EXPECT_GT(seen_at_all, 500u);
+}
+
+TEST(HypothesisRow, PositionsMatchEveryLens) {
+  reference::Random random(6);
+  for (const Lens& lens : test::lenses_beyond_opencv(test::RandomRays::kWidth, test::RandomRays::kHeight)) {
+    test::RandomRays rays(random, 300);
+    rays.projection = {.base = {1, 0, 0, 0, 1, 0, 0, 0, 1},
+                       .fx = static_cast<float>(lens.fx()),
+                       .fy = static_cast<float>(lens.fy()),
+                       .cx = static_cast<float>(lens.cx()),
+                       .cy = static_cast<float>(lens.cy()),
+                       .distortion = lens.distortion().as<float>(),
+                       .is_distorted = true,
+                       .width = test::RandomRays::kWidth,
+                       .height = test::RandomRays::kHeight};
+    for (int i = 0; i < rays.count; i++) {
+      rays.u[i] *= i % 3 ? 1 : 20;
+      rays.v[i] *= i % 3 ? 1 : 20;
+    }
+    test::on_every_target([&] {
+      const std::vector<test::Position> positions = rays.positions();
+      for (int i = 0; i < rays.count; i++) {
+        const std::optional<Vec2> expected = lens.distort({rays.u[i], rays.v[i]});
+        if (!expected) {
+          EXPECT_FALSE(positions[i].seen) << "beyond the fold";
+          continue;
+        }
+        const double x = lens.fx() * expected->x + lens.cx(), y = lens.fy() * expected->y + lens.cy();
+        const double outside =
+            std::max({-0.5 - x, x + 0.5 - test::RandomRays::kWidth, -0.5 - y, y + 0.5 - test::RandomRays::kHeight});
+        EXPECT_TRUE(std::abs(outside) <= 1e-4 || positions[i].seen == (outside < 0));
+        if (!positions[i].seen) continue;
+        EXPECT_NEAR(positions[i].x, x, 1e-4);
+        EXPECT_NEAR(positions[i].y, y, 1e-4);
+      }
+    });
+  }
 }
 
 // Compares with the quotient in double precision, along a face with one edge function ending at 0.

@@ -26,11 +26,11 @@ struct RandomRays {
     projection.fx = projection.fy = 50;
     projection.cx = 29;
     projection.cy = 20;
-    projection.distorted = count % 2;
-    projection.k1 = -0.1f;
-    projection.k2 = 0.01f;
-    projection.p1 = projection.p2 = 1e-3f;
-    projection.max_r2 = 0.3f;
+    projection.is_distorted = count % 2;
+    projection.distortion.k = {-0.1f, 0.01f};
+    projection.distortion.p1 = projection.distortion.p2 = 1e-3f;
+    projection.distortion.is_tangential = true;
+    projection.distortion.max_r2 = 0.3f;
     projection.width = kWidth;
     projection.height = kHeight;
     projection.per_level = 1 / 255.f;

@@ -54,6 +54,12 @@ TEST(WarpedNodes, MatchTheRuleWithEveryInstructionSet) {
     const auto lens = [&](bool distorted) {
       const double f = random.uniform(80, 200);
       if (!distorted) return Lens(LensModel::kPinhole, {f, f * 1.01, 70, 50});
+      if (round % 5 == 1)
+        return Lens(LensModel::kThinPrismFisheye,
+                    {f / 2, f / 2, 70, 50, random.uniform(-0.05, 0.05), 0.01, 1e-3, -2e-3, 1e-3, 1e-4, 2e-3, 3e-3});
+      if (round % 5 == 2)
+        return Lens(LensModel::kFullOpenCv,
+                    {f, f, 70, 50, random.uniform(0.2, 0.5), 0.05, 1e-3, -2e-3, 0.01, 0.3, 0.05, 0.01});
       return Lens(LensModel::kOpenCv,
                   {f, f, 70, 50, random.uniform(-0.3, 0.1), random.uniform(-0.02, 0.05), 1e-3, -2e-3});
     };

@@ -62,6 +62,19 @@ inline Rig jittered_array(reference::Random& random, int side, int width, int he
   return rig;
 }
 
+// One lens of each model beyond OPENCV; one fisheye image is larger than its field of view of 180 degrees.
+inline std::vector<Lens> lenses_beyond_opencv(int width, int height) {
+  using enum LensModel;
+  const double w = width, cx = (width - 1) / 2.0 + 1.5, cy = (height - 1) / 2.0 - 2.25;
+  return {Lens(kFullOpenCv, {w, 1.01 * w, cx, cy, 0.5, -0.1, 1e-3, -2e-3, 0.02, 0.4, 0.05, 0.01}),
+          Lens(kFullOpenCv, {w, w, cx, cy, -0.2, 0.1, 0, 0, -0.03, 0, 0, 0}),
+          Lens(kOpenCvFisheye, {0.45 * w, 0.44 * w, cx, cy, 0.02, -0.01, 0.003, -3e-4}),
+          Lens(kOpenCvFisheye, {0.25 * w, 0.25 * w, cx, cy, 0, 0, 0, 0}),
+          Lens(kSimpleRadialFisheye, {0.4 * w, cx, cy, -0.05}),
+          Lens(kRadialFisheye, {0.4 * w, cx, cy, 0.05, -0.01}),
+          Lens(kThinPrismFisheye, {0.4 * w, 0.41 * w, cx, cy, 0.02, -0.01, 2e-3, -1e-3, 3e-3, 1e-4, 5e-3, -4e-3})};
+}
+
 inline View view_into(const Rig& rig, int side, int width, int height, const Quat& turn) {
   View view;
   view.width = width;
@@ -92,6 +105,16 @@ inline std::shared_ptr<const FocalMap> depths(reference::Random& random, const V
       map.levels.push_back(static_cast<uint8_t>(rough ? random.integer(0, 255) : slope + (nearer ? 100 : 0)));
     }
   return std::make_shared<FocalMap>(std::move(map));
+}
+
+// A jittered array with this lens, and a pinhole view into it.
+inline std::pair<Rig, View> array_with_lens(const Lens& lens, reference::Random& random, bool mapped) {
+  constexpr int kSide = 3, kWidth = 320, kHeight = 240;
+  Rig rig = jittered_array(random, kSide, kWidth, kHeight, 0);
+  for (Camera& camera : rig.cameras) camera.lens = lens.shifted({random.uniform(-3, 3), random.uniform(-3, 3)});
+  View view = view_into(rig, kSide, kWidth, kHeight, random.small_rotation(0.2));
+  if (mapped) view.focus.map = depths(random, view, FocalMap::kMinStep, false);
+  return {rig, view};
 }
 
 inline Image checkerboard(reference::Random& /*random*/, int width, int height) {

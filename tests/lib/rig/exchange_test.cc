@@ -105,11 +105,40 @@ TEST(ForeignKeys, RefusesKeysThatChangeTheMeaningOfOthers) {
         R"("Rolling_Shutter_Time": 0.01)", R"("line_delay": 2e-5)", R"("transform_matrix_start": [[1]])",
         R"("from_mitsuba": true)", R"("ftheta_p1": 0.1)", R"("camera_model": "OPENCV_FISHEYE")",
         R"("distortion_model": "equidistant")", R"("model_type": "MEI")", R"("orthographic": true)"}) {
-    EXPECT_ERROR(check(R"({"cameras": [{"fx": 1}, {)" + member + "}]}"), "f.json: cameras[1].", "cannot hold")
+    EXPECT_ERROR(check(R"({"cameras": [{"fx": 1}, {)" + member + "}]}"), "f.json: cameras[1].", "cannot be imported")
         << member;
     // Also inside a value that no importer reads.
     EXPECT_ERROR(check(R"({"settings": {"lens": {)" + member + "}}}"), "f.json: settings.lens.") << member;
   }
+}
+
+TEST(ForeignKeys, SupportedKeysAndModelsAreTheImportersTask) {
+  const auto check_with = [](const std::string& member, const std::set<std::string_view>& supported) {
+    return check_foreign_keys(json::parse("{" + member + "}"), "f.json", {"k3", "camera_model"}, supported);
+  };
+  EXPECT_TRUE(check_with(R"("k3": 0.1, "camera_model": "OPENCV_FISHEYE")", {"k3", "opencv_fisheye"}).empty());
+  EXPECT_ERROR(check_with(R"("k3": 0.1, "camera_model": "OPENCV_FISHEYE")", {"k3"}), "camera_model", "imported");
+  EXPECT_ERROR(check_with(R"("k3": 0.1, "k4": 0.1)", {"k3"}), "k4", "imported");
+}
+
+TEST(LensFromOpenCv, HasTheSimplestModel) {
+  const PinholeParams pinhole{400, 410, 320, 240};
+  const std::vector<double> all = {0.1, 0.2, 0.003, 0.004, 0.5, 0.6, 0.7, 0.8};
+  const Lens full = lens_from_opencv(pinhole, all);
+  EXPECT_EQ(full, Lens(LensModel::kFullOpenCv, {400, 410, 320, 240, 0.1, 0.2, 0.003, 0.004, 0.5, 0.6, 0.7, 0.8}));
+  EXPECT_EQ(opencv_terms(full), all);
+  EXPECT_EQ(lens_from_opencv(pinhole, {0, 0, 0, 0, 0.5}).model(), LensModel::kFullOpenCv);
+  EXPECT_EQ(lens_from_opencv(pinhole, {0.1, 0, 0, 0, 0, 0, 0, 0}).model(), LensModel::kOpenCv);
+  EXPECT_EQ(lens_from_opencv(pinhole, std::vector<double>(14, 0)).model(), LensModel::kPinhole);
+  std::vector<double> tilted(14, 0);
+  tilted[12] = 0.01;
+  EXPECT_ERROR(lens_from_opencv(pinhole, tilted), "term 12", "tilt", "undistort");
+  const Lens fisheye = lens_from_opencv_fisheye(pinhole, {0.1, 0.2, 0.3, 0.4});
+  EXPECT_EQ(fisheye, Lens(LensModel::kOpenCvFisheye, {400, 410, 320, 240, 0.1, 0.2, 0.3, 0.4}));
+  EXPECT_EQ(opencv_terms(fisheye), (std::vector<double>{0.1, 0.2, 0.3, 0.4}));
+  EXPECT_ERROR(lens_from_opencv_fisheye(pinhole, {0.1}), "k1, k2, k3 and k4");
+  EXPECT_ERROR(opencv_terms(Lens(LensModel::kThinPrismFisheye, {1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0.1, 0})),
+               "THIN_PRISM_FISHEYE");
 }
 
 TEST(ForeignKeys, NeutralValuesChangeNothing) {

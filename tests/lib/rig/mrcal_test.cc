@@ -118,8 +118,15 @@ TEST_F(MrcalTest, OtherLensesAreRefused) {
   text.replace(text.find("OPENCV4"), 7, "OPENCV5");
   EXPECT_EQ(import_mrcal(write(text)).rig.cameras[0].lens.p2(), 0.0005275929652) << "k3 is 0";
   text.replace(text.find(" 0,]"), 4, " 0.0196,]");
-  EXPECT_ERROR(import_mrcal(write(text)), "left.cameramodel", "intrinsics", "element 8", "LENSMODEL_OPENCV5",
-               "mrcal-convert-lensmodel");
+  const Lens lens = import_mrcal(write(text)).rig.cameras[0].lens;
+  EXPECT_EQ(lens.model(), LensModel::kFullOpenCv);
+  EXPECT_EQ(lens.distortion().k[2], 0.0196);
+  text.replace(text.find("OPENCV5"), 7, "OPENCV8");
+  text.replace(text.find(" 0.0196,]"), 9, " 0.0196, 0.1, 0.2, 0.3,]");
+  EXPECT_EQ(import_mrcal(write(text)).rig.cameras[0].lens.distortion().d, (std::array<double, 3>{0.1, 0.2, 0.3}));
+  text.replace(text.find("OPENCV8"), 7, "OPENCV12");
+  text.replace(text.find(" 0.3,]"), 6, " 0.3, 0, 0, 0, 1e-4,]");
+  EXPECT_ERROR(import_mrcal(write(text)), "left.cameramodel", "intrinsics", "term 11", "mrcal-convert-lensmodel");
   for (const char* name : {"LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx=30_Ny=20_fov_x_deg=170", "LENSMODEL_CAHVOR"})
     EXPECT_ERROR(import_mrcal(write(replaced("LENSMODEL_OPENCV4", name))), "left.cameramodel", "lens_model", name,
                  "mrcal-reproject-image");

@@ -74,17 +74,38 @@ TEST_F(Nerf, UnsupportedFeaturesAreErrorsWithThePlace) {
   const std::string file = dir / "t.json";
   const auto refuses = [&](const std::string& text, const std::string& place) {
     EXPECT_THAT(text_of_error([&] { read(text); }),
-                AllOf(StartsWith(file + ": " + place + ": "), HasSubstr("cannot hold"), HasSubstr("undistort")));
+                AllOf(StartsWith(file + ": " + place + ": "), HasSubstr("cannot be imported"), HasSubstr("undistort")));
   };
-  refuses(one_frame(size + R"("fl_x": 5, "camera_model": "OPENCV_FISHEYE", )"), "camera_model");
-  refuses(one_frame(size + R"("fl_x": 5, )", R"("k3": 0.1, )"), "frames[0].k3");
-  refuses(one_frame(size + R"("fl_x": 5, "is_fisheye": true, )"), "is_fisheye");
+  refuses(one_frame(size + R"("fl_x": 5, "camera_model": "FISHEYE624", )"), "camera_model");
+  refuses(one_frame(size + R"("fl_x": 5, )", R"("k5": 0.1, )"), "frames[0].k5");
+  EXPECT_ERROR(read(one_frame(size + R"("fl_x": 5, "is_fisheye": true, "p1": 0.1, )")), "frames[0]", "p1 = p2 = 0");
   refuses(one_frame(size + R"("fl_x": 5, "sk_x": 0.1, )"), "sk_x");
-  EXPECT_ERROR(read(one_frame(size + R"("fl_x": 5, "distortion_params": [0.1, 0, 0.2, 0, 0, 0], )")),
-               "distortion_params", "k3", "k4", "0");
+  EXPECT_ERROR(read(one_frame(size + R"("fl_x": 5, "distortion_params": [0.1, 0, 0, 0.2, 0, 0], )")), "frames[0]", "k4",
+               "0");
   EXPECT_ERROR(read(one_frame(size)), file, "frames[0]", "fl_x", "camera_angle_x");
   EXPECT_ERROR(read(one_frame(size + R"("fl_x": 0, )")), file, "frames[0]", "fl_x is 0");
   EXPECT_ERROR(read(R"({"frames": []})"), file, "frames", "empty");
+}
+
+TEST_F(Nerf, ReadsFisheyeLensesAndK3) {
+  const std::string size = R"("w": 640, "h": 480, "fl_x": 200, "k1": 0.1, "k2": 0.2, "k3": 0.3, )";
+  const Lens fisheye(LensModel::kOpenCvFisheye, {200, 200, 319.5, 239.5, 0.1, 0.2, 0.3, 0.4});
+  for (const char* key : {R"("is_fisheye": true, "k4": 0.4, )", R"("camera_model": "OPENCV_FISHEYE", "k4": 0.4, )",
+                          R"("is_fisheye": true, "distortion_params": [0.1, 0.2, 0.3, 0.4, 0, 0], )"})
+    EXPECT_EQ(read(one_frame(size + key)).rig.cameras.at(0).lens, fisheye) << key;
+  const Lens with_k3(LensModel::kFullOpenCv, {200, 200, 319.5, 239.5, 0.1, 0.2, 0, 0, 0.3, 0, 0, 0});
+  Rig rig = read(one_frame(size)).rig;
+  EXPECT_EQ(rig.cameras.at(0).lens, with_k3);
+  for (const Lens& lens : {with_k3, fisheye}) {
+    rig.cameras[0].lens = lens;
+    EXPECT_LE(export_nerf(rig, dir / "back.json").max_error, 1e-9);
+    EXPECT_EQ(import_nerf(dir / "back.json").rig.cameras.at(0).lens, lens);
+  }
+  rig.cameras.push_back(rig.cameras[0]);
+  rig.cameras[1].lens = with_k3;
+  EXPECT_ERROR(export_nerf(rig, dir / "back.json"), "fisheye lenses beside");
+  rig.cameras[0].lens = Lens(LensModel::kFullOpenCv, {200, 200, 319.5, 239.5, 0.1, 0.2, 0, 0, 0.3, 0.1, 0, 0});
+  EXPECT_ERROR(export_nerf(rig, dir / "back.json"), "k4, k5 and k6");
 }
 
 TEST_F(Nerf, WholeNumbersMayBeFloats) {

@@ -99,16 +99,26 @@ TEST_F(MultiviewYaml, ReadsOlderFiles) {
 }
 
 TEST_F(MultiviewYaml, UndistortedPicturesHavePinholes) {
-  distortions(7) = 0.4;
-  distortions(14) = 1e-6;
+  distortions(9) = 0.4;
   models(1) = 1;
-  EXPECT_ERROR(read(text()), "cameras.yaml", "models", "fisheye", "--undistorted");
-  models(1) = 0;
-  EXPECT_ERROR(read(text()), "cameras.yaml", "distortions", "camera 2", "--undistorted");
+  EXPECT_ERROR(read(text()), "cameras.yaml", "camera 1", "fisheye", "--undistorted") << "five terms";
+  models(1) = 2;
+  EXPECT_ERROR(read(text()), "cameras.yaml", "models", "0 (pinhole) or 1 (fisheye)");
   models(1) = 1;
   const RigImport import = read(text(), true);
   EXPECT_EQ(import.rig.cameras[1].lens, Lens(LensModel::kPinhole, {510, 511, 320.5, 240.25}));
   EXPECT_THAT(import.notes, testing::Not(testing::Contains(HasSubstr("free of distortion"))));
+}
+
+TEST_F(MultiviewYaml, ReadsFisheyeLensesAndK3) {
+  models(1) = 1;
+  distortions(14) = 0.25;
+  const Rig rig = read(text()).rig;
+  const Distortion<double>& fisheye = rig.cameras[1].lens.distortion();
+  EXPECT_EQ(rig.cameras[1].lens.model(), LensModel::kOpenCvFisheye);
+  for (int i = 0; i < 4; i++) EXPECT_EQ(fisheye.k[i], distortions(5 + i));
+  EXPECT_EQ(rig.cameras[2].lens.model(), LensModel::kFullOpenCv);
+  EXPECT_EQ(rig.cameras[2].lens.distortion().k[2], 0.25);
 }
 
 TEST_F(MultiviewYaml, OtherFormsOfTheFileCanBeUndistorted) {
@@ -116,7 +126,7 @@ TEST_F(MultiviewYaml, OtherFormsOfTheFileCanBeUndistorted) {
       "%YAML:1.0\n---\nimage_width: 4\nimage_height: 3\ndistortion_model: equidistant\n"
       "camera_matrix: {rows: 3, cols: 3, data: [5, 0, 2, 0, 6, 1.5, 0, 0, 1]}\n"
       "distortion_coefficients: {rows: 1, cols: 5, data: [0.1, 0, 0, 0, 0.2]}\n";
-  EXPECT_ERROR(read(yaml), "cameras.yaml", "distortion_model");
+  EXPECT_ERROR(read(yaml), "cameras.yaml", "k1, k2, k3 and k4");
   const RigImport import = read(yaml, true);
   EXPECT_EQ(import.rig.cameras.at(0).lens, Lens(LensModel::kPinhole, {5, 6, 2, 1.5}));
   EXPECT_THAT(import.notes, testing::Not(testing::Contains(HasSubstr("free of distortion"))));

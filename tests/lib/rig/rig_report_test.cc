@@ -137,6 +137,12 @@ TEST_F(CheckRig, WarnsOfImplausibleLenses) {
   EXPECT_THAT(with(Lens::pinhole(387, 159.5, 300)), finding("warning", "(159.5, 300)", "off-centre"));
   EXPECT_THAT(with(Lens(LensModel::kSimpleRadial, {387, 159.5, 119.5, -1.6})), finding("warning", "-1.6", "folds"));
   EXPECT_THAT(with(Lens(LensModel::kSimpleRadial, {387, 159.5, 119.5, -30})), finding("error", "-30", "folds"));
+  using enum LensModel;
+  EXPECT_THAT(with(Lens(kOpenCvFisheye, {76, 76, 159.5, 119.5, 0, 0, 0, 0})), IsEmpty()) << "a circle of 180 degrees";
+  EXPECT_THAT(with(Lens(kSimpleRadialFisheye, {90, 159.5, 119.5, -0.3})),
+              finding("warning", "SIMPLE_RADIAL_FISHEYE", "folds"));
+  EXPECT_THAT(with(Lens(kFullOpenCv, {387, 387, 159.5, 119.5, 0, 0, 0, 0, 0, 9, 0, 0})),
+              finding("warning", "FULL_OPENCV", "folds"));
 }
 
 TEST_F(CheckRig, WarnsOfTimeOffsetsOfOtherUnits) {

@@ -179,6 +179,18 @@ TEST(Scene, RaysBeyondTheLensAreBlack) {
   }
 }
 
+TEST(Scene, FisheyePicturesAreACircle) {
+  SceneCamera camera = central_camera(64, 48);
+  camera.lens = Lens(LensModel::kOpenCvFisheye, {14, 14, 31.5, 23.5, 0, 0, 0, 0});  // 90 degrees at 22 px
+  const Image image = render_scene(camera, 0);
+  for (int c = 0; c < 3; c++) {
+    EXPECT_EQ(image.pixel(0, 0)[c], 0);
+    EXPECT_EQ(image.pixel(31 + 25, 23)[c], 0);
+    EXPECT_GT(image.pixel(31 + 20, 23)[c], 0);
+    EXPECT_GT(image.pixel(31, 23 + 20)[c], 0);
+  }
+}
+
 TEST(Scene, OddAndTinyPictures) {
   EXPECT_EQ(render_scene(central_camera(1, 1), 0).data().size(), 3u);
   EXPECT_EQ(render_scene(central_camera(7, 3), 0, 4).data().size(), 63u);

@@ -83,7 +83,7 @@ WarpCommand random_warp(std::mt19937& random) {
   c.warp.in_front = vec();
   std::array<double, Lens::kMaxParams> params;
   for (double& p : params) p = std::abs(number(random)) + 1;
-  c.warp.lens = Lens(*lens_model_from_code(random() % 5), params);
+  c.warp.lens = Lens(*lens_model_from_code(random() % 10), params);
   c.warp.faces.clear();
   c.warp.cameras.clear();
   const uint32_t triangles = random() % 6;
@@ -161,7 +161,7 @@ TEST(CommandCodec, ErrorsNameTheField) {
       {6, 2, 8, {"flags", "bits 8"}},
       {36, 2, 0, {"width", "1 to 16384 pixels", "0"}},
       {40, 1, 101, {"quality", "0 to 100", "101"}},
-      {41, 1, 9, {"lens model", "9"}},
+      {41, 1, 10, {"lens model", "10"}},
       {42, 2, 1, {"reserved", "0", "1"}},
       {44, 8, nan, {"in_front", "finite"}},
       {68, 8, 0, {"params[0]", "focal length", "positive"}},

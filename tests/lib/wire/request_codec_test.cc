@@ -58,7 +58,7 @@ ViewRequest random_request(std::mt19937& random) {
   for (double& p : params) p = 1000 * number(random);
   params[0] = std::abs(params[0]) + 1;
   params[1] = std::abs(params[1]) + 1;
-  r.view.lens = Lens(*lens_model_from_code(random() % 5), params);
+  r.view.lens = Lens(*lens_model_from_code(random() % 10), params);
   r.view.pose.position = {1e6 * number(random), number(random), 1e-6 * number(random)};
   r.view.pose.orientation =
       glm::normalize(Quat(number(random), number(random), number(random), number(random) + 1.001));
@@ -323,7 +323,7 @@ TEST(RequestCodec, ErrorsNameTheField) {
       {36, 2, 0, {"width", "1 to 16384 pixels", "0"}},
       {38, 2, 16385, {"height", "1 to 16384 pixels", "16385"}},
       {40, 1, 101, {"quality", "0 to 100", "101"}},
-      {41, 1, 5, {"lens model", "5"}},
+      {41, 1, 10, {"lens model", "10"}},
       {41, 1, 4, {"focal_plane", "ends"}},
       {42, 1, 3, {"focal surface", "kind 3"}},
       {43, 1, 8, {"gains", "focal map"}},

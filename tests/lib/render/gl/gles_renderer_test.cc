@@ -154,6 +154,28 @@ TEST_F(GlesRenderer, RendersHardCases) {
     }
 }
 
+TEST_F(GlesRenderer, EveryLensMatchesTheCpu) {
+  const std::vector<Lens> lenses = test::lenses_beyond_opencv(320, 240);
+  for (size_t i = 0; i < lenses.size(); i++)
+    for (const bool mapped : {false, true}) {
+      Random random(static_cast<uint32_t>(i));
+      auto [rig, view] = test::array_with_lens(lenses[i], random, mapped);
+      rig.cameras[2].lens = Lens(LensModel::kRadial, {320, 159.5, 119.5, -0.2, 0.04});  // in the same shader
+      rig.cameras[3].lens = Lens::pinhole(320, 159.5, 119.5);
+      if (i % 3 == 2) {
+        view.lens = lenses[i];
+        view.pose.position.z = -0.05;
+      }
+      SCOPED_TRACE(testing::Message() << lens_model_name(lenses[i].model()) << (mapped ? " map" : " plane"));
+      const auto images = images_of(rig, random, reference::smooth_image);
+      const Difference one = difference(rig, view, images, i % 2 ? PixelFamily::kRgb : PixelFamily::kI420);
+      std::printf("%s: levels %.3f, lost %.2g, %zu fixed up\n", std::string(lens_model_name(lenses[i].model())).c_str(),
+                  one.level, one.lost, one.fixed_up);
+      expect_at_most(one, 0.2);
+      EXPECT_LT(one.fixed_up, 320u * 240 / 4) << "float decides most samples";
+    }
+}
+
 TEST_F(GlesRenderer, AcceptsAnySources) {
   constexpr int kSide = 4, kWidth = 161, kHeight = 121;
   Random random(5);
