@@ -25,7 +25,7 @@ namespace lf {
 // CameraWeights::visibility(). The cameras of the mesh keep the fraction smoothstep(v / kEnoughVisibility) of their
 // weight, at each point of the WeightGrid. The nearest cameras get the rest. Cells with a gap are extrapolated as a
 // whole.
-inline constexpr int kExtrapolationCameras = 4;
+inline constexpr int kExtrapolationCameras = 5;
 inline constexpr double kEnoughVisibility = 0.25;
 
 // Returns the weights of the cameras in all pixels that must be extrapolated. Returns null if there are none, or if no

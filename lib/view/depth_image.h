@@ -2,7 +2,6 @@
 #pragma once
 
 #include <span>
-#include <string>
 #include <vector>
 
 #include "view/view.h"
@@ -20,12 +19,5 @@ struct DepthImage {
 // parallel to the line of sight, if the lens has no line of sight there, or if its coverage is 0. `coverage` has one
 // value per pixel, or is empty.
 DepthImage depth_image(const View& view, std::span<const float> coverage = {});
-
-// Writes a Portable Float Map (http://www.pauldebevec.com/Research/HDR/PFM/): 32-bit floats in metres, little-endian,
-// bottom row first. Throws Error with the file's name.
-void save_depth_pfm(const DepthImage& image, const std::string& path);
-// Writes a PNG with 16 bits per pixel, in millimetres. Depths of 65.5 m and more are stored as 65535. Throws Error with
-// the file's name.
-void save_depth_png(const DepthImage& image, const std::string& path);
 
 }  // namespace lf

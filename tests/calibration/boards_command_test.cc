@@ -78,7 +78,7 @@ TEST(BoardsCommand, CalibratesACharucoBoard) {
       run_program("lf-calibrate",
                   "boards boards" + options + " --legacy --inverted --threads 2 --out rig.json --json boards.json",
                   dir.path()),
-      0, mentions("rig.json: 3 of 3 cameras", "cam_00_00", "residuals"));
+      0, testing::AllOf(mentions("rig.json: 3 of 3 cameras"), mentions("cam_00_00"), mentions("residuals")));
   const Rig found = load_rig(dir / "rig.json");
   EXPECT_LT(position_error(found, truth), 2e-3);
   EXPECT_EQ(found.cameras[2].name, truth.cameras[2].name);
@@ -99,6 +99,14 @@ TEST(BoardsCommand, CalibratesACharucoBoard) {
                   "boards boards" + options + " --legacy --inverted --prior nominal.json --out again.json", dir.path()),
       0, mentions("again.json: 3 of 3 cameras"));
   EXPECT_LT(glm::length(load_rig(dir / "again.json").cameras[0].pose.position - truth.cameras[0].pose.position), 5e-3);
+
+  // One camera alone.
+  const auto focal_of = [&](const std::string& more) {
+    test::expect_outcome(
+        run_program("lf-calibrate", "intrinsics boards/cam_00_01/*.png --out lens.json " + more, dir.path()), 0);
+    return load_rig(dir / "lens.json").cameras.at(0).lens.fx();
+  };
+  EXPECT_NEAR(focal_of("--board 7x5 --charuco 5X5_100 --marker 0.7 --legacy --inverted"), 425, 8);
 
   // The other layout does not fit the markers.
   test::expect_outcome(
@@ -128,6 +136,11 @@ TEST(BoardsCommand, CalibratesAnAprilGridInVideos) {
                   "boards boards --board 5x4 --square 0.045 --april-grid 0.3 --instants 40 --out rig.json", dir.path()),
       0, mentions("rig.json: 3 of 3 cameras"));
   EXPECT_LT(position_error(load_rig(dir / "rig.json"), truth), 2e-3);
+  test::expect_outcome(
+      run_program("lf-calibrate", "intrinsics stills/cam_00_01/*.png --board 5x4 --april-grid 0.3 --out lens.json",
+                  dir.path()),
+      0);
+  EXPECT_NEAR(load_rig(dir / "lens.json").cameras.at(0).lens.fx(), 425, 8);
 }
 
 TEST(BoardsCommand, ErrorsNameTheProblem) {

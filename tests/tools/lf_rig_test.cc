@@ -293,7 +293,9 @@ TEST_F(LfRig, ImportsCaliscopeWithUndistortedVideos) {
             "[cameras.1]\nsize = [640, 480]\nmatrix = [[600, 0, 320], [0, 601, 240], [0, 0, 1]]\n"
             "distortions = [0.1, 0, 0, 0, 0.02]\nrotation = [0, 0, 0]\ntranslation = [0, 0, 1]\n");
   const std::string import = "import caliscope camera_array.toml --out rig.json";
-  expect_outcome(lf_rig(import), 1, mentions("camera_array.toml", "cameras.1.distortions", "k3", "--undistorted"));
+  expect_outcome(lf_rig(import), 0, mentions("rig.json", "1 camera"));
+  const Lens distorted = load_rig(dir / "rig.json").cameras.at(0).lens;
+  EXPECT_EQ(distorted, Lens(LensModel::kFullOpenCv, {600, 601, 320, 240, 0.1, 0, 0, 0, 0.02}));
   expect_outcome(lf_rig(import + " --undistorted"), 0, mentions("rig.json", "1 camera"));
   EXPECT_EQ(load_rig(dir / "rig.json").cameras.at(0).lens, Lens(LensModel::kPinhole, {600, 601, 320, 240}));
 }

@@ -113,7 +113,7 @@ TEST_P(AnswerEncoderTest, EveryCodecMakesThePicture) {
     const Quality quality = compare(picture(render(options)), exact);
     EXPECT_GT(quality.psnr_db, options.codec == CodecChoice::kJpeg ? 34 : 50) << static_cast<int>(options.codec);
     if (options.codec != CodecChoice::kJpeg) {
-      EXPECT_LE(quality.max_error, 4);
+      EXPECT_LE(quality.max_error, 6) << "where little of the weight remains";
     }
   }
 }

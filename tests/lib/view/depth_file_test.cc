@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "view/depth_file.h"
+
+#include <cstring>
+#include <limits>
+
+#include <gtest/gtest.h>
+#include <opencv2/imgcodecs.hpp>
+
+#include "base/file.h"
+#include "support/expect_error.h"
+#include "support/temp_dir.h"
+
+namespace lf {
+namespace {
+
+TEST(DepthFile, FilesContainTheDepths) {
+  const TempDir dir;
+  const DepthImage image{2, 3, {0, 1.5f, 0.0004f, 65.4321f, 70, std::numeric_limits<float>::infinity()}};
+  save_depth_png(image, dir / "d.png");
+  const cv::Mat png = cv::imread(dir / "d.png", cv::IMREAD_UNCHANGED);
+  ASSERT_EQ(png.type(), CV_16UC1);
+  ASSERT_EQ(png.size(), cv::Size(2, 3));
+  const uint16_t expected[] = {0, 1500, 0, 65432, 65535, 65535};
+  for (int i = 0; i < 6; i++) EXPECT_EQ(png.at<uint16_t>(i / 2, i % 2), expected[i]) << i;
+
+  save_depth_pfm(image, dir / "d.pfm");
+  const std::string pfm = read_file(dir / "d.pfm");
+  const std::string header = "Pf\n2 3\n-1\n";
+  ASSERT_EQ(pfm.size(), header.size() + 6 * sizeof(float));
+  EXPECT_EQ(pfm.substr(0, header.size()), header);
+  for (size_t row = 0; row < 3; row++) {
+    float values[2];
+    std::memcpy(values, pfm.data() + header.size() + row * sizeof(values), sizeof(values));
+    for (size_t x = 0; x < 2; x++) EXPECT_EQ(values[x], image.depths[2 * (2 - row) + x]) << "bottom row first";
+  }
+  EXPECT_ERROR(save_depth_png(image, dir / "none/d.png"), "none/d.png");
+  EXPECT_ERROR(save_depth_pfm(image, dir / "none/d.pfm"), "none/d.pfm");
+}
+
+}  // namespace
+}  // namespace lf
