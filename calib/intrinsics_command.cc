@@ -277,6 +277,6 @@ void add_intrinsics_command(cli::App& app) {
                    "Rig file to write, with the calibrated lens. This may be the "
                    "file of --rig")
       ->required();
-  command->add_option("--json", o->json, "JSON file that receives the report, for lf-calibrate report");
+  command->add_option("--json", o->json, "JSON file that receives the report: the views, the models and the parameters");
   command->callback([o] { calibrate(*o); });
 }

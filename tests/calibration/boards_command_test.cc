@@ -137,10 +137,13 @@ TEST(BoardsCommand, CalibratesAnAprilGridInVideos) {
       0, mentions("rig.json: 3 of 3 cameras"));
   EXPECT_LT(position_error(load_rig(dir / "rig.json"), truth), 2e-3);
   test::expect_outcome(
-      run_program("lf-calibrate", "intrinsics stills/cam_00_01/*.png --board 5x4 --april-grid 0.3 --out lens.json",
+      run_program("lf-calibrate",
+                  "intrinsics stills/cam_00_01/*.png --board 5x4 --square 0.045 --april-grid 0.3 --out lens.json "
+                  "--json lens_report.json",
                   dir.path()),
       0);
   EXPECT_NEAR(load_rig(dir / "lens.json").cameras.at(0).lens.fx(), 425, 8);
+  EXPECT_EQ(parse_json(read_text_file(dir / "lens_report.json"), "lens_report.json").at("views").size(), 10u);
 }
 
 TEST(BoardsCommand, ErrorsNameTheProblem) {

@@ -17,7 +17,7 @@ import re
 import subprocess
 import sys
 
-MOST = 26  # entries in unexercised.txt; lower this number with every removed entry
+MOST = 24  # entries in unexercised.txt; lower this number with every removed entry
 SOURCE = pathlib.Path(sys.argv[1])
 TESTS = SOURCE / "tests"
 # Files in these folders name options and properties without using them.
