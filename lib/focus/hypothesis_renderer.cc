@@ -182,19 +182,19 @@ struct Seen {
         where.projection, where.rays(), where.levels_of(hypotheses, job.plan().view().width), source.image);
     stride = where.u.size();
     memory.resize(3 * stride * hypotheses.size());
-    const UninitializedVector<float> visible = visible_weights(source.visibility);
+    UninitializedVector<float> visible;
+    if (source.visibility) visible = visible_weights(*source.visibility);
     for (size_t t = 0; t < hypotheses.size(); t++)
-      weigh_hypothesis(t == 0 ? visible.data() : where.weight.data(), &values[t * stride], where.rays().count,
-                       of_hypothesis(t));
+      weigh_hypothesis(t == 0 && source.visibility ? visible.data() : where.weight.data(), &values[t * stride],
+                       where.rays().count, of_hypothesis(t));
   }
   // Returns the weights, reduced where the camera does not see the surface.
-  UninitializedVector<float> visible_weights(const VisibilityMask* mask) const {
+  UninitializedVector<float> visible_weights(const VisibilityMask& mask) const {
     UninitializedVector<float> weights = where.weight;
-    if (!mask) return weights;
     for (const HypothesisRow& row : where.rows)
       for (int x = row.x0; x < row.x1; x++)
         weights[static_cast<size_t>(row.first) + x - row.x0] *=
-            static_cast<float>(mask->nodes[static_cast<size_t>(row.y) * mask->columns + x]) / VisibilityMask::kVisible;
+            static_cast<float>(mask.nodes[static_cast<size_t>(row.y) * mask.columns + x]) / VisibilityMask::kVisible;
     return weights;
   }
   HypothesisSums of_hypothesis(size_t hypothesis) {
