@@ -74,7 +74,7 @@ std::optional<View> view_of_picture(const GstStructure* picture) {
   view.pose = {{at[0], at[1], at[2]}, {turn[0], turn[1], turn[2], turn[3]}};
   try {
     if (!get_lens(lens, view)) return std::nullopt;
-    if (const GstStructure* map = part_of(focus, "map")) view.focus.map = read_map(map);
+    if (const GstStructure* map = part_of(focus, "map"); map && !(view.focus.map = read_map(map))) return std::nullopt;
     validate(view);
   } catch (const Error&) {
     return std::nullopt;

@@ -82,6 +82,12 @@ TEST(SurfaceSender, InvalidFieldsGiveNoView) {
     gst_structure_set(bad.get(), field, G_TYPE_STRING, "nothing", nullptr);
     EXPECT_FALSE(view_of_picture(bad.get())) << field;
   }
+  const StructurePtr no_levels = picture(0);
+  const GstStructure* focus = gst_value_get_structure(gst_structure_get_value(no_levels.get(), "focus"));
+  StructurePtr changed(gst_structure_copy(focus));
+  put(changed.get(), "map", gst_structure_new_empty("lightfield-focal-map"));
+  put(no_levels.get(), "focus", changed.release());
+  EXPECT_FALSE(view_of_picture(no_levels.get())) << "a map without levels";
   const StructurePtr set = picture(0);
   gst_structure_set(set.get(), "views", G_TYPE_INT, 2, nullptr);
   EXPECT_FALSE(view_of_picture(set.get())) << "a set of views";
