@@ -6,14 +6,11 @@
 #include <cstring>
 #include <filesystem>
 #include <map>
-#include <mutex>
 #include <optional>
 
 #include "base/text.h"
-#include "base/worker_pool.h"
 #include "board_options.h"
 #include "image/image.h"
-#include "progress.h"
 #include "recordings.h"
 
 namespace {
@@ -215,15 +212,7 @@ BoardRecordings detect_boards(const lf::Rig& rig, const std::string& folder, con
   if (videos > 0) times = instants_of(sources[0][0], instants);
 
   std::vector<CameraViews> all(rig.cameras.size());
-  constexpr int kSteps = 100;
-  Progress progress_bar("searching for the board", kSteps * rig.cameras.size());
-  std::mutex mutex;
-  lf::WorkerPool().run(static_cast<unsigned>(threads), rig.cameras.size(), [&](size_t i) {
-    int done = 0;
-    const auto progress = [&](double share) {
-      const std::lock_guard lock(mutex);
-      for (; done < static_cast<int>(share * kSteps); done++) progress_bar.step();
-    };
+  for_each_recording("searching for the board", all.size(), threads, [&](size_t i, const auto& progress) {
     BoardFinder finder(rig.cameras[i], board);
     if (videos > 0) {
       finder.add_video(sources[i][0], times, progress);
@@ -234,9 +223,7 @@ BoardRecordings detect_boards(const lf::Rig& rig, const std::string& folder, con
       }
     }
     all[i] = finder.finish();
-    progress(1);
   });
-  progress_bar.finish();
 
   number_pictures(all);
   BoardRecordings result;

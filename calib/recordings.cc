@@ -322,22 +322,28 @@ std::vector<std::string> LightRecordings::troubles(const lf::Rig& rig) const {
   return all;
 }
 
-LightRecordings detect_lights(const lf::Rig& rig, const std::string& folder, bool bar, int threads) {
-  check_folder(folder);
-  std::vector<VideoScan> all(rig.cameras.size());
+void for_each_recording(const std::string& what, size_t count, int threads,
+                        const std::function<void(size_t, const std::function<void(double)>&)>& read) {
   constexpr int kSteps = 100;
-  Progress progress_bar("searching for lights", kSteps * rig.cameras.size());
+  Progress progress_bar(what, kSteps * count);
   std::mutex mutex;
-  lf::WorkerPool().run(static_cast<unsigned>(threads), rig.cameras.size(), [&](size_t i) {
+  lf::WorkerPool().run(static_cast<unsigned>(threads), count, [&](size_t i) {
     int done = 0;
     const auto progress = [&](double share) {
       const std::lock_guard lock(mutex);
       for (; done < static_cast<int>(share * kSteps); done++) progress_bar.step();
     };
-    all[i] = watch(folder, rig, rig.cameras[i], progress);
+    read(i, progress);
     progress(1);
   });
   progress_bar.finish();
+}
+
+LightRecordings detect_lights(const lf::Rig& rig, const std::string& folder, bool bar, int threads) {
+  check_folder(folder);
+  std::vector<VideoScan> all(rig.cameras.size());
+  for_each_recording("searching for lights", all.size(), threads,
+                     [&](size_t i, const auto& progress) { all[i] = watch(folder, rig, rig.cameras[i], progress); });
   LightRecordings result;
   result.sights.bar = bar;
   for (const VideoScan& watched : all) {

@@ -56,6 +56,11 @@ void for_each_video_frame(const std::string& path_or_uri, VideoFormat format,
 // Returns the duration of a video in seconds. Returns 0 if it is unknown, for example for a live source.
 double video_duration(const std::string& path_or_uri);
 
+// Calls `read` for each of `count` recordings, `threads` at a time, and shows a progress bar with the label `what`.
+// `read` passes the completed fraction of its recording, 0 to 1, to its second argument.
+void for_each_recording(const std::string& what, size_t count, int threads,
+                        const std::function<void(size_t, const std::function<void(double)>&)>& read);
+
 // The lights that were detected in the recordings of all cameras of a rig, with the reasons why recordings are
 // unusable.
 struct LightRecordings {
