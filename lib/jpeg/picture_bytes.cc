@@ -12,6 +12,7 @@
 #include "base/text.h"
 #include "jpeg/header.h"
 #include "jpeg/jpeg_frame.h"
+#include "jpeg/libpng_errors.h"
 #include "rig/rig.h"
 
 namespace lf {
@@ -25,17 +26,10 @@ bool begins_with(Bytes bytes, std::string_view magic) {
 
 // --- PNG -------------------------------------------------------------------------------------------------------------
 
-struct PngInput {
+struct PngInput : PngErrors {
+  explicit PngInput(Bytes bytes) : left(bytes) {}
   Bytes left;
-  std::jmp_buf jump;
-  char text[128] = "";
 };
-
-[[noreturn]] void fail_png(png_structp png, png_const_charp text) {
-  auto* input = static_cast<PngInput*>(png_get_error_ptr(png));
-  std::strncpy(input->text, text, sizeof input->text - 1);
-  std::longjmp(input->jump, 1);
-}
 
 void read_png_bytes(png_structp png, png_bytep to, size_t count) {
   auto* input = static_cast<PngInput*>(png_get_io_ptr(png));
@@ -86,9 +80,9 @@ Image decode_png(Bytes bytes) {
   if (has_excess_data(bytes)) throw Error("damaged PNG: more data than pixels");
   Image out;
   std::vector<uint8_t*> rows;
-  PngInput input{.left = bytes, .jump = {}};
-  png_structp png =
-      png_create_read_struct(PNG_LIBPNG_VER_STRING, &input, fail_png, [](png_structp, png_const_charp) {});
+  PngInput input(bytes);
+  png_structp png = png_create_read_struct(PNG_LIBPNG_VER_STRING, static_cast<PngErrors*>(&input), PngErrors::fail,
+                                           PngErrors::ignore);
   png_infop info = png ? png_create_info_struct(png) : nullptr;
   const bool whole = info && read_png(png, info, input, out, rows);
   png_destroy_read_struct(&png, &info, nullptr);

@@ -16,6 +16,7 @@
 #include "base/text.h"
 #include "image/image_file.h"
 #include "jpeg/libjpeg_errors.h"
+#include "jpeg/libpng_errors.h"
 
 namespace lf {
 namespace {
@@ -49,17 +50,9 @@ bool write_jpeg(jpeg_compress_struct& info, jpeg::Errors& errors, const Image& r
 
 // --- PNG -------------------------------------------------------------------------------------------------------------
 
-struct PngOutput {
+struct PngOutput : PngErrors {
   std::vector<uint8_t> bytes;
-  std::jmp_buf jump;
-  char text[128] = "";
 };
-
-[[noreturn]] void fail_png(png_structp png, png_const_charp text) {
-  auto* output = static_cast<PngOutput*>(png_get_error_ptr(png));
-  std::strncpy(output->text, text, sizeof output->text - 1);
-  std::longjmp(output->jump, 1);
-}
 
 void append_png_bytes(png_structp png, png_bytep from, size_t count) {
   auto* output = static_cast<PngOutput*>(png_get_io_ptr(png));
@@ -89,9 +82,9 @@ bool write_png(png_structp png, png_infop info, PngOutput& output, const Image& 
 
 std::vector<uint8_t> encode_png(const Image& rgb) {
   check_pixels(rgb);
-  PngOutput output{.bytes = {}, .jump = {}};
-  png_structp png =
-      png_create_write_struct(PNG_LIBPNG_VER_STRING, &output, fail_png, [](png_structp, png_const_charp) {});
+  PngOutput output;
+  png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, static_cast<PngErrors*>(&output), PngErrors::fail,
+                                            PngErrors::ignore);
   png_infop info = png ? png_create_info_struct(png) : nullptr;
   const bool whole = info && write_png(png, info, output, rgb);
   png_destroy_write_struct(&png, &info);
