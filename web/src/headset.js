@@ -3,6 +3,7 @@
 // direction of the view that it was rendered for, which hides latency. If the browser supports media layers, its
 // compositor shows the video at the display's own rate; otherwise a shader does.
 
+import {useProgram} from './program.js';
 import { anglesOf, axesOf, dot } from './view.js';
 
 const kFar = 100;     // distance of the layer in metres; there, the eye distance is less than a quarter of a pixel
@@ -89,16 +90,7 @@ export class Headset {
   stop() { return this.session?.end(); }
 
   prepare() {
-    const { gl } = this, program = this.program = gl.createProgram();
-    for (const [type, text] of [[gl.VERTEX_SHADER, kVertex], [gl.FRAGMENT_SHADER, kFragment]]) {
-      const shader = gl.createShader(type);
-      gl.shaderSource(shader, text);
-      gl.compileShader(shader);
-      gl.attachShader(program, shader);
-    }
-    gl.linkProgram(program);
-    if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(program));
-    gl.useProgram(program);
+    const {gl} = this, program = this.program = useProgram(gl, kVertex, kFragment);
     gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
     gl.bufferData(gl.ARRAY_BUFFER, new Float32Array([-1, -1, 3, -1, -1, 3]), gl.STATIC_DRAW);
     const corner = gl.getAttribLocation(program, 'corner');

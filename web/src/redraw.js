@@ -6,6 +6,7 @@
 // While the picture shows the requested view, the <video> itself is visible and nothing is drawn.
 
 import { Prediction } from './prediction.js';
+import {useProgram} from './program.js';
 import { clipMatrix, decodeSurface, displacement, kVertexFloats, makeMesh } from './surface.js';
 import { axesOf, kFields } from './view.js';
 
@@ -56,16 +57,7 @@ class Painter {
     this.canvas = canvas;
     const gl = this.gl = canvas.getContext('webgl2', { alpha: false, antialias: false, failIfMajorPerformanceCaveat: true });
     if (!gl || kSoftware.test(rendererOf(gl))) throw new Error('no WebGL 2 on a GPU');
-    const program = gl.createProgram();
-    for (const [type, text] of [[gl.VERTEX_SHADER, kVertex], [gl.FRAGMENT_SHADER, kFragment]]) {
-      const shader = gl.createShader(type);
-      gl.shaderSource(shader, text);
-      gl.compileShader(shader);
-      gl.attachShader(program, shader);
-    }
-    gl.linkProgram(program);
-    if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(program));
-    gl.useProgram(program);
+    const program = useProgram(gl, kVertex, kFragment);
     this.places = Object.fromEntries(
         ['clip_from_ray', 'lens', 'size', 'blur'].map(name => [name, gl.getUniformLocation(program, name)]));
     gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
