@@ -23,7 +23,7 @@ struct SolvedCameras {
 nlohmann::json load_prior(const std::string& path, lf::SolveOptions& options);
 
 // Places the cameras, writes them to the rig file `out` and the report to the file `report` (unless empty), and prints
-// a summary. `original` is the prior rig file, whose other members are kept, or an empty object. `program` is recorded
-// as the origin. Throws lf::Error if cameras are missing; the rig has been written then.
+// a summary. The rig file keeps the other members of `original`: the prior rig file, or an empty object. `program` is
+// recorded as the origin. Throws lf::Error if cameras are missing; the rig has been written then.
 void save_solution(const SolvedCameras& solved, nlohmann::json original, const std::string& program,
                    const std::string& out, const std::string& report, SolveProgress& progress);

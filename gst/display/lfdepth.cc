@@ -10,7 +10,8 @@
  * 65.5 m or more. If the rig has another unit than metres, the values are thousandths of this unit.
  *
  * The depths are those of the focal surface that the picture shows. The compositor finds this surface by comparing the
- * cameras, so depths can be wrong in regions without detail. With focus=plane, all depths are those of the focal plane.
+ * cameras, so depths can be wrong in regions without detail. If the property focus is plane, every pixel has the depth
+ * of the focal plane.
  *
  * The element reads the meta "lightfield-view" of the pictures, not their pixels. Place it before elements that change
  * the size of the pictures or drop metas. Pictures with several views (`views` of lfviewsrc) are refused.

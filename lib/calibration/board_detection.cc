@@ -69,8 +69,8 @@ void refine_corners(const cv::Mat& grey, std::vector<cv::Point2f>& corners, int 
                    {cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 100, 1e-4});
 }
 
-// Refines corners that markers predict. Removes corners whose window leaves the image, or that move out of the window:
-// something hides them. `spacing` is as for window_of().
+// Refines corners that markers predict. Removes a corner if its window leaves the image, or if the corner moves out of
+// the window, because something hides the corner. `spacing` is as for window_of().
 void refine_view(const cv::Mat& grey, BoardView& view, double spacing) {
   std::vector<cv::Point2f> corners;
   for (const Vec2& corner : view.corners)

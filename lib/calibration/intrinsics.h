@@ -55,7 +55,7 @@ ZhangFit fit_zhang(const std::vector<BoardView>& views, const CalibrationBoard& 
 
 // A fit without bad views: views whose error is several times larger than the median are removed one at a time.
 struct GoodViews {
-  ZhangFit fit;              // of the good views
+  ZhangFit fit;              // to the good views
   std::vector<size_t> used;  // indices of the good views, increasing
   std::vector<double> rms;   // of all views in pixels; for a bad view, in the last fit that included the view
 };

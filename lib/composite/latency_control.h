@@ -31,7 +31,7 @@ class LatencyControl {
  private:
   uint64_t set_ = 0, latest_ = 0;  // the latency that the application has set, and the latest result
   unsigned late_pictures_ = 0, late_answers_ = 0, early_pictures_ = 0;
-  uint64_t least_spare_ = std::numeric_limits<uint64_t>::max();  // of the early pictures
+  uint64_t least_spare_ = std::numeric_limits<uint64_t>::max();  // minimum of all early pictures
 };
 
 }  // namespace lf

@@ -11,7 +11,7 @@
 namespace lf {
 namespace {
 
-// Returns true if the depths of a pixel and its neighbours belong to one surface. All of them must be known and finite.
+// Returns true if the depths of a pixel and its neighbours belong to one surface. Requires known and finite depths.
 bool is_inside(const DepthImage& image, int x, int y) {
   constexpr float kEdge = 0.05f;
   const auto at = [&](int column, int row) { return image.depths[static_cast<size_t>(row) * image.width + column]; };

@@ -72,7 +72,7 @@ class ReferenceLens {
 
   Real fx_, fy_, cx_, cy_;
   bool fisheye_ = false;
-  std::array<Real, 5> numerator_ = {1}, denominator_ = {1};  // of the powers of r^2
+  std::array<Real, 5> numerator_ = {1}, denominator_ = {1};  // coefficients for powers of r^2
   Real p1_ = 0, p2_ = 0, s1_ = 0, s2_ = 0;
   Real fold_, longest_;  // of (u, v) and of (a, b)
 };

@@ -126,7 +126,7 @@ TEST(FindBoard, DetectsWrongDescriptions) {
         << described.name();
     EXPECT_EQ(miss, BoardMiss::kOtherBoard) << described.name();
   };
-  // With an odd number of columns of squares, the other layout only shifts all corners by one square.
+  // If the number of columns is odd, the other layout only shifts all corners by one square.
   CalibrationBoard even = kCharuco;
   even.columns = 7;
   expect_other(even, legacy(even));
