@@ -143,8 +143,10 @@ std::optional<P2> ReferenceLens::line_of_sight(const P2& pixel) const {
     const Real yx = (right.y - left.y) / (2 * kStep), yy = (down.y - up.y) / (2 * kStep);
     const Real det = xx * yy - xy * yx;
     const P2 miss{target.x - at.x, target.y - at.y};
+    const P2 before = u;
     u.x += (yy * miss.x - xy * miss.y) / det;
     u.y += (xx * miss.y - yx * miss.x) / det;
+    if (u.x == before.x && u.y == before.y) break;
   }
   const P2 check = bend(u);
   if (!radial_only && !(std::hypot(check.x - target.x, check.y - target.y) < 1e-15L * (1 + length)))
