@@ -13,7 +13,7 @@
 #include "camsrc/picture_sources.h"
 #include "common/common.h"
 #include "common/guard.h"
-#include "common/still_decoder.h"
+#include "common/codecs.h"
 #include "rig/source_security.h"
 
 namespace lf {

@@ -12,7 +12,7 @@
 #include "base/schedule.h"
 #include "base/text.h"
 #include "camsrc/camera_chain.h"
-#include "common/coded_video.h"
+#include "common/codecs.h"
 #include "common/common.h"
 #include "common/gst_wire.h"
 #include "image/image_file.h"
