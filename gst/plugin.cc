@@ -1,22 +1,22 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <gst/gst.h>
 
-#include "bins/lfcameranode.h"
-#include "camsrc/lfcamsrc.h"
-#include "compositor/lfcompositor.h"
 #include "config.h"
-#include "fragment/lffragment.h"
-#include "rtp/rtplfpay.h"
-#include "viewrequest/lfviewrequest.h"
 
+GST_ELEMENT_REGISTER_DECLARE(lfcameranode)
+GST_ELEMENT_REGISTER_DECLARE(lfcamsrc)
+GST_ELEMENT_REGISTER_DECLARE(lfcompositor)
 GST_ELEMENT_REGISTER_DECLARE(lfdepth)
+GST_ELEMENT_REGISTER_DECLARE(lffragment)
 GST_ELEMENT_REGISTER_DECLARE(lflenticular)
 GST_ELEMENT_REGISTER_DECLARE(lfnodesink)
 GST_ELEMENT_REGISTER_DECLARE(lfparse)
 GST_ELEMENT_REGISTER_DECLARE(lfrtpgate)
 GST_ELEMENT_REGISTER_DECLARE(lfrtpseal)
+GST_ELEMENT_REGISTER_DECLARE(lfviewrequest)
 GST_ELEMENT_REGISTER_DECLARE(lfviewsrc)
 GST_ELEMENT_REGISTER_DECLARE(rtplfdepay)
+GST_ELEMENT_REGISTER_DECLARE(rtplfpay)
 GST_TYPE_FIND_REGISTER_DECLARE(lightfield)
 
 static gboolean plugin_init(GstPlugin* plugin) {

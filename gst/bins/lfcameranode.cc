@@ -49,6 +49,7 @@
 #include "bins/lfcameranode.h"
 
 #include <algorithm>
+#include <atomic>
 #include <filesystem>
 #include <map>
 #include <memory>
@@ -198,8 +199,8 @@ struct _LfCameraNode {
   std::shared_ptr<const lf::Rig>* rig;
   std::vector<GstElement*>* cameras;          // borrowed; guarded by the object lock
   std::shared_ptr<lf::Recording>* recording;  // null if not recording; guarded by the object lock
-  bool failed;                                // the error "No camera works" has been posted; guarded by the object lock
-  bool no_camera;                             // the loss of all cameras has been reported; guarded by the object lock
+  std::atomic<bool> failed;                   // the error "No camera works" has been posted since the last start
+  std::atomic<bool> no_camera;                // the loss of all cameras has been reported
 };
 
 G_DEFINE_TYPE_WITH_CODE(LfCameraNode, lf_camera_node, GST_TYPE_BIN,
@@ -257,11 +258,10 @@ static void finish_recording(LfCameraNode* self) {
   self->recording->reset();
 }
 
-static std::vector<lf::ElementPtr> hold_camera_locks(LfCameraNode* self) {
+static std::vector<lf::ElementPtr> hold_cameras(LfCameraNode* self) {
   std::vector<lf::ElementPtr> cameras;
-  lf::ObjectLock lock(self);
+  const lf::ObjectLock lock(self);
   for (GstElement* camera : *self->cameras) cameras.emplace_back(GST_ELEMENT(gst_object_ref(camera)));
-  lock.unlock();
   return cameras;
 }
 
@@ -278,7 +278,7 @@ struct LostCameras {
 // opened for the first time.
 static std::optional<LostCameras> lost_cameras(LfCameraNode* self) {
   LostCameras losses;
-  for (const lf::ElementPtr& camera : hold_camera_locks(self)) {
+  for (const lf::ElementPtr& camera : hold_cameras(self)) {
     const lf::CameraLifecycle::Report report = lf_cam_src_lifecycle(LF_CAM_SRC(camera.get())).report();
     if (report.state != lf::CameraLifecycle::State::kLost) return std::nullopt;
     losses.has_worked = losses.has_worked || report.worked;
@@ -288,19 +288,12 @@ static std::optional<LostCameras> lost_cameras(LfCameraNode* self) {
   return losses;
 }
 
-static bool exchange_flag(LfCameraNode* self, bool* flag, bool value) {
-  GST_OBJECT_LOCK(self);
-  const bool before = std::exchange(*flag, value);
-  GST_OBJECT_UNLOCK(self);
-  return before;
-}
-
-static void note_found(LfCameraNode* self) { exchange_flag(self, &self->no_camera, false); }
-
 static void post_no_camera(LfCameraNode* self, const LostCameras& losses) {
-  if (exchange_flag(self, &self->no_camera, true)) return;
-  // A camera may have returned just before the flag was set.
-  if (!lost_cameras(self)) return note_found(self);
+  if (self->no_camera.exchange(true)) return;
+  if (!lost_cameras(self)) {  // a camera may have returned just before the flag was set
+    self->no_camera = false;
+    return;
+  }
   const std::string reasons = lf::grouped_reasons(losses.reasons, "; ");
   GstStructure* structure =
       gst_structure_new(LF_NO_CAMERA, "cameras", G_TYPE_UINT, static_cast<guint>(losses.reasons.size()), "reason",
@@ -315,37 +308,23 @@ static void check_cameras(LfCameraNode* self) {
   const std::optional<LostCameras> losses = lost_cameras(self);
   if (!losses) return;
   if (losses->has_worked && !losses->for_good) return post_no_camera(self, *losses);
-  if (exchange_flag(self, &self->failed, true)) return;
+  if (self->failed.exchange(true)) return;
   GST_ELEMENT_ERROR(self, RESOURCE, NOT_FOUND,
                     ("No camera works:\n%s", lf::grouped_reasons(losses->reasons, "\n").c_str()), (nullptr));
 }
 
-// Waits until each camera has delivered a frame or is lost, but at most for kStartTimeout. If no camera works,
-// has_failed() then returns true, so the state change can fail with a clear error.
+// Waits until each camera has delivered a frame or is lost, but at most for kStartTimeout. If no camera works, `failed`
+// is then true, so the state change can fail with a clear error.
 static void wait_for_cameras(LfCameraNode* self) {
   constexpr uint64_t kStartTimeout = 2'000'000'000;
   const auto is_opening = [](const lf::ElementPtr& camera) {
     return lf_cam_src_lifecycle(LF_CAM_SRC(camera.get())).state() == lf::CameraLifecycle::State::kOpening;
   };
-  const std::vector<lf::ElementPtr> cameras = hold_camera_locks(self);
+  const std::vector<lf::ElementPtr> cameras = hold_cameras(self);
   for (const uint64_t end = lf::now_ns() + kStartTimeout;
        lf::now_ns() < end && std::ranges::any_of(cameras, is_opening);)
     g_usleep(1000);
   check_cameras(self);  // The camera updates its state before it posts its message.
-}
-
-// Returns true if the error "No camera works" has been posted since forget_failure().
-static bool has_failed(LfCameraNode* self) {
-  GST_OBJECT_LOCK(self);
-  const bool failed = self->failed;
-  GST_OBJECT_UNLOCK(self);
-  return failed;
-}
-
-static void forget_failure(LfCameraNode* self) {
-  GST_OBJECT_LOCK(self);
-  self->failed = self->no_camera = false;
-  GST_OBJECT_UNLOCK(self);
 }
 
 // Returns the value of the property `stats`: the counters of lffragment and the structure `cameras` with one structure
@@ -356,7 +335,7 @@ static GstStructure* stats_of(LfCameraNode* self) {
   if (!stats) stats = gst_structure_new_empty("lightfield-fragment-stats");
   g_autoptr(GstStructure) cameras = gst_structure_new_empty("lightfield-cameras");
   const std::shared_ptr<lf::Recording> recording = find_recording(self);
-  for (const lf::ElementPtr& camera : hold_camera_locks(self)) {
+  for (const lf::ElementPtr& camera : hold_cameras(self)) {
     guint id = 0;
     g_object_get(camera.get(), "camera", &id, nullptr);
     const std::string name = "camera-" + std::to_string(id);
@@ -381,19 +360,15 @@ using Properties = lf::Properties<settings_of, stats_of>;
 static Settings current_settings(LfCameraNode* self) { return Properties::now(self); }
 
 static void remove_cameras(LfCameraNode* self) {
-  GST_OBJECT_LOCK(self);
+  lf::ObjectLock lock(self);
   const std::vector<GstElement*> cameras = std::exchange(*self->cameras, {});
-  GST_OBJECT_UNLOCK(self);
+  lock.unlock();
   for (GstElement* camera : cameras) {
-    GstPad* src = gst_element_get_static_pad(camera, "src");
-    GstPad* sink = gst_pad_get_peer(src);
+    g_autoptr(GstPad) src = gst_element_get_static_pad(camera, "src");
+    g_autoptr(GstPad) sink = gst_pad_get_peer(src);
     gst_element_set_state(camera, GST_STATE_NULL);
     gst_bin_remove(GST_BIN(self), camera);
-    if (sink) {
-      gst_element_release_request_pad(self->fragment, sink);
-      gst_object_unref(sink);
-    }
-    gst_object_unref(src);
+    if (sink) gst_element_release_request_pad(self->fragment, sink);
   }
 }
 
@@ -410,15 +385,11 @@ static void add_camera(LfCameraNode* self, const Settings& settings, const lf::R
   lf_cam_src_set_optional(LF_CAM_SRC(camera));
   gst_util_set_object_arg(G_OBJECT(camera), "framerate",
                           (std::to_string(settings.fps_n) + "/" + std::to_string(settings.fps_d)).c_str());
-  {
-    const lf::ObjectLock lock(self);
-    self->cameras->reserve(self->cameras->size() + 1);  // push_back() below must not throw after gst_bin_add()
-  }
   if (!settings.record.empty()) tap_camera(self, camera, rig.cameras[index].id);
-  gst_bin_add(GST_BIN(self), camera);
   lf::ObjectLock lock(self);
-  self->cameras->push_back(camera);
+  self->cameras->push_back(camera);  // first, because it may throw
   lock.unlock();
+  gst_bin_add(GST_BIN(self), camera);
   if (!gst_element_link_pads(camera, "src", self->fragment, ("sink_" + std::to_string(index)).c_str()))
     throw lf::Error(settings.rig + ": camera " + id + ": can't be linked with lffragment");
   gst_child_proxy_set(GST_CHILD_PROXY(self->fragment), ("sink_" + std::to_string(index) + "::camera").c_str(),
@@ -465,8 +436,8 @@ static bool open_cameras(LfCameraNode* self) {
   return false;
 }
 
-// Returns true if the rig has the same cameras and sources as the open rig. Otherwise sets *problem to the difference.
-static bool has_same_sources(LfCameraNode* self, const lf::Rig& rig, std::string* problem) {
+// Returns how the cameras and sources of the rig differ from those of the open rig, or "" if they are the same.
+static std::string source_change(LfCameraNode* self, const lf::Rig& rig) {
   const lf::Rig& before = **self->rig;
   const auto place = [](const lf::Rig& of, const std::string& path) {
     return lf::is_uri(path) ? path : std::filesystem::path(of.resolve(path)).lexically_normal().string();
@@ -483,10 +454,9 @@ static bool has_same_sources(LfCameraNode* self, const lf::Rig& rig, std::string
       if (place(before, was.source) != place(rig, now.source) || place(before, was.image) != place(rig, now.image))
         throw lf::Error("camera " + std::to_string(was.id) + " has another source");
     }
-    return true;
+    return "";
   } catch (const lf::Error& error) {
-    *problem = error.what();
-    return false;
+    return error.what();
   }
 }
 
@@ -495,8 +465,7 @@ static void lf_camera_node_set_rig(LfCameraNode* self, const gchar* path) {
   if (lf::is_running(GST_ELEMENT(self))) {
     const std::shared_ptr<const lf::Rig> rig = lf::reload_rig(GST_ELEMENT(self), path);
     if (!rig) return;
-    std::string problem;
-    if (!has_same_sources(self, *rig, &problem)) {
+    if (const std::string problem = source_change(self, *rig); !problem.empty()) {
       GST_ELEMENT_WARNING(
           self, RESOURCE, SETTINGS,
           ("%s: %s: restart this node to use this rig. The current rig stays in use.", path, problem.c_str()),
@@ -506,16 +475,15 @@ static void lf_camera_node_set_rig(LfCameraNode* self, const gchar* path) {
     g_object_set(self->fragment, "rig", path, nullptr);
     if (const auto recording = find_recording(self)) recording->update_rig(*rig, path);
   }
-  lf::ObjectLock lock(self);
+  const lf::ObjectLock lock(self);
   self->settings->rig = path ? path : "";
-  lock.unlock();
 }
 
 static void lf_camera_node_handle_message(GstBin* bin, GstMessage* message) {
   const GstStructure* structure =
       GST_MESSAGE_TYPE(message) == GST_MESSAGE_ELEMENT ? gst_message_get_structure(message) : nullptr;
   const bool is_loss = structure && gst_structure_has_name(structure, LF_CAMERA_LOST);
-  if (structure && gst_structure_has_name(structure, LF_CAMERA_FOUND)) note_found(LF_CAMERA_NODE(bin));
+  if (structure && gst_structure_has_name(structure, LF_CAMERA_FOUND)) LF_CAMERA_NODE(bin)->no_camera = false;
   GST_BIN_CLASS(lf_camera_node_parent_class)->handle_message(bin, message);
   if (is_loss) check_cameras(LF_CAMERA_NODE(bin));
 }
@@ -526,12 +494,12 @@ static GstStateChangeReturn lf_camera_node_change_state(GstElement* element, Gst
                      (transition == GST_STATE_CHANGE_READY_TO_PAUSED && *self->opened != current_settings(self));
   if (stale && !open_cameras(self)) return GST_STATE_CHANGE_FAILURE;
   const bool starts = transition == GST_STATE_CHANGE_NULL_TO_READY || transition == GST_STATE_CHANGE_READY_TO_PAUSED;
-  if (starts) forget_failure(self);
+  if (starts) self->failed = self->no_camera = false;
   if (transition == GST_STATE_CHANGE_READY_TO_PAUSED && !start_recording(self)) return GST_STATE_CHANGE_FAILURE;
   GstStateChangeReturn result = GST_ELEMENT_CLASS(lf_camera_node_parent_class)->change_state(element, transition);
   if (transition == GST_STATE_CHANGE_READY_TO_PAUSED && !self->opened->is_live && result == GST_STATE_CHANGE_SUCCESS)
     wait_for_cameras(self);
-  if (starts && has_failed(self)) result = GST_STATE_CHANGE_FAILURE;
+  if (starts && self->failed) result = GST_STATE_CHANGE_FAILURE;
   if (transition == GST_STATE_CHANGE_PAUSED_TO_READY ||
       (transition == GST_STATE_CHANGE_READY_TO_PAUSED && result == GST_STATE_CHANGE_FAILURE))
     finish_recording(self);
@@ -571,14 +539,12 @@ static void lf_camera_node_finalize(GObject* object) {
 }
 
 static GstPad* add_ghost_pad(LfCameraNode* self, const char* name, GstStaticPadTemplate* static_template) {
-  GstPadTemplate* pad_template = gst_static_pad_template_get(static_template);
-  GstPad* target = self->fragment ? gst_element_get_static_pad(self->fragment, name) : nullptr;
+  g_autoptr(GstPadTemplate) pad_template = gst_static_pad_template_get(static_template);
+  g_autoptr(GstPad) target = self->fragment ? gst_element_get_static_pad(self->fragment, name) : nullptr;
   GstPad* pad = target ? gst_ghost_pad_new_from_template(name, target, pad_template)
                        : gst_ghost_pad_new_no_target_from_template(name, pad_template);
   if (GST_PAD_IS_SINK(pad)) lf::accept_unit_caps(pad);
   gst_element_add_pad(GST_ELEMENT(self), pad);
-  gst_clear_object(&target);
-  gst_object_unref(pad_template);
   return pad;
 }
 
@@ -586,11 +552,10 @@ static GstPad* add_ghost_pad(LfCameraNode* self, const char* name, GstStaticPadT
 static GstPad* lf_camera_node_new_pad(GstElement* element, GstPadTemplate*, const gchar* name, const GstCaps*) {
   LfCameraNode* self = LF_CAMERA_NODE(element);
   if (!self->fragment) return nullptr;
-  GstPad* target = gst_element_request_pad_simple(self->fragment, name ? name : "request_%u");
+  g_autoptr(GstPad) target = gst_element_request_pad_simple(self->fragment, name ? name : "request_%u");
   if (!target) return nullptr;
   const std::string request_name = GST_PAD_NAME(target);
   const std::string src_name = "src" + request_name.substr(sizeof("request") - 1);
-  gst_object_unref(target);
   gst_pad_set_active(add_ghost_pad(self, src_name.c_str(), &more_src_template), TRUE);
   GstPad* pad = add_ghost_pad(self, request_name.c_str(), &more_request_template);
   gst_pad_set_active(pad, TRUE);
@@ -600,17 +565,14 @@ static GstPad* lf_camera_node_new_pad(GstElement* element, GstPadTemplate*, cons
 static void lf_camera_node_release_pad(GstElement* element, GstPad* pad) {
   LfCameraNode* self = LF_CAMERA_NODE(element);
   const std::string src_name = "src" + std::string(GST_PAD_NAME(pad)).substr(sizeof("request") - 1);
-  GstPad* target = gst_ghost_pad_get_target(GST_GHOST_PAD(pad));
-  if (GstPad* src = gst_element_get_static_pad(element, src_name.c_str())) {
-    gst_pad_set_active(src, FALSE);
-    gst_element_remove_pad(element, src);
-    gst_object_unref(src);
+  g_autoptr(GstPad) target = gst_ghost_pad_get_target(GST_GHOST_PAD(pad));
+  g_autoptr(GstPad) src = gst_element_get_static_pad(element, src_name.c_str());
+  for (GstPad* removed : {src, pad}) {
+    if (!removed) continue;
+    gst_pad_set_active(removed, FALSE);
+    gst_element_remove_pad(element, removed);
   }
-  gst_pad_set_active(pad, FALSE);
-  gst_element_remove_pad(element, pad);
-  if (!target) return;
-  gst_element_release_request_pad(self->fragment, target);
-  gst_object_unref(target);
+  if (target) gst_element_release_request_pad(self->fragment, target);
 }
 
 static void lf_camera_node_class_init(LfCameraNodeClass* klass) {

@@ -81,6 +81,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -119,8 +120,9 @@ struct Viewer {
   std::unique_ptr<lf::RequestedPads> requests;
 };
 
-struct Hosts {
-  std::string nodes, listen, key_file, peers;
+// The hosts with the cameras and the viewers, and the security of the requests from the viewers.
+struct Hosts : lf::RtpSecurity {
+  std::string nodes, listen;
   bool operator==(const Hosts&) const = default;
   bool any() const { return !nodes.empty() || !listen.empty(); }
 };
@@ -146,11 +148,9 @@ bool is_own(const char* name) {
 
 struct _LfViewSrc {
   GstBin parent;
-  // Guarded by the object lock:
-  Settings* settings;
-  bool by_uri;  // the rig was set by a URI and is not trusted
-
-  gint failed;  // atomic; 1 after a child has posted an error during the current state change
+  Settings* settings;        // guarded by the object lock
+  std::atomic<bool> by_uri;  // the rig was set by a URI and is not trusted
+  std::atomic<bool> failed;  // a child has posted an error during the current state change
 
   GstElement *view, *compositor;  // of the viewer of pad `src`, borrowed; null if the elements are not installed
   // Lock order: acquire `mutex` before all other locks, because bins emit signals to applications when children change.
@@ -226,46 +226,33 @@ lf::PropertyTable<Settings>& Settings::properties() {
 static Settings& settings_of(LfViewSrc* self) { return *self->settings; }
 using Properties = lf::Properties<settings_of>;
 
-static std::string rig_of(LfViewSrc* self) { return Properties::now(self).rig; }
-static Hosts hosts_of(LfViewSrc* self) { return Properties::now(self); }
-static bool is_live(LfViewSrc* self) { return Properties::now(self).is_live; }
-static std::string record_of(LfViewSrc* self) { return Properties::now(self).record; }
-
-static GstElement* find_node(LfViewSrc* self) { return gst_bin_get_by_name(GST_BIN(self), "node"); }
+static lf::ElementPtr find_node(LfViewSrc* self) { return lf::ElementPtr(gst_bin_get_by_name(GST_BIN(self), "node")); }
 
 static void set_node(LfViewSrc* self) {
-  GstElement* node = find_node(self);
+  const lf::ElementPtr node = find_node(self);
   if (!node) return;
   const Settings settings = Properties::now(self);
   const auto text_or_null = [](const std::string& text) { return text.empty() ? nullptr : text.c_str(); };
-  g_object_set(node, "is-live", settings.is_live, "rig", text_or_null(settings.rig), "record",
+  g_object_set(node.get(), "is-live", settings.is_live, "rig", text_or_null(settings.rig), "record",
                text_or_null(settings.record), "renderer", static_cast<gint>(settings.renderer), "trusted",
                settings.trusted, nullptr);
-  gst_object_unref(node);
 }
 
 static void follow_access(LfViewSrc* self, const lf::ViewerChain& viewer) {
-  GstElement* node = find_node(self);
+  const lf::ElementPtr node = find_node(self);
   if (!node) return;
   gint access = 0;
-  g_object_get(node, "access", &access, nullptr);
-  gst_object_unref(node);
+  g_object_get(node.get(), "access", &access, nullptr);
   if (access != static_cast<gint>(lf::Access::kSelf)) g_object_set(viewer.view(), "access", access, nullptr);
-}
-
-static void set_by_uri(LfViewSrc* self, bool by_uri) {
-  const lf::ObjectLock lock(self);
-  self->by_uri = by_uri;
 }
 
 // Changes the rig of the running camera node. Returns false if the node rejects the rig, for example because its
 // cameras differ. The viewers must then keep their current rig, too.
 static bool set_rig_of_elements(LfViewSrc* self, const gchar* path) {
-  if (GstElement* node = find_node(self)) {
-    g_object_set(node, "rig", path, nullptr);
+  if (const lf::ElementPtr node = find_node(self)) {
+    g_object_set(node.get(), "rig", path, nullptr);
     g_autofree gchar* taken = nullptr;
-    g_object_get(node, "rig", &taken, nullptr);
-    gst_object_unref(node);
+    g_object_get(node.get(), "rig", &taken, nullptr);
     if (g_strcmp0(taken, path) != 0) return false;
   }
   for (auto& [name, viewer] : self->inside->viewers) {
@@ -293,7 +280,7 @@ static void lf_view_src_set_property(GObject* object, guint id, const GValue* va
   const std::lock_guard lock(self->inside->mutex);
   if (lf::is_named(pspec, "rig") && !set_rig_of_elements(self, g_value_get_string(value))) return;
   Properties::set(object, id, value, pspec);
-  if (lf::is_named(pspec, "rig")) set_by_uri(self, false);
+  if (lf::is_named(pspec, "rig")) self->by_uri = false;
   if (lf::is_named(pspec, "is-live")) set_live_of_elements(self, g_value_get_boolean(value));
   if (lf::is_named(pspec, "record") || lf::is_named(pspec, "renderer") || lf::is_named(pspec, "trusted"))
     set_node(self);
@@ -328,7 +315,7 @@ static const gchar* const* lf_view_src_protocols(GType) {
 }
 
 static gchar* lf_view_src_uri(GstURIHandler* handler) {
-  const std::string rig = rig_of(LF_VIEW_SRC(handler));
+  const std::string rig = Properties::now(LF_VIEW_SRC(handler)).rig;
   if (rig.empty()) return nullptr;
   g_autofree gchar* whole = g_canonicalize_filename(rig.c_str(), nullptr);
   g_autofree gchar* escaped = g_uri_escape_string(whole, G_URI_RESERVED_CHARS_ALLOWED_IN_PATH, FALSE);
@@ -344,7 +331,7 @@ static gboolean lf_view_src_set_uri(GstURIHandler* handler, const gchar* uri, GE
   }
   const std::lock_guard lock(LF_VIEW_SRC(handler)->inside->mutex);
   g_object_set(handler, "rig", path, nullptr);
-  set_by_uri(LF_VIEW_SRC(handler), true);
+  LF_VIEW_SRC(handler)->by_uri = true;
   return TRUE;
 }
 
@@ -415,7 +402,7 @@ constexpr guint kFirstOfReopened = 1 << 20;
 static guint choose_view_id(LfViewSrc* self, const std::string& ending) {
   std::set<guint>& used = self->inside->view_ids;
   const guint id = ending.empty() ? 0 : static_cast<guint>(g_ascii_strtoull(ending.c_str() + 1, nullptr, 10)) + 1;
-  if (used.insert(id).second || !hosts_of(self).listen.empty()) return id;
+  if (used.insert(id).second || !Properties::now(self).listen.empty()) return id;
   guint next = kFirstOfReopened;
   if (*used.rbegin() >= next) next = *used.rbegin() + 1;
   used.insert(next);
@@ -433,20 +420,17 @@ static std::shared_ptr<Viewer> add_viewer(LfViewSrc* self, const std::string& na
   const std::string ending = name.substr(sizeof("src") - 1);
   const auto viewer = std::make_shared<Viewer>(GST_BIN(self), choose_view_id(self, ending), ending);
   inside.viewers[name] = viewer;
-  const std::string rig = rig_of(self);
-  if (!rig.empty()) {
-    g_object_set(viewer->chain.view(), "rig", rig.c_str(), nullptr);
-    g_object_set(viewer->chain.compositor(), "rig", rig.c_str(), nullptr);
-  }
-  viewer->chain.set_live(is_live(self));
+  const Settings settings = Properties::now(self);
+  if (!settings.rig.empty())
+    for (GstElement* element : {viewer->chain.view(), viewer->chain.compositor()})
+      g_object_set(element, "rig", settings.rig.c_str(), nullptr);
+  viewer->chain.set_live(settings.is_live);
   return viewer;
 }
 
 static GstPad* add_ghost_pad(LfViewSrc* self, const Viewer& viewer, const char* name, const char* template_name) {
   GstPadTemplate* templ = gst_element_class_get_pad_template(GST_ELEMENT_GET_CLASS(self), template_name);
-  GstPad* target = viewer.chain.pictures();
-  GstPad* pad = gst_ghost_pad_new_from_template(name, target, templ);
-  gst_object_unref(target);
+  GstPad* pad = gst_ghost_pad_new_from_template(name, viewer.chain.pictures().get(), templ);
   if (lf::is_running(GST_ELEMENT(self))) gst_pad_set_active(pad, TRUE);
   gst_element_add_pad(GST_ELEMENT(self), pad);
   return pad;
@@ -479,30 +463,6 @@ static GstPad* lf_view_src_new_pad(GstElement* element, GstPadTemplate*, const g
   return nullptr;
 }
 
-namespace {
-
-struct CloseTask {
-  std::shared_ptr<Viewer> viewer;
-  GstPad* pad;
-};
-
-void close_viewer(GstElement*, gpointer data) {
-  auto& [viewer, pad] = *static_cast<CloseTask*>(data);
-  viewer->chain.close([&] {
-    viewer->requests.reset();
-    viewer->pads.reset();
-  });
-  gst_pad_set_active(pad, FALSE);
-}
-
-void free_closing(gpointer data) {
-  CloseTask* closing = static_cast<CloseTask*>(data);
-  gst_object_unref(closing->pad);
-  delete closing;
-}
-
-}  // namespace
-
 // Stops the viewer in another thread, because the caller may be a streaming thread of this viewer, or an application
 // that holds its last picture.
 static void lf_view_src_release_pad(GstElement* element, GstPad* pad) {
@@ -513,12 +473,19 @@ static void lf_view_src_release_pad(GstElement* element, GstPad* pad) {
     gst_element_remove_pad(element, pad);
     return;
   }
-  CloseTask* closing = new CloseTask{found->second, GST_PAD(gst_object_ref(pad))};
+  std::shared_ptr<Viewer> viewer = found->second;
+  lf::PadPtr closed(GST_PAD(gst_object_ref(pad)));
   self->inside->viewers.erase(found);
   gst_ghost_pad_set_target(GST_GHOST_PAD(pad), nullptr);
   gst_element_remove_pad(element, pad);
-  closing->viewer->chain.take_out();
-  gst_element_call_async(element, lf::callback<close_viewer>, closing, free_closing);
+  viewer->chain.take_out();
+  lf::call_async(element, [viewer = std::move(viewer), closed = std::move(closed)] {
+    viewer->chain.close([&] {
+      viewer->requests.reset();
+      viewer->pads.reset();
+    });
+    gst_pad_set_active(closed.get(), FALSE);
+  });
 }
 
 static void add_main_viewer(LfViewSrc* self) {
@@ -553,8 +520,6 @@ static void drop_hosts(LfViewSrc* self) {
   inside.cameras.reset();
 }
 
-static lf::RtpSecurity request_security(const Hosts& hosts) { return {hosts.key_file, hosts.peers}; }
-
 // Returns f(), with the name of the property in front of the text of any Error.
 template <typename F>
 static auto of_property(const char* name, F f) {
@@ -579,7 +544,7 @@ static std::unique_ptr<lf::ViewerRequests> requests_of(LfViewSrc* self, const Ho
       throw lf::Error(
           "must be one port, because the requests of all viewers arrive at the "
           "same port");
-    return std::make_unique<lf::ViewerRequests>(GST_BIN(self), places[0], request_security(hosts));
+    return std::make_unique<lf::ViewerRequests>(GST_BIN(self), places[0], hosts);
   });
 }
 
@@ -597,10 +562,7 @@ static void change_hosts(LfViewSrc* self, const Hosts& hosts) {
     throw;
   }
   lf::bind_limits(GST_BIN(self), self->compositor);
-  if (GstElement* node = gst_bin_get_by_name(GST_BIN(self), "node")) {
-    g_object_set(node, "loop", TRUE, nullptr);
-    gst_object_unref(node);
-  }
+  if (const lf::ElementPtr node = find_node(self)) g_object_set(node.get(), "loop", TRUE, nullptr);
   set_node(self);
 }
 
@@ -613,21 +575,15 @@ static void refuse_described_sources(const lf::Rig& rig, const std::string& path
                       ": its source describes elements, which no URI opens: set the property rig instead of a URI");
 }
 
-static bool is_by_uri(LfViewSrc* self) {
-  const lf::ObjectLock lock(self);
-  return self->by_uri;
-}
-
 // Called before READY and before PAUSED. Returns false after posting an error.
 static bool prepare(LfViewSrc* self) {
   const std::lock_guard lock(self->inside->mutex);
-  const std::string rig = rig_of(self);
-  const Hosts hosts = hosts_of(self);
+  const Settings hosts = Properties::now(self);
   try {
-    if (rig.empty()) throw lf::Error("rig: not set (rig=RIG.json names the array's rig file)");
-    const std::shared_ptr<const lf::Rig> read = lf::shared_rig(rig);
-    if (is_by_uri(self) && hosts.nodes.empty()) refuse_described_sources(*read, rig);
-    if (hosts.any() && !is_live(self))
+    if (hosts.rig.empty()) throw lf::Error("rig: not set (rig=RIG.json names the array's rig file)");
+    const std::shared_ptr<const lf::Rig> read = lf::shared_rig(hosts.rig);
+    if (self->by_uri && hosts.nodes.empty()) refuse_described_sources(*read, hosts.rig);
+    if (hosts.any() && !hosts.is_live)
       throw lf::Error("nodes and listen: the cameras on other hosts are live, so is-live must be true");
     if (!hosts.any() && !hosts.key_file.empty())
       throw lf::Error(
@@ -635,7 +591,7 @@ static bool prepare(LfViewSrc* self) {
     if (hosts.listen.empty() && !hosts.peers.empty())
       throw lf::Error(
           "peers: has no effect without listen, because this element then receives no requests of other hosts");
-    if (!hosts.nodes.empty() && !record_of(self).empty())
+    if (!hosts.nodes.empty() && !hosts.record.empty())
       throw lf::Error("record: the cameras are on other hosts, which record their own (lfnodesink record=FOLDER)");
     if (!self->view)
       throw lf::Error(
@@ -659,11 +615,6 @@ static GstClock* hosts_clock(LfViewSrc* self) {
   return GST_CLOCK(gst_object_ref(self->inside->realtime));
 }
 
-static void warn_without_key(LfViewSrc* self) {
-  const Hosts hosts = hosts_of(self);
-  if (!hosts.listen.empty()) lf::warn_without_key(GST_ELEMENT(self), request_security(hosts));
-}
-
 static GstClock* lf_view_src_provide_clock(GstElement* element) {
   GstClock* clock = GST_ELEMENT_CLASS(lf_view_src_parent_class)->provide_clock(element);
   return clock ? clock : hosts_clock(LF_VIEW_SRC(element));
@@ -673,30 +624,28 @@ static GstStateChangeReturn lf_view_src_change_state(GstElement* element, GstSta
   LfViewSrc* self = LF_VIEW_SRC(element);
   const bool starts = transition == GST_STATE_CHANGE_NULL_TO_READY || transition == GST_STATE_CHANGE_READY_TO_PAUSED;
   if (starts && !prepare(self)) return GST_STATE_CHANGE_FAILURE;
-  if (transition == GST_STATE_CHANGE_READY_TO_PAUSED) warn_without_key(self);
-  g_atomic_int_set(&self->failed, 0);
+  const Hosts hosts = Properties::now(self);
+  if (transition == GST_STATE_CHANGE_READY_TO_PAUSED && !hosts.listen.empty()) lf::warn_without_key(element, hosts);
+  self->failed = false;
   GstStateChangeReturn result = GST_ELEMENT_CLASS(lf_view_src_parent_class)->change_state(element, transition);
   // Fails the state change if an error arrives during it, because gst-launch-1.0 hangs after an error that is posted
   // before its main loop runs.
-  if (starts && g_atomic_int_get(&self->failed)) result = GST_STATE_CHANGE_FAILURE;
+  if (starts && self->failed) result = GST_STATE_CHANGE_FAILURE;
   // Makes the pipeline select its clock again, because the next run may have other cameras.
   const bool begun = transition == GST_STATE_CHANGE_READY_TO_PAUSED && result != GST_STATE_CHANGE_FAILURE;
   if (!begun && transition != GST_STATE_CHANGE_PAUSED_TO_READY) return result;
-  if (GstClock* clock = hosts_clock(self)) {
+  g_autoptr(GstClock) clock = hosts_clock(self);
+  if (clock)
     gst_element_post_message(element, begun ? gst_message_new_clock_provide(GST_OBJECT(element), clock, TRUE)
                                             : gst_message_new_clock_lost(GST_OBJECT(element), clock));
-    gst_object_unref(clock);
-  }
   return result;
 }
 
 static gboolean lf_view_src_send_event(GstElement* element, GstEvent* event) {
   if (gst_event_type_get_flags(GST_EVENT_TYPE(event)) & GST_EVENT_TYPE_DOWNSTREAM)
     return GST_ELEMENT_CLASS(lf_view_src_parent_class)->send_event(element, event);
-  GstPad* pad = gst_element_get_static_pad(element, "src");
-  const gboolean done = gst_pad_send_event(pad, event);
-  gst_object_unref(pad);
-  return done;
+  g_autoptr(GstPad) pad = gst_element_get_static_pad(element, "src");
+  return gst_pad_send_event(pad, event);
 }
 
 static void lf_view_src_dispose(GObject* object) {
@@ -719,7 +668,7 @@ static void lf_view_src_finalize(GObject* object) {
 }
 
 static void lf_view_src_handle_message(GstBin* bin, GstMessage* message) {
-  if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR) g_atomic_int_set(&LF_VIEW_SRC(bin)->failed, 1);
+  if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR) LF_VIEW_SRC(bin)->failed = true;
   GST_BIN_CLASS(lf_view_src_parent_class)->handle_message(bin, lf::with_port(message));
 }
 

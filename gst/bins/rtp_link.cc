@@ -7,6 +7,7 @@
 #include <fstream>
 
 #include "base/text.h"
+#include "common/gst_pointers.h"
 #include "rtp/peers.h"
 #include "wire/unit.h"
 
@@ -129,18 +130,10 @@ CameraHosts::CameraHosts(GstBin* bin, const std::vector<NodeAddress>& nodes, con
 }
 
 void bind_limits(GstBin* bin, GstElement* element) {
-  for (const char* factory : {"rtplfdepay", "lfcameranode"}) {
-    GstIterator* all = gst_bin_iterate_all_by_element_factory_name(bin, factory);
-    GValue item = G_VALUE_INIT;
-    while (gst_iterator_next(all, &item) == GST_ITERATOR_OK) {
-      auto* const follower = static_cast<GObject*>(g_value_get_object(&item));
-      if (follower != G_OBJECT(element))
-        g_object_bind_property(element, "limits", follower, "limits", G_BINDING_SYNC_CREATE);
-      g_value_reset(&item);
-    }
-    g_value_unset(&item);
-    gst_iterator_free(all);
-  }
+  for (const char* factory : {"rtplfdepay", "lfcameranode"})
+    for (const ElementPtr& follower : take_elements(gst_bin_iterate_all_by_element_factory_name(bin, factory)))
+      if (follower.get() != element)
+        g_object_bind_property(element, "limits", follower.get(), "limits", G_BINDING_SYNC_CREATE);
 }
 
 GstMessage* with_port(GstMessage* message) {

@@ -31,19 +31,13 @@ static GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
 
 static std::string pad_name(guint view_id) { return "src_" + std::to_string(view_id); }
 
-// Returns the pad of the viewer that a unit is for. Returns null if the view is unknown or the buffer is not a unit.
-static GstPad* pad_of(LfViewSplit* self, GstBuffer* unit) {
+static GstFlowReturn lf_view_split_chain(GstPad*, GstObject* parent, GstBuffer* unit) {
   const std::optional<uint32_t> view = lf::view_of(unit);
-  return view ? gst_element_get_static_pad(GST_ELEMENT(self), pad_name(*view).c_str()) : nullptr;
-}
-
-static GstFlowReturn lf_view_split_chain(GstPad*, GstObject* parent, GstBuffer* buffer) {
-  if (GstPad* pad = pad_of(LF_VIEW_SPLIT(parent), buffer)) {
-    gst_pad_push(pad, buffer);
-    gst_object_unref(pad);
-  } else {
-    gst_buffer_unref(buffer);
-  }
+  g_autoptr(GstPad) pad = view ? gst_element_get_static_pad(GST_ELEMENT(parent), pad_name(*view).c_str()) : nullptr;
+  if (pad)
+    gst_pad_push(pad, unit);
+  else
+    gst_buffer_unref(unit);
   return GST_FLOW_OK;
 }
 
@@ -119,11 +113,13 @@ void link(GstElement* from, const char* from_pad, GstElement* to, const char* to
     throw Error(std::string(GST_OBJECT_NAME(from)) + " can't be linked with " + GST_OBJECT_NAME(to));
 }
 
-void link(GstPad* src, GstPad* sink) {
-  const bool linked = src && sink && gst_pad_link(src, sink) == GST_PAD_LINK_OK;
-  if (src) gst_object_unref(src);
-  if (sink) gst_object_unref(sink);
-  if (!linked) throw Error("a viewer can't be linked with the cameras");
+void link(const PadPtr& src, const PadPtr& sink) {
+  if (!src || !sink || gst_pad_link(src.get(), sink.get()) != GST_PAD_LINK_OK)
+    throw Error("a viewer can't be linked with the cameras");
+}
+
+PadPtr static_pad(GstElement* element, const std::string& name) {
+  return PadPtr(gst_element_get_static_pad(element, name.c_str()));
 }
 
 // A probe for latency events, which makes the capacity of a live queue as long as the latency of the pipeline. Pictures
@@ -133,12 +129,10 @@ GstPadProbeReturn follow_latency(GstPad* pad, GstPadProbeInfo* info, gpointer) {
   if (GST_EVENT_TYPE(event) != GST_EVENT_LATENCY) return GST_PAD_PROBE_OK;
   GstClockTime latency = 0;
   gst_event_parse_latency(event, &latency);
-  GstElement* queue = gst_pad_get_parent_element(pad);
-  if (!queue) return GST_PAD_PROBE_OK;
+  g_autoptr(GstElement) queue = gst_pad_get_parent_element(pad);
   gint leaky = 0;
-  g_object_get(queue, "leaky", &leaky, nullptr);
+  if (queue) g_object_get(queue, "leaky", &leaky, nullptr);
   if (leaky == kLeaky) g_object_set(queue, "max-size-time", std::max(latency, kEarliest), nullptr);
-  gst_object_unref(queue);
   return GST_PAD_PROBE_OK;
 }
 
@@ -176,17 +170,15 @@ ViewerChain::ViewerChain(GstBin* bin, guint view_id, const std::string& ending)
   }
   compositor_ = add("lfcompositor", "compositor");
   to_src_ = add("queue", "to_src");
-  GstPad* shown = gst_element_get_static_pad(to_src_, "src");
-  gst_pad_add_probe(shown, GST_PAD_PROBE_TYPE_EVENT_UPSTREAM, callback<follow_latency>, nullptr, nullptr);
-  gst_object_unref(shown);
+  gst_pad_add_probe(static_pad(to_src_, "src").get(), GST_PAD_PROBE_TYPE_EVENT_UPSTREAM, callback<follow_latency>,
+                    nullptr, nullptr);
   pictures_ = add("tee", "pictures");
   g_object_set(view_, "view-id", view_id, nullptr);
   g_object_set(compositor_, "view-id", view_id, nullptr);
   g_object_set(pictures_, "allow-not-linked", TRUE, nullptr);
-  GstPad* made = gst_element_get_static_pad(pictures_, "sink");
-  gst_pad_add_probe(made, GST_PAD_PROBE_TYPE_QUERY_DOWNSTREAM, callback<ask_branch_for_memory>,
-                    gst_element_request_pad_simple(pictures_, "src_0"), gst_object_unref);
-  gst_object_unref(made);
+  gst_pad_add_probe(static_pad(pictures_, "sink").get(), GST_PAD_PROBE_TYPE_QUERY_DOWNSTREAM,
+                    callback<ask_branch_for_memory>, gst_element_request_pad_simple(pictures_, "src_0"),
+                    gst_object_unref);
   link(view_, "src", requests_, "sink");
   link(requests_, "src_%u", to_cameras_, "sink");
   link(requests_, "src_%u", to_compositor_, "sink");
@@ -222,7 +214,7 @@ std::vector<GstElement*> ViewerChain::behind_cameras() const {
 
 std::vector<GstElement*> ViewerChain::before_cameras() const { return {to_cameras_, to_compositor_, requests_, view_}; }
 
-GstPad* ViewerChain::add_answers(bool drops, const std::string& from) {
+PadPtr ViewerChain::add_answers(bool drops, const std::string& from) {
   const std::string number = std::to_string(answers_.size());
   GstElement* queue = add("queue", ("answers" + number + (from.empty() ? "" : " of " + from)).c_str());
   answers_.push_back(queue);
@@ -230,18 +222,15 @@ GstPad* ViewerChain::add_answers(bool drops, const std::string& from) {
     g_object_set(queue, "leaky", kLeaky, "max-size-buffers", kManyParts, "max-size-bytes", kManyBytes, "max-size-time",
                  guint64{0}, nullptr);
   link(queue, "src", compositor_, ("sink_" + number).c_str());
-  return gst_element_get_static_pad(queue, "sink");
+  return static_pad(queue, "sink");
 }
 
 void ViewerChain::drop_answers() {
   for (GstElement* queue : answers_) {
-    GstPad* src = gst_element_get_static_pad(queue, "src");
-    GstPad* sink = gst_pad_get_peer(src);
+    const PadPtr sink(gst_pad_get_peer(static_pad(queue, "src").get()));
     gst_element_set_state(queue, GST_STATE_NULL);
     gst_bin_remove(bin_, queue);
-    gst_element_release_request_pad(compositor_, sink);
-    gst_object_unref(sink);
-    gst_object_unref(src);
+    gst_element_release_request_pad(compositor_, sink.get());
     gst_object_unref(queue);
   }
   answers_.clear();
@@ -309,17 +298,12 @@ class LocalCameras : public ViewerCameras {
   std::unique_ptr<RequestedPads> connect(ViewerChain& viewer) override {
     auto pads = std::make_unique<RequestedPads>();
     lf_view_request_set_in_process(LF_VIEW_REQUEST(viewer.view()), TRUE);
-    std::string ending;
-    GstPad* request = nullptr;
-    if (viewer.view_id() == 0) {
-      request = gst_element_get_static_pad(node_, "request");
-    } else {
-      ending = "_" + std::to_string(viewer.view_id() - 1);
-      request = gst_element_request_pad_simple(node_, ("request" + ending).c_str());
-      if (request) gst_object_ref(pads->add(node_, request));
-    }
-    link(viewer.requests(), request);
-    link(gst_element_get_static_pad(node_, ("src" + ending).c_str()), viewer.add_answers(false));
+    const std::string ending = viewer.view_id() == 0 ? "" : "_" + std::to_string(viewer.view_id() - 1);
+    if (viewer.view_id() != 0)
+      if (GstPad* request = gst_element_request_pad_simple(node_, ("request" + ending).c_str()))
+        pads->add(node_, request);
+    link(viewer.requests(), static_pad(node_, "request" + ending));
+    link(static_pad(node_, "src" + ending), viewer.add_answers(false));
     return pads;
   }
 
@@ -342,12 +326,12 @@ class RemoteCameras : public ViewerCameras {
   std::unique_ptr<RequestedPads> connect(ViewerChain& viewer) override {
     auto pads = std::make_unique<RequestedPads>();
     lf_view_request_set_in_process(LF_VIEW_REQUEST(viewer.view()), FALSE);
-    GstPad* request = gst_element_request_pad_simple(requests_, "sink_%u");
-    link(viewer.requests(), GST_PAD(gst_object_ref(pads->add(requests_, request))));
+    const auto hold = [](GstPad* pad) { return PadPtr(GST_PAD(gst_object_ref(pad))); };
+    link(viewer.requests(), hold(pads->add(requests_, gst_element_request_pad_simple(requests_, "sink_%u"))));
     for (size_t i = 0; i < splits_.size(); i++) {
-      GstPad* answers = GST_PAD(gst_object_ref(lf_view_split_add_view(splits_[i], viewer.view_id())));
-      link(GST_PAD(gst_object_ref(pads->add(GST_ELEMENT(splits_[i]), answers))),
-           viewer.add_answers(true, network_.hosts()[i].name));
+      const PadPtr answers = hold(lf_view_split_add_view(splits_[i], viewer.view_id()));
+      pads->add(GST_ELEMENT(splits_[i]), GST_PAD(gst_object_ref(answers.get())));
+      link(answers, viewer.add_answers(true, network_.hosts()[i].name));
     }
     return pads;
   }

@@ -37,15 +37,13 @@ class ViewerChain {
   guint view_id() const { return view_id_; }
   GstElement* view() const { return view_; }              // borrowed
   GstElement* compositor() const { return compositor_; }  // borrowed
-  // Returns the pad that delivers the pictures of this viewer, with a reference. Pictures are dropped while the pad is
-  // not linked.
-  GstPad* pictures() const { return gst_element_get_static_pad(pictures_, "src_0"); }
-  // Returns the pad that sends this viewer's requests to the cameras, with a reference.
-  GstPad* requests() const { return gst_element_get_static_pad(to_cameras_, "src"); }
-  // Adds an input for the answers of one more camera node, and returns its sink pad, with a reference. If `drops` is
-  // set, a full queue drops its oldest answers instead of blocking. `from` is the name of the node in warnings of
-  // lfcompositor.
-  GstPad* add_answers(bool drops, const std::string& from = "");
+  // Returns the pad that delivers the pictures of this viewer. Pictures are dropped while the pad is not linked.
+  PadPtr pictures() const { return PadPtr(gst_element_get_static_pad(pictures_, "src_0")); }
+  // Returns the pad that sends this viewer's requests to the cameras.
+  PadPtr requests() const { return PadPtr(gst_element_get_static_pad(to_cameras_, "src")); }
+  // Adds an input for the answers of one more camera node, and returns its sink pad. If `drops` is set, a full queue
+  // drops its oldest answers instead of blocking. `from` is the name of the node in warnings of lfcompositor.
+  PadPtr add_answers(bool drops, const std::string& from = "");
   // Removes all inputs of add_answers(). Call while nothing runs.
   void drop_answers();
 

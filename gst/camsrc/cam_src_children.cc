@@ -14,6 +14,7 @@
 #include "base/schedule.h"
 #include "camsrc/camera_chain.h"
 #include "common/common.h"
+#include "common/gst_pointers.h"
 #include "common/guard.h"
 #include "rig/camera_source.h"
 #include "rig/source_security.h"
@@ -72,29 +73,6 @@ GstStateChangeReturn stop_child(GstBin* bin, GstElement* child, GstState state) 
   return GST_STATE_CHANGE_SUCCESS;
 }
 
-// Sets all children, or only decoders, to `state`. Returns FAILURE if a child fails, and NO_PREROLL if no child fails
-// and at least one child returns NO_PREROLL.
-GstStateChangeReturn set_states(GstBin* bin, GstState state, bool only_decoders) {
-  std::vector<GstElement*> children;
-  ObjectLock lock(bin);
-  for (GList* child = bin->children; child; child = child->next)
-    children.push_back(GST_ELEMENT(gst_object_ref(child->data)));
-  lock.unlock();
-  GstStateChangeReturn result = GST_STATE_CHANGE_SUCCESS;
-  for (GstElement* child : children) {
-    if (!only_decoders || is_decoder(child)) {
-      gst_element_set_base_time(child, gst_element_get_base_time(GST_ELEMENT(bin)));
-      gst_element_set_start_time(child, gst_element_get_start_time(GST_ELEMENT(bin)));
-      const bool stops = is_decoder(child) && state < GST_STATE(child) && state <= GST_STATE_READY;
-      const GstStateChangeReturn one = stops ? stop_child(bin, child, state) : gst_element_set_state(child, state);
-      if (result != GST_STATE_CHANGE_FAILURE && one != GST_STATE_CHANGE_ASYNC && one != GST_STATE_CHANGE_SUCCESS)
-        result = one;
-    }
-    gst_object_unref(child);
-  }
-  return result;
-}
-
 void continue_decoder(GstElement* camera, gpointer decoder) {
   GST_STATE_LOCK(camera);
   if (GST_STATE_TARGET(camera) == GST_STATE_PLAYING && GST_STATE(camera) >= GST_STATE_PAUSED &&
@@ -117,24 +95,35 @@ void lock_decoder(GstBin* /*bin*/, GstElement* child) {
   if (GST_IS_BIN(child)) gst_element_set_locked_state(child, TRUE);
 }
 
+GstStateChangeReturn set_child_states(GstBin* bin, GstState state, bool only_decoders) {
+  GstStateChangeReturn result = GST_STATE_CHANGE_SUCCESS;
+  for (const ElementPtr& owned : take_elements(gst_bin_iterate_elements(bin))) {
+    GstElement* const child = owned.get();
+    if (only_decoders && !is_decoder(child)) continue;
+    gst_element_set_base_time(child, gst_element_get_base_time(GST_ELEMENT(bin)));
+    gst_element_set_start_time(child, gst_element_get_start_time(GST_ELEMENT(bin)));
+    const bool stops = is_decoder(child) && state < GST_STATE(child) && state <= GST_STATE_READY;
+    const GstStateChangeReturn one = stops ? stop_child(bin, child, state) : gst_element_set_state(child, state);
+    if (result != GST_STATE_CHANGE_FAILURE && one != GST_STATE_CHANGE_ASYNC && one != GST_STATE_CHANGE_SUCCESS)
+      result = one;
+  }
+  return result;
+}
+
 GstStateChangeReturn change_camera_state(GstBin* bin, GstStateChange transition,
                                          GstStateChangeReturn (*chain_up)(GstElement*, GstStateChange)) {
   const GstState next = GST_STATE_TRANSITION_NEXT(transition);
   // Downstream elements must start first, but GstBin handles its children in any order. Therefore decoders are started
   // last and stopped first.
   const bool decoders_last = next <= GST_STATE_PAUSED && GST_STATE_TRANSITION_CURRENT(transition) < next;
-  if (!decoders_last) set_states(bin, next, true);
+  if (!decoders_last) set_child_states(bin, next, true);
   GstStateChangeReturn result = chain_up(GST_ELEMENT(bin), transition);
   // GstBin reports the last result of locked children. Only locked children change state asynchronously.
   if (result == GST_STATE_CHANGE_ASYNC) result = GST_STATE_CHANGE_SUCCESS;
   if (!decoders_last || result == GST_STATE_CHANGE_FAILURE) return result;
-  const GstStateChangeReturn decoders = set_states(bin, next, true);
+  const GstStateChangeReturn decoders = set_child_states(bin, next, true);
   return decoders == GST_STATE_CHANGE_SUCCESS ? result : decoders;
 }
-
-GstStateChangeReturn pause_new_children(GstBin* bin) { return set_states(bin, GST_STATE_PAUSED, false); }
-
-GstStateChangeReturn play_new_children(GstBin* bin) { return set_states(bin, GST_STATE_PLAYING, false); }
 
 bool take_decoder_message(GstBin* bin, GstMessage* message) {
   const GstMessageType type = GST_MESSAGE_TYPE(message);
@@ -176,24 +165,6 @@ std::string place_of(const lf::CamSrcSettings& settings, const lf::Camera& camer
   return place;
 }
 
-// The callbacks need no reference to `self`, because a stream does not outlive the children of its element.
-lf::StreamListener listener_of(LfCamSrc* self, guint serial) {
-  return {.on_error =
-              [self, serial](GQuark domain, gint code, const std::string& text) {
-                lf_cam_src_fail(self, {domain, code, text, ""});
-                lf_cam_src_shut_down(self, serial);
-              },
-          .on_first_frame =
-              [self] {
-                if (self->service->find(lf::now_ns())) lf_cam_src_post_found(self);
-              },
-          .on_end = [self] { self->service->end(); },
-          .on_overload = [self](GstClockTimeDiff late) { lf_cam_src_warn_overload(self, late); },
-          .on_truncated = [self](GstClockTime lasted,
-                                 GstClockTime missing) { lf_cam_src_warn_truncated(self, lasted, missing); },
-          .on_recordable = *self->tap};
-}
-
 lf::Controls controls_of(const lf::CamSrcSettings& settings, const lf::Camera& camera) {
   const auto all = lf::load_controls(settings.rig);
   const auto own = all.find(camera.id);
@@ -201,9 +172,10 @@ lf::Controls controls_of(const lf::CamSrcSettings& settings, const lf::Camera& c
 }
 
 lf::CameraChain build_chain(LfCamSrc* self, const lf::CameraSource& source, const lf::Camera& camera,
-                            const lf::ChainOptions& options, const std::string& place) {
+                            const lf::CamSrcSettings& settings, const lf::Controls& controls,
+                            const std::string& place) {
   try {
-    return lf::build_camera_chain(GST_BIN(self), source, camera, options);
+    return lf::build_camera_chain(GST_BIN(self), source, camera, settings, controls);
   } catch (const lf::MissingElement&) {
     throw;
   } catch (const lf::Error& error) {
@@ -240,16 +212,7 @@ void add_children(LfCamSrc* self, const lf::CamSrcSettings& settings, const std:
   self->live = self->live || (network && !g_str_has_prefix(source.location.c_str(), "http"));
 
   const lf::Controls controls = controls_of(settings, camera);
-  const lf::CameraChain chain = build_chain(self, source, camera,
-                                            {.fps_n = settings.fps_n,
-                                             .fps_d = settings.fps_d,
-                                             .live = settings.is_live,
-                                             .loop = settings.loop,
-                                             .decode = settings.decode,
-                                             .trusted = settings.trusted,
-                                             .controls = controls,
-                                             .latency = settings.latency},
-                                            place);
+  const lf::CameraChain chain = build_chain(self, source, camera, settings, controls, place);
   const bool may_be_lost = lf_cam_src_may_be_lost(self);
   const bool skips_late = self->service->report().retries > 0 && file && settings.is_live;
   const bool paced = settings.is_live && !network && !skips_late;
@@ -257,8 +220,9 @@ void add_children(LfCamSrc* self, const lf::CamSrcSettings& settings, const std:
   const gint64 num_frames =
       settings.num_frames < 0 ? settings.num_frames : std::max<gint64>(0, settings.num_frames - self->frames);
   auto stream = std::make_shared<lf::CameraStream>(
-      GST_ELEMENT(self), chain,
-      lf::StreamOptions{.camera = index,
+      self, chain,
+      lf::StreamOptions{.serial = static_cast<guint>(g_atomic_int_get(&self->serial)),
+                        .camera = index,
                         .rig_hash = rig->hash(),
                         .width = camera.width,
                         .height = camera.height,
@@ -273,8 +237,8 @@ void add_children(LfCamSrc* self, const lf::CamSrcSettings& settings, const std:
                         .paced = paced,
                         .begin = self->live ? 0 : self->end,
                         .shedder = *self->shedder,
-                        .place = place},
-      listener_of(self, static_cast<guint>(g_atomic_int_get(&self->serial))));
+                        .tap = *self->tap,
+                        .place = place});
   stream->watch();
   if (settings.is_live) stream->set_live();
   gst_ghost_pad_set_target(GST_GHOST_PAD(self->src), chain.out);
@@ -285,16 +249,13 @@ void add_children(LfCamSrc* self, const lf::CamSrcSettings& settings, const std:
       wanted += " at " + std::to_string(settings.fps_n) + "/" + std::to_string(settings.fps_d) + " frames/s";
   }
   auto* run = new CamSrcSession{settings, rig, controls, chain, stream, wanted};
-  GST_OBJECT_LOCK(self);
+  const lf::ObjectLock lock(self);
   self->run = run;
-  GST_OBJECT_UNLOCK(self);
 }
 
 GstElement* first_child(GstBin* bin) {
-  GST_OBJECT_LOCK(bin);
-  GstElement* child = bin->children ? GST_ELEMENT(gst_object_ref(bin->children->data)) : nullptr;
-  GST_OBJECT_UNLOCK(bin);
-  return child;
+  const lf::ObjectLock lock(bin);
+  return bin->children ? GST_ELEMENT(gst_object_ref(bin->children->data)) : nullptr;
 }
 
 template <typename F>
@@ -321,9 +282,8 @@ std::unique_ptr<CamSrcFailure> failure_of(F&& what) {
 // may then divide by zero.
 void stop_tail(const lf::CameraChain& chain) {
   for (auto element = chain.tail.rbegin(); element != chain.tail.rend(); ++element) {
-    GstPad* src = gst_element_get_static_pad(*element, "src");
+    g_autoptr(GstPad) src = gst_element_get_static_pad(*element, "src");
     gst_pad_set_active(src, FALSE);
-    gst_object_unref(src);
     gst_element_set_state(*element, GST_STATE_READY);
   }
 }
@@ -339,13 +299,10 @@ void lf_cam_src_stop_flow(LfCamSrc* self) {
 void lf_cam_src_close(LfCamSrc* self) {
   lf_cam_src_stop_flow(self);
   gst_ghost_pad_set_target(GST_GHOST_PAD(self->src), nullptr);
-  while (GstElement* child = first_child(GST_BIN(self))) {
-    lf::remove_child(GST_BIN(self), child);
-    gst_object_unref(child);
-  }
-  GST_OBJECT_LOCK(self);
+  while (const lf::ElementPtr child{first_child(GST_BIN(self))}) lf::remove_child(GST_BIN(self), child.get());
+  lf::ObjectLock lock(self);
   CamSrcSession* run = std::exchange(self->run, nullptr);
-  GST_OBJECT_UNLOCK(self);
+  lock.unlock();
   if (run) {
     self->end = run->stream->ends_at();
     self->round = run->stream->round();
@@ -359,13 +316,8 @@ void lf_cam_src_close(LfCamSrc* self) {
 static void require_shallow(LfCamSrc* self) {
   constexpr int kMaxInside = 1;
   int inside = 0;
-  GstObject* object = GST_OBJECT(gst_object_ref(self));
-  while (GstObject* parent = gst_object_get_parent(object)) {
-    gst_object_unref(object);
-    object = parent;
-    if (LF_IS_CAM_SRC(object)) inside++;
-  }
-  gst_object_unref(object);
+  lf::ObjectPtr<GstObject> object(gst_object_get_parent(GST_OBJECT(self)));
+  for (; object; object.reset(gst_object_get_parent(object.get()))) inside += LF_IS_CAM_SRC(object.get());
   if (inside > kMaxInside)
     throw lf::Error(
         "cameras are nested views of light fields: does a rig contain itself? Use "
@@ -388,10 +340,10 @@ bool lf_cam_src_open(LfCamSrc* self, std::unique_ptr<CamSrcFailure>* failure) {
     index = *found;
   });
   if (*failure) return false;
-  GST_OBJECT_LOCK(self);
+  lf::ObjectLock again(self);
   self->camera = rig->cameras[index].id;
   *self->name = rig->cameras[index].name;
-  GST_OBJECT_UNLOCK(self);
+  again.unlock();
   self->live = self->live || settings.is_live;
   *failure = failure_of([&] { add_children(self, settings, rig, index); });
   if (*failure) lf_cam_src_close(self);

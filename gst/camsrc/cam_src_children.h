@@ -11,25 +11,8 @@
 #include "camsrc/camera_lifecycle.h"
 #include "camsrc/camera_stream.h"
 #include "camsrc/lfcamsrc.h"
-#include "common/properties.h"
 
 namespace lf {
-
-struct CamSrcSettings {
-  std::string rig;
-  guint camera = 0;
-  int fps_n = 0, fps_d = 1;
-  bool is_live = false;
-  bool loop = false;
-  gint64 num_frames = -1;
-  bool decode = true;
-  guint64 latency = 200 * GST_MSECOND;
-  bool retry = false;
-  bool trusted = false;
-  bool operator==(const CamSrcSettings&) const = default;
-
-  static PropertyTable<CamSrcSettings>& properties();
-};
 
 // The functions below change the states of the children of lfcamsrc, because GstBin would make the pipeline wait
 // forever. A child that is a bin with a decoder, such as decodebin, reaches PAUSED asynchronously. A live GstBin
@@ -46,10 +29,9 @@ void lock_decoder(GstBin* bin, GstElement* child);
 GstStateChangeReturn change_camera_state(GstBin* bin, GstStateChange transition,
                                          GstStateChangeReturn (*chain_up)(GstElement*, GstStateChange));
 
-// Start the children that were added to a bin while it is in PAUSED or PLAYING, downstream elements first. The first
-// function sets them to PAUSED, and the second to PLAYING.
-GstStateChangeReturn pause_new_children(GstBin* bin);
-GstStateChangeReturn play_new_children(GstBin* bin);
+// Sets all children, or only decoders, to `state`. Returns FAILURE if a child fails, and NO_PREROLL if no child fails
+// and at least one child returns NO_PREROLL.
+GstStateChangeReturn set_child_states(GstBin* bin, GstState state, bool only_decoders);
 
 // Call from GstBinClass::handle_message. Returns true if it consumed the message, a state message of a locked child.
 bool take_decoder_message(GstBin* bin, GstMessage* message);

@@ -11,51 +11,46 @@
 #include "base/text.h"
 #include "camsrc/camera_controls.h"
 #include "camsrc/picture_sources.h"
+#include "common/codecs.h"
 #include "common/common.h"
+#include "common/gst_pointers.h"
 #include "common/guard.h"
-#include "common/still_decoder.h"
 #include "rig/source_security.h"
 
 namespace lf {
 namespace {
 
+constexpr int kData = GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_BUFFER_LIST;
 constexpr const char* kAddMeta = "add-reference-timestamp-meta";
 constexpr GstClockTime k1970 = 2'208'988'800 * GST_SECOND;  // NTP time of the Unix epoch
 
 GstClockTime time_of_day() { return static_cast<GstClockTime>(g_get_real_time()) * GST_USECOND; }
 
 bool is_video(GstPad* pad) {
-  GstCaps* caps = gst_pad_get_current_caps(pad);
+  g_autoptr(GstCaps) caps = gst_pad_get_current_caps(pad);
   if (!caps) caps = gst_pad_query_caps(pad, nullptr);
   const GstStructure* structure = gst_caps_get_size(caps) > 0 ? gst_caps_get_structure(caps, 0) : nullptr;
   const gchar* media = structure ? gst_structure_get_string(structure, "media") : nullptr;
-  const bool video = !media || g_str_equal(media, "video");
-  gst_caps_unref(caps);
-  return video;
+  return !media || g_str_equal(media, "video");
 }
 
 // Returns the capture time of a packet as time of day, from RTCP sender reports. Returns nothing before the first
 // report.
 std::optional<GstClockTime> ntp_time(GstBuffer* packet) {
   static GstStaticCaps ntp = GST_STATIC_CAPS("timestamp/x-ntp");
-  GstCaps* reference = gst_static_caps_get(&ntp);
+  g_autoptr(GstCaps) reference = gst_static_caps_get(&ntp);
   const GstReferenceTimestampMeta* meta = gst_buffer_get_reference_timestamp_meta(packet, reference);
-  gst_caps_unref(reference);
   if (!meta || meta->timestamp < k1970) return std::nullopt;
   return meta->timestamp;
 }
 
 GstClockTime running_time(GstPad* pad, GstClockTime pts) {
-  GstEvent* event = gst_pad_get_sticky_event(pad, GST_EVENT_SEGMENT, 0);
+  g_autoptr(GstEvent) event = gst_pad_get_sticky_event(pad, GST_EVENT_SEGMENT, 0);
   if (!event) return GST_CLOCK_TIME_NONE;
   const GstSegment* segment = nullptr;
   gst_event_parse_segment(event, &segment);
-  const GstClockTime time = gst_segment_to_running_time(segment, GST_FORMAT_TIME, pts);
-  gst_event_unref(event);
-  return time;
+  return gst_segment_to_running_time(segment, GST_FORMAT_TIME, pts);
 }
-
-void forget(gpointer self, GClosure*) { delete static_cast<std::shared_ptr<SenderClock>*>(self); }
 
 }  // namespace
 
@@ -79,7 +74,7 @@ bool SenderClock::is_known() const {
   return offset_.has_value();
 }
 
-GstPadProbeReturn SenderClock::on_packet(GstPad* pad, GstPadProbeInfo* info, gpointer data) {
+GstPadProbeReturn SenderClock::on_packet(GstPad* pad, GstPadProbeInfo* info) {
   GstBuffer* packet = nullptr;
   if (!(info->type & GST_PAD_PROBE_TYPE_BUFFER_LIST))
     packet = GST_PAD_PROBE_INFO_BUFFER(info);
@@ -88,23 +83,23 @@ GstPadProbeReturn SenderClock::on_packet(GstPad* pad, GstPadProbeInfo* info, gpo
   const std::optional<GstClockTime> ntp = packet ? ntp_time(packet) : std::nullopt;
   if (!ntp) return GST_PAD_PROBE_OK;
   const GstClockTime stamp = running_time(pad, GST_BUFFER_PTS(packet));
-  if (GST_CLOCK_TIME_IS_VALID(stamp))
-    (*static_cast<std::shared_ptr<SenderClock>*>(data))->see(stamp, *ntp - k1970, time_of_day());
+  if (GST_CLOCK_TIME_IS_VALID(stamp)) see(stamp, *ntp - k1970, time_of_day());
   return GST_PAD_PROBE_OK;
 }
 
 void SenderClock::on_pad(GstElement*, GstPad* pad, gpointer data) {
   if (!GST_PAD_IS_SRC(pad) || !is_video(pad)) return;
-  gst_pad_add_probe(pad, GstPadProbeType(GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_BUFFER_LIST),
-                    callback<on_packet>, new std::shared_ptr(*static_cast<std::shared_ptr<SenderClock>*>(data)),
-                    [](gpointer self) { forget(self, nullptr); });
+  add_probe(pad, kData, [clock = *static_cast<std::shared_ptr<SenderClock>*>(data)](GstPad* at, GstPadProbeInfo* info) {
+    return clock->on_packet(at, info);
+  });
 }
 
 void SenderClock::watch(GstElement* source) {
   if (!g_object_class_find_property(G_OBJECT_GET_CLASS(source), kAddMeta)) return;
   g_object_set(source, kAddMeta, TRUE, nullptr);
-  g_signal_connect_data(source, "pad-added", G_CALLBACK(callback<on_pad>), new std::shared_ptr(shared_from_this()),
-                        forget, GConnectFlags(0));
+  g_signal_connect_data(
+      source, "pad-added", G_CALLBACK(callback<on_pad>), new std::shared_ptr(shared_from_this()),
+      [](gpointer self, GClosure*) { delete static_cast<std::shared_ptr<SenderClock>*>(self); }, GConnectFlags(0));
 }
 
 namespace {
@@ -113,21 +108,16 @@ using Kind = CameraSource::Kind;
 
 // Returns true if the source element of the URI has a pad with pictures, rather than with bytes or packets.
 bool has_picture_pad(const std::string& uri) {
-  GstElement* source = gst_element_make_from_uri(GST_URI_SRC, uri.c_str(), nullptr, nullptr);
+  g_autoptr(GstElement) source = gst_element_make_from_uri(GST_URI_SRC, uri.c_str(), nullptr, nullptr);
   if (!source) return false;
   gst_object_ref_sink(source);
-  bool pictures = false;
-  if (GstPad* pad = gst_element_get_static_pad(source, "src")) {
-    GstCaps* caps = gst_pad_get_pad_template_caps(pad);
-    for (guint i = 0; i < gst_caps_get_size(caps) && !gst_caps_is_any(caps); i++) {
-      const gchar* name = gst_structure_get_name(gst_caps_get_structure(caps, i));
-      pictures |= g_str_equal(name, "video/x-raw") || g_str_equal(name, "image/jpeg");
-    }
-    gst_caps_unref(caps);
-    gst_object_unref(pad);
+  g_autoptr(GstPad) pad = gst_element_get_static_pad(source, "src");
+  g_autoptr(GstCaps) caps = pad ? gst_pad_get_pad_template_caps(pad) : nullptr;
+  for (guint i = 0; caps && i < gst_caps_get_size(caps) && !gst_caps_is_any(caps); i++) {
+    const gchar* name = gst_structure_get_name(gst_caps_get_structure(caps, i));
+    if (g_str_equal(name, "video/x-raw") || g_str_equal(name, "image/jpeg")) return true;
   }
-  gst_object_unref(source);
-  return pictures;
+  return false;
 }
 
 constexpr char kEnd[] = "end-of-described-source";
@@ -143,34 +133,25 @@ void require_listed_elements(GstBin* source) {
   }
 }
 
-// Parses a launch description into a bin with one source pad, "src". Returns a floating reference. Throws Error if the
+// Parses a launch description into a bin with one source pad, "src". The caller owns the reference. Throws Error if the
 // description is invalid, or if it is not `trusted` and contains an element that is not listed in
 // rig/source_security.h. An identity is appended, because a description may end with caps or with an element with
 // sometimes pads.
 GstElement* make_described_source(const std::string& line, bool trusted) {
   g_autoptr(GError) error = nullptr;
   const std::string whole = line + " ! identity name=" + kEnd;
-  GstElement* source =
+  g_autoptr(GstElement) source =
       gst_parse_bin_from_description_full(whole.c_str(), FALSE, nullptr, GST_PARSE_FLAG_FATAL_ERRORS, &error);
-  const bool fits = source && !error && GST_OBJECT_FLAG_IS_SET(source, GST_ELEMENT_FLAG_SOURCE);
-  if (!fits) {
-    if (source) gst_object_unref(gst_object_ref_sink(source));
+  if (source) gst_object_ref_sink(source);
+  if (!source || error || !GST_OBJECT_FLAG_IS_SET(source, GST_ELEMENT_FLAG_SOURCE))
     throw Error(error ? error->message
                       : "the description has no source element: begin it with a source, such as "
                         "v4l2src device=/dev/video0");
-  }
-  try {
-    if (!trusted) require_listed_elements(GST_BIN(source));
-  } catch (const Error&) {
-    gst_object_unref(gst_object_ref_sink(source));
-    throw;
-  }
-  GstElement* end = gst_bin_get_by_name(GST_BIN(source), kEnd);
-  GstPad* pad = gst_element_get_static_pad(end, "src");
+  if (!trusted) require_listed_elements(GST_BIN(source));
+  g_autoptr(GstElement) end = gst_bin_get_by_name(GST_BIN(source), kEnd);
+  g_autoptr(GstPad) pad = gst_element_get_static_pad(end, "src");
   gst_element_add_pad(source, gst_ghost_pad_new("src", pad));
-  gst_object_unref(pad);
-  gst_object_unref(end);
-  return source;
+  return g_steal_pointer(&source);
 }
 
 // --- Links between elements, which may have dynamic pads -------------------------------------------------------------
@@ -211,23 +192,15 @@ bool may_bypass(GstElement* head) { return g_strcmp0(GST_OBJECT_NAME(head), kBef
 
 // Links the first identity directly to the last. Call before data flows.
 void bypass(GstElement* before) {
-  GstObject* bin = gst_element_get_parent(before);
+  g_autoptr(GstObject) bin = gst_element_get_parent(before);
   if (!bin) return;
-  GstElement* after = gst_bin_get_by_name(GST_BIN(bin), kAfterConvert);
-  GstPad* src = borrow_pad(before, "src");
-  GstPad* sink = borrow_pad(after, "sink");
-  for (GstPad* pad : {src, sink}) {
-    GstPad* peer = gst_pad_get_peer(pad);
-    if (!peer) continue;
-    if (pad == src)
-      gst_pad_unlink(pad, peer);
-    else
-      gst_pad_unlink(peer, pad);
-    gst_object_unref(peer);
-  }
+  g_autoptr(GstElement) after = gst_bin_get_by_name(GST_BIN(bin), kAfterConvert);
+  GstPad *src = borrow_pad(before, "src"), *sink = borrow_pad(after, "sink");
+  g_autoptr(GstPad) behind = gst_pad_get_peer(src);
+  g_autoptr(GstPad) in_front = gst_pad_get_peer(sink);
+  if (behind) gst_pad_unlink(src, behind);
+  if (in_front) gst_pad_unlink(in_front, sink);
   gst_pad_link_full(src, sink, GST_PAD_LINK_CHECK_NOTHING);
-  gst_object_unref(after);
-  gst_object_unref(bin);
 }
 
 // Links a new pad to the sink pad of `next`, unless that pad is already linked. The link is unchecked on purpose: a
@@ -238,34 +211,25 @@ void link_new_pad(GstPad* pad, GstElement* next) {
 }
 
 bool is_media(GstPad* pad, const char* prefix) {
-  GstCaps* caps = gst_pad_query_caps(pad, nullptr);
-  const bool yes = !gst_caps_is_empty(caps) && !gst_caps_is_any(caps) &&
-                   g_str_has_prefix(gst_structure_get_name(gst_caps_get_structure(caps, 0)), prefix);
-  gst_caps_unref(caps);
-  return yes;
+  g_autoptr(GstCaps) caps = gst_pad_query_caps(pad, nullptr);
+  return !gst_caps_is_empty(caps) && !gst_caps_is_any(caps) &&
+         g_str_has_prefix(gst_structure_get_name(gst_caps_get_structure(caps, 0)), prefix);
 }
 
 bool is_on_gpu(GstPad* pad) {
-  GstCaps* caps = gst_pad_query_caps(pad, nullptr);
-  const bool yes = !gst_caps_is_empty(caps) && !gst_caps_is_any(caps) &&
-                   gst_caps_features_contains(gst_caps_get_features(caps, 0), LF_GL_MEMORY);
-  gst_caps_unref(caps);
-  return yes;
+  g_autoptr(GstCaps) caps = gst_pad_query_caps(pad, nullptr);
+  return !gst_caps_is_empty(caps) && !gst_caps_is_any(caps) &&
+         gst_caps_features_contains(gst_caps_get_features(caps, 0), LF_GL_MEMORY);
 }
 
 // Returns true if downstream of the last identity accepts the pictures of the pad unchanged.
 bool takes_pictures(GstElement* before, GstPad* pad) {
-  GstObject* bin = gst_element_get_parent(before);
+  g_autoptr(GstObject) bin = gst_element_get_parent(before);
   if (!bin) return false;
-  GstElement* after = gst_bin_get_by_name(GST_BIN(bin), kAfterConvert);
-  GstCaps* given = gst_pad_query_caps(pad, nullptr);
-  GstCaps* taken = gst_pad_peer_query_caps(borrow_pad(after, "src"), given);
-  const bool takes = !gst_caps_is_empty(taken);
-  gst_caps_unref(taken);
-  gst_caps_unref(given);
-  gst_object_unref(after);
-  gst_object_unref(bin);
-  return takes;
+  g_autoptr(GstElement) after = gst_bin_get_by_name(GST_BIN(bin), kAfterConvert);
+  g_autoptr(GstCaps) given = gst_pad_query_caps(pad, nullptr);
+  g_autoptr(GstCaps) taken = gst_pad_peer_query_caps(borrow_pad(after, "src"), given);
+  return !gst_caps_is_empty(taken);
 }
 
 template <typename F>
@@ -274,19 +238,8 @@ void for_each_source_pad(GstBin* bin, F f) {
     (*static_cast<F*>(data))(pad);
     return TRUE;
   };
-  GstIterator* elements = gst_bin_iterate_recurse(bin);
-  GValue item = G_VALUE_INIT;
-  GstIteratorResult next = GST_ITERATOR_OK;
-  while ((next = gst_iterator_next(elements, &item)) == GST_ITERATOR_OK || next == GST_ITERATOR_RESYNC) {
-    if (next == GST_ITERATOR_RESYNC) {
-      gst_iterator_resync(elements);
-      continue;
-    }
-    gst_element_foreach_src_pad(GST_ELEMENT(g_value_get_object(&item)), call_f, &f);
-    g_value_reset(&item);
-  }
-  g_value_unset(&item);
-  gst_iterator_free(elements);
+  for (const ElementPtr& element : take_elements(gst_bin_iterate_recurse(bin)))
+    gst_element_foreach_src_pad(element.get(), call_f, &f);
 }
 
 // Returns the rotation of the film that the tags of its demuxer state. Call this when the pads exist: demuxers send
@@ -301,7 +254,7 @@ GstVideoOrientationMethod film_orientation(GstBin* bin) {
 
 // Links a decoder to `head`. GPU pictures pass gldownload on the way, and rotated pictures pass videoflip.
 void link_decoded(GstElement* decoder, GstPad* pad, GstElement* head, bool on_gpu) {
-  GstObject* bin = gst_element_get_parent(head);
+  g_autoptr(GstObject) bin = gst_element_get_parent(head);
   if (!bin) return;
   try {
     const GstVideoOrientationMethod turn = film_orientation(GST_BIN(bin));
@@ -322,7 +275,6 @@ void link_decoded(GstElement* decoder, GstPad* pad, GstElement* head, bool on_gp
   } catch (const MissingElement& missing) {
     GST_ELEMENT_ERROR(decoder, CORE, MISSING_PLUGIN, ("element %s is not installed", missing.what()), (nullptr));
   }
-  gst_object_unref(bin);
 }
 
 // Signal handlers for new pads. They link the first video stream to `head`, the first element behind the decoders. This
@@ -347,7 +299,7 @@ void on_matroska_pad(GstElement* demuxer, GstPad* pad, gpointer head) {
   if (gst_pad_is_linked(sink) || !(is_media(pad, "video/") || is_media(pad, "image/"))) return;
   if (is_media(pad, "video/x-raw")) return link_new_pad(pad, GST_ELEMENT(head));
 
-  GstObject* bin = gst_element_get_parent(demuxer);
+  g_autoptr(GstObject) bin = gst_element_get_parent(demuxer);
   if (!bin) return;
   GstElement* decoder = nullptr;
   try {
@@ -363,7 +315,6 @@ void on_matroska_pad(GstElement* demuxer, GstPad* pad, gpointer head) {
   } catch (const MissingElement& missing) {
     GST_ELEMENT_ERROR(demuxer, CORE, MISSING_PLUGIN, ("element %s is not installed", missing.what()), (nullptr));
   }
-  gst_object_unref(bin);
 }
 
 // Posts an error if there was no video.
@@ -410,9 +361,9 @@ GstElement* add_decodebin(GstBin* bin, const char* factory, GstElement* convert)
   GstElement* decoder = add(bin, factory);
   // Caps with ANY are required here, because otherwise decoders that also support interlaced or GPU output are not
   // selected.
-  GstCaps* caps = gst_caps_from_string(may_bypass(convert) ? "image/jpeg; video/x-raw(ANY)" : "video/x-raw(ANY)");
+  g_autoptr(GstCaps) caps =
+      gst_caps_from_string(may_bypass(convert) ? "image/jpeg; video/x-raw(ANY)" : "video/x-raw(ANY)");
   g_object_set(decoder, "caps", caps, "expose-all-streams", FALSE, nullptr);
-  gst_caps_unref(caps);
   g_signal_connect(decoder, "pad-added", G_CALLBACK(lf::callback<on_decoded_pad>), convert);
   g_signal_connect(decoder, "no-more-pads", G_CALLBACK(lf::callback<on_no_more_pads>), nullptr);
   return decoder;
@@ -434,31 +385,27 @@ class UnparsedBytes {
 };
 using UnparsedBytesPtr = std::shared_ptr<UnparsedBytes>;
 
-GstPadProbeReturn count_bytes(GstPad* pad, GstPadProbeInfo* info, gpointer data) {
-  UnparsedBytes& unused = **static_cast<UnparsedBytesPtr*>(data);
+GstPadProbeReturn count_bytes(GstPad* pad, GstPadProbeInfo* info, UnparsedBytes& unused) {
   const bool is_list = info->type & GST_PAD_PROBE_TYPE_BUFFER_LIST;
   unused.add(is_list ? gst_buffer_list_calculate_size(GST_PAD_PROBE_INFO_BUFFER_LIST(info))
                      : gst_buffer_get_size(GST_PAD_PROBE_INFO_BUFFER(info)));
   if (!unused.exceeds_limit()) return GST_PAD_PROBE_OK;
-  GstElement* source = gst_pad_get_parent_element(pad);
+  g_autoptr(GstElement) source = gst_pad_get_parent_element(pad);
   if (source && unused.should_log())
     GST_ELEMENT_ERROR(source, STREAM, DEMUX,
                       ("more than %zu MB received without a picture: check that the URI is a video in a supported "
                        "format",
                        UnparsedBytes::kMost >> 20),
                       (nullptr));
-  if (source) gst_object_unref(source);
   return GST_PAD_PROBE_DROP;
 }
 
-GstPadProbeReturn on_picture(GstPad* /*pad*/, GstPadProbeInfo* /*info*/, gpointer data) {
-  (*static_cast<UnparsedBytesPtr*>(data))->clear();
-  return GST_PAD_PROBE_OK;
+void count_input(GstPad* pad, const UnparsedBytesPtr& unused) {
+  add_probe(pad, kData, [unused](GstPad* at, GstPadProbeInfo* info) { return count_bytes(at, info, *unused); });
 }
 
-void add_probe(GstPad* pad, GstPadProbeCallback callback, const UnparsedBytesPtr& unused) {
-  gst_pad_add_probe(pad, GstPadProbeType(GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_BUFFER_LIST), callback,
-                    new UnparsedBytesPtr(unused), [](gpointer data) { delete static_cast<UnparsedBytesPtr*>(data); });
+void clear_at_output(GstPad* pad, const UnparsedBytesPtr& unused) {
+  add_probe(pad, kData, [unused](GstPad*, GstPadProbeInfo*) { return unused->clear(), GST_PAD_PROBE_OK; });
 }
 
 // Limits the data that a depayloader or parser collects for one output, so that a broken stream cannot exhaust the
@@ -470,8 +417,8 @@ void limit_element(GstBin* /*bin*/, GstBin* /*parent*/, GstElement* element, gpo
   g_autoptr(GstPad) src = gst_element_get_static_pad(element, "src");
   if (!sink || !src) return;
   const auto unused = std::make_shared<UnparsedBytes>();
-  add_probe(sink, count_bytes, unused);
-  add_probe(src, on_picture, unused);
+  count_input(sink, unused);
+  clear_at_output(src, unused);
 }
 
 // Applies this limit to all depayloaders and parsers in `bin`, also to elements that appear later.
@@ -494,27 +441,20 @@ void on_source_setup(GstElement* /*decoder*/, GstElement* source, gpointer data)
     g_object_set(source, "latency", static_cast<guint>(setup->latency / GST_MSECOND), nullptr);
   if (setup->sender) setup->sender->watch(source);
   g_autoptr(GstPad) pad = gst_element_get_static_pad(source, "src");
-  if (setup->unused && pad) add_probe(pad, count_bytes, setup->unused);
+  if (setup->unused && pad) count_input(pad, setup->unused);
 }
 
 // Works around a bug of GStreamer 1.22: uridecodebin does not disconnect from its decodebin, which messages on the bus
 // can keep alive. A remaining pad would then be removed from a freed element.
 void forget_decodebin(gpointer data, GObject* uridecodebin) {
-  auto* decodebin = static_cast<GWeakRef*>(data);
-  if (GObject* alive = static_cast<GObject*>(g_weak_ref_get(decodebin))) {
-    g_signal_handlers_disconnect_by_data(alive, uridecodebin);
-    g_object_unref(alive);
-  }
-  g_weak_ref_clear(decodebin);
-  delete decodebin;
+  const std::unique_ptr<WeakRef<GstElement>> decodebin(static_cast<WeakRef<GstElement>*>(data));
+  if (const ElementPtr alive = decodebin->get()) g_signal_handlers_disconnect_by_data(alive.get(), uridecodebin);
 }
 
 void on_child_of_uridecodebin(GstBin* uridecodebin, GstElement* child, gpointer /*unused*/) {
   GstElementFactory* factory = gst_element_get_factory(child);
   if (!factory || std::strcmp(GST_OBJECT_NAME(factory), "decodebin") != 0) return;
-  auto* decodebin = new GWeakRef;
-  g_weak_ref_init(decodebin, child);
-  g_object_weak_ref(G_OBJECT(uridecodebin), forget_decodebin, decodebin);
+  g_object_weak_ref(G_OBJECT(uridecodebin), forget_decodebin, new WeakRef(child));
 }
 
 // Refuses files of this machine, which a playlist (HLS) from the network must not open.
@@ -530,62 +470,62 @@ void refuse_file(GstBin* uridecodebin, GstBin* /*parent*/, GstElement* child, gp
 }
 
 // Returns the sender clock of an RTSP source. Null for other sources.
-std::shared_ptr<SenderClock> add_uri_decoder(GstBin* bin, const std::string& uri, const ChainOptions& options,
+std::shared_ptr<SenderClock> add_uri_decoder(GstBin* bin, const std::string& uri, const CamSrcSettings& settings,
                                              GstElement* convert) {
   GstElement* decoder = add_decodebin(bin, "uridecodebin", convert);
   g_signal_connect(decoder, "element-added", G_CALLBACK(lf::callback<on_child_of_uridecodebin>), nullptr);
   g_object_set(decoder, "uri", uri.c_str(), nullptr);
   std::shared_ptr<SenderClock> sender;
-  if (g_str_has_prefix(uri.c_str(), "rtsp")) sender = std::make_shared<SenderClock>(options.latency);
+  if (g_str_has_prefix(uri.c_str(), "rtsp")) sender = std::make_shared<SenderClock>(settings.latency);
   UnparsedBytesPtr unused;
   if (!g_str_has_prefix(uri.c_str(), "file:")) {
     g_signal_connect(decoder, "deep-element-added", G_CALLBACK(lf::callback<refuse_file>), nullptr);
     unused = std::make_shared<UnparsedBytes>();
-    add_probe(borrow_pad(convert, "sink"), on_picture, unused);
+    clear_at_output(borrow_pad(convert, "sink"), unused);
   }
   g_signal_connect_data(
-      decoder, "source-setup", G_CALLBACK(callback<on_source_setup>), new SourceSetup{options.latency, sender, unused},
+      decoder, "source-setup", G_CALLBACK(callback<on_source_setup>), new SourceSetup{settings.latency, sender, unused},
       [](gpointer setup, GClosure*) { delete static_cast<SourceSetup*>(setup); }, GConnectFlags(0));
   return sender;
 }
 
 // Returns caps in the size of the rig for a device, which otherwise chooses its largest size. If JPEG video stays JPEG,
 // JPEG comes first.
-GstCaps* device_caps(const Camera& camera, const ChainOptions& options) {
-  GstCaps* caps = gst_caps_from_string(options.decode ? "video/x-raw; image/jpeg; video/x-h264"
-                                                      : "image/jpeg; video/x-raw; video/x-h264");
+GstCaps* device_caps(const Camera& camera, const CamSrcSettings& settings) {
+  GstCaps* caps = gst_caps_from_string(settings.decode ? "video/x-raw; image/jpeg; video/x-h264"
+                                                       : "image/jpeg; video/x-raw; video/x-h264");
   gst_caps_set_simple(caps, "width", G_TYPE_INT, camera.width, "height", G_TYPE_INT, camera.height, nullptr);
-  if (options.fps_n > 0)
-    gst_caps_set_simple(caps, "framerate", GST_TYPE_FRACTION, options.fps_n, options.fps_d, nullptr);
+  if (settings.fps_n > 0)
+    gst_caps_set_simple(caps, "framerate", GST_TYPE_FRACTION, settings.fps_n, settings.fps_d, nullptr);
   return caps;
 }
 
-GstElement* add_device(GstBin* bin, const std::string& uri, const Camera& camera, const ChainOptions& options,
+GstElement* add_device(GstBin* bin, const std::string& uri, const Camera& camera, const CamSrcSettings& settings,
                        GstElement* convert) {
   g_autoptr(GError) error = nullptr;
   GstElement* device = gst_element_make_from_uri(GST_URI_SRC, uri.c_str(), nullptr, &error);
   if (!device) throw Error(error->message);
   gst_bin_add(bin, device);
-  append(append(device, add_capsfilter(bin, device_caps(camera, options))), add_decodebin(bin, "decodebin", convert));
+  append(append(device, add_capsfilter(bin, device_caps(camera, settings))), add_decodebin(bin, "decodebin", convert));
   return device;
 }
 
 // Returns caps for a launch description: raw video, also in GPU memory, and JPEG, in the size of the rig. Other coded
 // video has no size, because parsers and depayloaders may not know the size.
-GstCaps* bin_caps(const Camera& camera, const ChainOptions& options) {
-  GstCaps* caps = device_caps(camera, options);
-  GstStructure* raw = gst_structure_copy(gst_caps_get_structure(caps, options.decode ? 0 : 1));
+GstCaps* bin_caps(const Camera& camera, const CamSrcSettings& settings) {
+  GstCaps* caps = device_caps(camera, settings);
+  GstStructure* raw = gst_structure_copy(gst_caps_get_structure(caps, settings.decode ? 0 : 1));
   gst_structure_set(raw, "texture-target", G_TYPE_STRING, "2D", nullptr);
   gst_caps_append_structure_full(caps, raw, gst_caps_features_new(LF_GL_MEMORY, nullptr));
   gst_caps_append(caps, gst_caps_from_string("image/jpeg; video/x-h264; video/x-h265; video/mpeg; video/x-vp8"));
   return caps;
 }
 
-GstElement* add_described(GstBin* bin, const std::string& line, const Camera& camera, const ChainOptions& options,
+GstElement* add_described(GstBin* bin, const std::string& line, const Camera& camera, const CamSrcSettings& settings,
                           GstElement* convert) {
-  GstElement* described = make_described_source(line, options.trusted);
+  g_autoptr(GstElement) described = make_described_source(line, settings.trusted);
   gst_bin_add(bin, described);
-  append(append(described, add_capsfilter(bin, bin_caps(camera, options))), add_decodebin(bin, "decodebin", convert));
+  append(append(described, add_capsfilter(bin, bin_caps(camera, settings))), add_decodebin(bin, "decodebin", convert));
   return described;
 }
 
@@ -603,45 +543,45 @@ std::string file_uri(const std::string& path) {
   return uri;
 }
 
-void add_pictures(GstBin* bin, const CameraSource& source, const Camera& camera, const ChainOptions& options, int fps_n,
-                  int fps_d, GstElement* convert, const std::shared_ptr<std::atomic<guint64>>& damaged) {
+void add_pictures(GstBin* bin, const CameraSource& source, const Camera& camera, const CamSrcSettings& settings,
+                  int fps_n, int fps_d, GstElement* convert, const std::shared_ptr<std::atomic<guint64>>& damaged) {
   const bool passes = may_bypass(convert) && source.codec == CameraSource::Codec::kJpeg;
   if (passes) bypass(convert);
   GstElement* pictures = new_picture_source(source, {.width = camera.width,
                                                      .height = camera.height,
                                                      .fps_n = fps_n,
                                                      .fps_d = fps_d,
-                                                     .loop = options.loop,
+                                                     .loop = settings.loop,
                                                      .decode = !passes,
                                                      .damaged = damaged});
   gst_bin_add(bin, pictures);
   append(pictures, convert);
 }
 
-GstElement* add_scene(GstBin* bin, const Camera& camera, int fps_n, int fps_d, bool live) {
+void add_scene(GstBin* bin, const Camera& camera, int fps_n, int fps_d, bool live, GstElement* convert) {
   GstElement* scene = new_scene_source(camera, fps_n, fps_d, live);
   gst_bin_add(bin, scene);
-  return scene;
+  append(scene, convert);
 }
 
-void add_reader(GstBin* bin, const CameraSource& source, const Camera& camera, const ChainOptions& options, int fps_n,
-                int fps_d, GstElement* convert, CameraChain* chain) {
+void add_reader(GstBin* bin, const CameraSource& source, const Camera& camera, const CamSrcSettings& settings,
+                int fps_n, int fps_d, GstElement* convert, CameraChain* chain) {
   switch (source.kind) {
     case Kind::kStill:
       if (source.codec == CameraSource::Codec::kOther) {
         if (const std::string problem = still_decoding_problem(source.location); !problem.empty()) throw Error(problem);
-        add_uri_decoder(bin, file_uri(source.location), options, convert);
+        add_uri_decoder(bin, file_uri(source.location), settings, convert);
         break;
       }
       [[fallthrough]];
     case Kind::kSequence:
-    case Kind::kJpegStream: add_pictures(bin, source, camera, options, fps_n, fps_d, convert, chain->damaged); break;
+    case Kind::kJpegStream: add_pictures(bin, source, camera, settings, fps_n, fps_d, convert, chain->damaged); break;
     case Kind::kMatroska: add_matroska_reader(bin, source.location, convert); break;
-    case Kind::kFile: add_uri_decoder(bin, file_uri(source.location), options, convert); break;
-    case Kind::kDevice: chain->device = add_device(bin, source.location, camera, options, convert); break;
-    case Kind::kBin: chain->device = add_described(bin, source.location, camera, options, convert); break;
-    case Kind::kUri: chain->sender = add_uri_decoder(bin, source.location, options, convert); break;
-    case Kind::kScene: append(add_scene(bin, camera, fps_n, fps_d, options.live), convert); break;
+    case Kind::kFile: add_uri_decoder(bin, file_uri(source.location), settings, convert); break;
+    case Kind::kDevice: chain->device = add_device(bin, source.location, camera, settings, convert); break;
+    case Kind::kBin: chain->device = add_described(bin, source.location, camera, settings, convert); break;
+    case Kind::kUri: chain->sender = add_uri_decoder(bin, source.location, settings, convert); break;
+    case Kind::kScene: add_scene(bin, camera, fps_n, fps_d, settings.is_live, convert); break;
   }
 }
 
@@ -673,15 +613,15 @@ bool has_sound(GstBin* bin) {
 }
 
 CameraChain build_camera_chain(GstBin* bin, const CameraSource& source, const Camera& camera,
-                               const ChainOptions& options) {
+                               const CamSrcSettings& settings, const Controls& controls) {
   if (source.kind == Kind::kUri || source.kind == Kind::kDevice || source.kind == Kind::kBin) limit_collected_data(bin);
-  const bool own_rate = options.fps_n == 0;
-  const int fps_n = own_rate ? kDefaultFps : options.fps_n;
-  const int fps_d = own_rate ? 1 : options.fps_d;
+  const bool own_rate = settings.fps_n == 0;
+  const int fps_n = own_rate ? kDefaultFps : settings.fps_n;
+  const int fps_d = own_rate ? 1 : settings.fps_d;
   GstElement* convert = add(bin, "videoconvert");
   CameraChain chain;
   const auto append_to_tail = [&](GstElement* next) { chain.tail.push_back(append(chain.tail.back(), next)); };
-  if (options.decode || source.kind == Kind::kStill || source.kind == Kind::kScene) {
+  if (settings.decode || source.kind == Kind::kStill || source.kind == Kind::kScene) {
     chain.tail = {convert};
     append_to_tail(add_capsfilter(bin, camera_caps(camera)));
     if (source.kind == Kind::kStill) append_to_tail(add(bin, "imagefreeze"));
@@ -693,13 +633,13 @@ CameraChain build_camera_chain(GstBin* bin, const CameraSource& source, const Ca
   }
   chain.decoded = borrow_pad(chain.tail.front(), "sink");
   chain.frames = borrow_pad(chain.tail.back(), "src");
-  add_reader(bin, source, camera, options, fps_n, fps_d, chain.tail.front(), &chain);
-  if (chain.device) apply_controls(chain.device, options.controls);
+  add_reader(bin, source, camera, settings, fps_n, fps_d, chain.tail.front(), &chain);
+  if (chain.device) apply_controls(chain.device, controls);
   const bool has_rate = source.kind == Kind::kMatroska || source.kind == Kind::kFile || source.kind == Kind::kUri;
   if (has_rate && !own_rate) append_to_tail(add(bin, "videorate"));
   if (source.kind == Kind::kStill || (has_rate && !own_rate))
     append_to_tail(add_capsfilter(bin, frame_rate_caps(fps_n, fps_d)));
-  if (options.live && source.kind != Kind::kDevice) append_to_tail(add(bin, "clocksync"));
+  if (settings.is_live && source.kind != Kind::kDevice) append_to_tail(add(bin, "clocksync"));
   chain.out = borrow_pad(chain.tail.back(), "src");
   return chain;
 }

@@ -11,6 +11,7 @@
 #include <gst/gst.h>
 #include <gst/video/video.h>
 
+#include "common/properties.h"
 #include "rig/camera_source.h"
 #include "rig/rig.h"
 #include "rig/rig_json.h"
@@ -43,7 +44,7 @@ class SenderClock : public std::enable_shared_from_this<SenderClock> {
 
  private:
   static void on_pad(GstElement* rtspsrc, GstPad* pad, gpointer self);
-  static GstPadProbeReturn on_packet(GstPad* pad, GstPadProbeInfo* info, gpointer self);
+  GstPadProbeReturn on_packet(GstPad* pad, GstPadProbeInfo* info);
 
   const GstClockTime latency_;
   mutable std::mutex mutex_;
@@ -54,14 +55,21 @@ class SenderClock : public std::enable_shared_from_this<SenderClock> {
 // v4l2:///dev/video0, has the kind kDevice instead of kUri.
 CameraSource find_playable_source(const Rig& rig, const Camera& camera);
 
-struct ChainOptions {
+// The properties of lfcamsrc.
+struct CamSrcSettings {
+  std::string rig;
+  guint camera = 0;
   int fps_n = 0, fps_d = 1;  // 0/1: rate of the source, or kDefaultFps if it has no rate
-  bool live = false;         // frames are synchronised to the clock
-  bool loop = false;         // for image sequences only; the caller loops other files
-  bool decode = true;        // false: JPEG video stays JPEG (stills are always decoded)
-  bool trusted = false;      // launch descriptions may contain any element
-  Controls controls = {};
-  GstClockTime latency = 200 * GST_MSECOND;
+  bool is_live = false;
+  bool loop = false;
+  gint64 num_frames = -1;
+  bool decode = true;
+  guint64 latency = 200 * GST_MSECOND;
+  bool retry = false;
+  bool trusted = false;
+  bool operator==(const CamSrcSettings&) const = default;
+
+  static PropertyTable<CamSrcSettings>& properties();
 };
 
 inline constexpr int kDefaultFps = 15;
@@ -90,10 +98,10 @@ class MissingElement : public Error {
 
 // Creates the elements that read and decode the source of `camera`, and adds them to `bin` in state NULL. The whole
 // chain runs in one streaming thread if the kind of the source determines the decoder. The kinds kDevice, kBin, kFile,
-// kUri and some stills do not, and their decoders may add threads. Throws MissingElement, or Error if the source is
-// unusable.
+// kUri and some stills do not, and their decoders may add threads. The chain loops only image sequences; the caller
+// loops other files. Throws MissingElement, or Error if the source is unusable.
 CameraChain build_camera_chain(GstBin* bin, const CameraSource& source, const Camera& camera,
-                               const ChainOptions& options);
+                               const CamSrcSettings& settings, const Controls& controls);
 
 // Returns the rotation that a player must apply to the video, from the tags on the pad. Phones store upright videos as
 // rotated pictures in this way.

@@ -11,6 +11,8 @@
 #include <linux/videodev2.h>
 #include <sys/ioctl.h>
 
+#include "common/gst_pointers.h"
+
 namespace lf {
 namespace {
 
@@ -35,11 +37,6 @@ constexpr Properties kProperties[] = {
 };
 
 constexpr const char* kKnownNames[] = {"exposure", "gain", "white_balance", "focus", "mains_frequency"};
-
-struct State {
-  bool known = false, automatic = false;
-  std::optional<double> value;
-};
 
 GParamSpec* find_property(GstElement* element, const char* name) {
   GParamSpec* spec = g_object_class_find_property(G_OBJECT_GET_CLASS(element), name);
@@ -118,10 +115,10 @@ bool apply_by_property(GstElement* element, const std::string& name, std::option
 
 void apply(GstElement* element, const Controls& controls) {
   if (GParamSpec* extra = find_property(element, "extra-controls"); extra && extra->value_type == GST_TYPE_STRUCTURE) {
-    GstStructure* all = v4l2_extra_controls(controls);
-    GstStructure* described = nullptr;
+    g_autoptr(GstStructure) all = v4l2_extra_controls(controls);
+    g_autoptr(GstStructure) described = nullptr;
     g_object_get(element, "extra-controls", &described, nullptr);
-    if (described) {
+    if (described)
       gst_structure_foreach(
           described,
           [](GQuark field, const GValue* value, gpointer to) -> gboolean {
@@ -130,10 +127,7 @@ void apply(GstElement* element, const Controls& controls) {
             return TRUE;
           },
           all);
-      gst_structure_free(described);
-    }
     g_object_set(element, "extra-controls", all, nullptr);
-    gst_structure_free(all);
     return;
   }
   for (const auto& [name, value] : controls) {
@@ -144,60 +138,50 @@ void apply(GstElement* element, const Controls& controls) {
   }
 }
 
-State read(GstElement* element, const std::string& name) {
+std::optional<ControlState> read(GstElement* element, const std::string& name) {
   if (find_property(element, "extra-controls")) {
     GParamSpec* handle = g_object_class_find_property(G_OBJECT_GET_CLASS(element), "device-fd");
     const auto number = handle ? get_number(element, "device-fd") : std::nullopt;
     if (!number || *number < 0) return {};
-    const auto control = read_v4l2_control(name, v4l2_reader(static_cast<int>(*number)));
-    if (control) return {true, control->automatic, control->value};
+    if (const auto control = read_v4l2_control(name, v4l2_reader(static_cast<int>(*number)))) return control;
   } else if (const Properties* p = find_properties(element, name)) {
     const auto value = get_number(element, p->value);
-    return {true, get_text(element, p->automatic) != p->off,
-            value ? std::optional<double>(*value / p->unit) : std::nullopt};
+    return ControlState{value ? std::optional(*value / p->unit) : std::nullopt,
+                        get_text(element, p->automatic) != p->off};
   } else if (GParamSpec* spec = find_property(element, name.c_str());
              spec && g_value_type_transformable(spec->value_type, G_TYPE_DOUBLE)) {
-    return {true, false, get_number(element, name.c_str())};
+    return ControlState{get_number(element, name.c_str())};
   }
-  State state;
+  std::optional<ControlState> state;
   with_channel(element, name, [&](GstColorBalance* balance, GstColorBalanceChannel* channel) {
-    state = {true, false, gst_color_balance_get_value(balance, channel)};
+    state = ControlState{gst_color_balance_get_value(balance, channel)};
   });
   return state;
 }
 
-// Returns the element itself, or, for a bin, all elements inside. The caller owns the references.
-std::vector<GstElement*> elements_of(GstElement* source) {
-  std::vector<GstElement*> all;
-  if (!GST_IS_BIN(source)) return {GST_ELEMENT(gst_object_ref(source))};
-  GstIterator* children = gst_bin_iterate_recurse(GST_BIN(source));
-  const auto take = [](const GValue* value, gpointer to) {
-    static_cast<std::vector<GstElement*>*>(to)->push_back(GST_ELEMENT(g_value_dup_object(value)));
-  };
-  while (gst_iterator_foreach(children, take, &all) == GST_ITERATOR_RESYNC) {
-    for (GstElement* element : all) gst_object_unref(element);
-    all.clear();
-    gst_iterator_resync(children);
-  }
-  gst_iterator_free(children);
-  return all;
+// Returns the element itself, or, for a bin, all elements inside.
+std::vector<ElementPtr> elements_of(GstElement* source) {
+  if (GST_IS_BIN(source)) return take_elements(gst_bin_iterate_recurse(GST_BIN(source)));
+  std::vector<ElementPtr> single;
+  single.emplace_back(GST_ELEMENT(gst_object_ref(source)));
+  return single;
 }
 
-State read_any(const std::vector<GstElement*>& elements, const std::string& name) {
-  for (GstElement* element : elements)
-    if (const State state = read(element, name); state.known) return state;
-  return {};
+std::optional<ControlState> read_any(const std::vector<ElementPtr>& elements, const std::string& name) {
+  for (const ElementPtr& element : elements)
+    if (const auto state = read(element.get(), name)) return state;
+  return std::nullopt;
 }
 
 template <typename Put>
 GstStructure* read_all(GstElement* source, const Controls& wanted, Put put) {
   GstStructure* result = gst_structure_new_empty("lightfield-controls");
-  const std::vector<GstElement*> elements = elements_of(source);
+  const std::vector<ElementPtr> elements = elements_of(source);
   for (const char* name : kKnownNames)
-    if (const State state = read_any(elements, name); state.known) put(result, name, state);
+    if (const auto state = read_any(elements, name)) put(result, name, *state);
   for (const auto& [name, value] : wanted)
-    if (!gst_structure_has_field(result, name.c_str())) put(result, name.c_str(), read_any(elements, name));
-  for (GstElement* element : elements) gst_object_unref(element);
+    if (!gst_structure_has_field(result, name.c_str()))
+      put(result, name.c_str(), read_any(elements, name).value_or(ControlState{}));
   return result;
 }
 
@@ -205,14 +189,11 @@ GstStructure* read_all(GstElement* source, const Controls& wanted, Put put) {
 
 void apply_controls(GstElement* source, const Controls& controls) {
   if (controls.empty()) return;
-  for (GstElement* element : elements_of(source)) {
-    apply(element, controls);
-    gst_object_unref(element);
-  }
+  for (const ElementPtr& element : elements_of(source)) apply(element.get(), controls);
 }
 
 GstStructure* read_controls(GstElement* source, const Controls& wanted) {
-  return read_all(source, wanted, [](GstStructure* to, const char* name, const State& state) {
+  return read_all(source, wanted, [](GstStructure* to, const char* name, const ControlState& state) {
     if (state.automatic)
       gst_structure_set(to, name, G_TYPE_STRING, "auto", nullptr);
     else if (state.value)
@@ -223,7 +204,7 @@ GstStructure* read_controls(GstElement* source, const Controls& wanted) {
 }
 
 GstStructure* read_control_values(GstElement* source, const Controls& wanted) {
-  return read_all(source, wanted, [](GstStructure* to, const char* name, const State& state) {
+  return read_all(source, wanted, [](GstStructure* to, const char* name, const ControlState& state) {
     if (state.value) gst_structure_set(to, name, G_TYPE_DOUBLE, *state.value, nullptr);
   });
 }
@@ -307,21 +288,20 @@ GstStructure* v4l2_extra_controls(const Controls& controls) {
   return fields;
 }
 
-std::optional<V4l2Control> read_v4l2_control(const std::string& name, const ReadV4l2& read) {
+std::optional<ControlState> read_v4l2_control(const std::string& name, const ReadV4l2& read) {
   if (name == kMains) {
     const auto menu = read(V4L2_CID_POWER_LINE_FREQUENCY);
     if (!menu) return std::nullopt;
-    if (*menu == V4L2_CID_POWER_LINE_FREQUENCY_AUTO) return V4l2Control{std::nullopt, true};
-    return V4l2Control{*menu == V4L2_CID_POWER_LINE_FREQUENCY_50HZ   ? 50.0
-                       : *menu == V4L2_CID_POWER_LINE_FREQUENCY_60HZ ? 60.0
-                                                                     : 0.0,
-                       false};
+    if (*menu == V4L2_CID_POWER_LINE_FREQUENCY_AUTO) return ControlState{std::nullopt, true};
+    return ControlState{*menu == V4L2_CID_POWER_LINE_FREQUENCY_50HZ   ? 50.0
+                        : *menu == V4L2_CID_POWER_LINE_FREQUENCY_60HZ ? 60.0
+                                                                      : 0.0};
   }
   const KnownControl* known = find_known_control(name);
   if (!known) return std::nullopt;
   const auto value = read(known->id), automatic = read(known->switch_id);
   if (!value && !automatic) return std::nullopt;
-  V4l2Control control;
+  ControlState control;
   if (value) control.value = *value / known->unit;
   control.automatic = automatic && *automatic != known->manual;
   return control;

@@ -36,11 +36,11 @@ using ReadV4l2 = std::function<std::optional<int32_t>(uint32_t id)>;
 GstStructure* v4l2_extra_controls(const Controls& controls);
 
 // The value of a control. `automatic` is true if the camera chooses the value.
-struct V4l2Control {
+struct ControlState {
   std::optional<double> value;
   bool automatic = false;
 };
-std::optional<V4l2Control> read_v4l2_control(const std::string& name, const ReadV4l2& read);
+std::optional<ControlState> read_v4l2_control(const std::string& name, const ReadV4l2& read);
 
 // Reads the controls of an open device. `handle` is the file descriptor (device-fd of v4l2src).
 ReadV4l2 v4l2_reader(int handle);

@@ -2,8 +2,11 @@
 #include "camsrc/camera_lifecycle.h"
 
 #include <algorithm>
+#include <utility>
 
 #include <gst/video/gstvideodecoder.h>
+
+#include "common/guard.h"
 
 namespace lf {
 
@@ -86,24 +89,20 @@ bool is_my_turn(uint64_t now) {
 
 void LoadShedder::watch(GstElement* element) {
   if (!GST_IS_VIDEO_DECODER(element)) return;
-  GstPad* sink = gst_element_get_static_pad(element, "sink");
+  g_autoptr(GstPad) sink = gst_element_get_static_pad(element, "sink");
   if (!sink) return;
   constexpr auto kData =
       GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM | GST_PAD_PROBE_TYPE_EVENT_FLUSH;
-  gst_pad_add_probe(sink, GstPadProbeType(kData), on_input, new std::shared_ptr<LoadShedder>(shared_from_this()),
-                    [](gpointer data) { delete static_cast<std::shared_ptr<LoadShedder>*>(data); });
-  gst_object_unref(sink);
+  add_probe(sink, kData, [self = shared_from_this()](GstPad*, GstPadProbeInfo* info) { return self->on_input(info); });
 }
 
-GstPadProbeReturn LoadShedder::on_input(GstPad* /*pad*/, GstPadProbeInfo* info, gpointer data) {
-  LoadShedder& self = **static_cast<std::shared_ptr<LoadShedder>*>(data);
+GstPadProbeReturn LoadShedder::on_input(GstPadProbeInfo* info) {
   if (!(info->type & GST_PAD_PROBE_TYPE_BUFFER)) {
     const GstEventType type = GST_EVENT_TYPE(GST_PAD_PROBE_INFO_EVENT(info));
-    if (type == GST_EVENT_FLUSH_STOP || type == GST_EVENT_SEGMENT) self.forget_position();
+    if (type == GST_EVENT_FLUSH_STOP || type == GST_EVENT_SEGMENT) forget_position();
     return GST_PAD_PROBE_OK;
   }
-  if (self.drops(GST_PAD_PROBE_INFO_BUFFER(info))) return GST_PAD_PROBE_DROP;
-  return GST_PAD_PROBE_OK;
+  return drops(GST_PAD_PROBE_INFO_BUFFER(info)) ? GST_PAD_PROBE_DROP : GST_PAD_PROBE_OK;
 }
 
 // Ends dropping after a seek or at a new loop, because the stored timestamps do not apply to the new data, which begins
@@ -166,9 +165,7 @@ GstClockTimeDiff LoadShedder::behind() const {
 
 GstClockTime LoadShedder::take_dropped_end() {
   std::lock_guard lock(mutex_);
-  const GstClockTime end = dropped_end_;
-  dropped_end_ = GST_CLOCK_TIME_NONE;
-  return end;
+  return std::exchange(dropped_end_, GST_CLOCK_TIME_NONE);
 }
 
 }  // namespace lf

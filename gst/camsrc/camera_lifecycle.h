@@ -102,7 +102,7 @@ class LoadShedder : public std::enable_shared_from_this<LoadShedder> {
   GstClockTime take_dropped_end();
 
  private:
-  static GstPadProbeReturn on_input(GstPad* pad, GstPadProbeInfo* info, gpointer data);
+  GstPadProbeReturn on_input(GstPadProbeInfo* info);
   bool drops(GstBuffer* buffer);
   void forget_position();
 

@@ -11,10 +11,12 @@
 
 #include "base/schedule.h"
 #include "base/text.h"
+#include "camsrc/cam_src_children.h"
 #include "camsrc/camera_chain.h"
-#include "common/coded_video.h"
+#include "common/codecs.h"
 #include "common/common.h"
 #include "common/gst_wire.h"
+#include "common/guard.h"
 #include "image/image_file.h"
 #include "jpeg/header.h"
 
@@ -50,11 +52,6 @@ GstClockTime PendingCodedFrames::in_order(GstClockTime taken, GstClockTime captu
 
 namespace {
 
-GstCaps* capture_time_reference() {
-  static GstStaticCaps caps = GST_STATIC_CAPS(LF_CAPTURE_TIME_CAPS);
-  return gst_static_caps_get(&caps);
-}
-
 // Drops the buffer of a probe and returns `reason` upstream.
 GstPadProbeReturn refuse(GstPadProbeInfo* info, GstFlowReturn reason) {
   gst_clear_buffer(reinterpret_cast<GstBuffer**>(&info->data));
@@ -62,37 +59,27 @@ GstPadProbeReturn refuse(GstPadProbeInfo* info, GstFlowReturn reason) {
   return GST_PAD_PROBE_HANDLED;
 }
 
-// Makes an EOS event from a segment-done event, which ends a film that is not repeated any more. Downstream expects
-// EOS, because it has not sent the segment seek. Takes and returns a reference.
-GstEvent* as_end(GstEvent* event) {
-  GstEvent* end = gst_event_new_eos();
-  gst_event_set_seqnum(end, gst_event_get_seqnum(event));
-  gst_event_unref(event);
-  return end;
+// Replaces the event of a probe by another one with the same sequence number. Takes the new event.
+void replace_event(GstPadProbeInfo* info, GstEvent* event) {
+  auto* before = static_cast<GstEvent*>(info->data);
+  gst_event_set_seqnum(event, gst_event_get_seqnum(before));
+  gst_event_unref(before);
+  info->data = event;
 }
 
-// Calls `method` of the stream behind the weak pointer `data`. The pointer is weak because events from downstream may
-// arrive while the chain is being removed.
-template <auto method>
-GstPadProbeReturn call(GstPad* pad, GstPadProbeInfo* info, gpointer data) {
-  const auto stream = static_cast<std::weak_ptr<CameraStream>*>(data)->lock();
-  if (!stream) return GST_PAD_PROBE_OK;
-  return guarded(pad, GST_PAD_PROBE_DROP, [&] { return ((*stream).*method)(pad, info); });
-}
-
-void add_probe(GstPad* pad, int type, GstPadProbeCallback callback, const std::weak_ptr<CameraStream>& stream) {
-  gst_pad_add_probe(pad, GstPadProbeType(type), callback, new std::weak_ptr(stream),
-                    [](gpointer data) { delete static_cast<std::weak_ptr<CameraStream>*>(data); });
+const GstSegment& segment_of(GstPadProbeInfo* info) {
+  const GstSegment* segment = nullptr;
+  gst_event_parse_segment(GST_PAD_PROBE_INFO_EVENT(info), &segment);
+  return *segment;
 }
 
 }  // namespace
 
-CameraStream::CameraStream(GstElement* owner, const CameraChain& chain, const StreamOptions& options,
-                           const StreamListener& listener)
-    : owner_(owner),
+CameraStream::CameraStream(LfCamSrc* owner, const CameraChain& chain, const StreamOptions& options)
+    : camera_(owner),
+      owner_(GST_ELEMENT(owner)),
       chain_(chain),
       options_(options),
-      listener_(listener),
       stream_end_(options.begin),
       round_start_(options.begin),
       round_(options.round),
@@ -108,39 +95,52 @@ CameraStream::~CameraStream() {
   gst_clear_object(&coded_pad_);
 }
 
+// Calls the method for the data of the pad. The pointer to the stream is weak, because events from downstream may
+// arrive while the chain is being removed.
+void CameraStream::watch_pad(GstPad* pad, int type,
+                             GstPadProbeReturn (CameraStream::*method)(GstPad*, GstPadProbeInfo*)) {
+  add_probe(pad, type, [weak = weak_from_this(), method](GstPad* at, GstPadProbeInfo* info) {
+    const std::shared_ptr<CameraStream> stream = weak.lock();
+    return stream ? ((*stream).*method)(at, info) : GST_PAD_PROBE_OK;
+  });
+}
+
 void CameraStream::watch_element(GstElement* element) {
   GstElementFactory* factory = gst_element_get_factory(element);
   if (factory && g_str_equal(GST_OBJECT_NAME(factory), "jpegdec")) {
     g_autoptr(GstPad) sink = gst_element_get_static_pad(element, "sink");
-    add_probe(sink, GST_PAD_PROBE_TYPE_BUFFER, call<&CameraStream::on_jpeg>, weak_from_this());
+    watch_pad(sink, GST_PAD_PROBE_TYPE_BUFFER, &CameraStream::on_jpeg);
   }
   const bool is_parser =
       options_.seek_to_loop && factory && gst_element_factory_list_is_type(factory, GST_ELEMENT_FACTORY_TYPE_PARSER);
-  if (!is_parser && (!listener_.on_recordable || !GST_IS_VIDEO_DECODER(element))) return;
-  GstPad* sink = gst_element_get_static_pad(element, "sink");
+  if (!is_parser && (!options_.tap || !GST_IS_VIDEO_DECODER(element))) return;
+  g_autoptr(GstPad) sink = gst_element_get_static_pad(element, "sink");
   if (!sink) return;
-  add_probe(sink, GST_PAD_PROBE_TYPE_BUFFER, is_parser ? call<&CameraStream::on_parsed> : call<&CameraStream::on_coded>,
-            weak_from_this());
-  gst_object_unref(sink);
+  watch_pad(sink, GST_PAD_PROBE_TYPE_BUFFER, is_parser ? &CameraStream::on_parsed : &CameraStream::on_coded);
 }
 
 void CameraStream::watch() {
   constexpr auto kData = GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM;
-  const auto probe = [this](GstPad* pad, int type, GstPadProbeCallback callback) {
-    add_probe(pad, type, callback, weak_from_this());
-  };
-  probe(chain_.decoded, kData | GST_PAD_PROBE_TYPE_EVENT_FLUSH, call<&CameraStream::on_decoded>);
-  probe(chain_.frames, kData, call<&CameraStream::on_frame>);
-  probe(chain_.out, kData | GST_PAD_PROBE_TYPE_EVENT_UPSTREAM, call<&CameraStream::on_output>);
+  watch_pad(chain_.decoded, kData | GST_PAD_PROBE_TYPE_EVENT_FLUSH, &CameraStream::on_decoded);
+  watch_pad(chain_.frames, kData, &CameraStream::on_frame);
+  watch_pad(chain_.out, kData | GST_PAD_PROBE_TYPE_EVENT_UPSTREAM, &CameraStream::on_output);
 }
 
 void CameraStream::fail(GstStreamError code, const std::string& text) {
   if (!first_error()) return;
-  listener_.on_error(GST_STREAM_ERROR, code, place() + ": " + text);
+  lf_cam_src_fail(camera_, {GST_STREAM_ERROR, code, place() + ": " + text, ""});
+  lf_cam_src_shut_down(camera_, options_.serial);
 }
 
 // Ends the stream if a frame has another size than the rig states, because frames of a wrong size would be rendered
 // with wrong geometry.
+void CameraStream::require_size(int width, int height) {
+  size_is_wrong_ = width != options_.width || height != options_.height;
+  if (size_is_wrong_)
+    fail(GST_STREAM_ERROR_FORMAT,
+         "the picture is " + size_text(width, height) + ", the rig says " + size_text(options_.width, options_.height));
+}
+
 void CameraStream::check_size(GstCaps* caps) {
   GstVideoInfo info;
   const GstStructure* structure = gst_caps_get_structure(caps, 0);
@@ -149,10 +149,7 @@ void CameraStream::check_size(GstCaps* caps) {
   // Skips JPEG, because caps of containers are unreliable there (Matroska without size: 1x1). check_jpeg() parses the
   // picture instead.
   if (is_jpeg_ || !gst_video_info_from_caps(&info, caps) || info.width == 0) return;
-  size_is_wrong_ = info.width != options_.width || info.height != options_.height;
-  if (size_is_wrong_)
-    fail(GST_STREAM_ERROR_FORMAT, "the picture is " + size_text(info.width, info.height) + ", the rig says " +
-                                      size_text(options_.width, options_.height));
+  require_size(info.width, info.height);
 }
 
 // Checks the size in the first intact JPEG picture, because the caps may lack size and JPEG type.
@@ -163,13 +160,9 @@ void CameraStream::check_jpeg(GstBuffer* buffer) {
   const auto header = jpeg::parse_header(bytes.bytes(), &reason, &unsupported);
   if (!header && !unsupported) return;  // damaged: check the next picture
   is_known_jpeg_ = true;
-  size_is_wrong_ = !header || header->width != options_.width || header->height != options_.height;
-  if (!header) {
-    fail(GST_STREAM_ERROR_FORMAT, reason);
-  } else if (size_is_wrong_) {
-    fail(GST_STREAM_ERROR_FORMAT, "the picture is " + size_text(header->width, header->height) + ", the rig says " +
-                                      size_text(options_.width, options_.height));
-  }
+  if (header) return require_size(header->width, header->height);
+  size_is_wrong_ = true;
+  fail(GST_STREAM_ERROR_FORMAT, reason);
 }
 
 void CameraStream::stamp_arrivals(GstElement* multipartdemux) {
@@ -179,8 +172,8 @@ void CameraStream::stamp_arrivals(GstElement* multipartdemux) {
   g_object_set(multipartdemux, "single-stream", TRUE, nullptr);
   const GClosureNotify free = [](gpointer data, GClosure*) { delete static_cast<std::weak_ptr<CameraStream>*>(data); };
   g_signal_connect_data(multipartdemux, "pad-added", G_CALLBACK(+[](GstElement*, GstPad* pad, gpointer stream) {
-                          add_probe(pad, GST_PAD_PROBE_TYPE_BUFFER, call<&CameraStream::on_arrival>,
-                                    *static_cast<std::weak_ptr<CameraStream>*>(stream));
+                          if (const auto self = static_cast<std::weak_ptr<CameraStream>*>(stream)->lock())
+                            self->watch_pad(pad, GST_PAD_PROBE_TYPE_BUFFER, &CameraStream::on_arrival);
                         }),
                         new std::weak_ptr(weak_from_this()), free, GConnectFlags(0));
 }
@@ -194,9 +187,8 @@ GstPadProbeReturn CameraStream::on_arrival(GstPad* pad, GstPadProbeInfo* info) {
 // Removes the orientation tag of raw pictures, which are already rotated (camera_chain.cc), so that downstream does not
 // rotate them again.
 GstPadProbeReturn CameraStream::on_tags(GstPadProbeInfo* info) {
-  auto* event = static_cast<GstEvent*>(info->data);
   GstTagList* tags = nullptr;
-  gst_event_parse_tag(event, &tags);
+  gst_event_parse_tag(GST_PAD_PROBE_INFO_EVENT(info), &tags);
   GstVideoOrientationMethod turn = GST_VIDEO_ORIENTATION_IDENTITY;
   if (!gst_video_orientation_from_tag(tags, &turn)) return GST_PAD_PROBE_OK;
   if (is_jpeg_ && turn != GST_VIDEO_ORIENTATION_IDENTITY)
@@ -204,10 +196,7 @@ GstPadProbeReturn CameraStream::on_tags(GstPadProbeInfo* info) {
          "the JPEG pictures of this film need a rotation: set decode=true, or rotate the film with ffmpeg");
   GstTagList* others = gst_tag_list_copy(tags);
   gst_tag_list_remove_tag(others, GST_TAG_IMAGE_ORIENTATION);
-  GstEvent* without = gst_event_new_tag(others);
-  gst_event_set_seqnum(without, gst_event_get_seqnum(event));
-  gst_event_unref(event);
-  info->data = without;
+  replace_event(info, gst_event_new_tag(others));
   return GST_PAD_PROBE_OK;
 }
 
@@ -244,10 +233,10 @@ GstPadProbeReturn CameraStream::on_decoded(GstPad* pad, GstPadProbeInfo* info) {
       segment_begin_ = segment_end_ = GST_CLOCK_TIME_NONE;
       return GST_PAD_PROBE_OK;
     case GST_EVENT_SEGMENT:
-      if (is_jpeg_) info->data = time_segment(event);
-      check_format(static_cast<GstEvent*>(info->data));
+      if (is_jpeg_) count_time(info);
+      check_format(segment_of(info));
       if (options_.skips_late && pictures_ == 0 && round_start_ == 0) pass_rounds();
-      if (round_start_ > 0) info->data = later_segment(static_cast<GstEvent*>(info->data));
+      if (round_start_ > 0) delay_segment(info);
       return GST_PAD_PROBE_OK;
     case GST_EVENT_SEGMENT_DONE:
     case GST_EVENT_EOS:
@@ -255,7 +244,9 @@ GstPadProbeReturn CameraStream::on_decoded(GstPad* pad, GstPadProbeInfo* info) {
       count_dropped();
       is_truncated_ = !ending_ && gst_pad_get_last_flow_return(chain_.out) == GST_FLOW_OK;
       if (begin_again(GST_EVENT_TYPE(event) == GST_EVENT_EOS)) return GST_PAD_PROBE_DROP;
-      if (GST_EVENT_TYPE(event) == GST_EVENT_SEGMENT_DONE && options_.seek_to_loop) info->data = as_end(event);
+      // The film is not repeated any more. Downstream expects EOS, because it has not sent the segment seek.
+      if (GST_EVENT_TYPE(event) == GST_EVENT_SEGMENT_DONE && options_.seek_to_loop)
+        replace_event(info, gst_event_new_eos());
       return GST_PAD_PROBE_OK;
     default: return GST_PAD_PROBE_OK;
   }
@@ -264,10 +255,9 @@ GstPadProbeReturn CameraStream::on_decoded(GstPad* pad, GstPadProbeInfo* info) {
 // Stores the original running time of a frame, because a frame rate conversion may change its timestamp.
 GstPadProbeReturn CameraStream::on_frame(GstPad* pad, GstPadProbeInfo* info) {
   if (info->type & GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM) {
-    GstEvent* event = GST_PAD_PROBE_INFO_EVENT(info);
-    const GstSegment* segment = nullptr;
-    if (GST_EVENT_TYPE(event) == GST_EVENT_SEGMENT) gst_event_parse_segment(event, &segment);
-    if (segment && segment->format == GST_FORMAT_TIME) gst_segment_copy_into(segment, &segment_);
+    if (GST_EVENT_TYPE(GST_PAD_PROBE_INFO_EVENT(info)) == GST_EVENT_SEGMENT &&
+        segment_of(info).format == GST_FORMAT_TIME)
+      gst_segment_copy_into(&segment_of(info), &segment_);
     return GST_PAD_PROBE_OK;
   }
   auto* buffer = static_cast<GstBuffer*>(info->data);
@@ -290,9 +280,7 @@ GstPadProbeReturn CameraStream::on_frame(GstPad* pad, GstPadProbeInfo* info) {
     film_end_ = taken + duration;
   }
   buffer = gst_buffer_make_writable(buffer);
-  GstCaps* reference = capture_time_reference();
-  gst_buffer_add_reference_timestamp_meta(buffer, reference, taken, GST_BUFFER_DURATION(buffer));
-  gst_caps_unref(reference);
+  add_capture_time(buffer, taken, GST_BUFFER_DURATION(buffer));
   info->data = buffer;
   return GST_PAD_PROBE_OK;
 }
@@ -307,8 +295,8 @@ bool CameraStream::is_shed(GstPad* pad, GstBuffer* buffer, GstClockTime stamp) {
   const Verdict verdict =
       options_.shedder->see(GST_BUFFER_PTS(buffer), GST_CLOCK_DIFF(stamp, now), latency_, period, now_ns());
   if (verdict == Verdict::kStartDropping) {
-    gst_pad_push_event(pad, gst_event_new_custom(GST_EVENT_CUSTOM_DOWNSTREAM, gst_structure_new_empty(LF_CAMERA_LOST)));
-    listener_.on_overload(options_.shedder->behind());
+    gst_pad_push_event(pad, camera_lost_event());
+    lf_cam_src_warn_overload(camera_, options_.shedder->behind());
   }
   return verdict != Verdict::kShow;
 }
@@ -351,22 +339,16 @@ GstClockTime CameraStream::capture_time(GstClockTime taken) const {
 
 GstBuffer* CameraStream::complete_capture_time(GstBuffer* buffer) const {
   buffer = gst_buffer_make_writable(buffer);
-  GstCaps* reference = capture_time_reference();
-  GstReferenceTimestampMeta* meta = gst_buffer_get_reference_timestamp_meta(buffer, reference);
-  gst_caps_unref(reference);
-  if (!meta) return buffer;
-  meta->timestamp = capture_time(meta->timestamp);
+  if (GstReferenceTimestampMeta* meta = find_capture_time(buffer)) meta->timestamp = capture_time(meta->timestamp);
   return buffer;
 }
 
 void CameraStream::record_frame(GstPad* pad, GstBuffer* frame) const {
-  if (!listener_.on_recordable) return;
+  if (!options_.tap) return;
   if (const std::lock_guard lock(recording_mutex_); coded_pad_) return;
-  GstCaps* reference = capture_time_reference();
-  const GstReferenceTimestampMeta* meta = gst_buffer_get_reference_timestamp_meta(frame, reference);
-  gst_caps_unref(reference);
+  const GstReferenceTimestampMeta* meta = find_capture_time(frame);
   g_autoptr(GstCaps) caps = meta ? gst_pad_get_current_caps(pad) : nullptr;
-  if (caps) listener_.on_recordable(frame, caps, meta->timestamp);
+  if (caps) options_.tap(frame, caps, meta->timestamp);
 }
 
 void CameraStream::announce(GstPad* pad) {
@@ -403,9 +385,9 @@ GstPadProbeReturn CameraStream::on_output_event(GstPad* pad, GstEvent* event) {
 GstPadProbeReturn CameraStream::on_output_end(GstPad* pad) {
   has_ended_ = true;
   if (!options_.has_end && is_truncated_) fail(GST_STREAM_ERROR_FAILED, "the stream ended");
-  if (!failed_) listener_.on_end();
+  if (!failed_) camera_->service->end();
   if (!failed_ || !options_.may_be_lost) return GST_PAD_PROBE_OK;
-  gst_pad_push_event(pad, gst_event_new_custom(GST_EVENT_CUSTOM_DOWNSTREAM, gst_structure_new_empty(LF_CAMERA_LOST)));
+  gst_pad_push_event(pad, camera_lost_event());
   return GST_PAD_PROBE_DROP;
 }
 
@@ -442,7 +424,7 @@ GstPadProbeReturn CameraStream::on_output(GstPad* pad, GstPadProbeInfo* info) {
   info->data = complete_capture_time(static_cast<GstBuffer*>(info->data));
   announce(pad);
   if (frames_out_++ == 0) {
-    listener_.on_first_frame();
+    if (camera_->service->find(now_ns())) lf_cam_src_post_found(camera_);
     record_pending();
   }
   record_frame(pad, GST_PAD_PROBE_INFO_BUFFER(info));
@@ -486,7 +468,7 @@ GstPadProbeReturn CameraStream::on_coded(GstPad* pad, GstPadProbeInfo* info) {
   else if (frames_out_ == 0)
     coded_.wait(picture, *taken);
   else if (coded_.admits(picture))
-    listener_.on_recordable(picture, caps, coded_.in_order(*taken, capture_time(*taken)));
+    options_.tap(picture, caps, coded_.in_order(*taken, capture_time(*taken)));
   return GST_PAD_PROBE_OK;
 }
 
@@ -525,8 +507,7 @@ void CameraStream::record_pending() {
   if (!coded_pad_) return;
   g_autoptr(GstCaps) caps = gst_pad_get_current_caps(coded_pad_);
   for (const PendingCodedFrames::Picture& picture : coded_.take_waiting())
-    if (caps)
-      listener_.on_recordable(picture.buffer.get(), caps, coded_.in_order(picture.taken, capture_time(picture.taken)));
+    if (caps) options_.tap(picture.buffer.get(), caps, coded_.in_order(picture.taken, capture_time(picture.taken)));
 }
 
 // --- Film position ---------------------------------------------------------------------------------------------------
@@ -615,7 +596,8 @@ bool CameraStream::begin_again(bool flush) {
   finish_loop_segment();
   const GstClockTime missing = missing_at_end();
   const bool dropped = options_.shedder->dropped() != std::exchange(dropped_before_, options_.shedder->dropped());
-  if (missing > 0 && !dropped && !std::exchange(cut_off_reported_, true)) listener_.on_truncated(position_, missing);
+  if (missing > 0 && !dropped && !std::exchange(cut_off_reported_, true))
+    lf_cam_src_warn_truncated(camera_, position_, missing);
   stream_end_ += missing;
   film_end_ += missing;
   if (options_.paced || options_.skips_late) due_ = stream_end_;
@@ -626,61 +608,33 @@ bool CameraStream::begin_again(bool flush) {
   loop_seqnum_ = gst_util_seqnum_next();
 
   // Seeks in another thread, because a seek waits for this streaming thread.
-  struct Task {
-    std::shared_ptr<CameraStream> stream;
-    guint32 seqnum;
-    bool flush;
-    GstPad* pad;
-  };
-  gst_element_call_async(
-      owner_,
-      [](GstElement* owner, gpointer data) {
-        const auto* task = static_cast<Task*>(data);
-        guarded(owner, 0, [task] { return task->stream->seek_to_start(task->seqnum, task->flush), 0; });
-      },
-      new Task{shared_from_this(), loop_seqnum_, flush, GST_PAD(gst_object_ref(chain_.decoded))},
-      [](gpointer data) {
-        auto* task = static_cast<Task*>(data);
-        gst_object_unref(task->pad);
-        delete task;
-      });
+  call_async(owner_, [stream = shared_from_this(), seqnum = loop_seqnum_.load(), flush] {
+    stream->seek_to_start(seqnum, flush);
+  });
   return true;
 }
 
-// Shifts a segment to the start of this loop (round_start_), so that running time continues. Takes and returns a
-// reference.
-GstEvent* CameraStream::later_segment(GstEvent* event) const {
-  GstSegment segment;
-  gst_event_copy_segment(event, &segment);
+// Shifts a segment to the start of this loop (round_start_), so that running time continues.
+void CameraStream::delay_segment(GstPadProbeInfo* info) const {
+  GstSegment segment = segment_of(info);
   segment.base = round_start_;
   segment.flags = GstSegmentFlags(segment.flags & ~GST_SEGMENT_FLAG_RESET);
-  GstEvent* later = gst_event_new_segment(&segment);
-  gst_event_set_seqnum(later, gst_event_get_seqnum(event));
-  gst_event_unref(event);
-  return later;
+  replace_event(info, gst_event_new_segment(&segment));
 }
 
-// Replaces byte segments, which elements such as multifilesrc send for JPEG files, by time segments. Takes and returns
-// a reference.
-GstEvent* CameraStream::time_segment(GstEvent* event) {
-  const GstSegment* segment = nullptr;
-  gst_event_parse_segment(event, &segment);
-  counts_time_ = segment->format != GST_FORMAT_TIME && fps_n_ > 0;
-  if (!counts_time_) return event;
+// Replaces byte segments, which elements such as multifilesrc send for JPEG files, by time segments.
+void CameraStream::count_time(GstPadProbeInfo* info) {
+  counts_time_ = segment_of(info).format != GST_FORMAT_TIME && fps_n_ > 0;
+  if (!counts_time_) return;
   GstSegment time;
   gst_segment_init(&time, GST_FORMAT_TIME);
-  GstEvent* timed = gst_event_new_segment(&time);
-  gst_event_set_seqnum(timed, gst_event_get_seqnum(event));
-  gst_event_unref(event);
-  return timed;
+  replace_event(info, gst_event_new_segment(&time));
 }
 
 // Fails if the segment has no time format. This happens if decodebin takes data for pictures, but no parser or demuxer
 // understands the data.
-void CameraStream::check_format(GstEvent* event) {
-  const GstSegment* segment = nullptr;
-  gst_event_parse_segment(event, &segment);
-  has_no_time_ = segment->format != GST_FORMAT_TIME;
+void CameraStream::check_format(const GstSegment& segment) {
+  has_no_time_ = segment.format != GST_FORMAT_TIME;
   if (has_no_time_)
     fail(GST_STREAM_ERROR_FORMAT,
          "the source has bytes without times instead of pictures: check that it is a video in a supported format, or "

@@ -3,7 +3,6 @@
 
 #include <atomic>
 #include <cstdint>
-#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -14,6 +13,8 @@
 
 #include "camsrc/camera_chain.h"
 #include "camsrc/camera_lifecycle.h"
+#include "camsrc/lfcamsrc.h"
+#include "common/common.h"
 #include "common/gst_pointers.h"
 #include "rig/rig.h"
 
@@ -57,6 +58,7 @@ class PendingCodedFrames {
 
 // The properties of one camera's stream, from the rig file and from the properties of lfcamsrc.
 struct StreamOptions {
+  guint serial = 0;  // LfCamSrc::serial
   CameraIndex camera = 0;
   uint64_t rig_hash = 0;
   int width = 0, height = 0;
@@ -72,27 +74,16 @@ struct StreamOptions {
   bool paced = false;
   GstClockTime begin = 0;  // running time that corresponds to source time 0, nanoseconds
   std::shared_ptr<LoadShedder> shedder;
+  // Coded video, such as H.264, is taken in front of the decoder, picture by picture. This includes pictures that are
+  // dropped behind the decoder, because other pictures may need these pictures for decoding. All other video is taken
+  // as the frames that the stream delivers. The stream owns buffer and caps. Empty if nothing is recorded.
+  RecordingTap tap;
   std::string place;  // prefix of errors: "rig.json: camera 5 (cam_00_05): cam_00_05.mkv"
 };
 
-// Functions of lfcamsrc that a CameraStream calls, in a streaming thread. on_end is called if the source ends without
-// an error.
-struct StreamListener {
-  // Called at most once.
-  std::function<void(GQuark domain, gint code, const std::string& text)> on_error;
-  std::function<void()> on_first_frame;
-  std::function<void()> on_end;
-  // Called when frames are dropped before decoding, because they are late by `late`.
-  std::function<void(GstClockTimeDiff late)> on_overload;
-  // Called at most once, if a looping film ends too early, for example because the file is truncated. `lasted` is the
-  // time that it lasted, and `missing` is the rest up to the duration in its header.
-  std::function<void(GstClockTime lasted, GstClockTime missing)> on_truncated;
-  // Receives the video for a recording, together with its capture time; the stream owns buffer and caps. Coded video,
-  // such as H.264, is taken in front of the decoder, picture by picture. This includes pictures that are dropped behind
-  // the decoder, because other pictures may need these pictures for decoding. All other video is taken as the frames
-  // that the stream delivers. The function is empty if nothing is recorded.
-  std::function<void(GstBuffer* buffer, GstCaps* caps, GstClockTime captured)> on_recordable;
-};
+inline GstEvent* camera_lost_event() {
+  return gst_event_new_custom(GST_EVENT_CUSTOM_DOWNSTREAM, gst_structure_new_empty(LF_CAMERA_LOST));
+}
 
 // Turns decoded pictures into the stream that lfcamsrc delivers. The class works by probes on the pads of a chain
 // (camera_chain.h). It checks the frame size, announces the camera with LF_CAMERA_EVENT, and attaches the capture time
@@ -100,9 +91,9 @@ struct StreamListener {
 // frames.
 class CameraStream : public std::enable_shared_from_this<CameraStream> {
  public:
-  // `owner` is the lfcamsrc. It provides base time and clock, and must exist as long as data flows.
-  CameraStream(GstElement* owner, const CameraChain& chain, const StreamOptions& options,
-               const StreamListener& listener);
+  // `owner` must exist as long as data flows. It provides base time and clock, and is told about errors, the first
+  // frame and the end.
+  CameraStream(LfCamSrc* owner, const CameraChain& chain, const StreamOptions& options);
   ~CameraStream();
   CameraStream(const CameraStream&) = delete;
 
@@ -138,6 +129,7 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   GstClockTime round() const { return round_; }
 
  private:
+  void watch_pad(GstPad* pad, int type, GstPadProbeReturn (CameraStream::*method)(GstPad*, GstPadProbeInfo*));
   GstPadProbeReturn on_decoded(GstPad* pad, GstPadProbeInfo* info);
   GstPadProbeReturn on_frame(GstPad* pad, GstPadProbeInfo* info);
   GstPadProbeReturn on_output(GstPad* pad, GstPadProbeInfo* info);
@@ -160,26 +152,27 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   void note_position(GstClockTime end);
 
   void fail(GstStreamError code, const std::string& text);
+  void require_size(int width, int height);
   void check_size(GstCaps* caps);
   void check_jpeg(GstBuffer* buffer);
   GstPadProbeReturn on_tags(GstPadProbeInfo* info);
-  GstEvent* time_segment(GstEvent* event);
-  void check_format(GstEvent* segment);
+  void count_time(GstPadProbeInfo* info);
+  void check_format(const GstSegment& segment);
   GstBuffer* stamp(GstBuffer* buffer) const;
   GstBuffer* stamp_arrival(GstPad* pad, GstBuffer* buffer) const;
   GstClockTime running_time_now() const;
   bool begin_again(bool flush);
   void seek_to_start(guint32 seqnum, bool flush);
-  GstEvent* later_segment(GstEvent* event) const;
+  void delay_segment(GstPadProbeInfo* info) const;
   GstClockTime clock_time(GstClockTime stamp) const;
   GstClockTime capture_time(GstClockTime taken) const;
   GstBuffer* complete_capture_time(GstBuffer* buffer) const;
   void announce(GstPad* pad);
 
-  GstElement* const owner_;
+  LfCamSrc* const camera_;
+  GstElement* const owner_;  // the same object
   const CameraChain chain_;  // holds references to the pads, because probes may outlive the elements
   const StreamOptions options_;
-  const StreamListener listener_;
   std::atomic<bool> live_ = false, stamps_arrival_ = false;
   std::atomic<bool> ending_ = false, stopping_ = false, failed_ = false, has_ended_ = false;
   std::atomic<gint64> frames_out_ = 0;

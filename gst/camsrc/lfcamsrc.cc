@@ -78,6 +78,7 @@
 #include "camsrc/camera_controls.h"
 #include "camsrc/picture_sources.h"
 #include "common/common.h"
+#include "common/gst_pointers.h"
 #include "rig/source_security.h"
 
 GST_DEBUG_CATEGORY(lf_cam_src_debug);
@@ -149,12 +150,9 @@ static GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
                                         ", I420 }") "; image/jpeg; " LF_CARD_VIDEO_CAPS("{ " LF_CAMERA_FORMATS " }")));
 
 static GstClockTime lf_cam_src_period(LfCamSrc* self) {
-  GstCaps* caps = gst_pad_get_current_caps(self->src);
+  g_autoptr(GstCaps) caps = gst_pad_get_current_caps(self->src);
   int fps_n = 0, fps_d = 1;
-  if (caps) {
-    gst_structure_get_fraction(gst_caps_get_structure(caps, 0), "framerate", &fps_n, &fps_d);
-    gst_caps_unref(caps);
-  }
+  if (caps) gst_structure_get_fraction(gst_caps_get_structure(caps, 0), "framerate", &fps_n, &fps_d);
   if (fps_n <= 0 || fps_d <= 0) return GST_SECOND / lf::kDefaultFps;
   return gst_util_uint64_scale(GST_SECOND, static_cast<guint64>(fps_d), static_cast<guint64>(fps_n));
 }
@@ -170,22 +168,22 @@ void lf_cam_src_set_tap(LfCamSrc* self, const lf::RecordingTap& tap) { *self->ta
 // stopped or reopened after the step was scheduled.
 
 static GstStructure* lf_cam_src_structure(LfCamSrc* self, const char* name) {
-  GST_OBJECT_LOCK(self);
-  GstStructure* structure =
-      gst_structure_new(name, "camera", G_TYPE_UINT, self->camera, "name", G_TYPE_STRING, self->name->c_str(), nullptr);
-  GST_OBJECT_UNLOCK(self);
-  return structure;
+  const lf::ObjectLock lock(self);
+  return gst_structure_new(name, "camera", G_TYPE_UINT, self->camera, "name", G_TYPE_STRING, self->name->c_str(),
+                           nullptr);
 }
 
 static void lf_cam_src_post_structure(LfCamSrc* self, GstStructure* structure) {
   gst_element_post_message(GST_ELEMENT(self), gst_message_new_element(GST_OBJECT(self), structure));
 }
 
+static bool has_retry(LfCamSrc* self) {
+  const lf::ObjectLock lock(self);
+  return self->settings->retry;
+}
+
 static bool lf_cam_src_retries(LfCamSrc* self) {
-  GST_OBJECT_LOCK(self);
-  const bool retry = self->settings->retry;
-  GST_OBJECT_UNLOCK(self);
-  return retry && (self->live || !g_atomic_int_get(&self->expendable));
+  return has_retry(self) && (self->live || !g_atomic_int_get(&self->expendable));
 }
 
 void lf_cam_src_set_optional(LfCamSrc* self) { g_atomic_int_set(&self->expendable, TRUE); }
@@ -193,20 +191,18 @@ void lf_cam_src_set_optional(LfCamSrc* self) { g_atomic_int_set(&self->expendabl
 // Adds the current values of the camera controls. This queries the device, so do not call it for every frame.
 static void lf_cam_src_add_controls(LfCamSrc* self, GstStructure* stats) {
   lf::ObjectLock lock(self);
-  GstElement* device = self->run ? self->run->chain.device : nullptr;
+  g_autoptr(GstElement) device = self->run ? self->run->chain.device : nullptr;
   if (device) gst_object_ref(device);
   const lf::Controls wanted = self->run ? self->run->controls : lf::Controls{};
   lock.unlock();
-  GstStructure* controls = device ? lf::read_controls(device, wanted) : gst_structure_new_empty("lightfield-controls");
-  GstStructure* values =
+  g_autoptr(GstStructure) controls =
+      device ? lf::read_controls(device, wanted) : gst_structure_new_empty("lightfield-controls");
+  g_autoptr(GstStructure) values =
       device ? lf::read_control_values(device, wanted) : gst_structure_new_empty("lightfield-controls");
   if (!device)
     for (const auto& [name, value] : wanted) gst_structure_set(controls, name.c_str(), G_TYPE_BOOLEAN, FALSE, nullptr);
   gst_structure_set(stats, "controls", GST_TYPE_STRUCTURE, controls, "control-values", GST_TYPE_STRUCTURE, values,
                     nullptr);
-  gst_structure_free(controls);
-  gst_structure_free(values);
-  if (device) gst_object_unref(device);
 }
 
 GstStructure* lf_cam_src_stats(LfCamSrc* self, const char* name) {
@@ -230,12 +226,7 @@ bool lf_cam_src_is_lost_for_good(LfCamSrc* self) {
   return self->service->state() == State::kLost && !lf_cam_src_retries(self);
 }
 
-bool lf_cam_src_may_be_lost(LfCamSrc* self) {
-  GST_OBJECT_LOCK(self);
-  const bool retry = self->settings->retry;
-  GST_OBJECT_UNLOCK(self);
-  return retry || g_atomic_int_get(&self->expendable);
-}
+bool lf_cam_src_may_be_lost(LfCamSrc* self) { return has_retry(self) || g_atomic_int_get(&self->expendable); }
 
 static void lf_cam_src_post(LfCamSrc* self, GstMessageType type, const CamSrcFailure& failure, const char* more = "") {
   const std::string text = lf::redacted_location(failure.text) + more, debug = lf::redacted_location(failure.debug);
@@ -262,19 +253,27 @@ void lf_cam_src_post_found(LfCamSrc* self) {
   lf_cam_src_post_structure(self, lf_cam_src_structure(self, LF_CAMERA_FOUND));
 }
 
+// Returns the stream of the open camera; null if there is none.
+static std::shared_ptr<lf::CameraStream> stream_of(LfCamSrc* self) {
+  const lf::ObjectLock lock(self);
+  return self->run ? self->run->stream : nullptr;
+}
+
+static std::string place_of(LfCamSrc* self) {
+  const std::shared_ptr<lf::CameraStream> stream = stream_of(self);
+  return stream ? stream->place() : "";
+}
+
 void lf_cam_src_warn_overload(LfCamSrc* self, GstClockTimeDiff late) {
   constexpr uint64_t kQuiet = 10'000'000'000;
   static std::atomic<uint64_t> last_logged = 0;
   const uint64_t now = lf::now_ns(), before = last_logged.exchange(now);
   if (before != 0 && now - before < kQuiet) return;
-  lf::ObjectLock lock(self);
-  const std::string place = self->run ? self->run->stream->place() : "";
-  lock.unlock();
   GST_ELEMENT_WARNING(
       self, STREAM, DECODE,
       ("%s: this machine is too slow to decode all frames, which are %d ms late: frames are dropped until the next key "
        "frame that can be on time",
-       place.c_str(), static_cast<int>(late / GST_MSECOND)),
+       place_of(self).c_str(), static_cast<int>(late / GST_MSECOND)),
       ("further drops, also of other cameras, are counted in stats"));
 }
 
@@ -282,20 +281,14 @@ void lf_cam_src_warn_truncated(LfCamSrc* self, GstClockTime lasted, GstClockTime
   const auto seconds = [](GstClockTime time) {
     return lf::format_text("%.2f", static_cast<double>(time) / GST_SECOND);
   };
-  lf::ObjectLock lock(self);
-  const std::string place = self->run ? self->run->stream->place() : "";
-  lock.unlock();
   GST_ELEMENT_WARNING(self, STREAM, DECODE,
-                      ("%s: the file is truncated: it ends after %s of %s s. %s, in each loop", place.c_str(),
+                      ("%s: the file is truncated: it ends after %s of %s s. %s, in each loop", place_of(self).c_str(),
                        seconds(lasted).c_str(), seconds(lasted + missing).c_str(),
                        self->live ? "The rest has no frames" : "The nearest frame is shown for the rest"),
                       (nullptr));
 }
 
-static void lf_cam_src_push_lost(LfCamSrc* self) {
-  gst_pad_push_event(self->src,
-                     gst_event_new_custom(GST_EVENT_CUSTOM_DOWNSTREAM, gst_structure_new_empty(LF_CAMERA_LOST)));
-}
+static void lf_cam_src_push_lost(LfCamSrc* self) { gst_pad_push_event(self->src, lf::camera_lost_event()); }
 
 static bool lf_cam_src_is_due(LfCamSrc* self, guint serial) {
   return static_cast<guint>(g_atomic_int_get(&self->serial)) == serial && GST_STATE(self) >= GST_STATE_PAUSED &&
@@ -305,56 +298,45 @@ static bool lf_cam_src_is_due(LfCamSrc* self, guint serial) {
 // Calls `step` in a separate thread, with the state lock held. Does nothing if the camera has been closed or reopened
 // in the meantime.
 static void lf_cam_src_call_step(LfCamSrc* self, guint serial, void (*step)(LfCamSrc*)) {
-  struct Call {
-    guint serial;
-    void (*step)(LfCamSrc*);
-  };
-  gst_element_call_async(
-      GST_ELEMENT(self),
-      [](GstElement* element, gpointer data) {
-        const auto* call = static_cast<Call*>(data);
-        GST_STATE_LOCK(element);
-        lf::guarded(element, 0, [=] {
-          if (lf_cam_src_is_due(LF_CAM_SRC(element), call->serial)) call->step(LF_CAM_SRC(element));
-          return 0;
-        });
-        GST_STATE_UNLOCK(element);
-      },
-      new Call{serial, step}, [](gpointer data) { delete static_cast<Call*>(data); });
+  lf::call_async(GST_ELEMENT(self), [=] {
+    GST_STATE_LOCK(self);
+    lf::guarded(self, 0, [=] {
+      if (lf_cam_src_is_due(self, serial)) step(self);
+      return 0;
+    });
+    GST_STATE_UNLOCK(self);
+  });
+}
+
+// Replaces the scheduled step (null: none).
+static void set_timer(LfCamSrc* self, GstClockID timer) {
+  lf::ObjectLock lock(self);
+  GstClockID before = std::exchange(self->timer, timer);
+  lock.unlock();
+  if (!before) return;
+  gst_clock_id_unschedule(before);
+  gst_clock_id_unref(before);
 }
 
 static void lf_cam_src_call_later(LfCamSrc* self, GstClockTime delay, void (*step)(LfCamSrc*)) {
   struct Plan {
-    GWeakRef element;
+    lf::WeakRef<LfCamSrc> camera;
     guint serial;
     void (*step)(LfCamSrc*);
   };
-  auto* plan = new Plan{{}, static_cast<guint>(g_atomic_int_get(&self->serial)), step};
-  g_weak_ref_init(&plan->element, self);
-  GstClock* clock = gst_system_clock_obtain();
+  auto* plan = new Plan{lf::WeakRef(self), static_cast<guint>(g_atomic_int_get(&self->serial)), step};
+  g_autoptr(GstClock) clock = gst_system_clock_obtain();
   GstClockID timer = gst_clock_new_single_shot_id(clock, gst_clock_get_time(clock) + delay);
   gst_clock_id_wait_async(
       timer,
       [](GstClock*, GstClockTime, GstClockID, gpointer data) -> gboolean {
-        auto* due = static_cast<Plan*>(data);
-        if (gpointer element = g_weak_ref_get(&due->element)) {
-          lf::guarded(element, 0, [=] { return lf_cam_src_call_step(LF_CAM_SRC(element), due->serial, due->step), 0; });
-          gst_object_unref(element);
-        }
+        const auto* due = static_cast<const Plan*>(data);
+        if (const auto camera = due->camera.get())
+          lf::guarded(camera.get(), 0, [&] { return lf_cam_src_call_step(camera.get(), due->serial, due->step), 0; });
         return TRUE;
       },
-      plan,
-      [](gpointer data) {
-        g_weak_ref_clear(&static_cast<Plan*>(data)->element);
-        delete static_cast<Plan*>(data);
-      });
-  gst_object_unref(clock);
-  GST_OBJECT_LOCK(self);
-  GstClockID before = std::exchange(self->timer, timer);
-  GST_OBJECT_UNLOCK(self);
-  if (!before) return;
-  gst_clock_id_unschedule(before);
-  gst_clock_id_unref(before);
+      plan, [](gpointer data) { delete static_cast<Plan*>(data); });
+  set_timer(self, timer);
 }
 
 static void lf_cam_src_schedule_retry(LfCamSrc* self);
@@ -370,22 +352,15 @@ static void lf_cam_src_close_lost(LfCamSrc* self) {
 // request arrives.
 void lf_cam_src_shut_down(LfCamSrc* self, guint serial) {
   if (!lf_cam_src_may_be_lost(self)) return;
-  gst_element_call_async(
-      GST_ELEMENT(self),
-      [](GstElement* element, gpointer data) {
-        LfCamSrc* cam_src = LF_CAM_SRC(element);
-        GST_STATE_LOCK(element);
-        const bool is_due = lf_cam_src_is_due(cam_src, GPOINTER_TO_UINT(data));
-        GST_STATE_UNLOCK(element);
-        if (!is_due) return;
-        lf_cam_src_push_lost(cam_src);
-        // Without retry the children stay, because frames in flight still arrive.
-        lf::guarded(element, 0, [=] {
-          if (lf_cam_src_retries(cam_src)) lf_cam_src_call_step(cam_src, GPOINTER_TO_UINT(data), lf_cam_src_close_lost);
-          return 0;
-        });
-      },
-      GUINT_TO_POINTER(serial), nullptr);
+  lf::call_async(GST_ELEMENT(self), [=] {
+    GST_STATE_LOCK(self);
+    const bool is_due = lf_cam_src_is_due(self, serial);
+    GST_STATE_UNLOCK(self);
+    if (!is_due) return;
+    lf_cam_src_push_lost(self);
+    // Without retry the children stay, because frames in flight still arrive.
+    if (lf_cam_src_retries(self)) lf_cam_src_call_step(self, serial, lf_cam_src_close_lost);
+  });
 }
 
 // Detects an outage that causes no error, such as an unplugged network cable: the camera counts as lost if nothing
@@ -441,13 +416,13 @@ static void lf_cam_src_try_again(LfCamSrc* self) {
   GstBin* bin = GST_BIN(self);
   self->run->used = true;
   lf_cam_src_start_tail(self->run->chain);
-  GstStateChangeReturn result = lf::pause_new_children(bin);
+  GstStateChangeReturn result = lf::set_child_states(bin, GST_STATE_PAUSED, false);
   if (result == GST_STATE_CHANGE_NO_PREROLL) {
     self->live = true;
     self->run->stream->set_live();
   }
   if (result != GST_STATE_CHANGE_FAILURE && GST_STATE_TARGET(self) == GST_STATE_PLAYING)
-    result = lf::play_new_children(bin);
+    result = lf::set_child_states(bin, GST_STATE_PLAYING, false);
   if (result == GST_STATE_CHANGE_FAILURE) return lf_cam_src_fail_to_start(self);
   lf_cam_src_watch(self);
 }
@@ -458,12 +433,7 @@ static void lf_cam_src_schedule_retry(LfCamSrc* self) {
 
 static void lf_cam_src_cancel_timers(LfCamSrc* self) {
   g_atomic_int_inc(&self->serial);
-  GST_OBJECT_LOCK(self);
-  GstClockID before = std::exchange(self->timer, nullptr);
-  GST_OBJECT_UNLOCK(self);
-  if (!before) return;
-  gst_clock_id_unschedule(before);
-  gst_clock_id_unref(before);
+  set_timer(self, nullptr);
 }
 
 // Ends the stream of a lost camera. The caller holds the state lock, so another thread sends the event, unless the
@@ -506,10 +476,8 @@ static bool open_camera(LfCamSrc* self) {
 }
 
 static bool is_stale(LfCamSrc* self) {
-  GST_OBJECT_LOCK(self);
-  const bool stale = !self->run || self->run->used || self->run->settings != *self->settings;
-  GST_OBJECT_UNLOCK(self);
-  return stale;
+  const lf::ObjectLock lock(self);
+  return !self->run || self->run->used || self->run->settings != *self->settings;
 }
 
 // Prepares the element for a state change of its children. Returns false after posting an error.
@@ -591,19 +559,6 @@ static GstStateChangeReturn lf_cam_src_change_state(GstElement* element, GstStat
 
 // --- Messages --------------------------------------------------------------------------------------------------------
 
-static bool has_secret(const gchar* text) { return text && lf::redacted_location(text) != text; }
-
-static gboolean find_secret(GQuark /*field*/, const GValue* value, gpointer data) {
-  bool& found = *static_cast<bool*>(data);
-  if (G_VALUE_HOLDS_STRING(value))
-    found = found || has_secret(g_value_get_string(value));
-  else if (G_VALUE_HOLDS(value, G_TYPE_ERROR) && g_value_get_boxed(value))
-    found = found || has_secret(static_cast<const GError*>(g_value_get_boxed(value))->message);
-  else if (GST_VALUE_HOLDS_STRUCTURE(value) && gst_value_get_structure(value))
-    gst_structure_foreach(gst_value_get_structure(value), find_secret, data);
-  return !found;
-}
-
 static gboolean hide_secret(GQuark /*field*/, GValue* value, gpointer /*unused*/) {
   if (G_VALUE_HOLDS_STRING(value) && g_value_get_string(value)) {
     g_value_set_string(value, lf::redacted_location(g_value_get_string(value)).c_str());
@@ -623,18 +578,13 @@ static gboolean hide_secret(GQuark /*field*/, GValue* value, gpointer /*unused*/
 // of the camera. Applies redacted_location() to the texts and removes all fields of "http-headers". Takes `message` and
 // returns it or a copy.
 static GstMessage* hide_secrets(GstMessage* message) {
-  const GstStructure* structure = gst_message_get_structure(message);
-  // souphttpsrc: contains the Base64 password and cookies
-  if (structure && gst_structure_has_name(structure, "http-headers")) {
-    message = gst_message_make_writable(message);
-    gst_structure_remove_all_fields(gst_message_writable_structure(message));
-    return message;
-  }
-  bool found = false;
-  if (structure) gst_structure_foreach(structure, find_secret, &found);
-  if (!found) return message;
+  if (!gst_message_get_structure(message)) return message;
   message = gst_message_make_writable(message);
-  gst_structure_map_in_place(gst_message_writable_structure(message), hide_secret, nullptr);
+  GstStructure* structure = gst_message_writable_structure(message);
+  if (gst_structure_has_name(structure, "http-headers"))
+    gst_structure_remove_all_fields(structure);  // souphttpsrc: contains the Base64 password and cookies
+  else
+    gst_structure_map_in_place(structure, hide_secret, nullptr);
   return message;
 }
 
@@ -712,9 +662,7 @@ static void lf_cam_src_handle_message(GstBin* bin, GstMessage* message) {
 
 static void lf_cam_src_deep_element_added(GstBin* bin, GstBin* parent, GstElement* child) {
   LfCamSrc* self = LF_CAM_SRC(bin);
-  lf::ObjectLock lock(self);
-  const std::shared_ptr<lf::CameraStream> stream = self->run ? self->run->stream : nullptr;
-  lock.unlock();
+  const std::shared_ptr<lf::CameraStream> stream = stream_of(self);
   GstElementFactory* factory = gst_element_get_factory(child);
   if (stream && factory && g_str_equal(GST_OBJECT_NAME(factory), "multipartdemux")) {
     self->live = true;
@@ -799,9 +747,8 @@ static void lf_cam_src_init(LfCamSrc* self) {
       GST_BIN(self),
       static_cast<GstElementFlags>(GST_ELEMENT_FLAG_SOURCE | GST_ELEMENT_FLAG_SINK | GST_ELEMENT_FLAG_PROVIDE_CLOCK));
   GST_OBJECT_FLAG_SET(self, GST_ELEMENT_FLAG_SOURCE);
-  GstPadTemplate* pad_template = gst_static_pad_template_get(&src_template);
+  g_autoptr(GstPadTemplate) pad_template = gst_static_pad_template_get(&src_template);
   self->src = gst_ghost_pad_new_no_target_from_template("src", pad_template);
-  gst_object_unref(pad_template);
   gst_pad_set_query_function(self->src, lf::callback<on_query>);
   gst_element_add_pad(GST_ELEMENT(self), self->src);
 }

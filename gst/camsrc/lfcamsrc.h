@@ -7,17 +7,12 @@
 
 #include "camsrc/camera_lifecycle.h"
 
-G_BEGIN_DECLS
-
 #define LF_TYPE_CAM_SRC (lf_cam_src_get_type())
 G_DECLARE_FINAL_TYPE(LfCamSrc, lf_cam_src, LF, CAM_SRC, GstBin)
-GST_ELEMENT_REGISTER_DECLARE(lfcamsrc)
-
-G_END_DECLS
 
 namespace lf {
 
-// Function that receives the data of a camera for recording; see StreamListener::on_recordable.
+// Function that receives the data of a camera for recording; see StreamOptions::tap.
 using RecordingTap = std::function<void(GstBuffer* buffer, GstCaps* caps, GstClockTime captured)>;
 
 }  // namespace lf

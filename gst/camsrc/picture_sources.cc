@@ -207,13 +207,12 @@ static bool set_caps(LfPictureSrc* self, GstVideoFormat format, int width, int h
   self->info.fps_n = self->options->fps_n;
   self->info.fps_d = self->options->fps_d;
   lf::set_system_colorimetry(self->info);
-  GstCaps* caps = format == GST_VIDEO_FORMAT_ENCODED
-                      ? gst_caps_new_simple("image/jpeg", "width", G_TYPE_INT, width, "height", G_TYPE_INT, height,
-                                            "framerate", GST_TYPE_FRACTION, self->info.fps_n, self->info.fps_d, nullptr)
-                      : gst_video_info_to_caps(&self->info);
-  const bool taken = gst_base_src_set_caps(GST_BASE_SRC(self), caps);
-  gst_caps_unref(caps);
-  return taken;
+  g_autoptr(GstCaps) caps =
+      format == GST_VIDEO_FORMAT_ENCODED
+          ? gst_caps_new_simple("image/jpeg", "width", G_TYPE_INT, width, "height", G_TYPE_INT, height, "framerate",
+                                GST_TYPE_FRACTION, self->info.fps_n, self->info.fps_d, nullptr)
+          : gst_video_info_to_caps(&self->info);
+  return gst_base_src_set_caps(GST_BASE_SRC(self), caps);
 }
 
 static GstBuffer* buffer_of(const lf::Image& image, const GstVideoInfo& info) {
@@ -392,12 +391,7 @@ static GstStaticPadTemplate scene_template =
     GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(GST_VIDEO_CAPS_MAKE("RGB")));
 
 static GstCaps* lf_scene_src_get_caps(GstBaseSrc* base, GstCaps* filter) {
-  LfSceneSrc* self = LF_SCENE_SRC(base);
-  GstCaps* caps = gst_video_info_to_caps(&self->info);
-  if (!filter) return caps;
-  GstCaps* filtered = gst_caps_intersect_full(filter, caps, GST_CAPS_INTERSECT_FIRST);
-  gst_caps_unref(caps);
-  return filtered;
+  return lf::filter_caps(gst_video_info_to_caps(&LF_SCENE_SRC(base)->info), filter);
 }
 
 static gboolean lf_scene_src_start(GstBaseSrc* base) {
@@ -426,11 +420,10 @@ static gboolean lf_scene_src_query(GstBaseSrc* base, GstQuery* query) {
 // Advances to the next frame that has not ended yet. Returns the time of day of running time 0, or 0 if there is no
 // clock.
 static GstClockTime catch_up(LfSceneSrc* self, const lf::Schedule& schedule) {
-  GstClock* clock = gst_element_get_clock(GST_ELEMENT(self));
+  g_autoptr(GstClock) clock = gst_element_get_clock(GST_ELEMENT(self));
   if (!clock) return 0;
   const GstClockTimeDiff offset = lf::wall_offset(clock);
   const GstClockTime now = gst_clock_get_time(clock) + offset;
-  gst_object_unref(clock);
   const GstClockTime base_time = gst_element_get_base_time(GST_ELEMENT(self)) + offset;
   if (std::exchange(self->wall_offset, offset) != offset) self->next = 0;
   self->next = std::max<guint64>(self->next, schedule.index_at(std::max(now, base_time)) + 1);
@@ -446,23 +439,9 @@ static GstFlowReturn film(LfSceneSrc* self, GstBuffer** out) {
   ++self->next;
 
   const double time = static_cast<double>(stamp) / GST_SECOND + self->time_offset;
-  const lf::Image image = lf::render_scene(*self->camera, time);
-
-  GstBuffer* buffer = gst_buffer_new_allocate(nullptr, GST_VIDEO_INFO_SIZE(&info), nullptr);
-  GstVideoFrame frame;
-  if (!buffer || !gst_video_frame_map(&frame, &info, buffer, GST_MAP_WRITE)) {
-    gst_clear_buffer(&buffer);
-    GST_ELEMENT_ERROR(self, RESOURCE, FAILED, ("no memory for a frame"), (nullptr));
-    return GST_FLOW_ERROR;
-  }
-  auto* row = static_cast<uint8_t*>(GST_VIDEO_FRAME_PLANE_DATA(&frame, 0));
-  for (int y = 0; y < image.height(); ++y, row += GST_VIDEO_FRAME_PLANE_STRIDE(&frame, 0))
-    std::memcpy(row, image.pixel(0, y), static_cast<size_t>(image.width()) * 3);
-  gst_video_frame_unmap(&frame);
-
-  GST_BUFFER_PTS(buffer) = stamp - base_time;
-  GST_BUFFER_DURATION(buffer) = end - stamp;
-  *out = buffer;
+  *out = buffer_of(lf::render_scene(*self->camera, time), info);
+  GST_BUFFER_PTS(*out) = stamp - base_time;
+  GST_BUFFER_DURATION(*out) = end - stamp;
   return GST_FLOW_OK;
 }
 

@@ -50,10 +50,8 @@ std::shared_ptr<const Rig> shared_rig(const std::string& path) {
 }
 
 bool is_running(GstElement* element) {
-  GST_OBJECT_LOCK(element);
-  const bool running = GST_STATE(element) >= GST_STATE_PAUSED;
-  GST_OBJECT_UNLOCK(element);
-  return running;
+  const ObjectLock lock(element);
+  return GST_STATE(element) >= GST_STATE_PAUSED;
 }
 
 std::shared_ptr<const Rig> reload_rig(GstElement* element, const gchar* path) {
@@ -72,6 +70,29 @@ GstCaps* unit_caps(const gchar* media_type) {
 
 void accept_unit_caps(GstPad* sink) { GST_PAD_SET_ACCEPT_INTERSECT(sink); }
 
+GstCaps* filter_caps(GstCaps* caps, GstCaps* filter) {
+  if (!filter) return caps;
+  GstCaps* filtered = gst_caps_intersect_full(filter, caps, GST_CAPS_INTERSECT_FIRST);
+  gst_caps_unref(caps);
+  return filtered;
+}
+
+// The caller owns the caps.
+static GstCaps* capture_time_reference() {
+  static GstStaticCaps caps = GST_STATIC_CAPS(LF_CAPTURE_TIME_CAPS);
+  return gst_static_caps_get(&caps);
+}
+
+GstReferenceTimestampMeta* find_capture_time(GstBuffer* buffer) {
+  g_autoptr(GstCaps) reference = capture_time_reference();
+  return gst_buffer_get_reference_timestamp_meta(buffer, reference);
+}
+
+void add_capture_time(GstBuffer* buffer, GstClockTime time, GstClockTime duration) {
+  g_autoptr(GstCaps) reference = capture_time_reference();
+  gst_buffer_add_reference_timestamp_meta(buffer, reference, time, duration);
+}
+
 bool is_reverse_seek(GstEvent* event) {
   if (GST_EVENT_TYPE(event) != GST_EVENT_SEEK) return false;
   gdouble rate = 1;
@@ -80,11 +101,10 @@ bool is_reverse_seek(GstEvent* event) {
 }
 
 std::optional<GstClockTime> live_latency(GstPad* sink) {
-  GstQuery* query = gst_query_new_latency();
+  g_autoptr(GstQuery) query = gst_query_new_latency();
   gboolean live = FALSE;
   GstClockTime latency = 0;
   if (gst_pad_peer_query(sink, query)) gst_query_parse_latency(query, &live, &latency, nullptr);
-  gst_query_unref(query);
   return live ? std::optional(latency) : std::nullopt;
 }
 

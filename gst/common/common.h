@@ -36,8 +36,11 @@
 #define LF_CARD_VIDEO_CAPS(formats) \
   GST_VIDEO_CAPS_MAKE_WITH_FEATURES(LF_GL_MEMORY, formats) ", texture-target = (string) 2D"
 
-// Field (uint) with the view id of an event, query or message.
+// Field (uint) with the view id of an event, query or message. Upstream events without this field apply to every view.
 #define LF_VIEW_ID_FIELD "lightfield-view-id"
+
+// Custom upstream event that moves the view of an lfviewrequest. Fields: any properties of the view, as numbers.
+#define LF_VIEW_EVENT "lightfield-view-request"
 
 // Event that informs lffragment about the camera of a stream. It is a sticky custom downstream event of lfcamsrc.
 // Fields: "camera" (uint: index in the rig), "rig-hash" (uint64: checksum of the rig file), "paced" (boolean: frames
@@ -73,6 +76,27 @@ GstCaps* unit_caps(const gchar* media_type);
 // Makes the sink pad accept caps that do not have the field `parsed`, because elements outside of this plugin may omit
 // this field.
 void accept_unit_caps(GstPad* sink);
+// Returns the part of the caps that `filter` (null: no filter) allows, in the order of the filter. Takes `caps`.
+GstCaps* filter_caps(GstCaps* caps, GstCaps* filter);
+
+// Returns the meta with the capture time of a frame or picture (LF_CAPTURE_TIME_CAPS); null if there is none.
+GstReferenceTimestampMeta* find_capture_time(GstBuffer* buffer);
+void add_capture_time(GstBuffer* buffer, GstClockTime time, GstClockTime duration = GST_CLOCK_TIME_NONE);
+
+// Sets the field to a GstValueArray with one value of this type for each item. `set` is a function such as
+// g_value_set_uint, which stores an item in a GValue.
+template <typename Items, typename Set>
+void set_array(GstStructure* structure, const char* field, GType type, const Items& items, Set set) {
+  GValue array = G_VALUE_INIT;
+  g_value_init(&array, GST_TYPE_ARRAY);
+  for (const auto& item : items) {
+    GValue value = G_VALUE_INIT;
+    g_value_init(&value, type);
+    set(&value, item);
+    gst_value_array_append_and_take_value(&array, &value);
+  }
+  gst_structure_take_value(structure, field, &array);
+}
 
 // Queries upstream of this sink pad for its latency. Returns the minimum latency in nanoseconds, or nothing if upstream
 // is not live.

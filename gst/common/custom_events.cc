@@ -37,31 +37,47 @@ GType feedback_type() {
   return type;
 }
 
+// Returns the structure of an event of our own with this name. Returns null for other events.
+const GstStructure* structure_of(GstEvent* event, const char* name) {
+  const bool is_it = GST_EVENT_TYPE(event) == GST_EVENT_CUSTOM_UPSTREAM && gst_event_has_name(event, name);
+  return is_it ? gst_event_get_structure(event) : nullptr;
+}
+
+const GstStructure* structure_of(GstQuery* query, const char* name) {
+  const GstStructure* structure = GST_QUERY_TYPE(query) == GST_QUERY_CUSTOM ? gst_query_get_structure(query) : nullptr;
+  return structure && gst_structure_has_name(structure, name) ? structure : nullptr;
+}
+
+GstEvent* upstream_event(GstStructure* structure) { return gst_event_new_custom(GST_EVENT_CUSTOM_UPSTREAM, structure); }
+
+GstQuery* view_query(const char* name, guint view_id) {
+  return gst_query_new_custom(GST_QUERY_CUSTOM,
+                              gst_structure_new(name, LF_VIEW_ID_FIELD, G_TYPE_UINT, view_id, nullptr));
+}
+
 }  // namespace
 
 GstEvent* hold_event(bool held, guint32 seqnum) {
-  GstStructure* structure = gst_structure_new(LF_HOLD_EVENT, "held", G_TYPE_BOOLEAN, held, nullptr);
-  GstEvent* event = gst_event_new_custom(GST_EVENT_CUSTOM_UPSTREAM, structure);
+  GstEvent* event = upstream_event(gst_structure_new(LF_HOLD_EVENT, "held", G_TYPE_BOOLEAN, held, nullptr));
   gst_event_set_seqnum(event, seqnum);
   return event;
 }
 
 bool parse_hold(GstEvent* event, bool* held) {
-  if (GST_EVENT_TYPE(event) != GST_EVENT_CUSTOM_UPSTREAM || !gst_event_has_name(event, LF_HOLD_EVENT)) return false;
+  const GstStructure* structure = structure_of(event, LF_HOLD_EVENT);
   gboolean value = FALSE;
-  const bool has = gst_structure_get_boolean(gst_event_get_structure(event), "held", &value);
+  const bool has = structure && gst_structure_get_boolean(structure, "held", &value);
   *held = value;
   return has;
 }
 
 GstEvent* capture_delay_event(GstClockTime delay) {
-  return gst_event_new_custom(GST_EVENT_CUSTOM_UPSTREAM,
-                              gst_structure_new(LF_CAPTURE_DELAY_EVENT, "delay", G_TYPE_UINT64, delay, nullptr));
+  return upstream_event(gst_structure_new(LF_CAPTURE_DELAY_EVENT, "delay", G_TYPE_UINT64, delay, nullptr));
 }
 
 bool parse_capture_delay(GstEvent* event, GstClockTime* delay) {
-  return GST_EVENT_TYPE(event) == GST_EVENT_CUSTOM_UPSTREAM && gst_event_has_name(event, LF_CAPTURE_DELAY_EVENT) &&
-         gst_structure_get_uint64(gst_event_get_structure(event), "delay", delay);
+  const GstStructure* structure = structure_of(event, LF_CAPTURE_DELAY_EVENT);
+  return structure && gst_structure_get_uint64(structure, "delay", delay);
 }
 
 bool AutoCaptureDelay::take(GstClockTime needed, GstClockTime now) {
@@ -140,42 +156,29 @@ void QosTracker::clear() {
   views_.clear();
 }
 
-bool is_in_process_query(GstQuery* query) {
-  const GstStructure* structure = GST_QUERY_TYPE(query) == GST_QUERY_CUSTOM ? gst_query_get_structure(query) : nullptr;
-  return structure && gst_structure_has_name(structure, LF_IN_PROCESS_QUERY);
-}
+bool is_in_process_query(GstQuery* query) { return structure_of(query, LF_IN_PROCESS_QUERY) != nullptr; }
 
 void answer_in_process_query(GstQuery* query, GstGLContext* context) {
   if (context) gst_structure_set(gst_query_writable_structure(query), kContext, GST_TYPE_GL_CONTEXT, context, nullptr);
 }
 
 LocalCompositor find_local_compositor(GstPad* src) {
-  GstQuery* query = gst_query_new_custom(GST_QUERY_CUSTOM, gst_structure_new_empty(LF_IN_PROCESS_QUERY));
+  g_autoptr(GstQuery) query = gst_query_new_custom(GST_QUERY_CUSTOM, gst_structure_new_empty(LF_IN_PROCESS_QUERY));
   LocalCompositor compositor{.is_there = static_cast<bool>(gst_pad_peer_query(src, query)), .context = {}};
-  GstGLContext* context = nullptr;
+  g_autoptr(GstGLContext) context = nullptr;
   if (gst_structure_get(gst_query_get_structure(query), kContext, GST_TYPE_GL_CONTEXT, &context, nullptr) && context) {
     compositor.group = share_group(context);
     compositor.context = WeakGlContext(context);
-    gst_object_unref(context);
   }
-  gst_query_unref(query);
   return compositor;
 }
 
 SharedCaps query_picture_caps(GstPad* src, guint view_id) {
-  GstQuery* query = gst_query_new_custom(
-      GST_QUERY_CUSTOM, gst_structure_new(LF_PICTURE_CAPS, LF_VIEW_ID_FIELD, G_TYPE_UINT, view_id, nullptr));
+  g_autoptr(GstQuery) query = view_query(LF_PICTURE_CAPS, view_id);
   GstCaps* caps = nullptr;
   if (gst_pad_peer_query(src, query))
     gst_structure_get(gst_query_get_structure(query), kPictureCaps, GST_TYPE_CAPS, &caps, nullptr);
-  gst_query_unref(query);
   return share_caps(caps);
-}
-
-bool is_picture_caps_query(GstQuery* query, guint* view_id) {
-  const GstStructure* structure = GST_QUERY_TYPE(query) == GST_QUERY_CUSTOM ? gst_query_get_structure(query) : nullptr;
-  return structure && gst_structure_has_name(structure, LF_PICTURE_CAPS) &&
-         gst_structure_get_uint(structure, LF_VIEW_ID_FIELD, view_id);
 }
 
 void answer_picture_caps_query(GstQuery* query, GstCaps* caps) {
@@ -183,54 +186,36 @@ void answer_picture_caps_query(GstQuery* query, GstCaps* caps) {
 }
 
 GstEvent* picture_caps_event(guint view_id, GstCaps* caps) {
-  return gst_event_new_custom(GST_EVENT_CUSTOM_UPSTREAM,
-                              gst_structure_new(LF_PICTURE_CAPS, LF_VIEW_ID_FIELD, G_TYPE_UINT, view_id, kPictureCaps,
-                                                GST_TYPE_CAPS, caps, nullptr));
+  return upstream_event(gst_structure_new(LF_PICTURE_CAPS, LF_VIEW_ID_FIELD, G_TYPE_UINT, view_id, kPictureCaps,
+                                          GST_TYPE_CAPS, caps, nullptr));
 }
 
 SharedCaps parse_picture_caps(GstEvent* event, guint* view_id) {
-  if (GST_EVENT_TYPE(event) != GST_EVENT_CUSTOM_UPSTREAM || !gst_event_has_name(event, LF_PICTURE_CAPS)) return nullptr;
-  const GstStructure* structure = gst_event_get_structure(event);
+  const GstStructure* structure = structure_of(event, LF_PICTURE_CAPS);
   GstCaps* caps = nullptr;
-  if (!gst_structure_get_uint(structure, LF_VIEW_ID_FIELD, view_id)) return nullptr;
+  if (!structure || !gst_structure_get_uint(structure, LF_VIEW_ID_FIELD, view_id)) return nullptr;
   gst_structure_get(structure, kPictureCaps, GST_TYPE_CAPS, &caps, nullptr);
   return share_caps(caps);
 }
 
-void set_cameras(GstStructure* structure, const char* field, const CameraSet& cameras) {
-  GValue array = G_VALUE_INIT, value = G_VALUE_INIT;
-  g_value_init(&array, GST_TYPE_ARRAY);
-  g_value_init(&value, G_TYPE_UINT);
-  for (const CameraIndex camera : cameras) {
-    g_value_set_uint(&value, camera);
-    gst_value_array_append_value(&array, &value);
-  }
-  g_value_unset(&value);
-  gst_structure_take_value(structure, field, &array);
-}
-
 GstEvent* view_feedback_event(ViewFeedback feedback) {
   const auto shared = std::make_shared<const ViewFeedback>(std::move(feedback));
-  return gst_event_new_custom(GST_EVENT_CUSTOM_UPSTREAM,
-                              gst_structure_new(LF_VIEW_FEEDBACK_EVENT, kFeedback, feedback_type(), &shared, nullptr));
+  return upstream_event(gst_structure_new(LF_VIEW_FEEDBACK_EVENT, kFeedback, feedback_type(), &shared, nullptr));
 }
 
 std::shared_ptr<const ViewFeedback> parse_view_feedback(GstEvent* event) {
-  if (GST_EVENT_TYPE(event) != GST_EVENT_CUSTOM_UPSTREAM || !gst_event_has_name(event, LF_VIEW_FEEDBACK_EVENT))
-    return nullptr;
-  const GValue* value = gst_structure_get_value(gst_event_get_structure(event), kFeedback);
+  const GstStructure* structure = structure_of(event, LF_VIEW_FEEDBACK_EVENT);
+  const GValue* value = structure ? gst_structure_get_value(structure, kFeedback) : nullptr;
   if (!value || !G_VALUE_HOLDS(value, feedback_type())) return nullptr;
   return *static_cast<const SharedFeedback*>(g_value_get_boxed(value));
 }
 
 bool finds_focus(GstPad* src, guint view_id, bool* waits) {
-  GstQuery* query = gst_query_new_custom(
-      GST_QUERY_CUSTOM, gst_structure_new(LF_FOCUS_QUERY, LF_VIEW_ID_FIELD, G_TYPE_UINT, view_id, nullptr));
+  g_autoptr(GstQuery) query = view_query(LF_FOCUS_QUERY, view_id);
   const bool found = gst_pad_peer_query(src, query);
   gboolean waiting = FALSE;
   gst_structure_get_boolean(gst_query_get_structure(query), kWaits, &waiting);
   if (waits) *waits = found && waiting;
-  gst_query_unref(query);
   return found;
 }
 
@@ -238,10 +223,11 @@ void set_focus_waits(GstQuery* query, bool waits) {
   gst_structure_set(gst_query_writable_structure(query), kWaits, G_TYPE_BOOLEAN, waits, nullptr);
 }
 
-bool is_focus_query(GstQuery* query, guint* view_id) {
-  const GstStructure* structure = gst_query_get_structure(query);
-  return GST_QUERY_TYPE(query) == GST_QUERY_CUSTOM && structure && gst_structure_has_name(structure, LF_FOCUS_QUERY) &&
-         gst_structure_get_uint(structure, LF_VIEW_ID_FIELD, view_id);
+std::optional<guint> view_of_query(GstQuery* query, const char* name) {
+  const GstStructure* structure = structure_of(query, name);
+  guint view_id = 0;
+  if (!structure || !gst_structure_get_uint(structure, LF_VIEW_ID_FIELD, &view_id)) return std::nullopt;
+  return view_id;
 }
 
 }  // namespace lf

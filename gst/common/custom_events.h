@@ -139,7 +139,6 @@ LocalCompositor find_local_compositor(GstPad* src);
 // Asks the compositor of the view for the accepted video caps. Returns null if there is no compositor downstream of
 // this source pad.
 SharedCaps query_picture_caps(GstPad* src, guint view_id);
-bool is_picture_caps_query(GstQuery* query, guint* view_id);
 void answer_picture_caps_query(GstQuery* query, GstCaps* caps);
 
 GstEvent* picture_caps_event(guint view_id, GstCaps* caps);
@@ -169,14 +168,13 @@ struct ViewFeedback {
 GstEvent* view_feedback_event(ViewFeedback feedback);
 std::shared_ptr<const ViewFeedback> parse_view_feedback(GstEvent* event);
 
-// Sets the field to a GstValueArray of uint with the indices of the cameras.
-void set_cameras(GstStructure* structure, const char* field, const CameraSet& cameras);
-
 // Returns true if a compositor downstream of this source pad estimates depths for the view. *waits (may be null)
 // becomes true if that compositor is blocked by its own downstream, for example in a paused pipeline.
 bool finds_focus(GstPad* src, guint view_id, bool* waits = nullptr);
 // Answers LF_FOCUS_QUERY. `waits` means that the compositor is blocked by its own downstream.
 void set_focus_waits(GstQuery* query, bool waits);
-bool is_focus_query(GstQuery* query, guint* view_id);
+
+// Returns the view of a query with this name (LF_FOCUS_QUERY or LF_PICTURE_CAPS). Returns nothing for other queries.
+std::optional<guint> view_of_query(GstQuery* query, const char* name);
 
 }  // namespace lf

@@ -1,20 +1,14 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "common/gl_share.h"
 
-#include <list>
 #include <mutex>
 #include <utility>
+#include <vector>
 
 #include <gst/gl/gl.h>
 
 namespace lf {
 namespace {
-
-GlContextPtr owned(gpointer context) {
-  return {static_cast<GstGLContext*>(context), [](GstGLContext* of) {
-            if (of) gst_object_unref(of);
-          }};
-}
 
 class Groups {
  public:
@@ -22,47 +16,30 @@ class Groups {
     const std::lock_guard lock(mutex_);
     gl::ShareGroup found = 0;
     bool is_known = false;
-    for (auto member = members_.begin(); member != members_.end();) {
-      const GlContextPtr other = owned(g_weak_ref_get(&member->context));
-      if (!other) {
-        member = members_.erase(member);
-        continue;
-      }
+    std::erase_if(members_, [&](const Member& member) {
+      const GlContextPtr other = member.context.get();
+      if (!other) return true;
       is_known = is_known || other.get() == context;
-      if (found == 0 && gst_gl_context_can_share(context, other.get())) found = member->group;
-      ++member;
-    }
+      if (found == 0 && gst_gl_context_can_share(context, other.get())) found = member.group;
+      return false;
+    });
     if (is_known) return found;
-    members_.emplace_back(context, found != 0 ? found : ++latest_);
+    members_.push_back({WeakGlContext(context), found != 0 ? found : ++latest_});
     return members_.back().group;
   }
 
  private:
   struct Member {
-    Member(GstGLContext* of, gl::ShareGroup group) : group(group) { g_weak_ref_init(&context, of); }
-    ~Member() { g_weak_ref_clear(&context); }
-    Member(const Member&) = delete;
-    Member& operator=(const Member&) = delete;
-    GWeakRef context;
-    const gl::ShareGroup group;
+    WeakGlContext context;
+    gl::ShareGroup group;
   };
 
   std::mutex mutex_;
-  std::list<Member> members_;
+  std::vector<Member> members_;
   gl::ShareGroup latest_ = 0;
 };
 
 }  // namespace
-
-WeakGlContext::WeakGlContext(GstGLContext* context)
-    : ref_(new GWeakRef, [](GWeakRef* ref) {
-        g_weak_ref_clear(ref);
-        delete ref;
-      }) {
-  g_weak_ref_init(ref_.get(), context);
-}
-
-GlContextPtr WeakGlContext::get() const { return ref_ ? owned(g_weak_ref_get(ref_.get())) : nullptr; }
 
 gl::ShareGroup share_group(GstGLContext* context) {
   static Groups groups;
@@ -71,7 +48,7 @@ gl::ShareGroup share_group(GstGLContext* context) {
 
 gl::Context::External share(GstGLContext* context, std::string& why) {
   why = "no context available";
-  const GlContextPtr own_context = owned(gst_gl_context_new(context->display));
+  const GlContextPtr own_context{ObjectPtr<GstGLContext>(gst_gl_context_new(context->display))};
   GError* error = nullptr;
   if (!own_context || !gst_gl_context_create(own_context.get(), context, &error)) {
     if (error) why = error->message;

@@ -7,6 +7,7 @@
 #include <gst/gst.h>
 #include <gst/video/video.h>
 
+#include "common/gst_pointers.h"
 #include "render/gl/context.h"
 
 typedef struct _GstGLContext GstGLContext;
@@ -16,17 +17,8 @@ typedef struct _GstGLContext GstGLContext;
 namespace lf {
 
 using GlContextPtr = std::shared_ptr<GstGLContext>;
-
-// A weak reference to a context, because the context may disappear together with its window.
-class WeakGlContext {
- public:
-  WeakGlContext() = default;
-  explicit WeakGlContext(GstGLContext* context);
-  GlContextPtr get() const;
-
- private:
-  std::shared_ptr<GWeakRef> ref_;
-};
+// The reference is weak, because a context may disappear together with its window.
+using WeakGlContext = WeakRef<GstGLContext>;
 
 // Returns a number for the share group of a context, which is the set of contexts that can use the same textures. The
 // number is valid as long as a context of the group exists.

@@ -14,15 +14,48 @@ struct UnrefBuffer {
 };
 using BufferPtr = std::unique_ptr<GstBuffer, UnrefBuffer>;
 
-struct UnrefElement {
-  void operator()(GstElement* element) const { gst_object_unref(element); }
+struct UnrefObject {
+  void operator()(gpointer object) const { gst_object_unref(object); }
 };
-using ElementPtr = std::unique_ptr<GstElement, UnrefElement>;
+template <typename Object>
+using ObjectPtr = std::unique_ptr<Object, UnrefObject>;
+using ElementPtr = ObjectPtr<GstElement>;
+using PadPtr = ObjectPtr<GstPad>;
 
-struct UnrefPad {
-  void operator()(GstPad* pad) const { gst_object_unref(pad); }
+// A weak reference to a GstObject. Thread-safe.
+template <typename Object>
+class WeakRef {
+ public:
+  WeakRef() = default;
+  explicit WeakRef(Object* object)
+      : ref_(new GWeakRef, [](GWeakRef* ref) {
+          g_weak_ref_clear(ref);
+          delete ref;
+        }) {
+    g_weak_ref_init(ref_.get(), object);
+  }
+  // Null if the object does not exist any more.
+  ObjectPtr<Object> get() const {
+    return ObjectPtr<Object>(ref_ ? static_cast<Object*>(g_weak_ref_get(ref_.get())) : nullptr);
+  }
+
+ private:
+  std::shared_ptr<GWeakRef> ref_;
 };
-using PadPtr = std::unique_ptr<GstPad, UnrefPad>;
+
+// Returns all elements of the iterator, and frees the iterator. Starts again if the bin changes meanwhile.
+inline std::vector<ElementPtr> take_elements(GstIterator* iterator) {
+  std::vector<ElementPtr> all;
+  const auto take = [](const GValue* value, gpointer to) {
+    static_cast<std::vector<ElementPtr>*>(to)->emplace_back(GST_ELEMENT(g_value_dup_object(value)));
+  };
+  while (gst_iterator_foreach(iterator, take, &all) == GST_ITERATOR_RESYNC) {
+    all.clear();
+    gst_iterator_resync(iterator);
+  }
+  gst_iterator_free(iterator);
+  return all;
+}
 
 using SharedCaps = std::shared_ptr<GstCaps>;
 inline SharedCaps share_caps(GstCaps* caps) {

@@ -3,41 +3,34 @@
 
 #include <new>
 
+#include "common/gst_pointers.h"
+
 namespace lf {
 namespace {
 
 // Returns the element that the object is or belongs to. Null if there is none. The caller owns the reference.
 GstElement* element_of(gpointer object) {
   if (!object || !GST_IS_OBJECT(object)) return nullptr;
-  GstObject* owner = GST_OBJECT(gst_object_ref(object));
-  while (owner && !GST_IS_ELEMENT(owner)) {
-    GstObject* parent = gst_object_get_parent(owner);
-    gst_object_unref(owner);
-    owner = parent;
-  }
-  return GST_ELEMENT(owner);
+  ObjectPtr<GstObject> owner(GST_OBJECT(gst_object_ref(object)));
+  while (owner && !GST_IS_ELEMENT(owner.get())) owner.reset(gst_object_get_parent(owner.get()));
+  return GST_ELEMENT(owner.release());
 }
 
-void post_error(GstElement* element, const char* what) {
-  GST_ELEMENT_ERROR(element, LIBRARY, FAILED, ("%s", what), (nullptr));
-}
-
-void post_warning(GstElement* element, const char* what) {
-  GST_ELEMENT_WARNING(element, LIBRARY, FAILED, ("%s", what), (nullptr));
-}
-
-// Describes the current exception and passes the text to post(). Takes the reference to the element.
-void describe_current_exception(GstElement* element, void (*post)(GstElement*, const char*)) {
+// Posts the current exception as a message of this type, GST_MESSAGE_ERROR or GST_MESSAGE_WARNING.
+void post(GstElement* element, GstMessageType type) {
+  const auto post_text = [=](const char* text) {
+    gst_element_message_full(element, type, GST_LIBRARY_ERROR, GST_LIBRARY_ERROR_FAILED, g_strdup(text), nullptr,
+                             __FILE__, GST_FUNCTION, __LINE__);
+  };
   try {
     throw;
   } catch (const std::bad_alloc&) {
-    post(element, "Out of memory.");
+    post_text("Out of memory.");
   } catch (const std::exception& error) {
-    post(element, error.what());
+    post_text(error.what());
   } catch (...) {
-    post(element, "Unknown exception.");
+    post_text("Unknown exception.");
   }
-  gst_object_unref(element);
 }
 
 bool is_time_to_warn(GstElement* element) {
@@ -52,16 +45,13 @@ bool is_time_to_warn(GstElement* element) {
 }  // namespace
 
 void post_current_exception(gpointer object) {
-  if (GstElement* element = element_of(object)) describe_current_exception(element, post_error);
+  g_autoptr(GstElement) element = element_of(object);
+  if (element) post(element, GST_MESSAGE_ERROR);
 }
 
 void warn_of_current_exception(gpointer object) {
-  GstElement* element = element_of(object);
-  if (!element) return;
-  if (is_time_to_warn(element))
-    describe_current_exception(element, post_warning);
-  else
-    gst_object_unref(element);
+  g_autoptr(GstElement) element = element_of(object);
+  if (element && is_time_to_warn(element)) post(element, GST_MESSAGE_WARNING);
 }
 
 }  // namespace lf

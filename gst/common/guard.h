@@ -3,6 +3,7 @@
 
 #include <exception>
 #include <type_traits>
+#include <utility>
 
 #include <gst/gst.h>
 
@@ -84,5 +85,24 @@ struct Callback<f> {
 // Wraps `f` as a virtual function, pad function, probe or signal handler of a GObject.
 template <auto f>
 inline constexpr auto callback = &Callback<f>::call;
+
+// Calls f() in another thread, with a reference to the element.
+template <typename F>
+void call_async(GstElement* element, F f) {
+  gst_element_call_async(
+      element, [](GstElement* on, gpointer data) { guarded(on, 0, [=] { return (*static_cast<F*>(data))(), 0; }); },
+      new F(std::move(f)), [](gpointer data) { delete static_cast<F*>(data); });
+}
+
+// Adds a probe that calls f(pad, info), which returns a GstPadProbeReturn. Returns the id of the probe.
+template <typename F>
+gulong add_probe(GstPad* pad, int type, F f) {
+  return gst_pad_add_probe(
+      pad, static_cast<GstPadProbeType>(type),
+      [](GstPad* at, GstPadProbeInfo* info, gpointer data) {
+        return guarded(at, GST_PAD_PROBE_DROP, [=] { return (*static_cast<F*>(data))(at, info); });
+      },
+      new F(std::move(f)), [](gpointer data) { delete static_cast<F*>(data); });
+}
 
 }  // namespace lf

@@ -145,19 +145,26 @@ class PropertyTable {
 
 // Implements set_property and get_property of a class with the table Settings::properties(). settings_of(element) must
 // return a reference to the settings of an element. If stats_of is given, the class also has the read-only property
-// `stats`. stats_of(element) then returns its current value as a new GstStructure, which the caller owns.
-template <auto settings_of, auto stats_of = nullptr>
+// `stats`. stats_of(element) then returns its current value as a new GstStructure, which the caller owns. If guard_of
+// is given, the class also has the property `limits`, of the RequestGuard that guard_of(element) returns.
+template <auto settings_of, auto stats_of = nullptr, auto guard_of = nullptr>
 struct Properties;
-template <typename Settings, typename Element, Settings& (*settings_of)(Element*), auto stats_of>
-struct Properties<settings_of, stats_of> {
+template <typename Settings, typename Element, Settings& (*settings_of)(Element*), auto stats_of, auto guard_of>
+struct Properties<settings_of, stats_of, guard_of> {
   static constexpr guint kStats = 1, kFirstSetting = 2;
+  static constexpr bool kHasGuard = !std::is_null_pointer_v<decltype(guard_of)>;
 
   static void set(GObject* object, guint id, const GValue* value, GParamSpec*) {
+    Element* self = reinterpret_cast<Element*>(object);
+    if constexpr (kHasGuard)
+      if (guard_of(self).set(GST_ELEMENT(object), id, value)) return;
     const ObjectLock lock(object);
-    Settings::properties().set(settings_of(reinterpret_cast<Element*>(object)), id, value);
+    Settings::properties().set(settings_of(self), id, value);
   }
   static void get(GObject* object, guint id, GValue* value, GParamSpec*) {
     Element* self = reinterpret_cast<Element*>(object);
+    if constexpr (kHasGuard)
+      if (guard_of(self).get(id, value)) return;
     if constexpr (!std::is_null_pointer_v<decltype(stats_of)>)
       if (id == kStats) return g_value_take_boxed(value, stats_of(self));
     const ObjectLock lock(object);
@@ -178,6 +185,7 @@ struct Properties<settings_of, stats_of> {
       g_object_class_install_property(klass, kStats,
                                       g_param_spec_boxed("stats", "Statistics", stats, GST_TYPE_STRUCTURE,
                                                          GParamFlags(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
+    if constexpr (kHasGuard) std::remove_reference_t<decltype(guard_of(nullptr))>::install(klass);
     return Settings::properties().install(klass, kFirstSetting);
   }
 };
@@ -188,13 +196,15 @@ struct EnumRow {
   Enum value;
   const char *text, *name;
 };
-// Registers an enum type for properties. Call this once for each type.
+// Registers an enum type for properties, as a part of the API of the plugin. Call this once for each type.
 template <typename Enum>
 GType register_enum(const char* type_name, std::initializer_list<EnumRow<Enum>> rows) {
   static auto& values = *new std::vector<GEnumValue>;  // never freed: the type system keeps pointers
   for (const EnumRow<Enum>& row : rows) values.push_back({static_cast<gint>(row.value), row.text, row.name});
   values.push_back({0, nullptr, nullptr});
-  return g_enum_register_static(type_name, values.data());
+  const GType type = g_enum_register_static(type_name, values.data());
+  gst_type_mark_as_plugin_api(type, GstPluginAPIFlags(0));
+  return type;
 }
 
 inline bool is_named(const GParamSpec* spec, const char* name) { return g_str_equal(spec->name, name); }

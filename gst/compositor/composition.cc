@@ -43,24 +43,25 @@ static void drop_request(LfCompositor* self) {
 }
 
 static GstClockTime clock_time(LfCompositor* self) {
-  GstClock* clock = gst_element_get_clock(GST_ELEMENT(self));
-  if (!clock) return GST_CLOCK_TIME_NONE;
-  const GstClockTime now = gst_clock_get_time(clock);
-  gst_object_unref(clock);
-  return now;
+  g_autoptr(GstClock) clock = gst_element_get_clock(GST_ELEMENT(self));
+  return clock ? gst_clock_get_time(clock) : GST_CLOCK_TIME_NONE;
 }
 
-static GstClockTime running_time(LfCompositor* self, GstBuffer* request) {
+static lf::BufferPtr peek_request(LfCompositor* self) {
+  return lf::BufferPtr(gst_aggregator_pad_peek_buffer(GST_AGGREGATOR_PAD(self->request)));
+}
+
+// Returns the running time of the next request; GST_CLOCK_TIME_NONE if there is none.
+static GstClockTime request_time(LfCompositor* self) {
+  const lf::BufferPtr request = peek_request(self);
+  if (!request) return GST_CLOCK_TIME_NONE;
   return gst_segment_to_running_time(&GST_AGGREGATOR_PAD(self->request)->segment, GST_FORMAT_TIME,
-                                     GST_BUFFER_PTS(request));
+                                     GST_BUFFER_PTS(request.get()));
 }
 
 // Returns the due time of the next request's picture, in clock time; GST_CLOCK_TIME_NONE if unknown.
 static GstClockTime deadline(LfCompositor* self) {
-  GstBuffer* request = gst_aggregator_pad_peek_buffer(GST_AGGREGATOR_PAD(self->request));
-  if (!request) return GST_CLOCK_TIME_NONE;
-  const GstClockTime time = running_time(self, request);
-  gst_buffer_unref(request);
+  const GstClockTime time = request_time(self);
   const GstClockTime latency = gst_aggregator_get_latency(GST_AGGREGATOR(self));
   if (!GST_CLOCK_TIME_IS_VALID(time) || !GST_CLOCK_TIME_IS_VALID(latency)) return GST_CLOCK_TIME_NONE;
   return gst_element_get_base_time(GST_ELEMENT(self)) + time + latency;
@@ -69,11 +70,8 @@ static GstClockTime deadline(LfCompositor* self) {
 // Queries the latency again if the next request arrived later than the known latency allows.
 static void refresh_latency(LfCompositor* self) {
   auto& state = *self->state;
-  const GstClockTime latency = gst_aggregator_get_latency(GST_AGGREGATOR(self)), now = clock_time(self);
-  GstBuffer* request = gst_aggregator_pad_peek_buffer(GST_AGGREGATOR_PAD(self->request));
-  if (!request) return;
-  const GstClockTime time = running_time(self, request);
-  gst_buffer_unref(request);
+  const GstClockTime latency = gst_aggregator_get_latency(GST_AGGREGATOR(self)), now = clock_time(self),
+                     time = request_time(self);
   if (!GST_CLOCK_TIME_IS_VALID(latency) || !GST_CLOCK_TIME_IS_VALID(now) || !GST_CLOCK_TIME_IS_VALID(time)) return;
   GstClockTime own = 0;
   g_object_get(self, "latency", &own, nullptr);
@@ -82,9 +80,8 @@ static void refresh_latency(LfCompositor* self) {
   if (now <= expected + 2 * GST_MSECOND) return;
   if (state.latency_query_time != 0 && asked < state.latency_query_time + G_USEC_PER_SEC / 10) return;
   state.latency_query_time = asked;
-  GstQuery* query = gst_query_new_latency();
+  g_autoptr(GstQuery) query = gst_query_new_latency();
   gst_pad_query(GST_AGGREGATOR_SRC_PAD(self), query);
-  gst_query_unref(query);
 }
 
 static void refuse_rig(LfCompositor* self, const lf::wire::AnswerHeader& answer) {
@@ -243,7 +240,7 @@ static void announce_out_of_service(LfCompositor* self) {
   GST_INFO_OBJECT(self, "%zu cameras are out of service", cameras.size());
   tell(self, {.view_id = view_id, .out_of_service = out});
   GstStructure* structure = gst_structure_new("lightfield-out-of-service", "view-id", G_TYPE_UINT, view_id, nullptr);
-  lf::set_cameras(structure, "cameras", cameras);
+  lf::set_array(structure, "cameras", G_TYPE_UINT, cameras, g_value_set_uint);
   post(self, structure);
 }
 
@@ -300,7 +297,7 @@ static void take_probe(LfCompositor* self) {
   auto& state = *self->state;
   const lf::ViewRequest& request = *state.current;
   if (!request.hypotheses.empty()) return answer_sweep(self);
-  state.stats.add_monitor_bytes(state.bytes);
+  state.stats.count(CompositorStats::kMonitorBytes, state.bytes);
   if (!state.turns.expects(request)) return;
   state.assembly.finish(lf::PixelFamily::kRgb, true);
   if (!state.assembly.complete() || any_is_blind(state)) return state.turns.lose();
@@ -320,27 +317,18 @@ static uint64_t capture_time(LfCompositor* self) {
   return state.current->target_time != lf::kNoTime ? state.current->target_time : state.assembly.actual_time();
 }
 
-static void note_capture_time(GstBuffer* picture, uint64_t captured) {
-  static GstStaticCaps static_caps = GST_STATIC_CAPS(LF_CAPTURE_TIME_CAPS);
-  GstCaps* reference = gst_static_caps_get(&static_caps);
-  if (captured != lf::kNoTime && !gst_buffer_get_reference_timestamp_meta(picture, reference))
-    gst_buffer_add_reference_timestamp_meta(picture, reference, captured, GST_CLOCK_TIME_NONE);
-  gst_caps_unref(reference);
-}
-
 static void record_skipped(LfCompositor* self, const lf::QosTracker::Late& late) {
   constexpr gint kFullQuality = 1'000'000;  // pictures are shown in full quality or not at all
   auto& state = *self->state;
   state.stats.request_skipped(state.current->sequence);
   if (!state.current->place.leads()) return;  // one message per set
-  GstBuffer* request = gst_aggregator_pad_peek_buffer(GST_AGGREGATOR_PAD(self->request));
+  const lf::BufferPtr request = peek_request(self);
   if (!request) return;
   const GstSegment& segment = GST_AGGREGATOR_PAD(self->request)->segment;
-  const GstClockTime pts = GST_BUFFER_PTS(request);
+  const GstClockTime pts = GST_BUFFER_PTS(request.get());
   GstMessage* message = gst_message_new_qos(
       GST_OBJECT(self), lf_compositor_is_live(self), gst_segment_to_running_time(&segment, GST_FORMAT_TIME, pts),
-      gst_segment_to_stream_time(&segment, GST_FORMAT_TIME, pts), pts, GST_BUFFER_DURATION(request));
-  gst_buffer_unref(request);
+      gst_segment_to_stream_time(&segment, GST_FORMAT_TIME, pts), pts, GST_BUFFER_DURATION(request.get()));
   const CompositorStats::Totals totals = state.stats.totals();
   gst_message_set_qos_values(message, late.jitter, late.proportion, kFullQuality);
   gst_message_set_qos_stats(message, GST_FORMAT_BUFFERS, totals.pictures, totals.skipped);
@@ -416,21 +404,21 @@ static void record(LfCompositor* self, const lf::NodeInputs& nodes, int64_t answ
   auto& state = *self->state;
   const lf::ViewRequest& request = *state.current;
   const lf::Assembly& assembly = state.assembly;
-  const bool post = state.settings.post_messages;
+  const bool describe = state.settings.post_messages;
   // Measures each view of the first set, because the views differ.
   const uint32_t set = request.sequence - static_cast<uint32_t>(request.place.turn());
   if (!state.first_set) state.first_set = set;
-  const bool exact = post || (request.place.count() > 1 && set == *state.first_set);
+  const bool exact = describe || (request.place.count() > 1 && set == *state.first_set);
   std::optional<lf::MeanCoverage> coverage;
   if (state.rig)
     coverage = state.coverage.share(*state.rig, request, state.health.out_of_service(), exact, g_get_monotonic_time());
   GstStructure* description = state.stats.record(
       {request.view_id, request.sequence, pts, assembly.fragments(), assembly.missing(), assembly.damaged(), coverage,
        state.bytes, state.focus.bytes(), assembly.skew(), answered, state.adding, g_get_monotonic_time()},
-      post);
+      describe);
   note_unseen(self, coverage);
   if (!state.settings.partial) note_view(self, nodes, coverage);
-  if (description) gst_element_post_message(GST_ELEMENT(self), gst_message_new_element(GST_OBJECT(self), description));
+  if (description) post(self, description);
 }
 
 static void warn_of_silent(LfCompositor* self, const std::vector<lf::NodeInput*>& nodes) {
@@ -488,6 +476,13 @@ static void close_request(LfCompositor* self, const lf::NodeInputs& nodes, GstCl
   state.current.reset();
 }
 
+// Ends a request that gets no picture.
+static GstFlowReturn drop_answered(LfCompositor* self, const lf::NodeInputs& nodes, GstClockTime due) {
+  close_request(self, nodes, due);
+  gst_aggregator_pad_drop_buffer(GST_AGGREGATOR_PAD(self->request));
+  return GST_FLOW_OK;
+}
+
 static GstBuffer* make_output(LfCompositor* self, GstFlowReturn* flow) {
   auto& state = *self->state;
   const lf::CompositorSettings& settings = state.settings;
@@ -524,27 +519,31 @@ static void replace_incomplete(LfCompositor* self, GstBuffer** picture) {
   }
 }
 
+static bool any_has_answered(const lf::NodeInputs& nodes) {
+  return std::ranges::any_of(nodes, [](const lf::NodeInput* node) { return node->has_answered(); });
+}
+
+static bool any_is_awaited(LfCompositor* self, const lf::NodeInputs& nodes, bool live) {
+  const unsigned max_missed = self->state->settings.max_missed;
+  return std::ranges::any_of(nodes, [=](const lf::NodeInput* node) { return node->is_awaited(live, max_missed); });
+}
+
 // Returns true if the nodes have answered the current request in time. A node that has stopped answering does not count
 // as long as others answer.
 static bool is_in_time(LfCompositor* self, const lf::NodeInputs& nodes) {
   const auto& state = *self->state;
-  const auto is_awaited = [&](const lf::NodeInput* node) {
-    return node->is_awaited(state.live, state.settings.max_missed);
-  };
-  return state.assembly.complete() && std::ranges::none_of(nodes, is_awaited) &&
-         std::ranges::any_of(nodes, [](const lf::NodeInput* node) { return node->has_answered(); });
+  return state.assembly.complete() && !any_is_awaited(self, nodes, state.live) && any_has_answered(nodes);
 }
 
 // Adapts the latency after a picture with the deadline `due`; see LatencyControl.
 static void adapt_latency(LfCompositor* self, const lf::NodeInputs& nodes, GstClockTime due) {
-  const bool any_answered = std::ranges::any_of(nodes, [](const lf::NodeInput* node) { return node->has_answered(); });
   const GstClockTime now = clock_time(self);
   std::optional<uint64_t> spare;
   if (GST_CLOCK_TIME_IS_VALID(due) && GST_CLOCK_TIME_IS_VALID(now) && now <= due && is_in_time(self, nodes))
     spare = due - now;
   GstClockTime latency = 0;
   g_object_get(self, "latency", &latency, nullptr);
-  const GstClockTime next = self->state->latency.next(latency, any_answered, spare);
+  const GstClockTime next = self->state->latency.next(latency, any_has_answered(nodes), spare);
   if (next == latency) return;
   if (next > latency)
     GST_WARNING_OBJECT(
@@ -562,9 +561,7 @@ static GstFlowReturn finish_request(LfCompositor* self, const lf::NodeInputs& no
   const GstClockTime due = deadline(self);
   if (state.current->probe && !partial) {
     take_probe(self);
-    close_request(self, nodes, due);
-    gst_aggregator_pad_drop_buffer(GST_AGGREGATOR_PAD(self->request));
-    return GST_FLOW_OK;
+    return drop_answered(self, nodes, due);
   }
   const bool leads = state.current->place.leads();
   if (leads && !partial && lf_compositor_is_live(self)) adapt_latency(self, nodes, due);
@@ -574,22 +571,16 @@ static GstFlowReturn finish_request(LfCompositor* self, const lf::NodeInputs& no
   if (leads) state.focus.adapt_rate(is_in_time(self, nodes), depth_interval);
   // Updates the focus before making the picture, because the next request may wait for the focus.
   if (!partial && leads && state.current->view.focus.map) find_focus(self);
-  if (!partial && state.current->warmup) {
-    close_request(self, nodes, due);
-    gst_aggregator_pad_drop_buffer(GST_AGGREGATOR_PAD(self->request));
-    return GST_FLOW_OK;
-  }
+  if (!partial && state.current->warmup) return drop_answered(self, nodes, due);
   GstFlowReturn flow = GST_FLOW_OK;
-  GstBuffer* out = make_output(self, &flow);
+  g_autoptr(GstBuffer) out = make_output(self, &flow);
   if (!out && flow != GST_FLOW_OK) return flow;
-  GstBuffer* request = gst_aggregator_pad_pop_buffer(GST_AGGREGATOR_PAD(self->request));
+  g_autoptr(GstBuffer) request = gst_aggregator_pad_pop_buffer(GST_AGGREGATOR_PAD(self->request));
   if (!request) {  // flushed in the meantime
-    gst_clear_buffer(&out);
     lf_compositor_forget_request(self);
     return GST_FLOW_OK;
   }
-  const GstClockTime pts = GST_BUFFER_PTS(request), duration = GST_BUFFER_DURATION(request);
-  gst_buffer_unref(request);
+  const GstClockTime pts = GST_BUFFER_PTS(request);
   state.output.follow_segment(GST_AGGREGATOR_PAD(self->request)->segment);
   record(self, nodes, answered, pts);
   if (partial)
@@ -600,29 +591,22 @@ static GstFlowReturn finish_request(LfCompositor* self, const lf::NodeInputs& no
   const uint64_t captured = capture_time(self);
   close_request(self, nodes, due);
   if (!out) return GST_FLOW_OK;
-  if (flow != GST_FLOW_OK) {
-    gst_buffer_unref(out);
-    return flow;
-  }
+  if (flow != GST_FLOW_OK) return flow;
   GST_BUFFER_PTS(out) = pts;
-  GST_BUFFER_DURATION(out) = duration;
+  GST_BUFFER_DURATION(out) = GST_BUFFER_DURATION(request);
   if (!partial) {
-    note_capture_time(out, captured);
+    if (captured != lf::kNoTime && !lf::find_capture_time(out)) lf::add_capture_time(out, captured);
     state.view_meta.attach(out);
   }
   // Pictures that are not live are never incomplete, so the output keeps no reference, and downstream may write into
   // the picture.
-  return state.output.push(out, pts, lf_compositor_is_live(self) && !partial);
+  return state.output.push(g_steal_pointer(&out), pts, lf_compositor_is_live(self) && !partial);
 }
 
 static std::optional<lf::QosTracker::Late> is_too_late(LfCompositor* self) {
   auto& state = *self->state;
   if (state.current->probe || state.current->warmup || state.output.is_drawing(*state.current)) return std::nullopt;
-  GstBuffer* request = gst_aggregator_pad_peek_buffer(GST_AGGREGATOR_PAD(self->request));
-  if (!request) return std::nullopt;
-  const GstClockTime time = running_time(self, request);
-  gst_buffer_unref(request);
-  return state.qos.late(state.current->view_id, time);
+  return state.qos.late(state.current->view_id, request_time(self));
 }
 
 // Skips the current request, so that the request gets no picture. The nodes skip the request, too, so the picture does
@@ -664,11 +648,9 @@ static bool find_request(LfCompositor* self, guint view_id) {
   auto& state = *self->state;
   if (state.current) return true;
   apply_new_rig(self);
-  GstAggregatorPad* pad = GST_AGGREGATOR_PAD(self->request);
-  while (GstBuffer* buffer = gst_aggregator_pad_peek_buffer(pad)) {
+  while (const lf::BufferPtr buffer = peek_request(self)) {
     std::string reason;
-    std::optional<lf::ViewRequest> request = lf::decode_request_buffer(buffer, &reason);
-    gst_buffer_unref(buffer);
+    std::optional<lf::ViewRequest> request = lf::decode_request_buffer(buffer.get(), &reason);
     if (request && request->view_id == view_id) {
       try {
         lf_compositor_forget_request(self);
@@ -695,7 +677,7 @@ static bool find_request(LfCompositor* self, guint view_id) {
       GST_WARNING_OBJECT(self, "dropped a view request: %s", reason.c_str());
       state.stats.count(CompositorStats::kBadRequests);
     }
-    gst_aggregator_pad_drop_buffer(pad);
+    gst_aggregator_pad_drop_buffer(GST_AGGREGATOR_PAD(self->request));
   }
   return false;
 }
@@ -715,11 +697,9 @@ static GstFlowReturn compose(LfCompositor* self) {
   const bool live = self->state->live = lf_compositor_is_live(self);
   const lf::NodeInputs nodes(self->request);
   for (lf::NodeInput* node : nodes) take_answers(self, *node);
-  const bool all_answered = std::ranges::none_of(
-      nodes, [&](lf::NodeInput* node) { return node->is_awaited(live, self->state->settings.max_missed); });
   const GstClockTime due = deadline(self);
   const bool late = GST_CLOCK_TIME_IS_VALID(due) && clock_time(self) >= due;
-  return all_answered || late ? finish_request(self, nodes) : GST_AGGREGATOR_FLOW_NEED_DATA;
+  return late || !any_is_awaited(self, nodes, live) ? finish_request(self, nodes) : GST_AGGREGATOR_FLOW_NEED_DATA;
 }
 
 static GstFlowReturn abandon_request(LfCompositor* self) {
@@ -780,15 +760,10 @@ GstFlowReturn lf_compositor_aggregate(GstAggregator* agg, gboolean) {
 // caller holds the lock of GstAggregator, so a latency query here would deadlock.
 GstClockTime lf_compositor_next_time(GstAggregator* agg) {
   LfCompositor* self = LF_COMPOSITOR(agg);
-  GstBuffer* request = gst_aggregator_pad_peek_buffer(GST_AGGREGATOR_PAD(self->request));
-  if (!request) return GST_CLOCK_TIME_NONE;
-  const GstClockTime time = running_time(self, request);
-  gst_buffer_unref(request);
+  if (!peek_request(self)) return GST_CLOCK_TIME_NONE;
+  const GstClockTime time = request_time(self);
   if (!self->state->current) return 0;
-  bool awaited = false;
-  for (lf::NodeInput* node : lf::NodeInputs(self->request)) {
-    if (node->has_unread()) return 0;
-    awaited = awaited || node->is_awaited(true, self->state->settings.max_missed);
-  }
-  return awaited ? time : 0;
+  const lf::NodeInputs nodes(self->request);
+  const bool has_unread = std::ranges::any_of(nodes, [](const lf::NodeInput* node) { return node->has_unread(); });
+  return !has_unread && any_is_awaited(self, nodes, true) ? time : 0;
 }

@@ -18,18 +18,29 @@ namespace lf {
 // Collects the counters and durations that lfcompositor shows in its property `stats`. Thread-safe.
 class CompositorStats {
  public:
+  // The counters of the property, in its order.
   enum Counter {
-    kLateAnswers,
-    kBadRequests,
-    kBadAnswers,
-    kRigMismatches,
-    kRepeatedAnswers,
+    kPictures,
+    kComplete,
+    kUnseen,  // pictures of views that no camera sees: no fragments arrived, and none were expected
+    kGpuPictures,
     kRepeatedPictures,
     kDroppedPictures,
     kSkippedRequests,
+    kFragments,
+    kMissingFragments,
+    kDamagedFragments,
+    kLateAnswers,
     kUnexpectedAnswers,
-    kGpuPictures,
     kFailedPictures,  // pictures that failed, for example because memory was exhausted
+    kRepeatedAnswers,
+    kBytes,
+    kBadRequests,
+    kBadAnswers,
+    kRigMismatches,
+    kConsistencyBytes,
+    // Bytes of the answers that only the camera monitor needs, which do not become part of a picture.
+    kMonitorBytes,
     kNumCounters
   };
 
@@ -40,7 +51,7 @@ class CompositorStats {
     GstClockTime pts = GST_CLOCK_TIME_NONE;
     unsigned fragments = 0, missing = 0, damaged = 0;
     // Share of the view that cameras see. Nothing if the compositor has no rig.
-    std::optional<lf::MeanCoverage> coverage;
+    std::optional<MeanCoverage> coverage;
     uint64_t bytes = 0;
     uint64_t consistency_bytes = 0;  // size of the photo-consistency units
     uint64_t skew_ns = 0;            // largest absolute difference between capture time and requested time
@@ -52,12 +63,9 @@ class CompositorStats {
   };
 
   void reset();
-  void count(Counter counter);
+  void count(Counter counter, uint64_t by = 1);
   void set_out_of_service(size_t cameras);
   void set_focus(const DepthEstimator::State& state, uint64_t consistency_bytes);
-  // Adds the bytes of an answer that only the camera monitor needs. These answers are counted separately, because they
-  // do not become part of a picture.
-  void add_monitor_bytes(uint64_t bytes);
   void set_monitor(const CameraMonitor& monitor);
   // Record that a request has arrived, or will get no picture. record() uses the arrival time (microseconds) to compute
   // the latency.
@@ -75,21 +83,19 @@ class CompositorStats {
   GstStructure* structure() const;
 
  private:
+  struct Values {
+    uint64_t counters[kNumCounters] = {};
+    uint64_t out_of_service = 0, max_skew_ns = 0;
+    std::optional<MeanCoverage> coverage;
+    DepthEstimator::State focus;
+    std::optional<CameraMonitor> monitor;
+    std::map<uint32_t, int64_t> arrivals;  // arrival time by sequence number, of unanswered requests
+    // Durations of the latest pictures: from the request to the last answer, of adding the answers, of making the
+    // picture, from the last answer to the finished picture, and from the request to the finished picture.
+    Percentiles answer_ns, add_ns, picture_ns, composite_ns, latency_ns;
+  };
   mutable std::mutex mutex_;
-  uint64_t counters_[kNumCounters] = {};
-  uint64_t unseen_ = 0;  // pictures of views that no camera sees: no fragments arrived, and none were expected
-  std::optional<lf::MeanCoverage> coverage_;
-  uint64_t pictures_ = 0, complete_ = 0, fragments_ = 0, missing_ = 0, damaged_ = 0, bytes_ = 0, max_skew_ns_ = 0,
-           out_of_service_ = 0;
-  DepthEstimator::State focus_;
-  uint64_t consistency_bytes_ = 0;
-  std::optional<CameraMonitor> monitor_;
-  uint64_t monitor_bytes_ = 0;
-  std::map<uint32_t, int64_t> arrivals_;  // arrival time by sequence number, of unanswered requests
-  // Durations of the latest pictures: from the request to the last answer, from the last answer to the finished
-  // picture, and from the request to the finished picture.
-  Percentiles answer_ns_, composite_ns_, latency_ns_;
-  Percentiles add_ns_, picture_ns_;
+  Values values_;
 };
 
 // Sets the field to an array with one structure "lightfield-suspect" for each camera that the camera monitor reports.

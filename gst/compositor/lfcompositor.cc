@@ -151,7 +151,7 @@ GST_ELEMENT_REGISTER_DEFINE_WITH_CODE(lfcompositor, "lfcompositor", GST_RANK_NON
 
 static GstAggregatorClass* parent_class() { return GST_AGGREGATOR_CLASS(lf_compositor_parent_class); }
 
-GType lf_compositor_incomplete_get_type(void) {
+static GType incomplete_type() {
   static const GType type = lf::register_enum<LfCompositorIncomplete>(
       "LfCompositorIncomplete",
       {{LF_COMPOSITOR_INCOMPLETE_CONCEAL,
@@ -164,7 +164,7 @@ GType lf_compositor_incomplete_get_type(void) {
   return type;
 }
 
-GType lf_compositor_focus_get_type(void) {
+static GType focus_type() {
   static const GType type = lf::register_enum<lf::FocusMode>(
       "LfCompositorFocus",
       {{lf::FocusMode::kPlane,
@@ -176,7 +176,7 @@ GType lf_compositor_focus_get_type(void) {
   return type;
 }
 
-GType lf_compositor_show_get_type(void) {
+static GType show_type() {
   static const GType type = lf::register_enum<lf::WeightOverlayMode>(
       "LfCompositorShow",
       {{lf::WeightOverlayMode::kNone, "The picture without an overlay", "picture"},
@@ -186,21 +186,16 @@ GType lf_compositor_show_get_type(void) {
   return type;
 }
 
-GType lf_compositor_gains_get_type(void) {
-  static const GType type = [] {
-    static const GEnumValue values[] = {
-        {LF_COMPOSITOR_GAINS_OFF, "No exposure compensation. The cameras keep their differences in brightness", "off"},
-        {LF_COMPOSITOR_GAINS_ON,
-         "Exposure compensation, in addition to the colour corrections of the rig, which are "
-         "applied first",
-         "on"},
-        {LF_COMPOSITOR_GAINS_AUTO,
-         "Exposure compensation, unless the rig file already has colour corrections, for example from lf-calibrate "
-         "colour",
-         "auto"},
-        {0, nullptr, nullptr}};
-    return g_enum_register_static("LfCompositorGains", values);
-  }();
+static GType gains_type() {
+  static const GType type = lf::register_enum<LfCompositorGains>(
+      "LfCompositorGains",
+      {{LF_COMPOSITOR_GAINS_OFF, "No exposure compensation. The cameras keep their differences in brightness", "off"},
+       {LF_COMPOSITOR_GAINS_ON,
+        "Exposure compensation, in addition to the colour corrections of the rig, which are applied first", "on"},
+       {LF_COMPOSITOR_GAINS_AUTO,
+        "Exposure compensation, unless the rig file already has colour corrections, for example from lf-calibrate "
+        "colour",
+        "auto"}});
   return type;
 }
 
@@ -259,7 +254,7 @@ PropertyTable<CompositorSettings>& CompositorSettings::properties() {
       property<&S::incomplete>(kWhilePlaying, "incomplete", "Incomplete",
                                "Selects the output if parts of a picture have not arrived by its deadline (see "
                                "`latency`). This happens only in live pipelines, where an answer can be late or lost",
-                               LF_TYPE_COMPOSITOR_INCOMPLETE),
+                               incomplete_type()),
       property<&S::max_missed>(
           kWhileReady, "max-missed", "Max missed",
           "Maximum number of consecutive pictures that a camera or a node may miss in a live pipeline (0: unlimited). "
@@ -285,7 +280,7 @@ PropertyTable<CompositorSettings>& CompositorSettings::properties() {
           "Selects between one focal plane for the whole picture and a focal surface, which has a depth for each pixel "
           "and makes the whole picture sharp. The compositor estimates these depths by comparing the camera images at "
           "several distances, and sends them to the lfviewrequest of the view. Without `rig`, auto means plane",
-          LF_TYPE_COMPOSITOR_FOCUS),
+          focus_type()),
       property<&S::focus_near>(
           kWhilePlaying, "focus-near", "Focus near",
           "Nearest distance that the search for the focal surface tests, in metres from the array. Set this if the "
@@ -314,11 +309,11 @@ PropertyTable<CompositorSettings>& CompositorSettings::properties() {
           "because of automatic exposure. It prevents visible seams between the contributions of different cameras. "
           "The gains are estimated with the focal surface (the depth of each pixel), so there is no compensation if "
           "`focus` is plane. The `stats` property of lffragment lists the gains",
-          LF_TYPE_COMPOSITOR_GAINS),
+          gains_type()),
       property<&S::show>(kWhilePlaying, "show", "Show",
                          "Overlay that shows how the cameras contribute to each pixel. Use it to find cameras that are "
                          "missing, hidden or misplaced. Requires `rig`",
-                         LF_TYPE_COMPOSITOR_SHOW),
+                         show_type()),
   };
   return table;
 }
@@ -335,7 +330,9 @@ static GstStructure* stats_of(LfCompositor* self) {
   return stats;
 }
 
-using Properties = lf::Properties<settings_of, stats_of>;
+static lf::RequestGuard& guard_of(LfCompositor* self) { return *self->guard; }
+
+using Properties = lf::Properties<settings_of, stats_of, guard_of>;
 
 Settings lf_compositor_settings(LfCompositor* self) { return Properties::now(self); }
 
@@ -375,7 +372,6 @@ static void warn_ignored_settings(LfCompositor* self, const std::string& before 
 
 static void lf_compositor_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
   LfCompositor* self = LF_COMPOSITOR(object);
-  if (self->guard->set(GST_ELEMENT(self), id, value)) return;
   if (lf::is_running(GST_ELEMENT(self))) {
     if (lf::is_named(pspec, "rig") && !lf_compositor_reload_rig(self, g_value_get_string(value))) return;
     if (lf::is_named(pspec, "partial") && !lf_compositor_may_be_partial(self, g_value_get_boolean(value))) return;
@@ -383,10 +379,6 @@ static void lf_compositor_set_property(GObject* object, guint id, const GValue* 
   const std::string before = lf_compositor_settings(self).ignored_settings();
   Properties::set(object, id, value, pspec);
   if (lf::is_running(GST_ELEMENT(self))) warn_ignored_settings(self, before);
-}
-
-static void lf_compositor_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
-  if (!LF_COMPOSITOR(object)->guard->get(id, value)) Properties::get(object, id, value, pspec);
 }
 
 static void install_properties(GObjectClass* klass) {
@@ -406,32 +398,18 @@ static void install_properties(GObjectClass* klass) {
       "prediction with the image and report the PSNR, the gain and the shift in pixels of the small view. A suspicious "
       "camera also has its fault (colour, direction or picture). The latency of each stage has p50, p95 and p99 over "
       "the latest 1024 pictures, in nanoseconds");
-  lf::RequestGuard::install(klass);
   klass->set_property = lf::callback<lf_compositor_set_property>;
-  klass->get_property = lf::callback<lf_compositor_get_property>;
-  gst_type_mark_as_plugin_api(LF_TYPE_COMPOSITOR_INCOMPLETE, GstPluginAPIFlags(0));
-  gst_type_mark_as_plugin_api(LF_TYPE_COMPOSITOR_FOCUS, GstPluginAPIFlags(0));
-  gst_type_mark_as_plugin_api(LF_TYPE_COMPOSITOR_GAINS, GstPluginAPIFlags(0));
-  gst_type_mark_as_plugin_api(LF_TYPE_COMPOSITOR_SHOW, GstPluginAPIFlags(0));
 }
 
 // Returns true if all inputs follow a seek of the requests. Inputs from files or sockets do not.
 static bool is_seekable(LfCompositor* self) {
-  std::vector<GstPad*> pads;
-  lf::ObjectLock lock(self);
-  for (GList* item = GST_ELEMENT(self)->sinkpads; item; item = item->next)
-    pads.push_back(GST_PAD(gst_object_ref(item->data)));
-  lock.unlock();
-  gboolean all = TRUE;
-  for (GstPad* pad : pads) {
-    GstQuery* query = gst_query_new_seeking(GST_FORMAT_TIME);
+  const GstElementForeachPadFunc is_pad_seekable = [](GstElement*, GstPad* pad, gpointer) {
+    g_autoptr(GstQuery) query = gst_query_new_seeking(GST_FORMAT_TIME);
     gboolean seekable = FALSE;
-    if (all && gst_pad_peer_query(pad, query)) gst_query_parse_seeking(query, nullptr, &seekable, nullptr, nullptr);
-    all = all && seekable;
-    gst_query_unref(query);
-    gst_object_unref(pad);
-  }
-  return all;
+    if (gst_pad_peer_query(pad, query)) gst_query_parse_seeking(query, nullptr, &seekable, nullptr, nullptr);
+    return seekable;
+  };
+  return gst_element_foreach_sink_pad(GST_ELEMENT(self), is_pad_seekable, nullptr);
 }
 
 // Returns the possible caps of the source pad. A running element outputs either answers or video. If the formats of the
@@ -439,14 +417,12 @@ static bool is_seekable(LfCompositor* self) {
 // `partial` after linking the pad.
 static bool lf_compositor_answer_caps_query(LfCompositor* self, GstQuery* query) {
   if (!lf::is_running(GST_ELEMENT(self))) return false;
-  const lf::SharedCaps caps =
-      lf::share_caps(lf_compositor_settings(self).partial ? lf::unit_caps(LF_ANSWER_MEDIA_TYPE)
-                                                          : lf::offered_caps(self->state->output.family()));
   GstCaps* filter = nullptr;
   gst_query_parse_caps(query, &filter);
-  const lf::SharedCaps filtered =
-      filter ? lf::share_caps(gst_caps_intersect_full(filter, caps.get(), GST_CAPS_INTERSECT_FIRST)) : caps;
-  gst_query_set_caps_result(query, filtered.get());
+  g_autoptr(GstCaps) caps = lf_compositor_settings(self).partial ? lf::unit_caps(LF_ANSWER_MEDIA_TYPE)
+                                                                 : lf::offered_caps(self->state->output.family());
+  caps = lf::filter_caps(caps, filter);
+  gst_query_set_caps_result(query, caps);
   return true;
 }
 
@@ -467,10 +443,10 @@ static gboolean lf_compositor_src_query(GstAggregator* agg, GstQuery* query) {
       GstFormat format = GST_FORMAT_UNDEFINED;
       gst_query_parse_position(query, &format, nullptr);
       if (format != GST_FORMAT_TIME) return FALSE;
-      GST_OBJECT_LOCK(self);
+      lf::ObjectLock lock(self);
       const GstSegment& segment = GST_AGGREGATOR_PAD(GST_AGGREGATOR_SRC_PAD(self))->segment;
       const guint64 position = gst_segment_to_stream_time(&segment, GST_FORMAT_TIME, segment.position);
-      GST_OBJECT_UNLOCK(self);
+      lock.unlock();
       if (!GST_CLOCK_TIME_IS_VALID(position)) return FALSE;
       gst_query_set_position(query, format, static_cast<gint64>(position));
       return TRUE;
@@ -506,7 +482,7 @@ static gboolean lf_compositor_src_event(GstAggregator* agg, GstEvent* event) {
   const GstStructure* structure = gst_event_get_structure(event);
   const bool is_navigation = GST_EVENT_TYPE(event) == GST_EVENT_NAVIGATION;
   const bool is_view = GST_EVENT_TYPE(event) == GST_EVENT_CUSTOM_UPSTREAM && structure &&
-                       gst_structure_has_name(structure, "lightfield-view-request");
+                       gst_structure_has_name(structure, LF_VIEW_EVENT);
   // The base class flushes downstream and seeks all pads, so each pad must lead to the requests.
   if (GST_EVENT_TYPE(event) == GST_EVENT_SEEK && (lf::is_reverse_seek(event) || !is_seekable(self))) {
     gst_event_unref(event);
@@ -571,15 +547,15 @@ static gboolean lf_compositor_sink_query(GstAggregator* agg, GstAggregatorPad* p
     lf::answer_in_process_query(query, self->state->output.context().get());
     return TRUE;
   }
-  if (guint view_id; lf::is_focus_query(query, &view_id)) {
+  if (const auto view_id = lf::view_of_query(query, LF_FOCUS_QUERY)) {
     const lf::CompositorSettings settings = lf_compositor_settings(self);
-    if (view_id != settings.view_id || settings.view_depths().mode == lf::FocusMode::kPlane) return FALSE;
+    if (*view_id != settings.view_id || settings.view_depths().mode == lf::FocusMode::kPlane) return FALSE;
     lf::set_focus_waits(query, self->state->output.is_pushing());
     return TRUE;
   }
-  if (guint view_id; lf::is_picture_caps_query(query, &view_id)) {
+  if (const auto view_id = lf::view_of_query(query, LF_PICTURE_CAPS)) {
     const lf::CompositorSettings settings = lf_compositor_settings(self);
-    if (view_id != settings.view_id || settings.partial) return FALSE;
+    if (*view_id != settings.view_id || settings.partial) return FALSE;
     lf::answer_picture_caps_query(query, lf_compositor_accepted_caps(self).get());
     return TRUE;
   }
@@ -646,13 +622,12 @@ static GstAggregatorPad* lf_compositor_create_pad(GstAggregator* agg, GstPadTemp
     pad_name = g_strdup(name);
   } else {
     guint number = 0;
+    lf::PadPtr taken;
     do {
       g_free(pad_name);
       pad_name = g_strdup_printf("sink_%u", number++);
-      GstPad* taken = gst_element_get_static_pad(GST_ELEMENT(agg), pad_name);
-      if (!taken) break;
-      gst_object_unref(taken);
-    } while (true);
+      taken.reset(gst_element_get_static_pad(GST_ELEMENT(agg), pad_name));
+    } while (taken);
   }
   gpointer pad =
       g_object_new(GST_TYPE_AGGREGATOR_PAD, "name", pad_name, "direction", GST_PAD_SINK, "template", templ, nullptr);
@@ -720,9 +695,9 @@ static gboolean lf_compositor_start(GstAggregator* agg) {
     GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS, ("%s", error.what()), (nullptr));
     return FALSE;
   }
-  GST_OBJECT_LOCK(self);
+  lf::ObjectLock lock(self);
   delete std::exchange(self->new_rig, nullptr);
-  GST_OBJECT_UNLOCK(self);
+  lock.unlock();
   warn_ignored_settings(self);
   state.health = lf::CameraHealth(settings.max_missed);
   if (state.rig && !settings.partial) state.health.expect(state.rig->cameras.size());

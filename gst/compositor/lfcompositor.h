@@ -28,8 +28,6 @@
 #include "node/answer_encoder.h"
 #include "quality/camera_monitor.h"
 
-G_BEGIN_DECLS
-
 #define LF_TYPE_COMPOSITOR (lf_compositor_get_type())
 G_DECLARE_FINAL_TYPE(LfCompositor, lf_compositor, LF, COMPOSITOR, GstAggregator)
 
@@ -37,27 +35,12 @@ G_DECLARE_FINAL_TYPE(LfCompositor, lf_compositor, LF, COMPOSITOR, GstAggregator)
 // value is a frame period at 15 frames per second.
 #define LF_COMPOSITOR_LATENCY (60 * GST_MSECOND)
 
-#define LF_TYPE_COMPOSITOR_INCOMPLETE (lf_compositor_incomplete_get_type())
-GType lf_compositor_incomplete_get_type(void);
-
-#define LF_TYPE_COMPOSITOR_FOCUS (lf_compositor_focus_get_type())
-GType lf_compositor_focus_get_type(void);
-
-#define LF_TYPE_COMPOSITOR_SHOW (lf_compositor_show_get_type())
-GType lf_compositor_show_get_type(void);
-
 // Values of the property "gains" (exposure compensation), which also accepts booleans.
 typedef enum {
   LF_COMPOSITOR_GAINS_OFF = 0,
   LF_COMPOSITOR_GAINS_ON = 1,
   LF_COMPOSITOR_GAINS_AUTO,
 } LfCompositorGains;
-#define LF_TYPE_COMPOSITOR_GAINS (lf_compositor_gains_get_type())
-GType lf_compositor_gains_get_type(void);
-
-GST_ELEMENT_REGISTER_DECLARE(lfcompositor);
-
-G_END_DECLS
 
 namespace lf {
 

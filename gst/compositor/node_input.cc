@@ -26,34 +26,28 @@ bool EarlyAnswers::has_room(size_t bytes) const {
   return waiting_.empty() || (waiting_.size() < kMaxUnits && bytes_ + bytes <= kMaxBytes);
 }
 
-void EarlyAnswers::keep(uint32_t sequence, GstBuffer* buffer) {
-  try {
-    waiting_.push_back({sequence, buffer});
-  } catch (...) {
-    gst_buffer_unref(buffer);
-    throw;
-  }
-  bytes_ += gst_buffer_get_size(buffer);
+void EarlyAnswers::keep(uint32_t sequence, BufferPtr buffer) {
+  const size_t bytes = gst_buffer_get_size(buffer.get());
+  waiting_.push_back({sequence, std::move(buffer)});
+  bytes_ += bytes;
 }
 
-std::vector<GstBuffer*> EarlyAnswers::take(uint32_t sequence) {
-  std::vector<GstBuffer*> taken;
-  taken.reserve(waiting_.size());  // the code below must not throw
-  std::erase_if(waiting_, [&](const Waiting& waiting) {
+std::vector<BufferPtr> EarlyAnswers::take(uint32_t sequence) {
+  std::vector<BufferPtr> taken;
+  std::deque<Waiting> later;
+  bytes_ = 0;
+  for (Waiting& waiting : waiting_) {
     const auto ahead = static_cast<int32_t>(waiting.sequence - sequence);
-    if (ahead > 0) return false;
-    bytes_ -= gst_buffer_get_size(waiting.buffer);
-    if (ahead == 0)
-      taken.push_back(waiting.buffer);
-    else
-      gst_buffer_unref(waiting.buffer);
-    return true;
-  });
+    if (ahead == 0) taken.push_back(std::move(waiting.buffer));
+    if (ahead <= 0) continue;
+    bytes_ += gst_buffer_get_size(waiting.buffer.get());
+    later.push_back(std::move(waiting));
+  }
+  waiting_ = std::move(later);
   return taken;
 }
 
 void EarlyAnswers::clear() {
-  for (const Waiting& waiting : waiting_) gst_buffer_unref(waiting.buffer);
   waiting_.clear();
   bytes_ = 0;
 }
@@ -85,10 +79,7 @@ BufferPtr NodeInput::pop() {
 bool NodeInput::take_early(uint32_t sequence, const std::function<UnitResult(GstBuffer*)>& take_unit) {
   if (early_.size() == 0) return false;
   bool whole = false;
-  for (GstBuffer* buffer : early_.take(sequence)) {
-    const BufferPtr owned(buffer);
-    whole = whole || take_unit(buffer) == UnitResult::kLast;
-  }
+  for (const BufferPtr& buffer : early_.take(sequence)) whole = whole || take_unit(buffer.get()) == UnitResult::kLast;
   return whole;
 }
 
@@ -118,7 +109,7 @@ void NodeInput::take(uint32_t sequence, bool live, const std::function<UnitResul
     if (!aside) return;
     if (BufferPtr popped = pop()) {
       const uint32_t of = sequence_of(popped.get());
-      early_.keep(of, popped.release());
+      early_.keep(of, std::move(popped));
     }
   }
 }
@@ -179,13 +170,9 @@ NodeInputs::NodeInputs(GstPad* request) {
   GstElement* element = GST_ELEMENT(GST_PAD_PARENT(request));
   lf::ObjectLock lock(element);
   for (GList* item = element->sinkpads; item; item = item->next)
-    if (item->data != request) pads_.push_back(GST_AGGREGATOR_PAD(gst_object_ref(item->data)));
+    if (item->data != request) pads_.emplace_back(GST_PAD(gst_object_ref(item->data)));
   lock.unlock();
-  for (GstAggregatorPad* pad : pads_) nodes_.push_back(&NodeInput::of(pad));
-}
-
-NodeInputs::~NodeInputs() {
-  for (GstAggregatorPad* pad : pads_) gst_object_unref(pad);
+  for (const PadPtr& pad : pads_) nodes_.push_back(&NodeInput::of(GST_AGGREGATOR_PAD(pad.get())));
 }
 
 }  // namespace lf

@@ -31,25 +31,20 @@ class EarlyAnswers {
   static constexpr size_t kMaxBytes = size_t{64} << 20;
   static constexpr size_t kMaxUnits = 4096;
 
-  EarlyAnswers() = default;
-  ~EarlyAnswers() { clear(); }
-  EarlyAnswers(const EarlyAnswers&) = delete;
-  EarlyAnswers& operator=(const EarlyAnswers&) = delete;
-
   // Returns true if there is room for a buffer of this size. A single buffer always fits.
   bool has_room(size_t bytes) const;
-  // Stores an answer to the request `sequence`, and takes its reference.
-  void keep(uint32_t sequence, GstBuffer* buffer);
-  // Removes and returns the stored answers to the request `sequence`, in order of arrival. The caller owns the buffers.
-  // Answers to earlier requests are freed, because nothing can use them any more.
-  std::vector<GstBuffer*> take(uint32_t sequence);
+  // Stores an answer to the request `sequence`.
+  void keep(uint32_t sequence, BufferPtr buffer);
+  // Removes and returns the stored answers to the request `sequence`, in order of arrival. Answers to earlier requests
+  // are freed, because nothing can use them any more.
+  std::vector<BufferPtr> take(uint32_t sequence);
   void clear();
   size_t size() const { return waiting_.size(); }
 
  private:
   struct Waiting {
     uint32_t sequence;
-    GstBuffer* buffer;
+    BufferPtr buffer;
   };
   std::deque<Waiting> waiting_;
   size_t bytes_ = 0;
@@ -137,14 +132,11 @@ class NodeInput {
 class NodeInputs {
  public:
   explicit NodeInputs(GstPad* request);
-  ~NodeInputs();
-  NodeInputs(const NodeInputs&) = delete;
-  NodeInputs& operator=(const NodeInputs&) = delete;
   auto begin() const { return nodes_.begin(); }
   auto end() const { return nodes_.end(); }
 
  private:
-  std::vector<GstAggregatorPad*> pads_;
+  std::vector<PadPtr> pads_;
   std::vector<NodeInput*> nodes_;
 };
 

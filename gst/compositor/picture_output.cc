@@ -15,6 +15,7 @@
 #include "common/custom_events.h"
 #include "common/gl_share.h"
 #include "common/gst_pointers.h"
+#include "render/gl/gpu_sum.h"
 
 namespace lf {
 namespace {
@@ -69,6 +70,13 @@ void put_in_gpu(GstCaps* caps) {
   gst_caps_set_simple(caps, "texture-target", G_TYPE_STRING, "2D", nullptr);
 }
 
+// Appends the same caps in GPU memory. System memory comes first, because it is preferred.
+void append_gpu(GstCaps* caps) {
+  GstCaps* in_gpu = gst_caps_copy(caps);
+  put_in_gpu(in_gpu);
+  gst_caps_append(caps, in_gpu);
+}
+
 GstFlowReturn no_memory(GstAggregator* element) {
   GST_ELEMENT_ERROR(element, RESOURCE, NO_SPACE_LEFT,
                     ("No memory for a picture. Reduce the size of the views, or "
@@ -86,39 +94,6 @@ bool is_in_gpu(const GstCaps* caps) {
   return count > 0 && !gst_caps_is_any(caps);
 }
 
-GstCaps* choose_output_caps(GstCaps* downstream, GstPad* request, PixelFamily family, int width, int height,
-                            ViewSetLayout layout) {
-  GstCaps* wanted = caps_of_family(family);
-  gint rate_n = 0, rate_d = 1;
-  request_rate(request, &rate_n, &rate_d);
-  gst_caps_set_simple(wanted, "width", G_TYPE_INT, width, "height", G_TYPE_INT, height, "framerate", GST_TYPE_FRACTION,
-                      rate_n, rate_d, "pixel-aspect-ratio", GST_TYPE_FRACTION, 1, 1, nullptr);
-  set_multiview(wanted, layout);
-  // Prefers system memory if downstream accepts both kinds.
-  GstCaps* in_gpu = gst_caps_copy(wanted);
-  put_in_gpu(in_gpu);
-  gst_caps_append(wanted, in_gpu);
-  GstCaps* chosen = gst_caps_intersect_full(wanted, downstream, GST_CAPS_INTERSECT_FIRST);
-  gst_caps_unref(wanted);
-  if (gst_caps_is_empty(chosen)) {
-    gst_caps_unref(chosen);
-    return nullptr;
-  }
-  chosen = gst_caps_fixate(chosen);
-  GstVideoInfo info;
-  if (gst_video_info_from_caps(&info, chosen)) {
-    const GstVideoColorimetry asked_for = info.colorimetry;
-    const bool has_headroom = has_limited_range(info);
-    set_system_colorimetry(info);
-    if (has_headroom) info.colorimetry = asked_for;
-    GstCaps* exact = gst_video_info_to_caps(&info);
-    if (is_in_gpu(chosen)) put_in_gpu(exact);
-    gst_caps_replace(&chosen, exact);
-    gst_caps_unref(exact);
-  }
-  return chosen;
-}
-
 GstCaps* offered_caps(PixelFamily family) {
   GstCaps* caps = caps_of_family(family);
   for (guint i = 0; i < gst_caps_get_size(caps); i++)
@@ -129,25 +104,56 @@ GstCaps* offered_caps(PixelFamily family) {
   return caps;
 }
 
-CapsMismatch explain_mismatch(const GstCaps* downstream, GstPad* request, PixelFamily family, int width, int height) {
+namespace {
+
+// Chooses the fixed caps of the output for pictures of width x height pixels. `downstream` are the caps that downstream
+// accepts. `family` is the pixel family (RGB or YCbCr) that the nodes send, or kNone if it is not known yet. The frame
+// rate is taken from the caps of the pad `request`. Stereo layouts set the field multiview-mode. Returns caps that the
+// caller owns, or null if downstream accepts no suitable caps. YCbCr keeps the full range of the cameras. The range is
+// converted here to video range only if downstream requires BT.601 in video range, because GstVideoConverter 1.22 would
+// ignore the difference. GPU memory is chosen only if downstream accepts nothing else.
+GstCaps* choose_output_caps(GstCaps* downstream, GstPad* request, PixelFamily family, int width, int height,
+                            ViewSetLayout layout) {
+  g_autoptr(GstCaps) wanted = caps_of_family(family);
+  gint rate_n = 0, rate_d = 1;
+  request_rate(request, &rate_n, &rate_d);
+  gst_caps_set_simple(wanted, "width", G_TYPE_INT, width, "height", G_TYPE_INT, height, "framerate", GST_TYPE_FRACTION,
+                      rate_n, rate_d, "pixel-aspect-ratio", GST_TYPE_FRACTION, 1, 1, nullptr);
+  set_multiview(wanted, layout);
+  append_gpu(wanted);
+  g_autoptr(GstCaps) chosen = gst_caps_intersect_full(wanted, downstream, GST_CAPS_INTERSECT_FIRST);
+  if (gst_caps_is_empty(chosen)) return nullptr;
+  chosen = gst_caps_fixate(chosen);
+  GstVideoInfo info;
+  if (gst_video_info_from_caps(&info, chosen)) {
+    const GstVideoColorimetry asked_for = info.colorimetry;
+    const bool has_headroom = has_limited_range(info);
+    set_system_colorimetry(info);
+    if (has_headroom) info.colorimetry = asked_for;
+    GstCaps* exact = gst_video_info_to_caps(&info);
+    if (is_in_gpu(chosen)) put_in_gpu(exact);
+    gst_caps_take(&chosen, exact);
+  }
+  return g_steal_pointer(&chosen);
+}
+
+// The reason why choose_output_caps() has returned null, with advice for the user.
+struct CapsMismatch {
+  bool is_of_size_or_rate = false;  // true if another size or rate would be accepted
+  std::string text;
+};
+
+CapsMismatch explain_mismatch(GstCaps* downstream, GstPad* request, PixelFamily family, int width, int height) {
   const char* name = family == PixelFamily::kI420  ? "I420 or NV12"
                      : family == PixelFamily::kRgb ? "RGB"
                                                    : "RGB or I420";
-  const SharedCaps formats = share_caps(caps_of_family(family));
-  GstCaps* both = gst_caps_copy(formats.get());
-  GstCaps* in_gpu = gst_caps_copy(formats.get());
-  put_in_gpu(in_gpu);
-  gst_caps_append(both, in_gpu);
-  const SharedCaps fits =
-      share_caps(gst_caps_intersect_full(both, const_cast<GstCaps*>(downstream), GST_CAPS_INTERSECT_FIRST));
-  gst_caps_unref(both);
-  const auto text = [](const char* format, auto... values) {
-    g_autofree gchar* made = g_strdup_printf(format, values...);
-    return std::string(made);
-  };
-  if (gst_caps_is_empty(fits.get())) {
+  g_autoptr(GstCaps) formats = caps_of_family(family);
+  append_gpu(formats);
+  g_autoptr(GstCaps) fits = gst_caps_intersect_full(formats, downstream, GST_CAPS_INTERSECT_FIRST);
+  if (gst_caps_is_empty(fits)) {
     const bool in_gpu_only = is_in_gpu(downstream);
-    return {false, text("The pictures of these cameras are %s video, but downstream accepts %s%s: put %s in between.",
+    return {false,
+            format_text("The pictures of these cameras are %s video, but downstream accepts %s%s: put %s in between.",
                         name, accepted_values(downstream, {"format"}).c_str(), in_gpu_only ? " in GPU memory" : "",
                         in_gpu_only ? "glupload ! glcolorconvert" : "a videoconvert")};
   }
@@ -155,34 +161,70 @@ CapsMismatch explain_mismatch(const GstCaps* downstream, GstPad* request, PixelF
   request_rate(request, &rate_n, &rate_d);
   const auto allows = [&fits](auto... fields) {
     g_autoptr(GstStructure) only = gst_structure_new("video/x-raw", fields..., nullptr);
-    for (guint i = 0; i < gst_caps_get_size(fits.get()); i++)
-      if (gst_structure_can_intersect(gst_caps_get_structure(fits.get(), i), only)) return true;
+    for (guint i = 0; i < gst_caps_get_size(fits); i++)
+      if (gst_structure_can_intersect(gst_caps_get_structure(fits, i), only)) return true;
     return false;
   };
   if (!allows("width", G_TYPE_INT, width, "height", G_TYPE_INT, height))
-    return {true,
-            text("The view's pictures have %dx%d pixels, but downstream accepts %s: leave the viewer's properties "
-                 "width and height at 0 so that the size follows, or put a videoscale in between. Views of a "
-                 "file (location) have the file's sizes.",
-                 width, height, accepted_values(fits.get(), {"width", "height"}).c_str())};
+    return {true, format_text(
+                      "The view's pictures have %dx%d pixels, but downstream accepts %s: leave the viewer's properties "
+                      "width and height at 0 so that the size follows, or put a videoscale in between. Views of a "
+                      "file (location) have the file's sizes.",
+                      width, height, accepted_values(fits, {"width", "height"}).c_str())};
   if (!allows("framerate", GST_TYPE_FRACTION, rate_n, rate_d))
-    return {true, text("Pictures come at %d/%d a second, but downstream accepts %s: leave the viewer's property "
-                       "framerate at 0/1 so that the rate follows, or put a videorate in between.",
-                       rate_n, rate_d, accepted_values(fits.get(), {"framerate"}).c_str())};
+    return {true, format_text("Pictures come at %d/%d a second, but downstream accepts %s: leave the viewer's property "
+                              "framerate at 0/1 so that the rate follows, or put a videorate in between.",
+                              rate_n, rate_d, accepted_values(fits, {"framerate"}).c_str())};
   if (!allows("pixel-aspect-ratio", GST_TYPE_FRACTION, 1, 1))
-    return {false, text("Pictures have square pixels, but downstream accepts %s: put a videoscale in between.",
-                        accepted_values(fits.get(), {"pixel-aspect-ratio"}).c_str())};
+    return {false, format_text("Pictures have square pixels, but downstream accepts %s: put a videoscale in between.",
+                               accepted_values(fits, {"pixel-aspect-ratio"}).c_str())};
   if (is_in_gpu(downstream))
-    return {false,
-            text("Downstream accepts %s video of %dx%d pixels only in GPU memory, and OpenGL is not available: put "
-                 "glupload ! glcolorconvert before that element and its caps. Without a display, GStreamer needs "
-                 "GST_GL_PLATFORM=egl and GST_GL_WINDOW=egl-device.",
-                 name, width, height)};
+    return {
+        false,
+        format_text("Downstream accepts %s video of %dx%d pixels only in GPU memory, and OpenGL is not available: put "
+                    "glupload ! glcolorconvert before that element and its caps. Without a display, GStreamer needs "
+                    "GST_GL_PLATFORM=egl and GST_GL_WINDOW=egl-device.",
+                    name, width, height)};
   g_autofree gchar* accepted = gst_caps_to_string(downstream);
-  return {false, text("Downstream accepts no %s video of %dx%d pixels at %d/%d pictures a second, but %s: put a "
-                      "videoconvert in between.",
-                      name, width, height, rate_n, rate_d, accepted)};
+  return {false, format_text("Downstream accepts no %s video of %dx%d pixels at %d/%d pictures a second, but %s: put a "
+                             "videoconvert in between.",
+                             name, width, height, rate_n, rate_d, accepted)};
 }
+
+}  // namespace
+
+// Draws views directly into the textures of an output buffer, so that pictures that are rendered on the GPU need no
+// download. A picture can contain several views, such as the two eyes of a stereo pair. Call draw() once for each view,
+// and then finish() before anything else uses the buffer. The textures stay mapped until the destructor.
+class GlRenderTarget {
+ public:
+  // Maps the textures of the buffer `picture`. `group` is the share group of the OpenGL contexts that hold the views;
+  // the mapping fails if the textures belong to another group.
+  GlRenderTarget(GstBuffer* picture, const GstVideoInfo& info, gl::ShareGroup group);
+  ~GlRenderTarget();
+  GlRenderTarget(const GlRenderTarget&) = delete;
+  GlRenderTarget& operator=(const GlRenderTarget&) = delete;
+
+  // Returns false if the mapping failed. draw() must then not be called.
+  explicit operator bool() const { return is_mapped_; }
+  gl::ShareGroup group() const { return group_; }
+  // Makes a view from `sum` (the answers of all nodes, added up) and writes it into the textures. (x, y) is the
+  // position of the view's top-left pixel in the picture. Pixels outside the camera mesh get the colour `background`.
+  // The GPU continues to draw after this call returns. Returns false and sets `why` to the reason on failure.
+  bool draw(const Accumulator& sum, const Background& background, int x, int y, std::string& why);
+  // Waits until the GPU has drawn all views. Returns false and sets `why` if a view could not be drawn, for example
+  // because the OpenGL context was lost.
+  bool finish(std::string& why);
+
+ private:
+  void* insert_fence() const;
+
+  const gl::ShareGroup group_;
+  GstVideoFrame frame_;
+  bool is_mapped_ = false;
+  gl::GpuPicture picture_;
+  std::vector<std::shared_ptr<gl::GpuSum>> undrained_;  // one entry for each unfinished draw(); keeps its sum alive
+};
 
 GlRenderTarget::GlRenderTarget(GstBuffer* picture, const GstVideoInfo& info, gl::ShareGroup group) : group_(group) {
   if (!has_planes_on_gpu(picture, info) || group_of_planes(picture) != group) return;
@@ -234,6 +276,10 @@ bool GlRenderTarget::finish(std::string& why) {
   }
   return is_there;
 }
+
+PictureOutput::PictureOutput(GstAggregator* element) : element_(element), own_gpu_(GST_ELEMENT(element)) {}
+
+PictureOutput::~PictureOutput() { stop(); }
 
 void PictureOutput::start(bool partial, GstPad* request) {
   partial_ = partial;
@@ -304,6 +350,11 @@ bool PictureOutput::decide_allocation(GstQuery* query) {
 GlContextPtr PictureOutput::context() const {
   const ObjectLock lock(element_);
   return context_;
+}
+
+void PictureOutput::drop_pending() {
+  pending_.textures.reset();
+  gst_clear_buffer(&pending_.buffer);
 }
 
 void PictureOutput::set_context(GlContextPtr context) {
@@ -405,10 +456,10 @@ bool PictureOutput::begin_pending(const ViewRequest& request) {
 bool PictureOutput::draw_on_gpu(const Assembly& assembly, const ViewRequest& request, const Background& background) {
   const gl::ShareGroup group = assembly.picture().share_group();
   if (group == 0 || !assembly.complete() || (shown_ != WeightOverlayMode::kNone && rig_)) return false;
-  std::unique_ptr<GlRenderTarget>& textures = pending_.textures;
+  std::shared_ptr<GlRenderTarget>& textures = pending_.textures;
   if (!textures || textures->group() != group) {
     leave_gpu();
-    textures = std::make_unique<GlRenderTarget>(pending_.buffer, info_, group);
+    textures = std::make_shared<GlRenderTarget>(pending_.buffer, info_, group);
   }
   std::string why;
   bool drawn = *textures && textures->draw(assembly.picture(), background, request.place.column() * request.view.width,
@@ -540,9 +591,8 @@ void PictureOutput::follow_segment(const GstSegment& requests) {
 
 GstFlowReturn PictureOutput::push(GstBuffer* picture, GstClockTime pts, bool keep) {
   if (GST_CLOCK_TIME_IS_VALID(pts)) {
-    GST_OBJECT_LOCK(element_);
+    const ObjectLock lock(element_);
     GST_AGGREGATOR_PAD(GST_AGGREGATOR_SRC_PAD(element_))->segment.position = pts;
-    GST_OBJECT_UNLOCK(element_);
   }
   if (keep) gst_buffer_replace(&last_picture_, picture);
   pushing_ = true;

@@ -3,7 +3,6 @@
 
 #include <atomic>
 #include <memory>
-#include <string>
 #include <utility>
 #include <vector>
 
@@ -19,7 +18,6 @@
 #include "compositor/picture_pool.h"
 #include "image/image.h"
 #include "node/answer_encoder.h"
-#include "render/gl/gpu_sum.h"
 #include "view/view.h"
 
 // Values of the property `incomplete`, which selects the output of lfcompositor if parts of a picture are missing.
@@ -34,22 +32,6 @@ typedef enum {
 
 namespace lf {
 
-// Chooses the fixed caps of the output for pictures of width x height pixels. `downstream` are the caps that downstream
-// accepts. `family` is the pixel family (RGB or YCbCr) that the nodes send, or kNone if it is not known yet. The frame
-// rate is taken from the caps of the pad `request`. Stereo layouts set the field multiview-mode. Returns caps that the
-// caller owns, or null if downstream accepts no suitable caps. YCbCr keeps the full range of the cameras. The range is
-// converted here to video range only if downstream requires BT.601 in video range, because GstVideoConverter 1.22 would
-// ignore the difference. GPU memory is chosen only if downstream accepts nothing else.
-GstCaps* choose_output_caps(GstCaps* downstream, GstPad* request, PixelFamily family, int width, int height,
-                            ViewSetLayout layout);
-
-// The reason why choose_output_caps() has returned null, with advice for the user.
-struct CapsMismatch {
-  bool is_of_size_or_rate = false;  // true if another size or rate would be accepted
-  std::string text;
-};
-CapsMismatch explain_mismatch(const GstCaps* downstream, GstPad* request, PixelFamily family, int width, int height);
-
 // Returns the video caps that the compositor can produce for this pixel family (kNone: for any family), in system
 // memory and in GPU memory. The caller owns the caps.
 GstCaps* offered_caps(PixelFamily family);
@@ -57,38 +39,7 @@ GstCaps* offered_caps(PixelFamily family);
 // Returns true if all structures of the caps are in GPU memory.
 bool is_in_gpu(const GstCaps* caps);
 
-// Draws views directly into the textures of an output buffer, so that pictures that are rendered on the GPU need no
-// download. A picture can contain several views, such as the two eyes of a stereo pair. Call draw() once for each view,
-// and then finish() before anything else uses the buffer. The textures stay mapped until the destructor.
-class GlRenderTarget {
- public:
-  // Maps the textures of the buffer `picture`. `group` is the share group of the OpenGL contexts that hold the views;
-  // the mapping fails if the textures belong to another group.
-  GlRenderTarget(GstBuffer* picture, const GstVideoInfo& info, gl::ShareGroup group);
-  ~GlRenderTarget();
-  GlRenderTarget(const GlRenderTarget&) = delete;
-  GlRenderTarget& operator=(const GlRenderTarget&) = delete;
-
-  // Returns false if the mapping failed. draw() must then not be called.
-  explicit operator bool() const { return is_mapped_; }
-  gl::ShareGroup group() const { return group_; }
-  // Makes a view from `sum` (the answers of all nodes, added up) and writes it into the textures. (x, y) is the
-  // position of the view's top-left pixel in the picture. Pixels outside the camera mesh get the colour `background`.
-  // The GPU continues to draw after this call returns. Returns false and sets `why` to the reason on failure.
-  bool draw(const Accumulator& sum, const Background& background, int x, int y, std::string& why);
-  // Waits until the GPU has drawn all views. Returns false and sets `why` if a view could not be drawn, for example
-  // because the OpenGL context was lost.
-  bool finish(std::string& why);
-
- private:
-  void* insert_fence() const;
-
-  const gl::ShareGroup group_;
-  GstVideoFrame frame_;
-  bool is_mapped_ = false;
-  gl::GpuPicture picture_;
-  std::vector<std::shared_ptr<gl::GpuSum>> undrained_;  // one entry for each unfinished draw(); keeps its sum alive
-};
+class GlRenderTarget;
 
 // The output side of an lfcompositor: negotiates caps and memory with downstream, makes the pictures, and pushes each
 // picture. If the compositor is part of a tree (partial=true), it makes the answer for the next compositor instead of a
@@ -97,8 +48,8 @@ class GlRenderTarget {
 // family() and context().
 class PictureOutput {
  public:
-  explicit PictureOutput(GstAggregator* element) : element_(element), own_gpu_(GST_ELEMENT(element)) {}
-  ~PictureOutput() { stop(); }
+  explicit PictureOutput(GstAggregator* element);
+  ~PictureOutput();
   PictureOutput(const PictureOutput&) = delete;
   PictureOutput& operator=(const PictureOutput&) = delete;
 
@@ -209,12 +160,9 @@ class PictureOutput {
     bool on_gpu = true;
     // The textures of the buffer, while the GPU draws views into the buffer. Call leave_gpu() before any other access
     // to the buffer.
-    std::unique_ptr<GlRenderTarget> textures = {};
+    std::shared_ptr<GlRenderTarget> textures = {};
   } pending_;
-  void drop_pending() {
-    pending_.textures.reset();
-    gst_clear_buffer(&pending_.buffer);
-  }
+  void drop_pending();
   WeightOverlayMode shown_ = WeightOverlayMode::kNone;
   std::shared_ptr<const Rig> rig_;
   WeightOverlay overlay_;

@@ -2,10 +2,13 @@
 #include "compositor/view_meta.h"
 
 #include <algorithm>
+#include <array>
+#include <memory>
 #include <span>
 #include <utility>
 
-#include "common/custom_events.h"
+#include "base/text.h"
+#include "common/common.h"
 
 namespace lf {
 namespace {
@@ -25,27 +28,7 @@ gboolean copy_view_meta(GstBuffer* to, GstCustomMeta* meta, GstBuffer*, GQuark, 
 }
 
 void set_numbers(GstStructure* structure, const char* field, std::span<const double> numbers) {
-  GValue array = G_VALUE_INIT, value = G_VALUE_INIT;
-  g_value_init(&array, GST_TYPE_ARRAY);
-  g_value_init(&value, G_TYPE_DOUBLE);
-  for (const double number : numbers) {
-    g_value_set_double(&value, number);
-    gst_value_array_append_value(&array, &value);
-  }
-  g_value_unset(&value);
-  gst_structure_take_value(structure, field, &array);
-}
-
-void set_names(GstStructure* structure, const char* field, const std::vector<std::string>& names) {
-  GValue array = G_VALUE_INIT, value = G_VALUE_INIT;
-  g_value_init(&array, GST_TYPE_ARRAY);
-  g_value_init(&value, G_TYPE_STRING);
-  for (const std::string& name : names) {
-    g_value_set_string(&value, name.c_str());
-    gst_value_array_append_value(&array, &value);
-  }
-  g_value_unset(&value);
-  gst_structure_take_value(structure, field, &array);
+  set_array(structure, field, G_TYPE_DOUBLE, numbers, g_value_set_double);
 }
 
 void take_structure(GstStructure* to, const char* field, GstStructure* taken) {
@@ -70,12 +53,11 @@ GBytes* levels_of(const std::shared_ptr<const FocalMap>& map) {
 }
 
 GstStructure* map_of(const std::shared_ptr<const FocalMap>& map) {
-  GBytes* levels = levels_of(map);
+  g_autoptr(GBytes) levels = levels_of(map);
   GstStructure* structure =
       gst_structure_new("lightfield-focal-map", "step", G_TYPE_INT, map->step, "columns", G_TYPE_INT, map->columns,
                         "rows", G_TYPE_INT, map->rows, "inverse-farthest", G_TYPE_DOUBLE, map->farthest,
                         "inverse-nearest", G_TYPE_DOUBLE, map->nearest, "levels", G_TYPE_BYTES, levels, nullptr);
-  g_bytes_unref(levels);
   const double from[] = {map->from.normal.x, map->from.normal.y, map->from.normal.z, map->from.d};
   set_numbers(structure, "from", from);
   return structure;
@@ -113,29 +95,74 @@ void set_view(GstStructure* structure, const ViewMetaEntry& facts) {
   if (facts.coverage)
     gst_structure_set(structure, "coverage", G_TYPE_DOUBLE, facts.coverage->seen, "extrapolated", G_TYPE_DOUBLE,
                       facts.coverage->extrapolated, nullptr);
-  set_cameras(structure, "missing-cameras", facts.missing_cameras);
-  set_names(structure, "missing-nodes", facts.missing_nodes);
+  set_array(structure, "missing-cameras", G_TYPE_UINT, facts.missing_cameras, g_value_set_uint);
+  set_array(structure, "missing-nodes", G_TYPE_STRING, facts.missing_nodes,
+            [](GValue* value, const std::string& name) { g_value_set_string(value, name.c_str()); });
 }
 
-void set_views(GstStructure* structure, std::vector<const ViewMetaEntry*> views) {
-  std::ranges::sort(views, {}, [](const ViewMetaEntry* facts) { return facts->request.place.index; });
-  GValue array = G_VALUE_INIT, value = G_VALUE_INIT;
-  g_value_init(&array, GST_TYPE_ARRAY);
-  g_value_init(&value, GST_TYPE_STRUCTURE);
-  for (const ViewMetaEntry* facts : views) {
-    const ViewSetPosition& place = facts->request.place;
+void set_views(GstStructure* structure, std::vector<ViewMetaEntry> views) {
+  std::ranges::sort(views, {}, [](const ViewMetaEntry& facts) { return facts.request.place.index; });
+  set_array(structure, "views", GST_TYPE_STRUCTURE, views, [](GValue* value, const ViewMetaEntry& facts) {
+    const ViewSetPosition& place = facts.request.place;
     GstStructure* one =
         gst_structure_new(LF_VIEW_META, "column", G_TYPE_INT, place.column(), "row", G_TYPE_INT, place.row(), nullptr);
-    set_view(one, *facts);
-    g_value_take_boxed(&value, one);
-    gst_value_array_append_value(&array, &value);
-  }
-  g_value_unset(&value);
-  gst_structure_take_value(structure, "views", &array);
+    set_view(one, facts);
+    g_value_take_boxed(value, one);
+  });
 }
 
 uint32_t set_of(const ViewMetaEntry& facts) {
   return facts.request.sequence - static_cast<uint32_t>(facts.request.place.turn());
+}
+
+// Reads an array of doubles. Returns false if it has not exactly this length.
+bool get_numbers(const GstStructure* structure, const char* field, std::span<double> out) {
+  const GValue* array = gst_structure_get_value(structure, field);
+  if (!array || !GST_VALUE_HOLDS_ARRAY(array) || gst_value_array_get_size(array) != out.size()) return false;
+  for (size_t i = 0; i < out.size(); i++) {
+    const GValue* number = gst_value_array_get_value(array, static_cast<guint>(i));
+    if (!G_VALUE_HOLDS_DOUBLE(number)) return false;
+    out[i] = g_value_get_double(number);
+  }
+  return true;
+}
+
+const GstStructure* part_of(const GstStructure* structure, const char* field) {
+  const GValue* value = gst_structure_get_value(structure, field);
+  return value && GST_VALUE_HOLDS_STRUCTURE(value) ? gst_value_get_structure(value) : nullptr;
+}
+
+bool get_plane(const GstStructure* structure, const char* field, Plane& plane) {
+  std::array<double, 4> numbers{};
+  if (!get_numbers(structure, field, numbers)) return false;
+  plane = {{numbers[0], numbers[1], numbers[2]}, numbers[3]};
+  return true;
+}
+
+bool get_lens(const GstStructure* lens, View& view) {
+  const gchar* name = gst_structure_get_string(lens, "model");
+  const auto model = lens_model_from_name(name ? name : "");
+  std::array<double, Lens::kMaxParams> params{};
+  if (!model ||
+      !get_numbers(lens, "params", std::span(params).first(static_cast<size_t>(lens_model_num_params(*model)))) ||
+      !gst_structure_get(lens, "width", G_TYPE_INT, &view.width, "height", G_TYPE_INT, &view.height, nullptr))
+    return false;
+  view.lens = Lens(*model, params);
+  return true;
+}
+
+std::shared_ptr<const FocalMap> read_map(const GstStructure* structure) {
+  auto map = std::make_shared<FocalMap>();
+  g_autoptr(GBytes) levels = nullptr;
+  if (!get_plane(structure, "from", map->from) ||
+      !gst_structure_get(structure, "step", G_TYPE_INT, &map->step, "columns", G_TYPE_INT, &map->columns, "rows",
+                         G_TYPE_INT, &map->rows, "inverse-farthest", G_TYPE_DOUBLE, &map->farthest, "inverse-nearest",
+                         G_TYPE_DOUBLE, &map->nearest, "levels", G_TYPE_BYTES, &levels, nullptr))
+    return nullptr;
+  gsize size = 0;
+  const auto* bytes = static_cast<const uint8_t*>(g_bytes_get_data(levels, &size));
+  map->levels.assign(bytes, bytes + size);
+  return map;
 }
 
 }  // namespace
@@ -154,7 +181,7 @@ void ViewMeta::add(ViewMetaEntry facts) {
 
 void ViewMeta::attach(GstBuffer* picture) {
   if (views_.empty()) return;
-  const std::vector<ViewMetaEntry> views = std::exchange(views_, {});
+  std::vector<ViewMetaEntry> views = std::exchange(views_, {});
   if (gst_buffer_get_custom_meta(picture, LF_VIEW_META)) return;
   GstCustomMeta* meta = gst_buffer_add_custom_meta(picture, LF_VIEW_META);
   if (!meta) return;
@@ -167,10 +194,26 @@ void ViewMeta::attach(GstBuffer* picture) {
   const Blending& blending = leader.request.view.blending;
   gst_structure_set(structure, "aperture", G_TYPE_DOUBLE, blending.aperture, "nearest-cameras", G_TYPE_INT,
                     blending.nearest, nullptr);
-  if (views.size() == 1) return;
-  std::vector<const ViewMetaEntry*> all;
-  for (const ViewMetaEntry& facts : views) all.push_back(&facts);
-  set_views(structure, std::move(all));
+  if (views.size() > 1) set_views(structure, std::move(views));
+}
+
+std::optional<View> view_of_picture(const GstStructure* picture) {
+  const GstStructure *lens = part_of(picture, "lens"), *focus = part_of(picture, "focus");
+  std::array<double, 3> at{};
+  std::array<double, 4> turn{};
+  View view;
+  if (gst_structure_has_field(picture, "views") || !lens || !focus || !get_numbers(picture, "position", at) ||
+      !get_numbers(picture, "orientation", turn) || !get_plane(focus, "plane", view.focus.plane))
+    return std::nullopt;
+  view.pose = {{at[0], at[1], at[2]}, {turn[0], turn[1], turn[2], turn[3]}};
+  try {
+    if (!get_lens(lens, view)) return std::nullopt;
+    if (const GstStructure* map = part_of(focus, "map"); map && !(view.focus.map = read_map(map))) return std::nullopt;
+    validate(view);
+  } catch (const Error&) {
+    return std::nullopt;
+  }
+  return view;
 }
 
 }  // namespace lf

@@ -46,4 +46,7 @@ class ViewMeta {
   std::vector<ViewMetaEntry> views_;  // in the order of the requests
 };
 
+// Returns the view of a picture from its LF_VIEW_META. Returns nothing for sets of views.
+std::optional<View> view_of_picture(const GstStructure* picture);
+
 }  // namespace lf

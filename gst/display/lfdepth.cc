@@ -30,7 +30,6 @@
 #include <optional>
 
 #include "common/common.h"
-#include "common/picture_view.h"
 #include "compositor/view_meta.h"
 #include "view/depth_image.h"
 
@@ -64,10 +63,7 @@ static GstCaps* lf_depth_transform_caps(GstBaseTransform*, GstPadDirection direc
       other = gst_caps_merge_structure_full(other, structure, gst_caps_features_new_any());
     }
   }
-  if (!filter) return other;
-  GstCaps* filtered = gst_caps_intersect_full(filter, other, GST_CAPS_INTERSECT_FIRST);
-  gst_caps_unref(other);
-  return filtered;
+  return lf::filter_caps(other, filter);
 }
 
 static gboolean lf_depth_set_caps(GstBaseTransform* base, GstCaps*, GstCaps* out) {

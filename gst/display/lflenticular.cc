@@ -102,10 +102,7 @@ static GstCaps* lf_lenticular_transform_caps(GstBaseTransform*, GstPadDirection,
                       nullptr);
     gst_structure_remove_field(structure, "pixel-aspect-ratio");
   }
-  if (!filter) return any;
-  GstCaps* filtered = gst_caps_intersect_full(filter, any, GST_CAPS_INTERSECT_FIRST);
-  gst_caps_unref(any);
-  return filtered;
+  return lf::filter_caps(any, filter);
 }
 
 static GstCaps* lf_lenticular_fixate_caps(GstBaseTransform* base, GstPadDirection direction, GstCaps* caps,

@@ -109,11 +109,7 @@ void CameraInput::take_format(const Format& format) {
 // Returns the capture time of a frame: clock time for live cameras, otherwise stream time, which continues over seeks.
 // Uses the timestamp meta of lfcamsrc if present, otherwise PTS plus the time offset in the rig.
 uint64_t CameraInput::capture_time(GstBuffer* buffer, const GstSegment* segment) const {
-  static GstStaticCaps reference_caps = GST_STATIC_CAPS(LF_CAPTURE_TIME_CAPS);
-  GstCaps* reference = gst_static_caps_get(&reference_caps);
-  const GstReferenceTimestampMeta* meta = gst_buffer_get_reference_timestamp_meta(buffer, reference);
-  gst_caps_unref(reference);
-  if (meta) return meta->timestamp;
+  if (const GstReferenceTimestampMeta* meta = find_capture_time(buffer)) return meta->timestamp;
   uint64_t taken = 0;
   if (segment) {
     const guint64 time = live_ ? gst_segment_to_running_time(segment, GST_FORMAT_TIME, GST_BUFFER_PTS(buffer))
@@ -141,10 +137,9 @@ void CameraInput::note_arrival(uint64_t captured) {
 GstBuffer* CameraInput::copy_if_pool_is_low(GstBuffer* buffer) const {
   constexpr size_t kForCamera = 3;  // one being filled, one in transit, one spare
   if (!buffer->pool) return buffer;
-  GstStructure* config = gst_buffer_pool_get_config(buffer->pool);
+  g_autoptr(GstStructure) config = gst_buffer_pool_get_config(buffer->pool);
   guint most = 0;
   gst_buffer_pool_config_get_params(config, nullptr, nullptr, nullptr, &most);
-  gst_structure_free(config);
   if (most == 0 || frames_->held() + kForCamera < most) return buffer;
   GstBuffer* copy = gst_buffer_copy_deep(buffer);
   if (!copy) return buffer;

@@ -115,28 +115,6 @@ class RequestPosition {
   bool flushed_ = false;
 };
 
-// The pads of one client: a request pad and its answer pad. Either pad may be released at any time.
-class PadPair {
- public:
-  PadPair(GstPad* request, GstPad* src) {
-    g_weak_ref_init(&request_, request);
-    g_weak_ref_init(&src_, src);
-  }
-  ~PadPair() {
-    g_weak_ref_clear(&request_);
-    g_weak_ref_clear(&src_);
-  }
-  PadPair(const PadPair&) = delete;
-  PadPair& operator=(const PadPair&) = delete;
-  // Null if the pad was removed.
-  PadPtr request() { return PadPtr(static_cast<GstPad*>(g_weak_ref_get(&request_))); }
-  PadPtr src() { return PadPtr(static_cast<GstPad*>(g_weak_ref_get(&src_))); }
-  PadPtr other(GstPad* pad) { return GST_PAD_IS_SRC(pad) ? request() : src(); }
-
- private:
-  GWeakRef request_, src_;
-};
-
 // Caches whether the answers of a pad reach a compositor in this process, because these answers need no compression.
 // The query is sent again only after note_change(), which must be called when downstream may have changed. Use from the
 // streaming thread, except for note_change().
@@ -168,10 +146,10 @@ class CompositorLookup {
 struct Client {
   // `number` is unique within the element. `parallel` runs the tasks of live answers.
   Client(GstPad* request, GstPad* src, uint32_t number, ParallelFor parallel)
-      : pads(request, src), number(number), live_queue(std::move(parallel), kept) {}
+      : request(request), src(src), number(number), live_queue(std::move(parallel), kept) {}
   static Client& of(GstPad* pad) { return *static_cast<Client*>(gst_pad_get_element_private(pad)); }
 
-  PadPair pads;
+  const WeakRef<GstPad> request, src;  // either pad may be released at any time
   const uint32_t number;
   RequestPosition place;
   CompositorLookup compositor;

@@ -136,7 +136,7 @@ GType lf_fragment_codec_get_type(void) {
   return type;
 }
 
-GType lf_fragment_resampling_get_type(void) {
+static GType resampling_type() {
   static const GType type = lf::register_enum<lf::Resampling>(
       "LfFragmentResampling", {{lf::Resampling::kBilinear, "Bilinear", "bilinear"},
                                {lf::Resampling::kSharpened,
@@ -209,7 +209,7 @@ PropertyTable<FragmentSettings>& FragmentSettings::properties() {
           "Interpolation of the camera images between pixel positions. Bilinear interpolation blurs the view slightly. "
           "The value sharpened restores most of the lost detail, but takes more time. If `access` is pixels, the "
           "compositor samples the images, and this property has no effect",
-          LF_TYPE_FRAGMENT_RESAMPLING),
+          resampling_type()),
       property<&S::max_delay>(kWhilePlaying, "max-delay", "Largest delay",
                               "Maximum time from the arrival of a live request to its answer, in nanoseconds (0: "
                               "unlimited). The element estimates the time from earlier answers, and skips the request "
@@ -245,33 +245,29 @@ static GstStructure* stats_of(LfFragment* self) {
   GstStructure* stats = gst_structure_new_empty("lightfield-fragment-stats");
   for (const auto& [name, value] : node.all()) gst_structure_set(stats, name.c_str(), G_TYPE_UINT64, value, nullptr);
   const std::map<uint32_t, float> gains = node.gains();
-  GstStructure* of_cameras = gst_structure_new_empty("lightfield-gains");
+  g_autoptr(GstStructure) of_cameras = gst_structure_new_empty("lightfield-gains");
   for (const auto& [id, gain] : gains)
     gst_structure_set(of_cameras, ("camera-" + std::to_string(id)).c_str(), G_TYPE_DOUBLE, static_cast<double>(gain),
                       nullptr);
   if (!gains.empty()) gst_structure_set(stats, "gains", GST_TYPE_STRUCTURE, of_cameras, nullptr);
-  gst_structure_free(of_cameras);
   const std::string renderer = self->state->gpu.explain(lf_fragment_settings(self).renderer);
   gst_structure_set(stats, "renderer", G_TYPE_STRING, renderer.c_str(), nullptr);
   self->state->guard.add_stats(stats);
   return stats;
 }
 
-using Properties = lf::Properties<settings_of, stats_of>;
+static lf::RequestGuard& guard_of(LfFragment* self) { return self->state->guard; }
+
+using Properties = lf::Properties<settings_of, stats_of, guard_of>;
 
 Settings lf_fragment_settings(LfFragment* self) { return Properties::now(self); }
 
 static void lf_fragment_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
   LfFragment* self = LF_FRAGMENT(object);
-  if (self->state->guard.set(GST_ELEMENT(self), id, value)) return;
   if (lf::is_named(pspec, "rig") && lf::is_running(GST_ELEMENT(self)) &&
       !lf_fragment_reload_rig(self, g_value_get_string(value)))
     return;
   Properties::set(object, id, value, pspec);
-}
-
-static void lf_fragment_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
-  if (!LF_FRAGMENT(object)->state->guard.get(id, value)) Properties::get(object, id, value, pspec);
 }
 
 static void lf_fragment_install_properties(GObjectClass* object_class) {
@@ -285,12 +281,8 @@ static void lf_fragment_install_properties(GObjectClass* object_class) {
       "and damaged-frames. max-skew-ns is the largest capture-time error. renderer names the processor in use and the "
       "reason. The durations cover waiting for frames, decoding, rendering, encoding and the whole answer (answer-ns). "
       "Each has the latest value, and p50, p95 and p99 over the latest 1024 answers");
-  lf::RequestGuard::install(object_class);
   object_class->set_property = lf::callback<lf_fragment_set_property>;
-  object_class->get_property = lf::callback<lf_fragment_get_property>;
-  for (const GType type : {LF_TYPE_FRAGMENT_PAD, LF_TYPE_FRAGMENT_RENDERER, LF_TYPE_FRAGMENT_RESAMPLING,
-                           LF_TYPE_FRAGMENT_CODEC, LF_TYPE_ACCESS})
-    gst_type_mark_as_plugin_api(type, GstPluginAPIFlags(0));
+  gst_type_mark_as_plugin_api(LF_TYPE_FRAGMENT_PAD, GstPluginAPIFlags(0));
 }
 
 // --- Requests in, answers out ----------------------------------------------------------------------------------------
@@ -578,7 +570,7 @@ static GstFlowReturn lf_fragment_take_request(LfFragment* self, GstPad* pad, Gst
 }
 
 static GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, GstBuffer* buffer) {
-  const PadPtr src = Client::of(pad).pads.src();
+  const PadPtr src = Client::of(pad).src.get();
   const GstFlowReturn flow = !src ? GST_FLOW_FLUSHING : lf::guard_buffer(parent, [&] {
     return lf_fragment_take_request(LF_FRAGMENT(parent), pad, src.get(), buffer);
   });
@@ -588,7 +580,9 @@ static GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, G
 
 // --- Pairs of pads, one for each client ---------------------------------------------------------------------------
 
-static PadPtr lf_fragment_other_pad(GstPad* pad) { return Client::of(pad).pads.other(pad); }
+static PadPtr lf_fragment_other_pad(GstPad* pad) {
+  return (GST_PAD_IS_SRC(pad) ? Client::of(pad).request : Client::of(pad).src).get();
+}
 
 static gboolean lf_fragment_pair_event(GstPad* pad, GstEvent* event) {
   const PadPtr other = lf_fragment_other_pad(pad);
@@ -607,7 +601,7 @@ static void lf_fragment_finish_if_all_ended(LfFragment* self) {
   bool any = false, all = true;
   for (Client* client : self->state->clients) {
     any = any || client->ended;
-    all = all && (client->ended || !gst_pad_is_linked(client->pads.request().get()));
+    all = all && (client->ended || !gst_pad_is_linked(client->request.get().get()));
   }
   lock.unlock();
   using Mode = lf::CameraFrames::Mode;
@@ -625,10 +619,8 @@ static gboolean lf_fragment_request_event(GstPad* pad, GstObject* parent, GstEve
   if (gst_event_type_get_flags(GST_EVENT_TYPE(event)) & GST_EVENT_TYPE_SERIALIZED) client.live_queue.drain();
   switch (GST_EVENT_TYPE(event)) {
     case GST_EVENT_CAPS: {
-      GstCaps* caps = lf::unit_caps(LF_ANSWER_MEDIA_TYPE);
-      gst_event_unref(event);
-      event = gst_event_new_caps(caps);
-      gst_caps_unref(caps);
+      g_autoptr(GstCaps) caps = lf::unit_caps(LF_ANSWER_MEDIA_TYPE);
+      gst_event_take(&event, gst_event_new_caps(caps));
       client.compositor.note_change();
       break;
     }
@@ -735,10 +727,10 @@ static GstPad* lf_fragment_pair_new(LfFragment* self, GstPadTemplate* request_te
 
 static void lf_fragment_pair_release(LfFragment* self, GstPad* request) {
   Client& client = Client::of(request);
-  const PadPtr src = client.pads.src();
-  GST_OBJECT_LOCK(self);
+  const PadPtr src = client.src.get();
+  lf::ObjectLock lock(self);
   self->state->clients.erase(&client);
-  GST_OBJECT_UNLOCK(self);
+  lock.unlock();
   gst_pad_set_active(src.get(), FALSE);  // drops the answer of the cancelled wait
   self->state->node.cancel(client.kept, true);
   gst_pad_set_active(request, FALSE);

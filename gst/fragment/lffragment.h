@@ -3,8 +3,6 @@
 
 #include <gst/gst.h>
 
-G_BEGIN_DECLS
-
 #define LF_TYPE_FRAGMENT (lf_fragment_get_type())
 G_DECLARE_FINAL_TYPE(LfFragment, lf_fragment, LF, FRAGMENT, GstElement)
 
@@ -16,9 +14,3 @@ G_DECLARE_FINAL_TYPE(LfFragmentPad, lf_fragment_pad, LF, FRAGMENT_PAD, GstPad)
 GType lf_fragment_codec_get_type(void);
 #define LF_TYPE_FRAGMENT_RENDERER (lf_fragment_renderer_get_type())
 GType lf_fragment_renderer_get_type(void);
-#define LF_TYPE_FRAGMENT_RESAMPLING (lf_fragment_resampling_get_type())
-GType lf_fragment_resampling_get_type(void);
-
-GST_ELEMENT_REGISTER_DECLARE(lffragment);
-
-G_END_DECLS

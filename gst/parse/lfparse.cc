@@ -83,6 +83,16 @@ static GstStaticPadTemplate src_template =
 G_DEFINE_TYPE(LfParse, lf_parse, GST_TYPE_BASE_PARSE)
 GST_ELEMENT_REGISTER_DEFINE(lfparse, "lfparse", GST_RANK_PRIMARY, LF_TYPE_PARSE)
 
+static Settings& settings_of(LfParse* self) { return self->settings; }
+
+static GstStructure* stats_of(LfParse* self) {
+  const lf::ObjectLock lock(self);
+  return gst_structure_new("lightfield-parse-stats", "units", G_TYPE_UINT64, self->units, "skipped-bytes",
+                           G_TYPE_UINT64, self->skipped_bytes, "gaps", G_TYPE_UINT64, self->gaps, nullptr);
+}
+
+using Properties = lf::Properties<settings_of, stats_of>;
+
 static gboolean set_src_caps(LfParse* self, UnitKind kind, GstCaps* caps) {
   if (kind == UnitKind::kRequest && !gst_structure_has_field(gst_caps_get_structure(caps, 0), "framerate"))
     gst_caps_set_simple(caps, "framerate", GST_TYPE_FRACTION, 0, 1, nullptr);
@@ -115,10 +125,7 @@ static std::optional<UnitHeader> unit_at(LfParse* self, std::span<const uint8_t>
   std::optional<UnitHeader> header = lf::wire::peek_unit(bytes);
   if (!header) return std::nullopt;
   if (self->kind_known && header->kind != self->kind) return std::nullopt;
-  GST_OBJECT_LOCK(self);
-  const guint max_size = self->settings.max_size_bytes;
-  GST_OBJECT_UNLOCK(self);
-  if (header->size > max_size) {
+  if (header->size > Properties::now(self).max_size_bytes) {
     GST_WARNING_OBJECT(self,
                        "a unit of %" G_GSIZE_FORMAT
                        " bytes is larger than max-size-bytes, so it is skipped as "
@@ -193,17 +200,9 @@ static GstFlowReturn lf_parse_handle_frame(GstBaseParse* base, GstBaseParseFrame
   return lf::guard_buffer(base, [=] { return take_bytes(LF_PARSE(base), frame, skip_size); });
 }
 
-static Settings& settings_of(LfParse* self) { return self->settings; }
-
-static GstStructure* stats_of(LfParse* self) {
-  const lf::ObjectLock lock(self);
-  return gst_structure_new("lightfield-parse-stats", "units", G_TYPE_UINT64, self->units, "skipped-bytes",
-                           G_TYPE_UINT64, self->skipped_bytes, "gaps", G_TYPE_UINT64, self->gaps, nullptr);
-}
-
 static void lf_parse_class_init(LfParseClass* klass) {
   GST_DEBUG_CATEGORY_INIT(lf_parse_debug, "lfparse", 0, "light field stream parser");
-  lf::Properties<settings_of, stats_of>::install(
+  Properties::install(
       G_OBJECT_CLASS(klass),
       "Counters since the start of the stream, all uint64. units counts the units (requests or parts of answers) that "
       "were forwarded. skipped-bytes counts bytes that do not belong to a unit of this stream, and gaps counts the "
@@ -293,19 +292,14 @@ void find_rig(GstTypeFind* find, gpointer) {
 }
 
 gboolean register_rig(GstPlugin* plugin) {
-  GstCaps* caps = gst_caps_new_empty_simple(LF_RIG_MEDIA_TYPE);
-  const gboolean ok =
-      gst_type_find_register(plugin, LF_RIG_MEDIA_TYPE, GST_RANK_PRIMARY, find_rig, nullptr, caps, nullptr, nullptr);
-  gst_caps_unref(caps);
-  return ok;
+  g_autoptr(GstCaps) caps = gst_caps_new_empty_simple(LF_RIG_MEDIA_TYPE);
+  return gst_type_find_register(plugin, LF_RIG_MEDIA_TYPE, GST_RANK_PRIMARY, find_rig, nullptr, caps, nullptr, nullptr);
 }
 
 gboolean register_kind(GstPlugin* plugin, const char* media_type, const char* extension, UnitKind kind) {
-  GstCaps* caps = gst_caps_new_empty_simple(media_type);
-  const gboolean ok = gst_type_find_register(plugin, media_type, GST_RANK_PRIMARY, find_units, extension, caps,
-                                             GINT_TO_POINTER(static_cast<int>(kind)), nullptr);
-  gst_caps_unref(caps);
-  return ok;
+  g_autoptr(GstCaps) caps = gst_caps_new_empty_simple(media_type);
+  return gst_type_find_register(plugin, media_type, GST_RANK_PRIMARY, find_units, extension, caps,
+                                GINT_TO_POINTER(static_cast<int>(kind)), nullptr);
 }
 
 }  // namespace

@@ -164,11 +164,11 @@ void CameraFile::build(GstCaps* caps, const std::string& begins) {
   kind_ = name_of(caps);
   coded_ = find_coded_video(caps);
   bin_ = GST_ELEMENT(gst_object_ref_sink(gst_bin_new(nullptr)));
-  GstBus* bus = GST_BUS(g_object_new(GST_TYPE_BUS, "enable-async", FALSE, nullptr));  // uses no file descriptors
+  g_autoptr(GstBus) bus =
+      GST_BUS(g_object_new(GST_TYPE_BUS, "enable-async", FALSE, nullptr));  // uses no file descriptors
   const GDestroyNotify forget = [](gpointer outcome) { delete static_cast<std::shared_ptr<WriterState>*>(outcome); };
   gst_bus_set_sync_handler(bus, on_message, new std::shared_ptr(writer_state_), forget);
   gst_element_set_bus(bin_, bus);
-  gst_object_unref(bus);
   GstElement* sink = add_element("filesink");
   g_object_set(sink, "location", path_.c_str(), "sync", FALSE, "async", FALSE, nullptr);
   gst_util_set_object_arg(G_OBJECT(sink), "buffer-mode", "unbuffered");
@@ -188,9 +188,8 @@ void CameraFile::build(GstCaps* caps, const std::string& begins) {
   GstElement* last = coded_ ? add_parser(source) : is_jpeg ? source : add_jpeg_encoder(source);
   gst_element_link_pads(last, "src", mux, "video_%u");
   if (coded_) {
-    GstPad* pad = gst_element_get_static_pad(last, "src");
+    g_autoptr(GstPad) pad = gst_element_get_static_pad(last, "src");
     gst_pad_add_probe(pad, GST_PAD_PROBE_TYPE_BUFFER, on_coded, new std::shared_ptr(writer_state_), forget);
-    gst_object_unref(pad);
   }
   gst_app_src_push_buffer(GST_APP_SRC(text), text_buffer(begins));
   gst_app_src_end_of_stream(GST_APP_SRC(text));

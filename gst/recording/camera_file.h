@@ -13,13 +13,13 @@
 #include <string>
 #include <vector>
 
-#include "common/coded_video.h"
+#include "common/codecs.h"
 #include "rig/rig.h"
 
 namespace lf {
 
 // Writes the file of one camera in a recording, in Matroska format. Timestamps are capture times relative to the start
-// of the recording, and each frame lasts until the next. JPEG and coded video (common/coded_video.h) are stored
+// of the recording, and each frame lasts until the next. JPEG and coded video (common/codecs.h) are stored
 // unchanged; raw video is encoded as JPEG. Coded video starts with a key frame, and restarts with a key frame after a
 // dropped frame.
 //

@@ -75,7 +75,10 @@ struct Settings {
   }
 };
 
-enum PacketResult { kPassed, kMalformed, kUnsealed, kStale, kReplayed, kForged, kUnknownSenders, kNumPacketResults };
+// The results of SrtpDecryptor::open(), and one more.
+using PacketResult = size_t;
+constexpr PacketResult kPassed = static_cast<size_t>(SrtpDecryptor::Result::kOpened), kUnknownSenders = 6,
+                       kNumPacketResults = 7;
 constexpr std::array<const char*, kNumPacketResults> kResultNames = {"passed",   "malformed", "unsealed",       "stale",
                                                                      "replayed", "forged",    "unknown-senders"};
 constexpr std::array<const char*, kNumPacketResults> kResultTexts = {
@@ -123,18 +126,6 @@ static GstStaticPadTemplate sink_template = GST_STATIC_PAD_TEMPLATE(
 static GstStaticPadTemplate src_template =
     GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS("application/x-rtp"));
 
-static PacketResult to_packet_result(SrtpDecryptor::Result result) {
-  switch (result) {
-    case SrtpDecryptor::Result::kOpened: return kPassed;
-    case SrtpDecryptor::Result::kMalformed: return kMalformed;
-    case SrtpDecryptor::Result::kUnsealed: return kUnsealed;
-    case SrtpDecryptor::Result::kStale: return kStale;
-    case SrtpDecryptor::Result::kReplayed: return kReplayed;
-    case SrtpDecryptor::Result::kForged: return kForged;
-  }
-  return kForged;
-}
-
 // Checks and decrypts a packet. Takes the packet. If the result is kPassed, *passed is the packet to forward.
 static PacketResult classify(LfRtpGate* self, GstBuffer* packet, const std::optional<lf::Address>& sender,
                              GstBuffer** passed) {
@@ -142,16 +133,16 @@ static PacketResult classify(LfRtpGate* self, GstBuffer* packet, const std::opti
     gst_buffer_unref(packet);
     return kUnknownSenders;
   }
-  if (self->opener) return to_packet_result(self->opener->open(packet, passed));
+  if (self->opener) return static_cast<PacketResult>(self->opener->open(packet, passed));
   *passed = packet;
   return kPassed;
 }
 
 static void count(LfRtpGate* self, PacketResult fate, const std::optional<lf::Address>& sender) {
-  GST_OBJECT_LOCK(self);
+  lf::ObjectLock lock(self);
   self->counts[fate]++;
   self->streams = self->opener ? self->opener->streams() : 0;
-  GST_OBJECT_UNLOCK(self);
+  lock.unlock();
   const gint64 now = g_get_monotonic_time();
   if (fate == kPassed || (self->warned && now < self->warned + kBetweenWarnings)) return;
   self->warned = now;
@@ -179,8 +170,8 @@ static GstFlowReturn lf_rtp_gate_chain(GstPad*, GstObject* parent, GstBuffer* pa
 }
 
 static gboolean take_caps(LfRtpGate* self, GstCaps* caps) {
-  caps = gst_caps_copy(caps);
-  GstStructure* structure = gst_caps_get_structure(caps, 0);
+  g_autoptr(GstCaps) own = gst_caps_copy(caps);
+  GstStructure* structure = gst_caps_get_structure(own, 0);
   gst_structure_set_name(structure, "application/x-rtp");
   const gchar* encoding = gst_structure_get_string(structure, "encoding-name");
   delete std::exchange(self->opener, nullptr);
@@ -189,9 +180,7 @@ static gboolean take_caps(LfRtpGate* self, GstCaps* caps) {
     self->opener = new SrtpDecryptor(*self->key, purpose,
                                      self->copies ? nullptr : lf::rtp::ReplayProtection::of(**self->key, purpose));
   }
-  const gboolean done = gst_pad_push_event(self->src, gst_event_new_caps(caps));
-  gst_caps_unref(caps);
-  return done;
+  return gst_pad_push_event(self->src, gst_event_new_caps(own));
 }
 
 static gboolean lf_rtp_gate_event(GstPad* pad, GstObject* parent, GstEvent* event) {
@@ -208,7 +197,7 @@ static bool prepare(LfRtpGate* self) {
   lf::ObjectLock lock(self);
   const std::string path = self->settings->key_file, peers = self->settings->peers;
   self->copies = self->settings->copies;
-  std::fill_n(self->counts, guint{kNumPacketResults}, 0);
+  std::fill_n(self->counts, kNumPacketResults, 0);
   self->streams = 0;
   lock.unlock();
   const char* what = "key-file";
@@ -249,7 +238,7 @@ static Settings& settings_of(LfRtpGate* self) { return *self->settings; }
 static GstStructure* stats_of(LfRtpGate* self) {
   const lf::ObjectLock lock(self);
   GstStructure* stats = gst_structure_new("lightfield-gate-stats", "streams", G_TYPE_UINT64, self->streams, nullptr);
-  for (guint fate = 0; fate < kNumPacketResults; fate++)
+  for (PacketResult fate = 0; fate < kNumPacketResults; fate++)
     gst_structure_set(stats, kResultNames[fate], G_TYPE_UINT64, self->counts[fate], nullptr);
   return stats;
 }

@@ -97,11 +97,9 @@ static void begin_stream(LfRtpSeal* self) {
   const lf::rtp::SessionKey session = self->key->session(*self->purpose, stream.name);
   GstElement* srtpenc = gst_element_factory_make("srtpenc", nullptr);
   if (!srtpenc) throw lf::Error("element srtpenc is not installed (it is in gstreamer1.0-plugins-bad)");
-  GstBuffer* key = gst_buffer_new_memdup(session.key.data(), session.key.size());
-  GstBuffer* mki = gst_buffer_new_memdup(session.mki.data(), session.mki.size());
+  g_autoptr(GstBuffer) key = gst_buffer_new_memdup(session.key.data(), session.key.size());
+  g_autoptr(GstBuffer) mki = gst_buffer_new_memdup(session.mki.data(), session.mki.size());
   g_object_set(srtpenc, "key", key, "mki", mki, nullptr);
-  gst_buffer_unref(key);
-  gst_buffer_unref(mki);
   stream.srtpenc = std::make_unique<lf::rtp::StandaloneElement>(
       srtpenc, "rtp_sink_0", "rtp_src_0", "application/x-rtp",
       [self](GstBuffer* packet) {
@@ -174,8 +172,8 @@ static GstFlowReturn lf_rtp_seal_chain_list(GstPad*, GstObject* parent, GstBuffe
 }
 
 static gboolean take_caps(LfRtpSeal* self, GstCaps* caps) {
-  caps = gst_caps_copy(caps);
-  GstStructure* structure = gst_caps_get_structure(caps, 0);
+  g_autoptr(GstCaps) own = gst_caps_copy(caps);
+  GstStructure* structure = gst_caps_get_structure(own, 0);
   if (self->key) {
     const gchar* encoding = gst_structure_get_string(structure, "encoding-name");
     const std::string purpose = encoding ? encoding : "";
@@ -184,9 +182,7 @@ static gboolean take_caps(LfRtpSeal* self, GstCaps* caps) {
     gst_structure_set_name(structure, "application/x-srtp");
     gst_structure_remove_fields(structure, "ssrc", "seqnum-base", "seqnum-offset", nullptr);
   }
-  const gboolean done = gst_pad_push_event(self->src, gst_event_new_caps(caps));
-  gst_caps_unref(caps);
-  return done;
+  return gst_pad_push_event(self->src, gst_event_new_caps(own));
 }
 
 static gboolean lf_rtp_seal_event(GstPad* pad, GstObject* parent, GstEvent* event) {

@@ -100,21 +100,16 @@ static gboolean lf_rtp_depay_set_caps(GstRTPBaseDepayload* base, GstCaps* caps) 
         [self, kind](std::span<const uint8_t> unit) { return lf_rtp_depay_admits(self, kind, unit); });
   }
 
-  GstCaps* out = nullptr;
-  if (kind == lf::wire::UnitKind::kAnswer) {
-    out = lf::unit_caps(LF_ANSWER_MEDIA_TYPE);
-  } else {
-    GValue rate = G_VALUE_INIT;
+  const bool is_answer = kind == lf::wire::UnitKind::kAnswer;
+  g_autoptr(GstCaps) out = lf::unit_caps(is_answer ? LF_ANSWER_MEDIA_TYPE : LF_REQUEST_MEDIA_TYPE);
+  if (!is_answer) {
+    g_auto(GValue) rate = G_VALUE_INIT;
     g_value_init(&rate, GST_TYPE_FRACTION);
     const gchar* text = gst_structure_get_string(structure, "framerate");
     if (!text || !gst_value_deserialize(&rate, text)) gst_value_set_fraction(&rate, 0, 1);
-    out = lf::unit_caps(LF_REQUEST_MEDIA_TYPE);
     gst_caps_set_value(out, "framerate", &rate);
-    g_value_unset(&rate);
   }
-  const gboolean ok = gst_pad_set_caps(GST_RTP_BASE_DEPAYLOAD_SRCPAD(base), out);
-  gst_caps_unref(out);
-  return ok;
+  return gst_pad_set_caps(GST_RTP_BASE_DEPAYLOAD_SRCPAD(base), out);
 }
 
 static bool is_rtp(LfRtpDepay* self, GstBuffer* buffer) {
@@ -124,9 +119,8 @@ static bool is_rtp(LfRtpDepay* self, GstBuffer* buffer) {
     return true;
   }
   GST_DEBUG_OBJECT(self, "dropped a packet that is not RTP; check which program sends to this port");
-  GST_OBJECT_LOCK(self);
+  const lf::ObjectLock lock(self);
   self->bad_rtp++;
-  GST_OBJECT_UNLOCK(self);
   return false;
 }
 
@@ -159,12 +153,16 @@ static void warn_of_foreign(LfRtpDepay* self, const lf::rtp::Depacketizer::Stats
                       ("%" G_GUINT64_FORMAT " packets", stats.packets));
 }
 
+static lf::rtp::Depacketizer::Stats publish_stats(LfRtpDepay* self) {
+  const lf::ObjectLock lock(self);
+  return self->stats = self->depacketizer->stats();
+}
+
 static void lf_rtp_depay_packet(LfRtpDepay* self, GstRTPBuffer* rtp) {
   GstRTPBaseDepayload* base = GST_RTP_BASE_DEPAYLOAD(self);
-  GST_OBJECT_LOCK(self);
+  lf::ObjectLock lock(self);
   self->depacketizer->set_limits({.bytes = self->settings.max_size_bytes});
-  GST_OBJECT_UNLOCK(self);
-
+  lock.unlock();
   const auto* payload = static_cast<const uint8_t*>(gst_rtp_buffer_get_payload(rtp));
   const lf::rtp::Packet packet{gst_rtp_buffer_get_ssrc(rtp),
                                gst_rtp_buffer_get_seq(rtp),
@@ -181,11 +179,7 @@ static void lf_rtp_depay_packet(LfRtpDepay* self, GstRTPBuffer* rtp) {
     else
       gst_buffer_unref(unit);
   });
-  const lf::rtp::Depacketizer::Stats stats = self->depacketizer->stats();
-  GST_OBJECT_LOCK(self);
-  self->stats = stats;
-  GST_OBJECT_UNLOCK(self);
-  warn_of_foreign(self, stats);
+  warn_of_foreign(self, publish_stats(self));
 }
 
 static GstBuffer* lf_rtp_depay_process(GstRTPBaseDepayload* base, GstRTPBuffer* rtp) {
@@ -201,10 +195,7 @@ static gboolean lf_rtp_depay_handle_event(GstRTPBaseDepayload* base, GstEvent* e
   const GstEventType type = GST_EVENT_TYPE(event);
   if (self->depacketizer && (type == GST_EVENT_FLUSH_STOP || type == GST_EVENT_EOS)) {
     self->depacketizer->clear();
-    const lf::rtp::Depacketizer::Stats stats = self->depacketizer->stats();
-    GST_OBJECT_LOCK(self);
-    self->stats = stats;
-    GST_OBJECT_UNLOCK(self);
+    publish_stats(self);
   }
   return GST_RTP_BASE_DEPAYLOAD_CLASS(lf_rtp_depay_parent_class)->handle_event(base, event);
 }
@@ -244,15 +235,7 @@ static GstStructure* stats_of(LfRtpDepay* self) {
   return stats;
 }
 
-using Properties = lf::Properties<settings_of, stats_of>;
-
-static void lf_rtp_depay_set_property(GObject* object, guint id, const GValue* value, GParamSpec* spec) {
-  if (!LF_RTP_DEPAY(object)->guard->set(GST_ELEMENT(object), id, value)) Properties::set(object, id, value, spec);
-}
-
-static void lf_rtp_depay_get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
-  if (!LF_RTP_DEPAY(object)->guard->get(id, value)) Properties::get(object, id, value, spec);
-}
+static lf::RequestGuard& guard_of(LfRtpDepay* self) { return *self->guard; }
 
 static void lf_rtp_depay_finalize(GObject* object) {
   delete LF_RTP_DEPAY(object)->depacketizer;
@@ -264,7 +247,7 @@ static void lf_rtp_depay_class_init(LfRtpDepayClass* klass) {
   GST_DEBUG_CATEGORY_INIT(lf_rtp_depay_debug, "rtplfdepay", 0, "light field RTP depayloader");
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
   object_class->finalize = lf_rtp_depay_finalize;
-  Properties::install(
+  lf::Properties<settings_of, stats_of, guard_of>::install(
       object_class,
       "Statistics of GstRTPBaseDepayload, and counters since the start (all uint64). A unit is one complete message, "
       "and a chunk is a packet with a part of a unit. These fields count received data: packets, bytes (of payloads), "
@@ -274,9 +257,6 @@ static void lf_rtp_depay_class_init(LfRtpDepayClass* klass) {
       "incomplete-units (missing chunks), superseded (requests with more than two newer requests in the same packet) "
       "and refused (requests beyond a limit). Refused requests are also counted by limit: refused-pixels, -aperture, "
       "-hypotheses, -rate, -views, -lens");
-  lf::RequestGuard::install(object_class);
-  object_class->set_property = lf::callback<lf_rtp_depay_set_property>;
-  object_class->get_property = lf::callback<lf_rtp_depay_get_property>;
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   element_class->change_state = lf::callback<lf_rtp_depay_change_state>;

@@ -90,6 +90,20 @@ static GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
 G_DEFINE_TYPE(LfRtpPay, lf_rtp_pay, GST_TYPE_RTP_BASE_PAYLOAD)
 GST_ELEMENT_REGISTER_DEFINE(rtplfpay, "rtplfpay", GST_RANK_SECONDARY, LF_TYPE_RTP_PAY)
 
+static Settings& settings_of(LfRtpPay* self) { return self->settings; }
+
+static GstStructure* stats_of(LfRtpPay* self) {
+  GstStructure* stats = lf::base_stats(G_OBJECT(self), lf_rtp_pay_parent_class);
+  const lf::ObjectLock lock(self);
+  gst_structure_set(stats, "units", G_TYPE_UINT64, self->stats.units, "packets", G_TYPE_UINT64, self->packets, "parts",
+                    G_TYPE_UINT64, self->stats.parts, "chunks", G_TYPE_UINT64, self->stats.chunks, "tiles",
+                    G_TYPE_UINT64, self->stats.tiles, "bytes", G_TYPE_UINT64, self->bytes, "dropped", G_TYPE_UINT64,
+                    self->dropped, nullptr);
+  return stats;
+}
+
+using Properties = lf::Properties<settings_of, stats_of>;
+
 static gboolean lf_rtp_pay_set_caps(GstRTPBasePayload* base, GstCaps* caps) {
   LfRtpPay* self = LF_RTP_PAY(base);
   const GstStructure* structure = gst_caps_get_structure(caps, 0);
@@ -104,42 +118,33 @@ static gboolean lf_rtp_pay_set_caps(GstRTPBasePayload* base, GstCaps* caps) {
   gint numerator = 0, denominator = 1;
   if (!request || !gst_structure_get_fraction(structure, "framerate", &numerator, &denominator) || numerator == 0)
     return gst_rtp_base_payload_set_outcaps(base, nullptr);
-  // The value is a string, as in SDP.
-  gchar* rate = g_strdup_printf("%d/%d", numerator, denominator);
-  const gboolean ok = gst_rtp_base_payload_set_outcaps(base, "framerate", G_TYPE_STRING, rate, nullptr);
-  g_free(rate);
-  return ok;
+  g_autofree gchar* rate = g_strdup_printf("%d/%d", numerator, denominator);  // a string, as in SDP
+  return gst_rtp_base_payload_set_outcaps(base, "framerate", G_TYPE_STRING, rate, nullptr);
 }
 
 // Waits until the next packets may be sent. Returns false if the wait was interrupted.
 static bool lf_rtp_pay_wait(LfRtpPay* self, guint64 bytes, guint64 max_bitrate) {
-  GstClock* clock = gst_element_get_clock(GST_ELEMENT(self));
+  g_autoptr(GstClock) clock = gst_element_get_clock(GST_ELEMENT(self));
   if (!clock) return true;
   const GstClockTime now = gst_clock_get_time(clock), time = self->pacer->next(now);
   self->pacer->sent(time, bytes, max_bitrate);
-  bool ok = true;
-  if (time > now) {
-    GST_OBJECT_LOCK(self);
-    ok = !self->flushing;
-    const GstClockID id = ok ? self->wait = gst_clock_new_single_shot_id(clock, time) : nullptr;
-    GST_OBJECT_UNLOCK(self);
-    if (ok) {
-      ok = gst_clock_id_wait(id, nullptr) != GST_CLOCK_UNSCHEDULED;
-      GST_OBJECT_LOCK(self);
-      self->wait = nullptr;
-      GST_OBJECT_UNLOCK(self);
-      gst_clock_id_unref(id);
-    }
-  }
-  gst_object_unref(clock);
+  if (time <= now) return true;
+  lf::ObjectLock lock(self);
+  if (self->flushing) return false;
+  const GstClockID id = self->wait = gst_clock_new_single_shot_id(clock, time);
+  lock.unlock();
+  const bool ok = gst_clock_id_wait(id, nullptr) != GST_CLOCK_UNSCHEDULED;
+  lf::ObjectLock again(self);
+  self->wait = nullptr;
+  again.unlock();
+  gst_clock_id_unref(id);
   return ok;
 }
 
 static void lf_rtp_pay_set_flushing(LfRtpPay* self, gboolean flushing) {
-  GST_OBJECT_LOCK(self);
+  const lf::ObjectLock lock(self);
   self->flushing = flushing;
   if (flushing && self->wait) gst_clock_id_unschedule(self->wait);
-  GST_OBJECT_UNLOCK(self);
 }
 
 static GstFlowReturn lf_rtp_pay_push(LfRtpPay* self, GstBufferList* packets, guint64 max_bitrate) {
@@ -184,10 +189,7 @@ static GstFlowReturn lf_rtp_pay_unit(LfRtpPay* self, GstBuffer* buffer) {
                        gst_rtp_buffer_calc_packet_len(lf::rtp::kMinPayloadBytes, 0, static_cast<guint8>(sources))));
     return GST_FLOW_ERROR;
   }
-  GST_OBJECT_LOCK(self);
-  const guint64 max_bitrate = self->settings.max_bitrate;
-  GST_OBJECT_UNLOCK(self);
-
+  const guint64 max_bitrate = Properties::now(self).max_bitrate;
   GstFlowReturn flow = GST_FLOW_OK;
   GstBufferList* packets = gst_buffer_list_new();
   const auto emit = [&](const lf::rtp::Payload& payload) {
@@ -264,26 +266,12 @@ static GstClock* lf_rtp_pay_provide_clock(GstElement* element) {
   return GST_CLOCK(gst_object_ref(LF_RTP_PAY(element)->day_clock));
 }
 
-static Settings& settings_of(LfRtpPay* self) { return self->settings; }
-
-static GstStructure* stats_of(LfRtpPay* self) {
-  GstStructure* stats = lf::base_stats(G_OBJECT(self), lf_rtp_pay_parent_class);
-  const lf::ObjectLock lock(self);
-  gst_structure_set(stats, "units", G_TYPE_UINT64, self->stats.units, "packets", G_TYPE_UINT64, self->packets, "parts",
-                    G_TYPE_UINT64, self->stats.parts, "chunks", G_TYPE_UINT64, self->stats.chunks, "tiles",
-                    G_TYPE_UINT64, self->stats.tiles, "bytes", G_TYPE_UINT64, self->bytes, "dropped", G_TYPE_UINT64,
-                    self->dropped, nullptr);
-  return stats;
-}
-
-using PayProperties = lf::Properties<settings_of, stats_of>;
-
 // Makes properties of GstRTPBasePayload read-only that have no effect here. They are for streams that can be split at
 // any time.
 static constexpr guint kFirstTimeLimit = 100;
 
 static void lf_rtp_pay_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
-  if (id < kFirstTimeLimit) return PayProperties::get(object, id, value, pspec);
+  if (id < kFirstTimeLimit) return Properties::get(object, id, value, pspec);
   g_param_value_set_default(pspec, value);
 }
 
@@ -315,7 +303,7 @@ static void lf_rtp_pay_class_init(LfRtpPayClass* klass) {
   GST_DEBUG_CATEGORY_INIT(lf_rtp_pay_debug, "rtplfpay", 0, "light field RTP payloader");
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
   object_class->finalize = lf_rtp_pay_finalize;
-  PayProperties::install(
+  Properties::install(
       object_class,
       "Statistics of GstRTPBasePayload, and counters since the start (all uint64). units counts the messages (requests "
       "or parts of answers) that were received, and dropped counts the invalid messages. packets and bytes count RTP "

@@ -38,11 +38,5 @@ inline GstStructure* base_stats(GObject* object, gpointer parent_class) {
 
 }  // namespace lf
 
-G_BEGIN_DECLS
-
 #define LF_TYPE_RTP_PAY (lf_rtp_pay_get_type())
 G_DECLARE_FINAL_TYPE(LfRtpPay, lf_rtp_pay, LF, RTP_PAY, GstRTPBasePayload)
-
-GST_ELEMENT_REGISTER_DECLARE(rtplfpay)
-
-G_END_DECLS

@@ -211,14 +211,12 @@ SrtpDecryptor::SrtpDecryptor(std::shared_ptr<const RtpKey> key, const std::strin
 
 GstCaps* SrtpDecryptor::request_key(GstElement*, guint, gpointer self) {
   const SessionKey& offered = *static_cast<SrtpDecryptor*>(self)->offered_;
-  GstBuffer *key = to_buffer(offered.key), *mki = to_buffer(offered.mki);
-  GstCaps* caps = gst_caps_new_simple("application/x-srtp", "srtp-key", GST_TYPE_BUFFER, key, "mki", GST_TYPE_BUFFER,
-                                      mki, "srtp-cipher", G_TYPE_STRING, "aes-128-icm", "srtp-auth", G_TYPE_STRING,
-                                      "hmac-sha1-80", "srtcp-cipher", G_TYPE_STRING, "aes-128-icm", "srtcp-auth",
-                                      G_TYPE_STRING, "hmac-sha1-80", nullptr);
-  gst_buffer_unref(key);
-  gst_buffer_unref(mki);
-  return caps;
+  g_autoptr(GstBuffer) key = to_buffer(offered.key);
+  g_autoptr(GstBuffer) mki = to_buffer(offered.mki);
+  return gst_caps_new_simple("application/x-srtp", "srtp-key", GST_TYPE_BUFFER, key, "mki", GST_TYPE_BUFFER, mki,
+                             "srtp-cipher", G_TYPE_STRING, "aes-128-icm", "srtp-auth", G_TYPE_STRING, "hmac-sha1-80",
+                             "srtcp-cipher", G_TYPE_STRING, "aes-128-icm", "srtcp-auth", G_TYPE_STRING, "hmac-sha1-80",
+                             nullptr);
 }
 
 void SrtpDecryptor::forget_old(uint32_t minute) {

@@ -147,9 +147,7 @@ static void set_rig(LfViewRequest* self, const lf::ViewRequestSettings& changed,
 }
 
 static std::string ignored_settings(LfViewRequest* self) {
-  const bool live = gst_base_src_is_live(GST_BASE_SRC(self));
-  const lf::ObjectLock lock(self);
-  return self->state->settings.ignored_settings(live);
+  return lf_view_request_settings(self).ignored_settings(gst_base_src_is_live(GST_BASE_SRC(self)));
 }
 
 static void set_setting(LfViewRequest* self, guint id, const GValue* value, const GParamSpec* pspec) {
@@ -191,18 +189,16 @@ static void lf_view_request_set_property(GObject* object, guint id, const GValue
   if (id == PROP_IS_LIVE) {
     gst_base_src_set_live(GST_BASE_SRC(self), g_value_get_boolean(value));
   } else if (id == PROP_NUM_BUFFERS) {
-    GST_OBJECT_LOCK(self);
+    const lf::ObjectLock lock(self);
     self->state->settings.num_buffers = g_value_get_int(value);
-    GST_OBJECT_UNLOCK(self);
   } else if (id >= PROP_FIRST_SETTING) {
     const std::string before = ignored_settings(self);
     set_setting(self, id, value, pspec);
     if (lf::is_running(GST_ELEMENT(self))) warn_ignored_settings(self, before);
   } else if (id >= PROP_FIRST_FIELD) {
-    lf::ObjectLock lock(self);
+    const lf::ObjectLock lock(self);
     self->state->control.set(static_cast<int>(id) - PROP_FIRST_FIELD, g_value_get_double(value));
     self->state->turn.note_change();
-    lock.unlock();
   } else {
     G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
   }
@@ -211,7 +207,7 @@ static void lf_view_request_set_property(GObject* object, guint id, const GValue
 static void lf_view_request_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
   LfViewRequest* self = LF_VIEW_REQUEST(object);
   if (id == PROP_IS_LIVE) return g_value_set_boolean(value, gst_base_src_is_live(GST_BASE_SRC(self)));
-  lf::ObjectLock lock(self);
+  const lf::ObjectLock lock(self);
   if (id == PROP_NUM_BUFFERS)
     g_value_set_int(value, self->state->settings.num_buffers);
   else if (id >= PROP_FIRST_SETTING)
@@ -220,7 +216,6 @@ static void lf_view_request_get_property(GObject* object, guint id, GValue* valu
     g_value_set_double(value, self->state->control.values()[id - PROP_FIRST_FIELD]);
   else
     G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
-  lock.unlock();
 }
 
 static void install_properties(GObjectClass* klass) {
@@ -252,9 +247,7 @@ static bool push_upstream(LfViewRequest* self, GstEvent* event) {
 static gboolean take_delay(LfViewRequest* self, GstEvent* event, GstClockTime delay) {
   auto& state = *self->state;
   if (state.relay.is_on()) return push_upstream(self, event);
-  lf::ObjectLock lock(self);
-  const bool follows = state.settings.capture_delay < 0;
-  lock.unlock();
+  const bool follows = lf_view_request_settings(self).capture_delay < 0;
   if (!follows || !gst_base_src_is_live(GST_BASE_SRC(self))) return TRUE;
   if (!state.auto_delay.take(delay, gst_util_get_timestamp())) return TRUE;
   GST_INFO_OBJECT(self, "capture delay: %" GST_TIME_FORMAT, GST_TIME_ARGS(state.auto_delay.delay()));
@@ -270,10 +263,7 @@ static gboolean hold(LfViewRequest* self, GstEvent* event, bool held) {
 
 // Focuses the next requests of this view. Returns false if the cameras do not have self access.
 static bool take_focus(LfViewRequest* self, lf::DepthEstimate focus) {
-  lf::ObjectLock lock(self);
-  const bool can = self->state->settings.access == lf::Access::kSelf;
-  lock.unlock();
-  if (!can) return false;
+  if (lf_view_request_settings(self).access != lf::Access::kSelf) return false;
   self->state->focus.announce(std::move(focus));
   if (const std::optional<double> found = self->state->focus.take_found())
     lf_view_request_set_focus_distance(self, *found);
@@ -373,14 +363,13 @@ static void send_more(LfViewRequest* self, const lf::ViewRequest& request, const
 
 static GstFlowReturn relay_chain(GstPad* pad, GstObject* parent, GstBuffer* buffer) {
   LfViewRequest* self = LF_VIEW_REQUEST(parent);
-  GstEvent* event = gst_pad_get_sticky_event(pad, GST_EVENT_SEGMENT, 0);
+  g_autoptr(GstEvent) event = gst_pad_get_sticky_event(pad, GST_EVENT_SEGMENT, 0);
   if (event) {
     const GstSegment* segment = nullptr;
     gst_event_parse_segment(event, &segment);
     buffer = gst_buffer_make_writable(buffer);
     if (segment->format == GST_FORMAT_TIME)
       GST_BUFFER_PTS(buffer) = gst_segment_to_running_time(segment, GST_FORMAT_TIME, GST_BUFFER_PTS(buffer));
-    gst_event_unref(event);
   }
   bool dropped = false;
   const GstFlowReturn flow = self->state->relay.push(buffer, gst_base_src_is_live(GST_BASE_SRC(self)), &dropped);
@@ -513,9 +502,7 @@ static lf::Blending current_blending(LfViewRequest* self) {
 
 // Returns the delay from the capture time to the sending of a live request: the property, or the automatic delay.
 static GstClockTime capture_delay_of(LfViewRequest* self) {
-  lf::ObjectLock lock(self);
-  const GstClockTime delay = self->state->settings.capture_delay;
-  lock.unlock();
+  const GstClockTime delay = lf_view_request_settings(self).capture_delay;
   return GST_CLOCK_TIME_IS_VALID(delay) ? delay : self->state->auto_delay.delay();
 }
 
@@ -537,9 +524,7 @@ static GstFlowReturn wait_for_turn(LfViewRequest* self, GstClock* clock, GstCloc
   const GstClockTime base_time = gst_element_get_base_time(GST_ELEMENT(self));
   const GstClockTime turn = base_time + slot.pts + capture_delay;
   const GstClockTime early = std::min(slot.pts + capture_delay, slot.duration / 4 * 3);
-  GST_OBJECT_LOCK(self);
-  const bool eager = self->state->settings.eager && !slot.view;
-  GST_OBJECT_UNLOCK(self);
+  const bool eager = !slot.view && lf_view_request_settings(self).eager;
   *leaves = slot;
   if (!eager) return self->state->turn.wait_until(clock, turn);
   GstFlowReturn flow = self->state->turn.wait_until(clock, turn - early);
@@ -707,10 +692,7 @@ static gboolean lf_view_request_post_message(GstElement* element, GstMessage* me
 static gboolean lf_view_request_start(GstBaseSrc* base) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
   self->state->posted_error = false;
-  lf::ObjectLock lock(self);
-  const lf::ViewRequestSettings settings = self->state->settings;
-  lock.unlock();
-
+  const lf::ViewRequestSettings settings = lf_view_request_settings(self);
   try {
     lf::validate(settings.place(0), 0, 0);
     lf_view_request_begin_view(self, std::make_unique<lf::RequestStream>(settings));
@@ -719,12 +701,12 @@ static gboolean lf_view_request_start(GstBaseSrc* base) {
     return FALSE;
   }
   warn_ignored_settings(self);
-  lf::ObjectLock again(self);
+  lf::ObjectLock lock(self);
   const lf::RequestStream& stream = *self->state->stream;
   base->segment.duration = stream.schedule.end().value_or(GST_CLOCK_TIME_NONE);
   self->state->requests_left = settings.num_buffers;
   self->state->agreed = self->state->form;
-  again.unlock();
+  lock.unlock();
   GST_INFO_OBJECT(self, "view %u from %s", settings.view_id,
                   stream.from_file() ? settings.location.c_str() : "properties");
   const auto navigated = [](GstElement* element, GstEvent* event) {
@@ -745,10 +727,7 @@ static gboolean lf_view_request_start(GstBaseSrc* base) {
 
 static gboolean lf_view_request_is_seekable(GstBaseSrc* base) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
-  GST_OBJECT_LOCK(self);
-  const bool loop = self->state->settings.loop;
-  GST_OBJECT_UNLOCK(self);
-  return !loop && !gst_base_src_is_live(base) && !self->state->relay.is_on();
+  return !lf_view_request_settings(self).loop && !gst_base_src_is_live(base) && !self->state->relay.is_on();
 }
 
 static gboolean lf_view_request_do_seek(GstBaseSrc* base, GstSegment* segment) {
@@ -764,10 +743,10 @@ static gboolean lf_view_request_query(GstBaseSrc* base, GstQuery* query) {
   if (GST_QUERY_TYPE(query) != GST_QUERY_LATENCY || !gst_base_src_is_live(base))
     return GST_BASE_SRC_CLASS(lf_view_request_parent_class)->query(base, query);
   LfViewRequest* self = LF_VIEW_REQUEST(base);
-  GST_OBJECT_LOCK(self);
-  const lf::PictureFormat& form = self->state->form;
+  lf::ObjectLock lock(self);
+  const lf::PictureFormat form = self->state->form;
+  lock.unlock();
   const GstClockTime period = form.fps_n > 0 ? lf::Schedule(form.fps_n, form.fps_d).period() : 0;
-  GST_OBJECT_UNLOCK(self);
   if (self->state->relay.is_on()) {
     gboolean live = FALSE;
     if (self->state->relay.query_upstream(query)) gst_query_parse_latency(query, &live, nullptr, nullptr);

@@ -18,18 +18,12 @@
 #include "viewrequest/view_control.h"
 #include "viewrequest/view_request_settings.h"
 
-G_BEGIN_DECLS
-
 #define LF_TYPE_VIEW_REQUEST (lf_view_request_get_type())
 G_DECLARE_FINAL_TYPE(LfViewRequest, lf_view_request, LF, VIEW_REQUEST, GstPushSrc)
 
 // Tells the element whether all nodes are in this process. If so, compressed answers would only waste time, so requests
 // have the quality 0 (uncompressed). Thread-safe.
 void lf_view_request_set_in_process(LfViewRequest* self, gboolean in_process);
-
-GST_ELEMENT_REGISTER_DECLARE(lfviewrequest)
-
-G_END_DECLS
 
 GST_DEBUG_CATEGORY_EXTERN(lf_view_request_debug);
 
@@ -78,6 +72,7 @@ std::shared_ptr<const lf::VisibleFraction> lf_view_request_visible_share(const l
                                                                          const std::shared_ptr<const lf::Rig>& rig);
 
 // Defined in view_control.cc:
+lf::ViewRequestSettings lf_view_request_settings(LfViewRequest* self);
 guint lf_view_request_view_id(LfViewRequest* self);
 void lf_view_request_install_signals(GObjectClass* klass);
 // Returns the view of the current properties. Call with the object lock held, while running.

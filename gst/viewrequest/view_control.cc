@@ -8,6 +8,7 @@
 
 #include <gst/video/navigation.h>
 
+#include "common/gst_pointers.h"
 #include "common/guard.h"
 #include "geometry/pose.h"
 #include "viewrequest/lfviewrequest.h"
@@ -16,36 +17,10 @@
 namespace lf {
 namespace {
 
-// The listener of a probe. The pointer is weak, because GStreamer does not wait for active probes when it removes a
-// probe.
-struct Listener {
-  Listener(GstElement* of, void (*call)(GstElement*, GstEvent*)) : navigated(call) { g_weak_ref_init(&element, of); }
-  ~Listener() { g_weak_ref_clear(&element); }
-  Listener(const Listener&) = delete;
-  Listener& operator=(const Listener&) = delete;
-
-  GWeakRef element;
-  void (*navigated)(GstElement*, GstEvent*);
-};
-
-GstPadProbeReturn on_event(GstPad* /*pad*/, GstPadProbeInfo* info, gpointer data) {
-  auto& listener = *static_cast<Listener*>(data);
-  auto* element = static_cast<GstElement*>(g_weak_ref_get(&listener.element));
-  if (!element) return GST_PAD_PROBE_OK;
-  guarded(element, 0, [&] { return listener.navigated(element, GST_PAD_PROBE_INFO_EVENT(info)), 0; });
-  gst_object_unref(element);
-  return GST_PAD_PROBE_OK;
-}
-
 GstElement* find_in_pipeline(GstElement* element, const std::string& name) {
-  GstObject* top = GST_OBJECT(gst_object_ref(element));
-  while (GstObject* parent = gst_object_get_parent(top)) {
-    gst_object_unref(top);
-    top = parent;
-  }
-  GstElement* found = GST_IS_BIN(top) ? gst_bin_get_by_name(GST_BIN(top), name.c_str()) : nullptr;
-  gst_object_unref(top);
-  return found;
+  ObjectPtr<GstObject> top(GST_OBJECT(gst_object_ref(element)));
+  while (GstObject* parent = gst_object_get_parent(top.get())) top.reset(parent);
+  return GST_IS_BIN(top.get()) ? gst_bin_get_by_name(GST_BIN(top.get()), name.c_str()) : nullptr;
 }
 
 Viewpoint viewpoint_of(const ViewValues& v) {
@@ -77,16 +52,19 @@ std::optional<double> number(const GValue* value) {
 
 bool NavigationTap::attach(GstElement* element, const std::string& name, void (*navigated)(GstElement*, GstEvent*)) {
   detach();
-  GstElement* source = find_in_pipeline(element, name);
+  g_autoptr(GstElement) source = find_in_pipeline(element, name);
   if (!source) return false;
   lf::ObjectLock lock(source);
   for (GList* item = source->srcpads; item; item = item->next)
     probes_.emplace_back(GST_PAD(gst_object_ref(item->data)), 0);
   lock.unlock();
-  gst_object_unref(source);
-  for (auto& [pad, id] : probes_)
-    id = gst_pad_add_probe(pad, GST_PAD_PROBE_TYPE_EVENT_UPSTREAM, on_event, new Listener(element, navigated),
-                           [](gpointer data) { delete static_cast<Listener*>(data); });
+  // The reference is weak, because GStreamer does not wait for active probes when it removes a probe.
+  const auto on_event = [weak = WeakRef(element), navigated](GstPad*, GstPadProbeInfo* info) {
+    if (const ElementPtr alive = weak.get())
+      guarded(alive.get(), 0, [&] { return navigated(alive.get(), GST_PAD_PROBE_INFO_EVENT(info)), 0; });
+    return GST_PAD_PROBE_OK;
+  };
+  for (auto& [pad, id] : probes_) id = add_probe(pad, GST_PAD_PROBE_TYPE_EVENT_UPSTREAM, on_event);
   return !probes_.empty();
 }
 
@@ -131,13 +109,6 @@ const std::array<ViewField, kNumViewFields> kViewFields = {{
      0, Blending::kMaxAperture, 0},
 }};
 
-bool is_for_view(GstEvent* event, guint view_id) {
-  const GstStructure* structure = gst_event_get_structure(event);
-  if (!structure || !gst_structure_has_field(structure, kViewIdField)) return true;
-  guint id;
-  return gst_structure_get_uint(structure, kViewIdField, &id) && id == view_id;
-}
-
 ViewControl::ViewControl() {
   for (int i = 0; i < kNumViewFields; i++) values_[i] = kViewFields[i].initial;
   navigator_.set_home(viewpoint_of(values_));
@@ -154,7 +125,7 @@ void ViewControl::set(int field, double value) {
 static bool has_unknown_field(const GstStructure* structure) {
   for (gint i = 0; i < gst_structure_n_fields(structure); i++) {
     const std::string_view name = gst_structure_nth_field_name(structure, static_cast<guint>(i));
-    const bool known = name == kViewIdField || name == kFocusContinuous ||
+    const bool known = name == LF_VIEW_ID_FIELD || name == kFocusContinuous ||
                        std::ranges::any_of(kViewFields, [&](const ViewField& field) { return name == field.name; });
     if (!known) return true;
   }
@@ -290,10 +261,12 @@ gboolean lf_view_request_change_view(LfViewRequest* self, const std::function<gb
   return done;
 }
 
-guint lf_view_request_view_id(LfViewRequest* self) {
+lf::ViewRequestSettings lf_view_request_settings(LfViewRequest* self) {
   const lf::ObjectLock lock(self);
-  return self->state->settings.view_id;
+  return self->state->settings;
 }
+
+guint lf_view_request_view_id(LfViewRequest* self) { return lf_view_request_settings(self).view_id; }
 
 void lf_view_request_set_focus_distance(LfViewRequest* self, double distance) {
   lf_view_request_change_view(self, [distance](lf::ViewControl& control) {
@@ -304,12 +277,12 @@ void lf_view_request_set_focus_distance(LfViewRequest* self, double distance) {
 
 static gboolean lf_view_request_focus_at(LfViewRequest* self, gdouble x, gdouble y) {
   if (!std::isfinite(x) || !std::isfinite(y)) return FALSE;
-  GST_OBJECT_LOCK(self);
+  lf::ObjectLock lock(self);
   // Cameras with other access kinds cannot test depths.
   const bool can = self->state->stream && !self->state->stream->from_file() && !self->state->stream->access();
   const lf::View middle = can ? lf_view_request_view(self) : lf::View();
   const lf::ViewSet set = self->state->settings;
-  GST_OBJECT_UNLOCK(self);
+  lock.unlock();
   if (!can) return FALSE;
   const lf::Vec2 place((x + 0.5) / middle.width, (y + 0.5) / middle.height);
   const std::optional<lf::ViewSetPosition> shown = set.place_at(place);
@@ -321,9 +294,16 @@ static gboolean lf_view_request_focus_at(LfViewRequest* self, gdouble x, gdouble
   return TRUE;
 }
 
+static bool is_for_view(GstEvent* event, guint view_id) {
+  const GstStructure* structure = gst_event_get_structure(event);
+  guint id = 0;
+  return !structure || !gst_structure_has_field(structure, LF_VIEW_ID_FIELD) ||
+         (gst_structure_get_uint(structure, LF_VIEW_ID_FIELD, &id) && id == view_id);
+}
+
 static bool is_navigation(GstEvent* event) { return GST_EVENT_TYPE(event) == GST_EVENT_NAVIGATION; }
 static bool is_view(GstEvent* event) {
-  return GST_EVENT_TYPE(event) == GST_EVENT_CUSTOM_UPSTREAM && gst_event_has_name(event, lf::kViewEvent);
+  return GST_EVENT_TYPE(event) == GST_EVENT_CUSTOM_UPSTREAM && gst_event_has_name(event, LF_VIEW_EVENT);
 }
 
 static gboolean follow(LfViewRequest* self, const GstStructure* structure) {
@@ -347,12 +327,12 @@ bool lf_view_request_is_navigation(GstEvent* event) { return is_navigation(event
 
 gboolean lf_view_request_navigate(LfViewRequest* self, GstEvent* event) {
   if (is_view(event))
-    return lf::is_for_view(event, lf_view_request_view_id(self)) &&
+    return is_for_view(event, lf_view_request_view_id(self)) &&
            lf_view_request_set_view(self, gst_event_get_structure(event));
   std::optional<lf::Vec2> click;
   const gboolean done = lf_view_request_change_view(self, [&](lf::ViewControl& control) {
     if (!self->state->stream || self->state->stream->from_file()) return FALSE;
-    if (!lf::is_for_view(event, self->state->settings.view_id)) return FALSE;
+    if (!is_for_view(event, self->state->settings.view_id)) return FALSE;
     const lf::View view = lf_view_request_view(self);
     const lf::ViewSetPosition place = self->state->settings.place(0);
     const bool changed =

@@ -53,14 +53,6 @@ enum ViewFieldIndex {
 extern const std::array<ViewField, kNumViewFields> kViewFields;
 using ViewValues = std::array<double, kNumViewFields>;
 
-// Field (uint) of upstream events with the id of the view that they are for. Events without this field apply to every
-// view.
-inline constexpr char kViewIdField[] = "lightfield-view-id";
-// Custom upstream event that moves the view. Fields: any of kViewFields, as numbers.
-inline constexpr char kViewEvent[] = "lightfield-view-request";
-
-bool is_for_view(GstEvent* event, guint view_id);
-
 // Moves the viewpoint of one view by properties, events and signals, and stores its position. Not thread-safe.
 class ViewControl {
  public:

@@ -2,7 +2,6 @@
 #include "viewrequest/view_request_settings.h"
 
 #include <algorithm>
-#include <memory>
 #include <optional>
 #include <utility>
 
@@ -16,10 +15,6 @@
 namespace lf {
 namespace {
 
-using StructurePtr = std::unique_ptr<GstStructure, void (*)(GstStructure*)>;
-
-StructurePtr structure_ptr(GstStructure* owned) { return {owned, gst_structure_free}; }
-
 void limit_side(GstStructure* wanted, const char* name, int set, int count) {
   if (set > 0)
     gst_structure_set(wanted, name, G_TYPE_INT, set * count, nullptr);
@@ -27,23 +22,23 @@ void limit_side(GstStructure* wanted, const char* name, int set, int count) {
     gst_structure_set(wanted, name, GST_TYPE_INT_RANGE, 1, kMaxImageSize, nullptr);
 }
 
-StructurePtr requested_format(const PictureFormat& set, int columns, int rows) {
-  StructurePtr wanted = structure_ptr(gst_structure_new_empty("video/x-raw"));
-  limit_side(wanted.get(), "width", set.width, columns);
-  limit_side(wanted.get(), "height", set.height, rows);
-  gst_structure_set(wanted.get(), "pixel-aspect-ratio", GST_TYPE_FRACTION, 1, 1, nullptr);
+GstStructure* requested_format(const PictureFormat& set, int columns, int rows) {
+  GstStructure* wanted = gst_structure_new_empty("video/x-raw");
+  limit_side(wanted, "width", set.width, columns);
+  limit_side(wanted, "height", set.height, rows);
+  gst_structure_set(wanted, "pixel-aspect-ratio", GST_TYPE_FRACTION, 1, 1, nullptr);
   if (set.fps_n > 0)
-    gst_structure_set(wanted.get(), "framerate", GST_TYPE_FRACTION, set.fps_n, set.fps_d, nullptr);
+    gst_structure_set(wanted, "framerate", GST_TYPE_FRACTION, set.fps_n, set.fps_d, nullptr);
   else
-    gst_structure_set(wanted.get(), "framerate", GST_TYPE_FRACTION_RANGE, 1, G_MAXINT, G_MAXINT, 1, nullptr);
+    gst_structure_set(wanted, "framerate", GST_TYPE_FRACTION_RANGE, 1, G_MAXINT, G_MAXINT, 1, nullptr);
   return wanted;
 }
 
-// Keeps only size and rate, because lfcompositor negotiates format, colorimetry and memory.
-StructurePtr size_and_rate_of(const GstStructure* video) {
-  StructurePtr copy = structure_ptr(gst_structure_new_empty("video/x-raw"));
+// Copies only size and rate, because lfcompositor negotiates format, colorimetry and memory.
+GstStructure* size_and_rate_of(const GstStructure* video) {
+  GstStructure* copy = gst_structure_new_empty("video/x-raw");
   for (const char* name : {"width", "height", "framerate", "pixel-aspect-ratio"})
-    if (const GValue* value = gst_structure_get_value(video, name)) gst_structure_set_value(copy.get(), name, value);
+    if (const GValue* value = gst_structure_get_value(video, name)) gst_structure_set_value(copy, name, value);
   return copy;
 }
 
@@ -98,14 +93,14 @@ PictureFormat with_defaults(const PictureFormat& set, const PictureFormat& defau
 std::optional<PictureFormat> fit_to_caps(const GstCaps* caps, const PictureFormat& set, const PictureFormat& defaults,
                                          int columns, int rows) {
   if (gst_caps_is_any(caps)) return with_defaults(set, defaults);
-  const StructurePtr wanted = requested_format(set, columns, rows);
+  g_autoptr(GstStructure) wanted = requested_format(set, columns, rows);
   for (guint i = 0; i < gst_caps_get_size(caps); i++) {
     const GstStructure* offered = gst_caps_get_structure(caps, i);
     if (!gst_structure_has_name(offered, "video/x-raw")) continue;
-    const StructurePtr sizes = size_and_rate_of(offered);
-    const StructurePtr form = structure_ptr(gst_structure_intersect(sizes.get(), wanted.get()));
+    g_autoptr(GstStructure) sizes = size_and_rate_of(offered);
+    g_autoptr(GstStructure) form = gst_structure_intersect(sizes, wanted);
     if (!form) continue;
-    if (auto fitted = fit_to_structure(form.get(), set, defaults, columns, rows)) return fitted;
+    if (auto fitted = fit_to_structure(form, set, defaults, columns, rows)) return fitted;
   }
   return std::nullopt;
 }
@@ -232,17 +227,12 @@ static gboolean lf_view_request_negotiate(GstBaseSrc* base) {
 static GstCaps* lf_view_request_get_caps(GstBaseSrc* base, GstCaps* filter) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
   GstCaps* caps = gst_caps_make_writable(lf::unit_caps(LF_REQUEST_MEDIA_TYPE));
-  lf::ObjectLock lock(self);
-  const gint fps_n = self->state->settings.fps_n, fps_d = self->state->settings.fps_d;
-  lock.unlock();
-  if (fps_n > 0)
-    gst_caps_set_simple(caps, "framerate", GST_TYPE_FRACTION, fps_n, fps_d, nullptr);
+  const lf::ViewRequestSettings settings = lf_view_request_settings(self);
+  if (settings.fps_n > 0)
+    gst_caps_set_simple(caps, "framerate", GST_TYPE_FRACTION, settings.fps_n, settings.fps_d, nullptr);
   else
     gst_caps_set_simple(caps, "framerate", GST_TYPE_FRACTION_RANGE, 1, G_MAXINT, G_MAXINT, 1, nullptr);
-  if (!filter) return caps;
-  GstCaps* filtered = gst_caps_intersect_full(filter, caps, GST_CAPS_INTERSECT_FIRST);
-  gst_caps_unref(caps);
-  return filtered;
+  return lf::filter_caps(caps, filter);
 }
 
 static GstCaps* lf_view_request_fixate(GstBaseSrc* base, GstCaps* caps) {
@@ -281,6 +271,22 @@ Property<S> frame_rate_property() {
       "Rate of the requests and pictures, per second. Views from a file keep their own times (0/1: the rate in the "
       "caps downstream of this view's lfcompositor, or 15/1 if they contain none)",
       0, 1);
+}
+
+GType layout_type() {
+  static const GType type = register_enum<ViewSetLayout>(
+      "LfSetLayout",
+      {{ViewSetLayout::kMono, "One view", "mono"},
+       {ViewSetLayout::kStereo, "Two views side by side: the view of the left eye is on the left", "stereo"},
+       {ViewSetLayout::kCrossEyed,
+        "Two views side by side: the view of the left eye is on the right, for cross-eyed "
+        "viewing",
+        "cross-eyed"},
+       {ViewSetLayout::kTopBottom, "Two views on top of each other: the view of the left eye is on top", "top-bottom"},
+       {ViewSetLayout::kRow, "One row of views, with \"columns\" views from left to right", "row"},
+       {ViewSetLayout::kQuilt,
+        "A grid of \"rows\" times \"columns\" views, starting at the bottom left, for light field displays", "quilt"}});
+  return type;
 }
 
 }  // namespace
@@ -379,7 +385,7 @@ PropertyTable<S>& ViewRequestSettings::properties() {
                                         "Arrangement of several views in one picture, for stereo or light field "
                                         "displays. Their viewpoints (the eyes) lie in a horizontal row around the "
                                         "viewpoint of this element. `width` and `height` are the size of each view",
-                                        LF_TYPE_SET_LAYOUT),
+                                        layout_type()),
       inherited_property<S, &S::columns>(kWhilePlaying, "columns", "Columns",
                                          "Number of views side by side in the picture, if `views` is row or quilt. "
                                          "More views allow a larger viewing angle, but each view takes rendering time",
@@ -423,20 +429,3 @@ PropertyTable<S>& ViewRequestSettings::properties() {
 }
 
 }  // namespace lf
-
-GType lf_set_layout_get_type(void) {
-  using lf::ViewSetLayout;
-  static const GType type = lf::register_enum<ViewSetLayout>(
-      "LfSetLayout",
-      {{ViewSetLayout::kMono, "One view", "mono"},
-       {ViewSetLayout::kStereo, "Two views side by side: the view of the left eye is on the left", "stereo"},
-       {ViewSetLayout::kCrossEyed,
-        "Two views side by side: the view of the left eye is on the right, for cross-eyed "
-        "viewing",
-        "cross-eyed"},
-       {ViewSetLayout::kTopBottom, "Two views on top of each other: the view of the left eye is on top", "top-bottom"},
-       {ViewSetLayout::kRow, "One row of views, with \"columns\" views from left to right", "row"},
-       {ViewSetLayout::kQuilt,
-        "A grid of \"rows\" times \"columns\" views, starting at the bottom left, for light field displays", "quilt"}});
-  return type;
-}

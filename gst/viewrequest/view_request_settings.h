@@ -34,9 +34,6 @@ std::optional<PictureFormat> fit_to_caps(const GstCaps* caps, const PictureForma
 inline constexpr char kFocusContinuous[] = "focus-continuous";
 inline constexpr int kDefaultViewFps = 15;  // frames per second, if neither property nor caps define a rate
 
-// Type of the property "views": lf::ViewSetLayout.
-#define LF_TYPE_SET_LAYOUT (lf_set_layout_get_type())
-
 // The properties of lfviewrequest, except for the position of the view, which ViewControl stores.
 struct ViewRequestSettings : ViewSet {
   static constexpr int kDefaultWidth = 640, kDefaultHeight = 480;  // size of views without a rig, in pixels
@@ -61,5 +58,3 @@ struct ViewRequestSettings : ViewSet {
 };
 
 }  // namespace lf
-
-GType lf_set_layout_get_type(void);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "../gst/common/still_decoder.h"
+#include "../gst/common/codecs.h"
 #include "gst/camera_pipeline.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"

@@ -23,7 +23,7 @@ ALLOWED = {
     "calib/recordings.cc": "std::ifstream",
     "gst/bins/rtp_link.cc": "std::ifstream",
     "gst/camsrc/picture_sources.cc": "std::ifstream",
-    "gst/common/still_decoder.cc": "std::ifstream",
+    "gst/common/codecs.cc": "std::ifstream",
     "gst/rtp/srtp.cc": "std::ifstream",
     "lib/rig/camera_source.cc": "std::ifstream",
     "lib/rig/import_format.cc": "std::ifstream",

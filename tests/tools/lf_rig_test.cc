@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/json_value.h"
-#include "common/still_decoder.h"
+#include "common/codecs.h"
 #include "image/image.h"
 #include "rig/exchange.h"
 #include "rig/rig_json.h"

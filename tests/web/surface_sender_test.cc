@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-#include "common/picture_view.h"
+#include "compositor/view_meta.h"
 #include "wire/surface_codec.h"
 
 namespace lf::serve {

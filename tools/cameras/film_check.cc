@@ -10,7 +10,7 @@
 #include <gst/gst.h>
 
 #include "base/text.h"
-#include "common/still_decoder.h"
+#include "common/codecs.h"
 #include "image/image_file.h"
 #include "rig/camera_source.h"
 #include "rig/source_security.h"

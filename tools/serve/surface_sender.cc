@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "common/picture_view.h"
+#include "compositor/view_meta.h"
 #include "wire/surface_codec.h"
 
 namespace lf::serve {
