@@ -297,14 +297,12 @@ void add_colour_command(cli::App& app) {
                    "Estimation method. chart uses images of a colour chart with 24 patches. views needs no chart: it "
                    "compares the colours of scene points that several cameras see, so the geometry of the rig must be "
                    "calibrated. auto uses chart if the images show a chart, and views otherwise")
-      ->capture_default_str()
       ->check(cli::IsMember({"auto", "chart", "views"}));
   command
       ->add_option("--frames", o->frames,
                    "Maximum number of frames to use per recording. They are evenly spaced over the recording. More "
                    "frames take more time. All recordings must start at the same time, because frames at equal times "
                    "must show the same scene")
-      ->capture_default_str()
       ->check(cli::Range(1, 10000));
   command->add_option("--out", o->out, "Rig file to write, with the colour corrections. This may be RIG")
       ->required()

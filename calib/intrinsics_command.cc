@@ -258,14 +258,11 @@ void add_intrinsics_command(cli::App& app) {
                         ->add_option("--views", o->views,
                                      "Number of views of the board to keep from a video or a live camera. Hold the "
                                      "board still for a moment in each position")
-                        ->capture_default_str()
                         ->check(cli::Range(3, 1000));
   add_board_options(*command, o->board);
-  command
-      ->add_option(
-          "--model", o->model,
-          "Name of the lens model, as in rig files. auto: the model with the fewest parameters that fits the images")
-      ->capture_default_str();
+  command->add_option(
+      "--model", o->model,
+      "Name of the lens model, as in rig files. auto: the model with the fewest parameters that fits the images");
   command->add_option("--rig", o->rig,
                       "Rig file that contains the camera. All other cameras are copied to --out unchanged (default: "
                       "--out becomes a rig with this camera only)");

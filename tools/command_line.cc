@@ -9,6 +9,7 @@
 #include <exception>
 #include <list>
 #include <optional>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -27,6 +28,16 @@ std::string refuse_not_finite(std::string& text) {
   char* end = nullptr;
   const double value = std::strtod(text.c_str(), &end);
   return end != text.c_str() && !std::isfinite(value) ? text + " is not a finite number" : "";
+}
+
+template <class Value>
+bool is_default(const Value& value) {
+  if constexpr (std::is_arithmetic_v<Value>)
+    return value > 0;
+  else if constexpr (requires { value.empty(); })
+    return !value.empty();
+  else
+    return false;
 }
 
 template <class Value>
@@ -54,7 +65,7 @@ const Check PositiveNumber(CLI::PositiveNumber), NonNegativeNumber(CLI::NonNegat
     ExistingPath(CLI::ExistingPath);
 
 Option* Option::required() {
-  option_->required();
+  option_->required()->default_str("");
   return this;
 }
 
@@ -104,6 +115,7 @@ App::~App() = default;
 template <class Value>
 Option* App::add_option(const std::string& name, Value& variable, const std::string& help) {
   CLI::Option* const option = parts_->app->add_option(name, variable, help);
+  if (is_default(variable)) option->capture_default_str();
   if constexpr (is_real<Value>) option->check(CLI::Validator(refuse_not_finite, ""));
   return &parts_->options.emplace_back(option);
 }

@@ -37,7 +37,7 @@ class Option {
   explicit Option(CLI::Option* option) : option_(option) {}
 
   Option* required();
-  Option* capture_default_str();  // --help shows the current value of the variable as the default
+  Option* capture_default_str();  // for a default that is 0, see App::add_option()
   Option* type_name(const std::string& name);
   Option* check(const Check& check);
   Option* delimiter(char between);  // lets one argument contain several values for a vector, such as "1,2,3"
@@ -58,7 +58,8 @@ class App {
   ~App();
 
   // Adds an option or a positional argument. Parsing writes its value to `variable`, which must outlive this object.
-  // The end of command_line.cc lists the supported types. This object owns the returned option.
+  // The end of command_line.cc lists the supported types. Unless the option is required, --help shows a positive number
+  // or a text in `variable` as the default. This object owns the returned option.
   template <class Value>
   Option* add_option(const std::string& name, Value& variable, const std::string& help = "");
   Option* add_flag(const std::string& name, bool& variable, const std::string& help = "");

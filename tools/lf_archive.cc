@@ -372,7 +372,6 @@ int main(int argc, char** argv) {
   app.add_option("--quantizer", o.quantizer,
                  "Quantizer of x264, which sets a constant quality. Smaller values give better quality and larger "
                  "files; an increase of 6 about halves the file size")
-      ->capture_default_str()
       ->check(cli::Range(1, 51));
   return cli::run_tool(app, argc, argv, [&] { run(o); });
 }

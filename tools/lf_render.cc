@@ -447,7 +447,6 @@ int main(int argc, char** argv) {
   app.add_option("--focus", options.focus,
                  "Focus of the views. plane: only the focal plane of each view is in focus. surface: the depth of each "
                  "pixel is estimated, so that the whole picture is in focus")
-      ->capture_default_str()
       ->check(cli::IsMember({"plane", "surface"}));
   cli::Option* focus_near =
       app.add_option("--focus-near", options.surface.near,
@@ -476,19 +475,16 @@ int main(int argc, char** argv) {
   app.add_option("--resampling", options.resampling,
                  "Interpolation of the camera images between pixel positions. sharpened restores most of the detail "
                  "that bilinear interpolation loses, but takes more time")
-      ->capture_default_str()
       ->check(cli::IsMember({"bilinear", "sharpened"}));
   cli::Option* gains = app.add_option("--gains", options.gains,
                                       "Exposure compensation, which matches the brightness of each camera to the rest "
                                       "of the array. It has an effect only with --focus surface (auto: on unless the "
                                       "rig has colour models)")
-                           ->capture_default_str()
                            ->check(cli::IsMember({"auto", "on", "off"}))
                            ->excludes(leave_one_out);
   app.add_option("--renderer", options.renderer,
                  "Processor that renders the views. cpu: the CPU, with vector instructions. gl: a GPU, through OpenGL "
                  "ES. auto: the faster of the two on this machine")
-      ->capture_default_str()
       ->check(cli::IsMember({"cpu", "gl", "auto"}));
   app.add_flag("--i420", options.i420,
                "Convert the images to YCbCr 4:2:0 before rendering. The results are then the same as with video "

@@ -338,11 +338,10 @@ cli::App* add_formats(cli::App& app, Arguments& arguments) {
                    "images)")
       ->check(cli::NonNegativeNumber);
   for (cli::App* command : {stanford, exports->get_subcommand("stanford")})
-    command
-        ->add_option("--unit", arguments.stanford.unit,
-                     "Length of one unit of the camera positions in the file names, in metres. For example, give 0.001 "
-                     "if the positions are in millimetres")
-        ->capture_default_str();
+    command->add_option(
+        "--unit", arguments.stanford.unit,
+        "Length of one unit of the camera positions in the file names, in metres. For example, give 0.001 "
+        "if the positions are in millimetres");
   return import;
 }
 
@@ -432,9 +431,8 @@ int main(int argc, char** argv) {
     if (&cameras != &arguments.inward && &cameras != &arguments.outward) flat.push_back(option);
   }
   shape->require_option(1);
-  cli::Option* rows = make->add_option("--rows", arguments.rows,
-                                       "Number of rows of a cylinder (--inward, --outward). The rows are --pitch apart")
-                          ->capture_default_str();
+  cli::Option* rows = make->add_option(
+      "--rows", arguments.rows, "Number of rows of a cylinder (--inward, --outward). The rows are --pitch apart");
   for (const cli::Option* option : flat) rows->excludes(option);
   make->add_option("--pitch", arguments.new_rig.pitch,
                    "Distance between the centres of neighbouring cameras, in "
@@ -449,12 +447,10 @@ int main(int argc, char** argv) {
       ->required();
   make->add_option("--width", arguments.new_rig.width,
                    "Image width of the cameras, in pixels. It must be a size that "
-                   "the cameras can deliver")
-      ->capture_default_str();
+                   "the cameras can deliver");
   make->add_option("--height", arguments.new_rig.height,
                    "Image height of the cameras, in pixels. It must be a size "
-                   "that the cameras can deliver")
-      ->capture_default_str();
+                   "that the cameras can deliver");
   make->add_flag("--devices", arguments.devices,
                  "Use the connected cameras as sources, in the order of their ports. This finds all cameras known to "
                  "GStreamer, for example from v4l2, libcamera and Aravis. Without this option, the rig file has no "

@@ -126,11 +126,8 @@ cli::App* add_chart_command(cli::App& app) {
       ->add_option("--places", o->places,
                    "Number of positions of the chart. Each film has one frame per position, so more positions make "
                    "longer films")
-      ->capture_default_str()
       ->check(cli::Range(1, 1000));
-  command->add_option("--quality", o->quality, "JPEG quality of the films")
-      ->capture_default_str()
-      ->check(cli::Range(1, 100));
+  command->add_option("--quality", o->quality, "JPEG quality of the films")->check(cli::Range(1, 100));
   o->faults.add_to(*command);
   command->callback([o] { film_chart(*o); });
   return command;
@@ -228,43 +225,33 @@ cli::App* add_lights_command(cli::App& app) {
   command->add_option("--rig", o->rig, "Rig file of the cameras to simulate")->required()->type_name("RIG.json");
   command->add_option("--out", o->out, "Folder to write")->required()->type_name("DIR");
   command->add_option("--bar", o->lights.bar, "Distance between two lights on a bar, in metres (0: one light)")
-      ->capture_default_str()
       ->check(cli::NonNegativeNumber);
   command
       ->add_option("--framerate", o->framerates,
                    "Frames per second, for example 30 or 30000/1001. Several comma-separated values apply to the "
                    "cameras in turn")
-      ->delimiter(',')
-      ->capture_default_str();
+      ->delimiter(',');
   command
       ->add_option("--seconds", o->seconds,
                    "Length of the films, in seconds. Several comma-separated values apply to the cameras in turn")
-      ->delimiter(',')
-      ->capture_default_str();
+      ->delimiter(',');
   command->add_option("--speed", o->lights.speed, "Speed of the lights, in metres per second")
-      ->capture_default_str()
       ->check(cli::PositiveNumber);
-  command->add_option("--near", o->lights.near, "Minimum distance of the lights from the array, in metres")
-      ->capture_default_str();
-  command->add_option("--far", o->lights.far, "Maximum distance of the lights from the array, in metres")
-      ->capture_default_str();
+  command->add_option("--near", o->lights.near, "Minimum distance of the lights from the array, in metres");
+  command->add_option("--far", o->lights.far, "Maximum distance of the lights from the array, in metres");
   command
       ->add_option("--power", o->lights.power,
                    "Brightness of a light at a distance of 1 m (1: its image just saturates)")
-      ->capture_default_str()
       ->check(cli::PositiveNumber);
   command
       ->add_option("--exposure", o->lights.exposure,
                    "Exposure time of each frame, in seconds. During longer exposures, the light draws longer streaks")
-      ->capture_default_str()
       ->check(cli::NonNegativeNumber);
   command->add_option("--noise", o->lights.noise, "Standard deviation of the image noise, in levels of 255")
-      ->capture_default_str()
       ->check(cli::NonNegativeNumber);
   command
       ->add_option("--ambient", o->lights.ambient,
                    "Ambient light as a fraction of the normal light of the scene (0: the room is completely dark)")
-      ->capture_default_str()
       ->check(cli::NonNegativeNumber);
   command
       ->add_option(
@@ -272,10 +259,8 @@ cli::App* add_lights_command(cli::App& app) {
           "Fraction of the light that a window behind the light reflects. Its reflections simulate false detections")
       ->capture_default_str()
       ->check(cli::Range(0.0, 1.0));
-  command->add_option("--quality", o->quality, "JPEG quality of the films")
-      ->capture_default_str()
-      ->check(cli::Range(1, 100));
-  command->add_option("--threads", o->threads)->capture_default_str()->check(cli::Range(1, 256));
+  command->add_option("--quality", o->quality, "JPEG quality of the films")->check(cli::Range(1, 100));
+  command->add_option("--threads", o->threads)->check(cli::Range(1, 256));
   command->callback([o] { film_lights(*o); });
   return command;
 }
@@ -452,34 +437,25 @@ int main(int argc, char** argv) {
   app.add_option("--grid", o.grid,
                  "Rows and columns of the built-in camera array, for example 8x8. This array is used without --rig")
       ->type_name("RxC")
-      ->capture_default_str()
       ->excludes(rig);
-  app.add_option("--width", o.width, "Image width of the cameras in the built-in array, in pixels")
-      ->capture_default_str()
-      ->excludes(rig);
-  app.add_option("--height", o.height, "Image height of the cameras in the built-in array, in pixels")
-      ->capture_default_str()
-      ->excludes(rig);
-  app.add_option("--frames", o.frames)->capture_default_str()->check(cli::Range(1, 1000000));
-  app.add_option("--framerate", o.framerate, "Frames per second, for example 15, 29.97 or 30000/1001")
-      ->capture_default_str();
+  app.add_option("--width", o.width, "Image width of the cameras in the built-in array, in pixels")->excludes(rig);
+  app.add_option("--height", o.height, "Image height of the cameras in the built-in array, in pixels")->excludes(rig);
+  app.add_option("--frames", o.frames)->check(cli::Range(1, 1000000));
+  app.add_option("--framerate", o.framerate, "Frames per second, for example 15, 29.97 or 30000/1001");
   app.add_option("--format", o.format,
                  "Format of the films. mjpeg: a film NAME.mkv for each camera, and its first frame as NAME.png; png: "
                  "one file per frame, NAME_0000.png, NAME_0001.png, ...")
-      ->capture_default_str()
       ->check(cli::IsMember({"mjpeg", "png"}));
-  const cli::Option* quality = app.add_option("--quality", o.quality, "JPEG quality of the films")
-                                   ->capture_default_str()
-                                   ->check(cli::Range(1, 100));
+  const cli::Option* quality =
+      app.add_option("--quality", o.quality, "JPEG quality of the films")->check(cli::Range(1, 100));
   app.add_option("--truth", o.truth,
                  "Views file. The exact picture of each of these views, at its time, is written to DIR/truth")
       ->type_name("VIEWS.json");
   app.add_option("--samples", o.samples,
                  "Number N of rays along x and y for each pixel that needs antialiasing, so N x N rays in total. More "
                  "rays give smoother edges")
-      ->capture_default_str()
       ->check(cli::Range(1, 16));
-  app.add_option("--threads", o.threads)->capture_default_str()->check(cli::Range(1, 256));
+  app.add_option("--threads", o.threads)->check(cli::Range(1, 256));
   o.faults.add_to(app);
   app.require_subcommand(0, 1);
   cli::App *chart = add_chart_command(app), *lights = add_lights_command(app);

@@ -396,11 +396,9 @@ void add_camera_options(cli::App& app, Options& o) {
 void add_server_options(cli::App& app, Options& o) {
   app.add_option("--listen", o.server.address,
                  "IP address that the server listens on, for example 0.0.0.0 for all addresses of this machine. Every "
-                 "address other than loopback needs either --tls-certificate and --tls-key, or --insecure")
-      ->capture_default_str();
+                 "address other than loopback needs either --tls-certificate and --tls-key, or --insecure");
   app.add_option("--port", o.server.port,
                  "TCP port of the web page (0: the system selects a free port, and lf-serve prints the address)")
-      ->capture_default_str()
       ->check(cli::Range(0, 65535));
   app.add_option("--tls-certificate", o.server.certificate,
                  "File with the certificate chain for HTTPS, in PEM format. It also requires --tls-key")
@@ -453,17 +451,14 @@ void add_view_options(cli::App& app, Options& o) {
   app.add_option("--viewers", o.limits.viewers,
                  "Maximum number of viewers at a time. A stereo viewer counts twice, because each eye needs a separate "
                  "view. Further viewers wait in a queue. Reduce this if the machine is too slow for so many viewers")
-      ->capture_default_str()
       ->check(cli::Range(1, 1000));
   app.add_option("--address-views", o.limits.address_views,
                  "Maximum number of views at a time for one client address, so that one client cannot take all places. "
                  "A stereo viewer needs 2 views")
-      ->capture_default_str()
       ->check(cli::Range(1, 1000));
   app.add_option("--framerate", o.limits.framerate,
                  "Frame rate of the video for viewers, in pictures per second. A "
                  "lower rate leaves time for more viewers")
-      ->capture_default_str()
       ->check(cli::Range(1, 120));
   app.add_option("--capture-delay", o.capture_delay_ms,
                  "Time from the capture of a frame to the request for it, in milliseconds. It must exceed the latency "
@@ -479,7 +474,6 @@ void add_view_options(cli::App& app, Options& o) {
                  "Focus of the pictures. plane: one plane is in focus, at the distance that the viewer sets. surface: "
                  "the depth of each pixel is estimated, so that the whole picture is in focus. auto: as surface, but "
                  "the depths are updated only as often as the scene needs")
-      ->capture_default_str()
       ->check(cli::IsMember({"plane", "surface", "auto"}));
   app.add_option("--focus-near", o.limits.focus_settings.near,
                  "Minimum distance of objects from the array, in metres, for the depth estimation of --focus-mode. Set "
@@ -499,12 +493,10 @@ void add_view_options(cli::App& app, Options& o) {
                  "Interpolation of the camera images between pixel positions. sharpened restores most of the detail "
                  "that bilinear interpolation loses, but takes more time. The hosts of --nodes ignore this option; set "
                  "the property at their lfcameranode instead")
-      ->capture_default_str()
       ->check(cli::IsMember({"bilinear", "sharpened"}));
   app.add_option("--renderer", o.renderer,
                  "Processor that renders the views. cpu: the CPU, with vector instructions. gl: a GPU, through OpenGL "
                  "ES. auto: the faster of the two on this machine. This option does not affect the hosts of --nodes")
-      ->capture_default_str()
       ->check(cli::IsMember({"cpu", "gl", "auto"}));
   app.add_option("--monitor", o.limits.monitor,
                  "Interval between camera checks, counted in requests of a viewer. Each check predicts the image of "
@@ -519,26 +511,21 @@ void add_view_options(cli::App& app, Options& o) {
   app.add_option("--max-width", o.limits.max_width,
                  "Maximum width of the video for one viewer, in pixels. Larger requested sizes are scaled down to fit. "
                  "Reduce it to save rendering time")
-      ->capture_default_str()
       ->check(cli::Range(64, 4096));
   app.add_option("--max-height", o.limits.max_height,
                  "Maximum height of the video for one viewer, in pixels. Larger requested sizes are scaled down to fit")
-      ->capture_default_str()
       ->check(cli::Range(64, 4096));
   app.add_option("--bitrate", o.limits.bit_rate,
                  "Maximum bit rate of the video for each viewer, in bits per second. A higher rate gives better "
                  "pictures, but needs a faster network. The server lowers the rate while packets are lost")
-      ->capture_default_str()
       ->check(cli::Range(100000, 100000000));
   app.add_option("--message-rate", o.limits.messages_per_second,
                  "Maximum number of control messages per second from each viewer, such as mouse movements. The server "
                  "ignores further messages, so that no viewer can overload the server")
-      ->capture_default_str()
       ->check(cli::Range(1, 10000));
   app.add_option("--connects", o.limits.connects_per_second,
                  "Maximum average number of viewer connections per second from one address. Short bursts may be "
                  "faster. Increase it if many viewers share one address, for example behind a proxy")
-      ->capture_default_str()
       ->check(cli::Range(0.01, 1000.0));
 }
 

@@ -122,7 +122,6 @@ void ViewOptions::add_to(cli::App& command, bool is_sweep) {
       .add_option("--focus", focus_,
                   "Focus of the view. plane: only the focal plane is in focus. surface: the depth of each pixel is "
                   "estimated, so that the whole picture is in focus")
-      ->capture_default_str()
       ->check(cli::IsMember({"plane", "surface"}));
 }
 
@@ -266,7 +265,6 @@ void OutputOptions::add_to(cli::App& command, const char* what) {
                                   .add_option("--framerate", framerate,
                                               "Frame rate of a film (.mkv), in pictures per second. It has no "
                                               "effect on pictures")
-                                  ->capture_default_str()
                                   ->check(cli::Range(0.1, 1000.0)));
 }
 
@@ -525,7 +523,6 @@ void add_difference_command(cli::App& app) {
       ->add_option(
           "--full-scale", o->full,
           "Difference at the end of the colour scale, in levels of 255. Lower values make small differences visible")
-      ->capture_default_str()
       ->check(cli::Range(1.0, 255.0));
   o->output.add_to(*difference);
   difference->callback([o] { show_difference(*o); });
@@ -594,7 +591,6 @@ int main(int argc, char** argv) {
   epi->add_option("--stripe", o.stripe,
                   "Height of the stripe that each camera gets in the picture, in pixels. Larger "
                   "values make edges easier to follow")
-      ->capture_default_str()
       ->check(cli::Range(1, 256));
   epi->add_option("--out", o.output.out, "Picture to write, as PNG or JPEG (.png or .jpg)")
       ->required()
@@ -615,7 +611,6 @@ int main(int argc, char** argv) {
       ->add_option("--planes", o.planes,
                    "Number of planes, and therefore of pictures. The inverse distances of the planes are evenly "
                    "spaced, so that the disparity changes by the same amount at each step")
-      ->capture_default_str()
       ->check(cli::Range(2, 100000));
   o.output.add_to(*sweep, "Numbered pictures (NAME_%03d.png) or a film (NAME.mkv) to write");
 

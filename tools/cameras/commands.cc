@@ -76,13 +76,11 @@ void add_doctor_command(cli::App& app, int& status) {
       ->add_option("--seconds", o->exam.seconds,
                    "Observation time, in seconds, starting when all cameras deliver frames. A longer observation finds "
                    "rarer problems")
-      ->capture_default_str()
       ->check(cli::Range(1.0, 600.0));
   command
       ->add_option("--patience", o->exam.timeout,
                    "Maximum time until the first frame of each camera, in seconds. A camera that needs more time "
                    "counts as broken. Increase it for slow network cameras")
-      ->capture_default_str()
       ->check(cli::Range(1.0, 120.0));
   command
       ->add_option("--fps", o->exam.fps,
@@ -221,7 +219,6 @@ void add_identify_command(cli::App& app) {
       ->add_option("--port", o->port,
                    "TCP port of the page, which only programs on this machine can open (0: the system selects a free "
                    "port)")
-      ->capture_default_str()
       ->check(cli::Range(0, 65535));
   cli::add_trust_option(*command, o->trusted);
   command->callback([o] {
@@ -306,7 +303,6 @@ void add_lock_command(cli::App& app, int& status) {
       ->add_option("--settle", o->lock.settle,
                    "Time for the automatic controls to adjust to the light, in seconds. Increase it if the exposure "
                    "still changes after this time")
-      ->capture_default_str()
       ->check(cli::Range(0.1, 120.0));
   command->add_flag("--no-check", o->no_check,
                     "Skip the check that the controls have an effect. The check reopens all "
@@ -370,7 +366,6 @@ void add_record_command(cli::App& app, int& status) {
   command
       ->add_option("--seconds", o->recording.seconds,
                    "Length of the recording, in seconds. Ctrl-C ends the recording early and keeps the films")
-      ->capture_default_str()
       ->check(cli::Range(0.1, 86400.0));
   command
       ->add_option("--lights", o->guide.lights,
@@ -460,7 +455,6 @@ void add_snapshot_command(cli::App& app, int& status) {
       ->add_option("--warm-up", o->snapshot.warm_up,
                    "Time that the cameras run before the snapshot, in seconds, so that automatic exposure and white "
                    "balance can adjust")
-      ->capture_default_str()
       ->check(cli::Range(0.0, 600.0));
   cli::add_trust_option(*command, o->snapshot.trusted);
   command->callback([o, &status] { status = take_snapshot(*o); });
