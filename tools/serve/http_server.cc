@@ -223,8 +223,8 @@ void WhepEndpoint::open(SoupServerMessage* message, const Client& client, Offer 
     g_object_unref(message);
   };
   try {
-    Route route{options_.media_address, options_.ice.for_webrtcbin(seconds_now())};
-    *name = sessions.open(subscriber(client.address), std::move(offer), view_params, std::move(route), answer);
+    const Route route{options_.media_address, options_.ice.for_webrtcbin(seconds_now())};
+    *name = sessions.open(subscriber(client.address), std::move(offer), view_params, route, answer);
   } catch (const Error& error) {
     say(std::string("a viewer cannot be opened: ") + error.what());
     refusals_.answer(message, client.address, refusal::kView);

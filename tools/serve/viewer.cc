@@ -17,6 +17,7 @@ using nlohmann::json;
 
 // Maximum number of requests in flight. Over a network, a round trip may take longer than a frame.
 constexpr int kMaxLocal = 2, kMaxRemote = 4;
+constexpr int kMinBitRate = 100000;
 
 uint64_t count_in(const GstStructure* stats, const char* name) {
   guint64 value = 0;
@@ -30,17 +31,18 @@ uint32_t rtp_timestamp(GstClockTime running_time) {
 
 }  // namespace
 
-Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, Callbacks callbacks)
+Viewer::Viewer(LightField& field, Offer offer, const ViewSettings& settings, double max_aperture, const Route& route,
+               Callbacks callbacks)
     : field_(field),
       settings_(settings),
-      max_aperture_(settings.max_aperture),
+      max_aperture_(max_aperture),
       callbacks_(std::move(callbacks)),
       began_(g_get_monotonic_time()),
       pacer_(field.is_local() ? kMaxLocal : kMaxRemote),
-      quality_(settings.least_bit_rate, settings.most_bit_rate,
-               static_cast<double>(settings.eye.width) * settings.eye.height * settings.eye.framerate),
-      messages_(settings.messages_per_second, 2 * settings.messages_per_second) {
-  video_ = launch_bin(ViewerPipeline::launch_line(field.nodes()) + encoder_line(offer, settings.most_bit_rate));
+      quality_(std::min(kMinBitRate, settings.max_bit_rate()), settings.max_bit_rate(),
+               static_cast<double>(settings.params.width) * settings.params.height * settings.limits.framerate),
+      messages_(settings.limits.messages_per_second, 2 * settings.limits.messages_per_second) {
+  video_ = launch_bin(ViewerPipeline::launch_line(field.nodes()) + encoder_line(offer, settings.max_bit_rate()));
   GstElement* webrtc = gst_element_factory_make("webrtcbin", nullptr);
   if (!webrtc) {
     gst_object_unref(video_);
@@ -54,7 +56,7 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, C
   encoder_ = find("encoder");
   encoder_name_ = GST_OBJECT_NAME(gst_element_get_factory(encoder_));
   view_pipeline_ =
-      std::make_unique<ViewerPipeline>(video_, field, settings.eye, [this](GstClockTime time) { requested(time); });
+      std::make_unique<ViewerPipeline>(video_, field, settings, [this](GstClockTime time) { requested(time); });
   update_pacer();
   watch_encoder();
 
@@ -83,7 +85,7 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, C
   gst_object_unref(out);
   gst_object_unref(payloader);
 
-  peer_ = Peer::make(webrtc, std::move(offer), ssrc, settings.route,
+  peer_ = Peer::make(webrtc, std::move(offer), ssrc, route,
                      {callbacks_.on_answer,
                       [this] {
                         start_video();
@@ -105,9 +107,9 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, C
 
 // Requests are sent at multiples of the frame duration in running time, so the base time sets their phase.
 void Viewer::set_request_phase() {
-  const GstClockTime period = GST_SECOND / static_cast<uint64_t>(settings_.eye.framerate);
+  const GstClockTime period = GST_SECOND / static_cast<uint64_t>(settings_.limits.framerate);
   const GstClockTime now = gst_clock_get_time(field_.clock());
-  const auto turn = static_cast<GstClockTime>(request_phase(settings_.eye.view) * static_cast<double>(period));
+  const auto turn = static_cast<GstClockTime>(request_phase(settings_.id) * static_cast<double>(period));
   gst_element_set_start_time(pipeline_, GST_CLOCK_TIME_NONE);
   gst_element_set_base_time(pipeline_, now - (now - turn) % period);
 }
@@ -211,7 +213,7 @@ void Viewer::requested(GstClockTime time) {
   {
     const std::lock_guard lock(mutex_);
     // The time of a request is a capture time, and the request was sent capture_delay later.
-    if (change_ && change_->time <= time + settings_.eye.capture_delay) {
+    if (change_ && change_->time <= time + settings_.capture_delay()) {
       applied = change_->id;
       change_.reset();
     }
@@ -227,7 +229,7 @@ void Viewer::control(const std::string& text) {
     if (!messages_.take(g_get_monotonic_time())) {
       refused_messages_++;
       if (!rate_limited_)
-        say("view " + std::to_string(settings_.eye.view) + ": messages are ignored, because the viewer sends too many");
+        say("view " + std::to_string(settings_.id) + ": messages are ignored, because the viewer sends too many");
       rate_limited_ = true;
       return;
     }
@@ -281,11 +283,11 @@ void Viewer::apply_quality() {
   set_bit_rate(encoder_, quality_.bits_per_second());
   peer_->set_bit_rate(quality_.bits_per_second());
   // Slightly shorter than a frame, because the times of requests jitter while the view changes.
-  const uint64_t period = GST_SECOND / static_cast<uint64_t>(settings_.eye.framerate);
+  const uint64_t period = GST_SECOND / static_cast<uint64_t>(settings_.limits.framerate);
   pacer_.set_interval(static_cast<uint64_t>(pictures_left_out()) * (2 * period - period / 4));
   view_pipeline_->set_depth_interval(load_shedding_.depth_interval());
   const auto side = [this](int full) { return full / size_divisor() & ~1; };
-  view_pipeline_->set_size(side(settings_.eye.width), side(settings_.eye.height));
+  view_pipeline_->set_size(side(settings_.params.width), side(settings_.params.height));
 }
 
 double Viewer::silence(int64_t now) const {
@@ -295,8 +297,8 @@ double Viewer::silence(int64_t now) const {
 void Viewer::send_pixel_info(const ControlMessage::Pixel& pixel) {
   auto view = view_pipeline_->asked();
   if (!view) return;
-  const bool right = settings_.eye.eye_distance > 0 && pixel.x >= view->width;
-  if (right) view = offset_view(*view, settings_.eye.eye_distance);
+  const bool right = settings_.params.eye_distance > 0 && pixel.x >= view->width;
+  if (right) view = offset_view(*view, settings_.params.eye_distance);
   nlohmann::json cameras = field_.array()->pixel(*view, pixel.x - (right ? view->width : 0), pixel.y);
   peer_->send(info_message(json{{"pixel", {{"x", pixel.x}, {"y", pixel.y}, {"cameras", std::move(cameras)}}}}));
 }
@@ -334,7 +336,7 @@ void Viewer::report(const LinkReport& link) {
                {"videoBytes", video_bytes_.load()},
                {"surfaceBytes", surface_bytes_.load()},
                {"bitRate", quality_.bits_per_second()},
-               {"frameRate", settings_.eye.framerate / (1 + pictures_left_out())},
+               {"frameRate", settings_.limits.framerate / (1 + pictures_left_out())},
                {"sizeDivisor", size_divisor()},
                {"sentRate", 8 * (video_bytes_ - video_bytes_reported_)},
                {"shed", load_shedding_report()},
@@ -343,7 +345,7 @@ void Viewer::report(const LinkReport& link) {
                {"loss", link.loss},
                {"roundTripMs", link.round_trip * 1e3}};
   video_bytes_reported_ = video_bytes_;
-  json focus = {{"on", settings_.eye.focus_settings.mode},
+  json focus = {{"on", settings_.limits.focus_settings.mode},
                 {"rounds", count_in(stats, "focus-rounds")},
                 {"interval", count_in(stats, "focus-interval")},
                 {"consistencyBytes", count_in(stats, "consistency-bytes")}};
@@ -367,10 +369,10 @@ void Viewer::report(const LinkReport& link) {
     info["cameras"] = {{"count", cameras.count}, {"working", cameras.working}};
   if (!field_.is_local()) info["nodes"] = {{"count", field_.nodes()}, {"silent", field_.silent_nodes()}};
   if (json shown = view_pipeline_->shown(); shown.is_object()) info["picture"] = std::move(shown);
-  info["monitored"] = settings_.monitored;
+  info["monitored"] = settings_.limits.monitor > 0;
   if (const auto view = view_pipeline_->asked()) info["coverage"] = field_.array()->coverage(*view);
   json message = {{"statistics", std::move(info)}};
-  if (settings_.eye.path.empty()) message["view"] = view_pipeline_->numbers();
+  if (settings_.params.path.empty()) message["view"] = view_pipeline_->numbers();
   peer_->send(info_message(message));
 }
 
