@@ -7,6 +7,7 @@
 #include <gst/video/video.h>
 
 #include "base/text.h"
+#include "sample_reader.h"
 
 namespace {
 
@@ -56,17 +57,15 @@ MjpegWriter::MjpegWriter(const std::string& path, int width, int height) : path_
 }
 
 void MjpegWriter::open(const std::string& coder, GstCaps* caps) {
-  GError* error = nullptr;
+  g_autoptr(GError) error = nullptr;
   pipeline_ = gst_parse_launch(
       ("appsrc name=source format=time block=true max-buffers=4 ! " + coder + kMuxer + " ! fdsink name=sink sync=false")
           .c_str(),
       &error);
   if (error) {
-    const std::string reason = error->message;
-    g_error_free(error);
     gst_caps_unref(caps);
     if (pipeline_) gst_object_unref(pipeline_);
-    throw lf::Error(path_ + ": can't be written: " + reason);
+    throw lf::Error(path_ + ": can't be written: " + error->message);
   }
   if (rate_.numerator == 0) write_beginning();
   GstElement* sink = gst_bin_get_by_name(GST_BIN(pipeline_), "sink");
