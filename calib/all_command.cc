@@ -352,7 +352,7 @@ class CalibrationRun {
 
 }  // namespace
 
-void add_all_command(cli::App& app, int& status) {
+void add_all_command(cli::App& app) {
   const auto o = std::make_shared<AllArguments>();
   cli::App* command = app.add_subcommand(
       "all",
@@ -414,5 +414,5 @@ void add_all_command(cli::App& app, int& status) {
                    "Calibrated rig file to write (default: calibrated.json in the folder of RIG). The report and "
                    "intermediate files are written to a folder with the same name without extension")
       ->type_name("RIG");
-  command->callback([o, &status] { status = CalibrationRun(*o).run(); });
+  command->callback([o] { return CalibrationRun(*o).run(); });
 }

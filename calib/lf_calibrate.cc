@@ -116,10 +116,9 @@ int main(int argc, char** argv) {
       "lf-calibrate");
   app.require_subcommand(1);
   lf::capture_solver_messages();
-  int status = 0;
-  add_all_command(app, status);
+  add_all_command(app);
   add_boards_command(app);
-  add_check_command(app, status);
+  add_check_command(app);
   add_colour_command(app);
   add_features_command(app);
   add_intrinsics_command(app);
@@ -127,16 +126,11 @@ int main(int argc, char** argv) {
   add_solve_command(app);
   add_track_command(app);
   // If standard output is a log file, the file also receives the error.
-  const int failed = cli::run_tool(
-      app, argc, argv, [] {},
-      [](const std::string& error) {
-        struct stat out = {};
-        if (fstat(STDOUT_FILENO, &out) == 0 && S_ISREG(out.st_mode)) terminal::print("error: %s\n", error.c_str());
-      });
-  // Messages of the solver may explain a failure, but are useless otherwise.
-  for (const std::string& message : failed ? lf::solver_messages() : std::vector<std::string>())
-    terminal::print_error("note: solver message: %s\n", message.c_str());
-  // The command check uses exit status 1 for a rig that does not hold, so errors need another status.
-  if (failed && *app.get_subcommand("check")) return 2;
-  return failed ? failed : status;
+  return cli::run_tool(app, argc, argv, {}, [](const std::string& error) {
+    struct stat out = {};
+    if (fstat(STDOUT_FILENO, &out) == 0 && S_ISREG(out.st_mode)) terminal::print("error: %s\n", error.c_str());
+    // Messages of the solver may explain a failure, but are useless otherwise.
+    for (const std::string& message : lf::solver_messages())
+      terminal::print_error("note: solver message: %s\n", message.c_str());
+  });
 }

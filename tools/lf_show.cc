@@ -615,5 +615,5 @@ int main(int argc, char** argv) {
   o.output.add_to(*sweep, "Numbered pictures (NAME_%03d.png) or a film (NAME.mkv) to write");
 
   add_difference_command(app);
-  return cli::run_tool(app, argc, argv, [] {});
+  return cli::run_tool(app, argc, argv);
 }

@@ -66,7 +66,7 @@ int run_doctor(DoctorArguments options) {
 
 }  // namespace
 
-void add_doctor_command(cli::App& app, int& status) {
+void add_doctor_command(cli::App& app) {
   const auto o = std::make_shared<DoctorArguments>();
   cli::App* command = app.add_subcommand("doctor",
                                          "Opens all cameras at the same time, and reports frame rates, problems and "
@@ -89,7 +89,7 @@ void add_doctor_command(cli::App& app, int& status) {
       ->check(cli::Range(1, 1000));
   command->add_flag("--json", o->json, "Print the report as JSON, for scripts");
   cli::add_trust_option(*command, o->exam.trusted);
-  command->callback([o, &status] { status = run_doctor(*o); });
+  command->callback([o] { return run_doctor(*o); });
 }
 
 namespace {
@@ -282,7 +282,7 @@ int lock_cameras(LockArguments options) {
 
 }  // namespace
 
-void add_lock_command(cli::App& app, int& status) {
+void add_lock_command(cli::App& app) {
   const auto o = std::make_shared<LockArguments>();
   cli::App* command = app.add_subcommand(
       "lock",
@@ -311,7 +311,7 @@ void add_lock_command(cli::App& app, int& status) {
                       "Rig file that receives the fixed values, as controls of each camera (default: "
                       "RIG)");
   cli::add_trust_option(*command, o->lock.trusted);
-  command->callback([o, &status] { status = lock_cameras(*o); });
+  command->callback([o] { return lock_cameras(*o); });
 }
 
 namespace {
@@ -350,7 +350,7 @@ int record_films(RecordArguments options) {
 
 }  // namespace
 
-void add_record_command(cli::App& app, int& status) {
+void add_record_command(cli::App& app) {
   const auto o = std::make_shared<RecordArguments>();
   cli::App* command = app.add_subcommand("record",
                                          "Records all cameras with a common clock, for lf-calibrate. The exit status "
@@ -378,7 +378,7 @@ void add_record_command(cli::App& app, int& status) {
                    "port; default: no page)")
       ->check(cli::Range(0, 65535));
   cli::add_trust_option(*command, o->recording.trusted);
-  command->callback([o, &status] { status = record_films(*o); });
+  command->callback([o] { return record_films(*o); });
 }
 
 namespace {
@@ -438,7 +438,7 @@ int take_snapshot(SnapshotArguments options) {
 
 }  // namespace
 
-void add_snapshot_command(cli::App& app, int& status) {
+void add_snapshot_command(cli::App& app) {
   const auto o = std::make_shared<SnapshotArguments>();
   cli::App* command = app.add_subcommand("snapshot",
                                          "Saves one image of each camera, all taken at the same time, and a rig file "
@@ -457,5 +457,5 @@ void add_snapshot_command(cli::App& app, int& status) {
                    "balance can adjust")
       ->check(cli::Range(0.0, 600.0));
   cli::add_trust_option(*command, o->snapshot.trusted);
-  command->callback([o, &status] { status = take_snapshot(*o); });
+  command->callback([o] { return take_snapshot(*o); });
 }
