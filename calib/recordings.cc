@@ -46,11 +46,10 @@ FileKind kind_of(const fs::path& path) {
   constexpr size_t kEnough = size_t{1} << 18;
   const std::string bytes = beginning_of(path, kEnough);
   if (bytes.empty()) return FileKind::kOther;
-  GstCaps* const caps =
+  g_autoptr(GstCaps) caps =
       gst_type_find_helper_for_data(nullptr, reinterpret_cast<const guint8*>(bytes.data()), bytes.size(), nullptr);
   if (!caps) return FileKind::kOther;
   const std::string type = gst_caps_get_size(caps) > 0 ? gst_structure_get_name(gst_caps_get_structure(caps, 0)) : "";
-  gst_caps_unref(caps);
   if (type == "image/jpeg") return has_second_jpeg(path) ? FileKind::kFilm : FileKind::kStill;
   if (type.starts_with("image/")) return FileKind::kStill;
   for (const char* film : {"video/", "application/x-yuv4mpeg", "application/ogg", "application/mxf",

@@ -171,13 +171,11 @@ SceneFilming::SceneFilming(std::function<void(const std::string&)> on_end)
   const std::string program = fs::exists(beside, none) ? beside.string() : "lf-scene", out = folder();
   const char* const arguments[] = {program.c_str(), "--out",    out.c_str(), "--grid",   "8x8", "--width",
                                    "320",           "--height", "240",       "--frames", "60",  nullptr};
-  GError* error = nullptr;
+  g_autoptr(GError) error = nullptr;
   process_ = g_subprocess_newv(arguments, G_SUBPROCESS_FLAGS_STDERR_PIPE, &error);
   if (!process_) {
-    const std::string text = std::string("lf-scene: ") + error->message;
-    g_error_free(error);
     g_object_unref(cancellable_);
-    throw lf::Error(text);
+    throw lf::Error(std::string("lf-scene: ") + error->message);
   }
   stderr_ = g_data_input_stream_new(g_subprocess_get_stderr_pipe(process_));
   read_line();
@@ -195,12 +193,10 @@ void SceneFilming::read_line() {
   g_data_input_stream_read_line_async(
       stderr_, G_PRIORITY_DEFAULT, cancellable_,
       [](GObject* stream, GAsyncResult* result, gpointer data) {
-        GError* error = nullptr;
+        g_autoptr(GError) error = nullptr;
         g_autofree gchar* line =
             g_data_input_stream_read_line_finish(G_DATA_INPUT_STREAM(stream), result, nullptr, &error);
-        const bool cancelled = g_error_matches(error, G_IO_ERROR, G_IO_ERROR_CANCELLED);
-        g_clear_error(&error);
-        if (cancelled) return;  // `data` no longer exists
+        if (g_error_matches(error, G_IO_ERROR, G_IO_ERROR_CANCELLED)) return;  // `data` no longer exists
         SceneFilming* self = static_cast<SceneFilming*>(data);
         if (line) return self->parse_line(line);
         // Standard error is closed, so the process is about to exit.

@@ -16,14 +16,13 @@ namespace lf {
 // Waits up to `timeout` for an error on the pipeline's bus, and takes it from the bus. Returns the text of the error,
 // or `otherwise` if there is none.
 inline std::string bus_error(GstElement* pipeline, GstClockTime timeout, std::string otherwise) {
-  GstBus* bus = gst_element_get_bus(pipeline);
-  if (GstMessage* message = gst_bus_timed_pop_filtered(bus, timeout, GST_MESSAGE_ERROR)) {
+  g_autoptr(GstBus) bus = gst_element_get_bus(pipeline);
+  g_autoptr(GstMessage) message = gst_bus_timed_pop_filtered(bus, timeout, GST_MESSAGE_ERROR);
+  if (message) {
     g_autoptr(GError) error = nullptr;
     gst_message_parse_error(message, &error, nullptr);
     otherwise = redacted_location(error->message);
-    gst_message_unref(message);
   }
-  gst_object_unref(bus);
   return otherwise;
 }
 

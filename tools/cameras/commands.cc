@@ -151,11 +151,10 @@ class Identify {
   void look() {
     cameras_.wait(0);
     if (!opening_) return;
-    size_t settled = 0;
-    for (const lf::CameraIndex i : cameras_.cameras())
-      settled += cameras_.frames(i) > 0 || !cameras_.problem(i).empty();
+    const auto settled =
+        std::ranges::count_if(cameras_.cameras(), [this](lf::CameraIndex i) { return cameras_.is_settled(i); });
     opening_->reach(static_cast<double>(settled) / static_cast<double>(rig_.cameras.size()));
-    if (settled < rig_.cameras.size()) return;
+    if (static_cast<size_t>(settled) < rig_.cameras.size()) return;
     opening_.reset();
     for (const lf::CameraIndex i : cameras_.cameras())
       if (const std::string problem = cameras_.problem(i); !problem.empty())

@@ -71,13 +71,12 @@ void read_controls(const GstStructure* stats, CameraReport& exam) {
 CameraReport result_of(const RigCameras& cameras, CameraIndex index, FrameMonitor& watch, uint64_t bytes,
                        double duration) {
   CameraReport exam{.camera = index, .problem = cameras.problem(index), .format = cameras.format(index)};
-  GstStructure* stats = cameras.stats(index);
+  g_autoptr(GstStructure) stats = cameras.stats(index);
   if (const char* stamps = gst_structure_get_string(stats, "capture-time")) exam.stamps = stamps;
   guint64 dropped = 0;
   gst_structure_get_uint64(stats, "dropped", &dropped);
   exam.left_undecoded = dropped;
   read_controls(stats, exam);
-  gst_structure_free(stats);
   const std::lock_guard lock(watch.mutex);
   exam.times = frame_time_stats(watch.taken);
   exam.delay = watch.delays.empty() ? 0 : median(watch.delays);
@@ -160,10 +159,7 @@ DoctorReport run_doctor(std::shared_ptr<const Rig> rig, const std::string& path,
   RigCameras cameras(rig, path, {.decode = false, .trusted = options.trusted, .fps = options.fps},
                      [&](const CameraFrame& frame) { watches[frame.camera].see(frame); });
   cameras.start();
-  cameras.wait(options.timeout, [&] {
-    return std::all_of(cameras.cameras().begin(), cameras.cameras().end(),
-                       [&](CameraIndex i) { return cameras.frames(i) > 0 || !cameras.problem(i).empty(); });
-  });
+  cameras.wait_for_frames(options.timeout);
   const double settled = cameras.now() + kSettle;
   const auto progress = [&] {
     const double left = settled + options.seconds - cameras.now();

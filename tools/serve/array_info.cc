@@ -68,10 +68,9 @@ CameraStates camera_states(GstElement* node) {
 }
 
 std::string camera_problem(GstElement* node, uint32_t id) {
-  GstElement* camera = gst_bin_get_by_name(GST_BIN(node), ("camera" + std::to_string(id)).c_str());
+  g_autoptr(GstElement) camera = gst_bin_get_by_name(GST_BIN(node), ("camera" + std::to_string(id)).c_str());
   if (!camera) return "";
   g_autoptr(GstStructure) stats = stats_of(camera);
-  gst_object_unref(camera);
   const char* reason = gst_structure_get_string(stats, "reason");
   return reason ? reason : "";
 }

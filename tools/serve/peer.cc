@@ -100,7 +100,7 @@ gboolean read_stats(GQuark, const GValue* value, gpointer data) {
   if (!GST_VALUE_HOLDS_STRUCTURE(value)) return TRUE;
   const GstStructure* s = gst_value_get_structure(value);
   GstWebRTCStatsType type;
-  GstStructure* source = nullptr;
+  g_autoptr(GstStructure) source = nullptr;
   if (!gst_structure_get(s, "type", GST_TYPE_WEBRTC_STATS_TYPE, &type, nullptr) ||
       type != GST_WEBRTC_STATS_REMOTE_INBOUND_RTP ||
       !gst_structure_get(s, "gst-rtpsource-stats", GST_TYPE_STRUCTURE, &source, nullptr))
@@ -109,7 +109,6 @@ gboolean read_stats(GQuark, const GValue* value, gpointer data) {
   if (gst_structure_get(source, "rb-ssrc", G_TYPE_UINT, &report.ssrc, "rb-exthighestseq", G_TYPE_UINT, &report.highest,
                         "rb-packetslost", G_TYPE_INT, &report.lost, nullptr))
     received.reports.push_back(report);
-  gst_structure_free(source);
   gst_structure_get_double(s, "round-trip-time", &received.round_trip);
   return TRUE;
 }
@@ -338,11 +337,10 @@ void Peer::announce() {
   if (offer_.playout_delay > 0)
     gst_caps_set_simple(caps, ("extmap-" + std::to_string(offer_.playout_delay)).c_str(), G_TYPE_STRING,
                         kPlayoutDelayUri, nullptr);
-  GstPad* sink = gst_element_get_static_pad(webrtc_, "sink_0");
+  g_autoptr(GstPad) sink = gst_element_get_static_pad(webrtc_, "sink_0");
   gst_pad_send_event(sink, gst_event_new_stream_start("video"));
   gst_pad_send_event(sink, gst_event_new_caps(caps));
   gst_caps_unref(caps);
-  gst_object_unref(sink);
 }
 
 void Peer::negotiate() {
@@ -440,14 +438,13 @@ void Peer::send_surface(std::span<const uint8_t> message) {
   constexpr uint64_t kMaxWaiting = 4096;  // later messages are more useful than waiting ones
   GstWebRTCDataChannel* channel = open_for_sending(&Peer::surface_channel_, kMaxWaiting);
   if (!channel) return;
-  GBytes* bytes = g_bytes_new(message.data(), message.size());
+  g_autoptr(GBytes) bytes = g_bytes_new(message.data(), message.size());
   gst_webrtc_data_channel_send_data(channel, bytes);
-  g_bytes_unref(bytes);
   g_object_unref(channel);
 }
 
 void Peer::close_dtls() {
-  GstElement* dtls = nullptr;
+  g_autoptr(GstElement) dtls = nullptr;
   {
     const std::lock_guard lock(mutex_);
     if (connected_ && dtls_) dtls = GST_ELEMENT(gst_object_ref(dtls_));
@@ -467,7 +464,6 @@ void Peer::close_dtls() {
         return TRUE;
       },
       nullptr);
-  gst_object_unref(dtls);
   if (probe == 0) return;
   goodbye->wait();
   gst_pad_remove_probe(src, probe);

@@ -42,7 +42,7 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewSettings& settings, dou
       quality_(std::min(kMinBitRate, settings.max_bit_rate()), settings.max_bit_rate(),
                static_cast<double>(settings.params.width) * settings.params.height * settings.limits.framerate),
       messages_(settings.limits.messages_per_second, 2 * settings.limits.messages_per_second) {
-  video_ = launch_bin(ViewerPipeline::launch_line(field.nodes()) + encoder_line(offer, settings.max_bit_rate()));
+  video_ = launch(ViewerPipeline::launch_line(field.nodes()) + encoder_line(offer, settings.max_bit_rate()), true);
   GstElement* webrtc = gst_element_factory_make("webrtcbin", nullptr);
   if (!webrtc) {
     gst_object_unref(video_);
@@ -61,10 +61,10 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewSettings& settings, dou
   watch_encoder();
 
   const uint32_t ssrc = std::max<uint32_t>(g_random_int(), 1);
-  GstElement* payloader = find("payloader");
+  g_autoptr(GstElement) payloader = find("payloader");
   if (offer.playout_delay > 0) add_playout_delay(payloader, offer.playout_delay);
   g_object_set(payloader, "ssrc", ssrc, nullptr);
-  GstPad* out = gst_element_get_static_pad(payloader, "src");
+  g_autoptr(GstPad) out = gst_element_get_static_pad(payloader, "src");
   gst_pad_add_probe(
       out, GstPadProbeType(GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_BUFFER_LIST),
       [](GstPad*, GstPadProbeInfo* info, gpointer data) {
@@ -82,8 +82,6 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewSettings& settings, dou
         return !key || static_cast<Viewer*>(data)->peer_->take_key_frame() ? GST_PAD_PROBE_OK : GST_PAD_PROBE_DROP;
       },
       this, nullptr);
-  gst_object_unref(out);
-  gst_object_unref(payloader);
 
   peer_ = Peer::make(webrtc, std::move(offer), ssrc, route,
                      {callbacks_.on_answer,
@@ -94,9 +92,8 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewSettings& settings, dou
                       callbacks_.on_gone, [this](const std::string& text) { control(text); },
                       [this](const LinkReport& link) { report(link); }});
 
-  GstBus* bus = gst_element_get_bus(pipeline_);
+  g_autoptr(GstBus) bus = gst_element_get_bus(pipeline_);
   watch_ = gst_bus_add_watch(bus, bus_message, this);
-  gst_object_unref(bus);
   gst_pipeline_use_clock(GST_PIPELINE(pipeline_), field.clock());
   set_request_phase();
   gst_element_set_state(video_, GST_STATE_READY);
@@ -156,7 +153,7 @@ void Viewer::update_pacer() {
         return static_cast<RequestPacer*>(data)->begin(time) ? GST_PAD_PROBE_OK : GST_PAD_PROBE_DROP;
       },
       &pacer_, nullptr);
-  GstPad* pictures = gst_element_get_static_pad(view_pipeline_->compositor(), "src");
+  g_autoptr(GstPad) pictures = gst_element_get_static_pad(view_pipeline_->compositor(), "src");
   gst_pad_add_probe(
       pictures, GST_PAD_PROBE_TYPE_BUFFER,
       [](GstPad*, GstPadProbeInfo* info, gpointer data) {
@@ -164,11 +161,10 @@ void Viewer::update_pacer() {
         return GST_PAD_PROBE_OK;
       },
       &pacer_, nullptr);
-  gst_object_unref(pictures);
 }
 
 void Viewer::watch_encoder() {
-  GstPad* encoded = gst_element_get_static_pad(encoder_, "src");
+  g_autoptr(GstPad) encoded = gst_element_get_static_pad(encoder_, "src");
   gst_pad_add_probe(
       encoded, GST_PAD_PROBE_TYPE_BUFFER,
       [](GstPad* pad, GstPadProbeInfo* info, gpointer data) {
@@ -176,17 +172,15 @@ void Viewer::watch_encoder() {
         return GST_PAD_PROBE_OK;
       },
       this, nullptr);
-  gst_object_unref(encoded);
 }
 
 void Viewer::send_surface(GstPad* encoded, GstBuffer* picture) {
   GstCustomMeta* meta = peer_->takes_surfaces() ? gst_buffer_get_custom_meta(picture, "lightfield-view") : nullptr;
-  GstEvent* event = meta ? gst_pad_get_sticky_event(encoded, GST_EVENT_SEGMENT, 0) : nullptr;
+  g_autoptr(GstEvent) event = meta ? gst_pad_get_sticky_event(encoded, GST_EVENT_SEGMENT, 0) : nullptr;
   if (!event) return;
   const GstSegment* segment = nullptr;
   gst_event_parse_segment(event, &segment);
   const GstClockTime time = gst_segment_to_running_time(segment, GST_FORMAT_TIME, GST_BUFFER_PTS(picture));
-  gst_event_unref(event);
   const std::vector<uint8_t> message =
       surfaces_.message(gst_custom_meta_get_structure(meta), rtp_timestamp(time), gst_buffer_get_size(picture));
   if (message.empty()) return;
@@ -322,7 +316,7 @@ void Viewer::report(const LinkReport& link) {
   if (quality_.update(link.loss, link.round_trip)) apply_quality();
   if (quality_.wants_key_frame())
     gst_element_send_event(encoder_, gst_video_event_new_upstream_force_key_unit(GST_CLOCK_TIME_NONE, TRUE, 0));
-  GstStructure* stats = view_pipeline_->stats();
+  g_autoptr(GstStructure) stats = view_pipeline_->stats();
   const auto ms = [stats](const char* name) { return static_cast<double>(count_in(stats, name)) * 1e-6; };
   json info = {{"pictures", count_in(stats, "pictures")},
                {"incomplete", count_in(stats, "incomplete")},
@@ -354,7 +348,6 @@ void Viewer::report(const LinkReport& link) {
   gst_structure_get(stats, "focus-residual", G_TYPE_DOUBLE, &residual, "focus-improvement", G_TYPE_DOUBLE, &gained,
                     "focus-flat", G_TYPE_BOOLEAN, &flat, "focus-near", G_TYPE_DOUBLE, &near, "focus-far", G_TYPE_DOUBLE,
                     &far, nullptr);
-  gst_structure_free(stats);
   focus["residual"] = std::isfinite(residual) ? residual : 0;
   focus["gained"] = std::isfinite(gained) ? gained : 0;
   focus["flat"] = flat != FALSE;
@@ -377,9 +370,8 @@ void Viewer::report(const LinkReport& link) {
 }
 
 MonitorReport Viewer::monitor() const {
-  GstStructure* stats = view_pipeline_->stats();
+  g_autoptr(GstStructure) stats = view_pipeline_->stats();
   MonitorReport report = monitor_report(stats);
-  gst_structure_free(stats);
   return report;
 }
 
@@ -388,11 +380,10 @@ Viewer::ViewerCounters Viewer::counters() const {
                           .surface_bytes = surface_bytes_,
                           .refused_messages = refused_messages_,
                           .bits_per_second = quality_.bits_per_second()};
-  GstStructure* stats = view_pipeline_->stats();
+  g_autoptr(GstStructure) stats = view_pipeline_->stats();
   counters.pictures += count_in(stats, "pictures");
   counters.incomplete += count_in(stats, "incomplete");
   counters.answer_bytes += count_in(stats, "bytes");
-  gst_structure_free(stats);
   return counters;
 }
 

@@ -111,14 +111,12 @@ ViewerPipeline::ViewerPipeline(GstElement* pipeline, LightField& field, const Vi
   if (limits.focus > 0) g_object_set(view_, "focus-distance", limits.focus, nullptr);
   if (!params.path.empty()) g_object_set(view_, "location", params.path.c_str(), "loop", TRUE, nullptr);
 
-  GstPad* pictures = gst_element_get_static_pad(compositor_, "src");
+  g_autoptr(GstPad) pictures = gst_element_get_static_pad(compositor_, "src");
   gst_pad_add_probe(pictures, GST_PAD_PROBE_TYPE_BUFFER, on_picture, this, nullptr);
-  gst_object_unref(pictures);
-  GstElement* requests = find("requests");
+  g_autoptr(GstElement) requests = find("requests");
   GstAppSinkCallbacks sink_callbacks = {};
   sink_callbacks.new_sample = take_request;
   gst_app_sink_set_callbacks(GST_APP_SINK(requests), &sink_callbacks, this, nullptr);
-  gst_object_unref(requests);
   for (size_t i = 0; i < field.nodes(); i++) answers_.push_back(GST_APP_SRC(find("answers" + std::to_string(i))));
   field.join(id_, [this](size_t node, GstBuffer* answer) { take_answer(node, answer); });
 }
@@ -174,27 +172,25 @@ json ViewerPipeline::shown() const {
 }
 
 std::optional<View> ViewerPipeline::asked() const {
-  GstBuffer* request = nullptr;
+  g_autoptr(GstBuffer) request = nullptr;
   {
     const std::lock_guard lock(mutex_);
     if (!last_request_) return std::nullopt;
     request = gst_buffer_ref(last_request_);
   }
   const auto decoded = request_in(request);
-  gst_buffer_unref(request);
   return decoded ? std::optional(decoded->view) : std::nullopt;
 }
 
 GstFlowReturn ViewerPipeline::take_request(GstAppSink* sink, gpointer data) {
   ViewerPipeline* self = static_cast<ViewerPipeline*>(data);
-  GstSample* sample = gst_app_sink_pull_sample(sink);
+  g_autoptr(GstSample) sample = gst_app_sink_pull_sample(sink);
   if (!sample) return GST_FLOW_OK;
   GstBuffer* buffer = gst_sample_get_buffer(sample);
   self->field_.request(buffer);
   if (!is_probe(buffer) && self->begins(buffer))
     self->on_request_(
         gst_segment_to_running_time(gst_sample_get_segment(sample), GST_FORMAT_TIME, GST_BUFFER_PTS(buffer)));
-  gst_sample_unref(sample);
   return GST_FLOW_OK;
 }
 
