@@ -39,29 +39,6 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-// Runs the calibration steps, each as a separate lf-calibrate command. A step is skipped if its inputs, arguments and
-// output files have not changed since its last run.
-class StepRunner {
- public:
-  // `folder` receives steps.json and STEP.log, the output of each step. Throws lf::Error if it cannot be created.
-  explicit StepRunner(const std::string& folder);
-
-  struct Step {
-    std::string name;
-    std::vector<std::string> arguments;
-    std::vector<std::string> inputs;   // input files, and folders including their files
-    std::vector<std::string> outputs;
-  };
-  // Runs the step unless it is up to date, and prints the last line of its output. Returns false if the step fails
-  // without writing all outputs. The error is then on standard error and in failure().
-  bool run(const Step& step);
-  const std::string& failure() const { return failure_; }
-
- private:
-  std::string failure_;
-  std::string folder_;
-};
-
 // Identifies the version of a file by its size and modification time.
 json mark_of(const fs::path& path) {
   struct stat s = {};
@@ -110,56 +87,75 @@ std::string last_line(const std::string& text) {
                      end - (begin == std::string::npos ? 0 : begin + 1) + 1);
 }
 
-StepRunner::StepRunner(const std::string& folder) : folder_(folder) { lf::make_folder(folder); }
+// Runs the calibration steps, each as a separate lf-calibrate command. A step is skipped if its inputs, arguments and
+// output files have not changed since its last run.
+class StepRunner {
+ public:
+  // `folder` receives steps.json and STEP.log, the output of each step. Throws lf::Error if it cannot be created.
+  explicit StepRunner(const std::string& folder) : folder_(folder) { lf::make_folder(folder); }
 
-bool StepRunner::run(const Step& step) {
-  const std::string book = folder_ + "/steps.json", log = folder_ + "/" + step.name + ".log";
-  json done = json::object();
-  if (fs::exists(book)) try {
-      done = json::parse(lf::read_text_file(book));
-    } catch (const json::exception&) {
+  struct Step {
+    std::string name;
+    std::vector<std::string> arguments;
+    std::vector<std::string> inputs;  // input files, and folders including their files
+    std::vector<std::string> outputs;
+  };
+  // Runs the step unless it is up to date, and prints the last line of its output. Returns false if the step fails
+  // without writing all outputs. The error is then on standard error and in failure().
+  bool run(const Step& step) {
+    const std::string book = folder_ + "/steps.json", log = folder_ + "/" + step.name + ".log";
+    json done = json::object();
+    if (fs::exists(book)) try {
+        done = json::parse(lf::read_text_file(book));
+      } catch (const json::exception&) {
+      }
+    if (!done.is_object()) done = json::object();
+    // All steps run again with a new build of this program.
+    std::vector<std::string> inputs = step.inputs;
+    inputs.push_back("/proc/self/exe");
+    const json made_of = {{"arguments", step.arguments}, {"inputs", marks_of(inputs)}};
+    const auto before = done.find(step.name);
+    if (before != done.end() && before->is_object() && before->value("made_of", json()) == made_of &&
+        before->value("outputs", json()) == marks_of(step.outputs) && before->value("said", json()).is_string()) {
+      terminal::print("%-11s as before: %s\n", step.name.c_str(), before->value("said", "").c_str());
+      return true;
     }
-  if (!done.is_object()) done = json::object();
-  // All steps run again with a new build of this program.
-  std::vector<std::string> inputs = step.inputs;
-  inputs.push_back("/proc/self/exe");
-  const json made_of = {{"arguments", step.arguments}, {"inputs", marks_of(inputs)}};
-  const auto before = done.find(step.name);
-  if (before != done.end() && before->is_object() && before->value("made_of", json()) == made_of &&
-      before->value("outputs", json()) == marks_of(step.outputs) && before->value("said", json()).is_string()) {
-    terminal::print("%-11s as before: %s\n", step.name.c_str(), before->value("said", "").c_str());
+    std::fflush(stdout);
+    done.erase(step.name);
+    // Keeps the previous outputs under another name until the new outputs exist, or the step has failed.
+    const auto aside = [](const std::string& output) { return output + ".before"; };
+    for (const std::string& output : step.outputs)
+      if (fs::exists(output)) fs::rename(output, aside(output));
+    std::vector<std::string> words = {"lf-calibrate"};
+    words.insert(words.end(), step.arguments.begin(), step.arguments.end());
+    const int status = run_program(words, log);
+    std::string said = last_line(lf::read_text_file(log));
+    constexpr std::string_view kError = "error: ";
+    if (status != 0 && said.starts_with(kError)) {
+      failure_ = said.substr(kError.size());
+      // The error is already on the terminal; the line before it is the result of the step.
+      const std::string text = lf::read_text_file(log);
+      said = last_line(text.substr(0, text.rfind(kError)));
+    }
+    const bool left_all = std::ranges::all_of(step.outputs, [](const std::string& path) { return fs::exists(path); });
+    terminal::print("%-11s %s%s\n", step.name.c_str(), said.empty() ? "failed" : said.c_str(),
+                    status == 0 ? ""
+                    : left_all  ? " (with errors)"
+                                : "");
+    std::fflush(stdout);
+    if (!left_all) return false;
+    for (const std::string& output : step.outputs) fs::remove(aside(output));
+    // If a step fails but writes its outputs, it is done until its inputs change.
+    done[step.name] = {{"made_of", made_of}, {"outputs", marks_of(step.outputs)}, {"said", said}};
+    lf::write_text_file(done.dump(1) + "\n", book);
     return true;
   }
-  std::fflush(stdout);
-  done.erase(step.name);
-  // Keeps the previous outputs under another name until the new outputs exist, or the step has failed.
-  const auto aside = [](const std::string& output) { return output + ".before"; };
-  for (const std::string& output : step.outputs)
-    if (fs::exists(output)) fs::rename(output, aside(output));
-  std::vector<std::string> words = {"lf-calibrate"};
-  words.insert(words.end(), step.arguments.begin(), step.arguments.end());
-  const int status = run_program(words, log);
-  std::string said = last_line(lf::read_text_file(log));
-  constexpr std::string_view kError = "error: ";
-  if (status != 0 && said.starts_with(kError)) {
-    failure_ = said.substr(kError.size());
-    // The error is already on the terminal; the line before it is the result of the step.
-    const std::string text = lf::read_text_file(log);
-    said = last_line(text.substr(0, text.rfind(kError)));
-  }
-  const bool left_all = std::ranges::all_of(step.outputs, [](const std::string& path) { return fs::exists(path); });
-  terminal::print("%-11s %s%s\n", step.name.c_str(), said.empty() ? "failed" : said.c_str(),
-                  status == 0 ? ""
-                  : left_all  ? " (with errors)"
-                              : "");
-  std::fflush(stdout);
-  if (!left_all) return false;
-  for (const std::string& output : step.outputs) fs::remove(aside(output));
-  // If a step fails but writes its outputs, it is done until its inputs change.
-  done[step.name] = {{"made_of", made_of}, {"outputs", marks_of(step.outputs)}, {"said", said}};
-  lf::write_text_file(done.dump(1) + "\n", book);
-  return true;
-}
+  const std::string& failure() const { return failure_; }
+
+ private:
+  std::string failure_;
+  std::string folder_;
+};
 
 struct AllArguments {
   std::string rig, lights, boards, colour, out, board, charuco;

@@ -133,20 +133,76 @@ void check_options(Options& options) {
 // Films the built-in scene with lf-scene in a child process. The film loops. Main thread only.
 class SceneFilming {
  public:
-  static std::string rig();
-  static bool exists();
+  static std::string rig() { return folder() / "rig.json"; }
+  // lf-scene writes the rig file last.
+  static bool exists() { return fs::exists(rig()); }
 
   // Starts filming. At the end, `on_end` is called once with an error, or with an empty text after success. Throws
   // Error.
-  explicit SceneFilming(std::function<void(const std::string& problem)> on_end);
-  ~SceneFilming();
+  explicit SceneFilming(std::function<void(const std::string& problem)> on_end)
+      : on_end_(std::move(on_end)), cancellable_(g_cancellable_new()), began_(g_get_monotonic_time()) {
+    std::error_code none;
+    const fs::path beside = fs::read_symlink("/proc/self/exe", none).parent_path() / "lf-scene";
+    const std::string program = fs::exists(beside, none) ? beside.string() : "lf-scene", out = folder();
+    const char* const arguments[] = {program.c_str(), "--out",    out.c_str(), "--grid",   "8x8", "--width",
+                                     "320",           "--height", "240",       "--frames", "60",  nullptr};
+    g_autoptr(GError) error = nullptr;
+    process_ = g_subprocess_newv(arguments, G_SUBPROCESS_FLAGS_STDERR_PIPE, &error);
+    if (!process_) {
+      g_object_unref(cancellable_);
+      throw lf::Error(std::string("lf-scene: ") + error->message);
+    }
+    stderr_ = g_data_input_stream_new(g_subprocess_get_stderr_pipe(process_));
+    read_line();
+  }
+  ~SceneFilming() {
+    g_cancellable_cancel(cancellable_);
+    g_subprocess_force_exit(process_);
+    g_object_unref(stderr_);
+    g_object_unref(process_);
+    g_object_unref(cancellable_);
+  }
   SceneFilming(const SceneFilming&) = delete;
 
-  double progress() const;
+  // lf-scene reports only every ten seconds, so the progress between reports is extrapolated.
+  double progress() const {
+    if (reported_at_ <= began_) return 0;
+    const double speed = reported_ / static_cast<double>(reported_at_ - began_);
+    constexpr double kNearlyDone = 0.99;
+    return std::clamp(speed * static_cast<double>(g_get_monotonic_time() - began_), reported_, kNearlyDone);
+  }
 
  private:
-  void read_line();
-  void parse_line(const std::string& line);
+  static fs::path folder() { return fs::path(g_get_user_cache_dir()) / "gst-lightfield" / "scene-" LF_VERSION; }
+
+  void read_line() {
+    g_data_input_stream_read_line_async(
+        stderr_, G_PRIORITY_DEFAULT, cancellable_,
+        [](GObject* stream, GAsyncResult* result, gpointer data) {
+          g_autoptr(GError) error = nullptr;
+          g_autofree gchar* line =
+              g_data_input_stream_read_line_finish(G_DATA_INPUT_STREAM(stream), result, nullptr, &error);
+          if (g_error_matches(error, G_IO_ERROR, G_IO_ERROR_CANCELLED)) return;  // `data` no longer exists
+          SceneFilming* self = static_cast<SceneFilming*>(data);
+          if (line) return self->parse_line(line);
+          // Standard error is closed, so the process is about to exit.
+          g_subprocess_wait(self->process_, nullptr, nullptr);
+          const bool made =
+              g_subprocess_get_if_exited(self->process_) && g_subprocess_get_exit_status(self->process_) == 0;
+          self->on_end_(made ? "" : "lf-scene: " + (self->last_line_.empty() ? "terminated" : self->last_line_));
+        },
+        this);
+  }
+  void parse_line(const std::string& line) {
+    int percent = 0;
+    if (std::sscanf(line.c_str(), "filming: %d %%", &percent) == 1) {
+      reported_ = std::clamp(percent, 0, 100) * 0.01;
+      reported_at_ = g_get_monotonic_time();
+    } else {
+      last_line_ = line;
+    }
+    read_line();
+  }
 
   std::function<void(const std::string&)> on_end_;
   GSubprocess* process_ = nullptr;
@@ -157,75 +213,6 @@ class SceneFilming {
   int64_t reported_at_ = 0;
   std::string last_line_;
 };
-
-fs::path folder() { return fs::path(g_get_user_cache_dir()) / "gst-lightfield" / "scene-" LF_VERSION; }
-
-std::string SceneFilming::rig() { return folder() / "rig.json"; }
-
-bool SceneFilming::exists() { return fs::exists(rig()); }  // lf-scene writes the rig file last
-
-SceneFilming::SceneFilming(std::function<void(const std::string&)> on_end)
-    : on_end_(std::move(on_end)), cancellable_(g_cancellable_new()), began_(g_get_monotonic_time()) {
-  std::error_code none;
-  const fs::path beside = fs::read_symlink("/proc/self/exe", none).parent_path() / "lf-scene";
-  const std::string program = fs::exists(beside, none) ? beside.string() : "lf-scene", out = folder();
-  const char* const arguments[] = {program.c_str(), "--out",    out.c_str(), "--grid",   "8x8", "--width",
-                                   "320",           "--height", "240",       "--frames", "60",  nullptr};
-  g_autoptr(GError) error = nullptr;
-  process_ = g_subprocess_newv(arguments, G_SUBPROCESS_FLAGS_STDERR_PIPE, &error);
-  if (!process_) {
-    g_object_unref(cancellable_);
-    throw lf::Error(std::string("lf-scene: ") + error->message);
-  }
-  stderr_ = g_data_input_stream_new(g_subprocess_get_stderr_pipe(process_));
-  read_line();
-}
-
-SceneFilming::~SceneFilming() {
-  g_cancellable_cancel(cancellable_);
-  g_subprocess_force_exit(process_);
-  g_object_unref(stderr_);
-  g_object_unref(process_);
-  g_object_unref(cancellable_);
-}
-
-void SceneFilming::read_line() {
-  g_data_input_stream_read_line_async(
-      stderr_, G_PRIORITY_DEFAULT, cancellable_,
-      [](GObject* stream, GAsyncResult* result, gpointer data) {
-        g_autoptr(GError) error = nullptr;
-        g_autofree gchar* line =
-            g_data_input_stream_read_line_finish(G_DATA_INPUT_STREAM(stream), result, nullptr, &error);
-        if (g_error_matches(error, G_IO_ERROR, G_IO_ERROR_CANCELLED)) return;  // `data` no longer exists
-        SceneFilming* self = static_cast<SceneFilming*>(data);
-        if (line) return self->parse_line(line);
-        // Standard error is closed, so the process is about to exit.
-        g_subprocess_wait(self->process_, nullptr, nullptr);
-        const bool made =
-            g_subprocess_get_if_exited(self->process_) && g_subprocess_get_exit_status(self->process_) == 0;
-        self->on_end_(made ? "" : "lf-scene: " + (self->last_line_.empty() ? "terminated" : self->last_line_));
-      },
-      this);
-}
-
-void SceneFilming::parse_line(const std::string& line) {
-  int percent = 0;
-  if (std::sscanf(line.c_str(), "filming: %d %%", &percent) == 1) {
-    reported_ = std::clamp(percent, 0, 100) * 0.01;
-    reported_at_ = g_get_monotonic_time();
-  } else {
-    last_line_ = line;
-  }
-  read_line();
-}
-
-// lf-scene reports only every ten seconds, so the progress between reports is extrapolated.
-double SceneFilming::progress() const {
-  if (reported_at_ <= began_) return 0;
-  const double speed = reported_ / static_cast<double>(reported_at_ - began_);
-  constexpr double kNearlyDone = 0.99;
-  return std::clamp(speed * static_cast<double>(g_get_monotonic_time() - began_), reported_, kNearlyDone);
-}
 
 // The running program. It serves the page at once, and the light field as soon as the scene has been filmed and the
 // cameras run.
