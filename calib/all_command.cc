@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // lf-calibrate all: runs all calibration steps on recordings and writes a calibrated rig and a report.
 #include <algorithm>
-#include <cerrno>
 #include <cstdio>
-#include <cstring>
 #include <filesystem>
 #include <iostream>
 #include <memory>
@@ -12,11 +10,9 @@
 #include <string_view>
 #include <vector>
 
-#include <fcntl.h>
+#include <gio/gio.h>
 #include <gst/gst.h>
-#include <spawn.h>
 #include <sys/stat.h>
-#include <sys/wait.h>
 #include <nlohmann/json.hpp>
 
 #include "base/file.h"
@@ -31,8 +27,6 @@
 #include "report_page.h"
 #include "rig/rig_json.h"
 #include "terminal.h"
-
-extern char** environ;
 
 namespace {
 
@@ -62,21 +56,18 @@ json marks_of(const std::vector<std::string>& paths) {
 // Runs a command with standard output in the file `log`, and returns its exit status. Standard error stays on the
 // terminal, for progress bars.
 int run_program(const std::vector<std::string>& arguments, const std::string& log) {
-  std::vector<char*> words;
-  for (const std::string& argument : arguments) words.push_back(const_cast<char*>(argument.c_str()));
+  std::vector<const char*> words = {"/proc/self/exe"};
+  for (const std::string& argument : arguments) words.push_back(argument.c_str());
   words.push_back(nullptr);
-  posix_spawn_file_actions_t actions;
-  posix_spawn_file_actions_init(&actions);
-  posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, log.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0666);
-  pid_t child = 0;
-  const int error = posix_spawn(&child, "/proc/self/exe", &actions, nullptr, words.data(), environ);
-  posix_spawn_file_actions_destroy(&actions);
-  if (error != 0) throw lf::Error(std::string("lf-calibrate cannot be started: ") + std::strerror(error));
-  int status = 0;
-  while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
-  }
-  if (WIFSIGNALED(status)) throw lf::Error("ended by signal " + std::to_string(WTERMSIG(status)));
-  return WEXITSTATUS(status);
+  g_autoptr(GSubprocessLauncher) launcher = g_subprocess_launcher_new(G_SUBPROCESS_FLAGS_STDIN_INHERIT);
+  g_subprocess_launcher_set_stdout_file_path(launcher, log.c_str());
+  g_autoptr(GError) error = nullptr;
+  g_autoptr(GSubprocess) child = g_subprocess_launcher_spawnv(launcher, words.data(), &error);
+  if (!child) throw lf::Error(std::string("lf-calibrate cannot be started: ") + error->message);
+  g_subprocess_wait(child, nullptr, nullptr);
+  if (g_subprocess_get_if_signaled(child))
+    throw lf::Error("ended by signal " + std::to_string(g_subprocess_get_term_sig(child)));
+  return g_subprocess_get_exit_status(child);
 }
 
 std::string last_line(const std::string& text) {
@@ -126,9 +117,7 @@ class StepRunner {
     const auto aside = [](const std::string& output) { return output + ".before"; };
     for (const std::string& output : step.outputs)
       if (fs::exists(output)) fs::rename(output, aside(output));
-    std::vector<std::string> words = {"lf-calibrate"};
-    words.insert(words.end(), step.arguments.begin(), step.arguments.end());
-    const int status = run_program(words, log);
+    const int status = run_program(step.arguments, log);
     std::string said = last_line(lf::read_text_file(log));
     constexpr std::string_view kError = "error: ";
     if (status != 0 && said.starts_with(kError)) {

@@ -57,16 +57,7 @@ struct LightTracker::CameraState {
 LightTracker::LightTracker(const Rig& rig, int lights) : rig_(rig), coverage_(rig, lights) {
   for (const Camera& camera : rig.cameras)
     all_.emplace_back(std::make_unique<CameraState>())->smaller = smaller_of(camera);
-  thread_ = std::thread([this] { work(); });
-}
-
-LightTracker::~LightTracker() {
-  {
-    const std::lock_guard lock(mutex_);
-    ending_ = true;
-  }
-  frame_arrived_.notify_one();
-  thread_.join();
+  thread_ = std::jthread([this](const std::stop_token& stop) { work(stop); });
 }
 
 void LightTracker::see(const CameraFrame& frame) {
@@ -89,13 +80,11 @@ void LightTracker::see(const CameraFrame& frame) {
   frame_arrived_.notify_one();
 }
 
-void LightTracker::work() {
+void LightTracker::work(const std::stop_token& stop) {
   // On Linux, this changes the priority of the calling thread only.
   setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kNiceIncrement);
   std::unique_lock lock(mutex_);
-  while (true) {
-    frame_arrived_.wait(lock, [&] { return ending_ || !waiting_.empty(); });
-    if (ending_) return;
+  while (frame_arrived_.wait(lock, stop, [&] { return !waiting_.empty(); }) && !stop.stop_requested()) {
     const CameraIndex camera = waiting_.front();
     waiting_.erase(waiting_.begin());
     lock.unlock();

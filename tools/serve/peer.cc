@@ -6,8 +6,8 @@
 
 #include <algorithm>
 #include <chrono>
-#include <condition_variable>
 #include <mutex>
+#include <semaphore>
 
 #include "serve/offer.h"
 #include "serve/process.h"
@@ -119,32 +119,16 @@ Reception read_reception(const GstStructure* stats) {
   return received;
 }
 
-// Waits until DTLS has sent its closing alert, because the sending thread must not be stopped before.
-class DtlsShutdown {
- public:
-  static GstPadProbeReturn on_packet(GstPad*, GstPadProbeInfo* info, gpointer data) {
-    constexpr guint8 kAlert = 21;  // DTLS ContentType, RFC 6347
-    guint8 type = 0;
-    if (gst_buffer_extract(GST_PAD_PROBE_INFO_BUFFER(info), 0, &type, 1) == 1 && type == kAlert)
-      (*static_cast<std::shared_ptr<DtlsShutdown>*>(data))->note();
-    return GST_PAD_PROBE_OK;
-  }
-  void wait() {
-    constexpr std::chrono::milliseconds kLongest{250};
-    std::unique_lock lock(mutex_);
-    changed_.wait_for(lock, kLongest, [this] { return has_left_; });
-  }
+// Counts the alerts that DTLS has sent.
+using DtlsAlerts = std::shared_ptr<std::counting_semaphore<>>;
 
- private:
-  void note() {
-    const std::lock_guard lock(mutex_);
-    has_left_ = true;
-    changed_.notify_all();
-  }
-  std::mutex mutex_;
-  std::condition_variable changed_;
-  bool has_left_ = false;
-};
+GstPadProbeReturn count_alert(GstPad*, GstPadProbeInfo* info, gpointer data) {
+  constexpr guint8 kAlert = 21;  // DTLS ContentType, RFC 6347
+  guint8 type = 0;
+  if (gst_buffer_extract(GST_PAD_PROBE_INFO_BUFFER(info), 0, &type, 1) == 1 && type == kAlert)
+    (*static_cast<DtlsAlerts*>(data))->release();
+  return GST_PAD_PROBE_OK;
+}
 
 }  // namespace
 
@@ -450,13 +434,11 @@ void Peer::close_dtls() {
     if (connected_ && dtls_) dtls = GST_ELEMENT(gst_object_ref(dtls_));
   }
   if (!dtls) return;
-  const auto goodbye = std::make_shared<DtlsShutdown>();
+  const auto alerts = std::make_shared<std::counting_semaphore<>>(0);
   g_autoptr(GstPad) src = gst_element_get_static_pad(dtls, "src");
   const gulong probe = !src ? 0
-                            : gst_pad_add_probe(src, GST_PAD_PROBE_TYPE_BUFFER, DtlsShutdown::on_packet,
-                                                new std::shared_ptr<DtlsShutdown>(goodbye), [](gpointer data) {
-                                                  delete static_cast<std::shared_ptr<DtlsShutdown>*>(data);
-                                                });
+                            : gst_pad_add_probe(src, GST_PAD_PROBE_TYPE_BUFFER, count_alert, new DtlsAlerts(alerts),
+                                                [](gpointer data) { delete static_cast<DtlsAlerts*>(data); });
   gst_element_foreach_sink_pad(
       dtls,
       [](GstElement*, GstPad* pad, gpointer) -> gboolean {
@@ -465,7 +447,9 @@ void Peer::close_dtls() {
       },
       nullptr);
   if (probe == 0) return;
-  goodbye->wait();
+  // The sending thread must not be stopped before DTLS has sent its closing alert.
+  constexpr std::chrono::milliseconds kLongest{250};
+  (void)alerts->try_acquire_for(kLongest);
   gst_pad_remove_probe(src, probe);
 }
 
