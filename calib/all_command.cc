@@ -217,11 +217,11 @@ class CalibrationRun {
         rig, o_.rig, folder, {.trusted = o_.trusted, .seconds = o_.record}, guided, [] { return true; });
     for (const lf::cameras::RecordedCamera& one : recorded) {
       const lf::Camera& camera = rig->cameras[one.camera];
-      const std::string name = lf::cameras::name_of(camera);
+      const std::string name = camera.label();
       if (!one.problem.empty())
-        terminal::print("record      camera %s: %s: %s\n", name.c_str(), one.problem.c_str(),
+        terminal::print("record      %s: %s: %s\n", name.c_str(), one.problem.c_str(),
                         lf::cameras::remedy_for(camera, one.problem).c_str());
-      if (!one.note.empty()) terminal::print("record      camera %s: %s\n", name.c_str(), one.note.c_str());
+      if (!one.note.empty()) terminal::print("record      %s: %s\n", name.c_str(), one.note.c_str());
     }
   }
 

@@ -127,7 +127,7 @@ class MonitoredCamera {
 // Writes the verdict on one camera into `judged`. Returns a message for the user that states the problem and its
 // remedy, or an empty text if there is no problem.
 std::string judge(const lf::Camera& camera, const std::string& fault, json& judged) {
-  const std::string who = "camera " + std::to_string(camera.id) + " (" + camera.name + ")";
+  const std::string who = camera.label();
   if (fault == "direction") {
     judged["state"] = "moved";
     const double shift = judged["shift_px"];

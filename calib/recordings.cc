@@ -303,9 +303,7 @@ size_t LightRecordings::useful() const {
 std::vector<std::string> LightRecordings::troubles(const lf::Rig& rig) const {
   std::vector<std::string> all;
   for (size_t i = 0; i < cameras.size(); i++)
-    if (!cameras[i].trouble.empty())
-      all.push_back("camera " + std::to_string(rig.cameras[i].id) + " (" + rig.cameras[i].name + ")" +
-                    cameras[i].trouble);
+    if (!cameras[i].trouble.empty()) all.push_back(rig.cameras[i].label() + cameras[i].trouble);
   return all;
 }
 

@@ -250,10 +250,6 @@ std::string film_of(const lf::Rig& rig, const lf::Camera& camera) {
   return film;
 }
 
-std::string name_of(const lf::Camera& camera) {
-  return std::to_string(camera.id) + (camera.name.empty() ? "" : " (" + camera.name + ")");
-}
-
 double megabytes(uint64_t bytes) { return static_cast<double>(bytes) / 1e6; }
 
 std::vector<ArchivedFilm> archive_films(const lf::Rig& rig, const std::vector<std::string>& films,
@@ -282,7 +278,7 @@ void print(const lf::Rig& rig, const std::vector<ArchivedFilm>& films, const std
   double worst = INFINITY;
   for (size_t i = 0; i < films.size(); i++) {
     const ArchivedFilm& film = films[i];
-    terminal::print("camera %s: %llu frames, %.3f -> %.3f MB, ", name_of(rig.cameras[i]).c_str(),
+    terminal::print("%s: %llu frames, %.3f -> %.3f MB, ", rig.cameras[i].label().c_str(),
                     static_cast<unsigned long long>(film.frames), megabytes(film.bytes_before),
                     megabytes(film.bytes_after));
     if (film.is_copy)

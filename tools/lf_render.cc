@@ -80,13 +80,12 @@ void print_row(const QualityRow& row, int name_width) {
 
 nlohmann::ordered_json to_json(const QualityRow& row) {
   nlohmann::ordered_json json;
-  const auto number = [](double v) { return std::isfinite(v) ? nlohmann::ordered_json(v) : nullptr; };
   const auto count = [](double v) {
     return v == std::floor(v) ? nlohmann::ordered_json(static_cast<uint64_t>(v)) : nlohmann::ordered_json(v);
   };
   json["name"] = row.name;
-  json["psnr_db"] = row.quality ? number(row.quality->psnr_db) : nullptr;
-  json["ssim"] = row.quality ? number(row.quality->ssim) : nullptr;
+  json["psnr_db"] = row.quality ? row.quality->psnr_db : NAN;
+  json["ssim"] = row.quality ? row.quality->ssim : NAN;
   json["max_error"] = row.quality ? nlohmann::ordered_json(row.quality->max_error) : nullptr;
   json["coverage"] = row.coverage;
   json["cameras"] = count(row.cameras);
@@ -105,8 +104,8 @@ void print_table(const std::vector<QualityRow>& rows) {
 }
 
 // Writes {"views": [{"name", "psnr_db", "ssim", "max_error", "coverage", "cameras", "ms"}, ...], "mean": {...}}. JSON
-// has no infinity, so the PSNR of identical images (max_error 0) is null, as without ground truth. Throws lf::Error
-// that names the file.
+// has no infinity, so the PSNR of identical images (max_error 0) is null, as without ground truth (NAN). Throws
+// lf::Error that names the file.
 void write_json(const std::vector<QualityRow>& rows, const std::string& path) {
   nlohmann::ordered_json json;
   json["views"] = nlohmann::ordered_json::array();

@@ -247,7 +247,7 @@ int lock_cameras(LockArguments options) {
   if (options.mains > 0) options.lock.mains = options.mains;
   const double look = options.lock.settle + 1;
   std::optional<TimedProgress> progress;
-  progress.emplace("camera " + name_of(rig.cameras[*reference]) + " adjusts", look);
+  progress.emplace(rig.cameras[*reference].label() + " adjusts", look);
   ControlValues values;
   try {
     values = choose_controls(rig, options.lock);
@@ -270,7 +270,7 @@ int lock_cameras(LockArguments options) {
     });
   progress.reset();
   for (const StuckControl& one : stuck)
-    terminal::print("warning: camera %s: %s%s\n", name_of(rig.cameras[one.camera]).c_str(),
+    terminal::print("warning: %s: %s%s\n", rig.cameras[one.camera].label().c_str(),
                     one.control.empty() ? "" : (one.control + " does not respond: ").c_str(), one.why.c_str());
   const std::string out = options.out.empty() ? options.rig : options.out;
   lf::rebase_paths(rig, fs::path(out).parent_path().string());
@@ -337,7 +337,7 @@ int record_films(RecordArguments options) {
   size_t whole = 0;
   for (const auto& [index, frames, problem, note] : recorded) {
     const lf::Camera& camera = rig->cameras[index];
-    terminal::print("camera %s: %llu frames%s%s\n", name_of(camera).c_str(), static_cast<unsigned long long>(frames),
+    terminal::print("%s: %llu frames%s%s\n", camera.label().c_str(), static_cast<unsigned long long>(frames),
                     problem.empty() ? "" : ": ",
                     problem.empty() ? "" : (problem + ": " + remedy_for(camera, problem)).c_str());
     if (!note.empty()) terminal::print("  %s\n", note.c_str());
@@ -418,13 +418,13 @@ int take_snapshot(SnapshotArguments options) {
     lf::Camera& camera = result.cameras[still.camera];
     if (still.rgb.data().empty()) {
       missing++;
-      terminal::print("camera %s: %s: %s\n", name_of(camera).c_str(), still.problem.c_str(),
+      terminal::print("%s: %s: %s\n", camera.label().c_str(), still.problem.c_str(),
                       remedy_for(camera, still.problem).c_str());
       continue;
     }
     camera.image = file_name(*rig, camera);
     lf::save_image(still.rgb, (fs::path(update.staging()) / camera.image).string());
-    terminal::print("camera %s: %s, %+.1f ms\n", name_of(camera).c_str(), camera.image.c_str(), 1e3 * still.off);
+    terminal::print("%s: %s, %+.1f ms\n", camera.label().c_str(), camera.image.c_str(), 1e3 * still.off);
   }
   if (static_cast<size_t>(missing) == stills.size())
     throw lf::Error("no camera delivered an image, so " + options.out + " is unchanged");

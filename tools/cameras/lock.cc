@@ -93,7 +93,7 @@ double flicker_free_exposure(double exposure, double mains) {
 
 ControlValues choose_controls(const Rig& rig, const LockOptions& options) {
   Rig one = rig_subset(rig, {options.reference});
-  const std::string name = "camera " + name_of(one.cameras[0]);
+  const std::string name = one.cameras[0].label();
   Controls automatic;
   for (const char* control : kAutomatic) automatic[control] = std::nullopt;
   const TemporaryRig file(one, with_controls(one, automatic), options.path, options.trusted);

@@ -100,14 +100,13 @@ MonitorReport monitor_report(const GstStructure* stats) {
 
 nlohmann::json to_json(const MonitorReport& report, const std::vector<std::string>& names) {
   using nlohmann::json;
-  const auto number = [](double v) { return std::isfinite(v) ? json(v) : json(nullptr); };
   json cameras = json::array();
   for (size_t i = 0; i < std::min(report.cameras.size(), names.size()); i++) {
     const MonitorReport::Camera& camera = report.cameras[i];
     cameras.push_back({{"name", names[i]},
-                       {"psnr", number(camera.psnr)},
-                       {"gain", number(camera.gain)},
-                       {"shift", number(camera.shift)},
+                       {"psnr", camera.psnr},
+                       {"gain", camera.gain},
+                       {"shift", camera.shift},
                        {"fault", camera.fault.empty() ? json(nullptr) : json(camera.fault)}});
   }
   return {{"turns", report.turns}, {"bytes", report.bytes}, {"cameras", std::move(cameras)}};

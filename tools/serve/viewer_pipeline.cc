@@ -40,8 +40,7 @@ json json_report(const GValue* value) {
   if (G_VALUE_HOLDS_UINT(value)) return g_value_get_uint(value);
   if (G_VALUE_HOLDS_INT(value)) return g_value_get_int(value);
   if (G_VALUE_HOLDS_UINT64(value)) return g_value_get_uint64(value);
-  if (G_VALUE_HOLDS_DOUBLE(value))
-    return std::isfinite(g_value_get_double(value)) ? json(g_value_get_double(value)) : json();
+  if (G_VALUE_HOLDS_DOUBLE(value)) return g_value_get_double(value);
   json array = json::array();
   if (GST_VALUE_HOLDS_ARRAY(value))
     for (guint i = 0; i < gst_value_array_get_size(value); i++)
