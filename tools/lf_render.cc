@@ -164,13 +164,10 @@ class Renderer {
   Renderer(const lf::Rig& rig, const Options& options)
       : rig_(rig), options_(options), images_(rig, options.i420 ? lf::PixelFamily::kI420 : lf::PixelFamily::kRgb) {}
 
-  // Estimates the depths of the cameras in service, if the focal surfaces need them. --leave-one-out does not use these
-  // depths, because the cameras would have to be compared again for each view.
-  void estimate_depths(const lf::CameraSet& out_of_service) {
+  // Estimates the depths of the cameras, if the focal surfaces need them. --leave-one-out does not use these depths,
+  // because the cameras would have to be compared again for each view.
+  void estimate_depths(const lf::CameraSet& cameras) {
     if (options_.focus == "plane") return;
-    const auto all = std::views::iota(lf::CameraIndex{0}, static_cast<lf::CameraIndex>(rig_.cameras.size()));
-    lf::CameraSet cameras;
-    std::ranges::set_difference(all, out_of_service, std::back_inserter(cameras));
     // Each resolution has two calls, an estimate and a quick check, and four times the pixels of the previous one. Wide
     // images have three resolutions, others two.
     constexpr int kWide = 640;
@@ -394,7 +391,7 @@ void run(const Options& options) {
   const lf::CameraSet out = out_of_service(rig, options.cameras);
   const lf::Mesh mesh = lf::build_mesh(rig, out);
   Renderer renderer(rig, options);
-  renderer.estimate_depths(out);
+  renderer.estimate_depths(lf::parse_camera_list(rig, options.cameras));
   Progress progress("rendering", views.size());
   std::vector<QualityRow> rows;
   for (const lf::NamedView& view : views) {
@@ -410,11 +407,8 @@ void run(const Options& options) {
   if (!options.json.empty()) write_json(rows, options.json);
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-  Options options;
-  cli::App app("Renders stills of a light field from the images that its rig file names.", "lf-render");
+// Returns the option --leave-one-out.
+cli::Option* add_file_options(cli::App& app, Options& options) {
   app.add_option("--rig", options.rig, "Rig file (rig.json) with one still image per camera")->required();
   cli::Option* views = app.add_option("--views", options.views, "Views file (views.json) with the views to render");
   cli::Option* leave_one_out = app.add_flag(
@@ -443,6 +437,15 @@ int main(int argc, char** argv) {
                  "Ids of the cameras to use, for example 0-3,7. All other cameras are treated as out of service "
                  "(default: all cameras)");
   app.add_option("--json", options.json, "JSON file that receives the results, in addition to the printed table");
+  return leave_one_out;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Options options;
+  cli::App app("Renders stills of a light field from the images that its rig file names.", "lf-render");
+  cli::Option* leave_one_out = add_file_options(app, options);
   app.add_option("--focus", options.focus,
                  "Focus of the views. plane: only the focal plane of each view is in focus. surface: the depth of each "
                  "pixel is estimated, so that the whole picture is in focus")

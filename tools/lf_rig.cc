@@ -382,16 +382,7 @@ void add_formats(cli::App& app, Arguments& arguments) {
         "if the positions are in millimetres");
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-  Arguments arguments;
-  cli::App app(
-      "Creates, describes, checks, reduces and converts rig files, which describe the cameras of an array. Other "
-      "commands open the cameras to test, arrange, lock or record them all together",
-      "lf-rig");
-  app.require_subcommand(1);
-
+void add_new_command(cli::App& app, Arguments& arguments) {
   cli::App* make = app.add_subcommand("new",
                                       "Creates a nominal rig file for newly mounted cameras, from the intended shape "
                                       "of the array. lf-calibrate then measures the true positions");
@@ -446,6 +437,19 @@ int main(int argc, char** argv) {
                  "sources, and you must add them yourself");
   make->add_option("--out", arguments.out, "Rig file to write")->required();
   make->callback([&] { run_new(arguments); });
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Arguments arguments;
+  cli::App app(
+      "Creates, describes, checks, reduces and converts rig files, which describe the cameras of an array. Other "
+      "commands open the cameras to test, arrange, lock or record them all together",
+      "lf-rig");
+  app.require_subcommand(1);
+
+  add_new_command(app, arguments);
 
   cli::App* info = app.add_subcommand(
       "info", "Describes a rig: number of cameras, shape, extent and distances between neighbouring cameras");

@@ -487,6 +487,9 @@ void add_view_options(cli::App& app, Options& o) {
                  "/metrics then report cameras that have moved or become dirty (0: no checks)")
       ->capture_default_str()
       ->check(cli::Range(0, 10000));
+}
+
+void add_limit_options(cli::App& app, Options& o) {
   app.add_option("--max-aperture", o.limits.max_aperture,
                  "Maximum diameter of the synthetic aperture that viewers may request, in metres. Large apertures use "
                  "many cameras per pixel and therefore cost more time (default: size of the array)")
@@ -522,6 +525,7 @@ int main(int argc, char** argv) {
   add_camera_options(app, o);
   add_server_options(app, o);
   add_view_options(app, o);
+  add_limit_options(app, o);
   gst_init(nullptr, nullptr);
   return cli::run_tool(app, argc, argv, [&] { serve(o); });
 }

@@ -404,6 +404,37 @@ cli::App* add_command(cli::App& app, const char* name, const char* help, Options
   return command;
 }
 
+void add_epipolar_command(cli::App& app, Options& o) {
+  cli::App* epi = add_command(app, "epi",
+                              "Draws an epipolar-plane image. It stacks the images of one scene line in a row or "
+                              "column of cameras. The slope of an edge shows its depth",
+                              o, show_epipolar);
+  epi->add_option("--rig", o.view.rig, "Rig file of a camera grid with one still image per camera")->required();
+  cli::Option* row =
+      epi->add_option("--row", o.row, "Row of cameras to use; row 0 is at the top. Give either --row or --column")
+          ->check(cli::NonNegativeNumber);
+  epi->add_option("--column", o.column, "Column of cameras to use; column 0 is at the left")
+      ->check(cli::NonNegativeNumber)
+      ->excludes(row);
+  epi->add_option("--focus-distance", o.distance,
+                  "Distance of the scene line from the cameras, in metres. Points at this distance have no disparity, "
+                  "so their edges are vertical in the picture (default: estimated)")
+      ->check(cli::PositiveNumber);
+  epi->add_option("--across", o.across,
+                  "Offset of the scene line from the optical axes, in metres: downwards for a row of cameras, to the "
+                  "right for a column")
+      ->capture_default_str();
+  epi->add_option("--width", o.width, "Width of the picture, in pixels (default: the width of a camera image)")
+      ->check(cli::Range(1, lf::kMaxImageSize));
+  epi->add_option("--stripe", o.stripe,
+                  "Height of the stripe that each camera gets in the picture, in pixels. Larger "
+                  "values make edges easier to follow")
+      ->check(cli::Range(1, 256));
+  epi->add_option("--out", o.output.out, "Picture to write, as PNG or JPEG (.png or .jpg)")
+      ->required()
+      ->type_name("FILE");
+}
+
 struct DifferenceOptions {
   ViewOptions view;
   OutputOptions output;
@@ -532,34 +563,7 @@ int main(int argc, char** argv) {
   o.view.add_to(*coverage);
   o.output.add_to(*coverage);
 
-  cli::App* epi = add_command(app, "epi",
-                              "Draws an epipolar-plane image. It stacks the images of one scene line in a row or "
-                              "column of cameras. The slope of an edge shows its depth",
-                              o, show_epipolar);
-  epi->add_option("--rig", o.view.rig, "Rig file of a camera grid with one still image per camera")->required();
-  cli::Option* row =
-      epi->add_option("--row", o.row, "Row of cameras to use; row 0 is at the top. Give either --row or --column")
-          ->check(cli::NonNegativeNumber);
-  epi->add_option("--column", o.column, "Column of cameras to use; column 0 is at the left")
-      ->check(cli::NonNegativeNumber)
-      ->excludes(row);
-  epi->add_option("--focus-distance", o.distance,
-                  "Distance of the scene line from the cameras, in metres. Points at this distance have no disparity, "
-                  "so their edges are vertical in the picture (default: estimated)")
-      ->check(cli::PositiveNumber);
-  epi->add_option("--across", o.across,
-                  "Offset of the scene line from the optical axes, in metres: downwards for a row of cameras, to the "
-                  "right for a column")
-      ->capture_default_str();
-  epi->add_option("--width", o.width, "Width of the picture, in pixels (default: the width of a camera image)")
-      ->check(cli::Range(1, lf::kMaxImageSize));
-  epi->add_option("--stripe", o.stripe,
-                  "Height of the stripe that each camera gets in the picture, in pixels. Larger "
-                  "values make edges easier to follow")
-      ->check(cli::Range(1, 256));
-  epi->add_option("--out", o.output.out, "Picture to write, as PNG or JPEG (.png or .jpg)")
-      ->required()
-      ->type_name("FILE");
+  add_epipolar_command(app, o);
 
   cli::App* sweep = add_command(
       app, "sweep", "Renders one view many times, focused on successive planes from near to far", o, show_sweep);
