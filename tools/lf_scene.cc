@@ -136,7 +136,7 @@ cli::App* add_chart_command(cli::App& app) {
 using Step = std::function<void()>;
 
 // Calls job(0, step) to job(count - 1, step) on `threads` threads, and shows their progress: the calls of `step`, in
-// total `steps`. If a job throws, `step` ends the other jobs.
+// total `steps`. If a job throws, `step` ends all jobs.
 void run_jobs(size_t count, int threads, size_t steps, const std::function<void(size_t, const Step&)>& job) {
   struct Stopped {};
   Progress progress("filming", steps);

@@ -64,10 +64,10 @@ class Refusals {
   std::map<std::string, uint64_t> count_;
 };
 
-// An HTTP server, with TLS if there is a certificate. It protects itself from floods and slow clients, and refuses
-// requests with a duplicated security-relevant header, or with a body that is too long or has no length, before their
-// body is read. The header Range is ignored, because responses are always complete. A client has kHandshake seconds for
-// the TLS handshake, kRequest seconds to send a whole request and kResponse seconds to read the response. Slower
+// An HTTP server, with TLS if there is a certificate. It protects itself from floods and slow clients. It refuses
+// requests with a duplicated security-relevant header, or with a body that is too long or has no length, and discards
+// the body. It ignores the header Range, because responses are always complete. A client has kHandshake seconds for the
+// TLS handshake, kRequest seconds to send a whole request and kResponse seconds to read the response. Slower
 // connections are closed. At most kMost connections are open; for one more, choose_victim() selects a connection to
 // close. Main thread only.
 //
