@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // lf-calibrate all: runs all calibration steps on recordings and writes a calibrated rig and a report.
 #include <algorithm>
-#include <cerrno>
 #include <cstdio>
-#include <cstring>
 #include <filesystem>
 #include <iostream>
 #include <memory>
@@ -12,11 +10,9 @@
 #include <string_view>
 #include <vector>
 
-#include <fcntl.h>
+#include <gio/gio.h>
 #include <gst/gst.h>
-#include <spawn.h>
 #include <sys/stat.h>
-#include <sys/wait.h>
 #include <nlohmann/json.hpp>
 
 #include "base/file.h"
@@ -32,35 +28,10 @@
 #include "rig/rig_json.h"
 #include "terminal.h"
 
-extern char** environ;
-
 namespace {
 
 namespace fs = std::filesystem;
 using nlohmann::json;
-
-// Runs the calibration steps, each as a separate lf-calibrate command. A step is skipped if its inputs, arguments and
-// output files have not changed since its last run.
-class StepRunner {
- public:
-  // `folder` receives steps.json and STEP.log, the output of each step. Throws lf::Error if it cannot be created.
-  explicit StepRunner(const std::string& folder);
-
-  struct Step {
-    std::string name;
-    std::vector<std::string> arguments;
-    std::vector<std::string> inputs;   // input files, and folders including their files
-    std::vector<std::string> outputs;
-  };
-  // Runs the step unless it is up to date, and prints the last line of its output. Returns false if the step fails
-  // without writing all outputs. The error is then on standard error and in failure().
-  bool run(const Step& step);
-  const std::string& failure() const { return failure_; }
-
- private:
-  std::string failure_;
-  std::string folder_;
-};
 
 // Identifies the version of a file by its size and modification time.
 json mark_of(const fs::path& path) {
@@ -85,21 +56,18 @@ json marks_of(const std::vector<std::string>& paths) {
 // Runs a command with standard output in the file `log`, and returns its exit status. Standard error stays on the
 // terminal, for progress bars.
 int run_program(const std::vector<std::string>& arguments, const std::string& log) {
-  std::vector<char*> words;
-  for (const std::string& argument : arguments) words.push_back(const_cast<char*>(argument.c_str()));
+  std::vector<const char*> words = {"/proc/self/exe"};
+  for (const std::string& argument : arguments) words.push_back(argument.c_str());
   words.push_back(nullptr);
-  posix_spawn_file_actions_t actions;
-  posix_spawn_file_actions_init(&actions);
-  posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, log.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0666);
-  pid_t child = 0;
-  const int error = posix_spawn(&child, "/proc/self/exe", &actions, nullptr, words.data(), environ);
-  posix_spawn_file_actions_destroy(&actions);
-  if (error != 0) throw lf::Error(std::string("lf-calibrate cannot be started: ") + std::strerror(error));
-  int status = 0;
-  while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
-  }
-  if (WIFSIGNALED(status)) throw lf::Error("ended by signal " + std::to_string(WTERMSIG(status)));
-  return WEXITSTATUS(status);
+  g_autoptr(GSubprocessLauncher) launcher = g_subprocess_launcher_new(G_SUBPROCESS_FLAGS_STDIN_INHERIT);
+  g_subprocess_launcher_set_stdout_file_path(launcher, log.c_str());
+  g_autoptr(GError) error = nullptr;
+  g_autoptr(GSubprocess) child = g_subprocess_launcher_spawnv(launcher, words.data(), &error);
+  if (!child) throw lf::Error(std::string("lf-calibrate cannot be started: ") + error->message);
+  g_subprocess_wait(child, nullptr, nullptr);
+  if (g_subprocess_get_if_signaled(child))
+    throw lf::Error("ended by signal " + std::to_string(g_subprocess_get_term_sig(child)));
+  return g_subprocess_get_exit_status(child);
 }
 
 std::string last_line(const std::string& text) {
@@ -110,56 +78,73 @@ std::string last_line(const std::string& text) {
                      end - (begin == std::string::npos ? 0 : begin + 1) + 1);
 }
 
-StepRunner::StepRunner(const std::string& folder) : folder_(folder) { lf::make_folder(folder); }
+// Runs the calibration steps, each as a separate lf-calibrate command. A step is skipped if its inputs, arguments and
+// output files have not changed since its last run.
+class StepRunner {
+ public:
+  // `folder` receives steps.json and STEP.log, the output of each step. Throws lf::Error if it cannot be created.
+  explicit StepRunner(const std::string& folder) : folder_(folder) { lf::make_folder(folder); }
 
-bool StepRunner::run(const Step& step) {
-  const std::string book = folder_ + "/steps.json", log = folder_ + "/" + step.name + ".log";
-  json done = json::object();
-  if (fs::exists(book)) try {
-      done = json::parse(lf::read_text_file(book));
-    } catch (const json::exception&) {
+  struct Step {
+    std::string name;
+    std::vector<std::string> arguments;
+    std::vector<std::string> inputs;  // input files, and folders including their files
+    std::vector<std::string> outputs;
+  };
+  // Runs the step unless it is up to date, and prints the last line of its output. Returns false if the step fails
+  // without writing all outputs. The error is then on standard error and in failure().
+  bool run(const Step& step) {
+    const std::string book = folder_ + "/steps.json", log = folder_ + "/" + step.name + ".log";
+    json done = json::object();
+    if (fs::exists(book)) try {
+        done = json::parse(lf::read_text_file(book));
+      } catch (const json::exception&) {
+      }
+    if (!done.is_object()) done = json::object();
+    // All steps run again with a new build of this program.
+    std::vector<std::string> inputs = step.inputs;
+    inputs.push_back("/proc/self/exe");
+    const json made_of = {{"arguments", step.arguments}, {"inputs", marks_of(inputs)}};
+    const auto before = done.find(step.name);
+    if (before != done.end() && before->is_object() && before->value("made_of", json()) == made_of &&
+        before->value("outputs", json()) == marks_of(step.outputs) && before->value("said", json()).is_string()) {
+      terminal::print("%-11s as before: %s\n", step.name.c_str(), before->value("said", "").c_str());
+      return true;
     }
-  if (!done.is_object()) done = json::object();
-  // All steps run again with a new build of this program.
-  std::vector<std::string> inputs = step.inputs;
-  inputs.push_back("/proc/self/exe");
-  const json made_of = {{"arguments", step.arguments}, {"inputs", marks_of(inputs)}};
-  const auto before = done.find(step.name);
-  if (before != done.end() && before->is_object() && before->value("made_of", json()) == made_of &&
-      before->value("outputs", json()) == marks_of(step.outputs) && before->value("said", json()).is_string()) {
-    terminal::print("%-11s as before: %s\n", step.name.c_str(), before->value("said", "").c_str());
+    std::fflush(stdout);
+    done.erase(step.name);
+    // Keeps the previous outputs under another name until the new outputs exist, or the step has failed.
+    const auto aside = [](const std::string& output) { return output + ".before"; };
+    for (const std::string& output : step.outputs)
+      if (fs::exists(output)) fs::rename(output, aside(output));
+    const int status = run_program(step.arguments, log);
+    std::string said = last_line(lf::read_text_file(log));
+    constexpr std::string_view kError = "error: ";
+    if (status != 0 && said.starts_with(kError)) {
+      failure_ = said.substr(kError.size());
+      // The error is already on the terminal; the line before it is the result of the step.
+      const std::string text = lf::read_text_file(log);
+      said = last_line(text.substr(0, text.rfind(kError)));
+    }
+    const bool left_all = std::ranges::all_of(step.outputs, [](const std::string& path) { return fs::exists(path); });
+    terminal::print("%-11s %s%s\n", step.name.c_str(), said.empty() ? "failed" : said.c_str(),
+                    status == 0 ? ""
+                    : left_all  ? " (with errors)"
+                                : "");
+    std::fflush(stdout);
+    if (!left_all) return false;
+    for (const std::string& output : step.outputs) fs::remove(aside(output));
+    // If a step fails but writes its outputs, it is done until its inputs change.
+    done[step.name] = {{"made_of", made_of}, {"outputs", marks_of(step.outputs)}, {"said", said}};
+    lf::write_text_file(done.dump(1) + "\n", book);
     return true;
   }
-  std::fflush(stdout);
-  done.erase(step.name);
-  // Keeps the previous outputs under another name until the new outputs exist, or the step has failed.
-  const auto aside = [](const std::string& output) { return output + ".before"; };
-  for (const std::string& output : step.outputs)
-    if (fs::exists(output)) fs::rename(output, aside(output));
-  std::vector<std::string> words = {"lf-calibrate"};
-  words.insert(words.end(), step.arguments.begin(), step.arguments.end());
-  const int status = run_program(words, log);
-  std::string said = last_line(lf::read_text_file(log));
-  constexpr std::string_view kError = "error: ";
-  if (status != 0 && said.starts_with(kError)) {
-    failure_ = said.substr(kError.size());
-    // The error is already on the terminal; the line before it is the result of the step.
-    const std::string text = lf::read_text_file(log);
-    said = last_line(text.substr(0, text.rfind(kError)));
-  }
-  const bool left_all = std::ranges::all_of(step.outputs, [](const std::string& path) { return fs::exists(path); });
-  terminal::print("%-11s %s%s\n", step.name.c_str(), said.empty() ? "failed" : said.c_str(),
-                  status == 0 ? ""
-                  : left_all  ? " (with errors)"
-                              : "");
-  std::fflush(stdout);
-  if (!left_all) return false;
-  for (const std::string& output : step.outputs) fs::remove(aside(output));
-  // If a step fails but writes its outputs, it is done until its inputs change.
-  done[step.name] = {{"made_of", made_of}, {"outputs", marks_of(step.outputs)}, {"said", said}};
-  lf::write_text_file(done.dump(1) + "\n", book);
-  return true;
-}
+  const std::string& failure() const { return failure_; }
+
+ private:
+  std::string failure_;
+  std::string folder_;
+};
 
 struct AllArguments {
   std::string rig, lights, boards, colour, out, board, charuco;
@@ -232,11 +217,11 @@ class CalibrationRun {
         rig, o_.rig, folder, {.trusted = o_.trusted, .seconds = o_.record}, guided, [] { return true; });
     for (const lf::cameras::RecordedCamera& one : recorded) {
       const lf::Camera& camera = rig->cameras[one.camera];
-      const std::string name = lf::cameras::name_of(camera);
+      const std::string name = camera.label();
       if (!one.problem.empty())
-        terminal::print("record      camera %s: %s: %s\n", name.c_str(), one.problem.c_str(),
+        terminal::print("record      %s: %s: %s\n", name.c_str(), one.problem.c_str(),
                         lf::cameras::remedy_for(camera, one.problem).c_str());
-      if (!one.note.empty()) terminal::print("record      camera %s: %s\n", name.c_str(), one.note.c_str());
+      if (!one.note.empty()) terminal::print("record      %s: %s\n", name.c_str(), one.note.c_str());
     }
   }
 
@@ -352,7 +337,7 @@ class CalibrationRun {
 
 }  // namespace
 
-void add_all_command(cli::App& app, int& status) {
+void add_all_command(cli::App& app) {
   const auto o = std::make_shared<AllArguments>();
   cli::App* command = app.add_subcommand(
       "all",
@@ -414,5 +399,5 @@ void add_all_command(cli::App& app, int& status) {
                    "Calibrated rig file to write (default: calibrated.json in the folder of RIG). The report and "
                    "intermediate files are written to a folder with the same name without extension")
       ->type_name("RIG");
-  command->callback([o, &status] { status = CalibrationRun(*o).run(); });
+  command->callback([o] { return CalibrationRun(*o).run(); });
 }

@@ -29,7 +29,6 @@ void add_board_options(cli::App& command, BoardOptions& options, bool needs_size
       .add_option("--marker", options.marker,
                   "Side length of a marker of the ChArUco board, as a fraction of the side of a square. For example, "
                   "0.75 for markers of 30 mm in squares of 40 mm")
-      ->capture_default_str()
       ->check(cli::Range(0.01, 0.99))
       ->needs(charuco);
   command

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <filesystem>
 #include <map>
 #include <optional>
@@ -36,13 +35,6 @@ std::string picture_key(const std::string& path) {
   const std::string number = stem.substr(before == std::string::npos ? 0 : before + 1, last - before);
   const size_t first = std::min(number.find_first_not_of('0'), number.size() - 1);
   return number.substr(first);
-}
-
-lf::Image image_of(const VideoFrame& frame) {
-  lf::Image image(lf::PixelFamily::kRgb, frame.width, frame.height);
-  for (int y = 0; y < frame.height; y++)
-    std::memcpy(image.pixel(0, y), frame.samples + y * frame.stride, static_cast<size_t>(3 * frame.width));
-  return image;
 }
 
 // Returns the view at `share` of the time between two frames. Returns nullopt if the board moves too fast.
@@ -89,7 +81,7 @@ class BoardFinder {
     size_t next = 0;
     for_each_video_frame(uri, VideoFormat::kRgb, [&](const VideoFrame& frame) {
       check_size(frame.width, frame.height, uri);
-      lf::Image image = image_of(frame);
+      lf::Image image = frame.rgb();
       for (; next < instants.size() && instants[next] <= frame.time + kSameTime; next++) {
         auto view = std::abs(instants[next] - frame.time) <= kSameTime ? find(image)
                     : before && frame.time - before_time < kLongestGap

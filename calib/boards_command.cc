@@ -92,7 +92,6 @@ void add_boards_command(cli::App& app) {
       ->add_option("--instants", o->instants,
                    "Number of instants at which videos are searched for the board, spread over their length. More "
                    "instants give a better result, but take more time")
-      ->capture_default_str()
       ->check(cli::Range(3, 10000));
   command->add_option("--out", o->out, "Rig file to write, with the estimated cameras")->required()->type_name("RIG");
   command->add_option("--json", o->json, "JSON file that receives the report, for lf-calibrate report")
@@ -100,7 +99,6 @@ void add_boards_command(cli::App& app) {
   command
       ->add_option("--threads", o->threads,
                    "Number of recordings to search at the same time. More recordings use more processors and memory")
-      ->capture_default_str()
       ->check(cli::Range(1, 256));
   command->callback([o] { calibrate(*o); });
 }

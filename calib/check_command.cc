@@ -127,7 +127,7 @@ class MonitoredCamera {
 // Writes the verdict on one camera into `judged`. Returns a message for the user that states the problem and its
 // remedy, or an empty text if there is no problem.
 std::string judge(const lf::Camera& camera, const std::string& fault, json& judged) {
-  const std::string who = "camera " + std::to_string(camera.id) + " (" + camera.name + ")";
+  const std::string who = camera.label();
   if (fault == "direction") {
     judged["state"] = "moved";
     const double shift = judged["shift_px"];
@@ -288,7 +288,7 @@ int check(const CheckArguments& o) {
 
 }  // namespace
 
-void add_check_command(cli::App& app, int& status) {
+void add_check_command(cli::App& app) {
   const auto o = std::make_shared<CheckArguments>();
   cli::App* command = app.add_subcommand(
       "check",
@@ -324,12 +324,6 @@ void add_check_command(cli::App& app, int& status) {
       ->excludes(monitor);
   command->add_option("--json", o->json, "JSON file that receives the report, for lf-calibrate report")
       ->type_name("FILE");
-  command->callback([o, &status] {
-    try {
-      status = check(*o);
-    } catch (const std::exception& error) {
-      terminal::print_error("lf-calibrate: %s\n", lf::redacted_location(error.what()).c_str());
-      status = 2;
-    }
-  });
+  command->callback([o] { return check(*o); });
+  command->set_error_status(2);  // 1 is the result of a rig that does not hold
 }

@@ -3,12 +3,9 @@
 #include <gst/gst.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cstdio>
-#include <exception>
 #include <filesystem>
 #include <memory>
-#include <mutex>
 #include <string>
 #include <thread>
 #include <vector>
@@ -22,7 +19,6 @@
 #include "commands.h"
 #include "image/colour_correction.h"
 #include "image/image.h"
-#include "progress.h"
 #include "recordings.h"
 #include "rig/rig_json.h"
 #include "terminal.h"
@@ -93,10 +89,7 @@ std::vector<Frame> frames_of(const lf::Rig& rig, const lf::Camera& camera, size_
         const size_t place = between > 0 ? static_cast<size_t>(picture.time / between + 1e-6) : frames.size();
         if (place >= most) return false;
         if (!frames.empty() && place <= frames.back().place) return true;
-        lf::Image& image =
-            frames.emplace_back(place, lf::Image(lf::PixelFamily::kRgb, picture.width, picture.height)).image;
-        for (int y = 0; y < picture.height; y++)
-          std::copy_n(picture.samples + y * picture.stride, 3 * picture.width, image.pixel(0, y));
+        frames.push_back({place, picture.rgb()});
         return true;
       });
     } catch (const lf::Error& error) {
@@ -132,46 +125,28 @@ Recording read(const lf::Rig& rig, const lf::Rig& recorded, const ColourArgument
   std::vector<size_t> charts(n), lengths(n);
   std::vector<std::string> troubles(n);
   const double between = time_between_places(recorded, static_cast<size_t>(options.frames));
-  std::atomic<size_t> next = 0;
-  std::mutex mutex;
-  std::exception_ptr error;
-  Progress progress("reading", n);
-  const auto work = [&] {
-    for (size_t i; (i = next++) < n;) try {
-        const auto index = recorded.index_of_id(rig.cameras[i].id);
-        std::vector<Frame> frames;
-        if (index) {
-          lf::Camera camera = rig.cameras[i];
-          camera.source = recorded.cameras[*index].source;
-          camera.image = recorded.cameras[*index].image;
-          frames = frames_of(recorded, camera, static_cast<size_t>(options.frames), between, troubles[i]);
-        }
-        lengths[i] = frames.empty() ? 0 : frames.back().place + 1;
-        for (size_t k = 0; k < frames.size(); k++) {
-          if (options.from != "views") {
-            const auto samples =
-                lf::find_colour_checker(frames[k].image, static_cast<lf::CameraIndex>(i),
-                                        static_cast<uint32_t>(frames[k].place * lf::checker::kPatches));
-            charts[i] += !samples.empty();
-            found[i].insert(found[i].end(), samples.begin(), samples.end());
-          }
-          if (frames[k].place < kViewFrames) out.views[frames[k].place][i] = std::move(frames[k].image);
-        }
-        lf::remove_misread_charts(found[i]);
-        const std::lock_guard lock(mutex);
-        progress.step();
-      } catch (...) {
-        const std::lock_guard lock(mutex);
-        if (!error) error = std::current_exception();
-        next = n;
+  const int threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  for_each_recording("reading", n, threads, [&](size_t i, const auto&) {
+    const auto index = recorded.index_of_id(rig.cameras[i].id);
+    std::vector<Frame> frames;
+    if (index) {
+      lf::Camera camera = rig.cameras[i];
+      camera.source = recorded.cameras[*index].source;
+      camera.image = recorded.cameras[*index].image;
+      frames = frames_of(recorded, camera, static_cast<size_t>(options.frames), between, troubles[i]);
+    }
+    lengths[i] = frames.empty() ? 0 : frames.back().place + 1;
+    for (auto& [place, image] : frames) {
+      if (options.from != "views") {
+        const auto samples = lf::find_colour_checker(image, static_cast<lf::CameraIndex>(i),
+                                                     static_cast<uint32_t>(place * lf::checker::kPatches));
+        charts[i] += !samples.empty();
+        found[i].insert(found[i].end(), samples.begin(), samples.end());
       }
-  };
-  std::vector<std::thread> pool;
-  for (unsigned i = 1; i < std::max(1u, std::thread::hardware_concurrency()); i++) pool.emplace_back(work);
-  work();
-  for (std::thread& thread : pool) thread.join();
-  if (error) std::rethrow_exception(error);
-  progress.finish();
+      if (place < kViewFrames) out.views[place][i] = std::move(image);
+    }
+    lf::remove_misread_charts(found[i]);
+  });
   for (size_t i = 0; i < n; i++) {
     out.chart.all.insert(out.chart.all.end(), found[i].begin(), found[i].end());
     out.charts += charts[i];
@@ -297,14 +272,12 @@ void add_colour_command(cli::App& app) {
                    "Estimation method. chart uses images of a colour chart with 24 patches. views needs no chart: it "
                    "compares the colours of scene points that several cameras see, so the geometry of the rig must be "
                    "calibrated. auto uses chart if the images show a chart, and views otherwise")
-      ->capture_default_str()
       ->check(cli::IsMember({"auto", "chart", "views"}));
   command
       ->add_option("--frames", o->frames,
                    "Maximum number of frames to use per recording. They are evenly spaced over the recording. More "
                    "frames take more time. All recordings must start at the same time, because frames at equal times "
                    "must show the same scene")
-      ->capture_default_str()
       ->check(cli::Range(1, 10000));
   command->add_option("--out", o->out, "Rig file to write, with the colour corrections. This may be RIG")
       ->required()

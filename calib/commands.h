@@ -14,11 +14,10 @@
 #include "terminal.h"
 
 // Subcommands of lf-calibrate, each implemented in NAME_command.cc (track in solve_command.cc). Each function adds one
-// subcommand with its options and callback. A callback throws lf::Error if the command fails. Commands with results
-// other than success and failure set `status`, the exit status of the program.
-void add_all_command(cli::App& app, int& status);
+// subcommand with its options and callback. A callback throws lf::Error if the command fails.
+void add_all_command(cli::App& app);
 void add_boards_command(cli::App& app);
-void add_check_command(cli::App& app, int& status);
+void add_check_command(cli::App& app);
 void add_colour_command(cli::App& app);
 void add_intrinsics_command(cli::App& app);
 void add_solve_command(cli::App& app);

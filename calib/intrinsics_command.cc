@@ -4,14 +4,12 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include <gst/gst.h>
 #include <nlohmann/json.hpp>
-#include <opencv2/imgproc.hpp>
-#include <opencv2/videoio.hpp>
 
 #include "base/json_value.h"
 #include "base/text.h"
@@ -19,6 +17,7 @@
 #include "calibration/intrinsics.h"
 #include "commands.h"
 #include "image/image.h"
+#include "recordings.h"
 #include "rig/rig_json.h"
 #include "rig/source_security.h"
 #include "terminal.h"
@@ -38,14 +37,8 @@ struct IntrinsicsArguments {
   const cli::Option* views_option = nullptr;
 };
 
-// A video source of board images: the GStreamer elements that deliver the video, and a name for messages.
-struct Video {
-  std::string elements, name;
-  bool waits = false;  // true if the source can wait; otherwise frames that arrive during processing are dropped
-};
-
 // Returns the source for a GStreamer URI such as file:///..., v4l2:///dev/video0 or rtsp://...
-Video video_of(const std::string& uri) {
+VideoSource video_of(const std::string& uri) {
   if (uri.find('"') != std::string::npos)
     throw lf::Error(uri + ": must not contain a quotation mark; write %22 instead");
   return {"uridecodebin uri=\"" + uri + "\" ! videoconvert ! videoflip video-direction=auto",
@@ -53,7 +46,7 @@ Video video_of(const std::string& uri) {
 }
 
 // Returns the source for a camera of a rig. lfcamsrc opens it with its image size and controls.
-Video video_of(const std::string& rig, uint32_t camera, bool trusted) {
+VideoSource video_of(const std::string& rig, uint32_t camera, bool trusted) {
   if (rig.find('"') != std::string::npos) throw lf::Error(rig + ": must not contain a quotation mark");
   const lf::Rig read = lf::load_rig(rig);
   const auto index = read.index_of_id(camera);
@@ -66,29 +59,6 @@ Video video_of(const std::string& rig, uint32_t camera, bool trusted) {
   const bool file = !lf::is_launch_line(read, source) && (!lf::is_uri(source) || source.starts_with("file:"));
   return {"lfcamsrc rig=\"" + rig + "\" camera=" + std::to_string(camera) + (trusted ? " trusted=true" : ""), name,
           file};
-}
-
-// Calls `use` for each frame, as an RGB image, until `use` returns false or the video ends. Throws Error if there is no
-// video.
-void for_each_frame(const Video& video_source, const std::function<bool(const lf::Image&)>& use) {
-  const std::string pipeline = video_source.elements + " ! videoconvert ! video/x-raw,format=BGR ! appsink " +
-                               (video_source.waits ? "sync=false" : "max-buffers=1 drop=true");
-  cv::VideoCapture video(pipeline, cv::CAP_GSTREAMER);
-  cv::Mat bgr;
-  bool any = false;
-  while (video.isOpened() && video.read(bgr)) {
-    any = true;
-    lf::Image image(lf::PixelFamily::kRgb, bgr.cols, bgr.rows);
-    cv::Mat rgb(bgr.rows, bgr.cols, CV_8UC3, image.data().data());
-    cv::cvtColor(bgr, rgb, cv::COLOR_BGR2RGB);
-    if (!use(image)) return;
-  }
-  if (!any)
-    throw lf::Error(
-        video_source.name + ": no video could be read" +
-        (video_source.waits
-             ? ""
-             : "; check that the camera is plugged in and that no other program uses it, or run lf-rig doctor"));
 }
 
 struct Images {
@@ -109,10 +79,12 @@ void check_size(Images& found, const lf::Image& image, const std::string& name) 
 }
 
 // Collects views of the board from a video or a live camera. The board must not move for a moment in each view.
-void watch(const IntrinsicsArguments& options, const lf::CalibrationBoard& board, const Video& video, Images& found) {
+void watch(const IntrinsicsArguments& options, const lf::CalibrationBoard& board, const VideoSource& video,
+           Images& found) {
   std::optional<lf::KeyframeSelector> chooser;
   int kept = 0, frame = 0;
-  for_each_frame(video, [&](const lf::Image& image) {
+  const auto use = [&](const VideoFrame& picture) {
+    const lf::Image image = picture.rgb();
     check_size(found, image, video.name);
     if (!chooser) chooser.emplace(image.width());
     auto view = lf::find_board(image, board);
@@ -123,7 +95,17 @@ void watch(const IntrinsicsArguments& options, const lf::CalibrationBoard& board
     }
     frame++;
     return kept < options.views;
-  });
+  };
+  try {
+    for_each_video_frame(video, use);
+  } catch (const lf::Error&) {
+    if (found.width > 0) throw;
+    throw lf::Error(
+        video.name + ": no video could be read" +
+        (video.waits
+             ? ""
+             : "; check that the camera is plugged in and that no other program uses it, or run lf-rig doctor"));
+  }
   if (kept == 0) found.without_board.push_back(video.name);
 }
 
@@ -224,6 +206,7 @@ void save(const IntrinsicsArguments& options, const IntrinsicsResult& result, co
 }
 
 void calibrate(const IntrinsicsArguments& options) {
+  gst_init(nullptr, nullptr);
   const lf::CalibrationBoard board = parse_board(options.board);
   lf::IntrinsicsOptions how;
   if (options.model != "auto") {
@@ -258,14 +241,11 @@ void add_intrinsics_command(cli::App& app) {
                         ->add_option("--views", o->views,
                                      "Number of views of the board to keep from a video or a live camera. Hold the "
                                      "board still for a moment in each position")
-                        ->capture_default_str()
                         ->check(cli::Range(3, 1000));
   add_board_options(*command, o->board);
-  command
-      ->add_option(
-          "--model", o->model,
-          "Name of the lens model, as in rig files. auto: the model with the fewest parameters that fits the images")
-      ->capture_default_str();
+  command->add_option(
+      "--model", o->model,
+      "Name of the lens model, as in rig files. auto: the model with the fewest parameters that fits the images");
   command->add_option("--rig", o->rig,
                       "Rig file that contains the camera. All other cameras are copied to --out unchanged (default: "
                       "--out becomes a rig with this camera only)");

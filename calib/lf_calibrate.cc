@@ -49,10 +49,8 @@ void add_report_command(cli::App& app) {
       ->add_option("FILE", o->files,
                    "Reports of the calibration steps: the files that track, solve, colour and check write with --json")
       ->required();
-  command
-      ->add_option("--out", o->out,
-                   "HTML page to write. It contains all styles and figures, so you can share this single file")
-      ->capture_default_str();
+  command->add_option("--out", o->out,
+                      "HTML page to write. It contains all styles and figures, so you can share this single file");
   command->add_option("--title", o->title, "Title of the page (default: the name of the folder of the first FILE)");
   command->callback([o] { write_report(*o); });
 }
@@ -93,20 +91,17 @@ void add_features_command(cli::App& app) {
       ->add_option("--references", o->features.references,
                    "Number of reference cameras. Corners are detected in their images, and then searched for in the "
                    "images of all other cameras. More reference cameras give more tracks, but take more time")
-      ->capture_default_str()
       ->check(cli::Range(1, static_cast<int>(lf::kMaxCameras)));
   command
       ->add_option("--features", o->features.features,
                    "Maximum number of corners to detect in the image of each "
                    "reference camera. More corners give more tracks, but take "
                    "more time")
-      ->capture_default_str()
       ->check(cli::Range(1, 1000000));
   command
       ->add_option("--least-cameras", o->features.least_cameras,
                    "Minimum number of cameras that must see a corner. Corners that fewer cameras see are discarded. A "
                    "larger value keeps fewer, but more reliable corners")
-      ->capture_default_str()
       ->check(cli::Range(2, static_cast<int>(lf::kMaxCameras)));
   command->add_option("--out", o->out, "JSON file that receives the tracks, for lf-calibrate solve")->required();
   command->callback([o] { find_features(*o); });
@@ -121,10 +116,9 @@ int main(int argc, char** argv) {
       "lf-calibrate");
   app.require_subcommand(1);
   lf::capture_solver_messages();
-  int status = 0;
-  add_all_command(app, status);
+  add_all_command(app);
   add_boards_command(app);
-  add_check_command(app, status);
+  add_check_command(app);
   add_colour_command(app);
   add_features_command(app);
   add_intrinsics_command(app);
@@ -132,16 +126,11 @@ int main(int argc, char** argv) {
   add_solve_command(app);
   add_track_command(app);
   // If standard output is a log file, the file also receives the error.
-  const int failed = cli::run_tool(
-      app, argc, argv, [] {},
-      [](const std::string& error) {
-        struct stat out = {};
-        if (fstat(STDOUT_FILENO, &out) == 0 && S_ISREG(out.st_mode)) terminal::print("error: %s\n", error.c_str());
-      });
-  // Messages of the solver may explain a failure, but are useless otherwise.
-  for (const std::string& message : failed ? lf::solver_messages() : std::vector<std::string>())
-    terminal::print_error("note: solver message: %s\n", message.c_str());
-  // The command check uses exit status 1 for a rig that does not hold, so errors need another status.
-  if (failed && *app.get_subcommand("check")) return 2;
-  return failed ? failed : status;
+  return cli::run_tool(app, argc, argv, {}, [](const std::string& error) {
+    struct stat out = {};
+    if (fstat(STDOUT_FILENO, &out) == 0 && S_ISREG(out.st_mode)) terminal::print("error: %s\n", error.c_str());
+    // Messages of the solver may explain a failure, but are useless otherwise.
+    for (const std::string& message : lf::solver_messages())
+      terminal::print_error("note: solver message: %s\n", message.c_str());
+  });
 }

@@ -2,6 +2,7 @@
 #include "recordings.h"
 
 #include <algorithm>
+#include <atomic>
 #include <filesystem>
 #include <fstream>
 #include <functional>
@@ -11,17 +12,16 @@
 #include <system_error>
 #include <vector>
 
-#include <gst/app/gstappsink.h>
 #include <gst/base/gsttypefindhelper.h>
 #include <gst/video/video.h>
 
 #include "base/text.h"
 #include "base/worker_pool.h"
 #include "calibration/light_detector.h"
-#include "mjpeg_writer.h"
 #include "progress.h"
 #include "rig/rig.h"
 #include "rig/source_security.h"
+#include "sample_reader.h"
 
 namespace fs = std::filesystem;
 
@@ -46,11 +46,10 @@ FileKind kind_of(const fs::path& path) {
   constexpr size_t kEnough = size_t{1} << 18;
   const std::string bytes = beginning_of(path, kEnough);
   if (bytes.empty()) return FileKind::kOther;
-  GstCaps* const caps =
+  g_autoptr(GstCaps) caps =
       gst_type_find_helper_for_data(nullptr, reinterpret_cast<const guint8*>(bytes.data()), bytes.size(), nullptr);
   if (!caps) return FileKind::kOther;
   const std::string type = gst_caps_get_size(caps) > 0 ? gst_structure_get_name(gst_caps_get_structure(caps, 0)) : "";
-  gst_caps_unref(caps);
   if (type == "image/jpeg") return has_second_jpeg(path) ? FileKind::kFilm : FileKind::kStill;
   if (type.starts_with("image/")) return FileKind::kStill;
   for (const char* film : {"video/", "application/x-yuv4mpeg", "application/ogg", "application/mxf",
@@ -153,74 +152,40 @@ void check_folder(const std::string& folder) {
 
 namespace {
 
-using Element = std::unique_ptr<GstElement, decltype(&gst_object_unref)>;
-
-std::string reason_of(GstElement* pipeline) {
-  return lf::bus_error(pipeline, 0, "no video could be read; check that the file is complete and can be played");
-}
-
 // The default method of jpegdec is fast but inaccurate; it shifts positions by hundredths of a pixel.
 void decode_exactly(GstBin*, GstBin*, GstElement* element, gpointer) {
   if (g_object_class_find_property(G_OBJECT_GET_CLASS(element), "idct-method"))
     gst_util_set_object_arg(G_OBJECT(element), "idct-method", "islow");
 }
 
-class Pipeline {
+class VideoReader : public lf::SampleReader {
  public:
-  Pipeline(const std::string& place, VideoFormat format) : place_(place) {
-    std::error_code ignored;
-    if (std::filesystem::exists(place, ignored) && !std::filesystem::is_regular_file(place, ignored))
-      throw lf::Error(place + ": is not a regular file, so it cannot be read as a recording");
-    GError* error = nullptr;
-    gchar* uri = lf::is_uri(place) ? g_strdup(place.c_str()) : gst_filename_to_uri(place.c_str(), nullptr);
-    GstElement* made = gst_parse_launch(
-        (std::string("uridecodebin name=source ! videoconvert ! videoflip video-direction=auto ! videoconvert ! ") +
-         "video/x-raw,format=" + (format == VideoFormat::kGrey ? "GRAY8" : "RGB") +
-         " ! appsink name=sink sync=false max-buffers=4")
-            .c_str(),
-        &error);
-    if (error || !uri) {
-      const std::string reason = error ? error->message : "is not a path";
-      g_clear_error(&error);
-      g_free(uri);
-      if (made) gst_object_unref(made);
-      throw lf::Error(place + ": " + reason);
-    }
-    pipeline_.reset(made);
-    const Element source(gst_bin_get_by_name(GST_BIN(made), "source"), gst_object_unref);
-    g_object_set(source.get(), "uri", uri, nullptr);
-    g_signal_connect(source.get(), "deep-element-added", G_CALLBACK(decode_exactly), nullptr);
-    g_free(uri);
-    sink_.reset(gst_bin_get_by_name(GST_BIN(made), "sink"));
-    if (gst_element_set_state(made, GST_STATE_PLAYING) == GST_STATE_CHANGE_FAILURE)
-      throw lf::Error(place + ": " + reason_of(made));
-  }
-  ~Pipeline() {
-    if (pipeline_) gst_element_set_state(pipeline_.get(), GST_STATE_NULL);
-  }
+  VideoReader(const VideoSource& source, VideoFormat format)
+      : SampleReader(source.elements + " ! videoconvert ! video/x-raw,format=" +
+                         (format == VideoFormat::kGrey ? "GRAY8" : "RGB") + " ! appsink name=sink " +
+                         (source.waits ? "sync=false max-buffers=4" : "max-buffers=1 drop=true"),
+                     source.name),
+        name_(source.name) {}
 
   // Returns false at the end. Frames before an error are valid, so an error counts as the end.
   bool next(const std::function<bool(const VideoFrame&)>& use) {
-    GstSample* sample = nullptr;
-    while (!sample) {
-      sample = gst_app_sink_try_pull_sample(GST_APP_SINK(sink_.get()), 100 * GST_MSECOND);
-      if (sample) break;
-      if (gst_app_sink_is_eos(GST_APP_SINK(sink_.get()))) return ended();
-      GstBus* bus = gst_element_get_bus(pipeline_.get());
-      GstMessage* message = gst_bus_pop_filtered(bus, GST_MESSAGE_ERROR);
-      if (message) gst_bus_post(bus, message);
-      gst_object_unref(bus);
-      if (message) return ended();
+    Sample sample;
+    try {
+      sample = SampleReader::next();
+    } catch (const lf::Error&) {
+      if (!any_) throw;
     }
-    const std::unique_ptr<GstSample, decltype(&gst_sample_unref)> owner(sample, gst_sample_unref);
+    if (!sample && !any_)
+      throw lf::Error(name_ + ": no video could be read; check that the file is complete and can be played");
+    if (!sample) return false;
     GstVideoInfo info;
     GstVideoFrame frame;
-    GstBuffer* buffer = gst_sample_get_buffer(sample);
-    if (!gst_video_info_from_caps(&info, gst_sample_get_caps(sample)) ||
+    GstBuffer* buffer = gst_sample_get_buffer(sample.get());
+    if (!gst_video_info_from_caps(&info, gst_sample_get_caps(sample.get())) ||
         !gst_video_frame_map(&frame, &info, buffer, GST_MAP_READ))
-      throw lf::Error(place_ + ": a frame cannot be read");
+      throw lf::Error(name_ + ": a frame cannot be read");
     const GstClockTime time =
-        gst_segment_to_stream_time(gst_sample_get_segment(sample), GST_FORMAT_TIME, GST_BUFFER_PTS(buffer));
+        gst_segment_to_stream_time(gst_sample_get_segment(sample.get()), GST_FORMAT_TIME, GST_BUFFER_PTS(buffer));
     bool more = true;
     if (GST_CLOCK_TIME_IS_VALID(time)) {
       const double seconds = static_cast<double>(time) / GST_SECOND, all = length();
@@ -235,38 +200,60 @@ class Pipeline {
 
   double length() const {
     gint64 length = 0;
-    return gst_element_query_duration(pipeline_.get(), GST_FORMAT_TIME, &length) && length > 0
+    return gst_element_query_duration(pipeline(), GST_FORMAT_TIME, &length) && length > 0
                ? static_cast<double>(length) / GST_SECOND
                : 0;
   }
 
  private:
-  bool ended() {
-    if (!any_) throw lf::Error(place_ + ": " + reason_of(pipeline_.get()));
-    return false;
-  }
-
-  const std::string place_;
-  Element pipeline_{nullptr, gst_object_unref}, sink_{nullptr, gst_object_unref};
+  const std::string name_;
   bool any_ = false;
 };
 
+std::unique_ptr<VideoReader> open_recording(const std::string& place, VideoFormat format) {
+  std::error_code ignored;
+  if (fs::exists(place, ignored) && !fs::is_regular_file(place, ignored))
+    throw lf::Error(place + ": is not a regular file, so it cannot be read as a recording");
+  g_autofree gchar* uri = lf::is_uri(place) ? g_strdup(place.c_str()) : gst_filename_to_uri(place.c_str(), nullptr);
+  if (!uri) throw lf::Error(place + ": is not a path");
+  auto reader = std::make_unique<VideoReader>(
+      VideoSource{"uridecodebin name=source ! videoconvert ! videoflip video-direction=auto", place}, format);
+  const auto source = reader->child("source");
+  g_object_set(source.get(), "uri", uri, nullptr);
+  g_signal_connect(source.get(), "deep-element-added", G_CALLBACK(decode_exactly), nullptr);
+  reader->start();
+  return reader;
+}
+
 }  // namespace
+
+lf::Image VideoFrame::rgb() const {
+  lf::Image image(lf::PixelFamily::kRgb, width, height);
+  for (int y = 0; y < height; y++) std::copy_n(samples + y * stride, 3 * width, image.pixel(0, y));
+  return image;
+}
 
 void for_each_video_frame(const std::string& path_or_uri, VideoFormat format,
                           const std::function<bool(const VideoFrame&)>& use) {
-  Pipeline pipeline(path_or_uri, format);
-  while (pipeline.next(use)) {
+  const auto reader = open_recording(path_or_uri, format);
+  while (reader->next(use)) {
+  }
+}
+
+void for_each_video_frame(const VideoSource& source, const std::function<bool(const VideoFrame&)>& use) {
+  VideoReader reader(source, VideoFormat::kRgb);
+  reader.start();
+  while (reader.next(use)) {
   }
 }
 
 double video_duration(const std::string& path_or_uri) {
   try {
-    Pipeline pipeline(path_or_uri, VideoFormat::kGrey);
+    const auto reader = open_recording(path_or_uri, VideoFormat::kGrey);
     double length = 0;
     // GStreamer knows the duration only after the first frame.
-    pipeline.next([&](const VideoFrame&) {
-      length = pipeline.length();
+    reader->next([&](const VideoFrame&) {
+      length = reader->length();
       return false;
     });
     return length;
@@ -316,9 +303,7 @@ size_t LightRecordings::useful() const {
 std::vector<std::string> LightRecordings::troubles(const lf::Rig& rig) const {
   std::vector<std::string> all;
   for (size_t i = 0; i < cameras.size(); i++)
-    if (!cameras[i].trouble.empty())
-      all.push_back("camera " + std::to_string(rig.cameras[i].id) + " (" + rig.cameras[i].name + ")" +
-                    cameras[i].trouble);
+    if (!cameras[i].trouble.empty()) all.push_back(rig.cameras[i].label() + cameras[i].trouble);
   return all;
 }
 
@@ -327,13 +312,20 @@ void for_each_recording(const std::string& what, size_t count, int threads,
   constexpr int kSteps = 100;
   Progress progress_bar(what, kSteps * count);
   std::mutex mutex;
+  std::atomic<bool> failed = false;
   lf::WorkerPool().run(static_cast<unsigned>(threads), count, [&](size_t i) {
+    if (failed) return;
     int done = 0;
     const auto progress = [&](double share) {
       const std::lock_guard lock(mutex);
       for (; done < static_cast<int>(share * kSteps); done++) progress_bar.step();
     };
-    read(i, progress);
+    try {
+      read(i, progress);
+    } catch (...) {
+      failed = true;
+      throw;
+    }
     progress(1);
   });
   progress_bar.finish();

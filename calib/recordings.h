@@ -9,6 +9,7 @@
 
 #include "calibration/moving_light.h"
 #include "calibration/tracks.h"
+#include "image/image.h"
 #include "rig/rig.h"
 
 // Finds and reads the recordings of a rig's cameras. A recording in a folder is a file NAME.*, where NAME is the name
@@ -45,6 +46,8 @@ struct VideoFrame {
   int width, height;
   double time;      // stream time, seconds
   double progress;  // fraction of the video up to this frame, 0 to 1; 0 if the duration is unknown
+
+  lf::Image rgb() const;  // a copy of a frame in kRgb
 };
 
 // Decodes a file or a GStreamer URI and calls `use` for each frame, until `use` returns false or the video ends. Frames
@@ -53,11 +56,20 @@ struct VideoFrame {
 void for_each_video_frame(const std::string& path_or_uri, VideoFormat format,
                           const std::function<bool(const VideoFrame&)>& use);
 
+// The GStreamer elements that deliver a video, and its name for messages.
+struct VideoSource {
+  std::string elements, name;
+  bool waits = true;  // true if the source can wait; otherwise frames that arrive during processing are dropped
+};
+// Does the same with RGB frames of other sources.
+void for_each_video_frame(const VideoSource& source, const std::function<bool(const VideoFrame&)>& use);
+
 // Returns the duration of a video in seconds. Returns 0 if it is unknown, for example for a live source.
 double video_duration(const std::string& path_or_uri);
 
 // Calls `read` for each of `count` recordings, `threads` at a time, and shows a progress bar with the label `what`.
-// `read` passes the completed fraction of its recording, 0 to 1, to its second argument.
+// `read` passes the completed fraction of its recording, 0 to 1, to its second argument. If it throws, no further
+// recordings are read, and the exception is rethrown.
 void for_each_recording(const std::string& what, size_t count, int threads,
                         const std::function<void(size_t, const std::function<void(double)>&)>& read);
 

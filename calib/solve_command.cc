@@ -105,7 +105,6 @@ void add_track_command(cli::App& app) {
       ->add_option("--threads", o->threads,
                    "Number of recordings to process at the same time. More recordings use "
                    "more processors and memory")
-      ->capture_default_str()
       ->check(cli::Range(1, 256));
   command->callback([o] { track(*o); });
 }
@@ -188,7 +187,6 @@ void add_solve_command(cli::App& app) {
       ->add_option("--distortion", o->distortion,
                    "Number of radial distortion terms to estimate for each camera. More terms describe wide-angle "
                    "lenses better, but need more observations. auto: as many as the tracks support")
-      ->capture_default_str()
       ->check(cli::IsMember({"auto", "none", "k1", "k1k2"}));
   cli::Option* bar =
       command

@@ -9,6 +9,7 @@
 #include <exception>
 #include <list>
 #include <optional>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -27,6 +28,16 @@ std::string refuse_not_finite(std::string& text) {
   char* end = nullptr;
   const double value = std::strtod(text.c_str(), &end);
   return end != text.c_str() && !std::isfinite(value) ? text + " is not a finite number" : "";
+}
+
+template <class Value>
+bool is_default(const Value& value) {
+  if constexpr (std::is_arithmetic_v<Value>)
+    return value > 0;
+  else if constexpr (requires { value.empty(); })
+    return !value.empty();
+  else
+    return false;
 }
 
 template <class Value>
@@ -54,7 +65,7 @@ const Check PositiveNumber(CLI::PositiveNumber), NonNegativeNumber(CLI::NonNegat
     ExistingPath(CLI::ExistingPath);
 
 Option* Option::required() {
-  option_->required();
+  option_->required()->default_str("");
   return this;
 }
 
@@ -92,18 +103,22 @@ Option::operator bool() const { return option_->count() > 0; }
 
 struct App::Parts {
   std::shared_ptr<CLI::App> app;
+  std::shared_ptr<int> status;  // exit status, shared by all commands
+  int error_status = 1;
   std::vector<std::unique_ptr<App>> commands;
   std::list<Option> options;
 };
 
 App::App(const std::string& description, const std::string& name)
-    : App(std::make_shared<CLI::App>(description, name)) {}
-App::App(std::shared_ptr<CLI::App> app) : parts_(new Parts{std::move(app), {}, {}}) {}
+    : App(std::make_shared<CLI::App>(description, name), std::make_shared<int>(0)) {}
+App::App(std::shared_ptr<CLI::App> app, std::shared_ptr<int> status)
+    : parts_(new Parts{.app = std::move(app), .status = std::move(status), .commands = {}, .options = {}}) {}
 App::~App() = default;
 
 template <class Value>
 Option* App::add_option(const std::string& name, Value& variable, const std::string& help) {
   CLI::Option* const option = parts_->app->add_option(name, variable, help);
+  if (is_default(variable)) option->capture_default_str();
   if constexpr (is_real<Value>) option->check(CLI::Validator(refuse_not_finite, ""));
   return &parts_->options.emplace_back(option);
 }
@@ -114,19 +129,12 @@ Option* App::add_flag(const std::string& name, bool& variable, const std::string
 
 App* App::add_subcommand(const std::string& name, const std::string& help) {
   CLI::App* const command = parts_->app->add_subcommand(name, help);
-  return parts_->commands.emplace_back(new App(parts_->app->get_subcommand_ptr(command))).get();
+  return parts_->commands.emplace_back(new App(parts_->app->get_subcommand_ptr(command), parts_->status)).get();
 }
 
 App* App::add_option_group(const std::string& name) {
   CLI::App* const group = parts_->app->add_option_group(name);
-  return parts_->commands.emplace_back(new App(parts_->app->get_subcommand_ptr(group))).get();
-}
-
-App* App::get_subcommand(const std::string& name) {
-  const CLI::App* const wanted = parts_->app->get_subcommand(name);
-  for (const auto& command : parts_->commands)
-    if (command->parts_->app.get() == wanted) return command.get();
-  return nullptr;
+  return parts_->commands.emplace_back(new App(parts_->app->get_subcommand_ptr(group), parts_->status)).get();
 }
 
 App* App::excludes_options_of(const App& other) {
@@ -156,7 +164,11 @@ void add_trust_option(App& app, bool& trusted) {
                "run programs, so use this option only with rig files from people you trust");
 }
 
-void App::callback(std::function<void()> job) { parts_->app->callback(std::move(job)); }
+void App::set_callback(std::function<int()> job) {
+  parts_->app->callback([status = parts_->status, job = std::move(job)] { *status = job(); });
+}
+
+void App::set_error_status(int status) { parts_->error_status = status; }
 
 App::operator bool() const { return parts_->app->parsed(); }
 
@@ -243,22 +255,23 @@ int run_tool(App& app, int argc, char** argv, const std::function<void()>& job,
   CLI::App& parser = *app.parts_->app;
   try {
     parser.parse(argc, argv);
-    job();
-    return 0;
+    if (job) job();
+    return *app.parts_->status;
   } catch (const CLI::ParseError& e) {
     if (e.get_exit_code() == 0) return parser.exit(e);
     const bool has_extras = dynamic_cast<const CLI::ExtrasError*>(&e) != nullptr;
     if (const std::string missing = explain_missing_command(parser, argc, argv, has_extras); !missing.empty()) {
       terminal::print_error("%s\n", printable(missing).c_str());
-      return 1;
+    } else {
+      terminal::print_error("%s: %s (see --help)\n", parser.get_name().c_str(), printable(e.what()).c_str());
     }
-    terminal::print_error("%s: %s (see --help)\n", parser.get_name().c_str(), printable(e.what()).c_str());
   } catch (const std::exception& e) {
     const std::string what = printable(e.what());
     terminal::print_error("%s: %s\n", parser.get_name().c_str(), what.c_str());
     if (on_error) on_error(what);
   }
-  return 1;
+  const auto used = std::ranges::find_if(app.parts_->commands, [](const auto& command) { return bool(*command); });
+  return used == app.parts_->commands.end() ? 1 : (*used)->parts_->error_status;
 }
 
 template Option* App::add_option(const std::string&, bool&, const std::string&);

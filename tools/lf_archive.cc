@@ -13,7 +13,6 @@
 #include <thread>
 #include <vector>
 
-#include <gst/app/gstappsink.h>
 #include <gst/gst.h>
 #include <gst/video/video.h>
 
@@ -21,11 +20,11 @@
 #include "base/text.h"
 #include "base/worker_pool.h"
 #include "command_line.h"
-#include "mjpeg_writer.h"
 #include "progress.h"
 #include "recording/camera_file.h"
 #include "rig/rig.h"
 #include "rig/rig_json.h"
+#include "sample_reader.h"
 #include "terminal.h"
 
 namespace fs = std::filesystem;
@@ -61,59 +60,30 @@ const std::string kDecodedJpeg = "demux.video_0 ! jpegdec idct-method=islow" + k
 const std::string kDecoded = "demux.video_0 ! decodebin" + kAsImage;
 const std::string kSink = "appsink name=sink sync=false max-buffers=4";
 
-using Element = std::unique_ptr<GstElement, decltype(&gst_object_unref)>;
-using Sample = std::unique_ptr<GstSample, decltype(&gst_sample_unref)>;
+using Sample = SampleReader::Sample;
 
 GstClockTime time_of(GstSample* sample) {
   return gst_segment_to_stream_time(gst_sample_get_segment(sample), GST_FORMAT_TIME,
                                     GST_BUFFER_PTS(gst_sample_get_buffer(sample)));
 }
 
-class Reading {
+// Reads a film. `line` is a launch line that continues after a demuxer named "demux" and contains the appsink "sink".
+class Reading : public SampleReader {
  public:
-  // Reads a film through a pipeline. `line` is a launch line that continues after a demuxer named "demux" and contains
-  // an appsink named "sink".
-  Reading(const std::string& film, const std::string& line) : film_(film) {
-    GError* error = nullptr;
-    pipeline_.reset(gst_parse_launch(("filesrc name=file ! matroskademux name=demux " + line).c_str(), &error));
-    if (error) {
-      const std::string reason = error->message;
-      g_error_free(error);
-      throw Error(film + ": " + reason);
-    }
-    const Element file(gst_bin_get_by_name(GST_BIN(pipeline_.get()), "file"), gst_object_unref);
-    g_object_set(file.get(), "location", film.c_str(), nullptr);
-    sink_.reset(gst_bin_get_by_name(GST_BIN(pipeline_.get()), "sink"));
-    text_.reset(gst_bin_get_by_name(GST_BIN(pipeline_.get()), "text"));
-    gst_element_set_state(pipeline_.get(), GST_STATE_PLAYING);
+  Reading(const std::string& film, const std::string& line)
+      : SampleReader("filesrc name=file ! matroskademux name=demux " + line, film) {
+    g_object_set(child("file").get(), "location", film.c_str(), nullptr);
+    start();
   }
-  ~Reading() { gst_element_set_state(pipeline_.get(), GST_STATE_NULL); }
-  Reading(const Reading&) = delete;
-
-  Sample next() {
-    for (;;) {
-      Sample sample(gst_app_sink_try_pull_sample(GST_APP_SINK(sink_.get()), GST_SECOND / 5), gst_sample_unref);
-      if (sample) return sample;
-      if (const std::string reason = bus_error(pipeline_.get(), 0, ""); !reason.empty())
-        throw Error(film_ + ": " + reason);
-      if (gst_app_sink_is_eos(GST_APP_SINK(sink_.get()))) return sample;
-    }
-  }
-  // Returns the first sample of the text track, from the appsink "text" behind the queue "texts". Returns null if the
-  // film has no text track.
-  Sample text() {
-    const Element queue(gst_bin_get_by_name(GST_BIN(pipeline_.get()), "texts"), gst_object_unref);
-    GstPad* pad = gst_element_get_static_pad(queue.get(), "sink");
-    const bool has_text = gst_pad_is_linked(pad);
-    gst_object_unref(pad);
-    return Sample(has_text ? gst_app_sink_try_pull_sample(GST_APP_SINK(text_.get()), 5 * GST_SECOND) : nullptr,
-                  gst_sample_unref);
-  }
-
- private:
-  const std::string film_;
-  Element pipeline_{nullptr, gst_object_unref}, sink_{nullptr, gst_object_unref}, text_{nullptr, gst_object_unref};
 };
+
+// Returns the first sample of the text track, from the appsink "text" behind the queue "texts". Returns null if the
+// film has no text track.
+Sample first_text(const Reading& reading) {
+  g_autoptr(GstPad) pad = gst_element_get_static_pad(reading.child("texts").get(), "sink");
+  if (!gst_pad_is_linked(pad)) return nullptr;
+  return Sample(gst_app_sink_try_pull_sample(GST_APP_SINK(reading.child("text").get()), 5 * GST_SECOND));
+}
 
 struct Contents {
   bool is_jpeg = false;
@@ -146,7 +116,7 @@ Contents contents_of(const std::string& film) {
         std::max(contents.end, GST_BUFFER_DURATION_IS_VALID(frame) ? time + GST_BUFFER_DURATION(frame) : time);
   }
   if (contents.frames == 0) throw Error(film + ": contains no video frames, so there is nothing to archive");
-  if (const Sample text = reading.text()) contents.begins = text_of(text);
+  if (const Sample text = first_text(reading)) contents.begins = text_of(text);
   return contents;
 }
 
@@ -280,10 +250,6 @@ std::string film_of(const lf::Rig& rig, const lf::Camera& camera) {
   return film;
 }
 
-std::string name_of(const lf::Camera& camera) {
-  return std::to_string(camera.id) + (camera.name.empty() ? "" : " (" + camera.name + ")");
-}
-
 double megabytes(uint64_t bytes) { return static_cast<double>(bytes) / 1e6; }
 
 std::vector<ArchivedFilm> archive_films(const lf::Rig& rig, const std::vector<std::string>& films,
@@ -312,7 +278,7 @@ void print(const lf::Rig& rig, const std::vector<ArchivedFilm>& films, const std
   double worst = INFINITY;
   for (size_t i = 0; i < films.size(); i++) {
     const ArchivedFilm& film = films[i];
-    terminal::print("camera %s: %llu frames, %.3f -> %.3f MB, ", name_of(rig.cameras[i]).c_str(),
+    terminal::print("%s: %llu frames, %.3f -> %.3f MB, ", rig.cameras[i].label().c_str(),
                     static_cast<unsigned long long>(film.frames), megabytes(film.bytes_before),
                     megabytes(film.bytes_after));
     if (film.is_copy)
@@ -372,7 +338,6 @@ int main(int argc, char** argv) {
   app.add_option("--quantizer", o.quantizer,
                  "Quantizer of x264, which sets a constant quality. Smaller values give better quality and larger "
                  "files; an increase of 6 about halves the file size")
-      ->capture_default_str()
       ->check(cli::Range(1, 51));
   return cli::run_tool(app, argc, argv, [&] { run(o); });
 }

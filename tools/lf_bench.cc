@@ -299,20 +299,16 @@ int main(int argc, char** argv) {
   app.add_option("--held-out", o.held_out,
                  "Number of cameras to hold out. Each of them is rendered from the remaining cameras and compared with "
                  "its own image (0: skip this measurement)")
-      ->capture_default_str()
       ->check(cli::NonNegativeNumber);
   app.add_option("--quality", o.quality,
                  "JPEG quality of the answers, which are the compressed parts of a view that a camera host sends over "
                  "the network. A lower quality gives smaller answers and more compression artefacts")
-      ->capture_default_str()
       ->check(cli::Range(1, 100));
   app.add_option("--renderer", o.renderer,
                  "Processor that renders the views. cpu: the CPU, with vector instructions. gl: a GPU, through OpenGL "
                  "ES. auto: the faster of the two on this machine")
-      ->capture_default_str()
       ->check(cli::IsMember({"cpu", "gl", "auto"}));
   app.add_option("--seconds", o.seconds, "Duration of each measurement, in seconds. Longer measurements vary less")
-      ->capture_default_str()
       ->check(cli::PositiveNumber);
   return cli::run_tool(app, argc, argv, [&] {
     const std::unique_ptr<Array> array = load(o);

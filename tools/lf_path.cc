@@ -67,11 +67,9 @@ int main(int argc, char** argv) {
   app.add_option("--frames", o.tour.frames,
                  "Number of views along the path. At a given --framerate, more views make "
                  "the path longer and slower")
-      ->capture_default_str()
       ->check(cli::Range(1, 1000000));
   app.add_option("--framerate", o.tour.rate_hz,
                  "Frame rate of the path, in views per second. It determines the times of the views")
-      ->capture_default_str()
       ->check(cli::PositiveNumber);
   app.add_option("--width", o.tour.width, "Width of the views, in pixels (0: the width of the camera images)")
       ->check(cli::Range(0, lf::kMaxImageSize));

@@ -80,13 +80,12 @@ void print_row(const QualityRow& row, int name_width) {
 
 nlohmann::ordered_json to_json(const QualityRow& row) {
   nlohmann::ordered_json json;
-  const auto number = [](double v) { return std::isfinite(v) ? nlohmann::ordered_json(v) : nullptr; };
   const auto count = [](double v) {
     return v == std::floor(v) ? nlohmann::ordered_json(static_cast<uint64_t>(v)) : nlohmann::ordered_json(v);
   };
   json["name"] = row.name;
-  json["psnr_db"] = row.quality ? number(row.quality->psnr_db) : nullptr;
-  json["ssim"] = row.quality ? number(row.quality->ssim) : nullptr;
+  json["psnr_db"] = row.quality ? row.quality->psnr_db : NAN;
+  json["ssim"] = row.quality ? row.quality->ssim : NAN;
   json["max_error"] = row.quality ? nlohmann::ordered_json(row.quality->max_error) : nullptr;
   json["coverage"] = row.coverage;
   json["cameras"] = count(row.cameras);
@@ -105,8 +104,8 @@ void print_table(const std::vector<QualityRow>& rows) {
 }
 
 // Writes {"views": [{"name", "psnr_db", "ssim", "max_error", "coverage", "cameras", "ms"}, ...], "mean": {...}}. JSON
-// has no infinity, so the PSNR of identical images (max_error 0) is null, as without ground truth. Throws lf::Error
-// that names the file.
+// has no infinity, so the PSNR of identical images (max_error 0) is null, as without ground truth (NAN). Throws
+// lf::Error that names the file.
 void write_json(const std::vector<QualityRow>& rows, const std::string& path) {
   nlohmann::ordered_json json;
   json["views"] = nlohmann::ordered_json::array();
@@ -165,13 +164,10 @@ class Renderer {
   Renderer(const lf::Rig& rig, const Options& options)
       : rig_(rig), options_(options), images_(rig, options.i420 ? lf::PixelFamily::kI420 : lf::PixelFamily::kRgb) {}
 
-  // Estimates the depths of the cameras in service, if the focal surfaces need them. --leave-one-out does not use these
-  // depths, because the cameras would have to be compared again for each view.
-  void estimate_depths(const lf::CameraSet& out_of_service) {
+  // Estimates the depths of the cameras, if the focal surfaces need them. --leave-one-out does not use these depths,
+  // because the cameras would have to be compared again for each view.
+  void estimate_depths(const lf::CameraSet& cameras) {
     if (options_.focus == "plane") return;
-    const auto all = std::views::iota(lf::CameraIndex{0}, static_cast<lf::CameraIndex>(rig_.cameras.size()));
-    lf::CameraSet cameras;
-    std::ranges::set_difference(all, out_of_service, std::back_inserter(cameras));
     // Each resolution has two calls, an estimate and a quick check, and four times the pixels of the previous one. Wide
     // images have three resolutions, others two.
     constexpr int kWide = 640;
@@ -395,7 +391,7 @@ void run(const Options& options) {
   const lf::CameraSet out = out_of_service(rig, options.cameras);
   const lf::Mesh mesh = lf::build_mesh(rig, out);
   Renderer renderer(rig, options);
-  renderer.estimate_depths(out);
+  renderer.estimate_depths(lf::parse_camera_list(rig, options.cameras));
   Progress progress("rendering", views.size());
   std::vector<QualityRow> rows;
   for (const lf::NamedView& view : views) {
@@ -411,11 +407,8 @@ void run(const Options& options) {
   if (!options.json.empty()) write_json(rows, options.json);
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-  Options options;
-  cli::App app("Renders stills of a light field from the images that its rig file names.", "lf-render");
+// Returns the option --leave-one-out.
+cli::Option* add_file_options(cli::App& app, Options& options) {
   app.add_option("--rig", options.rig, "Rig file (rig.json) with one still image per camera")->required();
   cli::Option* views = app.add_option("--views", options.views, "Views file (views.json) with the views to render");
   cli::Option* leave_one_out = app.add_flag(
@@ -444,10 +437,18 @@ int main(int argc, char** argv) {
                  "Ids of the cameras to use, for example 0-3,7. All other cameras are treated as out of service "
                  "(default: all cameras)");
   app.add_option("--json", options.json, "JSON file that receives the results, in addition to the printed table");
+  return leave_one_out;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Options options;
+  cli::App app("Renders stills of a light field from the images that its rig file names.", "lf-render");
+  cli::Option* leave_one_out = add_file_options(app, options);
   app.add_option("--focus", options.focus,
                  "Focus of the views. plane: only the focal plane of each view is in focus. surface: the depth of each "
                  "pixel is estimated, so that the whole picture is in focus")
-      ->capture_default_str()
       ->check(cli::IsMember({"plane", "surface"}));
   cli::Option* focus_near =
       app.add_option("--focus-near", options.surface.near,
@@ -476,19 +477,16 @@ int main(int argc, char** argv) {
   app.add_option("--resampling", options.resampling,
                  "Interpolation of the camera images between pixel positions. sharpened restores most of the detail "
                  "that bilinear interpolation loses, but takes more time")
-      ->capture_default_str()
       ->check(cli::IsMember({"bilinear", "sharpened"}));
   cli::Option* gains = app.add_option("--gains", options.gains,
                                       "Exposure compensation, which matches the brightness of each camera to the rest "
                                       "of the array. It has an effect only with --focus surface (auto: on unless the "
                                       "rig has colour models)")
-                           ->capture_default_str()
                            ->check(cli::IsMember({"auto", "on", "off"}))
                            ->excludes(leave_one_out);
   app.add_option("--renderer", options.renderer,
                  "Processor that renders the views. cpu: the CPU, with vector instructions. gl: a GPU, through OpenGL "
                  "ES. auto: the faster of the two on this machine")
-      ->capture_default_str()
       ->check(cli::IsMember({"cpu", "gl", "auto"}));
   app.add_flag("--i420", options.i420,
                "Convert the images to YCbCr 4:2:0 before rendering. The results are then the same as with video "

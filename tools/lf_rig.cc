@@ -122,14 +122,13 @@ Rig make_rig(Arguments& arguments) {
   return lf::make_grid_rig(grid);
 }
 
-int run_new(Arguments& arguments) {
+void run_new(Arguments& arguments) {
   Rig rig = make_rig(arguments);
   if (arguments.devices) assign_devices(rig);
   save(rig, arguments.out);
-  return 0;
 }
 
-int run_info(const Arguments& arguments) {
+void run_info(const Arguments& arguments) {
   const Rig rig = lf::load_rig(arguments.rig);
   const lf::RigSummary summary = lf::summarize(rig);
   const lf::Topology& topology = rig.topology;
@@ -148,7 +147,6 @@ int run_info(const Arguments& arguments) {
   terminal::print("baseline    %.6g m (farthest pair)\n", summary.baseline);
   terminal::print("neighbours  %.6g m (mean distance to the nearest)\n", summary.mean_neighbour);
   for (const std::string& lens : summary.lenses) terminal::print("lens        %s\n", lens.c_str());
-  return 0;
 }
 
 void check_home_view(const Rig& rig, std::vector<lf::RigFinding>& findings) {
@@ -207,13 +205,12 @@ int run_check(const Arguments& arguments) {
   return errors > 0 ? 1 : 0;
 }
 
-int run_subset(const Arguments& arguments) {
+void run_subset(const Arguments& arguments) {
   const nlohmann::json original = lf::parse_json(lf::read_text_file(arguments.rig), arguments.rig);
   const Rig rig = lf::load_rig(arguments.rig);
   save(arguments.every > 0 ? lf::subsample_grid(rig, arguments.every)
                            : lf::rig_subset(rig, lf::parse_camera_list(rig, arguments.cameras)),
        arguments.out, &original);
-  return 0;
 }
 
 // Returns an explanation of the unit of lengths for a format without a metric unit, otherwise "".
@@ -223,7 +220,7 @@ std::string unit_note(const std::string& format) {
   return "";
 }
 
-int finish_import(const Arguments& arguments, const std::string& format, const lf::RigImport& result) {
+void finish_import(const Arguments& arguments, const std::string& format, const lf::RigImport& result) {
   print_notes(result.notes);
   if (lf::has_no_pictures(result.rig))
     terminal::print(
@@ -235,14 +232,6 @@ int finish_import(const Arguments& arguments, const std::string& format, const l
   save(result.rig, arguments.out);
   if (const std::string text = lf::arrangement_text(result.rig); !text.empty())
     terminal::print("%s: %s%s\n", arguments.out.c_str(), text.c_str(), unit_note(format).c_str());
-  return 0;
-}
-
-int finish_export(const Arguments& arguments, const Rig& rig, const lf::RigExport& result) {
-  print_notes(result.notes);
-  terminal::print("%s: %zu images, maximum error %.2g px\n", arguments.other.c_str(), rig.cameras.size(),
-                  result.max_error);
-  return 0;
 }
 
 struct Format {
@@ -251,7 +240,7 @@ struct Format {
   const char* about;
   lf::RigImport (*read)(const Arguments&);
   lf::RigExport (*write)(const Rig&, const Arguments&);
-  cli::App* import = nullptr;
+  cli::App* import_ = nullptr;
   cli::App* export_ = nullptr;
 };
 
@@ -281,96 +270,25 @@ Format formats[] = {
      [](const Rig& rig, const Arguments& a) { return lf::export_stanford(rig, a.other, a.stanford.unit); }},
 };
 
-// Returns the command "import", which finds the format if it is used without a command for a format.
-cli::App* add_formats(cli::App& app, Arguments& arguments) {
-  cli::App* import = app.add_subcommand(
-      "import",
-      "Converts files of another program to a rig file. Without a command, it finds the format of PATH by its files "
-      "and contents. The commands have further options");
-  cli::App* exports = app.add_subcommand("export", "Converts a rig file to files of another program");
-  import->add_option("PATH", arguments.other, "File or folder to read, of any of the formats");
-  import->add_option("--out", arguments.out, "Rig file to write. PATH and --out are required without a command");
-  import->require_subcommand(0, 1);
-  exports->require_subcommand(1);
-  for (Format& format : formats) {
-    format.import = import->add_subcommand(format.name, std::string("From ") + format.about);
-    format.import->excludes_options_of(*import);
-    format.import->add_option(format.place, arguments.other, "File or folder to read")->required();
-    format.import->add_option("--out", arguments.out, "Rig file to write")->required();
-    if (!format.write) continue;
-    format.export_ = exports->add_subcommand(format.name, std::string("As ") + format.about);
-    format.export_->add_option("RIG", arguments.rig, "Rig file")->required();
-    format.export_->add_option(format.place, arguments.other, "File or folder to write")->required();
-  }
-  cli::App* colmap = import->get_subcommand("colmap");
-  for (cli::App* command : {colmap, import->get_subcommand("llff")})
-    command->add_option("--images", arguments.colmap.images,
-                        "Folder that contains the image files, if they are not in "
-                        "the usual place (default: DIR/images)");
-  colmap->add_flag("--undistorted", arguments.colmap.undistorted,
-                   "The image files are already undistorted, for example by COLMAP's image_undistorter. The rig then "
-                   "uses pinhole lenses, and takes the image size from each file");
-  colmap
-      ->add_option(
-          "--frame", arguments.frame,
-          "FRAME_ID of the frame to import, for a model with rigs of cameras (COLMAP 3.12 or newer). A frame contains "
-          "the images of all cameras at one instant. Without this option, each image of the model becomes a camera")
-      ->check(cli::NonNegativeNumber);
-  for (const char* name : {"caliscope", "opencv"})
-    import->get_subcommand(name)->add_flag("--undistorted", arguments.colmap.undistorted,
-                                           "The pictures are already undistorted with the same camera matrix, as by "
-                                           "OpenCV's undistort(). The rig then uses pinhole lenses");
-  colmap
-      ->add_option("--grid", arguments.grid,
-                   "Rows and columns of the array, for example 4x8. The cameras are assigned to the grid in the order "
-                   "of their names")
-      ->type_name("RxC");
-  cli::App* stanford = import->get_subcommand("stanford");
-  stanford
-      ->add_option("--f", arguments.stanford.f,
-                   "Focal length of the cameras, in pixels. The file names do not contain it (default: a horizontal "
-                   "field of view of 50 degrees)")
-      ->check(cli::PositiveNumber);
-  stanford
-      ->add_option("--focus-distance", arguments.stanford.focus_distance,
-                   "Distance of objects that have the same position in all images, in metres; 0 means infinity. Images "
-                   "of an archive are often shifted so that one plane has no disparity (default: estimated from the "
-                   "images)")
-      ->check(cli::NonNegativeNumber);
-  for (cli::App* command : {stanford, exports->get_subcommand("stanford")})
-    command
-        ->add_option("--unit", arguments.stanford.unit,
-                     "Length of one unit of the camera positions in the file names, in metres. For example, give 0.001 "
-                     "if the positions are in millimetres")
-        ->capture_default_str();
-  return import;
+void run_format_import(Arguments& arguments, const Format& format) {
+  require_replaceable(arguments.out);
+  if (arguments.frame) arguments.colmap.frame = static_cast<uint32_t>(*arguments.frame);
+  if (!arguments.grid.empty()) parse_grid(arguments.grid, arguments.colmap.rows, arguments.colmap.columns);
+  finish_import(arguments, format.name, format.read(arguments));
 }
 
-bool converts() {
-  return std::any_of(std::begin(formats), std::end(formats),
-                     [](const Format& format) { return *format.import || (format.export_ && *format.export_); });
-}
-
-int run_conversion(Arguments& arguments) {
-  for (const Format& format : formats) {
-    if (*format.import) {
-      require_replaceable(arguments.out);
-      if (arguments.frame) arguments.colmap.frame = static_cast<uint32_t>(*arguments.frame);
-      if (!arguments.grid.empty()) parse_grid(arguments.grid, arguments.colmap.rows, arguments.colmap.columns);
-      return finish_import(arguments, format.name, format.read(arguments));
-    }
-    if (format.export_ && *format.export_) {
-      const Rig rig = lf::load_rig(arguments.rig);
-      if (std::error_code ignored; fs::equivalent(arguments.rig, arguments.other, ignored))
-        throw lf::Error(arguments.other + ": is the rig file itself, which is not overwritten; give another file");
-      return finish_export(arguments, rig, format.write(rig, arguments));
-    }
-  }
-  return 1;
+void run_export(const Arguments& arguments, const Format& format) {
+  const Rig rig = lf::load_rig(arguments.rig);
+  if (std::error_code ignored; fs::equivalent(arguments.rig, arguments.other, ignored))
+    throw lf::Error(arguments.other + ": is the rig file itself, which is not overwritten; give another file");
+  const lf::RigExport result = format.write(rig, arguments);
+  print_notes(result.notes);
+  terminal::print("%s: %zu images, maximum error %.2g px\n", arguments.other.c_str(), rig.cameras.size(),
+                  result.max_error);
 }
 
 // Imports a file or folder of a format that the user did not give.
-int run_import(Arguments& arguments) {
+void run_import(Arguments& arguments) {
   if (arguments.other.empty() || arguments.out.empty()) {
     std::string names;
     for (const Format& format : formats) names += (names.empty() ? "" : ", ") + std::string(format.name);
@@ -391,19 +309,80 @@ int run_import(Arguments& arguments) {
   terminal::print("%s: %zu %s from %s%s\n", format->name, result.rig.cameras.size(),
                   result.rig.cameras.size() == 1 ? "camera" : "cameras", found.sign.c_str(),
                   found.images.empty() ? "" : (", images in " + found.images).c_str());
-  return finish_import(arguments, found.name, result);
+  finish_import(arguments, found.name, result);
 }
 
-}  // namespace
+// Adds the commands "import", which finds the format if it is used without a command for a format, and "export".
+void add_formats(cli::App& app, Arguments& arguments) {
+  cli::App* imports = app.add_subcommand(
+      "import",
+      "Converts files of another program to a rig file. Without a command, it finds the format of PATH by its files "
+      "and contents. The commands have further options");
+  cli::App* exports = app.add_subcommand("export", "Converts a rig file to files of another program");
+  imports->add_option("PATH", arguments.other, "File or folder to read, of any of the formats");
+  imports->add_option("--out", arguments.out, "Rig file to write. PATH and --out are required without a command");
+  imports->require_subcommand(0, 1);
+  exports->require_subcommand(1);
+  for (Format& format : formats) {
+    format.import_ = imports->add_subcommand(format.name, std::string("From ") + format.about);
+    format.import_->excludes_options_of(*imports);
+    format.import_->add_option(format.place, arguments.other, "File or folder to read")->required();
+    format.import_->add_option("--out", arguments.out, "Rig file to write")->required();
+    format.import_->callback([&] { run_format_import(arguments, format); });
+    if (!format.write) continue;
+    format.export_ = exports->add_subcommand(format.name, std::string("As ") + format.about);
+    format.export_->add_option("RIG", arguments.rig, "Rig file")->required();
+    format.export_->add_option(format.place, arguments.other, "File or folder to write")->required();
+    format.export_->callback([&] { run_export(arguments, format); });
+  }
+  const auto is_used = [](const Format& format) { return static_cast<bool>(*format.import_); };
+  imports->callback([&arguments, is_used] {
+    if (std::ranges::none_of(formats, is_used)) run_import(arguments);
+  });
+  const auto format_of = [](std::string_view name) { return *std::ranges::find(formats, name, &Format::name); };
+  cli::App* colmap = format_of("colmap").import_;
+  for (cli::App* command : {colmap, format_of("llff").import_})
+    command->add_option("--images", arguments.colmap.images,
+                        "Folder that contains the image files, if they are not in "
+                        "the usual place (default: DIR/images)");
+  colmap->add_flag("--undistorted", arguments.colmap.undistorted,
+                   "The image files are already undistorted, for example by COLMAP's image_undistorter. The rig then "
+                   "uses pinhole lenses, and takes the image size from each file");
+  colmap
+      ->add_option(
+          "--frame", arguments.frame,
+          "FRAME_ID of the frame to import, for a model with rigs of cameras (COLMAP 3.12 or newer). A frame contains "
+          "the images of all cameras at one instant. Without this option, each image of the model becomes a camera")
+      ->check(cli::NonNegativeNumber);
+  for (const char* name : {"caliscope", "opencv"})
+    format_of(name).import_->add_flag("--undistorted", arguments.colmap.undistorted,
+                                      "The pictures are already undistorted with the same camera matrix, as by "
+                                      "OpenCV's undistort(). The rig then uses pinhole lenses");
+  colmap
+      ->add_option("--grid", arguments.grid,
+                   "Rows and columns of the array, for example 4x8. The cameras are assigned to the grid in the order "
+                   "of their names")
+      ->type_name("RxC");
+  cli::App *stanford = format_of("stanford").import_, *stanford_export = format_of("stanford").export_;
+  stanford
+      ->add_option("--f", arguments.stanford.f,
+                   "Focal length of the cameras, in pixels. The file names do not contain it (default: a horizontal "
+                   "field of view of 50 degrees)")
+      ->check(cli::PositiveNumber);
+  stanford
+      ->add_option("--focus-distance", arguments.stanford.focus_distance,
+                   "Distance of objects that have the same position in all images, in metres; 0 means infinity. Images "
+                   "of an archive are often shifted so that one plane has no disparity (default: estimated from the "
+                   "images)")
+      ->check(cli::NonNegativeNumber);
+  for (cli::App* command : {stanford, stanford_export})
+    command->add_option(
+        "--unit", arguments.stanford.unit,
+        "Length of one unit of the camera positions in the file names, in metres. For example, give 0.001 "
+        "if the positions are in millimetres");
+}
 
-int main(int argc, char** argv) {
-  Arguments arguments;
-  cli::App app(
-      "Creates, describes, checks, reduces and converts rig files, which describe the cameras of an array. Other "
-      "commands open the cameras to test, arrange, lock or record them all together",
-      "lf-rig");
-  app.require_subcommand(1);
-
+void add_new_command(cli::App& app, Arguments& arguments) {
   cli::App* make = app.add_subcommand("new",
                                       "Creates a nominal rig file for newly mounted cameras, from the intended shape "
                                       "of the array. lf-calibrate then measures the true positions");
@@ -432,9 +411,8 @@ int main(int argc, char** argv) {
     if (&cameras != &arguments.inward && &cameras != &arguments.outward) flat.push_back(option);
   }
   shape->require_option(1);
-  cli::Option* rows = make->add_option("--rows", arguments.rows,
-                                       "Number of rows of a cylinder (--inward, --outward). The rows are --pitch apart")
-                          ->capture_default_str();
+  cli::Option* rows = make->add_option(
+      "--rows", arguments.rows, "Number of rows of a cylinder (--inward, --outward). The rows are --pitch apart");
   for (const cli::Option* option : flat) rows->excludes(option);
   make->add_option("--pitch", arguments.new_rig.pitch,
                    "Distance between the centres of neighbouring cameras, in "
@@ -449,25 +427,39 @@ int main(int argc, char** argv) {
       ->required();
   make->add_option("--width", arguments.new_rig.width,
                    "Image width of the cameras, in pixels. It must be a size that "
-                   "the cameras can deliver")
-      ->capture_default_str();
+                   "the cameras can deliver");
   make->add_option("--height", arguments.new_rig.height,
                    "Image height of the cameras, in pixels. It must be a size "
-                   "that the cameras can deliver")
-      ->capture_default_str();
+                   "that the cameras can deliver");
   make->add_flag("--devices", arguments.devices,
                  "Use the connected cameras as sources, in the order of their ports. This finds all cameras known to "
                  "GStreamer, for example from v4l2, libcamera and Aravis. Without this option, the rig file has no "
                  "sources, and you must add them yourself");
   make->add_option("--out", arguments.out, "Rig file to write")->required();
+  make->callback([&] { run_new(arguments); });
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Arguments arguments;
+  cli::App app(
+      "Creates, describes, checks, reduces and converts rig files, which describe the cameras of an array. Other "
+      "commands open the cameras to test, arrange, lock or record them all together",
+      "lf-rig");
+  app.require_subcommand(1);
+
+  add_new_command(app, arguments);
 
   cli::App* info = app.add_subcommand(
       "info", "Describes a rig: number of cameras, shape, extent and distances between neighbouring cameras");
   info->add_option("RIG", arguments.rig, "Rig file")->required();
+  info->callback([&] { run_info(arguments); });
 
   cli::App* check = app.add_subcommand(
       "check", "Checks a rig file and prints errors and warnings. The exit status is 1 if there is an error");
   check->add_option("RIG", arguments.rig, "Rig file")->required();
+  check->callback([&] { return run_check(arguments); });
 
   cli::App* subset = app.add_subcommand("subset", "Writes a rig file with some of the cameras of a rig");
   subset->add_option("RIG", arguments.rig, "Rig file")->required();
@@ -482,29 +474,13 @@ int main(int argc, char** argv) {
                     "0-3,7");
   which->require_option(1);
   subset->add_option("--out", arguments.out, "Rig file to write")->required();
+  subset->callback([&] { run_subset(arguments); });
 
-  const cli::App* import = add_formats(app, arguments);
-
-  int status = 0;
-  add_doctor_command(app, status);
+  add_formats(app, arguments);
+  add_doctor_command(app);
   add_identify_command(app);
-  add_lock_command(app, status);
-  add_record_command(app, status);
-  add_snapshot_command(app, status);
-  const int failed = cli::run_tool(app, argc, argv, [&] {
-    if (*make) {
-      status = run_new(arguments);
-    } else if (*info) {
-      status = run_info(arguments);
-    } else if (*check) {
-      status = run_check(arguments);
-    } else if (*subset) {
-      status = run_subset(arguments);
-    } else if (converts()) {
-      status = run_conversion(arguments);
-    } else if (*import) {
-      status = run_import(arguments);
-    }
-  });
-  return failed ? failed : status;
+  add_lock_command(app);
+  add_record_command(app);
+  add_snapshot_command(app);
+  return cli::run_tool(app, argc, argv);
 }

@@ -4,11 +4,11 @@
 #include <atomic>
 #include <cmath>
 #include <cstdio>
-#include <exception>
 #include <filesystem>
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <string>
 #include <thread>
@@ -126,14 +126,36 @@ cli::App* add_chart_command(cli::App& app) {
       ->add_option("--places", o->places,
                    "Number of positions of the chart. Each film has one frame per position, so more positions make "
                    "longer films")
-      ->capture_default_str()
       ->check(cli::Range(1, 1000));
-  command->add_option("--quality", o->quality, "JPEG quality of the films")
-      ->capture_default_str()
-      ->check(cli::Range(1, 100));
+  command->add_option("--quality", o->quality, "JPEG quality of the films")->check(cli::Range(1, 100));
   o->faults.add_to(*command);
   command->callback([o] { film_chart(*o); });
   return command;
+}
+
+using Step = std::function<void()>;
+
+// Calls job(0, step) to job(count - 1, step) on `threads` threads, and shows their progress: the calls of `step`, in
+// total `steps`. If a job throws, `step` ends all jobs.
+void run_jobs(size_t count, int threads, size_t steps, const std::function<void(size_t, const Step&)>& job) {
+  struct Stopped {};
+  Progress progress("filming", steps);
+  std::mutex mutex;
+  std::atomic<bool> failed = false;
+  const Step step = [&] {
+    if (failed) throw Stopped();
+    const std::lock_guard lock(mutex);
+    progress.step();
+  };
+  lf::WorkerPool().run(static_cast<unsigned>(threads), count, [&](size_t i) {
+    try {
+      if (!failed) job(i, step);
+    } catch (const Stopped&) {
+    } catch (...) {
+      failed = true;
+      throw;
+    }
+  });
 }
 
 struct LightOptions {
@@ -145,12 +167,18 @@ struct LightOptions {
 };
 
 FrameRate parse_rate(const std::string& text) {
-  FrameRate rate{0, 1};
+  FrameRate rate;
   int end = 0;
-  const int fields = std::sscanf(text.c_str(), "%d%n/%d%n", &rate.numerator, &end, &rate.denominator, &end);
-  if (fields < 1 || text[end] != 0 || rate.numerator < 1 || rate.denominator < 1 ||
-      rate.numerator > 1000 * rate.denominator)
-    throw lf::Error("--framerate " + text + ": must be frames per second, such as 30 or 30000/1001");
+  double value;
+  if (std::sscanf(text.c_str(), "%d/%d%n", &rate.numerator, &rate.denominator, &end) == 2 && text[end] == 0) {
+    value = rate.denominator > 0 ? static_cast<double>(rate.numerator) / rate.denominator : 0;
+  } else if (std::sscanf(text.c_str(), "%lf%n", &value, &end) == 1 && text[end] == 0 && std::isfinite(value)) {
+    gst_util_double_to_fraction(value, &rate.numerator, &rate.denominator);
+  } else {
+    value = 0;
+  }
+  if (!(value >= 0.001 && value <= 1000))
+    throw lf::Error("--framerate " + text + ": must be frames per second from 0.001 to 1000, such as 15 or 30000/1001");
   return rate;
 }
 
@@ -162,12 +190,22 @@ double parse_seconds(const std::string& text) {
   return value;
 }
 
-// Writes the film of one camera. Returns the true positions of the lights in its frames.
-json record(const LightOptions& options, const std::string& folder, const lf::LightTrajectory& path,
-            const lf::Camera& camera, size_t index, const std::function<void()>& step) {
+struct LightFilm {
+  FrameRate rate;
+  int64_t frames;
+};
+
+// Returns the length of the film of camera `index`. The options apply to the cameras in turn.
+LightFilm light_film(const LightOptions& options, size_t index) {
   const FrameRate rate = parse_rate(options.framerates[index % options.framerates.size()]);
   const double seconds = parse_seconds(options.seconds[index % options.seconds.size()]);
-  const auto frames = std::max<int64_t>(1, std::llround(seconds * rate.numerator / rate.denominator));
+  return {rate, std::max<int64_t>(1, std::llround(seconds * rate.numerator / rate.denominator))};
+}
+
+// Writes the film of one camera. Returns the true positions of the lights in its frames.
+json record(const LightOptions& options, const std::string& folder, const lf::LightTrajectory& path,
+            const lf::Camera& camera, size_t index, const Step& step) {
+  const auto [rate, frames] = light_film(options, index);
   const lf::MovingLightCamera lights(path, {camera.width, camera.height, camera.lens, camera.pose});
   MjpegWriter writer((fs::path(folder) / (camera.name + ".mkv")).string(), camera.width, camera.height, rate,
                      options.quality);
@@ -187,35 +225,25 @@ json record(const LightOptions& options, const std::string& folder, const lf::Li
 }
 
 void film_lights(const LightOptions& options) {
-  const lf::Rig rig = lf::load_rig(options.rig);
+  lf::Rig rig = lf::load_rig(options.rig);
   const lf::LightTrajectory path(rig, options.lights);
   check_file_names(rig);
-  size_t frames = 0;
-  for (size_t i = 0; i < rig.cameras.size(); i++) {
-    const FrameRate rate = parse_rate(options.framerates[i % options.framerates.size()]);
-    const double seconds = parse_seconds(options.seconds[i % options.seconds.size()]);
-    frames += std::max<int64_t>(1, std::llround(seconds * rate.numerator / rate.denominator));
-  }
+  int64_t frames = 0;
+  for (size_t i = 0; i < rig.cameras.size(); i++) frames += light_film(options, i).frames;
   lf::AtomicFolderUpdate update(options.out);
-  Progress progress("filming", frames);
-  std::mutex mutex;
   std::vector<json> cameras(rig.cameras.size());
-  lf::WorkerPool().run(static_cast<unsigned>(options.threads), rig.cameras.size(), [&](size_t i) {
-    cameras[i] = record(options, update.staging(), path, rig.cameras[i], i, [&] {
-      const std::lock_guard lock(mutex);
-      progress.step();
-    });
+  run_jobs(cameras.size(), options.threads, static_cast<size_t>(frames), [&](size_t i, const Step& step) {
+    cameras[i] = record(options, update.staging(), path, rig.cameras[i], i, step);
   });
-  progress.finish();
   update.commit();
   const json truth = {
       {"format", "lightfield-tracks"}, {"version", 1}, {"bar", path.num_lights() == 2}, {"cameras", cameras}};
   lf::write_text_file(truth.dump() + "\n", (fs::path(options.out) / "lights.json").string());
-  lf::Rig filmed = rig;
-  for (lf::Camera& camera : filmed.cameras) camera.source = camera.name + ".mkv", camera.image.clear();
+  for (lf::Camera& camera : rig.cameras) camera.source = camera.name + ".mkv", camera.image.clear();
   const std::string rig_path = (fs::path(options.out) / "rig.json").string();
-  lf::save_rig(filmed, rig_path);
-  terminal::print("%zu cameras, %zu frames: %s\n", rig.cameras.size(), frames, rig_path.c_str());
+  lf::save_rig(rig, rig_path);
+  terminal::print("%zu cameras, %lld frames: %s\n", rig.cameras.size(), static_cast<long long>(frames),
+                  rig_path.c_str());
 }
 
 cli::App* add_lights_command(cli::App& app) {
@@ -228,43 +256,33 @@ cli::App* add_lights_command(cli::App& app) {
   command->add_option("--rig", o->rig, "Rig file of the cameras to simulate")->required()->type_name("RIG.json");
   command->add_option("--out", o->out, "Folder to write")->required()->type_name("DIR");
   command->add_option("--bar", o->lights.bar, "Distance between two lights on a bar, in metres (0: one light)")
-      ->capture_default_str()
       ->check(cli::NonNegativeNumber);
   command
       ->add_option("--framerate", o->framerates,
                    "Frames per second, for example 30 or 30000/1001. Several comma-separated values apply to the "
                    "cameras in turn")
-      ->delimiter(',')
-      ->capture_default_str();
+      ->delimiter(',');
   command
       ->add_option("--seconds", o->seconds,
                    "Length of the films, in seconds. Several comma-separated values apply to the cameras in turn")
-      ->delimiter(',')
-      ->capture_default_str();
+      ->delimiter(',');
   command->add_option("--speed", o->lights.speed, "Speed of the lights, in metres per second")
-      ->capture_default_str()
       ->check(cli::PositiveNumber);
-  command->add_option("--near", o->lights.near, "Minimum distance of the lights from the array, in metres")
-      ->capture_default_str();
-  command->add_option("--far", o->lights.far, "Maximum distance of the lights from the array, in metres")
-      ->capture_default_str();
+  command->add_option("--near", o->lights.near, "Minimum distance of the lights from the array, in metres");
+  command->add_option("--far", o->lights.far, "Maximum distance of the lights from the array, in metres");
   command
       ->add_option("--power", o->lights.power,
                    "Brightness of a light at a distance of 1 m (1: its image just saturates)")
-      ->capture_default_str()
       ->check(cli::PositiveNumber);
   command
       ->add_option("--exposure", o->lights.exposure,
                    "Exposure time of each frame, in seconds. During longer exposures, the light draws longer streaks")
-      ->capture_default_str()
       ->check(cli::NonNegativeNumber);
   command->add_option("--noise", o->lights.noise, "Standard deviation of the image noise, in levels of 255")
-      ->capture_default_str()
       ->check(cli::NonNegativeNumber);
   command
       ->add_option("--ambient", o->lights.ambient,
                    "Ambient light as a fraction of the normal light of the scene (0: the room is completely dark)")
-      ->capture_default_str()
       ->check(cli::NonNegativeNumber);
   command
       ->add_option(
@@ -272,10 +290,8 @@ cli::App* add_lights_command(cli::App& app) {
           "Fraction of the light that a window behind the light reflects. Its reflections simulate false detections")
       ->capture_default_str()
       ->check(cli::Range(0.0, 1.0));
-  command->add_option("--quality", o->quality, "JPEG quality of the films")
-      ->capture_default_str()
-      ->check(cli::Range(1, 100));
-  command->add_option("--threads", o->threads)->capture_default_str()->check(cli::Range(1, 256));
+  command->add_option("--quality", o->quality, "JPEG quality of the films")->check(cli::Range(1, 100));
+  command->add_option("--threads", o->threads)->check(cli::Range(1, 256));
   command->callback([o] { film_lights(*o); });
   return command;
 }
@@ -295,71 +311,29 @@ lf::Rig rig_of(const Options& options) {
   return lf::scene_rig(rows, columns, options.width, options.height);
 }
 
-FrameRate rate_of(const std::string& text) {
-  FrameRate rate;
-  int end = 0;
-  double value;
-  if (std::sscanf(text.c_str(), "%d/%d%n", &rate.numerator, &rate.denominator, &end) == 2 && text[end] == 0) {
-    value = rate.denominator > 0 ? static_cast<double>(rate.numerator) / rate.denominator : 0;
-  } else if (std::sscanf(text.c_str(), "%lf%n", &value, &end) == 1 && text[end] == 0 && std::isfinite(value)) {
-    gst_util_double_to_fraction(value, &rate.numerator, &rate.denominator);
-  } else {
-    value = 0;
-  }
-  if (!(value >= 0.001 && value <= 1000))
-    throw lf::Error("--framerate " + text + ": must be frames per second from 0.001 to 1000, such as 15 or 30000/1001");
-  return rate;
-}
-
 std::string frame_name(const std::string& camera, int frame) {
   char number[16];
   std::snprintf(number, sizeof number, "_%04d.png", frame);
   return camera + number;
 }
 
-using Step = std::function<void()>;
-using Job = std::function<void(const Step& step)>;
-
-Job film_job(const Options& options, const std::string& folder_path, const lf::Rig& rig, size_t index,
-             const std::vector<lf::ColourFault>& faults, FrameRate rate) {
+void film_camera(const Options& options, const fs::path& folder, const lf::Rig& rig, size_t index,
+                 const std::vector<lf::ColourFault>& faults, FrameRate rate, const Step& step) {
   const lf::Camera& camera = rig.cameras[index];
-  const lf::SceneCamera lens{camera.width, camera.height, camera.lens, camera.pose};
-  const fs::path folder = folder_path;
-  const std::string name = camera.name;
-  const int frames = options.frames;
-  const auto film_scene = [=, samples = options.samples, offset = camera.time_offset] {
-    std::vector<double> times;
-    for (int n = 0; n < frames; n++)
-      times.push_back(static_cast<double>(n) * rate.denominator / rate.numerator + offset);
-    return lf::SceneRenderer(lens, std::move(times), samples);
-  };
-  const auto frame = [=, &rig, &faults](lf::SceneRenderer& film, int n) {
-    return filmed(film.next(), faults, rig, index, n);
-  };
-  if (options.format == "png")
-    return [=](const Step& step) {
-      lf::SceneRenderer film = film_scene();
-      for (int n = 0; n < frames; n++, step()) lf::save_image(frame(film, n), (folder / frame_name(name, n)).string());
-    };
-  return [=, quality = options.quality](const Step& step) {
-    lf::SceneRenderer film = film_scene();
-    MjpegWriter writer((folder / (name + ".mkv")).string(), lens.width, lens.height, rate, quality);
-    for (int n = 0; n < frames; n++, step()) {
-      const lf::Image image = frame(film, n);
-      if (n == 0) lf::save_image(image, (folder / (name + ".png")).string());
-      writer.add(image);
-    }
-    writer.finish();
-  };
-}
-
-Job truth_job(const Options& options, const std::string& folder, const lf::NamedView& view) {
-  const fs::path path = fs::path(folder) / "truth" / (view.name + ".png");
-  return [=, samples = options.samples](const Step& step) {
-    const lf::SceneCamera camera{view.view.width, view.view.height, view.view.lens, view.view.pose};
-    lf::save_image(lf::render_scene(camera, view.time, samples), path.string());
-    step();
-  };
+  std::vector<double> times;
+  for (int n = 0; n < options.frames; n++)
+    times.push_back(static_cast<double>(n) * rate.denominator / rate.numerator + camera.time_offset);
+  lf::SceneRenderer film({camera.width, camera.height, camera.lens, camera.pose}, std::move(times), options.samples);
+  std::optional<MjpegWriter> writer;
+  if (options.format == "mjpeg")
+    writer.emplace((folder / (camera.name + ".mkv")).string(), camera.width, camera.height, rate, options.quality);
+  for (int n = 0; n < options.frames; n++, step()) {
+    const lf::Image image = filmed(film.next(), faults, rig, index, n);
+    if (writer) writer->add(image);
+    if (!writer || n == 0)
+      lf::save_image(image, (folder / (writer ? camera.name + ".png" : frame_name(camera.name, n))).string());
+  }
+  if (writer) writer->finish();
 }
 
 // Frames that remain from an earlier, longer film would look like the end of the new film, so they are removed.
@@ -369,38 +343,10 @@ void remove_later_frames(const Options& options, const lf::Rig& rig) {
     }
 }
 
-void run_jobs(const std::vector<Job>& jobs, int threads, Progress& progress) {
-  std::atomic<size_t> next = 0;
-  std::mutex mutex;
-  std::exception_ptr error;
-  std::atomic<bool> failed = false;
-  struct Stopped {};
-  const Step step = [&] {
-    if (failed) throw Stopped();
-    const std::lock_guard lock(mutex);
-    progress.step();
-  };
-  const auto work = [&] {
-    try {
-      for (size_t i; !failed && (i = next++) < jobs.size();) jobs[i](step);
-    } catch (const Stopped&) {
-    } catch (...) {
-      const std::lock_guard lock(mutex);
-      if (!failed.exchange(true)) error = std::current_exception();
-    }
-  };
-  std::vector<std::thread> pool;
-  for (int i = 1; i < threads; i++) pool.emplace_back(work);
-  work();
-  for (std::thread& thread : pool) thread.join();
-  progress.finish();
-  if (error) std::rethrow_exception(error);
-}
-
 void film(const Options& options) {
   if (options.out.empty()) throw lf::Error("--out is missing: give the folder to write (see --help)");
   const lf::Rig rig = rig_of(options);
-  const FrameRate rate = rate_of(options.framerate);
+  const FrameRate rate = parse_rate(options.framerate);
   check_file_names(rig);
   std::set<std::string> view_names;
   std::vector<lf::NamedView> views;
@@ -414,13 +360,16 @@ void film(const Options& options) {
   lf::AtomicFolderUpdate update(options.out);
   if (!views.empty()) lf::make_folder(update.staging() + "/truth");
 
-  std::vector<Job> jobs;
   const std::vector<lf::ColourFault> faults = options.faults.faults(rig);
-  for (size_t i = 0; i < rig.cameras.size(); i++)
-    jobs.push_back(film_job(options, update.staging(), rig, i, faults, rate));
-  for (const lf::NamedView& view : views) jobs.push_back(truth_job(options, update.staging(), view));
-  Progress progress("filming", rig.cameras.size() * static_cast<size_t>(options.frames) + views.size());
-  run_jobs(jobs, options.threads, progress);
+  const size_t cameras = rig.cameras.size(), steps = cameras * static_cast<size_t>(options.frames) + views.size();
+  run_jobs(cameras + views.size(), options.threads, steps, [&](size_t i, const Step& step) {
+    const fs::path folder = update.staging();
+    if (i < cameras) return film_camera(options, folder, rig, i, faults, rate, step);
+    const auto& [name, time, view] = views[i - cameras];
+    lf::save_image(lf::render_scene({view.width, view.height, view.lens, view.pose}, time, options.samples),
+                   (folder / "truth" / (name + ".png")).string());
+    step();
+  });
   update.commit();
   if (options.format == "png") remove_later_frames(options, rig);
 
@@ -452,34 +401,25 @@ int main(int argc, char** argv) {
   app.add_option("--grid", o.grid,
                  "Rows and columns of the built-in camera array, for example 8x8. This array is used without --rig")
       ->type_name("RxC")
-      ->capture_default_str()
       ->excludes(rig);
-  app.add_option("--width", o.width, "Image width of the cameras in the built-in array, in pixels")
-      ->capture_default_str()
-      ->excludes(rig);
-  app.add_option("--height", o.height, "Image height of the cameras in the built-in array, in pixels")
-      ->capture_default_str()
-      ->excludes(rig);
-  app.add_option("--frames", o.frames)->capture_default_str()->check(cli::Range(1, 1000000));
-  app.add_option("--framerate", o.framerate, "Frames per second, for example 15, 29.97 or 30000/1001")
-      ->capture_default_str();
+  app.add_option("--width", o.width, "Image width of the cameras in the built-in array, in pixels")->excludes(rig);
+  app.add_option("--height", o.height, "Image height of the cameras in the built-in array, in pixels")->excludes(rig);
+  app.add_option("--frames", o.frames)->check(cli::Range(1, 1000000));
+  app.add_option("--framerate", o.framerate, "Frames per second, for example 15, 29.97 or 30000/1001");
   app.add_option("--format", o.format,
                  "Format of the films. mjpeg: a film NAME.mkv for each camera, and its first frame as NAME.png; png: "
                  "one file per frame, NAME_0000.png, NAME_0001.png, ...")
-      ->capture_default_str()
       ->check(cli::IsMember({"mjpeg", "png"}));
-  const cli::Option* quality = app.add_option("--quality", o.quality, "JPEG quality of the films")
-                                   ->capture_default_str()
-                                   ->check(cli::Range(1, 100));
+  const cli::Option* quality =
+      app.add_option("--quality", o.quality, "JPEG quality of the films")->check(cli::Range(1, 100));
   app.add_option("--truth", o.truth,
                  "Views file. The exact picture of each of these views, at its time, is written to DIR/truth")
       ->type_name("VIEWS.json");
   app.add_option("--samples", o.samples,
                  "Number N of rays along x and y for each pixel that needs antialiasing, so N x N rays in total. More "
                  "rays give smoother edges")
-      ->capture_default_str()
       ->check(cli::Range(1, 16));
-  app.add_option("--threads", o.threads)->capture_default_str()->check(cli::Range(1, 256));
+  app.add_option("--threads", o.threads)->check(cli::Range(1, 256));
   o.faults.add_to(app);
   app.require_subcommand(0, 1);
   cli::App *chart = add_chart_command(app), *lights = add_lights_command(app);

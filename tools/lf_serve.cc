@@ -133,20 +133,76 @@ void check_options(Options& options) {
 // Films the built-in scene with lf-scene in a child process. The film loops. Main thread only.
 class SceneFilming {
  public:
-  static std::string rig();
-  static bool exists();
+  static std::string rig() { return folder() / "rig.json"; }
+  // lf-scene writes the rig file last.
+  static bool exists() { return fs::exists(rig()); }
 
   // Starts filming. At the end, `on_end` is called once with an error, or with an empty text after success. Throws
   // Error.
-  explicit SceneFilming(std::function<void(const std::string& problem)> on_end);
-  ~SceneFilming();
+  explicit SceneFilming(std::function<void(const std::string& problem)> on_end)
+      : on_end_(std::move(on_end)), cancellable_(g_cancellable_new()), began_(g_get_monotonic_time()) {
+    std::error_code none;
+    const fs::path beside = fs::read_symlink("/proc/self/exe", none).parent_path() / "lf-scene";
+    const std::string program = fs::exists(beside, none) ? beside.string() : "lf-scene", out = folder();
+    const char* const arguments[] = {program.c_str(), "--out",    out.c_str(), "--grid",   "8x8", "--width",
+                                     "320",           "--height", "240",       "--frames", "60",  nullptr};
+    g_autoptr(GError) error = nullptr;
+    process_ = g_subprocess_newv(arguments, G_SUBPROCESS_FLAGS_STDERR_PIPE, &error);
+    if (!process_) {
+      g_object_unref(cancellable_);
+      throw lf::Error(std::string("lf-scene: ") + error->message);
+    }
+    stderr_ = g_data_input_stream_new(g_subprocess_get_stderr_pipe(process_));
+    read_line();
+  }
+  ~SceneFilming() {
+    g_cancellable_cancel(cancellable_);
+    g_subprocess_force_exit(process_);
+    g_object_unref(stderr_);
+    g_object_unref(process_);
+    g_object_unref(cancellable_);
+  }
   SceneFilming(const SceneFilming&) = delete;
 
-  double progress() const;
+  // lf-scene reports only every ten seconds, so the progress between reports is extrapolated.
+  double progress() const {
+    if (reported_at_ <= began_) return 0;
+    const double speed = reported_ / static_cast<double>(reported_at_ - began_);
+    constexpr double kNearlyDone = 0.99;
+    return std::clamp(speed * static_cast<double>(g_get_monotonic_time() - began_), reported_, kNearlyDone);
+  }
 
  private:
-  void read_line();
-  void parse_line(const std::string& line);
+  static fs::path folder() { return fs::path(g_get_user_cache_dir()) / "gst-lightfield" / "scene-" LF_VERSION; }
+
+  void read_line() {
+    g_data_input_stream_read_line_async(
+        stderr_, G_PRIORITY_DEFAULT, cancellable_,
+        [](GObject* stream, GAsyncResult* result, gpointer data) {
+          g_autoptr(GError) error = nullptr;
+          g_autofree gchar* line =
+              g_data_input_stream_read_line_finish(G_DATA_INPUT_STREAM(stream), result, nullptr, &error);
+          if (g_error_matches(error, G_IO_ERROR, G_IO_ERROR_CANCELLED)) return;  // `data` no longer exists
+          SceneFilming* self = static_cast<SceneFilming*>(data);
+          if (line) return self->parse_line(line);
+          // Standard error is closed, so the process is about to exit.
+          g_subprocess_wait(self->process_, nullptr, nullptr);
+          const bool made =
+              g_subprocess_get_if_exited(self->process_) && g_subprocess_get_exit_status(self->process_) == 0;
+          self->on_end_(made ? "" : "lf-scene: " + (self->last_line_.empty() ? "terminated" : self->last_line_));
+        },
+        this);
+  }
+  void parse_line(const std::string& line) {
+    int percent = 0;
+    if (std::sscanf(line.c_str(), "filming: %d %%", &percent) == 1) {
+      reported_ = std::clamp(percent, 0, 100) * 0.01;
+      reported_at_ = g_get_monotonic_time();
+    } else {
+      last_line_ = line;
+    }
+    read_line();
+  }
 
   std::function<void(const std::string&)> on_end_;
   GSubprocess* process_ = nullptr;
@@ -157,79 +213,6 @@ class SceneFilming {
   int64_t reported_at_ = 0;
   std::string last_line_;
 };
-
-fs::path folder() { return fs::path(g_get_user_cache_dir()) / "gst-lightfield" / "scene-" LF_VERSION; }
-
-std::string SceneFilming::rig() { return folder() / "rig.json"; }
-
-bool SceneFilming::exists() { return fs::exists(rig()); }  // lf-scene writes the rig file last
-
-SceneFilming::SceneFilming(std::function<void(const std::string&)> on_end)
-    : on_end_(std::move(on_end)), cancellable_(g_cancellable_new()), began_(g_get_monotonic_time()) {
-  std::error_code none;
-  const fs::path beside = fs::read_symlink("/proc/self/exe", none).parent_path() / "lf-scene";
-  const std::string program = fs::exists(beside, none) ? beside.string() : "lf-scene", out = folder();
-  const char* const arguments[] = {program.c_str(), "--out",    out.c_str(), "--grid",   "8x8", "--width",
-                                   "320",           "--height", "240",       "--frames", "60",  nullptr};
-  GError* error = nullptr;
-  process_ = g_subprocess_newv(arguments, G_SUBPROCESS_FLAGS_STDERR_PIPE, &error);
-  if (!process_) {
-    const std::string text = std::string("lf-scene: ") + error->message;
-    g_error_free(error);
-    g_object_unref(cancellable_);
-    throw lf::Error(text);
-  }
-  stderr_ = g_data_input_stream_new(g_subprocess_get_stderr_pipe(process_));
-  read_line();
-}
-
-SceneFilming::~SceneFilming() {
-  g_cancellable_cancel(cancellable_);
-  g_subprocess_force_exit(process_);
-  g_object_unref(stderr_);
-  g_object_unref(process_);
-  g_object_unref(cancellable_);
-}
-
-void SceneFilming::read_line() {
-  g_data_input_stream_read_line_async(
-      stderr_, G_PRIORITY_DEFAULT, cancellable_,
-      [](GObject* stream, GAsyncResult* result, gpointer data) {
-        GError* error = nullptr;
-        g_autofree gchar* line =
-            g_data_input_stream_read_line_finish(G_DATA_INPUT_STREAM(stream), result, nullptr, &error);
-        const bool cancelled = g_error_matches(error, G_IO_ERROR, G_IO_ERROR_CANCELLED);
-        g_clear_error(&error);
-        if (cancelled) return;  // `data` no longer exists
-        SceneFilming* self = static_cast<SceneFilming*>(data);
-        if (line) return self->parse_line(line);
-        // Standard error is closed, so the process is about to exit.
-        g_subprocess_wait(self->process_, nullptr, nullptr);
-        const bool made =
-            g_subprocess_get_if_exited(self->process_) && g_subprocess_get_exit_status(self->process_) == 0;
-        self->on_end_(made ? "" : "lf-scene: " + (self->last_line_.empty() ? "terminated" : self->last_line_));
-      },
-      this);
-}
-
-void SceneFilming::parse_line(const std::string& line) {
-  int percent = 0;
-  if (std::sscanf(line.c_str(), "filming: %d %%", &percent) == 1) {
-    reported_ = std::clamp(percent, 0, 100) * 0.01;
-    reported_at_ = g_get_monotonic_time();
-  } else {
-    last_line_ = line;
-  }
-  read_line();
-}
-
-// lf-scene reports only every ten seconds, so the progress between reports is extrapolated.
-double SceneFilming::progress() const {
-  if (reported_at_ <= began_) return 0;
-  const double speed = reported_ / static_cast<double>(reported_at_ - began_);
-  constexpr double kNearlyDone = 0.99;
-  return std::clamp(speed * static_cast<double>(g_get_monotonic_time() - began_), reported_, kNearlyDone);
-}
 
 // The running program. It serves the page at once, and the light field as soon as the scene has been filmed and the
 // cameras run.
@@ -396,11 +379,9 @@ void add_camera_options(cli::App& app, Options& o) {
 void add_server_options(cli::App& app, Options& o) {
   app.add_option("--listen", o.server.address,
                  "IP address that the server listens on, for example 0.0.0.0 for all addresses of this machine. Every "
-                 "address other than loopback needs either --tls-certificate and --tls-key, or --insecure")
-      ->capture_default_str();
+                 "address other than loopback needs either --tls-certificate and --tls-key, or --insecure");
   app.add_option("--port", o.server.port,
                  "TCP port of the web page (0: the system selects a free port, and lf-serve prints the address)")
-      ->capture_default_str()
       ->check(cli::Range(0, 65535));
   app.add_option("--tls-certificate", o.server.certificate,
                  "File with the certificate chain for HTTPS, in PEM format. It also requires --tls-key")
@@ -453,17 +434,14 @@ void add_view_options(cli::App& app, Options& o) {
   app.add_option("--viewers", o.limits.viewers,
                  "Maximum number of viewers at a time. A stereo viewer counts twice, because each eye needs a separate "
                  "view. Further viewers wait in a queue. Reduce this if the machine is too slow for so many viewers")
-      ->capture_default_str()
       ->check(cli::Range(1, 1000));
   app.add_option("--address-views", o.limits.address_views,
                  "Maximum number of views at a time for one client address, so that one client cannot take all places. "
                  "A stereo viewer needs 2 views")
-      ->capture_default_str()
       ->check(cli::Range(1, 1000));
   app.add_option("--framerate", o.limits.framerate,
                  "Frame rate of the video for viewers, in pictures per second. A "
                  "lower rate leaves time for more viewers")
-      ->capture_default_str()
       ->check(cli::Range(1, 120));
   app.add_option("--capture-delay", o.capture_delay_ms,
                  "Time from the capture of a frame to the request for it, in milliseconds. It must exceed the latency "
@@ -479,7 +457,6 @@ void add_view_options(cli::App& app, Options& o) {
                  "Focus of the pictures. plane: one plane is in focus, at the distance that the viewer sets. surface: "
                  "the depth of each pixel is estimated, so that the whole picture is in focus. auto: as surface, but "
                  "the depths are updated only as often as the scene needs")
-      ->capture_default_str()
       ->check(cli::IsMember({"plane", "surface", "auto"}));
   app.add_option("--focus-near", o.limits.focus_settings.near,
                  "Minimum distance of objects from the array, in metres, for the depth estimation of --focus-mode. Set "
@@ -499,12 +476,10 @@ void add_view_options(cli::App& app, Options& o) {
                  "Interpolation of the camera images between pixel positions. sharpened restores most of the detail "
                  "that bilinear interpolation loses, but takes more time. The hosts of --nodes ignore this option; set "
                  "the property at their lfcameranode instead")
-      ->capture_default_str()
       ->check(cli::IsMember({"bilinear", "sharpened"}));
   app.add_option("--renderer", o.renderer,
                  "Processor that renders the views. cpu: the CPU, with vector instructions. gl: a GPU, through OpenGL "
                  "ES. auto: the faster of the two on this machine. This option does not affect the hosts of --nodes")
-      ->capture_default_str()
       ->check(cli::IsMember({"cpu", "gl", "auto"}));
   app.add_option("--monitor", o.limits.monitor,
                  "Interval between camera checks, counted in requests of a viewer. Each check predicts the image of "
@@ -512,6 +487,9 @@ void add_view_options(cli::App& app, Options& o) {
                  "/metrics then report cameras that have moved or become dirty (0: no checks)")
       ->capture_default_str()
       ->check(cli::Range(0, 10000));
+}
+
+void add_limit_options(cli::App& app, Options& o) {
   app.add_option("--max-aperture", o.limits.max_aperture,
                  "Maximum diameter of the synthetic aperture that viewers may request, in metres. Large apertures use "
                  "many cameras per pixel and therefore cost more time (default: size of the array)")
@@ -519,26 +497,21 @@ void add_view_options(cli::App& app, Options& o) {
   app.add_option("--max-width", o.limits.max_width,
                  "Maximum width of the video for one viewer, in pixels. Larger requested sizes are scaled down to fit. "
                  "Reduce it to save rendering time")
-      ->capture_default_str()
       ->check(cli::Range(64, 4096));
   app.add_option("--max-height", o.limits.max_height,
                  "Maximum height of the video for one viewer, in pixels. Larger requested sizes are scaled down to fit")
-      ->capture_default_str()
       ->check(cli::Range(64, 4096));
   app.add_option("--bitrate", o.limits.bit_rate,
                  "Maximum bit rate of the video for each viewer, in bits per second. A higher rate gives better "
                  "pictures, but needs a faster network. The server lowers the rate while packets are lost")
-      ->capture_default_str()
       ->check(cli::Range(100000, 100000000));
   app.add_option("--message-rate", o.limits.messages_per_second,
                  "Maximum number of control messages per second from each viewer, such as mouse movements. The server "
                  "ignores further messages, so that no viewer can overload the server")
-      ->capture_default_str()
       ->check(cli::Range(1, 10000));
   app.add_option("--connects", o.limits.connects_per_second,
                  "Maximum average number of viewer connections per second from one address. Short bursts may be "
                  "faster. Increase it if many viewers share one address, for example behind a proxy")
-      ->capture_default_str()
       ->check(cli::Range(0.01, 1000.0));
 }
 
@@ -552,6 +525,7 @@ int main(int argc, char** argv) {
   add_camera_options(app, o);
   add_server_options(app, o);
   add_view_options(app, o);
+  add_limit_options(app, o);
   gst_init(nullptr, nullptr);
   return cli::run_tool(app, argc, argv, [&] { serve(o); });
 }

@@ -38,13 +38,16 @@ constexpr lf::DepthEstimator::Settings kSurface{.mode = lf::FocusMode::kSurface}
 
 class Scene {
  public:
-  explicit Scene(const std::string& rig_file);
+  explicit Scene(const std::string& rig_file) : rig(lf::load_rig(rig_file)), mesh(lf::build_mesh(rig)), stills_(rig) {}
 
   lf::Rig rig;
   lf::Mesh mesh;
   const lf::CameraImages images = [this](lf::CameraIndex camera) -> const lf::Image& { return stills_.get(camera); };
 
-  double estimated_focus() const;
+  double estimated_focus() const {
+    const std::optional<lf::FocusRange> range = lf::estimate_focus_range(rig, images);
+    return range ? std::sqrt(range->near * range->far) : lf::default_viewpoint(rig).focus_distance;
+  }
 
  private:
   mutable lf::StillImageCache stills_;
@@ -54,137 +57,110 @@ class ViewOptions {
  public:
   // Adds the options to a command; this object must outlive the command. If `is_sweep` is true, the command takes only
   // one view and sets the focus itself.
-  void add_to(cli::App& command, bool is_sweep = false);
+  void add_to(cli::App& command, bool is_sweep = false) {
+    command.add_option("--rig", rig, "Rig file with one still image per camera, for example from lf-rig snapshot")
+        ->required();
+    cli::Option* file = command.add_option(
+        "--views", file_,
+        is_sweep ? "Views file (views.json). The first view is used"
+                 : "Views file (views.json). All views are shown if --out names numbered pictures or a film, otherwise "
+                   "only the first view (default: the home view from the middle of the array)");
+    command
+        .add_option("--size", size_,
+                    "Size of the view in pixels, for example 1280x720 (default: the size of a camera "
+                    "image)")
+        ->type_name("WxH")
+        ->excludes(file);
+    command.add_option("--fov", fov_, "Vertical field of view, in degrees (default: as large as the cameras can fill)")
+        ->check(cli::Range(lf::kMinFovDeg, lf::kMaxFovDeg))
+        ->excludes(file);
+    command
+        .add_option("--move", move_,
+                    "Offset of the viewpoint from the home view in the middle of the array, in metres: to the right, "
+                    "down and forward. For example, 0.1,0,0 looks from a viewpoint 10 cm to the right")
+        ->type_name("X,Y,Z")
+        ->delimiter(',')
+        ->excludes(file);
+    if (is_sweep) return;
+    command
+        .add_option("--focus-distance", distance_,
+                    "Distance of the focal plane from the viewpoint, in metres. Objects at this distance are sharp "
+                    "(default: estimated from the images)")
+        ->check(cli::PositiveNumber)
+        ->excludes(file);
+    command
+        .add_option("--focus", focus_,
+                    "Focus of the view. plane: only the focal plane is in focus. surface: the depth of each pixel is "
+                    "estimated, so that the whole picture is in focus")
+        ->check(cli::IsMember({"plane", "surface"}));
+  }
 
   // Returns the selected views without a focal surface. These are all views of the views file if `many` is true,
   // otherwise its first view, or the home view if there is no file. Throws lf::Error that names the option.
-  std::vector<lf::NamedView> views(const Scene& scene, bool many) const;
+  std::vector<lf::NamedView> views(const Scene& scene, bool many) const {
+    if (from_file()) {
+      std::vector<lf::NamedView> views = lf::load_views(file_);
+      if (!many) views.resize(1);
+      return views;
+    }
+    const auto [width, height] = size(scene);
+    const lf::Viewpoint home = lf::VisibleFraction(scene.rig).home(aspect(scene), focus_distance(scene));
+    return {{"view", 0, lf::make_view(viewpoint(home), width, height)}};
+  }
   // Returns the viewpoint `from`, modified by the options. Used if there is no views file.
-  lf::Viewpoint viewpoint(const lf::Viewpoint& from) const;
-  double focus_distance(const Scene& scene) const;
-  double aspect(const Scene& scene) const;
+  lf::Viewpoint viewpoint(const lf::Viewpoint& from) const {
+    if (!move_.empty() && move_.size() != 3)
+      throw lf::Error("--move: must be three numbers in metres (right, down, forward), such as 0.1,0,-0.5");
+    lf::Viewpoint at = from;
+    if (fov_ > 0) at.fov_y_deg = fov_;
+    if (!move_.empty()) {
+      at.pose.position += at.pose.rotation() * lf::Vec3(move_[0], move_[1], move_[2]);
+      if (distance_ <= 0) at.focus_distance -= move_[2];
+      if (!(at.focus_distance > 0))
+        throw lf::Error(
+            "--move: the viewpoint moves forward past the point in focus; move it less, or give --focus-distance");
+    }
+    return lf::clamped(at);
+  }
+  double focus_distance(const Scene& scene) const { return distance_ > 0 ? distance_ : scene.estimated_focus(); }
+  double aspect(const Scene& scene) const {
+    const auto [width, height] = size(scene);
+    return static_cast<double>(width) / height;
+  }
   // Returns the depths that focused() needs, of all cameras except `held_out`.
-  std::optional<lf::ArrayDepth> depths(const Scene& scene, std::optional<lf::CameraIndex> held_out = {}) const;
+  std::optional<lf::ArrayDepth> depths(const Scene& scene, std::optional<lf::CameraIndex> held_out = {}) const {
+    if (focus_ == "plane") return {};
+    lf::CameraSet cameras;
+    for (lf::CameraIndex i = 0; i < scene.rig.cameras.size(); i++)
+      if (i != held_out) cameras.push_back(i);
+    return lf::estimate_depths(scene.rig, cameras, scene.images, kSurface, lf::parallel_for_all_processors());
+  }
   // Returns the view with its focal surface, unless the focus is a plane.
   lf::View focused(const Scene& scene, const lf::Mesh& mesh, const std::optional<lf::ArrayDepth>& depths,
-                   const lf::View& view) const;
+                   const lf::View& view) const {
+    if (focus_ == "plane") return view;
+    return lf::focus_still(scene.rig, mesh, view, scene.images, kSurface, lf::kSettledRounds, nullptr,
+                           depths ? &*depths : nullptr);
+  }
 
   std::string rig;
   bool from_file() const { return !file_.empty(); }
   bool places_eye() const { return from_file() || !size_.empty() || fov_ > 0 || !move_.empty(); }
-  std::pair<int, int> size(const Scene& scene) const;  // pixels
+  std::pair<int, int> size(const Scene& scene) const {
+    const lf::Camera& camera = scene.rig.cameras[lf::middle_camera(scene.rig)];
+    int width = camera.width, height = camera.height, end = 0;
+    if (!size_.empty() && (std::sscanf(size_.c_str(), "%dx%d%n", &width, &height, &end) != 2 || size_[end] != 0 ||
+                           width < 1 || height < 1 || width > lf::kMaxImageSize || height > lf::kMaxImageSize))
+      throw lf::Error("--size " + size_ + ": must be WIDTHxHEIGHT, such as 640x480, with sides of at most " +
+                      std::to_string(lf::kMaxImageSize));
+    return {width, height};
+  }
 
  private:
   std::string file_, size_, focus_ = "surface";
   std::vector<double> move_;
   double fov_ = 0, distance_ = 0;
 };
-
-Scene::Scene(const std::string& rig_file) : rig(lf::load_rig(rig_file)), mesh(lf::build_mesh(rig)), stills_(rig) {}
-
-double Scene::estimated_focus() const {
-  const std::optional<lf::FocusRange> range = lf::estimate_focus_range(rig, images);
-  return range ? std::sqrt(range->near * range->far) : lf::default_viewpoint(rig).focus_distance;
-}
-
-void ViewOptions::add_to(cli::App& command, bool is_sweep) {
-  command.add_option("--rig", rig, "Rig file with one still image per camera, for example from lf-rig snapshot")
-      ->required();
-  cli::Option* file = command.add_option(
-      "--views", file_,
-      is_sweep ? "Views file (views.json). The first view is used"
-               : "Views file (views.json). All views are shown if --out names numbered pictures or a film, otherwise "
-                 "only the first view (default: the home view from the middle of the array)");
-  command
-      .add_option("--size", size_,
-                  "Size of the view in pixels, for example 1280x720 (default: the size of a camera "
-                  "image)")
-      ->type_name("WxH")
-      ->excludes(file);
-  command.add_option("--fov", fov_, "Vertical field of view, in degrees (default: as large as the cameras can fill)")
-      ->check(cli::Range(lf::kMinFovDeg, lf::kMaxFovDeg))
-      ->excludes(file);
-  command
-      .add_option("--move", move_,
-                  "Offset of the viewpoint from the home view in the middle of the array, in metres: to the right, "
-                  "down and forward. For example, 0.1,0,0 looks from a viewpoint 10 cm to the right")
-      ->type_name("X,Y,Z")
-      ->delimiter(',')
-      ->excludes(file);
-  if (is_sweep) return;
-  command
-      .add_option("--focus-distance", distance_,
-                  "Distance of the focal plane from the viewpoint, in metres. Objects at this distance are sharp "
-                  "(default: estimated from the images)")
-      ->check(cli::PositiveNumber)
-      ->excludes(file);
-  command
-      .add_option("--focus", focus_,
-                  "Focus of the view. plane: only the focal plane is in focus. surface: the depth of each pixel is "
-                  "estimated, so that the whole picture is in focus")
-      ->capture_default_str()
-      ->check(cli::IsMember({"plane", "surface"}));
-}
-
-std::pair<int, int> ViewOptions::size(const Scene& scene) const {
-  const lf::Camera& camera = scene.rig.cameras[lf::middle_camera(scene.rig)];
-  int width = camera.width, height = camera.height, end = 0;
-  if (!size_.empty() && (std::sscanf(size_.c_str(), "%dx%d%n", &width, &height, &end) != 2 || size_[end] != 0 ||
-                         width < 1 || height < 1 || width > lf::kMaxImageSize || height > lf::kMaxImageSize))
-    throw lf::Error("--size " + size_ + ": must be WIDTHxHEIGHT, such as 640x480, with sides of at most " +
-                    std::to_string(lf::kMaxImageSize));
-  return {width, height};
-}
-
-double ViewOptions::aspect(const Scene& scene) const {
-  const auto [width, height] = size(scene);
-  return static_cast<double>(width) / height;
-}
-
-double ViewOptions::focus_distance(const Scene& scene) const {
-  return distance_ > 0 ? distance_ : scene.estimated_focus();
-}
-
-lf::Viewpoint ViewOptions::viewpoint(const lf::Viewpoint& from) const {
-  if (!move_.empty() && move_.size() != 3)
-    throw lf::Error("--move: must be three numbers in metres (right, down, forward), such as 0.1,0,-0.5");
-  lf::Viewpoint at = from;
-  if (fov_ > 0) at.fov_y_deg = fov_;
-  if (!move_.empty()) {
-    at.pose.position += at.pose.rotation() * lf::Vec3(move_[0], move_[1], move_[2]);
-    if (distance_ <= 0) at.focus_distance -= move_[2];
-    if (!(at.focus_distance > 0))
-      throw lf::Error(
-          "--move: the viewpoint moves forward past the point in focus; move it less, or give --focus-distance");
-  }
-  return lf::clamped(at);
-}
-
-std::vector<lf::NamedView> ViewOptions::views(const Scene& scene, bool many) const {
-  if (from_file()) {
-    std::vector<lf::NamedView> views = lf::load_views(file_);
-    if (!many) views.resize(1);
-    return views;
-  }
-  const auto [width, height] = size(scene);
-  const lf::Viewpoint home = lf::VisibleFraction(scene.rig).home(aspect(scene), focus_distance(scene));
-  return {{"view", 0, lf::make_view(viewpoint(home), width, height)}};
-}
-
-std::optional<lf::ArrayDepth> ViewOptions::depths(const Scene& scene, std::optional<lf::CameraIndex> held_out) const {
-  if (focus_ == "plane") return {};
-  lf::CameraSet cameras;
-  for (lf::CameraIndex i = 0; i < scene.rig.cameras.size(); i++)
-    if (i != held_out) cameras.push_back(i);
-  return lf::estimate_depths(scene.rig, cameras, scene.images, kSurface, lf::parallel_for_all_processors());
-}
-
-lf::View ViewOptions::focused(const Scene& scene, const lf::Mesh& mesh, const std::optional<lf::ArrayDepth>& depths,
-                              const lf::View& view) const {
-  if (focus_ == "plane") return view;
-  return lf::focus_still(scene.rig, mesh, view, scene.images, kSurface, lf::kSettledRounds, nullptr,
-                         depths ? &*depths : nullptr);
-}
 
 lf::Still picture_of(const Scene& scene, const lf::Mesh& mesh, const std::optional<lf::ArrayDepth>& depths,
                      const lf::View& focused) {
@@ -199,11 +175,37 @@ constexpr int kFilmQuality = 90;
 class Output {
  public:
   // Throws lf::Error if the name has another form.
-  explicit Output(const std::string& path, FrameRate rate = {});
+  explicit Output(const std::string& path, FrameRate rate = {}) : path_(path), rate_(rate) {
+    static const std::regex still(R"(([^%]*)\.(png|jpg))"), numbered(R"([^%]*%(0[1-9])?d[^%]*\.(png|jpg))"),
+        film(R"([^%]*\.mkv)");
+    if (std::regex_match(path, still))
+      kind_ = Kind::kOne;
+    else if (std::regex_match(path, numbered))
+      kind_ = Kind::kNumbered;
+    else if (std::regex_match(path, film))
+      kind_ = Kind::kFilm;
+    else
+      throw lf::Error("--out " + path +
+                      ": must be NAME.png or NAME.jpg for one picture, NAME_%03d.png for numbered pictures, or "
+                      "NAME.mkv for a film");
+    if (kind_ == Kind::kFilm) gst_init(nullptr, nullptr);
+  }
 
   bool takes_many() const { return kind_ != Kind::kOne; }
-  void add(const lf::Image& rgb);
-  void finish();
+  void add(const lf::Image& rgb) {
+    if (kind_ == Kind::kFilm) {
+      if (!film_) film_ = std::make_unique<MjpegWriter>(path_, rgb.width(), rgb.height(), rate_, kFilmQuality);
+      return film_->add(rgb);
+    }
+    if (kind_ == Kind::kOne) return lf::save_image(rgb, path_);
+    // The constructor has checked that the pattern is harmless.
+    std::string name(path_.size() + 16, 0);
+    name.resize(static_cast<size_t>(std::snprintf(name.data(), name.size(), path_.c_str(), count_++)));
+    lf::save_image(rgb, name);
+  }
+  void finish() {
+    if (film_) film_->finish();
+  }
 
  private:
   enum class Kind { kOne, kNumbered, kFilm };
@@ -223,64 +225,25 @@ struct OutputOptions {
   void add_to(
       cli::App& command,
       const char* what =
-          "File to write: one picture (NAME.png or NAME.jpg), numbered pictures (NAME_%03d.png) or a film (NAME.mkv)");
-  void check() const;
-  Output open() const;
-};
-
-Output::Output(const std::string& path, FrameRate rate) : path_(path), rate_(rate) {
-  static const std::regex still(R"(([^%]*)\.(png|jpg))"), numbered(R"([^%]*%(0[1-9])?d[^%]*\.(png|jpg))"),
-      film(R"([^%]*\.mkv)");
-  if (std::regex_match(path, still))
-    kind_ = Kind::kOne;
-  else if (std::regex_match(path, numbered))
-    kind_ = Kind::kNumbered;
-  else if (std::regex_match(path, film))
-    kind_ = Kind::kFilm;
-  else
-    throw lf::Error(
-        "--out " + path +
-        ": must be NAME.png or NAME.jpg for one picture, NAME_%03d.png for numbered pictures, or NAME.mkv for a film");
-  if (kind_ == Kind::kFilm) gst_init(nullptr, nullptr);
-}
-
-void Output::add(const lf::Image& rgb) {
-  if (kind_ == Kind::kFilm) {
-    if (!film_) film_ = std::make_unique<MjpegWriter>(path_, rgb.width(), rgb.height(), rate_, kFilmQuality);
-    return film_->add(rgb);
+          "File to write: one picture (NAME.png or NAME.jpg), numbered pictures (NAME_%03d.png) or a film (NAME.mkv)") {
+    command.add_option("--out", out, what)->required()->type_name("FILE");
+    framerate_options.push_back(command
+                                    .add_option("--framerate", framerate,
+                                                "Frame rate of a film (.mkv), in pictures per second. It has no "
+                                                "effect on pictures")
+                                    ->check(cli::Range(0.1, 1000.0)));
   }
-  if (kind_ == Kind::kOne) return lf::save_image(rgb, path_);
-  // The constructor has checked that the pattern is harmless.
-  std::string name(path_.size() + 16, 0);
-  name.resize(static_cast<size_t>(std::snprintf(name.data(), name.size(), path_.c_str(), count_++)));
-  lf::save_image(rgb, name);
-}
-
-void Output::finish() {
-  if (film_) film_->finish();
-}
-
-void OutputOptions::add_to(cli::App& command, const char* what) {
-  command.add_option("--out", out, what)->required()->type_name("FILE");
-  framerate_options.push_back(command
-                                  .add_option("--framerate", framerate,
-                                              "Frame rate of a film (.mkv), in pictures per second. It has no "
-                                              "effect on pictures")
-                                  ->capture_default_str()
-                                  ->check(cli::Range(0.1, 1000.0)));
-}
-
-void OutputOptions::check() const {
-  const bool given = std::ranges::any_of(framerate_options, [](const cli::Option* option) { return bool(*option); });
-  if (given && !out.ends_with(".mkv"))
-    throw lf::Error("--framerate: applies only to films (.mkv), but --out " + out + " is a picture");
-}
-
-Output OutputOptions::open() const {
-  FrameRate rate;
-  gst_util_double_to_fraction(framerate, &rate.numerator, &rate.denominator);
-  return Output(out, rate);
-}
+  void check() const {
+    const bool given = std::ranges::any_of(framerate_options, [](const cli::Option* option) { return bool(*option); });
+    if (given && !out.ends_with(".mkv"))
+      throw lf::Error("--framerate: applies only to films (.mkv), but --out " + out + " is a picture");
+  }
+  Output open() const {
+    FrameRate rate;
+    gst_util_double_to_fraction(framerate, &rate.numerator, &rate.denominator);
+    return Output(out, rate);
+  }
+};
 
 void show_views(const OutputOptions& options, const std::vector<lf::NamedView>& views,
                 const std::function<lf::Image(const lf::NamedView&)>& make) {
@@ -441,6 +404,37 @@ cli::App* add_command(cli::App& app, const char* name, const char* help, Options
   return command;
 }
 
+void add_epipolar_command(cli::App& app, Options& o) {
+  cli::App* epi = add_command(app, "epi",
+                              "Draws an epipolar-plane image. It stacks the images of one scene line in a row or "
+                              "column of cameras. The slope of an edge shows its depth",
+                              o, show_epipolar);
+  epi->add_option("--rig", o.view.rig, "Rig file of a camera grid with one still image per camera")->required();
+  cli::Option* row =
+      epi->add_option("--row", o.row, "Row of cameras to use; row 0 is at the top. Give either --row or --column")
+          ->check(cli::NonNegativeNumber);
+  epi->add_option("--column", o.column, "Column of cameras to use; column 0 is at the left")
+      ->check(cli::NonNegativeNumber)
+      ->excludes(row);
+  epi->add_option("--focus-distance", o.distance,
+                  "Distance of the scene line from the cameras, in metres. Points at this distance have no disparity, "
+                  "so their edges are vertical in the picture (default: estimated)")
+      ->check(cli::PositiveNumber);
+  epi->add_option("--across", o.across,
+                  "Offset of the scene line from the optical axes, in metres: downwards for a row of cameras, to the "
+                  "right for a column")
+      ->capture_default_str();
+  epi->add_option("--width", o.width, "Width of the picture, in pixels (default: the width of a camera image)")
+      ->check(cli::Range(1, lf::kMaxImageSize));
+  epi->add_option("--stripe", o.stripe,
+                  "Height of the stripe that each camera gets in the picture, in pixels. Larger "
+                  "values make edges easier to follow")
+      ->check(cli::Range(1, 256));
+  epi->add_option("--out", o.output.out, "Picture to write, as PNG or JPEG (.png or .jpg)")
+      ->required()
+      ->type_name("FILE");
+}
+
 struct DifferenceOptions {
   ViewOptions view;
   OutputOptions output;
@@ -525,7 +519,6 @@ void add_difference_command(cli::App& app) {
       ->add_option(
           "--full-scale", o->full,
           "Difference at the end of the colour scale, in levels of 255. Lower values make small differences visible")
-      ->capture_default_str()
       ->check(cli::Range(1.0, 255.0));
   o->output.add_to(*difference);
   difference->callback([o] { show_difference(*o); });
@@ -570,35 +563,7 @@ int main(int argc, char** argv) {
   o.view.add_to(*coverage);
   o.output.add_to(*coverage);
 
-  cli::App* epi = add_command(app, "epi",
-                              "Draws an epipolar-plane image. It stacks the images of one scene line in a row or "
-                              "column of cameras. The slope of an edge shows its depth",
-                              o, show_epipolar);
-  epi->add_option("--rig", o.view.rig, "Rig file of a camera grid with one still image per camera")->required();
-  cli::Option* row =
-      epi->add_option("--row", o.row, "Row of cameras to use; row 0 is at the top. Give either --row or --column")
-          ->check(cli::NonNegativeNumber);
-  epi->add_option("--column", o.column, "Column of cameras to use; column 0 is at the left")
-      ->check(cli::NonNegativeNumber)
-      ->excludes(row);
-  epi->add_option("--focus-distance", o.distance,
-                  "Distance of the scene line from the cameras, in metres. Points at this distance have no disparity, "
-                  "so their edges are vertical in the picture (default: estimated)")
-      ->check(cli::PositiveNumber);
-  epi->add_option("--across", o.across,
-                  "Offset of the scene line from the optical axes, in metres: downwards for a row of cameras, to the "
-                  "right for a column")
-      ->capture_default_str();
-  epi->add_option("--width", o.width, "Width of the picture, in pixels (default: the width of a camera image)")
-      ->check(cli::Range(1, lf::kMaxImageSize));
-  epi->add_option("--stripe", o.stripe,
-                  "Height of the stripe that each camera gets in the picture, in pixels. Larger "
-                  "values make edges easier to follow")
-      ->capture_default_str()
-      ->check(cli::Range(1, 256));
-  epi->add_option("--out", o.output.out, "Picture to write, as PNG or JPEG (.png or .jpg)")
-      ->required()
-      ->type_name("FILE");
+  add_epipolar_command(app, o);
 
   cli::App* sweep = add_command(
       app, "sweep", "Renders one view many times, focused on successive planes from near to far", o, show_sweep);
@@ -615,10 +580,9 @@ int main(int argc, char** argv) {
       ->add_option("--planes", o.planes,
                    "Number of planes, and therefore of pictures. The inverse distances of the planes are evenly "
                    "spaced, so that the disparity changes by the same amount at each step")
-      ->capture_default_str()
       ->check(cli::Range(2, 100000));
   o.output.add_to(*sweep, "Numbered pictures (NAME_%03d.png) or a film (NAME.mkv) to write");
 
   add_difference_command(app);
-  return cli::run_tool(app, argc, argv, [] {});
+  return cli::run_tool(app, argc, argv);
 }

@@ -7,6 +7,7 @@
 #include <gst/video/video.h>
 
 #include "base/text.h"
+#include "sample_reader.h"
 
 namespace {
 
@@ -55,26 +56,22 @@ MjpegWriter::MjpegWriter(const std::string& path, int width, int height) : path_
   open("", gst_caps_new_simple("image/jpeg", "width", G_TYPE_INT, width, "height", G_TYPE_INT, height, nullptr));
 }
 
-void MjpegWriter::open(const std::string& coder, GstCaps* caps) {
-  GError* error = nullptr;
+void MjpegWriter::open(const std::string& coder, GstCaps* owned) {
+  g_autoptr(GstCaps) caps = owned;
+  g_autoptr(GError) error = nullptr;
   pipeline_ = gst_parse_launch(
       ("appsrc name=source format=time block=true max-buffers=4 ! " + coder + kMuxer + " ! fdsink name=sink sync=false")
           .c_str(),
       &error);
   if (error) {
-    const std::string reason = error->message;
-    g_error_free(error);
-    gst_caps_unref(caps);
     if (pipeline_) gst_object_unref(pipeline_);
-    throw lf::Error(path_ + ": can't be written: " + reason);
+    throw lf::Error(path_ + ": can't be written: " + error->message);
   }
   if (rate_.numerator == 0) write_beginning();
-  GstElement* sink = gst_bin_get_by_name(GST_BIN(pipeline_), "sink");
+  g_autoptr(GstElement) sink = gst_bin_get_by_name(GST_BIN(pipeline_), "sink");
   source_ = gst_bin_get_by_name(GST_BIN(pipeline_), "source");
   g_object_set(sink, "fd", file_.descriptor(), nullptr);
-  gst_object_unref(sink);
   gst_app_src_set_caps(GST_APP_SRC(source_), caps);
-  gst_caps_unref(caps);
   if (gst_element_set_state(pipeline_, GST_STATE_PLAYING) == GST_STATE_CHANGE_FAILURE) fail();
 }
 
@@ -128,13 +125,11 @@ void MjpegWriter::push(GstBuffer* buffer, GstClockTime time) {
 
 void MjpegWriter::finish() {
   gst_app_src_end_of_stream(GST_APP_SRC(source_));
-  GstBus* bus = gst_element_get_bus(pipeline_);
-  GstMessage* message = gst_bus_timed_pop_filtered(bus, GST_CLOCK_TIME_NONE,
-                                                   static_cast<GstMessageType>(GST_MESSAGE_EOS | GST_MESSAGE_ERROR));
+  g_autoptr(GstBus) bus = gst_element_get_bus(pipeline_);
+  g_autoptr(GstMessage) message = gst_bus_timed_pop_filtered(
+      bus, GST_CLOCK_TIME_NONE, static_cast<GstMessageType>(GST_MESSAGE_EOS | GST_MESSAGE_ERROR));
   const bool whole = GST_MESSAGE_TYPE(message) == GST_MESSAGE_EOS;
   if (!whole) gst_bus_post(bus, gst_message_ref(message));
-  gst_message_unref(message);
-  gst_object_unref(bus);
   if (!whole) fail();
   close();
   file_.commit();

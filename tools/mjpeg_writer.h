@@ -7,26 +7,6 @@
 
 #include "base/file.h"
 #include "image/image.h"
-#include "rig/source_security.h"
-
-namespace lf {
-
-// Waits up to `timeout` for an error on the pipeline's bus, and takes it from the bus. Returns the text of the error,
-// or `otherwise` if there is none.
-inline std::string bus_error(GstElement* pipeline, GstClockTime timeout, std::string otherwise) {
-  GstBus* bus = gst_element_get_bus(pipeline);
-  if (GstMessage* message = gst_bus_timed_pop_filtered(bus, timeout, GST_MESSAGE_ERROR)) {
-    GError* error = nullptr;
-    gst_message_parse_error(message, &error, nullptr);
-    otherwise = redacted_location(error->message);
-    g_error_free(error);
-    gst_message_unref(message);
-  }
-  gst_object_unref(bus);
-  return otherwise;
-}
-
-}  // namespace lf
 
 // A frame rate in frames per second. time(n) is the timestamp of frame n in nanoseconds.
 struct FrameRate {

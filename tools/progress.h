@@ -6,6 +6,7 @@
 #include <condition_variable>
 #include <cstdio>
 #include <mutex>
+#include <stop_token>
 #include <string>
 #include <thread>
 
@@ -69,31 +70,20 @@ class TimedProgress {
       std::fprintf(stderr, "%s\n", what.c_str());
       return;
     }
-    thread_ = std::thread([this, what, seconds] {
+    thread_ = std::jthread([what, seconds](const std::stop_token& stop) {
       Progress bar(what, 0);
       const auto begun = std::chrono::steady_clock::now();
-      std::unique_lock lock(mutex_);
-      while (!done_) {
+      std::mutex mutex;
+      std::condition_variable_any stopped;
+      std::unique_lock lock(mutex);
+      while (!stop.stop_requested()) {
         const std::chrono::duration<double> passed = std::chrono::steady_clock::now() - begun;
         bar.reach(passed.count() / seconds);
-        changed_.wait_for(lock, std::chrono::milliseconds(100));
+        stopped.wait_for(lock, stop, std::chrono::milliseconds(100), [] { return false; });
       }
     });
   }
-  ~TimedProgress() {
-    if (!thread_.joinable()) return;
-    {
-      const std::lock_guard lock(mutex_);
-      done_ = true;
-    }
-    changed_.notify_one();
-    thread_.join();
-  }
-  TimedProgress(const TimedProgress&) = delete;
 
  private:
-  std::mutex mutex_;
-  std::condition_variable changed_;
-  bool done_ = false;
-  std::thread thread_;
+  std::jthread thread_;
 };

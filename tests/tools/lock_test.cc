@@ -85,10 +85,9 @@ void fake_camera_class_init(FakeCameraClass* klass) {
   automatic(PROP_GAIN_AUTO, "gain-auto");
   g_object_class_install_property(object_class, PROP_STUCK,
                                   g_param_spec_boolean("stuck", "stuck", "stuck", FALSE, G_PARAM_READWRITE));
-  GstCaps* caps = gst_caps_from_string(kCaps);
+  g_autoptr(GstCaps) caps = gst_caps_from_string(kCaps);
   auto* element_class = GST_ELEMENT_CLASS(klass);
   gst_element_class_add_pad_template(element_class, gst_pad_template_new("src", GST_PAD_SRC, GST_PAD_ALWAYS, caps));
-  gst_caps_unref(caps);
   gst_element_class_set_static_metadata(element_class, "Fake camera", "Source/Video", "Fake", "none");
   GST_PUSH_SRC_CLASS(klass)->fill = fake_fill;
 }

@@ -50,10 +50,9 @@ GList* fake_probe(GstDeviceProvider*) {
     GstStructure* properties =
         gst_structure_new("properties", d.field.c_str(), G_TYPE_STRING, d.value.c_str(), nullptr);
     if (!d.serial.empty()) gst_structure_set(properties, "device.serial", G_TYPE_STRING, d.serial.c_str(), nullptr);
-    GstCaps* caps = gst_caps_new_empty_simple("video/x-raw");
+    g_autoptr(GstCaps) caps = gst_caps_new_empty_simple("video/x-raw");
     list = g_list_append(list, g_object_new(fake_device_get_type(), "display-name", d.name.c_str(), "device-class",
                                             d.device_class.c_str(), "caps", caps, "properties", properties, nullptr));
-    gst_caps_unref(caps);
     gst_structure_free(properties);
   }
   return list;
@@ -123,14 +122,13 @@ TEST_F(VideoDevices, AreLaunchDescriptionsForOtherProviders) {
   for (const VideoDevice& device : devices) {
     EXPECT_TRUE(device.stable);
     g_autoptr(GError) error = nullptr;
-    GstElement* element = gst_parse_launch(device.source.c_str(), &error);
+    g_autoptr(GstElement) element = gst_parse_launch(device.source.c_str(), &error);
     ASSERT_TRUE(element && !error) << device.source;
     g_autofree gchar* location = nullptr;
     gint buffers = 0;
     g_object_get(element, "location", &location, "num-buffers", &buffers, nullptr);
     EXPECT_EQ(device.name.rfind(location, 0), 0u) << "element of the device: " << device.source;
     EXPECT_EQ(buffers, 7);
-    gst_object_unref(element);
   }
 }
 

@@ -10,15 +10,15 @@ constexpr int64_t kSecond = 1000000;
 
 class ChooseVictim : public testing::Test {
  protected:
-  using Progress = Connections::Progress;
+  using Progress = HttpListener::Progress;
 
   void add(const std::string& subscriber, double seconds_ago, Progress progress) {
     all_.push_back({subscriber, kNow - static_cast<int64_t>(seconds_ago * kSecond), progress});
   }
-  const Connections::ConnectionInfo& victim() const { return all_.at(Connections::choose_victim(all_, kNow)); }
+  const HttpListener::ConnectionInfo& victim() const { return all_.at(HttpListener::choose_victim(all_, kNow)); }
 
   static constexpr int64_t kNow = 1000 * kSecond;
-  std::vector<Connections::ConnectionInfo> all_;
+  std::vector<HttpListener::ConnectionInfo> all_;
 };
 
 TEST_F(ChooseVictim, ClosesTheOldestIdleConnection) {
@@ -42,11 +42,11 @@ TEST_F(ChooseVictim, KeepsConnectionsWithACompleteRequest) {
 }
 
 TEST_F(ChooseVictim, ClosesConnectionsOfGreedySubscribersFirst) {
-  for (size_t i = 0; i <= Connections::kFairShare; i++)
+  for (size_t i = 0; i <= HttpListener::kFairShare; i++)
     add("greedy", 0.1 + 0.001 * static_cast<double>(i), Progress::kRequest);
   for (int i = 0; i < 30; i++) add("slow" + std::to_string(i), 9, Progress::kNothing);
   EXPECT_EQ(victim().subscriber, "greedy");
-  EXPECT_EQ(victim().since, all_[Connections::kFairShare].since) << "the oldest connection of that address";
+  EXPECT_EQ(victim().since, all_[HttpListener::kFairShare].since) << "the oldest connection of that address";
   all_.erase(all_.begin());
   EXPECT_NE(victim().subscriber, "greedy") << "browsers open several connections";
 }

@@ -49,11 +49,10 @@ StructurePtr picture(double x, uint32_t noise = 0) {
   for (int i = 0; i < columns * rows; i++)
     levels.push_back(
         static_cast<uint8_t>(100 + i % columns + ((noise + static_cast<uint32_t>(i)) * 2654435761u >> 30)));
-  GBytes* bytes = g_bytes_new(levels.data(), levels.size());
+  g_autoptr(GBytes) bytes = g_bytes_new(levels.data(), levels.size());
   GstStructure* map = gst_structure_new("lightfield-focal-map", "step", G_TYPE_INT, kStep, "columns", G_TYPE_INT,
                                         columns, "rows", G_TYPE_INT, rows, "inverse-farthest", G_TYPE_DOUBLE, 0.1,
                                         "inverse-nearest", G_TYPE_DOUBLE, 1.0, "levels", G_TYPE_BYTES, bytes, nullptr);
-  g_bytes_unref(bytes);
   put(map, "from", {0, 0, 1, 0});
   GstStructure* focus = gst_structure_new("lightfield-focus", "mode", G_TYPE_STRING, "surface", nullptr);
   put(focus, "plane", {0, 0, 1, -2});

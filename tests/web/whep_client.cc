@@ -30,9 +30,8 @@ GstStructure* call(GstElement* webrtc, const char* signal, gpointer argument, bo
 }
 
 void describe(GstElement* webrtc, const char* signal, GstWebRTCSessionDescription* description) {
-  GstStructure* reply = call(webrtc, signal, description);
+  g_autoptr(GstStructure) reply = call(webrtc, signal, description);
   const bool failed = reply && gst_structure_has_field(reply, "error");
-  if (reply) gst_structure_free(reply);
   gst_webrtc_session_description_free(description);
   if (failed) throw std::runtime_error(std::string(signal) + " fails");
 }
@@ -84,7 +83,7 @@ WhepClient::WhepClient(const Options& options) : WhepClient(gst_pipeline_new(nul
                      if (!text.empty()) gst_webrtc_data_channel_send_string(channel, text.c_str());
                    }),
                    this);
-  GstCaps* caps = gst_caps_from_string(
+  g_autoptr(GstCaps) caps = gst_caps_from_string(
       options.vp8 ? "application/x-rtp,media=video,encoding-name=VP8,payload=96,clock-rate=90000"
                   : "application/x-rtp,media=video,encoding-name=H264,payload=108,clock-rate=90000,"
                     "packetization-mode=(string)1,profile-level-id=(string)42e01f");
@@ -93,14 +92,12 @@ WhepClient::WhepClient(const Options& options) : WhepClient(gst_pipeline_new(nul
                         "http://www.webrtc.org/experiments/rtp-hdrext/playout-delay", nullptr);
   GstWebRTCRTPTransceiver* transceiver = nullptr;
   g_signal_emit_by_name(webrtc_, "add-transceiver", GST_WEBRTC_RTP_TRANSCEIVER_DIRECTION_RECVONLY, caps, &transceiver);
-  gst_caps_unref(caps);
   g_object_set(transceiver, "do-nack", TRUE, nullptr);
   gst_object_unref(transceiver);
 
-  GstStructure* reply = call(webrtc_, "create-offer", nullptr, false);
+  g_autoptr(GstStructure) reply = call(webrtc_, "create-offer", nullptr, false);
   GstWebRTCSessionDescription* offer = nullptr;
   if (reply) gst_structure_get(reply, "offer", GST_TYPE_WEBRTC_SESSION_DESCRIPTION, &offer, nullptr);
-  if (reply) gst_structure_free(reply);
   if (!offer) throw std::runtime_error("no offer");
   g_autofree gchar* text = gst_sdp_message_as_text(offer->sdp);
   describe(webrtc_, "set-local-description", offer);
@@ -116,12 +113,9 @@ WhepClient::WhepClient(const Options& options) : WhepClient(gst_pipeline_new(nul
 
 WhepClient::~WhepClient() {
   if (!session_.empty() && !vanished_) {
-    SoupSession* session = soup_session_new();
-    SoupMessage* message = soup_message_new("DELETE", session_.c_str());
-    GBytes* bytes = soup_session_send_and_read(session, message, nullptr, nullptr);
-    if (bytes) g_bytes_unref(bytes);
-    g_object_unref(message);
-    g_object_unref(session);
+    g_autoptr(SoupSession) session = soup_session_new();
+    g_autoptr(SoupMessage) message = soup_message_new("DELETE", session_.c_str());
+    g_autoptr(GBytes) bytes = soup_session_send_and_read(session, message, nullptr, nullptr);
   }
   gst_element_set_state(pipeline_, GST_STATE_NULL);
   if (channel_) g_object_unref(channel_);
@@ -130,23 +124,19 @@ WhepClient::~WhepClient() {
 }
 
 void WhepClient::post(const std::string& offer) {
-  SoupSession* session = soup_session_new();
+  g_autoptr(SoupSession) session = soup_session_new();
   const std::string url =
       options_.url + "whep?width=" + std::to_string(options_.width) + "&height=" + std::to_string(options_.height);
-  SoupMessage* message = soup_message_new("POST", url.c_str());
-  GBytes* body = g_bytes_new(offer.data(), offer.size());
+  g_autoptr(SoupMessage) message = soup_message_new("POST", url.c_str());
+  g_autoptr(GBytes) body = g_bytes_new(offer.data(), offer.size());
   soup_message_set_request_body_from_bytes(message, "application/sdp", body);
-  g_bytes_unref(body);
-  GBytes* bytes = soup_session_send_and_read(session, message, nullptr, nullptr);
+  g_autoptr(GBytes) bytes = soup_session_send_and_read(session, message, nullptr, nullptr);
   gsize size = 0;
   const char* data = bytes ? static_cast<const char*>(g_bytes_get_data(bytes, &size)) : nullptr;
   answer_.assign(data ? data : "", size);
-  if (bytes) g_bytes_unref(bytes);
   const guint status = soup_message_get_status(message);
   const char* location = soup_message_headers_get_one(soup_message_get_response_headers(message), "Location");
   if (location) session_ = options_.url + (location + 1);
-  g_object_unref(message);
-  g_object_unref(session);
   if (status != 201) throw std::runtime_error(std::to_string(status) + " " + answer_);
 }
 
@@ -163,10 +153,9 @@ void WhepClient::transport_added(GstBin*, GstBin*, GstElement* element, gpointer
   }
   if (kind != "nicesrc" && kind != "nicesink") return;
   const bool in = kind == "nicesrc";
-  GstPad* pad = gst_element_get_static_pad(element, in ? "src" : "sink");
+  g_autoptr(GstPad) pad = gst_element_get_static_pad(element, in ? "src" : "sink");
   gst_pad_add_probe(pad, GstPadProbeType(GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_BUFFER_LIST),
                     in ? rtp_received : rtp_sent, data, nullptr);
-  gst_object_unref(pad);
 }
 
 // Drops only media (RFC 7983); other tests cover the connection.
@@ -201,10 +190,9 @@ void WhepClient::pad_added(GstElement*, GstPad* pad, gpointer data) {
   g_object_set(sink, "sync", FALSE, "async", FALSE, nullptr);
   gst_bin_add(GST_BIN(self->pipeline_), sink);
   gst_element_sync_state_with_parent(sink);
-  GstPad* in = gst_element_get_static_pad(sink, "sink");
+  g_autoptr(GstPad) in = gst_element_get_static_pad(sink, "sink");
   gst_pad_add_probe(in, GST_PAD_PROBE_TYPE_BUFFER, packet, self, nullptr);
   gst_pad_link(pad, in);
-  gst_object_unref(in);
 }
 
 GstPadProbeReturn WhepClient::packet(GstPad*, GstPadProbeInfo* info, gpointer data) {

@@ -66,7 +66,7 @@ int run_doctor(DoctorArguments options) {
 
 }  // namespace
 
-void add_doctor_command(cli::App& app, int& status) {
+void add_doctor_command(cli::App& app) {
   const auto o = std::make_shared<DoctorArguments>();
   cli::App* command = app.add_subcommand("doctor",
                                          "Opens all cameras at the same time, and reports frame rates, problems and "
@@ -76,13 +76,11 @@ void add_doctor_command(cli::App& app, int& status) {
       ->add_option("--seconds", o->exam.seconds,
                    "Observation time, in seconds, starting when all cameras deliver frames. A longer observation finds "
                    "rarer problems")
-      ->capture_default_str()
       ->check(cli::Range(1.0, 600.0));
   command
       ->add_option("--patience", o->exam.timeout,
                    "Maximum time until the first frame of each camera, in seconds. A camera that needs more time "
                    "counts as broken. Increase it for slow network cameras")
-      ->capture_default_str()
       ->check(cli::Range(1.0, 120.0));
   command
       ->add_option("--fps", o->exam.fps,
@@ -91,7 +89,7 @@ void add_doctor_command(cli::App& app, int& status) {
       ->check(cli::Range(1, 1000));
   command->add_flag("--json", o->json, "Print the report as JSON, for scripts");
   cli::add_trust_option(*command, o->exam.trusted);
-  command->callback([o, &status] { status = run_doctor(*o); });
+  command->callback([o] { return run_doctor(*o); });
 }
 
 namespace {
@@ -153,11 +151,10 @@ class Identify {
   void look() {
     cameras_.wait(0);
     if (!opening_) return;
-    size_t settled = 0;
-    for (const lf::CameraIndex i : cameras_.cameras())
-      settled += cameras_.frames(i) > 0 || !cameras_.problem(i).empty();
+    const auto settled =
+        std::ranges::count_if(cameras_.cameras(), [this](lf::CameraIndex i) { return cameras_.is_settled(i); });
     opening_->reach(static_cast<double>(settled) / static_cast<double>(rig_.cameras.size()));
-    if (settled < rig_.cameras.size()) return;
+    if (static_cast<size_t>(settled) < rig_.cameras.size()) return;
     opening_.reset();
     for (const lf::CameraIndex i : cameras_.cameras())
       if (const std::string problem = cameras_.problem(i); !problem.empty())
@@ -221,7 +218,6 @@ void add_identify_command(cli::App& app) {
       ->add_option("--port", o->port,
                    "TCP port of the page, which only programs on this machine can open (0: the system selects a free "
                    "port)")
-      ->capture_default_str()
       ->check(cli::Range(0, 65535));
   cli::add_trust_option(*command, o->trusted);
   command->callback([o] {
@@ -251,7 +247,7 @@ int lock_cameras(LockArguments options) {
   if (options.mains > 0) options.lock.mains = options.mains;
   const double look = options.lock.settle + 1;
   std::optional<TimedProgress> progress;
-  progress.emplace("camera " + name_of(rig.cameras[*reference]) + " adjusts", look);
+  progress.emplace(rig.cameras[*reference].label() + " adjusts", look);
   ControlValues values;
   try {
     values = choose_controls(rig, options.lock);
@@ -274,7 +270,7 @@ int lock_cameras(LockArguments options) {
     });
   progress.reset();
   for (const StuckControl& one : stuck)
-    terminal::print("warning: camera %s: %s%s\n", name_of(rig.cameras[one.camera]).c_str(),
+    terminal::print("warning: %s: %s%s\n", rig.cameras[one.camera].label().c_str(),
                     one.control.empty() ? "" : (one.control + " does not respond: ").c_str(), one.why.c_str());
   const std::string out = options.out.empty() ? options.rig : options.out;
   lf::rebase_paths(rig, fs::path(out).parent_path().string());
@@ -285,7 +281,7 @@ int lock_cameras(LockArguments options) {
 
 }  // namespace
 
-void add_lock_command(cli::App& app, int& status) {
+void add_lock_command(cli::App& app) {
   const auto o = std::make_shared<LockArguments>();
   cli::App* command = app.add_subcommand(
       "lock",
@@ -306,7 +302,6 @@ void add_lock_command(cli::App& app, int& status) {
       ->add_option("--settle", o->lock.settle,
                    "Time for the automatic controls to adjust to the light, in seconds. Increase it if the exposure "
                    "still changes after this time")
-      ->capture_default_str()
       ->check(cli::Range(0.1, 120.0));
   command->add_flag("--no-check", o->no_check,
                     "Skip the check that the controls have an effect. The check reopens all "
@@ -315,7 +310,7 @@ void add_lock_command(cli::App& app, int& status) {
                       "Rig file that receives the fixed values, as controls of each camera (default: "
                       "RIG)");
   cli::add_trust_option(*command, o->lock.trusted);
-  command->callback([o, &status] { status = lock_cameras(*o); });
+  command->callback([o] { return lock_cameras(*o); });
 }
 
 namespace {
@@ -342,7 +337,7 @@ int record_films(RecordArguments options) {
   size_t whole = 0;
   for (const auto& [index, frames, problem, note] : recorded) {
     const lf::Camera& camera = rig->cameras[index];
-    terminal::print("camera %s: %llu frames%s%s\n", name_of(camera).c_str(), static_cast<unsigned long long>(frames),
+    terminal::print("%s: %llu frames%s%s\n", camera.label().c_str(), static_cast<unsigned long long>(frames),
                     problem.empty() ? "" : ": ",
                     problem.empty() ? "" : (problem + ": " + remedy_for(camera, problem)).c_str());
     if (!note.empty()) terminal::print("  %s\n", note.c_str());
@@ -354,7 +349,7 @@ int record_films(RecordArguments options) {
 
 }  // namespace
 
-void add_record_command(cli::App& app, int& status) {
+void add_record_command(cli::App& app) {
   const auto o = std::make_shared<RecordArguments>();
   cli::App* command = app.add_subcommand("record",
                                          "Records all cameras with a common clock, for lf-calibrate. The exit status "
@@ -370,7 +365,6 @@ void add_record_command(cli::App& app, int& status) {
   command
       ->add_option("--seconds", o->recording.seconds,
                    "Length of the recording, in seconds. Ctrl-C ends the recording early and keeps the films")
-      ->capture_default_str()
       ->check(cli::Range(0.1, 86400.0));
   command
       ->add_option("--lights", o->guide.lights,
@@ -383,7 +377,7 @@ void add_record_command(cli::App& app, int& status) {
                    "port; default: no page)")
       ->check(cli::Range(0, 65535));
   cli::add_trust_option(*command, o->recording.trusted);
-  command->callback([o, &status] { status = record_films(*o); });
+  command->callback([o] { return record_films(*o); });
 }
 
 namespace {
@@ -424,13 +418,13 @@ int take_snapshot(SnapshotArguments options) {
     lf::Camera& camera = result.cameras[still.camera];
     if (still.rgb.data().empty()) {
       missing++;
-      terminal::print("camera %s: %s: %s\n", name_of(camera).c_str(), still.problem.c_str(),
+      terminal::print("%s: %s: %s\n", camera.label().c_str(), still.problem.c_str(),
                       remedy_for(camera, still.problem).c_str());
       continue;
     }
     camera.image = file_name(*rig, camera);
     lf::save_image(still.rgb, (fs::path(update.staging()) / camera.image).string());
-    terminal::print("camera %s: %s, %+.1f ms\n", name_of(camera).c_str(), camera.image.c_str(), 1e3 * still.off);
+    terminal::print("%s: %s, %+.1f ms\n", camera.label().c_str(), camera.image.c_str(), 1e3 * still.off);
   }
   if (static_cast<size_t>(missing) == stills.size())
     throw lf::Error("no camera delivered an image, so " + options.out + " is unchanged");
@@ -443,7 +437,7 @@ int take_snapshot(SnapshotArguments options) {
 
 }  // namespace
 
-void add_snapshot_command(cli::App& app, int& status) {
+void add_snapshot_command(cli::App& app) {
   const auto o = std::make_shared<SnapshotArguments>();
   cli::App* command = app.add_subcommand("snapshot",
                                          "Saves one image of each camera, all taken at the same time, and a rig file "
@@ -460,8 +454,7 @@ void add_snapshot_command(cli::App& app, int& status) {
       ->add_option("--warm-up", o->snapshot.warm_up,
                    "Time that the cameras run before the snapshot, in seconds, so that automatic exposure and white "
                    "balance can adjust")
-      ->capture_default_str()
       ->check(cli::Range(0.0, 600.0));
   cli::add_trust_option(*command, o->snapshot.trusted);
-  command->callback([o, &status] { status = take_snapshot(*o); });
+  command->callback([o] { return take_snapshot(*o); });
 }

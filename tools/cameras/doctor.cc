@@ -71,13 +71,12 @@ void read_controls(const GstStructure* stats, CameraReport& exam) {
 CameraReport result_of(const RigCameras& cameras, CameraIndex index, FrameMonitor& watch, uint64_t bytes,
                        double duration) {
   CameraReport exam{.camera = index, .problem = cameras.problem(index), .format = cameras.format(index)};
-  GstStructure* stats = cameras.stats(index);
+  g_autoptr(GstStructure) stats = cameras.stats(index);
   if (const char* stamps = gst_structure_get_string(stats, "capture-time")) exam.stamps = stamps;
   guint64 dropped = 0;
   gst_structure_get_uint64(stats, "dropped", &dropped);
   exam.left_undecoded = dropped;
   read_controls(stats, exam);
-  gst_structure_free(stats);
   const std::lock_guard lock(watch.mutex);
   exam.times = frame_time_stats(watch.taken);
   exam.delay = watch.delays.empty() ? 0 : median(watch.delays);
@@ -160,10 +159,7 @@ DoctorReport run_doctor(std::shared_ptr<const Rig> rig, const std::string& path,
   RigCameras cameras(rig, path, {.decode = false, .trusted = options.trusted, .fps = options.fps},
                      [&](const CameraFrame& frame) { watches[frame.camera].see(frame); });
   cameras.start();
-  cameras.wait(options.timeout, [&] {
-    return std::all_of(cameras.cameras().begin(), cameras.cameras().end(),
-                       [&](CameraIndex i) { return cameras.frames(i) > 0 || !cameras.problem(i).empty(); });
-  });
+  cameras.wait_for_frames(options.timeout);
   const double settled = cameras.now() + kSettle;
   const auto progress = [&] {
     const double left = settled + options.seconds - cameras.now();
@@ -219,13 +215,13 @@ class FindingList {
   void add(const DoctorFinding& finding) { all_.push_back(finding); }
 
  private:
-  std::string place(const CameraReport& camera) const { return "camera " + name_of(rig_.cameras[camera.camera]); }
+  std::string place(const CameraReport& camera) const { return rig_.cameras[camera.camera].label(); }
   const Rig& rig_;
   std::vector<DoctorFinding> all_;
 };
 
 std::string without_place(const Rig& rig, const CameraReport& exam) {
-  const std::string name = "camera " + name_of(rig.cameras[exam.camera]) + ": ";
+  const std::string name = rig.cameras[exam.camera].label() + ": ";
   const size_t begin = exam.problem.find(name);
   return begin == std::string::npos ? exam.problem : exam.problem.substr(begin + name.size());
 }
@@ -317,7 +313,7 @@ void look_for_shared_devices(const Rig& rig, const DoctorReport& exam, FindingLi
     const auto [other, is_new] = first.emplace(camera.attachment.device, &camera);
     if (!is_new)
       findings.error(camera,
-                     "has the same device as camera " + name_of(rig.cameras[other->second->camera]) + ", " +
+                     "has the same device as " + rig.cameras[other->second->camera].label() + ", " +
                          redacted_location(camera.attachment.device),
                      "give each camera its own source (lf-rig new --devices lists connected devices)");
   }
@@ -465,7 +461,7 @@ std::string groups_of(const Rig& rig, const DoctorReport& exam, const std::set<s
   std::string lines;
   for (const CameraReport& camera : exam.cameras) {
     const Camera& what = rig.cameras[camera.camera];
-    if (troubled.contains("camera " + name_of(what))) {
+    if (troubled.contains(what.label())) {
       lines += line_of(rig, camera);
       continue;
     }
@@ -480,8 +476,6 @@ std::string groups_of(const Rig& rig, const DoctorReport& exam, const std::set<s
                          group.least, group.most, 1e3 * group.longest);
   return lines;
 }
-
-ordered_json number(double value) { return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr); }
 
 ordered_json json_report(const std::vector<LinkLoad>& loads) {
   ordered_json all = ordered_json::array();
@@ -544,11 +538,11 @@ std::string json_report(const Rig& rig, const DoctorReport& exam) {
                        {"missing", one.times.missing},
                        {"left_undecoded", one.left_undecoded},
                        {"delay", one.delay},
-                       {"skew", number(one.phase)},
+                       {"skew", one.phase},
                        {"jitter", one.times.jitter},
                        {"stamps", one.stamps},
                        {"bytes_per_second", one.bytes_per_second},
-                       {"brightness", number(one.brightness)},
+                       {"brightness", one.brightness},
                        {"controls", controls}});
   }
   for (const DoctorFinding& finding : exam.findings)

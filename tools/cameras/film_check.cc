@@ -28,11 +28,10 @@ struct FrameCounter {
   GstClockTime first = GST_CLOCK_TIME_NONE, last = 0;
 
   bool take(GstPad* candidate) {
-    GstCaps* caps = gst_pad_get_current_caps(candidate);
+    g_autoptr(GstCaps) caps = gst_pad_get_current_caps(candidate);
     if (!caps) return false;
     const char* name = gst_structure_get_name(gst_caps_get_structure(caps, 0));
     const bool video = g_str_has_prefix(name, "video/") || g_str_has_prefix(name, "image/");
-    gst_caps_unref(caps);
     const std::lock_guard lock(mutex);
     if (!video || pad) return false;
     pad = candidate;
@@ -68,12 +67,11 @@ void on_pad(GstElement* parser, GstPad* pad, gpointer data) {
   GstObject* pipeline = gst_object_get_parent(GST_OBJECT(parser));
   gst_bin_add(GST_BIN(pipeline), sink);
   gst_object_unref(pipeline);
-  GstPad* in = gst_element_get_static_pad(sink, "sink");
+  g_autoptr(GstPad) in = gst_element_get_static_pad(sink, "sink");
   if (static_cast<FrameCounter*>(data)->take(pad))
     gst_pad_add_probe(in, GST_PAD_PROBE_TYPE_BUFFER, FrameCounter::count, data, nullptr);
   gst_element_sync_state_with_parent(sink);
   gst_pad_link(pad, in);
-  gst_object_unref(in);
 }
 
 }  // namespace
@@ -85,7 +83,7 @@ std::optional<FilmLength> demuxed_length(const std::string& path, bool timed) {
   const char* const name = timed ? "parsebin" : "jpegparse";
   GstElement* parser = gst_element_factory_make(name, nullptr);
   if (!source || !parser) throw Error(std::string("elements filesrc and ") + name + " are not installed");
-  GstElement* pipeline = GST_ELEMENT(gst_object_ref_sink(gst_pipeline_new(nullptr)));
+  g_autoptr(GstElement) pipeline = GST_ELEMENT(gst_object_ref_sink(gst_pipeline_new(nullptr)));
   gst_bin_add_many(GST_BIN(pipeline), source, parser, nullptr);
   gst_element_link(source, parser);
   g_object_set(source, "location", path.c_str(), nullptr);
@@ -94,20 +92,17 @@ std::optional<FilmLength> demuxed_length(const std::string& path, bool timed) {
     g_signal_connect(parser, "pad-added", G_CALLBACK(on_pad), &counter);
     g_signal_connect(parser, "autoplug-select", G_CALLBACK(select_element), &counter);
   } else {
-    GstPad* pad = gst_element_get_static_pad(parser, "src");
+    g_autoptr(GstPad) pad = gst_element_get_static_pad(parser, "src");
     gst_pad_add_probe(pad, GST_PAD_PROBE_TYPE_BUFFER, FrameCounter::count, &counter, nullptr);
     on_pad(parser, pad, &counter);
-    gst_object_unref(pad);
   }
   gst_element_set_state(pipeline, GST_STATE_PLAYING);
-  GstBus* bus = gst_element_get_bus(pipeline);
+  g_autoptr(GstBus) bus = gst_element_get_bus(pipeline);
   constexpr GstClockTime kPatience = 120 * GST_SECOND;
-  GstMessage* message = gst_bus_timed_pop_filtered(bus, kPatience, GstMessageType(GST_MESSAGE_EOS | GST_MESSAGE_ERROR));
+  g_autoptr(GstMessage) message =
+      gst_bus_timed_pop_filtered(bus, kPatience, GstMessageType(GST_MESSAGE_EOS | GST_MESSAGE_ERROR));
   const bool failed = !message || GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR;
-  if (message) gst_message_unref(message);
-  gst_object_unref(bus);
   gst_element_set_state(pipeline, GST_STATE_NULL);
-  gst_object_unref(pipeline);
   if (counter.frames == 0) return counter.skips ? std::optional<FilmLength>(FilmLength{}) : std::nullopt;
   FilmLength length{.frames = counter.frames, .is_cut_off = failed};
   const auto frames = static_cast<double>(counter.frames);

@@ -57,16 +57,7 @@ struct LightTracker::CameraState {
 LightTracker::LightTracker(const Rig& rig, int lights) : rig_(rig), coverage_(rig, lights) {
   for (const Camera& camera : rig.cameras)
     all_.emplace_back(std::make_unique<CameraState>())->smaller = smaller_of(camera);
-  thread_ = std::thread([this] { work(); });
-}
-
-LightTracker::~LightTracker() {
-  {
-    const std::lock_guard lock(mutex_);
-    ending_ = true;
-  }
-  frame_arrived_.notify_one();
-  thread_.join();
+  thread_ = std::jthread([this](const std::stop_token& stop) { work(stop); });
 }
 
 void LightTracker::see(const CameraFrame& frame) {
@@ -89,13 +80,11 @@ void LightTracker::see(const CameraFrame& frame) {
   frame_arrived_.notify_one();
 }
 
-void LightTracker::work() {
+void LightTracker::work(const std::stop_token& stop) {
   // On Linux, this changes the priority of the calling thread only.
   setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kNiceIncrement);
   std::unique_lock lock(mutex_);
-  while (true) {
-    frame_arrived_.wait(lock, [&] { return ending_ || !waiting_.empty(); });
-    if (ending_) return;
+  while (frame_arrived_.wait(lock, stop, [&] { return !waiting_.empty(); }) && !stop.stop_requested()) {
     const CameraIndex camera = waiting_.front();
     waiting_.erase(waiting_.begin());
     lock.unlock();
@@ -148,16 +137,41 @@ class RecordingPage {
  public:
   // `rig` and `watch` must outlive the page; `watch` is null if no light is moved. If `port` is 0, the system selects a
   // port. Throws Error if the port is in use.
-  RecordingPage(const Rig& rig, const LightTracker* watch, int port);
+  RecordingPage(const Rig& rig, const LightTracker* watch, int port)
+      : rig_(rig),
+        watch_(watch),
+        mosaic_(rig),
+        server_(port,
+                {.jpeg = [this] { return mosaic_.jpeg(now()); }, .state = [this] { return state(); }, .swap = {}}) {}
 
   // Called on the thread that delivers the frame. Thread-safe.
-  void see(const CameraFrame& frame);
+  void see(const CameraFrame& frame) {
+    mosaic_.see(rig_.cameras[frame.camera].id, gst_sample_get_buffer(frame.sample), gst_sample_get_caps(frame.sample),
+                now());
+  }
   void say(const std::string& line) { message_ = line; }
-  void serve();
+  void serve() {
+    while (g_main_context_iteration(nullptr, FALSE)) {
+    }
+  }
   std::string url() const { return server_.url(); }
 
  private:
-  std::string state() const;
+  std::string state() const {
+    nlohmann::json state = mosaic_.state(now(), [](uint32_t) { return std::string(); });
+    state["told"] = message_;
+    if (!watch_) return state.dump();
+    state["places"] = {CoverageGrid::kColumns, CoverageGrid::kRows};
+    for (nlohmann::json& camera : state["cameras"]) {
+      const CameraIndex index = *rig_.index_of_id(camera["id"].get<uint32_t>());
+      const CoverageGrid places = watch_->places(index);
+      for (int row = 0; row < CoverageGrid::kRows; row++)
+        for (int column = 0; column < CoverageGrid::kColumns; column++)
+          camera["came"].push_back(places.has(column, row));
+      camera["wanted"] = watch_->wanted(index);
+    }
+    return state.dump();
+  }
 
   const Rig& rig_;
   const LightTracker* watch_;
@@ -165,38 +179,6 @@ class RecordingPage {
   std::string message_ = "Cameras are being opened.";
   IdentifyServer server_;
 };
-
-RecordingPage::RecordingPage(const Rig& rig, const LightTracker* watch, int port)
-    : rig_(rig),
-      watch_(watch),
-      mosaic_(rig),
-      server_(port, {.jpeg = [this] { return mosaic_.jpeg(now()); }, .state = [this] { return state(); }, .swap = {}}) {
-}
-
-void RecordingPage::see(const CameraFrame& frame) {
-  mosaic_.see(rig_.cameras[frame.camera].id, gst_sample_get_buffer(frame.sample), gst_sample_get_caps(frame.sample),
-              now());
-}
-
-void RecordingPage::serve() {
-  while (g_main_context_iteration(nullptr, FALSE)) {
-  }
-}
-
-std::string RecordingPage::state() const {
-  nlohmann::json state = mosaic_.state(now(), [](uint32_t) { return std::string(); });
-  state["told"] = message_;
-  if (!watch_) return state.dump();
-  state["places"] = {CoverageGrid::kColumns, CoverageGrid::kRows};
-  for (nlohmann::json& camera : state["cameras"]) {
-    const CameraIndex index = *rig_.index_of_id(camera["id"].get<uint32_t>());
-    const CoverageGrid places = watch_->places(index);
-    for (int row = 0; row < CoverageGrid::kRows; row++)
-      for (int column = 0; column < CoverageGrid::kColumns; column++) camera["came"].push_back(places.has(column, row));
-    camera["wanted"] = watch_->wanted(index);
-  }
-  return state.dump();
-}
 
 class RecordingProgress {
  public:

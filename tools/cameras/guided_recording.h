@@ -7,6 +7,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <stop_token>
 #include <string>
 #include <thread>
 #include <vector>
@@ -23,7 +24,6 @@ namespace lf::cameras {
 class LightTracker {
  public:
   LightTracker(const Rig& rig, int lights);
-  ~LightTracker();
   LightTracker(const LightTracker&) = delete;
 
   // Copies a frame for detection. Thread-safe; call on the thread that delivers the frame.
@@ -39,19 +39,18 @@ class LightTracker {
 
  private:
   struct CameraState;
-  void work();
+  void work(const std::stop_token& stop);
   void process_frame(CameraIndex camera);
 
   Rig rig_;
   std::vector<std::unique_ptr<CameraState>> all_;
-  mutable std::mutex mutex_;  // guards coverage_, waiting_ and ending_
+  mutable std::mutex mutex_;  // guards coverage_ and waiting_
   LightCoverage coverage_;
-  std::condition_variable frame_arrived_;
+  std::condition_variable_any frame_arrived_;
   std::vector<CameraIndex> waiting_;
-  bool ending_ = false;
   std::atomic<double> busy_ = 0;
   std::atomic<uint64_t> frames_processed_ = 0;
-  std::thread thread_;
+  std::jthread thread_;  // the last member, so that it ends first
 };
 
 struct RecordingGuide {

@@ -12,7 +12,6 @@ namespace {
 
 using lf::serve::header;
 using lf::serve::respond;
-using lf::serve::set_header;
 
 constexpr size_t kLongestBody = 1000;
 
@@ -22,48 +21,27 @@ void respond_json(SoupServerMessage* message, guint status, const nlohmann::json
 
 }  // namespace
 
-IdentifyServer::IdentifyServer(int port, Source source)
-    : source_(std::move(source)), access_("", {}, {}), server_(soup_server_new("server-header", "lf-rig", nullptr)) {
-  soup_server_add_early_handler(
-      server_, nullptr,
-      [](SoupServer*, SoupServerMessage* message, const char*, GHashTable*, gpointer self) {
-        static_cast<IdentifyServer*>(self)->begin(message);
-      },
-      this, nullptr);
-  soup_server_add_handler(
-      server_, nullptr,
-      [](SoupServer*, SoupServerMessage* message, const char* path, GHashTable*, gpointer self) {
-        static_cast<IdentifyServer*>(self)->handle(message, path);
-      },
-      this, nullptr);
+IdentifyServer::IdentifyServer(int port, Source source) : source_(std::move(source)), access_("", {}, {}) {
+  lf::serve::HttpListener::Settings settings{
+      .name = "lf-rig",
+      .caching = "no-store",
+      .max_body = kLongestBody,
+      .on_request = [this](SoupServerMessage* message, const std::string& path, GHashTable*) { handle(message, path); },
+      .on_refusal =
+          [](SoupServerMessage* message, const lf::serve::HttpRefusal& refusal) {
+            respond(message, refusal.status, "text/plain", std::string(refusal.title) + "\n");
+          }};
   try {
-    connections_ = std::make_unique<lf::serve::Connections>(server_, "127.0.0.1", port, nullptr);
+    listener_ = std::make_unique<lf::serve::HttpListener>("127.0.0.1", port, nullptr, std::move(settings));
   } catch (const Error& error) {
-    g_object_unref(server_);
     throw Error("port " + std::to_string(port) + ": " + error.what());
   }
 }
 
-IdentifyServer::~IdentifyServer() {
-  connections_.reset();
-  soup_server_disconnect(server_);
-  g_object_unref(server_);
-}
-
-std::string IdentifyServer::url() const { return "http://127.0.0.1:" + std::to_string(connections_->port()) + "/"; }
-
-// Runs before the body is read, because pages of other sites may send a body of any size.
-void IdentifyServer::begin(SoupServerMessage* message) {
-  lf::serve::set_common_headers(message, "no-store");
-  const lf::serve::HttpRefusal* const refusal = lf::serve::refuse_early(message, kLongestBody);
-  if (!refusal) return;
-  connections_->refused(message);
-  respond(message, refusal->status, "text/plain", std::string(refusal->title) + "\n");
-}
+std::string IdentifyServer::url() const { return "http://127.0.0.1:" + std::to_string(listener_->port()) + "/"; }
 
 // A browser on this machine may also show pages of other sites. They must neither see the cameras nor change the rig.
 void IdentifyServer::handle(SoupServerMessage* message, const std::string& path) {
-  connections_->asked(message);
   const char* host = header(message, "Host");
   const char* origin = header(message, "Origin");
   const bool of_cameras = path.starts_with("/mosaic.") || path == "/swap";  // other sites may link to the page itself
@@ -83,16 +61,8 @@ void IdentifyServer::handle(SoupServerMessage* message, const std::string& path)
       return respond(message, SOUP_STATUS_INTERNAL_SERVER_ERROR, "text/plain", std::string(error.what()) + "\n");
     }
   }
-  const std::string name = "/lightfield" + (path == "/" ? "/cameras.html" : path);
-  g_autoptr(GBytes) bytes = g_resources_lookup_data(name.c_str(), G_RESOURCE_LOOKUP_FLAGS_NONE, nullptr);
-  if (!bytes) return respond(message, SOUP_STATUS_NOT_FOUND, "text/plain", "not here\n");
-  set_header(message, "Content-Security-Policy", "default-src 'self'; frame-ancestors 'none'; base-uri 'none'");
-  gsize size = 0;
-  const char* data = static_cast<const char*>(g_bytes_get_data(bytes, &size));
-  const char* type = path.ends_with(".js")    ? "text/javascript; charset=utf-8"
-                     : path.ends_with(".css") ? "text/css; charset=utf-8"
-                                              : "text/html; charset=utf-8";
-  respond(message, SOUP_STATUS_OK, type, std::string(data, size));
+  lf::serve::respond_with_page(message, path, "/cameras.html",
+                               "default-src 'self'; frame-ancestors 'none'; base-uri 'none'");
 }
 
 // Requests must be JSON, because pages of other sites cannot send JSON without a CORS preflight.

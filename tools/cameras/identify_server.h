@@ -26,20 +26,17 @@ class IdentifyServer {
     std::function<std::string(uint32_t a, uint32_t b)> swap;
   };
   IdentifyServer(int port, Source source);
-  ~IdentifyServer();
   IdentifyServer(const IdentifyServer&) = delete;
 
   std::string url() const;
 
  private:
-  void begin(SoupServerMessage* message);
   void handle(SoupServerMessage* message, const std::string& path);
   void swap(SoupServerMessage* message);
 
   Source source_;
   lf::serve::Access access_;
-  SoupServer* server_;
-  std::unique_ptr<lf::serve::Connections> connections_;
+  std::unique_ptr<lf::serve::HttpListener> listener_;
 };
 
 }  // namespace lf::cameras

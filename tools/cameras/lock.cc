@@ -59,10 +59,7 @@ std::vector<Colour> look(const Rig& rig, const Controls& controls, const LockOpt
                          latest[frame.camera] = gst_sample_ref(frame.sample);
                        });
     cameras.start();
-    cameras.wait(options.timeout, [&] {
-      return std::all_of(cameras.cameras().begin(), cameras.cameras().end(),
-                         [&](CameraIndex i) { return cameras.frames(i) > 0 || !cameras.problem(i).empty(); });
-    });
+    cameras.wait_for_frames(options.timeout);
     cameras.wait(options.settle);
     cameras.stop();
     for (const CameraIndex i : cameras.cameras()) colours[i].problem = cameras.problem(i);
@@ -96,24 +93,23 @@ double flicker_free_exposure(double exposure, double mains) {
 
 ControlValues choose_controls(const Rig& rig, const LockOptions& options) {
   Rig one = rig_subset(rig, {options.reference});
-  const std::string name = "camera " + name_of(one.cameras[0]);
+  const std::string name = one.cameras[0].label();
   Controls automatic;
   for (const char* control : kAutomatic) automatic[control] = std::nullopt;
   const TemporaryRig file(one, with_controls(one, automatic), options.path, options.trusted);
   RigCameras cameras(file.rig(), file.path(), {.decode = false, .trusted = options.trusted}, {});
   cameras.start();
-  cameras.wait(options.timeout, [&] { return cameras.frames(0) > 0 || !cameras.problem(0).empty(); });
+  cameras.wait_for_frames(options.timeout);
   cameras.wait(options.settle);
   if (cameras.frames(0) == 0)
     throw CameraFailure(cameras.problem(0).empty() ? name + " gives no frames" : cameras.problem(0));
   ControlValues values;
-  GstStructure* stats = cameras.stats(0);
+  g_autoptr(GstStructure) stats = cameras.stats(0);
   if (const GValue* all = gst_structure_get_value(stats, "control-values"))
     for (const char* control : kAutomatic) {
       double value = 0;
       if (gst_structure_get_double(gst_value_get_structure(all), control, &value)) values[control] = value;
     }
-  gst_structure_free(stats);
   cameras.stop();
   if (values.empty())
     throw Error(name +

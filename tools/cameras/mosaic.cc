@@ -110,20 +110,11 @@ void Mosaic::swap(uint32_t a, uint32_t b) {
   waves_ = HandWaveDetector(tiles_.size());
 }
 
-Mosaic::~Mosaic() {
-  {
-    const std::lock_guard lock(mutex_);
-    ends_ = true;
-  }
-  changed_.notify_all();
-  if (encoder_.joinable()) encoder_.join();
-}
-
 std::vector<uint8_t> Mosaic::jpeg(double now) {
   std::unique_lock lock(mutex_);
   watched_ = now;
   wanted_ = true;
-  if (!encoder_.joinable()) encoder_ = std::thread([this] { encode(); });
+  if (!encoder_.joinable()) encoder_ = std::jthread([this](const std::stop_token& stop) { encode(stop); });
   changed_.notify_all();
   changed_.wait(lock, [this] { return !jpeg_.empty() || !problem_.empty(); });
   if (!problem_.empty()) throw Error(problem_);
@@ -131,12 +122,10 @@ std::vector<uint8_t> Mosaic::jpeg(double now) {
 }
 
 // Limits the thread to half of a CPU core, for any number of clients.
-void Mosaic::encode() {
+void Mosaic::encode(const std::stop_token& stop) {
   using Clock = std::chrono::steady_clock;
   std::unique_lock lock(mutex_);
-  for (;;) {
-    changed_.wait(lock, [this] { return wanted_ || ends_; });
-    if (ends_) return;
+  while (changed_.wait(lock, stop, [this] { return wanted_; })) {
     wanted_ = false;
     const Clock::time_point began = Clock::now();
     const Image all = picture();
@@ -153,7 +142,7 @@ void Mosaic::encode() {
     jpeg_ = std::move(jpeg);
     problem_ = std::move(problem);
     changed_.notify_all();
-    changed_.wait_for(lock, std::max<Clock::duration>(kEncodeEvery, took), [this] { return ends_; });
+    changed_.wait_for(lock, stop, std::max<Clock::duration>(kEncodeEvery, took), [] { return false; });
   }
 }
 

@@ -7,6 +7,7 @@
 #include <functional>
 #include <mutex>
 #include <nlohmann/json_fwd.hpp>
+#include <stop_token>
 #include <string>
 #include <thread>
 #include <vector>
@@ -23,7 +24,6 @@ namespace lf::cameras {
 class Mosaic {
  public:
   explicit Mosaic(const Rig& rig);
-  ~Mosaic();
   Mosaic(const Mosaic&) = delete;
 
   // Processes a raw or JPEG frame of the camera with this id; unknown ids are ignored. `now` is the time of a monotonic
@@ -52,18 +52,18 @@ class Mosaic {
     double looked = -1e9, arrival_time = -1e9, rate = 0;
   };
   Tile* find(uint32_t id);
-  void encode();
+  void encode(const std::stop_token& stop);
   Image picture() const;
   int columns_ = 1, rows_ = 1, width_ = 160, height_ = 120;
   mutable std::mutex mutex_;
   std::vector<Tile> tiles_;
   HandWaveDetector waves_;
   double watched_ = -1e9;
-  std::condition_variable changed_;
-  bool wanted_ = false, ends_ = false;
+  std::condition_variable_any changed_;
+  bool wanted_ = false;
   std::vector<uint8_t> jpeg_;
   std::string problem_;
-  std::thread encoder_;
+  std::jthread encoder_;  // the last member, so that it ends first
 };
 
 }  // namespace lf::cameras

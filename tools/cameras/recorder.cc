@@ -112,9 +112,7 @@ std::vector<RecordedCamera> record_cameras(std::shared_ptr<const Rig> rig, const
   cameras.start();
   cameras.wait(options.timeout, [&] {
     going = going && on_progress(-1);
-    return !going || std::ranges::all_of(cameras.cameras(), [&](CameraIndex i) {
-      return cameras.frames(i) > 0 || !cameras.problem(i).empty();
-    });
+    return !going || std::ranges::all_of(cameras.cameras(), [&](CameraIndex i) { return cameras.is_settled(i); });
   });
   if (going) cameras.wait(kWarmUp);
   if (going)
@@ -208,15 +206,12 @@ std::vector<SnapshotImage> take_snapshot(std::shared_ptr<const Rig> rig, const s
   std::atomic<double> instant = INFINITY;
   RigCameras cameras(rig, path, {.cameras = options.cameras, .decode = false, .trusted = options.trusted},
                      [&](const CameraFrame& frame) { around[frame.camera].see(frame, instant); });
-  const auto all = [&](const auto& of) {
-    return std::all_of(cameras.cameras().begin(), cameras.cameras().end(),
-                       [&](CameraIndex i) { return !cameras.problem(i).empty() || of(i); });
-  };
+  const auto is_complete = [&](CameraIndex i) { return !cameras.problem(i).empty() || around[i].is_complete(); };
   cameras.start();
-  cameras.wait(options.timeout, [&] { return all([&](CameraIndex i) { return cameras.frames(i) > 0; }); });
+  cameras.wait_for_frames(options.timeout);
   cameras.wait(options.warm_up);
   instant = cameras.now();
-  cameras.wait(kLongestFrame, [&] { return all([&](CameraIndex i) { return around[i].is_complete(); }); });
+  cameras.wait(kLongestFrame, [&] { return std::ranges::all_of(cameras.cameras(), is_complete); });
   cameras.stop();
   std::vector<SnapshotImage> stills;
   for (const CameraIndex index : cameras.cameras()) {

@@ -55,7 +55,7 @@ GstElement* make(const char* factory) {
 double seconds(GstClockTime time) { return static_cast<double>(time) / GST_SECOND; }
 
 std::string format_of(GstPad* pad) {
-  GstCaps* caps = gst_pad_get_current_caps(pad);
+  g_autoptr(GstCaps) caps = gst_pad_get_current_caps(pad);
   if (!caps) return "";
   const GstStructure* structure = gst_caps_get_structure(caps, 0);
   const std::string name = gst_structure_get_name(structure);
@@ -67,7 +67,6 @@ std::string format_of(GstPad* pad) {
   if (name == "video/x-h264") format = "H264";
   if (name == "video/x-h265") format = "H265";
   if (name == "video/x-bayer") format = "Bayer";
-  gst_caps_unref(caps);
   return format;
 }
 
@@ -85,7 +84,7 @@ Image rgb_of(GstBuffer* buffer, GstCaps* caps) {
   to.fps_n = from.fps_n;
   to.fps_d = from.fps_d;
   to.interlace_mode = from.interlace_mode;
-  GstBuffer* converted = gst_buffer_new_allocate(nullptr, GST_VIDEO_INFO_SIZE(&to), nullptr);
+  g_autoptr(GstBuffer) converted = gst_buffer_new_allocate(nullptr, GST_VIDEO_INFO_SIZE(&to), nullptr);
   gst_video_frame_map(&out, &to, converted, GST_MAP_WRITE);
   GstVideoConverter* converter = gst_video_converter_new(&from, &to, nullptr);
   Image image(PixelFamily::kRgb, from.width, from.height);
@@ -100,7 +99,6 @@ Image rgb_of(GstBuffer* buffer, GstCaps* caps) {
   }
   gst_video_frame_unmap(&out);
   gst_video_frame_unmap(&in);
-  gst_buffer_unref(converted);
   if (!converter) throw Error("a frame has a format that cannot be converted to RGB");
   return image;
 }
@@ -164,16 +162,14 @@ struct RigCameras::CameraState {
 
   static GstFlowReturn take(GstAppSink* sink, gpointer data) {
     auto* one = static_cast<CameraState*>(data);
-    GstSample* sample = gst_app_sink_pull_sample(sink);
+    g_autoptr(GstSample) sample = gst_app_sink_pull_sample(sink);
     if (!sample) return GST_FLOW_OK;
     CameraFrame frame{.camera = one->index, .sample = sample, .arrival_time = one->cameras->now()};
-    GstCaps* reference = gst_caps_from_string(kCaptureTime);
+    g_autoptr(GstCaps) reference = gst_caps_from_string(kCaptureTime);
     const auto* meta = gst_buffer_get_reference_timestamp_meta(gst_sample_get_buffer(sample), reference);
-    gst_caps_unref(reference);
     frame.taken = meta ? seconds(meta->timestamp) : frame.arrival_time;
     one->frames++;
     if (one->cameras->on_frame_) one->cameras->on_frame_(frame);
-    gst_sample_unref(sample);
     return GST_FLOW_OK;
   }
 
@@ -248,9 +244,13 @@ void RigCameras::wait(double duration, const std::function<bool()>& done) {
   for (const double end = now() + duration; now() < end && !(done && done());) read_messages(kStep);
 }
 
+void RigCameras::wait_for_frames(double duration) {
+  wait(duration, [this] { return std::ranges::all_of(cameras(), [this](CameraIndex i) { return is_settled(i); }); });
+}
+
 // Reads the errors of the cameras from the bus. The pipeline itself posts no other errors.
 void RigCameras::read_messages(GstClockTime timeout) {
-  GstBus* bus = gst_element_get_bus(pipeline_);
+  g_autoptr(GstBus) bus = gst_element_get_bus(pipeline_);
   constexpr auto kOfUse = GstMessageType(GST_MESSAGE_ELEMENT | GST_MESSAGE_ERROR);
   while (GstMessage* message = gst_bus_timed_pop_filtered(bus, timeout, kOfUse)) {
     for (const auto& one : all_) {
@@ -267,7 +267,6 @@ void RigCameras::read_messages(GstClockTime timeout) {
     gst_message_unref(message);
     timeout = 0;
   }
-  gst_object_unref(bus);
 }
 
 // Watches the output of the elements that receive the camera's bytes: rtspsrc, not its inner sockets, or otherwise
@@ -365,7 +364,7 @@ std::string value_text(const GValue* value) {
 // Returns a launch description of the device, as gst-device-monitor-1.0 prints: its element with all properties that
 // differ from the defaults. Returns an empty text if there is none.
 std::string element_of(GstDevice* device) {
-  GstElement* element = gst_device_create_element(device, nullptr);
+  g_autoptr(GstElement) element = gst_device_create_element(device, nullptr);
   if (!element) return "";
   gst_object_ref_sink(element);
   std::string line;
@@ -393,7 +392,6 @@ std::string element_of(GstDevice* device) {
     }
     gst_object_unref(plain);
   }
-  gst_object_unref(element);
   // A launch description of a single word would be read as a file name.
   return line.empty() || line.find('=') != std::string::npos ? line : line + " ! identity";
 }
@@ -408,7 +406,7 @@ bool is_screen(GstDevice* device) {
 std::vector<VideoDevice> find_video_devices(const std::string& by_path) {
   std::vector<VideoDevice> devices;
   std::set<std::string> paths;
-  GstDeviceMonitor* monitor = gst_device_monitor_new();
+  g_autoptr(GstDeviceMonitor) monitor = gst_device_monitor_new();
   gst_device_monitor_add_filter(monitor, "Video/Source", nullptr);
   if (gst_device_monitor_start(monitor)) {
     GList* list = gst_device_monitor_get_devices(monitor);
@@ -436,7 +434,6 @@ std::vector<VideoDevice> find_video_devices(const std::string& by_path) {
     g_list_free_full(list, gst_object_unref);
     gst_device_monitor_stop(monitor);
   }
-  gst_object_unref(monitor);
   std::ranges::stable_sort(devices, lf::natural_less, &VideoDevice::source);
   devices.erase(
       std::unique(devices.begin(), devices.end(), [](const auto& a, const auto& b) { return a.source == b.source; }),

@@ -59,12 +59,15 @@ class RigCameras {
   // Waits this many seconds, or until `done` returns true. Errors of cameras are collected only during a wait, so wait
   // while the cameras run. All waits must be on the same thread.
   void wait(double seconds, const std::function<bool()>& done = {});
+  // Waits until all cameras have delivered a frame or have failed, but at most for this many seconds.
+  void wait_for_frames(double seconds);
   // Stops the cameras. After stop() has returned, no frame is delivered any more.
   void stop();
 
   const std::vector<CameraIndex>& cameras() const { return options_.cameras; }
   double now() const;  // seconds, on the clock of the frames
   uint64_t frames(CameraIndex camera) const;
+  bool is_settled(CameraIndex camera) const { return frames(camera) > 0 || !problem(camera).empty(); }
   std::string problem(CameraIndex camera) const;  // latest error of the camera; empty if there is none
   GstStructure* stats(CameraIndex camera) const;  // owned by the caller
   // Returns the format that the camera delivers, such as "JPEG", "YUY2" or "H264 by RTP". Returns an empty text before

@@ -68,10 +68,9 @@ CameraStates camera_states(GstElement* node) {
 }
 
 std::string camera_problem(GstElement* node, uint32_t id) {
-  GstElement* camera = gst_bin_get_by_name(GST_BIN(node), ("camera" + std::to_string(id)).c_str());
+  g_autoptr(GstElement) camera = gst_bin_get_by_name(GST_BIN(node), ("camera" + std::to_string(id)).c_str());
   if (!camera) return "";
   g_autoptr(GstStructure) stats = stats_of(camera);
-  gst_object_unref(camera);
   const char* reason = gst_structure_get_string(stats, "reason");
   return reason ? reason : "";
 }
@@ -101,14 +100,13 @@ MonitorReport monitor_report(const GstStructure* stats) {
 
 nlohmann::json to_json(const MonitorReport& report, const std::vector<std::string>& names) {
   using nlohmann::json;
-  const auto number = [](double v) { return std::isfinite(v) ? json(v) : json(nullptr); };
   json cameras = json::array();
   for (size_t i = 0; i < std::min(report.cameras.size(), names.size()); i++) {
     const MonitorReport::Camera& camera = report.cameras[i];
     cameras.push_back({{"name", names[i]},
-                       {"psnr", number(camera.psnr)},
-                       {"gain", number(camera.gain)},
-                       {"shift", number(camera.shift)},
+                       {"psnr", camera.psnr},
+                       {"gain", camera.gain},
+                       {"shift", camera.shift},
                        {"fault", camera.fault.empty() ? json(nullptr) : json(camera.fault)}});
   }
   return {{"turns", report.turns}, {"bytes", report.bytes}, {"cameras", std::move(cameras)}};

@@ -31,7 +31,8 @@ struct MonitorReport {
 };
 
 MonitorReport monitor_report(const GstStructure* stats);
-// Returns the report as JSON. Unknown numbers and missing faults are null.
+// Returns the report as JSON. Unknown numbers (as NaN, which dump() writes as null) and missing
+// faults are null.
 //    {"turns": 70, "bytes": 2100000,
 //     "cameras": [{"name": "cam_00_00", "psnr": 25.1, "gain": 1.001, "shift": 0.02, "fault": "colour"}, ...]}
 nlohmann::json to_json(const MonitorReport& report, const std::vector<std::string>& names);

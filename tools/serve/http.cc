@@ -35,6 +35,22 @@ bool is_ambiguous(SoupMessageHeaders* headers) {
   return false;
 }
 
+// Returns the reason why a request must be refused before its body is read, or null. The body is then discarded.
+const HttpRefusal* early_refusal(SoupServerMessage* message, size_t max_body) {
+  SoupMessageHeaders* headers = soup_server_message_get_request_headers(message);
+  const SoupEncoding encoding = soup_message_headers_get_encoding(headers);
+  const bool has_length = encoding == SOUP_ENCODING_CONTENT_LENGTH;
+  const HttpRefusal* reason = nullptr;
+  if (is_ambiguous(headers))
+    reason = &refusal::kHeader;
+  else if (has_length && soup_message_headers_get_content_length(headers) > static_cast<goffset>(max_body))
+    reason = &refusal::kBody;
+  else if (!has_length && encoding != SOUP_ENCODING_NONE)
+    reason = &refusal::kLength;
+  if (reason) soup_message_body_set_accumulate(soup_server_message_get_request_body(message), FALSE);
+  return reason;
+}
+
 constexpr guint kTickMs = 1000, kHandshakeTickMs = 100;
 
 std::string name_of(GSocketAddress* address) {
@@ -74,30 +90,23 @@ void respond(SoupServerMessage* message, guint status, const char* type, const s
   soup_server_message_set_response(message, type, SOUP_MEMORY_COPY, body.data(), body.size());
 }
 
-void set_common_headers(SoupServerMessage* message, const char* caching) {
-  // Works around libsoup before 3.3, which leaks keep-alive connections that the client closes.
-  set_header(message, "Connection", "close");
-  set_header(message, "Cache-Control", caching);
-  set_header(message, "X-Content-Type-Options", "nosniff");
-  set_header(message, "Referrer-Policy", "no-referrer");
-  // Pages of other sites may not embed a response. Allowed origins read it through CORS.
-  set_header(message, "Cross-Origin-Resource-Policy", "same-origin");
-}
-
-const HttpRefusal* refuse_early(SoupServerMessage* message, size_t most) {
-  SoupMessageHeaders* headers = soup_server_message_get_request_headers(message);
-  // libsoup would send the body once per requested range, and a request may have thousands of ranges.
-  soup_message_headers_remove(headers, "Range");
-  if (is_ambiguous(headers)) {
-    soup_message_body_set_accumulate(soup_server_message_get_request_body(message), FALSE);
-    return &refusal::kHeader;
+bool respond_with_page(SoupServerMessage* message, const std::string& path, const char* index,
+                       const std::string& policy) {
+  const std::string name = "/lightfield" + (path == "/" ? index : path);
+  g_autoptr(GBytes) bytes = g_resources_lookup_data(name.c_str(), G_RESOURCE_LOOKUP_FLAGS_NONE, nullptr);
+  if (!bytes) {
+    respond(message, SOUP_STATUS_NOT_FOUND, "text/plain", "not here\n");
+    return false;
   }
-  const SoupEncoding encoding = soup_message_headers_get_encoding(headers);
-  const bool has_length = encoding == SOUP_ENCODING_CONTENT_LENGTH;
-  const bool too_long = has_length && soup_message_headers_get_content_length(headers) > static_cast<goffset>(most);
-  if (!too_long && (has_length || encoding == SOUP_ENCODING_NONE)) return nullptr;
-  soup_message_body_set_accumulate(soup_server_message_get_request_body(message), FALSE);
-  return too_long ? &refusal::kBody : &refusal::kLength;
+  set_header(message, "Content-Security-Policy", policy);
+  gsize size = 0;
+  const char* data = static_cast<const char*>(g_bytes_get_data(bytes, &size));
+  const char* type = path.ends_with(".js")    ? "text/javascript; charset=utf-8"
+                     : path.ends_with(".css") ? "text/css; charset=utf-8"
+                     : path.ends_with(".svg") ? "image/svg+xml"
+                                              : "text/html; charset=utf-8";
+  respond(message, SOUP_STATUS_OK, type, std::string(data, size));
+  return true;
 }
 
 void allow(SoupServerMessage* message, const char* methods) {
@@ -136,8 +145,8 @@ std::string Refusals::metrics() const {
 }
 
 // A TLS connection, from its first byte to the end of the handshake. Owns its members.
-struct Connections::Handshake {
-  Connections* owner;  // null after the owner was destroyed
+struct HttpListener::Handshake {
+  HttpListener* owner;  // null after the owner was destroyed
   GSocketConnection* connection;
   Connection* state;  // in owner->open_ as long as `connection` is referenced
   GIOStream* tls = nullptr;
@@ -146,7 +155,7 @@ struct Connections::Handshake {
   int64_t since = 0;  // g_get_monotonic_time() at the creation of `tls`
   GCancellable* cancellable = g_cancellable_new();
 
-  Handshake(Connections* owner, GSocketConnection* connection, Connection* state)
+  Handshake(HttpListener* owner, GSocketConnection* connection, Connection* state)
       : owner(owner), connection(G_SOCKET_CONNECTION(g_object_ref(connection))), state(state) {}
   ~Handshake() {
     if (first_byte) {
@@ -160,8 +169,9 @@ struct Connections::Handshake {
   Handshake(const Handshake&) = delete;
 };
 
-Connections::Connections(SoupServer* server, const std::string& address, int port, GTlsCertificate* certificate)
-    : server_(SOUP_SERVER(g_object_ref(server))),
+HttpListener::HttpListener(const std::string& address, int port, GTlsCertificate* certificate, Settings settings)
+    : settings_(std::move(settings)),
+      server_(soup_server_new("server-header", settings_.name, nullptr)),
       certificate_(certificate ? G_TLS_CERTIFICATE(g_object_ref(certificate)) : nullptr),
       service_(g_socket_service_new()) {
   // GLib's default of 10 is too small, because a rejected client waits for a second before it tries again.
@@ -178,25 +188,39 @@ Connections::Connections(SoupServer* server, const std::string& address, int por
     g_object_unref(server_);
     throw Error(text);
   }
+  soup_server_add_early_handler(
+      server_, nullptr,
+      [](SoupServer*, SoupServerMessage* message, const char*, GHashTable*, gpointer data) {
+        static_cast<HttpListener*>(data)->check_headers(message);
+      },
+      this, nullptr);
+  soup_server_add_handler(
+      server_, nullptr,
+      [](SoupServer*, SoupServerMessage* message, const char* path, GHashTable* query, gpointer data) {
+        auto* self = static_cast<HttpListener*>(data);
+        self->note_request(message);
+        self->settings_.on_request(message, path, query);
+      },
+      this, nullptr);
   port_ = g_inet_socket_address_get_port(G_INET_SOCKET_ADDRESS(effective));
   g_object_unref(effective);
   g_signal_connect(service_, "incoming",
                    G_CALLBACK(+[](GSocketService*, GSocketConnection* connection, GObject*, gpointer data) -> gboolean {
-                     static_cast<Connections*>(data)->accept(connection);
+                     static_cast<HttpListener*>(data)->accept(connection);
                      return TRUE;
                    }),
                    this);
   timer_ = g_timeout_add(
       kTickMs,
       [](gpointer data) -> gboolean {
-        static_cast<Connections*>(data)->tick();
+        static_cast<HttpListener*>(data)->tick();
         return G_SOURCE_CONTINUE;
       },
       this);
   g_socket_service_start(service_);
 }
 
-Connections::~Connections() {
+HttpListener::~HttpListener() {
   g_source_remove(timer_);
   if (handshake_timer_) g_source_remove(handshake_timer_);
   g_socket_service_stop(service_);
@@ -210,17 +234,18 @@ Connections::~Connections() {
   }
   for (Connection& state : open_) g_weak_ref_clear(&state.connection);
   g_clear_object(&certificate_);
+  soup_server_disconnect(server_);
   g_object_unref(server_);
 }
 
-void Connections::set_certificate(GTlsCertificate* certificate) { g_set_object(&certificate_, certificate); }
+void HttpListener::set_certificate(GTlsCertificate* certificate) { g_set_object(&certificate_, certificate); }
 
-size_t Connections::size() {
+size_t HttpListener::size() {
   remove_closed();
   return open_.size();
 }
 
-void Connections::remove_closed() {
+void HttpListener::remove_closed() {
   for (auto i = open_.begin(); i != open_.end();) {
     g_autoptr(GObject) still = static_cast<GObject*>(g_weak_ref_get(&i->connection));
     if (still) {
@@ -232,7 +257,7 @@ void Connections::remove_closed() {
   }
 }
 
-size_t Connections::choose_victim(const std::vector<ConnectionInfo>& all, int64_t now) {
+size_t HttpListener::choose_victim(const std::vector<ConnectionInfo>& all, int64_t now) {
   std::map<std::string, size_t> counts;
   for (const ConnectionInfo& one : all) counts[one.subscriber]++;
   const auto most = std::ranges::max_element(counts, {}, [](const auto& entry) { return entry.second; });
@@ -251,7 +276,7 @@ size_t Connections::choose_victim(const std::vector<ConnectionInfo>& all, int64_
   return victim;
 }
 
-void Connections::make_room() {
+void HttpListener::make_room() {
   remove_closed();
   const int64_t now = g_get_monotonic_time();
   for (;;) {
@@ -272,7 +297,7 @@ void Connections::make_room() {
   }
 }
 
-void Connections::accept(GSocketConnection* connection) {
+void HttpListener::accept(GSocketConnection* connection) {
   g_autoptr(GSocketAddress) remote = g_socket_connection_get_remote_address(connection, nullptr);
   if (!remote) return;
   const std::string name = name_of(remote);
@@ -291,7 +316,7 @@ void Connections::accept(GSocketConnection* connection) {
 
 // GLib runs each handshake in a thread of a small pool, and a silent client must not occupy such a thread. The
 // handshake therefore starts with the first byte.
-void Connections::await_hello(GSocketConnection* connection, Connection& state) {
+void HttpListener::await_hello(GSocketConnection* connection, Connection& state) {
   auto* handshake = new Handshake(this, connection, &state);
   handshakes_.push_back(handshake);
   handshake->first_byte = g_socket_create_source(g_socket_connection_get_socket(connection), G_IO_IN, nullptr);
@@ -305,7 +330,7 @@ void Connections::await_hello(GSocketConnection* connection, Connection& state) 
   g_source_attach(handshake->first_byte, nullptr);
 }
 
-void Connections::start_handshakes() {
+void HttpListener::start_handshakes() {
   handshakes_.remove_if([](Handshake* handshake) {
     if (handshake->tls || !handshake->state->ended) return false;
     delete handshake;
@@ -345,7 +370,7 @@ void Connections::start_handshakes() {
   handshake_timer_ = g_timeout_add(
       kHandshakeTickMs,
       [](gpointer data) -> gboolean {
-        auto* self = static_cast<Connections*>(data);
+        auto* self = static_cast<HttpListener*>(data);
         self->handshake_timer_ = 0;
         self->start_handshakes();
         return G_SOURCE_REMOVE;
@@ -354,7 +379,7 @@ void Connections::start_handshakes() {
 }
 
 // Returns false if the client has closed the connection.
-bool Connections::start_handshake(Handshake* handshake) {
+bool HttpListener::start_handshake(Handshake* handshake) {
   if (g_socket_get_available_bytes(g_socket_connection_get_socket(handshake->connection)) <= 0) return false;
   handshake->since = g_get_monotonic_time();
   // Clients have no certificates, so the connection needs no database of trusted certificates. By default, GnuTLS would
@@ -378,7 +403,7 @@ bool Connections::start_handshake(Handshake* handshake) {
   return true;
 }
 
-void Connections::finish_handshake(Handshake* handshake, bool done) {
+void HttpListener::finish_handshake(Handshake* handshake, bool done) {
   handshakes_.remove(handshake);
   Connection* state = handshake->state;
   if (done && !state->ended) {
@@ -390,14 +415,14 @@ void Connections::finish_handshake(Handshake* handshake, bool done) {
   start_handshakes();
 }
 
-void Connections::hand_over(GSocketConnection* connection, GIOStream* stream) {
+void HttpListener::hand_over(GSocketConnection* connection, GIOStream* stream) {
   g_autoptr(GSocketAddress) local = g_socket_connection_get_local_address(connection, nullptr);
   g_autoptr(GSocketAddress) remote = g_socket_connection_get_remote_address(connection, nullptr);
   if (local && remote) soup_server_accept_iostream(server_, stream, local, remote, nullptr);
 }
 
 // libsoup or the handshake notices the end of the stream and releases the connection.
-void Connections::end(Connection& state) {
+void HttpListener::end(Connection& state) {
   state.ended = true;
   g_autoptr(GSocketConnection) connection = static_cast<GSocketConnection*>(g_weak_ref_get(&state.connection));
   if (!connection) return;
@@ -407,7 +432,25 @@ void Connections::end(Connection& state) {
     if (handshake->connection == connection) g_cancellable_cancel(handshake->cancellable);
 }
 
-void Connections::asked(SoupServerMessage* message) {
+// Runs before the body is read, because pages of other sites may send a body of any size.
+void HttpListener::check_headers(SoupServerMessage* message) {
+  // Works around libsoup before 3.3, which leaks keep-alive connections that the client closes.
+  set_header(message, "Connection", "close");
+  set_header(message, "Cache-Control", settings_.caching);
+  set_header(message, "X-Content-Type-Options", "nosniff");
+  set_header(message, "Referrer-Policy", "no-referrer");
+  // Pages of other sites may not embed a response. Allowed origins read it through CORS.
+  set_header(message, "Cross-Origin-Resource-Policy", "same-origin");
+  // libsoup would send the body once per requested range, and a request may have thousands of ranges.
+  soup_message_headers_remove(soup_server_message_get_request_headers(message), "Range");
+  const HttpRefusal* const reason = early_refusal(message, settings_.max_body);
+  if (!reason) return;
+  note_request(message);
+  limit_body(message);
+  settings_.on_refusal(message, *reason);
+}
+
+void HttpListener::note_request(SoupServerMessage* message) {
   const std::string name = name_of(soup_server_message_get_remote_address(message));
   for (Connection& state : open_)
     if (state.remote == name) {
@@ -416,8 +459,9 @@ void Connections::asked(SoupServerMessage* message) {
     }
 }
 
-void Connections::refused(SoupServerMessage* message) {
-  asked(message);
+// libsoup reads the body of a refused request to its end before it responds, and a body without a length may never end.
+// The connection is therefore closed after kRefusedBody bytes.
+void HttpListener::limit_body(SoupServerMessage* message) {
   SoupMessageHeaders* headers = soup_server_message_get_request_headers(message);
   if (soup_message_headers_get_encoding(headers) == SOUP_ENCODING_CONTENT_LENGTH) return;
   const std::string name = name_of(soup_server_message_get_remote_address(message));
@@ -443,7 +487,7 @@ void Connections::refused(SoupServerMessage* message) {
       static_cast<GConnectFlags>(0));
 }
 
-void Connections::tick() {
+void HttpListener::tick() {
   remove_closed();
   const int64_t now = g_get_monotonic_time();
   for (Connection& state : open_) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <list>
 #include <map>
 #include <string>
@@ -20,6 +21,10 @@ const char* header(SoupServerMessage* message, const char* name);
 void set_header(SoupServerMessage* message, const char* name, const std::string& value);
 void respond(SoupServerMessage* message, guint status, const char* type, const std::string& body);
 void allow(SoupServerMessage* message, const char* methods);
+// Responds with a file of the web page, or with status 404. `index` is the file of the path "/", and `policy` the
+// Content-Security-Policy. Returns false if there is no such file.
+bool respond_with_page(SoupServerMessage* message, const std::string& path, const char* index,
+                       const std::string& policy);
 
 // The reason for refusing an HTTP request. docs/reference/web-interface.md lists all reasons.
 struct HttpRefusal {
@@ -47,12 +52,6 @@ inline constexpr HttpRefusal kView{500, "view", "the server cannot open a view; 
 inline constexpr HttpRefusal kPath{404, "path", "no such path (--path)"};
 }  // namespace refusal
 
-// Checks the headers of a request before its body is read. Returns the reason if the request must be refused, otherwise
-// null. Reasons are a duplicated security-relevant header, a body without a length, and a body of more than `most`
-// bytes. The body is then discarded. Also removes the header Range, because responses are always complete.
-const HttpRefusal* refuse_early(SoupServerMessage* message, size_t most);
-void set_common_headers(SoupServerMessage* message, const char* caching);
-
 // Sends refusals to clients and counts them by reason. Main thread only.
 class Refusals {
  public:
@@ -65,16 +64,18 @@ class Refusals {
   std::map<std::string, uint64_t> count_;
 };
 
-// Accepts the TCP connections of the HTTP server, with TLS if there is a certificate, and protects the server from
-// floods and slow clients. A client has kHandshake seconds for the TLS handshake, kRequest seconds to send a whole
-// request and kResponse seconds to read the response. Slower connections are closed. At most kMost connections are
-// open; for one more, choose_victim() selects a connection to close. Main thread only.
+// An HTTP server, with TLS if there is a certificate. It protects itself from floods and slow clients. It refuses
+// requests with a duplicated security-relevant header, or with a body that is too long or has no length, and discards
+// the body. It ignores the header Range, because responses are always complete. A client has kHandshake seconds for the
+// TLS handshake, kRequest seconds to send a whole request and kResponse seconds to read the response. Slower
+// connections are closed. At most kMost connections are open; for one more, choose_victim() selects a connection to
+// close. Main thread only.
 //
 // A TLS handshake costs the main thread some 10 ms, so handshakes are limited, too. At most kMaxHandshakes run at a
 // time, and each subscriber (an IPv4 address or an IPv6 /64 network) gets kHandshakesPerSecond. The next handshake is
 // the latest waiting one of the subscriber with the fewest connections. If others wait, a handshake is closed after
 // kHandshakeSlice.
-class Connections {
+class HttpListener {
  public:
   // GLib runs handshakes in a pool that starts with 10 threads. kMaxHandshakes is smaller, so that no handshake waits
   // for a thread.
@@ -85,22 +86,24 @@ class Connections {
   static constexpr size_t kFairShare = 16;   // number of connections per subscriber that are not closed first
   static constexpr int64_t kIdle = 1000000;  // microseconds without data until a connection is idle
 
-  // Listens on the address. Takes references to `server` and `certificate`; without a certificate (null), connections
-  // are not encrypted. Throws Error that names `address`.
-  Connections(SoupServer* server, const std::string& address, int port, GTlsCertificate* certificate);
-  ~Connections();
-  Connections(const Connections&) = delete;
+  struct Settings {
+    const char* name;     // value of the header Server
+    const char* caching;  // value of the header Cache-Control
+    size_t max_body;      // maximum size of a request's body, bytes
+    std::function<void(SoupServerMessage* message, const std::string& path, GHashTable* query)> on_request;
+    std::function<void(SoupServerMessage* message, const HttpRefusal& refusal)> on_refusal;
+  };
+  // Listens on the address. Takes a reference to `certificate`; without a certificate (null), connections are not
+  // encrypted. Throws Error that names `address`.
+  HttpListener(const std::string& address, int port, GTlsCertificate* certificate, Settings settings);
+  ~HttpListener();
+  HttpListener(const HttpListener&) = delete;
 
   // Replaces the certificate, not null, for new connections. The constructor must have received a certificate, too.
   void set_certificate(GTlsCertificate* certificate);
   int port() const { return port_; }
   size_t size();
   uint64_t closed() const { return closed_; }
-  void asked(SoupServerMessage* message);
-  // Reports that a request is refused before its body has arrived. libsoup reads the body to its end before it
-  // responds, and a body without a length may never end. The connection is therefore closed after kRefusedBody bytes.
-  void refused(SoupServerMessage* message);
-  static constexpr size_t kRefusedBody = 1 << 20;
 
   enum class Progress { kNothing, kSome, kRequest };
   struct ConnectionInfo {
@@ -124,7 +127,11 @@ class Connections {
     bool ended = false;
   };
   struct Handshake;
+  static constexpr size_t kRefusedBody = 1 << 20;  // bytes
 
+  void check_headers(SoupServerMessage* message);
+  void note_request(SoupServerMessage* message);
+  void limit_body(SoupServerMessage* message);
   void accept(GSocketConnection* connection);
   void await_hello(GSocketConnection* connection, Connection& state);
   void start_handshakes();
@@ -136,6 +143,7 @@ class Connections {
   void remove_closed();
   void tick();
 
+  const Settings settings_;
   SoupServer* server_;
   GTlsCertificate* certificate_;
   GSocketService* service_;

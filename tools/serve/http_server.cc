@@ -223,8 +223,8 @@ void WhepEndpoint::open(SoupServerMessage* message, const Client& client, Offer 
     g_object_unref(message);
   };
   try {
-    Route route{options_.media_address, options_.ice.for_webrtcbin(seconds_now())};
-    *name = sessions.open(subscriber(client.address), std::move(offer), view_params, std::move(route), answer);
+    const Route route{options_.media_address, options_.ice.for_webrtcbin(seconds_now())};
+    *name = sessions.open(subscriber(client.address), std::move(offer), view_params, route, answer);
   } catch (const Error& error) {
     say(std::string("a viewer cannot be opened: ") + error.what());
     refusals_.answer(message, client.address, refusal::kView);
@@ -254,25 +254,20 @@ HttpServer::HttpServer(const ServerOptions& options, const Limits& limits)
                 ": this address accepts connections from other machines, but HTTP is not encrypted; give "
                 "--tls-certificate and --tls-key, or " +
                 "give --insecure if the network is trusted");
-  server_ = soup_server_new("server-header", "lf-serve", nullptr);
-  soup_server_add_early_handler(
-      server_, nullptr,
-      [](SoupServer*, SoupServerMessage* message, const char*, GHashTable*, gpointer data) {
-        static_cast<HttpServer*>(data)->begin(message);
-      },
-      this, nullptr);
-  soup_server_add_handler(
-      server_, nullptr,
-      [](SoupServer*, SoupServerMessage* message, const char* path, GHashTable* query, gpointer data) {
-        static_cast<HttpServer*>(data)->handle(message, path, query);
-      },
-      this, nullptr);
+  HttpListener::Settings settings{.name = "lf-serve",
+                                  .caching = "no-cache",
+                                  .max_body = Offer::kMaxBytes,
+                                  .on_request = [this](SoupServerMessage* message, const std::string& path,
+                                                       GHashTable* query) { handle(message, path, query); },
+                                  .on_refusal =
+                                      [this](SoupServerMessage* message, const HttpRefusal& refusal) {
+                                        refusals_.answer(message, client_of(message).address, refusal);
+                                      }};
   try {
-    connections_ =
-        std::make_unique<Connections>(server_, options.address == "localhost" ? "127.0.0.1" : options.address,
-                                      options.port, certificate_ ? certificate_->get() : nullptr);
+    listener_ =
+        std::make_unique<HttpListener>(options.address == "localhost" ? "127.0.0.1" : options.address, options.port,
+                                       certificate_ ? certificate_->get() : nullptr, std::move(settings));
   } catch (const Error& error) {
-    g_object_unref(server_);
     throw Error(std::string("--listen ") + error.what());
   }
   if (!certificate_) return;
@@ -290,7 +285,7 @@ HttpServer::HttpServer(const ServerOptions& options, const Limits& limits)
 void HttpServer::renew_certificate() {
   try {
     if (!certificate_->reload()) return;
-    connections_->set_certificate(certificate_->get());
+    listener_->set_certificate(certificate_->get());
     say("new connections use the new certificate in " + options_.certificate);
   } catch (const Error& error) {
     say(std::string("the new certificate is unusable, so the old one stays in use: ") + error.what());
@@ -299,16 +294,12 @@ void HttpServer::renew_certificate() {
 
 HttpServer::~HttpServer() {
   if (certificate_timer_) g_source_remove(certificate_timer_);
-  connections_.reset();
-  soup_server_disconnect(server_);
-  g_object_unref(server_);
 }
 
 std::string HttpServer::url() const {
   const std::string host =
       options_.address.find(':') == std::string::npos ? options_.address : "[" + options_.address + "]";
-  return (options_.certificate.empty() ? "http://" : "https://") + host + ":" + std::to_string(connections_->port()) +
-         "/";
+  return (options_.certificate.empty() ? "http://" : "https://") + host + ":" + std::to_string(listener_->port()) + "/";
 }
 
 void HttpServer::serve(LightField& field, Sessions& sessions) {
@@ -328,17 +319,7 @@ WhepEndpoint::Client HttpServer::client_of(SoupServerMessage* message) const {
   return client;
 }
 
-// Runs before the body is read, so that bodies of refused requests are skipped.
-void HttpServer::begin(SoupServerMessage* message) {
-  set_common_headers(message, "no-cache");
-  const HttpRefusal* const refusal = refuse_early(message, Offer::kMaxBytes);
-  if (!refusal) return;
-  connections_->refused(message);
-  refusals_.answer(message, client_of(message).address, *refusal);
-}
-
 void HttpServer::handle(SoupServerMessage* message, const std::string& path, GHashTable* query) {
-  connections_->asked(message);
   const std::string method = soup_server_message_get_method(message);
   if (path == "/healthz") return respond(message, SOUP_STATUS_OK, "text/plain", "ok\n");
   const WhepEndpoint::Client client = client_of(message);
@@ -425,26 +406,15 @@ bool HttpServer::check_token(SoupServerMessage* message, const WhepEndpoint::Cli
 }
 
 void HttpServer::page(SoupServerMessage* message, const std::string& path) {
-  const std::string name = "/lightfield" + (path == "/" ? "/index.html" : path);
-  g_autoptr(GBytes) bytes = g_resources_lookup_data(name.c_str(), G_RESOURCE_LOOKUP_FLAGS_NONE, nullptr);
-  if (!bytes) return respond(message, SOUP_STATUS_NOT_FOUND, "text/plain", "not here\n");
-  gsize size = 0;
-  const char* data = static_cast<const char*>(g_bytes_get_data(bytes, &size));
-  std::string frames;
+  std::string policy =
+      "default-src 'self'; img-src 'self' data:; object-src 'none'; base-uri 'none'; form-action 'none'; "
+      "frame-ancestors 'self'";
   for (const std::string& origin : access_.origins())
-    if (origin != "null") frames += " " + origin;
+    if (origin != "null") policy += " " + origin;
+  if (!respond_with_page(message, path, "/index.html", policy)) return;
   // Pages of other sites may load the element itself. Access to streams is checked for each request.
   set_header(message, "Access-Control-Allow-Origin", "*");
   set_header(message, "Cross-Origin-Resource-Policy", "cross-origin");
-  set_header(message, "Content-Security-Policy",
-             "default-src 'self'; img-src 'self' data:; object-src 'none'; base-uri 'none'; form-action 'none'; "
-             "frame-ancestors 'self'" +
-                 frames);
-  const char* type = path.ends_with(".js")    ? "text/javascript; charset=utf-8"
-                     : path.ends_with(".css") ? "text/css; charset=utf-8"
-                     : path.ends_with(".svg") ? "image/svg+xml"
-                                              : "text/html; charset=utf-8";
-  respond(message, SOUP_STATUS_OK, type, std::string(data, size));
 }
 
 std::string HttpServer::metrics() const {
@@ -465,9 +435,9 @@ std::string HttpServer::metrics() const {
   put("refused_messages_total", "counter", "Data channel messages that were invalid or above the rate limit.",
       counters.refused_messages);
   put("resident_bytes", "gauge", "Memory of the process.", resident_bytes());
-  put("connections", "gauge", "TCP connections now.", connections_->size());
+  put("connections", "gauge", "TCP connections now.", listener_->size());
   put("closed_connections_total", "counter", "TCP connections closed because they were too slow or too many.",
-      connections_->closed());
+      listener_->closed());
   put("shed_step", "gauge", "Load reduction: 0 none, 1 and 2 fewer depth hypotheses, 3 half the rate, 4 half the size.",
       sessions_->load_shedding().step());
   put("waiting", "gauge", "Tickets in the queue for seats.", sessions_->seats().waiting());

@@ -112,7 +112,6 @@ class HttpServer {
  private:
   bool admit(SoupServerMessage* message, const WhepEndpoint::Client& client);
   bool check_token(SoupServerMessage* message, const WhepEndpoint::Client& client);
-  void begin(SoupServerMessage* message);
   void handle(SoupServerMessage* message, const std::string& path, GHashTable* query);
   void serve(SoupServerMessage* message, const WhepEndpoint::Client& client, const std::string& path,
              GHashTable* query);
@@ -131,8 +130,7 @@ class HttpServer {
   AddressLimit wrong_tokens_;
   std::unique_ptr<Certificate> certificate_;  // null: no TLS
   guint certificate_timer_ = 0;
-  SoupServer* server_;
-  std::unique_ptr<Connections> connections_;
+  std::unique_ptr<HttpListener> listener_;
   std::optional<double> filming_progress_;
   LightField* field_ = nullptr;
   Sessions* sessions_ = nullptr;

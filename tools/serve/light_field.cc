@@ -52,7 +52,7 @@ LightField::LightField(const std::string& rig, const std::vector<NodeAddress>& n
   array_ = std::make_shared<const ArrayInfo>(rig);
   if (local_) require_trust(array_->rig(), rig_, trusted_);
   mosaic_ = std::make_shared<cameras::Mosaic>(array_->rig());
-  pipeline_.reset(launch_pipeline(launch_line(nodes.size(), resampling, renderer)));
+  pipeline_.reset(GST_ELEMENT(gst_object_ref_sink(launch(launch_line(nodes.size(), resampling, renderer), false))));
   requests_ = GST_APP_SRC(child_of(pipeline_, "requests"));
   gst_app_src_set_max_buffers(requests_, static_cast<guint64>(2 * max_views + 2));
   if (local_) {
@@ -195,20 +195,18 @@ void LightField::camera_added(GstBin*, GstElement* child, gpointer data) {
     LightField* field;
     GstElement* camera;  // outlives its pad
   };
-  GstPad* pad = gst_element_get_static_pad(child, "src");
+  g_autoptr(GstPad) pad = gst_element_get_static_pad(child, "src");
   gst_pad_add_probe(
       pad, GST_PAD_PROBE_TYPE_BUFFER,
       [](GstPad* pad, GstPadProbeInfo* info, gpointer data) {
         const auto* tap = static_cast<Tap*>(data);
         guint id = 0;
         g_object_get(tap->camera, "camera", &id, nullptr);
-        GstCaps* caps = gst_pad_get_current_caps(pad);
+        g_autoptr(GstCaps) caps = gst_pad_get_current_caps(pad);
         if (caps) tap->field->mosaic()->see(id, GST_PAD_PROBE_INFO_BUFFER(info), caps, now());
-        gst_clear_caps(&caps);
         return GST_PAD_PROBE_OK;
       },
       new Tap{static_cast<LightField*>(data), child}, [](gpointer tap) { delete static_cast<Tap*>(tap); });
-  gst_object_unref(pad);
 }
 
 std::shared_ptr<cameras::Mosaic> LightField::mosaic() const {
@@ -268,7 +266,7 @@ GstFlowReturn LightField::take_answer(GstAppSink* sink, gpointer data) {
   Answers* answers = static_cast<Answers*>(data);
   LightField* self = answers->field;
   answers->last_answer_time = g_get_monotonic_time();
-  GstSample* sample = gst_app_sink_pull_sample(sink);
+  g_autoptr(GstSample) sample = gst_app_sink_pull_sample(sink);
   if (!sample) return GST_FLOW_OK;
   GstBuffer* buffer = gst_sample_get_buffer(sample);
   if (const auto view = buffer ? view_of(buffer) : std::nullopt) {
@@ -276,7 +274,6 @@ GstFlowReturn LightField::take_answer(GstAppSink* sink, gpointer data) {
     const std::lock_guard lock(self->mutex_);
     if (const auto found = self->views_.find(*view); found != self->views_.end()) found->second(answers->node, buffer);
   }
-  gst_sample_unref(sample);
   return GST_FLOW_OK;
 }
 

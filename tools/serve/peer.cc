@@ -6,8 +6,8 @@
 
 #include <algorithm>
 #include <chrono>
-#include <condition_variable>
 #include <mutex>
+#include <semaphore>
 
 #include "serve/offer.h"
 #include "serve/process.h"
@@ -100,7 +100,7 @@ gboolean read_stats(GQuark, const GValue* value, gpointer data) {
   if (!GST_VALUE_HOLDS_STRUCTURE(value)) return TRUE;
   const GstStructure* s = gst_value_get_structure(value);
   GstWebRTCStatsType type;
-  GstStructure* source = nullptr;
+  g_autoptr(GstStructure) source = nullptr;
   if (!gst_structure_get(s, "type", GST_TYPE_WEBRTC_STATS_TYPE, &type, nullptr) ||
       type != GST_WEBRTC_STATS_REMOTE_INBOUND_RTP ||
       !gst_structure_get(s, "gst-rtpsource-stats", GST_TYPE_STRUCTURE, &source, nullptr))
@@ -109,7 +109,6 @@ gboolean read_stats(GQuark, const GValue* value, gpointer data) {
   if (gst_structure_get(source, "rb-ssrc", G_TYPE_UINT, &report.ssrc, "rb-exthighestseq", G_TYPE_UINT, &report.highest,
                         "rb-packetslost", G_TYPE_INT, &report.lost, nullptr))
     received.reports.push_back(report);
-  gst_structure_free(source);
   gst_structure_get_double(s, "round-trip-time", &received.round_trip);
   return TRUE;
 }
@@ -120,32 +119,16 @@ Reception read_reception(const GstStructure* stats) {
   return received;
 }
 
-// Waits until DTLS has sent its closing alert, because the sending thread must not be stopped before.
-class DtlsShutdown {
- public:
-  static GstPadProbeReturn on_packet(GstPad*, GstPadProbeInfo* info, gpointer data) {
-    constexpr guint8 kAlert = 21;  // DTLS ContentType, RFC 6347
-    guint8 type = 0;
-    if (gst_buffer_extract(GST_PAD_PROBE_INFO_BUFFER(info), 0, &type, 1) == 1 && type == kAlert)
-      (*static_cast<std::shared_ptr<DtlsShutdown>*>(data))->note();
-    return GST_PAD_PROBE_OK;
-  }
-  void wait() {
-    constexpr std::chrono::milliseconds kLongest{250};
-    std::unique_lock lock(mutex_);
-    changed_.wait_for(lock, kLongest, [this] { return has_left_; });
-  }
+// Counts the alerts that DTLS has sent.
+using DtlsAlerts = std::shared_ptr<std::counting_semaphore<>>;
 
- private:
-  void note() {
-    const std::lock_guard lock(mutex_);
-    has_left_ = true;
-    changed_.notify_all();
-  }
-  std::mutex mutex_;
-  std::condition_variable changed_;
-  bool has_left_ = false;
-};
+GstPadProbeReturn count_alert(GstPad*, GstPadProbeInfo* info, gpointer data) {
+  constexpr guint8 kAlert = 21;  // DTLS ContentType, RFC 6347
+  guint8 type = 0;
+  if (gst_buffer_extract(GST_PAD_PROBE_INFO_BUFFER(info), 0, &type, 1) == 1 && type == kAlert)
+    (*static_cast<DtlsAlerts*>(data))->release();
+  return GST_PAD_PROBE_OK;
+}
 
 }  // namespace
 
@@ -338,11 +321,10 @@ void Peer::announce() {
   if (offer_.playout_delay > 0)
     gst_caps_set_simple(caps, ("extmap-" + std::to_string(offer_.playout_delay)).c_str(), G_TYPE_STRING,
                         kPlayoutDelayUri, nullptr);
-  GstPad* sink = gst_element_get_static_pad(webrtc_, "sink_0");
+  g_autoptr(GstPad) sink = gst_element_get_static_pad(webrtc_, "sink_0");
   gst_pad_send_event(sink, gst_event_new_stream_start("video"));
   gst_pad_send_event(sink, gst_event_new_caps(caps));
   gst_caps_unref(caps);
-  gst_object_unref(sink);
 }
 
 void Peer::negotiate() {
@@ -440,26 +422,23 @@ void Peer::send_surface(std::span<const uint8_t> message) {
   constexpr uint64_t kMaxWaiting = 4096;  // later messages are more useful than waiting ones
   GstWebRTCDataChannel* channel = open_for_sending(&Peer::surface_channel_, kMaxWaiting);
   if (!channel) return;
-  GBytes* bytes = g_bytes_new(message.data(), message.size());
+  g_autoptr(GBytes) bytes = g_bytes_new(message.data(), message.size());
   gst_webrtc_data_channel_send_data(channel, bytes);
-  g_bytes_unref(bytes);
   g_object_unref(channel);
 }
 
 void Peer::close_dtls() {
-  GstElement* dtls = nullptr;
+  g_autoptr(GstElement) dtls = nullptr;
   {
     const std::lock_guard lock(mutex_);
     if (connected_ && dtls_) dtls = GST_ELEMENT(gst_object_ref(dtls_));
   }
   if (!dtls) return;
-  const auto goodbye = std::make_shared<DtlsShutdown>();
+  const auto alerts = std::make_shared<std::counting_semaphore<>>(0);
   g_autoptr(GstPad) src = gst_element_get_static_pad(dtls, "src");
   const gulong probe = !src ? 0
-                            : gst_pad_add_probe(src, GST_PAD_PROBE_TYPE_BUFFER, DtlsShutdown::on_packet,
-                                                new std::shared_ptr<DtlsShutdown>(goodbye), [](gpointer data) {
-                                                  delete static_cast<std::shared_ptr<DtlsShutdown>*>(data);
-                                                });
+                            : gst_pad_add_probe(src, GST_PAD_PROBE_TYPE_BUFFER, count_alert, new DtlsAlerts(alerts),
+                                                [](gpointer data) { delete static_cast<DtlsAlerts*>(data); });
   gst_element_foreach_sink_pad(
       dtls,
       [](GstElement*, GstPad* pad, gpointer) -> gboolean {
@@ -467,9 +446,10 @@ void Peer::close_dtls() {
         return TRUE;
       },
       nullptr);
-  gst_object_unref(dtls);
   if (probe == 0) return;
-  goodbye->wait();
+  // The sending thread must not be stopped before DTLS has sent its closing alert.
+  constexpr std::chrono::milliseconds kLongest{250};
+  (void)alerts->try_acquire_for(kLongest);
   gst_pad_remove_probe(src, probe);
 }
 

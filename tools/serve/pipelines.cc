@@ -36,8 +36,7 @@ constexpr H264Encoder kH264Encoders[] = {
     {"openh264enc", "complexity=low rate-control=bitrate gop-size=900 multi-thread=1", "bitrate", 1}};
 
 bool installed(const char* element) {
-  GstElementFactory* factory = gst_element_factory_find(element);
-  if (factory) gst_object_unref(factory);
+  g_autoptr(GstElementFactory) factory = gst_element_factory_find(element);
   return factory;
 }
 
@@ -47,10 +46,9 @@ const H264Encoder* h264_encoder() {
   const H264Encoder* best = nullptr;
   guint best_rank = GST_RANK_NONE;
   for (const H264Encoder& encoder : kH264Encoders) {
-    GstElementFactory* factory = gst_element_factory_find(encoder.element);
+    g_autoptr(GstElementFactory) factory = gst_element_factory_find(encoder.element);
     if (!factory) continue;
     const guint rank = gst_plugin_feature_get_rank(GST_PLUGIN_FEATURE(factory));
-    gst_object_unref(factory);
     if (rank > best_rank) {
       best = &encoder;
       best_rank = rank;
@@ -90,11 +88,10 @@ void playout_delay_class_init(PlayoutDelayClass* klass) {
 }
 
 void make_dtls_key() {
-  GstElement* decoder = gst_element_factory_make("dtlsdec", nullptr);
+  g_autoptr(GstElement) decoder = gst_element_factory_make("dtlsdec", nullptr);
   if (!decoder) throw Error("element dtlsdec is not installed (gstreamer1.0-plugins-bad)");
   g_autofree gchar* pem = nullptr;
   g_object_get(decoder, "pem", &pem, nullptr);
-  gst_object_unref(decoder);
 }
 
 void check_elements() {

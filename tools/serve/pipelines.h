@@ -11,40 +11,25 @@
 
 namespace lf::serve {
 
-// Creates a pipeline from a launch line. The caller owns the pipeline. Throws Error that names a missing element.
-inline GstElement* launch_pipeline(const std::string& line) {
-  GError* error = nullptr;
-  GstElement* pipeline = gst_parse_launch_full(line.c_str(), nullptr, GST_PARSE_FLAG_FATAL_ERRORS, &error);
-  if (pipeline && !error) return GST_ELEMENT(gst_object_ref_sink(pipeline));
-  const std::string text = error ? error->message : "no pipeline";
-  g_clear_error(&error);
-  if (pipeline) gst_object_unref(pipeline);
-  throw Error(text);
-}
-
-// Creates a bin from a launch line, with ghost pads for all unlinked pads. The reference is floating. Throws Error that
-// names a missing element.
-inline GstElement* launch_bin(const std::string& line) {
-  GError* error = nullptr;
-  GstElement* bin =
-      gst_parse_bin_from_description_full(line.c_str(), TRUE, nullptr, GST_PARSE_FLAG_FATAL_ERRORS, &error);
-  if (bin && !error) return bin;
-  const std::string text = error ? error->message : "nothing in it";
-  g_clear_error(&error);
-  if (bin) gst_object_unref(bin);
-  throw Error(text);
+// Creates a pipeline from a launch line, or with `as_bin` a bin that has ghost pads for all unlinked pads. The
+// reference is floating. Throws Error that names a missing element.
+inline GstElement* launch(const std::string& line, bool as_bin) {
+  g_autoptr(GError) error = nullptr;
+  GstElement* made =
+      as_bin ? gst_parse_bin_from_description_full(line.c_str(), TRUE, nullptr, GST_PARSE_FLAG_FATAL_ERRORS, &error)
+             : gst_parse_launch_full(line.c_str(), nullptr, GST_PARSE_FLAG_FATAL_ERRORS, &error);
+  if (made && !error) return made;
+  if (made) gst_object_unref(made);
+  throw Error(error ? error->message : "the launch line has no elements");
 }
 
 inline std::string text_of(GstMessage* message) {
-  GError* error = nullptr;
+  g_autoptr(GError) error = nullptr;
   if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR)
     gst_message_parse_error(message, &error, nullptr);
   else
     gst_message_parse_warning(message, &error, nullptr);
-  std::string text =
-      std::string(GST_OBJECT_NAME(GST_MESSAGE_SRC(message))) + ": " + redacted_location(error ? error->message : "");
-  g_clear_error(&error);
-  return text;
+  return std::string(GST_OBJECT_NAME(GST_MESSAGE_SRC(message))) + ": " + redacted_location(error ? error->message : "");
 }
 
 // True if an encoder for the codec is installed. For H.264, the installed encoder with the highest rank is used,

@@ -15,40 +15,32 @@ constexpr guint kQuiet = 300;  // milliseconds; editors write a file in several 
 
 }  // namespace
 
-RigFileMonitor::RigFileMonitor(const std::string& path, std::function<void()> on_change)
-    : on_change_(std::move(on_change)) {
+RigReloader::RigReloader(LightField& field, Sessions& sessions) : field_(field), sessions_(sessions) {
   g_autoptr(GError) error = nullptr;
-  g_autoptr(GFile) file = g_file_new_for_path(path.c_str());
+  g_autoptr(GFile) file = g_file_new_for_path(field.rig().c_str());
   monitor_ = g_file_monitor_file(file, G_FILE_MONITOR_WATCH_MOVES, nullptr, &error);
-  if (!monitor_) throw Error(path + ": changes of this file cannot be watched: " + error->message);
-  g_signal_connect(monitor_, "changed", G_CALLBACK(changed), this);
+  if (!monitor_) throw Error(field.rig() + ": changes of this file cannot be watched: " + error->message);
+  g_signal_connect_swapped(monitor_, "changed", G_CALLBACK(+[](RigReloader* self) { self->schedule(); }), this);
 }
 
-RigFileMonitor::~RigFileMonitor() {
+RigReloader::~RigReloader() {
   if (timer_) g_source_remove(timer_);
   g_file_monitor_cancel(monitor_);
   g_object_unref(monitor_);
-}
-
-void RigFileMonitor::changed(GFileMonitor*, GFile*, GFile*, GFileMonitorEvent, gpointer data) {
-  auto* self = static_cast<RigFileMonitor*>(data);
-  if (self->timer_) g_source_remove(self->timer_);
-  self->timer_ = g_timeout_add(
-      kQuiet,
-      [](gpointer watch) -> gboolean {
-        static_cast<RigFileMonitor*>(watch)->timer_ = 0;
-        static_cast<RigFileMonitor*>(watch)->on_change_();
-        return G_SOURCE_REMOVE;
-      },
-      self);
-}
-
-RigReloader::RigReloader(LightField& field, Sessions& sessions)
-    : field_(field), sessions_(sessions), watch_(field.rig(), [this] { changed(); }) {}
-
-RigReloader::~RigReloader() {
   alive_.reset();
   if (open_thread_.joinable()) open_thread_.join();
+}
+
+void RigReloader::schedule() {
+  if (timer_) g_source_remove(timer_);
+  timer_ = g_timeout_add(
+      kQuiet,
+      [](gpointer self) -> gboolean {
+        static_cast<RigReloader*>(self)->timer_ = 0;
+        static_cast<RigReloader*>(self)->changed();
+        return G_SOURCE_REMOVE;
+      },
+      this);
 }
 
 void RigReloader::changed() {

@@ -13,23 +13,6 @@
 
 namespace lf::serve {
 
-// Watches a file and reports each change once. A change is reported when the file has been stable for a moment, because
-// editors write a file in several steps. Main thread only.
-class RigFileMonitor {
- public:
-  // Throws Error if the file cannot be watched.
-  RigFileMonitor(const std::string& path, std::function<void()> on_change);
-  ~RigFileMonitor();
-  RigFileMonitor(const RigFileMonitor&) = delete;
-
- private:
-  static void changed(GFileMonitor*, GFile*, GFile*, GFileMonitorEvent, gpointer self);
-
-  std::function<void()> on_change_;
-  GFileMonitor* monitor_;
-  guint timer_ = 0;
-};
-
 // Applies changes of the rig file to the running light field and its viewers, for example after a calibration. An
 // invalid file changes nothing. If only poses or colours have changed, pictures continue. If cameras or sources differ,
 // the old cameras are closed and the new cameras are opened; pictures pause until then. Main thread only.
@@ -41,13 +24,15 @@ class RigReloader {
   RigReloader(const RigReloader&) = delete;
 
  private:
+  void schedule();
   void changed();
   void open(std::shared_ptr<const ArrayInfo> array);
   void tell();
 
   LightField& field_;
   Sessions& sessions_;
-  RigFileMonitor watch_;
+  GFileMonitor* monitor_;
+  guint timer_ = 0;
   std::thread open_thread_;
   bool is_opening_ = false, changed_again_ = false;
   std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);

@@ -80,24 +80,9 @@ AdmissionControl::Answer Sessions::ask(const std::string& address, const ViewPar
   return answer;
 }
 
-std::string Sessions::open(const std::string& address, Offer offer, const ViewParams& view_params, Route route,
+std::string Sessions::open(const std::string& address, Offer offer, const ViewParams& view_params, const Route& route,
                            OnAnswer on_answer) {
-  ViewerSettings settings;
-  settings.eye.view = next_view_++;
-  settings.eye.eye_distance = view_params.eye_distance;
-  settings.eye.width = view_params.width;
-  settings.eye.height = view_params.height;
-  settings.eye.framerate = limits_.framerate;
-  settings.eye.focus = limits_.focus;
-  settings.eye.focus_settings = limits_.focus_settings;
-  settings.eye.path = view_params.path;
-  settings.eye.capture_delay = static_cast<uint64_t>(limits_.capture_delay_ms) * GST_MSECOND;
-  settings.most_bit_rate = best_bit_rate(view_params.width * view_params.views(), view_params.height, limits_);
-  settings.least_bit_rate = std::min(settings.least_bit_rate, settings.most_bit_rate);
-  settings.messages_per_second = limits_.messages_per_second;
-  settings.max_aperture = max_aperture();
-  settings.monitored = limits_.monitor > 0;
-  settings.route = std::move(route);
+  const ViewSettings settings{next_view_++, view_params, limits_};
   const std::string name = random_name(), codec = to_string(offer.codec);
   Viewer::Callbacks callbacks;
   callbacks.on_answer = [this, name](const std::string& sdp) {
@@ -109,14 +94,15 @@ std::string Sessions::open(const std::string& address, Offer offer, const ViewPa
   };
   callbacks.on_connected = [this, name] { admission_.connected(name); };
   callbacks.on_gone = [this, name](const std::string& why) { close_soon(name, why); };
-  auto viewer = std::make_unique<Viewer>(field_, std::move(offer), settings, std::move(callbacks));
+  auto viewer =
+      std::make_unique<Viewer>(field_, std::move(offer), settings, max_aperture(), route, std::move(callbacks));
   viewer->shed(load_shedding_);
-  viewers_.emplace(name, Session{std::move(viewer), settings.eye.view, std::move(on_answer)});
+  viewers_.emplace(name, Session{std::move(viewer), settings.id, std::move(on_answer)});
   admission_.take(name, address, view_params.views(), g_get_monotonic_time());
   opened_++;
-  say("view " + std::to_string(settings.eye.view) + " opens: " + (view_params.eye_distance > 0 ? "two of " : "") +
-      std::to_string(view_params.width) + "x" + std::to_string(view_params.height) + ", " + codec + "; viewers: " +
-      std::to_string(viewers_.size()));
+  say("view " + std::to_string(settings.id) + " opens: " + (view_params.eye_distance > 0 ? "two of " : "") +
+      std::to_string(view_params.width) + "x" + std::to_string(view_params.height) + ", " + codec +
+      "; viewers: " + std::to_string(viewers_.size()));
   return name;
 }
 

@@ -29,7 +29,7 @@ class Sessions {
   AdmissionControl::Answer ask(const std::string& address, const ViewParams& view_params, const std::string& ticket);
   // Opens a viewer after ask() has returned kAdmitted, and returns the name of its session. `on_answer` is called once,
   // later. Throws Error.
-  std::string open(const std::string& address, Offer offer, const ViewParams& view_params, Route route,
+  std::string open(const std::string& address, Offer offer, const ViewParams& view_params, const Route& route,
                    OnAnswer on_answer);
   // Closes a session. Returns false if no session has this name. Must not be called inside a callback of a viewer.
   bool close(const std::string& name, const std::string& why);

@@ -17,6 +17,7 @@ using nlohmann::json;
 
 // Maximum number of requests in flight. Over a network, a round trip may take longer than a frame.
 constexpr int kMaxLocal = 2, kMaxRemote = 4;
+constexpr int kMinBitRate = 100000;
 
 uint64_t count_in(const GstStructure* stats, const char* name) {
   guint64 value = 0;
@@ -30,17 +31,18 @@ uint32_t rtp_timestamp(GstClockTime running_time) {
 
 }  // namespace
 
-Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, Callbacks callbacks)
+Viewer::Viewer(LightField& field, Offer offer, const ViewSettings& settings, double max_aperture, const Route& route,
+               Callbacks callbacks)
     : field_(field),
       settings_(settings),
-      max_aperture_(settings.max_aperture),
+      max_aperture_(max_aperture),
       callbacks_(std::move(callbacks)),
       began_(g_get_monotonic_time()),
       pacer_(field.is_local() ? kMaxLocal : kMaxRemote),
-      quality_(settings.least_bit_rate, settings.most_bit_rate,
-               static_cast<double>(settings.eye.width) * settings.eye.height * settings.eye.framerate),
-      messages_(settings.messages_per_second, 2 * settings.messages_per_second) {
-  video_ = launch_bin(ViewerPipeline::launch_line(field.nodes()) + encoder_line(offer, settings.most_bit_rate));
+      quality_(std::min(kMinBitRate, settings.max_bit_rate()), settings.max_bit_rate(),
+               static_cast<double>(settings.params.width) * settings.params.height * settings.limits.framerate),
+      messages_(settings.limits.messages_per_second, 2 * settings.limits.messages_per_second) {
+  video_ = launch(ViewerPipeline::launch_line(field.nodes()) + encoder_line(offer, settings.max_bit_rate()), true);
   GstElement* webrtc = gst_element_factory_make("webrtcbin", nullptr);
   if (!webrtc) {
     gst_object_unref(video_);
@@ -54,15 +56,15 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, C
   encoder_ = find("encoder");
   encoder_name_ = GST_OBJECT_NAME(gst_element_get_factory(encoder_));
   view_pipeline_ =
-      std::make_unique<ViewerPipeline>(video_, field, settings.eye, [this](GstClockTime time) { requested(time); });
+      std::make_unique<ViewerPipeline>(video_, field, settings, [this](GstClockTime time) { requested(time); });
   update_pacer();
   watch_encoder();
 
   const uint32_t ssrc = std::max<uint32_t>(g_random_int(), 1);
-  GstElement* payloader = find("payloader");
+  g_autoptr(GstElement) payloader = find("payloader");
   if (offer.playout_delay > 0) add_playout_delay(payloader, offer.playout_delay);
   g_object_set(payloader, "ssrc", ssrc, nullptr);
-  GstPad* out = gst_element_get_static_pad(payloader, "src");
+  g_autoptr(GstPad) out = gst_element_get_static_pad(payloader, "src");
   gst_pad_add_probe(
       out, GstPadProbeType(GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_BUFFER_LIST),
       [](GstPad*, GstPadProbeInfo* info, gpointer data) {
@@ -80,10 +82,8 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, C
         return !key || static_cast<Viewer*>(data)->peer_->take_key_frame() ? GST_PAD_PROBE_OK : GST_PAD_PROBE_DROP;
       },
       this, nullptr);
-  gst_object_unref(out);
-  gst_object_unref(payloader);
 
-  peer_ = Peer::make(webrtc, std::move(offer), ssrc, settings.route,
+  peer_ = Peer::make(webrtc, std::move(offer), ssrc, route,
                      {callbacks_.on_answer,
                       [this] {
                         start_video();
@@ -92,9 +92,8 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, C
                       callbacks_.on_gone, [this](const std::string& text) { control(text); },
                       [this](const LinkReport& link) { report(link); }});
 
-  GstBus* bus = gst_element_get_bus(pipeline_);
+  g_autoptr(GstBus) bus = gst_element_get_bus(pipeline_);
   watch_ = gst_bus_add_watch(bus, bus_message, this);
-  gst_object_unref(bus);
   gst_pipeline_use_clock(GST_PIPELINE(pipeline_), field.clock());
   set_request_phase();
   gst_element_set_state(video_, GST_STATE_READY);
@@ -105,9 +104,9 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, C
 
 // Requests are sent at multiples of the frame duration in running time, so the base time sets their phase.
 void Viewer::set_request_phase() {
-  const GstClockTime period = GST_SECOND / static_cast<uint64_t>(settings_.eye.framerate);
+  const GstClockTime period = GST_SECOND / static_cast<uint64_t>(settings_.limits.framerate);
   const GstClockTime now = gst_clock_get_time(field_.clock());
-  const auto turn = static_cast<GstClockTime>(request_phase(settings_.eye.view) * static_cast<double>(period));
+  const auto turn = static_cast<GstClockTime>(request_phase(settings_.id) * static_cast<double>(period));
   gst_element_set_start_time(pipeline_, GST_CLOCK_TIME_NONE);
   gst_element_set_base_time(pipeline_, now - (now - turn) % period);
 }
@@ -154,7 +153,7 @@ void Viewer::update_pacer() {
         return static_cast<RequestPacer*>(data)->begin(time) ? GST_PAD_PROBE_OK : GST_PAD_PROBE_DROP;
       },
       &pacer_, nullptr);
-  GstPad* pictures = gst_element_get_static_pad(view_pipeline_->compositor(), "src");
+  g_autoptr(GstPad) pictures = gst_element_get_static_pad(view_pipeline_->compositor(), "src");
   gst_pad_add_probe(
       pictures, GST_PAD_PROBE_TYPE_BUFFER,
       [](GstPad*, GstPadProbeInfo* info, gpointer data) {
@@ -162,11 +161,10 @@ void Viewer::update_pacer() {
         return GST_PAD_PROBE_OK;
       },
       &pacer_, nullptr);
-  gst_object_unref(pictures);
 }
 
 void Viewer::watch_encoder() {
-  GstPad* encoded = gst_element_get_static_pad(encoder_, "src");
+  g_autoptr(GstPad) encoded = gst_element_get_static_pad(encoder_, "src");
   gst_pad_add_probe(
       encoded, GST_PAD_PROBE_TYPE_BUFFER,
       [](GstPad* pad, GstPadProbeInfo* info, gpointer data) {
@@ -174,17 +172,15 @@ void Viewer::watch_encoder() {
         return GST_PAD_PROBE_OK;
       },
       this, nullptr);
-  gst_object_unref(encoded);
 }
 
 void Viewer::send_surface(GstPad* encoded, GstBuffer* picture) {
   GstCustomMeta* meta = peer_->takes_surfaces() ? gst_buffer_get_custom_meta(picture, "lightfield-view") : nullptr;
-  GstEvent* event = meta ? gst_pad_get_sticky_event(encoded, GST_EVENT_SEGMENT, 0) : nullptr;
+  g_autoptr(GstEvent) event = meta ? gst_pad_get_sticky_event(encoded, GST_EVENT_SEGMENT, 0) : nullptr;
   if (!event) return;
   const GstSegment* segment = nullptr;
   gst_event_parse_segment(event, &segment);
   const GstClockTime time = gst_segment_to_running_time(segment, GST_FORMAT_TIME, GST_BUFFER_PTS(picture));
-  gst_event_unref(event);
   const std::vector<uint8_t> message =
       surfaces_.message(gst_custom_meta_get_structure(meta), rtp_timestamp(time), gst_buffer_get_size(picture));
   if (message.empty()) return;
@@ -211,7 +207,7 @@ void Viewer::requested(GstClockTime time) {
   {
     const std::lock_guard lock(mutex_);
     // The time of a request is a capture time, and the request was sent capture_delay later.
-    if (change_ && change_->time <= time + settings_.eye.capture_delay) {
+    if (change_ && change_->time <= time + settings_.capture_delay()) {
       applied = change_->id;
       change_.reset();
     }
@@ -227,7 +223,7 @@ void Viewer::control(const std::string& text) {
     if (!messages_.take(g_get_monotonic_time())) {
       refused_messages_++;
       if (!rate_limited_)
-        say("view " + std::to_string(settings_.eye.view) + ": messages are ignored, because the viewer sends too many");
+        say("view " + std::to_string(settings_.id) + ": messages are ignored, because the viewer sends too many");
       rate_limited_ = true;
       return;
     }
@@ -281,11 +277,11 @@ void Viewer::apply_quality() {
   set_bit_rate(encoder_, quality_.bits_per_second());
   peer_->set_bit_rate(quality_.bits_per_second());
   // Slightly shorter than a frame, because the times of requests jitter while the view changes.
-  const uint64_t period = GST_SECOND / static_cast<uint64_t>(settings_.eye.framerate);
+  const uint64_t period = GST_SECOND / static_cast<uint64_t>(settings_.limits.framerate);
   pacer_.set_interval(static_cast<uint64_t>(pictures_left_out()) * (2 * period - period / 4));
   view_pipeline_->set_depth_interval(load_shedding_.depth_interval());
   const auto side = [this](int full) { return full / size_divisor() & ~1; };
-  view_pipeline_->set_size(side(settings_.eye.width), side(settings_.eye.height));
+  view_pipeline_->set_size(side(settings_.params.width), side(settings_.params.height));
 }
 
 double Viewer::silence(int64_t now) const {
@@ -295,8 +291,8 @@ double Viewer::silence(int64_t now) const {
 void Viewer::send_pixel_info(const ControlMessage::Pixel& pixel) {
   auto view = view_pipeline_->asked();
   if (!view) return;
-  const bool right = settings_.eye.eye_distance > 0 && pixel.x >= view->width;
-  if (right) view = offset_view(*view, settings_.eye.eye_distance);
+  const bool right = settings_.params.eye_distance > 0 && pixel.x >= view->width;
+  if (right) view = offset_view(*view, settings_.params.eye_distance);
   nlohmann::json cameras = field_.array()->pixel(*view, pixel.x - (right ? view->width : 0), pixel.y);
   peer_->send(info_message(json{{"pixel", {{"x", pixel.x}, {"y", pixel.y}, {"cameras", std::move(cameras)}}}}));
 }
@@ -320,7 +316,7 @@ void Viewer::report(const LinkReport& link) {
   if (quality_.update(link.loss, link.round_trip)) apply_quality();
   if (quality_.wants_key_frame())
     gst_element_send_event(encoder_, gst_video_event_new_upstream_force_key_unit(GST_CLOCK_TIME_NONE, TRUE, 0));
-  GstStructure* stats = view_pipeline_->stats();
+  g_autoptr(GstStructure) stats = view_pipeline_->stats();
   const auto ms = [stats](const char* name) { return static_cast<double>(count_in(stats, name)) * 1e-6; };
   json info = {{"pictures", count_in(stats, "pictures")},
                {"incomplete", count_in(stats, "incomplete")},
@@ -334,7 +330,7 @@ void Viewer::report(const LinkReport& link) {
                {"videoBytes", video_bytes_.load()},
                {"surfaceBytes", surface_bytes_.load()},
                {"bitRate", quality_.bits_per_second()},
-               {"frameRate", settings_.eye.framerate / (1 + pictures_left_out())},
+               {"frameRate", settings_.limits.framerate / (1 + pictures_left_out())},
                {"sizeDivisor", size_divisor()},
                {"sentRate", 8 * (video_bytes_ - video_bytes_reported_)},
                {"shed", load_shedding_report()},
@@ -343,7 +339,7 @@ void Viewer::report(const LinkReport& link) {
                {"loss", link.loss},
                {"roundTripMs", link.round_trip * 1e3}};
   video_bytes_reported_ = video_bytes_;
-  json focus = {{"on", settings_.eye.focus_settings.mode},
+  json focus = {{"on", settings_.limits.focus_settings.mode},
                 {"rounds", count_in(stats, "focus-rounds")},
                 {"interval", count_in(stats, "focus-interval")},
                 {"consistencyBytes", count_in(stats, "consistency-bytes")}};
@@ -352,7 +348,6 @@ void Viewer::report(const LinkReport& link) {
   gst_structure_get(stats, "focus-residual", G_TYPE_DOUBLE, &residual, "focus-improvement", G_TYPE_DOUBLE, &gained,
                     "focus-flat", G_TYPE_BOOLEAN, &flat, "focus-near", G_TYPE_DOUBLE, &near, "focus-far", G_TYPE_DOUBLE,
                     &far, nullptr);
-  gst_structure_free(stats);
   focus["residual"] = std::isfinite(residual) ? residual : 0;
   focus["gained"] = std::isfinite(gained) ? gained : 0;
   focus["flat"] = flat != FALSE;
@@ -367,17 +362,16 @@ void Viewer::report(const LinkReport& link) {
     info["cameras"] = {{"count", cameras.count}, {"working", cameras.working}};
   if (!field_.is_local()) info["nodes"] = {{"count", field_.nodes()}, {"silent", field_.silent_nodes()}};
   if (json shown = view_pipeline_->shown(); shown.is_object()) info["picture"] = std::move(shown);
-  info["monitored"] = settings_.monitored;
+  info["monitored"] = settings_.limits.monitor > 0;
   if (const auto view = view_pipeline_->asked()) info["coverage"] = field_.array()->coverage(*view);
   json message = {{"statistics", std::move(info)}};
-  if (settings_.eye.path.empty()) message["view"] = view_pipeline_->numbers();
+  if (settings_.params.path.empty()) message["view"] = view_pipeline_->numbers();
   peer_->send(info_message(message));
 }
 
 MonitorReport Viewer::monitor() const {
-  GstStructure* stats = view_pipeline_->stats();
+  g_autoptr(GstStructure) stats = view_pipeline_->stats();
   MonitorReport report = monitor_report(stats);
-  gst_structure_free(stats);
   return report;
 }
 
@@ -386,11 +380,10 @@ Viewer::ViewerCounters Viewer::counters() const {
                           .surface_bytes = surface_bytes_,
                           .refused_messages = refused_messages_,
                           .bits_per_second = quality_.bits_per_second()};
-  GstStructure* stats = view_pipeline_->stats();
+  g_autoptr(GstStructure) stats = view_pipeline_->stats();
   counters.pictures += count_in(stats, "pictures");
   counters.incomplete += count_in(stats, "incomplete");
   counters.answer_bytes += count_in(stats, "bytes");
-  gst_structure_free(stats);
   return counters;
 }
 

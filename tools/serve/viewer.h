@@ -23,15 +23,6 @@
 
 namespace lf::serve {
 
-struct ViewerSettings {
-  ViewerPipelineSettings eye;
-  int least_bit_rate = 100000, most_bit_rate = 6000000;
-  double messages_per_second = 240;
-  double max_aperture = 0;  // metres
-  bool monitored = false;
-  Route route;
-};
-
 // The virtual camera of one browser, and its pipeline. The viewer sends requests to the light field, composes the
 // answers of the camera hosts to pictures, and sends video to the browser. Rendering and encoding start only when the
 // browser has connected through DTLS.
@@ -46,7 +37,9 @@ class Viewer {
     std::function<void(const std::string& why)> on_gone;  // the viewer must be destroyed soon, but not inside this call
   };
 
-  Viewer(LightField& field, Offer offer, const ViewerSettings& settings, Callbacks callbacks);
+  // `max_aperture` is in metres.
+  Viewer(LightField& field, Offer offer, const ViewSettings& settings, double max_aperture, const Route& route,
+         Callbacks callbacks);
   ~Viewer();
   void leave();
   Viewer(const Viewer&) = delete;
@@ -89,7 +82,7 @@ class Viewer {
   void send_pixel_info(const ControlMessage::Pixel& pixel);
 
   LightField& field_;
-  ViewerSettings settings_;
+  const ViewSettings settings_;
   std::atomic<double> max_aperture_;  // metres
   Callbacks callbacks_;
   // `video_` contains all elements except the webrtcbin

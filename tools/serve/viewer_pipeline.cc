@@ -40,8 +40,7 @@ json json_report(const GValue* value) {
   if (G_VALUE_HOLDS_UINT(value)) return g_value_get_uint(value);
   if (G_VALUE_HOLDS_INT(value)) return g_value_get_int(value);
   if (G_VALUE_HOLDS_UINT64(value)) return g_value_get_uint64(value);
-  if (G_VALUE_HOLDS_DOUBLE(value))
-    return std::isfinite(g_value_get_double(value)) ? json(g_value_get_double(value)) : json();
+  if (G_VALUE_HOLDS_DOUBLE(value)) return g_value_get_double(value);
   json array = json::array();
   if (GST_VALUE_HOLDS_ARRAY(value))
     for (guint i = 0; i < gst_value_array_get_size(value); i++)
@@ -83,41 +82,40 @@ std::string ViewerPipeline::launch_line(size_t nodes) {
   return line.str();
 }
 
-ViewerPipeline::ViewerPipeline(GstElement* pipeline, LightField& field, const ViewerPipelineSettings& settings,
+ViewerPipeline::ViewerPipeline(GstElement* pipeline, LightField& field, const ViewSettings& settings,
                                OnRequest on_request)
-    : field_(field), id_(settings.view), on_request_(std::move(on_request)) {
+    : field_(field), id_(settings.id), on_request_(std::move(on_request)) {
   const auto find = [pipeline](const std::string& name) {
     return gst_bin_get_by_name(GST_BIN(pipeline), name.c_str());
   };
+  const auto& [id, params, limits] = settings;
+  const FocusSettings& focus = limits.focus_settings;
   compositor_ = find("compositor");
   view_ = find("view");
   view_pad_ = gst_element_get_static_pad(view_, "src");
-  g_object_set(view_, "rig", field.rig().c_str(), "view-id", id_, "width", settings.width, "height", settings.height,
-               "framerate", settings.framerate, 1, "capture-delay", settings.capture_delay, nullptr);
-  if (settings.eye_distance > 0) {
+  g_object_set(view_, "rig", field.rig().c_str(), "view-id", id_, "width", params.width, "height", params.height,
+               "framerate", limits.framerate, 1, "capture-delay", settings.capture_delay(), nullptr);
+  if (params.eye_distance > 0) {
     gst_util_set_object_arg(G_OBJECT(view_), "views", "stereo");
-    g_object_set(view_, "eye-distance", settings.eye_distance, "converged", FALSE, nullptr);
+    g_object_set(view_, "eye-distance", params.eye_distance, "converged", FALSE, nullptr);
   }
-  g_object_set(compositor_, "rig", field.rig().c_str(), "view-id", id_, "focus-near", settings.focus_settings.near,
-               "focus-far", settings.focus_settings.far, nullptr);
-  gst_util_set_object_arg(G_OBJECT(compositor_), "focus", settings.focus_settings.mode.c_str());
-  if (!settings.focus_settings.gains.empty())
-    gst_util_set_object_arg(G_OBJECT(compositor_), "gains", settings.focus_settings.gains.c_str());
+  g_object_set(compositor_, "rig", field.rig().c_str(), "view-id", id_, "focus-near", focus.near, "focus-far",
+               focus.far, nullptr);
+  gst_util_set_object_arg(G_OBJECT(compositor_), "focus", focus.mode.c_str());
+  if (!focus.gains.empty()) gst_util_set_object_arg(G_OBJECT(compositor_), "gains", focus.gains.c_str());
   g_object_set(compositor_, "latency", kPatience, nullptr);
   if (field.is_local()) {
     g_object_set(view_, "quality", 0u, nullptr);  // 0: no compression, because local answers stay in this process
   }
-  if (settings.focus > 0) g_object_set(view_, "focus-distance", settings.focus, nullptr);
-  if (!settings.path.empty()) g_object_set(view_, "location", settings.path.c_str(), "loop", TRUE, nullptr);
+  if (limits.focus > 0) g_object_set(view_, "focus-distance", limits.focus, nullptr);
+  if (!params.path.empty()) g_object_set(view_, "location", params.path.c_str(), "loop", TRUE, nullptr);
 
-  GstPad* pictures = gst_element_get_static_pad(compositor_, "src");
+  g_autoptr(GstPad) pictures = gst_element_get_static_pad(compositor_, "src");
   gst_pad_add_probe(pictures, GST_PAD_PROBE_TYPE_BUFFER, on_picture, this, nullptr);
-  gst_object_unref(pictures);
-  GstElement* requests = find("requests");
+  g_autoptr(GstElement) requests = find("requests");
   GstAppSinkCallbacks sink_callbacks = {};
   sink_callbacks.new_sample = take_request;
   gst_app_sink_set_callbacks(GST_APP_SINK(requests), &sink_callbacks, this, nullptr);
-  gst_object_unref(requests);
   for (size_t i = 0; i < field.nodes(); i++) answers_.push_back(GST_APP_SRC(find("answers" + std::to_string(i))));
   field.join(id_, [this](size_t node, GstBuffer* answer) { take_answer(node, answer); });
 }
@@ -173,27 +171,25 @@ json ViewerPipeline::shown() const {
 }
 
 std::optional<View> ViewerPipeline::asked() const {
-  GstBuffer* request = nullptr;
+  g_autoptr(GstBuffer) request = nullptr;
   {
     const std::lock_guard lock(mutex_);
     if (!last_request_) return std::nullopt;
     request = gst_buffer_ref(last_request_);
   }
   const auto decoded = request_in(request);
-  gst_buffer_unref(request);
   return decoded ? std::optional(decoded->view) : std::nullopt;
 }
 
 GstFlowReturn ViewerPipeline::take_request(GstAppSink* sink, gpointer data) {
   ViewerPipeline* self = static_cast<ViewerPipeline*>(data);
-  GstSample* sample = gst_app_sink_pull_sample(sink);
+  g_autoptr(GstSample) sample = gst_app_sink_pull_sample(sink);
   if (!sample) return GST_FLOW_OK;
   GstBuffer* buffer = gst_sample_get_buffer(sample);
   self->field_.request(buffer);
   if (!is_probe(buffer) && self->begins(buffer))
     self->on_request_(
         gst_segment_to_running_time(gst_sample_get_segment(sample), GST_FORMAT_TIME, GST_BUFFER_PTS(buffer)));
-  gst_sample_unref(sample);
   return GST_FLOW_OK;
 }
 

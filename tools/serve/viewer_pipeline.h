@@ -16,15 +16,13 @@
 
 namespace lf::serve {
 
-struct ViewerPipelineSettings {
-  uint32_t view = 0;
-  int width = 640, height = 480;  // pixels, even
-  int framerate = 30;
-  uint64_t capture_delay = 0;  // time between a capture and a request for it, nanoseconds
-  double focus = 0;            // initial focus distance, metres; 0: chosen by lfviewrequest
-  FocusSettings focus_settings;
-  double eye_distance = 0;  // distance between two eyes, metres; 0: a single eye
-  std::string path;         // camera path (views.json) played in a loop, or ""
+struct ViewSettings {
+  uint32_t id = 0;  // property "view-id" of the elements
+  ViewParams params;
+  Limits limits;
+
+  GstClockTime capture_delay() const { return static_cast<GstClockTime>(limits.capture_delay_ms) * GST_MSECOND; }
+  int max_bit_rate() const { return best_bit_rate(params.width * params.views(), params.height, limits); }
 };
 
 // The part of a viewer's pipeline that produces pictures, of one eye or of two eyes side by side. It sends view
@@ -38,7 +36,7 @@ class ViewerPipeline {
   // Returns the launch line of this part. It ends with "... ! ", so that the consumer of the pictures can follow.
   static std::string launch_line(size_t nodes);
   // `pipeline` must contain the elements of launch_line() and must not be started yet.
-  ViewerPipeline(GstElement* pipeline, LightField& field, const ViewerPipelineSettings& settings, OnRequest on_request);
+  ViewerPipeline(GstElement* pipeline, LightField& field, const ViewSettings& settings, OnRequest on_request);
   // The pipeline must be stopped before.
   ~ViewerPipeline();
   ViewerPipeline(const ViewerPipeline&) = delete;

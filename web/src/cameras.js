@@ -29,9 +29,7 @@ export class Cameras {
 
   async fetch() {
     try {
-      const response = await fetch(new URL('array.json', this.viewer.stream.endpoint),
-        { headers: this.viewer.token.authorization });
-      this.array = await response.json();
+      this.array = await this.viewer.fetchJson('array.json');
       this.known = null;
     } catch (error) {
       this.words.textContent = `can't load the cameras: ${error.message}`;

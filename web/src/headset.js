@@ -4,7 +4,7 @@
 // compositor shows the video at the display's own rate; otherwise a shader does.
 
 import {useProgram} from './program.js';
-import { anglesOf, axesOf, dot } from './view.js';
+import { anglesOf, axesOf, axesOfQuaternion, dot } from './view.js';
 
 const kFar = 100;     // distance of the layer in metres; there, the eye distance is less than a quarter of a pixel
 const kHeight = 960;  // maximum height of the picture of an eye, pixels
@@ -35,14 +35,7 @@ void main() {
 
 export const headsets = async () => await navigator.xr?.isSessionSupported?.('immersive-vr').catch(() => false) ?? false;
 
-function axesOfXr({ x, y, z, w }) {
-  [y, z] = [-y, -z];
-  return {
-    right: [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)],
-    down: [2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)],
-    forward: [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)],
-  };
-}
+const axesOfXr = ({ x, y, z, w }) => axesOfQuaternion(w, x, -y, -z);
 const combine = ({ right, down, forward }, [x, y, z]) =>
   right.map((_, k) => x * right[k] + y * down[k] + z * forward[k]);
 const turned = (base, axes) =>

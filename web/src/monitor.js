@@ -34,18 +34,12 @@ export class MonitorPanel {
   async ask() {
     if (!this.viewer.host.isConnected) return clearInterval(this.timer);
     try {
-      this.array ??= await this.fetch('array.json');
-      this.report = await this.fetch('monitor.json');
+      this.array ??= await this.viewer.fetchJson('array.json');
+      this.report = await this.viewer.fetchJson('monitor.json');
       this.draw();
     } catch (error) {
       this.words.textContent = `can't load the camera report: ${error.message}`;
     }
-  }
-  async fetch(name) {
-    const response = await fetch(new URL(name, this.viewer.stream.endpoint),
-      { headers: this.viewer.token.authorization });
-    if (!response.ok) throw new Error(response.statusText);
-    return response.json();
   }
 
   draw() {

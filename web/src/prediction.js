@@ -2,7 +2,7 @@
 // Predicts the view of the server's virtual camera after messages that the server has not confirmed yet. The movements
 // are those of lib/view/navigator.h. The limits of the view, which depend on the cameras, are not predicted.
 
-import { anglesOf, axesOf } from './view.js';
+import { anglesOf, axesOf, dot } from './view.js';
 
 const kOrbitPerHeight = 0.25;  // radians
 const kFocusStep = 1.1, kZoomStep = 1.05, kFlyStep = 0.01, kKeyOrbit = 1 / 20;
@@ -30,7 +30,6 @@ const kStepKeys = {
   bracketright: ['focus', 1]
 };
 
-const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 const unit = v => v.map(x => x / Math.hypot(...v));
 const add = (a, b, share = 1) => a.map((x, k) => x + share * b[k]);

@@ -2,6 +2,8 @@
 // The surface that a picture shows: the message from the server, the mesh made from it, and the transformation from one
 // camera to another. No function here needs a page.
 
+import { axesOfQuaternion, dot } from './view.js';
+
 const kVersion = 1, kHeaderBytes = 120;
 const kMaxBytes = 16384, kMaxNodes = 8192;
 // A difference between the inverse depths of neighbouring nodes is an edge if it exceeds both of these: a share of the
@@ -57,14 +59,9 @@ export async function decodeSurface(buffer) {
   const levels = await inflate(new Uint8Array(buffer, kHeaderBytes), nodes);
   for (let j = 0, at = 0; j < rows; j++)
     for (let i = 0; i < columns; i++, at++) levels[at] += predicted(levels, at, i, j, columns);
-  const axes = {
-    right: [1 - 2 * (qy * qy + qz * qz), 2 * (qx * qy + qw * qz), 2 * (qx * qz - qw * qy)],
-    down: [2 * (qx * qy - qw * qz), 1 - 2 * (qx * qx + qz * qz), 2 * (qy * qz + qw * qx)],
-    forward: [2 * (qx * qz + qw * qy), 2 * (qy * qz - qw * qx), 1 - 2 * (qx * qx + qy * qy)],
-  };
   return {
     timestamp: data.getUint32(4),
-    camera: { position: [x, y, z], axes, width, height, fx, fy, cx, cy },
+    camera: { position: [x, y, z], axes: axesOfQuaternion(qw, qx, qy, qz), width, height, fx, fy, cx, cy },
     step,
     columns,
     rows,
@@ -176,8 +173,6 @@ export function makeMesh({ camera: { width, height }, step, columns, rows, farth
     front: front.length
   };
 }
-
-const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 
 // Returns the matrix (by columns) that maps ((x - cx) / fx, (y - cy) / fy, 1, inverse depth) of one camera to the clip
 // coordinates of another. Points nearer than `least` (metres) are clipped.

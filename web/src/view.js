@@ -53,6 +53,15 @@ export function anglesOf({ right, down, forward }) {
   };
 }
 
+// Returns the axes of a camera that a unit quaternion rotates.
+export function axesOfQuaternion(w, x, y, z) {
+  return {
+    right: [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)],
+    down: [2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)],
+    forward: [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)],
+  };
+}
+
 export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 
 // Converts a world point to the axes of the view. The eye is `eyeOffset` metres to the right of the view.

@@ -301,6 +301,13 @@ export class Viewer {
     return Boolean(send('MouseButtonPress') && send('MouseButtonRelease'));
   }
 
+  // Returns a JSON file of the server.
+  async fetchJson(name) {
+    const response = await fetch(new URL(name, this.stream.endpoint), { headers: this.token.authorization });
+    if (!response.ok) throw new Error(response.statusText);
+    return response.json();
+  }
+
   tell(name, detail) { this.host.dispatchEvent(new CustomEvent(name, { detail })); }
   say(text) { this.root.querySelector('.said').textContent = text; }
 
