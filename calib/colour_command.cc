@@ -183,7 +183,7 @@ ordered_json to_json(const lf::ColourDifferences& d) {
 }
 
 ordered_json report(const lf::Rig& rig, const lf::ColourSolution& solution, const std::string& from) {
-  ordered_json trials = ordered_json::array(), cameras = ordered_json::array(), findings = ordered_json::array();
+  ordered_json trials = ordered_json::array(), cameras = ordered_json::array();
   for (const auto& trial : solution.trials)
     trials.push_back({{"terms", trial.terms.name()}, {"held_out", to_json(trial.held_out)}});
   for (size_t i = 0; i < rig.cameras.size(); i++) {
@@ -196,8 +196,6 @@ ordered_json report(const lf::Rig& rig, const lf::ColourSolution& solution, cons
                        {"rms", camera.rms},
                        {"stuck", camera.is_stuck}});
   }
-  for (const lf::Finding& finding : solution.findings)
-    findings.push_back({{"severity", name_of(finding.severity)}, {"code", finding.code}, {"text", finding.text}});
   return {{"format", "lightfield-colour-report"},
           {"version", 1},
           {"from", from},
@@ -205,7 +203,7 @@ ordered_json report(const lf::Rig& rig, const lf::ColourSolution& solution, cons
           {"before", to_json(solution.before)},
           {"after", to_json(solution.after)},
           {"trials", trials},
-          {"findings", findings},
+          {"findings", lf::to_json(solution.findings)},
           {"cameras", cameras}};
 }
 
@@ -217,7 +215,7 @@ void print(const lf::Rig& rig, const lf::ColourSolution& solution, const std::st
     terminal::print("%-62s %8.2f %8.2f%s\n", trial.terms.name().c_str(), trial.held_out.median, trial.held_out.p95,
                     trial.terms == solution.terms ? "  <- chosen" : "");
   for (const lf::Finding& finding : solution.findings)
-    terminal::print("%s: %s\n", name_of(finding.severity), finding.text.c_str());
+    terminal::print("%s: %s\n", lf::name_of(finding.severity), finding.text.c_str());
   terminal::print(
       "%zu of %zu cameras corrected\n",
       static_cast<size_t>(std::ranges::count_if(solution.models, [](const auto& m) { return m.has_value(); })),
@@ -240,12 +238,11 @@ void measure(const ColourArguments& options) {
         "--from views");
   // A few detections may be false, so a chart recording needs many.
   const bool from_chart = options.from == "chart" || (options.from == "auto" && recording.charts >= rig.cameras.size());
-  lf::ColourSolveOptions how;
-  how.progress = [](const std::string& step) { terminal::print_error("%s\n", step.c_str()); };
-  if (!from_chart) how.progress("comparing views");
+  const auto progress = [](const std::string& step) { terminal::print_error("%s\n", step.c_str()); };
+  if (!from_chart) progress("comparing views");
   const std::string from = from_chart ? std::to_string(recording.charts) + " charts" : "overlapping views";
   const lf::ColourSolution solution =
-      lf::solve_colours(rig, from_chart ? recording.chart : compare_views(rig, recording), how);
+      lf::solve_colours(rig, from_chart ? recording.chart : compare_views(rig, recording), progress);
   print(rig, solution, from);
   for (size_t i = 0; i < rig.cameras.size(); i++) rig.cameras[i].colour = solution.models[i];
   lf::rebase_paths(rig, fs::path(options.out).parent_path().string());

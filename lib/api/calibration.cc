@@ -20,7 +20,7 @@ using nlohmann::json;
 
 lf::Tracks to_tracks(const Tracks& tracks) {
   lf::Tracks out;
-  for (const Tracks::Camera& camera : tracks.cameras) out.cameras.push_back({camera.id, camera.width, camera.height});
+  out.cameras = tracks.cameras;
   out.bar = tracks.bar;
   out.ordered = tracks.ordered;
   out.num_positions = tracks.num_positions;
@@ -32,8 +32,7 @@ lf::Tracks to_tracks(const Tracks& tracks) {
 
 Tracks from_tracks(const lf::Tracks& tracks) {
   Tracks out;
-  for (const lf::Tracks::Camera& camera : tracks.cameras)
-    out.cameras.push_back({camera.id, camera.width, camera.height});
+  out.cameras = tracks.cameras;
   out.bar = tracks.bar;
   out.ordered = tracks.ordered;
   out.num_positions = tracks.num_positions;
@@ -52,20 +51,8 @@ json take_prior(const Rig& prior, lf::SolveOptions& options) {
 }
 
 lf::PlacementOptions to_placement(const CalibrationOptions& options) {
-  lf::PlacementOptions out;
-  out.pitch = options.pitch;
-  out.bar_length = options.bar_length;
-  if (options.distance) out.distance = {options.distance->a, options.distance->b, options.distance->metres};
   if (!(options.pitch >= 0) || !(options.bar_length >= 0)) throw Error("pitch, bar_length: must not be below 0 metres");
-  return out;
-}
-
-Finding to_finding(const lf::Finding& finding) {
-  using Severity = lf::Finding::Severity;
-  const Finding::Severity severity = finding.severity == Severity::kNote      ? Finding::Severity::kNote
-                                     : finding.severity == Severity::kWarning ? Finding::Severity::kWarning
-                                                                              : Finding::Severity::kError;
-  return {severity, finding.code, finding.text};
+  return {.pitch = options.pitch, .bar_length = options.bar_length, .distance = options.distance};
 }
 
 }  // namespace
@@ -95,8 +82,7 @@ Calibration calibrate_rig(const Tracks& tracks, const CalibrationOptions& option
     lf::CameraCovariance known = lf::covariance_in_rig(solution.uncertainty, i, placement.world_from_scene);
     out.covariances.push_back({seen.cameras[i].id, std::move(known.parameters), std::move(known.matrix)});
   }
-  for (const lf::Finding& finding : lf::diagnose(solution, seen, solve, placement))
-    out.findings.push_back(to_finding(finding));
+  out.findings = lf::diagnose(solution, seen, solve, placement);
   out.outliers = static_cast<size_t>(std::ranges::count(solution.inliers, 0));
   return out;
 }

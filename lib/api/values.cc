@@ -24,10 +24,6 @@ namespace {
 Vec3 to_vec(const lightfield::Vec3& v) { return {v.x, v.y, v.z}; }
 Quat to_quat(const lightfield::Quaternion& q) { return {q.w, q.x, q.y, q.z}; }
 
-std::string name_of(const Camera& camera, CameraIndex index) {
-  return "the image of camera " + std::to_string(index) + " (id " + std::to_string(camera.id) + ")";
-}
-
 }  // namespace
 
 Pose to_pose(const lightfield::Pose& pose) { return {to_vec(pose.position), to_quat(pose.orientation)}; }
@@ -104,21 +100,22 @@ lightfield::Image from_image(Image image) {
 ImageView to_image(const lightfield::ImageView& image, const Camera& camera, CameraIndex index) {
   ImageView out;
   if (image.format == lightfield::PixelFormat::kNone) return out;
+  const auto fail = [&](const std::string& what) {
+    throw Error("the image of camera " + std::to_string(index) + " (id " + std::to_string(camera.id) + ") has " + what);
+  };
   if (image.format != lightfield::PixelFormat::kRgb && image.format != lightfield::PixelFormat::kI420)
-    throw Error(name_of(camera, index) + " has an unknown format");
+    fail("an unknown format");
   if (image.width != camera.width || image.height != camera.height)
-    throw Error(name_of(camera, index) + " has " + size_text(image.width, image.height) + " pixels, the rig says " +
-                size_text(camera.width, camera.height));
+    fail(size_text(image.width, image.height) + " pixels, the rig says " + size_text(camera.width, camera.height));
   const bool rgb = image.format == lightfield::PixelFormat::kRgb;
   out.family = static_cast<PixelFamily>(image.format);
   out.width = image.width;
   out.height = image.height;
   for (int c = 0; c < (rgb ? 1 : 3); c++) {
     const ptrdiff_t row = rgb ? ptrdiff_t{3} * image.width : c == 0 ? image.width : chroma_size(image.width);
-    if (!image.plane[c]) throw Error(name_of(camera, index) + " has no plane " + std::to_string(c));
+    if (!image.plane[c]) fail("no plane " + std::to_string(c));
     if (image.stride[c] < row)
-      throw Error(name_of(camera, index) + " has a stride of " + std::to_string(image.stride[c]) +
-                  " bytes, but its rows need " + std::to_string(row));
+      fail("a stride of " + std::to_string(image.stride[c]) + " bytes, but its rows need " + std::to_string(row));
     out.plane[c] = image.plane[c];
     out.stride[c] = image.stride[c];
   }

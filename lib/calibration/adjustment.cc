@@ -39,6 +39,13 @@ void CameraState::set_lens(const Lens& lens) {
   t[kP1] = lens.p1(), t[kP2] = lens.p2();
 }
 
+TargetState TargetState::at(const Vec3& point) {
+  TargetState target;
+  target.kind = Kind::kPoint;
+  for (int i = 0; i < 3; i++) target.v[i] = point[i];
+  return target;
+}
+
 Vec3 TargetState::point(uint32_t which) const {
   double p[3];
   switch (kind) {
@@ -58,9 +65,19 @@ void TargetState::set_board(const Pose& world_from_board, std::shared_ptr<const 
 }
 
 bool Reconstruction::measured(int term) const {
-  for (size_t i = 0; i < lens_priors.size(); i++)
-    if (measured(i, term)) return true;
-  return false;
+  return std::ranges::any_of(lens_priors, [term](const auto& prior) { return prior && prior->known[term]; });
+}
+
+std::vector<Pose> Reconstruction::used_poses() const {
+  std::vector<Pose> poses;
+  for (const CameraState& camera : cameras)
+    if (camera.used) poses.push_back(camera.pose());
+  return poses;
+}
+
+std::optional<Vec2> Reconstruction::residual_of(const Observation& o) const {
+  if (!cameras[o.camera].used || !targets[o.position].has(o.light)) return std::nullopt;
+  return residual(cameras[o.camera], targets[o.position], o);
 }
 
 std::optional<Vec2> residual(const CameraState& camera, const TargetState& target, const Observation& observation) {
@@ -129,135 +146,153 @@ std::unique_ptr<ceres::LossFunction> make_loss(const AdjustmentOptions& options)
   return std::make_unique<ceres::HuberLoss>(options.robust);
 }
 
-struct Blocks {
-  std::vector<double*> cameras, targets;
-};
+// The Ceres problem of an adjustment. It has no copies: the solver changes the blocks of the scene and of the clocks.
+class BundleProblem {
+ public:
+  BundleProblem(Reconstruction& scene, const AdjustmentOptions& options, ClockAdjustment* clocks)
+      : scene_(scene),
+        options_(options),
+        clocks_(clocks),
+        loss_(make_loss(options)),
+        camera_manifold_(options.free, options.free_poses),
+        problem_(borrowed()),
+        camera_used_(scene.cameras.size()),
+        target_used_(scene.targets.size()) {}
 
-bool all_measured(const Reconstruction& scene, size_t camera) {
-  for (int k = 0; k < kNumLensTerms; k++)
-    if (!scene.measured(camera, k)) return false;
-  return true;
-}
+  void add_observation(const Observation& o, size_t index) {
+    CameraState& camera = scene_.cameras[o.camera];
+    TargetState& target = scene_.targets[o.position];
+    if (!scene_.residual_of(o)) return;
+    std::vector<double*> blocks{camera.v.data(), target.v.data()};
+    if (clocks_) blocks.push_back(clocks_->cameras[o.camera].terms.data());
+    auto* cost = with_kind(target.kind, [&]<TargetState::Kind kKind>() -> ceres::CostFunction* {
+      if (!clocks_) return new ReprojectionCost<kKind>(camera, target, o, options_.sigma);
+      return new ClockedCost<kKind>(camera, target, o, options_.sigma, clocks_->velocity[index],
+                                    clocks_->cameras[o.camera].by(clocks_->stamp[index]));
+    });
+    problem_.AddResidualBlock(cost, loss_.get(), blocks);
+    camera_used_[o.camera] = target_used_[o.position] = true;
+  }
+
+  // Call this after all observations.
+  void add_cameras() {
+    for (size_t i = 0; i < scene_.cameras.size(); i++) {
+      if (!camera_used_[i]) continue;
+      double* block = scene_.cameras[i].v.data();
+      if (camera_manifold_.TangentSize() == 0) {
+        problem_.SetParameterBlockConstant(block);
+        continue;
+      }
+      problem_.SetManifold(block, &camera_manifold_);
+      cameras_.push_back(block);
+      if (!scene_.pose_priors.empty() && scene_.pose_priors[i] && options_.free_poses) {
+        add_prior(auto_diff<PosePrior::kNumTerms, CameraState::kSize, 1>(PosePriorCost{&*scene_.pose_priors[i]}), block,
+                  &scene_.metres);
+        has_pose_priors_ = true;
+      }
+      if (std::ranges::count(options_.free, true) > 0) add_lens_priors(i);
+    }
+    if (has_batch_) {
+      double* const mean = scene_.batch_mean.data();
+      add_prior(auto_diff<kNumLensTerms, kNumLensTerms>(BatchMeanCost{&scene_.batch}), mean);
+      std::vector<int> fixed;
+      for (int k = 0; k < kNumLensTerms; k++)
+        if (!options_.free[k]) fixed.push_back(k);
+      batch_manifold_.emplace(kNumLensTerms, fixed);
+      problem_.SetManifold(mean, &*batch_manifold_);
+    }
+    for (double* clock : clock_blocks()) add_prior(auto_diff<kNumClockTerms, kNumClockTerms>(ClockPriorCost()), clock);
+  }
+
+  void add_targets() {
+    for (size_t i = 0; i < scene_.targets.size(); i++) {
+      if (!target_used_[i]) continue;
+      const TargetState::Kind kind = scene_.targets[i].kind;
+      targets_.push_back(scene_.targets[i].v.data());
+      if (kind == TargetState::Kind::kBar) problem_.SetManifold(targets_.back(), &bar_manifold_);
+      if (kind == TargetState::Kind::kBoard) problem_.SetManifold(targets_.back(), &board_manifold_);
+      free_metres_ |= has_pose_priors_ && scene_.targets[i].is_rigid();
+    }
+    if (has_pose_priors_ && !free_metres_) problem_.SetParameterBlockConstant(&scene_.metres);
+  }
+
+  void solve() {
+    ceres::Solver::Options solver;
+    solver.linear_solver_type = ceres::DENSE_SCHUR;
+    solver.max_num_iterations = options_.max_iterations;
+    solver.function_tolerance = options_.tolerance;
+    solver.gradient_tolerance = 0;
+    solver.parameter_tolerance = 1e-12;
+    solver.num_threads = static_cast<int>(std::clamp(std::thread::hardware_concurrency(), 1u, 8u));
+    solver.initial_trust_region_radius = options_.trust;
+    solver.logging_type = ceres::SILENT;
+    // The solver eliminates the larger of two groups. No cost joins two blocks of the same group, so either group can
+    // be eliminated.
+    auto* ordering = new ceres::ParameterBlockOrdering;
+    const bool cameras_first =
+        cameras_.size() * camera_manifold_.TangentSize() > targets_.size() * (scene_.targets[0].v.size() / 2);
+    for (double* block : cameras_) ordering->AddElementToGroup(block, cameras_first ? 0 : 1);
+    for (double* block : targets_) ordering->AddElementToGroup(block, cameras_first ? 1 : 0);
+    if (free_metres_) ordering->AddElementToGroup(&scene_.metres, 1);
+    for (double* block : clock_blocks()) ordering->AddElementToGroup(block, 1);
+    if (has_batch_) ordering->AddElementToGroup(scene_.batch_mean.data(), 1);
+    solver.linear_solver_ordering.reset(ordering);
+    ceres::Solver::Summary summary;
+    ceres::Solve(solver, &problem_, &summary);
+  }
+
+ private:
+  template <class... Blocks>
+  void add_prior(ceres::CostFunction* cost, Blocks*... blocks) {
+    problem_.AddResidualBlock(cost, nullptr, blocks...);
+  }
+
+  void add_lens_priors(size_t i) {
+    double* block = scene_.cameras[i].v.data();
+    if (scene_.lens_priors[i])
+      add_prior(auto_diff<kNumLensTerms, CameraState::kSize>(LensPriorCost{&*scene_.lens_priors[i]}), block);
+    BatchSpreadCost spread;
+    bool all_measured = true;
+    for (int k = 0; k < kNumLensTerms; k++) {
+      spread.weight[k] = scene_.measured(i, k) ? 0 : 1 / scene_.spread(k, options_.shared[k]);
+      all_measured = all_measured && scene_.measured(i, k);
+    }
+    if (all_measured) return;
+    add_prior(auto_diff<kNumLensTerms, CameraState::kSize, kNumLensTerms>(spread), block, scene_.batch_mean.data());
+    has_batch_ = true;
+  }
+
+  std::vector<double*> clock_blocks() const {
+    std::vector<double*> blocks;
+    for (size_t i = 0; clocks_ && i < scene_.cameras.size(); i++)
+      if (camera_used_[i]) blocks.push_back(clocks_->cameras[i].terms.data());
+    return blocks;
+  }
+
+  Reconstruction& scene_;
+  const AdjustmentOptions& options_;
+  ClockAdjustment* const clocks_;
+  const std::unique_ptr<ceres::LossFunction> loss_;
+  CameraManifold camera_manifold_;
+  BarManifold bar_manifold_;
+  BoardManifold board_manifold_;
+  std::optional<ceres::SubsetManifold> batch_manifold_;
+  ceres::Problem problem_;
+  std::vector<char> camera_used_, target_used_;
+  std::vector<double*> cameras_, targets_;  // blocks that the solver changes
+  bool has_batch_ = false, has_pose_priors_ = false, free_metres_ = false;
+};
 
 }  // namespace
 
-AdjustmentSummary adjust(Reconstruction& scene, const std::vector<Observation>& observations, const Inliers& use,
-                         const AdjustmentOptions& options, ClockAdjustment* clocks) {
-  CameraManifold camera_manifold(options.free, options.free_poses);
-  BarManifold bar_manifold;
-  BoardManifold board_manifold;
-  const std::unique_ptr<ceres::LossFunction> loss = make_loss(options);
-  ceres::Problem problem(borrowed());
-  std::vector<char> camera_used(scene.cameras.size()), target_used(scene.targets.size());
-  for (size_t i = 0; i < observations.size(); i++) {
-    const Observation& o = observations[i];
-    CameraState& camera = scene.cameras[o.camera];
-    TargetState& target = scene.targets[o.position];
-    if (!use[i] || !camera.used || !target.has(o.light) || !residual(camera, target, o)) continue;
-    if (clocks) {
-      ClockAdjustment::Camera& clock = clocks->cameras[o.camera];
-      ceres::CostFunction* cost = with_kind(target.kind, [&]<TargetState::Kind kKind>() -> ceres::CostFunction* {
-        return new ClockedCost<kKind>(camera, target, o, options.sigma, clocks->velocity[i],
-                                      clock.by(clocks->stamp[i]));
-      });
-      problem.AddResidualBlock(cost, loss.get(), camera.v.data(), target.v.data(), clock.terms.data());
-    } else {
-      ceres::CostFunction* cost = with_kind(target.kind, [&]<TargetState::Kind kKind>() -> ceres::CostFunction* {
-        return new ReprojectionCost<kKind>(camera, target, o, options.sigma);
-      });
-      problem.AddResidualBlock(cost, loss.get(), camera.v.data(), target.v.data());
-    }
-    camera_used[o.camera] = target_used[o.position] = true;
-  }
-  Blocks blocks;
-  const bool lenses = std::any_of(options.free.begin(), options.free.end(), [](bool f) { return f; });
-  bool has_batch = false, has_pose_priors = false;
-  for (size_t i = 0; i < scene.cameras.size(); i++) {
-    if (!camera_used[i]) continue;
-    double* block = scene.cameras[i].v.data();
-    if (camera_manifold.TangentSize() == 0) {
-      problem.SetParameterBlockConstant(block);
-      continue;
-    }
-    problem.SetManifold(block, &camera_manifold);
-    blocks.cameras.push_back(block);
-    if (!scene.pose_priors.empty() && scene.pose_priors[i] && options.free_poses) {
-      problem.AddResidualBlock(
-          new ceres::AutoDiffCostFunction<PosePriorCost, PosePrior::kNumTerms, CameraState::kSize, 1>(
-              new PosePriorCost{&*scene.pose_priors[i]}),
-          nullptr, block, &scene.metres);
-      has_pose_priors = true;
-    }
-    if (!lenses) continue;
-    if (scene.lens_priors[i])
-      problem.AddResidualBlock(new ceres::AutoDiffCostFunction<LensPriorCost, kNumLensTerms, CameraState::kSize>(
-                                   new LensPriorCost{&*scene.lens_priors[i]}),
-                               nullptr, block);
-    if (all_measured(scene, i)) continue;
-    auto* spread = new BatchSpreadCost;
-    for (int k = 0; k < kNumLensTerms; k++)
-      spread->weight[k] = scene.measured(i, k) ? 0 : 1 / scene.spread(k, options.shared[k]);
-    problem.AddResidualBlock(
-        new ceres::AutoDiffCostFunction<BatchSpreadCost, kNumLensTerms, CameraState::kSize, kNumLensTerms>(spread),
-        nullptr, block, scene.batch_mean.data());
-    has_batch = true;
-  }
-  std::unique_ptr<ceres::SubsetManifold> batch_manifold;
-  if (has_batch) {
-    problem.AddResidualBlock(
-        new ceres::AutoDiffCostFunction<BatchMeanCost, kNumLensTerms, kNumLensTerms>(new BatchMeanCost{&scene.batch}),
-        nullptr, scene.batch_mean.data());
-    std::vector<int> fixed;
-    for (int k = 0; k < kNumLensTerms; k++)
-      if (!options.free[k]) fixed.push_back(k);
-    batch_manifold = std::make_unique<ceres::SubsetManifold>(kNumLensTerms, fixed);
-    problem.SetManifold(scene.batch_mean.data(), batch_manifold.get());
-  }
-  for (size_t i = 0; clocks && i < scene.cameras.size(); i++)
-    if (camera_used[i])
-      problem.AddResidualBlock(
-          new ceres::AutoDiffCostFunction<ClockPriorCost, kNumClockTerms, kNumClockTerms>(new ClockPriorCost), nullptr,
-          clocks->cameras[i].terms.data());
-  bool rigid = false;
-  for (size_t i = 0; i < scene.targets.size(); i++) {
-    if (!target_used[i]) continue;
-    rigid |= scene.targets[i].is_rigid();
-    double* block = scene.targets[i].v.data();
-    if (scene.targets[i].kind == TargetState::Kind::kBar) problem.SetManifold(block, &bar_manifold);
-    if (scene.targets[i].kind == TargetState::Kind::kBoard) problem.SetManifold(block, &board_manifold);
-    if (options.free_targets)
-      blocks.targets.push_back(block);
-    else
-      problem.SetParameterBlockConstant(block);
-  }
-
-  const bool free_metres = has_pose_priors && rigid;
-  if (has_pose_priors && !free_metres) problem.SetParameterBlockConstant(&scene.metres);
-
-  ceres::Solver::Options solver;
-  solver.linear_solver_type = ceres::DENSE_SCHUR;
-  solver.max_num_iterations = options.max_iterations;
-  solver.function_tolerance = options.tolerance;
-  solver.gradient_tolerance = 0;
-  solver.parameter_tolerance = 1e-12;
-  solver.num_threads = static_cast<int>(std::clamp(std::thread::hardware_concurrency(), 1u, 8u));
-  solver.initial_trust_region_radius = options.trust;
-  solver.logging_type = ceres::SILENT;
-  // The solver eliminates the larger of two groups. No cost joins two blocks of the same group, so either group can be
-  // eliminated.
-  auto* ordering = new ceres::ParameterBlockOrdering;
-  const bool cameras_first =
-      blocks.cameras.size() * camera_manifold.TangentSize() > blocks.targets.size() * (scene.targets[0].v.size() / 2);
-  for (double* block : blocks.cameras) ordering->AddElementToGroup(block, cameras_first ? 0 : 1);
-  for (double* block : blocks.targets) ordering->AddElementToGroup(block, cameras_first ? 1 : 0);
-  if (free_metres) ordering->AddElementToGroup(&scene.metres, 1);
-  for (size_t i = 0; clocks && i < scene.cameras.size(); i++)
-    if (camera_used[i]) ordering->AddElementToGroup(clocks->cameras[i].terms.data(), 1);
-  if (has_batch) ordering->AddElementToGroup(scene.batch_mean.data(), 1);
-  solver.linear_solver_ordering.reset(ordering);
-  ceres::Solver::Summary summary;
-  ceres::Solve(solver, &problem, &summary);
-  return {summary.IsSolutionUsable(), summary.final_cost, static_cast<int>(summary.iterations.size())};
+void adjust(Reconstruction& scene, const std::vector<Observation>& observations, const Inliers& use,
+            const AdjustmentOptions& options, ClockAdjustment* clocks) {
+  BundleProblem problem(scene, options, clocks);
+  for (size_t i = 0; i < observations.size(); i++)
+    if (use[i]) problem.add_observation(observations[i], i);
+  problem.add_cameras();
+  problem.add_targets();
+  problem.solve();
 }
 
 namespace {
@@ -450,9 +485,7 @@ class Builder {
   void invert() {
     std::vector<Vec3> centres;
     Vec3 mean(0, 0, 0);
-    for (const CameraState& camera : scene_.cameras)
-      if (camera.used) centres.push_back(camera.pose().position);
-    for (const Vec3& c : centres) mean += c;
+    for (const Pose& pose : scene_.used_poses()) centres.push_back(pose.position), mean += pose.position;
     mean /= static_cast<double>(centres.size());
     const double turn_weight =
         std::pow(kRotationWeight * spread(centres), 2) * 2;  // align() has three axes; each rotation moves two

@@ -54,6 +54,7 @@ struct TargetState {
   uint32_t light = 0;                                // kPoint only: which light of the bar it is
   std::shared_ptr<const std::vector<Vec3>> corners;  // kBoard only: Tracks::board
 
+  static TargetState at(const Vec3& point);  // a kPoint of light 0
   bool is_rigid() const { return kind == Kind::kBar || kind == Kind::kBoard; }
   bool has(uint32_t which) const {
     return kind == Kind::kBar || (kind == Kind::kPoint && light == which) ||
@@ -104,6 +105,9 @@ struct Reconstruction {
   // True if the prior has measured the term in this camera, or in any camera. Otherwise the batch prior applies.
   bool measured(size_t camera, int term) const { return lens_priors[camera] && lens_priors[camera]->known[term]; }
   bool measured(int term) const;
+  std::vector<Pose> used_poses() const;  // poses of the used cameras
+  // Returns residual() of an observation, or nullopt also if its camera is not used or its light has no position.
+  std::optional<Vec2> residual_of(const Observation& observation) const;
   double spread(int term, bool shared) const { return shared ? batch.tight[term] : batch.spread[term]; }
 };
 
@@ -118,13 +122,7 @@ struct AdjustmentOptions {
   double tolerance = 1e-9;  // relative change of the cost at convergence
   // Initial radius of the trust region. Raise it for good starts, because weakly constrained modes need long steps.
   double trust = 1e4;
-  bool free_poses = true, free_targets = true;
-};
-
-struct AdjustmentSummary {
-  bool ok = false;
-  double cost = 0;
-  int iterations = 0;
+  bool free_poses = true;
 };
 
 using Inliers = std::vector<char>;  // per observation: true if it takes part
@@ -146,8 +144,8 @@ struct ClockAdjustment {
 // that the reprojection errors become minimal. Observation i is used if use[i] is true, its camera is used and its
 // light position is known. The observations determine only the differences between clocks, so weak priors fix the
 // common part of all clocks.
-AdjustmentSummary adjust(Reconstruction& scene, const std::vector<Observation>& observations, const Inliers& use,
-                         const AdjustmentOptions& options, ClockAdjustment* clocks = nullptr);
+void adjust(Reconstruction& scene, const std::vector<Observation>& observations, const Inliers& use,
+            const AdjustmentOptions& options, ClockAdjustment* clocks = nullptr);
 
 // Returns the reprojection error (projected minus observed position) of an observation in pixels. Returns nullopt if
 // the light is behind the camera.

@@ -7,6 +7,7 @@
 #include <memory>
 #include <thread>
 
+#include <glm/gtc/type_ptr.hpp>
 #include <opencv2/calib3d.hpp>
 
 #include "base/text.h"
@@ -83,8 +84,8 @@ class LayoutFinder {
     if (options_.progress) options_.progress(what);
   }
 
-  void for_each_camera(const std::function<void(size_t)>& task) {
-    WorkerPool().run(std::max(1u, std::thread::hardware_concurrency()), scene_.cameras.size(), task);
+  static void in_parallel(size_t count, const std::function<void(size_t)>& task) {
+    WorkerPool().run(std::max(1u, std::thread::hardware_concurrency()), count, task);
   }
 
   // Views with most corners, evenly from the whole sequence.
@@ -118,7 +119,7 @@ class LayoutFinder {
   // A camera with too few views gets the typical lens of the other cameras.
   void estimate_lenses() {
     std::vector<std::optional<Lens>> lenses(scene_.cameras.size());
-    for_each_camera([&](size_t i) {
+    in_parallel(lenses.size(), [&](size_t i) {
       if (!scene_.measured(i, kF)) lenses[i] = lens_from_views(i);
     });
     std::vector<double> focal;
@@ -146,8 +147,7 @@ class LayoutFinder {
     for (auto& [key, observations] : groups)
       if (observations.size() >= kMinPoseCorners)
         views_.push_back({key.first, key.second, std::move(observations), {}});
-    WorkerPool().run(std::max(1u, std::thread::hardware_concurrency()), views_.size(),
-                     [&](size_t i) { views_[i].poses = poses_of(views_[i]); });
+    in_parallel(views_.size(), [&](size_t i) { views_[i].poses = poses_of(views_[i]); });
     std::erase_if(views_, [](const PosedView& view) { return view.poses.empty(); });
   }
 
@@ -176,11 +176,8 @@ class LayoutFinder {
       cv::solvePnPRefineLM(board, rays, cv::Matx33d::eye(), cv::noArray(), turns[k], shifts[k]);
       cv::Matx33d r;
       cv::Rodrigues(turns[k], r);
-      Mat3 rotation;
-      for (int row = 0; row < 3; row++)
-        for (int column = 0; column < 3; column++) rotation[column][row] = r(row, column);
-      const Pose pose{{shifts[k].at<double>(0), shifts[k].at<double>(1), shifts[k].at<double>(2)},
-                      glm::normalize(glm::quat_cast(rotation))};
+      const Pose pose{glm::make_vec3(shifts[k].ptr<double>()),
+                      glm::normalize(glm::quat_cast(glm::transpose(glm::make_mat3(r.val))))};
       const double error = median_error({{}, {1, 0, 0, 0}}, pose, view);
       if (k == 0) least = error;
       if (error < kPoorView && error <= kAmbiguous * std::max(0.1, least)) poses.push_back(pose);
@@ -254,8 +251,7 @@ class LayoutFinder {
     std::vector<std::pair<uint32_t, uint32_t>> keys;
     for (const auto& [key, shared] : pairs) keys.push_back(key);
     std::vector<Link> links(keys.size());
-    WorkerPool().run(std::max(1u, std::thread::hardware_concurrency()), keys.size(),
-                     [&](size_t i) { links[i] = link(pairs[keys[i]]); });
+    in_parallel(keys.size(), [&](size_t i) { links[i] = link(pairs[keys[i]]); });
     // Maximum spanning tree of the largest group, from the strongest link on.
     std::vector<char> best_group;
     std::vector<Pose> best_poses;

@@ -17,6 +17,36 @@
 
 namespace lf {
 
+namespace {
+
+// Weighted sums over the pixels of a sample.
+struct PixelSums {
+  double weights = 0;
+  Vec3 sum{0}, squares{0}, clipped{0};
+
+  void add(const uint8_t* rgb, double weight) {
+    weights += weight;
+    for (int c = 0; c < 3; c++) {
+      const int level = rgb[c];
+      sum[c] += weight * level;
+      squares[c] += weight * level * level;
+      if (level <= 2 || level >= 253) clipped[c] += weight;
+    }
+  }
+  // Returns the mean without a sigma. `variance` receives the variance of the noisiest channel.
+  ColourSample mean(const Vec2& place, double& variance) const {
+    ColourSample sample{.place = place, .level = sum / weights};
+    variance = 0;
+    for (int c = 0; c < 3; c++) {
+      sample.usable[static_cast<size_t>(c)] = clipped[c] <= 0.01 * weights;
+      variance = std::max(variance, squares[c] / weights - sample.level[c] * sample.level[c]);
+    }
+    return sample;
+  }
+};
+
+}  // namespace
+
 std::optional<ColourSample> sample_quad(const Image& rgb, const std::array<Vec2, 4>& corners) {
   Vec2 low = corners[0], high = corners[0], middle(0);
   for (const Vec2& corner : corners) {
@@ -37,29 +67,15 @@ std::optional<ColourSample> sample_quad(const Image& rgb, const std::array<Vec2,
     }
     return true;
   };
-  size_t count = 0, clipped[3] = {};
-  Vec3 sum(0), squares(0);
+  PixelSums sums;
   for (int y = static_cast<int>(std::ceil(low.y)); y <= static_cast<int>(high.y); y++)
-    for (int x = static_cast<int>(std::ceil(low.x)); x <= static_cast<int>(high.x); x++) {
-      if (!is_inside({x, y})) continue;
-      count++;
-      for (int c = 0; c < 3; c++) {
-        const int level = rgb.pixel(x, y)[c];
-        sum[c] += level;
-        squares[c] += level * level;
-        clipped[c] += level <= 2 || level >= 253;
-      }
-    }
-  if (count < 9) return std::nullopt;
-  const auto n = static_cast<double>(count);
-  ColourSample sample{.place = middle, .level = sum / n};
-  double variance = 0;
-  for (int c = 0; c < 3; c++) {
-    sample.usable[static_cast<size_t>(c)] = static_cast<double>(clipped[c]) <= 0.01 * n;
-    variance = std::max(variance, squares[c] / n - sample.level[c] * sample.level[c]);
-  }
+    for (int x = static_cast<int>(std::ceil(low.x)); x <= static_cast<int>(high.x); x++)
+      if (is_inside({x, y})) sums.add(rgb.pixel(x, y), 1);
+  if (sums.weights < 9) return std::nullopt;
+  double variance;
+  ColourSample sample = sums.mean(middle, variance);
   // Errors in addition to noise: rounding of levels, and position errors between cameras.
-  sample.sigma = std::sqrt(0.1 + variance / n + 0.001 * variance);
+  sample.sigma = std::sqrt(0.1 + variance / sums.weights + 0.001 * variance);
   return sample;
 }
 
@@ -229,31 +245,19 @@ std::optional<ColourSample> sample_around(const Image& rgb, const Vec2& at) {
   constexpr int kReach = 6;
   const int x0 = static_cast<int>(std::lround(at.x)), y0 = static_cast<int>(std::lround(at.y));
   if (x0 < kReach || y0 < kReach || x0 + kReach >= rgb.width() || y0 + kReach >= rgb.height()) return std::nullopt;
-  double weights = 0, square_weights = 0;
-  Vec3 sum(0), squares(0), clipped(0);
+  double square_weights = 0;
+  PixelSums sums;
   for (int y = y0 - kReach; y <= y0 + kReach; y++)
     for (int x = x0 - kReach; x <= x0 + kReach; x++) {
       const double r2 = ((x - at.x) * (x - at.x) + (y - at.y) * (y - at.y)) / (kReach * kReach);
       if (r2 >= 1) continue;
       const double weight = (1 - r2) * (1 - r2);
-      weights += weight;
       square_weights += weight * weight;
-      for (int c = 0; c < 3; c++) {
-        const int level = rgb.pixel(x, y)[c];
-        sum[c] += weight * level;
-        squares[c] += weight * level * level;
-        if (level <= 2 || level >= 253) clipped[c] += weight;
-      }
+      sums.add(rgb.pixel(x, y), weight);
     }
-  ColourSample sample;
-  sample.place = at;
-  sample.level = sum / weights;
-  double variance = 0;
-  for (int c = 0; c < 3; c++) {
-    sample.usable[static_cast<size_t>(c)] = clipped[c] <= 0.01 * weights;
-    variance = std::max(variance, squares[c] / weights - sample.level[c] * sample.level[c]);
-  }
-  sample.sigma = std::sqrt(0.1 + variance * square_weights / (weights * weights) + 0.003 * variance);
+  double variance;
+  ColourSample sample = sums.mean(at, variance);
+  sample.sigma = std::sqrt(0.1 + variance * square_weights / (sums.weights * sums.weights) + 0.003 * variance);
   return sample;
 }
 

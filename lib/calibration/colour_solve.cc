@@ -12,6 +12,7 @@
 
 #include "base/maths.h"
 #include "base/text.h"
+#include "calibration/costs.h"
 
 namespace lf {
 namespace {
@@ -197,6 +198,14 @@ ColourModel sound_model(Parameters p, const Camera& camera) {
   return model_error(model, most) ? ColourModel() : model;
 }
 
+struct ColourFit {
+  // One model per camera; cameras without samples have the default model.
+  std::vector<ColourModel> models;
+  // Logarithm of a camera's exposure relative to the mean. For example, 0.69 is twice the mean exposure.
+  std::vector<double> log_exposure;
+  std::vector<Parameters> parameters;  // per camera, to start another fit
+};
+
 bool is_in(const std::vector<bool>& list, size_t i) { return list.empty() || list[i]; }
 
 // The elimination order, with one group for each vector. Ceres sorts the blocks of a group by address, which would make
@@ -214,8 +223,7 @@ void add_chart(const ColourSamples& samples, ceres::Problem& problem, ceres::Par
     const size_t patch = i % n;
     const auto column = static_cast<double>(patch % static_cast<size_t>(samples.chart_columns)),
                row = static_cast<double>(patch / static_cast<size_t>(samples.chart_columns));
-    problem.AddResidualBlock(new ceres::AutoDiffCostFunction<ChartCost, 3, 3, kLight, 3>(
-                                 new ChartCost{(column - wide) / wide, (row - high) / high}),
+    problem.AddResidualBlock(auto_diff<3, 3, kLight, 3>(ChartCost{(column - wide) / wide, (row - high) / high}),
                              nullptr, colours[i].data(), lights[i / n].data(), reflectances[patch].data());
     order.AddElementToGroup(lights[i / n].data(), kLightGroup);
     order.AddElementToGroup(reflectances[patch].data(), kReflectanceGroup);
@@ -226,26 +234,22 @@ void add_chart(const ColourSamples& samples, ceres::Problem& problem, ceres::Par
     for (double& value : reflectances[i]) value /= static_cast<double>(std::max<size_t>(seen[i], 1));
   for (std::array<double, kLight>& light : lights)
     if (problem.HasParameterBlock(light.data()))
-      problem.AddResidualBlock(new ceres::AutoDiffCostFunction<LightPrior, kLight, kLight>(new LightPrior), nullptr,
-                               light.data());
+      problem.AddResidualBlock(auto_diff<kLight, kLight>(LightPrior()), nullptr, light.data());
 }
 
-}  // namespace
-
-std::string ColourTerms::name() const {
-  std::vector<std::string> parts{"brightness"};
-  if (balance) parts.emplace_back("white balance");
-  if (black) parts.emplace_back("black level");
-  if (gamma) parts.emplace_back("gamma");
-  if (crosstalk) parts.emplace_back("crosstalk");
-  if (vignetting) parts.emplace_back("vignetting");
-  std::string text = parts[0];
-  for (size_t i = 1; i < parts.size(); i++) text += (i + 1 < parts.size() ? ", " : " and ") + parts[i];
-  return text;
-}
-
+// Fits the parameters of all cameras and the colours of all patches in one least-squares problem. Residuals are the
+// differences between samples and predicted levels in sigmas, under a Cauchy loss of 2. The patches of a chart have the
+// same colours at all positions of the chart, except for one brightness and one linear gradient per position. This
+// constrains vignetting.
+//
+// Colours are relative, so the mean camera is defined to be without faults, except for vignetting. Weak priors fix the
+// remaining freedom. The resulting models are valid (model_error()); parameters are reduced if necessary.
+//
+// `apart` marks cameras that are left out of this mean (may be empty). `patches` marks the patches to use (empty: all).
+// `start` is a fit with fewer terms, or null.
 ColourFit fit_colours(const Rig& rig, const ColourSamples& samples, const ColourTerms& terms,
-                      const std::vector<bool>& apart, const std::vector<bool>& patches, const ColourFit* start) {
+                      const std::vector<bool>& apart = {}, const std::vector<bool>& patches = {},
+                      const ColourFit* start = nullptr) {
   std::vector<Parameters> cameras(samples.cameras, Parameters{});
   if (start) cameras = start->parameters;
   std::vector<std::array<std::vector<double>, 3>> seen(samples.patches);
@@ -267,46 +271,42 @@ ColourFit fit_colours(const Rig& rig, const ColourSamples& samples, const Colour
   owner.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ceres::CauchyLoss loss(2);
   ceres::Problem problem(owner);
-  auto* const order = new ceres::ParameterBlockOrdering;
+  const auto order = std::make_shared<ceres::ParameterBlockOrdering>();
   std::set<CameraIndex> in_use;
   for (const ColourSample& sample : samples.all) {
     if (!is_in(patches, sample.patch) || !known[sample.patch]) continue;
     const double r2 = field_of(rig.cameras[sample.camera]).square(sample.place.x, sample.place.y);
-    problem.AddResidualBlock(new ceres::AutoDiffCostFunction<SampleCost, 3, kCount, 3>(new SampleCost{sample, r2}),
-                             &loss, cameras[sample.camera].data(), colours[sample.patch].data());
+    problem.AddResidualBlock(auto_diff<3, kCount, 3>(SampleCost{sample, r2}), &loss, cameras[sample.camera].data(),
+                             colours[sample.patch].data());
     order->AddElementToGroup(colours[sample.patch].data(), kColourGroup);
     in_use.insert(sample.camera);
   }
   const std::vector<int> constant = constant_places(terms);
+  std::vector<double*> of_mean;
   for (const CameraIndex camera : in_use) {
     order->AddElementToGroup(cameras[camera].data(), kCameraGroup);
     if (!constant.empty()) problem.SetManifold(cameras[camera].data(), new ceres::SubsetManifold(kCount, constant));
-    if (apart.empty() || !apart[camera])
-      problem.AddResidualBlock(new ceres::AutoDiffCostFunction<PriorCost, kCount, kCount>(new PriorCost), nullptr,
-                               cameras[camera].data());
+    if (!apart.empty() && apart[camera]) continue;
+    problem.AddResidualBlock(auto_diff<kCount, kCount>(PriorCost()), nullptr, cameras[camera].data());
+    of_mean.push_back(cameras[camera].data());
   }
-  std::vector<double*> of_mean;
-  for (const CameraIndex camera : in_use)
-    if (apart.empty() || !apart[camera]) of_mean.push_back(cameras[camera].data());
   if (!of_mean.empty()) problem.AddResidualBlock(new MeanCost(static_cast<int>(of_mean.size())), nullptr, of_mean);
   const auto on_chart = static_cast<size_t>(samples.chart_columns * samples.chart_rows);
   std::vector<std::array<double, kLight>> lights(on_chart > 0 ? samples.patches / on_chart + 1 : 0, {1, 0, 0});
   std::vector<std::array<double, 3>> reflectances(on_chart);
   if (on_chart > 0) add_chart(samples, problem, *order, colours, lights, reflectances);
-  ColourFit fit;
   if (!in_use.empty()) {
     ceres::Solver::Options options;
     options.linear_solver_type = ceres::DENSE_SCHUR;
-    options.linear_solver_ordering.reset(order);
+    options.linear_solver_ordering = order;
     options.max_num_iterations = 40;
     options.function_tolerance = 1e-6;
     options.num_threads = 1;  // reproducible results: the order of sums depends on the number of threads
     options.logging_type = ceres::SILENT;
     ceres::Solver::Summary summary;
     ceres::Solve(options, &problem, &summary);
-  } else {
-    delete order;
   }
+  ColourFit fit;
   for (size_t i = 0; i < cameras.size(); i++) {
     fit.models.push_back(in_use.contains(static_cast<CameraIndex>(i)) ? sound_model(cameras[i], rig.cameras[i])
                                                                       : ColourModel());
@@ -319,6 +319,20 @@ ColourFit fit_colours(const Rig& rig, const ColourSamples& samples, const Colour
 Vec3 corrected_level(const Camera& camera, const ColourModel& model, const ColourSample& sample) {
   const double r2 = field_of(camera).square(sample.place.x, sample.place.y);
   return corrected(model, sample.level) * level_factor(vignetting_factor(model, r2));
+}
+
+}  // namespace
+
+std::string ColourTerms::name() const {
+  std::vector<std::string> parts{"brightness"};
+  if (balance) parts.emplace_back("white balance");
+  if (black) parts.emplace_back("black level");
+  if (gamma) parts.emplace_back("gamma");
+  if (crosstalk) parts.emplace_back("crosstalk");
+  if (vignetting) parts.emplace_back("vignetting");
+  std::string text = parts[0];
+  for (size_t i = 1; i < parts.size(); i++) text += (i + 1 < parts.size() ? ", " : " and ") + parts[i];
+  return text;
 }
 
 ColourDifferences colour_differences(const Rig& rig, const ColourSamples& samples,
@@ -362,10 +376,6 @@ constexpr size_t kFitSamples = 8000;
 constexpr double kMinImprovement = 0.03, kMinLevels = 0.05;
 constexpr double kStuck = 0.4;  // logarithm of light; an exposure that differs by about half or more
 
-std::string name_of(const Camera& camera) {
-  return "camera " + std::to_string(camera.id) + (camera.name.empty() ? "" : " (" + camera.name + ")");
-}
-
 std::string number(double value, int digits) { return format_text("%.*f", digits, value); }
 
 // Every fourth patch is left out, in a fixed selection that is not aligned with the rows of a chart.
@@ -373,8 +383,8 @@ bool is_held_out(uint32_t patch) { return (patch * 2654435761u >> 16) % 4 == 0; 
 
 class ColourSolver {
  public:
-  ColourSolver(const Rig& rig, const ColourSamples& samples, const ColourSolveOptions& options)
-      : rig_(rig), samples_(samples), options_(options) {
+  ColourSolver(const Rig& rig, const ColourSamples& samples, const std::function<void(const std::string&)>& progress)
+      : rig_(rig), samples_(samples), progress_(progress) {
     for (uint32_t i = 0; i < samples.patches; i++) {
       held_out_.push_back(is_held_out(i));
       training_.push_back(!held_out_.back());
@@ -399,7 +409,7 @@ class ColourSolver {
 
  private:
   void progress(const std::string& step) const {
-    if (options_.progress) options_.progress(step);
+    if (progress_) progress_(step);
   }
 
   void find(Finding::Severity severity, const std::string& code, const std::string& text) {
@@ -427,14 +437,14 @@ class ColourSolver {
       if (has_samples_.back()) continue;
       if (all[i] >= kMinColourSamples)
         find(Finding::Severity::kWarning, brightest[i] < 20 ? "black-camera" : "clipped-camera",
-             name_of(rig_.cameras[i]) +
+             rig_.cameras[i].label() +
                  (brightest[i] < 20 ? ": is black: is the lens covered, or the exposure far too short?"
                                     : ": all of its samples are clipped: shorten its exposure.") +
                  " No colour model was estimated");
       else
         find(
             Finding::Severity::kWarning, "few-samples",
-            name_of(rig_.cameras[i]) + ": only " + std::to_string(camera.samples) +
+            rig_.cameras[i].label() + ": only " + std::to_string(camera.samples) +
                 " places are also seen by other cameras: show it the chart at more places, closer to the middle of its "
                 "image. No colour model was estimated");
     }
@@ -538,7 +548,7 @@ class ColourSolver {
       if (camera.is_stuck) {
         const double light = std::pow(camera.gain, kPictureGamma);
         find(Finding::Severity::kWarning, "stuck-exposure",
-             name_of(rig_.cameras[i]) + ": its exposure is stuck: it takes " + number(light, 2) +
+             rig_.cameras[i].label() + ": its exposure is stuck: it takes " + number(light, 2) +
                  " times the light of the median camera. After correction its levels differ by " +
                  number(camera.rms, 1) + " (typical: " + number(others, 1) + "), " + number(100 * camera.clipped, 0) +
                  " % of its samples are clipped" +
@@ -546,9 +556,8 @@ class ColourSolver {
                  ". Set its exposure to that of the other cameras and calibrate again, or exclude the camera");
       } else if (camera.rms > std::max(3.0, 3 * others)) {
         find(Finding::Severity::kWarning, "other-colours",
-             name_of(rig_.cameras[i]) + ": differs by " + number(camera.rms, 1) +
-                 " levels after correction (typical: " + number(others, 1) +
-                 "): was its view blocked, or is one of its controls still automatic?");
+             rig_.cameras[i].label() + ": differs by " + number(camera.rms, 1) + " levels after correction (typical: " +
+                 number(others, 1) + "): was its view blocked, or is one of its controls still automatic?");
       }
     }
   }
@@ -569,7 +578,7 @@ class ColourSolver {
 
   const Rig& rig_;
   const ColourSamples& samples_;
-  const ColourSolveOptions& options_;
+  const std::function<void(const std::string&)>& progress_;
   std::vector<bool> held_out_, training_;      // per patch
   std::vector<bool> has_samples_, usable_, stuck_;  // per camera; usable_: enough samples, and not stuck
   ColourFit best_;
@@ -578,8 +587,9 @@ class ColourSolver {
 
 }  // namespace
 
-ColourSolution solve_colours(const Rig& rig, const ColourSamples& samples, const ColourSolveOptions& options) {
-  return ColourSolver(rig, samples, options).run();
+ColourSolution solve_colours(const Rig& rig, const ColourSamples& samples,
+                             const std::function<void(const std::string& step)>& progress) {
+  return ColourSolver(rig, samples, progress).run();
 }
 
 }  // namespace lf

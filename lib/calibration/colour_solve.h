@@ -25,28 +25,6 @@ struct ColourTerms {
   std::string name() const;
 };
 
-struct ColourFit {
-  // One model per camera; cameras without samples have the default model.
-  std::vector<ColourModel> models;
-  // Logarithm of a camera's exposure relative to the mean. For example, 0.69 is twice the mean exposure.
-  std::vector<double> log_exposure;
-  std::vector<std::array<double, 15>> parameters;  // parameters of each camera, as a start for another fit
-};
-
-// Fits the parameters of all cameras and the colours of all patches in one least-squares problem. Residuals are the
-// differences between samples and predicted levels in sigmas, under a Cauchy loss of 2. The patches of a chart have the
-// same colours at all positions of the chart, except for one brightness and one linear gradient per position. This
-// constrains vignetting.
-//
-// Colours are relative, so the mean camera is defined to be without faults, except for vignetting. Weak priors fix the
-// remaining freedom. The resulting models are valid (model_error()); parameters are reduced if necessary.
-//
-// `apart` marks cameras that are left out of this mean (may be empty). `patches` marks the patches to use (empty: all).
-// `start` is a fit with fewer terms, or null.
-ColourFit fit_colours(const Rig& rig, const ColourSamples& samples, const ColourTerms& terms,
-                      const std::vector<bool>& apart = {}, const std::vector<bool>& patches = {},
-                      const ColourFit* start = nullptr);
-
 // How much the colours of corrected cameras differ at common patches, per channel and pair of cameras, in levels.
 struct ColourDifferences {
   double median = 0, p95 = 0, rms = 0;
@@ -57,13 +35,6 @@ struct ColourDifferences {
 ColourDifferences colour_differences(const Rig& rig, const ColourSamples& samples,
                                      const std::vector<ColourModel>& models, const std::vector<bool>& patches = {},
                                      const std::vector<bool>& cameras = {});
-
-// Returns the level that a camera's colour sample has after correction, including vignetting.
-Vec3 corrected_level(const Camera& camera, const ColourModel& model, const ColourSample& sample);
-
-struct ColourSolveOptions {
-  std::function<void(const std::string& step)> progress;  // called before each step; may throw to cancel
-};
 
 // Colour models of an array, with only as many parameters as the samples justify.
 struct ColourSolution {
@@ -93,7 +64,8 @@ struct ColourSolution {
 // Fits colour models and decides which terms they need. The decision uses fits without a quarter of the patches.
 // Starting with brightness alone, each round adds the term that reduces the differences on the left-out patches most,
 // as long as it improves them by at least 3 % and 0.05 levels. The final models are fitted to all patches. Throws Error
-// if fewer than two cameras can be compared.
-ColourSolution solve_colours(const Rig& rig, const ColourSamples& samples, const ColourSolveOptions& options = {});
+// if fewer than two cameras can be compared. Calls `progress` before each step; it may throw to cancel.
+ColourSolution solve_colours(const Rig& rig, const ColourSamples& samples,
+                             const std::function<void(const std::string& step)>& progress = {});
 
 }  // namespace lf

@@ -129,6 +129,13 @@ class CameraManifold : public ceres::Manifold {
   int lens_[kNumLensTerms];
 };
 
+// Returns a cost function that Ceres differentiates. `kSizes` are the numbers of residuals and of the values in each
+// block.
+template <int... kSizes, class Cost>
+ceres::CostFunction* auto_diff(const Cost& cost) {
+  return new ceres::AutoDiffCostFunction<Cost, kSizes...>(new Cost(cost));
+}
+
 // Number of the coordinates in TargetState::v that a kind of target uses.
 constexpr int target_size(TargetState::Kind kind) {
   return kind == TargetState::Kind::kBoard ? 7 : kind == TargetState::Kind::kBar ? 6 : 3;

@@ -41,10 +41,7 @@ std::vector<MovingTrack> tracks_of(const Solution& solution, const Tracks& track
     size_t good = 0;
     for (const uint32_t index : sights) {
       const Observation& o = tracks.observations[index];
-      const CameraState& camera = solution.scene.cameras[o.camera];
-      const TargetState& target = solution.scene.targets[o.position];
-      if (!camera.used || !target.has(o.light)) continue;
-      const auto e = residual(camera, target, o);
+      const auto e = solution.scene.residual_of(o);
       if (!e) continue;
       const double length = glm::length(*e);
       track.sights.push_back({static_cast<Eigen::Index>(o.camera), length > most ? *e * (most / length) : *e});
@@ -205,9 +202,7 @@ class Diagnosis {
       if (resect_cameras(trial, moved, kResection) < 1 || !trial.cameras[i].used) continue;
       double fit = 0;
       for (const uint32_t index : by_camera_[i]) {
-        const Observation& o = moved.observations[index];
-        if (!trial.targets[o.position].has(o.light)) continue;
-        const auto e = residual(trial.cameras[i], trial.targets[o.position], o);
+        const auto e = trial.residual_of(moved.observations[index]);
         if (e) fit += std::max(0.0, 1 - glm::dot(*e, *e) / (kResection * kResection));
       }
       if (frames == 0) now = fit;
@@ -349,7 +344,6 @@ class Diagnosis {
   void judge_modes() {
     const Uncertainty& u = solution_.uncertainty;
     double f = 0, position = 0, rotation = 0, n = 0;
-    std::vector<Pose> poses;
     Eigen::VectorXd mean = Eigen::VectorXd::Zero(u.covariance.rows());
     for (size_t i = 0; i < scene().cameras.size(); i++) {
       const int row = u.camera_row[i];
@@ -358,9 +352,8 @@ class Diagnosis {
       if (u.camera_size > 6) mean[row + 6] = 1;
       position += u.covariance.diagonal().segment(row + 3, 3).sum();
       rotation += u.covariance.diagonal().segment(row, 3).sum();
-      poses.push_back(scene().cameras[i].pose());
     }
-    const double depth = u.sigma_of(mean) / f, pitch = neighbour_distance(poses);
+    const double depth = u.sigma_of(mean) / f, pitch = neighbour_distance(scene().used_poses());
     const bool board = !tracks_.board.empty();
     const char* cure = board         ? "tilt the board more, and show it closer and at more depths"
                        : tracks_.bar ? "move the bar closer, and through a larger range of depths"
@@ -406,15 +399,14 @@ class Diagnosis {
   }
 
   void judge_scale() {
-    std::vector<Pose> poses;
-    for (const CameraState& camera : scene().cameras)
-      if (camera.used) poses.push_back(placement_.world_from_scene(camera.pose()));
     if (placement_.scale_from.empty()) {
       add(Severity::kWarning, "no-scale",
           "the scale is unknown: the distance between neighbours is set to 1. Give --bar, --pitch, --distance or "
           "--prior");
       return;
     }
+    std::vector<Pose> poses = scene().used_poses();
+    for (Pose& pose : poses) pose = placement_.world_from_scene(pose);
     const double pitch = neighbour_distance(poses);
     if (pitch < kClosest || pitch > kWidest)
       add(Severity::kError, "odd-scale",

@@ -26,6 +26,13 @@ constexpr double kMinScale = 0.2;  // minimum scale of the area per step, so tha
 // Minimum condition of the information matrix. It rejects edges, because a position along an edge is ambiguous.
 constexpr float kMinCondition = 1e-4;
 
+cv::Mat grey_of(const Image& image) {
+  const cv::Mat rgb(image.height(), image.width(), CV_8UC3, const_cast<uint8_t*>(image.data().data()));
+  cv::Mat grey;
+  cv::cvtColor(rgb, grey, cv::COLOR_RGB2GRAY);
+  return grey;
+}
+
 }  // namespace
 
 const Patch::Values& Patch::weights() {
@@ -141,10 +148,8 @@ float dot(const Weights& a, const float* p) { return a.w[0] * p[0] + a.w[1] * p[
 
 SplineImage::SplineImage(const Image& rgb)
     : width_(rgb.width()), height_(rgb.height()), coefficients_(static_cast<size_t>(width_) * height_) {
-  const cv::Mat image(height_, width_, CV_8UC3, const_cast<uint8_t*>(rgb.data().data()));
-  cv::Mat grey, smooth(height_, width_, CV_32F, coefficients_.data());
-  cv::cvtColor(image, grey, cv::COLOR_RGB2GRAY);
-  grey.convertTo(smooth, CV_32F);
+  cv::Mat smooth(height_, width_, CV_32F, coefficients_.data());
+  grey_of(rgb).convertTo(smooth, CV_32F);
   for (int y = 0; y < height_; y++) prefilter(coefficients_.data() + static_cast<size_t>(y) * width_, width_, 1);
   for (int x = 0; x < width_; x++) prefilter(coefficients_.data() + x, height_, width_);
 }
@@ -179,6 +184,8 @@ constexpr int kFlowWindow = 15;        // pixels; larger windows span several de
 constexpr int kLevels = 3;             // pyramid levels below full resolution
 constexpr double kQuality = 0.01;      // minimum corner quality, relative to the best corner
 constexpr double kSpacing = 6;         // pixels between corners
+constexpr double kRoundTrip = 0.3;     // maximum error after tracking forward and backward, pixels
+constexpr double kEpipolar = 1;        // maximum distance from the epipolar line, pixels
 constexpr double kMaxDifference = 12;  // mean difference over a window, grey levels; larger: a different point
 // Minimum correlation of a track's patches. A lower value means that the patch contains the edge of an object in front
 // of another.
@@ -187,13 +194,6 @@ constexpr size_t kMinForEpipolar = 20;
 constexpr size_t kMinTracks = 20;
 
 using Pyramid = std::vector<cv::Mat>;
-
-cv::Mat grey_of(const Image& image) {
-  const cv::Mat rgb(image.height(), image.width(), CV_8UC3, const_cast<uint8_t*>(image.data().data()));
-  cv::Mat grey;
-  cv::cvtColor(rgb, grey, cv::COLOR_RGB2GRAY);
-  return grey;
-}
 
 std::vector<size_t> cameras_far_apart(const Rig& rig, size_t count) {
   Vec3 middle(0, 0, 0);
@@ -297,7 +297,7 @@ class Tracker {
     std::vector<cv::Point2f> from, to;
     for (size_t i = 0; i < tracks.size(); i++) {
       if (!found[i] || !came_back[i] || !(difference[i] < kMaxDifference) || !inside.contains(there[i]) ||
-          !(cv::norm(back[i] - start[i]) < options_.round_trip))
+          !(cv::norm(back[i] - start[i]) < kRoundTrip))
         continue;
       kept.push_back(i);
       from.push_back(start[i]);
@@ -305,7 +305,7 @@ class Tracker {
     }
     std::vector<uint8_t> agrees(kept.size(), 1);
     if (kept.size() >= kMinForEpipolar)
-      cv::findFundamentalMat(from, to, cv::USAC_MAGSAC, options_.epipolar, 0.999, 1000, agrees);
+      cv::findFundamentalMat(from, to, cv::USAC_MAGSAC, kEpipolar, 0.999, 1000, agrees);
     for (size_t k = 0; k < kept.size(); k++)
       if (k < agrees.size() && agrees[k]) tracks[kept[k]].seen.emplace_back(camera, to[k]);
   }

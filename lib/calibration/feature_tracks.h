@@ -69,8 +69,6 @@ struct FeatureOptions {
   int references = 16;
   int features = 400;
   int least_cameras = 4;                                  // minimum number of cameras in a track
-  double round_trip = 0.3;                                // maximum error after tracking forward and backward, pixels
-  double epipolar = 1;                                    // maximum distance from the epipolar line, pixels
   std::function<void(const std::string& step)> progress;  // called before each reference; may throw to cancel
 };
 

@@ -7,6 +7,7 @@
 #include <random>
 
 #include <Eigen/Eigenvalues>
+#include <glm/gtc/type_ptr.hpp>
 #include <opencv2/calib3d.hpp>
 
 #include "base/maths.h"
@@ -257,8 +258,7 @@ class Factorisation {
       if (column.known) disparities.push_back(column.disparity);
     }
     if (disparities.empty()) return;
-    std::nth_element(disparities.begin(), disparities.begin() + disparities.size() / 2, disparities.end());
-    const double middle = disparities[disparities.size() / 2], scale = middle < 0 ? -spread : spread;
+    const double middle = median(std::move(disparities)), scale = middle < 0 ? -spread : spread;
     for (auto& camera : factors_.cameras) {
       camera.turn -= camera.centre * slope;
       camera.centre /= scale;
@@ -304,11 +304,13 @@ namespace {
 constexpr double kFactorThreshold = 0.02;
 constexpr double kMinFit = 0.3;
 
-Quat small_turn(const Vec2& turn) {
-  // The image of the forward point moves to `turn`, so the camera rotates in the opposite direction.
-  const Vec3 axis(turn.y, -turn.x, 0);
-  const double angle = glm::length(axis);
-  return angle > 0 ? glm::angleAxis(angle, axis / angle) : Quat(1, 0, 0, 0);
+// Treats each end of a bar as a separate point, because the scale is unknown at this stage.
+Tracks without_bars(Tracks tracks) {
+  if (!tracks.bar) return tracks;
+  tracks.bar = false;
+  tracks.num_positions *= 2;
+  for (Observation& o : tracks.observations) o.position = o.position * 2 + o.light, o.light = 0;
+  return tracks;
 }
 
 }  // namespace
@@ -325,7 +327,8 @@ double layout_from_disparities(Reconstruction& scene, const Tracks& tracks) {
     const auto& factor = factors.cameras[i];
     CameraState& camera = scene.cameras[i];
     camera.used = factor.inliers > kMinFit;
-    if (camera.used) camera.set_pose({Vec3(factor.centre, 0), small_turn(factor.turn)});
+    // The image of the forward point moves to `turn`, so the camera rotates in the opposite direction.
+    if (camera.used) camera.set_pose({Vec3(factor.centre, 0), turned_by({factor.turn.y, -factor.turn.x, 0})});
   }
   triangulate_from_poses(scene, tracks, kFactorThreshold * scene.batch_mean[kF]);
   return factors.inliers;
@@ -334,10 +337,7 @@ double layout_from_disparities(Reconstruction& scene, const Tracks& tracks) {
 void triangulate_from_poses(Reconstruction& scene, const Tracks& tracks, double threshold) {
   scene.targets.assign(tracks.num_positions, {});
   if (!tracks.bar) return triangulate_targets(scene, tracks, threshold);
-  Tracks single = tracks;
-  single.bar = false;
-  single.num_positions = tracks.num_positions * 2;
-  for (Observation& o : single.observations) o.position = o.position * 2 + o.light, o.light = 0;
+  const Tracks single = without_bars(tracks);
   Reconstruction points = scene;
   points.targets.assign(single.num_positions, {});
   triangulate_targets(points, single, threshold);
@@ -346,8 +346,7 @@ void triangulate_from_poses(Reconstruction& scene, const Tracks& tracks, double 
     if (points.targets[2 * j].has(0) && points.targets[2 * j + 1].has(0))
       lengths.push_back(glm::length(points.targets[2 * j].point(0) - points.targets[2 * j + 1].point(0)));
   if (lengths.empty()) return;
-  std::nth_element(lengths.begin(), lengths.begin() + lengths.size() / 2, lengths.end());
-  const double length = lengths[lengths.size() / 2];
+  const double length = median(std::move(lengths));
   for (CameraState& camera : scene.cameras)
     for (int i = 4; i < 7; i++) camera.v[i] /= length;
   triangulate_targets(scene, tracks, threshold);
@@ -415,9 +414,7 @@ int resect_cameras(Reconstruction& scene, const Tracks& tracks, double threshold
         std::max<double>(kMinPairPoints, kMinInlierShare * static_cast<double>(points.size())))
       continue;
     cv::Rodrigues(turn, rotation);  // camera_from_world
-    Mat3 r;
-    for (int row = 0; row < 3; row++)
-      for (int column = 0; column < 3; column++) r[row][column] = rotation.at<double>(row, column);  // transposed
+    const Mat3 r = glm::make_mat3(rotation.ptr<double>());  // transposed
     const Vec3 t(shift.at<double>(0), shift.at<double>(1), shift.at<double>(2));
     camera.set_pose({centre - size * (r * t), glm::quat_cast(r)});
     camera.used = true;
@@ -432,15 +429,6 @@ constexpr double kAgree = 0.1;  // radians between a relative rotation and the a
 constexpr int kLayoutRounds = 20;
 constexpr double kStraight = 0.05;   // radians; rays with a larger error are down-weighted
 constexpr double kDegenerate = 0.3;  // ratio of the smallest eigenvalue to the next
-
-// Treats each end of a bar as a separate point, because the scale is unknown at this stage.
-Tracks without_bars(Tracks tracks) {
-  if (!tracks.bar) return tracks;
-  tracks.bar = false;
-  tracks.num_positions *= 2;
-  for (Observation& o : tracks.observations) o.position = o.position * 2 + o.light, o.light = 0;
-  return tracks;
-}
 
 // Improves a layout that starts from poses with errors of up to `reach` pixels: triangulates, adjusts, and resects
 // further cameras. Returns the number of placed cameras.
@@ -459,8 +447,7 @@ int grow(Reconstruction& scene, const Tracks& tracks, double reach, double thres
     more = resect_cameras(scene, points, 2 * threshold);
   }
   triangulate_from_poses(scene, tracks, threshold);
-  return static_cast<int>(
-      std::count_if(scene.cameras.begin(), scene.cameras.end(), [](const CameraState& c) { return c.used; }));
+  return static_cast<int>(scene.used_poses().size());
 }
 
 void forget_poses(Reconstruction& scene) {

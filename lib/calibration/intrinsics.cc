@@ -49,6 +49,7 @@ enum Column { kRotation = 0, kTranslation = 3, kFocalX = 6, kFocalY = 7, kCentre
 struct OpenCvFit {
   cv::Mat matrix, distortion;
   std::vector<cv::Mat> rotations, translations;
+  std::vector<cv::Point3f> corners;  // of the board
 };
 
 std::vector<cv::Point2f> points_of(const std::vector<Vec2>& corners) {
@@ -110,14 +111,8 @@ bool is_free(size_t corner, int axis, const CalibrationBoard& board) {
 
 double length_of(const cv::Point2f& p) { return std::hypot(p.x, p.y); }
 
-}  // namespace
-
-std::string ZhangModel::name() const { return std::string(lens_model_name(lens)) + (free_board ? ", board free" : ""); }
-
-ZhangFit fit_zhang(const std::vector<BoardView>& views, const CalibrationBoard& board, int width, int height,
-                   const ZhangModel& model) {
-  if (views.size() < 3)
-    throw Error("at least 3 views of the board are needed, there are " + std::to_string(views.size()));
+OpenCvFit calibrate_views(const std::vector<BoardView>& views, const CalibrationBoard& board, int width, int height,
+                          const ZhangModel& model) {
   std::vector<cv::Point3f> nominal;
   for (size_t i = 0; i < board.num_corners(); i++) {
     const Vec2 corner = board.corner(i);
@@ -134,16 +129,45 @@ ZhangFit fit_zhang(const std::vector<BoardView>& views, const CalibrationBoard& 
 
   OpenCvFit fit;
   fit.matrix = cv::Mat::eye(3, 3, CV_64F);
-  std::vector<cv::Point3f> corners = nominal;
+  fit.corners = nominal;
   try {
     cv::calibrateCameraRO(objects, images, {width, height}, model.free_board ? board.grid_columns() - 1 : -1,
-                          fit.matrix, fit.distortion, fit.rotations, fit.translations, corners, flags_of(model.lens),
-                          {cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 100, 1e-12});
+                          fit.matrix, fit.distortion, fit.rotations, fit.translations, fit.corners,
+                          flags_of(model.lens), {cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 100, 1e-12});
   } catch (const cv::Exception& e) {
     throw Error("the views do not determine a lens: " + e.err);
   }
-  if (!model.free_board) corners = nominal;
+  if (!model.free_board) fit.corners = nominal;
+  return fit;
+}
 
+// Returns the covariance of the first `num_lens` parameters, row by row, from the normal equations of a fit.
+std::vector<double> lens_covariance(const Eigen::MatrixXd& normal, int num_lens, double variance,
+                                    const ZhangModel& model) {
+  // Scaled to a unit diagonal, because focal lengths and distortion terms differ by six orders of magnitude.
+  const Eigen::VectorXd scale = normal.diagonal().cwiseSqrt().cwiseMax(1e-300).cwiseInverse();
+  const Eigen::MatrixXd scaled = scale.asDiagonal() * normal * scale.asDiagonal();
+  const Eigen::LDLT<Eigen::MatrixXd> factors(scaled);
+  if (factors.info() != Eigen::Success || !(factors.vectorD().minCoeff() > 1e-13))
+    throw Error("the views do not determine " + model.name() + ": tilt the board more");
+  const Eigen::MatrixXd inverse = factors.solve(Eigen::MatrixXd::Identity(normal.rows(), num_lens));
+  std::vector<double> covariance;
+  for (int r = 0; r < num_lens; r++)
+    for (int c = 0; c < num_lens; c++)
+      covariance.push_back(variance * scale[r] * scale[c] * (inverse(r, c) + inverse(c, r)) / 2);
+  return covariance;
+}
+
+}  // namespace
+
+std::string ZhangModel::name() const { return std::string(lens_model_name(lens)) + (free_board ? ", board free" : ""); }
+
+ZhangFit fit_zhang(const std::vector<BoardView>& views, const CalibrationBoard& board, int width, int height,
+                   const ZhangModel& model) {
+  if (views.size() < 3)
+    throw Error("at least 3 views of the board are needed, there are " + std::to_string(views.size()));
+  const OpenCvFit fit = calibrate_views(views, board, width, height, model);
+  const std::vector<cv::Point3f>& corners = fit.corners;
   ZhangFit result;
   result.model = model;
   result.lens = lens_of(model.lens, fit.matrix, fit.distortion);
@@ -166,8 +190,9 @@ ZhangFit fit_zhang(const std::vector<BoardView>& views, const CalibrationBoard& 
     cv::Rodrigues(fit.rotations[v], rotation);
     Eigen::Matrix3d r;
     for (int i = 0; i < 9; i++) r(i / 3, i % 3) = rotation.at<double>(i / 3, i % 3);
+    const std::vector<cv::Point2f> image = points_of(views[v].corners);
     double view_sum = 0;
-    for (size_t i = 0; i < seen.size(); i++) view_sum += std::pow(length_of(seen[i] - images[v][i]), 2);
+    for (size_t i = 0; i < seen.size(); i++) view_sum += std::pow(length_of(seen[i] - image[i]), 2);
     result.view_rms.push_back(std::sqrt(view_sum / static_cast<double>(seen.size())));
     sum += view_sum;
     num_points += static_cast<double>(seen.size());
@@ -193,17 +218,7 @@ ZhangFit fit_zhang(const std::vector<BoardView>& views, const CalibrationBoard& 
   if (num_residuals <= num_params) throw Error("there are too few views for the model " + model.name());
   result.bic = num_residuals * std::log(sum / num_residuals) + num_params * std::log(num_residuals);
 
-  // Scaled to a unit diagonal, because focal lengths and distortion terms differ by six orders of magnitude.
-  const Eigen::VectorXd scale = normal.diagonal().cwiseSqrt().cwiseMax(1e-300).cwiseInverse();
-  const Eigen::MatrixXd scaled = scale.asDiagonal() * normal * scale.asDiagonal();
-  const Eigen::LDLT<Eigen::MatrixXd> factors(scaled);
-  if (factors.info() != Eigen::Success || !(factors.vectorD().minCoeff() > 1e-13))
-    throw Error("the views do not determine " + model.name() + ": tilt the board more");
-  const Eigen::MatrixXd inverse = factors.solve(Eigen::MatrixXd::Identity(num_params, num_lens));
-  const double variance = sum / (num_residuals - num_params);
-  for (int r = 0; r < num_lens; r++)
-    for (int c = 0; c < num_lens; c++)
-      result.covariance.push_back(variance * scale[r] * scale[c] * (inverse(r, c) + inverse(c, r)) / 2);
+  result.covariance = lens_covariance(normal, num_lens, sum / (num_residuals - num_params), model);
   return result;
 }
 

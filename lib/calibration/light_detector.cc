@@ -399,6 +399,10 @@ double frame_time_of(const LightDetections::Camera& camera) {
   return steps.empty() ? 0 : median(std::move(steps));
 }
 
+namespace {
+
+// Removes the jitter of the stamps by fitting a constant frame rate with missing frames. Returns the original stamps if
+// the frame rate is not constant.
 std::vector<double> regularised_stamps(const LightDetections::Camera& camera) {
   std::vector<double> stamps;
   for (const LightDetections::Frame& frame : camera.frames) stamps.push_back(frame.time);
@@ -419,6 +423,8 @@ std::vector<double> regularised_stamps(const LightDetections::Camera& camera) {
   }
   return even;
 }
+
+}  // namespace
 
 std::vector<LightPath> link_light_paths(const LightDetections::Camera& camera) {
   std::vector<LightPath> paths;

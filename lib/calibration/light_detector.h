@@ -69,7 +69,8 @@ struct LightPath {
   bool still = false;  // a static lamp, or one that was only switched on
 };
 
-// Connects the detections of one camera to light paths, at regularised_stamps(). Single detections are left out.
+// Connects the detections of one camera to light paths. The stamps are free of jitter if the frame rate is constant.
+// Single detections are left out.
 std::vector<LightPath> link_light_paths(const LightDetections::Camera& camera);
 
 // A position on a path between frames, from the cubic through the four surrounding points.
@@ -83,10 +84,6 @@ struct PathSample {
 std::optional<PathSample> interpolate_path(const LightPath& path, double time, double frame_time);
 
 inline constexpr int kMaxMissedFrames = 2;
-
-// Removes the jitter of the stamps by fitting a constant frame rate with missing frames. Returns the original stamps if
-// the frame rate is not constant.
-std::vector<double> regularised_stamps(const LightDetections::Camera& camera);
 
 // Returns the median frame interval in seconds, or 0 with fewer than two frames.
 double frame_time_of(const LightDetections::Camera& camera);

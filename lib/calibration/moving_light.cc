@@ -25,6 +25,21 @@ using Eigen::Matrix2d;
 using Eigen::Vector2d;
 using PathName = std::pair<uint32_t, uint32_t>;  // camera, path
 
+// A light or a reflection that one camera sees at one instant, according to the clock of the camera.
+struct LightCandidate {
+  uint32_t camera = 0, path = 0;  // `path`: index of a path of the camera
+  PathSample place;
+  double brightness = 0;  // relative to the median path of the camera
+};
+using LightCandidates = std::vector<LightCandidate>;
+
+// Tracks with one position per instant, and the candidate that each observation comes from.
+struct LightAssociation {
+  Tracks tracks;
+  std::vector<LightCandidate> made_of;
+  std::vector<size_t> reflections;  // number of candidates of each camera that are reflections
+};
+
 constexpr size_t kMinSupport = 3;  // minimum number of agreeing cameras; two rays always meet nearly
 constexpr size_t kMaxPoints = 6;   // per instant: lights and their reflections
 constexpr double kBarOff = 0.3;    // relative tolerance of the length of a bar
@@ -67,8 +82,6 @@ LightAssociation weighted(LightAssociation result) {
 
 Vector2d eigen(const Vec2& v) { return {v.x, v.y}; }
 
-}  // namespace
-
 std::vector<LightCandidates> candidates_at(const std::vector<std::vector<LightPath>>& paths,
                                            const std::vector<double>& frame_times,
                                            const std::vector<CameraClock>& clocks,
@@ -92,6 +105,9 @@ std::vector<LightCandidates> candidates_at(const std::vector<std::vector<LightPa
   return lists;
 }
 
+// Assigns candidates to the lights without knowing the cameras: the brightest candidates are the lights. The direction
+// of a bar distinguishes its two lights, because directions map from camera `reference` to any other camera like
+// velocities. Observations of a bar require that camera `reference` sees both lights.
 LightAssociation associate_by_brightness(const Tracks& cameras, const std::vector<LightCandidates>& candidates,
                                          size_t reference) {
   LightAssociation result = begin(cameras, candidates.size());
@@ -137,8 +153,6 @@ LightAssociation associate_by_brightness(const Tracks& cameras, const std::vecto
   return weighted(std::move(result));
 }
 
-namespace {
-
 struct Point {
   Vec3 at;
   std::vector<const LightCandidate*> seen;
@@ -169,9 +183,7 @@ class Geometry {
       }
       const auto point = triangulate(states_, all, indices, reach_);
       if (!point) break;
-      TargetState target;
-      target.kind = TargetState::Kind::kPoint;
-      for (int k = 0; k < 3; k++) target.v[k] = point->point[k];
+      const TargetState target = TargetState::at(point->point);
       std::map<uint32_t, std::pair<double, const LightCandidate*>> nearest;
       for (size_t i = 0; i < left.size(); i++) {
         const auto e = residual(states_[left[i]->camera], target, all.observations[i]);
@@ -215,8 +227,10 @@ class Geometry {
   size_t least_;
 };
 
-}  // namespace
-
+// Assigns candidates to the lights if the cameras are approximately known: a light is a point where all used cameras
+// agree within `reach` pixels. The two points of a bar must be one bar length (the unit of length) apart. Reflections
+// in a flat window also form such points. The brighter point is the light, and a path that is a reflection at most
+// instants is excluded completely.
 LightAssociation associate_by_geometry(const Tracks& cameras, const std::vector<LightCandidates>& candidates,
                                        const std::vector<CameraState>& states, double reach) {
   const Geometry geometry(cameras, states, reach);
@@ -255,8 +269,6 @@ LightAssociation associate_by_geometry(const Tracks& cameras, const std::vector<
   }
   return weighted(std::move(result));
 }
-
-namespace {
 
 constexpr size_t kMaxInstants = 400;  // more add little accuracy
 constexpr size_t kFirstInstants = 120;
@@ -455,10 +467,7 @@ class LightSolver {
         std::vector<std::vector<ClockSample>>(paths_.size()), std::vector<ClockObservability>(paths_.size()), {}};
     for (size_t i = 0; i < now.tracks.observations.size(); i++) {
       const Observation& seen = now.tracks.observations[i];
-      const CameraState& camera = scene_.cameras[seen.camera];
-      const TargetState& target = scene_.targets[seen.position];
-      if (!camera.used || !target.has(seen.light)) continue;
-      const auto e = residual(camera, target, seen);
+      const auto e = scene_.residual_of(seen);
       if (!e) continue;
       const Vec2 velocity = clocks.velocity[i];
       double late = 0;
@@ -467,7 +476,8 @@ class LightSolver {
       read.left.push_back(glm::length(*e + velocity * late));
       const double speed = glm::length(velocity);
       if (speed < kSlow) continue;
-      read.hidden[seen.camera].add(camera, target.point(seen.light), velocity);
+      read.hidden[seen.camera].add(scene_.cameras[seen.camera], scene_.targets[seen.position].point(seen.light),
+                                   velocity);
       read.of_camera[seen.camera].push_back(
           {clocks.stamp[i], -glm::dot(*e, velocity) / (speed * speed), now.made_of[i].place.sigma / speed});
     }

@@ -11,37 +11,6 @@
 
 namespace lf {
 
-// A light or a reflection that one camera sees at one instant, according to the clock of the camera.
-struct LightCandidate {
-  uint32_t camera = 0, path = 0;  // `path`: index of a path of the camera
-  PathSample place;
-  double brightness = 0;  // relative to the median path of the camera
-};
-using LightCandidates = std::vector<LightCandidate>;
-std::vector<LightCandidates> candidates_at(const std::vector<std::vector<LightPath>>& paths,
-                                           const std::vector<double>& frame_times,
-                                           const std::vector<CameraClock>& clocks, const std::vector<double>& instants);
-
-// Tracks with one position per instant, and the candidate that each observation comes from.
-struct LightAssociation {
-  Tracks tracks;
-  std::vector<LightCandidate> made_of;
-  std::vector<size_t> reflections;  // number of candidates of each camera that are reflections
-};
-
-// Assigns candidates to the lights without knowing the cameras: the brightest candidates are the lights. The direction
-// of a bar distinguishes its two lights, because directions map from camera `reference` to any other camera like
-// velocities. Observations of a bar require that camera `reference` sees both lights.
-LightAssociation associate_by_brightness(const Tracks& cameras, const std::vector<LightCandidates>& candidates,
-                                         size_t reference);
-
-// Assigns candidates to the lights if the cameras are approximately known: a light is a point where all used cameras
-// agree within `reach` pixels. The two points of a bar must be one bar length (the unit of length) apart. Reflections
-// in a flat window also form such points. The brighter point is the light, and a path that is a reflection at most
-// instants is excluded completely.
-LightAssociation associate_by_geometry(const Tracks& cameras, const std::vector<LightCandidates>& candidates,
-                                       const std::vector<CameraState>& states, double reach);
-
 struct LightSolution {
   Tracks tracks;                 // lights at common instants, without reflections
   std::vector<double> instants;  // true times of the positions of `tracks`, seconds

@@ -9,6 +9,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
+#include <glm/gtc/type_ptr.hpp>
 #include <opencv2/calib3d.hpp>
 
 namespace lf {
@@ -36,10 +37,7 @@ std::optional<Vec3> meet(const Ray& a, const Ray& b) {
 }
 
 double error_of(const Ray& ray, const Vec3& point) {
-  TargetState target;
-  target.kind = TargetState::Kind::kPoint;
-  for (int i = 0; i < 3; i++) target.v[i] = point[i];
-  const auto e = residual(*ray.camera, target, *ray.observation);
+  const auto e = residual(*ray.camera, TargetState::at(point), *ray.observation);
   return e ? glm::length(*e) : 1e9;
 }
 
@@ -203,9 +201,7 @@ std::optional<Pose> pose_of_pair(const PairMatches& pair, double reach, double& 
   essential = essential.rowRange(0, 3).clone();
   const int inliers = cv::recoverPose(essential, pair.in_a, pair.in_b, k, rotation, shift, fit);
   if (inliers < static_cast<int>(kMinShared) / 2) return std::nullopt;
-  Mat3 world_from_b;
-  for (int row = 0; row < 3; row++)
-    for (int column = 0; column < 3; column++) world_from_b[row][column] = rotation.at<double>(row, column);
+  const Mat3 world_from_b = glm::make_mat3(rotation.ptr<double>());  // transposed
   const Vec3 t(shift.at<double>(0), shift.at<double>(1), shift.at<double>(2));
   std::vector<double> angles;
   for (size_t j = 0; j < pair.in_a.size(); j++)
@@ -214,8 +210,7 @@ std::optional<Pose> pose_of_pair(const PairMatches& pair, double reach, double& 
           std::acos(std::clamp(glm::dot(glm::normalize(Vec3(pair.in_a[j].x, pair.in_a[j].y, 1)),
                                         glm::normalize(world_from_b * Vec3(pair.in_b[j].x, pair.in_b[j].y, 1))),
                                -1.0, 1.0)));
-  std::nth_element(angles.begin(), angles.begin() + angles.size() / 2, angles.end());
-  score = inliers * std::min(angles[angles.size() / 2], kWideEnough);
+  score = inliers * std::min(median(std::move(angles)), kWideEnough);
   return Pose{-(world_from_b * t), glm::quat_cast(world_from_b)};
 }
 
@@ -247,11 +242,6 @@ Vec3 turn_of(Quat q) {
   const Vec3 axis(q.x, q.y, q.z);
   const double s = glm::length(axis);
   return s > 0 ? axis * (2 * std::atan2(s, q.w) / s) : Vec3(0, 0, 0);
-}
-
-Quat turned_by(const Vec3& turn) {
-  const double angle = glm::length(turn);
-  return angle > 0 ? glm::angleAxis(angle, turn / angle) : Quat(1, 0, 0, 0);
 }
 
 // Returns for each pair the number of consistent triplets.
@@ -302,6 +292,11 @@ std::vector<std::optional<Quat>> spanning_tree(size_t num_cameras, const std::ve
 }
 
 }  // namespace
+
+Quat turned_by(const Vec3& turn) {
+  const double angle = glm::length(turn);
+  return angle > 0 ? glm::angleAxis(angle, turn / angle) : Quat(1, 0, 0, 0);
+}
 
 double angle_of(const Quat& rotation) { return glm::length(turn_of(rotation)); }
 

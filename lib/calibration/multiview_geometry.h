@@ -48,6 +48,8 @@ struct RelativeRotation {
 // consistent triplets, then applies reweighted least squares on SO(3) (Chatterjee, Govindu 2013).
 std::vector<std::optional<Quat>> average_rotations(size_t num_cameras, std::vector<RelativeRotation> pairs);
 
+// Returns the rotation by |turn| radians about the axis `turn`.
+Quat turned_by(const Vec3& turn);
 // Returns the angle of a rotation in radians, 0 to pi.
 double angle_of(const Quat& rotation);
 

@@ -15,10 +15,8 @@ std::vector<double> residual_lengths(const Reconstruction& scene, const std::vec
   std::vector<double> lengths(observations.size(), -1);
   for (size_t i = 0; i < observations.size(); i++) {
     const Observation& o = observations[i];
-    const CameraState& camera = scene.cameras[o.camera];
-    const TargetState& target = scene.targets[o.position];
-    if (!camera.used || !target.has(o.light)) continue;
-    const auto e = residual(camera, target, o);
+    if (!scene.cameras[o.camera].used || !scene.targets[o.position].has(o.light)) continue;
+    const auto e = scene.residual_of(o);
     lengths[i] = e ? glm::length(*e) / o.sigma : 1e6;
   }
   return lengths;
@@ -26,10 +24,7 @@ std::vector<double> residual_lengths(const Reconstruction& scene, const std::vec
 
 double robust_sigma(std::vector<double> lengths) {
   std::erase_if(lengths, [](double l) { return l < 0; });
-  if (lengths.empty()) return 0;
-  const auto middle = lengths.begin() + static_cast<ptrdiff_t>(lengths.size() / 2);
-  std::nth_element(lengths.begin(), middle, lengths.end());
-  return *middle / std::sqrt(2 * std::log(2.0));
+  return lengths.empty() ? 0 : median(std::move(lengths)) / std::sqrt(2 * std::log(2.0));
 }
 
 Inliers within(const std::vector<double>& lengths, double reach, double sigma) {
@@ -124,7 +119,6 @@ void retriangulate_weak_targets(Reconstruction& scene, const Tracks& tracks, dou
 
 namespace {
 
-constexpr double kOutlierReach = 3.8;  // in sigmas of the track itself
 constexpr size_t kMinNoiseDetections = 4;
 constexpr double kPointParameters = 3;  // degrees of freedom of a track's point
 constexpr double kMedianCounts = 4;     // weight of the median, in residuals of x or y
@@ -146,7 +140,7 @@ void estimate_track_noise(const Reconstruction& scene, Tracks& tracks) {
     for (const uint32_t i : positions[j])
       if (lengths[i] >= 0) own.push_back(lengths[i]);
     if (own.size() < kMinNoiseDetections) continue;
-    const double reach = kOutlierReach * robust_sigma(own);
+    const double reach = kOutlier * robust_sigma(own);
     double sum = 0;
     for (const double l : own)
       if (l <= reach) sum += l * l, noise[j].freedom += 2;
@@ -155,14 +149,12 @@ void estimate_track_noise(const Reconstruction& scene, Tracks& tracks) {
     variances.push_back(noise[j].variance);
   }
   if (variances.empty()) return;
-  const auto middle = variances.begin() + static_cast<ptrdiff_t>(variances.size() / 2);
-  std::nth_element(variances.begin(), middle, variances.end());
-  if (!(*middle > 0)) return;
+  const double usual = median(std::move(variances));
+  if (!(usual > 0)) return;
   for (size_t j = 0; j < positions.size(); j++) {
     const auto& [variance, freedom] = noise[j];
-    const double sigma = variance < 0
-                             ? kHopeless
-                             : std::sqrt((variance * freedom / *middle + kMedianCounts) / (freedom + kMedianCounts));
+    const double sigma =
+        variance < 0 ? kHopeless : std::sqrt((variance * freedom / usual + kMedianCounts) / (freedom + kMedianCounts));
     for (const uint32_t i : positions[j]) tracks.observations[i].sigma = sigma;
   }
 }
@@ -214,13 +206,7 @@ HalfSolution solve_half(const Reconstruction& whole, const Tracks& tracks, const
   Reconstruction scene = whole;
   options.max_iterations = kIterations;
   adjust(scene, tracks.observations, use, options);
-  std::vector<Pose> from, to;
-  for (size_t i = 0; i < scene.cameras.size(); i++) {
-    if (!scene.cameras[i].used) continue;
-    from.push_back(scene.cameras[i].pose());
-    to.push_back(whole.cameras[i].pose());
-  }
-  const Similarity s = align(from, to, tracks.rigid_targets());
+  const Similarity s = align(scene.used_poses(), whole.used_poses(), tracks.rigid_targets());
   half.cameras = std::move(scene.cameras);
   for (CameraState& camera : half.cameras) camera.set_pose(s(camera.pose()));
   return half;

@@ -313,18 +313,16 @@ double neighbour_distance(const std::vector<Pose>& poses) {
   for (size_t i = 0; i < poses.size(); i++)
     for (size_t j = 0; j < poses.size(); j++)
       if (i != j) nearest[i] = std::min(nearest[i], glm::length(poses[i].position - poses[j].position));
-  std::nth_element(nearest.begin(), nearest.begin() + nearest.size() / 2, nearest.end());
-  return nearest[nearest.size() / 2];
+  return median(std::move(nearest));
 }
 
 Placement place_solution(const Solution& solution, const Tracks& tracks, const SolveOptions& options,
                          const PlacementOptions& placement) {
-  std::vector<Pose> poses;
+  const std::vector<Pose> poses = solution.scene.used_poses();
   std::vector<size_t> used, own;
   for (size_t i = 0; i < tracks.cameras.size(); i++) {
     if (!solution.scene.cameras[i].used) continue;
     used.push_back(i);
-    poses.push_back(solution.scene.cameras[i].pose());
     if (options.prior) own.push_back(*options.prior->index_of_id(tracks.cameras[i].id));
   }
   Placement result;
@@ -374,36 +372,29 @@ Placement place_solution(const Solution& solution, const Tracks& tracks, const S
 }
 
 Rig make_rig(const Solution& solution, const Tracks& tracks, const SolveOptions& options, const Placement& placement) {
-  Rig rig;
-  size_t used = 0;
+  std::vector<std::pair<size_t, Camera>> placed;  // by the place in the prior rig
   for (size_t i = 0; i < tracks.cameras.size(); i++) {
     const CameraState& state = solution.scene.cameras[i];
     if (!state.used) continue;
-    used++;
-    Camera camera;
+    const uint32_t id = tracks.cameras[i].id;
+    auto& [place, camera] = placed.emplace_back(i, Camera());
     if (options.prior) {
-      camera = options.prior->cameras[*options.prior->index_of_id(tracks.cameras[i].id)];
+      camera = options.prior->cameras[*options.prior->index_of_id(id)];
+      place = *options.prior->index_of_id(placement.stands_at.empty() ? id : placement.stands_at[i]);
     } else {
-      camera.id = tracks.cameras[i].id;
-      camera.name = "cam_" + std::to_string(camera.id);
+      camera.id = id;
+      camera.name = "cam_" + std::to_string(id);
       camera.width = state.width, camera.height = state.height;
     }
     camera.lens = state.lens();
     camera.pose = placement.world_from_scene(state.pose());
-    rig.cameras.push_back(camera);
   }
-  if (options.prior) {
-    const auto place = [&](size_t i) {
-      return *options.prior->index_of_id(placement.stands_at.empty() ? tracks.cameras[i].id : placement.stands_at[i]);
-    };
-    std::vector<std::pair<size_t, Camera>> ordered;
-    for (size_t i = 0; i < tracks.cameras.size(); i++)
-      if (const auto index = rig.index_of_id(tracks.cameras[i].id)) ordered.emplace_back(place(i), rig.cameras[*index]);
-    std::sort(ordered.begin(), ordered.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
-    for (size_t i = 0; i < ordered.size(); i++) rig.cameras[i] = std::move(ordered[i].second);
-    if (used == options.prior->cameras.size()) rig.topology = options.prior->topology;
-  }
-  if (options.prior) rig.directory = options.prior->directory;
+  std::ranges::sort(placed, {}, [](const auto& entry) { return entry.first; });
+  Rig rig;
+  for (auto& [place, camera] : placed) rig.cameras.push_back(std::move(camera));
+  if (!options.prior) return rig;
+  if (placed.size() == options.prior->cameras.size()) rig.topology = options.prior->topology;
+  rig.directory = options.prior->directory;
   return rig;
 }
 

@@ -35,10 +35,7 @@ LayoutAlignment align_to_layout(const std::vector<Pose>& found, const std::vecto
 struct PlacementOptions {
   double pitch = 0;       // median distance between nearest neighbours, metres; 0: unknown
   double bar_length = 0;  // distance between the two lights, metres; 0: unknown
-  struct Distance {
-    uint32_t a, b;
-    double metres;
-  };
+  using Distance = lightfield::CalibrationOptions::Distance;
   std::optional<Distance> distance;
 };
 

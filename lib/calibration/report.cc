@@ -48,6 +48,13 @@ const char* name_of(Finding::Severity severity) {
   return "error";
 }
 
+ordered_json to_json(const std::vector<Finding>& findings) {
+  ordered_json list = ordered_json::array();
+  for (const Finding& f : findings)
+    list.push_back({{"severity", name_of(f.severity)}, {"code", f.code}, {"text", f.text}});
+  return list;
+}
+
 ordered_json calibration_report(const Solution& solution, const Tracks& tracks, const Placement& placement,
                                 const std::vector<Finding>& findings) {
   const auto lengths = residual_lengths(solution.scene, tracks.observations);
@@ -88,9 +95,7 @@ ordered_json calibration_report(const Solution& solution, const Tracks& tracks, 
                                 {"transfer_px", trial.transfer_px ? ordered_json(*trial.transfer_px) : nullptr},
                                 {"chosen", trial.chosen}});
   report["scale_from"] = placement.scale_from;
-  report["findings"] = ordered_json::array();
-  for (const Finding& f : findings)
-    report["findings"].push_back({{"severity", name_of(f.severity)}, {"code", f.code}, {"text", f.text}});
+  report["findings"] = to_json(findings);
   report["cameras"] = ordered_json::array();
   for (size_t i = 0; i < tracks.cameras.size(); i++) {
     report["cameras"].push_back({{"id", tracks.cameras[i].id},
@@ -146,9 +151,7 @@ struct ArrayFrame {
   explicit ArrayFrame(const Reconstruction& scene) {
     Vec3 forward(0, 0, 0), right(0, 0, 0);
     std::vector<Vec3> centres;
-    for (const CameraState& camera : scene.cameras) {
-      if (!camera.used) continue;
-      const Pose pose = camera.pose();
+    for (const Pose& pose : scene.used_poses()) {
       centres.push_back(pose.position), middle += pose.position, forward += pose.forward(), right += pose.right();
     }
     const auto n = static_cast<double>(centres.size());
@@ -166,10 +169,9 @@ class SoftModeFinder {
  public:
   SoftModeFinder(const Solution& solution, const Placement& placement)
       : scene_(solution.scene), u_(solution.uncertainty), scale_(placement.world_from_scene.scale), frame_(scene_) {
-    std::vector<Pose> poses;
     for (size_t i = 0; i < scene_.cameras.size(); i++)
-      if (u_.camera_row[i] >= 0) used_.push_back(i), poses.push_back(scene_.cameras[i].pose());
-    neighbours_ = neighbour_distance(poses);
+      if (u_.camera_row[i] >= 0) used_.push_back(i);
+    neighbours_ = neighbour_distance(scene_.used_poses());
     n_ = static_cast<double>(used_.size());
   }
 
@@ -307,12 +309,7 @@ struct PointProjection {
   Eigen::Matrix<double, 2, 3> by_point;
 };
 std::optional<PointProjection> project(const CameraState& camera, const Vec3& point, const Uncertainty& u) {
-  const auto pixel = [](const CameraState& state, const Vec3& at) {
-    TargetState target;
-    target.kind = TargetState::Kind::kPoint;
-    for (int k = 0; k < 3; k++) target.v[k] = at[k];
-    return residual(state, target, {});
-  };
+  const auto pixel = [](const CameraState& state, const Vec3& at) { return residual(state, TargetState::at(at), {}); };
   const auto at = pixel(camera, point);
   if (!at || at->x < -0.5 || at->y < -0.5 || at->x > camera.width - 0.5 || at->y > camera.height - 0.5)
     return std::nullopt;
@@ -447,9 +444,8 @@ void add_observations(const Solution& solution, const Tracks& tracks, const std:
     const int column = static_cast<int>((o.pixel.x + 0.5) * kColumns / state.width);
     const int row = static_cast<int>((o.pixel.y + 0.5) * kRows / state.height);
     counts[static_cast<size_t>(std::clamp(row, 0, kRows - 1) * kColumns + std::clamp(column, 0, kColumns - 1))]++;
-    const TargetState& target = solution.scene.targets[o.position];
-    if (k % every != 0 || !state.used || !target.has(o.light)) continue;
-    if (const auto e = residual(state, target, o))
+    if (k % every != 0) continue;
+    if (const auto e = solution.scene.residual_of(o))
       residuals.push_back({rounded(o.pixel.x), rounded(o.pixel.y), rounded(e->x), rounded(e->y)});
   }
   value["coverage"] = counts;

@@ -5,22 +5,19 @@
 #include <string>
 #include <vector>
 
+#include <lightfield/calibration.h>
 #include <nlohmann/json_fwd.hpp>
 
 #include "calibration/placement.h"
 
 namespace lf {
 
-// A problem or remark about a calibration, for the user.
-struct Finding {
-  enum class Severity { kNote, kWarning, kError };
-  Severity severity;
-  std::string code;  // name for programs, for example "swapped-cameras"
-  std::string text;
-};
+using lightfield::Finding;
 
 // Returns "note", "warning" or "error", as in reports.
 const char* name_of(Finding::Severity severity);
+// Returns [{"severity", "code", "text"}, ...].
+nlohmann::ordered_json to_json(const std::vector<Finding>& findings);
 
 // Returns the report of a calibration as JSON, for people and for programs. The members are:
 // "format": "lightfield-calibration", "version"

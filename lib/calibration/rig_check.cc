@@ -34,9 +34,7 @@ struct PointObservation {
 using Change = Eigen::Matrix<double, kWithFocal, 1>;  // translation, rotation, relative focal length
 
 std::optional<Vec2> projected(const Camera& camera, const Vec3& at, const Change& change) {
-  const Vec3 turn(change[3], change[4], change[5]);
-  const double angle = glm::length(turn);
-  const Quat rotation = angle > 0 ? glm::angleAxis(angle, turn / angle) : Quat(1, 0, 0, 0);
+  const Quat rotation = turned_by({change[3], change[4], change[5]});
   const auto pixel = camera.lens.project(glm::conjugate(rotation) * (at - Vec3(change[0], change[1], change[2])));
   if (!pixel) return std::nullopt;
   const Vec2 centre = camera.principal_point();
@@ -317,10 +315,8 @@ const char* name_of(State state) {
   return "unknown";
 }
 
-std::string name_of(const Rig& rig, uint32_t id) {
-  const auto index = rig.index_of_id(id);
-  const std::string name = index ? rig.cameras[*index].name : "";
-  return "camera " + std::to_string(id) + (name.empty() ? "" : " (" + name + ")");
+const Camera& camera_of(const Rig& rig, const RigCheck::Camera& camera) {
+  return rig.cameras[rig.index_of_id(camera.id).value()];
 }
 
 }  // namespace
@@ -332,7 +328,7 @@ std::vector<Finding> diagnose_check(const Rig& rig, const RigCheck& check, doubl
                         "too many cameras deviate to identify the cameras that moved: calibrate the rig again"});
   } else {
     for (const RigCheck::Camera& camera : check.cameras) {
-      const std::string who = name_of(rig, camera.id);
+      const std::string who = camera_of(rig, camera).label();
       if (camera.state == State::kMoved)
         findings.push_back({Severity::kError, "moved-camera",
                             format_text("%s has moved, its image by %.1f pixels%s. Put it back, or calibrate again",
@@ -358,7 +354,7 @@ std::vector<Finding> diagnose_check(const Rig& rig, const RigCheck& check, doubl
           {Severity::kWarning, "unseen-camera",
            format_text("%s saw the light at only %zu positions, too few for a check. Move the light in front of this "
                        "camera too",
-                       name_of(rig, camera.id).c_str(), camera.sights)});
+                       camera_of(rig, camera).label().c_str(), camera.sights)});
   if (check.bar && bar_length > 0 && std::abs(*check.bar / bar_length - 1) > kScaleOff)
     findings.push_back({Severity::kWarning, "wrong-scale",
                         format_text("the bar measures %.1f mm in this rig instead of %.1f mm: %s", 1e3 * *check.bar,
@@ -374,14 +370,11 @@ ordered_json check_report(const Rig& rig, const RigCheck& check, const std::vect
                          {"holds", check.holds()},       {"lights", check.lights}, {"residual_px", check.residual_px},
                          {"shift_px", check.shift_px}};
   if (check.bar) report["bar_metres"] = *check.bar;
-  report["findings"] = ordered_json::array();
-  for (const Finding& f : findings)
-    report["findings"].push_back({{"severity", name_of(f.severity)}, {"code", f.code}, {"text", f.text}});
+  report["findings"] = to_json(findings);
   report["cameras"] = ordered_json::array();
   for (const RigCheck::Camera& camera : check.cameras) {
-    const auto index = rig.index_of_id(camera.id);
     report["cameras"].push_back({{"id", camera.id},
-                                 {"name", index ? rig.cameras[*index].name : ""},
+                                 {"name", camera_of(rig, camera).name},
                                  {"state", name_of(camera.state)},
                                  {"sights", camera.sights},
                                  {"residual_px", camera.residual_px},

@@ -18,11 +18,11 @@ namespace lf {
 namespace {
 
 constexpr double kMinSigma = 1e-3;  // pixels; below any real noise, avoids division by zero with exact data
-constexpr double kSolveRobust = 2;  // scale of the Cauchy loss, sigmas
+constexpr double kRobust = 2;       // scale of the Cauchy loss, sigmas
+constexpr double kSettled = 0.05;   // change of sigma
 constexpr double kFits = 4;         // pixels; residual scale of a correct first layout
 constexpr double kGoodFit = 0.5;
-constexpr double kCoarse = 8;           // pixels; tolerance of a first layout
-constexpr double kSolveSettled = 0.05;  // change of sigma
+constexpr double kCoarse = 8;  // pixels; tolerance of a first layout
 constexpr size_t kMaxInitialObservations = 4000;
 constexpr size_t kMinPositions = 50;
 constexpr size_t kMaxInitialCorners = 20000, kMinCorners = 12;
@@ -45,6 +45,23 @@ Tracks subsample_tracks(Tracks tracks, size_t enough = kMaxInitialObservations) 
   const size_t n = std::min(tracks.observations.size() / enough, tracks.num_positions / kMinPositions);
   if (n > 1) std::erase_if(tracks.observations, [&](const Observation& o) { return o.position % n != 0; });
   return tracks;
+}
+
+double sigma_of(const Reconstruction& scene, const Tracks& tracks) {
+  return std::max(kMinSigma, robust_sigma(residual_lengths(scene, tracks.observations)));
+}
+
+// Adjusts to all observations under a robust loss, with the current sigma in each round. `rounds` are the maximum
+// numbers of iterations. The function stops early if sigma has settled.
+void adjust_robustly(Reconstruction& scene, const Tracks& tracks, AdjustmentOptions options, double tolerance,
+                     const std::vector<int>& rounds) {
+  options.robust = kRobust, options.tolerance = tolerance;
+  for (size_t round = 0; round < rounds.size(); round++) {
+    const double sigma = sigma_of(scene, tracks);
+    if (round > 0 && std::abs(sigma / options.sigma - 1) < kSettled) break;
+    options.sigma = sigma, options.max_iterations = rounds[round];
+    adjust(scene, tracks.observations, Inliers(tracks.observations.size(), true), options);
+  }
 }
 
 class RigSolver {
@@ -108,11 +125,8 @@ class RigSolver {
       if (now <= best_fit) return;
       best_fit = now, best = scene(), solution_.start = name;
     };
-    const auto used = [&] {
-      return std::count_if(scene().cameras.begin(), scene().cameras.end(), [](const auto& c) { return c.used; }) >= 2;
-    };
     attempt(
-        "disparities", [&] { return layout_from_disparities(scene(), tracks_) > 0 && used(); }, false);
+        "disparities", [&] { return layout_from_disparities(scene(), tracks_) > 0 && count_used() >= 2; }, false);
     if (has_layout())
       attempt(
           "the prior rig's layout", [&] { return nominal_layout(); }, false);
@@ -158,25 +172,14 @@ class RigSolver {
     return true;
   }
 
-  double sigma_now() { return sigma_of(tracks_); }
-  double sigma_of(const Tracks& tracks) {
-    return std::max(kMinSigma, robust_sigma(residual_lengths(scene(), tracks.observations)));
-  }
+  double sigma_now() { return sigma_of(scene(), tracks_); }
 
-  void robust(const Tracks& tracks, const std::array<bool, kNumLensTerms>& free, int rounds, int iterations = 4) {
+  void robust(const Tracks& tracks, const std::array<bool, kNumLensTerms>& free, size_t rounds, int iterations = 4) {
     AdjustmentOptions o = solution_.model;
     o.free = free;
-    o.robust = kSolveRobust;
-    o.max_iterations = iterations;
-    o.tolerance = 1e-3;
-    for (int round = 0; round < rounds; round++) {
-      const double sigma = sigma_of(tracks);
-      if (round > 0 && std::abs(sigma / o.sigma - 1) < kSolveSettled) break;
-      o.sigma = sigma;
-      adjust(scene(), tracks.observations, Inliers(tracks.observations.size(), true), o);
-    }
+    adjust_robustly(scene(), tracks, o, 1e-3, std::vector<int>(rounds, iterations));
   }
-  void robust_shared_f(const Tracks& tracks, int rounds) {
+  void robust_shared_f(const Tracks& tracks, size_t rounds) {
     solution_.model.shared[kF] = true;
     robust(tracks, {true}, rounds);
     solution_.model.shared[kF] = false;
@@ -227,7 +230,7 @@ class RigSolver {
     }
     before_ = count_used();
     try_left_out_cameras();
-    triangulate_targets(scene(), tracks_, 4 * sigma_of(sample_));
+    triangulate_targets(scene(), tracks_, 4 * sigma_of(scene(), sample_));
     robust(tracks_, solution_.model.free, 2, 8);
   }
 
@@ -259,9 +262,7 @@ class RigSolver {
     }
     return any;
   }
-  std::ptrdiff_t count_used() {
-    return std::count_if(scene().cameras.begin(), scene().cameras.end(), [](const auto& c) { return c.used; });
-  }
+  size_t count_used() { return scene().used_poses().size(); }
 
   void finish() {
     AdjustmentOptions o = solution_.model;
@@ -356,7 +357,7 @@ class RigSolver {
   Tracks tracks_;  // a copy, with estimated sigmas
   const SolveOptions& options_;
   const Tracks sample_;
-  std::ptrdiff_t before_ = 0;  // number of used cameras before the last attempt to add some
+  size_t before_ = 0;  // number of used cameras before the last attempt to add some
   Solution solution_;
 };
 
@@ -380,8 +381,6 @@ namespace {
 
 constexpr double kHeldOut = 0.1;
 constexpr int kMinTargetDetections = 4;  // minimum of a target with a held-out observation
-constexpr double kChoiceRobust = 2;
-constexpr double kChoiceSettled = 0.05;  // change of sigma
 constexpr DistortionModel kModels[] = {{0, false}, {1, true}, {1, false}, {2, true}, {2, false}};
 
 struct ModelFit {
@@ -390,19 +389,11 @@ struct ModelFit {
   double sigma;
 };
 
-ModelFit fit_model(Reconstruction scene, const Tracks& tracks, AdjustmentOptions options, int iterations) {
-  const Inliers all(tracks.observations.size(), true);
-  options.robust = kChoiceRobust, options.tolerance = 3e-4;
-  for (int round = 0; round < 2; round++) {
-    options.max_iterations = round == 0 ? iterations / 2 : iterations;
-    const double sigma = std::max(1e-3, robust_sigma(residual_lengths(scene, tracks.observations)));
-    if (round > 0 && std::abs(sigma / options.sigma - 1) < kChoiceSettled) break;
-    options.sigma = sigma;
-    adjust(scene, tracks.observations, all, options);
-  }
+ModelFit fit_model(Reconstruction scene, const Tracks& tracks, const AdjustmentOptions& options, int iterations) {
+  adjust_robustly(scene, tracks, options, 3e-4, {iterations / 2, iterations});
   ModelFit fit{std::move(scene), {}, 0};
   fit.lengths = residual_lengths(fit.scene, tracks.observations);
-  fit.sigma = std::max(1e-3, robust_sigma(fit.lengths));
+  fit.sigma = std::max(kMinSigma, robust_sigma(fit.lengths));
   return fit;
 }
 
@@ -432,7 +423,7 @@ std::vector<size_t> hold_out(const Tracks& tracks, const ModelFit& best) {
 double transfer(const ModelFit& fit, const Tracks& tracks, AdjustmentOptions options, const std::vector<size_t>& held) {
   Inliers use = within(fit.lengths, 2 * kOutlier, fit.sigma);
   for (const size_t i : held) use[i] = false;
-  options.sigma = fit.sigma, options.robust = kChoiceRobust, options.max_iterations = 2, options.tolerance = 1e-3;
+  options.sigma = fit.sigma, options.robust = kRobust, options.max_iterations = 2, options.tolerance = 1e-3;
   Reconstruction scene = fit.scene;
   adjust(scene, tracks.observations, use, options);
   const auto lengths = residual_lengths(scene, tracks.observations);
@@ -442,10 +433,10 @@ double transfer(const ModelFit& fit, const Tracks& tracks, AdjustmentOptions opt
 }
 
 double count_parameters(const Reconstruction& scene, const AdjustmentOptions& options) {
-  const auto cameras = std::count_if(scene.cameras.begin(), scene.cameras.end(), [](const auto& c) { return c.used; });
+  const auto cameras = static_cast<double>(scene.used_poses().size());
   double count = 0;
   for (int k = 0; k < kNumLensTerms; k++)
-    if (options.free[k]) count += options.shared[k] ? 1 : static_cast<double>(cameras);
+    if (options.free[k]) count += options.shared[k] ? 1 : cameras;
   return count;
 }
 

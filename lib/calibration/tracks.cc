@@ -19,6 +19,15 @@
 
 namespace lf {
 
+namespace {
+
+// Detectors may extrapolate up to half an image beyond the border; more indicates a wrong size or unit.
+bool is_near_image(const Vec2& pixel, int width, int height) {
+  return std::abs(pixel.x - width / 2.0) <= width && std::abs(pixel.y - height / 2.0) <= height;
+}
+
+}  // namespace
+
 void check_tracks(const Tracks& tracks, const std::string& name) {
   const auto fail = [&](const char* list, size_t i, const std::string& what) {
     throw Error(name + ": " + list + "[" + std::to_string(i) + "]: " + what);
@@ -44,10 +53,7 @@ void check_tracks(const Tracks& tracks, const std::string& name) {
            "light " + std::to_string(o.light) +
                (tracks.bar ? ": must be 0 or 1" : ": must be 0, because \"bar\" is false"));
     const Tracks::Camera& camera = tracks.cameras[o.camera];
-    // Detectors may extrapolate up to half an image beyond the border; more indicates a wrong size or unit.
-    const bool near = std::abs(o.pixel.x - camera.width / 2.0) <= camera.width &&
-                      std::abs(o.pixel.y - camera.height / 2.0) <= camera.height;
-    if (!near)
+    if (!is_near_image(o.pixel, camera.width, camera.height))
       fail("observations", i,
            format_text("(%f, %f)", o.pixel.x, o.pixel.y) + " is far outside of camera " + std::to_string(camera.id) +
                "'s image");
@@ -63,11 +69,14 @@ using nlohmann::json;
 constexpr char kTracksFormat[] = "lightfield-tracks";
 constexpr int kTracksVersion = 1;
 
-bool flag(const JsonValue& file, const json& root, const char* key, bool otherwise) {
-  const auto value = file.find(key);
-  if (!value) return otherwise;
-  if (!root[key].is_boolean()) value->fail("must be true or false");
-  return root[key].get<bool>();
+// Reads the members that the cameras of both variants of the format have.
+template <class Camera>
+Camera parse_camera(const JsonValue& value) {
+  Camera camera;
+  camera.id = static_cast<uint32_t>(value.at("id").integer(0, UINT32_MAX));
+  camera.width = static_cast<int>(value.at("width").integer(1, kMaxImageSize));
+  camera.height = static_cast<int>(value.at("height").integer(1, kMaxImageSize));
+  return camera;
 }
 
 }  // namespace
@@ -79,14 +88,11 @@ Tracks parse_tracks(const std::string& text, const std::string& name) {
   const JsonValue file(root, name);
   file.require_format(kTracksFormat, kTracksVersion);
   Tracks tracks;
-  tracks.bar = flag(file, root, "bar", false);
-  tracks.ordered = flag(file, root, "ordered", true);
+  if (const auto bar = file.find("bar")) tracks.bar = bar->flag();
+  if (const auto ordered = file.find("ordered")) tracks.ordered = ordered->flag();
   std::unordered_map<uint32_t, uint32_t> index_of_id;
   for (const JsonValue& value : file.at("cameras").elements()) {
-    Tracks::Camera camera;
-    camera.id = static_cast<uint32_t>(value.at("id").integer(0, UINT32_MAX));
-    camera.width = static_cast<int>(value.at("width").integer(1, kMaxImageSize));
-    camera.height = static_cast<int>(value.at("height").integer(1, kMaxImageSize));
+    const auto camera = parse_camera<Tracks::Camera>(value);
     index_of_id.emplace(camera.id, static_cast<uint32_t>(tracks.cameras.size()));
     tracks.cameras.push_back(camera);
   }
@@ -235,9 +241,7 @@ LightDetection parse_detection(const JsonValue& value, const LightDetections::Ca
   sight.pixel = {v[0].number(), v[1].number()};
   sight.sigma = v[2].number();
   sight.brightness = v[3].number();
-  const bool near = std::abs(sight.pixel.x - camera.width / 2.0) <= camera.width &&
-                    std::abs(sight.pixel.y - camera.height / 2.0) <= camera.height;
-  if (!near) value.fail("is far outside of the camera's image");
+  if (!is_near_image(sight.pixel, camera.width, camera.height)) value.fail("is far outside of the camera's image");
   if (!(sight.sigma > 0)) v[2].fail("must be positive");
   if (!(sight.brightness > 0)) v[3].fail("must be positive");
   return sight;
@@ -257,11 +261,8 @@ std::optional<LightDetections> parse_light_detections(const std::string& text, c
   if (const auto bar = file.find("bar")) sights.bar = bar->flag();
   std::set<uint32_t> ids;
   for (const JsonValue& value : file.at("cameras").elements()) {
-    LightDetections::Camera& camera = sights.cameras.emplace_back();
-    camera.id = static_cast<uint32_t>(value.at("id").integer(0, UINT32_MAX));
+    auto& camera = sights.cameras.emplace_back(parse_camera<LightDetections::Camera>(value));
     if (!ids.insert(camera.id).second) value.fail_inside("id: " + std::to_string(camera.id) + " comes twice");
-    camera.width = static_cast<int>(value.at("width").integer(1, kMaxImageSize));
-    camera.height = static_cast<int>(value.at("height").integer(1, kMaxImageSize));
     for (const JsonValue& entry : value.at("frames").elements()) {
       const std::vector<JsonValue> parts = entry.elements();
       if (parts.empty()) entry.fail("must begin with its time");

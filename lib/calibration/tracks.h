@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include <lightfield/calibration.h>
+
 #include "base/maths.h"
 #include "rig/rig.h"
 
@@ -22,10 +24,7 @@ struct Observation {
 // Observations of a light, of two lights on a rigid bar, or of the corners of a calibration board, that moves through a
 // sequence of positions. For features of a static scene, each feature is a position. Copyable.
 struct Tracks {
-  struct Camera {
-    uint32_t id = 0;
-    int width = 0, height = 0;  // pixels
-  };
+  using Camera = lightfield::Tracks::Camera;
   std::vector<Camera> cameras;
   bool bar = false;     // true: each position has two lights at a constant distance
   bool ordered = true;  // true: one position per frame, in the order of time; false: features

@@ -236,16 +236,6 @@ class FragmentDecoder::Picture {
     if (setjmp(errors_.jump)) throw Error("JPEG: libjpeg can't be used");
     jpeg_create_decompress(&info_);
     info_.src = &source_;
-    source_.init_source = [](j_decompress_ptr) {};
-    source_.fill_input_buffer = [](j_decompress_ptr info) -> boolean {
-      info->err->error_exit(reinterpret_cast<j_common_ptr>(info));
-      return FALSE;
-    };
-    source_.skip_input_data = [](j_decompress_ptr info, long) {
-      info->err->error_exit(reinterpret_cast<j_common_ptr>(info));
-    };
-    source_.resync_to_restart = jpeg_resync_to_restart;
-    source_.term_source = [](j_decompress_ptr) {};
   }
   ~Picture() { jpeg_destroy_decompress(&info_); }
   Picture(const Picture&) = delete;
@@ -334,7 +324,7 @@ class FragmentDecoder::Picture {
   const int components_;
   Errors errors_;
   jpeg_decompress_struct info_{};
-  jpeg_source_mgr source_{};
+  jpeg_source_mgr source_ = memory_source();
   Tables tables_;
   ByteBuffer bytes_, planes_;
   CodedSize size_;

@@ -4,8 +4,6 @@
 #include <algorithm>
 #include <cstring>
 
-#include <jerror.h>
-
 #include "base/text.h"
 #include "jpeg/idct.h"
 #include "jpeg/libjpeg_errors.h"
@@ -83,19 +81,6 @@ class Reader {
       throw Error("JPEG: libjpeg can't be used; is it the version that this program was built with?");
     jpeg_create_decompress(&info_);
     info_.src = &source_;
-    source_.init_source = [](j_decompress_ptr) {};
-    source_.fill_input_buffer = [](j_decompress_ptr info) -> boolean {
-      ERREXIT(info, JERR_INPUT_EOF);
-      return FALSE;
-    };
-    source_.skip_input_data = [](j_decompress_ptr info, long count) {
-      if (count <= 0) return;
-      if (static_cast<size_t>(count) > info->src->bytes_in_buffer) ERREXIT(info, JERR_INPUT_EOF);
-      info->src->next_input_byte += count;
-      info->src->bytes_in_buffer -= static_cast<size_t>(count);
-    };
-    source_.resync_to_restart = jpeg_resync_to_restart;
-    source_.term_source = [](j_decompress_ptr) {};
     for (int i = 0; i < 4; i++) {
       info_.quant_tbl_ptrs[i] = &quant_[i];
       info_.dc_huff_tbl_ptrs[i] = &dc_[i];
@@ -147,7 +132,7 @@ class Reader {
 
   Errors errors_;
   jpeg_decompress_struct info_{};
-  jpeg_source_mgr source_{};
+  jpeg_source_mgr source_ = memory_source();
   JQUANT_TBL quant_[4]{};
   JHUFF_TBL dc_[4]{}, ac_[4]{};
   char text_[JMSG_LENGTH_MAX] = "";

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdio>
 
+#include <jerror.h>
 #include <jpeglib.h>
 
 namespace lf::jpeg {
@@ -28,5 +29,24 @@ struct Errors {
     if (level < 0) fail(info);  // other levels are traces
   }
 };
+
+// A source of bytes in memory. Reading past its end is an error. The caller sets next_input_byte and bytes_in_buffer.
+inline jpeg_source_mgr memory_source() {
+  jpeg_source_mgr source{};
+  source.init_source = [](j_decompress_ptr) {};
+  source.fill_input_buffer = [](j_decompress_ptr info) -> boolean {
+    ERREXIT(info, JERR_INPUT_EOF);
+    return FALSE;
+  };
+  source.skip_input_data = [](j_decompress_ptr info, long count) {
+    if (count <= 0) return;
+    if (static_cast<size_t>(count) > info->src->bytes_in_buffer) ERREXIT(info, JERR_INPUT_EOF);
+    info->src->next_input_byte += count;
+    info->src->bytes_in_buffer -= static_cast<size_t>(count);
+  };
+  source.resync_to_restart = jpeg_resync_to_restart;
+  source.term_source = [](j_decompress_ptr) {};
+  return source;
+}
 
 }  // namespace lf::jpeg

@@ -26,6 +26,10 @@ bool begins_with(Bytes bytes, std::string_view magic) {
 
 // --- PNG -------------------------------------------------------------------------------------------------------------
 
+size_t png_number(Bytes bytes, size_t at) {
+  return size_t{bytes[at]} << 24 | size_t{bytes[at + 1]} << 16 | size_t{bytes[at + 2]} << 8 | bytes[at + 3];
+}
+
 struct PngInput : PngErrors {
   explicit PngInput(Bytes bytes) : left(bytes) {}
   Bytes left;
@@ -65,14 +69,13 @@ bool read_png(png_structp png, png_infop info, PngInput& input, Image& out, std:
 // because libpng would inflate everything after the last row.
 bool has_excess_data(Bytes bytes) {
   constexpr size_t kFirstChunk = 8, kMaxPerPixel = 8, kSlack = 1 << 16;  // RGBA of 16 bits
-  const auto number_at = [&](size_t at) {
-    return size_t{bytes[at]} << 24 | size_t{bytes[at + 1]} << 16 | size_t{bytes[at + 2]} << 8 | bytes[at + 3];
-  };
   if (bytes.size() < kFirstChunk + 16) return false;
-  const size_t pixels = std::min(number_at(16), size_t{kMaxImageSize}) * std::min(number_at(20), size_t{kMaxImageSize});
+  const size_t pixels =
+      std::min(png_number(bytes, 16), size_t{kMaxImageSize}) * std::min(png_number(bytes, 20), size_t{kMaxImageSize});
   size_t compressed = 0;
-  for (size_t at = kFirstChunk; at + 12 <= bytes.size(); at += 12 + number_at(at))  // length, kind, data, checksum
-    if (std::memcmp(&bytes[at + 4], "IDAT", 4) == 0) compressed += number_at(at);
+  // A chunk has a length, a kind, data and a checksum.
+  for (size_t at = kFirstChunk; at + 12 <= bytes.size(); at += 12 + png_number(bytes, at))
+    if (std::memcmp(&bytes[at + 4], "IDAT", 4) == 0) compressed += png_number(bytes, at);
   return compressed > pixels * kMaxPerPixel + kSlack;
 }
 
@@ -154,8 +157,7 @@ int tiff_orientation(Bytes tiff) {
 
 Bytes exif_of_png(Bytes png) {
   for (size_t at = 8; at + 12 <= png.size();) {
-    const size_t length =
-        size_t{png[at]} << 24 | size_t{png[at + 1]} << 16 | size_t{png[at + 2]} << 8 | size_t{png[at + 3]};
+    const size_t length = png_number(png, at);
     if (length > png.size() - at - 12) break;
     if (begins_with(png.subspan(at + 4), "eXIf")) return png.subspan(at + 8, length);
     at += 12 + length;

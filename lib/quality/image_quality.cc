@@ -144,14 +144,7 @@ constexpr double kMinCoverageShare = 0.25;
 constexpr int kPartsAcross = 4, kPartsDown = 3;
 
 struct Luma {
-  explicit Luma(const Image& rgb) : width(rgb.width()), height(rgb.height()) {
-    values.reserve(static_cast<size_t>(width) * height);
-    for (int y = 0; y < height; y++)
-      for (int x = 0; x < width; x++) {
-        const uint8_t* p = rgb.pixel(x, y);
-        values.push_back(0.299 * p[0] + 0.587 * p[1] + 0.114 * p[2]);
-      }
-  }
+  explicit Luma(const Image& rgb) : width(rgb.width()), height(rgb.height()), values(luma(rgb)) {}
   double at(int x, int y) const { return values[static_cast<size_t>(y) * width + x]; }
   double between(double x, double y) const {
     x = std::clamp(x, 0.0, width - 1.0);

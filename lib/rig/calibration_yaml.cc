@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <filesystem>
 #include <map>
@@ -32,8 +31,7 @@ Matrix parse_matrix(const JsonValue& value) {
   Matrix matrix;
   matrix.rows = static_cast<int>(value.at("rows").integer(1, 100));
   matrix.columns = static_cast<int>(value.at("cols").integer(1, 100));
-  for (const JsonValue& element : value.at("data").elements(static_cast<size_t>(matrix.rows) * matrix.columns))
-    matrix.data.push_back(element.number());
+  matrix.data = parse_numbers(value.at("data"), static_cast<size_t>(matrix.rows) * matrix.columns);
   return matrix;
 }
 
@@ -53,8 +51,8 @@ bool is_fisheye(const JsonValue& camera) {
 
 // `place` is the camera matrix; `distortion_terms` are the coefficients, if there are any.
 Lens parse_opencv_lens(const JsonValue& place, const std::optional<JsonValue>& distortion_terms, bool fisheye) {
-  const std::vector<double> k = parse_matrix(place, 3, 3).data;
-  if (k[1] != 0 || k[3] != 0 || k[6] != 0 || k[7] != 0 || k[8] != 1)
+  const auto pinhole = pinhole_of_matrix(parse_matrix(place, 3, 3).data);
+  if (!pinhole)
     place.fail(std::string("must be [fx, 0, cx, 0, fy, cy, 0, 0, 1], because a rig cannot hold skew; ") +
                kUndistortRemedy);
   std::vector<double> distortion;
@@ -67,27 +65,14 @@ Lens parse_opencv_lens(const JsonValue& place, const std::optional<JsonValue>& d
       value->fail("must be a row or a column of 4, 5, 8, 12 or 14 distortion coefficients");
     while (fisheye && distortion.size() > kFisheyeTerms && distortion.back() == 0) distortion.pop_back();
   }
-  try {
-    return (fisheye ? lens_from_opencv_fisheye : lens_from_opencv)({k[0], k[4], k[2], k[5]}, distortion);
-  } catch (const Error& e) {
-    place.fail(e.what());
-  }
+  return lens_from_opencv(place, *pinhole, distortion, fisheye);
 }
 
 void parse_size(const JsonValue& value, Camera& camera) {
   const auto width = value.find("image_width"), height = value.find("image_height");
-  if (width && height) {
-    camera.width = static_cast<int>(width->integer(1, kMaxImageSize));
-    camera.height = static_cast<int>(height->integer(1, kMaxImageSize));
-    return;
-  }
+  if (width && height) return parse_image_size(*width, *height, camera);
   for (const char* key : {"image_size", "imageSize"})
-    if (const auto size = value.find(key)) {
-      const std::vector<JsonValue> sides = size->elements(2);
-      camera.width = static_cast<int>(sides[0].integer(1, kMaxImageSize));
-      camera.height = static_cast<int>(sides[1].integer(1, kMaxImageSize));
-      return;
-    }
+    if (const auto size = value.find(key)) return parse_image_size(*size, camera);
   value.fail("the size of the pictures is missing; add image_width and image_height (pixels)");
 }
 
@@ -98,9 +83,7 @@ std::optional<RigidTransform> parse_motion(const JsonValue& value) {
   const auto rotation = value.find("R"), translation = value.find("T");
   if (!rotation && !translation) return std::nullopt;
   if (rotation) {
-    const std::vector<double> r = parse_matrix(*rotation, 3, 3).data;
-    motion.rotation =
-        nearest_rotation(glm::transpose(Mat3(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8])), *rotation);
+    motion.rotation = nearest_rotation(matrix_of_rows(parse_matrix(*rotation, 3, 3).data), *rotation);
   }
   if (translation) {
     const std::vector<double> t = parse_matrix(*translation, 3, 1).data;
@@ -262,14 +245,6 @@ RigImport parse_opencv_yaml(const std::string& text, const std::string& path, bo
   return result;
 }
 
-std::vector<double> terms_of(const Camera& camera) {
-  try {
-    return opencv_terms(camera.lens);
-  } catch (const Error& e) {
-    throw_camera_error(camera, e.what());
-  }
-}
-
 std::string opencv_yaml_text(const Rig& rig) {
   cv::FileStorage file(".yaml", cv::FileStorage::WRITE | cv::FileStorage::MEMORY);
   file << "cameras"
@@ -285,7 +260,7 @@ std::string opencv_yaml_text(const Rig& rig) {
     if (lens.distortion().fisheye)
       file << "distortion_model"
            << "equidistant";
-    file << "distortion_coefficients" << cv::Mat_<double>(terms_of(camera), true);
+    file << "distortion_coefficients" << cv::Mat_<double>(opencv_terms(camera), true);
     cv::Mat_<double> r(3, 3), t(3, 1);
     for (int row = 0; row < 3; row++) {
       for (int column = 0; column < 3; column++) r(row, column) = motion.rotation[column][row];
@@ -305,12 +280,6 @@ std::string name_of_topic(std::string topic) {
   return topic;
 }
 
-std::vector<double> numbers(const JsonValue& value) {
-  std::vector<double> result;
-  for (const JsonValue& element : value.elements()) result.push_back(element.number());
-  return result;
-}
-
 void require(const JsonValue& value, std::initializer_list<std::string> known) {
   const std::string text = value.text();
   for (const std::string& name : known)
@@ -323,7 +292,7 @@ Lens parse_kalibr_lens(const JsonValue& camera) {
   const JsonValue model = camera.at("distortion_model");
   require(model, {"radtan", "equidistant", "none"});
   const JsonValue place = camera.at("intrinsics");
-  const std::vector<double> k = numbers(place);
+  const std::vector<double> k = parse_numbers(place);
   if (k.size() != 4)
     place.fail(std::string("must be [fx, fy, cx, cy]") +
                (k.size() == 8 ? ", but has 8 numbers. Write decimals with a point, not with a comma" : ""));
@@ -331,14 +300,10 @@ Lens parse_kalibr_lens(const JsonValue& camera) {
   const bool fisheye = model.text() == "equidistant";
   if (model.text() != "none") {
     const JsonValue terms = camera.at("distortion_coeffs");
-    distortion = numbers(terms);
+    distortion = parse_numbers(terms);
     if (distortion.size() != 4) terms.fail(fisheye ? "must be [k1, k2, k3, k4]" : "must be [k1, k2, p1, p2]");
   }
-  try {
-    return (fisheye ? lens_from_opencv_fisheye : lens_from_opencv)({k[0], k[1], k[2], k[3]}, distortion);
-  } catch (const Error& e) {
-    place.fail(e.what());
-  }
+  return lens_from_opencv(place, {k[0], k[1], k[2], k[3]}, distortion, fisheye);
 }
 
 std::map<uint32_t, std::string> find_cameras(const nlohmann::json& root, const JsonValue& file) {
@@ -346,11 +311,9 @@ std::map<uint32_t, std::string> find_cameras(const nlohmann::json& root, const J
   if (!root.is_object()) return cameras;
   for (const auto& [key, value] : root.items()) {
     if (!key.starts_with("cam")) continue;
-    uint32_t number = 0;
-    const char* const end = key.data() + key.size();
-    if (const auto [rest, error] = std::from_chars(key.data() + 3, end, number); error != std::errc() || rest != end)
-      continue;
-    const auto [other, is_new] = cameras.emplace(number, key);
+    const auto number = number_of_text<uint32_t>(std::string_view(key).substr(3));
+    if (!number) continue;
+    const auto [other, is_new] = cameras.emplace(*number, key);
     if (!is_new)
       file.fail(other->second + " and " + key +
                 " have the same number, but every camera needs its own; rename one of them");
@@ -410,9 +373,7 @@ RigImport parse_kalibr(const std::string& text, const std::string& path) {
     Camera camera;
     camera.id = number;
     camera.lens = parse_kalibr_lens(value);
-    const std::vector<JsonValue> size = value.at("resolution").elements(2);
-    camera.width = static_cast<int>(size[0].integer(1, kMaxImageSize));
-    camera.height = static_cast<int>(size[1].integer(1, kMaxImageSize));
+    parse_image_size(value.at("resolution"), camera);
     camera.name = key;
     if (const auto topic = value.find("rostopic")) camera.name = name_of_topic(topic->text());
     // Kalibr: IMU time = camera time + shift.
@@ -456,7 +417,7 @@ std::string kalibr_text(const Rig& rig) {
     }
     line("camera_model", "pinhole");
     line("intrinsics", list({lens.fx(), lens.fy(), lens.cx(), lens.cy()}));
-    const std::vector<double> terms = terms_of(camera);
+    const std::vector<double> terms = opencv_terms(camera);
     if (terms.size() != 4) throw_camera_error(camera, "Kalibr cannot hold distortion terms beyond k1, k2, p1 and p2");
     line("distortion_model", lens.distortion().fisheye ? "equidistant" : "radtan");
     line("distortion_coeffs", list({terms[0], terms[1], terms[2], terms[3]}));

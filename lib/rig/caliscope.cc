@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <algorithm>
 #include <cctype>
-#include <charconv>
+#include <iterator>
 #include <map>
 #include <set>
 
@@ -128,30 +128,23 @@ const std::set<std::string_view> kKnownKeys = {
 // Returns the 9 numbers of [[...], [...], [...]], row by row.
 std::vector<double> parse_matrix(const JsonValue& value) {
   std::vector<double> matrix;
-  for (const JsonValue& row : value.elements(3))
-    for (const JsonValue& number : row.elements(3)) matrix.push_back(number.number());
+  for (const JsonValue& row : value.elements(3)) std::ranges::copy(parse_numbers(row, 3), std::back_inserter(matrix));
   return matrix;
 }
 
 Lens parse_caliscope_lens(const JsonValue& camera) {
   const JsonValue place = camera.at("matrix");
-  const std::vector<double> k = parse_matrix(place);
-  if (k[1] != 0 || k[3] != 0 || k[6] != 0 || k[7] != 0 || k[8] != 1)
-    place.fail("must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], because a rig cannot hold skew");
+  const auto pinhole = pinhole_of_matrix(parse_matrix(place));
+  if (!pinhole) place.fail("must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], because a rig cannot hold skew");
   const auto fisheye = camera.find("fisheye");
   const bool is_fisheye = fisheye && fisheye->flag();
   std::vector<double> distortion;
   if (const auto terms = camera.find("distortions")) {
-    for (const JsonValue& number : terms->elements()) distortion.push_back(number.number());
+    distortion = parse_numbers(*terms);
     if (distortion.size() != 4 && (is_fisheye || distortion.size() != 5))
       terms->fail(is_fisheye ? "must be [k1, k2, k3, k4]" : "must be [k1, k2, p1, p2, k3]");
   }
-  try {
-    return is_fisheye ? lens_from_opencv_fisheye({k[0], k[4], k[2], k[5]}, distortion)
-                      : lens_from_opencv({k[0], k[4], k[2], k[5]}, distortion);
-  } catch (const Error& e) {
-    place.fail(e.what());
-  }
+  return lens_from_opencv(place, *pinhole, distortion, is_fisheye);
 }
 
 // The rotation is a matrix in files of older versions.
@@ -159,8 +152,7 @@ RigidTransform parse_pose(const JsonValue& camera, bool is_matrix) {
   RigidTransform camera_from_world;
   const JsonValue rotation = camera.at("rotation");
   if (is_matrix) {
-    const std::vector<double> r = parse_matrix(rotation);
-    camera_from_world.rotation = nearest_rotation(Mat3(r[0], r[3], r[6], r[1], r[4], r[7], r[2], r[5], r[8]), rotation);
+    camera_from_world.rotation = nearest_rotation(matrix_of_rows(parse_matrix(rotation)), rotation);
   } else {
     camera_from_world.rotation = rotation_from_vector(rotation.vec3());
   }
@@ -191,10 +183,8 @@ RigImport import_caliscope(const std::string& path, bool undistorted) {
   known.insert("cameras");
   std::map<uint32_t, std::string> keys;  // by id
   for (const auto& [key, value] : root["cameras"].items()) {
-    uint32_t id = 0;
-    const char* const end = key.data() + key.size();
-    const auto [rest, error] = std::from_chars(key.data(), end, id);
-    if (error != std::errc() || rest != end || !keys.emplace(id, key).second)
+    const auto id = number_of_text<uint32_t>(key);
+    if (!id || !keys.emplace(*id, key).second)
       cameras.fail("the table \"" + key + "\" must have the number of a camera, and each camera its own number");
     known.insert(key);
   }
@@ -214,9 +204,7 @@ RigImport import_caliscope(const std::string& path, bool undistorted) {
     Camera camera;
     camera.id = id;
     camera.name = "cam_" + key;
-    const std::vector<JsonValue> size = value.at("size").elements(2);
-    camera.width = static_cast<int>(size[0].integer(1, kMaxImageSize));
-    camera.height = static_cast<int>(size[1].integer(1, kMaxImageSize));
+    parse_image_size(value.at("size"), camera);
     camera.lens = parse_caliscope_lens(value);
     const json rotation = root["cameras"][key].value("rotation", json());
     camera.pose = pose_of_camera_from_world(

@@ -147,6 +147,48 @@ std::string size_advice(const ImageSize& size, const ColmapCamera& from) {
   return "; if it is an undistorted image, use lf-rig import colmap --undistorted";
 }
 
+// Returns the folder of the image files, or "" with a note.
+std::string image_folder(const std::string& directory, const ColmapImportOptions& options,
+                         std::vector<std::string>& notes) {
+  if (!options.images.empty()) return options.images;
+  std::error_code ignored;
+  if (const std::string own = path_in(directory, "images"); fs::is_directory(own, ignored)) return own;
+  if (options.undistorted)
+    throw Error(directory +
+                ": undistorted images have other sizes than the model states, so give their folder (--images)");
+  const std::string beside = workspace_images(directory);
+  notes.push_back("no folder of image files was given, so the image files were not found or checked; " +
+                  (beside.empty() ? "give it with --images" : "add --images " + beside));
+  return "";
+}
+
+// The image files of the cameras so far.
+struct ImageNames {
+  std::map<std::string, std::string> name_of_file;  // names in the model, by path
+  std::string renamed;                              // the first file with another name than in the model
+  size_t num_renamed = 0;
+};
+
+// Finds the file of an image and sets the path and the size of the camera.
+void take_file(const ImageSearch& search, const std::string& folder, const ColmapImage& image, const ColmapCamera& from,
+               bool undistorted, ImageNames& used, Camera& camera) {
+  camera.image = search.find(image.name);
+  const auto [other, is_new] = used.name_of_file.emplace(camera.image, image.name);
+  if (!is_new)
+    throw Error(camera.image + ": is the only file for two images, \"" + other->second + "\" and \"" + image.name +
+                "\"; give each a file");
+  const std::string file = fs::path(camera.image).lexically_relative(folder).generic_string();
+  if (file != image.name && used.num_renamed++ == 0) used.renamed = file + " for \"" + image.name + "\"";
+  const ImageSize size = load_image_size(camera.image);
+  camera.width = size.width;
+  camera.height = size.height;
+  if (is_scaled_copy(size, from) || (!undistorted && size != ImageSize{from.width, from.height}))
+    throw Error(camera.image + ": is " + size_text(size.width, size.height) + ", but the model gives its camera " +
+                std::to_string(image.camera_id) + " the size " + size_text(from.width, from.height) +
+                size_advice(size, from));
+  camera.image = fs::proximate(camera.image).string();
+}
+
 // Throws Error if most cells of a grid are not side by side, otherwise adds a note for the few exceptions.
 void check_grid(const Rig& rig, const std::string& path, std::vector<std::string>& notes) {
   constexpr size_t kMaxFolded = 10;  // inverse of the tolerated share
@@ -197,22 +239,9 @@ RigImport import_colmap(const std::string& directory, const ColmapImportOptions&
     std::ranges::sort(images, natural_less, &ColmapImage::name);
   }
 
-  std::string folder = options.images;
-  std::error_code ignored;
-  if (folder.empty() && fs::is_directory(path_in(directory, "images"), ignored)) folder = path_in(directory, "images");
-  if (folder.empty()) {
-    if (options.undistorted)
-      throw Error(directory +
-                  ": undistorted images have other sizes than the model states, so give their folder (--images)");
-    const std::string beside = workspace_images(directory);
-    result.notes.push_back("no folder of image files was given, so the image files were not found or checked; " +
-                           (beside.empty() ? "give it with --images" : "add --images " + beside));
-  }
+  const std::string folder = image_folder(directory, options, result.notes);
   const std::optional<ImageSearch> search = folder.empty() ? std::nullopt : std::optional<ImageSearch>(folder);
-
-  std::map<std::string, std::string> name_of_file;
-  std::string renamed;
-  size_t num_renamed = 0;
+  ImageNames used;
   for (const ColmapImage& image : images) {
     const ColmapCamera& from = cameras.at(image.camera_id);
     Camera camera;
@@ -225,24 +254,7 @@ RigImport import_colmap(const std::string& directory, const ColmapImportOptions&
     }
     camera.width = from.width;
     camera.height = from.height;
-    if (search) {
-      camera.image = search->find(image.name);
-      const auto [other, is_new] = name_of_file.emplace(camera.image, image.name);
-      if (!is_new)
-        throw Error(camera.image + ": is the only file for two images, \"" + other->second + "\" and \"" + image.name +
-                    "\"; give each a file");
-      const std::string file = fs::path(camera.image).lexically_relative(folder).generic_string();
-      if (file != image.name && num_renamed++ == 0) renamed = file + " for \"" + image.name + "\"";
-      const ImageSize size = load_image_size(camera.image);
-      camera.width = size.width;
-      camera.height = size.height;
-      if (is_scaled_copy(size, from) ||
-          (!options.undistorted && (camera.width != from.width || camera.height != from.height)))
-        throw Error(camera.image + ": is " + size_text(camera.width, camera.height) +
-                    ", but the model gives its camera " + std::to_string(image.camera_id) + " the size " +
-                    size_text(from.width, from.height) + size_advice(size, from));
-      camera.image = fs::proximate(camera.image).string();
-    }
+    if (search) take_file(*search, folder, image, from, options.undistorted, used, camera);
     try {
       camera.lens = options.undistorted ? undistorted_lens(from, camera.width, camera.height) : lens_of(from);
     } catch (const Error& e) {
@@ -250,9 +262,9 @@ RigImport import_colmap(const std::string& directory, const ColmapImportOptions&
     }
     result.rig.cameras.push_back(camera);
   }
-  if (num_renamed > 0)
-    result.notes.push_back(std::to_string(num_renamed) + " image files have other names than in the model: " + renamed +
-                           (num_renamed > 1 ? ", ..." : ""));
+  if (used.num_renamed > 0)
+    result.notes.push_back(std::to_string(used.num_renamed) + " image files have other names than in the model: " +
+                           used.renamed + (used.num_renamed > 1 ? ", ..." : ""));
   if (search && search->size() > images.size())
     result.notes.push_back(std::to_string(search->size() - images.size()) + " of " + std::to_string(search->size()) +
                            " files in " + folder + " are not in the model and were left out");

@@ -2,7 +2,6 @@
 #include "rig/exchange.h"
 
 #include <algorithm>
-#include <charconv>
 #include <filesystem>
 #include <limits>
 #include <map>
@@ -18,6 +17,9 @@
 #include "rig/mesh.h"
 
 namespace lf {
+
+namespace fs = std::filesystem;
+
 namespace {
 
 using nlohmann::json;
@@ -25,16 +27,10 @@ using nlohmann::json;
 constexpr size_t kMaxYamlDepth = 64;
 
 json scalar(const std::string& text) {
-  const char* begin = text.data();
-  const char* const end = begin + text.size();
-  if (text.size() > 1 && *begin == '+') begin++;
-  int64_t integer = 0;
-  if (const auto [rest, error] = std::from_chars(begin, end, integer); error == std::errc() && rest == end)
-    return integer;
-  double number = 0;
+  const std::string_view digits = std::string_view(text).substr(text.size() > 1 && text[0] == '+' ? 1 : 0);
+  if (const auto integer = number_of_text<int64_t>(digits)) return *integer;
   const bool has_digit = text.find_first_of("0123456789") != std::string::npos;  // not "inf" and "nan"
-  if (const auto [rest, error] = std::from_chars(begin, end, number); has_digit && error == std::errc() && rest == end)
-    return number;
+  if (const auto number = number_of_text<double>(digits); has_digit && number) return *number;
   if (text == "true" || text == "false") return text == "true";
   if (text.empty() || text == "~" || text == "null") return nullptr;
   return text;
@@ -123,6 +119,42 @@ RigImport with_topology(RigImport import) {
   return import;
 }
 
+void add_camera(Camera camera, RigImport& import) {
+  camera.id = static_cast<uint32_t>(import.rig.cameras.size());
+  import.rig.cameras.push_back(std::move(camera));
+}
+
+std::vector<double> parse_numbers(const JsonValue& list) {
+  std::vector<double> numbers;
+  for (const JsonValue& element : list.elements()) numbers.push_back(element.number());
+  return numbers;
+}
+
+std::vector<double> parse_numbers(const JsonValue& list, size_t count) {
+  list.elements(count);
+  return parse_numbers(list);
+}
+
+void parse_image_size(const JsonValue& list, Camera& camera) {
+  const std::vector<JsonValue> sides = list.elements(2);
+  parse_image_size(sides[0], sides[1], camera);
+}
+
+void parse_image_size(const JsonValue& width, const JsonValue& height, Camera& camera) {
+  camera.width = static_cast<int>(width.integer(1, kMaxImageSize));
+  camera.height = static_cast<int>(height.integer(1, kMaxImageSize));
+}
+
+std::vector<fs::path> paths_in(const std::string& folder) {
+  std::vector<fs::path> paths;
+  std::error_code error;
+  for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error))
+    paths.push_back(it->path());
+  if (error) throw Error(folder + ": can't be read: " + error.message());
+  std::ranges::sort(paths, natural_less, [](const fs::path& path) { return path.string(); });
+  return paths;
+}
+
 RigExport describe_export(const Rig& rig, const Rig& written, const FormatSupport& capacity) {
   double extent = 0;
   bool images = false, names = false, ids = false, sources = false, time_offsets = false;
@@ -190,7 +222,7 @@ double max_reprojection_error(const Rig& a, const Rig& b, double distance) {
 RigExport export_text(const Rig& rig, const std::string& path, std::string (*text_of)(const Rig&),
                       RigImport (*parse)(const std::string& text, const std::string& path)) {
   Rig moved = rig;
-  rebase_paths(moved, std::filesystem::path(path).parent_path().string());
+  rebase_paths(moved, fs::path(path).parent_path().string());
   const std::string text = text_of(moved);
   const RigExport result = describe_export(rig, parse(text, path).rig, {.ids = false});
   write_text_file(text, path);
@@ -226,6 +258,28 @@ Lens lens_from_opencv_fisheye(const PinholeParams& pinhole, const std::vector<do
   const auto [fx, fy, cx, cy] = pinhole;
   if (distortion.size() != 4) throw Error("a fisheye lens must have the distortion terms k1, k2, k3 and k4");
   return Lens(LensModel::kOpenCvFisheye, {fx, fy, cx, cy, distortion[0], distortion[1], distortion[2], distortion[3]});
+}
+
+Lens lens_from_opencv(const JsonValue& place, const PinholeParams& pinhole, const std::vector<double>& distortion,
+                      bool fisheye, const std::string& remedy) {
+  try {
+    return (fisheye ? lens_from_opencv_fisheye(pinhole, distortion) : lens_from_opencv(pinhole, distortion));
+  } catch (const Error& e) {
+    place.fail(e.what() + remedy);
+  }
+}
+
+std::optional<PinholeParams> pinhole_of_matrix(std::span<const double> rows) {
+  if (rows[1] != 0 || rows[3] != 0 || rows[6] != 0 || rows[7] != 0 || rows[8] != 1) return std::nullopt;
+  return PinholeParams{rows[0], rows[4], rows[2], rows[5]};
+}
+
+std::vector<double> opencv_terms(const Camera& camera) {
+  try {
+    return opencv_terms(camera.lens);
+  } catch (const Error& e) {
+    throw_camera_error(camera, e.what());
+  }
 }
 
 std::vector<double> opencv_terms(const Lens& lens) {
@@ -266,6 +320,8 @@ Mat3 rotation_from_vector(const Vec3& vector) {
   const double angle = glm::length(vector);
   return angle > 0 ? glm::mat3_cast(glm::angleAxis(angle, vector / angle)) : Mat3(1);
 }
+
+Mat3 matrix_of_rows(std::span<const double> r) { return {r[0], r[3], r[6], r[1], r[4], r[7], r[2], r[5], r[8]}; }
 
 Mat3 nearest_rotation(const Mat3& matrix, const JsonValue& value) {
   const Mat3 square = glm::transpose(matrix) * matrix;
@@ -391,27 +447,22 @@ std::string short_dump(const json& value) {
 
 class KeyChecker {
  public:
-  KeyChecker(const std::string& path, const std::set<std::string_view>& known,
-             const std::set<std::string_view>& supported)
-      : path_(path), known_(known), supported_(supported) {}
+  KeyChecker(const std::set<std::string_view>& known, const std::set<std::string_view>& supported)
+      : known_(known), supported_(supported) {}
 
-  // `is_known` is false inside an unknown value, so that its keys are not listed again.
-  void check(const json& value, bool is_known = true) {
-    if (value.is_array()) {
-      for (size_t i = 0; i < value.size(); i++) {
-        if (!value[i].is_structured()) continue;
-        place_.push_back({{}, i});
-        check(value[i], is_known);
-        place_.pop_back();
-      }
+  // `place` is the place of `value` in the file. `is_known` is false inside an unknown value, so that its keys are not
+  // listed again.
+  void check(const json& value, const JsonValue& place, bool is_known = true) {
+    if (value.is_array() && std::ranges::any_of(value, [](const json& v) { return v.is_structured(); })) {
+      const std::vector<JsonValue> places = place.elements();
+      for (size_t i = 0; i < value.size(); i++) check(value[i], places[i], is_known);
     } else if (value.is_object()) {
       for (const auto& [key, member] : value.items()) {
-        place_.push_back({key, 0});
-        check_member(key, member);
+        const JsonValue there = place.at(key.c_str());
+        check_member(key, member, there);
         const bool member_is_known = known_.contains(key);
         if (is_known && !member_is_known) unknown_[key]++;
-        check(member, is_known && member_is_known);
-        place_.pop_back();
+        check(member, there, is_known && member_is_known);
       }
     }
   }
@@ -432,42 +483,24 @@ class KeyChecker {
   }
 
  private:
-  struct Step {
-    std::string key;  // "": an element of an array
-    size_t index;
-  };
-
-  [[noreturn]] void fail(const std::string& what) const {
-    std::string place;
-    for (const Step& step : place_) {
-      if (step.key.empty())
-        place += "[" + std::to_string(step.index) + "]";
-      else
-        place += (place.empty() ? "" : ".") + step.key;
-    }
-    throw Error(path_ + ": " + place + ": " + what);
-  }
-
-  void check_member(const std::string& key, const json& value) const {
+  void check_member(const std::string& key, const json& value, const JsonValue& place) const {
     if (std::find(std::begin(kModelKeys), std::end(kModelKeys), key) != std::end(kModelKeys)) {
       if (value.is_string() && !is_neutral(value) &&
           std::find(std::begin(kPinholes), std::end(kPinholes), lower_case(value.get<std::string>())) ==
               std::end(kPinholes) &&
           !supported_.contains(lower_case(value.get<std::string>())))
-        fail("the lens model " + short_dump(value) + " cannot be imported; " + kUndistortRemedy);
+        place.fail("the lens model " + short_dump(value) + " cannot be imported; " + kUndistortRemedy);
       return;
     }
     const std::string name = lower_case(key);
     if (supported_.contains(name)) return;
     for (const UnsupportedKey& danger : kDangers)
       if ((danger.anywhere ? name.find(danger.text) != std::string::npos : name == danger.text) && !is_neutral(value))
-        fail("is " + short_dump(value) + ", which means " + danger.meaning + ". Such cameras cannot be imported; " +
-             danger.remedy);
+        place.fail("is " + short_dump(value) + ", which means " + danger.meaning +
+                   ". Such cameras cannot be imported; " + danger.remedy);
   }
 
-  const std::string& path_;
   const std::set<std::string_view>&known_, &supported_;
-  std::vector<Step> place_;
   std::map<std::string, size_t> unknown_;
 };
 
@@ -476,8 +509,8 @@ class KeyChecker {
 std::vector<std::string> check_foreign_keys(const json& root, const std::string& path,
                                             const std::set<std::string_view>& known,
                                             const std::set<std::string_view>& supported) {
-  KeyChecker checker(path, known, supported);
-  checker.check(root);
+  KeyChecker checker(known, supported);
+  checker.check(root, JsonValue(root, path));
   return checker.notes();
 }
 

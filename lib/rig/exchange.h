@@ -2,10 +2,13 @@
 #pragma once
 
 #include <array>
+#include <charconv>
 #include <cstdint>
+#include <filesystem>
 #include <map>
 #include <optional>
 #include <set>
+#include <span>
 #include <string>
 #include <string_view>
 #include <unordered_map>
@@ -40,6 +43,8 @@ struct RigImport {
 
 // Returns `import` with a topology that suits its cameras; see fit_topology().
 RigImport with_topology(RigImport import);
+// Appends a camera. Its id is its index.
+void add_camera(Camera camera, RigImport& import);
 
 struct RigExport {
   double max_error = 0;            // largest reprojection error of the written cameras against the rig, pixels
@@ -249,9 +254,31 @@ RigImport import_opencv_yaml(const std::string& path, bool undistorted = false);
 std::vector<Camera> parse_opencv_multiview(const nlohmann::json& root, const std::string& path, bool undistorted);
 RigExport export_opencv_yaml(const Rig& rig, const std::string& path);
 
+// Parses a number. Returns nullopt unless it is the whole text.
+template <class T>
+std::optional<T> number_of_text(std::string_view text) {
+  T number{};
+  const char* const end = text.data() + text.size();
+  const auto [rest, error] = std::from_chars(text.data(), end, number);
+  return error == std::errc() && rest == end ? std::optional(number) : std::nullopt;
+}
+
+// Return the elements of a list of numbers. Throws Error unless it has exactly `count` elements, if given.
+std::vector<double> parse_numbers(const JsonValue& list);
+std::vector<double> parse_numbers(const JsonValue& list, size_t count);
+// Parse the size of a camera's images: the list [width, height], or two numbers.
+void parse_image_size(const JsonValue& list, Camera& camera);
+void parse_image_size(const JsonValue& width, const JsonValue& height, Camera& camera);
+
+// Returns the paths in a folder, in the natural order of their names. Throws Error if the folder cannot be read.
+std::vector<std::filesystem::path> paths_in(const std::string& folder);
+
 // Lenses and poses in the conventions that OpenCV, Kalibr and NeRF files share.
 
-using PinholeParams = std::array<double, 4>;
+using PinholeParams = std::array<double, 4>;  // fx, fy, cx, cy
+// Returns the parameters in a camera matrix, which is given row by row. Returns nullopt if the matrix is not [fx, 0,
+// cx, 0, fy, cy, 0, 0, 1].
+std::optional<PinholeParams> pinhole_of_matrix(std::span<const double> rows);
 
 // Returns a lens with the distortion terms k1, k2, p1, p2, k3, k4, k5, k6 of OpenCV (missing terms are 0), in the
 // simplest model that holds these terms. The centre of the top-left pixel is (0, 0). Throws Error, also if OpenCV's
@@ -259,9 +286,14 @@ using PinholeParams = std::array<double, 4>;
 Lens lens_from_opencv(const PinholeParams& pinhole, const std::vector<double>& distortion);
 // Returns a lens of OpenCV's fisheye module, with the terms k1, k2, k3, k4.
 Lens lens_from_opencv_fisheye(const PinholeParams& pinhole, const std::vector<double>& distortion);
+// Does the same as one of the two functions above. If the lens is invalid, the error names the place in the file, and
+// `remedy` is the end of the message.
+Lens lens_from_opencv(const JsonValue& place, const PinholeParams& pinhole, const std::vector<double>& distortion,
+                      bool fisheye, const std::string& remedy = "");
 // Returns the distortion terms of a lens in OpenCV's order: k1 k2 p1 p2, or also k3 k4 k5 k6 if some of these are not
 // 0; k1 k2 k3 k4 for a fisheye lens. Throws Error for terms that OpenCV's fisheye module does not have.
 std::vector<double> opencv_terms(const Lens& lens);
+std::vector<double> opencv_terms(const Camera& camera);  // errors name the camera
 
 // A rigid transform: x -> rotation x + translation.
 struct RigidTransform {
@@ -282,6 +314,7 @@ Mat3 rotation_from_euler(const Vec3& angles);
 // Returns the rotation by |vector| radians about the axis `vector`, like cv::Rodrigues().
 Mat3 rotation_from_vector(const Vec3& vector);
 
+Mat3 matrix_of_rows(std::span<const double> rows);  // 9 numbers, row by row
 // Returns the rotation nearest to `matrix`. Calls value.fail() if the difference is larger than rounding to 4 digits
 // explains.
 Mat3 nearest_rotation(const Mat3& matrix, const JsonValue& value);

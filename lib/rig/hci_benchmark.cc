@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <algorithm>
-#include <charconv>
 #include <filesystem>
 #include <set>
 #include <sstream>
@@ -48,13 +47,8 @@ nlohmann::json parse_ini(const std::string& text, const std::string& name) {
     if (equals == line.npos || !section) fail("must be \"[section]\", or \"key = value\" in a section");
     const std::string key = trimmed(line.substr(0, equals)), value = trimmed(line.substr(equals + 1));
     if (section->contains(key)) fail("\"" + key + "\" occurs twice; remove one of the two lines");
-    double real = 0;
-    const char* const end = value.data() + value.size();
-    const auto [rest, error] = std::from_chars(value.data(), end, real);
-    if (error == std::errc() && rest == end && is_finite(real))
-      (*section)[key] = real;
-    else
-      (*section)[key] = value;
+    const auto real = number_of_text<double>(value);
+    (*section)[key] = real && is_finite(*real) ? nlohmann::json(*real) : nlohmann::json(value);
   }
   return root;
 }
@@ -111,8 +105,9 @@ RigImport import_hci(const std::string& directory) {
   const std::string path = (fs::path(directory) / "parameters.cfg").string();
   const nlohmann::json root = parse_ini(read_text_file(path), path);
   const JsonValue file(root, path), intrinsics = file.at("intrinsics"), extrinsics = file.at("extrinsics");
-  const int width = static_cast<int>(intrinsics.at("image_resolution_x_px").integer(1, kMaxImageSize));
-  const int height = static_cast<int>(intrinsics.at("image_resolution_y_px").integer(1, kMaxImageSize));
+  Camera camera;
+  parse_image_size(intrinsics.at("image_resolution_x_px"), intrinsics.at("image_resolution_y_px"), camera);
+  const int width = camera.width, height = camera.height;
   const double f =
       positive(intrinsics, "focal_length_mm") / positive(intrinsics, "sensor_size_mm") * std::max(width, height);
   if (!is_finite(f)) intrinsics.at("sensor_size_mm").fail("is too small for the focal length");
@@ -131,21 +126,17 @@ RigImport import_hci(const std::string& directory) {
   const Pose middle = parse_middle(extrinsics, result.notes);
   for (int row = 0; row < rows; row++)
     for (int column = 0; column < columns; column++) {
-      Camera camera;
-      camera.id = static_cast<uint32_t>(result.rig.cameras.size());
       const std::string image =
-          (fs::path(directory) / format_text("input_Cam%03u.png", static_cast<unsigned>(camera.id))).string();
+          (fs::path(directory) / format_text("input_Cam%03zu.png", result.rig.cameras.size())).string();
       camera.name = fs::path(image).stem().string();
       camera.image = fs::proximate(image).string();
       if (const ImageSize size = load_image_size(image); size != ImageSize{width, height})
         throw Error(image + ": is " + size_text(size.width, size.height) + ", but " + path + " states " +
                     size_text(width, height));
-      camera.width = width;
-      camera.height = height;
       const Vec2 place(column - (columns - 1) / 2.0, row - (rows - 1) / 2.0);
       camera.lens = Lens::pinhole(f, (width - 1) / 2.0 + place.x * step, (height - 1) / 2.0 + place.y * step);
       camera.pose = {middle.world_from_camera(Vec3(place * baseline, 0)), middle.orientation};
-      result.rig.cameras.push_back(camera);
+      add_camera(camera, result);
     }
   result.rig.topology = {Topology::Type::kGrid, rows, columns, {}};
   add_depth_note(file, f * baseline, focus_distance, result.notes);

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "base/text.h"
+#include "rig/exchange.h"
 #include "rig/rig_json.h"
 
 namespace lf {
@@ -99,16 +100,6 @@ std::string format_of_file(const fs::path& file, bool is_given) {
   return is_json || (has_braces && !is_yaml) ? format_of_json(text, is_given) : format_of_yaml(file, text);
 }
 
-std::vector<fs::path> regular_files(const std::string& folder) {
-  std::vector<fs::path> files;
-  std::error_code error;
-  for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error))
-    if (is_file(it->path())) files.push_back(it->path());
-  if (error) throw Error(folder + ": can't be read: " + error.message());
-  std::ranges::sort(files, [](const fs::path& a, const fs::path& b) { return natural_less(a.string(), b.string()); });
-  return files;
-}
-
 Signs find_signs(const fs::path& folder, const std::vector<fs::path>& files) {
   Signs signs;
   for (const fs::path& file : files)
@@ -162,7 +153,8 @@ std::string join(const std::vector<std::string>& texts, const char* last) {
 }
 
 ImportFormat find_in_folder(const std::string& path) {
-  const std::vector<fs::path> files = regular_files(path);
+  std::vector<fs::path> files = paths_in(path);
+  std::erase_if(files, [](const fs::path& file) { return !is_file(file); });
   const Signs signs = find_signs(path, files);
   if (signs.size() > 1) fail_with_several_formats(path, signs);
   if (signs.empty()) {

@@ -65,13 +65,11 @@ constexpr std::string_view kImages[] = {".jpg", ".jpeg", ".png"}, kFilms[] = {".
 // Returns the files of a folder with one of the endings, in the order of the poses: sorted by the bytes of their names.
 std::vector<std::string> files_with(const std::string& folder, std::span<const std::string_view> endings) {
   std::vector<std::string> files;
-  std::error_code error;
-  for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
-    std::string ending = it->path().extension().string();
+  for (const fs::path& path : paths_in(folder)) {
+    std::string ending = path.extension().string();
     std::ranges::transform(ending, ending.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-    if (std::ranges::find(endings, ending) != endings.end()) files.push_back(it->path().string());
+    if (std::ranges::find(endings, ending) != endings.end()) files.push_back(path.string());
   }
-  if (error) throw Error(folder + ": can't be read: " + error.message());
   std::ranges::sort(files);
   return files;
 }
@@ -134,8 +132,7 @@ RigImport import_llff(const std::string& directory, const std::string& images) {
   RigImport result;
   double near = HUGE_VAL, far = 0;
   for (size_t i = 0; i < poses.size(); i++) {
-    result.rig.cameras.push_back(make_camera(poses[i], files[i], has_films, path + ": image " + std::to_string(i)));
-    result.rig.cameras.back().id = static_cast<uint32_t>(i);
+    add_camera(make_camera(poses[i], files[i], has_films, path + ": image " + std::to_string(i)), result);
     near = std::min(near, poses[i][15]);
     far = std::max(far, poses[i][16]);
   }

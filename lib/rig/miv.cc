@@ -28,28 +28,16 @@ const std::set<std::string_view> kKnownKeys = {
 // Converts from the axes forward, left, up to the axes right, down, forward.
 Vec3 turned(const Vec3& v) { return {-v.y, -v.z, v.x}; }
 
-std::array<double, 2> parse_pair(const JsonValue& value) {
-  const std::vector<JsonValue> pair = value.elements(2);
-  return {pair[0].number(), pair[1].number()};
-}
-
 Camera parse_camera(const JsonValue& value) {
   Camera camera;
   camera.name = value.at("Name").name();
   const JsonValue projection = value.at("Projection");
   if (projection.text() != "Perspective")
     projection.fail("a rig cannot hold the projection \"" + projection.text() + "\", only \"Perspective\"");
-  const std::vector<JsonValue> size = value.at("Resolution").elements(2);
-  camera.width = static_cast<int>(size[0].integer(1, kMaxImageSize));
-  camera.height = static_cast<int>(size[1].integer(1, kMaxImageSize));
+  parse_image_size(value.at("Resolution"), camera);
   const JsonValue focal = value.at("Focal");
-  const auto [fx, fy] = parse_pair(focal);
-  const auto [cx, cy] = parse_pair(value.at("Principle_point"));
-  try {
-    camera.lens = lens_from_opencv({fx, fy, cx - kPixelCentre, cy - kPixelCentre}, {});
-  } catch (const Error& e) {
-    focal.fail(e.what());
-  }
+  const std::vector<double> f = parse_numbers(focal, 2), centre = parse_numbers(value.at("Principle_point"), 2);
+  camera.lens = lens_from_opencv(focal, {f[0], f[1], centre[0] - kPixelCentre, centre[1] - kPixelCentre}, {}, false);
   const Vec3 degrees = value.at("Rotation").vec3();
   const Mat3 axes = rotation_from_euler(Vec3(degrees.z, degrees.y, degrees.x) * (M_PI / 180));
   // The columns of `axes` are the camera's axes forward, left and up.
@@ -64,10 +52,10 @@ class DepthRange {
   void add(const JsonValue& camera) {
     const auto value = camera.find("Depth_range");
     if (!value) return;
-    const auto [near, far] = parse_pair(*value);
-    if (!(near > 0 && far > near)) value->fail("must be [near, far] with 0 < near < far");
-    near_ = std::min(near_, near);
-    far_ = std::max(far_, far);
+    const std::vector<double> range = parse_numbers(*value, 2);
+    if (!(range[0] > 0 && range[1] > range[0])) value->fail("must be [near, far] with 0 < near < far");
+    near_ = std::min(near_, range[0]);
+    far_ = std::max(far_, range[1]);
   }
   void add_note(std::vector<std::string>& notes, const char* unit) const {
     if (far_ == 0) return;
@@ -107,8 +95,7 @@ RigImport import_miv(const std::string& path) {
       left_out += (left_out.empty() ? "" : ", ") + name;
       continue;
     }
-    result.rig.cameras.push_back(parse_camera(value));
-    result.rig.cameras.back().id = static_cast<uint32_t>(result.rig.cameras.size()) - 1;
+    add_camera(parse_camera(value), result);
     depths.add(value);
   }
   if (sources)

@@ -65,13 +65,8 @@ Lens parse_mrcal_lens(const JsonValue& file) {
   const auto* const found = std::ranges::find(models, name, [](const auto& known) { return std::string(known.first); });
   if (found == std::end(models)) model.fail("a rig cannot hold the lens model \"" + name + "\"" + remedy);
   const JsonValue place = file.at("intrinsics");
-  std::vector<double> k;
-  for (const JsonValue& number : place.elements(found->second)) k.push_back(number.number());
-  try {
-    return lens_from_opencv({k[0], k[1], k[2], k[3]}, {k.begin() + 4, k.end()});
-  } catch (const Error& e) {
-    place.fail(e.what() + remedy);
-  }
+  const std::vector<double> k = parse_numbers(place, found->second);
+  return lens_from_opencv(place, {k[0], k[1], k[2], k[3]}, {k.begin() + 4, k.end()}, false, remedy);
 }
 
 Camera parse_camera(const std::string& path, std::vector<std::string>& notes) {
@@ -79,14 +74,10 @@ Camera parse_camera(const std::string& path, std::vector<std::string>& notes) {
   const JsonValue file(root, path);
   Camera camera;
   camera.name = fs::path(path).stem().string();
-  const std::vector<JsonValue> size = file.at("imagersize").elements(2);
-  camera.width = static_cast<int>(size[0].integer(1, kMaxImageSize));
-  camera.height = static_cast<int>(size[1].integer(1, kMaxImageSize));
+  parse_image_size(file.at("imagersize"), camera);
   camera.lens = parse_mrcal_lens(file);
   const JsonValue place = file.find("rt_cam_ref") ? file.at("rt_cam_ref") : file.at("extrinsics");
-  std::array<double, 6> rt;
-  const std::vector<JsonValue> values = place.elements(rt.size());
-  std::ranges::transform(values, rt.begin(), [](const JsonValue& value) { return value.number(); });
+  const std::vector<double> rt = parse_numbers(place, 6);
   camera.pose = pose_of_camera_from_world({rotation_from_vector({rt[0], rt[1], rt[2]}), {rt[3], rt[4], rt[5]}});
   root.erase("lens_model");  // check_foreign_keys() does not know mrcal's names of lens models
   for (const std::string& note : check_foreign_keys(root, path, kKnownKeys)) notes.push_back(path + ": " + note);
@@ -99,21 +90,16 @@ RigImport import_mrcal(const std::string& path) {
   std::vector<std::string> paths;
   std::error_code error;
   if (fs::is_directory(path, error)) {
-    for (fs::directory_iterator it(path, error), end; !error && it != end; it.increment(error))
-      if (it->path().extension() == ".cameramodel") paths.push_back(it->path().string());
-    if (error) throw Error(path + ": can't be read: " + error.message());
+    for (const fs::path& file : paths_in(path))
+      if (file.extension() == ".cameramodel") paths.push_back(file.string());
     if (paths.empty()) throw Error(path + ": contains no file *.cameramodel");
     if (paths.size() > kMaxCameras)
       throw Error(path + ": has too many files; a rig has at most " + std::to_string(kMaxCameras) + " cameras");
-    std::ranges::sort(paths, natural_less);
   } else {
     paths.push_back(path);
   }
   RigImport result;
-  for (const std::string& file : paths) {
-    result.rig.cameras.push_back(parse_camera(file, result.notes));
-    result.rig.cameras.back().id = static_cast<uint32_t>(result.rig.cameras.size()) - 1;
-  }
+  for (const std::string& file : paths) add_camera(parse_camera(file, result.notes), result);
   return with_topology(std::move(result));
 }
 

@@ -52,7 +52,7 @@ bool is_fisheye(const Frame& frame) {
 std::vector<double> distortion_of(const Frame& frame, bool fisheye) {
   std::vector<double> k;
   if (const auto params = frame.find("distortion_params")) {
-    for (const JsonValue& value : params->elements(6)) k.push_back(value.number());
+    k = parse_numbers(*params, 6);
   } else {
     for (const char* key : {"k1", "k2", "k3", "k4", "p1", "p2"}) k.push_back(frame.number(key, 0));
   }
@@ -74,10 +74,10 @@ Lens parse_lens(const Frame& frame, const JsonValue& place, int width, int heigh
   if (fy == 0) fy = !frame.find("fl_x") && angle_y > 0 && angle_y < M_PI ? height / 2.0 / std::tan(angle_y / 2) : fx;
   try {
     const bool fisheye = is_fisheye(frame);
-    return (fisheye ? lens_from_opencv_fisheye : lens_from_opencv)(
-        {fx, fy, frame.number("cx", width / 2.0) - kNerfPixelCentre,
-         frame.number("cy", height / 2.0) - kNerfPixelCentre},
-        distortion_of(frame, fisheye));
+    const double cx = frame.number("cx", width / 2.0), cy = frame.number("cy", height / 2.0);
+    const PinholeParams pinhole{fx, fy, cx - kNerfPixelCentre, cy - kNerfPixelCentre};
+    const std::vector<double> distortion = distortion_of(frame, fisheye);
+    return fisheye ? lens_from_opencv_fisheye(pinhole, distortion) : lens_from_opencv(pinhole, distortion);
   } catch (const Error& e) {
     place.fail(e.what());
   }
@@ -124,8 +124,7 @@ Camera parse_camera(const JsonValue& value, const JsonValue& file, const fs::pat
   }
   const auto width = frame.find("w"), height = frame.find("h");
   if (width && height) {
-    camera.width = static_cast<int>(width->integer(1, kMaxImageSize));
-    camera.height = static_cast<int>(height->integer(1, kMaxImageSize));
+    parse_image_size(*width, *height, camera);
   } else {
     if (camera.image.empty()) value.fail("has neither w and h nor a file_path, so the image size is unknown");
     const ImageSize size = load_image_size(camera.image);
@@ -155,49 +154,16 @@ class SingleTimeCheck {
   std::optional<double> first_;
 };
 
-// Keys that are read or irrelevant for a rig. Masks and depths appear in the note.
-const std::set<std::string_view> kNerfKeys = {"frames",
-                                              "file_path",
-                                              "transform_matrix",
-                                              "camera_model",
-                                              "fl_x",
-                                              "fl_y",
-                                              "cx",
-                                              "cy",
-                                              "w",
-                                              "h",
-                                              "k1",
-                                              "k2",
-                                              "p1",
-                                              "p2",
-                                              "k3",
-                                              "k4",
-                                              "camera_angle_x",
-                                              "camera_angle_y",
-                                              "distortion_params",
-                                              "applied_transform",
-                                              "applied_scale",
-                                              "time",
-                                              "is_fisheye",
-                                              "aabb",
-                                              "aabb_scale",
-                                              "render_aabb",
-                                              "scale",
-                                              "offset",
-                                              "up",
-                                              "sharpness",
-                                              "rotation",
-                                              "colmap_im_id",
-                                              "ply_file_path",
-                                              "orientation_override",
-                                              "train_filenames",
-                                              "val_filenames",
-                                              "test_filenames",
-                                              "white_transparent",
-                                              "black_transparent",
-                                              "integer_depth_scale",
-                                              "enable_depth_loading",
-                                              "n_extra_learnable_dims"};
+// Masks and depths appear in the note.
+const std::set<std::string_view> kNerfKeys = {
+    // Keys that the importer reads.
+    "frames", "file_path", "transform_matrix", "camera_model", "fl_x", "fl_y", "cx", "cy", "w", "h", "k1", "k2", "p1",
+    "p2", "k3", "k4", "camera_angle_x", "camera_angle_y", "distortion_params", "applied_transform", "applied_scale",
+    "time", "is_fisheye",
+    // Keys without effect on a rig.
+    "aabb", "aabb_scale", "render_aabb", "scale", "offset", "up", "sharpness", "rotation", "colmap_im_id",
+    "ply_file_path", "orientation_override", "train_filenames", "val_filenames", "test_filenames", "white_transparent",
+    "black_transparent", "integer_depth_scale", "enable_depth_loading", "n_extra_learnable_dims"};
 
 // Adds a note for each coefficient that only some frames have. Frames without the coefficient use 0.
 void note_missing_coefficients(const JsonValue& file, const std::vector<JsonValue>& frames,
@@ -226,8 +192,7 @@ RigImport parse_nerf(const std::string& text, const std::string& path) {
   SingleTimeCheck instant;
   for (const JsonValue& value : values) {
     instant.add(value);
-    result.rig.cameras.push_back(parse_camera(value, file, fs::path(path).parent_path(), applied));
-    result.rig.cameras.back().id = static_cast<uint32_t>(result.rig.cameras.size()) - 1;
+    add_camera(parse_camera(value, file, fs::path(path).parent_path(), applied), result);
   }
   return result;
 }
@@ -238,12 +203,7 @@ void put_distortion(const Camera& camera, bool fisheye, ordered_json& frame) {
   if (!lens.has_distortion() && !fisheye) return;
   if (lens.distortion().fisheye != fisheye)
     throw_camera_error(camera, "the format cannot hold fisheye lenses beside other lenses");
-  std::vector<double> terms;
-  try {
-    terms = opencv_terms(lens);
-  } catch (const Error& e) {
-    throw_camera_error(camera, e.what());
-  }
+  std::vector<double> terms = opencv_terms(camera);
   if (fisheye) {
     frame.update(ordered_json{{"k1", terms[0]}, {"k2", terms[1]}, {"k3", terms[2]}, {"k4", terms[3]}});
     return;

@@ -14,11 +14,7 @@ namespace {
 
 // Returns the elements of a matrix, with its rows, columns and channels in this order. OpenCV writes arrays of matrices
 // as a matrix with several channels, or as a matrix with several dimensions.
-std::vector<double> parse_elements(const JsonValue& matrix) {
-  std::vector<double> elements;
-  for (const JsonValue& element : matrix.at("data").elements()) elements.push_back(element.number());
-  return elements;
-}
+std::vector<double> parse_elements(const JsonValue& matrix) { return parse_numbers(matrix.at("data")); }
 
 std::vector<double> parse_elements(const JsonValue& file, const char* key, size_t count) {
   std::vector<double> elements = parse_elements(file.at(key));
@@ -106,19 +102,18 @@ std::vector<Camera> parse_opencv_multiview(const nlohmann::json& root, const std
             .fail(place + " must have an integer width and height up to " + std::to_string(kMaxImageSize));
     camera.width = static_cast<int>(sizes[2 * i]);
     camera.height = static_cast<int>(sizes[2 * i + 1]);
-    const double* const k = &matrices[9 * i];
-    if (k[1] != 0 || k[3] != 0 || k[6] != 0 || k[7] != 0 || k[8] != 1)
+    const auto pinhole = pinhole_of_matrix({&matrices[9 * i], 9});
+    if (!pinhole)
       file.at("Ks").fail(place + " must have [fx, 0, cx, 0, fy, cy, 0, 0, 1], because a rig cannot hold skew");
     try {
       const auto& [is_fisheye, terms] = distortions[i];
-      camera.lens = (is_fisheye ? lens_from_opencv_fisheye : lens_from_opencv)({k[0], k[4], k[2], k[5]}, terms);
+      camera.lens = is_fisheye ? lens_from_opencv_fisheye(*pinhole, terms) : lens_from_opencv(*pinhole, terms);
     } catch (const Error& e) {
       file.at("Ks").fail(place + ": " + e.what() + (undistorted ? "" : kUndistortedRemedy));
     }
     const double *const r = &rotations[(has_matrices ? 9 : 3) * i], *const t = &translations[3 * i];
     camera.pose = pose_of_camera_from_world(
-        {has_matrices ? nearest_rotation(Mat3(r[0], r[3], r[6], r[1], r[4], r[7], r[2], r[5], r[8]), rotation)
-                      : rotation_from_vector({r[0], r[1], r[2]}),
+        {has_matrices ? nearest_rotation(matrix_of_rows({r, 9}), rotation) : rotation_from_vector({r[0], r[1], r[2]}),
          {t[0], t[1], t[2]}});
   }
   return cameras;

@@ -5,7 +5,6 @@
 #include <bit>
 #include <charconv>
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <limits>
 #include <numbers>
@@ -61,9 +60,7 @@ Rig row_of(int cameras, double fov_y_deg, int width, int height, Place place) {
   Rig rig = make_grid_rig({1, cameras, 1, fov_y_deg, width, height});
   for (int i = 0; i < cameras; i++) {
     Camera& camera = rig.cameras[static_cast<size_t>(i)];
-    char name[20];
-    std::snprintf(name, sizeof(name), "cam_%02d", i);
-    camera.name = name;
+    camera.name = format_text("cam_%02d", i);
     camera.pose = place(i);
   }
   return rig;
@@ -391,11 +388,9 @@ Rig make_grid_rig(const GridRigOptions& options) {
   rig.topology = {Topology::Type::kGrid, options.rows, options.columns, {}};
   for (int row = 0; row < options.rows; row++)
     for (int column = 0; column < options.columns; column++) {
-      char name[40];
-      std::snprintf(name, sizeof(name), "cam_%02d_%02d", row, column);
       Camera camera;
       camera.id = static_cast<uint32_t>(rig.cameras.size());
-      camera.name = name;
+      camera.name = format_text("cam_%02d_%02d", row, column);
       camera.width = options.width;
       camera.height = options.height;
       camera.lens = lens;

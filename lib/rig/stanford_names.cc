@@ -2,7 +2,6 @@
 #include "rig/exchange.h"
 
 #include <charconv>
-#include <cstdio>
 #include <filesystem>
 #include <map>
 #include <regex>
@@ -28,12 +27,11 @@ struct NamedImage {
 std::map<Place, NamedImage> read_names(const std::string& directory, std::vector<std::string>& notes) {
   static const std::regex kName(R"(.*?_(\d{1,5})_(\d{1,5})_(-?\d+\.?\d*)_(-?\d+\.?\d*)_?\.(png|jpg|jpeg))",
                                 std::regex::icase);
-  std::error_code error;
   std::map<Place, NamedImage> images;
   constexpr size_t kLongestName = 255;  // std::regex is recursive
   size_t left_out = 0;
-  for (fs::directory_iterator it(directory, error), end; !error && it != end; it.increment(error)) {
-    const std::string name = it->path().filename().string();
+  for (const fs::path& path : paths_in(directory)) {
+    const std::string name = path.filename().string();
     std::smatch parts;
     if (name.size() > kLongestName || !std::regex_match(name, parts, kName)) {
       left_out++;
@@ -45,13 +43,11 @@ std::map<Place, NamedImage> read_names(const std::string& directory, std::vector
       return value;
     };
     const Place place(static_cast<int>(number(1)), static_cast<int>(number(2)));
-    const auto [other, is_new] = images.emplace(place, NamedImage{it->path().string(), {number(4), number(3)}});
+    const auto [other, is_new] = images.emplace(place, NamedImage{path.string(), {number(4), number(3)}});
     if (!is_new)
-      throw Error(it->path().string() +
-                  ": remove or rename this file, because its name has the same row and column as " +
+      throw Error(path.string() + ": remove or rename this file, because its name has the same row and column as " +
                   other->second.path);
   }
-  if (error) throw Error(directory + ": can't be read: " + error.message());
   if (images.empty())
     throw Error(directory +
                 ": no file name has the form out_00_01_-381.9_-776.8.png, which contains the row, the column and the "
@@ -79,12 +75,6 @@ void place_cameras(const std::vector<Vec2>& positions, const StanfordOptions& op
   }
 }
 
-std::string place_text(int index, int columns) {
-  char text[20];
-  std::snprintf(text, sizeof(text), "%02d_%02d", index / columns, index % columns);
-  return text;
-}
-
 // The archive's names have no exponents.
 std::string fixed_text(double value) {
   char text[400];
@@ -106,12 +96,11 @@ RigImport import_stanford(const std::string& directory, const StanfordOptions& o
     last = {std::max(last.first, place.first), std::max(last.second, place.second)};
     const ImageSize size = load_image_size(named.path);
     Camera camera;
-    camera.id = static_cast<uint32_t>(rig.cameras.size());
     camera.name = fs::path(named.path).stem().string();
     camera.image = fs::proximate(named.path).string();
     camera.width = size.width;
     camera.height = size.height;
-    rig.cameras.push_back(camera);
+    add_camera(camera, result);
     positions.push_back(named.position);
   }
   place_cameras(positions, options, rig);
@@ -169,9 +158,10 @@ RigExport export_stanford(const Rig& rig, const std::string& directory, double u
   make_folder(directory);
   for (size_t i = 0; i < positions.size(); i++) {
     const fs::path from = rig.resolve(rig.cameras[i].image);
-    const fs::path to = fs::path(directory) / ("out_" + place_text(static_cast<int>(i), rig.topology.columns) + "_" +
-                                               fixed_text(positions[i].y) + "_" + fixed_text(positions[i].x) + "_" +
-                                               from.extension().string());
+    const auto columns = static_cast<size_t>(rig.topology.columns);
+    const fs::path to =
+        fs::path(directory) / (format_text("out_%02zu_%02zu_", i / columns, i % columns) + fixed_text(positions[i].y) +
+                               "_" + fixed_text(positions[i].x) + "_" + from.extension().string());
     try {
       copy_file(from.string(), to.string());
     } catch (const Error& error) {

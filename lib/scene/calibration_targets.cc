@@ -36,12 +36,30 @@ const std::vector<float>& noises() {
   return table;
 }
 
-uint64_t scattered(uint64_t n) {
-  n += 0x9e3779b97f4a7c15;
-  n = (n ^ (n >> 30)) * 0xbf58476d1ce4e5b9;
-  n = (n ^ (n >> 27)) * 0x94d049bb133111eb;
-  return n ^ (n >> 31);
-}
+// SplitMix64 (Steele, Lea, Flood, "Fast splittable pseudorandom number generators", 2014).
+class Random {
+ public:
+  explicit Random(uint64_t seed) : state_(seed) {}
+  uint64_t bits() {
+    uint64_t z = state_ += 0x9e3779b97f4a7c15;
+    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9;
+    z = (z ^ (z >> 27)) * 0x94d049bb133111eb;
+    return z ^ (z >> 31);
+  }
+  double between(double least, double most) {
+    return least + (most - least) * static_cast<double>(bits() >> 11) / 9007199254740992.0;
+  }
+  // Approximates a normal distribution by the sum of four uniform distributions.
+  double normal() {
+    const uint64_t b = bits();
+    double sum = 0;
+    for (int i = 0; i < 4; i++) sum += static_cast<double>((b >> (16 * i)) & 0xffff) / 65535.0 - 0.5;
+    return sum * std::sqrt(3.0);
+  }
+
+ private:
+  uint64_t state_;
+};
 
 Pose middle_of(const Rig& rig) {
   Vec3 position(0), forward(0), down(0);
@@ -205,7 +223,7 @@ Image MovingLightCamera::picture(double time, uint64_t seed) const {
   Image image(PixelFamily::kRgb, width, height);
   const std::vector<float>& table = noises();
   for (int y = 0; y < height; y++) {
-    size_t at = scattered(seed * 65536 + static_cast<uint64_t>(y)) % kNoises;
+    size_t at = Random(seed * 65536 + static_cast<uint64_t>(y)).bits() % kNoises;
     for (int x = 0; x < width; x++, at = (at + 1) % kNoises) {
       const float value = 255 * std::sqrt(std::min(1.0f, light[static_cast<size_t>(y) * width + x])) +
                           static_cast<float>(o.noise) * table[at];
@@ -329,31 +347,6 @@ Image render_chart(const SceneCamera& camera, const ChartPose& chart) {
 }
 
 namespace {
-
-// SplitMix64 (Steele, Lea, Flood, "Fast splittable pseudorandom number generators", 2014).
-class Random {
- public:
-  explicit Random(uint64_t seed) : state_(seed) {}
-  uint64_t bits() {
-    uint64_t z = state_ += 0x9e3779b97f4a7c15;
-    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9;
-    z = (z ^ (z >> 27)) * 0x94d049bb133111eb;
-    return z ^ (z >> 31);
-  }
-  double between(double least, double most) {
-    return least + (most - least) * static_cast<double>(bits() >> 11) / 9007199254740992.0;
-  }
-  // Approximates a normal distribution by the sum of four uniform distributions.
-  double normal() {
-    const uint64_t b = bits();
-    double sum = 0;
-    for (int i = 0; i < 4; i++) sum += static_cast<double>((b >> (16 * i)) & 0xffff) / 65535.0 - 0.5;
-    return sum * std::sqrt(3.0);
-  }
-
- private:
-  uint64_t state_;
-};
 
 constexpr double kSceneGamma = 2;
 

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <memory>
@@ -229,29 +228,10 @@ Image render_scene(const SceneCamera& camera, double time, int samples, bool eve
 }
 
 Rig scene_rig(int rows, int columns, int width, int height) {
-  if (rows < 1 || columns < 1 || static_cast<int64_t>(rows) * columns > kMaxCameras)
-    throw Error("an array of " + std::to_string(rows) + "x" + std::to_string(columns) +
-                " cameras can't be made; choose fewer, but at least 1x1");
-  if (width < 1 || height < 1 || width > kMaxImageSize || height > kMaxImageSize)
-    throw Error("cameras of " + std::to_string(width) + "x" + std::to_string(height) +
-                " pixels can't be made; choose a width and a height from 1 to 16384");
-  Rig rig;
-  rig.topology.type = Topology::Type::kGrid;
-  rig.topology.rows = rows;
-  rig.topology.columns = columns;
-  for (int r = 0; r < rows; r++)
-    for (int c = 0; c < columns; c++) {
-      Camera camera;
-      camera.id = static_cast<uint32_t>(r * columns + c);
-      char name[32];
-      std::snprintf(name, sizeof name, "cam_%02d_%02d", r, c);
-      camera.name = name;
-      camera.width = width;
-      camera.height = height;
-      camera.lens = Lens(LensModel::kRadial, {1.25 * width, (width - 1) / 2.0, (height - 1) / 2.0, 0, 0});
-      camera.pose.position = {(c - (columns - 1) / 2.0) * kScenePitch, (r - (rows - 1) / 2.0) * kScenePitch, 0};
-      rig.cameras.push_back(camera);
-    }
+  constexpr double kAnyView = 45;  // degrees
+  Rig rig = make_grid_rig({rows, columns, kScenePitch, kAnyView, width, height});
+  for (Camera& camera : rig.cameras)
+    camera.lens = Lens(LensModel::kRadial, {1.25 * width, (width - 1) / 2.0, (height - 1) / 2.0, 0, 0});
   return rig;
 }
 
