@@ -1,13 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <cmath>
-#include <random>
-
-#include <gtest/gtest.h>
-
-#include "base/text.h"
 #include "composite/accumulator.h"
+#include "base/text.h"
 #include "support/fragments.h"
+#include "support/test.h"
 
 namespace lf::test {
 namespace {

@@ -1,10 +1,4 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <cstdlib>
-#include <memory>
-#include <random>
-
-#include <gtest/gtest.h>
-
 #include "base/text.h"
 #include "composite/assembly.h"
 #include "lib/wire/wire_test.h"

@@ -1,13 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <utility>
-#include <vector>
-
-#include <gtest/gtest.h>
-
-#include "composite/accumulator.h"
 #include "composite/resolve.h"
+#include "composite/accumulator.h"
 #include "render/sum_planes.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

@@ -1,10 +1,4 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <cmath>
-#include <cstdio>
-#include <set>
-
-#include <gtest/gtest.h>
-
 #include "composite/still.h"
 #include "image/image_filters.h"
 #include "lib/render/sum_arrays.h"
@@ -13,6 +7,7 @@
 #include "render/camera_projection.h"
 #include "support/expect_error.h"
 #include "support/rigs.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

@@ -1,14 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <cmath>
-#include <cstdlib>
-#include <numeric>
-
-#include <gtest/gtest.h>
-
 #include "composite/view_weights.h"
 #include "image/image.h"
 #include "reference/generators.h"
 #include "scene/scene.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

@@ -1,11 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "depth/matching_image.h"
 
-#include <cmath>
-
-#include <gtest/gtest.h>
-
 #include "reference/generators.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "focus/autofocus.h"
 
-#include <gtest/gtest.h>
-
 #include "focus/depth_estimator.h"
 #include "lib/focus/array_of_walls.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

@@ -1,11 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "focus/depth_ambiguity.h"
 
-#include <algorithm>
-#include <cmath>
-#include <memory>
-
-#include <gtest/gtest.h>
+#include "support/test.h"
 
 namespace lf {
 namespace other_depths_test {

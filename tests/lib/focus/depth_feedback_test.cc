@@ -1,12 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "focus/depth_feedback.h"
 
-#include <gtest/gtest.h>
-
-#include <thread>
-
 #include "focus/depth_selection.h"
 #include "lib/focus/array_of_walls.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

@@ -1,12 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "focus/focus_array.h"
 
-#include <cmath>
-
-#include <gtest/gtest.h>
-
 #include "base/text.h"
 #include "scene/scene.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

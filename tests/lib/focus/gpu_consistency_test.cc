@@ -1,13 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // Photo-consistency sums computed on the GPU, compared with the CPU's.
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <cstdio>
-#include <numeric>
-#include <optional>
 
 #include "composite/still.h"
 #include "focus/hypothesis_renderer.h"
@@ -19,7 +12,7 @@
 #include "reference/generators.h"
 #include "render/gl/gles_renderer.h"
 #include "scene/scene.h"
-#include "support/mentions.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

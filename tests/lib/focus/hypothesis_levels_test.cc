@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "focus/hypothesis_levels.h"
 
-#include <algorithm>
-#include <set>
-
-#include <gtest/gtest.h>
+#include "support/test.h"
 
 namespace lf {
 namespace {

@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "focus/warp_depth_map.h"
 
-#include <gtest/gtest.h>
-
-#include <limits>
-#include <utility>
+#include "support/test.h"
 
 namespace lf {
 namespace {

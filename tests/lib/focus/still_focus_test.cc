@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "focus/still_focus.h"
 
-#include <gtest/gtest.h>
-
 #include "base/text.h"
 #include "composite/still.h"
 #include "lib/focus/array_of_walls.h"
 #include "quality/image_quality.h"
 #include "scene/scene.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

@@ -1,13 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "focus/warp_depth_map.h"
 
-#include <algorithm>
-#include <cmath>
-
-#include <gtest/gtest.h>
-
 #include "reference/generators.h"
 #include "support/every_target.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

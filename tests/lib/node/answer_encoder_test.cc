@@ -1,12 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <thread>
-
-#include <gtest/gtest.h>
-
 #include "composite/assembly.h"
 #include "node/request_renderer.h"
 #include "quality/image_quality.h"
 #include "scene/scene.h"
+#include "support/test.h"
 #include "wire/answer_codec.h"
 
 namespace lf {

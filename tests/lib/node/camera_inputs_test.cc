@@ -1,12 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <atomic>
-#include <thread>
-#include <vector>
-
-#include <gtest/gtest.h>
-
 #include "node/camera_inputs.h"
-#include "support/mentions.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

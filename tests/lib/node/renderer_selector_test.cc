@@ -1,15 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "node/renderer_selector.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include <cstdlib>
-
 #include "lib/render/sum_arrays.h"
 #include "render/ownership.h"
-#include "support/mentions.h"
 #include "support/process.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

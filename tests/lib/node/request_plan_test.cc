@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "node/request_plan.h"
 
-#include <gtest/gtest.h>
-
 #include "quality/image_quality.h"
 #include "scene/scene.h"
 #include "support/access_pictures.h"
 #include "support/expect_error.h"
+#include "support/test.h"
 #include "wire/consistency_codec.h"
 
 namespace lf {

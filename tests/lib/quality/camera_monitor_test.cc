@@ -1,23 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <cmath>
-#include <functional>
-#include <random>
-#include <set>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include "composite/still.h"
 #include "quality/camera_monitor.h"
+#include "composite/still.h"
 #include "quality/image_quality.h"
 #include "scene/scene.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
 
-using testing::ElementsAre;
-using testing::IsEmpty;
 using Fault = CameraMonitor::Fault;
 
 // An array with some bad cameras: predictions from a bad camera are half as far off.

@@ -1,11 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Invariants of the rendering rule that can break unnoticed.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <cstdio>
-
 #include "composite/accumulator.h"
 #include "image/image.h"
 #include "lib/render/production.h"
@@ -16,6 +10,7 @@
 #include "rig/rig_json.h"
 #include "support/fragments.h"
 #include "support/rigs.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

@@ -1,17 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <cmath>
-#include <cstdio>
-#include <memory>
 #include <numbers>
-#include <numeric>
-#include <vector>
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <hwy/targets.h>
 #include <sys/mman.h>
-#include <unistd.h>
 
 #include "lib/render/production.h"
 #include "lib/render/sum_arrays.h"
@@ -22,6 +13,7 @@
 #include "render/sum_renderer.h"
 #include "scene/scene.h"
 #include "support/every_target.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

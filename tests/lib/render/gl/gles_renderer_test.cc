@@ -1,20 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <cmath>
-#include <cstdio>
-#include <functional>
-#include <memory>
-#include <vector>
-
-#include <gtest/gtest.h>
-
+#include "render/gl/gles_renderer.h"
 #include "lib/render/production.h"
 #include "lib/render/sum_arrays.h"
 #include "reference/generators.h"
-#include "render/gl/gles_renderer.h"
 #include "render/sum_renderer.h"
-#include "support/mentions.h"
 #include "support/rigs.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

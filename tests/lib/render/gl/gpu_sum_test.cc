@@ -2,14 +2,6 @@
 #include "render/gl/gpu_sum.h"
 
 #include <EGL/egl.h>
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <atomic>
-#include <cmath>
-#include <cstdio>
-#include <span>
-#include <thread>
 
 #include "composite/accumulator.h"
 #include "lib/render/gl/external_context.h"
@@ -19,7 +11,6 @@
 #include "render/gl/gles_renderer.h"
 #include "render/simd/sum_task.h"
 #include "render/sum_renderer.h"
-#include "support/mentions.h"
 
 namespace lf {
 namespace {

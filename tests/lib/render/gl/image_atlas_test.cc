@@ -1,10 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <atomic>
 #include <list>
-#include <memory>
-#include <vector>
-
-#include <gtest/gtest.h>
 
 #include "focus/hypothesis_renderer.h"
 #include "image/image.h"

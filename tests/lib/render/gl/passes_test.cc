@@ -1,15 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <memory>
-#include <vector>
 
 #include <GLES3/gl31.h>
-#include <gtest/gtest.h>
 
 #include "lib/render/sum_arrays.h"
 #include "render/gl/gles_renderer.h"
 #include "render/gl/gpu_sum.h"
 #include "render/sum_renderer.h"
-#include "support/mentions.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
