@@ -6,6 +6,7 @@
 #include "image/image_file.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
+#include "support/rigs.h"
 #include "support/temp_dir.h"
 #include "view/view_path.h"
 

@@ -92,8 +92,8 @@ TEST(RenderStill, RefusesMixedFamilies) {
 using reference::Random;
 
 // The viewpoint is anywhere near the array, the focus a plane or a map; every second view looks over the array's edge.
-View view_of(Random& random, const Rig& rig, int side, int n) {
-  View view = test::view_into(rig, side, 150, 110, random.small_rotation(0.1));
+View view_of(Random& random, int side, int n) {
+  View view = test::view_into(side, 150, 110, random.small_rotation(0.1));
   const double reach = 0.1 * side / 2 * (n % 2 ? 1.5 : 0.6), middle = 0.1 * (side - 1) / 2;
   const double x = random.uniform(-reach, reach), y = random.uniform(-reach, reach);
   view.pose.position = {middle + x, middle + y, random.uniform(-0.5, 0.3)};
@@ -121,7 +121,7 @@ void measure(int n, PixelFamily family, Resampling resampling, Image (*make)(Ran
   Random random(n);
   const int side = 3 + n % 4;
   const Rig rig = test::jittered_array(random, side, 160, 120, n % 4 == 0 ? 0 : -0.2);
-  View view = view_of(random, rig, side, n);
+  View view = view_of(random, side, n);
   view.blending.extrapolates = false;  // the reference renders only the mesh
   const Mesh mesh = build_mesh(rig);
   const bool i420 = family == PixelFamily::kI420;

@@ -10,12 +10,7 @@ namespace {
 using reference::Random;
 
 Camera camera_of(int width, int height, const Lens& lens, const Pose& pose = {}) {
-  Camera camera;
-  camera.width = width;
-  camera.height = height;
-  camera.lens = lens;
-  camera.pose = pose;
-  return camera;
+  return reference::make_camera(0, width, height, lens, pose);
 }
 
 TEST(MatchingImage, AveragesPixelsAndHasTheirDifferences) {

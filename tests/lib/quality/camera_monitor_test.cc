@@ -104,8 +104,8 @@ TEST_F(MonitoredArray, CamerasOutOfServiceAreNotChecked) {
   turns(46);
   EXPECT_TRUE(std::isnan(monitor_.error(0).psnr_db));
   EXPECT_FALSE(std::isnan(monitor_.error(1).psnr_db));
-  out_.clear();
-  for (CameraIndex i = 0; i < kSide * kSide; i++) out_.push_back(i);
+  out_.resize(kSide * kSide);
+  std::iota(out_.begin(), out_.end(), 0);
   EXPECT_EQ(monitor_.next(out_), std::nullopt);
 }
 
