@@ -75,8 +75,7 @@ struct Walls {
         const lf::Vec3 d(*inside.lens.unproject({x, y}), 1);
         const lf::Vec3 near = inside.pose.position + 1.5 * d, far = inside.pose.position + 3. * d;
         const lf::Vec3 at = near.x > 0 ? near : far;
-        const double luma = 128 + 50 * std::sin(31 * at.x + 7 * at.y) + 50 * std::sin(23 * at.y - 11 * at.x);
-        sum += std::abs(picture.pixels[3 * (static_cast<size_t>(y) * 160 + x)] - luma);
+        sum += std::abs(picture.pixels[3 * (static_cast<size_t>(y) * 160 + x)] - walls.luma_at(at));
       }
     return sum / count;
   }

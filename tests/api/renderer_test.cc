@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "reference/renderer.h"
 #include "api/api_fixture.h"
-#include "composite/accumulator.h"
+#include "composite/still.h"
 
 namespace lightfield {
 namespace {
@@ -259,24 +259,8 @@ TEST(ApiNodeCompositor, NodesAreThreadSafe) {
 constexpr RenderOptions kBilinear{.resampling = Resampling::kBilinear};
 
 lf::Image production(const Array& array, const lf::View& view) {
-  const lf::Mesh mesh = lf::build_mesh(array.inside);
-  std::vector<lf::CameraIndex> all(array.inside.cameras.size());
-  std::iota(all.begin(), all.end(), 0);
-  const lf::RenderJob job(array.inside, mesh, view, all);
-  std::vector<lf::Source> sources;
-  for (const lf::CameraIndex camera : job.cameras())
-    sources.push_back({camera, &array.inside.cameras[camera], array.originals[camera].view()});
-  const lf::PixelFamily family = array.originals[0].family();
-  const lf::SumRenderer renderer(job.plan(), job.runs(), sources, family);
-  const lf::Rect rect = renderer.rect();
-  const size_t area = static_cast<size_t>(rect.width()) * rect.height();
-  std::vector<int16_t> samples(3 * area);
-  std::vector<uint16_t> lost(area);
-  renderer.render_rows(rect.y0, rect.y1, lf::packed_sums(family, rect, samples.data(), lost.data()));
-  lf::Accumulator sum;
-  sum.reset(family, view.width, view.height);
-  sum.add(lf::packed_sums<const int16_t, const uint16_t>(family, rect, samples.data(), lost.data()));
-  return sum.resolve();
+  const auto image_of = [&](lf::CameraIndex camera) -> const lf::Image& { return array.originals[camera]; };
+  return lf::render_still(array.inside, lf::build_mesh(array.inside), view, image_of).picture;
 }
 
 TEST(ApiRenderer, PicturesEqualTheInternalRenderers) {

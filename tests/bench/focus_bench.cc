@@ -13,10 +13,8 @@
 #include "focus/hypothesis_samples.h"
 #include "focus/warp_depth_map.h"
 #include "image/image_filters.h"
-#include "reference/generators.h"
+#include "lib/render/sum_arrays.h"
 #include "render/camera_projection.h"
-#include "render/gl/gles_renderer.h"
-#include "render/sum_renderer.h"
 #include "wire/request_codec.h"
 
 namespace lf {
@@ -28,15 +26,8 @@ struct Scene {
   // `finer`: pixels of the view per camera pixel, along each side.
   explicit Scene(PixelFamily family, int finer = 1) {
     reference::Random random(1);
-    const double f = 1.25 * kWidth, pitch = 0.4 / (kSide - 1);
-    for (int i = 0; i < kSide * kSide; i++) {
-      const Lens lens(LensModel::kRadial,
-                      {f * random.uniform(0.98, 1.02), (kWidth - 1) / 2.0, (kHeight - 1) / 2.0, -0.15, 0.03});
-      const Vec3 place(i % kSide + random.uniform(-0.05, 0.05), i / kSide + random.uniform(-0.05, 0.05), 0);
-      rig.cameras.push_back(
-          reference::make_camera(i, kWidth, kHeight, lens, {pitch * place, random.small_rotation(0.0175)}));
-    }
-    rig.topology = {Topology::Type::kGrid, kSide, kSide, {}};
+    const double f = 1.25 * kWidth;
+    rig = test::jittered_array(random, kSide, kWidth, kHeight, -0.15, 0.4 / (kSide - 1));
     mesh = build_mesh(rig);
     own.resize(rig.cameras.size());
     std::iota(own.begin(), own.end(), 0);

@@ -1,24 +1,14 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Runs bench-render on pictures that are too small for meaningful timings.
-#include <algorithm>
-#include <cstdlib>
-#include <filesystem>
-#include <set>
-#include <sstream>
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
 #include "base/json_value.h"
-#include "support/mentions.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
 
 namespace lf {
 namespace {
-
-using testing::HasSubstr;
 
 class BenchRender : public testing::Test {
  protected:

@@ -12,11 +12,8 @@
 
 #include "base/schedule.h"
 #include "bench/sum_picture.h"
-#include "reference/generators.h"
-#include "render/gl/gles_renderer.h"
+#include "lib/render/sum_arrays.h"
 #include "render/gl/gpu_sum.h"
-#include "render/sum_renderer.h"
-#include "rig/mesh.h"
 #include "wire/fragment_codec.h"
 
 namespace lf {
@@ -27,69 +24,27 @@ constexpr int kSizes[][2] = {{320, 240}, {640, 480}, {1280, 720}, {1920, 1080}, 
 struct Scene {
   Scene(int side, int width, int height, bool distorted, PixelFamily family) {
     reference::Random random(1);
-    const double f = 1.25 * width, pitch = 0.4 / (side - 1);
-    for (int i = 0; i < side * side; i++) {
-      const Lens lens(LensModel::kRadial, {f * random.uniform(0.98, 1.02), (width - 1) / 2.0, (height - 1) / 2.0,
-                                           distorted ? -0.15 : 0, distorted ? 0.03 : 0});
-      const Vec3 place(i % side + random.uniform(-0.05, 0.05), i / side + random.uniform(-0.05, 0.05), 0);
-      rig.cameras.push_back(
-          reference::make_camera(i, width, height, lens, {pitch * place, random.small_rotation(0.0175)}));
-    }
-    rig.topology = {Topology::Type::kGrid, side, side, {}};
+    const double f = 1.25 * width;
+    rig = test::jittered_array(random, side, width, height, distorted ? -0.15 : 0, 0.4 / (side - 1));
     mesh = build_mesh(rig);
     const Image rgb = reference::smooth_image(random, width, height);
-    image = family == PixelFamily::kI420 ? to_i420(rgb) : rgb;
-    for (int i = 0; i < side * side; i++) images.push_back(image);
+    images.assign(rig.cameras.size(), family == PixelFamily::kI420 ? to_i420(rgb) : rgb);
     view.width = width;
     view.height = height;
     view.lens = Lens::pinhole(f, (width - 1) / 2.0, (height - 1) / 2.0);
-    // At this distance, the array fills the view.
-    view.pose = {Vec3(0.2, 0.2, -0.45 * 0.4 * 1.25 * width / std::max(width, height) * 1), Quat(1, 0, 0, 0)};
-    view.pose.position.z = -0.9 * 0.2 * f / (width / 2.0);
+    view.pose = {Vec3(0.2, 0.2, -0.9 * 0.2 * f / (width / 2.0)), Quat(1, 0, 0, 0)};  // the array fills the view
     view.focus.plane = plane_through({0, 0, 2}, {0, 0, -1});
     for (int c = 0; c < 3; c++) sum[c].resize(static_cast<size_t>(width) * height);
     lost.resize(sum[0].size());
   }
-  std::vector<Source> sources(const ViewPlan& plan) const {
-    std::vector<Source> out;
-    for (const CameraIndex i : plan.contributors()) out.push_back({i, &rig.cameras[i], images[i].view()});
-    return out;
-  }
+  std::vector<Source> sources(const ViewPlan& plan) const { return test::sources_of(rig, plan, images); }
   Rig rig;
   Mesh mesh;
-  Image image;
   std::vector<Image> images;
   View view;
   std::vector<int16_t> sum[3];
   std::vector<uint16_t> lost;
 };
-
-void count(benchmark::State& state, const View& view) {
-  state.SetItemsProcessed(state.iterations() * int64_t{view.width} * view.height);
-}
-
-void Plan(benchmark::State& state) {
-  const auto& size = kSizes[state.range(0)];
-  Scene scene(static_cast<int>(state.range(1)), size[0], size[1], true, PixelFamily::kI420);
-  for (auto _ : state) {
-    const ViewPlan plan(scene.rig, scene.mesh, scene.view);
-    benchmark::DoNotOptimize(plan.faces().data());
-  }
-  count(state, scene.view);
-}
-BENCHMARK(Plan)->ArgsProduct({{0, 1, 2, 3}, {4, 8, 16}});
-
-void Owners(benchmark::State& state) {
-  const auto& size = kSizes[state.range(0)];
-  Scene scene(static_cast<int>(state.range(1)), size[0], size[1], true, PixelFamily::kI420);
-  const ViewPlan plan(scene.rig, scene.mesh, scene.view);
-  for (auto _ : state) {
-    const FaceRuns runs(plan, {0, 0, scene.view.width, scene.view.height});
-    benchmark::DoNotOptimize(runs.row(0).data());
-  }
-  count(state, scene.view);
-}
-BENCHMARK(Owners)->ArgsProduct({{0, 1, 2, 3}, {4, 8, 16}});
 
 // Depths of a typical room: a rising floor, and objects in front of a wall.
 std::shared_ptr<const FocalMap> room_depths(const View& view) {
@@ -238,36 +193,6 @@ void StayedSum(benchmark::State& state) {
   state.SetItemsProcessed(state.iterations() * int64_t{scene.view.width} * scene.view.height);
 }
 BENCHMARK(StayedSum)->ArgsProduct({{0, 1, 2, 3, 4}})->MeasureProcessCPUTime()->UseRealTime();
-
-// Lens models with the same scale in the middle of the image. Arguments: size, focal surface, lens in the view instead
-// of the cameras, GPU.
-void LensSum(benchmark::State& state, LensModel model) {
-  static std::string why;
-  static const auto gpu = gl::GlesRenderer::create(gl::Context::Drivers::kAny, why);
-  const auto& size = kSizes[state.range(0)];
-  Scene scene(8, size[0], size[1], false, PixelFamily::kI420);
-  const auto with_model = [&](const Lens& from) {
-    const double f = from.fx(), cx = from.cx(), cy = from.cy();
-    if (model == LensModel::kOpenCv) return Lens(model, {f, f, cx, cy, -0.15, 0.03, 1e-3, -1e-3});
-    if (model == LensModel::kFullOpenCv)
-      return Lens(model, {f, f, cx, cy, 0.15, 0.03, 1e-3, -1e-3, 0.01, 0.3, 0.05, 0.01});
-    if (model == LensModel::kOpenCvFisheye) return Lens(model, {f, f, cx, cy, 0.02, -0.01, 0.003, -3e-4});
-    return Lens(model, {f, f, cx, cy, 0.02, -0.01, 1e-3, -1e-3, 0.003, -3e-4, 1e-3, 2e-3});
-  };
-  if (state.range(2)) scene.view.lens = with_model(scene.view.lens);
-  for (Camera& camera : scene.rig.cameras)
-    if (!state.range(2)) camera.lens = with_model(camera.lens);
-  time_sum(state, scene, PixelFamily::kI420, Coordinates::kGrid, state.range(1) != 0,
-           state.range(3) ? gpu.get() : nullptr);
-}
-void lens_arguments(benchmark::internal::Benchmark* benchmark) {
-  benchmark->ArgsProduct({{0, 1, 3}, {0, 1}, {0}, {0}})->ArgsProduct({{1}, {0}, {1}, {0}});
-  benchmark->ArgsProduct({{1}, {0, 1}, {0}, {1}})->UseRealTime();
-}
-BENCHMARK_CAPTURE(LensSum, OPENCV, LensModel::kOpenCv)->Apply(lens_arguments);
-BENCHMARK_CAPTURE(LensSum, FULL_OPENCV, LensModel::kFullOpenCv)->Apply(lens_arguments);
-BENCHMARK_CAPTURE(LensSum, OPENCV_FISHEYE, LensModel::kOpenCvFisheye)->Apply(lens_arguments);
-BENCHMARK_CAPTURE(LensSum, THIN_PRISM_FISHEYE, LensModel::kThinPrismFisheye)->Apply(lens_arguments);
 
 // A display's 45 views of 512x512 through a surface at one instant, several per pass; `stays`: as one picture on the
 // GPU.

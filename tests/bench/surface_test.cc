@@ -1,23 +1,15 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <filesystem>
-#include <memory>
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
 #include "base/json_value.h"
 #include "image/image.h"
-#include "support/mentions.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
 #include "view/view_path.h"
 
 namespace lf {
 namespace {
-
-using testing::HasSubstr;
-using testing::Not;
 
 constexpr const char* kProgram = "../tests/bench/bench-surface";  // relative to the tools folder
 

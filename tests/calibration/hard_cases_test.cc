@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // The table of hard cases: each must end with the right solution or with a finding that names the fault.
-
 #include "base/text.h"
 #include "calibration/diagnosis.h"
 #include "calibration/simulator.h"

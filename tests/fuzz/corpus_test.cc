@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Runs every fuzz target on its seeds, on new inputs that tests/fuzz.sh has found (corpus/), and on truncated and
 // corrupted copies of both.
-
 #include "fuzz/fuzz.h"
 #include "fuzz/gst_start.h"
 #include "fuzz/seeds.h"

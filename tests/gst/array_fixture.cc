@@ -1,23 +1,14 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "gst/array_fixture.h"
 
+#include "support/rigs.h"
+
 namespace lf::test {
 namespace {
 
 Rig make_rig() {
-  Rig rig;
-  rig.topology.type = Topology::Type::kGrid;
-  rig.topology.rows = rig.topology.columns = 2;
-  for (uint32_t i = 0; i < 4; i++) {
-    Camera camera;
-    camera.id = i;
-    camera.name = "cam_" + std::to_string(i);
-    camera.width = ArrayFixture::kWidth;
-    camera.height = ArrayFixture::kHeight;
-    camera.lens = Lens::pinhole(30, (ArrayFixture::kWidth - 1) / 2.0, (ArrayFixture::kHeight - 1) / 2.0);
-    camera.pose.position = Vec3(i % 2, i / 2, 0) * 0.1;
-    rig.cameras.push_back(camera);
-  }
+  Rig rig = camera_grid(2, 2, 0.1, ArrayFixture::kWidth, ArrayFixture::kHeight, 30);
+  for (Camera& camera : rig.cameras) camera.name = "cam_" + std::to_string(camera.id);
   return rig;
 }
 
@@ -30,23 +21,15 @@ ViewRequest ArrayFixture::request(uint32_t sequence, uint64_t time, uint32_t vie
   request.view_id = view_id;
   request.sequence = sequence;
   request.target_time = time;
-  request.view.width = 16;
-  request.view.height = 12;
   // All four cameras are visible from here, and the mesh fills the view.
-  request.view.pose.position = Vec3(0.05, 0.05, -0.05);
-  request.view.lens = Lens::pinhole(60, 7.5, 5.5);
-  request.view.focus.plane = focal_plane_at(request.view.pose, 10);
+  const Pose pose{.position = {0.05, 0.05, -0.05}};
+  request.view = {16, 12, Lens::pinhole(60, 7.5, 5.5), pose, {focal_plane_at(pose, 10)}};
   request.rig_hash = rig_.hash();
   return request;
 }
 
 std::shared_ptr<const FocalMap> flat_surface(const View& view) {
-  FocalMap map = FocalMap::for_view(view.width, view.height);
-  map.from = {{0, 0, 1}, 0};
-  map.farthest = 0.05;
-  map.nearest = 0.3;
-  map.levels.assign(static_cast<size_t>(map.columns) * map.rows, 51);
-  return std::make_shared<FocalMap>(std::move(map));
+  return level_surface(view.width, view.height, 0.05, 0.3, 51);
 }
 
 std::string ArrayFixture::caps(const char* format) {

@@ -3,6 +3,7 @@
 
 #include "image/image.h"
 #include "rig/rig_json.h"
+#include "support/rigs.h"
 
 namespace lf::test {
 
@@ -63,21 +64,11 @@ CameraFiles::~CameraFiles() {
 }
 
 std::string CameraFiles::save(const std::string& name, int count, const std::function<void(Camera&)>& edit) const {
-  Rig rig;
-  for (int i = 0; i < count; ++i) {
-    Camera camera;
-    camera.id = static_cast<uint32_t>(i);
-    camera.name = "cam_" + std::to_string(i);
-    camera.width = kWidth;
-    camera.height = kHeight;
-    camera.lens = Lens::pinhole(60, (kWidth - 1) / 2.0, (kHeight - 1) / 2.0);
-    camera.pose.position = {0.1 * i, 0, 0};
+  Rig rig = camera_grid(1, count, 0.1, kWidth, kHeight, 60);
+  for (Camera& camera : rig.cameras) {
+    camera.name = "cam_" + std::to_string(camera.id);
     edit(camera);
-    rig.cameras.push_back(camera);
   }
-  rig.topology.type = Topology::Type::kGrid;
-  rig.topology.rows = 1;
-  rig.topology.columns = count;
   save_rig(rig, path(name));
   return path(name);
 }

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <gst/video/video.h>
 
-#include <cmath>
-
 #include "compositor/view_meta.h"
 #include "gst/gst_test.h"
 #include "view/depth_image.h"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
+#include "composite/still.h"
 #include "gst/fragment_fixture.h"
-#include "image/image_filters.h"
 
 namespace lf::test {
 namespace {
@@ -213,29 +213,10 @@ class LfFragmentResamplingTest : public LfFragmentTest {
 
   // Returns the picture that the library renders.
   Image rendered(const ViewRequest& asked, Resampling resampling) const {
-    const Rect whole{0, 0, ArrayFixture::kWidth, ArrayFixture::kHeight};
-    std::vector<CameraIndex> all(4);
-    std::iota(all.begin(), all.end(), 0);
-    const RenderJob job(array_.rig(), build_mesh(array_.rig()), asked.view, all);
-    std::vector<ByteBuffer> memory(4);
-    std::vector<Source> sources;
-    for (const CameraIndex i : job.cameras()) {
-      const ImageView image = images_[i].view();
-      sources.push_back({i, &array_.rig().cameras[i],
-                         resampling == Resampling::kSharpened ? sharpen(image, whole, memory[i]) : image});
-    }
-    const SumRenderer renderer(job.plan(), job.runs(), sources, PixelFamily::kRgb);
-    const Rect rect = renderer.rect();
-    const size_t area = static_cast<size_t>(rect.width()) * rect.height();
-    std::vector<int16_t> samples(3 * area);
-    std::vector<uint16_t> lost(area);
-    const bool any_missing =
-        renderer.render_rows(rect.y0, rect.y1, packed_sums(PixelFamily::kRgb, rect, samples.data(), lost.data()));
-    Accumulator sum;
-    sum.reset(PixelFamily::kRgb, asked.view.width, asked.view.height);
-    sum.add(packed_sums<const int16_t, const uint16_t>(PixelFamily::kRgb, rect, samples.data(),
-                                                       any_missing ? lost.data() : nullptr));
-    return sum.resolve();
+    return render_still(
+               array_.rig(), build_mesh(array_.rig()), asked.view,
+               [this](CameraIndex i) -> const Image& { return images_[i]; }, resampling)
+        .picture;
   }
 
   std::vector<Image> images_;

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-
 #include "common/custom_events.h"
 #include "gst/array_fixture.h"
 #include "gst/view_request_source.h"

@@ -5,8 +5,6 @@
 #include <gst/rtsp-server/rtsp-server.h>
 #endif
 
-#include <thread>
-
 #include "gst/camera_files.h"
 
 namespace lf::test {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "camsrc/camera_chain.h"
 
-#include <gtest/gtest.h>
+#include "support/test.h"
 
 namespace lf::test {
 namespace {

@@ -177,14 +177,24 @@ std::unique_ptr<Process> Network::start(const std::string& host, const std::vect
 const char* const ArrayNetwork::kCameras[kNodes] = {"0-7", "8-15", "16-23", "24-31", "32-47", "48-63"};
 
 ArrayNetwork::ArrayNetwork(const Options& options) : options_(options), network_(host_names(), kFirstHost) {
-  const Outcome filmed = run_program("lf-scene", "--out '" + folder_.path() + "' --frames 1 --samples 1 --width " +
-                                                     std::to_string(kWidth) + " --height " + std::to_string(kHeight));
-  if (filmed.status != 0) throw std::runtime_error(filmed.output);
-  Rig rig = load_rig(file("rig.json"));
-  for (Camera& camera : rig.cameras) camera.source.clear();  // use the first frame, a still image, forever
-  save_rig(rig, file("rig.json"));
+  const Rig rig = load_rig(rig_file());
   for (int i = 0; i < kViewers; i++)
     save_views(path_of(rig, i, options.surface), file("views" + std::to_string(i) + ".json"));
+}
+
+// Returns the rig file of the cameras, whose pictures are rendered once.
+std::string ArrayNetwork::rig_file() {
+  static const TempDir film;
+  static const std::string path = [] {
+    const Outcome filmed = run_program("lf-scene", "--out '" + film.path() + "' --frames 1 --samples 1 --width " +
+                                                       std::to_string(kWidth) + " --height " + std::to_string(kHeight));
+    if (filmed.status != 0) throw std::runtime_error(filmed.output);
+    Rig rig = load_rig(film / "rig.json");
+    for (Camera& camera : rig.cameras) camera.source.clear();  // use the first frame, a still image, forever
+    save_rig(rig, film / "rig.json");
+    return film / "rig.json";
+  }();
+  return path;
 }
 
 std::vector<std::string> ArrayNetwork::with_environment(std::vector<std::string> command) const {
@@ -209,7 +219,7 @@ void ArrayNetwork::start_node(int i) {
   const std::string compositor = network_.address("compositor");
   start_link(host, kRequestPort, "127.0.0.1", requests);
   start_link(host, answers, compositor, answers);
-  const std::string line = "gst-launch-1.0 -m lfnodesink rig=" + file("rig.json") + " cameras=" + kCameras[i] +
+  const std::string line = "gst-launch-1.0 -m lfnodesink rig=" + rig_file() + " cameras=" + kCameras[i] +
                            " node=" + std::to_string(i) + " listen=" + std::to_string(requests) +
                            " answers=" + (linked ? "127.0.0.1" : compositor) + ":" + std::to_string(answers) +
                            " framerate=" + std::to_string(options_.framerate) + "/1 max-bitrate=1000000000 " +
@@ -237,7 +247,7 @@ void ArrayNetwork::start_compositor() {
              ". ! queue ! videoconvert ! video/x-raw,format=I420 ! jpegenc ! rtpjpegpay ! udpsink host=" + viewer +
              " port=" + std::to_string(kVideoPort) + " sync=false async=false ";
   }
-  const std::string line = "gst-launch-1.0 -m lfviewsrc name=v rig=" + file("rig.json") + " nodes=" + nodes +
+  const std::string line = "gst-launch-1.0 -m lfviewsrc name=v rig=" + rig_file() + " nodes=" + nodes +
                            " listen=" + std::to_string(requests) + " peers=" + peers +
                            " latency=" + std::to_string(options_.latency) + "000000 post-messages=true" +
                            (options_.surface ? "" : " focus=plane") + views;
@@ -249,7 +259,7 @@ void ArrayNetwork::start_viewer(int i) {
   const std::string compositor = network_.address("compositor");
   const std::string line =
       "gst-launch-1.0 -m lfviewrequest view-id=" + number +
-      " navigation-element=pictures is-live=true loop=true rig=" + file("rig.json") +
+      " navigation-element=pictures is-live=true loop=true rig=" + rig_file() +
       " location=" + file("views" + number + ".json") + " framerate=" + std::to_string(options_.framerate) +
       "/1 capture-delay=100000000 " + options_.viewer[i] +
       " ! rtplfpay ! udpsink sync=false async=false host=" + compositor + " port=" + std::to_string(kViewerPort) +
@@ -327,7 +337,7 @@ std::vector<Image> ArrayNetwork::truth(int view) const {
 }
 
 std::vector<Image> ArrayNetwork::single_host(int view, const std::string& out_of_service) const {
-  const std::string out = file("reference.rgb"), rig = file("rig.json");
+  const std::string out = file("reference.rgb"), rig = rig_file();
   const std::string without = out_of_service.empty() ? "" : " out-of-service=" + out_of_service;
   const Outcome run =
       gst_launch("lfviewrequest rig=" + rig + " location=" + file("views" + std::to_string(view) + ".json") + without +

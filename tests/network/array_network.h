@@ -134,6 +134,7 @@ class ArrayNetwork {
   static constexpr int kViewsOfPath = 5;
 
  private:
+  static std::string rig_file();
   std::string file(const std::string& name) const { return folder_.path() + "/" + name; }
   std::vector<std::string> with_environment(std::vector<std::string> command) const;
   void start_link(const std::string& host, int port, const std::string& to, int to_port);

@@ -98,12 +98,12 @@ TEST_F(ArrayNetworkTest, TwoViewersSeeThePicturesOfOneMachine) {
   EXPECT_TRUE(array.viewer(0).is_running());
 
   const double begun = now_seconds();
-  sleep_seconds(seconds_to_run() / 2);
+  sleep_seconds(seconds_to_run() / 5);
   const double stopped = now_seconds();
   array.viewer(1).signal(SIGTERM);
   sleep_seconds(0.5);
   const double after = now_seconds();
-  sleep_seconds(seconds_to_run() / 2);
+  sleep_seconds(seconds_to_run() / 5);
   const double end = now_seconds();
   const std::vector<ArrayNetwork::Picture> kept = array.pictures(0), gone = array.pictures(1);
   std::printf("viewer 0: %.1f pictures/s beside viewer 1 (%.1f), %.1f alone\n", rate(kept, begun, stopped),

@@ -18,7 +18,7 @@ class BlendedArray : public testing::Test {
     images_ = save_photographs(rig_, dir_, 0, 1);
     rig_ = load_rig(dir_ / "rig.json");
     for (int i = 0; i < kViews; i++)
-      views_.push_back(view_at(Vec3(0.01, -0.005, -0.02) * double(i), 101, 75, 30, kSceneMiddle));
+      views_.push_back(view_from(Vec3(0.01, -0.005, -0.02) * double(i), 101, 75, 30, kSceneMiddle));
     save_views(path_of(views_, 1 / 15.0), dir_ / "views.json");
   }
 

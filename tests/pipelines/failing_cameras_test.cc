@@ -43,7 +43,7 @@ TEST_F(FailingCamerasTest, MissingFilesAreOutOfService) {
   for (Camera& camera : rig.cameras) camera.image.clear();
   std::vector<View> views;
   for (int i = 0; i < kPictures; i++)  // at camera 4 first
-    views.push_back(view_at({i < 5 ? 0 : 0.005, i < 5 ? 0 : 0.004, i % 5 * -0.03}, 128, 96, 25, 2.2));
+    views.push_back(view_from({i < 5 ? 0 : 0.005, i < 5 ? 0 : 0.004, i % 5 * -0.03}, 128, 96, 25, 2.2));
   save_views(path_of(views, 0.1), files_.path("views.json"));
   const auto pictures = [&](const std::set<uint32_t>& missing, const std::string& settings) {
     Rig of_files = rig;

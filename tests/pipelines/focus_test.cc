@@ -27,7 +27,7 @@ class FocusedArray : public testing::Test {
   }
 
   void look_at(int width, int height, const Lens& lens) {
-    View view = view_at({0.003, -0.002, 0}, width, height, 30, kSceneMiddle);
+    View view = view_from({0.003, -0.002, 0}, width, height, 30, kSceneMiddle);
     view.lens = lens;
     truth_ = render_scene({view.width, view.height, view.lens, view.pose}, 0.5);
     save_views(path_of(std::vector<View>(kPictures, view), 1 / 15.0), dir_ / "views.json");

@@ -47,7 +47,7 @@ class GlMemory : public testing::Test {
     ASSERT_TRUE(eglInitialize(display_, nullptr, nullptr));
     save_array("rig.json", "");
     std::vector<View> views;
-    for (int i = 0; i < kPictures; i++) views.push_back(view_at({0.01 + 0.001 * i, 0.01, 0}, 128, 96, 25, 2.2));
+    for (int i = 0; i < kPictures; i++) views.push_back(view_from({0.01 + 0.001 * i, 0.01, 0}, 128, 96, 25, 2.2));
     save_views(path_of(views, 0.1), dir_ / "views.json");
   }
 

@@ -4,11 +4,9 @@
 
 #include <regex>
 
-#include "composite/accumulator.h"
+#include "composite/still.h"
 #include "pipelines/gst_launch.h"
 #include "quality/image_quality.h"
-#include "render/ownership.h"
-#include "render/sum_renderer.h"
 #include "support/photographs.h"
 
 namespace lf::test {
@@ -16,24 +14,7 @@ namespace pipeline_test {
 
 // Renders a view of a still array with the library: the expected picture of the pipeline.
 Image render_without_gstreamer(const Rig& rig, const View& view, const std::vector<Image>& images) {
-  std::vector<CameraIndex> all(rig.cameras.size());
-  std::vector<Source> sources;
-  for (CameraIndex i = 0; i < all.size(); i++) {
-    all[i] = i;
-    sources.push_back({i, &rig.cameras[i], images[i].view()});
-  }
-  const RenderJob job(rig, build_mesh(rig), view, all);
-  const PixelFamily family = images[0].family();
-  const SumRenderer renderer(job.plan(), job.runs(), sources, family);
-  const Rect rect = renderer.rect();
-  const size_t area = static_cast<size_t>(rect.width()) * rect.height();
-  std::vector<int16_t> samples(3 * area);
-  std::vector<uint16_t> lost(area);
-  renderer.render_rows(rect.y0, rect.y1, packed_sums(family, rect, samples.data(), lost.data()));
-  Accumulator picture;
-  picture.reset(family, view.width, view.height);
-  picture.add(packed_sums<const int16_t, const uint16_t>(family, rect, samples.data(), lost.data()));
-  return picture.resolve();
+  return render_still(rig, build_mesh(rig), view, [&](CameraIndex i) -> const Image& { return images[i]; }).picture;
 }
 
 // The README's first launch line, with planes and bilinear samples for a simple expectation.
@@ -54,7 +35,7 @@ class StillArray : public testing::Test {
     rig_ = load_rig(dir_ / "rig.json");
     const double focus[] = {kSceneNear, kSceneMiddle, kSceneFar};
     std::vector<View> path;
-    for (int i = 0; i < 3; i++) path.push_back(view_at(Vec3(0.01, -0.005, -0.02) * double(i), 100, 75, 30, focus[i]));
+    for (int i = 0; i < 3; i++) path.push_back(view_from(Vec3(0.01, -0.005, -0.02) * double(i), 100, 75, 30, focus[i]));
     save_views(path_of(path, 0), views);
     views_ = load_views(views);
   }
@@ -233,7 +214,7 @@ TEST(FilmPipeline, MovingScene) {
   expect_outcome(
       run_program("lf-scene", "--grid 3x3 --width 160 --height 120 --frames 6 --framerate 15 --out .", dir.path()), 0);
   std::vector<View> path;
-  for (int i = 0; i < 6; i++) path.push_back(view_at({0.004 * i, 0.004, -0.01}, 160, 120, 28, kSceneMiddle));
+  for (int i = 0; i < 6; i++) path.push_back(view_from({0.004 * i, 0.004, -0.01}, 160, 120, 28, kSceneMiddle));
   const std::vector<NamedView> views = path_of(path, 1 / 15.0);
   save_views(views, dir / "views.json");
   const std::string line =

@@ -76,11 +76,16 @@ class Player {
 class SeekTest : public testing::TestWithParam<const char*> {
  protected:
   void SetUp() override {
+    static std::map<std::string, TempDir> films;  // by kind
     const std::string kind = GetParam();
+    const bool exists = films.contains(kind);
+    const TempDir& dir = films[kind];
+    rig_ = dir / "scene/rig.json";
+    views_ = dir / "views.json";
+    if (exists) return;
     const std::string arguments = "--out scene --grid 2x2 --width 48 --height 36 --framerate " + std::to_string(kRate) +
                                   " --frames " + std::to_string(kFrames) + (kind == "sequence" ? " --format png" : "");
-    expect_outcome(run_program("lf-scene", arguments, dir_.path()), 0);
-    rig_ = dir_ / "scene/rig.json";
+    expect_outcome(run_program("lf-scene", arguments, dir.path()), 0);
     if (kind == "scene" || kind == "stills") {
       Rig rig = load_rig(rig_);
       for (Camera& camera : rig.cameras) {
@@ -92,10 +97,10 @@ class SeekTest : public testing::TestWithParam<const char*> {
     std::vector<View> views;
     Viewpoint v = default_viewpoint(load_rig(rig_));
     for (int i = 0; i < kFrames; i++, v.pose.position.x += 1e-3) views.push_back(make_view(v, 48, 36));
-    save_views(path_of(views, 1.0 / kRate), dir_ / "views.json");
+    save_views(path_of(views, 1.0 / kRate), views_);
   }
   std::string line(int nodes = 1) const {
-    std::string text = "lfviewrequest framerate=" + std::to_string(kRate) + "/1 location=" + dir_ / "views.json" +
+    std::string text = "lfviewrequest framerate=" + std::to_string(kRate) + "/1 location=" + views_ +
                        " ! tee name=r  r. ! queue ! c.request" +
                        "  lfcompositor name=c ! videoconvert ! appsink name=s sync=false";
     for (int i = 0; i < nodes; i++) {
@@ -107,8 +112,7 @@ class SeekTest : public testing::TestWithParam<const char*> {
     return text;
   }
 
-  TempDir dir_;
-  std::string rig_;
+  std::string rig_, views_;
 };
 
 TEST_P(SeekTest, PicturesAfterASeekEqualAStraightRun) {
@@ -148,7 +152,7 @@ TEST_P(SeekTest, BinSeeksLikeItsElements) {
   const std::string loop = std::string(GetParam()) == "sequence" ? "false" : "true";  // too short at its rate
   const std::string bin = "lfviewsrc node::loop=" + loop +
                           " focus=plane is-live=false framerate=" + std::to_string(kRate) + "/1 rig=" + rig_ +
-                          " location=" + dir_ / "views.json" + " ! videoconvert ! appsink name=s sync=false";
+                          " location=" + views_ + " ! videoconvert ! appsink name=s sync=false";
   const std::vector<Picture> truth = Player(line()).rest();
   Player player(bin);
   EXPECT_TRUE(player.rest() == truth);
@@ -238,6 +242,7 @@ class LostCameraSeekTest : public SeekTest {};
 TEST_P(LostCameraSeekTest, OtherCamerasSeek) {
   Rig rig = load_rig(rig_);
   rig.cameras[1].width += 2;  // its frames have another size
+  rig_ += ".other";
   save_rig(rig, rig_);
   Player player(line());
   player.set_state(GST_STATE_PAUSED);
@@ -265,10 +270,10 @@ class ViewersInAFunnelSeekTest : public SeekTest {
         "funnel name=f ! tee name=r  r. ! queue max-size-time=0 ! n.request  lfcameranode name=n rig=" + rig_ +
         " ! tee name=t";
     for (const std::string id : {"0", "1", "2"})
-      text += "  lfviewrequest framerate=" + std::to_string(kRate) + "/1 view-id=" + id +
-              " location=" + dir_ / "views.json" + " ! f.  r. ! queue max-size-time=0 ! c" + id +
-              ".request  t. ! queue max-size-time=0 ! c" + id + ".sink_0  lfcompositor name=c" + id + " view-id=" + id +
-              " ! videoconvert ! appsink name=s" + id + " sync=false";
+      text += "  lfviewrequest framerate=" + std::to_string(kRate) + "/1 view-id=" + id + " location=" + views_ +
+              " ! f.  r. ! queue max-size-time=0 ! c" + id + ".request  t. ! queue max-size-time=0 ! c" + id +
+              ".sink_0  lfcompositor name=c" + id + " view-id=" + id + " ! videoconvert ! appsink name=s" + id +
+              " sync=false";
     return text;
   }
 };

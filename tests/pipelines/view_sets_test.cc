@@ -17,7 +17,7 @@ class ViewSets : public testing::Test {
  protected:
   // A view from between the cameras, focused at a distance in metres.
   static View view(double focus, int width = kWidth, int height = kHeight) {
-    return view_at({0.003, -0.002, 0}, width, height, 30, focus);
+    return view_from({0.003, -0.002, 0}, width, height, 30, focus);
   }
   // Saves an array with the moving built-in scene.
   void film(int side, int width = kWidth, int height = kHeight) {

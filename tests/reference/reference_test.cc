@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <gtest/gtest.h>
-
 #include "base/text.h"
 #include "composite/still.h"
 #include "reference/float_renderer.h"
 #include "reference/generators.h"
 #include "reference/renderer.h"
+#include "support/test.h"
 
 namespace lf::reference {
 namespace {

@@ -17,6 +17,12 @@ namespace lf::test {
 
 inline constexpr PixelFamily kFamilies[] = {PixelFamily::kRgb, PixelFamily::kI420};
 
+inline Accumulator empty_sum(PixelFamily family, int width, int height) {
+  Accumulator sum;
+  sum.reset(family, width, height);
+  return sum;
+}
+
 inline Fragment blank(PixelFamily family, const Rect& rect) {
   Fragment f;
   f.family = family;

@@ -6,21 +6,11 @@
 #include "image/image_file.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
+#include "support/rigs.h"
 #include "support/temp_dir.h"
 #include "view/view_path.h"
 
 namespace lf::test {
-
-// Returns a view along z, focused on a plane at `focus` metres; `fov_y` in degrees.
-inline View view_at(const Vec3& position, int width, int height, double fov_y, double focus) {
-  View view;
-  view.width = width;
-  view.height = height;
-  view.lens = Lens::from_fov_y(fov_y, width, height);
-  view.pose.position = position;
-  view.focus.plane = focal_plane_at(view.pose, focus);
-  return view;
-}
 
 // Returns a path with these views, `interval` seconds apart.
 inline std::vector<NamedView> path_of(const std::vector<View>& views, double interval) {

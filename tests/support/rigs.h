@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <iterator>
+#include <memory>
+#include <numeric>
 #include <random>
 #include <set>
 #include <span>
@@ -63,6 +65,13 @@ inline std::vector<IntPoint> grid_points(int rows, int columns, int pitch = 1000
   return points;
 }
 
+// Returns the indices of all cameras.
+inline CameraSet all_cameras(const Rig& rig) {
+  CameraSet cameras(rig.cameras.size());
+  std::iota(cameras.begin(), cameras.end(), 0);
+  return cameras;
+}
+
 inline Rig as_grid(Rig rig, int rows, int columns) {
   rig.topology = {Topology::Type::kGrid, rows, columns, {}};
   return rig;
@@ -92,9 +101,8 @@ inline std::vector<Triangle> corners(const Mesh& mesh) {
 }
 
 inline CameraSet random_set(std::mt19937& random, CameraIndex n, size_t count) {
-  std::vector<CameraIndex> all(n);
-  for (CameraIndex i = 0; i < n; ++i) all[i] = i;
-  CameraSet set;
+  CameraSet all(n), set;
+  std::iota(all.begin(), all.end(), 0);
   std::sample(all.begin(), all.end(), std::back_inserter(set), count, random);
   return set;
 }
@@ -103,6 +111,18 @@ inline CameraSet random_set(std::mt19937& random, CameraIndex n, size_t count) {
 inline View view_from(const Vec3& position, int width, int height, double fov_y, double focus) {
   const Pose pose{.position = position};
   return {width, height, Lens::from_fov_y(fov_y, width, height), pose, {focal_plane_at(pose, focus)}};
+}
+
+// Returns a focal surface for a view of `width` x `height` pixels, with all nodes at `level`. `farthest` and `nearest`:
+// inverse distances from the plane `from`, 1/m.
+inline std::shared_ptr<FocalMap> level_surface(int width, int height, double farthest, double nearest, uint8_t level,
+                                               const Plane& from = {{0, 0, 1}, 0}) {
+  auto map = std::make_shared<FocalMap>(FocalMap::for_view(width, height));
+  map->from = from;
+  map->farthest = farthest;
+  map->nearest = nearest;
+  map->levels.assign(static_cast<size_t>(map->columns) * map->rows, level);
+  return map;
 }
 
 // Exact checks of triangles with integer corners.

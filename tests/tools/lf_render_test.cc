@@ -14,19 +14,12 @@ class LfRender : public testing::Test {
  protected:
   LfRender() {
     // 2x3 cameras, each with a uniform grey; ids from 10.
+    rig_ = test::camera_grid(2, 3, 0.1, 40, 30, 40, 10);
     for (int i = 0; i < 6; i++) {
-      Camera camera;
-      camera.id = static_cast<uint32_t>(10 + i);
-      camera.name = "cam" + std::to_string(i);
-      camera.width = 40;
-      camera.height = 30;
-      camera.lens = Lens::pinhole(40, 19.5, 14.5);
-      camera.pose.position = {0.1 * (i % 3), 0.1 * (i / 3), 0};
-      camera.image = camera.name + ".png";
-      rig_.cameras.push_back(camera);
-      save_image(grey(grey_of(i)), path(camera.image));
+      rig_.cameras[i].name = "cam" + std::to_string(i);
+      rig_.cameras[i].image = rig_.cameras[i].name + ".png";
+      save_image(grey(grey_of(i)), path(rig_.cameras[i].image));
     }
-    rig_.topology = {Topology::Type::kGrid, 2, 3, {}};
     save_rig(rig_, path("rig.json"));
   }
 

@@ -117,7 +117,7 @@ TEST_F(LfScene, FilmsImageSequencesOfAnyRig) {
 }
 
 TEST_F(LfScene, WritesGroundTruth) {
-  const View still = test::view_at({}, 64, 48, 40, 2);
+  const View still = test::view_from({}, 64, 48, 40, 2);
   View moved = still;
   moved.pose.position = {0.05, 0, 0.1};
   const std::vector<NamedView> views = {{"first", 0, still}, {"second", 1.5, moved}};

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Runs lf-show with a small array in the built-in scene: all images, and errors.
-
 #include "support/photographs.h"
 #include "support/recorded.h"
 #include "support/run_program.h"
@@ -20,7 +19,7 @@ class LfShow : public testing::Test {
   Outcome run(const std::string& arguments) const { return run_program("lf-show", arguments, folder_.path()); }
   void save_path(double step) const {
     std::vector<View> views;
-    for (int i = 0; i < 3; i++) views.push_back(test::view_at({step * i, 0, 0}, 48, 36, 30, 2));
+    for (int i = 0; i < 3; i++) views.push_back(test::view_from({step * i, 0, 0}, 48, 36, 30, 2));
     save_views(test::path_of(views, 0), path("v.json"));
   }
   Image picture(const std::string& arguments) const {

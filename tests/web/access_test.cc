@@ -2,9 +2,8 @@
 // Permissions, and addresses of viewers.
 #include "serve/access.h"
 
-#include <gtest/gtest.h>
-
 #include "base/text.h"
+#include "support/test.h"
 
 namespace lf::serve {
 namespace {

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Camera failures: lf-serve and its viewers continue without the failed camera.
-
 #include "gst/rtsp_server.h"
 #include "pipelines/gst_launch.h"
 #include "web/served.h"

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Media of viewers, and the effect of viewers on each other.
-
 #include "support/recorded.h"
 #include "web/offers.h"
 #include "web/served.h"

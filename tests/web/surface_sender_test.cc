@@ -1,11 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "serve/surface_sender.h"
 
-#include <cmath>
-
-#include <gtest/gtest.h>
-
 #include "compositor/view_meta.h"
+#include "support/test.h"
 #include "wire/surface_codec.h"
 
 namespace lf::serve {

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <gtest/gtest.h>
-
 #include "base/memory.h"
 #include "support/jpeg_samples.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

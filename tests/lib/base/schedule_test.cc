@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "base/schedule.h"
 
-#include <gtest/gtest.h>
-
-#include <random>
-#include <utility>
+#include "support/test.h"
 
 namespace lf {
 namespace {

@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <string>
-
-#include <gtest/gtest.h>
-
 #include "base/terminal_text.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

@@ -1,13 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <string>
-#include <vector>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "base/text.h"
 #include "support/expect_error.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
@@ -37,9 +31,6 @@ TEST(NaturalOrder, IsAStrictOrder) {
     }
   }
 }
-
-using testing::ElementsAre;
-using testing::IsEmpty;
 
 TEST(HostList, PortsWithAndWithoutHosts) {
   EXPECT_THAT(parse_host_ports(""), IsEmpty());

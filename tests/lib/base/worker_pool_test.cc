@@ -2,16 +2,7 @@
 //
 // Also run under ThreadSanitizer (tests/sanitize.sh thread).
 #include "base/worker_pool.h"
-
-#include <gtest/gtest.h>
-
-#include <atomic>
-#include <chrono>
-#include <mutex>
-#include <set>
-#include <stdexcept>
-#include <thread>
-#include <vector>
+#include "support/test.h"
 
 namespace lf {
 namespace {

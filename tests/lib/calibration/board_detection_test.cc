@@ -1,16 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "calibration/board_detection.h"
 
-#include <algorithm>
-#include <cmath>
-#include <random>
-
-#include <gtest/gtest.h>
-
 #include "calibration/intrinsics.h"
 #include "support/board_views.h"
 #include "support/expect_error.h"
 #include "support/printed_boards.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

@@ -1,14 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "calibration/board_solve.h"
 
-#include <cmath>
-
-#include <gtest/gtest.h>
-
 #include "calibration/diagnosis.h"
 #include "calibration/placement.h"
 #include "calibration/simulator.h"
 #include "support/expect_error.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "calibration/camera_clock.h"
 
-#include <random>
-
-#include <gtest/gtest.h>
+#include "support/test.h"
 
 namespace lf {
 namespace {

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <gtest/gtest.h>
-
 #include "calibration/colour_samples.h"
 #include "calibration/colour_solve.h"
 #include "image/colour_correction.h"
 #include "scene/calibration_targets.h"
 #include "scene/scene.h"
 #include "support/expect_error.h"
+#include "support/photographs.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
@@ -104,10 +104,7 @@ TEST(SampleQuad, IsTheMeanOfTheInside) {
 
 class ColourViews : public testing::Test {
  protected:
-  static void SetUpTestSuite() {
-    for (const Camera& camera : rig().cameras)
-      films().push_back(render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0));
-  }
+  static void SetUpTestSuite() { films() = test::scene_images(rig(), 0, 2); }
   static const Rig& rig() {
     static const Rig rig = scene_rig(3, 3, 240, 180);
     return rig;

@@ -1,17 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "calibration/colour_solve.h"
 
-#include <algorithm>
-#include <cmath>
-#include <random>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "scene/calibration_targets.h"
 #include "scene/scene.h"
 #include "support/expect_error.h"
-#include "support/mentions.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

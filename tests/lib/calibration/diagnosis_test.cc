@@ -1,22 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Each finding is reported for its fault and only for that fault (see also the table of hard cases).
-#include <cmath>
-#include <map>
-#include <random>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "calibration/diagnosis.h"
 #include "calibration/simulator.h"
-#include "support/mentions.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
-
-using testing::Contains;
-using testing::HasSubstr;
-using testing::Not;
 
 class DiagnosisTest : public testing::Test {
  protected:

@@ -1,14 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <cmath>
-#include <functional>
-#include <random>
-
-#include <gtest/gtest.h>
-
 #include "calibration/feature_tracks.h"
 #include "rig/rig.h"
 #include "support/expect_error.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

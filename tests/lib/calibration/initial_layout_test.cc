@@ -1,13 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <cmath>
-#include <random>
-#include <vector>
-
-#include <gtest/gtest.h>
-
 #include "calibration/initial_layout.h"
 #include "calibration/reconstruction.h"
 #include "calibration/simulator.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

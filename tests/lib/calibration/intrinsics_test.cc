@@ -1,15 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <cmath>
-#include <filesystem>
-
-#include <gtest/gtest.h>
-
 #include "calibration/intrinsics.h"
 #include "image/image.h"
 #include "support/board_views.h"
 #include "support/expect_error.h"
-#include "support/mentions.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

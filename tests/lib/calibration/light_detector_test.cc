@@ -1,13 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <cmath>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "calibration/light_detector.h"
 #include "scene/calibration_targets.h"
 #include "support/expect_error.h"
-#include "support/mentions.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
@@ -145,10 +140,6 @@ TEST(LightDetector, FrameWithManyBrightPixelsIsBusy) {
 }
 
 TEST(LightDetector, InvalidSizesAreErrors) { EXPECT_ERROR(LightDetector(4, 240), "can't be searched"); }
-
-using testing::AllOf;
-using testing::HasSubstr;
-using testing::Not;
 
 TEST(CoverageGrid, GapsAreNamedOnce) {
   CoverageGrid places(320, 240);

@@ -1,24 +1,16 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "calibration/moving_light.h"
 
-#include <cmath>
-#include <cstdio>
-#include <random>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
 #include "calibration/simulator.h"
 #include "scene/calibration_targets.h"
 #include "support/expect_error.h"
-#include "support/mentions.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
 
-using testing::AllOf;
-using testing::ElementsAre;
 using testing::Field;
 
 constexpr double kNoise = 0.03;  // pixels

@@ -1,11 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <random>
-
-#include <gtest/gtest.h>
-
 #include "calibration/multiview_geometry.h"
 #include "calibration/noise.h"
 #include "calibration/simulator.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

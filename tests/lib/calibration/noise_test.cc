@@ -1,12 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <array>
-#include <map>
-#include <random>
-
-#include <gtest/gtest.h>
-
 #include "calibration/noise.h"
 #include "calibration/simulator.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

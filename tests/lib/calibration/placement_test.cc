@@ -1,14 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <cmath>
-#include <numeric>
-#include <random>
-
-#include <gtest/gtest.h>
-
-#include "base/text.h"
 #include "calibration/placement.h"
+#include "base/text.h"
 #include "calibration/simulator.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

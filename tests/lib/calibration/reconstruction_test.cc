@@ -1,13 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "calibration/reconstruction.h"
 
-#include <set>
-
-#include <gtest/gtest.h>
-
 #include "base/text.h"
 #include "calibration/diagnosis.h"
 #include "calibration/simulator.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

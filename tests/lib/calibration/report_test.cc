@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <cmath>
 
-#include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
 #include "base/text.h"
 #include "calibration/multiview_geometry.h"
 #include "calibration/report.h"
 #include "calibration/simulator.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

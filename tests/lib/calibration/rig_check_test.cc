@@ -1,20 +1,16 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "calibration/rig_check.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
 #include "calibration/simulator.h"
 #include "support/expect_error.h"
-#include "support/mentions.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
 
-using testing::ElementsAre;
 using testing::Field;
-using testing::HasSubstr;
 
 constexpr double kDegree = M_PI / 180;
 

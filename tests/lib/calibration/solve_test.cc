@@ -1,16 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // tests/calibration/accuracy_test.cc and hard_cases_test.cc test the accuracy of solutions.
-#include <cstdio>
-#include <random>
 #include <tuple>
-
-#include <gtest/gtest.h>
 
 #include "base/text.h"
 #include "calibration/noise.h"
 #include "calibration/simulator.h"
 #include "calibration/solve.h"
 #include "support/expect_error.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

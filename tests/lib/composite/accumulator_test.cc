@@ -1,13 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <cmath>
-#include <random>
-
-#include <gtest/gtest.h>
-
-#include "base/text.h"
 #include "composite/accumulator.h"
+#include "base/text.h"
 #include "support/fragments.h"
+#include "support/test.h"
 
 namespace lf::test {
 namespace {
@@ -89,8 +84,7 @@ class Reference {
 };
 
 TEST(Accumulator, AddsFragmentsAtTheirRectangles) {
-  Accumulator sum;
-  sum.reset(PixelFamily::kRgb, 5, 3);
+  Accumulator sum = empty_sum(PixelFamily::kRgb, 5, 3);
   ASSERT_TRUE(sum.add(plain(PixelFamily::kRgb, {0, 0, 3, 3}, 10, 20, 30)));
   ASSERT_TRUE(sum.add(plain(PixelFamily::kRgb, {2, 1, 5, 2}, 1, 2, 3)));
   const Image image = sum.resolve();
@@ -111,8 +105,7 @@ TEST(Accumulator, MissingWeightIsNormalised) {
       const auto weighted = [&](int c) { return static_cast<int>(std::lround(weight * colour[c])); };
       Fragment f = plain(family, {0, 0, 3, 3}, weighted(0), weighted(1), weighted(2));
       if (lost) f.lost.assign(9, static_cast<uint8_t>(lost));
-      Accumulator sum;
-      sum.reset(family, 3, 3);
+      Accumulator sum = empty_sum(family, 3, 3);
       ASSERT_TRUE(sum.add(f));
       const Image image = sum.resolve({1, 2, 3});
       const double bound = 0.5 / weight + 0.5 + 1e-4;
@@ -134,8 +127,7 @@ TEST(Accumulator, MatchesTheDoubleReference) {
   for (const PixelFamily family : kFamilies)
     for (const auto& [width, height] : {std::pair{1, 1}, {2, 1}, {1, 2}, {7, 5}, {8, 8}, {33, 19}, {64, 48}, {131, 77}})
       for (int round = 0; round < 12; round++) {
-        Accumulator sum;
-        sum.reset(family, width, height);
+        Accumulator sum = empty_sum(family, width, height);
         Reference reference(family, width, height);
         for (int i = 0; i < 6; i++) {
           const Fragment f = random_fragment(family, width, height, random, 80, round % 3 != 0);
@@ -163,8 +155,7 @@ TEST(Accumulator, OrderDoesNotMatter) {
       for (Fragment& f : fragments)
         for (size_t i = area(f.rect); i < f.pixels.size(); i++)
           f.pixels[i] = static_cast<uint8_t>(f.pixels[i] % 13 - 6);
-    Accumulator sum;
-    sum.reset(family, 37, 21);
+    Accumulator sum = empty_sum(family, 37, 21);
     for (const Fragment& f : fragments) ASSERT_TRUE(sum.add(f));
     const Image first = sum.resolve();
     for (int round = 0; round < 5; round++) {
@@ -197,8 +188,7 @@ TEST(Accumulator, PartialSumsAddUpToTheSame) {
 }
 
 TEST(Accumulator, PartialSumIsTightAndSaturates) {
-  Accumulator sum;
-  sum.reset(PixelFamily::kRgb, 20, 10);
+  Accumulator sum = empty_sum(PixelFamily::kRgb, 20, 10);
   EXPECT_FALSE(test::rounded_sum(sum).has_value());
   ASSERT_TRUE(sum.add(plain(PixelFamily::kRgb, {3, 4, 5, 6}, 200, 1, 2)));
   ASSERT_TRUE(sum.add(plain(PixelFamily::kRgb, {4, 5, 9, 7}, 100, 1, 2)));
@@ -228,8 +218,7 @@ TEST(Accumulator, PartialSumIsTightAndSaturates) {
 
 TEST(Accumulator, HostileInputSaturates) {
   for (const PixelFamily family : kFamilies) {
-    Accumulator sum;
-    sum.reset(family, 3, 3);
+    Accumulator sum = empty_sum(family, 3, 3);
     Fragment high = plain(family, {0, 0, 3, 3}, 255, 127, 127), low = plain(family, {0, 0, 3, 3}, 255, -128, -128);
     high.lost.assign(9, 255);
     for (int i = 0; i < 1000; i++) ASSERT_TRUE(sum.add(high));
@@ -248,8 +237,7 @@ TEST(Accumulator, HostileInputSaturates) {
 }
 
 TEST(Accumulator, ChromaOfTwoPicturesDoesNotSaturate) {
-  Accumulator sum;
-  sum.reset(PixelFamily::kI420, 2, 2);
+  Accumulator sum = empty_sum(PixelFamily::kI420, 2, 2);
   for (int i = 0; i < 2; i++) ASSERT_TRUE(sum.add(plain(PixelFamily::kI420, {0, 0, 2, 2}, 255, 127, -128)));
   for (int i = 0; i < 2; i++) ASSERT_TRUE(sum.add(plain(PixelFamily::kI420, {0, 0, 2, 2}, 0, -127, 127)));
   const Image image = sum.resolve();
@@ -262,8 +250,7 @@ TEST(Accumulator, RejectsWhatDoesNotFit) {
   EXPECT_FALSE(none.add(plain(PixelFamily::kRgb, {0, 0, 1, 1}, 0, 0, 0)));
   EXPECT_FALSE(none.add_missing_weights({0, 0, 1, 1}, {1.f}));
   for (const PixelFamily family : kFamilies) {
-    Accumulator sum;
-    sum.reset(family, 8, 6);
+    Accumulator sum = empty_sum(family, 8, 6);
     for (const Rect& r : {Rect{-2, 0, 2, 2}, {0, -2, 2, 2}, {6, 0, 9, 2}, {0, 4, 2, 7}, {8, 0, 10, 2}, {2, 2, 2, 4}})
       EXPECT_FALSE(sum.add(blank(family, r))) << r.x0 << ' ' << r.y0;
     EXPECT_FALSE(sum.add(Fragment{.family = family, .rect = {4, 4, 2, 2}}));
@@ -283,8 +270,7 @@ TEST(Accumulator, RejectsWhatDoesNotFit) {
 }
 
 TEST(Accumulator, MissingWeightsOfACameraEqualMissingWeight) {
-  Accumulator sum;
-  sum.reset(PixelFamily::kRgb, 4, 1);
+  Accumulator sum = empty_sum(PixelFamily::kRgb, 4, 1);
   ASSERT_TRUE(sum.add(plain(PixelFamily::kRgb, {0, 0, 4, 1}, 100, 50, 10)));
   ASSERT_TRUE(sum.add_missing_weights({1, 0, 4, 1}, {0.5f, std::nanf(""), 7.f}));
   const Image image = sum.resolve({1, 2, 3});
@@ -295,8 +281,7 @@ TEST(Accumulator, MissingWeightsOfACameraEqualMissingWeight) {
 }
 
 TEST(Accumulator, ChromaUsesTheMeanMissingWeight) {
-  Accumulator sum;
-  sum.reset(PixelFamily::kI420, 3, 3);
+  Accumulator sum = empty_sum(PixelFamily::kI420, 3, 3);
   Fragment f = plain(PixelFamily::kI420, {0, 0, 3, 3}, 40, 30, -30);
   f.lost = {0, 100, 51, 100, 200, 51, 0, 255, 127};
   ASSERT_TRUE(sum.add(f));
@@ -311,8 +296,7 @@ TEST(Accumulator, ChromaUsesTheMeanMissingWeight) {
 }
 
 TEST(Accumulator, BackgroundIsConvertedToYCbCr) {
-  Accumulator sum;
-  sum.reset(PixelFamily::kI420, 3, 3);
+  Accumulator sum = empty_sum(PixelFamily::kI420, 3, 3);
   Fragment f = blank(PixelFamily::kI420, {0, 0, 3, 3});
   f.lost.assign(9, 255);
   ASSERT_TRUE(sum.add(f));
@@ -352,8 +336,7 @@ TEST(Accumulator, UncoveredPixelsShowTheBackground) {
   const FaceIdMap owners(plan, whole);
 
   for (const PixelFamily family : kFamilies) {
-    Accumulator sum;
-    sum.reset(family, 15, 9);
+    Accumulator sum = empty_sum(family, 15, 9);
     ASSERT_TRUE(sum.add(plain(family, whole, 90, 50, 40)));
     sum.set_uncovered(owners);
     const Background white{255, 255, 255};
@@ -383,8 +366,7 @@ TEST(Accumulator, UncoveredPixelsShowTheBackground) {
 
 TEST(Accumulator, WritesAnyLayoutAndStride) {
   std::mt19937 random(5);
-  Accumulator sum;
-  sum.reset(PixelFamily::kRgb, 9, 4);
+  Accumulator sum = empty_sum(PixelFamily::kRgb, 9, 4);
   ASSERT_TRUE(sum.add(random_fragment(PixelFamily::kRgb, 9, 4, random, 255, true)));
   const Image expected = sum.resolve({7, 8, 9});
   for (const RgbLayout& layout : {RgbLayout{3, 2, 1, 0}, {4, 0, 1, 2}, {4, 2, 1, 0}, {4, 1, 2, 3}, {4, 3, 2, 1}}) {
@@ -408,8 +390,7 @@ TEST(Accumulator, WritesAnyLayoutAndStride) {
 }
 
 TEST(Accumulator, ResetClearsTheState) {
-  Accumulator sum;
-  sum.reset(PixelFamily::kRgb, 4, 4);
+  Accumulator sum = empty_sum(PixelFamily::kRgb, 4, 4);
   Fragment f = plain(PixelFamily::kRgb, {0, 0, 4, 4}, 9, 9, 9);
   f.lost.assign(16, 9);
   ASSERT_TRUE(sum.add(f));
@@ -451,8 +432,7 @@ TEST(AccumulatorSums, SixteenBitsAreExactUntilThePictureIsRounded) {
   const int kCount = 8, w = 37, h = 19;
   for (const PixelFamily family : kFamilies) {
     std::vector<double> exact(packed_size(family, w, h));
-    Accumulator sum;
-    sum.reset(family, w, h);
+    Accumulator sum = empty_sum(family, w, h);
     for (int i = 0; i < kCount; i++) {
       Sums part(family, {0, 0, w, h}, false);
       for (size_t k = 0; k < exact.size(); k++) {
@@ -490,8 +470,7 @@ TEST(AccumulatorSums, EightAndSixteenBitsInAnyOrder) {
     for (int i = 0; i < 12; i++) order[i] = i;
     std::vector<uint8_t> first;
     for (int round = 0; round < 6; round++) {
-      Accumulator sum;
-      sum.reset(family, 41, 23);
+      Accumulator sum = empty_sum(family, 41, 23);
       for (const int i : order) ASSERT_TRUE(i < 6 ? sum.add(fragments[i]) : sum.add(sums[i - 6].view()));
       const Image image = sum.resolve({5, 6, 7});
       if (round == 0) first = image.data();
@@ -546,8 +525,7 @@ TEST(AccumulatorSums, HostileSumsSaturate) {
       Sums extreme(family, {0, 0, 4, 4}, true);
       std::ranges::fill(extreme.samples, value);
       std::ranges::fill(extreme.lost, uint16_t{20000});
-      Accumulator sum;
-      sum.reset(family, 4, 4);
+      Accumulator sum = empty_sum(family, 4, 4);
       for (int i = 0; i < 5; i++) ASSERT_TRUE(sum.add(extreme.view()));
       EXPECT_EQ(sum.sums()->plane[0][0], value);
       EXPECT_EQ(sum.sums()->plane[1][0], value);

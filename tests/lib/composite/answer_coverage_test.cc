@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <random>
-
-#include <gtest/gtest.h>
-
 #include "composite/answer_coverage.h"
 #include "render/sum_planes.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

@@ -1,10 +1,4 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <cstdlib>
-#include <memory>
-#include <random>
-
-#include <gtest/gtest.h>
-
 #include "base/text.h"
 #include "composite/assembly.h"
 #include "lib/wire/wire_test.h"
@@ -35,6 +29,16 @@ class AssemblyTest : public testing::Test {
     return test::node_answer(*rig_, request_, cameras, image);
   }
 
+  void begin_with_rig() {
+    assembly_.set_rig(rig_);
+    assembly_.begin(request_);
+  }
+  // Returns the sum of the answer's fragments, which has the size of the view.
+  Accumulator sum_of(const wire::Answer& answer) const {
+    Accumulator sum = test::empty_sum(PixelFamily::kRgb, request_.view.width, request_.view.height);
+    for (const Fragment& fragment : answer.fragments) EXPECT_TRUE(sum.add(fragment));
+    return sum;
+  }
   static std::pair<int, int> range(const Image& image) {
     const auto [low, high] = std::minmax_element(image.data().begin(), image.data().end());
     return {*low, *high};
@@ -57,8 +61,7 @@ TEST_F(AssemblyTest, AddsNodesInAnyOrder) {
 }
 
 TEST_F(AssemblyTest, RefusesUnknownCameras) {
-  assembly_.set_rig(rig_);
-  assembly_.begin(request_);
+  begin_with_rig();
   wire::Answer forged = answer({0});
   forged.cameras.append({9, 9});
   EXPECT_TRUE(assembly_.has_unknown_cameras(forged));
@@ -94,8 +97,7 @@ TEST_F(AssemblyTest, RefusesOtherRequestsAndRigs) {
 }
 
 TEST_F(AssemblyTest, WithTheRigMissingCamerasCountAsLost) {
-  assembly_.set_rig(rig_);
-  assembly_.begin(request_);
+  begin_with_rig();
   add_answer(assembly_, answer({0, 1, 2, 3, 5, 6, 7, 8}));
   assembly_.finish(PixelFamily::kRgb, false);
   EXPECT_EQ(assembly_.missing(), 1u);  // camera 4, the centre
@@ -122,8 +124,7 @@ TEST_F(AssemblyTest, PixelsNeedTheRig) {
   EXPECT_EQ(assembly_.add(wire::parse_answer(bytes).value()), Assembly::Verdict::kNeedsRig);
   EXPECT_EQ(assembly_.fragments(), 0u);
 
-  assembly_.set_rig(rig_);
-  assembly_.begin(request_);
+  begin_with_rig();
   EXPECT_EQ(assembly_.add(wire::parse_answer(bytes).value()), Assembly::Verdict::kAdded);
   EXPECT_EQ(assembly_.add(wire::parse_answer(bytes).value()), Assembly::Verdict::kBadFragment) << "once";
   assembly_.finish(PixelFamily::kRgb, false);
@@ -139,8 +140,7 @@ TEST_F(AssemblyTest, IncompletePixelsOfACameraAreMissing) {
     regions.push_back({camera, {0, 0, 48, 18}});
     if (camera != 4) regions.push_back({camera, {0, 18, 48, 36}});
   }
-  assembly_.set_rig(rig_);
-  assembly_.begin(request_);
+  begin_with_rig();
   const ByteBuffer bytes = pixels_of(header, regions);
   EXPECT_EQ(assembly_.add(wire::parse_answer(bytes).value()), Assembly::Verdict::kAdded);
   assembly_.finish(PixelFamily::kRgb, false);
@@ -150,8 +150,7 @@ TEST_F(AssemblyTest, IncompletePixelsOfACameraAreMissing) {
 
 TEST_F(AssemblyTest, PixelsAndFragmentsOfOneCameraCountOnce) {
   wire::Answer header = answer({});
-  assembly_.set_rig(rig_);
-  assembly_.begin(request_);
+  begin_with_rig();
   add_answer(assembly_, answer({4}));
   const ByteBuffer bytes = pixels_of(header, {{4, {0, 0, 48, 36}}, {9, {0, 0, 48, 36}}, {3, {0, 0, 48, 36}}});
   EXPECT_EQ(assembly_.add(wire::parse_answer(bytes).value()), Assembly::Verdict::kBadFragment);
@@ -181,17 +180,14 @@ std::vector<wire::AnswerView> parts_of(const wire::AnswerHeader& header, const C
 }
 
 TEST_F(AssemblyTest, SumsComeInPartsInAnyOrderAndOnce) {
-  Accumulator sum;
-  sum.reset(PixelFamily::kRgb, request_.view.width, request_.view.height);
   wire::Answer raw = answer(all_);
   raw.cameras = CameraRanges(all_);
-  for (const Fragment& f : raw.fragments) ASSERT_TRUE(sum.add(f));
+  const Accumulator sum = sum_of(raw);
   std::vector<ByteBuffer> memory;
   const std::vector<wire::AnswerView> parts = parts_of(raw, *sum.sums(), 5, memory);
   ASSERT_EQ(parts.size(), 4u);
   for (const bool backwards : {false, true}) {
-    assembly_.set_rig(rig_);
-    assembly_.begin(request_);
+    begin_with_rig();
     for (size_t i = 0; i < 4; i++) {
       EXPECT_EQ(assembly_.add(parts[backwards ? 3 - i : i]), Assembly::Verdict::kAdded);
       EXPECT_EQ(assembly_.add(parts[backwards ? 3 - i : i]), Assembly::Verdict::kBadFragment);
@@ -211,10 +207,7 @@ TEST_F(AssemblyTest, LostStripOfASumIsMissing) {
     wire::Answer raw = answer(node ? few : others);
     raw.cameras = CameraRanges(node ? few : others);
     raw.node = node;
-    Accumulator sum;
-    sum.reset(PixelFamily::kRgb, request_.view.width, request_.view.height);
-    for (const Fragment& f : raw.fragments) ASSERT_TRUE(sum.add(f));
-    parts[node] = parts_of(raw, *sum.sums(), 4, memory[node]);
+    parts[node] = parts_of(raw, *sum_of(raw).sums(), 4, memory[node]);
     ASSERT_GE(parts[node].size(), 4u);
   }
   assembly_.set_rig(rig_);
@@ -239,8 +232,7 @@ TEST_F(AssemblyTest, BlindCamerasAreMissingUnlessASumHasThem) {
   blind.fragments.clear();
   blind.node = 1;
   blind.cameras = blind.blind = CameraRanges(CameraSet{4});
-  assembly_.set_rig(rig_);
-  assembly_.begin(request_);
+  begin_with_rig();
   add_answer(assembly_, raw);
   add_answer(assembly_, blind);
   assembly_.finish(PixelFamily::kRgb, false);
@@ -249,12 +241,9 @@ TEST_F(AssemblyTest, BlindCamerasAreMissingUnlessASumHasThem) {
   EXPECT_TRUE(assembly_.cameras().contains(4));
   raw.cameras = CameraRanges(all_);
   raw.blind = CameraRanges(CameraSet{4});
-  Accumulator sum;
-  sum.reset(PixelFamily::kRgb, request_.view.width, request_.view.height);
-  for (const Fragment& f : raw.fragments) ASSERT_TRUE(sum.add(f));
   std::vector<ByteBuffer> memory;
   assembly_.begin(request_);
-  assembly_.add(parts_of(raw, *sum.sums(), 100, memory)[0]);
+  assembly_.add(parts_of(raw, *sum_of(raw).sums(), 100, memory)[0]);
   assembly_.finish(PixelFamily::kRgb, false);
   EXPECT_EQ(assembly_.missing(), 0u);
 }
@@ -286,8 +275,7 @@ TEST_F(AssemblyTest, UnknownCamerasOutOfServiceAreAnError) {
 }
 
 TEST_F(AssemblyTest, EmptyViewShowsTheBackground) {
-  assembly_.set_rig(rig_);
-  assembly_.begin(request_);
+  begin_with_rig();
   assembly_.finish(PixelFamily::kRgb, true);
   const Image picture = assembly_.picture().resolve({10, 20, 30});
   EXPECT_EQ(picture.pixel(15, 10)[0], 10);
@@ -297,8 +285,7 @@ TEST_F(AssemblyTest, EmptyViewShowsTheBackground) {
 TEST_F(AssemblyTest, NoAnswersAreAllMissing) {
   assembly_.begin(request_);
   EXPECT_FALSE(assembly_.is_empty()) << "unknown without a rig";
-  assembly_.set_rig(rig_);
-  assembly_.begin(request_);
+  begin_with_rig();
   EXPECT_TRUE(assembly_.is_empty());
   EXPECT_GT(assembly_.missing(), 0u);
   assembly_.begin(request_);
@@ -333,8 +320,7 @@ TEST_F(AssemblyTest, BeginClearsTheState) {
 TEST_F(AssemblyTest, JpegMakesNearlyTheSamePicture) {
   const wire::Answer raw = answer(all_);
   const ByteBuffer bytes = wire::FragmentEncoder().encode(raw, raw.fragments, 90);
-  assembly_.set_rig(rig_);
-  assembly_.begin(request_);
+  begin_with_rig();
   EXPECT_EQ(assembly_.add(wire::parse_answer(bytes).value()), Assembly::Verdict::kAdded);
   EXPECT_EQ(assembly_.fragments(), raw.fragments.size());
   EXPECT_EQ(assembly_.damaged(), 0u);
@@ -375,10 +361,8 @@ TEST_F(AssemblyTest, DamagedFragmentsAreMissing) {
 }
 
 TEST_F(AssemblyTest, SumsOfTheWholeViewAreNotCopied) {
-  Accumulator sum;
-  sum.reset(PixelFamily::kRgb, request_.view.width, request_.view.height);
   const wire::Answer raw = answer(all_);
-  for (const Fragment& f : raw.fragments) ASSERT_TRUE(sum.add(f));
+  const Accumulator sum = sum_of(raw);
   const ConstSumPlanes sums = *sum.sums();
   wire::AnswerWriter writer(raw, 1);
   const wire::FragmentHeader header{{}, raw.family, sums.rect, wire::Codec::kRaw16, 0, false};
@@ -405,8 +389,7 @@ TEST_F(AssemblyTest, SumsOfTheWholeViewAreNotCopied) {
 constexpr int kSize = 400;
 
 Accumulator sum_of(std::span<const Fragment> fragments, PixelFamily family) {
-  Accumulator sum;
-  sum.reset(family, kSize, kSize);
+  Accumulator sum = test::empty_sum(family, kSize, kSize);
   for (const Fragment& fragment : fragments) EXPECT_TRUE(sum.add(fragment));
   return sum;
 }
@@ -448,8 +431,7 @@ TEST_P(PartialAnswer, TreeMakesTheSamePicture) {
     // JPEG in RGB does not preserve the colour of single pixels.
     if (row.coding.codec == wire::Codec::kJpeg && GetParam() == PixelFamily::kRgb) continue;
     SCOPED_TRACE(static_cast<int>(row.coding.codec));
-    Accumulator root;
-    root.reset(GetParam(), kSize, kSize);
+    Accumulator root = test::empty_sum(GetParam(), kSize, kSize);
     add_all(root, partial_answer(header, sum_of(fragments.first(13), GetParam()), row.coding, {}));
     add_all(root, partial_answer(header, sum_of(fragments.subspan(13), GetParam()), row.coding, {}));
     EXPECT_LE(max_difference(root.resolve(), expected), row.bound);

@@ -2,11 +2,9 @@
 #include "composite/depth_loop.h"
 
 #include <deque>
-#include <utility>
-
-#include <gtest/gtest.h>
 
 #include "lib/focus/array_of_walls.h"
+#include "support/test.h"
 #include "wire/consistency_codec.h"
 
 namespace lf {

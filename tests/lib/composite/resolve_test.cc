@@ -1,13 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <utility>
-#include <vector>
-
-#include <gtest/gtest.h>
-
-#include "composite/accumulator.h"
 #include "composite/resolve.h"
+#include "composite/accumulator.h"
 #include "render/sum_planes.h"
+#include "support/fragments.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
@@ -173,8 +169,7 @@ TEST(Resolve, UncoveredPixelsShowTheBackground) {
 constexpr int kWidth = 9, kHeight = 5;
 
 Accumulator with_weight_left(PixelFamily family, double left, uint8_t grey) {
-  Accumulator sum;
-  sum.reset(family, kWidth, kHeight);
+  Accumulator sum = test::empty_sum(family, kWidth, kHeight);
   Fragment fragment{family, {0, 0, kWidth, kHeight}, {}, {}};
   fragment.pixels.assign(packed_size(family, kWidth, kHeight), 0);
   const size_t grey_bytes = family == PixelFamily::kRgb ? fragment.pixels.size() : size_t{kWidth} * kHeight;

@@ -1,14 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <cmath>
-#include <cstdlib>
-#include <numeric>
-
-#include <gtest/gtest.h>
-
 #include "composite/view_weights.h"
 #include "image/image.h"
 #include "reference/generators.h"
 #include "scene/scene.h"
+#include "support/rigs.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
@@ -44,11 +40,7 @@ TEST(ViewCoverage, MovingViewIsMeasuredRarelyUnlessExact) {
   EXPECT_EQ(coverage.share(rig, request, {}, false, 1).seen, inside);
 }
 
-CameraRanges all_of(const Rig& rig) {
-  CameraSet cameras(rig.cameras.size());
-  std::iota(cameras.begin(), cameras.end(), 0);
-  return CameraRanges(cameras);
-}
+CameraRanges all_of(const Rig& rig) { return CameraRanges(test::all_cameras(rig)); }
 
 struct Case {
   Case() {

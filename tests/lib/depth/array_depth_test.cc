@@ -1,14 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "depth/array_depth.h"
 
-#include <algorithm>
-#include <cmath>
-#include <limits>
-#include <numeric>
-
-#include <gtest/gtest.h>
-
 #include "lib/focus/array_of_walls.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

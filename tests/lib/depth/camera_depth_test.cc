@@ -1,12 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "depth/camera_depth.h"
 
-#include <cmath>
-#include <vector>
-
-#include <gtest/gtest.h>
-
 #include "lib/focus/array_of_walls.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

@@ -1,14 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "depth/matching_cost.h"
 
-#include <algorithm>
-#include <cmath>
-#include <vector>
-
-#include <gtest/gtest.h>
-
 #include "reference/generators.h"
 #include "support/every_target.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

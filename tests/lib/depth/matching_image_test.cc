@@ -1,11 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "depth/matching_image.h"
 
-#include <cmath>
-
-#include <gtest/gtest.h>
-
 #include "reference/generators.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
@@ -13,12 +10,7 @@ namespace {
 using reference::Random;
 
 Camera camera_of(int width, int height, const Lens& lens, const Pose& pose = {}) {
-  Camera camera;
-  camera.width = width;
-  camera.height = height;
-  camera.lens = lens;
-  camera.pose = pose;
-  return camera;
+  return reference::make_camera(0, width, height, lens, pose);
 }
 
 TEST(MatchingImage, AveragesPixelsAndHasTheirDifferences) {

@@ -3,11 +3,11 @@
 
 #include <cmath>
 #include <memory>
-#include <numeric>
 #include <vector>
 
 #include "focus/hypothesis_renderer.h"
 #include "scene/scene.h"
+#include "support/rigs.h"
 
 namespace lf::test {
 
@@ -23,30 +23,25 @@ struct ArrayOfWalls {
           const Vec3 d(*camera.lens.unproject({x, y}), 1);
           const Vec3 near = camera.pose.position + 1.5 / nearer * d, far = camera.pose.position + 3 / nearer * d;
           const Vec3 at = !flat && near.x > 0 ? near : far;
-          const double luma = 128 + 50 * std::sin(31 * at.x + 7 * at.y) + 50 * std::sin(23 * at.y - 11 * at.x);
           for (int c = 0; c < 3; c++)
-            image.data()[3 * (static_cast<size_t>(y) * camera.width + x) + c] = static_cast<uint8_t>(std::lround(luma));
+            image.data()[3 * (static_cast<size_t>(y) * camera.width + x) + c] =
+                static_cast<uint8_t>(std::lround(luma_at(at)));
         }
       images.push_back(std::move(image));
     }
-    own.resize(rig.cameras.size());
-    std::iota(own.begin(), own.end(), 0);
+    own = all_cameras(rig);
+  }
+
+  // The texture of the walls.
+  static double luma_at(const Vec3& at) {
+    return 128 + 50 * std::sin(31 * at.x + 7 * at.y) + 50 * std::sin(23 * at.y - 11 * at.x);
   }
 
   // A view between the cameras, with a focal map of one level. 1.5 m is level 170, 3 m is level 60.
   View view(uint8_t level) const {
-    View view;
-    view.width = 160;
-    view.height = 120;
-    view.lens = Lens::from_fov_y(25, 160, 120);
-    view.pose.position = {0.013, -0.017, 0};
-    view.focus.plane = plane_through({0, 0, 3}, {0, 0, -1});
-    FocalMap map = FocalMap::for_view(160, 120);
-    map.from = {{0, 0, 1}, 0};
-    map.farthest = 1 / 3. - 60 * kLevel;
-    map.nearest = map.farthest + 255 * kLevel;
-    map.levels.assign(static_cast<size_t>(map.columns) * map.rows, level);
-    view.focus.map = std::make_shared<FocalMap>(map);
+    View view = view_from({0.013, -0.017, 0}, 160, 120, 25, 3);
+    constexpr double kFarthest = 1 / 3. - 60 * kLevel;
+    view.focus.map = level_surface(160, 120, kFarthest, kFarthest + 255 * kLevel, level);
     return view;
   }
 

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "focus/autofocus.h"
 
-#include <gtest/gtest.h>
-
 #include "focus/depth_estimator.h"
 #include "lib/focus/array_of_walls.h"
+#include "support/photographs.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
@@ -43,15 +43,10 @@ TEST(Autofocus, FindsTheWallAtAPixel) {
 TEST(Autofocus, IgnoresRepeatedPatterns) {
   const Rig rig = scene_rig(4, 4, 160, 120);
   const Mesh mesh = build_mesh(rig);
-  std::vector<Image> images;
-  for (const Camera& camera : rig.cameras)
-    images.push_back(render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0.5));
-  std::vector<CameraIndex> own(rig.cameras.size());
+  const std::vector<Image> images = test::scene_images(rig, 0.5, 2);
+  const CameraSet own = test::all_cameras(rig);
   std::vector<Source> sources;
-  for (CameraIndex i = 0; i < own.size(); i++) {
-    own[i] = i;
-    sources.push_back({i, &rig.cameras[i], images[i].view()});
-  }
+  for (const CameraIndex i : own) sources.push_back({i, &rig.cameras[i], images[i].view()});
   const Plane from{{0, 0, 1}, 0};
   for (const double begin : {0.7, 1.3, 2.2, 4.0, 20.0})
     for (const auto& [pixel, distance] : {std::pair(Vec2(20, 20), kSceneFar), {Vec2(32, 85), kSceneNear}}) {

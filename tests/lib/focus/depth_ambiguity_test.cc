@@ -1,11 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "focus/depth_ambiguity.h"
 
-#include <algorithm>
-#include <cmath>
-#include <memory>
-
-#include <gtest/gtest.h>
+#include "support/rigs.h"
+#include "support/test.h"
 
 namespace lf {
 namespace other_depths_test {
@@ -14,17 +11,12 @@ constexpr int kColumns = 12, kRows = 8, kNodes = kColumns * kRows;
 constexpr double kApart = 0.1;  // 1/m: 25.5 levels of a range of 1/m
 
 View view_of(double x = 0) {
-  View view;
-  view.width = kColumns * FocalMap::kMinStep;
-  view.height = kRows * FocalMap::kMinStep;
-  view.lens = Lens::from_fov_y(40, view.width, view.height);
-  view.pose.position = {x, 0, 0};
-  FocalMap map = FocalMap::for_view(view.width, view.height);
-  map.from = {{0, 0, 1}, 0};
-  map.nearest = 1;
-  map.levels.assign(kNodes, 0);
-  view.focus.map = std::make_shared<FocalMap>(map);
-  return view;
+  constexpr int kWidth = kColumns * FocalMap::kMinStep, kHeight = kRows * FocalMap::kMinStep;
+  return {kWidth,
+          kHeight,
+          Lens::from_fov_y(40, kWidth, kHeight),
+          {{x, 0, 0}},
+          {{}, test::level_surface(kWidth, kHeight, 0, 1, 0)}};
 }
 
 PhotoConsistency seen(int luma, int apart, int weight = PhotoConsistency::kWeightOne) {

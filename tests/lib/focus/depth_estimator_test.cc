@@ -1,15 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "focus/depth_estimator.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
 #include <deque>
-#include <limits>
-#include <string>
 
 #include "lib/focus/array_of_walls.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

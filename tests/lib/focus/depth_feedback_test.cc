@@ -1,12 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "focus/depth_feedback.h"
 
-#include <gtest/gtest.h>
-
-#include <thread>
-
 #include "focus/depth_selection.h"
 #include "lib/focus/array_of_walls.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
@@ -25,11 +22,9 @@ class DepthFeedbackTest : public testing::Test {
   }
   DepthEstimate found(uint32_t sequence) const {
     DepthEstimate focus{.sequence = sequence, .plan = {.view = walls_.view(0)}, .gains = {}};
-    FocalMap map = FocalMap::for_view(focus.plan.view.width, focus.plan.view.height);
-    map.from = plane_through(focus.plan.view.pose.position, focus.plan.view.pose.forward());
-    map.farthest = map.nearest = 0.5;
-    map.levels.assign(static_cast<size_t>(map.columns) * map.rows, 0);
-    focus.plan.view.focus.map = std::make_shared<const FocalMap>(map);
+    View& view = focus.plan.view;
+    view.focus.map = test::level_surface(view.width, view.height, 0.5, 0.5, 0,
+                                         plane_through(view.pose.position, view.pose.forward()));
     focus.plan.hypotheses = {{DepthHypothesis::Kind::kPlane, 3}};
     return focus;
   }

@@ -1,14 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "focus/depth_selection.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-
 #include "lib/focus/plain_choice.h"
 #include "reference/generators.h"
 #include "support/every_target.h"
+#include "support/test.h"
 
 namespace lf {
 namespace surface_choice_test {

@@ -1,16 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "focus/exposure_compensation.h"
 
-#include <algorithm>
-#include <cmath>
-#include <map>
-#include <vector>
-
-#include <gtest/gtest.h>
-
 #include "base/text.h"
 #include "image/image_filters.h"
 #include "lib/focus/array_of_walls.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

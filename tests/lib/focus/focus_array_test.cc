@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "focus/focus_array.h"
 
-#include <cmath>
-
-#include <gtest/gtest.h>
-
 #include "base/text.h"
 #include "scene/scene.h"
+#include "support/rigs.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
@@ -35,19 +33,11 @@ struct Array {
   double pitch = rig.cameras[1].pose.position.x - rig.cameras[0].pose.position.x;
 
   View view_from(const Vec3& eye, double fov = 15) const {
-    View view;
-    view.width = 160;
-    view.height = 120;
-    view.lens = Lens::from_fov_y(fov, view.width, view.height);
-    view.pose.position = eye;
-    view.focus.plane = plane_through({0, 0, 3}, {0, 0, -1});
-    FocalMap map = FocalMap::for_view(view.width, view.height);
-    map.from = {{0, 0, 1}, 0};
-    map.farthest = 0.1;
-    map.nearest = 1;
-    map.levels.assign(static_cast<size_t>(map.columns) * map.rows, 7);
-    view.focus.map = std::make_shared<FocalMap>(map);
-    return view;
+    return {160,
+            120,
+            Lens::from_fov_y(fov, 160, 120),
+            {eye},
+            {plane_through({0, 0, 3}, {0, 0, -1}), test::level_surface(160, 120, 0.1, 1, 7)}};
   }
 
   // 1 - sum w^2, relative to three equal weights, where the line of sight of node i, j meets the cameras' plane. A

@@ -1,13 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // Photo-consistency sums computed on the GPU, compared with the CPU's.
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <cstdio>
-#include <numeric>
-#include <optional>
 
 #include "composite/still.h"
 #include "focus/hypothesis_renderer.h"
@@ -19,7 +12,8 @@
 #include "reference/generators.h"
 #include "render/gl/gles_renderer.h"
 #include "scene/scene.h"
-#include "support/mentions.h"
+#include "support/photographs.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
@@ -100,7 +94,7 @@ TEST(GpuConsistency, MatchesTheCpu) {
         Random random(trial);
         const int side = 3 + trial % 3, width = trial % 2 ? 157 : 320, height = trial % 2 ? 121 : 240;
         const Rig rig = test::jittered_array(random, side, width, height, trial % 3 == 0 ? 0 : -0.25);
-        View view = test::view_into(rig, side, width >> (trial / 2), height >> (trial / 2), random.small_rotation(0.2));
+        View view = test::view_into(side, width >> (trial / 2), height >> (trial / 2), random.small_rotation(0.2));
         view.blending.extrapolates = false;  // GPUs only draw hypotheses inside the mesh
         if (trial == 5)
           view.lens = Lens(LensModel::kSimpleRadial, {1.25 * view.width, view.width / 2., view.height / 2., -0.1});
@@ -134,13 +128,11 @@ TEST(GpuConsistency, MatchesTheCpu) {
 
 struct SmallArray {
   explicit SmallArray(double k1) : rig(test::jittered_array(random, 3, 160, 120, k1)) {
-    View view = test::view_into(rig, 3, 160, 120, random.small_rotation(0.2));
+    View view = test::view_into(3, 160, 120, random.small_rotation(0.2));
     view.blending.extrapolates = false;  // GPUs only draw hypotheses inside the mesh
     view.focus.map = test::depths(random, view, FocalMap::kMinStep, false);
     hypotheses = some_hypotheses(random, view);
-    std::vector<CameraIndex> own(rig.cameras.size());
-    std::iota(own.begin(), own.end(), 0);
-    job.emplace(rig, build_mesh(rig), hypothesis_view(view), own);
+    job.emplace(rig, build_mesh(rig), hypothesis_view(view), test::all_cameras(rig));
     images = images_of(rig, random, reference::smooth_image);
     for (const CameraIndex i : job->cameras()) sources.push_back({i, &rig.cameras[i], images[i].view()});
   }
@@ -206,9 +198,7 @@ TEST(GpuConsistency, HardCasesAreFiniteAndMostlyMatchTheCpu) {
       if (view.width < 8 || view.height < 8) continue;
       view.focus.map = test::depths(random, view, FocalMap::kMinStep, trial == 1);
       const Mesh mesh = build_mesh(rig);
-      std::vector<CameraIndex> own;
-      for (CameraIndex i = 0; i < rig.cameras.size(); i++) own.push_back(i);
-      const RenderJob job(rig, mesh, hypothesis_view(view), own);
+      const RenderJob job(rig, mesh, hypothesis_view(view), test::all_cameras(rig));
       const auto images = images_of(rig, random, reference::smooth_image);
       std::vector<Source> sources;
       for (const CameraIndex i : job.cameras()) sources.push_back({i, &rig.cameras[i], images[i].view()});
@@ -229,12 +219,8 @@ TEST(GpuConsistency, HardCasesAreFiniteAndMostlyMatchTheCpu) {
 TEST(GpuConsistency, FindsTheSameSurface) {
   const Rig rig = scene_rig(4, 4, 160, 120);
   const Mesh mesh = build_mesh(rig);
-  std::vector<CameraIndex> own;
-  std::vector<Image> images;
-  for (const Camera& camera : rig.cameras) {
-    own.push_back(static_cast<CameraIndex>(own.size()));
-    images.push_back(render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0.5));
-  }
+  const CameraSet own = test::all_cameras(rig);
+  const std::vector<Image> images = test::scene_images(rig, 0.5, 2);
   const FocusArray array(rig);
   double sum = 0;
   constexpr int kViews = 4;

@@ -1,23 +1,19 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "focus/hypothesis_levels.h"
 
-#include <algorithm>
-#include <set>
-
-#include <gtest/gtest.h>
+#include "support/test.h"
 
 namespace lf {
 namespace {
 
+View tilted_view() {
+  const Pose pose = look_at({0.2, -0.1, 0.3}, {0, 0, 3}, {0, 1, 0});
+  return {64, 48, Lens::from_fov_y(40, 64, 48), pose, {plane_through({0, 0, 2.5}, glm::normalize(Vec3(0.2, 0.1, -1)))}};
+}
+
 TEST(PlaneMap, IsTheViewersPlane) {
-  View view;
-  view.width = 64;
-  view.height = 48;
-  view.lens = Lens::from_fov_y(40, 64, 48);
-  view.pose = look_at({0.2, -0.1, 0.3}, {0, 0, 3}, {0, 1, 0});
-  view.focus.plane = plane_through({0, 0, 2.5}, glm::normalize(Vec3(0.2, 0.1, -1)));
-  const Plane from{{0, 0, 1}, 0};
-  const FocalMap map = plane_map(view, from, 1, 0.2);
+  const View view = tilted_view();
+  const FocalMap map = plane_map(view, {{0, 0, 1}, 0}, 1, 0.2);
   for (int j = 0; j < map.rows; j++)
     for (int i = 0; i < map.columns; i++) {
       const Vec3 d = view.pose.rotation() * Vec3(*view.lens.unproject({4 * i + 1.5, 4 * j + 1.5}), 1);
@@ -73,14 +69,8 @@ TEST(DepthHypothesis, ShiftsAndPlanesStayWithinTheLevels) {
 }
 
 TEST(DepthHypothesis, FocusedIsTheViewersPlane) {
-  View view;
-  view.width = 64;
-  view.height = 48;
-  view.lens = Lens::from_fov_y(40, 64, 48);
-  view.pose = look_at({0.2, -0.1, 0.3}, {0, 0, 3}, {0, 1, 0});
-  view.focus.plane = plane_through({0, 0, 2.5}, glm::normalize(Vec3(0.2, 0.1, -1)));
-  const Plane from{{0, 0, 1}, 0};
-  FocalMap map = plane_map(view, from, 1, 0.2);
+  View view = tilted_view();
+  FocalMap map = plane_map(view, {{0, 0, 1}, 0}, 1, 0.2);
   const std::vector<uint8_t> plane = map.levels;
   EXPECT_NE(std::ranges::adjacent_find(plane, std::not_equal_to<>()), plane.end()) << "levels differ";
   std::ranges::fill(map.levels, uint8_t{3});
@@ -143,5 +133,4 @@ TEST(DepthHypothesis, ViewHasOnePixelPerNode) {
 }
 
 }  // namespace
-
 }  // namespace lf

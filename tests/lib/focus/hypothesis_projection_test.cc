@@ -1,14 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "focus/hypothesis_projection.h"
 
-#include <algorithm>
-#include <cmath>
-
-#include <gtest/gtest.h>
-
 #include "lib/focus/random_rays.h"
 #include "lib/render/sum_arrays.h"
 #include "support/every_target.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

@@ -1,14 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "focus/hypothesis_renderer.h"
 
-#include <algorithm>
-#include <cmath>
-
-#include <gtest/gtest.h>
-
 #include "lib/focus/array_of_walls.h"
 #include "render/camera_projection.h"
 #include "render/ownership.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

@@ -1,15 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "focus/hypothesis_samples.h"
 
-#include <algorithm>
-#include <cmath>
-
-#include <gtest/gtest.h>
-
 #include "focus/photo_consistency.h"
 #include "lib/focus/random_rays.h"
 #include "reference/generators.h"
 #include "support/every_target.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "focus/warp_depth_map.h"
 
-#include <gtest/gtest.h>
-
-#include <limits>
-#include <utility>
+#include "support/rigs.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
@@ -17,16 +15,9 @@ constexpr float kUnseen = std::numeric_limits<float>::infinity();
 
 ViewRequest request_with(const std::vector<DepthHypothesis>& hypotheses, std::vector<uint8_t> levels) {
   ViewRequest request;
-  request.view.width = 12;
-  request.view.height = 4;
-  request.view.lens = Lens::pinhole(10, 5.5, 1.5);
-  request.view.focus.plane = {{0, 0, 1}, -1};
-  FocalMap map = FocalMap::for_view(12, 4);
-  map.from = {{0, 0, 1}, 0};
-  map.farthest = 0;
-  map.nearest = 2.55;
-  map.levels = std::move(levels);
-  request.view.focus.map = std::make_shared<FocalMap>(std::move(map));
+  const auto map = test::level_surface(12, 4, 0, 2.55, 0);
+  map->levels = std::move(levels);
+  request.view = {12, 4, Lens::pinhole(10, 5.5, 1.5), {}, {{{0, 0, 1}, -1}, map}};
   request.hypotheses = hypotheses;
   return request;
 }

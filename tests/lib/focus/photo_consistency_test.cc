@@ -1,15 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "focus/photo_consistency.h"
 
-#include <cmath>
-#include <functional>
-#include <limits>
-
-#include <gtest/gtest.h>
-
 #include "lib/focus/plain_choice.h"
 #include "reference/generators.h"
 #include "support/every_target.h"
+#include "support/test.h"
 
 namespace lf {
 namespace moments_test {

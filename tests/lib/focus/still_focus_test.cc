@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "focus/still_focus.h"
 
-#include <gtest/gtest.h>
-
 #include "base/text.h"
 #include "composite/still.h"
 #include "lib/focus/array_of_walls.h"
 #include "quality/image_quality.h"
 #include "scene/scene.h"
+#include "support/photographs.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
@@ -67,19 +67,10 @@ class IrregularArrayTest : public testing::Test {
   }
   // The images are the same for all tests, and take a second.
   const std::vector<Image>& filmed() const {
-    static const std::vector<Image> images = [&] {
-      std::vector<Image> filmed;
-      for (const Camera& camera : rig_.cameras)
-        filmed.push_back(render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0));
-      return filmed;
-    }();
+    static const std::vector<Image> images = test::scene_images(rig_, 0, 2);
     return images;
   }
-  CameraSet all() const {
-    CameraSet cameras(rig_.cameras.size());
-    std::iota(cameras.begin(), cameras.end(), 0);
-    return cameras;
-  }
+  CameraSet all() const { return test::all_cameras(rig_); }
 
   static constexpr DepthEstimator::Settings kSurface{.mode = FocusMode::kSurface};
   Rig rig_;
@@ -155,16 +146,10 @@ TEST(FocusStill, HiddenPlacesDoNotCount) {
       }
   }
   const CameraImages image_of = [&](CameraIndex i) -> const Image& { return images[i]; };
-  View view;
-  view.width = 160;
-  view.height = 120;
-  view.lens = rig.cameras[0].lens;
-  view.focus.plane = focal_plane_at(view.pose, 1.2);
-  CameraSet all(rig.cameras.size());
-  std::iota(all.begin(), all.end(), 0);
+  const View view{160, 120, rig.cameras[0].lens, {}, {focal_plane_at({}, 1.2)}};
   constexpr DepthEstimator::Settings kSurface{.mode = FocusMode::kSurface};
   const ArrayDepth depths(
-      rig, all, [&](CameraIndex i) { return images[i].view(); }, 0.1, 1.2);
+      rig, test::all_cameras(rig), [&](CameraIndex i) { return images[i].view(); }, 0.1, 1.2);
   const View focused = focus_still(rig, build_mesh(rig), view, image_of, kSurface, 0, nullptr, &depths);
   ASSERT_TRUE(focused.focus.map);
   EXPECT_TRUE(focused.focus.map->measured);
@@ -173,9 +158,7 @@ TEST(FocusStill, HiddenPlacesDoNotCount) {
 TEST_F(IrregularArrayTest, SomeArraysNeedNoDepths) {
   Rig near = rig_;
   for (Camera& camera : near.cameras) camera.pose.position /= 8;
-  std::vector<Image> images;
-  for (const Camera& camera : near.cameras)
-    images.push_back(render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0));
+  const std::vector<Image> images = test::scene_images(near, 0, 2);
   const CameraImages image_of = [&](CameraIndex i) -> const Image& { return images[i]; };
   EXPECT_FALSE(estimate_depths(near, all(), image_of, kSurface)) << "cameras side by side";
   EXPECT_FALSE(estimate_depths(rig_, {3}, image_of_, kSurface)) << "a single camera";

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "focus/view_depths.h"
 
-#include <gtest/gtest.h>
-
 #include "focus/warp_depth_map.h"
 #include "lib/focus/array_of_walls.h"
+#include "support/test.h"
 #include "wire/request_codec.h"
 
 namespace lf {

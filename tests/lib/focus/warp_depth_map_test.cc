@@ -1,13 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "focus/warp_depth_map.h"
 
-#include <algorithm>
-#include <cmath>
-
-#include <gtest/gtest.h>
-
 #include "reference/generators.h"
 #include "support/every_target.h"
+#include "support/rigs.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
@@ -67,24 +64,20 @@ TEST(WarpedNodes, MatchTheRuleWithEveryInstructionSet) {
     from.width = 150 - 3 * round;
     from.height = 50;
     from.lens = lens(round % 4 == 1);
-    FocalMap map = FocalMap::for_view(from.width, from.height);
-    map.from = {{0, 0, 1}, 0};
-    map.farthest = round % 3 == 0 ? 0 : 0.1;
-    map.nearest = random.uniform(0.5, 4);
-    map.levels.resize(static_cast<size_t>(map.columns) * map.rows);
-    for (uint8_t& level : map.levels) level = static_cast<uint8_t>(random.uniform(0, 256));
-    from.focus.map = std::make_shared<FocalMap>(map);
+    const auto map = test::level_surface(from.width, from.height, round % 3 == 0 ? 0 : 0.1, random.uniform(0.5, 4), 0);
+    for (uint8_t& level : map->levels) level = static_cast<uint8_t>(random.uniform(0, 256));
+    from.focus.map = map;
     View to = from;
     to.lens = round % 2 ? lens(round % 3 == 1) : from.lens;
     to.pose.position = {random.uniform(-0.2, 0.2), random.uniform(-0.2, 0.2), random.uniform(-1, 1)};
     to.pose.orientation =
         glm::angleAxis(round % 8 == 5 ? 3 : 0.05, glm::normalize(Vec3(random.uniform(-1, 1), 1, 0.3)));
-    const int columns = round % 5 == 0 ? 7 : map.columns, rows = 12;
+    const int columns = round % 5 == 0 ? 7 : map->columns, rows = 12;
     test::on_every_target([&] {
       WarpedNodes nodes(from, to, columns, rows);
-      for (int j = 0; j < map.rows; j++) {
+      for (int j = 0; j < map->rows; j++) {
         const WarpedNodes::Row row = nodes.row(j);
-        for (int i = 0; i < map.columns; i++) {
+        for (int i = 0; i < map->columns; i++) {
           const Covered is{row.left[i], row.right[i], row.top[i], row.bottom[i]};
           const Covered rule = plain(from, to, columns, rows, i, j);
           EXPECT_EQ(is, rule) << round << ": " << i << ", " << j;

@@ -1,13 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "geometry/lens.h"
 
-#include <limits>
-#include <random>
-
-#include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
 #include "support/expect_error.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

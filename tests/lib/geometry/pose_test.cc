@@ -1,14 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <functional>
-#include <memory>
-
-#include <gtest/gtest.h>
-
 #include "geometry/pose.h"
 #include "support/expect_error.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

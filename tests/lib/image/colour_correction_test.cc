@@ -1,21 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <cmath>
-#include <limits>
-#include <random>
-#include <vector>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "image/colour_correction.h"
 #include "support/every_target.h"
-#include "support/mentions.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
 
-using testing::HasSubstr;
 using testing::Optional;
 
 TEST(ColourModel, DefaultChangesNothing) {

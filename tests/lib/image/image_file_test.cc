@@ -1,11 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <random>
-#include <span>
-#include <string>
-#include <vector>
 
-#include <gtest/gtest.h>
 #include <sys/resource.h>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
@@ -14,8 +8,8 @@
 #include "image/image_file.h"
 #include "support/expect_error.h"
 #include "support/jpeg_samples.h"
-#include "support/mentions.h"
 #include "support/temp_dir.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

@@ -1,14 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "image/image_filters.h"
 #include "support/every_target.h"
-
-#include <algorithm>
-#include <cstring>
-#include <numeric>
-#include <random>
-#include <vector>
-
-#include <gtest/gtest.h>
+#include "support/test.h"
 
 namespace lf {
 namespace {

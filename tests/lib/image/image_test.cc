@@ -1,12 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <cmath>
-#include <vector>
-
-#include <gtest/gtest.h>
-
 #include "image/image.h"
 #include "reference/generators.h"
 #include "support/expect_error.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

@@ -1,11 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <random>
-#include <string>
-#include <vector>
-
-#include <gtest/gtest.h>
-
 #include "jpeg/baseline_scan.h"
+#include "support/test.h"
 
 namespace lf::jpeg {
 namespace {

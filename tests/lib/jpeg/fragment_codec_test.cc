@@ -1,8 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <cstdlib>
-#include <random>
 
-#include <gtest/gtest.h>
 #include <jpeglib.h>
 
 #include "jpeg/fragment_codec.h"

@@ -1,12 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "jpeg/header.h"
 
-#include <algorithm>
-
-#include <gtest/gtest.h>
-
 #include "support/jpeg_samples.h"
-#include "support/mentions.h"
+#include "support/test.h"
 
 namespace lf::jpeg {
 namespace {

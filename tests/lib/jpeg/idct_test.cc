@@ -1,15 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "jpeg/idct.h"
 
-#include <algorithm>
-#include <cmath>
-#include <cstring>
-#include <random>
-
-#include <gtest/gtest.h>
 #include <hwy/targets.h>
 
 #include "support/every_target.h"
+#include "support/test.h"
 
 namespace lf::jpeg {
 namespace {

@@ -1,14 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <atomic>
-#include <cstring>
-#include <random>
-#include <thread>
-
-#include <gtest/gtest.h>
-
 #include "jpeg/jpeg_frame.h"
 #include "support/jpeg_samples.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

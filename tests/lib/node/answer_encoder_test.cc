@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <thread>
-
-#include <gtest/gtest.h>
-
 #include "composite/assembly.h"
 #include "node/request_renderer.h"
 #include "quality/image_quality.h"
 #include "scene/scene.h"
+#include "support/photographs.h"
+#include "support/test.h"
 #include "wire/answer_codec.h"
 
 namespace lf {
@@ -52,15 +50,11 @@ void two_threads(size_t count, const std::function<void(size_t)>& task) {
 
 class AnswerEncoderTest : public testing::TestWithParam<PixelFamily> {
  protected:
-  AnswerEncoderTest() : rig_(scene_rig(3, 3, 80, 60)) {
-    for (const Camera& camera : rig_.cameras) {
-      const Image rgb = render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0, 1);
-      images_.push_back(GetParam() == PixelFamily::kI420 ? to_i420(rgb) : rgb);
-    }
-    for (CameraIndex i = 0; i < 9; i++) {
-      all_.push_back(i);
-      sources_.push_back({i, &rig_.cameras[i], images_[i].view()});
-    }
+  AnswerEncoderTest()
+      : rig_(scene_rig(3, 3, 80, 60)), images_(test::scene_images(rig_)), all_(test::all_cameras(rig_)) {
+    if (GetParam() == PixelFamily::kI420)
+      for (Image& image : images_) image = to_i420(image);
+    for (const CameraIndex i : all_) sources_.push_back({i, &rig_.cameras[i], images_[i].view()});
     View& view = request_.view;
     view.width = 333;  // several strips, and sizes that are not multiples of the block size
     view.height = 431;

@@ -1,16 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <numeric>
-
-#include <gtest/gtest.h>
-
-#include "lib/render/production.h"
 #include "node/camera_access.h"
+#include "lib/render/production.h"
 #include "node/request_renderer.h"
 #include "reference/float_renderer.h"
 #include "reference/generators.h"
 #include "render/camera_projection.h"
 #include "support/access_pictures.h"
 #include "support/expect_error.h"
+#include "support/test.h"
 #include "wire/answer_codec.h"
 #include "wire/fragment_codec.h"
 

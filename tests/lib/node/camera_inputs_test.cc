@@ -1,12 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <atomic>
-#include <thread>
-#include <vector>
-
-#include <gtest/gtest.h>
-
 #include "node/camera_inputs.h"
-#include "support/mentions.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
@@ -22,6 +16,16 @@ CameraFrame frame(uint64_t time) {
   return frame;
 }
 
+constexpr bool kFile = false, kLive = true;
+
+// Runs, and its stream has started.
+struct StartedFrames : CameraFrames {
+  explicit StartedFrames(bool live) {
+    set_mode(Mode::kRunning);
+    start_stream(live);
+  }
+};
+
 TEST(CameraFrames, RejectsFramesWhileStopped) {
   CameraFrames frames;
   EXPECT_EQ(frames.push(frame(0)), PushResult::kStopped);
@@ -29,9 +33,7 @@ TEST(CameraFrames, RejectsFramesWhileStopped) {
 }
 
 TEST(CameraFrames, RequestsFindTheirFramesOfAFile) {
-  CameraFrames frames;
-  frames.set_mode(Mode::kRunning);
-  frames.start_stream(false);
+  StartedFrames frames(kFile);
   constexpr uint64_t kCount = 5000;
   std::thread camera([&] {
     for (uint64_t t = 0; t < kCount; t++) ASSERT_EQ(frames.push(frame(t * 10)), PushResult::kTaken);
@@ -47,9 +49,7 @@ TEST(CameraFrames, RequestsFindTheirFramesOfAFile) {
 }
 
 TEST(CameraFrames, UnusedCameraKeepsUp) {
-  CameraFrames frames;
-  frames.set_mode(Mode::kRunning);
-  frames.start_stream(false);
+  StartedFrames frames(kFile);
   std::atomic<uint64_t> pushed{0};
   std::thread camera([&] {
     for (uint64_t t = 0; t < 100; t++, pushed++) ASSERT_EQ(frames.push(frame(t)), PushResult::kTaken);
@@ -61,18 +61,14 @@ TEST(CameraFrames, UnusedCameraKeepsUp) {
 }
 
 TEST(CameraFrames, NewestFrameOfAFileIsTheCurrentFrame) {
-  CameraFrames frames;
-  frames.set_mode(Mode::kRunning);
-  frames.start_stream(false);
+  StartedFrames frames(kFile);
   frames.push(frame(5));
   for (int i = 0; i < 10; i++) EXPECT_EQ(frames.find(kNoTime, true)->time, 5u);
 }
 
 TEST(CameraFrames, NoFrameAfterALoss) {
   for (const bool live : {false, true}) {
-    CameraFrames frames;
-    frames.set_mode(Mode::kRunning);
-    frames.start_stream(live);
+    StartedFrames frames(live);
     for (const uint64_t time : {0, 10}) EXPECT_EQ(frames.push(frame(time)), PushResult::kTaken);
     frames.lose_stream();
     EXPECT_EQ(frames.find(19, true)->time, 10u) << "own capture time";
@@ -102,9 +98,7 @@ TEST(CameraFrames, LiveClientsDoNotWaitForCameras) {
 
 // A viewer that waits for slow cameras needs the frames of fast cameras for as long.
 TEST(CameraFrames, LiveFramesAreKeptForOldRequests) {
-  CameraFrames frames;
-  frames.set_mode(Mode::kRunning);
-  frames.start_stream(true);
+  StartedFrames frames(kLive);
   constexpr uint64_t kPeriod = 33'000'000, kBack = 515'000'000;
   for (uint64_t k = 0; k < 300; k++) {
     ASSERT_EQ(frames.push(frame(k * kPeriod)), PushResult::kTaken);
@@ -133,9 +127,7 @@ TEST(CameraFrames, LiveFramesAreKeptForOldRequests) {
 
 // The longest capture delay of lf-serve.
 TEST(CameraFrames, LiveFramesAreKeptForTenSeconds) {
-  CameraFrames frames;
-  frames.set_mode(Mode::kRunning);
-  frames.start_stream(true);
+  StartedFrames frames(kLive);
   constexpr uint64_t kPeriod = 1'000'000'000 / 60, kBack = 10'000'000'000;
   for (uint64_t k = 0; k < 2000; k++) {
     frames.push(frame(k * kPeriod));
@@ -152,9 +144,7 @@ TEST(CameraFrames, LiveFramesAreKeptForTenSeconds) {
 
 // All viewers would wait for a camera with an estimated period of seconds.
 TEST(CameraFrames, PeriodIgnoresOutages) {
-  CameraFrames frames;
-  frames.set_mode(Mode::kRunning);
-  frames.start_stream(true);
+  StartedFrames frames(kLive);
   constexpr uint64_t kPeriod = 66'000'000, kAway = 6'500'000'000;
   for (uint64_t k = 0; k < 10; k++) frames.push(frame(k * kPeriod));
   frames.lose_stream();
@@ -167,9 +157,7 @@ TEST(CameraFrames, PeriodIgnoresOutages) {
 
 TEST(CameraFrames, StoppingWakesBothSides) {
   for (int i = 0; i < 50; i++) {
-    CameraFrames frames;
-    frames.set_mode(Mode::kRunning);
-    frames.start_stream(false);
+    StartedFrames frames(kFile);
     std::thread camera([&] {
       uint64_t t = 0;
       while (frames.push(frame(t)) == PushResult::kTaken) t++;
@@ -183,9 +171,7 @@ TEST(CameraFrames, StoppingWakesBothSides) {
 }
 
 TEST(CameraFrames, FinishingEndsTheStream) {
-  CameraFrames frames;
-  frames.set_mode(Mode::kRunning);
-  frames.start_stream(false);
+  StartedFrames frames(kFile);
   std::atomic<PushResult> last{PushResult::kTaken};
   std::thread camera([&] {
     for (uint64_t t = 0; last == PushResult::kTaken; t++) last = frames.push(frame(t));
@@ -196,9 +182,7 @@ TEST(CameraFrames, FinishingEndsTheStream) {
 }
 
 TEST(CameraFrames, LiveCamerasDoNotFinish) {
-  CameraFrames frames;
-  frames.set_mode(Mode::kRunning);
-  frames.start_stream(true);
+  StartedFrames frames(kLive);
   frames.set_mode(Mode::kFinished);
   for (uint64_t t = 0; t < 10; t++) EXPECT_EQ(frames.push(frame(t)), PushResult::kTaken);
   const auto found = frames.find(9, true);
@@ -222,9 +206,7 @@ CameraFrame compressed(uint64_t time, const std::shared_ptr<CameraPicture>& pict
 
 TEST(CameraFrames, PreviousFrameReplacesADamagedOne) {
   for (const bool live : {false, true}) {
-    CameraFrames frames;
-    frames.set_mode(Mode::kRunning);
-    frames.start_stream(live);
+    StartedFrames frames(live);
     const auto one = std::make_shared<Compressed>(), two = std::make_shared<Compressed>(),
                three = std::make_shared<Compressed>();
     frames.push(compressed(0, one));
@@ -250,9 +232,7 @@ TEST(CameraFrames, PreviousFrameReplacesADamagedOne) {
 }
 
 TEST(CameraFrames, FirstDamagedFrameHasNoReplacement) {
-  CameraFrames frames;
-  frames.set_mode(Mode::kRunning);
-  frames.start_stream(true);
+  StartedFrames frames(kLive);
   const auto picture = std::make_shared<Compressed>();
   frames.push(compressed(0, picture));
   EXPECT_FALSE(frames.replace_damaged(picture.get()));
@@ -260,9 +240,7 @@ TEST(CameraFrames, FirstDamagedFrameHasNoReplacement) {
 }
 
 TEST(CameraFrames, FlushDropsFramesAndEnd) {
-  CameraFrames frames;
-  frames.set_mode(Mode::kRunning);
-  frames.start_stream(false);
+  StartedFrames frames(kFile);
   frames.push(frame(3));
   frames.end_stream();
   frames.set_flushing(true);

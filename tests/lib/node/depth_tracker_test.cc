@@ -1,15 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "node/depth_tracker.h"
 
-#include <chrono>
-#include <cmath>
-#include <memory>
-#include <thread>
-#include <vector>
-
-#include <gtest/gtest.h>
-
 #include "lib/focus/array_of_walls.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

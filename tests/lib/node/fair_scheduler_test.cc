@@ -1,15 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "node/fair_scheduler.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <optional>
-#include <thread>
-#include <vector>
-
 #include "base/worker_pool.h"
 #include "node/node.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

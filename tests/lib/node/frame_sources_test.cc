@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "node/frame_sources.h"
 
-#include <gtest/gtest.h>
-
 #include "scene/scene.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

@@ -1,13 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "node/frame_timing.h"
+
+#include "support/test.h"
 
 namespace lf {
 namespace {
-
-using testing::ElementsAre;
 
 constexpr uint64_t kPeriod = 100, kWanted = 10'000;
 

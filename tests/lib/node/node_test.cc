@@ -1,14 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <memory>
-#include <string>
-#include <vector>
-
-#include <gtest/gtest.h>
-
-#include "lib/focus/array_of_walls.h"
 #include "node/node.h"
+#include "lib/focus/array_of_walls.h"
 #include "render/gl/gles_renderer.h"
+#include "support/test.h"
 #include "view/view.h"
 
 namespace lf {

@@ -1,15 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "node/renderer_selector.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include <cstdlib>
-
 #include "lib/render/sum_arrays.h"
 #include "render/ownership.h"
-#include "support/mentions.h"
 #include "support/process.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
@@ -238,7 +233,7 @@ class GpuLossTest : public testing::Test {
 
   reference::Random random_{1};
   const Rig rig_ = test::jittered_array(random_, 3, 64, 48, -0.1);
-  const View view_ = test::view_into(rig_, 3, 64, 48, random_.small_rotation(0.1));
+  const View view_ = test::view_into(3, 64, 48, random_.small_rotation(0.1));
   const test::Production production_{rig_, build_mesh(rig_), view_};
   const std::vector<Image> images_ = test::i420_of(images_of(rig_, random_, reference::smooth_image));
   const std::vector<Source> sources_ = test::sources_of(rig_, production_.plan, images_);

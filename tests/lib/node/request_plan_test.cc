@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "node/request_plan.h"
 
-#include <gtest/gtest.h>
-
 #include "quality/image_quality.h"
 #include "scene/scene.h"
 #include "support/access_pictures.h"
 #include "support/expect_error.h"
+#include "support/photographs.h"
+#include "support/test.h"
 #include "wire/consistency_codec.h"
 
 namespace lf {
@@ -14,11 +14,9 @@ namespace {
 
 class RequestPlanTest : public testing::TestWithParam<PixelFamily> {
  protected:
-  RequestPlanTest() : rig_(scene_rig(3, 3, 81, 61)) {
-    for (const Camera& camera : rig_.cameras) {
-      const Image rgb = render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0, 1);
-      images_.push_back(GetParam() == PixelFamily::kI420 ? to_i420(rgb) : rgb);
-    }
+  RequestPlanTest() : rig_(scene_rig(3, 3, 81, 61)), images_(test::scene_images(rig_)) {
+    if (GetParam() == PixelFamily::kI420)
+      for (Image& image : images_) image = to_i420(image);
     View& view = request_.view;
     view.width = 133;
     view.height = 91;
@@ -57,12 +55,9 @@ TEST_P(RequestPlanTest, WarpCommandsAreAnsweredLikeRequests) {
 
 TEST_P(RequestPlanTest, PlansBrightnessMeasurements) {
   View& view = request_.view;
-  FocalMap map = FocalMap::for_view(view.width, view.height);
-  map.from = {{0, 0, 1}, 0};
-  map.farthest = 1 / (2 * kSceneMiddle);
-  map.nearest = 2 / kSceneMiddle;
-  map.levels.assign(static_cast<size_t>(map.columns) * map.rows, map.level_of(1 / kSceneMiddle));
-  view.focus.map = std::make_shared<FocalMap>(map);
+  const auto map = test::level_surface(view.width, view.height, 1 / (2 * kSceneMiddle), 2 / kSceneMiddle, 0);
+  std::ranges::fill(map->levels, map->level_of(1 / kSceneMiddle));
+  view.focus.map = map;
   const RequestPlan plain(rig_, build_mesh(rig_), request_, all_);
   EXPECT_EQ(plain.gains(), nullptr);
   request_.gains = {.use = true, .ask = true};
@@ -82,7 +77,7 @@ TEST_P(RequestPlanTest, PlansBrightnessMeasurements) {
   ImageMemory scratch;
   const RenderedAnswer answer = renderer.render({&plan, header}, sources, near_, scratch);
   const auto unit =
-      wire::decode_consistency(answer.brightness, {FocalMap::nodes(map.columns, 2), FocalMap::nodes(map.rows, 2), 1});
+      wire::decode_consistency(answer.brightness, {FocalMap::nodes(map->columns, 2), FocalMap::nodes(map->rows, 2), 1});
   ASSERT_TRUE(unit && unit->gains);
   EXPECT_GT(answer.fragments, 0u);
   EXPECT_TRUE(renderer.render({&plain, header}, sources, near_, scratch).brightness.empty());

@@ -1,18 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <cmath>
 #include <deque>
-#include <iterator>
 #include <list>
-#include <utility>
-
-#include <gtest/gtest.h>
 
 #include "focus/exposure_compensation.h"
 #include "image/image.h"
 #include "image/image_filters.h"
 #include "lib/focus/array_of_walls.h"
 #include "node/request_renderer.h"
+#include "support/test.h"
 #include "wire/consistency_codec.h"
 
 namespace lf {

@@ -1,23 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <cmath>
-#include <functional>
-#include <random>
-#include <set>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include "composite/still.h"
 #include "quality/camera_monitor.h"
+#include "composite/still.h"
 #include "quality/image_quality.h"
 #include "scene/scene.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
 
-using testing::ElementsAre;
-using testing::IsEmpty;
 using Fault = CameraMonitor::Fault;
 
 // An array with some bad cameras: predictions from a bad camera are half as far off.
@@ -114,8 +104,8 @@ TEST_F(MonitoredArray, CamerasOutOfServiceAreNotChecked) {
   turns(46);
   EXPECT_TRUE(std::isnan(monitor_.error(0).psnr_db));
   EXPECT_FALSE(std::isnan(monitor_.error(1).psnr_db));
-  out_.clear();
-  for (CameraIndex i = 0; i < kSide * kSide; i++) out_.push_back(i);
+  out_.resize(kSide * kSide);
+  std::iota(out_.begin(), out_.end(), 0);
   EXPECT_EQ(monitor_.next(out_), std::nullopt);
 }
 

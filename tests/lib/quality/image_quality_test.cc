@@ -1,17 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "quality/image_quality.h"
 
-#include <algorithm>
-#include <cmath>
-#include <limits>
-#include <random>
-
-#include <gtest/gtest.h>
 #include <opencv2/imgproc.hpp>
 
 #include "base/text.h"
 #include "scene/scene.h"
 #include "support/expect_error.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "render/camera_projection.h"
 
-#include <gtest/gtest.h>
-
 #include "geometry/pose.h"
 #include "reference/generators.h"
 #include "scene/scene.h"
 #include "support/rigs.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

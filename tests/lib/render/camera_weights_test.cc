@@ -1,13 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <cmath>
-#include <cstdio>
-
-#include <gtest/gtest.h>
-
+#include "render/camera_weights.h"
 #include "lib/render/production.h"
 #include "reference/generators.h"
 #include "reference/renderer.h"
-#include "render/camera_weights.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

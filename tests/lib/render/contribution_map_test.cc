@@ -1,17 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "render/contribution_map.h"
 
-#include <algorithm>
-#include <cmath>
-#include <numeric>
-#include <random>
-
-#include <gtest/gtest.h>
-
 #include "geometry/pose.h"
 #include "rig/rig.h"
 #include "support/expect_error.h"
 #include "support/rigs.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

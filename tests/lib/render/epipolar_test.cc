@@ -1,14 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "render/epipolar.h"
 
-#include <cmath>
-#include <random>
-
-#include <gtest/gtest.h>
-
 #include "scene/scene.h"
 #include "support/expect_error.h"
 #include "support/photographs.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

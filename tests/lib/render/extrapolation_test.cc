@@ -3,18 +3,11 @@
 // border, and unchanged pixels elsewhere.
 #include "render/extrapolation.h"
 
-#include <algorithm>
-#include <cmath>
-#include <cstdio>
-#include <map>
-#include <utility>
-
-#include <gtest/gtest.h>
-
 #include "lib/render/production.h"
 #include "reference/generators.h"
 #include "reference/renderer.h"
 #include "render/contribution_map.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "render/focus_range.h"
 #include "support/rigs.h"
-
-#include <gtest/gtest.h>
+#include "support/test.h"
 
 namespace lf {
 namespace focus_range_test {

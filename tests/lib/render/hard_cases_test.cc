@@ -1,10 +1,4 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <cmath>
-#include <cstdio>
-
-#include <gtest/gtest.h>
-
 #include "image/image.h"
 #include "lib/render/production.h"
 #include "quality/image_quality.h"
@@ -12,6 +6,7 @@
 #include "reference/numerics.h"
 #include "reference/renderer.h"
 #include "rig/rig_json.h"
+#include "support/test.h"
 #include "view/view_path.h"
 
 namespace lf {

@@ -1,11 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Invariants of the rendering rule that can break unnoticed.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <cstdio>
-
 #include "composite/accumulator.h"
 #include "image/image.h"
 #include "lib/render/production.h"
@@ -16,6 +10,7 @@
 #include "rig/rig_json.h"
 #include "support/fragments.h"
 #include "support/rigs.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
@@ -333,8 +328,7 @@ TEST_P(Split, OverProcessesIsBitExact) {
     for (int processes = 2; processes <= 8; processes++) {
       std::vector<std::vector<CameraIndex>> cameras(processes);
       for (CameraIndex i = 0; i < rig.cameras.size(); i++) cameras[random.integer(0, processes - 1)].push_back(i);
-      Accumulator accumulator;
-      accumulator.reset(GetParam(), view.width, view.height);
+      Accumulator accumulator = test::empty_sum(GetParam(), view.width, view.height);
       for (const auto& part : cameras)
         for (const Fragment& fragment : render_part(rig, view, part, images)) ASSERT_TRUE(accumulator.add(fragment));
       accumulator.set_uncovered(one.owners);
@@ -350,13 +344,11 @@ TEST(Split, OverATreeOfPartialSumsIsBitExact) {
   const std::vector<Image> images = images_of(rig, random, reference::noise_image);
   for (const View& view : views()) {
     const test::Production one(rig, build_mesh(rig), view);
-    Accumulator root;
-    root.reset(PixelFamily::kRgb, view.width, view.height);
+    Accumulator root = test::empty_sum(PixelFamily::kRgb, view.width, view.height);
     for (CameraIndex first = 0; first < 64; first += 16) {
       std::vector<CameraIndex> part(16);
       for (CameraIndex i = 0; i < 16; i++) part[i] = first + i;
-      Accumulator branch;
-      branch.reset(PixelFamily::kRgb, view.width, view.height);
+      Accumulator branch = test::empty_sum(PixelFamily::kRgb, view.width, view.height);
       for (const Fragment& fragment : render_part(rig, view, part, images)) ASSERT_TRUE(branch.add(fragment));
       const auto sum = test::rounded_sum(branch);
       ASSERT_TRUE(!sum || root.add(*sum));

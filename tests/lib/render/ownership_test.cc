@@ -1,15 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <random>
-
-#include <gtest/gtest.h>
-
+#include "render/ownership.h"
 #include "geometry/pose.h"
 #include "lib/render/production.h"
 #include "reference/generators.h"
 #include "reference/renderer.h"
-#include "render/ownership.h"
 #include "rig/rig.h"
+#include "support/test.h"
 #include "view/navigator.h"
 
 namespace lf {

@@ -21,8 +21,7 @@ std::vector<Fragment> Production::fragments(const std::vector<Image>& images) co
 }
 
 Image Production::picture_of_parts(const std::vector<Image>& images) const {
-  Accumulator accumulator;
-  accumulator.reset(images.front().family(), plan.view().width, plan.view().height);
+  Accumulator accumulator = empty_sum(images.front().family(), plan.view().width, plan.view().height);
   for (const Fragment& fragment : fragments(images)) accumulator.add(fragment);
   accumulator.set_uncovered(owners);
   return accumulator.resolve();

@@ -1,15 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // No pixel of a view is counted twice or missed: 10,000 random rigs, views and out-of-service sets, compared with the
 // reference.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <cstdio>
-
 #include "lib/render/production.h"
 #include "reference/generators.h"
 #include "reference/renderer.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

@@ -1,17 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "render/stanford_focus.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "scene/scene.h"
 #include "support/temp_dir.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
-
-using testing::ElementsAre;
-using testing::HasSubstr;
 
 // Exports the built-in scene, 1.2 to 6 m away, with images shifted so that points at `focus` metres have no disparity.
 StanfordOptions export_scene(const TempDir& dir, double focus) {

@@ -50,13 +50,14 @@ inline std::vector<Source> sources_of(const Rig& rig, const ViewPlan& plan, cons
   return sources;
 }
 
-inline Rig jittered_array(reference::Random& random, int side, int width, int height, double k1) {
+inline Rig jittered_array(reference::Random& random, int side, int width, int height, double k1, double pitch = 0.1) {
   Rig rig;
   for (int i = 0; i < side * side; i++) {
     const double focal = 1.25 * width * random.uniform(0.98, 1.02);
     const Lens lens(LensModel::kRadial, {focal, (width - 1) / 2.0, (height - 1) / 2.0, k1, -k1 / 5});
     const Vec3 place(i % side + random.uniform(-0.05, 0.05), i / side + random.uniform(-0.05, 0.05), 0);
-    rig.cameras.push_back(reference::make_camera(i, width, height, lens, {0.1 * place, random.small_rotation(0.0175)}));
+    rig.cameras.push_back(
+        reference::make_camera(i, width, height, lens, {pitch * place, random.small_rotation(0.0175)}));
   }
   rig.topology = {Topology::Type::kGrid, side, side, {}};
   return rig;
@@ -75,7 +76,7 @@ inline std::vector<Lens> lenses_beyond_opencv(int width, int height) {
           Lens(kThinPrismFisheye, {0.4 * w, 0.41 * w, cx, cy, 0.02, -0.01, 2e-3, -1e-3, 3e-3, 1e-4, 5e-3, -4e-3})};
 }
 
-inline View view_into(const Rig& rig, int side, int width, int height, const Quat& turn) {
+inline View view_into(int side, int width, int height, const Quat& turn) {
   View view;
   view.width = width;
   view.height = height;
@@ -85,7 +86,6 @@ inline View view_into(const Rig& rig, int side, int width, int height, const Qua
   view.pose = {Vec3(middle + 0.01, middle - 0.02, -0.9 * middle * 2 * 1.25), turn};
   view.focus.plane = plane_through({0, 0, 2}, glm::normalize(Vec3(0.1, 0.2, -1)));
   view.blending.extrapolates = false;
-  (void)rig;
   return view;
 }
 
@@ -112,7 +112,7 @@ inline std::pair<Rig, View> array_with_lens(const Lens& lens, reference::Random&
   constexpr int kSide = 3, kWidth = 320, kHeight = 240;
   Rig rig = jittered_array(random, kSide, kWidth, kHeight, 0);
   for (Camera& camera : rig.cameras) camera.lens = lens.shifted({random.uniform(-3, 3), random.uniform(-3, 3)});
-  View view = view_into(rig, kSide, kWidth, kHeight, random.small_rotation(0.2));
+  View view = view_into(kSide, kWidth, kHeight, random.small_rotation(0.2));
   if (mapped) view.focus.map = depths(random, view, FocalMap::kMinStep, false);
   return {rig, view};
 }
@@ -135,7 +135,7 @@ inline const char* name_of(PixelFamily family) { return family == PixelFamily::k
 inline std::pair<Rig, View> array_and_view(int trial, reference::Random& random, bool mapped) {
   const int side = 3 + trial, width = trial % 2 ? 157 : 320, height = trial % 2 ? 121 : 240;
   const Rig rig = jittered_array(random, side, width, height, trial % 3 == 0 ? 0 : -0.25);
-  View view = view_into(rig, side, width, height, random.small_rotation(0.2));
+  View view = view_into(side, width, height, random.small_rotation(0.2));
   if (mapped) view.focus.map = depths(random, view, trial == 1 ? 7 : FocalMap::kMinStep, trial == 2);
   return {rig, view};
 }

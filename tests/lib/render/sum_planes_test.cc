@@ -1,11 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "render/sum_planes.h"
 
-#include <cmath>
-
-#include <gtest/gtest.h>
-
 #include "composite/resolve.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

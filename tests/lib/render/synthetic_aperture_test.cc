@@ -1,11 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // With a wide aperture, foliage in front of a figure disappears, and out-of-focus objects are blurred.
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <cstdio>
-#include <cstdlib>
-
 #include "composite/still.h"
 #include "image/image.h"
 #include "quality/image_quality.h"
@@ -13,6 +7,7 @@
 #include "scene/scene.h"
 #include "support/photographs.h"
 #include "support/rigs.h"
+#include "support/test.h"
 
 namespace lf {
 namespace synthetic_aperture_test {

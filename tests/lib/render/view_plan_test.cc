@@ -1,18 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <cmath>
-#include <cstring>
-#include <limits>
-#include <random>
-
-#include <gtest/gtest.h>
-
+#include "render/view_plan.h"
 #include "base/text.h"
 #include "render/ownership.h"
-#include "render/view_plan.h"
 #include "scene/scene.h"
 #include "support/expect_error.h"
 #include "support/fragments.h"
 #include "support/rigs.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

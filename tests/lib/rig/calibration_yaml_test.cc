@@ -1,23 +1,14 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-#include <cstring>
-#include <filesystem>
 #include <opencv2/core.hpp>
 
 #include "rig/exchange.h"
 #include "support/expect_error.h"
-#include "support/mentions.h"
 #include "support/rigs.h"
 #include "support/temp_dir.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
-
-using testing::AllOf;
-using testing::ElementsAre;
-using testing::HasSubstr;
-using testing::IsEmpty;
 
 struct OpenCvYaml : testing::Test {
   RigImport read(const std::string& text) const {

@@ -1,20 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <cmath>
-#include <filesystem>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "base/json_value.h"
 #include "rig/exchange.h"
 #include "support/expect_error.h"
 #include "support/temp_dir.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
-
-using testing::Contains;
-using testing::HasSubstr;
 
 // Camera 0 as written by Caliscope 0.5 (a rotation matrix), camera 10 as written since 0.7 (a Rodrigues vector). The
 // numbers are from Caliscope's tests/sessions/4_cam_recording, without k3.

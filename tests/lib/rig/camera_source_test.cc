@@ -1,15 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <filesystem>
-
-#include <gtest/gtest.h>
-
-#include "image/image.h"
 #include "rig/camera_source.h"
+#include "image/image.h"
 #include "rig/still_image_cache.h"
 #include "support/expect_error.h"
 #include "support/jpeg_samples.h"
 #include "support/rigs.h"
 #include "support/temp_dir.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

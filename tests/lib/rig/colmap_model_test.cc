@@ -1,13 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "rig/colmap_model.h"
 
-#include <cmath>
-
-#include <gtest/gtest.h>
-
 #include "support/colmap_binary.h"
 #include "support/expect_error.h"
 #include "support/temp_dir.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

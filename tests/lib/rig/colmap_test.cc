@@ -1,23 +1,16 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <filesystem>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "image/image.h"
 #include "rig/colmap_model.h"
 #include "rig/exchange.h"
 #include "rig/rig_json.h"
 #include "support/colmap_binary.h"
 #include "support/expect_error.h"
-#include "support/mentions.h"
 #include "support/rigs.h"
 #include "support/temp_dir.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
-
-using testing::ElementsAre;
 
 constexpr char kImage[] = "1 1 0 0 0 0 0 0 1 a.png\n\n";
 

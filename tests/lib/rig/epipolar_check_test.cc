@@ -1,25 +1,15 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "rig/epipolar_check.h"
 
-#include <algorithm>
-#include <functional>
-#include <map>
-#include <random>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "base/text.h"
 #include "scene/scene.h"
-#include "support/mentions.h"
 #include "support/photographs.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
 
 using test::scene_images;
-using testing::ElementsAre;
-using testing::IsEmpty;
 using Verdict = EpipolarPair::Verdict;
 
 constexpr int kWidth = 240, kHeight = 180;

@@ -1,20 +1,16 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <limits>
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
 #include "rig/exchange.h"
 #include "support/expect_error.h"
-#include "support/mentions.h"
 #include "support/rigs.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
 
 using nlohmann::json;
-using testing::ElementsAre;
 
 TEST(Exchange, ReportsLossesWithTheirSize) {
   Rig rig = mixed_rig();

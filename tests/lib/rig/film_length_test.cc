@@ -1,19 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "rig/film_length.h"
 
-#include <random>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include "support/mentions.h"
 #include "support/temp_dir.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
-
-using testing::ElementsAre;
-using testing::IsEmpty;
 
 std::string id_bytes(uint32_t id) {
   std::string bytes;

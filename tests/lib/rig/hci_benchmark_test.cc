@@ -1,23 +1,16 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <cmath>
-#include <filesystem>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "image/image.h"
 #include "rig/epipolar_check.h"
 #include "rig/exchange.h"
 #include "rig/rig_json.h"
 #include "support/expect_error.h"
 #include "support/temp_dir.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
 
 namespace fs = std::filesystem;
-using testing::Contains;
-using testing::HasSubstr;
 
 constexpr int kWidth = 40, kHeight = 30, kColumns = 3, kRows = 2;
 

@@ -1,20 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <cmath>
-#include <filesystem>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "image/image.h"
 #include "rig/exchange.h"
 #include "rig/rig_json.h"
 #include "support/expect_error.h"
 #include "support/temp_dir.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
-
-using testing::HasSubstr;
 
 constexpr int kWidth = 40, kHeight = 30;
 constexpr double kFocal = 35;

@@ -1,25 +1,15 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <cmath>
-#include <limits>
-#include <random>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "rig/mesh.h"
 #include "rig/rig.h"
 #include "rig/triangulation.h"
 #include "support/expect_error.h"
 #include "support/rigs.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
 
 using namespace test;
-using testing::ElementsAre;
-using testing::HasSubstr;
-using testing::IsEmpty;
 
 constexpr CameraIndex kNone = MeshFace::kNone;
 

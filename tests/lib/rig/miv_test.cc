@@ -1,18 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <cmath>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "rig/exchange.h"
 #include "support/expect_error.h"
 #include "support/temp_dir.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
-
-using testing::Contains;
-using testing::HasSubstr;
 
 // In the form of the files of RVS's VSRS_to_JSON.m.
 constexpr char kFile[] = R"({

@@ -1,18 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <cmath>
-#include <filesystem>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "rig/exchange.h"
 #include "support/expect_error.h"
 #include "support/temp_dir.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
-
-using testing::HasSubstr;
 
 // In the style of mrcal 1.0 to 2.5, with the lens of analyses/synthetic_data/2019-01/reference.opencv4.cameramodel and
 // the pose of test/data/cam0.opencv8.cameramodel.

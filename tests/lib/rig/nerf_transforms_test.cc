@@ -1,24 +1,14 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "rig/exchange.h"
 
-#include <cmath>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "image/image.h"
 #include "support/expect_error.h"
-#include "support/mentions.h"
 #include "support/rigs.h"
 #include "support/temp_dir.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
-
-using testing::AllOf;
-using testing::ElementsAre;
-using testing::HasSubstr;
-using testing::StartsWith;
 
 const std::string kIdentity = R"("transform_matrix": [[1, 0, 0, 7], [0, 1, 0, 8], [0, 0, 1, 9], [0, 0, 0, 1]])";
 

@@ -1,18 +1,14 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <cmath>
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <opencv2/core.hpp>
 
 #include "rig/exchange.h"
 #include "support/expect_error.h"
 #include "support/temp_dir.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
-
-using testing::HasSubstr;
 
 constexpr int kCameras = 3, kTerms = 5;
 

@@ -1,13 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <cmath>
-#include <functional>
 #include <numbers>
-#include <random>
-#include <set>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include "rig/mesh.h"
 #include "rig/rig.h"
@@ -15,11 +7,10 @@
 #include "support/expect_error.h"
 #include "support/rigs.h"
 #include "support/temp_dir.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
-
-using testing::ElementsAre;
 
 Rig grid(int rows, int columns) {
   Rig rig = test::camera_grid(rows, columns, 1, 320, 240, 400, 100);

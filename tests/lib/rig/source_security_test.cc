@@ -1,17 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <filesystem>
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include "rig/rig.h"
 #include "rig/rig_json.h"
 #include "rig/source_security.h"
 #include "support/expect_error.h"
-#include "support/mentions.h"
 #include "support/temp_dir.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

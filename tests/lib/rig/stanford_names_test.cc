@@ -1,14 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "rig/exchange.h"
 
-#include <filesystem>
-
-#include <gtest/gtest.h>
-
 #include "image/image.h"
 #include "rig/rig.h"
 #include "support/expect_error.h"
 #include "support/temp_dir.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

@@ -1,24 +1,14 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <cmath>
-#include <limits>
-#include <numeric>
-#include <random>
-#include <set>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include "geometry/pose.h"
 #include "rig/triangulation.h"
+#include "geometry/pose.h"
 #include "support/expect_error.h"
 #include "support/rigs.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
 
 using namespace test;
-using testing::ElementsAre;
-using testing::IsEmpty;
 using testing::SizeIs;
 
 constexpr int32_t kM = kMaxCoordinate;

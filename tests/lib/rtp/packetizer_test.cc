@@ -1,13 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <array>
-
-#include <gtest/gtest.h>
-
+#include "rtp/packetizer.h"
 #include "lib/rtp/rtp_test.h"
 #include "lib/wire/wire_test.h"
-#include "rtp/packetizer.h"
 #include "support/fragments.h"
-#include "support/mentions.h"
 #include "wire/answer_codec.h"
 #include "wire/unit.h"
 

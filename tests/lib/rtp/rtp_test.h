@@ -1,10 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <gtest/gtest.h>
-
-#include <vector>
-
 #include "lib/wire/wire_test.h"
 #include "rtp/depacketizer.h"
 #include "rtp/packetizer.h"

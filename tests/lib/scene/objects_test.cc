@@ -1,13 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <cmath>
-#include <random>
 
-#include <gtest/gtest.h>
 #include <glm/geometric.hpp>
 
 #include "scene/objects.h"
 #include "scene/scene.h"
+#include "support/test.h"
 
 namespace lf::scene {
 

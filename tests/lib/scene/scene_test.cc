@@ -1,18 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "scene/scene.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <set>
-#include <thread>
-#include <vector>
-
 #include "base/text.h"
 #include "quality/image_quality.h"
 #include "scene/objects.h"
 #include "scene/trace.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

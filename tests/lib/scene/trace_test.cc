@@ -1,13 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "scene/trace.h"
 
-#include <gtest/gtest.h>
+#include "support/test.h"
 
-#include <algorithm>
-#include <cmath>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
-#include <random>
 
 namespace lf::scene {
 namespace {

@@ -1,17 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "view/depth_image.h"
 
-#include <cmath>
-#include <cstring>
-#include <limits>
-#include <random>
-
-#include <gtest/gtest.h>
 #include <opencv2/imgcodecs.hpp>
 
 #include "base/file.h"
 #include "support/expect_error.h"
+#include "support/rigs.h"
 #include "support/temp_dir.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
@@ -60,11 +56,8 @@ TEST(DepthImage, PointsMatchTheMap) {
 
 TEST(DepthImage, InfinityIsAValidDepth) {
   View view = test_view();
-  FocalMap map = FocalMap::for_view(view.width, view.height);
-  map.from = plane_through(view.pose.position, view.pose.forward());
-  map.nearest = 1;
-  map.levels.assign(static_cast<size_t>(map.columns) * map.rows, 0);
-  view.focus.map = std::make_shared<FocalMap>(map);
+  view.focus.map =
+      test::level_surface(view.width, view.height, 0, 1, 0, plane_through(view.pose.position, view.pose.forward()));
   EXPECT_EQ(depth_image(view).depths[5], std::numeric_limits<float>::infinity());
 }
 

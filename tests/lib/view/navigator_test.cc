@@ -1,12 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "view/navigator.h"
 
-#include <gtest/gtest.h>
-
-#include <random>
-
 #include "geometry/pose.h"
 #include "support/rigs.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

@@ -1,15 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "view/point_cloud.h"
 
-#include <cmath>
-#include <cstring>
-#include <limits>
-
-#include <gtest/gtest.h>
-
 #include "base/file.h"
 #include "support/expect_error.h"
 #include "support/temp_dir.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
 #include "base/text.h"
@@ -8,6 +7,7 @@
 #include "support/expect_error.h"
 #include "support/rigs.h"
 #include "support/temp_dir.h"
+#include "support/test.h"
 #include "view/navigator.h"
 #include "view/view_path.h"
 

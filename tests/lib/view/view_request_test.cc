@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include "support/mentions.h"
 #include "view/view_request.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {

@@ -1,16 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <cmath>
-#include <functional>
-#include <limits>
 #include <numbers>
-#include <set>
-
-#include <gtest/gtest.h>
 
 #include "base/text.h"
 #include "reference/generators.h"
 #include "support/expect_error.h"
 #include "support/rigs.h"
+#include "support/test.h"
 #include "view/view.h"
 
 namespace lf {

@@ -1,11 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "wire/command_codec.h"
-#include "support/mentions.h"
-
-#include <gtest/gtest.h>
-
-#include <limits>
-#include <random>
 
 #include "lib/wire/wire_test.h"
 #include "support/expect_error.h"

@@ -1,13 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "wire/consistency_codec.h"
-#include "support/mentions.h"
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <random>
 
 #include "base/text.h"
 #include "focus/hypothesis_levels.h"

@@ -1,14 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <random>
-
-#include <gtest/gtest.h>
-
+#include "wire/fragment_codec.h"
 #include "lib/wire/wire_test.h"
 #include "support/answers.h"
 #include "support/expect_error.h"
-#include "support/mentions.h"
 #include "wire/answer_codec.h"
-#include "wire/fragment_codec.h"
 
 namespace lf::wire {
 namespace {

@@ -1,17 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "focus/hypothesis_levels.h"
 #include "wire/request_codec.h"
-#include "support/mentions.h"
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include <functional>
-#include <limits>
-#include <random>
+#include "focus/hypothesis_levels.h"
 
 #include "base/text.h"
 #include "lib/wire/wire_test.h"
+#include "support/rigs.h"
 #include "wire/unit.h"
 
 namespace lf::wire {
@@ -129,7 +122,6 @@ TEST(RequestCodec, PositionInASetIsEncodedAtTheEnd) {
     std::copy(end.begin(), end.end(), bytes.end() - 4);
     return reason_of(bytes);
   };
-  using testing::HasSubstr;
   EXPECT_THAT(with_end({5, 8, 6, 48}), mentions("set", "view 48"));
   EXPECT_THAT(with_end({1, 8, 6, 0}), mentions("set", "layout 1", "8x6"));
   EXPECT_THAT(with_end({6, 1, 1, 0}), HasSubstr("set: layout 6"));
@@ -175,10 +167,7 @@ TEST(RequestCodec, FocalMapsRoundTrip) {
 
 TEST(RequestCodec, MapsAreCompressedUnlessQualityIsZero) {
   ViewRequest request = golden_request();
-  auto map = std::make_shared<FocalMap>(FocalMap::for_view(request.view.width, request.view.height));
-  map->from = {{0, 0, -1}, 2.5};
-  map->nearest = 1;
-  map->levels.assign(static_cast<size_t>(map->columns) * map->rows, 77);
+  const auto map = test::level_surface(request.view.width, request.view.height, 0, 1, 77, {{0, 0, -1}, 2.5});
   request.view.focus.map = map;
   for (const uint8_t quality : {0, 1, 90}) {
     request.quality = quality;

@@ -1,19 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "wire/surface_codec.h"
 
-#include <cmath>
-#include <random>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "base/text.h"
+#include "support/test.h"
 #include "view/navigator.h"
 
 namespace lf::wire {
 namespace {
-
-using testing::HasSubstr;
 
 class SurfaceCodecTest : public testing::Test {
  protected:

@@ -1,9 +1,4 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <limits>
-#include <random>
-
-#include <gtest/gtest.h>
-
 #include "base/text.h"
 #include "lib/wire/wire_test.h"
 #include "wire/unit.h"

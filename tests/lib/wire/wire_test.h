@@ -1,21 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <optional>
-#include <random>
-#include <span>
-#include <stdexcept>
-#include <string>
-#include <string_view>
-#include <utility>
-#include <vector>
-
-#include <gtest/gtest.h>
-
 #include "jpeg/fragment_codec.h"
-#include "support/mentions.h"
+#include "support/test.h"
 #include "wire/answer_codec.h"
 
 namespace lf::jpeg {

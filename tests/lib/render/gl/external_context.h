@@ -4,16 +4,10 @@
 #include <EGL/egl.h>
 #include <EGL/eglext.h>
 #include <GLES3/gl31.h>
-#include <gtest/gtest.h>
-
-#include <functional>
-#include <memory>
-#include <stdexcept>
-#include <string>
-#include <vector>
 
 #include "render/gl/context.h"
 #include "render/gl/gles_renderer.h"
+#include "support/test.h"
 
 namespace lf::test {
 

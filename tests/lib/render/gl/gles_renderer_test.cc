@@ -1,20 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <cmath>
-#include <cstdio>
-#include <functional>
-#include <memory>
-#include <vector>
-
-#include <gtest/gtest.h>
-
+#include "render/gl/gles_renderer.h"
 #include "lib/render/production.h"
 #include "lib/render/sum_arrays.h"
 #include "reference/generators.h"
-#include "render/gl/gles_renderer.h"
 #include "render/sum_renderer.h"
-#include "support/mentions.h"
 #include "support/rigs.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
@@ -122,7 +113,7 @@ TEST_F(GlesRenderer, DrawsTinyViewsAndAllScales) {
     Random random(n);
     const Rig rig = test::jittered_array(random, 4, 160, 120, n % 3 ? 0 : -0.25);
     const bool tiny = n % 2;
-    View view = test::view_into(rig, 4, tiny ? random.integer(1, 9) : random.integer(30, 120),
+    View view = test::view_into(4, tiny ? random.integer(1, 9) : random.integer(30, 120),
                                 tiny ? random.integer(1, 7) : random.integer(20, 90), random.small_rotation(0.1));
     const double focal =
         tiny ? random.uniform(0.8, 2.5) * view.width : 1.25 * 160 / std::exp2(random.uniform(-2.5, 2.5));
@@ -206,7 +197,7 @@ TEST_F(GlesRenderer, AcceptsAnySources) {
   for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420})
     for (const bool lens : {false, true})
       for (const bool map : {false, true}) {
-        View view = test::view_into(rig, kSide, kWidth, kHeight, random.small_rotation(0.2));
+        View view = test::view_into(kSide, kWidth, kHeight, random.small_rotation(0.2));
         if (lens) view.lens = Lens(LensModel::kSimpleRadial, {1.25 * kWidth, 78, 60, -0.1});
         if (map) view.focus.map = test::depths(random, view, FocalMap::kMinStep, false);
         int number = 0;
@@ -239,7 +230,7 @@ TEST_F(GlesRenderer, CpuContinuesAfterALoss) {
   const auto gpu = test::new_gpu();
   Random random(2);
   const Rig rig = test::jittered_array(random, 3, 160, 120, -0.25);
-  const View view = test::view_into(rig, 3, 160, 120, random.small_rotation(0.2));
+  const View view = test::view_into(3, 160, 120, random.small_rotation(0.2));
   const auto images = images_of(rig, random, reference::smooth_image);
   const Eye eye(rig, build_mesh(rig), view, images, PixelFamily::kRgb);
   const auto before = eye.renderer(gpu.get());
@@ -259,8 +250,8 @@ TEST_F(GlesRenderer, RendersWhileImagesAreCopied) {
   const Rig rig = test::jittered_array(random, 3, 160, 120, 0);
   const Mesh mesh = build_mesh(rig);
   const auto images = images_of(rig, random, reference::smooth_image);
-  const View left = test::view_into(rig, 3, 160, 120, random.small_rotation(0.2)),
-             right = test::view_into(rig, 3, 200, 90, random.small_rotation(0.2));
+  const View left = test::view_into(3, 160, 120, random.small_rotation(0.2)),
+             right = test::view_into(3, 200, 90, random.small_rotation(0.2));
   const test::Production of_left(rig, mesh, left), of_right(rig, mesh, right);
   const auto render = [&](const test::Production& production, const View& view, const ParallelFor& parallel) {
     const std::vector<Source> sources = test::sources_of(rig, production.plan, images);
@@ -293,7 +284,7 @@ TEST_F(GlesRenderer, MayBeLostBeforeTheFirstDraw) {
   gpu->lose();
   Random random(4);
   const Rig rig = test::jittered_array(random, 3, 160, 120, 0);
-  const View view = test::view_into(rig, 3, 160, 120, random.small_rotation(0.2));
+  const View view = test::view_into(3, 160, 120, random.small_rotation(0.2));
   const auto images = images_of(rig, random, reference::smooth_image);
   const auto renderer = Eye(rig, build_mesh(rig), view, images, PixelFamily::kRgb).renderer(gpu.get());
   EXPECT_TRUE(renderer->drawing().refused);
@@ -306,7 +297,7 @@ TEST(GlesRendererLimits, LargerSumsUseTheCpu) {
   gl::GlesRenderer& gpu = shared_gpu();
   Random random(6);
   const Rig rig = test::jittered_array(random, 2, 160, 120, 0);
-  View view = test::view_into(rig, 2, 160, 120, random.small_rotation(0.2));
+  View view = test::view_into(2, 160, 120, random.small_rotation(0.2));
   view.width = view.height = 15000;
   view.lens = Lens::pinhole(200 * 100, 7500, 7500);
   const ViewPlan plan(rig, build_mesh(rig), view);
@@ -333,7 +324,7 @@ TEST_F(GlesRenderer, StartsWithBlindCameras) {
   const auto fresh = test::new_gpu();
   Random random(7);
   const Rig rig = test::jittered_array(random, 3, 64, 48, 0);
-  const View view = test::view_into(rig, 3, 64, 48, {1, 0, 0, 0});
+  const View view = test::view_into(3, 64, 48, {1, 0, 0, 0});
   const std::vector<Image> images = images_of(rig, random, reference::smooth_image);
   for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420}) {
     Eye eye(rig, build_mesh(rig), view, images, family);
@@ -373,7 +364,7 @@ TEST_F(GlesRendererBlending, MatchTheCpu) {
       SCOPED_TRACE(seed);
       Random random(seed);
       const Rig rig = test::jittered_array(random, 4, 161, 120, seed % 3 ? -0.25 : 0);
-      View view = test::view_into(rig, 4, 150 + seed % 5, 111, random.small_rotation(seed % 4 == 2 ? 0.5 : 0.1));
+      View view = test::view_into(4, 150 + seed % 5, 111, random.small_rotation(seed % 4 == 2 ? 0.5 : 0.1));
       view.blending = seed % 2 ? within(random.uniform(0.02, 0.5)) : nearest(random.integer(1, 8));
       if (seed % 4 == 3) {  // partly beside the mesh
         view.blending = {};
@@ -401,7 +392,7 @@ TEST_F(GlesRendererBlending, NodesWithSomeCamerasMatchTheCpu) {
   for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420}) {
     Random random(3);
     const Rig rig = test::jittered_array(random, 9, 97, 72, -0.2);
-    View view = test::view_into(rig, 9, 150, 111, random.small_rotation(0.1));
+    View view = test::view_into(9, 150, 111, random.small_rotation(0.1));
     const std::vector<Image> images = images_of_family(rig, random, family);
     for (const Blending& blending : {within(0.2), within(1.3), nearest(6)}) {
       view.blending = blending;
@@ -433,7 +424,7 @@ TEST_F(GlesRendererBlending, HardCasesMatchTheCpu) {
         SCOPED_TRACE(hard);
         Random random(hard);
         Rig rig = test::jittered_array(random, 3, 161, 120, hard == 5 ? 0 : -0.2);
-        View view = test::view_into(rig, 3, 201, 161, random.small_rotation(0.05));
+        View view = test::view_into(3, 201, 161, random.small_rotation(0.05));
         const Camera& middle = rig.cameras[4];
         if (hard == 0) view.pose.position = middle.pose.position;
         if (hard == 1) view.pose.position = {0.12, 0.07, 1e-12};

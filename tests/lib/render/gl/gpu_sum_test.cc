@@ -2,14 +2,6 @@
 #include "render/gl/gpu_sum.h"
 
 #include <EGL/egl.h>
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <atomic>
-#include <cmath>
-#include <cstdio>
-#include <span>
-#include <thread>
 
 #include "composite/accumulator.h"
 #include "lib/render/gl/external_context.h"
@@ -19,7 +11,7 @@
 #include "render/gl/gles_renderer.h"
 #include "render/simd/sum_task.h"
 #include "render/sum_renderer.h"
-#include "support/mentions.h"
+#include "support/fragments.h"
 
 namespace lf {
 namespace {
@@ -35,7 +27,7 @@ class GpuSum : public test::InExternalContext {
     Scene(int seed, int width, int height, PixelFamily family, bool lost, bool is_turned)
         : random(seed),
           rig(test::jittered_array(random, 3, 160, 120, seed % 2 ? -0.25 : 0)),
-          view(test::view_into(rig, 3, width, height, random.small_rotation(is_turned ? 0.5 : 0.05))),
+          view(test::view_into(3, width, height, random.small_rotation(is_turned ? 0.5 : 0.05))),
           production(rig, build_mesh(rig), view),
           images(test::in_family(family, images_of(rig, random, reference::smooth_image))),
           sources(test::sources_of(rig, production.plan, images)),
@@ -135,8 +127,7 @@ TEST_P(GpuSum, BecomesThePicture) {
     const Layout& layout = rgb ? of_rgb[seed / 2 % 5] : of_i420[seed / 2 % 2];
     const Background background = seed % 3 ? Background{200, 30, 90} : Background{};
     const Levels levels = seed % 8 < 4 || rgb ? kFullLevels : kVideoLevels;
-    Accumulator sum;
-    sum.reset(scene.family, width, height);
+    Accumulator sum = test::empty_sum(scene.family, width, height);
     ASSERT_TRUE(sum.add_borrowed(stays.gpu_sum()));
     ASSERT_EQ(sum.share_group(), ExternalContext::kGroup);
 
@@ -279,13 +270,11 @@ TEST_P(GpuSum, IsAddedToOtherSums) {
       ASSERT_TRUE(std::equal(one.view().plane[c] + y * one.view().stride[c],
                              one.view().plane[c] + y * one.view().stride[c] + (c > 0 ? 80 : 160),
                              other_way.view().plane[c] + y * other_way.view().stride[c]));
-  Accumulator lossy;
-  lossy.reset(scene.family, 160, 120);
+  Accumulator lossy = test::empty_sum(scene.family, 160, 120);
   ASSERT_TRUE(lossy.add_borrowed(stays()));
   ASSERT_TRUE(lossy.add_missing_weights({0, 0, 10, 10}, std::vector<float>(100, 0.5f)));
   EXPECT_EQ(lossy.share_group(), 0u);
-  Accumulator other;
-  other.reset(scene.family, 162, 120);
+  Accumulator other = test::empty_sum(scene.family, 162, 120);
   EXPECT_FALSE(other.add_borrowed(stays())) << "another size";
 }
 

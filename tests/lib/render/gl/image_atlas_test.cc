@@ -1,10 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <atomic>
 #include <list>
-#include <memory>
-#include <vector>
-
-#include <gtest/gtest.h>
 
 #include "focus/hypothesis_renderer.h"
 #include "image/image.h"
@@ -95,7 +90,7 @@ class GpuImages : public test::InExternalContext {
         : random(seed),
           family(seed / 2 % 2 ? PixelFamily::kI420 : PixelFamily::kRgb),
           rig(test::jittered_array(random, 3, 161, 121, seed % 3 ? -0.25 : 0)),
-          view(test::view_into(rig, 3, width, height, random.small_rotation(seed % 2 ? 0.05 : 0.5))) {
+          view(test::view_into(3, width, height, random.small_rotation(seed % 2 ? 0.05 : 0.5))) {
       if (seed % 5 == 1) view.focus.map = test::depths(random, view, FocalMap::kMinStep, true);
       production = std::make_unique<const test::Production>(rig, build_mesh(rig), view);
       images = test::in_family(family, images_of(rig, random, reference::smooth_image));
@@ -174,7 +169,7 @@ TEST_P(GpuImages, AreDownloadedForUndecidedSamples) {
     Random random(1);
     const Rig rig = test::jittered_array(random, 3, 161, 121, 0);
     const Camera& middle = rig.cameras[4];
-    View view = test::view_into(rig, 3, 201, 161, middle.pose.orientation);
+    View view = test::view_into(3, 201, 161, middle.pose.orientation);
     view.pose.position = middle.pose.position;
     view.lens = Lens::pinhole(middle.lens.fx(), middle.lens.cx() + 20.5, middle.lens.cy() + 20.5);
     const test::Production production(rig, build_mesh(rig), view);

@@ -1,15 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <memory>
-#include <vector>
 
 #include <GLES3/gl31.h>
-#include <gtest/gtest.h>
 
 #include "lib/render/sum_arrays.h"
 #include "render/gl/gles_renderer.h"
 #include "render/gl/gpu_sum.h"
 #include "render/sum_renderer.h"
-#include "support/mentions.h"
+#include "support/test.h"
 
 namespace lf {
 namespace {
@@ -66,7 +63,7 @@ TEST_F(GlesRendererPasses, EqualSingleViews) {
     Eyes eyes;
     for (int i = 0; i < 7; i++) {
       const int width = random.integer(33, 190), height = random.integer(20, 140);
-      View view = test::view_into(rig, kSide, width, height, random.small_rotation(seed % 4 == 3 ? 0.6 : 0.1));
+      View view = test::view_into(kSide, width, height, random.small_rotation(seed % 4 == 3 ? 0.6 : 0.1));
       view.pose.position += 0.05 * Vec3(random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1));
       const bool mixed = seed % 4 == 2;
       if (mixed ? random.integer(0, 1) : seed % 4 != 1)
@@ -100,7 +97,7 @@ TEST_F(GlesRendererPasses, ShareAPass) {
     const std::vector<Image> images = test::in_family(family, images_of(rig, random, reference::smooth_image));
     Eyes eyes;
     for (int i = 0; i < 9; i++) {
-      View view = test::view_into(rig, 4, 140, 100, i % 4 == 1 ? random.small_rotation(0.9) : Quat(1, 0, 0, 0));
+      View view = test::view_into(4, 140, 100, i % 4 == 1 ? random.small_rotation(0.9) : Quat(1, 0, 0, 0));
       view.pose.position.x += 0.02 * (i - 4);
       view.focus.map = test::depths(random, view, FocalMap::kMinStep, i == 2);
       eyes.push_back(std::make_unique<Eye>(rig, mesh, view, images, family));
@@ -143,7 +140,7 @@ TEST_F(GlesRendererPasses, ViewsWithBlendingShareAPass) {
     const std::vector<Image> images = test::in_family(family, images_of(rig, random, reference::smooth_image));
     Eyes eyes;
     for (int i = 0; i < 6; i++) {
-      View view = test::view_into(rig, 4, random.integer(33, 150), random.integer(30, 120), random.small_rotation(0.1));
+      View view = test::view_into(4, random.integer(33, 150), random.integer(30, 120), random.small_rotation(0.1));
       if (seed > 1) view.focus.map = test::depths(random, view, 8, false);
       if (i < 4) view.blending = i % 2 ? make_blending(0.15, 0) : make_blending(0, 3);
       eyes.push_back(std::make_unique<Eye>(rig, build_mesh(rig), view, images, family));
@@ -166,7 +163,7 @@ TEST_F(GlesRendererPasses, UseMorePassesIfNecessary) {
   const Rig rig = test::jittered_array(random, 2, 40, 30, 0);
   const Mesh mesh = build_mesh(rig);
   const auto images = images_of(rig, random, reference::smooth_image);
-  View view = test::view_into(rig, 2, 16, kHeight, Quat(1, 0, 0, 0));
+  View view = test::view_into(2, 16, kHeight, Quat(1, 0, 0, 0));
   view.focus.map = test::depths(random, view, FocalMap::kMinStep, false);
   Eyes eyes;
   for (int i = 0; i < views; i++) {
@@ -188,7 +185,7 @@ TEST_F(GlesRendererPasses, AreRefusedIndividually) {
   const auto images = images_of(rig, random, reference::smooth_image);
   Eyes eyes;
   for (int i = 0; i < 4; i++) {
-    View view = test::view_into(rig, 3, 100, 80, random.small_rotation(0.1));
+    View view = test::view_into(3, 100, 80, random.small_rotation(0.1));
     if (i == 2) {
       view.width = 40000;
       view.lens = Lens::pinhole(1.25 * view.width, (view.width - 1) / 2.0, (view.height - 1) / 2.0);
