@@ -146,7 +146,8 @@ TEST_F(LfCompositorTest, RendersPixelsOfCameras) {
   ImageMemory scratch;
   const RenderOptions raw{.codec = CodecChoice::kRaw};
   const ByteBuffer pixels = RequestRenderer().render({&plan, answer_of(asked, all)}, sources, raw, scratch).bytes;
-  const wire::AnyRequest command = pixel_access().command(array_.rig(), build_mesh(array_.rig()), asked);
+  const wire::AnyRequest command =
+      CameraAccess::of(Access::kPixels)->command(array_.rig(), build_mesh(array_.rig()), asked);
   for (const bool with_rig : {true, false}) {
     nodes_.clear();
     with_rig ? start(1, {{"rig", array_.rig_path()}}) : start(1);
