@@ -85,7 +85,7 @@ TEST_F(LfCompositorTest, OtherViewsAreIgnored) {
 TEST_F(LfCompositorTest, DamagedFragmentsAreCountedAndSkipped) {
   const ViewRequest asked = array_.request(0, 0);
   const wire::Answer answer = answer_of(asked, {0, 1, 2, 3});
-  ByteBuffer bytes = wire::FragmentEncoder().encode(answer, answer.fragments, 90);
+  ByteBuffer bytes = wire::encode_fragments(answer, answer.fragments, 90);
   const wire::AnswerView view = wire::parse_answer(bytes).value();
   const uint8_t marker[] = {0xff, 0xd9};
   for (const bool damage : {false, true}) {
