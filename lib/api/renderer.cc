@@ -23,6 +23,7 @@
 #include "composite/assembly.h"
 #include "focus/focus_array.h"
 #include "focus/view_depths.h"
+#include "node/node.h"
 #include "node/renderer_selector.h"
 #include "node/request_renderer.h"
 #include "rig/mesh.h"
@@ -81,7 +82,7 @@ class LocalNode {
   const std::shared_ptr<WorkerPool> workers_ = WorkerPool::shared();
   const RigColourCorrections colours_{*rig_};
   MeshCache mesh_;
-  RequestRenderer renderer_;
+  ClientStates views_{lf::Node::ClientState()};
   ImageMemory scratch_;
   RendererSelector gpu_;
   RendererChoice choice_ = RendererChoice::kCpu;
@@ -149,7 +150,9 @@ RenderedAnswer LocalNode::answer(const ViewRequest& request, const std::vector<l
   std::string warning;
   options.gpu = gpu_.open(choice_, warning);
   options.depth_gpu = gpu_.open_for_depth(choice_);
-  RenderedAnswer answer = renderer_.render({&plan, std::move(header)}, sources, options, scratch_, std::move(memory));
+  RenderedAnswer answer =
+      views_.of(request.view_id)
+          ->renderer.render({&plan, std::move(header)}, sources, options, scratch_, std::move(memory));
   gpu_.rendered(choice_, answer);
   gpu_.tried(choice_, answer.consistency);
   return answer;

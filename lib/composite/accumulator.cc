@@ -20,9 +20,6 @@ void for_rows(To* to, ptrdiff_t to_stride, const From* from, ptrdiff_t from_stri
   for (int y = 0; y < height; y++, to += to_stride, from += from_stride) row(to, from, width);
 }
 
-void add_sums(int16_t* to, const int16_t* from, int n) { add_sum_row(to, from, n); }
-void add_missing_sums(uint16_t* to, const uint16_t* from, int n) { add_sum_row(to, from, n); }
-
 template <typename T>
 void copy_row(T* to, const T* from, int n) {
   std::memcpy(to, from, n * sizeof(T));
@@ -138,12 +135,12 @@ bool Accumulator::add(const ConstSumPlanes& in) {
   materialize();
   if (in.lost) materialize_missing();
   const SumPlanes to = part_of(own(), in.rect);
+  const auto add_row = [](auto* sum, const auto* more, int n) { add_sum_row(sum, more, n); };
   for (int c = 0; c < 3; c++)
     for_rows(to.plane[c], to.stride[c], in.plane[c], in.stride[c], plane_width(family_, in.rect, c),
-             plane_height(family_, in.rect, c), add_sums);
+             plane_height(family_, in.rect, c), add_row);
   if (in.lost)
-    for_rows(to.lost, to.missing_stride, in.lost, in.missing_stride, in.rect.width(), in.rect.height(),
-             add_missing_sums);
+    for_rows(to.lost, to.missing_stride, in.lost, in.missing_stride, in.rect.width(), in.rect.height(), add_row);
   touched_ = unite(touched_, in.rect);
   return true;
 }

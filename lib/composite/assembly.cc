@@ -263,7 +263,7 @@ ByteBuffer partial_answer(const wire::AnswerHeader& header, const Accumulator& s
   for (const Rect& rect : rects) strips.push_back(rounded_fragment(part_of(*sums, rect)));
   std::vector<wire::AnswerFragment> fragments;
   for (const Fragment& strip : strips) fragments.push_back({{}, planes_of(strip)});
-  return wire::encode_fragments(header, fragments, coding.quality, std::move(memory), serial_for);
+  return wire::encode_fragments(header, fragments, coding.quality, std::move(memory));
 }
 
 std::string add_consistency(std::span<const uint8_t> unit, const wire::ConsistencyHeader& header,

@@ -231,18 +231,16 @@ DepthSelection select_depths(const FocalMap& surface, std::span<const std::vecto
   agree_with_neighbours(round, choice);
   scale_jumps(terms, 1 / kJump, costs);
   double gained = 0;
-  size_t seen = 0, changed = 0;
+  size_t seen = 0;
   for (size_t i = 0; i < nodes; i++) {
     if (!(choice.least[i] < kInfinity)) continue;
     choice.least[i] = costs[choice.chosen[i]][i];
     seen++;
-    changed += choice.chosen[i] != 0;
     // A conditional expression instead of a branch, because branch prediction would often fail here.
     gained += choice.chosen[i] != 0 && base[i] < kInfinity ? base[i] - choice.least[i] : 0.f;
     choice.informed[i] = is_informed(round, choice.least[i], i);
   }
   choice.gained = gained / static_cast<double>(seen);
-  choice.changed = static_cast<double>(changed) / static_cast<double>(seen);
   add_means(costs, terms.counted, choice);
   return choice;
 }

@@ -22,7 +22,6 @@ struct DepthSelection {
   // with equal weights contributed to each node. NaN if nothing is visible.
   double residual = 0;
   double gained = 0;              // mean reduction of the nodes' deviations
-  double changed = 0;             // fraction of the nodes that do not select the smoothed surface
   std::vector<uint8_t> chosen;    // hypothesis selected at each node; 0: the smoothed surface
   std::vector<float> least;       // deviation through the selected hypothesis; infinity: not visible
   std::vector<float> lead;        // advantage of the smoothed surface at each node; see kLead

@@ -10,7 +10,7 @@
 #include <optional>
 #include <set>
 
-#include "base/maths.h"
+#include "focus/focus_array.h"
 #include "focus/hypothesis_levels.h"
 #include "focus/hypothesis_renderer.h"
 #include "focus/hypothesis_samples.h"
@@ -114,16 +114,6 @@ constexpr float kThings = 4;
 constexpr float kRounded = 0.4f;                       // standard deviation of a quotient of rounded luma, levels
 constexpr int kDarkestSeen = 8, kBrightestSeen = 250;  // luma
 
-double median_edge(const Rig& rig, const Mesh& mesh) {
-  std::vector<double> lengths;
-  for (const MeshFace& face : mesh.faces)
-    for (int k = 0, n = face.corners(); n > 1 && k < n; k++)
-      lengths.push_back(glm::distance(rig.cameras[face.camera[k]].pose.position,
-                                      rig.cameras[face.camera[(k + 1) % n]].pose.position));
-  const double edge = lengths.empty() ? 0 : median(std::move(lengths));
-  return edge > 0 ? edge : 1;
-}
-
 }  // namespace
 
 View mean_view(const View& view) {
@@ -151,7 +141,7 @@ View mean_view(const View& view) {
 WideLuma::WideLuma(const Rig& rig, const Mesh& mesh, const View& view, std::span<const CameraIndex> own)
     : plan_(rig, mesh, view) {
   const Plane& plane = view.focus.map->from;
-  const double pitch = median_edge(rig, mesh);
+  const double edge = median_edge(rig, mesh), pitch = edge > 0 ? edge : 1;
   const Vec3 aside = std::abs(plane.normal.x) < 0.8 ? Vec3(1, 0, 0) : Vec3(0, 1, 0);
   across_ = glm::normalize(glm::cross(plane.normal, aside)) / pitch;
   down_ = glm::cross(plane.normal, across_);

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
 
 #include "base/maths.h"
 #include "focus/hypothesis_levels.h"
@@ -26,6 +25,15 @@ Plane array_plane(const Rig& rig) {
   return plane_through(first + offset / count, normal);
 }
 
+double median_edge(const Rig& rig, const Mesh& mesh) {
+  std::vector<double> edges;
+  for (const MeshFace& face : mesh.faces)
+    for (int k = 0, n = face.corners(); n > 1 && k < n; k++)
+      edges.push_back(glm::distance(rig.cameras[face.camera[k]].pose.position,
+                                    rig.cameras[face.camera[(k + 1) % n]].pose.position));
+  return edges.empty() ? 0 : median(std::move(edges));
+}
+
 namespace {
 
 // Returns the median distance from a camera to its nearest neighbour, in metres. Returns 0 if all cameras are at one
@@ -41,16 +49,6 @@ double spacing_of(const Rig& rig) {
     if (std::isfinite(nearest)) spacings.push_back(nearest);
   }
   return spacings.empty() ? 0 : median(std::move(spacings));
-}
-
-// Returns the median length of the mesh edges, metres; 0 without edges.
-double edge_of(const Rig& rig, const Mesh& mesh) {
-  std::vector<double> edges;
-  for (const MeshFace& face : mesh.faces)
-    for (int k = 0, n = face.corners(); n > 1 && k < n; k++)
-      edges.push_back(glm::distance(rig.cameras[face.camera[k]].pose.position,
-                                    rig.cameras[face.camera[(k + 1) % n]].pose.position));
-  return edges.empty() ? 0 : median(std::move(edges));
 }
 
 struct SparseEvidence {
@@ -76,47 +74,21 @@ struct SparseEvidence {
   }
 };
 
-// Returns the evidence sqrt(1 - sum w^2), times `scale`, at each pixel of a sparse view, for the weights w of the
-// cameras of the pixel's face.
-std::vector<float> sparse_evidence(const RenderJob& job, double scale) {
-  const View& view = job.plan().view();
-  std::vector<float> evidence(static_cast<size_t>(view.width) * static_cast<size_t>(view.height));
-  for (int y = 0; y < view.height; y++) {
-    if (y < job.runs().region().y0 || y >= job.runs().region().y1) continue;
-    for (const FaceRun& run : job.runs().row(y)) {
-      const FacePlan& face = job.plan().faces()[run.face];
-      for (int x = std::max(run.x0, 0); x < std::min(run.x1, view.width); x++) {
-        float& at = evidence[static_cast<size_t>(y) * view.width + x];
-        if (!face.has_corners()) {
-          constexpr int kStep = WeightGrid::kStep;
-          const double of_point = job.plan().blend()->sum_of_squares((x + kStep / 2) / kStep, (y + kStep / 2) / kStep);
-          at = static_cast<float>(scale * std::sqrt(std::max(1 - of_point, 0.0)));
-          continue;
-        }
-        const FaceWeights weights = face_weights(face, job.plan().rays().at(x, y));
-        double squares = 0;
-        for (const double w : weights.w) squares += w * w;
-        at = static_cast<float>(scale * std::sqrt(std::max(1 - squares, 0.0)));
-      }
-    }
-  }
-  return evidence;
+// Returns the sum of the squared weights of the cameras of a face, along a line of sight.
+double sum_of_squares(const FacePlan& face, const Vec2& ray) {
+  double squares = 0;
+  for (const double w : face_weights(face, ray).w) squares += w * w;
+  return squares;
 }
 
-// Does the same at the points of a WeightGrid, for views that are not blended by the mesh.
-std::vector<float> sparse_evidence(const WeightGrid& grid, double scale) {
-  std::vector<float> evidence;
-  evidence.reserve(static_cast<size_t>(grid.columns()) * static_cast<size_t>(grid.rows()));
-  for (int j = 0; j < grid.rows(); j++)
-    for (int i = 0; i < grid.columns(); i++)
-      evidence.push_back(static_cast<float>(scale * std::sqrt(std::max(1 - grid.sum_of_squares(i, j), 0.0))));
-  return evidence;
+// Returns the evidence for a sum of squared weights; see FocusArray::evidence().
+float evidence_of(double sum_of_squares) {
+  constexpr double kThreeEqual = 2. / 3;
+  const double scale = 1 / std::sqrt(kThreeEqual);
+  return static_cast<float>(scale * std::sqrt(std::max(1 - sum_of_squares, 0.0)));
 }
 
 }  // namespace
-
-FocusArray::FocusArray(const Rig& rig) : FocusArray(rig, nullptr) {}
-FocusArray::FocusArray(const Rig& rig, const Mesh& mesh) : FocusArray(rig, &mesh) {}
 
 FocusArray::FocusArray(const Rig& rig, const Mesh* mesh) : from_(array_plane(rig)), rig_(&rig), given_mesh_(mesh) {
   std::vector<double> focals, widths;
@@ -131,7 +103,7 @@ FocusArray::FocusArray(const Rig& rig, const Mesh* mesh) : from_(array_plane(rig
   // than the distance to the nearest camera.
   edge_ = spacing;
   if (rig.topology.type != Topology::Type::kGrid)
-    edge_ = std::max(edge_, edge_of(rig, mesh ? *mesh : mesh_.get(rig, {})));
+    edge_ = std::max(edge_, median_edge(rig, mesh ? *mesh : mesh_.get(rig, {})));
   focal_ = median(std::move(focals));
   disparity_ = edge_ * focal_;
   nearest_ = median(std::move(widths)) / 4 / spacing;
@@ -226,23 +198,33 @@ std::vector<uint8_t> FocusArray::inside_mesh(const View& view, const CameraSet& 
 }
 
 std::vector<float> FocusArray::evidence(const View& view, const CameraSet& out_of_service) const {
-  constexpr double kThreeEqual = 2. / 3;
-  const double scale = 1 / std::sqrt(kThreeEqual);
   const FocalMap& map = *view.focus.map;
   if (!rig_) return std::vector<float>(map.levels.size(), 1);
-  const Mesh& mesh = mesh_without(out_of_service);
   View sparse = hypothesis_view(view);
-  if (!sparse.blending.is_mesh()) {
-    const ViewPlan plan(*rig_, mesh, sparse);
-    if (!plan.blend()) return std::vector<float>(map.levels.size(), 0);  // nothing is in focus
-    return SparseEvidence{WeightGrid::kStep, plan.blend()->columns(), sparse_evidence(*plan.blend(), scale)}.spread(
-        map);
+  const bool is_mesh = sparse.blending.is_mesh();
+  if (is_mesh) sparse = sparse_view(view);
+  const ViewPlan plan(*rig_, mesh_without(out_of_service), sparse);
+  const WeightGrid* const grid = plan.blend();
+  std::vector<float> evidence;
+  if (!is_mesh) {
+    if (!grid) return std::vector<float>(map.levels.size(), 0);  // nothing is in focus
+    for (int j = 0; j < grid->rows(); j++)
+      for (int i = 0; i < grid->columns(); i++) evidence.push_back(evidence_of(grid->sum_of_squares(i, j)));
+    return SparseEvidence{WeightGrid::kStep, grid->columns(), std::move(evidence)}.spread(map);
   }
-  sparse = sparse_view(view);
-  std::vector<CameraIndex> all(rig_->cameras.size());
-  std::iota(all.begin(), all.end(), 0);
-  const RenderJob job(*rig_, mesh, sparse, all);
-  return SparseEvidence{kApart, sparse.width, sparse_evidence(job, scale)}.spread(map);
+  const FaceIdMap owners(plan, {0, 0, sparse.width, sparse.height});
+  for (int y = 0; y < sparse.height; y++)
+    for (int x = 0; x < sparse.width; x++) {
+      constexpr int kStep = WeightGrid::kStep;
+      const int32_t owner = owners.at(x, y);
+      if (owner == FaceIdMap::kNone)
+        evidence.push_back(0);
+      else if (const FacePlan& face = plan.faces()[owner]; face.has_corners())
+        evidence.push_back(evidence_of(sum_of_squares(face, plan.rays().at(x, y))));
+      else
+        evidence.push_back(evidence_of(grid->sum_of_squares((x + kStep / 2) / kStep, (y + kStep / 2) / kStep)));
+    }
+  return SparseEvidence{kApart, sparse.width, std::move(evidence)}.spread(map);
 }
 
 }  // namespace lf

@@ -15,6 +15,9 @@ namespace lf {
 // camera's axis is the normal. The rig must have at least one camera.
 Plane array_plane(const Rig& rig);
 
+// Returns the median length of the mesh edges, in metres; 0 without edges.
+double median_edge(const Rig& rig, const Mesh& mesh);
+
 // Describes how well an array can measure depth in a view, computed from the geometry of the cameras. DepthEstimator
 // uses it to choose the range and the distances of depth hypotheses, and to ignore nodes without information. Not
 // thread-safe.
@@ -23,11 +26,9 @@ class FocusArray {
   // Creates an array with unknown geometry, except for its reference plane. The constructor is implicit, for callers
   // without a rig.
   FocusArray(const Plane& from) : from_(from) {}  // NOLINT(google-explicit-constructor)
-  // Creates an array from a rig, which must have a camera and outlive this object.
-  explicit FocusArray(const Rig& rig);
-  // Does the same for views that are blended by this mesh, regardless of the cameras out of service. The mesh must
-  // outlive this object.
-  FocusArray(const Rig& rig, const Mesh& mesh);
+  // Creates an array from a rig, which must have a camera and outlive this object. If `mesh` is not null, views are
+  // blended by this mesh, regardless of the cameras out of service. The mesh must then outlive this object.
+  explicit FocusArray(const Rig& rig, const Mesh* mesh = nullptr);
 
   // Returns the reference plane for distances in focal maps: see array_plane().
   const Plane& from() const { return from_; }
@@ -67,7 +68,6 @@ class FocusArray {
   std::vector<float> evidence(const View& view, const CameraSet& out_of_service) const;
 
  private:
-  FocusArray(const Rig& rig, const Mesh* mesh);
   static View sparse_view(const View& view);
   double width_beside_mesh(const View& view, const CameraSet& out_of_service) const;
   const Mesh& mesh_without(const CameraSet& out_of_service) const;

@@ -149,12 +149,6 @@ void PhotoConsistency::reset(int new_columns, int new_rows) {
   for (std::vector<uint16_t>* sum : {&weight, &luma, &square}) sum->assign(nodes, 0);
 }
 
-void PhotoConsistency::add(const PhotoConsistency& other) {
-  add_saturated(weight.data(), other.weight.data(), weight.size());
-  add_saturated(luma.data(), other.luma.data(), luma.size());
-  add_saturated(square.data(), other.square.data(), square.size());
-}
-
 void PhotoConsistency::add(const PhotoConsistency& part, int column, int row) {
   const auto width = static_cast<size_t>(part.columns);
   for (size_t y = 0; y < static_cast<size_t>(part.rows); y++) {

@@ -28,9 +28,8 @@ struct PhotoConsistency {
   static uint16_t square_of(uint16_t luma, int value) { return static_cast<uint16_t>((luma * value + 64) >> 7); }
 
   void reset(int columns, int rows);
-  void add(const PhotoConsistency& other);  // adds sums of the same size
   // Adds the sums of a rectangle of nodes; its first node is at (column, row).
-  void add(const PhotoConsistency& part, int column, int row);
+  void add(const PhotoConsistency& part, int column = 0, int row = 0);
   // Replaces the sums of the nodes of a rectangle where the weights of `part` are larger. This merges the surfaces that
   // several hosts have measured (see DepthHypothesis::Kind::kMeasured).
   void take_heavier(const PhotoConsistency& part, int column, int row);

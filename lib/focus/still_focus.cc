@@ -143,7 +143,7 @@ std::optional<ArrayDepth> estimate_depths(const Rig& rig, const CameraSet& camer
   if (settings.mode == FocusMode::kPlane || cameras.size() < 2) return {};
   const Rig used = rig_subset(rig, cameras);
   const Mesh mesh = build_mesh(used);
-  const FocusArray array(used, mesh);
+  const FocusArray array(used, &mesh);
   const double nearest = settings.near > 0 ? 1 / settings.near : kNearestDepth * array.nearest();
   const double farthest = settings.far > 0 ? 1 / settings.far : 0;
   if (!(nearest > farthest) || !is_wide(used, array, [&](CameraIndex i) -> const Image& { return images(cameras[i]); }))
@@ -159,7 +159,7 @@ std::optional<ArrayDepth> estimate_depths(const Rig& rig, const CameraSet& camer
 View focus_still(const Rig& rig, const Mesh& mesh, const View& view, const CameraImages& images,
                  const DepthEstimator::Settings& settings, int rounds, ExposureCompensation* gains,
                  const ArrayDepth* depths) {
-  const FocusArray array(rig, mesh);
+  const FocusArray array(rig, &mesh);
   StillArray still(rig, mesh, images, gains);
   ViewDepths focus(settings, gains != nullptr);
   const auto next_request = [&] {

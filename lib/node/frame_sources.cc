@@ -94,10 +94,4 @@ size_t FrameSources::on_gpu() const {
   }));
 }
 
-PixelFamily FrameSources::family() const {
-  for (const Source& source : sources_)
-    if (source.image.family != PixelFamily::kNone) return source.image.family;
-  return PixelFamily::kNone;
-}
-
 }  // namespace lf

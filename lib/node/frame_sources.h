@@ -88,7 +88,6 @@ class FrameSources {
   uint64_t time(size_t i) const { return frames_[i].time; }
   // Number of images that are on the GPU and were not downloaded.
   size_t on_gpu() const;
-  PixelFamily family() const;
 
  private:
   void decode_one(size_t i, PixelFamily family, const Replace& replace);

@@ -160,12 +160,6 @@ std::vector<Node::Reply> Node::answer(std::span<const wire::AnyRequest* const> r
   return replies;
 }
 
-Node::Reply Node::answer(const wire::AnyRequest& request, ClientState& client, const Options& options,
-                         ByteBuffer memory) {
-  const wire::AnyRequest* const only = &request;
-  return std::move(answer({&only, 1}, client, options, [&] { return std::move(memory); }).front());
-}
-
 bool Node::can_batch_requests(const wire::AnyRequest& a, const wire::AnyRequest& b) {
   const auto *one = std::get_if<ViewRequest>(&a), *other = std::get_if<ViewRequest>(&b);
   const auto has_same_renderer = [](const ViewRequest* request) {

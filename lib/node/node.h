@@ -126,14 +126,13 @@ class Node {
     NodeStats::Stages stages;
     std::string warning;  // text for the user, or ""
   };
-  // Answers one request of a client: waits for the frames of the requested time (see CameraFrames::find()), renders the
-  // contributions of this node's cameras, and encodes the answer. The answer is stored in `memory`, so that its
-  // allocation is reused. Never throws. If a request cannot be served, for example because the client uses another rig
-  // file, the answer has no image, and Reply::warning has the reason.
-  Reply answer(const wire::AnyRequest& request, ClientState& client, const Options& options, ByteBuffer memory);
-  // Answers several requests together, for example for the two eyes of a stereo pair. The answers are the same as with
-  // separate calls. can_batch_requests() must be true for every two of the requests. The function calls `memory` once
-  // for each answer, to get a buffer that the answer may overwrite.
+  // Answers requests of a client: waits for the frames of the requested time (see CameraFrames::find()), renders the
+  // contributions of this node's cameras, and encodes the answers. Never throws. If the requests cannot be served, for
+  // example because the client uses another rig file, the answers have no image, and Reply::warning has the reason.
+  //
+  // Several requests, for example for the two eyes of a stereo pair, get the same answers as with separate calls.
+  // can_batch_requests() must be true for every two of these requests. The function calls `memory` once for each
+  // answer, to get a buffer that the answer may overwrite.
   using AllocateMemory = std::function<ByteBuffer()>;
   std::vector<Reply> answer(std::span<const wire::AnyRequest* const> requests, ClientState& client,
                             const Options& options, const AllocateMemory& memory);

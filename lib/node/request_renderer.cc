@@ -40,29 +40,16 @@ void ImageMemory::clear() {
     for (ByteBuffer& image : *kind) image.clear();
 }
 
-GainMatcher::View& GainMatcher::view_of(uint32_t view_id) {
-  const auto found = views_.find(view_id);
-  if (found == views_.end() && views_.size() >= kMaxViews)
-    views_.erase(std::ranges::min_element(views_, {}, [](const auto& v) { return v.second.used; }));
-  View& view = views_[view_id];
-  if (found == views_.end()) view.gains = latest_;
-  view.used = ++uses_;
-  return view;
+const ExposureCompensation& GainMatcher::gains_for(const GainRequest& request) {
+  if (request.mean.empty() || seen_.empty() || request.mean_of != sequence_) return gains_;
+  gains_.take(WideLuma::ratios(seen_, request.mean));
+  seen_.clear();
+  return gains_;
 }
 
-const ExposureCompensation& GainMatcher::gains_for(uint32_t view_id, const GainRequest& request) {
-  View& view = view_of(view_id);
-  if (request.mean.empty() || view.seen.empty() || request.mean_of != view.sequence) return view.gains;
-  view.gains.take(WideLuma::ratios(view.seen, request.mean));
-  view.seen.clear();
-  latest_ = view.gains;
-  return view.gains;
-}
-
-void GainMatcher::keep(uint32_t view_id, uint32_t sequence, std::vector<WideLuma::Camera> seen) {
-  View& view = view_of(view_id);
-  view.sequence = sequence;
-  view.seen = std::move(seen);
+void GainMatcher::keep(uint32_t sequence, std::vector<WideLuma::Camera> seen) {
+  sequence_ = sequence;
+  seen_ = std::move(seen);
 }
 
 std::vector<Source> GainMatcher::match(std::span<const Source> sources, const ExposureCompensation& gains,
@@ -81,11 +68,6 @@ std::vector<Source> GainMatcher::match(std::span<const Source> sources, const Ex
     if (!rect.empty()) matched[i].image = divide_by_gain(sources[i].image, rect, gain, memory[i]);
   });
   return matched;
-}
-
-void GainMatcher::clear() {
-  views_.clear();
-  latest_ = {};
 }
 
 namespace {
@@ -301,7 +283,7 @@ void RequestRenderer::match_gains(Works works, const RenderOptions& options, std
                                   std::vector<Source>& images, std::vector<RenderedAnswer>& answers) {
   const RequestPlan* const plan = works.front().plan;
   const wire::AnswerHeader& header = works.front().header;
-  const ExposureCompensation& gains = gains_.gains_for(header.view_id, *plan->gains());
+  const ExposureCompensation& gains = gains_.gains_for(*plan->gains());
   std::optional<WideLuma::Seen> seen;
   if (plan->wide()) seen = plan->wide()->see(images_of(works.front(), images), gains, options.parallel);
   if (seen)
@@ -311,7 +293,7 @@ void RequestRenderer::match_gains(Works works, const RenderOptions& options, std
     images = gains_.match(images, gains, part, memory, options.parallel);
     for (RenderedAnswer& answer : answers) answer.gains = &gains;
   }
-  if (seen) gains_.keep(header.view_id, header.sequence, std::move(seen->cameras));
+  if (seen) gains_.keep(header.sequence, std::move(seen->cameras));
 }
 
 }  // namespace lf

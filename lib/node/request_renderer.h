@@ -4,7 +4,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
-#include <map>
 #include <memory>
 #include <optional>
 #include <span>
@@ -41,41 +40,29 @@ struct ImageMemory {
 // One ImageMemory is taken from the pool for each concurrent answer.
 using KeptImages = MemoryPool<ImageMemory>;
 
-// Exposure compensation of a node: finds the gain of each camera (1.1 means 10 % too bright), and divides its images by
-// the gain. For each view, the node measures the brightness of its cameras, and a later request brings the mean
+// Exposure compensation of one view on a node: finds the gain of each camera (1.1 means 10 % too bright), and divides
+// its images by the gain. The node measures the brightness of its cameras, and a later request brings the mean
 // brightness of all nodes, which the measurement is compared with. Each view has its own gains, because the brightness
-// of a surface depends on the viewpoint. Not thread-safe.
+// of a surface depends on the viewpoint. A plain value without locks.
 class GainMatcher {
  public:
-  static constexpr size_t kMaxViews = 64;  // the least recently used view is forgotten
-
   // Returns the exposure gains for the images of a request. If the request contains the mean luma for a measurement
-  // that keep() has stored, these two values first update the gains. A new view starts with the gains of the latest
-  // view.
-  const ExposureCompensation& gains_for(uint32_t view_id, const GainRequest& request);
+  // that keep() has stored, these two values first update the gains.
+  const ExposureCompensation& gains_for(const GainRequest& request);
   // Stores the node's brightness measurement for a request, until a later request brings the mean over all nodes.
-  void keep(uint32_t view_id, uint32_t sequence, std::vector<WideLuma::Camera> seen);
+  void keep(uint32_t sequence, std::vector<WideLuma::Camera> seen);
 
   // Returns the images divided by `gains` inside the `region` of each camera; an image with an empty region stays
   // unchanged. The results are stored in `memory`.
   static std::vector<Source> match(std::span<const Source> sources, const ExposureCompensation& gains,
                                    const std::function<Rect(CameraIndex)>& region, std::vector<ByteBuffer>& memory,
                                    const ParallelFor& parallel = serial_for);
-  void clear();
-  void copy_gains_from(const GainMatcher& other) { latest_ = other.latest_; }
+  void copy_gains_from(const GainMatcher& other) { gains_ = other.gains_; }
 
  private:
-  struct View {
-    ExposureCompensation gains;
-    uint32_t sequence = 0;
-    std::vector<WideLuma::Camera> seen;
-    uint64_t used = 0;
-  };
-  View& view_of(uint32_t view_id);
-
-  std::map<uint32_t, View> views_;
-  ExposureCompensation latest_;
-  uint64_t uses_ = 0;
+  ExposureCompensation gains_;
+  uint32_t sequence_ = 0;  // number of the request that measured seen_
+  std::vector<WideLuma::Camera> seen_;
 };
 
 struct RenderOptions {
@@ -93,7 +80,7 @@ struct RenderOptions {
 
 // Makes the answers to planned requests from the images of a node's cameras. Steps: prepare the images (colour
 // correction, exposure compensation, sharpening), render the weighted sums, and encode the answers. The only state
-// between requests are the exposure gains of the client's views. Not thread-safe.
+// between requests are the exposure gains of the client's view. Not thread-safe.
 class RequestRenderer {
  public:
   struct Work {
@@ -121,7 +108,7 @@ class RequestRenderer {
                                      const std::function<ByteBuffer()>& memory);
   RenderedAnswer render(const Work& work, std::span<const Source> images, const RenderOptions& options,
                         ImageMemory& scratch, ByteBuffer memory = {});
-  void clear() { gains_.clear(); }
+  void clear() { gains_ = {}; }
   void copy_gains_from(const RequestRenderer& other) { gains_.copy_gains_from(other.gains_); }
 
  private:

@@ -61,16 +61,27 @@ std::vector<float> valid_weights(const ViewPlan& plan, const FaceIdMap& owners, 
   return weights;
 }
 
+namespace {
+
+// Calls fn(x, y, weight) for each pixel in the rectangle of a camera, with its valid_weights().
+template <typename Fn>
+void for_valid_weights(const Rig& rig, const ViewPlan& plan, const FaceIdMap& owners, CameraIndex camera,
+                       const Fn& fn) {
+  const Rect rect = plan.camera_rect(camera);
+  const std::vector<float> weights = valid_weights(plan, owners, camera, rig.cameras[camera], rect);
+  const float* weight = weights.data();
+  for (int y = rect.y0; y < rect.y1; y++)
+    for (int x = rect.x0; x < rect.x1; x++) fn(x, y, *weight++);
+}
+
+}  // namespace
+
 std::vector<float> view_coverage(const Rig& rig, const ViewPlan& plan, const FaceIdMap& owners) {
   const int width = plan.view().width;
   std::vector<float> coverage(static_cast<size_t>(width) * plan.view().height);
-  for (const CameraIndex camera : plan.contributors()) {
-    const Rect rect = plan.camera_rect(camera);
-    const std::vector<float> weights = valid_weights(plan, owners, camera, rig.cameras[camera], rect);
-    const float* weight = weights.data();
-    for (int y = rect.y0; y < rect.y1; y++)
-      for (int x = rect.x0; x < rect.x1; x++) coverage[static_cast<size_t>(y) * width + x] += *weight++;
-  }
+  for (const CameraIndex camera : plan.contributors())
+    for_valid_weights(rig, plan, owners, camera,
+                      [&](int x, int y, float weight) { coverage[static_cast<size_t>(y) * width + x] += weight; });
   return coverage;
 }
 
@@ -87,15 +98,11 @@ std::vector<float> missing_weights(const Rig& rig, const ViewPlan& plan, const F
 std::vector<CameraFootprint> camera_footprints(const Rig& rig, const ViewPlan& plan, const FaceIdMap& owners) {
   std::vector<CameraFootprint> places;
   for (const CameraIndex camera : plan.contributors()) {
-    const Rect rect = plan.camera_rect(camera);
-    const std::vector<float> weights = valid_weights(plan, owners, camera, rig.cameras[camera], rect);
     CameraFootprint place{camera, {0, 0}, 0};
-    const float* weight = weights.data();
-    for (int y = rect.y0; y < rect.y1; y++)
-      for (int x = rect.x0; x < rect.x1; x++, weight++) {
-        place.middle += static_cast<double>(*weight) * Vec2(x, y);
-        place.weight += *weight;
-      }
+    for_valid_weights(rig, plan, owners, camera, [&](int x, int y, float weight) {
+      place.middle += static_cast<double>(weight) * Vec2(x, y);
+      place.weight += weight;
+    });
     if (!(place.weight > 0)) continue;
     place.middle /= place.weight;
     places.push_back(place);
@@ -185,19 +192,13 @@ Image contribution_map(const Rig& rig, const Mesh& mesh, const View& view, const
   const std::vector<CameraColour> colours = camera_colours(mesh, rig.cameras.size());
 
   std::vector<float> sum(static_cast<size_t>(view.width) * view.height * 3);
-  for (const CameraIndex camera : plan.contributors()) {
-    const Rect rect = plan.camera_rect(camera);
-    const std::vector<float> weights = valid_weights(plan, owners, camera, rig.cameras[camera], rect);
-    const float* weight = weights.data();
-    for (int y = rect.y0; y < rect.y1; y++) {
-      float* out = &sum[(static_cast<size_t>(y) * view.width + rect.x0) * 3];
-      for (int x = rect.x0; x < rect.x1; x++, weight++, out += 3) {
-        out[0] += *weight * colours[camera].r;
-        out[1] += *weight * colours[camera].g;
-        out[2] += *weight * colours[camera].b;
-      }
-    }
-  }
+  for (const CameraIndex camera : plan.contributors())
+    for_valid_weights(rig, plan, owners, camera, [&](int x, int y, float weight) {
+      float* const out = &sum[(static_cast<size_t>(y) * view.width + x) * 3];
+      out[0] += weight * colours[camera].r;
+      out[1] += weight * colours[camera].g;
+      out[2] += weight * colours[camera].b;
+    });
 
   Image map(PixelFamily::kRgb, view.width, view.height);
   const float* in = sum.data();

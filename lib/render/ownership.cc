@@ -389,9 +389,4 @@ RenderJob::RenderJob(const Rig& rig, const Mesh& mesh, const View& view, std::sp
 RenderJob::RenderJob(ViewPlan plan, std::span<const CameraIndex> own, const ParallelFor& parallel)
     : plan_(std::move(plan)), cameras_(contributing(plan_, own)), runs_(plan_, region(plan_, cameras_), parallel) {}
 
-const FaceIdMap& RenderJob::owners() const {
-  std::call_once(owners_made_, [this] { owners_.emplace(runs_); });
-  return *owners_;
-}
-
 }  // namespace lf

@@ -2,8 +2,6 @@
 #pragma once
 
 #include <cstdint>
-#include <mutex>
-#include <optional>
 #include <span>
 #include <vector>
 
@@ -151,8 +149,6 @@ class RenderJob {
   const ViewPlan& plan() const { return plan_; }
   // Returns the owners of all pixels that cameras() contribute to. The region consists of whole chroma samples.
   const FaceRuns& runs() const { return runs_; }
-  // Returns the owner of each single pixel. The owners are computed on first use.
-  const FaceIdMap& owners() const;
   // Returns the contributing cameras of the node, in ascending order.
   const std::vector<CameraIndex>& cameras() const { return cameras_; }
 
@@ -160,8 +156,6 @@ class RenderJob {
   ViewPlan plan_;
   std::vector<CameraIndex> cameras_;
   FaceRuns runs_;
-  mutable std::once_flag owners_made_;
-  mutable std::optional<FaceIdMap> owners_;
 };
 
 }  // namespace lf

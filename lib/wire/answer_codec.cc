@@ -104,41 +104,51 @@ CameraRanges read_ranges(Reader& in, const char* name, size_t count) {
   return out;
 }
 
+struct RangeCounts {
+  size_t cameras = 0, blind = 0;
+};
+
+// The fields between the unit header and the ranges of cameras. `reserved` must be 0.
+template <typename Io, typename Header, typename Part, typename Counts, typename Reserved>
+void head_fields(Io& io, Header& answer, Part& part, Counts&& ranges, Reserved& reserved) {
+  field<uint32_t>(io, answer.view_id);
+  field<uint32_t>(io, answer.sequence);
+  field<uint64_t>(io, answer.target_time);
+  field<uint64_t>(io, answer.actual_time);
+  field<uint64_t>(io, answer.rig_hash);
+  field<uint32_t>(io, answer.node);
+  field<uint16_t>(io, answer.view_width);
+  field<uint16_t>(io, answer.view_height);
+  field<uint8_t>(io, answer.family);
+  field<uint8_t>(io, reserved[0]);
+  field<uint16_t>(io, ranges.cameras);
+  field<uint32_t>(io, part.count);
+  field<uint32_t>(io, part.first);
+  field<uint32_t>(io, part.total);
+  field<uint16_t>(io, ranges.blind);
+  field<uint16_t>(io, reserved[1]);
+}
+
 ParsedHeader read_head(std::span<const uint8_t> bytes) {
-  std::string reason;
-  const std::optional<UnitHeader> unit =
-      check_unit_header(bytes, UnitKind::kAnswer, kFragmentsType, kLastOfNode, reason);
-  if (!unit) throw Error(reason);
-  ParsedHeader head{.unit = *unit};
-  Reader in(bytes.first(std::min(bytes.size(), unit->size)).subspan(kUnitHeaderBytes));
+  ParsedHeader head{.unit = read_unit_header(bytes, UnitKind::kAnswer, kFragmentsType, kLastOfNode)};
+  const UnitHeader& unit = head.unit;
+  Reader in(bytes.first(std::min(bytes.size(), unit.size)).subspan(kUnitHeaderBytes));
   AnswerPartHeader& answer = head.answer;
-  answer.last_of_node = unit->flags & kLastOfNode;
-  answer.view_id = in.get<uint32_t>();
-  answer.sequence = in.get<uint32_t>();
-  answer.target_time = in.get<uint64_t>();
-  answer.actual_time = in.get<uint64_t>();
-  answer.rig_hash = in.get<uint64_t>();
-  answer.node = in.get<uint32_t>();
-  answer.view_width = in.get<uint16_t>();
-  answer.view_height = in.get<uint16_t>();
-  answer.family = static_cast<PixelFamily>(in.get<uint8_t>());
-  const uint8_t reserved = in.get<uint8_t>();
-  const uint16_t cameras = in.get<uint16_t>();
-  answer.part.count = in.get<uint32_t>();
-  answer.part.first = in.get<uint32_t>();
-  answer.part.total = in.get<uint32_t>();
-  const uint16_t blind = in.get<uint16_t>(), reserved_too = in.get<uint16_t>();
-  const size_t header_bytes = kAnswerHeaderBytes + kRangeBytes * (size_t{cameras} + blind);
+  answer.last_of_node = unit.flags & kLastOfNode;
+  RangeCounts ranges;
+  uint32_t reserved[2];
+  head_fields(in, answer, answer.part, ranges, reserved);
+  const size_t header_bytes = kAnswerHeaderBytes + kRangeBytes * (ranges.cameras + ranges.blind);
   if (!in.ok() || in.left() < header_bytes - kAnswerHeaderBytes)
     throw Error("header: needs " + std::to_string(in.ok() ? header_bytes : kAnswerHeaderBytes) + " bytes, there are " +
-                std::to_string(std::min(bytes.size(), unit->size)));
-  if (reserved != 0 || reserved_too != 0)
-    throw Error("reserved: must be 0, is " + std::to_string(std::max<uint32_t>(reserved, reserved_too)));
-  answer.cameras = read_ranges(in, "cameras", cameras);
-  answer.blind = read_ranges(in, "blind", blind);
+                std::to_string(std::min(bytes.size(), unit.size)));
+  if (const uint32_t value = std::ranges::max(reserved))
+    throw Error("reserved: must be 0, is " + std::to_string(value));
+  answer.cameras = read_ranges(in, "cameras", ranges.cameras);
+  answer.blind = read_ranges(in, "blind", ranges.blind);
   check_header(answer, answer.part.count);
   check_part(answer.part);
-  if (answer.part.count > (unit->size - header_bytes) / kFragmentBytes)
+  if (answer.part.count > (unit.size - header_bytes) / kFragmentBytes)
     throw Error("fragments: a table of " + std::to_string(answer.part.count) + " is longer than the answer");
   return head;
 }
@@ -189,8 +199,7 @@ void check_scans(const FragmentView& fragment) {
 
 AnswerView read_answer(std::span<const uint8_t> bytes) {
   const ParsedHeader head = read_head(bytes);
-  std::string reason;
-  if (!check_unit_size(bytes, head.unit, reason)) throw Error(reason);
+  check_unit_size(bytes, head.unit);
   AnswerView answer{head.answer, {}};
   const size_t table_begin = table_offset(answer), begin = table_begin + answer.part.count * kFragmentBytes;
   Reader table(bytes.first(begin).subspan(table_begin));
@@ -329,22 +338,9 @@ ByteBuffer AnswerWriter::finish() {
   BufferWriter out(bytes_.data());
   put_unit_header(out, UnitKind::kAnswer, kFragmentsType, header_.last_of_node ? kLastOfNode : uint16_t{0},
                   bytes_.size());
-  out.put(header_.view_id);
-  out.put(header_.sequence);
-  out.put(header_.target_time);
-  out.put(header_.actual_time);
-  out.put(header_.rig_hash);
-  out.put(header_.node);
-  out.put(static_cast<uint16_t>(header_.view_width));
-  out.put(static_cast<uint16_t>(header_.view_height));
-  out.put(static_cast<uint8_t>(header_.family));
-  out.put(uint8_t{0});
-  out.put(static_cast<uint16_t>(header_.cameras.ranges().size()));
-  out.put(part.count);
-  out.put(part.first);
-  out.put(part.total);
-  out.put(static_cast<uint16_t>(header_.blind.ranges().size()));
-  out.put(uint16_t{0});
+  constexpr uint32_t kReserved[2] = {};
+  head_fields(out, header_, part, RangeCounts{header_.cameras.ranges().size(), header_.blind.ranges().size()},
+              kReserved);
   for (const CameraRanges* cameras : {&header_.cameras, &header_.blind})
     for (const CameraRange& range : cameras->ranges()) {
       out.put(static_cast<uint16_t>(range.first));

@@ -159,27 +159,31 @@ void read_plane(Reader& in, std::vector<uint16_t>& values) {
   for (size_t i = 0; i < bytes.size() / 2; i++) values[i] = static_cast<uint16_t>(bytes[2 * i] << 8 | bytes[2 * i + 1]);
 }
 
+// The fields between the unit header and the rectangle. Gains are optional. `reserved` must be 0.
+template <typename Io, typename Header, typename Shape, typename Reserved>
+void head_fields(Io& io, Header& header, Shape& shape, Reserved& reserved) {
+  field<uint32_t>(io, header.view_id);
+  field<uint32_t>(io, header.sequence);
+  field<uint64_t>(io, header.rig_hash);
+  field<uint32_t>(io, header.node);
+  field<uint16_t>(io, shape.columns);
+  field<uint16_t>(io, shape.rows);
+  field<uint8_t>(io, shape.hypotheses);
+  field<uint8_t>(io, reserved);
+  if (!header.gains) return;
+  field<uint32_t>(io, header.gains->weight);
+  field<uint32_t>(io, header.gains->log2);
+}
+
 Reader read_header(std::span<const uint8_t> bytes, ConsistencyHeader& moments, ConsistencyShape& shape, bool& of_one) {
-  std::string reason;
-  const std::optional<UnitHeader> header =
-      check_unit_header(bytes, UnitKind::kAnswer, kConsistencyType, kOfGains | kOfOneCamera, reason);
-  if (!header || !check_unit_size(bytes, *header, reason)) throw Error(reason);
-  of_one = header->flags & kOfOneCamera;
-  if (of_one && header->flags & kOfGains) throw Error("flags: gains and one camera exclude each other");
+  const UnitHeader header = read_unit_header(bytes, UnitKind::kAnswer, kConsistencyType, kOfGains | kOfOneCamera);
+  check_unit_size(bytes, header);
+  of_one = header.flags & kOfOneCamera;
+  if (of_one && header.flags & kOfGains) throw Error("flags: gains and one camera exclude each other");
   Reader in(bytes.subspan(kUnitHeaderBytes));
-  moments.view_id = in.get<uint32_t>();
-  moments.sequence = in.get<uint32_t>();
-  moments.rig_hash = in.get<uint64_t>();
-  moments.node = in.get<uint32_t>();
-  shape.columns = in.get<uint16_t>();
-  shape.rows = in.get<uint16_t>();
-  shape.hypotheses = in.get<uint8_t>();
-  const uint8_t reserved = in.get<uint8_t>();
-  if (header->flags & kOfGains) {
-    moments.gains.emplace();
-    moments.gains->weight = in.get<uint32_t>();
-    moments.gains->log2 = static_cast<int32_t>(in.get<uint32_t>());
-  }
+  if (header.flags & kOfGains) moments.gains.emplace();
+  uint8_t reserved;
+  head_fields(in, moments, shape, reserved);
   if (!in.ok()) throw Error("photo-consistency: the unit ends before its hypotheses");
   if (reserved != 0) throw Error("reserved: must be 0, is " + std::to_string(reserved));
   if (shape.hypotheses < 1 || shape.hypotheses > kMaxHypotheses)
@@ -272,18 +276,9 @@ ByteBuffer encode_consistency(const ConsistencyHeader& header, std::span<const P
   BufferWriter out(bytes.data());
   const uint16_t flags = header.gains ? kOfGains : packed.empty() ? uint16_t{0} : kOfOneCamera;
   put_unit_header(out, UnitKind::kAnswer, kConsistencyType, flags, size);
-  out.put(header.view_id);
-  out.put(header.sequence);
-  out.put(header.rig_hash);
-  out.put(header.node);
-  out.put(static_cast<uint16_t>(hypotheses[0].columns));
-  out.put(static_cast<uint16_t>(hypotheses[0].rows));
-  out.put(static_cast<uint8_t>(hypotheses.size()));
-  out.put(uint8_t{0});
-  if (header.gains) {
-    out.put(header.gains->weight);
-    out.put(static_cast<uint32_t>(header.gains->log2));
-  }
+  const ConsistencyShape shape{hypotheses[0].columns, hypotheses[0].rows, hypotheses.size()};
+  constexpr uint8_t kReserved = 0;
+  head_fields(out, header, shape, kReserved);
   for (const int v : {rect.x0, rect.y0, rect.width(), rect.height()}) out.put(static_cast<uint16_t>(v));
   out.put_bytes(packed);
   for (size_t t = 0; t < hypotheses.size() && packed.empty(); t++) {

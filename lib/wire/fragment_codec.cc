@@ -82,28 +82,6 @@ FragmentHeader header_of(const AnswerFragment& f, Codec codec, int quality) {
   return {f.camera, f.planes.family, f.planes.rect, codec, static_cast<uint8_t>(quality), f.planes.lost != nullptr};
 }
 
-// Returns the planes of fragments after checking that they fill their rectangles.
-std::vector<AnswerFragment> checked_planes(const AnswerHeader& header, std::span<const Fragment> fragments) {
-  static_cast<void>(AnswerWriter(header, fragments.size()));  // reports errors of the header first
-  std::vector<AnswerFragment> all;
-  for (size_t i = 0; i < fragments.size(); i++) {
-    const Fragment& f = fragments[i];
-    all.push_back({{}, planes_of(f)});
-    in_fragment(i, [&] {
-      check_fragment(header, header_of(all.back(), Codec::kRaw, 0));
-      if (f.pixels.size() != packed_size(f.family, f.rect.width(), f.rect.height()))
-        throw Error("pixels: do not fill the rectangle");
-      if (!f.lost.empty() && f.lost.size() != area(f.rect)) throw Error("lost: does not fill the rectangle");
-    });
-  }
-  return all;
-}
-
-void check_fragments(const AnswerHeader& header, std::span<const AnswerFragment> fragments) {
-  for (size_t i = 0; i < fragments.size(); i++)
-    in_fragment(i, [&] { check_fragment(header, header_of(fragments[i], Codec::kRaw, 0)); });
-}
-
 size_t raw_bytes(const AnswerFragment& f) {
   const Rect& rect = f.planes.rect;
   return packed_size(f.planes.family, rect.width(), rect.height()) + (f.planes.lost ? area(rect) : 0);
@@ -131,48 +109,28 @@ void write_raw(AnswerWriter& writer, std::span<const AnswerFragment> fragments) 
 
 }  // namespace
 
-void FragmentEncoder::encode_payload(const FragmentPlanes& fragment, int quality, ByteBuffer& out) {
+void append_jpeg(const FragmentPlanes& fragment, int quality, ByteBuffer& out) {
+  thread_local jpeg::FragmentEncoder encoder;
   const size_t begin = out.size();
   if (fragment.lost) out.resize(begin + sizeof(uint32_t));
-  jpeg_.encode_pixels(fragment, quality, out);
+  encoder.encode_pixels(fragment, quality, out);
   if (!fragment.lost) return;
   store(&out[begin], static_cast<uint32_t>(out.size() - begin - sizeof(uint32_t)));
-  jpeg_.encode_missing(fragment, std::max(quality, kMinMissingQuality), out);
-}
-
-ByteBuffer FragmentEncoder::encode(const AnswerHeader& header, std::span<const Fragment> fragments, int quality,
-                                   ByteBuffer memory) {
-  return encode(header, checked_planes(header, fragments), quality, std::move(memory));
-}
-
-ByteBuffer FragmentEncoder::encode(const AnswerHeader& header, std::span<const AnswerFragment> fragments, int quality,
-                                   ByteBuffer memory) {
-  if (quality < 0 || quality > 100) throw Error("quality: must be 0 to 100, is " + std::to_string(quality));
-  AnswerWriter writer(header, fragments.size(), std::move(memory));
-  check_fragments(header, fragments);
-  if (quality == 0) {
-    write_raw(writer, fragments);
-    return writer.finish();
-  }
-  for (const AnswerFragment& fragment : fragments)
-    writer.add(header_of(fragment, Codec::kJpeg, quality),
-               [&](ByteBuffer& out) { encode_payload(fragment.planes, quality, out); });
-  return writer.finish();
+  encoder.encode_missing(fragment, std::max(quality, kMinMissingQuality), out);
 }
 
 ByteBuffer encode_fragments(const AnswerHeader& header, std::span<const AnswerFragment> fragments, int quality,
                             ByteBuffer memory, const ParallelFor& parallel) {
-  if (quality == 0 || fragments.size() < 2) {
-    thread_local FragmentEncoder encoder;
-    return encoder.encode(header, fragments, quality, std::move(memory));
-  }
+  if (quality < 0 || quality > 100) throw Error("quality: must be 0 to 100, is " + std::to_string(quality));
   AnswerWriter writer(header, fragments.size(), std::move(memory));
-  check_fragments(header, fragments);
+  for (size_t i = 0; i < fragments.size(); i++)
+    in_fragment(i, [&] { check_fragment(header, header_of(fragments[i], Codec::kRaw, 0)); });
+  if (quality == 0) {
+    write_raw(writer, fragments);
+    return writer.finish();
+  }
   std::vector<ByteBuffer> payloads(fragments.size());
-  parallel(fragments.size(), [&](size_t i) {
-    thread_local FragmentEncoder encoder;
-    encoder.encode_payload(fragments[i].planes, quality, payloads[i]);
-  });
+  parallel(fragments.size(), [&](size_t i) { append_jpeg(fragments[i].planes, quality, payloads[i]); });
   for (size_t i = 0; i < fragments.size(); i++)
     writer.add(header_of(fragments[i], Codec::kJpeg, quality), [&](ByteBuffer& out) { append(out, payloads[i]); });
   return writer.finish();

@@ -54,9 +54,6 @@ FragmentHeader tile_header(const FragmentHeader& fragment, const Rect& tile);
 // Writes the payload of a tile to `to`. Its size is raw_size(tile_header(...)).
 void copy_tile(const FragmentView& fragment, const Rect& tile, uint8_t* to);
 
-// FragmentEncoder and FragmentDecoder convert between fragments and payloads. They reuse memory and libjpeg's state, so
-// each thread needs its own object.
-
 // Minimum JPEG quality of missing weight. The compositor scales pixels by the missing weight, so errors in it are more
 // visible than errors in the pixels.
 inline constexpr int kMinMissingQuality = 90;
@@ -67,27 +64,16 @@ struct AnswerFragment {
   FragmentPlanes planes;
 };
 
-class FragmentEncoder {
- public:
-  // Encodes a whole answer of 8-bit fragments: without compression if `quality` is 0, or as JPEG with quality 1 to 100.
-  // `memory` is reused as in AnswerWriter. Throws Error in the same cases as AnswerWriter, and if planes do not fill
-  // their rectangles.
-  ByteBuffer encode(const AnswerHeader& header, std::span<const Fragment> fragments, int quality,
-                    ByteBuffer memory = {});
-  ByteBuffer encode(const AnswerHeader& header, std::span<const AnswerFragment> fragments, int quality,
-                    ByteBuffer memory = {});
-
-  void encode_payload(const FragmentPlanes& fragment, int quality, ByteBuffer& out);
-
- private:
-  jpeg::FragmentEncoder jpeg_;
-};
-
-// Encodes an answer like FragmentEncoder::encode(), but in several threads with one encoder each. The result is
-// bit-identical.
+// Encodes a whole answer of 8-bit fragments: without compression if `quality` is 0, or as JPEG with quality 1 to 100.
+// `memory` is reused as in AnswerWriter. The result does not depend on `parallel`. Throws Error in the same cases as
+// AnswerWriter.
 ByteBuffer encode_fragments(const AnswerHeader& header, std::span<const AnswerFragment> fragments, int quality,
-                            ByteBuffer memory, const ParallelFor& parallel);
+                            ByteBuffer memory = {}, const ParallelFor& parallel = serial_for);
 
+// Appends the payload of a fragment with the codec kJpeg.
+void append_jpeg(const FragmentPlanes& fragment, int quality, ByteBuffer& out);
+
+// Converts payloads to fragments. Reuses memory and libjpeg's state, so each thread needs its own object.
 class FragmentDecoder {
  public:
   // Returns the planes of a fragment with 8 bits per value. Raw planes point into the payload. JPEG is decoded into

@@ -15,43 +15,47 @@ void check_request_head(const RequestHeader& head) {
     throw Error("quality: must be 0 to " + std::to_string(kMaxQuality) + ", is " + std::to_string(head.quality));
 }
 
+namespace {
+
+template <typename Io, typename Head, typename Size>
+void head_fields(Io& io, Head& head, Size& width, Size& height) {
+  field<uint32_t>(io, head.view_id);
+  field<uint32_t>(io, head.sequence);
+  field<uint64_t>(io, head.target_time);
+  field<uint64_t>(io, head.rig_hash);
+  field<uint16_t>(io, width);
+  field<uint16_t>(io, height);
+  field<uint8_t>(io, head.quality);
+}
+
+}  // namespace
+
 void put_request_head(Writer& out, uint8_t type, const RequestHeader& head, int width, int height, size_t size,
                       uint16_t more_flags) {
   const int flags =
       (head.absolute_time ? kAbsoluteTime : 0) | (head.probe ? kProbe : 0) | (head.warmup ? kWarmup : 0) | more_flags;
   put_unit_header(out, UnitKind::kRequest, type, static_cast<uint16_t>(flags), size);
-  out.put(head.view_id);
-  out.put(head.sequence);
-  out.put(head.target_time);
-  out.put(head.rig_hash);
-  out.put(static_cast<uint16_t>(width));
-  out.put(static_cast<uint16_t>(height));
-  out.put(head.quality);
+  head_fields(out, head, width, height);
 }
 
 std::pair<int, int> get_request_head(Reader& in, uint16_t flags, RequestHeader& head) {
   head.absolute_time = flags & kAbsoluteTime;
   head.probe = flags & kProbe;
   head.warmup = flags & kWarmup;
-  head.view_id = in.get<uint32_t>();
-  head.sequence = in.get<uint32_t>();
-  head.target_time = in.get<uint64_t>();
-  head.rig_hash = in.get<uint64_t>();
-  const int width = in.get<uint16_t>(), height = in.get<uint16_t>();
-  head.quality = in.get<uint8_t>();
-  return {width, height};
+  std::pair<int, int> size;
+  head_fields(in, head, size.first, size.second);
+  return size;
 }
 
 Reader read_request_head(std::span<const uint8_t> bytes, uint8_t type, RequestHeader& head, int& width, int& height,
                          uint16_t* more_flags) {
   constexpr uint16_t kOfAll = kAbsoluteTime | kProbe | kWarmup;
   const uint16_t known = static_cast<uint16_t>(kOfAll | (more_flags ? *more_flags : 0));
-  std::string reason;
-  const std::optional<UnitHeader> unit = check_unit_header(bytes, UnitKind::kRequest, type, known, reason);
-  if (!unit || !check_unit_size(bytes, *unit, reason)) throw Error(reason);
-  if (more_flags) *more_flags &= unit->flags;
+  const UnitHeader unit = read_unit_header(bytes, UnitKind::kRequest, type, known);
+  check_unit_size(bytes, unit);
+  if (more_flags) *more_flags &= unit.flags;
   Reader in(bytes.subspan(kUnitHeaderBytes));
-  std::tie(width, height) = get_request_head(in, unit->flags, head);
+  std::tie(width, height) = get_request_head(in, unit.flags, head);
   check_remaining(in, "view");
   return in;
 }

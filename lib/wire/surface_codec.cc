@@ -84,23 +84,25 @@ void check(const PictureSurface& surface) {
     throw Error("depths: must be finite, at least 0, and in order");
 }
 
+// The fields after the first two bytes, which are the version and a reserved byte.
+template <typename Io, typename Surface>
+void fields(Io& io, Surface& surface) {
+  field<uint16_t>(io, surface.step);
+  field<uint32_t>(io, surface.timestamp);
+  for (auto* number : {&surface.width, &surface.height, &surface.columns, &surface.rows}) field<uint16_t>(io, *number);
+  auto& [position, turn] = surface.pose;
+  for (auto* number : {&position.x, &position.y, &position.z, &turn.w, &turn.x, &turn.y, &turn.z, &surface.fx,
+                       &surface.fy, &surface.cx, &surface.cy, &surface.farthest, &surface.nearest})
+    field<double>(io, *number);
+}
+
 PictureSurface read_surface(std::span<const uint8_t> bytes) {
   Reader in(bytes);
   if (const uint8_t version = in.get<uint8_t>(); version != PictureSurface::kVersion)
     throw Error("version: " + std::to_string(version) + " is not supported");
   PictureSurface surface;
   if (in.get<uint8_t>() != 0) throw Error("reserved byte: must be 0");
-  surface.step = in.get<uint16_t>();
-  surface.timestamp = in.get<uint32_t>();
-  surface.width = in.get<uint16_t>();
-  surface.height = in.get<uint16_t>();
-  surface.columns = in.get<uint16_t>();
-  surface.rows = in.get<uint16_t>();
-  for (int i = 0; i < 3; i++) surface.pose.position[i] = in.get<double>();
-  Quat& turn = surface.pose.orientation;
-  for (double* number : {&turn.w, &turn.x, &turn.y, &turn.z, &surface.fx, &surface.fy, &surface.cx, &surface.cy,
-                         &surface.farthest, &surface.nearest})
-    *number = in.get<double>();
+  fields(in, surface);
   if (!in.ok()) throw Error("header: the message is too short");
   check(surface);
   surface.levels = inflate_exactly(in.get_bytes(in.left()),
@@ -174,15 +176,7 @@ std::vector<uint8_t> encode_surface(const PictureSurface& surface) {
   Writer out(PictureSurface::kHeaderBytes + deflated.size());
   out.put(PictureSurface::kVersion);
   out.put(uint8_t{0});
-  out.put(static_cast<uint16_t>(surface.step));
-  out.put(surface.timestamp);
-  for (const int number : {surface.width, surface.height, surface.columns, surface.rows})
-    out.put(static_cast<uint16_t>(number));
-  const Vec3& at = surface.pose.position;
-  const Quat& turn = surface.pose.orientation;
-  for (const double number : {at.x, at.y, at.z, turn.w, turn.x, turn.y, turn.z, surface.fx, surface.fy, surface.cx,
-                              surface.cy, surface.farthest, surface.nearest})
-    out.put(number);
+  fields(out, surface);
   out.put_bytes(deflated);
   return out.take();
 }

@@ -58,36 +58,27 @@ size_t distance_to_magic(std::span<const uint8_t> bytes, bool more_to_come) {
   return static_cast<size_t>(found - bytes.begin());
 }
 
-std::optional<UnitHeader> check_unit_header(std::span<const uint8_t> bytes, UnitKind kind, uint8_t type,
-                                            uint16_t known_flags, std::string& reason) {
-  if (bytes.size() < kUnitHeaderBytes) {
-    reason = "header: needs " + std::to_string(kUnitHeaderBytes) + " bytes, there are " + std::to_string(bytes.size());
-    return std::nullopt;
-  }
-  if (kind_of(bytes) != kind) {
-    reason = std::string("magic: no ") + name(kind) + " begins here";
-    return std::nullopt;
-  }
+UnitHeader read_unit_header(std::span<const uint8_t> bytes, UnitKind kind, uint8_t type, uint16_t known_flags) {
+  if (bytes.size() < kUnitHeaderBytes)
+    throw Error("header: needs " + std::to_string(kUnitHeaderBytes) + " bytes, there are " +
+                std::to_string(bytes.size()));
+  if (kind_of(bytes) != kind) throw Error(std::string("magic: no ") + name(kind) + " begins here");
   const UnitHeader header = read_header(bytes, kind);
-  if (header.version != kVersion) {
-    reason = "version: " + std::to_string(header.version) + " is not supported, only " + std::to_string(kVersion);
-  } else if (header.type != type) {
-    reason = "type: " + std::to_string(header.type) + " is not supported in " + name(kind) + " units";
-  } else if (header.flags & ~known_flags) {
-    reason = "flags: unknown bits " + std::to_string(header.flags & ~known_flags);
-  } else if (!size_in_limits(header)) {
-    reason = "length: " + std::to_string(header.size) + " bytes, must be " + std::to_string(kUnitHeaderBytes) + " to " +
-             std::to_string(max_size(kind));
-  } else {
-    return header;
-  }
-  return std::nullopt;
+  if (header.version != kVersion)
+    throw Error("version: " + std::to_string(header.version) + " is not supported, only " + std::to_string(kVersion));
+  if (header.type != type)
+    throw Error("type: " + std::to_string(header.type) + " is not supported in " + name(kind) + " units");
+  if (header.flags & ~known_flags) throw Error("flags: unknown bits " + std::to_string(header.flags & ~known_flags));
+  if (!size_in_limits(header))
+    throw Error("length: " + std::to_string(header.size) + " bytes, must be " + std::to_string(kUnitHeaderBytes) +
+                " to " + std::to_string(max_size(kind)));
+  return header;
 }
 
-bool check_unit_size(std::span<const uint8_t> bytes, const UnitHeader& header, std::string& reason) {
-  if (bytes.size() == header.size) return true;
-  reason = "length: the unit says " + std::to_string(header.size) + " bytes, there are " + std::to_string(bytes.size());
-  return false;
+void check_unit_size(std::span<const uint8_t> bytes, const UnitHeader& header) {
+  if (bytes.size() != header.size)
+    throw Error("length: the unit says " + std::to_string(header.size) + " bytes, there are " +
+                std::to_string(bytes.size()));
 }
 
 std::vector<uint8_t> deflate_all(std::span<const uint8_t> bytes) {

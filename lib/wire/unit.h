@@ -100,6 +100,17 @@ class Reader {
   bool ok_ = true;
 };
 
+// The two functions convert one field of a message. The field has the type T on the wire. A function template with such
+// calls for all fields, in their order, can both write and read a message.
+template <typename T, typename Value>
+void field(Reader& in, Value& value) {
+  value = static_cast<Value>(in.get<T>());
+}
+template <typename T, typename Out, typename Value>
+void field(Out& out, const Value& value) {
+  out.put(static_cast<T>(value));
+}
+
 // Limits of the wire format. Decoders reject larger units; see spec.md.
 inline constexpr uint8_t kVersion = 1;
 inline constexpr size_t kMaxRequestBytes = size_t{1} << 20;  // enough for warp commands to 3500 cameras
@@ -153,10 +164,10 @@ void put_unit_header(Out& out, UnitKind kind, uint8_t type, uint16_t flags, size
 }
 
 // Returns the header of a unit that has this kind and type, the current version, and no flags beyond `known_flags`.
-// Otherwise returns nullopt and sets `reason`.
-std::optional<UnitHeader> check_unit_header(std::span<const uint8_t> bytes, UnitKind kind, uint8_t type,
-                                            uint16_t known_flags, std::string& reason);
-bool check_unit_size(std::span<const uint8_t> bytes, const UnitHeader& header, std::string& reason);
+// Otherwise throws Error. `bytes` may end before the unit.
+UnitHeader read_unit_header(std::span<const uint8_t> bytes, UnitKind kind, uint8_t type, uint16_t known_flags);
+// Throws Error unless `bytes` has the size in the header.
+void check_unit_size(std::span<const uint8_t> bytes, const UnitHeader& header);
 
 // Returns read(). If read() throws Error, returns nullopt and copies the error's text to *reason, unless null.
 template <typename F>

@@ -205,7 +205,7 @@ class Array {
         sources[i].image = sharpen(sources[i].image, whole(sources[i].camera), sharp_[i]);
     const SumRenderer renderer(job.plan(), job.runs(), sources, PixelFamily::kRgb);
     return {bench::picture_of_sums(renderer, view.width, view.height).image,
-            view_coverage(s_.rig, job.plan(), job.owners())};
+            view_coverage(s_.rig, job.plan(), FaceIdMap(job.runs()))};
   }
 
   std::vector<PhotoConsistency> moments(const ViewRequest& request) {
@@ -224,10 +224,10 @@ class Array {
   void ask_mean(const ViewRequest& request, GainRequest& gains) {
     if (!turns_.next(!request.hypotheses.empty(), true)) return;
     const WideLuma wide(s_.rig, mesh_, mean_view(request.view), own_);
-    WideLuma::Seen seen = wide.see(sources_of(wide.cameras()), matcher_.gains_for(0, {}));
+    WideLuma::Seen seen = wide.see(sources_of(wide.cameras()), matcher_.gains_for({}));
     gains.mean = mean_luma(seen.moments, seen.gains);
     gains.mean_of = request.sequence;
-    matcher_.keep(0, request.sequence, std::move(seen.cameras));
+    matcher_.keep(request.sequence, std::move(seen.cameras));
   }
 
  private:
@@ -239,7 +239,7 @@ class Array {
   }
   std::vector<Source> match(const std::vector<Source>& sources, const GainRequest& gains) {
     const auto all = [&](CameraIndex camera) { return whole(camera); };
-    return GainMatcher::match(sources, matcher_.gains_for(0, gains), all, divided_);
+    return GainMatcher::match(sources, matcher_.gains_for(gains), all, divided_);
   }
 
   const Situation& s_;

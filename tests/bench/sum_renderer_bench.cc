@@ -148,14 +148,10 @@ class PictureOnGpu {
         glTexStorage2D(GL_TEXTURE_2D, 1, GL_R8, c > 0 ? chroma_size(width) : width,
                        c > 0 ? chroma_size(height) : height);
       }
-      return true;
     });
   }
   ~PictureOnGpu() {
-    gpu_.work([&](gl::Programs&, gl::Buffer&) {
-      glDeleteTextures(3, planes_.textures);
-      return true;
-    });
+    gpu_.work([&](gl::Programs&, gl::Buffer&) { glDeleteTextures(3, planes_.textures); });
   }
   // Returns false if the sum has not stayed on the GPU. `waits`: until this and all earlier work is complete.
   bool draw(const SumRenderer& renderer, int x, int y, bool waits) const {

@@ -85,7 +85,7 @@ TEST_F(LfCompositorTest, OtherViewsAreIgnored) {
 TEST_F(LfCompositorTest, DamagedFragmentsAreCountedAndSkipped) {
   const ViewRequest asked = array_.request(0, 0);
   const wire::Answer answer = answer_of(asked, {0, 1, 2, 3});
-  ByteBuffer bytes = wire::FragmentEncoder().encode(answer, answer.fragments, 90);
+  ByteBuffer bytes = wire::encode_fragments(answer, answer.fragments, 90);
   const wire::AnswerView view = wire::parse_answer(bytes).value();
   const uint8_t marker[] = {0xff, 0xd9};
   for (const bool damage : {false, true}) {
@@ -146,7 +146,8 @@ TEST_F(LfCompositorTest, RendersPixelsOfCameras) {
   ImageMemory scratch;
   const RenderOptions raw{.codec = CodecChoice::kRaw};
   const ByteBuffer pixels = RequestRenderer().render({&plan, answer_of(asked, all)}, sources, raw, scratch).bytes;
-  const wire::AnyRequest command = pixel_access().command(array_.rig(), build_mesh(array_.rig()), asked);
+  const wire::AnyRequest command =
+      CameraAccess::of(Access::kPixels)->command(array_.rig(), build_mesh(array_.rig()), asked);
   for (const bool with_rig : {true, false}) {
     nodes_.clear();
     with_rig ? start(1, {{"rig", array_.rig_path()}}) : start(1);

@@ -76,7 +76,7 @@ TEST_F(LfFragmentTest, LimitedRangeIsConverted) {
   Rig rig = array_.rig();
   const RenderJob job(rig, build_mesh(rig), asked.view, std::vector<CameraIndex>{0});
   const Rect rect = answer.fragments[0].rect;
-  const std::vector<float> own = pixel_weights(job.plan(), job.owners(), 0, rect);
+  const std::vector<float> own = pixel_weights(job.plan(), FaceIdMap(job.runs()), 0, rect);
   const size_t peak = static_cast<size_t>(std::max_element(own.begin(), own.end()) - own.begin());
   EXPECT_NEAR(answer.fragments[0].pixels[peak], 255 * own[peak], 1.5);
 }

@@ -42,9 +42,15 @@ inline Fragment to_fragment(const FragmentHeader& header, const FragmentPlanes& 
   return out;
 }
 
+inline ByteBuffer encode_fragments(const AnswerHeader& header, const std::vector<Fragment>& fragments, int quality) {
+  std::vector<AnswerFragment> planes;
+  for (const Fragment& fragment : fragments) planes.push_back({{}, planes_of(fragment)});
+  return encode_fragments(header, planes, quality, {});
+}
+
 // Encodes raw. Throws Error with the invalid field if decode_answer() would reject the result.
 inline std::vector<uint8_t> encode_answer(const Answer& answer) {
-  const ByteBuffer bytes = FragmentEncoder().encode(answer, answer.fragments, 0);
+  const ByteBuffer bytes = encode_fragments(answer, answer.fragments, 0);
   return {bytes.begin(), bytes.end()};
 }
 

@@ -50,19 +50,35 @@ std::unique_ptr<GlesRenderer> GlesRenderer::create_in(Context::External foreign,
   return create_on(Context::create_in(std::move(foreign), drivers, why), why);
 }
 
+// Runs a job while the context is current. Throws Error if the context is lost.
+void GlesRenderer::in_context(const std::function<void()>& job) {
+  try {
+    if (context_->run(job)) return;
+  } catch (const GpuTimeout&) {
+    lost_ = true;
+    throw;
+  }
+  lost_ = true;
+  throw Error("the context is lost");
+}
+
+// Compiles one program to reject unsuitable drivers early.
 std::unique_ptr<GlesRenderer> GlesRenderer::create_on(std::unique_ptr<Context> context, std::string& why) {
   if (!context) return nullptr;
   std::unique_ptr<GlesRenderer> renderer(new GlesRenderer(std::move(context)));
-  bool is_fit = false;
-  renderer->context_->run([&] { is_fit = renderer->prepare(why); });
-  return is_fit ? std::move(renderer) : nullptr;
-}
-
-// Compile one program here to reject unsuitable drivers early.
-bool GlesRenderer::prepare(std::string& why) {
+  const Context& in = *renderer->context_;
   // llvmpipe reports one second for every compute shader.
-  objects_ = std::make_unique<Objects>(!is_software() && context_->has_extension("GL_EXT_disjoint_timer_query"));
-  return objects_->programs.use({.output = SumProgram::Output::kBlocksI420, .has_map = true}, why);
+  const bool has_timer = !in.is_software() && in.has_extension("GL_EXT_disjoint_timer_query");
+  try {
+    renderer->in_context([&] {
+      renderer->objects_ = std::make_unique<Objects>(has_timer);
+      renderer->objects_->programs.use({.output = SumProgram::Output::kBlocksI420, .has_map = true});
+    });
+  } catch (const Error& error) {
+    why = error.what();
+    return nullptr;
+  }
+  return renderer;
 }
 
 // Maximum samples per dispatch for views that are blended by a WeightGrid: for several views, and for a single view.
@@ -71,58 +87,39 @@ static constexpr size_t kMaxSamples = 64'000'000, kMaxSamplesOfOne = 256'000'000
 // Maximum projections in double that one CPU thread computes for such a view.
 static constexpr size_t kMaxFixedUp = 4'000'000;
 
-static bool refuse(std::string& why, std::string reason) {
-  why = std::move(reason);
-  return false;
-}
-
-bool GlesRenderer::fits(std::span<const GlesView> views, std::string& why) const {
+// Throws Error if one pass cannot render the views.
+void GlesRenderer::check_size(std::span<const GlesView> views) const {
   const Objects& o = *objects_;
-  if (!o.blocks.fits(views)) return refuse(why, "the view is too large");
   int level_rows = 0;
   size_t samples = 0;
+  bool is_too_large = !o.blocks.fits(views);
   for (const GlesView& view : views) {
     if (view.task->plan->blend()) samples += simd::samples_of(*view.task, view.rect);
     if (const FocalMap* map = view.task->plan->view().focus.map.get()) level_rows += map->rows;
-    if (std::max({view.rect.width(), view.rect.height(), level_rows}) > o.max_size)
-      return refuse(why, "the view is too large");
+    is_too_large |= std::max({view.rect.width(), view.rect.height(), level_rows}) > o.max_size;
   }
+  if (is_too_large) throw Error("the view is too large");
   if (samples > (views.size() > 1 ? kMaxSamples : kMaxSamplesOfOne))
-    return refuse(why, "too many cameras contribute to each pixel");
-  return true;
+    throw Error("too many cameras contribute to each pixel");
 }
 
-// `begin` starts rendering the views, with the images as `atlas` has laid them out. `read` waits for the result.
-template <class Begin, class Read>
-bool GlesRenderer::draw_now(std::span<const GlesView> views, ImageAtlas& atlas, const ParallelFor& parallel,
-                            const Begin& begin, const Read& read, std::string& why) {
+// `begin` starts rendering the views, with the images as `atlas` has laid them out. `read` waits for the result. Throws
+// Error if the GPU cannot render the views.
+void GlesRenderer::draw_now(std::span<const GlesView> views, ImageAtlas& atlas, const ParallelFor& parallel,
+                            const std::function<void()>& begin, const std::function<void()>& read) {
   Objects& o = *objects_;
-  const auto in_context = [&](const auto& job) {
-    bool done = false;
-    if (context_->run([&] { done = job(); })) return done;
-    lost_ = true;
-    return refuse(why, "the context is lost");
-  };
-  const auto reserve = [&] {
-    atlas.reserve();
-    return true;
-  };
-  if (!atlas.has_room() && !in_context(reserve)) return false;
+  if (!atlas.has_room()) in_context([&] { atlas.reserve(); });
   atlas.fill(parallel);
-  return in_context([&] {
-    if (!o.textures.upload(views, atlas, o.programs, why)) return false;
+  in_context([&] {
+    o.textures.upload(views, atlas, o.programs);
     o.stopwatch.reset();
-    if (!begin()) return false;
-    if (!read()) {
-      lost_ = true;
-      return refuse(why, "the GPU does not answer");
-    }
+    begin();
+    read();
     drawn_ns_ += o.stopwatch.nanoseconds();
     if (const GLenum error = glGetError(); error != GL_NO_ERROR) {
       lost_ = error == GL_OUT_OF_MEMORY || lost_;
-      return refuse(why, "OpenGL error " + std::to_string(error));
+      throw Error("OpenGL error " + std::to_string(error));
     }
-    return true;
   });
 }
 
@@ -138,32 +135,27 @@ size_t GlesRenderer::together(std::span<const GlesJob> orders) const {
   return static_cast<size_t>(end - orders.begin());
 }
 
-// Computes the undecided samples on the CPU. If a sum cannot be written back, returns false and sets `why` to the
-// reason.
-bool GlesRenderer::finish(std::span<GlesJob> orders, std::span<SumReadback> readings, const ParallelFor& parallel,
-                          std::string& why) {
+// Computes the undecided samples on the CPU. Throws Error if these are too many, or if a sum cannot be written back.
+void GlesRenderer::finish(std::span<GlesJob> orders, std::span<SumReadback> readings, const ParallelFor& parallel) {
   for (size_t i = 0; i < orders.size(); i++)
     if (orders[i].task->plan->blend() &&
         undecided_samples(*readings[i].out) * orders[i].task->slots.size() > kMaxFixedUp)
-      return refuse(why, "float precision leaves too many pixels to the CPU");
+      throw Error("float precision leaves too many pixels to the CPU");
   std::vector<size_t> fixed_up(orders.size());
   parallel(orders.size(),
            [&](size_t i) { fixed_up[i] = cpu_fixup(*orders[i].task, orders[i].sources, *readings[i].out); });
-  bool any = false, is_there = true;
+  bool any = false;
   for (size_t i = 0; i < orders.size(); i++) {
     fixed_up_ += fixed_up[i];
     any = any || (orders[i].keep_on_gpu && fixed_up[i] > 0);
   }
-  if (!any) return true;
+  if (!any) return;
   // Another renderer may add these sums as soon as they are published.
-  const auto write_back = [&] {
+  in_context([&] {
     for (size_t i = 0; i < orders.size(); i++)
       if (orders[i].keep_on_gpu && fixed_up[i] > 0) readings[i].sum->write_back(*readings[i].out);
-    is_there = wait_for_gpu();
-  };
-  if (context_->run(write_back) && is_there) return true;
-  lost_ = true;
-  return refuse(why, is_there ? "the context is lost" : "the GPU does not answer");
+    wait_for_gpu();
+  });
 }
 
 // Renders all orders in one pass. If they do not fit, splits them into two halves.
@@ -174,14 +166,15 @@ void GlesRenderer::draw_pass(std::span<GlesJob> orders, const ParallelFor& paral
   };
   std::vector<GlesView> views;
   for (const GlesJob& order : orders) views.push_back({order.task, order.sources, order.rect});
-  const auto refuse_all = [&](const std::string& reason) {
-    for (GlesJob& order : orders) order.why_not = reason.empty() ? "the GPU cannot render the view" : reason;
-  };
-  std::string why;
-  const Passes::Lease pass(o.passes);
-  if (!fits(views, why) ||
-      (!pass->atlas.lay_out(views, {part}, o.max_size) && !refuse(why, "the cameras' images are too large"))) {
-    if (orders.size() == 1) return refuse_all(why);
+  const std::shared_ptr<Pass> pass = o.passes.take();
+  try {
+    check_size(views);
+    if (!pass->atlas.lay_out(views, {part}, o.max_size)) throw Error("the cameras' images are too large");
+  } catch (const Error& error) {
+    if (orders.size() == 1) {
+      orders.front().why_not = error.what();
+      return;
+    }
     draw_pass(orders.first(orders.size() / 2), parallel);
     return draw_pass(orders.subspan(orders.size() / 2), parallel);
   }
@@ -190,7 +183,7 @@ void GlesRenderer::draw_pass(std::span<GlesJob> orders, const ParallelFor& paral
   std::vector<ReadbackBuffer> open(orders.size());  // undecided samples of the sums that stay on the GPU
   std::vector<SumReadback> readings(orders.size());
   std::vector<std::shared_ptr<BlockSum>> sums;
-  const auto begin = [&] { return o.blocks.begin(views, pass->numbers, o.textures, o.programs, o.stopwatch, why); };
+  const auto begin = [&] { return o.blocks.begin(views, pass->numbers, o.textures, o.programs, o.stopwatch); };
   for (size_t i = 0; i < orders.size(); i++) {
     GlesJob& order = orders[i];
     ReadbackBuffer* const out = order.keep_on_gpu ? &open[i] : &order.drawn;
@@ -200,10 +193,15 @@ void GlesRenderer::draw_pass(std::span<GlesJob> orders, const ParallelFor& paral
   const auto read_all = [&] {
     sums.assign(o.blocks.latest().begin(), o.blocks.latest().end());
     for (size_t i = 0; i < orders.size(); i++) readings[i].sum = sums[i].get();
-    return read_sums(readings);
+    read_sums(readings);
   };
-  if (!draw_now(views, pass->atlas, parallel, begin, read_all, why) || !finish(orders, readings, parallel, why))
-    return refuse_all(why);
+  try {
+    draw_now(views, pass->atlas, parallel, begin, read_all);
+    finish(orders, readings, parallel);
+  } catch (const Error& error) {
+    for (GlesJob& order : orders) order.why_not = error.what();
+    return;
+  }
   for (size_t i = 0; i < orders.size(); i++) {
     const View& view = orders[i].task->plan->view();
     if (orders[i].keep_on_gpu)
@@ -222,24 +220,17 @@ void GlesRenderer::draw(std::span<GlesJob> orders, const ParallelFor& parallel) 
   }
 }
 
-bool GlesRenderer::work(const std::function<bool(Programs& programs, Buffer& scratch)>& job) {
-  bool done = false;
-  const auto work = [&] { done = job(objects_->programs, objects_->scratch) && glGetError() == GL_NO_ERROR; };
-  if (context_->run(work)) return done;
-  lost_ = true;
-  return false;
+void GlesRenderer::work(const std::function<void(Programs& programs, Buffer& scratch)>& job) {
+  in_context([&] {
+    job(objects_->programs, objects_->scratch);
+    if (glGetError() != GL_NO_ERROR) throw Error("OpenGL reports an error");
+  });
 }
 
-std::shared_ptr<BlockSum> GlesRenderer::add(std::span<const std::shared_ptr<BlockSum>> sums, const Rect& view,
-                                            std::string& why) {
+std::shared_ptr<BlockSum> GlesRenderer::add(std::span<const std::shared_ptr<BlockSum>> sums, const Rect& view) {
   std::shared_ptr<BlockSum> sum;
-  const auto add = [&](Programs& programs, Buffer&) {
-    sum = objects_->blocks.add(sums, view, programs, why);
-    return sum != nullptr;
-  };
-  if (work(add)) return sum;
-  if (why.empty()) why = lost_ ? "the context is lost" : "OpenGL reports an error";
-  return nullptr;
+  work([&](Programs& programs, Buffer&) { sum = objects_->blocks.add(sums, view, programs); });
+  return sum;
 }
 
 bool GlesRenderer::draw_consistency(const ConsistencyTask& task, std::span<const Source> sources,
@@ -248,18 +239,23 @@ bool GlesRenderer::draw_consistency(const ConsistencyTask& task, std::span<const
   Objects& o = *objects_;
   for (const simd::Slot& slot : task.sums.slots) out.rect = unite(out.rect, slot.rect);
   const GlesView view{&task.sums, sources, out.rect};
-  const Passes::Lease pass(o.passes);
-  if (!fits({&view, 1}, why)) return false;
+  const std::shared_ptr<Pass> pass = o.passes.take();
   const auto part_of = [&part](const GlesView&, const Source& source) { return part(source); };
-  if (!pass->atlas.lay_out({&view, 1}, {part_of, false}, o.max_size))
-    return refuse(why, "the cameras' images are too large");
-  pass->numbers.make({&view, 1}, pass->atlas, parallel, task.boxes);
   const auto begin = [&] {
-    return o.consistency_sums.begin(task, out.rect, pass->numbers, o.textures, o.programs, o.stopwatch, why);
+    o.consistency_sums.begin(task, out.rect, pass->numbers, o.textures, o.programs, o.stopwatch);
   };
-  const auto read_all = [&] { return o.consistency_sums.read(out); };
-  drawn_ns_ = 0;
-  return draw_now({&view, 1}, pass->atlas, parallel, begin, read_all, why);
+  try {
+    check_size({&view, 1});
+    if (!pass->atlas.lay_out({&view, 1}, {part_of, false}, o.max_size))
+      throw Error("the cameras' images are too large");
+    pass->numbers.make({&view, 1}, pass->atlas, parallel, task.boxes);
+    drawn_ns_ = 0;
+    draw_now({&view, 1}, pass->atlas, parallel, begin, [&] { o.consistency_sums.read(out); });
+  } catch (const Error& error) {
+    why = error.what();
+    return false;
+  }
+  return true;
 }
 
 namespace {

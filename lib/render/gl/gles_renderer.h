@@ -110,25 +110,24 @@ class GlesRenderer : public std::enable_shared_from_this<GlesRenderer> {
   // but only one pass is rendered at a time.
   void draw(std::span<GlesJob> orders, const ParallelFor& parallel);
 
-  // Adds several sums that are on the GPU; see BlockSums::add(). On failure, returns null and sets `why` to the reason.
-  std::shared_ptr<BlockSum> add(std::span<const std::shared_ptr<BlockSum>> sums, const Rect& view, std::string& why);
+  // Adds several sums that are on the GPU; see BlockSums::add(). Throws Error like work().
+  std::shared_ptr<BlockSum> add(std::span<const std::shared_ptr<BlockSum>> sums, const Rect& view);
 
   // Computes the photo-consistency sums of a task into `out`. `part` returns the region of a source's image that is
   // sampled. The result is bit-identical to the CPU's, with these exceptions. Float rounding can move a position to the
   // next 1/256 pixel, or a weight to the next step of PhotoConsistency (at most one level of luma). Also, float may be
-  // unable to decide whether a camera sees a node. Threads and errors are as for draw().
+  // unable to decide whether a camera sees a node. If the GPU cannot compute the sums, returns false and sets `why` to
+  // the reason. Threads are as for draw().
   bool draw_consistency(const ConsistencyTask& task, std::span<const Source> sources,
                         const std::function<Rect(const Source&)>& part, const ParallelFor& parallel,
                         ConsistencyReadback& out, std::string& why);
 
   // Returns the group of contexts that share textures with this renderer's context, or 0.
   ShareGroup group() const { return context_->group(); }
-  // Runs a job on the GPU's objects while the context is current. The job has exclusive use of `scratch`. Returns false
-  // if the job returns false, the context is lost, or OpenGL reports an error. Thread-safe.
-  bool work(const std::function<bool(Programs& programs, Buffer& scratch)>& job);
-
-  // Records that the GPU has timed out; the GPU is then never used again. Call this from a job.
-  void mark_lost() { lost_ = true; }
+  // Runs a job on the GPU's objects while the context is current. The job has exclusive use of `scratch`. Throws Error
+  // if the context is lost, if OpenGL reports an error, or if the job does. After a GpuTimeout, the GPU is never used
+  // again. Thread-safe.
+  void work(const std::function<void(Programs& programs, Buffer& scratch)>& job);
 
   // Returns true if the GPU is lost, so that no draw() will succeed again.
   bool is_lost() const { return lost_; }
@@ -145,15 +144,13 @@ class GlesRenderer : public std::enable_shared_from_this<GlesRenderer> {
   struct Objects;
   explicit GlesRenderer(std::unique_ptr<Context> context);
   static std::unique_ptr<GlesRenderer> create_on(std::unique_ptr<Context> context, std::string& why);
-  bool prepare(std::string& why);
+  void in_context(const std::function<void()>& job);
   size_t together(std::span<const GlesJob> orders) const;
   void draw_pass(std::span<GlesJob> orders, const ParallelFor& parallel);
-  bool fits(std::span<const GlesView> views, std::string& why) const;
-  bool finish(std::span<GlesJob> orders, std::span<SumReadback> readings, const ParallelFor& parallel,
-              std::string& why);
-  template <class Begin, class Read>
-  bool draw_now(std::span<const GlesView> views, ImageAtlas& atlas, const ParallelFor& parallel, const Begin& begin,
-                const Read& read, std::string& why);
+  void check_size(std::span<const GlesView> views) const;
+  void finish(std::span<GlesJob> orders, std::span<SumReadback> readings, const ParallelFor& parallel);
+  void draw_now(std::span<const GlesView> views, ImageAtlas& atlas, const ParallelFor& parallel,
+                const std::function<void()>& begin, const std::function<void()>& read);
 
   std::unique_ptr<Context> context_;
   std::unique_ptr<Objects> objects_;  // its objects belong to the context

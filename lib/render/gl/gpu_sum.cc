@@ -27,25 +27,24 @@ ConstSumPlanes GpuSum::fetch() {
   const std::lock_guard lock(mutex_);
   if (!memory_.empty()) return fetched_;
   ReadbackBuffer drawn{.family = sum_->family, .rect = sum_->rect};
-  const bool is_there = renderer_->work([&](Programs&, Buffer&) {
+  try {
     SumReadback reading{sum_.get(), &drawn};
-    if (read_sums({&reading, 1})) return true;
-    renderer_->mark_lost();
-    return false;
-  });
-  is_gone_ = !is_there;
+    renderer_->work([&](Programs&, Buffer&) { read_sums({&reading, 1}); });
+  } catch (const Error&) {
+    is_gone_ = true;
+  }
   const Rect& rect = sum_->rect;
   const size_t samples = packed_size(drawn.family, rect.width(), rect.height()),
                pixels = static_cast<size_t>(rect.width()) * rect.height();
-  const bool has_missing = has_missing_ || !is_there;
+  const bool has_missing = has_missing_ || is_gone_;
   memory_.resize(samples + (has_missing ? pixels : 0));
   auto* const lost = has_missing ? reinterpret_cast<uint16_t*>(memory_.data() + samples) : nullptr;
   const SumPlanes planes = packed_sums(drawn.family, rect, memory_.data(), lost);
-  if (is_there) {
-    drawn.copy_rows(rect.y0, rect.y1, planes);
-  } else {
+  if (is_gone_) {
     std::fill_n(memory_.data(), samples, int16_t{0});
     std::fill_n(lost, pixels, uint16_t{kMissingOne});
+  } else {
+    drawn.copy_rows(rect.y0, rect.y1, planes);
   }
   fetched_ = packed_sums<const int16_t, const uint16_t>(drawn.family, rect, memory_.data(), lost);
   return fetched_;
@@ -59,11 +58,15 @@ std::shared_ptr<GpuSum> GpuSum::add(std::span<const std::shared_ptr<GpuSum>> sum
     parts.push_back(sum->sum_);
     has_missing = has_missing || sum->has_missing_;
   }
-  std::shared_ptr<BlockSum> all = first.renderer_->add(parts, first.view_, why);
-  if (!all) return nullptr;
-  auto sum = std::make_shared<GpuSum>(first.renderer_, std::move(all), first.view_, has_missing);
-  sum->parts_ = std::move(parts);
-  return sum;
+  try {
+    auto sum =
+        std::make_shared<GpuSum>(first.renderer_, first.renderer_->add(parts, first.view_), first.view_, has_missing);
+    sum->parts_ = std::move(parts);
+    return sum;
+  } catch (const Error& error) {
+    why = error.what();
+    return nullptr;
+  }
 }
 
 namespace {
@@ -105,23 +108,22 @@ bool GpuSum::draw(const GpuPicture& picture, std::string& why) {
       glWaitSync(fence, 0, GL_TIMEOUT_IGNORED);
       glDeleteSync(fence);
     }
-    const Program* program = programs.use(what, why);
-    if (!program) return false;
+    const Program& program = programs.use(what);
     bytes.reserve(sizeof(uint32_t) * planes[count - 1].end());
     const BlockSum& sum = *sum_;
-    glUniform2i(program->origin, sum.rect.x0, sum.rect.y0);
-    glUniform2i(program->size, sum.rect.width(), sum.rect.height());
-    glUniform2i(program->extent, view_.width(), view_.height());
-    glUniform1ui(program->missing_rows, sum.parts.missing_rows);
-    glUniform4ui(program->parts, sum.parts.pixels, sum.parts.chroma, sum.parts.lost, sum.draw);
-    glUniform4ui(program->planes, planes[0].row(), planes[1].row(), static_cast<GLuint>(planes[1].first),
+    glUniform2i(program.origin, sum.rect.x0, sum.rect.y0);
+    glUniform2i(program.size, sum.rect.width(), sum.rect.height());
+    glUniform2i(program.extent, view_.width(), view_.height());
+    glUniform1ui(program.missing_rows, sum.parts.missing_rows);
+    glUniform4ui(program.parts, sum.parts.pixels, sum.parts.chroma, sum.parts.lost, sum.draw);
+    glUniform4ui(program.planes, planes[0].row(), planes[1].row(), static_cast<GLuint>(planes[1].first),
                  static_cast<GLuint>(planes[2].first));
-    glUniform3f(program->byte_levels, picture.gain, picture.offset, picture.chroma_gain);
-    glUniform4f(program->background, picture.background[0], picture.background[1], picture.background[2],
+    glUniform3f(program.byte_levels, picture.gain, picture.offset, picture.chroma_gain);
+    glUniform4f(program.background, picture.background[0], picture.background[1], picture.background[2],
                 static_cast<float>(picture.least_weight));
     const RgbLayout& layout = picture.layout;
     const int opaque = 6 - layout.r - layout.g - layout.b;
-    glUniform4i(program->channels, 8 * layout.r, 8 * layout.g, 8 * layout.b,
+    glUniform4i(program.channels, 8 * layout.r, 8 * layout.g, 8 * layout.b,
                 rgb ? (layout.pixel_stride == 4 ? 8 * opaque : -1) : picture.is_interleaved);
     glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kResultBinding, sum.words->name());
     glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kPictureBinding, bytes.name());
@@ -145,25 +147,22 @@ bool GpuSum::draw(const GpuPicture& picture, std::string& why) {
     glBindTexture(GL_TEXTURE_2D, 0);
     glBindBuffer(GL_PIXEL_UNPACK_BUFFER, 0);
     glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
-    return true;
   };
   return work(make, why);
 }
 
 bool GpuSum::wait(std::string& why) {
-  const auto wait = [&](Programs&, Buffer&) {
-    if (wait_for_gpu()) return true;
-    renderer_->mark_lost();
-    why = "the GPU does not answer";
-    return false;
-  };
-  return work(wait, why);
+  return work([](Programs&, Buffer&) { wait_for_gpu(); }, why);
 }
 
-bool GpuSum::work(const std::function<bool(Programs&, Buffer&)>& job, std::string& why) {
-  if (renderer_->work(job)) return true;
-  if (why.empty()) why = renderer_->is_lost() ? "the context is lost" : "OpenGL reports an error";
-  return false;
+bool GpuSum::work(const std::function<void(Programs&, Buffer&)>& job, std::string& why) {
+  try {
+    renderer_->work(job);
+    return true;
+  } catch (const Error& error) {
+    why = error.what();
+    return false;
+  }
 }
 
 }  // namespace lf::gl

@@ -78,7 +78,7 @@ class GpuSum {
   bool has_same_renderer(const GpuSum& other) const { return renderer_ == other.renderer_; }
 
  private:
-  bool work(const std::function<bool(Programs& programs, Buffer& scratch)>& job, std::string& why);
+  bool work(const std::function<void(Programs& programs, Buffer& scratch)>& job, std::string& why);
 
   const std::shared_ptr<GlesRenderer> renderer_;  // outlives its sums
   const std::shared_ptr<BlockSum> sum_;

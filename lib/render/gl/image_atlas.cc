@@ -17,13 +17,10 @@ TextureStager::~TextureStager() {
   if (nearest_) glDeleteSamplers(1, &nearest_);
 }
 
-bool TextureStager::begin(size_t bytes, Programs& programs, std::string& why) {
-  if (bytes / sizeof(uint32_t) > ComputeBuffer::most_words()) {
-    why = "the images are too large for a shader storage buffer";
-    return false;
-  }
-  program_ = programs.use({.output = SumProgram::Output::kImage}, why);
-  if (!program_) return false;
+void TextureStager::begin(size_t bytes, Programs& programs) {
+  if (bytes / sizeof(uint32_t) > ComputeBuffer::most_words())
+    throw Error("the images are too large for a shader storage buffer");
+  program_ = &programs.use({.output = SumProgram::Output::kImage});
   if (!nearest_) {
     // The creator of a texture may have set a mipmap filter without providing mipmaps.
     glGenSamplers(1, &nearest_);
@@ -34,7 +31,6 @@ bool TextureStager::begin(size_t bytes, Programs& programs, std::string& why) {
   glBindSampler(kGpuImage, nearest_);
   glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kResultBinding, bytes_.name());
   glMemoryBarrier(GL_PIXEL_BUFFER_BARRIER_BIT);  // wait for the previous upload from this buffer
-  return true;
 }
 
 void TextureStager::copy(const ImageView& image, const Plane& plane) {
@@ -183,7 +179,7 @@ void ImageAtlas::fill(const ParallelFor& parallel) {
   });
 }
 
-bool ImageAtlas::send(TextureStager& pieces, Programs& programs, std::string& why) {
+void ImageAtlas::send(TextureStager& pieces, Programs& programs) {
   const GLenum internal_format = bytes_ == 1   ? GL_R8
                                  : bytes_ == 3 ? GL_RGB8
                                                : GL_RGBA8,
@@ -193,22 +189,18 @@ bool ImageAtlas::send(TextureStager& pieces, Programs& programs, std::string& wh
   const auto send_from = [&](GLuint buffer) {
     texture_.send(kImages, internal_format, format, width_, all_rows(), false, buffer);
   };
-  if (!has_gpu_) {
-    send_from(0);
-    return true;
-  }
+  if (!has_gpu_) return send_from(0);
   std::set<const GpuImage*> waited_for;
   for (const Piece& piece : pieces_) {
     const GpuImage* const image = piece.image->on_gpu.image;
     if (image && waited_for.insert(image).second) image->wait();
   }
-  if (!pieces.begin(size(), programs, why)) return false;
+  pieces.begin(size(), programs);
   if (has_uploads_) texture_.copy_to(pieces.name(), size());
   for (const Piece& piece : pieces_)
     if (piece.image->on_gpu.image) copy_on_gpu(piece, pieces);
   pieces.end();
   send_from(pieces.name());
-  return true;
 }
 
 }  // namespace lf::gl

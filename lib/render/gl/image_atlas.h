@@ -34,8 +34,8 @@ class TextureStager {
   TextureStager(const TextureStager&) = delete;
   TextureStager& operator=(const TextureStager&) = delete;
 
-  // Starts filling a buffer of `bytes` bytes, until end(). On failure, returns false and sets `why` to the reason.
-  bool begin(size_t bytes, Programs& programs, std::string& why);
+  // Starts filling a buffer of `bytes` bytes, until end(). Throws Error if that is not possible.
+  void begin(size_t bytes, Programs& programs);
   GLuint name() const { return bytes_.name(); }
   // Region `part` of a plane with width x height pixels, and its place in the buffer. Up to one word beyond the end of
   // each row may be overwritten.
@@ -102,8 +102,8 @@ class ImageAtlas {
   // Copies the regions to upload memory. The results of the previous pass must have been read before.
   void fill(const ParallelFor& parallel);
   // Uploads the texture, copies the regions of images that are on the GPU with `pieces`, and binds the texture. The
-  // context must be current. On failure, returns false and sets `why` to the reason.
-  bool send(TextureStager& pieces, Programs& programs, std::string& why);
+  // context must be current. Throws Error if images on the GPU are unavailable.
+  void send(TextureStager& pieces, Programs& programs);
 
  private:
   struct Piece {

@@ -28,7 +28,7 @@ PFNGLBUFFERSTORAGEEXTPROC buffer_storage() {
   return nullptr;
 }
 
-GLuint compile(const std::string& text, std::string& why) {
+GLuint compile(const std::string& text) {
   const GLuint shader = glCreateShader(GL_COMPUTE_SHADER);
   const char* source = text.c_str();
   glShaderSource(shader, 1, &source, nullptr);
@@ -38,15 +38,12 @@ GLuint compile(const std::string& text, std::string& why) {
   if (compiled) return shader;
   char log[512] = "";
   glGetShaderInfoLog(shader, sizeof log, nullptr, log);
-  why = std::string("a shader does not compile: ") + log;
   glDeleteShader(shader);
-  return 0;
+  throw Error(std::string("a shader does not compile: ") + log);
 }
 
-// On failure, returns 0 and sets `why` to the reason.
-GLuint link(const SumProgram& what, std::string& why) {
-  const GLuint shader = compile(compute_shader(what), why);
-  if (!shader) return 0;
+GLuint link(const SumProgram& what) {
+  const GLuint shader = compile(compute_shader(what));
   const GLuint name = glCreateProgram();
   glAttachShader(name, shader);
   glDeleteShader(shader);  // deleted when the program is
@@ -56,9 +53,8 @@ GLuint link(const SumProgram& what, std::string& why) {
   if (linked) return name;
   char text[512] = "";
   glGetProgramInfoLog(name, sizeof text, nullptr, text);
-  why = std::string("a shader does not link: ") + text;
   glDeleteProgram(name);
-  return 0;
+  throw Error(std::string("a shader does not link: ") + text);
 }
 
 }  // namespace
@@ -116,29 +112,29 @@ void UploadTexture::copy_to(GLuint buffer, size_t bytes) {
   glCopyBufferSubData(GL_COPY_READ_BUFFER, GL_COPY_WRITE_BUFFER, 0, 0, size);
 }
 
-const Program* Programs::use(const SumProgram& what, std::string& why) {
+const Program& Programs::use(const SumProgram& what) {
   if (const auto found = programs_.find(what); found != programs_.end()) {
     glUseProgram(found->second.name);
-    return &found->second;
+    return found->second;
   }
-  const GLuint name = link(what, why);
-  if (!name) return nullptr;
+  const GLuint name = link(what);
   glUseProgram(name);
   const auto at = [&](const char* uniform) { return glGetUniformLocation(name, uniform); };
   for (const auto& [sampler, unit] :
        {std::pair("levels", kLevels), std::pair("rays", kRays), std::pair("centre_rays", kCentreRays),
         std::pair("images", kImages), std::pair("gpu_image", kGpuImage)})
     glUniform1i(at(sampler), unit);
-  return &(programs_[what] = {name, at("origin"), at("size"), at("extent"), at("chroma_places"), at("parts"),
-                              at("missing_rows"), at("planes"), at("byte_levels"), at("background"), at("channels")});
+  return programs_[what] = {name,          at("origin"),       at("size"),   at("extent"),      at("chroma_places"),
+                            at("parts"),   at("missing_rows"), at("planes"), at("byte_levels"), at("background"),
+                            at("channels")};
 }
 
-bool wait_for_gpu() {
+void wait_for_gpu() {
   const GLsync done = glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0);
   constexpr GLuint64 kLongest = 10'000'000'000;  // nanoseconds; a slower GPU counts as lost
   const GLenum state = glClientWaitSync(done, GL_SYNC_FLUSH_COMMANDS_BIT, kLongest);
   glDeleteSync(done);
-  return state == GL_ALREADY_SIGNALED || state == GL_CONDITION_SATISFIED;
+  if (state != GL_ALREADY_SIGNALED && state != GL_CONDITION_SATISFIED) throw GpuTimeout();
 }
 
 size_t ComputeBuffer::most_words() {
@@ -147,14 +143,10 @@ size_t ComputeBuffer::most_words() {
   return static_cast<size_t>(most) / kWord;
 }
 
-bool ComputeBuffer::reserve(size_t words, std::string& why) {
-  if (words > most_words()) {
-    why = "the view is too large";
-    return false;
-  }
+void ComputeBuffer::reserve(size_t words) {
+  if (words > most_words()) throw Error("the view is too large");
   words_ = words;
   result_.reserve(kWord * words);
-  return true;
 }
 
 std::shared_ptr<ComputeBuffer::Fetched> ComputeBuffer::start_readback() {
@@ -170,7 +162,7 @@ std::shared_ptr<ComputeBuffer::Fetched> ComputeBuffer::start_readback() {
   return {free, [](Fetched* fetched) { fetched->is_free_ = true; }};
 }
 
-bool ComputeBuffer::fetch(Fetched& to, std::span<const Words> which) {
+void ComputeBuffer::fetch(Fetched& to, std::span<const Words> which) {
   glBindBuffer(GL_COPY_READ_BUFFER, result_.name());
   glBindBuffer(GL_COPY_WRITE_BUFFER, to.buffer_.name());
   const auto at = [](size_t word) { return static_cast<GLintptr>(kWord * word); };
@@ -179,11 +171,10 @@ bool ComputeBuffer::fetch(Fetched& to, std::span<const Words> which) {
   if (to.buffer_.memory()) return wait_for_gpu();
   for (const auto& [first, end] : which) {
     const void* mapped = glMapBufferRange(GL_COPY_WRITE_BUFFER, at(first), at(end - first), GL_MAP_READ_BIT);
-    if (!mapped) return false;
+    if (!mapped) throw GpuTimeout();
     std::memcpy(to.memory_.data() + at(first), mapped, kWord * (end - first));
     glUnmapBuffer(GL_COPY_WRITE_BUFFER);
   }
-  return true;
 }
 
 }  // namespace lf::gl

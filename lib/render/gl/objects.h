@@ -13,10 +13,16 @@
 #include <GLES3/gl31.h>
 
 #include "base/memory.h"
+#include "base/text.h"
 #include "render/gl/sum_shader.h"
 
 // Wrappers of the OpenGL objects that GlesRenderer uses. The context must be current for all calls.
 namespace lf::gl {
+
+// Thrown if the GPU does not answer, so that it must not be used again.
+struct GpuTimeout : Error {
+  GpuTimeout() : Error("the GPU does not answer") {}
+};
 
 // A texture that is only reallocated if a larger size is needed.
 class Texture {
@@ -153,16 +159,16 @@ class Programs {
   ~Programs() {
     for (const auto& [what, program] : programs_) glDeleteProgram(program.name);
   }
-  // Activates a program. Its first use compiles it, which takes tens of milliseconds. On failure, returns null and sets
-  // `why` to the driver's log.
-  const Program* use(const SumProgram& what, std::string& why);
+  // Activates a program. Its first use compiles it, which takes tens of milliseconds. Throws Error with the driver's
+  // log if that fails. The result is valid as long as this object.
+  const Program& use(const SumProgram& what);
 
  private:
   std::map<SumProgram, Program> programs_;
 };
 
-// Waits for all GPU commands issued so far. Returns false if the GPU does not answer. The context must be current.
-bool wait_for_gpu();
+// Waits for all GPU commands issued so far. Throws GpuTimeout. The context must be current.
+void wait_for_gpu();
 
 // A buffer of 32-bit words that compute shaders write and that can be read back. The context must be current for all
 // calls.
@@ -183,17 +189,16 @@ class ComputeBuffer {
 
   // Returns the maximum size of a buffer that shaders can write.
   static size_t most_words();
-  // Makes room; the contents are lost if the buffer grows. If shaders cannot write so many words, returns false and
-  // sets `why` to the reason.
-  bool reserve(size_t words, std::string& why);
+  // Makes room; the contents are lost if the buffer grows. Throws Error if shaders cannot write so many words.
+  void reserve(size_t words);
   GLuint name() const { return result_.name(); }
   // Returns a free readback buffer of the size that was reserved last. This object must outlive the buffer.
   std::shared_ptr<Fetched> start_readback();
   struct Words {
     size_t first = 0, end = 0;
   };
-  // Copies the words to the same offsets in `to`, and waits. Returns false if the GPU does not answer.
-  bool fetch(Fetched& to, std::span<const Words> which);
+  // Copies the words to the same offsets in `to`, and waits. Throws GpuTimeout.
+  void fetch(Fetched& to, std::span<const Words> which);
 
  private:
   size_t words_ = 0;

@@ -355,7 +355,7 @@ void ViewTextures::upload_levels(std::span<const GlesView> views) {
   levels_.send(kLevels, GL_R8UI, GL_RED_INTEGER, columns, rows, true);
 }
 
-bool ViewTextures::upload(std::span<const GlesView> views, ImageAtlas& atlas, Programs& programs, std::string& why) {
+void ViewTextures::upload(std::span<const GlesView> views, ImageAtlas& atlas, Programs& programs) {
   const GlesView& first = views.front();
   if (const Rays& rays = first.task->plan->rays(); !rays.separable()) {
     upload_rays(rays, first.rect, false);
@@ -363,7 +363,7 @@ bool ViewTextures::upload(std::span<const GlesView> views, ImageAtlas& atlas, Pr
   }
   upload_levels(views);
   atlas_ = &atlas;
-  return atlas.send(pieces_, programs, why);
+  atlas.send(pieces_, programs);
 }
 
 void ViewTextures::describe_images(const Program& program) const {

@@ -62,33 +62,18 @@ struct Pass {
 // A pool of passes, so that their memory is reused. Thread-safe.
 class Passes {
  public:
-  // Gives exclusive use of a pass as long as the lease exists. Needs no context.
-  class Lease {
-   public:
-    explicit Lease(Passes& from) : from_(from), pass_(from.take()) {}
-    ~Lease() { from_.give_back(std::move(pass_)); }
-    Lease(const Lease&) = delete;
-    Lease& operator=(const Lease&) = delete;
-    Pass* operator->() const { return pass_.get(); }
-
-   private:
-    Passes& from_;
-    std::unique_ptr<Pass> pass_;
-  };
+  // Returns a pass in exclusive use. This object must outlive the result. Needs no context.
+  std::shared_ptr<Pass> take() {
+    const std::lock_guard lock(mutex_);
+    auto pass = free_.empty() ? std::make_unique<Pass>() : std::move(free_.back());
+    if (!free_.empty()) free_.pop_back();
+    return {pass.release(), [this](Pass* used) {
+              const std::lock_guard giving_back(mutex_);
+              free_.emplace_back(used);
+            }};
+  }
 
  private:
-  std::unique_ptr<Pass> take() {
-    const std::lock_guard lock(mutex_);
-    if (free_.empty()) return std::make_unique<Pass>();
-    auto pass = std::move(free_.back());
-    free_.pop_back();
-    return pass;
-  }
-  void give_back(std::unique_ptr<Pass> pass) {
-    const std::lock_guard lock(mutex_);
-    free_.push_back(std::move(pass));
-  }
-
   std::mutex mutex_;
   std::vector<std::unique_ptr<Pass>> free_;
 };
@@ -98,9 +83,9 @@ class Passes {
 class ViewTextures {
  public:
   // Uploads and binds the textures for the views of a pass. There can be several views only if no view has a texture of
-  // lines of sight. `atlas` must be filled, and must live until the result has been read. If images on the GPU are
-  // unavailable, returns false and sets `why` to the reason.
-  bool upload(std::span<const GlesView> views, ImageAtlas& atlas, Programs& programs, std::string& why);
+  // lines of sight. `atlas` must be filled, and must live until the result has been read. Throws Error if images on the
+  // GPU are unavailable.
+  void upload(std::span<const GlesView> views, ImageAtlas& atlas, Programs& programs);
   // Sets the uniforms of the chroma offsets in the atlas, for the program in use.
   void describe_images(const Program& program) const;
 

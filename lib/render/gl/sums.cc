@@ -78,13 +78,12 @@ bool BlockSums::fits(std::span<const GlesView> views) const {
   return std::max({words, of_tables, 2 * of_cells}) <= most_words_;  // runs are in the same buffer
 }
 
-bool BlockSums::begin(std::span<const GlesView> views, PassTables& numbers, const ViewTextures& textures,
-                      Programs& programs, GpuTimer& stopwatch, std::string& why) {
+void BlockSums::begin(std::span<const GlesView> views, PassTables& numbers, const ViewTextures& textures,
+                      Programs& programs, GpuTimer& stopwatch) {
   const PixelFamily family = views.front().task->family;
   SumProgram what = program_of(*views.front().task);
   what.output = family == PixelFamily::kRgb ? SumProgram::Output::kBlocksRgb : SumProgram::Output::kBlocksI420;
-  const Program* program = programs.use(what, why);
-  if (!program) return false;
+  const Program& program = programs.use(what);
   const std::shared_ptr<ComputeBuffer> words = next();
   draw_++;
   uint32_t end = 0, columns = 0, rows = 0;
@@ -98,34 +97,32 @@ bool BlockSums::begin(std::span<const GlesView> views, PassTables& numbers, cons
     columns = std::max(columns, groups(rect.width()));
     rows = std::max(rows, groups(rect.height()));
   }
-  if (!words->reserve(end, why)) return false;
+  words->reserve(end);
   numbers.send(numbers_);
-  textures.describe_images(*program);
+  textures.describe_images(program);
   glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kResultBinding, words->name());
   stopwatch.begin();
   glDispatchCompute(columns, rows, static_cast<GLuint>(views.size()));
   stopwatch.end();
   glMemoryBarrier(GL_BUFFER_UPDATE_BARRIER_BIT | GL_SHADER_STORAGE_BARRIER_BIT);
-  return true;
 }
 
 std::shared_ptr<BlockSum> BlockSums::add(std::span<const std::shared_ptr<BlockSum>> sums, const Rect& view,
-                                         Programs& programs, std::string& why) {
-  const Program* const program = programs.use({.output = SumProgram::Output::kAdded}, why);
-  if (!program) return nullptr;
+                                         Programs& programs) {
+  const Program& program = programs.use({.output = SumProgram::Output::kAdded});
   const PixelFamily family = sums.front()->family;
   const bool rgb = family == PixelFamily::kRgb;
   const BlockSum::Parts to = lay_out(family, view, 0);
   const auto all = std::make_shared<BlockSum>(BlockSum{family, view, to, ++draw_, next()});
-  if (!all->words->reserve(to.end, why)) return nullptr;
+  all->words->reserve(to.end);
   enum Mode : GLuint { kAdd, kAddMissing, kClear };
   glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kResultBinding, all->words->name());
   // The sum has `columns` x `rows` words. `missing_row` is the index of the missing_rows word for the first row.
   const auto dispatch = [&](Mode mode, uint32_t columns, uint32_t rows, uint32_t from, uint32_t to_first,
                             uint32_t to_row, uint32_t missing_row = 0) {
-    glUniform2i(program->size, static_cast<GLint>(columns), static_cast<GLint>(rows));
-    glUniform4ui(program->parts, from, columns, to_first, to_row);
-    glUniform4ui(program->planes, mode, missing_row, 0, all->draw);
+    glUniform2i(program.size, static_cast<GLint>(columns), static_cast<GLint>(rows));
+    glUniform4ui(program.parts, from, columns, to_first, to_row);
+    glUniform4ui(program.planes, mode, missing_row, 0, all->draw);
     glDispatchCompute((columns + kGroup - 1) / kGroup, (rows + kGroup - 1) / kGroup, 1);
   };
   constexpr uint32_t kClearRow = 4096;
@@ -149,7 +146,7 @@ std::shared_ptr<BlockSum> BlockSums::add(std::span<const std::shared_ptr<BlockSu
   return all;
 }
 
-bool read_sums(std::span<SumReadback> sums) {
+void read_sums(std::span<SumReadback> sums) {
   ComputeBuffer& words = *sums.front().sum->words;
   const std::shared_ptr<ComputeBuffer::Fetched> fetched = words.start_readback();
   std::vector<ComputeBuffer::Words> which;
@@ -157,7 +154,7 @@ bool read_sums(std::span<SumReadback> sums) {
     const BlockSum::Parts& parts = reading.sum->parts;
     which.push_back({parts.missing_rows, reading.only_undecided ? parts.pixels : parts.lost});
   }
-  if (!words.fetch(*fetched, which)) return false;
+  words.fetch(*fetched, which);
   which.clear();
   for (SumReadback& reading : sums) {
     const BlockSum& sum = *reading.sum;
@@ -172,7 +169,7 @@ bool read_sums(std::span<SumReadback> sums) {
       if (reading.only_undecided || first >= sum.parts.lost) which.push_back({first, end});
     });
   }
-  return which.empty() || words.fetch(*fetched, which);
+  if (!which.empty()) words.fetch(*fetched, which);
 }
 
 void BlockSum::write_back(const ReadbackBuffer& from) {
@@ -196,19 +193,18 @@ void ConsistencySums::upload_surfaces(const ConsistencyTask& task, const Rect& r
   surfaces_.put(0, surface_memory_.data(), surface_memory_.size());
 }
 
-bool ConsistencySums::begin(const ConsistencyTask& task, const Rect& rect, const PassTables& numbers,
-                            const ViewTextures& textures, Programs& programs, GpuTimer& stopwatch, std::string& why) {
+void ConsistencySums::begin(const ConsistencyTask& task, const Rect& rect, const PassTables& numbers,
+                            const ViewTextures& textures, Programs& programs, GpuTimer& stopwatch) {
   SumProgram what = program_of(task.sums);
   what.output = task.sums.family == PixelFamily::kRgb ? SumProgram::Output::kConsistencyRgb
                                                       : SumProgram::Output::kConsistencyI420;
-  const Program* program = programs.use(what, why);
-  if (!program) return false;
+  const Program& program = programs.use(what);
   upload_surfaces(task, rect);
   const auto pairs = static_cast<uint32_t>((rect.width() + 1) / 2), rows = static_cast<uint32_t>(rect.height());
   words_ = size_t{3} * task.surfaces.size() * pairs * rows;
-  if (!result_.reserve(words_, why)) return false;
+  result_.reserve(words_);
   numbers.send(numbers_);
-  textures.describe_images(*program);
+  textures.describe_images(program);
   glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kResultBinding, result_.name());
   glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kSurfacesBinding, surfaces_.name());
   stopwatch.begin();
@@ -216,16 +212,15 @@ bool ConsistencySums::begin(const ConsistencyTask& task, const Rect& rect, const
                     static_cast<uint32_t>(task.surfaces.size()));
   stopwatch.end();
   glMemoryBarrier(GL_BUFFER_UPDATE_BARRIER_BIT);
-  return true;
 }
 
-bool ConsistencySums::read(ConsistencyReadback& out) {
+void ConsistencySums::read(ConsistencyReadback& out) {
   const std::shared_ptr<ComputeBuffer::Fetched> fetched = result_.start_readback();
   out.memory = fetched;
   out.pitch = (out.rect.width() + 1) / 2 * 2;
   out.values = reinterpret_cast<const uint16_t*>(fetched->words());
   const ComputeBuffer::Words all{0, words_};
-  return result_.fetch(*fetched, {&all, 1});
+  result_.fetch(*fetched, {&all, 1});
 }
 
 }  // namespace lf::gl

@@ -45,9 +45,8 @@ struct SumReadback {
   bool only_undecided = false;
   bool any_missing = false;  // result
 };
-// Waits for the sums of one pass and copies them to memory. Returns false if the GPU does not answer. The context must
-// be current.
-bool read_sums(std::span<SumReadback> sums);
+// Waits for the sums of one pass and copies them to memory. Throws GpuTimeout. The context must be current.
+void read_sums(std::span<SumReadback> sums);
 
 // Renders sums on the GPU, with one shader invocation for each block of 2x2 pixels, because these share a chroma
 // sample. The context must be current for all calls except fits().
@@ -56,15 +55,14 @@ class BlockSums {
   BlockSums() : most_words_(ComputeBuffer::most_words()) {}
   // Returns true if shaders can write the sums of these views and read their tables, given the limits of the driver.
   bool fits(std::span<const GlesView> views) const;
-  // Starts the sums of views that share one program. `numbers` and `textures` contain their input. On failure, returns
-  // false and sets `why` to the reason.
-  bool begin(std::span<const GlesView> views, PassTables& numbers, const ViewTextures& textures, Programs& programs,
-             GpuTimer& stopwatch, std::string& why);
+  // Starts the sums of views that share one program. `numbers` and `textures` contain their input. Throws Error if the
+  // GPU cannot render the sums.
+  void begin(std::span<const GlesView> views, PassTables& numbers, const ViewTextures& textures, Programs& programs,
+             GpuTimer& stopwatch);
   // Starts adding sums of the same family and view into a sum of the whole view, with saturation. Pixels outside all
   // sums become 0. Sums may come from another renderer in the same share group, once they are complete. The caller must
-  // hold the sums until the GPU has finished. On failure, returns null and sets `why` to the reason.
-  std::shared_ptr<BlockSum> add(std::span<const std::shared_ptr<BlockSum>> sums, const Rect& view, Programs& programs,
-                                std::string& why);
+  // hold the sums until the GPU has finished. Throws Error if the GPU cannot add these sums.
+  std::shared_ptr<BlockSum> add(std::span<const std::shared_ptr<BlockSum>> sums, const Rect& view, Programs& programs);
   // Returns the sums that were started last. The memory of a sum is not reused while a caller holds the sum.
   std::span<const std::shared_ptr<BlockSum>> latest() const { return latest_; }
 
@@ -83,11 +81,11 @@ class BlockSums {
 class ConsistencySums {
  public:
   // Starts the sums in `rect`, which contains the rectangles of all slots. `numbers` and `textures` contain the view's
-  // input. On failure, returns false and sets `why` to the reason.
-  bool begin(const ConsistencyTask& task, const Rect& rect, const PassTables& numbers, const ViewTextures& textures,
-             Programs& programs, GpuTimer& stopwatch, std::string& why);
-  // Waits for the result and copies the sums. Returns false if the GPU does not answer.
-  bool read(ConsistencyReadback& out);
+  // input. Throws Error if the GPU cannot render the sums.
+  void begin(const ConsistencyTask& task, const Rect& rect, const PassTables& numbers, const ViewTextures& textures,
+             Programs& programs, GpuTimer& stopwatch);
+  // Waits for the result and copies the sums. Throws GpuTimeout.
+  void read(ConsistencyReadback& out);
 
  private:
   void upload_surfaces(const ConsistencyTask& task, const Rect& rect);

@@ -240,11 +240,12 @@ RenderJob job_of(const Scene& scene) { return {scene.rig(), scene.mesh(), scene.
 // Camera weights in float, from edge functions in double.
 Spread weights(const Scene& scene) {
   const RenderJob job = job_of(scene);
+  const FaceIdMap owners(job.runs());
   const reference::Picture exact = reference::render(scene.rig(), scene.mesh(), scene.views().front(), {});
   Collector errors;
   for (const CameraIndex camera : job.cameras()) {
     const Rect rect = job.plan().camera_rect(camera);
-    const std::vector<float> own = pixel_weights(job.plan(), job.owners(), camera, rect);
+    const std::vector<float> own = pixel_weights(job.plan(), owners, camera, rect);
     size_t i = 0;
     for (int y = rect.y0; y < rect.y1; y++)
       for (int x = rect.x0; x < rect.x1; x++, i++)

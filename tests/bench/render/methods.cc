@@ -298,7 +298,7 @@ class OpenCvMethod : public Method {
     part.rect = cv::Rect(rect.x0, rect.y0, rect.width(), rect.height());
     part.image = cv::Mat(image.height, image.width, CV_8UC3, const_cast<uint8_t*>(image.plane[0]),
                          static_cast<size_t>(image.stride[0]));
-    part.weights = three_channel_weights(valid_weights(plan, job.owners(), camera, rig_camera, rect), rect);
+    part.weights = three_channel_weights(valid_weights(plan, FaceIdMap(job.runs()), camera, rig_camera, rect), rect);
     part.homography = homography(plan, rig_camera, rect);
     if (formulation_ == Formulation::kRemap) make_maps(plan, camera, rig_camera, rect, part);
     parts_.push_back(part);

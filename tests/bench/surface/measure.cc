@@ -93,7 +93,7 @@ Thinned thinned(const View& view, const Image& truth, int n) {
   return out;
 }
 
-double median_edge(const Rig& rig, const Mesh& mesh) {
+double median_corner_distance(const Rig& rig, const Mesh& mesh) {
   std::vector<double> lengths;
   for (const MeshFace& face : mesh.faces)
     for (int i = 1; i < face.corners(); i++)
@@ -195,7 +195,7 @@ std::optional<Depths> find_depths(const Rig& rig, const Mesh& mesh, const View& 
   constexpr double kFinest = 0.05;
   constexpr double kOutliers = 0.02;  // fraction of the evidence, on each side
   constexpr double kMargin = 0.05;    // fraction of the range, on each side
-  const double edge = median_edge(rig, mesh);
+  const double edge = median_corner_distance(rig, mesh);
   if (!(edge > 0)) throw Error("all cameras are at one place: nothing is nearer or farther to them");
   const double pixel = 1 / (view.lens.fx() * edge);  // a pixel of disparity, as inverse distance
 
@@ -277,7 +277,7 @@ class Renderer {
     const RenderJob job(case_.rig, mesh_, view, own_);
     std::vector<Source> sources = sources_of(job, number);
     const uint64_t begun = now_ns();
-    if (matched_ && gains.use) sources = match(job, sources, matcher_.gains_for(0, gains));
+    if (matched_ && gains.use) sources = match(job, sources, matcher_.gains_for(gains));
     const bool sharpened = resampling_ == Resampling::kSharpened;
     sharp_.resize(sharpened ? std::max(sharp_.size(), sources.size()) : 0);
     for (size_t i = 0; sharpened && i < sources.size(); i++)
@@ -288,7 +288,7 @@ class Renderer {
     out.image = std::move(image);
     out.colour_ms = milliseconds(now_ns() - begun);
     out.colour_bytes = static_cast<double>(bytes);
-    out.coverage = view_coverage(case_.rig, job.plan(), job.owners());
+    out.coverage = view_coverage(case_.rig, job.plan(), FaceIdMap(job.runs()));
     return out;
   }
 
@@ -302,7 +302,7 @@ class Renderer {
     const uint64_t planned = now_ns();
     std::vector<Source> sources = sources_of(job, number);
     const uint64_t ready = now_ns();
-    if (matched_ && request.gains.use) sources = match(job, sources, matcher_.gains_for(0, request.gains));
+    if (matched_ && request.gains.use) sources = match(job, sources, matcher_.gains_for(request.gains));
     add_consistency(job, sources, levels, sums);
     cost.depth_ms += milliseconds(now_ns() - ready + planned - begun);
     cost.consistency_bytes += static_cast<double>(wire::encode_consistency({}, sums).size());
@@ -319,7 +319,7 @@ class Renderer {
     return gains;
   }
   const Mesh& mesh() const { return mesh_; }
-  const std::map<CameraIndex, BrightnessRatio>& gains() { return matcher_.gains_for(0, {}).measured(); }
+  const std::map<CameraIndex, BrightnessRatio>& gains() { return matcher_.gains_for({}).measured(); }
 
  private:
   std::vector<uint8_t> mean(const ViewRequest& request, size_t number, Picture& cost) {
@@ -330,9 +330,9 @@ class Renderer {
     for (const CameraIndex i : wide.cameras())
       sources.push_back({i, &case_.rig.cameras[i], case_.image(i, number).view()});
     const uint64_t ready = now_ns();
-    WideLuma::Seen seen = wide.see(sources, matcher_.gains_for(0, {}));
+    WideLuma::Seen seen = wide.see(sources, matcher_.gains_for({}));
     std::vector<uint8_t> mean = mean_luma(seen.moments, seen.gains);
-    matcher_.keep(0, request.sequence, std::move(seen.cameras));
+    matcher_.keep(request.sequence, std::move(seen.cameras));
     cost.depth_ms += milliseconds(now_ns() - ready + planned - begun);
     cost.consistency_bytes +=
         static_cast<double>(wire::encode_consistency({.gains = seen.gains}, {&seen.moments, 1}).size());

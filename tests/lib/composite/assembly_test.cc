@@ -111,7 +111,7 @@ ByteBuffer pixels_of(const wire::AnswerHeader& header, const std::vector<std::pa
   std::vector<wire::AnswerFragment> fragments;
   for (const auto& [camera, rect] : regions)
     fragments.push_back({camera, packed_planes(PixelFamily::kRgb, rect, grey.data(), nullptr)});
-  return wire::FragmentEncoder().encode(header, fragments, 0);
+  return wire::encode_fragments(header, fragments, 0);
 }
 
 TEST_F(AssemblyTest, PixelsNeedTheRig) {
@@ -319,7 +319,7 @@ TEST_F(AssemblyTest, BeginClearsTheState) {
 
 TEST_F(AssemblyTest, JpegMakesNearlyTheSamePicture) {
   const wire::Answer raw = answer(all_);
-  const ByteBuffer bytes = wire::FragmentEncoder().encode(raw, raw.fragments, 90);
+  const ByteBuffer bytes = wire::encode_fragments(raw, raw.fragments, 90);
   begin_with_rig();
   EXPECT_EQ(assembly_.add(wire::parse_answer(bytes).value()), Assembly::Verdict::kAdded);
   EXPECT_EQ(assembly_.fragments(), raw.fragments.size());
@@ -335,7 +335,7 @@ TEST_F(AssemblyTest, DamagedFragmentsAreMissing) {
   wire::Answer raw = answer(all_);
   ASSERT_EQ(raw.fragments.size(), 1u);
   raw.fragments = test::halves_of(raw.fragments[0]);
-  ByteBuffer bytes = wire::FragmentEncoder().encode(raw, raw.fragments, 90);
+  ByteBuffer bytes = wire::encode_fragments(raw, raw.fragments, 90);
   const wire::AnswerView view = wire::parse_answer(bytes).value();
   bytes[view.fragments[0].payload.data() - bytes.data() + 8] = 0xff;  // a marker: end of image
   bytes[view.fragments[0].payload.data() - bytes.data() + 9] = 0xd9;

@@ -151,7 +151,7 @@ TEST(FocusArray, IrregularArraysUseTriangleEdges) {
   EXPECT_LT(array.edge(), 2 * pitch);
   EXPECT_DOUBLE_EQ(array.disparity(), array.edge() * focal);
   const Mesh mesh = build_mesh(rig);
-  EXPECT_DOUBLE_EQ(FocusArray(rig, mesh).edge(), array.edge());
+  EXPECT_DOUBLE_EQ(FocusArray(rig, &mesh).edge(), array.edge());
 }
 
 TEST(FocusArray, EvidenceOfBlendingByAngle) {

@@ -38,6 +38,7 @@ TEST(HypothesisNodes, MatchTheRule) {
   wide.lens = Lens::from_fov_y(50, wide.width, wide.height);
   const View view = hypothesis_view(wide);
   const RenderJob job(walls.rig, walls.mesh, view, walls.own);
+  const FaceIdMap owners(job.runs());
   const size_t nodes = view.focus.map->levels.size();
   const std::vector<std::vector<uint8_t>> levels{std::vector<uint8_t>(nodes, 20), std::vector<uint8_t>(nodes, 230)};
   size_t seen = 0, unseen = 0;
@@ -54,7 +55,7 @@ TEST(HypothesisNodes, MatchTheRule) {
         for (int i = 0; i < view.width; i++) {
           const size_t node = static_cast<size_t>(j) * view.width + i;
           const Vec2 ray = job.plan().rays().at(i, j);
-          const float weight = CameraCorners(job.plan(), camera).weight(job.plan(), job.owners().at(i, j), ray);
+          const float weight = CameraCorners(job.plan(), camera).weight(job.plan(), owners.at(i, j), ray);
           Vec2 pixel;
           const bool sees = weight > 0 && projection.project(ray, view.focus.map->inverse_of(levels[t][node]), pixel);
           (sees ? seen : unseen) += weight > 0;

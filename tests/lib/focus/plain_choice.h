@@ -207,7 +207,6 @@ inline DepthSelection plain_choice(const FocalMap& surface, std::span<const std:
     }
     if (!std::isfinite(choice.least[i])) continue;
     seen++;
-    choice.changed += choice.chosen[i] != 0;
     if (choice.chosen[i] != 0 && std::isfinite(costs[0][i])) choice.gained += costs[0][i] - choice.least[i];
     choice.informed[i] = plain_informed(round, i, choice.least[i]);
   }
@@ -217,7 +216,6 @@ inline DepthSelection plain_choice(const FocalMap& surface, std::span<const std:
     for (double* mean : {&choice.cost[t], &choice.energy[t]}) *mean = known ? *mean / in_all : NAN;
   }
   choice.gained /= seen;
-  choice.changed /= seen;
   return choice;
 }
 

@@ -49,7 +49,6 @@ class FrameSourcesTest : public testing::Test {
 TEST_F(FrameSourcesTest, OnlyCompressedPicturesDecodeRegions) {
   const auto raw = add(0, false), compressed = add(2, true);
   sources_.add(3, std::nullopt);
-  EXPECT_EQ(sources_.family(), PixelFamily::kNone);
   decode();
   EXPECT_EQ(regions_, 1) << "computed once";
   EXPECT_EQ(compressed->asked_, (Rect{0, 0, 16, 16}));
@@ -58,7 +57,6 @@ TEST_F(FrameSourcesTest, OnlyCompressedPicturesDecodeRegions) {
   EXPECT_EQ(sources_.sources()[1].image.family, PixelFamily::kI420);
   EXPECT_EQ(sources_.sources()[2].image.family, PixelFamily::kNone);
   EXPECT_EQ(sources_.time(1), 102u);
-  EXPECT_EQ(sources_.family(), PixelFamily::kI420);
 }
 
 TEST_F(FrameSourcesTest, PreviousFrameReplacesADamagedOne) {

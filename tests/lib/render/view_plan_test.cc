@@ -233,7 +233,7 @@ TEST(RenderJob, UsesOnlyTheNodesCameras) {
   const RenderJob job(rig, mesh, view, own);
   for (const CameraIndex camera : job.cameras()) {
     EXPECT_TRUE(std::ranges::count(own, camera));
-    EXPECT_EQ(unite(job.owners().region(), job.plan().camera_rect(camera)), job.owners().region());
+    EXPECT_EQ(unite(job.runs().region(), job.plan().camera_rect(camera)), job.runs().region());
   }
   EXPECT_EQ(job.cameras().size(), 3u);
   EXPECT_TRUE(RenderJob(rig, mesh, view, {}).cameras().empty());

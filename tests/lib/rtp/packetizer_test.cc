@@ -329,7 +329,7 @@ TEST(Overhead, SmallFragmentsCostAtMost60Bytes) {
   const auto count = static_cast<double>(fragments.size());
   const wire::AnswerHeader header = wire::header_of_view(PixelFamily::kI420, kViewSize, kViewSize);
   for (const int quality : {50, 75, 90}) {
-    const Bytes unit = to_bytes(wire::FragmentEncoder().encode(header, fragments, quality));
+    const Bytes unit = to_bytes(wire::encode_fragments(header, fragments, quality));
     size_t sent = 0;
     const std::vector<Sent> packets = packetize(wire::UnitKind::kAnswer, unit, kMtu - kRtpHeader);
     for (const Sent& packet : packets) sent += packet.payload.size() + kRtpHeader + kIpAndUdpHeaders;

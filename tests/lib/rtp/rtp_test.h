@@ -4,6 +4,7 @@
 #include "lib/wire/wire_test.h"
 #include "rtp/depacketizer.h"
 #include "rtp/packetizer.h"
+#include "support/answers.h"
 #include "wire/answer_codec.h"
 #include "wire/fragment_codec.h"
 #include "wire/request_codec.h"
@@ -27,8 +28,7 @@ inline Bytes answer(int fragments, int width, int height, int quality, PixelFami
                     const CameraRanges& cameras = {}) {
   wire::AnswerHeader header = wire::header_of_view(family, 400, 400);
   header.cameras = cameras;
-  return to_bytes(
-      wire::FragmentEncoder().encode(header, wire::patterned_fragments(family, fragments, width, height), quality));
+  return to_bytes(wire::encode_fragments(header, wire::patterned_fragments(family, fragments, width, height), quality));
 }
 
 // A 16-bit sum of patterned values, then `jpegs` JPEG fragments.
@@ -38,10 +38,9 @@ inline Bytes answer_with_sum(int width, int height, bool lost, int jpegs = 0) {
   const wire::FragmentHeader sum{{}, header.family, {0, 0, width, height}, wire::Codec::kRaw16, 0, lost};
   uint32_t state = 1;
   for (uint8_t& byte : writer.add(sum)) byte = static_cast<uint8_t>((state = state * 1664525 + 1013904223) >> 24);
-  wire::FragmentEncoder encoder;
   for (const Fragment& f : wire::patterned_fragments(header.family, jpegs, 30, 20)) {
     writer.add({{}, header.family, f.rect, wire::Codec::kJpeg, 80, !f.lost.empty()},
-               [&](ByteBuffer& out) { encoder.encode_payload(planes_of(f), 80, out); });
+               [&](ByteBuffer& out) { wire::append_jpeg(planes_of(f), 80, out); });
   }
   return to_bytes(writer.finish());
 }

@@ -153,10 +153,7 @@ TEST_F(GlesRendererPasses, ViewsWithBlendingShareAPass) {
 
 TEST_F(GlesRendererPasses, UseMorePassesIfNecessary) {
   GLint most = 0;
-  gpu_->work([&](gl::Programs&, gl::Buffer&) {
-    glGetIntegerv(GL_MAX_TEXTURE_SIZE, &most);
-    return true;
-  });
+  gpu_->work([&](gl::Programs&, gl::Buffer&) { glGetIntegerv(GL_MAX_TEXTURE_SIZE, &most); });
   constexpr int kHeight = 4096;
   const int views = most / (kHeight / FocalMap::kMinStep) + 1;
   Random random(4);
