@@ -64,6 +64,7 @@ const Image& StillImageCache::get(CameraIndex camera) {
     const std::string notice = orientation_notice_of(path);
     throw Error(name + e.what() + (notice.empty() ? "" : "; " + notice));
   }
+  if (family_ == PixelFamily::kI420) image = to_i420(image);
   if (rig_camera.colour) image = corrected(image, *rig_camera.colour, rig_camera.principal_point());
 
   used_ += image.data().size();

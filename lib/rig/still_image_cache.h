@@ -27,12 +27,13 @@ class StillImageCache {
  public:
   static constexpr size_t kDefaultCacheBytes = size_t{1} << 30;
 
-  // Creates an empty cache. `rig` must outlive this object. `room` is the maximum size of the cache in bytes, but at
-  // least one image is kept.
-  explicit StillImageCache(const Rig& rig, size_t room = kDefaultCacheBytes) : rig_(rig), room_(room) {}
+  // Creates an empty cache. `rig` must outlive this object. `family` is the pixel family of the images. `room` is the
+  // maximum size of the cache in bytes, but at least one image is kept.
+  explicit StillImageCache(const Rig& rig, PixelFamily family = PixelFamily::kRgb, size_t room = kDefaultCacheBytes)
+      : rig_(rig), family_(family), room_(room) {}
 
-  // Returns the RGB image of a camera, which is valid until the next call. Throws Error with the camera and the file if
-  // the rig has no image for the camera, or if the file is missing, unreadable or of the wrong size.
+  // Returns the image of a camera, which is valid until the next call. Throws Error with the camera and the file if the
+  // rig has no image for the camera, or if the file is missing, unreadable or of the wrong size.
   const Image& get(CameraIndex camera);
 
  private:
@@ -41,6 +42,7 @@ class StillImageCache {
     Image image;
   };
   const Rig& rig_;
+  PixelFamily family_;
   size_t room_, used_ = 0;
   std::list<CacheEntry> cache_;
   std::unordered_map<CameraIndex, std::list<CacheEntry>::iterator> place_;

@@ -127,7 +127,7 @@ TEST(StillImageCache, LoadsOnDemandAndLimitsMemory) {
   const TempDir dir;
   Rig rig = three_cameras(dir.path());
   for (int i = 0; i < 3; i++) save_image(picture(i), dir / rig.cameras[i].image);
-  StillImageCache images(rig, 2 * 32 * 24 * 3);
+  StillImageCache images(rig, PixelFamily::kRgb, 2 * 32 * 24 * 3);
   for (CameraIndex i = 0; i < 3; i++) EXPECT_EQ(images.get(i).data(), picture(static_cast<int>(i)).data());
   for (int i = 0; i < 3; i++) std::filesystem::remove(dir / rig.cameras[i].image);
   EXPECT_EQ(images.get(1).data(), picture(1).data());
@@ -140,6 +140,13 @@ TEST(StillImageCache, HasImagesIfEveryCameraNamesOne) {
   EXPECT_TRUE(has_images(rig));
   rig.cameras[1].image = "";
   EXPECT_FALSE(has_images(rig));
+}
+
+TEST(StillImageCache, ReturnsI420IfRequested) {
+  const TempDir dir;
+  const Rig rig = three_cameras(dir.path());
+  save_image(picture(0), dir / "cam_0.png");
+  EXPECT_EQ(StillImageCache(rig, PixelFamily::kI420).get(0).data(), to_i420(picture(0)).data());
 }
 
 TEST(StillImageCache, RotatedImagesAreReported) {
