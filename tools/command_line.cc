@@ -253,6 +253,7 @@ std::string explain_missing_command(CLI::App& parser, int argc, char** argv, boo
 int run_tool(App& app, int argc, char** argv, const std::function<void()>& job,
              const std::function<void(const std::string&)>& on_error) {
   CLI::App& parser = *app.parts_->app;
+  parser.set_version_flag("--version", parser.get_name() + " " LF_VERSION)->description("Print the version and exit");
   try {
     parser.parse(argc, argv);
     if (job) job();

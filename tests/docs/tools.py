@@ -17,7 +17,7 @@ import sys
 HEAD = """# Tools
 
 This page is generated: `ninja -C build tools-md` makes it from the `--help` texts of the programs. All programs and
-subcommands have the option `--help`.
+subcommands have the option `--help`, and all programs have `--version`.
 
 ## Overview
 
@@ -109,7 +109,7 @@ def sections_of(command, depth):
     name = " ".join([command[0].name, *command[1:]])
     yield f"\n{'#' * depth} {name}\n\n{description.rstrip('.')}.\n"
     rows = [row for heading in ("Positionals", "Options") for row in sections.get(heading, [])
-            if not row.head.startswith("-h,")]
+            if not row.head.startswith(("-h,", "--version"))]
     if rows:
         yield "\n| option | value | default | what it is |\n| --- | --- | --- | --- |\n"
         yield "".join(table_row(row) + "\n" for row in rows)

@@ -74,7 +74,7 @@ def options(tests, tool, command=()):
     text = help_of(tool, *command)
     head, _, commands = text.partition("\nSubcommands:\n")
     for option in re.findall(r"^ +(?:-\w,)?(--[a-z][\w-]*)", head, re.M):
-        if option != "--help":
+        if option not in ("--help", "--version"):
             found[" ".join([name, *command, option])] = any(
                 test.names.issuperset([name, *command]) and option in test.options for test in tests)
     for word in re.findall(r"^  ([a-z][\w-]*)", commands, re.M):

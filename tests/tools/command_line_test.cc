@@ -47,6 +47,15 @@ TEST_P(CommandLine, RealNumbersAreFinite) {
   EXPECT_GT(options, 0);
 }
 
+TEST(Programs, HaveAVersion) {
+  for (const char* program : {"lf-archive", "lf-bench", "lf-path", "lf-render", "lf-report", "lf-rig", "lf-scene",
+                              "lf-serve", "lf-show", kCalibrate.data()}) {
+    const Outcome outcome = run_program(program, "--version");
+    EXPECT_EQ(outcome.status, 0) << program;
+    EXPECT_THAT(outcome.output, testing::MatchesRegex("lf-[a-z]+ [0-9]+\\.[0-9]+\\.[0-9]+\n"));
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Programs, CommandLine,
                          testing::Values("lf-bench", "lf-path", "lf-render", "lf-rig", "lf-scene", "lf-serve",
                                          "lf-show", kCalibrate.data()),
