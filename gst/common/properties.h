@@ -127,7 +127,11 @@ auto fraction_property(GParamFlags flags, const char* name, const char* nick, co
 template <typename Settings>
 class PropertyTable {
  public:
-  PropertyTable(std::initializer_list<Property<Settings>> rows) : rows_(rows) {}
+  // A long table has `more` rows from another function.
+  PropertyTable(std::initializer_list<Property<Settings>> rows, const std::vector<Property<Settings>>& more = {})
+      : rows_(rows) {
+    rows_.insert(rows_.end(), more.begin(), more.end());
+  }
 
   // Installs the properties with the ids first_id, first_id + 1, and so on. Returns the first id that is still free.
   guint install(GObjectClass* klass, guint first_id) {

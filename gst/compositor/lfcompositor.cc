@@ -230,51 +230,11 @@ std::string CompositorSettings::ignored_settings() const {
   return text;
 }
 
-PropertyTable<CompositorSettings>& CompositorSettings::properties() {
+// The properties of the focal surface.
+static std::vector<Property<CompositorSettings>> surface_properties() {
   using S = CompositorSettings;
   constexpr double kMaxFocus = 1e9;
-  static PropertyTable<S> table = {
-      property<&S::view_id>(kWhileReady, "view-id", "View id",
-                            "Number of the view that this element composes. Requests and answers of other views are "
-                            "ignored, so several compositors can receive the same stream",
-                            0, G_MAXUINT),
-      property<&S::rig>(kWhilePlaying, "rig", "Rig",
-                        "Path of the rig file (rig.json), which describes the cameras of the array. The compositor "
-                        "needs a rig to compensate for missing cameras, to detect cameras that have never answered, to "
-                        "estimate depths, and to show `background` in areas that no camera sees. If the property is "
-                        "set while the element runs, the new rig applies from the next request on"),
-      property<&S::background>(kWhilePlaying, "background", "Background",
-                               "Colour of pixels that no camera sees, as 0xAARRGGBB. For example, 0xff808080 is medium "
-                               "grey. The alpha value is ignored. Requires `rig`",
-                               0, G_MAXUINT32),
-      property<&S::post_messages>(
-          kWhilePlaying, "post-messages", "Post messages",
-          "If true, the element posts an element message \"lightfield-view\" for every picture. The message contains "
-          "sizes and durations, such as the latency. Use it to measure a pipeline"),
-      property<&S::incomplete>(kWhilePlaying, "incomplete", "Incomplete",
-                               "Selects the output if parts of a picture have not arrived by its deadline (see "
-                               "`latency`). This happens only in live pipelines, where an answer can be late or lost",
-                               incomplete_type()),
-      property<&S::max_missed>(
-          kWhileReady, "max-missed", "Max missed",
-          "Maximum number of consecutive pictures that a camera or a node may miss in a live pipeline (0: unlimited). "
-          "If a camera misses more pictures, other cameras replace it. If a node misses more pictures, the compositor "
-          "no longer waits for it. Cameras and nodes return to service when their answers arrive in time again",
-          0, G_MAXUINT),
-      property<&S::partial>(
-          kWhileReady, "partial", "Partial",
-          "If true, the element outputs partial answers instead of pictures. A partial answer is the weighted sum of "
-          "the images of all cameras that feed this compositor. Another compositor takes it as input. Use this for a "
-          "tree of compositors, for example with one compositor for each rack of hosts. Requires `rig`"),
-      property<&S::node>(kWhileReady, "node", "Node",
-                         "Number that identifies this compositor in its partial answers. All nodes and compositors "
-                         "that feed the same compositor must have different numbers",
-                         0, G_MAXUINT),
-      property<&S::codec>(
-          kWhilePlaying, "codec", "Codec",
-          "Pixel encoding of partial answers (see `partial`). JPEG compression saves network bandwidth, but costs "
-          "computing time on both hosts and changes the picture slightly. Pictures are never compressed",
-          LF_TYPE_FRAGMENT_CODEC),
+  return {
       property<&S::focus>(
           kWhilePlaying, "focus", "Focus",
           "Selects between one focal plane for the whole picture and a focal surface, which has a depth for each pixel "
@@ -292,12 +252,6 @@ PropertyTable<CompositorSettings>& CompositorSettings::properties() {
           "Farthest distance that the search for the focal surface tests, in metres from the array. See also "
           "`focus-near` (0: the distance adapts to the scene, starting at infinity)",
           0, kMaxFocus),
-      property<&S::monitor_interval>(
-          kWhilePlaying, "monitor-interval", "Monitor interval",
-          "Number of requests between two camera checks, which find cameras that are out of adjustment (0: no checks). "
-          "A check predicts a small image of one camera from its neighbours and compares it with the real image. "
-          "`stats` lists the results and the suspicious cameras. Requires `rig`",
-          0, G_MAXUINT16),
       property<&S::depth_interval>(kWhilePlaying, "depth-interval", "Depth interval",
                                    "Minimum number of requests between two updates of the focal surface. A larger "
                                    "value saves time, but the surface follows the scene more slowly. Increase it for "
@@ -310,11 +264,76 @@ PropertyTable<CompositorSettings>& CompositorSettings::properties() {
           "The gains are estimated with the focal surface (the depth of each pixel), so there is no compensation if "
           "`focus` is plane. The `stats` property of lffragment lists the gains",
           gains_type()),
-      property<&S::show>(kWhilePlaying, "show", "Show",
-                         "Overlay that shows how the cameras contribute to each pixel. Use it to find cameras that are "
-                         "missing, hidden or misplaced. Requires `rig`",
-                         show_type()),
   };
+}
+
+PropertyTable<CompositorSettings>& CompositorSettings::properties() {
+  using S = CompositorSettings;
+  static PropertyTable<S> table = {
+      {
+          property<&S::view_id>(
+              kWhileReady, "view-id", "View id",
+              "Number of the view that this element composes. Requests and answers of other views are "
+              "ignored, so several compositors can receive the same stream",
+              0, G_MAXUINT),
+          property<&S::rig>(
+              kWhilePlaying, "rig", "Rig",
+              "Path of the rig file (rig.json), which describes the cameras of the array. The compositor "
+              "needs a rig to compensate for missing cameras, to detect cameras that have never answered, to "
+              "estimate depths, and to show `background` in areas that no camera sees. If the property is "
+              "set while the element runs, the new rig applies from the next request on"),
+          property<&S::background>(
+              kWhilePlaying, "background", "Background",
+              "Colour of pixels that no camera sees, as 0xAARRGGBB. For example, 0xff808080 is medium "
+              "grey. The alpha value is ignored. Requires `rig`",
+              0, G_MAXUINT32),
+          property<&S::post_messages>(kWhilePlaying, "post-messages", "Post messages",
+                                      "If true, the element posts an element message \"lightfield-view\" for every "
+                                      "picture. The message contains "
+                                      "sizes and durations, such as the latency. Use it to measure a pipeline"),
+          property<&S::incomplete>(
+              kWhilePlaying, "incomplete", "Incomplete",
+              "Selects the output if parts of a picture have not arrived by its deadline (see "
+              "`latency`). This happens only in live pipelines, where an answer can be late or lost",
+              incomplete_type()),
+          property<&S::max_missed>(
+              kWhileReady, "max-missed", "Max missed",
+              "Maximum number of consecutive pictures that a camera or a node may miss in a live pipeline (0: "
+              "unlimited). "
+              "If a camera misses more pictures, other cameras replace it. If a node misses more pictures, the "
+              "compositor "
+              "no longer waits for it. Cameras and nodes return to service when their answers arrive in time again",
+              0, G_MAXUINT),
+          property<&S::partial>(
+              kWhileReady, "partial", "Partial",
+              "If true, the element outputs partial answers instead of pictures. A partial answer is the weighted sum "
+              "of "
+              "the images of all cameras that feed this compositor. Another compositor takes it as input. Use this for "
+              "a "
+              "tree of compositors, for example with one compositor for each rack of hosts. Requires `rig`"),
+          property<&S::node>(kWhileReady, "node", "Node",
+                             "Number that identifies this compositor in its partial answers. All nodes and compositors "
+                             "that feed the same compositor must have different numbers",
+                             0, G_MAXUINT),
+          property<&S::codec>(
+              kWhilePlaying, "codec", "Codec",
+              "Pixel encoding of partial answers (see `partial`). JPEG compression saves network bandwidth, but costs "
+              "computing time on both hosts and changes the picture slightly. Pictures are never compressed",
+              LF_TYPE_FRAGMENT_CODEC),
+          property<&S::monitor_interval>(
+              kWhilePlaying, "monitor-interval", "Monitor interval",
+              "Number of requests between two camera checks, which find cameras that are out of adjustment (0: no "
+              "checks). "
+              "A check predicts a small image of one camera from its neighbours and compares it with the real image. "
+              "`stats` lists the results and the suspicious cameras. Requires `rig`",
+              0, G_MAXUINT16),
+          property<&S::show>(
+              kWhilePlaying, "show", "Show",
+              "Overlay that shows how the cameras contribute to each pixel. Use it to find cameras that are "
+              "missing, hidden or misplaced. Requires `rig`",
+              show_type()),
+      },
+      surface_properties()};
   return table;
 }
 

@@ -59,6 +59,7 @@ LightTracker::LightTracker(const Rig& rig, int lights) : rig_(rig), coverage_(ri
     all_.emplace_back(std::make_unique<CameraState>())->smaller = smaller_of(camera);
   thread_ = std::jthread([this](const std::stop_token& stop) { work(stop); });
 }
+LightTracker::~LightTracker() = default;
 
 void LightTracker::see(const CameraFrame& frame) {
   CameraState& one = *all_[frame.camera];

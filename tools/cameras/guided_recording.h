@@ -25,6 +25,7 @@ class LightTracker {
  public:
   LightTracker(const Rig& rig, int lights);
   LightTracker(const LightTracker&) = delete;
+  ~LightTracker();
 
   // Copies a frame for detection. Thread-safe; call on the thread that delivers the frame.
   void see(const CameraFrame& frame);
