@@ -306,8 +306,9 @@ struct Options {
 lf::Rig rig_of(const Options& options) {
   if (!options.rig.empty()) return lf::load_rig(options.rig);
   int rows, columns, end = 0;
-  if (std::sscanf(options.grid.c_str(), "%dx%d%n", &rows, &columns, &end) != 2 || options.grid[end] != 0)
-    throw lf::Error("--grid " + options.grid + ": must be ROWSxCOLUMNS, such as 8x8");
+  if (std::sscanf(options.grid.c_str(), "%dx%d%n", &rows, &columns, &end) != 2 || options.grid[end] != 0 || rows < 1 ||
+      columns < 1)
+    throw lf::Error("--grid " + options.grid + ": must be ROWSxCOLUMNS, such as 8x8, but at least 1x1");
   return lf::scene_rig(rows, columns, options.width, options.height);
 }
 

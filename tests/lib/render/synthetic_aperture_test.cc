@@ -25,10 +25,16 @@ struct Foliage {
   Foliage() {
     reference::Random random(5);
     for (int i = 0; i < 1400; i++) leaves.push_back({random.uniform(-0.75, 0.75), random.uniform(-0.6, 0.6)});
+    std::ranges::sort(leaves, {}, by_x);
   }
   bool hides(const Vec3& at) const {
-    return std::ranges::any_of(leaves, [&](const Vec2& leaf) { return glm::distance(leaf, Vec2(at)) < 0.012; });
+    for (auto leaf = std::ranges::lower_bound(leaves, at.x - kRadius, {}, by_x);
+         leaf != leaves.end() && leaf->x < at.x + kRadius; ++leaf)
+      if (glm::distance(*leaf, Vec2(at)) < kRadius) return true;
+    return false;
   }
+  static constexpr double kRadius = 0.012;
+  static double by_x(const Vec2& leaf) { return leaf.x; }
   std::vector<Vec2> leaves;
 };
 
