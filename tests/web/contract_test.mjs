@@ -85,7 +85,17 @@ async function homeView() {
   });
   expect(isNear((await page.view()).yaw, 1), 'a view that is set on the way home stays');
 
+  // The previous movement may still have an event to come.
+  const rest = async () => {
+    for (let last = ''; ;) {
+      const now = JSON.stringify(await page.view());
+      if (now === last) return;
+      last = now;
+      await page.waitForTimeout(300);
+    }
+  };
   const moves = async (how, who, what, field = 'focusDistance') => {
+    await rest();
     const before = await page.view();
     await page.evaluate(() => told.length = 0);
     await how();
