@@ -79,8 +79,8 @@ struct RenderOptions {
 };
 
 // Makes the answers to planned requests from the images of a node's cameras. Steps: prepare the images (colour
-// correction, exposure compensation, sharpening), render the weighted sums, and encode the answers. The only state
-// between requests are the exposure gains of the client's view. Not thread-safe.
+// correction, exposure compensation, sharpening), render the weighted sums, and encode the answers. It keeps
+// only the exposure gains of the client's view between requests. Not thread-safe.
 class RequestRenderer {
  public:
   struct Work {

@@ -182,7 +182,7 @@ ArrayNetwork::ArrayNetwork(const Options& options) : options_(options), network_
     save_views(path_of(rig, i, options.surface), file("views" + std::to_string(i) + ".json"));
 }
 
-// Returns the rig file of the cameras, whose pictures are rendered once.
+// Returns the rig file of the cameras. The first call renders their pictures.
 std::string ArrayNetwork::rig_file() {
   static const TempDir film;
   static const std::string path = [] {
