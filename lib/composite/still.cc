@@ -27,6 +27,10 @@ Still render_still(const Rig& rig, const Mesh& mesh, const View& view, const Cam
   std::vector<uint16_t> lost;
   // Processes one camera at a time, so that a large array's images never share memory. The sum does not depend on the
   // grouping.
+  const FocalMap* const map = view.focus.map.get();
+  const bool is_measured = depths && map && map->measured;
+  std::optional<DepthEdges> edges;
+  if (is_measured) edges = depths->edges(view);
   for (const CameraIndex camera : job.cameras()) {
     const Camera& rig_camera = rig.cameras[camera];
     Source source{camera, &rig_camera, images(camera).view()};
@@ -34,10 +38,12 @@ Still render_still(const Rig& rig, const Mesh& mesh, const View& view, const Cam
     if (resampling == Resampling::kSharpened && shows_detail(view, rig_camera))
       source.image = sharpen(source.image, needed_pixels(job.plan(), camera, rig_camera), sharp);
     std::optional<VisibilityMask> visibility;
-    if (const FocalMap* const map = view.focus.map.get(); depths && map && map->measured)
+    if (is_measured)
       visibility = depths->visibility(job.plan().view(), camera,
-                                      sum_tiles(job.plan(), job.runs(), {&camera, 1}, PixelFamily::kRgb, 0));
+                                      sum_tiles(job.plan(), job.runs(), {&camera, 1}, PixelFamily::kRgb, 0),
+                                      edges ? &*edges : nullptr);
     source.visibility = visibility ? &*visibility : nullptr;
+    source.edges = edges ? &*edges : nullptr;
     const SumRenderer renderer(job.plan(), job.runs(), {&source, 1}, sum.family(), Coordinates::kGrid, gpu);
     still.drawing = renderer.drawing();
     const Rect rect = renderer.rect();

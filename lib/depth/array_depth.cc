@@ -20,6 +20,8 @@ namespace {
 // together more than kMaxTotalPixels, of 16 bytes each.
 constexpr int kDivisor = 2;
 constexpr double kMaxPixels = 1 << 19, kMaxTotalPixels = 1 << 25;
+// Still images of at most this many pixels are matched at full resolution in the end.
+constexpr double kMaxFullPixels = 1 << 18;
 // Planes are this far apart in the image of the median neighbour, in pixels of the reduced images.
 constexpr double kPlaneDistance = 1;
 constexpr int kMinPlanes = 12, kMaxPlanes = 128;
@@ -101,6 +103,11 @@ ArrayDepth::ArrayDepth(const Rig& rig, const CameraSet& cameras, const MatchedIm
                        double nearest, const ParallelFor& parallel) {
   *this = coarse(rig, cameras, images, farthest, nearest, parallel);
   while (!is_finest(rig)) *this = finer(rig, images, parallel);
+  // The edges of small images are worth the time of their full resolution.
+  double pixels = 0;
+  for (const CameraIndex i : cameras)
+    pixels = std::max(pixels, static_cast<double>(rig.cameras[i].width) * rig.cameras[i].height);
+  if (divisor_ == kDivisor && pixels <= kMaxFullPixels) *this = finer(rig, images, parallel);
 }
 
 ArrayDepth ArrayDepth::coarse(const Rig& rig, const CameraSet& cameras, const MatchedImages& images, double farthest,
@@ -237,33 +244,90 @@ std::vector<ArrayDepth::WeightedCamera> ArrayDepth::cameras_around(const Vec3& e
   return chosen;
 }
 
+// Tells how well the depth maps of some cameras agree with a depth on a line of sight of a view.
+class ArrayDepth::DepthAgreement {
+ public:
+  static constexpr float kTolerance = 1.5f;  // steps of the cameras' range
+  // The least agreement at which a surface counts as found.
+  static constexpr float kAccepted = 0.2f;
+
+  DepthAgreement(const View& view, std::vector<WeightedCamera> cameras, const DepthSweep& range)
+      : cameras_(std::move(cameras)), camera_step_(static_cast<float>(range.step())) {
+    for (const auto& [camera, weight] : cameras_) {
+      const MatchingImage& image = camera->image;
+      const Mat3 to_camera = glm::transpose(image.pose.rotation());
+      const Mat3 to_image = Mat3(image.focal, 0, 0, 0, image.focal, 0, image.centre.x, image.centre.y, 1) * to_camera;
+      projections_.push_back({to_image, to_image * (view.pose.position - image.pose.position)});
+    }
+  }
+
+  const std::vector<WeightedCamera>& cameras() const { return cameras_; }
+
+  // A line of sight at infinity, in the image of each camera.
+  using Line = std::array<Vec3, kCameras>;
+  // `ray` is its direction in world coordinates.
+  Line line(const Vec3& ray) const {
+    Line far;
+    for (size_t k = 0; k < cameras_.size(); k++) far[k] = projections_[k].to_image * ray;
+    return far;
+  }
+
+  // Returns the agreement of the cameras at an inverse depth along the view's axis, 0 to 1, or nothing if no camera
+  // sees the point. Agreement of a small part of the cameras is not reliable, and counts less.
+  std::optional<float> at(const Line& far, double inverse) const {
+    constexpr float kMinConfidence = 0.05f;
+    float agreeing = 0, seeing = 0, present = 0;
+    for (size_t k = 0; k < cameras_.size(); k++) {
+      const auto& [camera, weight] = cameras_[k];
+      const MatchingImage& image = camera->image;
+      const Vec3 at = far[k] + inverse * projections_[k].parallax;
+      if (!(at.z > 0)) continue;
+      const double x = at.x / at.z + 0.5, y = at.y / at.z + 0.5;
+      if (!(x >= 0 && y >= 0 && x < image.width && y < image.height)) continue;
+      const size_t at_pixel = static_cast<size_t>(y) * image.width + static_cast<size_t>(x);
+      const float behind = static_cast<float>(inverse / at.z - camera->depth.inverse[at_pixel]) / camera_step_;
+      const float trust = weight * std::max(kMinConfidence, camera->depth.confidence[at_pixel]);
+      present += weight;
+      agreeing += trust * std::max(0.f, 1 - std::abs(behind) / kTolerance);
+      if (behind > -kTolerance) seeing += trust;
+    }
+    if (!(seeing > 0)) return {};
+    return agreeing / seeing * std::min(1.f, seeing / (0.1f * present));
+  }
+
+ private:
+  const std::vector<WeightedCamera> cameras_;
+  const float camera_step_;  // 1/m
+  // Of each camera: a line of sight at the inverse depth d falls on (p.x / p.z, p.y / p.z) with p = to_image * line + d
+  // * parallax.
+  struct Projection {
+    Mat3 to_image;
+    Vec3 parallax;
+  };
+  std::vector<Projection> projections_;
+};
+
 // Finds the points of one view's surface. Only depths that one of the cameras has measured near a line of sight are
 // tested; these are a tenth of all depths.
 class ArrayDepth::ViewPoints {
  public:
   ViewPoints(const View& view, const FocalMap& map, std::vector<WeightedCamera> cameras, const DepthSweep& range)
-      : view_(view), map_(map), cameras_(std::move(cameras)), camera_step_(static_cast<float>(range.step())) {
+      : view_(view), map_(map), agreement_(view, std::move(cameras), range) {
     const Mat3 to_view = glm::transpose(view.pose.rotation());
     // The range as seen from the eye, which may be in front of the cameras or behind.
     double forward = 0;
-    for (const auto& [camera, weight] : cameras_)
-      forward -=
-          (to_view * (camera->image.pose.position - view.pose.position)).z / static_cast<double>(cameras_.size());
+    const std::vector<WeightedCamera>& used = agreement_.cameras();
+    for (const auto& [camera, weight] : used)
+      forward -= (to_view * (camera->image.pose.position - view.pose.position)).z / static_cast<double>(used.size());
     const auto from_eye = [&](double inverse) { return inverse / std::max(1 - inverse * forward, 1. / kMaxNearer); };
     farthest_ = from_eye(range.farthest);
     const double nearest = from_eye(range.nearest);
     steps_ = std::clamp(static_cast<int>(std::ceil((nearest - farthest_) / range.step() * kPerStep)) + 1, 2, kMaxSteps);
     step_ = (nearest - farthest_) / (steps_ - 1);
     measured_.resize(static_cast<size_t>(map.columns) * map.rows);
-    for (const auto& [camera, weight] : cameras_) {
-      const MatchingImage& image = camera->image;
-      const Mat3 to_camera = glm::transpose(image.pose.rotation());
-      const Mat3 to_image = Mat3(image.focal, 0, 0, 0, image.focal, 0, image.centre.x, image.centre.y, 1) * to_camera;
-      projections_.push_back({to_image, to_image * (view.pose.position - image.pose.position)});
-      add(*camera);
-    }
+    for (const auto& [camera, weight] : used) add(*camera);
     // Depths agree with the measured ones around them.
-    constexpr int kAround = static_cast<int>(kTolerance * kPerStep + 0.5f);
+    constexpr int kAround = static_cast<int>(DepthAgreement::kTolerance * kPerStep + 0.5f);
     for (Depths& depths : measured_) {
       const Depths exact = depths;
       for (int k = 1; k <= kAround; k++) depths |= exact << k | exact >> k;
@@ -288,7 +352,6 @@ class ArrayDepth::ViewPoints {
   static constexpr int kPerStep = 2;         // tested depths for each step of the cameras' range
   static constexpr int kMaxSteps = 512;      // tested depths
   static constexpr double kMaxNearer = 4;    // largest ratio of inverse distances from the eye and from the cameras
-  static constexpr float kTolerance = 1.5f;  // steps of the cameras' range
   using Depths = std::bitset<kMaxSteps>;
 
   // Marks the depths that a camera has measured, at the nodes where they appear.
@@ -321,43 +384,25 @@ class ArrayDepth::ViewPoints {
   // Returns the inverse depth, along the view's axis, of the surface on a line of sight. The line's direction is in
   // world coordinates. Returns 0 if no camera sees anything there.
   double find_on(const Vec3& ray, const Depths& depths) const {
-    constexpr float kMinConfidence = 0.05f;
-    // The first peak above kAccepted is taken, once the agreement has fallen to this part of it.
-    constexpr float kAccepted = 0.2f, kFallen = 0.8f;
+    // The first peak of sufficient agreement is taken, once the agreement has fallen to this part of it.
+    constexpr float kFallen = 0.8f;
     constexpr double kInfinite = 1e-6;  // 1/m
-    std::array<Vec3, kCameras> far;     // the line of sight at infinity, in each camera's image
-    for (size_t k = 0; k < cameras_.size(); k++) far[k] = projections_[k].to_image * ray;
+    const DepthAgreement::Line line = agreement_.line(ray);
     float most = 0;
     double found = 0;
     for (int i = steps_ - 1; i >= 0; i--) {
       if (!depths[i]) {
-        if (most > kAccepted) break;
+        if (most > DepthAgreement::kAccepted) break;
         continue;
       }
       const double inverse = farthest_ + i * step_;
-      float agreeing = 0, seeing = 0, present = 0;
-      for (size_t k = 0; k < cameras_.size(); k++) {
-        const auto& [camera, weight] = cameras_[k];
-        const MatchingImage& image = camera->image;
-        const Vec3 at = far[k] + inverse * projections_[k].parallax;
-        if (!(at.z > 0)) continue;
-        const double x = at.x / at.z + 0.5, y = at.y / at.z + 0.5;
-        if (!(x >= 0 && y >= 0 && x < image.width && y < image.height)) continue;
-        const size_t at_pixel = static_cast<size_t>(y) * image.width + static_cast<size_t>(x);
-        const float behind = static_cast<float>(inverse / at.z - camera->depth.inverse[at_pixel]) / camera_step_;
-        const float trust = weight * std::max(kMinConfidence, camera->depth.confidence[at_pixel]);
-        present += weight;
-        agreeing += trust * std::max(0.f, 1 - std::abs(behind) / kTolerance);
-        if (behind > -kTolerance) seeing += trust;
-      }
-      if (!(seeing > 0)) continue;
-      // Agreement of a small part of the cameras is not reliable.
-      const float agreement = agreeing / seeing * std::min(1.f, seeing / (0.1f * present));
-      if (agreement > most) {
-        most = agreement;
+      const std::optional<float> agreement = agreement_.at(line, inverse);
+      if (!agreement) continue;
+      if (*agreement > most) {
+        most = *agreement;
         found = std::max(inverse, kInfinite);
       }
-      if (most > kAccepted && agreement < kFallen * most) break;
+      if (most > DepthAgreement::kAccepted && *agreement < kFallen * most) break;
     }
     return found;
   }
@@ -365,15 +410,7 @@ class ArrayDepth::ViewPoints {
   static constexpr double kMaxNodes = 8;  // largest distance of the nodes that a pixel covers from its centre
   const View& view_;
   const FocalMap& map_;
-  const std::vector<WeightedCamera> cameras_;
-  const float camera_step_;  // 1/m
-  // Of each camera: a line of sight at the inverse depth d falls on (p.x / p.z, p.y / p.z) with p = to_image * line + d
-  // * parallax.
-  struct Projection {
-    Mat3 to_image;
-    Vec3 parallax;
-  };
-  std::vector<Projection> projections_;
+  const DepthAgreement agreement_;
   double farthest_ = 0, step_ = 0;
   int steps_ = 0;
   std::vector<Depths> measured_;  // of each node
@@ -393,19 +430,33 @@ class VisibilityTest {
     parallax_ = to_image * (view.pose.position - image.pose.position);
     normal_ = glm::transpose(to_world) * map.from.normal;
     const double eye = map.from.signed_distance(view.pose.position);
+    eye_ = static_cast<float>(eye);
     for (size_t level = 0; level < depth_.size(); level++) {
       const double from_plane = map.inverse_of(static_cast<double>(level));
       depth_[level] = static_cast<float>(from_plane / (1 - from_plane * eye));
     }
   }
 
-  // Returns the part of the camera's pixels around the point that do not see anything nearer, 0 to 1. The point is on
-  // the line of sight `ray` of the view, with Z = 1.
-  float operator()(const glm::vec3& ray, uint8_t level) const {
+  // Returns a mask value, from the part of the camera's pixels around the point that do not see anything nearer. The
+  // point is on the line of sight `ray` of the view, with Z = 1.
+  uint8_t at_level(const glm::vec3& ray, uint8_t level) const { return mask_value(part_seen(ray, depth_[level])); }
+  // Does the same for a point with an inverse distance from the plane of the map.
+  uint8_t at_inverse(const glm::vec3& ray, float from_plane) const {
+    return mask_value(part_seen(ray, from_plane / (1 - from_plane * eye_)));
+  }
+
+ private:
+  static uint8_t mask_value(float seen) {
+    constexpr float kRange = VisibilityMask::kVisible - VisibilityMask::kHidden;
+    return static_cast<uint8_t>(VisibilityMask::kHidden + kRange * seen + 0.5f);
+  }
+
+  // `along_normal` is the inverse depth of the point on a line of sight along the normal of the map's plane.
+  float part_seen(const glm::vec3& ray, float along_normal) const {
     // A point is hidden by depths that are nearer by more than kHiddenBy steps of the range, and visible up to one step
     // less.
     constexpr float kHiddenBy = 2.5f;
-    const float depth = depth_[level] * glm::dot(normal_, ray);  // inverse
+    const float depth = along_normal * glm::dot(normal_, ray);  // inverse
     const glm::vec3 at = image_from_ray_ * ray + depth * parallax_;
     if (!(at.z > 0 && depth >= 0)) return 1;
     const float per_z = 1 / at.z, x = at.x * per_z, y = at.y * per_z;
@@ -420,7 +471,6 @@ class VisibilityTest {
            v * ((1 - u) * sees(tap[image_.width]) + u * sees(tap[image_.width + 1]));
   }
 
- private:
   const MatchingImage& image_;
   const std::vector<float>& inverse_;
   const float per_step_;
@@ -428,43 +478,105 @@ class VisibilityTest {
   // parallax_.
   glm::mat3 image_from_ray_;
   glm::vec3 parallax_, normal_;
+  float eye_;                     // distance of the viewpoint from the plane of the map
   std::array<float, 256> depth_;  // of each level, for a line of sight along the normal of the map's plane
+};
+
+// Returns the lines of sight of a lens.
+class LinesOfSight {
+ public:
+  explicit LinesOfSight(const Lens& lens)
+      : lens_(lens),
+        is_pinhole_(!lens.has_distortion()),
+        per_fx_(static_cast<float>(1 / lens.fx())),
+        per_fy_(static_cast<float>(1 / lens.fy())),
+        cx_(static_cast<float>(lens.cx())),
+        cy_(static_cast<float>(lens.cy())) {}
+
+  // Returns the direction of a pixel's line of sight, with Z = 1. Returns nothing if there is no such line.
+  std::optional<glm::vec3> at(float x, float y) const {
+    if (is_pinhole_) return glm::vec3((x - cx_) * per_fx_, (y - cy_) * per_fy_, 1);
+    const std::optional<Vec2> through_lens = lens_.unproject({x, y});
+    if (!through_lens) return {};
+    return glm::vec3(through_lens->x, through_lens->y, 1);
+  }
+
+ private:
+  const Lens& lens_;
+  const bool is_pinhole_;
+  const float per_fx_, per_fy_, cx_, cy_;
 };
 
 }  // namespace
 
-std::optional<VisibilityMask> ArrayDepth::visibility(const View& view, CameraIndex index,
-                                                     std::span<const Rect> parts) const {
+std::optional<VisibilityMask> ArrayDepth::visibility(const View& view, CameraIndex index, std::span<const Rect> parts,
+                                                     const DepthEdges* edges) const {
   const auto found = std::ranges::find(cameras_, index, [](const auto& camera) { return camera->index; });
   if (found == cameras_.end() || !view.focus.map) return {};
   const FocalMap& map = *view.focus.map;
-  VisibilityMask mask{map.columns, map.rows, {}};
+  VisibilityMask mask{map.columns, map.rows, {}, {}};
   mask.nodes.assign(map.levels.size(), VisibilityMask::kVisible);
   const VisibilityTest visible(view, (*found)->image, (*found)->depth.inverse, range_.step());
   const auto step = static_cast<float>(map.step);
-  const Lens& lens = view.lens;
-  const bool is_pinhole = !lens.has_distortion();
-  const auto per_fx = static_cast<float>(1 / lens.fx()), per_fy = static_cast<float>(1 / lens.fy());
-  const auto cx = static_cast<float>(lens.cx()), cy = static_cast<float>(lens.cy());
+  const LinesOfSight lines(view.lens);
   for (const Rect& part : parts) {
     const int right = std::min(FocalMap::nodes(part.x1, map.step) + 1, map.columns);
     const int bottom = std::min(FocalMap::nodes(part.y1, map.step) + 1, map.rows);
     for (int j = std::max(part.y0 / map.step - 1, 0); j < bottom; j++)
       for (int i = std::max(part.x0 / map.step - 1, 0); i < right; i++) {
-        const float x = (static_cast<float>(i) + 0.5f) * step - 0.5f, y = (static_cast<float>(j) + 0.5f) * step - 0.5f;
-        glm::vec3 ray((x - cx) * per_fx, (y - cy) * per_fy, 1);
-        if (!is_pinhole) {
-          const std::optional<Vec2> through_lens = lens.unproject({x, y});
-          if (!through_lens) continue;
-          ray = {through_lens->x, through_lens->y, 1};
-        }
+        const std::optional<glm::vec3> ray =
+            lines.at((static_cast<float>(i) + 0.5f) * step - 0.5f, (static_cast<float>(j) + 0.5f) * step - 0.5f);
+        if (!ray) continue;
         const size_t node = static_cast<size_t>(j) * map.columns + i;
-        const float seen = visible(ray, map.levels[node]);
-        constexpr float kRange = VisibilityMask::kVisible - VisibilityMask::kHidden;
-        mask.nodes[node] = static_cast<uint8_t>(VisibilityMask::kHidden + kRange * seen + 0.5f);
+        mask.nodes[node] = visible.at_level(*ray, map.levels[node]);
       }
   }
+  if (!edges) return mask;
+  mask.edges.resize(edges->cells.size());
+  for (const Rect& part : parts)
+    for (int j = DepthEdges::cell_of(part.y0); j <= DepthEdges::cell_of(part.y1 - 1); j++)
+      for (int i = DepthEdges::cell_of(part.x0); i <= DepthEdges::cell_of(part.x1 - 1); i++) {
+        const int32_t cell = edges->index_of(i, j);
+        for (int k = 0; cell >= 0 && k < DepthEdges::kPixels; k++) {
+          const auto [x, y] = DepthEdges::pixel_of(i, j, k);
+          const std::optional<glm::vec3> ray = lines.at(static_cast<float>(x), static_cast<float>(y));
+          const float inverse = edges->cells[static_cast<size_t>(cell)][k];
+          mask.edges[static_cast<size_t>(cell)][k] = ray ? visible.at_inverse(*ray, inverse) : VisibilityMask::kVisible;
+        }
+      }
   return mask;
+}
+
+DepthEdges ArrayDepth::edges(const View& view, const ParallelFor& parallel) const {
+  // Corners are on different surfaces if their depths differ by more than this number of steps of the range.
+  constexpr double kApart = 2;
+  const FocalMap& map = *view.focus.map;
+  DepthEdges out(map, kApart * range_.step());
+  const DepthAgreement agreement(view, cameras_around(view.pose.position), range_);
+  const Mat3 to_world = view.pose.rotation();
+  const double eye = map.from.signed_distance(view.pose.position);
+  parallel(static_cast<size_t>(out.rows), [&](size_t j) {
+    for (int i = 0; i < out.columns; i++) {
+      const int32_t cell = out.index_of(i, static_cast<int>(j));
+      if (cell < 0) continue;
+      const DepthEdges::Sides sides(map, i, static_cast<int>(j));
+      for (int k = 0; k < DepthEdges::kPixels; k++) {
+        const auto [x, y] = DepthEdges::pixel_of(i, static_cast<int>(j), k);
+        const std::optional<Vec2> normalised = view.lens.unproject({x, y});
+        const Vec3 ray = to_world * (normalised ? Vec3(*normalised, 1) : Vec3(0, 0, 1));
+        const DepthAgreement::Line line = agreement.line(ray);
+        const double along = glm::dot(map.from.normal, ray);
+        const auto agreement_of = [&](double inverse) {
+          return agreement.at(line, inverse * along / (1 - inverse * eye)).value_or(0);
+        };
+        const auto [near, far] = sides.inverse_at(k);
+        const float of_near = agreement_of(near);
+        const bool is_near = of_near > DepthAgreement::kAccepted || of_near >= agreement_of(far);
+        out.cells[static_cast<size_t>(cell)][k] = static_cast<float>(is_near ? near : far);
+      }
+    }
+  });
+  return out;
 }
 
 FocalMap ArrayDepth::surface(const View& view, const ParallelFor& parallel) const {

@@ -10,6 +10,7 @@
 #include "base/worker_pool.h"
 #include "depth/camera_depth.h"
 #include "rig/mesh.h"
+#include "view/depth_edges.h"
 #include "view/view.h"
 #include "view/visibility_mask.h"
 
@@ -63,10 +64,16 @@ class ArrayDepth {
   // view's axis.
   FocalMap surface(const View& view, const ParallelFor& parallel = serial_for) const;
 
+  // Returns the depth edges of a view with a focal map of the finest step, from surface(). Each pixel of a cell with an
+  // edge belongs to the nearest of its two sides on which the depth maps of the cameras agree.
+  DepthEdges edges(const View& view, const ParallelFor& parallel = serial_for) const;
+
   // Returns which nodes of a view's focal map a camera sees. Something hides a node if the camera's depth map is nearer
   // there by more than the tolerance of surface(). The test covers the nodes around the pixels of `parts`. All other
-  // nodes count as visible. Returns nothing if the camera has no depth map, or the view no focal map.
-  std::optional<VisibilityMask> visibility(const View& view, CameraIndex camera, std::span<const Rect> parts) const;
+  // nodes count as visible. `edges` are the edges of the view, or null. Returns nothing if the camera has no depth map,
+  // or the view no focal map. Values of edges outside `parts` are not set.
+  std::optional<VisibilityMask> visibility(const View& view, CameraIndex camera, std::span<const Rect> parts,
+                                           const DepthEdges* edges = nullptr) const;
 
  private:
   struct Camera {
@@ -79,6 +86,7 @@ class ArrayDepth {
     const Camera* camera;
     float weight;
   };
+  class DepthAgreement;
   class ViewPoints;
 
   ArrayDepth() = default;

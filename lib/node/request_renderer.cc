@@ -130,17 +130,23 @@ PhotoConsistency measured_sums(const View& view, const FocalMap* measured, float
 
 using Visibility = std::vector<std::optional<VisibilityMask>>;
 
+bool is_measured(const RequestRenderer::Work& work, const View& view) {
+  return work.depths && view.focus.map && view.focus.map->measured;
+}
+
 // Finds out which part of the surface of a job's view each camera sees, if the cameras have measured the surface.
-// Covers `parts` of each camera's part of the view. `visibility` holds the masks.
+// Covers `parts` of each camera's part of the view. `edges` are the edges of the surface, or null. `visibility` holds
+// the masks.
 void add_visibility(const RequestRenderer::Work& work, const RenderJob& job,
-                    const std::function<std::vector<Rect>(CameraIndex)>& parts, const ParallelFor& parallel,
-                    std::vector<Source>& sources, Visibility& visibility) {
+                    const std::function<std::vector<Rect>(CameraIndex)>& parts, const DepthEdges* edges,
+                    const ParallelFor& parallel, std::vector<Source>& sources, Visibility& visibility) {
   const View& view = job.plan().view();
-  if (!work.depths || !view.focus.map || !view.focus.map->measured) return;
+  if (!is_measured(work, view)) return;
   visibility.resize(sources.size());
   parallel(sources.size(), [&](size_t i) {
-    visibility[i] = work.depths->visibility(view, sources[i].camera, parts(sources[i].camera));
+    visibility[i] = work.depths->visibility(view, sources[i].camera, parts(sources[i].camera), edges);
     if (visibility[i]) sources[i].visibility = &*visibility[i];
+    sources[i].edges = edges;
   });
 }
 
@@ -158,7 +164,7 @@ RenderedConsistency render_consistency(const RequestRenderer::Work& work, const 
     std::vector<Source> sources = images_of(work, images);
     Visibility visibility;
     const auto part = [job](CameraIndex camera) { return std::vector{job->plan().camera_rect(camera)}; };
-    add_visibility(work, *job, part, options.parallel, sources, visibility);
+    add_visibility(work, *job, part, nullptr, options.parallel, sources, visibility);
     rendered.drawing = add_consistency(*job, sources, hypotheses, sums, options.parallel, options.depth_gpu.get());
   }
   if (const View* const measured = work.plan->measured_view())
@@ -191,7 +197,8 @@ std::vector<Source> resampled(Works works, const RenderOptions& options, std::ve
 
 struct Drawn {
   std::vector<Source> sources;
-  Visibility visibility;           // of sources
+  std::optional<DepthEdges> edges;  // of the view's surface
+  Visibility visibility;            // of sources
   std::optional<SumRenderer> sum;  // empty if the answer has unwarped pixels, or no camera has an image yet
   uint64_t ns = 0;                 // nanoseconds
 };
@@ -202,7 +209,7 @@ void draw(Works works, const std::vector<Source>& images, const std::vector<Sour
   options.parallel(works.size(), [&](size_t i) {
     const RequestPlan* const plan = works[i].plan;
     const wire::AnswerHeader& header = works[i].header;
-    auto& [sources, visibility, sum, ns] = drawn[i];
+    auto& [sources, edges, visibility, sum, ns] = drawn[i];
     for (size_t k = 0; works[i].has_images && k < images.size(); k++)
       if (const CameraIndex camera = images[k].camera; plan->draws(camera))
         sources.push_back(plan->shows_detail(camera) ? sampled[k] : images[k]);
@@ -213,8 +220,10 @@ void draw(Works works, const std::vector<Source>& images, const std::vector<Sour
       return sum_tiles(job.plan(), job.runs(), {&camera, 1}, PixelFamily::kRgb, 0);
     };
     const FocalMap* const map = job.plan().view().focus.map.get();
-    if (map && map->step == FocalMap::kMinStep)
-      add_visibility(works[i], job, tiles, options.parallel, sources, visibility);
+    if (map && map->step == FocalMap::kMinStep && is_measured(works[i], job.plan().view())) {
+      edges = works[i].depths->edges(job.plan().view(), options.parallel);
+      add_visibility(works[i], job, tiles, &*edges, options.parallel, sources, visibility);
+    }
     const bool is_in_group =
         options.in_process && options.gpu && options.group != 0 && options.gpu->group() == options.group;
     const Coding coding = choose_coding(options.codec, options.in_process, plan->quality());

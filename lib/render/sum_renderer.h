@@ -33,6 +33,9 @@ struct Source {
   // The part of the focal surface that the camera sees, or null if this is not known. Must have the size of the view's
   // focal map, and is only used if the map's nodes are FocalMap::kMinStep apart. The CPU renders sums with masks.
   const VisibilityMask* visibility = nullptr;
+  // The depths of single pixels at the edges of the view's focal map, or null. All sources of a sum must have the same
+  // edges, and masks with values for these edges. Used under the same conditions as `visibility`.
+  const DepthEdges* edges = nullptr;
 };
 
 // Checks that an image has the size that the rig gives for its camera. Throws Error otherwise.

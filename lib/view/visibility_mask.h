@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
+
+#include "view/depth_edges.h"
 
 namespace lf {
 
@@ -11,11 +14,13 @@ namespace lf {
 // weight. Where something hides the surface from the camera, other cameras therefore determine the colour.
 struct VisibilityMask {
   static constexpr uint8_t kVisible = 255;
-  // The surface is hidden. The camera keeps a quarter of its weight, for points that no camera sees.
-  static constexpr uint8_t kHidden = 64;
+  // The surface is hidden. The camera keeps an eighth of its weight, for points that no camera sees.
+  static constexpr uint8_t kHidden = 32;
 
   int columns = 0, rows = 0;   // as in the focal map
   std::vector<uint8_t> nodes;  // row by row, kHidden to kVisible
+  // For each of DepthEdges::cells, the values of its pixels. Empty if the view has no DepthEdges.
+  std::vector<std::array<uint8_t, DepthEdges::kPixels>> edges;
 };
 
 }  // namespace lf

@@ -397,6 +397,20 @@ inline void fix_cells(const CellWork& work, int k, size_t halves, SurfaceBand& o
   }
 }
 
+// Marks half-blocks with a depth edge as not accurate enough, in the cells below row k of the nodes, which are row j of
+// the view's cells. `first` is the index of the first half-block.
+inline void exclude_edges(const DepthEdges& edges, int j, int k, size_t first, size_t halves, SurfaceBand& out) {
+  if (j >= edges.rows) return;
+  for (size_t i = 0; i < halves; i++) {
+    bool has_edge = false;
+    const int cell = static_cast<int>(2 * (first + i));
+    for (int c = cell; c <= std::min(cell + 2, edges.columns - 1); c++)
+      has_edge = has_edge || edges.index_of(c, j) >= 0;
+    if (!has_edge) continue;
+    out.slack_x[out.entry(k, i)] = out.slack_y[out.entry(k, i)] = NAN;
+  }
+}
+
 // Constants for interpolating the samples of a half-block: which of the four nodes precedes each sample, and the
 // distance from this node. A half-block has eight luma samples, with one table lookup each for x and y. It has four
 // chroma samples, with a common lookup for x and y.

@@ -481,7 +481,10 @@ inline void place_cells(const Slot& slot, bool i420, int y, bool follows, const 
   project_cells(slot, inverse, first, halves + 1, y, ready, out, work);
   bound_cell_errors(slot, inverse, first, halves + 1, ready_cells, out, work.error_bound);
   for (int k = ready; k < kCellRows; k++) fix_nodes(work, k, halves, out);
-  for (int k = ready_cells; k + 1 < kCellRows; k++) fix_cells(work, k, halves, out);
+  for (int k = ready_cells; k + 1 < kCellRows; k++) {
+    fix_cells(work, k, halves, out);
+    if (slot.edges) exclude_edges(*slot.edges, y / kCell + k, k, first, halves, out);
+  }
   decide_cells(slot, i420, band);
 }
 

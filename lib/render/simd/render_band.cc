@@ -190,11 +190,29 @@ inline void interpolate_pair(const Part& part, int pair, bool i420, bool surface
   if (i420) interpolate_positions(band.chroma, pair * band.pitch + part.block, kChromaTable, out[2]);
 }
 
-// Computes the inverse distances of the focal map at the samples of a block, `y` rows below the top of the band. For
-// chroma, the result has the same kHalf values twice.
-inline void find_inverse(const FocalMap& map, const CellNodes& nodes, const PairPlace& place, float y, bool chroma,
-                         float* out) {
-  if (map.step == kCell) return inverse_along(nodes, CellRow(y), place.x / kHalf, chroma, out);
+// Replaces the inverse distances of pixels in cells with depth edges. A chroma sample takes the upper left of its
+// pixels.
+inline void replace_at_edges(const DepthEdges& edges, const PairPlace& place, int y, bool chroma, float* out) {
+  const int step = chroma ? 2 : 1, count = chroma ? kHalf : kBlock;
+  if (DepthEdges::cell_of(y) >= edges.rows) return;
+  for (int i = 0; i < count; i++) {
+    const int x = place.x + step * i;
+    if (DepthEdges::cell_of(x) >= edges.columns) return;
+    if (const float* const depth = edges.depth_at(x, y)) out[i] = *depth;
+  }
+}
+
+// Computes the inverse distances of the focal surface at the samples of a block, `y` rows below the top of the band.
+// For chroma, the result has the same kHalf values twice. `edges` may be null.
+inline void find_inverse(const FocalMap& map, const DepthEdges* edges, const CellNodes& nodes, const PairPlace& place,
+                         float y, bool chroma, float* out) {
+  if (map.step == kCell) {
+    inverse_along(nodes, CellRow(y), place.x / kHalf, chroma, out);
+    if (!edges) return;
+    replace_at_edges(*edges, place, place.y + static_cast<int>(y), chroma, out);
+    if (chroma) std::copy_n(out, kHalf, out + kHalf);
+    return;
+  }
   map.inverse_row(place.x + (chroma ? 0.5 : 0), chroma ? 2 : 1, place.y + y, chroma ? kHalf : kBlock, out);
   if (chroma) std::copy_n(out, kHalf, out + kHalf);
 }
@@ -221,7 +239,7 @@ inline bool find_samples(const SumTask& task, const Part& part, bool project, co
     Visibility visibility;
     if (map) {
       alignas(64) float inverse[kBlock];
-      find_inverse(*map, inverse_nodes, place, y, chroma, inverse);
+      find_inverse(*map, slot.edges, inverse_nodes, place, y, chroma, inverse);
       const float from_top = static_cast<float>(place.y - slot.rect.y0 / kBandRows * kBandRows) + y;
       visibility = project_positions(task, slot, slot.terms, chroma, static_cast<float>(kBlock * part.block), from_top,
                                      table, inverse, weight, lost, out.at[i]);

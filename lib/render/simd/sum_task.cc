@@ -118,8 +118,10 @@ Slot make_slot(const ViewPlan& plan, const Camera& camera, const Source& source,
   slot.camera = source.camera;
   slot.image = source.image;
   const FocalMap* const map = plan.view().focus.map.get();
-  if (source.visibility && map && map->step == kCell && source.visibility->nodes.size() == map->levels.size())
-    slot.visibility = source.visibility;
+  if (map && map->step == kCell) {
+    if (source.visibility && source.visibility->nodes.size() == map->levels.size()) slot.visibility = source.visibility;
+    slot.edges = source.edges;
+  }
   if (family == PixelFamily::kRgb) pick_pixels(source.image.layout, slot);
   slot.rect = plan.camera_rect(source.camera);
   if (family == PixelFamily::kI420) slot.rect = chroma_aligned(slot.rect, plan.view());
@@ -180,7 +182,7 @@ PreparedTask::PreparedTask(const ViewPlan& plan, const FaceRuns& runs, std::span
     projections.emplace_back(plan, source.camera, camera);
     task.slot_of_camera[source.camera] = static_cast<int32_t>(task.slots.size());
     task.slots.push_back(make_slot(plan, camera, source, family, projections.back()));
-    task.has_visibility = task.has_visibility || task.slots.back().visibility;
+    task.has_visibility = task.has_visibility || task.slots.back().visibility || task.slots.back().edges;
     rect = unite(rect, task.slots.back().rect);
   }
   task.face_corners.reserve(plan.faces().size());
@@ -219,6 +221,14 @@ constexpr float kWeightOne = 32768, kLevel = 1 << 7;
 
 int16_t to_sum(float levels) { return static_cast<int16_t>(std::lrintf(levels * kLevel)); }
 
+// Returns the inverse distance of the focal surface at a pixel or, for chroma, between four pixels; a chroma sample
+// takes the depth of the upper left pixel at a depth edge. `edges` may be null.
+double inverse_at(const ViewPlan& plan, const DepthEdges* edges, double x, double y) {
+  const int column = static_cast<int>(x), row = static_cast<int>(y);
+  const float* const depth = edges ? edges->depth_at(column, row) : nullptr;
+  return depth ? *depth : plan.inverse_at(x, y);
+}
+
 void add(int16_t& sum, float levels) { sum = static_cast<int16_t>(sum + to_sum(levels)); }
 
 }  // namespace
@@ -239,7 +249,8 @@ void add_mixed_block(const SumTask& task, const BlockWeights& weights, int pair,
       const int16_t w = weights.w[r][i];
       if (w == 0) continue;
       Vec2 position;
-      if (!slot.projection->project(rays.at(x + i, y + r), task.plan->inverse_at(x + i, y + r), position)) {
+      if (!slot.projection->project(rays.at(x + i, y + r), inverse_at(*task.plan, slot.edges, x + i, y + r),
+                                    position)) {
         uint16_t& lost = scratch.lost[r][out * kBlock + i];
         lost = static_cast<uint16_t>(std::min(lost + w, 65535));
         scratch.any_missing = true;
@@ -265,7 +276,8 @@ void add_mixed_block(const SumTask& task, const BlockWeights& weights, int pair,
     const float weight = chroma[k].weight / static_cast<float>(pixels);
     Vec2 position;
     if (!slot.projection->project_unbounded(rays.at_centre_of_four(x + 2 * k, y + 2 * pair),
-                                            task.plan->inverse_at(x + 2 * k + 0.5, y + 2 * pair + 0.5), position))
+                                            inverse_at(*task.plan, slot.edges, x + 2 * k + 0.5, y + 2 * pair + 0.5),
+                                            position))
       position = chroma[k].position;
     const plain::Sampler at((position - 0.5) / 2.0, chroma_size(image.width), chroma_size(image.height));
     for (int c = 1; c <= 2; c++)

@@ -63,6 +63,7 @@ struct Slot {
   CameraIndex camera = 0;
   ImageView image;  // if its family is kNone, all weight is missing
   const VisibilityMask* visibility = nullptr;  // reduces the weights, see Source; may be null
+  const DepthEdges* edges = nullptr;           // may be null
   Rect rect;        // bounds the pixels with a weight of the camera; x0 and y0 are even
   // For RGB images, shuffle indices. `pixel_pairs` selects from two groups of eight bytes, each with a pixel and its
   // right neighbour. It selects R of the pixel, R of the neighbour, then G and B in the same way. The first indices are
@@ -261,7 +262,7 @@ struct SumTask {
   std::vector<uint8_t> face_corners;    // per plan.faces(); bit k is set if the camera of corner k is local
   PixelFamily family = PixelFamily::kNone;
   bool exact = false;
-  bool has_visibility = false;  // some slots have a visibility mask
+  bool has_visibility = false;  // some slots have a visibility mask or depth edges
 };
 
 // Computes rows y to y + kBandRows - 1, clipped to `rect`, into scratch.sum and scratch.lost. They must have room for

@@ -375,9 +375,34 @@ struct NodePlace {
 };
 static_assert(kCell == 4, "pixels are at odd eighths between nodes");
 
+// Returns true if a block of a band has depth edges. Its first pixel is (x, y).
+inline bool has_edges(const DepthEdges& edges, int x, int y) {
+  const int right = std::min(DepthEdges::cell_of(x + kBlock - 1), edges.columns - 1);
+  const int bottom = std::min(DepthEdges::cell_of(y + kBandRows - 1), edges.rows - 1);
+  for (int j = DepthEdges::cell_of(y); j <= bottom; j++)
+    for (int i = DepthEdges::cell_of(x); i <= right; i++)
+      if (edges.index_of(i, j) >= 0) return true;
+  return false;
+}
+
+// Replaces the values of pixels in cells with depth edges, in row y of the view. `seen` are the values of a block that
+// begins at pixel x; 64 * kVisible is 1.
+inline void mask_edges(const VisibilityMask& mask, const DepthEdges& edges, int x, int y, int16_t* seen) {
+  const int row = DepthEdges::cell_of(y);
+  if (row >= edges.rows) return;
+  for (int i = 0; i < kBlock; i++) {
+    const int column = DepthEdges::cell_of(x + i);
+    if (column >= edges.columns) return;
+    const int32_t edge = edges.index_of(column, row);
+    if (edge >= 0)
+      seen[i] = static_cast<int16_t>(
+          64 * mask.edges[edge][DepthEdges::in_cell(y) * DepthEdges::kSize + DepthEdges::in_cell(x + i)]);
+  }
+}
+
 // Multiplies the weights of a block by a visibility mask, and adds the rest to the missing weight. `x` and `y` are the
 // first pixel, and `lost` the missing weight of each row at this pixel. Returns true if any weight has changed.
-inline bool mask_block(const VisibilityMask& mask, int x, int y, BlockWeights& weights,
+inline bool mask_block(const VisibilityMask& mask, const DepthEdges* edges, int x, int y, BlockWeights& weights,
                        uint16_t* const lost[kBandRows]) {
   constexpr int kColumns = kBlock / kCell + 2;  // nodes around the block
   int16_t nodes[kCellRows][kColumns];
@@ -390,7 +415,8 @@ inline bool mask_block(const VisibilityMask& mask, int x, int y, BlockWeights& w
       hidden |= VisibilityMask::kVisible - nodes[k][i];
     }
   }
-  if (hidden == 0) return false;
+  if (edges && !has_edges(*edges, x, y)) edges = nullptr;
+  if (hidden == 0 && !edges) return false;
   const hn::CappedTag<int16_t, kBlock> d;
   const hn::RebindToUnsigned<decltype(d)> du;
   for (int r = 0; r < kBandRows; r++) {
@@ -406,6 +432,7 @@ inline bool mask_block(const VisibilityMask& mask, int x, int y, BlockWeights& w
       seen[i] =
           static_cast<int16_t>((8 - along.eighths) * between[along.node] + along.eighths * between[along.node + 1]);
     }
+    if (edges) mask_edges(mask, *edges, x, y + r, seen);
     for (size_t i = 0; i < kBlock; i += hn::Lanes(d)) {
       const auto v = hn::Load(d, seen + i), w = hn::Load(d, weights.w[r] + i);
       // 64 * 255 becomes 32767.
@@ -429,7 +456,8 @@ inline void apply_visibility(const SumTask& task, const Rect& rect, int y, Scrat
     for (int32_t i = scratch.head[block]; i >= 0; i = scratch.weights[i].next) {
       BlockWeights& weights = scratch.weights[i];
       const VisibilityMask* const mask = task.slots[weights.slot].visibility;
-      if (mask && mask_block(*mask, (first_block + block) * kBlock, y, weights, lost)) scratch.any_missing = true;
+      if (mask && mask_block(*mask, task.slots[weights.slot].edges, (first_block + block) * kBlock, y, weights, lost))
+        scratch.any_missing = true;
     }
   }
 }

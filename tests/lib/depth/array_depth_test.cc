@@ -77,6 +77,7 @@ TEST_F(ArrayDepthTest, EachStepDoublesTheResolution) {
   int steps = 0;
   for (; !depth.is_finest(walls_.rig); steps++) depth = depth.finer(walls_.rig, images_);
   EXPECT_EQ(steps, 1);
+  depth = depth.finer(walls_.rig, images_);  // the full resolution, for stills
   EXPECT_EQ(depth.surface(view()), estimate(walls_.own).surface(view()));
 }
 
@@ -156,6 +157,31 @@ TEST_F(ArrayDepthTest, ALensBeyondItsRaysIsFar) {
   wide.lens = Lens(LensModel::kSimpleRadial, {40, 79.5, 59.5, -0.3});  // rays beyond a radius of 1.05 fold back
   const FocalMap map = estimate(walls_.own).surface(wide);
   EXPECT_EQ(map.levels.size(), 40u * 30u);
+}
+
+// The pixels beside the edge of the near wall have the depth of their own wall.
+TEST_F(ArrayDepthTest, EdgesFollowTheSilhouetteToThePixel) {
+  const ArrayDepth depth = estimate(walls_.own);
+  View seen = view();
+  seen.focus.map = std::make_shared<const FocalMap>(depth.surface(seen));
+  const DepthEdges edges = depth.edges(seen);
+  const FocalMap& map = *seen.focus.map;
+  int right = 0, right_by_nodes = 0, all = 0;
+  for (int y = 8; y < seen.height - 8; y++)
+    for (int x = 8; x < seen.width - 8; x++) {
+      const float* const inverse = edges.depth_at(x, y);
+      if (!inverse) continue;
+      const double on_near_wall = seen.pose.position.x + 1.5 * seen.lens.unproject({x, y})->x;
+      const double expected = on_near_wall > 0 ? 1 / 1.5 : 1 / 3.;
+      all++;
+      right += std::abs(*inverse / expected - 1) < 0.1;
+      right_by_nodes += std::abs(map.inverse_at(x, y) / expected - 1) < 0.1;
+    }
+  std::printf("%d pixels at edges, %d right, %d by interpolation of nodes\n", all, right, right_by_nodes);
+  ASSERT_GT(all, 300);
+  EXPECT_GT(right, 0.8 * all);
+  EXPECT_GT(right, 1.5 * right_by_nodes);
+  EXPECT_EQ(depth.edges(seen, parallel_for_all_processors()).cells, edges.cells);
 }
 
 // A camera on the right sees the edge of the near wall where a view from the left sees the far wall.

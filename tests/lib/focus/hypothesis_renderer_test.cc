@@ -209,7 +209,7 @@ TEST(HypothesisRenderer, MasksReduceTheWeightsOfTheSurfaceOnly) {
   const std::vector<DepthHypothesis> hypotheses{{kBlurred, 0}, {kPlane, 170}};
   const std::vector<std::vector<uint8_t>> levels = hypothesis_levels(view, hypotheses);
   const RenderJob job(walls.rig, walls.mesh, hypothesis_view(view), walls.own);
-  std::vector<VisibilityMask> masks(walls.own.size(), {map.columns, map.rows, {}});
+  std::vector<VisibilityMask> masks(walls.own.size(), {map.columns, map.rows, {}, {}});
   std::vector<double> expected(map.levels.size());
   std::vector<Source> sources;
   for (const CameraIndex camera : job.cameras()) {

@@ -2,11 +2,14 @@
 #include <deque>
 #include <list>
 
+#include "composite/assembly.h"
+#include "composite/still.h"
 #include "focus/exposure_compensation.h"
 #include "image/image.h"
 #include "image/image_filters.h"
 #include "lib/focus/array_of_walls.h"
 #include "node/request_renderer.h"
+#include "quality/image_quality.h"
 #include "support/test.h"
 #include "wire/consistency_codec.h"
 
@@ -120,6 +123,42 @@ TEST_F(RequestRendererTest, SharpensIfRequested) {
   std::vector<Source> sources = walls_.sources();
   for (size_t i = 0; i < sources.size(); i++) sources[i].image = sharpened_images[i].view();
   EXPECT_EQ(render(sources).bytes, sharp);
+}
+
+// With depth maps of the cameras, a node's answer is the picture of render_still(). It is sharper at the silhouette
+// than with the nodes of the focal map alone.
+TEST_F(RequestRendererTest, DepthsOfTheCamerasSharpenSilhouettes) {
+  const ArrayDepth depths(
+      walls_.rig, walls_.own, [this](CameraIndex i) { return walls_.images[i].view(); }, 0, 1.2);
+  request_.view.focus.map = std::make_shared<const FocalMap>(depths.surface(request_.view));
+  const RequestPlan plan = this->plan();
+  const auto picture = [&](const std::optional<ArrayDepth>& used) {
+    const RenderedAnswer answer =
+        renderer_.render({.plan = &plan, .header = header_, .depths = used}, walls_.sources(), options_, scratch_);
+    Assembly assembly;
+    assembly.begin(request_);
+    const auto parsed = wire::parse_answer(answer.bytes);
+    EXPECT_EQ(assembly.add(*parsed), Assembly::Verdict::kAdded);
+    assembly.finish(PixelFamily::kRgb, false);
+    return assembly.picture().resolve();
+  };
+  const CameraImages images = [this](CameraIndex i) -> const Image& { return walls_.images[i]; };
+  const Still still =
+      render_still(walls_.rig, walls_.mesh, request_.view, images, Resampling::kBilinear, {}, nullptr, &depths);
+  const Image sharp = picture(depths), coarse = picture({});
+  EXPECT_LE(compare(sharp, still.picture).max_error, 1);
+  Image truth(PixelFamily::kRgb, request_.view.width, request_.view.height);
+  for (int y = 0; y < truth.height(); y++)
+    for (int x = 0; x < truth.width(); x++) {
+      const Vec3 d(*request_.view.lens.unproject({x, y}), 1), eye = request_.view.pose.position;
+      const Vec3 near = eye + 1.5 * d;
+      const auto luma = test::ArrayOfWalls::luma_at(near.x > 0 ? near : eye + 3. * d);
+      std::fill_n(&truth.data()[3 * (static_cast<size_t>(y) * truth.width() + x)], 3,
+                  static_cast<uint8_t>(std::lround(luma)));
+    }
+  const double with = compare(sharp, truth).psnr_db, without = compare(coarse, truth).psnr_db;
+  std::printf("PSNR %.2f dB with depth edges and visibility, %.2f dB without\n", with, without);
+  EXPECT_GT(with, without + 3);
 }
 
 TEST_F(RequestRendererTest, UsesCorrectedImagesForAllResults) {

@@ -258,7 +258,7 @@ TEST(SumRenderer, VisibilityReducesTheWeightOfACamera) {
         const test::Production production(rig, build_mesh(rig), view);
         const FaceRuns runs(production.plan, test::whole(view));
         std::vector<Source> sources = sources_of(rig, production.plan, images);
-        std::vector<VisibilityMask> masks(sources.size(), {view.focus.map->columns, view.focus.map->rows, {}});
+        std::vector<VisibilityMask> masks(sources.size(), {view.focus.map->columns, view.focus.map->rows, {}, {}});
         const size_t pixels = static_cast<size_t>(view.width) * view.height;
         std::vector<double> expected(pixels), lost(pixels);
         for (size_t i = 0; i < sources.size(); i++) {
@@ -301,6 +301,68 @@ TEST(SumRenderer, VisibilityReducesTheWeightOfACamera) {
         EXPECT_LE(worst.level, 0.2);
         EXPECT_LE(worst.lost, 5e-4);
       }
+  });
+}
+
+// Pixels in cells with depth edges have the depths of another map. They are drawn as with that map, and all other
+// pixels as without edges.
+TEST(SumRenderer, DepthEdgesPlaceSinglePixels) {
+  test::on_every_target([] {
+    for (const PixelFamily family : {PixelFamily::kI420, PixelFamily::kRgb}) {
+      Random random(12);
+      const Rig rig = jittered_array(random, 4, 93, 71, -0.1);
+      View view = view_into(4, 93, 71, random.small_rotation(0.1));
+      view.focus.map = depths(random, view, FocalMap::kMinStep, false);
+      View other = view;
+      FocalMap turned = *view.focus.map;
+      std::ranges::reverse(turned.levels);
+      other.focus.map = std::make_shared<FocalMap>(turned);
+      DepthEdges edges(*view.focus.map, 1e9);  // no cells yet
+      for (int j = 0; j < edges.rows; j++)
+        for (int i = 0; i < edges.columns; i++) {
+          if (random.uniform(0, 1) > 0.3) continue;
+          edges.index[static_cast<size_t>(j) * edges.columns + i] = static_cast<int32_t>(edges.cells.size());
+          DepthEdges::Cell& cell = edges.cells.emplace_back();
+          for (int k = 0; k < DepthEdges::kPixels; k++) {
+            const auto [x, y] = DepthEdges::pixel_of(i, j, k);
+            cell[k] = static_cast<float>(turned.inverse_at(x, y));
+          }
+        }
+      const std::vector<Image> images = test::in_family(family, images_of(rig, random, reference::smooth_image));
+      const Rect whole = test::whole(view);
+      const auto render = [&](const View& shown, const DepthEdges* used, const VisibilityMask* mask) {
+        const test::Production production(rig, build_mesh(rig), shown);
+        std::vector<Source> sources = sources_of(rig, production.plan, images);
+        for (Source& source : sources) source.edges = used, source.visibility = mask;
+        Sum sum(family, whole);
+        SumRenderer(production.plan, FaceRuns(production.plan, whole), sources, family)
+            .render_rows(0, whole.y1, sum.planes);
+        return sum;
+      };
+      const Sum plain = render(view, nullptr, nullptr), swapped = render(other, nullptr, nullptr);
+      const Sum sum = render(view, &edges, nullptr);
+      VisibilityMask half{view.focus.map->columns, view.focus.map->rows, {}, {}};
+      half.nodes.assign(view.focus.map->levels.size(), VisibilityMask::kVisible);
+      half.edges.resize(edges.cells.size());
+      for (auto& cell : half.edges) cell.fill(128);
+      const Sum masked = render(view, &edges, &half);
+      Worst worst, worst_masked;
+      for (int y = 0; y < view.height; y++)
+        for (int x = 0; x < view.width; x++) {
+          const bool has_edge = edges.depth_at(x, y);
+          const Sum& expected = has_edge ? swapped : plain;
+          const auto level = [&](const Sum& of) { return of.planes.plane[0][y * of.planes.stride[0] + x] / 128.; };
+          worst.level = std::max(worst.level, std::abs(level(sum) - level(expected)));
+          worst.lost = std::max(worst.lost, std::abs(sum.missing_weight(x, y) - expected.missing_weight(x, y)));
+          const double part = has_edge ? 128 / 255. : 1;
+          worst_masked.level = std::max(worst_masked.level, std::abs(level(masked) - part * level(expected)));
+          worst.pixels += has_edge;
+        }
+      worst.print(test::name_of(family) + std::string(" with depth edges"));
+      worst.expect_at_most(0.15, 0);
+      EXPECT_LE(worst_masked.level, 0.2);
+      EXPECT_GT(worst.pixels, 1000);
+    }
   });
 }
 
