@@ -13,6 +13,7 @@
 #include <gst/gst.h>
 #include <nlohmann/json.hpp>
 
+#include "array_sheet.h"
 #include "base/json_value.h"
 #include "base/text.h"
 #include "cameras/commands.h"
@@ -45,9 +46,10 @@ struct Arguments {
   double radius = 0;
   lf::GridRigOptions new_rig;
   bool devices = false;
-  std::string rig, other, out, cameras;
+  std::string rig, other, out, cameras, sheet;
   int every = 0;
-  std::optional<int> frame;
+  std::optional<int> frame, rig_id;
+  std::optional<double> scale;  // metres per unit of the file
   lf::ColmapImportOptions colmap;
   lf::StanfordOptions stanford{.focus_distance = -1};  // unknown
 };
@@ -79,6 +81,19 @@ void save(Rig rig, const std::string& out, const nlohmann::json* original = null
   lf::rebase_paths(rig, fs::path(out).parent_path().string());
   lf::save_rig(rig, out, original);
   terminal::print("%s: %zu cameras\n", out.c_str(), rig.cameras.size());
+}
+
+// Throws Error if the output is not a name of a picture.
+void require_picture(const std::string& sheet) {
+  const std::string ending = fs::path(sheet).extension().string();
+  if (!sheet.empty() && ending != ".png" && ending != ".jpg")
+    throw lf::Error("--sheet " + sheet + ": must be NAME.png or NAME.jpg");
+}
+
+void save_sheet(const Rig& rig, const std::string& sheet, const std::string& name) {
+  if (sheet.empty()) return;
+  lf::save_image(array_sheet(rig, name), sheet);
+  terminal::print("%s: contact sheet of %s\n", sheet.c_str(), name.c_str());
 }
 
 void assign_devices(Rig& rig) {
@@ -191,6 +206,7 @@ void check_images(const Rig& rig, std::vector<lf::RigFinding>& findings) {
 }
 
 int run_check(const Arguments& arguments) {
+  require_picture(arguments.sheet);
   lf::load_controls(arguments.rig);
   const Rig rig = lf::load_rig(arguments.rig);
   std::vector<lf::RigFinding> findings = lf::check_rig(rig);
@@ -202,6 +218,7 @@ int run_check(const Arguments& arguments) {
     findings.push_back({lf::RigFinding::Severity::kWarning, warning});
   const size_t errors = print_findings(findings, arguments.rig);
   terminal::print("%s: %zu errors, %zu warnings\n", arguments.rig.c_str(), errors, findings.size() - errors);
+  if (errors == 0) save_sheet(rig, arguments.sheet, arguments.rig);
   return errors > 0 ? 1 : 0;
 }
 
@@ -211,27 +228,6 @@ void run_subset(const Arguments& arguments) {
   save(arguments.every > 0 ? lf::subsample_grid(rig, arguments.every)
                            : lf::rig_subset(rig, lf::parse_camera_list(rig, arguments.cameras)),
        arguments.out, &original);
-}
-
-// Returns an explanation of the unit of lengths for a format without a metric unit, otherwise "".
-std::string unit_note(const std::string& format) {
-  if (format == "stanford") return " (option --unit: the unit of the file names)";
-  if (format == "colmap" || format == "llff" || format == "nerf") return " (one unit of the file is taken as a metre)";
-  return "";
-}
-
-void finish_import(const Arguments& arguments, const std::string& format, const lf::RigImport& result) {
-  print_notes(result.notes);
-  if (lf::has_no_pictures(result.rig))
-    terminal::print(
-        "note: the imported rig has no images; add a \"source\" (or an \"image\", a still) to each camera in %s\n",
-        arguments.out.c_str());
-  if (const std::string notice = lf::orientation_notice(result.rig); !notice.empty())
-    terminal::print("note: %s\n", notice.c_str());
-  print_findings(lf::check_lenses(result.rig), arguments.out);
-  save(result.rig, arguments.out);
-  if (const std::string text = lf::arrangement_text(result.rig); !text.empty())
-    terminal::print("%s: %s%s\n", arguments.out.c_str(), text.c_str(), unit_note(format).c_str());
 }
 
 struct Format {
@@ -250,6 +246,8 @@ Format formats[] = {
     {"colmap", "DIR", "a COLMAP model (cameras and images, .txt or .bin)",
      [](const Arguments& a) { return lf::import_colmap(a.other, a.colmap); },
      [](const Rig& rig, const Arguments& a) { return lf::export_colmap(rig, a.other); }},
+    {"deepview", "FILE", "models.json of the DeepView Video dataset (Google's rig of 46 cameras)",
+     [](const Arguments& a) { return lf::import_deepview(a.other); }, nullptr},
     {"hci", "DIR", "a scene of the 4D Light Field Benchmark (parameters.cfg, and input_Cam000.png, ...)",
      [](const Arguments& a) { return lf::import_hci(a.other); }, nullptr},
     {"kalibr", "FILE", "Kalibr's camchain.yaml", [](const Arguments& a) { return lf::import_kalibr(a.other); },
@@ -267,14 +265,53 @@ Format formats[] = {
      [](const Rig& rig, const Arguments& a) { return lf::export_opencv_yaml(rig, a.other); }},
     {"stanford", "DIR", "images with file names of the Stanford light field archive (out_00_01_Y_X_.png)",
      [](const Arguments& a) { return lf::import_stanford_pictures(a.other, a.stanford); },
-     [](const Rig& rig, const Arguments& a) { return lf::export_stanford(rig, a.other, a.stanford.unit); }},
+     [](const Rig& rig, const Arguments& a) {
+       return lf::export_stanford(rig, a.other, a.scale.value_or(lf::StanfordOptions().unit));
+     }},
+    {"technicolor", "DIR",
+     "undistorted films of Technicolor's array (cameras_parameters.txt and Scene_undist_00001_00.png, ...)",
+     [](const Arguments& a) { return lf::import_technicolor(a.other); }, nullptr},
 };
+
+// The focus distance of a Stanford import is in metres, so this importer converts the unit itself.
+bool converts_unit(const Format& format) { return std::string_view(format.name) == "stanford"; }
+
+// Reads the files of another program, with lengths in metres.
+lf::RigImport read_import(Arguments& arguments, const Format& format) {
+  if (arguments.scale) arguments.stanford.unit = *arguments.scale;
+  lf::RigImport result = format.read(arguments);
+  if (arguments.scale) lf::scale_lengths(result, converts_unit(format) ? 1 : *arguments.scale);
+  return result;
+}
+
+void finish_import(const Arguments& arguments, const Format& format, const lf::RigImport& result) {
+  print_notes(result.notes);
+  if (const std::string note = lf::depth_note(result); !note.empty()) terminal::print("note: %s\n", note.c_str());
+  if (lf::has_no_pictures(result.rig))
+    terminal::print(
+        "note: the imported rig has no images; add a \"source\" (or an \"image\", a still) to each camera in %s\n",
+        arguments.out.c_str());
+  if (const std::string notice = lf::orientation_notice(result.rig); !notice.empty())
+    terminal::print("note: %s\n", notice.c_str());
+  print_findings(lf::check_lenses(result.rig), arguments.out);
+  save(result.rig, arguments.out);
+  if (const std::string text = lf::arrangement_text(result.rig); !text.empty())
+    terminal::print("%s: %s%s\n", arguments.out.c_str(), text.c_str(),
+                    result.has_unit ? ""
+                                    : lf::format_text(" (the file does not tell its unit of length, which is taken as "
+                                                      "%g m; --scale gives the metres per unit)",
+                                                      converts_unit(format) ? lf::StanfordOptions().unit : 1)
+                                          .c_str());
+  save_sheet(result.rig, arguments.sheet, arguments.out);
+}
 
 void run_format_import(Arguments& arguments, const Format& format) {
   require_replaceable(arguments.out);
+  require_picture(arguments.sheet);
   if (arguments.frame) arguments.colmap.frame = static_cast<uint32_t>(*arguments.frame);
+  if (arguments.rig_id) arguments.colmap.rig = static_cast<uint32_t>(*arguments.rig_id);
   if (!arguments.grid.empty()) parse_grid(arguments.grid, arguments.colmap.rows, arguments.colmap.columns);
-  finish_import(arguments, format.name, format.read(arguments));
+  finish_import(arguments, format, read_import(arguments, format));
 }
 
 void run_export(const Arguments& arguments, const Format& format) {
@@ -295,13 +332,14 @@ void run_import(Arguments& arguments) {
     throw lf::Error("import: needs PATH and --out, or one of the commands " + names + " (see lf-rig import --help)");
   }
   require_replaceable(arguments.out);
+  require_picture(arguments.sheet);
   const lf::ImportFormat found = lf::find_import_format(arguments.other);
   const Format* const format = std::ranges::find(formats, found.name, &Format::name);
   arguments.other = found.path;
   arguments.colmap.images = found.images;
   lf::RigImport result;
   try {
-    result = format->read(arguments);
+    result = read_import(arguments, *format);
   } catch (const lf::Error& e) {
     throw lf::Error(std::string(e.what()) + " (" + found.sign + " shows the format " + found.name +
                     "; to give options, use \"" + lf::import_command(found) + "\")");
@@ -309,7 +347,25 @@ void run_import(Arguments& arguments) {
   terminal::print("%s: %zu %s from %s%s\n", format->name, result.rig.cameras.size(),
                   result.rig.cameras.size() == 1 ? "camera" : "cameras", found.sign.c_str(),
                   found.images.empty() ? "" : (", images in " + found.images).c_str());
-  finish_import(arguments, found.name, result);
+  finish_import(arguments, *format, result);
+}
+
+void add_sheet_option(cli::App& command, Arguments& arguments) {
+  command
+      .add_option(
+          "--sheet", arguments.sheet,
+          "Picture to write (.png or .jpg): a contact sheet with the camera images, the home view, and plans of "
+          "the array from behind and from above")
+      ->type_name("PICTURE");
+}
+
+void add_common_import_options(cli::App& command, Arguments& arguments) {
+  command
+      .add_option("--scale", arguments.scale,
+                  "Length of one unit of the file, in metres. All lengths are multiplied by this factor, for example "
+                  "0.001 for a file with millimetres (default: 1, or 0.001 for the format stanford)")
+      ->check(cli::PositiveNumber);
+  add_sheet_option(command, arguments);
 }
 
 // Adds the commands "import", which finds the format if it is used without a command for a format, and "export".
@@ -321,6 +377,7 @@ void add_formats(cli::App& app, Arguments& arguments) {
   cli::App* exports = app.add_subcommand("export", "Converts a rig file to files of another program");
   imports->add_option("PATH", arguments.other, "File or folder to read, of any of the formats");
   imports->add_option("--out", arguments.out, "Rig file to write. PATH and --out are required without a command");
+  add_common_import_options(*imports, arguments);
   imports->require_subcommand(0, 1);
   exports->require_subcommand(1);
   for (Format& format : formats) {
@@ -328,6 +385,7 @@ void add_formats(cli::App& app, Arguments& arguments) {
     format.import_->excludes_options_of(*imports);
     format.import_->add_option(format.place, arguments.other, "File or folder to read")->required();
     format.import_->add_option("--out", arguments.out, "Rig file to write")->required();
+    add_common_import_options(*format.import_, arguments);
     format.import_->callback([&] { run_format_import(arguments, format); });
     if (!format.write) continue;
     format.export_ = exports->add_subcommand(format.name, std::string("As ") + format.about);
@@ -348,12 +406,18 @@ void add_formats(cli::App& app, Arguments& arguments) {
   colmap->add_flag("--undistorted", arguments.colmap.undistorted,
                    "The image files are already undistorted, for example by COLMAP's image_undistorter. The rig then "
                    "uses pinhole lenses, and takes the image size from each file");
+  cli::Option* frame = colmap->add_option(
+      "--frame", arguments.frame,
+      "FRAME_ID of the frame to import, for a model with rigs of cameras (COLMAP 3.12 or newer). A frame contains the "
+      "images of all cameras at one instant. Without this option, each image of the model becomes a camera");
+  frame->check(cli::NonNegativeNumber);
   colmap
       ->add_option(
-          "--frame", arguments.frame,
-          "FRAME_ID of the frame to import, for a model with rigs of cameras (COLMAP 3.12 or newer). A frame contains "
-          "the images of all cameras at one instant. Without this option, each image of the model becomes a camera")
-      ->check(cli::NonNegativeNumber);
+          "--rig-id", arguments.rig_id,
+          "RIG_ID of a rig of cameras (COLMAP 3.12 or newer). Imports the calibrated cameras of this rig, without "
+          "images, instead of the images of the model")
+      ->check(cli::NonNegativeNumber)
+      ->excludes(frame);
   for (const char* name : {"caliscope", "opencv"})
     format_of(name).import_->add_flag("--undistorted", arguments.colmap.undistorted,
                                       "The pictures are already undistorted with the same camera matrix, as by "
@@ -375,11 +439,11 @@ void add_formats(cli::App& app, Arguments& arguments) {
                    "of an archive are often shifted so that one plane has no disparity (default: estimated from the "
                    "images)")
       ->check(cli::NonNegativeNumber);
-  for (cli::App* command : {stanford, stanford_export})
-    command->add_option(
-        "--unit", arguments.stanford.unit,
-        "Length of one unit of the camera positions in the file names, in metres. For example, give 0.001 "
-        "if the positions are in millimetres");
+  stanford_export
+      ->add_option("--scale", arguments.scale,
+                   "Length of one unit of the camera positions in the file names, in metres (default: 0.001, for "
+                   "millimetres)")
+      ->check(cli::PositiveNumber);
 }
 
 void add_new_command(cli::App& app, Arguments& arguments) {
@@ -459,6 +523,7 @@ int main(int argc, char** argv) {
   cli::App* check = app.add_subcommand(
       "check", "Checks a rig file and prints errors and warnings. The exit status is 1 if there is an error");
   check->add_option("RIG", arguments.rig, "Rig file")->required();
+  add_sheet_option(*check, arguments);
   check->callback([&] { return run_check(arguments); });
 
   cli::App* subset = app.add_subcommand("subset", "Writes a rig file with some of the cameras of a rig");

@@ -200,24 +200,56 @@ void check_grid(const Rig& rig, const std::string& path, std::vector<std::string
   notes.push_back(text);
 }
 
+// Returns an entry of the frames or rigs of a model. `place` is the folder and the kind of the entry.
+template <class Entry>
+const Entry& entry_of(const std::map<uint32_t, Entry>& entries, uint32_t id, const std::string& place) {
+  const auto entry = entries.find(id);
+  if (entry != entries.end()) return entry->second;
+  throw Error(place + " " + std::to_string(id) + " does not exist" +
+              (entries.empty() ? ", because the model has none"
+                               : "; the ids are from " + std::to_string(entries.begin()->first) + " to " +
+                                     std::to_string(entries.rbegin()->first)));
+}
+
 // Removes all images that are not in the frame `id`.
 void select_frame(const std::string& directory, uint32_t id, ColmapModel& model) {
   const std::map<uint32_t, std::set<uint32_t>> frames = read_colmap_frames(directory, model);
-  const auto frame = frames.find(id);
-  const std::string place = directory + ": frame " + std::to_string(id);
-  if (frame == frames.end())
-    throw Error(place + " does not exist" +
-                (frames.empty() ? ", because the model has no frames"
-                                : "; the frames are from " + std::to_string(frames.begin()->first) + " to " +
-                                      std::to_string(frames.rbegin()->first)));
-  std::erase_if(model.images, [&](const ColmapImage& image) { return !frame->second.contains(image.id); });
-  if (model.images.empty()) throw Error(place + " has no image with a pose");
+  const std::string place = directory + ": frame";
+  const std::set<uint32_t>& frame = entry_of(frames, id, place);
+  std::erase_if(model.images, [&](const ColmapImage& image) { return !frame.contains(image.id); });
+  if (model.images.empty()) throw Error(place + " " + std::to_string(id) + " has no image with a pose");
+}
+
+// Replaces the images by an image for each camera of the rig `id`.
+void select_rig(const std::string& directory, uint32_t id, ColmapModel& model, std::vector<std::string>& notes) {
+  const std::map<uint32_t, ColmapRig> rigs = read_colmap_rigs(directory, model);
+  const std::string place = directory + ": rig";
+  std::vector<ColmapImage> images;
+  std::string left_out;
+  for (const auto& [camera, pose] : entry_of(rigs, id, place).cameras) {
+    if (!model.cameras.contains(camera))
+      throw Error(place + " " + std::to_string(id) + ": camera " + std::to_string(camera) + " is not in " +
+                  model.cameras_path);
+    if (!pose) {
+      left_out += (left_out.empty() ? "" : ", ") + std::to_string(camera);
+      continue;
+    }
+    const auto image = std::ranges::find(model.images, camera, &ColmapImage::camera_id);
+    images.push_back({camera, camera, pose->first, pose->second,
+                      image == model.images.end() ? "" : fs::path(image->name).parent_path().generic_string()});
+  }
+  if (images.empty()) throw Error(place + " " + std::to_string(id) + " has no camera with a pose");
+  if (!left_out.empty()) notes.push_back("cameras without a pose in the rig were left out: " + left_out);
+  model.images = std::move(images);
 }
 
 }  // namespace
 
 RigImport import_colmap(const std::string& directory, const ColmapImportOptions& options) {
   ColmapModel model = read_colmap_model(directory);
+  RigImport result;
+  result.has_unit = false;
+  if (options.rig) select_rig(directory, *options.rig, model, result.notes);
   if (options.frame) select_frame(directory, *options.frame, model);
   const std::string &cameras_path = model.cameras_path, &images_path = model.images_path;
   const std::map<uint32_t, ColmapCamera>& cameras = model.cameras;
@@ -227,7 +259,6 @@ RigImport import_colmap(const std::string& directory, const ColmapImportOptions&
     throw Error(images_path + ": contains too many images; a rig has at most " + std::to_string(kMaxCameras) +
                 " cameras");
 
-  RigImport result;
   if (std::error_code ignored; !model.is_binary && fs::exists(path_in(directory, "cameras.bin"), ignored))
     result.notes.push_back("cameras.txt and images.txt were read; the binary model in the same folder was not");
   Topology& topology = result.rig.topology;
@@ -239,7 +270,7 @@ RigImport import_colmap(const std::string& directory, const ColmapImportOptions&
     std::ranges::sort(images, natural_less, &ColmapImage::name);
   }
 
-  const std::string folder = image_folder(directory, options, result.notes);
+  const std::string folder = options.rig ? "" : image_folder(directory, options, result.notes);
   const std::optional<ImageSearch> search = folder.empty() ? std::nullopt : std::optional<ImageSearch>(folder);
   ImageNames used;
   for (const ColmapImage& image : images) {
@@ -248,7 +279,7 @@ RigImport import_colmap(const std::string& directory, const ColmapImportOptions&
     camera.id = image.id;
     camera.pose = pose_of(image);
     camera.name = image.name;
-    if (has_image_ending(image.name)) {
+    if (!options.rig && has_image_ending(image.name)) {
       camera.name = fs::path(image.name).replace_extension().string();
       camera.image = image.name;
     }

@@ -9,6 +9,7 @@
 #include <set>
 #include <sstream>
 #include <string_view>
+#include <tuple>
 
 #include "base/file.h"
 #include "base/json_value.h"
@@ -97,8 +98,9 @@ class LineReader {
   }
   bool is_camera() { return word("SENSOR_TYPE") == "CAMERA"; }
   uint32_t data_id(bool) { return id("DATA_ID"); }
-  void end_frame() const {
-    if (!at_end()) fail("more data follows the last DATA_ID");
+  bool has_pose() { return integer("HAS_POSE", 0, 1) == 1; }
+  void end_record(const char* last) const {
+    if (!at_end()) fail(std::string("more data follows the last ") + last);
   }
 
  private:
@@ -203,7 +205,12 @@ class ByteReader {
     if (is_camera && id > UINT32_MAX) fail("DATA_ID " + std::to_string(id) + " is not the id of an image");
     return static_cast<uint32_t>(id);
   }
-  void end_frame() const {}
+  bool has_pose() {
+    const auto flag = value<uint8_t>("HAS_POSE");
+    if (flag > 1) fail("HAS_POSE must be 0 or 1, but is " + std::to_string(flag));
+    return flag == 1;
+  }
+  void end_record(const char*) const {}
 
  private:
   template <typename T>
@@ -224,15 +231,22 @@ class ByteReader {
 // The functions below read both kinds of files. `Reader` is LineReader or ByteReader.
 
 template <typename Reader>
-void read_pose(Reader& reader, ColmapImage& image) {
+std::pair<Quat, Vec3> read_pose(Reader& reader) {
+  Quat q{};
+  Vec3 t{};
   // Separate statements, because the evaluation order of arguments is unspecified.
-  image.q.w = reader.number("QW");
-  image.q.x = reader.number("QX");
-  image.q.y = reader.number("QY");
-  image.q.z = reader.number("QZ");
-  image.t.x = reader.number("TX");
-  image.t.y = reader.number("TY");
-  image.t.z = reader.number("TZ");
+  q.w = reader.number("QW");
+  q.x = reader.number("QX");
+  q.y = reader.number("QY");
+  q.z = reader.number("QZ");
+  t.x = reader.number("TX");
+  t.y = reader.number("TY");
+  t.z = reader.number("TZ");
+  const double norm = glm::length(q);
+  if (!(norm > 0 && is_finite(norm))) reader.fail("QW, QX, QY, QZ are all 0 or not finite, so they are not a rotation");
+  // Files with 6 digits are common, and COLMAP also normalises when reading. A unit quaternion stays bit-identical.
+  if (std::abs(norm - 1) > 1e-15) q /= norm;
+  return {q, t};
 }
 
 template <typename Reader>
@@ -260,13 +274,8 @@ std::vector<ColmapImage> read_images(const std::string& path, const std::map<uin
   while (reader.next_record()) {
     ColmapImage image;
     image.id = reader.id("IMAGE_ID");
-    read_pose(reader, image);
+    std::tie(image.q, image.t) = read_pose(reader);
     image.camera_id = reader.id("CAMERA_ID");
-    const double norm = glm::length(image.q);
-    if (!(norm > 0 && is_finite(norm)))
-      reader.fail("QW, QX, QY, QZ are all 0 or not finite, so they are not a rotation");
-    // Files with 6 digits are common, and COLMAP also normalises when reading. A unit quaternion stays bit-identical.
-    if (std::abs(norm - 1) > 1e-15) image.q /= norm;
     if (!cameras.contains(image.camera_id))
       reader.fail("CAMERA_ID " + std::to_string(image.camera_id) + " is not in " + Reader::kCameras +
                   ", so the lens of this image is unknown");
@@ -290,8 +299,7 @@ Frames read_frames(const std::string& path) {
     const auto [frame, is_new] = frames.emplace(id, std::set<uint32_t>());
     if (!is_new) reader.fail("FRAME_ID " + std::to_string(id) + " occurs twice, but every frame needs its own");
     reader.id("RIG_ID");
-    ColmapImage rig;
-    read_pose(reader, rig);
+    read_pose(reader);
     const uint32_t count = reader.id("NUM_DATA_IDS");
     for (uint32_t i = 0; i < count; i++) {
       const bool is_camera = reader.is_camera();
@@ -299,9 +307,35 @@ Frames read_frames(const std::string& path) {
       const uint32_t image = reader.data_id(is_camera);
       if (is_camera) frame->second.insert(image);
     }
-    reader.end_frame();
+    reader.end_record("DATA_ID");
   }
   return frames;
+}
+
+// NUM_SENSORS includes the reference sensor, which comes first and has no pose.
+template <typename Reader>
+std::map<uint32_t, ColmapRig> read_rigs(const std::string& path) {
+  std::map<uint32_t, ColmapRig> rigs;
+  Reader reader(path, "rig");
+  while (reader.next_record()) {
+    const uint32_t id = reader.id("RIG_ID");
+    const auto [rig, is_new] = rigs.emplace(id, ColmapRig());
+    if (!is_new) reader.fail("RIG_ID " + std::to_string(id) + " occurs twice, but every rig needs its own");
+    const uint32_t count = reader.id("NUM_SENSORS");
+    for (uint32_t i = 0; i < count; i++) {
+      const bool is_camera = reader.is_camera();
+      const uint32_t sensor = reader.id("SENSOR_ID");
+      std::optional<std::pair<Quat, Vec3>> pose;
+      if (i == 0)
+        pose.emplace(Quat(1, 0, 0, 0), Vec3(0));
+      else if (reader.has_pose())
+        pose = read_pose(reader);
+      if (is_camera && !rig->second.cameras.emplace(sensor, pose).second)
+        reader.fail("camera " + std::to_string(sensor) + " occurs twice in rig " + std::to_string(id));
+    }
+    reader.end_record("sensor");
+  }
+  return rigs;
 }
 
 std::string path_in(const std::string& directory, const char* file) { return (fs::path(directory) / file).string(); }
@@ -348,6 +382,13 @@ Frames read_colmap_frames(const std::string& directory, const ColmapModel& model
   if (std::error_code ignored; !fs::exists(path, ignored))
     throw Error(path + ": does not exist. COLMAP writes frames since version 3.12");
   return model.is_binary ? read_frames<ByteReader>(path) : read_frames<LineReader>(path);
+}
+
+std::map<uint32_t, ColmapRig> read_colmap_rigs(const std::string& directory, const ColmapModel& model) {
+  const std::string path = path_in(directory, model.is_binary ? "rigs.bin" : "rigs.txt");
+  if (std::error_code ignored; !fs::exists(path, ignored))
+    throw Error(path + ": does not exist. COLMAP writes rigs since version 3.12");
+  return model.is_binary ? read_rigs<ByteReader>(path) : read_rigs<LineReader>(path);
 }
 
 std::map<uint32_t, ColmapCamera> read_colmap_cameras_text(const std::string& path) {

@@ -3,8 +3,10 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "geometry/pose.h"
@@ -43,6 +45,16 @@ ColmapModel read_colmap_model(const std::string& directory);
 // Returns the ids of the images of each frame, by FRAME_ID. A frame has the images of a rig of cameras at one instant.
 // Throws Error with the file and the line or byte, also if there is no such file.
 std::map<uint32_t, std::set<uint32_t>> read_colmap_frames(const std::string& directory, const ColmapModel& model);
+
+// A rig of sensors with fixed relative poses, such as cameras on a board.
+struct ColmapRig {
+  // Pose sensor_from_rig of each camera by CAMERA_ID; identity for the reference camera, which defines the coordinates,
+  // and nullopt if COLMAP has not estimated the pose. Other sensors than cameras are omitted.
+  std::map<uint32_t, std::optional<std::pair<Quat, Vec3>>> cameras;
+};
+
+// Reads rigs.txt or rigs.bin in the same way. Returns the rigs by RIG_ID.
+std::map<uint32_t, ColmapRig> read_colmap_rigs(const std::string& directory, const ColmapModel& model);
 
 // The four files. The 2D points of images are checked for syntax and dropped. The work and the memory are proportional
 // to the size of a file. Throws Error with the file and the line or byte.

@@ -119,6 +119,24 @@ RigImport with_topology(RigImport import) {
   return import;
 }
 
+void scale_lengths(RigImport& import, double scale) {
+  for (Camera& camera : import.rig.cameras) {
+    camera.pose.position *= scale;
+    if (!is_finite(camera.pose.position)) throw_camera_error(camera, "its position is too large after the scaling");
+  }
+  import.near *= scale;
+  import.far *= scale;
+  import.has_unit = true;
+}
+
+std::string depth_note(const RigImport& import) {
+  const char* const unit = import.has_unit ? "m" : "units";
+  if (!(import.near > 0)) return "";
+  return is_finite(import.far) ? format_text("the scene is from %.4g to %.4g %s away (focus-near, focus-far)",
+                                             import.near, import.far, unit)
+                               : format_text("the scene begins %.4g %s away (focus-near)", import.near, unit);
+}
+
 void add_camera(Camera camera, RigImport& import) {
   camera.id = static_cast<uint32_t>(import.rig.cameras.size());
   import.rig.cameras.push_back(std::move(camera));

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <charconv>
+#include <cmath>
 #include <cstdint>
 #include <filesystem>
 #include <map>
@@ -22,7 +23,7 @@
 #include "rig/rig.h"
 
 // Imports and exports rigs in the formats of other programs: Kalibr, NeRF, the Stanford archive, COLMAP, LLFF, the 4D
-// Light Field Benchmark, mrcal, Caliscope, MPEG Immersive Video, OpenCV.
+// Light Field Benchmark, mrcal, Caliscope, MPEG Immersive Video, OpenCV, Technicolor, DeepView Video.
 namespace lf {
 
 // Converts the first document of a YAML text to JSON, so that JsonValue can read it and report places. Plain scalars
@@ -39,7 +40,19 @@ std::string yaml_number(double value);
 struct RigImport {
   Rig rig;                         // directory is "", so image paths start from the current folder
   std::vector<std::string> notes;  // assumptions, ignored content, and the chosen topology
+  // False if the file does not tell its unit of length, such as after a structure from motion. The importer then takes
+  // one unit as a metre; scale_lengths() corrects this.
+  bool has_unit = true;
+  // Distances of the nearest and the farthest point of the scene, in the unit of the rig. `near` is 0 if the file does
+  // not tell, and `far` is infinite if only the nearest point is known.
+  double near = 0, far = HUGE_VAL;
 };
+
+// Multiplies all lengths of an import by `scale`, the length of one unit of the file in metres. Throws Error if a
+// length becomes infinite.
+void scale_lengths(RigImport& import, double scale);
+// Returns a note with the depths of the scene, or "" if they are unknown.
+std::string depth_note(const RigImport& import);
 
 // Returns `import` with a topology that suits its cameras; see fit_topology().
 RigImport with_topology(RigImport import);
@@ -136,6 +149,9 @@ struct ColmapImportOptions {
   int rows = 0, columns = 0;
   // FRAME_ID of the only frame to import. A frame has the images of a rig of cameras at one instant.
   std::optional<uint32_t> frame;
+  // RIG_ID of a rig of cameras. Imports the cameras of this rig instead of the images, in the coordinates of its
+  // reference sensor: id = CAMERA_ID, name = the folder of the images of the camera. There are no image files.
+  std::optional<uint32_t> rig;
 };
 
 // Makes a camera for each image: id = IMAGE_ID, name = NAME without its extension. If no image file has exactly this
@@ -155,7 +171,7 @@ RigExport export_colmap(const Rig& rig, const std::string& directory);
 // Makes a pinhole camera for each image in the folder `images` ("": the folder images in `directory`), in the order of
 // the names. The principal point is the middle of the image. Reduced images, such as the images in images_4, get a
 // shorter focal length. If there is no folder `images`, the videos in `directory` are the sources of the cameras, as in
-// the Neural 3D Video dataset. A note names the depths. Throws Error with the file and the image.
+// the Neural 3D Video dataset. Throws Error with the file and the image.
 RigImport import_llff(const std::string& directory, const std::string& images = "");
 
 // The 4D Light Field Benchmark (Honauer et al. 2016, https://lightfield-analysis.uni-konstanz.de), as written by its
@@ -167,7 +183,7 @@ RigImport import_llff(const std::string& directory, const std::string& images = 
 //                 angles in the order XYZ; the camera looks along its -z axis, and the z axis of the world points up
 //   [meta]        disp_min, disp_max: disparities between neighbours in pixels, positive in front of the focus distance
 // All cameras have the same orientation, and points at the focus distance are at the same pixel in all images. The
-// world of the rig has Blender's axes x, -z, y. A note has the depths of the scene. Throws Error with file and place.
+// world of the rig has Blender's axes x, -z, y. Throws Error with file and place.
 RigImport import_hci(const std::string& directory);
 
 // mrcal's .cameramodel files (https://mrcal.secretsauce.net/cameramodels.html), one for each camera: a dictionary of
@@ -201,6 +217,31 @@ RigImport import_caliscope(const std::string& path, bool undistorted = false);
 // with the name "viewport" (an output), and cameras that "sourceCameraNames" does not list, are left out, with a note.
 // The files do not refer to the pictures. Throws Error with file and place.
 RigImport import_miv(const std::string& path);
+
+// The undistorted films of Technicolor's array of 4x4 cameras (Sabater et al. 2017, "Dataset and Pipeline for
+// Multi-View Light-Field Video"): cameras_parameters.txt and the pictures SCENE_undist_FRAME_CAMERA.png, in `directory`
+// or in its folder images. The file has a line of titles and a line for each camera, in the order of CAMERA:
+//   f cu cv ar sk qw qx qy qz tx ty tz
+// The camera matrix is [f sk cu; 0 ar f cv; 0 0 1], and x_camera = R(q) x_world + t, with the axes of a rig. The centre
+// of the top-left pixel is taken as (0.5, 0.5). The set has no documentation of this file; this is how HyperReel
+// (datasets/technicolor.py) and SpacetimeGaussians (script/pre_technicolor.py) read it. The distorted films, which have
+// the columns d1 and d2 after sk, are rejected, because the formula of their distortion is unknown.
+//
+// The source of a camera is its picture sequence, or its picture of the first frame if the frames do not start with 0
+// or
+// 1. Skew is dropped with a note, and is an Error if it moves a point by a pixel. Throws Error with file and line.
+RigImport import_technicolor(const std::string& directory);
+
+// models.json of the DeepView Video dataset (Broxton et al. 2020, "Immersive Light Field Video with a Layered Mesh
+// Representation"; https://github.com/augmentedperception/deepview_video_dataset, README.md): a list with, for each
+// camera,
+//   name, width, height; focal_length and principal_point: [x, y] in pixels; pixel_aspect_ratio: 1;
+//   projection_type: "fisheye"; radial_distortion: [k1, k2, 0], OPENCV_FISHEYE with k3 = k4 = 0;
+//   position: the centre of projection; orientation: a Rodrigues vector r; x_camera = R(r) (x_world - position), with
+//   the axes of a rig.
+// The centre of the top-left pixel is taken as (0, 0); the README does not tell. The source of a camera is the film
+// NAME.mp4 beside the file, if it exists. Throws Error with file and place.
+RigImport import_deepview(const std::string& path);
 
 class ImageSearch {
  public:

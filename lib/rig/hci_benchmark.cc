@@ -86,7 +86,7 @@ Pose parse_middle(const JsonValue& extrinsics, std::vector<std::string>& notes) 
 
 // `scale` is the focal length in pixels times the baseline in metres. A point at depth z has the disparity
 // scale (1 / z - 1 / focus distance).
-void add_depth_note(const JsonValue& file, double scale, double focus_distance, std::vector<std::string>& notes) {
+void read_depths(const JsonValue& file, double scale, double focus_distance, RigImport& import) {
   const auto meta = file.find("meta");
   if (!meta || !meta->find("disp_min") || !meta->find("disp_max")) return;
   const auto inverse = [&](const char* key) {
@@ -94,9 +94,8 @@ void add_depth_note(const JsonValue& file, double scale, double focus_distance, 
   };
   const double nearest = inverse("disp_max"), farthest = inverse("disp_min");
   if (!(nearest > farthest && nearest > 0)) return;
-  notes.push_back(farthest > 0 ? format_text("the scene is from %.4g to %.4g m away (focus-near, focus-far)",
-                                             1 / nearest, 1 / farthest)
-                               : format_text("the scene begins %.4g m away (focus-near)", 1 / nearest));
+  import.near = 1 / nearest;
+  if (farthest > 0) import.far = 1 / farthest;
 }
 
 }  // namespace
@@ -139,7 +138,7 @@ RigImport import_hci(const std::string& directory) {
       add_camera(camera, result);
     }
   result.rig.topology = {Topology::Type::kGrid, rows, columns, {}};
-  add_depth_note(file, f * baseline, focus_distance, result.notes);
+  read_depths(file, f * baseline, focus_distance, result);
   return result;
 }
 

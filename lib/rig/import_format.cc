@@ -22,17 +22,19 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr char kSearched[] =
-    "camera_array.toml (caliscope); cameras.txt or cameras.bin in the folder, in sparse/0 or in sparse (colmap); "
-    "parameters.cfg with [intrinsics], and input_Cam000.png (hci); camchain*.yaml (kalibr); poses_bounds.npy (llff); "
-    "JSON with \"cameras\" that have \"Projection\" or \"Focal\" (miv); *.cameramodel (mrcal); transforms.json or "
-    "transforms_train.json (nerf); YAML with camera_matrix, M1 and D1, or Ks (opencv); pictures with names such as "
-    "out_00_01_-381.9_-776.8_.png (stanford)";
+    "camera_array.toml (caliscope); cameras.txt or cameras.bin in the folder, in sparse/0 or in sparse (colmap); JSON "
+    "with \"projection_type\" and \"radial_distortion\" (deepview); parameters.cfg with [intrinsics], and "
+    "input_Cam000.png (hci); camchain*.yaml (kalibr); poses_bounds.npy (llff); JSON with \"cameras\" that have "
+    "\"Projection\" or \"Focal\" (miv); *.cameramodel (mrcal); transforms.json or transforms_train.json (nerf); YAML "
+    "with camera_matrix, M1 and D1, or Ks (opencv); pictures with names such as out_00_01_-381.9_-776.8_.png "
+    "(stanford); "
+    "cameras_parameters.txt (technicolor)";
 
 // Files that show a format, by the name of the format, in natural order.
 using Signs = std::map<std::string, std::vector<fs::path>>;
 
 bool is_folder_format(const std::string& format) {
-  return format == "colmap" || format == "hci" || format == "llff" || format == "stanford";
+  return format == "colmap" || format == "hci" || format == "llff" || format == "stanford" || format == "technicolor";
 }
 
 bool is_file(const fs::path& path) {
@@ -71,6 +73,7 @@ std::string format_of_yaml(const fs::path& file, const std::string& text) {
 }
 
 std::string format_of_json(const std::string& text, bool is_given) {
+  if (has_key(text, "projection_type") && has_key(text, "radial_distortion")) return "deepview";
   if (has_key(text, "cameras") && (has_key(text, "Projection") || has_key(text, "Focal"))) return "miv";
   if (is_given && (has_key(text, "transform_matrix") || has_key(text, "camera_angle_x"))) return "nerf";
   return "";
@@ -79,8 +82,9 @@ std::string format_of_json(const std::string& text, bool is_given) {
 // Returns the name of the format that a file shows, or "". `is_given`: the user gave this file and not its folder.
 std::string format_of_file(const fs::path& file, bool is_given) {
   static const std::map<std::string, const char*, std::less<>> kNames = {
-      {"camera_array.toml", "caliscope"}, {"cameras.txt", "colmap"},   {"cameras.bin", "colmap"},
-      {"poses_bounds.npy", "llff"},       {"transforms.json", "nerf"}, {"transforms_train.json", "nerf"}};
+      {"camera_array.toml", "caliscope"},        {"cameras.txt", "colmap"},    {"cameras.bin", "colmap"},
+      {"cameras_parameters.txt", "technicolor"}, {"poses_bounds.npy", "llff"}, {"transforms.json", "nerf"},
+      {"transforms_train.json", "nerf"}};
   static const std::regex kStanford(R"(out_\d{1,5}_\d{1,5}_-?\d+\.?\d*_-?\d+\.?\d*_?\.(png|jpg|jpeg))",
                                     std::regex::icase);
   constexpr size_t kLongestName = 255;  // std::regex is recursive
@@ -96,7 +100,7 @@ std::string format_of_file(const fs::path& file, bool is_given) {
   if (!is_yaml && !is_json && !is_given) return "";
   const std::string text = beginning(file);
   const size_t first = text.find_first_not_of(" \t\r\n");
-  const bool has_braces = first != text.npos && text[first] == '{';
+  const bool has_braces = first != text.npos && (text[first] == '{' || text[first] == '[');
   return is_json || (has_braces && !is_yaml) ? format_of_json(text, is_given) : format_of_yaml(file, text);
 }
 

@@ -16,6 +16,7 @@ struct ImportFormat {
 // Finds the format of a file or folder. The formats and their signs are:
 //   caliscope  camera_array.toml
 //   colmap     cameras.txt or cameras.bin in the folder, otherwise in its subfolder sparse/0, otherwise in sparse
+//   deepview   JSON with the keys "projection_type" and "radial_distortion"
 //   hci        parameters.cfg with [intrinsics], and input_Cam000.png in the same folder
 //   kalibr     YAML with camchain in its name, or with the keys cam0 and camera_model
 //   llff       poses_bounds.npy
@@ -24,6 +25,7 @@ struct ImportFormat {
 //   nerf       transforms.json, otherwise transforms_train.json
 //   opencv     YAML with the key camera_matrix, the keys M1 and D1, or the keys Ks and distortions
 //   stanford   pictures with names of the form out_ROW_COLUMN_Y_X_.png
+//   technicolor cameras_parameters.txt
 // In a folder, YAML files end in .yaml or .yml, and JSON files in .json. If `path` is a file, any name can be JSON or
 // YAML, and JSON with "transform_matrix" or "camera_angle_x" is nerf. Keys are searched in the first MiB of a file. The
 // importer checks the rest of the content.

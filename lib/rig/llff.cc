@@ -130,14 +130,14 @@ RigImport import_llff(const std::string& directory, const std::string& images) {
                 (has_films ? " videos and no folder images" : " images (.jpg, .png)") +
                 ". The poses belong to the files in the order of their names, so the numbers must be equal");
   RigImport result;
+  result.has_unit = false;
   double near = HUGE_VAL, far = 0;
   for (size_t i = 0; i < poses.size(); i++) {
     add_camera(make_camera(poses[i], files[i], has_films, path + ": image " + std::to_string(i)), result);
     near = std::min(near, poses[i][15]);
     far = std::max(far, poses[i][16]);
   }
-  if (near > 0 && far > near)
-    result.notes.push_back(format_text("the scene is from %.4g to %.4g units away (focus-near, focus-far)", near, far));
+  if (near > 0 && far > near) result.near = near, result.far = far;
   return with_topology(std::move(result));
 }
 

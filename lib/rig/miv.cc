@@ -46,28 +46,15 @@ Camera parse_camera(const JsonValue& value) {
   return camera;
 }
 
-// Collects the depths of the cameras for a note.
-class DepthRange {
- public:
-  void add(const JsonValue& camera) {
-    const auto value = camera.find("Depth_range");
-    if (!value) return;
-    const std::vector<double> range = parse_numbers(*value, 2);
-    if (!(range[0] > 0 && range[1] > range[0])) value->fail("must be [near, far] with 0 < near < far");
-    near_ = std::min(near_, range[0]);
-    far_ = std::max(far_, range[1]);
-  }
-  void add_note(std::vector<std::string>& notes, const char* unit) const {
-    if (far_ == 0) return;
-    notes.push_back(
-        far_ < kInfiniteDepth
-            ? format_text("the scene is from %.4g to %.4g %s away (focus-near, focus-far)", near_, far_, unit)
-            : format_text("the scene begins %.4g %s away (focus-near)", near_, unit));
-  }
-
- private:
-  double near_ = HUGE_VAL, far_ = 0;
-};
+// Widens the range of depths by the range of a camera.
+void add_depths(const JsonValue& camera, double& near, double& far) {
+  const auto value = camera.find("Depth_range");
+  if (!value) return;
+  const std::vector<double> range = parse_numbers(*value, 2);
+  if (!(range[0] > 0 && range[1] > range[0])) value->fail("must be [near, far] with 0 < near < far");
+  near = std::min(near, range[0]);
+  far = std::max(far, range[1]);
+}
 
 }  // namespace
 
@@ -83,9 +70,8 @@ RigImport import_miv(const std::string& path) {
   RigImport result;
   result.notes = check_foreign_keys(root, path, kKnownKeys);
   const auto in_metres = file.find("lengthsInMeters");
-  const bool has_scale = !in_metres || in_metres->flag();
-  if (!has_scale) result.notes.push_back("lengths have an unknown unit, which is taken as metres");
-  DepthRange depths;
+  result.has_unit = !in_metres || in_metres->flag();
+  double near = HUGE_VAL, far = 0;
   std::string left_out;
   std::set<std::string> names;
   for (const JsonValue& value : cameras.elements()) {
@@ -96,7 +82,7 @@ RigImport import_miv(const std::string& path) {
       continue;
     }
     add_camera(parse_camera(value), result);
-    depths.add(value);
+    add_depths(value, near, far);
   }
   if (sources)
     for (const std::string& name : *sources)
@@ -105,7 +91,8 @@ RigImport import_miv(const std::string& path) {
     cameras.fail("must have 1 to " + std::to_string(kMaxCameras) + " cameras, but has " +
                  std::to_string(result.rig.cameras.size()));
   if (!left_out.empty()) result.notes.push_back("cameras that are not sources were left out: " + left_out);
-  depths.add_note(result.notes, has_scale ? "m" : "units");
+  if (far > 0) result.near = near;
+  if (far > 0 && far < kInfiniteDepth) result.far = far;
   return with_topology(std::move(result));
 }
 

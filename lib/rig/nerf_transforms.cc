@@ -181,6 +181,7 @@ RigImport parse_nerf(const std::string& text, const std::string& path) {
   const nlohmann::json root = parse_json(text, path);
   const JsonValue file(root, path);
   RigImport result;
+  result.has_unit = false;
   const JsonValue frames = file.at("frames");
   const std::vector<JsonValue> values = frames.elements();
   if (values.empty()) frames.fail("must not be empty");

@@ -89,6 +89,7 @@ RigImport import_stanford(const std::string& directory, const StanfordOptions& o
   if (!(options.unit > 0)) throw Error("unit: must be positive");
   if (!(options.focus_distance >= 0)) throw Error("focus distance: must not be negative");
   RigImport result;
+  result.has_unit = false;
   Rig& rig = result.rig;
   std::vector<Vec2> positions;
   Place last(0, 0);
@@ -169,7 +170,7 @@ RigExport export_stanford(const Rig& rig, const std::string& directory, double u
     }
   }
   result.notes.push_back("lf-rig import stanford --f " + number_text(options.f) + " --focus-distance " +
-                         number_text(options.focus_distance) + " --unit " + number_text(unit) + " reads it back");
+                         number_text(options.focus_distance) + " --scale " + number_text(unit) + " reads it back");
   return result;
 }
 

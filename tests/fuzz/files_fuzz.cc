@@ -104,9 +104,25 @@ lf::RigImport import_benchmark(const std::string& text) {
   return lf::import_hci(folder.path());
 }
 
+// `text` is a file of a format that lists pictures of 1 x 1 pixels in another folder or beside the file.
+lf::RigImport import_with_pictures(char kind, const std::string& text) {
+  static const TempDir llff, technicolor;
+  for (const char* number : {"00", "01", "02", "03"}) {
+    const std::string picture(reinterpret_cast<const char*>(kPicture), sizeof(kPicture));
+    (kind == 'l' ? llff : technicolor).write("images/A_undist_00001_" + std::string(number) + ".png", picture);
+  }
+  if (kind == 'l') {
+    llff.write("poses_bounds.npy", text);
+    return lf::import_llff(llff.path());
+  }
+  technicolor.write("cameras_parameters.txt", text);
+  return lf::import_technicolor(technicolor.path());
+}
+
 lf::RigImport import(const TempDir& folder, char kind, const std::string& text) {
   if (kind == 's') return import_names(text);
   if (kind == 'h') return import_benchmark(text);
+  if (kind == 'l' || kind == 'a') return import_with_pictures(kind, text);
   if (kind == 'b') {
     const size_t size = text.empty() ? 0 : std::min(size_t{8} * static_cast<uint8_t>(text[0]), text.size() - 1);
     static const TempDir binary;  // without cameras.txt, which would be preferred
@@ -116,13 +132,13 @@ lf::RigImport import(const TempDir& folder, char kind, const std::string& text) 
   }
   const size_t end = std::min(text.find('\f'), text.size());
   const std::string first = text.substr(0, end), second = end < text.size() ? text.substr(end + 1) : "";
-  if (kind == 'f') {
+  if (kind == 'f' || kind == 'r') {
     const size_t third = std::min(second.find('\f'), second.size());
-    static const TempDir frames;
-    frames.write("cameras.txt", first);
-    frames.write("images.txt", second.substr(0, third));
-    frames.write("frames.txt", third < second.size() ? second.substr(third + 1) : "");
-    return lf::import_colmap(frames.path(), {.frame = 6});
+    static const TempDir model;
+    model.write("cameras.txt", first);
+    model.write("images.txt", second.substr(0, third));
+    model.write(kind == 'f' ? "frames.txt" : "rigs.txt", third < second.size() ? second.substr(third + 1) : "");
+    return kind == 'f' ? lf::import_colmap(model.path(), {.frame = 6}) : lf::import_colmap(model.path(), {.rig = 6});
   }
   if (kind == 'c' || kind == 'g') {
     folder.write("cameras.txt", first);
@@ -131,8 +147,11 @@ lf::RigImport import(const TempDir& folder, char kind, const std::string& text) 
     return lf::import_colmap(folder.path(), {.rows = side, .columns = side});
   }
   using Importer = lf::RigImport(const std::string& path);
-  const std::pair<char, Importer*> importers[] = {
-      {'k', lf::import_kalibr}, {'m', lf::import_mrcal}, {'n', lf::import_nerf}, {'v', lf::import_miv}};
+  const std::pair<char, Importer*> importers[] = {{'d', lf::import_deepview},
+                                                  {'k', lf::import_kalibr},
+                                                  {'m', lf::import_mrcal},
+                                                  {'n', lf::import_nerf},
+                                                  {'v', lf::import_miv}};
   for (const auto& [letter, importer] : importers)
     if (kind == letter) return importer(folder.write("input", text));
   if (kind == 't' || kind == 'u') return lf::import_caliscope(folder.write("input", text), kind == 'u');
@@ -144,10 +163,12 @@ lf::RigImport import(const TempDir& folder, char kind, const std::string& text) 
 
 // Files of other programs: the first letter selects the importer, the text follows. c, g: COLMAP's cameras.txt and
 // images.txt, separated by a form feed, g as a grid of 2x2; b: COLMAP's cameras.bin, with its size divided by 8 in the
-// first byte, and images.bin; f: frame 6 of COLMAP's cameras.txt, images.txt and frames.txt; h: parameters.cfg of the
-// 4D Light Field Benchmark; k: Kalibr; m: mrcal; n: NeRF; o: OpenCV, with extrinsics.yml after a form feed; p: OpenCV
-// with undistorted pictures; s: file names of a Stanford archive folder, one per line; t, u: Caliscope, u with
-// undistorted videos; v: MPEG Immersive Video. Every accepted rig can be written, read again and meshed.
+// first byte, and images.bin; f: frame 6 of COLMAP's cameras.txt, images.txt and frames.txt; r: rig 6 of cameras.txt,
+// images.txt and rigs.txt; a: Technicolor's cameras_parameters.txt; d: DeepView Video; h: parameters.cfg of the 4D
+// Light Field Benchmark; k: Kalibr; l: LLFF's poses_bounds.npy; m: mrcal; n: NeRF; o: OpenCV, with extrinsics.yml after
+// a form feed; p: OpenCV with undistorted pictures; s: file names of a Stanford archive folder, one per line; t, u:
+// Caliscope, u with undistorted videos; v: MPEG Immersive Video. Every accepted rig can be written, read again and
+// meshed.
 LF_FUZZ_TARGET(import)(const uint8_t* data, size_t size) {
   static const TempDir folder;
   if (size == 0) return 0;

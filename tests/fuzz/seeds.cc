@@ -92,6 +92,7 @@ void add_texts(std::vector<Bytes>& json, std::vector<Bytes>& import) {
   add_text(import, 'c', model);
   add_text(import, 'g', model);
   add_text(import, 'f', model + "\f6 1 1 0 0 0 0.5 0 -2e-1 2 CAMERA 1 1 IMU 1 2\n7 1 1 0 0 0 0 0 0 0\n");
+  add_text(import, 'r', model + "\f6 4 CAMERA 0 CAMERA 1 1 1 0 0 0 0.5 0 -2e-1 CAMERA 2 0 IMU 1 0\n7 1 CAMERA 3\n");
   const ColmapModel colmap = read_colmap_model(folder.path());
   const std::string cameras = test::colmap_cameras_binary(colmap.cameras);
   add_text(import, 'b', static_cast<char>(cameras.size() / 8) + cameras + test::colmap_images_binary(colmap.images, 2));
@@ -149,6 +150,23 @@ void add_texts(std::vector<Bytes>& json, std::vector<Bytes>& import) {
     {"Name": "v1", "Position": [0, 0, 0], "Rotation": [0, 0, 0], "Depth_range": [0.5, 1000], "Resolution": [8, 6],
      "Projection": "Perspective", "Focal": [9, 8.5], "Principle_point": [4.5, 3], "Depthmap": 1},
     {"Name": "viewport", "Projection": "Equirectangular"}]})");
+  add_text(
+      import, 'd',
+      R"([{"name": "camera_0001", "position": [0.01, 0, 0.5], "orientation": [-0.03, 0.02, -0.5], "focal_length": 9.5,
+    "pixel_aspect_ratio": 1.0, "principal_point": [4.5, 3], "height": 6.0, "width": 8, "radial_distortion": [0.1, -0.01, 0],
+    "projection_type": "fisheye"}])");
+  std::string array = "f cu cv ar sk qw qx qy qz tx ty tz\n", header =
+                                                                  "{'descr': '<f4', 'fortran_order': False, 'shape': "
+                                                                  "(4, 17), }";
+  for (int i = 0; i < 4; i++)
+    array += "50 0.5 0.5 1 0.01 1 0 0 0 " + std::to_string(i % 2) + " -0.25 " + std::to_string(i) + "\n";
+  add_text(import, 'a', array);
+  std::string poses = std::string("\x93NUMPY\1\0", 8) + static_cast<char>(header.size()) + '\0' + header;
+  for (int i = 0; i < 4; i++)
+    for (const float value :
+         {0.F, 1.F, 0.F, 0.1F * i, 1.F, 1.F, 0.F, 0.F, 0.2F, 1.F, 0.F, 0.F, -1.F, 0.F, 5.F, 1.5F, 20.F})
+      poses.append(reinterpret_cast<const char*>(&value), sizeof(value));
+  add_text(import, 'l', poses);
   add_text(import, 's', "out_00_00_-1.5_2.0_.png\nout_00_01_-1.5_3.0_.png\nout_01_00_-2.5_2_.jpg\nnotes.txt");
 }
 

@@ -269,9 +269,9 @@ TEST_F(LfRig, ImportWarnsOfImpossibleLenses) {
 TEST_F(LfRig, StanfordNamesUseTheRequestedUnit) {
   write_rig();
   const Rig rig = load_rig(dir / "in/rig.json");
-  expect_outcome(lf_rig("export stanford in/rig.json there --unit 0.01"), 0);
+  expect_outcome(lf_rig("export stanford in/rig.json there --scale 0.01"), 0);
   const std::string import = "import stanford there --f 5.1961524227066320 --out back.json";
-  expect_outcome(lf_rig(import + " --unit 0.01"), 0);
+  expect_outcome(lf_rig(import + " --scale 0.01"), 0);
   EXPECT_LE(max_reprojection_error(rig, load_rig(dir / "back.json"), 1), 1e-9);
   const double pitch = glm::distance(rig.cameras[0].pose.position, rig.cameras[1].pose.position);
   expect_outcome(lf_rig(import), 0);
@@ -286,6 +286,64 @@ TEST_F(LfRig, ImportsOneFrameOfColmap) {
   expect_outcome(lf_rig("import colmap model --frame 6 --out rig.json"), 0, mentions("rig.json", "1 camera"));
   EXPECT_EQ(load_rig(dir / "rig.json").cameras.at(0).id, 2u);
   expect_outcome(lf_rig("import colmap model --frame 7 --out rig.json"), 1, mentions("frame 7", "5", "6"));
+  dir.write("model/rigs.txt", "4 2 IMU 1 CAMERA 1 1 1 0 0 0 0 0 3\n");
+  expect_outcome(lf_rig("import colmap model --rig-id 4 --out rig.json"), 0, mentions("rig.json", "1 camera"));
+  EXPECT_EQ(load_rig(dir / "rig.json").cameras.at(0).pose.position, Vec3(0, 0, -3));
+  expect_outcome(lf_rig("import colmap model --rig-id 4 --frame 6 --out rig.json"), 1, mentions("--rig-id", "--frame"));
+}
+
+// The format tells no unit for NeRF, and metres for Kalibr; a file can have millimetres in spite of that.
+TEST_F(LfRig, ScaleIsTheLengthOfAUnit) {
+  write_rig();
+  const Rig rig = load_rig(dir / "in/rig.json");
+  for (const char* format : {"nerf", "kalibr"}) {
+    expect_outcome(lf_rig(std::string("export ") + format + " in/rig.json there"), 0);
+    const bool has_unit = std::string_view(format) == "kalibr";
+    for (const std::string& import : {std::string("import there"), std::string("import ") + format + " there"}) {
+      const Outcome plain = lf_rig(import + " --out back.json");
+      expect_outcome(plain, 0, HasSubstr("back.json: irregular"));
+      EXPECT_EQ(plain.output.find("does not tell its unit") == std::string::npos, has_unit) << plain.output;
+      EXPECT_EQ(plain.output.find("--scale") == std::string::npos, has_unit) << plain.output;
+      const Outcome scaled = lf_rig(import + " --scale 2.5 --out back.json");
+      expect_outcome(scaled, 0, HasSubstr("back.json: irregular arrangement, 0.25 m between neighbouring cameras\n"));
+      const Rig back = load_rig(dir / "back.json");
+      for (size_t i = 0; i < rig.cameras.size(); i++)
+        EXPECT_LT(glm::distance(back.cameras[i].pose.position, 2.5 * rig.cameras[i].pose.position), 1e-9);
+    }
+  }
+  for (const char* scale : {"0", "-1"})
+    expect_outcome(lf_rig(std::string("import there --out no.json --scale ") + scale), 1, HasSubstr("--scale"));
+}
+
+TEST_F(LfRig, WritesAContactSheet) {
+  const Rig scene = scene_rig(2, 3, 160, 120);
+  Rig rig = scene;
+  for (Camera& camera : rig.cameras) {
+    camera.image = camera.name + ".png";
+    save_image(render_scene({160, 120, camera.lens, camera.pose}, 0, 1), dir / camera.image);
+  }
+  save_rig(rig, dir / "rig.json");
+  expect_outcome(lf_rig("export opencv rig.json cameras.yaml"), 0);
+  const std::pair<std::string, int> commands[] = {
+      {"check rig.json --sheet sheet.png", 2},
+      {"import cameras.yaml --out back.json --sheet sheet.png", 2},
+      {"import opencv cameras.yaml --out back.json --sheet sheet.png", 2},
+      {"check plain.json --sheet sheet.png", 1}};  // without pictures, there are only the plans
+  expect_outcome(lf_rig("new --grid 3x3 --pitch 0.1 --fov 60 --width 8 --height 6 --out plain.json"), 0);
+  for (const auto& [command, rows] : commands) {
+    expect_outcome(lf_rig(command), 0, HasSubstr("sheet.png: contact sheet of"));
+    const Image sheet = load_image(dir / "sheet.png");
+    EXPECT_EQ(sheet.width(), 1008) << command;
+    EXPECT_EQ(sheet.height(), 88 + rows * 406) << command;
+    std::set<std::array<uint8_t, 3>> colours;
+    for (int x = 16; x < 1000; x++)
+      colours.insert({sheet.pixel(x, 200)[0], sheet.pixel(x, 200)[1], sheet.pixel(x, 200)[2]});
+    EXPECT_GT(colours.size(), rows == 2 ? 100u : 2u) << command;
+    fs::remove(dir / "sheet.png");
+  }
+  expect_outcome(lf_rig("check rig.json --sheet sheet.txt"), 1, mentions("--sheet sheet.txt", ".png"));
+  expect_outcome(lf_rig("import cameras.yaml --out no.json --sheet sheet"), 1, mentions("--sheet sheet", ".png"));
+  EXPECT_FALSE(fs::exists(dir / "no.json"));
 }
 
 TEST_F(LfRig, ImportsCaliscopeWithUndistortedVideos) {
@@ -347,8 +405,8 @@ TEST_F(LfRig, ImportDescribesTheArrangement) {
 }
 
 TEST_F(LfRig, ListsTheCommandsIfNoneIsGiven) {
-  const auto formats = mentions("lf-rig import:", "caliscope", "colmap", "hci", "kalibr", "llff", "miv", "mrcal",
-                                "nerf", "opencv", "stanford");
+  const auto formats = mentions("lf-rig import:", "caliscope", "colmap", "deepview", "hci", "kalibr", "llff", "miv",
+                                "mrcal", "nerf", "opencv", "stanford", "technicolor");
   expect_outcome(lf_rig("import 'my model' --grid 2x2 --out rig.json"), 1,
                  AllOf(formats, HasSubstr("\"lf-rig import colmap 'my model' --grid 2x2 --out rig.json\""),
                        HasSubstr("lf-rig import --help")));
@@ -356,7 +414,7 @@ TEST_F(LfRig, ListsTheCommandsIfNoneIsGiven) {
     expect_outcome(lf_rig(std::string("import") + arguments), 1,
                    mentions("import: needs PATH and --out", "caliscope", "stanford", "lf-rig import --help"));
   expect_outcome(lf_rig("import model --out rig.json"), 1, mentions("model", "No such file"));
-  expect_outcome(lf_rig("import --unit=1 model"), 1, HasSubstr("lf-rig import stanford --unit=1 model"));
+  expect_outcome(lf_rig("import --f=1 model"), 1, HasSubstr("lf-rig import stanford --f=1 model"));
   expect_outcome(lf_rig("import colmpa model --out rig.json"), 1,
                  HasSubstr("lf-rig import colmap model --out rig.json"));
   expect_outcome(lf_rig("export rig.json model"), 1, mentions("lf-rig export", "colmap"));

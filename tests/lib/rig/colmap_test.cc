@@ -311,7 +311,7 @@ TEST_F(Colmap, AFrameIsOneInstantOfARig) {
       {"6 1 1 0 0 0 0 0 nan 0\n", {"line 1", "TZ", "finite"}},
       {"6 1 1 0 0 0 0 0 0 0 5\n", {"line 1", "more data"}},
       {"6 1 1 0 0 0 0 0 0 0\n", {"frame 6", "no image"}},
-      {"", {"frame 6", "no frames"}},
+      {"", {"frame 6", "has none"}},
   };
   for (const auto& [text, facts] : texts) {
     dir.write("frames.txt", text);
@@ -326,6 +326,73 @@ TEST_F(Colmap, AFrameIsOneInstantOfARig) {
   for (const auto& [text, facts] : files) {
     binary.write("frames.bin", text);
     EXPECT_THAT(text_of_error([&] { import_colmap(binary.path(), {.frame = 6}); }), Mentions(facts));
+  }
+}
+
+// rigs.txt of COLMAP's documentation, and a rig with a camera that is not calibrated and another sensor.
+TEST_F(Colmap, ARigHasItsCameras) {
+  write_model("1 PINHOLE 640 480 500 500 320 240\n2 PINHOLE 640 480 510 510 320 240\n3 PINHOLE 64 48 50 50 32 24\n",
+              "7 1 0 0 0 5 5 5 1 rig1/left/0.png\n\n8 1 0 0 0 4 5 5 2 rig1/right/0.png\n\n");
+  const std::string rigs =
+      "# RIG_ID, NUM_SENSORS, REF_SENSOR_TYPE, REF_SENSOR_ID, SENSORS[] as (SENSOR_TYPE, SENSOR_ID, HAS_POSE, [QW, QX, "
+      "QY, QZ, TX, TY, TZ])\n1 2 CAMERA 1 CAMERA 2 1 -0.9999701516465348 -0.0011120266840749639 -0.0075347911527510894 "
+      "0.0012985125893421306 -0.19316906391350164 0.00085222218993398979 0.0070758955539026785\n2 1 CAMERA 3\n"
+      "5 4 IMU 1 CAMERA 1 1 1 0 0 0 0 0 2 CAMERA 3 0 IMU 2 0\n";
+  dir.write("rigs.txt", rigs);
+  const RigImport first = import_model({.rig = 1});
+  ASSERT_EQ(first.rig.cameras.size(), 2u);
+  EXPECT_EQ(first.rig.cameras[0].pose, Pose());
+  EXPECT_EQ(first.rig.cameras[1].id, 2u);
+  EXPECT_EQ(first.rig.cameras[1].name, "rig1/right");
+  EXPECT_EQ(first.rig.cameras[1].lens, Lens(LensModel::kPinhole, {510, 510, 319.5, 239.5}));
+  const Vec3 reference = first.rig.cameras[1].pose.camera_from_world({0, 0, 0});
+  EXPECT_LT(glm::length(reference - Vec3(-0.19316906391350164, 0.00085222218993398979, 0.0070758955539026785)), 1e-12);
+  EXPECT_EQ(import_model({.rig = 2}).rig.cameras.at(0).width, 64);
+  const RigImport third = import_model({.rig = 5});
+  ASSERT_EQ(third.rig.cameras.size(), 1u);
+  EXPECT_EQ(third.rig.cameras[0].pose.position, Vec3(0, 0, -2));
+  EXPECT_THAT(third.notes, Contains(mentions("without a pose", "3")));
+  EXPECT_ERROR(import_model({.rig = 3}), dir.path(), "rig 3", "from 1 to 5");
+
+  const TempDir binary;
+  const ColmapModel model = read_colmap_model(dir.path());
+  binary.write("cameras.bin", test::colmap_cameras_binary(model.cameras));
+  binary.write("images.bin", test::colmap_images_binary(model.images));
+  EXPECT_ERROR(import_colmap(binary.path(), {.rig = 1}), "rigs.bin", "3.12");
+  const auto rig = [](uint32_t id, uint8_t has_pose) {
+    return test::bytes_of(id, uint32_t{2}, int32_t{0}, uint32_t{1}, int32_t{0}, uint32_t{2}, has_pose) +
+           (has_pose ? test::bytes_of(0.5, 0.5, 0.5, 0.5, 1.0, 2.0, 3.0) : "");
+  };
+  const std::string bytes = test::bytes_of(uint64_t{2}) + rig(4, 0) + rig(6, 1);
+  binary.write("rigs.bin", bytes);
+  EXPECT_EQ(import_colmap(binary.path(), {.rig = 4}).rig.cameras.size(), 1u);
+  const Rig other = import_colmap(binary.path(), {.rig = 6}).rig;
+  ASSERT_EQ(other.cameras.size(), 2u);
+  EXPECT_LT(glm::length(other.cameras[1].pose.camera_from_world({0, 0, 0}) - Vec3(1, 2, 3)), 1e-12);
+
+  const InvalidText texts[] = {
+      {rigs + "1 1 CAMERA 2\n", {"rigs.txt", "line 5", "RIG_ID 1", "twice"}},
+      {"1 2 CAMERA 1\n", {"line 1", "SENSOR_TYPE", "missing"}},
+      {"1 2 CAMERA 1 CAMERA 2 2\n", {"line 1", "HAS_POSE", "0 to 1"}},
+      {"1 2 CAMERA 1 CAMERA 2 1 0 0 0 0 1 2 3\n", {"line 1", "rotation"}},
+      {"1 2 CAMERA 1 CAMERA 1 0\n", {"line 1", "camera 1", "twice"}},
+      {"1 1 CAMERA 1 5\n", {"line 1", "more data"}},
+      {"1 1 CAMERA 9\n", {"rig 1", "camera 9", "cameras.txt"}},
+      {"1 1 IMU 1\n", {"rig 1", "no camera"}},
+      {"", {"rig 1", "none"}},
+  };
+  for (const auto& [text, facts] : texts) {
+    dir.write("rigs.txt", text);
+    EXPECT_THAT(text_of_error([&] { import_model({.rig = 1}); }), Mentions(facts));
+  }
+  const InvalidText files[] = {
+      {bytes.substr(0, bytes.size() - 1), {"rigs.bin", "byte", "truncated within TZ"}},
+      {bytes + "x", {"rigs.bin", "byte", "more data"}},
+      {test::bytes_of(uint64_t{1}) + rig(6, 2), {"rigs.bin", "HAS_POSE", "2"}},
+  };
+  for (const auto& [text, facts] : files) {
+    binary.write("rigs.bin", text);
+    EXPECT_THAT(text_of_error([&] { import_colmap(binary.path(), {.rig = 6}); }), Mentions(facts));
   }
 }
 

@@ -123,14 +123,14 @@ TEST_F(HciTest, TheFocusDistanceHasNoDisparity) {
   // depth2disp() of the benchmark's evaluation toolkit.
   const double depth = 3.5, f = kBaseline / 1000 * kFocal * kWidth;
   EXPECT_NEAR(disparity(depth), (f * kFocusDistance / depth - f) / kFocusDistance / kSensor, 1e-9);
-  EXPECT_THAT(import_hci(dir_.path()).notes, Contains(mentions("3.276", "4.993 m", "focus-near", "focus-far")));
+  EXPECT_EQ(depth_note(import_hci(dir_.path())), "the scene is from 3.276 to 4.993 m away (focus-near, focus-far)");
 }
 
 TEST_F(HciTest, AFocusDistanceOf0IsInfinity) {
   replace("focus_distance_m", "focus_distance_m = 0");
   const RigImport import = import_hci(dir_.path());
   for (const Camera& camera : import.rig.cameras) EXPECT_EQ(camera.principal_point(), Vec2(19.5, 14.5));
-  EXPECT_THAT(import.notes, Contains(mentions("14.29 m", "focus-near")));
+  EXPECT_EQ(depth_note(import), "the scene begins 14.29 m away (focus-near)");
 }
 
 TEST_F(HciTest, AnArrayWithoutAPlaceIsAtTheOrigin) {

@@ -24,6 +24,7 @@ constexpr char kStanford[] = "out_00_01_-381.909271_1038.347534_.png";
 constexpr char kMiv[] = R"({"cameras": [{"Name": "v0", "Projection": "Perspective"}]})";
 constexpr char kOpenCv[] = "%YAML:1.0\n---\ncamera_matrix: !!opencv-matrix\n";
 constexpr char kKalibr[] = "cam0:\n  camera_model: pinhole\n";
+constexpr char kDeepView[] = R"([{"name": "a", "radial_distortion": [0], "projection_type": "fisheye"}])";
 constexpr char kIni[] = "[intrinsics]\nfocal_length_mm = 5\n";
 
 class ImportFormatTest : public testing::Test {
@@ -51,6 +52,7 @@ TEST_F(ImportFormatTest, FindsTheFormatOfAFolder) {
       {{{"sparse/0/cameras.bin"}, {"images/"}, {"database.db"}}, "colmap", "sparse/0", "images", "sparse/0/images.bin"},
       {{{"sparse/cameras.txt"}}, "colmap", "sparse", "", "sparse/images.txt"},
       {{{"sparse/0/cameras.txt"}, {"sparse/cameras.bin"}}, "colmap", "sparse/0", "", "sparse/0/images.txt"},
+      {{{"models.json", kDeepView}, {"camera_0001.mp4"}}, "deepview", "models.json", "", "models.json"},
       {{{"parameters.cfg", kIni}, {"input_Cam000.png"}}, "hci", "", "", "parameters.cfg"},
       {{{"camchain.yaml"}, {"imu.yaml", "imu0:\n"}}, "kalibr", "camchain.yaml", "", "camchain.yaml"},
       {{{"left_and_right.yml", kKalibr}}, "kalibr", "left_and_right.yml", "", "left_and_right.yml"},
@@ -77,6 +79,7 @@ TEST_F(ImportFormatTest, FindsTheFormatOfAFolder) {
        "intrinsics.yml"},
       {{{"result.yaml", "Ks:\n- 5\ndistortions:\n- 5\n"}}, "opencv", "result.yaml", "", "result.yaml"},
       {{{kStanford}}, "stanford", "", "", kStanford},
+      {{{"cameras_parameters.txt"}, {"A_undist_00001_00.png"}}, "technicolor", "", "", "cameras_parameters.txt"},
       {{{kStanford}, {"out_00_00_-381.9_-776.8.PNG"}}, "stanford", "", "", "out_00_00_-381.9_-776.8.PNG, ..."},
   };
   for (const Case& expected : cases) {
@@ -111,6 +114,8 @@ TEST_F(ImportFormatTest, FindsTheFormatOfAFile) {
        ""},
       {{{"i/result", kOpenCv}}, "opencv", "i/result", "", ""},
       {{{"j/out_00_00_1_2.png"}}, "stanford", "j", "", ""},
+      {{{"k/cameras_parameters.txt"}}, "technicolor", "k", "", ""},
+      {{{"l/cameras", kDeepView}}, "deepview", "l/cameras", "", ""},
   };
   for (const Case& expected : cases) {
     write(expected.files);

@@ -86,7 +86,7 @@ TEST_F(LlffTest, ReadsPosesLensesAndDepths) {
       EXPECT_LT(glm::length(camera.pose.down() - poses_[i].down()), 1e-6);
       EXPECT_EQ(camera.lens, Lens::pinhole(kFocal, (kWidth - 1) / 2.0, (kHeight - 1) / 2.0));
     }
-    EXPECT_THAT(import.notes, testing::Contains(mentions("1.5", "20", "focus-near")));
+    EXPECT_EQ(depth_note(import), "the scene is from 1.5 to 20 units away (focus-near, focus-far)");
   }
 }
 

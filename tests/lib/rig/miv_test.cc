@@ -61,7 +61,7 @@ TEST_F(MivTest, ProjectsLikeRvs) {
   const RigImport result = import(kFile);
   ASSERT_EQ(result.rig.cameras.size(), 2u);
   EXPECT_THAT(result.notes, Contains(mentions("viewport")));
-  EXPECT_THAT(result.notes, Contains(mentions("0.5", "4 m", "focus-near", "focus-far")));
+  EXPECT_EQ(depth_note(result), "the scene is from 0.5 to 4 m away (focus-near, focus-far)");
   const Camera &first = result.rig.cameras[0], &second = result.rig.cameras[1];
   EXPECT_EQ(first.name, "v0");
   EXPECT_EQ(second.id, 1u);
@@ -81,14 +81,13 @@ TEST_F(MivTest, ReadsOnlySourceCameras) {
   ASSERT_EQ(result.rig.cameras.size(), 1u);
   EXPECT_EQ(result.rig.cameras[0].name, "v1");
   EXPECT_THAT(result.notes, Contains(mentions("v0", "viewport", "left out")));
-  EXPECT_THAT(result.notes, Contains(mentions("0.75", "4 units", "focus-near")));
+  EXPECT_EQ(depth_note(result), "the scene is from 0.75 to 4 units away (focus-near, focus-far)");
   EXPECT_ERROR(import(replaced("\"cameras\"", "\"sourceCameraNames\": [\"v7\"], \"cameras\"")), "cameras.json",
                "sourceCameraNames", "v7");
 }
 
 TEST_F(MivTest, AFarDepthOf1000IsInfinity) {
-  EXPECT_THAT(import(replaced("[0.75, 4]", "[0.75, 1000]")).notes,
-              Contains(mentions("the scene begins 0.5 m away", "focus-near")));
+  EXPECT_EQ(depth_note(import(replaced("[0.75, 4]", "[0.75, 1000]"))), "the scene begins 0.5 m away (focus-near)");
 }
 
 TEST_F(MivTest, OtherProjectionsAreRefused) {
