@@ -10,6 +10,10 @@ The script downloads nothing. Each SET is a folder of one of these kinds:
   first frame is compared.
 - a scene of the HCI 4D Light Field Benchmark (parameters.cfg), or a grid of images with names of the Stanford archive.
   Odd rows and columns are held out.
+- Technicolor's films (cameras_parameters.txt). Camera 10, in the third row and column, is held out, and the first frame
+  is compared.
+- a scene of the DeepView Video dataset (models.json), filmed by Google's rig of 46 fisheye cameras. camera_0001 is held
+  out, and the first frame is compared.
 - rig.json with views.json and a folder truth, in the formats of this project.
 
 Needs NumPy and Pillow. Set GST_PLUGIN_PATH to another plugin than BUILD/gst if necessary.
@@ -36,6 +40,12 @@ DYNERF = "Li et al. 2022, Neural 3D Video Synthesis, table of flame_salmon (mean
 PUBLISHED = {name: (NERF, {"LLFF": llff, "NeRF": nerf}) for name, llff, nerf in (
     ("fern", 22.85, 25.17), ("flower", 25.46, 27.40), ("fortress", 29.40, 31.16), ("horns", 24.70, 27.45),
     ("leaves", 19.52, 20.92), ("orchids", 18.52, 20.36), ("room", 28.42, 32.70), ("trex", 24.15, 26.80))}
+STG = "Li et al. 2024, Spacetime Gaussian Feature Splatting, tables 12 and 13 (means of 50 frames)"
+PUBLISHED |= {name: (STG, {"HyperReel": hyperreel, "STG": stg}) for name, hyperreel, stg in (
+    ("Birthday", 29.99, 32.09), ("Fabien", 34.70, 35.70), ("Painter", 35.91, 36.44), ("Theater", 33.32, 30.99),
+    ("Trains", 29.74, 32.58), ("01_Welder", 25.55, 26.84), ("02_Flames", 30.63, 30.57),
+    ("04_Truck", 27.18, 27.31), ("09_Alexa_Meade_Exhibit", 31.26, 29.34), ("10_Alexa_Meade_Face_Paint_1", 29.31, 30.59),
+    ("11_Alexa_Meade_Face_Paint_2", 27.34, 29.90), ("12_Cave", 30.06, 29.61))}
 PUBLISHED["flame_salmon_1"] = (DYNERF, {"LLFF": 23.24, "DyNeRF": 29.58})
 
 
@@ -61,29 +71,44 @@ def image_folder(folder):
 
 
 def import_set(folder, rig):
-    """Writes the rig file of a set, and returns a function that tells which cameras are held out, by their index."""
+    """Writes the rig file of a set. Returns the indices of the cameras that are held out, and of those that are kept."""
+    images = image_folder(folder)
     if (folder / "poses_bounds.npy").exists():
-        images = image_folder(folder)
         tool("lf-rig", "import", "llff", folder, "--out", rig, *(("--images", images) if images else ()))
-        return (lambda index: index % 8 == 0) if images else (lambda index: index == 0)
-    kind = "hci" if (folder / "parameters.cfg").exists() else "stanford"
-    tool("lf-rig", "import", kind, folder, "--out", rig)
-    topology = json.loads(rig.read_text())["topology"]
-    if topology["type"] != "grid":
-        raise Failure("the images are not a grid")
-    columns = topology["columns"]
-    return lambda index: index // columns % 2 == 1 and index % columns % 2 == 1
+    elif (folder / "models.json").exists():
+        tool("lf-rig", "import", "deepview", folder / "models.json", "--out", rig)
+    else:
+        kind = ("technicolor" if (folder / "cameras_parameters.txt").exists() else
+                "hci" if (folder / "parameters.cfg").exists() else "stanford")
+        tool("lf-rig", "import", kind, folder, "--out", rig)
+    description = json.loads(rig.read_text())
+    indices = range(len(description["cameras"]))
+    if (folder / "poses_bounds.npy").exists():
+        held_out = [index for index in indices if index % 8 == 0] if images else [0]
+    elif (folder / "models.json").exists():
+        held_out = [index for index in indices if description["cameras"][index]["name"] == "camera_0001"]
+    elif (folder / "cameras_parameters.txt").exists():
+        held_out = [10]
+    else:
+        topology = description["topology"]
+        if topology["type"] != "grid":
+            raise Failure("the images are not a grid")
+        places = [divmod(index, topology["columns"]) for index in indices]
+        return ([index for index in indices if places[index][0] % 2 == places[index][1] % 2 == 1],
+                [index for index in indices if places[index][0] % 2 == places[index][1] % 2 == 0])
+    if not set(held_out) < set(indices):
+        raise Failure("the camera that publications hold out is missing")
+    return held_out, [index for index in indices if index not in held_out]
 
 
-def kept(index, held_out, topology):
-    """Whether a camera predicts the views. Of a grid, these are the even rows and columns."""
-    if topology["type"] != "grid":
-        return not held_out(index)
-    return index // topology["columns"] % 2 == 0 and index % topology["columns"] % 2 == 0
-
-
-def first_frame(film, still):
-    run("gst-launch-1.0", "-q", "uridecodebin", f"uri={film.resolve().as_uri()}", "!", "videoconvert", "!", "pngenc",
+def first_frame(source, still):
+    """Writes the first frame of a film, or of a sequence of pictures with a %d in their name."""
+    if "%" in source.name:
+        picture = next((path for path in (source.with_name(source.name % n) for n in (0, 1)) if path.exists()), None)
+        if not picture:
+            raise Failure(f"{source}: no first picture")
+        return Image.open(picture).convert("RGB").save(still)
+    run("gst-launch-1.0", "-q", "uridecodebin", f"uri={source.resolve().as_uri()}", "!", "videoconvert", "!", "pngenc",
         "snapshot=true", "!", "filesink", f"location={still}")
 
 
@@ -91,25 +116,24 @@ def split(folder, work):
     """Returns the rig, the views and the folder with the truth of a set."""
     if (folder / "views.json").exists():
         return folder / "rig.json", folder / "views.json", folder / "truth"
-    held_out = import_set(folder, work / "all.json")
+    held_out, kept = import_set(folder, work / "all.json")
     rig = json.loads((work / "all.json").read_text())
     truth = work / "truth"
     truth.mkdir()
-    views, kept_ids = [], []
-    for index, camera in enumerate(rig["cameras"]):
-        if kept(index, held_out, rig["topology"]):
-            kept_ids.append(str(camera["id"]))
+    views = []
+    for index in sorted(held_out + kept):
+        camera = rig["cameras"][index]
         if "source" in camera and "image" not in camera:
             camera["image"] = f"{camera['name']}.png"
             first_frame(work / camera.pop("source"), work / camera["image"])
-        if not held_out(index):
+        if index not in held_out:
             continue
         name = f"v{index:03}"
         Image.open(work / camera["image"]).convert("RGB").save(truth / f"{name}.png")
         views.append({"name": name, **{key: camera[key] for key in (
             "position", "orientation", "width", "height", "model", "params")}})
     (work / "all.json").write_text(json.dumps(rig))
-    tool("lf-rig", "subset", work / "all.json", "--cameras", ",".join(kept_ids), "--out", work / "rig.json")
+    tool("lf-rig", "subset", work / "all.json", "--cameras", ",".join(str(rig["cameras"][i]["id"]) for i in kept), "--out", work / "rig.json")
     tool("lf-path", "--rig", work / "rig.json", "--out", work / "path.json", "--frames", 16)
     planes = [view["focal_plane"] for view in json.loads((work / "path.json").read_text())["views"]]
     plane = sorted(planes, key=lambda p: abs(p[3]))[len(planes) // 2]
