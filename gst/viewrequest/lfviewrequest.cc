@@ -14,11 +14,11 @@
  * - `location`: a views.json file. The element sends one request per view with the view's timestamp, then EOS. If all
  *   views have the same time, timestamps advance by one frame per view, but each request keeps its own capture time.
  *   The file also defines the sizes of the views.
- * - the properties `x`, `y`, `z`, `yaw`, `pitch`, `roll`, `fov`, `focus-distance`, `aperture`: one request per frame.
- *   The properties are controllable; a GstController is synchronised to the timestamp of each request. If `rig` is set,
- *   unset properties get values that place the view in the middle of the array, with the orientation of the array. If
- *   `constrain-view` is also set, the view starts inside a triangle of cameras, with the widest field of view without
- *   black pixels.
+ * - the properties `x`, `y`, `z`, `yaw`, `pitch`, `roll`, `fov`, `focus-distance`, `aperture`, `margin`: one request
+ *   per frame. The properties are controllable; a GstController is synchronised to the timestamp of each request. If
+ *   `rig` is set, unset properties get values that place the view in the middle of the array, with the orientation of
+ *   the array. If `constrain-view` is also set, the view starts inside a triangle of cameras, with the widest field of
+ *   view without black pixels.
  * - mouse and keys, as GstNavigation events from a video sink. Drag: orbit about the focus point. Shift-drag or another
  *   button: pan. Wheel: zoom at the pointer. Ctrl-wheel: focus. Arrows: orbit. w s a d q e: move forward, back, left,
  *   right, down, up. + -: zoom. [ ]: focus nearer, farther. r: return to the start. `constrain-view` limits the
@@ -778,7 +778,7 @@ static void lf_view_request_class_init(LfViewRequestClass* klass) {
       element_class, "Light field view request source", "Source",
       "Sends view requests for the virtual camera of one viewer. The view comes from a camera path (location), "
       "properties, mouse and keys, or the set-view action, which takes a structure with optional fields (x, y, z, yaw, "
-      "pitch, roll, fov, focus-distance, aperture)",
+      "pitch, roll, fov, focus-distance, aperture, margin)",
       "gst-lightfield");
 
   GstBaseSrcClass* base_class = GST_BASE_SRC_CLASS(klass);

@@ -36,7 +36,7 @@ Viewpoint viewpoint_of(const ViewValues& v) {
 ViewValues values_of(const Viewpoint& v) {
   const EulerAngles angles = euler_from_quat(v.pose.orientation);
   return {v.pose.position.x, v.pose.position.y, v.pose.position.z, angles.yaw, angles.pitch,
-          angles.roll,       v.fov_y_deg,       v.focus_distance,  v.aperture};
+          angles.roll,       v.fov_y_deg,       v.focus_distance,  v.aperture, 0};
 }
 
 std::optional<double> number(const GValue* value) {
@@ -107,6 +107,11 @@ const std::array<ViewField, kNumViewFields> kViewFields = {{
      "lfcompositor uses a focal plane (focus=plane), objects out of focus blur as with a large lens. Otherwise "
      "objects at all depths stay sharp (0: each pixel is blended from three cameras)",
      0, Blending::kMaxAperture, 0},
+    {"margin", "Margin",
+     "Width of the margin around the view, relative to the view. The picture shows 1 + margin times the width and the "
+     "height of the view, in the same number of pixels. Use this if the client crops pictures, for example because it "
+     "redraws them for a later viewpoint (0: no margin)",
+     0, 1, 0},
 }};
 
 ViewControl::ViewControl() {
@@ -114,7 +119,20 @@ ViewControl::ViewControl() {
   navigator_.set_home(viewpoint_of(values_));
 }
 
-void ViewControl::read_values() { values_ = values_of(navigator_.viewpoint()); }
+void ViewControl::read_values() {
+  const double margin = values_[kFieldMargin];
+  values_ = values_of(navigator_.viewpoint());
+  values_[kFieldMargin] = margin;
+}
+
+Viewpoint ViewControl::requested() const {
+  Viewpoint viewpoint = navigator_.viewpoint();
+  if (values_[kFieldMargin] > 0) {
+    const double half = std::tan(glm::radians(viewpoint.fov_y_deg) / 2) * (1 + values_[kFieldMargin]);
+    viewpoint.fov_y_deg = std::min(glm::degrees(2 * std::atan(half)), kMaxFovDeg);
+  }
+  return viewpoint;
+}
 
 void ViewControl::set(int field, double value) {
   set_fields_[field] = values_[field] = value;
@@ -246,7 +264,7 @@ bool ViewControl::navigate(GstEvent* event, int view_width, int view_height, int
 
 lf::View lf_view_request_view(LfViewRequest* self) {
   const lf::PictureFormat& form = self->state->form;
-  return lf::make_view(self->state->control.viewpoint(), form.width, form.height);
+  return lf::make_view(self->state->control.requested(), form.width, form.height);
 }
 
 gboolean lf_view_request_change_view(LfViewRequest* self, const std::function<gboolean(lf::ViewControl&)>& change) {
@@ -282,13 +300,15 @@ static gboolean lf_view_request_focus_at(LfViewRequest* self, gdouble x, gdouble
   const bool can = self->state->stream && !self->state->stream->from_file() && !self->state->stream->access();
   const lf::View middle = can ? lf_view_request_view(self) : lf::View();
   const lf::ViewSet set = self->state->settings;
+  const double wider = 1 + self->state->control.values()[lf::kFieldMargin];
   lock.unlock();
   if (!can) return FALSE;
   const lf::Vec2 place((x + 0.5) / middle.width, (y + 0.5) / middle.height);
   const std::optional<lf::ViewSetPosition> shown = set.place_at(place);
   if (!shown) return FALSE;
   const lf::View seen = set.view(middle, *shown);
-  const lf::Vec2 in_view(place.x - shown->column(), place.y - shown->row());
+  // The depths are those of the requested picture, which is wider than the view.
+  const lf::Vec2 in_view = 0.5 + (place - lf::Vec2(shown->column(), shown->row()) - 0.5) / wider;
   if (const auto distance = self->state->focus.focus_at(in_view, shown->count() > 1 ? &seen : nullptr))
     lf_view_request_set_focus_distance(self, *distance);
   return TRUE;
@@ -348,8 +368,8 @@ void lf_view_request_install_signals(GObjectClass* klass) {
   /**
    * LfViewRequest::set-view:
    * @request: the element
-   * @view: a structure with any name and any of the fields x, y, z, yaw, pitch, roll, fov, focus-distance, aperture as
-   * numbers, and focus-continuous (0 or 1)
+   * @view: a structure with any name and any of the fields x, y, z, yaw, pitch, roll, fov, focus-distance, aperture,
+   * margin as numbers, and focus-continuous (0 or 1)
    *
    * Moves the view, starting with the next request. Values are clamped to the ranges of the properties. Views from a
    * file do not move.

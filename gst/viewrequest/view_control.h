@@ -48,6 +48,7 @@ enum ViewFieldIndex {
   kFieldFov,
   kFieldFocus,
   kFieldAperture,
+  kFieldMargin,
   kNumViewFields
 };
 extern const std::array<ViewField, kNumViewFields> kViewFields;
@@ -59,6 +60,8 @@ class ViewControl {
   ViewControl();
 
   const Viewpoint& viewpoint() const { return navigator_.viewpoint(); }
+  // Returns the viewpoint to request: the field of view is wider by the margin.
+  Viewpoint requested() const;
   // Returns the numbers of the present view. Angles are returned as they were set (for example a yaw of 360) until
   // navigation turns the view.
   const ViewValues& values() const { return values_; }

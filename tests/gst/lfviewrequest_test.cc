@@ -214,8 +214,8 @@ TEST(LfViewRequestProperties, AreDocumentedAndViewIsControllable) {
     g_value_unset(&value);
   }
   g_free(pspecs);
-  EXPECT_EQ(own, 33);
-  EXPECT_EQ(controllable, 9);
+  EXPECT_EQ(own, 34);
+  EXPECT_EQ(controllable, 10);
 }
 
 TEST(LfViewRequestProperties, ApertureAndNearestCamerasApplyToTheNextRequest) {
@@ -234,6 +234,26 @@ TEST(LfViewRequestProperties, ApertureIsPartOfTheView) {
   source.set("num-buffers", 1, "nearest-cameras", 3);
   source.play();
   EXPECT_EQ(source.pull().request.view.blending, (Blending{Blending::Kind::kAperture, 0.25, 0}));
+}
+
+// The margin widens the requested picture, not the view that navigation moves.
+TEST(LfViewRequestProperties, MarginWidensTheRequest) {
+  TestSource source;
+  source.play_live();
+  const View plain = source.next_live().request.view;
+  const StructurePtr view(gst_structure_new("view", "margin", G_TYPE_DOUBLE, 0.25, nullptr));
+  EXPECT_TRUE(emit(source.element(), "set-view", view.get()));
+  View wide = source.next_live().request.view;
+  EXPECT_NEAR(wide.lens.fx(), plain.lens.fx() / 1.25, 1e-9);
+  EXPECT_NEAR(wide.lens.fy(), plain.lens.fy() / 1.25, 1e-9);
+  wide.lens = plain.lens;
+  expect_near(wide, plain);
+  const double fov = source.get("fov");
+  EXPECT_TRUE(source.send(gst_navigation_event_new_key_press("d", GST_NAVIGATION_MODIFIER_NONE)));
+  EXPECT_EQ(source.get("margin"), 0.25) << "navigation keeps the margin";
+  EXPECT_EQ(source.get("fov"), fov);
+  source.set("fov", 169.0, "margin", 1.0);
+  EXPECT_NEAR(source.next_live().request.view.lens.fy(), 100 / std::tan(85 * M_PI / 180), 1e-9) << "at most 170 degrees";
 }
 
 TEST(LfViewRequestFile, PropertiesSelectTheBlending) {

@@ -93,6 +93,7 @@ TEST(BinProperties, ViewSourceHasPropertiesOfItsChildren) {
                               "fov",
                               "aperture",
                               "focus-distance",
+                              "margin",
                               "eager",
                               "focus-continuous",
                               "navigation",
