@@ -108,8 +108,8 @@
  * - missing-cameras (array of uint: indices in the rig): cameras without a contribution to the picture.
  * - missing-nodes (array of string): nodes that had not answered when the picture was made.
  * - views (array of structures), only for sets: column, row (int: position in the picture), sequence, position,
- *   orientation, lens, coverage and completeness of each view. The fields above then describe the view next to the
- *   middle.
+ *   orientation, lens, focus, coverage and completeness of each view. The fields above then describe the view next to
+ *   the middle.
  *
  * ## Element messages
  *

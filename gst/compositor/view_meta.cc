@@ -107,6 +107,7 @@ void set_views(GstStructure* structure, std::vector<ViewMetaEntry> views) {
     GstStructure* one =
         gst_structure_new(LF_VIEW_META, "column", G_TYPE_INT, place.column(), "row", G_TYPE_INT, place.row(), nullptr);
     set_view(one, facts);
+    take_structure(one, "focus", focus_of(facts.request));
     g_value_take_boxed(value, one);
   });
 }
@@ -165,6 +166,26 @@ std::shared_ptr<const FocalMap> read_map(const GstStructure* structure) {
   return map;
 }
 
+// Returns the view of a picture, or of one view of a set.
+std::optional<View> read_view(const GstStructure* picture) {
+  const GstStructure *lens = part_of(picture, "lens"), *focus = part_of(picture, "focus");
+  std::array<double, 3> at{};
+  std::array<double, 4> turn{};
+  View view;
+  if (!lens || !focus || !get_numbers(picture, "position", at) || !get_numbers(picture, "orientation", turn) ||
+      !get_plane(focus, "plane", view.focus.plane))
+    return std::nullopt;
+  view.pose = {{at[0], at[1], at[2]}, {turn[0], turn[1], turn[2], turn[3]}};
+  try {
+    if (!get_lens(lens, view)) return std::nullopt;
+    if (const GstStructure* map = part_of(focus, "map"); map && !(view.focus.map = read_map(map))) return std::nullopt;
+    validate(view);
+  } catch (const Error&) {
+    return std::nullopt;
+  }
+  return view;
+}
+
 }  // namespace
 
 void register_view_meta() {
@@ -198,22 +219,21 @@ void ViewMeta::attach(GstBuffer* picture) {
 }
 
 std::optional<View> view_of_picture(const GstStructure* picture) {
-  const GstStructure *lens = part_of(picture, "lens"), *focus = part_of(picture, "focus");
-  std::array<double, 3> at{};
-  std::array<double, 4> turn{};
-  View view;
-  if (gst_structure_has_field(picture, "views") || !lens || !focus || !get_numbers(picture, "position", at) ||
-      !get_numbers(picture, "orientation", turn) || !get_plane(focus, "plane", view.focus.plane))
-    return std::nullopt;
-  view.pose = {{at[0], at[1], at[2]}, {turn[0], turn[1], turn[2], turn[3]}};
-  try {
-    if (!get_lens(lens, view)) return std::nullopt;
-    if (const GstStructure* map = part_of(focus, "map"); map && !(view.focus.map = read_map(map))) return std::nullopt;
-    validate(view);
-  } catch (const Error&) {
-    return std::nullopt;
+  return gst_structure_has_field(picture, "views") ? std::nullopt : read_view(picture);
+}
+
+std::vector<View> views_of_picture(const GstStructure* picture) {
+  std::vector<View> views;
+  const GValue* set = gst_structure_get_value(picture, "views");
+  const guint count = set && GST_VALUE_HOLDS_ARRAY(set) ? gst_value_array_get_size(set) : 0;
+  for (guint i = 0; i < std::max(count, 1u); i++) {
+    const GValue* one = count > 0 ? gst_value_array_get_value(set, i) : nullptr;
+    if (one && !GST_VALUE_HOLDS_STRUCTURE(one)) return {};
+    std::optional<View> view = read_view(one ? gst_value_get_structure(one) : picture);
+    if (!view) return {};
+    views.push_back(std::move(*view));
   }
-  return view;
+  return views;
 }
 
 }  // namespace lf

@@ -48,5 +48,7 @@ class ViewMeta {
 
 // Returns the view of a picture from its LF_VIEW_META. Returns nothing for sets of views.
 std::optional<View> view_of_picture(const GstStructure* picture);
+// Returns all views of a picture, in their order in the picture. Returns no views if the meta is incomplete.
+std::vector<View> views_of_picture(const GstStructure* picture);
 
 }  // namespace lf

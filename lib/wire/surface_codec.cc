@@ -68,6 +68,7 @@ void for_each_node(const PictureSurface& surface, Each each) {
 void check(const PictureSurface& surface) {
   validate_size("width", surface.width);
   validate_size("height", surface.height);
+  if (surface.view < 0 || surface.view >= PictureSurface::kMaxViews) throw Error("view: must be 0 or 1");
   if (surface.step < 1) throw Error("step: must be at least 1");
   const size_t nodes = static_cast<size_t>(surface.columns) * static_cast<size_t>(surface.rows);
   if (surface.columns != FocalMap::nodes(surface.width, surface.step) ||
@@ -84,9 +85,10 @@ void check(const PictureSurface& surface) {
     throw Error("depths: must be finite, at least 0, and in order");
 }
 
-// The fields after the first two bytes, which are the version and a reserved byte.
+// The fields after the first byte, which is the version.
 template <typename Io, typename Surface>
 void fields(Io& io, Surface& surface) {
+  field<uint8_t>(io, surface.view);
   field<uint16_t>(io, surface.step);
   field<uint32_t>(io, surface.timestamp);
   for (auto* number : {&surface.width, &surface.height, &surface.columns, &surface.rows}) field<uint16_t>(io, *number);
@@ -101,7 +103,6 @@ PictureSurface read_surface(std::span<const uint8_t> bytes) {
   if (const uint8_t version = in.get<uint8_t>(); version != PictureSurface::kVersion)
     throw Error("version: " + std::to_string(version) + " is not supported");
   PictureSurface surface;
-  if (in.get<uint8_t>() != 0) throw Error("reserved byte: must be 0");
   fields(in, surface);
   if (!in.ok()) throw Error("header: the message is too short");
   check(surface);
@@ -175,7 +176,6 @@ std::vector<uint8_t> encode_surface(const PictureSurface& surface) {
   const std::vector<uint8_t> deflated = deflate_all(differences);
   Writer out(PictureSurface::kHeaderBytes + deflated.size());
   out.put(PictureSurface::kVersion);
-  out.put(uint8_t{0});
   fields(out, surface);
   out.put_bytes(deflated);
   return out.take();

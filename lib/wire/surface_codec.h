@@ -20,6 +20,9 @@ struct PictureSurface {
   static constexpr size_t kMaxNodes = 8192;
   static constexpr int kMinNodes = 8;  // per side; halve() stops there
 
+  static constexpr int kMaxViews = 2;  // a stereo pair
+
+  int view = 0;               // of the picture, from the left
   uint32_t timestamp = 0;     // RTP timestamp of the picture
   int width = 0, height = 0;  // pixels
   Pose pose;

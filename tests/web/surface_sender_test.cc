@@ -9,6 +9,7 @@ namespace lf::serve {
 namespace {
 
 constexpr int kWidth = 640, kHeight = 480, kStep = 8;
+constexpr double kEyeDistance = 0.063;  // metres
 
 GValue array_of(const std::vector<double>& numbers) {
   GValue array = G_VALUE_INIT, value = G_VALUE_INIT;
@@ -62,6 +63,32 @@ StructurePtr picture(double x, uint32_t noise = 0) {
   return made;
 }
 
+// The meta of a stereo pair.
+StructurePtr pair(double x) {
+  StructurePtr made = picture(x);
+  GValue views = G_VALUE_INIT, one = G_VALUE_INIT;
+  g_value_init(&views, GST_TYPE_ARRAY);
+  g_value_init(&one, GST_TYPE_STRUCTURE);
+  for (const double eye : {x, x + kEyeDistance}) {
+    gst_value_set_structure(&one, picture(eye).get());
+    gst_value_array_append_value(&views, &one);
+  }
+  g_value_unset(&one);
+  gst_structure_take_value(made.get(), "views", &views);
+  return made;
+}
+
+TEST(SurfaceSender, ReadsTheViewsOfAPair) {
+  const StructurePtr both = pair(0.25);
+  const std::vector<View> views = views_of_picture(both.get());
+  ASSERT_EQ(views.size(), 2u);
+  for (const size_t i : {0, 1}) EXPECT_EQ(views[i].pose.position.x, i == 0 ? 0.25 : 0.25 + kEyeDistance);
+  EXPECT_TRUE(views[1].focus.map);
+  EXPECT_FALSE(view_of_picture(both.get()));
+  gst_structure_set(both.get(), "views", G_TYPE_INT, 2, nullptr);
+  EXPECT_FALSE(view_of_picture(both.get()));
+}
+
 TEST(SurfaceSender, ReadsTheViewOfAPicture) {
   const auto view = view_of_picture(picture(0.25).get());
   ASSERT_TRUE(view);
@@ -92,34 +119,35 @@ TEST(SurfaceSender, InvalidFieldsGiveNoView) {
 }
 
 TEST(SurfaceSender, MovingViewsKeepTheirShareOfTheBits) {
-  for (const size_t video : {2000, 6000, 20000}) {
+  for (const auto [video, eyes] : {std::pair{2000, 1}, {6000, 1}, {20000, 1}, {20000, 2}}) {
     SurfaceSender sender;
     size_t sum = 0, messages = 0;
     constexpr int kPictures = 300;
     for (int i = 0; i < kPictures; i++) {
-      const auto bytes =
-          sender.message(picture(1e-3 * i, static_cast<uint32_t>(i)).get(), static_cast<uint32_t>(i), video);
-      if (bytes.empty()) continue;
-      messages++;
-      sum += bytes.size() + SurfaceSender::kPacketBytes;
-      const auto surface = wire::decode_surface(bytes);
-      ASSERT_TRUE(surface);
-      EXPECT_EQ(surface->timestamp, static_cast<uint32_t>(i));
-      EXPECT_EQ(surface->pose.position.x, 1e-3 * i);
+      const StructurePtr shown = eyes == 1 ? picture(1e-3 * i, static_cast<uint32_t>(i)) : pair(1e-3 * i);
+      for (const auto& bytes : sender.messages(shown.get(), static_cast<uint32_t>(i), video)) {
+        messages++;
+        sum += bytes.size() + SurfaceSender::kPacketBytes;
+        const auto surface = wire::decode_surface(bytes);
+        ASSERT_TRUE(surface);
+        EXPECT_EQ(surface->timestamp, static_cast<uint32_t>(i));
+        EXPECT_LT(surface->view, eyes);
+        EXPECT_EQ(surface->pose.position.x, 1e-3 * i + surface->view * kEyeDistance);
+      }
     }
     const double share = SurfaceSender::kShare * static_cast<double>(video) * kPictures;
-    EXPECT_LE(static_cast<double>(sum), share + SurfaceSender::kMaxBytes) << video;
+    EXPECT_LE(static_cast<double>(sum), share + eyes * SurfaceSender::kMaxBytes) << video;
     EXPECT_GE(static_cast<double>(sum), 0.2 * share) << video;
-    EXPECT_GE(messages, size_t{video > 2000 ? 290u : 150u}) << video;
+    EXPECT_GE(messages, static_cast<size_t>(eyes * (video > 2000 ? 290 : 150))) << video;
   }
 }
 
 TEST(SurfaceSender, RestingViewsGetTheFullResolutionOnce) {
   SurfaceSender sender;
-  for (int i = 0; i < 30; i++) sender.message(picture(1e-3 * i).get(), 0, 2500);
+  for (int i = 0; i < 30; i++) sender.messages(picture(1e-3 * i).get(), 0, 2500);
   std::vector<wire::PictureSurface> sent;
   for (uint32_t i = 0; i < 200; i++)
-    if (const auto bytes = sender.message(picture(0.029).get(), i, 700); !bytes.empty())
+    for (const auto& bytes : sender.messages(picture(0.029).get(), i, 700))
       sent.push_back(*wire::decode_surface(bytes));
   ASSERT_FALSE(sent.empty());
   EXPECT_LE(sent.size(), 8u) << "an unchanged surface is repeated rarely";

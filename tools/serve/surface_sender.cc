@@ -2,9 +2,9 @@
 #include "serve/surface_sender.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "compositor/view_meta.h"
-#include "wire/surface_codec.h"
 
 namespace lf::serve {
 namespace {
@@ -15,32 +15,44 @@ bool same_camera(const View& a, const View& b) {
 
 }  // namespace
 
-std::vector<uint8_t> SurfaceSender::message(const GstStructure* picture, uint32_t timestamp, size_t video_bytes) {
-  credit_ = std::min<double>(kMaxBytes, credit_ + kShare * static_cast<double>(video_bytes));
-  std::optional<View> view = view_of_picture(picture);
-  if (!view) return {};
-  const bool rests = sent_ && same_camera(*view, *sent_);
-  unchanged_ = rests && view->focus == sent_->focus ? unchanged_ + 1 : 0;
-  if (rests && (unchanged_ % kRepeat != 0 || credit_ < static_cast<double>(awaited_))) return {};
-  auto surface = wire::picture_surface(*view, timestamp);
+std::vector<SurfaceSender::Message> SurfaceSender::messages(const GstStructure* picture, uint32_t timestamp,
+                                                            size_t video_bytes) {
+  std::vector<View> views = views_of_picture(picture);
+  std::vector<Message> messages;
+  if (views.size() > eyes_.size()) return messages;
+  for (size_t i = 0; i < views.size(); i++) {
+    const double share = kShare * static_cast<double>(video_bytes) / static_cast<double>(views.size());
+    eyes_[i].credit = std::min<double>(kMaxBytes, eyes_[i].credit + share);
+    Message bytes = message(eyes_[i], static_cast<int>(i), std::move(views[i]), timestamp);
+    if (!bytes.empty()) messages.push_back(std::move(bytes));
+  }
+  return messages;
+}
+
+SurfaceSender::Message SurfaceSender::message(Eye& eye, int index, View view, uint32_t timestamp) {
+  const bool rests = eye.sent && same_camera(view, *eye.sent);
+  eye.unchanged = rests && view.focus == eye.sent->focus ? eye.unchanged + 1 : 0;
+  if (rests && (eye.unchanged % kRepeat != 0 || eye.credit < static_cast<double>(eye.awaited))) return {};
+  auto surface = wire::picture_surface(view, timestamp);
   if (!surface) return {};
+  surface->view = index;
   int halvings = 0;
   const auto coarser = [&] { return wire::halve(*surface) && ++halvings > 0; };
-  while (!rests && halvings < halvings_ && coarser()) {
+  while (!rests && halvings < eye.halvings && coarser()) {
   }
-  std::vector<uint8_t> bytes;
+  Message bytes;
   for (;;) {
     bytes = wire::encode_surface(*surface);
-    awaited_ = std::min(bytes.size() + kPacketBytes, kMaxBytes);
-    if (static_cast<double>(bytes.size() + kPacketBytes) <= credit_) break;
+    eye.awaited = std::min(bytes.size() + kPacketBytes, kMaxBytes);
+    if (static_cast<double>(bytes.size() + kPacketBytes) <= eye.credit) break;
     const bool waits = rests && bytes.size() + kPacketBytes <= kMaxBytes;
     if (waits || !coarser()) return {};
   }
   // A finer grid has up to four times as many bytes.
-  if (!rests) halvings_ = 4.0 * static_cast<double>(awaited_) < credit_ ? std::max(halvings - 1, 0) : halvings;
-  credit_ -= static_cast<double>(awaited_);
-  sent_ = std::move(view);
-  unchanged_ = 0;
+  if (!rests) eye.halvings = 4.0 * static_cast<double>(eye.awaited) < eye.credit ? std::max(halvings - 1, 0) : halvings;
+  eye.credit -= static_cast<double>(eye.awaited);
+  eye.sent = std::move(view);
+  eye.unchanged = 0;
   return bytes;
 }
 

@@ -3,17 +3,20 @@
 
 #include <gst/gst.h>
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <vector>
 
 #include "view/view.h"
+#include "wire/surface_codec.h"
 
 namespace lf::serve {
 
 // Makes the messages of the data channel "surface". A message contains the surface that a picture shows
 // (wire::PictureSurface), so that the page can redraw the picture from a new viewpoint without waiting for the server.
+// A stereo pair has a message for each eye.
 //
 // The messages take at most kShare of the bits of the video. If there are not enough bits while the view moves, the
 // surface gets a lower resolution. While the view rests, the surface is sent in full resolution, when it has changed
@@ -23,19 +26,24 @@ class SurfaceSender {
   static constexpr double kShare = 0.15;
   static constexpr size_t kMaxBytes = 8192;    // of a message
   static constexpr size_t kPacketBytes = 100;  // UDP, DTLS and SCTP headers of a message
+  using Message = std::vector<uint8_t>;
 
-  // `video_bytes` is the size of the encoded picture. Returns the message, or nothing if none is sent with this
-  // picture.
-  std::vector<uint8_t> message(const GstStructure* picture, uint32_t timestamp, size_t video_bytes);
+  // `video_bytes` is the size of the encoded picture. Returns the messages that are sent with this picture, or none.
+  std::vector<Message> messages(const GstStructure* picture, uint32_t timestamp, size_t video_bytes);
 
  private:
   static constexpr int kRepeat = 30;  // pictures until an unchanged surface is sent again, because messages can be lost
+  struct Eye {
+    double credit = kMaxBytes / 2.0;  // bytes
+    int halvings = 0;
+    size_t awaited = 0;  // size of a message that waits for enough bits
+    std::optional<View> sent;
+    int unchanged = 0;  // pictures since the last message, with the same view
+  };
 
-  double credit_ = kMaxBytes / 2.0;  // bytes
-  int halvings_ = 0;
-  size_t awaited_ = 0;  // size of a message that waits for enough bits
-  std::optional<View> sent_;
-  int unchanged_ = 0;  // pictures since the last message, with the same view
+  static Message message(Eye& eye, int index, View view, uint32_t timestamp);
+
+  std::array<Eye, wire::PictureSurface::kMaxViews> eyes_;
 };
 
 }  // namespace lf::serve

@@ -181,11 +181,11 @@ void Viewer::send_surface(GstPad* encoded, GstBuffer* picture) {
   const GstSegment* segment = nullptr;
   gst_event_parse_segment(event, &segment);
   const GstClockTime time = gst_segment_to_running_time(segment, GST_FORMAT_TIME, GST_BUFFER_PTS(picture));
-  const std::vector<uint8_t> message =
-      surfaces_.message(gst_custom_meta_get_structure(meta), rtp_timestamp(time), gst_buffer_get_size(picture));
-  if (message.empty()) return;
-  surface_bytes_ += message.size();
-  peer_->send_surface(message);
+  for (const SurfaceSender::Message& message :
+       surfaces_.messages(gst_custom_meta_get_structure(meta), rtp_timestamp(time), gst_buffer_get_size(picture))) {
+    surface_bytes_ += message.size();
+    peer_->send_surface(message);
+  }
 }
 
 gboolean Viewer::bus_message(GstBus*, GstMessage* message, gpointer data) {

@@ -143,7 +143,7 @@ TEST_F(SurfaceCodecTest, InvalidMessagesNameTheField) {
     size_t at;
     uint8_t value;
     const char* names;
-  } cases[] = {{0, 2, "version"},  {1, 1, "reserved"},    {3, 0, "step"},       {8, 0xff, "width"},
+  } cases[] = {{0, 2, "version"},  {1, 2, "view"},        {3, 0, "step"},       {8, 0xff, "width"},
                {13, 7, "grid"},    {14, 1, "grid"},       {16, 0x7f, "pose"},   {40, 0x40, "pose"},
                {72, 0xbf, "lens"}, {104, 0xbf, "depths"}, {112, 0x7f, "depths"}};
   for (const auto& [at, value, names] : cases) {
