@@ -148,7 +148,10 @@ export class LightfieldViewer extends HTMLElement {
   toBlob(options?: { type?: string; quality?: number }): Promise<Blob>;
   /** Starts the stream. This is only needed without `autoplay`. */
   play(): void;
-  /** Ends the stream, which frees the seat on the server. The last picture stays visible. */
+  /**
+   * Ends the stream, which frees the seat on the server. The last picture stays visible, and people can look around in it
+   * with the controls. play() continues with their view.
+   */
   pause(): void;
 
   addEventListener<K extends keyof LightfieldViewerEventMap>(type: K,

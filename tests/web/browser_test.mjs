@@ -5,7 +5,7 @@ import { readFile, writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
 import { artefacts, close, closeClean, compare, connectBrowser, expect, half, launchBrowser, launchBrowserServer,
   makeRig, newPage, openPage, openShown, picture, rendered, runTests, serve, setView, shown, start,
-  stateOf, throughRelay, until, viewFile } from './harness.mjs';
+  stateOf, throughRelay, until, viewFile, truthsOf } from './harness.mjs';
 
 const size = { width: 640, height: 480 };
 const folder = await makeRig('4x4');
@@ -201,6 +201,7 @@ async function clickFocuses() {
 // farther outwards than inwards.
 function pretendHeadset() {
   const turn = angle => ({ x: 0, y: Math.sin(angle / 2), z: 0, w: Math.cos(angle / 2) });
+  globalThis.lens = 2.5;  // focal length, relative to half of a display
   globalThis.head = { x: 0.01, y: 0.02, z: -0.03, angle: 0.05 };  // left, up and back, metres
   globalThis.XRWebGLLayer = class {
     constructor(session, gl) { Object.assign(this, { gl, framebuffer: null }); }
@@ -220,7 +221,7 @@ function pretendHeadset() {
       if (state.baseLayer) Object.assign(state.baseLayer.gl.canvas, { width: 640, height: 320 });
     }
     async requestReferenceSpace() { return {}; }
-    requestAnimationFrame(draw) { this.over || setTimeout(() => draw(performance.now(), { getViewerPose: pose }), 16); }
+    requestAnimationFrame(draw) { this.over || setTimeout(() => draw(performance.now(), { getViewerPose: pose }), 11); }  // 90 Hz
     async end() {
       this.over = true;
       this.dispatchEvent(new Event('end'));
@@ -232,7 +233,7 @@ function pretendHeadset() {
       const along = i ? 0.03 : -0.03, aside = i ? 0.1 : -0.1;
       return { eye, transform: { orientation,
         position: { x: x + along * Math.cos(angle), y, z: z - along * Math.sin(angle) } },
-        projectionMatrix: [2.5, 0, 0, 0, 0, 2.5, 0, 0, aside, 0, -1, -1, 0, 0, -0.1, 0] };
+        projectionMatrix: [lens, 0, 0, 0, 0, lens, 0, 0, aside, 0, -1, -1, 0, 0, -0.1, 0] };
     });
     return { transform: { position: { x, y, z }, orientation }, views };
   };
@@ -284,6 +285,52 @@ async function headset() {
       console.log(`# display ${side}, turned by ${turned}: ${psnr.toFixed(1)} dB`);
       expect(psnr > (turned ? 28 : 30), `display ${side}, turned by ${turned}: ${psnr.toFixed(1)} dB`);
     }
+  }
+  await page.evaluate(() => session.end());
+  await page.waitForFunction(() => inside().mode === 'one');
+  await closeClean(page, served);
+}
+
+// The head has moved sideways, and no new picture arrives: each frame of the headset still shows the eyes at their pose.
+async function eyesAreDrawnAtTheirOwnPose() {
+  const served = await serve('--rig', join(folder, 'rig.json'), '--framerate', '10', '--max-width', '480', '--max-height', '320');
+  const page = await openPage(browser, served.url, size, { before: pretendHeadset });
+  await shown(page, 5);
+  await page.evaluate(() => globalThis.lens = 4);  // a view that the cameras cover completely
+  await page.getByLabel('Eyes').selectOption('headset');
+  await page.waitForFunction(() => inside().redraw.pictures?.length === 2 &&
+    inside().redraw.pictures.every(({ surface }) => surface.levels.length > 100));
+  await page.waitForTimeout(2000);  // until the surfaces have settled
+  const [url, frames, pictures, state] = await page.evaluate(async () => {
+    const { headset, redraw, video, flight } = inside(), { gl, draw } = headset;
+    video.pause();
+    flight.sendView = () => 0;
+    await new Promise(done => setTimeout(done, 300));
+    const before = redraw.frames;
+    let frames = 0;
+    headset.draw = pose => {
+      frames++;
+      draw.call(headset, pose);
+    };
+    await new Promise(done => setTimeout(done, 500));
+    head.x += 0.05 * Math.cos(head.angle);
+    head.z -= 0.05 * Math.sin(head.angle);
+    return new Promise(done => session.requestAnimationFrame((time, frame) => {
+      headset.draw(frame.getViewerPose());
+      done([gl.canvas.toDataURL('image/png'), frames, redraw.frames - before, flight.seen]);
+    }));
+  });
+  console.log(`# ${frames} frames of the headset in half a second, with ${pictures} new pictures`);
+  expect(frames > 5 && pictures === 0, `${frames} frames with ${pictures} pictures`);
+  const displays = Buffer.from(url.split(',')[1], 'base64'), angle = state.yaw * Math.PI / 180;
+  await writeFile(join(artefacts, 'headset-moved.png'), displays);
+  for (const [side, cx] of [[0, 175.5], [1, 143.5]]) {
+    const lens = { model: 'PINHOLE', params: [640, 640, cx, 159.5] }, offsets = [0.05, 0].map(by => by + (side ? 0.03 : -0.03));
+    const [moved, stale] = await truthsOf(offsets.map(offset => ({ ...state, x: state.x + offset * Math.cos(angle),
+      z: state.z - offset * Math.sin(angle) })), { width: 320, height: 320, lens });
+    const eye = await half(page, displays, side), { psnr } = await compare(page, eye, moved), { psnr: before } = await compare(page, stale, moved);
+    console.log(`# display ${side}, moved by 50 mm: ${psnr.toFixed(1)} dB, without the movement ${before.toFixed(1)} dB`);
+    expect(psnr > before + 3, `display ${side}: ${psnr.toFixed(1)} dB after a movement, ${before.toFixed(1)} dB without`);
   }
   await page.evaluate(() => session.end());
   await page.waitForFunction(() => inside().mode === 'one');
@@ -589,6 +636,7 @@ await runTests([
   ['two eyes', twoEyes],
   ['a click focuses', clickFocuses],
   ['a headset', headset],
+  ['a headset between two pictures', eyesAreDrawnAtTheirOwnPose],
   ['a headset with media layers', headsetOfLayers],
   ['a path of the server', kiosk],
   ['touches and sticks', touchesAndSticks],

@@ -3,17 +3,11 @@
 import { spawn } from 'node:child_process';
 import { once } from 'node:events';
 import { createInterface } from 'node:readline';
-import { readFile } from 'node:fs/promises';
 import { join } from 'node:path';
-import { close, launchBrowser, makeFilm, makeRig, newPage, openPage, runTests, serve, shown, throughRelay } from './harness.mjs';
+import { close, launchBrowser, makeFilm, makeRig, newPage, openPage, processorTime, runTests, serve, shown, throughRelay } from './harness.mjs';
 
 const seconds = Number(process.env.LF_SECONDS ?? 10);
 const browser = await launchBrowser();
-
-async function processorTime(pid) {
-  const fields = (await readFile(`/proc/${pid}/stat`, 'utf8')).split(') ')[1].split(' ');
-  return (Number(fields[11]) + Number(fields[12])) / 100;
-}
 
 const decoded = page => page.evaluate(async () => {
   const { peer } = inside().stream.connection;

@@ -92,6 +92,24 @@ export async function makeFilm(grid) {
   return folder;
 }
 
+// Returns the processor time of a process in seconds.
+export async function processorTime(pid) {
+  const fields = (await readFile(`/proc/${pid}/stat`, 'utf8')).split(') ')[1].split(' ');
+  return (Number(fields[11]) + Number(fields[12])) / 100;
+}
+
+// The page does not use WebGL in software, but tests may have no GPU.
+export function allowSoftware() {
+  const { getContext } = HTMLCanvasElement.prototype, { getParameter } = WebGL2RenderingContext.prototype;
+  HTMLCanvasElement.prototype.getContext = function (type, options) {
+    return getContext.call(this, type, { ...options, failIfMajorPerformanceCaveat: false });
+  };
+  WebGL2RenderingContext.prototype.getParameter = function (name) {
+    const value = getParameter.call(this, name);
+    return /SwiftShader|llvmpipe/.test(value) ? 'a GPU' : value;
+  };
+}
+
 // Creates a rig with still images of the built-in scene. Returns the folder, which is removed at the end.
 export async function makeRig(grid) {
   const folder = await makeFolder();
@@ -289,9 +307,12 @@ export async function rendered(folder, state, size, eyeOffset) {
   return png;
 }
 
-export async function truthOf(state, size, times = [0]) {
+export const truthOf = (state, size, times = [0]) => truthsOf(times.map(time => ({ ...state, time })), size);
+
+// Returns pictures of the built-in scene, by ray tracing, for views with an optional time.
+export async function truthsOf(states, size) {
   const out = await mkdtemp(join(tmpdir(), 'lf_web_truth_'));
-  const views = times.map((time, i) => ({ ...viewFile(state, size), name: `at_${i}`, time }));
+  const views = states.map((state, i) => ({ ...viewFile(state, size), name: `at_${i}`, time: state.time ?? 0 }));
   await writeFile(join(out, 'views.json'), JSON.stringify({ format: 'lightfield-views', version: 1, views }));
   // lf-scene requires a grid even for the truth.
   await run(join(tools, 'lf-scene'), ['--out', out, '--grid', '1x1', '--width', '64',
@@ -360,3 +381,19 @@ export async function throughRelay(page) {
   }
   return relay;
 }
+
+// Opens the page, which redraws pictures, behind a network with this round trip, in milliseconds.
+export async function openDelayed(browser, served, roundTrip) {
+  const page = await newPage(browser, undefined, { before: allowSoftware });
+  const relay = await throughRelay(page);
+  await page.goto(served.url);
+  await shown(page, 30);
+  await page.waitForFunction(() => inside().redraw.picture?.surface.levels.length > 100);
+  await page.waitForTimeout(1500);  // until the surface has settled
+  relay.delay = roundTrip / 2;
+  await page.waitForTimeout(roundTrip + 200);
+  return { page, relay };
+}
+
+// Waits until no picture is redrawn any more.
+export const rests = page => page.waitForFunction(() => !inside().redraw.painted && inside().redraw.prediction.isConfirmed);

@@ -2,41 +2,13 @@
 // The page redraws the latest picture for the requested view, before the picture of this view arrives.
 import { join } from 'node:path';
 import { writeFile } from 'node:fs/promises';
-import { artefacts, close, closeClean, compare, expect, launchBrowser, makeRig, newPage, openShown, picture, runTests, serve,
-  setView, settled, shown, source, stateOf, throughRelay } from './harness.mjs';
+import { allowSoftware, artefacts, close, closeClean, compare, expect, launchBrowser, makeRig, openDelayed, openShown, picture,
+  rests, runTests, serve, setView, settled, source, stateOf, truthsOf } from './harness.mjs';
 
 const size = { width: 640, height: 480 };
 const folder = await makeRig('6x6');
 const rig = ['--rig', join(folder, 'rig.json'), '--connects', '100'];
 const browser = await launchBrowser();
-
-// The page does not use WebGL in software, but these tests may have no GPU.
-function allowSoftware() {
-  const { getContext } = HTMLCanvasElement.prototype, { getParameter } = WebGL2RenderingContext.prototype;
-  HTMLCanvasElement.prototype.getContext = function (type, options) {
-    return getContext.call(this, type, { ...options, failIfMajorPerformanceCaveat: false });
-  };
-  WebGL2RenderingContext.prototype.getParameter = function (name) {
-    const value = getParameter.call(this, name);
-    return /SwiftShader|llvmpipe/.test(value) ? 'a GPU' : value;
-  };
-}
-
-// Opens the page behind a network with this round trip, in milliseconds.
-async function openDelayed(served, roundTrip) {
-  const page = await newPage(browser, size, { before: allowSoftware });
-  const relay = await throughRelay(page);
-  await page.goto(served.url);
-  await shown(page, 30);
-  await page.waitForFunction(() => inside().redraw.picture?.surface.levels.length > 100);
-  await page.waitForTimeout(1500);  // until the surface has settled
-  relay.delay = roundTrip / 2;
-  await page.waitForTimeout(roundTrip + 200);
-  return { page, relay };
-}
-
-// Waits until nothing is redrawn any more.
-const rests = page => page.waitForFunction(() => !inside().redraw.painted && inside().redraw.prediction.isConfirmed);
 
 // Requests a view. Returns the picture that is redrawn for it, as a PNG, before the server can answer.
 async function redrawn(page, view) {
@@ -71,7 +43,7 @@ async function surfacesBelongToTheirPictures() {
   const counts = await page.evaluate(async () => {
     const { redraw, video, flight } = inside(), shown = [], all = new Map(), counts = { paired: 0, fitting: 0, worst: 0 };
     redraw.paint = () => {};  // drawing in software would delay the pictures
-    const keep = () => redraw.surfaces.forEach((surface, timestamp) => all.set(timestamp, surface));
+    const keep = () => redraw.surfaces.forEach(([surface], timestamp) => all.set(timestamp, surface));
     for (let i = 0; i < 40; i++) {
       flight.sendView({ x: 0.03 * Math.sin(i / 10) });
       await new Promise(done => video.requestVideoFrameCallback((now, { rtpTimestamp }) => {
@@ -166,7 +138,7 @@ async function predictionsAreExact() {
       redraw.confirm = function (view, id) {
         const { now } = this.prediction, isLast = id !== undefined && this.prediction.pending.every(entry => entry.id <= id);
         confirm.call(this, view, id);
-        if (isLast) inside().wrong.push(Math.max(...Object.keys(view).map(name => Math.abs(view[name] - now[name]))));
+        if (isLast) inside().wrong.push(Math.max(...Object.keys(now).map(name => Math.abs(view[name] - now[name]))));
       };
     });
     await act();
@@ -227,10 +199,171 @@ async function worksWithoutWebGl() {
   await closeClean(page, served);
 }
 
+// The promise of setView() resolves, however slow the network is.
+async function viewsAreConfirmedOverSlowNetworks() {
+  const served = await serve(...rig);
+  const { page, relay } = await openDelayed(browser, served, 1600);
+  const [view, time] = await page.evaluate(async () => {
+    const began = performance.now(), view = await document.querySelector('lightfield-viewer').setView({ x: 0.03 });
+    return [view, performance.now() - began];
+  });
+  console.log(`# a view is confirmed after ${time.toFixed(0)} ms, over 1600 ms`);
+  expect(Math.abs(view.x - 0.03) < 1e-9 && time > 1500, `x is ${view.x} after ${time} ms`);
+  relay.close();
+  await closeClean(page, served);
+}
+
+async function marginsFollowTheSpeed() {
+  const { Margin } = await import(join(source, 'web/src/margin.js'));
+  for (const [what, shares, latency, expected] of [
+    ['at rest', [], 200, 0], ['a single step', [0.1], 200, 0], ['two steps', [0.1, 0.1], 200, 0],
+    ['a slow movement', Array(9).fill(0.002), 100, 0.1], ['no latency', Array(9).fill(0.001), 1, 0],
+    ['a fast movement', Array(9).fill(0.01), 100, 0.2], ['over a slow network', Array(9).fill(0.01), 250, 0.4],
+    ['the largest', Array(9).fill(0.1), 500, 0.5]]) {
+    const margin = new Margin();
+    shares.forEach((share, i) => margin.moved(1000 + 16 * i, share));
+    const got = margin.at(1000 + 16 * shares.length, latency);
+    expect(Math.abs(got - expected) < 1e-9, `${what}: a margin of ${got}`);
+    expect(margin.at(1200 + 16 * shares.length, latency) === got, `${what}: it stays for a moment`);
+    expect(margin.at(1500 + 16 * shares.length, latency) === 0, `${what}: no margin after it`);
+  }
+
+  // The server sends wider pictures while the view moves, and the page crops them.
+  const served = await serve(...rig);
+  const { page, relay } = await openDelayed(browser, served, 200);
+  const home = await stateOf(page);
+  const moving = await page.evaluate(async () => {
+    const { flight, redraw, video, picture } = inside(), { x } = flight.state;
+    redraw.load();
+    redraw.painter.draw = redraw.painter.load = () => {};  // drawing in software would be too slow for a movement
+    let margins = 0, cropped = 0, wide = 0;
+    for (let i = 0; i < 400 && margins < 5; i++) {
+      flight.sendView({ x: x + 0.03 * Math.sin(i / 5) });
+      await new Promise(done => requestAnimationFrame(done));
+      if (!flight.margin) continue;
+      margins++;
+      cropped += Number(video.style.scale) === 1 + flight.margin && picture.shown(640, 480)[2] < 640;
+      const { camera, surface } = redraw.picture;
+      wide += camera === surface.camera && camera.fy < 0.95 * 240 / Math.tan(flight.seen.fov * Math.PI / 360);
+    }
+    flight.sendView({ x });
+    return { margins, cropped, wide };
+  });
+  console.log(`# while moving: ${JSON.stringify(moving)}`);
+  expect(moving.margins === 5 && moving.cropped === 5, 'pictures with a margin are cropped');
+  await page.waitForFunction(() => inside().flight.margin === 0 && inside().redraw.requestedMargin === 0);
+  await rests(page);
+  const state = await stateOf(page);
+  expect(state.fov === home.fov && !('margin' in state), 'the margin is no part of the view');
+  expect(await page.evaluate(() => !inside().video.style.scale && inside().redraw.canvas.hidden), 'at rest, the video is shown');
+  relay.close();
+  await closeClean(page, served);
+}
+
+// A paused picture can be looked around in, and the stream continues with that view.
+async function pausedPicturesCanBeLookedAroundIn() {
+  const served = await serve(...rig);
+  const page = await openShown(browser, served.url, size, 30, { before: allowSoftware });
+  await page.waitForFunction(() => inside().redraw.picture?.surface.levels.length > 100);
+  const { aperture, ...home } = await stateOf(page);
+  await rests(page);
+  await page.evaluate(() => document.querySelector('lightfield-viewer').pause());
+  const look = async (what, view) => {
+    const png = await redrawn(page, view);
+    await writeFile(join(artefacts, `paused-${what}.png`), png);
+    return png;
+  };
+  const aside = await look('aside', { x: home.x + 0.03 });
+  const [truth, last] = await truthsOf([{ ...home, x: home.x + 0.03 }, home], size);
+  const [{ psnr }, { psnr: stale }] = [await compare(page, aside, truth), await compare(page, last, truth)];
+  console.log(`# paused: redrawn ${psnr.toFixed(1)} dB, stale ${stale.toFixed(1)} dB`);
+  expect(psnr > stale + 2, `the paused picture is ${psnr} dB from the truth`);
+  const { mean } = await compare(page, await look('far', { x: home.x + 3 }), truth);
+  expect(mean < 2, `beyond the depths, the picture fades: ${mean}`);
+  await page.evaluate(({ x }) => inside().flight.sendView({ x }), { x: home.x });
+  await page.focus('lightfield-viewer video');
+  await page.keyboard.press('d');
+  const { x } = await stateOf(page);
+  expect(x > home.x + 1e-4, 'keys move the paused picture');
+  await page.screenshot({ path: join(artefacts, 'paused.png') });
+  await page.evaluate(() => document.querySelector('lightfield-viewer').play());
+  await page.waitForFunction(() => inside().stream.isOpen && inside().flight.seen);
+  await page.waitForFunction(x => Math.abs(inside().flight.seen.x - x) < 1e-9, x);
+  await rests(page);
+  await closeClean(page, served);
+}
+
+// A wrong prediction is corrected within 100 ms, without a jump.
+async function correctionsAreBlended() {
+  const served = await serve(...rig);
+  const { page, relay } = await openDelayed(browser, served, 300);
+  const steps = await page.evaluate(async () => {
+    const { flight, redraw } = inside(), { x } = flight.state;
+    inside().take = () => {};  // the server confirms nothing meanwhile
+    flight.sendView({ x: x + 0.02 });
+    await new Promise(done => requestAnimationFrame(done));
+    redraw.paint(performance.now());
+    const { now, base } = redraw.prediction, wrong = x => redraw.confirm({ ...now, x }, Infinity);
+    const before = redraw.target().x, out = [];
+    wrong(x + 0.03);
+    out.push(redraw.target().x - before);
+    // A second correction does not extend the first one.
+    const began = performance.now();
+    for (let i = 0; performance.now() < began + 100; i++) {
+      wrong(x + 0.03);
+      await new Promise(done => setTimeout(done, 5));
+      out.push(redraw.target().x - before);
+    }
+    return { out, expected: x + 0.03 - before, base };
+  });
+  const { out, expected } = steps;
+  expect(Math.abs(out[0]) < 0.1 * expected, `the view jumps by ${out[0]}`);
+  expect(out.every((at, i) => i === 0 || at >= out[i - 1] - 1e-9), 'the view moves in one direction');
+  expect(Math.abs(out.at(-1) - expected) < 1e-9, `after 100 ms, the view is ${out.at(-1) - expected} m beside the server's`);
+  relay.close();
+  await closeClean(page, served);
+}
+
+async function phonesTilt() {
+  const served = await serve(...rig);
+  const phone = { before: allowSoftware, hasTouch: true, isMobile: true, deviceScaleFactor: 1 };
+  const page = await openShown(browser, served.url, { width: 390, height: 844 }, 30, phone);
+  const { aperture, ...home } = await stateOf(page);
+  const tell = angles => page.evaluate(angles => dispatchEvent(new DeviceOrientationEvent('deviceorientation', angles)), angles);
+  const moved = async (what, isThere) => {
+    await page.waitForFunction(isThere, home);
+    await rests(page);
+    console.log(`# ${what}: yaw ${(await stateOf(page)).yaw.toFixed(2)}, pitch ${(await stateOf(page)).pitch.toFixed(2)}`);
+  };
+  await page.evaluate(() => DeviceOrientationEvent.requestPermission = async () => globalThis.answer ?? 'denied');
+  await page.getByText('Tilt').click();
+  expect(await page.evaluate(() => !inside().tilt.on && /may not/.test(inside().root.querySelector('.said').textContent)), 'refused');
+  await page.evaluate(() => globalThis.answer = 'granted');
+  await page.getByText('Tilt').click();
+  await page.waitForFunction(() => inside().tilt.on);
+  await page.screenshot({ path: join(artefacts, 'tilt.png') });
+  await tell({ alpha: 10, beta: 60, gamma: 0 });
+  // A turn to the left about the vertical of the screen: yaw follows, and the eye moves to the right.
+  await tell({ alpha: 10, beta: 60, gamma: 3 });
+  await moved('turned', ({ x, yaw }) => Math.abs(inside().flight.seen.yaw - yaw + 3) < 0.01 && inside().flight.seen.x > x + 0.01);
+  await tell({ alpha: 10, beta: 62, gamma: 3 });
+  await moved('tipped', ({ pitch }) => Math.abs(inside().flight.seen.pitch - pitch - 2) < 0.05);
+  await tell({ alpha: 10, beta: 60, gamma: 60 });
+  await moved('far', ({ yaw }) => Math.abs(inside().flight.seen.yaw - yaw + 12) < 0.2);
+  await tell({ alpha: 10, beta: 60, gamma: 57 });
+  await moved('and back at once', ({ yaw }) => Math.abs(inside().flight.seen.yaw - yaw + 9) < 0.2);
+  await page.getByText('Tilt').click();
+  const { yaw } = await stateOf(page);
+  await tell({ alpha: 10, beta: 60, gamma: 0 });
+  await page.waitForTimeout(300);
+  expect((await stateOf(page)).yaw === yaw, 'the button switches it off');
+  await closeClean(page, served);
+}
+
 async function movementsDoNotWait() {
   const served = await serve(...rig);
   for (const roundTrip of [0, 100, 200]) {
-    const { page, relay } = await openDelayed(served, roundTrip);
+    const { page, relay } = await openDelayed(browser, served, roundTrip);
     const times = { painted: [], true: [] };
     for (let i = 0; i < 10; i++) {
       await rests(page);
@@ -264,7 +397,7 @@ const kMovements = [{ x: 0.05 }, { x: -0.05, y: 0.02 }, { z: 0.15 }, { z: -0.1 }
 
 async function redrawnPicturesAreBetterThanStaleOnes() {
   const served = await serve(...rig);
-  const { page, relay } = await openDelayed(served, 0);
+  const { page, relay } = await openDelayed(browser, served, 0);
   const { aperture, ...home } = await stateOf(page), gains = [];
   for (const [i, movement] of kMovements.entries()) {
     await setView(page, home);
@@ -291,6 +424,11 @@ async function redrawnPicturesAreBetterThanStaleOnes() {
 }
 
 await runTests([
+  ['views are confirmed over slow networks', viewsAreConfirmedOverSlowNetworks],
+  ['margins follow the speed', marginsFollowTheSpeed],
+  ['paused pictures can be looked around in', pausedPicturesCanBeLookedAroundIn],
+  ['corrections are blended', correctionsAreBlended],
+  ['phones tilt', phonesTilt],
   ['at rest the video is shown', atRestTheVideoIsShown],
   ['surfaces belong to their pictures', surfacesBelongToTheirPictures],
   ['damaged surfaces are refused', damagedSurfacesAreRefused],

@@ -46,7 +46,7 @@ export class Vignette {
     this.canvas ??= Object.assign(document.createElement('canvas'), { width: kSides, height: kSides });
     const context = this.canvas.getContext('2d', { willReadFrequently: true }), { video, picture } = this.viewer;
     context.imageSmoothingEnabled = false;
-    context.drawImage(video, 0, 0, picture.eyeWidth, video.videoHeight, 0, 0, kSides, kSides);
+    context.drawImage(video, ...picture.shown(picture.eyeWidth, video.videoHeight), 0, 0, kSides, kSides);
     const { data } = context.getImageData(0, 0, kSides, kSides), columns = Array(kSides).fill(0), rows = Array(kSides).fill(0);
     for (let i = 0; i < kSides * kSides; i++) {
       if (Math.max(data[4 * i], data[4 * i + 1], data[4 * i + 2]) >= kDark) continue;

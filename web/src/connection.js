@@ -95,6 +95,7 @@ export class Connection extends EventTarget {
     super();
     this.video = video;
     this.nextId = 1;
+    this.by = 'script';  // cause of the latest request
     this.sent = new Map();
   }
 
@@ -167,6 +168,7 @@ export class Connection extends EventTarget {
   request(request, by = 'script') {
     if (this.channel?.readyState !== 'open') return 0;
     const id = this.nextId++;
+    this.by = by;
     this.sent.set(id, { time: performance.now(), by });
     this.sent.delete(id - kMaxPending);
     this.channel.send(JSON.stringify({ id, mid: null, request }));

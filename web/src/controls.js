@@ -42,7 +42,7 @@ export class Controls {
   get isHeld() { return this.viewer.host.matches(':focus-within') || this.viewer.host.matches(':fullscreen'); }
   navigate(event) {
     this.viewer.flight.interrupt();
-    return this.viewer.stream.connection?.request({ type: 'navigationEvent', event }, 'person') ?? 0;
+    return this.viewer.send({ type: 'navigationEvent', event }, 'person');
   }
 
   modifiers(event) {
@@ -184,7 +184,7 @@ export class Controls {
     const pad = navigator.getGamepads().find(Boolean);
     if (!pad || !this.viewer.host.isConnected) return;
     requestAnimationFrame(next => this.gamepad(next, now));
-    if (!this.flies || !this.viewer.stream.isOpen) return;
+    if (!this.flies) return;
     const along = axis => {
       const value = pad.axes[axis] ?? 0, beyond = Math.abs(value) - kStickDead;
       return beyond > 0 ? Math.sign(value) * beyond / (1 - kStickDead) : 0;

@@ -30,20 +30,25 @@ export class ViewNavigation {
     this.homeId = null;
     this.by = 'script';
     this.scene = null;   // metres
-    this.changes = [];   // [RTP timestamp, state] of pictures that are not displayed yet
+    this.margin = 0;     // margin of the displayed picture (margin.js)
+    this.hasMargins = false;
+    this.changes = [];   // [RTP timestamp, state, margin] of pictures that are not displayed yet
     this.asked = [];     // [id, done, failed, fields] of setView() calls that no picture shows yet
     for (const [, , failed] of given) failed(new DOMException('the element shows another light field', 'AbortError'));
   }
 
   resume(first) {
     this.changes = [];
+    this.answerTime = null;
+    this.margin = 0;
     const pending = Object.assign({}, ...this.asked.map(([, , , fields]) => fields));
     const fields = { ...this.state ?? { ...first, ...this.set }, ...pending };
     this.homeId = null;
     // The server starts at its home view, except for these fields.
     if (!this.home) this.isHomeSure = Object.keys(fields).every(name => name in this.viewer.start);
     this.asked.push([0, () => {}, () => {}, fields]);
-    const id = this.send(fields);
+    const id = this.setId = this.sendView(fields);
+    for (const entry of this.asked) entry[0] = id || kNothing;
     // The server confirms each message with the view, so at least one message must be sent.
     if ((this.follows || !id) && this.viewer.path === null) this.follow(this.follows);
   }
@@ -55,16 +60,14 @@ export class ViewNavigation {
     if ('focus-distance' in fields) this.endSweep();
     Object.assign(this.set, fields);
     this.viewer.controls.settle();
-    const id = this.sendView(fields);
-    this.sent = performance.now();
+    const id = this.setId = this.sendView(fields);
+    this.answerTime = null;
     if (!Object.keys(fields).length && this.seen) return Promise.resolve(toScript(this.seen));
     return new Promise((done, failed) => this.asked.push([id, done, failed, fields]));
   }
-  send(fields) {
-    const id = this.sendView(fields);
-    for (const entry of this.asked) entry[0] = id || kNothing;
-    this.sent = performance.now();
-    return id;
+  // The server has received a message.
+  answered(id) {
+    if (id === this.setId) this.answerTime = performance.now();
   }
   refused(id, why) {
     for (const entry of this.asked) if (entry[0] === id) entry[2](new RangeError(why));
@@ -73,18 +76,22 @@ export class ViewNavigation {
   // Returns the id of the message, or 0 if there is no connection or nothing to set.
   sendView(view, by) {
     if (!Object.keys(view).length) return 0;
-    return this.viewer.stream.connection?.request(
-      { type: 'customUpstreamEvent', structureName: 'lightfield-view-request', structure: view }, by) ?? 0;
+    return this.viewer.send({ type: 'customUpstreamEvent', structureName: 'lightfield-view-request', structure: view }, by);
   }
 
-  take(view, applied) {
+  take({ margin, ...view }, applied) {
+    this.hasMargins = margin !== undefined;
     this.state = view;
     this.home ??= view;
     if (applied && applied.id === this.homeId) [this.home, this.isHomeSure] = [view, true];
-    // The server discards requests that arrive before its virtual camera exists, so they are sent again.
-    if (!applied && this.asked.some(([id]) => id > 0) && performance.now() > this.sent + kConfirmTimeout)
-      this.send(Object.assign({}, ...this.asked.map(([, , , fields]) => fields)));
-    this.changes.push([applied, view]);
+    // The server discards requests that it answers before its virtual camera exists, so they are sent again. An id stays
+    // the same, because a picture can show the first request while the second one is on its way.
+    if (!applied && this.answerTime && this.asked.some(([id]) => id > 0) &&
+        performance.now() > this.answerTime + kConfirmTimeout) {
+      this.answerTime = null;
+      this.setId = this.sendView(Object.assign({}, ...this.asked.map(([, , , fields]) => fields)));
+    }
+    this.changes.push([applied, view, margin ?? 0]);
     const { viewer } = this, focus = view['focus-distance'], { near, far } = this.range;
     if (viewer.root.activeElement !== viewer.slider) viewer.slider.value = Math.log(focus / near) / Math.log(far / near);
     viewer.distance.textContent = `${focus < 1000 ? focus.toPrecision(3) : 'far'}${focus < 1000 ? ' m' : ''}`;
@@ -95,9 +102,10 @@ export class ViewNavigation {
     const before = this.seen;
     let shown = 0;
     while (this.changes.length) {
-      const [applied, state] = this.changes[0];
+      const [applied, state, margin] = this.changes[0];
       if (applied && rtpTimestamp !== undefined && !isShown(applied.rtpTimestamp, rtpTimestamp)) break;
       if (!isSame(state, this.seen)) this.seen = state;
+      this.margin = margin;
       // Continuous focus moves without a request, so the author of the last movement stays the same.
       this.by = this.viewer.stream.connection?.sent.get(applied?.id)?.by ?? this.by;
       shown = Math.max(shown, applied?.id ?? 0);
@@ -142,6 +150,7 @@ export class ViewNavigation {
     this.endSweep();
     if (!viewer.stream.isOpen) {
       for (const entry of this.asked) entry[3] = {};
+      if (this.home) this.sendView(to, by);
       return void ([this.state, this.set] = [null, to]);
     }
     const arrive = () => {

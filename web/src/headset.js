@@ -1,37 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// A WebXR headset: the head moves the view, and each eye gets its half of the picture. The picture is drawn in the
-// direction of the view that it was rendered for, which hides latency. If the browser supports media layers, its
-// compositor shows the video at the display's own rate; otherwise a shader does.
+// A WebXR headset: the head moves the view. Each eye's picture is redrawn for the pose of the eye at the time of the
+// frame, with the surface of the picture, so the frame rate of the headset does not depend on the server. Without WebGL on
+// a GPU, the compositor of the headset shows the video as a layer in the direction that it was rendered for.
 
-import {useProgram} from './program.js';
+import { contextOf, Painter } from './painter.js';
 import { anglesOf, axesOf, axesOfQuaternion, dot } from './view.js';
 
 const kFar = 100;     // distance of the layer in metres; there, the eye distance is less than a quarter of a pixel
 const kHeight = 960;  // maximum height of the picture of an eye, pixels
-
-const kVertex = `#version 300 es
-in vec2 corner;
-out vec2 display_position;
-void main() {
-  display_position = corner;
-  gl_Position = vec4(corner, 0, 1);
-}`;
-
-// Maps a position on the display to the position in the eye's picture on the same line of sight.
-const kFragment = `#version 300 es
-precision highp float;
-uniform sampler2D stereo_picture;
-uniform mat3 picture_from_display;
-uniform vec2 half_size;  // of the picture, at distance 1
-uniform float side;
-in vec2 display_position;
-out vec4 colour;
-void main() {
-  vec3 line = picture_from_display * vec3(display_position, 1);
-  vec2 at = 0.5 + 0.5 * line.xy / line.z / half_size;
-  bool inside = line.z > 0.0 && all(equal(at, clamp(at, 0.0, 1.0)));
-  colour = inside ? vec4(texture(stereo_picture, vec2((at.x + side) / 2.0, at.y)).rgb, 1) : vec4(0, 0, 0, 1);
-}`;
 
 export const headsets = async () => await navigator.xr?.isSessionSupported?.('immersive-vr').catch(() => false) ?? false;
 
@@ -69,29 +45,28 @@ export class Headset {
       this.ended();
     });
     this.space = await session.requestReferenceSpace('local');
-    if (globalThis.XRMediaBinding && session.enabledFeatures?.includes('layers')) {
+    const canLayer = globalThis.XRMediaBinding && session.enabledFeatures?.includes('layers');
+    const gl = this.contextFor(!canLayer);
+    if (gl) {
+      session.updateRenderState({ baseLayer: new XRWebGLLayer(session, gl) });
+      this.painter = new Painter(gl);
+    } else {
       this.layer = new XRMediaBinding(session).createQuadLayer(this.viewer.video,
         { space: this.space, layout: 'stereo-left-right', width: 1, height: 1 });
       session.updateRenderState({ layers: [this.layer] });
-    } else {
-      const gl = this.gl = document.createElement('canvas').getContext('webgl2', { xrCompatible: true });
-      session.updateRenderState({ baseLayer: new XRWebGLLayer(session, gl) });
-      this.prepare();
     }
     session.requestAnimationFrame((time, frame) => this.frame(frame));
   }
   stop() { return this.session?.end(); }
 
-  prepare() {
-    const {gl} = this, program = this.program = useProgram(gl, kVertex, kFragment);
-    gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
-    gl.bufferData(gl.ARRAY_BUFFER, new Float32Array([-1, -1, 3, -1, -1, 3]), gl.STATIC_DRAW);
-    const corner = gl.getAttribLocation(program, 'corner');
-    gl.enableVertexAttribArray(corner);
-    gl.vertexAttribPointer(corner, 2, gl.FLOAT, false, 0, 0);
-    gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
-    for (const name of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, name, gl.CLAMP_TO_EDGE);
-    for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, name, gl.LINEAR);
+  // Returns a WebGL context for the headset, or null if there is no GPU and `isNeeded` is false.
+  contextFor(isNeeded) {
+    try {
+      return this.gl = contextOf(document.createElement('canvas'), { xrCompatible: true }, isNeeded);
+    } catch (error) {
+      if (isNeeded) throw error;
+      return null;
+    }
   }
 
   frame(frame) {
@@ -136,28 +111,27 @@ export class Headset {
   }
 
   draw(pose) {
-    const { gl, program } = this, { video } = this.viewer, layer = this.session.renderState.baseLayer;
+    const { gl, painter } = this, { video, redraw: { frames, pictures } } = this.viewer, layer = this.session.renderState.baseLayer;
     gl.bindFramebuffer(gl.FRAMEBUFFER, layer.framebuffer);
-    gl.clear(gl.COLOR_BUFFER_BIT);
-    const seen = this.viewer.flight.seen;
-    if (!seen || video.readyState < video.HAVE_CURRENT_DATA) return;
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB, gl.RGB, gl.UNSIGNED_BYTE, video);
-    const uniform = name => gl.getUniformLocation(program, name);
-    const height = Math.tan(seen.fov * Math.PI / 360), width = height * video.videoWidth / 2 / video.videoHeight;
-    const then = axesOf(seen), base = axesOf(this.base);
-    for (const [side, view] of pose.views.slice(0, 2).entries()) {
-      const { x, y, width: w, height: h } = layer.getViewport(view);
-      gl.viewport(x, y, w, h);
-      const now = turned(base, axesOfXr(view.transform.orientation)), p = view.projectionMatrix;
-      // The line of sight at (u, v) is ((u + p[8]) / p[0], -(v + p[9]) / p[5], 1).
-      const rows = [then.right, then.down, then.forward].map(axis => {
-        const [a, b, c] = [dot(axis, now.right), dot(axis, now.down), dot(axis, now.forward)];
-        return [a / p[0], -b / p[5], c + a * p[8] / p[0] - b * p[9] / p[5]];
-      });
-      gl.uniformMatrix3fv(uniform('picture_from_display'), true, rows.flat());
-      gl.uniform2f(uniform('half_size'), width, height);
-      gl.uniform1f(uniform('side'), side);
-      gl.drawArrays(gl.TRIANGLES, 0, 3);
+    if (pictures?.length !== 2 || video.readyState < video.HAVE_CURRENT_DATA) return gl.clear(gl.COLOR_BUFFER_BIT);
+    painter.load(video, frames);
+    for (const [index, view] of pose.views.slice(0, 2).entries()) {
+      const { x, y, width, height } = layer.getViewport(view), { surface, camera } = pictures[index];
+      painter.draw(surface, camera, this.cameraOf(view, width, height), { box: [x, y, width, height], index, eyes: 2 });
     }
+  }
+  // Returns the camera of an eye: its pose, and the lens of its projection matrix.
+  cameraOf({ transform: { position, orientation }, projectionMatrix: p }, width, height) {
+    const base = axesOf(this.base), way = combine(base, [position.x, -position.y, -position.z]);
+    return {
+      position: ['x', 'y', 'z'].map((name, k) => this.base[name] + way[k]),
+      axes: turned(base, axesOfXr(orientation)),
+      width,
+      height,
+      fx: p[0] * width / 2,
+      fy: p[5] * height / 2,
+      cx: ((1 - p[8]) * width - 1) / 2,
+      cy: ((1 + p[9]) * height - 1) / 2
+    };
   }
 }

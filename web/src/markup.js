@@ -36,7 +36,7 @@ function makePicture() {
   video.muted = true;  // the attribute alone mutes only parsed elements
   return make(
       'div', {class: 'picture'}, video,
-      ...['redrawn', 'anaglyph', 'cameras', 'last'].map(
+      ...['anaglyph', 'cameras', 'last', 'redrawn'].map(
           name => make('canvas', {class: name, hidden: true, ...kUnseen})),
       make(
           'div', {class: 'poster'},
@@ -63,6 +63,7 @@ function makeBar() {
       make('span', { class: 'distance', ...kUnseen })),
     toggle('sweep', 'Sweep', 'Moves the focus through the scene and back', path('M4 12h16M8 8l-4 4 4 4M16 8l4 4-4 4')),
     toggle('follow', 'Follow', 'Keeps the last clicked point in focus (key f)', circle(12, 12, 6), path('M12 2v5M12 17v5M2 12h5M17 12h5')),
+    toggle('tilt', 'Tilt', 'Turning the phone moves the view', path('M8 3h8v18H8zM4 8l-2 4 2 4M20 8l2 4-2 4')),
     button('home', 'Home', 'Back to the start view (key r, double click)', path('M4 11l8-7 8 7M6 10v10h12V10')),
     make('select', { 'aria-label': 'Eyes', title: 'Picture for one eye or for two' },
       ...Object.entries(kModes).map(([value, name]) => make('option', { value }, name))),
@@ -150,7 +151,7 @@ export const style = `
   .poster, ::slotted([slot=poster]) { position: absolute; inset: 0; width: 100%; height: 100%; }
   .poster { z-index: 0; }
   .poster img { width: 100%; height: 100%; object-fit: contain; display: block; }
-  .told canvas.last, .told .poster { filter: brightness(.5); }
+  .told canvas:is(.last, .redrawn), .told .poster { filter: brightness(.5); }
   .start { position: absolute; inset: 0; margin: auto; width: 84px; height: 84px; border-radius: 50%; z-index: 2; padding: 0; }
   .start svg { width: 40px; height: 40px; fill: currentcolor; }
   .vignette { position: absolute; inset: 0; pointer-events: none;

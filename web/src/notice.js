@@ -158,10 +158,11 @@ export class StatusMessage {
   keep() {
     const { video, mode, anaglyph } = this.viewer;
     if (!video.videoWidth || !video.srcObject || !this.last.hidden) return;
+    this.viewer.redraw.load();
     const picture = mode === 'anaglyph' ? anaglyph.canvas : video;
     const { width, height } = mode === 'anaglyph' ? picture : { width: video.videoWidth, height: video.videoHeight };
     Object.assign(this.last, { width, height });
-    this.last.getContext('2d').drawImage(picture, 0, 0);
+    this.last.getContext('2d').drawImage(picture, ...this.viewer.picture.shown(width, height), 0, 0, width, height);
     this.last.hidden = false;
   }
 

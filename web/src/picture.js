@@ -21,6 +21,17 @@ export class Picture {
     const width = shownWidth * scale, height = videoHeight * scale;
     return { x: (clientWidth - width) / 2, y: (clientHeight - height) / 2, width, height, scale };
   }
+  // Returns the part of a picture that shows the view, without the margin: x, y, width and height in its pixels.
+  shown(width, height) {
+    const scale = 1 / (1 + this.viewer.flight.margin);
+    return [width * (1 - scale) / 2, height * (1 - scale) / 2, width * scale, height * scale];
+  }
+  // Crops the video on the screen to the view.
+  crop() {
+    const { viewer: { flight: { margin }, video: { style } }, box } = this, share = margin / (1 + margin) / 2;
+    style.scale = margin ? 1 + margin : '';
+    style.clipPath = margin ? `inset(${box.y + box.height * share}px ${box.x + box.width * share}px)` : '';
+  }
   get eyes() {
     const { box } = this;
     if (this.viewer.mode !== 'side') return [{ box, offset: 0 }];
@@ -43,7 +54,8 @@ export class Picture {
     if (!video.videoWidth) return Promise.reject(new DOMException('there is no picture yet', 'InvalidStateError'));
     const canvas = document.createElement('canvas');
     Object.assign(canvas, { width: viewer.mode === 'side' ? video.videoWidth : this.eyeWidth, height: video.videoHeight });
-    canvas.getContext('2d').drawImage(viewer.mode === 'anaglyph' ? viewer.anaglyph.canvas : video, 0, 0);
+    const { width, height } = canvas, picture = viewer.mode === 'anaglyph' ? viewer.anaglyph.canvas : video;
+    canvas.getContext('2d').drawImage(picture, ...this.shown(width, height), 0, 0, width, height);
     return new Promise((done, failed) => canvas.toBlob(
       blob => blob ? done(blob) : failed(new DOMException(`no ${type}`, 'EncodingError')), type, quality));
   }

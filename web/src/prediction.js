@@ -2,13 +2,13 @@
 // Predicts the view of the server's virtual camera after messages that the server has not confirmed yet. The movements
 // are those of lib/view/navigator.h. The limits of the view, which depend on the cameras, are not predicted.
 
-import { anglesOf, axesOf, dot } from './view.js';
+import { anglesOf, axesOf, dot, kMaxFov } from './view.js';
 
-const kOrbitPerHeight = 0.25;  // radians
+export const kOrbitPerHeight = 0.25;  // radians
 const kFocusStep = 1.1, kZoomStep = 1.05, kFlyStep = 0.01, kKeyOrbit = 1 / 20;
-const kMinFov = 1, kMaxFov = 170;  // degrees
+const kMinFov = 1;                 // degrees
 const kLevel = 0.01;               // sine of the smallest angle to the vertical with a horizon
-const kMaxPending = 256;
+const kMaxPending = 2048;          // 17 s of messages at 120 Hz
 const kFlyKeys = {
   w: [0, 0, 1],
   s: [0, 0, -1],
@@ -105,6 +105,12 @@ export class Prediction {
     if (this.pending.length > kMaxPending) return this.forget();
     this.apply(this.pending.at(-1));
   }
+  // The view moves without a server.
+  look(request, size, home) {
+    if (!this.now) return;
+    this.apply({ request, size, home });
+    [this.base, this.dragBase, this.pending] = [this.now, this.drag, []];
+  }
   // The server has answered a message, so later views contain its effect.
   answer(id, error) {
     if (error)
@@ -137,7 +143,7 @@ export class Prediction {
       this.now = this.after(event, size, home ?? this.now);
       this.drag = dragAfter(this.drag, event);
     } else if (structureName === 'lightfield-view-request') {
-      const { 'focus-continuous': follows, ...fields } = structure;
+      const { 'focus-continuous': follows, margin, ...fields } = structure;
       this.now = { ...this.now, ...fields };
     }
   }

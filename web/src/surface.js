@@ -4,14 +4,16 @@
 
 import { axesOfQuaternion, dot } from './view.js';
 
-const kVersion = 1, kHeaderBytes = 120;
+const kVersion = 1, kHeaderBytes = 120, kMaxEyes = 2;
 const kMaxBytes = 16384, kMaxNodes = 8192;
 // A difference between the inverse depths of neighbouring nodes is an edge if it exceeds both of these: a share of the
 // nearer node, and a share of the nearest node of the surface.
 const kEdge = 0.08, kEdgeOfNearest = 0.02;
+// Number of cells beside an edge that are also split, and of nodes along each side of a cell's neighbourhood.
+export const kRing = 1, kAround = 2 * kRing + 2;
 const kBehind = 3;               // nodes: distance over which the surface behind an edge is continued
 const kBeyond = 0.35;            // continuation beyond the border of the picture, picture sizes
-export const kVertexFloats = 5;  // position in the picture (x, y), inverse depth, and position of the colour (x, y)
+export const kVertexFloats = 6;  // position in the picture (x, y), inverse depth, position of the colour (x, y), side
 
 // Returns the predictor of a node's level: the median of the left node, the node above, and the plane through the
 // neighbours.
@@ -46,7 +48,8 @@ async function inflate(bytes, size) {
 // invalid.
 export async function decodeSurface(buffer) {
   const data = new DataView(buffer);
-  if (buffer.byteLength <= kHeaderBytes || buffer.byteLength > kMaxBytes || data.getUint8(0) !== kVersion)
+  if (buffer.byteLength <= kHeaderBytes || buffer.byteLength > kMaxBytes || data.getUint8(0) !== kVersion ||
+      data.getUint8(1) >= kMaxEyes)
     throw new RangeError('not a surface of version 1');
   const [step, width, height, columns, rows] = [2, 8, 10, 12, 14].map(at => data.getUint16(at));
   const numbers = Array.from({ length: 13 }, (_, i) => data.getFloat64(16 + 8 * i));
@@ -61,6 +64,7 @@ export async function decodeSurface(buffer) {
     for (let i = 0; i < columns; i++, at++) levels[at] += predicted(levels, at, i, j, columns);
   return {
     timestamp: data.getUint32(4),
+    eye: data.getUint8(1),
     camera: { position: [x, y, z], axes: axesOfQuaternion(qw, qx, qy, qz), width, height, fx, fy, cx, cy },
     step,
     columns,
@@ -106,6 +110,10 @@ function nodesBehind(inverses, columns, rows, isEdge) {
   return farthest.map((node, at) => isEdge(inverses[node], inverses[at]) ? node : at);
 }
 
+const kCorners = [0, 1, kAround, kAround + 1].map(at => at + kRing * (kAround + 1));  // indices of a cell's corners
+const kMedian = [[1, 2], [4, 5], [7, 8], [0, 1], [3, 4], [6, 7], [1, 2], [4, 5], [7, 8], [0, 3], [5, 8], [4, 7], [3, 6], [1, 4],
+  [2, 5], [4, 7], [4, 2], [6, 4], [4, 2]];
+
 // Returns the levels without outliers: each is the median of its neighbourhood of 3 x 3 nodes.
 function smoothed(levels, columns, rows) {
   const out = new Uint8Array(levels.length), near = new Uint8Array(9);
@@ -116,62 +124,112 @@ function smoothed(levels, columns, rows) {
               y = Math.min(rows - 1, Math.max(0, j + Math.floor(k / 3) - 1));
         near[k] = levels[y * columns + x];
       }
-      out[at] = near.sort()[4];
+      // A network of comparisons that moves the median to the middle.
+      for (const [a, b] of kMedian)
+        if (near[a] > near[b]) [near[a], near[b]] = [near[b], near[a]];
+      out[at] = near[4];
     }
   return out;
 }
 
-// Makes two meshes of a surface, as vertices and triangles. The mesh in front is cut at edges: there, each corner of a
-// cell keeps its own depth up to the middle of the cell. The mesh behind fills the gaps that a movement opens: near an
-// edge it has the depth and the colour of the farther side.
-export function makeMesh({ camera: { width, height }, step, columns, rows, farthest, nearest, levels }) {
-  const inverses =
-      Float32Array.from(smoothed(levels, columns, rows), level => farthest + (nearest - farthest) * level / 255);
+// Splits the nodes around a cell at an edge into a far and a near side, at the largest gap between their levels. Returns
+// the middle of the gap, and for each side the inverse depths of the four corners. For a corner on the other side, this
+// is the mean of the neighbouring nodes on this side.
+function sidesOf(levels, inverses, nodesAround) {
+  const sorted = Uint8Array.from(nodesAround, node => levels[node]).sort();
+  let gap = 1;
+  for (let k = 2; k < sorted.length; k++)
+    if (sorted[k] - sorted[k - 1] > sorted[gap] - sorted[gap - 1]) gap = k;
+  const limit = (sorted[gap] + sorted[gap - 1]) / 2;
+  const depths = isNear => kCorners.map(corner => {
+    if (levels[nodesAround[corner]] > limit === isNear) return inverses[nodesAround[corner]];
+    let sum = 0, weights = 0;
+    for (let k = 0; k < nodesAround.length; k++) {
+      const node = nodesAround[k];
+      if (levels[node] > limit !== isNear) continue;
+      const dx = k % kAround - corner % kAround, dy = Math.floor(k / kAround) - Math.floor(corner / kAround);
+      const weight = 1 / (dx * dx + dy * dy) ** 2;
+      sum += weight * inverses[node];
+      weights += weight;
+    }
+    return sum / weights;
+  });
+  return { limit, far: depths(false), near: depths(true) };
+}
+
+// Marks cells at edges and their neighbours, because silhouettes of the surface are wrong by up to a cell. `inverseAt` is the inverse depth of a node. Returns the marks, by the node at the top left, and their number.
+function cellsAtEdges(inverseAt, columns, rows, isEdge) {
+  const cut = new Uint8Array(columns * rows);
+  let count = 0;
+  for (let j = 0; j < rows - 1; j++)
+    for (let i = 0; i < columns - 1; i++) {
+      const at = j * columns + i, a = inverseAt(at), b = inverseAt(at + 1), c = inverseAt(at + columns), d = inverseAt(at + columns + 1);
+      if (!isEdge(Math.min(a, b, c, d), Math.max(a, b, c, d))) continue;
+      for (let y = Math.max(0, j - kRing); y <= Math.min(rows - 2, j + kRing); y++)
+        for (let x = Math.max(0, i - kRing); x <= Math.min(columns - 2, i + kRing); x++) {
+          count += 1 - cut[y * columns + x];
+          cut[y * columns + x] = 1;
+        }
+    }
+  return { cut, count };
+}
+
+// Makes two meshes of a surface, as vertices and triangles. The front mesh is cut at edges: it contains such a cell twice,
+// once with the depths of each side. The renderer selects the side of each pixel. The back mesh fills the gaps that a
+// movement opens: near an edge it has the depth and the colour of the farther side.
+//
+// The last number of a vertex is its side: 0 outside such cells, the limit between the levels of both sides for the near
+// side, and the negative limit for the far side. `levels` are without outliers.
+export function makeMesh({ camera: { width, height }, step, columns, rows, farthest, nearest, levels: raw }) {
+  const levels = smoothed(raw, columns, rows);
+  const inverses = Float32Array.from(levels, level => farthest + (nearest - farthest) * level / 255);
   const isEdge = (low, high) => high - low > kEdge * high && high - low > kEdgeOfNearest * nearest;
   const behind = nodesBehind(inverses, columns, rows, isEdge);
-  const across = line(columns, step, width), along = line(rows, step, height), wide = columns + 2;
-  const front = [], back = [], vertices = [], size = wide * (rows + 2);
-  const nodeAt = (i, j) => along.nodes[j] * columns + across.nodes[i];
-  const add = (x, y, inverse, fromX, fromY) => vertices.push(x, y, inverse, fromX, fromY);
-  for (let j = 0; j < rows + 2; j++)
-    for (let i = 0; i < wide; i++) {
-      const x = across.places[i], y = along.places[j];
-      add(x, y, inverses[nodeAt(i, j)], x, y);
-    }
-  for (let j = 0; j < rows + 2; j++)
-    for (let i = 0; i < wide; i++) {
-      const own = nodeAt(i, j), other = behind[own], x = across.places[i], y = along.places[j];
-      const [dx, dy] = [other % columns - own % columns, Math.floor(other / columns) - Math.floor(own / columns)];
-      add(x, y, inverses[other], x + dx * step, y + dy * step);
-    }
-  let next = 2 * size;
-  const quad = (list, a, b, c, d) => list.push(a, b, c, c, b, d);
+  const across = line(columns, step, width), along = line(rows, step, height), wide = columns + 2, size = wide * (rows + 2);
+  const nodes = Int32Array.from({ length: size }, (_, at) => along.nodes[Math.floor(at / wide)] * columns + across.nodes[at % wide]);
+  const { cut, count } = cellsAtEdges(at => inverses[nodes[at]], wide, rows + 2, isEdge);
+  const vertices = new Float32Array(kVertexFloats * (2 * size + 8 * count));
+  const back = new Uint32Array(6 * (wide - 1) * (rows + 1)), front = new Uint32Array(back.length + 6 * count);
+  let next = 0;
+  const add = (at, inverse, dx = 0, dy = 0, side = 0) => {
+    const x = across.places[at % wide], y = along.places[Math.floor(at / wide)], to = kVertexFloats * next++;
+    [vertices[to], vertices[to + 1], vertices[to + 2]] = [x, y, inverse];
+    [vertices[to + 3], vertices[to + 4], vertices[to + 5]] = [x + dx, y + dy, side];
+  };
+  for (let at = 0; at < size; at++) add(at, inverses[nodes[at]]);
+  for (let at = 0; at < size; at++) {
+    const own = nodes[at], other = behind[own], up = Math.floor(other / columns) - Math.floor(own / columns);
+    add(at, inverses[other], (other % columns - own % columns) * step, up * step);
+  }
+  const filled = [0, 0];  // numbers of indices in `back` and `front`
+  const quad = (list, k, a, c) => {
+    for (const index of [a, a + 1, c, c, a + 1, c + 1]) list[filled[k]++] = index;
+  };
+  const around = new Int32Array(kAround * kAround);
   for (let j = 0; j <= rows; j++)
     for (let i = 0; i < wide - 1; i++) {
-      const a = j * wide + i, b = a + 1, c = a + wide, d = c + 1;
-      quad(back, a + size, b + size, c + size, d + size);
-      const corners =
-          [nodeAt(i, j), nodeAt(i + 1, j), nodeAt(i, j + 1), nodeAt(i + 1, j + 1)].map(node => inverses[node]);
-      if (!isEdge(Math.min(...corners), Math.max(...corners))) {
-        quad(front, a, b, c, d);
+      const a = j * wide + i, c = a + wide;
+      quad(back, 0, a + size, c + size);
+      if (!cut[a]) {
+        quad(front, 1, a, c);
         continue;
       }
-      const xs = [across.places[i], (across.places[i] + across.places[i + 1]) / 2, across.places[i + 1]];
-      const ys = [along.places[j], (along.places[j] + along.places[j + 1]) / 2, along.places[j + 1]];
-      corners.forEach((inverse, corner) => {
-        const right = corner & 1, low = corner >> 1;
-        for (const y of [ys[low], ys[low + 1]])
-          for (const x of [xs[right], xs[right + 1]]) add(x, y, inverse, x, y);
-        quad(front, next, next + 1, next + 2, next + 3);
-        next += 4;
-      });
+      for (let k = 0; k < around.length; k++) {
+        const x = Math.min(Math.max(i + k % kAround - kRing, 0), wide - 1);
+        const y = Math.min(Math.max(j + Math.floor(k / kAround) - kRing, 0), rows + 1);
+        around[k] = nodes[y * wide + x];
+      }
+      const { limit, far, near } = sidesOf(levels, inverses, around);
+      for (const [depths, side] of [[far, -limit], [near, limit]]) {
+        const first = next;
+        [a, a + 1, c, c + 1].forEach((at, k) => add(at, depths[k], 0, 0, side));
+        quad(front, 1, first, first + 2);
+      }
     }
-  return {
-    vertices: new Float32Array(vertices),
-    triangles: new Uint32Array([...back, ...front]),
-    behind: back.length,
-    front: front.length
-  };
+  const triangles = new Uint32Array(back.length + front.length);
+  triangles.set(back);
+  triangles.set(front, back.length);
+  return { vertices, triangles, behind: back.length, front: front.length, levels };
 }
 
 // Returns the matrix (by columns) that maps ((x - cx) / fx, (y - cy) / fy, 1, inverse depth) of one camera to the clip

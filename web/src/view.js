@@ -2,6 +2,7 @@
 // Fields of a view as used in links, attributes, server messages and scripts, and the geometry of a view.
 
 export const kFields = ['x', 'y', 'z', 'yaw', 'pitch', 'roll', 'fov', 'focus-distance'];
+export const kMaxFov = 170;  // degrees
 const kScriptNames = { 'focus-distance': 'focusDistance' };
 
 // Converts "x=0.1&yaw=5" or "x=0.1 yaw=5" to {x: 0.1, yaw: 5}, and ignores everything else.
@@ -60,6 +61,13 @@ export function axesOfQuaternion(w, x, y, z) {
     down: [2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)],
     forward: [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)],
   };
+}
+
+// Returns the camera of a view with the size of a picture. A picture with a margin shows more than the view.
+export function cameraOf(view, width, height, margin = 0) {
+  const half = Math.min((1 + margin) * Math.tan(view.fov * Math.PI / 360), Math.tan(kMaxFov * Math.PI / 360));
+  const fx = height / 2 / half;
+  return { position: [view.x, view.y, view.z], axes: axesOf(view), width, height, fx, fy: fx, cx: (width - 1) / 2, cy: (height - 1) / 2 };
 }
 
 export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];

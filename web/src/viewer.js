@@ -15,6 +15,7 @@ import { StatusMessage } from './notice.js';
 import { Anaglyph, kModes, Picture } from './picture.js';
 import { Redraw } from './redraw.js';
 import { Stream, VisibilityWatcher } from './stream.js';
+import { Tilt } from './tilt.js';
 import { numberIn, Share, viewOf } from './view.js';
 
 const kEyeDistance = 0.063;  // metres
@@ -56,6 +57,7 @@ export class Viewer {
     this.cameras = new Cameras(this, find('canvas.cameras'), find('pre.makers'));
     this.monitor = new MonitorPanel(this, find('.monitor'));
     this.controls = new Controls(this);
+    this.tilt = new Tilt(this, find('.tilt'));
     this.share = new Share(this, find('.share'));
     this.token = new Token(this);
     this.redraw = new Redraw(this, find('canvas.redrawn'));
@@ -95,6 +97,7 @@ export class Viewer {
     this.sight.rest();
     this.share.rest();
     this.controls.rest();
+    this.tilt.rest();
     this.stream.rest();
     this.bar.rest();
     this.resizes.disconnect();
@@ -241,6 +244,7 @@ export class Viewer {
     this.notice.answered();
     if (message.type === 'ControlResponseMessage') {
       if (message.error) this.flight.refused(message.id, message.error);
+      else this.flight.answered(message.id);
       this.redraw.answered(message.id, message.error);
     }
     if (message.type !== 'InfoMessage') return;
@@ -289,6 +293,13 @@ export class Viewer {
     });
   }
 
+  // Sends a request to the server and returns its id. Without a connection, the view moves in the last picture, and the
+  // id is 0.
+  send(request, by) {
+    const id = this.stream.connection?.request(request, by) ?? 0;
+    if (!id) this.redraw.look(request);
+    return id;
+  }
   requestPixelInfo({ x, y }) {
     return this.stream.connection?.request(
       { type: 'customUpstreamEvent', structureName: 'lightfield-pixel', structure: { x: Math.round(x), y: Math.round(y) } });
