@@ -125,13 +125,23 @@ void ViewControl::read_values() {
   values_[kFieldMargin] = margin;
 }
 
-Viewpoint ViewControl::requested() const {
+Viewpoint ViewControl::widened(double margin) const {
   Viewpoint viewpoint = navigator_.viewpoint();
-  if (values_[kFieldMargin] > 0) {
-    const double half = std::tan(glm::radians(viewpoint.fov_y_deg) / 2) * (1 + values_[kFieldMargin]);
+  if (margin > 0) {
+    const double half = std::tan(glm::radians(viewpoint.fov_y_deg) / 2) * (1 + margin);
     viewpoint.fov_y_deg = std::min(glm::degrees(2 * std::atan(half)), kMaxFovDeg);
   }
   return viewpoint;
+}
+
+// Returns the largest of a few margins that shows little more black than the view itself. A black margin would only
+// take pixels from the view.
+double ViewControl::visible_margin(double margin, double aspect) const {
+  constexpr double kLeastMargin = 0.05, kLeastVisible = 0.97;
+  if (!share_ || aspect <= 0 || margin <= 0) return margin;
+  const double least = kLeastVisible * (*share_)(viewpoint(), aspect);
+  while (margin >= kLeastMargin && (*share_)(widened(margin), aspect) < least) margin /= 2;
+  return margin >= kLeastMargin ? margin : 0;
 }
 
 void ViewControl::set(int field, double value) {
@@ -156,7 +166,7 @@ std::optional<double> ViewControl::focus_continuous(const GstStructure* structur
   return G_VALUE_HOLDS_BOOLEAN(value) ? static_cast<double>(g_value_get_boolean(value)) : number(value);
 }
 
-bool ViewControl::set_view(const GstStructure* structure) {
+bool ViewControl::set_view(const GstStructure* structure, double aspect) {
   if (has_unknown_field(structure)) return false;
   std::array<std::optional<double>, kNumViewFields> fields;
   bool any = gst_structure_has_field(structure, kFocusContinuous);
@@ -171,6 +181,7 @@ bool ViewControl::set_view(const GstStructure* structure) {
   }
   for (int i = 0; i < kNumViewFields; i++)
     if (fields[i]) set(i, *fields[i]);
+  if (fields[kFieldMargin]) set(kFieldMargin, visible_margin(*fields[kFieldMargin], aspect));
   return any;
 }
 
@@ -337,7 +348,9 @@ static gboolean lf_view_request_set_view(LfViewRequest* self, const GstStructure
   bool from_file = false;
   const gboolean valid = lf_view_request_change_view(self, [&](lf::ViewControl& control) -> gboolean {
     from_file = self->state->stream && self->state->stream->from_file();
-    return from_file ? lf::ViewControl().set_view(structure) : control.set_view(structure);
+    const lf::PictureFormat& form = self->state->form;
+    const double aspect = form.height > 0 ? static_cast<double>(form.width) / form.height : 0;
+    return from_file ? lf::ViewControl().set_view(structure) : control.set_view(structure, aspect);
   });
   if (!valid) return FALSE;
   return follow(self, structure) || !from_file;
@@ -371,8 +384,8 @@ void lf_view_request_install_signals(GObjectClass* klass) {
    * @view: a structure with any name and any of the fields x, y, z, yaw, pitch, roll, fov, focus-distance, aperture,
    * margin as numbers, and focus-continuous (0 or 1)
    *
-   * Moves the view, starting with the next request. Values are clamped to the ranges of the properties. Views from a
-   * file do not move.
+   * Moves the view, starting with the next request. Values are clamped to the ranges of the properties. With
+   * `constrain-view`, the margin is reduced to the part that cameras see. Views from a file do not move.
    *
    * Returns: %FALSE, without changes, if @view has none of these fields, has unknown fields, or has a value that is not
    * a finite number.

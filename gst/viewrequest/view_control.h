@@ -61,15 +61,16 @@ class ViewControl {
 
   const Viewpoint& viewpoint() const { return navigator_.viewpoint(); }
   // Returns the viewpoint to request: the field of view is wider by the margin.
-  Viewpoint requested() const;
+  Viewpoint requested() const { return widened(values_[kFieldMargin]); }
   // Returns the numbers of the present view. Angles are returned as they were set (for example a yaw of 360) until
   // navigation turns the view.
   const ViewValues& values() const { return values_; }
 
   void set(int field, double value);  // `value` must be finite
   // Sets all numbers of the view in the structure, or none. Returns false for unknown fields, for values that are not
-  // finite numbers, and if there are neither numbers nor focus-continuous.
-  bool set_view(const GstStructure* structure);
+  // finite numbers, and if there are neither numbers nor focus-continuous. With constrain_view(), the margin is reduced
+  // to what the cameras see. `aspect` is width over height of the view; 0: unknown.
+  bool set_view(const GstStructure* structure, double aspect = 0);
   // Returns the field focus-continuous of the structure as a number, or nothing if the field is missing or not a finite
   // number.
   static std::optional<double> focus_continuous(const GstStructure* structure);
@@ -88,6 +89,7 @@ class ViewControl {
   std::optional<Vec2> take_click() { return std::exchange(click_, std::nullopt); }
 
  private:
+  Viewpoint widened(double margin) const;
   struct Drag {
     double x, y;
     bool pan;  // pans regardless of the modifiers
@@ -97,6 +99,7 @@ class ViewControl {
   bool drag_to(double x, double y, bool shift, int view_height);
   bool wheel(double steps, bool control, const Vec2& place);
   void read_values();
+  double visible_margin(double margin, double aspect) const;
 
   Navigator navigator_;
   ViewValues values_;

@@ -256,6 +256,22 @@ TEST(LfViewRequestProperties, MarginWidensTheRequest) {
   EXPECT_NEAR(source.next_live().request.view.lens.fy(), 100 / std::tan(85 * M_PI / 180), 1e-9) << "at most 170 degrees";
 }
 
+// Around the widest view that cameras see completely, a margin would be black.
+TEST(LfViewRequestProperties, MarginStopsWhereCamerasSeeNothing) {
+  const TempDir files;
+  save_rig(test_rig(), files / "rig.json");
+  Source source;
+  source.set("rig", (files / "rig.json").c_str(), "num-buffers", 1);
+  source.play();
+  source.pull();
+  const double home = source.get("fov");
+  for (const double fov : {home, home / 20}) {
+    const StructurePtr view(gst_structure_new("view", "fov", G_TYPE_DOUBLE, fov, "margin", G_TYPE_DOUBLE, 0.5, nullptr));
+    EXPECT_TRUE(emit(source.element(), "set-view", view.get()));
+    EXPECT_EQ(source.get("margin") < 0.5, fov == home) << source.get("margin");
+  }
+}
+
 TEST(LfViewRequestFile, PropertiesSelectTheBlending) {
   FileSource source(test_views({0, 1}));
   source.set("aperture", 0.5);

@@ -30,7 +30,8 @@ function randomVector(random, most) {
   }
 }
 
-// Returns resting pictures with their surfaces: at home, and at views beside it.
+// Returns resting pictures with their surfaces: at home, and at views beside it. With a margin, the view is narrower, because
+// the cameras see no margin around the home view.
 async function starts(browser, film, margin) {
   // At a low rate, even a busy machine keeps the full size and all depths.
   const served = await serve('--rig', join(film, 'rig.json'), '--framerate', '10');
@@ -40,7 +41,7 @@ async function starts(browser, film, margin) {
   const home = await stateOf(page), random = randomNumbers(1), list = [];
   for (let i = 0; i < kStarts; i++) {
     const [x, y, z] = randomVector(random, i ? 0.05 : 0);
-    await setView(page, { x: home.x + x, y: home.y + y, z: home.z + z });
+    await setView(page, { x: home.x + x, y: home.y + y, z: home.z + z, fov: margin ? 0.7 * home.fov : home.fov });
     await page.evaluate(margin => inside().flight.sendView({ margin }), margin);
     await settled(page);
     await until(() => page.evaluate(() => inside().video.videoWidth === 640), 'the full size');
