@@ -266,7 +266,8 @@ TEST(LfViewRequestProperties, MarginStopsWhereCamerasSeeNothing) {
   source.pull();
   const double home = source.get("fov");
   for (const double fov : {home, home / 20}) {
-    const StructurePtr view(gst_structure_new("view", "fov", G_TYPE_DOUBLE, fov, "margin", G_TYPE_DOUBLE, 0.5, nullptr));
+    const StructurePtr view(
+        gst_structure_new("view", "fov", G_TYPE_DOUBLE, fov, "margin", G_TYPE_DOUBLE, 0.5, nullptr));
     EXPECT_TRUE(emit(source.element(), "set-view", view.get()));
     EXPECT_EQ(source.get("margin") < 0.5, fov == home) << source.get("margin");
   }
