@@ -149,7 +149,7 @@ bool DepthTracker::wait_for_views(const std::stop_token& stop) {
     return !views_.empty();
   };
   if (!has_any()) generation_++;
-  return changed_.wait(lock, stop, has_any);
+  return changed_.wait(lock, stop, has_any) && !stop.stop_requested();
 }
 
 // Returns the cameras of all live views, in ascending order.

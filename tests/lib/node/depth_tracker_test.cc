@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "node/depth_tracker.h"
 
+#include "base/schedule.h"
 #include "lib/focus/array_of_walls.h"
 #include "support/test.h"
 
@@ -216,6 +217,13 @@ TEST_F(DepthTrackerTest, MeasuringCanBeCancelled) {
 TEST_F(DepthTrackerTest, WithoutFramesThereIsNoSurface) {
   for (int i = 0; i < 10; i++, std::this_thread::sleep_for(10ms))
     EXPECT_FALSE(tracker_.surface(tracked_, walls_.view(0), {}));
+}
+
+// The end of a tracker that waits for its views takes longer than the timeout.
+TEST_F(DepthTrackerTest, EndsWhileAViewIsTracked) {
+  std::shared_ptr<DepthTracker::TrackedView> tracked;
+  DepthTracker(inputs_).surface(tracked, walls_.view(0), {});
+  EXPECT_LT(now_ns() - tracked->used, DepthTracker::kTimeout);
 }
 
 TEST_F(DepthTrackerTest, ClearForgetsTheSurface) {
