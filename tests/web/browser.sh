@@ -18,9 +18,12 @@ chromium=$(command -v chromium || command -v chromium-browser || command -v goog
 command -v node >/dev/null || skip "no Node.js (Debian: nodejs)"
 command -v npm >/dev/null || skip "no npm (Debian: npm)"
 
-# Installs once, from the lock file. Node.js resolves modules from the test's folder, so the test is copied there.
+# Installs once, from the lock file. Node.js resolves modules from the test's folder, so the test is copied there. Tests
+# may run at the same time: one installs, and files that another test reads are not written again.
 work=$build/tests/web
 mkdir -p "$work"
+exec {lock}>"$work/lock"
+flock "$lock"
 if ! cmp -s "$source/package-lock.json" "$work/package-lock.json" || [[ ! -d $work/node_modules/playwright-core ]]; then
   cp "$source/package.json" "$work/"
   rm -f "$work/package-lock.json"
@@ -32,7 +35,10 @@ if ! cmp -s "$source/package-lock.json" "$work/package-lock.json" || [[ ! -d $wo
   mv "$work/install/node_modules" "$work/"
   cp "$source/package-lock.json" "$work/"
 fi
-cp "$source"/*.mjs "$work/"
+for file in "$source"/*.mjs; do
+  cmp -s "$file" "$work/${file##*/}" || cp "$file" "$work/"
+done
+exec {lock}>&-
 export GST_PLUGIN_PATH=$build/gst LF_TOOLS_DIR=$build/tools LF_CHROMIUM=$chromium LF_ARTEFACTS=$work
 LF_SOURCE_ROOT=$(cd "$source/../.." && pwd)
 export LF_SOURCE_ROOT

@@ -209,7 +209,7 @@ async function eyes() {
 // The server flies a path; calls that move the view must not wait forever.
 async function paths() {
   const tour = join(folder, 'tour.json'), state = { x: 0, y: 0, z: 0, yaw: -2, pitch: 0, roll: 0, fov: 30, 'focus-distance': 2 };
-  const views = [-2, 2].map((yaw, i) => ({ ...viewFile({ ...state, yaw }, { width: 320, height: 240 }), name: `at_${i}`, time: i * 3 }));
+  const views = [-2, 2].map((yaw, i) => ({ ...viewFile({ ...state, yaw }, { width: 320, height: 240 }), name: `at_${i}`, time: i * 0.2 }));
   await writeFile(tour, JSON.stringify({ format: 'lightfield-views', version: 1, views }));
   const served = await serve(...rig, '--path', `tour=${tour}`);
   const page = await open(served, 'autoplay controls path="tour" view="yaw=3"');

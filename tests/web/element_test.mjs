@@ -289,7 +289,7 @@ async function eventsAndPictures() {
 
 async function genericPlayer() {
   const states = [-2, 2].map((yaw, i) => ({ ...viewFile({ x: 0, y: 0, z: 0, yaw, pitch: 0, roll: 0, fov: 30, 'focus-distance': 2 },
-    { width: 320, height: 240 }), name: `at_${i}`, time: i * 3 }));
+    { width: 320, height: 240 }), name: `at_${i}`, time: i * 0.2 }));
   const tour = join(folder, 'tour.json');
   await writeFile(tour, JSON.stringify({ format: 'lightfield-views', version: 1, views: states }));
   const served = await serve(...rig, '--path', `tour=${tour}`);
