@@ -209,9 +209,12 @@ Image smooth_image(Random& random, int width, int height) {
   Image image(PixelFamily::kRgb, width, height);
   for (int c = 0; c < 3; c++) {
     const double a = random.uniform(0.02, 0.06), b = random.uniform(0.02, 0.06), phase = random.uniform(0, 6);
-    for (int y = 0; y < height; y++)
-      for (int x = 0; x < width; x++)
-        image.pixel(x, y)[c] = static_cast<uint8_t>(127.5 + 120 * std::sin(a * x + phase) * std::cos(b * y - phase));
+    std::vector<double> wave;  // along a row
+    for (int x = 0; x < width; x++) wave.push_back(120 * std::sin(a * x + phase));
+    for (int y = 0; y < height; y++) {
+      const double factor = std::cos(b * y - phase);
+      for (int x = 0; x < width; x++) image.pixel(x, y)[c] = static_cast<uint8_t>(127.5 + wave[x] * factor);
+    }
   }
   return image;
 }
