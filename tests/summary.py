@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""Counts the test cases of a `meson test` run: summary.py LOGS [LOGS_AGAIN], each a path without .json and .junit.xml.
+"""Counts the test cases of `meson test` runs: summary.py LOGS..., each a path without .json and .junit.xml.
 
-LOGS_AGAIN are the logs of a second run of the programs that failed in the first run. The results of the second run
-replace the results of the first run. Names each program that passed at the second try. Prints the reason of every
-skipped case. The last line is "N passed, N failed, N skipped". The exit status is 1 if a case failed or no case passed.
+If several runs have the same program, the results of the last run count. Names each program that passed at the second
+try. Prints the reason of every skipped case. The last line is "N passed, N failed, N skipped". The exit status is 1 if
+a case failed or no case passed.
 
-summary.py --failed LOGS prints the names of the programs that failed.
+summary.py --failed LOGS... prints the names of the programs that failed.
 """
 
 import json
@@ -29,6 +29,10 @@ def failed_of(programs):
     return [name for name, result in programs.items() if result not in ('OK', 'SKIP', 'EXPECTEDFAIL')]
 
 
+def failed_in_all(runs):
+    return failed_of({name: result for logs in runs for name, result in programs_of(logs).items()})
+
+
 def cases_of(logs):
     """Yields (program, case) for all test cases."""
     with open(f'{logs}.junit.xml', encoding='utf-8', errors='replace') as log:
@@ -41,11 +45,13 @@ def cases_of(logs):
             yield short_name(names[1] if len(names) > 1 else case.get('name')), case
 
 
-def main(logs, again=None):
-    first = programs_of(logs)
-    second = programs_of(again) if again else {}
-    cases = [case for program, case in cases_of(logs) if program not in second]
-    cases += [case for _, case in cases_of(again)] if again else []
+def main(runs):
+    last, failures = {}, {}
+    for logs in runs:
+        programs = programs_of(logs)
+        last |= dict.fromkeys(programs, logs)
+        failures |= dict.fromkeys(failed_of(programs))
+    cases = [case for logs in runs for program, case in cases_of(logs) if last[program] == logs]
     passed = failed = skipped = 0
     for case in cases:
         skip = case.find('skipped')
@@ -61,8 +67,8 @@ def main(logs, again=None):
             passed += 1
 
     # A program can fail with only passed cases: on exit, or at its time limit.
-    broken = failed_of(first | second)
-    for name in failed_of(first):
+    broken = failed_in_all(runs)
+    for name in failures:
         print(f'failed: {name}' if name in broken else f'passed at the second try: {name}')
     failed = max(failed, len(broken))
     print(f'{passed} passed, {failed} failed, {skipped} skipped')
@@ -71,6 +77,6 @@ def main(logs, again=None):
 
 if __name__ == '__main__':
     if sys.argv[1] == '--failed':
-        print('\n'.join(failed_of(programs_of(sys.argv[2]))))
+        print('\n'.join(failed_in_all(sys.argv[2:])))
     else:
-        sys.exit(main(*sys.argv[1:]))
+        sys.exit(main(sys.argv[1:]))

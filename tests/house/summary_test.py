@@ -48,6 +48,12 @@ class Summary(unittest.TestCase):
         self.assertEqual(self.summary(self.first), (1, ["failed: lib", "failed: late", "2 passed, 2 failed, 0 skipped"]))
         self.assertEqual(self.summary("--failed", self.first), (0, ["lib", "late"]))
 
+    def test_runs_at_the_same_time(self):
+        write_logs(self.first, {"lib": ("FAIL", "gtest", {"a": "failed", "b": "passed"})})
+        write_logs(self.again, {"browser": ("OK", "tap", {"c": "passed"}), "turn": ("FAIL", "tap", {"d": "failed"})})
+        self.assertEqual(self.summary(self.first, self.again), (1, ["failed: lib", "failed: turn", "2 passed, 2 failed, 0 skipped"]))
+        self.assertEqual(self.summary("--failed", self.first, self.again), (0, ["lib", "turn"]))
+
     def test_a_second_try_replaces_the_first(self):
         for protocol in "gtest", "tap", "exitcode":
             with self.subTest(protocol):
