@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "calibration/board_detection.h"
 
+#include <opencv2/aruco.hpp>
+#include <opencv2/imgproc.hpp>
+
 #include "calibration/intrinsics.h"
 #include "support/board_views.h"
 #include "support/expect_error.h"
