@@ -17,7 +17,7 @@ const kFilm = Array.from({ length: 30 }, (_, i) => i / 15);  // times of makeFil
 const kStep = 0.5, kPlane = { stills: { seconds: 2, step: 0.5 }, film: { seconds: 5, step: 0.1 } };
 const kSlack = 0.1;   // dB
 const kGain = 3;      // dB; minimum improvement after the surface has arrived
-const kPatience = 20;  // seconds until the improvement, on a busy machine
+const kPatience = 60;  // seconds until the improvement, on a busy machine
 const chosenSeconds = Number(process.env.LF_SECONDS ?? 0);
 const browser = await launchBrowser();
 
