@@ -44,7 +44,8 @@ Pose look_at(const Vec3& eye, const Vec3& target);
 // If `fisheye`, (u, v) is first multiplied by atan(r) / r, and r is then the length of the product. The other terms are
 //   g = 1 + k1 r^2 + k2 r^4 + k3 r^6 + k4 r^8
 // and s1 r^2 is added to u', s2 r^2 to v'. This is COLMAP's model THIN_PRISM_FISHEYE, and OPENCV_FISHEYE if p1, p2, s1
-// and s2 are 0. Points with Z <= 0 are outside the picture, so the field of view is a little less than 180 degrees.
+// and s2 are 0. A camera sees points up to 95 degrees from its axis, where the product is (X, Y) times the angle
+// divided by sqrt(X^2 + Y^2). A view ends a little before 90 degrees.
 struct Lens {
   double fx = 1, fy = 1, cx = 0, cy = 0;  // pixels; fx and fy must be positive
   double k1 = 0, k2 = 0, p1 = 0, p2 = 0;

@@ -43,13 +43,11 @@ HWY_INLINE auto project(D d, const HypothesisProjection& camera, const CameraVec
   const auto inverse = hn::MulAdd(level, hn::Set(d, camera.per_level), hn::Set(d, camera.farthest));
   const auto eye = hn::Set(d, camera.eye_distance);
   const auto one = hn::Set(d, 1.f), half = hn::Set(d, -0.5f), zero = hn::Zero(d);
-  const auto z = hn::MulAdd(inverse, at.slope[2], at.base[2]);
+  const auto at_depth = [&](int k) HWY_ATTR { return hn::MulAdd(inverse, at.slope[k], at.base[k]); };
+  auto u = at_depth(0), v = at_depth(1), z = at_depth(2);
+  const auto reach = through_lens<true>(d, camera.distortion, camera.is_distorted, u, v, z);
   auto seen = hn::And(hn::Gt(z, zero), hn::Lt(hn::Mul(inverse, eye), one));
-  const auto per_z = hn::Div(one, z);
-  auto u = hn::Mul(hn::MulAdd(inverse, at.slope[0], at.base[0]), per_z);
-  auto v = hn::Mul(hn::MulAdd(inverse, at.slope[1], at.base[1]), per_z);
-  if (camera.is_distorted)
-    seen = hn::And(seen, hn::Le(distort<true>(d, camera.distortion, u, v), hn::Set(d, camera.distortion.max_r2)));
+  if (camera.is_distorted) seen = hn::And(seen, hn::Le(reach, hn::Set(d, camera.distortion.limit)));
   x = hn::MulAdd(u, hn::Set(d, camera.fx), hn::Set(d, camera.cx));
   y = hn::MulAdd(v, hn::Set(d, camera.fy), hn::Set(d, camera.cy));
   seen = hn::And(seen, hn::And(hn::Ge(x, half), hn::Le(x, hn::Add(hn::Set(d, camera.width), half))));

@@ -55,12 +55,13 @@ void carry_row(const WarpedNodes::Geometry& of, const double* HWY_RESTRICT u_row
     const auto moved = [&](int k) HWY_ATTR {
       return hn::Add(hn::Mul(before, times(of.to_from_view + 3 * k)), hn::Mul(along, set(of.offset[k])));
     };
-    const auto z = moved(2);
-    auto seen = hn::Gt(z, hn::Zero(d));
-    auto x = hn::Div(moved(0), z), y = hn::Div(moved(1), z);
-    if (of.is_distorted)
-      seen = hn::And(seen, hn::Le(distort<false>(d, of.distortion, x, y), set(of.distortion.max_r2)));
-    const auto larger = hn::Div(hn::Mul(set(of.zoom), before), z);
+    // Depths in a view are positive.
+    const auto depth = moved(2);
+    auto x = moved(0), y = moved(1), z = depth;
+    const auto reach = through_lens<false>(d, of.distortion, of.is_distorted, x, y, z);
+    auto seen = hn::Gt(depth, hn::Zero(d));
+    if (of.is_distorted) seen = hn::And(seen, hn::Le(reach, set(of.distortion.limit)));
+    const auto larger = hn::Div(hn::Mul(set(of.zoom), before), depth);
     const auto node = [&](auto at, double f, double c) HWY_ATTR {
       return hn::Mul(hn::Add(hn::Add(hn::Mul(set(f), at), set(c)), set(0.5)), set(of.per_step));
     };

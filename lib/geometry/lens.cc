@@ -160,14 +160,13 @@ Lens::Lens(LensModel model, const std::array<double, kMaxParams>& params) : mode
   read_distortion();
   has_distortion_ = distortion_.is_general || distortion_.is_tangential || k1() != 0 || k2() != 0;
   max_length_ = first_fold(distortion_);
-  max_radius_ = max_length_;
-  if (distortion_.fisheye) {
-    // tan() of the largest length must not exceed kFisheyeRadius after rounding.
-    static const double kEndOfField = std::atan(kFisheyeRadius) - 1e-9;
-    max_radius_ = max_length_ < kEndOfField ? std::tan(max_length_) : kFisheyeRadius;
-    max_length_ = std::min(max_length_, kEndOfField);
-  }
-  distortion_.max_r2 = max_radius_ * max_radius_;
+  folds_ = std::isfinite(max_length_);
+  distortion_.limit = max_length_ * max_length_;
+  if (!distortion_.fisheye) return;
+  constexpr double kEndOfField = kFisheyeFieldDegrees * M_PI / 180;
+  folds_ = max_length_ < kEndOfField;
+  if (!folds_) max_length_ = kEndOfField;
+  distortion_.limit = folds_ ? std::pow(std::tan(max_length_ / 2), 2) : kFisheyeLimit;
 }
 
 void Lens::read_distortion() {
@@ -232,10 +231,10 @@ Vec2 Lens::bend(const Vec2& u) const {
 std::optional<Vec2> Lens::distort(const Vec2& u) const {
   if (!has_distortion_) return u;
   const double r2 = glm::dot(u, u);
-  if (!(r2 <= distortion_.max_r2)) return std::nullopt;
-  if (!distortion_.fisheye || r2 == 0) return bend(u);
-  const double r = std::sqrt(r2);
-  return bend(u * (std::atan(r) / r));
+  if (!distortion_.fisheye) return r2 <= distortion_.limit ? std::optional(bend(u)) : std::nullopt;
+  const double r = std::sqrt(r2), angle = std::atan(r);
+  if (!(angle <= max_length_)) return std::nullopt;
+  return bend(r > 0 ? u * (angle / r) : u);
 }
 
 namespace {
@@ -298,6 +297,16 @@ double Lens::solve_radial(double target, int* steps) const {
 }
 
 std::optional<Vec2> Lens::undistort(const Vec2& distorted, int* steps) const {
+  const std::optional<Vec2> ab = unbend(distorted, steps);
+  if (!ab || !distortion_.fisheye) return ab;
+  // tan() of the largest length must not exceed kMaxSlope after rounding.
+  static const double kEndOfFront = std::atan(kMaxSlope) - 1e-9;
+  const double length = glm::length(*ab);
+  if (!(length <= kEndOfFront)) return std::nullopt;
+  return length > 0 ? *ab * (std::tan(length) / length) : *ab;
+}
+
+std::optional<Vec2> Lens::unbend(const Vec2& distorted, int* steps) const {
   if (!has_distortion_) return distorted;
   const double p1 = distortion_.p1, p2 = distortion_.p2, s1 = distortion_.s1, s2 = distortion_.s2;
   const double target = glm::length(distorted);
@@ -309,15 +318,11 @@ std::optional<Vec2> Lens::undistort(const Vec2& distorted, int* steps) const {
                          (is_radial ? 0 : (3 * std::hypot(p1, p2) + std::hypot(s1, s2)) * q);
     if (target > reach + 1e-9 * (1 + target + reach)) return std::nullopt;
   }
-  const auto line_of_sight = [&](const Vec2& ab) {
-    const double length = distortion_.fisheye ? glm::length(ab) : 0;
-    return length > 0 ? ab * (std::tan(length) / length) : ab;
-  };
 
   const double solution = solve_radial(target, steps), length = std::min(solution, max_length_);
   if (is_radial && !std::isfinite(solution)) return std::nullopt;
   Vec2 u = target > 0 ? distorted * (length / target) : Vec2(0, 0);
-  if (is_radial) return line_of_sight(u);
+  if (is_radial) return u;
 
   // Then solve the whole system by Newton's method with the analytic Jacobian of bend(). It converges within a few
   // steps wherever the lens has an inverse.
@@ -341,7 +346,7 @@ std::optional<Vec2> Lens::undistort(const Vec2& distorted, int* steps) const {
   }
   if (!(glm::length(u) <= max_length_) || !(glm::length(bend(u) - distorted) <= 1e-12 * (1 + target)))
     return std::nullopt;
-  return line_of_sight(u);
+  return u;
 }
 
 Lens::Steepness Lens::steepness(double distorted_radius) const {
@@ -393,14 +398,28 @@ double Lens::mean_iterations(int width, int height) const {
 }
 
 std::optional<Vec2> Lens::project(const Vec3& x) const {
-  if (!(x.z > 0)) return std::nullopt;
-  const std::optional<Vec2> d = distort(Vec2(x.x / x.z, x.y / x.z));
+  std::optional<Vec2> d;
+  if (distortion_.fisheye) {
+    const double beside = std::hypot(x.x, x.y), angle = std::atan2(beside, x.z);
+    if (!(beside + std::abs(x.z) > 0 && angle <= max_length_)) return std::nullopt;
+    d = bend(beside > 0 ? Vec2(x.x, x.y) * (angle / beside) : Vec2(0, 0));
+  } else if (x.z > 0) {
+    d = distort(Vec2(x.x / x.z, x.y / x.z));
+  }
   if (!d) return std::nullopt;
   return Vec2(fx_ * d->x + cx_, fy_ * d->y + cy_);
 }
 
 std::optional<Vec2> Lens::unproject(const Vec2& pixel) const {
   return undistort(Vec2((pixel.x - cx_) / fx_, (pixel.y - cy_) / fy_));
+}
+
+std::optional<Vec3> Lens::direction(const Vec2& pixel) const {
+  const std::optional<Vec2> ab = unbend(Vec2((pixel.x - cx_) / fx_, (pixel.y - cy_) / fy_), nullptr);
+  if (!ab) return std::nullopt;
+  if (!distortion_.fisheye) return glm::normalize(Vec3(*ab, 1));
+  const double angle = glm::length(*ab);
+  return Vec3(angle > 0 ? *ab * (std::sin(angle) / angle) : *ab, std::cos(angle));
 }
 
 Lens parse_lens(const JsonValue& object) {

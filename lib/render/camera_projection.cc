@@ -87,12 +87,14 @@ Rect source_region(const ViewPlan& plan, const Rect& rect, CameraIndex camera, c
     for (int k = 0; k < num_distances; k++) distances[k] = first + (last - first) * k / std::max(num_distances - 1, 1);
   }
   // Walk around the border for each distance, because homographies and lenses map the inside of `rect` to the inside of
-  // its border.
+  // its border. This is not certain beside a fisheye camera, whose field may surround the part of `rect` behind it.
   for (int k = 0; k < num_distances && known; k++) {
     Vec2 before(NAN);
     const auto look = [&](int x, int y) {
       Vec2 pixel;
-      if (!projection.project_unbounded(plan.rays().at(x, y), distances[k], pixel)) return false;
+      const Vec2 ray = plan.rays().at(x, y);
+      if (!projection.project_unbounded(ray, distances[k], pixel) || !(projection.point(ray, distances[k]).z > 0))
+        return false;
       low = glm::min(low, pixel);
       high = glm::max(high, pixel);
       if (!std::isnan(before.x)) largest_step = std::max(largest_step, glm::distance(pixel, before));

@@ -48,22 +48,21 @@ class CameraProjection {
     return project_unbounded(ray, inverse, pixel) && pixel.x >= -0.5 && pixel.x <= right_ && pixel.y >= -0.5 &&
            pixel.y <= bottom_;
   }
+  // Returns the point of a line of sight in camera coordinates, up to a positive factor.
+  Vec3 point(const Vec2& ray, double inverse) const {
+    const Vec3 d(ray, 1), x = camera_from_ray_ * d;
+    return has_map_ ? x + inverse * (per_inverse_ * d) : x;
+  }
   bool project_unbounded(const Vec2& ray, double inverse, Vec2& pixel) const {
-    const Vec3 d(ray, 1);
-    Vec3 x = camera_from_ray_ * d;
-    if (has_map_) {
-      if (!(1 - inverse * eye_distance_ > 0)) return false;  // the surface is behind the eye
-      x += inverse * (per_inverse_ * d);
+    if (has_map_ && !(1 - inverse * eye_distance_ > 0)) return false;  // the surface is behind the eye
+    const Vec3 x = point(ray, inverse);
+    if (distorted_) {
+      const std::optional<Vec2> seen = lens_.project(x);
+      if (seen) pixel = *seen;
+      return seen.has_value();
     }
     if (!(x.z > 0)) return false;
-    const Vec2 undistorted(x.x / x.z, x.y / x.z);
-    if (distorted_) {
-      const std::optional<Vec2> d = lens_.distort(undistorted);
-      if (!d) return false;
-      pixel = {lens_.fx() * d->x + lens_.cx(), lens_.fy() * d->y + lens_.cy()};
-    } else {
-      pixel = {lens_.fx() * undistorted.x + lens_.cx(), lens_.fy() * undistorted.y + lens_.cy()};
-    }
+    pixel = {lens_.fx() * (x.x / x.z) + lens_.cx(), lens_.fy() * (x.y / x.z) + lens_.cy()};
     return true;
   }
 

@@ -128,8 +128,7 @@ std::string cause_of_principal_point(const Camera& camera) {
 // Returns the distance between the principal point and the fold of the distortion, in pixels.
 double fold_radius(const Lens& lens) {
   if (!lens.folds()) return INFINITY;
-  const std::optional<Vec2> edge = lens.distort({lens.max_radius() * (1 - 1e-9), 0});
-  return edge ? std::min(lens.fx(), lens.fy()) * edge->x : INFINITY;
+  return std::min(lens.fx(), lens.fy()) * lens.bend({lens.max_length(), 0}).x;
 }
 
 // Returns the share of pixels with a line of sight, measured at 17 x 17 positions from corner to corner.
@@ -138,7 +137,7 @@ double share_with_rays(const Camera& camera) {
   int seen = 0;
   for (int j = 0; j <= kSteps; j++)
     for (int i = 0; i <= kSteps; i++)
-      seen += camera.lens.unproject(Vec2(camera.width * i / double{kSteps}, camera.height * j / double{kSteps}) - 0.5)
+      seen += camera.lens.direction(Vec2(camera.width * i / double{kSteps}, camera.height * j / double{kSteps}) - 0.5)
                   .has_value();
   return seen / double{(kSteps + 1) * (kSteps + 1)};
 }
@@ -146,7 +145,7 @@ double share_with_rays(const Camera& camera) {
 bool has_ray_at_corners(const Camera& camera) {
   for (const double x : {-0.5, camera.width - 0.5})
     for (const double y : {-0.5, camera.height - 0.5})
-      if (!camera.lens.unproject({x, y})) return false;
+      if (!camera.lens.direction({x, y})) return false;
   return true;
 }
 

@@ -30,6 +30,7 @@ class CameraRays {
   // outside the lens.
   scene::TraceResult trace(const scene::Objects& objects, double x, double y, double spacing,
                            scene::ShadowCache& shadows) const {
+    if (camera_.lens.distortion().fisheye) return trace_fisheye(objects, {x, y}, spacing, shadows);
     const std::optional<Vec2> u = camera_.lens.unproject({x, y});
     if (!u) return {V3(0), UINT32_MAX, {}};
     const Vec3 sight = rotation_ * Vec3(u->x, u->y, 1);
@@ -61,6 +62,17 @@ class CameraRays {
   }
 
  private:
+  scene::TraceResult trace_fisheye(const scene::Objects& objects, const Vec2& pixel, double spacing,
+                                   scene::ShadowCache& shadows) const {
+    const std::optional<Vec3> d = camera_.lens.direction(pixel);
+    if (!d) return {V3(0), UINT32_MAX, {}};
+    const auto across = [&](const Vec2& step) {
+      return V3(rotation_ * (camera_.lens.direction(pixel + spacing * step).value_or(*d) - *d));
+    };
+    return scene::trace(objects, {V3(camera_.pose.position), V3(rotation_ * *d), across({1, 0}), across({0, 1})},
+                        shadows);
+  }
+
   const SceneCamera& camera_;
   Mat3 rotation_;
 };

@@ -534,6 +534,15 @@ std::vector<HardCase> hard_cases() {
       camera.lens = Lens(LensModel::kOpenCvFisheye, {15, 15, 31.5, 23.5, 0.02, 0, 0, 0});
     return turned(rig, view_at({0.1, 0.2, -0.4}), r);
   });
+  // Adjacent cameras look to opposite sides, so that half of what the view shows is behind their planes Z = 0.
+  add("fisheye of 190 degrees, in cameras that look aside", [](Random& r) {
+    Rig rig = array();
+    for (size_t i = 0; i < rig.cameras.size(); i++) {
+      rig.cameras[i].lens = Lens(LensModel::kOpenCvFisheye, {14, 14, 31.5, 23.5, 0.02, 0, 0, 0});
+      rig.cameras[i].pose.orientation = glm::angleAxis((i % 2 ? 1.4 : -1.4) + r.uniform(-0.2, 0.2), Vec3(0, 1, 0));
+    }
+    return turned(rig, view_at({0.1, 0.2, -0.4}), r);
+  });
   add("rational lens, in the cameras", [](Random& r) {
     Rig rig = array();
     for (Camera& camera : rig.cameras)

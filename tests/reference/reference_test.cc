@@ -110,12 +110,11 @@ TEST(ReferenceLens, LineOfSightInvertsProjection) {
 }
 
 TEST(ReferenceLens, FoldIsAtTheMaximum) {
-  EXPECT_NEAR(static_cast<double>(ReferenceLens(Lens(LensModel::kSimpleRadial, {1, 0, 0, -1.0 / 3})).fold_radius()), 1,
+  EXPECT_NEAR(static_cast<double>(ReferenceLens(Lens(LensModel::kSimpleRadial, {1, 0, 0, -1.0 / 3})).longest()), 1,
               1e-15);
-  EXPECT_TRUE(std::isinf(ReferenceLens(Lens(LensModel::kRadial, {1, 0, 0, 0.1, 0.1})).fold_radius()));
+  EXPECT_TRUE(std::isinf(ReferenceLens(Lens(LensModel::kRadial, {1, 0, 0, 0.1, 0.1})).longest()));
   // 1 - 3 (0.5) q + 5 (0.1) q^2 = 0 first at q = 1.
-  EXPECT_NEAR(static_cast<double>(ReferenceLens(Lens(LensModel::kRadial, {1, 0, 0, -0.5, 0.1})).fold_radius()), 1,
-              1e-15);
+  EXPECT_NEAR(static_cast<double>(ReferenceLens(Lens(LensModel::kRadial, {1, 0, 0, -0.5, 0.1})).longest()), 1, 1e-15);
 }
 
 TEST(Render, ValidLostAndDivision) {

@@ -23,7 +23,8 @@ Real bisect(Real low, Real high, const Predicate& beyond) {
   }
 }
 
-constexpr Real kFisheyeRadius = 1e6L;  // Lens::kFisheyeRadius
+constexpr Real kMaxSlope = 1e6L;  // Lens::kMaxSlope
+constexpr Real kFisheyeField = 95 * 3.14159265358979323846L / 180;
 
 Real polynomial(const std::array<Real, 5>& terms, Real x) {
   Real sum = 0, power = 1;
@@ -71,11 +72,7 @@ ReferenceLens::ReferenceLens(const lf::Lens& lens) {
   fisheye_ = lens.model() == LensModel::kOpenCvFisheye || lens.model() == LensModel::kSimpleRadialFisheye ||
              lens.model() == LensModel::kRadialFisheye || lens.model() == LensModel::kThinPrismFisheye;
   longest_ = find_fold();
-  fold_ = longest_;
-  if (fisheye_) {
-    longest_ = std::min(longest_, std::atan(kFisheyeRadius));
-    fold_ = std::tan(longest_);
-  }
+  if (fisheye_) longest_ = std::min(longest_, kFisheyeField);
 }
 
 Real ReferenceLens::grown(Real length) const {
@@ -112,13 +109,18 @@ P2 ReferenceLens::bend(const P2& u) const {
 }
 
 std::optional<P2> ReferenceLens::project(const V3& x) const {
-  if (!(x.z > 0)) return std::nullopt;
-  P2 u{x.x / x.z, x.y / x.z};
-  const Real r = std::hypot(u.x, u.y);
-  if (r > fold_) return std::nullopt;
-  if (fisheye_ && r > 0) u = {u.x * std::atan(r) / r, u.y * std::atan(r) / r};
-  const P2 d = bend(u);
+  if (!(inside_field(x) > 0)) return std::nullopt;
+  const Real beside = std::hypot(x.x, x.y), angle = std::atan2(beside, x.z);
+  const Real scale = !fisheye_ ? 1 / x.z : beside > 0 ? angle / beside : 0;
+  const P2 d = bend({x.x * scale, x.y * scale});
   return P2{fx_ * d.x + cx_, fy_ * d.y + cy_};
+}
+
+Real ReferenceLens::inside_field(const V3& x) const {
+  if (fisheye_) return norm(x) > 0 ? longest_ - std::atan2(std::hypot(x.x, x.y), x.z) : 0;
+  const Real depth = x.z / norm(x);
+  if (!(depth > 0) || std::isinf(longest_)) return depth;
+  return std::min(depth, 1 - std::hypot(x.x, x.y) / x.z / longest_);
 }
 
 std::optional<P2> ReferenceLens::line_of_sight(const P2& pixel) const {
@@ -152,7 +154,7 @@ std::optional<P2> ReferenceLens::line_of_sight(const P2& pixel) const {
   if (!radial_only && !(std::hypot(check.x - target.x, check.y - target.y) < 1e-15L * (1 + length)))
     return std::nullopt;
   const Real found = std::hypot(u.x, u.y);
-  if (found > longest_) return std::nullopt;
+  if (found > longest_ || (fisheye_ && found > std::atan(kMaxSlope))) return std::nullopt;
   if (fisheye_ && found > 0) return P2{u.x * std::tan(found) / found, u.y * std::tan(found) / found};
   return u;
 }
@@ -323,13 +325,7 @@ struct Viewpoint {
   // decision.
   std::optional<P2> find(const V3& x_world, Real& margin) const {
     const V3 x = rotate(camera->pose.orientation, x_world - to_v3(camera->pose.position), true);
-    const Real behind = x.z / norm(x);
-    if (!(behind > 0)) {
-      margin = std::abs(behind);
-      return std::nullopt;
-    }
-    const Real r = std::hypot(x.x, x.y) / x.z;
-    const Real fold = std::isinf(lens.fold_radius()) ? behind : std::min(behind, std::abs(1 - r / lens.fold_radius()));
+    const Real fold = std::abs(lens.inside_field(x));
     const std::optional<P2> pixel = lens.project(x);
     if (!pixel) {
       margin = fold;

@@ -57,13 +57,14 @@ class ReferenceLens {
  public:
   explicit ReferenceLens(const lf::Lens& lens);
 
-  // Projects camera coordinates to a pixel; nullopt for Z <= 0 or beyond the fold.
+  // Projects camera coordinates to a pixel; nullopt outside the field.
   std::optional<P2> project(const V3& x_camera) const;
-  // Returns a pixel's line of sight (u, v, 1); nullopt if no ray projects to the pixel.
+  // Returns a pixel's line of sight (u, v, 1); nullopt if no ray with Z > 0 projects to the pixel.
   std::optional<P2> line_of_sight(const P2& pixel) const;
-  // Returns the smallest undistorted radius where the distorted radius stops growing; infinity if it grows
-  // everywhere.
-  Real fold_radius() const { return fold_; }
+  // Returns how far a point is inside the field: positive inside, negative outside, 0 at the end of the field.
+  Real inside_field(const V3& x_camera) const;
+  // Returns the length of (a, b) where the field ends; infinity if it does not end.
+  Real longest() const { return longest_; }
 
  private:
   Real grown(Real length) const;  // radial distortion of a length of (a, b); see geometry/lens.h
@@ -74,7 +75,7 @@ class ReferenceLens {
   bool fisheye_ = false;
   std::array<Real, 5> numerator_ = {1}, denominator_ = {1};  // coefficients for powers of r^2
   Real p1_ = 0, p2_ = 0, s1_ = 0, s2_ = 0;
-  Real fold_, longest_;  // of (u, v) and of (a, b)
+  Real longest_;
 };
 
 // The weights of a view blended by aperture or angle, as stated in render/camera_weights.h, in 80-bit floating point

@@ -97,7 +97,7 @@ void add_corner(Tables& tables, const simd::SumTask& task, const simd::Slot& slo
   tables.add(lens.k[2], lens.k[3], lens.d[0], lens.d[1]);
   tables.add(lens.d[2], lens.s1, lens.s2, lens.fisheye);
   tables.add(std::min(slot.steepness.first, 1e9), std::min(slot.steepness.rounding, 1e9), lens.is_general, 0);
-  tables.add(slot.image.width, slot.image.height, lens.max_r2, place.y);
+  tables.add(slot.image.width, slot.image.height, lens.limit, place.y);
   if (!has_map) return;
   tables.add(terms.per_from, box);
   tables.add(terms.per_along, 0);

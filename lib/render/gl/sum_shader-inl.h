@@ -86,27 +86,40 @@ vec3 camera_point(int k, vec2 d, float inverse_distance) {
 }
 
 #ifdef GENERAL
-// Returns atan(r) / r; see angle_ratio() in distort-inl.h.
-float angle_ratio(float r2) {
-  float h = 2.0 / (1.0 + sqrt(1.0 + r2)), x = 2.0 * h - 1.0;
-  float sum = 1.0805795e-5;
-  sum = sum * x + 3.6454024e-5;
-  sum = sum * x + 1.0065994e-4;
-  sum = sum * x + 3.5564846e-4;
-  sum = sum * x + 1.3160437e-3;
-  sum = sum * x + 5.0323736e-3;
-  sum = sum * x + 2.0851817e-2;
-  sum = sum * x + 0.10187643;
-  sum = sum * x + 0.87041975;
-  return h * sum;
+bool is_fisheye(int k) { return corner(k, CORNER_PRISM).w != 0.0; }
+
+// Returns (a, b) and tan^2 of half the angle from the axis; see through_lens() in distort-inl.h.
+vec3 by_angle(vec3 x) {
+  float distance = sqrt(dot(x, x)), h = 2.0 / max(distance + x.z, 1e-6 * distance);
+  float w = 1.0 - x.z * h, t = 1.67932564 * w - 1.0;
+  float sum = 2.8127337e-5;
+  sum = sum * t - 8.4596728e-5;
+  sum = sum * t + 1.9516860e-4;
+  sum = sum * t - 6.1583603e-4;
+  sum = sum * t + 2.0542805e-3;
+  sum = sum * t - 7.0056023e-3;
+  sum = sum * t + 2.5863107e-2;
+  sum = sum * t - 0.11246027;
+  sum = sum * t + 0.85169296;
+  return vec3(h * sum * x.xy, w);
 }
+#else
+bool is_fisheye(int k) { return false; }
+vec3 by_angle(vec3 x) { return x; }
 #endif
 
-vec2 image_from_ray(int k, vec2 u) {
+// Returns (a, b) of a point and the value that must not exceed the limit of the lens; see Distortion.
+vec3 undistorted(int k, vec3 x) {
+  if (is_fisheye(k)) return by_angle(x);
+  vec2 u = x.xy / x.z;
+  return vec3(u, dot(u, u));
+}
+
+// Returns the position in the image for (a, b).
+vec2 image_position(int k, vec2 u) {
   vec4 lens = corner(k, CORNER_LENS);
 #ifdef GENERAL
   vec4 b = corner(k, CORNER_DISTORTION), g = corner(k, CORNER_GENERAL), prism = corner(k, CORNER_PRISM);
-  if (prism.w != 0.0) u *= angle_ratio(dot(u, u));
   float q = dot(u, u);
   float radial = (1.0 + q * (b.x + q * (b.y + q * (g.x + q * g.y)))) / (1.0 + q * (g.z + q * (g.w + q * prism.x)));
   u = u * radial + 2.0 * u.x * u.y * b.zw + b.wz * (q + 2.0 * u * u) + q * prism.yz;
@@ -139,36 +152,39 @@ int project(int k, vec2 d, float level, bool allow_outside, out vec2 position) {
                           abs(d.y * corner(k, CORNER_PER_DOWN).xyz));
 #endif
   vec3 x = camera_point(k, d, inverse_distance), rounding = FLOAT_ROUNDING * terms;
-  if (!(x.z > rounding.z)) return x.z < -rounding.z ? kInvisible : kUnknown;
-  vec2 u = x.xy / x.z, error = (rounding.xy + abs(u) * rounding.z) / x.z;
+  vec3 u = undistorted(k, x);
+  vec2 error = (rounding.xy + abs(u.xy) * rounding.z) / x.z;
+  float near = 2.0 * dot(abs(u.xy), error); // error of u.z
+  if (is_fisheye(k)) {
+    float distance = sqrt(dot(x, x));
+    if (!(distance > 4.0 * length(rounding))) return kUnknown;
+    // The depth moves the direction in proportion to the sine of the angle from the axis. (a, b) moves at most 1.67
+    // times as far as the direction.
+    error = vec2(1.67 * (length(rounding.xy) + rounding.z * length(x.xy) / distance) / distance, 0.0);
+    near = (1.0 + u.z) * sqrt(u.z) * length(rounding) / distance;
+  } else if (!(x.z > rounding.z)) {
+    return x.z < -rounding.z ? kInvisible : kUnknown;
+  }
   vec4 lens = corner(k, CORNER_LENS), image = corner(k, CORNER_IMAGE);
   float rounding_of_lens = 1.0;
+#ifdef DISTORTED
+  // A camera without distortion has an unlimited u.z, and its bounds are 1.
+  near += 4e-6 * image.z;
+  if (u.z - near > image.z) return kInvisible;
+  if (!(u.z + near < image.z)) return kUnknown;
+  vec4 b = corner(k, CORNER_DISTORTION);
+  float growth = 1.0 + 3.0 * abs(b.x) * u.z + 5.0 * abs(b.y) * u.z * u.z + 6.0 * (abs(b.z) + abs(b.w)) * sqrt(u.z);
 #ifdef GENERAL
-  // A camera without distortion has an unlimited r^2, and its bounds are 1.
-  vec4 steepness = corner(k, CORNER_STEEPNESS), prism = corner(k, CORNER_PRISM);
-  float r2 = dot(u, u), near = 2.0 * dot(abs(u), error) + 4e-6 * image.z;
-  if (r2 - near > image.z) return kInvisible;
-  if (!(r2 + near < image.z)) return kUnknown;
-  // The error of the depth moves u along the radius, where the angle grows more slowly.
-  if (prism.w != 0.0)
-    error = angle_ratio(r2) * rounding.xy / x.z + abs(u) / (1.0 + r2) * (rounding.z / x.z);
-  vec4 b = corner(k, CORNER_DISTORTION);
+  vec4 steepness = corner(k, CORNER_STEEPNESS);
   if (steepness.z != 0.0) {
-    error = vec2(steepness.x * length(error));
+    error = vec2(length(error));
+    growth = steepness.x;
     rounding_of_lens = 1.0 + steepness.y;
-  } else {
-    error *= 1.0 + 3.0 * abs(b.x) * r2 + 5.0 * abs(b.y) * r2 * r2 + 6.0 * (abs(b.z) + abs(b.w)) * sqrt(r2);
-  }
-#elif defined(DISTORTED)
-  vec4 b = corner(k, CORNER_DISTORTION);
-  if (b != vec4(0.0)) {
-    float r2 = dot(u, u), near = 2.0 * dot(abs(u), error) + 4e-6 * image.z;
-    if (r2 - near > image.z) return kInvisible;
-    if (!(r2 + near < image.z)) return kUnknown;
-    error *= 1.0 + 3.0 * abs(b.x) * r2 + 5.0 * abs(b.y) * r2 * r2 + 6.0 * (abs(b.z) + abs(b.w)) * sqrt(r2);
   }
 #endif
-  position = image_from_ray(k, u);
+  error *= growth;
+#endif
+  position = image_position(k, u.xy);
   error = lens.xy * error + 2e-7 * (rounding_of_lens * abs(position - lens.zw) + abs(lens.zw));
   vec2 last = image.xy - 0.5;
   if (!allow_outside) {
@@ -512,13 +528,13 @@ uint level_of(int surface, ivec2 at) {
 // Projects a node into camera k. Returns true if the camera sees the node.
 bool sees(int k, vec2 d, float level, out vec2 position) {
   vec3 x = camera_point(k, d, (level - FACE(0).w) * map_scale.z);
-  vec2 u = x.xy / x.z;
+  vec3 u = undistorted(k, x);
   vec4 image = corner(k, CORNER_IMAGE);
-  position = image_from_ray(k, u);
-  bool is_before_eye = x.z > 0.0 && (map_scale.y + level * map_scale.z) * map_scale.w < 1.0;
+  position = image_position(k, u.xy);
+  bool is_before_eye = (x.z > 0.0 || is_fisheye(k)) && (map_scale.y + level * map_scale.z) * map_scale.w < 1.0;
   bool seen = is_before_eye && (int(corner(k, CORNER_ALONG).w) & HAS_IMAGE) != 0;
 #ifdef DISTORTED
-  seen = seen && dot(u, u) <= image.z;
+  seen = seen && u.z <= image.z;
 #endif
   return seen && all(greaterThanEqual(position, vec2(-0.5))) && all(lessThanEqual(position, image.xy - 0.5));
 }

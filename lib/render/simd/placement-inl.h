@@ -52,9 +52,9 @@ inline void project_nodes(const Slot& slot, int y, SlotBand& out) {
   const Projection projection(slot, terms);
   const size_t lanes = hn::Lanes(d), nodes = static_cast<size_t>(out.pitch) * kBandRows;
   for (size_t i = 0; i < nodes; i += lanes) {
-    hn::Vec<decltype(d)> px, py, z, r2;
-    projection.project(d, hn::LoadU(d, out.columns.data() + i), hn::LoadU(d, out.rows.data() + i), px, py, z, r2);
-    const auto seen = hn::And(hn::Gt(z, hn::Zero(d)), hn::Le(r2, hn::Set(d, slot.distortion.max_r2)));
+    hn::Vec<decltype(d)> px, py, z, reach;
+    projection.project(d, hn::LoadU(d, out.columns.data() + i), hn::LoadU(d, out.rows.data() + i), px, py, z, reach);
+    const auto seen = hn::And(hn::Gt(z, hn::Zero(d)), hn::Le(reach, hn::Set(d, slot.distortion.limit)));
     hn::StoreU(hn::IfThenElse(seen, px, hn::NaN(d)), d, out.luma.node_x.data() + i);
     hn::StoreU(hn::IfThenElse(seen, py, hn::NaN(d)), d, out.luma.node_y.data() + i);
     hn::StoreU(z, d, out.node_z.data() + i);
@@ -229,10 +229,10 @@ inline void set_interior_rows(PixelFamily family, Slot& slot) {
   for (int j = 0; j < rows; j++) {
     auto all = hn::Eq(set(0), set(0));
     for (int i = 0; i < columns; i += static_cast<int>(hn::Lanes(d))) {
-      hn::Vec<decltype(d)> px, py, z, r2;
+      hn::Vec<decltype(d)> px, py, z, reach;
       const auto column = hn::Add(hn::Iota(d, 0.f), set(static_cast<float>(i)));
-      projection.project(d, hn::Mul(column, set(kBlock)), set(static_cast<float>(j * kBlock)), px, py, z, r2);
-      const auto good = hn::And(hn::Gt(z, set(1e-3f)), hn::Le(r2, set(0.9f * slot.distortion.max_r2)));
+      projection.project(d, hn::Mul(column, set(kBlock)), set(static_cast<float>(j * kBlock)), px, py, z, reach);
+      const auto good = hn::And(hn::Gt(z, set(1e-3f)), hn::Le(reach, set(0.9f * slot.distortion.limit)));
       all = hn::And(all, hn::Or(hn::Ge(column, set(static_cast<float>(columns))), good));
       hn::StoreU(px, d, &x[static_cast<size_t>(j) * pitch + i]);
       hn::StoreU(py, d, &y[static_cast<size_t>(j) * pitch + i]);

@@ -45,21 +45,22 @@ constexpr float bessel(float t) { return t * (t - 1) / 4; }
 // Projects pixels of a view into a camera's image, like CameraProjection::project() but in float and without the test
 // whether the camera sees the point. `terms` must be linearised near the pixels, so that rounding errors stay small.
 // Results are the position (x, y) in the image and, for the caller's test, the depth z up to a positive factor and the
-// squared radius r2 in undistorted normalised coordinates.
+// value `reach` that must not exceed Distortion::limit. For a fisheye lens, z is the distance instead; see
+// through_lens().
 struct Projection {
   Projection(const Slot& slot, const ProjectionTerms& terms) : slot(slot), terms(terms) {}
   // `i` and `j` are the columns and rows from the pixel around which the terms are linearised.
   template <class D, class V = hn::Vec<D>>
-  HWY_INLINE void project(D d, V i, V j, V& x, V& y, V& z, V& r2) const {
+  HWY_INLINE void project(D d, V i, V j, V& x, V& y, V& z, V& reach) const {
     const auto at = [&](int k) HWY_ATTR {
       return hn::MulAdd(i, hn::Set(d, terms.along[k]),
                         hn::MulAdd(j, hn::Set(d, terms.down[k]), hn::Set(d, terms.from[k])));
     };
-    finish(d, at(0), at(1), at(2), x, y, z, r2);
+    finish(d, at(0), at(1), at(2), x, y, z, reach);
   }
   // Projects through a focal map. `s` are the inverse distances. Sets z to 0 for points behind the eye.
   template <class D, class V = hn::Vec<D>>
-  HWY_INLINE void project(D d, V i, V j, V s, V& x, V& y, V& z, V& r2) const {
+  HWY_INLINE void project(D d, V i, V j, V s, V& x, V& y, V& z, V& reach) const {
     const auto more = hn::Sub(s, hn::Set(d, static_cast<float>(terms.near)));
     const auto at = [&](int k) HWY_ATTR {
       const auto base = hn::MulAdd(i, hn::Set(d, terms.along[k]),
@@ -69,18 +70,15 @@ struct Projection {
       return hn::MulAdd(more, per, base);
     };
     const auto before_eye = hn::NegMulAdd(s, hn::Set(d, slot.eye_distance), hn::Set(d, 1.f));
-    finish(d, at(0), at(1), hn::IfThenElseZero(hn::Gt(before_eye, hn::Set(d, 1e-6f)), at(2)), x, y, z, r2);
+    finish(d, at(0), at(1), at(2), x, y, z, reach);
+    z = hn::IfThenElseZero(hn::Gt(before_eye, hn::Set(d, 1e-6f)), z);
   }
   template <class D, class V = hn::Vec<D>>
-  HWY_INLINE void finish(D d, V x_camera, V y_camera, V z_camera, V& x, V& y, V& z, V& r2) const {
+  HWY_INLINE void finish(D d, V x_camera, V y_camera, V z_camera, V& x, V& y, V& z, V& reach) const {
     z = z_camera;
-    const auto inverse = hn::Div(hn::Set(d, 1.f), z);
-    const auto u = hn::Mul(x_camera, inverse), v = hn::Mul(y_camera, inverse);
-    auto du = u, dv = v;
-    r2 = slot.is_distorted ? lf::HWY_NAMESPACE::distort<true>(d, slot.distortion, du, dv)
-                           : hn::MulAdd(u, u, hn::Mul(v, v));
-    x = hn::MulAdd(du, hn::Set(d, slot.fx), hn::Set(d, slot.cx));
-    y = hn::MulAdd(dv, hn::Set(d, slot.fy), hn::Set(d, slot.cy));
+    reach = lf::HWY_NAMESPACE::through_lens<true>(d, slot.distortion, slot.is_distorted, x_camera, y_camera, z);
+    x = hn::MulAdd(x_camera, hn::Set(d, slot.fx), hn::Set(d, slot.cx));
+    y = hn::MulAdd(y_camera, hn::Set(d, slot.fy), hn::Set(d, slot.cy));
   }
   const Slot& slot;
   const ProjectionTerms& terms;
@@ -315,13 +313,13 @@ inline Visibility project_positions(const SumTask& task, const Slot& slot, const
   bool undecided = false, all = true;
   alignas(64) int16_t seen_weight[kBlock] = {}, missing_weight[kBlock] = {};
   for (size_t lane = 0; lane < kBlock; lane += hn::Lanes(d)) {
-    hn::Vec<decltype(d)> px, py, z, r2;
+    hn::Vec<decltype(d)> px, py, z, reach;
     const auto column = hn::Add(hn::Load(d, table.x + lane), set(x)), row = set(y);
     if (inverse)
-      projection.project(d, column, row, hn::LoadU(d, inverse + lane), px, py, z, r2);
+      projection.project(d, column, row, hn::LoadU(d, inverse + lane), px, py, z, reach);
     else
-      projection.project(d, column, row, px, py, z, r2);
-    const auto in_front = hn::And(hn::Gt(z, hn::Zero(d)), hn::Le(r2, set(slot.distortion.max_r2)));
+      projection.project(d, column, row, px, py, z, reach);
+    const auto in_front = hn::And(hn::Gt(z, hn::Zero(d)), hn::Le(reach, set(slot.distortion.limit)));
     if (weight) {
       // distance inside the image; negative outside
       const auto depth = hn::Min(hn::Min(hn::Add(px, set(0.5f)), hn::Sub(set(width - 0.5f), px)),
@@ -331,10 +329,10 @@ inline Visibility project_positions(const SumTask& task, const Slot& slot, const
       const auto seen = hn::And(in_front, hn::Gt(depth, hn::Zero(d)));
       // Near the eye's plane, the lens's fold and the border, float cannot decide, so these samples are computed in
       // double.
-      const auto to_fold = hn::Abs(hn::Sub(r2, set(slot.distortion.max_r2)));
-      const auto clear = hn::And(hn::Gt(hn::Abs(depth), set(kUndecided)),
-                                 hn::And(hn::Gt(hn::Abs(z), set(1e-3f)),
-                                         hn::Gt(to_fold, set(1e-3f * std::min(slot.distortion.max_r2, 1e3f)))));
+      const auto to_fold = hn::Abs(hn::Sub(reach, set(slot.distortion.limit)));
+      const auto clear = hn::And(
+          hn::Gt(hn::Abs(depth), set(kUndecided)),
+          hn::And(hn::Gt(hn::Abs(z), set(1e-3f)), hn::Gt(to_fold, set(1e-3f * std::min(slot.distortion.limit, 1e3f)))));
       undecided = undecided || !hn::AllFalse(d, hn::AndNot(clear, weighs));
       const auto w_seen = hn::IfThenElseZero(hn::RebindMask(di, seen), w);
       hn::Store(hn::DemoteTo(d16, w_seen), d16, seen_weight + lane);

@@ -43,9 +43,18 @@ void SurfaceBand::resize(int blocks) {
   interior_pairs.resize(halves / 2);
 }
 
+namespace {
+
+// Returns the factor that makes the depth 1, or for a fisheye lens the distance: its points may have any depth.
+double scale_of(const Slot& slot, const Vec3& start) {
+  return 1 / std::max(slot.distortion.fisheye ? glm::length(start) : std::abs(start.z), 1e-300);
+}
+
+}  // namespace
+
 ProjectionTerms terms_at(const Slot& slot, double x, double y) {
   const Vec3 start = slot.from_pixel * Vec3(x, y, 1);
-  const double scale = 1 / std::max(std::abs(start.z), 1e-300);
+  const double scale = scale_of(slot, start);
   ProjectionTerms terms;
   for (int k = 0; k < 3; k++) {
     terms.from[k] = static_cast<float>(start[k] * scale);
@@ -58,7 +67,7 @@ ProjectionTerms terms_at(const Slot& slot, double x, double y) {
 ProjectionTerms terms_at(const Slot& slot, double x, double y, double inverse) {
   const Vec3 per = slot.per_inverse * Vec3(x, y, 1);
   const Vec3 start = slot.from_pixel * Vec3(x, y, 1) + inverse * per;
-  const double scale = 1 / std::max(std::abs(start.z), 1e-300);
+  const double scale = scale_of(slot, start);
   ProjectionTerms terms{.near = inverse};
   for (int k = 0; k < 3; k++) {
     terms.from[k] = static_cast<float>(start[k] * scale);
@@ -126,6 +135,9 @@ Slot make_slot(const ViewPlan& plan, const Camera& camera, const Source& source,
   slot.rect = plan.camera_rect(source.camera);
   if (family == PixelFamily::kI420) slot.rect = chroma_aligned(slot.rect, plan.view());
   slot.projection = &projection;
+  const Lens& lens = camera.lens;
+  slot.distortion = lens.distortion().as<float>();
+  slot.distortion.limit = static_cast<float>(std::min(lens.distortion().limit * (1 - 1e-6), 1e30));
   if (plan.rays().separable()) {
     slot.from_pixel = from_pixel(projection.camera_from_ray(), plan.rays());
     if (projection.has_map()) slot.per_inverse = from_pixel(projection.per_inverse(), plan.rays());
@@ -135,13 +147,10 @@ Slot make_slot(const ViewPlan& plan, const Camera& camera, const Source& source,
     slot.terms = terms_at(slot, x, y, plan.inverse_at(x, y));
   }
   slot.eye_distance = static_cast<float>(plan.eye_distance());
-  const Lens& lens = camera.lens;
   slot.fx = static_cast<float>(lens.fx());
   slot.fy = static_cast<float>(lens.fy());
   slot.cx = static_cast<float>(lens.cx());
   slot.cy = static_cast<float>(lens.cy());
-  slot.distortion = lens.distortion().as<float>();
-  slot.distortion.max_r2 = static_cast<float>(std::min(lens.distortion().max_r2 * (1 - 1e-6), 1e30));
   slot.is_distorted = lens.has_distortion();
   if (slot.distortion.is_general) measure_steepness(camera, slot);
   search_interior_rows(plan, family, slot);

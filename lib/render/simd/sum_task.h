@@ -41,18 +41,18 @@ struct ProjectionTerms {
 
 // Bounds of the derivatives of a position in the image, in focal lengths, by (u, v), or for a fisheye lens by the
 // direction of the point. A point on a straight line then moves on a great circle with angular velocity w and relative
-// change e of its distance: w' = -2 e w and w'' = 6 e^2 w - 2 w^3. The first three derivatives of (u, v) atan(r) / r
-// along a great circle are at most pi/2.
+// change e of its distance: w' = -2 e w and w'' = 6 e^2 w - 2 w^3. The first three derivatives of (a, b) along a great
+// circle are largest at the end of the field (kFisheyeFieldDegrees).
 struct Bends {
   Bends(const Lens::Steepness& of, bool fisheye)
       : first(static_cast<float>(of.first)),
         second(static_cast<float>(of.second)),
         third(static_cast<float>(of.third)) {
     if (!fisheye) return;
-    constexpr float kMost = 1.5708f;
-    third = kMost * (kMost * (kMost * third + 3 * second) + 3 * first);
-    second = kMost * (kMost * second + first);
-    first *= kMost;
+    constexpr float kFirst = 1.665f, kSecond = 1.759f, kThird = 1.967f;
+    third = kFirst * (kFirst * kFirst * third + 3 * kSecond * second) + (kThird + 2 * kFirst) * first;
+    second = kFirst * kFirst * second + kSecond * first;
+    first *= kFirst;
   }
   float first, second, third;
 };
@@ -61,10 +61,10 @@ struct Bends {
 // their weight counts as missing.
 struct Slot {
   CameraIndex camera = 0;
-  ImageView image;  // if its family is kNone, all weight is missing
+  ImageView image;                             // if its family is kNone, all weight is missing
   const VisibilityMask* visibility = nullptr;  // reduces the weights, see Source; may be null
   const DepthEdges* edges = nullptr;           // may be null
-  Rect rect;        // bounds the pixels with a weight of the camera; x0 and y0 are even
+  Rect rect;                                   // bounds the pixels with a weight of the camera; x0 and y0 are even
   // For RGB images, shuffle indices. `pixel_pairs` selects from two groups of eight bytes, each with a pixel and its
   // right neighbour. It selects R of the pixel, R of the neighbour, then G and B in the same way. The first indices are
   // 0 3 1 4 2 5 if pixels have three bytes.
@@ -78,7 +78,7 @@ struct Slot {
   ProjectionTerms terms;   // with a focal map: at the first pixel of the first block and band of `rect`
   float eye_distance = 0;  // see ViewPlan
   float fx = 0, fy = 0, cx = 0, cy = 0;
-  Distortion<float> distortion;  // max_r2 is slightly less than in the lens, so that rounding does not cross the fold
+  Distortion<float> distortion;  // limit is slightly less than in the lens, so that rounding does not cross the fold
   bool is_distorted = false;
   Lens::Steepness steepness;  // in the image; only for lenses with Distortion::is_general
   // Longest block, in pixels of the image, where the third differences of positions bound the interpolation error.
@@ -198,8 +198,8 @@ struct SlotBand {
   int pitch = 0;                     // blocks + 3 nodes
   std::vector<float> columns, rows;  // positions of the nodes for this pitch, in pixels from the first node
   std::vector<float> node_z;
-  PlanePositions luma, chroma;   // `luma` also has the positions of RGB
-  std::vector<int32_t> method;   // SampleMethod of pair p of block b at p * method_pitch + b
+  PlanePositions luma, chroma;  // `luma` also has the positions of RGB
+  std::vector<int32_t> method;  // SampleMethod of pair p of block b at p * method_pitch + b
   int method_pitch = 0;
   SurfaceBand surface;  // positions with a focal map, instead of the above
   // Bit p is set if the method of pair p of a block is kShuffle. May be incomplete.

@@ -30,7 +30,7 @@ struct RandomRays {
     projection.distortion.k = {-0.1f, 0.01f};
     projection.distortion.p1 = projection.distortion.p2 = 1e-3f;
     projection.distortion.is_tangential = true;
-    projection.distortion.max_r2 = 0.3f;
+    projection.distortion.limit = 0.3f;
     projection.width = kWidth;
     projection.height = kHeight;
     projection.per_level = 1 / 255.f;

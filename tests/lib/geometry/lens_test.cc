@@ -10,11 +10,12 @@ namespace lf {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kFisheyeField = kFisheyeFieldDegrees * M_PI / 180;
 
 struct Case {
   const char* what;
   Lens lens;
-  double max_radius;  // largest valid radius, computed by hand
+  double max_radius;  // largest valid length of (a, b), computed by hand
   double reach;       // undistorted radius limit of the round-trip test
 };
 
@@ -39,31 +40,36 @@ std::vector<Case> cases() {
       {"pole", Lens(kFullOpenCv, {500, 480, 320, 240, 0, 0, 0, 0, 0, -1, 0, 0}), std::sqrt(1 - 1e-9), 0.99},
       {"all rational terms", Lens(kFullOpenCv, {500, 480, 320, 240, 0.5, -0.1, 1e-3, -2e-3, 0.02, 0.4, 0.05, 0.01}),
        kInfinity, 1.5},
-      {"equidistant", Lens(kOpenCvFisheye, {200, 190, 320, 240, 0, 0, 0, 0}), Lens::kFisheyeRadius, 100},
-      {"fisheye", Lens(kOpenCvFisheye, {200, 190, 320, 240, 0.03, -0.01, 0.003, -3e-4}), Lens::kFisheyeRadius, 100},
-      {"fisheye that folds", Lens(kSimpleRadialFisheye, {200, 320, 240, -0.3}), std::tan(std::sqrt(1 / 0.9)), 1.75},
-      {"radial fisheye", Lens(kRadialFisheye, {200, 320, 240, -0.05, 0.01}), Lens::kFisheyeRadius, 100},
+      {"equidistant", Lens(kOpenCvFisheye, {200, 190, 320, 240, 0, 0, 0, 0}), kFisheyeField, 100},
+      {"fisheye", Lens(kOpenCvFisheye, {200, 190, 320, 240, 0.03, -0.01, 0.003, -3e-4}), kFisheyeField, 100},
+      {"fisheye that folds", Lens(kSimpleRadialFisheye, {200, 320, 240, -0.3}), std::sqrt(1 / 0.9), 1.75},
+      {"radial fisheye", Lens(kRadialFisheye, {200, 320, 240, -0.05, 0.01}), kFisheyeField, 100},
       {"thin prism", Lens(kThinPrismFisheye, {200, 190, 320, 240, 0.03, -0.01, 2e-3, -1e-3, 3e-3, 1e-4, 5e-3, -4e-3}),
-       Lens::kFisheyeRadius, 50},
+       kFisheyeField, 50},
   };
 }
 
 TEST(Lens, FoldRadiusIsWhereRadialDistortionStopsGrowing) {
   for (const Case& c : cases()) {
     SCOPED_TRACE(c.what);
+    EXPECT_EQ(c.lens.folds(), c.max_radius < (c.lens.distortion().fisheye ? kFisheyeField : kInfinity));
     if (std::isinf(c.max_radius)) {
-      EXPECT_EQ(c.lens.max_radius(), kInfinity);
+      EXPECT_EQ(c.lens.max_length(), kInfinity);
       continue;
     }
-    EXPECT_NEAR(c.lens.max_radius(), c.max_radius, 1e-12);
+    EXPECT_NEAR(c.lens.max_length(), c.max_radius, 1e-12);
     if (c.lens.distortion().is_prism) continue;  // these terms move the edge
-    EXPECT_TRUE(c.lens.distort({c.max_radius * (1 - 1e-9), 0}));
-    EXPECT_FALSE(c.lens.distort({0, c.max_radius * (1 + 1e-9)}));
+    const bool fisheye = c.lens.distortion().fisheye;
+    const auto pixel_at = [&](double length) {
+      return c.lens.project(fisheye ? Vec3(std::sin(length), 0, std::cos(length)) : Vec3(length, 0, 1));
+    };
+    EXPECT_TRUE(pixel_at(c.max_radius * (1 - 1e-9)));
+    EXPECT_FALSE(pixel_at(c.max_radius * (1 + 1e-9)));
     // No ray projects beyond the image of the fold.
-    const double edge = c.lens.distort({c.max_radius * (1 - 1e-12), 0})->x;
-    EXPECT_TRUE(c.lens.undistort({edge * (1 - 1e-9), 0}));
+    const double edge = pixel_at(c.max_radius * (1 - 1e-12))->x - c.lens.cx();
+    EXPECT_TRUE(c.lens.direction({c.lens.cx() + edge * (1 - 1e-9), c.lens.cy()}));
     if (edge > 1e6) continue;  // a pole
-    EXPECT_FALSE(c.lens.undistort({edge * (1 + 1e-9), 0}));
+    EXPECT_FALSE(c.lens.direction({c.lens.cx() + edge * (1 + 1e-9), c.lens.cy()}));
   }
 }
 
@@ -98,7 +104,7 @@ TEST(Lens, StepsAreBoundedAndCounted) {
     ASSERT_TRUE(!ray || std::isfinite(ray->x + ray->y));
     const std::optional<Vec2> place = lens.distort({any(), any()});
     ASSERT_FALSE(place && std::isnan(place->x + place->y));
-    ASSERT_GE(lens.max_radius(), 0);
+    ASSERT_GE(lens.max_length(), 0);
     ASSERT_GE(lens.steepness(std::abs(any())).least, 0);
   }
   // Products of such coefficients overflow.
@@ -213,11 +219,15 @@ TEST(Lens, FisheyeWithoutDistortionIsEquidistant) {
   using enum LensModel;
   const Lens ideal(kOpenCvFisheye, {100, 100, 320, 240});
   EXPECT_TRUE(ideal.has_distortion());
-  for (const double degrees : {0.0, 1e-9, 1.0, 30.0, 60.0, 89.0, 89.9, 89.9999}) {
+  for (const double degrees : {0.0, 1e-9, 1.0, 30.0, 60.0, 89.0, 89.9, 89.9999, 90.0, 90.0001, 93.0, 94.9999}) {
     const double angle = degrees * M_PI / 180;
-    const Vec2 pixel = ideal.project(Vec3(0.6 * std::sin(angle), -0.8 * std::sin(angle), std::cos(angle))).value();
+    const Vec3 ray(0.6 * std::sin(angle), -0.8 * std::sin(angle), std::cos(angle));
+    const Vec2 pixel = ideal.project(3.0 * ray).value();
     EXPECT_NEAR(pixel.x, 320 + 60 * angle, 1e-9);
     EXPECT_NEAR(pixel.y, 240 - 80 * angle, 1e-9);
+    EXPECT_LE(glm::length(ideal.direction(pixel).value() - ray), 1e-12);
+    ASSERT_EQ(ideal.unproject(pixel).has_value(), degrees < 90);
+    if (degrees >= 90) continue;
     EXPECT_NEAR(std::atan(glm::length(ideal.unproject(pixel).value())), angle, 1e-12);
   }
   for (const Lens& same : {Lens(kSimpleRadialFisheye, {100, 320, 240}), Lens(kRadialFisheye, {100, 320, 240}),
@@ -228,25 +238,47 @@ TEST(Lens, FisheyeWithoutDistortionIsEquidistant) {
             Lens::pinhole(100, 320, 240).project({1, 2, 1}));
 }
 
-// The circle of a fisheye image that is larger than its field of view: pixels beyond 90 degrees are outside.
-TEST(Lens, PixelsBeyondNinetyDegreesHaveNoRay) {
-  const Lens lens(LensModel::kOpenCvFisheye, {100, 100, 199.5, 149.5, 0.01, 0, 0, 0});
-  const double edge = 100 * (M_PI / 2 + 0.01 * std::pow(M_PI / 2, 3));
+// The circle of a fisheye image that is larger than its field of view: pixels beyond 95 degrees have no direction, and
+// pixels beyond 90 degrees no ray (u, v, 1).
+TEST(Lens, FisheyeFieldEndsAt95Degrees) {
+  const Lens lens(LensModel::kOpenCvFisheye, {90, 90, 199.5, 149.5, 0.01, 0, 0, 0});
+  const auto radius_of = [](double angle) { return 90 * (angle + 0.01 * std::pow(angle, 3)); };
+  const double edge = radius_of(M_PI / 2), end = radius_of(kFisheyeField);
   int inside = 0;
   for (int y = 0; y < 300; y++)
     for (int x = 0; x < 400; x++) {
       const double radius = std::hypot(x - 199.5, y - 149.5);
       const std::optional<Vec2> ray = lens.unproject({x, y});
       ASSERT_EQ(ray.has_value(), radius < edge) << x << ", " << y;
-      inside += ray.has_value();
-      ASSERT_LE(ray ? glm::length(*ray) : 0, Lens::kFisheyeRadius);
+      ASSERT_LE(ray ? glm::length(*ray) : 0, Lens::kMaxSlope);
+      const std::optional<Vec3> direction = lens.direction({x, y});
+      ASSERT_EQ(direction.has_value(), radius < end) << x << ", " << y;
+      inside += direction.has_value();
+      if (!direction) continue;
+      ASSERT_NEAR(glm::length(*direction), 1, 1e-15);
+      ASSERT_LE(glm::length(lens.project(*direction).value() - Vec2(x, y)), 1e-10);
     }
   EXPECT_GT(inside, 70'000);
-  EXPECT_FALSE(lens.project({1, 0, 0}));
-  EXPECT_FALSE(lens.project({1, 0, -1}));
-  EXPECT_FALSE(lens.project({1, 0, 1e-7}));
-  EXPECT_FALSE(lens.project({0, 0, -1}));
-  EXPECT_TRUE(lens.project({1, 0, 1e-5}));
+  const double t = std::tan(5 * M_PI / 180);  // of the angle behind the plane Z = 0
+  for (const auto& [point, seen] : std::initializer_list<std::pair<Vec3, bool>>{{{1, 0, 0}, true},
+                                                                                {{1, 0, 1e-7}, true},
+                                                                                {{0, -1e-3, -0.999e-3 * t}, true},
+                                                                                {{0, -1e9, -1.001e9 * t}, false},
+                                                                                {{1, 0, -1}, false},
+                                                                                {{0, 0, -1}, false},
+                                                                                {{0, 0, 0}, false},
+                                                                                {{std::nan(""), 0, 1}, false},
+                                                                                {{0, 1, std::nan("")}, false}})
+    EXPECT_EQ(lens.project(point).has_value(), seen) << point.x << " " << point.y << " " << point.z;
+  // A lens that folds behind the plane Z = 0: 1 = 3 |k1| angle^2.
+  const double fold = 93 * M_PI / 180;
+  const Lens folding(LensModel::kSimpleRadialFisheye, {100, 0, 0, -1 / (3 * fold * fold)});
+  EXPECT_TRUE(folding.folds());
+  EXPECT_NEAR(folding.max_length(), fold, 1e-12);
+  for (const double sign : {-1, 1}) {
+    const double angle = fold + sign * 1e-9;
+    EXPECT_EQ(folding.project({std::sin(angle), 0, std::cos(angle)}).has_value(), sign < 0);
+  }
 }
 
 // Derivatives of the distorted coordinates, by differences along random lines.

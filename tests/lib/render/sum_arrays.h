@@ -63,7 +63,7 @@ inline Rig jittered_array(reference::Random& random, int side, int width, int he
   return rig;
 }
 
-// One lens of each model beyond OPENCV; one fisheye image is larger than its field of view of 180 degrees.
+// One lens of each model beyond OPENCV; one fisheye image is larger than its field of view of 190 degrees.
 inline std::vector<Lens> lenses_beyond_opencv(int width, int height) {
   using enum LensModel;
   const double w = width, cx = (width - 1) / 2.0 + 1.5, cy = (height - 1) / 2.0 - 2.25;
