@@ -21,11 +21,21 @@ namespace {
 
 constexpr int kSizes[][2] = {{320, 240}, {640, 480}, {1280, 720}, {1920, 1080}, {3840, 2160}};
 
+// kWide and kWideFisheye: fields of 103 and 143 degrees along a row, and a view of 103 degrees.
+enum class Lenses { kPinhole, kRadial, kFisheye, kWide, kWideFisheye };
+
 struct Scene {
-  Scene(int side, int width, int height, bool distorted, PixelFamily family) {
+  Scene(int side, int width, int height, Lenses lenses, PixelFamily family) {
     reference::Random random(1);
-    const double f = 1.25 * width;
-    rig = test::jittered_array(random, side, width, height, distorted ? -0.15 : 0, 0.4 / (side - 1));
+    const double f = (lenses < Lenses::kWide ? 1.25 : 0.4) * width;
+    rig = test::jittered_array(random, side, width, height, lenses == Lenses::kRadial ? -0.15 : 0, 0.4 / (side - 1));
+    for (Camera& camera : rig.cameras) {
+      const std::array<double, Lens::kMaxParams> params = {f, f, camera.lens.cx(), camera.lens.cy(), -0.02, 0.002};
+      if (lenses == Lenses::kFisheye || lenses == Lenses::kWideFisheye)
+        camera.lens = Lens(LensModel::kOpenCvFisheye, params);
+      else if (lenses == Lenses::kWide)
+        camera.lens = Lens(LensModel::kOpenCv, params);
+    }
     mesh = build_mesh(rig);
     const Image rgb = reference::smooth_image(random, width, height);
     images.assign(rig.cameras.size(), family == PixelFamily::kI420 ? to_i420(rgb) : rgb);
@@ -104,26 +114,36 @@ void time_sum(benchmark::State& state, Scene& scene, PixelFamily family, Coordin
   if (gpu) state.counters["drawn_ns_per_pixel"] = drawn_ns / static_cast<double>(pixels);
 }
 
-void Sum(benchmark::State& state, PixelFamily family, bool distorted, Coordinates coordinates, bool surface = false,
+void Sum(benchmark::State& state, PixelFamily family, Lenses lenses, Coordinates coordinates, bool surface = false,
          gl::GlesRenderer* gpu = nullptr) {
   const auto& size = kSizes[state.range(0)];
-  Scene scene(static_cast<int>(state.range(1)), size[0], size[1], distorted, family);
+  Scene scene(static_cast<int>(state.range(1)), size[0], size[1], lenses, family);
   time_sum(state, scene, family, coordinates, surface, gpu);
 }
-BENCHMARK_CAPTURE(Sum, i420_grid, PixelFamily::kI420, true, Coordinates::kGrid)
+BENCHMARK_CAPTURE(Sum, i420_grid, PixelFamily::kI420, Lenses::kRadial, Coordinates::kGrid)
     ->ArgsProduct({{0, 1, 2, 3}, {4, 8, 16}});
-BENCHMARK_CAPTURE(Sum, i420_undistorted, PixelFamily::kI420, false, Coordinates::kGrid)->ArgsProduct({{0, 3}, {8}});
-BENCHMARK_CAPTURE(Sum, i420_exact, PixelFamily::kI420, true, Coordinates::kExact)->ArgsProduct({{0, 3}, {8}});
-BENCHMARK_CAPTURE(Sum, rgb_grid, PixelFamily::kRgb, true, Coordinates::kGrid)->ArgsProduct({{0, 3}, {8}});
-BENCHMARK_CAPTURE(Sum, i420_surface, PixelFamily::kI420, true, Coordinates::kGrid, true)->ArgsProduct({{0, 1, 3}, {8}});
-BENCHMARK_CAPTURE(Sum, rgb_surface, PixelFamily::kRgb, true, Coordinates::kGrid, true)->ArgsProduct({{0, 1, 3}, {8}});
+BENCHMARK_CAPTURE(Sum, i420_undistorted, PixelFamily::kI420, Lenses::kPinhole, Coordinates::kGrid)
+    ->ArgsProduct({{0, 3}, {8}});
+BENCHMARK_CAPTURE(Sum, i420_exact, PixelFamily::kI420, Lenses::kRadial, Coordinates::kExact)
+    ->ArgsProduct({{0, 3}, {8}});
+BENCHMARK_CAPTURE(Sum, rgb_grid, PixelFamily::kRgb, Lenses::kRadial, Coordinates::kGrid)->ArgsProduct({{0, 3}, {8}});
+BENCHMARK_CAPTURE(Sum, i420_surface, PixelFamily::kI420, Lenses::kRadial, Coordinates::kGrid, true)
+    ->ArgsProduct({{0, 1, 3}, {8}});
+BENCHMARK_CAPTURE(Sum, i420_surface_fisheye, PixelFamily::kI420, Lenses::kFisheye, Coordinates::kGrid, true)
+    ->ArgsProduct({{1}, {8}});
+BENCHMARK_CAPTURE(Sum, i420_surface_wide, PixelFamily::kI420, Lenses::kWide, Coordinates::kGrid, true)
+    ->ArgsProduct({{1}, {8}});
+BENCHMARK_CAPTURE(Sum, i420_surface_wide_fisheye, PixelFamily::kI420, Lenses::kWideFisheye, Coordinates::kGrid, true)
+    ->ArgsProduct({{1}, {8}});
+BENCHMARK_CAPTURE(Sum, rgb_surface, PixelFamily::kRgb, Lenses::kRadial, Coordinates::kGrid, true)
+    ->ArgsProduct({{0, 1, 3}, {8}});
 
 // On a GPU or a software renderer, including the upload of images and the download of sums.
 void UploadedSum(benchmark::State& state, PixelFamily family, bool surface) {
   static std::string why;
   static const auto gpu = gl::GlesRenderer::create(gl::Context::Drivers::kAny, why);
   if (!gpu) return state.SkipWithError(why.c_str());
-  Sum(state, family, true, Coordinates::kGrid, surface, gpu.get());
+  Sum(state, family, Lenses::kRadial, Coordinates::kGrid, surface, gpu.get());
 }
 BENCHMARK_CAPTURE(UploadedSum, i420_plane, PixelFamily::kI420, false)
     ->ArgsProduct({{0, 1, 2, 3, 4}, {8}})
@@ -174,7 +194,7 @@ void StayedSum(benchmark::State& state) {
   static const std::shared_ptr<gl::GlesRenderer> gpu = gl::GlesRenderer::create(gl::Context::Drivers::kAny, why);
   if (!gpu) return state.SkipWithError(why.c_str());
   const auto& size = kSizes[state.range(0)];
-  Scene scene(8, size[0], size[1], true, PixelFamily::kI420);
+  Scene scene(8, size[0], size[1], Lenses::kRadial, PixelFamily::kI420);
   scene.view.focus.map = room_depths(scene.view);
   const ViewPlan plan(scene.rig, scene.mesh, scene.view);
   const FaceRuns runs(plan, {0, 0, scene.view.width, scene.view.height});
@@ -197,7 +217,7 @@ void time_set(benchmark::State& state, bool stays) {
   static const std::shared_ptr<gl::GlesRenderer> gpu = gl::GlesRenderer::create(gl::Context::Drivers::kAny, why);
   if (!gpu) return state.SkipWithError(why.c_str());
   constexpr int kColumns = 9, kRows = 5, kViews = kColumns * kRows, kSide = 512;
-  Scene scene(8, kSide, kSide, true, PixelFamily::kI420);
+  Scene scene(8, kSide, kSide, Lenses::kRadial, PixelFamily::kI420);
   struct Eye {
     Eye(const Scene& scene, const View& view)
         : plan(scene.rig, scene.mesh, view), runs(plan, {0, 0, kSide, kSide}), sources(scene.sources(plan)) {}
