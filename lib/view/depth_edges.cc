@@ -20,14 +20,20 @@ std::array<double, 4> corners_of(const FocalMap& map, int i, int j) {
 }  // namespace
 
 DepthEdges::DepthEdges(const FocalMap& map, double apart) : columns(map.columns + 1), rows(map.rows + 1) {
-  index.assign(static_cast<size_t>(columns) * rows, -1);
-  const double levels_apart = apart / (map.nearest - map.farthest) * FocalMap::kLevels;
+  // A request cannot cause more memory: 64 bytes for each cell, and 16 bytes for each cell and camera.
+  constexpr int32_t kMaxCells = 1 << 17;
   int32_t count = 0;
-  for (int j = 0; j < rows; j++)
-    for (int i = 0; i < columns; i++) {
-      const auto [least, largest] = std::ranges::minmax(corners_of(map, i, j));
-      if (largest - least > levels_apart) index[static_cast<size_t>(j) * columns + i] = count++;
-    }
+  do {
+    index.assign(static_cast<size_t>(columns) * rows, -1);
+    count = 0;
+    const double levels_apart = apart / (map.nearest - map.farthest) * FocalMap::kLevels;
+    for (int j = 0; j < rows; j++)
+      for (int i = 0; i < columns; i++) {
+        const auto [least, largest] = std::ranges::minmax(corners_of(map, i, j));
+        if (largest - least > levels_apart) index[static_cast<size_t>(j) * columns + i] = count++;
+      }
+    apart = std::max(2 * apart, (map.nearest - map.farthest) / FocalMap::kLevels);
+  } while (count > kMaxCells);
   cells.resize(static_cast<size_t>(count));
 }
 

@@ -20,8 +20,8 @@ struct DepthEdges {
   using Cell = std::array<float, kPixels>;  // inverse distances of the pixels, row by row, as in the focal map
 
   DepthEdges() = default;
-  // Finds the cells whose corners differ by more than `apart` in inverse distance, in 1/m. The depths of their pixels
-  // are 0. The nodes of the map must be kMinStep pixels apart.
+  // Finds the cells whose corners differ by more than `apart` in inverse distance, in 1/m, or by more if there are too
+  // many. The depths of their pixels are 0. The nodes of the map must be kMinStep pixels apart.
   DepthEdges(const FocalMap& map, double apart);
 
   // Cell (i, j) lies between the columns i - 1 and i and the rows j - 1 and j of the nodes. The outer cells lie between

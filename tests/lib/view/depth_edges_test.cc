@@ -26,6 +26,18 @@ TEST(DepthEdges, AreWhereTheCornersAreApart) {
   EXPECT_TRUE(DepthEdges(map_of({10, 12, 50, 10, 10, 10}), 40).cells.empty());
 }
 
+TEST(DepthEdges, AreLimitedInNumber) {
+  FocalMap map = FocalMap::for_view(2400, 2400);
+  map.farthest = 0;
+  map.nearest = 255;
+  for (int j = 0; j < map.rows; j++)
+    for (int i = 0; i < map.columns; i++)  // small edges everywhere, and a large edge in the middle
+      map.levels.push_back(static_cast<uint8_t>(10 * ((i + j) % 2) + (i < map.columns / 2 ? 0 : 100)));
+  const DepthEdges edges(map, 0);
+  EXPECT_EQ(edges.cells.size(), static_cast<size_t>(edges.rows));
+  for (int j = 0; j < edges.rows; j++) EXPECT_GE(edges.index_of(map.columns / 2, j), 0);
+}
+
 TEST(DepthEdges, EachPixelBelongsToOneCell) {
   const DepthEdges edges(map_of({0, 0, 0, 0, 0, 0}), 1);
   std::vector<int> seen(12 * 8);
