@@ -253,11 +253,13 @@ class ArrayDepth::DepthAgreement {
 
   DepthAgreement(const View& view, std::vector<WeightedCamera> cameras, const DepthSweep& range)
       : cameras_(std::move(cameras)), camera_step_(static_cast<float>(range.step())) {
+    const Mat3 to_world = view.pose.rotation();
     for (const auto& [camera, weight] : cameras_) {
       const MatchingImage& image = camera->image;
       const Mat3 to_camera = glm::transpose(image.pose.rotation());
       const Mat3 to_image = Mat3(image.focal, 0, 0, 0, image.focal, 0, image.centre.x, image.centre.y, 1) * to_camera;
       projections_.push_back({to_image, to_image * (view.pose.position - image.pose.position)});
+      from_view_.emplace_back(to_image * to_world);
     }
   }
 
@@ -275,7 +277,6 @@ class ArrayDepth::DepthAgreement {
   // Returns the agreement of the cameras at an inverse depth along the view's axis, 0 to 1, or nothing if no camera
   // sees the point. Agreement of a small part of the cameras is not reliable, and counts less.
   std::optional<float> at(const Line& far, double inverse) const {
-    constexpr float kMinConfidence = 0.05f;
     float agreeing = 0, seeing = 0, present = 0;
     for (size_t k = 0; k < cameras_.size(); k++) {
       const auto& [camera, weight] = cameras_[k];
@@ -295,7 +296,40 @@ class ArrayDepth::DepthAgreement {
     return agreeing / seeing * std::min(1.f, seeing / (0.1f * present));
   }
 
+  // Does the same for the pixels of a cell, in float. The lines of sight are (u, v, 1) in coordinates of the view. The
+  // agreement is 0 where no camera sees the point.
+  DepthEdges::Cell at(const DepthEdges::Cell& u, const DepthEdges::Cell& v, const DepthEdges::Cell& inverse) const {
+    DepthEdges::Cell agreeing{}, seeing{}, present{};
+    const float per_step = 1 / camera_step_;
+    for (size_t k = 0; k < cameras_.size(); k++) {
+      const auto& [camera, weight] = cameras_[k];
+      const glm::mat3& far = from_view_[k];
+      const glm::vec3 parallax(projections_[k].parallax);
+      const auto width = static_cast<float>(camera->image.width), height = static_cast<float>(camera->image.height);
+      const int columns = camera->image.width;
+      const float* const measured = camera->depth.inverse.data();
+      const float* const confidence = camera->depth.confidence.data();
+      const float of_camera = weight;
+      for (size_t i = 0; i < u.size(); i++) {
+        const float per_z = 1 / (far[0].z * u[i] + far[1].z * v[i] + far[2].z + inverse[i] * parallax.z);
+        const float x = (far[0].x * u[i] + far[1].x * v[i] + far[2].x + inverse[i] * parallax.x) * per_z + 0.5f;
+        const float y = (far[0].y * u[i] + far[1].y * v[i] + far[2].y + inverse[i] * parallax.y) * per_z + 0.5f;
+        if (!(per_z > 0 && x >= 0 && y >= 0 && x < width && y < height)) continue;
+        const int pixel = static_cast<int>(y) * columns + static_cast<int>(x);
+        const float behind = (inverse[i] * per_z - measured[pixel]) * per_step;
+        const float trust = of_camera * std::max(kMinConfidence, confidence[pixel]);
+        present[i] += of_camera;
+        agreeing[i] += trust * std::max(0.f, 1 - std::abs(behind) / kTolerance);
+        seeing[i] += behind > -kTolerance ? trust : 0;
+      }
+    }
+    for (size_t i = 0; i < u.size(); i++)
+      agreeing[i] = seeing[i] > 0 ? agreeing[i] / seeing[i] * std::min(1.f, seeing[i] / (0.1f * present[i])) : 0;
+    return agreeing;
+  }
+
  private:
+  static constexpr float kMinConfidence = 0.05f;
   const std::vector<WeightedCamera> cameras_;
   const float camera_step_;  // 1/m
   // Of each camera: a line of sight at the inverse depth d falls on (p.x / p.z, p.y / p.z) with p = to_image * line + d
@@ -305,6 +339,7 @@ class ArrayDepth::DepthAgreement {
     Vec3 parallax;
   };
   std::vector<Projection> projections_;
+  std::vector<glm::mat3> from_view_;  // to_image for lines in coordinates of the view
 };
 
 // Finds the points of one view's surface. Only depths that one of the cameras has measured near a line of sight are
@@ -549,31 +584,39 @@ std::optional<VisibilityMask> ArrayDepth::visibility(const View& view, CameraInd
 
 DepthEdges ArrayDepth::edges(const View& view, const ParallelFor& parallel) const {
   // Corners are on different surfaces if their depths differ by more than this number of steps of the range.
-  constexpr double kApart = 2;
+  constexpr double kApart = 4;
   const FocalMap& map = *view.focus.map;
   DepthEdges out(map, kApart * range_.step());
-  const DepthAgreement agreement(view, cameras_around(view.pose.position), range_);
-  const Mat3 to_world = view.pose.rotation();
-  const double eye = map.from.signed_distance(view.pose.position);
+  std::vector<WeightedCamera> cameras = cameras_around(view.pose.position);
+  cameras.resize(std::min<size_t>(cameras.size(), kEdgeCameras));
+  const DepthAgreement agreement(view, std::move(cameras), range_);
+  const glm::vec3 normal(glm::transpose(view.pose.rotation()) * map.from.normal);
+  const auto eye = static_cast<float>(map.from.signed_distance(view.pose.position));
+  const LinesOfSight lines(view.lens);
   parallel(static_cast<size_t>(out.rows), [&](size_t j) {
     for (int i = 0; i < out.columns; i++) {
-      const int32_t cell = out.index_of(i, static_cast<int>(j));
-      if (cell < 0) continue;
+      const int32_t index = out.index_of(i, static_cast<int>(j));
+      if (index < 0) continue;
       const DepthEdges::Sides sides(map, i, static_cast<int>(j));
+      DepthEdges::Cell u, v, near, far, near_depth, far_depth;  // the depths are inverse, along the view's axis
       for (int k = 0; k < DepthEdges::kPixels; k++) {
         const auto [x, y] = DepthEdges::pixel_of(i, static_cast<int>(j), k);
-        const std::optional<Vec2> normalised = view.lens.unproject({x, y});
-        const Vec3 ray = to_world * (normalised ? Vec3(*normalised, 1) : Vec3(0, 0, 1));
-        const DepthAgreement::Line line = agreement.line(ray);
-        const double along = glm::dot(map.from.normal, ray);
-        const auto agreement_of = [&](double inverse) {
-          return agreement.at(line, inverse * along / (1 - inverse * eye)).value_or(0);
-        };
-        const auto [near, far] = sides.inverse_at(k);
-        const float of_near = agreement_of(near);
-        const bool is_near = of_near > DepthAgreement::kAccepted || of_near >= agreement_of(far);
-        out.cells[static_cast<size_t>(cell)][k] = static_cast<float>(is_near ? near : far);
+        const glm::vec3 ray = lines.at(static_cast<float>(x), static_cast<float>(y)).value_or(glm::vec3(0, 0, 1));
+        const auto [of_near, of_far] = sides.inverse_at(k);
+        u[k] = ray.x, v[k] = ray.y;
+        near[k] = static_cast<float>(of_near), far[k] = static_cast<float>(of_far);
+        const float along = glm::dot(normal, ray);
+        near_depth[k] = near[k] * along / (1 - near[k] * eye);
+        far_depth[k] = far[k] * along / (1 - far[k] * eye);
       }
+      const DepthEdges::Cell of_near = agreement.at(u, v, near_depth);
+      const auto is_accepted = [](float of) { return of > DepthAgreement::kAccepted; };
+      DepthEdges::Cell& cell = out.cells[static_cast<size_t>(index)];
+      cell = near;
+      if (std::ranges::all_of(of_near, is_accepted)) continue;
+      const DepthEdges::Cell of_far = agreement.at(u, v, far_depth);
+      for (size_t k = 0; k < cell.size(); k++)
+        if (!is_accepted(of_near[k]) && of_near[k] < of_far[k]) cell[k] = far[k];
     }
   });
   return out;

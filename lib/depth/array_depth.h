@@ -25,8 +25,8 @@ using MatchedImages = std::function<ImageView(CameraIndex)>;
 class ArrayDepth {
  public:
   // Cameras that a camera is matched with, cameras that its depths are checked with, and cameras that determine the
-  // surface of a view.
-  static constexpr int kMatched = 6, kChecked = 6, kCameras = 8;
+  // surface of a view, or the sides of pixels at its edges.
+  static constexpr int kMatched = 6, kChecked = 6, kCameras = 8, kEdgeCameras = 4;
 
   // Estimates the depths of `cameras` (ascending) from their images, in steps: coarse() and finer(). The time is
   // proportional to the number of pixels: about 0.7 s for each camera of 1008x756 pixels in one thread. `parallel`
