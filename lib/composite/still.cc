@@ -30,7 +30,7 @@ Still render_still(const Rig& rig, const Mesh& mesh, const View& view, const Cam
   const FocalMap* const map = view.focus.map.get();
   const bool is_measured = depths && map && map->measured;
   std::optional<DepthEdges> edges;
-  if (is_measured) edges = depths->edges(view);
+  if (is_measured && map->step == FocalMap::kMinStep) edges = depths->edges(view);
   for (const CameraIndex camera : job.cameras()) {
     const Camera& rig_camera = rig.cameras[camera];
     Source source{camera, &rig_camera, images(camera).view()};

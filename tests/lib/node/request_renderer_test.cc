@@ -161,6 +161,21 @@ TEST_F(RequestRendererTest, DepthsOfTheCamerasSharpenSilhouettes) {
   EXPECT_GT(with, without + 3);
 }
 
+// The maps of very large views have nodes that are farther apart. Such views have no depth edges.
+TEST_F(RequestRendererTest, CoarseMapsHaveNoDepthEdges) {
+  const ArrayDepth depths(
+      walls_.rig, walls_.own, [this](CameraIndex i) { return walls_.images[i].view(); }, 0, 1.2);
+  View& view = request_.view;
+  FocalMap map = FocalMap::for_view(view.width, view.height, 2 * FocalMap::kMinStep);
+  map.from = plane_through(view.pose.position, view.pose.rotation()[2]);
+  view.focus.map = std::make_shared<const FocalMap>(depths.surface(view, map));
+  const CameraImages images = [this](CameraIndex i) -> const Image& { return walls_.images[i]; };
+  const auto render = [&](const ArrayDepth* used) {
+    return render_still(walls_.rig, walls_.mesh, view, images, Resampling::kBilinear, {}, nullptr, used).picture;
+  };
+  EXPECT_EQ(render(&depths).data(), render(nullptr).data());
+}
+
 TEST_F(RequestRendererTest, UsesCorrectedImagesForAllResults) {
   Rig rig = walls_.rig;
   for (size_t i = 0; i < rig.cameras.size(); i += 2)
