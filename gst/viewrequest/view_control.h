@@ -68,8 +68,8 @@ class ViewControl {
 
   void set(int field, double value);  // `value` must be finite
   // Sets all numbers of the view in the structure, or none. Returns false for unknown fields, for values that are not
-  // finite numbers, and if there are neither numbers nor focus-continuous. With constrain_view(), the margin is reduced
-  // to what the cameras see. `aspect` is width over height of the view; 0: unknown.
+  // finite numbers, and if there are neither numbers nor focus-continuous. If the view is constrained, the margin is
+  // reduced to the part that cameras see. `aspect` is width over height of the view; 0: unknown.
   bool set_view(const GstStructure* structure, double aspect = 0);
   // Returns the field focus-continuous of the structure as a number, or nothing if the field is missing or not a finite
   // number.

@@ -197,7 +197,7 @@ std::vector<Source> resampled(Works works, const RenderOptions& options, std::ve
 
 struct Drawn {
   std::vector<Source> sources;
-  std::optional<DepthEdges> edges;  // of the view's surface
+  std::optional<DepthEdges> edges;  // edges of the surface in the view
   Visibility visibility;            // of sources
   std::optional<SumRenderer> sum;  // empty if the answer has unwarped pixels, or no camera has an image yet
   uint64_t ns = 0;                 // nanoseconds

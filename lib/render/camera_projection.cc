@@ -87,7 +87,7 @@ Rect source_region(const ViewPlan& plan, const Rect& rect, CameraIndex camera, c
     for (int k = 0; k < num_distances; k++) distances[k] = first + (last - first) * k / std::max(num_distances - 1, 1);
   }
   // Walk around the border for each distance, because homographies and lenses map the inside of `rect` to the inside of
-  // its border. This is not certain beside a fisheye camera, whose field may surround the part of `rect` behind it.
+  // its border. Fisheye cameras are an exception: their field may surround the part of `rect` behind the camera.
   for (int k = 0; k < num_distances && known; k++) {
     Vec2 before(NAN);
     const auto look = [&](int x, int y) {

@@ -26,7 +26,7 @@ struct DepthEdges {
 
   // Cell (i, j) lies between the columns i - 1 and i and the rows j - 1 and j of the nodes. The outer cells lie between
   // nodes and the border of the view.
-  int columns = 0, rows = 0;   // of cells, one more than of nodes
+  int columns = 0, rows = 0;   // numbers of cells: one more than nodes
   std::vector<int32_t> index;  // the place of each cell in `cells`, row by row; -1 for a cell without an edge
   std::vector<Cell> cells;
 

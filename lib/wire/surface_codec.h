@@ -22,7 +22,7 @@ struct PictureSurface {
 
   static constexpr int kMaxViews = 2;  // a stereo pair
 
-  int view = 0;               // of the picture, from the left
+  int view = 0;               // index in the picture, from left to right
   uint32_t timestamp = 0;     // RTP timestamp of the picture
   int width = 0, height = 0;  // pixels
   Pose pose;

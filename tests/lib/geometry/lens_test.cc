@@ -259,7 +259,7 @@ TEST(Lens, FisheyeFieldEndsAt95Degrees) {
       ASSERT_LE(glm::length(lens.project(*direction).value() - Vec2(x, y)), 1e-10);
     }
   EXPECT_GT(inside, 70'000);
-  const double t = std::tan(5 * M_PI / 180);  // of the angle behind the plane Z = 0
+  const double t = std::tan(5 * M_PI / 180);  // the angle is behind the plane Z = 0
   for (const auto& [point, seen] : std::initializer_list<std::pair<Vec3, bool>>{{{1, 0, 0}, true},
                                                                                 {{1, 0, 1e-7}, true},
                                                                                 {{0, -1e-3, -0.999e-3 * t}, true},
