@@ -119,7 +119,7 @@ TEST(SurfaceSender, InvalidFieldsGiveNoView) {
 }
 
 TEST(SurfaceSender, MovingViewsKeepTheirShareOfTheBits) {
-  for (const auto [video, eyes] : {std::pair{2000, 1}, {6000, 1}, {20000, 1}, {20000, 2}}) {
+  for (const auto& [video, eyes] : {std::pair{2000, 1}, {6000, 1}, {20000, 1}, {20000, 2}}) {
     SurfaceSender sender;
     size_t sum = 0, messages = 0;
     constexpr int kPictures = 300;
