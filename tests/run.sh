@@ -15,7 +15,7 @@ beside=(--num-processes "$(($(nproc) + 1))")
 if (($#)); then
   "${run[@]}" "${beside[@]}" "$@" || status=$?
 else
-  trap 'kill $(jobs -p) 2>/dev/null' EXIT
+  trap 'kill $(jobs -p) 2>/dev/null || true' EXIT  # kill fails if no job is left
   "${run[@]}" --suite live --num-processes 1 --logbase live &
   nice -n 5 "${run[@]}" --no-suite live "${beside[@]}" || status=$?
   wait $! || status=$?
