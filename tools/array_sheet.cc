@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <optional>
 #include <set>
 #include <utility>
@@ -119,9 +120,10 @@ lf::Image home_view(const lf::Rig& rig, const lf::Mesh& mesh, const lf::CameraIm
                     double aspect) {
   constexpr lf::DepthEstimator::Settings kSurface{.mode = lf::FocusMode::kSurface};
   const lf::View view = lf::make_view(home, kViewWidth, std::max(1, static_cast<int>(kViewWidth / aspect)));
-  const lf::CameraSet cameras = lf::ViewPlan(rig, mesh, view).contributors();
+  lf::CameraSet cameras(rig.cameras.size());
+  std::iota(cameras.begin(), cameras.end(), 0);
   const std::optional<lf::ArrayDepth> depths =
-      lf::estimate_depths(rig, cameras, images, kSurface, lf::parallel_for_all_processors());
+      lf::estimate_depths(rig, cameras, {{view}}, images, kSurface, lf::parallel_for_all_processors());
   const lf::ArrayDepth* const known = depths ? &*depths : nullptr;
   const lf::View focused = lf::focus_still(rig, mesh, view, images, kSurface, lf::kSettledRounds, nullptr, known);
   return lf::render_still(rig, mesh, focused, images, lf::Resampling::kSharpened, {}, nullptr, known).picture;

@@ -243,13 +243,19 @@ void print_quality(const Array& array, const Options& options) {
   lf::CameraSet others;  // no held-out camera may contribute to the depths
   std::ranges::copy_if(array.cameras, std::back_inserter(others),
                        [&](lf::CameraIndex i) { return std::ranges::find(tested, i) == tested.end(); });
-  const std::optional<lf::ArrayDepth> depths =
-      lf::estimate_depths(rig, others, array.images, kSurface, lf::parallel_for_all_processors());
+  std::vector<lf::View> views;
   for (const lf::CameraIndex camera : tested) {
     const lf::Camera& at = rig.cameras[camera];
+    views.push_back({.width = at.width, .height = at.height, .lens = at.lens, .pose = at.pose, .focus = {}});
+    views.back().focus.plane = lf::focal_plane_at(at.pose, array.distance);
+  }
+  const std::optional<lf::ArrayDepth> depths =
+      lf::estimate_depths(rig, others, views, array.images, kSurface, lf::parallel_for_all_processors());
+  for (size_t i = 0; i < tested.size(); i++) {
+    const lf::CameraIndex camera = tested[i];
+    const lf::Camera& at = rig.cameras[camera];
     const lf::Mesh mesh = lf::build_mesh(rig, {camera});
-    lf::View view{.width = at.width, .height = at.height, .lens = at.lens, .pose = at.pose, .focus = {}};
-    view.focus.plane = lf::focal_plane_at(view.pose, array.distance);
+    const lf::View& view = views[i];
     const lf::View surface = lf::focus_still(rig, mesh, view, array.images, kSurface, lf::kSettledRounds, nullptr,
                                              depths ? &*depths : nullptr);
     lf::Quality quality[2];
@@ -265,9 +271,9 @@ void print_quality(const Array& array, const Options& options) {
     }
     terminal::print("%-18s %8.2f %6.4f %10.2f %6.4f %9.2f\n", name.c_str(), quality[0].psnr_db, quality[0].ssim,
                     quality[1].psnr_db, quality[1].ssim, quality[1].coverage);
-    for (int i = 0; i < 2; i++) {
-      mean[i].psnr_db += quality[i].psnr_db;
-      mean[i].ssim += quality[i].ssim;
+    for (int k = 0; k < 2; k++) {
+      mean[k].psnr_db += quality[k].psnr_db;
+      mean[k].ssim += quality[k].ssim;
     }
     judged++;
   }

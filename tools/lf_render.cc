@@ -10,6 +10,7 @@
 #include <mutex>
 #include <optional>
 #include <ranges>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -166,7 +167,7 @@ class Renderer {
 
   // Estimates the depths of the cameras, if the focal surfaces need them. --leave-one-out does not use these depths,
   // because the cameras would have to be compared again for each view.
-  void estimate_depths(const lf::CameraSet& cameras) {
+  void estimate_depths(const lf::CameraSet& cameras, std::span<const lf::View> views) {
     if (options_.focus == "plane") return;
     // Each resolution has two calls, an estimate and a quick check, and four times the pixels of the previous one. Wide
     // images have three resolutions, others two.
@@ -188,7 +189,7 @@ class Renderer {
         progress.reach((done += weight) / total);
       });
     };
-    depths_ = lf::estimate_depths(rig_, cameras, image_of_, options_.surface, parallel);
+    depths_ = lf::estimate_depths(rig_, cameras, views, image_of_, options_.surface, parallel);
   }
   // Adds a focal surface (the depth of each pixel) to the view if the option --focus surface is set. Exposure gains are
   // not compensated for --leave-one-out, which compares the cameras with each other.
@@ -387,11 +388,15 @@ void run(const Options& options) {
   lf::validate(options.blending());
   if (options.leave_one_out) return leave_one_out(rig, options);
   std::vector<lf::NamedView> views = lf::load_views(options.views);
-  for (lf::NamedView& view : views) view.view.blending = options.blending();
+  std::vector<lf::View> wanted;
+  for (lf::NamedView& view : views) {
+    view.view.blending = options.blending();
+    wanted.push_back(view.view);
+  }
   const lf::CameraSet out = out_of_service(rig, options.cameras);
   const lf::Mesh mesh = lf::build_mesh(rig, out);
   Renderer renderer(rig, options);
-  renderer.estimate_depths(lf::parse_camera_list(rig, options.cameras));
+  renderer.estimate_depths(lf::parse_camera_list(rig, options.cameras), wanted);
   Progress progress("rendering", views.size());
   std::vector<QualityRow> rows;
   for (const lf::NamedView& view : views) {

@@ -127,13 +127,16 @@ class ViewOptions {
     const auto [width, height] = size(scene);
     return static_cast<double>(width) / height;
   }
-  // Returns the depths that focused() needs, of all cameras except `held_out`.
-  std::optional<lf::ArrayDepth> depths(const Scene& scene, std::optional<lf::CameraIndex> held_out = {}) const {
+  // Returns the depths that focused() needs, without those of the camera `held_out`.
+  std::optional<lf::ArrayDepth> depths(const Scene& scene, const std::vector<lf::NamedView>& named,
+                                       std::optional<lf::CameraIndex> held_out = {}) const {
     if (focus_ == "plane") return {};
     lf::CameraSet cameras;
     for (lf::CameraIndex i = 0; i < scene.rig.cameras.size(); i++)
       if (i != held_out) cameras.push_back(i);
-    return lf::estimate_depths(scene.rig, cameras, scene.images, kSurface, lf::parallel_for_all_processors());
+    std::vector<lf::View> views;
+    for (const lf::NamedView& view : named) views.push_back(view.view);
+    return lf::estimate_depths(scene.rig, cameras, views, scene.images, kSurface, lf::parallel_for_all_processors());
   }
   // Returns the view with its focal surface, unless the focus is a plane.
   lf::View focused(const Scene& scene, const lf::Mesh& mesh, const std::optional<lf::ArrayDepth>& depths,
@@ -317,9 +320,10 @@ void show_contributions(const Options& options) {
   } else {
     views = options.view.views(scene, options.output.open().takes_many());
   }
-  const std::optional<lf::ArrayDepth> depths = options.view.depths(scene);
+  const std::optional<lf::ArrayDepth> depths = options.view.depths(scene, views);
   show_views(options.output, views, [&](const lf::NamedView& named) {
-    const lf::View view = options.view.focused(scene, scene.mesh, depths, named.view);
+    lf::View view = options.view.focused(scene, scene.mesh, depths, named.view);
+    view.blending = named.view.blending;  // as in a live picture
     const lf::Image picture = picture_of(scene, scene.mesh, {}, view).picture;
     lf::Image map = lf::contribution_map(scene.rig, scene.mesh, view, &picture);
     if (options.ids) write_ids(map, scene, view);
@@ -330,9 +334,10 @@ void show_contributions(const Options& options) {
 void show_coverage(const Options& options) {
   const Scene scene(options.view.rig);
   const auto views = options.view.views(scene, options.output.open().takes_many());
-  const std::optional<lf::ArrayDepth> depths = options.view.depths(scene);
+  const std::optional<lf::ArrayDepth> depths = options.view.depths(scene, views);
   show_views(options.output, views, [&](const lf::NamedView& named) {
-    const lf::View view = options.view.focused(scene, scene.mesh, depths, named.view);
+    lf::View view = options.view.focused(scene, scene.mesh, depths, named.view);
+    view.blending = named.view.blending;  // as in a live picture
     const lf::Image picture = picture_of(scene, scene.mesh, {}, view).picture;
     const lf::ViewPlan plan(scene.rig, scene.mesh, view);
     const lf::FaceIdMap owners(plan, {0, 0, view.width, view.height});
@@ -480,7 +485,7 @@ void show_difference(const DifferenceOptions& options) {
     views = options.view.views(scene, options.output.open().takes_many());
   }
   size_t number = 0;
-  const std::optional<lf::ArrayDepth> depths = options.view.depths(scene, held_out);
+  const std::optional<lf::ArrayDepth> depths = options.view.depths(scene, views, held_out);
   show_views(options.output, views, [&](const lf::NamedView& named) {
     const lf::Image truth = truth_of(options, scene, named, number++);
     const lf::Still still = picture_of(scene, mesh, depths, options.view.focused(scene, mesh, depths, named.view));

@@ -229,15 +229,15 @@ DepthSweep ArrayDepth::confident_range() const {
   return range;
 }
 
-std::vector<ArrayDepth::WeightedCamera> ArrayDepth::cameras_around(const Vec3& eye) const {
+std::vector<ArrayDepth::WeightedCamera> ArrayDepth::cameras_around(const Vec3& eye, size_t first) const {
   std::vector<size_t> order(cameras_.size());
   std::iota(order.begin(), order.end(), 0);
   const auto distance = [&](size_t i) { return glm::distance(cameras_[i]->image.pose.position, eye); };
   std::ranges::stable_sort(order, {}, distance);
-  const size_t count = std::min<size_t>(kCameras, order.size());
-  const double beyond = order.size() > count ? distance(order[count]) : 2 * distance(order[count - 1]);
+  const size_t end = std::min(first + kCameras, order.size());
+  const double beyond = order.size() > end ? distance(order[end]) : 2 * distance(order[end - 1]);
   std::vector<WeightedCamera> chosen;
-  for (size_t k = 0; k < count; k++) {
+  for (size_t k = first; k < end; k++) {
     const double share = beyond > 0 ? distance(order[k]) / beyond : 0;
     chosen.push_back({cameras_[order[k]].get(), static_cast<float>(std::sqrt((1 - share) / (share + 0.02)))});
   }
@@ -369,11 +369,13 @@ class ArrayDepth::ViewPoints {
     }
   }
 
-  // Sets the inverse distances from the plane of the map for a row of nodes. They are 0 where no camera sees anything.
+  // Sets the inverse distances from the plane of the map for the nodes of a row where they are 0. They stay 0 where no
+  // camera sees anything.
   void find(int row, float* inverse) const {
     const double middle = (map_.step - 1) / 2.0, eye = map_.from.signed_distance(view_.pose.position);
     const Mat3 to_world = view_.pose.rotation();
     for (int i = 0; i < map_.columns; i++) {
+      if (inverse[i] > 0) continue;
       const std::optional<Vec2> normalised = view_.lens.unproject({map_.step * i + middle, map_.step * row + middle});
       if (!normalised) continue;
       const Vec3 ray = to_world * Vec3(*normalised, 1);
@@ -632,11 +634,14 @@ FocalMap ArrayDepth::surface(const View& view, const FocalMap& like, const Paral
   FocalMap map = like;
   map.levels.clear();
   map.measured = true;
-  std::vector<float> inverse(static_cast<size_t>(map.columns) * map.rows), smooth(inverse.size());
-  const ViewPoints points(view, map, cameras_around(view.pose.position), range_);
-  parallel(static_cast<size_t>(map.rows),
-           [&](size_t row) { points.find(static_cast<int>(row), &inverse[row * map.columns]); });
-  median_filter(inverse, map.columns, map.rows, smooth);
+  std::vector<float> inverse(static_cast<size_t>(map.columns) * map.rows);
+  // Farther cameras may see nodes that the nearest cameras do not see.
+  for (size_t first = 0; first < cameras_.size() && std::ranges::count(inverse, 0.f) > 0; first += kCameras) {
+    const ViewPoints points(view, map, cameras_around(view.pose.position, first), range_);
+    parallel(static_cast<size_t>(map.rows),
+             [&](size_t row) { points.find(static_cast<int>(row), &inverse[row * map.columns]); });
+  }
+  const std::vector<float> smooth = without_outliers(inverse, map.columns, map.rows, range_.step());
 
   float least = std::numeric_limits<float>::infinity(), largest = 0;
   for (const float value : smooth) {

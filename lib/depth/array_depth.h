@@ -57,8 +57,9 @@ class ArrayDepth {
 
   // Returns the surface of a view, with the size, the step and the plane `from` of a focal map of the view. Each level
   // is the nearest depth at which the depth maps of the kCameras cameras around the view agree, weighted by their
-  // confidence. A camera that sees something nearer does not count. Nodes that no camera sees, and only these, have
-  // level 0, which is at least as far as all others.
+  // confidence. A camera that sees something nearer does not count. Where these cameras see nothing, the next cameras
+  // determine the level. Nodes that no camera sees, and only these, have level 0, which is at least as far as all
+  // others.
   FocalMap surface(const View& view, const FocalMap& map, const ParallelFor& parallel = serial_for) const;
   // Does the same for a map of the finest step, with distances from the plane through the eye that faces along the
   // view's axis.
@@ -94,7 +95,8 @@ class ArrayDepth {
                 int divisor, const ArrayDepth* before, const ParallelFor& parallel);
   // Returns the range that most of the confident depths are in.
   DepthSweep confident_range() const;
-  std::vector<WeightedCamera> cameras_around(const Vec3& eye) const;
+  // Returns kCameras cameras in the order of their distance from the eye, starting with number `first` of this order.
+  std::vector<WeightedCamera> cameras_around(const Vec3& eye, size_t first = 0) const;
 
   std::vector<std::shared_ptr<const Camera>> cameras_;
   DepthSweep range_;

@@ -12,6 +12,8 @@ namespace lf {
 
 namespace {
 
+// Depths agree if they differ by less than this number of steps of the range.
+constexpr double kAgreement = 1.5;
 // The guided filter: radius of its windows, pixels, and the variance of luma that counts as an edge.
 constexpr int kRadius = 2;
 constexpr float kEdgeVariance = 10;
@@ -129,8 +131,7 @@ class DepthSearch {
       test();
     }
     for (int round = 0; round < refinements; round++) refine(round);
-    select_of_nine(inverse_, image_.width, image_.height, Choice::kMedian, hypothesis_);
-    return std::move(hypothesis_);
+    return without_outliers(inverse_, image_.width, image_.height, range_.step());
   }
 
  private:
@@ -179,8 +180,21 @@ class DepthSearch {
 
 }  // namespace
 
-void median_filter(const std::vector<float>& in, int width, int height, std::vector<float>& out) {
-  select_of_nine(in, width, height, Choice::kMedian, out);
+std::vector<float> without_outliers(const std::vector<float>& inverse, int width, int height, double step) {
+  constexpr int kAgreeing = 2;
+  const double tolerance = kAgreement * step;
+  Values out(inverse.size());
+  select_of_nine(inverse, width, height, Choice::kMedian, out);
+  for (int y = 0; y < height; y++)
+    for (int x = 0; x < width; x++) {
+      const size_t i = static_cast<size_t>(y) * width + x;
+      int agreeing = -1;  // the value agrees with itself
+      for (int v = std::max(y - 1, 0); v <= std::min(y + 1, height - 1); v++)
+        for (int u = std::max(x - 1, 0); u <= std::min(x + 1, width - 1); u++)
+          agreeing += std::abs(inverse[static_cast<size_t>(v) * width + u] - inverse[i]) < tolerance;
+      if (agreeing >= kAgreeing) out[i] = inverse[i];
+    }
+  return out;
 }
 
 CameraDepth estimate_depth(const MatchingImage& image, std::span<const MatchingImage* const> neighbours,
@@ -199,7 +213,7 @@ CameraDepth update_depth(const MatchingImage& image, std::span<const MatchingIma
 
 std::vector<float> check_consistency(const MatchingImage& image, const CameraDepth& depth,
                                      std::span<const DepthNeighbour> neighbours, double step) {
-  const float tolerance = static_cast<float>(1.5 * step);
+  const float tolerance = static_cast<float>(kAgreement * step);
   std::vector<int> agreeing(image.size()), seeing(image.size());
   for (const DepthNeighbour& neighbour : neighbours) {
     const PixelMapping map(image, *neighbour.image);

@@ -46,7 +46,8 @@ struct DepthNeighbour {
 std::vector<float> check_consistency(const MatchingImage& image, const CameraDepth& depth,
                                      std::span<const DepthNeighbour> neighbours, double step);
 
-// Replaces each value by the median of the 3 x 3 values around it. `out` has the same size.
-void median_filter(const std::vector<float>& in, int width, int height, std::vector<float>& out);
+// Replaces each inverse depth by the median of the 3 x 3 depths around it, unless at least two of these neighbours
+// agree with it. A thin object, such as a cord, is a line of single pixels that agree.
+std::vector<float> without_outliers(const std::vector<float>& inverse, int width, int height, double step);
 
 }  // namespace lf

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "focus/still_focus.h"
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <memory>
@@ -12,11 +13,14 @@
 #include "focus/hypothesis_renderer.h"
 #include "focus/view_depths.h"
 #include "image/image_filters.h"
-#include "render/focus_range.h"
+#include "render/view_plan.h"
 
 namespace lf {
 
 namespace {
+
+// Depth maps tell which cameras see a place, so that more cameras than the three of a triangle give a better picture.
+constexpr Blending kBlendingOfDepths{Blending::Kind::kAngle, 0, ArrayDepth::kCameras};
 
 // The images and gains of the cameras for one view of a static scene. Each image is fetched only once.
 class StillArray {
@@ -118,39 +122,41 @@ bool can_read(const CameraImages& images, CameraIndex camera) {
   }
 }
 
-// Returns true if the cameras are so far apart that depth maps of the cameras are better than the search: see
-// kWideDisparity. False if the depths of the scene cannot be estimated, or an image for this estimate cannot be read.
-bool is_wide(const Rig& rig, const FocusArray& array, const CameraImages& images) {
-  Image converted;
-  const CameraImages in_rgb = [&](CameraIndex camera) -> const Image& {
-    const Image& image = images(camera);
-    if (image.family() != PixelFamily::kI420) return image;
-    converted = to_rgb(image);
-    return converted;
-  };
-  try {
-    const std::optional<FocusRange> range = estimate_focus_range(rig, in_rgb);
-    return range && array.disparity() * (1 / range->near - 1 / range->far) >= kWideDisparity;
-  } catch (const Error&) {
-    return false;  // the caller reports the image when a view needs it
+// Returns the cameras (ascending) whose depth maps the views need: those around the eye, and those that contribute.
+CameraSet cameras_of(const Rig& rig, const Mesh& mesh, std::span<const View> views) {
+  constexpr size_t kAround = 2 * ArrayDepth::kCameras;
+  CameraSet all(rig.cameras.size());
+  std::iota(all.begin(), all.end(), 0);
+  CameraSet chosen;
+  for (View view : views) {
+    std::ranges::stable_sort(
+        all, {}, [&](CameraIndex i) { return glm::distance(rig.cameras[i].pose.position, view.pose.position); });
+    chosen.insert(chosen.end(), all.begin(), all.begin() + static_cast<ptrdiff_t>(std::min(kAround, all.size())));
+    if (view.blending.is_mesh()) view.blending = kBlendingOfDepths;
+    const CameraSet contributing = ViewPlan(rig, mesh, view).contributors();
+    chosen.insert(chosen.end(), contributing.begin(), contributing.end());
   }
+  std::ranges::sort(chosen);
+  const auto [first, last] = std::ranges::unique(chosen);
+  chosen.erase(first, last);
+  return chosen;
 }
 
 }  // namespace
 
-std::optional<ArrayDepth> estimate_depths(const Rig& rig, const CameraSet& cameras, const CameraImages& images,
-                                          const DepthEstimator::Settings& settings, const ParallelFor& parallel) {
+std::optional<ArrayDepth> estimate_depths(const Rig& rig, const CameraSet& cameras, std::span<const View> views,
+                                          const CameraImages& images, const DepthEstimator::Settings& settings,
+                                          const ParallelFor& parallel) {
   if (settings.mode == FocusMode::kPlane || cameras.size() < 2) return {};
   const Rig used = rig_subset(rig, cameras);
   const Mesh mesh = build_mesh(used);
   const FocusArray array(used, &mesh);
   const double nearest = settings.near > 0 ? 1 / settings.near : kNearestDepth * array.nearest();
   const double farthest = settings.far > 0 ? 1 / settings.far : 0;
-  if (!(nearest > farthest) || !is_wide(used, array, [&](CameraIndex i) -> const Image& { return images(cameras[i]); }))
-    return {};
+  if (!(nearest > farthest)) return {};
   CameraSet readable;
-  for (const CameraIndex camera : cameras)
-    if (can_read(images, camera)) readable.push_back(camera);
+  for (const CameraIndex i : cameras_of(used, mesh, views))
+    if (can_read(images, cameras[i])) readable.push_back(cameras[i]);
   if (readable.size() < 2) return {};
   return ArrayDepth(
       rig, readable, [&](CameraIndex i) { return images(i).view(); }, farthest, nearest, parallel);
@@ -183,7 +189,9 @@ View focus_still(const Rig& rig, const Mesh& mesh, const View& view, const Camer
   plane.focus.map = std::make_shared<const FocalMap>(
       plane_map(view, measured.focus.map->from, depths->range().nearest, depths->range().farthest));
   const auto [of_plane, of_measured] = squared_deviations(still.agreement(plane), still.agreement(measured, depths));
-  return of_measured < of_plane ? measured : found;
+  if (!(of_measured < DepthEstimator::kMeasuredShown * of_plane)) return found;
+  if (view.blending.is_mesh()) measured.blending = kBlendingOfDepths;
+  return measured;
 }
 
 }  // namespace lf

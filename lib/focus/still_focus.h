@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <span>
 
 #include "base/worker_pool.h"
 #include "depth/array_depth.h"
@@ -21,12 +22,12 @@ inline constexpr int kMatchedRounds = 24;
 // five eighths of their images there.
 inline constexpr double kNearestDepth = 1.5;
 
-// Estimates a depth map for each of `cameras` (ascending), for focus_still(), within the limits of the settings. Takes
-// about a second per camera; see ArrayDepth. Returns nothing if depth maps would not help: the cameras are close
-// together (see kWideDisparity), there are fewer than two, or the focus is a plane. Cameras whose image cannot be read
-// do not contribute.
-std::optional<ArrayDepth> estimate_depths(const Rig& rig, const CameraSet& cameras, const CameraImages& images,
-                                          const DepthEstimator::Settings& settings,
+// Estimates depth maps for focus_still(), within the limits of the settings: of those of `cameras` (ascending) that are
+// around the eyes of the views or contribute to the views. Takes 0.2 s per camera of 320x240 pixels and about a second
+// per camera of 1008x756 pixels, in one thread; see ArrayDepth. Returns nothing if there are fewer than two cameras, or
+// the focus is a plane. Cameras whose image cannot be read do not contribute.
+std::optional<ArrayDepth> estimate_depths(const Rig& rig, const CameraSet& cameras, std::span<const View> views,
+                                          const CameraImages& images, const DepthEstimator::Settings& settings,
                                           const ParallelFor& parallel = serial_for);
 
 // Finds the focal surface of a view of a static scene, and returns the view with this surface. One call does the work
@@ -35,8 +36,9 @@ std::optional<ArrayDepth> estimate_depths(const Rig& rig, const CameraSet& camer
 // the view's images, computed as on nodes.
 //
 // If `depths` is not null, the surface comes from the depth maps of the cameras, unless the cameras agree better
-// through the viewer's plane. Compared with the search, this improves views of hand-held and other wide arrays by 1 to
-// 6 dB (docs/quality.md).
+// through the viewer's plane. Views with the default blending then blend the ArrayDepth::kCameras nearest cameras,
+// because the depth maps tell which of them see a place. Compared with the search, this improves views by 1 to 9 dB
+// (docs/quality.md).
 View focus_still(const Rig& rig, const Mesh& mesh, const View& view, const CameraImages& images,
                  const DepthEstimator::Settings& settings, int rounds = kSettledRounds,
                  ExposureCompensation* gains = nullptr, const ArrayDepth* depths = nullptr);

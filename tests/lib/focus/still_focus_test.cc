@@ -79,7 +79,7 @@ class IrregularArrayTest : public testing::Test {
 };
 
 TEST_F(IrregularArrayTest, DepthsOfTheCamerasGiveABetterPicture) {
-  const std::optional<ArrayDepth> depths = estimate_depths(rig_, all(), image_of_, kSurface);
+  const std::optional<ArrayDepth> depths = estimate_depths(rig_, all(), {{view_}}, image_of_, kSurface);
   ASSERT_TRUE(depths);
   const double plane = psnr(view_), searched = psnr(focus(nullptr)), measured = psnr(focus(&*depths));
   RecordProperty("plane_db", std::to_string(plane));
@@ -91,7 +91,7 @@ TEST_F(IrregularArrayTest, DepthsOfTheCamerasGiveABetterPicture) {
 
 TEST_F(IrregularArrayTest, LimitsOfTheSearchAreKept) {
   const std::optional<ArrayDepth> depths =
-      estimate_depths(rig_, all(), image_of_, {.mode = FocusMode::kSurface, .near = 2, .far = 4});
+      estimate_depths(rig_, all(), {{view_}}, image_of_, {.mode = FocusMode::kSurface, .near = 2, .far = 4});
   ASSERT_TRUE(depths);
   EXPECT_GE(depths->range().farthest, 0.25);
   EXPECT_LE(depths->range().nearest, 0.5);
@@ -101,7 +101,7 @@ TEST_F(IrregularArrayTest, ImagesMayBeI420) {
   std::vector<Image> images;
   for (const Image& image : filmed()) images.push_back(to_i420(image));
   const CameraImages image_of = [&](CameraIndex i) -> const Image& { return images[i]; };
-  const std::optional<ArrayDepth> depths = estimate_depths(rig_, all(), image_of, kSurface);
+  const std::optional<ArrayDepth> depths = estimate_depths(rig_, all(), {{view_}}, image_of, kSurface);
   ASSERT_TRUE(depths);
   EXPECT_GT(psnr(focus(&*depths)), psnr(view_) + 3);
 }
@@ -111,7 +111,7 @@ TEST_F(IrregularArrayTest, ACameraWithoutAnImageDoesNotContribute) {
     if (i == 0) throw Error("camera 0: has no image");
     return filmed()[i];
   };
-  const std::optional<ArrayDepth> depths = estimate_depths(rig_, all(), image_of, kSurface);
+  const std::optional<ArrayDepth> depths = estimate_depths(rig_, all(), {{view_}}, image_of, kSurface);
   ASSERT_TRUE(depths);
   EXPECT_GT(psnr(focus(&*depths)), psnr(view_) + 3);
 }
@@ -119,7 +119,7 @@ TEST_F(IrregularArrayTest, ACameraWithoutAnImageDoesNotContribute) {
 // Depths from images of other places are useless.
 TEST_F(IrregularArrayTest, UselessDepthsAreNotShown) {
   const CameraImages others = [this](CameraIndex i) -> const Image& { return filmed()[(5 * i + 3) % filmed().size()]; };
-  const std::optional<ArrayDepth> depths = estimate_depths(rig_, all(), others, kSurface);
+  const std::optional<ArrayDepth> depths = estimate_depths(rig_, all(), {{view_}}, others, kSurface);
   ASSERT_TRUE(depths);
   EXPECT_GT(psnr(focus(&*depths)), psnr(view_) - 0.1);
 }
@@ -155,15 +155,47 @@ TEST(FocusStill, HiddenPlacesDoNotCount) {
   EXPECT_TRUE(focused.focus.map->measured);
 }
 
-TEST_F(IrregularArrayTest, SomeArraysNeedNoDepths) {
-  Rig near = rig_;
-  for (Camera& camera : near.cameras) camera.pose.position /= 8;
-  const std::vector<Image> images = test::scene_images(near, 0, 2);
+// The depth maps are also better than the search where cameras are close together.
+TEST(FocusStill, DepthMapsImproveDenseArrays) {
+  const Rig rig = scene_rig(4, 4, 320, 240);
+  const std::vector<Image> images = test::scene_images(rig, 0, 2);
   const CameraImages image_of = [&](CameraIndex i) -> const Image& { return images[i]; };
-  EXPECT_FALSE(estimate_depths(near, all(), image_of, kSurface)) << "cameras side by side";
-  EXPECT_FALSE(estimate_depths(rig_, {3}, image_of_, kSurface)) << "a single camera";
-  EXPECT_FALSE(estimate_depths(rig_, all(), image_of_, {})) << "a plane";
-  EXPECT_FALSE(estimate_depths(rig_, all(), image_of_, {.mode = FocusMode::kSurface, .near = 4, .far = 2}));
+  constexpr DepthEstimator::Settings kSurface{.mode = FocusMode::kSurface};
+  View view{320, 240, rig.cameras[0].lens, {}, {}};
+  view.focus.plane = focal_plane_at(view.pose, 2);
+  const Image truth = render_scene({view.width, view.height, view.lens, view.pose}, 0);
+  const Mesh mesh = build_mesh(rig);
+  const auto psnr = [&](const ArrayDepth* depths) {
+    const View focused = focus_still(rig, mesh, view, image_of, kSurface, kSettledRounds, nullptr, depths);
+    const Still still = render_still(rig, mesh, focused, image_of, Resampling::kSharpened, {}, nullptr, depths);
+    return compare(still.picture, truth, still.coverage).psnr_db;
+  };
+  const std::optional<ArrayDepth> depths = estimate_depths(rig, test::all_cameras(rig), {{view}}, image_of, kSurface);
+  ASSERT_TRUE(depths);
+  const double searched = psnr(nullptr), measured = psnr(&*depths);
+  RecordProperty("searched_db", std::to_string(searched));
+  RecordProperty("measured_db", std::to_string(measured));
+  EXPECT_GT(measured, searched + 0.5);
+}
+
+// The depths are estimated only for cameras around the eye and cameras that contribute.
+TEST(FocusStill, OnlyNeededCamerasHaveDepths) {
+  const Rig rig = scene_rig(2, 16, 160, 120);
+  const std::vector<Image> images = test::scene_images(rig, 0, 1);
+  const CameraImages image_of = [&](CameraIndex i) -> const Image& { return images[i]; };
+  View view{160, 120, rig.cameras[0].lens, {}, {}};
+  view.pose.position = rig.cameras[0].pose.position;
+  view.focus.plane = focal_plane_at(view.pose, 2);
+  const std::optional<ArrayDepth> depths =
+      estimate_depths(rig, test::all_cameras(rig), {{view}}, image_of, {.mode = FocusMode::kSurface});
+  ASSERT_TRUE(depths);
+  EXPECT_EQ(depths->cameras(), (CameraSet{0, 1, 2, 3, 4, 5, 6, 7, 16, 17, 18, 19, 20, 21, 22, 23}));
+}
+
+TEST_F(IrregularArrayTest, SomeViewsNeedNoDepths) {
+  EXPECT_FALSE(estimate_depths(rig_, {3}, {{view_}}, image_of_, kSurface)) << "a single camera";
+  EXPECT_FALSE(estimate_depths(rig_, all(), {{view_}}, image_of_, {})) << "a plane";
+  EXPECT_FALSE(estimate_depths(rig_, all(), {{view_}}, image_of_, {.mode = FocusMode::kSurface, .near = 4, .far = 2}));
 }
 
 }  // namespace
