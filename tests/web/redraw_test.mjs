@@ -295,6 +295,43 @@ async function pausedPicturesCanBeLookedAroundIn() {
   await closeClean(page, served);
 }
 
+// A network that drops all video but no messages: the server confirms the views, and the page redraws the last picture.
+async function stalledPicturesCanBeLookedAroundIn() {
+  const served = await serve(...rig);
+  const { page, relay } = await openDelayed(browser, served, 0);
+  const { aperture, ...home } = await stateOf(page);
+  await rests(page);
+  relay.loss = 1;
+  await page.waitForFunction(() => inside().redraw.isStalled);
+  const frames = () => page.evaluate(() => inside().redraw.frames), before = await frames();
+  const look = async (what, view) => {
+    await page.evaluate(view => inside().flight.sendView(view), view);
+    await page.waitForFunction(() => inside().redraw.painted && inside().redraw.prediction.isConfirmed);
+    const url = await page.evaluate(() => {
+      const { redraw, stream } = inside();
+      redraw.paint(performance.now());
+      return stream.isOpen && !redraw.canvas.hidden && redraw.canvas.toDataURL('image/png');
+    });
+    expect(url, 'the stream is closed, or its picture is not redrawn');
+    const png = Buffer.from(url.split(',')[1], 'base64');
+    await writeFile(join(artefacts, `stalled-${what}.png`), png);
+    return png;
+  };
+  for (const [what, x, y] of [['right', 0.03, 0], ['left', -0.02, 0.02], ['back', 0.005, 0]]) {
+    const view = { ...home, x: home.x + x, y: home.y + y };
+    const png = await look(what, { x: view.x, y: view.y }), [truth, last] = await truthsOf([view, home], size);
+    const [{ psnr }, { psnr: stale }] = [await compare(page, png, truth), await compare(page, last, truth)];
+    console.log(`# stalled, ${what}: redrawn ${psnr.toFixed(1)} dB, stale ${stale.toFixed(1)} dB`);
+    expect(psnr > stale + 2, `the stalled picture is ${psnr} dB from the truth`);
+  }
+  expect(await frames() === before, 'no picture has come');
+  relay.loss = 0;
+  await page.waitForFunction(before => inside().redraw.frames > before + 3, before);
+  await rests(page);
+  relay.close();
+  await closeClean(page, served);
+}
+
 // A wrong prediction is corrected within 100 ms, without a jump.
 async function correctionsAreBlended() {
   const served = await serve(...rig);
@@ -429,6 +466,7 @@ await runTests([
   ['views are confirmed over slow networks', viewsAreConfirmedOverSlowNetworks],
   ['margins follow the speed', marginsFollowTheSpeed],
   ['paused pictures can be looked around in', pausedPicturesCanBeLookedAroundIn],
+  ['stalled pictures can be looked around in', stalledPicturesCanBeLookedAroundIn],
   ['corrections are blended', correctionsAreBlended],
   ['phones tilt', phonesTilt],
   ['at rest the video is shown', atRestTheVideoIsShown],
