@@ -69,6 +69,8 @@ class DepthLoop {
   DepthEstimate sweep(const ViewRequest& sweep) const;
 
   const DepthEstimator::State& state() const { return control_.state(); }
+  // Returns the confidence of the latest surface: see DepthEstimator::confidence().
+  std::shared_ptr<const FocalMap> confidence() const { return control_.confidence(); }
   uint64_t bytes() const { return bytes_; }
 
  private:

@@ -33,9 +33,10 @@ constexpr double kEnoughEvidence = 0.15;
 // Selects the depths for the answer to a request. `least_radius` is the smallest averaging radius of deviations, in
 // nodes. The radius grows if the view enlarges the cameras' pixels, so that it covers as many of these pixels.
 // `is_still` means that the viewpoint has not moved. A plane that fits far from the surface is then more likely a
-// coincidence than right.
+// coincidence than right. Adds the round to `confidence`, unless it is null.
 DepthSelection choice_of(const ViewRequest& request, std::span<const PhotoConsistency> moments, const FocusArray& array,
-                         int least_radius, bool is_still, std::span<const uint8_t> counted) {
+                         int least_radius, bool is_still, std::span<const uint8_t> counted,
+                         DepthConfidence* confidence = nullptr) {
   const std::vector<std::vector<uint8_t>> levels = hypothesis_levels(request.view, request.hypotheses);
   const FocalMap& map = *request.view.focus.map;
   const std::vector<float> evidence = array.evidence(request.view, request.out_of_service);
@@ -44,15 +45,16 @@ DepthSelection choice_of(const ViewRequest& request, std::span<const PhotoConsis
   DepthSelectionParams terms{
       .evidence = evidence,
       .counted = counted,
-      .radius = std::max(least_radius, static_cast<int>(std::lround(std::min(larger, kMaxRadius))))};
-  if (array.disparity() > 0)
-    terms.levels_a_pixel = FocalMap::kLevels / (array.disparity() * (map.nearest - map.farthest));
+      .radius = std::max(least_radius, static_cast<int>(std::lround(std::min(larger, kMaxRadius)))),
+      .levels_a_pixel = array.levels_a_pixel(map)};
   if (is_still && request.hypotheses.size() < kSweep)
     for (size_t t = 1; t < request.hypotheses.size(); t++)
       if (request.hypotheses[t].kind == DepthHypothesis::Kind::kPlane ||
           request.hypotheses[t].kind == DepthHypothesis::Kind::kFocused)
         terms.jumps |= 1u << t;
-  return select_depths(map, levels, moments, terms);
+  DepthSelection choice = select_depths(map, levels, moments, terms);
+  if (confidence) confidence->add({map, levels, choice.costs, evidence, terms.levels_a_pixel});
+  return choice;
 }
 
 // Returns true if a single camera contributes nearly all of the picture, so that every surface fits. Nodes without
@@ -255,8 +257,8 @@ void DepthEstimator::take(const ViewRequest& request, std::span<const PhotoConsi
   last_hypothesis_pose_ = request.view.pose;
   counted_ = array.inside_mesh(request.view, request.out_of_service);
   if (static_cast<size_t>(std::ranges::count(counted_, 1)) < kFewestNodes) counted_.clear();
-  DepthSelection choice =
-      choice_of(request, moments, array, stage_ == Stage::kSearch ? search_radius(map) : 1, is_still, counted_);
+  DepthSelection choice = choice_of(request, moments, array, stage_ == Stage::kSearch ? search_radius(map) : 1,
+                                    is_still, counted_, &confidence_);
   FocalMap chosen = map;
   chosen.levels = choice.levels;
   if (stage_ != Stage::kSearch || state_.on_plane)
@@ -288,7 +290,7 @@ void DepthEstimator::take(const ViewRequest& request, std::span<const PhotoConsi
 bool DepthEstimator::compare_measured(const ViewRequest& request, std::span<const PhotoConsistency> moments,
                                       const FocusArray& array) {
   counted_ = array.inside_mesh(request.view, request.out_of_service);
-  const DepthSelection choice = choice_of(request, moments, array, 1, false, counted_);
+  const DepthSelection choice = choice_of(request, moments, array, 1, false, counted_, &confidence_);
   if (choice.cost.empty() || !(choice.cost[0] >= 0)) return true;
   state_.rounds++;
   state_.residual = choice.residual;

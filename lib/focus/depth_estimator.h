@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "focus/depth_ambiguity.h"
+#include "focus/depth_confidence.h"
 #include "focus/depth_selection.h"
 #include "focus/focus_array.h"
 #include "focus/photo_consistency.h"
@@ -130,6 +131,11 @@ class DepthEstimator {
     unsigned scene_changes = 0;  // number of scene changes
   };
   const State& state() const { return state_; }
+  // Returns the confidence of the surface of the latest request with answered hypotheses, at the nodes of its map (see
+  // DepthConfidence::map()). Null if there is no such request, or the viewer's plane is shown.
+  std::shared_ptr<const FocalMap> confidence() const {
+    return state_.on_plane && !state_.flat ? nullptr : confidence_.map();
+  }
 
  private:
   // The stages, see above: kSearch, kSweep, and kBetter for refinement. In kNothing, the estimator pauses because no
@@ -200,6 +206,7 @@ class DepthEstimator {
   unsigned rounds_until_recheck_ = 0, recheck_interval_ = 4;  // rounds until a near object may trigger another search
   double flat_inverse_ = 0;                    // inverse distance of the sufficient plane, 1/m
   DepthVotes votes_;
+  DepthConfidence confidence_;
   std::optional<DepthRange> range_;       // range of all maps, if it follows the scene
   std::vector<double> plane_deviations_;  // deviation through the best plane in each of the latest rounds
   DepthAmbiguity others_;

@@ -242,6 +242,7 @@ DepthSelection select_depths(const FocalMap& surface, std::span<const std::vecto
   }
   choice.gained = gained / static_cast<double>(seen);
   add_means(costs, terms.counted, choice);
+  choice.costs = std::move(costs);
   return choice;
 }
 

@@ -24,6 +24,7 @@ struct DepthSelection {
   double gained = 0;              // mean reduction of the nodes' deviations
   std::vector<uint8_t> chosen;    // hypothesis selected at each node; 0: the smoothed surface
   std::vector<float> least;       // deviation through the selected hypothesis; infinity: not visible
+  std::vector<std::vector<float>> costs;  // deviation through each hypothesis at each node: see hypothesis_costs()
   std::vector<float> lead;        // advantage of the smoothed surface at each node; see kLead
   std::vector<uint8_t> informed;  // 1: deviations of the hypotheses differ enough for a reliable depth
   // Mean deviation of each hypothesis, over the nodes that all compared hypotheses see. It is NaN if there are no such
@@ -38,7 +39,7 @@ struct DepthSelectionParams {
   // 1 for each node that counts in DepthSelection::cost, energy and informed. Empty: all nodes count.
   std::span<const uint8_t> counted = {};
   int radius = 1;             // averaging radius of deviations, nodes
-  double levels_a_pixel = 8;  // difference in level that changes the disparity of neighbouring cameras by a pixel
+  double levels_a_pixel = 8;  // see FocusArray::levels_a_pixel()
   uint32_t jumps = 0;         // bit mask of the hypotheses that are unrelated to the surface: see kJump
 };
 

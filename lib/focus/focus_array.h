@@ -38,6 +38,11 @@ class FocusArray {
   // Returns the disparity between two cameras at the distance edge(), in pixels of a camera image for each 1/m of
   // inverse distance. 0: unknown, or there is a single camera.
   double disparity() const { return disparity_; }
+  // Returns the difference in level of a map that changes this disparity by a pixel. Returns 8 if the disparity is
+  // unknown.
+  double levels_a_pixel(const FocalMap& map) const {
+    return disparity_ > 0 ? FocalMap::kLevels / (disparity_ * (map.nearest - map.farthest)) : 8;
+  }
   // Returns the median distance from a camera to its nearest neighbour, in metres. 0: unknown.
   double spacing() const { return spacing_; }
   // Returns the median distance between cameras that contribute to the same pixel, in metres. For a grid of cameras

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "base/text.h"
+#include "focus/depth_confidence.h"
 #include "focus/hypothesis_levels.h"
 #include "focus/hypothesis_renderer.h"
 #include "focus/view_depths.h"
@@ -113,6 +114,19 @@ std::pair<double, double> squared_deviations(const PhotoConsistency& a, const Ph
   return {sum_a / static_cast<double>(count), sum_b / static_cast<double>(count)};
 }
 
+// Returns the confidence of the surface of `measured`, compared with the map of `plane`. `sums` are the sums of both.
+std::shared_ptr<const FocalMap> confidence_of(const View& measured, const View& plane,
+                                              std::span<const PhotoConsistency> sums, const FocusArray& array) {
+  const FocalMap &map = *measured.focus.map, &of_plane = *plane.focus.map;
+  std::vector<uint8_t> levels[] = {map.levels, of_plane.levels};
+  for (uint8_t& level : levels[1]) level = map.level_of(of_plane.inverse_of(level));
+  const std::vector<std::vector<float>> costs = hypothesis_costs(sums, 1);
+  const std::vector<float> evidence = array.evidence(measured, {});
+  DepthConfidence confidence;
+  confidence.add({map, levels, costs, evidence, array.levels_a_pixel(map)});
+  return confidence.map();
+}
+
 bool can_read(const CameraImages& images, CameraIndex camera) {
   try {
     images(camera);
@@ -164,7 +178,7 @@ std::optional<ArrayDepth> estimate_depths(const Rig& rig, const CameraSet& camer
 
 View focus_still(const Rig& rig, const Mesh& mesh, const View& view, const CameraImages& images,
                  const DepthEstimator::Settings& settings, int rounds, ExposureCompensation* gains,
-                 const ArrayDepth* depths) {
+                 const ArrayDepth* depths, std::shared_ptr<const FocalMap>* confidence) {
   const FocusArray array(rig, &mesh);
   StillArray still(rig, mesh, images, gains);
   ViewDepths focus(settings, gains != nullptr);
@@ -183,13 +197,16 @@ View focus_still(const Rig& rig, const Mesh& mesh, const View& view, const Camer
     focus.take(request, answers, array);
   }
   View found = displayed_view(next_request());
+  if (confidence) *confidence = focus.confidence();
   if (!depths) return found;
   View measured = found, plane = view;
   measured.focus.map = std::make_shared<const FocalMap>(depths->surface(view));
   plane.focus.map = std::make_shared<const FocalMap>(
       plane_map(view, measured.focus.map->from, depths->range().nearest, depths->range().farthest));
-  const auto [of_plane, of_measured] = squared_deviations(still.agreement(plane), still.agreement(measured, depths));
+  const PhotoConsistency sums[] = {still.agreement(measured, depths), still.agreement(plane)};
+  const auto [of_measured, of_plane] = squared_deviations(sums[0], sums[1]);
   if (!(of_measured < DepthEstimator::kMeasuredShown * of_plane)) return found;
+  if (confidence) *confidence = confidence_of(measured, plane, sums, array);
   if (view.blending.is_mesh()) measured.blending = kBlendingOfDepths;
   return measured;
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <span>
 
@@ -39,8 +40,12 @@ std::optional<ArrayDepth> estimate_depths(const Rig& rig, const CameraSet& camer
 // through the viewer's plane. Views with the default blending then blend the ArrayDepth::kCameras nearest cameras,
 // because the depth maps tell which of them see a place. Compared with the search, this improves views by 1 to 9 dB
 // (docs/quality.md).
+//
+// `confidence`, if not null, receives the confidence of the surface as a map: see DepthConfidence::map(). Null if the
+// view shows a plane.
 View focus_still(const Rig& rig, const Mesh& mesh, const View& view, const CameraImages& images,
                  const DepthEstimator::Settings& settings, int rounds = kSettledRounds,
-                 ExposureCompensation* gains = nullptr, const ArrayDepth* depths = nullptr);
+                 ExposureCompensation* gains = nullptr, const ArrayDepth* depths = nullptr,
+                 std::shared_ptr<const FocalMap>* confidence = nullptr);
 
 }  // namespace lf

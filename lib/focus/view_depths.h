@@ -41,6 +41,8 @@ class ViewDepths {
 
   const DepthEstimator::Settings& settings() const { return settings_; }
   bool matches_gains() const { return match_gains_; }
+  // Returns the confidence of the latest surface: see DepthEstimator::confidence().
+  std::shared_ptr<const FocalMap> confidence() const { return control_.confidence(); }
   // Adds the focal surface, warped to the request's view, and the next hypotheses to a request without a map.
   void apply(ViewRequest& request);
   // The answers to a request that apply() has prepared. `moments` are the sums of its hypotheses, in their order; empty
