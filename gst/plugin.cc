@@ -6,7 +6,6 @@
 GST_ELEMENT_REGISTER_DECLARE(lfcameranode)
 GST_ELEMENT_REGISTER_DECLARE(lfcamsrc)
 GST_ELEMENT_REGISTER_DECLARE(lfcompositor)
-GST_ELEMENT_REGISTER_DECLARE(lfdepth)
 GST_ELEMENT_REGISTER_DECLARE(lffragment)
 GST_ELEMENT_REGISTER_DECLARE(lflenticular)
 GST_ELEMENT_REGISTER_DECLARE(lfnodesink)
@@ -24,7 +23,6 @@ static gboolean plugin_init(GstPlugin* plugin) {
   ok &= GST_ELEMENT_REGISTER(lfcameranode, plugin);
   ok &= GST_ELEMENT_REGISTER(lfcamsrc, plugin);
   ok &= GST_ELEMENT_REGISTER(lfcompositor, plugin);
-  ok &= GST_ELEMENT_REGISTER(lfdepth, plugin);
   ok &= GST_ELEMENT_REGISTER(lffragment, plugin);
   ok &= GST_ELEMENT_REGISTER(lflenticular, plugin);
   ok &= GST_ELEMENT_REGISTER(lfnodesink, plugin);

@@ -21,6 +21,10 @@
  * array. `location`, `loop` and `num-buffers` apply to `src` only. Pads can be requested and released while the
  * pipeline runs, and a slow viewer does not delay another viewer. Pictures of unlinked pads are dropped.
  *
+ * The request pads `depth_src` and `confidence_src` deliver the depths of the view at `src`, and how reliable they are
+ * (#element-lfcompositor). Their pictures have the size, the pose and the time of the pictures at `src`, so the element
+ * is a live source of colour and depth (RGB-D).
+ *
  * If `width`, `height` or `framerate` is not set, it follows the downstream caps, even if these change while playing.
  * Views in `location` define their size in the file, and the element posts an error if downstream does not accept that
  * size. The pixel format is the format of the cameras; use `videoconvert` to convert. Each buffer has a meta that
@@ -71,6 +75,10 @@
  * |[
  * gst-launch-1.0 lfviewsrc rig=rig.json views=stereo ! videoconvert ! autovideosink
  * ]| Shows a stereo pair side by side.
+ * |[
+ * gst-launch-1.0 lfviewsrc name=v rig=rig.json focus-near=0.9 focus-far=8  v.src ! videoconvert ! autovideosink \
+ *   v.depth_src ! videoconvert ! autovideosink
+ * ]| Shows the view and its depths in two windows. Near objects are bright.
  * |[
  * gst-launch-1.0 lfviewsrc rig=rig.json nodes=CAMHOST0:6000:6100,CAMHOST1:6000:6101 ! videoconvert ! autovideosink
  * ]| Shows the cameras of two other hosts.
@@ -436,9 +444,22 @@ static GstPad* add_ghost_pad(LfViewSrc* self, const Viewer& viewer, const char* 
   return pad;
 }
 
-static GstPad* lf_view_src_new_pad(GstElement* element, GstPadTemplate*, const gchar* wanted, const GstCaps*) {
+// Adds a pad with the depths of the view at `src`, or their confidences.
+static GstPad* add_depth_pad(LfViewSrc* self, GstPadTemplate* templ) {
+  const char* const name = GST_PAD_TEMPLATE_NAME_TEMPLATE(templ);
+  const lf::PadPtr existing(gst_element_get_static_pad(GST_ELEMENT(self), name));
+  if (existing || !self->view) return nullptr;
+  const lf::PadPtr output = self->inside->viewers.at("src")->chain.add_output(name);
+  GstPad* pad = gst_ghost_pad_new_from_template(name, output.get(), templ);
+  if (lf::is_running(GST_ELEMENT(self))) gst_pad_set_active(pad, TRUE);
+  gst_element_add_pad(GST_ELEMENT(self), pad);
+  return pad;
+}
+
+static GstPad* lf_view_src_new_pad(GstElement* element, GstPadTemplate* templ, const gchar* wanted, const GstCaps*) {
   LfViewSrc* self = LF_VIEW_SRC(element);
   const std::lock_guard lock(self->inside->mutex);
+  if (!g_str_has_prefix(GST_PAD_TEMPLATE_NAME_TEMPLATE(templ), "src")) return add_depth_pad(self, templ);
   auto& inside = *self->inside;
   std::string name = wanted ? wanted : "";
   for (guint number = 0; name.empty() || (!wanted && inside.viewers.contains(name)); number++)
@@ -463,16 +484,21 @@ static GstPad* lf_view_src_new_pad(GstElement* element, GstPadTemplate*, const g
   return nullptr;
 }
 
+// Removes a pad of add_depth_pad(). Waits for the thread of its queue, which must not be the caller.
+static void remove_depth_pad(LfViewSrc* self, GstPad* pad) {
+  const lf::PadPtr output(gst_ghost_pad_get_target(GST_GHOST_PAD(pad)));
+  gst_ghost_pad_set_target(GST_GHOST_PAD(pad), nullptr);
+  gst_element_remove_pad(GST_ELEMENT(self), pad);
+  if (output) self->inside->viewers.at("src")->chain.remove_output(output.get());
+}
+
 // Stops the viewer in another thread, because the caller may be a streaming thread of this viewer, or an application
 // that holds its last picture.
 static void lf_view_src_release_pad(GstElement* element, GstPad* pad) {
   LfViewSrc* self = LF_VIEW_SRC(element);
   const std::lock_guard lock(self->inside->mutex);
   const auto found = self->inside->viewers.find(GST_PAD_NAME(pad));
-  if (found == self->inside->viewers.end()) {
-    gst_element_remove_pad(element, pad);
-    return;
-  }
+  if (found == self->inside->viewers.end()) return remove_depth_pad(self, pad);
   std::shared_ptr<Viewer> viewer = found->second;
   lf::PadPtr closed(GST_PAD(gst_object_ref(pad)));
   self->inside->viewers.erase(found);
@@ -505,6 +531,11 @@ static void install_pads(GstElementClass* klass) {
   GstCaps* caps = gst_pad_template_get_caps(gst_element_class_get_pad_template(compositor, "src"));
   gst_element_class_add_pad_template(klass, gst_pad_template_new("src", GST_PAD_SRC, GST_PAD_ALWAYS, caps));
   gst_element_class_add_pad_template(klass, gst_pad_template_new("src_%u", GST_PAD_SRC, GST_PAD_REQUEST, caps));
+  for (const char* name : {LF_DEPTH_PAD, LF_CONFIDENCE_PAD}) {
+    GstCaps* of_depth = gst_pad_template_get_caps(gst_element_class_get_pad_template(compositor, name));
+    gst_element_class_add_pad_template(klass, gst_pad_template_new(name, GST_PAD_SRC, GST_PAD_REQUEST, of_depth));
+    gst_caps_unref(of_depth);
+  }
   gst_caps_unref(caps);
   g_type_class_unref(compositor);
 }

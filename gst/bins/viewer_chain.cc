@@ -202,12 +202,15 @@ void ViewerChain::follow_set(GstElement* view, GParamSpec*, gpointer queue) {
 // Allocates no memory, because exceptions must not leave a destructor.
 ViewerChain::~ViewerChain() {
   for (GstElement* answers : answers_) gst_object_unref(answers);
+  for (GstElement* output : outputs_) gst_object_unref(output);
   for (GstElement* element : {pictures_, to_src_, compositor_, to_cameras_, to_compositor_, requests_, view_})
     gst_object_unref(element);
 }
 
 std::vector<GstElement*> ViewerChain::behind_cameras() const {
-  std::vector<GstElement*> elements = {pictures_, to_src_, compositor_};
+  std::vector<GstElement*> elements = {pictures_, to_src_};
+  elements.insert(elements.end(), outputs_.begin(), outputs_.end());
+  elements.push_back(compositor_);
   elements.insert(elements.end(), answers_.begin(), answers_.end());
   return elements;
 }
@@ -236,12 +239,38 @@ void ViewerChain::drop_answers() {
   answers_.clear();
 }
 
+void ViewerChain::set_queue_of_pictures(GstElement* queue, bool live) {
+  g_object_set(queue, "leaky", live ? kLeaky : 0, "max-size-buffers", live ? 0u : 1u, "max-size-bytes", 0u,
+               "max-size-time", live ? kEarliest : guint64{0}, nullptr);
+}
+
 void ViewerChain::set_live(bool live) {
+  live_ = live;
   g_object_set(view_, "is-live", live, nullptr);
-  for (GstElement* queue : {to_cameras_, to_compositor_, to_src_})
-    g_object_set(queue, "leaky", live ? kLeaky : 0, nullptr);
-  g_object_set(to_src_, "max-size-buffers", live ? 0u : 1u, "max-size-bytes", 0u, "max-size-time",
-               live ? kEarliest : guint64{0}, nullptr);
+  for (GstElement* queue : {to_cameras_, to_compositor_}) g_object_set(queue, "leaky", live ? kLeaky : 0, nullptr);
+  set_queue_of_pictures(to_src_, live);
+  for (GstElement* queue : outputs_) set_queue_of_pictures(queue, live);
+}
+
+PadPtr ViewerChain::add_output(const std::string& compositor_pad) {
+  GstElement* queue = add("queue", ("to_" + compositor_pad).c_str());
+  outputs_.push_back(queue);
+  set_queue_of_pictures(queue, live_);
+  gst_pad_add_probe(static_pad(queue, "src").get(), GST_PAD_PROBE_TYPE_EVENT_UPSTREAM, callback<follow_latency>,
+                    nullptr, nullptr);
+  link(compositor_, compositor_pad.c_str(), queue, "sink");
+  gst_element_sync_state_with_parent(queue);
+  return static_pad(queue, "src");
+}
+
+void ViewerChain::remove_output(GstPad* pad) {
+  const ElementPtr queue(gst_pad_get_parent_element(pad));
+  if (!queue || std::erase(outputs_, queue.get()) == 0) return;
+  const PadPtr src(gst_pad_get_peer(static_pad(queue.get(), "sink").get()));
+  gst_element_set_state(queue.get(), GST_STATE_NULL);
+  gst_element_release_request_pad(compositor_, src.get());
+  gst_bin_remove(bin_, queue.get());
+  gst_object_unref(queue.get());
 }
 
 std::vector<GstElement*> ViewerChain::all() const {

@@ -39,6 +39,11 @@ class ViewerChain {
   GstElement* compositor() const { return compositor_; }  // borrowed
   // Returns the pad that delivers the pictures of this viewer. Pictures are dropped while the pad is not linked.
   PadPtr pictures() const { return PadPtr(gst_element_get_static_pad(pictures_, "src_0")); }
+  // Adds an output of the compositor, one of its request pads for depths, with a queue of its own. Returns the source
+  // pad of the queue. remove_output() removes the output of such a pad; do not call it from a streaming thread of the
+  // queue.
+  PadPtr add_output(const std::string& compositor_pad);
+  void remove_output(GstPad* pad);
   // Returns the pad that sends this viewer's requests to the cameras.
   PadPtr requests() const { return PadPtr(gst_element_get_static_pad(to_cameras_, "src")); }
   // Adds an input for the answers of one more camera node, and returns its sink pad. If `drops` is set, a full queue
@@ -67,6 +72,7 @@ class ViewerChain {
 
  private:
   static void make_room_in(GstElement* queue, guint requests);
+  static void set_queue_of_pictures(GstElement* queue, bool live);
   static void follow_set(GstElement* view, GParamSpec* changed, gpointer queue);
   GstElement* add(const char* factory, const char* name);
   std::vector<GstElement*> behind_cameras() const;
@@ -78,6 +84,8 @@ class ViewerChain {
   std::string ending_;
   GstElement *view_, *requests_, *to_cameras_, *to_compositor_, *compositor_, *to_src_, *pictures_;
   std::vector<GstElement*> answers_;
+  std::vector<GstElement*> outputs_;  // queues of add_output()
+  bool live_ = true;
   bool follows_ = false;
 };
 

@@ -24,6 +24,7 @@ void lf_compositor_use_rig(LfCompositor* self, std::shared_ptr<const lf::Rig> ri
   state.rig = rig;
   state.focus.set_rig(rig);
   state.assembly.set_rig(rig);
+  state.depths.set_rig(rig);
   state.corners = rig ? lf::hull_cameras(*rig) : lf::CameraSet();
   state.extent = rig ? lf::array_extent(*rig) : 0;
   state.coverage.clear();
@@ -381,6 +382,17 @@ static lf::CameraSet cameras_without_picture(const _LfCompositor::State& state) 
   return missing;
 }
 
+// Returns the confidence of the surface that the current view shows; null if it shows the viewer's plane.
+static std::shared_ptr<const lf::FocalMap> confidence_of_surface(const _LfCompositor::State& state) {
+  const lf::ViewRequest& request = *state.current;
+  const std::shared_ptr<const lf::FocalMap>& map = request.view.focus.map;
+  std::shared_ptr<const lf::FocalMap> confidence = state.focus.confidence();
+  const bool is_shown = map && request.place.leads() && (!request.on_plane || state.focus.state().flat);
+  const bool fits = is_shown && confidence && confidence->step == map->step && confidence->columns == map->columns &&
+                    confidence->rows == map->rows;
+  return fits ? confidence : nullptr;
+}
+
 static void note_view(LfCompositor* self, const lf::NodeInputs& nodes,
                       const std::optional<lf::MeanCoverage>& coverage) {
   auto& state = *self->state;
@@ -392,7 +404,8 @@ static void note_view(LfCompositor* self, const lf::NodeInputs& nodes,
                           .missing = assembly.missing(),
                           .damaged = assembly.damaged(),
                           .missing_cameras = cameras_without_picture(state),
-                          .missing_nodes = {}};
+                          .missing_nodes = {},
+                          .confidence = confidence_of_surface(state)};
   const uint64_t captured = capture_time(self);
   if (captured != lf::kNoTime) facts.capture_time = captured;
   for (lf::NodeInput* node : nodes)
@@ -600,7 +613,14 @@ static GstFlowReturn finish_request(LfCompositor* self, const lf::NodeInputs& no
   }
   // Pictures that are not live are never incomplete, so the output keeps no reference, and downstream may write into
   // the picture.
-  return state.output.push(g_steal_pointer(&out), pts, lf_compositor_is_live(self) && !partial);
+  std::vector<lf::DepthOutput::Output> depths;
+  if (!partial) {
+    const lf::DepthEstimator::Settings limits = state.settings.view_depths();
+    state.depths.set_limits(limits.near, limits.far);
+    depths = state.depths.make(out);
+  }
+  flow = state.output.push(g_steal_pointer(&out), pts, lf_compositor_is_live(self) && !partial);
+  return state.depths.push(std::move(depths), GST_AGGREGATOR_SRC_PAD(self), flow);
 }
 
 static std::optional<lf::QosTracker::Late> is_too_late(LfCompositor* self) {

@@ -72,6 +72,22 @@
  * node. Another compositor can therefore use it as an input. In such a tree of compositors, for example, the compositor
  * at the root receives only one answer from each rack of hosts.
  *
+ * ## Depths
+ *
+ * The request pads `depth_src` and `confidence_src` deliver the depths of each picture, as a depth camera does, with
+ * the same size, pose and time. Put a queue behind every source pad if several are linked. The depths are those of the
+ * focal surface that the picture shows.
+ *
+ * - depth_src: `video/x-raw, format=GRAY16_LE`. A value v of 1 or more stands for the inverse depth
+ *   depth-offset + v * depth-scale, in 1/metre (or 1/unit of the rig). The caps have both numbers as fields (double),
+ *   and so has the meta of each buffer. The depth is the distance along the optical axis of the view. 0 means that the
+ *   depth is unknown. 1 is `focus-far` or farther, and infinity by default. 65535 is `focus-near` or nearer, and by
+ *   default at most a quarter of the nearest distance that the array can measure. The numbers of the caps are constant
+ *   unless the rig or these properties change.
+ * - confidence_src: `video/x-raw, format=GRAY8`, from 0 (the depth is a guess) to 255 (certain). It is high where the
+ *   cameras agree about the depth and disagree about other depths. It is 0 in regions without detail, where the picture
+ *   shows the focal plane, and for all views of a set but the middle one.
+ *
  * ## Output
  *
  * Pictures have the format of the cameras, RGB or YCbCr 4:2:0; use `videoconvert` for other formats. If the size or the
@@ -101,6 +117,9 @@
  *   (int); levels (GBytes: one byte per node, row by row); inverse-farthest and inverse-nearest (double, 1/metres: the
  *   inverse distances of levels 0 and 255); from (array of 4 doubles: the plane that distances are measured from, along
  *   its normal).
+ * - focus.confidence (structure): the confidence of the surface, see `confidence_src`, at nodes like those of the map.
+ *   step, columns, rows (int); values (GBytes: 0 to 255). Missing if the picture shows the focal plane.
+ * - depth-scale, depth-offset (double): only on `depth_src`, see above.
  * - aperture (double, metres; 0: none), nearest-cameras (int; 0: three, by the mesh).
  * - coverage (double: share of the view that cameras can see; with `rig`).
  * - extrapolated (double: part of `coverage` that is beside the camera mesh, where the nearest cameras fill in).
@@ -143,6 +162,11 @@ static GstStaticPadTemplate request_template =
     GST_STATIC_PAD_TEMPLATE("request", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_REQUEST_CAPS));
 static GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
     "src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_PICTURE_FORMATS "; " LF_ANSWER_CAPS));
+
+static GstStaticPadTemplate depth_template = GST_STATIC_PAD_TEMPLATE(LF_DEPTH_PAD, GST_PAD_SRC, GST_PAD_REQUEST,
+                                                                     GST_STATIC_CAPS(GST_VIDEO_CAPS_MAKE("GRAY16_LE")));
+static GstStaticPadTemplate confidence_template = GST_STATIC_PAD_TEMPLATE(
+    LF_CONFIDENCE_PAD, GST_PAD_SRC, GST_PAD_REQUEST, GST_STATIC_CAPS(GST_VIDEO_CAPS_MAKE("GRAY8")));
 
 G_DEFINE_FINAL_TYPE(LfCompositor, lf_compositor, GST_TYPE_AGGREGATOR)
 GST_ELEMENT_REGISTER_DEFINE_WITH_CODE(lfcompositor, "lfcompositor", GST_RANK_NONE, LF_TYPE_COMPOSITOR,
@@ -502,6 +526,12 @@ static gboolean lf_compositor_src_event(GstAggregator* agg, GstEvent* event) {
   const bool is_navigation = GST_EVENT_TYPE(event) == GST_EVENT_NAVIGATION;
   const bool is_view = GST_EVENT_TYPE(event) == GST_EVENT_CUSTOM_UPSTREAM && structure &&
                        gst_structure_has_name(structure, LF_VIEW_EVENT);
+  // A pipeline sends a seek to each of its sinks, which may follow different source pads.
+  if (GST_EVENT_TYPE(event) == GST_EVENT_SEEK &&
+      self->state->seek_seqnum.exchange(gst_event_get_seqnum(event)) == gst_event_get_seqnum(event)) {
+    gst_event_unref(event);
+    return TRUE;
+  }
   // The base class flushes downstream and seeks all pads, so each pad must lead to the requests.
   if (GST_EVENT_TYPE(event) == GST_EVENT_SEEK && (lf::is_reverse_seek(event) || !is_seekable(self))) {
     gst_event_unref(event);
@@ -656,9 +686,22 @@ static GstAggregatorPad* lf_compositor_create_pad(GstAggregator* agg, GstPadTemp
   return GST_AGGREGATOR_PAD(pad);
 }
 
+static GstPad* lf_compositor_request_pad(GstElement* element, GstPadTemplate* templ, const gchar* name,
+                                         const GstCaps* caps) {
+  if (GST_PAD_TEMPLATE_DIRECTION(templ) == GST_PAD_SRC) return LF_COMPOSITOR(element)->state->depths.add_pad(templ);
+  return GST_ELEMENT_CLASS(parent_class())->request_new_pad(element, templ, name, caps);
+}
+
 static void lf_compositor_release_pad(GstElement* element, GstPad* pad) {
+  if (LF_COMPOSITOR(element)->state->depths.remove_pad(pad)) return;
   lf::NodeInput::of(GST_AGGREGATOR_PAD(pad)).detach();
   GST_ELEMENT_CLASS(parent_class())->release_pad(element, pad);
+}
+
+// Sends the events of the source pad that end or flush the stream to the request pads for depths, too.
+static GstPadProbeReturn lf_compositor_src_event_sent(GstPad* src, GstPadProbeInfo* info, gpointer data) {
+  LF_COMPOSITOR(data)->state->depths.forward(GST_PAD_PROBE_INFO_EVENT(info), src);
+  return GST_PAD_PROBE_OK;
 }
 
 static void add_request_pad(LfCompositor* self) {
@@ -679,10 +722,13 @@ static void install_pads(LfCompositorClass* klass) {
   aggregator_class->sink_query = lf::callback<lf_compositor_sink_query>;
   aggregator_class->create_new_pad = lf::callback<lf_compositor_create_pad>;
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
+  element_class->request_new_pad = lf::callback<lf_compositor_request_pad>;
   element_class->release_pad = lf::callback<lf_compositor_release_pad>;
   gst_element_class_add_static_pad_template_with_gtype(element_class, &sink_template, GST_TYPE_AGGREGATOR_PAD);
   gst_element_class_add_static_pad_template_with_gtype(element_class, &request_template, GST_TYPE_AGGREGATOR_PAD);
   gst_element_class_add_static_pad_template_with_gtype(element_class, &src_template, GST_TYPE_AGGREGATOR_PAD);
+  gst_element_class_add_static_pad_template(element_class, &depth_template);
+  gst_element_class_add_static_pad_template(element_class, &confidence_template);
 }
 
 static void forget_history(LfCompositor* self) {
@@ -818,5 +864,8 @@ static void lf_compositor_init(LfCompositor* self) {
   self->state = new _LfCompositor::State(GST_AGGREGATOR(self));
   self->guard = new lf::RequestGuard;
   add_request_pad(self);
+  gst_pad_add_probe(GST_AGGREGATOR_SRC_PAD(self),
+                    static_cast<GstPadProbeType>(GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM | GST_PAD_PROBE_TYPE_EVENT_FLUSH),
+                    lf::callback<lf_compositor_src_event_sent>, self, nullptr);
   g_object_set(self, "latency", LF_COMPOSITOR_LATENCY, nullptr);
 }

@@ -21,6 +21,7 @@
 #include "composite/latency_control.h"
 #include "composite/view_weights.h"
 #include "compositor/compositor_stats.h"
+#include "compositor/depth_output.h"
 #include "compositor/node_input.h"
 #include "compositor/picture_output.h"
 #include "compositor/view_meta.h"
@@ -101,7 +102,7 @@ struct _LfCompositor {
   lf::RequestGuard* guard;
 
   struct State {
-    explicit State(GstAggregator* self) : output(self) {}
+    explicit State(GstAggregator* self) : output(self), depths(GST_ELEMENT(self)) {}
 
     lf::CompositorStats stats;
     lf::QosTracker qos;
@@ -111,6 +112,7 @@ struct _LfCompositor {
     std::atomic<double> extent = 0;  // width of the array, metres; see array_extent()
     std::atomic<bool> request_flushed = false;
     std::atomic<bool> over = false;
+    std::atomic<guint32> seek_seqnum = GST_SEQNUM_INVALID;  // of the latest seek
 
     // Streaming thread.
     lf::CompositorSettings settings;
@@ -127,6 +129,7 @@ struct _LfCompositor {
     lf::ProbeScheduler turns;
     lf::ViewCoverage coverage;
     lf::PictureOutput output;
+    lf::DepthOutput depths;
     lf::ViewMeta view_meta;
     bool warned_rig = false;
     bool warned_unseen = false;

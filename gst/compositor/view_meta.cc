@@ -19,7 +19,7 @@ gboolean set_one_field(GQuark field, const GValue* value, gpointer to) {
 }
 
 // The meta stays valid, because scaling, conversion and copies do not change the view.
-gboolean copy_view_meta(GstBuffer* to, GstCustomMeta* meta, GstBuffer*, GQuark, gpointer, gpointer) {
+gboolean copy_meta(GstBuffer* to, GstCustomMeta* meta, GstBuffer*, GQuark, gpointer, gpointer) {
   if (gst_buffer_get_custom_meta(to, LF_VIEW_META)) return TRUE;
   GstCustomMeta* copy = gst_buffer_add_custom_meta(to, LF_VIEW_META);
   if (!copy) return FALSE;
@@ -63,7 +63,14 @@ GstStructure* map_of(const std::shared_ptr<const FocalMap>& map) {
   return structure;
 }
 
-GstStructure* focus_of(const ViewRequest& request) {
+GstStructure* confidence_of(const std::shared_ptr<const FocalMap>& map) {
+  g_autoptr(GBytes) values = levels_of(map);
+  return gst_structure_new("lightfield-confidence", "step", G_TYPE_INT, map->step, "columns", G_TYPE_INT, map->columns,
+                           "rows", G_TYPE_INT, map->rows, "values", G_TYPE_BYTES, values, nullptr);
+}
+
+GstStructure* focus_of(const ViewMetaEntry& facts) {
+  const ViewRequest& request = facts.request;
   const View& view = request.view;
   const Plane& plane = view.focus.plane;
   const std::shared_ptr<const FocalMap> map = request.on_plane ? nullptr : view.focus.map;
@@ -73,6 +80,7 @@ GstStructure* focus_of(const ViewRequest& request) {
   set_numbers(focus, "plane", numbers);
   if (const double slope = glm::dot(plane.normal, view.pose.forward()); slope != 0)
     gst_structure_set(focus, "distance", G_TYPE_DOUBLE, -plane.signed_distance(view.pose.position) / slope, nullptr);
+  if (facts.confidence) take_structure(focus, "confidence", confidence_of(facts.confidence));
   if (!map || map->levels.empty()) return focus;
   const auto [farthest, nearest] = std::ranges::minmax(map->levels);
   gst_structure_set(focus, "nearest", G_TYPE_DOUBLE, 1 / map->inverse_of(nearest), "farthest", G_TYPE_DOUBLE,
@@ -107,7 +115,7 @@ void set_views(GstStructure* structure, std::vector<ViewMetaEntry> views) {
     GstStructure* one =
         gst_structure_new(LF_VIEW_META, "column", G_TYPE_INT, place.column(), "row", G_TYPE_INT, place.row(), nullptr);
     set_view(one, facts);
-    take_structure(one, "focus", focus_of(facts.request));
+    take_structure(one, "focus", focus_of(facts));
     g_value_take_boxed(value, one);
   });
 }
@@ -152,26 +160,45 @@ bool get_lens(const GstStructure* lens, View& view) {
   return true;
 }
 
+// Reads the size of a map, and its nodes from a field of bytes.
+bool get_nodes(const GstStructure* structure, const char* field, FocalMap& map) {
+  g_autoptr(GBytes) nodes = nullptr;
+  if (!gst_structure_get(structure, "step", G_TYPE_INT, &map.step, "columns", G_TYPE_INT, &map.columns, "rows",
+                         G_TYPE_INT, &map.rows, field, G_TYPE_BYTES, &nodes, nullptr))
+    return false;
+  gsize size = 0;
+  const auto* bytes = static_cast<const uint8_t*>(g_bytes_get_data(nodes, &size));
+  map.levels.assign(bytes, bytes + size);
+  return true;
+}
+
 std::shared_ptr<const FocalMap> read_map(const GstStructure* structure) {
   auto map = std::make_shared<FocalMap>();
-  g_autoptr(GBytes) levels = nullptr;
-  if (!get_plane(structure, "from", map->from) ||
-      !gst_structure_get(structure, "step", G_TYPE_INT, &map->step, "columns", G_TYPE_INT, &map->columns, "rows",
-                         G_TYPE_INT, &map->rows, "inverse-farthest", G_TYPE_DOUBLE, &map->farthest, "inverse-nearest",
-                         G_TYPE_DOUBLE, &map->nearest, "levels", G_TYPE_BYTES, &levels, nullptr))
+  if (!get_plane(structure, "from", map->from) || !get_nodes(structure, "levels", *map) ||
+      !gst_structure_get(structure, "inverse-farthest", G_TYPE_DOUBLE, &map->farthest, "inverse-nearest", G_TYPE_DOUBLE,
+                         &map->nearest, nullptr))
     return nullptr;
-  gsize size = 0;
-  const auto* bytes = static_cast<const uint8_t*>(g_bytes_get_data(levels, &size));
-  map->levels.assign(bytes, bytes + size);
   return map;
 }
 
-// Returns the view of a picture, or of one view of a set.
-std::optional<View> read_view(const GstStructure* picture) {
+std::shared_ptr<const FocalMap> read_confidence(const GstStructure* structure, const View& view) {
+  auto map = std::make_shared<FocalMap>();
+  map->nearest = 1;
+  if (!get_nodes(structure, "values", *map)) return nullptr;
+  FocalSurface surface;
+  surface.map = map;
+  map->from = surface.plane = view.focus.plane;
+  validate(surface, view.width, view.height);
+  return map;
+}
+
+// Reads a picture, or one view of a set.
+std::optional<PictureView> read_view(const GstStructure* picture) {
   const GstStructure *lens = part_of(picture, "lens"), *focus = part_of(picture, "focus");
   std::array<double, 3> at{};
   std::array<double, 4> turn{};
-  View view;
+  PictureView read;
+  View& view = read.view;
   if (!lens || !focus || !get_numbers(picture, "position", at) || !get_numbers(picture, "orientation", turn) ||
       !get_plane(focus, "plane", view.focus.plane))
     return std::nullopt;
@@ -180,10 +207,13 @@ std::optional<View> read_view(const GstStructure* picture) {
     if (!get_lens(lens, view)) return std::nullopt;
     if (const GstStructure* map = part_of(focus, "map"); map && !(view.focus.map = read_map(map))) return std::nullopt;
     validate(view);
+    if (const GstStructure* confidence = part_of(focus, "confidence"))
+      read.confidence = read_confidence(confidence, view);
   } catch (const Error&) {
     return std::nullopt;
   }
-  return view;
+  gst_structure_get(picture, "column", G_TYPE_INT, &read.column, "row", G_TYPE_INT, &read.row, nullptr);
+  return read;
 }
 
 }  // namespace
@@ -192,7 +222,7 @@ void register_view_meta() {
   // The meta has no tags, because elements such as videoconvert drop metas with tags that they don't know.
   static const char* const no_tags[] = {nullptr};
   if (!gst_meta_get_info(LF_VIEW_META))
-    gst_meta_register_custom(LF_VIEW_META, const_cast<const gchar**>(no_tags), copy_view_meta, nullptr, nullptr);
+    gst_meta_register_custom(LF_VIEW_META, const_cast<const gchar**>(no_tags), copy_meta, nullptr, nullptr);
 }
 
 void ViewMeta::add(ViewMetaEntry facts) {
@@ -211,25 +241,26 @@ void ViewMeta::attach(GstBuffer* picture) {
   gst_structure_set(structure, "view-id", G_TYPE_UINT, leader.request.view_id, nullptr);
   if (leader.capture_time) gst_structure_set(structure, "capture-time", G_TYPE_UINT64, *leader.capture_time, nullptr);
   set_view(structure, leader);
-  take_structure(structure, "focus", focus_of(leader.request));
+  take_structure(structure, "focus", focus_of(leader));
   const Blending& blending = leader.request.view.blending;
   gst_structure_set(structure, "aperture", G_TYPE_DOUBLE, blending.aperture, "nearest-cameras", G_TYPE_INT,
                     blending.nearest, nullptr);
   if (views.size() > 1) set_views(structure, std::move(views));
 }
 
-std::optional<View> view_of_picture(const GstStructure* picture) {
-  return gst_structure_has_field(picture, "views") ? std::nullopt : read_view(picture);
+void copy_view_meta(GstBuffer* from, GstBuffer* to) {
+  if (GstCustomMeta* meta = gst_buffer_get_custom_meta(from, LF_VIEW_META))
+    copy_meta(to, meta, from, 0, nullptr, nullptr);
 }
 
-std::vector<View> views_of_picture(const GstStructure* picture) {
-  std::vector<View> views;
+std::vector<PictureView> views_of_picture(const GstStructure* picture) {
+  std::vector<PictureView> views;
   const GValue* set = gst_structure_get_value(picture, "views");
   const guint count = set && GST_VALUE_HOLDS_ARRAY(set) ? gst_value_array_get_size(set) : 0;
   for (guint i = 0; i < std::max(count, 1u); i++) {
     const GValue* one = count > 0 ? gst_value_array_get_value(set, i) : nullptr;
     if (one && !GST_VALUE_HOLDS_STRUCTURE(one)) return {};
-    std::optional<View> view = read_view(one ? gst_value_get_structure(one) : picture);
+    std::optional<PictureView> view = read_view(one ? gst_value_get_structure(one) : picture);
     if (!view) return {};
     views.push_back(std::move(*view));
   }

@@ -3,6 +3,7 @@
 
 #include <gst/gst.h>
 
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -28,6 +29,7 @@ struct ViewMetaEntry {
   unsigned fragments = 0, missing = 0, damaged = 0;
   CameraSet missing_cameras;
   std::vector<std::string> missing_nodes;
+  std::shared_ptr<const FocalMap> confidence;  // of the surface, see DepthConfidence::map(); null: unknown
 
   // True if nothing is missing, as counted in `stats` of lfcompositor.
   bool complete() const { return fragments > 0 && missing == 0 && damaged == 0; }
@@ -46,9 +48,17 @@ class ViewMeta {
   std::vector<ViewMetaEntry> views_;  // in the order of the requests
 };
 
-// Returns the view of a picture from its LF_VIEW_META. Returns nothing for sets of views.
-std::optional<View> view_of_picture(const GstStructure* picture);
-// Returns all views of a picture, in their order in the picture. Returns no views if the meta is incomplete.
-std::vector<View> views_of_picture(const GstStructure* picture);
+// Copies the meta of a picture to another buffer that shows the same view.
+void copy_view_meta(GstBuffer* from, GstBuffer* to);
+
+// One view of a picture, and its position in a set of views.
+struct PictureView {
+  View view;
+  std::shared_ptr<const FocalMap> confidence;  // see ViewMetaEntry
+  int column = 0, row = 0;
+};
+// Returns the views of a picture from its LF_VIEW_META: one view, or all views of a set. Returns no views if the meta
+// is incomplete.
+std::vector<PictureView> views_of_picture(const GstStructure* picture);
 
 }  // namespace lf

@@ -154,6 +154,37 @@ TEST_F(LfViewSrcTest, UnlinkedPadsDoNotDisturbOtherViewers) {
   gst_element_release_request_pad(v.get(), third.get());
 }
 
+TEST_F(LfViewSrcTest, DepthsComeWithThePictures) {
+  play("", "v.src ! fakesink name=s sync=false  v.depth_src ! fakesink name=t sync=false  v.confidence_src ! fakesink");
+  EXPECT_TRUE(more("s"));
+  EXPECT_TRUE(more("t"));
+  const ElementPtr v = child("v"), t = child("t");
+  const PadPtr sink = pad_of(t.get(), "sink");
+  for (int i = 0; i < 3; i++) {
+    const PadPtr pad = pad_of(v.get(), "depth_src");
+    ASSERT_TRUE(pad);
+    gst_element_release_request_pad(v.get(), pad.get());
+    EXPECT_TRUE(more("s"));
+    const PadPtr again(gst_element_request_pad_simple(v.get(), "depth_src"));
+    ASSERT_TRUE(again);
+    ASSERT_EQ(gst_pad_link(again.get(), sink.get()), GST_PAD_LINK_OK);
+    EXPECT_TRUE(more("t")) << "requested again";
+  }
+}
+
+TEST_F(LfViewSrcTest, DepthsEndWithThePictures) {
+  for (const char* with : {"v.src ! fakesink", ""}) {
+    const std::string line = "lfviewsrc name=v rig=" + array_.rig_path() +
+                             " is-live=false num-buffers=5 framerate=30/1 " + with +
+                             " v.depth_src ! fakesink name=t  v.confidence_src ! fakesink";
+    const PipelinePtr pipeline = launch(line);
+    int depths = 0;
+    on_buffers(child_of(pipeline.get(), "t").get(), "sink", [&](GstBuffer*) { depths++; });
+    EXPECT_EQ(run(pipeline.get()), "") << line;
+    EXPECT_EQ(depths, 5) << line;
+  }
+}
+
 TEST_F(LfViewSrcTest, StalledViewerDoesNotStallOthers) {
   play("", "v.src ! fakesink name=s sync=false  v.src_0 ! fakesink name=t sync=false");
   ASSERT_TRUE(more("t"));

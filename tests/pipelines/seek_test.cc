@@ -150,17 +150,21 @@ TEST_P(SeekTest, PicturesAfterASeekEqualAStraightRun) {
 // The cameras loop and accept a seek at any position.
 TEST_P(SeekTest, BinSeeksLikeItsElements) {
   const std::string loop = std::string(GetParam()) == "sequence" ? "false" : "true";  // too short at its rate
-  const std::string bin = "lfviewsrc node::loop=" + loop +
+  const std::string bin = "lfviewsrc name=v node::loop=" + loop +
                           " focus=plane is-live=false framerate=" + std::to_string(kRate) + "/1 rig=" + rig_ +
                           " location=" + views_ + " ! videoconvert ! appsink name=s sync=false";
   const std::vector<Picture> truth = Player(line()).rest();
-  Player player(bin);
-  EXPECT_TRUE(player.rest() == truth);
-  for (const size_t from : {12, 3}) {
-    player.set_state(GST_STATE_PAUSED);
-    ASSERT_TRUE(player.seek(from * kPeriod));
-    EXPECT_TRUE(player.rest() == std::vector(truth.begin() + static_cast<ptrdiff_t>(from), truth.end())) << from;
-    EXPECT_TRUE(player.is_eos());
+  // The pipeline sends a seek to each sink.
+  for (const std::string more : {"", " v.depth_src ! fakesink sync=false"}) {
+    Player player(bin + more);
+    EXPECT_TRUE(player.rest() == truth) << more;
+    for (const size_t from : {12, 3}) {
+      player.set_state(GST_STATE_PAUSED);
+      ASSERT_TRUE(player.seek(from * kPeriod));
+      EXPECT_TRUE(player.rest() == std::vector(truth.begin() + static_cast<ptrdiff_t>(from), truth.end()))
+          << from << more;
+      EXPECT_TRUE(player.is_eos());
+    }
   }
 }
 

@@ -17,13 +17,13 @@ bool same_camera(const View& a, const View& b) {
 
 std::vector<SurfaceSender::Message> SurfaceSender::messages(const GstStructure* picture, uint32_t timestamp,
                                                             size_t video_bytes) {
-  std::vector<View> views = views_of_picture(picture);
+  std::vector<PictureView> views = views_of_picture(picture);
   std::vector<Message> messages;
   if (views.size() > eyes_.size()) return messages;
   for (size_t i = 0; i < views.size(); i++) {
     const double share = kShare * static_cast<double>(video_bytes) / static_cast<double>(views.size());
     eyes_[i].credit = std::min<double>(kMaxBytes, eyes_[i].credit + share);
-    Message bytes = message(eyes_[i], static_cast<int>(i), std::move(views[i]), timestamp);
+    Message bytes = message(eyes_[i], static_cast<int>(i), std::move(views[i].view), timestamp);
     if (!bytes.empty()) messages.push_back(std::move(bytes));
   }
   return messages;
