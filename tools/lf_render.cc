@@ -35,6 +35,7 @@
 #include "terminal.h"
 #include "view/depth_file.h"
 #include "view/depth_image.h"
+#include "view/gltf.h"
 #include "view/point_cloud.h"
 #include "view/view_path.h"
 
@@ -120,7 +121,7 @@ struct Options {
   std::string rig, views, out, truth, cameras, json;
   int every = 1;
   double distance = 0;  // distance of the focal plane, metres
-  bool i420 = false, leave_one_out = false, depth = false, ply = false;
+  bool i420 = false, leave_one_out = false, depth = false, ply = false, gltf = false;
   std::string focus = "surface", resampling = "sharpened", gains = "auto", renderer = "cpu";
   double aperture = 0;  // metres
   int nearest_cameras = 0;
@@ -150,6 +151,7 @@ struct Rendered {
   lf::View focused;
   lf::Image rgb;
   std::vector<float> coverage;
+  std::shared_ptr<const lf::FocalMap> confidence;  // of the depths
 };
 
 lf::Quality quality_against(const Rendered& out, const std::string& truth_file) {
@@ -195,13 +197,14 @@ class Renderer {
   // not compensated for --leave-one-out, which compares the cameras with each other.
   lf::View focused(const lf::Mesh& mesh, const lf::View& view) {
     gains_ = {};
+    confidence_ = nullptr;
     if (options_.focus == "plane") return view;
     const bool match =
         !options_.leave_one_out && (options_.gains == "on" || (options_.gains == "auto" && !rig_.has_colour()));
     lf::ExposureCompensation gains;
     const int rounds = match ? lf::kMatchedRounds : lf::kSettledRounds;
     const lf::View focused = lf::focus_still(rig_, mesh, view, image_of_, options_.surface, rounds,
-                                             match ? &gains : nullptr, depths_ ? &*depths_ : nullptr);
+                                             match ? &gains : nullptr, depths_ ? &*depths_ : nullptr, &confidence_);
     gains_ = gains;
     return focused;
   }
@@ -210,6 +213,7 @@ class Renderer {
     const Clock::time_point start = Clock::now();
     Rendered out = still(name, mesh, focused(mesh, view));
     out.row.ms = ms_since(start) - reading_;
+    out.confidence = confidence_;
     return out;
   }
   Rendered still(const std::string& name, const lf::Mesh& mesh, const lf::View& focused) {
@@ -264,6 +268,7 @@ class Renderer {
   lf::StillImageCache images_;
   lf::Image rgb_, matched_;
   std::optional<lf::ArrayDepth> depths_;
+  std::shared_ptr<const lf::FocalMap> confidence_;  // of the depths of the current view
   lf::ExposureCompensation gains_;  // exposure gains of the current view; images are divided by their gain
   double reading_ = 0;              // time to read images of the current view, milliseconds
   const lf::CameraImages image_of_ = [this](lf::CameraIndex camera) -> const lf::Image& { return read(camera); };
@@ -374,8 +379,11 @@ void save_depths(const Rendered& rendered, const Options& options, const std::st
   if (options.depth) {
     lf::save_depth_png(depth, path + ".depth.png");
     lf::save_depth_pfm(depth, path + ".depth.pfm");
+    lf::save_confidence_png(rendered.confidence.get(), depth.width, depth.height, path + ".confidence.png");
   }
   if (options.ply) lf::save_ply(lf::point_cloud(rendered.focused, depth, rendered.rgb.view()), path + ".ply");
+  if (options.gltf)
+    lf::save_gltf(rendered.focused, lf::surface_mesh(rendered.focused, rendered.coverage), rendered.rgb, path + ".glb");
 }
 
 void run(const Options& options) {
@@ -403,7 +411,7 @@ void run(const Options& options) {
     Rendered out = renderer.render(view.name, mesh, view.view);
     if (!options.truth.empty()) out.row.quality = quality_against(out, options.truth + "/" + view.name + ".png");
     lf::save_image(out.rgb, options.out + "/" + view.name + ".png");
-    if (options.depth || options.ply) save_depths(out, options, options.out + "/" + view.name);
+    if (options.depth || options.ply || options.gltf) save_depths(out, options, options.out + "/" + view.name);
     rows.push_back(out.row);
     progress.step();
   }
@@ -425,11 +433,16 @@ cli::Option* add_file_options(cli::App& app, Options& options) {
       ->required();
   app.add_flag("--depth", options.depth,
                "Also write the depth of each pixel, as NAME.depth.png (16 bits, in millimetres) and NAME.depth.pfm "
-               "(floating point, in metres). Depths are along the optical axis of the view; 0 means unknown")
+               "(floating point, in metres). Depths are along the optical axis of the view; 0 means unknown. "
+               "NAME.confidence.png has their confidence, from 0 (a guess) to 255")
       ->excludes(leave_one_out);
   app.add_flag("--ply", options.ply,
                "Also write the points of the surface with their colours as NAME.ply, in metres and in the coordinates "
                "of the rig. Pixels at depth edges are left out")
+      ->excludes(leave_one_out);
+  app.add_flag("--gltf", options.gltf,
+               "Also write the surface as NAME.glb, a file of glTF 2.0: triangles with the picture as texture, and a "
+               "camera at the view. The surface is cut at depth edges")
       ->excludes(leave_one_out);
   app.add_option("--truth", options.truth,
                  "Folder with the expected picture of each view as NAME.png, for example from lf-scene --truth. The "

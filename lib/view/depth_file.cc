@@ -12,6 +12,22 @@
 
 namespace lf {
 
+namespace {
+
+void save_png(const cv::Mat& pixels, const std::string& path) {
+  std::vector<uint8_t> bytes;
+  try {
+    cv::imencode(".png", pixels, bytes);
+  } catch (const cv::Exception& error) {
+    throw Error(path + ": " + error.what());
+  }
+  AtomicFileWriter file(path);
+  file.write({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+  file.commit();
+}
+
+}  // namespace
+
 void save_depth_pfm(const DepthImage& image, const std::string& path) {
   static_assert(std::endian::native == std::endian::little);
   AtomicFileWriter file(path);
@@ -28,15 +44,18 @@ void save_depth_png(const DepthImage& image, const std::string& path) {
   std::ranges::transform(image.depths, pixels.begin<uint16_t>(), [](float depth) {
     return static_cast<uint16_t>(std::lround(std::min(depth * kMillimetres, 65535.0f)));
   });
-  std::vector<uint8_t> bytes;
-  try {
-    cv::imencode(".png", pixels, bytes);
-  } catch (const cv::Exception& error) {
-    throw Error(path + ": " + error.what());
+  save_png(pixels, path);
+}
+
+void save_confidence_png(const FocalMap* confidence, int width, int height, const std::string& path) {
+  cv::Mat pixels = cv::Mat::zeros(height, width, CV_8UC1);
+  std::vector<float> row(static_cast<size_t>(width));
+  for (int y = 0; confidence && y < height; y++) {
+    confidence->inverse_row(0, 1, y, width, row.data());
+    std::ranges::transform(row, pixels.ptr<uint8_t>(y),
+                           [](float value) { return static_cast<uint8_t>(std::lround(255 * value)); });
   }
-  AtomicFileWriter file(path);
-  file.write({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
-  file.commit();
+  save_png(pixels, path);
 }
 
 }  // namespace lf

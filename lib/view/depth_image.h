@@ -19,5 +19,7 @@ struct DepthImage {
 // parallel to the line of sight, if the lens has no line of sight there, or if its coverage is 0. `coverage` has one
 // value per pixel, or is empty.
 DepthImage depth_image(const View& view, std::span<const float> coverage = {});
+// Returns the depth at any position of the view, in pixels.
+float depth_at(const View& view, const Vec2& at);
 
 }  // namespace lf

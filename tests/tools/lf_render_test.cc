@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <opencv2/imgcodecs.hpp>
 #include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
 
+#include "base/file.h"
 #include "support/photographs.h"
 #include "support/run_program.h"
 
@@ -201,12 +202,21 @@ TEST(LfRenderFocus, WritesDepths) {
   save_views({view}, folder / "views.json");
   const auto depths = [&](const std::string& more) {
     test::expect_outcome(
-        run_program("lf-render", "--rig rig.json --views views.json --out out --depth --ply " + more, folder.path()), 0);
+        run_program("lf-render", "--rig rig.json --views views.json --out out --depth --ply --gltf " + more,
+                    folder.path()),
+        0);
     const cv::Mat png = cv::imread(folder / "out/v.depth.png", cv::IMREAD_UNCHANGED);
     EXPECT_EQ(png.type(), CV_16UC1);
     EXPECT_EQ(png.size(), cv::Size(160, 120));
     EXPECT_EQ(fs::file_size(folder / "out/v.depth.pfm"), std::string("Pf\n160 120\n-1\n").size() + 160 * 120 * 4);
     EXPECT_GT(fs::file_size(folder / "out/v.ply"), 15u * 160 * 120 / 2);
+    EXPECT_GT(fs::file_size(folder / "out/v.glb"), 20u * 40 * 30);
+    EXPECT_EQ(read_file(folder / "out/v.glb").substr(0, 4), "glTF");
+    const cv::Mat confidence = cv::imread(folder / "out/v.confidence.png", cv::IMREAD_UNCHANGED);
+    EXPECT_EQ(confidence.type(), CV_8UC1);
+    EXPECT_EQ(confidence.size(), png.size());
+    const int confident = cv::countNonZero(confidence > 127);
+    EXPECT_TRUE(more.empty() ? confident > 160 * 120 / 4 : confident == 0) << confident << more;
     double least = 0, most = 0;
     cv::minMaxLoc(png, &least, &most, nullptr, nullptr, png > 0);  // the cameras do not see all corners
     EXPECT_GT(cv::countNonZero(png), 160 * 120 / 2);

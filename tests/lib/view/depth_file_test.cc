@@ -35,5 +35,22 @@ TEST(DepthFile, FilesContainTheDepths) {
   EXPECT_ERROR(save_depth_pfm(image, dir / "none/d.pfm"), "none/d.pfm");
 }
 
+TEST(DepthFile, ConfidencesAreInterpolated) {
+  const TempDir dir;
+  FocalMap map = FocalMap::for_view(13, 7);
+  map.nearest = 1;
+  for (int i = 0; i < map.columns * map.rows; i++) map.levels.push_back(static_cast<uint8_t>(37 * i));
+  for (const FocalMap* confidence : {static_cast<const FocalMap*>(&map), static_cast<const FocalMap*>(nullptr)}) {
+    save_confidence_png(confidence, 13, 7, dir / "c.png");
+    const cv::Mat png = cv::imread(dir / "c.png", cv::IMREAD_UNCHANGED);
+    ASSERT_EQ(png.type(), CV_8UC1);
+    ASSERT_EQ(png.size(), cv::Size(13, 7));
+    for (int y = 0; y < 7; y++)
+      for (int x = 0; x < 13; x++)
+        EXPECT_NEAR(png.at<uint8_t>(y, x), confidence ? 255 * map.inverse_at(x, y) : 0, 0.51) << x << ", " << y;
+  }
+  EXPECT_ERROR(save_confidence_png(&map, 13, 7, dir / "none/c.png"), "none/c.png");
+}
+
 }  // namespace
 }  // namespace lf
