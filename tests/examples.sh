@@ -28,7 +28,7 @@ if nm -D --undefined-only "$build/gst/libgstlightfield.so" | grep -q -e __asan_ 
   echo "1..0 # SKIP a build with sanitizers is not for other programs"
   exit
 fi
-echo 1..19
+echo 1..21
 DESTDIR=$work/root meson install -C "$build" --no-rebuild >"$work/log" 2>&1
 report $? "meson install" "$work/log"
 
@@ -73,11 +73,13 @@ for header in "$include"/*.h; do
 done
 report $status "each header stands by itself, in C++17, too" "$work/log"
 
+opencv=()
 compile() { # NAME SOURCE PACKAGE...
   local flags
   if ! flags=$(pkg-config --cflags --libs "${@:3}" 2>"$work/log"); then return 1; fi
   # shellcheck disable=SC2086  # flags are words
-  ${CXX:-g++} -std=c++20 -O1 -Wall -Wextra -pedantic -Werror "$2" $flags -o "$work/$1" >"$work/log" 2>&1
+  ${CXX:-g++} -std=c++20 -O1 -Wall -Wextra -pedantic -Werror "${opencv[@]:0:2}" "$2" $flags "${opencv[@]:2}" \
+    -o "$work/$1" >"$work/log" 2>&1
 }
 
 "$bin/lf-scene" --out "$work/scene" --grid 3x3 --width 64 --height 48 --frames 8 --samples 1 >"$work/log" 2>&1
@@ -108,7 +110,18 @@ for n in 1 2; do
   compile "guide$n" "$work/guide$n.cc" lightfield && timeout 60 "$work/guide$n" "$rig" >"$work/log" 2>&1
   report $? "docs/guides/embedding.md, program $n" "$work/log"
 done
+(
+  opencv=(-isystem /usr/include/opencv4 -lopencv_core -lopencv_imgproc -lopencv_imgcodecs)
+  compile rgbd "$source/examples/rgbd.cc" gstreamer-app-1.0 gstreamer-video-1.0
+) && (cd "$work" && timeout 60 ./rgbd "$rig" 5 && rm rgbd.png) >"$work/log" 2>&1
+report $? "examples/rgbd.cc" "$work/log"
 python=/usr/bin/python3
+if "$python" -c 'import cv2' 2>/dev/null; then
+  (cd "$work" && timeout 60 "$python" "$source/examples/rgbd.py" "$rig" 5 && rm rgbd.png) >"$work/log" 2>&1
+  report $? "examples/rgbd.py" "$work/log"
+else
+  skip "examples/rgbd.py" "python3-opencv is not installed"
+fi
 if "$python" -c 'import gi; gi.require_version("GstApp", "1.0"); from gi.repository import GstApp' 2>/dev/null; then
   timeout 60 "$python" "$source/examples/view.py" "$rig" 20 >"$work/log" 2>&1
   report $? "examples/view.py" "$work/log"

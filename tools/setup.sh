@@ -40,7 +40,7 @@ if [[ $what != quickstart ]]; then
     libegl1 libgl1-mesa-dri                            # OpenGL ES and a software driver
     libbenchmark-dev libgmock-dev libgtest-dev
     libgstrtspserver-1.0-dev                           # network cameras of the tests
-    python3-gi gir1.2-gst-plugins-base-1.0             # the example in Python
+    python3-gi gir1.2-gst-plugins-base-1.0 python3-opencv  # the examples in Python
   )
 fi
 if [[ $what == tests ]]; then

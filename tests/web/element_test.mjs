@@ -309,6 +309,67 @@ async function genericPlayer() {
   mine.close();
 }
 
+// A red square at 1 m in front of a blue wall at 2 m, as lf-render --ply writes it.
+function plyFile() {
+  const points = [];
+  for (let y = -40; y <= 40; y++)
+    for (let x = -40; x <= 40; x++) {
+      points.push([x / 40, y / 40, 2, 0, 0, 255]);
+      if (Math.abs(x) <= 8 && Math.abs(y) <= 8) points.push([x / 40, y / 40, 1, 255, 0, 0]);
+    }
+  const properties = ['float x', 'float y', 'float z', 'uchar red', 'uchar green', 'uchar blue'];
+  const header = `ply\nformat binary_little_endian 1.0\nelement vertex ${points.length}\n` +
+    `${properties.map(property => `property ${property}\n`).join('')}end_header\n`;
+  const bytes = Buffer.alloc(header.length + 15 * points.length);
+  bytes.write(header, 'latin1');
+  for (const [i, point] of points.entries()) {
+    const at = header.length + 15 * i;
+    for (let k = 0; k < 3; k++) bytes.writeFloatLE(point[k], at + 4 * k);
+    bytes.set(point.slice(3), at + 12);
+  }
+  return bytes;
+}
+
+// The share of red and of blue pixels, and the column of the middle of the red ones.
+async function coloursOf(page) {
+  return await page.evaluate(async url => {
+    const image = await createImageBitmap(await (await fetch(url)).blob()), { width, height } = image;
+    const context = new OffscreenCanvas(width, height).getContext('2d');
+    context.drawImage(image, 0, 0);
+    const { data } = context.getImageData(0, 0, width, height);
+    let red = 0, blue = 0, columns = 0;
+    for (let i = 0; i < data.length; i += 4) {
+      if (data[i] > 200 && data[i + 2] < 50) red++, columns += i / 4 % width;
+      if (data[i + 2] > 200 && data[i] < 50) blue++;
+    }
+    return { red: red / width / height, blue: blue / width / height, middle: columns / red };
+  }, `data:image/png;base64,${(await page.screenshot()).toString('base64')}`);
+}
+
+async function pointCloud() {
+  const mine = await site({ '/': await readFile(join(source, 'examples/points.html'), 'utf8'), '/a.ply': plyFile() });
+  const page = await newPage(browser, size), said = () => page.locator('span').textContent();
+  await page.goto(`${mine.origin}?file=a.ply`);
+  await until(async () => await said() === '6850 points', 'it opens the file');
+  await until(async () => (await coloursOf(page)).blue > 0.1, 'it draws');
+  const before = await coloursOf(page);
+  expect(before.red > 0.04 && before.blue > 0.3 && Math.abs(before.middle - 320) < 4, JSON.stringify(before));
+  await page.mouse.move(320, 240);
+  await page.mouse.down();
+  await page.mouse.move(400, 240, { steps: 4 });
+  await page.mouse.up();
+  await until(async () => Math.abs((await coloursOf(page)).middle - before.middle) > 30, 'the square moves before the wall');
+  await page.mouse.wheel(0, -400);
+  const turned = await coloursOf(page);
+  await until(async () => (await coloursOf(page)).red > 1.5 * before.red, `it zooms: ${JSON.stringify(turned)}`);
+  await page.setInputFiles('input', { name: 'b.ply', mimeType: 'model/ply', buffer: Buffer.from('ply\nformat ascii 1.0\n') });
+  await until(async () => (await said()).includes('not a point cloud'), 'it says what is wrong');
+  await page.goto(`${mine.origin}?file=none.ply`);
+  await until(async () => (await said()).includes('cannot be read'), 'a file that is not there');
+  await page.context().close();
+  mine.close();
+}
+
 const work = join(artefacts, 'react');
 
 async function built() {
@@ -389,5 +450,6 @@ await runTests([
   ['out of sight', outOfSight],
   ['events, pictures, poster and slots', eventsAndPictures],
   ['a generic WHEP player', genericPlayer],
+  ['the page of point clouds', pointCloud],
   ['an application of React', application],
 ]);
