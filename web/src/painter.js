@@ -48,7 +48,7 @@ bool is_near(float limit) {
       vec2 other = clamp(first + vec2(i, j), vec2(0), last), away = other - node;
       vec2 place = min((other + 0.5) * step_size / size, 1.0);
       vec3 change = textureLod(picture, vec2(place.x * part.x + part.y, place.y), 1.0).rgb - own;
-      float distance = 1.0 + dot(away, away) * 0.5 + dot(change, change) * 60.0, square = distance * distance;
+      float distance = 1.0 + dot(away, away) * 0.5 + dot(change, change) * 15.0, square = distance * distance;
       float weight = 1.0 / (square * square);
       sums[int(texelFetch(levels, ivec2(other), 0).r * 255.0 > limit)] += weight;
     }

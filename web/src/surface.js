@@ -111,6 +111,10 @@ function nodesBehind(inverses, columns, rows, isEdge) {
 }
 
 const kCorners = [0, 1, kAround, kAround + 1].map(at => at + kRing * (kAround + 1));  // indices of a cell's corners
+// Cells at edges overlap by this many pixels on each side, because the depths of neighbouring cells differ at their common
+// border, which would show as a crack.
+const kOverlap = 1;
+const kBeyondCell = [[-1, -1], [1, -1], [-1, 1], [1, 1]].map(corner => corner.map(sign => kOverlap * sign));
 const kMedian = [[1, 2], [4, 5], [7, 8], [0, 1], [3, 4], [6, 7], [1, 2], [4, 5], [7, 8], [0, 3], [5, 8], [4, 7], [3, 6], [1, 4],
   [2, 5], [4, 7], [4, 2], [6, 4], [4, 2]];
 
@@ -191,8 +195,8 @@ export function makeMesh({ camera: { width, height }, step, columns, rows, farth
   const vertices = new Float32Array(kVertexFloats * (2 * size + 8 * count));
   const back = new Uint32Array(6 * (wide - 1) * (rows + 1)), front = new Uint32Array(back.length + 6 * count);
   let next = 0;
-  const add = (at, inverse, dx = 0, dy = 0, side = 0) => {
-    const x = across.places[at % wide], y = along.places[Math.floor(at / wide)], to = kVertexFloats * next++;
+  const add = (at, inverse, dx = 0, dy = 0, side = 0, beyond = [0, 0]) => {
+    const x = across.places[at % wide] + beyond[0], y = along.places[Math.floor(at / wide)] + beyond[1], to = kVertexFloats * next++;
     [vertices[to], vertices[to + 1], vertices[to + 2]] = [x, y, inverse];
     [vertices[to + 3], vertices[to + 4], vertices[to + 5]] = [x + dx, y + dy, side];
   };
@@ -222,7 +226,7 @@ export function makeMesh({ camera: { width, height }, step, columns, rows, farth
       const { limit, far, near } = sidesOf(levels, inverses, around);
       for (const [depths, side] of [[far, -limit], [near, limit]]) {
         const first = next;
-        [a, a + 1, c, c + 1].forEach((at, k) => add(at, depths[k], 0, 0, side));
+        [a, a + 1, c, c + 1].forEach((at, k) => add(at, depths[k], 0, 0, side, kBeyondCell[k]));
         quad(front, 1, first, first + 2);
       }
     }
