@@ -17,8 +17,8 @@ namespace lf {
 
 // The request pads of lfcompositor that deliver the depths of each picture and their confidences. The documentation in
 // lfcompositor.cc describes the values. The depths come from the meta "lightfield-view" of the picture, so they always
-// have the pose and the time of the picture. The pads have the events of the source pad `src`. Call make() and push()
-// in the streaming thread; other functions are thread-safe.
+// have the pose and the time of the picture. The pads have the events of the source pad `src`. add_pad(), remove_pad()
+// and, for flushes, forward() are thread-safe. Call the other functions in the streaming thread.
 class DepthOutput {
  public:
   explicit DepthOutput(GstElement* element) : element_(element) {}
