@@ -47,7 +47,7 @@ struct Options {
   int capture_delay_ms = -1;  // negative: the default, which depends on the cameras
 };
 
-std::pair<std::string, std::string> parse_path(const std::string& text) {
+std::pair<std::string, CameraPath> parse_path(const std::string& text) {
   const size_t equals = text.find('=');
   if (equals == text.npos || equals == 0)
     throw lf::Error("--path " + text + ": must be NAME=FILE, such as tour=tour.json");
@@ -56,7 +56,7 @@ std::pair<std::string, std::string> parse_path(const std::string& text) {
   if (view.width % 2 || view.height % 2)
     throw lf::Error(
         file + ": the width and the height of all views must be even, because the video has chroma at half resolution");
-  return {text.substr(0, equals), file};
+  return {text.substr(0, equals), {file, view.width, view.height}};
 }
 
 std::vector<lf::NodeAddress> nodes_of(const std::string& text) {
@@ -294,7 +294,7 @@ class Program {
       try {
         auto field =
             std::make_unique<LightField>(options_.rig, options_.node_addresses, options_.key_file, options_.resampling,
-                                         options_.renderer, options_.record, options_.limits.viewers, options_.trusted);
+                                         options_.renderer, options_.record, max_views(), options_.trusted);
         {
           const std::lock_guard lock(mutex_);
           field_ = std::move(field);
@@ -312,6 +312,9 @@ class Program {
       });
     });
   }
+
+  // Each path has a flight per codec.
+  int max_views() const { return options_.limits.viewers + static_cast<int>(2 * options_.server.whep.paths.size()); }
 
   // Network cameras need more time because of their jitter buffer, see `latency` of lfcamsrc.
   int capture_delay() const {
@@ -435,6 +438,11 @@ void add_view_options(cli::App& app, Options& o) {
                  "Maximum number of viewers at a time. A stereo viewer counts twice, because each eye needs a separate "
                  "view. Further viewers wait in a queue. Reduce this if the machine is too slow for so many viewers")
       ->check(cli::Range(1, 1000));
+  app.add_option(
+         "--watchers", o.limits.watchers,
+         "Maximum number of viewers that watch a camera path of --path. All viewers of a path share one video, so "
+         "they cost much less than views and do not count for --viewers")
+      ->check(cli::Range(1, 10000));
   app.add_option("--address-views", o.limits.address_views,
                  "Maximum number of views at a time for one client address, so that one client cannot take all places. "
                  "A stereo viewer needs 2 views")

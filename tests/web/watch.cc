@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Viewers without decoding, for measuring lf-serve without the cost of browsers:
-//     watch URL VIEWERS WIDTH HEIGHT SECONDS
+//     watch URL VIEWERS WIDTH HEIGHT SECONDS [LOCAL-ADDRESS [QUERY]]
 // Prints a line of JSON: frames per second of each viewer, and total bits per second.
 #include <cstdio>
 #include <cstdlib>
@@ -12,12 +12,14 @@
 
 int main(int argc, char** argv) {
   gst_init(&argc, &argv);
-  if (argc != 6) {
-    std::fprintf(stderr, "usage: watch URL VIEWERS WIDTH HEIGHT SECONDS\n");
+  if (argc < 6 || argc > 8) {
+    std::fprintf(stderr, "usage: watch URL VIEWERS WIDTH HEIGHT SECONDS [LOCAL-ADDRESS [QUERY]]\n");
     return 2;
   }
   try {
     lf::test::WhepClient::Options options{argv[1], std::atoi(argv[3]), std::atoi(argv[4])};
+    if (argc > 6) options.address = argv[6];
+    if (argc > 7) options.query = argv[7];
     std::vector<std::unique_ptr<lf::test::WhepClient>> viewers;
     for (int i = 0; i < std::atoi(argv[2]); i++) {
       viewers.push_back(std::make_unique<lf::test::WhepClient>(options));

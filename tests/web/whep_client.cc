@@ -64,7 +64,7 @@ WhepClient::WhepClient(const Options& options) : WhepClient(gst_pipeline_new(nul
   g_object_get(webrtc_, "ice-agent", &ice, nullptr);
   g_object_get(ice, "agent", &agent, nullptr);
   g_object_set(agent, "upnp", FALSE, "ice-tcp", FALSE, nullptr);
-  g_signal_emit_by_name(ice, "add-local-ip-address", "127.0.0.1", &added);
+  g_signal_emit_by_name(ice, "add-local-ip-address", options.address.c_str(), &added);
   g_object_unref(agent);
   g_object_unref(ice);
   gst_element_set_state(pipeline_, GST_STATE_PLAYING);
@@ -125,8 +125,8 @@ WhepClient::~WhepClient() {
 
 void WhepClient::post(const std::string& offer) {
   g_autoptr(SoupSession) session = soup_session_new();
-  const std::string url =
-      options_.url + "whep?width=" + std::to_string(options_.width) + "&height=" + std::to_string(options_.height);
+  const std::string url = options_.url + "whep?width=" + std::to_string(options_.width) +
+                          "&height=" + std::to_string(options_.height) + options_.query;
   g_autoptr(SoupMessage) message = soup_message_new("POST", url.c_str());
   g_autoptr(GBytes) body = g_bytes_new(offer.data(), offer.size());
   soup_message_set_request_body_from_bytes(message, "application/sdp", body);

@@ -28,6 +28,8 @@ class WhepClient {
     double loss = 0;                            // share of received packets to drop
     std::string fingerprint = {};               // replaces the offer's fingerprint unless empty
     double patience = kFallsBehind ? 120 : 30;  // timeout for the first frame, seconds
+    std::string address = "127.0.0.1";          // local address for media
+    std::string query = {};                     // further query parameters, "&path=tour"
     std::string first_message = {};             // sent when the data channel opens; "": none
   };
 

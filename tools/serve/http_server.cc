@@ -145,7 +145,9 @@ std::optional<ViewParams> WhepEndpoint::view_params(SoupServerMessage* message, 
   if (const char* name = value_of(query, "path")) {
     const auto found = options_.paths.find(name);
     if (found == options_.paths.end()) return refusals_.answer(message, client.address, refusal::kPath), std::nullopt;
-    view_params.path = found->second;
+    view_params.path = found->second.file;
+    view_params.width = found->second.width;
+    view_params.height = found->second.height;
   }
   return view_params;
 }
@@ -156,11 +158,12 @@ bool WhepEndpoint::seat(SoupServerMessage* message, const Client& client, const 
   if (answer.verdict == AdmissionControl::Answer::kAdmitted) return true;
   nlohmann::json more;
   if (answer.verdict == AdmissionControl::Answer::kAddress) {
-    more["seats"] = sessions.seats().of_address();
+    more["seats"] = sessions.seats(view_params).of_address();
     refusals_.answer(message, client.address, refusal::kAddress, more);
     return false;
   }
-  more["waiting"] = sessions.seats().waiting();
+  more["waiting"] = sessions.seats(view_params).waiting();
+  if (!view_params.is_shared() && !options_.paths.empty()) more["path"] = options_.paths.begin()->first;
   if (answer.place > 0) more["place"] = answer.place;
   if (answer.place > 0) more["ticket"] = answer.ticket;
   refusals_.answer(message, client.address, refusal::kFull, more);
@@ -418,13 +421,15 @@ void HttpServer::page(SoupServerMessage* message, const std::string& path) {
 }
 
 std::string HttpServer::metrics() const {
-  const Viewer::ViewerCounters counters = sessions_->counters();
+  const ViewerCounters counters = sessions_->counters();
   std::ostringstream out;
   const auto put = [&out](const char* name, const char* type, const char* help, auto value) {
     out << "# HELP lightfield_" << name << ' ' << help << "\n# TYPE lightfield_" << name << ' ' << type
         << "\nlightfield_" << name << ' ' << value << '\n';
   };
   put("viewers", "gauge", "Viewers now.", sessions_->size());
+  put("flights", "gauge", "Shared flights along camera paths now.", sessions_->flights());
+  put("watchers", "gauge", "Viewers of shared flights now.", sessions_->watchers());
   put("viewers_total", "counter", "Admitted viewers.", sessions_->opened());
   put("pictures_total", "counter", "Pictures composed.", counters.pictures);
   put("incomplete_pictures_total", "counter", "Incomplete pictures.", counters.incomplete);
@@ -440,7 +445,7 @@ std::string HttpServer::metrics() const {
       listener_->closed());
   put("shed_step", "gauge", "Load reduction: 0 none, 1 and 2 fewer depth hypotheses, 3 half the rate, 4 half the size.",
       sessions_->load_shedding().step());
-  put("waiting", "gauge", "Tickets in the queue for seats.", sessions_->seats().waiting());
+  put("waiting", "gauge", "Tickets in the queue for seats.", sessions_->seats({}).waiting());
   if (!field_->is_local()) {
     const std::vector<size_t> silent = field_->silent_nodes();
     out << "# HELP lightfield_node_silent Camera hosts that do not answer requests.\n"

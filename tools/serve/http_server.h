@@ -49,7 +49,7 @@ class Certificate {
 class WhepEndpoint {
  public:
   struct Options {
-    std::map<std::string, std::string> paths;  // camera paths (views.json) that viewers can play, by name
+    std::map<std::string, CameraPath> paths;  // camera paths (views.json) that viewers can play, by name
     IceServers ice;
     std::set<std::string> relays;  // addresses of TURN servers, which are accepted in candidates
     std::string media_address;     // local address that sends video; empty: any

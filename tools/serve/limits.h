@@ -23,6 +23,7 @@ struct FocusSettings {
 
 struct Limits {
   int viewers = 8;  // maximum number of views; a stereo viewer needs two
+  int watchers = 100;  // maximum number of viewers of all shared flights together
   int address_views = 2;
   int max_width = 1280, max_height = 720;  // maximum size of a view, pixels
   double max_aperture = 0;                 // metres; 0: size of the array
@@ -50,12 +51,20 @@ inline int best_bit_rate(int width, int height, const Limits& limits) {
   return static_cast<int>(std::min<double>(limits.bit_rate, std::max(most, 300000.0)));
 }
 
+// A camera path that viewers can watch.
+struct CameraPath {
+  std::string file;  // views.json
+  int width, height;
+};
+
 // The view that a browser requests in the URL of its offer.
 struct ViewParams {
-  int width = 640, height = 480;  // per eye, pixels
+  int width = 640, height = 480;  // per eye, pixels; the size of the views of `path`, if there is one
   double eye_distance = 0;        // distance between the eyes, metres; 0: a single eye
   std::string path;               // camera path (views.json) to play; may be empty
   int views() const { return eye_distance > 0 ? 2 : 1; }
+  // Viewers of the same path share one video. Only a stereo viewer has a separate one, because of its eye distance.
+  bool is_shared() const { return !path.empty() && eye_distance == 0; }
 };
 
 // Parses the distance between the eyes in metres. An empty or null text means 0, a single eye. Returns std::nullopt if

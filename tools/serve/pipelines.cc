@@ -121,21 +121,27 @@ bool can_encode(VideoCodec codec) {
 }
 
 // Key frames are rare, because browsers request them when needed.
-std::string encoder_line(const Offer& offer, int bits_per_second) {
+std::string encoder_line(VideoCodec codec, int bits_per_second, const std::string& name) {
   std::ostringstream line;
-  if (offer.codec == VideoCodec::kVp8) {
-    line << "vp8enc name=encoder deadline=1 cpu-used=16 threads=1 lag-in-frames=0 end-usage=cq cq-level=20 "
+  if (codec == VideoCodec::kVp8) {
+    line << "vp8enc name=" << name
+         << " deadline=1 cpu-used=16 threads=1 lag-in-frames=0 end-usage=cq cq-level=20 "
             "keyframe-max-dist=900 error-resilient=default buffer-initial-size=200 buffer-optimal-size=300 "
             "buffer-size=500 target-bitrate="
-         << bits_per_second << " ! rtpvp8pay name=payloader picture-id-mode=15-bit";
+         << bits_per_second;
   } else {
     const H264Encoder& encoder = *h264_encoder();
-    line << encoder.element << " name=encoder " << encoder.options << ' ' << encoder.bit_rate << '='
-         << bits_per_second / encoder.unit
-         << " ! video/x-h264,profile=constrained-baseline ! rtph264pay name=payloader config-interval=-1 "
-            "aggregate-mode=zero-latency";
+    line << encoder.element << " name=" << name << ' ' << encoder.options << ' ' << encoder.bit_rate << '='
+         << bits_per_second / encoder.unit << " ! video/x-h264,profile=constrained-baseline";
   }
-  line << " mtu=1200 timestamp-offset=0 pt=" << offer.payload_type
+  return line.str();
+}
+
+std::string payloader_line(const Offer& offer) {
+  std::ostringstream line;
+  line << (offer.codec == VideoCodec::kVp8 ? "rtpvp8pay picture-id-mode=15-bit"
+                                           : "rtph264pay config-interval=-1 aggregate-mode=zero-latency")
+       << " name=payloader mtu=1200 timestamp-offset=0 pt=" << offer.payload_type
        << " ! capsfilter caps=application/x-rtp,media=video,encoding-name=" << to_string(offer.codec)
        << ",payload=" << offer.payload_type;
   return line.str();

@@ -36,9 +36,11 @@ inline std::string text_of(GstMessage* message) {
 // hardware or software.
 bool can_encode(VideoCodec codec);
 
-// Returns the part of a launch line that turns raw video into RTP for webrtcbin: a low-latency encoder named "encoder",
-// and a payloader named "payloader". RTP timestamps are 90,000 times the running time in seconds.
-std::string encoder_line(const Offer& offer, int bits_per_second);
+// Returns the launch line of a low-latency encoder.
+std::string encoder_line(VideoCodec codec, int bits_per_second, const std::string& name = "encoder");
+// Returns the launch line of a payloader named "payloader", which turns encoded video into RTP for webrtcbin. RTP
+// timestamps are 90,000 times the running time in seconds.
+std::string payloader_line(const Offer& offer);
 void set_bit_rate(GstElement* encoder, int bits_per_second);
 
 void add_playout_delay(GstElement* payloader, guint id);

@@ -27,19 +27,13 @@ std::string random_name() {
   return name;
 }
 
-void add(Viewer::ViewerCounters& sum, const Viewer::ViewerCounters& counters) {
-  sum.pictures += counters.pictures;
-  sum.incomplete += counters.incomplete;
-  sum.answer_bytes += counters.answer_bytes;
-  sum.video_bytes += counters.video_bytes;
-  sum.surface_bytes += counters.surface_bytes;
-  sum.refused_messages += counters.refused_messages;
-}
-
 }  // namespace
 
 Sessions::Sessions(LightField& field, const Limits& limits)
-    : field_(field), limits_(limits), admission_(limits.viewers, limits.address_views) {
+    : field_(field),
+      limits_(limits),
+      seats_(limits.viewers, limits.address_views),
+      watching_seats_(limits.watchers, limits.address_views) {
   timer_ = g_timeout_add(
       kTickMs,
       [](gpointer data) -> gboolean {
@@ -68,23 +62,50 @@ double Sessions::max_aperture() const {
 // Results of the camera monitor for the old rig do not apply to the new rig.
 void Sessions::update_rig() {
   monitor_ = {};
-  for (const auto& [name, session] : viewers_) session.viewer->update_rig(max_aperture());
+  for (const auto& [key, flight] : flights_) flight->update_rig();
+  for (const auto& [name, session] : viewers_) {
+    if (session.viewer) session.viewer->update_rig(max_aperture());
+    if (session.watcher) session.watcher->notify_of_rig();
+  }
 }
 
 AdmissionControl::Answer Sessions::ask(const std::string& address, const ViewParams& view_params,
                                        const std::string& ticket) {
   if (teardowns_.size() >= kMaxTeardowns) return {};
   const AdmissionControl::Answer answer =
-      admission_.ask(address, view_params.views(), ticket, random_name(), g_get_monotonic_time());
+      seats_for(view_params)
+          .ask(address, view_params.views(), ticket, random_name(), g_get_monotonic_time());
   for (const std::string& name : answer.leave) close(name, "it did not connect; its seat is given to another viewer");
   return answer;
 }
 
+std::shared_ptr<Flight> Sessions::flight(const FlightKey& key, const ViewParams& view_params) {
+  std::shared_ptr<Flight>& flight = flights_[key];
+  if (flight) return flight;
+  try {
+    flight = std::make_shared<Flight>(field_, key.second, ViewSettings{next_view_++, view_params, limits_});
+  } catch (const Error&) {
+    flights_.erase(key);
+    throw;
+  }
+  flight->shed(load_shedding_);
+  return flight;
+}
+
+// Ends a flight without watchers.
+void Sessions::end_flight(const FlightKey& key) {
+  const auto found = flights_.find(key);
+  const auto watches = [&key](const auto& entry) { return entry.second.watcher && entry.second.flight == key; };
+  if (found == flights_.end() || std::ranges::any_of(viewers_, watches)) return;
+  closed_counters_ += found->second->counters();
+  teardowns_.add([flight = std::move(found->second)]() mutable { flight.reset(); });
+  flights_.erase(found);
+}
+
 std::string Sessions::open(const std::string& address, Offer offer, const ViewParams& view_params, const Route& route,
                            OnAnswer on_answer) {
-  const ViewSettings settings{next_view_++, view_params, limits_};
   const std::string name = random_name(), codec = to_string(offer.codec);
-  Viewer::Callbacks callbacks;
+  BrowserStream::Callbacks callbacks;
   callbacks.on_answer = [this, name](const std::string& sdp) {
     const auto found = viewers_.find(name);
     if (found == viewers_.end() || !found->second.on_answer) return;
@@ -92,17 +113,36 @@ std::string Sessions::open(const std::string& address, Offer offer, const ViewPa
     found->second.on_answer = nullptr;
     on_answer(sdp, "");
   };
-  callbacks.on_connected = [this, name] { admission_.connected(name); };
+  AdmissionControl& seats = seats_for(view_params);
+  callbacks.on_connected = [&seats, name] { seats.connected(name); };
   callbacks.on_gone = [this, name](const std::string& why) { close_soon(name, why); };
-  auto viewer =
-      std::make_unique<Viewer>(field_, std::move(offer), settings, max_aperture(), route, std::move(callbacks));
-  viewer->shed(load_shedding_);
-  viewers_.emplace(name, Session{std::move(viewer), settings.id, std::move(on_answer)});
-  admission_.take(name, address, view_params.views(), g_get_monotonic_time());
+  Session session{.view = next_view_++, .on_answer = std::move(on_answer)};
+  if (view_params.is_shared()) {
+    session.flight = {view_params.path, offer.codec};
+    std::shared_ptr<Flight> flight = this->flight(session.flight, view_params);
+    try {
+      auto watcher = std::make_unique<Watcher>(field_, std::move(offer), flight, route, std::move(callbacks));
+      session.watcher = watcher.get();
+      session.stream = std::move(watcher);
+    } catch (const Error&) {
+      end_flight(session.flight);
+      throw;
+    }
+  } else {
+    auto viewer = std::make_unique<Viewer>(field_, std::move(offer), ViewSettings{session.view, view_params, limits_},
+                                           max_aperture(), route, std::move(callbacks));
+    viewer->shed(load_shedding_);
+    session.viewer = viewer.get();
+    session.stream = std::move(viewer);
+  }
+  const bool is_shared = session.watcher;
+  const uint32_t view = session.view;
+  viewers_.emplace(name, std::move(session));
+  seats.take(name, address, view_params.views(), g_get_monotonic_time());
   opened_++;
-  say("view " + std::to_string(settings.id) + " opens: " + (view_params.eye_distance > 0 ? "two of " : "") +
+  say("view " + std::to_string(view) + " opens: " + (view_params.eye_distance > 0 ? "two of " : "") +
       std::to_string(view_params.width) + "x" + std::to_string(view_params.height) + ", " + codec +
-      "; viewers: " + std::to_string(viewers_.size()));
+      (is_shared ? ", shared" : "") + "; viewers: " + std::to_string(viewers_.size()));
   return name;
 }
 
@@ -111,11 +151,12 @@ bool Sessions::close(const std::string& name, const std::string& why) {
   if (found == viewers_.end()) return false;
   Session session = std::move(found->second);
   viewers_.erase(found);
-  admission_.leave(name);
-  add(closed_counters_, session.viewer->counters());
-  session.viewer->leave();
-  teardowns_.add([viewer = std::shared_ptr<Viewer>(std::move(session.viewer))]() mutable {
-    viewer.reset();
+  (session.watcher ? watching_seats_ : seats_).leave(name);
+  closed_counters_ += session.stream->counters();
+  session.stream->leave();
+  if (session.watcher) end_flight(session.flight);
+  teardowns_.add([stream = std::shared_ptr<BrowserStream>(std::move(session.stream))]() mutable {
+    stream.reset();
     malloc_trim(0);  // returns the memory of the viewer, which is megabytes in small blocks, to the system
   });
   say("view " + std::to_string(session.view) + " closes: " + why + "; viewers: " + std::to_string(viewers_.size()));
@@ -135,14 +176,25 @@ void Sessions::tick() {
   if (report) shed();
   if (report) watch_nodes();
   if (report) field_.update_camera_states();
+  if (report) tick_flights();
   for (auto i = viewers_.begin(); i != viewers_.end();) {
     const auto& [name, session] = *i++;
-    if (session.viewer->silence(now) > (session.viewer->connected() ? Limits::kSilence : Limits::kConnect))
-      close(std::string(name), session.viewer->connected() ? "no packets from the browser" : "it does not connect");
+    const bool is_connected = session.stream->connected();
+    if (session.stream->silence(now) > (is_connected ? Limits::kSilence : Limits::kConnect))
+      close(std::string(name), is_connected ? "no packets from the browser" : "it does not connect");
     else if (report)
-      session.viewer->tick(busy_);
+      session.stream->tick(busy_);
   }
   if (report && limits_.monitor > 0) watch_cameras();
+}
+
+void Sessions::tick_flights() {
+  for (const auto& [key, flight] : flights_) {
+    const std::string problem = flight->tick();
+    if (problem.empty()) continue;
+    for (const auto& [name, session] : viewers_)
+      if (session.watcher && session.flight == key) close_soon(name, problem);
+  }
 }
 
 // The load is judged over all viewers, because they share the processors.
@@ -151,27 +203,35 @@ void Sessions::shed() {
   double kept = 0;
   int connected = 0;
   for (const auto& [name, session] : viewers_)
-    if (session.viewer->connected()) {
+    if (session.viewer && session.viewer->connected()) {
       kept += session.viewer->kept();
       connected++;
     }
+  for (const auto& [key, flight] : flights_) {
+    kept += flight->kept();
+    connected++;
+  }
   if (!load_shedding_.update(busy_, connected > 0 ? kept / connected : 1)) return;
-  for (const auto& [name, session] : viewers_) session.viewer->shed(load_shedding_);
+  for (const auto& [key, flight] : flights_) flight->shed(load_shedding_);
+  for (const auto& [name, session] : viewers_)
+    if (session.viewer) session.viewer->shed(load_shedding_);
 }
 
-// Runs the camera monitor in one viewer only. When this viewer leaves, its results stay until another viewer has
-// checked all cameras.
+// Runs the camera monitor in one view only. When this view ends, its results stay until another view has checked all
+// cameras.
 void Sessions::watch_cameras() {
-  const auto watching = viewers_.find(watching_);
-  if (watching == viewers_.end()) {
-    const auto next =
-        std::ranges::find_if(viewers_, [](const auto& entry) { return entry.second.viewer->connected(); });
-    if (next == viewers_.end()) return;
-    watching_ = next->first;
-    next->second.viewer->set_monitor_interval(limits_.monitor);
+  std::vector<ViewerPipeline*> views;
+  for (const auto& [name, session] : viewers_)
+    if (session.viewer && session.viewer->connected()) views.push_back(&session.viewer->view_pipeline());
+  for (const auto& [key, flight] : flights_) views.push_back(&flight->view_pipeline());
+  if (views.empty()) return;
+  const auto found = std::ranges::find(views, monitoring_view_, &ViewerPipeline::id);
+  if (found == views.end()) {
+    monitoring_view_ = views.front()->id();
+    views.front()->set_monitor_interval(limits_.monitor);
     return;
   }
-  MonitorReport report = watching->second.viewer->monitor();
+  MonitorReport report = (*found)->monitor();
   if (report.turns >= std::min<uint64_t>(monitor_.turns, report.cameras.size())) monitor_ = std::move(report);
 }
 
@@ -187,9 +247,14 @@ void Sessions::watch_nodes() {
   silent_nodes_ = silent;
 }
 
-Viewer::ViewerCounters Sessions::counters() const {
-  Viewer::ViewerCounters sum = closed_counters_;
-  for (const auto& [name, session] : viewers_) add(sum, session.viewer->counters());
+size_t Sessions::watchers() const {
+  return static_cast<size_t>(std::ranges::count_if(viewers_, [](const auto& entry) { return entry.second.watcher; }));
+}
+
+ViewerCounters Sessions::counters() const {
+  ViewerCounters sum = closed_counters_;
+  for (const auto& [key, flight] : flights_) sum += flight->counters();
+  for (const auto& [name, session] : viewers_) sum += session.stream->counters();
   return sum;
 }
 

@@ -5,8 +5,10 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <utility>
 
 #include "serve/adaptation.h"
+#include "serve/flight.h"
 #include "serve/light_field.h"
 #include "serve/limits.h"
 #include "serve/process.h"
@@ -25,7 +27,12 @@ class Sessions {
   ~Sessions();
 
   size_t size() const { return viewers_.size(); }
-  const AdmissionControl& seats() const { return admission_; }
+  size_t flights() const { return flights_.size(); }
+  size_t watchers() const;
+  // Viewers of shared flights do not take the seats of other viewers.
+  const AdmissionControl& seats(const ViewParams& view_params) const {
+    return view_params.is_shared() ? watching_seats_ : seats_;
+  }
   AdmissionControl::Answer ask(const std::string& address, const ViewParams& view_params, const std::string& ticket);
   // Opens a viewer after ask() has returned kAdmitted, and returns the name of its session. `on_answer` is called once,
   // later. Throws Error.
@@ -41,32 +48,43 @@ class Sessions {
   const LoadShedding& load_shedding() const { return load_shedding_; }
   uint64_t opened() const { return opened_; }
   // Includes viewers that have left.
-  Viewer::ViewerCounters counters() const;
+  ViewerCounters counters() const;
 
  private:
   // Maximum number of closed viewers with pipelines that have not stopped yet. If it is reached, new viewers get no
   // seat.
   static constexpr size_t kMaxTeardowns = 32;
 
+  using FlightKey = std::pair<std::string, VideoCodec>;  // camera path
   struct Session {
-    std::unique_ptr<Viewer> viewer;
+    std::unique_ptr<BrowserStream> stream;
+    Viewer* viewer;    // null if the stream is a watcher; borrowed from `stream`
+    Watcher* watcher;  // null if the stream is a viewer; borrowed from `stream`
+    FlightKey flight;  // of a watcher
     uint32_t view;
     OnAnswer on_answer;  // null after the call
   };
+  AdmissionControl& seats_for(const ViewParams& view_params) {
+    return view_params.is_shared() ? watching_seats_ : seats_;
+  }
+  std::shared_ptr<Flight> flight(const FlightKey& key, const ViewParams& view_params);
+  void end_flight(const FlightKey& key);
   double max_aperture() const;
   void close_soon(const std::string& name, const std::string& why);
   void tick();
+  void tick_flights();
   void watch_cameras();
   void watch_nodes();
   void shed();
 
   LightField& field_;
   Limits limits_;
-  AdmissionControl admission_;
+  AdmissionControl seats_, watching_seats_;
   Teardowns teardowns_;
   std::map<std::string, Session> viewers_;
-  Viewer::ViewerCounters closed_counters_;
-  std::string watching_;
+  std::map<FlightKey, std::shared_ptr<Flight>> flights_;
+  ViewerCounters closed_counters_;
+  uint32_t monitoring_view_ = 0;  // the view that runs the camera monitor
   MonitorReport monitor_;
   std::vector<size_t> silent_nodes_;
   ProcessorLoad load_;

@@ -24,6 +24,15 @@ std::optional<ViewRequest> request_in(GstBuffer* buffer) {
 
 using nlohmann::json;
 
+// Maximum number of requests in flight. Over a network, a round trip may take longer than a frame.
+constexpr int kMaxLocal = 2, kMaxRemote = 4;
+
+uint64_t count_in(const GstStructure* stats, const char* name) {
+  guint64 value = 0;
+  gst_structure_get_uint64(stats, name, &value);
+  return value;
+}
+
 std::string camel_case(const std::string& name) {
   std::string text;
   for (size_t i = 0; i < name.size(); i++)
@@ -60,11 +69,43 @@ json json_report(const GstStructure* structure) {
 
 }  // namespace
 
+ViewerCounters& ViewerCounters::operator+=(const ViewerCounters& other) {
+  pictures += other.pictures;
+  incomplete += other.incomplete;
+  answer_bytes += other.answer_bytes;
+  video_bytes += other.video_bytes;
+  surface_bytes += other.surface_bytes;
+  refused_messages += other.refused_messages;
+  return *this;
+}
+
 bool is_probe(GstBuffer* request) {
   uint8_t header[wire::kUnitHeaderBytes] = {};
   gst_buffer_extract(request, 0, header, sizeof header);
   const auto unit = wire::peek_unit(header);
   return !unit || (unit->flags & wire::kProbe);
+}
+
+json shed_report(const LoadShedding& load_shedding, int left_out, int divisor) {
+  const bool depth = load_shedding.depth_interval() > 1, rate = left_out > 0, size = divisor > 1;
+  const bool processor = depth && (!rate || load_shedding.pictures_left_out() > 0);
+  return {{"what", size    ? "size"
+                   : rate  ? "rate"
+                   : depth ? "depth"
+                           : ""},
+          {"why", processor      ? "processor"
+                  : rate || size ? "network"
+                                 : ""},
+          {"depth", depth},
+          {"rate", 1 + left_out},
+          {"size", divisor}};
+}
+
+GstClockTime request_base_time(GstClock* clock, const ViewSettings& settings) {
+  const GstClockTime period = GST_SECOND / static_cast<uint64_t>(settings.limits.framerate);
+  const GstClockTime now = gst_clock_get_time(clock);
+  const auto turn = static_cast<GstClockTime>(request_phase(settings.id) * static_cast<double>(period));
+  return now - (now - turn) % period;
 }
 
 // Queues between the light field and the encoder are leaky, because only the newest picture matters. Setting
@@ -84,7 +125,10 @@ std::string ViewerPipeline::launch_line(size_t nodes) {
 
 ViewerPipeline::ViewerPipeline(GstElement* pipeline, LightField& field, const ViewSettings& settings,
                                OnRequest on_request)
-    : field_(field), id_(settings.id), on_request_(std::move(on_request)) {
+    : field_(field),
+      settings_(settings),
+      on_request_(std::move(on_request)),
+      pacer_(field.is_local() ? kMaxLocal : kMaxRemote) {
   const auto find = [pipeline](const std::string& name) {
     return gst_bin_get_by_name(GST_BIN(pipeline), name.c_str());
   };
@@ -93,14 +137,14 @@ ViewerPipeline::ViewerPipeline(GstElement* pipeline, LightField& field, const Vi
   compositor_ = find("compositor");
   view_ = find("view");
   view_pad_ = gst_element_get_static_pad(view_, "src");
-  g_object_set(view_, "rig", field.rig().c_str(), "view-id", id_, "width", params.width, "height", params.height,
+  g_object_set(view_, "rig", field.rig().c_str(), "view-id", id, "width", params.width, "height", params.height,
                "framerate", limits.framerate, 1, "capture-delay", settings.capture_delay(), nullptr);
   if (params.eye_distance > 0) {
     gst_util_set_object_arg(G_OBJECT(view_), "views", "stereo");
     g_object_set(view_, "eye-distance", params.eye_distance, "converged", FALSE, nullptr);
   }
-  g_object_set(compositor_, "rig", field.rig().c_str(), "view-id", id_, "focus-near", focus.near, "focus-far",
-               focus.far, nullptr);
+  g_object_set(compositor_, "rig", field.rig().c_str(), "view-id", id, "focus-near", focus.near, "focus-far", focus.far,
+               nullptr);
   gst_util_set_object_arg(G_OBJECT(compositor_), "focus", focus.mode.c_str());
   if (!focus.gains.empty()) gst_util_set_object_arg(G_OBJECT(compositor_), "gains", focus.gains.c_str());
   g_object_set(compositor_, "latency", kPatience, nullptr);
@@ -117,7 +161,8 @@ ViewerPipeline::ViewerPipeline(GstElement* pipeline, LightField& field, const Vi
   sink_callbacks.new_sample = take_request;
   gst_app_sink_set_callbacks(GST_APP_SINK(requests), &sink_callbacks, this, nullptr);
   for (size_t i = 0; i < field.nodes(); i++) answers_.push_back(GST_APP_SRC(find("answers" + std::to_string(i))));
-  field.join(id_, [this](size_t node, GstBuffer* answer) { take_answer(node, answer); });
+  pace_requests();
+  field.join(id, [this](size_t node, GstBuffer* answer) { take_answer(node, answer); });
 }
 
 ViewerPipeline::~ViewerPipeline() {
@@ -129,7 +174,34 @@ ViewerPipeline::~ViewerPipeline() {
   gst_clear_structure(&picture_fields_);
 }
 
-void ViewerPipeline::close() { field_.leave(id_); }
+void ViewerPipeline::close() { field_.leave(settings_.id); }
+
+void ViewerPipeline::pace_requests() {
+  gst_pad_add_probe(
+      view_pad_, GST_PAD_PROBE_TYPE_BUFFER,
+      [](GstPad*, GstPadProbeInfo* info, gpointer data) {
+        GstBuffer* request = GST_PAD_PROBE_INFO_BUFFER(info);
+        if (is_probe(request)) return GST_PAD_PROBE_OK;
+        const GstClockTime time = GST_BUFFER_PTS(request);
+        return static_cast<RequestPacer*>(data)->begin(time) ? GST_PAD_PROBE_OK : GST_PAD_PROBE_DROP;
+      },
+      &pacer_, nullptr);
+  g_autoptr(GstPad) pictures = gst_element_get_static_pad(compositor_, "src");
+  gst_pad_add_probe(
+      pictures, GST_PAD_PROBE_TYPE_BUFFER,
+      [](GstPad*, GstPadProbeInfo* info, gpointer data) {
+        static_cast<RequestPacer*>(data)->end(GST_BUFFER_PTS(GST_PAD_PROBE_INFO_BUFFER(info)));
+        return GST_PAD_PROBE_OK;
+      },
+      &pacer_, nullptr);
+}
+
+void ViewerPipeline::reduce(int left_out, unsigned depth_interval) {
+  // Slightly shorter than a frame, because the times of requests jitter while the view changes.
+  const uint64_t period = GST_SECOND / static_cast<uint64_t>(settings_.limits.framerate);
+  pacer_.set_interval(static_cast<uint64_t>(left_out) * (2 * period - period / 4));
+  g_object_set(compositor_, "depth-interval", depth_interval, nullptr);
+}
 
 bool ViewerPipeline::send_navigation(GstEvent* event) { return gst_pad_send_event(view_pad_, event); }
 
@@ -137,6 +209,58 @@ GstStructure* ViewerPipeline::stats() const {
   GstStructure* stats = nullptr;
   g_object_get(compositor_, "stats", &stats, nullptr);
   return stats;
+}
+
+ViewerCounters ViewerPipeline::counters() const {
+  g_autoptr(GstStructure) stats = this->stats();
+  return {.pictures = count_in(stats, "pictures"),
+          .incomplete = count_in(stats, "incomplete"),
+          .answer_bytes = count_in(stats, "bytes")};
+}
+
+MonitorReport ViewerPipeline::monitor() const {
+  g_autoptr(GstStructure) stats = this->stats();
+  return monitor_report(stats);
+}
+
+json ViewerPipeline::statistics() const {
+  g_autoptr(GstStructure) stats = this->stats();
+  const auto ms = [&stats](const char* name) { return static_cast<double>(count_in(stats, name)) * 1e-6; };
+  json info = {{"pictures", count_in(stats, "pictures")},
+               {"incomplete", count_in(stats, "incomplete")},
+               {"missing", count_in(stats, "missing-fragments")},
+               {"outOfService", count_in(stats, "out-of-service")},
+               {"answerBytes", count_in(stats, "bytes")},
+               {"skewMs", ms("max-skew-ns")},
+               {"answerMs", ms("answer-ns-p50")},
+               {"addMs", ms("add-ns-p50")},
+               {"pictureMs", ms("latency-ns-p50")}};
+  json focus = {{"on", settings_.limits.focus_settings.mode},
+                {"rounds", count_in(stats, "focus-rounds")},
+                {"interval", count_in(stats, "focus-interval")},
+                {"consistencyBytes", count_in(stats, "consistency-bytes")}};
+  gdouble residual = 0, gained = 0, near = 0, far = 0;
+  gboolean flat = FALSE;
+  gst_structure_get(stats, "focus-residual", G_TYPE_DOUBLE, &residual, "focus-improvement", G_TYPE_DOUBLE, &gained,
+                    "focus-flat", G_TYPE_BOOLEAN, &flat, "focus-near", G_TYPE_DOUBLE, &near, "focus-far", G_TYPE_DOUBLE,
+                    &far, nullptr);
+  focus["residual"] = std::isfinite(residual) ? residual : 0;
+  focus["gained"] = std::isfinite(gained) ? gained : 0;
+  focus["flat"] = flat != FALSE;
+  // Sends the depth range of the scene in metres, limited to a range that suits the slider.
+  constexpr double kFarthest = 30;
+  if (near > 0) {
+    focus["near"] = near;
+    focus["far"] = std::min(far, kFarthest * near);
+  }
+  info["focus"] = std::move(focus);
+  if (const CameraStates cameras = field_.cameras(); cameras.count > 0)
+    info["cameras"] = {{"count", cameras.count}, {"working", cameras.working}};
+  if (!field_.is_local()) info["nodes"] = {{"count", field_.nodes()}, {"silent", field_.silent_nodes()}};
+  if (json shown = this->shown(); shown.is_object()) info["picture"] = std::move(shown);
+  info["monitored"] = settings_.limits.monitor > 0;
+  if (const auto view = asked()) info["coverage"] = field_.array()->coverage(*view);
+  return info;
 }
 
 nlohmann::json ViewerPipeline::numbers() const {

@@ -10,11 +10,19 @@
 #include <string>
 #include <vector>
 
+#include "serve/adaptation.h"
+#include "serve/array_info.h"
 #include "serve/light_field.h"
 #include "serve/limits.h"
 #include "view/view_request.h"
 
 namespace lf::serve {
+
+// Counters of a viewer, or the sum over several viewers.
+struct ViewerCounters {
+  uint64_t pictures = 0, incomplete = 0, answer_bytes = 0, video_bytes = 0, surface_bytes = 0, refused_messages = 0;
+  ViewerCounters& operator+=(const ViewerCounters& other);
+};
 
 struct ViewSettings {
   uint32_t id = 0;  // property "view-id" of the elements
@@ -49,33 +57,50 @@ class ViewerPipeline {
   void set_rig(const std::string& rig) const {
     for (GstElement* element : {view_, compositor_}) g_object_set(element, "rig", rig.c_str(), nullptr);
   }
+  // Reduces the load: only every (left_out + 1)-th picture is made, and depths are updated once per `depth_interval`
+  // requests.
+  void reduce(int left_out, unsigned depth_interval);
+  // Returns how many of the requests that were due since the previous call have been sent, as a fraction.
+  double kept() { return pacer_.kept(); }
   void set_monitor_interval(int interval) { g_object_set(compositor_, "monitor-interval", interval, nullptr); }
-  void set_depth_interval(unsigned interval) { g_object_set(compositor_, "depth-interval", interval, nullptr); }
-  GstPad* requests() const { return view_pad_; }
-  GstElement* compositor() const { return compositor_; }
-  GstStructure* stats() const;  // property `stats` of the lfcompositor; owned by the caller
+  uint32_t id() const { return settings_.id; }
+  MonitorReport monitor() const;
   nlohmann::json numbers() const;
   // Returns the fields of the meta lightfield-view that lfcompositor has attached to the latest picture; null before
   // the first picture.
   nlohmann::json shown() const;
   std::optional<View> asked() const;
+  // Returns the statistics of this view for the page (docs/reference/web-interface.md).
+  nlohmann::json statistics() const;
+  ViewerCounters counters() const;
 
  private:
+  void pace_requests();
+  GstStructure* stats() const;  // property `stats` of the lfcompositor; owned by the caller
   static GstPadProbeReturn on_picture(GstPad* pad, GstPadProbeInfo* info, gpointer data);
   static GstFlowReturn take_request(GstAppSink* sink, gpointer data);
   bool begins(GstBuffer* request);
   void take_answer(size_t node, GstBuffer* answer);
 
   LightField& field_;
-  const uint32_t id_;
+  const ViewSettings settings_;
   const OnRequest on_request_;
   GstElement *compositor_ = nullptr, *view_ = nullptr;
   GstPad* view_pad_ = nullptr;
+  RequestPacer pacer_;
   std::vector<GstAppSrc*> answers_;
   mutable std::mutex mutex_;
   GstStructure* picture_fields_ = nullptr;
   GstBuffer* last_request_ = nullptr;  // first request of the latest picture, which is decoded only when needed
 };
+
+// Returns the object `shed` of the statistics: the reductions of a video of which every (left_out + 1)-th picture is
+// made, at 1 / divisor of its size.
+nlohmann::json shed_report(const LoadShedding& load_shedding, int left_out, int divisor);
+
+// Returns the base time of a pipeline with this view. Requests are sent at multiples of the frame duration in running
+// time, so the base time sets their phase (request_phase()).
+GstClockTime request_base_time(GstClock* clock, const ViewSettings& settings);
 
 // True if no picture results from the request, because it measures cameras or cannot be decoded.
 bool is_probe(GstBuffer* request);
