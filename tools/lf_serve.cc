@@ -117,6 +117,9 @@ void check_options(Options& options) {
         "file for changes");
   if (!options.key_file.empty() && options.nodes.empty())
     throw lf::Error("--key-file: requires --nodes, because the key only encrypts the packets to and from these hosts");
+  const std::string& replica = options.limits.replica;
+  if (replica.size() > 32 || !std::ranges::all_of(replica, [](char c) { return g_ascii_isalnum(c); }))
+    throw lf::Error("--replica " + replica + ": must have at most 32 characters, only letters and digits");
   const FocusSettings& focus = options.limits.focus_settings;
   if (focus.far > 0 && focus.near >= focus.far) throw lf::Error("--focus-near: must be less than --focus-far");
   if (!options.token_file.empty()) options.server.token = token_in(options.token_file);
@@ -412,6 +415,11 @@ void add_server_options(cli::App& app, Options& o) {
                  "and X-Forwarded-Prefix only in requests from such a proxy, because other clients could forge these "
                  "headers. The option may be repeated")
       ->type_name("ADDRESS");
+  app.add_option(
+         "--replica", o.limits.replica,
+         "Name of this server among several servers behind one proxy: letters and digits. The IDs of WHEP sessions "
+         "and the tickets of the queue begin with it, so that the proxy can send requests for them to this server")
+      ->type_name("NAME");
   app.add_option("--media-address", o.media,
                  "IP address of this machine that sends the video, or any for all of its addresses. Set this if "
                  "viewers reach the page through a proxy, but receive the video directly. By default, the address of "

@@ -83,6 +83,21 @@ TEST_F(LfServe, PlaysPaths) {
   EXPECT_THAT(odd.said(), HasSubstr("must be even"));
 }
 
+// A proxy finds the replica of a session or of a ticket by the name at its beginning.
+TEST_F(LfServe, NamesOfSessionsAndTicketsBeginWithTheReplica) {
+  Served served({"--replica", "r1", "--viewers", "1"});
+  EXPECT_EQ(ask(served, "GET", "readyz").status, 200u);
+  const Response admitted = offer(served), full = offer(served);
+  ASSERT_EQ(admitted.status, 201u) << admitted.body;
+  EXPECT_THAT(admitted.headers.at("Location"), testing::StartsWith("/whep/r1-"));
+  EXPECT_THAT(full.body, HasSubstr("\"ticket\":\"r1-"));
+  EXPECT_EQ(ask(served, "DELETE", admitted.headers.at("Location").substr(1)).status, 200u);
+  for (const char* wrong : {"r-1", "r 1", "012345678901234567890123456789012"}) {
+    Served none({"--replica", wrong});
+    EXPECT_EQ(none.stop(), 1) << wrong;
+  }
+}
+
 TEST_F(LfServe, AnswersAnOfferAndEndsTheSession) {
   Served served;
   const Response answer = offer(served);
@@ -272,6 +287,7 @@ TEST_F(LfServe, ServesThePageWhileTheSceneIsFilmed) {
   EXPECT_EQ(response.headers.at("Retry-After"), "1");
   EXPECT_THAT(response.body, AllOf(HasSubstr("\"reason\":\"filming\""), HasSubstr("\"progress\":0")));
   EXPECT_EQ(ask(served, "GET", "array.json").status, 503u);
+  EXPECT_EQ(ask(served, "GET", "readyz").status, 503u) << "it serves no views yet";
   EXPECT_EQ(served.stop(), 0);
 }
 

@@ -325,6 +325,9 @@ WhepEndpoint::Client HttpServer::client_of(SoupServerMessage* message) const {
 void HttpServer::handle(SoupServerMessage* message, const std::string& path, GHashTable* query) {
   const std::string method = soup_server_message_get_method(message);
   if (path == "/healthz") return respond(message, SOUP_STATUS_OK, "text/plain", "ok\n");
+  if (path == "/readyz")
+    return respond(message, sessions_ ? SOUP_STATUS_OK : SOUP_STATUS_SERVICE_UNAVAILABLE, "text/plain",
+                   sessions_ ? "ok\n" : "the cameras are being opened\n");
   const WhepEndpoint::Client client = client_of(message);
   if (!access_.allows_host(header(message, "Host"))) return refusals_.answer(message, client.address, refusal::kHost);
   const bool whep = path == kWhep || path.starts_with(std::string(kWhep) + "/");

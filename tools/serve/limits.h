@@ -32,6 +32,7 @@ struct Limits {
   int capture_delay_ms = 100;
   double focus = 0;  // initial focus distance, metres; 0: chosen by lfviewrequest
   FocusSettings focus_settings;
+  std::string replica;     // name of this server among several; may be empty
   int monitor = 0;         // requests of a viewer per camera check; 0: no checks
   int bit_rate = 6000000;  // bits per second
   double messages_per_second = 240;

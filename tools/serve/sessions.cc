@@ -16,9 +16,10 @@ constexpr guint kTickMs = 250;
 constexpr unsigned kTicksPerReport = 4;
 constexpr std::chrono::seconds kLongestEnd{5};
 
-std::string random_name() {
+// A proxy finds the replica by the beginning of the name.
+std::string random_name(const std::string& replica) {
   std::random_device random;
-  std::string name;
+  std::string name = replica.empty() ? "" : replica + "-";
   for (int i = 0; i < 4; i++) {
     char hex[9];
     std::snprintf(hex, sizeof hex, "%08x", random());
@@ -74,7 +75,7 @@ AdmissionControl::Answer Sessions::ask(const std::string& address, const ViewPar
   if (teardowns_.size() >= kMaxTeardowns) return {};
   const AdmissionControl::Answer answer =
       seats_for(view_params)
-          .ask(address, view_params.views(), ticket, random_name(), g_get_monotonic_time());
+          .ask(address, view_params.views(), ticket, random_name(limits_.replica), g_get_monotonic_time());
   for (const std::string& name : answer.leave) close(name, "it did not connect; its seat is given to another viewer");
   return answer;
 }
@@ -104,7 +105,7 @@ void Sessions::end_flight(const FlightKey& key) {
 
 std::string Sessions::open(const std::string& address, Offer offer, const ViewParams& view_params, const Route& route,
                            OnAnswer on_answer) {
-  const std::string name = random_name(), codec = to_string(offer.codec);
+  const std::string name = random_name(limits_.replica), codec = to_string(offer.codec);
   BrowserStream::Callbacks callbacks;
   callbacks.on_answer = [this, name](const std::string& sdp) {
     const auto found = viewers_.find(name);
