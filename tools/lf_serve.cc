@@ -25,6 +25,7 @@
 #include "serve/pipelines.h"
 #include "serve/process.h"
 #include "serve/rig_reload.h"
+#include "serve/service_notify.h"
 #include "terminal.h"
 #include "view/view_path.h"
 
@@ -242,12 +243,15 @@ class Program {
   void run() {
     const guint signals[] = {g_unix_signal_add(SIGINT, quit, loop_), g_unix_signal_add(SIGTERM, quit, loop_)};
     warn_of_missing_token();
+    const ServiceWatchdog watchdog;
+    notify_service("READY=1\nSTATUS=opening the cameras");
     if (options_.rig.empty())
       film();
     else
       open();
     g_main_loop_run(loop_);
     for (const guint source : signals) g_source_remove(source);
+    notify_service("STOPPING=1");
     if (!failure_.empty()) throw lf::Error(failure_);
   }
 
@@ -333,6 +337,7 @@ class Program {
     sessions_ = std::make_unique<Sessions>(*field_, options_.limits);
     server_.serve(*field_, *sessions_);
     if (options_.watch) watch_ = std::make_unique<RigReloader>(*field_, *sessions_);
+    notify_service("STATUS=serving " + options_.rig);
     terminal::print("serving %s at %s\n", options_.rig.c_str(), server_.url().c_str());
     if (const std::string warning = lf::secret_warning(field_->array()->rig(), options_.rig); !warning.empty())
       terminal::print_error("warning: %s: %s\n", options_.rig.c_str(), warning.c_str());

@@ -3,6 +3,9 @@
 
 #include <regex>
 
+#include <sys/socket.h>
+#include <sys/un.h>
+
 #include "web/offers.h"
 #include "web/served.h"
 
@@ -81,6 +84,34 @@ TEST_F(LfServe, PlaysPaths) {
   Served odd({"--path", "hall=" + (dir / "odd.json")});
   EXPECT_EQ(odd.stop(), 1);
   EXPECT_THAT(odd.said(), HasSubstr("must be even"));
+}
+
+// systemd (Type=notify) is a datagram socket.
+TEST_F(LfServe, NotifiesSystemd) {
+  const TempDir dir;
+  const std::string path = dir / "notify";
+  sockaddr_un address = {.sun_family = AF_UNIX, .sun_path = {}};
+  ASSERT_LT(path.size(), sizeof address.sun_path);
+  path.copy(address.sun_path, path.size());
+  const int socket = ::socket(AF_UNIX, SOCK_DGRAM, 0);
+  ASSERT_EQ(bind(socket, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+  const timeval patience = {.tv_sec = 60, .tv_usec = 0};
+  setsockopt(socket, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
+  const auto receives = [socket](const std::string& what) {
+    char text[256];
+    for (ssize_t size; (size = recv(socket, text, sizeof text, 0)) > 0;)
+      if (contains(std::string(text, static_cast<size_t>(size)), what)) return true;
+    return false;
+  };
+  g_setenv("NOTIFY_SOCKET", path.c_str(), TRUE);
+  g_setenv("WATCHDOG_USEC", "200000", TRUE);
+  Served served;
+  g_unsetenv("NOTIFY_SOCKET");
+  g_unsetenv("WATCHDOG_USEC");
+  for (const char* state : {"READY=1", "STATUS=serving", "WATCHDOG=1", "WATCHDOG=1"}) EXPECT_TRUE(receives(state));
+  EXPECT_EQ(served.stop(), 0);
+  EXPECT_TRUE(receives("STOPPING=1"));
+  close(socket);
 }
 
 // A proxy finds the replica of a session or of a ticket by the name at its beginning.

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "serve/limits.h"
+#include "serve/histogram.h"
 #include "support/test.h"
 
 namespace lf::serve {
@@ -12,6 +13,17 @@ TEST(ViewParams, EyeDistances) {
   EXPECT_EQ(eye_distance(""), 0);
   EXPECT_EQ(eye_distance("0.063"), 0.063);
   for (const char* wrong : {"x", "-0.1", "nan", "inf", "1e9", "0.1m"}) EXPECT_FALSE(eye_distance(wrong)) << wrong;
+}
+
+TEST(Histogram, CountsAreCumulative) {
+  Histogram histogram;
+  for (const double seconds : {0.005, 0.01, 0.03, 5.0, -1.0}) histogram.add(seconds);
+  const std::string text = histogram.text("age_seconds", "Age.");
+  for (const char* line :
+       {"# TYPE age_seconds histogram\n", "age_seconds_bucket{le=\"0.01\"} 3\n", "age_seconds_bucket{le=\"0.02\"} 3\n",
+        "age_seconds_bucket{le=\"0.05\"} 4\n", "age_seconds_bucket{le=\"2\"} 4\n",
+        "age_seconds_bucket{le=\"+Inf\"} 5\n", "age_seconds_sum 5.045\n", "age_seconds_count 5\n"})
+    EXPECT_THAT(text, HasSubstr(line));
 }
 
 TEST(RateLimit, BucketsRefill) {

@@ -430,6 +430,8 @@ std::string HttpServer::metrics() const {
     out << "# HELP lightfield_" << name << ' ' << help << "\n# TYPE lightfield_" << name << ' ' << type
         << "\nlightfield_" << name << ' ' << value << '\n';
   };
+  out << "# HELP lightfield_build_info Version of the program.\n# TYPE lightfield_build_info gauge\n"
+         "lightfield_build_info{program=\"lf-serve\",version=\"" LF_VERSION "\"} 1\n";
   put("viewers", "gauge", "Viewers now.", sessions_->size());
   put("flights", "gauge", "Shared flights along camera paths now.", sessions_->flights());
   put("watchers", "gauge", "Viewers of shared flights now.", sessions_->watchers());
@@ -449,7 +451,13 @@ std::string HttpServer::metrics() const {
   put("shed_step", "gauge", "Load reduction: 0 none, 1 and 2 fewer depth hypotheses, 3 half the rate, 4 half the size.",
       sessions_->load_shedding().step());
   put("waiting", "gauge", "Tickets in the queue for seats.", sessions_->seats({}).waiting());
-  if (!field_->is_local()) {
+  out << field_->picture_ages().text("lightfield_picture_age_seconds",
+                                     "Time from the captured instant to its composed picture.");
+  if (field_->is_local()) {
+    const CameraStates cameras = field_->cameras();
+    put("cameras", "gauge", "Cameras of the rig.", cameras.count);
+    put("cameras_working", "gauge", "Cameras that are not lost.", cameras.working);
+  } else {
     const std::vector<size_t> silent = field_->silent_nodes();
     out << "# HELP lightfield_node_silent Camera hosts that do not answer requests.\n"
            "# TYPE lightfield_node_silent gauge\n";

@@ -18,6 +18,7 @@
 #include "cameras/mosaic.h"
 #include "common/gst_pointers.h"
 #include "serve/array_info.h"
+#include "serve/histogram.h"
 
 namespace lf::serve {
 
@@ -82,6 +83,7 @@ class LightField {
   void request(GstBuffer* request);  // takes a reference
 
   uint64_t answer_bytes() const { return bytes_; }
+  Histogram& picture_ages() { return picture_ages_; }
   // Returns the indices of camera hosts that do not answer: they have pending requests, but no answer has come for
   // kSilence.
   std::vector<size_t> silent_nodes() const;
@@ -120,6 +122,7 @@ class LightField {
   double state_at_ = -1e9;
   std::map<uint32_t, OnAnswer> views_;
   std::atomic<uint64_t> bytes_ = 0;
+  Histogram picture_ages_;
   std::atomic<CameraStates> states_ = CameraStates{};
   std::atomic<int64_t> last_request_ = 0, active_since_ = 0;
 };

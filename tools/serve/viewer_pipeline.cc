@@ -280,6 +280,10 @@ GstPadProbeReturn ViewerPipeline::on_picture(GstPad*, GstPadProbeInfo* info, gpo
   GstCustomMeta* meta = gst_buffer_get_custom_meta(GST_PAD_PROBE_INFO_BUFFER(info), "lightfield-view");
   if (!meta) return GST_PAD_PROBE_OK;
   ViewerPipeline* self = static_cast<ViewerPipeline*>(data);
+  const GstClockTime now = gst_element_get_current_running_time(self->compositor_);
+  const GstClockTime captured = GST_BUFFER_PTS(GST_PAD_PROBE_INFO_BUFFER(info));
+  if (GST_CLOCK_TIME_IS_VALID(now) && GST_CLOCK_TIME_IS_VALID(captured))
+    self->field_.picture_ages().add(static_cast<double>(GST_CLOCK_DIFF(captured, now)) * 1e-9);
   GstStructure* shown = gst_structure_copy(gst_custom_meta_get_structure(meta));
   {
     const std::lock_guard lock(self->mutex_);

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "serve/service_notify.h"
+
+#include <cstddef>
+#include <cstdlib>
+#include <cstring>
+
+#include <glib.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+namespace lf::serve {
+
+void notify_service(const std::string& state) {
+  const char* path = std::getenv("NOTIFY_SOCKET");
+  sockaddr_un address = {};
+  address.sun_family = AF_UNIX;
+  const size_t size = path ? std::strlen(path) : 0;
+  if (size < 2 || size >= sizeof address.sun_path || (path[0] != '/' && path[0] != '@')) return;
+  std::memcpy(address.sun_path, path, size);
+  if (path[0] == '@') address.sun_path[0] = '\0';  // the abstract namespace of Linux
+  const int socket = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  if (socket < 0) return;
+  const auto length = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + size);
+  // A failure is ignored, because the service works without systemd, too.
+  (void)!sendto(socket, state.data(), state.size(), MSG_NOSIGNAL, reinterpret_cast<const sockaddr*>(&address), length);
+  close(socket);
+}
+
+ServiceWatchdog::ServiceWatchdog() {
+  const char *interval = std::getenv("WATCHDOG_USEC"), *process = std::getenv("WATCHDOG_PID");
+  const guint64 microseconds = interval ? g_ascii_strtoull(interval, nullptr, 10) : 0;
+  if (microseconds == 0 || (process && std::atol(process) != getpid())) return;
+  timer_ = g_timeout_add(
+      static_cast<guint>(microseconds / 2000),
+      [](gpointer) -> gboolean {
+        notify_service("WATCHDOG=1");
+        return G_SOURCE_CONTINUE;
+      },
+      nullptr);
+}
+
+ServiceWatchdog::~ServiceWatchdog() {
+  if (timer_) g_source_remove(timer_);
+}
+
+}  // namespace lf::serve

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <string>
+
+namespace lf::serve {
+
+// Sends a state such as "READY=1" or "STATUS=serving" to systemd, if this process is a service of Type=notify
+// (sd_notify(3)). Does nothing otherwise.
+void notify_service(const std::string& state);
+
+// Reports to the watchdog of systemd (WatchdogSec=) at half of its interval, from the main loop, so that systemd
+// restarts a service whose main loop hangs. Does nothing without a watchdog. Main thread only.
+class ServiceWatchdog {
+ public:
+  ServiceWatchdog();
+  ~ServiceWatchdog();
+  ServiceWatchdog(const ServiceWatchdog&) = delete;
+
+ private:
+  unsigned timer_ = 0;
+};
+
+}  // namespace lf::serve
