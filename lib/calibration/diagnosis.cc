@@ -108,6 +108,7 @@ constexpr double kUninformative = 0.8;  // ratio to the prior sigma
 constexpr double kSoftDepth = 0.01;     // share of the depth
 constexpr double kSoftPosition = 0.1;   // in units of the distance between neighbours
 constexpr double kSoftRotation = 0.01;  // radians
+constexpr double kRow = 0.1;            // width of a row of cameras, relative to its length
 constexpr double kManyOutliers = 0.2;   // share of a camera's observations
 constexpr int kMaxFrames = 5;
 constexpr double kBatchContradiction = 4;        // sigmas of the batch mean
@@ -361,15 +362,46 @@ class Diagnosis {
     if (!(depth < kSoftDepth))
       add(Severity::kWarning, "soft-depth",
           format_text("depth scale and focal lengths are uncertain by %.2g %%: %s", depth * 100, cure));
-    const double shift = std::sqrt(position / n) / pitch, turn = std::sqrt(rotation / n);
+    const double shift = std::sqrt(position / n) / pitch;
+    double turn = std::sqrt(rotation / n);
     if (!(shift < kSoftPosition))
       add(Severity::kError, "soft-positions",
           format_text("positions are uncertain by %.2g of the distance between neighbours: move the %s closer, and "
                       "through a volume, not along a plane or a line",
                       shift, target()));
+    if (const double roll = roll_about_row(); !(turn < kSoftRotation) && roll > 0) {
+      const double rest = std::sqrt(std::max(0.0, rotation / n - roll * roll));
+      add(Severity::kNote, "unknown-roll",
+          format_text("the cameras are in a row, and their positions do not tell how the row is turned about its own "
+                      "axis: the roll of all cameras together is uncertain by %.2g degrees. Their other turns, and "
+                      "their turns relative to each other, are uncertain by %.2g degrees",
+                      roll * 180 / M_PI, rest * 180 / M_PI));
+      turn = rest;
+    }
     if (!(turn < kSoftRotation))
       add(Severity::kWarning, "soft-rotations",
           format_text("orientations are uncertain by %.2g degrees: %s", turn * 180 / M_PI, cure));
+  }
+
+  // Returns the standard deviation of the common turn of all cameras about the line through them, in radians, or 0 if
+  // the cameras are not on a line. This turn is only relative to the coordinate system, and changes no picture.
+  double roll_about_row() const {
+    std::vector<Eigen::Vector3d> centres;
+    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+    for (const Pose& pose : scene().used_poses()) {
+      centres.emplace_back(pose.position.x, pose.position.y, pose.position.z);
+      mean += centres.back();
+    }
+    const auto n = static_cast<double>(centres.size());
+    Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
+    for (const Eigen::Vector3d& centre : centres) spread += (centre - mean / n) * (centre - mean / n).transpose();
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(spread);
+    if (!(std::sqrt(eigen.eigenvalues()[1]) < kRow * std::sqrt(eigen.eigenvalues()[2]))) return 0;
+    const Uncertainty& u = solution_.uncertainty;
+    Eigen::VectorXd roll = Eigen::VectorXd::Zero(u.covariance.rows());
+    for (const int row : u.camera_row)
+      if (row >= 0) roll.segment<3>(row) = eigen.eigenvectors().col(2) / n;
+    return u.sigma_of(roll);
   }
 
   void judge_halves() {

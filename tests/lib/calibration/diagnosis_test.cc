@@ -74,6 +74,15 @@ TEST_F(DiagnosisTest, OneLightLeavesTheDepthUncertain) {
   EXPECT_THAT(codes(), Contains("soft-depth"));
 }
 
+// The positions of cameras in a row leave only the roll about the row unknown.
+TEST_F(DiagnosisTest, RowOfCamerasNamesTheRoll) {
+  truth_ = sim::make_array({.rows = 1, .columns = 4, .position_jitter = 0.002}, 1);
+  watched_ = sim::watch(truth_, {.bar = 0.3}, 2);
+  options_.distortion = DistortionModel{0, false};
+  EXPECT_THAT(codes(), Not(Contains("soft-rotations")));
+  EXPECT_THAT(all_findings(), mentions("unknown-roll", "in a row", "about its own axis"));
+}
+
 TEST_F(DiagnosisTest, WrongOrderIsNamedWithARemedy) {
   options_.prior = sim::make_array({.rows = 4, .columns = 4, .position_jitter = 0, .pointing_jitter = 0}, 1);
   placement_.bar_length = 0;  // scale comes from the layout, which swapped cameras must not change
