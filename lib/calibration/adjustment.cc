@@ -168,7 +168,7 @@ class BundleProblem {
     auto* cost = with_kind(target.kind, [&]<TargetState::Kind kKind>() -> ceres::CostFunction* {
       if (!clocks_) return new ReprojectionCost<kKind>(camera, target, o, options_.sigma);
       return new ClockedCost<kKind>(camera, target, o, options_.sigma, clocks_->velocity[index],
-                                    clocks_->cameras[o.camera].by(clocks_->stamp[index]));
+                                    clocks_->by(o.camera, index));
     });
     problem_.AddResidualBlock(cost, loss_.get(), blocks);
     camera_used_[o.camera] = target_used_[o.position] = true;
@@ -307,8 +307,19 @@ constexpr Eigen::Index kStack = 512;
 
 struct TargetInformation {
   MatrixXd own;
-  std::vector<int> rows;  // first rows of the cameras that see the target
+  std::vector<int> rows;  // first rows of the cameras that see the target, and of their clocks
   std::vector<MatrixXd> crosses;
+
+  // A camera may see both lights of a bar, and many corners of a board.
+  void add_cross(int row, const MatrixXd& cross) {
+    const auto seen = std::find(rows.rbegin(), rows.rend(), row);
+    if (seen != rows.rend()) {
+      crosses[rows.rend() - seen - 1] += cross;
+      return;
+    }
+    rows.push_back(row);
+    crosses.push_back(cross);
+  }
 };
 
 // Returns the inverse of L L'.
@@ -330,17 +341,20 @@ MatrixXd inverse_of(const Eigen::LLT<MatrixXd>& llt) {
 
 class Builder {
  public:
-  Builder(const Reconstruction& scene, const AdjustmentOptions& options)
-      : scene_(scene), options_(options), manifold_(options.free, true) {
+  Builder(const Reconstruction& scene, const AdjustmentOptions& options, const ClockAdjustment* clocks)
+      : scene_(scene), options_(options), clocks_(clocks), manifold_(options.free, true) {
     result_.camera_size = manifold_.TangentSize();
     for (int k = 0; k < kNumLensTerms; k++)
       if (options.free[k]) result_.lens_terms.push_back(k);
-    int rows = 0;
+    int used = 0;
     for (const CameraState& camera : scene.cameras) {
-      result_.camera_row.push_back(camera.used ? rows : -1);
-      if (camera.used) rows += result_.camera_size;
+      rank_.push_back(used);
+      result_.camera_row.push_back(camera.used ? used * result_.camera_size : -1);
+      used += camera.used;
     }
-    information_ = MatrixXd::Zero(rows + num_terms() + 1, rows + num_terms() + 1);
+    rows_ = used * result_.camera_size;
+    const int size = rows_ + num_terms() + 1 + (clocks ? used * kNumClockTerms : 0);
+    information_ = MatrixXd::Zero(size, size);
     targets_.resize(scene.targets.size());
     for (const CameraState& camera : scene.cameras) {
       RowMajor j(CameraState::kSize, result_.camera_size);
@@ -349,7 +363,7 @@ class Builder {
     }
   }
 
-  void add(const Observation& o) {
+  void add(const Observation& o, size_t index) {
     const CameraState& camera = scene_.cameras[o.camera];
     const TargetState& target = scene_.targets[o.position];
     Eigen::Matrix<double, 2, CameraState::kSize, Eigen::RowMajor> by_camera;
@@ -374,14 +388,16 @@ class Builder {
     TargetInformation& t = targets_[o.position];
     if (t.rows.empty()) t.own = MatrixXd::Zero(by_target.cols(), by_target.cols());
     t.own += by_target.transpose() * by_target;
-    // A camera may see both lights of a bar, and many corners of a board.
-    const auto seen = std::find(t.rows.rbegin(), t.rows.rend(), row);
-    if (seen == t.rows.rend()) {
-      t.rows.push_back(row);
-      t.crosses.push_back(c.transpose() * by_target);
-    } else {
-      t.crosses[t.rows.rend() - seen - 1] += c.transpose() * by_target;
-    }
+    t.add_cross(row, c.transpose() * by_target);
+    if (!clocks_) return;
+    const auto by_terms = clocks_->by(o.camera, index);
+    const Vec2 velocity = clocks_->velocity[index] / (options_.sigma * o.sigma);
+    const Eigen::Matrix<double, 2, kNumClockTerms> k =
+        Eigen::Vector2d(velocity.x, velocity.y) * Eigen::Map<const Eigen::Vector3d>(by_terms.data()).transpose();
+    const int clock = clock_row(o.camera);
+    information_.block<kNumClockTerms, kNumClockTerms>(clock, clock) += k.transpose() * k;
+    information_.block(clock, row, kNumClockTerms, n) += k.transpose() * c;
+    t.add_cross(clock, k.transpose() * by_target);
   }
 
   // information -= cross own^-1 cross', for many targets at a time.
@@ -399,7 +415,7 @@ class Builder {
       const Eigen::LLT<MatrixXd> own(t.own);
       if (columns + t.own.rows() > kStack) flush();
       for (size_t i = 0; i < t.rows.size(); i++)
-        stack.block(t.rows[i], columns, result_.camera_size, t.own.rows()) =
+        stack.block(t.rows[i], columns, t.crosses[i].rows(), t.own.rows()) =
             own.matrixL().solve(t.crosses[i].transpose()).transpose();
       columns += t.own.rows();
     }
@@ -460,22 +476,39 @@ class Builder {
 
   Uncertainty finish() {
     eliminate_targets();
-    const int rows = static_cast<int>(information_.rows()) - num_terms() - 1;
-    add_pose_priors(rows + num_terms());
-    add_priors(information_, rows, [&](size_t i) { return result_.camera_row[i] + 6; });
+    add_pose_priors(rows_ + num_terms());
+    add_priors(information_, rows_, [&](size_t i) { return result_.camera_row[i] + 6; });
+    for (Eigen::Index row = rows_ + num_terms() + 1; row < information_.rows(); row++)
+      information_(row, row) += std::pow(kClockSigmas[(row - rows_ - num_terms() - 1) % kNumClockTerms], -2);
     invert();
-    result_.covariance.conservativeResize(rows, rows);
-    std::vector<int> rank(scene_.cameras.size());
-    int used = 0;
-    for (size_t i = 0; i < rank.size(); i++) rank[i] = scene_.cameras[i].used ? used++ : -1;
+    if (clocks_) judge_clocks();
+    result_.covariance.conservativeResize(rows_, rows_);
+    const int used = rows_ / result_.camera_size;
     MatrixXd prior = MatrixXd::Zero((used + 1) * num_terms(), (used + 1) * num_terms());
-    add_priors(prior, used * num_terms(), [&](size_t i) { return rank[i] * num_terms(); });
+    add_priors(prior, used * num_terms(), [&](size_t i) { return rank_[i] * num_terms(); });
     result_.prior_covariance = prior.inverse().topLeftCorner(used * num_terms(), used * num_terms());
     return std::move(result_);
   }
 
  private:
   int num_terms() const { return static_cast<int>(result_.lens_terms.size()); }
+  int clock_row(size_t camera) const { return rows_ + num_terms() + 1 + rank_[camera] * kNumClockTerms; }
+
+  void judge_clocks() {
+    const Eigen::Index used = rows_ / result_.camera_size;
+    for (size_t i = 0; i < scene_.cameras.size(); i++) {
+      std::array<double, kNumClockTerms>& sigmas = result_.clock_sigmas.emplace_back();
+      if (!scene_.cameras[i].used) continue;
+      for (int k = 0; k < kNumClockTerms; k++) {
+        Eigen::VectorXd weights = Eigen::VectorXd::Zero(information_.rows());
+        for (Eigen::Index j = 0; j < used && k < 2; j++)
+          weights[rows_ + num_terms() + 1 + j * kNumClockTerms + k] = -1 / static_cast<double>(used);
+        weights[clock_row(i) + k] += 1;
+        sigmas[k] = result_.sigma_of(weights);
+      }
+    }
+  }
+
   bool has_rigid_targets() const {
     return std::any_of(scene_.targets.begin(), scene_.targets.end(), [](const TargetState& t) { return t.is_rigid(); });
   }
@@ -531,9 +564,13 @@ class Builder {
 
   const Reconstruction& scene_;
   const AdjustmentOptions& options_;
+  const ClockAdjustment* const clocks_;
   CameraManifold manifold_;
   BarManifold bar_manifold_;
   BoardManifold board_manifold_;
+  // Rows of the information: cameras, batch mean, metres, clocks.
+  int rows_ = 0;           // of all cameras
+  std::vector<int> rank_;  // number of used cameras before each camera
   std::vector<RowMajor> camera_steps_;
   MatrixXd information_;
   bool pose_priors_ = false;
@@ -544,11 +581,11 @@ class Builder {
 }  // namespace
 
 Uncertainty estimate_uncertainty(const Reconstruction& scene, const std::vector<Observation>& observations,
-                                 const Inliers& use, const AdjustmentOptions& options) {
-  Builder builder(scene, options);
+                                 const Inliers& use, const AdjustmentOptions& options, const ClockAdjustment* clocks) {
+  Builder builder(scene, options, clocks);
   for (size_t i = 0; i < observations.size(); i++) {
     const Observation& o = observations[i];
-    if (use[i] && scene.cameras[o.camera].used && scene.targets[o.position].has(o.light)) builder.add(o);
+    if (use[i] && scene.cameras[o.camera].used && scene.targets[o.position].has(o.light)) builder.add(o, i);
   }
   return builder.finish();
 }

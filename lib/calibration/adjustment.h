@@ -129,15 +129,24 @@ using Inliers = std::vector<char>;  // per observation: true if it takes part
 
 struct ClockAdjustment {
   // Correction of the clock of one camera. `terms` are an offset in seconds, a drift in seconds per second about the
-  // stamp `middle`, and an additional offset in seconds from the stamp `step_at` on (infinity: no step).
+  // stamp `middle`, and, in seconds, either an additional offset from the stamp `step_at` on (infinity: no step) or the
+  // readout time of a rolling shutter. Each image row is later than the row above by the readout time over the height.
   struct Camera {
     std::array<double, 3> terms{};
     double middle = 0, step_at = std::numeric_limits<double>::infinity();
-    std::array<double, 3> by(double stamp) const { return {1, stamp - middle, stamp >= step_at ? 1.0 : 0.0}; }
+    bool drifts = true, rolls = false;  // a drift or a readout time is estimated
   };
   std::vector<Camera> cameras;
   std::vector<Vec2> velocity;  // image velocity of each observation's light, pixels per second
   std::vector<double> stamp;   // when each observation was made, according to its camera, seconds
+  // Distance of each observation below the middle of the image, in image heights. Needed only if cameras roll.
+  std::vector<double> row;
+
+  // Derivatives of the time of observation `i`, of camera `camera`, by the terms of the camera.
+  std::array<double, 3> by(size_t camera, size_t i) const {
+    const Camera& c = cameras[camera];
+    return {1, c.drifts ? stamp[i] - c.middle : 0, c.rolls ? row[i] : stamp[i] >= c.step_at ? 1.0 : 0.0};
+  }
 };
 
 // Bundle adjustment: changes the cameras, the light positions and, if `clocks` is not null, the clocks of `scene` so
@@ -188,12 +197,17 @@ struct Uncertainty {
   Eigen::MatrixXd covariance;
   // Covariance of the lens terms before the calibration, with lens_terms.size() rows per camera.
   Eigen::MatrixXd prior_covariance;
+  // Standard deviations of the clock terms of each camera; empty unless clocks were adjusted. Offsets and drifts are
+  // relative to the mean of all cameras.
+  std::vector<std::array<double, 3>> clock_sigmas;
 
   double sigma_of(const Eigen::VectorXd& weights) const { return std::sqrt(weights.dot(covariance * weights)); }
 };
 
+// If `clocks` is not null, the clocks are unknown, too, as in adjust().
 Uncertainty estimate_uncertainty(const Reconstruction& scene, const std::vector<Observation>& observations,
-                                 const Inliers& use, const AdjustmentOptions& options);
+                                 const Inliers& use, const AdjustmentOptions& options,
+                                 const ClockAdjustment* clocks = nullptr);
 
 // The covariance of a camera's parameters, as stored in the member "covariance" of a camera in a rig file:
 //   {"parameters": ["f", "cx", "cy", "k1", "k2", "x", "y", "z", "rx", "ry", "rz"], "matrix": [[...], ...]}

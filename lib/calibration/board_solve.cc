@@ -45,21 +45,6 @@ struct PosedView {
   std::vector<Pose> poses;
 };
 
-Tracks tracks_of(const BoardSightings& sightings) {
-  Tracks tracks;
-  tracks.cameras = sightings.cameras;
-  tracks.num_positions = sightings.num_instants;
-  Vec2 middle(0, 0);
-  for (size_t i = 0; i < sightings.board.num_corners(); i++) middle += sightings.board.corner(i);
-  middle /= static_cast<double>(sightings.board.num_corners());
-  for (size_t i = 0; i < sightings.board.num_corners(); i++)
-    tracks.board.emplace_back(sightings.board.corner(i) - middle, 0);
-  for (const BoardSightings::Sighting& s : sightings.sightings)
-    for (size_t i = 0; i < s.view.corners.size(); i++)
-      tracks.observations.push_back({s.camera, s.instant, static_cast<uint32_t>(s.view.id(i)), s.view.corners[i]});
-  return tracks;
-}
-
 class LayoutFinder {
  public:
   LayoutFinder(const BoardSightings& sightings, const Tracks& tracks, const SolveOptions& options)
@@ -77,6 +62,14 @@ class LayoutFinder {
     connect_cameras();
     place_boards();
     return std::move(scene_);
+  }
+
+  // Returns the views with their poses in the camera, without connecting the cameras.
+  std::vector<PosedView> views() {
+    step("lens of each camera");
+    estimate_lenses();
+    pose_views();
+    return std::move(views_);
   }
 
  private:
@@ -319,6 +312,33 @@ class LayoutFinder {
 
 }  // namespace
 
+Tracks board_tracks(const BoardSightings& sightings) {
+  Tracks tracks;
+  tracks.cameras = sightings.cameras;
+  tracks.num_positions = sightings.num_instants;
+  Vec2 middle(0, 0);
+  for (size_t i = 0; i < sightings.board.num_corners(); i++) middle += sightings.board.corner(i);
+  middle /= static_cast<double>(sightings.board.num_corners());
+  for (size_t i = 0; i < sightings.board.num_corners(); i++)
+    tracks.board.emplace_back(sightings.board.corner(i) - middle, 0);
+  for (const BoardSightings::Sighting& s : sightings.sightings)
+    for (size_t i = 0; i < s.view.corners.size(); i++)
+      tracks.observations.push_back({s.camera, s.instant, static_cast<uint32_t>(s.view.id(i)), s.view.corners[i],
+                                     s.sigmas.empty() ? 1 : s.sigmas[i]});
+  return tracks;
+}
+
+std::vector<std::optional<Pose>> board_poses(const BoardSightings& sightings, const SolveOptions& options) {
+  // Each sighting is an instant of its own, so that views of the same instant remain apart.
+  BoardSightings apart = sightings;
+  apart.num_instants = apart.sightings.size();
+  for (uint32_t i = 0; i < apart.sightings.size(); i++) apart.sightings[i].instant = i;
+  const Tracks tracks = board_tracks(apart);
+  std::vector<std::optional<Pose>> poses(apart.sightings.size());
+  for (const PosedView& view : LayoutFinder(apart, tracks, options).views()) poses[view.instant] = view.poses[0];
+  return poses;
+}
+
 BoardSolution solve_boards(const BoardSightings& sightings, const SolveOptions& options) {
   check_board(sightings.board);
   if (sightings.board.is_symmetric())
@@ -326,7 +346,7 @@ BoardSolution solve_boards(const BoardSightings& sightings, const SolveOptions& 
                 " looks the same after half a turn, so cameras may count its corners from opposite ends. Use a "
                 "checkerboard with an odd and an even number of corners, a ChArUco board or an AprilGrid");
   BoardSolution result;
-  result.tracks = tracks_of(sightings);
+  result.tracks = board_tracks(sightings);
   Reconstruction layout = LayoutFinder(sightings, result.tracks, options).run();
   result.solution = solve_from_layout(std::move(layout), result.tracks, options);
   return result;

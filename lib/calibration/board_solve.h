@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "calibration/board_detection.h"
@@ -15,12 +16,20 @@ struct BoardSightings {
     uint32_t camera = 0;   // index into `cameras`
     uint32_t instant = 0;  // below num_instants
     BoardView view;
+    std::vector<double> sigmas{};  // Observation::sigma of each corner; empty: 1
   };
   CalibrationBoard board;
   std::vector<Tracks::Camera> cameras;
   size_t num_instants = 0;
   std::vector<Sighting> sightings;
 };
+
+// Returns the corners of all sightings as observations, in the same order.
+Tracks board_tracks(const BoardSightings& sightings);
+
+// Returns the pose camera_from_board of each sighting; nullopt if it has too few corners. The lenses come from the views
+// of each camera alone, as in solve_boards().
+std::vector<std::optional<Pose>> board_poses(const BoardSightings& sightings, const SolveOptions& options);
 
 struct BoardSolution {
   Tracks tracks;  // the corners as observations

@@ -7,8 +7,10 @@
 
 #include <Eigen/Core>
 #include <Eigen/LU>
+#include <nlohmann/json.hpp>
 
 #include "base/maths.h"
+#include "base/text.h"
 
 namespace lf {
 
@@ -34,25 +36,18 @@ namespace {
 using Eigen::Matrix2d;
 using Eigen::Vector2d;
 
-constexpr double kStep = 1.0 / 30;  // seconds between samples of a velocity
-constexpr double kFast = 3;         // limit of the speed, as a multiple of the median
+constexpr double kStep = CameraMotion::kStep;
+constexpr double kFast = 3;  // limit of the speed, as a multiple of the median
 constexpr size_t kMinClockSamples = 20;
-constexpr double kCorrelated = 0.5;  // minimum sum of squared correlations, of at most 2
+constexpr double kCorrelated = 0.5;  // minimum correlation, and minimum sum of two squared canonical correlations
 constexpr double kBest = 1e-4;       // minimum share of unexplained variance
 
-// Mean velocities of the brightest lights, at multiples of kStep on the camera's clock.
-struct Motion {
-  int64_t first = 0;
-  std::vector<Vector2d> velocity;
-  std::vector<char> known;
-  size_t count = 0;
-};
-
-Motion motion_of(const std::vector<LightPath>& paths, double frame_time, size_t num_lights) {
+// Mean velocities of the brightest lights.
+CameraMotion motion_of(const std::vector<LightPath>& paths, double frame_time, size_t num_lights) {
   double from = std::numeric_limits<double>::infinity(), to = -from;
   for (const LightPath& path : paths)
     if (!path.still) from = std::min(from, path.points.front().time), to = std::max(to, path.points.back().time);
-  Motion motion;
+  CameraMotion motion;
   if (!(from < to)) return motion;
   motion.first = static_cast<int64_t>(std::ceil(from / kStep));
   std::vector<double> speeds;
@@ -64,70 +59,83 @@ Motion motion_of(const std::vector<LightPath>& paths, double frame_time, size_t 
           lights.emplace_back(path.brightness, place->velocity);
     std::sort(lights.begin(), lights.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
     motion.known.push_back(lights.size() >= num_lights);
-    Vector2d mean(0, 0);
+    auto& mean = motion.velocity.emplace_back();
+    mean.setZero();
     if (motion.known.back()) {
-      for (size_t i = 0; i < num_lights; i++) mean += Vector2d(lights[i].second.x, lights[i].second.y);
+      for (size_t i = 0; i < num_lights; i++) mean.head<2>() += Vector2d(lights[i].second.x, lights[i].second.y);
       mean /= static_cast<double>(num_lights);
       speeds.push_back(mean.norm());
       motion.count++;
     }
-    motion.velocity.push_back(mean);
   }
   if (speeds.empty()) return motion;
   const double most = kFast * median(std::move(speeds));
-  for (Vector2d& v : motion.velocity)
+  for (auto& v : motion.velocity)
     if (v.norm() > most) v *= most / v.norm();
   return motion;
 }
 
-// Compares the hypothesis of a common motion, with b's stamps `lag` steps behind a's, with independent motions. Returns
-// the log likelihood ratio, which follows from the canonical correlations, or 0 if the correlations are weak.
-double likelihood(const Motion& a, const Motion& b, int64_t lag) {
-  Matrix2d aa = Matrix2d::Zero(), bb = aa, ab = aa;
-  size_t n = 0;
+// Calls `use` with the velocities that both cameras know, if b's stamps are `lag` steps behind a's.
+template <class Use>
+void for_each_common(const CameraMotion& a, const CameraMotion& b, int64_t lag, const Use& use) {
   const int64_t shift = a.first - b.first - lag;
   const int64_t from = std::max<int64_t>(0, -shift);
   const int64_t to = std::min(static_cast<int64_t>(a.velocity.size()), static_cast<int64_t>(b.velocity.size()) - shift);
-  for (int64_t i = from; i < to; i++) {
-    if (!a.known[i] || !b.known[i + shift]) continue;
-    const Vector2d &u = a.velocity[i], &v = b.velocity[i + shift];
-    aa += u * u.transpose(), bb += v * v.transpose(), ab += u * v.transpose();
-    n++;
-  }
-  if (n < kMinClockSamples || !(aa.determinant() > 0) || !(bb.determinant() > 0)) return 0;
+  for (int64_t i = from; i < to; i++)
+    if (a.known[i] && b.known[i + shift]) use(a.velocity[i], b.velocity[i + shift]);
+}
+
+// Returns the share of the motion that is not common, or 1 if the correlation is weak. Counts the samples.
+double unexplained_linear(const CameraMotion& a, const CameraMotion& b, int64_t lag, size_t& n) {
+  Matrix2d aa = Matrix2d::Zero(), bb = aa, ab = aa;
+  for_each_common(a, b, lag, [&](const auto& u, const auto& v) {
+    const Vector2d p = u.template head<2>(), q = v.template head<2>();
+    aa += p * p.transpose(), bb += q * q.transpose(), ab += p * q.transpose(), n++;
+  });
+  if (!(aa.determinant() > 0) || !(bb.determinant() > 0)) return 1;
   const Matrix2d squares = aa.inverse() * ab * bb.inverse() * ab.transpose();
-  if (squares.trace() < kCorrelated) return 0;
-  const double left = (Matrix2d::Identity() - squares).determinant();
-  return -0.5 * static_cast<double>(n) * std::log(std::max(left, kBest));
+  return squares.trace() < kCorrelated ? 1 : (Matrix2d::Identity() - squares).determinant();
+}
+
+double unexplained_equal(const CameraMotion& a, const CameraMotion& b, int64_t lag, size_t& n) {
+  double aa = 0, bb = 0, ab = 0;
+  for_each_common(a, b, lag,
+                  [&](const auto& u, const auto& v) { aa += u.dot(u), bb += v.dot(v), ab += u.dot(v), n++; });
+  if (!(aa > 0) || !(bb > 0)) return 1;
+  const double correlation = ab / std::sqrt(aa * bb);
+  return correlation < kCorrelated ? 1 : 1 - correlation * correlation;
 }
 
 }  // namespace
 
+MotionMatch match_motions(const CameraMotion& a, const CameraMotion& b, double reach, bool same_axes) {
+  const auto furthest = static_cast<int64_t>(std::lround(reach / kStep));
+  std::vector<double> scores;
+  for (int64_t lag = -furthest; lag <= furthest; lag++) {
+    size_t n = 0;
+    const double left = same_axes ? unexplained_equal(a, b, lag, n) : unexplained_linear(a, b, lag, n);
+    scores.push_back(n < kMinClockSamples ? 0 : -0.5 * static_cast<double>(n) * std::log(std::max(left, kBest)));
+  }
+  const auto at = static_cast<size_t>(std::ranges::max_element(scores) - scores.begin());
+  double fine = 0;
+  if (at > 0 && at + 1 < scores.size())
+    if (const double bend = scores[at - 1] - 2 * scores[at] + scores[at + 1]; bend < 0)
+      fine = std::clamp((scores[at - 1] - scores[at + 1]) / (2 * bend), -0.5, 0.5);
+  return {scores[at], (static_cast<double>(at) - static_cast<double>(furthest) + fine) * kStep};
+}
+
 size_t coarse_clocks(const std::vector<std::vector<LightPath>>& paths, const std::vector<double>& frame_times,
                      size_t num_lights, double reach, std::vector<CameraClock>& clocks) {
-  std::vector<Motion> motions;
+  std::vector<CameraMotion> motions;
   for (size_t i = 0; i < paths.size(); i++) motions.push_back(motion_of(paths[i], frame_times[i], num_lights));
-  const auto most = std::max_element(motions.begin(), motions.end(),
-                                     [](const Motion& a, const Motion& b) { return a.count < b.count; });
+  const auto most = std::ranges::max_element(motions, {}, &CameraMotion::count);
   const auto reference = static_cast<size_t>(most - motions.begin());
   clocks.assign(paths.size(), {});
-  clocks[reference].known = motions[reference].count > 0;
-  const auto furthest = static_cast<int64_t>(std::lround(reach / kStep));
+  clocks[reference].known = most->count > 0;
   for (size_t i = 0; i < paths.size(); i++) {
-    if (i == reference || motions[i].count == 0) continue;
-    std::vector<double> scores;
-    for (int64_t lag = -furthest; lag <= furthest; lag++) scores.push_back(likelihood(*most, motions[i], lag));
-    const int64_t at = std::max_element(scores.begin(), scores.end()) - scores.begin() - furthest;
-    const double best = scores[at + furthest];
-    if (!(best > 0)) continue;
-    clocks[i].known = true;
-    double fine = 0;
-    if (std::abs(at) < furthest) {
-      const double before = scores[at - 1 + furthest], next = scores[at + 1 + furthest];
-      if (const double bend = before - 2 * best + next; bend < 0)
-        fine = std::clamp((before - next) / (2 * bend), -0.5, 0.5);
-    }
-    clocks[i].offset = (static_cast<double>(at) + fine) * kStep;
+    if (i == reference) continue;
+    const MotionMatch found = match_motions(*most, motions[i], reach, false);
+    if (found.score > 0) clocks[i].offset = found.offset, clocks[i].known = true;
   }
   return reference;
 }
@@ -258,6 +266,44 @@ std::optional<double> suspected_step(std::vector<ClockSample> samples) {
   const size_t at = best_split(samples, 0, samples.size(), scale_of(samples), kHint);
   if (at == 0) return std::nullopt;
   return (samples[at - 1].stamp + samples[at].stamp) / 2;
+}
+
+std::vector<lightfield::Finding> diagnose_clock(unsigned id, const CameraClock& clock, double seconds,
+                                                double expected) {
+  constexpr double kDrifted = 2e-3;  // seconds over the whole recording
+  constexpr double kLate = 0.1;      // seconds
+  std::vector<lightfield::Finding> findings;
+  if (!clock.known) return findings;
+  const auto warn = [&](const char* code, std::string text) {
+    findings.push_back({lightfield::Finding::Severity::kWarning, code, std::move(text)});
+  };
+  for (const CameraClock::Step& step : clock.steps)
+    warn("dropped-frames",
+         format_text(step.frames > 0 ? "camera %u lost %d frame%s at %.2f s without a gap in its stamps"
+                                     : "camera %u has %d extra frame%s at %.2f s according to its stamps",
+                     id, std::abs(step.frames), std::abs(step.frames) == 1 ? "" : "s", step.stamp));
+  if (std::abs(clock.drift) * seconds > kDrifted)
+    warn(
+        "clock-drift",
+        format_text("camera %u: its clock is %s by %.0f ppm, so its offset is not constant: synchronise all cameras to "
+                    "one clock",
+                    id, clock.drift < 0 ? "fast" : "slow", std::abs(clock.drift) * 1e6));
+  if (const double late = clock.offset - expected; std::abs(late) > kLate)
+    warn("late-camera",
+         format_text("camera %u: its stamps are %.1f ms %s, more than free-running cameras explain: did all recordings "
+                     "use the same clock?",
+                     id, 1e3 * std::abs(late), late > 0 ? "early" : "late"));
+  return findings;
+}
+
+void add_clock(const CameraClock& clock, nlohmann::ordered_json& camera) {
+  if (!clock.known) return;
+  camera["time_offset_ms"] = 1e3 * clock.offset;
+  camera["time_offset_sigma_ms"] = 1e3 * clock.sigma;
+  camera["clock_drift_ppm"] = 1e6 * clock.drift;
+  camera["dropped_frames"] = nlohmann::ordered_json::array();
+  for (const CameraClock::Step& step : clock.steps)
+    camera["dropped_frames"].push_back({{"stamp", step.stamp}, {"frames", step.frames}});
 }
 
 }  // namespace lf

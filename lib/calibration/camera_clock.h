@@ -1,8 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <vector>
+
+#include <lightfield/calibration.h>
+#include <Eigen/Core>
+#include <nlohmann/json_fwd.hpp>
 
 #include "calibration/light_detector.h"
 
@@ -28,9 +33,24 @@ struct CameraClock {
   double stamp_of(double true_time) const;
 };
 
-// Estimates clock offsets to about a quarter of a frame, without knowing the cameras' positions. It uses the fact that
-// the light velocities in two cameras are approximately linear functions of each other if their clocks are synchronised
-// (canonical correlation, Hotelling 1936).
+// The motion in the images of one camera, at multiples of kStep on the camera's clock.
+struct CameraMotion {
+  static constexpr double kStep = 1.0 / 30;  // seconds
+  int64_t first = 0;                         // time of the first velocity, in steps
+  std::vector<Eigen::Matrix<double, 6, 1>> velocity;
+  std::vector<char> known;
+  size_t count = 0;  // of known velocities
+};
+struct MotionMatch {
+  double score = 0;   // log likelihood ratio of a common motion and of independent motions; 0: no common motion
+  double offset = 0;  // second camera minus first camera, seconds
+};
+// Finds the best offset of at most `reach` seconds. The velocities of both cameras are equal if `same_axes` is true.
+// Otherwise only their first two elements count, which are approximately linear functions of each other (canonical
+// correlation, Hotelling 1936).
+MotionMatch match_motions(const CameraMotion& a, const CameraMotion& b, double reach, bool same_axes);
+
+// Estimates clock offsets to about a quarter of a frame, without knowing the cameras' positions.
 //
 // `paths` has the light paths of each camera. The `num_lights` brightest paths at each time count. Offsets of up to
 // `reach` seconds in both directions are tried. The result is relative to the camera with the most samples; the
@@ -48,6 +68,14 @@ struct ClockSample {
 // share of a wrong offset that no other parameter of the camera can absorb; the errors of the result are scaled
 // accordingly. Returns the change of the offset.
 double refine_clock(CameraClock& clock, std::vector<ClockSample> samples, double frame_time, double shown);
+
+// Returns what the user should know of the clock of camera `id`: dropped frames, a drift that matters in a recording of
+// `seconds`, and an offset that is far from `expected`, in seconds.
+std::vector<lightfield::Finding> diagnose_clock(unsigned id, const CameraClock& clock, double seconds, double expected);
+
+// Adds members to a camera of a calibration_report(): "time_offset_ms", "time_offset_sigma_ms", "clock_drift_ppm", and
+// "dropped_frames" (a list of {"stamp", "frames"}). Adds nothing if the clock is not known.
+void add_clock(const CameraClock& clock, nlohmann::ordered_json& camera);
 
 // Returns the stamp of a suspected frame drop, although the evidence is too weak for refine_clock(). Returns nullopt if
 // no stamp stands out.

@@ -258,12 +258,12 @@ class ClockedCost : public ceres::SizedCostFunction<2, CameraState::kSize, targe
   Eigen::Matrix<double, 2, kNumClockTerms> by_terms_;
 };
 
-// Weak prior of the terms of a clock. It fixes the common part of all clocks, and steps without observations.
+// Weak prior of the terms of a clock. It fixes the common part of all clocks, and terms without observations.
+inline constexpr double kClockSigmas[kNumClockTerms] = {0.1, 3e-4, 0.2};  // seconds, seconds per second, seconds
 struct ClockPriorCost {
   template <class T>
   bool operator()(const T* terms, T* error) const {
-    constexpr double kSigmas[kNumClockTerms] = {0.1, 3e-4, 0.2};  // seconds, seconds per second, seconds
-    for (int k = 0; k < kNumClockTerms; k++) error[k] = terms[k] / kSigmas[k];
+    for (int k = 0; k < kNumClockTerms; k++) error[k] = terms[k] / kClockSigmas[k];
     return true;
   }
 };

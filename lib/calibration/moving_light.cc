@@ -282,8 +282,6 @@ constexpr double kFirstLightReach = 8;  // pixels; allows for about a frame of t
 constexpr double kNearer = 0.7;         // decrease of the reach per round
 constexpr double kLightReach = 1.5;     // pixels, or
 constexpr double kReachSigmas = 6;      // multiple of the residual sigma
-constexpr double kDrifted = 2e-3;       // seconds over the whole recording
-constexpr double kLate = 0.1;           // seconds
 constexpr double kSlow = 5;             // pixels per second; slower lights carry no timing information
 
 // Share of a clock error that a camera's pose and lens absorb when they are adjusted to it.
@@ -471,7 +469,7 @@ class LightSolver {
       if (!e) continue;
       const Vec2 velocity = clocks.velocity[i];
       double late = 0;
-      const auto by = clocks.cameras[seen.camera].by(clocks.stamp[i]);
+      const auto by = clocks.by(seen.camera, i);
       for (size_t k = 0; k < by.size(); k++) late += by[k] * clocks.cameras[seen.camera].terms[k];
       read.left.push_back(glm::length(*e + velocity * late));
       const double speed = glm::length(velocity);
@@ -539,52 +537,24 @@ LightSolution solve_lights(const LightDetections& sights, const LightSolveOption
 }
 
 std::vector<Finding> diagnose_clocks(const LightSolution& solution) {
-  using Severity = Finding::Severity;
   std::vector<Finding> findings;
-  char text[512];
-  const auto add = [&](Severity severity, const char* code, auto... args) {
-    std::snprintf(text, sizeof text, args...);
-    findings.push_back({severity, code, text});
-  };
   for (size_t i = 0; i < solution.clocks.size(); i++) {
-    const CameraClock& clock = solution.clocks[i];
     const unsigned id = solution.tracks.cameras[i].id;
-    if (!clock.known) {
-      add(Severity::kError, "unknown-clock",
-          "camera %u: its light moves differently from all other cameras within %.0f s: is it another recording?", id,
-          solution.reach);
-      continue;
-    }
-    for (const CameraClock::Step& step : clock.steps)
-      add(Severity::kWarning, "dropped-frames",
-          step.frames > 0 ? "camera %u lost %d frame%s at %.2f s without a gap in its stamps"
-                          : "camera %u has %d extra frame%s at %.2f s according to its stamps",
-          id, std::abs(step.frames), std::abs(step.frames) == 1 ? "" : "s", step.stamp);
-    if (std::abs(clock.drift) * solution.seconds() > kDrifted)
-      add(Severity::kWarning, "clock-drift",
-          "camera %u: its clock is %s by %.0f ppm, so its offset is not constant: synchronise all cameras to one clock",
-          id, clock.drift < 0 ? "fast" : "slow", std::abs(clock.drift) * 1e6);
-    if (std::abs(clock.offset) > kLate)
-      add(Severity::kWarning, "late-camera",
-          "camera %u: its stamps are %.1f ms %s, more than free-running cameras explain: did all recordings use the "
-          "same clock?",
-          id, 1e3 * std::abs(clock.offset), clock.offset > 0 ? "early" : "late");
+    if (!solution.clocks[i].known)
+      findings.push_back({Finding::Severity::kError, "unknown-clock",
+                          format_text("camera %u: its light moves differently from all other cameras within %.0f s: is "
+                                      "it another recording?",
+                                      id, solution.reach)});
+    for (Finding& finding : diagnose_clock(id, solution.clocks[i], solution.seconds(), 0))
+      findings.push_back(std::move(finding));
   }
   return findings;
 }
 
 void add_clocks(const LightSolution& solution, nlohmann::ordered_json& report) {
   for (size_t i = 0; i < solution.clocks.size(); i++) {
-    const CameraClock& clock = solution.clocks[i];
-    auto& camera = report["cameras"][i];
-    camera["reflections"] = solution.reflections[i];
-    if (!clock.known) continue;
-    camera["time_offset_ms"] = 1e3 * clock.offset;
-    camera["time_offset_sigma_ms"] = 1e3 * clock.sigma;
-    camera["clock_drift_ppm"] = 1e6 * clock.drift;
-    camera["dropped_frames"] = nlohmann::ordered_json::array();
-    for (const CameraClock::Step& step : clock.steps)
-      camera["dropped_frames"].push_back({{"stamp", step.stamp}, {"frames", step.frames}});
+    report["cameras"][i]["reflections"] = solution.reflections[i];
+    add_clock(solution.clocks[i], report["cameras"][i]);
   }
 }
 

@@ -137,6 +137,67 @@ BoardSightings sightings_of(const Tracks& tracks, const CalibrationBoard& board)
   return sightings;
 }
 
+std::vector<double> MovingBoard::instants() const {
+  std::vector<double> times;
+  for (int j = 0; j < positions; j++) times.push_back(j + 0.5);
+  return times;
+}
+
+Pose MovingBoard::pose(double time, const Rig& rig, uint64_t seed) const {
+  Vec3 at, turn;
+  if (every_frame) {
+    at = {0.1 * std::sin(2.1 * time) + 0.05 * std::sin(5.3 * time), 0.08 * std::sin(1.7 * time + 1),
+          0.6 + 0.15 * std::sin(1.1 * time)};
+    turn = {0.4 * std::sin(1.3 * time), 0.4 * std::sin(2.3 * time + 2), 0.6 * std::sin(0.9 * time + 1)};
+  } else {
+    const double instant = std::floor(time) + 0.5;
+    Random random(seed + static_cast<uint64_t>(instant));
+    at = place(rig, {.near = near, .far = far}, 0, random);
+    turn = {uniform(random, -0.6, 0.6), uniform(random, -0.6, 0.6), uniform(random, -M_PI, M_PI)};
+    const Vec3 shifting = normal3(random, speed), turning = normal3(random, 4 * speed);
+    at += shifting * (time - instant), turn += turning * (time - instant);
+  }
+  const Quat q = glm::angleAxis(turn.x, Vec3(1, 0, 0)) * glm::angleAxis(turn.y, Vec3(0, 1, 0)) *
+                 glm::angleAxis(turn.z, Vec3(0, 0, 1));
+  return {at, q};
+}
+
+BoardFilms film_board(Rig& truth, const MovingBoard& motion, uint64_t seed) {
+  Random random(seed);
+  BoardFilms films{motion.board, {}, {}, {}};
+  const Vec2 middle_corner = motion.board.corner(motion.board.num_corners() - 1) / 2.0;
+  for (size_t i = 0; i < truth.cameras.size(); i++) {
+    Camera& camera = truth.cameras[i];
+    camera.time_offset = uniform(random, -motion.offset, motion.offset);
+    films.cameras.push_back({camera.id, camera.width, camera.height});
+    films.frame_times.push_back(1 / motion.rate);
+    std::vector<BoardFilms::Frame>& frames = films.frames.emplace_back();
+    const double phase = uniform(random, 0, 1), middle = 0.5 * motion.positions;
+    for (int n = 0; n < motion.positions * motion.rate; n++) {
+      const double stamp = (n + phase) / motion.rate;
+      if (!motion.every_frame && std::abs(stamp - std::floor(stamp) - 0.5) > 2 / motion.rate) continue;
+      const double time = stamp + camera.time_offset + (i % 2 ? motion.drift * (stamp - middle) : 0);
+      BoardView view;
+      for (size_t k = 0; k < motion.board.num_corners(); k++) {
+        std::optional<Vec2> pixel = Vec2(0, (camera.height - 1) / 2.0);
+        // The capture time depends on the row, and the row on the time.
+        for (int round = 0; round < 6 && pixel; round++) {
+          const double row = (pixel->y - (camera.height - 1) / 2.0) / camera.height;
+          const Pose board = motion.pose(time + motion.readout * row, truth, seed);
+          pixel = camera.lens.project(
+              camera.pose.camera_from_world(board.world_from_camera(Vec3(motion.board.corner(k) - middle_corner, 0))));
+        }
+        if (!pixel || pixel->x < 0 || pixel->y < 0 || pixel->x > camera.width - 1 || pixel->y > camera.height - 1)
+          continue;
+        view.ids.push_back(static_cast<int>(k));
+        view.corners.push_back(*pixel + Vec2(normal(random, motion.noise), normal(random, motion.noise)));
+      }
+      if (view.corners.size() >= 6) frames.push_back({stamp, std::move(view)});
+    }
+  }
+  return films;
+}
+
 Watched watch(const Rig& truth, const PathOptions& options, uint64_t seed) {
   Random random(seed);
   if (options.board) return watch_board(truth, options, random);

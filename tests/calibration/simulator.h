@@ -5,7 +5,7 @@
 #include <random>
 #include <vector>
 
-#include "calibration/board_solve.h"
+#include "calibration/board_motion.h"
 #include "calibration/solve.h"
 #include "rig/rig.h"
 #include "scene/calibration_targets.h"
@@ -29,10 +29,10 @@ struct PathOptions {
   int positions = 100;
   double near = 0.8, far = 3;  // metres
   Shape shape = Shape::kVolume;
-  double bar = 0;                   // metres between two lights; 0: one light
+  double bar = 0;                         // metres between two lights; 0: one light
   std::optional<CalibrationBoard> board;  // instead of lights, tilted by up to 0.6 radians
-  double noise = 0.2;               // pixels, x and y each
-  double missed = 0, outliers = 0;  // fractions of the observations
+  double noise = 0.2;                     // pixels, x and y each
+  double missed = 0, outliers = 0;        // fractions of the observations
 };
 
 Rig make_array(const ArrayOptions& options, uint64_t seed);
@@ -48,6 +48,28 @@ struct Watched {
   Inliers good;              // observations that are not outliers
 };
 Watched watch(const Rig& truth, const PathOptions& options, uint64_t seed);
+
+// A board that moves before unsynchronised cameras. It visits `positions` poses like in watch(), a second apart,
+// and moves past each pose with a random velocity.
+struct MovingBoard {
+  CalibrationBoard board{.columns = 8, .rows = 5, .square = 0.03};
+  int positions = 30;
+  double near = 0.35, far = 0.9;  // metres
+  double noise = 0.2;             // pixels, x and y each
+  double offset = 0;              // seconds; largest time offset of a camera. The offsets become Camera::time_offset
+  double drift = 0;               // seconds per second, of odd cameras
+  double readout = 0;             // seconds, of the rolling shutters of all cameras
+  double speed =
+      0.15;          // metres per second, each axis, one sigma; rotations are four times larger, in radians per second
+  double rate = 30;  // frames per second
+  // False: only the two frames before and after each instant. True: all frames, and the board moves smoothly all the
+  // time.
+  bool every_frame = false;
+
+  std::vector<double> instants() const;
+  Pose pose(double time, const Rig& rig, uint64_t seed) const;  // pose of the board's middle
+};
+BoardFilms film_board(Rig& truth, const MovingBoard& motion, uint64_t seed);
 
 // Returns the observations of a board as the views of each camera.
 BoardSightings sightings_of(const Tracks& tracks, const CalibrationBoard& board);

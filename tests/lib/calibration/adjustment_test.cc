@@ -198,6 +198,42 @@ TEST_F(UncertaintyTest, IsInTheAlignedGauge) {
   }
 }
 
+// The clock of one camera alone, with a point that moves: the other parameters are certain, so its information is the
+// sum over the squared velocities.
+TEST_F(UncertaintyTest, CoversClocks) {
+  const auto& observations = watched_.tracks.observations;
+  ClockAdjustment clocks;
+  clocks.cameras.resize(truth_.cameras.size(), {.rolls = true});
+  clocks.velocity.assign(observations.size(), Vec2(0, 0));
+  clocks.stamp.assign(observations.size(), 0);
+  clocks.row.assign(observations.size(), 0);
+  const auto now = [&] { return estimate_uncertainty(scene_, observations, watched_.good, model_, &clocks); };
+  const Uncertainty still = now(), none = estimate();
+  EXPECT_EQ(still.covariance.rows(), none.covariance.rows());
+  EXPECT_LT((still.covariance - none.covariance).norm(), 1e-6 * none.covariance.norm());
+  EXPECT_NEAR(still.clock_sigmas[2][2], 0.2, 1e-6);
+  std::mt19937_64 random(1);
+  std::normal_distribution<double> normal(0, 500);
+  double information = 0;
+  for (size_t i = 0; i < observations.size(); i++) {
+    clocks.row[i] = normal(random) / 2000;
+    if (observations[i].camera != 2) continue;
+    clocks.velocity[i] = Vec2(normal(random), normal(random));
+    information += glm::dot(clocks.velocity[i], clocks.velocity[i]) * clocks.row[i] * clocks.row[i];
+  }
+  const Uncertainty moving = now();
+  const double alone = model_.sigma / std::sqrt(information);
+  // The velocities are random, so poses, lenses and points absorb only a part of the readout time.
+  EXPECT_GT(moving.clock_sigmas[2][2], alone);
+  EXPECT_LT(moving.clock_sigmas[2][2], 1.5 * alone);
+  // The offset is relative to the mean of the other cameras, whose offsets are as uncertain as the prior, 0.1 s.
+  const auto cameras = static_cast<double>(truth_.cameras.size());
+  EXPECT_NEAR(moving.clock_sigmas[2][0], 0.1 * std::sqrt(cameras - 1) / cameras, 1e-5);
+  EXPECT_NEAR(moving.clock_sigmas[1][2], 0.2, 1e-6);
+  const Eigen::VectorXd more = moving.covariance.diagonal() - none.covariance.diagonal();
+  EXPECT_GT(more.minCoeff(), -1e-9 * none.covariance.diagonal().maxCoeff());
+}
+
 std::optional<CameraCovariance> parse(const std::string& text) {
   const std::string name = "rig.json";
   const nlohmann::json root = parse_json(text, name);
