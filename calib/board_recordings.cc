@@ -6,7 +6,9 @@
 #include <filesystem>
 #include <map>
 #include <optional>
+#include <utility>
 
+#include "base/maths.h"
 #include "base/text.h"
 #include "board_options.h"
 #include "image/image.h"
@@ -14,16 +16,15 @@
 
 namespace {
 
-constexpr double kFastest = 0.02;    // movement between two frames, relative to the image width
-constexpr double kLongestGap = 0.2;  // seconds between two frames; the board may do anything in longer gaps
-constexpr double kSameTime = 1e-3;   // seconds; a frame at this distance shows the instant
+constexpr double kCoarseInterval = 0.1;  // seconds between two searched frames, to find the clocks
 constexpr int kColumns = 8, kRows = 6;
 
 struct CameraViews {
   BoardRecordings::Camera counts;
   int width = 0, height = 0;
-  std::map<std::string, lf::BoardView> pictures;         // by the number in the name
-  std::vector<std::pair<size_t, lf::BoardView>> frames;  // by instant
+  std::map<std::string, lf::BoardView> pictures;  // by the number in the name
+  std::vector<lf::BoardFilms::Frame> frames;      // of a video
+  double frame_time = 0;                          // seconds between two searched frames of a video
 };
 
 // Returns the last number in the name of a file without leading zeros, or the name if it has no digits.
@@ -35,23 +36,6 @@ std::string picture_key(const std::string& path) {
   const std::string number = stem.substr(before == std::string::npos ? 0 : before + 1, last - before);
   const size_t first = std::min(number.find_first_not_of('0'), number.size() - 1);
   return number.substr(first);
-}
-
-// Returns the view at `share` of the time between two frames. Returns nullopt if the board moves too fast.
-std::optional<lf::BoardView> between(const lf::BoardView& a, const lf::BoardView& b, double share, int width) {
-  lf::BoardView view;
-  std::map<size_t, lf::Vec2> before;
-  for (size_t i = 0; i < a.corners.size(); i++) before.emplace(a.id(i), a.corners[i]);
-  double moved = 0;
-  for (size_t i = 0; i < b.corners.size(); i++) {
-    const auto found = before.find(b.id(i));
-    if (found == before.end()) continue;
-    view.ids.push_back(static_cast<int>(b.id(i)));
-    view.corners.push_back(found->second + share * (b.corners[i] - found->second));
-    moved += glm::length(b.corners[i] - found->second);
-  }
-  if (view.ids.empty() || moved > kFastest * width * static_cast<double>(view.ids.size())) return std::nullopt;
-  return view;
 }
 
 class BoardFinder {
@@ -73,29 +57,49 @@ class BoardFinder {
     found_.counts.views++;
   }
 
-  // `instants` are increasing, in seconds.
-  void add_video(const std::string& uri, const std::vector<double>& instants,
+  // Searches the two frames before and the two frames after each of the `stamps`, which are increasing, in seconds.
+  void add_video(const std::string& uri, const std::vector<double>& stamps,
                  const std::function<void(double)>& progress) {
-    std::optional<lf::Image> before;
-    double before_time = 0;
+    struct Waiting {
+      lf::Image image;
+      double time;
+    };
+    std::vector<Waiting> before;  // the last two frames, unless they have been searched
+    std::vector<double> intervals;
+    std::optional<double> last;
+    bool after = false;  // the second frame after an instant comes next
     size_t next = 0;
     for_each_video_frame(uri, VideoFormat::kRgb, [&](const VideoFrame& frame) {
       check_size(frame.width, frame.height, uri);
-      lf::Image image = frame.rgb();
-      for (; next < instants.size() && instants[next] <= frame.time + kSameTime; next++) {
-        auto view = std::abs(instants[next] - frame.time) <= kSameTime ? find(image)
-                    : before && frame.time - before_time < kLongestGap
-                        ? find_between(*before, image, (instants[next] - before_time) / (frame.time - before_time))
-                        : std::nullopt;
-        if (!view) continue;
-        view->name = lf::format_text("%s at %.3f s", uri.c_str(), instants[next]);
-        found_.frames.emplace_back(next, std::move(*view));
-        found_.counts.views++;
+      if (last && frame.time > *last) intervals.push_back(frame.time - *last);
+      last = frame.time;
+      bool wanted = std::exchange(after, false);
+      for (; next < stamps.size() && stamps[next] <= frame.time; next++) wanted = after = true;
+      if (after)
+        for (const Waiting& waiting : before) add_frame(uri, waiting.image, waiting.time);
+      if (wanted) {
+        before.clear();
+        add_frame(uri, frame.rgb(), frame.time);
+      } else {
+        if (before.size() == 2) before.erase(before.begin());
+        before.push_back({frame.rgb(), frame.time});
       }
-      before = std::move(image);
-      before_time = frame.time;
       progress(frame.progress);
-      return next < instants.size();
+      return after || next < stamps.size();
+    });
+    if (!intervals.empty()) found_.frame_time = lf::median(std::move(intervals));
+  }
+
+  // Searches a frame at most every kCoarseInterval.
+  void add_video(const std::string& uri, const std::function<void(double)>& progress) {
+    double next = 0;
+    for_each_video_frame(uri, VideoFormat::kRgb, [&](const VideoFrame& frame) {
+      check_size(frame.width, frame.height, uri);
+      if (frame.time < next) return true;
+      next = frame.time + 0.9 * kCoarseInterval;
+      add_frame(uri, frame.rgb(), frame.time);
+      progress(frame.progress);
+      return true;
     });
   }
 
@@ -109,7 +113,7 @@ class BoardFinder {
       }
     };
     for (const auto& [key, view] : found_.pictures) cover(view);
-    for (const auto& [instant, view] : found_.frames) cover(view);
+    for (const lf::BoardFilms::Frame& frame : found_.frames) cover(frame.view);
     found_.counts.coverage = static_cast<double>(std::ranges::count(cells, 1)) / (kColumns * kRows);
     return std::move(found_);
   }
@@ -123,12 +127,12 @@ class BoardFinder {
     return view;
   }
 
-  std::optional<lf::BoardView> find_between(const lf::Image& a, const lf::Image& b, double share) {
-    const auto first = find(a);
-    const auto second = first ? find(b) : std::nullopt;
-    if (!second) return std::nullopt;
-    found_.counts.pictures--;
-    return between(*first, *second, share, a.width());
+  void add_frame(const std::string& uri, const lf::Image& image, double time) {
+    auto view = find(image);
+    if (!view) return;
+    view->name = lf::format_text("%s at %.3f s", uri.c_str(), time);
+    found_.frames.push_back({time, std::move(*view)});
+    found_.counts.views++;
   }
 
   void check_size(int width, int height, const std::string& name) {
@@ -143,15 +147,14 @@ class BoardFinder {
 };
 
 // Gives the pictures of all cameras their instants, in natural order of their numbers.
-void number_pictures(std::vector<CameraViews>& cameras) {
+void add_pictures(std::vector<CameraViews>& cameras, lf::BoardSightings& sightings) {
   const auto natural = [](std::string_view a, std::string_view b) { return lf::natural_less(a, b); };
-  std::map<std::string, size_t, decltype(natural)> numbers(natural);
+  std::map<std::string, uint32_t, decltype(natural)> numbers(natural);
   for (const CameraViews& camera : cameras)
     for (const auto& [key, view] : camera.pictures) numbers.emplace(key, 0);
-  size_t next = 0;
-  for (auto& [key, instant] : numbers) instant = next++;
-  for (CameraViews& camera : cameras)
-    for (auto& [key, view] : camera.pictures) camera.frames.emplace_back(numbers[key], std::move(view));
+  for (auto& [key, instant] : numbers) instant = static_cast<uint32_t>(sightings.num_instants++);
+  for (uint32_t i = 0; i < cameras.size(); i++)
+    for (auto& [key, view] : cameras[i].pictures) sightings.sightings.push_back({i, numbers[key], std::move(view), {}});
 }
 
 // Returns the times of `count` frames that are spread over a video.
@@ -184,50 +187,99 @@ void require_views(const BoardRecordings& found, const lf::CalibrationBoard& boa
   throw lf::Error("no picture shows the " + board.name() + ". " + advice_for(board));
 }
 
+using Search = std::function<void(BoardFinder& finder, size_t camera, const std::function<void(double)>& progress)>;
+
+std::vector<CameraViews> search_all(const lf::Rig& rig, const lf::CalibrationBoard& board, int threads,
+                                    const std::string& what, const Search& search) {
+  std::vector<CameraViews> all(rig.cameras.size());
+  for_each_recording(what, all.size(), threads, [&](size_t i, const auto& progress) {
+    BoardFinder finder(rig.cameras[i], board);
+    search(finder, i, progress);
+    all[i] = finder.finish();
+  });
+  return all;
+}
+
+void keep_films(std::vector<CameraViews>& all, lf::BoardFilms& films) {
+  films.frames.clear();
+  films.frame_times.clear();
+  for (CameraViews& camera : all) {
+    films.frames.push_back(std::move(camera.frames));
+    films.frame_times.push_back(camera.frame_time);
+  }
+}
+
+// Searches videos and returns the views of each camera for the summary.
+std::vector<CameraViews> search_videos(const lf::Rig& rig, const std::vector<std::vector<std::string>>& sources,
+                                       const BoardSearch& search, const lf::SolveOptions& options,
+                                       BoardRecordings& result) {
+  lf::BoardFilms& films = result.films;
+  if (result.clocks.empty() && search.reach > 0) {
+    std::vector<CameraViews> all = search_all(
+        rig, films.board, search.threads, "searching for the board: clocks",
+        [&](BoardFinder& finder, size_t i, const auto& progress) { finder.add_video(sources[i][0], progress); });
+    for (size_t i = 0; i < all.size(); i++)
+      films.cameras[i].width = all[i].width, films.cameras[i].height = all[i].height;
+    keep_films(all, films);
+    result.clocks = lf::coarse_board_clocks(films, search.reach, options);
+  }
+  if (result.clocks.empty()) {
+    result.clocks.resize(rig.cameras.size());
+    for (lf::CameraClock& clock : result.clocks) clock.known = true;
+  }
+  for (const double stamp : instants_of(sources[0][0], search.instants))
+    result.instants.push_back(result.clocks[0].true_time(stamp));
+  std::vector<CameraViews> all = search_all(rig, films.board, search.threads, "searching for the board",
+                                            [&](BoardFinder& finder, size_t i, const auto& progress) {
+                                              if (!result.clocks[i].known) return;
+                                              std::vector<double> stamps;
+                                              for (const double instant : result.instants)
+                                                stamps.push_back(result.clocks[i].stamp_of(instant));
+                                              finder.add_video(sources[i][0], stamps, progress);
+                                            });
+  for (size_t i = 0; i < all.size(); i++)
+    if (all[i].width > 0) films.cameras[i].width = all[i].width, films.cameras[i].height = all[i].height;
+  return all;
+}
+
 }  // namespace
 
 BoardRecordings detect_boards(const lf::Rig& rig, const std::string& folder, const lf::CalibrationBoard& board,
-                              int instants, int threads) {
+                              const BoardSearch& search, const lf::SolveOptions& options,
+                              std::vector<lf::CameraClock> clocks) {
   check_folder(folder);
   std::vector<std::vector<std::string>> sources;
-  size_t videos = 0, with_pictures = 0;
+  bool has_pictures = false;
+  BoardRecordings result;
+  result.clocks = std::move(clocks);
   for (const lf::Camera& camera : rig.cameras) {
     sources.push_back(board_images(folder, camera));
     if (sources.back().empty())
       throw lf::Error(folder + " contains neither a video " + camera.name + ".* nor images in " + camera.name + "/");
-    (lf::is_uri(sources.back()[0]) ? videos : with_pictures)++;
+    (lf::is_uri(sources.back()[0]) ? result.has_films : has_pictures) = true;
+    result.films.cameras.push_back({camera.id, camera.width, camera.height});
   }
-  if (videos > 0 && with_pictures > 0)
+  if (result.has_films && has_pictures)
     throw lf::Error(folder +
                     " has videos of some cameras and pictures of others, so their instants cannot be compared");
-  std::vector<double> times;
-  if (videos > 0) times = instants_of(sources[0][0], instants);
-
-  std::vector<CameraViews> all(rig.cameras.size());
-  for_each_recording("searching for the board", all.size(), threads, [&](size_t i, const auto& progress) {
-    BoardFinder finder(rig.cameras[i], board);
-    if (videos > 0) {
-      finder.add_video(sources[i][0], times, progress);
-    } else {
-      for (size_t k = 0; k < sources[i].size(); k++) {
-        finder.add_picture(sources[i][k]);
-        progress(static_cast<double>(k + 1) / static_cast<double>(sources[i].size()));
-      }
-    }
-    all[i] = finder.finish();
-  });
-
-  number_pictures(all);
-  BoardRecordings result;
-  result.sightings.board = board;
-  for (uint32_t i = 0; i < all.size(); i++) {
-    result.cameras.push_back(all[i].counts);
-    result.sightings.cameras.push_back({rig.cameras[i].id, all[i].width, all[i].height});
-    for (auto& [instant, view] : all[i].frames) {
-      result.sightings.num_instants = std::max(result.sightings.num_instants, instant + 1);
-      result.sightings.sightings.push_back({i, static_cast<uint32_t>(instant), std::move(view)});
-    }
+  result.sightings.board = result.films.board = board;
+  std::vector<CameraViews> all;
+  if (result.has_films) {
+    all = search_videos(rig, sources, search, options, result);
+  } else {
+    all = search_all(rig, board, search.threads, "searching for the board",
+                     [&](BoardFinder& finder, size_t i, const auto& progress) {
+                       for (size_t k = 0; k < sources[i].size(); k++) {
+                         finder.add_picture(sources[i][k]);
+                         progress(static_cast<double>(k + 1) / static_cast<double>(sources[i].size()));
+                       }
+                     });
+    for (size_t i = 0; i < all.size(); i++)
+      result.sightings.cameras.push_back({rig.cameras[i].id, all[i].width, all[i].height});
+    add_pictures(all, result.sightings);
   }
+  for (const CameraViews& camera : all) result.cameras.push_back(camera.counts);
   require_views(result, board);
+  if (result.has_films) keep_films(all, result.films);
   return result;
 }

@@ -125,6 +125,9 @@ void ReportData::add_solve(const json& report) {
     }
     solved.offset_ms = number(value, "time_offset_ms");
     solved.offset_sigma_ms = number(value, "time_offset_sigma_ms");
+    solved.readout_ms = number(value, "readout_ms");
+    if (solved.readout_ms == 0.0) solved.readout_ms.reset();
+    solved.readout_sigma_ms = number(value, "readout_sigma_ms");
     solved.reflections = number(value, "reflections").value_or(0);
   }
 }

@@ -31,6 +31,7 @@ struct ReportData {
       std::optional<std::array<double, 3>> position;      // metres
       std::array<std::array<double, 3>, 3> covariance{};  // square metres
       std::optional<double> offset_ms, offset_sigma_ms;
+      std::optional<double> readout_ms, readout_sigma_ms;  // of a rolling shutter; nullopt if not significant
       double reflections = 0;
     };
     std::optional<SolveResult> solved;

@@ -584,15 +584,30 @@ class Page {
   }
 
   void times() {
-    auto dots = chart("Time offsets", "ms",
-                      [](const ReportData::Camera& c) { return c.solved ? c.solved->offset_ms : std::nullopt; });
-    if (std::ranges::none_of(dots.bars, [](const auto& bar) { return bar.height.has_value(); })) return;
+    using SolveResult = ReportData::Camera::SolveResult;
+    const auto dots = [&](const char* label, std::optional<double> SolveResult::*value,
+                          std::optional<double> SolveResult::*sigma) {
+      plots::CameraChart made =
+          chart(label, "ms", [&](const ReportData::Camera& c) { return c.solved ? (*c.solved).*value : std::nullopt; });
+      made.dots = true;
+      for (size_t i = 0; i < made.bars.size(); i++)
+        if (data_.cameras[i].solved) made.bars[i].sigma = ((*data_.cameras[i].solved).*sigma).value_or(0);
+      return made;
+    };
+    const auto known = [](const plots::CameraChart& made) {
+      return std::ranges::any_of(made.bars, [](const auto& bar) { return bar.height.has_value(); });
+    };
+    const auto offsets = dots("Time offsets", &SolveResult::offset_ms, &SolveResult::offset_sigma_ms);
+    const auto readouts = dots("Readout times", &SolveResult::readout_ms, &SolveResult::readout_sigma_ms);
+    if (!known(offsets) && !known(readouts)) return;
     section("Time", "Delay of each camera's frames relative to its stamps and to the median camera.");
-    dots.dots = true;
-    for (size_t i = 0; i < dots.bars.size(); i++)
-      if (data_.cameras[i].solved) dots.bars[i].sigma = data_.cameras[i].solved->offset_sigma_ms.value_or(0);
     out_ += "<div class=\"grid\">";
-    card("Clock offsets", plots::camera_chart(dots), "Whiskers: two standard deviations.", true);
+    if (known(offsets)) card("Clock offsets", plots::camera_chart(offsets), "Whiskers: two standard deviations.", true);
+    if (known(readouts))
+      card("Rolling shutters", plots::camera_chart(readouts),
+           "Time from the first row of an image to the last row. Cameras without a dot have no significant readout "
+           "time.",
+           true);
     out_ += "</div>";
   }
 

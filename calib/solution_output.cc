@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <numeric>
 
 #include "base/json_value.h"
 #include "base/text.h"
@@ -34,18 +35,17 @@ void print_summary(const json& report) {
                     finding["text"].get<std::string>().c_str());
 }
 
-void print_clocks(const lf::LightSolution& lights) {
+void print_clocks(const std::vector<lf::CameraClock>& clocks) {
   double least = 0, most = 0, sigma = 0;
-  size_t reflections = 0;
-  for (size_t i = 0; i < lights.clocks.size(); i++) {
-    if (!lights.clocks[i].known) continue;
-    least = std::min(least, lights.clocks[i].offset), most = std::max(most, lights.clocks[i].offset);
-    sigma = std::max(sigma, lights.clocks[i].sigma);
-    reflections += lights.reflections[i];
+  size_t known = 0;
+  for (const lf::CameraClock& clock : clocks) {
+    if (!clock.known) continue;
+    known++;
+    least = std::min(least, clock.offset), most = std::max(most, clock.offset), sigma = std::max(sigma, clock.sigma);
   }
+  if (known == 0) return;
   terminal::print("clocks      offsets %+.2f to %+.2f ms, each +-%.2f ms at most\n", 1e3 * least, 1e3 * most,
                   1e3 * sigma);
-  if (reflections > 0) terminal::print("reflections %zu detections left out\n", reflections);
 }
 
 void require_all(const SolvedCameras& solved, const std::string& out) {
@@ -74,19 +74,25 @@ nlohmann::json load_prior(const std::string& path, lf::SolveOptions& options) {
 
 void save_solution(const SolvedCameras& solved, json original, const std::string& program, const std::string& out,
                    const std::string& report_file, SolveProgress& progress) {
-  const auto& [solution, tracks, options, placement_options, lights, names] = solved;
+  const auto& [solution, tracks, options, placement_options, lights, boards, names] = solved;
+  const std::vector<lf::CameraClock> clocks = lights   ? lights->clocks
+                                              : boards ? boards->clocks
+                                                       : std::vector<lf::CameraClock>(tracks.cameras.size());
   const lf::Placement placement = lf::place_solution(solution, tracks, options, placement_options);
   std::vector<lf::Finding> findings = diagnose(solution, tracks, options, placement);
-  if (lights)
-    for (lf::Finding& finding : lf::diagnose_clocks(*lights)) findings.push_back(std::move(finding));
+  for (lf::Finding& finding : lights   ? lf::diagnose_clocks(*lights)
+                              : boards ? lf::diagnose_times(*boards)
+                                       : std::vector<lf::Finding>())
+    findings.push_back(std::move(finding));
   auto report = calibration_report(solution, tracks, placement, findings);
   if (lights) lf::add_clocks(*lights, report);
+  if (boards) lf::add_times(*boards, report);
   original = lf::rig_record(solution, tracks, placement, std::move(original), program);
   lf::Rig rig = lf::make_rig(solution, tracks, options, placement);
   for (size_t i = 0; i < tracks.cameras.size(); i++) {
     const auto index = rig.index_of_id(tracks.cameras[i].id);
     if (!index) continue;
-    if (lights && lights->clocks[i].known) rig.cameras[*index].time_offset = lights->clocks[i].offset;
+    if (clocks[i].known) rig.cameras[*index].time_offset = clocks[i].offset;
     if (i < names.size()) rig.cameras[*index].name = names[i];
   }
   lf::add_details(solution, tracks, placement, rig, report);
@@ -95,6 +101,9 @@ void save_solution(const SolvedCameras& solved, json original, const std::string
   lf::save_rig(rig, out, &original);
   if (!report_file.empty()) lf::write_text_file(report.dump(1) + "\n", report_file);
   print_summary(json::parse(report.dump()));
-  if (lights) print_clocks(*lights);
+  print_clocks(clocks);
+  if (const size_t reflections =
+          lights ? std::accumulate(lights->reflections.begin(), lights->reflections.end(), size_t{0}) : 0)
+    terminal::print("reflections %zu detections left out\n", reflections);
   require_all(solved, out);
 }

@@ -6,6 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "calibration/board_motion.h"
 #include "calibration/moving_light.h"
 #include "commands.h"
 
@@ -14,9 +15,10 @@ struct SolvedCameras {
   const lf::Solution& solution;
   const lf::Tracks& tracks;
   const lf::SolveOptions& options;
-  lf::PlacementOptions placement;
-  const lf::LightSolution* lights = nullptr;  // the clocks, if the tracks come from a light
-  std::vector<std::string> names;             // names of the cameras if there is no prior rig; may be empty
+  lf::PlacementOptions placement{};
+  const lf::LightSolution* lights = nullptr;        // the clocks, if the tracks come from a light,
+  const lf::MovingBoardSolution* boards = nullptr;  // or from films of a board
+  std::vector<std::string> names;                   // names of the cameras if there is no prior rig; may be empty
 };
 
 // Reads the rig file of --prior into `options`. Returns the parsed file, as `original` of save_solution().

@@ -161,8 +161,8 @@ void solve(const SolveArguments& o) {
     tracks = lights->tracks;
   }
   const lf::Solution solution = lights ? std::move(lights->solution) : lf::solve_tracks(tracks, options);
-  save_solution({solution, tracks, options, placement_options, lights ? &*lights : nullptr, {}}, std::move(original),
-                "lf-calibrate solve", o.out, o.json, progress);
+  save_solution({solution, tracks, options, placement_options, lights ? &*lights : nullptr, nullptr, {}},
+                std::move(original), "lf-calibrate solve", o.out, o.json, progress);
 }
 
 }  // namespace
