@@ -31,7 +31,8 @@ struct Errors {
 struct Study {
   ArrayOptions array;
   PathOptions path;
-  bool prior = true;  // lenses have measured priors
+  std::optional<MovingBoard> motion;  // instead of the path: films of a board, with unknown clocks and readout times
+  bool prior = true;                  // lenses have measured priors
   std::optional<DistortionModel> distortion;
 };
 
@@ -109,32 +110,51 @@ Errors& Errors::operator+=(const Errors& other) {
   return *this;
 }
 
+// Solves films of a moving board. Sets `watched` to the interpolated corners: the bound is for these, and for unknown
+// clocks and readout times.
+MovingBoardSolution solve_films(Rig& truth, const MovingBoard& motion, uint64_t seed, const SolveOptions& options,
+                                Watched& watched) {
+  const BoardFilms films = film_board(truth, motion, seed);
+  std::vector<CameraClock> clocks(truth.cameras.size());
+  for (CameraClock& clock : clocks) clock.known = true;
+  MovingBoardSolution moving = solve_moving_board(films, motion.instants(), clocks, options);
+  watched.tracks = moving.tracks;
+  for (const double instant : motion.instants()) watched.boards.push_back(motion.pose(instant, truth, seed));
+  watched.good.assign(watched.tracks.observations.size(), true);
+  return moving;
+}
+
 // Runs one seed: creates the array and its tracks, solves, aligns and compares.
 Errors run_seed(const Study& study, uint64_t seed) {
-  const Rig truth = make_array(study.array, seed);
-  const Watched watched = watch(truth, study.path, seed + 1000000);
+  Rig truth = make_array(study.array, seed);
+  Watched watched;
+  if (!study.motion) watched = watch(truth, study.path, seed + 1000000);
   SolveOptions options;
   options.distortion = study.distortion;
   if (study.prior) measure_lenses(truth, {}, seed + 2000000, options);
   Errors run;
   run.runs = 1;
   const auto begin = std::chrono::steady_clock::now();
-  const Solution solution = study.path.board
+  MovingBoardSolution moving;
+  if (study.motion) moving = solve_films(truth, *study.motion, seed + 1000000, options, watched);
+  const Solution solution = study.motion ? moving.solution
+                            : study.path.board
                                 ? solve_boards(sightings_of(watched.tracks, *study.path.board), options).solution
                                 : solve_tracks(watched.tracks, options);
   run.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
 
   const Reconstruction at_truth = true_scene(truth, watched, options);
   AdjustmentOptions model = solution.model;
-  model.sigma = study.path.noise;
-  const Uncertainty best = estimate_uncertainty(at_truth, watched.tracks.observations, watched.good, model);
+  model.sigma = study.motion ? study.motion->noise : study.path.noise;
+  const Uncertainty best = estimate_uncertainty(at_truth, watched.tracks.observations, watched.good, model,
+                                                study.motion ? &moving.adjustment : nullptr);
   std::vector<Pose> found, expected;
   for (size_t i = 0; i < truth.cameras.size(); i++) {
     if (!solution.scene.cameras[i].used) return run;  // not converged
     found.push_back(solution.scene.cameras[i].pose());
     expected.push_back(truth.cameras[i].pose);
   }
-  const Similarity s = align(found, expected, study.path.board.has_value());
+  const Similarity s = align(found, expected, !watched.boards.empty());
   const double unit = study.path.bar > 0 ? study.path.bar : 1;  // unit of the true scene, metres
   const Uncertainty& told = solution.uncertainty;
   const Mat3 turn = glm::mat3_cast(s.rotation);
@@ -231,11 +251,12 @@ class Results {
   std::ofstream out_;
 };
 
-// `times` multiplies the last seed: small arrays have errors in common, so more arrays are needed.
-Errors run(const char* name, const Study& study, int times = 1) {
+// `times` multiplies the last seed: small arrays have errors in common, so more arrays are needed. `last` replaces the
+// last seed if it is positive.
+Errors run(const char* name, const Study& study, int times = 1, int last = 0) {
   Results results(name);
   Seeds range = seeds();
-  range.last *= times;
+  range.last = last > 0 ? last : range.last * times;
   std::vector<int> open;
   for (int seed = range.first; seed <= range.last; seed++)
     if (!results.has(seed)) open.push_back(seed);
@@ -296,16 +317,41 @@ TEST(Accuracy, BarWithUnknownLenses) {
   EXPECT_LE(errors.rms(Errors::kTransfer), 0.05);
 }
 
-// A 3x3 array that looks at a ChArUco board of 8x5 corners at 30 positions, about half a metre away.
-TEST(Accuracy, Board) {
+// An array that looks at a ChArUco board of 8x5 corners at 30 positions, about half a metre away.
+Study board_study(int rows) {
   Study study;
-  study.array.rows = study.array.columns = 3;
+  study.array.rows = study.array.columns = rows;
   study.array.width = 640, study.array.height = 480, study.array.f = 700;
   study.path.board = CalibrationBoard{.columns = 8, .rows = 5, .square = 0.03};
   study.path.positions = 30, study.path.near = 0.35, study.path.far = 0.9;
   study.prior = false;
   study.distortion = DistortionModel{2, false};
-  expect_good(run("board", study, 3));
+  return study;
+}
+
+TEST(Accuracy, Board) { expect_good(run("board", board_study(3), 3)); }
+
+// The same with free-running cameras and rolling shutters, in front of a board that never stops.
+TEST(Accuracy, MovingBoard) {
+  if (!std::getenv("LF_LARGE_ARRAYS")) GTEST_SKIP() << "slow; set LF_LARGE_ARRAYS";
+  Study study = board_study(3);
+  study.path.board.reset();
+  study.motion = MovingBoard{.offset = 0.015, .readout = 0.02};
+  expect_good(run("motion", study, 3));
+}
+
+// An 8x8 array, with a board of 60 mm squares at one to two metres.
+TEST(Accuracy, LargeArrays) {
+  const char* last = std::getenv("LF_LARGE_ARRAYS");
+  if (!last) GTEST_SKIP() << "slow; set LF_LARGE_ARRAYS to the number of arrays";
+  Study study = board_study(8);
+  study.path.board->square = 0.06;
+  study.path.near = 0.9, study.path.far = 2;
+  expect_good(run("board8x8", study, 1, std::atoi(last)));
+  study.motion =
+      MovingBoard{.board = *study.path.board, .near = 0.9, .far = 2, .offset = 0.015, .readout = 0.02, .speed = 0.3};
+  study.path.board.reset();
+  expect_good(run("motion8x8", study, 1, std::atoi(last)));
 }
 
 // The bound is not reached with 60 % of the observations.
