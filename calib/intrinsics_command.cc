@@ -212,9 +212,10 @@ void calibrate(const IntrinsicsArguments& options) {
   if (options.model != "auto") {
     how.lens = lf::lens_model_from_name(options.model);
     if (!how.lens)
-      throw lf::Error(
-          "--model " + options.model +
-          ": is not a lens model of rig files. Give SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV or auto");
+      throw lf::Error("--model " + options.model +
+                      ": is not a lens model of rig files. Give SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, "
+                      "OPENCV, FULL_OPENCV, "
+                      "OPENCV_FISHEYE or auto");
   }
   how.progress = [](const std::string& step) { terminal::print_error("%s\n", step.c_str()); };
   how.progress("searching for the board");
@@ -257,6 +258,7 @@ void add_intrinsics_command(cli::App& app) {
                    "Rig file to write, with the calibrated lens. This may be the "
                    "file of --rig")
       ->required();
-  command->add_option("--json", o->json, "JSON file that receives the report: the views, the models and the parameters");
+  command->add_option("--json", o->json,
+                      "JSON file that receives the report: the views, the models and the parameters");
   command->callback([o] { calibrate(*o); });
 }

@@ -79,7 +79,8 @@ Calibration calibrate_rig(const Tracks& tracks, const CalibrationOptions& option
   Calibration out{parse_rig(rig, "calibration"), {}, {}, solution.sigma, 0, placement.scale_from};
   for (size_t i = 0; i < seen.cameras.size(); i++) {
     if (!solution.scene.cameras[i].used) continue;
-    lf::CameraCovariance known = lf::covariance_in_rig(solution.uncertainty, i, placement.world_from_scene);
+    lf::CameraCovariance known =
+        lf::covariance_in_rig(solution.uncertainty, solution.scene, i, placement.world_from_scene);
     out.covariances.push_back({seen.cameras[i].id, std::move(known.parameters), std::move(known.matrix)});
   }
   out.findings = lf::diagnose(solution, seen, solve, placement);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <memory>
 #include <thread>
+#include <utility>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
@@ -23,20 +24,38 @@ void CameraState::set_pose(const Pose& pose) {
 }
 
 Lens CameraState::lens() const {
-  const double* t = lens_terms();
+  const double *const t = lens_terms(), f = t[kF], fy = f * aspect, cx = t[kCx], cy = t[kCy];
+  const auto& k = fixed.k;
+  const auto& d = fixed.d;
+  switch (model) {
+    case LensModel::kOpenCvFisheye: return Lens(model, {f, fy, cx, cy, t[kK1], t[kK2], t[kP1], t[kP2]});
+    case LensModel::kFullOpenCv:
+      return Lens(model, {f, fy, cx, cy, t[kK1], t[kK2], t[kP1], t[kP2], k[2], d[0], d[1], d[2]});
+    case LensModel::kThinPrismFisheye:
+      return Lens(model, {f, fy, cx, cy, t[kK1], t[kK2], t[kP1], t[kP2], k[2], k[3], fixed.s1, fixed.s2});
+    default: break;
+  }
   if (aspect == 1 && t[kP1] == 0 && t[kP2] == 0)
     return Lens(LensModel::kRadial, {t[kF], t[kCx], t[kCy], t[kK1], t[kK2]});
   return Lens(LensModel::kOpenCv, {t[kF], t[kF] * aspect, t[kCx], t[kCy], t[kK1], t[kK2], t[kP1], t[kP2]});
 }
 
 void CameraState::set_lens(const Lens& lens) {
-  if (lens.distortion().is_general)
-    throw Error("cannot calibrate with lenses of the model " + std::string(lens_model_name(lens.model())) +
-                "; the calibration supports lenses up to COLMAP's model OPENCV");
   aspect = lens.fy() / lens.fx();
+  fixed = lens.distortion();
+  fixed.k[0] = fixed.k[1] = fixed.p1 = fixed.p2 = 0;
+  model = !fixed.is_general ? LensModel::kOpenCv : lens.model();
   double* t = lens_terms();
   t[kF] = lens.fx(), t[kCx] = lens.cx(), t[kCy] = lens.cy(), t[kK1] = lens.k1(), t[kK2] = lens.k2();
   t[kP1] = lens.p1(), t[kP2] = lens.p2();
+  if (!fixed.fisheye || model == LensModel::kThinPrismFisheye) return;
+  model = LensModel::kOpenCvFisheye;
+  for (int i = 0; i < 2; i++) t[kP1 + i] = std::exchange(fixed.k[2 + i], 0);
+}
+
+const char* CameraState::term_name(int term) const {
+  constexpr const char* kNames[kNumLensTerms + 2] = {"f", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "k4"};
+  return kNames[model == LensModel::kOpenCvFisheye && term >= kP1 ? term + 2 : term];
 }
 
 TargetState TargetState::at(const Vec3& point) {
@@ -83,7 +102,7 @@ std::optional<Vec2> Reconstruction::residual_of(const Observation& o) const {
 std::optional<Vec2> residual(const CameraState& camera, const TargetState& target, const Observation& observation) {
   const Vec3 point = target.point(observation.light);
   double pixel[2];
-  if (!projection::project(camera.v.data(), camera.aspect, &point.x, pixel)) return std::nullopt;
+  if (!projection::project(camera, &point.x, pixel)) return std::nullopt;
   return Vec2(pixel[0], pixel[1]) - observation.pixel;
 }
 
@@ -597,8 +616,8 @@ std::optional<size_t> CameraCovariance::index_of(const std::string& parameter) c
 }
 
 std::optional<CameraCovariance> parse_camera_covariance(const JsonValue& camera) {
-  constexpr const char* kNames[] = {"f",  "fx", "fy", "cx", "cy", "k1", "k2", "p1",
-                                    "p2", "x",  "y",  "z",  "rx", "ry", "rz"};
+  constexpr const char* kNames[] = {"f",  "fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2",
+                                    "k3", "k4", "x",  "y",  "z",  "rx", "ry", "rz"};
   const auto value = camera.find("covariance");
   if (!value || !value->find("parameters")) return std::nullopt;
   CameraCovariance covariance;

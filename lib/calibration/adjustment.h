@@ -21,15 +21,17 @@
 namespace lf {
 
 // The lens parameters that calibration can estimate. All arrays use this order. The aspect ratio fy / fx is never
-// estimated.
+// estimated. A lens of the model OPENCV_FISHEYE has no p1 and p2: its k3 and k4 are in their place.
 enum LensTerm { kF, kCx, kCy, kK1, kK2, kP1, kP2, kNumLensTerms };
-inline constexpr const char* kLensTermNames[kNumLensTerms] = {"f", "cx", "cy", "k1", "k2", "p1", "p2"};
 
 // A camera during calibration. Pose (world_from_camera) and lens are one flat parameter block for the solver.
 struct CameraState {
   static constexpr int kSize = 7 + kNumLensTerms;
   std::array<double, kSize> v{1, 0, 0, 0, 0, 0, 0, 1};  // w x y z, position, f cx cy k1 k2 p1 p2
   double aspect = 1;                                    // fy / fx, constant
+  LensModel model = LensModel::kOpenCv;                 // or a model with further terms, which `fixed` contains
+  // The terms of the lens that are not estimated; the terms in `v` are 0.
+  Distortion<double> fixed;
   int width = 0, height = 0;
   // The camera takes part in the calibration, because it has enough observations in common with other cameras.
   bool used = false;
@@ -38,9 +40,11 @@ struct CameraState {
   void set_pose(const Pose& pose);
   double* lens_terms() { return v.data() + 7; }
   const double* lens_terms() const { return v.data() + 7; }
-  // Returns a RADIAL lens, or OPENCV if p1 or p2 is not 0 or the aspect ratio is not 1.
+  // For the model OPENCV, returns a RADIAL lens unless p1 or p2 is not 0 or the aspect ratio is not 1.
   Lens lens() const;
+  // Stores any lens. The models SIMPLE_RADIAL_FISHEYE and RADIAL_FISHEYE become OPENCV_FISHEYE.
   void set_lens(const Lens& lens);
+  const char* term_name(int term) const;  // as in the covariance of a rig file, for example "k1"
 };
 
 // The position of the calibration target at one instant. The target is a moving light, a bar with a light at each end,
@@ -211,7 +215,7 @@ Uncertainty estimate_uncertainty(const Reconstruction& scene, const std::vector<
 
 // The covariance of a camera's parameters, as stored in the member "covariance" of a camera in a rig file:
 //   {"parameters": ["f", "cx", "cy", "k1", "k2", "x", "y", "z", "rx", "ry", "rz"], "matrix": [[...], ...]}
-// f, cx and cy are in pixels; k1, k2, p1 and p2 are as in the lens. x, y and z are the position in metres, and rx, ry
+// f, cx and cy are in pixels; k1 to k4, p1 and p2 are as in the lens. x, y and z are the position in metres, and rx, ry
 // and rz are rotations about the world axes in radians. Parameters that were not estimated are absent.
 struct CameraCovariance {
   std::vector<std::string> parameters;

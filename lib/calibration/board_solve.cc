@@ -7,9 +7,6 @@
 #include <memory>
 #include <thread>
 
-#include <glm/gtc/type_ptr.hpp>
-#include <opencv2/calib3d.hpp>
-
 #include "base/text.h"
 #include "base/worker_pool.h"
 #include "calibration/intrinsics.h"
@@ -20,7 +17,7 @@ namespace lf {
 namespace {
 
 constexpr size_t kMinLensViews = 4, kMaxLensViews = 16;  // views for the first lens of a camera
-constexpr double kLeastFocal = 0.2, kMostFocal = 20;     // plausible focal lengths, relative to the image width
+constexpr double kLeastFocal = 0.1, kMostFocal = 20;     // plausible focal lengths, relative to the image width
 constexpr size_t kMinPoseCorners = 4;
 constexpr double kAmbiguous = 2;     // the second pose of a board counts if its error is at most this many times larger
 constexpr double kPoorView = 10;     // pixels; a view with a larger error shows something else
@@ -99,9 +96,11 @@ class LayoutFinder {
     const std::vector<BoardView> views = lens_views(camera);
     if (views.size() < kMinLensViews) return std::nullopt;
     const int width = scene_.cameras[camera].width, height = scene_.cameras[camera].height;
-    for (const LensModel model : {LensModel::kRadial, LensModel::kSimplePinhole}) {
+    for (const bool first : {true, false}) {
       try {
-        const Lens lens = fit_good_views(views, sightings_.board, width, height, {model}).fit.lens;
+        const Lens lens =
+            first ? fit_radial_or_fisheye(views, sightings_.board, width, height).fit.lens
+                  : fit_good_views(views, sightings_.board, width, height, {LensModel::kSimplePinhole}).fit.lens;
         if (lens.fx() > kLeastFocal * width && lens.fx() < kMostFocal * width) return lens;
       } catch (const Error&) {
       }
@@ -109,23 +108,31 @@ class LayoutFinder {
     return std::nullopt;
   }
 
+  // Views of a board do not determine the terms beyond OPENCV_FISHEYE and OPENCV well, so a general lens of the prior
+  // rig stays.
+  bool is_given(size_t camera) const { return scene_.measured(camera, kF) || scene_.cameras[camera].fixed.is_general; }
+
   // A camera with too few views gets the typical lens of the other cameras.
   void estimate_lenses() {
     std::vector<std::optional<Lens>> lenses(scene_.cameras.size());
     in_parallel(lenses.size(), [&](size_t i) {
-      if (!scene_.measured(i, kF)) lenses[i] = lens_from_views(i);
+      if (!is_given(i)) lenses[i] = lens_from_views(i);
     });
     std::vector<double> focal;
     for (size_t i = 0; i < lenses.size(); i++) {
       if (lenses[i]) scene_.cameras[i].set_lens(*lenses[i]);
-      if (lenses[i] || scene_.measured(i, kF))
-        focal.push_back(scene_.cameras[i].lens_terms()[kF] / scene_.cameras[i].width);
+      if (lenses[i] || is_given(i)) focal.push_back(scene_.cameras[i].lens_terms()[kF] / scene_.cameras[i].width);
     }
     if (focal.empty() && !options_.prior)
       throw Error("no camera has enough views of the board for its lens. Each camera needs at least " +
                   std::to_string(kMinLensViews) + " views; tilt the board by 30 to 45 degrees, to all sides");
-    for (size_t i = 0; i < lenses.size() && !options_.prior; i++)
-      if (!lenses[i]) scene_.cameras[i].lens_terms()[kF] = median(focal) * scene_.cameras[i].width;
+    const auto fisheye =
+        std::ranges::find_if(lenses, [](const auto& lens) { return lens && lens->distortion().fisheye; });
+    for (size_t i = 0; i < lenses.size() && !options_.prior; i++) {
+      if (lenses[i]) continue;
+      if (fisheye != lenses.end()) scene_.cameras[i].set_lens(**fisheye);
+      scene_.cameras[i].lens_terms()[kF] = median(focal) * scene_.cameras[i].width;
+    }
     for (int k = 0; k < kNumLensTerms; k++) {
       double sum = 0;
       for (const CameraState& camera : scene_.cameras) sum += camera.lens_terms()[k];
@@ -145,35 +152,19 @@ class LayoutFinder {
   }
 
   std::vector<Pose> poses_of(const PosedView& view) const {
-    const Lens lens = scene_.cameras[view.camera].lens();
-    std::vector<cv::Point3d> board;
-    std::vector<cv::Point2d> rays;
+    std::vector<Vec3> board;
+    std::vector<Vec2> corners;
     for (const uint32_t index : view.observations) {
       const Observation& o = tracks_.observations[index];
-      const auto ray = lens.unproject(o.pixel);
-      if (!ray) continue;
-      const Vec3& corner = tracks_.board[o.light];
-      board.emplace_back(corner.x, corner.y, corner.z);
-      rays.emplace_back(ray->x, ray->y);
+      board.push_back(tracks_.board[o.light]);
+      corners.push_back(o.pixel);
     }
-    std::vector<cv::Mat> turns, shifts;
     std::vector<Pose> poses;
-    if (board.size() < kMinPoseCorners) return poses;
-    try {
-      cv::solvePnPGeneric(board, rays, cv::Matx33d::eye(), cv::noArray(), turns, shifts, false, cv::SOLVEPNP_IPPE);
-    } catch (const cv::Exception&) {
-      return poses;  // corners on a line
-    }
-    double least = 0;
-    for (size_t k = 0; k < turns.size(); k++) {
-      cv::solvePnPRefineLM(board, rays, cv::Matx33d::eye(), cv::noArray(), turns[k], shifts[k]);
-      cv::Matx33d r;
-      cv::Rodrigues(turns[k], r);
-      const Pose pose{glm::make_vec3(shifts[k].ptr<double>()),
-                      glm::normalize(glm::quat_cast(glm::transpose(glm::make_mat3(r.val))))};
+    std::optional<double> least;
+    for (const Pose& pose : board_poses(scene_.cameras[view.camera].lens(), board, corners)) {
       const double error = median_error({{}, {1, 0, 0, 0}}, pose, view);
-      if (k == 0) least = error;
-      if (error < kPoorView && error <= kAmbiguous * std::max(0.1, least)) poses.push_back(pose);
+      if (!least) least = error;
+      if (error < kPoorView && error <= kAmbiguous * std::max(0.1, *least)) poses.push_back(pose);
     }
     return poses;
   }

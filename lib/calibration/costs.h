@@ -21,15 +21,79 @@ inline void rotate_to_camera(const double* q, const double* x, double* v) {
   v[2] = x[2] + w * tz + a * ty - b * tx;
 }
 
-// Projects a point in camera axes to a pixel, with the lens terms of a CameraState block (the model of
-// geometry/lens.h). Returns false if the point is behind the camera. `slopes` receives the derivatives; it may be null.
 struct PixelJacobian {
   Eigen::Matrix<double, 2, 3> by_point;
   Eigen::Matrix<double, 2, kNumLensTerms> by_lens;
 };
-inline bool project_in_camera(const double* x, const double* lens, double aspect, double* pixel,
+
+// Computes (a, b) of geometry/lens.h for a point in camera axes, and the derivative by the point. Returns false if the
+// lens cannot see the point. Points beyond the end of the field are accepted, because the solver may pass them.
+inline bool undistorted(const double* x, bool fisheye, double* ab, Eigen::Matrix<double, 2, 3>& slopes) {
+  double scale = 1 / x[2], slope = 0;  // slope: derivative of the scale by R, divided by R
+  double by_z = -scale * scale;        // derivative of the scale by Z
+  if (fisheye) {
+    constexpr double kMaxAngle = 2.5, kNearAxis = 1e-8;
+    const double beside2 = x[0] * x[0] + x[1] * x[1], distance2 = beside2 + x[2] * x[2];
+    const double beside = std::sqrt(beside2), angle = std::atan2(beside, x[2]);
+    if (!(distance2 > 1e-18 && angle < kMaxAngle)) return false;
+    by_z = -1 / distance2;
+    slope = -2 / 3.0 * scale * scale * scale;
+    if (beside2 > kNearAxis * distance2) {
+      scale = angle / beside;
+      slope = (x[2] / distance2 - scale) / beside2;
+    }
+  } else if (!(x[2] > 1e-9)) {
+    return false;
+  }
+  ab[0] = x[0] * scale, ab[1] = x[1] * scale;
+  const double across = x[0] * x[1] * slope;
+  slopes << scale + x[0] * x[0] * slope, across, x[0] * by_z, across, scale + x[1] * x[1] * slope, x[1] * by_z;
+  return true;
+}
+
+// project_in_camera() for lenses with more terms than the model OPENCV.
+inline bool project_general(const double* x, const double* lens, const CameraState& camera, double* pixel,
+                            PixelJacobian* slopes) {
+  const Distortion<double>& fixed = camera.fixed;
+  const bool has_k34 = camera.model == LensModel::kOpenCvFisheye;
+  Eigen::Matrix<double, 2, 3> ab_by_point;
+  double ab[2];
+  if (!undistorted(x, fixed.fisheye, ab, ab_by_point)) return false;
+  const double a = ab[0], b = ab[1], aa = a * a, bb = b * b, two_ab = 2 * a * b, q = aa + bb;
+  const double p1 = has_k34 ? 0 : lens[kP1], p2 = has_k34 ? 0 : lens[kP2];
+  const double k[] = {lens[kK1], lens[kK2], has_k34 ? lens[kP1] : fixed.k[2], has_k34 ? lens[kP2] : fixed.k[3]};
+  const double bottom = 1 + q * (fixed.d[0] + q * (fixed.d[1] + q * fixed.d[2]));
+  const double g = (1 + q * (k[0] + q * (k[1] + q * (k[2] + q * k[3])))) / bottom;
+  const double da = a * g + p1 * two_ab + p2 * (q + 2 * aa) + fixed.s1 * q;
+  const double db = b * g + p1 * (q + 2 * bb) + p2 * two_ab + fixed.s2 * q;
+  const double fx = lens[kF], fy = fx * camera.aspect;
+  pixel[0] = fx * da + lens[kCx];
+  pixel[1] = fy * db + lens[kCy];
+  if (!slopes) return true;
+  const double top_slope = k[0] + q * (2 * k[1] + q * (3 * k[2] + q * 4 * k[3]));
+  const double bottom_slope = fixed.d[0] + q * (2 * fixed.d[1] + q * 3 * fixed.d[2]);
+  const double bend = 2 * (top_slope - g * bottom_slope) / bottom;  // twice the derivative of g by q
+  const double across = a * b * bend + 2 * (p1 * a + p2 * b);
+  Eigen::Matrix2d by_ab;
+  by_ab << fx * (g + aa * bend + 2 * p1 * b + 6 * p2 * a + 2 * fixed.s1 * a), fx * (across + 2 * fixed.s1 * b),
+      fy * (across + 2 * fixed.s2 * a), fy * (g + bb * bend + 6 * p1 * b + 2 * p2 * a + 2 * fixed.s2 * b);
+  slopes->by_point = by_ab * ab_by_point;
+  const double r1 = q / bottom, r2 = q * r1, r3 = q * r2, r4 = q * r3;
+  slopes->by_lens << da, 1, 0, fx * a * r1, fx * a * r2, fx * (has_k34 ? a * r3 : two_ab),
+      fx * (has_k34 ? a * r4 : q + 2 * aa),  //
+      camera.aspect * db, 0, 1, fy * b * r1, fy * b * r2, fy * (has_k34 ? b * r3 : q + 2 * bb),
+      fy * (has_k34 ? b * r4 : two_ab);
+  return true;
+}
+
+// Projects a point in camera axes to a pixel, with the lens terms of a CameraState block (the model of
+// geometry/lens.h). `camera` has the constants of the lens. Returns false if the lens cannot see the point. `slopes`
+// receives the derivatives; it may be null.
+inline bool project_in_camera(const double* x, const double* lens, const CameraState& camera, double* pixel,
                               PixelJacobian* slopes = nullptr) {
+  if (camera.fixed.is_general) return project_general(x, lens, camera, pixel, slopes);
   if (!(x[2] > 1e-9)) return false;
+  const double aspect = camera.aspect;
   const double f = lens[kF], g = f * aspect, k1 = lens[kK1], k2 = lens[kK2], p1 = lens[kP1], p2 = lens[kP2];
   const double u = x[0] / x[2], v = x[1] / x[2], uu = u * u, uv = u * v, vv = v * v, r2 = uu + vv;
   const double radial = 1 + r2 * (k1 + r2 * k2);
@@ -51,12 +115,12 @@ inline bool project_in_camera(const double* x, const double* lens, double aspect
   return true;
 }
 
-// Projects a world point to a pixel of a CameraState block. Returns false if the point is behind the camera.
-inline bool project(const double* camera, double aspect, const double* point, double* pixel) {
-  const double from_centre[3] = {point[0] - camera[4], point[1] - camera[5], point[2] - camera[6]};
+// Projects a world point to a pixel. Returns false if the lens cannot see the point.
+inline bool project(const CameraState& camera, const double* point, double* pixel) {
+  const double from_centre[3] = {point[0] - camera.v[4], point[1] - camera.v[5], point[2] - camera.v[6]};
   double x[3];
-  rotate_to_camera(camera, from_centre, x);
-  return project_in_camera(x, camera + 7, aspect, pixel);
+  rotate_to_camera(camera.v.data(), from_centre, x);
+  return project_in_camera(x, camera.lens_terms(), camera, pixel);
 }
 
 // Position of a light on a bar of unit length: light 0 is at -1/2, light 1 at +1/2.
@@ -182,8 +246,7 @@ class ReprojectionCost : public ceres::SizedCostFunction<2, CameraState::kSize, 
     Eigen::Vector3d in_camera;
     projection::rotate_to_camera(state, from_centre.data(), in_camera.data());
     projection::PixelJacobian slopes;
-    if (!projection::project_in_camera(in_camera.data(), state + 7, camera_.aspect, pixel,
-                                       jacobians ? &slopes : nullptr))
+    if (!projection::project_in_camera(in_camera.data(), state + 7, camera_, pixel, jacobians ? &slopes : nullptr))
       return false;
     if (jacobians) differentiate(blocks, from_centre, slopes, jacobians);
     error[0] = (pixel[0] - pixel_.x) * weight_;

@@ -62,6 +62,16 @@ struct GoodViews {
 GoodViews fit_good_views(const std::vector<BoardView>& views, const CalibrationBoard& board, int width, int height,
                          const ZhangModel& model);
 
+// The result of fit_good_views() with the model RADIAL, or OPENCV_FISHEYE if it fits clearly better. Both have two
+// radial terms for small angles, so that only a wide field of view decides.
+GoodViews fit_radial_or_fisheye(const std::vector<BoardView>& views, const CalibrationBoard& board, int width,
+                                int height);
+
+// Returns the poses camera_from_board of a view of a flat board, best first: a small or distant board has two similar
+// solutions. `board` are the positions of `corners` on the board, and their z is 0. At least four corners are required,
+// otherwise there is no pose. Any lens is possible, also corners 90 degrees from the axis and beyond.
+std::vector<Pose> board_poses(const Lens& lens, const std::vector<Vec3>& board, const std::vector<Vec2>& corners);
+
 // Validates a lens with a view that was left out of the fit: returns the RMS reprojection error of this view in pixels.
 // The fit to this view adjusts only the pose of the board.
 double held_out_rms(const ZhangFit& fit, const BoardView& view);

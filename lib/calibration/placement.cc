@@ -398,7 +398,8 @@ Rig make_rig(const Solution& solution, const Tracks& tracks, const SolveOptions&
   return rig;
 }
 
-CameraCovariance covariance_in_rig(const Uncertainty& uncertainty, size_t index, const Similarity& world_from_scene) {
+CameraCovariance covariance_in_rig(const Uncertainty& uncertainty, const Reconstruction& scene, size_t index,
+                                   const Similarity& world_from_scene) {
   const int row = uncertainty.camera_row[index], n = uncertainty.camera_size, lens = n - 6;
   Eigen::MatrixXd to = Eigen::MatrixXd::Zero(n, n);
   const Mat3 turn = glm::mat3_cast(world_from_scene.rotation);
@@ -410,7 +411,7 @@ CameraCovariance covariance_in_rig(const Uncertainty& uncertainty, size_t index,
     }
   const Eigen::MatrixXd m = to * uncertainty.covariance.block(row, row, n, n) * to.transpose();
   CameraCovariance covariance;
-  for (const int term : uncertainty.lens_terms) covariance.parameters.push_back(kLensTermNames[term]);
+  for (const int term : uncertainty.lens_terms) covariance.parameters.push_back(scene.cameras[index].term_name(term));
   for (const char* name : {"x", "y", "z", "rx", "ry", "rz"}) covariance.parameters.push_back(name);
   for (int r = 0; r < n; r++)
     for (int c = 0; c < n; c++) covariance.matrix.push_back(m(r, c));

@@ -63,6 +63,7 @@ Rig make_rig(const Solution& solution, const Tracks& tracks, const SolveOptions&
 
 // Returns the covariance of camera `index` of the tracks, in the format of the "covariance" entry of a rig file and in
 // the frame and scale of the rig. The camera must be used.
-CameraCovariance covariance_in_rig(const Uncertainty& uncertainty, size_t index, const Similarity& world_from_scene);
+CameraCovariance covariance_in_rig(const Uncertainty& uncertainty, const Reconstruction& scene, size_t index,
+                                   const Similarity& world_from_scene);
 
 }  // namespace lf

@@ -65,7 +65,7 @@ std::optional<Eigen::Matrix<double, N, N, Eigen::RowMajor>> root_information(
 std::optional<LensPrior> make_prior(const CameraState& camera, const CameraCovariance& covariance) {
   const std::array<double, kNumLensTerms> least = {1e-6 * camera.lens_terms()[kF], 1e-4, 1e-4, 1e-7, 1e-7, 1e-7, 1e-7};
   std::array<std::optional<size_t>, kNumLensTerms> index;
-  for (int k = 0; k < kNumLensTerms; k++) index[k] = covariance.index_of(kLensTermNames[k]);
+  for (int k = 0; k < kNumLensTerms; k++) index[k] = covariance.index_of(camera.term_name(k));
   if (!index[kF]) index[kF] = covariance.index_of("fx");
   const auto root = root_information<kNumLensTerms>(covariance, index, least);
   if (!root) return std::nullopt;
@@ -211,8 +211,8 @@ PosePriorResult use_pose_priors(Reconstruction& scene, const Tracks& tracks, con
     const Similarity s = frame_of(scene, list);
     std::vector<double> sigmas;
     for (const PoseEstimate& known : list)
-      sigmas.push_back(
-          contradiction(known, s(scene.cameras[known.camera].pose()), covariance_in_rig(uncertainty, known.camera, s)));
+      sigmas.push_back(contradiction(known, s(scene.cameras[known.camera].pose()),
+                                     covariance_in_rig(uncertainty, scene, known.camera, s)));
     const auto worst = std::max_element(sigmas.begin(), sigmas.end()) - sigmas.begin();
     if (!(sigmas[worst] > kGroupContradiction)) break;
     use.contradicted.push_back(list[worst].camera);

@@ -119,8 +119,8 @@ nlohmann::json rig_record(const Solution& solution, const Tracks& tracks, const 
     if (original.contains("cameras"))
       for (const json& known : original["cameras"])
         if (known["id"] == tracks.cameras[i].id) camera = known;
-    camera["covariance"] =
-        json::parse(to_json(covariance_in_rig(solution.uncertainty, i, placement.world_from_scene)).dump());
+    camera["covariance"] = json::parse(
+        to_json(covariance_in_rig(solution.uncertainty, solution.scene, i, placement.world_from_scene)).dump());
     kept.push_back(std::move(camera));
   }
   original["cameras"] = kept;
@@ -480,7 +480,8 @@ void add_details(const Solution& solution, const Tracks& tracks, const Placement
     value["name"] = rig.cameras[*index].name;
     value["position"] = triple(rig.cameras[*index].pose.position);
     value["forward"] = triple(rig.cameras[*index].pose.forward());
-    const CameraCovariance covariance = covariance_in_rig(solution.uncertainty, i, placement.world_from_scene);
+    const CameraCovariance covariance =
+        covariance_in_rig(solution.uncertainty, solution.scene, i, placement.world_from_scene);
     const size_t first = *covariance.index_of("x");
     value["position_covariance"] = ordered_json::array();
     for (size_t r = 0; r < 3; r++)

@@ -206,7 +206,10 @@ class RigSolver {
     // For feature tracks, the sample counts alone: their errors are correlated, and more observations would overstate
     // the evidence.
     const size_t num_observations = (tracks_.ordered ? tracks_ : sample_).observations.size();
-    if (options_.distortion || scene().measured(kK1)) {
+    // Other models than OPENCV need all their radial terms, because terms that are not estimated depend on them.
+    const bool general =
+        std::ranges::any_of(scene().cameras, [](const auto& camera) { return camera.fixed.is_general; });
+    if (options_.distortion || scene().measured(kK1) || general) {
       solution_.distortion = options_.distortion.value_or(DistortionModel{2, false, scene().measured(kP1)});
     } else {
       step("distortion");

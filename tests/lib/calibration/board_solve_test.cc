@@ -98,6 +98,37 @@ TEST(SolveBoards, CalibratesARingOfDifferentLenses) {
     EXPECT_NEAR(solved.solution.scene.cameras[i].lens().fx() / truth.cameras[i].lens.fx(), 1, 0.01) << i;
 }
 
+// Fisheye lenses of 180 degrees are recognised. FULL_OPENCV comes from a prior rig; its further terms do not change.
+TEST(SolveBoards, CalibratesGeneralLenses) {
+  using enum LensModel;
+  for (const Lens& lens : {Lens(kOpenCvFisheye, {200, 200, 321, 238, 0.02, -0.005, 0, 0}),
+                           Lens(kFullOpenCv, {600, 600, 321, 238, -0.1, 0.02, 0, 0, 0.01, 0.1, 0, 0})}) {
+    SCOPED_TRACE(lens_model_name(lens.model()));
+    Rig truth = array_of(2, 3);
+    for (Camera& camera : truth.cameras) camera.lens = lens;
+    SolveOptions options;
+    if (lens.model() == kFullOpenCv) {
+      options.prior = truth;
+      for (Camera& camera : options.prior->cameras) {
+        auto params = lens.params();
+        params[0] = params[1] = 606, params[2] += 3;
+        camera.lens = Lens(kFullOpenCv, params);
+      }
+    }
+    sim::PathOptions near = path(40);
+    if (lens.model() == kOpenCvFisheye) near.near = 0.15, near.far = 0.5;
+    const BoardSolution solved = solve_boards(sim::sightings_of(sim::watch(truth, near, 6).tracks, kBoard), options);
+    EXPECT_LT(position_error(solved, truth), 2e-3);
+    EXPECT_NEAR(solved.solution.sigma, kNoise, 0.1 * kNoise);
+    for (const CameraState& camera : solved.solution.scene.cameras) {
+      const Lens found = camera.lens();
+      ASSERT_EQ(found.model(), lens.model());
+      EXPECT_NEAR(found.fx(), lens.fx(), 0.01 * lens.fx());
+      EXPECT_LT(glm::length(*found.project({0.3, 0.2, 1}) - *lens.project({0.3, 0.2, 1})), 1);
+    }
+  }
+}
+
 TEST(SolveBoards, WrongViewsAreOutliers) {
   const Rig truth = array_of(2, 2);
   BoardSightings sightings = sightings_of(truth, 25);

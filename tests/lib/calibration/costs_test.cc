@@ -74,9 +74,17 @@ TEST(ReprojectionCost, DerivativesAreCorrect) {
   target.v = {ahead.x, ahead.y, ahead.z, 0.36, 0.48, 0.8};
   board.set_board({ahead, glm::angleAxis(0.9, glm::normalize(Vec3(-1, 2, 0.5)))},
                   std::make_shared<const std::vector<Vec3>>(std::vector<Vec3>{{0, 0, 0}, {0.1, -0.2, 0}}));
-  for (const Lens& lens : {Lens(LensModel::kRadial, {420, 160, 120, -0.15, 0.03}),
-                           Lens(LensModel::kOpenCv, {420, 430, 160, 120, -0.15, 0.03, 0.01, -0.02})}) {
+  for (const Lens& lens :
+       {Lens(LensModel::kRadial, {420, 160, 120, -0.15, 0.03}),
+        Lens(LensModel::kOpenCv, {420, 430, 160, 120, -0.15, 0.03, 0.01, -0.02}),
+        Lens(LensModel::kOpenCvFisheye, {200, 205, 160, 120, 0.1, -0.03, 0.01, -0.02}),
+        Lens(LensModel::kSimpleRadialFisheye, {200, 160, 120, 0.1}),
+        Lens(LensModel::kThinPrismFisheye, {200, 205, 160, 120, 0.1, -0.03, 0.01, -0.02, 0.03, -0.04, 0.02, -0.03}),
+        Lens(LensModel::kFullOpenCv, {420, 430, 160, 120, -0.15, 0.03, 0.01, -0.02, 0.05, 0.2, -0.1, 0.03})}) {
     camera.set_lens(lens);
+    const Lens stored = camera.lens();
+    for (const Vec3& point : {Vec3(0.2, -0.3, 1.5), Vec3(0, 0, 1), Vec3(-0.6, 0.1, 0.7)})
+      EXPECT_LE(glm::length(*stored.project(point) - *lens.project(point)), 1e-9) << lens_model_name(lens.model());
     expect_derivatives<Kind::kPoint>(camera, target, 0);
     for (const uint32_t light : {0, 1}) {
       expect_derivatives<Kind::kBar>(camera, target, light);
@@ -85,12 +93,28 @@ TEST(ReprojectionCost, DerivativesAreCorrect) {
   }
 }
 
+// A fisheye lens sees beyond the plane Z = 0. Derivatives are correct there, and near the axis and on it.
+TEST(ReprojectionCost, FisheyeLensesSeeBeyondNinetyDegrees) {
+  CameraState camera;
+  camera.set_lens(Lens(LensModel::kOpenCvFisheye, {200, 200, 160, 120, 0.1, -0.03, 0.01, -0.002}));
+  TargetState target;
+  for (const double angle : {0.0, 1e-7, 1e-5, 1e-3, 1.0, M_PI / 2, 1.65}) {
+    target.v = {0.6 * std::sin(angle), -0.8 * std::sin(angle), std::cos(angle)};
+    expect_derivatives<TargetState::Kind::kPoint>(camera, target, 0);
+    const auto off = residual(camera, TargetState::at({target.v[0], target.v[1], target.v[2]}), {});
+    EXPECT_LE(glm::length(off.value() - camera.lens().project({target.v[0], target.v[1], target.v[2]}).value()), 1e-9);
+  }
+}
+
 TEST(ReprojectionCost, PointsBehindTheCameraFail) {
-  const CameraState camera;
+  CameraState camera;
   const double target[] = {0, 0, -1};
-  const double* blocks[] = {camera.v.data(), target};
-  double error[2];
-  EXPECT_FALSE(ReprojectionCost<TargetState::Kind::kPoint>(camera, {}, {}, 1).Evaluate(blocks, error, nullptr));
+  for (const bool fisheye : {false, true}) {
+    if (fisheye) camera.set_lens(Lens(LensModel::kOpenCvFisheye, {200, 200, 160, 120}));
+    const double* blocks[] = {camera.v.data(), target};
+    double error[2];
+    EXPECT_FALSE(ReprojectionCost<TargetState::Kind::kPoint>(camera, {}, {}, 1).Evaluate(blocks, error, nullptr));
+  }
 }
 
 TEST(PosePriorCost, IsTheDeviationInSigmas) {

@@ -48,6 +48,24 @@ TEST(Zhang, FindsTheTrueLens) {
   for (int i = 0; i < 4; i++) EXPECT_NEAR(fit.lens.params()[i], pinhole.params()[i], 1e-2) << i;
 }
 
+// The board covers the middle of the picture only, so the terms of the wide field are checked by positions.
+TEST(Zhang, FindsGeneralLenses) {
+  using enum LensModel;
+  for (const Lens& lens : {Lens(kOpenCvFisheye, {230, 230, 322, 236, 0.03, -0.01, 0.002, -3e-4}),
+                           Lens(kFullOpenCv, {420, 425, 322, 236, -0.2, 0.05, 1e-3, -2e-3, 0.01, 0.1, 0.02, -0.01})}) {
+    SCOPED_TRACE(lens_model_name(lens.model()));
+    const ZhangFit fit = fit_zhang(board_views(lens, 12, 0.02, 1), kTestBoard, 640, 480, {lens.model()});
+    EXPECT_NEAR(fit.rms, 0.02 * std::sqrt(2), 0.003);
+    EXPECT_NEAR(fit.lens.fx(), lens.fx(), 1);
+    EXPECT_NEAR(fit.lens.fx(), lens.fx(), 5 * std::sqrt(fit.covariance[0]));
+    for (const Vec3& point : {Vec3(0, 0, 1), Vec3(0.3, 0.2, 1), Vec3(-0.25, 0.3, 1)})
+      EXPECT_LT(glm::length(*fit.lens.project(point) - *lens.project(point)), 0.5);
+    EXPECT_NEAR(held_out_rms(fit, board_views(lens, 1, 0.02, 99)[0]), 0.02 * std::sqrt(2), 0.01);
+  }
+  EXPECT_ERROR(fit_zhang(board_views(kZhangLens, 8, 0.1, 1), kTestBoard, 640, 480, {kOpenCvFisheye, true}),
+               "OPENCV_FISHEYE", "board");
+}
+
 // Errors over many seeds in units of the reported covariance: 5 degrees of freedom each.
 TEST(Zhang, CovarianceMatchesTheErrors) {
   for (const bool free_board : {false, true}) {
@@ -100,6 +118,42 @@ TEST(Intrinsics, SelectsJustifiedTerms) {
     EXPECT_EQ(result.covariance.parameters.size(), static_cast<size_t>(lens.num_params()));
     EXPECT_TRUE(result.warnings.empty());
   }
+}
+
+// Corners up to 95 degrees from the axis, and a board that is often far from the axis.
+TEST(Intrinsics, RecognisesAFisheyeLens) {
+  const Lens lens(LensModel::kOpenCvFisheye, {150, 150, 322, 236, 0.02, -0.004, 0, 0});
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  std::normal_distribution<double> normal(0, 0.1);
+  std::vector<BoardView> views;
+  int beyond = 0;
+  while (views.size() < 16) {
+    const Quat aside =
+        glm::angleAxis(1.5 * uniform(random), Vec3(0, 1, 0)) * glm::angleAxis(1.1 * uniform(random), Vec3(1, 0, 0));
+    const Pose pose = board_pose(random, 0.6);
+    BoardView view{"view", {}, {}};
+    for (size_t i = 0; i < kTestBoard.num_corners(); i++) {
+      const Vec3 at = aside * pose.world_from_camera(Vec3(kTestBoard.corner(i), 0));
+      const auto pixel = lens.project(at);
+      if (!pixel || pixel->x < 0 || pixel->y < 0 || pixel->x > 639 || pixel->y > 479) continue;
+      beyond += at.z < 0;
+      view.ids.push_back(static_cast<int>(i));
+      view.corners.push_back(*pixel + Vec2(normal(random), normal(random)));
+    }
+    if (view.corners.size() >= 12) views.push_back(view);
+  }
+  EXPECT_GT(beyond, 0);
+  const IntrinsicsResult result = calibrate_intrinsics(views, kTestBoard, 640, 480, {.free_board = false});
+  ASSERT_EQ(result.fit.model.lens, LensModel::kOpenCvFisheye);
+  EXPECT_NEAR(result.fit.rms, 0.1 * std::sqrt(2), 0.02);
+  EXPECT_NEAR(result.fit.lens.fx(), 150, 1);
+  EXPECT_EQ(result.covariance.parameters.back(), "k4");
+  for (const double angle : {0.3, 0.8, 1.2, 1.5})
+    EXPECT_LT(glm::length(*result.fit.lens.project({std::sin(angle), 0, std::cos(angle)}) -
+                          *lens.project({std::sin(angle), 0, std::cos(angle)})),
+              0.5)
+        << angle;
 }
 
 TEST(Intrinsics, BadViewIsNamedAndRemoved) {
