@@ -50,6 +50,7 @@ struct Arguments {
   int every = 0;
   std::optional<int> frame, rig_id;
   std::optional<double> scale;  // metres per unit of the file
+  double near = 0, far = 0;     // depths of the scene, metres
   lf::ColmapImportOptions colmap;
   lf::StanfordOptions stanford{.focus_distance = -1};  // unknown
 };
@@ -242,22 +243,27 @@ struct Format {
 
 Format formats[] = {
     {"caliscope", "FILE", "Caliscope's camera_array.toml",
-     [](const Arguments& a) { return lf::import_caliscope(a.other, a.colmap.undistorted); }, nullptr},
+     [](const Arguments& a) { return lf::import_caliscope(a.other, a.colmap.undistorted); },
+     [](const Rig& rig, const Arguments& a) { return lf::export_caliscope(rig, a.other); }},
     {"colmap", "DIR", "a COLMAP model (cameras and images, .txt or .bin)",
      [](const Arguments& a) { return lf::import_colmap(a.other, a.colmap); },
      [](const Rig& rig, const Arguments& a) { return lf::export_colmap(rig, a.other); }},
     {"deepview", "FILE", "models.json of the DeepView Video dataset (Google's rig of 46 cameras)",
      [](const Arguments& a) { return lf::import_deepview(a.other); }, nullptr},
     {"hci", "DIR", "a scene of the 4D Light Field Benchmark (parameters.cfg, and input_Cam000.png, ...)",
-     [](const Arguments& a) { return lf::import_hci(a.other); }, nullptr},
+     [](const Arguments& a) { return lf::import_hci(a.other); },
+     [](const Rig& rig, const Arguments& a) { return lf::export_hci(rig, a.other); }},
     {"kalibr", "FILE", "Kalibr's camchain.yaml", [](const Arguments& a) { return lf::import_kalibr(a.other); },
      [](const Rig& rig, const Arguments& a) { return lf::export_kalibr(rig, a.other); }},
     {"llff", "DIR", "an LLFF capture (poses_bounds.npy and the folder images)",
-     [](const Arguments& a) { return lf::import_llff(a.other, a.colmap.images); }, nullptr},
+     [](const Arguments& a) { return lf::import_llff(a.other, a.colmap.images); },
+     [](const Rig& rig, const Arguments& a) { return lf::export_llff(rig, a.other, a.near, a.far); }},
     {"miv", "FILE", "a JSON camera file of MPEG's RVS and TMIV (MPEG Immersive Video)",
-     [](const Arguments& a) { return lf::import_miv(a.other); }, nullptr},
+     [](const Arguments& a) { return lf::import_miv(a.other); },
+     [](const Rig& rig, const Arguments& a) { return lf::export_miv(rig, a.other, a.near, a.far); }},
     {"mrcal", "PATH", "mrcal's .cameramodel files (a file, or a folder with a file for each camera)",
-     [](const Arguments& a) { return lf::import_mrcal(a.other); }, nullptr},
+     [](const Arguments& a) { return lf::import_mrcal(a.other); },
+     [](const Rig& rig, const Arguments& a) { return lf::export_mrcal(rig, a.other); }},
     {"nerf", "FILE", "NeRF's transforms.json", [](const Arguments& a) { return lf::import_nerf(a.other); },
      [](const Rig& rig, const Arguments& a) { return lf::export_nerf(rig, a.other); }},
     {"opencv", "FILE", "OpenCV's YAML (camera_matrix, distortion_coefficients, R, T)",
@@ -318,6 +324,7 @@ void run_export(const Arguments& arguments, const Format& format) {
   const Rig rig = lf::load_rig(arguments.rig);
   if (std::error_code ignored; fs::equivalent(arguments.rig, arguments.other, ignored))
     throw lf::Error(arguments.other + ": is the rig file itself, which is not overwritten; give another file");
+  if (arguments.far < arguments.near) throw lf::Error("--focus-far: must not be less than --focus-near");
   const lf::RigExport result = format.write(rig, arguments);
   print_notes(result.notes);
   terminal::print("%s: %zu images, maximum error %.2g px\n", arguments.other.c_str(), rig.cameras.size(),
@@ -444,6 +451,17 @@ void add_formats(cli::App& app, Arguments& arguments) {
                    "Length of one unit of the camera positions in the file names, in metres (default: 0.001, for "
                    "millimetres)")
       ->check(cli::PositiveNumber);
+  for (const char* name : {"llff", "miv"}) {
+    cli::App* command = format_of(name).export_;
+    command->add_option("--focus-near", arguments.near, "Distance of the nearest point of the scene, in metres")
+        ->required()
+        ->check(cli::PositiveNumber);
+    command
+        ->add_option("--focus-far", arguments.far,
+                     "Distance of the farthest point of the scene, in metres, for example 1000 if there is no limit")
+        ->required()
+        ->check(cli::PositiveNumber);
+  }
 }
 
 void add_new_command(cli::App& app, Arguments& arguments) {

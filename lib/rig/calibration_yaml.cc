@@ -390,12 +390,6 @@ RigImport parse_kalibr(const std::string& text, const std::string& path) {
   return result;
 }
 
-std::string list(std::initializer_list<double> values) {
-  std::string text;
-  for (const double value : values) text += (text.empty() ? "[" : ", ") + yaml_number(value);
-  return text + "]";
-}
-
 std::string kalibr_text(const Rig& rig) {
   std::string text;
   for (size_t i = 0; i < rig.cameras.size(); i++) {
@@ -416,11 +410,11 @@ std::string kalibr_text(const Rig& rig) {
       line("T_cam_imu", rigid_transform_text(here));
     }
     line("camera_model", "pinhole");
-    line("intrinsics", list({lens.fx(), lens.fy(), lens.cx(), lens.cy()}));
+    line("intrinsics", number_list_text(PinholeParams{lens.fx(), lens.fy(), lens.cx(), lens.cy()}));
     const std::vector<double> terms = opencv_terms(camera);
     if (terms.size() != 4) throw_camera_error(camera, "Kalibr cannot hold distortion terms beyond k1, k2, p1 and p2");
     line("distortion_model", lens.distortion().fisheye ? "equidistant" : "radtan");
-    line("distortion_coeffs", list({terms[0], terms[1], terms[2], terms[3]}));
+    line("distortion_coeffs", number_list_text(terms));
     line("resolution", "[" + std::to_string(camera.width) + ", " + std::to_string(camera.height) + "]");
     line("rostopic", nlohmann::json("/" + camera.name + kTopicEnd).dump());
     if (camera.time_offset != 0) line("timeshift_cam_imu", yaml_number(camera.time_offset));

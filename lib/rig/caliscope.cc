@@ -172,10 +172,7 @@ void remove_unused(json& cameras, bool undistorted) {
   }
 }
 
-}  // namespace
-
-RigImport import_caliscope(const std::string& path, bool undistorted) {
-  const std::string text = read_text_file(path);
+RigImport parse_caliscope(const std::string& text, const std::string& path, bool undistorted) {
   json root = TomlReader(text, path).read();
   if (root.contains("cameras")) remove_unused(root["cameras"], undistorted);
   const JsonValue file(root, path), cameras = file.at("cameras");
@@ -217,7 +214,44 @@ RigImport import_caliscope(const std::string& path, bool undistorted) {
     cameras.fail("no camera has rotation and translation; calibrate the extrinsics in Caliscope first");
   if (result.rig.cameras.size() > kMaxCameras)
     cameras.fail("has too many cameras; a rig has at most " + std::to_string(kMaxCameras) + " cameras");
-  return with_topology(std::move(result));
+  return result;
+}
+
+std::string caliscope_text(const Rig& rig) {
+  std::string text;
+  for (size_t i = 0; i < rig.cameras.size(); i++) {
+    const Camera& camera = rig.cameras[i];
+    const Lens& lens = camera.lens;
+    const bool fisheye = lens.distortion().fisheye;
+    if (lens.distortion().is_rational) throw_camera_error(camera, "Caliscope cannot hold the terms k4, k5 and k6");
+    std::vector<double> terms = opencv_terms(camera);
+    terms.resize(fisheye ? 4 : 5);
+    const RigidTransform motion = camera_from_world(camera.pose);
+    const Vec3 rotation = vector_from_rotation(motion.rotation), &translation = motion.translation;
+    text += "[cameras." + std::to_string(i) + "]\ncam_id = " + std::to_string(i) + "\nsize = [" +
+            std::to_string(camera.width) + ", " + std::to_string(camera.height) + "]\nrotation_count = 0\nmatrix = [" +
+            number_list_text(std::array{lens.fx(), 0.0, lens.cx()}) + ", " +
+            number_list_text(std::array{0.0, lens.fy(), lens.cy()}) +
+            ", [0.0, 0.0, 1.0]]\ndistortions = " + number_list_text(terms) +
+            "\ntranslation = " + number_list_text({&translation.x, 3}) +
+            "\nrotation = " + number_list_text({&rotation.x, 3}) + "\nfisheye = " + (fisheye ? "true" : "false") +
+            "\n\n";
+  }
+  return text;
+}
+
+}  // namespace
+
+RigImport import_caliscope(const std::string& path, bool undistorted) {
+  return with_topology(parse_caliscope(read_text_file(path), path, undistorted));
+}
+
+RigExport export_caliscope(const Rig& rig, const std::string& path) {
+  const std::string text = caliscope_text(rig);
+  const RigExport result =
+      describe_export(rig, parse_caliscope(text, path, false).rig, {.images = false, .names = false, .ids = false});
+  write_text_file(text, path);
+  return result;
 }
 
 }  // namespace lf

@@ -12,6 +12,7 @@
 #include <yaml-cpp/yaml.h>
 #include <nlohmann/json.hpp>
 
+#include "base/file.h"
 #include "base/json_value.h"
 #include "base/text.h"
 #include "rig/mesh.h"
@@ -114,6 +115,12 @@ std::string yaml_number(double value) {
   return text;
 }
 
+std::string number_list_text(std::span<const double> numbers) {
+  std::string text = "[";
+  for (const double number : numbers) text += (text.size() > 1 ? ", " : "") + yaml_number(number);
+  return text + "]";
+}
+
 RigImport with_topology(RigImport import) {
   for (const std::string& note : fit_topology(import.rig)) import.notes.push_back(note);
   return import;
@@ -197,6 +204,32 @@ RigExport describe_export(const Rig& rig, const Rig& written, const FormatSuppor
   note(sources, "the sources of the cameras are");
   note(time_offsets && !capacity.time_offsets, "the time offsets of the cameras are");
   return result;
+}
+
+std::vector<std::string> file_names_of(const Rig& rig, std::string (*ending_of)(const Camera&),
+                                       bool (*less)(std::string_view, std::string_view)) {
+  std::vector<std::string> names;
+  bool usable = true;
+  for (const Camera& camera : rig.cameras) {
+    const std::string name = camera.name + ending_of(camera);
+    usable &= !camera.name.empty() && camera.name[0] != '.' && camera.name.find('/') == std::string::npos &&
+              (names.empty() || less(names.back(), name));
+    names.push_back(name);
+  }
+  for (size_t i = 0; i < names.size() && !usable; i++)
+    names[i] = format_text("camera_%05zu", i) + ending_of(rig.cameras[i]);
+  return names;
+}
+
+void copy_picture(const Rig& rig, const Camera& camera, const std::string& to) {
+  if (camera.image.empty())
+    throw_camera_error(camera, "has no image to be copied; lf-rig snapshot takes one still of each camera");
+  const std::string from = rig.resolve(camera.image);
+  try {
+    copy_file(from, to);
+  } catch (const Error& error) {
+    throw Error(from + ": can't be copied: " + error.what());
+  }
 }
 
 void throw_camera_error(const Camera& camera, const std::string& what) {
@@ -337,6 +370,20 @@ Mat3 rotation_from_euler(const Vec3& angles) {
 Mat3 rotation_from_vector(const Vec3& vector) {
   const double angle = glm::length(vector);
   return angle > 0 ? glm::mat3_cast(glm::angleAxis(angle, vector / angle)) : Mat3(1);
+}
+
+Vec3 euler_from_rotation(const Mat3& r) {
+  const double z = std::atan2(r[0][1], r[0][0]), y = std::atan2(-r[0][2], std::hypot(r[0][0], r[0][1]));
+  const double s = std::sin(z), c = std::cos(z);
+  // The first two angles are removed before the third is computed, so that the result is exact if y is 90 degrees.
+  return {std::atan2(s * r[2][0] - c * r[2][1], c * r[1][1] - s * r[1][0]), y, z};
+}
+
+Vec3 vector_from_rotation(const Mat3& rotation) {
+  const Quat q = glm::normalize(glm::quat_cast(rotation));
+  const Vec3 axis = Vec3(q.x, q.y, q.z) * (q.w < 0 ? -1.0 : 1.0);
+  const double sine = glm::length(axis);
+  return sine > 0 ? axis * (2 * std::atan2(sine, std::abs(q.w)) / sine) : Vec3(0, 0, 0);
 }
 
 Mat3 matrix_of_rows(std::span<const double> r) { return {r[0], r[3], r[6], r[1], r[4], r[7], r[2], r[5], r[8]}; }

@@ -76,6 +76,13 @@ RigExport describe_export(const Rig& rig, const Rig& written, const FormatSuppor
 RigExport export_text(const Rig& rig, const std::string& path, std::string (*text_of)(const Rig&),
                       RigImport (*parse)(const std::string& text, const std::string& path));
 
+// Returns a different file name for each camera, in ascending order: the name of the camera and its ending. If this is
+// impossible, for example because cameras have no names, the file names have numbers.
+std::vector<std::string> file_names_of(const Rig& rig, std::string (*ending_of)(const Camera&),
+                                       bool (*less)(std::string_view, std::string_view));
+// Copies a picture of a camera. Throws Error if the rig has no picture, or if `to` cannot be written.
+void copy_picture(const Rig& rig, const Camera& camera, const std::string& to);
+
 // Throws an Error with the text "camera ID: what", for example for a lens or a name that a format cannot hold.
 [[noreturn]] void throw_camera_error(const Camera& camera, const std::string& what);
 
@@ -173,6 +180,9 @@ RigExport export_colmap(const Rig& rig, const std::string& directory);
 // shorter focal length. If there is no folder `images`, the videos in `directory` are the sources of the cameras, as in
 // the Neural 3D Video dataset. Throws Error with the file and the image.
 RigImport import_llff(const std::string& directory, const std::string& images = "");
+// Copies the images into the folder images in `directory`. The lenses must be pinholes with the principal point in the
+// middle of the image. `near` and `far` are the depths of the nearest and the farthest point of the scene, in metres.
+RigExport export_llff(const Rig& rig, const std::string& directory, double near, double far);
 
 // The 4D Light Field Benchmark (Honauer et al. 2016, https://lightfield-analysis.uni-konstanz.de), as written by its
 // Blender add-on: parameters.cfg, an INI file, and the images input_Cam000.png, input_Cam001.png, ..., row by row from
@@ -183,8 +193,11 @@ RigImport import_llff(const std::string& directory, const std::string& images = 
 //                 angles in the order XYZ; the camera looks along its -z axis, and the z axis of the world points up
 //   [meta]        disp_min, disp_max: disparities between neighbours in pixels, positive in front of the focus distance
 // All cameras have the same orientation, and points at the focus distance are at the same pixel in all images. The
-// world of the rig has Blender's axes x, -z, y. Throws Error with file and place.
+// world of the rig has Blender's axes x, -z, y. All functions throw Error with file and place.
 RigImport import_hci(const std::string& directory);
+// Copies the images, which must be PNG files, into `directory`. The rig must be a flat grid of equal pinhole cameras
+// with the same direction and equal distances, otherwise throws Error with the difference in pixels.
+RigExport export_hci(const Rig& rig, const std::string& directory);
 
 // mrcal's .cameramodel files (https://mrcal.secretsauce.net/cameramodels.html), one for each camera: a dictionary of
 // Python with
@@ -194,8 +207,10 @@ RigImport import_hci(const std::string& directory);
 //   'extrinsics' (newer: 'rt_cam_ref'): a Rodrigues vector r and a translation t, x_camera = R(r) x_reference + t
 // Pixel coordinates and camera axes are the same as in a rig. `path` is a file, or a folder with files *.cameramodel,
 // which are read in the natural order of their names. The name of a camera is the file name without its extension.
-// Throws Error with file and place.
+// All functions throw Error with file and place.
 RigImport import_mrcal(const std::string& path);
+// Writes a file for each camera into `directory`, which is created if missing.
+RigExport export_mrcal(const Rig& rig, const std::string& directory);
 
 // Caliscope's camera_array.toml (https://github.com/mprib/caliscope): a table [cameras.N] for each camera, with
 //   cam_id (older: port); size = [width, height]; matrix (3x3)
@@ -204,8 +219,9 @@ RigImport import_mrcal(const std::string& path);
 //   ignore: the camera is not used
 // Pixel coordinates and axes are the same as in a rig. If `undistorted`, the videos were undistorted with the same
 // matrix, so that `distortions` have no effect, and the lenses are pinholes. Cameras without a pose and ignored cameras
-// are left out, with a note. The id is cam_id. Throws Error with file and place.
+// are left out, with a note. The id is cam_id. All functions throw Error with file and place.
 RigImport import_caliscope(const std::string& path, bool undistorted = false);
+RigExport export_caliscope(const Rig& rig, const std::string& path);  // numbers the cameras from 0
 
 // The JSON camera files of MPEG's Reference View Synthesizer (RVS) and Test Model for Immersive Video (TMIV): a list
 // "cameras" with
@@ -215,8 +231,11 @@ RigImport import_caliscope(const std::string& path, bool undistorted = false);
 //   Depth_range: [near, far], in the unit of Position; far = 1000 means infinity
 // Pixel centres are at (0.5, 0.5). The world of the rig has the axes right, down and forward of this world. Cameras
 // with the name "viewport" (an output), and cameras that "sourceCameraNames" does not list, are left out, with a note.
-// The files do not refer to the pictures. Throws Error with file and place.
+// The files do not refer to the pictures. All functions throw Error with file and place.
 RigImport import_miv(const std::string& path);
+// `near` and `far` are the depths of the nearest and the farthest point of the scene, in metres. The formats of videos
+// and depth maps, which MPEG's programs need, are not in the file.
+RigExport export_miv(const Rig& rig, const std::string& path, double near, double far);
 
 // The undistorted films of Technicolor's array of 4x4 cameras (Sabater et al. 2017, "Dataset and Pipeline for
 // Multi-View Light-Field Video"): cameras_parameters.txt and the pictures SCENE_undist_FRAME_CAMERA.png, in `directory`
@@ -304,6 +323,9 @@ std::optional<T> number_of_text(std::string_view text) {
   return error == std::errc() && rest == end ? std::optional(number) : std::nullopt;
 }
 
+// Returns a list of numbers as text that is valid JSON, YAML, TOML and Python.
+std::string number_list_text(std::span<const double> numbers);
+
 // Return the elements of a list of numbers. Throws Error unless it has exactly `count` elements, if given.
 std::vector<double> parse_numbers(const JsonValue& list);
 std::vector<double> parse_numbers(const JsonValue& list, size_t count);
@@ -354,6 +376,9 @@ Pose pose_of_world_from_camera(const RigidTransform& motion);
 Mat3 rotation_from_euler(const Vec3& angles);
 // Returns the rotation by |vector| radians about the axis `vector`, like cv::Rodrigues().
 Mat3 rotation_from_vector(const Vec3& vector);
+// Are the inverse of the two functions above.
+Vec3 euler_from_rotation(const Mat3& rotation);
+Vec3 vector_from_rotation(const Mat3& rotation);
 
 Mat3 matrix_of_rows(std::span<const double> rows);  // 9 numbers, row by row
 // Returns the rotation nearest to `matrix`. Calls value.fail() if the difference is larger than rounding to 4 digits

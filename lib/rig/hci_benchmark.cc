@@ -6,6 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "base/file.h"
 #include "base/json_value.h"
 #include "base/text.h"
 #include "image/image_file.h"
@@ -69,6 +70,10 @@ const std::set<std::string_view> kKnownKeys = {
     "fstop", "offset", "scene", "category", "date", "version", "authors", "contact", "cycles_seed", "frustum_disp_min",
     "frustum_disp_max", "depth_map_scale"};
 
+std::string image_path(const fs::path& directory, size_t index) {
+  return (directory / format_text("input_Cam%03zu.png", index)).string();
+}
+
 // The pose of the middle of the array. Files of unplaced arrays have no keys "center_cam_...".
 Pose parse_middle(const JsonValue& extrinsics, std::vector<std::string>& notes) {
   if (!extrinsics.find("center_cam_x_m")) {
@@ -98,11 +103,9 @@ void read_depths(const JsonValue& file, double scale, double focus_distance, Rig
   if (farthest > 0) import.far = 1 / farthest;
 }
 
-}  // namespace
-
-RigImport import_hci(const std::string& directory) {
-  const std::string path = (fs::path(directory) / "parameters.cfg").string();
-  const nlohmann::json root = parse_ini(read_text_file(path), path);
+// Does not read the images.
+RigImport parse_hci(const std::string& text, const std::string& path) {
+  const nlohmann::json root = parse_ini(text, path);
   const JsonValue file(root, path), intrinsics = file.at("intrinsics"), extrinsics = file.at("extrinsics");
   Camera camera;
   parse_image_size(intrinsics.at("image_resolution_x_px"), intrinsics.at("image_resolution_y_px"), camera);
@@ -125,13 +128,9 @@ RigImport import_hci(const std::string& directory) {
   const Pose middle = parse_middle(extrinsics, result.notes);
   for (int row = 0; row < rows; row++)
     for (int column = 0; column < columns; column++) {
-      const std::string image =
-          (fs::path(directory) / format_text("input_Cam%03zu.png", result.rig.cameras.size())).string();
+      const std::string image = image_path(fs::path(path).parent_path(), result.rig.cameras.size());
       camera.name = fs::path(image).stem().string();
       camera.image = fs::proximate(image).string();
-      if (const ImageSize size = load_image_size(image); size != ImageSize{width, height})
-        throw Error(image + ": is " + size_text(size.width, size.height) + ", but " + path + " states " +
-                    size_text(width, height));
       const Vec2 place(column - (columns - 1) / 2.0, row - (rows - 1) / 2.0);
       camera.lens = Lens::pinhole(f, (width - 1) / 2.0 + place.x * step, (height - 1) / 2.0 + place.y * step);
       camera.pose = {middle.world_from_camera(Vec3(place * baseline, 0)), middle.orientation};
@@ -139,6 +138,75 @@ RigImport import_hci(const std::string& directory) {
     }
   result.rig.topology = {Topology::Type::kGrid, rows, columns, {}};
   read_depths(file, f * baseline, focus_distance, result);
+  return result;
+}
+
+// Returns parameters.cfg for a grid of equal cameras. The distances of the first cameras are those of all cameras.
+std::string hci_text(const Rig& rig) {
+  const Camera &first = rig.cameras[0], &next = rig.cameras[rig.cameras.size() > 1];
+  const int columns = rig.topology.columns;
+  const Vec3 step = first.pose.camera_from_world(next.pose.position);
+  const double baseline = rig.cameras.size() > 1 ? (columns > 1 ? step.x : step.y) : 1;
+  const double shift = columns > 1 ? next.lens.cx() - first.lens.cx() : next.lens.cy() - first.lens.cy();
+  const double focus_distance = shift > 1e-12 * first.lens.fx() ? first.lens.fx() * baseline / shift : 0;
+  Vec3 middle(0, 0, 0);
+  for (const Camera& camera : rig.cameras)
+    middle += (camera.pose.position - first.pose.position) / static_cast<double>(rig.cameras.size());
+  const auto blender = [](const Vec3& ours) { return Vec3(ours.x, ours.z, -ours.y); };
+  const Vec3 centre = blender(first.pose.position + middle);
+  const Vec3 angles = euler_from_rotation(
+      Mat3(blender(first.pose.right()), -blender(first.pose.down()), -blender(first.pose.forward())));
+  std::string text;
+  const auto line = [&](const std::string& key, double value) { text += key + " = " + number_text(value) + "\n"; };
+  text += "[intrinsics]\n";
+  line("focal_length_mm", first.lens.fx());  // a pixel is 1 mm
+  line("sensor_size_mm", std::max(first.width, first.height));
+  line("image_resolution_x_px", first.width);
+  line("image_resolution_y_px", first.height);
+  text += "\n[extrinsics]\n";
+  line("num_cams_x", columns);
+  line("num_cams_y", rig.topology.rows);
+  line("baseline_mm", baseline * 1000);
+  line("focus_distance_m", focus_distance);
+  for (int i = 0; i < 3; i++) {
+    const std::string axis(1, "xyz"[i]);
+    line("center_cam_" + axis + "_m", centre[i]);
+    line("center_cam_r" + axis + "_rad", angles[i]);
+  }
+  return text;
+}
+
+}  // namespace
+
+RigImport import_hci(const std::string& directory) {
+  const std::string path = (fs::path(directory) / "parameters.cfg").string();
+  RigImport result = parse_hci(read_text_file(path), path);
+  for (const Camera& camera : result.rig.cameras) {
+    const std::string image = image_path(directory, camera.id);
+    if (const ImageSize size = load_image_size(image); size != ImageSize{camera.width, camera.height})
+      throw Error(image + ": is " + size_text(size.width, size.height) + ", but " + path + " states " +
+                  size_text(camera.width, camera.height));
+  }
+  return result;
+}
+
+RigExport export_hci(const Rig& rig, const std::string& directory) {
+  constexpr double kMaxError = 1e-3;  // pixels
+  if (rig.topology.type != Topology::Type::kGrid)
+    throw Error("the topology of the rig must be a grid, because the format has rows and columns of cameras");
+  for (const Camera& camera : rig.cameras)
+    if (fs::path(camera.image).extension() != ".png") throw_camera_error(camera, "its image must be a PNG file");
+  const std::string path = (fs::path(directory) / "parameters.cfg").string(), text = hci_text(rig);
+  RigExport result = describe_export(rig, parse_hci(text, path).rig, {.names = false, .ids = false});
+  if (!(result.max_error <= kMaxError))
+    throw Error(
+        "the format can't hold this rig: it describes a flat grid of equal pinhole cameras with the same direction and "
+        "equal distances, which differs from this rig by " +
+        number_text(result.max_error) + " px. Use another format, such as lf-rig export colmap");
+  std::erase(result.notes, "the topology of the rig is not kept");
+  make_folder(directory);
+  for (size_t i = 0; i < rig.cameras.size(); i++) copy_picture(rig, rig.cameras[i], image_path(directory, i));
+  write_text_file(text, path);
   return result;
 }
 

@@ -19,11 +19,11 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr size_t kColumns = 17;  // 3 x 5 numbers and two depths
+constexpr std::string_view kMagic = "\x93NUMPY";
 
 // Reads an array of kColumns columns from a file of NumPy's format 1.0 to 3.0
 // (https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html), row by row.
 std::vector<std::array<double, kColumns>> read_poses(const std::string& path) {
-  constexpr std::string_view kMagic = "\x93NUMPY";
   constexpr size_t kLongestHeader = 65536;
   const std::string bytes = read_file(path);
   const auto fail = [&](const std::string& what) { throw Error(path + ": " + what); };
@@ -115,6 +115,31 @@ Camera make_camera(const std::array<double, kColumns>& pose, const std::string& 
   return camera;
 }
 
+// Returns a file of NumPy's format 1.0.
+std::string npy_text(const std::vector<double>& numbers) {
+  constexpr size_t kAlignment = 64, kPrefix = kMagic.size() + 4;
+  std::string header = format_text("{'descr': '<f8', 'fortran_order': False, 'shape': (%zu, %zu), }",
+                                   numbers.size() / kColumns, kColumns);
+  header.append(kAlignment - (kPrefix + header.size() + 1) % kAlignment, ' ');
+  header += '\n';
+  std::string bytes(kMagic);
+  for (const size_t byte : {size_t{1}, size_t{0}, header.size() & 255, header.size() >> 8})
+    bytes += static_cast<char>(byte);
+  bytes += header;
+  return bytes.append(reinterpret_cast<const char*>(numbers.data()), numbers.size() * sizeof(double));
+}
+
+void require_llff_lens(const Camera& camera) {
+  constexpr double kTolerance = 1e-6;  // pixels
+  const Lens& lens = camera.lens;
+  const Vec2 off(lens.cx() - (camera.width - 1) / 2.0, lens.cy() - (camera.height - 1) / 2.0);
+  if (lens.has_distortion() || lens.distortion().fisheye || std::abs(lens.fx() - lens.fy()) > kTolerance ||
+      glm::length(off) > kTolerance)
+    throw_camera_error(camera,
+                       "the format can hold only pinhole lenses with equal fx and fy, and the principal point in the "
+                       "middle of the image");
+}
+
 }  // namespace
 
 RigImport import_llff(const std::string& directory, const std::string& images) {
@@ -139,6 +164,28 @@ RigImport import_llff(const std::string& directory, const std::string& images) {
   }
   if (near > 0 && far > near) result.near = near, result.far = far;
   return with_topology(std::move(result));
+}
+
+RigExport export_llff(const Rig& rig, const std::string& directory, double near, double far) {
+  std::vector<double> numbers;
+  for (const Camera& camera : rig.cameras) {
+    require_llff_lens(camera);
+    const Pose& pose = camera.pose;
+    const Vec3 columns[] = {pose.down(), pose.right(), -pose.forward(), pose.position,
+                            Vec3(camera.height, camera.width, camera.lens.fx())};
+    for (int row = 0; row < 3; row++)
+      for (const Vec3& column : columns) numbers.push_back(column[row]);
+    numbers.insert(numbers.end(), {near, far});
+  }
+  const std::vector<std::string> names = file_names_of(
+      rig, [](const Camera& camera) { return fs::path(camera.image).extension().string(); },
+      [](std::string_view a, std::string_view b) { return a < b; });
+  const fs::path images = fs::path(directory) / "images";
+  make_folder(images.string());
+  for (size_t i = 0; i < names.size(); i++) copy_picture(rig, rig.cameras[i], (images / names[i]).string());
+  write_text_file(npy_text(numbers), (fs::path(directory) / "poses_bounds.npy").string());
+  const bool has_names = fs::path(names[0]).stem() == rig.cameras[0].name;
+  return describe_export(rig, import_llff(directory).rig, {.names = has_names, .ids = false});
 }
 
 }  // namespace lf

@@ -25,8 +25,9 @@ const std::set<std::string_view> kKnownKeys = {
     "Informative", "Depthmap", "Background", "BitDepthColor", "BitDepthDepth", "ColorSpace", "DepthColorSpace",
     "HasInvalidDepth", "Multi_depth_range", "DisplacementMethod"};
 
-// Converts from the axes forward, left, up to the axes right, down, forward.
+// Converts from the axes forward, left, up to the axes right, down, forward, and back.
 Vec3 turned(const Vec3& v) { return {-v.y, -v.z, v.x}; }
+Vec3 turned_back(const Vec3& v) { return {v.z, -v.x, -v.y}; }
 
 Camera parse_camera(const JsonValue& value) {
   Camera camera;
@@ -56,10 +57,8 @@ void add_depths(const JsonValue& camera, double& near, double& far) {
   far = std::max(far, range[1]);
 }
 
-}  // namespace
-
-RigImport import_miv(const std::string& path) {
-  const nlohmann::json root = parse_json(read_text_file(path), path);
+RigImport parse_miv(const std::string& text, const std::string& path) {
+  const nlohmann::json root = parse_json(text, path);
   const JsonValue file(root, path), cameras = file.at("cameras");
   std::optional<std::set<std::string>> sources;
   if (const auto names = file.find("sourceCameraNames")) {
@@ -93,7 +92,44 @@ RigImport import_miv(const std::string& path) {
   if (!left_out.empty()) result.notes.push_back("cameras that are not sources were left out: " + left_out);
   if (far > 0) result.near = near;
   if (far > 0 && far < kInfiniteDepth) result.far = far;
-  return with_topology(std::move(result));
+  return result;
+}
+
+nlohmann::ordered_json miv_camera(const Camera& camera, double near, double far) {
+  const Lens& lens = camera.lens;
+  if (lens.has_distortion() || lens.distortion().fisheye)
+    throw_camera_error(camera, std::string("the format cannot hold distorted lenses; ") + kUndistortRemedy);
+  const Vec3 position = turned_back(camera.pose.position);
+  const Mat3 axes(turned_back(camera.pose.forward()), turned_back(-camera.pose.right()),
+                  turned_back(-camera.pose.down()));
+  const Vec3 degrees = euler_from_rotation(axes) * (180 / M_PI);
+  return {{"Name", camera.name},
+          {"Resolution", {camera.width, camera.height}},
+          {"Projection", "Perspective"},
+          {"Focal", {lens.fx(), lens.fy()}},
+          {"Principle_point", {lens.cx() + kPixelCentre, lens.cy() + kPixelCentre}},
+          {"Position", {position.x, position.y, position.z}},
+          {"Rotation", {degrees.z, degrees.y, degrees.x}},
+          {"Depth_range", {near, far}}};
+}
+
+}  // namespace
+
+RigImport import_miv(const std::string& path) { return with_topology(parse_miv(read_text_file(path), path)); }
+
+RigExport export_miv(const Rig& rig, const std::string& path, double near, double far) {
+  nlohmann::ordered_json names = nlohmann::json::array(), cameras = names;
+  for (const Camera& camera : rig.cameras) {
+    if (camera.name.empty()) throw_camera_error(camera, "has no name, but the format requires one; add a name");
+    names.push_back(camera.name);
+    cameras.push_back(miv_camera(camera, near, far));
+  }
+  const nlohmann::ordered_json root = {
+      {"Version", "2.0"}, {"lengthsInMeters", true}, {"sourceCameraNames", names}, {"cameras", cameras}};
+  const std::string text = root.dump(2) + "\n";
+  const RigExport result = describe_export(rig, parse_miv(text, path).rig, {.images = false, .ids = false});
+  write_text_file(text, path);
+  return result;
 }
 
 }  // namespace lf

@@ -7,6 +7,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "base/file.h"
 #include "base/json_value.h"
 #include "base/text.h"
 #include "rig/exchange.h"
@@ -15,6 +16,8 @@ namespace lf {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr char kEnding[] = ".cameramodel";
 
 // A file is a dictionary of Python. Without the b of its byte strings, this is a flow mapping of YAML.
 nlohmann::json parse_dictionary(const std::string& text, const std::string& path) {
@@ -84,6 +87,20 @@ Camera parse_camera(const std::string& path, std::vector<std::string>& notes) {
   return camera;
 }
 
+std::string mrcal_text(const Camera& camera) {
+  const Lens& lens = camera.lens;
+  if (lens.distortion().fisheye) throw_camera_error(camera, "mrcal cannot hold OpenCV's fisheye lenses");
+  std::vector<double> intrinsics = {lens.fx(), lens.fy(), lens.cx(), lens.cy()}, terms = opencv_terms(camera);
+  if (terms.size() > 4 && !lens.distortion().is_rational) terms.resize(5);
+  intrinsics.insert(intrinsics.end(), terms.begin(), terms.end());
+  const RigidTransform motion = camera_from_world(camera.pose);
+  const Vec3 r = vector_from_rotation(motion.rotation), &t = motion.translation;
+  return "{\n    'lens_model':  'LENSMODEL_OPENCV" + std::to_string(terms.size()) +
+         "',\n    'intrinsics':  " + number_list_text(intrinsics) +
+         ",\n    'extrinsics':  " + number_list_text(std::array{r.x, r.y, r.z, t.x, t.y, t.z}) +
+         ",\n    'imagersize':  [" + std::to_string(camera.width) + ", " + std::to_string(camera.height) + "],\n}\n";
+}
+
 }  // namespace
 
 RigImport import_mrcal(const std::string& path) {
@@ -91,7 +108,7 @@ RigImport import_mrcal(const std::string& path) {
   std::error_code error;
   if (fs::is_directory(path, error)) {
     for (const fs::path& file : paths_in(path))
-      if (file.extension() == ".cameramodel") paths.push_back(file.string());
+      if (file.extension() == kEnding) paths.push_back(file.string());
     if (paths.empty()) throw Error(path + ": contains no file *.cameramodel");
     if (paths.size() > kMaxCameras)
       throw Error(path + ": has too many files; a rig has at most " + std::to_string(kMaxCameras) + " cameras");
@@ -101,6 +118,20 @@ RigImport import_mrcal(const std::string& path) {
   RigImport result;
   for (const std::string& file : paths) add_camera(parse_camera(file, result.notes), result);
   return with_topology(std::move(result));
+}
+
+RigExport export_mrcal(const Rig& rig, const std::string& directory) {
+  const std::vector<std::string> names = file_names_of(
+      rig, [](const Camera&) { return std::string(kEnding); }, natural_less);
+  std::vector<std::string> texts;
+  for (const Camera& camera : rig.cameras) texts.push_back(mrcal_text(camera));
+  make_folder(directory);
+  for (size_t i = 0; i < names.size(); i++) write_text_file(texts[i], (fs::path(directory) / names[i]).string());
+  const bool has_names = names[0] == rig.cameras[0].name + kEnding;
+  const Rig written = import_mrcal(directory).rig;
+  if (written.cameras.size() != names.size())
+    throw Error(directory + ": contains .cameramodel files of other cameras; give another folder");
+  return describe_export(rig, written, {.images = false, .names = has_names, .ids = false});
 }
 
 }  // namespace lf

@@ -163,11 +163,7 @@ RigExport export_stanford(const Rig& rig, const std::string& directory, double u
     const fs::path to =
         fs::path(directory) / (format_text("out_%02zu_%02zu_", i / columns, i % columns) + fixed_text(positions[i].y) +
                                "_" + fixed_text(positions[i].x) + "_" + from.extension().string());
-    try {
-      copy_file(from.string(), to.string());
-    } catch (const Error& error) {
-      throw Error(from.string() + ": can't be copied: " + error.what());
-    }
+    copy_picture(rig, rig.cameras[i], to.string());
   }
   result.notes.push_back("lf-rig import stanford --f " + number_text(options.f) + " --focus-distance " +
                          number_text(options.focus_distance) + " --scale " + number_text(unit) + " reads it back");

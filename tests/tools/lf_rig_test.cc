@@ -224,14 +224,22 @@ TEST_F(LfRig, ColmapRoundTrip) {
 TEST_F(LfRig, OtherFormatsRoundTrip) {
   write_rig();
   const Rig rig = load_rig(dir / "in/rig.json");
-  const std::pair<std::string, std::string> formats[] = {
-      {"opencv", ""}, {"kalibr", ""}, {"nerf", ""}, {"stanford", " --f 5.1961524227066320"}};
-  for (const auto& [format, options] : formats) {
-    expect_outcome(lf_rig("export " + format + " in/rig.json there_" + format), 0);
-    expect_outcome(lf_rig("import " + format + " there_" + format + options + " --out back.json"), 0);
+  const std::string depths = " --focus-near 0.5 --focus-far 30";
+  const struct {
+    std::string format, export_options, import_options;
+    bool has_images;
+  } formats[] = {{"opencv", "", "", true},     {"kalibr", "", "", false},
+                 {"nerf", "", "", true},       {"stanford", "", " --f 5.1961524227066320", true},
+                 {"caliscope", "", "", false}, {"hci", "", "", true},
+                 {"llff", depths, "", true},   {"miv", depths, "", false},
+                 {"mrcal", "", "", false}};
+  for (const auto& [format, export_options, import_options, has_images] : formats) {
+    expect_outcome(lf_rig("export " + format + " in/rig.json there_" + format + export_options), 0);
+    expect_outcome(lf_rig("import " + format + " there_" + format + import_options + " --out back.json"), 0);
     EXPECT_LE(max_reprojection_error(rig, load_rig(dir / "back.json"), 1), 1e-9) << format;
-    if (format != "kalibr") expect_outcome(lf_rig("check back.json"), 0);
+    if (has_images) expect_outcome(lf_rig("check back.json"), 0);
   }
+  expect_outcome(lf_rig("export miv in/rig.json there --focus-near 2 --focus-far 1"), 1, HasSubstr("--focus-far"));
   expect_outcome(lf_rig("import kalibr in/rig.json --out x.json"), 1, mentions("in/rig.json", "\"cam0\"", "missing"));
 }
 

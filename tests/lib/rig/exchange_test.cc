@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/text.h"
+#include "image/image.h"
 #include "rig/exchange.h"
 #include "support/expect_error.h"
 #include "support/rigs.h"
@@ -32,10 +33,10 @@ TEST(Exchange, ReportsLossesWithTheirSize) {
 // Every format with every lens: the error is below the bound in docs/reference/rig-formats.md, or the export fails.
 TEST(Exchange, FormatsRoundTripEveryLensTheyHold) {
   using enum LensModel;
-  enum Kind { kPlain, kK3, kRational, kFisheye, kPrism };
+  enum Kind { kCentred, kPerspective, kPlain, kK3, kRational, kFisheye, kPrism };
   const std::pair<Lens, Kind> lenses[] = {
-      {Lens(kSimplePinhole, {400, 159.5, 119.5}), kPlain},
-      {Lens(kPinhole, {400, 410, 160, 118}), kPlain},
+      {Lens(kSimplePinhole, {400, 159.5, 119.5}), kCentred},
+      {Lens(kPinhole, {400, 410, 160, 118}), kPerspective},
       {Lens(kSimpleRadial, {400, 159.5, 119.5, -0.1}), kPlain},
       {Lens(kRadial, {386.73880838315351, 159.5, 119.5, -0.15, 0.03}), kPlain},
       {Lens(kOpenCv, {400, 410, 160, 118, -0.15, 0.03, 1e-3, -2e-3}), kPlain},
@@ -50,23 +51,39 @@ TEST(Exchange, FormatsRoundTripEveryLensTheyHold) {
     RigExport (*write)(const Rig&, const std::string&);
     RigImport (*read)(const std::string&);
     std::set<Kind> kinds;
-  } formats[] = {{"colmap",
+  } formats[] = {{"caliscope",
+                  export_caliscope,
+                  [](const std::string& path) { return import_caliscope(path); },
+                  {kCentred, kPerspective, kPlain, kK3, kFisheye}},
+                 {"colmap",
                   export_colmap,
                   [](const std::string& path) { return import_colmap(path); },
-                  {kPlain, kK3, kRational, kFisheye, kPrism}},
-                 {"kalibr", export_kalibr, import_kalibr, {kPlain, kFisheye}},
-                 {"nerf", export_nerf, import_nerf, {kPlain, kK3, kFisheye}},
+                  {kCentred, kPerspective, kPlain, kK3, kRational, kFisheye, kPrism}},
+                 {"kalibr", export_kalibr, import_kalibr, {kCentred, kPerspective, kPlain, kFisheye}},
+                 {"llff",
+                  [](const Rig& rig, const std::string& path) { return export_llff(rig, path, 0.5, 30); },
+                  [](const std::string& path) { return import_llff(path); },
+                  {kCentred}},
+                 {"miv",
+                  [](const Rig& rig, const std::string& path) { return export_miv(rig, path, 0.5, 30); },
+                  import_miv,
+                  {kCentred, kPerspective}},
+                 {"mrcal", export_mrcal, import_mrcal, {kCentred, kPerspective, kPlain, kK3, kRational}},
+                 {"nerf", export_nerf, import_nerf, {kCentred, kPerspective, kPlain, kK3, kFisheye}},
                  {"opencv",
                   export_opencv_yaml,
                   [](const std::string& path) { return import_opencv_yaml(path); },
-                  {kPlain, kK3, kRational, kFisheye}}};
+                  {kCentred, kPerspective, kPlain, kK3, kRational, kFisheye}}};
   constexpr double kBound = 1e-10;  // pixels
   for (const auto& [name, write, read, kinds] : formats) {
     const TempDir dir;
+    for (const Camera& camera : mixed_rig().cameras)
+      save_image(Image(PixelFamily::kRgb, camera.width, camera.height), dir / camera.image);
     double worst = 0;
     for (const auto& [lens, kind] : lenses) {
       SCOPED_TRACE(std::string(name) + " " + std::string(lens_model_name(lens.model())));
       Rig rig = mixed_rig();
+      rig.directory = dir.path();
       for (Camera& camera : rig.cameras) camera.lens = lens;
       if (!kinds.contains(kind)) {
         EXPECT_ERROR(write(rig, dir / "file"), "camera 20");
@@ -77,7 +94,40 @@ TEST(Exchange, FormatsRoundTripEveryLensTheyHold) {
       worst = std::max({worst, result.max_error, max_reprojection_error(rig, back, 1)});
     }
     EXPECT_LE(worst, kBound) << name;
+    RecordProperty(name, format_text("%.2g px", worst));
   }
+}
+
+TEST(Exchange, KeepsNamesAndDepthsWhereTheFormatHasThem) {
+  const TempDir dir;
+  Rig rig = make_grid_rig({1, 3, 0.1, 60, 8, 6});
+  rig.directory = dir.path();
+  for (size_t i = 0; i < 3; i++) {
+    rig.cameras[i].name = "view " + std::to_string(5 * i);  // in natural order
+    rig.cameras[i].image = std::to_string(i) + ".png";
+    save_image(Image(PixelFamily::kRgb, 8, 6), dir / rig.cameras[i].image);
+  }
+  const RigExport result = export_mrcal(rig, dir / "mrcal");
+  EXPECT_THAT(result.notes, ElementsAre(mentions("topology"), mentions("images")));
+  EXPECT_EQ(import_mrcal(dir / "mrcal").rig.cameras[2].name, "view 10");
+  // LLFF's order is that of the bytes, in which "view 10" precedes "view 5".
+  EXPECT_THAT(export_llff(rig, dir / "llff", 0.5, 30).notes, Contains(mentions("names")));
+  const RigImport llff = import_llff(dir / "llff");
+  EXPECT_EQ(llff.rig.cameras[1].name, "camera_00001");
+  EXPECT_EQ(depth_note(llff), "the scene is from 0.5 to 30 units away (focus-near, focus-far)");
+  export_miv(rig, dir / "miv.json", 0.5, 30);
+  const RigImport miv = import_miv(dir / "miv.json");
+  EXPECT_EQ(miv.rig.cameras[2].name, "view 10");
+  EXPECT_EQ(depth_note(miv), "the scene is from 0.5 to 30 m away (focus-near, focus-far)");
+
+  rig.cameras[1].name = "view 0";
+  EXPECT_ERROR(export_miv(rig, dir / "miv.json", 0.5, 30), "miv.json", "sourceCameraNames[1]", "twice");
+  EXPECT_THAT(export_mrcal(rig, dir / "again").notes, Contains(mentions("names")));
+  EXPECT_ERROR(export_mrcal(rig, dir / "mrcal"), dir / "mrcal", "other cameras");
+  rig.cameras[2].image.clear();
+  EXPECT_ERROR(export_llff(rig, dir / "new", 0.5, 30), "camera 2", "no image");
+  rig.cameras[2].name.clear();
+  EXPECT_ERROR(export_miv(rig, dir / "miv.json", 0.5, 30), "camera 2", "no name");
 }
 
 TEST(Exchange, ScalesAllLengths) {
@@ -140,6 +190,17 @@ TEST(OpenCvTerms, TransformsInvertAndCompose) {
   EXPECT_LT(glm::length((b * a.inverse())(a(x)) - b(x)), 1e-12);
   const Pose back = pose_of_camera_from_world(a);
   EXPECT_LT(glm::length(back.world_from_camera(a(x)) - x), 1e-12);
+}
+
+TEST(OpenCvTerms, RotationsHaveAnglesAndVectors) {
+  std::vector<Mat3> rotations;
+  for (const double x : {-3.1, -0.4, 0.0, 1e-9, M_PI / 2, M_PI})
+    for (const double y : {-M_PI / 2, -1.2, 0.0, 1e-9, M_PI / 2 - 1e-9})
+      for (const double z : {-2.5, 0.0, M_PI}) rotations.push_back(rotation_from_euler({x, y, z}));
+  for (const Mat3& rotation : rotations)
+    for (const Mat3& again :
+         {rotation_from_euler(euler_from_rotation(rotation)), rotation_from_vector(vector_from_rotation(rotation))})
+      for (int i = 0; i < 3; i++) EXPECT_LT(glm::length(again[i] - rotation[i]), 2e-15);
 }
 
 TEST(OpenCvTerms, RoundedRotationsAreCorrectedAndOthersRefused) {

@@ -126,6 +126,33 @@ TEST_F(HciTest, TheFocusDistanceHasNoDisparity) {
   EXPECT_EQ(depth_note(import_hci(dir_.path())), "the scene is from 3.276 to 4.993 m away (focus-near, focus-far)");
 }
 
+TEST_F(HciTest, RoundTripsWithin1e9Pixels) {
+  for (const char* focus : {"focus_distance_m = 4.25", "focus_distance_m = 0"}) {
+    replace("focus_distance_m", focus);
+    const Rig rig = import_hci(dir_.path()).rig;
+    const RigExport result = export_hci(rig, dir_ / "out");
+    EXPECT_LE(result.max_error, 1e-9);
+    EXPECT_THAT(result.notes, ElementsAre(mentions("names")));
+    const Rig back = import_hci(dir_ / "out").rig;
+    EXPECT_LE(max_reprojection_error(rig, back, 1), 1e-9);
+    EXPECT_EQ(back.topology.columns, kColumns);
+  }
+}
+
+TEST_F(HciTest, RefusesRigsThatTheFormatCannotHold) {
+  const Rig rig = import_hci(dir_.path()).rig;
+  Rig other = rig;
+  other.cameras[4].pose.position.y += 0.001;
+  EXPECT_ERROR(export_hci(other, dir_ / "out"), "equal distances", "px");
+  other = rig;
+  other.cameras[1].image = "a.jpg";
+  EXPECT_ERROR(export_hci(other, dir_ / "out"), "camera 1", "PNG");
+  other = rig;
+  other.topology.type = Topology::Type::kDelaunay;
+  EXPECT_ERROR(export_hci(other, dir_ / "out"), "grid");
+  EXPECT_FALSE(fs::exists(dir_ / "out"));
+}
+
 TEST_F(HciTest, AFocusDistanceOf0IsInfinity) {
   replace("focus_distance_m", "focus_distance_m = 0");
   const RigImport import = import_hci(dir_.path());
