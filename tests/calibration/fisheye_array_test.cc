@@ -14,20 +14,20 @@ namespace lf {
 namespace {
 
 constexpr double kPitch = 0.06, kTime = 0.55;  // metres, seconds
-constexpr double kPerRadian = 200;             // pixels in the middle of each picture
+constexpr int kPerRadian = 160;                // pixels in the middle of each picture
 const CalibrationBoard kBoard{.columns = 8, .rows = 5, .square = 0.03};
 
 // Returns an array of 3 x 3 cameras. All lenses have kPerRadian pixels per radian on the axis, so that both arrays
 // resolve the middle of the view equally. The fisheye picture has a circle of 180 degrees; the perspective picture has
 // 100 degrees, because its cameras see the edges of a view of 90 degrees from other places.
 Rig array_with(bool fisheye) {
-  const int width = fisheye ? 640 : 480;
+  const int width = kPerRadian * (fisheye ? 16 : 12) / 5;
   Rig rig = make_grid_rig({3, 3, kPitch, 90, width, width});
   const double middle = (width - 1) / 2.0;
   for (Camera& camera : rig.cameras)
-    camera.lens = fisheye
-                      ? Lens(LensModel::kOpenCvFisheye, {kPerRadian, kPerRadian, middle, middle, 0.01, -0.002, 0, 0})
-                      : Lens(LensModel::kRadial, {kPerRadian, middle, middle, 0, 0});
+    camera.lens = fisheye ? Lens(LensModel::kOpenCvFisheye,
+                                 {1.0 * kPerRadian, 1.0 * kPerRadian, middle, middle, 0.01, -0.002, 0, 0})
+                          : Lens(LensModel::kRadial, {kPerRadian, middle, middle, 0, 0});
   return rig;
 }
 
@@ -66,7 +66,7 @@ double shown_db(const Rig& truth, const Rig& rig, View view) {
 }
 
 TEST(FisheyeArray, ShowsWhatAPerspectiveArrayShows) {
-  constexpr int kWidth = 2 * static_cast<int>(kPerRadian), kHeight = kWidth * 3 / 4;
+  constexpr int kWidth = 2 * kPerRadian, kHeight = kWidth * 3 / 4;
   const View view{.width = kWidth,
                   .height = kHeight,
                   .lens = Lens::pinhole(kPerRadian, (kWidth - 1) / 2.0, (kHeight - 1) / 2.0),
@@ -86,7 +86,7 @@ TEST(FisheyeArray, ShowsWhatAPerspectiveArrayShows) {
 }
 
 TEST(FisheyeArray, ShowsADomeMaster) {
-  constexpr int kSide = 400;
+  constexpr int kSide = 2 * kPerRadian;
   const double f = kSide / M_PI, middle = (kSide - 1) / 2.0;
   const Rig truth = array_with(true);
   const double db = shown_db(truth, truth,
