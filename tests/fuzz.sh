@@ -7,7 +7,8 @@
 #   tests/fuzz.sh --fast TARGET RUNS [...]  without sanitizers, 5 to 50 times as fast; the next run with sanitizers
 #                                           starts with the inputs that this run keeps
 #   tests/fuzz.sh TARGET keep               adds a few small inputs with the most coverage to tests/fuzz/corpus/TARGET
-# Options are libFuzzer's.
+# Options are libFuzzer's. LF_IMPORTER=k tests/fuzz.sh import RUNS tests one importer only, for example k, Kalibr (the
+# letters are in tests/fuzz/files_fuzz.cc).
 # Starts with valid units. Keeps new inputs in build-fuzz/corpus/TARGET and failures in build-fuzz/found/.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -18,7 +19,7 @@ if [[ ${1:-} == --fast ]]; then
   sanitizers=none kind=release build=build-fuzz-fast
 fi
 if [[ ! ${2:-} =~ ^([0-9]+|keep)$ || -z $(grep -l "LF_FUZZ_TARGET($1)" tests/fuzz/*_fuzz.cc) ]]; then
-  sed -n '3,11s/^# //p' "$0"
+  sed -n '3,12s/^# //p' "$0"
   exit 2
 fi
 target=$1 runs=$2 data=build-fuzz

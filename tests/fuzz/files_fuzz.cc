@@ -7,9 +7,11 @@
 #include "base/text.h"
 #include "calibration/tracks.h"
 #include "fuzz/fuzz.h"
+#include "rig/colmap_model.h"
 #include "rig/exchange.h"
 #include "rig/mesh.h"
 #include "rig/rig_json.h"
+#include "support/colmap_binary.h"
 #include "support/temp_dir.h"
 #include "view/view_path.h"
 
@@ -119,6 +121,15 @@ lf::RigImport import_with_pictures(char kind, const std::string& text) {
   return lf::import_technicolor(technicolor.path());
 }
 
+// Writes a COLMAP model with the cameras 1 and 2, which have the images 1 and 2.
+bool write_binary_model(const TempDir& folder) {
+  const lf::ColmapCamera camera{"PINHOLE", 8, 6, {9, 9, 4, 3}, 2};
+  folder.write("cameras.bin", lf::test::colmap_cameras_binary({{1, camera}, {2, camera}}));
+  folder.write("images.bin", lf::test::colmap_images_binary({{1, 1, {1, 0, 0, 0}, {0, 0, 0}, "a.png"},
+                                                             {2, 2, {1, 0, 0, 0}, {-1, 0, 0}, "b.png"}}));
+  return true;
+}
+
 lf::RigImport import(const TempDir& folder, char kind, const std::string& text) {
   if (kind == 's') return import_names(text);
   if (kind == 'h') return import_benchmark(text);
@@ -129,6 +140,13 @@ lf::RigImport import(const TempDir& folder, char kind, const std::string& text) 
     binary.write("cameras.bin", text.substr(std::min<size_t>(1, text.size()), size));
     binary.write("images.bin", text.substr(std::min(1 + size, text.size())));
     return lf::import_colmap(binary.path());
+  }
+  if (kind == 'e' || kind == 'q') {
+    static const TempDir model;
+    static const bool is_written = write_binary_model(model);
+    require(is_written);
+    model.write(kind == 'e' ? "frames.bin" : "rigs.bin", text);
+    return kind == 'e' ? lf::import_colmap(model.path(), {.frame = 6}) : lf::import_colmap(model.path(), {.rig = 6});
   }
   const size_t end = std::min(text.find('\f'), text.size());
   const std::string first = text.substr(0, end), second = end < text.size() ? text.substr(end + 1) : "";
@@ -163,18 +181,19 @@ lf::RigImport import(const TempDir& folder, char kind, const std::string& text) 
 
 // Files of other programs: the first letter selects the importer, the text follows. c, g: COLMAP's cameras.txt and
 // images.txt, separated by a form feed, g as a grid of 2x2; b: COLMAP's cameras.bin, with its size divided by 8 in the
-// first byte, and images.bin; f: frame 6 of COLMAP's cameras.txt, images.txt and frames.txt; r: rig 6 of cameras.txt,
-// images.txt and rigs.txt; a: Technicolor's cameras_parameters.txt; d: DeepView Video; h: parameters.cfg of the 4D
-// Light Field Benchmark; k: Kalibr; l: LLFF's poses_bounds.npy; m: mrcal; n: NeRF; o: OpenCV, with extrinsics.yml after
-// a form feed; p: OpenCV with undistorted pictures; s: file names of a Stanford archive folder, one per line; t, u:
-// Caliscope, u with undistorted videos; v: MPEG Immersive Video. Every accepted rig can be written, read again and
-// meshed.
+// first byte, and images.bin; e: frame 6 of COLMAP's frames.bin; q: rig 6 of rigs.bin; f: frame 6 of COLMAP's
+// cameras.txt, images.txt and frames.txt; r: rig 6 of cameras.txt, images.txt and rigs.txt; a: Technicolor's
+// cameras_parameters.txt; d: DeepView Video; h: parameters.cfg of the 4D Light Field Benchmark; k: Kalibr; l: LLFF's
+// poses_bounds.npy; m: mrcal; n: NeRF; o: OpenCV, with extrinsics.yml after a form feed; p: OpenCV with undistorted
+// pictures; s: file names of a Stanford archive folder, one per line; t, u: Caliscope, u with undistorted videos; v:
+// MPEG Immersive Video. Every accepted rig can be written, read again and meshed.
 LF_FUZZ_TARGET(import)(const uint8_t* data, size_t size) {
   static const TempDir folder;
+  static const char* const only = std::getenv("LF_IMPORTER");  // a letter: a run for a single importer
   if (size == 0) return 0;
+  const char kind = only ? *only : static_cast<char>(data[0]);
   try {
-    const lf::Rig rig =
-        import(folder, static_cast<char>(data[0]), {reinterpret_cast<const char*>(data) + 1, size - 1}).rig;
+    const lf::Rig rig = import(folder, kind, {reinterpret_cast<const char*>(data) + 1, size - 1}).rig;
     require(!rig.cameras.empty() && rig.cameras.size() <= lf::kMaxCameras);
     const std::string written = lf::rig_to_json(rig);
     require(lf::rig_to_json(lf::parse_rig(written, "rig.json")) == written);

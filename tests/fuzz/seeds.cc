@@ -96,6 +96,12 @@ void add_texts(std::vector<Bytes>& json, std::vector<Bytes>& import) {
   const ColmapModel colmap = read_colmap_model(folder.path());
   const std::string cameras = test::colmap_cameras_binary(colmap.cameras);
   add_text(import, 'b', static_cast<char>(cameras.size() / 8) + cameras + test::colmap_images_binary(colmap.images, 2));
+  add_text(import, 'e',
+           test::bytes_of(uint64_t{1}, uint32_t{6}, uint32_t{1}, 1.0, 0.0, 0.0, 0.0, 0.5, 0.0, -0.25, uint32_t{2},
+                          int32_t{0}, uint32_t{1}, uint64_t{1}, int32_t{0}, uint32_t{2}, uint64_t{2}));
+  add_text(import, 'q',
+           test::bytes_of(uint64_t{1}, uint32_t{6}, uint32_t{3}, int32_t{0}, uint32_t{1}, int32_t{0}, uint32_t{2},
+                          uint8_t{1}, 1.0, 0.0, 0.0, 0.0, 0.5, 0.0, -0.25, int32_t{1}, uint32_t{1}, uint8_t{0}));
   // Cameras around a scene, with surrounding triangles.
   export_nerf(make_cylinder_rig({2, 5, 0.3, 1.5, true, 60}), path);
   add_text(import, 'n', read_text_file(path));
