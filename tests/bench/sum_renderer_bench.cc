@@ -132,9 +132,15 @@ BENCHMARK_CAPTURE(Sum, i420_surface, PixelFamily::kI420, Lenses::kRadial, Coordi
 BENCHMARK_CAPTURE(Sum, i420_surface_fisheye, PixelFamily::kI420, Lenses::kFisheye, Coordinates::kGrid, true)
     ->ArgsProduct({{1}, {8}});
 BENCHMARK_CAPTURE(Sum, i420_surface_wide, PixelFamily::kI420, Lenses::kWide, Coordinates::kGrid, true)
-    ->ArgsProduct({{1}, {8}});
+    ->ArgsProduct({{1, 2, 3}, {8}});
 BENCHMARK_CAPTURE(Sum, i420_surface_wide_fisheye, PixelFamily::kI420, Lenses::kWideFisheye, Coordinates::kGrid, true)
+    ->ArgsProduct({{1, 2, 3}, {8}});
+BENCHMARK_CAPTURE(Sum, i420_plane_fisheye, PixelFamily::kI420, Lenses::kFisheye, Coordinates::kGrid)
     ->ArgsProduct({{1}, {8}});
+BENCHMARK_CAPTURE(Sum, i420_plane_wide, PixelFamily::kI420, Lenses::kWide, Coordinates::kGrid)
+    ->ArgsProduct({{1, 2, 3}, {8}});
+BENCHMARK_CAPTURE(Sum, i420_plane_wide_fisheye, PixelFamily::kI420, Lenses::kWideFisheye, Coordinates::kGrid)
+    ->ArgsProduct({{1, 2, 3}, {8}});
 BENCHMARK_CAPTURE(Sum, rgb_surface, PixelFamily::kRgb, Lenses::kRadial, Coordinates::kGrid, true)
     ->ArgsProduct({{0, 1, 3}, {8}});
 
