@@ -38,8 +38,8 @@ std::optional<ArrayDepth> estimate_depths(const Rig& rig, const CameraSet& camer
 //
 // If `depths` is not null, the surface comes from the depth maps of the cameras, unless the cameras agree better
 // through the viewer's plane. Views with the default blending then blend the ArrayDepth::kCameras nearest cameras,
-// because the depth maps tell which of them see a place. Compared with the search, this improves views by 1 to 9 dB
-// (docs/quality.md).
+// because the depth maps tell which of them see a place. Compared with the search, this improves most views by 1 to
+// 9 dB (docs/quality.md).
 //
 // `confidence`, if not null, receives the confidence of the surface as a map: see DepthConfidence::map(). Null if the
 // view shows a plane.
