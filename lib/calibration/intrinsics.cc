@@ -510,6 +510,7 @@ GoodViews fit_good_views(const std::vector<BoardView>& views, const CalibrationB
 GoodViews fit_radial_or_fisheye(const std::vector<BoardView>& views, const CalibrationBoard& board, int width,
                                 int height) {
   constexpr double kClearlyBetter = 0.8;
+  constexpr double kGood = 0.5;  // pixels; the fisheye model takes several times as long, so it is not tried below
   const auto error_of = [&](LensModel lens) {
     try {
       return median(fit_zhang(views, board, width, height, {lens}).view_rms);
@@ -517,7 +518,8 @@ GoodViews fit_radial_or_fisheye(const std::vector<BoardView>& views, const Calib
       return std::numeric_limits<double>::infinity();
     }
   };
-  const bool fisheye = error_of(LensModel::kOpenCvFisheye) < kClearlyBetter * error_of(LensModel::kRadial);
+  const double radial = error_of(LensModel::kRadial);
+  const bool fisheye = radial > kGood && error_of(LensModel::kOpenCvFisheye) < kClearlyBetter * radial;
   return fit_good_views(views, board, width, height, {fisheye ? LensModel::kOpenCvFisheye : LensModel::kRadial});
 }
 

@@ -11,6 +11,7 @@
 #include <stdexcept>
 
 #include "support/process.h"
+#include "web/served.h"
 
 namespace lf::test {
 namespace {
@@ -246,6 +247,12 @@ void WhepClient::send_feedback(uint8_t type, uint8_t format, const std::vector<u
       },
       &rtcp);
   if (!rtcp) throw std::runtime_error("srtpenc has no pad for RTCP");
+  // The stream begins with the first report of the client.
+  const auto has_begun = [rtcp] {
+    g_autoptr(GstEvent) segment = gst_pad_get_sticky_event(rtcp, GST_EVENT_SEGMENT, 0);
+    return segment != nullptr;
+  };
+  if (!becomes(has_begun)) throw std::runtime_error("the client sends no RTCP");
   gst_pad_chain(rtcp, gst_buffer_new_memdup(packet.data(), packet.size()));
 }
 
