@@ -75,6 +75,11 @@ export interface LightfieldViewerEventMap {
   'focus-change': CustomEvent<{ focusDistance: number }>;
   error: CustomEvent<LightfieldFailure>;
   connected: CustomEvent<null>;
+  /**
+   * All seats are taken, and the element shows the camera path `path` of the server until it gets a seat. With null, it
+   * no longer shows the path.
+   */
+  fallback: CustomEvent<{ path: string | null }>;
   disconnected: CustomEvent<{ reason: string }>;
   statistics: CustomEvent<LightfieldStatistics>;
   /**
@@ -86,7 +91,10 @@ export interface LightfieldViewerEventMap {
 
 /** The element `<lightfield-viewer>` shows pictures of a light field and lets people move its virtual camera. */
 export class LightfieldViewer extends HTMLElement {
-  /** URL of the server's WHEP endpoint. With null, the element uses the server that delivered this script. */
+  /**
+   * URL of the server's WHEP endpoint. With null, the element uses the server that delivered this script. A WHEP server
+   * other than lf-serve is shown as a plain video.
+   */
   src: string | null;
   token: string | null;
   /** URL of an image that is shown until the first picture. */
@@ -117,18 +125,27 @@ export class LightfieldViewer extends HTMLElement {
   get focusDistance(): number | null;
   set focusDistance(metres: number | null);
   readonly loaded: boolean;
+  /** The stream of the element's own view is open. False during a fallback. */
   readonly connected: boolean;
+  /** Name of the camera path that is shown while all seats of the server are taken, or null. */
+  readonly fallback: string | null;
+  /**
+   * The controls and setView() can move the picture. False for a path, during a fallback, and for a plain WHEP server,
+   * which only sends video.
+   */
+  readonly interactive: boolean;
   readonly paused: boolean;
   readonly statistics: Partial<LightfieldStatistics>;
-  /** The connection of the stream, for inspection; null if there is no stream. */
-  readonly connection: { readonly peer: RTCPeerConnection; readonly channel: RTCDataChannel } | null;
+  /** The connection of the stream, for inspection; null if there is no stream. Plain WHEP servers have no channel. */
+  readonly connection: { readonly peer: RTCPeerConnection; readonly channel?: RTCDataChannel } | null;
   /** The element with the status message, which is hidden if there is none. */
   readonly status: HTMLElement;
 
   /**
    * Moves the virtual camera. Missing fields keep their values. The promise resolves with the displayed view when this
    * view, or a later one, is displayed. It rejects with TypeError or RangeError if a number is invalid, with
-   * InvalidStateError while the server plays a path, and with AbortError if `src` or `path` changes before.
+   * InvalidStateError while the server plays a path or only sends video, and with AbortError if `src` or `path` changes
+   * before. During a fallback, it waits for a seat.
    */
   setView(view: Partial<LightfieldView>): Promise<LightfieldView>;
   /** Flies back to the start view: `view` and `focus`, with all missing fields from the server's home view. */
@@ -141,7 +158,7 @@ export class LightfieldViewer extends HTMLElement {
   share(): Promise<string>;
   /**
    * Focuses on the object at a position in the window (as in `event.clientX`), like a click. Returns false if there is
-   * no connection, or the server plays a path.
+   * no connection, or the picture is not `interactive`.
    */
   focusAt(clientX: number, clientY: number): boolean;
   /** Returns the displayed picture. The promise rejects if there is none. */

@@ -80,6 +80,8 @@ export class LightfieldViewer extends (globalThis.HTMLElement ?? class {}) {
 
   get loaded() { return this[inside].loaded ?? false; }
   get connected() { return this[inside].stream.isOpen; }
+  get fallback() { return this[inside].stream.sharedPath; }
+  get interactive() { return this[inside].isInteractive; }
   get paused() { return !this[inside].started; }
   get statistics() { return this[inside].statistics; }
   // For inspection by tests and tools: the RTCPeerConnection `peer` and its data channel `channel`, each null without a

@@ -2,24 +2,24 @@
 // Checks the contract of web/README.md and lightfield-viewer.d.ts: every attribute, property, method and event.
 import { readFile, writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
-import { closeClean, compare, expect, half, launchBrowser, makeRig, newPage, openShown, picture,
+import { artefacts, closeClean, compare, expect, half, launchBrowser, makeRig, newPage, openShown, picture,
   runTests, serve, shown, site, source, until, viewFile } from './harness.mjs';
 
 const folder = await makeRig('4x4'), rigFile = join(folder, 'rig.json');
 const rig = ['--rig', rigFile, '--connects', '100', '--address-views', '8', '--focus-mode', 'plane', '--origin', '*'];
 const browser = await launchBrowser(), size = { width: 640, height: 480 };
-const kEvents = ['first-frame', 'view-change', 'focus-change', 'connected', 'disconnected', 'error', 'rig', 'statistics'];
+const kEvents = ['first-frame', 'view-change', 'focus-change', 'connected', 'disconnected', 'error', 'fallback', 'rig', 'statistics'];
 
 const html = (body, script = '') => `<!doctype html><html lang="en"><meta charset="utf-8"><title>mine</title>
   <style>body { margin: 0 } lightfield-viewer { width: 640px; height: 480px }</style>${script}${body}`;
 
 // Opens a page on another site with an element `v` and stores its events in `told`.
-async function open(served, attributes, { hash = '', before = '', inside: slotted = '', ...options } = {}) {
+async function open(served, attributes, { hash = '', before = '', script, inside: slotted = '', ...options } = {}) {
   const mine = await site({ '/': html(`${before}<lightfield-viewer id="v" ${attributes}>${slotted}</lightfield-viewer>
     <script>globalThis.told = [];
       for (const name of ${JSON.stringify(kEvents)}) v.addEventListener(name, ({ detail }) => told.push([name, detail]));</script>
     <script type="module" src="${served.url}lightfield-viewer.js"></script>`) });
-  const page = await newPage(browser, size, options);
+  const page = await newPage(browser, size, { before: script, ...options });
   page.asked = [];
   page.on('request', request => /\/whep(\?|$)/.test(request.url()) && request.method() === 'POST' && page.asked.push(new URL(request.url())));
   page.toldOf = name => page.evaluate(name => told.filter(([told]) => told === name).map(([, detail]) => detail), name);
@@ -207,11 +207,15 @@ async function eyes() {
 }
 
 // The server flies a path; calls that move the view must not wait forever.
-async function paths() {
-  const tour = join(folder, 'tour.json'), state = { x: 0, y: 0, z: 0, yaw: -2, pitch: 0, roll: 0, fov: 30, 'focus-distance': 2 };
+const tour = ['--path', `tour=${join(folder, 'tour.json')}`];
+{
+  const state = { x: 0, y: 0, z: 0, yaw: -2, pitch: 0, roll: 0, fov: 30, 'focus-distance': 2 };
   const views = [-2, 2].map((yaw, i) => ({ ...viewFile({ ...state, yaw }, { width: 320, height: 240 }), name: `at_${i}`, time: i * 0.2 }));
-  await writeFile(tour, JSON.stringify({ format: 'lightfield-views', version: 1, views }));
-  const served = await serve(...rig, '--path', `tour=${tour}`);
+  await writeFile(join(folder, 'tour.json'), JSON.stringify({ format: 'lightfield-views', version: 1, views }));
+}
+
+async function paths() {
+  const served = await serve(...rig, ...tour);
   const page = await open(served, 'autoplay controls path="tour" view="yaw=3"');
   await shown(page, 10);
   expect(page.asked[0].searchParams.get('path') === 'tour' && await page.evaluate(() => v.path) === 'tour', 'the path is asked for');
@@ -233,6 +237,97 @@ async function paths() {
   });
   expect(lost === 'AbortError', `what the path has overtaken ends: ${lost}`);
   await page.leaves();
+  await served.stop();
+}
+
+// Without a free seat, the element shows the server's path until it gets a seat.
+async function fallsBack() {
+  const served = await serve(...rig, ...tour, '--viewers', '1');
+  const first = await open(served, 'autoplay');
+  await first.loads();
+  const page = await open(served, 'autoplay controls view="yaw=3"');
+  const state = () => page.evaluate(() => ({ fallback: v.fallback, interactive: v.interactive, connected: v.connected,
+    loaded: v.loaded, view: v.view, status: !v.status.hidden, bar: inside().bar.bar.checkVisibility(),
+    line: inside().root.querySelector('.trouble:not([hidden])')?.textContent ?? null, role: inside().video.getAttribute('role') }));
+  const line = 'Shared flight. There are too many viewers. You are number 1 of 1 in the queue.';
+  const shared = { fallback: 'tour', interactive: false, connected: false, loaded: true, view: null, status: false,
+    bar: false, line, role: null };
+  const has = (wanted, what) => until(async () => JSON.stringify(await state()) === JSON.stringify(wanted), what)
+    .catch(async error => { throw new Error(`${error.message}: ${JSON.stringify(await state())}`); });
+  await has(shared, 'the path is shown');
+  expect(JSON.stringify(await page.toldOf('fallback')) === '[{"path":"tour"}]', 'and told');
+  const [error] = await page.toldOf('error');
+  expect(error.reason === 'full' && error.retryAfter === 1, `error: ${JSON.stringify(error)}`);
+  const before = await picture(page);
+  await until(async () => (await compare(page, before, await picture(page))).psnr < 30, 'the picture flies');
+  expect(await page.evaluate(() => v.focusAt(300, 200)) === false, 'there is nothing to focus');
+  await page.screenshot({ path: join(artefacts, 'fallback.png') });
+  const asked = page.asked.length;
+  await until(() => page.asked.length > asked + 2, 'it asks for a seat again');
+  expect(page.asked.slice(2).every(url => url.searchParams.has('ticket')), `with its ticket: ${page.asked.join(' ')}`);
+  expect(await served.metric('watchers') === 1, 'with one shared flight only');
+  await has(shared, 'the path is still shown');
+
+  // A view that is set meanwhile applies to the own view.
+  const view = page.evaluate(() => v.setView({ yaw: 1 }));
+  await first.leaves();
+  expect(isNear((await view).yaw, 1), 'then it has its own view');
+  const { line: none, view: seen, ...own } = await state();
+  expect(own.fallback === null && own.interactive && own.connected && !none && seen && own.role === 'application', JSON.stringify(own));
+  await until(async () => (await state()).bar, 'with its controls');
+  await until(async () => await served.metric('watchers') === 0, 'the shared flight is left');
+  expect(JSON.stringify(await page.toldOf('fallback')) === '[{"path":"tour"},{"path":null}]', 'and told');
+
+  // The element gives its seat up and returns: the shared flight ends with the stream.
+  await page.evaluate(() => v.pause());
+  const other = await open(served, 'autoplay');
+  await other.loads();
+  await page.evaluate(() => v.play());
+  await page.waitForFunction(() => v.fallback === 'tour');
+  await page.evaluate(() => v.pause());
+  await until(async () => await served.metric('watchers') === 0, 'pause() leaves the shared flight');
+  expect(await page.evaluate(() => v.fallback) === null, 'and there is none');
+  await other.leaves();
+  await page.leaves();
+  await served.stop();
+}
+
+// Servers that only send video: they refuse data channels in the answer or in the offer, or send no messages.
+const kPlain = {
+  answer: { offer: sdp => sdp.replace(/m=application[^]*/, '').replace(/(BUNDLE \S+).*/, '$1'),
+    answer: sdp => `${sdp}m=application 0 UDP/DTLS/SCTP webrtc-datachannel\r\nc=IN IP4 0.0.0.0\r\na=mid:1\r\n` },
+  offer: { refuses: sdp => /m=application/.test(sdp) },
+  silence: { before: () => Object.defineProperty(RTCDataChannel.prototype, 'onmessage', { set() {} }) },
+};
+async function plainServers() {
+  const served = await serve(...rig, ...tour);
+  for (const [kind, { offer = sdp => sdp, answer = sdp => sdp, refuses = () => false, before }] of Object.entries(kPlain)) {
+    const page = await open(served, `controls src="${served.url}whep?path=tour"`, { script: before });
+    await page.route('**/whep?*', async route => {
+      const sdp = route.request().postData();
+      if (refuses(sdp)) return route.fulfill({ status: 400, body: 'no data channels', headers: { 'Access-Control-Allow-Origin': '*' } });
+      const response = await route.fetch({ postData: offer(sdp) }), { location, ...headers } = response.headers();
+      await route.fulfill({ status: 201, headers, body: answer(await response.text()) });
+    });
+    await page.evaluate(() => v.play());
+    await page.waitForFunction(() => v.loaded && v.connected && !v.interactive);
+    const frames = await page.evaluate(() => inside().video.getVideoPlaybackQuality().totalVideoFrames);
+    await shown(page, frames + 30);
+    await page.screenshot({ path: join(artefacts, `plain-${kind}.png`) });
+    const state = await page.evaluate(() => ({ view: v.view, fallback: v.fallback, status: !v.status.hidden,
+      bar: inside().bar.bar.checkVisibility(), role: inside().video.getAttribute('role') }));
+    expect(JSON.stringify(state) === '{"view":null,"fallback":null,"status":false,"bar":false,"role":null}', `${kind}: ${JSON.stringify(state)}`);
+    expect(await ending(page, 'v.setView({ yaw: 1 })') === 'InvalidStateError', `${kind}: setView() is refused`);
+    expect(await page.evaluate(() => v.focusAt(300, 200)) === false, `${kind}: so is focusAt()`);
+    expect(!(await page.toldOf('error')).length && (await page.toldOf('first-frame')).length === 1, `${kind}: events`);
+    expect((await page.toldOf('connected')).length === 1, `${kind}: it stays connected`);
+    // With lf-serve, there is a view again.
+    await page.unroute('**/whep?*');
+    if (!before) await page.evaluate(src => v.src = src, `${served.url}whep`);
+    if (!before) await page.loads();
+    expect(before || await page.evaluate(() => v.interactive), `${kind}: lf-serve is controlled`);
+    await page.leaves();
+  }
   await served.stop();
 }
 
@@ -421,6 +516,8 @@ await runTests([
   ['share', sharing],
   ['eyes and their distance', eyes],
   ['a path of the server', paths],
+  ['a shared flight while all seats are taken', fallsBack],
+  ['a plain WHEP server', plainServers],
   ['another server', otherSource],
   ['max-width', widths],
   ['token', tokens],

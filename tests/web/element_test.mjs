@@ -49,12 +49,15 @@ async function fromNpm() {
 const viewer: LightfieldViewer = document.createElement('lightfield-viewer');
 viewer.addEventListener('view-change', ({ detail }) => { const by: 'person' | 'script' = detail.by; viewer.title = by; });
 viewer.addEventListener('error', event => { const after: number = event.detail.retryAfter; viewer.title = String(after); });
+viewer.addEventListener('fallback', ({ detail }) => { const path: string | null = detail.path; viewer.title = path ?? viewer.fallback ?? ''; });
 viewer.addEventListener('click', event => viewer.focusAt(event.clientX, event.clientY));
 viewer.view = { yaw: 3 };
 viewer.view = 'yaw=3';
 const view: Promise<LightfieldView> = viewer.setView({ focusDistance: 2 });
 const blob: Promise<Blob> = viewer.toBlob({ type: 'image/jpeg' });
 export { view, blob };
+// @ts-expect-error this property is read-only
+viewer.interactive = true;
 // @ts-expect-error there is no such eye
 viewer.eyes = 'three';
 // @ts-expect-error nor such a number of a view

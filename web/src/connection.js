@@ -5,6 +5,7 @@ const kConnectTimeout = 15000;  // milliseconds
 // milliseconds to connect directly before the ICE servers that the server names are used
 const kDirectTimeout = 3000;
 const kGatherTimeout = 1000;           // milliseconds to gather candidates from ICE servers
+const kSilence = 3000;  // milliseconds with pictures but without a message, after which a server counts as plain WHEP
 const kMaxPending = 256;
 
 // Parses a list of ICE servers, separated by white space, such as "stun:stun.example.org
@@ -81,19 +82,20 @@ export class Refusal extends Error {
       if (/\bjson\b/.test(response.headers.get('Content-Type'))) problem = JSON.parse(text);
     } catch {  }
     const { status } = response, later = [429, 500, 502, 503, 504].includes(status);
-    const { reason, place, waiting, ticket, progress, title } = problem ?? {};
+    const { reason, place, waiting, ticket, progress, path, title } = problem ?? {};
     return new Refusal(title ?? (text.length < 200 && !text.startsWith('<') && text || `HTTP status ${status}`),
-      { status, reason, place, waiting, ticket, progress,
+      { status, reason, place, waiting, ticket, progress, path,
         retryAfter: later ? Number(response.headers.get('Retry-After')) || 5 : Infinity });
   }
 }
 
-// The WHEP session of a viewer, with its data channels "control" and "surface". Events are "open", "message" (detail:
-// object), "surface" (detail: ArrayBuffer), "sent" (detail: id and request) and "lost" (detail: error).
+// The WHEP session of a viewer, with its data channels "control" and "surface". Events are "track", "open", "message"
+// (detail: object), "surface" (detail: ArrayBuffer), "sent" (detail: id and request), "plain", and "lost" (detail:
+// error). A plain WHEP server has no data channels, or sends no messages. With `isPlain`, the offer has no data channels.
 export class Connection extends EventTarget {
-  constructor(video) {
+  constructor(isPlain = false) {
     super();
-    this.video = video;
+    this.isPlain = isPlain;
     this.nextId = 1;
     this.by = 'script';  // cause of the latest request
     this.sent = new Map();
@@ -107,24 +109,15 @@ export class Connection extends EventTarget {
     if (this.closed) return;
     const peer = this.peer = new RTCPeerConnection({ iceServers, certificates: made });
     peer.addTransceiver('video', { direction: 'recvonly' });
-    this.channel = peer.createDataChannel('control');
-    this.channel.onopen = () => {
-      this.isOpen = true;
-      this.dispatchEvent(new CustomEvent('open'));
-    };
-    this.channel.onclose = () => this.lose();
-    this.channel.onmessage = event => this.take(event.data);
-    // A late surface is useless, so it is not sent again.
-    const surfaces = peer.createDataChannel('surface', { ordered: false, maxRetransmits: 0 });
-    surfaces.binaryType = 'arraybuffer';
-    surfaces.onmessage = event => this.dispatchEvent(new CustomEvent('surface', { detail: event.data }));
+    if (!this.isPlain) this.addChannels();
     peer.ontrack = event => {
       if ('jitterBufferTarget' in event.receiver) event.receiver.jitterBufferTarget = 0;
       if ('playoutDelayHint' in event.receiver) event.receiver.playoutDelayHint = 0;
-      this.hasTrack = true;
-      this.video.srcObject = new MediaStream([event.track]);
+      this.media = new MediaStream([event.track]);
+      this.dispatchEvent(new CustomEvent('track'));
     };
     peer.onconnectionstatechange = () => {
+      if (this.isPlain && peer.connectionState === 'connected') this.opened();
       if (['failed', 'closed', 'disconnected'].includes(peer.connectionState)) this.lose();
     };
     await peer.setLocalDescription();
@@ -136,16 +129,44 @@ export class Connection extends EventTarget {
     const headers = { 'Content-Type': 'application/sdp', ...this.authorization };
     const response = await fetch(url, { method: 'POST', headers, body: peer.localDescription.sdp });
     if (response.status !== 201) throw await Refusal.of(response);
-    this.session = new URL(response.headers.get('Location'), response.url || url);
+    const location = response.headers.get('Location');
+    this.session = location && new URL(location, response.url || url);
     const text = await response.text();
     if (this.closed) return this.leave();
-    await peer.setRemoteDescription({ type: 'answer', sdp: text });
+    this.isPlain ||= !/^m=application [1-9]/m.test(text);
+    await peer.setRemoteDescription({ type: 'answer', sdp: text }).catch(({ message }) => {
+      throw new Refusal(message, { reason: 'answer' });
+    });
     // A connection usually works without ICE servers, so it does not wait for their candidates.
     this.iceServers = serversInLinks(response.headers.get('Link'));
     const patience = this.iceServers.length && !iceServers.length ? kDirectTimeout : kConnectTimeout;
-    this.timer = setTimeout(() => this.channel.readyState !== 'open' && this.lose(), patience);
+    this.timer = setTimeout(() => this.isOpen || this.lose(), patience);
     this.goodbye = () => this.leave();
     addEventListener('pagehide', this.goodbye);
+  }
+
+  addChannels() {
+    const { peer } = this;
+    this.channel = peer.createDataChannel('control');
+    this.channel.onopen = () => this.opened();
+    this.channel.onclose = () => this.isPlain || this.lose();
+    this.channel.onmessage = event => this.take(event.data);
+    // A late surface is useless, so it is not sent again.
+    const surfaces = peer.createDataChannel('surface', { ordered: false, maxRetransmits: 0 });
+    surfaces.binaryType = 'arraybuffer';
+    surfaces.onmessage = event => this.dispatchEvent(new CustomEvent('surface', { detail: event.data }));
+  }
+  opened() {
+    if (this.isOpen || this.closed) return;
+    this.isOpen = true;
+    this.openTime = performance.now();
+    this.dispatchEvent(new CustomEvent('open'));
+  }
+  // A picture is on the screen. lf-serve sends a message with each picture of a view.
+  checkPlain() {
+    if (!this.isOpen || this.heard || this.isPlain || performance.now() < this.openTime + kSilence) return;
+    this.isPlain = true;
+    this.dispatchEvent(new CustomEvent('plain'));
   }
 
   gathered() {
@@ -159,6 +180,7 @@ export class Connection extends EventTarget {
   get authorization() { return this.token ? { Authorization: `Bearer ${this.token}` } : {}; }
 
   take(text) {
+    this.heard = true;
     const message = JSON.parse(text);
     this.dispatchEvent(new CustomEvent('message', { detail: message }));
   }

@@ -38,7 +38,7 @@ export class Controls {
     this.settle();
   }
 
-  get flies() { return this.viewer.host.hasAttribute('controls') && this.viewer.path === null; }
+  get flies() { return this.viewer.host.hasAttribute('controls') && this.viewer.isInteractive; }
   get isHeld() { return this.viewer.host.matches(':focus-within') || this.viewer.host.matches(':fullscreen'); }
   navigate(event) {
     this.viewer.flight.interrupt();

@@ -19,7 +19,7 @@ export class ViewNavigation {
   }
   // Discards the state of the old light field when the element shows another light field. Calls of setView() that no
   // picture shows yet are rejected.
-  forget() {
+  forget(error = new DOMException('the element shows another light field', 'AbortError')) {
     const given = this.asked ?? [];
     this.interrupt();
     this.set = {};
@@ -34,7 +34,7 @@ export class ViewNavigation {
     this.hasMargins = false;
     this.changes = [];   // [RTP timestamp, state, margin] of pictures that are not displayed yet
     this.asked = [];     // [id, done, failed, fields] of setView() calls that no picture shows yet
-    for (const [, , failed] of given) failed(new DOMException('the element shows another light field', 'AbortError'));
+    for (const [, , failed] of given) failed(error);
   }
 
   resume(first) {
@@ -54,8 +54,8 @@ export class ViewNavigation {
   }
 
   setView(fields) {
-    if (this.viewer.path !== null)
-      return Promise.reject(new DOMException('the server flies a path: there is no view to set', 'InvalidStateError'));
+    if (this.viewer.isFixed)
+      return Promise.reject(new DOMException('this stream has no view to set', 'InvalidStateError'));
     this.interrupt();
     if ('focus-distance' in fields) this.endSweep();
     Object.assign(this.set, fields);
@@ -143,7 +143,7 @@ export class ViewNavigation {
   // visible, so that people see where home is. If the system requests reduced motion, the view jumps.
   goHome(by = 'script') {
     const { viewer } = this, from = this.state, start = viewer.start, to = { ...this.home, ...start };
-    if (viewer.path !== null) return;
+    if (viewer.isFixed) return;
     viewer.say('Back at the start');
     viewer.controls.settle();
     this.interrupt();

@@ -151,6 +151,7 @@ export const style = `
   .poster, ::slotted([slot=poster]) { position: absolute; inset: 0; width: 100%; height: 100%; }
   .poster { z-index: 0; }
   .poster img { width: 100%; height: 100%; object-fit: contain; display: block; }
+  .watches :is(canvas.cameras, .makers) { display: none; }
   .told canvas:is(.last, .redrawn), .told .poster { filter: brightness(.5); }
   .start { position: absolute; inset: 0; margin: auto; width: 84px; height: 84px; border-radius: 50%; z-index: 2; padding: 0; }
   .start svg { width: 40px; height: 40px; fill: currentcolor; }

@@ -51,7 +51,7 @@ export class StatusMessage {
     this.form = root.querySelector('form');
     this.field = this.form.querySelector('input');
     this.part = root.querySelector('.trouble');
-    this.trouble = '';
+    this.trouble = this.waiting = '';
     this.last = root.querySelector('canvas.last');
     this.poster = root.querySelector('.poster');
     this.again.addEventListener('click', () => this.viewer.stream.again());
@@ -96,7 +96,7 @@ export class StatusMessage {
     if (this.box.contains(this.viewer.root.activeElement)) this.viewer.video.focus({ preventScroll: true });
     this.box.hidden = true;
     this.viewer.stage.classList.remove('told');
-    if (this.viewer.stream.connection) this.watch();
+    if (this.viewer.stream.displayed) this.watch();
   }
 
   answered() { this.heard = performance.now(); }
@@ -104,12 +104,22 @@ export class StatusMessage {
     const { words, all } = trouble(statistics);
     if (words !== this.trouble)
       this.viewer.say(words || (/^Camera host/.test(this.trouble) ? 'All camera hosts answer.' : 'All cameras work again.'));
-    this.part.textContent = all ? '' : words;
-    this.part.hidden = all || !words;
     if (all) this.show(words);
     else if (this.dark) this.hide();
     this.trouble = words;
     this.dark = all;
+    this.showLine();
+  }
+  // Says over a shared flight why the viewer has no own view yet. `error` is the latest refusal; null ends the message.
+  wait(error) {
+    const words = error ? `Shared flight. ${this.words(error)}` : '';
+    if (words && !this.waiting) this.viewer.say(words);
+    this.waiting = words;
+    this.showLine();
+  }
+  showLine() {
+    this.part.textContent = [this.waiting, this.dark ? '' : this.trouble].filter(Boolean).join(' ');
+    this.part.hidden = !this.part.textContent;
   }
 
   // `error` is a Refusal. `seconds` is the delay until the next try; Infinity means none.
@@ -166,10 +176,11 @@ export class StatusMessage {
     this.last.hidden = false;
   }
 
-  // Frames arrive continuously, even if nothing moves in the scene. If they stop, the server or the network has failed.
+  // Frames of lf-serve arrive continuously, even if nothing moves in the scene. If they stop, the server or the network
+  // has failed.
   look() {
-    const { connection } = this.viewer.stream, now = performance.now(), still = now - this.frame;
-    if (document.hidden || !connection?.isOpen || this.viewer.video.paused) return void (this.frame = this.heard = now);
+    const { displayed: connection, isPlain } = this.viewer.stream, now = performance.now(), still = now - this.frame;
+    if (document.hidden || !connection?.isOpen || isPlain || this.viewer.video.paused) return void (this.frame = this.heard = now);
     if (still > kReconnectTimeout && now - this.heard > kReconnectTimeout) return connection.lose();
     if (still < kFreezeTimeout || !this.box.hidden) return;
     this.show('The picture has stopped. Waiting for the server');

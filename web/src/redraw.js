@@ -84,7 +84,7 @@ export class Redraw {
   // Moves the view on the page, because there is no server.
   look(request) {
     const { prediction, viewer: { flight } } = this;
-    if (!prediction.now || this.viewer.path !== null) return;
+    if (!prediction.now || !this.viewer.isInteractive) return;
     prediction.look(request, this.size, flight.home);
     flight.state = { ...flight.state, ...prediction.now };
     this.wake();
@@ -154,7 +154,7 @@ export class Redraw {
 
   get isPossible() {
     const { viewer } = this;
-    return viewer.mode === 'one' && viewer.path === null && viewer.cameras.canvas.hidden &&
+    return viewer.mode === 'one' && viewer.isInteractive && viewer.cameras.canvas.hidden &&
       !this.isLost && !this.isImpossible;
   }
   get isStalled() { return !this.viewer.stream.isOpen || performance.now() > this.shownTime + kStalled; }

@@ -129,6 +129,7 @@ export class Viewer {
     for (const part of [this.bar.bar, this.root.querySelector('slot[name=controls]')]) part.hidden = !flies;
     this.startButton.hidden = this.started;
     this.stage.classList.toggle('begins', !this.started);
+    this.stage.classList.toggle('watches', !this.isInteractive);
     const poster = this.root.querySelector('.poster img'), url = host.getAttribute('poster');
     poster.hidden = !url;
     if (url && poster.getAttribute('src') !== url) poster.src = url;
@@ -151,7 +152,7 @@ export class Viewer {
     if (before.src !== undefined && (changed('src') || changed('path'))) {
       this.loaded = false;
       this.vignette.forget();
-      Object.assign(this.stream, { iceServers: null, ticket: null, retry: 0 });
+      Object.assign(this.stream, { iceServers: null, ticket: null, retry: 0, isPlain: false, sharedAfter: 0 });
       this.cameras.array = this.cameras.known = this.monitor.array = null;
     }
     if (changed('token')) this.token.typed = null;
@@ -175,6 +176,10 @@ export class Viewer {
   // or empty.
   given(name) { return this.host.getAttribute(name) || this.share.words.get(name) || null; }
   get path() { return this.given('path'); }
+  // There is no view to control: a path, or a server that only sends video.
+  get isFixed() { return this.path !== null || this.stream.isPlain; }
+  // The picture follows the view that the user and scripts control.
+  get isInteractive() { return !this.isFixed && !this.stream.shared; }
   get lightField() { return JSON.stringify([this.given('src'), this.path]); }
   get start() {
     const focus = numberIn(this.host.getAttribute('focus'));
@@ -203,7 +208,7 @@ export class Viewer {
     this.resting = setTimeout(() => {
       const { width, height } = this.size, { asked } = this.stream;
       if (!asked || !this.stream.connection || (width === asked.width && height === asked.height)) return;
-      if (this.mode === 'headset' || this.path !== null) return;
+      if (this.mode === 'headset' || !this.isInteractive) return;
       this.notice.keep();
       this.stream.again();
     }, kRest);
@@ -238,6 +243,12 @@ export class Viewer {
     this.redraw.begin();
     this.twoEyes = this.mode !== 'one';
     this.flight.resume({ ...this.start, ...this.share.view });
+  }
+
+  showShared() {
+    this.redraw.begin();
+    this.twoEyes = false;
+    Object.assign(this.flight, { margin: 0, changes: [] });
   }
 
   take(message) {
@@ -277,16 +288,18 @@ export class Viewer {
   frames() {
     this.video.requestVideoFrameCallback?.((now, frame) => {
       this.frames();
-      if (!this.stream.connection?.hasTrack) return;
+      const { displayed } = this.stream;
+      if (!displayed?.media) return;
+      displayed.checkPlain();
       this.flight.show(frame);
       this.redraw.show(frame);
       this.notice.shown();
       this.panel.frame(now, frame);
       this.vignette.draw(now);
       this.anaglyph.draw(this.flight.seen, this.eyeDistance);
-      this.cameras.draw(now, this.flight.seen);
-      // The event also requires the displayed view.
-      if (!this.loaded && (this.flight.seen || this.path !== null)) {
+      this.cameras.draw(now, this.isInteractive ? this.flight.seen : null);
+      // The event also requires the displayed view, if there is one.
+      if (!this.loaded && (this.flight.seen || !this.isInteractive)) {
         this.loaded = true;
         this.tell('first-frame', { width: this.picture.eyeWidth, height: this.video.videoHeight });
       }
@@ -305,7 +318,7 @@ export class Viewer {
       { type: 'customUpstreamEvent', structureName: 'lightfield-pixel', structure: { x: Math.round(x), y: Math.round(y) } });
   }
   focusAt(clientX, clientY) {
-    if (this.path !== null) return false;
+    if (!this.isInteractive) return false;
     const { x, y } = this.picture.pixelAt({ clientX, clientY }), at = { x: x % this.picture.eyeWidth, y, button: 1 };
     this.flight.interrupt();
     const send = event => this.stream.connection?.request({ type: 'navigationEvent', event: { event, ...at } });
