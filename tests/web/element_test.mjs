@@ -28,7 +28,7 @@ async function fromNpm() {
   const { stdout } = await run('npm', ['pack', '--json', '--pack-destination', fresh], { cwd: join(source, 'web') });
   const [{ filename, files }] = JSON.parse(stdout);
   console.log(`# ${filename}: ${files.map(({ path }) => path).join(' ')}`);
-  expect(files.some(({ path }) => path === 'LICENSE'), 'it has its licence');
+  for (const name of ['LICENSE', 'custom-elements.json']) expect(files.some(({ path }) => path === name), `it has ${name}`);
   await writeFile(join(fresh, 'package.json'), '{ "private": true, "type": "module" }');
   await run('npm', ['install', '--no-audit', '--no-fund', '--offline', join(fresh, filename)], { cwd: fresh });
   const served = await serve(...rig);
