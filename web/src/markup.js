@@ -172,7 +172,8 @@ export const style = `
     background: var(--panel); opacity: 0; transition: opacity .25s; pointer-events: none; white-space: nowrap; }
   .hint.on { opacity: 1; }
   .trouble { position: absolute; left: 50%; top: 8px; translate: -50% 0; margin: 0; padding: 4px 10px; border-radius: 8px; z-index: 1;
-    background: var(--panel); font-size: 12px; pointer-events: none; max-width: calc(100% - 32px); }
+    background: var(--panel); font-size: 12px; pointer-events: none; width: max-content; max-width: calc(100% - 32px);
+    box-sizing: border-box; }
   progress { width: 100%; accent-color: var(--mark); }
   @media (prefers-reduced-motion: reduce) { .bar, .hint, .picture { transition: none; } }
   label { display: flex; gap: 8px; align-items: center; flex: 1 1 200px; white-space: nowrap; }
