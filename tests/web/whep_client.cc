@@ -11,7 +11,6 @@
 #include <stdexcept>
 
 #include "support/process.h"
-#include "web/served.h"
 
 namespace lf::test {
 namespace {
@@ -252,7 +251,10 @@ void WhepClient::send_feedback(uint8_t type, uint8_t format, const std::vector<u
     g_autoptr(GstEvent) segment = gst_pad_get_sticky_event(rtcp, GST_EVENT_SEGMENT, 0);
     return segment != nullptr;
   };
-  if (!becomes(has_begun)) throw std::runtime_error("the client sends no RTCP");
+  for (int waited = 0; !has_begun(); waited++) {
+    if (waited > 3000) throw std::runtime_error("the client sends no RTCP");
+    g_usleep(20000);
+  }
   gst_pad_chain(rtcp, gst_buffer_new_memdup(packet.data(), packet.size()));
 }
 
