@@ -269,20 +269,25 @@ ZhangFit fit_fisheye(const std::vector<BoardView>& views, const CalibrationBoard
   result.model = model;
   for (size_t i = 0; i < board.num_corners(); i++) result.board.emplace_back(board.corner(i), 0);
   constexpr int kFirstIterations = 15;
-  std::optional<OneCamera> best;
+  constexpr size_t kFirstViews = 8;  // enough to choose the start
+  std::vector<BoardView> some;
+  const size_t first_views = std::min(kFirstViews, views.size());
+  for (size_t i = 0; i < first_views; i++) some.push_back(views[i * views.size() / first_views]);
+  std::optional<Lens> start;
   double least = INFINITY;
   for (const double field : {80, 120, 160, 200, 240}) {  // of the longer side, degrees
     const double f = std::max(width, height) / (field * M_PI / 180);
-    OneCamera camera(Lens(LensModel::kOpenCvFisheye, {f, f, (width - 1) / 2.0, (height - 1) / 2.0}), views,
+    OneCamera camera(Lens(LensModel::kOpenCvFisheye, {f, f, (width - 1) / 2.0, (height - 1) / 2.0}), some,
                      result.board);
     camera.adjust(true, kFirstIterations);
     const std::vector<double> errors = camera.squared_errors();
     const double sum = std::accumulate(errors.begin(), errors.end(), 0.0);
-    if (sum < least) least = sum, best.emplace(std::move(camera));
+    if (sum < least) least = sum, start = camera.lens();
   }
-  if (!best) throw Error("the views do not determine a lens");
-  best->adjust(true, 100);
-  const std::vector<double> errors = best->squared_errors();
+  if (!start) throw Error("the views do not determine a lens");
+  OneCamera best(*start, views, result.board);
+  best.adjust(true, 100);
+  const std::vector<double> errors = best.squared_errors();
   least = std::accumulate(errors.begin(), errors.end(), 0.0);
   double num_points = 0;
   for (size_t v = 0; v < views.size(); v++) {
@@ -291,9 +296,9 @@ ZhangFit fit_fisheye(const std::vector<BoardView>& views, const CalibrationBoard
     num_points += points;
   }
   const double num_residuals = 2 * num_points;
-  result.lens = best->lens();
+  result.lens = best.lens();
   result.rms = std::sqrt(least / num_points);
-  const Eigen::MatrixXd normal = best->normal_equations();
+  const Eigen::MatrixXd normal = best.normal_equations();
   result.num_params = static_cast<size_t>(normal.rows());
   if (num_residuals <= static_cast<double>(normal.rows()))
     throw Error("there are too few views for the model " + model.name());
@@ -510,7 +515,6 @@ GoodViews fit_good_views(const std::vector<BoardView>& views, const CalibrationB
 GoodViews fit_radial_or_fisheye(const std::vector<BoardView>& views, const CalibrationBoard& board, int width,
                                 int height) {
   constexpr double kClearlyBetter = 0.8;
-  constexpr double kGood = 0.5;  // pixels; the fisheye model takes several times as long, so it is not tried below
   const auto error_of = [&](LensModel lens) {
     try {
       return median(fit_zhang(views, board, width, height, {lens}).view_rms);
@@ -518,8 +522,7 @@ GoodViews fit_radial_or_fisheye(const std::vector<BoardView>& views, const Calib
       return std::numeric_limits<double>::infinity();
     }
   };
-  const double radial = error_of(LensModel::kRadial);
-  const bool fisheye = radial > kGood && error_of(LensModel::kOpenCvFisheye) < kClearlyBetter * radial;
+  const bool fisheye = error_of(LensModel::kOpenCvFisheye) < kClearlyBetter * error_of(LensModel::kRadial);
   return fit_good_views(views, board, width, height, {fisheye ? LensModel::kOpenCvFisheye : LensModel::kRadial});
 }
 

@@ -62,9 +62,8 @@ struct GoodViews {
 GoodViews fit_good_views(const std::vector<BoardView>& views, const CalibrationBoard& board, int width, int height,
                          const ZhangModel& model);
 
-// The result of fit_good_views() with the model RADIAL, or OPENCV_FISHEYE if RADIAL leaves more than half a pixel and the
-// other model fits clearly better. Both have two radial terms for small angles, so that only a wide field of view
-// decides.
+// The result of fit_good_views() with the model RADIAL, or OPENCV_FISHEYE if it fits clearly better. Both have two
+// radial terms for small angles, so that only a wide field of view decides.
 GoodViews fit_radial_or_fisheye(const std::vector<BoardView>& views, const CalibrationBoard& board, int width,
                                 int height);
 
