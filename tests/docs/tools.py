@@ -7,12 +7,13 @@ usage: tools.py BUILD_ROOT FILE [--check]
 With --check, writes nothing and exits 1 if FILE is outdated.
 """
 import argparse
-import dataclasses
 import difflib
 import pathlib
 import re
-import subprocess
 import sys
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "tools/completion"))
+from help_text import choices, help_of, parse, split_head
 
 HEAD = """# Tools
 
@@ -26,50 +27,14 @@ subcommands have the option `--help`, and all programs have `--version`.
 """
 
 TYPES = {"INT": "integer", "UINT": "integer", "FLOAT": "number", "TEXT": "text"}
-COLUMN = 28  # width of CLI11's column of names
-
-
-@dataclasses.dataclass
-class Row:
-    head: str
-    text: str
-
-
-def help_of(command):
-    result = subprocess.run([*command, "--help"], capture_output=True, text=True, timeout=60)
-    if result.returncode != 0:
-        sys.exit(f"tools.py: {command[0]} --help: {result.stderr or result.stdout}")
-    return result.stdout
-
-
-def parse(text):
-    """Returns (description, {heading: rows}) of a --help text of CLI11."""
-    description, _, rest = text.partition("Usage:")
-    lines, sections, rows = rest.splitlines()[1:], {}, []
-    for i, line in enumerate(lines):
-        indent = len(line) - len(line.lstrip())
-        if heading := re.fullmatch(r"\s*(Positionals|Options|Subcommands):", line):
-            rows = sections.setdefault(heading[1], [])
-        elif not line.strip() or line.lstrip().startswith("["):
-            continue
-        elif indent >= COLUMN:
-            rows[-1].text = f"{rows[-1].text} {line.strip()}".strip()
-        else:
-            column = indent + COLUMN
-            head, tail = line[:column], line[column:]
-            follows = i + 1 < len(lines) and re.match(" {%d}" % COLUMN, lines[i + 1])
-            if follows or not head.endswith(" ") or head.count("[") != head.count("]"):
-                head, tail = line, ""
-            rows.append(Row(head.strip(), tail.strip()))
-    return " ".join(description.split()), sections
 
 
 def values(kind):
     """Describes a type such as "INT:INT in [1 - 100]" for a reader."""
     name, _, limit = kind.partition(":")
     word = TYPES.get(name, f"`{name}`" if name else "")
-    if choice := re.fullmatch(r"\{(.*)\}", limit):
-        return ", ".join(f"`{value}`" for value in choice[1].split(","))
+    if listed := choices(kind):
+        return ", ".join(f"`{value}`" for value in listed)
     if bounds := re.search(r"\[(\S+) - (\S+)\]", limit):
         return f"{word}, {bounds[1]} to {bounds[2]}"
     if limit.startswith(("PATH", "FILE", "DIR")):
@@ -79,13 +44,9 @@ def values(kind):
 
 def table_row(row):
     """Returns a row of an option or a positional argument."""
-    names, _, rest = row.head.partition(" ")
-    notes = []
-    for label, word in ("Excludes", "not with"), ("Needs", "requires"):
-        if found := re.search(label + r": ((?:--?[\w-]+ ?)+)", rest):
-            others = sorted(found[1].split())  # CLI11 orders them by the addresses of its objects
-            notes.append(word + " " + ", ".join(f"`{name}`" for name in others))
-            rest = rest.replace(found[0], "")
+    names, rest, others = split_head(row.head)
+    words = {"Excludes": "not with", "Needs": "requires"}
+    notes = [words[label] + " " + ", ".join(f"`{name}`" for name in named) for label, named in others.items()]
     if re.search(r"\bREQUIRED\b", rest):
         notes.insert(0, "required")
     if re.search(r"\.\.\.", rest) and "repeat" not in row.text:
