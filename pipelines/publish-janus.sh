@@ -45,7 +45,7 @@ usage: pipelines/publish-janus.sh --rig RIG.json --path VIEWS.json [OPTION...]
                       latency of the cameras (default: 100)
   --set 'NAME=VALUE'  property of lfviewsrc, such as focus=plane; may be repeated
   --print             print the pipeline up to its RTP packets instead of running it. A WHIP client can use the output:
-                      simple-whip-client -u URL -V "\$(pipelines/publish-janus.sh --rig ... --path ... --print)"
+                      whip-client -u URL -V "\$(pipelines/publish-janus.sh --rig ... --path ... --print)"
 END
 }
 

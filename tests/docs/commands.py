@@ -29,7 +29,7 @@ from gi.repository import GLib, Gst, GstGL, GstGLEGL  # noqa: E402
 BUILD, SOURCE = (pathlib.Path(path).resolve() for path in sys.argv[1:3])
 PICTURES, PATIENCE_S, LISTENING_S = 3, 60, 1
 # Elements in the documents that Debian 12 lacks, or that are in a package without other use.
-OF_OTHERS = {"whepclientsrc"}
+OF_OTHERS = {"ndisink", "rtspclientsink", "whepclientsrc"}
 CAPITALS = re.compile(r"\b[A-Z][A-Z0-9_]{2,}\b")
 # Words in capitals that are not placeholders, but part of caps.
 THEMSELVES = {"JPEG", "RGB", "LIGHTFIELD", "REQUEST", "ANSWER"}
