@@ -24,8 +24,7 @@ CASES = [
     ("lf-scene --out ", ""),  # bash then completes names of files
     ("lf-scene --out chart --frames 3 li", "lights"),
     ("lf-scene lights --sp", "--speed"),
-    ("lf-scene lights --format ", "--help --rig --out --bar --framerate --seconds --speed --near --far --power --exposure "
-     "--noise --ambient --reflection --quality --threads"),
+    ("lf-scene lights --format --sp", "--speed"),  # lights has no --format
     ("lf-rig im", "import"),
     ("lf-rig import --out rig.json col", "colmap"),
     ("lf-rig import colmap --rig", "--rig-id"),
