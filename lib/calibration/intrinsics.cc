@@ -188,6 +188,12 @@ class OneCamera {
     }
   }
 
+  // Returns true if the pose of the board is known in all views.
+  bool has_all_boards() const {
+    return std::ranges::all_of(scene_.targets,
+                               [](const TargetState& target) { return target.kind == TargetState::Kind::kBoard; });
+  }
+
   // Moves the boards, and changes the lens if it is free, to minimise the reprojection errors.
   void adjust(bool free_lens, int max_iterations) {
     AdjustmentOptions options;
@@ -286,6 +292,7 @@ ZhangFit fit_fisheye(const std::vector<BoardView>& views, const CalibrationBoard
   }
   if (!start) throw Error("the views do not determine a lens");
   OneCamera best(*start, views, result.board);
+  if (!best.has_all_boards()) throw Error("the views do not fit the model " + model.name());
   best.adjust(true, 100);
   const std::vector<double> errors = best.squared_errors();
   least = std::accumulate(errors.begin(), errors.end(), 0.0);
