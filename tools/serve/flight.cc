@@ -66,8 +66,7 @@ void Flight::deliver(Watcher* watcher, Size size) {
   {
     const std::lock_guard lock(mutex_);
     watchers_[watcher] = size;
-    const bool is_half = std::ranges::any_of(watchers_, [](const auto& entry) { return entry.second == kHalf; });
-    g_object_set(valve_, "drop", static_cast<gboolean>(!is_half), nullptr);
+    open_valve();
   }
   request_key_frame(size);
   if (!started_) gst_element_set_state(pipeline_, GST_STATE_PLAYING);
@@ -77,6 +76,12 @@ void Flight::deliver(Watcher* watcher, Size size) {
 void Flight::leave(Watcher* watcher) {
   const std::lock_guard lock(mutex_);
   watchers_.erase(watcher);
+  open_valve();
+}
+
+void Flight::open_valve() {
+  const bool is_half = std::ranges::any_of(watchers_, [](const auto& entry) { return entry.second == kHalf; });
+  g_object_set(valve_, "drop", static_cast<gboolean>(!is_half), nullptr);
 }
 
 GstPadProbeReturn Flight::before_encoder(GstPad*, GstPadProbeInfo*, gpointer data) {

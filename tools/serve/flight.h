@@ -64,6 +64,8 @@ class Flight {
   static std::string launch_line(size_t nodes, VideoCodec codec, const ViewSettings& settings);
   static GstFlowReturn take_picture(GstAppSink* sink, gpointer data);
   static GstPadProbeReturn before_encoder(GstPad* pad, GstPadProbeInfo* info, gpointer data);
+  // Encodes the half size only while a watcher gets it. The caller holds mutex_.
+  void open_valve();
 
   LightField& field_;
   const ViewSettings settings_;
