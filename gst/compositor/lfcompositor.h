@@ -112,7 +112,7 @@ struct _LfCompositor {
     std::atomic<double> extent = 0;  // width of the array, metres; see array_extent()
     std::atomic<bool> request_flushed = false;
     std::atomic<bool> over = false;
-    std::atomic<guint32> seek_seqnum = GST_SEQNUM_INVALID;  // of the latest seek
+    std::atomic<guint32> seek_seqnum = GST_SEQNUM_INVALID;  // the latest seek
 
     // Streaming thread.
     lf::CompositorSettings settings;

@@ -136,7 +136,7 @@ bool can_read(const CameraImages& images, CameraIndex camera) {
   }
 }
 
-// Returns the cameras (ascending) whose depth maps the views need: those around the eye, and those that contribute.
+// Returns the cameras (ascending) that need depth maps: the cameras around the eyes, and all contributing cameras.
 CameraSet cameras_of(const Rig& rig, const Mesh& mesh, std::span<const View> views) {
   constexpr size_t kAround = 2 * ArrayDepth::kCameras;
   CameraSet all(rig.cameras.size());

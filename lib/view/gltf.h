@@ -19,7 +19,7 @@ struct SurfaceMesh {
   std::vector<uint32_t> triangles;              // three vertices each, counter-clockwise as seen from the view
 };
 
-// Returns the mesh of a view. Nodes whose depth is unknown or infinite, or whose coverage is 0, have no triangles.
+// Returns the mesh of a view. Nodes without coverage, and nodes with an unknown or infinite depth, have no triangles.
 // Triangles whose depths differ by more than a tenth are left out, because an object ends there. If the view shows a
 // plane, its nodes are FocalMap::kMinStep pixels apart. `coverage` has one value per pixel, or is empty.
 SurfaceMesh surface_mesh(const View& view, std::span<const float> coverage = {});

@@ -20,7 +20,7 @@ const GstStructure* meta_of(GstBuffer* buffer) {
   return meta ? gst_custom_meta_get_structure(meta) : nullptr;
 }
 
-// Compares the depth values of a view, whose first pixel is at (left, top), with the definition of the values.
+// Compares the depth values of a view with their definition. The first pixel of the view is at (left, top).
 void expect_depths(GstBuffer* buffer, int width, const View& shown, double scale, double offset, int left = 0,
                    int top = 0) {
   const std::vector<uint8_t> bytes = to_bytes(buffer);

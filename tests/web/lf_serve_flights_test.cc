@@ -96,7 +96,7 @@ class Reports {
   uint32_t highest_ = 1 << 20, lost_ = 0;
 };
 
-// Losses of one watcher must not change the video of the others.
+// If one watcher loses packets, the other watchers still get the full size.
 TEST_F(LfServeFlights, WatcherWithASlowNetworkGetsHalfTheSize) {
   Served served(options({}));
   const auto good = watch(served), bad = watch(served);

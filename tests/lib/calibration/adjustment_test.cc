@@ -226,7 +226,7 @@ TEST_F(UncertaintyTest, CoversClocks) {
   // The velocities are random, so poses, lenses and points absorb only a part of the readout time.
   EXPECT_GT(moving.clock_sigmas[2][2], alone);
   EXPECT_LT(moving.clock_sigmas[2][2], 1.5 * alone);
-  // The offset is relative to the mean of the other cameras, whose offsets are as uncertain as the prior, 0.1 s.
+  // The offset is relative to the mean of the other cameras. Their offsets have the uncertainty of the prior, 0.1 s.
   const auto cameras = static_cast<double>(truth_.cameras.size());
   EXPECT_NEAR(moving.clock_sigmas[2][0], 0.1 * std::sqrt(cameras - 1) / cameras, 1e-5);
   EXPECT_NEAR(moving.clock_sigmas[1][2], 0.2, 1e-6);

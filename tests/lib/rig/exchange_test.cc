@@ -110,7 +110,7 @@ TEST(Exchange, KeepsNamesAndDepthsWhereTheFormatHasThem) {
   const RigExport result = export_mrcal(rig, dir / "mrcal");
   EXPECT_THAT(result.notes, ElementsAre(mentions("topology"), mentions("images")));
   EXPECT_EQ(import_mrcal(dir / "mrcal").rig.cameras[2].name, "view 10");
-  // LLFF's order is that of the bytes, in which "view 10" precedes "view 5".
+  // LLFF sorts names by their bytes: "view 10" precedes "view 5".
   EXPECT_THAT(export_llff(rig, dir / "llff", 0.5, 30).notes, Contains(mentions("names")));
   const RigImport llff = import_llff(dir / "llff");
   EXPECT_EQ(llff.rig.cameras[1].name, "camera_00001");

@@ -57,7 +57,7 @@ TEST_F(GltfTest, VerticesProjectToTheirPlaces) {
       const double expected = has_map ? 1 / view_.focus.map->inverse_of(i % columns_ < columns_ / 2 ? 200 : 100) : 0;
       EXPECT_NEAR(has_map ? z : view_.focus.plane.signed_distance({x, y, z}), expected, 1e-5);
     }
-    // All squares but those of the column of the edge, counter-clockwise in the picture, whose y axis points down.
+    // The squares at the edge are missing. Triangles turn counter-clockwise in the picture; its y axis points down.
     EXPECT_EQ(mesh.triangles.size(), 6 * (columns_ - (has_map ? 2 : 1)) * (rows_ - 1));
     for (size_t i = 0; i < mesh.triangles.size(); i += 3) {
       const auto at = [&](size_t k) {
