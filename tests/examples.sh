@@ -36,7 +36,7 @@ pc=$(find "$work/root" -name lightfield.pc)
 plugin=$(find "$work/root" -name libgstlightfield.so)
 export PKG_CONFIG_PATH=${pc%/*}
 sed -i "s|^prefix=|prefix=$work/root|" "${pc%/*}"/*.pc  # the installed prefix lacks DESTDIR
-bin=$(dirname "$(find "$work/root" -name lf-scene)")
+bin=$(dirname "$(find "$work/root" -path '*/bin/lf-scene')")
 
 # Other exported symbols could be mistaken for the library that an application links.
 nm -D --defined-only "$plugin" | grep -v ' gst_plugin_lightfield_\(get_desc\|register\)$' >"$work/log"
