@@ -25,11 +25,14 @@ bool is_installed(const char* factory_name) {
   return yes;
 }
 
-// True if decodebin would use an installed decoder for these caps.
+// True if decodebin would use an installed decoder for these still images and the decoder works. Those of libav find no
+// valid frame in a TIFF file: GStreamer 1.22 has no parser that divides the stream into pictures for them.
 bool has_decoder(GstCaps* caps) {
   GList* all = gst_element_factory_list_get_elements(GST_ELEMENT_FACTORY_TYPE_DECODER, GST_RANK_MARGINAL);
   GList* decoders = gst_element_factory_list_filter(all, caps, GST_PAD_SINK, FALSE);
-  const bool found = decoders != nullptr;
+  bool found = false;
+  for (const GList* each = decoders; each; each = each->next)
+    found |= !g_str_has_prefix(GST_OBJECT_NAME(each->data), "avdec_");
   gst_plugin_feature_list_free(decoders);
   gst_plugin_feature_list_free(all);
   return found;
