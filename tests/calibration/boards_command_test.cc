@@ -42,7 +42,11 @@ void photograph_board(const Rig& rig, const CalibrationBoard& board, const std::
   const test::Print print = test::print_of(board);
   std::mt19937 random(2);
   std::uniform_real_distribution<double> uniform(-1, 1);
-  for (const Camera& camera : rig.cameras) fs::create_directories(fs::path(folder) / camera.name);
+  std::vector<test::PrintCamera> cameras;
+  for (const Camera& camera : rig.cameras) {
+    fs::create_directories(fs::path(folder) / camera.name);
+    cameras.emplace_back(camera.lens, camera.width, camera.height);
+  }
   for (int n = 0; n < kInstants; n++) {
     const Quat turn = glm::angleAxis(0.6 * uniform(random), Vec3(1, 0, 0)) *
                       glm::angleAxis(0.6 * uniform(random), Vec3(0, 1, 0)) *
@@ -50,10 +54,11 @@ void photograph_board(const Rig& rig, const CalibrationBoard& board, const std::
     const Vec3 at(0.06 * uniform(random), 0.05 * uniform(random), 0.5 + 0.12 * uniform(random));
     const Vec2 middle = board.corner(board.num_corners() - 1) / 2.0;
     const Pose world_from_board{at - glm::mat3_cast(turn) * Vec3(middle, 0), turn};
-    for (const Camera& camera : rig.cameras) {
+    for (size_t i = 0; i < rig.cameras.size(); i++) {
+      const Camera& camera = rig.cameras[i];
       const Quat inverse = glm::conjugate(camera.pose.orientation);
       const Pose camera_from_board{camera.pose.camera_from_world(world_from_board.position), inverse * turn};
-      save_image(test::photograph(print, board.square, camera.lens, camera_from_board, camera.width, camera.height),
+      save_image(cameras[i].photograph(print, board.square, camera_from_board),
                  fs::path(folder) / camera.name / (std::to_string(n) + ".png"));
     }
   }
@@ -184,6 +189,7 @@ TEST(BoardsCommand, EstimatesTimesInVideos) {
     cv::VideoWriter film(dir / "boards" + "/" + camera.name + ".avi", cv::CAP_OPENCV_MJPEG,
                          cv::VideoWriter::fourcc('M', 'J', 'P', 'G'), 10, cv::Size(camera.width, camera.height));
     ASSERT_TRUE(film.isOpened());
+    const test::PrintCamera print_camera(camera.lens, camera.width, camera.height);
     for (int n = 0; n < 60; n++) {
       const double t = n / 10.0 + kLate[i] + 3;
       const Quat turn = glm::angleAxis(0.5 * std::sin(0.9 * t), Vec3(1, 0, 0)) *
@@ -193,8 +199,7 @@ TEST(BoardsCommand, EstimatesTimesInVideos) {
       const Vec3 middle(board.corner(board.num_corners() - 1) / 2.0, 0);
       const Quat inverse = glm::conjugate(camera.pose.orientation);
       const Pose camera_from_board{camera.pose.camera_from_world(at - turn * middle), inverse * turn};
-      const Image image =
-          test::photograph(print, board.square, camera.lens, camera_from_board, camera.width, camera.height);
+      const Image image = print_camera.photograph(print, board.square, camera_from_board);
       cv::Mat picture(camera.height, camera.width, CV_8UC3);
       for (int y = 0; y < camera.height; y++)
         for (int x = 0; x < camera.width; x++)

@@ -84,20 +84,27 @@ Print print_of(const CalibrationBoard& board) {
   return print_checkerboard(board);
 }
 
-Image photograph(const Print& print, double square, const Lens& lens, const Pose& camera_from_board, int width,
-                 int height) {
-  constexpr int kSamples = 3;
-  Image image(PixelFamily::kRgb, width, height);
+PrintCamera::PrintCamera(const Lens& lens, int width, int height) : width_(width), height_(height) {
+  rays_.reserve(static_cast<size_t>(width) * height * kSamples * kSamples);
+  for (int y = 0; y < height; y++)
+    for (int x = 0; x < width; x++)
+      for (int s = 0; s < kSamples * kSamples; s++) {
+        const Vec2 sample(x + (s % kSamples + 0.5) / kSamples - 0.5, y + (s / kSamples + 0.5) / kSamples - 0.5);
+        const auto ray = lens.unproject(sample);
+        rays_.push_back(ray ? Vec3(*ray, 1) : Vec3(0, 0, 1));
+      }
+}
+
+Image PrintCamera::photograph(const Print& print, double square, const Pose& camera_from_board) const {
+  Image image(PixelFamily::kRgb, width_, height_);
   const Vec3 normal = camera_from_board.rotation()[2];
   const double along = glm::dot(normal, camera_from_board.position);
-  for (int y = 0; y < height; y++)
-    for (int x = 0; x < width; x++) {
+  auto ray = rays_.begin();
+  for (int y = 0; y < height_; y++)
+    for (int x = 0; x < width_; x++) {
       double sum = 0;
-      for (int s = 0; s < kSamples * kSamples; s++) {
-        const Vec2 pixel(x + (s % kSamples + 0.5) / kSamples - 0.5, y + (s / kSamples + 0.5) / kSamples - 0.5);
-        const auto ray = lens.unproject(pixel);
-        const Vec3 direction = ray ? Vec3(*ray, 1) : Vec3(0, 0, 1);
-        const Vec3 at = camera_from_board.camera_from_world(direction * (along / glm::dot(normal, direction)));
+      for (int s = 0; s < kSamples * kSamples; s++, ray++) {
+        const Vec3 at = camera_from_board.camera_from_world(*ray * (along / glm::dot(normal, *ray)));
         const Vec2 on = print.first + Vec2(at) / square * print.per_unit;
         const int column = static_cast<int>(std::floor(on.x)), row = static_cast<int>(std::floor(on.y));
         const bool outside = column < 0 || row < 0 || column >= print.picture.cols || row >= print.picture.rows;

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <vector>
+
 #include <opencv2/core.hpp>
 
 #include "calibration/board_detection.h"
@@ -22,8 +24,19 @@ struct Print {
 void draw_marker(cv::Mat& print, int dictionary, int id, const cv::Rect& at, int border, bool half_turn);
 Print print_of(const CalibrationBoard& board);
 
-// Renders a print with 3x3 samples per pixel. Board axes are those of CalibrationBoard::corner(), in metres.
-Image photograph(const Print& print, double square, const Lens& lens, const Pose& camera_from_board, int width,
-                 int height);
+// A camera that takes pictures of prints, with 3x3 samples per pixel.
+class PrintCamera {
+ public:
+  PrintCamera(const Lens& lens, int width, int height);
+
+  // The axes of the board are those of CalibrationBoard::corner(), in metres.
+  Image photograph(const Print& print, double square, const Pose& camera_from_board) const;
+
+ private:
+  static constexpr int kSamples = 3;  // per pixel, horizontally and vertically
+
+  int width_, height_;
+  std::vector<Vec3> rays_;  // of all samples, pixel by pixel
+};
 
 }  // namespace lf::test

@@ -37,7 +37,8 @@ Pose pose_of(const CalibrationBoard& board, const Vec3& at, double pitch, double
 }
 
 Image picture_of(const CalibrationBoard& board, const Pose& pose) {
-  return test::photograph(test::print_of(board), board.square, kLens, pose, 640, 480);
+  static const test::PrintCamera camera(kLens, 640, 480);
+  return camera.photograph(test::print_of(board), board.square, pose);
 }
 
 double worst_error(const CalibrationBoard& board, const BoardView& view, const Pose& pose) {
