@@ -88,23 +88,40 @@ class GuidedFilter {
 
 enum class Choice { kLeast, kMedian, kLargest };
 
-// Returns the least, median or largest value among the 3 x 3 pixels around each pixel.
+// Returns the least, median or largest value among the 3 x 3 pixels around each pixel. Pixels beyond the border repeat
+// the border.
 void select_of_nine(const Values& in, int width, int height, Choice choice, Values& out) {
-  for (int y = 0; y < height; y++)
+  const auto median = [](float a, float b, float c) { return std::max(std::min(a, b), std::min(std::max(a, b), c)); };
+  // The values of each column of three pixels in ascending order, with a repeated column at both ends.
+  Values least(width + 2), middle(width + 2), largest(width + 2);
+  for (int y = 0; y < height; y++) {
+    const float* const here = &in[static_cast<size_t>(y) * width];
+    const float* const above = y > 0 ? here - width : here;
+    const float* const below = y < height - 1 ? here + width : here;
     for (int x = 0; x < width; x++) {
-      std::array<float, 9> values;
-      for (int k = 0; k < 9; k++) {
-        const int column = std::clamp(x + k % 3 - 1, 0, width - 1), row = std::clamp(y + k / 3 - 1, 0, height - 1);
-        values[k] = in[static_cast<size_t>(row) * width + column];
-      }
-      float& value = out[static_cast<size_t>(y) * width + x];
-      if (choice == Choice::kMedian) {
-        std::nth_element(values.begin(), values.begin() + 4, values.end());
-        value = values[4];
-      } else {
-        value = choice == Choice::kLeast ? std::ranges::min(values) : std::ranges::max(values);
-      }
+      least[x + 1] = std::min(std::min(above[x], here[x]), below[x]);
+      middle[x + 1] = median(above[x], here[x], below[x]);
+      largest[x + 1] = std::max(std::max(above[x], here[x]), below[x]);
     }
+    for (Values* const values : {&least, &middle, &largest}) {
+      values->front() = (*values)[1];
+      values->back() = (*values)[width];
+    }
+    const float *const low = least.data(), *const mid = middle.data(), *const high = largest.data();
+    float* const to = &out[static_cast<size_t>(y) * width];
+    switch (choice) {
+      case Choice::kLeast:
+        for (int x = 0; x < width; x++) to[x] = std::min(std::min(low[x], low[x + 1]), low[x + 2]);
+        break;
+      case Choice::kLargest:
+        for (int x = 0; x < width; x++) to[x] = std::max(std::max(high[x], high[x + 1]), high[x + 2]);
+        break;
+      case Choice::kMedian:
+        for (int x = 0; x < width; x++)
+          to[x] = median(std::max(std::max(low[x], low[x + 1]), low[x + 2]), median(mid[x], mid[x + 1], mid[x + 2]),
+                         std::min(std::min(high[x], high[x + 1]), high[x + 2]));
+    }
+  }
 }
 
 // The search for the depths of one camera.

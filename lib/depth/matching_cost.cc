@@ -15,77 +15,101 @@
 HWY_BEFORE_NAMESPACE();
 namespace lf::HWY_NAMESPACE {
 
-// Computes where the pixels of row `y` fall in a neighbour's image. Points behind the neighbour get a negative x.
-void project_row(const PixelMapping& mapping, int y, const float* HWY_RESTRICT inverse, int n, float* HWY_RESTRICT to_x,
-                 float* HWY_RESTRICT to_y) {
+// Computes where the pixels of row `y` fall in a neighbour's image of `width` x `height` pixels. `place` is the number
+// of the pixel at the upper left, or -1 outside of the image. `across` and `down` are parts of the distance to the next
+// pixel, in 1/32767, in both halves of each value.
+void project_row(const PixelMapping& mapping, int y, const float* HWY_RESTRICT inverse, int n, int width, int height,
+                 int32_t* HWY_RESTRICT place, int32_t* HWY_RESTRICT across, int32_t* HWY_RESTRICT down) {
   const std::array<float, 3> first = mapping.at(0, static_cast<float>(y));
   for_lanes<float>(n, [&](auto d, int i) HWY_ATTR {
+    const hn::RebindToSigned<decltype(d)> di;
     const auto x = hn::Iota(d, static_cast<float>(i)), depth = hn::LoadU(d, inverse + i);
     const auto coordinate = [&](int k) HWY_ATTR {
       return hn::Add(hn::Add(hn::Set(d, first[k]), hn::Mul(x, hn::Set(d, mapping.rows[k][0]))),
                      hn::Mul(depth, hn::Set(d, mapping.parallax[k])));
     };
-    const auto z = coordinate(2), scale = hn::Div(hn::Set(d, 1.f), z);
-    const auto is_in_front = hn::Gt(z, hn::Zero(d));
-    hn::StoreU(hn::IfThenElse(is_in_front, hn::Mul(coordinate(0), scale), hn::Set(d, -1.f)), d, to_x + i);
-    hn::StoreU(hn::IfThenElse(is_in_front, hn::Mul(coordinate(1), scale), hn::Set(d, -1.f)), d, to_y + i);
+    const auto z = coordinate(2), scale = hn::Div(hn::Set(d, 1.f), z), zero = hn::Zero(d);
+    const auto at_x = hn::Mul(coordinate(0), scale), at_y = hn::Mul(coordinate(1), scale);
+    const auto is_inside = hn::And(hn::And(hn::Gt(z, zero), hn::And(hn::Ge(at_x, zero), hn::Ge(at_y, zero))),
+                                   hn::And(hn::Lt(at_x, hn::Set(d, static_cast<float>(width - 1))),
+                                           hn::Lt(at_y, hn::Set(d, static_cast<float>(height - 1)))));
+    const auto column = hn::ConvertTo(di, hn::IfThenElseZero(is_inside, at_x));
+    const auto row = hn::ConvertTo(di, hn::IfThenElseZero(is_inside, at_y));
+    const auto part = [&](auto position, auto whole) HWY_ATTR {
+      const auto beyond = hn::Sub(hn::IfThenElseZero(is_inside, position), hn::ConvertTo(d, whole));
+      const auto fraction = hn::ConvertTo(di, hn::Mul(hn::Set(d, 32767.f), beyond));
+      return hn::Or(fraction, hn::ShiftLeft<16>(fraction));
+    };
+    const auto pixel = hn::Add(hn::Mul(row, hn::Set(di, width)), column);
+    hn::StoreU(hn::IfThenElse(hn::RebindMask(di, is_inside), pixel, hn::Set(di, -1)), di, place + i);
+    hn::StoreU(part(at_x, column), di, across + i);
+    hn::StoreU(part(at_y, row), di, down + i);
   });
 }
 
-constexpr auto kMaxSum = static_cast<uint64_t>(2 * MatchingImage::kUnit * MatchingCost::kMax);
-// Truncation of the differences of luma, dx and dy. Unseen pixels get the largest cost.
-alignas(8) constexpr int16_t kLimits[4] = {static_cast<int16_t>(MatchingImage::kUnit * MatchingCost::kMaxLuma),
-                                           static_cast<int16_t>(MatchingImage::kUnit* MatchingCost::kMaxGradient),
-                                           static_cast<int16_t>(MatchingImage::kUnit* MatchingCost::kMaxGradient),
-                                           static_cast<int16_t>(kMaxSum)};
-alignas(8) constexpr int16_t kCompared[4] = {-1, -1, -1, 0};
+constexpr int kMaxSum = static_cast<int>(2 * MatchingImage::kUnit * MatchingCost::kMax);
+constexpr float kPerSum = 0.5f / MatchingImage::kUnit;
+// Truncation of the differences of luma, dx and dy, for two pixels. Unseen pixels get the largest cost.
+constexpr auto kLumaLimit = static_cast<int16_t>(MatchingImage::kUnit * MatchingCost::kMaxLuma);
+constexpr auto kGradientLimit = static_cast<int16_t>(MatchingImage::kUnit * MatchingCost::kMaxGradient);
+alignas(16) constexpr int16_t kLimits[8] = {kLumaLimit, kGradientLimit, kGradientLimit, kMaxSum,
+                                            kLumaLimit, kGradientLimit, kGradientLimit, kMaxSum};
+alignas(16) constexpr int16_t kCompared[8] = {-1, -1, -1, 0, -1, -1, -1, 0};
+// Stands for the pixels outside of an image.
+alignas(16) constexpr int16_t kOutside[8] = {0, 0, 0, MatchingImage::kUnseen, 0, 0, 0, MatchingImage::kUnseen};
 
-// Returns the sum of the truncated differences between a pixel and the bilinear mean of the four pixels at `upper` and
-// `lower`. `across` and `down` are parts of the distance to the next pixel, in 1/32768.
-#if HWY_TARGET == HWY_SCALAR
-uint64_t sum_of_differences(const MatchingImage::Pixel& pixel, const int16_t* upper, const int16_t* lower,
-                            int16_t across, int16_t down) {
+// Returns the cost of a pixel, from the bilinear mean of the two pixels at `upper` and the two at `lower`.
+float cost_of_pixel(const MatchingImage::Pixel& pixel, const int16_t* upper, const int16_t* lower, int across,
+                    int down) {
   const auto between = [](int a, int b, int part) { return a + (((b - a) * part + (1 << 14)) >> 15); };
-  uint64_t sum = 0;
+  int sum = 0;
   for (int k = 0; k < 4; k++) {
     const int sample = between(between(upper[k], lower[k], down), between(upper[4 + k], lower[4 + k], down), across);
-    sum += static_cast<uint64_t>(std::min(std::abs(sample - (pixel[k] & kCompared[k])), static_cast<int>(kLimits[k])));
+    sum += std::min(std::abs(sample - (pixel[k] & kCompared[k])), static_cast<int>(kLimits[k]));
   }
-  return sum;
+  return static_cast<float>(std::min(sum, kMaxSum)) * kPerSum;
 }
-#else
-HWY_INLINE uint64_t sum_of_differences(const MatchingImage::Pixel& pixel, const int16_t* upper, const int16_t* lower,
-                                       int16_t across, int16_t down) {
-  const hn::FixedTag<int16_t, 8> two;
-  const hn::FixedTag<int16_t, 4> one;
-  const hn::FixedTag<uint64_t, 1> bits;
-  const auto above = hn::LoadU(two, upper), below = hn::LoadU(two, lower);
-  const auto both = hn::Add(above, hn::MulFixedPoint15(hn::Sub(below, above), hn::Set(two, down)));
-  const auto first = hn::LowerHalf(one, both), second = hn::UpperHalf(one, both);
-  const auto sample = hn::Add(first, hn::MulFixedPoint15(hn::Sub(second, first), hn::Set(one, across)));
-  const auto compared = hn::And(hn::LoadU(one, pixel.data()), hn::Load(one, kCompared));
-  const auto difference = hn::Min(hn::Abs(hn::Sub(sample, compared)), hn::Load(one, kLimits));
-  // The product adds the four 16-bit lanes in its upper 16 bits.
-  return hn::GetLane(hn::BitCast(bits, difference)) * 0x0001000100010001u >> 48;
-}
-#endif
 
-// Compares the pixels of a row with the neighbour's image at (x[i], y[i]).
-void compare_row(const MatchingImage::Pixel* pixels, const MatchingImage& to, const float* x, const float* y, int n,
+// Compares the pixels of a row with a neighbour's image at the places of project_row().
+void compare_row(const MatchingImage::Pixel* pixels, const MatchingImage& to, const int32_t* HWY_RESTRICT place,
+                 const int32_t* HWY_RESTRICT across, const int32_t* HWY_RESTRICT down, int n,
                  float* HWY_RESTRICT cost) {
-  const float right = static_cast<float>(to.width - 1), bottom = static_cast<float>(to.height - 1);
-  for (int i = 0; i < n; i++) {
-    if (!(x[i] >= 0 && y[i] >= 0 && x[i] < right && y[i] < bottom)) {
-      cost[i] = MatchingCost::kMax;
-      continue;
-    }
-    const int column = static_cast<int>(x[i]), row = static_cast<int>(y[i]);
-    const auto across = static_cast<int16_t>(32767.f * (x[i] - static_cast<float>(column)));
-    const auto down = static_cast<int16_t>(32767.f * (y[i] - static_cast<float>(row)));
-    const int16_t* const at = to.pixels[static_cast<size_t>(row) * to.width + column].data();
-    const uint64_t sum = sum_of_differences(pixels[i], at, at + 4 * static_cast<ptrdiff_t>(to.width), across, down);
-    cost[i] = static_cast<float>(std::min(sum, kMaxSum)) * (0.5f / MatchingImage::kUnit);
+  const int16_t* const first = to.pixels.front().data();
+  const ptrdiff_t row = 4 * static_cast<ptrdiff_t>(to.width);
+  const auto upper_of = [&](int i) { return place[i] < 0 ? kOutside : first + 4 * static_cast<ptrdiff_t>(place[i]); };
+  const auto lower_of = [&](int i) { return place[i] < 0 ? kOutside : upper_of(i) + row; };
+  int i = 0;
+#if HWY_TARGET != HWY_SCALAR
+  const hn::FixedTag<int16_t, 8> d;
+  const hn::FixedTag<int64_t, 2> d64;
+  const hn::FixedTag<int32_t, 4> d32;
+  const hn::FixedTag<float, 4> df;
+  const auto between = [&](auto a, auto b, auto part)
+                           HWY_ATTR { return hn::Add(a, hn::MulFixedPoint15(hn::Sub(b, a), part)); };
+  // The mean of the upper and lower pixels at i, on the left and on the right.
+  const auto column = [&](int k) HWY_ATTR {
+    return hn::BitCast(
+        d64, between(hn::LoadU(d, upper_of(k)), hn::LoadU(d, lower_of(k)), hn::BitCast(d, hn::Set(d32, down[k]))));
+  };
+  // The sums of the differences of two pixels, each in two parts, in the lower halves of the values.
+  const auto sums = [&](int k, auto parts) HWY_ATTR {
+    const auto a = column(k), b = column(k + 1);
+    const auto sample = between(hn::BitCast(d, hn::InterleaveLower(d64, a, b)),
+                                hn::BitCast(d, hn::InterleaveUpper(d64, a, b)), hn::BitCast(d, parts));
+    const auto compared = hn::And(hn::LoadU(d, pixels[k].data()), hn::Load(d, kCompared));
+    const auto two = hn::BitCast(d32, hn::Min(hn::Abs(hn::Sub(sample, compared)), hn::Load(d, kLimits)));
+    return hn::Add(two, hn::ShiftRight<16>(two));
+  };
+  for (; i + 4 <= n; i += 4) {
+    const auto parts = hn::LoadU(d32, across + i);
+    const auto a = sums(i, hn::InterleaveLower(d32, parts, parts));
+    const auto b = sums(i + 2, hn::InterleaveUpper(d32, parts, parts));
+    const auto both = hn::Add(hn::ConcatEven(d32, b, a), hn::ConcatOdd(d32, b, a));
+    const auto sum = hn::Min(hn::And(both, hn::Set(d32, 0xffff)), hn::Set(d32, kMaxSum));
+    hn::StoreU(hn::Mul(hn::ConvertTo(df, sum), hn::Set(df, kPerSum)), df, cost + i);
   }
+#endif
+  for (; i < n; i++) cost[i] = cost_of_pixel(pixels[i], upper_of(i), lower_of(i), across[i] >> 16, down[i] >> 16);
 }
 
 // Swaps values so that least[i] <= rest[i].
@@ -115,7 +139,7 @@ HWY_EXPORT(keep_least);
 HWY_EXPORT(add_to);
 
 MatchingCost::MatchingCost(const MatchingImage& image, std::span<const MatchingImage* const> neighbours)
-    : image_(image), x_(image.width), y_(image.width), cost_(image.width) {
+    : image_(image), place_(image.width), across_(image.width), down_(image.width), cost_(image.width) {
   for (const MatchingImage* neighbour : neighbours) neighbours_.push_back({neighbour, {image, *neighbour}});
   least_.assign((neighbours.size() + 1) / 2, std::vector<float>(image.width));
 }
@@ -126,8 +150,11 @@ void MatchingCost::compute(std::span<const float> inverse, std::span<float> cost
     const size_t row = static_cast<size_t>(y) * n;
     for (std::vector<float>& least : least_) std::ranges::fill(least, kMax);
     for (const Neighbour& neighbour : neighbours_) {
-      HWY_DYNAMIC_DISPATCH(project_row)(neighbour.mapping, y, &inverse[row], n, x_.data(), y_.data());
-      HWY_DYNAMIC_DISPATCH(compare_row)(&image_.pixels[row], *neighbour.image, x_.data(), y_.data(), n, cost_.data());
+      const MatchingImage& to = *neighbour.image;
+      HWY_DYNAMIC_DISPATCH(project_row)
+      (neighbour.mapping, y, &inverse[row], n, to.width, to.height, place_.data(), across_.data(), down_.data());
+      HWY_DYNAMIC_DISPATCH(compare_row)
+      (&image_.pixels[row], to, place_.data(), across_.data(), down_.data(), n, cost_.data());
       for (std::vector<float>& least : least_) HWY_DYNAMIC_DISPATCH(keep_least)(least.data(), cost_.data(), n);
     }
     std::fill_n(&cost[row], n, 0.f);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <array>
+#include <cstdint>
 #include <span>
 #include <vector>
 
@@ -35,7 +35,8 @@ class MatchingCost {
 
   const MatchingImage& image_;
   std::vector<Neighbour> neighbours_;
-  std::vector<float> x_, y_, cost_;
+  std::vector<int32_t> place_, across_, down_;  // of a row in a neighbour's image
+  std::vector<float> cost_;
   std::vector<std::vector<float>> least_;  // of each pixel in a row, ascending
 };
 

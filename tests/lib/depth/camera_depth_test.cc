@@ -1,7 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "depth/camera_depth.h"
 
+#include <algorithm>
+#include <cmath>
+#include <utility>
+#include <vector>
+
 #include "lib/focus/array_of_walls.h"
+#include "reference/generators.h"
 #include "support/test.h"
 
 namespace lf {
@@ -63,6 +69,44 @@ TEST_F(CameraDepthTest, DepthsStayInTheRange) {
     EXPECT_GE(inverse, 0.4f);
     EXPECT_LE(inverse, 0.5f);
   }
+}
+
+// without_outliers() as its documentation says, in double precision. Pixels beyond the border repeat the border in the
+// median, and do not agree with anything.
+double plain_without_outliers(const std::vector<float>& inverse, int width, int height, int x, int y, double step) {
+  const auto at = [&](int u, int v) -> double {
+    return inverse[static_cast<size_t>(std::clamp(v, 0, height - 1)) * width + std::clamp(u, 0, width - 1)];
+  };
+  std::vector<double> around;
+  int agreeing = 0;
+  for (int k = 0; k < 9; k++) {
+    const int u = x + k % 3 - 1, v = y + k / 3 - 1;
+    around.push_back(at(u, v));
+    const bool is_neighbour = (u != x || v != y) && u >= 0 && v >= 0 && u < width && v < height;
+    agreeing += is_neighbour && std::abs(at(u, v) - at(x, y)) < 1.5 * step;
+  }
+  std::ranges::sort(around);
+  return agreeing >= 2 ? at(x, y) : around[4];
+}
+
+TEST_F(CameraDepthTest, OutliersBecomeTheMedianOfTheirNeighbours) {
+  constexpr double kStep = 0.01;
+  const std::pair<int, int> sizes[] = {{1, 1}, {1, 9}, {9, 1}, {2, 2}, {3, 5}, {40, 31}, {67, 20}};
+  reference::Random random(3);
+  int replaced = 0;
+  for (const auto& [width, height] : sizes) {
+    std::vector<float> inverse;
+    for (int i = 0; i < width * height; i++)
+      inverse.push_back(static_cast<float>(random.integer(0, 3) == 0 ? random.uniform(0, 1) : random.uniform(0, 0.05)));
+    const std::vector<float> out = without_outliers(inverse, width, height, kStep);
+    for (int y = 0; y < height; y++)
+      for (int x = 0; x < width; x++) {
+        const size_t i = static_cast<size_t>(y) * width + x;
+        EXPECT_EQ(out[i], plain_without_outliers(inverse, width, height, x, y, kStep)) << x << ", " << y;
+        replaced += out[i] != inverse[i];
+      }
+  }
+  EXPECT_GT(replaced, 100);
 }
 
 TEST_F(CameraDepthTest, ConfidenceIsTheShareOfAgreeingNeighbours) {
