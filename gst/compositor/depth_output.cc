@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <string>
 #include <utility>
 
@@ -121,15 +122,19 @@ void DepthOutput::set_limits(double near, double far) {
   values_ = {};
 }
 
-// Without limits, the largest value stands for a quarter of the nearest distance that the array can measure, so that a
-// unit is a small fraction of a pixel of disparity. A power of two makes the numbers of the caps exact.
+// Without a near limit, the largest value stands for a quarter of the nearest distance that the array can measure, so
+// that a unit is a small fraction of a pixel of disparity. It is also at most a quarter of the far limit. A power of
+// two makes the numbers of the caps exact.
 const DepthOutput::Values& DepthOutput::values() {
   constexpr double kNearer = 4, kUnknown = 4;  // 1/m
   if (values_.scale > 0) return values_;
   const double farthest = far_ > 0 ? 1 / far_ : 0;
   const double measured = near_ > 0 || !rig_ ? 0 : FocusArray(*rig_).nearest();
-  const double nearest = std::exp2(std::ceil(std::log2(kNearer * (measured > 0 ? measured : kUnknown))));
-  values_.scale = near_ > 0 ? (1 / near_ - farthest) / (kMost - 1) : (nearest - farthest) / (kMost + 1);
+  const double reached = std::max(measured > 0 ? measured : kUnknown, farthest);
+  const double nearest = near_ > 0 ? 1 / near_ : std::exp2(std::ceil(std::log2(kNearer * reached)));
+  // Values must differ even if both limits are equal.
+  const double span = std::max(nearest - farthest, nearest * std::numeric_limits<float>::epsilon());
+  values_.scale = span / (near_ > 0 ? kMost - 1 : kMost + 1);
   values_.offset = farthest - values_.scale;
   return values_;
 }

@@ -59,11 +59,19 @@ class LfCompositorDepthTest : public LfCompositorTest {
 
 TEST_F(LfCompositorDepthTest, DepthsAreThoseOfThePicture) {
   using Properties = std::vector<std::pair<std::string, std::string>>;
-  const Properties limits{{"rig", array_.rig_path()}, {"focus-near", "4"}, {"focus-far", "16"}};
-  for (const Properties& properties : {Properties{}, Properties{limits[0]}, limits}) {
-    SCOPED_TRACE(properties.size());
+  struct Case {
+    const char* what;
+    Properties properties;
+    double farthest, nearest;  // 1/m; nearest is 0 if unknown
+  };
+  const std::pair<std::string, std::string> rig{"rig", array_.rig_path()};
+  for (const auto& [what, properties, farthest, nearest] :
+       {Case{"no rig", {}, 0, 0}, Case{"no limits", {rig}, 0, 0},
+        Case{"both limits", {rig, {"focus-near", "4"}, {"focus-far", "16"}}, 1 / 16., 1 / 4.},
+        Case{"equal limits are ignored", {rig, {"focus-near", "4"}, {"focus-far", "4"}}, 0, 0},
+        Case{"nearer than the array can measure", {{"focus-far", "0.0625"}}, 16, 64 - 2 * 48. / 65536}}) {
+    SCOPED_TRACE(what);
     start_with_depths(properties);
-    const bool has_limits = properties.size() > 1;
     for (uint32_t i = 0; i < 4; i++) {
       ViewRequest asked = array_.request(i, (5 + i) * kFrame);
       asked.view.pose.position.z = i == 1 ? 0.3 : 0;
@@ -79,9 +87,9 @@ TEST_F(LfCompositorDepthTest, DepthsAreThoseOfThePicture) {
       EXPECT_EQ(views_of_picture(meta_of(depths.get())).at(0).view.pose, asked.view.pose);
       const double scale = field(meta_of(depths.get()), "depth-scale");
       const double offset = field(meta_of(depths.get()), "depth-offset");
-      if (has_limits) {
-        EXPECT_NEAR(offset + scale, 1 / 16., 1e-9) << "focus-far";
-        EXPECT_NEAR(offset + 65535 * scale, 1 / 4., 1e-9) << "focus-near";
+      EXPECT_NEAR(offset + scale, farthest, 1e-9) << "focus-far";
+      if (nearest > 0) {
+        EXPECT_NEAR(offset + 65535 * scale, nearest, 1e-9) << "focus-near";
       } else {
         EXPECT_EQ(std::exp2(std::round(std::log2(scale))), scale) << "a power of two";
         EXPECT_EQ(offset, -scale);
