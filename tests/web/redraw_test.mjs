@@ -2,8 +2,8 @@
 // The page redraws the latest picture for the requested view, before the picture of this view arrives.
 import { join } from 'node:path';
 import { writeFile } from 'node:fs/promises';
-import { allowSoftware, artefacts, close, closeClean, compare, expect, launchBrowser, makeRig, openDelayed, openShown, picture,
-  rests, runTests, serve, setView, settled, source, stateOf, truthsOf } from './harness.mjs';
+import { allowSoftware, artefacts, close, closeClean, compare, expect, launchBrowser, makeRig, newPage, openDelayed, openShown,
+  picture, rests, runTests, serve, setView, settled, site, source, stateOf, truthsOf } from './harness.mjs';
 
 const size = { width: 640, height: 480 };
 const folder = await makeRig('6x6');
@@ -121,6 +121,38 @@ async function meshKeepsThePicture() {
   expect(displacement(camera, camera, 2) === 0 && displacement(camera, other, 2) > 10, 'displacement');
 }
 
+// A movement to the right opens a gap on the right of a red bar in front of a white panel, whose edge is close, in front of a
+// blue wall. The gap shows the panel.
+async function gapsShowWhatIsBehind() {
+  const mine = await site({ '/': '<!doctype html><title>gaps</title>' }, join(source, 'web')), page = await newPage(browser, size);
+  await page.goto(mine.origin);
+  const blue = await page.evaluate(async () => {
+    const [{ contextOf, Painter }, { cameraOf }] = await Promise.all(['painter', 'view'].map(name => import(`/src/${name}.js`)));
+    const [width, height, step] = [320, 240, 8], columns = width / step, rows = height / step;
+    const picture = new OffscreenCanvas(width, height), context = picture.getContext('2d');
+    const levels = new Uint8Array(columns * rows);
+    for (const [colour, level, left, top, right, bottom] of
+      [['#00f', 20, 0, 0, columns, rows], ['#fff', 100, 10, 5, 24, 25], ['#f00', 250, 18, 8, 22, 22]]) {
+      context.fillStyle = colour;
+      context.fillRect(step * left, step * top, step * (right - left), step * (bottom - top));
+      for (let j = top; j < bottom; j++) levels.fill(level, j * columns + left, j * columns + right);
+    }
+    const camera = x => cameraOf({ x, y: 0, z: 0, yaw: 0, pitch: 0, roll: 0, fov: 44 }, width, height), from = camera(0);
+    const gl = contextOf(Object.assign(document.createElement('canvas'), { width, height }), {}, true), painter = new Painter(gl);
+    painter.load(picture, 1);
+    painter.draw({ camera: from, step, columns, rows, farthest: 0.1, nearest: 1, levels }, from, camera(0.05));
+    // The gap, between the new places of the bar and of the panel's edge, without corners.
+    const [left, right, bottom, top] = [158, 180, 90, 150], data = new Uint8Array(4 * (right - left) * (top - bottom));
+    gl.readPixels(left, bottom, right - left, top - bottom, gl.RGBA, gl.UNSIGNED_BYTE, data);
+    let blue = 0;
+    for (let i = 0; i < data.length; i += 4) blue += data[i + 2] - data[i + 1] > 60;
+    return blue;
+  });
+  expect(blue === 0, `${blue} pixels show the wall`);
+  await page.context().close();
+  mine.close();
+}
+
 // The page predicts the view of the server exactly, where the cameras do not limit the view.
 async function predictionsAreExact() {
   const served = await serve(...rig);
@@ -196,6 +228,26 @@ async function worksWithoutWebGl() {
   });
   await rests(page);
   await redrawn(page, { x: -0.02 });
+  await closeClean(page, served);
+}
+
+// Some browsers give no RTP timestamps. The latest surface then belongs to the latest picture.
+async function worksWithoutRtpTimestamps() {
+  const served = await serve(...rig), page = await newPage(browser, size, { before: allowSoftware });
+  await page.addInitScript(() => {
+    const { requestVideoFrameCallback } = HTMLVideoElement.prototype;
+    HTMLVideoElement.prototype.requestVideoFrameCallback = function (done) {
+      return requestVideoFrameCallback.call(this, (now, { rtpTimestamp, ...frame }) => done(now, frame));
+    };
+  });
+  await page.goto(served.url);
+  await page.waitForFunction(() => inside()?.redraw.picture?.surface.levels.length > 100);
+  await rests(page);
+  const { aperture, ...home } = await stateOf(page), view = { ...home, x: home.x + 0.03 };
+  const png = await redrawn(page, { x: view.x }), [truth, last] = await truthsOf([view, home], size);
+  const [{ psnr }, { psnr: stale }] = [await compare(page, png, truth), await compare(page, last, truth)];
+  console.log(`# without RTP timestamps: redrawn ${psnr.toFixed(1)} dB, stale ${stale.toFixed(1)} dB`);
+  expect(psnr > stale + 2, `the redrawn picture is ${psnr} dB from the truth`);
   await closeClean(page, served);
 }
 
@@ -473,8 +525,10 @@ await runTests([
   ['surfaces belong to their pictures', surfacesBelongToTheirPictures],
   ['damaged surfaces are refused', damagedSurfacesAreRefused],
   ['the mesh keeps the picture', meshKeepsThePicture],
+  ['gaps show what is behind', gapsShowWhatIsBehind],
   ['predictions are exact', predictionsAreExact],
   ['works without WebGL', worksWithoutWebGl],
+  ['works without RTP timestamps', worksWithoutRtpTimestamps],
   ['movements do not wait for the server', movementsDoNotWait],
   ['redrawn pictures are better than stale ones', redrawnPicturesAreBetterThanStaleOnes],
 ]);

@@ -117,7 +117,8 @@ export class Headset {
     painter.load(video, frames);
     for (const [index, view] of pose.views.slice(0, 2).entries()) {
       const { x, y, width, height } = layer.getViewport(view), { surface, camera } = pictures[index];
-      painter.draw(surface, camera, this.cameraOf(view, width, height), { box: [x, y, width, height], index, eyes: 2 });
+      painter.draw(surface, camera, this.cameraOf(view, width, height),
+          { target: layer.framebuffer, box: [x, y, width, height], index, eyes: 2 });
     }
   }
   // Returns the camera of an eye: its pose, and the lens of its projection matrix.

@@ -88,26 +88,25 @@ function line(count, step, size) {
   return { places, nodes };
 }
 
-// For each node, returns the index of the node that lies behind it: the farthest of the near neighbours if there is an
-// edge between both, otherwise the node itself.
+// For each node, returns the index of the node that lies behind it: the farthest of the neighbours if there is an edge
+// between both, otherwise the node itself. The closest edge counts. A node behind an edge that is as close stays.
 function nodesBehind(inverses, columns, rows, isEdge) {
-  const pass = (from, count, stride, others, otherStride) => {
-    const out = new Int32Array(from.length);
-    for (let k = 0; k < others; k++)
-      for (let i = 0; i < count; i++) {
-        const at = k * otherStride + i * stride;
-        let best = from[at];
-        for (let n = Math.max(0, i - kBehind); n <= Math.min(count - 1, i + kBehind); n++) {
-          const candidate = from[k * otherStride + n * stride];
-          if (inverses[candidate] < inverses[best]) best = candidate;
+  return Int32Array.from(inverses, (own, at) => {
+    const x = at % columns, y = Math.floor(at / columns);
+    for (let reach = 1; reach <= kBehind; reach++) {
+      const [top, bottom, left, right] =
+        [Math.max(0, y - reach), Math.min(rows - 1, y + reach), Math.max(0, x - reach), Math.min(columns - 1, x + reach)];
+      let far = at, near = at;
+      for (let j = top; j <= bottom; j++)
+        for (let node = j * columns + left; node <= j * columns + right; node++) {
+          if (inverses[node] < inverses[far]) far = node;
+          if (inverses[node] > inverses[near]) near = node;
         }
-        out[at] = best;
-      }
-    return out;
-  };
-  const own = Int32Array.from(inverses, (_, at) => at);
-  const farthest = pass(pass(own, columns, 1, rows, columns), rows, columns, columns, 1);
-  return farthest.map((node, at) => isEdge(inverses[node], inverses[at]) ? node : at);
+      if (isEdge(own, inverses[near])) return at;
+      if (isEdge(inverses[far], own)) return far;
+    }
+    return at;
+  });
 }
 
 const kCorners = [0, 1, kAround, kAround + 1].map(at => at + kRing * (kAround + 1));  // indices of a cell's corners
