@@ -82,8 +82,8 @@
  *   depth-offset + v * depth-scale, in 1/metre (or 1/unit of the rig). The caps have both numbers as fields (double),
  *   and so has the meta of each buffer. The depth is the distance along the optical axis of the view. 0 means that the
  *   depth is unknown. 1 is `focus-far` or farther, and infinity by default. 65535 is `focus-near` or nearer, and by
- *   default at most a quarter of the nearest distance that the array can measure. The numbers of the caps are constant
- *   unless the rig or these properties change.
+ *   default at most a quarter of the nearest distance that the array can measure, and at most a quarter of `focus-far`.
+ *   The numbers of the caps are constant unless the rig or these properties change.
  * - confidence_src: `video/x-raw, format=GRAY8`, from 0 (the depth is a guess) to 255 (certain). It is high where the
  *   cameras agree about the depth and disagree about other depths. It is 0 in regions without detail, where the picture
  *   shows the focal plane, and for all views of a set but the middle one.
