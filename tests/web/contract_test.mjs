@@ -319,7 +319,8 @@ async function plainServers() {
     expect(JSON.stringify(state) === '{"view":null,"fallback":null,"status":false,"bar":false,"role":null}', `${kind}: ${JSON.stringify(state)}`);
     expect(await ending(page, 'v.setView({ yaw: 1 })') === 'InvalidStateError', `${kind}: setView() is refused`);
     expect(await page.evaluate(() => v.focusAt(300, 200)) === false, `${kind}: so is focusAt()`);
-    expect(!(await page.toldOf('error')).length && (await page.toldOf('first-frame')).length === 1, `${kind}: events`);
+    expect(!(await page.toldOf('error')).length && (await page.toldOf('first-frame')).length === 1,
+      `${kind}: events: ${JSON.stringify(await page.toldOf('error'))}`);
     expect((await page.toldOf('connected')).length === 1, `${kind}: it stays connected`);
     // With lf-serve, there is a view again.
     await page.unroute('**/whep?*');

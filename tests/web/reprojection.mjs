@@ -132,39 +132,49 @@ async function measure(film, margin) {
 const at = (values, share) => [...values].sort((a, b) => a - b)[Math.min(values.length - 1, Math.floor(share * values.length))];
 const both = values => values.length ? `${at(values, 0.5).toFixed(0)} / ${at(values, 0.95).toFixed(0)} ms` : '-';
 
-// Time from a key press until its redrawn picture is painted, and until the true picture is displayed.
+// Time from a key press until its redrawn picture is painted, and until the true picture is displayed: with pictures that are
+// redrawn, without the time of drawing in software, and with a page that redraws nothing.
 async function motionToPainted(film) {
-  for (const roundTrip of [0, 50, 100, 200]) {
-    const served = await serve('--rig', join(film, 'rig.json')), browser = await launchBrowser();
-    const { page, relay } = await openDelayed(browser, served, roundTrip), rows = [];
-    for (let i = 0; i < kSamples; i++) {
-      await rests(page);
-      rows.push(await page.evaluate(key => new Promise(done => {
-        const { redraw, flight, controls } = inside(), { drawn } = redraw, { seen } = flight, began = performance.now();
-        const row = {}, { paint } = redraw;
-        redraw.paint = now => {
-          const start = performance.now();
-          paint.call(redraw, now);
-          redraw.painter?.gl.readPixels(0, 0, 1, 1, WebGL2RenderingContext.RGBA, WebGL2RenderingContext.UNSIGNED_BYTE, new Uint8Array(4));
-          row.draw ??= performance.now() - start;
-        };
-        const look = () => {
-          if (row.painted === undefined && redraw.drawn > drawn) row.painted = performance.now() - began;
-          if (flight.seen === seen) return requestAnimationFrame(look);
-          delete redraw.paint;
-          done({ ...row, arrived: performance.now() - began });
-        };
-        controls.key(key);
-        requestAnimationFrame(look);
-      }), i % 2 ? 'a' : 'd'));
+  for (const kind of ['redrawn', 'redrawn without drawing', 'not redrawn'])
+    for (const roundTrip of [0, 50, 100, 200]) {
+      const served = await serve('--rig', join(film, 'rig.json')), browser = await launchBrowser();
+      const { page, relay } = await openDelayed(browser, served, roundTrip), rows = [];
+      await page.evaluate(kind => {
+        const { redraw } = inside();
+        redraw.isImpossible = kind === 'not redrawn';
+        if (redraw.load() && kind === 'redrawn without drawing') redraw.painter.load = redraw.painter.draw = () => {};
+      }, kind);
+      for (let i = 0; i < kSamples; i++) {
+        await rests(page);
+        rows.push(await page.evaluate(key => new Promise(done => {
+          const { redraw, flight, controls } = inside(), { drawn } = redraw, { seen } = flight, began = performance.now();
+          const row = {}, { paint } = redraw;
+          let frames = 0;  // of the display
+          redraw.paint = now => {
+            const start = performance.now();
+            paint.call(redraw, now);
+            redraw.painter?.gl.readPixels(0, 0, 1, 1, WebGL2RenderingContext.RGBA, WebGL2RenderingContext.UNSIGNED_BYTE, new Uint8Array(4));
+            row.draw ??= performance.now() - start;
+          };
+          const look = () => {
+            frames++;
+            if (row.painted === undefined && redraw.drawn > drawn) [row.painted, row.frames] = [performance.now() - began, frames];
+            if (flight.seen === seen) return requestAnimationFrame(look);
+            delete redraw.paint;
+            done({ ...row, arrived: performance.now() - began });
+          };
+          controls.key(key);
+          requestAnimationFrame(look);
+        }), i % 2 ? 'a' : 'd'));
+      }
+      const of = name => rows.map(row => row[name]).filter(Number.isFinite), frames = of('frames');
+      console.log(`# ${kind}, round trip ${roundTrip} ms: painted after ${both(of('painted'))} (${frames.length} of ${rows.length}, in ` +
+        `frame ${frames.length ? Math.max(...frames) : '-'} at the latest), true picture after ${both(of('arrived'))} (p50 / p95), ` +
+        `drawing ${both(of('draw'))}`);
+      await browser.close();
+      relay.close();
+      await served.stop();
     }
-    const of = name => rows.map(row => row[name]).filter(Number.isFinite);
-    console.log(`# round trip ${roundTrip} ms: painted after ${both(of('painted'))}, true picture after ${both(of('arrived'))} ` +
-      `(p50 / p95 of ${rows.length}), drawing ${both(of('draw'))}`);
-    await browser.close();
-    relay.close();
-    await served.stop();
-  }
 }
 
 // Bits and processor time of the server for a moving viewer, with and without surfaces, in turns.
