@@ -4,6 +4,7 @@ import { execFile } from 'node:child_process';
 import { cp, mkdir, readFile, rm, writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
 import { promisify } from 'node:util';
+import { gzipSync } from 'node:zlib';
 import { artefacts, close, closeClean, compare, expect, launchBrowser, makeFolder, makeRig, newPage, openPage,
   openShown, picture, rendered, runTests, serve, setView, shown, site, source, stateOf, until,
   viewFile } from './harness.mjs';
@@ -25,8 +26,9 @@ const goesOn = async (page, id, what) => {
 // npm pack, npm install in an empty folder, and the page of the README with only the server's address changed.
 async function fromNpm() {
   const fresh = await makeFolder();
-  const { stdout } = await run('npm', ['pack', '--json', '--pack-destination', fresh], { cwd: join(source, 'web') });
-  const [{ filename, files }] = JSON.parse(stdout);
+  const { stdout } = await run('npm', ['pack', '--json', '--pack-destination', fresh], {
+    cwd: join(source, 'web'), env: { ...process.env, PATH: `${join(artefacts, 'node_modules/.bin')}:${process.env.PATH}` } });
+  const [{ filename, files }] = JSON.parse(stdout.slice(stdout.indexOf('[\n')));  // after the output of the script prepack
   console.log(`# ${filename}: ${files.map(({ path }) => path).join(' ')}`);
   for (const name of ['LICENSE', 'custom-elements.json']) expect(files.some(({ path }) => path === name), `it has ${name}`);
   await writeFile(join(fresh, 'package.json'), '{ "private": true, "type": "module" }');
@@ -43,6 +45,15 @@ async function fromNpm() {
   expect(!stranger.problems.length, stranger.problems.join('; '));
   await stranger.screenshot({ path: join(artefacts, 'readme.png') });
   await stranger.context().close();
+  const bundle = await readFile(join(fresh, 'node_modules/lightfield-viewer/lightfield-viewer.min.js')), bytes = gzipSync(bundle).length;
+  console.log(`# lightfield-viewer.min.js: ${bytes} bytes compressed`);
+  expect(bytes < 40_000, `the file for <script> has at most 40 kB: ${bytes}`);
+  const old = await site({ '/': page(`<script src="node_modules/lightfield-viewer/lightfield-viewer.min.js"></script>
+    <lightfield-viewer src="${served.url}whep" controls autoplay></lightfield-viewer>`) }, fresh);
+  const classic = await openShown(browser, old.origin, size, 10);
+  expect(!classic.problems.length, classic.problems.join('; '));
+  await classic.context().close();
+  old.close();
   await run('node', ['--input-type=module', '-e', 'import { LightfieldViewer } from "lightfield-viewer"; if (!LightfieldViewer) throw 1;'],
     { cwd: fresh });
   await writeFile(join(fresh, 'use.ts'), `import { LightfieldViewer, type LightfieldView } from 'lightfield-viewer';
