@@ -45,7 +45,7 @@ class Script {
               height = kTitleHeight + rows_ * kPanelHeight + legend;
     bottom_ = static_cast<double>(legend) / height;
     top_ = 1 - static_cast<double>(kTitleHeight) / height;
-    out_ << "# SPDX-License-Identifier: LGPL-2.1-or-later\n# by bench-render --plots\n"
+    out_ << "# SPDX-License" << "-Identifier: LGPL-2.1-or-later\n# by bench-render --plots\n"
          << "set terminal pngcairo size " << width << "," << height
          << " font 'sans,11' noenhanced background '#FFFFFF'\n"
          << "set output " << quoted(name + ".png") << "\n"
