@@ -9,13 +9,14 @@ namespace {
 
 class LfServeFlights : public testing::Test {
  protected:
-  std::vector<std::string> options(std::vector<std::string> more) const {
+  std::vector<std::string> options(std::vector<std::string> more) {
     std::string views;
     for (int i = 0; i < 20; i++)
       views += (i > 0 ? ", {" : "{") + (R"("time": )" + std::to_string(i / 20.0)) + R"(, "position": [)" +
                std::to_string(0.002 * i) +
                R"(, 0, 0], "orientation": [1, 0, 0, 0], "width": 128, "height": 96, "fov_y": 30, "focus_distance": 2})";
-    dir_.write("tour.json", R"({"format": "lightfield-views", "version": 1, "views": [)" + views + "]}");
+    tour_ = R"({"format": "lightfield-views", "version": 1, "views": [)" + views + "]}";
+    dir_.write("tour.json", tour_);
     more.insert(more.end(), {"--path", "tour=" + (dir_ / "tour.json"), "--address-views", "400", "--connects", "1000"});
     return more;
   }
@@ -31,6 +32,7 @@ class LfServeFlights : public testing::Test {
   }
 
   TempDir dir_;
+  std::string tour_;
 };
 
 // LF_WATCHERS=200 for the slow test.
@@ -111,6 +113,12 @@ TEST_F(LfServeFlights, WatcherWithASlowNetworkGetsHalfTheSize) {
     EXPECT_TRUE(receives_pictures(client, 40));
     return static_cast<double>(client.bytes() - bytes) / static_cast<double>(client.pictures() - pictures);
   };
+  const auto encoded = [&served](const std::string& size) {
+    return std::stoul(served.metric("flight_pictures_total{size=\"" + size + "\"}"));
+  };
+  EXPECT_TRUE(receives_pictures(*good));
+  EXPECT_GT(encoded("full"), 0u);
+  EXPECT_EQ(encoded("half"), 0u) << "nobody watches the half size";
   Reports reports;
   for (const int expected : {2, 1}) {
     EXPECT_TRUE(becomes([&] {
@@ -123,7 +131,31 @@ TEST_F(LfServeFlights, WatcherWithASlowNetworkGetsHalfTheSize) {
     const double changed = bytes(*bad), full = bytes(*good);
     std::printf("bytes per picture: %.0f at 1/%d of the size, %.0f in full size\n", changed, expected, full);
     EXPECT_LT(changed, expected == 2 ? 0.9 * full : 1.3 * full);
+    const uint64_t half = encoded("half");
+    EXPECT_TRUE(receives_pictures(*good, 40));
+    EXPECT_EQ(encoded("half") > half + 1, expected == 2) << "the half size is encoded only for its watchers";
   }
+}
+
+// The file of the path is damaged while the first watcher connects, so the flight fails. The next watcher comes before
+// the server has closed the first session.
+TEST_F(LfServeFlights, FailedFlightGetsNoMoreWatchers) {
+  Served served(options({}));
+  EXPECT_TRUE(receives_pictures(*watch(served)));
+  EXPECT_TRUE(becomes([&] { return served.metric("flights") == "0"; }));
+  const double pictures = std::stod(served.metric("pictures_total"));
+  dir_.write("tour.json", "damaged");
+  std::thread first([&] {
+    const WhepClient::Options options{
+        .url = served.url(), .patience = 10, .query = "&path=tour", .first_message = "connected"};
+    EXPECT_THROW(WhepClient{options}, std::runtime_error);
+  });
+  EXPECT_TRUE(becomes([&] { return served.metric("refused_messages_total") == "1"; })) << "the watcher is connected";
+  dir_.write("tour.json", tour_);
+  EXPECT_TRUE(receives_pictures(*watch(served)));
+  EXPECT_TRUE(served.says({"closes: ", "tour.json"}));
+  first.join();
+  EXPECT_GT(std::stod(served.metric("pictures_total")), pictures) << "closed flights count";
 }
 
 TEST_F(LfServeFlights, WatchersControlNothing) {

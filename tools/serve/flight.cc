@@ -39,7 +39,9 @@ Flight::Flight(LightField& field, VideoCodec codec, const ViewSettings& settings
   pipeline_ = GST_ELEMENT(gst_object_ref_sink(launch(launch_line(field.nodes(), codec, settings), false)));
   valve_ = gst_bin_get_by_name(GST_BIN(pipeline_), "half");
   for (const Size size : {kFull, kHalf}) {
-    outputs_[size] = {this, size, gst_bin_get_by_name(GST_BIN(pipeline_), size == kFull ? "encoder0" : "encoder1")};
+    outputs_[size].flight = this;
+    outputs_[size].size = size;
+    outputs_[size].encoder = gst_bin_get_by_name(GST_BIN(pipeline_), size == kFull ? "encoder0" : "encoder1");
     g_autoptr(GstPad) pad = gst_element_get_static_pad(outputs_[size].encoder, "sink");
     gst_pad_add_probe(pad, GST_PAD_PROBE_TYPE_BUFFER, before_encoder, &outputs_[size], nullptr);
     g_autoptr(GstElement) sink = gst_bin_get_by_name(GST_BIN(pipeline_), size == kFull ? "out0" : "out1");
@@ -85,7 +87,7 @@ void Flight::open_valve() {
 }
 
 GstPadProbeReturn Flight::before_encoder(GstPad*, GstPadProbeInfo*, gpointer data) {
-  auto& [flight, size, encoder, last] = *static_cast<Output*>(data);
+  auto& [flight, size, encoder, last, pictures] = *static_cast<Output*>(data);
   const int64_t now = g_get_monotonic_time();
   if (now - last < kKeyFrameInterval || !flight->wants_key_frame_[size].exchange(false)) return GST_PAD_PROBE_OK;
   last = now;
@@ -96,7 +98,7 @@ GstPadProbeReturn Flight::before_encoder(GstPad*, GstPadProbeInfo*, gpointer dat
 // All watchers share the memory of a picture. Its timestamp becomes the running time, because x264enc shifts its
 // segment.
 GstFlowReturn Flight::take_picture(GstAppSink* sink, gpointer data) {
-  const auto& [flight, size, encoder, last] = *static_cast<Output*>(data);
+  auto& [flight, size, encoder, last, pictures] = *static_cast<Output*>(data);
   g_autoptr(GstSample) sample = gst_app_sink_pull_sample(sink);
   GstBuffer* encoded = sample ? gst_sample_get_buffer(sample) : nullptr;
   if (!encoded) return GST_FLOW_OK;
@@ -104,6 +106,7 @@ GstFlowReturn Flight::take_picture(GstAppSink* sink, gpointer data) {
   gst_buffer_copy_into(picture, encoded, GstBufferCopyFlags(GST_BUFFER_COPY_FLAGS | GST_BUFFER_COPY_MEMORY), 0, -1);
   GST_BUFFER_PTS(picture) =
       gst_segment_to_running_time(gst_sample_get_segment(sample), GST_FORMAT_TIME, GST_BUFFER_PTS(encoded));
+  pictures++;
   const std::lock_guard lock(flight->mutex_);
   for (const auto& [watcher, wanted] : flight->watchers_)
     if (wanted == size) watcher->take(size, picture, gst_sample_get_caps(sample));
@@ -115,18 +118,28 @@ void Flight::shed(const LoadShedding& load_shedding) {
   view_pipeline_->reduce(load_shedding.pictures_left_out(), load_shedding.depth_interval());
 }
 
-std::string Flight::tick() {
+ViewerCounters Flight::counters() const {
+  ViewerCounters counters = view_pipeline_->counters();
+  counters.encoded = outputs_[kFull].pictures;
+  counters.encoded_half = outputs_[kHalf].pictures;
+  return counters;
+}
+
+const std::string& Flight::problem() {
   g_autoptr(GstBus) bus = gst_element_get_bus(pipeline_);
   while (g_autoptr(GstMessage) message = gst_bus_pop(bus)) {
-    if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR) return text_of(message);
+    if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR && problem_.empty()) problem_ = text_of(message);
     if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_LATENCY) gst_bin_recalculate_latency(GST_BIN(pipeline_));
   }
+  return problem_;
+}
+
+void Flight::tick() {
   statistics_ = view_pipeline_->statistics();
   statistics_["encoder"] = GST_OBJECT_NAME(gst_element_get_factory(outputs_[kFull].encoder));
   statistics_["frameRate"] = settings_.limits.framerate / (1 + load_shedding_.pictures_left_out());
   const std::lock_guard lock(mutex_);
   statistics_["watchers"] = watchers_.size();
-  return "";
 }
 
 Watcher::Watcher(LightField& field, Offer offer, std::shared_ptr<Flight> flight, const Route& route,

@@ -44,10 +44,11 @@ class Flight {
   void shed(const LoadShedding& load_shedding);
   ViewerPipeline& view_pipeline() { return *view_pipeline_; }
   double kept() { return view_pipeline_->kept(); }
-  ViewerCounters counters() const { return view_pipeline_->counters(); }
-  // Updates the statistics, and returns the text of an error that has stopped the flight, or "". Call this once a
-  // second.
-  std::string tick();
+  ViewerCounters counters() const;
+  // Returns the error that has stopped the flight, or "".
+  const std::string& problem();
+  // Updates the statistics. Call this once a second.
+  void tick();
   const LoadShedding& load_shedding() const { return load_shedding_; }
   const nlohmann::json& statistics() const { return statistics_; }
 
@@ -60,6 +61,7 @@ class Flight {
     Size size = kFull;
     GstElement* encoder = nullptr;
     int64_t last_key_frame = 0;  // thread of the encoder only
+    std::atomic<uint64_t> pictures = 0;
   };
   static std::string launch_line(size_t nodes, VideoCodec codec, const ViewSettings& settings);
   static GstFlowReturn take_picture(GstAppSink* sink, gpointer data);
@@ -73,6 +75,7 @@ class Flight {
   std::array<Output, kSizes> outputs_;
   std::unique_ptr<ViewerPipeline> view_pipeline_;
   std::array<std::atomic<bool>, kSizes> wants_key_frame_ = {};
+  std::string problem_;
   nlohmann::json statistics_ = nlohmann::json::object();
   LoadShedding load_shedding_;
   bool started_ = false;

@@ -444,6 +444,10 @@ std::string HttpServer::metrics() const {
   put("surface_bytes_total", "counter", "Bytes of messages with surfaces for browsers.", counters.surface_bytes);
   put("refused_messages_total", "counter", "Data channel messages that were invalid or above the rate limit.",
       counters.refused_messages);
+  out << "# HELP lightfield_flight_pictures_total Encoded pictures of shared flights.\n"
+         "# TYPE lightfield_flight_pictures_total counter\n"
+         "lightfield_flight_pictures_total{size=\"full\"} "
+      << counters.encoded << "\nlightfield_flight_pictures_total{size=\"half\"} " << counters.encoded_half << '\n';
   put("resident_bytes", "gauge", "Memory of the process.", resident_bytes());
   put("connections", "gauge", "TCP connections now.", listener_->size());
   put("closed_connections_total", "counter", "TCP connections closed because they were too slow or too many.",

@@ -80,7 +80,9 @@ AdmissionControl::Answer Sessions::ask(const std::string& address, const ViewPar
   return answer;
 }
 
+// A new watcher must not join a flight that has already failed.
 std::shared_ptr<Flight> Sessions::flight(const FlightKey& key, const ViewParams& view_params) {
+  end_failed_flights();
   std::shared_ptr<Flight>& flight = flights_[key];
   if (flight) return flight;
   try {
@@ -189,13 +191,20 @@ void Sessions::tick() {
   if (report && limits_.monitor > 0) watch_cameras();
 }
 
-void Sessions::tick_flights() {
-  for (const auto& [key, flight] : flights_) {
-    const std::string problem = flight->tick();
-    if (problem.empty()) continue;
-    for (const auto& [name, session] : viewers_)
-      if (session.watcher && session.flight == key) close_soon(name, problem);
+// Closes the sessions of all watchers of failed flights. The last one ends its flight.
+void Sessions::end_failed_flights() {
+  std::vector<std::pair<std::string, std::string>> failed;  // session, problem
+  for (const auto& [name, session] : viewers_) {
+    if (!session.watcher) continue;
+    const std::string& problem = flights_.at(session.flight)->problem();
+    if (!problem.empty()) failed.emplace_back(name, problem);
   }
+  for (const auto& [name, problem] : failed) close(name, problem);
+}
+
+void Sessions::tick_flights() {
+  end_failed_flights();
+  for (const auto& [key, flight] : flights_) flight->tick();
 }
 
 // The load is judged over all viewers, because they share the processors.

@@ -72,6 +72,7 @@ class Sessions {
   double max_aperture() const;
   void close_soon(const std::string& name, const std::string& why);
   void tick();
+  void end_failed_flights();
   void tick_flights();
   void watch_cameras();
   void watch_nodes();

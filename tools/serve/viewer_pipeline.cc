@@ -76,6 +76,8 @@ ViewerCounters& ViewerCounters::operator+=(const ViewerCounters& other) {
   video_bytes += other.video_bytes;
   surface_bytes += other.surface_bytes;
   refused_messages += other.refused_messages;
+  encoded += other.encoded;
+  encoded_half += other.encoded_half;
   return *this;
 }
 

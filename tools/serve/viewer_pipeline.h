@@ -21,6 +21,7 @@ namespace lf::serve {
 // Counters of a viewer, or the sum over several viewers.
 struct ViewerCounters {
   uint64_t pictures = 0, incomplete = 0, answer_bytes = 0, video_bytes = 0, surface_bytes = 0, refused_messages = 0;
+  uint64_t encoded = 0, encoded_half = 0;  // pictures of shared flights
   ViewerCounters& operator+=(const ViewerCounters& other);
 };
 
