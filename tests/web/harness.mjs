@@ -139,6 +139,10 @@ export async function serve(...options) {
     const text = await (await fetch(new URL('metrics', served.url))).text();
     return Number(text.match(new RegExp(`^lightfield_${name} (.*)$`, 'm'))?.[1]);
   };
+  served.kill = () => {
+    child.removeAllListeners('exit');
+    child.kill('SIGKILL');
+  };
   served.stop = async () => {
     child.removeAllListeners('exit');
     const ended = once(child, 'exit');

@@ -143,8 +143,10 @@ TEST_F(LfServe, AnswersAnOfferAndEndsTheSession) {
   EXPECT_EQ(metric(served, "viewers"), "1");
   EXPECT_EQ(ask(served, "PATCH", location.substr(1)).status, 405u);
   EXPECT_EQ(ask(served, "DELETE", "whep/0123456789abcdef0123456789abcdef").status, 404u);
+  EXPECT_EQ(ask(served, "HEAD", location.substr(1)).status, 204u);
   EXPECT_EQ(ask(served, "DELETE", location.substr(1)).status, 200u);
   EXPECT_EQ(ask(served, "DELETE", location.substr(1)).status, 404u);
+  EXPECT_EQ(ask(served, "GET", location.substr(1)).status, 404u);
   EXPECT_EQ(metric(served, "viewers"), "0");
 }
 

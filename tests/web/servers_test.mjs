@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// lf-serve with another server, given by the argument: janus, nginx or turnserver. Runs in a separate network.
+// lf-serve with another server, given by the argument: haproxy, janus, nginx or turnserver. Runs in a separate network.
 import { execFile, spawn } from 'node:child_process';
 import { once } from 'node:events';
 import { copyFile, mkdir, readFile, writeFile } from 'node:fs/promises';
@@ -216,4 +216,39 @@ async function turnserver() {
   ];
 }
 
-await runTests(await { janus, nginx, turnserver }[process.argv[2]]());
+// Two lf-serve behind HAProxy with the configuration of pipelines/haproxy. The server of a viewer is killed.
+async function haproxy() {
+  const folder = await makeRig('4x4'), ports = { r1: 8081, r2: 8082 }, servers = {};
+  for (const [replica, port] of Object.entries(ports))
+    servers[replica] = await serve('--rig', join(folder, 'rig.json'), '--port', `${port}`, '--replica', replica, '--proxy',
+      '127.0.0.1', '--focus-mode', 'plane');
+  let text = await readFile(join(source, 'pipelines/haproxy/haproxy.cfg'), 'utf8');
+  text = text.replace(/\n  server r[34] .*/g, '').replace(/(server (r.)) \S+:8080/g, (_, server, replica) => `${server} 127.0.0.1:${ports[replica]}`);
+  await writeFile(join(folder, 'haproxy.cfg'), text);
+  start('haproxy', '-db', '-f', join(folder, 'haproxy.cfg'));
+  const url = 'http://127.0.0.1:8080/';
+  await until(async () => (await fetch(url).catch(() => ({}))).ok, 'HAProxy runs');
+
+  async function resumes() {
+    const page = await openPage(await launchBrowser(), url, { width: 320, height: 240 });
+    await shown(page, 30);
+    const session = () => inside().stream.connection?.session?.pathname;
+    const first = (await page.evaluate(session)).split('/').pop().split('-')[0];
+    await page.evaluate(() => {
+      const { host, video } = inside(), happens = name => new Promise(done => host.addEventListener(name, done, { once: true }));
+      globalThis.noticed = happens('disconnected').then(() => performance.now());
+      globalThis.seen = happens('connected').then(() => new Promise(done => video.requestVideoFrameCallback(done)));
+    });
+    const began = await page.evaluate(() => performance.now());
+    servers[first].kill();
+    const noticed = await page.evaluate(() => globalThis.noticed) - began, seen = await page.evaluate(() => globalThis.seen) - began;
+    const second = (await page.evaluate(session)).split('/').pop().split('-')[0];
+    console.log(`# noticed after ${Math.round(noticed)} ms, pictures of another server after ${Math.round(seen)} ms`);
+    expect(first !== second, `${first}, then ${second}`);
+    await shown(page, 30);
+  }
+
+  return [['a viewer of a killed server sees pictures of another server', resumes]];
+}
+
+await runTests(await { haproxy, janus, nginx, turnserver }[process.argv[2]]());

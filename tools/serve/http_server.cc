@@ -237,9 +237,14 @@ void WhepEndpoint::open(SoupServerMessage* message, const Client& client, Offer 
 }
 
 void WhepEndpoint::session(SoupServerMessage* message, const std::string& name, Sessions& sessions) {
-  if (!g_str_equal(soup_server_message_get_method(message), "DELETE")) {
-    set_header(message, "Allow", "DELETE, OPTIONS");
-    return respond(message, SOUP_STATUS_METHOD_NOT_ALLOWED, "text/plain", "DELETE only\n");
+  const std::string method = soup_server_message_get_method(message);
+  if (method == "GET" || method == "HEAD") {
+    const bool exists = sessions.has(name);
+    return respond(message, exists ? SOUP_STATUS_NO_CONTENT : SOUP_STATUS_NOT_FOUND, "text/plain", "");
+  }
+  if (method != "DELETE") {
+    set_header(message, "Allow", "GET, HEAD, DELETE, OPTIONS");
+    return respond(message, SOUP_STATUS_METHOD_NOT_ALLOWED, "text/plain", "GET or DELETE only\n");
   }
   const bool found = sessions.close(name, "the browser leaves");
   respond(message, found ? SOUP_STATUS_OK : SOUP_STATUS_NOT_FOUND, "text/plain", found ? "" : "no such session\n");

@@ -38,6 +38,7 @@ class Sessions {
   // later. Throws Error.
   std::string open(const std::string& address, Offer offer, const ViewParams& view_params, const Route& route,
                    OnAnswer on_answer);
+  bool has(const std::string& name) const { return viewers_.contains(name); }
   // Closes a session. Returns false if no session has this name. Must not be called inside a callback of a viewer.
   bool close(const std::string& name, const std::string& why);
 

@@ -202,6 +202,15 @@ export class Connection extends EventTarget {
     if (!this.closed) this.dispatchEvent(new CustomEvent('lost', { detail: new Refusal('the connection is lost') }));
   }
 
+  // Returns false if the server of the session does not answer. A proxy then answers itself, or asks another server,
+  // which does not know the session.
+  async hasSession() {
+    if (!this.session) return true;
+    const options = { method: 'HEAD', headers: this.authorization, cache: 'no-store' };
+    const { status } = await fetch(this.session, options).catch(() => ({ status: 0 }));
+    return ![0, 404, 502, 503, 504].includes(status);
+  }
+
   leave() {
     if (!this.session) return;
     fetch(this.session, { method: 'DELETE', headers: this.authorization, keepalive: true }).catch(() => {});

@@ -184,10 +184,6 @@ export class StatusMessage {
     if (still > kReconnectTimeout && now - this.heard > kReconnectTimeout) return connection.lose();
     if (still < kFreezeTimeout || !this.box.hidden) return;
     this.show('The picture has stopped. Waiting for the server');
-    // Tests if the server answers. Pages of other sites cannot read healthz because of Cross-Origin-Resource-Policy,
-    // but they can read the files of the element itself.
-    const ask = (name, mode) => fetch(new URL(name, this.viewer.stream.endpoint), { mode, cache: 'no-store' });
-    ask('healthz', 'no-cors').catch(() => ask('lightfield-viewer.js', 'cors'))
-      .catch(() => performance.now() - this.frame > kFreezeTimeout && connection.lose());
+    connection.hasSession().then(has => has || performance.now() - this.frame <= kFreezeTimeout || connection.lose());
   }
 }

@@ -4,7 +4,7 @@
 
 import { Connection, Refusal, serversIn } from './connection.js';
 
-const kMaxRetryDelay = 10;  // seconds
+const kFirstRetryDelay = 0.25, kMaxRetryDelay = 10;  // seconds
 const kVisibleMargin = '200px';  // an element closer than this to the screen counts as visible
 const kHiddenDelay = 500;     // milliseconds out of sight until the stream ends; it starts again without delay
 const kInvalidOffer = [400, 406, 415, 422];  // HTTP status of servers that refuse offers with data channels
@@ -163,7 +163,7 @@ export class Stream {
     const servers = !connection.isOpen && connection.iceServers?.length && !this.iceServers;
     if (servers) this.iceServers = connection.iceServers;
     this.ticket = error.ticket ?? (error.reason === 'full' ? null : this.ticket);
-    this.retry = error.status === 503 || servers ? 0 : Math.min((this.retry || 0.5) * 2, kMaxRetryDelay);
+    this.retry = error.status === 503 || servers ? 0 : Math.min(this.retry * 2 || kFirstRetryDelay, kMaxRetryDelay);
     const seconds = Math.max(this.retry, error.retryAfter);
     const { status, reason, message } = error, words = this.viewer.notice.words(error), was = connection.isOpen;
     this.watchShared(error);
