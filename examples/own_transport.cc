@@ -4,7 +4,7 @@
 // answers are byte strings that an application can send over any transport.
 //
 //   g++ -std=c++20 own_transport.cc $(pkg-config --cflags --libs lightfield) -o own_transport && ./own_transport
-#include <lightfield/lightfield.h>
+#include <lightfield/lf.h>
 
 #include <cmath>
 #include <cstdio>

@@ -9,7 +9,7 @@
 //     gst-launch-1.0 -q filesrc location=$still ! pngdec ! videoconvert ! pnmenc ! filesink location=${still%.png}.ppm
 //   done
 //   g++ -std=c++20 render.cc $(pkg-config --cflags --libs lightfield) -o render && ./render scene/rig.json out.ppm
-#include <lightfield/lightfield.h>
+#include <lightfield/lf.h>
 
 #include <cstdio>
 #include <filesystem>

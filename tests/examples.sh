@@ -28,7 +28,7 @@ if nm -D --undefined-only "$build/gst/libgstlightfield.so" | grep -q -e __asan_ 
   echo "1..0 # SKIP a build with sanitizers is not for other programs"
   exit
 fi
-echo 1..21
+echo 1..25
 DESTDIR=$work/root meson install -C "$build" --no-rebuild >"$work/log" 2>&1
 report $? "meson install" "$work/log"
 
@@ -61,7 +61,7 @@ ldd "$library" 2>&1 | grep -i -e opencv -e ceres -e gst -e glib -e yaml >"$work/
 if [[ -s $work/log ]]; then status=1; else status=0; fi
 report $status "liblightfield needs no OpenCV, Ceres or GStreamer" "$work/log"
 { find "$work/root" -name '*.a' ! -name libgstlightfield.a; find "$work/root" -name '*.h' ! -path "$include/*"; } >"$work/log"
-if [[ -s $work/log || $(find "$include" -name '*.h' | wc -l) -ne 7 ]]; then status=1; else status=0; fi
+if [[ -s $work/log || $(find "$include" -name '*.h' | wc -l) -ne 9 ]]; then status=1; else status=0; fi
 report $status "nothing else of the library is installed" "$work/log"
 status=0
 for header in "$include"/*.h; do
@@ -105,6 +105,35 @@ report $? "examples/render.cc" "$work/log"
 compile calibrate "$source/examples/calibrate.cc" lightfield-calibration && timeout 60 "$work/calibrate" >"$work/log" 2>&1
 report $? "examples/calibrate.cc" "$work/log"
 
+module=$(find "$work/root" -name 'lightfield.cpython*')
+python=/usr/bin/python3
+export PYTHONPATH=${module%/*}
+if [[ $module ]]; then
+  (cd "$work" && timeout 60 $python "$source/examples/render.py" "$rig" python.ppm && cmp out.ppm python.ppm) \
+    >"$work/log" 2>&1
+  report $? "examples/render.py makes the same bits as render.cc" "$work/log"
+  timeout 120 $python "$source/tests/api/python_test.py" "$work/calibrate" >"$work/log" 2>&1
+  report $? "tests/api/python_test.py" "$work/log"
+  awk '/^```py$/ {on = 1; next} /^```/ {on = 0} on' "$source/docs/guides/embedding.md" >"$work/guide.py"
+  (cd "$work/scene" && timeout 60 $python "$work/guide.py") >"$work/log" 2>&1
+  report $? "docs/guides/embedding.md, program in Python" "$work/log"
+else
+  skip "examples/render.py" "pybind11-dev is not installed"
+  skip "docs/guides/embedding.md, program in Python" "pybind11-dev is not installed"
+  skip "tests/api/python_test.py" "pybind11-dev is not installed"
+fi
+if command -v cmake >/dev/null; then
+  mkdir "$work/cmake" && printf '%s\n' 'cmake_minimum_required(VERSION 3.16)' 'project(render CXX)' 'set(CMAKE_CXX_STANDARD 20)' \
+    'find_package(lightfield 0.1 REQUIRED COMPONENTS calibration)' "add_executable(render $source/examples/render.cc)" \
+    "add_executable(calibrate $source/examples/calibrate.cc)" 'target_link_libraries(render lightfield::lightfield)' \
+    'target_link_libraries(calibrate lightfield::calibration)' >"$work/cmake/CMakeLists.txt"
+  (cd "$work/cmake" && cmake -DCMAKE_PREFIX_PATH="${library%/*}/cmake" . && make && ./render "$rig" cmake.ppm &&
+    cmp cmake.ppm ../out.ppm) >"$work/log" 2>&1
+  report $? "CMake finds the libraries" "$work/log"
+else
+  skip "CMake finds the libraries" "cmake is not installed"
+fi
+
 awk -v to="$work/guide" '/^```cpp/ {on = ++n; next} /^```/ {on = 0} on {print > (to n ".cc")}' "$source/docs/guides/embedding.md"
 for n in 1 2; do
   compile "guide$n" "$work/guide$n.cc" lightfield && timeout 60 "$work/guide$n" "$rig" >"$work/log" 2>&1
@@ -115,7 +144,6 @@ done
   compile rgbd "$source/examples/rgbd.cc" gstreamer-app-1.0 gstreamer-video-1.0
 ) && (cd "$work" && timeout 60 ./rgbd "$rig" 5 && rm rgbd.png) >"$work/log" 2>&1
 report $? "examples/rgbd.cc" "$work/log"
-python=/usr/bin/python3
 if "$python" -c 'import cv2' 2>/dev/null; then
   (cd "$work" && timeout 60 "$python" "$source/examples/rgbd.py" "$rig" 5 && rm rgbd.png) >"$work/log" 2>&1
   report $? "examples/rgbd.py" "$work/log"

@@ -61,6 +61,7 @@ struct CalibrationOptions {
   // Called with the name of each step before the step starts, for example to show progress. The function may throw an
   // exception to abort the calibration; the exception propagates to the caller.
   std::function<void(const std::string& step)> progress = {};
+  uint64_t reserved[4] = {};  // space for the options of later versions; must be 0
 };
 
 // The precision of one camera's parameters, as a covariance matrix. The matrix is the inverse of the information in the
@@ -92,8 +93,9 @@ struct Calibration {
 };
 
 // Computes the positions, orientations and lenses of the cameras by robust bundle adjustment (Triggs, McLauchlan,
-// Hartley, Fitzgibbon 2000). This takes seconds to minutes. The same input always gives the same result. Throws Error
-// if the tracks are inconsistent or insufficient. May be called from any thread.
+// Hartley, Fitzgibbon 2000). This takes seconds to minutes. The same input gives the same result except for
+// rounding errors (about 1e-6 pixels), because threads add up in any order. Throws Error if the tracks are inconsistent
+// or insufficient. May be called from any thread.
 Calibration calibrate_rig(const Tracks& tracks, const CalibrationOptions& options = {});
 
 }  // namespace lightfield

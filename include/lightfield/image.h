@@ -37,6 +37,18 @@ struct ImageView {
   ImageView(const Image& image);  // NOLINT(google-explicit-constructor): implicit on purpose
 };
 
+// Refers to a picture in the caller's memory that a function writes. Padding at the end of rows remains unchanged.
+struct MutableImageView {
+  PixelFormat format = PixelFormat::kNone;
+  int width = 0, height = 0;  // pixels
+  uint8_t* plane[3] = {};     // kRgb uses plane[0] only
+  ptrdiff_t stride[3] = {};   // bytes from the start of a row to the start of the next row
+
+  MutableImageView() = default;
+  // Refers to the pixels of `image`. Throws Error if the number of pixels does not match the size of the image.
+  MutableImageView(Image& image);  // NOLINT(google-explicit-constructor): implicit on purpose
+};
+
 enum class Resampling : uint8_t {
   kBilinear,   // fastest
   kSharpened,  // bilinear on a slightly sharpened image, which restores detail that bilinear sampling loses

@@ -34,6 +34,7 @@ RequestInfo read_request(const Bytes& request);
 struct NodeOptions {
   Resampling resampling = Resampling::kSharpened;
   unsigned threads = 0;  // maximum number of threads per answer; 0: number of processors
+  uint64_t reserved[4] = {};  // space for the options of later versions; must be 0
 };
 
 // Serves the cameras of one machine. A node answers the requests of any number of viewers: it warps its cameras' images
@@ -88,6 +89,7 @@ struct RequestOptions {
   // Indices of cameras that have no images, in any order. Their neighbours fill the gaps.
   std::vector<uint32_t> out_of_service = {};
   Colour background = {};  // colour of pixels that no camera sees
+  uint64_t reserved[4] = {};  // space for the options of later versions; must be 0
 };
 
 // Shows the cameras of remote nodes to one viewer: makes the requests, and combines the nodes' answers into pictures.
@@ -130,6 +132,9 @@ class Compositor {
   // some cameras did not answer, the remaining cameras of each pixel take over their weight, so that the picture has no
   // holes. Throws Error if request() has not been called.
   Image finish();
+  // Writes the picture to the memory of `out`, which must have the size of the view and the format of the answers (any
+  // format if no camera had an image). If `out` does not fit, throws Error and keeps the parts for another call.
+  void finish_into(const MutableImageView& out);
 
   // Number of cameras that the latest picture needed but did not get.
   unsigned missing() const;

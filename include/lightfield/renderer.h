@@ -31,6 +31,7 @@ struct RenderOptions {
   Resampling resampling = Resampling::kSharpened;
   Colour background = {};  // colour of pixels that no camera sees
   RendererChoice renderer = RendererChoice::kCpu;
+  uint64_t reserved[4] = {};  // space for the options of later versions; must be 0
 };
 
 // Renders the pictures of one viewer if the images of all cameras are available in this process. (Otherwise use Node
@@ -66,6 +67,12 @@ class Renderer {
   // does not fit.
   Image render(const View& view, const std::vector<ImageView>& images, const RenderOptions& options = {});
   Image render(const View& view, const std::vector<Image>& images, const RenderOptions& options = {});
+
+  // Renders like render(), but writes the picture to the memory of `out`. `out` must have the size of the view, and the
+  // format of the images (any format if no camera has an image). If this function throws, the pixels of `out` are
+  // undefined.
+  void render_into(const View& view, const std::vector<ImageView>& images, const MutableImageView& out,
+                   const RenderOptions& options = {});
 
   // Returns the device that rendered the latest picture and the reason, for example "cpu", "gl: NVIDIA ..." or "auto:
   // cpu, there is no other: ...".

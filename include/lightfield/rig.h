@@ -135,6 +135,7 @@ struct View {
   // Diameter of the simulated lens, in metres. If the focus is Focus::kPlane, everything off the focal plane is
   // blurred, as by a real lens of this size. Otherwise all depths stay sharp. 0: three cameras per pixel.
   double aperture = 0;
+  uint64_t reserved[4] = {};  // space for the options of later versions; must be 0
 };
 
 // Returns a view to start with, which the user can then move. The view is in the middle of the cameras, looks in their

@@ -218,6 +218,8 @@ std::vector<Bytes> Node::answer(const Bytes& request, const std::vector<Image>& 
 namespace lf::api {
 namespace {
 
+constexpr const char* kNoRequest = "there is no picture yet: call request() first";
+
 CameraSet to_camera_set(std::vector<uint32_t> cameras, size_t count) {
   std::ranges::sort(cameras);
   cameras.erase(std::unique(cameras.begin(), cameras.end()), cameras.end());
@@ -242,6 +244,7 @@ class ViewComposer {
   AddResult add(std::span<const uint8_t> unit, std::shared_ptr<const void> owner = nullptr);
   bool is_complete() const;
   lightfield::Image finish();
+  void finish_into(const lightfield::MutableImageView& out);
 
   unsigned missing() const { return missing_; }
   void reset_focus();
@@ -297,7 +300,7 @@ const ViewRequest& ViewComposer::begin(const lightfield::View& view, const light
 }
 
 ViewComposer::AddResult ViewComposer::add(std::span<const uint8_t> unit, std::shared_ptr<const void> owner) {
-  if (!current_) return {false, "there is no picture yet: call request() first"};
+  if (!current_) return {false, kNoRequest};
   const std::string problem = wire::is_consistency(unit) ? add_consistency(unit) : add_answer(unit, std::move(owner));
   return {problem.empty(), problem};
 }
@@ -345,10 +348,23 @@ bool ViewComposer::is_complete() const {
 }
 
 lightfield::Image ViewComposer::finish() {
-  if (!current_) throw Error("there is no picture yet: call request() first");
-  assembly_.finish(PixelFamily::kRgb, background_ != Background{});
+  if (!current_) throw Error(kNoRequest);
+  const PixelFamily family = assembly_.family() == PixelFamily::kNone ? PixelFamily::kRgb : assembly_.family();
+  lightfield::Image picture =
+      lightfield::make_image(static_cast<lightfield::PixelFormat>(family), current_->view.width, current_->view.height);
+  finish_into(picture);
+  return picture;
+}
+
+void ViewComposer::finish_into(const lightfield::MutableImageView& out) {
+  if (!current_) throw Error(kNoRequest);
+  const PixelFamily family = check_output(out, current_->view.width, current_->view.height);
+  if (assembly_.family() != PixelFamily::kNone && assembly_.family() != family)
+    throw Error(std::string("out: is ") +
+                (family == PixelFamily::kRgb ? "RGB, but the cameras are I420" : "I420, but the cameras are RGB"));
+  assembly_.finish(family, background_ != Background{});
   missing_ = assembly_.missing();
-  lightfield::Image picture = from_image(assembly_.picture().resolve(background_));
+  assembly_.picture().resolve(background_, RgbLayout{}, out.plane, out.stride);
   if (focus_.settings().mode != FocusMode::kPlane) {
     if (!array_) array_.emplace(*rig_);
     answers_.complete = missing_ == 0 && assembly_.damaged() == 0;
@@ -356,7 +372,6 @@ lightfield::Image ViewComposer::finish() {
   }
   assembly_.release();
   current_.reset();
-  return picture;
 }
 
 void ViewComposer::reset_focus() { focus_ = ViewDepths(focus_.settings(), focus_.matches_gains()); }
@@ -384,6 +399,7 @@ Compositor::AddResult Compositor::add(const Bytes& part) { return state_->compos
 bool Compositor::is_complete() const { return state_->composer.is_complete(); }
 
 Image Compositor::finish() { return state_->composer.finish(); }
+void Compositor::finish_into(const MutableImageView& out) { state_->composer.finish_into(out); }
 
 unsigned Compositor::missing() const { return state_->composer.missing(); }
 void Compositor::reset_focus() { state_->composer.reset_focus(); }
@@ -436,6 +452,15 @@ const Rig& Renderer::rig() const { return state_->rig; }
 std::vector<uint32_t> Renderer::cameras(const View& view) const { return state_->cameras(view); }
 
 Image Renderer::render(const View& view, const std::vector<ImageView>& images, const RenderOptions& options) {
+  Image picture =
+      make_image(lf::api::family_of(images) == lf::PixelFamily::kI420 ? PixelFormat::kI420 : PixelFormat::kRgb,
+                 view.width, view.height);
+  render_into(view, images, picture, options);
+  return picture;
+}
+
+void Renderer::render_into(const View& view, const std::vector<ImageView>& images, const MutableImageView& out,
+                           const RenderOptions& options) {
   lf::api::check_count(images.size(), state_->rig.size());
   RequestOptions asked;
   asked.focus = options.focus;
@@ -447,13 +472,13 @@ Image Renderer::render(const View& view, const std::vector<ImageView>& images, c
   asked.out_of_service = state_->missing(view, images);
   lf::api::ViewComposer& composer = state_->composer;
   const lf::ViewRequest& request = composer.begin(view, asked);
+  lf::api::check_output(out, view.width, view.height);
   const auto answer = std::make_shared<lf::RenderedAnswer>(
       state_->node.answer(request, images, options.resampling, true, std::move(state_->memory), options.renderer));
   for (const lf::ByteBuffer* unit : {&answer->brightness, &answer->consistency.unit, &answer->bytes})
     if (!unit->empty()) composer.add(*unit, answer);
-  Image picture = composer.finish();
+  composer.finish_into(out);
   state_->memory = std::move(answer->bytes);
-  return picture;
 }
 
 Image Renderer::render(const View& view, const std::vector<Image>& images, const RenderOptions& options) {

@@ -7,6 +7,7 @@
 #include <lightfield/error.h>
 #include <lightfield/image.h>
 #include <lightfield/rig.h>
+#include <lightfield/version.h>
 #include <nlohmann/json.hpp>
 
 #include "base/json_value.h"
@@ -122,6 +123,21 @@ ImageView to_image(const lightfield::ImageView& image, const Camera& camera, Cam
   return out;
 }
 
+PixelFamily check_output(const lightfield::MutableImageView& out, int width, int height) {
+  const bool rgb = out.format == lightfield::PixelFormat::kRgb;
+  if (!rgb && out.format != lightfield::PixelFormat::kI420) throw Error("out: the format must be kRgb or kI420");
+  if (out.width != width || out.height != height)
+    throw Error("out: has " + size_text(out.width, out.height) + " pixels, the view has " + size_text(width, height));
+  for (int c = 0; c < (rgb ? 1 : 3); c++) {
+    const ptrdiff_t row = rgb ? ptrdiff_t{3} * width : c == 0 ? width : chroma_size(width);
+    if (!out.plane[c]) throw Error("out: has no plane " + std::to_string(c));
+    if (out.stride[c] < row)
+      throw Error("out: has a stride of " + std::to_string(out.stride[c]) + " bytes, but its rows need " +
+                  std::to_string(row));
+  }
+  return static_cast<PixelFamily>(out.format);
+}
+
 PixelFamily family_of(std::span<const lightfield::ImageView> images) {
   PixelFamily family = PixelFamily::kNone;
   for (const lightfield::ImageView& image : images) {
@@ -209,6 +225,8 @@ std::shared_ptr<const Rig::Data> checked(const lf::Rig& rig) {
 static_assert(static_cast<int>(PixelFormat::kRgb) == static_cast<int>(lf::PixelFamily::kRgb));
 static_assert(static_cast<int>(PixelFormat::kI420) == static_cast<int>(lf::PixelFamily::kI420));
 
+const char* version() { return LF_VERSION; }
+
 Image make_image(PixelFormat format, int width, int height) {
   if (format != PixelFormat::kRgb && format != PixelFormat::kI420) throw Error("format: must be kRgb or kI420");
   lf::validate_size("width", width);
@@ -216,6 +234,14 @@ Image make_image(PixelFormat format, int width, int height) {
   lf::Image image(static_cast<lf::PixelFamily>(format), width, height);
   if (format == PixelFormat::kI420) std::fill(image.plane(1), image.data().data() + image.data().size(), uint8_t{128});
   return {format, width, height, std::move(image.data())};
+}
+
+MutableImageView::MutableImageView(Image& image) : format(image.format), width(image.width), height(image.height) {
+  const ImageView view(image);
+  for (int c = 0; c < 3; c++) {
+    plane[c] = const_cast<uint8_t*>(view.plane[c]);
+    stride[c] = view.stride[c];
+  }
 }
 
 ImageView::ImageView(const Image& image) : format(image.format), width(image.width), height(image.height) {

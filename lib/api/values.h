@@ -35,6 +35,8 @@ lightfield::Image from_image(Image image);
 // Returns the image of `camera`, or family kNone if there is no image. Throws Error if size or planes are wrong; the
 // text names `index`.
 ImageView to_image(const lightfield::ImageView& image, const Camera& camera, CameraIndex index);
+// Returns the family of a picture that is written to `out`. Throws Error if the format, size or planes are wrong.
+PixelFamily check_output(const lightfield::MutableImageView& out, int width, int height);
 // Returns the common family of the images; kNone if there is no image. Throws Error if families differ.
 PixelFamily family_of(std::span<const lightfield::ImageView> images);
 void check_count(size_t images, size_t count);

@@ -384,6 +384,81 @@ TEST(ApiRenderer, MatchesBrightness) {
   EXPECT_LT(error[true], error[false] / 2);
 }
 
+// A picture in the caller's memory, with padding of 5 bytes a row.
+struct PaddedPicture {
+  PaddedPicture(PixelFormat format, int width, int height) {
+    view.format = format;
+    view.width = width;
+    view.height = height;
+    for (int c = 0; c < (format == PixelFormat::kRgb ? 1 : 3); c++) {
+      rows[c] = c == 0 ? height : (height + 1) / 2;
+      bytes[c] = format == PixelFormat::kRgb ? 3 * width : c == 0 ? width : (width + 1) / 2;
+      planes[c].assign(static_cast<size_t>(rows[c] * (bytes[c] + 5)), 99);
+      view.plane[c] = planes[c].data();
+      view.stride[c] = bytes[c] + 5;
+    }
+  }
+  // Returns the pixels, and removes the padding. Returns nothing if the padding has changed.
+  std::vector<uint8_t> pixels() const {
+    std::vector<uint8_t> out;
+    for (int c = 0; c < 3; c++)
+      for (int y = 0; y < rows[c]; y++) {
+        const auto row = planes[c].begin() + y * view.stride[c];
+        if (std::count(row + bytes[c], row + view.stride[c], 99) != 5) return {};
+        out.insert(out.end(), row, row + bytes[c]);
+      }
+    return out;
+  }
+  MutableImageView view;
+  int rows[3] = {}, bytes[3] = {};
+  std::vector<uint8_t> planes[3];
+};
+
+TEST(ApiRenderer, RendersIntoTheMemoryOfTheCaller) {
+  for (const PixelFormat format : {PixelFormat::kRgb, PixelFormat::kI420}) {
+    Array array(format);
+    array.view.width = 95;  // chroma has half the width, rounded up
+    const std::vector<ImageView> images(array.images.begin(), array.images.end());
+    Renderer renderer(array.rig), other(array.rig);
+    Compositor compositor(array.rig, 1);
+    const Machines machines(array);
+    for (const Focus focus : {Focus::kPlane, Focus::kAuto, Focus::kAuto}) {
+      PaddedPicture out(format, 95, 72), composed(format, 95, 72);
+      renderer.render_into(array.view, images, out.view, {.focus = focus});
+      const Image expected = other.render(array.view, array.images, {.focus = focus});
+      EXPECT_EQ(out.pixels(), expected.pixels);
+      for (const Bytes& part : machines.answer(compositor.request(array.view, {.focus = focus, .quality = 0})))
+        compositor.add(part);
+      PaddedPicture wrong(format == PixelFormat::kRgb ? PixelFormat::kI420 : PixelFormat::kRgb, 95, 72);
+      EXPECT_API_ERROR(compositor.finish_into(wrong.view), "out", "RGB", "I420");
+      compositor.finish_into(composed.view);
+      EXPECT_EQ(composed.pixels(), expected.pixels);
+      EXPECT_API_ERROR(compositor.finish_into(composed.view), "request()");
+    }
+    Image picture = make_image(format, 95, 72);
+    renderer.render_into(array.view, std::vector<ImageView>(images.size()), picture);
+    EXPECT_EQ(picture.pixels, make_image(format, 95, 72).pixels) << "black without images";
+  }
+}
+
+TEST(ApiRenderer, MemoryThatDoesNotFitIsAnError) {
+  const Array array;
+  const std::vector<ImageView> images(array.images.begin(), array.images.end());
+  Renderer renderer(array.rig);
+  const auto with = [&](auto change) {
+    PaddedPicture out(PixelFormat::kRgb, 96, 72);
+    change(out.view);
+    return test::error_of([&] { renderer.render_into(array.view, images, out.view); });
+  };
+  EXPECT_MENTIONS(with([](MutableImageView& v) { v.format = PixelFormat::kNone; }), "out", "kRgb", "kI420");
+  EXPECT_MENTIONS(with([](MutableImageView& v) { v.height = 71; }), "out", "96x71", "96x72");
+  EXPECT_MENTIONS(with([](MutableImageView& v) { v.plane[0] = nullptr; }), "out", "plane 0");
+  EXPECT_MENTIONS(with([](MutableImageView& v) { v.stride[0] = 287; }), "out", "287 bytes", "288");
+  Image broken = make_image(PixelFormat::kRgb, 96, 72);
+  broken.pixels.pop_back();
+  EXPECT_API_ERROR(renderer.render_into(array.view, images, broken), "bytes", "96x72");
+}
+
 TEST(ApiRenderer, MismatchesAreErrors) {
   Array array;
   Renderer renderer(array.rig);

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
+#include <lightfield/version.h>
+
 #include "api/api_fixture.h"
 #include "support/temp_dir.h"
 
@@ -16,6 +18,13 @@ std::vector<Camera> four_cameras() {
     cameras[i].world_from_camera.position = {0.2 * (i % 2), 0.2 * (i / 2), 0};
   }
   return cameras;
+}
+
+TEST(ApiVersion, HeadersLibraryAndBuildAgree) {
+  EXPECT_EQ(version(), std::to_string(LIGHTFIELD_VERSION_MAJOR) + "." + std::to_string(LIGHTFIELD_VERSION_MINOR) + "." +
+                           std::to_string(LIGHTFIELD_VERSION_PATCH));
+  EXPECT_TRUE(LIGHTFIELD_VERSION_AT_LEAST(0, 1, 0));
+  EXPECT_FALSE(LIGHTFIELD_VERSION_AT_LEAST(LIGHTFIELD_VERSION_MAJOR, LIGHTFIELD_VERSION_MINOR, 999));
 }
 
 TEST(ApiRig, KeepsAllMembers) {
