@@ -1,14 +1,17 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # Builds the Debian packages in build/packages, installs them in a fresh Debian 12 and runs debian/tests there: a camera
-# node, then lf-serve. Prints the seconds of each step. Needs root, a Debian mirror and the packages of `tools` below.
+# node, lf-serve and Python. Prints the seconds of each step. Needs root, a Debian mirror and the packages of `tools`
+# below.
 #   tests/packages.sh [--built]   --built: with the packages that are already in build/packages
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 tools=(debhelper devscripts help2man iproute2 lintian mkdocs mmdebstrap)
 
 if ((EUID != 0)); then echo "tests/packages.sh: root is required" >&2; exit 1; fi
-dpkg-query -W "${tools[@]}" >/dev/null || { echo "tests/packages.sh: install ${tools[*]}" >&2; exit 1; }
+# shellcheck disable=SC2016  # dpkg-query expands the field
+[[ $(dpkg-query -W -f '${db:Status-Status}\n' "${tools[@]}" 2>/dev/null | grep -cx installed) == "${#tools[@]}" ]] ||
+  { echo "tests/packages.sh: install ${tools[*]}" >&2; exit 1; }
 if [[ ! ${LF_ROOT:-} ]]; then
   LF_ROOT=$(mktemp -d)
   trap 'rm -rf "$LF_ROOT"' EXIT
@@ -71,4 +74,8 @@ step "lfnodesink" smoke camera-node
 mapfile -t paths < <(paths_of lightfield-serve)
 step "apt-get install lightfield-serve" install_packages curl "${paths[@]}"
 step "lf-serve" smoke serve
+forbidden=${forbidden%|*}  # calibration needs OpenCV
+mapfile -t paths < <(paths_of python3-lightfield liblightfield0 liblightfield-calibration0)
+step "apt-get install python3-lightfield" install_packages "${paths[@]}"
+step "python3" smoke python
 step "apt-get install the remaining packages (simulated)" inside sh -c "apt-get -s install /packages/*.deb"

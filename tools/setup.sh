@@ -41,6 +41,7 @@ if [[ $what != quickstart ]]; then
     libbenchmark-dev libgmock-dev libgtest-dev
     libgstrtspserver-1.0-dev                           # network cameras of the tests
     python3-gi gir1.2-gst-plugins-base-1.0 python3-opencv  # the examples in Python
+    pybind11-dev python3-dev python3-numpy                # the Python modules
   )
 fi
 if [[ $what == tests ]]; then

@@ -5,9 +5,8 @@
 #define LIGHTFIELD_VERSION_MAJOR 0
 #define LIGHTFIELD_VERSION_MINOR 1
 #define LIGHTFIELD_VERSION_PATCH 0
-#define LIGHTFIELD_VERSION_AT_LEAST(major, minor, patch)                    \
-  (LIGHTFIELD_VERSION_MAJOR * 1000000 + LIGHTFIELD_VERSION_MINOR * 1000 + \
-       LIGHTFIELD_VERSION_PATCH >=                                          \
+#define LIGHTFIELD_VERSION_AT_LEAST(major, minor, patch)                                              \
+  (LIGHTFIELD_VERSION_MAJOR * 1000000 + LIGHTFIELD_VERSION_MINOR * 1000 + LIGHTFIELD_VERSION_PATCH >= \
    (major)*1000000 + (minor)*1000 + (patch))
 
 namespace lightfield {
@@ -16,8 +15,8 @@ namespace lightfield {
 // version of the headers.
 //
 // Binary compatibility: a program works with every library that has the same soname (liblightfield.so.0) and is not
-// older than the headers of the program. Such libraries keep all functions, the layout of all structs, and the values of
-// all enumerators. New options use the reserved space of the option structs, where 0 means the behaviour without the
+// older than the headers of the program. Such libraries keep all functions, the layout of all structs, and the values
+// of all enumerators. New options use the reserved space of the option structs, where 0 means the behaviour without the
 // option. An incompatible library has another soname. The interface contains types of the C++ standard library, so both
 // must use the same implementation (on Linux, usually libstdc++ with its current ABI).
 const char* version();
