@@ -46,7 +46,7 @@ if [[ $what != quickstart ]]; then
 fi
 if [[ $what == tests ]]; then
   packages+=(gstreamer1.0-gl tshark janus coturn opencv-doc iptables python3-gst-1.0 faketime locales mkdocs
-    haproxy prometheus)
+    haproxy prometheus curl systemd gstreamer1.0-rtsp gir1.2-gst-rtsp-server-1.0)
   # These programs are often installed from other sources.
   command -v chromium chromium-browser google-chrome >/dev/null || packages+=(chromium)
   command -v node >/dev/null || packages+=(nodejs)

@@ -51,6 +51,8 @@ def main():
     assert serve["readinessProbe"]["httpGet"]["path"] == "/readyz"
     containerfile = (ROOT / "containers/Containerfile").read_text()
     used = set(re.findall(r"--[a-z-]+", serve["args"][0])) | set(re.findall(r"--[a-z-]+", containerfile.split("CMD")[1]))
+    camera = objects["DaemonSet", "lf-camera"]["spec"]["template"]["spec"]["containers"][0]
+    assert set(re.findall(r"--[a-z-]+", camera["args"][0])) == {"--metrics"}, camera["args"]
     texts = subprocess.run([BUILD / "tools/lf-serve", "--help"], capture_output=True, text=True, check=True).stdout
     assert used and used <= set(re.findall(r"--[a-z-]+", texts)), used
 

@@ -1,8 +1,8 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""Debian's Prometheus with the configuration of pipelines/prometheus watches two lf-serve with two camera hosts. A camera
-host and a server are killed, and their alerts must fire. Also checks the metrics (promtool), the dashboard, and the
-hardening of the systemd units (systemd-analyze).
+"""Debian's Prometheus with the configuration of pipelines/prometheus watches two lf-serve, two camera hosts and a
+compositor. A camera host and a server are killed, and their alerts must fire. Also checks the metrics (promtool), the
+dashboard, and the systemd units (systemd-analyze).
 
     monitoring.py BUILD_ROOT
 """
@@ -56,17 +56,18 @@ class Programs(list):
 
 
 def check_files():
-    """The rules, and that the rules and the dashboard use only metrics that lf-serve has."""
+    """The rules and the systemd units."""
     subprocess.run(["promtool", "check", "rules", PROMETHEUS / "lightfield-rules.yml"], check=True)
     for unit in (ROOT / "debian").glob("*.service"):
         subprocess.run(["systemd-analyze", "security", "--offline=true", "--no-pager", f"--threshold={MOST_EXPOSURE}", unit],
                        check=True, stdout=subprocess.DEVNULL)
-    assert {"Type=notify", "WatchdogSec=30"} <= set((ROOT / "debian/lightfield-serve.service").read_text().splitlines())
+        assert {"Type=notify", "WatchdogSec=30"} <= set(unit.read_text().splitlines()), unit
 
 
-def check_metrics(text):
-    subprocess.run(["promtool", "check", "metrics"], input=text, text=True, check=True)
-    names = set(re.findall(r"^# TYPE (\S+)", text, re.M)) | {"lightfield_cameras", "lightfield_cameras_working"}
+def check_metrics(texts):
+    for text in texts:
+        subprocess.run(["promtool", "check", "metrics"], input=text, text=True, check=True)
+    names = set(re.findall(r"^# TYPE (\S+)", "".join(texts), re.M))
     names |= {name + "_bucket" for name in names}
     for file in ("lightfield-rules.yml", "grafana-dashboard.json"):
         used = set(re.findall(r"\blightfield_\w+", (PROMETHEUS / file).read_text()))
@@ -74,6 +75,7 @@ def check_metrics(text):
 
 
 def main():
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # ends the programs
     programs = Programs()
     check_files()
     with tempfile.TemporaryDirectory() as folder:
@@ -93,9 +95,13 @@ def watch(folder, programs):
                    env={**os.environ, "GST_PLUGIN_PATH": f"{BUILD}/gst"})
     rig, servers = f"{folder}/film/rig.json", [free_port(), free_port()]
     requests, answers = ([[free_port(socket.SOCK_DGRAM) for _ in servers] for _ in range(2)] for _ in range(2))
-    nodes = [programs.start(folder, "gst-launch-1.0", "lfnodesink", f"rig={rig}", f"cameras={'0-1' if n == 0 else '2-3'}",
-                            f"node={n}", "listen=" + ",".join(f"127.0.0.1:{port}" for port in requests[n]),
+    hosts = [free_port() for _ in range(3)]
+    nodes = [programs.start(folder, f"{BUILD}/tools/lf-run", "--metrics", str(hosts[n]), "lfnodesink", f"rig={rig}",
+                            f"cameras={'0-1' if n == 0 else '2-3'}", f"node={n}",
+                            "listen=" + ",".join(f"127.0.0.1:{port}" for port in requests[n]),
                             "answers=" + ",".join(f"127.0.0.1:{port}" for port in answers[n])) for n in range(2)]
+    programs.start(folder, f"{BUILD}/tools/lf-run", "--metrics", str(hosts[2]), "lfviewsrc", f"rig={rig}", "width=160",
+                   "height=120", "framerate=5/1", "node::is-live=true", "!", "fakesink", "sync=false")
     serving = [programs.start(folder, f"{BUILD}/tools/lf-serve", "--rig", rig, "--port", str(port), "--framerate", "5",
                               "--nodes", ",".join(f"127.0.0.1:{requests[n][s]}:{answers[n][s]}" for n in range(2)))
                for s, port in enumerate(servers)]
@@ -103,10 +109,13 @@ def watch(folder, programs):
         until(lambda: get(port, "readyz"), "lf-serve is ready")
     programs.start(folder, f"{BUILD}/tests/watch", f"http://127.0.0.1:{servers[0]}/", "1", "160", "120", "600")
     until(lambda: re.search(r"^lightfield_pictures_total [1-9]", get(servers[0], "metrics"), re.M), "a viewer watches")
-    check_metrics(get(servers[0], "metrics"))
+    until(lambda: re.search(r"^lightfield_pictures_total [1-9]", get(hosts[2], "metrics"), re.M), "the compositor runs")
+    check_metrics([get(port, "metrics") for port in [servers[0], *hosts]])
 
     config = (PROMETHEUS / "prometheus.yml").read_text()
-    config = re.sub(r"targets: .*", "targets: " + json.dumps([f"127.0.0.1:{port}" for port in servers]), config)
+    targets = iter([servers, hosts])
+    config = re.sub(r"targets: .*",
+                    lambda _: "targets: " + json.dumps([f"127.0.0.1:{port}" for port in next(targets)]), config)
     config = config.replace("lightfield-rules.yml", str(PROMETHEUS / "lightfield-rules.yml")).replace(": 5s", ": 1s")
     pathlib.Path(f"{folder}/prometheus.yml").write_text(config)
     own = free_port()
@@ -120,14 +129,16 @@ def watch(folder, programs):
     def alerts():
         found = json.loads(get(own, "api/v1/alerts"))["data"]["alerts"]
         return {alert["labels"]["alertname"]: alert["labels"] for alert in found if alert["state"] == "firing"}
-    until(lambda: value("up") == [1, 1], "Prometheus reads both servers")
+    until(lambda: value("up") == [1] * 5, "Prometheus reads all programs")
     assert not alerts(), alerts()
 
-    for kill, name in (lambda: nodes[1], "LightfieldCameraHostSilent"), (lambda: serving[1], "LightfieldServerDown"):
+    for killed, *names in ((nodes[1], "LightfieldCameraHostSilent", "LightfieldHostDown"),
+                           (serving[1], "LightfieldServerDown")):
         began = time.monotonic()
-        kill().send_signal(signal.SIGKILL)
-        labels = until(lambda: alerts().get(name), f"{name} fires")
-        print(f"# {name} fires {time.monotonic() - began:.1f} s after the kill: {labels}")
+        killed.send_signal(signal.SIGKILL)
+        for name in names:
+            labels = until(lambda: alerts().get(name), f"{name} fires")
+            print(f"# {name} fires {time.monotonic() - began:.1f} s after the kill: {labels}")
     print("ok")
 
 

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdlib>
 #include <cstring>
+#include <utility>
 
 #include <glib.h>
 #include <sys/socket.h>
@@ -28,17 +29,18 @@ void notify_service(const std::string& state) {
   close(socket);
 }
 
-ServiceWatchdog::ServiceWatchdog() {
+ServiceWatchdog::ServiceWatchdog(std::function<void()> check) : check_(std::move(check)) {
   const char *interval = std::getenv("WATCHDOG_USEC"), *process = std::getenv("WATCHDOG_PID");
   const guint64 microseconds = interval ? g_ascii_strtoull(interval, nullptr, 10) : 0;
   if (microseconds == 0 || (process && std::atol(process) != getpid())) return;
   timer_ = g_timeout_add(
       static_cast<guint>(microseconds / 2000),
-      [](gpointer) -> gboolean {
+      [](gpointer data) -> gboolean {
+        if (const auto& check = static_cast<ServiceWatchdog*>(data)->check_) check();
         notify_service("WATCHDOG=1");
         return G_SOURCE_CONTINUE;
       },
-      nullptr);
+      this);
 }
 
 ServiceWatchdog::~ServiceWatchdog() {

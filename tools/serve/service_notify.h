@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <functional>
 #include <string>
 
 namespace lf::serve {
@@ -10,14 +11,16 @@ namespace lf::serve {
 void notify_service(const std::string& state);
 
 // Reports to the watchdog of systemd (WatchdogSec=) at half of its interval, from the main loop, so that systemd
-// restarts a service whose main loop hangs. Does nothing without a watchdog. Main thread only.
+// restarts a service whose main loop hangs. Each report follows a call of `check`, which may hang, too. Does nothing
+// without a watchdog. Main thread only.
 class ServiceWatchdog {
  public:
-  ServiceWatchdog();
+  explicit ServiceWatchdog(std::function<void()> check = {});
   ~ServiceWatchdog();
   ServiceWatchdog(const ServiceWatchdog&) = delete;
 
  private:
+  const std::function<void()> check_;
   unsigned timer_ = 0;
 };
 

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <map>
+#include <mutex>
+#include <string>
+
+#include <gst/gst.h>
+
+#include "serve/histogram.h"
+
+namespace lf::serve {
+
+// Prometheus metrics of the elements of a pipeline: camera hosts (lfnodesink) and compositors (lfcompositor, also in
+// lfviewsrc). Counters of several elements of the same type are added. Must outlive the pipeline. Thread-safe.
+class PipelineMetrics {
+ public:
+  // Watches the elements of the pipeline, also those that it adds later.
+  explicit PipelineMetrics(GstElement* pipeline);
+  PipelineMetrics(const PipelineMetrics&) = delete;
+
+  // Adds a message of an element to the histograms. Returns false if it is a message for the application.
+  bool take(GstMessage* message);
+  // Returns the text of /metrics. Locks each element, so that a caller in the main loop detects elements that hang.
+  std::string text() const;
+
+ private:
+  void watch(GstElement* element);
+  std::string cameras() const;
+
+  GstElement* const pipeline_;  // borrowed
+  Histogram answers_, pictures_, skews_;
+  mutable std::mutex mutex_;
+  std::map<uint32_t, std::atomic<int64_t>> last_frames_;  // by camera, g_get_monotonic_time(); guarded by mutex_
+};
+
+}  // namespace lf::serve
