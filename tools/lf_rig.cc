@@ -20,6 +20,7 @@
 #include "cameras/film_check.h"
 #include "cameras/rig_cameras.h"
 #include "command_line.h"
+#include "deploy.h"
 #include "image/image_file.h"
 #include "render/contribution_map.h"
 #include "render/stanford_focus.h"
@@ -560,6 +561,7 @@ int main(int argc, char** argv) {
   subset->callback([&] { run_subset(arguments); });
 
   add_formats(app, arguments);
+  add_deploy_command(app);
   add_doctor_command(app);
   add_identify_command(app);
   add_lock_command(app);

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""lf-run runs a camera host and a compositor: their metrics, and their reports to systemd (a datagram socket).
+"""lf-run runs a camera host and a compositor: their metrics, and their reports to systemd (a datagram socket). Then it runs
+the configuration that lf-rig deploy makes from an inventory.
 
     lf_run.py BUILD_ROOT
 """
@@ -139,9 +140,88 @@ def check(folder):
     receives("STOPPING=1")
 
 
+def inventory(**changes):
+    return {"format": "lightfield-inventory", "version": 1, "rig": "rig.json", "key": "key",
+            "cameras": [{"name": "cam0", "address": "127.0.1.1", "cameras": "0-1"},
+                        {"name": "cam1", "address": "127.0.1.2", "cameras": "2,3", "options": "mtu=1400"}],
+            "servers": [{"name": name, "address": f"127.0.1.{i + 3}", "options": "--viewers 8"}
+                        for i, name in enumerate(["r1", "r2"])],
+            "compositors": [{"name": "wall", "address": "127.0.1.5", "options": "width=160 height=120 framerate=10/1",
+                             "output": "fakesink"}],
+            "proxy": {"address": "127.0.1.6", "host": "example.org", "template": "haproxy.cfg"}, **changes}
+
+
+def deploy(folder, made):
+    pathlib.Path(folder, "inventory.json").write_text(json.dumps(made))
+    return subprocess.run([f"{BUILD}/tools/lf-rig", "deploy", "inventory.json", "--out", "out"], cwd=folder, text=True,
+                          capture_output=True, env=ENVIRONMENT)
+
+
+def check_deploy(folder):
+    write_rig(folder)
+    key, out = pathlib.Path(folder, "key"), pathlib.Path(folder, "out")
+    key.touch(0o600)
+    key.write_text("0123456789abcdef" * 4)
+    template = pathlib.Path(__file__).resolve().parents[2] / "pipelines/haproxy/haproxy.cfg"
+    pathlib.Path(folder, "haproxy.cfg").write_text(template.read_text())
+    two = inventory()["cameras"]
+    for changes, message in (({"cameras": two[:1]}, "camera 2 belongs to no host"),
+                             ({"cameras": [two[0], {**two[1], "cameras": "1-3"}]}, "1 belongs to cam0 and to cam1"),
+                             ({"cameras": [two[0], {**two[1], "name": "cam0"}]}, "cameras[1].name"),
+                             ({"cameras": [two[0], {**two[1], "name": "a b"}]}, "must match"),
+                             ({"cameras": []}, "no camera hosts"), ({"servers": [], "compositors": []}, "no hosts"),
+                             ({"compositors": [{"name": "wall", "address": "10.0.0.1"}]}, "output"),
+                             ({"key": "none"}, "none"), ({"version": 2}, "version")):
+        failed = deploy(folder, inventory(**changes))
+        assert failed.returncode == 1 and message in failed.stderr, (changes, failed)
+    for _ in range(2):  # the second time replaces the files
+        made = deploy(folder, inventory())
+        assert made.returncode == 0, made
+    assert made.stdout.splitlines() == ["cam0: lightfield-camera@cam0", "cam1: lightfield-camera@cam1",
+                                        "r1: lightfield-serve", "r2: lightfield-serve",
+                                        "wall: lightfield-compositor@wall", "proxy: haproxy"], made
+    for host in "cam0", "cam1", "r1", "r2", "wall":
+        copy = out / host / "etc/lightfield/secrets/key"
+        assert copy.read_text() == key.read_text() and copy.stat().st_mode & 0o777 == 0o600, host
+    proxy = (out / "proxy/etc/haproxy/haproxy.cfg").read_text()
+    assert re.findall(r"  server (.*)", proxy) == ["r1 127.0.1.3:8080", "r2 127.0.1.4:8080",
+                                                   "r1 127.0.1.3:8080 track views/r1", "r2 127.0.1.4:8080 track views/r2"]
+    targets = json.loads((out / "prometheus-targets.json").read_text())
+    assert [group["targets"] for group in targets] == [["127.0.1.3:8080", "127.0.1.4:8080"],
+                                                       ["127.0.1.1:9110", "127.0.1.2:9110", "127.0.1.5:9120"]]
+
+    def words(host, file, variable):
+        folder = str(out / host / "etc/lightfield")
+        text = pathlib.Path(folder, file).read_text().replace("/etc/lightfield", folder)
+        return re.search(rf"^{variable}=(.*)", text, re.M)[1].split()
+
+    serve = words("r1", "serve.conf", "LIGHTFIELD_OPTIONS")
+    assert serve[2:4] == ["--nodes", "127.0.1.1:6000:127.0.1.3:6100,127.0.1.2:6000:127.0.1.3:6101"], serve
+    assert serve[-2:] == ["--viewers", "8"], serve
+    programs = [start("--metrics", *words(host, file, "LIGHTFIELD_METRICS"), element, f"key-file={key}",
+                      *words(host, file, variable))
+                for host, file, element, variable in (
+                    ("cam0", "camera-cam0.conf", "lfnodesink", "LIGHTFIELD_OPTIONS"),
+                    ("cam1", "camera-cam1.conf", "lfnodesink", "LIGHTFIELD_OPTIONS"),
+                    ("wall", "compositor-wall.conf", "lfviewsrc", "LIGHTFIELD_PIPELINE"))]
+    try:
+        def complete():
+            url = "http://127.0.1.5:9120/metrics"
+            text = urllib.request.urlopen(url, timeout=10).read().decode()
+            composed, incomplete = (float(re.search(rf"^lightfield_{name} (.*)", text, re.M)[1])
+                                    for name in ("pictures_total", "incomplete_pictures_total"))
+            return composed - incomplete > 10
+        until(complete, "the compositor of the inventory makes complete pictures")
+    finally:
+        for program in programs:
+            program.terminate()
+            output = program.communicate(timeout=60)[0]
+            assert program.returncode == 0, output
+
+
 def main():
     check_failures()
-    for test in (check,):
+    for test in check, check_deploy:
         with tempfile.TemporaryDirectory() as folder:
             test(folder)
     print("ok")
