@@ -2,13 +2,23 @@
 """Programs on hosts of an Ethernet switch; each host is a network namespace."""
 
 import os
+import pathlib
+import re
 import signal
 import subprocess
 import threading
 
 
 def _ip(*arguments):
-    subprocess.run(['ip', *arguments], check=True, capture_output=True, text=True)
+    return subprocess.run(['ip', *arguments], check=True, capture_output=True, text=True).stdout
+
+
+def _remove_abandoned_hosts():
+    """Removes the hosts of scripts that were killed. Their programs have ended with them."""
+    for name in _ip('netns', 'list').split():
+        owner = re.match(r'soak(\d+)-', name)
+        if owner and not pathlib.Path('/proc', owner[1]).exists():
+            subprocess.run(['ip', 'netns', 'del', name], capture_output=True)
 
 
 class Network:
@@ -16,6 +26,7 @@ class Network:
     close() removes the hosts."""
 
     def __init__(self, hosts, loss):
+        _remove_abandoned_hosts()
         self._prefix = f'soak{os.getpid()}-'
         self._hosts = list(hosts)
         _ip('netns', 'add', self._prefix + 'switch')
@@ -45,15 +56,17 @@ class Network:
 
 
 class Program:
-    """A program with its output in a log. A separate thread calls `on_line` with each line."""
+    """A program with its output in a log. A separate thread calls `on_line` with each line. The program ends with the
+    script, even if the script is killed."""
 
     def __init__(self, name, command, log, environment=None, on_line=None):
         self.name = name
         self._on_line = on_line
         self._log = open(log, 'ab')
-        self._process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-                                         stderr=subprocess.STDOUT, start_new_session=True, env=environment)
-        self.pid = self._process.pid  # `ip netns exec` and the scripts exec the program
+        self._process = subprocess.Popen(['setpriv', '--pdeathsig', 'KILL', *command], stdin=subprocess.DEVNULL,
+                                         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True,
+                                         env=environment)
+        self.pid = self._process.pid  # setpriv, `ip netns exec` and the scripts exec the program
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 
