@@ -78,17 +78,42 @@ inline void place_chroma_nodes(SlotBand& band) {
   }
 }
 
+// The longest blocks in one plane of the image; see Slot. (x, y) is the principal point.
+struct LongestBlocks {
+  explicit LongestBlocks(const Slot& slot)
+      : outer(slot.longest_block), inner(slot.longest_inner_block), x(slot.cx), y(slot.cy), radius(slot.inner_radius) {}
+  LongestBlocks in_chroma() const {
+    LongestBlocks to = *this;
+    to.outer /= 2, to.inner /= 2, to.radius /= 2;
+    to.x = (x - 0.5f) / 2, to.y = (y - 0.5f) / 2;
+    return to;
+  }
+  float outer, inner, x, y, radius;
+};
+
+// The first row of the window of a half-block, and the number of further rows that can be the upper row of a sample.
+template <class V>
+struct HalfRows {
+  V first, steps;
+};
+template <class V>
+HWY_INLINE HalfRows<V> rows_between(V from, V to, V bulge) {
+  const V first = hn::Floor(hn::Sub(hn::Min(from, to), bulge));
+  return {first, hn::Sub(hn::Floor(hn::Add(hn::Max(from, to), bulge)), first)};
+}
+
 // Decides how the samples of `n` blocks of one plane are read, and where their windows are, for a focal plane. The
-// decision only uses the nodes at the edges of the blocks. `longest_block` is as in Slot. `node_z` are the depths of
-// the nodes. It is null for chroma, which is missing where luma is missing.
-inline void place_blocks(const PlaneGeometry& plane, float longest_block, int n, const float* node_z,
+// decision only uses the nodes at the edges of the blocks. `node_z` are the depths of the nodes. It is null for chroma,
+// which is missing where luma is missing.
+inline void place_blocks(const PlaneGeometry& plane, const LongestBlocks& longest, int n, const float* node_z,
                          PlanePositions& out) {
   const hn::CappedTag<float, kBlock> d;
   const hn::RebindToSigned<decltype(d)> di;
   const hn::RebindToUnsigned<decltype(d)> du;
   const int lanes = static_cast<int>(hn::Lanes(d));
   const auto set = [&](float v) HWY_ATTR { return hn::Set(d, v); };
-  const auto code = [&](Fetch f) HWY_ATTR { return hn::Set(d, static_cast<float>(f)); };
+  const auto code = [&](hn::Mask<decltype(d)> when, FetchBits bit)
+                        HWY_ATTR { return hn::IfThenElseZero(when, hn::Set(d, static_cast<float>(bit))); };
   const auto unit = set(static_cast<float>(1 << kPositionBits));
   const auto slack = set(kSlack);
   const auto largest_third = set(kLargestThird);
@@ -110,23 +135,33 @@ inline void place_blocks(const PlaneGeometry& plane, float longest_block, int n,
     const auto low_x = hn::Sub(hn::Min(x0, last_x), bulge_x), high_x = hn::Add(hn::Max(x0, last_x), bulge_x);
     const auto low_y = hn::Sub(hn::Min(y0, last_y), bulge_y), high_y = hn::Add(hn::Max(y0, last_y), bulge_y);
 
-    // NaN fails every comparison and remains kMixed.
+    // NaN fails every comparison and gets no bit.
+    const auto squared_distance = [&](const auto x, const auto y) HWY_ATTR {
+      const auto to_x = hn::Sub(x, set(longest.x)), to_y = hn::Sub(y, set(longest.y));
+      return hn::MulAdd(to_x, to_x, hn::Mul(to_y, to_y));
+    };
+    const auto is_inner =
+        hn::Lt(hn::Max(squared_distance(xa, ya), squared_distance(xb, yb)), set(longest.radius * longest.radius));
+    const auto longest_block = hn::IfThenElse(is_inner, set(longest.inner), set(longest.outer));
     const auto smooth = hn::And(hn::And(hn::Lt(third_x, largest_third), hn::Lt(third_y, largest_third)),
-                                hn::Lt(hn::Max(hn::Abs(dx), hn::Abs(dy)), set(longest_block)));
+                                hn::Lt(hn::Max(hn::Abs(dx), hn::Abs(dy)), longest_block));
     const auto inside =
         hn::And(hn::And(hn::Ge(low_x, set(0)), hn::Lt(high_x, set(plane.width - 1 - plane.border_columns))),
                 hn::And(hn::Ge(low_y, set(0)), hn::Lt(high_y, set(plane.height - 1))));
-    auto fetch = hn::IfThenElse(hn::And(inside, smooth), code(Fetch::kGather), code(Fetch::kMixed));
+    const auto good = hn::And(inside, smooth);
+    auto fetch = code(good, kSampleBit);
     if (node_z) {
       const auto outside = hn::Or(hn::Or(hn::Lt(high_x, set(-0.5f)), hn::Gt(low_x, set(plane.width - 0.5f))),
                                   hn::Or(hn::Lt(high_y, set(-0.5f)), hn::Gt(low_y, set(plane.height - 0.5f))));
       // Depth is linear: samples are behind the camera if both ends of the block are.
       const auto behind =
           hn::And(hn::Le(hn::LoadU(d, node_z + i + 1), hn::Zero(d)), hn::Le(hn::LoadU(d, node_z + i + 2), hn::Zero(d)));
-      fetch = hn::IfThenElse(hn::Or(behind, hn::And(outside, smooth)), code(Fetch::kLost), fetch);
+      const auto lost = hn::Or(behind, hn::And(outside, smooth));
+      fetch = hn::IfThenElse(lost, code(lost, kLostBit), fetch);
     }
 
-    const auto column = hn::Floor(low_x), row = hn::Floor(low_y);
+    const auto column = hn::Floor(low_x);
+    auto row = hn::Floor(low_y), row_half = row;
     const auto half = hn::Floor(hn::Sub(at_x(plane.t_half), slack));
     if (plane.shuffles) {
       const auto reach = set(kWindow - 1);
@@ -143,16 +178,27 @@ inline void place_blocks(const PlaneGeometry& plane, float longest_block, int n,
       const auto readable =
           hn::Or(hn::Lt(third, set(plane.height - 1)),
                  hn::And(hn::Le(third, set(plane.height - 1)), hn::Le(hn::Add(half, set(kWindow)), set(plane.width))));
-      const auto two_steps = hn::Lt(hn::Sub(hn::Floor(high_y), row), set(1.5f));
-      const auto fits = hn::And(hn::And(rises, narrow), hn::And(fixed_fit, hn::And(readable, two_steps)));
-      fetch = hn::IfThenElse(hn::And(hn::And(inside, smooth), fits), code(Fetch::kShuffle), fetch);
+      const auto two_steps = hn::Lt(hn::Sub(hn::Floor(high_y), row), set(kFlatSteps - 0.5f));
+      const auto fits = hn::And(good, hn::And(hn::And(rises, narrow), fixed_fit));
+      const auto flat = hn::And(fits, hn::And(readable, two_steps));
+      fetch = hn::Add(fetch, code(flat, kFlatBit));
+      if (plane.slopes) {
+        const auto rows = rows_between(y0, at_y(plane.t_before_half), bulge_y);
+        const auto rows_half = rows_between(at_y(plane.t_half), last_y, bulge_y);
+        row = hn::IfThenElse(flat, row, rows.first);
+        row_half = hn::IfThenElse(flat, row, rows_half.first);
+        const auto tall_readable = hn::Lt(hn::Max(row, row_half), set(plane.height - 1 - kSlopedSteps));
+        const auto few_steps = hn::Lt(hn::Max(rows.steps, rows_half.steps), set(kSlopedSteps - 0.5f));
+        const auto tall = hn::And(fits, hn::And(tall_readable, few_steps));
+        fetch = hn::Add(fetch, code(tall, kTallBit));
+      }
     }
+    const auto to_half = hn::MulAdd(hn::Sub(row_half, row), set(256), hn::Sub(half, column));
     const auto fixed = [&](const auto v) HWY_ATTR { return to_low_bits(hn::Mul(v, unit)); };
     const auto pack = [&](const auto low, const auto high)
                           HWY_ATTR { return hn::Or(hn::And(low, hn::Set(du, 0xffff)), hn::ShiftLeft<16>(high)); };
     hn::StoreInterleaved4(pack(fixed(hn::Sub(x0, column)), fixed(dx)), pack(fixed(sx), fixed(hn::Sub(y0, row))),
-                          pack(fixed(dy), fixed(sy)),
-                          pack(fixed(hn::Sub(x0, half)), to_low_bits(hn::Sub(half, column))), du,
+                          pack(fixed(dy), fixed(sy)), pack(fixed(hn::Sub(x0, half)), to_low_bits(to_half)), du,
                           reinterpret_cast<uint32_t*>(out.window.data() + i));
     hn::StoreU(hn::Add(hn::Mul(hn::ConvertTo(di, row), hn::Set(di, plane.stride)), hn::ConvertTo(di, column)), di,
                out.corner.data() + i);
@@ -193,20 +239,19 @@ inline void place_interior_blocks(const PlaneGeometry& plane, int n, PlanePositi
   }
 }
 
-// Decides how each pair of rows of a block is rendered: in the slowest way that any of its planes needs.
+// Decides how each pair of rows of a block is rendered: in the fastest way that is possible for all its planes.
 inline void decide(bool i420, SlotBand& band) {
-  constexpr int32_t kLost = static_cast<int32_t>(Fetch::kLost), kGather = static_cast<int32_t>(Fetch::kGather);
   for (int pair = 0; pair < kBandPairs; pair++) {
     const int32_t* const upper = band.luma.fetch.data() + 2 * pair * band.pitch;
     const int32_t* const lower = upper + band.pitch;
     const int32_t* const chroma = i420 ? band.chroma.fetch.data() + pair * band.pitch : upper;
     int32_t* __restrict const method = band.method.data() + pair * band.pitch;
     for (int i = 0; i < band.blocks; i++) {
-      const int32_t least_luma = std::min(upper[i], lower[i]), least = std::min(least_luma, chroma[i]);
-      const bool lost = least_luma == kLost && std::max(upper[i], lower[i]) == kLost;
-      int32_t v = least > kGather ? SlotBand::kShuffle : SlotBand::kSample;
-      v = least < kGather ? SlotBand::kProject : v;
-      method[i] = lost ? SlotBand::kAllMissing : v;
+      const int32_t luma = upper[i] & lower[i], common = luma & chroma[i];
+      int32_t v = common & kSampleBit ? SlotBand::kSample : SlotBand::kProject;
+      v = common & kTallBit ? SlotBand::kTall : v;
+      v = common & kFlatBit ? SlotBand::kShuffle : v;
+      method[i] = luma & kLostBit ? SlotBand::kAllMissing : v;
     }
   }
 }
@@ -287,10 +332,11 @@ inline void place_plane(bool i420, const Slot& slot, int y, SlotBand& band) {
     place_interior_blocks(chroma_geometry(slot), chroma_entries, band.chroma);
     return;
   }
-  place_blocks(luma, slot.longest_block, luma_entries, band.node_z.data(), band.luma);
+  const LongestBlocks longest(slot);
+  place_blocks(luma, longest, luma_entries, band.node_z.data(), band.luma);
   if (i420) {
     place_chroma_nodes(band);
-    place_blocks(chroma_geometry(slot), slot.longest_block / 2, chroma_entries, nullptr, band.chroma);
+    place_blocks(chroma_geometry(slot), longest.in_chroma(), chroma_entries, nullptr, band.chroma);
   }
   decide(i420, band);
 }
@@ -306,11 +352,6 @@ template <class V>
 HWY_INLINE V most_of_block(V v) {
   return hn::Max(v, hn::Shuffle2301(v));
 }
-
-// The possible ways of reading the samples. A block uses the fastest way that is possible for all its planes and
-// halves. A flat window has three rows. A tall window has more rows, so it may extend beyond the end of the image where
-// a flat window does not.
-enum FetchBits : int32_t { kSampleBit = 1, kTallBit = 2, kFlatBit = 4 };
 
 // Bounds of the samples of a half-block in the image, for a pair of rows in luma or RGB, or for their row in a chroma
 // plane. They are NaN if the positions are unknown, so that every comparison fails and the slow path is used.

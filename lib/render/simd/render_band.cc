@@ -98,7 +98,10 @@ HWY_INLINE WeightedPair weigh_windows(const Part& part, int pair, size_t lane) {
   const auto luma_at = [&](int row, int half) HWY_ATTR {
     if constexpr (kSurface) return image.plane[0] + cells.luma_corner[cell + row * ptrdiff_t{cells.pitch} + half];
     const ptrdiff_t at = entry + row * band.pitch;
-    return image.plane[0] + band.luma.corner[at] + (half ? band.luma.window[at].half : 0);
+    const uint8_t* const corner = image.plane[0] + band.luma.corner[at];
+    if (half == 0) return corner;
+    const WindowPositions& window = band.luma.window[at];
+    return kTall ? corner + window.columns_to_half() + window.rows_to_half() * stride : corner + window.half;
   };
   const int32_t chroma_corner = kSurface ? cells.chroma_corner[chroma_cell] : band.chroma.corner[chroma_entry];
   const uint8_t *const y0 = luma_at(0, 0), *const y1 = luma_at(1, 0);
@@ -111,8 +114,8 @@ HWY_INLINE WeightedPair weigh_windows(const Part& part, int pair, size_t lane) {
                           ptrdiff_t step) HWY_ATTR {
     return sample_windows<decltype(steps)::value>(hn::BitCast(DU16(), at.x), at.y, low, high, step, lane);
   };
-  constexpr std::integral_constant<int, kTall ? kTallSteps : kFlatSteps> kLuma;
-  constexpr std::integral_constant<int, kTall ? kTallChromaSteps : kFlatSteps> kChroma;
+  constexpr std::integral_constant<int, !kTall ? kFlatSteps : kSurface ? kTallSteps : kSlopedSteps> kLuma;
+  constexpr std::integral_constant<int, !kTall ? kFlatSteps : kSurface ? kTallChromaSteps : kSlopedSteps> kChroma;
   VU16 v0, v1, v2;
   if constexpr (kSurface) {
     const CellsOfPair of(cells, pair, part.block, lane);
@@ -121,10 +124,10 @@ HWY_INLINE WeightedPair weigh_windows(const Part& part, int pair, size_t lane) {
     v2 = sample(kChroma, chroma_between(cells, of, pair, part.block, lane), cb, cr, chroma_stride);
   } else {
     const WindowPositions* const window = band.luma.window.data() + entry;
-    v0 = sample(kLuma, plane_between(window[0], kLumaTable, lane), y0, luma_at(0, 1), stride);
-    v1 = sample(kLuma, plane_between(window[band.pitch], kLumaTable, lane), y1, luma_at(1, 1), stride);
+    v0 = sample(kLuma, plane_between<kTall>(window[0], kLumaTable, lane), y0, luma_at(0, 1), stride);
+    v1 = sample(kLuma, plane_between<kTall>(window[band.pitch], kLumaTable, lane), y1, luma_at(1, 1), stride);
     const WindowPositions& of_chroma = band.chroma.window[chroma_entry];
-    v2 = sample(kChroma, plane_between(of_chroma, kChromaTable, lane), cb, cr + of_chroma.half, chroma_stride);
+    v2 = sample(kChroma, plane_between<kTall>(of_chroma, kChromaTable, lane), cb, cr + of_chroma.half, chroma_stride);
   }
   const DU16 du;
   // Halves the 256-fold samples, compensates the truncation, and multiplies by the weights.
@@ -141,8 +144,8 @@ HWY_INLINE WeightedPair weigh_windows(const Part& part, int pair, size_t lane) {
 // kFlat: no part has tall windows.
 template <bool kSurface, bool kFlat>
 HWY_INLINE WeightedPair weigh_pair(const Part& part, int pair, size_t lane) {
-  if constexpr (kSurface && !kFlat)
-    if (part.method == SlotBand::kTall) return weigh_windows<true, true>(part, pair, lane);
+  if constexpr (!kFlat)
+    if (part.method == SlotBand::kTall) return weigh_windows<kSurface, true>(part, pair, lane);
   return weigh_windows<kSurface, false>(part, pair, lane);
 }
 
@@ -359,7 +362,7 @@ inline void render_block(const SumTask& task, const Rect& rect, int block, int o
   const bool i420 = task.family == PixelFamily::kI420, separable = task.plan->rays().separable();
   const bool surface = view.focus.map != nullptr;
   const auto sum_flat = surface ? sum_i420<true, true> : sum_i420<false, true>,
-             sum_any = surface ? sum_i420<true, false> : sum_flat;
+             sum_any = surface ? sum_i420<true, false> : sum_i420<false, false>;
   const bool odd_column = i420 && view.width % 2 != 0 && x + kBlock > view.width - 1;
   const bool shuffles = i420 && separable && !odd_column && !task.exact && HWY_TARGET != HWY_SCALAR;
   BlockParts all;

@@ -91,11 +91,18 @@ struct PlaneGeometry {
   int32_t stride, pixel_bytes;
   float border_columns;                 // columns at the right border that the fast path must not read
   bool shuffles;                        // windows are possible: samples are adjacent bytes, and rows are wide enough
+  bool slopes;                          // the lens bends rows so much that tall windows are worth their tests
   float t_before_half, t_half, t_last;  // t of samples 7, 8 and 15; chroma has a single half
 };
 
 inline constexpr int kWindow = 16;                           // bytes
 inline constexpr float kSlack = 3.f / (1 << kPositionBits);  // pixels; largest difference of fixed point from float
+
+// A bilinear sample needs two adjacent image rows. These constants are the number of rows of a window that can be the
+// upper one, so a window has one row more. Two are mostly enough. If a focal map has a depth step inside the block, the
+// samples spread over more rows. For a focal plane, a fisheye lens bends the rows of the view, so that the two halves
+// of a block begin in different rows and need one row more.
+inline constexpr int kFlatSteps = 2, kTallSteps = 7, kTallChromaSteps = 4, kSlopedSteps = 3;
 
 // Largest third difference of the nodes that Bessel interpolation can interpolate with an error below kGridError. The
 // first neglected term is t (t - 1) (t - 1/2) / 6 times the third difference, which is at most 0.0081 times the third
@@ -110,6 +117,7 @@ inline PlaneGeometry luma_geometry(const Slot& slot, bool i420) {
           .pixel_bytes = i420 ? 1 : image.layout.pixel_stride,
           .border_columns = i420 ? 0.f : 1.f,
           .shuffles = i420 && image.width >= kWindow,
+          .slopes = slot.distortion.is_general,
           .t_before_half = 7.f / kBlock,
           .t_half = 8.f / kBlock,
           .t_last = 15.f / kBlock};
@@ -123,6 +131,7 @@ inline PlaneGeometry chroma_geometry(const Slot& slot) {
           .pixel_bytes = 1,
           .border_columns = 0,
           .shuffles = chroma_size(image.width) >= kWindow && image.stride[1] == image.stride[2],
+          .slopes = slot.distortion.is_general,
           .t_before_half = 14.5f / kBlock,
           .t_half = 0,  // Cb and Cr have one half each
           .t_last = 14.5f / kBlock};
@@ -189,11 +198,6 @@ HWY_INLINE VU16 blend(VU16 a, VU16 b, VU16 rest, VU16 f) { return hn::Add(hn::Mu
 // this value on average, and at most by twice this value.
 inline constexpr int kCutOff = 3;
 
-// A bilinear sample needs two adjacent image rows. These constants are the number of rows of a window that can be the
-// upper one, so a window has one row more. For a focal plane, two are enough, because samples of a block lie nearly on
-// a straight line. If a focal map has a depth step inside the block, the samples spread over more rows.
-inline constexpr int kFlatSteps = 2, kTallSteps = 7, kTallChromaSteps = 4;
-
 // Samples one row of a block, for the lanes of a vector that begins at sample `lane`. Returns levels times 256, minus
 // kCutOff on average. `low` and `high` point to the windows of the two half-blocks, and all samples must be inside
 // these windows. `x` and `y` are positions relative to the windows, in fixed point (kPositionBits). kSteps is the
@@ -234,7 +238,8 @@ struct FixedPositions {
 };
 
 // Interpolates the positions of the samples of one row of a block, from `lane` on, for a focal plane. See
-// WindowPositions.
+// WindowPositions. kTall: the windows of the halves may begin in different rows.
+template <bool kTall>
 HWY_INLINE FixedPositions plane_between(const WindowPositions& at, const UnitTable& table, size_t lane) {
   const D16 d;
   const DU16 du;
@@ -242,7 +247,12 @@ HWY_INLINE FixedPositions plane_between(const WindowPositions& at, const UnitTab
   const auto along = hn::Add(hn::MulHigh(hn::Set(du, at.dx), hn::Load(du, table.t16 + lane)),
                              hn::BitCast(du, hn::MulFixedPoint15(hn::Set(d, at.sx), bend)));
   const auto x = hn::Add(by_half(at.x0, at.x0_half, lane), along);
-  const auto y = hn::Add(hn::Add(hn::Set(d, at.y0), hn::MulFixedPoint15(hn::Set(d, at.sy), bend)),
+  auto y0 = hn::Set(d, at.y0);
+  if constexpr (kTall) {
+    const auto y0_half = static_cast<uint16_t>(at.y0 - at.rows_to_half() * (1 << kPositionBits));
+    y0 = hn::BitCast(d, by_half(static_cast<uint16_t>(at.y0), y0_half, lane));
+  }
+  const auto y = hn::Add(hn::Add(y0, hn::MulFixedPoint15(hn::Set(d, at.sy), bend)),
                          hn::MulFixedPoint15(hn::Set(d, at.dy), hn::Load(d, table.t15 + lane)));
   return {hn::BitCast(d, x), y};
 }

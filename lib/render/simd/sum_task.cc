@@ -99,6 +99,35 @@ void pick_pixels(const RgbLayout& layout, Slot& slot) {
   }
 }
 
+}  // namespace
+
+Bends::Bends(const Lens::Steepness& of, bool fisheye, double angle)
+    : first(static_cast<float>(of.first)), second(static_cast<float>(of.second)), third(static_cast<float>(of.third)) {
+  if (!fisheye) return;
+  // The derivatives of (a, b) along a great circle at these angles, in the worst direction.
+  constexpr struct {
+    double degrees, first, second, third;
+  } kRings[] = {{0, 1, 0, 0},
+                {20, 1.0207, 0.2366, 0.0387},
+                {40, 1.0862, 0.4980, 0.1693},
+                {60, 1.2093, 0.8190, 0.4478},
+                {80, 1.4179, 1.2634, 1.0252},
+                {95, 1.665, 1.759, 1.967}};
+  size_t i = 1;
+  const double degrees = angle * 180 / M_PI;
+  while (i + 1 < std::size(kRings) && kRings[i].degrees < degrees) i++;
+  const auto &low = kRings[i - 1], &high = kRings[i];
+  const double share = (degrees - low.degrees) / (high.degrees - low.degrees);
+  const auto between = [share](double a, double b) { return static_cast<float>(a + share * (b - a)); };
+  const float by = between(low.first, high.first), by2 = between(low.second, high.second),
+              by3 = between(low.third, high.third);
+  third = by * (by * by * third + 3 * by2 * second) + (by3 + 2 * by) * first;
+  second = by * by * second + by2 * first;
+  first *= by;
+}
+
+namespace {
+
 // Call again when the image memory changes: the result depends on its layout.
 void search_interior_rows(const ViewPlan& plan, PixelFamily family, Slot& slot) {
   slot.interior_y0 = slot.interior_y1 = 0;
@@ -107,16 +136,26 @@ void search_interior_rows(const ViewPlan& plan, PixelFamily family, Slot& slot) 
     find_interior_rows(family, slot);
 }
 
+// Returns the longest block for the lens of a slot; see Slot. The next term of Bessel's formula is at most 0.0234 times
+// the fourth difference. Fourth derivatives are about twice the third derivatives.
+float longest_block(const Lens& lens, const Lens::Steepness& steepness, double third) {
+  const double focal = std::max(lens.fx(), lens.fy()), least = steepness.least * std::min(lens.fx(), lens.fy());
+  return static_cast<float>(least * std::pow(kGridError / std::max(0.0234 * 2 * focal * third, 1e-30), 0.25));
+}
+
 void measure_steepness(const Camera& camera, Slot& slot) {
   const Lens& lens = camera.lens;
   const double half_x = std::max(lens.cx(), camera.width - lens.cx()) + 1,
                half_y = std::max(lens.cy(), camera.height - lens.cy()) + 1;
   slot.steepness = lens.steepness(std::hypot(half_x / lens.fx(), half_y / lens.fy()));
-  // The next term of Bessel's formula is at most 0.0234 times the fourth difference. Fourth derivatives are about twice
-  // the third derivatives.
-  const double focal = std::max(lens.fx(), lens.fy()), least = slot.steepness.least * std::min(lens.fx(), lens.fy());
-  const double fourth = 0.0234 * 2 * focal * Bends(slot.steepness, slot.distortion.fisheye).third;
-  slot.longest_block = static_cast<float>(least * std::pow(kGridError / std::max(fourth, 1e-30), 0.25));
+  const bool fisheye = slot.distortion.fisheye;
+  slot.longest_block = longest_block(lens, slot.steepness, Bends(slot.steepness, fisheye).third);
+  constexpr double kInner = M_PI / 4, kMargin = 0.9;  // rays at a smaller angle are in the inner part of the image
+  if (fisheye && kInner < lens.max_length()) {
+    slot.longest_inner_block = longest_block(lens, slot.steepness, Bends(slot.steepness, fisheye, kInner).third);
+    slot.inner_radius =
+        static_cast<float>(kMargin * std::min(lens.fx(), lens.fy()) * std::abs(lens.bend(Vec2(kInner, 0)).x));
+  }
   constexpr double kFloat = 1.0 / (1 << 24), kLargestError = 1.0 / 256;  // pixels
   slot.needs_double = !(kFloat * slot.steepness.rounding * std::hypot(half_x, half_y) < kLargestError);
 }

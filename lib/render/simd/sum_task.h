@@ -42,18 +42,10 @@ struct ProjectionTerms {
 // Bounds of the derivatives of a position in the image, in focal lengths, by (u, v), or for a fisheye lens by the
 // direction of the point. A point on a straight line then moves on a great circle with angular velocity w and relative
 // change e of its distance: w' = -2 e w and w'' = 6 e^2 w - 2 w^3. The first three derivatives of (a, b) along a great
-// circle are largest at the end of the field (kFisheyeFieldDegrees).
+// circle grow with the angle from the axis.
 struct Bends {
-  Bends(const Lens::Steepness& of, bool fisheye)
-      : first(static_cast<float>(of.first)),
-        second(static_cast<float>(of.second)),
-        third(static_cast<float>(of.third)) {
-    if (!fisheye) return;
-    constexpr float kFirst = 1.665f, kSecond = 1.759f, kThird = 1.967f;
-    third = kFirst * (kFirst * kFirst * third + 3 * kSecond * second) + (kThird + 2 * kFirst) * first;
-    second = kFirst * kFirst * second + kSecond * first;
-    first *= kFirst;
-  }
+  // `angle`: largest angle from the axis of a fisheye lens, radians.
+  Bends(const Lens::Steepness& of, bool fisheye, double angle = kFisheyeFieldDegrees * M_PI / 180);
   float first, second, third;
 };
 
@@ -81,8 +73,10 @@ struct Slot {
   Distortion<float> distortion;  // limit is slightly less than in the lens, so that rounding does not cross the fold
   bool is_distorted = false;
   Lens::Steepness steepness;  // in the image; only for lenses with Distortion::is_general
-  // Longest block, in pixels of the image, where the third differences of positions bound the interpolation error.
-  float longest_block = INFINITY;
+  // Longest block, in pixels of the image, where the third differences of positions bound the interpolation error: in
+  // the whole image, and within `inner_radius` pixels of the principal point.
+  float longest_block = INFINITY, longest_inner_block = INFINITY;
+  float inner_radius = 0;
   bool needs_double = false;  // terms of the distortion cancel, so that float is not precise enough
   // Rows [interior_y0, interior_y1) of the view, in which all samples are taken far from the border of the camera's
   // image, and the image appears nearly upright and at nearly its original size. In these rows, the fastest loops can
@@ -99,13 +93,12 @@ struct alignas(64) BlockWeights {
   uint32_t rows;  // bit r is set if row r has non-zero weights
 };
 
-// How the samples of one plane, in one row of a block, are read. The renderer uses the fastest way that is possible.
-enum class Fetch : int16_t {
-  kMixed,    // project each sample, because some are missing, near the border, or not accurately interpolated
-  kLost,     // none is visible to the camera, so all weight is missing
-  kGather,   // read pixel by pixel; all are inside the image
-  kShuffle,  // byte shuffles of 16-byte windows of three image rows
-};
+// The possible ways of reading the samples of one plane in a block or in half of it. A block uses the fastest way that
+// is possible for all its planes, rows and halves. kSampleBit: pixel by pixel; all are inside the image. kFlatBit: byte
+// shuffles of windows of three image rows. kTallBit: byte shuffles of windows of more rows, which may extend beyond the
+// end of the image where a flat window does not. kLostBit: no sample is visible to the camera. Without any bit, each
+// sample is projected, because some are missing, near the border, or not accurately interpolated.
+enum FetchBits : int32_t { kSampleBit = 1, kTallBit = 2, kFlatBit = 4, kLostBit = 8 };
 
 // Shows where in a plane of the image the samples of one row of a block are. Positions are relative to the corner of
 // the block's window, in fixed point with kPositionBits fractional bits, so that 16 bits suffice. For example, 2048 is
@@ -117,7 +110,10 @@ struct WindowPositions {
   uint16_t x0, dx;
   int16_t sx, y0, dy, sy;
   uint16_t x0_half;  // x0 in the window of the block's second half
-  int16_t half;      // columns from the corner to the window of the second half
+  // Columns, plus 256 times the rows, from the corner to the window of the second half. Flat windows begin in one row.
+  int16_t half;
+  int columns_to_half() const { return half & 0xff; }
+  int rows_to_half() const { return half >> 8; }
 };
 
 // Positions of the samples of one plane in a band, with one entry for each row and block.
@@ -125,7 +121,7 @@ struct PlanePositions {
   std::vector<float> node_x, node_y;  // positions at the left edges of blocks, starting one block before the first
   std::vector<WindowPositions> window;
   std::vector<int32_t> corner;  // byte offset of the window in the plane
-  std::vector<int32_t> fetch;   // Fetch of each entry of `window`
+  std::vector<int32_t> fetch;   // FetchBits of each entry of `window`
   void resize(size_t n);
 };
 
@@ -187,7 +183,7 @@ struct SlotBand {
   // How a pair of rows of a block is rendered. For kProject, each sample is projected. For kAllMissing, the camera sees
   // none of the samples. For kSample, positions are interpolated and samples are gathered. For kShuffle, positions are
   // interpolated and samples are shuffled. The same holds for kTall, if samples spread over more than three rows of the
-  // image, which only happens with a focal map.
+  // image, because the focal map has a depth step, or because the lens bends the rows of the view.
   enum SampleMethod : int32_t { kProject, kAllMissing, kSample, kTall, kShuffle };
 
   int y = -1;  // first row of the band; -1 if the slot has not been placed yet

@@ -148,6 +148,31 @@ TEST(SumRenderer, IsWithinTheErrorBoundWithEveryLens) {
   });
 }
 
+// The upper quarter of a view of 103 degrees. Fisheye lenses bend its rows, so that the windows of a block begin in
+// different rows of the image.
+TEST(SumRenderer, IsWithinTheErrorBoundInWideViews) {
+  test::on_every_target([] {
+    constexpr int kWidth = 640, kHeight = 480, kRows = 120;
+    const double f = 0.4 * kWidth, cx = (kWidth - 1) / 2.0, cy = (kHeight - 1) / 2.0;
+    for (const bool hard : {false, true})
+      for (const double roll : {0.0, 0.1}) {
+        Worst worst;
+        Random random(1);
+        Rig rig = jittered_array(random, 2, kWidth, kHeight, 0);
+        for (Camera& camera : rig.cameras)
+          camera.lens = Lens(LensModel::kOpenCvFisheye, {f, f, cx, cy, -0.02, 0.002, 0, 0});
+        View view = view_into(2, kWidth, kRows, glm::angleAxis(roll, Vec3(0, 0, 1)));
+        view.lens = Lens::pinhole(f, cx, cy);
+        view.pose.position = {0.05, 0.05, -0.035};
+        const auto images = images_of(rig, random, hard ? checkerboard : reference::smooth_image);
+        compare(rig, view, images, PixelFamily::kI420, Coordinates::kGrid, worst);
+        SCOPED_TRACE(roll);
+        EXPECT_GT(worst.pixels, kWidth * kRows * 3 / 4);
+        worst.expect_at_most(hard ? 0.75 : 0.2, hard ? 0.75 : 0.2);
+      }
+  });
+}
+
 // Large terms of opposite sign cancel, so that float is not precise enough.
 TEST(SumRenderer, IsWithinTheErrorBoundWithCancellingTerms) {
   const Lens lens(LensModel::kFullOpenCv, {320, 320, 159.5, 119.5, -19.999, 100.5, 0, 0, 0, -20, 100.5, 0});
