@@ -50,6 +50,7 @@ struct Arguments {
   std::string rig, other, out, cameras, sheet;
   int every = 0;
   std::optional<int> frame, rig_id;
+  bool binary = false;
   std::optional<double> scale;  // metres per unit of the file
   double near = 0, far = 0;     // depths of the scene, metres
   lf::ColmapImportOptions colmap;
@@ -232,6 +233,10 @@ void run_subset(const Arguments& arguments) {
        arguments.out, &original);
 }
 
+std::optional<uint32_t> rig_id_of(const Arguments& arguments) {
+  return arguments.rig_id ? std::optional(static_cast<uint32_t>(*arguments.rig_id)) : std::nullopt;
+}
+
 struct Format {
   const char* name;
   const char* place;
@@ -248,7 +253,9 @@ Format formats[] = {
      [](const Rig& rig, const Arguments& a) { return lf::export_caliscope(rig, a.other); }},
     {"colmap", "DIR", "a COLMAP model (cameras and images, .txt or .bin)",
      [](const Arguments& a) { return lf::import_colmap(a.other, a.colmap); },
-     [](const Rig& rig, const Arguments& a) { return lf::export_colmap(rig, a.other); }},
+     [](const Rig& rig, const Arguments& a) {
+       return lf::export_colmap(rig, a.other, {a.binary, rig_id_of(a)});
+     }},
     {"deepview", "FILE", "models.json of the DeepView Video dataset (Google's rig of 46 cameras)",
      [](const Arguments& a) { return lf::import_deepview(a.other); }, nullptr},
     {"hci", "DIR", "a scene of the 4D Light Field Benchmark (parameters.cfg, and input_Cam000.png, ...)",
@@ -316,7 +323,7 @@ void run_format_import(Arguments& arguments, const Format& format) {
   require_replaceable(arguments.out);
   require_picture(arguments.sheet);
   if (arguments.frame) arguments.colmap.frame = static_cast<uint32_t>(*arguments.frame);
-  if (arguments.rig_id) arguments.colmap.rig = static_cast<uint32_t>(*arguments.rig_id);
+  arguments.colmap.rig = rig_id_of(arguments);
   if (!arguments.grid.empty()) parse_grid(arguments.grid, arguments.colmap.rows, arguments.colmap.columns);
   finish_import(arguments, format, read_import(arguments, format));
 }
@@ -435,6 +442,14 @@ void add_formats(cli::App& app, Arguments& arguments) {
                    "Rows and columns of the array, for example 4x8. The cameras are assigned to the grid in the order "
                    "of their names")
       ->type_name("RxC");
+  cli::App* colmap_export = format_of("colmap").export_;
+  colmap_export->add_flag("--binary", arguments.binary,
+                          "Write a binary model, as COLMAP does by default, instead of a text model");
+  colmap_export
+      ->add_option("--rig-id", arguments.rig_id,
+                   "Also write the array as the rig of cameras RIG_ID, and the images as the only frame of this rig, 1 "
+                   "(COLMAP 3.12 or newer). COLMAP's database must have the same rig")
+      ->check(cli::NonNegativeNumber);
   cli::App *stanford = format_of("stanford").import_, *stanford_export = format_of("stanford").export_;
   stanford
       ->add_option("--f", arguments.stanford.f,

@@ -304,7 +304,27 @@ RigImport import_colmap(const std::string& directory, const ColmapImportOptions&
   return result;
 }
 
-RigExport export_colmap(const Rig& rig, const std::string& directory) {
+namespace {
+
+// Throws Error if the folder has files that COLMAP or the importer would read instead of the exported model or beside
+// it.
+void require_no_other_model(const std::string& directory, const ColmapExportOptions& options) {
+  const char *const binary[] = {"cameras.bin", "rigs.bin", "frames.bin"}, *const text[] = {"cameras.txt", "rigs.txt",
+                                                                                           "frames.txt"};
+  for (size_t i = 0; i < std::size(text); i++)
+    for (const bool is_binary : {false, true}) {
+      const char* const file = is_binary ? binary[i] : text[i];
+      if (is_binary == options.binary && (i == 0 || options.rig)) continue;  // will be replaced
+      if (std::error_code ignored; fs::exists(path_in(directory, file), ignored))
+        throw Error(path_in(directory, file) +
+                    ": is not part of the exported model, but COLMAP may read it; remove "
+                    "the file, or give another folder");
+    }
+}
+
+}  // namespace
+
+RigExport export_colmap(const Rig& rig, const std::string& directory, const ColmapExportOptions& options) {
   std::map<uint32_t, ColmapCamera> cameras;
   std::vector<ColmapImage> images;
   std::map<std::string, uint32_t> id_of_name;
@@ -313,8 +333,8 @@ RigExport export_colmap(const Rig& rig, const std::string& directory) {
     if (camera.id > kMaxColmapId) fail("COLMAP does not accept ids above " + std::to_string(kMaxColmapId));
     const std::string name = camera.image.empty() ? camera.name : camera.image;
     if (name.empty()) fail("the camera has no name, but COLMAP requires one; add a name to the rig file");
-    if (name.find_first_of(" \t\r\n") != std::string::npos)
-      fail("COLMAP reads the name \"" + name + "\" up to its first space only; use a name without spaces");
+    if (!options.binary && name.find_first_of(" \t\r\n") != std::string::npos)
+      fail("COLMAP reads the name \"" + name + "\" up to its first space only; use a name without spaces, or --binary");
     const auto [same, is_new] = id_of_name.emplace(name, camera.id);
     if (!is_new) fail("the name \"" + name + "\" is also used by camera " + std::to_string(same->second));
 
@@ -332,14 +352,23 @@ RigExport export_colmap(const Rig& rig, const std::string& directory) {
     images.push_back({camera.id, camera.id, q, -(glm::mat3_cast(q) * camera.pose.position), name});
   }
 
+  require_no_other_model(directory, options);
   make_folder(directory);
-  write_text_file(colmap_cameras_text(cameras), path_in(directory, "cameras.txt"));
-  write_text_file(colmap_images_text(images), path_in(directory, "images.txt"));
-  write_text_file("# 3D point list: empty\n", path_in(directory, "points3D.txt"));
+  const auto write = [&](const char* name, const std::string& contents) {
+    write_text_file(contents, path_in(directory, name) + (options.binary ? ".bin" : ".txt"));
+  };
+  write("cameras", colmap_cameras_file(cameras, options.binary));
+  write("images", colmap_images_file(images, options.binary));
+  write("points3D", colmap_points_file(options.binary));
+  if (options.rig) {
+    write("rigs", colmap_rigs_file(*options.rig, images, options.binary));
+    write("frames", colmap_frames_file(*options.rig, images, options.binary));
+  }
 
   const ColmapModel model = read_colmap_model(directory);
   Rig written;
-  for (const ColmapImage& image : model.images) {
+  for (const Camera& from : rig.cameras) {
+    const ColmapImage& image = *std::ranges::find(model.images, from.id, &ColmapImage::id);  // binary: in another order
     Camera camera;
     camera.lens = lens_of(model.cameras.at(image.camera_id));
     camera.pose = pose_of(image);

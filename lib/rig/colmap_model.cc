@@ -40,6 +40,8 @@ constexpr LensFormat kLensFormats[] = {{"SIMPLE_PINHOLE", 3, 1},
                                        {"RADIAL_FISHEYE", 5, 1},
                                        {"THIN_PRISM_FISHEYE", 12, 2}};
 
+constexpr int32_t kCameraSensor = 0;  // COLMAP's SensorType
+
 constexpr char kUnknownLensRemedy[] = "; run colmap image_undistorter, and import the model in its folder sparse";
 
 // Reads the records of a text file. Each record is a line of words in the order of the functions below.
@@ -196,10 +198,7 @@ class ByteReader {
     if (count > (bytes_.size() - position_) / kPointSize) fail("the file is truncated within POINTS2D[]");
     position_ += count * kPointSize;
   }
-  bool is_camera() {
-    constexpr int32_t kCamera = 0;  // COLMAP's SensorType
-    return value<int32_t>("SENSOR_TYPE") == kCamera;
-  }
+  bool is_camera() { return value<int32_t>("SENSOR_TYPE") == kCameraSensor; }
   uint32_t data_id(bool is_camera) {
     const uint64_t id = value<uint64_t>("DATA_ID");
     if (is_camera && id > UINT32_MAX) fail("DATA_ID " + std::to_string(id) + " is not the id of an image");
@@ -338,6 +337,132 @@ std::map<uint32_t, ColmapRig> read_rigs(const std::string& path) {
   return rigs;
 }
 
+// Writes the records of a text file. `header` names the values of a record.
+class LineWriter {
+ public:
+  LineWriter(const std::string& header, size_t) : text_("# " + header + "\n") {}
+  void id(uint32_t id) { word(std::to_string(id)); }
+  void size(int size) { word(std::to_string(size)); }
+  void number(double number) { word(number_text(number)); }
+  void lens(const std::string& model) { word(model); }
+  void name(const std::string& name) { word(name); }
+  void no_points() { text_ += "\n"; }  // the second line of an image
+  void camera(uint32_t id) { word("CAMERA " + std::to_string(id)); }
+  void data_id(uint32_t id) { word(std::to_string(id)); }
+  void has_pose() { word("1"); }
+  void end_record() { text_ += "\n"; }
+  const std::string& text() const { return text_; }
+
+ private:
+  void word(const std::string& word) { text_ += (text_.back() == '\n' ? "" : " ") + word; }
+
+  std::string text_;
+};
+
+// Writes the records of a binary file.
+class ByteWriter {
+ public:
+  ByteWriter(const std::string&, size_t records) { value<uint64_t>(records); }
+  void id(uint32_t id) { value(id); }
+  void size(int size) { value(static_cast<uint64_t>(size)); }
+  void number(double number) { value(number); }
+  void lens(const std::string& model) {
+    const auto* const lens = std::ranges::find(kLensFormats, std::string_view(model), &LensFormat::name);
+    value(static_cast<int32_t>(lens - std::begin(kLensFormats)));
+  }
+  void name(const std::string& name) { bytes_ += name + '\0'; }
+  void no_points() { value<uint64_t>(0); }
+  void camera(uint32_t id) {
+    value(kCameraSensor);
+    value(id);
+  }
+  void data_id(uint32_t id) { value<uint64_t>(id); }
+  void has_pose() { value<uint8_t>(1); }
+  void end_record() const {}
+  const std::string& text() const { return bytes_; }
+
+ private:
+  template <typename T>
+  void value(T value) {
+    bytes_.append(reinterpret_cast<const char*>(&value), sizeof(value));
+  }
+
+  std::string bytes_;
+};
+
+// The functions below write both kinds of files. `Writer` is LineWriter or ByteWriter.
+
+template <typename Writer>
+void write_pose(Writer& writer, const Quat& q, const Vec3& t) {
+  for (const double number : {q.w, q.x, q.y, q.z, t.x, t.y, t.z}) writer.number(number);
+}
+
+template <typename Writer>
+std::string write_cameras(const std::map<uint32_t, ColmapCamera>& cameras) {
+  Writer writer("CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]", cameras.size());
+  for (const auto& [id, camera] : cameras) {
+    writer.id(id);
+    writer.lens(camera.model);
+    writer.size(camera.width);
+    writer.size(camera.height);
+    for (const double number : camera.params) writer.number(number);
+    writer.end_record();
+  }
+  return writer.text();
+}
+
+template <typename Writer>
+std::string write_images(const std::vector<ColmapImage>& images) {
+  Writer writer("IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n# POINTS2D[] as (X, Y, POINT3D_ID)",
+                images.size());
+  for (const ColmapImage& image : images) {
+    writer.id(image.id);
+    write_pose(writer, image.q, image.t);
+    writer.id(image.camera_id);
+    writer.name(image.name);
+    writer.no_points();
+    writer.end_record();
+  }
+  return writer.text();
+}
+
+template <typename Writer>
+std::string write_rigs(uint32_t rig_id, const std::vector<ColmapImage>& images) {
+  Writer writer(
+      "RIG_ID, NUM_SENSORS, REF_SENSOR_TYPE, REF_SENSOR_ID, SENSORS[] as (SENSOR_TYPE, SENSOR_ID, HAS_POSE, QW, QX, "
+      "QY, "
+      "QZ, TX, TY, TZ)",
+      1);
+  writer.id(rig_id);
+  writer.id(static_cast<uint32_t>(images.size()));
+  const ColmapImage& reference = images.front();
+  writer.camera(reference.camera_id);
+  for (size_t i = 1; i < images.size(); i++) {
+    const Quat q = images[i].q * glm::conjugate(reference.q);
+    writer.camera(images[i].camera_id);
+    writer.has_pose();
+    write_pose(writer, q, images[i].t - q * reference.t);
+  }
+  writer.end_record();
+  return writer.text();
+}
+
+template <typename Writer>
+std::string write_frames(uint32_t rig_id, const std::vector<ColmapImage>& images) {
+  Writer writer(
+      "FRAME_ID, RIG_ID, QW, QX, QY, QZ, TX, TY, TZ, NUM_DATA_IDS, DATA_IDS[] as (SENSOR_TYPE, SENSOR_ID, DATA_ID)", 1);
+  writer.id(1);
+  writer.id(rig_id);
+  write_pose(writer, images.front().q, images.front().t);
+  writer.id(static_cast<uint32_t>(images.size()));
+  for (const ColmapImage& image : images) {
+    writer.camera(image.camera_id);
+    writer.data_id(image.id);
+  }
+  writer.end_record();
+  return writer.text();
+}
+
 std::string path_in(const std::string& directory, const char* file) { return (fs::path(directory) / file).string(); }
 
 [[noreturn]] void fail_without_model(const std::string& directory) {
@@ -411,26 +536,24 @@ std::vector<ColmapImage> read_colmap_images_binary(const std::string& path,
   return images;
 }
 
-std::string colmap_cameras_text(const std::map<uint32_t, ColmapCamera>& cameras) {
-  std::string text = "# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n";
-  for (const auto& [id, camera] : cameras) {
-    text += std::to_string(id) + " " + camera.model + " " + std::to_string(camera.width) + " " +
-            std::to_string(camera.height);
-    for (const double value : camera.params) text += " " + number_text(value);
-    text += "\n";
-  }
-  return text;
+std::string colmap_cameras_file(const std::map<uint32_t, ColmapCamera>& cameras, bool binary) {
+  return binary ? write_cameras<ByteWriter>(cameras) : write_cameras<LineWriter>(cameras);
 }
 
-std::string colmap_images_text(const std::vector<ColmapImage>& images) {
-  std::string text = "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n# POINTS2D[] as (X, Y, POINT3D_ID)\n";
-  for (const ColmapImage& image : images) {
-    const Quat& q = image.q;
-    text += std::to_string(image.id);
-    for (const double value : {q.w, q.x, q.y, q.z, image.t.x, image.t.y, image.t.z}) text += " " + number_text(value);
-    text += " " + std::to_string(image.camera_id) + " " + image.name + "\n\n";
-  }
-  return text;
+std::string colmap_images_file(const std::vector<ColmapImage>& images, bool binary) {
+  return binary ? write_images<ByteWriter>(images) : write_images<LineWriter>(images);
+}
+
+std::string colmap_points_file(bool binary) {
+  return binary ? ByteWriter("", 0).text() : LineWriter("3D point list: empty", 0).text();
+}
+
+std::string colmap_rigs_file(uint32_t rig_id, const std::vector<ColmapImage>& images, bool binary) {
+  return binary ? write_rigs<ByteWriter>(rig_id, images) : write_rigs<LineWriter>(rig_id, images);
+}
+
+std::string colmap_frames_file(uint32_t rig_id, const std::vector<ColmapImage>& images, bool binary) {
+  return binary ? write_frames<ByteWriter>(rig_id, images) : write_frames<LineWriter>(rig_id, images);
 }
 
 }  // namespace lf

@@ -65,8 +65,14 @@ std::map<uint32_t, ColmapCamera> read_colmap_cameras_binary(const std::string& p
 std::vector<ColmapImage> read_colmap_images_binary(const std::string& path,
                                                    const std::map<uint32_t, ColmapCamera>& cameras);
 
-// Numbers keep their full precision.
-std::string colmap_cameras_text(const std::map<uint32_t, ColmapCamera>& cameras);
-std::string colmap_images_text(const std::vector<ColmapImage>& images);
+// The contents of the files of a model, as text or binary. Numbers keep their full precision. Images have no 2D points.
+std::string colmap_cameras_file(const std::map<uint32_t, ColmapCamera>& cameras, bool binary);
+std::string colmap_images_file(const std::vector<ColmapImage>& images, bool binary);
+std::string colmap_points_file(bool binary);  // without points
+
+// The contents of the files of a rig with the cameras of all images, which must differ, and of its frame 1 with all
+// images. The camera of the first image is the reference camera of the rig.
+std::string colmap_rigs_file(uint32_t rig_id, const std::vector<ColmapImage>& images, bool binary);
+std::string colmap_frames_file(uint32_t rig_id, const std::vector<ColmapImage>& images, bool binary);
 
 }  // namespace lf

@@ -166,9 +166,17 @@ struct ColmapImportOptions {
 // 20.23.45.jpg"). Lens models without an exact equivalent are rejected, unless `undistorted`.
 RigImport import_colmap(const std::string& directory, const ColmapImportOptions& options = {});
 
-// Writes cameras.txt, images.txt and an empty points3D.txt (which COLMAP requires) into `directory`, which is created
-// if missing. NAME is Camera::image, or the camera's name if there is no image. Numbers keep their full precision.
-RigExport export_colmap(const Rig& rig, const std::string& directory);
+struct ColmapExportOptions {
+  bool binary = false;  // false: text
+  // RIG_ID of a rig with all cameras, which is written together with its only frame, 1 (COLMAP 3.12). The first camera
+  // is the reference camera.
+  std::optional<uint32_t> rig;
+};
+
+// Writes cameras.txt, images.txt and an empty points3D.txt (which COLMAP requires), or the same files in binary, into
+// `directory`, which is created if missing. NAME is Camera::image, or the camera's name if there is no image. Numbers
+// keep their full precision. Throws Error if the folder has files of another model that would be read instead.
+RigExport export_colmap(const Rig& rig, const std::string& directory, const ColmapExportOptions& options = {});
 
 // LLFF's poses_bounds.npy (https://github.com/Fyusion/LLFF), which most public forward-facing captures have. For each
 // image, it has a 3x5 matrix, row by row, and the depths of the nearest and the farthest point. The columns of the

@@ -11,7 +11,6 @@
 #include "rig/exchange.h"
 #include "rig/mesh.h"
 #include "rig/rig_json.h"
-#include "support/colmap_binary.h"
 #include "support/temp_dir.h"
 #include "view/view_path.h"
 
@@ -124,9 +123,10 @@ lf::RigImport import_with_pictures(char kind, const std::string& text) {
 // Writes a COLMAP model with the cameras 1 and 2, which have the images 1 and 2.
 bool write_binary_model(const TempDir& folder) {
   const lf::ColmapCamera camera{"PINHOLE", 8, 6, {9, 9, 4, 3}, 2};
-  folder.write("cameras.bin", lf::test::colmap_cameras_binary({{1, camera}, {2, camera}}));
-  folder.write("images.bin", lf::test::colmap_images_binary({{1, 1, {1, 0, 0, 0}, {0, 0, 0}, "a.png"},
-                                                             {2, 2, {1, 0, 0, 0}, {-1, 0, 0}, "b.png"}}));
+  folder.write("cameras.bin", lf::colmap_cameras_file({{1, camera}, {2, camera}}, true));
+  folder.write("images.bin",
+               lf::colmap_images_file(
+                   {{1, 1, {1, 0, 0, 0}, {0, 0, 0}, "a.png"}, {2, 2, {1, 0, 0, 0}, {-1, 0, 0}, "b.png"}}, true));
   return true;
 }
 

@@ -94,8 +94,8 @@ void add_texts(std::vector<Bytes>& json, std::vector<Bytes>& import) {
   add_text(import, 'f', model + "\f6 1 1 0 0 0 0.5 0 -2e-1 2 CAMERA 1 1 IMU 1 2\n7 1 1 0 0 0 0 0 0 0\n");
   add_text(import, 'r', model + "\f6 4 CAMERA 0 CAMERA 1 1 1 0 0 0 0.5 0 -2e-1 CAMERA 2 0 IMU 1 0\n7 1 CAMERA 3\n");
   const ColmapModel colmap = read_colmap_model(folder.path());
-  const std::string cameras = test::colmap_cameras_binary(colmap.cameras);
-  add_text(import, 'b', static_cast<char>(cameras.size() / 8) + cameras + test::colmap_images_binary(colmap.images, 2));
+  const std::string cameras = colmap_cameras_file(colmap.cameras, true);
+  add_text(import, 'b', static_cast<char>(cameras.size() / 8) + cameras + colmap_images_file(colmap.images, true));
   add_text(import, 'e',
            test::bytes_of(uint64_t{1}, uint32_t{6}, uint32_t{1}, 1.0, 0.0, 0.0, 0.0, 0.5, 0.0, -0.25, uint32_t{2},
                           int32_t{0}, uint32_t{1}, uint64_t{1}, int32_t{0}, uint32_t{2}, uint64_t{2}));

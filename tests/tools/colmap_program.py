@@ -35,6 +35,17 @@ def positions(rig):
     return {pathlib.Path(camera["image"]).stem: numpy.array(camera["position"]) for camera in rig["cameras"]}
 
 
+def values(path):
+    """The words of the records of a text model, sorted by record. Numbers are rounded to 1e-12."""
+    def value(word):
+        try:
+            return round(float(word), 12)
+        except ValueError:
+            return word
+    lines = (line for line in path.read_text().splitlines() if line and not line.startswith("#"))
+    return sorted([value(word) for word in line.split()] for line in lines)
+
+
 def scale_and_error(found, truth):
     """Returns the scale of the best similarity transform from `found` to `truth` (Umeyama), and the largest distance."""
     a, b = (points - points.mean(axis=0) for points in (found, truth))
@@ -82,6 +93,16 @@ def main():
         pitch = numpy.linalg.norm(truth[names[1]] - truth[names[0]])
         print(f"scale {scale:.4f}, position error {error / pitch:.4f} of the pitch")
         assert error < MOST_POSITION_ERROR * pitch
+
+        # COLMAP reads the exported binary model, with and without rigs, and writes the exported text model.
+        run(folder, tools / "lf-rig", "export", "colmap", "found.json", "text")
+        for model, option in (("plain", ()), ("rigs", ("--rig-id", 1))):
+            run(folder, tools / "lf-rig", "export", "colmap", "found.json", model, "--binary", *option)
+            (folder / "converted").mkdir(exist_ok=True)
+            run(folder, "colmap", "model_converter", "--input_path", model, "--output_path", "converted",
+                "--output_type", "TXT")
+            for file in ("cameras.txt", "images.txt"):
+                assert values(folder / "converted" / file) == values(folder / "text" / file), file
 
         said = run(folder, tools / "lf-rig", "import", ".", "--scale", scale, "--out", "found.json")
         distance = float(re.search(r"row, ([0-9.]+) m between neighbouring cameras\n", said)[1])

@@ -219,6 +219,14 @@ TEST_F(LfRig, ColmapRoundTrip) {
   EXPECT_EQ(back.cameras[0].image, "in/images/cam_00_00.png");
   expect_outcome(lf_rig("check back.json"), 0);
   expect_outcome(lf_rig("import colmap in --out x.json"), 1, mentions("in: ", "cameras.txt", "read"));
+
+  expect_outcome(lf_rig("export colmap in/rig.json model --binary"), 1,
+                 mentions("model/cameras.txt", "another folder"));
+  expect_outcome(lf_rig("export colmap in/rig.json binary --binary --rig-id 7"), 0, mentions("9 images", "error"));
+  expect_outcome(lf_rig("import colmap binary --images in --frame 1 --grid 3x3 --out binary.json"), 0);
+  EXPECT_LE(max_reprojection_error(rig, load_rig(dir / "binary.json"), 1), 1e-9);
+  expect_outcome(lf_rig("import colmap binary --rig-id 7 --out array.json"), 0, HasSubstr("9 cameras"));
+  expect_outcome(lf_rig("export colmap in/rig.json binary --binary"), 1, mentions("binary/rigs.bin"));
 }
 
 TEST_F(LfRig, OtherFormatsRoundTrip) {

@@ -62,7 +62,7 @@ TEST_F(ColmapBinary, ReadsCamerasOfEveryModel) {
   EXPECT_EQ(cameras.at(15).model, "OPENCV_FISHEYE");
   EXPECT_EQ(cameras.at(10).model, "THIN_PRISM_FISHEYE");
   // The text of the same cameras.
-  const auto again = read_colmap_cameras_text(dir.write("cameras.txt", colmap_cameras_text(cameras)));
+  const auto again = read_colmap_cameras_text(dir.write("cameras.txt", colmap_cameras_file(cameras, false)));
   for (const auto& [id, camera] : cameras) {
     EXPECT_EQ(again.at(id).model, camera.model);
     EXPECT_EQ(again.at(id).params, camera.params);
@@ -71,11 +71,35 @@ TEST_F(ColmapBinary, ReadsCamerasOfEveryModel) {
 }
 
 TEST_F(ColmapBinary, ReadsTheSameAsText) {
-  const auto back = read_colmap_cameras_binary(dir.write("cameras.bin", test::colmap_cameras_binary(kExactCameras)));
-  EXPECT_EQ(colmap_cameras_text(back), colmap_cameras_text(kExactCameras));
+  const auto back = read_colmap_cameras_binary(dir.write("cameras.bin", colmap_cameras_file(kExactCameras, true)));
+  EXPECT_EQ(colmap_cameras_file(back, false), colmap_cameras_file(kExactCameras, false));
   const auto images =
-      read_colmap_images_binary(dir.write("images.bin", test::colmap_images_binary({kExactImage}, 2)), kExactCameras);
-  EXPECT_EQ(colmap_images_text(images), colmap_images_text({kExactImage}));
+      read_colmap_images_binary(dir.write("images.bin", colmap_images_file({kExactImage}, true)), kExactCameras);
+  EXPECT_EQ(colmap_images_file(images, false), colmap_images_file({kExactImage}, false));
+}
+
+TEST_F(ColmapBinary, WritesTheSpecifiedBytes) {
+  EXPECT_EQ(colmap_cameras_file(kOneCamera, true), bytes_of(uint64_t{1}) + pinhole(1));
+  const ColmapImage image_4{4, 1, {1, 0, 0, 0}, {1, 2, 3}, "b.png"};
+  EXPECT_EQ(colmap_images_file({image_4}, true), bytes_of(uint64_t{1}) + image(4, "b.png") + points(0));
+  EXPECT_EQ(colmap_points_file(true), bytes_of(uint64_t{0}));
+  const ColmapImage image_6{6, 2, {0.5, 0.5, 0.5, 0.5}, {1, 2, 4}, "c.png"};  // x to y, y to z, z to x
+  constexpr int32_t kCamera = 0;
+  EXPECT_EQ(colmap_rigs_file(9, {image_4, image_6}, true),
+            bytes_of(uint64_t{1}, uint32_t{9}, uint32_t{2}, kCamera, uint32_t{1}, kCamera, uint32_t{2}, uint8_t{1}, 0.5,
+                     0.5, 0.5, 0.5, -2.0, 1.0, 2.0));
+  EXPECT_EQ(colmap_frames_file(9, {image_4, image_6}, true),
+            bytes_of(uint64_t{1}, uint32_t{1}, uint32_t{9}, 1.0, 0.0, 0.0, 0.0, 1.0, 2.0, 3.0, uint32_t{2}, kCamera,
+                     uint32_t{1}, uint64_t{4}, kCamera, uint32_t{2}, uint64_t{6}));
+}
+
+TEST_F(ColmapText, WritesRigsAndFrames) {
+  const std::vector<ColmapImage> images = {{4, 1, {1, 0, 0, 0}, {1, 2, 3}, "b.png"},
+                                           {6, 2, {0.5, 0.5, 0.5, 0.5}, {1, 2, 4}, "c.png"}};
+  EXPECT_THAT(colmap_rigs_file(9, images, false),
+              testing::EndsWith(")\n9 2 CAMERA 1 CAMERA 2 1 0.5 0.5 0.5 0.5 -2 1 2\n"));
+  EXPECT_THAT(colmap_frames_file(9, images, false),
+              testing::EndsWith(")\n1 9 1 0 0 0 1 2 3 2 CAMERA 1 4 CAMERA 2 6\n"));
 }
 
 TEST_F(ColmapBinary, ReadsImagesWithAndWithoutPoints) {
@@ -170,11 +194,11 @@ TEST_F(ColmapText, ReadsImagesWithAndWithoutPoints) {
 }
 
 TEST_F(ColmapText, RoundTripsToTheLastBit) {
-  const auto back = read_colmap_cameras_text(dir.write("cameras.txt", colmap_cameras_text(kExactCameras)));
+  const auto back = read_colmap_cameras_text(dir.write("cameras.txt", colmap_cameras_file(kExactCameras, false)));
   EXPECT_EQ(back.at(3).params, kExactCameras.at(3).params);
   EXPECT_EQ(back.at(3).model, "SIMPLE_RADIAL");
   const auto images =
-      read_colmap_images_text(dir.write("images.txt", colmap_images_text({kExactImage})), kExactCameras);
+      read_colmap_images_text(dir.write("images.txt", colmap_images_file({kExactImage}, false)), kExactCameras);
   ASSERT_EQ(images.size(), 1u);
   EXPECT_EQ(images[0].id, kExactImage.id);
   EXPECT_EQ(images[0].camera_id, kExactImage.camera_id);

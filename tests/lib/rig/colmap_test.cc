@@ -263,11 +263,12 @@ TEST_F(Colmap, BinaryModelsMakeTheSameRig) {
   for (size_t i = 0; i < rig.cameras.size(); i++) rig.cameras[i].id = static_cast<uint32_t>(i);
   export_colmap(rig, text.path());
   const ColmapModel model = read_colmap_model(text.path());
-  binary.write("cameras.bin", test::colmap_cameras_binary(model.cameras));
-  binary.write("images.bin", test::colmap_images_binary(model.images, 3));
+  binary.write("cameras.bin", colmap_cameras_file(model.cameras, true));
+  binary.write("images.bin", colmap_images_file(model.images, true));
   const RigImport of_text = import_colmap(text.path()), of_binary = import_colmap(binary.path());
   EXPECT_EQ(rig_to_json(of_binary.rig), rig_to_json(of_text.rig));
   EXPECT_EQ(of_binary.notes, of_text.notes);
+  EXPECT_EQ(read_text_file(text.path() + "/cameras.txt"), colmap_cameras_file(model.cameras, false));
   text.write("cameras.bin", "old");
   EXPECT_EQ(import_colmap(text.path()).notes.size(), of_text.notes.size() + 1) << "of the binary model";
 }
@@ -292,8 +293,8 @@ TEST_F(Colmap, AFrameIsOneInstantOfARig) {
 
   const TempDir binary;
   const ColmapModel model = read_colmap_model(dir.path());
-  binary.write("cameras.bin", test::colmap_cameras_binary(model.cameras));
-  binary.write("images.bin", test::colmap_images_binary(model.images));
+  binary.write("cameras.bin", colmap_cameras_file(model.cameras, true));
+  binary.write("images.bin", colmap_images_file(model.images, true));
   EXPECT_ERROR(import_colmap(binary.path(), {.frame = 6}), "frames.bin", "3.12");
   const auto frame = [](uint32_t id) {
     return test::bytes_of(id, uint32_t{1}, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, uint32_t{2}, int32_t{0}, uint32_t{1},
@@ -356,8 +357,8 @@ TEST_F(Colmap, ARigHasItsCameras) {
 
   const TempDir binary;
   const ColmapModel model = read_colmap_model(dir.path());
-  binary.write("cameras.bin", test::colmap_cameras_binary(model.cameras));
-  binary.write("images.bin", test::colmap_images_binary(model.images));
+  binary.write("cameras.bin", colmap_cameras_file(model.cameras, true));
+  binary.write("images.bin", colmap_images_file(model.images, true));
   EXPECT_ERROR(import_colmap(binary.path(), {.rig = 1}), "rigs.bin", "3.12");
   const auto rig = [](uint32_t id, uint8_t has_pose) {
     return test::bytes_of(id, uint32_t{2}, int32_t{0}, uint32_t{1}, int32_t{0}, uint32_t{2}, has_pose) +

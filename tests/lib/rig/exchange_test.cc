@@ -56,8 +56,16 @@ TEST(Exchange, FormatsRoundTripEveryLensTheyHold) {
                   [](const std::string& path) { return import_caliscope(path); },
                   {kCentred, kPerspective, kPlain, kK3, kFisheye}},
                  {"colmap",
-                  export_colmap,
+                  [](const Rig& rig, const std::string& path) { return export_colmap(rig, path); },
                   [](const std::string& path) { return import_colmap(path); },
+                  {kCentred, kPerspective, kPlain, kK3, kRational, kFisheye, kPrism}},
+                 {"colmap --binary",
+                  [](const Rig& rig, const std::string& path) { return export_colmap(rig, path, {.binary = true}); },
+                  [](const std::string& path) {
+                    RigImport result = import_colmap(path);  // in the order of the ids
+                    std::ranges::reverse(result.rig.cameras);
+                    return result;
+                  },
                   {kCentred, kPerspective, kPlain, kK3, kRational, kFisheye, kPrism}},
                  {"kalibr", export_kalibr, import_kalibr, {kCentred, kPerspective, kPlain, kFisheye}},
                  {"llff",
