@@ -197,12 +197,20 @@ RigExport describe_export(const Rig& rig, const Rig& written, const FormatSuppor
   const auto note = [&](bool lost, const char* what) {
     if (lost) result.notes.push_back(std::string(what) + " not kept");
   };
-  note(rig.topology.type != Topology::Type::kDelaunay, "the topology of the rig is");
+  note(rig.topology.type != Topology::Type::kDelaunay && !capacity.topology, "the topology of the rig is");
   note(names && !capacity.names, "the names of the cameras are");
   note(ids && !capacity.ids, "the ids of the cameras are");
   note(images && !capacity.images, "the images of the cameras are");
   note(sources, "the sources of the cameras are");
   note(time_offsets && !capacity.time_offsets, "the time offsets of the cameras are");
+  return result;
+}
+
+RigExport describe_grid_export(const Rig& rig, const Rig& written, double most, const std::string& grids) {
+  RigExport result = describe_export(rig, written, {.names = false, .ids = false, .topology = true});
+  if (!(result.max_error <= most))
+    throw Error("the format can't hold this rig: it describes " + grids + ", which differs from this rig by " +
+                number_text(result.max_error) + " px. Use another format, such as lf-rig export colmap");
   return result;
 }
 

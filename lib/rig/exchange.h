@@ -65,12 +65,15 @@ struct RigExport {
 };
 
 struct FormatSupport {
-  bool images = true, names = true, ids = true, time_offsets = false;
+  bool images = true, names = true, ids = true, time_offsets = false, topology = false;
 };
 
 // Measures how much an export has changed a rig. `written` is the rig as read back from the exported file. The
 // reprojection error is measured at infinity and at a distance equal to the size of the array.
 RigExport describe_export(const Rig& rig, const Rig& written, const FormatSupport& capacity);
+// Does the same for a format that can hold some grids only. `grids` says which, as in "a flat grid". Throws Error if
+// the largest error exceeds `most`.
+RigExport describe_grid_export(const Rig& rig, const Rig& written, double most, const std::string& grids);
 // Exports to a text format of one file that has no ids and no images. `text_of` returns the text, and `parse` reads it
 // back; its `path` is only for messages.
 RigExport export_text(const Rig& rig, const std::string& path, std::string (*text_of)(const Rig&),

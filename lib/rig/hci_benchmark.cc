@@ -197,13 +197,9 @@ RigExport export_hci(const Rig& rig, const std::string& directory) {
   for (const Camera& camera : rig.cameras)
     if (fs::path(camera.image).extension() != ".png") throw_camera_error(camera, "its image must be a PNG file");
   const std::string path = (fs::path(directory) / "parameters.cfg").string(), text = hci_text(rig);
-  RigExport result = describe_export(rig, parse_hci(text, path).rig, {.names = false, .ids = false});
-  if (!(result.max_error <= kMaxError))
-    throw Error(
-        "the format can't hold this rig: it describes a flat grid of equal pinhole cameras with the same direction and "
-        "equal distances, which differs from this rig by " +
-        number_text(result.max_error) + " px. Use another format, such as lf-rig export colmap");
-  std::erase(result.notes, "the topology of the rig is not kept");
+  const RigExport result =
+      describe_grid_export(rig, parse_hci(text, path).rig, kMaxError,
+                           "a flat grid of equal pinhole cameras with the same direction and equal distances");
   make_folder(directory);
   for (size_t i = 0; i < rig.cameras.size(); i++) copy_picture(rig, rig.cameras[i], image_path(directory, i));
   write_text_file(text, path);

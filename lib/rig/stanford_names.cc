@@ -148,13 +148,8 @@ RigExport export_stanford(const Rig& rig, const std::string& directory, double u
   if (slope > 1e-12 * options.f) options.focus_distance = options.f / slope;
   Rig written = turned;
   place_cameras(positions, options, written);
-  RigExport result = describe_export(turned, written, {.names = false, .ids = false});
-  if (!(result.max_error <= kMaxExportError))
-    throw Error(
-        "names can't hold this rig: they describe a flat array of equal pinhole cameras with the same direction, "
-        "which differs from this rig by " +
-        number_text(result.max_error) + " px. Use another format, such as lf-rig export colmap");
-  std::erase(result.notes, "the topology of the rig is not kept");
+  RigExport result = describe_grid_export(turned, written, kMaxExportError,
+                                          "a flat array of equal pinhole cameras with the same direction");
 
   make_folder(directory);
   for (size_t i = 0; i < positions.size(); i++) {

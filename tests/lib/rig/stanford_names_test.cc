@@ -74,7 +74,7 @@ TEST(StanfordNames, RefusesRigsThatNamesCannotHold) {
   for (Camera& camera : rig.cameras) camera.image = "none.png";
   Rig jittered = rig;
   jittered.cameras[3].pose.position.z = 0.01;
-  EXPECT_ERROR(export_stanford(jittered, dir / "out"), "names", "hold");
+  EXPECT_ERROR(export_stanford(jittered, dir / "out"), "format", "hold");
   EXPECT_FALSE(std::filesystem::exists(dir / "out"));
   EXPECT_ERROR(export_stanford(rig, dir / "out"), "none.png", "copied");
   rig.topology.type = Topology::Type::kDelaunay;
