@@ -257,7 +257,6 @@ async function headset() {
     const { video } = inside();
     for (let i = 0; i < 30; i++) await new Promise(done => video.requestVideoFrameCallback(done));
   });
-  await page.waitForTimeout(2000);  // until the surfaces have settled
   const state = await stateOf(page);
   // In WebXR, y points up and z back.
   for (const [name, by] of [['x', 0.01], ['y', -0.02], ['z', 0.03]])
