@@ -2,7 +2,6 @@
 #include "deploy.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <filesystem>
 #include <map>
 #include <memory>
@@ -136,13 +135,11 @@ class Folder {
   }
   void write_shared(const Inventory& inventory, const std::string& secret) const {
     write("etc/lightfield/rig.json", lf::read_text_file(inventory.rig));
-    write("etc/lightfield/secrets/key", "");
-    const fs::path key = root_ / "etc/lightfield/secrets/key";
+    const fs::path secrets = root_ / "etc/lightfield/secrets", key = secrets / "key";
+    fs::create_directories(secrets);
+    fs::permissions(secrets, fs::perms::owner_all);  // before the key exists
+    lf::write_text_file(secret, key);
     fs::permissions(key, fs::perms::owner_read | fs::perms::owner_write);
-    fs::permissions(key.parent_path(), fs::perms::owner_all);
-    std::FILE* file = std::fopen(key.c_str(), "w");  // keeps the permissions
-    if (!file || std::fputs(secret.c_str(), file) < 0 || std::fclose(file) != 0)
-      throw lf::Error(key.string() + ": cannot be written");
   }
 
  private:
