@@ -3,6 +3,7 @@
 // cameras/commands.cc.
 #include <algorithm>
 #include <charconv>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <optional>
@@ -23,6 +24,7 @@
 #include "deploy.h"
 #include "image/image_file.h"
 #include "render/contribution_map.h"
+#include "render/focus_range.h"
 #include "render/stanford_focus.h"
 #include "rig/camera_source.h"
 #include "rig/epipolar_check.h"
@@ -34,6 +36,7 @@
 #include "rig/source_security.h"
 #include "rig/still_image_cache.h"
 #include "terminal.h"
+#include "view/navigator.h"
 
 namespace {
 
@@ -298,7 +301,25 @@ lf::RigImport read_import(Arguments& arguments, const Format& format) {
   return result;
 }
 
-void finish_import(const Arguments& arguments, const Format& format, const lf::RigImport& result) {
+// Sets the focus distance of a rig to the middle of the scene that its images show. It stays unknown if the images do
+// not show it, or if an image cannot be read, which `lf-rig check` reports.
+void estimate_focus(Rig& rig) {
+  if (!lf::has_images(rig)) return;
+  try {
+    lf::StillImageCache images(rig);
+    const auto range =
+        lf::estimate_focus_range(rig, [&](lf::CameraIndex i) -> const lf::Image& { return images.get(i); });
+    if (!range) return;
+    const lf::Pose& middle = rig.cameras[lf::middle_camera(rig)].pose;
+    const lf::Vec3 point = middle.position + std::sqrt(range->near * range->far) * middle.forward();
+    const double distance = lf::default_viewpoint(rig).pose.camera_from_world(point).z;
+    if (distance > 0) rig.focus_distance = distance;
+  } catch (const lf::Error&) {
+  }
+}
+
+void finish_import(const Arguments& arguments, const Format& format, lf::RigImport result) {
+  estimate_focus(result.rig);
   print_notes(result.notes);
   if (const std::string note = lf::depth_note(result); !note.empty()) terminal::print("note: %s\n", note.c_str());
   if (lf::has_no_pictures(result.rig))

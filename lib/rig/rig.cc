@@ -161,6 +161,7 @@ Rig rig_subset(const Rig& rig, const std::vector<CameraIndex>& indices) {
     taken[index] = true;
     sub.cameras.push_back(rig.cameras[index]);
   }
+  sub.focus_distance = rig.focus_distance;
   const bool whole = indices.size() == rig.cameras.size() && std::is_sorted(indices.begin(), indices.end());
   if (whole) {
     sub.topology = rig.topology;

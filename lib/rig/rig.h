@@ -53,6 +53,9 @@ struct Rig {
   std::vector<Camera> cameras;
   Topology topology;
   std::string directory;  // folder of the rig file, the base of relative paths; "" without a file
+  // Distance of the scene from default_viewpoint() along its axis, in metres; 0 if it is unknown. Viewers focus there
+  // first.
+  double focus_distance = 0;
 
   // Returns a 64-bit hash (FNV-1a) of everything that the blending weights depend on: sizes, lenses, poses and
   // topology. All nodes of a view compare this hash, to be sure that they use the same rig. The hash is never 0.

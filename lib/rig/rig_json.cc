@@ -116,6 +116,10 @@ Rig rig_from_json(const json& root, const std::string& name) {
     rig.cameras.push_back(std::move(camera));
   }
   rig.topology = parse_topology(file.at("topology"), rig.cameras.size());
+  if (const auto distance = file.find("focus_distance")) {
+    rig.focus_distance = distance->number();
+    if (rig.focus_distance <= 0) distance->fail("must be more than 0");
+  }
   return rig;
 }
 
@@ -252,9 +256,10 @@ std::string rig_to_json(const Rig& rig, const json* original) {
   if (original) {
     if (original->contains("topology"))
       keep_unknown((*original)["topology"], {"type", "rows", "columns", "triangles"}, topology);
-    keep_unknown(*original, {"format", "version", "cameras", "topology"}, rest);
+    keep_unknown(*original, {"format", "version", "cameras", "topology", "focus_distance"}, rest);
   }
   text += " ],\n \"topology\": " + topology.dump();
+  if (rig.focus_distance > 0) text += ",\n \"focus_distance\": " + json(rig.focus_distance).dump();
   for (const auto& [key, member] : rest.items()) text += ",\n " + json(key).dump() + ": " + member.dump();
   return text + "\n}\n";
 }

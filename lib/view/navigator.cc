@@ -88,8 +88,8 @@ Viewpoint default_viewpoint(const Rig& rig, double focus_distance) {
   Viewpoint v;
   v.pose = {centre, mean_orientation(rig)};
   v.fov_y_deg = 2 * std::atan(middle.height / 2.0 / middle.lens.fy()) * (180 / M_PI);
-  v.focus_distance = focus_distance;
-  if (focus_distance <= 0) {
+  v.focus_distance = focus_distance > 0 ? focus_distance : rig.focus_distance;
+  if (v.focus_distance <= 0) {
     double radius = 0;
     for (const Camera& camera : rig.cameras) radius = std::max(radius, glm::length(camera.pose.position - centre));
     v.focus_distance = radius > 0 ? kFocusPerExtent * 2 * radius : 1;

@@ -33,8 +33,9 @@ inline Vec3 pivot_point(const Viewpoint& v) { return v.pose.position + v.focus_d
 View make_view(const Viewpoint& viewpoint, int width, int height);
 
 // Returns a viewpoint to start with. It is at the mean position of the cameras, looks along their mean axis, and has
-// the vertical field of view of the middle camera. If `focus_distance` is 0, the focus distance is kFocusPerExtent
-// times the diameter of the array (1 m if the diameter is 0). The rig must have at least one camera.
+// the vertical field of view of the middle camera. If `focus_distance` is 0, the focus distance is that of the rig or,
+// if it is unknown, kFocusPerExtent times the diameter of the array (1 m if the diameter is 0). The rig must have at
+// least one camera.
 inline constexpr double kFocusPerExtent = 4;
 Viewpoint default_viewpoint(const Rig& rig, double focus_distance = 0);
 // Radians of orbit if the mouse moves by the height of the view. This value moves the eye from default_viewpoint() by

@@ -102,6 +102,8 @@ TEST(RigJson, RoundTripsToTheLastBit) {
   rig.cameras[2].lens = Lens(LensModel::kOpenCv, {1e3 / 7, 1e3 / 11, 0.1, 0.2, 1e-17, 1 / 3.0, -1 / 7.0, 1e-5});
   rig.cameras[3].id = UINT32_MAX;
   rig.cameras[3].name = "quote \" and \u00fc";
+  EXPECT_EQ(rig.focus_distance, 0);
+  rig.focus_distance = 7 / 3.0;
   for (const Topology& topology :
        {rig.topology, Topology{}, Topology{Topology::Type::kTriangles, 0, 0, {{0, 1, 2}, {3, 2, 1}}}}) {
     rig.topology = topology;
@@ -109,6 +111,7 @@ TEST(RigJson, RoundTripsToTheLastBit) {
     const Rig back = load_rig(dir / "rig.json");
     EXPECT_EQ(back.hash(), rig.hash());
     EXPECT_EQ(back.directory, dir.path());
+    EXPECT_EQ(back.focus_distance, rig.focus_distance);
     for (size_t i = 0; i < rig.cameras.size(); i++) expect_same(back.cameras[i], rig.cameras[i]);
     EXPECT_EQ(back.topology.type, topology.type);
     EXPECT_EQ(back.topology.triangles, topology.triangles);
@@ -164,6 +167,8 @@ TEST(RigJson, ErrorsNameThePlace) {
       {R"({"cameras": {"0": 1}})", {"cameras:", "array", "object"}},
       {R"({"cameras": [[]]})", {"cameras[0]", "object", "array"}},
       {R"({"topology": null})", {"\"topology\"", "missing"}},
+      {R"({"focus_distance": "far"})", {"focus_distance", "number", "string"}},
+      {R"({"focus_distance": 0})", {"focus_distance", "more than 0"}},
       {R"({"topology": "grid"})", {"topology", "object", "string"}},
       {R"({"topology": {"type": null}})", {"topology", "type", "missing"}},
       {R"({"topology": {"type": "hexagons"}})", {"topology.type", "grid", "triangles", "delaunay"}},

@@ -157,6 +157,8 @@ TEST(RigSubset, CompleteRowsAndColumnsStayAGrid) {
 TEST(RigSubset, KeepsTrianglesOnlyForTheWholeRig) {
   Rig rig = grid(2, 2);
   rig.topology = {Topology::Type::kTriangles, 0, 0, {{0, 1, 3}}};
+  rig.focus_distance = 3;
+  EXPECT_EQ(rig_subset(rig, {0, 1}).focus_distance, 3);
   EXPECT_EQ(rig_subset(rig, {0, 1, 2, 3}).topology.triangles, rig.topology.triangles);
   EXPECT_EQ(rig_subset(rig, {0, 1, 3}).topology.type, Topology::Type::kDelaunay);
   EXPECT_EQ(rig_subset(rig, {1, 0, 2, 3}).topology.type, Topology::Type::kDelaunay);

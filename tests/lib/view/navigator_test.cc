@@ -246,12 +246,14 @@ TEST(Navigator, SetKeepsLimits) {
 
 TEST(DefaultViewpoint, IsInTheMiddleOfTheArray) {
   const Pose world_from_array = arbitrary_viewpoint().pose;
-  const Rig rig = array(5, 7, 0.1, world_from_array);
+  Rig rig = array(5, 7, 0.1, world_from_array);
   const Viewpoint v = default_viewpoint(rig);
   EXPECT_LT(distance(v.pose.position, world_from_array.position), 1e-14);
   EXPECT_GT(std::abs(glm::dot(v.pose.orientation, world_from_array.orientation)), 1 - 1e-14);
   EXPECT_NEAR(make_view(v, 320, 240).lens.fx(), 400, 1e-9);
   EXPECT_NEAR(v.focus_distance, kFocusPerExtent * std::hypot(0.6, 0.4), 1e-12);
+  rig.focus_distance = 5;
+  EXPECT_EQ(default_viewpoint(rig).focus_distance, 5);
   EXPECT_EQ(default_viewpoint(rig, 7.5).focus_distance, 7.5);
   EXPECT_EQ(middle_camera(rig), 17u);
 }
