@@ -52,7 +52,7 @@ std::string word(const lf::JsonValue& value, const char* pattern) {
   if (!std::regex_match(text, std::regex(pattern))) value.fail("\"" + text + "\" must match " + pattern);
   return text;
 }
-std::string address_of(const lf::JsonValue& host) { return word(host.at("address"), "[A-Za-z0-9.:-]+"); }
+std::string address_of(const lf::JsonValue& host) { return word(host.at("address"), "[0-9A-Fa-f.:]+"); }
 std::string line_of(const lf::JsonValue& host, const char* key) {
   const auto value = host.find(key);
   if (!value && std::string(key) == "output") (void)host.at(key);  // throws
@@ -94,8 +94,11 @@ Inventory load_inventory(const std::string& path) {
     inventory.proxy = address_of(*proxy);
     inventory.public_name = word(proxy->at("host"), "[A-Za-z0-9.:-]+");
     inventory.proxy_config = lf::read_text_file(file(proxy->at("template")));
+    if (inventory.servers.empty()) root.fail("proxy: there are no servers");
   } else if (inventory.servers.size() > 1) {
     root.fail("proxy: missing, but there are several servers");
+  } else if (!inventory.servers.empty() && inventory.servers[0].options.find("--listen ") == std::string::npos) {
+    root.fail("servers[0].options: need --listen, because browsers reach the server without a proxy");
   }
   const lf::Rig rig = lf::load_rig(inventory.rig);
   std::map<uint32_t, std::string> owners;
@@ -124,7 +127,8 @@ std::string joined(size_t count, const Item& item) {
 
 std::string with_space(const std::string& text) { return text.empty() ? "" : " " + text; }
 
-// The folder of a host has its files at their places in the file system of the host.
+// The folder of a host has its files at their places in the file system of the host. Services of that host read them as
+// another user, so their modes do not depend on the umask.
 class Folder {
  public:
   Folder(const std::string& all, const std::string& host) : root_(fs::path(all) / host) {}
@@ -132,6 +136,11 @@ class Folder {
     const fs::path path = root_ / name;
     fs::create_directories(path.parent_path());
     lf::write_text_file(text, path);
+    fs::permissions(path, fs::perms(0644));
+    for (fs::path folder = path; folder != root_;) {
+      folder = folder.parent_path();
+      fs::permissions(folder, fs::perms(0755));
+    }
   }
   void write_shared(const Inventory& inventory, const std::string& secret) const {
     write("etc/lightfield/rig.json", lf::read_text_file(inventory.rig));
@@ -191,11 +200,11 @@ std::string proxy_config(const Inventory& inventory) {
     at = end + 1;
     if (std::smatch match; !std::regex_match(line, match, server)) {
       config += line + '\n';
-      is_replaced = false;
+      if (!line.empty() && line.front() != ' ' && line.front() != '#') is_replaced = false;  // another section
     } else if (!is_replaced) {
       for (const Host& host : inventory.servers)
         config += match[1].str() + host.name + ' ' + place(host.address, kWebPort) +
-                  std::regex_replace(match[2].str(), std::regex("(track \\S+/)\\S+"), "$1" + host.name) + '\n';
+                  std::regex_replace(match[2].str(), std::regex("(track \\S+/)\\S+"), "$01" + host.name) + '\n';
       is_replaced = true;
     }
   }
@@ -214,6 +223,10 @@ nlohmann::json targets(const Inventory& inventory) {
 void deploy(const std::string& path, const std::string& out) {
   const Inventory inventory = load_inventory(path);
   std::string secret = lf::read_secret_file(inventory.key);
+  const auto wipe = [](std::string* text) { lf::wipe(*text); };
+  const std::unique_ptr<std::string, decltype(wipe)> wiped_at_the_end(&secret, wipe);
+  fs::create_directories(out);
+  fs::permissions(out, fs::perms::owner_all);  // it contains the key
   const auto write = [&](const Host& host, const std::string& file, const std::string& text, const char* service) {
     const Folder folder(out, host.name);
     folder.write_shared(inventory, secret);
@@ -232,7 +245,6 @@ void deploy(const std::string& path, const std::string& out) {
     write(host, "compositor-" + host.name + ".conf", compositor_config(inventory, i),
           ("lightfield-compositor@" + host.name).c_str());
   }
-  lf::wipe(secret);
   if (!inventory.proxy.empty()) {
     Folder(out, "proxy").write("etc/haproxy/haproxy.cfg", proxy_config(inventory));
     terminal::print("proxy: haproxy\n");
@@ -250,12 +262,11 @@ void add_deploy_command(cli::App& app) {
   cli::App* command = app.add_subcommand(
       "deploy",
       "Writes the configuration of every host from an inventory, which lists the camera hosts, servers and "
-      "compositors. "
-      "Each host gets a folder with its files, to be copied to the root folder of the host. Prints the service of each "
-      "host");
+      "compositors. Each host gets a folder with its files, to be copied to the root folder of the host. Prints the "
+      "service of each host");
   command->add_option("INVENTORY", arguments->inventory, "Inventory file")->required();
   command
-      ->add_option("--out", arguments->out, "Folder to write. It will contain the key, so other users must not read it")
+      ->add_option("--out", arguments->out, "Folder to write. Other users cannot read it, because it contains the key")
       ->required()
       ->type_name("FOLDER");
   command->callback([arguments] { deploy(arguments->inventory, arguments->out); });

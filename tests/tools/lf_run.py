@@ -108,7 +108,7 @@ def check(folder):
     try:
         for state in "READY=1", "WATCHDOG=1", "WATCHDOG=1":
             receives(state)
-        until(lambda: get(ports[0], "healthz") == get(ports[1], "readyz") == "ok\n", "both run")
+        until(lambda: get(ports[0], "readyz") == get(ports[1], "readyz") == "ok\n", "both run")
         until(lambda: metric(ports[1], "pictures_total") > 20, "pictures are composed")
         for name in ("requests_total", "answers_total", "answer_bytes_total", "answer_seconds_count", "sent_bytes_total",
                      "accepted_packets_total"):
@@ -145,16 +145,17 @@ def inventory(**changes):
             "cameras": [{"name": "cam0", "address": "127.0.1.1", "cameras": "0-1"},
                         {"name": "cam1", "address": "127.0.1.2", "cameras": "2,3", "options": "mtu=1400"}],
             "servers": [{"name": name, "address": f"127.0.1.{i + 3}", "options": "--viewers 8"}
-                        for i, name in enumerate(["r1", "r2"])],
+                        for i, name in enumerate(["r1", "2r"])],
             "compositors": [{"name": "wall", "address": "127.0.1.5", "options": "width=160 height=120 framerate=10/1",
                              "output": "fakesink"}],
             "proxy": {"address": "127.0.1.6", "host": "example.org", "template": "haproxy.cfg"}, **changes}
 
 
 def deploy(folder, made):
+    made = {key: value for key, value in made.items() if value is not None}
     pathlib.Path(folder, "inventory.json").write_text(json.dumps(made))
     return subprocess.run([f"{BUILD}/tools/lf-rig", "deploy", "inventory.json", "--out", "out"], cwd=folder, text=True,
-                          capture_output=True, env=ENVIRONMENT)
+                          capture_output=True, env=ENVIRONMENT, umask=0o077)
 
 
 def check_deploy(folder):
@@ -170,6 +171,8 @@ def check_deploy(folder):
                              ({"cameras": [two[0], {**two[1], "name": "cam0"}]}, "cameras[1].name"),
                              ({"cameras": [two[0], {**two[1], "name": "a b"}]}, "must match"),
                              ({"cameras": []}, "no camera hosts"), ({"servers": [], "compositors": []}, "no hosts"),
+                             ({"servers": []}, "there are no servers"),
+                             ({"servers": inventory()["servers"][:1], "proxy": None}, "--listen"),
                              ({"compositors": [{"name": "wall", "address": "10.0.0.1"}]}, "output"),
                              ({"key": "none"}, "none"), ({"version": 2}, "version")):
         failed = deploy(folder, inventory(**changes))
@@ -178,14 +181,17 @@ def check_deploy(folder):
         made = deploy(folder, inventory())
         assert made.returncode == 0, made
     assert made.stdout.splitlines() == ["cam0: lightfield-camera@cam0", "cam1: lightfield-camera@cam1",
-                                        "r1: lightfield-serve", "r2: lightfield-serve",
+                                        "r1: lightfield-serve", "2r: lightfield-serve",
                                         "wall: lightfield-compositor@wall", "proxy: haproxy"], made
-    for host in "cam0", "cam1", "r1", "r2", "wall":
+    for host in "cam0", "cam1", "r1", "2r", "wall":
         copy = out / host / "etc/lightfield/secrets/key"
         assert copy.read_text() == key.read_text() and copy.stat().st_mode & 0o777 == 0o600, host
+        modes = [place.stat().st_mode & 0o777 for place in (copy.parent, copy.parents[1], copy.parents[1] / "rig.json")]
+        assert modes == [0o700, 0o755, 0o644], (host, modes)
+    assert out.stat().st_mode & 0o777 == 0o700
     proxy = (out / "proxy/etc/haproxy/haproxy.cfg").read_text()
-    assert re.findall(r"  server (.*)", proxy) == ["r1 127.0.1.3:8080", "r2 127.0.1.4:8080",
-                                                   "r1 127.0.1.3:8080 track views/r1", "r2 127.0.1.4:8080 track views/r2"]
+    assert re.findall(r"  server (.*)", proxy) == ["r1 127.0.1.3:8080", "2r 127.0.1.4:8080",
+                                                   "r1 127.0.1.3:8080 track views/r1", "2r 127.0.1.4:8080 track views/2r"]
     targets = json.loads((out / "prometheus-targets.json").read_text())
     assert [group["targets"] for group in targets] == [["127.0.1.3:8080", "127.0.1.4:8080"],
                                                        ["127.0.1.1:9110", "127.0.1.2:9110", "127.0.1.5:9120"]]
