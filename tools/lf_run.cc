@@ -77,7 +77,7 @@ class Program {
       return G_SOURCE_CONTINUE;
     };
     const guint signals[] = {g_unix_signal_add(SIGINT, quit, loop_), g_unix_signal_add(SIGTERM, quit, loop_)};
-    // If an element hangs, text() does not return, and systemd restarts the service.
+    // text() does not return if an element never releases a lock, and systemd restarts the service.
     const ServiceWatchdog watchdog([this] { (void)metrics_->text(); });
     gst_element_set_state(pipeline_, GST_STATE_PLAYING);  // a failure is a message of the bus
     g_main_loop_run(loop_);
@@ -108,7 +108,8 @@ class Program {
     const std::string method = soup_server_message_get_method(message);
     if (method != "GET" && method != "HEAD")
       return respond(message, SOUP_STATUS_METHOD_NOT_ALLOWED, "text/plain", "GET only\n");
-    if (path == "/healthz" || path == "/readyz")
+    if (path == "/healthz") return respond(message, SOUP_STATUS_OK, "text/plain", "ok\n");
+    if (path == "/readyz")
       return is_ready_ ? respond(message, SOUP_STATUS_OK, "text/plain", "ok\n")
                        : respond(message, SOUP_STATUS_SERVICE_UNAVAILABLE, "text/plain", "starting\n");
     if (path != "/metrics") return respond(message, SOUP_STATUS_NOT_FOUND, "text/plain", "no such page\n");
@@ -159,10 +160,8 @@ int main(int argc, char** argv) {
   Options o;
   cli::App app(
       "Runs a GStreamer pipeline as a service of systemd, such as a camera host or a compositor. Reports to systemd "
-      "when "
-      "the pipeline runs, and delivers metrics for Prometheus. An error of the pipeline ends the program with status "
-      "1, "
-      "so that systemd restarts it.",
+      "when the pipeline runs, and delivers metrics for Prometheus. An error of the pipeline ends the program with "
+      "status 1, so that systemd restarts it.",
       "lf-run");
   app.add_option(
          "--metrics", o.metrics,

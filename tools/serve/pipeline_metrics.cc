@@ -206,9 +206,10 @@ std::string PipelineMetrics::cameras() const {
     for (size_t i = 0; i < std::size(kCameraRows); i++)
       counts[i] << "lightfield_" << kCameraRows[i].name << label << count_in(stats, kCameraRows[i].field) << '\n';
     const std::lock_guard lock(mutex_);
-    if (const auto last = last_frames_.find(id); last != last_frames_.end())
-      ages << "lightfield_camera_frame_age_seconds" << label
-           << static_cast<double>(g_get_monotonic_time() - last->second) * 1e-6 << '\n';
+    const auto last = last_frames_.find(id);
+    const int64_t time = last != last_frames_.end() ? last->second.load() : started_;
+    ages << "lightfield_camera_frame_age_seconds" << label << static_cast<double>(g_get_monotonic_time() - time) * 1e-6
+         << '\n';
   }
   if (all == 0) return "";
   std::ostringstream out;
@@ -216,7 +217,9 @@ std::string PipelineMetrics::cameras() const {
       << head({"", "", "cameras_working", "Cameras that are not lost.", true}) << "lightfield_cameras_working "
       << working << '\n'
       << head({"", "", "camera_up", "1 if the camera is not lost.", true}) << up.str()
-      << head({"", "", "camera_frame_age_seconds", "Time since the latest frame of the camera.", true}) << ages.str();
+      << head({"", "", "camera_frame_age_seconds", "Time since the latest frame of the camera, or since the start.",
+               true})
+      << ages.str();
   for (size_t i = 0; i < std::size(kCameraRows); i++) out << head(kCameraRows[i]) << counts[i].str();
   return out.str();
 }

@@ -23,7 +23,8 @@ class PipelineMetrics {
 
   // Adds a message of an element to the histograms. Returns false if it is a message for the application.
   bool take(GstMessage* message);
-  // Returns the text of /metrics. Locks each element, so that a caller in the main loop detects elements that hang.
+  // Returns the text of /metrics. Locks each lf element for its statistics, so that it does not return if one of them
+  // never releases its lock.
   std::string text() const;
 
  private:
@@ -31,6 +32,7 @@ class PipelineMetrics {
   std::string cameras() const;
 
   GstElement* const pipeline_;  // borrowed
+  const int64_t started_ = g_get_monotonic_time();
   Histogram answers_, pictures_, skews_;
   mutable std::mutex mutex_;
   std::map<uint32_t, std::atomic<int64_t>> last_frames_;  // by camera, g_get_monotonic_time(); guarded by mutex_

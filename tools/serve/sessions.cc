@@ -191,7 +191,7 @@ void Sessions::tick() {
   if (report && limits_.monitor > 0) watch_cameras();
 }
 
-// Closes the sessions of all watchers of failed flights. The last one ends its flight.
+// Closes the sessions of all watchers of failed flights. Closing the last session ends the flight.
 void Sessions::end_failed_flights() {
   std::vector<std::pair<std::string, std::string>> failed;  // session, problem
   for (const auto& [name, session] : viewers_) {
