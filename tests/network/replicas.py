@@ -20,6 +20,8 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests/soak"))
 from hosts import Network  # noqa: E402
 
+if "--help" in sys.argv:
+    sys.exit(print(__doc__))
 BUILD = pathlib.Path(sys.argv[1]).resolve()
 CAMERAS = 16
 SEATS, SECONDS = 8, 15  # viewers per replica, length of a measurement
