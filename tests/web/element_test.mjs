@@ -391,7 +391,8 @@ async function built() {
   const installed = join(work, 'node_modules/lightfield-viewer');
   await mkdir(installed, { recursive: true });
   const { files } = JSON.parse(await readFile(join(source, 'web/package.json')));
-  for (const file of [...files, 'package.json']) await cp(join(source, 'web', file), join(installed, file), { recursive: true });
+  const sources = files.filter(file => !file.endsWith('.min.js'));  // npm pack makes that one
+  for (const file of [...sources, 'package.json']) await cp(join(source, 'web', file), join(installed, file), { recursive: true });
   await cp(join(source, 'tests/web/react_page.tsx'), join(work, 'page.tsx'));
   await writeFile(join(work, 'package.json'), '{ "private": true, "type": "module" }');
   const tool = (path, ...args) => run(join(artefacts, 'node_modules', path), args, { cwd: work })
