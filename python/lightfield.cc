@@ -22,7 +22,7 @@ namespace {
 namespace py = pybind11;
 using namespace py::literals;
 
-// An object of the library that one thread may use at a time, and the lock of the thread that uses the object.
+// An object of the library that only one thread may use at a time, with its mutex.
 template <typename Object>
 struct Locked {
   template <typename... Args>

@@ -94,8 +94,8 @@ struct Calibration {
 
 // Computes the positions, orientations and lenses of the cameras by robust bundle adjustment (Triggs, McLauchlan,
 // Hartley, Fitzgibbon 2000). This takes seconds to minutes. The same input gives the same result except for
-// rounding errors (about 1e-6 pixels), because threads add up in any order. Throws Error if the tracks are inconsistent
-// or insufficient. May be called from any thread.
+// rounding errors (about 1e-6 pixels), because threads add in a varying order. Throws Error if the tracks are
+// inconsistent or insufficient. May be called from any thread.
 Calibration calibrate_rig(const Tracks& tracks, const CalibrationOptions& options = {});
 
 }  // namespace lightfield

@@ -430,8 +430,7 @@ template <typename Writer>
 std::string write_rigs(uint32_t rig_id, const std::vector<ColmapImage>& images) {
   Writer writer(
       "RIG_ID, NUM_SENSORS, REF_SENSOR_TYPE, REF_SENSOR_ID, SENSORS[] as (SENSOR_TYPE, SENSOR_ID, HAS_POSE, QW, QX, "
-      "QY, "
-      "QZ, TX, TY, TZ)",
+      "QY, QZ, TX, TY, TZ)",
       1);
   writer.id(rig_id);
   writer.id(static_cast<uint32_t>(images.size()));
