@@ -38,6 +38,7 @@ COMMANDS = [
     "video/x-raw,format=I420 ! filesink location=cpu.yuv",
     "gst-launch-1.0 -q lfviewsrc rig=stills/rig.json is-live=false location=views.json ! videoconvert ! "
     "video/x-raw,format=RGB ! filesink location=flight.rgb",
+    f"lf-run lfviewsrc rig=film/rig.json {VIEW} focus=plane yaw=1.5 ! video/x-raw,format=I420 ! filesink location=run.yuv",
     "lf-report --rig stills/rig.json --views views.json --frames flight.rgb --plane flight.rgb --log run.log --scene "
     "--out .",
     "lf-scene lights --rig stills/rig.json --out lights --seconds 8 --framerate 15 --bar 0.25",
