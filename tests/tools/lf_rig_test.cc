@@ -357,6 +357,8 @@ TEST_F(LfRig, WritesAContactSheet) {
     EXPECT_GT(colours.size(), rows == 2 ? 100u : 2u) << command;
     fs::remove(dir / "sheet.png");
   }
+  const double distance = load_rig(dir / "back.json").focus_distance;
+  EXPECT_TRUE(distance > 1.5 && distance < 4) << distance;  // with images of the built-in scene
   expect_outcome(lf_rig("check rig.json --sheet sheet.txt"), 1, mentions("--sheet sheet.txt", ".png"));
   expect_outcome(lf_rig("import cameras.yaml --out no.json --sheet sheet"), 1, mentions("--sheet sheet", ".png"));
   EXPECT_FALSE(fs::exists(dir / "no.json"));
@@ -451,6 +453,7 @@ TEST_F(LfRig, ImportsTheKettle) {
   ASSERT_EQ(rig.cameras.size(), 28u);
   const Camera& camera = rig.cameras[0];
   EXPECT_EQ(camera.name, "2021-05-19 20.23.45");
+  EXPECT_NEAR(rig.focus_distance, 12.8, 0.5);  // the kettle begins at 8.7
   EXPECT_EQ(camera.lens, Lens(LensModel::kPinhole, {1061.37, 1061.37, (1250 - 1) / 2.0, (937 - 1) / 2.0}));
   expect_outcome(lf_rig("check rig.json"), 0);
 }
