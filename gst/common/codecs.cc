@@ -25,8 +25,8 @@ bool is_installed(const char* factory_name) {
   return yes;
 }
 
-// True if decodebin would use an installed decoder for these still images and the decoder works. Those of libav find no
-// valid frame in a TIFF file: GStreamer 1.22 has no parser that divides the stream into pictures for them.
+// True if decodebin would use an installed decoder for these still images and the decoder works. The decoders of libav
+// find no valid frame in a TIFF file, because GStreamer 1.22 has no parser that divides the stream into pictures.
 bool has_decoder(GstCaps* caps) {
   GList* all = gst_element_factory_list_get_elements(GST_ELEMENT_FACTORY_TYPE_DECODER, GST_RANK_MARGINAL);
   GList* decoders = gst_element_factory_list_filter(all, caps, GST_PAD_SINK, FALSE);

@@ -36,7 +36,7 @@ class PrintCamera {
   static constexpr int kSamples = 3;  // per pixel, horizontally and vertically
 
   int width_, height_;
-  std::vector<Vec3> rays_;  // of all samples, pixel by pixel
+  std::vector<Vec3> rays_;  // one per sample, pixel by pixel
 };
 
 }  // namespace lf::test

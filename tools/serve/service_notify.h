@@ -11,7 +11,7 @@ namespace lf::serve {
 void notify_service(const std::string& state);
 
 // Reports to the watchdog of systemd (WatchdogSec=) at half of its interval, from the main loop, so that systemd
-// restarts a service whose main loop hangs. Each report follows a call of `check`, which may hang, too. Does nothing
+// restarts a service if its main loop hangs. Each report follows a call of `check`, which may hang, too. Does nothing
 // without a watchdog. Main thread only.
 class ServiceWatchdog {
  public:
