@@ -111,7 +111,9 @@ class TomlReader {
     }
     at_ = std::min(at_, text_.size());
     // With these empty lines, errors have the line numbers of the file.
-    return parse_yaml(std::string(first_line, '\n') + text_.substr(begin, at_ - begin), name_, "TOML");
+    json value = parse_yaml(std::string(first_line, '\n') + text_.substr(begin, at_ - begin), name_, "TOML");
+    if (value.is_null()) fail("the value is missing");
+    return value;
   }
 
   const std::string& text_;
