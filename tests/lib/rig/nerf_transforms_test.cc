@@ -77,6 +77,19 @@ TEST_F(Nerf, UnsupportedFeaturesAreErrorsWithThePlace) {
   EXPECT_ERROR(read(R"({"frames": []})"), file, "frames", "empty");
 }
 
+// The camera models of nerfstudio 1.1 (CAMERA_MODEL_TO_TYPE in nerfstudio/cameras/cameras.py).
+TEST_F(Nerf, ReadsOrRefusesAllCameraModels) {
+  const auto file = [](const char* model) {
+    return one_frame(std::string(R"("w": 4, "h": 3, "fl_x": 5, "k1": 0.1, "camera_model": ")") + model + "\", ");
+  };
+  for (const char* model : {"SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"})
+    EXPECT_EQ(read(file(model)).rig.cameras.at(0).lens.distortion().k[0], 0.1) << model;
+  EXPECT_EQ(read(file("OPENCV_FISHEYE")).rig.cameras.at(0).lens.model(), LensModel::kOpenCvFisheye);
+  for (const char* model : {"EQUIRECTANGULAR", "OMNIDIRECTIONALSTEREO_L", "OMNIDIRECTIONALSTEREO_R", "VR180_L",
+                            "VR180_R", "ORTHOPHOTO", "FISHEYE624"})
+    EXPECT_ERROR(read(file(model)), dir / "t.json", "camera_model", model, "cannot be imported");
+}
+
 TEST_F(Nerf, ReadsFisheyeLensesAndK3) {
   const std::string size = R"("w": 640, "h": 480, "fl_x": 200, "k1": 0.1, "k2": 0.2, "k3": 0.3, )";
   const Lens fisheye(LensModel::kOpenCvFisheye, {200, 200, 319.5, 239.5, 0.1, 0.2, 0.3, 0.4});
