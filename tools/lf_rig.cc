@@ -474,8 +474,8 @@ void add_formats(cli::App& app, Arguments& arguments) {
   cli::App *stanford = format_of("stanford").import_, *stanford_export = format_of("stanford").export_;
   stanford
       ->add_option("--f", arguments.stanford.f,
-                   "Focal length of the cameras, in pixels. The file names do not contain it (default: a horizontal "
-                   "field of view of 50 degrees)")
+                   "Focal length of the cameras, in pixels (default: from the file names, otherwise a horizontal field "
+                   "of view of 50 degrees)")
       ->check(cli::PositiveNumber);
   stanford
       ->add_option("--focus-distance", arguments.stanford.focus_distance,

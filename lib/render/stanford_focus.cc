@@ -68,6 +68,10 @@ std::optional<double> focus_distance_of(const Rig& rig, double f) {
 }  // namespace
 
 RigImport import_stanford_pictures(const std::string& directory, StanfordOptions options) {
+  if (const double named_f = stanford_focal_length(directory); named_f > 0) {
+    if (!(options.f > 0)) options.f = named_f;
+    options.focus_distance = std::max(0.0, options.focus_distance);
+  }
   const bool knows_f = options.f > 0, knows_focus = options.focus_distance >= 0;
   if (knows_f && knows_focus) return import_stanford(directory, options);
   std::vector<std::string> notes;

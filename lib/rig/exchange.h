@@ -127,10 +127,16 @@ RigExport export_nerf(const Rig& rig, const std::string& path);
 // all images, because the lens moves with the camera.
 
 struct StanfordOptions {
-  double f = 0;               // pixels; not in the file names
+  double f = 0;               // pixels; must be positive
   double focus_distance = 0;  // metres; 0: infinity, for unshifted images
   double unit = 1e-3;         // metres
 };
+
+// Returns the focal length that the file names contain, in pixels, or 0. linusmossberg's light-field-renderer
+// (blender-exporter.py) renders unshifted images with the names NAME_ROW_COLUMN_Y_X_LENS_SENSOR.jpg, such as
+// camera_00_01_400.000000_369.230769_30_36.jpg, in millimetres. SENSOR is the width of the image. Throws Error with the
+// file if names contain different lenses.
+double stanford_focal_length(const std::string& directory);
 
 // Imports all matching files in `directory`, row by row. The result is a grid if no position is empty. The optical axis
 // in the middle of the array passes through the middle of the images. Throws Error with the file or the option.

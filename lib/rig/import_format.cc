@@ -85,8 +85,9 @@ std::string format_of_file(const fs::path& file, bool is_given) {
       {"camera_array.toml", "caliscope"},        {"cameras.txt", "colmap"},    {"cameras.bin", "colmap"},
       {"cameras_parameters.txt", "technicolor"}, {"poses_bounds.npy", "llff"}, {"transforms.json", "nerf"},
       {"transforms_train.json", "nerf"}};
-  static const std::regex kStanford(R"(out_\d{1,5}_\d{1,5}_-?\d+\.?\d*_-?\d+\.?\d*_?\.(png|jpg|jpeg))",
-                                    std::regex::icase);
+  static const std::regex kStanford(
+      R"((out_\d{1,5}_\d{1,5}(_-?\d+\.?\d*){2}_?|.+_\d{1,5}_\d{1,5}(_-?\d+\.\d+){2}(_\d+\.?\d*){2})\.(png|jpg|jpeg))",
+      std::regex::icase);
   constexpr size_t kLongestName = 255;  // std::regex is recursive
   const std::string name = file.filename().string(), ending = file.extension().string();
   if (const auto known = kNames.find(name); known != kNames.end()) return known->second;

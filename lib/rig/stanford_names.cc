@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "rig/exchange.h"
 
-#include <charconv>
 #include <filesystem>
 #include <map>
 #include <regex>
@@ -21,12 +20,14 @@ using Place = std::pair<int, int>;  // row, column
 
 struct NamedImage {
   std::string path;
-  Vec2 position{0, 0};  // x, y from the file name
+  Vec2 position{0, 0};     // x, y from the file name
+  double f_per_width = 0;  // focal length over image width; 0 if the file name does not contain it
 };
 
 std::map<Place, NamedImage> read_names(const std::string& directory, std::vector<std::string>& notes) {
-  static const std::regex kName(R"(.*?_(\d{1,5})_(\d{1,5})_(-?\d+\.?\d*)_(-?\d+\.?\d*)_?\.(png|jpg|jpeg))",
-                                std::regex::icase);
+  static const std::regex kName(
+      R"(.*?_(\d{1,5})_(\d{1,5})_(-?\d+\.?\d*)_(-?\d+\.?\d*)(?:_(\d+\.?\d*)_(\d+\.?\d*)|_)?\.(png|jpg|jpeg))",
+      std::regex::icase);
   std::map<Place, NamedImage> images;
   constexpr size_t kLongestName = 255;  // std::regex is recursive
   size_t left_out = 0;
@@ -37,13 +38,13 @@ std::map<Place, NamedImage> read_names(const std::string& directory, std::vector
       left_out++;
       continue;
     }
-    const auto number = [&](int part) {
-      double value = 0;
-      std::from_chars(&*parts[part].first, &*parts[part].first + parts[part].length(), value);
-      return value;
-    };
+    const auto number = [&](int part) { return number_of_text<double>(parts[part].str()).value_or(0); };
     const Place place(static_cast<int>(number(1)), static_cast<int>(number(2)));
-    const auto [other, is_new] = images.emplace(place, NamedImage{path.string(), {number(4), number(3)}});
+    NamedImage named{path.string(), {number(4), number(3)}};
+    if (parts[5].matched) named.f_per_width = number(5) / number(6);
+    if (parts[5].matched && !(named.f_per_width > 0 && is_finite(named.f_per_width)))
+      throw Error(path.string() + ": the focal length and the sensor width in the file name must be positive");
+    const auto [other, is_new] = images.emplace(place, named);
     if (!is_new)
       throw Error(path.string() + ": remove or rename this file, because its name has the same row and column as " +
                   other->second.path);
@@ -51,8 +52,9 @@ std::map<Place, NamedImage> read_names(const std::string& directory, std::vector
   if (images.empty())
     throw Error(directory +
                 ": no file name has the form out_00_01_-381.9_-776.8.png, which contains the row, the column and the "
-                "position (y, x) of the camera. For pictures with other names, estimate the positions with COLMAP, "
-                "and import its result with lf-rig import colmap");
+                "position (y, x) of the camera, and can also contain the focal length and the sensor width. For "
+                "pictures with other names, estimate the positions with COLMAP, and import its result with lf-rig "
+                "import colmap");
   if (images.size() > kMaxCameras)
     throw Error(directory + ": contains too many images; a rig has at most " + std::to_string(kMaxCameras) +
                 " cameras");
@@ -82,6 +84,16 @@ std::string fixed_text(double value) {
 }
 
 }  // namespace
+
+double stanford_focal_length(const std::string& directory) {
+  std::vector<std::string> ignored;
+  const std::map<Place, NamedImage> images = read_names(directory, ignored);
+  const NamedImage& first = images.begin()->second;
+  for (const auto& [place, named] : images)
+    if (named.f_per_width != first.f_per_width)
+      throw Error(named.path + ": has another lens in its name than " + first.path);
+  return first.f_per_width > 0 ? first.f_per_width * load_image_size(first.path).width : 0;
+}
 
 RigImport import_stanford(const std::string& directory, const StanfordOptions& options) {
   if (!(options.f > 0))

@@ -47,6 +47,22 @@ TEST(StanfordFocus, UnshiftedPicturesStayUnshifted) {
   EXPECT_THAT(found.notes, ElementsAre(HasSubstr("--f"), HasSubstr("unshifted")));
 }
 
+// The focal length in the names is 35 mm on a sensor of 36 mm, and a name with a focal length means unshifted images.
+TEST(StanfordFocus, TakesTheLensFromTheNames) {
+  const TempDir dir;
+  export_scene(dir, 2.2);
+  for (const auto& entry : std::filesystem::directory_iterator(dir / "named")) {
+    const std::string stem = entry.path().stem().string();
+    std::filesystem::copy(entry.path(), dir.write("lens/" + stem + "35_36.png", ""),
+                          std::filesystem::copy_options::overwrite_existing);
+  }
+  const Lens found = import_stanford_pictures(dir / "lens", {.focus_distance = -1}).rig.cameras.at(0).lens;
+  EXPECT_EQ(found, Lens::pinhole(320 * 35 / 36.0, 159.5, 119.5));
+  const Lens given = import_stanford_pictures(dir / "lens", {.f = 300, .focus_distance = 2}).rig.cameras.at(0).lens;
+  EXPECT_EQ(given.fx(), 300);
+  EXPECT_NE(given.cx(), 159.5);
+}
+
 TEST(StanfordFocus, KeepsGivenOptions) {
   const TempDir dir;
   const StanfordOptions truth = export_scene(dir, 3);

@@ -79,6 +79,7 @@ TEST_F(ImportFormatTest, FindsTheFormatOfAFolder) {
        "intrinsics.yml"},
       {{{"result.yaml", "Ks:\n- 5\ndistortions:\n- 5\n"}}, "opencv", "result.yaml", "", "result.yaml"},
       {{{kStanford}}, "stanford", "", "", kStanford},
+      {{{"a b_00_00_4.00_-4.00_30_36.jpg"}}, "stanford", "", "", "a b_00_00_4.00_-4.00_30_36.jpg"},
       {{{"cameras_parameters.txt"}, {"A_undist_00001_00.png"}}, "technicolor", "", "", "cameras_parameters.txt"},
       {{{kStanford}, {"out_00_00_-381.9_-776.8.PNG"}}, "stanford", "", "", "out_00_00_-381.9_-776.8.PNG, ..."},
   };

@@ -2,6 +2,7 @@
 #include "rig/exchange.h"
 
 #include "image/image.h"
+#include "rig/mesh.h"
 #include "rig/rig.h"
 #include "support/expect_error.h"
 #include "support/temp_dir.h"
@@ -25,6 +26,30 @@ TEST(StanfordNames, YPrecedesXAndPointsDown) {
   EXPECT_LT(glm::length(rig.cameras[1].pose.position - Vec3(0.0305, -0.01, 0)), 1e-15);
   EXPECT_EQ(rig.cameras[1].lens, Lens::pinhole(100, 3.5, 2.5));
   EXPECT_EQ(result.notes.size(), 1u) << "no focus distance";
+}
+
+// Names of the light field "shop" of linusmossberg's light-field-renderer. The first image is the bottom right one.
+TEST(StanfordNames, ReadsTheLensOfRenderedLightFields) {
+  const TempDir dir;
+  write_images(dir, {"Original Camera_00_00_400.000000_400.000000_30_36.png",
+                     "Original Camera_00_01_400.000000_-369.230769_30_36.png",
+                     "Original Camera_01_00_-369.230769_400.000000_30_36.png",
+                     "Original Camera_01_01_-369.230769_-369.230769_30_36.png"});
+  const double f = stanford_focal_length(dir.path());
+  EXPECT_NEAR(f, 30 * 8 / 36.0, 1e-12);
+  const Rig rig = import_stanford(dir.path(), {.f = f}).rig;
+  EXPECT_EQ(rig.topology.type, Topology::Type::kGrid);
+  EXPECT_LT(glm::length(rig.cameras.at(1).pose.position - Vec3(-0.369230769, 0.4, 0)), 1e-15);
+  EXPECT_EQ(build_mesh(rig).faces.size(), 2u);
+
+  write_images(dir, {"Original Camera_02_00_-400.0_400.0_50_36.png"});
+  EXPECT_ERROR(stanford_focal_length(dir.path()), "Original Camera_02_00", "Original Camera_00_00", "lens");
+  const TempDir damaged;
+  write_images(damaged, {"a_00_00_1.0_2.0_30_0.png"});
+  EXPECT_ERROR(stanford_focal_length(damaged.path()), "a_00_00_1.0_2.0_30_0.png", "sensor width", "positive");
+  const TempDir archive;
+  write_images(archive, {"out_00_00_-10_20.5_.png", "lego_12_00_01_-10_30.5.png"});
+  EXPECT_EQ(stanford_focal_length(archive.path()), 0);
 }
 
 TEST(StanfordNames, PointAtTheFocusDistanceDoesNotMove) {
