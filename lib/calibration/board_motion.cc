@@ -364,16 +364,21 @@ class MovingBoardSolver {
     std::vector<double> offsets, squares(free_.size()), counts(free_.size());
     for (size_t k = 0; k < observations.size(); k++) {
       const uint32_t i = observations[k].camera;
-      const double late = result_.shutters[i].readout * result_.adjustment.row[k];
-      squares[i] += glm::dot(result_.adjustment.velocity[k], result_.adjustment.velocity[k]) * late * late;
+      const double row = result_.adjustment.row[k];
+      squares[i] += glm::dot(result_.adjustment.velocity[k], result_.adjustment.velocity[k]) * row * row;
       counts[i]++;
     }
     for (size_t i = 0; i < free_.size(); i++) {
-      if (counts[i] > 0) result_.shutters[i].shift = std::sqrt(squares[i] / counts[i]);
       CameraClock& clock = result_.clocks[i];
+      RollingShutter& shutter = result_.shutters[i];
       clock.sigma = solution.uncertainty.clock_sigmas[i][0];
       clock.known = solution.scene.cameras[i].used && clock.sigma < kClockKnown && moves(i);
-      if (free_[i].readout) result_.shutters[i].sigma = solution.uncertainty.clock_sigmas[i][2];
+      if (free_[i].readout) shutter.sigma = solution.uncertainty.clock_sigmas[i][2];
+      if (counts[i] > 0) {
+        const double per_second = std::sqrt(squares[i] / counts[i]);
+        shutter.shift = std::abs(shutter.readout) * per_second;
+        if (shutter.readout == 0 && moves(i)) shutter.uncertain = 2 * shutter.sigma * per_second;
+      }
       if (clock.known)
         offsets.push_back(clock.offset);
       else
@@ -404,13 +409,21 @@ MovingBoardSolution solve_moving_board(const BoardFilms& films, const std::vecto
 }
 
 std::vector<Finding> diagnose_times(const MovingBoardSolution& solution) {
-  constexpr double kLargeShift = 1;  // pixels; the model is linear in the velocity
+  constexpr double kLargeShift = 1;        // pixels; the model is linear in the velocity
+  constexpr double kUncertainShift = 0.5;  // pixels; more than most errors of corners
   std::vector<Finding> findings;
   for (size_t i = 0; i < solution.shutters.size(); i++) {
     const unsigned id = solution.tracks.cameras[i].id;
     for (Finding& finding : diagnose_clock(id, solution.clocks[i], solution.seconds, solution.expected[i]))
       findings.push_back(std::move(finding));
     const RollingShutter& shutter = solution.shutters[i];
+    if (shutter.uncertain > kUncertainShift)
+      findings.push_back(
+          {Finding::Severity::kNote, "readout-unknown",
+           format_text("camera %u may have a rolling shutter: the standard deviation of its readout time is %.0f ms. "
+                       "Twice this time moves the corners by %.1f px, which is not corrected. Make a longer film in "
+                       "which the board moves past all parts of the image, in all directions",
+                       id, 1e3 * shutter.sigma, shutter.uncertain)});
     if (shutter.readout == 0) continue;
     const bool large = shutter.shift > kLargeShift;
     findings.push_back(

@@ -27,6 +27,8 @@ struct RollingShutter {
       0;             // seconds from the first row to the last row; negative: the last row is first; 0: not significant
   double sigma = 0;  // standard deviation of `readout`, seconds
   double shift = 0;  // RMS displacement of the corners by the readout during the recording, pixels
+  // The displacement by a readout time of two sigmas, which is not corrected if `readout` is 0, pixels.
+  double uncertain = 0;
 };
 
 struct MovingBoardSolution : BoardSolution {

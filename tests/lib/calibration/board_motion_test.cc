@@ -104,6 +104,18 @@ TEST(MovingBoard, EstimatesRollingShutters) {
   EXPECT_LT(report["cameras"][2]["time_offset_sigma_ms"].get<double>(), 0.5);
 }
 
+// Few noisy views leave a readout time unknown that would be noticeable.
+TEST(MovingBoard, TellsWhichReadoutTimesAreUnknown) {
+  const Scene scene = film(2, 2, {.positions = 4, .noise = 1, .readout = 0.005});
+  const MovingBoardSolution solved = solve(scene);
+  for (size_t i = 0; i < solved.shutters.size(); i++) {
+    EXPECT_EQ(solved.shutters[i].readout, 0) << i;
+    EXPECT_EQ(solved.shutters[i].shift, 0) << i;
+    EXPECT_GT(solved.shutters[i].sigma, 0.005 / 5) << i;
+  }
+  EXPECT_MENTIONS(texts(solved), "readout-unknown", "camera 3", "not corrected");
+}
+
 TEST(MovingBoard, EstimatesDrifts) {
   Scene scene = film(2, 2, {.noise = kNoise, .drift = 5e-4});
   const MovingBoardSolution solved = solve(scene);
