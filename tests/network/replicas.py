@@ -132,7 +132,6 @@ class Cluster:
     def stop(self):
         for program in [*self.nodes, *self.replicas.values()]:
             program.stop(10)
-        self.proxy.stop(5)
         self.network.close()
 
 
@@ -198,7 +197,7 @@ def measure(folder, replicas, camera_hosts):
 
 
 def main():
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # removes the hosts
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # removes the folder; Network also removes the hosts
     with tempfile.TemporaryDirectory() as folder:
         environment = {**os.environ, "GST_PLUGIN_PATH": f"{BUILD}/gst"}
         subprocess.run([f"{BUILD}/tools/lf-scene", "--out", f"{folder}/film", "--grid", "4x4", "--width", "320", "--height",

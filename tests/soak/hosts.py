@@ -6,6 +6,7 @@ import pathlib
 import re
 import signal
 import subprocess
+import sys
 import threading
 
 
@@ -23,12 +24,23 @@ def _remove_abandoned_hosts():
 
 class Network:
     """Hosts with the addresses 10.78.0.3, 10.78.0.4 and so on. Each host drops the share `loss` of incoming packets.
-    close() removes the hosts."""
+    close() ends the programs of the hosts and removes the hosts. SIGTERM does the same, and exits."""
 
     def __init__(self, hosts, loss):
         _remove_abandoned_hosts()
         self._prefix = f'soak{os.getpid()}-'
         self._hosts = list(hosts)
+        self._programs = []
+        signal.signal(signal.SIGTERM, self._end)
+        self._add_hosts(loss)
+
+    def _end(self, *_):
+        """Processes of a test that takes too long have one second until SIGKILL."""
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        self.close()
+        sys.exit(1)
+
+    def _add_hosts(self, loss):
         _ip('netns', 'add', self._prefix + 'switch')
         _ip('-n', self._prefix + 'switch', 'link', 'add', 'b0', 'type', 'bridge')
         _ip('-n', self._prefix + 'switch', 'link', 'set', 'b0', 'up')
@@ -48,11 +60,14 @@ class Network:
         return f'10.78.0.{3 + self._hosts.index(host)}'
 
     def start(self, name, host, command, **options):
-        return Program(name, ['ip', 'netns', 'exec', self._prefix + host, *command], **options)
+        self._programs.append(Program(name, ['ip', 'netns', 'exec', self._prefix + host, *command], **options))
+        return self._programs[-1]
 
     def close(self):
-        for host in [*self._hosts, 'switch']:
-            subprocess.run(['ip', 'netns', 'del', self._prefix + host], capture_output=True)
+        for program in self._programs:
+            program.send(signal.SIGKILL)
+        lines = ''.join(f'netns del {self._prefix}{host}\n' for host in [*self._hosts, 'switch'])
+        subprocess.run(['ip', '-force', '-batch', '-'], input=lines, text=True, capture_output=True)
 
 
 class Program:
