@@ -1,18 +1,23 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""Runs the launch lines for SRT and RTSP of docs/guides/pipelines.md on this host, and receives their pictures. The RTSP
-line needs rtspclientsink (Debian: gstreamer1.0-rtsp) and GStreamer's RTSP server (gir1.2-gst-rtsp-server-1.0).
+"""Runs the launch lines for SRT, RTSP and RTMP of docs/guides/pipelines.md on this host, and receives their pictures. The
+RTSP line needs rtspclientsink (Debian: gstreamer1.0-rtsp) and GStreamer's RTSP server (gir1.2-gst-rtsp-server-1.0). The
+server for RTMP is FFmpeg, in python3-opencv. If OBS Studio (obs-studio) and Xvfb are installed, OBS opens the SRT stream,
+and LF_ARTEFACTS receives obs.png, a picture of the screen.
 
     studio.py BUILD_ROOT
 """
+import json
 import os
 import pathlib
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
 import time
 
+import cv2
 import gi
 gi.require_version("Gst", "1.0")
 from gi.repository import GLib, Gst  # noqa: E402
@@ -20,6 +25,7 @@ from gi.repository import GLib, Gst  # noqa: E402
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 BUILD = pathlib.Path(sys.argv[1]).resolve()
 PICTURES, PATIENCE_S = 20, 60
+DISPLAY = ":77"
 TO_PICTURES = "decodebin ! videoconvert ! video/x-raw,format=RGB ! fakesink name=sink sync=false signal-handoffs=true"
 sizes = []  # of the received pictures, in bytes
 
@@ -55,12 +61,81 @@ def rtsp_receiver():
     return server
 
 
+def send(name, element):
+    with open(f"{name}.log", "w") as log:
+        return subprocess.Popen(["bash", "-c", "exec " + launch_line(element)], stdout=log, stderr=subprocess.STDOUT)
+
+
+def receive_rtmp():
+    program = f"import cv2; v = cv2.VideoCapture('rtmp://127.0.0.1/live/KEY'); print({{v.read()[1].shape for _ in range({PICTURES})}})"
+    server = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True,
+                              env={**os.environ, "OPENCV_FFMPEG_CAPTURE_OPTIONS": "listen;1"})
+    sender = None
+    try:
+        while "0100007F:078F 00000000:0000 0A" not in pathlib.Path("/proc/net/tcp").read_text():  # port 1935 listens
+            time.sleep(0.1)
+            assert server.poll() is None, "no FFmpeg"
+        sender = send("RTMP", "rtmp2sink")
+        shapes = server.communicate(timeout=PATIENCE_S)[0].strip()
+    finally:
+        for program in filter(None, [server, sender]):
+            program.kill()
+            program.wait()
+    assert shapes == "{(120, 160, 3)}", shapes + pathlib.Path("RTMP.log").read_text()
+    print(f"RTMP: {PICTURES} pictures", flush=True)
+
+
+def configure_obs(home):
+    """A scene with one source, the stream."""
+    stream = {"id": "ffmpeg_source", "name": "SRT", "settings": {"input": "srt://127.0.0.1:7001", "input_format": "mpegts",
+                                                                "is_local_file": False}}
+    item = {"name": "SRT", "id": 1, "visible": True, "bounds_type": 2, "bounds": {"x": 640.0, "y": 480.0}, "align": 5}
+    scene = {"id": "scene", "name": "Scene", "settings": {"id_counter": 1, "items": [item]}}
+    scenes = {"name": "Light", "current_scene": "Scene", "scene_order": [{"name": "Scene"}], "sources": [stream, scene]}
+    for name, text in (("global.ini", "[General]\nFirstRun=true\n"), ("basic/scenes/Light.json", json.dumps(scenes)),
+                       ("basic/profiles/Light/basic.ini", "[General]\nName=Light\n[Video]\nBaseCX=640\nBaseCY=480\n")):
+        file = home / ".config/obs-studio" / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text)
+
+
+def colourful_share(picture):
+    """Returns the share of pixels with saturated colours. The upper half of the window of OBS has only the picture and
+    shades of grey."""
+    Gst.parse_launch(f"ximagesrc display-name={DISPLAY} num-buffers=1 ! videoconvert ! pngenc ! "
+                     f"filesink location={picture} name=file").set_state(Gst.State.PLAYING)
+    time.sleep(2)
+    image = cv2.imread(str(picture))[40:384].astype(int)
+    return ((image.max(axis=2) - image.min(axis=2)) > 60).mean()
+
+
+def receive_obs():
+    home = pathlib.Path("obs").resolve()
+    configure_obs(home)
+    environment = {**os.environ, "HOME": str(home), "DISPLAY": DISPLAY, "XDG_RUNTIME_DIR": str(home),
+                   "LIBGL_ALWAYS_SOFTWARE": "1", "QT_X11_NO_MITSHM": "1"}
+    programs = [send("OBS", "srtsink"), subprocess.Popen(["Xvfb", DISPLAY, "-screen", "0", "1024x768x24"])]
+    try:
+        time.sleep(4)
+        with open("obs.log", "w") as log:
+            programs.append(subprocess.Popen(["obs", "--multi", "--collection", "Light", "--profile", "Light"], stdout=log,
+                                             stderr=subprocess.STDOUT, env=environment))
+        picture = pathlib.Path(os.environ.get("LF_ARTEFACTS", "."), "obs.png")
+        end = time.monotonic() + PATIENCE_S
+        while (share := colourful_share(picture)) < 0.05:
+            assert time.monotonic() < end, f"{share:.3f}\n" + pathlib.Path("obs.log").read_text()[-2000:]
+        print(f"OBS: {100 * share:.0f} % of the upper half of the screen has saturated colours", flush=True)
+    finally:
+        for program in reversed(programs):
+            program.kill()
+            program.wait()
+
+
 def receive(name, element, receiver, server=None):
     """The RTSP server must run before the sender, and the SRT sender before the receiver."""
     sizes.clear()
     receiving = server() if server else None
-    with open(f"{name}.log", "w") as log:
-        sender = subprocess.Popen(["bash", "-c", "exec " + launch_line(element)], stdout=log, stderr=subprocess.STDOUT)
+    sender = send(name, element)
     try:
         if receiver:
             time.sleep(4)  # until the sender listens
@@ -94,6 +169,9 @@ def main():
         subprocess.run([tools / "lf-path", "--rig", "rig.json", "--out", "views.json", "--frames", "30"], check=True)
         receive("RTSP", "rtspclientsink", None, rtsp_receiver)
         receive("SRT", "srtsink", srt_receiver)
+        receive_rtmp()
+        if all(map(shutil.which, ["obs", "Xvfb"])):
+            receive_obs()
         os.chdir("/")
 
 
