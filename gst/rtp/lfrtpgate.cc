@@ -57,8 +57,9 @@ struct Settings {
         lf::property<&Settings::key_file>(
             lf::kWhileReady, "key-file", "Key file",
             "Path of the file with the secret that all hosts share (32 or more random characters). If it is set, the "
-            "element decrypts packets and drops every packet that lfrtpseal has not encrypted with the same secret "
-            "(empty: packets are not encrypted)"),
+            "element decrypts packets and drops every packet that lfrtpseal has not encrypted with the same secret. A "
+            "file may have several secrets, one per line, which are all accepted. A changed file is read again (empty: "
+            "packets are not encrypted)"),
         lf::property<&Settings::peers>(
             lf::kWhileReady, "peers", "Peers",
             "Comma-separated list of the hosts that may send packets, as names, addresses or networks such as "
@@ -108,9 +109,10 @@ struct _LfRtpGate {
   guint64 streams;
 
   // Set in PAUSED:
-  std::shared_ptr<const lf::rtp::RtpKey>* key;
   bool copies;
-  lf::Peers* peers;  // null: all holders of the key
+  lf::Peers* peers;  // null: all holders of a key
+  // Set in PAUSED, then used by the streaming thread:
+  lf::rtp::KeyFile* keys;
   // Streaming thread:
   SrtpDecryptor* opener;
   gint64 warned;
@@ -153,14 +155,24 @@ static void count(LfRtpGate* self, PacketResult fate, const std::optional<lf::Ad
       (nullptr));
 }
 
+static void refresh_keys(LfRtpGate* self) {
+  try {
+    if (self->keys->refresh()) self->opener->set_keys(self->keys->keys());
+  } catch (const lf::Error& error) {
+    GST_ELEMENT_WARNING(self, RESOURCE, READ, ("key-file: %s. The previous keys remain valid.", error.what()),
+                        (nullptr));
+  }
+}
+
 static GstFlowReturn lf_rtp_gate_chain(GstPad*, GstObject* parent, GstBuffer* packet) {
   LfRtpGate* self = LF_RTP_GATE(parent);
-  if (*self->key && !self->opener) {
+  if (self->keys && !self->opener) {
     gst_buffer_unref(packet);
     GST_ELEMENT_ERROR(self, STREAM, FORMAT,
                       ("Missing caps: set caps on the source of the packets, such as udpsrc caps=..."), (nullptr));
     return GST_FLOW_NOT_NEGOTIATED;
   }
+  if (self->keys) refresh_keys(self);
   const GstNetAddressMeta* meta = gst_buffer_get_net_address_meta(packet);
   const std::optional<lf::Address> sender = meta ? lf::address_of(meta->addr) : std::nullopt;
   GstBuffer* passed = nullptr;
@@ -175,11 +187,7 @@ static gboolean take_caps(LfRtpGate* self, GstCaps* caps) {
   gst_structure_set_name(structure, "application/x-rtp");
   const gchar* encoding = gst_structure_get_string(structure, "encoding-name");
   delete std::exchange(self->opener, nullptr);
-  if (*self->key) {
-    const std::string purpose = encoding ? encoding : "";
-    self->opener = new SrtpDecryptor(*self->key, purpose,
-                                     self->copies ? nullptr : lf::rtp::ReplayProtection::of(**self->key, purpose));
-  }
+  if (self->keys) self->opener = new SrtpDecryptor(self->keys->keys(), encoding ? encoding : "", !self->copies);
   return gst_pad_push_event(self->src, gst_event_new_caps(own));
 }
 
@@ -203,8 +211,8 @@ static bool prepare(LfRtpGate* self) {
   const char* what = "key-file";
   try {
     if (!path.empty()) {
-      *self->key = std::make_shared<const lf::rtp::RtpKey>(path);
-      SrtpDecryptor(*self->key, "", nullptr);  // throws if srtpdec is missing
+      self->keys = new lf::rtp::KeyFile(path);
+      SrtpDecryptor(self->keys->keys(), "", false);  // throws if srtpdec is missing
     }
     what = "peers";
     if (path.empty() || !peers.empty()) self->peers = new lf::Peers(peers);
@@ -219,7 +227,7 @@ static bool prepare(LfRtpGate* self) {
 static void forget(LfRtpGate* self) {
   delete std::exchange(self->opener, nullptr);
   delete std::exchange(self->peers, nullptr);
-  self->key->reset();
+  delete std::exchange(self->keys, nullptr);
 }
 
 static GstStateChangeReturn lf_rtp_gate_change_state(GstElement* element, GstStateChange transition) {
@@ -246,7 +254,6 @@ static GstStructure* stats_of(LfRtpGate* self) {
 static void lf_rtp_gate_finalize(GObject* object) {
   LfRtpGate* self = LF_RTP_GATE(object);
   forget(self);
-  delete self->key;
   delete self->settings;
   G_OBJECT_CLASS(lf_rtp_gate_parent_class)->finalize(object);
 }
@@ -271,7 +278,6 @@ static void lf_rtp_gate_class_init(LfRtpGateClass* klass) {
 
 static void lf_rtp_gate_init(LfRtpGate* self) {
   self->settings = new Settings;
-  self->key = new std::shared_ptr<const lf::rtp::RtpKey>;
   self->sink = gst_pad_new_from_static_template(&sink_template, "sink");
   gst_pad_set_chain_function(self->sink, lf::callback<lf_rtp_gate_chain>);
   gst_pad_set_event_function(self->sink, lf::callback<lf_rtp_gate_event>);

@@ -48,7 +48,8 @@ struct Settings {
     static lf::PropertyTable<Settings> table = {lf::property<&Settings::key_file>(
         lf::kWhileReady, "key-file", "Key file",
         "Path of the file with the secret that all hosts share (32 or more random characters). The receiving lfrtpgate "
-        "needs the same file (empty: packets pass unchanged, without encryption)")};
+        "needs the same file. If the file has several secrets, one per line, the first is used. A changed file is read "
+        "again (empty: packets pass unchanged, without encryption)")};
     return table;
   }
 };
@@ -73,7 +74,7 @@ struct _LfRtpSeal {
   GstPad *sink, *src;
   Settings* settings;  // guarded by the object lock
 
-  lf::rtp::RtpKey* key;
+  lf::rtp::KeyFile* keys;
   // Streaming thread:
   std::string* purpose;
   Stream* stream;
@@ -94,7 +95,7 @@ static GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
 static void begin_stream(LfRtpSeal* self) {
   Stream stream;
   stream.name = {g_random_int(), lf::rtp::current_minute(), g_random_int()};
-  const lf::rtp::SessionKey session = self->key->session(*self->purpose, stream.name);
+  const lf::rtp::SessionKey session = self->keys->keys().front()->session(*self->purpose, stream.name);
   GstElement* srtpenc = gst_element_factory_make("srtpenc", nullptr);
   if (!srtpenc) throw lf::Error("element srtpenc is not installed (it is in gstreamer1.0-plugins-bad)");
   g_autoptr(GstBuffer) key = gst_buffer_new_memdup(session.key.data(), session.key.size());
@@ -113,10 +114,22 @@ static void begin_stream(LfRtpSeal* self) {
   *self->stream = std::move(stream);
 }
 
+// Returns true if there are new keys.
+static bool refresh_keys(LfRtpSeal* self) {
+  try {
+    return self->keys->refresh();
+  } catch (const lf::Error& error) {
+    GST_ELEMENT_WARNING(self, RESOURCE, READ, ("key-file: %s. The previous key remains in use.", error.what()),
+                        (nullptr));
+    return false;
+  }
+}
+
 // Starts a new stream with a new key when this is due. The change happens between frames, or within a frame that is too
 // long.
 static void choose_stream(LfRtpSeal* self, guint packets) {
   const Stream& stream = *self->stream;
+  if (self->between_frames && refresh_keys(self)) begin_stream(self);
   const bool is_old = stream.name.minute != lf::rtp::current_minute() &&
                       (self->between_frames || stream.packets >= kPacketsWithoutMarker);
   if (!stream.srtpenc || is_old || stream.packets + packets > kPacketsOfStream) begin_stream(self);
@@ -152,7 +165,7 @@ static GstFlowReturn push_numbered(LfRtpSeal* self, Packets* packets) {
 
 static GstFlowReturn lf_rtp_seal_chain(GstPad*, GstObject* parent, GstBuffer* packet) {
   LfRtpSeal* self = LF_RTP_SEAL(parent);
-  if (!self->key) return gst_pad_push(self->src, packet);
+  if (!self->keys) return gst_pad_push(self->src, packet);
   choose_stream(self, 1);
   packet = number(self, packet);
   return packet ? push_numbered(self, packet) : GST_FLOW_OK;
@@ -160,7 +173,7 @@ static GstFlowReturn lf_rtp_seal_chain(GstPad*, GstObject* parent, GstBuffer* pa
 
 static GstFlowReturn lf_rtp_seal_chain_list(GstPad*, GstObject* parent, GstBufferList* packets) {
   LfRtpSeal* self = LF_RTP_SEAL(parent);
-  if (!self->key) return gst_pad_push_list(self->src, packets);
+  if (!self->keys) return gst_pad_push_list(self->src, packets);
   const guint count = std::min(gst_buffer_list_length(packets), kPacketsOfStream);
   choose_stream(self, count);
   GstBufferList* numbered = gst_buffer_list_new_sized(count);
@@ -174,7 +187,7 @@ static GstFlowReturn lf_rtp_seal_chain_list(GstPad*, GstObject* parent, GstBuffe
 static gboolean take_caps(LfRtpSeal* self, GstCaps* caps) {
   g_autoptr(GstCaps) own = gst_caps_copy(caps);
   GstStructure* structure = gst_caps_get_structure(own, 0);
-  if (self->key) {
+  if (self->keys) {
     const gchar* encoding = gst_structure_get_string(structure, "encoding-name");
     const std::string purpose = encoding ? encoding : "";
     if (*self->purpose != purpose) *self->stream = {};
@@ -200,10 +213,10 @@ using Properties = lf::Properties<settings_of>;
 // Loads the key. Returns false after posting an error.
 static bool read_key(LfRtpSeal* self) {
   const std::string path = Properties::now(self).key_file;
-  delete std::exchange(self->key, nullptr);
+  delete std::exchange(self->keys, nullptr);
   if (path.empty()) return true;
   try {
-    self->key = new lf::rtp::RtpKey(path);
+    self->keys = new lf::rtp::KeyFile(path);
     begin_stream(self);  // throws if srtpenc is missing
     *self->stream = {};
     return true;
@@ -220,14 +233,14 @@ static GstStateChangeReturn lf_rtp_seal_change_state(GstElement* element, GstSta
   if (transition == GST_STATE_CHANGE_PAUSED_TO_READY) {
     *self->stream = {};
     self->between_frames = TRUE;
-    delete std::exchange(self->key, nullptr);
+    delete std::exchange(self->keys, nullptr);
   }
   return result;
 }
 
 static void lf_rtp_seal_finalize(GObject* object) {
   LfRtpSeal* self = LF_RTP_SEAL(object);
-  delete self->key;
+  delete self->keys;
   delete self->purpose;
   delete self->stream;
   delete self->settings;

@@ -8,6 +8,7 @@
 
 #include <gst/gst.h>
 #include <gst/rtp/gstrtpbuffer.h>
+#include <sys/stat.h>
 
 #include "base/file.h"
 #include "base/text.h"
@@ -61,20 +62,31 @@ std::optional<Header> read_header(GstBuffer* packet) {
 
 GstBuffer* to_buffer(std::span<const uint8_t> bytes) { return gst_buffer_new_memdup(bytes.data(), bytes.size()); }
 
-}  // namespace
-
-RtpKey::RtpKey(const std::string& path) {
-  std::string text = read_secret_file(path);
-  const size_t begin = std::min(text.find_first_not_of(kSpace), text.size());
-  const size_t end = text.find_last_not_of(kSpace);
-  const bool fits = text.size() <= kMaxBytes;
-  secret_ = text.substr(begin, end == text.npos ? 0 : end + 1 - begin);
+RtpKeys read_keys(const std::string& path) {
+  std::string text = read_secret_file(path, KeyFile::kMaxKeys * (RtpKey::kMaxBytes + 1));
+  RtpKeys keys;
+  bool fits = true;
+  for (size_t begin = 0; (begin = text.find_first_not_of(kSpace, begin)) != text.npos;) {
+    const size_t end = std::min(text.find_first_of("\r\n", begin), text.size());
+    const size_t size = text.find_last_not_of(kSpace, end - 1) + 1 - begin;
+    fits = fits && size >= RtpKey::kMinBytes && size <= RtpKey::kMaxBytes;
+    keys.push_back(std::make_shared<const RtpKey>(text.substr(begin, size)));
+    begin = end;
+  }
   wipe(text);
-  if (fits && secret_.size() >= kMinBytes) return;
-  wipe(secret_);
-  throw Error(path + ": a key must have " + std::to_string(kMinBytes) + " to " + std::to_string(kMaxBytes) +
-              " random characters: openssl rand -hex 32 >FILE");
+  if (!fits || keys.empty())
+    throw Error(path + ": each line must be a key of " + std::to_string(RtpKey::kMinBytes) + " to " +
+                std::to_string(RtpKey::kMaxBytes) + " random characters: openssl rand -hex 32 >FILE");
+  if (keys.size() > KeyFile::kMaxKeys)
+    throw Error(path + ": a file has at most " + std::to_string(KeyFile::kMaxKeys) + " keys, one per line");
+  return keys;
 }
+
+bool are_equal(const RtpKeys& a, const RtpKeys& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const auto& x, const auto& y) { return *x == *y; });
+}
+
+}  // namespace
 
 RtpKey::~RtpKey() { wipe(secret_); }
 
@@ -97,6 +109,30 @@ SessionKey RtpKey::session(std::string_view purpose, const KeyId& name) const {
   std::copy_n(made.begin() + kMasterKeyBytes, 4, session.mki.begin() + 8);
   forget(made.data(), made.size());
   return session;
+}
+
+KeyFile::KeyFile(std::string path)
+    : path_(std::move(path)), version_(version()), keys_(read_keys(path_)), checked_(g_get_monotonic_time()) {}
+
+KeyFile::Version KeyFile::version() const {
+  struct stat status {};
+  if (stat(path_.c_str(), &status) != 0) return {};
+  const auto nanoseconds = [](const timespec& time) { return int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec; };
+  return {status.st_dev, status.st_ino, static_cast<uint64_t>(status.st_size), nanoseconds(status.st_mtim),
+          nanoseconds(status.st_ctim)};
+}
+
+bool KeyFile::refresh() {
+  const int64_t now = g_get_monotonic_time();
+  if (now < checked_ + G_USEC_PER_SEC) return false;
+  checked_ = now;
+  const Version found = version();
+  if (found == version_) return false;
+  version_ = found;
+  RtpKeys keys = read_keys(path_);
+  const bool has_changed = !are_equal(keys, keys_);
+  keys_ = std::move(keys);
+  return has_changed;
 }
 
 uint32_t current_minute() { return static_cast<uint32_t>(g_get_real_time() / G_USEC_PER_SEC / 60); }
@@ -196,17 +232,24 @@ bool ReplayProtection::empty() const {
   return streams_.empty();
 }
 
-SrtpDecryptor::SrtpDecryptor(std::shared_ptr<const RtpKey> key, const std::string& purpose,
-                             std::shared_ptr<ReplayProtection> opened)
-    : key_(std::move(key)),
-      purpose_(purpose),
-      shared_(std::move(opened)),
+SrtpDecryptor::SrtpDecryptor(const RtpKeys& keys, const std::string& purpose, bool is_shared)
+    : purpose_(purpose),
+      is_shared_(is_shared),
       srtpdec_(make_srtpdec(), "rtp_sink", "rtp_src", "application/x-srtp", [this](GstBuffer* opened) {
         gst_buffer_replace(&opened_, nullptr);
         opened_ = opened;
         return GST_FLOW_OK;
       }) {
   g_signal_connect(srtpdec_.get(), "request-key", G_CALLBACK(request_key), this);
+  set_keys(keys);
+}
+
+void SrtpDecryptor::set_keys(const RtpKeys& keys) {
+  keys_.clear();
+  for (const auto& key : keys) keys_.push_back({key, is_shared_ ? ReplayProtection::of(*key, purpose_) : nullptr});
+  erase_streams_if([&](const Stream& stream) {
+    return std::none_of(keys.begin(), keys.end(), [&](const auto& key) { return *key == *stream.key; });
+  });
 }
 
 GstCaps* SrtpDecryptor::request_key(GstElement*, guint, gpointer self) {
@@ -219,13 +262,28 @@ GstCaps* SrtpDecryptor::request_key(GstElement*, guint, gpointer self) {
                              nullptr);
 }
 
-void SrtpDecryptor::forget_old(uint32_t minute) {
-  if (shared_) shared_->forget_old(minute);
+template <typename Condition>
+void SrtpDecryptor::erase_streams_if(Condition condition) {
   std::erase_if(streams_, [&](const auto& item) {
-    const bool old = !is_current(item.second->minute, minute);
-    if (old) g_signal_emit_by_name(srtpdec_.get(), "remove-key", item.first);
-    return old;
+    const bool ends = condition(*item.second);
+    if (ends) g_signal_emit_by_name(srtpdec_.get(), "remove-key", item.first);
+    return ends;
   });
+}
+
+void SrtpDecryptor::forget_old(uint32_t minute) {
+  for (const Key& key : keys_)
+    if (key.opened) key.opened->forget_old(minute);
+  erase_streams_if([minute](const Stream& stream) { return !is_current(stream.minute, minute); });
+}
+
+const SrtpDecryptor::Key* SrtpDecryptor::key_of(const KeyId& name, const std::array<uint8_t, kMkiBytes>& mki,
+                                                SessionKey* session) const {
+  for (const Key& key : keys_) {
+    *session = key.key->session(purpose_, name);
+    if (session->mki == mki) return &key;
+  }
+  return nullptr;
 }
 
 SrtpDecryptor::Result SrtpDecryptor::open_known(Stream& stream, guint16 sequence, GstBuffer* packet,
@@ -252,8 +310,8 @@ SrtpDecryptor::Result SrtpDecryptor::open(GstBuffer* packet, GstBuffer** opened)
   if (!is_current(name.minute, now)) {
     // An unencrypted packet has arbitrary bytes here, which are rarely a current minute. The check value requires the
     // key, so it distinguishes old packets of key holders from unencrypted packets.
-    const bool is_sealed = key_->session(purpose_, name).mki == header->mki;
-    return refuse(is_sealed ? Result::kStale : Result::kUnsealed);
+    SessionKey session;
+    return refuse(key_of(name, header->mki, &session) ? Result::kStale : Result::kUnsealed);
   }
   if (const auto known = streams_.find(name.ssrc); known != streams_.end()) {
     Stream& stream = *known->second;
@@ -262,12 +320,13 @@ SrtpDecryptor::Result SrtpDecryptor::open(GstBuffer* packet, GstBuffer** opened)
     return open_known(stream, header->sequence, packet, opened);
   }
 
-  const SessionKey session = key_->session(purpose_, name);
-  if (session.mki != header->mki) return refuse(Result::kForged);
+  SessionKey session;
+  const Key* key = key_of(name, header->mki, &session);
+  if (!key) return refuse(Result::kForged);
   forget_old(now);
   if (streams_.size() >= kMaxStreams) return refuse(Result::kForged);
-  auto stream = std::make_unique<Stream>(
-      Stream{name.minute, session.mki, shared_ ? shared_->of_stream(name) : std::make_shared<ReplayList>()});
+  auto stream = std::make_unique<Stream>(Stream{
+      key->key, name.minute, session.mki, key->opened ? key->opened->of_stream(name) : std::make_shared<ReplayList>()});
   if (stream->seen->has(header->sequence)) return refuse(Result::kReplayed);
   offered_ = &session;
   const Result result = open_known(*stream, header->sequence, packet, opened);

@@ -12,6 +12,8 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
+#include <vector>
 
 #include <gst/gst.h>
 
@@ -39,17 +41,16 @@ struct SessionKey {
   std::array<uint8_t, kMkiBytes> mki{};
 };
 
-// The secret that all hosts share. The secret never leaves this object, because properties and caps of GStreamer
-// elements appear in logs and pipeline graphs. Immutable.
+// A secret that all hosts share. The secret never leaves this object, because properties and caps of GStreamer elements
+// appear in logs and pipeline graphs. Immutable.
 class RtpKey {
  public:
   static constexpr size_t kMinBytes = 32, kMaxBytes = 4096;
-  // Reads the secret from a file, without surrounding white space. Throws Error with the file name if reading fails,
-  // the size is wrong, or other users can read the file.
-  explicit RtpKey(const std::string& path);
+  explicit RtpKey(std::string secret) : secret_(std::move(secret)) {}
   ~RtpKey();
   RtpKey(const RtpKey&) = delete;
   RtpKey& operator=(const RtpKey&) = delete;
+  bool operator==(const RtpKey& other) const { return secret_ == other.secret_; }
 
   // Derives a session key. `purpose` is the kind of stream (requests or answers), so that an attacker cannot send a
   // recorded request as an answer.
@@ -57,6 +58,39 @@ class RtpKey {
 
  private:
   std::string secret_;
+};
+
+// Never empty. Senders use the first key, and receivers accept all keys, so that keys can be replaced one host after
+// another.
+using RtpKeys = std::vector<std::shared_ptr<const RtpKey>>;
+
+// The keys in a file, one per line, without surrounding white space. Not thread-safe.
+class KeyFile {
+ public:
+  static constexpr size_t kMaxKeys = 8;
+
+  // Throws Error with the file name if reading fails, the number or the size of keys is wrong, or other users can read
+  // the file.
+  explicit KeyFile(std::string path);
+
+  const RtpKeys& keys() const { return keys_; }
+  // Reads the file again if it has changed. Looks at the file at most once per second. Returns true if there are other
+  // keys. If the file cannot be read, the keys remain, and Error is thrown once for each change of the file.
+  bool refresh();
+
+ private:
+  // Identifies the contents of the file without reading it. All zero: there is no file.
+  struct Version {
+    uint64_t device = 0, inode = 0, size = 0;
+    int64_t modified = 0, changed = 0;  // nanoseconds since 1970
+    bool operator==(const Version&) const = default;
+  };
+  Version version() const;
+
+  std::string path_;
+  Version version_;
+  RtpKeys keys_;
+  int64_t checked_;  // g_get_monotonic_time()
 };
 
 uint32_t current_minute();
@@ -149,10 +183,12 @@ class SrtpDecryptor {
     kForged,  // wrong key or damaged
   };
 
-  // `opened` detects replayed packets. All decryptors with the same object together decrypt each packet only once; null
-  // means that each decryptor has its own list. Throws Error if srtpdec is not installed.
-  SrtpDecryptor(std::shared_ptr<const RtpKey> key, const std::string& purpose,
-                std::shared_ptr<ReplayProtection> opened);
+  // If `is_shared`, all decryptors of this process with the same key and purpose together decrypt each packet only
+  // once. Throws Error if srtpdec is not installed.
+  SrtpDecryptor(const RtpKeys& keys, const std::string& purpose, bool is_shared);
+
+  // Replaces the keys. Streams of other keys end.
+  void set_keys(const RtpKeys& keys);
 
   // Takes the packet. On success, `opened` becomes the decrypted packet.
   Result open(GstBuffer* packet, GstBuffer** opened);
@@ -161,18 +197,27 @@ class SrtpDecryptor {
  private:
   // Maximum number of recent streams. A sender starts a stream each minute, or every 65536 packets.
   static constexpr size_t kMaxStreams = 1024;
+  struct Key {
+    std::shared_ptr<const RtpKey> key;
+    std::shared_ptr<ReplayProtection> opened;  // null: not shared
+  };
   struct Stream {
+    std::shared_ptr<const RtpKey> key;
     uint32_t minute;
     std::array<uint8_t, kMkiBytes> mki;
     std::shared_ptr<ReplayList> seen;
   };
   static GstCaps* request_key(GstElement* srtpdec, guint ssrc, gpointer self);
   void forget_old(uint32_t minute);
+  template <typename Condition>
+  void erase_streams_if(Condition condition);
+  // Returns the key whose holder has made the identifier, and sets `session`. Returns null if there is no such key.
+  const Key* key_of(const KeyId& name, const std::array<uint8_t, kMkiBytes>& mki, SessionKey* session) const;
   Result open_known(Stream& stream, guint16 sequence, GstBuffer* packet, GstBuffer** opened);
 
-  std::shared_ptr<const RtpKey> key_;
+  std::vector<Key> keys_;
   std::string purpose_;
-  std::shared_ptr<ReplayProtection> shared_;
+  bool is_shared_;
   std::map<uint32_t, std::unique_ptr<Stream>> streams_;  // key: SSRC
   const SessionKey* offered_ = nullptr;                  // set while srtpdec requests the key of a new stream
   GstBuffer* opened_ = nullptr;

@@ -5,6 +5,7 @@
 
 #include "gst/rtp_fixture.h"
 #include "rtp/srtp.h"
+#include "support/temp_dir.h"
 
 namespace lf::test {
 namespace {
@@ -102,6 +103,57 @@ TEST_F(LfRtpGateTest, RejectsPacketsWithoutTheKey) {
   EXPECT_EQ(stat(gate_.element(), "passed"), 0u);
 }
 
+// Both hosts accept the old and the new key while keys are replaced. After that, the old key has no effect.
+TEST_F(LfRtpGateTest, ReplacesKeysWithoutARestart) {
+  const TempDir folder;
+  const std::string fresh(40, 'n'), both = kSecret + "\n" + fresh, swapped = fresh + "\n" + kSecret;
+  folder.write_secret("sender", kSecret);
+  folder.write_secret("receiver", kSecret);
+  RtpElement seal(("lfrtpseal key-file=" + folder / "sender").c_str(), kRtpAnswerCaps);
+  RtpElement gate(("lfrtpgate key-file=" + folder / "receiver").c_str(), kRtpAnswerCaps);
+  uint16_t number = 0;
+  const auto send = [&](bool marker = true) {
+    EXPECT_EQ(seal.push(rtp_packet(number++, 50, marker)), GST_FLOW_OK);
+    const std::vector<Bytes> out = seal.units();
+    return out.size() == 1 ? out[0] : Bytes();
+  };
+  const auto ssrc = [](const Bytes& packet) { return GST_READ_UINT32_BE(packet.data() + 8); };
+  EXPECT_EQ(passed(gate, send()), 1u);
+  const struct {
+    const char* file;
+    std::string text;
+    bool passes;
+  } steps[] = {{"sender", both, true},    {"receiver", both, true},  {"receiver", swapped, true},
+               {"sender", swapped, true}, {"sender", fresh, true},   {"receiver", fresh, true},
+               {"sender", "short", true}, {"sender", kSecret, false}};
+  for (const auto& [file, text, passes] : steps) {
+    folder.write(file, text);
+    g_usleep(1'050'000);
+    EXPECT_EQ(passed(gate, send()), passes) << file << ": " << text;
+  }
+  // The key changes between two frames.
+  const uint32_t before = ssrc(send(false));
+  folder.write("sender", fresh);
+  g_usleep(1'050'000);
+  EXPECT_EQ(ssrc(send(true)), before);
+  const Bytes next = send();
+  EXPECT_NE(ssrc(next), before);
+  EXPECT_EQ(passed(gate, next), 1u);
+  EXPECT_EQ(passed(gate_, next), 0u) << "the old key alone";
+}
+
+// The stream of a key ends when the key is removed.
+TEST_F(LfRtpGateTest, RemovedKeysEndTheirStreams) {
+  const TempDir folder;
+  folder.write_secret("key", kSecret);
+  RtpElement gate(("lfrtpgate key-file=" + folder / "key").c_str(), kRtpAnswerCaps);
+  EXPECT_EQ(passed(gate, sealed(rtp_packet(0, 50))), 1u);
+  folder.write("key", std::string(40, 'n'));
+  g_usleep(1'050'000);
+  EXPECT_EQ(passed(gate, sealed(rtp_packet(1, 50))), 0u);
+  EXPECT_EQ(stat(gate.element(), "streams"), 0u);
+}
+
 // The caps may be set after the gate.
 TEST_F(LfRtpGateTest, RejectsPacketsWithoutCaps) {
   RtpElement uncapped(gate(key_).c_str(), nullptr);
@@ -184,8 +236,9 @@ TEST_F(LfRtpGateTest, TruncatedAndDamagedPacketsAreDropped) {
 }
 
 // Returns a plain SRTP packet with the key of that minute, as in lib/rtp/spec.md.
-Bytes sealed_by_others(const std::string& path, uint32_t minute) {
-  const lf::rtp::SessionKey session = lf::rtp::RtpKey(path).session("X-LIGHTFIELD-ANSWER", {7, minute, g_random_int()});
+Bytes sealed_by_others(const std::string& secret, uint32_t minute) {
+  const lf::rtp::SessionKey session =
+      lf::rtp::RtpKey(secret).session("X-LIGHTFIELD-ANSWER", {7, minute, g_random_int()});
   GstElement* srtpenc = gst_element_factory_make("srtpenc", nullptr);
   const BufferPtr key(gst_buffer_new_memdup(session.key.data(), session.key.size())),
       mki(gst_buffer_new_memdup(session.mki.data(), session.mki.size()));
@@ -203,9 +256,9 @@ Bytes sealed_by_others(const std::string& path, uint32_t minute) {
 TEST_F(LfRtpGateTest, RejectsPacketsOfOtherMinutes) {
   const uint32_t now = lf::rtp::current_minute();
   for (const uint32_t minute : {now - 100000, now - 3, now + 3, 0u, 0xffffffffu})
-    EXPECT_EQ(passed(gate_, sealed_by_others(key_.path(), minute)), 0u) << minute;
+    EXPECT_EQ(passed(gate_, sealed_by_others(kSecret, minute)), 0u) << minute;
   EXPECT_EQ(stat(gate_.element(), "stale"), 5u);
-  EXPECT_EQ(passed(gate_, sealed_by_others(key_.path(), lf::rtp::current_minute())), 1u);
+  EXPECT_EQ(passed(gate_, sealed_by_others(kSecret, lf::rtp::current_minute())), 1u);
 }
 
 TEST_F(LfRtpGateTest, KeyIsNotVisible) {
@@ -249,11 +302,11 @@ TEST_F(LfRtpGateTest, DroppedPacketsAreReportedOnce) {
   RtpElement others(("lfrtpseal key-file=" + other_.path()).c_str(), kRtpAnswerCaps);
   others.push(rtp_packet(0, 100));
   const uint32_t now = lf::rtp::current_minute();
-  for (const Case& c : {Case{rtp_packet(0, 100), "unsealed", "not encrypted"},
-                        Case{sealed_by_others(other_.path(), now - 100), "unsealed", "wrong clock"},
-                        Case{others.units().at(0), "forged", "another key"},
-                        Case{sealed_by_others(key_.path(), now - 100), "stale", "clocks"},
-                        Case{rtp_packet(0, 1), "malformed", "SRTP"}}) {
+  for (const Case& c :
+       {Case{rtp_packet(0, 100), "unsealed", "not encrypted"},
+        Case{sealed_by_others(kSecret + "!", now - 100), "unsealed", "wrong clock"},
+        Case{others.units().at(0), "forged", "another key"},
+        Case{sealed_by_others(kSecret, now - 100), "stale", "clocks"}, Case{rtp_packet(0, 1), "malformed", "SRTP"}}) {
     RtpElement fresh(gate(key_).c_str(), kRtpAnswerCaps);
     EXPECT_THAT(warnings(fresh, c.packet), ElementsAre(HasSubstr(c.words)));
     EXPECT_EQ(stat(fresh.element(), c.fate), 100u) << c.words;

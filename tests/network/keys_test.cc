@@ -3,6 +3,10 @@
 // Access to the cameras of a host on a shared network: pipelines/ with and without keys.
 #include <signal.h>
 
+#include <chrono>
+#include <filesystem>
+#include <thread>
+
 #include "network/array_network.h"
 #include "rig/rig_json.h"
 #include "support/run_program.h"
@@ -42,9 +46,11 @@ class Keys : public testing::Test {
                                  (peers.empty() ? "" : " peers=" + peers));
   }
   std::unique_ptr<Process> start_viewer(const std::string& key, const std::string& place,
-                                        const std::string& host = "viewer", const std::string& port = "6100") {
+                                        const std::string& host = "viewer", const std::string& port = "6100",
+                                        const std::string& more = "") {
     return launch(host, "lfviewsrc" + with(key) + " nodes=" + place + ":" + port +
-                            " framerate=15/1 capture-delay=100000000 post-messages=true ! fakesink sync=false");
+                            " framerate=15/1 capture-delay=100000000 post-messages=true" + more +
+                            " ! fakesink sync=false");
   }
   std::string cameras() const { return address("cameras") + ":6000"; }
   const std::string& address(const std::string& host) const { return network_->address(host); }
@@ -63,6 +69,35 @@ TEST_F(Keys, HostsWithTheSameKeyCommunicate) {
   viewer.reset();
   auto again = start_viewer("key", cameras(), "viewer", address("viewer") + ":6100");
   EXPECT_TRUE(again->wait_for(kComplete, 10)) << again->text();
+}
+
+// The administrator replaces the key on one host after another, while a viewer shows pictures.
+TEST_F(Keys, AreReplacedWithoutLosingAPicture) {
+  const std::string first(40, '1'), second(40, '2');
+  for (const char* host : {"of-cameras", "of-viewer"}) folder_.write_secret(host, first);
+  const auto node = start_cameras("of-cameras");
+  // The deadline of the answers is long, so that only lost packets make a picture incomplete.
+  const auto viewer = start_viewer("of-viewer", cameras(), "viewer", "6100", " latency=1000000000");
+  ASSERT_TRUE(viewer->wait_for(kComplete, 10)) << viewer->text() << node->text();
+  const size_t begun = viewer->lines().size();
+  for (const std::string& text : {first + "\n" + second, second + "\n" + first, second})
+    for (const char* host : {"of-viewer", "of-cameras"}) {
+      const std::string fresh = folder_.write_secret(std::string(host) + ".new", text);
+      std::filesystem::rename(fresh, folder_ / host);
+      std::this_thread::sleep_for(std::chrono::milliseconds(1500));
+    }
+  int pictures = 0, lost = 0;
+  for (const Process::Line& line : viewer->lines(begun)) {
+    if (line.text.find("lightfield-view,") == line.text.npos) continue;
+    pictures++;
+    lost += line.text.find(kComplete) == line.text.npos;
+  }
+  EXPECT_GE(pictures, 100);
+  EXPECT_EQ(lost, 0) << viewer->text() << node->text();
+  for (const Process* process : {node.get(), viewer.get()}) EXPECT_THAT(process->text(), Not(HasSubstr("dropped:")));
+  folder_.write_secret("old", first);
+  const auto late = start_viewer("old", cameras(), "stranger");
+  EXPECT_TRUE(node->wait_for("are dropped")) << node->text();
 }
 
 class WrongKeys : public Keys, public testing::WithParamInterface<std::pair<const char*, const char*>> {};
