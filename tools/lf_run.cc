@@ -14,6 +14,7 @@
 #include "serve/pipeline_metrics.h"
 #include "serve/pipelines.h"
 #include "serve/process.h"
+#include "serve/progress_check.h"
 #include "serve/service_notify.h"
 #include "terminal.h"
 
@@ -77,8 +78,11 @@ class Program {
       return G_SOURCE_CONTINUE;
     };
     const guint signals[] = {g_unix_signal_add(SIGINT, quit, loop_), g_unix_signal_add(SIGTERM, quit, loop_)};
-    // text() does not return if an element never releases a lock, and systemd restarts the service.
-    const ServiceWatchdog watchdog([this] { (void)metrics_->text(); });
+    ProgressCheck progress(pipeline_);
+    const ServiceWatchdog watchdog([&]() -> std::string {
+      (void)metrics_->text();  // does not return if an element never releases a lock
+      return is_ready_ ? progress.problem() : "";
+    });
     gst_element_set_state(pipeline_, GST_STATE_PLAYING);  // a failure is a message of the bus
     g_main_loop_run(loop_);
     for (const guint source : signals) g_source_remove(source);

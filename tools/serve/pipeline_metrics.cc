@@ -6,6 +6,8 @@
 #include <sstream>
 #include <vector>
 
+#include "common/gst_pointers.h"
+
 namespace lf::serve {
 namespace {
 
@@ -60,28 +62,8 @@ bool has_property(GstElement* element, const char* name) {
   return g_object_class_find_property(G_OBJECT_GET_CLASS(element), name);
 }
 
-struct Unref {
-  void operator()(GstElement* element) const { gst_object_unref(element); }
-};
-using ElementPtr = std::unique_ptr<GstElement, Unref>;
-
 std::vector<ElementPtr> elements_of(GstElement* pipeline) {
-  std::vector<ElementPtr> elements;
-  GstIterator* all = gst_bin_iterate_recurse(GST_BIN(pipeline));
-  GValue value = G_VALUE_INIT;
-  for (GstIteratorResult result; (result = gst_iterator_next(all, &value)) != GST_ITERATOR_DONE;) {
-    if (result == GST_ITERATOR_ERROR) break;
-    if (result == GST_ITERATOR_RESYNC) {  // elements were added or removed
-      gst_iterator_resync(all);
-      elements.clear();
-      continue;
-    }
-    elements.emplace_back(GST_ELEMENT(g_value_dup_object(&value)));
-    g_value_reset(&value);
-  }
-  g_value_unset(&value);
-  gst_iterator_free(all);
-  return elements;
+  return take_elements(gst_bin_iterate_recurse(GST_BIN(pipeline)));
 }
 
 uint64_t count_in(const GstStructure* stats, const char* field) {

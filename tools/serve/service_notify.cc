@@ -11,6 +11,8 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include "serve/process.h"
+
 namespace lf::serve {
 
 void notify_service(const std::string& state) {
@@ -29,18 +31,24 @@ void notify_service(const std::string& state) {
   close(socket);
 }
 
-ServiceWatchdog::ServiceWatchdog(std::function<void()> check) : check_(std::move(check)) {
+ServiceWatchdog::ServiceWatchdog(std::function<std::string()> check) : check_(std::move(check)) {
   const char *interval = std::getenv("WATCHDOG_USEC"), *process = std::getenv("WATCHDOG_PID");
   const guint64 microseconds = interval ? g_ascii_strtoull(interval, nullptr, 10) : 0;
   if (microseconds == 0 || (process && std::atol(process) != getpid())) return;
   timer_ = g_timeout_add(
-      static_cast<guint>(microseconds / 2000),
+      static_cast<guint>(microseconds / 4000),
       [](gpointer data) -> gboolean {
-        if (const auto& check = static_cast<ServiceWatchdog*>(data)->check_) check();
-        notify_service("WATCHDOG=1");
+        static_cast<ServiceWatchdog*>(data)->report();
         return G_SOURCE_CONTINUE;
       },
       this);
+}
+
+void ServiceWatchdog::report() {
+  const std::string problem = check_ ? check_() : "";
+  if (problem.empty()) notify_service("WATCHDOG=1");
+  if (problem.empty() != problem_.empty()) say(problem.empty() ? "works again" : "warning: " + problem);
+  problem_ = problem;
 }
 
 ServiceWatchdog::~ServiceWatchdog() {

@@ -10,17 +10,21 @@ namespace lf::serve {
 // (sd_notify(3)). Does nothing otherwise.
 void notify_service(const std::string& state);
 
-// Reports to the watchdog of systemd (WatchdogSec=) at half of its interval, from the main loop, so that systemd
-// restarts a service if its main loop hangs. Each report follows a call of `check`, which may hang, too. Does nothing
-// without a watchdog. Main thread only.
+// Reports to the watchdog of systemd (WatchdogSec=) four times per interval, from the main loop, so that systemd
+// restarts a service if its main loop hangs. Each report follows a call of `check`, which may hang, too. If `check`
+// returns a problem, there is no report, and a message when the problem begins and ends. Does nothing without a
+// watchdog. Main thread only.
 class ServiceWatchdog {
  public:
-  explicit ServiceWatchdog(std::function<void()> check = {});
+  explicit ServiceWatchdog(std::function<std::string()> check = {});
   ~ServiceWatchdog();
   ServiceWatchdog(const ServiceWatchdog&) = delete;
 
  private:
-  const std::function<void()> check_;
+  void report();
+
+  const std::function<std::string()> check_;
+  std::string problem_;
   unsigned timer_ = 0;
 };
 
