@@ -10,13 +10,16 @@
 #include <string>
 #include <vector>
 
+#include <gio/gio.h>
 #include <nlohmann/json.hpp>
 
 #include "base/file.h"
 #include "base/json_value.h"
+#include "bins/discovery.h"
 #include "rig/rig.h"
 #include "rig/rig_json.h"
 #include "terminal.h"
+#include "view/view_path.h"
 
 namespace {
 
@@ -35,7 +38,8 @@ struct Host {
 // The clients of the camera hosts are the servers, then the compositors. Client c sends its requests to port
 // kRequestPort + c of each camera host, and receives the answers of camera host n at its port kAnswerPort + n.
 struct Inventory {
-  std::string folder, rig, key;
+  std::string folder, rig, rig_hash, key;
+  std::map<std::string, std::string> views;  // name and text of each camera path
   std::vector<Host> cameras, servers, compositors;
   std::string proxy, proxy_config, public_name;
 
@@ -52,7 +56,14 @@ std::string word(const lf::JsonValue& value, const char* pattern) {
   if (!std::regex_match(text, std::regex(pattern))) value.fail("\"" + text + "\" must match " + pattern);
   return text;
 }
-std::string address_of(const lf::JsonValue& host) { return word(host.at("address"), "[0-9A-Fa-f.:]+"); }
+// Returns the usual spelling of an IP address, so that equal addresses are equal texts.
+std::string address_of(const lf::JsonValue& host) {
+  const lf::JsonValue value = host.at("address");
+  g_autoptr(GInetAddress) address = g_inet_address_new_from_string(value.text().c_str());
+  if (!address) value.fail("\"" + value.text() + "\" is no IP address");
+  g_autofree gchar* text = g_inet_address_to_string(address);
+  return text;
+}
 std::string line_of(const lf::JsonValue& host, const char* key) {
   const auto value = host.find(key);
   if (!value && std::string(key) == "output") (void)host.at(key);  // throws
@@ -60,7 +71,9 @@ std::string line_of(const lf::JsonValue& host, const char* key) {
   return value ? value->text() : "";
 }
 
-std::vector<Host> hosts_of(const lf::JsonValue& root, const char* key, std::set<std::string>& names) {
+// `names` and `addresses` are those of earlier hosts. Two hosts with the same address would use the same ports.
+std::vector<Host> hosts_of(const lf::JsonValue& root, const char* key, std::set<std::string>& names,
+                           std::set<std::string>& addresses) {
   std::vector<Host> hosts;
   const auto list = root.find(key);
   for (const lf::JsonValue& value : list ? list->elements() : std::vector<lf::JsonValue>()) {
@@ -68,6 +81,8 @@ std::vector<Host> hosts_of(const lf::JsonValue& root, const char* key, std::set<
     host.name = word(value.at("name"), "[A-Za-z0-9]{1,32}");
     if (!names.insert(host.name).second) value.at("name").fail("\"" + host.name + "\" is also another host");
     host.address = address_of(value);
+    if (!addresses.insert(host.address).second)
+      value.at("address").fail(host.address + " is also the address of another host, which uses the same ports");
     host.options = line_of(value, "options");
     if (std::string(key) == "cameras") host.cameras = word(value.at("cameras"), "[0-9,-]+");
     if (std::string(key) == "compositors") host.output = line_of(value, "output");
@@ -85,9 +100,10 @@ Inventory load_inventory(const std::string& path) {
   inventory.rig = file(root.at("rig"));
   inventory.key = file(root.at("key"));
   std::set<std::string> names = {"proxy"};
-  inventory.cameras = hosts_of(root, "cameras", names);
-  inventory.servers = hosts_of(root, "servers", names);
-  inventory.compositors = hosts_of(root, "compositors", names);
+  std::set<std::string> of_cameras, of_clients;  // a camera host can also be a client: its ports differ
+  inventory.cameras = hosts_of(root, "cameras", names, of_cameras);
+  inventory.servers = hosts_of(root, "servers", names, of_clients);
+  inventory.compositors = hosts_of(root, "compositors", names, of_clients);
   if (inventory.cameras.empty()) root.fail("cameras: no camera hosts");
   if (inventory.clients().empty()) root.fail("servers, compositors: no hosts that make pictures");
   if (const auto proxy = root.find("proxy")) {
@@ -100,7 +116,16 @@ Inventory load_inventory(const std::string& path) {
   } else if (!inventory.servers.empty() && inventory.servers[0].options.find("--listen ") == std::string::npos) {
     root.fail("servers[0].options: need --listen, because browsers reach the server without a proxy");
   }
+  const auto views = root.find("views");
+  for (const lf::JsonValue& value : views ? views->elements() : std::vector<lf::JsonValue>()) {
+    const std::string path = file(value.at("file"));
+    (void)lf::load_views(path);  // throws if it is invalid
+    const std::string name = word(value.at("name"), "[A-Za-z0-9]{1,32}");
+    if (!inventory.views.emplace(name, lf::read_text_file(path)).second)
+      value.at("name").fail("\"" + name + "\" is also another path");
+  }
   const lf::Rig rig = lf::load_rig(inventory.rig);
+  inventory.rig_hash = lf::rig_hash_text(rig);
   std::map<uint32_t, std::string> owners;
   for (const Host& host : inventory.cameras)
     for (const lf::CameraIndex camera : lf::parse_camera_list(rig, host.cameras)) {
@@ -165,20 +190,40 @@ std::string camera_config(const Inventory& inventory, size_t node) {
          with_space(host.options) + "\nLIGHTFIELD_METRICS=" + place(host.address, kCameraMetricsPort) + '\n';
 }
 
-std::string nodes_of(const Inventory& inventory, size_t client) {
-  const std::string here = inventory.clients()[client].address;
-  return joined(inventory.cameras.size(), [&](size_t node) {
-    return place(inventory.cameras[node].address, kRequestPort + client) + ':' + place(here, kAnswerPort + node);
-  });
+std::string connection(const Inventory& inventory, size_t node, size_t client) {
+  return place(inventory.cameras[node].address, kRequestPort + client) + ':' +
+         place(inventory.clients()[client].address, kAnswerPort + node);
 }
+std::string nodes_of(const Inventory& inventory, size_t client) {
+  return joined(inventory.cameras.size(), [&](size_t node) { return connection(inventory, node, client); });
+}
+
+// avahi-daemon announces the host, so that clients with nodes=auto find it (gst/bins/discovery.h).
+std::string announcement(const Inventory& inventory, size_t node) {
+  const Host& host = inventory.cameras[node];
+  std::string text =
+      "<?xml version=\"1.0\" standalone='no'?>\n<!DOCTYPE service-group SYSTEM \"avahi-service.dtd\">\n"
+      "<service-group>\n  <name>Light field cameras " +
+      host.name + "</name>\n  <service>\n    <type>" + lf::AnnouncedHost::kType + "</type>\n    <port>" +
+      std::to_string(kRequestPort) + "</port>\n";
+  const auto add = [&](const std::string& field) { text += "    <txt-record>" + field + "</txt-record>\n"; };
+  add("rig=" + inventory.rig_hash);
+  add("cameras=" + host.cameras);
+  for (size_t client = 0; client < inventory.clients().size(); client++)
+    add("client" + std::to_string(client) + '=' + connection(inventory, node, client));
+  return text + "  </service>\n</service-group>\n";
+}
+
+std::string views_file(const std::string& name) { return "etc/lightfield/views/" + name + ".json"; }
 
 std::string server_config(const Inventory& inventory, size_t client) {
   const Host& host = inventory.servers[client];
   std::string options = "--rig " + std::string(kRig) + " --nodes " + nodes_of(inventory, client) +
-                        " --key-file /run/credentials/lightfield-serve.service/secret_key";
+                        " --key-file /run/lightfield-serve/key";
   if (!inventory.proxy.empty())
     options += " --replica " + host.name + " --listen " + host.address + " --insecure --proxy " + inventory.proxy +
                " --host " + inventory.public_name + " --media-address " + host.address;
+  for (const auto& [name, text] : inventory.views) options += " --path " + name + "=/" + views_file(name);
   return "LIGHTFIELD_OPTIONS=" + options + with_space(host.options) + '\n';
 }
 
@@ -237,7 +282,10 @@ void deploy(const std::string& path, const std::string& out) {
     const Host& host = inventory.cameras[i];
     write(host, "camera-" + host.name + ".conf", camera_config(inventory, i),
           ("lightfield-camera@" + host.name).c_str());
+    Folder(out, host.name).write("etc/avahi/services/lightfield.service", announcement(inventory, i));
   }
+  for (const Host& host : inventory.clients())
+    for (const auto& [name, text] : inventory.views) Folder(out, host.name).write(views_file(name), text);
   for (size_t i = 0; i < inventory.servers.size(); i++)
     write(inventory.servers[i], "serve.conf", server_config(inventory, i), "lightfield-serve");
   for (size_t i = 0; i < inventory.compositors.size(); i++) {

@@ -18,7 +18,9 @@
 
 #include "base/file.h"
 #include "base/text.h"
+#include "bins/discovery.h"
 #include "command_line.h"
+#include "rig/rig_json.h"
 #include "rig/source_security.h"
 #include "serve/access.h"
 #include "serve/http_server.h"
@@ -60,9 +62,11 @@ std::pair<std::string, CameraPath> parse_path(const std::string& text) {
   return {text.substr(0, equals), {file, view.width, view.height}};
 }
 
-std::vector<lf::NodeAddress> nodes_of(const std::string& text) {
+std::vector<lf::NodeAddress> nodes_of(const std::string& text, const std::string& rig) {
+  if (text.empty()) return {};
   try {
-    return lf::parse_nodes(text);
+    return lf::find_nodes(text, lf::load_rig(rig),
+                          [](const std::string& warning) { say("warning: --nodes " + warning); });
   } catch (const lf::Error& error) {
     throw lf::Error(std::string("--nodes ") + error.what());
   }
@@ -359,7 +363,7 @@ class Program {
 
 void serve(Options& options) {
   check_options(options);
-  options.node_addresses = nodes_of(options.nodes);
+  options.node_addresses = nodes_of(options.nodes, options.rig);
   prepare_elements();
   Program(options).run();
 }
@@ -376,8 +380,9 @@ void add_camera_options(cli::App& app, Options& o) {
   app.add_option("--nodes", o.nodes,
                  "Comma-separated list of the hosts that run the cameras, each with an lfnodesink. An item is "
                  "HOST:PORT-THERE:PORT-HERE, for example camhost0:6000:6100. Requests are sent to UDP port PORT-THERE "
-                 "of HOST, and the answers of the host arrive at PORT-HERE of this machine. Without this option, "
-                 "lf-serve opens the cameras itself");
+                 "of HOST, and the answers of the host arrive at PORT-HERE of this machine. The value auto finds the "
+                 "hosts that announce cameras of the rig by DNS-SD. Without this option, lf-serve opens the cameras "
+                 "itself");
   app.add_option("--key-file", o.key_file,
                  "File with the secret that encrypts the packets between this machine and the hosts of --nodes. The "
                  "secret has 32 or more random characters and must be the same on all of these machines");

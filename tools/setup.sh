@@ -46,7 +46,7 @@ if [[ $what != quickstart ]]; then
 fi
 if [[ $what == tests ]]; then
   packages+=(gstreamer1.0-gl tshark janus coturn opencv-doc iptables python3-gst-1.0 faketime locales mkdocs
-    haproxy prometheus curl systemd gstreamer1.0-rtsp gir1.2-gst-rtsp-server-1.0)
+    haproxy prometheus curl systemd gstreamer1.0-rtsp gir1.2-gst-rtsp-server-1.0 avahi-daemon)
   # These programs are often installed from other sources.
   command -v chromium chromium-browser google-chrome >/dev/null || packages+=(chromium)
   command -v node >/dev/null || packages+=(nodejs)
@@ -100,7 +100,7 @@ install_packages() {
   # Debian starts these servers after installation, but the tests start their own instances.
   local package
   for package in "${missing[@]}"; do
-    [[ $package =~ ^(janus|coturn|nginx|haproxy|prometheus)(-light)?$ && -d /run/systemd/system ]] || continue
+    [[ $package =~ ^(janus|coturn|nginx|haproxy|prometheus|avahi-daemon)(-light)?$ && -d /run/systemd/system ]] || continue
     "${as_root[@]}" systemctl --quiet disable --now "${BASH_REMATCH[1]}"
   done
 }

@@ -99,6 +99,7 @@
 #include <gst/gst.h>
 
 #include "base/text.h"
+#include "bins/discovery.h"
 #include "bins/property_proxy.h"
 #include "bins/rtp_link.h"
 #include "bins/viewer_chain.h"
@@ -192,8 +193,11 @@ lf::PropertyTable<Settings>& Settings::properties() {
           lf::kWhileReady, "nodes", "Nodes",
           "Comma-separated list of the hosts that run the cameras, each with an lfnodesink. An item is "
           "HOST:REQUEST-PORT:[LOCAL-ADDRESS:]ANSWER-PORT, for example camhost0:6000:6100. Requests are sent to "
-          "REQUEST-PORT on HOST, and the answers of the host arrive at ANSWER-PORT of this machine. These cameras are "
-          "always live (empty: all cameras are on this machine)"),
+          "REQUEST-PORT on HOST, and the answers of the host arrive at ANSWER-PORT of this machine. The value auto "
+          "finds "
+          "the hosts that announce cameras of this rig by DNS-SD. These cameras are always live (empty: all cameras "
+          "are "
+          "on this machine)"),
       lf::inherited_property<S, &S::listen>(
           lf::kWhileReady, "listen", "Listen",
           "Address that receives the view requests of viewers on other hosts: a local UDP port, ADDRESS:PORT or a "
@@ -561,10 +565,14 @@ static auto of_property(const char* name, F f) {
   }
 }
 
-static std::unique_ptr<lf::ViewerCameras> cameras_of(LfViewSrc* self, const Hosts& hosts) {
+static std::unique_ptr<lf::ViewerCameras> cameras_of(LfViewSrc* self, const Settings& hosts) {
   if (hosts.nodes.empty()) return lf::make_local_cameras(GST_BIN(self));
-  return of_property(
-      "nodes", [&] { return lf::make_remote_cameras(GST_BIN(self), lf::parse_nodes(hosts.nodes), hosts.key_file); });
+  return of_property("nodes", [&] {
+    const auto nodes = lf::find_nodes(hosts.nodes, *lf::shared_rig(hosts.rig), [self](const std::string& text) {
+      GST_ELEMENT_WARNING(self, RESOURCE, NOT_FOUND, ("nodes: %s", text.c_str()), (nullptr));
+    });
+    return lf::make_remote_cameras(GST_BIN(self), nodes, hosts.key_file);
+  });
 }
 
 static std::unique_ptr<lf::ViewerRequests> requests_of(LfViewSrc* self, const Hosts& hosts) {
@@ -580,7 +588,7 @@ static std::unique_ptr<lf::ViewerRequests> requests_of(LfViewSrc* self, const Ho
 }
 
 // Replaces the cameras and requests of all viewers. Call while nothing runs. Throws Error.
-static void change_hosts(LfViewSrc* self, const Hosts& hosts) {
+static void change_hosts(LfViewSrc* self, const Settings& hosts) {
   auto& inside = *self->inside;
   drop_hosts(self);
   inside.hosts = hosts;

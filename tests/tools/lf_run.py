@@ -20,6 +20,7 @@ import threading
 import time
 import urllib.error
 import urllib.request
+from xml.etree import ElementTree
 
 BUILD = pathlib.Path(sys.argv[1]).resolve()
 ENVIRONMENT = {**os.environ, "GST_PLUGIN_PATH": f"{BUILD}/gst", "GST_REGISTRY": f"{BUILD}/gst/test-registry.bin",
@@ -140,13 +141,97 @@ def check(folder):
     receives("STOPPING=1")
 
 
+class Service:
+    """A program with the interface of systemd."""
+
+    def __init__(self, folder, *words):
+        self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self.socket.bind(f"{folder}/notify-{len(words)}")
+        self.socket.settimeout(60)
+        self.program = start(*words, NOTIFY_SOCKET=self.socket.getsockname(), WATCHDOG_USEC="1000000")
+        while self.socket.recv(256) != b"READY=1":
+            pass
+
+    def reports(self, seconds):
+        """Counts the reports to the watchdog."""
+        end, count = time.monotonic() + seconds, 0
+        while (left := end - time.monotonic()) > 0:
+            self.socket.settimeout(left)
+            try:
+                count += self.socket.recv(256) == b"WATCHDOG=1"
+            except TimeoutError:
+                break
+        return count
+
+
+def check_watchdog(folder):
+    """A sink that does not return from its buffer, because a pipe is full, and a node that sends no answers."""
+    os.mkfifo(f"{folder}/pipe")
+    pipe = os.open(f"{folder}/pipe", os.O_RDWR | os.O_NONBLOCK)
+    service = Service(folder, "videotestsrc", "is-live=true", "!", "video/x-raw,width=320,height=240", "!", "queue",
+                      "leaky=downstream", "!", "filesink", "buffer-mode=unbuffered", "async=false", "sync=false",
+                      f"location={folder}/pipe")
+    service.reports(2)
+    assert service.reports(2) == 0, "the sink is blocked"
+    reading = True
+
+    def read():
+        while reading:
+            try:
+                os.read(pipe, 1 << 20)
+            except BlockingIOError:
+                time.sleep(0.01)
+    reader = threading.Thread(target=read)
+    reader.start()
+    service.reports(1)
+    assert service.reports(2) > 4, "the sink works again"
+    service.program.terminate()
+    output = service.program.communicate(timeout=60)[0]
+    reading = False
+    reader.join()
+    os.close(pipe)
+    assert output.splitlines() == ["running", "warning: filesink0 does not return from a buffer", "works again"], output
+
+    rig = write_rig(folder)
+    service = Service(folder, "lfviewrequest", f"rig={rig}", "is-live=true", "framerate=10/1", "!", "queue", "leaky=downstream",
+                      "!", "n.request", "lfcameranode", "name=n", f"rig={rig}", "is-live=true", "!", "identity",
+                      "sleep-time=60000000", "!", "fakesink", "async=false")
+    service.reports(3)
+    assert service.reports(2) == 0, "there are no answers"
+    service.program.kill()
+    output = service.program.communicate(timeout=60)[0]
+    assert "warning: lffragment has input, but makes no answers\n" in output, output
+
+
+def check_reload(folder):
+    """The units copy their key at the start and at a reload. systemd does not run here, so a shell runs their commands."""
+    root = pathlib.Path(folder)
+    for name in "credentials", "secrets":
+        (root / name).mkdir()
+    for unit in (pathlib.Path(__file__).resolve().parents[2] / "debian").glob("*.service"):
+        text = unit.read_text().replace("%i", "a").replace("%d", f"{folder}/credentials").replace("%t", folder)
+        text = text.replace("/etc/lightfield/secrets", f"{folder}/secrets").replace("%%", "%").replace("$$", "$")
+        directory = root / re.search("^RuntimeDirectory=(.*)", text, re.M)[1]
+        directory.mkdir()
+        (root / "credentials/secret_key").write_text("old")
+        (root / "secrets/key").write_text("new")
+        for command, key in ("ExecStartPre=-?(.*)", "old"), (r"ExecReload=\+(.*)", "new"):
+            subprocess.run(["sh", "-c", re.search(f"^{command}", text, re.M)[1]], check=True)
+            copy = directory / "key"
+            assert [*directory.iterdir()] == [copy], unit
+            assert copy.read_text() == key and copy.stat().st_mode & 0o777 == 0o400, unit
+        if unit.stem != "lightfield-serve":
+            assert f"key-file={copy}" in text, unit
+
+
 def inventory(**changes):
     return {"format": "lightfield-inventory", "version": 1, "rig": "rig.json", "key": "key",
+            "views": [{"name": "tour", "file": "views.json"}],
             "cameras": [{"name": "cam0", "address": "127.0.1.1", "cameras": "0-1"},
                         {"name": "cam1", "address": "127.0.1.2", "cameras": "2,3", "options": "mtu=1400"}],
             "servers": [{"name": name, "address": f"127.0.1.{i + 3}", "options": "--viewers 8"}
                         for i, name in enumerate(["r1", "2r"])],
-            "compositors": [{"name": "wall", "address": "127.0.1.5", "options": "width=160 height=120 framerate=10/1",
+            "compositors": [{"name": "wall", "address": "127.0.1.5", "options": "location=/etc/lightfield/views/tour.json loop=true framerate=10/1",
                              "output": "fakesink"}],
             "proxy": {"address": "127.0.1.6", "host": "example.org", "template": "haproxy.cfg"}, **changes}
 
@@ -164,12 +249,21 @@ def check_deploy(folder):
     key.touch(0o600)
     key.write_text("0123456789abcdef" * 4)
     template = pathlib.Path(__file__).resolve().parents[2] / "pipelines/haproxy/haproxy.cfg"
+    subprocess.run([f"{BUILD}/tools/lf-path", "--rig", "rig.json", "--out", "views.json", "--frames", "3"], cwd=folder, check=True)
     pathlib.Path(folder, "haproxy.cfg").write_text(template.read_text())
     two = inventory()["cameras"]
     for changes, message in (({"cameras": two[:1]}, "camera 2 belongs to no host"),
                              ({"cameras": [two[0], {**two[1], "cameras": "1-3"}]}, "1 belongs to cam0 and to cam1"),
                              ({"cameras": [two[0], {**two[1], "name": "cam0"}]}, "cameras[1].name"),
                              ({"cameras": [two[0], {**two[1], "name": "a b"}]}, "must match"),
+                             ({"cameras": [two[0], {**two[1], "address": "127.0.1.1"}]}, "cameras[1].address: 127.0.1.1 is also"),
+                             ({"cameras": [{**two[0], "address": "fd00::1"}, {**two[1], "address": "FD00:0::1"}]},
+                              "cameras[1].address: fd00::1 is also"),
+                             ({"cameras": [two[0], {**two[1], "address": "127.0.1"}]}, "is no IP address"),
+                             ({"compositors": [{**inventory()["compositors"][0], "address": "127.0.1.3"}]},
+                              "compositors[0].address: 127.0.1.3 is also"),
+                             ({"views": [{"name": "tour", "file": "key"}]}, "key"),
+                             ({"views": 2 * inventory()["views"]}, "views[1].name"),
                              ({"cameras": []}, "no camera hosts"), ({"servers": [], "compositors": []}, "no hosts"),
                              ({"servers": []}, "there are no servers"),
                              ({"servers": inventory()["servers"][:1], "proxy": None}, "--listen"),
@@ -196,6 +290,13 @@ def check_deploy(folder):
     assert [group["targets"] for group in targets] == [["127.0.1.3:8080", "127.0.1.4:8080"],
                                                        ["127.0.1.1:9110", "127.0.1.2:9110", "127.0.1.5:9120"]]
 
+    service = ElementTree.parse(out / "cam1/etc/avahi/services/lightfield.service").getroot().find("service")
+    assert service.find("type").text == "_lightfield._udp"
+    records = [record.text for record in service.findall("txt-record")]
+    assert re.fullmatch("rig=[0-9a-f]{16}", records[0]) and records[1:] == [
+        "cameras=2,3", "client0=127.0.1.2:6000:127.0.1.3:6101", "client1=127.0.1.2:6001:127.0.1.4:6101",
+        "client2=127.0.1.2:6002:127.0.1.5:6101"], records
+
     def words(host, file, variable):
         folder = str(out / host / "etc/lightfield")
         text = pathlib.Path(folder, file).read_text().replace("/etc/lightfield", folder)
@@ -203,7 +304,9 @@ def check_deploy(folder):
 
     serve = words("r1", "serve.conf", "LIGHTFIELD_OPTIONS")
     assert serve[2:4] == ["--nodes", "127.0.1.1:6000:127.0.1.3:6100,127.0.1.2:6000:127.0.1.3:6101"], serve
-    assert serve[-2:] == ["--viewers", "8"], serve
+    assert serve[-4:] == ["--path", "tour=" + str(out / "r1/etc/lightfield/views/tour.json"), "--viewers", "8"], serve
+    for host in "r1", "2r", "wall":
+        assert (out / host / "etc/lightfield/views/tour.json").read_text() == pathlib.Path(folder, "views.json").read_text()
     programs = [start("--metrics", *words(host, file, "LIGHTFIELD_METRICS"), element, f"key-file={key}",
                       *words(host, file, variable))
                 for host, file, element, variable in (
@@ -227,7 +330,7 @@ def check_deploy(folder):
 
 def main():
     check_failures()
-    for test in check, check_deploy:
+    for test in check, check_watchdog, check_reload, check_deploy:
         with tempfile.TemporaryDirectory() as folder:
             test(folder)
     print("ok")
