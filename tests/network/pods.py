@@ -123,6 +123,10 @@ def write_configuration(folder):
     return {"rig": config, "key": key, "configuration": proxy}
 
 
+def remove_pods():
+    run("podman", "pod", "rm", "--force", "--ignore", "--time", "0", *ADDRESSES)
+
+
 def play(folder, volumes):
     documents = (ROOT / "containers/kubernetes.yaml").read_text()
     for name in ADDRESSES:
@@ -194,6 +198,7 @@ def main():
         os.environ["CONTAINERS_CONF"] = f"{folder}/containers.conf"
         make_image(folder)
         volumes = write_configuration(folder)
+        remove_pods()  # of a script that was killed
         try:
             play(folder, volumes)
             check()
@@ -201,7 +206,7 @@ def main():
             for name in ADDRESSES:
                 logs = subprocess.run(["podman", "pod", "logs", "--tail", "3", name], capture_output=True, text=True)
                 print(f"# {name}: " + " | ".join((logs.stdout + logs.stderr).splitlines()))
-                subprocess.run(["podman", "pod", "rm", "-f", "-t", "1", name], capture_output=True)
+            remove_pods()
     print("ok")
 
 
