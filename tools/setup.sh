@@ -25,8 +25,8 @@ packages=(
   g++ meson ninja-build pkg-config
   libgstreamer1.0-dev libgstreamer-plugins-base1.0-dev gstreamer1.0-tools
   gstreamer1.0-plugins-base gstreamer1.0-plugins-good  # videoconvert, PNG, JPEG, Matroska
-  libcli11-dev libglm-dev libhwy-dev libjpeg62-turbo-dev libpng-dev libtiff-dev nlohmann-json3-dev zlib1g-dev
-  libopencv-core-dev libopencv-imgcodecs-dev libopencv-imgproc-dev
+  libcli11-dev libglm-dev libhwy-dev libjpeg62-turbo-dev libopencv-core-dev libopencv-imgproc-dev libpng-dev
+  libtiff-dev libwebp-dev nlohmann-json3-dev zlib1g-dev
   libegl-dev libgles-dev
   python3
 )
@@ -36,7 +36,7 @@ if [[ $what != quickstart ]]; then
     gstreamer1.0-plugins-bad                           # parsers, WebRTC
     gstreamer1.0-nice gstreamer1.0-plugins-ugly        # WebRTC's network, H.264
     gstreamer1.0-x                                     # windows
-    libceres-dev libopencv-calib3d-dev libopencv-contrib-dev libopencv-video-dev libopencv-videoio-dev
+    libceres-dev libopencv-dev
     libegl1 libgl1-mesa-dri                            # OpenGL ES and a software driver
     libbenchmark-dev libgmock-dev libgtest-dev
     libgstrtspserver-1.0-dev                           # network cameras of the tests
@@ -46,7 +46,8 @@ if [[ $what != quickstart ]]; then
 fi
 if [[ $what == tests ]]; then
   packages+=(gstreamer1.0-gl tshark janus coturn opencv-doc iptables python3-gst-1.0 faketime locales mkdocs
-    haproxy prometheus curl systemd gstreamer1.0-rtsp gir1.2-gst-rtsp-server-1.0 avahi-daemon)
+    haproxy prometheus curl systemd abigail-tools appstream desktop-file-utils gstreamer1.0-rtsp
+    gir1.2-gst-rtsp-server-1.0 avahi-daemon)
   # These programs are often installed from other sources.
   command -v chromium chromium-browser google-chrome >/dev/null || packages+=(chromium)
   command -v node >/dev/null || packages+=(nodejs)

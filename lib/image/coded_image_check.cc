@@ -65,22 +65,20 @@ int on_tiff_warning(TIFF*, void* data, const char*, const char* format, va_list 
   return 1;
 }
 
-void decode_all(TIFF* tiff, TiffFile& file) {
-  constexpr tmsize_t kMaxBytes = tmsize_t{1} << 31;  // 160 million pixels with three channels of 32 bits
-  const bool tiled = TIFFIsTiled(tiff);
-  const tmsize_t size = tiled ? TIFFTileSize(tiff) : TIFFStripSize(tiff);
-  if (size <= 0 || size > kMaxBytes) {
-    if (file.problem.empty()) file.problem = "its parts have no valid size";
-    return;
-  }
-  const std::unique_ptr<uint8_t[]> pixels(new uint8_t[static_cast<size_t>(size)]);
-  const uint32_t count = tiled ? TIFFNumberOfTiles(tiff) : TIFFNumberOfStrips(tiff);
+Image decode_pixels(TIFF* tiff, TiffFile& file, ImageSize size) {
+  uint32_t width = 0, height = 0;
+  TIFFGetField(tiff, TIFFTAG_IMAGEWIDTH, &width);
+  TIFFGetField(tiff, TIFFTAG_IMAGELENGTH, &height);
+  Image image(PixelFamily::kRgb, size.width, size.height);
+  std::vector<uint32_t> pixels(static_cast<size_t>(size.width) * static_cast<size_t>(size.height));
+  TIFFSetField(tiff, TIFFTAG_ORIENTATION, ORIENTATION_TOPLEFT);
   file.decoding = true;
-  for (uint32_t i = 0; i < count && file.problem.empty(); i++) {
-    const tmsize_t read =
-        tiled ? TIFFReadEncodedTile(tiff, i, pixels.get(), size) : TIFFReadEncodedStrip(tiff, i, pixels.get(), size);
-    if (read < 0 && file.problem.empty()) file.problem = "its pixels can't be decoded";
-  }
+  const bool whole = width == static_cast<uint32_t>(size.width) && height == static_cast<uint32_t>(size.height) &&
+                     TIFFReadRGBAImageOriented(tiff, width, height, pixels.data(), ORIENTATION_TOPLEFT, 1);
+  if (!whole && file.problem.empty()) file.problem = "its pixels can't be decoded";
+  for (size_t i = 0; i < pixels.size(); i++)
+    for (size_t c = 0; c < 3; c++) image.data()[3 * i + c] = static_cast<uint8_t>(pixels[i] >> 8 * c);
+  return image;
 }
 
 uint32_t little_endian(Bytes bytes, size_t at) {
@@ -91,7 +89,7 @@ uint32_t little_endian(Bytes bytes, size_t at) {
 
 }  // namespace
 
-std::string tiff_damage(Bytes bytes) {
+Image decode_tiff(Bytes bytes, ImageSize size) {
   TiffFile file{bytes, 0, false, ""};
   const std::unique_ptr<TIFFOpenOptions, decltype(&TIFFOpenOptionsFree)> options(TIFFOpenOptionsAlloc(),
                                                                                  TIFFOpenOptionsFree);
@@ -101,9 +99,10 @@ std::string tiff_damage(Bytes bytes) {
       TIFFClientOpenExt("TIFF", "rm", &file, read_tiff, write_nothing, seek_tiff, close_nothing, size_of_tiff, nullptr,
                         nullptr, options.get()),
       TIFFClose);
-  if (tiff) decode_all(tiff.get(), file);
+  Image image = tiff ? decode_pixels(tiff.get(), file, size) : Image();
   if (!tiff && file.problem.empty()) file.problem = "its header can't be read";
-  return file.problem;
+  if (!file.problem.empty()) throw Error("damaged: " + file.problem);
+  return image;
 }
 
 std::string webp_damage(Bytes bytes, const std::function<bool(Bytes)>& decodes) {

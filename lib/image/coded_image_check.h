@@ -6,13 +6,14 @@
 #include <span>
 #include <string>
 
+#include "image/image.h"
+#include "image/image_file.h"
+
 namespace lf {
 
-// OpenCV shows damaged TIFF and WebP files with black or wrong parts. These functions find the damage.
-
-// Decodes all pixels of the first image of a TIFF file with libtiff. Returns the first error of the decoder, or an
-// empty text if the file is undamaged. Call it only for sizes below the limits of image_file.h. Thread-safe.
-std::string tiff_damage(std::span<const uint8_t> bytes);
+// Decodes the first image of a TIFF file, which must have the size `size`, with libtiff. The result is RGB, without
+// rotation by the file's orientation. Throws Error, without the file's name, for any damage. Thread-safe.
+Image decode_tiff(std::span<const uint8_t> bytes, ImageSize size);
 
 // WebP has no checksum, but a decoder that hits damage reads too few or too many bytes. The decoder reports missing
 // bytes. This function finds bytes that the decoder does not read: `decodes` must then also accept a file without its

@@ -80,7 +80,7 @@ size_t packed_size(PixelFamily family, int width, int height);
 Image to_i420(const Image& rgb);
 Image to_rgb(const Image& i420);
 
-// Reads PNG, JPEG and all other formats of OpenCV's imgcodecs, as 8-bit RGB. Throws Error with the file's name.
+// Reads PNG, JPEG and the other formats of load_image_size() as 8-bit RGB. Throws Error with the file's name.
 Image load_image(const std::string& path);
 // Writes an RGB image. The extension selects the format: .png (lossless) or .jpg (quality 95). Throws Error with the
 // file's name.

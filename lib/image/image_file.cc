@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Separate from image.cc, so that programs without image files do not load OpenCV.
 #include "image/image_file.h"
 
 #include <algorithm>
@@ -9,14 +8,14 @@
 #include <charconv>
 #include <cstring>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string_view>
 #include <utility>
 #include <vector>
 
-#include <opencv2/core/utils/logger.hpp>
-#include <opencv2/imgcodecs.hpp>
+#include <webp/decode.h>
 
 #include "base/file.h"
 #include "base/text.h"
@@ -24,18 +23,6 @@
 
 namespace lf {
 namespace {
-
-// Silences OpenCV's log, since errors are reported as exceptions.
-class ScopedOpenCvSilence {
- public:
-  ScopedOpenCvSilence() : before_(cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT)) {}
-  ~ScopedOpenCvSilence() { cv::utils::logging::setLogLevel(before_); }
-  ScopedOpenCvSilence(const ScopedOpenCvSilence&) = delete;
-  ScopedOpenCvSilence& operator=(const ScopedOpenCvSilence&) = delete;
-
- private:
-  const cv::utils::logging::LogLevel before_;
-};
 
 struct HeaderSize {
   int64_t width = 0, height = 0;
@@ -149,23 +136,6 @@ std::optional<HeaderSize> pnm_size(std::string_view bytes) {
   return HeaderSize{*width, *height};
 }
 
-// The size follows an empty line as "-Y 480 +X 640".
-std::optional<HeaderSize> hdr_size(std::string_view bytes) {
-  size_t at = bytes.find("\n\n");
-  if (at == bytes.npos) return std::nullopt;
-  at += 2;
-  std::array<int64_t, 2> sides{};
-  for (int i = 0; i < 2; i++) {
-    at = std::min(bytes.find_first_of("XY", at), bytes.size());
-    const bool is_width = at < bytes.size() && bytes[at] == 'X';
-    if (at < bytes.size()) at++;
-    const auto number = next_number(bytes, at);
-    if (!number) return std::nullopt;
-    (is_width ? sides[0] : sides[1]) = *number;
-  }
-  return HeaderSize{sides[0], sides[1]};
-}
-
 bool is_tiff(std::string_view bytes) {
   return bytes.starts_with(std::string_view("II*\0", 4)) || bytes.starts_with(std::string_view("MM\0*", 4));
 }
@@ -181,15 +151,13 @@ std::optional<HeaderSize> claimed_size(std::string_view bytes) {
   if (begins("BM")) return bmp_size(bytes);
   if (is_tiff(bytes)) return tiff_size(bytes);
   if (is_webp(bytes)) return webp_size(bytes);
-  if (begins("#?RADIANCE") || begins("#?RGBE")) return hdr_size(bytes);
-  if (bytes.size() > 2 && bytes[0] == 'P' && std::string_view("123456Ff").find(bytes[1]) != std::string_view::npos)
-    return pnm_size(bytes);
+  if (begins("P5") || begins("P6")) return pnm_size(bytes);
   return std::nullopt;
 }
 
 ImageSize checked_size(const std::string& path, std::string_view bytes) {
   const std::optional<HeaderSize> size = claimed_size(bytes);
-  if (!size || size->width < 1 || size->height < 1) 
+  if (!size || size->width < 1 || size->height < 1)
     throw Error(path + ": not an image that can be read, such as a JPEG or PNG file");
   const auto [width, height] = *size;
   if (width > kMaxImageSide || height > kMaxImageSide || width * height > kMaxImagePixels)
@@ -205,47 +173,74 @@ std::string read_image_file(const std::string& path) {
   return read_file(path);
 }
 
-void fail_if_damaged(const std::string& path, const std::string& damage) {
-  if (!damage.empty()) throw Error(path + ": damaged: " + damage);
+// PGM and PPM with 8 or 16 bits.
+Image decode_pnm(std::string_view bytes, ImageSize size) {
+  Image image(PixelFamily::kRgb, size.width, size.height);
+  size_t at = 2;
+  next_number(bytes, at);
+  next_number(bytes, at);
+  const int64_t white = next_number(bytes, at).value_or(0);
+  if (white < 1 || white > 65535) throw Error("damaged: no valid level of white");
+  const size_t wide = white > 255 ? 2 : 1, repeats = bytes[1] == '6' ? 1 : 3;
+  const HeaderBytes samples(bytes.substr(std::min(at + 1, bytes.size())), true);
+  for (size_t i = 0; i < image.data().size(); i++) {
+    const auto sample = samples.number(i / repeats * wide, wide);
+    if (!sample) throw Error("damaged: the file is truncated");
+    image.data()[i] = static_cast<uint8_t>((std::min<int64_t>(*sample, white) * 255 + white / 2) / white);
+  }
+  return image;
 }
 
-// Returns false if OpenCV refuses the bytes. May throw cv::Exception.
-bool decode_with_opencv(std::span<const uint8_t> bytes, cv::Mat& pixels) {
-  const cv::Mat coded(1, static_cast<int>(bytes.size()), CV_8UC1, const_cast<uint8_t*>(bytes.data()));
-  cv::imdecode(coded, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION, &pixels);
-  return !pixels.empty();
+// Uncompressed BMP with a palette, or with 24 or 32 bits per pixel.
+Image decode_bmp(std::string_view bytes, ImageSize size) {
+  constexpr uint32_t kUncompressed = 0, kMasks = 3;
+  const HeaderBytes header(bytes, false);
+  const uint32_t begin = header.number(10, 4).value_or(0), header_size = header.number(14, 4).value_or(0);
+  const uint32_t bits = header.number(28, 2).value_or(0), compression = header.number(30, 4).value_or(0);
+  if (header_size < 40 || (bits != 8 && bits != 24 && bits != 32) ||
+      (compression != kUncompressed && (compression != kMasks || bits != 32)))
+    throw Error("only uncompressed BMP files with 8, 24 or 32 bits per pixel can be read");
+  const bool from_top = static_cast<int32_t>(header.number(22, 4).value_or(0)) < 0;
+  const size_t pixel = bits / 8, stride = (pixel * static_cast<size_t>(size.width) + 3) / 4 * 4;
+  Image image(PixelFamily::kRgb, size.width, size.height);
+  for (int y = 0; y < size.height; y++) {
+    const size_t row = begin + stride * static_cast<size_t>(from_top ? y : size.height - 1 - y);
+    for (int x = 0; x < size.width; x++) {
+      std::optional<uint32_t> bgr = header.number(row + pixel * static_cast<size_t>(x), pixel);
+      if (bgr && bits == 8) bgr = header.number(14 + header_size + 4 * size_t{*bgr}, 4);
+      if (!bgr) throw Error("damaged: the file is truncated");
+      for (int c = 0; c < 3; c++) image.pixel(x, y)[c] = static_cast<uint8_t>(*bgr >> (16 - 8 * c));
+    }
+  }
+  return image;
+}
+
+Image decode_webp(std::span<const uint8_t> bytes, ImageSize size) {
+  Image image(PixelFamily::kRgb, size.width, size.height);
+  ImageSize inside;
+  if (!WebPGetInfo(bytes.data(), bytes.size(), &inside.width, &inside.height) || inside != size ||
+      !WebPDecodeRGBInto(bytes.data(), bytes.size(), image.data().data(), image.data().size(), 3 * size.width))
+    throw Error("damaged: its pixels can't be decoded");
+  const std::string damage = webp_damage(bytes, [](std::span<const uint8_t> part) {
+    int width = 0, height = 0;
+    const std::unique_ptr<uint8_t, decltype(&WebPFree)> pixels(WebPDecodeRGB(part.data(), part.size(), &width, &height),
+                                                               WebPFree);
+    return pixels != nullptr;
+  });
+  if (!damage.empty()) throw Error("damaged: " + damage);
+  return image;
 }
 
 Image decode_image(const std::string& path, const std::string& bytes, ImageSize size) {
-  // OpenCV accepts damaged PNG and JPEG files.
   const std::span coded_bytes(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size());
-  if (detect_image_coding(coded_bytes) != ImageCoding::kOther) {
-    try {
-      return decode_still(coded_bytes, PixelFamily::kRgb);
-    } catch (const Error& error) {
-      throw Error(path + ": " + error.what());
-    }
-  }
-  if (is_tiff(bytes)) fail_if_damaged(path, tiff_damage(coded_bytes));
-  // OpenCV decodes into the image's memory if the size matches.
-  Image image(PixelFamily::kRgb, size.width, size.height);
-  cv::Mat pixels(size.height, size.width, CV_8UC3, image.data().data());
   try {
-    const ScopedOpenCvSilence quiet;
-    decode_with_opencv(coded_bytes, pixels);
-    if (is_webp(bytes) && !pixels.empty())
-      fail_if_damaged(path, webp_damage(coded_bytes, [](std::span<const uint8_t> part) {
-                        cv::Mat ignored;
-                        return decode_with_opencv(part, ignored);
-                      }));
-  } catch (const cv::Exception& e) {
-    throw Error(path + ": " + e.what());
+    if (detect_image_coding(coded_bytes) != ImageCoding::kOther) return decode_still(coded_bytes, PixelFamily::kRgb);
+    if (is_tiff(bytes)) return decode_tiff(coded_bytes, size);
+    if (is_webp(bytes)) return decode_webp(coded_bytes, size);
+    return bytes[0] == 'B' ? decode_bmp(bytes, size) : decode_pnm(bytes, size);
+  } catch (const Error& error) {
+    throw Error(path + ": " + error.what());
   }
-  if (pixels.empty()) throw Error(path + ": not an image that can be read, such as a JPEG or PNG file");
-  if (pixels.data != image.data().data() || pixels.cols != size.width || pixels.rows != size.height)
-    throw Error(path + ": header and pixels have different sizes");
-  for (size_t i = 0; i + 2 < image.data().size(); i += 3) std::swap(image.data()[i], image.data()[i + 2]);
-  return image;
 }
 
 }  // namespace
@@ -264,22 +259,6 @@ Image load_image_of_size(const std::string& path, ImageSize expected) {
     throw Error(path + ": has " + size_text(size.width, size.height) + " pixels, the rig says " +
                 size_text(expected.width, expected.height));
   return decode_image(path, bytes, size);
-}
-
-GreyImage decode_jpeg_luma(const std::vector<uint8_t>& bytes, int smaller) {
-  try {
-    const cv::Mat grey = cv::imdecode(bytes, smaller == 8   ? cv::IMREAD_REDUCED_GRAYSCALE_8
-                                             : smaller == 4 ? cv::IMREAD_REDUCED_GRAYSCALE_4
-                                             : smaller == 2 ? cv::IMREAD_REDUCED_GRAYSCALE_2
-                                                            : cv::IMREAD_GRAYSCALE);
-    if (grey.empty()) throw Error("can't be decoded as JPEG");
-    GreyImage picture{grey.cols, grey.rows, {}};
-    for (int y = 0; y < grey.rows; y++)
-      picture.samples.insert(picture.samples.end(), grey.ptr<uint8_t>(y), grey.ptr<uint8_t>(y) + grey.cols);
-    return picture;
-  } catch (const cv::Exception& error) {
-    throw Error(error.what());
-  }
 }
 
 }  // namespace lf

@@ -21,8 +21,8 @@ struct ImageSize {
 inline constexpr int kMaxImageSide = 16384;              // pixels
 inline constexpr int64_t kMaxImagePixels = 160'000'000;  // 480 MB as RGB
 
-// Reads the size of an image file from its header, without decoding pixels. Supports PNG, JPEG, BMP, TIFF, WebP, PNM
-// (PBM, PGM, PPM), PFM and Radiance HDR. Throws Error with the file's name, also for a size above the limits.
+// Reads the size of an image file from its header, without decoding pixels. Supports PNG, JPEG, TIFF, WebP, PGM and
+// PPM (binary), and BMP (uncompressed). Throws Error with the file's name, also for a size above the limits.
 ImageSize load_image_size(const std::string& path);
 // Reads an image that must have the size `expected`, like load_image(). If the size differs, throws Error without
 // decoding the image.
@@ -52,6 +52,10 @@ bool is_jpeg_stream(std::span<const uint8_t> bytes);
 
 // Encodes an RGB image as JPEG with quality 1 to 100. Throws Error.
 std::vector<uint8_t> encode_jpeg(const Image& rgb, int quality);
+
+// Writes grey samples of 8 or 16 bits, row by row without padding, as a PNG. Throws Error with the file's name.
+void save_grey_png(std::span<const uint8_t> samples, int width, int height, const std::string& path);
+void save_grey_png(std::span<const uint16_t> samples, int width, int height, const std::string& path);
 
 // A grey image, stored row by row.
 struct GreyImage {

@@ -12,6 +12,7 @@
 #include "base/text.h"
 #include "jpeg/header.h"
 #include "jpeg/jpeg_frame.h"
+#include "jpeg/libjpeg_errors.h"
 #include "jpeg/libpng_errors.h"
 #include "rig/rig.h"
 
@@ -241,6 +242,48 @@ bool is_jpeg_stream(Bytes bytes) {
   if (detect_image_coding(rest) != ImageCoding::kJpeg) return false;
   const auto first = jpeg::parse_header(bytes.first(*end), nullptr), second = jpeg::parse_header(rest, nullptr);
   return first && second && first->width == second->width && first->height == second->height;
+}
+
+namespace {
+
+// No object with a destructor may live between setjmp() and longjmp(), so the caller owns all objects.
+bool read_luma(jpeg_decompress_struct& info, jpeg::Errors& errors, jpeg_source_mgr& source, int smaller,
+               GreyImage& out) {
+  if (setjmp(errors.jump)) return false;
+  jpeg_create_decompress(&info);
+  info.src = &source;
+  jpeg_read_header(&info, TRUE);
+  info.out_color_space = JCS_GRAYSCALE;
+  info.scale_denom = static_cast<unsigned>(smaller);
+  jpeg_start_decompress(&info);
+  if (int64_t{info.output_width} * info.output_height > kMaxImagePixels) ERREXIT(&info, JERR_IMAGE_TOO_BIG);
+  out.width = static_cast<int>(info.output_width);
+  out.height = static_cast<int>(info.output_height);
+  out.samples.resize(size_t{info.output_width} * info.output_height);
+  while (info.output_scanline < info.output_height) {
+    JSAMPROW row = &out.samples[size_t{info.output_width} * info.output_scanline];
+    jpeg_read_scanlines(&info, &row, 1);
+  }
+  jpeg_finish_decompress(&info);
+  return true;
+}
+
+}  // namespace
+
+GreyImage decode_jpeg_luma(const std::vector<uint8_t>& bytes, int smaller) {
+  jpeg_decompress_struct info{};
+  jpeg::Errors errors;
+  info.err = errors.install(false);
+  jpeg_source_mgr source = jpeg::memory_source();
+  source.next_input_byte = bytes.data();
+  source.bytes_in_buffer = bytes.size();
+  GreyImage out;
+  const bool whole = read_luma(info, errors, source, smaller, out);
+  char text[JMSG_LENGTH_MAX] = "";
+  if (!whole) errors.manager.format_message(reinterpret_cast<j_common_ptr>(&info), text);
+  jpeg_destroy_decompress(&info);
+  if (!whole) throw Error(std::string("can't be decoded as JPEG: ") + text);
+  return out;
 }
 
 }  // namespace lf

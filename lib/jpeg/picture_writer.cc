@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Separate from image_file.cc, so that programs that only write images do not load OpenCV with its many libraries.
 #include <algorithm>
+#include <bit>
 #include <cctype>
 #include <csetjmp>
 #include <cstdlib>
@@ -64,32 +64,60 @@ void append_png_bytes(png_structp png, png_bytep from, size_t count) {
   png_error(png, "out of memory");
 }
 
+// The samples of a picture without padding; 16 bits in the order of this processor.
+struct PngPicture {
+  int width, height, bits, colour;
+  const uint8_t* samples;
+};
+
 // No object with a destructor may live between setjmp() and longjmp(), so the caller owns all objects.
-bool write_png(png_structp png, png_infop info, PngOutput& output, const Image& rgb) {
+bool write_png(png_structp png, png_infop info, PngOutput& output, const PngPicture& picture) {
   if (setjmp(output.jump)) return false;
   png_set_write_fn(png, &output, append_png_bytes, [](png_structp) {});
   // These settings are fast, and good for images of cameras.
   png_set_filter(png, PNG_FILTER_TYPE_BASE, PNG_FILTER_SUB);
   png_set_compression_level(png, Z_BEST_SPEED);
   png_set_compression_strategy(png, Z_RLE);
-  png_set_IHDR(png, info, static_cast<png_uint_32>(rgb.width()), static_cast<png_uint_32>(rgb.height()), 8,
-               PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+  png_set_IHDR(png, info, static_cast<png_uint_32>(picture.width), static_cast<png_uint_32>(picture.height),
+               picture.bits, picture.colour, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
   png_write_info(png, info);
-  for (int y = 0; y < rgb.height(); y++) png_write_row(png, rgb.pixel(0, y));
+  if (picture.bits == 16 && std::endian::native == std::endian::little) png_set_swap(png);
+  const size_t stride = png_get_rowbytes(png, info);
+  for (int y = 0; y < picture.height; y++) png_write_row(png, picture.samples + stride * static_cast<size_t>(y));
   png_write_end(png, info);
   return true;
 }
 
-std::vector<uint8_t> encode_png(const Image& rgb) {
-  check_pixels(rgb);
+std::vector<uint8_t> encode_png(const PngPicture& picture) {
   PngOutput output;
   png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, static_cast<PngErrors*>(&output), PngErrors::fail,
                                             PngErrors::ignore);
   png_infop info = png ? png_create_info_struct(png) : nullptr;
-  const bool whole = info && write_png(png, info, output, rgb);
+  const bool whole = info && write_png(png, info, output, picture);
   png_destroy_write_struct(&png, &info);
   if (!whole) throw Error(std::string("PNG: ") + output.text);
   return std::move(output.bytes);
+}
+
+std::vector<uint8_t> encode_png(const Image& rgb) {
+  check_pixels(rgb);
+  return encode_png({rgb.width(), rgb.height(), 8, PNG_COLOR_TYPE_RGB, rgb.data().data()});
+}
+
+void write_bytes(const std::vector<uint8_t>& bytes, const std::string& path) {
+  AtomicFileWriter file(path);
+  file.write({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+  file.commit();
+}
+
+void save_grey(int bits, const void* samples, int width, int height, const std::string& path) {
+  std::vector<uint8_t> bytes;
+  try {
+    bytes = encode_png({width, height, bits, PNG_COLOR_TYPE_GRAY, static_cast<const uint8_t*>(samples)});
+  } catch (const Error& error) {
+    throw Error(path + ": " + error.what());
+  }
+  write_bytes(bytes, path);
 }
 
 }  // namespace
@@ -127,9 +155,14 @@ void save_image(const Image& rgb, const std::string& path) {
   } catch (const Error& error) {
     throw Error(path + ": " + error.what());
   }
-  AtomicFileWriter file(path);
-  file.write({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
-  file.commit();
+  write_bytes(bytes, path);
+}
+
+void save_grey_png(std::span<const uint8_t> samples, int width, int height, const std::string& path) {
+  save_grey(8, samples.data(), width, height, path);
+}
+void save_grey_png(std::span<const uint16_t> samples, int width, int height, const std::string& path) {
+  save_grey(16, samples.data(), width, height, path);
 }
 
 }  // namespace lf

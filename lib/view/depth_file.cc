@@ -4,29 +4,13 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-
-#include <opencv2/imgcodecs.hpp>
+#include <vector>
 
 #include "base/file.h"
 #include "base/text.h"
+#include "image/image_file.h"
 
 namespace lf {
-
-namespace {
-
-void save_png(const cv::Mat& pixels, const std::string& path) {
-  std::vector<uint8_t> bytes;
-  try {
-    cv::imencode(".png", pixels, bytes);
-  } catch (const cv::Exception& error) {
-    throw Error(path + ": " + error.what());
-  }
-  AtomicFileWriter file(path);
-  file.write({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
-  file.commit();
-}
-
-}  // namespace
 
 void save_depth_pfm(const DepthImage& image, const std::string& path) {
   static_assert(std::endian::native == std::endian::little);
@@ -40,22 +24,22 @@ void save_depth_pfm(const DepthImage& image, const std::string& path) {
 
 void save_depth_png(const DepthImage& image, const std::string& path) {
   constexpr float kMillimetres = 1000;
-  cv::Mat pixels(image.height, image.width, CV_16UC1);
-  std::ranges::transform(image.depths, pixels.begin<uint16_t>(), [](float depth) {
+  std::vector<uint16_t> pixels(image.depths.size());
+  std::ranges::transform(image.depths, pixels.begin(), [](float depth) {
     return static_cast<uint16_t>(std::lround(std::min(depth * kMillimetres, 65535.0f)));
   });
-  save_png(pixels, path);
+  save_grey_png(pixels, image.width, image.height, path);
 }
 
 void save_confidence_png(const FocalMap* confidence, int width, int height, const std::string& path) {
-  cv::Mat pixels = cv::Mat::zeros(height, width, CV_8UC1);
+  std::vector<uint8_t> pixels(static_cast<size_t>(width) * static_cast<size_t>(height));
   std::vector<float> row(static_cast<size_t>(width));
   for (int y = 0; confidence && y < height; y++) {
     confidence->inverse_row(0, 1, y, width, row.data());
-    std::ranges::transform(row, pixels.ptr<uint8_t>(y),
+    std::ranges::transform(row, pixels.begin() + ptrdiff_t{y} * width,
                            [](float value) { return static_cast<uint8_t>(std::lround(255 * value)); });
   }
-  save_png(pixels, path);
+  save_grey_png(pixels, width, height, path);
 }
 
 }  // namespace lf

@@ -48,11 +48,9 @@ TEST(ImageFile, ReadsTheSizeAndThePixelsOfAllFormats) {
   std::vector<uint8_t> bgr = image.data();
   for (size_t i = 0; i < bgr.size(); i += 3) std::swap(bgr[i], bgr[i + 2]);
   const cv::Mat pixels(5, 6, CV_8UC3, bgr.data());
-  for (const char* ending : {".png", ".jpg", ".bmp", ".tif", ".webp", ".ppm", ".hdr"}) {
-    cv::Mat coded = pixels;
-    if (ending == ".hdr"s) pixels.convertTo(coded, CV_32FC3, 1 / 255.0);
+  for (const char* ending : {".png", ".jpg", ".bmp", ".tif", ".webp", ".ppm"}) {
     const std::string path = dir / ("picture"s + ending);
-    ASSERT_TRUE(cv::imwrite(path, coded)) << path;
+    ASSERT_TRUE(cv::imwrite(path, pixels)) << path;
     EXPECT_EQ(load_image_size(path), (ImageSize{6, 5})) << path;
     const Image read = load_image(path);
     ASSERT_EQ(read.width(), 6) << path;
@@ -101,6 +99,74 @@ TEST(ImageFile, EncodesTheSamePixelsAsOpenCv) {
   }
 }
 
+TEST(ImageFile, DecodesTheSamePixelsAsOpenCv) {
+  const TempDir dir;
+  struct Case {
+    const char* name;
+    int type, error;
+    std::vector<int> options = {};
+  };
+  enum { kLzw = 5, kDeflate = 8, kPackbits = 32773 };
+  for (const Case& c : {Case{"a.bmp", CV_8UC3, 0},
+                        {"grey.bmp", CV_8UC1, 0},
+                        {"alpha.bmp", CV_8UC4, 0},
+                        {"a.ppm", CV_8UC3, 0},
+                        {"a.pgm", CV_8UC1, 0},
+                        {"wide.ppm", CV_16UC3, 1},
+                        {"wide.pgm", CV_16UC1, 1},
+                        {"lzw.tif", CV_8UC3, 0, {cv::IMWRITE_TIFF_COMPRESSION, kLzw}},
+                        {"packbits.tif", CV_8UC1, 0, {cv::IMWRITE_TIFF_COMPRESSION, kPackbits}},
+                        {"alpha.tif", CV_8UC4, 0},
+                        {"wide.tif", CV_16UC3, 1, {cv::IMWRITE_TIFF_COMPRESSION, kDeflate}},
+                        {"lossless.webp", CV_8UC3, 0, {cv::IMWRITE_WEBP_QUALITY, 101}},
+                        {"lossy.webp", CV_8UC3, 0, {cv::IMWRITE_WEBP_QUALITY, 60}}})
+    for (const auto& [width, height] : {std::pair(1, 1), {17, 9}, {64, 48}}) {
+      cv::Mat pixels(height, width, c.type), expected;
+      cv::randu(pixels, 0, pixels.depth() == CV_16U ? 65536 : 256);
+      const std::string path = dir / c.name;
+      ASSERT_TRUE(cv::imwrite(path, pixels, c.options)) << path;
+      cv::cvtColor(cv::imread(path, cv::IMREAD_COLOR), expected, cv::COLOR_BGR2RGB);
+      const Image image = load_image(path);
+      ASSERT_EQ(image.data().size(), expected.total() * 3) << path;
+      for (size_t i = 0; i < image.data().size(); i++)
+        ASSERT_NEAR(image.data()[i], expected.data[i], c.error) << path << ", sample " << i;
+    }
+}
+
+TEST(ImageFile, DecodesTheSameLumaAsOpenCv) {
+  const std::vector<uint8_t> jpeg = encode_jpeg(test::noisy_picture(99, 61, 3), 90);
+  for (const auto& [smaller, mode] : {std::pair(1, cv::IMREAD_GRAYSCALE),
+                                      {2, cv::IMREAD_REDUCED_GRAYSCALE_2},
+                                      {4, cv::IMREAD_REDUCED_GRAYSCALE_4},
+                                      {8, cv::IMREAD_REDUCED_GRAYSCALE_8}}) {
+    const cv::Mat expected = cv::imdecode(jpeg, mode);
+    const GreyImage luma = decode_jpeg_luma(jpeg, smaller);
+    ASSERT_EQ(luma.width, expected.cols) << smaller;
+    ASSERT_EQ(luma.height, expected.rows) << smaller;
+    for (int y = 0; y < luma.height; y++)
+      for (int x = 0; x < luma.width; x++)
+        ASSERT_EQ(luma.samples[static_cast<size_t>(y * luma.width + x)], expected.at<uint8_t>(y, x)) << smaller;
+  }
+  EXPECT_ERROR(decode_jpeg_luma({1, 2, 3}, 1), "JPEG");
+}
+
+TEST(ImageFile, DamagedBmpAndPnmAreErrors) {
+  const TempDir dir;
+  const cv::Mat pixels(9, 17, CV_8UC3, cv::Scalar(1, 2, 3));
+  for (const char* name : {"a.bmp", "a.ppm"}) {
+    ASSERT_TRUE(cv::imwrite(dir / name, pixels));
+    const std::string whole = read_file(dir / name);
+    dir.write(name, whole.substr(0, whole.size() - 4));
+    EXPECT_ERROR(load_image(dir / name), name, "truncated");
+  }
+  dir.write("white.pgm", "P5 1 1 0\nx");
+  EXPECT_ERROR(load_image(dir / "white.pgm"), "white.pgm", "level of white");
+  std::string compressed = "BM"s + little_endian(100) + little_endian(0) + little_endian(54) + little_endian(40) +
+                           little_endian(1) + little_endian(1) + "\x01\0\x08\0\x01\0\0\0"s;
+  dir.write("rle.bmp", compressed + std::string(60, '\0'));
+  EXPECT_ERROR(load_image(dir / "rle.bmp"), "rle.bmp", "uncompressed");
+}
+
 TEST(ImageFile, RefusesHugeSizesBeforeDecoding) {
   const TempDir dir;
   struct Case {
@@ -116,9 +182,7 @@ TEST(ImageFile, RefusesHugeSizesBeforeDecoding) {
            {"b.png", png_header(0x7fffffff, 0x7fffffff), "2147483647x2147483647"},
            {"a.ppm", "P6 30000 30000 255\n", "30000x30000"},
            {"a.pgm", "P5 # text\n 2147483647\n2147483647 65535\n", "2147483647x2147483647"},
-           {"a.pfm", "PF\n30000 30000\n-1.0\n", "30000x30000"},
            {"a.bmp", bmp + little_endian(30000) + little_endian(static_cast<uint32_t>(-30000)), "30000x30000"},
-           {"a.hdr", "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 30000 +X 20000\n", "20000x30000"},
            {"a.jpg", "\xff\xd8\xff\xe0\0\4\0\0\xff\xc0\0\x0b\x08\xff\xff\xff\xf0"s, "65520x65535"},
            {"a.tif", tif, "30000x30000"},
            {"a.webp", "RIFF\0\0\0\0WEBPVP8X\x0a\0\0\0\0\0\0\0\xff\xff\xff\xff\xff\xff"s, "16777216x16777216"},
@@ -143,10 +207,26 @@ TEST(ImageFile, UnexpectedSizeAllocatesNoMemory) {
 
 TEST(ImageFile, RefusesOtherFilesAndTruncatedHeaders) {
   const TempDir dir;
-  for (const std::string& bytes :
-       {""s, "hello"s, "P"s, "P6"s, "P6 640"s, "\x89PNG\r\n\x1a\n"s, png_header(8, 8).substr(0, 22), "\xff\xd8\xff"s,
-        "\xff\xd8\xff\xe0\xff\xff"s, "BM"s, "II*\0"s, "II*\0\xff\xff\xff\xff"s, "RIFF1234WEBP"s, "RIFF1234WEBPVP8 "s,
-        "#?RADIANCE\n"s, "#?RADIANCE\n\n-Y"s, "P6 -3 5 255\n"s, "P6 0 0 255\n"s, "<VRTDataset/>"s}) {
+  for (const std::string& bytes : {""s,
+                                   "hello"s,
+                                   "P"s,
+                                   "P6"s,
+                                   "P6 640"s,
+                                   "\x89PNG\r\n\x1a\n"s,
+                                   png_header(8, 8).substr(0, 22),
+                                   "\xff\xd8\xff"s,
+                                   "\xff\xd8\xff\xe0\xff\xff"s,
+                                   "BM"s,
+                                   "II*\0"s,
+                                   "II*\0\xff\xff\xff\xff"s,
+                                   "RIFF1234WEBP"s,
+                                   "RIFF1234WEBPVP8 "s,
+                                   "#?RADIANCE\n\n-Y 3 +X 2\n"s,
+                                   "PF\n3 3\n-1.0\n"s,
+                                   "P3 1 1 255\n1 2 3\n"s,
+                                   "P6 -3 5 255\n"s,
+                                   "P6 0 0 255\n"s,
+                                   "<VRTDataset/>"s}) {
     dir.write("file", bytes);
     EXPECT_ERROR(load_image(dir / "file"), "file", "not an image", "read");
   }
