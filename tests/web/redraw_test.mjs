@@ -231,24 +231,59 @@ async function worksWithoutWebGl() {
   await closeClean(page, served);
 }
 
-// Some browsers give no RTP timestamps. The latest surface then belongs to the latest picture.
-async function worksWithoutRtpTimestamps() {
-  const served = await serve(...rig), page = await newPage(browser, size, { before: allowSoftware });
-  await page.addInitScript(() => {
+// Some browsers give no RTP timestamps with their pictures, or no callbacks for pictures. The page then uses the timestamp of
+// the decoder, or the latest surface belongs to the latest picture.
+const withoutTimestamps = {
+  'timestamps': () => {
     const { requestVideoFrameCallback } = HTMLVideoElement.prototype;
+    globalThis.reportFrame = requestVideoFrameCallback;
     HTMLVideoElement.prototype.requestVideoFrameCallback = function (done) {
       return requestVideoFrameCallback.call(this, (now, { rtpTimestamp, ...frame }) => done(now, frame));
     };
-  });
-  await page.goto(served.url);
-  await page.waitForFunction(() => inside()?.redraw.picture?.surface.levels.length > 100);
-  await rests(page);
-  const { aperture, ...home } = await stateOf(page), view = { ...home, x: home.x + 0.03 };
-  const png = await redrawn(page, { x: view.x }), [truth, last] = await truthsOf([view, home], size);
-  const [{ psnr }, { psnr: stale }] = [await compare(page, png, truth), await compare(page, last, truth)];
-  console.log(`# without RTP timestamps: redrawn ${psnr.toFixed(1)} dB, stale ${stale.toFixed(1)} dB`);
-  expect(psnr > stale + 2, `the redrawn picture is ${psnr} dB from the truth`);
-  await closeClean(page, served);
+    delete RTCRtpReceiver.prototype.getSynchronizationSources;
+  },
+  'frame callbacks': () => {
+    globalThis.reportFrame = HTMLVideoElement.prototype.requestVideoFrameCallback;
+    delete HTMLVideoElement.prototype.requestVideoFrameCallback;
+  },
+};
+async function worksWithoutRtpTimestamps() {
+  for (const [what, remove] of Object.entries(withoutTimestamps)) {
+    const served = await serve(...rig), page = await newPage(browser, size, { before: allowSoftware });
+    await page.addInitScript(remove);
+    await page.goto(served.url);
+    await page.waitForFunction(() => inside()?.redraw.picture?.surface.levels.length > 100);
+    await rests(page);
+    const { aperture, ...home } = await stateOf(page), view = { ...home, x: home.x + 0.03 };
+    const png = await redrawn(page, { x: view.x }), [truth, last] = await truthsOf([view, home], size);
+    const [{ psnr }, { psnr: stale }] = [await compare(page, png, truth), await compare(page, last, truth)];
+    console.log(`# without ${what}: redrawn ${psnr.toFixed(1)} dB, stale ${stale.toFixed(1)} dB`);
+    expect(psnr > stale + 2, `the redrawn picture is ${psnr} dB from the truth`);
+    await rests(page);
+    const [shown, paired, right] = await page.evaluate(async () => {
+      const { redraw, flight, video } = inside(), counts = [0, 0, 0], { show } = redraw;
+      redraw.paint = () => {};  // drawing in software would delay the pictures
+      redraw.show = timestamp => {
+        show.call(redraw, timestamp);
+        counts[0]++;
+        counts[1] += redraw.picture.surface.timestamp === timestamp;
+      };
+      const compare = (now, { rtpTimestamp }) => {
+        reportFrame.call(video, compare);
+        requestAnimationFrame(() => counts[2] += redraw.timestamp === rtpTimestamp);
+      };
+      reportFrame.call(video, compare);
+      for (let i = 0; i < 60; i++) {
+        flight.sendView({ x: 0.03 * Math.sin(i / 10) });
+        await new Promise(done => setTimeout(done, 33));
+      }
+      return counts;
+    });
+    console.log(`# without ${what}: of ${shown} pictures, ${paired} have their own surface, and ${right} their own timestamp`);
+    expect(what === 'timestamps' ? shown > 5 && !paired : Math.min(paired, right) > shown / 2,
+      `only ${paired} of ${shown} pictures have a surface, and ${right} the right timestamp`);
+    await closeClean(page, served);
+  }
 }
 
 // The promise of setView() resolves, however slow the network is.
@@ -528,7 +563,7 @@ await runTests([
   ['gaps show what is behind', gapsShowWhatIsBehind],
   ['predictions are exact', predictionsAreExact],
   ['works without WebGL', worksWithoutWebGl],
-  ['works without RTP timestamps', worksWithoutRtpTimestamps],
+  ['works without RTP timestamps or frame callbacks', worksWithoutRtpTimestamps],
   ['movements do not wait for the server', movementsDoNotWait],
   ['redrawn pictures are better than stale ones', redrawnPicturesAreBetterThanStaleOnes],
 ]);

@@ -111,6 +111,7 @@ export class Connection extends EventTarget {
     peer.addTransceiver('video', { direction: 'recvonly' });
     if (!this.isPlain) this.addChannels();
     peer.ontrack = event => {
+      this.receiver = event.receiver;
       if ('jitterBufferTarget' in event.receiver) event.receiver.jitterBufferTarget = 0;
       if ('playoutDelayHint' in event.receiver) event.receiver.playoutDelayHint = 0;
       this.media = new MediaStream([event.track]);
@@ -168,6 +169,9 @@ export class Connection extends EventTarget {
     this.isPlain = true;
     this.dispatchEvent(new CustomEvent('plain'));
   }
+
+  // The RTP timestamp of the picture that was decoded last, or undefined.
+  get rtpTimestamp() { return this.receiver?.getSynchronizationSources?.()[0]?.rtpTimestamp; }
 
   gathered() {
     const { peer } = this;

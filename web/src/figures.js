@@ -12,7 +12,7 @@ export class Figures {
     this.latencies = []; // milliseconds from a change until it is visible
   }
 
-  frame(now, { rtpTimestamp }) {
+  frame(now, rtpTimestamp) {
     this.shown = [...this.shown.filter(time => time > now - 1000), now];
     if (rtpTimestamp === undefined) return;
     const done = this.waiting.filter(([stamp]) => isShown(stamp, rtpTimestamp));

@@ -98,7 +98,7 @@ export class ViewNavigation {
     viewer.slider.setAttribute('aria-valuetext', `${focus.toPrecision(3)} metres`);
   }
 
-  show({ rtpTimestamp }) {
+  show(rtpTimestamp) {
     const before = this.seen;
     let shown = 0;
     while (this.changes.length) {

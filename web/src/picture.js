@@ -3,6 +3,28 @@
 
 const kSame = 1.02;  // aspect ratios that differ by less count as equal
 
+// Calls take(now, rtpTimestamp) for each picture that a video displays. The timestamp is undefined in browsers that do not
+// report it. Browsers without requestVideoFrameCallback() only have a number of pictures, which is read in each frame of the
+// display while the video plays.
+export function watchFrames(video, take) {
+  if (video.requestVideoFrameCallback) {
+    const next = () => video.requestVideoFrameCallback((now, { rtpTimestamp }) => {
+      next();
+      take(now, rtpTimestamp);
+    });
+    return next();
+  }
+  let count = 0, frame = null;
+  const look = now => {
+    frame = video.paused ? null : requestAnimationFrame(look);
+    const { totalVideoFrames } = video.getVideoPlaybackQuality();
+    if (totalVideoFrames === count) return;
+    count = totalVideoFrames;
+    take(now);
+  };
+  video.addEventListener('playing', () => frame ??= requestAnimationFrame(look));
+}
+
 export class Picture {
   constructor(viewer) { this.viewer = viewer; }
 

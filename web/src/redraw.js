@@ -131,7 +131,7 @@ export class Redraw {
   }
 
   // A new picture is on the screen.
-  show({ rtpTimestamp }) {
+  show(rtpTimestamp) {
     const { flight: { seen, margin }, twoEyes, eyeDistance, headset } = this.viewer, { width, height } = this.size;
     if (this.painted && !this.pictures) this.hide();
     const surfaces = this.surfaces.get(rtpTimestamp) ?? [], distance = headset?.viewParams?.['eye-distance'] ?? eyeDistance;

@@ -12,7 +12,7 @@ import { Headset, headsets } from './headset.js';
 import { makeStage, style } from './markup.js';
 import { MonitorPanel } from './monitor.js';
 import { StatusMessage } from './notice.js';
-import { Anaglyph, kModes, Picture } from './picture.js';
+import { Anaglyph, kModes, Picture, watchFrames } from './picture.js';
 import { Redraw } from './redraw.js';
 import { Stream, VisibilityWatcher } from './stream.js';
 import { Tilt } from './tilt.js';
@@ -76,7 +76,7 @@ export class Viewer {
     click('button.quality', () => this.toggle('quality', this.monitor));
     click('.start', () => this.play());
     headsets().then(there => this.choice.querySelector('[value=headset]').hidden = !there);
-    this.frames();
+    watchFrames(this.video, (now, rtpTimestamp) => this.shown(now, rtpTimestamp));
   }
 
   // Call when the element enters or leaves a page. Moving the element within the page keeps the stream.
@@ -285,25 +285,24 @@ export class Viewer {
     this.vignette.know(coverage);
   }
 
-  frames() {
-    this.video.requestVideoFrameCallback?.((now, frame) => {
-      this.frames();
-      const { displayed } = this.stream;
-      if (!displayed?.media) return;
-      displayed.checkPlain();
-      this.flight.show(frame);
-      this.redraw.show(frame);
-      this.notice.shown();
-      this.panel.frame(now, frame);
-      this.vignette.draw(now);
-      this.anaglyph.draw(this.flight.seen, this.eyeDistance);
-      this.cameras.draw(now, this.isInteractive ? this.flight.seen : null);
-      // The event also requires the displayed view, if there is one.
-      if (!this.loaded && (this.flight.seen || !this.isInteractive)) {
-        this.loaded = true;
-        this.tell('first-frame', { width: this.picture.eyeWidth, height: this.video.videoHeight });
-      }
-    });
+  // A new picture is on the screen.
+  shown(now, reported) {
+    const { displayed } = this.stream;
+    if (!displayed?.media) return;
+    const rtpTimestamp = reported ?? displayed.rtpTimestamp;
+    displayed.checkPlain();
+    this.flight.show(rtpTimestamp);
+    this.redraw.show(rtpTimestamp);
+    this.notice.shown();
+    this.panel.frame(now, rtpTimestamp);
+    this.vignette.draw(now);
+    this.anaglyph.draw(this.flight.seen, this.eyeDistance);
+    this.cameras.draw(now, this.isInteractive ? this.flight.seen : null);
+    // The event also requires the displayed view, if there is one.
+    if (!this.loaded && (this.flight.seen || !this.isInteractive)) {
+      this.loaded = true;
+      this.tell('first-frame', { width: this.picture.eyeWidth, height: this.video.videoHeight });
+    }
   }
 
   // Sends a request to the server and returns its id. Without a connection, the view moves in the last picture, and the
