@@ -221,7 +221,16 @@ function pretendHeadset() {
       if (state.baseLayer) Object.assign(state.baseLayer.gl.canvas, { width: 640, height: 320 });
     }
     async requestReferenceSpace() { return {}; }
-    requestAnimationFrame(draw) { this.over || setTimeout(() => draw(performance.now(), { getViewerPose: pose }), 11); }  // 90 Hz
+    // All callbacks of a frame run in one task, at 90 Hz, so that nothing changes between them.
+    requestAnimationFrame(draw) {
+      if (this.callbacks?.push(draw)) return;
+      this.callbacks = [draw];
+      setTimeout(() => {
+        const { callbacks } = this;
+        this.callbacks = null;
+        if (!this.over) callbacks.forEach(call => call(performance.now(), { getViewerPose: pose }));
+      }, 11);
+    }
     async end() {
       this.over = true;
       this.dispatchEvent(new Event('end'));
