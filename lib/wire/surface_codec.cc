@@ -5,11 +5,13 @@
 #include <array>
 #include <cmath>
 
+#include "wire/range_coder.h"
 #include "wire/unit.h"
 
 namespace lf::wire {
 namespace {
 
+constexpr int kTop = static_cast<int>(FocalMap::kLevels);
 constexpr int kPlaneStep = 32;  // pixels between the nodes of an inclined plane
 
 // Returns the inverse of the depth t along the optical axis, where the line of sight meets the surface with the inverse
@@ -41,40 +43,81 @@ std::vector<double> inverse_depths(const View& view, const PictureSurface& grid)
 
 void set_levels(PictureSurface& surface, const std::vector<double>& inverses) {
   const auto [farthest, nearest] = std::ranges::minmax(inverses);
-  surface.farthest = farthest;
-  surface.nearest = nearest;
-  const double scale = nearest > farthest ? FocalMap::kLevels / (nearest - farthest) : 0;
+  surface.farthest = static_cast<float>(farthest);
+  surface.nearest = static_cast<float>(nearest);
+  const double range = double{surface.nearest} - surface.farthest, scale = range > 0 ? FocalMap::kLevels / range : 0;
   surface.levels.clear();
   for (const double inverse : inverses)
-    surface.levels.push_back(static_cast<uint8_t>(std::lround((inverse - farthest) * scale)));
+    surface.levels.push_back(
+        static_cast<uint8_t>(std::clamp(std::lround((inverse - surface.farthest) * scale), 0L, long{kTop})));
 }
 
 // The predictor of lossless JPEG-LS: the median of the left node, the node above, and the plane through the neighbours.
 // Beyond the border, nodes are 0.
-uint8_t predicted(const uint8_t* node, int i, int j, int columns) {
+int predicted(const uint8_t* node, int i, int j, int columns) {
   if (j == 0) return i == 0 ? 0 : node[-1];
   const int up = *(node - columns);
-  if (i == 0) return static_cast<uint8_t>(up);
+  if (i == 0) return up;
   const int left = node[-1], corner = *(node - columns - 1);
-  return static_cast<uint8_t>(std::clamp(left + up - corner, std::min(left, up), std::max(left, up)));
+  return std::clamp(left + up - corner, std::min(left, up), std::max(left, up));
 }
 
-template <typename Each>
-void for_each_node(const PictureSurface& surface, Each each) {
-  for (int j = 0; j < surface.rows; j++)
-    for (int i = 0; i < surface.columns; i++) each(i, j, static_cast<size_t>(j * surface.columns + i));
+// Codes the difference of a level from its prediction, in units of 2 tolerance + 1 levels: whether there is a
+// difference, its sign, and its size as an adaptive Exp-Golomb code.
+class DifferenceModel {
+ public:
+  // `around` is the sum of the neighbouring sizes.
+  template <typename Coder>
+  int code(Coder& coder, int around, int difference) {
+    const size_t kind = static_cast<size_t>(std::min(around, static_cast<int>(kKinds) - 1));
+    if (!coder.code(differs_[kind], difference != 0)) return 0;
+    const bool is_negative = coder.code(is_negative_, difference < 0);
+    const unsigned size = static_cast<unsigned>(std::abs(difference));
+    size_t bits = 0;  // after the first one
+    while (bits < kMostBits && coder.code(is_longer_[kind][bits], size >> (bits + 1) != 0)) bits++;
+    unsigned coded = 1;
+    for (size_t k = bits; k-- > 0;) coded = 2 * coded + coder.code(bits_[bits][k + 1 == bits], (size >> k & 1) != 0);
+    return is_negative ? -static_cast<int>(coded) : static_cast<int>(coded);
+  }
+
+ private:
+  static constexpr size_t kKinds = 4, kMostBits = 7;
+  std::array<AdaptiveBit, kKinds> differs_;
+  AdaptiveBit is_negative_;
+  std::array<std::array<AdaptiveBit, kMostBits>, kKinds> is_longer_;
+  std::array<std::array<AdaptiveBit, 2>, kMostBits + 1> bits_;
+};
+
+// Encodes the levels, or replaces them by decoded ones. The encoder changes the levels to those that the decoder gets.
+template <typename Coder>
+void code_levels(Coder& coder, PictureSurface& surface) {
+  DifferenceModel model;
+  const int unit = 2 * surface.tolerance + 1;
+  std::vector<int> above(static_cast<size_t>(surface.columns));
+  uint8_t* node = surface.levels.data();
+  for (int j = 0; j < surface.rows; j++) {
+    int left = 0;
+    for (int i = 0; i < surface.columns; i++, node++) {
+      int& up = above[static_cast<size_t>(i)];
+      const int expected = predicted(node, i, j, surface.columns), difference = *node - expected;
+      const int units = (std::abs(difference) + surface.tolerance) / unit;
+      const int coded = model.code(coder, left + up, difference < 0 ? -units : units);
+      *node = static_cast<uint8_t>(std::clamp(expected + coded * unit, 0, kTop));
+      left = up = std::abs(coded);
+    }
+  }
 }
 
 void check(const PictureSurface& surface) {
   validate_size("width", surface.width);
   validate_size("height", surface.height);
   if (surface.view < 0 || surface.view >= PictureSurface::kMaxViews) throw Error("view: must be 0 or 1");
-  if (surface.step < 1) throw Error("step: must be at least 1");
+  if (surface.tolerance < 0 || surface.tolerance > PictureSurface::kMaxTolerance)
+    throw Error("tolerance: " + std::to_string(surface.tolerance) + " levels are too many");
   const size_t nodes = static_cast<size_t>(surface.columns) * static_cast<size_t>(surface.rows);
-  if (surface.columns != FocalMap::nodes(surface.width, surface.step) ||
-      surface.rows != FocalMap::nodes(surface.height, surface.step) || nodes > PictureSurface::kMaxNodes)
-    throw Error("grid: " + std::to_string(surface.columns) + " x " + std::to_string(surface.rows) +
-                " nodes do not fit the picture");
+  if (nodes > PictureSurface::kMaxNodes)
+    throw Error("step: " + std::to_string(surface.columns) + " x " + std::to_string(surface.rows) +
+                " nodes are too many");
   const double turn = glm::length(surface.pose.orientation);
   if (!is_finite(surface.pose.position) || !(std::abs(turn - 1) < 1e-6))
     throw Error("pose: must be finite and of unit length");
@@ -85,17 +128,25 @@ void check(const PictureSurface& surface) {
     throw Error("depths: must be finite, at least 0, and in order");
 }
 
+template <typename Number>
+void single(Reader& in, Number& value) {
+  value = std::bit_cast<float>(in.get<uint32_t>());
+}
+void single(Writer& out, double value) { out.put(std::bit_cast<uint32_t>(static_cast<float>(value))); }
+
 // The fields after the first byte, which is the version.
 template <typename Io, typename Surface>
 void fields(Io& io, Surface& surface) {
   field<uint8_t>(io, surface.view);
   field<uint16_t>(io, surface.step);
   field<uint32_t>(io, surface.timestamp);
-  for (auto* number : {&surface.width, &surface.height, &surface.columns, &surface.rows}) field<uint16_t>(io, *number);
+  for (auto* number : {&surface.width, &surface.height}) field<uint16_t>(io, *number);
+  field<uint8_t>(io, surface.tolerance);
   auto& [position, turn] = surface.pose;
-  for (auto* number : {&position.x, &position.y, &position.z, &turn.w, &turn.x, &turn.y, &turn.z, &surface.fx,
-                       &surface.fy, &surface.cx, &surface.cy, &surface.farthest, &surface.nearest})
-    field<double>(io, *number);
+  for (auto* number : {&position.x, &position.y, &position.z}) field<double>(io, *number);
+  for (auto* number : {&turn.w, &turn.x, &turn.y, &turn.z}) single(io, *number);
+  for (auto* number : {&surface.fx, &surface.fy, &surface.cx, &surface.cy, &surface.farthest, &surface.nearest})
+    single(io, *number);
 }
 
 PictureSurface read_surface(std::span<const uint8_t> bytes) {
@@ -105,13 +156,14 @@ PictureSurface read_surface(std::span<const uint8_t> bytes) {
   PictureSurface surface;
   fields(in, surface);
   if (!in.ok()) throw Error("header: the message is too short");
+  if (surface.step < 1) throw Error("step: must be at least 1");
+  surface.columns = FocalMap::nodes(surface.width, surface.step);
+  surface.rows = FocalMap::nodes(surface.height, surface.step);
   check(surface);
-  surface.levels = inflate_exactly(in.get_bytes(in.left()),
-                                   static_cast<size_t>(surface.columns) * static_cast<size_t>(surface.rows));
-  for_each_node(surface, [&](int i, int j, size_t at) {
-    uint8_t* node = surface.levels.data() + at;
-    *node = static_cast<uint8_t>(*node + predicted(node, i, j, surface.columns));
-  });
+  surface.levels.resize(static_cast<size_t>(surface.columns) * static_cast<size_t>(surface.rows));
+  RangeDecoder coder(in.get_bytes(in.left()));
+  code_levels(coder, surface);
+  if (!coder.is_complete()) throw Error("levels: the message has a wrong length");
   return surface;
 }
 
@@ -124,10 +176,13 @@ std::optional<PictureSurface> picture_surface(const View& view, uint32_t timesta
                          .width = view.width,
                          .height = view.height,
                          .pose = {view.pose.position, glm::normalize(view.pose.orientation)},
-                         .fx = view.lens.fx(),
-                         .fy = view.lens.fy(),
-                         .cx = view.lens.cx(),
-                         .cy = view.lens.cy()};
+                         .fx = static_cast<float>(view.lens.fx()),
+                         .fy = static_cast<float>(view.lens.fy()),
+                         .cx = static_cast<float>(view.lens.cx()),
+                         .cy = static_cast<float>(view.lens.cy())};
+  for (double* number : {&surface.pose.orientation.w, &surface.pose.orientation.x, &surface.pose.orientation.y,
+                         &surface.pose.orientation.z})
+    *number = static_cast<float>(*number);
   const double facing = std::abs(glm::dot(view.focus.plane.normal, view.pose.forward()));
   constexpr double kParallel = 1e-9;
   surface.step = map ? map->step : facing > 1 - kParallel ? std::max(view.width, view.height) : kPlaneStep;
@@ -167,17 +222,40 @@ bool halve(PictureSurface& surface) {
   return true;
 }
 
+void smooth(PictureSurface& surface) {
+  // A network of comparisons moves the median of nine values to the middle.
+  constexpr std::pair<size_t, size_t> kComparisons[] = {{1, 2}, {4, 5}, {7, 8}, {0, 1}, {3, 4}, {6, 7}, {1, 2},
+                                                        {4, 5}, {7, 8}, {0, 3}, {5, 8}, {4, 7}, {3, 6}, {1, 4},
+                                                        {2, 5}, {4, 7}, {4, 2}, {6, 4}, {4, 2}};
+  const size_t columns = static_cast<size_t>(surface.columns), rows = static_cast<size_t>(surface.rows);
+  std::array<std::vector<uint8_t>, 9> around;  // rows of neighbours
+  const std::vector<uint8_t> before = surface.levels;
+  for (size_t j = 0; j < rows; j++) {
+    for (size_t k = 0; k < around.size(); k++) {
+      const size_t y = std::clamp(j + k / 3, size_t{1}, rows) - 1;
+      around[k].resize(columns);
+      for (size_t i = 0; i < columns; i++)
+        around[k][i] = before[y * columns + std::clamp(i + k % 3, size_t{1}, columns) - 1];
+    }
+    for (const auto& [a, b] : kComparisons)
+      for (size_t i = 0; i < columns; i++) {
+        const uint8_t low = std::min(around[a][i], around[b][i]);
+        around[b][i] = std::max(around[a][i], around[b][i]);
+        around[a][i] = low;
+      }
+    std::ranges::copy(around[4], surface.levels.begin() + static_cast<std::ptrdiff_t>(j * columns));
+  }
+}
+
 std::vector<uint8_t> encode_surface(const PictureSurface& surface) {
-  std::vector<uint8_t> differences(surface.levels.size());
-  for_each_node(surface, [&](int i, int j, size_t at) {
-    const uint8_t* node = surface.levels.data() + at;
-    differences[at] = static_cast<uint8_t>(*node - predicted(node, i, j, surface.columns));
-  });
-  const std::vector<uint8_t> deflated = deflate_all(differences);
-  Writer out(PictureSurface::kHeaderBytes + deflated.size());
+  PictureSurface coded = surface;
+  RangeEncoder coder;
+  code_levels(coder, coded);
+  const std::vector<uint8_t> levels = coder.finish();
+  Writer out(PictureSurface::kHeaderBytes + levels.size());
   out.put(PictureSurface::kVersion);
   fields(out, surface);
-  out.put_bytes(deflated);
+  out.put_bytes(levels);
   return out.take();
 }
 

@@ -6,7 +6,8 @@ import { join } from 'node:path';
 import { allowSoftware, artefacts, expect, launchBrowser, makeRig, newPage, openDelayed, processorTime, rests, runTests, serve,
   setView, settled, shown, stateOf, truthsOf, until } from './harness.mjs';
 
-const kMovements = Number(process.env.LF_MOVEMENTS ?? 200), kSamples = 40, kSeconds = 15, kTurns = 8;
+const kMovements = Number(process.env.LF_MOVEMENTS ?? 200), kSamples = 40, kSeconds = 8, kTurns = 24;
+const kPacket = 100;  // bytes of the headers of a message: UDP, DTLS and SCTP
 const kStarts = 5, kPosition = 0.1, kAngle = 10;  // metres, degrees
 const size = { width: 640, height: 480 }, folder = join(artefacts, 'reprojection');
 await mkdir(folder, { recursive: true });
@@ -81,7 +82,7 @@ async function prepare(page, list) {
       return 10 * Math.log10(255 ** 2 * a.length * 0.75 / Math.max(sum, 1e-9));
     };
     const all = await Promise.all(list.map(async ({ state, message, picture }) =>
-      ({ state, surface: await decodeSurface(Uint8Array.from(message).buffer), image: await imageOf(picture) })));
+      ({ state, surface: decodeSurface(Uint8Array.from(message).buffer), image: await imageOf(picture) })));
     globalThis.measure = async (index, view, truth) => {
       const { state, surface, image } = all[index];
       painter.load(image, index);
@@ -181,10 +182,10 @@ async function motionToPainted(film) {
 async function costOnTheServer(film) {
   // At a low rate, even a busy machine keeps the full size and all depths.
   const served = await serve('--rig', join(film, 'rig.json'), '--connects', '100', '--framerate', '10');
-  const browser = await launchBrowser(), sums = { true: [0, 0, 0, 0], false: [0, 0, 0, 0] };
+  const browser = await launchBrowser(), turns = { with: [], without: [] };
   for (let turn = 0; turn < kTurns; turn++) {
-    const withSurfaces = turn % 2 === 0, page = await newPage(browser, size);
-    if (!withSurfaces)
+    const kind = turn % 2 ? 'without' : 'with', page = await newPage(browser, size);
+    if (kind === 'without')
       await page.addInitScript(() => {
         const { createDataChannel } = RTCPeerConnection.prototype;
         RTCPeerConnection.prototype.createDataChannel = function (name, options) {
@@ -196,21 +197,31 @@ async function costOnTheServer(film) {
     const sample = async () => [await processorTime(served.pid), await served.metric('pictures_total'),
       await served.metric('video_bytes_total'), await served.metric('surface_bytes_total')];
     const before = await sample();
-    await page.evaluate(async seconds => {
-      const { flight } = inside(), { x } = flight.state, began = performance.now();
+    const messages = await page.evaluate(async seconds => {
+      const { flight, stream } = inside(), { x } = flight.state, began = performance.now();
+      let messages = 0;
+      stream.connection.addEventListener('surface', () => messages++);
       while (performance.now() < began + 1000 * seconds) {
         flight.sendView({ x: x + 0.05 * Math.sin((performance.now() - began) / 500) });
         await new Promise(done => setTimeout(done, 33));
       }
+      return messages;
     }, kSeconds);
-    (await sample()).forEach((value, k) => sums[withSurfaces][k] += value - before[k]);
+    const [time, pictures, video, surfaces] = (await sample()).map((value, k) => value - before[k]);
+    turns[kind].push([1000 * time, video, surfaces + kPacket * messages].map(value => value / pictures));
     expect(await page.evaluate(width => inside().video.videoWidth === width, size.width), 'the pictures have the full size');
     await page.context().close();
   }
-  for (const [surfaces, [time, pictures, video, bytes]] of Object.entries(sums))
-    console.log(`# ${surfaces === 'true' ? 'with' : 'without'} surfaces: ${(1000 * time / pictures).toFixed(1)} ms of a processor, ` +
-      `${(video / pictures / 1000).toFixed(1)} kB of video and ${(bytes / pictures / 1000).toFixed(2)} kB of surfaces a picture ` +
-      `(${pictures} pictures)`);
+  const means = Object.values(turns).map(rows => rows[0].map((_, k) => rows.reduce((sum, row) => sum + row[k], 0) / rows.length));
+  for (const [kind, [time, video, surfaces]] of Object.keys(turns).map((kind, i) => [kind, means[i]])) {
+    const times = turns[kind].map(([value]) => value);
+    console.log(`# ${kind} surfaces, mean of ${times.length} turns: ${time.toFixed(2)} ms of a processor (${at(times, 0.25).toFixed(2)} to ` +
+      `${at(times, 0.75).toFixed(2)} in half of the turns), ${(video / 1000).toFixed(2)} kB of video and ${surfaces.toFixed(0)} bytes of ` +
+      `surfaces with their headers a picture`);
+  }
+  const [[time, video, surfaces], [plain, plainVideo]] = means;
+  console.log(`# surfaces cost ${(100 * (time / plain - 1)).toFixed(1)} % of the processor time, and ` +
+    `${(100 * surfaces / video).toFixed(1)} % of the bits of the video (${(100 * ((video + surfaces) / plainVideo - 1)).toFixed(1)} % more in all)`);
   await browser.close();
   await served.stop();
 }

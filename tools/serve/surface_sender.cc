@@ -9,6 +9,13 @@
 namespace lf::serve {
 namespace {
 
+// From exact to coarse surfaces, by the quality of redrawn pictures. Even a tolerance of 8 levels costs less quality
+// than half the resolution.
+constexpr struct {
+  int halvings, tolerance;
+} kCoarseness[] = {{0, 2}, {0, 4}, {0, 8}, {1, 2}, {1, 4}, {1, 8}, {2, 4}, {3, 4}};
+constexpr double kGrowth = 1.6;  // of the bytes, from one to the next finer one
+
 bool same_camera(const View& a, const View& b) {
   return a.pose == b.pose && a.lens == b.lens && a.width == b.width && a.height == b.height;
 }
@@ -36,20 +43,22 @@ SurfaceSender::Message SurfaceSender::message(Eye& eye, int index, View view, ui
   auto surface = wire::picture_surface(view, timestamp);
   if (!surface) return {};
   surface->view = index;
+  wire::smooth(*surface);
   int halvings = 0;
-  const auto coarser = [&] { return wire::halve(*surface) && ++halvings > 0; };
-  while (!rests && halvings < eye.halvings && coarser()) {
-  }
+  size_t coarseness = rests ? 0 : eye.coarseness;
   Message bytes;
-  for (;;) {
+  for (;; coarseness++) {
+    if (coarseness == std::size(kCoarseness)) return {};
+    while (halvings < kCoarseness[coarseness].halvings && wire::halve(*surface)) halvings++;
+    surface->tolerance = kCoarseness[coarseness].tolerance;
     bytes = wire::encode_surface(*surface);
     eye.awaited = std::min(bytes.size() + kPacketBytes, kMaxBytes);
     if (static_cast<double>(bytes.size() + kPacketBytes) <= eye.credit) break;
-    const bool waits = rests && bytes.size() + kPacketBytes <= kMaxBytes;
-    if (waits || !coarser()) return {};
+    if (rests && bytes.size() + kPacketBytes <= kMaxBytes) return {};  // waits for enough bits
   }
-  // A finer grid has up to four times as many bytes.
-  if (!rests) eye.halvings = 4.0 * static_cast<double>(eye.awaited) < eye.credit ? std::max(halvings - 1, 0) : halvings;
+  if (!rests)
+    eye.coarseness =
+        coarseness && kGrowth * static_cast<double>(eye.awaited) < eye.credit ? coarseness - 1 : coarseness;
   eye.credit -= static_cast<double>(eye.awaited);
   eye.sent = std::move(view);
   eye.unchanged = 0;

@@ -19,11 +19,11 @@ namespace lf::serve {
 // A stereo pair has a message for each eye.
 //
 // The messages take at most kShare of the bits of the video. If there are not enough bits while the view moves, the
-// surface gets a lower resolution. While the view rests, the surface is sent in full resolution, when it has changed
-// and there are enough bits. Not thread-safe.
+// surface gets less exact depths, and then a lower resolution. While the view rests, the surface is sent in full
+// resolution, when it has changed and there are enough bits. Not thread-safe.
 class SurfaceSender {
  public:
-  static constexpr double kShare = 0.15;
+  static constexpr double kShare = 0.07;
   static constexpr size_t kMaxBytes = 8192;    // of a message
   static constexpr size_t kPacketBytes = 100;  // UDP, DTLS and SCTP headers of a message
   using Message = std::vector<uint8_t>;
@@ -35,7 +35,7 @@ class SurfaceSender {
   static constexpr int kRepeat = 30;  // pictures until an unchanged surface is sent again, because messages can be lost
   struct Eye {
     double credit = kMaxBytes / 2.0;  // bytes
-    int halvings = 0;
+    size_t coarseness = 0;            // index of the array of that name
     size_t awaited = 0;  // size of a message that waits for enough bits
     std::optional<View> sent;
     int unchanged = 0;  // pictures since the last message, with the same view

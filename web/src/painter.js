@@ -189,7 +189,7 @@ export class Painter {
     gl.bufferData(gl.ARRAY_BUFFER, mesh.vertices, gl.STREAM_DRAW);
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, mesh.triangles, gl.STREAM_DRAW);
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.R8, surface.columns, surface.rows, 0, gl.RED, gl.UNSIGNED_BYTE, mesh.levels);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.R8, surface.columns, surface.rows, 0, gl.RED, gl.UNSIGNED_BYTE, surface.levels);
     return eye;
   }
 

@@ -62,17 +62,19 @@ export class Redraw {
 
   // Takes a message of the data channel "surface".
   take(message) {
-    const { surfaces } = this;
     if (this.isImpossible && !this.viewer.headset) return;
-    decodeSurface(message).then(surface => {
-      if (surfaces !== this.surfaces) return;
-      const { timestamp, eye } = surface, all = surfaces.get(timestamp) ?? [];
-      all[eye] = this.latest[eye] = surface;
-      surfaces.set(timestamp, all);
-      if (surfaces.size > kKept) surfaces.delete(surfaces.keys().next().value);
-      if (this.pictures && this.timestamp === timestamp) this.pictures[eye] = { surface, camera: surface.camera };
-      this.wake();
-    }, error => console.warn(`lightfield-viewer: ${error.message}`));
+    let surface;
+    try {
+      surface = decodeSurface(message);
+    } catch (error) {
+      return console.warn(`lightfield-viewer: ${error.message}`);
+    }
+    const { surfaces } = this, { timestamp, eye } = surface, all = surfaces.get(timestamp) ?? [];
+    all[eye] = this.latest[eye] = surface;
+    surfaces.set(timestamp, all);
+    if (surfaces.size > kKept) surfaces.delete(surfaces.keys().next().value);
+    if (this.pictures && this.timestamp === timestamp) this.pictures[eye] = { surface, camera: surface.camera };
+    this.wake();
   }
 
   get size() { return { width: this.viewer.picture.eyeWidth || 1, height: this.viewer.video.videoHeight || 1 }; }

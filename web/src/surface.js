@@ -2,10 +2,11 @@
 // The surface that a picture shows: the message from the server, the mesh made from it, and the transformation from one
 // camera to another. No function here needs a page.
 
+import { decodeLevels } from './levels.js';
 import { axesOfQuaternion, dot } from './view.js';
 
-const kVersion = 1, kHeaderBytes = 120, kMaxEyes = 2;
-const kMaxBytes = 16384, kMaxNodes = 8192;
+const kVersion = 2, kHeaderBytes = 77, kMaxEyes = 2;
+const kMaxBytes = 16384, kMaxNodes = 8192, kMaxTolerance = 8;
 // A difference between the inverse depths of neighbouring nodes is an edge if it exceeds both of these: a share of the
 // nearer node, and a share of the nearest node of the surface.
 const kEdge = 0.08, kEdgeOfNearest = 0.02;
@@ -15,53 +16,21 @@ const kBehind = 3;               // nodes: distance over which the surface behin
 const kBeyond = 0.35;            // continuation beyond the border of the picture, picture sizes
 export const kVertexFloats = 6;  // position in the picture (x, y), inverse depth, position of the colour (x, y), side
 
-// Returns the predictor of a node's level: the median of the left node, the node above, and the plane through the
-// neighbours.
-function predicted(levels, at, i, j, columns) {
-  if (j === 0) return i === 0 ? 0 : levels[at - 1];
-  const up = levels[at - columns];
-  if (i === 0) return up;
-  const left = levels[at - 1], plane = left + up - levels[at - columns - 1];
-  return Math.max(Math.min(left, up), Math.min(plane, Math.max(left, up)));
-}
-
-async function inflate(bytes, size) {
-  const { writable, readable } = new DecompressionStream('deflate'), writer = writable.getWriter(),
-                   reader = readable.getReader();
-  const out = new Uint8Array(size);
-  // Errors also reach the reader.
-  writer.write(bytes).catch(() => {});
-  writer.close().catch(() => {});
-  let at = 0;
-  for (;;) {
-    const { done, value } = await reader.read();
-    if (done) break;
-    if (at + value.length > size) throw new RangeError('the surface has too many nodes');
-    out.set(value, at);
-    at += value.length;
-  }
-  if (at !== size) throw new RangeError('the surface has too few nodes');
-  return out;
-}
-
 // Decodes a message of the data channel "surface" (docs/reference/web-interface.md). Throws an error if the message is
 // invalid.
-export async function decodeSurface(buffer) {
+export function decodeSurface(buffer) {
   const data = new DataView(buffer);
   if (buffer.byteLength <= kHeaderBytes || buffer.byteLength > kMaxBytes || data.getUint8(0) !== kVersion ||
       data.getUint8(1) >= kMaxEyes)
-    throw new RangeError('not a surface of version 1');
-  const [step, width, height, columns, rows] = [2, 8, 10, 12, 14].map(at => data.getUint16(at));
-  const numbers = Array.from({ length: 13 }, (_, i) => data.getFloat64(16 + 8 * i));
-  const [x, y, z, qw, qx, qy, qz, fx, fy, cx, cy, farthest, nearest] = numbers;
-  const nodes = columns * rows;
-  if (!numbers.every(Number.isFinite) || !(fx > 0 && fy > 0 && farthest >= 0 && nearest >= farthest) || !step ||
-      !width || !height || columns !== Math.ceil(width / step) || rows !== Math.ceil(height / step) ||
-      nodes > kMaxNodes)
+    throw new RangeError(`not a surface of version ${kVersion}`);
+  const [step, width, height] = [2, 8, 10].map(at => data.getUint16(at)), tolerance = data.getUint8(12);
+  const [x, y, z] = [13, 21, 29].map(at => data.getFloat64(at));
+  const numbers = Array.from({ length: 10 }, (_, i) => data.getFloat32(37 + 4 * i));
+  const [qw, qx, qy, qz, fx, fy, cx, cy, farthest, nearest] = numbers;
+  const columns = Math.ceil(width / step), rows = Math.ceil(height / step);
+  if (![x, y, z, ...numbers].every(Number.isFinite) || !(fx > 0 && fy > 0 && farthest >= 0 && nearest >= farthest) || !step ||
+      !width || !height || columns * rows > kMaxNodes || tolerance > kMaxTolerance)
     throw new RangeError('the numbers of the surface do not fit each other');
-  const levels = await inflate(new Uint8Array(buffer, kHeaderBytes), nodes);
-  for (let j = 0, at = 0; j < rows; j++)
-    for (let i = 0; i < columns; i++, at++) levels[at] += predicted(levels, at, i, j, columns);
   return {
     timestamp: data.getUint32(4),
     eye: data.getUint8(1),
@@ -71,7 +40,7 @@ export async function decodeSurface(buffer) {
     rows,
     farthest,
     nearest,
-    levels
+    levels: decodeLevels(new Uint8Array(buffer, kHeaderBytes), columns, rows, tolerance)
   };
 }
 
@@ -114,26 +83,6 @@ const kCorners = [0, 1, kAround, kAround + 1].map(at => at + kRing * (kAround + 
 // border, which would show as a crack.
 const kOverlap = 1;
 const kBeyondCell = [[-1, -1], [1, -1], [-1, 1], [1, 1]].map(corner => corner.map(sign => kOverlap * sign));
-const kMedian = [[1, 2], [4, 5], [7, 8], [0, 1], [3, 4], [6, 7], [1, 2], [4, 5], [7, 8], [0, 3], [5, 8], [4, 7], [3, 6], [1, 4],
-  [2, 5], [4, 7], [4, 2], [6, 4], [4, 2]];
-
-// Returns the levels without outliers: each is the median of its neighbourhood of 3 x 3 nodes.
-function smoothed(levels, columns, rows) {
-  const out = new Uint8Array(levels.length), near = new Uint8Array(9);
-  for (let j = 0, at = 0; j < rows; j++)
-    for (let i = 0; i < columns; i++, at++) {
-      for (let k = 0; k < 9; k++) {
-        const x = Math.min(columns - 1, Math.max(0, i + k % 3 - 1)),
-              y = Math.min(rows - 1, Math.max(0, j + Math.floor(k / 3) - 1));
-        near[k] = levels[y * columns + x];
-      }
-      // A network of comparisons that moves the median to the middle.
-      for (const [a, b] of kMedian)
-        if (near[a] > near[b]) [near[a], near[b]] = [near[b], near[a]];
-      out[at] = near[4];
-    }
-  return out;
-}
 
 // Splits the nodes around a cell at an edge into a far and a near side, at the largest gap between their levels. Returns
 // the middle of the gap, and for each side the inverse depths of the four corners. For a corner on the other side, this
@@ -182,9 +131,8 @@ function cellsAtEdges(inverseAt, columns, rows, isEdge) {
 // movement opens: near an edge it has the depth and the colour of the farther side.
 //
 // The last number of a vertex is its side: 0 outside such cells, the limit between the levels of both sides for the near
-// side, and the negative limit for the far side. `levels` are without outliers.
-export function makeMesh({ camera: { width, height }, step, columns, rows, farthest, nearest, levels: raw }) {
-  const levels = smoothed(raw, columns, rows);
+// side, and the negative limit for the far side.
+export function makeMesh({ camera: { width, height }, step, columns, rows, farthest, nearest, levels }) {
   const inverses = Float32Array.from(levels, level => farthest + (nearest - farthest) * level / 255);
   const isEdge = (low, high) => high - low > kEdge * high && high - low > kEdgeOfNearest * nearest;
   const behind = nodesBehind(inverses, columns, rows, isEdge);
@@ -232,7 +180,7 @@ export function makeMesh({ camera: { width, height }, step, columns, rows, farth
   const triangles = new Uint32Array(back.length + front.length);
   triangles.set(back);
   triangles.set(front, back.length);
-  return { vertices, triangles, behind: back.length, front: front.length, levels };
+  return { vertices, triangles, behind: back.length, front: front.length };
 }
 
 // Returns the matrix (by columns) that maps ((x - cx) / fx, (y - cy) / fy, 1, inverse depth) of one camera to the clip
