@@ -20,6 +20,8 @@ namespace lf {
 namespace {
 
 constexpr std::chrono::milliseconds kShortestPause{20};
+// Further cameras of live views that get their first depths in the same update.
+constexpr size_t kMaxNewCameras = 2;
 // Time from a comparison of images that have not changed to the next one, in multiples of its duration.
 constexpr uint64_t kRestingPart = 4;
 
@@ -86,6 +88,12 @@ void add_cameras(const CameraInputs::Array& array, const Vec3& eye, const std::v
       chosen.push_back(camera);
 }
 
+// Lets pictures go before the work of the calling thread.
+void lower_priority() {
+  constexpr int kNiceness = 5;
+  setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kNiceness);
+}
+
 // Thrown by the function that stoppable() returns.
 struct Stopped {};
 
@@ -104,6 +112,7 @@ ParallelFor stoppable(const ParallelFor& parallel, std::function<bool()> is_stop
 
 DepthTracker::~DepthTracker() {
   thread_.request_stop();
+  surface_thread_.request_stop();
   changed_.notify_all();
 }
 
@@ -123,7 +132,10 @@ std::optional<View> DepthTracker::surface(std::shared_ptr<TrackedView>& tracked,
     tracked->is_new = true;
     views_.push_back(tracked);
   }
-  if (!thread_.joinable()) thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
+  if (!thread_.joinable()) {
+    thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
+    surface_thread_ = std::jthread([this](const std::stop_token& stop) { run_surfaces(stop); });
+  }
   changed_.notify_all();
   return tracked->found;
 }
@@ -140,25 +152,37 @@ std::optional<ArrayDepth> DepthTracker::depths() const {
   return latest_;
 }
 
-// Waits until a view is tracked. Returns false if the thread should end.
+// Waits until a view is tracked. Returns false if the thread should end. If no view was tracked before, there are no
+// surfaces until forget_if_outdated() has compared the images.
 bool DepthTracker::wait_for_views(const std::stop_token& stop) {
   std::unique_lock lock(mutex_);
   const auto has_any = [this] {
     const uint64_t now = now_ns();
-    std::erase_if(views_, [now](const auto& view) { return now - view->used > kTimeout; });
+    std::erase_if(views_, [&](const auto& view) { return now - view->used > timeout_; });
     return !views_.empty();
   };
-  if (!has_any()) generation_++;
+  if (!has_any()) {
+    was_idle_ = true;
+    latest_.reset();
+  }
   return changed_.wait(lock, stop, has_any) && !stop.stop_requested();
 }
 
-// Returns the cameras of all live views, in ascending order.
-CameraSet DepthTracker::cameras_of_views(const CameraInputs::Array& array, bool with_others) {
+// Returns the cameras of all live views whose depths are estimated next, in ascending order. The first depths are those
+// of the most important cameras. Then a few cameras are added at a time, so that no update takes long.
+CameraSet DepthTracker::cameras_of_views(const CameraInputs::Array& array) {
   CameraSet cameras;
   {
     const std::lock_guard lock(mutex_);
     for (const auto& view : views_)
-      add_cameras(array, view->wanted.pose.position, view->contributing, with_others, cameras);
+      add_cameras(array, view->wanted.pose.position, view->contributing, depths_.has_value(), cameras);
+  }
+  if (depths_) {
+    const CameraSet known = depths_->cameras();
+    size_t added = 0;
+    std::erase_if(cameras, [&](CameraIndex camera) {
+      return !std::ranges::binary_search(known, camera) && ++added > kMaxNewCameras;
+    });
   }
   std::ranges::sort(cameras);
   return cameras;
@@ -169,6 +193,19 @@ void DepthTracker::forget_if_cleared() {
   const std::lock_guard lock(mutex_);
   if (generation_of_depths_ != generation_) depths_.reset();
   generation_of_depths_ = generation_;
+}
+
+// Drops the depths if an image has changed while no view was tracked, because the scene may then be another one.
+void DepthTracker::forget_if_outdated(const CameraInputs::Array& array) {
+  if (!std::exchange(was_idle_, false)) return;
+  const auto is_same = [&](const auto& known) {
+    const auto camera = array.cameras.find(known.first);
+    const std::optional<CameraFrame> frame =
+        camera != array.cameras.end() ? camera->second->newest() : std::optional<CameraFrame>();
+    return frame && is_unchanged(known.first, *frame);
+  };
+  if (!std::ranges::all_of(pictures_, is_same)) depths_.reset();
+  publish_depths();
 }
 
 // Returns true if the frame is the one that the depths of the camera were estimated from.
@@ -250,56 +287,73 @@ std::optional<DepthTracker::Measured> DepthTracker::measure(const CameraInputs::
   return Measured{std::move(measured), *depths_};
 }
 
-// Measures the surfaces of all views, or only of those that have moved.
-void DepthTracker::update_surfaces(bool all) {
-  if (!depths_) return;
-  Views views;
-  {
-    const std::lock_guard lock(mutex_);
-    views = views_;
-    if (generation_of_depths_ == generation_) latest_ = depths_;
-  }
-  for (const auto& tracked : views) {
-    View view;
-    {
-      const std::lock_guard lock(mutex_);
-      if (!all && !tracked->is_new) continue;
-      view = tracked->wanted;
-      tracked->is_new = false;
-    }
-    view.focus.map = std::make_shared<const FocalMap>(depths_->surface(view, *view.focus.map));
-    const std::lock_guard lock(mutex_);
-    if (generation_of_depths_ == generation_) tracked->found = std::move(view);
+// Lets the surfaces of all views be measured again, with new depths.
+void DepthTracker::publish_depths() {
+  const std::lock_guard lock(mutex_);
+  if (generation_of_depths_ != generation_) return;
+  latest_ = depths_;
+  for (const auto& view : views_) view->is_new = true;
+  changed_.notify_all();
+}
+
+// Measures the surfaces of views that are new or have moved, or whose depths are new, in turn. An update of the depths
+// may take seconds on a busy machine, so surfaces have a thread of their own.
+void DepthTracker::run_surfaces(const std::stop_token& stop) {
+  lower_priority();
+  std::unique_lock lock(mutex_);
+  while (true) {
+    auto next = views_.end();
+    const auto has_work = [&] {
+      next = std::ranges::find_if(views_, [](const auto& view) { return view->is_new; });
+      return latest_ && next != views_.end();
+    };
+    if (!changed_.wait(lock, stop, has_work)) return;
+    const std::shared_ptr<TrackedView> tracked = *next;
+    std::rotate(next, next + 1, views_.end());
+    tracked->is_new = false;
+    View view = tracked->wanted;
+    const ArrayDepth depths = *latest_;
+    const uint64_t generation = generation_, begun = now_ns();
+    lock.unlock();
+    view.focus.map = std::make_shared<const FocalMap>(depths.surface(view, *view.focus.map));
+    lock.lock();
+    if (generation == generation_) tracked->found = std::move(view);
+    pause(lock, stop, now_ns() - begun);
   }
 }
 
-// Updates the depths if it is time, and the surfaces of the live views. Throws Stopped.
+// Waits as long as the thread has worked.
+void DepthTracker::pause(std::unique_lock<std::mutex>& lock, const std::stop_token& stop, uint64_t worked) {
+  const auto time = std::max<std::chrono::nanoseconds>(std::chrono::nanoseconds(worked), kShortestPause);
+  changed_.wait_for(lock, stop, time, [] { return false; });
+}
+
+// Updates the depths if it is time. Throws Stopped.
 void DepthTracker::work(const std::stop_token& stop) {
   const std::lock_guard lock(work_mutex_);
   forget_if_cleared();
   const auto array = inputs_.array();
+  forget_if_outdated(*array);
   const uint64_t begun = now_ns();
-  bool has_changed = false;
-  if (array->rig && (begun >= next_update_ || !depths_)) {
-    // Nothing else makes the picture sharp, so the first depths may use all processors.
-    const ParallelFor on_all_processors = [this](size_t count, const std::function<void(size_t)>& task) {
-      workers_.run(std::max(std::thread::hardware_concurrency(), 1u), count, task);
-    };
-    const ParallelFor parallel = depths_ ? serial_for : on_all_processors;
-    has_changed = update_depths(
-        *array, cameras_of_views(*array, depths_.has_value()),
-        [&array](CameraIndex camera) { return array->cameras.at(camera)->newest(); },
-        stoppable(parallel, [&stop] { return stop.stop_requested(); }), [this] { update_surfaces(true); });
-    const uint64_t now = now_ns();
-    next_update_ = now + (has_changed ? 1 : kRestingPart) * (now - begun);
-  }
-  update_surfaces(has_changed);
+  if (!array->rig || (begun < next_update_ && depths_)) return;
+  // Nothing else makes the picture sharp, so the first depths may use all processors.
+  const ParallelFor on_all_processors = [this](size_t count, const std::function<void(size_t)>& task) {
+    workers_.run(std::max(std::thread::hardware_concurrency(), 1u), count, task);
+  };
+  const bool is_first = !depths_;
+  const ParallelFor parallel = is_first ? on_all_processors : serial_for;
+  const bool has_changed = update_depths(
+      *array, cameras_of_views(*array), [&array](CameraIndex camera) { return array->cameras.at(camera)->newest(); },
+      stoppable(parallel, [&stop] { return stop.stop_requested(); }), [this] { publish_depths(); });
+  const uint64_t now = now_ns();
+  next_update_ = now + (has_changed ? 1 : kRestingPart) * (now - begun);
+  if (has_changed) publish_depths();
+  // The first depths have normal priority, because on a busy machine they would otherwise take minutes. The threads of
+  // workers_, which only help with first depths, keep this priority.
+  if (is_first && depths_) lower_priority();
 }
 
 void DepthTracker::run(const std::stop_token& stop) {
-  // Pictures must not wait for depths. The threads of workers_ are created by this thread, and inherit its priority.
-  constexpr int kNiceness = 10;
-  setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kNiceness);
   while (wait_for_views(stop)) {
     const uint64_t begun = now_ns();
     try {
@@ -307,9 +361,8 @@ void DepthTracker::run(const std::stop_token& stop) {
     } catch (const Stopped&) {
       return;
     }
-    const auto worked = std::chrono::nanoseconds(now_ns() - begun);
     std::unique_lock lock(mutex_);
-    changed_.wait_for(lock, stop, std::max<std::chrono::nanoseconds>(worked, kShortestPause), [] { return false; });
+    pause(lock, stop, now_ns() - begun);
   }
 }
 

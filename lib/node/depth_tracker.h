@@ -41,11 +41,11 @@ class DepthTracker {
     std::vector<CameraIndex> contributing;  // in descending order of their parts of the picture
     uint64_t used = 0;                      // now_ns() of the last call of surface()
     std::optional<View> found;              // its map is the measured surface
-    bool is_new = true;                     // `wanted` has changed since `found`
+    bool is_new = true;                     // `wanted` or the depths have changed since `found`
   };
 
-  // `inputs` must outlive this object.
-  explicit DepthTracker(CameraInputs& inputs) : inputs_(inputs) {}
+  // `inputs` must outlive this object. `timeout` replaces kTimeout.
+  explicit DepthTracker(CameraInputs& inputs, uint64_t timeout = kTimeout) : inputs_(inputs), timeout_(timeout) {}
   ~DepthTracker();
 
   // Returns a view of the same live viewer, a moment before, with the surface that the cameras have measured. Its map
@@ -53,8 +53,8 @@ class DepthTracker {
   // `contributing` are the node's cameras that contribute to the picture, in descending order of their parts of it.
   // `tracked` is the state of this viewer, initially null.
   //
-  // A thread of low priority does the work, at most half of the time. The thread only compares the images while they do
-  // not change.
+  // A thread estimates depths, and another one measures the surfaces. Once there are depths, both have low priority and
+  // work at most half of the time. While the images do not change, they are only compared.
   std::optional<View> surface(std::shared_ptr<TrackedView>& tracked, const View& view,
                               const std::vector<CameraIndex>& contributing);
   // Returns the depths that the latest surface came from, or nothing if there is none yet. Never waits.
@@ -80,14 +80,18 @@ class DepthTracker {
   void run(const std::stop_token& stop);
   void work(const std::stop_token& stop);
   bool wait_for_views(const std::stop_token& stop);
-  CameraSet cameras_of_views(const CameraInputs::Array& array, bool with_others);
+  CameraSet cameras_of_views(const CameraInputs::Array& array);
   bool update_depths(const CameraInputs::Array& array, const CameraSet& cameras, const FindFrame& find,
                      const ParallelFor& parallel, const std::function<void()>& show_step);
   void forget_if_cleared();
+  void forget_if_outdated(const CameraInputs::Array& array);
   bool is_unchanged(CameraIndex camera, const CameraFrame& frame) const;
-  void update_surfaces(bool all);
+  void publish_depths();
+  void run_surfaces(const std::stop_token& stop);
+  void pause(std::unique_lock<std::mutex>& lock, const std::stop_token& stop, uint64_t worked);
 
   CameraInputs& inputs_;
+  const uint64_t timeout_;
 
   std::mutex work_mutex_;  // held during estimates; guards the members up to next_update_
   std::optional<ArrayDepth> depths_;
@@ -95,6 +99,7 @@ class DepthTracker {
   std::map<CameraIndex, std::weak_ptr<const CameraPicture>> pictures_;  // the images behind depths_
   uint64_t generation_of_depths_ = 0;
   uint64_t next_update_ = 0;  // now_ns()
+  bool was_idle_ = false;     // used by thread_ only; see forget_if_outdated()
 
   mutable std::mutex mutex_;  // locked after work_mutex_; guards the members up to generation_
   std::condition_variable_any changed_;
@@ -103,7 +108,7 @@ class DepthTracker {
   uint64_t generation_ = 0;           // increases if the depths must be forgotten
 
   WorkerPool workers_;   // for thread_
-  std::jthread thread_;  // started by the first call of surface()
+  std::jthread thread_, surface_thread_;  // started by the first call of surface()
 };
 
 }  // namespace lf

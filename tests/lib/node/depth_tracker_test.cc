@@ -53,8 +53,13 @@ class DepthTrackerTest : public testing::Test {
   // Asks until `is_right` accepts the surface. Returns nothing if this does not happen.
   template <class Fn>
   std::optional<View> wait_for(const View& view, const Fn& is_right) {
+    return wait_for(tracker_, tracked_, view, is_right);
+  }
+  template <class Fn>
+  static std::optional<View> wait_for(DepthTracker& tracker, std::shared_ptr<DepthTracker::TrackedView>& tracked,
+                                      const View& view, const Fn& is_right) {
     for (int i = 0; i < 2000; i++, std::this_thread::sleep_for(10ms))
-      if (std::optional<View> found = tracker_.surface(tracked_, view, {}); found && is_right(*found)) return found;
+      if (std::optional<View> found = tracker.surface(tracked, view, {}); found && is_right(*found)) return found;
     return {};
   }
   std::optional<View> measure(const View& view, const DepthTracker::FindFrame& find,
@@ -204,6 +209,40 @@ TEST_F(LargeDepthTrackerTest, CamerasThatContributeHaveDepths) {
   for (int i = 0; i < 2000 && !tracker_.depths(); i++, std::this_thread::sleep_for(10ms))
     tracker_.surface(tracked_, view, {24});
   EXPECT_TRUE(has_last(tracker_.depths())) << "live, from the start";
+  const auto has_all = [&](const View&) { return tracker_.depths()->cameras().size() >= DepthTracker::kCamerasOfView; };
+  EXPECT_TRUE(wait_for(view, has_all)) << "more cameras with each update";
+}
+
+// A viewer who comes later gets the depths of the viewer before.
+TEST_F(DepthTrackerTest, DepthsStayWithoutViewsWhileTheImagesAreTheSame) {
+  constexpr uint64_t kShort = 50'000'000;
+  DepthTracker tracker(inputs_, kShort);
+  const auto depths_for = [&](std::shared_ptr<DepthTracker::TrackedView>& view) {
+    while (true) {
+      tracker.surface(view, walls_.view(0), {});
+      if (std::optional<ArrayDepth> depths = tracker.depths()) return *depths;
+      std::this_thread::sleep_for(10ms);
+    }
+  };
+  const auto view_again = [&](double nearer) {
+    std::this_thread::sleep_for(200ms);
+    std::shared_ptr<DepthTracker::TrackedView> next;
+    EXPECT_TRUE(wait_for(tracker, next, walls_.view(0), [=](const View& view) { return shows_walls(view, nearer); }));
+    return depths_for(next);
+  };
+  push(walls_.images, 1'000'000'000);
+  ArrayDepth first = view_again(1);
+  for (int same = 0; same < 100; std::this_thread::sleep_for(10ms)) {  // the depths settle while there are views
+    const ArrayDepth now = depths_for(tracked_);
+    same = now.shares_all(first) ? same + 1 : 0;
+    first = now;
+  }
+  EXPECT_TRUE(view_again(1).shares_all(first));
+  const test::ArrayOfWalls nearer(false, 1.3);
+  push(nearer.images, 2'000'000'000);
+  const ArrayDepth other = view_again(1.3);
+  EXPECT_FALSE(other.shares_all(first));
+  EXPECT_NE(other.range().nearest, first.range().nearest) << "another scene has another range";
 }
 
 TEST_F(DepthTrackerTest, MeasuringCanBeCancelled) {
