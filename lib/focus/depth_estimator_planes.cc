@@ -226,7 +226,12 @@ void DepthEstimator::requeue(const std::vector<DepthHypothesis>& lost) {
 }
 
 std::vector<DepthHypothesis> DepthEstimator::next_hypotheses(const FocalMap& map) {
-  if (++requests_since_hypotheses_ < std::max(load_interval_, min_interval_)) return {};
+  // Every picture waits for the end of a search or sweep, so only refinement is less frequent to save time.
+  const unsigned least = sweeps_.empty() ? min_interval_ : 1;
+  if (++requests_since_hypotheses_ < std::max(load_interval_, least)) {
+    const bool may_ask = requests_since_hypotheses_ >= load_interval_ && stage_ != Stage::kSearch;
+    return may_ask ? with_measured({}) : std::vector<DepthHypothesis>();
+  }
   const unsigned passed =
       std::exchange(requests_since_hypotheses_, 0);  // requests since the last one that could have had hypotheses
   if (!sweeps_.empty()) {

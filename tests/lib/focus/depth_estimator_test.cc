@@ -485,6 +485,14 @@ TEST_F(WideArrayTest, TheMeasuredSurfaceIsShown) {
   EXPECT_LT(error(), 0.2);
 }
 
+TEST_F(WideArrayTest, ItIsShownSoonOnABusyMachine) {
+  measures_ = true;
+  control_.set_min_interval(8);
+  run(20);
+  EXPECT_LT(error(), 0.2);
+  EXPECT_FALSE(control_.state().on_plane);
+}
+
 TEST_F(WideArrayTest, ItIsRequestedLessOftenAtRest) {
   measures_ = true;
   run(40);
@@ -688,6 +696,18 @@ TEST(DepthEstimator, LatePicturesReduceHypotheses) {
     late.run(1);
   }
   EXPECT_GT(late.hypotheses, 4 * 60u) << "rate restored";
+}
+
+// A busy machine answers so few requests that a search with every eighth would take a minute.
+TEST(DepthEstimator, TheFirstSurfaceIsNotSpared) {
+  Loop loop(FocusMode::kAuto, false, 0, 0);
+  loop.control.set_min_interval(8);
+  loop.run(14);
+  EXPECT_GT(loop.right(), 0.9);
+  EXPECT_TRUE(loop.shows_surface());
+  const size_t before = loop.hypotheses;
+  loop.run(8);
+  EXPECT_LT(loop.hypotheses - before, 8u) << "one round of refinement";
 }
 
 TEST(DepthEstimator, SpareReducesHypotheses) {
