@@ -28,7 +28,7 @@ if nm -D --undefined-only "$build/gst/libgstlightfield.so" | grep -q -e __asan_ 
   echo "1..0 # SKIP a build with sanitizers is not for other programs"
   exit
 fi
-echo 1..25
+echo 1..26
 DESTDIR=$work/root meson install -C "$build" --no-rebuild >"$work/log" 2>&1
 report $? "meson install" "$work/log"
 
@@ -60,7 +60,7 @@ report $status "and nothing of the insides of its classes" "$work/log"
 ldd "$library" 2>&1 | grep -i -e opencv -e ceres -e gst -e glib -e yaml >"$work/log"
 if [[ -s $work/log ]]; then status=1; else status=0; fi
 report $status "liblightfield needs no OpenCV, Ceres or GStreamer" "$work/log"
-{ find "$work/root" -name '*.a' ! -name libgstlightfield.a; find "$work/root" -name '*.h' ! -path "$include/*"; } >"$work/log"
+{ find "$work/root" -name '*.a' ! -name libgstlightfield.a ! -name liblightfield.a; find "$work/root" -name '*.h' ! -path "$include/*"; } >"$work/log"
 if [[ -s $work/log || $(find "$include" -name '*.h' | wc -l) -ne 9 ]]; then status=1; else status=0; fi
 report $status "nothing else of the library is installed" "$work/log"
 status=0
@@ -102,6 +102,11 @@ sed -n '\|^//   for still in|,\|^//   done|s|^//||p' "$source/examples/render.cc
 compile render "$source/examples/render.cc" lightfield && timeout 60 "$work/render" "$rig" "$work/out.ppm" >"$work/log" 2>&1 &&
   [[ $(wc -c <"$work/out.ppm") == $((3 * 640 * 480 + 15)) ]]
 report $? "examples/render.cc" "$work/log"
+# shellcheck disable=SC2046  # flags are words
+${CXX:-g++} -std=c++20 "$source/examples/render.cc" $(pkg-config --cflags --libs --static lightfield |
+  sed 's/-llightfield/-l:liblightfield.a/') -o "$work/static" >"$work/log" 2>&1 && ! ldd "$work/static" | grep lightfield &&
+  "$work/static" "$rig" "$work/static.ppm" >"$work/log" 2>&1 && cmp "$work/static.ppm" "$work/out.ppm"
+report $? "examples/render.cc with the static library" "$work/log"
 compile calibrate "$source/examples/calibrate.cc" lightfield-calibration && timeout 60 "$work/calibrate" >"$work/log" 2>&1
 report $? "examples/calibrate.cc" "$work/log"
 
