@@ -27,7 +27,7 @@ FLOORS = {
         ["api"],
     ],
     "gst": [
-        ["common"],
+        ["common", "without_gl"],
         ["camsrc", "display", "recording", "parse", "rtp", "viewrequest", "fragment", "compositor"],
         ["bins"],
     ],
