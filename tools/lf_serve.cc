@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // lf-serve: serves the light field to browsers.
+#include <unistd.h>
+
 #include <algorithm>
 #include <cstdint>
 #include <cstdio>
@@ -45,6 +47,8 @@ struct Options {
   std::vector<lf::NodeAddress> node_addresses;
   ServerOptions server;
   Limits limits;
+  bool demo = false;  // is the same as an empty `rig`
+  bool open_page = false;
   bool watch = false;
   bool trusted = false;
   int capture_delay_ms = -1;  // negative: the default, which depends on the cameras
@@ -138,24 +142,43 @@ void check_options(Options& options) {
   options.server.whep.media_address = media_address(options.media.empty() ? options.server.address : options.media);
 }
 
-// Films the built-in scene with lf-scene in a child process. The film loops. Main thread only.
+// Films the built-in scene with lf-scene in a child process. Main thread only.
 class SceneFilming {
  public:
-  static std::string rig() { return folder() / "rig.json"; }
+  // The first instant of the scene as stills, which lf-scene makes in seconds, or the whole film, which loops.
+  enum class Length { kFirstFrame, kFilm };
+  static std::string rig(Length length) { return folder(length) / "rig.json"; }
   // lf-scene writes the rig file last.
-  static bool exists() { return fs::exists(rig()); }
+  static bool exists() { return fs::exists(rig(Length::kFilm)); }
 
   // Starts filming. At the end, `on_end` is called once with an error, or with an empty text after success. Throws
   // Error.
-  explicit SceneFilming(std::function<void(const std::string& problem)> on_end)
+  SceneFilming(Length length, std::function<void(const std::string& problem)> on_end)
       : on_end_(std::move(on_end)), cancellable_(g_cancellable_new()), began_(g_get_monotonic_time()) {
     std::error_code none;
     const fs::path beside = fs::read_symlink("/proc/self/exe", none).parent_path() / "lf-scene";
-    const std::string program = fs::exists(beside, none) ? beside.string() : "lf-scene", out = folder();
-    const char* const arguments[] = {program.c_str(), "--out",    out.c_str(), "--grid",   "8x8", "--width",
-                                     "320",           "--height", "240",       "--frames", "60",  nullptr};
+    const std::string program = fs::exists(beside, none) ? beside.string() : "lf-scene", out = folder(length);
+    const bool one = length == Length::kFirstFrame;
+    const char* const arguments[] = {program.c_str(),
+                                     "--out",
+                                     out.c_str(),
+                                     "--grid",
+                                     "8x8",
+                                     "--width",
+                                     "320",
+                                     "--height",
+                                     "240",
+                                     "--frames",
+                                     one ? "1" : "60",
+                                     "--format",
+                                     one ? "png" : "mjpeg",
+                                     nullptr};
+    g_autoptr(GSubprocessLauncher) launcher = g_subprocess_launcher_new(G_SUBPROCESS_FLAGS_STDERR_PIPE);
+    // Viewers of the first frame have some priority, but the film must end even if they need all processors.
+    constexpr auto kYield = [](gpointer) { [[maybe_unused]] const int now = nice(5); };
+    if (!one) g_subprocess_launcher_set_child_setup(launcher, kYield, nullptr, nullptr);
     g_autoptr(GError) error = nullptr;
-    process_ = g_subprocess_newv(arguments, G_SUBPROCESS_FLAGS_STDERR_PIPE, &error);
+    process_ = g_subprocess_launcher_spawnv(launcher, arguments, &error);
     if (!process_) {
       g_object_unref(cancellable_);
       throw lf::Error(std::string("lf-scene: ") + error->message);
@@ -181,7 +204,10 @@ class SceneFilming {
   }
 
  private:
-  static fs::path folder() { return fs::path(g_get_user_cache_dir()) / "gst-lightfield" / "scene-" LF_VERSION; }
+  static fs::path folder(Length length) {
+    const fs::path film = fs::path(g_get_user_cache_dir()) / "gst-lightfield" / "scene-" LF_VERSION;
+    return length == Length::kFilm ? film : film / "first";
+  }
 
   void read_line() {
     g_data_input_stream_read_line_async(
@@ -234,7 +260,7 @@ class Program {
       ending_ = true;
       if (field_) field_->cancel();
     }
-    watch_.reset();
+    reloader_.reset();
     if (open_thread_.joinable()) open_thread_.join();
     if (sessions_) sessions_->close_all("the server ends");  // the server must still run, to notify the viewers
     server_.stop();
@@ -249,6 +275,7 @@ class Program {
     warn_of_missing_token();
     const ServiceWatchdog watchdog;
     notify_service("READY=1\nSTATUS=opening the cameras");
+    if (options_.open_page) open_page();
     if (options_.rig.empty())
       film();
     else
@@ -274,17 +301,44 @@ class Program {
         url.c_str());
   }
 
+  void open_page() const {
+    g_autoptr(GError) error = nullptr;
+    const std::string url = server_.url();
+    if (!g_app_info_launch_default_for_uri(url.c_str(), nullptr, &error))
+      terminal::print_error("warning: --open: no browser: %s; open %s\n", error->message, url.c_str());
+  }
+
+  // Viewers see the first frame until the film is complete.
   void film() {
-    options_.rig = SceneFilming::rig();
+    using Length = SceneFilming::Length;
+    options_.rig = SceneFilming::rig(Length::kFilm);
     if (options_.limits.focus == 0) options_.limits.focus = kSceneFocus;
-    if (SceneFilming::exists()) return open();
+    if (SceneFilming::exists()) {
+      std::error_code ignored;
+      fs::remove_all(fs::path(SceneFilming::rig(Length::kFirstFrame)).parent_path(), ignored);
+      return open();
+    }
     terminal::print(
-        "filming the built-in scene (only once, stored as %s); meanwhile, the page at %s shows the progress\n",
+        "filming the built-in scene (only once, stored as %s); meanwhile, the page at %s shows its first "
+        "frame\n",
         options_.rig.c_str(), server_.url().c_str());
     server_.show_filming(0);
-    film_ = std::make_unique<SceneFilming>([this](const std::string& problem) {
+    film_ = std::make_unique<SceneFilming>(Length::kFirstFrame, [this](const std::string& problem) {
       if (!problem.empty()) return fail(problem);
       server_.show_starting();
+      options_.rig = SceneFilming::rig(Length::kFirstFrame);
+      try {
+        lf::Rig stills = lf::load_rig(options_.rig);
+        for (lf::Camera& camera : stills.cameras) camera.source.clear();  // a sequence of one image
+        lf::save_rig(stills, options_.rig);
+        rest_ = std::make_unique<SceneFilming>(Length::kFilm, [this](const std::string& why) {
+          if (!why.empty()) return terminal::print_error("warning: the scene does not move: %s\n", why.c_str());
+          has_film_ = true;
+          if (reloader_) show_film();
+        });
+      } catch (const lf::Error& error) {
+        return fail(error.what());
+      }
       open();
     });
     constexpr guint kEvery = 500;  // milliseconds
@@ -296,6 +350,14 @@ class Program {
           return G_SOURCE_CONTINUE;
         },
         this);
+  }
+
+  void show_film() {
+    try {
+      reloader_->load(SceneFilming::rig(SceneFilming::Length::kFilm));
+    } catch (const lf::Error& error) {
+      fail(error.what());
+    }
   }
 
   // Opening cameras may take a minute, so it runs on a separate thread.
@@ -340,7 +402,8 @@ class Program {
     options_.limits.capture_delay_ms = capture_delay();
     sessions_ = std::make_unique<Sessions>(*field_, options_.limits);
     server_.serve(*field_, *sessions_);
-    if (options_.watch) watch_ = std::make_unique<RigReloader>(*field_, *sessions_);
+    reloader_ = std::make_unique<RigReloader>(*field_, *sessions_, options_.watch);
+    if (has_film_) show_film();
     notify_service("STATUS=serving " + options_.rig);
     terminal::print("serving %s at %s\n", options_.rig.c_str(), server_.url().c_str());
     if (const std::string warning = lf::secret_warning(field_->array()->rig(), options_.rig); !warning.empty())
@@ -350,13 +413,14 @@ class Program {
   Options options_;
   GMainLoop* loop_;
   HttpServer server_;
-  std::unique_ptr<SceneFilming> film_;
+  std::unique_ptr<SceneFilming> film_, rest_;
+  bool has_film_ = false;  // true if `rest_` has ended
   std::thread open_thread_;
   std::mutex mutex_;
   bool ending_ = false;                // guarded by mutex_
   std::unique_ptr<LightField> field_;  // set once by `open_thread_`, under mutex_
   std::unique_ptr<Sessions> sessions_;
-  std::unique_ptr<RigReloader> watch_;
+  std::unique_ptr<RigReloader> reloader_;
   guint timer_ = 0;
   std::string failure_;
 };
@@ -369,10 +433,14 @@ void serve(Options& options) {
 }
 
 void add_camera_options(cli::App& app, Options& o) {
-  app.add_option("--rig", o.rig,
-                 "Rig file, which lists the cameras of the array. Without this option, lf-serve shows the built-in "
-                 "scene, which it films once and then keeps in the user's cache folder")
-      ->type_name("RIG.json");
+  cli::Option* rig = app.add_option("--rig", o.rig,
+                                    "Rig file, which lists the cameras of the array. Without this option, lf-serve "
+                                    "shows the built-in scene (--demo)")
+                         ->type_name("RIG.json");
+  app.add_flag("--demo", o.demo,
+               "Show the built-in scene, which lf-serve films once and then keeps in the user's cache folder. Viewers "
+               "see the first frame of the scene until the film is complete. This is the default without --rig")
+      ->excludes(rig);
   app.add_flag("--watch", o.watch,
                "Reload the rig file whenever it changes, for example after a calibration. Viewers stay connected. If "
                "cameras or sources have changed, lf-serve reopens the cameras");
@@ -393,6 +461,7 @@ void add_camera_options(cli::App& app, Options& o) {
 }
 
 void add_server_options(cli::App& app, Options& o) {
+  app.add_flag("--open", o.open_page, "Open the page in the default browser of this machine");
   app.add_option("--listen", o.server.address,
                  "IP address that the server listens on, for example 0.0.0.0 for all addresses of this machine. Every "
                  "address other than loopback needs either --tls-certificate and --tls-key, or --insecure");

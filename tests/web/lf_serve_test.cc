@@ -6,6 +6,7 @@
 #include <sys/socket.h>
 #include <sys/un.h>
 
+#include "base/file.h"
 #include "web/offers.h"
 #include "web/served.h"
 
@@ -311,7 +312,7 @@ TEST_F(LfServe, SendsIceServersOnlyToAuthorisedClients) {
 
 TEST_F(LfServe, ServesThePageWhileTheSceneIsFilmed) {
   const TempDir dir;
-  Served served(Served::SceneNotFilmed{dir.path()});
+  Served served(Served::Demo{dir});
   ASSERT_NE(served.url(), "") << served.said();
   EXPECT_EQ(ask(served, "GET", "").status, 200u);
   EXPECT_EQ(ask(served, "GET", "healthz").status, 200u);
@@ -322,6 +323,37 @@ TEST_F(LfServe, ServesThePageWhileTheSceneIsFilmed) {
   EXPECT_EQ(ask(served, "GET", "array.json").status, 503u);
   EXPECT_EQ(ask(served, "GET", "readyz").status, 503u) << "it serves no views yet";
   EXPECT_EQ(served.stop(), 0);
+}
+
+// A script beside the program films a small scene, and the rest of the film only on command.
+TEST_F(LfServe, ShowsTheFirstFrameOfTheDemoUntilItsFilmIsComplete) {
+  const TempDir dir;
+  const std::string program = dir / "lf-serve", scene = dir / "gst-lightfield/scene-" LF_VERSION;
+  std::filesystem::copy_file(LF_TOOLS_DIR "/lf-serve", program);
+  dir.write("lf-scene",
+            "#!/bin/sh\nframes=${10}\nif [ $frames -gt 1 ]; then until [ -e '" + (dir / "go") +
+                "' ]; do sleep 0.1; done; frames=3; fi\nexec " LF_TOOLS_DIR
+                "/lf-scene --out \"$2\" --grid 2x2 --width 64 --height 48 --frames $frames --format ${12}\n");
+  std::filesystem::permissions(dir / "lf-scene", std::filesystem::perms::owner_all);
+  dir.write("applications/browser.desktop", "[Desktop Entry]\nType=Application\nName=browser\nExec=sh -c 'echo %u >\"" +
+                                                (dir / "opened") + "\"'\nMimeType=x-scheme-handler/http;\n");
+  dir.write("mimeapps.list", "[Default Applications]\nx-scheme-handler/http=browser.desktop\n");
+  {
+    Served served(Served::Demo{.home = dir, .program = program, .options = {"--demo", "--open"}});
+    ASSERT_TRUE(served.says({"serving", scene + "/first/rig.json"})) << served.said();
+    EXPECT_TRUE(becomes([&] { return std::filesystem::exists(dir / "opened"); }));
+    EXPECT_EQ(ask(served, "GET", "readyz").status, 200u);
+    EXPECT_EQ(offer(served).status, 201u);
+    EXPECT_FALSE(std::filesystem::exists(scene + "/rig.json"));
+    dir.write("go", "");
+    EXPECT_TRUE(served.says({"the rig is", scene + "/rig.json", "viewers: 1"})) << served.said();
+    EXPECT_EQ(ask(served, "GET", "readyz").status, 200u);
+    EXPECT_THAT(read_file(dir / "opened"), HasSubstr(served.url()));
+    EXPECT_EQ(served.stop(), 0) << served.said();
+  }
+  Served again(Served::Demo{.home = dir, .program = program, .beginning = "serving"});
+  EXPECT_THAT(again.said(), HasSubstr(scene + "/rig.json"));
+  EXPECT_FALSE(std::filesystem::exists(scene + "/first"));
 }
 
 TEST_F(LfServe, SilentConnectionsDoNotBlockOthers) {

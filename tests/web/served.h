@@ -73,11 +73,16 @@ class Served {
     words.insert(words.end(), options.begin(), options.end());
     begin(words, "serving", nullptr);
   }
-  struct SceneNotFilmed {
-    std::string cache;
+  // `home` is the folder of the user's cache, configuration and data.
+  struct Demo {
+    const TempDir& home;
+    std::string program = LF_TOOLS_DIR "/lf-serve", beginning = "filming";
+    std::vector<std::string> options = {};
   };
-  explicit Served(const SceneNotFilmed& unfilmed) {
-    begin({LF_TOOLS_DIR "/lf-serve", "--port", "0"}, "filming", unfilmed.cache.c_str());
+  explicit Served(const Demo& demo) {
+    std::vector<std::string> words = {demo.program, "--port", "0"};
+    words.insert(words.end(), demo.options.begin(), demo.options.end());
+    begin(words, demo.beginning, demo.home.path().c_str());
   }
   struct ExistingRig {
     std::string path;
@@ -123,13 +128,15 @@ class Served {
   }
 
  private:
-  void begin(const std::vector<std::string>& words, const std::string& beginning, const char* cache) {
+  void begin(const std::vector<std::string>& words, const std::string& beginning, const char* home) {
     std::vector<const char*> argv;
     for (const std::string& word : words) argv.push_back(word.c_str());
     argv.push_back(nullptr);
     g_autoptr(GSubprocessLauncher) launcher =
         g_subprocess_launcher_new(GSubprocessFlags(G_SUBPROCESS_FLAGS_STDOUT_PIPE | G_SUBPROCESS_FLAGS_STDERR_MERGE));
-    if (cache) g_subprocess_launcher_setenv(launcher, "XDG_CACHE_HOME", cache, TRUE);
+    if (home)
+      for (const char* folder : {"XDG_CACHE_HOME", "XDG_CONFIG_HOME", "XDG_DATA_HOME"})
+        g_subprocess_launcher_setenv(launcher, folder, home, TRUE);
     process_ = g_subprocess_launcher_spawnv(launcher, argv.data(), nullptr);
     out_ = g_data_input_stream_new(g_subprocess_get_stdout_pipe(process_));
     while (const std::optional<std::string> line = read_line()) {

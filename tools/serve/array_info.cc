@@ -132,7 +132,7 @@ std::string to_metrics(const MonitorReport& report, const std::vector<std::strin
   return out.str();
 }
 
-ArrayInfo::ArrayInfo(const std::string& rig) : rig_(load_rig(rig)), mesh_(build_mesh(rig_)) {
+ArrayInfo::ArrayInfo(const std::string& rig) : path_(rig), rig_(load_rig(rig)), mesh_(build_mesh(rig_)) {
   nlohmann::json cameras = nlohmann::json::array(), faces = nlohmann::json::array();
   for (const Camera& camera : rig_.cameras) {
     names_.push_back(name_of(camera));

@@ -49,6 +49,7 @@ class ArrayInfo {
   //     "right": [1, 0, 0], "down": [0, 1, 0]}
   const std::string& json() const { return json_; }
   const Rig& rig() const { return rig_; }
+  const std::string& path() const { return path_; }  // of the rig file
   const std::vector<std::string>& names() const { return names_; }
   std::string hash() const;
   double size() const { return size_; }  // distance of the two cameras that are farthest apart, metres
@@ -58,6 +59,7 @@ class ArrayInfo {
   double coverage(const View& view) const;
 
  private:
+  std::string path_;
   Rig rig_;
   Mesh mesh_;
   std::string json_;

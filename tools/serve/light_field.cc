@@ -48,9 +48,9 @@ GstElement* child_of(const ElementPtr& pipeline, const std::string& name) {
 LightField::LightField(const std::string& rig, const std::vector<NodeAddress>& nodes, const std::string& key_file,
                        const std::string& resampling, const std::string& renderer, const std::string& record,
                        int max_views, bool trusted)
-    : rig_(rig), local_(nodes.empty()), trusted_(trusted) {
+    : local_(nodes.empty()), trusted_(trusted) {
   array_ = std::make_shared<const ArrayInfo>(rig);
-  if (local_) require_trust(array_->rig(), rig_, trusted_);
+  if (local_) require_trust(array_->rig(), rig, trusted_);
   mosaic_ = std::make_shared<cameras::Mosaic>(array_->rig());
   pipeline_.reset(GST_ELEMENT(gst_object_ref_sink(launch(launch_line(nodes.size(), resampling, renderer), false))));
   requests_ = GST_APP_SRC(child_of(pipeline_, "requests"));
@@ -110,7 +110,7 @@ void LightField::start(std::function<void(const std::string&)> on_error) {
   watch_ = gst_bus_add_watch(bus, bus_message, this);
   gst_object_unref(bus);
   if (result == GST_STATE_CHANGE_FAILURE || result == GST_STATE_CHANGE_ASYNC)
-    throw Error(rig_ + ": the cameras could not be started");
+    throw Error(rig() + ": the cameras could not be started");
 }
 
 // Short waits, so that cancel() takes effect soon.
@@ -139,7 +139,7 @@ bool LightField::has_cameras_of(const ArrayInfo& array) const {
 }
 
 void LightField::update_rig(std::shared_ptr<const ArrayInfo> array) {
-  if (node_) g_object_set(node_, "rig", rig_.c_str(), nullptr);
+  if (node_) g_object_set(node_, "rig", array->path().c_str(), nullptr);
   const std::lock_guard lock(mutex_);
   if (array->rig().cameras.size() != array_->rig().cameras.size() || array->hash() != array_->hash())
     mosaic_ = std::make_shared<cameras::Mosaic>(array->rig());
@@ -147,7 +147,7 @@ void LightField::update_rig(std::shared_ptr<const ArrayInfo> array) {
 }
 
 void LightField::restart(std::shared_ptr<const ArrayInfo> array) {
-  if (local_) require_trust(array->rig(), rig_, trusted_);
+  if (local_) require_trust(array->rig(), array->path(), trusted_);
   restarting_ = true;
   {
     const std::lock_guard lock(mutex_);
@@ -158,7 +158,7 @@ void LightField::restart(std::shared_ptr<const ArrayInfo> array) {
   const GstStateChangeReturn result = play();
   std::unique_lock lock(mutex_);
   if ((result == GST_STATE_CHANGE_FAILURE || result == GST_STATE_CHANGE_ASYNC) && problem_.empty())
-    problem_ = rig_ + ": the cameras could not be started";
+    problem_ = array_->path() + ": the cameras could not be started";
   const std::string problem = problem_;
   lock.unlock();
   if (!problem.empty()) gst_element_set_state(pipeline_.get(), GST_STATE_NULL);

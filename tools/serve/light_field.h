@@ -55,7 +55,8 @@ class LightField {
   // Returns true if a changed rig still has the open cameras with the same sources. update_rig() then suffices, and the
   // cameras need not be reopened.
   bool has_cameras_of(const ArrayInfo& array) const;
-  // Replaces the rig without interrupting the cameras, for example after a calibration.
+  // Replaces the rig without interrupting the cameras, for example after a calibration. The rig may come from another
+  // file than before.
   void update_rig(std::shared_ptr<const ArrayInfo> array);
   // Closes the cameras and opens the cameras of another rig. Blocks until they run; must not be called on the main
   // thread. Throws Error; then no cameras are open.
@@ -63,7 +64,7 @@ class LightField {
 
   // The clock of the cameras, which all pipelines of viewers must use.
   GstClock* clock() const { return clock_; }
-  const std::string& rig() const { return rig_; }
+  std::string rig() const { return array()->path(); }
   std::shared_ptr<const ArrayInfo> array() const;
   size_t nodes() const { return answers_.size(); }
   bool is_local() const { return local_; }
@@ -102,7 +103,6 @@ class LightField {
   static GstBusSyncReply bus_sync(GstBus* bus, GstMessage* message, gpointer data);
   static gboolean bus_message(GstBus* bus, GstMessage* message, gpointer data);
 
-  std::string rig_;
   std::shared_ptr<const ArrayInfo> array_;  // guarded by mutex_, like mosaic_
   std::shared_ptr<cameras::Mosaic> mosaic_;
   bool local_, trusted_;

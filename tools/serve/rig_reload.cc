@@ -15,7 +15,8 @@ constexpr guint kQuiet = 300;  // milliseconds; editors write a file in several 
 
 }  // namespace
 
-RigReloader::RigReloader(LightField& field, Sessions& sessions) : field_(field), sessions_(sessions) {
+RigReloader::RigReloader(LightField& field, Sessions& sessions, bool watch) : field_(field), sessions_(sessions) {
+  if (!watch) return;
   g_autoptr(GError) error = nullptr;
   g_autoptr(GFile) file = g_file_new_for_path(field.rig().c_str());
   monitor_ = g_file_monitor_file(file, G_FILE_MONITOR_WATCH_MOVES, nullptr, &error);
@@ -25,8 +26,8 @@ RigReloader::RigReloader(LightField& field, Sessions& sessions) : field_(field),
 
 RigReloader::~RigReloader() {
   if (timer_) g_source_remove(timer_);
-  g_file_monitor_cancel(monitor_);
-  g_object_unref(monitor_);
+  if (monitor_) g_file_monitor_cancel(monitor_);
+  g_clear_object(&monitor_);
   alive_.reset();
   if (open_thread_.joinable()) open_thread_.join();
 }
@@ -54,15 +55,19 @@ void RigReloader::changed() {
   } catch (const Error& error) {
     return say(std::string("the changed rig file is invalid, so the old rig stays in use: ") + error.what());
   }
-  if (!field_.has_cameras_of(*array)) return open(std::move(array));
+  if (!field_.has_cameras_of(*array)) {
+    say("the changed rig file has other cameras or sources; opening these cameras");
+    return open(std::move(array));
+  }
   // The rig hash does not cover colours and time offsets, which may have changed, too.
   if (rig_to_json(field_.array()->rig()) == rig_to_json(array->rig())) return;
   field_.update_rig(std::move(array));
   tell();
 }
 
+void RigReloader::load(const std::string& rig) { open(std::make_shared<const ArrayInfo>(rig)); }
+
 void RigReloader::open(std::shared_ptr<const ArrayInfo> array) {
-  say("the changed rig file has other cameras or sources; opening these cameras");
   is_opening_ = true;
   if (open_thread_.joinable()) open_thread_.join();
   open_thread_ = std::thread([this, array, alive = std::weak_ptr(alive_)] {

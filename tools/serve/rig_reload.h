@@ -18,10 +18,14 @@ namespace lf::serve {
 // the old cameras are closed and the new cameras are opened; pictures pause until then. Main thread only.
 class RigReloader {
  public:
-  // The arguments must outlive this object. Throws Error if the file cannot be watched.
-  RigReloader(LightField& field, Sessions& sessions);
+  // The first two arguments must outlive this object. If `watch` is false, changes of the file have no effect, and only
+  // load() replaces the rig. Throws Error if the file cannot be watched.
+  RigReloader(LightField& field, Sessions& sessions, bool watch);
   ~RigReloader();
   RigReloader(const RigReloader&) = delete;
+
+  // Opens the cameras of another rig file. Throws Error if the file is invalid.
+  void load(const std::string& rig);
 
  private:
   void schedule();
@@ -31,7 +35,7 @@ class RigReloader {
 
   LightField& field_;
   Sessions& sessions_;
-  GFileMonitor* monitor_;
+  GFileMonitor* monitor_ = nullptr;
   guint timer_ = 0;
   std::thread open_thread_;
   bool is_opening_ = false, changed_again_ = false;
