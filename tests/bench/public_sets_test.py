@@ -88,14 +88,16 @@ class PublicSets(unittest.TestCase):
             folder = pathlib.Path(name)
             film = folder / "film"
             cameras = run_scene(film, "--grid", "4x4", "--width", "160", "--height", "120")
-            gantry, fern, broken = folder / "gantry", folder / "fern", folder / "broken"
+            gantry, shop, fern, broken = (folder / name for name in ("gantry", "shop", "fern", "broken"))
             (fern / "images").mkdir(parents=True)
-            gantry.mkdir()
-            broken.mkdir()
+            for made in gantry, shop, broken:
+                made.mkdir()
             poses = []
             for index, camera in enumerate(cameras):
                 x, y, _ = camera["position"]
-                shutil.copy(film / camera["image"], gantry / f"out_{index // 4:02}_{index % 4:02}_{1000 * y:.3f}_{1000 * x:.3f}_.png")
+                place = f"{index // 4:02}_{index % 4:02}_{1000 * y:.3f}_{1000 * x:.3f}"
+                shutil.copy(film / camera["image"], gantry / f"out_{place}_.png")
+                shutil.copy(film / camera["image"], shop / f"Camera_{place}_{camera['params'][0] * 36 / 160:.3f}_36.png")
                 shutil.copy(film / camera["image"], fern / "images" / f"photograph_{index:02}.png")
                 right, down, forward = axes(camera["orientation"]).T
                 pose = numpy.stack([down, right, -forward, camera["position"], [120, 160, camera["params"][0]]], axis=1)
@@ -110,7 +112,7 @@ class PublicSets(unittest.TestCase):
             write_technicolor(folder / "Painter", film, cameras)
             write_deepview(folder / "02_Flames", film, cameras)
             (broken / "poses_bounds.npy").write_bytes(b"no numbers")
-            done = subprocess.run([SCRIPT, gantry, broken, fern, films, folder / "hci", folder / "Painter",
+            done = subprocess.run([SCRIPT, gantry, shop, broken, fern, films, folder / "hci", folder / "Painter",
                                    folder / "02_Flames", "--build", BUILD, "--out", folder / "page"], text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
             self.assertEqual(done.returncode, 1, done.stdout)
             self.assertTrue((folder / "page/index.md").exists(), done.stdout)
@@ -119,7 +121,7 @@ class PublicSets(unittest.TestCase):
             self.assertIn("LLFF 22.85, NeRF 25.17", text)
             self.assertIn("HyperReel 35.91, STG 36.44", text)
             rows = {row[1].strip(): row for row in (line.split("|") for line in text.split("\n")) if len(row) == 13}
-            for kind, views, kept in (("gantry", 4, 4), ("fern", 2, 14), ("films", 1, 15), ("hci", 4, 4),
+            for kind, views, kept in (("gantry", 4, 4), ("shop", 4, 4), ("fern", 2, 14), ("films", 1, 15), ("hci", 4, 4),
                                       ("Painter", 1, 15), ("02_Flames", 1, 15)):
                 self.assertEqual([int(rows[kind][2]), int(rows[kind][3])], [kept, views], text)
                 self.assertGreater(float(rows[kind][5]), 18, text)
