@@ -32,6 +32,25 @@ MeasuredLevels levels_of(const PhotoConsistency& measured) {
   return out;
 }
 
+// Gives each node without a measurement the farther level of the nearest measured nodes to its left and right. A level
+// that is too far may be outside the images of all cameras, and the picture black there. Rows without measurements do
+// not change.
+void fill_holes(const PhotoConsistency& measured, FocalMap& map) {
+  constexpr int kNone = 256;
+  std::vector<int> left(static_cast<size_t>(map.columns));
+  for (int j = 0; j < map.rows; j++) {
+    const size_t row = static_cast<size_t>(j) * map.columns;
+    int known = kNone;
+    for (int i = 0; i < map.columns; i++) left[i] = known = measured.weight[row + i] > 0 ? map.levels[row + i] : known;
+    known = kNone;
+    for (int i = map.columns - 1; i >= 0; i--) {
+      if (measured.weight[row + i] > 0) known = map.levels[row + i];
+      if (const int level = std::min(left[i], known); measured.weight[row + i] == 0 && level != kNone)
+        map.levels[row + i] = static_cast<uint8_t>(level);
+    }
+  }
+}
+
 }  // namespace
 
 // Takes the surface that the cameras have measured: `map`, with the range of the request, gets its levels. Returns
@@ -68,6 +87,7 @@ bool DepthEstimator::take_measured(const PhotoConsistency& measured, const ViewR
   map.levels = found.levels;
   for (size_t i = 0; i < map.levels.size(); i++)
     if (measured.weight[i] == 0) map.levels[i] = first;
+  fill_holes(measured, map);
   rest_if_unchanged(request, map);
   // Levels at the ends of the map's range may be farther or nearer.
   constexpr int kAtTheEnd = 2;

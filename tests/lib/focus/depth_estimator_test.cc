@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "focus/depth_estimator.h"
 
+#include <climits>
 #include <deque>
 
 #include "lib/focus/array_of_walls.h"
@@ -434,6 +435,7 @@ class WideArrayTest : public testing::Test {
     PhotoConsistency out;
     out.reset(map.columns, map.rows);
     for (size_t i = 0; measures_ && i < out.weight.size(); i++) {
+      if (static_cast<int>(i) % map.columns >= columns_) continue;
       out.weight[i] = PhotoConsistency::kWeightOne;
       out.luma[i] = PhotoConsistency::luma_of(out.weight[i], map.level_of(truth(map, i) * error_));
     }
@@ -467,7 +469,8 @@ class WideArrayTest : public testing::Test {
   ViewRequest request_;
   double right_ = kRight;
   bool measures_ = false;
-  double error_ = 1;  // factor of the measured inverse distances
+  double error_ = 1;       // factor of the measured inverse distances
+  int columns_ = INT_MAX;  // of the map that the cameras measure
   int requests_since_search_ = 0, with_hypotheses_ = 0;
 };
 
@@ -489,6 +492,16 @@ TEST_F(WideArrayTest, ItIsShownSoonOnABusyMachine) {
   measures_ = true;
   control_.set_min_interval(8);
   run(20);
+  EXPECT_LT(error(), 0.2);
+  EXPECT_FALSE(control_.state().on_plane);
+}
+
+// While a viewer moves, no camera with a depth map may see the border of the view.
+TEST_F(WideArrayTest, TheSurfaceContinuesWhereNoCameraMeasures) {
+  measures_ = true;
+  run(1);
+  columns_ = request_.view.focus.map->columns * 3 / 4;
+  run(30);
   EXPECT_LT(error(), 0.2);
   EXPECT_FALSE(control_.state().on_plane);
 }
