@@ -160,10 +160,21 @@ GstFlowReturn CameraInput::take_raw(GstBuffer* buffer, uint64_t time) {
   const PixelFamily chosen = node_.inputs().family();
   const bool open = chosen == PixelFamily::kNone;
   const PixelFamily family = open ? family_of(format_->info) : chosen;
-  if (!converter_ || converter_->family() != family)
+  if (!converter_ || converter_->family() != family) {
     converter_ = std::make_unique<FrameConverter>(format_->info, family);
-  std::shared_ptr<RawPicture> picture = converter_->convert(buffer, open);
-  if (picture) return flow_of(frames_->push({.picture = std::move(picture), .time = time}));
+    still_.reset();
+  }
+  // A still is the same memory in each frame. These frames share a picture, which is converted and compared only once.
+  const bool may_repeat = memory && gst_buffer_n_memory(buffer) == 1 && !buffer->pool;
+  if (!may_repeat || !still_ || memory != gst_buffer_peek_memory(still_.get(), 0)) {
+    still_.reset(may_repeat ? gst_buffer_ref(buffer) : nullptr);
+    std::shared_ptr<RawPicture> picture = converter_->convert(buffer, open);
+    still_picture_ = may_repeat ? picture : nullptr;
+    if (picture) return flow_of(frames_->push({.picture = std::move(picture), .time = time}));
+  } else {
+    gst_buffer_unref(buffer);
+    if (still_picture_) return flow_of(frames_->push({.picture = still_picture_, .time = time}));
+  }
   GST_WARNING_OBJECT(pad_, "dropped a frame that can't be mapped to system memory");
   return GST_FLOW_OK;
 }
@@ -211,6 +222,8 @@ void CameraInput::reset() {
   frames_->clear();
   arrivals_.clear();
   converter_.reset();
+  still_.reset();
+  still_picture_.reset();
   next_.reset();
   format_.reset();
   jpeg_size_.reset();

@@ -77,6 +77,8 @@ class CameraInput {
   std::optional<Format> next_;
   std::optional<Format> format_;
   std::unique_ptr<FrameConverter> converter_;
+  BufferPtr still_;  // the latest buffer, if later buffers may share its memory; or null
+  std::shared_ptr<RawPicture> still_picture_;
   std::optional<std::pair<int, int>> jpeg_size_;
   bool warned_damaged_ = false;
   std::optional<std::pair<int, int>> valid_size_;  // latest frame size that matched the rig

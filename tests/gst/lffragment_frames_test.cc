@@ -75,6 +75,27 @@ TEST_F(LfFragmentTest, LiveCamerasAreNeverWaitedFor) {
   EXPECT_EQ(answer_to(array_.request(1, 18 * kFrame)).actual_time, 18 * kFrame);
 }
 
+// The frames of a still are copies of one buffer, with the same memory.
+TEST_F(LfFragmentTest, FramesOfAStillAreOnePicture) {
+  start(4, "RGB", true);
+  const BufferPtr dark(ArrayFixture::frame("RGB", 10, 0)), light(ArrayFixture::frame("RGB", 250, 0));
+  uint32_t frames = 0;
+  for (const auto& [still, least, most] : {std::tuple(&dark, 9, 11), {&light, 248, 250}, {&dark, 9, 11}}) {
+    GstMemory* const memory = gst_buffer_peek_memory(still->get(), 0);
+    for (int i = 0; i < 6; i++, frames++)
+      for (const auto& camera : cameras_) {
+        GstBuffer* frame = gst_buffer_copy(still->get());
+        GST_BUFFER_PTS(frame) = frames * kFrame;
+        ASSERT_EQ(gst_harness_push(camera.get(), frame), GST_FLOW_OK);
+      }
+    const ViewRequest request = array_.request(frames, (frames - 1) * kFrame);
+    const auto [darkest, lightest] = picture_range(request, answer_to(request));
+    EXPECT_GE(darkest, least);
+    EXPECT_LE(lightest, most);
+    EXPECT_EQ(GST_MINI_OBJECT_REFCOUNT_VALUE(memory), 1 + static_cast<gint>(cameras_.size()));
+  }
+}
+
 // V4L2 cameras stall if downstream holds all of their few buffers.
 TEST_F(LfFragmentTest, CameraWithAFixedPoolNeverRunsOutOfBuffers) {
   for (const guint size : {3u, 4u, 8u, 32u}) {
