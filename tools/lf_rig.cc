@@ -329,7 +329,8 @@ void finish_import(const Arguments& arguments, const Format& format, lf::RigImpo
   if (const std::string notice = lf::orientation_notice(result.rig); !notice.empty())
     terminal::print("note: %s\n", notice.c_str());
   print_findings(lf::check_lenses(result.rig), arguments.out);
-  save(result.rig, arguments.out);
+  const nlohmann::json unknown_unit = {{"unit", "unknown"}};
+  save(result.rig, arguments.out, result.has_unit || arguments.scale ? nullptr : &unknown_unit);
   if (const std::string text = lf::arrangement_text(result.rig); !text.empty())
     terminal::print("%s: %s%s\n", arguments.out.c_str(), text.c_str(),
                     result.has_unit ? ""

@@ -551,6 +551,20 @@ static GstFlowReturn wait_live(LfViewRequest* self, std::optional<lf::RequestSlo
   return *slot ? wait_for_turn(self, clock, offset, capture_delay, **slot, leaves) : GST_FLOW_EOS;
 }
 
+// Waits for the time of the next request that the application does not skip.
+static GstFlowReturn wait_for_request(LfViewRequest* self, std::optional<lf::RequestSlot>* slot,
+                                      lf::RequestSlot* leaves) {
+  while (true) {
+    GstFlowReturn flow = lf_view_request_follow_rate(self);
+    if (flow == GST_FLOW_OK) flow = wait_live(self, slot, leaves);
+    if (flow != GST_FLOW_OK) return flow;
+    gboolean skips = FALSE;
+    g_signal_emit_by_name(self, "skip-request", leaves->pts, &skips);
+    if (!skips) return GST_FLOW_OK;
+    self->state->stream->schedule.advance(**slot);
+  }
+}
+
 // Returns the requests for all views of the set except `middle`, the leader, with the capture time and the focal
 // surface of the leader.
 static std::vector<lf::ViewRequest> rest_of_set(const lf::ViewRequest& leader, const lf::ViewSet& set,
@@ -572,8 +586,7 @@ static GstFlowReturn make_request(LfViewRequest* self, GstBuffer** out) {
   lf::RequestSlot slot{};
   bool warmup = false;
   if (live) {
-    GstFlowReturn flow = lf_view_request_follow_rate(self);
-    if (flow == GST_FLOW_OK) flow = wait_live(self, &turn, &slot);
+    const GstFlowReturn flow = wait_for_request(self, &turn, &slot);
     if (flow != GST_FLOW_OK) return flow;
   } else {
     GstFlowReturn flow = self->state->turn.wait_for_seek();

@@ -410,4 +410,17 @@ void lf_view_request_install_signals(GObjectClass* klass) {
   g_signal_new_class_handler("focus-at", G_TYPE_FROM_CLASS(klass), GSignalFlags(G_SIGNAL_RUN_LAST | G_SIGNAL_ACTION),
                              G_CALLBACK(lf::callback<lf_view_request_focus_at>), nullptr, nullptr, nullptr,
                              G_TYPE_BOOLEAN, 2, G_TYPE_DOUBLE, G_TYPE_DOUBLE);
+
+  /**
+   * LfViewRequest::skip-request:
+   * @request: the element
+   * @time: the running time of the picture
+   *
+   * Emitted before each request of a live element, on the streaming thread. Use this signal to limit the rate of
+   * requests. A request that is dropped later loses its depth hypotheses, and the focal surface gets no better.
+   *
+   * Returns: %TRUE to send no request for this time.
+   */
+  g_signal_new("skip-request", G_TYPE_FROM_CLASS(klass), G_SIGNAL_RUN_LAST, 0, g_signal_accumulator_true_handled,
+               nullptr, nullptr, G_TYPE_BOOLEAN, 1, G_TYPE_UINT64);
 }

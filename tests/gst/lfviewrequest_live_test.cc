@@ -26,6 +26,38 @@ TEST(LfViewRequestLive, RequestsFollowTheCaptureSchedule) {
   }
 }
 
+// Otherwise a slow machine, where many requests are dropped, would hardly ever test depths.
+TEST(LfViewRequestLive, SkippedRequestsLoseNothing) {
+  Source source;
+  source.set("framerate", 10, 1, "capture-delay", 30 * kMs);
+  static std::vector<guint64> asked;
+  asked.clear();
+  const auto skips = +[](GstElement*, guint64 time, gpointer) -> gboolean {
+    asked.push_back(time);
+    return time % (400 * kMs) != 0;
+  };
+  g_signal_connect(source.element(), "skip-request", G_CALLBACK(skips), nullptr);
+  ViewRequest request;
+  request.view = make_view(Viewpoint{}, 64, 48);
+  FocalMap map = FocalMap::for_view(64, 48);
+  map.from = {{0, 0, -1}, 0};
+  map.nearest = 1;
+  map.levels.resize(static_cast<size_t>(map.columns) * map.rows);
+  DepthEstimate estimate;
+  estimate.plan.view = request.view;
+  estimate.plan.view.focus.map = std::make_shared<const FocalMap>(map);
+  estimate.plan.hypotheses = {{DepthHypothesis::Kind::kPlane, 9}};
+  source.play_live();
+  EXPECT_EQ(source.next_live().pts, 0u);
+  EXPECT_TRUE(source.send(view_feedback_event({.view_id = 0, .focus = estimate})));
+  for (int i = 0; i < 3; i++) source.pass_wait();
+  const Unit next = source.next_live();
+  EXPECT_EQ(next.pts, 400 * kMs);
+  EXPECT_EQ(next.request.sequence, 1u);
+  EXPECT_EQ(next.request.hypotheses, estimate.plan.hypotheses);
+  EXPECT_THAT(asked, testing::ElementsAre(0, 100 * kMs, 200 * kMs, 300 * kMs, 400 * kMs));
+}
+
 TEST(LfViewRequestLive, EagerRequestsFollowChangesOfTheView) {
   Source source;
   source.set("framerate", 10, 1, "capture-delay", 30 * kMs, "eager", TRUE);

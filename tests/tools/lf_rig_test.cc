@@ -5,6 +5,7 @@
 #include <gst/gst.h>
 #include <nlohmann/json.hpp>
 
+#include "base/file.h"
 #include "base/json_value.h"
 #include "common/codecs.h"
 #include "image/image.h"
@@ -456,6 +457,12 @@ TEST_F(LfRig, ImportsTheKettle) {
   EXPECT_NEAR(rig.focus_distance, 12.8, 0.5);  // the kettle begins at 8.7
   EXPECT_EQ(camera.lens, Lens(LensModel::kPinhole, {1061.37, 1061.37, (1250 - 1) / 2.0, (937 - 1) / 2.0}));
   expect_outcome(lf_rig("check rig.json"), 0);
+  const auto unit = [this](const char* name) { return parse_json(read_text_file(dir / name), name).value("unit", ""); };
+  EXPECT_EQ(unit("rig.json"), "unknown");
+  expect_outcome(lf_rig("subset rig.json --cameras 1-4 --out part.json"), 0);
+  EXPECT_EQ(unit("part.json"), "unknown");
+  expect_outcome(lf_rig(import + " --undistorted --scale 0.02"), 0);
+  EXPECT_EQ(unit("rig.json"), "");
 }
 
 TEST_F(LfRig, ChecksTheRealRigs) {

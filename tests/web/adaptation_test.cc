@@ -66,18 +66,28 @@ TEST(RequestPacer, SkipsRequestsThatAreTooEarly) {
   EXPECT_DOUBLE_EQ(pace.kept(), 1) << "not requested";
 }
 
-// Views for the two eyes start together or not at all, even if capacity frees up in between.
-TEST(RequestPacer, RequestsBothEyesOrNone) {
-  RequestPacer pace(1);
-  pace.set_interval(50);
-  EXPECT_TRUE(pace.begin(100));
-  EXPECT_TRUE(pace.begin(100));
-  EXPECT_FALSE(pace.begin(200));
-  pace.end(100);
-  EXPECT_FALSE(pace.begin(200));
-  EXPECT_TRUE(pace.begin(300));
-  EXPECT_TRUE(pace.begin(300));
-  EXPECT_DOUBLE_EQ(pace.kept(), 2.0 / 3) << "a pair is one picture";
+TEST(RequestPacer, RequestsEqualPicturesLessAndLessOften) {
+  RequestPacer pace(9);
+  const auto wait_after = [&](uint64_t time) {  // for the next request, in steps
+    pace.end(time);
+    uint64_t steps = 0;
+    while (!pace.begin(time + 1 + steps * RequestPacer::kRestStep)) steps++;
+    return steps;
+  };
+  uint64_t time = 1'000'000'000;
+  for (unsigned i = 0; i < RequestPacer::kRepeats; i++, pace.note_repeat(true)) EXPECT_TRUE(pace.begin(++time)) << i;
+  EXPECT_FALSE(pace.is_resting());
+  for (const uint64_t expected : {0, 1, 2, 3, 4, 4, 4}) {
+    const uint64_t steps = wait_after(time);
+    EXPECT_EQ(steps, expected);
+    time += 1 + steps * RequestPacer::kRestStep;
+    pace.note_repeat(true);
+    EXPECT_TRUE(pace.is_resting());
+  }
+  EXPECT_EQ(pace.kept(), 1) << "the machine is not too slow";
+  pace.note_repeat(false);
+  EXPECT_FALSE(pace.is_resting());
+  EXPECT_EQ(wait_after(time), 0u);
 }
 
 TEST(QualityControl, BitRateDropsWithLossAndDelayAndRecovers) {

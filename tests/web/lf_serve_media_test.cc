@@ -204,6 +204,24 @@ TEST_F(LfServeMedia, EarlyMessagesAreProcessed) {
   }
 }
 
+TEST_F(LfServeMedia, AStillViewOfPhotographsCostsLittle) {
+  Served served({"--focus-mode", "plane"});
+  const auto client = watch(served);
+  client->send("{}");
+  const auto pictures_in = [&](int steps) {
+    const uint64_t before = client->pictures();
+    for (int i = 0; i < steps; i++) g_usleep(100000);
+    return client->pictures() - before;
+  };
+  EXPECT_TRUE(becomes([&] { return pictures_in(20) <= 10; })) << "four a second";
+  const uint64_t before = client->pictures();
+  for (int i = 0; i < 20; i++, g_usleep(100000))
+    client->send(R"({"id":1,"request":{"type":"customUpstreamEvent","structureName":"lightfield-view-request",)"
+                 R"("structure":{"yaw":)" +
+                 std::to_string(0.1 * i) + "}}}");
+  EXPECT_GE(client->pictures() - before, 15u) << "the view moves";
+}
+
 TEST_F(LfServeMedia, UnconnectedViewersCauseNoRequests) {
   Served served;
   EXPECT_EQ(served.ask("POST", "whep", browser_offer()).status, 201u);

@@ -86,6 +86,10 @@ class RtcpFilter {
 class RequestPacer {
  public:
   static constexpr uint64_t kPatience = 1000000000;  // nanoseconds until an unanswered request no longer counts
+  static constexpr unsigned kRepeats = 6;            // equal requests until the view rests
+  // Each equal request of a resting view increases the time between requests by this step, in nanoseconds.
+  static constexpr uint64_t kRestStep = 62500000;
+  static constexpr unsigned kRestSteps = 4;
 
   explicit RequestPacer(size_t most) : most_(most) {}
 
@@ -93,20 +97,30 @@ class RequestPacer {
     const std::lock_guard lock(mutex_);
     interval_ = interval;
   }
-  // Returns true if the request of this time may be sent, and then counts it as sent. A viewer with two eyes makes a
-  // second request with the same time, which gets the same result.
+  // Returns true if the request of this time may be sent, and then counts it as sent.
   bool begin(uint64_t time) {
     const std::lock_guard lock(mutex_);
-    if (time == last_request_) return time == latest_;
-    last_request_ = time;
     while (!in_flight_.empty() && time - in_flight_.front() > kPatience) in_flight_.pop_front();
-    if (latest_ && time < *latest_ + interval_) return false;
+    const uint64_t least =
+        std::max(interval_, kRestStep * std::min(repeats_ - std::min(repeats_, kRepeats), kRestSteps));
+    if (latest_ && time < *latest_ + least) return false;
     wanted_++;
     if (in_flight_.size() >= most_) return false;
     made_++;
     latest_ = time;
     in_flight_.push_back(time);
     return true;
+  }
+  // Call this if the latest request has the same picture as the request before, or another picture. After kRepeats
+  // repeats, the view rests: requests become rare, because the viewer has the picture already. They do not end, because
+  // the focal surface may still improve.
+  void note_repeat(bool repeats) {
+    const std::lock_guard lock(mutex_);
+    repeats_ = repeats ? repeats_ + 1 : 0;
+  }
+  bool is_resting() const {
+    const std::lock_guard lock(mutex_);
+    return repeats_ > kRepeats;
   }
   // Returns how many of the requests that were due since the previous call have been sent, as a fraction; 1 if none was
   // due.
@@ -124,10 +138,11 @@ class RequestPacer {
 
  private:
   const size_t most_;
-  std::mutex mutex_;
+  mutable std::mutex mutex_;
   std::deque<uint64_t> in_flight_;
   uint64_t interval_ = 0, wanted_ = 0, made_ = 0;
-  std::optional<uint64_t> last_request_, latest_;
+  unsigned repeats_ = 0;
+  std::optional<uint64_t> latest_;
 };
 
 // Adapts a viewer's video to the network. The bit rate drops at once if packets are lost or queue up in the network,

@@ -8,8 +8,11 @@
 
 #include <nlohmann/json.hpp>
 
+#include "base/file.h"
+#include "base/json_value.h"
 #include "composite/view_weights.h"
 #include "render/contribution_map.h"
+#include "rig/camera_source.h"
 #include "rig/rig.h"
 #include "rig/rig_json.h"
 #include "view/navigator.h"
@@ -48,6 +51,14 @@ std::string label(const std::string& text) {
 }
 
 std::string name_of(const Camera& camera) { return camera.name.empty() ? std::to_string(camera.id) : camera.name; }
+
+bool shows_still(const Rig& rig, const Camera& camera) {
+  try {
+    return find_camera_source(rig, camera).kind == CameraSource::Kind::kStill;
+  } catch (const Error&) {
+    return false;
+  }
+}
 
 nlohmann::json numbers(const Vec3& v) { return {v.x, v.y, v.z}; }
 
@@ -141,6 +152,8 @@ ArrayInfo::ArrayInfo(const std::string& rig) : path_(rig), rig_(load_rig(rig)), 
   size_ = largest_distance(rig_);
   for (const MeshFace& face : mesh_.faces)
     faces.push_back(std::vector<CameraIndex>(face.camera.begin(), face.camera.begin() + face.corners()));
+  is_still_ = std::ranges::all_of(rig_.cameras, [this](const Camera& camera) { return shows_still(rig_, camera); });
+  unit_ = parse_json(read_text_file(rig), rig).value("unit", "m") == "m" ? "m" : "";
   const Pose front = default_viewpoint(rig_).pose;
   json_ = nlohmann::json{{"cameras", std::move(cameras)},
                          {"faces", std::move(faces)},

@@ -52,6 +52,10 @@ class ArrayInfo {
   const std::string& path() const { return path_; }  // of the rig file
   const std::vector<std::string>& names() const { return names_; }
   std::string hash() const;
+  // Returns true if all cameras show photographs, so that a view without movements always has the same picture.
+  bool is_still() const { return is_still_; }
+  // Returns the unit of the rig's lengths, "m", or "" if it is unknown.
+  const std::string& unit() const { return unit_; }
   double size() const { return size_; }  // distance of the two cameras that are farthest apart, metres
   // Returns the cameras that contribute to a pixel, by descending weight, as JSON: [{"name": "cam_00_00", "weight":
   // 0.5, "sees": true}, ...]. "sees" is false if the point is outside the camera's image.
@@ -64,6 +68,8 @@ class ArrayInfo {
   Mesh mesh_;
   std::string json_;
   double size_ = 0;
+  bool is_still_ = false;
+  std::string unit_;
   std::vector<std::string> names_;
 };
 

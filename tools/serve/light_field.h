@@ -68,6 +68,8 @@ class LightField {
   std::shared_ptr<const ArrayInfo> array() const;
   size_t nodes() const { return answers_.size(); }
   bool is_local() const { return local_; }
+  // Returns true if the images never change. Cameras of other hosts may always change.
+  bool is_still() const { return local_ && array()->is_still(); }
 
   // Thumbnails of the cameras as a JPEG file, and their state as JSON (cameras/mosaic.h). Throw Error if the cameras
   // are on other hosts.

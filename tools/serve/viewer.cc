@@ -143,6 +143,7 @@ void Viewer::handle_control(const std::string& text) {
     before = change_;
     change_ = {*message.id, running_time()};
   }
+  if (message.event) is_at_rest_ = false;
   if (message.event && !view_pipeline_->send_navigation(message.event.release())) {
     const std::lock_guard lock(mutex_);
     if (change_ && change_->id == *message.id) change_ = before;
@@ -179,7 +180,10 @@ void Viewer::send_pixel_info(const ControlMessage::Pixel& pixel) {
 }
 
 void Viewer::report(const LinkReport& link) {
-  if (quality_.update(link.loss, link.round_trip)) apply_quality();
+  // A busy machine has the time for a single picture in full size.
+  if (view_pipeline_->is_resting()) is_at_rest_ = true;
+  const bool was_full = std::exchange(is_full_, is_at_rest_.load());
+  if (quality_.update(link.loss, link.round_trip) || was_full != is_full_) apply_quality();
   if (quality_.wants_key_frame())
     gst_element_send_event(encoder_, gst_video_event_new_upstream_force_key_unit(GST_CLOCK_TIME_NONE, TRUE, 0));
   json info = view_pipeline_->statistics();

@@ -49,7 +49,7 @@ class Viewer : public BrowserStream {
   void watch_encoder();
   void send_surface(GstPad* encoded, GstBuffer* picture);
   int pictures_left_out() const { return std::max(quality_.pictures_left_out(), load_shedding_.pictures_left_out()); }
-  int size_divisor() const { return std::max(quality_.size_divisor(), load_shedding_.size_divisor()); }
+  int size_divisor() const { return std::max(quality_.size_divisor(), is_full_ ? 1 : load_shedding_.size_divisor()); }
   void send_pixel_info(const ControlMessage::Pixel& pixel);
 
   const ViewSettings settings_;
@@ -58,6 +58,8 @@ class Viewer : public BrowserStream {
   std::unique_ptr<ViewerPipeline> view_pipeline_;
   QualityControl quality_;
   LoadShedding load_shedding_;
+  std::atomic<bool> is_at_rest_ = false;  // no navigation since pictures were equal
+  bool is_full_ = false;                  // is_at_rest_ at the latest report
   std::string encoder_name_;
   uint64_t video_bytes_reported_ = 0;
   SurfaceSender surfaces_;  // thread of the encoder only

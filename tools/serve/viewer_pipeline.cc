@@ -22,6 +22,12 @@ std::optional<ViewRequest> request_in(GstBuffer* buffer) {
   return request;
 }
 
+// Returns true if the pictures of two requests are equal, provided that the images of the cameras are.
+bool has_same_picture(const ViewRequest& a, const ViewRequest& b) {
+  return a.view == b.view && a.on_plane == b.on_plane && a.gains.use == b.gains.use && a.rig_hash == b.rig_hash &&
+         a.out_of_service == b.out_of_service;
+}
+
 using nlohmann::json;
 
 // Maximum number of requests in flight. Over a network, a round trip may take longer than a frame.
@@ -179,15 +185,10 @@ ViewerPipeline::~ViewerPipeline() {
 void ViewerPipeline::close() { field_.leave(settings_.id); }
 
 void ViewerPipeline::pace_requests() {
-  gst_pad_add_probe(
-      view_pad_, GST_PAD_PROBE_TYPE_BUFFER,
-      [](GstPad*, GstPadProbeInfo* info, gpointer data) {
-        GstBuffer* request = GST_PAD_PROBE_INFO_BUFFER(info);
-        if (is_probe(request)) return GST_PAD_PROBE_OK;
-        const GstClockTime time = GST_BUFFER_PTS(request);
-        return static_cast<RequestPacer*>(data)->begin(time) ? GST_PAD_PROBE_OK : GST_PAD_PROBE_DROP;
-      },
-      &pacer_, nullptr);
+  const auto skips = +[](GstElement*, guint64 time, gpointer data) -> gboolean {
+    return !static_cast<RequestPacer*>(data)->begin(time);
+  };
+  g_signal_connect(view_, "skip-request", G_CALLBACK(skips), &pacer_);
   g_autoptr(GstPad) pictures = gst_element_get_static_pad(compositor_, "src");
   gst_pad_add_probe(
       pictures, GST_PAD_PROBE_TYPE_BUFFER,
@@ -205,7 +206,10 @@ void ViewerPipeline::reduce(int left_out, unsigned depth_interval) {
   g_object_set(compositor_, "depth-interval", depth_interval, nullptr);
 }
 
-bool ViewerPipeline::send_navigation(GstEvent* event) { return gst_pad_send_event(view_pad_, event); }
+bool ViewerPipeline::send_navigation(GstEvent* event) {
+  pacer_.note_repeat(false);
+  return gst_pad_send_event(view_pad_, event);
+}
 
 GstStructure* ViewerPipeline::stats() const {
   GstStructure* stats = nullptr;
@@ -260,6 +264,7 @@ json ViewerPipeline::statistics() const {
     info["cameras"] = {{"count", cameras.count}, {"working", cameras.working}};
   if (!field_.is_local()) info["nodes"] = {{"count", field_.nodes()}, {"silent", field_.silent_nodes()}};
   if (json shown = this->shown(); shown.is_object()) info["picture"] = std::move(shown);
+  info["unit"] = field_.array()->unit();
   info["monitored"] = settings_.limits.monitor > 0;
   if (const auto view = asked()) info["coverage"] = field_.array()->coverage(*view);
   return info;
@@ -325,9 +330,16 @@ GstFlowReturn ViewerPipeline::take_request(GstAppSink* sink, gpointer data) {
 
 // All requests of one picture are consecutive and have the same time.
 bool ViewerPipeline::begins(GstBuffer* request) {
-  const std::lock_guard lock(mutex_);
-  if (last_request_ && GST_BUFFER_PTS(last_request_) == GST_BUFFER_PTS(request)) return false;
-  gst_buffer_replace(&last_request_, request);
+  {
+    const std::lock_guard lock(mutex_);
+    if (last_request_ && GST_BUFFER_PTS(last_request_) == GST_BUFFER_PTS(request)) return false;
+    gst_buffer_replace(&last_request_, request);
+  }
+  if (field_.is_still()) {
+    std::optional<ViewRequest> decoded = request_in(request);
+    pacer_.note_repeat(decoded && last_shown_ && has_same_picture(*decoded, *last_shown_));
+    last_shown_ = std::move(decoded);
+  }
   return true;
 }
 

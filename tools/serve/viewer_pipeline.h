@@ -63,6 +63,8 @@ class ViewerPipeline {
   void reduce(int left_out, unsigned depth_interval);
   // Returns how many of the requests that were due since the previous call have been sent, as a fraction.
   double kept() { return pacer_.kept(); }
+  // Returns true if the latest pictures are equal, so that the server makes only a few more.
+  bool is_resting() const { return pacer_.is_resting(); }
   void set_monitor_interval(int interval) { g_object_set(compositor_, "monitor-interval", interval, nullptr); }
   uint32_t id() const { return settings_.id; }
   MonitorReport monitor() const;
@@ -89,6 +91,7 @@ class ViewerPipeline {
   GstElement *compositor_ = nullptr, *view_ = nullptr;
   GstPad* view_pad_ = nullptr;
   RequestPacer pacer_;
+  std::optional<ViewRequest> last_shown_;  // thread of the requests only
   std::vector<GstAppSrc*> answers_;
   mutable std::mutex mutex_;
   GstStructure* picture_fields_ = nullptr;

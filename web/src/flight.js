@@ -94,8 +94,9 @@ export class ViewNavigation {
     this.changes.push([applied, view, margin ?? 0]);
     const { viewer } = this, focus = view['focus-distance'], { near, far } = this.range;
     if (viewer.root.activeElement !== viewer.slider) viewer.slider.value = Math.log(focus / near) / Math.log(far / near);
-    viewer.distance.textContent = `${focus < 1000 ? focus.toPrecision(3) : 'far'}${focus < 1000 ? ' m' : ''}`;
-    viewer.slider.setAttribute('aria-valuetext', `${focus.toPrecision(3)} metres`);
+    const isMetric = viewer.statistics.unit === 'm', digits = focus.toPrecision(3);
+    viewer.distance.textContent = focus < 1000 ? digits + (isMetric ? ' m' : '') : 'far';
+    viewer.slider.setAttribute('aria-valuetext', digits + (isMetric ? ' metres' : ''));
   }
 
   show(rtpTimestamp) {
