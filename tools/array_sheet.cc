@@ -14,6 +14,7 @@
 #include "base/text.h"
 #include "composite/still.h"
 #include "contact_sheet.h"
+#include "depth_progress.h"
 #include "focus/still_focus.h"
 #include "render/contribution_map.h"
 #include "render/focus_range.h"
@@ -122,8 +123,7 @@ lf::Image home_view(const lf::Rig& rig, const lf::Mesh& mesh, const lf::CameraIm
   const lf::View view = lf::make_view(home, kViewWidth, std::max(1, static_cast<int>(kViewWidth / aspect)));
   lf::CameraSet cameras(rig.cameras.size());
   std::iota(cameras.begin(), cameras.end(), 0);
-  const std::optional<lf::ArrayDepth> depths =
-      lf::estimate_depths(rig, cameras, {{view}}, images, kSurface, lf::parallel_for_all_processors());
+  const std::optional<lf::ArrayDepth> depths = estimate_depths_with_progress(rig, cameras, {{view}}, images, kSurface);
   const lf::ArrayDepth* const known = depths ? &*depths : nullptr;
   const lf::View focused = lf::focus_still(rig, mesh, view, images, kSurface, lf::kSettledRounds, nullptr, known);
   return lf::render_still(rig, mesh, focused, images, lf::Resampling::kSharpened, {}, nullptr, known).picture;

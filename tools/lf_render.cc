@@ -7,7 +7,6 @@
 #include <filesystem>
 #include <iterator>
 #include <map>
-#include <mutex>
 #include <optional>
 #include <ranges>
 #include <span>
@@ -21,6 +20,7 @@
 #include "base/text.h"
 #include "command_line.h"
 #include "composite/still.h"
+#include "depth_progress.h"
 #include "file_names.h"
 #include "focus/still_focus.h"
 #include "image/image.h"
@@ -171,27 +171,7 @@ class Renderer {
   // because the cameras would have to be compared again for each view.
   void estimate_depths(const lf::CameraSet& cameras, std::span<const lf::View> views) {
     if (options_.focus == "plane") return;
-    // Each resolution has two calls, an estimate and a quick check, and four times the pixels of the previous one. Wide
-    // images have three resolutions, others two.
-    constexpr int kWide = 640;
-    const bool is_wide =
-        std::ranges::any_of(rig_.cameras, [](const lf::Camera& camera) { return camera.width >= kWide; });
-    const double total = static_cast<double>(cameras.size()) * (is_wide ? 1 + 4 + 16 : 1 + 4);
-    Progress progress("estimating depths", 0);
-    std::mutex mutex;
-    int calls = 0;
-    double done = 0;
-    const lf::ParallelFor all_processors = lf::parallel_for_all_processors();
-    const lf::ParallelFor parallel = [&](size_t count, const std::function<void(size_t)>& task) {
-      const double weight = calls % 2 == 0 ? std::pow(4, calls / 2) : 0;
-      calls++;
-      all_processors(count, [&](size_t i) {
-        task(i);
-        const std::lock_guard lock(mutex);
-        progress.reach((done += weight) / total);
-      });
-    };
-    depths_ = lf::estimate_depths(rig_, cameras, views, image_of_, options_.surface, parallel);
+    depths_ = estimate_depths_with_progress(rig_, cameras, views, image_of_, options_.surface);
   }
   // Adds a focal surface (the depth of each pixel) to the view if the option --focus surface is set. Exposure gains are
   // not compensated for --leave-one-out, which compares the cameras with each other.
