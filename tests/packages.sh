@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # Builds the Debian packages in build/packages, installs them in a fresh Debian 12 and runs debian/tests there: a camera
-# node, lf-serve and Python. Prints the seconds of each step. Needs root, a Debian mirror and the packages of `tools`
-# below.
+# node, lf-serve and Python. A browser outside shows the demo. Prints the seconds of each step. Needs root, a Debian
+# mirror and the packages of `tools` below.
 #   tests/packages.sh [--built]   --built: with the packages that are already in build/packages
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
-tools=(debhelper devscripts help2man iproute2 lintian mkdocs mmdebstrap)
+tools=(chromium debhelper devscripts help2man iproute2 lintian mkdocs mmdebstrap)
 
 if ((EUID != 0)); then echo "tests/packages.sh: root is required" >&2; exit 1; fi
 # shellcheck disable=SC2016  # dpkg-query expands the field
@@ -60,13 +60,37 @@ smoke() { # NAME
   unshare --net bash -c 'ip link set lo up && chroot "$1" env -i PATH=/usr/bin:/bin HOME=/root "/srv/$2"' - "$root" "$1"
 }
 
-step "Debian 12" mmdebstrap --quiet --variant=apt --skip=cleanup/apt/lists bookworm "$root"
-mkdir -p "$root/packages" "$cache"
-cp "$packages"/*.deb "$root/packages/"
-mount -t proc proc "$root/proc"
-mount --bind /dev "$root/dev"
-mount --bind "$cache" "$root/var/cache/apt/archives"
+# The time from the first command to a picture in a browser, including downloads. In a network of its own, too.
+demo() {
+  local browser=(tests/web/browser.sh "$PWD/build" tests/web/demo.mjs)
+  LF_TESTS=none "${browser[@]}" || return  # installs the browser's driver
+  local since=$EPOCHSECONDS
+  inside apt-get -q -y install "$@" || return
+  echo "# installed after $((EPOCHSECONDS - since)) s"
+  # shellcheck disable=SC2016  # expanded by the inner shell
+  LF_SINCE=$since unshare --net bash -c 'ip link set lo up
+    chroot "$1" env -i PATH=/usr/bin:/bin HOME=/root lf-serve --demo &
+    "${@:2}"
+    status=$?
+    kill $!
+    exit $status' - "$root" "${browser[@]}"
+}
+
+step "Debian 12" mmdebstrap --quiet --variant=apt --skip=cleanup/apt/lists bookworm "$root/bare"
+cp -a "$root/bare" "$root/full"
+for root in "$LF_ROOT/bare" "$LF_ROOT/full"; do
+  mkdir -p "$root/packages"
+  cp "$packages"/*.deb "$root/packages/"
+  mount -t proc proc "$root/proc"
+  mount --bind /dev "$root/dev"
+done
 paths_of() { for name; do ls "$root/packages/${name}_"*; done | sed "s|^$root||"; }  # in the chroot
+root=$LF_ROOT/bare
+mapfile -t paths < <(paths_of gstreamer1.0-lightfield lightfield-serve)
+step "apt install and lf-serve --demo" demo "${paths[@]}"
+root=$LF_ROOT/full
+mkdir -p "$cache"
+mount --bind "$cache" "$root/var/cache/apt/archives"
 forbidden='(g\+\+|gcc|cpp|clang|tcc)(-[0-9.]+)?|libopencv.*'
 mapfile -t paths < <(paths_of gstreamer1.0-lightfield lightfield-camera-node)
 step "apt-get install lightfield-camera-node" install_packages "${paths[@]}"
