@@ -53,7 +53,11 @@ class Search {
   Search() : context_(g_main_context_new()) {
     g_main_context_push_thread_default(context_);
     g_autoptr(GError) error = nullptr;
-    bus_ = g_bus_get_sync(G_BUS_TYPE_SYSTEM, nullptr, &error);
+    // A connection of g_bus_get_sync() would end the process if the bus ends.
+    g_autofree gchar* address = g_dbus_address_get_for_bus_sync(G_BUS_TYPE_SYSTEM, nullptr, &error);
+    constexpr auto kFlags = static_cast<GDBusConnectionFlags>(G_DBUS_CONNECTION_FLAGS_AUTHENTICATION_CLIENT |
+                                                              G_DBUS_CONNECTION_FLAGS_MESSAGE_BUS_CONNECTION);
+    if (address) bus_ = g_dbus_connection_new_for_address_sync(address, kFlags, nullptr, nullptr, &error);
     if (!bus_) failure_ = error->message;
   }
   ~Search() {
@@ -69,8 +73,10 @@ class Search {
 
   // Browses until `is_complete` returns true for the hosts that were found, or for kLongestSearch. Throws Error.
   std::vector<AnnouncedHost> run(const std::function<bool(const std::vector<AnnouncedHost>&)>& is_complete) {
-    const Reply browser = call("/", kServer2, "ServiceBrowserPrepare",
-                               g_variant_new("(iissu)", kAny, kAny, AnnouncedHost::kType, "", 0u));
+    Reply browser;
+    if (bus_)
+      browser = call("/", kServer2, "ServiceBrowserPrepare",
+                     g_variant_new("(iissu)", kAny, kAny, AnnouncedHost::kType, "", 0u));
     const gchar* path = nullptr;
     if (browser) g_variant_get(browser.get(), "(&o)", &path);
     if (path) {
@@ -100,7 +106,6 @@ class Search {
 
   // Returns null after a failure, whose text is then in failure_.
   Reply call(const char* path, const char* interface, const char* method, GVariant* arguments) {
-    if (!bus_) return nullptr;
     g_autoptr(GError) error = nullptr;
     Reply reply(g_dbus_connection_call_sync(bus_, kAvahi, path, interface, method, arguments, nullptr,
                                             G_DBUS_CALL_FLAGS_NONE, kCallTimeout, nullptr, &error));
