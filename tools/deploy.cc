@@ -60,7 +60,7 @@ std::string word(const lf::JsonValue& value, const char* pattern) {
 std::string address_of(const lf::JsonValue& host) {
   const lf::JsonValue value = host.at("address");
   g_autoptr(GInetAddress) address = g_inet_address_new_from_string(value.text().c_str());
-  if (!address) value.fail("\"" + value.text() + "\" is no IP address");
+  if (!address) value.fail("\"" + value.text() + "\" is not an IP address");
   g_autofree gchar* text = g_inet_address_to_string(address);
   return text;
 }
@@ -206,7 +206,12 @@ std::string announcement(const Inventory& inventory, size_t node) {
       "<service-group>\n  <name>Light field cameras " +
       host.name + "</name>\n  <service>\n    <type>" + lf::AnnouncedHost::kType + "</type>\n    <port>" +
       std::to_string(kRequestPort) + "</port>\n";
-  const auto add = [&](const std::string& field) { text += "    <txt-record>" + field + "</txt-record>\n"; };
+  const auto add = [&](const std::string& field) {
+    constexpr size_t kMaxField = 255;  // RFC 6763, section 6.1
+    if (field.size() > kMaxField)
+      throw lf::Error(host.name + ": the list of cameras is too long for an announcement: use ranges such as 0-31");
+    text += "    <txt-record>" + field + "</txt-record>\n";
+  };
   add("rig=" + inventory.rig_hash);
   add("cameras=" + host.cameras);
   for (size_t client = 0; client < inventory.clients().size(); client++)

@@ -68,9 +68,9 @@ std::pair<std::string, CameraPath> parse_path(const std::string& text) {
 
 std::vector<lf::NodeAddress> nodes_of(const std::string& text, const std::string& rig) {
   if (text.empty()) return {};
+  const lf::Rig loaded = lf::load_rig(rig);
   try {
-    return lf::find_nodes(text, lf::load_rig(rig),
-                          [](const std::string& warning) { say("warning: --nodes " + warning); });
+    return lf::find_nodes(text, loaded, [](const std::string& warning) { say("warning: --nodes " + warning); });
   } catch (const lf::Error& error) {
     throw lf::Error(std::string("--nodes ") + error.what());
   }

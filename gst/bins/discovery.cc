@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <memory>
 #include <tuple>
+#include <utility>
 
 #include <gio/gio.h>
 #include <ifaddrs.h>
@@ -22,7 +23,7 @@ constexpr char kAvahi[] = "org.freedesktop.Avahi", kServer[] = "org.freedesktop.
                kServer2[] = "org.freedesktop.Avahi.Server2", kBrowser[] = "org.freedesktop.Avahi.ServiceBrowser";
 constexpr int kAny = -1;  // any network interface or protocol
 
-// One spelling per address. Returns "" if the text is no IP address.
+// One spelling per address. Returns "" if the text is not an IP address.
 std::string canonical(const std::string& address) {
   g_autoptr(GInetAddress) inet = g_inet_address_new_from_string(address.c_str());
   if (!inet) return "";
@@ -89,9 +90,11 @@ class Search {
     g_source_set_callback(
         wakeup, [](gpointer) -> gboolean { return G_SOURCE_CONTINUE; }, nullptr, nullptr);
     g_source_attach(wakeup, context_);
-    for (const int64_t end = g_get_monotonic_time() + kLongestSearch;
-         g_get_monotonic_time() < end && !is_complete(hosts_);)
+    size_t known = 0;
+    for (bool complete = is_complete(hosts_); !complete && time_left() > 0;) {
       g_main_context_iteration(context_, TRUE);
+      if (hosts_.size() != std::exchange(known, hosts_.size())) complete = is_complete(hosts_);
+    }
     g_source_destroy(wakeup);
     g_source_unref(wakeup);
     (void)call(path, kBrowser, "Free", nullptr);
@@ -103,6 +106,8 @@ class Search {
     void operator()(GVariant* value) const { g_variant_unref(value); }
   };
   using Reply = std::unique_ptr<GVariant, Unref>;
+
+  int64_t time_left() const { return end_ - g_get_monotonic_time(); }
 
   // Returns null after a failure, whose text is then in failure_.
   Reply call(const char* path, const char* interface, const char* method, GVariant* arguments) {
@@ -118,14 +123,15 @@ class Search {
     if (g_variant_is_of_type(item, G_VARIANT_TYPE("(iisssu)"))) static_cast<Search*>(self)->resolve(item);
   }
 
+  // Any host of the network can announce services, so their number and the time for them are bounded.
   void resolve(GVariant* item) {
+    if (time_left() <= 0 || ++resolved_ > kMaxHosts) return;
     gint32 interface = 0, protocol = 0;
     const gchar *name = nullptr, *type = nullptr, *domain = nullptr;
     g_variant_get(item, "(ii&s&s&su)", &interface, &protocol, &name, &type, &domain, nullptr);
     const Reply reply = call("/", kServer, "ResolveService",
                              g_variant_new("(iisssiu)", interface, protocol, name, type, domain, kAny, 0u));
-    if (!reply || hosts_.size() >= kMaxHosts || !g_variant_is_of_type(reply.get(), G_VARIANT_TYPE("(iissssisqaayu)")))
-      return;
+    if (!reply || !g_variant_is_of_type(reply.get(), G_VARIANT_TYPE("(iissssisqaayu)"))) return;
     g_autoptr(GVariant) records = g_variant_get_child_value(reply.get(), 9);
     std::vector<std::string> fields;
     for (gsize i = 0; i < g_variant_n_children(records); i++) {
@@ -142,6 +148,8 @@ class Search {
   guint subscription_ = 0;
   std::string failure_;
   std::vector<AnnouncedHost> hosts_;
+  const int64_t end_ = g_get_monotonic_time() + kLongestSearch;
+  size_t resolved_ = 0;
 };
 
 std::string ids_of(const Rig& rig, const std::set<CameraIndex>& cameras) {

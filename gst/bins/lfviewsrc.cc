@@ -194,10 +194,8 @@ lf::PropertyTable<Settings>& Settings::properties() {
           "Comma-separated list of the hosts that run the cameras, each with an lfnodesink. An item is "
           "HOST:REQUEST-PORT:[LOCAL-ADDRESS:]ANSWER-PORT, for example camhost0:6000:6100. Requests are sent to "
           "REQUEST-PORT on HOST, and the answers of the host arrive at ANSWER-PORT of this machine. The value auto "
-          "finds "
-          "the hosts that announce cameras of this rig by DNS-SD. These cameras are always live (empty: all cameras "
-          "are "
-          "on this machine)"),
+          "finds the hosts that announce cameras of this rig by DNS-SD. These cameras are always live (empty: all "
+          "cameras are on this machine)"),
       lf::inherited_property<S, &S::listen>(
           lf::kWhileReady, "listen", "Listen",
           "Address that receives the view requests of viewers on other hosts: a local UDP port, ADDRESS:PORT or a "
@@ -614,8 +612,8 @@ static void refuse_described_sources(const lf::Rig& rig, const std::string& path
                       ": its source describes elements, which no URI opens: set the property rig instead of a URI");
 }
 
-// Called before READY and before PAUSED. Returns false after posting an error.
-static bool prepare(LfViewSrc* self) {
+// Called before READY and before PAUSED. Returns false after posting an error. Hosts are searched again before READY.
+static bool prepare(LfViewSrc* self, bool to_ready) {
   const std::lock_guard lock(self->inside->mutex);
   const Settings hosts = Properties::now(self);
   try {
@@ -636,7 +634,8 @@ static bool prepare(LfViewSrc* self) {
       throw lf::Error(
           "elements lfviewrequest and lfcompositor are not installed (set GST_PLUGIN_PATH "
           "to the folder of the gst-lightfield plugin)");
-    if (!self->inside->cameras || self->inside->hosts != hosts) change_hosts(self, hosts);
+    const bool searches = to_ready && hosts.nodes == "auto";
+    if (!self->inside->cameras || self->inside->hosts != hosts || searches) change_hosts(self, hosts);
     for (auto& [name, viewer] : self->inside->viewers) follow_access(self, viewer->chain);
     return true;
   } catch (const lf::Error& error) {
@@ -661,8 +660,9 @@ static GstClock* lf_view_src_provide_clock(GstElement* element) {
 
 static GstStateChangeReturn lf_view_src_change_state(GstElement* element, GstStateChange transition) {
   LfViewSrc* self = LF_VIEW_SRC(element);
-  const bool starts = transition == GST_STATE_CHANGE_NULL_TO_READY || transition == GST_STATE_CHANGE_READY_TO_PAUSED;
-  if (starts && !prepare(self)) return GST_STATE_CHANGE_FAILURE;
+  const bool to_ready = transition == GST_STATE_CHANGE_NULL_TO_READY;
+  const bool starts = to_ready || transition == GST_STATE_CHANGE_READY_TO_PAUSED;
+  if (starts && !prepare(self, to_ready)) return GST_STATE_CHANGE_FAILURE;
   const Hosts hosts = Properties::now(self);
   if (transition == GST_STATE_CHANGE_READY_TO_PAUSED && !hosts.listen.empty()) lf::warn_without_key(element, hosts);
   self->failed = false;

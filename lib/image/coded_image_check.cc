@@ -93,12 +93,17 @@ Image decode_tiff(Bytes bytes, ImageSize size) {
   TiffFile file{bytes, 0, false, ""};
   const std::unique_ptr<TIFFOpenOptions, decltype(&TIFFOpenOptionsFree)> options(TIFFOpenOptionsAlloc(),
                                                                                  TIFFOpenOptionsFree);
+  constexpr tmsize_t kMaxAllocation = tmsize_t{1} << 31;
+  TIFFOpenOptionsSetMaxSingleMemAlloc(options.get(), kMaxAllocation);
   TIFFOpenOptionsSetErrorHandlerExtR(options.get(), on_tiff_error, &file);
   TIFFOpenOptionsSetWarningHandlerExtR(options.get(), on_tiff_warning, &file);
   const std::unique_ptr<TIFF, decltype(&TIFFClose)> tiff(
       TIFFClientOpenExt("TIFF", "rm", &file, read_tiff, write_nothing, seek_tiff, close_nothing, size_of_tiff, nullptr,
                         nullptr, options.get()),
       TIFFClose);
+  char reason[1024] = "";
+  if (tiff && !TIFFRGBAImageOK(tiff.get(), reason))
+    throw Error("this kind of TIFF can't be read: " + std::string(reason));
   Image image = tiff ? decode_pixels(tiff.get(), file, size) : Image();
   if (!tiff && file.problem.empty()) file.problem = "its header can't be read";
   if (!file.problem.empty()) throw Error("damaged: " + file.problem);

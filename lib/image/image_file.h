@@ -22,7 +22,8 @@ inline constexpr int kMaxImageSide = 16384;              // pixels
 inline constexpr int64_t kMaxImagePixels = 160'000'000;  // 480 MB as RGB
 
 // Reads the size of an image file from its header, without decoding pixels. Supports PNG, JPEG, TIFF, WebP, PGM and
-// PPM (binary), and BMP (uncompressed). Throws Error with the file's name, also for a size above the limits.
+// PPM (binary), and BMP (uncompressed, 8, 24 or 32 bits per pixel). Throws Error with the file's name, also for a size
+// above the limits.
 ImageSize load_image_size(const std::string& path);
 // Reads an image that must have the size `expected`, like load_image(). If the size differs, throws Error without
 // decoding the image.

@@ -253,10 +253,10 @@ bool read_luma(jpeg_decompress_struct& info, jpeg::Errors& errors, jpeg_source_m
   jpeg_create_decompress(&info);
   info.src = &source;
   jpeg_read_header(&info, TRUE);
+  if (int64_t{info.image_width} * info.image_height > kMaxImagePixels) ERREXIT(&info, JERR_IMAGE_TOO_BIG);
   info.out_color_space = JCS_GRAYSCALE;
   info.scale_denom = static_cast<unsigned>(smaller);
   jpeg_start_decompress(&info);
-  if (int64_t{info.output_width} * info.output_height > kMaxImagePixels) ERREXIT(&info, JERR_IMAGE_TOO_BIG);
   out.width = static_cast<int>(info.output_width);
   out.height = static_cast<int>(info.output_height);
   out.samples.resize(size_t{info.output_width} * info.output_height);

@@ -195,7 +195,7 @@ void DepthTracker::forget_if_cleared() {
   generation_of_depths_ = generation_;
 }
 
-// Drops the depths if an image has changed while no view was tracked, because the scene may then be another one.
+// Drops the depths if the rig or an image has changed while no view was tracked: the scene may then be another one.
 void DepthTracker::forget_if_outdated(const CameraInputs::Array& array) {
   if (!std::exchange(was_idle_, false)) return;
   const auto is_same = [&](const auto& known) {
@@ -204,7 +204,7 @@ void DepthTracker::forget_if_outdated(const CameraInputs::Array& array) {
         camera != array.cameras.end() ? camera->second->newest() : std::optional<CameraFrame>();
     return frame && is_unchanged(known.first, *frame);
   };
-  if (!std::ranges::all_of(pictures_, is_same)) depths_.reset();
+  if (rig_ != array.rig || !std::ranges::all_of(pictures_, is_same)) depths_.reset();
   publish_depths();
 }
 
@@ -307,7 +307,7 @@ void DepthTracker::run_surfaces(const std::stop_token& stop) {
       next = std::ranges::find_if(views_, [](const auto& view) { return view->is_new; });
       return latest_ && next != views_.end();
     };
-    if (!changed_.wait(lock, stop, has_work)) return;
+    if (!changed_.wait(lock, stop, has_work) || stop.stop_requested()) return;
     const std::shared_ptr<TrackedView> tracked = *next;
     std::rotate(next, next + 1, views_.end());
     tracked->is_new = false;
@@ -348,8 +348,8 @@ void DepthTracker::work(const std::stop_token& stop) {
   const uint64_t now = now_ns();
   next_update_ = now + (has_changed ? 1 : kRestingPart) * (now - begun);
   if (has_changed) publish_depths();
-  // The first depths have normal priority, because on a busy machine they would otherwise take minutes. The threads of
-  // workers_, which only help with first depths, keep this priority.
+  // The first depths of a tracker have normal priority, because on a busy machine they would otherwise take minutes.
+  // The threads of workers_, which only help with first depths, keep this priority.
   if (is_first && depths_) lower_priority();
 }
 

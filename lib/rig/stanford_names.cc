@@ -25,9 +25,9 @@ struct NamedImage {
 };
 
 std::map<Place, NamedImage> read_names(const std::string& directory, std::vector<std::string>& notes) {
-  static const std::regex kName(
-      R"(.*?_(\d{1,5})_(\d{1,5})_(-?\d+\.?\d*)_(-?\d+\.?\d*)(?:_(\d+\.?\d*)_(\d+\.?\d*)|_)?\.(png|jpg|jpeg))",
-      std::regex::icase);
+  static const std::regex kName(R"(.*?_(\d{1,5})_(\d{1,5})_(?:(-?\d+\.?\d*)_(-?\d+\.?\d*)_?|)"
+                                R"((-?\d+\.\d+)_(-?\d+\.\d+)_(\d+\.?\d*)_(\d+\.?\d*))\.(png|jpg|jpeg))",
+                                std::regex::icase);
   std::map<Place, NamedImage> images;
   constexpr size_t kLongestName = 255;  // std::regex is recursive
   size_t left_out = 0;
@@ -40,9 +40,11 @@ std::map<Place, NamedImage> read_names(const std::string& directory, std::vector
     }
     const auto number = [&](int part) { return number_of_text<double>(parts[part].str()).value_or(0); };
     const Place place(static_cast<int>(number(1)), static_cast<int>(number(2)));
-    NamedImage named{path.string(), {number(4), number(3)}};
-    if (parts[5].matched) named.f_per_width = number(5) / number(6);
-    if (parts[5].matched && !(named.f_per_width > 0 && is_finite(named.f_per_width)))
+    const bool has_lens = parts[7].matched;
+    const int y = has_lens ? 5 : 3;
+    NamedImage named{path.string(), {number(y + 1), number(y)}};
+    if (has_lens) named.f_per_width = number(7) / number(8);
+    if (has_lens && !(named.f_per_width > 0 && is_finite(named.f_per_width)))
       throw Error(path.string() + ": the focal length and the sensor width in the file name must be positive");
     const auto [other, is_new] = images.emplace(place, named);
     if (!is_new)

@@ -19,6 +19,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import zlib
 
 try:
     import yaml
@@ -27,10 +28,10 @@ except ImportError:
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 BUILD = pathlib.Path(sys.argv[1]).resolve()
-BASE, IMAGE = "localhost/lightfield-base", "localhost/lightfield"
 PACKAGES = ("tini,haproxy,dbus-x11,gstreamer1.0-tools,gstreamer1.0-plugins-base,gstreamer1.0-plugins-good,gstreamer1.0-plugins-bad,"
-            "gstreamer1.0-plugins-ugly,gstreamer1.0-nice,libsoup-3.0-0,libopencv-core406,libopencv-imgcodecs406,"
-            "libopencv-imgproc406,libegl1,libgles2")
+            "gstreamer1.0-plugins-ugly,gstreamer1.0-nice,libsoup-3.0-0,libopencv-core406,libopencv-imgproc406,"
+            "libjpeg62-turbo,libpng16-16,libtiff6,libwebp7,libegl1,libgles2")
+BASE, IMAGE = f"localhost/lightfield-base-{zlib.crc32(PACKAGES.encode())}", "localhost/lightfield"
 ADDRESSES = {name: f"10.88.0.{200 + i}" for i, name in enumerate(["cam0", "cam1", "r1", "r2", "proxy"])}
 SERVERS, VIEWERS, GATEWAY = ["r1", "r2"], 4, "10.88.0.1"
 HYBRID = pathlib.Path("/sys/fs/cgroup/unified")

@@ -102,9 +102,11 @@ def configure_obs(home):
 def colourful_share(picture):
     """Returns the share of pixels with saturated colours. The upper half of the window of OBS has only the picture and
     shades of grey."""
-    Gst.parse_launch(f"ximagesrc display-name={DISPLAY} num-buffers=1 ! videoconvert ! pngenc ! "
-                     f"filesink location={picture} name=file").set_state(Gst.State.PLAYING)
-    time.sleep(2)
+    pipeline = Gst.parse_launch(f"ximagesrc display-name={DISPLAY} num-buffers=1 ! videoconvert ! pngenc ! "
+                                f"filesink location={picture}")
+    pipeline.set_state(Gst.State.PLAYING)
+    pipeline.get_bus().timed_pop_filtered(Gst.CLOCK_TIME_NONE, Gst.MessageType.EOS | Gst.MessageType.ERROR)
+    pipeline.set_state(Gst.State.NULL)
     image = cv2.imread(str(picture))[40:384].astype(int)
     return ((image.max(axis=2) - image.min(axis=2)) > 60).mean()
 

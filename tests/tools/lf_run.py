@@ -184,13 +184,18 @@ def check_watchdog(folder):
     reader = threading.Thread(target=read)
     reader.start()
     service.reports(1)
-    assert service.reports(2) > 4, "the sink works again"
+    for _ in range(30):
+        if service.reports(2) > 2:
+            break
+    else:
+        raise AssertionError("the sink works again")
     service.program.terminate()
     output = service.program.communicate(timeout=60)[0]
     reading = False
     reader.join()
     os.close(pipe)
-    assert output.splitlines() == ["running", "warning: filesink0 does not return from a buffer", "works again"], output
+    lines = {"running", "warning: filesink0 does not return from a buffer", "works again"}
+    assert set(output.splitlines()) == lines, output
 
     rig = write_rig(folder)
     service = Service(folder, "lfviewrequest", f"rig={rig}", "is-live=true", "framerate=10/1", "!", "queue", "leaky=downstream",
@@ -259,7 +264,7 @@ def check_deploy(folder):
                              ({"cameras": [two[0], {**two[1], "address": "127.0.1.1"}]}, "cameras[1].address: 127.0.1.1 is also"),
                              ({"cameras": [{**two[0], "address": "fd00::1"}, {**two[1], "address": "FD00:0::1"}]},
                               "cameras[1].address: fd00::1 is also"),
-                             ({"cameras": [two[0], {**two[1], "address": "127.0.1"}]}, "is no IP address"),
+                             ({"cameras": [two[0], {**two[1], "address": "127.0.1"}]}, "is not an IP address"),
                              ({"compositors": [{**inventory()["compositors"][0], "address": "127.0.1.3"}]},
                               "compositors[0].address: 127.0.1.3 is also"),
                              ({"views": [{"name": "tour", "file": "key"}]}, "key"),

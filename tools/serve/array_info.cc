@@ -153,7 +153,9 @@ ArrayInfo::ArrayInfo(const std::string& rig) : path_(rig), rig_(load_rig(rig)), 
   for (const MeshFace& face : mesh_.faces)
     faces.push_back(std::vector<CameraIndex>(face.camera.begin(), face.camera.begin() + face.corners()));
   is_still_ = std::ranges::all_of(rig_.cameras, [this](const Camera& camera) { return shows_still(rig_, camera); });
-  unit_ = parse_json(read_text_file(rig), rig).value("unit", "m") == "m" ? "m" : "";
+  const nlohmann::json file = parse_json(read_text_file(rig), rig);
+  const auto unit = file.find("unit");
+  unit_ = unit == file.end() || *unit == "m" ? "m" : "";
   const Pose front = default_viewpoint(rig_).pose;
   json_ = nlohmann::json{{"cameras", std::move(cameras)},
                          {"faces", std::move(faces)},

@@ -75,12 +75,22 @@ std::string ProgressCheck::stopped_element() {
   return problem;
 }
 
+// Returns true for sinks that keep a buffer until a client connects, such as srtsink at its defaults.
+static bool waits_for_connection(GstElement* sink) {
+  GParamSpec* property = g_object_class_find_property(G_OBJECT_GET_CLASS(sink), "wait-for-connection");
+  gboolean waits = FALSE;
+  if (property && property->value_type == G_TYPE_BOOLEAN) g_object_get(sink, "wait-for-connection", &waits, nullptr);
+  return waits;
+}
+
 // A probe for idle pads is called when the sink has returned from the current buffer.
 std::string ProgressCheck::blocked_sink() {
   std::string problem;
   std::map<std::string, std::shared_ptr<std::atomic<bool>>> found;
   for (const ElementPtr& element : elements_of(pipeline_)) {
-    if (!GST_OBJECT_FLAG_IS_SET(element.get(), GST_ELEMENT_FLAG_SINK) || GST_IS_BIN(element.get())) continue;
+    if (!GST_OBJECT_FLAG_IS_SET(element.get(), GST_ELEMENT_FLAG_SINK) || GST_IS_BIN(element.get()) ||
+        waits_for_connection(element.get()))
+      continue;
     const PadPtr sink(gst_element_get_static_pad(element.get(), "sink"));
     const PadPtr source(sink ? gst_pad_get_peer(sink.get()) : nullptr);
     if (!source) continue;

@@ -38,8 +38,8 @@ std::vector<SurfaceSender::Message> SurfaceSender::messages(const GstStructure* 
 
 SurfaceSender::Message SurfaceSender::message(Eye& eye, int index, View view, uint32_t timestamp) {
   const bool rests = eye.sent && same_camera(view, *eye.sent);
-  eye.unchanged = rests && view.focus == eye.sent->focus ? eye.unchanged + 1 : 0;
-  if (rests && (eye.unchanged % kRepeat != 0 || eye.credit < static_cast<double>(eye.awaited))) return {};
+  const bool is_due = !rests || view.focus != eye.sent->focus || timestamp - eye.sent_timestamp >= kRepeat;
+  if (!is_due || (rests && eye.credit < static_cast<double>(eye.awaited))) return {};
   auto surface = wire::picture_surface(view, timestamp);
   if (!surface) return {};
   surface->view = index;
@@ -61,7 +61,7 @@ SurfaceSender::Message SurfaceSender::message(Eye& eye, int index, View view, ui
         coarseness && kGrowth * static_cast<double>(eye.awaited) < eye.credit ? coarseness - 1 : coarseness;
   eye.credit -= static_cast<double>(eye.awaited);
   eye.sent = std::move(view);
-  eye.unchanged = 0;
+  eye.sent_timestamp = timestamp;
   return bytes;
 }
 

@@ -18,9 +18,9 @@ namespace lf::serve {
 // (wire::PictureSurface), so that the page can redraw the picture from a new viewpoint without waiting for the server.
 // A stereo pair has a message for each eye.
 //
-// The messages take at most kShare of the bits of the video. If there are not enough bits while the view moves, the
-// surface gets less exact depths, and then a lower resolution. While the view rests, the surface is sent in full
-// resolution, when it has changed and there are enough bits. Not thread-safe.
+// The messages take at most kShare of the bits of the video, and kMaxBytes / 2 at the start. If there are not enough
+// bits while the view moves, the surface gets less exact depths, and then a lower resolution. While the view rests, the
+// surface is sent in full resolution, when it has changed and there are enough bits. Not thread-safe.
 class SurfaceSender {
  public:
   static constexpr double kShare = 0.07;
@@ -32,13 +32,14 @@ class SurfaceSender {
   std::vector<Message> messages(const GstStructure* picture, uint32_t timestamp, size_t video_bytes);
 
  private:
-  static constexpr int kRepeat = 30;  // pictures until an unchanged surface is sent again, because messages can be lost
+  // RTP time until an unchanged surface is sent again, because messages can be lost: 1 s
+  static constexpr uint32_t kRepeat = 90000;
   struct Eye {
     double credit = kMaxBytes / 2.0;  // bytes
     size_t coarseness = 0;            // index of the array of that name
-    size_t awaited = 0;  // size of a message that waits for enough bits
+    size_t awaited = 0;               // size of a message that waits for enough bits
     std::optional<View> sent;
-    int unchanged = 0;  // pictures since the last message, with the same view
+    uint32_t sent_timestamp = 0;
   };
 
   static Message message(Eye& eye, int index, View view, uint32_t timestamp);

@@ -153,6 +153,7 @@ void Viewer::handle_control(const std::string& text) {
 
 void Viewer::update_rig(double max_aperture) {
   max_aperture_ = max_aperture;
+  is_at_rest_ = false;
   view_pipeline_->set_rig(field_.rig());
   if (connected()) peer_->send(info_message(json{{"rig", field_.array()->hash()}}));
 }

@@ -335,11 +335,9 @@ bool ViewerPipeline::begins(GstBuffer* request) {
     if (last_request_ && GST_BUFFER_PTS(last_request_) == GST_BUFFER_PTS(request)) return false;
     gst_buffer_replace(&last_request_, request);
   }
-  if (field_.is_still()) {
-    std::optional<ViewRequest> decoded = request_in(request);
-    pacer_.note_repeat(decoded && last_shown_ && has_same_picture(*decoded, *last_shown_));
-    last_shown_ = std::move(decoded);
-  }
+  std::optional<ViewRequest> decoded = field_.is_still() ? request_in(request) : std::nullopt;
+  pacer_.note_repeat(decoded && last_shown_ && has_same_picture(*decoded, *last_shown_));
+  last_shown_ = std::move(decoded);
   return true;
 }
 

@@ -224,8 +224,12 @@ TEST_F(DepthTrackerTest, DepthsStayWithoutViewsWhileTheImagesAreTheSame) {
       std::this_thread::sleep_for(10ms);
     }
   };
+  const auto becomes_idle = [&] {
+    for (int i = 0; i < 1000 && tracker.depths(); i++) std::this_thread::sleep_for(10ms);
+    return !tracker.depths();
+  };
   const auto view_again = [&](double nearer) {
-    std::this_thread::sleep_for(200ms);
+    EXPECT_TRUE(becomes_idle());
     std::shared_ptr<DepthTracker::TrackedView> next;
     EXPECT_TRUE(wait_for(tracker, next, walls_.view(0), [=](const View& view) { return shows_walls(view, nearer); }));
     return depths_for(next);
