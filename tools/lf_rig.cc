@@ -357,6 +357,9 @@ void run_export(const Arguments& arguments, const Format& format) {
   if (arguments.far < arguments.near) throw lf::Error("--focus-far: must not be less than --focus-near");
   const lf::RigExport result = format.write(rig, arguments);
   print_notes(result.notes);
+  if (const std::string note = lf::lost_keys_note(lf::parse_json(lf::read_text_file(arguments.rig), arguments.rig));
+      !note.empty())
+    terminal::print("note: %s\n", note.c_str());
   terminal::print("%s: %zu images, maximum error %.2g px\n", arguments.other.c_str(), rig.cameras.size(),
                   result.max_error);
 }

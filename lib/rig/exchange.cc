@@ -206,6 +206,23 @@ RigExport describe_export(const Rig& rig, const Rig& written, const FormatSuppor
   return result;
 }
 
+std::string lost_keys_note(const json& rig_file) {
+  static const std::set<std::string_view> kHeld = {"format", "version", "cameras", "topology", "id", "name", "width",
+                                                   "height", "model", "params", "position", "orientation",
+                                                   // describe_export() describes the loss of these keys
+                                                   "image", "source", "time_offset"};
+  std::set<std::string> lost;
+  const auto add_keys = [&](const json& object) {
+    for (const auto& [key, value] : object.items())
+      if (!kHeld.contains(key)) lost.insert(key);
+  };
+  add_keys(rig_file);
+  for (const json& camera : rig_file.at("cameras")) add_keys(camera);
+  std::string keys;
+  for (const std::string& key : lost) keys += (keys.empty() ? "" : ", ") + key;
+  return keys.empty() ? "" : "keys that only a rig file can hold are not kept: " + keys;
+}
+
 RigExport describe_grid_export(const Rig& rig, const Rig& written, double most, const std::string& grids) {
   RigExport result = describe_export(rig, written, {.names = false, .ids = false, .topology = true});
   if (!(result.max_error <= most))

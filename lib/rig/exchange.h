@@ -64,6 +64,10 @@ struct RigExport {
   std::vector<std::string> notes;  // sentences about content that the format cannot hold
 };
 
+// Returns a note with the keys of a rig file that no other format can hold, such as colours and covariances, or "".
+// `rig_file` is the parsed file of a valid rig.
+std::string lost_keys_note(const nlohmann::json& rig_file);
+
 struct FormatSupport {
   bool images = true, names = true, ids = true, time_offsets = false, topology = false;
 };

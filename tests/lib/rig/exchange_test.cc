@@ -5,6 +5,7 @@
 #include "base/text.h"
 #include "image/image.h"
 #include "rig/exchange.h"
+#include "rig/rig_json.h"
 #include "support/expect_error.h"
 #include "support/rigs.h"
 #include "support/temp_dir.h"
@@ -319,6 +320,17 @@ TEST(YamlValue, NumbersAreNumbersForEveryReader) {
   EXPECT_EQ(yaml_number(1e-9), "1.0e-09");
   EXPECT_EQ(yaml_number(-0.1), "-0.1");
   EXPECT_EQ(yaml_number(1.5e300), "1.5e+300");
+}
+
+TEST(RigExchange, NamesKeysThatOnlyRigFilesHold) {
+  Rig rig = mixed_rig();
+  nlohmann::json file = nlohmann::json::parse(rig_to_json(rig));
+  EXPECT_EQ(lost_keys_note(file), "");
+  rig.cameras[1].colour = ColourModel();
+  rig.focus_distance = 2;
+  file = nlohmann::json::parse(rig_to_json(rig));
+  file["cameras"][2]["covariance"] = {1, 2};
+  EXPECT_MENTIONS(lost_keys_note(file), "colour, covariance, focus_distance");
 }
 
 }  // namespace
