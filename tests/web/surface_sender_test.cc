@@ -139,10 +139,11 @@ TEST(SurfaceSender, MovingViewsKeepTheirShareOfTheBits) {
 
 TEST(SurfaceSender, RestingViewsGetTheFullResolutionOnce) {
   SurfaceSender sender;
-  for (int i = 0; i < 30; i++) sender.messages(picture(1e-3 * i).get(), 0, 2500);
+  constexpr uint32_t kFrame = 3000;  // RTP time of a frame
+  for (uint32_t i = 0; i < 30; i++) sender.messages(picture(1e-3 * i).get(), kFrame * i, 2500);
   std::vector<wire::PictureSurface> sent;
-  for (uint32_t i = 0; i < 200; i++)
-    for (const auto& bytes : sender.messages(picture(0.029).get(), i, 700))
+  for (uint32_t i = 30; i < 230; i++)
+    for (const auto& bytes : sender.messages(picture(0.029).get(), kFrame * i, 700))
       sent.push_back(*wire::decode_surface(bytes));
   ASSERT_FALSE(sent.empty());
   EXPECT_LE(sent.size(), 8u) << "an unchanged surface is repeated rarely";
