@@ -243,6 +243,7 @@ TEST_F(DepthTrackerTest, DepthsStayWithoutViewsWhileTheImagesAreTheSame) {
   }
   EXPECT_TRUE(view_again(1).shares_all(first));
   const test::ArrayOfWalls nearer(false, 1.3);
+  EXPECT_TRUE(becomes_idle()) << "the images change while there are no views";
   push(nearer.images, 2'000'000'000);
   const ArrayDepth other = view_again(1.3);
   EXPECT_FALSE(other.shares_all(first));

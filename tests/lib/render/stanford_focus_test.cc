@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "render/stanford_focus.h"
 
+#include <regex>
+
 #include "scene/scene.h"
 #include "support/temp_dir.h"
 #include "support/test.h"
@@ -52,7 +54,9 @@ TEST(StanfordFocus, TakesTheLensFromTheNames) {
   const TempDir dir;
   export_scene(dir, 2.2);
   for (const auto& entry : std::filesystem::directory_iterator(dir / "named")) {
-    const std::string stem = entry.path().stem().string();
+    // names with a lens need decimal points
+    const std::string stem =
+        std::regex_replace(entry.path().stem().string(), std::regex(R"(_(-?\d+)(?=(_-?[\d.]+)?_$))"), "_$1.0");
     std::filesystem::copy(entry.path(), dir.write("lens/" + stem + "35_36.png", ""),
                           std::filesystem::copy_options::overwrite_existing);
   }

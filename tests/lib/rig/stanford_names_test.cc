@@ -50,6 +50,9 @@ TEST(StanfordNames, ReadsTheLensOfRenderedLightFields) {
   const TempDir archive;
   write_images(archive, {"out_00_00_-10_20.5_.png", "lego_12_00_01_-10_30.5.png"});
   EXPECT_EQ(stanford_focal_length(archive.path()), 0);
+  const TempDir numbered;
+  write_images(numbered, {"b_5_12_00_00_1_2.5.png", "b_5_12_00_01_1_3.5.png", "b_5_12_01_00_2_2.5.png"});
+  EXPECT_EQ(stanford_focal_length(numbered.path()), 0) << "numbers of the prefix are not row and column";
 }
 
 TEST(StanfordNames, PointAtTheFocusDistanceDoesNotMove) {
