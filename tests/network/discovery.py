@@ -18,21 +18,13 @@ import time
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests/soak"))
-from hosts import Network  # noqa: E402
+from hosts import Network, until  # noqa: E402
 
 BUILD = pathlib.Path(sys.argv[1]).resolve()
 BUS = """<busconfig><listen>unix:path={}</listen><auth>EXTERNAL</auth><policy context="default">
 <allow user="*"/><allow own="*"/><allow send_destination="*"/><allow receive_sender="*"/></policy></busconfig>"""
 COMPLETE = "complete=(boolean)true"
 AVAHI = "mount -t tmpfs none /run && mount --bind {services} {etc} && exec {daemon} --no-drop-root --no-rlimits --file={config}"
-
-
-def until(condition, what, seconds=60):
-    end = time.monotonic() + seconds
-    while not condition():
-        if time.monotonic() > end:
-            raise SystemExit(f"never: {what}")
-        time.sleep(0.2)
 
 
 class Hosts:

@@ -19,28 +19,12 @@ import time
 import urllib.request
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tests/soak"))
+from hosts import free_port, until  # noqa: E402
+
 BUILD = pathlib.Path(sys.argv[1]).resolve()
 PROMETHEUS = ROOT / "pipelines/prometheus"
 MOST_EXPOSURE = 30  # tenths, of systemd-analyze security
-
-
-def free_port(kind=socket.SOCK_STREAM):
-    with socket.socket(socket.AF_INET, kind) as s:
-        s.bind(("127.0.0.1", 0))
-        return s.getsockname()[1]
-
-
-def until(condition, what, seconds=60):
-    end = time.monotonic() + seconds
-    while True:
-        try:
-            if found := condition():
-                return found
-        except (OSError, ValueError):
-            pass
-        if time.monotonic() > end:
-            raise SystemExit(f"never: {what}")
-        time.sleep(0.3)
 
 
 def get(port, path):

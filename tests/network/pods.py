@@ -27,6 +27,9 @@ except ImportError:
     sys.exit(77)  # skipped
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tests/soak"))
+from hosts import until  # noqa: E402
+
 BUILD = pathlib.Path(sys.argv[1]).resolve()
 PACKAGES = ("tini,haproxy,dbus-x11,gstreamer1.0-tools,gstreamer1.0-plugins-base,gstreamer1.0-plugins-good,gstreamer1.0-plugins-bad,"
             "gstreamer1.0-plugins-ugly,gstreamer1.0-nice,libsoup-3.0-0,libopencv-core406,libopencv-imgproc406,"
@@ -52,14 +55,6 @@ def run(*command, **more):
     if result.returncode != 0:
         raise SystemExit(f"{' '.join(map(str, command))}:\n{result.stdout[-2000:]}{result.stderr[-2000:]}")
     return result.stdout
-
-
-def until(condition, what, seconds=120):
-    end = time.monotonic() + seconds
-    while not condition():
-        if time.monotonic() > end:
-            raise SystemExit(f"never: {what}")
-        time.sleep(0.2)
 
 
 def make_image(folder):

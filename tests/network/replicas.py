@@ -18,7 +18,7 @@ import time
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests/soak"))
-from hosts import Network  # noqa: E402
+from hosts import Network, until  # noqa: E402
 
 if "--help" in sys.argv:
     sys.exit(print(__doc__))
@@ -29,14 +29,6 @@ RATE = int(sys.argv[3]) if len(sys.argv) > 3 else 5  # pictures per second
 REPLICAS = ["r1", "r2", "r3", "r4"]
 HOSTS = ["n0", "n1", "n2", "n3", *REPLICAS, "proxy", "viewers"]
 TICKS = os.sysconf("SC_CLK_TCK")
-
-
-def until(condition, what, seconds=60):
-    end = time.monotonic() + seconds
-    while not condition():
-        if time.monotonic() > end:
-            raise SystemExit(f"never: {what}")
-        time.sleep(0.2)
 
 
 def processor_seconds(programs):

@@ -1,13 +1,35 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""Programs on hosts of an Ethernet switch; each host is a network namespace."""
+"""Programs on hosts of an Ethernet switch; each host is a network namespace. Also waits for programs."""
 
 import os
 import pathlib
 import re
 import signal
+import socket
 import subprocess
 import sys
 import threading
+import time
+
+
+def until(condition, what, seconds=120):
+    """Waits for a true result of condition(), which it returns. Errors of files, sockets and values mean "not yet"."""
+    end = time.monotonic() + seconds
+    while True:
+        try:
+            if found := condition():
+                return found
+        except (OSError, ValueError):
+            pass
+        if time.monotonic() > end:
+            raise SystemExit(f'never: {what}')
+        time.sleep(0.2)
+
+
+def free_port(kind=socket.SOCK_STREAM):
+    with socket.socket(socket.AF_INET, kind) as s:
+        s.bind(('127.0.0.1', 0))
+        return s.getsockname()[1]
 
 
 def _ip(*arguments):

@@ -22,15 +22,12 @@ import urllib.error
 import urllib.request
 from xml.etree import ElementTree
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "soak"))
+from hosts import free_port, until  # noqa: E402
+
 BUILD = pathlib.Path(sys.argv[1]).resolve()
 ENVIRONMENT = {**os.environ, "GST_PLUGIN_PATH": f"{BUILD}/gst", "GST_REGISTRY": f"{BUILD}/gst/test-registry.bin",
                "G_DEBUG": "fatal-criticals"}
-
-
-def free_port(kind=socket.SOCK_STREAM):
-    with socket.socket(socket.AF_INET, kind) as s:
-        s.bind(("127.0.0.1", 0))
-        return s.getsockname()[1]
 
 
 def start(*words, **more):
@@ -48,18 +45,6 @@ def metric(port, name):
     found = re.search(rf"^lightfield_{re.escape(name)} (\S+)$", get(port), re.M)
     assert found, f"{name}:\n{get(port)}"
     return float(found[1])
-
-
-def until(condition, what, seconds=90):
-    end = time.monotonic() + seconds
-    while True:
-        try:
-            if condition():
-                return
-        except OSError:  # the program does not listen yet
-            pass
-        assert time.monotonic() < end, f"never: {what}"
-        time.sleep(0.1)
 
 
 def write_rig(folder):
