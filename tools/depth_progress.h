@@ -16,8 +16,8 @@ inline std::optional<lf::ArrayDepth> estimate_depths_with_progress(const lf::Rig
                                                                    std::span<const lf::View> views,
                                                                    const lf::CameraImages& images,
                                                                    const lf::DepthEstimator::Settings& settings) {
-  // Each resolution has two calls, an estimate and a quick check, and four times the pixels of the previous one. Wide
-  // images have three resolutions, others two.
+  // Each resolution has two calls, an estimate and a quick check. The number of pixels increases by a factor of four
+  // from each resolution to the next. Wide images have three resolutions, others two.
   constexpr int kWide = 640;
   const bool is_wide = std::ranges::any_of(rig.cameras, [](const lf::Camera& camera) { return camera.width >= kWide; });
   const double total = static_cast<double>(cameras.size()) * (is_wide ? 1 + 4 + 16 : 1 + 4);

@@ -109,7 +109,7 @@ class Search {
 
   int64_t time_left() const { return end_ - g_get_monotonic_time(); }
 
-  // Returns null after a failure, whose text is then in failure_.
+  // After a failure, returns null and sets failure_.
   Reply call(const char* path, const char* interface, const char* method, GVariant* arguments) {
     g_autoptr(GError) error = nullptr;
     Reply reply(g_dbus_connection_call_sync(bus_, kAvahi, path, interface, method, arguments, nullptr,

@@ -12,8 +12,8 @@
 
 namespace lf {
 
-// The announcement of a camera host by DNS-SD (service type "_lightfield._udp"): fields of its TXT record. `lf-rig
-// deploy` writes it.
+// The announcement of a camera host by DNS-SD (service type "_lightfield._udp"), made by `lf-rig deploy`. The members
+// are fields of its TXT record.
 struct AnnouncedHost {
   static constexpr char kType[] = "_lightfield._udp";
 

@@ -79,7 +79,7 @@ class KeyFile {
   bool refresh();
 
  private:
-  // Identifies the contents of the file without reading it. All zero: there is no file.
+  // Metadata that change when the file changes. All values are 0 if there is no file.
   struct Version {
     uint64_t device = 0, inode = 0, size = 0;
     int64_t modified = 0, changed = 0;  // nanoseconds since 1970
@@ -211,7 +211,7 @@ class SrtpDecryptor {
   void forget_old(uint32_t minute);
   template <typename Condition>
   void erase_streams_if(Condition condition);
-  // Returns the key whose holder has made the identifier, and sets `session`. Returns null if there is no such key.
+  // Finds the key that made the identifier, and sets `session`. Returns null if there is no such key.
   const Key* key_of(const KeyId& name, const std::array<uint8_t, kMkiBytes>& mki, SessionKey* session) const;
   Result open_known(Stream& stream, guint16 sequence, GstBuffer* packet, GstBuffer** opened);
 

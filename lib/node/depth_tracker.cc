@@ -168,8 +168,8 @@ bool DepthTracker::wait_for_views(const std::stop_token& stop) {
   return changed_.wait(lock, stop, has_any) && !stop.stop_requested();
 }
 
-// Returns the cameras of all live views whose depths are estimated next, in ascending order. The first depths are those
-// of the most important cameras. Then a few cameras are added at a time, so that no update takes long.
+// Returns the cameras for the next update of the depths, in ascending order. The first update has the most important
+// cameras of all live views. Later updates add a few cameras at a time, so that no update takes long.
 CameraSet DepthTracker::cameras_of_views(const CameraInputs::Array& array) {
   CameraSet cameras;
   {
@@ -195,7 +195,7 @@ void DepthTracker::forget_if_cleared() {
   generation_of_depths_ = generation_;
 }
 
-// Drops the depths if the rig or an image has changed while no view was tracked: the scene may then be another one.
+// Drops the depths if the rig or an image has changed while no view was tracked: the scene may then be different.
 void DepthTracker::forget_if_outdated(const CameraInputs::Array& array) {
   if (!std::exchange(was_idle_, false)) return;
   const auto is_same = [&](const auto& known) {
@@ -296,7 +296,7 @@ void DepthTracker::publish_depths() {
   changed_.notify_all();
 }
 
-// Measures the surfaces of views that are new or have moved, or whose depths are new, in turn. An update of the depths
+// Measures the surface of each view after a change of the view or of its depths, in turn. An update of the depths
 // may take seconds on a busy machine, so surfaces have a thread of their own.
 void DepthTracker::run_surfaces(const std::stop_token& stop) {
   lower_priority();

@@ -53,8 +53,8 @@ class DepthTracker {
   // `contributing` are the node's cameras that contribute to the picture, in descending order of their parts of it.
   // `tracked` is the state of this viewer, initially null.
   //
-  // A thread estimates depths, and another one measures the surfaces. Once there are depths, both have low priority and
-  // work at most half of the time. While the images do not change, they are only compared.
+  // A thread estimates depths, and another one measures the surfaces. After the first depths, both have low priority
+  // and work at most half of the time. While the images do not change, they are only compared.
   std::optional<View> surface(std::shared_ptr<TrackedView>& tracked, const View& view,
                               const std::vector<CameraIndex>& contributing);
   // Returns the depths that the latest surface came from, or nothing if there is none yet. Never waits.

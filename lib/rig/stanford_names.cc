@@ -21,7 +21,7 @@ using Place = std::pair<int, int>;  // row, column
 struct NamedImage {
   std::string path;
   Vec2 position{0, 0};     // x, y from the file name
-  double f_per_width = 0;  // focal length over image width; 0 if the file name does not contain it
+  double f_per_width = 0;  // focal length over image width; 0 if unknown
 };
 
 std::map<Place, NamedImage> read_names(const std::string& directory, std::vector<std::string>& notes) {

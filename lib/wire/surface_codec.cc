@@ -53,7 +53,7 @@ void set_levels(PictureSurface& surface, const std::vector<double>& inverses) {
 }
 
 // The predictor of lossless JPEG-LS: the median of the left node, the node above, and the plane through the neighbours.
-// Beyond the border, nodes are 0.
+// Nodes beyond the border are 0.
 int predicted(const uint8_t* node, int i, int j, int columns) {
   if (j == 0) return i == 0 ? 0 : node[-1];
   const int up = *(node - columns);
@@ -73,7 +73,7 @@ class DifferenceModel {
     if (!coder.code(differs_[kind], difference != 0)) return 0;
     const bool is_negative = coder.code(is_negative_, difference < 0);
     const unsigned size = static_cast<unsigned>(std::abs(difference));
-    size_t bits = 0;  // after the first one
+    size_t bits = 0;  // the number of bits after the most significant bit
     while (bits < kMostBits && coder.code(is_longer_[kind][bits], size >> (bits + 1) != 0)) bits++;
     unsigned coded = 1;
     for (size_t k = bits; k-- > 0;) coded = 2 * coded + coder.code(bits_[bits][k + 1 == bits], (size >> k & 1) != 0);
@@ -88,7 +88,7 @@ class DifferenceModel {
   std::array<std::array<AdaptiveBit, 2>, kMostBits + 1> bits_;
 };
 
-// Encodes the levels, or replaces them by decoded ones. The encoder changes the levels to those that the decoder gets.
+// Encodes or decodes the levels. The encoder rounds the levels like the decoder.
 template <typename Coder>
 void code_levels(Coder& coder, PictureSurface& surface) {
   DifferenceModel model;

@@ -103,7 +103,7 @@ TEST_F(LfRtpGateTest, RejectsPacketsWithoutTheKey) {
   EXPECT_EQ(stat(gate_.element(), "passed"), 0u);
 }
 
-// Both hosts accept the old and the new key while keys are replaced. After that, the old key has no effect.
+// The two hosts accept the old and the new key while keys are replaced. After that, the old key has no effect.
 TEST_F(LfRtpGateTest, ReplacesKeysWithoutARestart) {
   const TempDir folder;
   const std::string fresh(40, 'n'), both = kSecret + "\n" + fresh, swapped = fresh + "\n" + kSecret;

@@ -36,7 +36,7 @@ TEST(KeyFile, HasOneKeyPerLineWithoutWhiteSpace) {
   EXPECT_NE(session_of(std::make_shared<RtpKey>(kSecret)).key, session_of(std::make_shared<RtpKey>(other)).key);
 }
 
-// Waits until the file is looked at again.
+// Waits until refresh() checks the file again.
 bool refresh_later(KeyFile& file) {
   g_usleep(1'050'000);
   return file.refresh();

@@ -221,7 +221,7 @@ function pretendHeadset() {
       if (state.baseLayer) Object.assign(state.baseLayer.gl.canvas, { width: 640, height: 320 });
     }
     async requestReferenceSpace() { return {}; }
-    // All callbacks of a frame run in one task, at 90 Hz, so that nothing changes between them.
+    // Calls all callbacks of a frame in the same task, at 90 Hz, so that nothing changes in between.
     requestAnimationFrame(draw) {
       if (this.callbacks?.push(draw)) return;
       this.callbacks = [draw];

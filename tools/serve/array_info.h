@@ -49,7 +49,8 @@ class ArrayInfo {
   //     "right": [1, 0, 0], "down": [0, 1, 0]}
   const std::string& json() const { return json_; }
   const Rig& rig() const { return rig_; }
-  const std::string& path() const { return path_; }  // of the rig file
+  // Returns the path of the rig file.
+  const std::string& path() const { return path_; }
   const std::vector<std::string>& names() const { return names_; }
   std::string hash() const;
   // Returns true if all cameras show photographs, so that a view without movements always has the same picture.

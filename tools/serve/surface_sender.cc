@@ -9,12 +9,12 @@
 namespace lf::serve {
 namespace {
 
-// From exact to coarse surfaces, by the quality of redrawn pictures. Even a tolerance of 8 levels costs less quality
-// than half the resolution.
+// Sorted by the quality of redrawn pictures, best first. Even a tolerance of 8 levels costs less quality than half the
+// resolution.
 constexpr struct {
   int halvings, tolerance;
 } kCoarseness[] = {{0, 2}, {0, 4}, {0, 8}, {1, 2}, {1, 4}, {1, 8}, {2, 4}, {3, 4}};
-constexpr double kGrowth = 1.6;  // of the bytes, from one to the next finer one
+constexpr double kGrowth = 1.6;  // ratio of the bytes of neighbouring entries
 
 bool same_camera(const View& a, const View& b) {
   return a.pose == b.pose && a.lens == b.lens && a.width == b.width && a.height == b.height;

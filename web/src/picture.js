@@ -3,9 +3,9 @@
 
 const kSame = 1.02;  // aspect ratios that differ by less count as equal
 
-// Calls take(now, rtpTimestamp) for each picture that a video displays. The timestamp is undefined in browsers that do not
-// report it. Browsers without requestVideoFrameCallback() only have a number of pictures, which is read in each frame of the
-// display while the video plays.
+// Calls take(now, rtpTimestamp) for each picture that a video displays. The timestamp is undefined in browsers without RTP
+// timestamps of pictures. Browsers without requestVideoFrameCallback() only have a number of pictures, which is read in each
+// frame of the display while the video plays.
 export function watchFrames(video, take) {
   if (video.requestVideoFrameCallback) {
     const next = () => video.requestVideoFrameCallback((now, { rtpTimestamp }) => {

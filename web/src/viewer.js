@@ -298,7 +298,7 @@ export class Viewer {
     this.vignette.draw(now);
     this.anaglyph.draw(this.flight.seen, this.eyeDistance);
     this.cameras.draw(now, this.isInteractive ? this.flight.seen : null);
-    // The event also requires the displayed view, if there is one.
+    // In an interactive element, the event also requires a displayed view.
     if (!this.loaded && (this.flight.seen || !this.isInteractive)) {
       this.loaded = true;
       this.tell('first-frame', { width: this.picture.eyeWidth, height: this.video.videoHeight });

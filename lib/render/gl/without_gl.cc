@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Replaces the other files of this folder in builds with the option gl=disabled: there is never a GPU, so that all sums
-// are computed on the CPU.
+// Replaces the rest of this folder in builds with the option gl=disabled. There is never a GPU, so the CPU computes all
+// sums.
 #include "base/text.h"
 #include "render/gl/gles_renderer.h"
 #include "render/gl/gpu_sum.h"
@@ -25,7 +25,7 @@ std::unique_ptr<GlesRenderer> GlesRenderer::create_in(Context::External, Context
   return nullptr;
 }
 
-// The other functions are never called, because no GlesRenderer and no GpuSum exists.
+// The remaining functions are never called: objects of these classes are never made.
 GlesRenderer::~GlesRenderer() = default;
 void GlesRenderer::draw(std::span<GlesJob>, const ParallelFor&) { throw Error(kWhy); }
 bool GlesRenderer::draw_consistency(const ConsistencyTask&, std::span<const Source>,

@@ -470,7 +470,7 @@ class WideArrayTest : public testing::Test {
   double right_ = kRight;
   bool measures_ = false;
   double error_ = 1;       // factor of the measured inverse distances
-  int columns_ = INT_MAX;  // of the map that the cameras measure
+  int columns_ = INT_MAX;  // width of the map that the cameras measure
   int requests_since_search_ = 0, with_hypotheses_ = 0;
 };
 

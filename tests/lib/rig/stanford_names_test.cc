@@ -28,7 +28,7 @@ TEST(StanfordNames, YPrecedesXAndPointsDown) {
   EXPECT_EQ(result.notes.size(), 1u) << "no focus distance";
 }
 
-// Names of the light field "shop" of linusmossberg's light-field-renderer. The first image is the bottom right one.
+// Names of the light field "shop" of linusmossberg's light-field-renderer. The first image is at the bottom right.
 TEST(StanfordNames, ReadsTheLensOfRenderedLightFields) {
   const TempDir dir;
   write_images(dir, {"Original Camera_00_00_400.000000_400.000000_30_36.png",

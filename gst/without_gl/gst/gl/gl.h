@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Stands in for GStreamer's OpenGL library in builds with the option gl=disabled. No memory is GPU memory, and no
-// context exists, so that the elements use system memory only.
+// Replaces GStreamer's OpenGL library in builds with the option gl=disabled. There is no GPU memory and no context, so
+// the elements use system memory only.
 #pragma once
 
 #include <gst/gst.h>
