@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # Builds the Debian packages in build/packages, installs them in a fresh Debian 12 and runs debian/tests there: a camera
 # node, lf-serve and Python. A browser outside shows the demo. Prints the seconds of each step. Needs root, a Debian
-# mirror and the packages of `tools` below.
+# mirror, npm and the packages of `tools` below.
 #   tests/packages.sh [--built]   --built: with the packages that are already in build/packages
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
-tools=(chromium debhelper devscripts help2man iproute2 lintian mkdocs mmdebstrap nodejs npm)
+tools=(chromium debhelper devscripts help2man iproute2 lintian mkdocs mmdebstrap nodejs)
 
 if ((EUID != 0)); then echo "tests/packages.sh: root is required" >&2; exit 1; fi
 # shellcheck disable=SC2016  # dpkg-query expands the field
@@ -29,10 +29,12 @@ step() { # NAME COMMAND...
   sed -n '/^# /p' "$packages/log"
 }
 
-# Without debug information and folder names, so that ccache helps in every checkout.
+# Without debug information and folder names, so that ccache helps in every checkout. debhelper sets another HOME, so
+# ccache must be told its folder.
 build() {
   git ls-files -z | xargs -0 cp --parents -t "$packages/source" || return
   (cd "$packages/source" && PATH=/usr/lib/ccache:$PATH CCACHE_SLOPPINESS=pch_defines,time_macros,locale \
+    CCACHE_DIR=$(ccache --get-config cache_dir 2>/dev/null) \
     DEB_CXXFLAGS_STRIP=-g DEB_CFLAGS_STRIP=-g \
     DEB_BUILD_OPTIONS="noautodbgsym reproducible=-fixfilepath,-fixdebugpath" dpkg-buildpackage -b -uc -us)
 }
