@@ -150,7 +150,8 @@ class Service:
 
 
 def check_watchdog(folder):
-    """A sink that does not return from its buffer, because a pipe is full, and a node that sends no answers."""
+    """A sink that does not return from its buffer, because a pipe is full; a sink that waits for a client; a node that sends
+    no answers; a compositor that makes no pictures."""
     os.mkfifo(f"{folder}/pipe")
     pipe = os.open(f"{folder}/pipe", os.O_RDWR | os.O_NONBLOCK)
     service = Service(folder, "videotestsrc", "is-live=true", "!", "video/x-raw,width=320,height=240", "!", "queue",
@@ -182,15 +183,27 @@ def check_watchdog(folder):
     lines = {"running", "warning: filesink0 does not return from a buffer", "works again"}
     assert set(output.splitlines()) == lines, output
 
-    rig = write_rig(folder)
-    service = Service(folder, "lfviewrequest", f"rig={rig}", "is-live=true", "framerate=10/1", "!", "queue", "leaky=downstream",
-                      "!", "n.request", "lfcameranode", "name=n", f"rig={rig}", "is-live=true", "!", "identity",
-                      "sleep-time=60000000", "!", "fakesink", "async=false")
-    service.reports(3)
-    assert service.reports(2) == 0, "there are no answers"
+    service = Service(folder, "videotestsrc", "is-live=true", "!", "queue", "leaky=downstream", "!",
+                      "srtsink", f"uri=srt://127.0.0.1:{free_port(socket.SOCK_DGRAM)}?mode=listener", "async=false", "sync=false")
+    service.reports(2)
+    assert service.reports(2) > 2, "the sink only waits for a client"
     service.program.kill()
-    output = service.program.communicate(timeout=60)[0]
-    assert "warning: lffragment has input, but makes no answers\n" in output, output
+
+    rig = write_rig(folder)
+    request, queue = ["lfviewrequest", f"rig={rig}", "is-live=true", "framerate=10/1"], ["queue", "leaky=downstream", "!"]
+    node, stop = ["lfcameranode", "name=n", f"rig={rig}", "is-live=true", "!"], ["identity", "sleep-time=60000000", "!"]
+    for words, problem in (
+            ([*request, "!", *queue, "n.request", *node, *stop, "fakesink", "async=false"],
+             "lffragment has input, but makes no answers"),
+            ([*request, "!", "tee", "name=t", "!", *queue, "n.request", "t.", "!", *queue, "c.request", *node, "rtplfpay", "!",
+              "rtplfdepay", "!", *queue, "c.sink_0", "lfcompositor", "name=c", f"rig={rig}", "!", *stop, "fakesink", "async=false"],
+             "lfcompositor has input, but makes no pictures")):
+        service = Service(folder, *words)
+        service.reports(3)
+        assert service.reports(2) == 0, problem
+        service.program.kill()
+        output = service.program.communicate(timeout=60)[0]
+        assert f"warning: {problem}\n" in output, output
 
 
 def check_reload(folder):

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Media of viewers, and the effect of viewers on each other.
+#include "gst/camera_files.h"
 #include "support/recorded.h"
 #include "web/offers.h"
 #include "web/served.h"
@@ -225,6 +226,24 @@ TEST_F(LfServeMedia, AStillViewOfPhotographsCostsLittle) {
     return client->pictures() - before;
   };
   EXPECT_TRUE(becomes([&] { return 2 * pictures_while_moving() > 3 * resting; })) << "the view moves";
+}
+
+// lf-serve --demo shows a photograph until the film is complete.
+TEST_F(LfServeMedia, AFilmEndsTheRestOfAView) {
+  Served served({"--watch", "--focus-mode", "plane"});
+  const auto client = watch(served);
+  const auto pictures_in_two_seconds = [&] {
+    const uint64_t before = client->pictures();
+    g_usleep(2000000);
+    return client->pictures() - before;
+  };
+  uint64_t resting = 0;
+  EXPECT_TRUE(becomes([&] { return (resting = pictures_in_two_seconds()) <= 10; })) << "four a second";
+  const CameraFiles files;
+  Rig rig = load_rig(served.rig());
+  for (Camera& camera : rig.cameras) camera.source = files.path("mjpeg.mkv");
+  save_rig(rig, served.rig());
+  EXPECT_TRUE(becomes([&] { return 2 * pictures_in_two_seconds() > 3 * resting; })) << served.said();
 }
 
 TEST_F(LfServeMedia, UnconnectedViewersCauseNoRequests) {

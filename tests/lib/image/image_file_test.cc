@@ -167,6 +167,25 @@ TEST(ImageFile, DamagedBmpAndPnmAreErrors) {
   EXPECT_ERROR(load_image(dir / "rle.bmp"), "rle.bmp", "uncompressed");
 }
 
+TEST(ImageFile, BmpMasksMustBeThoseOfBgr) {
+  const TempDir dir;
+  const auto save = [&dir](uint32_t red, uint32_t green, uint32_t blue) {
+    const std::string header = "BM"s + little_endian(70) + little_endian(0) + little_endian(66) + little_endian(40) +
+                               little_endian(1) + little_endian(1) + "\x01\0\x20\0"s + little_endian(3) +
+                               std::string(20, '\0');
+    dir.write("a.bmp", header + little_endian(red) + little_endian(green) + little_endian(blue) + "\1\2\3\4");
+  };
+  save(0xff0000, 0xff00, 0xff);
+  EXPECT_THAT(load_image(dir / "a.bmp").data(), testing::ElementsAre(3, 2, 1));
+  for (const auto& [red, green, blue] : {std::array{0xffu, 0xff00u, 0xff0000u},
+                                         {0xff0000u, 0xff0000u, 0xffu},
+                                         {0xff0000u, 0xff00u, 0xff000000u},
+                                         {0xf800u, 0x7e0u, 0x1fu}}) {
+    save(red, green, blue);
+    EXPECT_ERROR(load_image(dir / "a.bmp"), "a.bmp", "masks");
+  }
+}
+
 TEST(ImageFile, RefusesHugeSizesBeforeDecoding) {
   const TempDir dir;
   struct Case {
