@@ -1,8 +1,8 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""Runs the pods of containers/kubernetes.yaml with "podman kube play": two camera hosts, two lf-serve and HAProxy. A pod
-with viewers is killed. Needs root, podman and mmdebstrap, and a Debian mirror for the first run, which makes the base
-image.
+"""Runs the pods of containers/kubernetes.yaml with "podman kube play": two camera hosts, two lf-serve and HAProxy. The key
+is replaced while viewers watch, and a pod is killed while a browser shows its pictures. Needs root, podman and
+mmdebstrap, and a Debian mirror for the first run, which makes the base image.
 
     pods.py BUILD_ROOT
 
@@ -30,6 +30,8 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests/soak"))
 from hosts import until  # noqa: E402
 
+if "--help" in sys.argv:
+    sys.exit(print(__doc__))
 BUILD = pathlib.Path(sys.argv[1]).resolve()
 PACKAGES = ("tini,haproxy,dbus-x11,gstreamer1.0-tools,gstreamer1.0-plugins-base,gstreamer1.0-plugins-good,gstreamer1.0-plugins-bad,"
             "gstreamer1.0-plugins-ugly,gstreamer1.0-nice,libsoup-3.0-0,libopencv-core406,libopencv-imgproc406,"
@@ -37,6 +39,7 @@ PACKAGES = ("tini,haproxy,dbus-x11,gstreamer1.0-tools,gstreamer1.0-plugins-base,
 BASE, IMAGE = f"localhost/lightfield-base-{zlib.crc32(PACKAGES.encode())}", "localhost/lightfield"
 ADDRESSES = {name: f"10.88.0.{200 + i}" for i, name in enumerate(["cam0", "cam1", "r1", "r2", "proxy"])}
 SERVERS, VIEWERS, GATEWAY = ["r1", "r2"], 4, "10.88.0.1"
+OLD_KEY, NEW_KEY = "0123456789abcdef" * 4, "fedcba9876543210" * 4
 HYBRID = pathlib.Path("/sys/fs/cgroup/unified")
 # crun, but without limits of resources, because podman sets limits that a root user without CAP_SYS_RESOURCE cannot have.
 RUNTIME = """#!/usr/bin/python3
@@ -92,8 +95,23 @@ def pod_of(workload, name, volumes):
     return {"apiVersion": "v1", "kind": "Pod", "metadata": {"name": name}, "spec": spec}
 
 
+def write_key(folder, *keys):
+    """Writes the volume of a Secret as Kubernetes does: a folder for each version, and a link that is replaced."""
+    secret = pathlib.Path(folder, "secret")
+    version = secret / f"..{time.monotonic_ns()}"
+    version.mkdir(parents=True)
+    (version / "key").write_text("\n".join(keys))
+    (version / "key").chmod(0o400)
+    for path in secret, version, version / "key":
+        os.chown(path, 1000, 1000)
+    (secret / "..new").symlink_to(version.name)
+    (secret / "..new").rename(secret / "..data")
+    if not (secret / "key").is_symlink():
+        (secret / "key").symlink_to("..data/key")
+
+
 def write_configuration(folder):
-    config, key = pathlib.Path(folder, "config"), pathlib.Path(folder, "secret")
+    config = pathlib.Path(folder, "config")
     run(f"{BUILD}/tools/lf-scene", "--out", str(config), "--grid", "4x4", "--width", "320", "--height", "240", "--frames",
         "10", "--framerate", "5", "--samples", "1", env={**os.environ, "GST_PLUGIN_PATH": f"{BUILD}/gst"})
     answers = [",".join(f"{ADDRESSES[server]}:{6100 + node}" for server in SERVERS) for node in range(2)]
@@ -109,14 +127,10 @@ def write_configuration(folder):
     proxy.mkdir()
     text = re.sub(r"\n  server r[34] .*", "", (ROOT / "pipelines/haproxy/haproxy.cfg").read_text())
     (proxy / "haproxy.cfg").write_text(re.sub(r"server (r\d) \S+", lambda m: f"server {m[1]} {ADDRESSES[m[1]]}:8080", text))
-    key.mkdir()
-    (key / "key").write_text("0123456789abcdef" * 4)
-    for path in key, key / "key":
-        os.chown(path, 1000, 1000)
-    (key / "key").chmod(0o400)
+    write_key(folder, OLD_KEY)
     for path in [pathlib.Path(folder), config, proxy, *config.rglob("*")]:
         path.chmod(0o755)
-    return {"rig": config, "key": key, "configuration": proxy}
+    return {"rig": config, "key": pathlib.Path(folder, "secret"), "configuration": proxy}
 
 
 def remove_pods():
@@ -139,9 +153,13 @@ def fetch(address, path, port=8080):
                           text=True).stdout
 
 
+def metric(host, name, port=8080):
+    found = re.findall(rf"^lightfield_{name}(?:{{.*}})? (\S+)$", fetch(ADDRESSES[host], "metrics", port), re.M)
+    return sum(map(float, found)) if found else -1
+
+
 def viewers(server):
-    found = re.search(r"^lightfield_viewers (\d+)", fetch(ADDRESSES[server], "metrics"), re.M)
-    return int(found[1]) if found else -1
+    return metric(server, "viewers")
 
 
 class Watch:
@@ -156,7 +174,7 @@ class Watch:
         return json.loads(self.program.stdout.readline())["rates"]
 
 
-def check():
+def check(folder):
     for server in SERVERS:
         until(lambda: fetch(ADDRESSES[server], "readyz"), f"{server} is ready")
     until(lambda: fetch(ADDRESSES["proxy"], "readyz"), "the proxy serves")
@@ -169,14 +187,43 @@ def check():
     rates = before.rates()
     print(f"# pictures per second of {VIEWERS} viewers: {rates}")
     assert min(rates) > 1, rates
-    run("podman", "kill", "--signal", "KILL", "r1-lf-serve")
-    began = time.monotonic()
-    after = Watch(1, 3)
-    # The program waits for a second before it prints that it is ready.
-    print(f"# a viewer connects {time.monotonic() - began - 1:.1f} s after a pod is killed")
-    assert viewers("r2") == 1
-    rates = after.rates()
+    check_keys(folder)
+    check_resume()
+
+
+def check_keys(folder):
+    """Adds the new key, sends with it, and removes the old key."""
+    def counts():
+        return {name: sum(metric(server, name) for server in SERVERS) for name in ("pictures_total", "incomplete_pictures_total")}
+    watch = Watch(VIEWERS, 12)
+    before = counts()
+    for keys in (OLD_KEY, NEW_KEY), (NEW_KEY, OLD_KEY), (NEW_KEY,):
+        write_key(folder, *keys)
+        time.sleep(3)
+    made = {name: after - before[name] for name, after in counts().items()}
+    rates = watch.rates()
+    print(f"# the key was replaced: {made}; pictures per second: {rates}")
     assert min(rates) > 1, rates
+    assert made["incomplete_pictures_total"] == 0, made
+    dropped = [metric(node, "dropped_packets_total", 9110) for node in ("cam0", "cam1")]
+    assert dropped == [0, 0], dropped
+    # The old key is no longer valid.
+    old = pathlib.Path(folder, "old")
+    old.touch(0o600)
+    old.write_text(OLD_KEY)
+    run("gst-launch-1.0", "lfviewrequest", f"rig={folder}/config/rig.json", "num-buffers=1", "!", "rtplfpay", "!", "lfrtpseal",
+        f"key-file={old}", "!", "udpsink", f"host={ADDRESSES['cam0']}", "port=6001",
+        env={**os.environ, "GST_PLUGIN_PATH": f"{BUILD}/gst"})
+    until(lambda: metric("cam0", "dropped_packets_total", 9110) > 0, "a packet with the old key is dropped", 20)
+
+
+def check_resume():
+    """Kills the pod of a page in Chromium."""
+    page = subprocess.run([ROOT / "tests/web/browser.sh", BUILD, ROOT / "tests/web/demo.mjs"], capture_output=True, text=True,
+                          env={**os.environ, "LF_URL": f"http://{ADDRESSES['proxy']}:8080/",
+                               "LF_KILL": "podman kill --signal KILL $1-lf-serve"})
+    print("".join(line + "\n" for line in page.stdout.splitlines() if line.startswith("#") or "SKIP" in line), end="")
+    assert page.returncode == 0, page.stdout + page.stderr
 
 
 def main():
@@ -197,7 +244,7 @@ def main():
         remove_pods()  # of a script that was killed
         try:
             play(folder, volumes)
-            check()
+            check(folder)
         finally:
             for name in ADDRESSES:
                 logs = subprocess.run(["podman", "pod", "logs", "--tail", "3", name], capture_output=True, text=True)

@@ -201,6 +201,32 @@ export async function openShown(browser, url, size, frames, options) {
   return page;
 }
 
+// Ends the server of a page by `kill`, and waits for pictures of another server. Returns the names of both replicas, and
+// the times in milliseconds from the last picture of the first server until the page noticed the end, and until it showed
+// the next picture.
+export async function resumed(page, kill) {
+  const replica = () => page.evaluate(() => inside().stream.connection?.session?.pathname.split('/').pop().split('-')[0]);
+  const first = await replica();
+  await page.evaluate(() => {
+    const { host, video } = inside();
+    const happens = name => new Promise(done => host.addEventListener(name, done, { once: true }));
+    let last = performance.now();
+    const follow = now => {
+      last = now;
+      video.requestVideoFrameCallback(follow);
+    };
+    video.requestVideoFrameCallback(follow);
+    globalThis.times = happens('disconnected').then(async () => {
+      const began = last, noticed = performance.now() - began;
+      await happens('connected');
+      const seen = await new Promise(done => video.requestVideoFrameCallback(done));
+      return { noticed, seen: seen - began };
+    });
+  });
+  await kill(first);
+  return { ...await page.evaluate(() => globalThis.times), first, second: await replica() };
+}
+
 export async function close(page, served) {
   await page.context().close();
   await served.stop();

@@ -7,7 +7,7 @@ import { createServer } from 'node:http';
 import { join } from 'node:path';
 import { promisify } from 'node:util';
 import { artefacts, closeClean, compare, expect, launchBrowser, makeRig, newPage, openPage, rendered,
-  runTests, serve, setView, shown, source, start, until, viewFile } from './harness.mjs';
+  resumed, runTests, serve, setView, shown, source, start, until, viewFile } from './harness.mjs';
 
 async function janus() {
   const folder = await makeRig('4x4');
@@ -232,17 +232,7 @@ async function haproxy() {
   async function resumes() {
     const page = await openPage(await launchBrowser(), url, { width: 320, height: 240 });
     await shown(page, 30);
-    const session = () => inside().stream.connection?.session?.pathname;
-    const first = (await page.evaluate(session)).split('/').pop().split('-')[0];
-    await page.evaluate(() => {
-      const { host, video } = inside(), happens = name => new Promise(done => host.addEventListener(name, done, { once: true }));
-      globalThis.noticed = happens('disconnected').then(() => performance.now());
-      globalThis.seen = happens('connected').then(() => new Promise(done => video.requestVideoFrameCallback(done)));
-    });
-    const began = await page.evaluate(() => performance.now());
-    servers[first].kill();
-    const noticed = await page.evaluate(() => globalThis.noticed) - began, seen = await page.evaluate(() => globalThis.seen) - began;
-    const second = (await page.evaluate(session)).split('/').pop().split('-')[0];
+    const { noticed, seen, first, second } = await resumed(page, replica => servers[replica].kill());
     console.log(`# noticed after ${Math.round(noticed)} ms, pictures of another server after ${Math.round(seen)} ms`);
     expect(first !== second, `${first}, then ${second}`);
     await shown(page, 30);
