@@ -48,8 +48,8 @@ TEST_P(CommandLine, RealNumbersAreFinite) {
 }
 
 TEST(Programs, HaveAVersion) {
-  for (const char* program : {"lf-archive", "lf-bench", "lf-path", "lf-render", "lf-report", "lf-rig", "lf-scene",
-                              "lf-serve", "lf-show", kCalibrate.data()}) {
+  for (const char* program : {"lf-archive", "lf-bench", "lf-path", "lf-render", "lf-report", "lf-rig", "lf-run",
+                              "lf-scene", "lf-serve", "lf-show", kCalibrate.data()}) {
     const Outcome outcome = run_program(program, "--version");
     EXPECT_EQ(outcome.status, 0) << program;
     EXPECT_THAT(outcome.output, testing::MatchesRegex("lf-[a-z]+ [0-9]+\\.[0-9]+\\.[0-9]+\n"));
