@@ -204,9 +204,12 @@ def check_keys(folder):
     rates = watch.rates()
     print(f"# the key was replaced: {made}; pictures per second: {rates}")
     assert min(rates) > 1, rates
-    assert made["incomplete_pictures_total"] == 0, made
+    # On a busy machine, pictures are also incomplete because answers are late. A rejected packet is a fault of the keys.
     dropped = [metric(node, "dropped_packets_total", 9110) for node in ("cam0", "cam1")]
     assert dropped == [0, 0], dropped
+    for server in SERVERS:
+        log = subprocess.run(["podman", "logs", f"{server}-lf-serve"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        assert log.returncode == 0 and "are dropped" not in log.stdout, log.stdout
     # The old key is no longer valid.
     old = pathlib.Path(folder, "old")
     old.touch(0o600)
