@@ -118,7 +118,7 @@ ArrayDepth ArrayDepth::coarse(const Rig& rig, const CameraSet& cameras, const Ma
   int width = 0;
   for (const CameraIndex camera : cameras) width = std::max(width, rig.cameras[camera].width);
   const int factor = width / (4 * divisor) >= kMinCoarseWidth ? 4 : 2;
-  depth.estimate(rig, cameras, {}, images, factor * divisor, nullptr, parallel);
+  depth.estimate(rig, cameras, {}, images, factor * divisor, {}, parallel);
   depth.range_ = depth.confident_range();
   return depth;
 }
@@ -128,7 +128,16 @@ bool ArrayDepth::is_finest(const Rig& rig) const { return divisor_ <= divisor_of
 ArrayDepth ArrayDepth::finer(const Rig& rig, const MatchedImages& images, const ParallelFor& parallel) const {
   ArrayDepth depth;
   depth.range_ = {.farthest = range_.farthest, .nearest = range_.nearest};
-  depth.estimate(rig, cameras(), {}, images, divisor_ / 2, this, parallel);
+  depth.estimate(rig, cameras(), {}, images, divisor_ / 2, {.before = this, .first = cameras()}, parallel);
+  return depth;
+}
+
+ArrayDepth ArrayDepth::quick_finer(const Rig& rig, const CameraSet& first, const MatchedImages& images,
+                                   const ParallelFor& parallel) const {
+  ArrayDepth depth;
+  depth.range_ = {.farthest = range_.farthest, .nearest = range_.nearest};
+  depth.estimate(rig, cameras(), {}, images, divisor_ / 2, {.before = this, .first = first, .is_quick = true},
+                 parallel);
   return depth;
 }
 
@@ -136,7 +145,10 @@ ArrayDepth ArrayDepth::updated(const Rig& rig, const CameraSet& cameras, const C
                                const MatchedImages& images, const ParallelFor& parallel) const {
   ArrayDepth depth;
   depth.range_ = range_;
-  depth.estimate(rig, cameras, unchanged, images, divisor_, this, parallel);
+  CameraSet incomplete;
+  for (const auto& camera : cameras_)
+    if (camera->is_incomplete && incomplete.size() < kCompleted) incomplete.push_back(camera->index);
+  depth.estimate(rig, cameras, unchanged, images, divisor_, {.before = this, .first = incomplete}, parallel);
   return depth;
 }
 
@@ -147,9 +159,9 @@ CameraSet ArrayDepth::cameras() const {
 }
 
 void ArrayDepth::estimate(const Rig& rig, const CameraSet& cameras, const CameraSet& unchanged,
-                          const MatchedImages& images, int divisor, const ArrayDepth* before,
-                          const ParallelFor& parallel) {
+                          const MatchedImages& images, int divisor, const Start& start, const ParallelFor& parallel) {
   divisor_ = divisor;
+  const ArrayDepth* const before = start.before;
   const size_t count = cameras.size();
   std::vector<std::shared_ptr<Camera>> estimated(count);
   std::vector<std::shared_ptr<const Camera>> known(count);  // the cameras before, or null
@@ -182,21 +194,32 @@ void ArrayDepth::estimate(const Rig& rig, const CameraSet& cameras, const Camera
   if (range_.planes == 0)
     for (size_t i = 0; i < count; i++)
       range_.planes = std::max(range_.planes, planes_of(*all[i], images_beside(i), range_));
+  const bool is_near = start.is_quick && divisor <= divisor_of(rig, cameras);
   parallel(count, [&](size_t i) {
     const bool is_stale = is_new[i] || std::ranges::any_of(beside[i], [&](size_t other) { return is_new[other]; });
+    const bool is_first = std::ranges::binary_search(start.first, cameras[i]);
+    const bool is_finer = known[i] && before->divisor_ != divisor;
+    const bool is_coarse = is_finer || (!is_stale && known[i]->is_incomplete);
     const int rounds = is_stale ? kUpdates : known[i]->unsettled;
-    if (rounds == 0) return;
+    if (is_coarse ? !is_first && !is_finer : rounds == 0) return;
     if (!estimated[i]) estimated[i] = std::make_shared<Camera>(*known[i]);
     Camera& camera = *estimated[i];
+    camera.is_incomplete = is_coarse && (start.is_quick || !is_first);
     if (!known[i]) {
       camera.depth = estimate_depth(camera.image, images_beside(i), range_);
-    } else if (before->divisor_ == divisor) {
+    } else if (!is_coarse) {
       camera.unsettled = rounds - 1;
       camera.depth =
           update_depth(camera.image, images_beside(i), range_, known[i]->depth.inverse, kUpdates, rounds % kUpdates);
     } else {
-      camera.depth = update_depth(camera.image, images_beside(i), range_,
-                                  enlarged(known[i]->image, known[i]->depth.inverse, camera.image), kSparsePlanes, 0);
+      std::vector<float> coarse =
+          is_finer ? enlarged(known[i]->image, known[i]->depth.inverse, camera.image) : known[i]->depth.inverse;
+      if (!is_first)
+        camera.depth.inverse = std::move(coarse);
+      else if (is_near)
+        camera.depth = refine_depth(camera.image, images_beside(i), range_, coarse);
+      else
+        camera.depth = update_depth(camera.image, images_beside(i), range_, coarse, kSparsePlanes, 0);
     }
   });
   for (size_t i = 0; i < count; i++)

@@ -142,11 +142,31 @@ class DepthSearch {
     test();
   }
 
-  Values run(int first_plane, int every, int refinements) {
-    for (int i = first_plane; i < range_.planes; i += every) {
+  void test_planes(int first, int every) {
+    for (int i = first; i < range_.planes; i += every) {
       std::ranges::fill(hypothesis_, static_cast<float>(range_.farthest + i * range_.step()));
       test();
     }
+  }
+
+  // Tests depths between the least and the largest one that the pixels around each pixel have.
+  void test_between() {
+    constexpr int kDepths = 8, kReach = 3;  // kReach: largest distance of these pixels, along rows and columns
+    Values least = inverse_, largest = inverse_;
+    for (int i = 0; i < kReach; i++) {
+      select_of_nine(least, image_.width, image_.height, Choice::kLeast, hypothesis_);
+      least.swap(hypothesis_);
+      select_of_nine(largest, image_.width, image_.height, Choice::kLargest, hypothesis_);
+      largest.swap(hypothesis_);
+    }
+    for (int k = 0; k < kDepths; k++) {
+      const float part = static_cast<float>(k) / (kDepths - 1);
+      for (size_t i = 0; i < hypothesis_.size(); i++) hypothesis_[i] = least[i] + part * (largest[i] - least[i]);
+      test();
+    }
+  }
+
+  Values refined(int refinements) {
     for (int round = 0; round < refinements; round++) refine(round);
     return without_outliers(inverse_, image_.width, image_.height, range_.step());
   }
@@ -217,7 +237,9 @@ std::vector<float> without_outliers(const std::vector<float>& inverse, int width
 CameraDepth estimate_depth(const MatchingImage& image, std::span<const MatchingImage* const> neighbours,
                            const DepthSweep& range) {
   if (neighbours.empty()) return {Values(image.size(), static_cast<float>(range.farthest)), {}};
-  return {DepthSearch(image, neighbours, range).run(0, 1, kRefinements), {}};
+  DepthSearch search(image, neighbours, range);
+  search.test_planes(0, 1);
+  return {search.refined(kRefinements), {}};
 }
 
 CameraDepth update_depth(const MatchingImage& image, std::span<const MatchingImage* const> neighbours,
@@ -225,7 +247,17 @@ CameraDepth update_depth(const MatchingImage& image, std::span<const MatchingIma
   if (neighbours.empty()) return {before, {}};
   DepthSearch search(image, neighbours, range);
   search.start_with(before);
-  return {search.run(turn, turns, kUpdateRefinements), {}};
+  search.test_planes(turn, turns);
+  return {search.refined(kUpdateRefinements), {}};
+}
+
+CameraDepth refine_depth(const MatchingImage& image, std::span<const MatchingImage* const> neighbours,
+                         const DepthSweep& range, const std::vector<float>& before) {
+  if (neighbours.empty()) return {before, {}};
+  DepthSearch search(image, neighbours, range);
+  search.start_with(before);
+  search.test_between();
+  return {search.refined(kUpdateRefinements), {}};
 }
 
 std::vector<float> check_consistency(const MatchingImage& image, const CameraDepth& depth,

@@ -37,6 +37,10 @@ CameraDepth estimate_depth(const MatchingImage& image, std::span<const MatchingI
 CameraDepth update_depth(const MatchingImage& image, std::span<const MatchingImage* const> neighbours,
                          const DepthSweep& range, const std::vector<float>& before, int turns, int turn);
 
+// Does the same in half of the time, but tests only depths near those around each pixel in `before`.
+CameraDepth refine_depth(const MatchingImage& image, std::span<const MatchingImage* const> neighbours,
+                         const DepthSweep& range, const std::vector<float>& before);
+
 // Returns the confidence of a camera's depths: see CameraDepth. Depths agree if they differ by less than 1.5 steps of
 // the range. A neighbour with a nearer depth does not count, because it may see something in front of the point.
 struct DepthNeighbour {

@@ -2,6 +2,7 @@
 #include "depth/matching_image.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -10,28 +11,93 @@ namespace lf {
 
 namespace {
 
-// Returns the luma of BT.601 at (x, y), interpolated bilinearly, or NaN outside of the pixels' centres.
-double luma_at(const ImageView& image, double x, double y) {
-  if (!(x >= 0 && y >= 0 && x <= image.width - 1 && y <= image.height - 1))
-    return std::numeric_limits<double>::quiet_NaN();
-  const int x0 = std::min(static_cast<int>(x), std::max(image.width - 2, 0));
-  const int y0 = std::min(static_cast<int>(y), std::max(image.height - 2, 0));
-  const auto at = [&](int i, int j) -> double {
-    const uint8_t* const row = image.plane[0] + image.stride[0] * std::min(j, image.height - 1);
-    i = std::min(i, image.width - 1);
-    if (image.family == PixelFamily::kI420) return row[i];
-    const uint8_t* const pixel = row + static_cast<ptrdiff_t>(i) * image.layout.pixel_stride;
-    return 0.299 * pixel[image.layout.r] + 0.587 * pixel[image.layout.g] + 0.114 * pixel[image.layout.b];
-  };
-  const double right = x - x0, down = y - y0;
-  const double upper = at(x0, y0) + right * (at(x0 + 1, y0) - at(x0, y0));
-  const double lower = at(x0, y0 + 1) + right * (at(x0 + 1, y0 + 1) - at(x0, y0 + 1));
-  return upper + down * (lower - upper);
+constexpr float kUnseen = std::numeric_limits<float>::quiet_NaN();  // luma outside of an image
+
+// A position between two rows or columns of an image.
+struct Position {
+  int first = 0, second = 0;
+  float part = kUnseen;  // of the second; kUnseen outside of the centres of the first and the last one
+};
+
+Position position_of(double at, int size) {
+  if (!(at >= 0 && at <= size - 1)) return {};
+  const int first = std::min(static_cast<int>(at), std::max(size - 2, 0));
+  return {first, std::min(first + 1, size - 1), static_cast<float>(at - first)};
 }
 
-// Returns the pixels for their luma. NaN: the camera does not see the pixel.
-std::vector<MatchingImage::Pixel> pixels_of(const std::vector<double>& luma, int width, int height) {
-  const auto in_units = [](double levels) { return static_cast<int16_t>(std::lround(MatchingImage::kUnit * levels)); };
+// The luma of BT.601 of an image.
+class LumaImage {
+ public:
+  explicit LumaImage(const ImageView& image) : width_(image.width), height_(image.height) {
+    luma_.resize(static_cast<size_t>(width_) * height_);
+    for (int y = 0; y < height_; y++) {
+      const uint8_t* const row = image.plane[0] + image.stride[0] * y;
+      float* const out = &luma_[static_cast<size_t>(y) * width_];
+      if (image.family == PixelFamily::kI420) {
+        std::copy_n(row, width_, out);
+        continue;
+      }
+      const auto [r, g, b] = std::array{row + image.layout.r, row + image.layout.g, row + image.layout.b};
+      const auto stride = static_cast<ptrdiff_t>(image.layout.pixel_stride);
+      for (int x = 0; x < width_; x++)
+        out[x] = 0.299f * r[x * stride] + 0.587f * g[x * stride] + 0.114f * b[x * stride];
+    }
+  }
+
+  // Returns the luma at a position, interpolated bilinearly.
+  float at(const Vec2& position) const {
+    const Position x = position_of(position.x, width_), y = position_of(position.y, height_);
+    const float *const upper = row(y.first), *const lower = row(y.second);
+    return blend(blend(upper[x.first], upper[x.second], x.part), blend(lower[x.first], lower[x.second], x.part),
+                 y.part);
+  }
+  // Writes the luma between two rows.
+  void write_row(const Position& y, float* out) const {
+    const float *const upper = row(y.first), *const lower = row(y.second);
+    for (int x = 0; x < width_; x++) out[x] = blend(upper[x], lower[x], y.part);
+  }
+  static float blend(float a, float b, float part) { return a + part * (b - a); }
+  int width() const { return width_; }
+  int height() const { return height_; }
+
+ private:
+  const float* row(int y) const { return &luma_[static_cast<size_t>(y) * width_]; }
+
+  const int width_, height_;
+  std::vector<float> luma_;
+};
+
+// Returns the luma of each pixel of `out`, the mean of divisor x divisor samples. kUnseen: the camera does not see all
+// of the pixel.
+std::vector<float> reduced_luma(const Lens& lens, const LumaImage& image, int divisor, const MatchingImage& out) {
+  const double to_centre = (divisor - 1) / 2.0;  // from the first of the averaged samples to the pixel's centre
+  const auto offset_of = [&](int sample) { return sample / divisor + (sample % divisor - to_centre) / divisor; };
+  std::vector<float> sums(static_cast<size_t>(out.width) * out.height);
+  if (lens.has_distortion()) {
+    for (int y = 0; y < divisor * out.height; y++)
+      for (int x = 0; x < divisor * out.width; x++) {
+        const std::optional<Vec2> at = lens.project(out.ray(offset_of(x), offset_of(y)));
+        sums[static_cast<size_t>(y / divisor) * out.width + x / divisor] += at ? image.at(*at) : kUnseen;
+      }
+  } else {
+    std::vector<Position> columns;
+    for (int x = 0; x < divisor * out.width; x++)
+      columns.push_back(position_of(lens.fx() * out.ray(offset_of(x), 0).x + lens.cx(), image.width()));
+    std::vector<float> row(image.width());
+    for (int y = 0; y < divisor * out.height; y++) {
+      image.write_row(position_of(lens.fy() * out.ray(0, offset_of(y)).y + lens.cy(), image.height()), row.data());
+      float* const sum = &sums[static_cast<size_t>(y / divisor) * out.width];
+      for (int x = 0; x < divisor * out.width; x++)
+        sum[x / divisor] += LumaImage::blend(row[columns[x].first], row[columns[x].second], columns[x].part);
+    }
+  }
+  for (float& sum : sums) sum /= static_cast<float>(divisor * divisor);
+  return sums;
+}
+
+// Returns the pixels for their luma.
+std::vector<MatchingImage::Pixel> pixels_of(const std::vector<float>& luma, int width, int height) {
+  const auto in_units = [](float levels) { return static_cast<int16_t>(std::lround(MatchingImage::kUnit * levels)); };
   std::vector<MatchingImage::Pixel> pixels;
   pixels.reserve(luma.size());
   for (int y = 0; y < height; y++)
@@ -39,7 +105,7 @@ std::vector<MatchingImage::Pixel> pixels_of(const std::vector<double>& luma, int
       const auto at = [&](int i, int j) {
         return luma[static_cast<size_t>(std::clamp(j, 0, height - 1)) * width + std::clamp(i, 0, width - 1)];
       };
-      const double dx = (at(x + 1, y) - at(x - 1, y)) / 2, dy = (at(x, y + 1) - at(x, y - 1)) / 2;
+      const float dx = (at(x + 1, y) - at(x - 1, y)) / 2, dy = (at(x, y + 1) - at(x, y - 1)) / 2;
       if (std::isnan(at(x, y)) || std::isnan(dx) || std::isnan(dy))
         pixels.push_back({0, 0, 0, MatchingImage::kUnseen});
       else
@@ -59,20 +125,7 @@ MatchingImage matching_image(const Camera& camera, const ImageView& image, int d
   out.focal = std::sqrt(lens.fx() * lens.fy()) / divisor;
   const double to_centre = (divisor - 1) / 2.0;  // from the first of the averaged samples to the pixel's centre
   out.centre = {(lens.cx() - to_centre) / divisor, (lens.cy() - to_centre) / divisor};
-  std::vector<double> luma;
-  luma.reserve(static_cast<size_t>(out.width) * out.height);
-  for (int y = 0; y < out.height; y++)
-    for (int x = 0; x < out.width; x++) {
-      double sum = 0;
-      for (int j = 0; j < divisor; j++)
-        for (int i = 0; i < divisor; i++) {
-          const Vec3 ray = out.ray(x + (i - to_centre) / divisor, y + (j - to_centre) / divisor);
-          const std::optional<Vec2> at = lens.project(ray);
-          sum += at ? luma_at(image, at->x, at->y) : std::numeric_limits<double>::quiet_NaN();
-        }
-      luma.push_back(sum / (divisor * divisor));
-    }
-  out.pixels = pixels_of(luma, out.width, out.height);
+  out.pixels = pixels_of(reduced_luma(lens, LumaImage(image), divisor, out), out.width, out.height);
   return out;
 }
 

@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <chrono>
 #include <map>
+#include <tuple>
 #include <utility>
 #include <vector>
 
-#include <sys/resource.h>
 #include <unistd.h>
 
 #include "base/schedule.h"
@@ -67,31 +67,40 @@ class DecodedFrames {
   ByteBuffer corrected_;
 };
 
-// Adds the cameras of a view to `chosen`. `with_others` is explained at kCamerasOfView.
-void add_cameras(const CameraInputs::Array& array, const Vec3& eye, const std::vector<CameraIndex>& contributing,
-                 bool with_others, CameraSet& chosen) {
+// Returns all cameras in the order of their distance from the eye.
+std::vector<CameraIndex> cameras_around(const CameraInputs::Array& array, const Vec3& eye) {
   std::vector<std::pair<double, CameraIndex>> by_distance;
   for (const auto& [camera, frames] : array.cameras)
     by_distance.emplace_back(glm::distance(array.rig->cameras[camera].pose.position, eye), camera);
   std::ranges::sort(by_distance);
+  std::vector<CameraIndex> cameras;
+  for (const auto& [distance, camera] : by_distance) cameras.push_back(camera);
+  return cameras;
+}
+
+// Adds the cameras of a view to `chosen`. `with_others` is explained at kCamerasOfView.
+void add_cameras(const CameraInputs::Array& array, const Vec3& eye, const std::vector<CameraIndex>& contributing,
+                 bool with_others, CameraSet& chosen) {
+  const std::vector<CameraIndex> around = cameras_around(array, eye);
   std::vector<CameraIndex> of_view;
   const auto add = [&](CameraIndex camera) {
     if (of_view.size() < DepthTracker::kCamerasOfView && std::ranges::find(of_view, camera) == of_view.end())
       of_view.push_back(camera);
   };
-  for (size_t i = 0; i < by_distance.size() && i < DepthTracker::kNearest; i++) add(by_distance[i].second);
+  for (size_t i = 0; i < around.size() && i < DepthTracker::kNearest; i++) add(around[i]);
   for (const CameraIndex camera : contributing)
     if (array.cameras.contains(camera)) add(camera);
-  for (size_t i = 0; i < by_distance.size() && with_others; i++) add(by_distance[i].second);
+  for (size_t i = 0; i < around.size() && with_others; i++) add(around[i]);
   for (const CameraIndex camera : of_view)
     if (chosen.size() < DepthTracker::kMaxTrackedCameras && std::ranges::find(chosen, camera) == chosen.end())
       chosen.push_back(camera);
 }
 
-// Lets pictures go before the work of the calling thread.
+// Lets pictures go before the work of the calling thread from now on.
 void lower_priority() {
-  constexpr int kNiceness = 5;
-  setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kNiceness);
+  constexpr int kNiceness = 5;  // added to the niceness of the process
+  thread_local bool is_low = false;
+  if (!std::exchange(is_low, true)) std::ignore = nice(kNiceness);  // in Linux, for this thread only
 }
 
 // Thrown by the function that stoppable() returns.
@@ -188,6 +197,19 @@ CameraSet DepthTracker::cameras_of_views(const CameraInputs::Array& array) {
   return cameras;
 }
 
+// Returns the cameras that the surfaces of live views need most, in ascending order.
+CameraSet DepthTracker::nearest_to_views(const CameraInputs::Array& array) {
+  CameraSet nearest;
+  const std::lock_guard lock(mutex_);
+  for (const auto& view : views_) {
+    std::vector<CameraIndex> around = cameras_around(array, view->wanted.pose.position);
+    around.resize(std::min(around.size(), kNearest));
+    nearest.insert(nearest.end(), around.begin(), around.end());
+  }
+  std::ranges::sort(nearest);
+  return nearest;
+}
+
 // Drops the depths from before the last call of clear(). The caller holds work_mutex_.
 void DepthTracker::forget_if_cleared() {
   const std::lock_guard lock(mutex_);
@@ -215,9 +237,11 @@ bool DepthTracker::is_unchanged(CameraIndex camera, const CameraFrame& frame) co
 }
 
 // Estimates the depths of `cameras` from their frames. Returns true if they have changed. Calls show_step() after each
-// step of the first estimate except the first and the last.
-bool DepthTracker::update_depths(const CameraInputs::Array& array, const CameraSet& cameras, const FindFrame& find,
-                                 const ParallelFor& parallel, const std::function<void()>& show_step) {
+// step of the first estimate except the first and the last. The first estimate is quick, for the cameras in `first`,
+// unless this is null. Later calls complete such an estimate.
+bool DepthTracker::update_depths(const CameraInputs::Array& array, const CameraSet& cameras, const CameraSet* first,
+                                 const FindFrame& find, const ParallelFor& parallel,
+                                 const std::function<void()>& show_step) {
   if (rig_ != array.rig) depths_.reset();
   rig_ = array.rig;
   if (!depths_) pictures_.clear();
@@ -251,7 +275,8 @@ bool DepthTracker::update_depths(const CameraInputs::Array& array, const CameraS
       const double nearest = kNearestDepth * FocusArray(*rig_).nearest();
       depths_ = ArrayDepth::coarse(*rig_, frames.cameras(), images, 0, nearest, parallel);
       while (!depths_->is_finest(*rig_)) {
-        depths_ = depths_->finer(*rig_, images, parallel);
+        depths_ =
+            first ? depths_->quick_finer(*rig_, *first, images, parallel) : depths_->finer(*rig_, images, parallel);
         if (!depths_->is_finest(*rig_)) show_step();
       }
       remember_pictures();
@@ -275,7 +300,7 @@ std::optional<DepthTracker::Measured> DepthTracker::measure(const CameraInputs::
   add_cameras(array, view.pose.position, contributing, true, cameras);
   std::ranges::sort(cameras);
   try {
-    update_depths(array, cameras, find, stoppable(parallel, [&cancelled] { return cancelled.load(); }), [] {});
+    update_depths(array, cameras, nullptr, find, stoppable(parallel, [&cancelled] { return cancelled.load(); }), [] {});
   } catch (const Stopped&) {
     depths_.reset();
   }
@@ -299,7 +324,6 @@ void DepthTracker::publish_depths() {
 // Measures the surface of each view after a change of the view or of its depths, in turn. An update of the depths
 // may take seconds on a busy machine, so surfaces have a thread of their own.
 void DepthTracker::run_surfaces(const std::stop_token& stop) {
-  lower_priority();
   std::unique_lock lock(mutex_);
   while (true) {
     auto next = views_.end();
@@ -318,6 +342,7 @@ void DepthTracker::run_surfaces(const std::stop_token& stop) {
     view.focus.map = std::make_shared<const FocalMap>(depths.surface(view, *view.focus.map));
     lock.lock();
     if (generation == generation_) tracked->found = std::move(view);
+    lower_priority();  // but not for the first surface, which viewers wait for
     pause(lock, stop, now_ns() - begun);
   }
 }
@@ -341,9 +366,11 @@ void DepthTracker::work(const std::stop_token& stop) {
     workers_.run(std::max(std::thread::hardware_concurrency(), 1u), count, task);
   };
   const bool is_first = !depths_;
+  const CameraSet nearest = nearest_to_views(*array);
   const ParallelFor parallel = is_first ? on_all_processors : serial_for;
   const bool has_changed = update_depths(
-      *array, cameras_of_views(*array), [&array](CameraIndex camera) { return array->cameras.at(camera)->newest(); },
+      *array, cameras_of_views(*array), &nearest,
+      [&array](CameraIndex camera) { return array->cameras.at(camera)->newest(); },
       stoppable(parallel, [&stop] { return stop.stop_requested(); }), [this] { publish_depths(); });
   const uint64_t now = now_ns();
   next_update_ = now + (has_changed ? 1 : kRestingPart) * (now - begun);

@@ -26,7 +26,7 @@ class DepthTracker {
  public:
   // Depth maps are estimated for this number of cameras of each view, and in total. These are the kNearest cameras
   // around the viewpoint, those that contribute to the picture, and others around the viewpoint. A live view starts
-  // without the others, so that its picture is sharp sooner.
+  // without the others, and with quick depths for the kNearest cameras only, so that its picture is sharp sooner.
   static constexpr size_t kCamerasOfView = 16, kNearest = 8, kMaxTrackedCameras = 48;
   // The work for a live view ends this long after its last call of surface(), nanoseconds.
   static constexpr uint64_t kTimeout = 10'000'000'000;
@@ -81,8 +81,9 @@ class DepthTracker {
   void work(const std::stop_token& stop);
   bool wait_for_views(const std::stop_token& stop);
   CameraSet cameras_of_views(const CameraInputs::Array& array);
-  bool update_depths(const CameraInputs::Array& array, const CameraSet& cameras, const FindFrame& find,
-                     const ParallelFor& parallel, const std::function<void()>& show_step);
+  CameraSet nearest_to_views(const CameraInputs::Array& array);
+  bool update_depths(const CameraInputs::Array& array, const CameraSet& cameras, const CameraSet* first,
+                     const FindFrame& find, const ParallelFor& parallel, const std::function<void()>& show_step);
   void forget_if_cleared();
   void forget_if_outdated(const CameraInputs::Array& array);
   bool is_unchanged(CameraIndex camera, const CameraFrame& frame) const;

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "depth/array_depth.h"
 
+#include <stdexcept>
+
 #include "lib/focus/array_of_walls.h"
 #include "support/test.h"
 
@@ -79,6 +81,25 @@ TEST_F(ArrayDepthTest, EachStepDoublesTheResolution) {
   EXPECT_EQ(steps, 1);
   depth = depth.finer(walls_.rig, images_);  // the full resolution, for stills
   EXPECT_EQ(depth.surface(view()), estimate(walls_.own).surface(view()));
+}
+
+TEST_F(ArrayDepthTest, QuickDepthsAreCompletedByUpdates) {
+  const ArrayDepth coarse = ArrayDepth::coarse(walls_.rig, walls_.own, images_, 0, 1.2);
+  const CameraSet first = {3, 4, 5};
+  ArrayDepth quick = coarse.quick_finer(walls_.rig, first, images_);
+  ASSERT_TRUE(quick.is_finest(walls_.rig));
+  EXPECT_GT(share_right(view(), quick.surface(view())), 0.95);
+  const FocalMap complete = coarse.finer(walls_.rig, images_).surface(view());
+  EXPECT_NE(quick.surface(view()), complete);
+  const MatchedImages no_images = [](CameraIndex) -> ImageView { throw std::logic_error("the images are known"); };
+  size_t updates = 0;
+  for (bool is_same = false; !is_same && updates < 20; updates++) {
+    ArrayDepth next = quick.updated(walls_.rig, walls_.own, walls_.own, no_images);
+    is_same = next.shares_all(quick);
+    quick = std::move(next);
+  }
+  EXPECT_EQ(updates, 1 + (walls_.own.size() + ArrayDepth::kCompleted - 1) / ArrayDepth::kCompleted);
+  EXPECT_GE(share_right(view(), quick.surface(view())) + 0.005, share_right(view(), complete));
 }
 
 TEST_F(ArrayDepthTest, DistancesAreFromThePlaneOfTheMap) {
