@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <optional>
 #include <utility>
 
 #include "base/maths.h"
@@ -48,6 +49,12 @@ int step_for(const View& view, const FocusArray& array) {
   if (!(array.focal() > 0)) return step;
   while (2 * step <= FocalMap::kMaxStep / 2 && 2 * step * array.focal() <= kFinestNodes * view.lens.fx()) step *= 2;
   return step;
+}
+
+// Returns true if depth maps of the cameras may give better pictures than the search: the scene has a wide disparity,
+// or the search has found no depths. `disparity` is in pixels per 1/m.
+bool may_need_depth_maps(const std::optional<DepthRange>& scene, double disparity) {
+  return !scene || disparity * (scene->nearest - scene->farthest) >= kWideDisparity;
 }
 
 constexpr unsigned kPlaneEvery = 4;  // refinement rounds from one that tries the viewer's plane to the next
@@ -113,7 +120,7 @@ void DepthEstimator::search_around(FocalMap& map) {
 void DepthEstimator::end_search(const View& view, const FocusArray& array, FocalMap& map) {
   const std::optional<DepthRange> scene = votes_.range();
   const bool found = scene.has_value();
-  wants_measured_ = can_measure_ && (!found || disparity_ * (scene->nearest - scene->farthest) >= kWideDisparity);
+  wants_measured_ = can_measure_ && may_need_depth_maps(scene, disparity_);
   requests_since_search_ = measured_answers_ = 0;
   // A surface that is shown stays visible during another search.
   if (found) {
@@ -250,6 +257,10 @@ std::vector<DepthHypothesis> DepthEstimator::next_hypotheses(const FocalMap& map
   if (stage_ == Stage::kSearch || stage_ == Stage::kSweep) {  // the answers decide the next stage
     if (stage_ == Stage::kSearch || latest_.underway() > 0) return {};
     stage_ = Stage::kBetter;
+    if (!is_automatic()) {  // there was no search before the sweep
+      wants_measured_ = can_measure_ && may_need_depth_maps(votes_.range(), disparity_);
+      requests_since_search_ = measured_answers_ = 0;
+    }
   }
   constexpr unsigned kMovingFlatRest = 4;
   const unsigned moving_rest = state_.flat ? std::min(state_.interval, kMovingFlatRest) : 1;

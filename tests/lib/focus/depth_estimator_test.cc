@@ -488,6 +488,26 @@ TEST_F(WideArrayTest, TheMeasuredSurfaceIsShown) {
   EXPECT_LT(error(), 0.2);
 }
 
+TEST_F(WideArrayTest, ItIsShownInARangeOfTheViewer) {
+  control_ = DepthEstimator({.mode = FocusMode::kSurface, .near = 1, .far = 40});
+  measures_ = true;
+  run(20);
+  EXPECT_GT(requests_since_search_, 2);
+  EXPECT_LT(error(), 0.2);
+  EXPECT_FALSE(control_.state().on_plane);
+  EXPECT_NEAR(control_.state().near, 1, 1e-6);
+  EXPECT_NEAR(control_.state().far, 40, 1e-6);
+}
+
+TEST_F(WideArrayTest, CamerasAreNotAskedInANarrowRange) {
+  const double far = 1.5 + 0.9 * kWideDisparity / (array_.disparity() * kRight * kRight);
+  ASSERT_LT(array_.disparity() * (kRight - 1 / far), kWideDisparity);
+  control_ = DepthEstimator({.mode = FocusMode::kSurface, .near = 1.5, .far = far});
+  measures_ = true;
+  run(40);
+  EXPECT_EQ(requests_since_search_, 0);
+}
+
 TEST_F(WideArrayTest, ItIsShownSoonOnABusyMachine) {
   measures_ = true;
   control_.set_min_interval(8);
