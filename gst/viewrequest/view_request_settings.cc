@@ -349,59 +349,76 @@ static std::vector<Property<S>> view_set_properties() {
   };
 }
 
+// The properties of a picture's views, and of their control by mouse and keys.
+static std::vector<Property<S>> viewer_properties() {
+  std::vector<Property<S>> rows = view_set_properties();
+  rows.insert(
+      rows.end(),
+      {
+          property<&S::navigation>(
+              kWhilePlaying, "navigation", "Navigation",
+              "If true, mouse and keys (GstNavigation events) move the view. A drag orbits, a shift-drag pans, the "
+              "wheel zooms, and ctrl-wheel focuses. The keys are the arrows, w s a d q e, + -, [ ] and r"),
+          property<&S::constrain_view>(
+              kWhilePlaying, "constrain-view", "Constrain view",
+              "If true, the view stays in the range that the cameras can see. It starts inside the mesh of the array "
+              "(the triangles of neighbouring cameras), with a field of view that the cameras cover completely. "
+              "Movements by mouse and keys stop before more than a twentieth of the view is lost, except with the "
+              "shift key. Requires `rig`"),
+          property<&S::navigation_element>(
+              kWhileReady, "navigation-element", "Navigation element",
+              "Name of an element of this pipeline that the pictures pass through, for example a decoder. Mouse and "
+              "key events that reach this element then move the view. Set this if the pictures come from another host"),
+          property<&S::eager>(
+              kWhilePlaying, "eager", "Eager",
+              "If true, a change of a live view, for example by the mouse, causes an early request for the newest "
+              "frames. The element sends this request before the next instant of the schedule, at the earliest a "
+              "quarter of a frame after the previous instant. This shortens the reaction to mouse and keys, but the "
+              "number of requests stays the same. Views from a file are not affected"),
+          property<&S::focus_continuous>(
+              kWhilePlaying, kFocusContinuous, "Focus continuous",
+              "If true, the focus follows a point while the scene moves. This is the point of the last click or "
+              "`focus-at` signal, initially the middle of the picture. Its depth comes from the focal surface of the "
+              "lfcompositor. Without a focal surface, the element requests an additional small view with every eighth "
+              "request, to measure the depth"),
+      });
+  return rows;
+}
+
 PropertyTable<S>& ViewRequestSettings::properties() {
   static PropertyTable<S> table = {
       {
-          property<&S::location>(
-              kWhileReady, "location", "Location",
-              "Path of a file with the views to request (views.json), for example a camera path from "
-              "lf-path. If empty, the properties define the view"),
-          property<&S::rig>(
-              kWhilePlaying, "rig", "Rig",
-              "Path of the rig file (rig.json), which describes the cameras of the array. Requests contain a "
-              "checksum of the rig, so that nodes detect a different rig file. View properties that are not "
-              "set get values that suit the array. If the property is set while the element runs, the "
-              "element loads the file again and uses it from the next request on"),
+          property<&S::location>(kWhileReady, "location", "Location",
+                                 "Path of a file with the views to request (views.json), for example a camera path "
+                                 "from lf-path. If empty, the properties define the view"),
+          property<&S::rig>(kWhilePlaying, "rig", "Rig",
+                            "Path of the rig file (rig.json), which describes the cameras of the array. Requests "
+                            "contain a checksum of the rig, so that nodes detect a different rig file. View properties "
+                            "that are not set get values that suit the array. If the property is set while the element "
+                            "runs, the element loads the file again and uses it from the next request on"),
           property<&S::view_id>(
               kWhileReady, "view-id", "View id",
-              "Number that identifies this view in requests and answers. The lfcompositor of the view "
-              "must have the same number, and viewers that share cameras must have different numbers",
+              "Number that identifies this view in requests and answers. The lfcompositor of the view must have the "
+              "same number, and viewers that share cameras must have different numbers",
               0, G_MAXUINT),
-          property<&S::width>(
-              kWhilePlaying, "width", "Width",
-              "Width of the view, in pixels. Views from a file have their own sizes (0: the width in the "
-              "caps downstream of this view's lfcompositor. If they contain none, the width of the cameras "
-              "in the rig, or 640 without a rig)",
-              0, kMaxImageSize),
-          property<&S::height>(
-              kWhilePlaying, "height", "Height",
-              "Height of the view, in pixels. Views from a file have their own sizes (0: the height in "
-              "the caps downstream of this view's lfcompositor. If they contain none, the height of the "
-              "cameras in the rig, or 480 without a rig)",
-              0, kMaxImageSize),
+          property<&S::width>(kWhilePlaying, "width", "Width",
+                              "Width of the view, in pixels. Views from a file have their own sizes (0: the width in "
+                              "the caps downstream of this view's lfcompositor. If they contain none, the width of the "
+                              "cameras in the rig, or 640 without a rig)",
+                              0, kMaxImageSize),
+          property<&S::height>(kWhilePlaying, "height", "Height",
+                               "Height of the view, in pixels. Views from a file have their own sizes (0: the height "
+                               "in the caps downstream of this view's lfcompositor. If they contain none, the height "
+                               "of the cameras in the rig, or 480 without a rig)",
+                               0, kMaxImageSize),
           frame_rate_property(),
           property<&S::capture_delay>(
               kWhileReady, "capture-delay", "Capture delay",
               "Time from the capture of a live frame to the request for it, in nanoseconds. It must be long enough for "
               "frames to reach the nodes; otherwise the nodes answer with frames that are too old. The element reports "
-              "the "
-              "delay as latency (-1: the delay that the nodes in this process measure. The element posts a LATENCY "
-              "message "
-              "whenever this value changes)",
+              "the delay as latency (-1: the delay that the nodes in this process measure. The element posts a LATENCY "
+              "message whenever this value changes)",
               gint64{-1}, kMaxCaptureDelay),
-          property<&S::navigation>(
-              kWhilePlaying, "navigation", "Navigation",
-              "If true, mouse and keys (GstNavigation events) move the view. A drag orbits, a shift-drag pans, the "
-              "wheel "
-              "zooms, and ctrl-wheel focuses. The keys are the arrows, w s a d q e, + -, [ ] and r"),
-          property<&S::constrain_view>(kWhilePlaying, "constrain-view", "Constrain view",
-                                       "If true, the view stays in the range that the cameras can see. It starts "
-                                       "inside the mesh of the array (the "
-                                       "triangles of neighbouring cameras), with a field of view that the cameras "
-                                       "cover completely. Movements by "
-                                       "mouse and keys stop before more than a twentieth of the view is lost, except "
-                                       "with the shift key. Requires "
-                                       "`rig`"),
           property<&S::quality>(kWhilePlaying, "quality", "Quality",
                                 "JPEG quality of answers that cross the network, from 1 to 100. A lower value saves "
                                 "bandwidth, but causes more compression artefacts (0: uncompressed)",
@@ -409,48 +426,25 @@ PropertyTable<S>& ViewRequestSettings::properties() {
           property<&S::out_of_service>(kWhilePlaying, "out-of-service", "Out of service",
                                        "Ids of cameras that must not contribute to the view, as a list of numbers and "
                                        "ranges such as \"0-3,7\". Their neighbours contribute instead. Requires `rig`"),
-          property<&S::navigation_element>(
-              kWhileReady, "navigation-element", "Navigation element",
-              "Name of an element of this pipeline that the pictures pass through, for example a decoder. Mouse and "
-              "key "
-              "events that reach this element then move the view. Set this if the pictures come from another host"),
           property<&S::access>(
               kWhileReady, "access", "Access",
-              "Selects how much of the rendering the cameras do. Set the same value for the lffragment of "
-              "the cameras. With self, the cameras know the rig and need only the view requests. With "
-              "warp, this element also sends the transformations of the camera images. With pixels, it "
-              "also sends the image regions to deliver. The values warp and pixels require `rig`",
+              "Selects how much of the rendering the cameras do. Set the same value for the lffragment of the cameras. "
+              "With self, the cameras know the rig and need only the view requests. With warp, this element also sends "
+              "the transformations of the camera images. With pixels, it also sends the image regions to deliver. The "
+              "values warp and pixels require `rig`",
               LF_TYPE_ACCESS),
-          property<&S::eager>(
-              kWhilePlaying, "eager", "Eager",
-              "If true, a change of a live view, for example by the mouse, causes an early request for the newest "
-              "frames. "
-              "The element sends this request before the next instant of the schedule, at the earliest a quarter of a "
-              "frame after the previous instant. This shortens the reaction to mouse and keys, but the number of "
-              "requests "
-              "stays the same. Views from a file are not affected"),
-          property<&S::focus_continuous>(
-              kWhilePlaying, kFocusContinuous, "Focus continuous",
-              "If true, the focus follows a point while the scene moves. This is the point of the last click or "
-              "`focus-at` "
-              "signal, initially the middle of the picture. Its depth comes from the focal surface of the "
-              "lfcompositor. "
-              "Without a focal surface, the element requests an additional small view with every eighth request, to "
-              "measure the depth"),
           property<&S::nearest_cameras>(
               kWhilePlaying, "nearest-cameras", "Nearest cameras",
               "Approximate number of cameras that contribute to a pixel. The cameras that match the view best in "
               "direction, resolution and field of view are selected. Use this for irregular arrays; 4 is a good value. "
-              "It "
-              "has no effect if `aperture` is set (0: each pixel is blended from the three cameras of a triangle in "
-              "the "
-              "mesh of the array)",
+              "It has no effect if `aperture` is set (0: each pixel is blended from the three cameras of a triangle in "
+              "the mesh of the array)",
               0, Blending::kMaxNearest),
           property<&S::loop>(
               kWhileReady, "loop", "Loop",
               "If true, the views in `location` repeat endlessly. If false, the stream ends after the last view"),
       },
-      view_set_properties()};
+      viewer_properties()};
   return table;
 }
 
