@@ -290,6 +290,9 @@ Format formats[] = {
      [](const Arguments& a) { return lf::import_technicolor(a.other); }, nullptr},
 };
 
+// Returns the row of a format that exists.
+Format& format_of(std::string_view name) { return *std::ranges::find(formats, name, &Format::name); }
+
 // The focus distance of a Stanford import is in metres, so this importer converts the unit itself.
 bool converts_unit(const Format& format) { return std::string_view(format.name) == "stanford"; }
 
@@ -374,20 +377,20 @@ void run_import(Arguments& arguments) {
   require_replaceable(arguments.out);
   require_picture(arguments.sheet);
   const lf::ImportFormat found = lf::find_import_format(arguments.other);
-  const Format* const format = std::ranges::find(formats, found.name, &Format::name);
+  const Format& format = format_of(found.name);
   arguments.other = found.path;
   arguments.colmap.images = found.images;
   lf::RigImport result;
   try {
-    result = read_import(arguments, *format);
+    result = read_import(arguments, format);
   } catch (const lf::Error& e) {
     throw lf::Error(std::string(e.what()) + " (" + found.sign + " shows the format " + found.name +
                     "; to give options, use \"" + lf::import_command(found) + "\")");
   }
-  terminal::print("%s: %zu %s from %s%s\n", format->name, result.rig.cameras.size(),
+  terminal::print("%s: %zu %s from %s%s\n", format.name, result.rig.cameras.size(),
                   result.rig.cameras.size() == 1 ? "camera" : "cameras", found.sign.c_str(),
                   found.images.empty() ? "" : (", images in " + found.images).c_str());
-  finish_import(arguments, *format, result);
+  finish_import(arguments, format, result);
 }
 
 void add_sheet_option(cli::App& command, Arguments& arguments) {
@@ -406,6 +409,86 @@ void add_common_import_options(cli::App& command, Arguments& arguments) {
                   "0.001 for a file with millimetres (default: 1, or 0.001 for the format stanford)")
       ->check(cli::PositiveNumber);
   add_sheet_option(command, arguments);
+}
+
+void add_images_option(cli::App& command, Arguments& arguments) {
+  command.add_option("--images", arguments.colmap.images,
+                     "Folder that contains the image files, if they are not in the usual place (default: DIR/images)");
+}
+
+void add_colmap_options(Arguments& arguments) {
+  cli::App* colmap = format_of("colmap").import_;
+  add_images_option(*colmap, arguments);
+  colmap->add_flag("--undistorted", arguments.colmap.undistorted,
+                   "The image files are already undistorted, for example by COLMAP's image_undistorter. The rig then "
+                   "uses pinhole lenses, and takes the image size from each file");
+  cli::Option* frame = colmap->add_option(
+      "--frame", arguments.frame,
+      "FRAME_ID of the frame to import, for a model with rigs of cameras (COLMAP 3.12 or newer). A frame contains the "
+      "images of all cameras at one instant. Without this option, each image of the model becomes a camera");
+  frame->check(cli::NonNegativeNumber);
+  colmap
+      ->add_option(
+          "--rig-id", arguments.rig_id,
+          "RIG_ID of a rig of cameras (COLMAP 3.12 or newer). Imports the calibrated cameras of this rig, without "
+          "images, instead of the images of the model")
+      ->check(cli::NonNegativeNumber)
+      ->excludes(frame);
+  colmap
+      ->add_option("--grid", arguments.grid,
+                   "Rows and columns of the array, for example 4x8. The cameras are assigned to the grid in the order "
+                   "of their names")
+      ->type_name("RxC");
+  cli::App* colmap_export = format_of("colmap").export_;
+  colmap_export->add_flag("--binary", arguments.binary,
+                          "Write a binary model, as COLMAP does by default, instead of a text model");
+  colmap_export
+      ->add_option("--rig-id", arguments.rig_id,
+                   "Also write the array as the rig of cameras RIG_ID, and the images as the only frame of this rig, 1 "
+                   "(COLMAP 3.12 or newer). COLMAP's database must have the same rig")
+      ->check(cli::NonNegativeNumber);
+}
+
+void add_stanford_options(Arguments& arguments) {
+  cli::App *stanford = format_of("stanford").import_, *stanford_export = format_of("stanford").export_;
+  stanford
+      ->add_option("--f", arguments.stanford.f,
+                   "Focal length of the cameras, in pixels (default: from the file names, otherwise a horizontal field "
+                   "of view of 50 degrees)")
+      ->check(cli::PositiveNumber);
+  stanford
+      ->add_option("--focus-distance", arguments.stanford.focus_distance,
+                   "Distance of objects that have the same position in all images, in metres; 0 means infinity. Images "
+                   "of an archive are often shifted so that one plane has no disparity (default: estimated from the "
+                   "images)")
+      ->check(cli::NonNegativeNumber);
+  stanford_export
+      ->add_option("--scale", arguments.scale,
+                   "Length of one unit of the camera positions in the file names, in metres (default: 0.001, for "
+                   "millimetres)")
+      ->check(cli::PositiveNumber);
+}
+
+// Adds the options of single formats.
+void add_format_options(Arguments& arguments) {
+  add_colmap_options(arguments);
+  add_stanford_options(arguments);
+  add_images_option(*format_of("llff").import_, arguments);
+  for (const char* name : {"caliscope", "opencv"})
+    format_of(name).import_->add_flag("--undistorted", arguments.colmap.undistorted,
+                                      "The pictures are already undistorted with the same camera matrix, as by "
+                                      "OpenCV's undistort(). The rig then uses pinhole lenses");
+  for (const char* name : {"llff", "miv"}) {
+    cli::App* command = format_of(name).export_;
+    command->add_option("--focus-near", arguments.near, "Distance of the nearest point of the scene, in metres")
+        ->required()
+        ->check(cli::PositiveNumber);
+    command
+        ->add_option("--focus-far", arguments.far,
+                     "Distance of the farthest point of the scene, in metres, for example 1000 if there is no limit")
+        ->required()
+        ->check(cli::PositiveNumber);
+  }
 }
 
 // Adds the commands "import", which finds the format if it is used without a command for a format, and "export".
@@ -437,72 +520,7 @@ void add_formats(cli::App& app, Arguments& arguments) {
   imports->callback([&arguments, is_used] {
     if (std::ranges::none_of(formats, is_used)) run_import(arguments);
   });
-  const auto format_of = [](std::string_view name) { return *std::ranges::find(formats, name, &Format::name); };
-  cli::App* colmap = format_of("colmap").import_;
-  for (cli::App* command : {colmap, format_of("llff").import_})
-    command->add_option("--images", arguments.colmap.images,
-                        "Folder that contains the image files, if they are not in "
-                        "the usual place (default: DIR/images)");
-  colmap->add_flag("--undistorted", arguments.colmap.undistorted,
-                   "The image files are already undistorted, for example by COLMAP's image_undistorter. The rig then "
-                   "uses pinhole lenses, and takes the image size from each file");
-  cli::Option* frame = colmap->add_option(
-      "--frame", arguments.frame,
-      "FRAME_ID of the frame to import, for a model with rigs of cameras (COLMAP 3.12 or newer). A frame contains the "
-      "images of all cameras at one instant. Without this option, each image of the model becomes a camera");
-  frame->check(cli::NonNegativeNumber);
-  colmap
-      ->add_option(
-          "--rig-id", arguments.rig_id,
-          "RIG_ID of a rig of cameras (COLMAP 3.12 or newer). Imports the calibrated cameras of this rig, without "
-          "images, instead of the images of the model")
-      ->check(cli::NonNegativeNumber)
-      ->excludes(frame);
-  for (const char* name : {"caliscope", "opencv"})
-    format_of(name).import_->add_flag("--undistorted", arguments.colmap.undistorted,
-                                      "The pictures are already undistorted with the same camera matrix, as by "
-                                      "OpenCV's undistort(). The rig then uses pinhole lenses");
-  colmap
-      ->add_option("--grid", arguments.grid,
-                   "Rows and columns of the array, for example 4x8. The cameras are assigned to the grid in the order "
-                   "of their names")
-      ->type_name("RxC");
-  cli::App* colmap_export = format_of("colmap").export_;
-  colmap_export->add_flag("--binary", arguments.binary,
-                          "Write a binary model, as COLMAP does by default, instead of a text model");
-  colmap_export
-      ->add_option("--rig-id", arguments.rig_id,
-                   "Also write the array as the rig of cameras RIG_ID, and the images as the only frame of this rig, 1 "
-                   "(COLMAP 3.12 or newer). COLMAP's database must have the same rig")
-      ->check(cli::NonNegativeNumber);
-  cli::App *stanford = format_of("stanford").import_, *stanford_export = format_of("stanford").export_;
-  stanford
-      ->add_option("--f", arguments.stanford.f,
-                   "Focal length of the cameras, in pixels (default: from the file names, otherwise a horizontal field "
-                   "of view of 50 degrees)")
-      ->check(cli::PositiveNumber);
-  stanford
-      ->add_option("--focus-distance", arguments.stanford.focus_distance,
-                   "Distance of objects that have the same position in all images, in metres; 0 means infinity. Images "
-                   "of an archive are often shifted so that one plane has no disparity (default: estimated from the "
-                   "images)")
-      ->check(cli::NonNegativeNumber);
-  stanford_export
-      ->add_option("--scale", arguments.scale,
-                   "Length of one unit of the camera positions in the file names, in metres (default: 0.001, for "
-                   "millimetres)")
-      ->check(cli::PositiveNumber);
-  for (const char* name : {"llff", "miv"}) {
-    cli::App* command = format_of(name).export_;
-    command->add_option("--focus-near", arguments.near, "Distance of the nearest point of the scene, in metres")
-        ->required()
-        ->check(cli::PositiveNumber);
-    command
-        ->add_option("--focus-far", arguments.far,
-                     "Distance of the farthest point of the scene, in metres, for example 1000 if there is no limit")
-        ->required()
-        ->check(cli::PositiveNumber);
-  }
+  add_format_options(arguments);
 }
 
 void add_new_command(cli::App& app, Arguments& arguments) {
