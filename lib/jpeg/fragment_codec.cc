@@ -9,7 +9,7 @@
 
 #include "base/memory.h"
 #include "base/text.h"
-#include "jpeg/libjpeg_errors.h"
+#include "jpeg/codec_errors.h"
 
 namespace lf::jpeg {
 namespace {

@@ -5,8 +5,8 @@
 #include <cstring>
 
 #include "base/text.h"
+#include "jpeg/codec_errors.h"
 #include "jpeg/idct.h"
-#include "jpeg/libjpeg_errors.h"
 #include "rig/rig.h"
 
 namespace lf::jpeg {

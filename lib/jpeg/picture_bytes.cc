@@ -10,10 +10,9 @@
 #include <png.h>
 
 #include "base/text.h"
+#include "jpeg/codec_errors.h"
 #include "jpeg/header.h"
 #include "jpeg/jpeg_frame.h"
-#include "jpeg/libjpeg_errors.h"
-#include "jpeg/libpng_errors.h"
 #include "rig/rig.h"
 
 namespace lf {

@@ -15,8 +15,7 @@
 #include "base/file.h"
 #include "base/text.h"
 #include "image/image_file.h"
-#include "jpeg/libjpeg_errors.h"
-#include "jpeg/libpng_errors.h"
+#include "jpeg/codec_errors.h"
 
 namespace lf {
 namespace {

@@ -4,9 +4,11 @@
 #include <csetjmp>
 #include <cstddef>
 #include <cstdio>
+#include <cstring>
 
 #include <jerror.h>
 #include <jpeglib.h>
+#include <png.h>
 
 namespace lf::jpeg {
 
@@ -50,3 +52,21 @@ inline jpeg_source_mgr memory_source() {
 }
 
 }  // namespace lf::jpeg
+
+namespace lf {
+
+// Replaces libpng's error handling, which would end the process. Errors jump to `jump`; `text` is then the reason.
+// Nothing is printed. The object is the error pointer of the png_struct.
+struct PngErrors {
+  std::jmp_buf jump;
+  char text[128] = "";
+
+  [[noreturn]] static void fail(png_structp png, png_const_charp reason) {
+    auto* errors = static_cast<PngErrors*>(png_get_error_ptr(png));
+    std::strncpy(errors->text, reason, sizeof errors->text - 1);
+    std::longjmp(errors->jump, 1);
+  }
+  static void ignore(png_structp, png_const_charp) {}
+};
+
+}  // namespace lf
