@@ -33,10 +33,7 @@
 #include "rig/rig_json.h"
 #include "rig/still_image_cache.h"
 #include "terminal.h"
-#include "view/depth_file.h"
-#include "view/depth_image.h"
-#include "view/gltf.h"
-#include "view/point_cloud.h"
+#include "view/surface_files.h"
 #include "view/view_path.h"
 
 namespace {

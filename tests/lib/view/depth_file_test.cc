@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "view/depth_file.h"
+#include "view/surface_files.h"
 
 #include <opencv2/imgcodecs.hpp>
 

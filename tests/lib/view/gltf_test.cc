@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "view/gltf.h"
+#include "view/surface_files.h"
 
 #include <cstring>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "view/point_cloud.h"
+#include "view/surface_files.h"
 
 #include "base/file.h"
 #include "support/expect_error.h"
