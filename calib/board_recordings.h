@@ -5,8 +5,26 @@
 #include <string>
 #include <vector>
 
+#include "calibration/board_detection.h"
 #include "calibration/board_motion.h"
+#include "command_line.h"
 #include "rig/rig.h"
+
+// The options that describe a calibration board.
+struct BoardOptions {
+  std::string size, charuco;
+  double square = lf::CalibrationBoard().square, marker = lf::CalibrationBoard().marker, gap = 0;
+  bool legacy = false, inverted = false;
+};
+
+// `needs_size` is true if the result depends on the size of the board.
+void add_board_options(cli::App& command, BoardOptions& options, bool needs_size = false);
+
+// Throws lf::Error with the option if the description is wrong.
+lf::CalibrationBoard parse_board(const BoardOptions& options);
+
+// Returns what to check if no picture shows the board, in sentences.
+std::string advice_for(const lf::CalibrationBoard& board);
 
 // The views of a board that were found in the recordings of several cameras: sightings in pictures, or films.
 struct BoardRecordings {

@@ -11,7 +11,6 @@
 
 #include "base/maths.h"
 #include "base/text.h"
-#include "board_options.h"
 #include "board_recordings.h"
 #include "commands.h"
 #include "recordings.h"

@@ -13,7 +13,7 @@
 
 #include "base/json_value.h"
 #include "base/text.h"
-#include "board_options.h"
+#include "board_recordings.h"
 #include "calibration/intrinsics.h"
 #include "commands.h"
 #include "image/image.h"
