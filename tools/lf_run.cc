@@ -11,11 +11,9 @@
 #include "base/text.h"
 #include "command_line.h"
 #include "serve/http.h"
-#include "serve/pipeline_metrics.h"
+#include "serve/pipeline_monitor.h"
 #include "serve/pipelines.h"
 #include "serve/process.h"
-#include "serve/progress_check.h"
-#include "serve/service_notify.h"
 #include "terminal.h"
 
 namespace {

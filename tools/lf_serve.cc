@@ -29,7 +29,6 @@
 #include "serve/pipelines.h"
 #include "serve/process.h"
 #include "serve/rig_reload.h"
-#include "serve/service_notify.h"
 #include "terminal.h"
 #include "view/view_path.h"
 

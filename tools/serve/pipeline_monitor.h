@@ -5,13 +5,40 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <mutex>
 #include <string>
 
 #include <gst/gst.h>
 
 #include "common/gst_pointers.h"
+#include "serve/histogram.h"
 
 namespace lf::serve {
+
+// Prometheus metrics of the elements of a pipeline: camera hosts (lfnodesink) and compositors (lfcompositor, also in
+// lfviewsrc). Counters of several elements of the same type are added. Must outlive the pipeline. Thread-safe.
+class PipelineMetrics {
+ public:
+  // Watches the elements of the pipeline, also those that it adds later.
+  explicit PipelineMetrics(GstElement* pipeline);
+  PipelineMetrics(const PipelineMetrics&) = delete;
+
+  // Adds a message of an element to the histograms. Returns false if it is a message for the application.
+  bool take(GstMessage* message);
+  // Returns the text of /metrics. Locks each lf element for its statistics, so that it does not return if one of them
+  // never releases its lock.
+  std::string text() const;
+
+ private:
+  void watch(GstElement* element);
+  std::string cameras() const;
+
+  GstElement* const pipeline_;  // borrowed
+  const int64_t started_ = g_get_monotonic_time();
+  Histogram answers_, pictures_, skews_;
+  mutable std::mutex mutex_;
+  std::map<uint32_t, std::atomic<int64_t>> last_frames_;  // by camera, g_get_monotonic_time(); guarded by mutex_
+};
 
 // Checks if a playing pipeline makes progress: no sink holds a buffer all the time, and answers and pictures follow
 // when requests and packets arrive. An idle pipeline without input has no problem. Main thread only.
