@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "array_sheet.h"
+#include "lf_rig.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // lf-rig: creates, describes, checks, reduces and converts rig files. Subcommands that open cameras are in
 // cameras/commands.cc.
+#include "lf_rig.h"
+
 #include <algorithm>
 #include <charconv>
 #include <cmath>
@@ -14,14 +16,10 @@
 #include <gst/gst.h>
 #include <nlohmann/json.hpp>
 
-#include "array_sheet.h"
 #include "base/json_value.h"
 #include "base/text.h"
-#include "cameras/commands.h"
-#include "cameras/film_check.h"
 #include "cameras/rig_cameras.h"
 #include "command_line.h"
-#include "deploy.h"
 #include "image/image_file.h"
 #include "render/contribution_map.h"
 #include "render/focus_range.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "cameras/commands.h"
+#include "lf_rig.h"
 
 #include <atomic>
 #include <csignal>

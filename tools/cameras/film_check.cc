@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "cameras/film_check.h"
+#include "lf_rig.h"
 
 #include <algorithm>
 #include <cstdint>
 #include <filesystem>
 #include <limits>
 #include <mutex>
+#include <optional>
 
 #include <gst/gst.h>
 
@@ -13,6 +14,7 @@
 #include "common/codecs.h"
 #include "image/image_file.h"
 #include "rig/camera_source.h"
+#include "rig/film_length.h"
 #include "rig/source_security.h"
 
 namespace lf::cameras {
@@ -74,8 +76,9 @@ void on_pad(GstElement* parser, GstPad* pad, gpointer data) {
   gst_pad_link(pad, in);
 }
 
-}  // namespace
-
+// Measures the length of the first video stream of a file: reads the whole file with GStreamer, without decoding.
+// `timed` is true for a file with timestamps, and false for a series of JPEG images. Returns nullopt if GStreamer finds
+// no frames. The result has zero frames if the file needs an element that is not allowed (rig/source_security.h).
 std::optional<FilmLength> demuxed_length(const std::string& path, bool timed) {
   gst_init(nullptr, nullptr);
   GstElement* source = gst_element_factory_make("filesrc", nullptr);
@@ -110,6 +113,8 @@ std::optional<FilmLength> demuxed_length(const std::string& path, bool timed) {
     length.seconds = static_cast<double>(counter.last - counter.first) / GST_SECOND * frames / (frames - 1);
   return length;
 }
+
+}  // namespace
 
 std::vector<RigFinding> check_still_decoders(const Rig& rig) {
   gst_init(nullptr, nullptr);
