@@ -217,8 +217,8 @@ void add_children(LfCamSrc* self, const lf::CamSrcSettings& settings, const std:
   const bool skips_late = self->service->report().retries > 0 && file && settings.is_live;
   const bool paced = settings.is_live && !network && !skips_late;
   (*self->shedder)->restart(paced);
-  const gint64 num_frames =
-      settings.num_frames < 0 ? settings.num_frames : std::max<gint64>(0, settings.num_frames - self->frames);
+  const gint64 num_buffers =
+      settings.num_buffers < 0 ? settings.num_buffers : std::max<gint64>(0, settings.num_buffers - self->frames);
   auto stream = std::make_shared<lf::CameraStream>(
       self, chain,
       lf::StreamOptions{.serial = static_cast<guint>(g_atomic_int_get(&self->serial)),
@@ -227,7 +227,7 @@ void add_children(LfCamSrc* self, const lf::CamSrcSettings& settings, const std:
                         .width = camera.width,
                         .height = camera.height,
                         .time_offset = camera.time_offset,
-                        .num_frames = num_frames,
+                        .num_buffers = num_buffers,
                         .seek_to_loop = settings.loop && (source.kind == Kind::kMatroska ||
                                                           source.kind == Kind::kFile || source.kind == Kind::kUri),
                         .has_end = !may_be_lost || (file && !settings.loop) || (!file && !network),

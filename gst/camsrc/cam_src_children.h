@@ -64,7 +64,7 @@ struct _LfCamSrc {
   std::atomic<bool> live;  // the camera is live; false while unknown; read by any thread
   GstClockTime end;        // running time of the end of the previous stream
   GstClockTime round;      // duration of one loop of the film, nanoseconds; 0: unknown
-  // The number of frames that the earlier streams of this camera have delivered, which count towards num_frames.
+  // The number of frames that the earlier streams of this camera have delivered, which count towards num_buffers.
   gint64 frames;
   guint camera;
   std::string* name;

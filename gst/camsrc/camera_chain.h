@@ -62,7 +62,7 @@ struct CamSrcSettings {
   int fps_n = 0, fps_d = 1;  // 0/1: rate of the source, or kDefaultFps if it has no rate
   bool is_live = false;
   bool loop = false;
-  gint64 num_frames = -1;
+  gint64 num_buffers = -1;
   bool decode = true;
   guint64 latency = 200 * GST_MSECOND;
   bool retry = false;

@@ -413,7 +413,7 @@ GstPadProbeReturn CameraStream::on_output(GstPad* pad, GstPadProbeInfo* info) {
     GstEvent* event = GST_PAD_PROBE_INFO_EVENT(info);
     return GST_EVENT_TYPE(event) == GST_EVENT_SEEK ? on_seek(info) : on_output_event(pad, event);
   }
-  if (options_.num_frames >= 0 && frames_out_ >= options_.num_frames) ending_ = true;
+  if (options_.num_buffers >= 0 && frames_out_ >= options_.num_buffers) ending_ = true;
   if (ending_) {
     // Ends the stream here, because not every source also sends EOS downstream. For example, the queues of decodebin do
     // not.

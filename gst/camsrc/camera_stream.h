@@ -63,9 +63,9 @@ struct StreamOptions {
   uint64_t rig_hash = 0;
   int width = 0, height = 0;
   double time_offset = 0;  // seconds, added to capture times
-  gint64 num_frames = -1;  // -1: unlimited
+  gint64 num_buffers = -1;  // -1: unlimited
   bool seek_to_loop = false;
-  bool has_end = true;       // false: an end before `num_frames` frames is an error
+  bool has_end = true;       // false: an end before `num_buffers` frames is an error
   bool may_be_lost = false;  // errors end the stream with LF_CAMERA_LOST instead of EOS
   // Drops the first frames of a reopened film, until the film has caught up with the other cameras.
   bool skips_late = false;
@@ -87,7 +87,7 @@ inline GstEvent* camera_lost_event() {
 
 // Turns decoded pictures into the stream that lfcamsrc delivers. The class works by probes on the pads of a chain
 // (camera_chain.h). It checks the frame size, announces the camera with LF_CAMERA_EVENT, and attaches the capture time
-// to each frame. It also repeats a film without a jump of the running time, and ends the stream after `num_frames`
+// to each frame. It also repeats a film without a jump of the running time, and ends the stream after `num_buffers`
 // frames.
 class CameraStream : public std::enable_shared_from_this<CameraStream> {
  public:

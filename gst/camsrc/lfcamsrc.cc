@@ -116,11 +116,11 @@ lf::PropertyTable<Settings>& Settings::properties() {
       property<&S::loop>(kWhileReady, "loop", "Loop",
                          "If true, videos and image sequences repeat endlessly. The running time continues across each "
                          "restart, so downstream sees one continuous stream. If false, the stream ends with the file"),
-      property<&S::num_frames>(kWhileReady, "num-frames", "Number of frames",
-                               "Length of the stream, in frames. Set this to get a short test stream from a camera or "
-                               "a still (-1: the stream ends with its source, so stills and the built-in scene never "
-                               "end)",
-                               gint64{-1}, G_MAXINT64),
+      property<&S::num_buffers>(kWhileReady, "num-buffers", "Number of frames",
+                                "Length of the stream, in frames. Set this to get a short test stream from a camera or "
+                                "a still (-1: the stream ends with its source, so stills and the built-in scene never "
+                                "end)",
+                                gint64{-1}, G_MAXINT64),
       property<&S::decode>(kWhileReady, "decode", "Decode",
                            "If true, the element decodes JPEG video and downloads GPU frames to system memory, so the "
                            "output is always raw video. If false, JPEG video and GPU frames pass unchanged. This saves "

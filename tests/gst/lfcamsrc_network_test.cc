@@ -45,7 +45,7 @@ TEST_F(RtspTest, FramesAreLiveAndOnTheClock) {
       std::printf("no encoder and decoder of H.264 are installed\n");
       continue;
     }
-    CameraPipeline camera("num-frames=10 latency=50000000 rig=" + rig(path));
+    CameraPipeline camera("num-buffers=10 latency=50000000 rig=" + rig(path));
     for (int i = 0; i < 4; ++i) {
       camera.frames.clear();
       ASSERT_EQ(camera.set_state(GST_STATE_PAUSED), GST_STATE_CHANGE_NO_PREROLL) << path << ": always live";
@@ -95,8 +95,8 @@ TEST_F(RtspTest, CaptureTimesComeFromSenderReports) {
 }
 
 TEST_F(RtspTest, JpegStaysJpegWithoutDecoding) {
-  EXPECT_EQ(run("lfcamsrc decode=false latency=50000000 num-frames=5 rig=" + rig("/jpeg") + " ! image/jpeg ! fakesink"),
-            "");
+  EXPECT_EQ(
+      run("lfcamsrc decode=false latency=50000000 num-buffers=5 rig=" + rig("/jpeg") + " ! image/jpeg ! fakesink"), "");
 }
 
 TEST_F(RtspTest, ErrorsNameThePlace) {
@@ -251,7 +251,7 @@ TEST_F(CamSrcHttpTest, CaptureTimeIsTheArrivalTime) {
     for (const std::string live : {"true", "false"}) {
       SCOPED_TRACE(live + (with_length ? "" : ", without Content-Length"));
       const MjpegServer server(*files, with_length, 1000);
-      CameraPipeline camera("num-frames=12 is-live=" + live + " rig=" + rig_with_source(server.uri()));
+      CameraPipeline camera("num-buffers=12 is-live=" + live + " rig=" + rig_with_source(server.uri()));
       ASSERT_TRUE(camera.reach(GST_STATE_PLAYING));
       const GstClockTime begin = gst_element_get_base_time(camera.pipeline());
       ASSERT_EQ(camera.wait(), "EOS");
@@ -271,7 +271,7 @@ TEST_F(CamSrcHttpTest, CaptureTimeIsTheArrivalTime) {
 
 TEST_F(CamSrcHttpTest, StaysJpegForANode) {
   const MjpegServer server(*files, true, 1000);
-  EXPECT_EQ(run("lfcamsrc decode=false is-live=true num-frames=5 rig=" + rig_with_source(server.uri()) +
+  EXPECT_EQ(run("lfcamsrc decode=false is-live=true num-buffers=5 rig=" + rig_with_source(server.uri()) +
                 " ! image/jpeg ! jpegdec ! fakesink sync=false"),
             "");
 }
@@ -279,14 +279,14 @@ TEST_F(CamSrcHttpTest, StaysJpegForANode) {
 // Waiting for a second stream would take 10 s with such small pictures.
 TEST_F(CamSrcHttpTest, StartsWithTheFirstPictures) {
   const MjpegServer server(*files, true, 1000);
-  CameraPipeline camera("num-frames=1 is-live=true rig=" + rig_with_source(server.uri()));
+  CameraPipeline camera("num-buffers=1 is-live=true rig=" + rig_with_source(server.uri()));
   camera.set_state(GST_STATE_PLAYING);
   EXPECT_EQ(camera.wait(5 * GST_SECOND), "EOS");
 }
 
 TEST_F(CamSrcHttpTest, ReconnectsWhenTheConnectionEnds) {
   const MjpegServer server(*files, true, 5);
-  CameraPipeline camera("num-frames=12 is-live=true loop=true retry=true rig=" + rig_with_source(server.uri()));
+  CameraPipeline camera("num-buffers=12 is-live=true loop=true retry=true rig=" + rig_with_source(server.uri()));
   ASSERT_EQ(camera.play(), "EOS");
   EXPECT_EQ(camera.frames.size(), 12u);
   EXPECT_GE(server.connections(), 3);

@@ -55,7 +55,7 @@ INSTANTIATE_TEST_SUITE_P(Kinds, CamSrcSourceTest, ::testing::ValuesIn(kSources),
 
 TEST_P(CamSrcSourceTest, DeliversAllFramesWithCapsEventAndMeta) {
   const std::string path = rig();
-  CameraPipeline camera("rig=" + path + " num-frames=" + std::to_string(kFrames));
+  CameraPipeline camera("rig=" + path + " num-buffers=" + std::to_string(kFrames));
   ASSERT_EQ(camera.play(), "EOS");
 
   EXPECT_EQ(GST_VIDEO_INFO_FORMAT(&camera.info), GetParam().format);
@@ -99,7 +99,7 @@ TEST_P(CamSrcSourceTest, GoesThroughAllStateChanges) {
 }
 
 TEST_P(CamSrcSourceTest, StartsAndStopsManyTimes) {
-  CameraPipeline camera("rig=" + rig() + " num-frames=2");
+  CameraPipeline camera("rig=" + rig() + " num-buffers=2");
   for (int i = 0; i < 50; ++i) {
     camera.frames.clear();
     ASSERT_EQ(camera.play(), "EOS") << i;
@@ -111,7 +111,7 @@ TEST_P(CamSrcSourceTest, StartsAndStopsManyTimes) {
 
 TEST_P(CamSrcSourceTest, LoopsWithContinuousRunningTime) {
   constexpr int kWanted = 2 * kFrames + 3;
-  CameraPipeline camera("rig=" + rig() + " loop=true num-frames=" + std::to_string(kWanted));
+  CameraPipeline camera("rig=" + rig() + " loop=true num-buffers=" + std::to_string(kWanted));
   ASSERT_EQ(camera.play(), "EOS");
   ASSERT_EQ(camera.frames.size(), static_cast<size_t>(kWanted));
   for (int k = 0; k < kWanted; ++k) {
@@ -138,7 +138,7 @@ TEST_P(CamSrcSourceTest, EosEventEndsTheStream) {
 
 TEST_P(CamSrcSourceTest, LiveFramesArriveOnTime) {
   constexpr int kRate = 40, kWanted = 11;
-  CameraPipeline camera("rig=" + rig() + " is-live=true loop=true framerate=40/1 num-frames=11");
+  CameraPipeline camera("rig=" + rig() + " is-live=true loop=true framerate=40/1 num-buffers=11");
   ASSERT_EQ(camera.set_state(GST_STATE_PAUSED), GST_STATE_CHANGE_NO_PREROLL);
   const auto start = std::chrono::steady_clock::now();
   ASSERT_EQ(camera.set_state(GST_STATE_PLAYING), GST_STATE_CHANGE_ASYNC);
@@ -174,7 +174,7 @@ TEST_F(CamSrcElementsTest, AreParsedLikeGstLaunch) {
        {"videotestsrc pattern=white", "videotestsrc pattern=white ! video/x-raw,framerate=30/1",
         "videotestsrc pattern=white ! video/x-raw , width=64 ", "videotestsrc pattern=white ! jpegenc",
         "videotestsrc pattern=white is-live=true ! queue"}) {
-    CameraPipeline camera("num-frames=3 rig=" + rig_with_source(source));
+    CameraPipeline camera("num-buffers=3 rig=" + rig_with_source(source));
     ASSERT_EQ(camera.play(), "EOS") << source;
     EXPECT_EQ(camera.info.width, CameraFiles::kWidth) << "requests the rig's size";
     ASSERT_EQ(camera.frames.size(), 3u) << source;
@@ -192,7 +192,7 @@ TEST_F(CamSrcElementsTest, MayContainDemuxersAndDecoders) {
 }
 
 TEST_F(CamSrcElementsTest, AreLiveIfTheirSourceIsLive) {
-  CameraPipeline camera("num-frames=2 rig=" + rig_with_source("videotestsrc is-live=true ! identity"));
+  CameraPipeline camera("num-buffers=2 rig=" + rig_with_source("videotestsrc is-live=true ! identity"));
   EXPECT_EQ(camera.set_state(GST_STATE_PAUSED), GST_STATE_CHANGE_NO_PREROLL);
   EXPECT_EQ(camera.play(), "EOS");
 }
@@ -274,7 +274,7 @@ TEST_F(CamSrcFilesTest, DamagedPictureLosesOnlyItsFrame) {
     for (int i = 0; i < 6; i++) save_texture("damaged_" + std::to_string(i) + ending, i);
     cut("damaged_4" + ending, 0.5);
     for (const std::string loop : {"false", "true"}) {
-      CameraPipeline camera("num-frames=10 loop=" + loop + " rig=" + rig_with_source("damaged_%d" + ending));
+      CameraPipeline camera("num-buffers=10 loop=" + loop + " rig=" + rig_with_source("damaged_%d" + ending));
       camera.set_state(GST_STATE_PLAYING);
       ASSERT_EQ(camera.wait(), "EOS");
       EXPECT_THAT(camera.warnings, HasSubstr("damaged_4" + ending)) << "names the file";
@@ -361,7 +361,7 @@ TEST_F(CamSrcFilesTest, ConcatenatedJpegsAreAStream) {
   const std::string rig = rig_with_source("film.mjpeg");
   for (const int rounds : {1, 3}) {
     CameraPipeline camera("loop=" + std::string(rounds > 1 ? "true" : "false") +
-                          " num-frames=" + std::to_string(rounds * kFrames) + " rig=" + rig);
+                          " num-buffers=" + std::to_string(rounds * kFrames) + " rig=" + rig);
     ASSERT_EQ(camera.play(), "EOS");
     ASSERT_EQ(camera.frames.size(), static_cast<size_t>(rounds * kFrames));
     for (size_t k = 0; k < camera.frames.size(); k++) {
@@ -429,7 +429,7 @@ TEST_F(CamSrcFilesTest, ExifOrientationIsReportedAndIgnored) {
   std::string jpeg = read("jpeg_02.jpg");
   jpeg.insert(2, "\xff\xe1\0\x22"s + "Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0"s);
   write("turned.jpg", jpeg);
-  CameraPipeline camera("num-frames=1 rig=" + rig_with_source("turned.jpg"));
+  CameraPipeline camera("num-buffers=1 rig=" + rig_with_source("turned.jpg"));
   ASSERT_EQ(camera.play(), "EOS");
   EXPECT_THAT(camera.warnings, mentions("90 degrees", "orientation 6"));
   EXPECT_EQ(camera.info.width, CameraFiles::kWidth);
@@ -447,11 +447,11 @@ TEST_F(CamSrcFilesTest, UnsupportedJpegIsAnErrorAtOnce) {
 // GStreamer's own message does not name the missing plug-in.
 TEST_F(CamSrcFilesTest, UndecodableStillNamesFormatAndRemedy) {
   const auto play = [&](const std::string& image) {
-    return CameraPipeline("num-frames=2 rig=" + files->save("still.json", 1,
-                                                            [&](Camera& camera) {
-                                                              camera.image = image;
-                                                              camera.source.clear();
-                                                            }))
+    return CameraPipeline("num-buffers=2 rig=" + files->save("still.json", 1,
+                                                             [&](Camera& camera) {
+                                                               camera.image = image;
+                                                               camera.source.clear();
+                                                             }))
         .play();
   };
   write("page.jpg", "<!DOCTYPE html>\n<html><head><title>404</title></head><body>Not found</body></html>\n");
@@ -466,7 +466,7 @@ TEST_F(CamSrcFilesTest, UndecodableStillNamesFormatAndRemedy) {
 // The built-in scene would appear as a ghost in every view.
 TEST_F(CamSrcFilesTest, CameraWithoutPicturesIsReported) {
   for (const char* source : {"mjpeg.mkv", ""}) {
-    CameraPipeline camera("num-frames=2 camera=1 rig=" + files->save("two.json", 2, [&](Camera& camera) {
+    CameraPipeline camera("num-buffers=2 camera=1 rig=" + files->save("two.json", 2, [&](Camera& camera) {
       camera.image.clear();
       camera.source = camera.id == 1 ? "" : source;
     }));
@@ -479,7 +479,7 @@ TEST_F(CamSrcFilesTest, AnyFileNameWorks) {
   for (const std::string name :
        {"100%_cam.mkv", "cam%201.mkv", "cam-12:30:05.mkv", "take ! two.mkv", "take run=3.mkv"}) {
     std::filesystem::copy(files->path("mjpeg.mkv"), files->path(name));
-    EXPECT_EQ(CameraPipeline("num-frames=2 rig=" + rig_with_source(name)).play(), "EOS") << name;
+    EXPECT_EQ(CameraPipeline("num-buffers=2 rig=" + rig_with_source(name)).play(), "EOS") << name;
   }
 }
 

@@ -31,7 +31,7 @@ TEST_F(CamSrcTest, CaptureTimeIncludesTheTimeOffset) {
       camera.image = "png_1.png";
       camera.time_offset = c.offset;
     });
-    CameraPipeline camera("rig=" + rig + " num-frames=2");
+    CameraPipeline camera("rig=" + rig + " num-buffers=2");
     ASSERT_EQ(camera.play(), "EOS");
     EXPECT_EQ(camera.frames[0].running_time, 0u);
     EXPECT_EQ(camera.frames[0].capture_time / GST_MSECOND, static_cast<GstClockTime>(c.first));
@@ -41,7 +41,7 @@ TEST_F(CamSrcTest, CaptureTimeIncludesTheTimeOffset) {
 
 TEST_F(CamSrcTest, SceneShowsTheCaptureTime) {
   const std::string path = rig_with([](Camera& camera) { camera.time_offset = 0.5; });
-  CameraPipeline camera("rig=" + path + " num-frames=2 framerate=4/1");
+  CameraPipeline camera("rig=" + path + " num-buffers=2 framerate=4/1");
   ASSERT_EQ(camera.play(), "EOS");
   const Camera model = load_rig(path).cameras[0];
   for (int k = 0; k < 2; ++k) {
@@ -53,7 +53,7 @@ TEST_F(CamSrcTest, SceneShowsTheCaptureTime) {
 }
 
 TEST_F(CamSrcTest, LiveSceneFollowsTheClockSchedule) {
-  CameraPipeline camera("rig=" + rig_with([](Camera&) {}) + " is-live=true framerate=40/1 num-frames=5");
+  CameraPipeline camera("rig=" + rig_with([](Camera&) {}) + " is-live=true framerate=40/1 num-buffers=5");
   ASSERT_EQ(camera.play(), "EOS");
   for (const Frame& frame : camera.frames) EXPECT_EQ(frame.capture_time % (GST_SECOND / 40), 0u) << "k / 40 s";
 }
@@ -112,7 +112,7 @@ TEST_F(CamSrcTest, LoopsNeedNoFlush) {
   } count;
   constexpr int kRounds = 8;
   CameraPipeline camera("rig=" + rig_with_source("mjpeg.mkv") +
-                        " loop=true num-frames=" + std::to_string(kRounds * kFrames));
+                        " loop=true num-buffers=" + std::to_string(kRounds * kFrames));
   ASSERT_TRUE(camera.reach(GST_STATE_READY));
   GstIterator* demuxers = gst_bin_iterate_all_by_element_factory_name(GST_BIN(camera.camera()), "matroskademux");
   GValue demuxer = G_VALUE_INIT;
@@ -141,7 +141,7 @@ TEST_F(CamSrcTest, TruncatedFileLoopsInStep) {
   const std::string whole = files->path("mjpeg.mkv"), cut = files->path("cut.mkv");
   std::filesystem::copy(whole, cut);
   std::filesystem::resize_file(cut, std::filesystem::file_size(whole) * 6 / 10);
-  for (const std::string properties : {" loop=true num-frames=10", " loop=true num-frames=10 is-live=true"}) {
+  for (const std::string properties : {" loop=true num-buffers=10", " loop=true num-buffers=10 is-live=true"}) {
     CameraPipeline all("rig=" + rig_with_source("mjpeg.mkv") + properties);
     ASSERT_EQ(all.play(), "EOS");
     CameraPipeline some("rig=" + rig_with_source("cut.mkv") + properties);
@@ -163,7 +163,7 @@ TEST_F(CamSrcTest, FileWithAudioLoopsAtTheEndOfTheVideo) {
   run_to_end("multifilesrc location=" + files->path("jpeg_%02d.jpg") +
              " caps=image/jpeg,framerate=15/1 ! jpegdec ! jpegenc ! matroskamux name=m ! filesink location=" +
              files->path("both.mkv") + " audiotestsrc num-buffers=50 ! m.");
-  CameraPipeline camera("rig=" + rig_with_source("both.mkv") + " loop=true num-frames=20");
+  CameraPipeline camera("rig=" + rig_with_source("both.mkv") + " loop=true num-buffers=20");
   ASSERT_EQ(camera.play(), "EOS");
   ASSERT_EQ(camera.frames.size(), 20u);
   for (size_t k = 1; k < camera.frames.size(); k++)
@@ -173,7 +173,7 @@ TEST_F(CamSrcTest, FileWithAudioLoopsAtTheEndOfTheVideo) {
 }
 
 TEST_F(CamSrcTest, LoopsAfterASeekHaveFilmTimes) {
-  CameraPipeline camera("rig=" + rig_with_source("mjpeg.mkv") + " loop=true num-frames=20");
+  CameraPipeline camera("rig=" + rig_with_source("mjpeg.mkv") + " loop=true num-buffers=20");
   ASSERT_TRUE(camera.reach(GST_STATE_PAUSED));
   constexpr auto kFlags = GstSeekFlags(GST_SEEK_FLAG_FLUSH | GST_SEEK_FLAG_ACCURATE);
   ASSERT_TRUE(gst_element_seek_simple(camera.pipeline(), GST_FORMAT_TIME, kFlags, 3 * kPeriod));
@@ -204,13 +204,13 @@ TEST_F(CamSrcTest, EndsWithTheFileWithoutLoop) {
 
 TEST_F(CamSrcTest, FormatsOutsideTheFamiliesAreConverted) {
   const std::string rig = rig_with([](Camera& camera) { camera.image = "grey.png"; });
-  CameraPipeline camera("rig=" + rig + " num-frames=1");
+  CameraPipeline camera("rig=" + rig + " num-buffers=1");
   ASSERT_EQ(camera.play(), "EOS");
   EXPECT_TRUE(GST_VIDEO_INFO_FORMAT(&camera.info) == GST_VIDEO_FORMAT_I420 || GST_VIDEO_INFO_IS_RGB(&camera.info));
 }
 
 TEST_F(CamSrcTest, DownstreamSelectsTheFormat) {
-  CameraPipeline camera("rig=" + rig_with_source("mjpeg.mkv") + " num-frames=1", "video/x-raw,format=BGRx");
+  CameraPipeline camera("rig=" + rig_with_source("mjpeg.mkv") + " num-buffers=1", "video/x-raw,format=BGRx");
   ASSERT_EQ(camera.play(), "EOS");
   EXPECT_EQ(GST_VIDEO_INFO_FORMAT(&camera.info), GST_VIDEO_FORMAT_BGRx);
   EXPECT_NEAR(camera.frames[0].level, CameraFiles::grey_of(0), 2);
@@ -252,7 +252,7 @@ TEST_F(CamSrcTest, EventIsRepeatedAfterAFlush) {
 TEST_F(CamSrcTest, PropertiesSetInReadyCount) {
   CameraPipeline camera("rig=" + rig_with_source("mjpeg.mkv"));
   ASSERT_TRUE(camera.reach(GST_STATE_READY));
-  g_object_set(camera.camera(), "num-frames", gint64{1}, nullptr);
+  g_object_set(camera.camera(), "num-buffers", gint64{1}, nullptr);
   ASSERT_EQ(camera.play(), "EOS");
   EXPECT_EQ(camera.frames.size(), 1u);
 }
@@ -403,7 +403,7 @@ TEST_F(CamSrcTest, NeverRevealsPasswords) {
 }
 
 TEST_F(CamSrcTest, IsUsableAgainAfterAnError) {
-  CameraPipeline camera("rig=" + rig_with_source("no.mkv") + " num-frames=1");
+  CameraPipeline camera("rig=" + rig_with_source("no.mkv") + " num-buffers=1");
   ASSERT_THAT(camera.play(), HasSubstr("no.mkv"));
   rig_with_source("mjpeg.mkv");
   g_object_set(camera.camera(), "rig", files->path("rig.json").c_str(), nullptr);
@@ -484,7 +484,7 @@ class DeviceTest : public CamSrcTest {
 
 TEST_F(DeviceTest, RequestsTheSizeOfTheRig) {
   for (int i = 0; i < 10; i++) {
-    CameraPipeline camera("num-frames=3 trusted=true rig=" + rig_with_source("webcam://0"));
+    CameraPipeline camera("num-buffers=3 trusted=true rig=" + rig_with_source("webcam://0"));
     ASSERT_EQ(camera.set_state(GST_STATE_PAUSED), GST_STATE_CHANGE_NO_PREROLL) << "always live";
     ASSERT_EQ(camera.play(), "EOS");
     EXPECT_EQ(camera.info.width, 64);
@@ -495,14 +495,14 @@ TEST_F(DeviceTest, RequestsTheSizeOfTheRig) {
 }
 
 TEST_F(DeviceTest, RequestsTheRateAndAcceptsJpeg) {
-  CameraPipeline camera("num-frames=3 framerate=30/1 is-live=true trusted=true rig=" + rig_with_source("webcam://0"));
+  CameraPipeline camera("num-buffers=3 framerate=30/1 is-live=true trusted=true rig=" + rig_with_source("webcam://0"));
   ASSERT_EQ(camera.play(), "EOS");
   EXPECT_EQ(camera.info.fps_n, 30);
   EXPECT_EQ(camera.frames.size(), 3u);
 }
 
 TEST_F(DeviceTest, JpegStaysJpegWithoutDecoding) {
-  EXPECT_EQ(run("lfcamsrc decode=false num-frames=2 trusted=true rig=" + rig_with_source("webcam://0") +
+  EXPECT_EQ(run("lfcamsrc decode=false num-buffers=2 trusted=true rig=" + rig_with_source("webcam://0") +
                 " ! image/jpeg,framerate=30/1 ! fakesink"),
             "");
 }
