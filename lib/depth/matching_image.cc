@@ -11,18 +11,18 @@ namespace lf {
 
 namespace {
 
-constexpr float kUnseen = std::numeric_limits<float>::quiet_NaN();  // luma outside of an image
+constexpr double kUnseen = std::numeric_limits<double>::quiet_NaN();  // luma outside of an image
 
 // A position between two rows or columns of an image.
 struct Position {
   int first = 0, second = 0;
-  float part = kUnseen;  // of the second; kUnseen outside of the centres of the first and the last one
+  double part = kUnseen;  // of the second; kUnseen outside of the centres of the first and the last one
 };
 
 Position position_of(double at, int size) {
   if (!(at >= 0 && at <= size - 1)) return {};
   const int first = std::min(static_cast<int>(at), std::max(size - 2, 0));
-  return {first, std::min(first + 1, size - 1), static_cast<float>(at - first)};
+  return {first, std::min(first + 1, size - 1), static_cast<double>(at - first)};
 }
 
 // The luma of BT.601 of an image.
@@ -32,47 +32,46 @@ class LumaImage {
     luma_.resize(static_cast<size_t>(width_) * height_);
     for (int y = 0; y < height_; y++) {
       const uint8_t* const row = image.plane[0] + image.stride[0] * y;
-      float* const out = &luma_[static_cast<size_t>(y) * width_];
+      double* const out = &luma_[static_cast<size_t>(y) * width_];
       if (image.family == PixelFamily::kI420) {
         std::copy_n(row, width_, out);
         continue;
       }
       const auto [r, g, b] = std::array{row + image.layout.r, row + image.layout.g, row + image.layout.b};
       const auto stride = static_cast<ptrdiff_t>(image.layout.pixel_stride);
-      for (int x = 0; x < width_; x++)
-        out[x] = 0.299f * r[x * stride] + 0.587f * g[x * stride] + 0.114f * b[x * stride];
+      for (int x = 0; x < width_; x++) out[x] = 0.299 * r[x * stride] + 0.587 * g[x * stride] + 0.114 * b[x * stride];
     }
   }
 
   // Returns the luma at a position, interpolated bilinearly.
-  float at(const Vec2& position) const {
+  double at(const Vec2& position) const {
     const Position x = position_of(position.x, width_), y = position_of(position.y, height_);
-    const float *const upper = row(y.first), *const lower = row(y.second);
+    const double *const upper = row(y.first), *const lower = row(y.second);
     return blend(blend(upper[x.first], upper[x.second], x.part), blend(lower[x.first], lower[x.second], x.part),
                  y.part);
   }
   // Writes the luma between two rows.
-  void write_row(const Position& y, float* out) const {
-    const float *const upper = row(y.first), *const lower = row(y.second);
+  void write_row(const Position& y, double* out) const {
+    const double *const upper = row(y.first), *const lower = row(y.second);
     for (int x = 0; x < width_; x++) out[x] = blend(upper[x], lower[x], y.part);
   }
-  static float blend(float a, float b, float part) { return a + part * (b - a); }
+  static double blend(double a, double b, double part) { return a + part * (b - a); }
   int width() const { return width_; }
   int height() const { return height_; }
 
  private:
-  const float* row(int y) const { return &luma_[static_cast<size_t>(y) * width_]; }
+  const double* row(int y) const { return &luma_[static_cast<size_t>(y) * width_]; }
 
   const int width_, height_;
-  std::vector<float> luma_;
+  std::vector<double> luma_;
 };
 
 // Returns the luma of each pixel of `out`, the mean of divisor x divisor samples. kUnseen: the camera does not see all
 // of the pixel.
-std::vector<float> reduced_luma(const Lens& lens, const LumaImage& image, int divisor, const MatchingImage& out) {
+std::vector<double> reduced_luma(const Lens& lens, const LumaImage& image, int divisor, const MatchingImage& out) {
   const double to_centre = (divisor - 1) / 2.0;  // from the first of the averaged samples to the pixel's centre
   const auto offset_of = [&](int sample) { return sample / divisor + (sample % divisor - to_centre) / divisor; };
-  std::vector<float> sums(static_cast<size_t>(out.width) * out.height);
+  std::vector<double> sums(static_cast<size_t>(out.width) * out.height);
   if (lens.has_distortion()) {
     for (int y = 0; y < divisor * out.height; y++)
       for (int x = 0; x < divisor * out.width; x++) {
@@ -83,21 +82,21 @@ std::vector<float> reduced_luma(const Lens& lens, const LumaImage& image, int di
     std::vector<Position> columns;
     for (int x = 0; x < divisor * out.width; x++)
       columns.push_back(position_of(lens.fx() * out.ray(offset_of(x), 0).x + lens.cx(), image.width()));
-    std::vector<float> row(image.width());
+    std::vector<double> row(image.width());
     for (int y = 0; y < divisor * out.height; y++) {
       image.write_row(position_of(lens.fy() * out.ray(0, offset_of(y)).y + lens.cy(), image.height()), row.data());
-      float* const sum = &sums[static_cast<size_t>(y / divisor) * out.width];
+      double* const sum = &sums[static_cast<size_t>(y / divisor) * out.width];
       for (int x = 0; x < divisor * out.width; x++)
         sum[x / divisor] += LumaImage::blend(row[columns[x].first], row[columns[x].second], columns[x].part);
     }
   }
-  for (float& sum : sums) sum /= static_cast<float>(divisor * divisor);
+  for (double& sum : sums) sum /= static_cast<double>(divisor * divisor);
   return sums;
 }
 
 // Returns the pixels for their luma.
-std::vector<MatchingImage::Pixel> pixels_of(const std::vector<float>& luma, int width, int height) {
-  const auto in_units = [](float levels) { return static_cast<int16_t>(std::lround(MatchingImage::kUnit * levels)); };
+std::vector<MatchingImage::Pixel> pixels_of(const std::vector<double>& luma, int width, int height) {
+  const auto in_units = [](double levels) { return static_cast<int16_t>(std::lround(MatchingImage::kUnit * levels)); };
   std::vector<MatchingImage::Pixel> pixels;
   pixels.reserve(luma.size());
   for (int y = 0; y < height; y++)
@@ -105,7 +104,7 @@ std::vector<MatchingImage::Pixel> pixels_of(const std::vector<float>& luma, int 
       const auto at = [&](int i, int j) {
         return luma[static_cast<size_t>(std::clamp(j, 0, height - 1)) * width + std::clamp(i, 0, width - 1)];
       };
-      const float dx = (at(x + 1, y) - at(x - 1, y)) / 2, dy = (at(x, y + 1) - at(x, y - 1)) / 2;
+      const double dx = (at(x + 1, y) - at(x - 1, y)) / 2, dy = (at(x, y + 1) - at(x, y - 1)) / 2;
       if (std::isnan(at(x, y)) || std::isnan(dx) || std::isnan(dy))
         pixels.push_back({0, 0, 0, MatchingImage::kUnseen});
       else
