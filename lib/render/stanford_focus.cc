@@ -95,7 +95,7 @@ RigImport import_stanford_pictures(const std::string& directory, StanfordOptions
               "(--focus-distance)");
   }
   RigImport result = import_stanford(directory, options);
-  if (!knows_focus) std::erase(result.notes, "the focus distance is 0: images are taken for unshifted ones");
+  if (!knows_focus) std::erase(result.notes, "the focus distance is 0: assuming unshifted images");
   result.notes.insert(result.notes.begin(), notes.begin(), notes.end());
   return result;
 }

@@ -123,8 +123,7 @@ RigImport import_stanford(const std::string& directory, const StanfordOptions& o
     rig.topology = {Topology::Type::kGrid, last.first + 1, last.second + 1, {}};
   else
     result.notes.push_back("the images do not fill a grid, so the topology is Delaunay");
-  if (options.focus_distance == 0)
-    result.notes.push_back("the focus distance is 0: images are taken for unshifted ones");
+  if (options.focus_distance == 0) result.notes.push_back("the focus distance is 0: assuming unshifted images");
   return result;
 }
 
