@@ -207,7 +207,8 @@ inline void place_blocks(const PlaneGeometry& plane, const LongestBlocks& longes
 }
 
 // Does the same as place_blocks() for interior rows, which need no tests, because all samples are visible and
-// accurately interpolated.
+// accurately interpolated. kSloped: windows are tall, and the second half of a luma block may begin in another row.
+template <bool kSloped>
 inline void place_interior_blocks(const PlaneGeometry& plane, int n, PlanePositions& out) {
   const hn::CappedTag<float, kBlock> d;
   const hn::RebindToSigned<decltype(d)> di;
@@ -224,15 +225,20 @@ inline void place_interior_blocks(const PlaneGeometry& plane, int n, PlanePositi
     const auto column = hn::Floor(hn::Sub(x0, slack));
     const auto middle = hn::MulAdd(set(bessel(plane.t_half)), sx, hn::MulAdd(set(plane.t_half), dx, x0));
     const auto half = hn::Floor(hn::Sub(middle, slack));
-    const auto last_y = hn::MulAdd(set(bessel(plane.t_last)), sy, hn::MulAdd(set(plane.t_last), dy, y0));
+    const auto at_y = [&](float t) HWY_ATTR { return hn::MulAdd(set(bessel(t)), sy, hn::MulAdd(set(t), dy, y0)); };
     const auto bulge = hn::MulAdd(hn::Abs(sy), set(1.f / 16), slack);
-    const auto row = hn::Floor(hn::Sub(hn::Min(y0, last_y), bulge));
+    const auto first_row = [&](const auto from, const auto to)
+                               HWY_ATTR { return hn::Floor(hn::Sub(hn::Min(from, to), bulge)); };
+    const bool two_rows = kSloped && plane.t_half > 0;
+    const auto last_y = at_y(plane.t_last);
+    const auto row = first_row(y0, two_rows ? at_y(plane.t_before_half) : last_y);
+    auto to_half = hn::Sub(half, column);
+    if (two_rows) to_half = hn::MulAdd(hn::Sub(first_row(at_y(plane.t_half), last_y), row), set(256), to_half);
     const auto fixed = [&](const auto v) HWY_ATTR { return hn::BitCast(du, hn::MulAdd(v, unit, magic)); };
     const auto pack = [&](const auto low, const auto high)
                           HWY_ATTR { return hn::Or(hn::And(low, hn::Set(du, 0xffff)), hn::ShiftLeft<16>(high)); };
     hn::StoreInterleaved4(pack(fixed(hn::Sub(x0, column)), fixed(dx)), pack(fixed(sx), fixed(hn::Sub(y0, row))),
-                          pack(fixed(dy), fixed(sy)),
-                          pack(fixed(hn::Sub(x0, half)), to_low_bits(hn::Sub(half, column))), du,
+                          pack(fixed(dy), fixed(sy)), pack(fixed(hn::Sub(x0, half)), to_low_bits(to_half)), du,
                           reinterpret_cast<uint32_t*>(out.window.data() + i));
     hn::StoreU(hn::ConvertTo(di, hn::MulAdd(row, set(static_cast<float>(plane.stride)), column)), di,
                out.corner.data() + i);
@@ -256,7 +262,7 @@ inline void decide(bool i420, SlotBand& band) {
   }
 }
 
-// Sets interior_y0 and interior_y1, see find_interior_rows() in sum_task.h.
+// Sets `flat` and `sloped`, see find_interior_rows() in sum_task.h.
 inline void set_interior_rows(PixelFamily family, Slot& slot) {
   const ImageView& image = slot.image;
   if (family != PixelFamily::kI420 || image.family != family) return;
@@ -286,34 +292,63 @@ inline void set_interior_rows(PixelFamily family, Slot& slot) {
   }
   // Margin for positions between the tested rows. Windows may extend into the next image row, but not beyond the last
   // row.
-  constexpr float kLargestSecond = 0.75f;
   constexpr float kRoom = 3;
-  const float right = static_cast<float>(image.width - 1) - kRoom, bottom = static_cast<float>(image.height) - 8;
-  const float longest_block = std::min(1.7f * kBlock, slot.longest_block);
-  const auto interior = [&](int j, int i) {
+  const bool slopes = luma_geometry(slot, true).slopes;
+  const float right = static_cast<float>(image.width - 1) - kRoom;
+  const float bottom = static_cast<float>(image.height) - (slopes ? 10.f : 8.f);
+  const float inner = std::max(slot.inner_radius - 1, 0.f);
+  const auto is_inner = [&](size_t at) {
+    const float dx = x[at] - slot.cx, dy = y[at] - slot.cy;
+    return dx * dx + dy * dy < inner * inner;
+  };
+  const auto longest_block = [&](size_t at, bool last) {
+    const bool both = slopes && is_inner(at - 1) && is_inner(last ? at + 1 : at + 2);
+    return std::min(1.7f * kBlock, both ? slot.longest_inner_block : slot.longest_block);
+  };
+  // Limits of a block: vertical pixels of the image from its left to its right edge, and second differences of
+  // positions. With the sloped limits, the rows of a half, with their bulges, spread over 0.47 * 2.75 + 0.19 * 3 < 2
+  // pixels.
+  struct Limits {
+    float slope, second;
+  };
+  constexpr Limits kFlat{.slope = 0.8f, .second = 0.75f}, kSloped{.slope = 2.75f, .second = 1.5f};
+  // Returns whether the block to the right of a node can be rendered without tests.
+  const auto interior = [&](int j, int i, const Limits& limits) {
     const size_t at = static_cast<size_t>(j) * pitch + i;
     const auto bends = [&](const std::vector<float>& v, size_t step) {
-      return !(std::abs(v[at + step] - 2 * v[at] + v[at - step]) < kLargestSecond);
+      return !(std::abs(v[at + step] - 2 * v[at] + v[at - step]) < limits.second);
     };
     if (!(x[at] > kRoom && x[at] < right && y[at] > kRoom && y[at] < bottom)) return false;
     if (bends(x, 1) || bends(y, 1) || bends(x, pitch) || bends(y, pitch)) return false;
     const float dx = x[at + 1] - x[at], dy = y[at + 1] - y[at];
-    if (!(dx > 0.25f * kBlock && dx < longest_block && std::abs(dy) < 0.8f)) return false;
+    if (!(dx > 0.25f * kBlock && dx < longest_block(at, i + 2 >= columns) && std::abs(dy) < limits.slope)) return false;
     if (i + 2 >= columns) return true;
     const float third_x = x[at + 2] - x[at - 1] - 3 * dx, third_y = y[at + 2] - y[at - 1] - 3 * dy;
     return std::abs(third_x) < 0.5f * kLargestThird && std::abs(third_y) < 0.5f * kLargestThird;
   };
-  int begin = 1;  // first row of nodes of the current interior range
-  for (int j = 1; j + 1 < rows; j++) {
-    bool good = seen[j - 1] && seen[j] && seen[j + 1];
-    for (int i = 1; i + 1 < columns && good; i++) good = interior(j, i);
-    if (!good) {
-      begin = j + 1;
-    } else if ((j - begin) * kBlock >= slot.interior_y1 - slot.interior_y0) {
-      slot.interior_y0 = top + begin * kBlock;
-      slot.interior_y1 = top + j * kBlock + 1;
+  // A loop instead of a function, so that the compiler inlines `interior`.
+  for (const bool sloped : {false, true}) {
+    if (sloped && !slopes) break;
+    const Limits limits = sloped ? kSloped : kFlat;
+    Slot::InteriorRows& found = sloped ? slot.sloped : slot.flat;
+    int begin = 1;  // first row of nodes of the current range
+    for (int j = 1; j + 1 < rows; j++) {
+      bool good = seen[j - 1] && seen[j] && seen[j + 1];
+      for (int i = 1; i + 1 < columns && good; i++) good = interior(j, i, limits);
+      if (!good)
+        begin = j + 1;
+      else if ((j - begin) * kBlock >= found.y1 - found.y0)
+        found = {top + begin * kBlock, top + j * kBlock + 1};
     }
   }
+}
+
+template <bool kSloped>
+inline void place_interior(const Slot& slot, const PlaneGeometry& luma, int luma_entries, int chroma_entries,
+                           SlotBand& band) {
+  place_interior_blocks<kSloped>(luma, luma_entries, band.luma);
+  place_chroma_nodes(band);
+  place_interior_blocks<kSloped>(chroma_geometry(slot), chroma_entries, band.chroma);
 }
 
 // Computes a SlotBand for a focal plane: where the samples of the camera are in the band that begins at row `y`, and
@@ -325,13 +360,12 @@ inline void place_plane(bool i420, const Slot& slot, int y, SlotBand& band) {
   project_nodes(slot, y, band);
   const int luma_entries = band.pitch * kBandRows - 3, chroma_entries = band.pitch * kBandPairs - 3;
   const PlaneGeometry luma = luma_geometry(slot, i420);
-  band.interior = slot.is_interior(std::max(y, slot.rect.y0), std::min(y + kBandRows, slot.rect.y1));
-  if (band.interior) {
-    place_interior_blocks(luma, luma_entries, band.luma);
-    place_chroma_nodes(band);
-    place_interior_blocks(chroma_geometry(slot), chroma_entries, band.chroma);
-    return;
-  }
+  const int from = std::max(y, slot.rect.y0), to = std::min(y + kBandRows, slot.rect.y1);
+  band.interior = slot.flat.contain(from, to)     ? SlotBand::kShuffle
+                  : slot.sloped.contain(from, to) ? SlotBand::kTall
+                                                  : SlotBand::kProject;
+  if (band.interior == SlotBand::kTall) return place_interior<true>(slot, luma, luma_entries, chroma_entries, band);
+  if (band.interior == SlotBand::kShuffle) return place_interior<false>(slot, luma, luma_entries, chroma_entries, band);
   const LongestBlocks longest(slot);
   place_blocks(luma, longest, luma_entries, band.node_z.data(), band.luma);
   if (i420) {
@@ -546,7 +580,7 @@ inline void place_cells(const Slot&, bool, int, bool, const CellNodes&, CellWork
 inline void place_surface(bool i420, const Slot& slot, int y, bool follows, const CellNodes* inverse, CellWork& work,
                           SlotBand& band) {
   SurfaceBand& out = band.surface;
-  band.interior = false;
+  band.interior = SlotBand::kProject;
   band.mapped = true;
   out.resize(band.blocks);
   band.method_pitch = out.pitch / 2;

@@ -336,6 +336,7 @@ struct BlockParts {
   Part part[kMaxParts];
   int count = 0;
   uint32_t interior = ~0u;  // bit p is set if pair p of all parts can be shuffled
+  bool flat = true;         // no part is in sloped rows
   uint32_t rows = ~0u;      // bit r is set if all parts have weights in row r
 };
 
@@ -347,8 +348,12 @@ inline void find_parts(const SumTask& task, int block, int out, bool shuffles, c
     const SlotBand& band = scratch.bands[weights.slot];
     const Slot& slot = task.slots[weights.slot];
     const bool seen = slot.image.family != PixelFamily::kNone;
+    const bool sloped = band.interior == SlotBand::kTall;
     parts.part[parts.count++] = {&weights, &band, block - band.first_block,
-                                 seen ? SlotBand::kShuffle : SlotBand::kAllMissing};
+                                 !seen    ? SlotBand::kAllMissing
+                                 : sloped ? SlotBand::kTall
+                                          : SlotBand::kShuffle};
+    parts.flat = parts.flat && !(seen && sloped);
     parts.interior &= shuffles && seen && !slot.needs_double ? band.interior_pairs(block - band.first_block) : 0;
     parts.rows &= weights.rows;
   }
@@ -375,7 +380,7 @@ inline void render_block(const SumTask& task, const Rect& rect, int block, int o
     const bool odd = odd_column || (i420 && y + 2 * pair + 1 >= view.height), alone = odd || !separable;
     // The common case: all parts can be shuffled.
     if (HWY_LIKELY(!odd && (all.interior >> pair & 1) && (all.rows >> (2 * pair) & 3))) {
-      sum_flat(all.part, all.count, place, scratch);
+      (all.flat ? sum_flat : sum_any)(all.part, all.count, place, scratch);
       continue;
     }
     int num_shuffled = 0, num_slow = 0;
@@ -386,7 +391,7 @@ inline void render_block(const SumTask& task, const Rect& rect, int block, int o
       if (part.method != SlotBand::kAllMissing) {
         if (alone || part.band->slot->needs_double)
           part.method = SlotBand::kProject;
-        else if (!part.band->interior)
+        else if (part.band->interior == SlotBand::kProject)
           part.method = part.band->method[pair * part.band->method_pitch + part.block];
       }
       if (part.method == SlotBand::kAllMissing)

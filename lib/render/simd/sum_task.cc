@@ -130,7 +130,7 @@ namespace {
 
 // Call again when the image memory changes: the result depends on its layout.
 void search_interior_rows(const ViewPlan& plan, PixelFamily family, Slot& slot) {
-  slot.interior_y0 = slot.interior_y1 = 0;
+  slot.flat = slot.sloped = {};
   const bool is_here = slot.image.plane[0] || slot.image.family == PixelFamily::kNone;
   if (is_here && plan.rays().separable() && !slot.projection->has_map() && !slot.needs_double)
     find_interior_rows(family, slot);

@@ -78,11 +78,15 @@ struct Slot {
   float longest_block = INFINITY, longest_inner_block = INFINITY;
   float inner_radius = 0;
   bool needs_double = false;  // terms of the distortion cancel, so that float is not precise enough
-  // Rows [interior_y0, interior_y1) of the view, in which all samples are taken far from the border of the camera's
-  // image, and the image appears nearly upright and at nearly its original size. In these rows, the fastest loops can
-  // run without a test of each block. See find_interior_rows().
-  int interior_y0 = 0, interior_y1 = 0;
-  bool is_interior(int y0, int y1) const { return interior_y0 <= y0 && y1 <= interior_y1; }
+  // Rows [y0, y1) of the view, in which all samples are taken far from the border of the camera's image, and the image
+  // appears nearly upright and at nearly its original size. In these rows, the fastest loops can run without a test of
+  // each block. In `flat` rows, all windows can be flat. In `sloped` rows, which only lenses that bend rows have, all
+  // windows can be tall. See find_interior_rows().
+  struct InteriorRows {
+    int y0 = 0, y1 = 0;
+    bool contain(int from, int to) const { return y0 <= from && to <= y1; }
+  };
+  InteriorRows flat, sloped;
 };
 
 // One camera's weights in one block of a band; 32767 is weight 1.
@@ -188,7 +192,7 @@ struct SlotBand {
 
   int y = -1;  // first row of the band; -1 if the slot has not been placed yet
   const Slot* slot = nullptr;
-  bool interior = false;  // all methods are kShuffle
+  SampleMethod interior = kProject;  // kShuffle or kTall if all blocks have this method; otherwise kProject
   bool mapped = false;
   int first_block = 0, blocks = 0;
   int pitch = 0;                     // blocks + 3 nodes
@@ -198,9 +202,9 @@ struct SlotBand {
   std::vector<int32_t> method;  // SampleMethod of pair p of block b at p * method_pitch + b
   int method_pitch = 0;
   SurfaceBand surface;  // positions with a focal map, instead of the above
-  // Bit p is set if the method of pair p of a block is kShuffle. May be incomplete.
+  // Bit p is set if the method of pair p of a block is kShuffle, or kTall in sloped rows. May be incomplete.
   uint32_t interior_pairs(int block) const {
-    if (interior) return ~0u;
+    if (interior != kProject) return ~0u;
     return mapped ? static_cast<uint32_t>(surface.interior_pairs[block]) : 0;
   }
 };
@@ -272,7 +276,7 @@ const char* target_name();
 ProjectionTerms terms_at(const Slot& slot, double x, double y);
 ProjectionTerms terms_at(const Slot& slot, double x, double y, double inverse);
 
-// Sets interior_y0 and interior_y1. In these rows, all blocks of the slot's rectangle can be shuffled and interpolated
+// Sets `flat` and `sloped`. In these rows, all blocks of the slot's rectangle can be shuffled and interpolated
 // accurately, so no test per block is needed. Tests nodes kBlock rows apart, with a margin for the rows between.
 // from_pixel, lens and image must be set.
 void find_interior_rows(PixelFamily family, Slot& slot);
