@@ -9,12 +9,14 @@
 #include <limits>
 #include <map>
 #include <string_view>
+#include <vector>
 
 #include "base/text.h"
 #include "image/image_file.h"
 #include "rig/camera_source.h"
 #include "rig/mesh.h"
 #include "rig/source_security.h"
+#include "rig/triangulation.h"
 
 namespace lf {
 namespace {
@@ -302,6 +304,38 @@ class FileChecker {
   std::string place_;
 };
 
+// Returns true if the cameras are on a circle without large gaps.
+bool is_ring(const Rig& rig) {
+  constexpr size_t kLeastCameras = 5;  // four cameras at the corners of a square are also on a circle
+  constexpr double kTolerance = 0.05;  // relative to the radius
+  constexpr double kLargestGap = 2;    // relative to the mean
+  if (rig.cameras.size() < kLeastCameras) return false;
+  const double count = static_cast<double>(rig.cameras.size());
+  std::vector<Vec3> positions;
+  Vec3 centre(0);
+  for (const Camera& camera : rig.cameras) {
+    positions.push_back(camera.pose.position);
+    centre += camera.pose.position / count;
+  }
+  double radius = 0;
+  for (const Vec3& position : positions) radius += glm::distance(position, centre) / count;
+  const PlaneAxes axes = principal_axes(positions);
+  std::vector<double> angles;
+  for (const Vec3& position : positions) {
+    const Vec3 from_centre = position - centre;
+    const double x = glm::dot(from_centre, axes.x), y = glm::dot(from_centre, axes.y);
+    const double height = glm::dot(from_centre, glm::cross(axes.x, axes.y));
+    if (!(std::abs(std::hypot(x, y) - radius) <= kTolerance * radius && std::abs(height) <= kTolerance * radius))
+      return false;
+    angles.push_back(std::atan2(y, x));
+  }
+  std::ranges::sort(angles);
+  angles.push_back(angles.front() + 2 * M_PI);
+  for (size_t i = 1; i < angles.size(); i++)
+    if (angles[i] - angles[i - 1] > kLargestGap * 2 * M_PI / count) return false;
+  return true;
+}
+
 }  // namespace
 
 RigSummary summarize(const Rig& rig) {
@@ -325,6 +359,8 @@ std::string arrangement_text(const Rig& rig) {
   std::string shape = "irregular arrangement";
   if (topology.type == Topology::Type::kGrid && topology.rows > 1 && topology.columns > 1)
     shape = "grid of " + size_text(topology.rows, topology.columns);
+  else if (is_ring(rig))
+    shape = "ring";
   else if (std::ranges::none_of(build_mesh(rig).faces, [](const MeshFace& face) { return face.corners() == 3; }))
     shape = "row";
   return shape + ", " + short_text(mean_nearest_distance(rig)) + " m between neighbouring cameras";

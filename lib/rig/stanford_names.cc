@@ -103,12 +103,12 @@ RigImport import_stanford(const std::string& directory, const StanfordOptions& o
   if (!(options.unit > 0)) throw Error("unit: must be positive");
   if (!(options.focus_distance >= 0)) throw Error("focus distance: must not be negative");
   RigImport result;
-  result.has_unit = false;
   Rig& rig = result.rig;
   std::vector<Vec2> positions;
   Place last(0, 0);
   for (const auto& [place, named] : read_names(directory, result.notes)) {
     last = {std::max(last.first, place.first), std::max(last.second, place.second)};
+    result.has_unit = named.f_per_width > 0;  // names with a lens are in millimetres
     const ImageSize size = load_image_size(named.path);
     Camera camera;
     camera.name = fs::path(named.path).stem().string();

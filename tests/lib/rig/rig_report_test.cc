@@ -203,6 +203,13 @@ TEST(Summary, NamesTheArrangement) {
   EXPECT_EQ(arrangement_text(rig), "row, 0.1 m between neighbouring cameras");
   EXPECT_EQ(arrangement_text(make_grid_rig({1, 3, 0.25, 90, 64, 48})), "row, 0.25 m between neighbouring cameras");
   EXPECT_EQ(arrangement_text(make_grid_rig({1, 1, 0.1, 90, 64, 48})), "");
+  rig = make_ring_rig({6, 0.1, 90, 64, 48});
+  EXPECT_EQ(arrangement_text(rig), "ring, 0.1 m between neighbouring cameras");
+  rig.cameras.pop_back();
+  EXPECT_EQ(arrangement_text(rig), "irregular arrangement, 0.1 m between neighbouring cameras") << "a large gap";
+  Rig square = make_grid_rig({2, 2, 0.1, 90, 64, 48});
+  square.topology = {};
+  EXPECT_EQ(arrangement_text(square), "irregular arrangement, 0.1 m between neighbouring cameras");
 }
 
 TEST(Summary, SummarisesOneCamera) {

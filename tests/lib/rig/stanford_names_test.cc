@@ -37,7 +37,9 @@ TEST(StanfordNames, ReadsTheLensOfRenderedLightFields) {
                      "Original Camera_01_01_-369.230769_-369.230769_30_36.png"});
   const double f = stanford_focal_length(dir.path());
   EXPECT_NEAR(f, 30 * 8 / 36.0, 1e-12);
-  const Rig rig = import_stanford(dir.path(), {.f = f}).rig;
+  const RigImport result = import_stanford(dir.path(), {.f = f});
+  EXPECT_TRUE(result.has_unit);
+  const Rig& rig = result.rig;
   EXPECT_EQ(rig.topology.type, Topology::Type::kGrid);
   EXPECT_LT(glm::length(rig.cameras.at(1).pose.position - Vec3(-0.369230769, 0.4, 0)), 1e-15);
   EXPECT_EQ(build_mesh(rig).faces.size(), 2u);
@@ -50,6 +52,7 @@ TEST(StanfordNames, ReadsTheLensOfRenderedLightFields) {
   const TempDir archive;
   write_images(archive, {"out_00_00_-10_20.5_.png", "lego_12_00_01_-10_30.5.png"});
   EXPECT_EQ(stanford_focal_length(archive.path()), 0);
+  EXPECT_FALSE(import_stanford(archive.path(), {.f = 10}).has_unit);
   const TempDir numbered;
   write_images(numbered, {"b_5_12_00_00_1_2.5.png", "b_5_12_00_01_1_3.5.png", "b_5_12_01_00_2_2.5.png"});
   EXPECT_EQ(stanford_focal_length(numbered.path()), 0) << "numbers of the prefix are not row and column";
