@@ -71,8 +71,8 @@ std::string line_of(const lf::JsonValue& host, const char* key) {
   return value ? value->text() : "";
 }
 
-// Earlier hosts have the names `names` and the addresses `addresses`. Two hosts with the same address would use the
-// same ports.
+// `names` and `addresses` contain the names and addresses of earlier hosts. Two hosts with the same address would use
+// the same ports.
 std::vector<Host> hosts_of(const lf::JsonValue& root, const char* key, std::set<std::string>& names,
                            std::set<std::string>& addresses) {
   std::vector<Host> hosts;

@@ -158,6 +158,10 @@ CameraSet ArrayDepth::cameras() const {
   return indices;
 }
 
+bool ArrayDepth::is_complete() const {
+  return std::ranges::none_of(cameras_, [](const auto& camera) { return camera->is_incomplete; });
+}
+
 void ArrayDepth::estimate(const Rig& rig, const CameraSet& cameras, const CameraSet& unchanged,
                           const MatchedImages& images, int divisor, const Start& start, const ParallelFor& parallel) {
   divisor_ = divisor;

@@ -28,6 +28,8 @@ class ArrayDepth {
   // surface of a view, or the sides of pixels at its edges.
   static constexpr int kMatched = 6, kChecked = 6, kCameras = 8, kEdgeCameras = 4;
 
+  static constexpr size_t kCompleted = 2;  // cameras whose estimates one call of updated() completes
+
   // Estimates the depths of `cameras` (ascending) from their images, in steps: coarse() and finer(). The time is
   // proportional to the number of pixels: about 0.7 s for each camera of 1008x756 pixels in one thread. `parallel`
   // distributes the cameras.
@@ -49,16 +51,17 @@ class ArrayDepth {
   bool is_finest(const Rig& rig) const;
   // Returns the depths at another time, or of other cameras, at the resolution and in the range of this object. A
   // camera whose image and neighbours have changed by no more than noise keeps its depths. For other images, the search
-  // starts with the depths before, which takes a third of the time. Completes the estimates of up to
-  // kCompleted cameras after quick_finer(). The images of cameras in `unchanged` (ascending) are not fetched, because
-  // they are known to be the same as before.
-  static constexpr size_t kCompleted = 2;
+  // starts with the depths before, which takes a third of the time. After quick_finer(), each call completes the
+  // estimates of kCompleted cameras. The images of cameras in `unchanged` (ascending) are not fetched, because they are
+  // known to be the same as before.
   ArrayDepth updated(const Rig& rig, const CameraSet& cameras, const CameraSet& unchanged, const MatchedImages& images,
                      const ParallelFor& parallel = serial_for) const;
 
   // The range of the scene that was found.
   const DepthSweep& range() const { return range_; }
   CameraSet cameras() const;
+  // Returns false if updated() must still complete estimates of quick_finer().
+  bool is_complete() const;
   // Returns true if updated() has kept the depths of all cameras.
   bool shares_all(const ArrayDepth& before) const { return cameras_ == before.cameras_; }
 
@@ -99,8 +102,8 @@ class ArrayDepth {
   class ViewPoints;
 
   ArrayDepth() = default;
-  // An estimate starts with the depths of `before`, unless this is null. At another resolution, and after
-  // quick_finer(), only the cameras in `first` are estimated.
+  // An estimate starts with the depths of `before`, unless this is null. At another resolution, only the cameras in
+  // `first` are estimated. At the same resolution, their incomplete estimates are completed.
   struct Start {
     const ArrayDepth* before = nullptr;
     CameraSet first = {};

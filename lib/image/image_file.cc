@@ -202,7 +202,7 @@ Image decode_bmp(std::string_view bytes, ImageSize size) {
     throw Error("only uncompressed BMP files with 8, 24 or 32 bits per pixel can be read");
   if (compression == kMasks &&
       (header.number(54, 4) != 0xff0000u || header.number(58, 4) != 0xff00u || header.number(62, 4) != 0xffu))
-    throw Error("BMP files can only be read if their colour masks are in the order BGR");
+    throw Error("the colour masks must be ff0000, ff00 and ff (8 bits each, in the order BGR)");
   const bool from_top = static_cast<int32_t>(header.number(22, 4).value_or(0)) < 0;
   const size_t pixel = bits / 8, stride = (pixel * static_cast<size_t>(size.width) + 3) / 4 * 4;
   Image image(PixelFamily::kRgb, size.width, size.height);

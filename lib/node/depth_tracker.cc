@@ -207,6 +207,7 @@ CameraSet DepthTracker::nearest_to_views(const CameraInputs::Array& array) {
     nearest.insert(nearest.end(), around.begin(), around.end());
   }
   std::ranges::sort(nearest);
+  nearest.erase(std::unique(nearest.begin(), nearest.end()), nearest.end());
   return nearest;
 }
 
@@ -242,7 +243,8 @@ bool DepthTracker::is_unchanged(CameraIndex camera, const CameraFrame& frame) co
 bool DepthTracker::update_depths(const CameraInputs::Array& array, const CameraSet& cameras, const CameraSet* first,
                                  const FindFrame& find, const ParallelFor& parallel,
                                  const std::function<void()>& show_step) {
-  if (rig_ != array.rig) depths_.reset();
+  const bool may_be_quick = first != nullptr;
+  if (rig_ != array.rig || (depths_ && !may_be_quick && !depths_->is_complete())) depths_.reset();
   rig_ = array.rig;
   if (!depths_) pictures_.clear();
   CameraSet tracked = cameras;

@@ -110,7 +110,7 @@ class TomlReader {
       }
     }
     at_ = std::min(at_, text_.size());
-    // The empty lines make the line numbers of errors right.
+    // The empty lines keep the line numbers of errors the same as in the file.
     json value = parse_yaml(std::string(first_line, '\n') + text_.substr(begin, at_ - begin), name_, "TOML");
     if (value.is_null()) fail("the value is missing");
     return value;

@@ -108,7 +108,7 @@ RigImport import_stanford(const std::string& directory, const StanfordOptions& o
   Place last(0, 0);
   for (const auto& [place, named] : read_names(directory, result.notes)) {
     last = {std::max(last.first, place.first), std::max(last.second, place.second)};
-    result.has_unit = named.f_per_width > 0;  // names with a lens are in millimetres
+    result.has_unit = result.has_unit && named.f_per_width > 0;  // names with a lens are in millimetres
     const ImageSize size = load_image_size(named.path);
     Camera camera;
     camera.name = fs::path(named.path).stem().string();

@@ -88,7 +88,7 @@ class DifferenceModel {
   std::array<std::array<AdaptiveBit, 2>, kMostBits + 1> bits_;
 };
 
-// Encodes or decodes the levels. The encoder rounds the levels like the decoder.
+// Encodes or decodes the levels. The encoder also replaces the levels by the values that the decoder will get.
 template <typename Coder>
 void code_levels(Coder& coder, PictureSurface& surface) {
   DifferenceModel model;

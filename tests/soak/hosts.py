@@ -14,15 +14,15 @@ import time
 
 def until(condition, what, seconds=120):
     """Waits for a true result of condition(), which it returns. Errors of files, sockets and values mean "not yet"."""
-    end = time.monotonic() + seconds
+    end, error = time.monotonic() + seconds, None
     while True:
         try:
             if found := condition():
                 return found
-        except (OSError, ValueError):
-            pass
+        except (OSError, ValueError) as caught:
+            error = caught
         if time.monotonic() > end:
-            raise SystemExit(f'never: {what}')
+            raise SystemExit(f'never: {what}' + (f' ({error})' if error else ''))
         time.sleep(0.2)
 
 

@@ -131,7 +131,7 @@ class Service:
 
     def __init__(self, folder, *words):
         self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-        self.socket.bind(f"{folder}/notify-{len(words)}")
+        self.socket.bind(f"{folder}/notify-{time.monotonic_ns()}")
         self.socket.settimeout(60)
         self.program = start(*words, NOTIFY_SOCKET=self.socket.getsockname(), WATCHDOG_USEC="1000000")
         while self.socket.recv(256) != b"READY=1":
@@ -187,7 +187,9 @@ def check_watchdog(folder):
                       "srtsink", f"uri=srt://127.0.0.1:{free_port(socket.SOCK_DGRAM)}?mode=listener", "async=false", "sync=false")
     service.reports(2)
     assert service.reports(2) > 2, "the sink only waits for a client"
-    service.program.kill()
+    service.program.terminate()
+    output = service.program.communicate(timeout=60)[0]
+    assert "does not return" not in output, output
 
     rig = write_rig(folder)
     request, queue = ["lfviewrequest", f"rig={rig}", "is-live=true", "framerate=10/1"], ["queue", "leaky=downstream", "!"]

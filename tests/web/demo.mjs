@@ -21,7 +21,7 @@ async function resumes() {
   await shown(page, 10);
   const { noticed, seen, first, second } =
     await resumed(page, replica => promisify(execFile)('sh', ['-c', command, 'sh', replica]));
-  console.log(`# noticed after ${Math.round(noticed)} ms, pictures of another server after ${Math.round(seen)} ms`);
+  console.log(`# noticed ${Math.round(noticed)} ms after the last picture, pictures of another server after ${Math.round(seen)} ms`);
   expect(first !== second, `${first}, then ${second}`);
 }
 

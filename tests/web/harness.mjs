@@ -201,7 +201,7 @@ export async function openShown(browser, url, size, frames, options) {
   return page;
 }
 
-// Ends the server of a page by `kill`, and waits for pictures of another server. Returns the names of both replicas, and
+// Calls kill(replica) to end the server of a page, and waits for pictures of another server. Returns the names of both replicas, and
 // the times in milliseconds from the last picture of the first server until the page noticed the end, and until it showed
 // the next picture.
 export async function resumed(page, kill) {

@@ -233,7 +233,7 @@ async function haproxy() {
     const page = await openPage(await launchBrowser(), url, { width: 320, height: 240 });
     await shown(page, 30);
     const { noticed, seen, first, second } = await resumed(page, replica => servers[replica].kill());
-    console.log(`# noticed after ${Math.round(noticed)} ms, pictures of another server after ${Math.round(seen)} ms`);
+    console.log(`# noticed ${Math.round(noticed)} ms after the last picture, pictures of another server after ${Math.round(seen)} ms`);
     expect(first !== second, `${first}, then ${second}`);
     await shown(page, 30);
   }

@@ -88,6 +88,7 @@ TEST_F(ArrayDepthTest, QuickDepthsAreCompletedByUpdates) {
   const CameraSet first = {3, 4, 5};
   ArrayDepth quick = coarse.quick_finer(walls_.rig, first, images_);
   ASSERT_TRUE(quick.is_finest(walls_.rig));
+  EXPECT_FALSE(quick.is_complete());
   EXPECT_GT(share_right(view(), quick.surface(view())), 0.95);
   const FocalMap complete = coarse.finer(walls_.rig, images_).surface(view());
   EXPECT_NE(quick.surface(view()), complete);
@@ -99,7 +100,22 @@ TEST_F(ArrayDepthTest, QuickDepthsAreCompletedByUpdates) {
     quick = std::move(next);
   }
   EXPECT_EQ(updates, 1 + (walls_.own.size() + ArrayDepth::kCompleted - 1) / ArrayDepth::kCompleted);
+  EXPECT_TRUE(quick.is_complete());
   EXPECT_GE(share_right(view(), quick.surface(view())) + 0.005, share_right(view(), complete));
+}
+
+TEST_F(ArrayDepthTest, NewImagesCompleteQuickDepths) {
+  std::vector<Image> inverted = walls_.images;
+  for (Image& image : inverted)
+    for (uint8_t& value : image.data()) value = 255 - value;
+  const MatchedImages images = [&](CameraIndex i) { return inverted[i].view(); };
+  ArrayDepth depth = ArrayDepth::coarse(walls_.rig, walls_.own, images_, 0, 1.2);
+  depth = depth.quick_finer(walls_.rig, {3, 4, 5}, images_).updated(walls_.rig, walls_.own, {}, images);
+  EXPECT_TRUE(depth.is_complete());
+  for (int i = 0; i < 3; i++) depth = depth.updated(walls_.rig, walls_.own, {}, images);
+  EXPECT_TRUE(depth.updated(walls_.rig, walls_.own, {}, images).shares_all(depth));
+  const FocalMap complete = ArrayDepth(walls_.rig, walls_.own, images, 0, 1.2).surface(view());
+  EXPECT_GE(share_right(view(), depth.surface(view())) + 0.005, share_right(view(), complete));
 }
 
 TEST_F(ArrayDepthTest, DistancesAreFromThePlaneOfTheMap) {
