@@ -28,7 +28,7 @@ class ArrayDepth {
   // surface of a view, or the sides of pixels at its edges.
   static constexpr int kMatched = 6, kChecked = 6, kCameras = 8, kEdgeCameras = 4;
 
-  static constexpr size_t kCompleted = 2;  // cameras whose estimates one call of updated() completes
+  static constexpr size_t kCompleted = 2;  // number of cameras; see updated()
 
   // Estimates the depths of `cameras` (ascending) from their images, in steps: coarse() and finer(). The time is
   // proportional to the number of pixels: about 0.7 s for each camera of 1008x756 pixels in one thread. `parallel`
@@ -41,9 +41,9 @@ class ArrayDepth {
                            double nearest, const ParallelFor& parallel = serial_for);
   // Estimates the depths of the same images at twice the resolution of this object, within the range that was found.
   ArrayDepth finer(const Rig& rig, const MatchedImages& images, const ParallelFor& parallel = serial_for) const;
-  // Does the same in a quarter of the time, for live views. Only the depths of `first` (ascending) are estimated, in
-  // the last step only near the depths of this object. All other cameras keep their depths. updated() completes the
-  // estimates.
+  // Does the same in a quarter of the time, for live views. Only the depths of `first` (ascending) are estimated. The
+  // last step only tests depths near the depths of this object. All other cameras keep their depths. updated()
+  // completes the estimates.
   ArrayDepth quick_finer(const Rig& rig, const CameraSet& first, const MatchedImages& images,
                          const ParallelFor& parallel = serial_for) const;
   // Returns true at half the resolution of the images (or less for very large images), where finer() must not be

@@ -16,7 +16,8 @@ constexpr double kUnseen = std::numeric_limits<double>::quiet_NaN();  // luma ou
 // A position between two rows or columns of an image.
 struct Position {
   int first = 0, second = 0;
-  double part = kUnseen;  // of the second; kUnseen outside of the centres of the first and the last one
+  // The weight of the second row or column; kUnseen outside of the image.
+  double part = kUnseen;
 };
 
 Position position_of(double at, int size) {
@@ -69,7 +70,7 @@ class LumaImage {
 // Returns the luma of each pixel of `out`, the mean of divisor x divisor samples. kUnseen: the camera does not see all
 // of the pixel.
 std::vector<double> reduced_luma(const Lens& lens, const LumaImage& image, int divisor, const MatchingImage& out) {
-  const double to_centre = (divisor - 1) / 2.0;  // from the first of the averaged samples to the pixel's centre
+  const double to_centre = (divisor - 1) / 2.0;  // distance from the first sample to the pixel's centre
   const auto offset_of = [&](int sample) { return sample / divisor + (sample % divisor - to_centre) / divisor; };
   std::vector<double> sums(static_cast<size_t>(out.width) * out.height);
   if (lens.has_distortion()) {

@@ -26,7 +26,7 @@ class DepthTracker {
  public:
   // Depth maps are estimated for this number of cameras of each view, and in total. These are the kNearest cameras
   // around the viewpoint, those that contribute to the picture, and others around the viewpoint. A live view starts
-  // without the others, and with quick depths for the kNearest cameras only, so that its picture is sharp sooner.
+  // without the others, and with quick depths for the kNearest cameras only, so that sharp pictures begin sooner.
   static constexpr size_t kCamerasOfView = 16, kNearest = 8, kMaxTrackedCameras = 48;
   // The work for a live view ends this long after its last call of surface(), nanoseconds.
   static constexpr uint64_t kTimeout = 10'000'000'000;
