@@ -41,8 +41,8 @@ class ArrayDepth {
                            double nearest, const ParallelFor& parallel = serial_for);
   // Estimates the depths of the same images at twice the resolution of this object, within the range that was found.
   ArrayDepth finer(const Rig& rig, const MatchedImages& images, const ParallelFor& parallel = serial_for) const;
-  // Does the same in a quarter of the time, for live views. Only the depths of `first` (ascending) are estimated. The
-  // last step only tests depths near the depths of this object. All other cameras keep their depths. updated()
+  // Does the same in a quarter of the time, for live views. Estimates the depths of `first` (ascending) only. The last
+  // step only tests depths near the depths of this object. All other cameras keep their depths. updated()
   // completes the estimates.
   ArrayDepth quick_finer(const Rig& rig, const CameraSet& first, const MatchedImages& images,
                          const ParallelFor& parallel = serial_for) const;

@@ -44,7 +44,7 @@ void save_ply(const std::vector<ColouredPoint>& points, const std::string& path)
 // The surface that a view shows, as triangles between the nodes of its focal map.
 struct SurfaceMesh {
   std::vector<std::array<float, 3>> positions;  // in coordinates of the rig, metres
-  std::vector<std::array<float, 2>> places;     // of the vertices in the picture, 0 to 1 from the top left corner
+  std::vector<std::array<float, 2>> places;     // positions in the picture, 0 to 1 from the top left corner
   std::vector<uint32_t> triangles;              // three vertices each, counter-clockwise as seen from the view
 };
 
@@ -54,8 +54,8 @@ struct SurfaceMesh {
 SurfaceMesh surface_mesh(const View& view, std::span<const float> coverage = {});
 
 // Writes a mesh with its picture as the texture: a binary file of glTF 2.0 (.glb), which also contains a camera at the
-// view. The axes are those of glTF, y up and z backward. `rgb` is the picture of the view. Throws Error with the file's
-// name.
+// view. The axes have the directions of glTF: y up, z backward. `rgb` is the picture of the view. Throws Error with the
+// file's name.
 void save_gltf(const View& view, const SurfaceMesh& mesh, const Image& rgb, const std::string& path);
 
 }  // namespace lf

@@ -306,8 +306,8 @@ inline void set_interior_rows(PixelFamily family, Slot& slot) {
     return std::min(1.7f * kBlock, both ? slot.longest_inner_block : slot.longest_block);
   };
   // Limits of a block: vertical pixels of the image from its left to its right edge, and second differences of
-  // positions. With the sloped limits, the rows of a half, with their bulges, spread over 0.47 * 2.75 + 0.19 * 3 < 2
-  // pixels.
+  // positions. The rows of a half, including their bulges, spread over at most 0.47 * 2.75 + 0.19 * 3 < 2 pixels with
+  // the sloped limits.
   struct Limits {
     float slope, second;
   };
