@@ -429,9 +429,9 @@ PropertyTable<S>& ViewRequestSettings::properties() {
           property<&S::access>(
               kWhileReady, "access", "Access",
               "Selects how much of the rendering the cameras do. Set the same value for the lffragment of the cameras. "
-              "With self, the cameras know the rig and need only the view requests. With warp, this element also sends "
-              "the transformations of the camera images. With pixels, it also sends the image regions to deliver. The "
-              "values warp and pixels require `rig`",
+              "The value self is for cameras that know the rig and need only the view requests. The value warp also "
+              "sends the transformations of the camera images. The value pixels also sends the image regions to "
+              "deliver. The values warp and pixels require `rig`",
               LF_TYPE_ACCESS),
           property<&S::nearest_cameras>(
               kWhilePlaying, "nearest-cameras", "Nearest cameras",
